@@ -1,0 +1,1 @@
+//! Criterion benches of encoding, CPU decoding and shader decoding

@@ -1,0 +1,261 @@
+//! How a picture's channels are laid into the planes that a GPU samples.
+
+use std::borrow::Cow;
+
+use glam::Vec4;
+use texfold_core::image::PixelInfo;
+use texfold_core::{Plane, PlaneFormat, Texel};
+
+use crate::{decode_block, encode_plane};
+
+/// How content is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Content {
+    /// Plain bytes, one a channel: exact for 8-bit sources.
+    Raw,
+    /// RGB in 4 bits a texel; alpha as 1 bit.
+    Bc1,
+    /// RGB and smooth alpha in 8 bits a texel.
+    Bc3,
+    /// One channel in 4 bits a texel.
+    Bc4,
+    /// Two channels in 8 bits a texel: gray and alpha, or a normal's x and y.
+    Bc5,
+    /// RGB and alpha in 8 bits a texel, close to the source.
+    Bc7,
+}
+
+impl Content {
+    /// All kinds, in the order of their numbers in files.
+    pub const ALL: [Content; 6] =
+        [Content::Raw, Content::Bc1, Content::Bc3, Content::Bc4, Content::Bc5, Content::Bc7];
+
+    /// Name on the command line and in reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Content::Raw => "raw",
+            Content::Bc1 => "bc1",
+            Content::Bc3 => "bc3",
+            Content::Bc4 => "bc4",
+            Content::Bc5 => "bc5",
+            Content::Bc7 => "bc7",
+        }
+    }
+}
+
+/// How a texel's channels come out of the planes; the numbers are those of
+/// [`texfold_core::sample::texfold_swizzle`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Swizzle(pub u32);
+
+/// A picture stored as one or two planes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ContentPlanes {
+    content: Content,
+    swizzle: Swizzle,
+    width: u32,
+    height: u32,
+    planes: Vec<(PlaneFormat, Vec<u8>)>,
+}
+
+impl Content {
+    /// Whether the format can hold such pixels without losing a channel.
+    #[must_use]
+    pub fn fits(self, pixel: PixelInfo) -> bool {
+        match self {
+            Content::Raw | Content::Bc7 | Content::Bc1 => true,
+            Content::Bc3 => pixel.has_alpha(),
+            Content::Bc4 => pixel.channels == 1,
+            Content::Bc5 => {
+                pixel.channels == 2
+                    || (pixel.channels == 3 && pixel.color == texfold_core::image::ColorSpace::Normal)
+            }
+        }
+    }
+
+    /// The planes that hold such pixels, and how a texel is read from them.
+    #[must_use]
+    pub fn formats(self, pixel: PixelInfo) -> (Vec<PlaneFormat>, Swizzle) {
+        use PlaneFormat as P;
+        use texfold_core::sample as s;
+        let alpha = if pixel.has_alpha() { s::TEXFOLD_RGBA } else { s::TEXFOLD_RGB };
+        let (formats, swizzle) = match (self, pixel.channels) {
+            (Content::Raw, 1) => (vec![P::R8Unorm], s::TEXFOLD_GRAY),
+            (Content::Raw, 2) => (vec![P::Rg8Unorm], s::TEXFOLD_GRAY_ALPHA),
+            (Content::Raw, 3) => (vec![P::Rg8Unorm, P::R8Unorm], s::TEXFOLD_SPLIT),
+            (Content::Raw, _) => (vec![P::Rgba8Unorm], s::TEXFOLD_RGBA),
+            (Content::Bc1, _) => (vec![P::Bc1], alpha),
+            (Content::Bc3, _) => (vec![P::Bc3], s::TEXFOLD_RGBA),
+            (Content::Bc4, _) => (vec![P::Bc4], s::TEXFOLD_GRAY),
+            (Content::Bc5, 2) => (vec![P::Bc5], s::TEXFOLD_GRAY_ALPHA),
+            (Content::Bc5, _) => (vec![P::Bc5], s::TEXFOLD_NORMAL),
+            (Content::Bc7, _) => (vec![P::Bc7], alpha),
+        };
+        (formats, Swizzle(swizzle))
+    }
+
+    /// Bits a texel of all planes together.
+    #[must_use]
+    pub fn bits_per_texel(self, pixel: PixelInfo) -> u32 {
+        let bits = |format: &PlaneFormat| 8 * format.block_bytes() / format.block_side().pow(2);
+        self.formats(pixel).0.iter().map(bits).sum()
+    }
+}
+
+impl ContentPlanes {
+    /// Stores `texels` (`width` x `height`, row by row) as `content`.
+    #[must_use]
+    pub fn encode(
+        content: Content,
+        pixel: PixelInfo,
+        (width, height): (u32, u32),
+        texels: &[Texel],
+        effort: texfold_core::Effort,
+    ) -> Self {
+        let (formats, swizzle) = content.formats(pixel);
+        let planes = formats
+            .iter()
+            .enumerate()
+            .map(|(index, &format)| {
+                let bytes = plane_bytes(texels, swizzle, index);
+                (format, encode_plane(format, width, height, &bytes, effort))
+            })
+            .collect();
+        ContentPlanes { content, swizzle, width, height, planes }
+    }
+
+    /// From planes that exist already; `None` where a plane has another length than its size asks for.
+    #[must_use]
+    pub fn from_planes(
+        content: Content,
+        pixel: PixelInfo,
+        (width, height): (u32, u32),
+        planes: Vec<Vec<u8>>,
+    ) -> Option<Self> {
+        let (formats, swizzle) = content.formats(pixel);
+        let fits = |(format, plane): (&PlaneFormat, &Vec<u8>)| plane.len() as u64 == format.bytes(width, height);
+        if formats.len() != planes.len() || !formats.iter().zip(&planes).all(fits) {
+            return None;
+        }
+        Some(ContentPlanes { content, swizzle, width, height, planes: formats.into_iter().zip(planes).collect() })
+    }
+
+    /// How it is stored.
+    #[must_use]
+    pub fn content(&self) -> Content {
+        self.content
+    }
+
+    /// How a texel is read from the planes.
+    #[must_use]
+    pub fn swizzle(&self) -> Swizzle {
+        self.swizzle
+    }
+
+    /// Columns and rows in texels.
+    #[must_use]
+    pub fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
+    /// Format and bytes of each plane.
+    #[must_use]
+    pub fn planes(&self) -> &[(PlaneFormat, Vec<u8>)] {
+        &self.planes
+    }
+
+    /// The planes as a GPU takes them, for the part of that name.
+    pub fn gpu_planes(&self, part: &'static str) -> impl Iterator<Item = Plane<'_>> {
+        self.planes.iter().map(move |(format, bytes)| Plane {
+            part,
+            format: *format,
+            width: self.width,
+            height: self.height,
+            levels: 1,
+            data: Cow::Borrowed(bytes),
+        })
+    }
+
+    /// All texels, row by row.
+    #[must_use]
+    pub fn decode(&self) -> Vec<Texel> {
+        let (width, height) = (self.width as usize, self.height as usize);
+        let expanded: Vec<Vec<Vec4>> =
+            self.planes.iter().map(|(format, bytes)| decode_plane(*format, width, height, bytes)).collect();
+        let second = expanded.last();
+        let first = expanded.first().map(Vec::as_slice).unwrap_or_default();
+        let texel = |(index, &a): (usize, &Vec4)| {
+            let b = second.map_or(Vec4::ZERO, |plane| plane[index]);
+            texfold_core::sample::texfold_swizzle(a, b, self.swizzle.0)
+        };
+        first.iter().enumerate().map(texel).collect()
+    }
+}
+
+/// RGBA bytes that plane `index` is encoded from.
+fn plane_bytes(texels: &[Texel], swizzle: Swizzle, index: usize) -> Vec<u8> {
+    use texfold_core::sample as s;
+    let arrange = |texel: &Texel| -> [f32; 4] {
+        let [red, green, blue, alpha] = texel.to_array();
+        match swizzle.0 {
+            s::TEXFOLD_RGBA => [red, green, blue, alpha],
+            s::TEXFOLD_GRAY_ALPHA => [red, alpha, 0.0, 1.0],
+            s::TEXFOLD_SPLIT if index == 1 => [blue, 0.0, 0.0, 1.0],
+            _ => [red, green, blue, 1.0],
+        }
+    };
+    texels.iter().flat_map(|texel| arrange(texel).map(texfold_core::image::to_u8)).collect()
+}
+
+/// All texels of a plane, row by row; missing channels are 0, missing alpha is 1.
+pub(crate) fn decode_plane(format: PlaneFormat, width: usize, height: usize, bytes: &[u8]) -> Vec<Vec4> {
+    let mut texels = vec![Vec4::W; width * height];
+    let side = format.block_side() as usize;
+    let columns = width.div_ceil(side);
+    for (index, block) in bytes.chunks_exact(format.block_bytes() as usize).enumerate() {
+        let (left, top) = (index % columns * side, index / columns * side);
+        let decoded = decode_block(format, block);
+        for y in top..(top + side).min(height) {
+            for x in left..(left + side).min(width) {
+                texels[y * width + x] = decoded[(y - top) * side + x - left];
+            }
+        }
+    }
+    texels
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use texfold_core::Effort;
+    use texfold_core::image::{ColorSpace, Raster};
+    use texfold_core::sample::texfold_normal_z;
+
+    #[test]
+    fn raw_content_is_exact_for_every_number_of_channels() {
+        for channels in 1..=4u8 {
+            let bytes: Vec<u8> = (0..7 * 5 * u32::from(channels)).map(|i| (i * 37 % 251) as u8).collect();
+            let raster = Raster::from_u8(7, 5, channels, ColorSpace::Srgb, &bytes).unwrap();
+            let texels: Vec<Texel> = raster.texels().collect();
+            let planes = ContentPlanes::encode(Content::Raw, raster.info(), (7, 5), &texels, Effort::Normal);
+            let stored: usize = planes.planes().iter().map(|(_, bytes)| bytes.len()).sum();
+            assert_eq!(stored, 7 * 5 * usize::from(channels));
+            let back = Raster::from_texels(7, 5, raster.info(), &planes.decode()).unwrap();
+            assert_eq!(back.to_bytes(), bytes, "{channels} channels");
+        }
+    }
+
+    #[test]
+    fn a_normal_map_keeps_unit_length_in_bc5() {
+        let bytes: Vec<u8> = (0..64).flat_map(|i| [100 + i, 160 - i, 240]).collect();
+        let raster = Raster::from_u8(8, 8, 3, ColorSpace::Normal, &bytes).unwrap();
+        let texels: Vec<Texel> = raster.texels().collect();
+        let planes = ContentPlanes::encode(Content::Bc5, raster.info(), (8, 8), &texels, Effort::Normal);
+        for texel in planes.decode() {
+            let normal = texel.truncate() * 2.0 - 1.0;
+            assert!((normal.length() - 1.0).abs() < 1e-3, "{normal}");
+        }
+        assert_eq!(texfold_normal_z(0.5, 0.5).z, 1.0);
+    }
+}

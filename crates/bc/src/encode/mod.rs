@@ -1,0 +1,185 @@
+//! Plain encoding: the smallest of a short list of formats and sizes that meets the goal.
+//!
+//! The list runs from one eighth of the width and height in BC1 to plain bytes, in the order of its bits. Cost: one block
+//! compression for each entry that the search tries, at most five.
+
+use texfold_core::image::{ColorSpace, ImageSet, MipFilter, PixelInfo, Raster, mip_chain};
+use texfold_core::metric::measure;
+use texfold_core::target::search;
+use texfold_core::{
+    EncodeError, Goal, ImageLayout, Job, Notes, ParamError, Params, SourceError, SurfaceSize, Texel,
+};
+
+use crate::wire::MAX_REDUCE_LOG2;
+use crate::{BcParams, BcTexture, Content, ContentPlanes};
+
+/// Longest side in texels that a file can name.
+const MAX_SIDE: u32 = 1 << 15;
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Candidate {
+    content: Content,
+    reduce_log2: u32,
+    bpp: f64,
+}
+
+pub(crate) fn encode(source: &ImageSet, params: &BcParams, job: &mut Job<'_>) -> Result<BcTexture, EncodeError> {
+    params.check()?;
+    check_sizes(source)?;
+    let candidates = candidates(source.info(), params)?;
+    let guess = match params.goal {
+        Goal::Bpp(bpp) => candidates.partition_point(|candidate| candidate.bpp <= bpp),
+        _ => candidates.iter().position(|candidate| candidate.bpp >= 4.0).unwrap_or(0) + 1,
+    };
+    let mut tried = 0u32;
+    let found = search(params.goal, 1..=candidates.len() as u32, guess as u32, 0.0, |knob| {
+        job.stage("compressing blocks", f32::from(tried as u16) / 5.0)?;
+        tried += 1;
+        let candidate = candidates[knob as usize - 1];
+        let texture = job.install(|| compress(source, candidate, params));
+        Ok::<_, EncodeError>((measure(source, &texture), texture))
+    })?;
+    let mut texture = found.value;
+    texture.notes = Notes {
+        settings: settings(params),
+        verdict: verdict(&texture, params.goal, found.met),
+        ..Notes::default()
+    };
+    job.stage("done", 1.0)?;
+    Ok(texture)
+}
+
+fn check_sizes(source: &ImageSet) -> Result<(), SourceError> {
+    for (index, image) in source.images().iter().enumerate() {
+        let SurfaceSize { width, height } = image.size();
+        if width > MAX_SIDE || height > MAX_SIDE {
+            return Err(SourceError::TooLarge { index, width, height, max: MAX_SIDE });
+        }
+    }
+    Ok(())
+}
+
+/// Formats and sizes that fit the pixels and the caller's choice, by rising bits.
+fn candidates(pixel: PixelInfo, params: &BcParams) -> Result<Vec<Candidate>, ParamError> {
+    let suits = |content: Content| match params.content {
+        Some(chosen) => content == chosen,
+        None => usual(content, pixel),
+    };
+    let mut list: Vec<Candidate> = Content::ALL
+        .into_iter()
+        .filter(|&content| suits(content) && content.fits(pixel))
+        .flat_map(|content| (0..=MAX_REDUCE_LOG2).map(move |reduce_log2| (content, reduce_log2)))
+        .filter(|&(_, reduce_log2)| params.reduce_log2.is_none_or(|chosen| chosen == reduce_log2))
+        .map(|(content, reduce_log2)| {
+            let bpp = f64::from(content.bits_per_texel(pixel)) / f64::from(1u32 << (2 * reduce_log2));
+            Candidate { content, reduce_log2, bpp }
+        })
+        .filter(|candidate| candidate.content != Content::Raw || candidate.reduce_log2 == 0)
+        .collect();
+    list.sort_by(|a, b| a.bpp.total_cmp(&b.bpp).then(a.reduce_log2.cmp(&b.reduce_log2)));
+    // Equal bits: the one that keeps the full size.
+    list.dedup_by(|b, a| a.bpp == b.bpp && params.content.is_none());
+    if list.is_empty() {
+        let value = f64::from(pixel.channels);
+        return Err(ParamError { field: "channels", value, range: "what the chosen content format can hold" });
+    }
+    Ok(list)
+}
+
+/// Formats worth trying without a choice of the caller's.
+fn usual(content: Content, pixel: PixelInfo) -> bool {
+    match content {
+        Content::Raw => true,
+        Content::Bc1 => pixel.channels == 3 && pixel.color != ColorSpace::Normal,
+        Content::Bc3 => false,
+        Content::Bc4 => pixel.channels == 1,
+        Content::Bc5 => pixel.channels == 2 || pixel.color == ColorSpace::Normal,
+        Content::Bc7 => pixel.channels >= 3,
+    }
+}
+
+fn compress(source: &ImageSet, candidate: Candidate, params: &BcParams) -> BcTexture {
+    let stored_levels = if params.mips { source.full_levels().min(16) } else { 1 };
+    let surface = |image: &Raster| -> Vec<ContentPlanes> {
+        let chain = mip_chain(image, candidate.reduce_log2 + stored_levels, MipFilter::Box);
+        chain[candidate.reduce_log2 as usize..].iter().map(|level| encode_level(level, candidate, params)).collect()
+    };
+    BcTexture {
+        layout: source.layout(stored_levels),
+        content: candidate.content,
+        reduce_log2: candidate.reduce_log2,
+        surfaces: source.images().iter().map(surface).collect(),
+        notes: Notes::default(),
+    }
+}
+
+fn encode_level(level: &Raster, candidate: Candidate, params: &BcParams) -> ContentPlanes {
+    let texels: Vec<Texel> = level.texels().collect();
+    let size = (level.size().width, level.size().height);
+    ContentPlanes::encode(candidate.content, level.info(), size, &texels, params.effort)
+}
+
+fn settings(params: &BcParams) -> String {
+    let goal = match params.goal {
+        Goal::Psnr(psnr) => format!("--psnr {psnr}"),
+        Goal::Bpp(bpp) => format!("--bpp {bpp}"),
+        Goal::Tolerance(tolerance) => format!("--tolerance {tolerance}"),
+    };
+    let content = params.content.map_or(String::new(), |content| format!(" --content {}", content.name()));
+    let mips = if params.mips { " --mips" } else { "" };
+    format!("--codec bc {goal}{content}{mips}")
+}
+
+fn verdict(texture: &BcTexture, goal: Goal, met: bool) -> String {
+    let size = match texture.reduce_log2 {
+        0 => "at full size".to_owned(),
+        halvings => format!("at 1/{} of width and height", 1 << halvings),
+    };
+    let outcome = match (goal, met) {
+        (Goal::Bpp(_), true) => "the best plain form within the bits asked for",
+        (_, true) => "the smallest plain form that reaches the goal",
+        (_, false) => "the nearest plain form to a goal that none reaches",
+    };
+    format!("Plain {} {size}: {outcome}; no repetition is modelled.", texture.content.name().to_uppercase())
+}
+
+/// An image that is BC1 already, as DDS and KTX2 files hold it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Bc1Blocks {
+    /// Columns and rows in texels.
+    pub size: SurfaceSize,
+    /// Blocks row by row, 8 bytes each.
+    pub blocks: Vec<u8>,
+}
+
+impl BcTexture {
+    /// Takes over images that are BC1 already, block for block.
+    ///
+    /// # Errors
+    /// [`SourceError`] where there is none, or one has another number of bytes than its size asks for.
+    pub fn from_bc1(images: Vec<Bc1Blocks>, pixel: PixelInfo) -> Result<BcTexture, SourceError> {
+        let surfaces: Vec<SurfaceSize> = images.iter().map(|image| image.size).collect();
+        if surfaces.is_empty() {
+            return Err(SourceError::Empty);
+        }
+        let mut planes = Vec::new();
+        for (index, Bc1Blocks { size, blocks }) in images.into_iter().enumerate() {
+            let SurfaceSize { width, height } = size;
+            if width == 0 || height == 0 {
+                return Err(SourceError::ZeroSize { index, width, height });
+            }
+            let needed = texfold_core::PlaneFormat::Bc1.bytes(width, height) as usize;
+            let found = blocks.len();
+            let content = ContentPlanes::from_planes(Content::Bc1, pixel, (width, height), vec![blocks]);
+            planes.push(vec![content.ok_or(SourceError::Length { found, needed })?]);
+        }
+        let verdict = "The input is BC1 already: its blocks are kept as they are.".to_owned();
+        Ok(BcTexture {
+            layout: ImageLayout { surfaces, levels: 1, pixel },
+            content: Content::Bc1,
+            reduce_log2: 0,
+            surfaces: planes,
+            notes: Notes { settings: "--codec bc".to_owned(), verdict, ..Notes::default() },
+        })
+    }
+}

@@ -1,0 +1,45 @@
+//! BC1, BC3, BC4, BC5 and BC7: content planes for other codecs, and the plain baseline codec `bc`.
+//!
+//! The baseline is what every other method has to beat: the image itself in a format that GPUs draw directly,
+//! at full, half or quarter size. Input that is already BC1 is taken over block for block.
+//!
+//! BC1 comes from texpresso (cluster fit), the other formats from the `dds` crate. *Not done*: BC6H (no HDR
+//! sources yet), BC2 (BC3 is never worse).
+
+mod blocks;
+mod content;
+pub mod decode;
+mod encode;
+mod encoded;
+mod params;
+mod wire;
+
+pub use blocks::{decode_block, encode_plane};
+pub use content::{Content, ContentPlanes, Swizzle};
+pub use encode::Bc1Blocks;
+pub use encoded::BcTexture;
+pub use params::BcParams;
+
+use texfold_core::container::Sections;
+use texfold_core::image::ImageSet;
+use texfold_core::{Budget, CodecId, EncodeError, Image2d, Job, LoadError, TextureCodec};
+
+/// The plain block-compression codec.
+#[derive(Debug, Clone, Copy)]
+pub enum Bc {}
+
+impl TextureCodec for Bc {
+    const ID: CodecId = CodecId { number: 1, name: "bc" };
+    type Domain = Image2d;
+    type Source<'s> = &'s ImageSet;
+    type Params = BcParams;
+    type Encoded = BcTexture;
+
+    fn encode(source: &ImageSet, params: &BcParams, job: &mut Job<'_>) -> Result<BcTexture, EncodeError> {
+        encode::encode(source, params, job)
+    }
+
+    fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<BcTexture, LoadError> {
+        wire::load(file, budget)
+    }
+}

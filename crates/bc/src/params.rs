@@ -1,0 +1,32 @@
+//! Parameters of the plain codec.
+
+use texfold_core::{Effort, Goal, ParamError, Params};
+
+use crate::Content;
+
+/// How plain block compression is done.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct BcParams {
+    /// What to reach. The formats and sizes are few: the smallest that reaches it is taken.
+    pub goal: Goal,
+    /// Block format; `None` lets the goal decide.
+    pub content: Option<Content>,
+    /// Halvings of width and height before compression (0 to 3); `None` lets the goal decide.
+    pub reduce_log2: Option<u32>,
+    /// Whether a full mip chain is stored.
+    pub mips: bool,
+    /// How long to search within a block.
+    pub effort: Effort,
+}
+
+impl Params for BcParams {
+    fn check(&self) -> Result<(), ParamError> {
+        self.goal.check()?;
+        match self.reduce_log2 {
+            Some(value) if value > 3 => {
+                Err(ParamError { field: "reduce_log2", value: f64::from(value), range: "0..=3" })
+            }
+            _ => Ok(()),
+        }
+    }
+}

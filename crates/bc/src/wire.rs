@@ -1,0 +1,54 @@
+//! Sections of a `bc` file: "BCFM" (content, reduction) and "BLKS" (all planes of all levels of all images).
+
+use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
+use texfold_core::{Budget, LoadError, String4};
+
+use crate::{BcTexture, Content, ContentPlanes};
+
+const FORM_ID: [u8; 4] = *b"BCFM";
+const BLOCKS_ID: [u8; 4] = *b"BLKS";
+
+/// Most halvings of width and height.
+pub(crate) const MAX_REDUCE_LOG2: u32 = 3;
+
+pub(crate) fn store(texture: &BcTexture, out: &mut SectionWriter) {
+    let number = Content::ALL.iter().position(|&content| content == texture.content).unwrap_or(0);
+    out.section("container", FORM_ID, &[number as u8, texture.reduce_log2 as u8]);
+    let planes = texture.surfaces.iter().flatten().flat_map(ContentPlanes::planes);
+    let raw: Vec<u8> = planes.flat_map(|(_, bytes)| bytes).copied().collect();
+    out.section("blocks", BLOCKS_ID, &raw);
+}
+
+pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<BcTexture, LoadError> {
+    let notes = Notes::read(file, budget)?;
+    let layout = read_layout(file, budget)?;
+    let form = file.read(FORM_ID, budget)?;
+    let mut reader = Reader::new(String4(FORM_ID), &form);
+    let content = *Content::ALL.get(usize::from(reader.u8()?)).ok_or(reader.corrupt("unknown content"))?;
+    let reduce_log2 = u32::from(reader.u8()?);
+    if reduce_log2 > MAX_REDUCE_LOG2 {
+        return Err(reader.corrupt("more than 3 halvings"));
+    }
+    reader.end()?;
+    let (formats, _) = content.formats(layout.pixel);
+    let raw = file.read(BLOCKS_ID, budget)?;
+    budget.take(raw.len() as u64)?;
+    let mut blocks = Reader::new(String4(BLOCKS_ID), &raw);
+    let mut surfaces = Vec::new();
+    for size in &layout.surfaces {
+        let mut levels = Vec::new();
+        for level in 0..layout.levels {
+            let size = size.at_level(reduce_log2 + level);
+            let mut planes = Vec::new();
+            for format in &formats {
+                let length = usize::try_from(format.bytes(size.width, size.height));
+                planes.push(blocks.bytes(length.unwrap_or(usize::MAX))?.to_vec());
+            }
+            let planes = ContentPlanes::from_planes(content, layout.pixel, (size.width, size.height), planes);
+            levels.push(planes.ok_or(blocks.corrupt("planes of another size"))?);
+        }
+        surfaces.push(levels);
+    }
+    blocks.end()?;
+    Ok(BcTexture { layout, content, reduce_log2, surfaces, notes })
+}

@@ -1,0 +1,1 @@
+//! Texfold's command line as a library: files, batches, reports

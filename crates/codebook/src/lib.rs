@@ -1,0 +1,1 @@
+//! Importance-weighted, deterministic codebook building (generalised Lloyd) for vectors of any length

@@ -1,0 +1,136 @@
+//! The section that every codec of flat images shares: sizes, levels and meaning of the channels.
+
+use super::{Reader, SectionWriter, Sections};
+use crate::error::String4;
+use crate::image::{Alpha, ColorSpace, Depth, PixelInfo};
+use crate::{Budget, ImageLayout, LoadError, SurfaceSize};
+
+/// Id of the layout section.
+pub const LAYOUT_ID: [u8; 4] = *b"LAYO";
+
+/// Longest side of an image in a file: 16 levels.
+const MAX_SIDE: u32 = 1 << 15;
+
+/// Writes the layout. Equal sizes are stored once with a count.
+pub fn write_layout(layout: &ImageLayout, out: &mut SectionWriter) {
+    let pixel = layout.pixel;
+    let color = match pixel.color {
+        ColorSpace::Srgb => 0u8,
+        ColorSpace::Linear => 1,
+        ColorSpace::Normal => 2,
+    };
+    let (alpha, threshold) = match pixel.alpha {
+        Alpha::Opaque => (0u8, 0.0f32),
+        Alpha::Straight => (1, 0.0),
+        Alpha::Cutout(threshold) => (2, threshold),
+    };
+    let depth = if pixel.depth == Depth::Sixteen { 16u8 } else { 8 };
+    let mut raw = vec![pixel.channels, depth, color, alpha];
+    raw.extend(threshold.to_le_bytes());
+    raw.extend(layout.levels.to_le_bytes());
+    let runs: Vec<&[SurfaceSize]> = layout.surfaces.chunk_by(|a, b| a == b).collect();
+    raw.extend((runs.len() as u32).to_le_bytes());
+    for run in runs {
+        raw.extend((run.len() as u32).to_le_bytes());
+        raw.extend(run[0].width.to_le_bytes());
+        raw.extend(run[0].height.to_le_bytes());
+    }
+    out.section("container", LAYOUT_ID, &raw);
+}
+
+/// Reads and checks the layout, and checks its texels against the budget.
+///
+/// # Errors
+/// [`LoadError`] where the section is missing or damaged or the images are too large.
+pub fn read_layout(file: &Sections<'_>, budget: &mut Budget) -> Result<ImageLayout, LoadError> {
+    let raw = file.read(LAYOUT_ID, budget)?;
+    let mut reader = Reader::new(String4(LAYOUT_ID), &raw);
+    let pixel = read_pixel(&mut reader)?;
+    let levels = reader.u32()?;
+    if !(1..=16).contains(&levels) {
+        return Err(reader.corrupt("levels outside 1..=16"));
+    }
+    let mut surfaces = Vec::new();
+    let mut texels = 0u64;
+    for _ in 0..reader.u32()? {
+        let (count, width, height) = (reader.u32()?, reader.u32()?, reader.u32()?);
+        if count == 0 || !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
+            return Err(reader.corrupt("a side outside 1..=32768 or a run of 0 images"));
+        }
+        let size = SurfaceSize { width, height };
+        texels = texels.saturating_add(size.texels().saturating_mul(u64::from(count)));
+        budget.check_texels(texels)?;
+        budget.take(u64::from(count) * size_of::<SurfaceSize>() as u64)?;
+        surfaces.extend(std::iter::repeat_n(size, count as usize));
+    }
+    if surfaces.is_empty() {
+        return Err(reader.corrupt("no image"));
+    }
+    reader.end()?;
+    Ok(ImageLayout { surfaces, levels, pixel })
+}
+
+fn read_pixel(reader: &mut Reader<'_>) -> Result<PixelInfo, LoadError> {
+    let [channels, depth, color, alpha] = reader.array()?;
+    let threshold = reader.f32()?;
+    if !(1..=4).contains(&channels) {
+        return Err(reader.corrupt("channels outside 1..=4"));
+    }
+    let depth = match depth {
+        8 => Depth::Eight,
+        16 => Depth::Sixteen,
+        _ => return Err(reader.corrupt("unknown depth")),
+    };
+    let color = match color {
+        0 => ColorSpace::Srgb,
+        1 => ColorSpace::Linear,
+        2 => ColorSpace::Normal,
+        _ => return Err(reader.corrupt("unknown colour space")),
+    };
+    let alpha = match alpha {
+        0 => Alpha::Opaque,
+        1 => Alpha::Straight,
+        2 => Alpha::Cutout(threshold),
+        _ => return Err(reader.corrupt("unknown kind of alpha")),
+    };
+    Ok(PixelInfo { channels, depth, color, alpha })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::container::CodecId;
+
+    #[test]
+    fn a_layout_survives() {
+        let size = |width, height| SurfaceSize { width, height };
+        let layout = ImageLayout {
+            surfaces: vec![size(3, 5), size(3, 5), size(64, 1)],
+            levels: 3,
+            pixel: PixelInfo {
+                channels: 4,
+                depth: Depth::Sixteen,
+                color: ColorSpace::Linear,
+                alpha: Alpha::Cutout(0.25),
+            },
+        };
+        let mut writer = SectionWriter::new(CodecId { number: 1, name: "t" });
+        write_layout(&layout, &mut writer);
+        let bytes = writer.finish().bytes;
+        let mut budget = Budget::default();
+        let sections = Sections::parse(&bytes, &mut budget).unwrap();
+        assert_eq!(read_layout(&sections, &mut budget), Ok(layout));
+    }
+
+    #[test]
+    fn a_layout_that_would_fill_memory_is_refused() {
+        let mut raw = vec![3, 8, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0];
+        raw.extend([u32::MAX, 32768, 32768].map(u32::to_le_bytes).concat());
+        let mut writer = SectionWriter::new(CodecId { number: 1, name: "t" });
+        writer.section("container", LAYOUT_ID, &raw);
+        let bytes = writer.finish().bytes;
+        let mut budget = Budget::default();
+        let sections = Sections::parse(&bytes, &mut budget).unwrap();
+        assert!(matches!(read_layout(&sections, &mut budget), Err(LoadError::Limit(_))));
+    }
+}

@@ -1,0 +1,54 @@
+//! The `.txf` container: a table of named sections, each compressed and checked by itself.
+//!
+//! FORMAT.md describes the bytes. Sections follow one another in the order of the table, coarse to fine, so
+//! that a prefix of a file is a file: the sections that are whole can be read.
+
+mod layout;
+mod notes;
+mod read;
+mod wire;
+mod write;
+
+pub use layout::{LAYOUT_ID, read_layout, write_layout};
+pub use notes::{NOTES_ID, Notes};
+pub use read::Sections;
+pub use wire::Reader;
+pub use write::{SectionWriter, Written};
+
+/// First bytes of every file. The high byte and the line ends show damage by text transfers, as in PNG.
+pub const MAGIC: [u8; 8] = *b"\x89TXF\r\n\x1a\n";
+/// Latest format version that is written and read.
+pub const VERSION: u16 = 1;
+/// Bytes of the header before the table.
+pub const HEADER_BYTES: usize = 32;
+/// Bytes of an entry of the table.
+pub const ENTRY_BYTES: usize = 40;
+
+const STORED: u32 = 0;
+const ZSTD: u32 = 1;
+
+/// Number and name of a codec in files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct CodecId {
+    /// What is stored.
+    pub number: u16,
+    /// What is shown.
+    pub name: &'static str,
+}
+
+impl std::fmt::Display for CodecId {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+/// First 64 bits of the BLAKE3 hash, little-endian.
+fn checksum(parts: &[&[u8]]) -> u64 {
+    let mut hasher = blake3::Hasher::new();
+    for part in parts {
+        hasher.update(part);
+    }
+    let mut first = [0; 8];
+    first.copy_from_slice(&hasher.finalize().as_bytes()[..8]);
+    u64::from_le_bytes(first)
+}

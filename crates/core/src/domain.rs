@@ -1,0 +1,228 @@
+//! What an address is: texels of flat images, or rays that leave a surface.
+
+use glam::Vec3;
+
+use crate::image::PixelInfo;
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for super::Image2d {}
+    impl Sealed for super::SurfaceLight {}
+}
+
+/// The space that an encoded texture is sampled in.
+pub trait Domain: sealed::Sealed + 'static {
+    /// One place that can be sampled.
+    type Address: Copy;
+    /// A set of places with an order, decoded in one call.
+    type Region<'r>: Copy;
+    /// The extent of the domain: which addresses exist.
+    type Layout;
+    /// How many addresses `region` holds.
+    fn len(region: Self::Region<'_>) -> usize;
+    /// The `index`-th address of `region`, `index < len(region)`.
+    fn address(region: Self::Region<'_>, index: usize) -> Self::Address;
+}
+
+/// Flat images: one, a set of them, or the frames of a sequence.
+#[derive(Debug, Clone, Copy)]
+pub enum Image2d {}
+
+/// One texel of one mip level of one image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ImageAddress {
+    /// Which image of the set, or frame of the sequence.
+    pub surface: u32,
+    /// Mip level; 0 is the full size.
+    pub level: u32,
+    /// Column in texels of that level.
+    pub x: u32,
+    /// Row in texels of that level, from the top.
+    pub y: u32,
+}
+
+/// A rectangle of texels of one level of one image, in row order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Rect {
+    /// Which image of the set, or frame of the sequence.
+    pub surface: u32,
+    /// Mip level; 0 is the full size.
+    pub level: u32,
+    /// Leftmost column in texels.
+    pub x: u32,
+    /// Topmost row in texels.
+    pub y: u32,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+impl Domain for Image2d {
+    type Address = ImageAddress;
+    type Region<'r> = Rect;
+    type Layout = ImageLayout;
+
+    fn len(region: Rect) -> usize {
+        region.width as usize * region.height as usize
+    }
+
+    fn address(region: Rect, index: usize) -> ImageAddress {
+        let width = region.width.max(1) as usize;
+        ImageAddress {
+            surface: region.surface,
+            level: region.level,
+            x: region.x + (index % width) as u32,
+            y: region.y + (index / width) as u32,
+        }
+    }
+}
+
+/// Width and height of one image in texels of level 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct SurfaceSize {
+    /// Columns, at least 1.
+    pub width: u32,
+    /// Rows, at least 1.
+    pub height: u32,
+}
+
+impl SurfaceSize {
+    /// Number of texels of level 0.
+    #[must_use]
+    pub fn texels(self) -> u64 {
+        u64::from(self.width) * u64::from(self.height)
+    }
+
+    /// Size of mip level `level`: halved and rounded down, at least 1.
+    #[must_use]
+    pub fn at_level(self, level: u32) -> SurfaceSize {
+        let halve = |side: u32| side.checked_shr(level).unwrap_or(0).max(1);
+        SurfaceSize { width: halve(self.width), height: halve(self.height) }
+    }
+
+    /// Number of levels of a full mip chain, down to 1x1.
+    #[must_use]
+    pub fn full_levels(self) -> u32 {
+        32 - self.width.max(self.height).max(1).leading_zeros()
+    }
+
+    /// Columns and rows of 4x4 blocks that cover the image.
+    #[must_use]
+    pub fn blocks(self) -> (u32, u32) {
+        (self.width.div_ceil(4), self.height.div_ceil(4))
+    }
+}
+
+/// Which images, levels and channels an encoded texture holds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ImageLayout {
+    /// Size of every image, in the order of the source.
+    pub surfaces: Vec<SurfaceSize>,
+    /// Mip levels stored for every image; 1 means level 0 alone. An image with a shorter full chain
+    /// repeats its last level.
+    pub levels: u32,
+    /// Channels, depth, colour space and alpha of the source.
+    pub pixel: PixelInfo,
+}
+
+impl ImageLayout {
+    /// Source texels of all images, level 0.
+    #[must_use]
+    pub fn texels(&self) -> u64 {
+        self.surfaces.iter().map(|size| size.texels()).sum()
+    }
+
+    /// The whole of `level` of image `surface`; `None` where there is no such image or level.
+    #[must_use]
+    pub fn whole(&self, surface: u32, level: u32) -> Option<Rect> {
+        let size = self.surfaces.get(surface as usize)?.at_level(level);
+        (level < self.levels).then_some(Rect {
+            surface,
+            level,
+            x: 0,
+            y: 0,
+            width: size.width,
+            height: size.height,
+        })
+    }
+
+    /// `Ok` where every texel of `rect` exists.
+    ///
+    /// # Errors
+    /// [`crate::RegionError`] names what lies outside.
+    pub fn check(&self, rect: Rect) -> Result<(), crate::RegionError> {
+        let size = self
+            .surfaces
+            .get(rect.surface as usize)
+            .ok_or(crate::RegionError::NoSuchSurface { surface: rect.surface, surfaces: self.surfaces.len() })?;
+        if rect.level >= self.levels {
+            return Err(crate::RegionError::NoSuchLevel { level: rect.level, levels: self.levels });
+        }
+        let size = size.at_level(rect.level);
+        let inside = |start: u32, length: u32, end: u32| u64::from(start) + u64::from(length) <= u64::from(end);
+        if !inside(rect.x, rect.width, size.width) || !inside(rect.y, rect.height, size.height) {
+            return Err(crate::RegionError::Outside { width: size.width, height: size.height });
+        }
+        Ok(())
+    }
+}
+
+/// Surface light fields: colour by place on a mesh and by direction.
+#[derive(Debug, Clone, Copy)]
+pub enum SurfaceLight {}
+
+/// A ray that leaves a triangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LightAddress {
+    /// Index of the triangle.
+    pub triangle: u32,
+    /// Weights of the triangle's three vertices, summing to 1.
+    pub barycentric: Vec3,
+    /// Unit vector from the surface towards the eye, in the mesh's space.
+    pub direction: Vec3,
+}
+
+/// The extent of a surface light field.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LightLayout {
+    /// Triangles of the mesh.
+    pub triangles: u32,
+    /// Stored terms of the approximation, beside the mean.
+    pub terms: u32,
+}
+
+impl Domain for SurfaceLight {
+    type Address = LightAddress;
+    type Region<'r> = &'r [LightAddress];
+    type Layout = LightLayout;
+
+    fn len(region: &[LightAddress]) -> usize {
+        region.len()
+    }
+
+    fn address(region: &[LightAddress], index: usize) -> LightAddress {
+        region[index]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_halve_down_to_one() {
+        let size = SurfaceSize { width: 13, height: 4 };
+        assert_eq!(size.full_levels(), 4);
+        assert_eq!(size.at_level(2), SurfaceSize { width: 3, height: 1 });
+        assert_eq!(size.at_level(31), SurfaceSize { width: 1, height: 1 });
+        assert_eq!(size.at_level(40), SurfaceSize { width: 1, height: 1 });
+    }
+
+    #[test]
+    fn rect_addresses_run_row_by_row() {
+        let rect = Rect { surface: 2, level: 1, x: 5, y: 7, width: 3, height: 2 };
+        assert_eq!(Image2d::len(rect), 6);
+        assert_eq!(Image2d::address(rect, 4), ImageAddress { surface: 2, level: 1, x: 6, y: 8 });
+    }
+}

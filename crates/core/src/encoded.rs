@@ -1,0 +1,74 @@
+//! The shipped form of a texture.
+
+use crate::container::{CodecId, Notes, SectionWriter};
+use crate::{Domain, Footprint, GpuForm, Image2d, RegionError, SurfaceLight, Texel};
+
+/// An encoded texture: what is stored, loaded, sampled, counted and drawn.
+///
+/// Nothing here can fail after a successful load but a request for a region that does not exist.
+pub trait Encoded: Send + Sync {
+    /// What it is addressed by.
+    type Domain: Domain;
+    /// Which codec made it.
+    fn codec(&self) -> CodecId;
+    /// Which addresses exist.
+    fn layout(&self) -> &<Self::Domain as Domain>::Layout;
+    /// Loaded of total layers: a truncated progressive file has fewer than it was made with.
+    fn layers(&self) -> Layers {
+        Layers { loaded: 1, total: 1 }
+    }
+    /// One texel. Total, as in a shader: an address outside is clamped to the nearest inside.
+    fn sample(&self, at: <Self::Domain as Domain>::Address) -> Texel;
+    /// All texels of `region` into `out`, in the region's order; equal to [`Encoded::sample`] texel by texel.
+    ///
+    /// # Errors
+    /// [`RegionError`] where `region` leaves the texture or `out` has another length.
+    fn decode(&self, region: <Self::Domain as Domain>::Region<'_>, out: &mut [Texel]) -> Result<(), RegionError>;
+    /// Writes the sections of a file, coarse layers first.
+    fn store(&self, out: &mut SectionWriter);
+    /// Every bit by named part: stored bits add up to the file's length, resident bits to what a GPU holds.
+    fn footprint(&self) -> Footprint;
+    /// What a GPU needs to draw it.
+    fn gpu(&self) -> GpuForm<'_>;
+    /// How it was made: settings, a verdict in a sentence, what each part bought.
+    fn notes(&self) -> &Notes;
+}
+
+/// How much of a progressive file is there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Layers {
+    /// Layers that can be drawn.
+    pub loaded: u32,
+    /// Layers that the whole file has.
+    pub total: u32,
+}
+
+/// An encoded form that can take a further layer as it arrives.
+pub trait Refine: Encoded {
+    /// Takes the next layer from a longer prefix of the same file; returns the names of the planes to upload again.
+    ///
+    /// # Errors
+    /// [`crate::LoadError`] as in loading; the texture stays as it was.
+    fn refine(
+        &mut self,
+        file: &crate::container::Sections<'_>,
+        budget: &mut crate::Budget,
+    ) -> Result<Vec<&'static str>, crate::LoadError>;
+}
+
+/// Any encoded texture, by what it is addressed by.
+pub enum AnyEncoded {
+    /// A flat texture, a set or a sequence.
+    Image(Box<dyn Encoded<Domain = Image2d>>),
+    /// A surface light field.
+    Light(Box<dyn Encoded<Domain = SurfaceLight>>),
+}
+
+impl std::fmt::Debug for AnyEncoded {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            AnyEncoded::Image(encoded) => write!(f, "AnyEncoded::Image({:?})", encoded.codec()),
+            AnyEncoded::Light(encoded) => write!(f, "AnyEncoded::Light({:?})", encoded.codec()),
+        }
+    }
+}

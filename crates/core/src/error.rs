@@ -1,0 +1,212 @@
+//! Typed errors by fault. Each message ends with what to do.
+
+use crate::LimitError;
+use crate::container::CodecId;
+
+/// A parameter out of range.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("parameter {field} is {value}, outside {range}; give a value in that range")]
+pub struct ParamError {
+    /// Name of the field.
+    pub field: &'static str,
+    /// What it was.
+    pub value: f64,
+    /// What it may be, as text such as "4..=256".
+    pub range: &'static str,
+}
+
+/// What is wrong with a source.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SourceError {
+    /// No image at all.
+    #[error("the source holds no image; give at least one")]
+    Empty,
+    /// A side of 0 texels.
+    #[error("image {index} is {width}x{height}; give images of at least 1x1 texels")]
+    ZeroSize {
+        /// Which image.
+        index: usize,
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+    },
+    /// A side too long for the encoded form.
+    #[error("image {index} is {width}x{height}, longer than {max} texels a side; split it or scale it down")]
+    TooLarge {
+        /// Which image.
+        index: usize,
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Longest side that can be encoded.
+        max: u32,
+    },
+    /// Something other than 1 to 4 channels.
+    #[error("{channels} channels; give images of 1 to 4 channels")]
+    Channels {
+        /// Channels found.
+        channels: u8,
+    },
+    /// Data of another length than width x height x channels.
+    #[error("{found} values for an image that needs {needed}; give width x height x channels values")]
+    Length {
+        /// Values found.
+        found: usize,
+        /// Values needed.
+        needed: usize,
+    },
+    /// NaN or infinite values.
+    #[error("a value of image {index} is not a finite number; replace NaN and infinities")]
+    NotFinite {
+        /// Which image.
+        index: usize,
+    },
+    /// Images of one set that do not agree.
+    #[error("image {index} differs in {what} from the first; give images that agree or compress each by itself")]
+    Unlike {
+        /// Which image.
+        index: usize,
+        /// What differs.
+        what: &'static str,
+    },
+    /// A guidance map that does not fit.
+    #[error("the {map} does not fit: {what}; give one for the same image")]
+    Guidance {
+        /// Which map.
+        map: &'static str,
+        /// What is wrong.
+        what: &'static str,
+    },
+    /// An encoded form has no room for a further source.
+    #[error("{what} is full; encode the set anew")]
+    Full {
+        /// What is full.
+        what: &'static str,
+    },
+}
+
+/// Why encoding failed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EncodeError {
+    /// A parameter out of range.
+    #[error(transparent)]
+    Params(#[from] ParamError),
+    /// An unsuitable source.
+    #[error(transparent)]
+    Source(#[from] SourceError),
+    /// A limit reached.
+    #[error(transparent)]
+    Limit(#[from] LimitError),
+    /// The caller cancelled the job.
+    #[error("cancelled; start it again to have the result")]
+    Cancelled,
+    /// A fault of the codec's own; see `source()`.
+    #[error("{codec} could not encode this; see the cause")]
+    Codec {
+        /// Which codec.
+        codec: CodecId,
+        /// The codec's own error.
+        #[source]
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
+}
+
+/// Why loading failed.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LoadError {
+    /// Not a `.txf` file.
+    #[error("not a .txf file; give a file that Texfold wrote")]
+    NotTexfold,
+    /// A codec that this reader does not have.
+    #[error("the file holds codec number {found}; open it with a Texfold that has that codec")]
+    NotThisCodec {
+        /// Number found.
+        found: u16,
+    },
+    /// A later format version.
+    #[error("the file is of format version {found}, this reader knows {supported}; update Texfold")]
+    Version {
+        /// Version found.
+        found: u16,
+        /// Latest version known.
+        supported: u16,
+    },
+    /// The file ends before something that is needed.
+    #[error("the file ends before section '{section}' is whole; fetch the rest of it")]
+    Truncated {
+        /// First section that is missing.
+        section: String4,
+    },
+    /// A value that no writer writes.
+    #[error("section '{section}' at byte {offset}: {what}; fetch or write the file again")]
+    Corrupt {
+        /// Section that is wrong.
+        section: String4,
+        /// Where in the section.
+        offset: u64,
+        /// What is wrong.
+        what: &'static str,
+    },
+    /// A limit reached.
+    #[error(transparent)]
+    Limit(#[from] LimitError),
+}
+
+/// A section's four-letter name.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct String4(pub [u8; 4]);
+
+impl std::fmt::Display for String4 {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.0.iter().try_for_each(|&byte| write!(f, "{}", byte.escape_ascii()))
+    }
+}
+
+impl std::fmt::Debug for String4 {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "'{self}'")
+    }
+}
+
+/// Why a region cannot be decoded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RegionError {
+    /// No such image.
+    #[error("surface {surface} of {surfaces}; ask for one below that number")]
+    NoSuchSurface {
+        /// Asked for.
+        surface: u32,
+        /// How many there are.
+        surfaces: usize,
+    },
+    /// No such mip level.
+    #[error("level {level} of {levels}; ask for one below that number")]
+    NoSuchLevel {
+        /// Asked for.
+        level: u32,
+        /// How many there are.
+        levels: u32,
+    },
+    /// The rectangle leaves the image.
+    #[error("the rectangle leaves the level's {width}x{height} texels; cut it to them")]
+    Outside {
+        /// Columns of the level.
+        width: u32,
+        /// Rows of the level.
+        height: u32,
+    },
+    /// The output has another length than the region.
+    #[error("room for {found} texels where the region has {needed}; give exactly that many")]
+    OutputLength {
+        /// Length of the output.
+        found: usize,
+        /// Texels of the region.
+        needed: usize,
+    },
+}

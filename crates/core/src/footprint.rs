@@ -1,0 +1,80 @@
+//! Who uses which bits: the one definition of memory and file size.
+
+use crate::container::{SectionWriter, Written};
+use crate::{Encoded, GpuForm};
+
+/// One named part of an encoded texture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// Name from the codec's vocabulary: "index", "codebook", "blocks", ...
+    pub name: &'static str,
+    /// Bits that must sit in GPU memory.
+    pub bits_memory: u64,
+    /// Bits of the file.
+    pub bits_disk: u64,
+    /// PSNR in dB of the whole texture with this part left out, where the maker measured it.
+    pub psnr_without: Option<f64>,
+}
+
+/// All parts of an encoded texture.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Footprint {
+    /// The parts; their sums are the totals.
+    pub parts: Vec<Part>,
+}
+
+impl Footprint {
+    /// Counts the planes and uniforms of `gpu` and the sections that `encoded` stores, each under its
+    /// part's name. The container's own bytes are the part "container".
+    pub fn measure<E: Encoded + ?Sized>(encoded: &E, gpu: &GpuForm<'_>) -> Footprint {
+        let mut writer = SectionWriter::new(encoded.codec());
+        encoded.store(&mut writer);
+        let mut footprint = Footprint::of(gpu, &writer.finish());
+        for (name, psnr) in &encoded.notes().psnr_without {
+            if let Some(part) = footprint.parts.iter_mut().find(|part| part.name == name) {
+                part.psnr_without = Some(f64::from(*psnr));
+            }
+        }
+        footprint
+    }
+
+    /// As [`Footprint::measure`], for a file that is already written.
+    #[must_use]
+    pub fn of(gpu: &GpuForm<'_>, file: &Written) -> Footprint {
+        let mut footprint = Footprint::default();
+        for plane in &gpu.planes {
+            footprint.part(plane.part).bits_memory += 8 * plane.data.len() as u64;
+        }
+        if !gpu.uniforms.is_empty() {
+            footprint.part("uniforms").bits_memory += 8 * gpu.uniforms.len() as u64;
+        }
+        for &(part, bytes) in &file.parts {
+            footprint.part(part).bits_disk += 8 * bytes;
+        }
+        footprint
+    }
+
+    /// The part of that name, added at the end where there is none.
+    pub fn part(&mut self, name: &'static str) -> &mut Part {
+        let index = match self.parts.iter().position(|part| part.name == name) {
+            Some(index) => index,
+            None => {
+                self.parts.push(Part { name, bits_memory: 0, bits_disk: 0, psnr_without: None });
+                self.parts.len() - 1
+            }
+        };
+        &mut self.parts[index]
+    }
+
+    /// Bits in GPU memory.
+    #[must_use]
+    pub fn bits_memory(&self) -> u64 {
+        self.parts.iter().map(|part| part.bits_memory).sum()
+    }
+
+    /// Bits of the file.
+    #[must_use]
+    pub fn bits_disk(&self) -> u64 {
+        self.parts.iter().map(|part| part.bits_disk).sum()
+    }
+}

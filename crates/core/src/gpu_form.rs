@@ -1,0 +1,116 @@
+//! What a GPU needs to draw an encoded texture, without naming a GPU library.
+
+use std::borrow::Cow;
+use std::ops::Range;
+
+/// How the texels of a plane are stored; names as in WebGPU.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum PlaneFormat {
+    /// Two unsigned bytes a texel, read as integers.
+    Rg8Uint,
+    /// One byte a texel, read as [0, 1].
+    R8Unorm,
+    /// Two bytes a texel, read as [0, 1].
+    Rg8Unorm,
+    /// Four bytes a texel, read as [0, 1].
+    Rgba8Unorm,
+    /// 4x4 blocks of 8 bytes: RGB and one bit of alpha.
+    Bc1,
+    /// 4x4 blocks of 16 bytes: RGB and alpha.
+    Bc3,
+    /// 4x4 blocks of 8 bytes: one channel.
+    Bc4,
+    /// 4x4 blocks of 16 bytes: two channels.
+    Bc5,
+    /// 4x4 blocks of 16 bytes: RGB and alpha.
+    Bc7,
+}
+
+impl PlaneFormat {
+    /// Texels a side of one stored block: 4 for the BC formats, 1 for plain texels.
+    #[must_use]
+    pub fn block_side(self) -> u32 {
+        match self {
+            PlaneFormat::Rg8Uint | PlaneFormat::R8Unorm | PlaneFormat::Rg8Unorm | PlaneFormat::Rgba8Unorm => 1,
+            _ => 4,
+        }
+    }
+
+    /// Bytes of one stored block.
+    #[must_use]
+    pub fn block_bytes(self) -> u32 {
+        match self {
+            PlaneFormat::R8Unorm => 1,
+            PlaneFormat::Rg8Uint | PlaneFormat::Rg8Unorm => 2,
+            PlaneFormat::Rgba8Unorm => 4,
+            PlaneFormat::Bc1 | PlaneFormat::Bc4 => 8,
+            PlaneFormat::Bc3 | PlaneFormat::Bc5 | PlaneFormat::Bc7 => 16,
+        }
+    }
+
+    /// Bytes of `width` x `height` texels, whole blocks.
+    #[must_use]
+    pub fn bytes(self, width: u32, height: u32) -> u64 {
+        let blocks = |side: u32| u64::from(side.div_ceil(self.block_side()));
+        blocks(width) * blocks(height) * u64::from(self.block_bytes())
+    }
+}
+
+/// One texture.
+#[derive(Debug, Clone)]
+pub struct Plane<'a> {
+    /// Which part of the footprint it belongs to.
+    pub part: &'static str,
+    /// Format of its texels.
+    pub format: PlaneFormat,
+    /// Columns of level 0 in texels.
+    pub width: u32,
+    /// Rows of level 0 in texels.
+    pub height: u32,
+    /// Mip levels in `data`.
+    pub levels: u32,
+    /// The levels one after the other, largest first, rows without padding.
+    pub data: Cow<'a, [u8]>,
+}
+
+impl Plane<'_> {
+    /// Width, height and bytes of each level, in the order of `data`.
+    pub fn level_sizes(&self) -> impl Iterator<Item = (u32, u32, u64)> + '_ {
+        (0..self.levels).map(|level| {
+            let (width, height) = ((self.width >> level).max(1), (self.height >> level).max(1));
+            (width, height, self.format.bytes(width, height))
+        })
+    }
+}
+
+/// What to bind to draw one image.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SurfaceBinding {
+    /// Indices into [`GpuForm::planes`], in the order of the shader's texture bindings.
+    pub planes: Vec<usize>,
+    /// Bytes of [`GpuForm::uniforms`] that hold the shader's parameters for this image.
+    pub uniforms: Range<usize>,
+    /// The `surface` argument of the shader's functions for this image.
+    pub surface: u32,
+}
+
+/// Planes and parameters of an encoded texture, and the shader module that reads them.
+#[derive(Debug, Clone)]
+pub struct GpuForm<'a> {
+    /// Name of the WGSL module: "bc", "vq", ...
+    pub module: &'static str,
+    /// All textures.
+    pub planes: Vec<Plane<'a>>,
+    /// Parameters of all images, each range a multiple of 16 bytes.
+    pub uniforms: Vec<u8>,
+    /// What to bind for each image of the layout.
+    pub surfaces: Vec<SurfaceBinding>,
+}
+
+impl GpuForm<'_> {
+    /// Bits of all planes and parameters.
+    #[must_use]
+    pub fn bits_memory(&self) -> u64 {
+        8 * (self.planes.iter().map(|plane| plane.data.len() as u64).sum::<u64>() + self.uniforms.len() as u64)
+    }
+}

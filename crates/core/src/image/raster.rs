@@ -1,0 +1,357 @@
+//! Images in memory: 1 to 4 channels of f32, tagged with what they mean.
+
+use glam::Vec4;
+
+use super::ColorSpace;
+use crate::{ImageLayout, SourceError, SurfaceSize, Texel};
+
+/// How alpha is to be read.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Alpha {
+    /// Every texel is opaque, or there is no alpha channel.
+    #[default]
+    Opaque,
+    /// Colour is stored unmultiplied.
+    Straight,
+    /// A texel is drawn where alpha is at least this threshold (0 to 1); mip levels keep the covered share.
+    Cutout(f32),
+}
+
+/// Precision of the values that a raster was made from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+pub enum Depth {
+    /// 8 bits a channel.
+    #[default]
+    Eight,
+    /// 16 bits a channel.
+    Sixteen,
+}
+
+/// What the channels of a raster are.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PixelInfo {
+    /// 1 gray, 2 gray + alpha, 3 RGB, 4 RGB + alpha.
+    pub channels: u8,
+    /// Precision of the source.
+    pub depth: Depth,
+    /// Meaning of the colour channels.
+    pub color: ColorSpace,
+    /// Meaning of the alpha channel.
+    pub alpha: Alpha,
+}
+
+impl PixelInfo {
+    /// Colour channels: 1 or 3.
+    #[must_use]
+    pub fn color_channels(self) -> u8 {
+        if self.channels < 3 { 1 } else { 3 }
+    }
+
+    /// Whether there is an alpha channel.
+    #[must_use]
+    pub fn has_alpha(self) -> bool {
+        self.channels % 2 == 0
+    }
+}
+
+/// An image: `height` rows of `width` texels of 1 to 4 interleaved channels, values nominally in [0, 1].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Raster {
+    size: SurfaceSize,
+    info: PixelInfo,
+    data: Vec<f32>,
+}
+
+impl Raster {
+    /// Takes `data`, row by row from the top, channels interleaved.
+    ///
+    /// # Errors
+    /// [`SourceError`]: a side of 0, channels other than 1 to 4, a wrong length, or values that are not finite.
+    pub fn new(width: u32, height: u32, info: PixelInfo, data: Vec<f32>) -> Result<Self, SourceError> {
+        if width == 0 || height == 0 {
+            return Err(SourceError::ZeroSize { index: 0, width, height });
+        }
+        if !(1..=4).contains(&info.channels) {
+            return Err(SourceError::Channels { channels: info.channels });
+        }
+        let size = SurfaceSize { width, height };
+        let needed = usize::try_from(size.texels().saturating_mul(u64::from(info.channels)));
+        let needed = needed.unwrap_or(usize::MAX);
+        if data.len() != needed {
+            return Err(SourceError::Length { found: data.len(), needed });
+        }
+        if data.iter().any(|value| !value.is_finite()) {
+            return Err(SourceError::NotFinite { index: 0 });
+        }
+        Ok(Raster { size, info, data })
+    }
+
+    /// From bytes: 0 is 0.0, 255 is 1.0. Fully opaque alpha is dropped.
+    ///
+    /// # Errors
+    /// As [`Raster::new`].
+    pub fn from_u8(
+        width: u32,
+        height: u32,
+        channels: u8,
+        color: ColorSpace,
+        bytes: &[u8],
+    ) -> Result<Self, SourceError> {
+        let alpha = if channels % 2 == 0 { Alpha::Straight } else { Alpha::Opaque };
+        let info = PixelInfo { channels, depth: Depth::Eight, color, alpha };
+        let data = bytes.iter().map(|&byte| f32::from(byte) / 255.0).collect();
+        Raster::new(width, height, info, data).map(Raster::without_opaque_alpha)
+    }
+
+    /// From 16-bit values: 0 is 0.0, 65535 is 1.0. Fully opaque alpha is dropped.
+    ///
+    /// # Errors
+    /// As [`Raster::new`].
+    pub fn from_u16(
+        width: u32,
+        height: u32,
+        channels: u8,
+        color: ColorSpace,
+        values: &[u16],
+    ) -> Result<Self, SourceError> {
+        let alpha = if channels % 2 == 0 { Alpha::Straight } else { Alpha::Opaque };
+        let info = PixelInfo { channels, depth: Depth::Sixteen, color, alpha };
+        let data = values.iter().map(|&value| f32::from(value) / 65535.0).collect();
+        Raster::new(width, height, info, data).map(Raster::without_opaque_alpha)
+    }
+
+    /// Drops an alpha channel that is 1 everywhere: an opaque image need not pay for it.
+    fn without_opaque_alpha(self) -> Self {
+        let channels = usize::from(self.info.channels);
+        if !self.info.has_alpha() || self.data.chunks_exact(channels).any(|texel| texel[channels - 1] < 1.0) {
+            return self;
+        }
+        let data = self.data.chunks_exact(channels).flat_map(|texel| &texel[..channels - 1]).copied().collect();
+        let info = PixelInfo { channels: self.info.channels - 1, alpha: Alpha::Opaque, ..self.info };
+        Raster { size: self.size, info, data }
+    }
+
+    /// From texels, keeping the channels that `info` names.
+    ///
+    /// # Errors
+    /// As [`Raster::new`].
+    pub fn from_texels(
+        width: u32,
+        height: u32,
+        info: PixelInfo,
+        texels: &[Texel],
+    ) -> Result<Self, SourceError> {
+        let data = texels.iter().flat_map(|texel| split_texel(*texel, info.channels)).collect();
+        Raster::new(width, height, info, data)
+    }
+
+    /// Columns and rows.
+    #[must_use]
+    pub fn size(&self) -> SurfaceSize {
+        self.size
+    }
+
+    /// What the channels are.
+    #[must_use]
+    pub fn info(&self) -> PixelInfo {
+        self.info
+    }
+
+    /// The same image with another reading of its values.
+    #[must_use]
+    pub fn tagged(mut self, color: ColorSpace, alpha: Alpha) -> Self {
+        self.info.color = color;
+        self.info.alpha = if self.info.has_alpha() { alpha } else { Alpha::Opaque };
+        self
+    }
+
+    /// The same image with exactly `channels` channels: gray is copied to RGB, missing alpha is 1, and
+    /// what `channels` has no room for is dropped (RGB to gray keeps red).
+    #[must_use]
+    pub fn with_channels(&self, channels: u8) -> Raster {
+        let channels = channels.clamp(1, 4);
+        let data = self.texels().flat_map(|texel| split_texel(texel, channels)).collect();
+        let info = PixelInfo { channels, ..self.info };
+        let alpha = if info.has_alpha() { Alpha::Straight } else { Alpha::Opaque };
+        let alpha = if self.info.has_alpha() && info.has_alpha() { self.info.alpha } else { alpha };
+        Raster { size: self.size, info: PixelInfo { alpha, ..info }, data }
+    }
+
+    /// All values, channels interleaved.
+    #[must_use]
+    pub fn data(&self) -> &[f32] {
+        &self.data
+    }
+
+    /// The channels of the texel at (`x`, `y`), both clamped to the image.
+    #[must_use]
+    pub fn channels_at(&self, x: u32, y: u32) -> &[f32] {
+        let channels = usize::from(self.info.channels);
+        let (x, y) = (x.min(self.size.width - 1) as usize, y.min(self.size.height - 1) as usize);
+        let start = (y * self.size.width as usize + x) * channels;
+        &self.data[start..start + channels]
+    }
+
+    /// The texel at (`x`, `y`), both clamped to the image: gray is copied to RGB, missing alpha is 1.
+    #[must_use]
+    pub fn texel(&self, x: u32, y: u32) -> Texel {
+        join_texel(self.channels_at(x, y))
+    }
+
+    /// All texels in row order.
+    pub fn texels(&self) -> impl ExactSizeIterator<Item = Texel> + '_ {
+        self.data.chunks_exact(usize::from(self.info.channels)).map(join_texel)
+    }
+
+    /// Interleaved bytes of the raster's own channels.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        self.data.iter().map(|&value| to_u8(value)).collect()
+    }
+}
+
+/// Nearest byte of a value in [0, 1]; what is outside is clamped.
+#[must_use]
+pub fn to_u8(value: f32) -> u8 {
+    // Adding a half and truncating rounds half up, as `floor(255 v + 0.5)` does in the shaders.
+    (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
+}
+
+fn join_texel(channels: &[f32]) -> Texel {
+    match *channels {
+        [gray] => Vec4::new(gray, gray, gray, 1.0),
+        [gray, alpha] => Vec4::new(gray, gray, gray, alpha),
+        [red, green, blue] => Vec4::new(red, green, blue, 1.0),
+        [red, green, blue, alpha] => Vec4::new(red, green, blue, alpha),
+        _ => Vec4::ZERO,
+    }
+}
+
+fn split_texel(texel: Texel, channels: u8) -> impl Iterator<Item = f32> {
+    let [red, green, blue, alpha] = texel.to_array();
+    let (values, count) = match channels {
+        1 => ([red, 0.0, 0.0, 0.0], 1),
+        2 => ([red, alpha, 0.0, 0.0], 2),
+        3 => ([red, green, blue, 0.0], 3),
+        _ => ([red, green, blue, alpha], 4),
+    };
+    values.into_iter().take(count)
+}
+
+/// Images that are compressed together: one image, a set, or the frames of a sequence in order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ImageSet {
+    images: Vec<Raster>,
+}
+
+impl ImageSet {
+    /// A set of at least one image. Images that differ in channels are all given the channels that hold every
+    /// one of them; colour space and alpha are those of the first.
+    ///
+    /// # Errors
+    /// [`SourceError::Empty`].
+    pub fn new(images: Vec<Raster>) -> Result<Self, SourceError> {
+        let first = images.first().ok_or(SourceError::Empty)?.info();
+        let rgb = images.iter().any(|image| image.info().channels > 2);
+        let alpha = images.iter().any(|image| image.info().has_alpha());
+        let channels = if rgb { 3 } else { 1 } + u8::from(alpha);
+        let unify = |image: Raster| {
+            let image = if image.info().channels == channels { image } else { image.with_channels(channels) };
+            let alpha = if first.has_alpha() { first.alpha } else { Alpha::Straight };
+            image.tagged(first.color, alpha)
+        };
+        Ok(ImageSet { images: images.into_iter().map(unify).collect() })
+    }
+
+    /// A set of one.
+    #[must_use]
+    pub fn single(image: Raster) -> Self {
+        ImageSet { images: vec![image] }
+    }
+
+    /// The images.
+    #[must_use]
+    pub fn images(&self) -> &[Raster] {
+        &self.images
+    }
+
+    /// What the channels of every image are.
+    #[must_use]
+    pub fn info(&self) -> PixelInfo {
+        let depth = if self.images.iter().any(|image| image.info().depth == Depth::Sixteen) {
+            Depth::Sixteen
+        } else {
+            Depth::Eight
+        };
+        PixelInfo { depth, ..self.images[0].info() }
+    }
+
+    /// Layout of the set with `levels` mip levels.
+    #[must_use]
+    pub fn layout(&self, levels: u32) -> ImageLayout {
+        ImageLayout {
+            surfaces: self.images.iter().map(Raster::size).collect(),
+            levels,
+            pixel: self.info(),
+        }
+    }
+
+    /// Texels of all images.
+    #[must_use]
+    pub fn texel_count(&self) -> u64 {
+        self.images.iter().map(|image| image.size().texels()).sum()
+    }
+
+    /// Levels of the longest full mip chain.
+    #[must_use]
+    pub fn full_levels(&self) -> u32 {
+        self.images.iter().map(|image| image.size().full_levels()).max().unwrap_or(1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn opaque_alpha_is_dropped_and_real_alpha_kept() {
+        let opaque = Raster::from_u8(1, 2, 4, ColorSpace::Srgb, &[1, 2, 3, 255, 4, 5, 6, 255]).unwrap();
+        assert_eq!(opaque.info().channels, 3);
+        assert_eq!(opaque.to_bytes(), [1, 2, 3, 4, 5, 6]);
+        let clear = Raster::from_u8(1, 2, 4, ColorSpace::Srgb, &[1, 2, 3, 255, 4, 5, 6, 254]).unwrap();
+        assert_eq!(clear.info().channels, 4);
+    }
+
+    #[test]
+    fn wrong_shapes_are_named() {
+        let info = PixelInfo { channels: 3, ..PixelInfo::default() };
+        assert!(matches!(Raster::new(0, 4, info, vec![]), Err(SourceError::ZeroSize { .. })));
+        assert!(matches!(Raster::new(1, 1, info, vec![0.0]), Err(SourceError::Length { needed: 3, .. })));
+        assert!(matches!(Raster::new(1, 1, info, vec![f32::NAN; 3]), Err(SourceError::NotFinite { .. })));
+        let five = PixelInfo { channels: 5, ..info };
+        assert!(matches!(Raster::new(1, 1, five, vec![0.0; 5]), Err(SourceError::Channels { channels: 5 })));
+    }
+
+    #[test]
+    fn sixteen_bits_are_kept() {
+        let raster = Raster::from_u16(1, 1, 1, ColorSpace::Linear, &[257]).unwrap();
+        assert!((raster.data()[0] - 257.0 / 65535.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_mixed_set_gets_the_channels_of_all() {
+        let gray = Raster::from_u8(1, 1, 1, ColorSpace::Srgb, &[128]).unwrap();
+        let rgba = Raster::from_u8(1, 1, 4, ColorSpace::Srgb, &[1, 2, 3, 4]).unwrap();
+        let set = ImageSet::new(vec![gray, rgba]).unwrap();
+        assert_eq!(set.images()[0].to_bytes(), [128, 128, 128, 255]);
+        assert_eq!(set.info().alpha, Alpha::Straight);
+        assert_eq!(ImageSet::new(vec![]), Err(SourceError::Empty));
+    }
+
+    #[test]
+    fn every_byte_survives() {
+        let bytes: Vec<u8> = (0..=255).collect();
+        let raster = Raster::from_u8(16, 16, 1, ColorSpace::Linear, &bytes).unwrap();
+        assert_eq!(raster.to_bytes(), bytes);
+    }
+}

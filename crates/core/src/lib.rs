@@ -1,0 +1,40 @@
+//! The vocabulary that every Texfold codec shares.
+//!
+//! A codec turns a source into an [`Encoded`] texture; the encoded form is what ships: it can be sampled
+//! at random, decoded by region, stored in a `.txf` file, counted bit by bit and handed to a GPU. This
+//! crate knows no codec, no GPU and no file system.
+//!
+//! Start with [`TextureCodec`] (the family: encode and load) and [`Encoded`] (the shipped form).
+
+pub mod address;
+mod codec;
+pub mod container;
+mod domain;
+mod encoded;
+mod error;
+mod footprint;
+mod gpu_form;
+pub mod image;
+mod job;
+mod limits;
+pub mod mesh;
+pub mod metric;
+pub mod sample;
+pub mod target;
+
+pub use codec::{Effort, Growable, Params, SharedSearch, TextureCodec};
+pub use domain::{
+    Domain, Image2d, ImageAddress, ImageLayout, LightAddress, LightLayout, Rect, SurfaceLight, SurfaceSize,
+};
+pub use encoded::{AnyEncoded, Encoded, Layers, Refine};
+pub use error::String4;
+pub use error::{EncodeError, LoadError, ParamError, RegionError, SourceError};
+pub use footprint::{Footprint, Part};
+pub use gpu_form::{GpuForm, Plane, PlaneFormat, SurfaceBinding};
+pub use job::{Cancel, Job, Stage};
+pub use limits::{Budget, LimitError, Limits};
+pub use container::{CodecId, Notes};
+pub use target::Goal;
+
+/// One colour: red, green, blue, alpha, nominally in [0, 1], as stored (no gamma conversion).
+pub type Texel = glam::Vec4;

@@ -1,0 +1,213 @@
+//! Goals, and the one loop that searches for the setting that meets one.
+
+use std::ops::RangeInclusive;
+
+/// What a user asks an encoder for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Goal {
+    /// The smallest result of at least this PSNR in dB.
+    Psnr(f64),
+    /// The best result within this many bits of GPU memory per source texel.
+    Bpp(f64),
+    /// The smallest result whose every block has at most this RMS error, in 8-bit units.
+    Tolerance(f64),
+}
+
+impl Default for Goal {
+    fn default() -> Self {
+        Goal::Psnr(34.0)
+    }
+}
+
+impl Goal {
+    /// Checks the number.
+    ///
+    /// # Errors
+    /// [`crate::ParamError`] where it is not a positive finite number.
+    pub fn check(self) -> Result<(), crate::ParamError> {
+        let (field, value) = match self {
+            Goal::Psnr(value) => ("psnr", value),
+            Goal::Bpp(value) => ("bpp", value),
+            Goal::Tolerance(value) => ("tolerance", value),
+        };
+        if value.is_finite() && value > 0.0 {
+            return Ok(());
+        }
+        Err(crate::ParamError { field, value, range: "positive finite numbers" })
+    }
+
+    /// Whether a result meets the goal.
+    #[must_use]
+    pub fn is_met(self, by: &Measured) -> bool {
+        match self {
+            Goal::Psnr(psnr) => by.psnr >= psnr,
+            Goal::Bpp(bpp) => by.bpp <= bpp,
+            Goal::Tolerance(tolerance) => by.worst_block_rms <= tolerance,
+        }
+    }
+
+    /// Whether `a` is the better answer to the goal than `b`: met before missed, then the smaller or, for bits
+    /// per texel, the finer one; among misses the one that comes nearer.
+    #[must_use]
+    pub fn prefers(self, a: &Measured, b: &Measured) -> bool {
+        let (met_a, met_b) = (self.is_met(a), self.is_met(b));
+        if met_a != met_b {
+            return met_a;
+        }
+        match self {
+            Goal::Bpp(_) if met_a => a.psnr > b.psnr,
+            Goal::Bpp(_) => a.bpp < b.bpp,
+            _ if met_a => a.bpp < b.bpp,
+            Goal::Psnr(_) => a.psnr > b.psnr,
+            Goal::Tolerance(_) => a.worst_block_rms < b.worst_block_rms,
+        }
+    }
+}
+
+/// What a candidate turned out to be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measured {
+    /// PSNR in dB of the decoded form.
+    pub psnr: f64,
+    /// Bits of GPU memory per source texel.
+    pub bpp: f64,
+    /// RMS error of the worst 4x4 block, 8-bit units.
+    pub worst_block_rms: f64,
+}
+
+/// What the search found.
+#[derive(Debug, Clone)]
+pub struct Found<T> {
+    /// The setting.
+    pub knob: u32,
+    /// What it measures.
+    pub measured: Measured,
+    /// What it made.
+    pub value: T,
+    /// Whether it meets the goal; if not it is the candidate that comes nearest.
+    pub met: bool,
+    /// How many candidates were made.
+    pub evaluations: u32,
+}
+
+/// Most candidates that one search makes: bisection of 16 bits, with room for the ends.
+const MAX_EVALUATIONS: u32 = 18;
+
+/// Finds the setting in `range` that answers `goal` best.
+///
+/// Quality and size are taken to rise with the knob. The search starts at `guess`, then goes by bisection in the
+/// knob's logarithm until the bracket is narrower than `relative_step` of the knob. Ends of the range are tried
+/// when the bracket has closed on them and they are still unknown.
+///
+/// # Errors
+/// Whatever `evaluate` returns, at once.
+pub fn search<T, E>(
+    goal: Goal,
+    range: RangeInclusive<u32>,
+    guess: u32,
+    relative_step: f64,
+    mut evaluate: impl FnMut(u32) -> Result<(Measured, T), E>,
+) -> Result<Found<T>, E> {
+    let (start, end) = (*range.start(), *range.end().max(range.start()));
+    let (mut low, mut high) = (i64::from(start) - 1, i64::from(end) + 1);
+    let mut knob = guess.clamp(start, end);
+    let mut best: Option<Found<T>> = None;
+    let mut evaluations = 0;
+    loop {
+        let (measured, value) = evaluate(knob)?;
+        evaluations += 1;
+        let met = goal.is_met(&measured);
+        if best.as_ref().is_none_or(|best| goal.prefers(&measured, &best.measured)) {
+            best = Some(Found { knob, measured, value, met, evaluations });
+        }
+        // Larger settings help a quality goal that is missed and a size goal that is met.
+        if met == matches!(goal, Goal::Bpp(_)) { low = i64::from(knob) } else { high = i64::from(knob) }
+        let narrow = (high - low) as f64 <= 1.0 + relative_step * high as f64 && low >= i64::from(start);
+        let closed = high - low <= 1 || (narrow && high <= i64::from(end)) || evaluations >= MAX_EVALUATIONS;
+        match next_knob(low, high, start, end).filter(|_| !closed) {
+            Some(next) => knob = next,
+            None => break,
+        }
+    }
+    // The loop evaluates at least once, so `best` is there; the retry keeps the signature free of panics.
+    match best {
+        Some(found) => Ok(Found { evaluations, ..found }),
+        None => evaluate(start).map(|(measured, value)| Found {
+            knob: start,
+            measured,
+            value,
+            met: goal.is_met(&measured),
+            evaluations: 1,
+        }),
+    }
+}
+
+/// The geometric middle of the bracket; `None` where nothing lies between.
+fn next_knob(low: i64, high: i64, start: u32, end: u32) -> Option<u32> {
+    if high - low <= 1 {
+        return None;
+    }
+    if high > i64::from(end) && low >= i64::from(end) / 2 {
+        return Some(end);
+    }
+    let floor = low.max(i64::from(start)).max(1) as f64;
+    let middle = (floor * high as f64).sqrt().round() as i64;
+    u32::try_from(middle.clamp(low + 1, high - 1)).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn linear(knob: u32) -> Result<(Measured, u32), std::convert::Infallible> {
+        let measured = Measured {
+            psnr: 10.0 * f64::from(knob).log10(),
+            bpp: f64::from(knob) / 100.0,
+            worst_block_rms: 1000.0 / f64::from(knob),
+        };
+        Ok((measured, knob))
+    }
+
+    #[test]
+    fn finds_the_smallest_knob_that_meets_a_quality_goal() {
+        for guess in [1, 50, 1000] {
+            let found = search(Goal::Psnr(20.0), 1..=1000, guess, 0.0, linear).unwrap();
+            assert_eq!((found.knob, found.met), (100, true), "guess {guess}");
+            let found = search(Goal::Tolerance(5.0), 1..=1000, guess, 0.0, linear).unwrap();
+            assert_eq!((found.knob, found.met), (200, true));
+        }
+    }
+
+    #[test]
+    fn finds_the_largest_knob_within_a_size_goal() {
+        for guess in [1, 50, 1000] {
+            let found = search(Goal::Bpp(3.337), 1..=1000, guess, 0.0, linear).unwrap();
+            assert_eq!((found.knob, found.met), (333, true), "guess {guess}");
+        }
+    }
+
+    #[test]
+    fn goals_out_of_reach_end_at_the_nearest_end() {
+        let found = search(Goal::Psnr(99.0), 1..=1000, 10, 0.0, linear).unwrap();
+        assert_eq!((found.knob, found.met), (1000, false));
+        let found = search(Goal::Bpp(0.001), 3..=1000, 10, 0.0, linear).unwrap();
+        assert_eq!((found.knob, found.met), (3, false));
+        let found = search(Goal::Psnr(1.0), 5..=5, 10, 0.0, linear).unwrap();
+        assert_eq!(found.knob, 5);
+    }
+
+    #[test]
+    fn a_relative_step_saves_candidates() {
+        let exact = search(Goal::Psnr(20.0), 1..=100_000, 500, 0.0, linear).unwrap();
+        let near = search(Goal::Psnr(20.0), 1..=100_000, 500, 0.05, linear).unwrap();
+        assert!(near.evaluations < exact.evaluations);
+        assert!(near.met && near.knob <= 105);
+    }
+
+    #[test]
+    fn bad_goals_are_named() {
+        assert_eq!(Goal::Bpp(f64::NAN).check().map_err(|e| e.field), Err("bpp"));
+        assert_eq!(Goal::Psnr(-1.0).check().map_err(|e| e.field), Err("psnr"));
+        assert!(Goal::Tolerance(2.0).check().is_ok());
+    }
+}

@@ -1,0 +1,1 @@
+//! Upload, draw and read back Texfold textures on any wgpu adapter

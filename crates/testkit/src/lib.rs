@@ -1,0 +1,3 @@
+//! Fixtures, pathological inputs, naive oracles and comparisons for Texfold's own tests
+
+pub mod fixtures;

@@ -1,0 +1,13 @@
+//! Texture codecs whose memory grows with what is unique in a scene.
+//!
+//! The facade for embedding: [`open`] a `.txf` file, [`encode_images`] with a codec by name or the one that
+//! suits, and everything of the shared vocabulary.
+
+mod auto;
+mod open;
+
+pub use auto::{CodecChoice, EncodeSettings, Guidance, encode_images};
+pub use open::{AnyImage, add_image, open, open_image};
+pub use texfold_bc::{Bc, BcParams, Content};
+pub use texfold_core::*;
+pub use texfold_vq::{GuidanceWeights, Vq, VqParams, VqSource};

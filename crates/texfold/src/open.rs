@@ -1,0 +1,78 @@
+//! Opening files of any codec.
+
+use texfold_bc::{Bc, BcTexture};
+use texfold_core::container::{SectionWriter, Sections};
+use texfold_core::{
+    AnyEncoded, Budget, EncodeError, Encoded, Growable, Image2d, Job, LoadError, SourceError, TextureCodec,
+};
+use texfold_vq::{Vq, VqSource, VqTexture};
+
+/// An encoded image texture of any codec, for callers that need its own type.
+#[derive(Debug)]
+pub enum AnyImage {
+    /// Plain block compression.
+    Bc(BcTexture),
+    /// Importance-driven vector quantisation.
+    Vq(VqTexture),
+}
+
+impl AnyImage {
+    /// The texture behind its trait.
+    #[must_use]
+    pub fn as_encoded(&self) -> &dyn Encoded<Domain = Image2d> {
+        match self {
+            AnyImage::Bc(texture) => texture,
+            AnyImage::Vq(texture) => texture,
+        }
+    }
+
+    /// The texture behind its trait, boxed.
+    #[must_use]
+    pub fn into_encoded(self) -> Box<dyn Encoded<Domain = Image2d>> {
+        match self {
+            AnyImage::Bc(texture) => Box::new(texture),
+            AnyImage::Vq(texture) => Box::new(texture),
+        }
+    }
+
+    /// The whole `.txf` file.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let encoded = self.as_encoded();
+        let mut writer = SectionWriter::new(encoded.codec());
+        encoded.store(&mut writer);
+        writer.finish().bytes
+    }
+}
+
+/// Loads a `.txf` file of any codec.
+///
+/// # Errors
+/// [`LoadError`] names what is wrong with the file.
+pub fn open(bytes: &[u8], budget: &mut Budget) -> Result<AnyEncoded, LoadError> {
+    open_image(bytes, budget).map(|image| AnyEncoded::Image(image.into_encoded()))
+}
+
+/// Loads a `.txf` file that holds images.
+///
+/// # Errors
+/// [`LoadError`] names what is wrong with the file.
+pub fn open_image(bytes: &[u8], budget: &mut Budget) -> Result<AnyImage, LoadError> {
+    let sections = Sections::parse(bytes, budget)?;
+    match sections.codec() {
+        number if number == Bc::ID.number => Bc::load(&sections, budget).map(AnyImage::Bc),
+        number if number == Vq::ID.number => Vq::load(&sections, budget).map(AnyImage::Vq),
+        found => Err(LoadError::NotThisCodec { found }),
+    }
+}
+
+/// Adds images to an encoded set or sequence; those already there keep every texel.
+///
+/// # Errors
+/// [`EncodeError`] where the codec cannot grow or the images do not fit; the texture is then as it was.
+pub fn add_image(texture: &mut AnyImage, source: VqSource<'_>, job: &mut Job<'_>) -> Result<(), EncodeError> {
+    match texture {
+        AnyImage::Vq(texture) => Vq::add(texture, source, job),
+        AnyImage::Bc(_) => Err(SourceError::Full { what: "a texture of codec bc" }.into()),
+    }
+}

@@ -1,0 +1,269 @@
+//! The shipped form: one codebook, and an index plane for each size of image.
+
+use std::borrow::Cow;
+
+use glam::IVec2;
+use texfold_bc::ContentPlanes;
+use texfold_core::address::TEXFOLD_CLAMP;
+use texfold_core::container::{SectionWriter, write_layout};
+use texfold_core::{
+    CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Notes, Plane, PlaneFormat,
+    Rect, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
+};
+
+use crate::decode::{TEXFOLD_VQ_LEVELS, TexfoldVqParams, VqView, texfold_vq_fetch};
+use crate::{Vq, wire};
+
+/// Longest side of an index plane: what every WebGPU device can sample.
+const MAX_PLANE_SIDE: u32 = 8192;
+
+/// A rectangle of the codebook that holds one image sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct CodebookPart {
+    /// Column of its upper left texel in the codebook.
+    pub x: u32,
+    /// Row of its upper left texel in the codebook.
+    pub y: u32,
+    /// Columns and rows.
+    pub side: u32,
+    /// Which image it was cut from.
+    pub surface: u32,
+    /// Column in that image.
+    pub source_x: u32,
+    /// Row in that image.
+    pub source_y: u32,
+}
+
+/// Images of one size: where each one's blocks lie in the shared index plane.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct SizeClass {
+    pub(crate) params: TexfoldVqParams,
+    pub(crate) index: Vec<[u8; 2]>,
+    pub(crate) index_width: u32,
+    /// Images of this size, in the order of their place in the plane.
+    pub(crate) surfaces: Vec<u32>,
+}
+
+/// Images stored as indices into a codebook.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VqTexture {
+    pub(crate) layout: ImageLayout,
+    pub(crate) codebook: ContentPlanes,
+    /// The codebook's texels, decoded once.
+    pub(crate) texels: Vec<Texel>,
+    pub(crate) classes: Vec<SizeClass>,
+    /// For each image its class and its place in the class's plane.
+    pub(crate) places: Vec<(usize, u32)>,
+    pub(crate) samples: Vec<CodebookPart>,
+    /// Free 4x4 cells at the end of the codebook, for further images.
+    pub(crate) free_cells: u32,
+    pub(crate) notes: Notes,
+}
+
+impl SizeClass {
+    /// An empty plane for `surfaces` images of `size`.
+    pub(crate) fn new(size: SurfaceSize, levels: u32, swizzle: u32, surfaces: Vec<u32>) -> Self {
+        let (width, height) = size.blocks();
+        let mut level_start = [0; TEXFOLD_VQ_LEVELS];
+        let mut blocks = width * height;
+        for level in 1..levels {
+            level_start[level as usize] = blocks;
+            let (columns, rows) = size.at_level(level).blocks();
+            blocks += columns * rows;
+        }
+        let rows = blocks.div_ceil(width);
+        let count = surfaces.len() as u32;
+        let per_column = (MAX_PLANE_SIDE / rows).max(1);
+        let columns = count.div_ceil(per_column);
+        let params = TexfoldVqParams {
+            size: [size.width, size.height],
+            levels,
+            address_mode: TEXFOLD_CLAMP,
+            swizzle,
+            columns,
+            rows,
+            reserved: 0,
+            level_start,
+        };
+        let plane_texels = (width * columns) as usize * (rows * count.div_ceil(columns)) as usize;
+        SizeClass { params, index: vec![[0; 2]; plane_texels], index_width: width * columns, surfaces }
+    }
+
+    /// Rows of the index plane.
+    pub(crate) fn index_height(&self) -> u32 {
+        self.index.len() as u32 / self.index_width
+    }
+
+    /// Position in the plane of block `block` (levels one after the other, row by row) of the image at `place`.
+    pub(crate) fn position(&self, place: u32, block: u32) -> usize {
+        let width = self.params.size[0].div_ceil(4);
+        let x = place % self.params.columns * width + block % width;
+        let y = place / self.params.columns * self.params.rows + block / width;
+        (y * self.index_width + x) as usize
+    }
+
+    /// Blocks of all levels of one image.
+    pub(crate) fn blocks(&self) -> u32 {
+        blocks_of(SurfaceSize { width: self.params.size[0], height: self.params.size[1] }, self.params.levels)
+    }
+}
+
+/// Blocks of `levels` levels of an image of `size`.
+pub(crate) fn blocks_of(size: SurfaceSize, levels: u32) -> u32 {
+    (0..levels).map(|level| size.at_level(level).blocks()).map(|(columns, rows)| columns * rows).sum()
+}
+
+/// Groups images by size, in the order in which sizes first appear.
+pub(crate) fn size_classes(layout: &ImageLayout, swizzle: u32) -> (Vec<SizeClass>, Vec<(usize, u32)>) {
+    let mut sizes: Vec<(SurfaceSize, Vec<u32>)> = Vec::new();
+    let mut known = std::collections::HashMap::new();
+    let mut places = Vec::new();
+    for (surface, &size) in layout.surfaces.iter().enumerate() {
+        let class = *known.entry(size).or_insert_with(|| {
+            sizes.push((size, Vec::new()));
+            sizes.len() - 1
+        });
+        places.push((class, sizes[class].1.len() as u32));
+        sizes[class].1.push(surface as u32);
+    }
+    let class = |(size, surfaces)| SizeClass::new(size, layout.levels, swizzle, surfaces);
+    (sizes.into_iter().map(class).collect(), places)
+}
+
+impl VqTexture {
+    /// Columns and rows of the codebook in texels.
+    #[must_use]
+    pub fn codebook_size(&self) -> (u32, u32) {
+        self.codebook.size()
+    }
+
+    /// How the codebook is stored.
+    #[must_use]
+    pub fn content(&self) -> texfold_bc::Content {
+        self.codebook.content()
+    }
+
+    /// The codebook's texels, row by row.
+    #[must_use]
+    pub fn codebook_texels(&self) -> &[Texel] {
+        &self.texels
+    }
+
+    /// The image samples in the codebook.
+    #[must_use]
+    pub fn samples(&self) -> &[CodebookPart] {
+        &self.samples
+    }
+
+    /// Replaces the notes.
+    #[must_use]
+    pub fn with_notes(mut self, notes: Notes) -> Self {
+        self.notes = notes;
+        self
+    }
+
+    /// The size class of an image as the shader sees it, and the image's place in it; the last image where there is
+    /// no such one.
+    #[must_use]
+    pub fn view(&self, surface: u32) -> (VqView<'_>, u32) {
+        let (class, place) = self.places[(surface as usize).min(self.places.len() - 1)];
+        let class = &self.classes[class];
+        let view = VqView {
+            params: class.params,
+            index: &class.index,
+            index_width: class.index_width,
+            codebook: &self.texels,
+            codebook_width: self.codebook.size().0,
+        };
+        (view, place)
+    }
+}
+
+impl Encoded for VqTexture {
+    type Domain = Image2d;
+
+    fn codec(&self) -> CodecId {
+        Vq::ID
+    }
+
+    fn layout(&self) -> &ImageLayout {
+        &self.layout
+    }
+
+    fn sample(&self, at: ImageAddress) -> Texel {
+        let clamp = |value: u32| i32::try_from(value).unwrap_or(i32::MAX);
+        let (view, place) = self.view(at.surface);
+        let level = at.level.min(self.layout.levels - 1);
+        texfold_vq_fetch(&view, place, IVec2::new(clamp(at.x), clamp(at.y)), level)
+    }
+
+    fn decode(&self, region: Rect, out: &mut [Texel]) -> Result<(), RegionError> {
+        self.layout.check(region)?;
+        if out.len() != Image2d::len(region) {
+            return Err(RegionError::OutputLength { found: out.len(), needed: Image2d::len(region) });
+        }
+        let (view, place) = self.view(region.surface);
+        let mut lines = out.chunks_exact_mut((region.width as usize).max(1));
+        for y in region.y..region.y + region.height {
+            let Some(line) = lines.next() else { break };
+            decode_line(&view, place, region, y, line);
+        }
+        Ok(())
+    }
+
+    fn store(&self, out: &mut SectionWriter) {
+        self.notes.write(out);
+        write_layout(&self.layout, out);
+        wire::store(self, out);
+    }
+
+    fn footprint(&self) -> Footprint {
+        Footprint::measure(self, &self.gpu())
+    }
+
+    fn gpu(&self) -> GpuForm<'_> {
+        let codebook: Vec<Plane<'_>> = self.codebook.gpu_planes("codebook").collect();
+        let last = codebook.len() - 1;
+        let mut form = GpuForm { module: "vq", planes: codebook, uniforms: Vec::new(), surfaces: Vec::new() };
+        let mut bindings = Vec::new();
+        for class in &self.classes {
+            let start = form.uniforms.len();
+            form.uniforms.extend(bytemuck::bytes_of(&class.params));
+            bindings.push((vec![form.planes.len(), 0, last], start..form.uniforms.len()));
+            form.planes.push(Plane {
+                part: "index",
+                format: PlaneFormat::Rg8Uint,
+                width: class.index_width,
+                height: class.index_height(),
+                levels: 1,
+                data: Cow::Borrowed(class.index.as_flattened()),
+            });
+        }
+        let binding = |&(class, place): &(usize, u32)| {
+            let (planes, uniforms) = bindings[class].clone();
+            SurfaceBinding { planes, uniforms, surface: place }
+        };
+        form.surfaces = self.places.iter().map(binding).collect();
+        form
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
+    }
+}
+
+/// One row of a region: four texels at a time from the codebook.
+fn decode_line(view: &VqView<'_>, place: u32, region: Rect, y: u32, line: &mut [Texel]) {
+    let end = region.x + region.width;
+    let mut x = region.x;
+    let mut rest = line;
+    while x < end {
+        let corner = crate::decode::texfold_vq_block(view, place, region.level, glam::UVec2::new(x / 4, y / 4));
+        let count = (4 - x % 4).min(end - x) as usize;
+        let start = ((corner.y + y % 4) * view.codebook_width + corner.x + x % 4) as usize;
+        let (head, tail) = rest.split_at_mut(count);
+        head.copy_from_slice(&view.codebook[start..start + count]);
+        rest = tail;
+        x += count as u32;
+    }
+}

@@ -1,0 +1,117 @@
+//! Parameters and source of the vq codec.
+
+use texfold_bc::Content;
+use texfold_core::image::{ImageSet, Raster};
+use texfold_core::mesh::UvMesh;
+use texfold_core::{Effort, Goal, ParamError, Params};
+
+/// Longest side of a codebook in texels: the index map has one byte a coordinate.
+pub const MAX_CODEBOOK_SIDE: u32 = 256;
+
+/// What is compressed, and what is known of its importance.
+#[derive(Debug, Clone, Copy)]
+pub struct VqSource<'s> {
+    /// One image, a set, or the frames of a sequence.
+    pub images: &'s ImageSet,
+    /// Painted importance for the first image: bright where it matters.
+    pub painted: Option<&'s Raster>,
+    /// The mesh that the first image is drawn on: stretched parts matter more.
+    pub mesh: Option<&'s UvMesh>,
+    /// How much each guidance term weighs.
+    pub weights: GuidanceWeights,
+}
+
+impl<'s> VqSource<'s> {
+    /// Images alone: importance comes from saliency.
+    #[must_use]
+    pub fn new(images: &'s ImageSet) -> Self {
+        VqSource { images, painted: None, mesh: None, weights: GuidanceWeights::default() }
+    }
+}
+
+/// Weights of the guidance terms (paper section 3.4); only their ratios count. A term that is not given, such as
+/// distortion without a mesh, counts as 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GuidanceWeights {
+    /// How many blocks a sample could stand for.
+    pub usability: f32,
+    /// What the eye is drawn to.
+    pub saliency: f32,
+    /// Where the parameterisation stretches the texture.
+    pub distortion: f32,
+    /// What was painted as important.
+    pub painted: f32,
+}
+
+impl Default for GuidanceWeights {
+    fn default() -> Self {
+        GuidanceWeights { usability: 1.0, saliency: 1.0, distortion: 1.0, painted: 2.0 }
+    }
+}
+
+/// How vector quantisation is done.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VqParams {
+    /// What to reach, by the size of the codebook.
+    pub goal: Goal,
+    /// Width and height of the codebook in texels, multiples of 4 up to 256, instead of the goal.
+    pub codebook: Option<(u32, u32)>,
+    /// Number and side of the image samples; `None` lets the size of the codebook decide. Sides are multiples
+    /// of 4 up to 256; samples take at most 75% of the codebook.
+    pub samples: Option<(u32, u32)>,
+    /// How strongly importance weighs an error: 0 counts all texels alike, 1 is the default.
+    pub importance: f32,
+    /// How the codebook is stored: raw, BC1 or BC7; `None` lets the goal decide.
+    pub content: Option<Content>,
+    /// Whether every mip level has an index map of its own.
+    pub mips: bool,
+    /// How long to search.
+    pub effort: Effort,
+}
+
+impl Default for VqParams {
+    fn default() -> Self {
+        VqParams {
+            goal: Goal::default(),
+            codebook: None,
+            samples: None,
+            importance: 1.0,
+            content: None,
+            mips: false,
+            effort: Effort::Normal,
+        }
+    }
+}
+
+impl Params for VqParams {
+    fn check(&self) -> Result<(), ParamError> {
+        let error = |field, value: f64, range| Err(ParamError { field, value, range });
+        let fits = |side: u32| side % 4 == 0 && (4..=MAX_CODEBOOK_SIDE).contains(&side);
+        self.goal.check()?;
+        if let Some((width, height)) = self.codebook {
+            let range = "multiples of 4 in 4..=256, as the index map has one byte a coordinate";
+            for side in [width, height] {
+                if !fits(side) {
+                    return error("codebook", f64::from(side), range);
+                }
+            }
+        }
+        if let Some((count, side)) = self.samples {
+            if count > 64 {
+                return error("samples", f64::from(count), "0..=64 samples");
+            }
+            if count > 0 && !fits(side) {
+                return error("samples", f64::from(side), "sides that are multiples of 4 in 4..=256");
+            }
+        }
+        if !(0.0..=4.0).contains(&self.importance) {
+            return error("importance", f64::from(self.importance), "0..=4");
+        }
+        match self.content {
+            None | Some(Content::Raw | Content::Bc1 | Content::Bc7) => Ok(()),
+            Some(Content::Bc3 | Content::Bc4 | Content::Bc5) => {
+                error("content", 0.0, "raw, bc1 and bc7 for a vq codebook")
+            }
+        }
+    }
+}

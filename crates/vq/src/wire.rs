@@ -1,0 +1,142 @@
+//! Sections of a `vq` file: "VQFM" (codebook size, content, samples), "CODE" (codebook planes), "INDX" (all index maps,
+//! image by image: columns first, then rows, each as the difference to the block before, which compresses better).
+
+use texfold_bc::{Content, ContentPlanes};
+use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
+use texfold_core::{Budget, ImageLayout, LoadError, String4};
+
+use crate::encoded::{CodebookPart, SizeClass, VqTexture, size_classes};
+use crate::params::MAX_CODEBOOK_SIDE;
+
+const FORM_ID: [u8; 4] = *b"VQFM";
+const CODE_ID: [u8; 4] = *b"CODE";
+const INDEX_ID: [u8; 4] = *b"INDX";
+
+pub(crate) fn store(texture: &VqTexture, out: &mut SectionWriter) {
+    let (width, height) = texture.codebook.size();
+    let number = Content::ALL.iter().position(|&content| content == texture.codebook.content()).unwrap_or(0);
+    let mut form = vec![number as u8];
+    form.extend([width, height, texture.free_cells, texture.samples.len() as u32].map(u32::to_le_bytes).concat());
+    for part in &texture.samples {
+        let fields = [part.x, part.y, part.side, part.surface, part.source_x, part.source_y];
+        form.extend(fields.map(u32::to_le_bytes).concat());
+    }
+    out.section("container", FORM_ID, &form);
+    let planes: Vec<u8> = texture.codebook.planes().iter().flat_map(|(_, bytes)| bytes).copied().collect();
+    out.section("codebook", CODE_ID, &planes);
+    let mut index = Vec::new();
+    for &(class, place) in &texture.places {
+        let class = &texture.classes[class];
+        for axis in 0..2 {
+            let mut before = 0u8;
+            index.extend((0..class.blocks()).map(|block| {
+                let value = class.index[class.position(place, block)][axis];
+                let difference = value.wrapping_sub(before);
+                before = value;
+                difference
+            }));
+        }
+    }
+    out.section("index", INDEX_ID, &index);
+}
+
+pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<VqTexture, LoadError> {
+    let notes = Notes::read(file, budget)?;
+    let layout = read_layout(file, budget)?;
+    let form = file.read(FORM_ID, budget)?;
+    let form = read_form(&mut Reader::new(String4(FORM_ID), &form), &layout)?;
+    let raw = file.read(CODE_ID, budget)?;
+    let mut code = Reader::new(String4(CODE_ID), &raw);
+    let (formats, _) = form.content.formats(layout.pixel);
+    let mut planes = Vec::new();
+    for format in formats {
+        planes.push(code.bytes(format.bytes(form.width, form.height) as usize)?.to_vec());
+    }
+    code.end()?;
+    let codebook = ContentPlanes::from_planes(form.content, layout.pixel, (form.width, form.height), planes);
+    let codebook = codebook.ok_or(code.corrupt("planes of another size"))?;
+    budget.take(u64::from(form.width) * u64::from(form.height) * 16)?;
+    let texels = codebook.decode();
+    let index = file.read(INDEX_ID, budget)?;
+    let (classes, places) = read_index(&index, &layout, &codebook, budget)?;
+    Ok(VqTexture {
+        layout,
+        codebook,
+        texels,
+        classes,
+        places,
+        samples: form.samples,
+        free_cells: form.free_cells,
+        notes,
+    })
+}
+
+struct Form {
+    content: Content,
+    width: u32,
+    height: u32,
+    free_cells: u32,
+    samples: Vec<CodebookPart>,
+}
+
+fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, LoadError> {
+    let content = *Content::ALL.get(usize::from(reader.u8()?)).ok_or(reader.corrupt("unknown content"))?;
+    if !content.fits(layout.pixel) {
+        return Err(reader.corrupt("content that cannot hold the channels"));
+    }
+    let (width, height, free_cells) = (reader.u32()?, reader.u32()?, reader.u32()?);
+    let fits = |side: u32| side % 4 == 0 && (4..=MAX_CODEBOOK_SIDE).contains(&side);
+    if !fits(width) || !fits(height) || free_cells > width * height / 16 {
+        return Err(reader.corrupt("a codebook side that is no multiple of 4 in 4..=256"));
+    }
+    let mut samples = Vec::new();
+    for _ in 0..reader.u32()? {
+        let [x, y, side] = [reader.u32()?, reader.u32()?, reader.u32()?];
+        let [surface, source_x, source_y] = [reader.u32()?, reader.u32()?, reader.u32()?];
+        let inside = |at: u32, end: u32| u64::from(at) + u64::from(side) <= u64::from(end);
+        if !inside(x, width) || !inside(y, height) {
+            return Err(reader.corrupt("a sample outside the codebook"));
+        }
+        samples.push(CodebookPart { x, y, side, surface, source_x, source_y });
+    }
+    reader.end()?;
+    Ok(Form { content, width, height, free_cells, samples })
+}
+
+fn read_index(
+    raw: &[u8],
+    layout: &ImageLayout,
+    codebook: &ContentPlanes,
+    budget: &mut Budget,
+) -> Result<(Vec<SizeClass>, Vec<(usize, u32)>), LoadError> {
+    // The planes need at most twice the file's index bytes: images of a class leave less than a row each.
+    let reader = Reader::new(String4(INDEX_ID), raw);
+    let blocks: u64 = layout.surfaces.iter().map(|&size| block_count(size, layout.levels)).sum();
+    if raw.len() as u64 != 2 * blocks {
+        return Err(reader.corrupt("another number of blocks than the layout has"));
+    }
+    budget.take(4 * blocks)?;
+    let (mut classes, places) = size_classes(layout, codebook.swizzle().0);
+    let (width, height) = codebook.size();
+    let limits = [width - 4, height - 4];
+    let mut values = raw.iter();
+    for &(class, place) in &places {
+        let class = &mut classes[class];
+        for (axis, &limit) in limits.iter().enumerate() {
+            let mut value = 0u8;
+            for block in 0..class.blocks() {
+                value = value.wrapping_add(values.next().copied().unwrap_or(0));
+                if u32::from(value) > limit {
+                    return Err(reader.corrupt("an index outside the codebook"));
+                }
+                let position = class.position(place, block);
+                class.index[position][axis] = value;
+            }
+        }
+    }
+    Ok((classes, places))
+}
+
+fn block_count(size: texfold_core::SurfaceSize, levels: u32) -> u64 {
+    (0..levels).map(|level| size.at_level(level).blocks()).map(|(c, r)| u64::from(c) * u64::from(r)).sum()
+}

@@ -177,6 +177,23 @@ impl ContentPlanes {
         })
     }
 
+    /// The same planes with `height` rows (at least as many as now) and other texels in some 4x4 cells, each given by
+    /// its corner; whatever is in no such cell keeps its bits, new rows start as 0.
+    #[must_use]
+    pub fn with_cells(&self, cells: &[(u32, u32, [Texel; 16])], height: u32) -> Self {
+        let mut grown = self.clone();
+        grown.height = height.max(self.height);
+        for (index, (format, bytes)) in grown.planes.iter_mut().enumerate() {
+            bytes.resize(format.bytes(self.width, grown.height) as usize, 0);
+            for (x, y, texels) in cells {
+                let block = plane_bytes(texels, self.swizzle, index);
+                let block = encode_plane(*format, 4, 4, &block, texfold_core::Effort::Normal);
+                write_cell(bytes, *format, self.width, (*x, *y), &block);
+            }
+        }
+        grown
+    }
+
     /// All texels, row by row.
     #[must_use]
     pub fn decode(&self) -> Vec<Texel> {
@@ -190,6 +207,19 @@ impl ContentPlanes {
             texfold_core::sample::texfold_swizzle(a, b, self.swizzle.0)
         };
         first.iter().enumerate().map(texel).collect()
+    }
+}
+
+/// Puts an encoded 4x4 cell at a corner that is a multiple of 4.
+fn write_cell(bytes: &mut [u8], format: PlaneFormat, width: u32, (x, y): (u32, u32), cell: &[u8]) {
+    let (side, block) = (format.block_side(), format.block_bytes() as usize);
+    let columns = width.div_ceil(side);
+    let run = 4 / side as usize * block;
+    for (row, values) in cell.chunks_exact(run).enumerate() {
+        let start = ((y / side + row as u32) * columns + x / side) as usize * block;
+        if let Some(place) = bytes.get_mut(start..start + run) {
+            place.copy_from_slice(values);
+        }
     }
 }
 

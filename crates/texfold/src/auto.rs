@@ -3,7 +3,8 @@
 use texfold_bc::{Bc, BcParams, Content};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::mesh::UvMesh;
-use texfold_core::{Effort, EncodeError, Goal, Job, TextureCodec};
+use texfold_core::metric::measure;
+use texfold_core::{Effort, EncodeError, Encoded, Goal, Job, SourceError, TextureCodec};
 use texfold_vq::{GuidanceWeights, Vq, VqParams, VqSource};
 
 use crate::AnyImage;
@@ -55,7 +56,7 @@ pub struct Guidance<'s> {
 /// Encodes images with the codec that the settings name.
 ///
 /// A codec that cannot reach the goal where plain block compression can, or that is larger at the same quality,
-/// gives way to it; the notes' verdict says so.
+/// gives way to it; the notes' verdict says so. A codebook asked for by its size is made as asked.
 ///
 /// # Errors
 /// As [`TextureCodec::encode`].
@@ -65,8 +66,136 @@ pub fn encode_images(
     settings: &EncodeSettings,
     job: &mut Job<'_>,
 ) -> Result<AnyImage, EncodeError> {
-    let _ = (source, guidance, settings, job);
-    let _ = (Bc::encode, BcParams::default, Vq::encode, VqParams::default);
-    let _: Option<VqSource<'_>> = None;
-    Err(EncodeError::Cancelled)
+    let bc = |job: &mut Job<'_>| Bc::encode(source, &bc_params(settings), job).map(AnyImage::Bc);
+    let vq = |job: &mut Job<'_>| {
+        let images = VqSource {
+            images: source,
+            painted: guidance.painted,
+            mesh: guidance.mesh,
+            weights: guidance.weights,
+        };
+        Vq::encode(images, &vq_params(settings), job).map(AnyImage::Vq)
+    };
+    match settings.codec {
+        CodecChoice::Bc => bc(job),
+        CodecChoice::Vq if settings.codebook.is_some() => vq(job),
+        CodecChoice::Vq | CodecChoice::Auto => {
+            let method = job.within(0.0, 0.8, vq);
+            let plain = job.within(0.8, 1.0, bc);
+            choose(source, settings.goal, method, plain)
+        }
+    }
+}
+
+fn bc_params(settings: &EncodeSettings) -> BcParams {
+    BcParams {
+        goal: settings.goal,
+        content: settings.content,
+        reduce_log2: None,
+        mips: settings.mips,
+        effort: settings.effort,
+    }
+}
+
+fn vq_params(settings: &EncodeSettings) -> VqParams {
+    let usual = VqParams::default();
+    VqParams {
+        goal: settings.goal,
+        codebook: settings.codebook,
+        samples: settings.samples,
+        importance: settings.importance.unwrap_or(usual.importance),
+        content: settings.content,
+        mips: settings.mips,
+        effort: settings.effort,
+    }
+}
+
+/// The better answer to the goal; a method's own failure, such as a codebook that cannot hold a tolerance, leaves the
+/// plain form. Parameters, cancellation and limits are the caller's affair and are passed on.
+fn choose(
+    source: &ImageSet,
+    goal: Goal,
+    method: Result<AnyImage, EncodeError>,
+    plain: Result<AnyImage, EncodeError>,
+) -> Result<AnyImage, EncodeError> {
+    let method = match method {
+        Ok(method) => method,
+        Err(EncodeError::Source(SourceError::Full { what })) => {
+            return plain.map(|plain| fall_back(plain, &format!("it would need more than {what}")));
+        }
+        Err(error) => return Err(error),
+    };
+    let Ok(plain) = plain else { return Ok(method) };
+    let of_method = measure(source, method.as_encoded());
+    let of_plain = measure(source, plain.as_encoded());
+    if goal.prefers(&of_method, &of_plain) {
+        return Ok(method);
+    }
+    let reason = match (goal.is_met(&of_method), goal) {
+        (false, Goal::Bpp(_)) => format!("it needs {:.2} bits a texel", of_method.bpp),
+        (false, _) => format!("it reaches {:.1} dB with its largest codebook", of_method.psnr),
+        (true, Goal::Bpp(_)) => format!("it reaches {:.1} dB where the plain form reaches {:.1}", of_method.psnr, of_plain.psnr),
+        (true, _) => format!("it needs {:.2} bits a texel where the plain form needs {:.2}", of_method.bpp, of_plain.bpp),
+    };
+    Ok(fall_back(plain, &reason))
+}
+
+/// The plain form, whose verdict says why vq was not used.
+fn fall_back(plain: AnyImage, reason: &str) -> AnyImage {
+    match plain {
+        AnyImage::Bc(texture) => {
+            let mut notes = texture.notes().clone();
+            notes.verdict = format!("{} vq does not suit this picture and goal: {reason}.", notes.verdict);
+            AnyImage::Bc(texture.with_notes(notes))
+        }
+        other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use texfold_core::image::ColorSpace;
+    use texfold_testkit::fixtures::pictures;
+
+    fn encode(name: &str, settings: EncodeSettings) -> (ImageSet, AnyImage) {
+        let picture = pictures().into_iter().find(|picture| picture.name == name).unwrap();
+        let raster =
+            Raster::from_u8(picture.width, picture.height, picture.channels, ColorSpace::Srgb, &picture.data).unwrap();
+        let set = ImageSet::single(raster);
+        let encoded = encode_images(&set, Guidance::default(), &settings, &mut Job::default()).unwrap();
+        (set, encoded)
+    }
+
+    #[test]
+    fn noise_falls_back_to_the_plain_form_and_says_so() {
+        let settings = EncodeSettings { codec: CodecChoice::Vq, goal: Goal::Psnr(30.0), ..EncodeSettings::default() };
+        let (set, encoded) = encode("noise", settings);
+        assert!(matches!(encoded, AnyImage::Bc(_)));
+        assert!(encoded.as_encoded().notes().verdict.contains("vq does not suit"));
+        assert!(measure(&set, encoded.as_encoded()).psnr >= 30.0);
+    }
+
+    #[test]
+    fn exact_repetition_is_cheaper_than_plain_blocks() {
+        let settings = EncodeSettings { goal: Goal::Psnr(34.0), ..EncodeSettings::default() };
+        let (set, encoded) = encode("tile_repeat", settings.clone());
+        assert!(matches!(encoded, AnyImage::Vq(_)), "{}", encoded.as_encoded().notes().verdict);
+        let plain = encode("tile_repeat", EncodeSettings { codec: CodecChoice::Bc, ..settings }).1;
+        let (ours, plain) = (measure(&set, encoded.as_encoded()), measure(&set, plain.as_encoded()));
+        assert!(ours.psnr >= 34.0 && ours.bpp < 0.6 * plain.bpp, "{ours:?} {plain:?}");
+    }
+
+    #[test]
+    fn whatever_is_chosen_meets_a_goal_that_plain_blocks_meet() {
+        for name in ["one_texel", "odd_3x5", "constant", "black", "ramp", "stripes", "zebra", "line_513x1", "cutout", "gray"] {
+            for goal in [Goal::Psnr(32.0), Goal::Bpp(8.0), Goal::Tolerance(12.0)] {
+                let (set, encoded) = encode(name, EncodeSettings { goal, ..EncodeSettings::default() });
+                let (_, plain) =
+                    encode(name, EncodeSettings { goal, codec: CodecChoice::Bc, ..EncodeSettings::default() });
+                let (ours, plain) = (measure(&set, encoded.as_encoded()), measure(&set, plain.as_encoded()));
+                assert!(goal.is_met(&ours) || !goal.is_met(&plain), "{name} {goal:?}: {ours:?} {plain:?}");
+            }
+        }
+    }
 }

@@ -57,6 +57,8 @@ pub struct VqTexture {
     pub(crate) samples: Vec<CodebookPart>,
     /// Free 4x4 cells at the end of the codebook, for further images.
     pub(crate) free_cells: u32,
+    /// RMS error in 8-bit units within which blocks of further images join what is there.
+    pub(crate) join_rms: f32,
     pub(crate) notes: Notes,
 }
 
@@ -153,6 +155,19 @@ impl VqTexture {
     #[must_use]
     pub fn samples(&self) -> &[CodebookPart] {
         &self.samples
+    }
+
+    /// Corners of all windows that blocks may point at: those in samples, and the codewords'.
+    pub(crate) fn corners(&self, grid: crate::encode::plan::Grid) -> (Vec<[u8; 2]>, Vec<[u8; 2]>) {
+        let window = |part: &CodebookPart| {
+            let part = *part;
+            (0..part.side - 3)
+                .flat_map(move |y| (0..part.side - 3).map(move |x| [(part.x + x) as u8, (part.y + y) as u8]))
+        };
+        let cells = grid.free_cells(&self.samples);
+        let used = cells.len() - self.free_cells as usize;
+        let codewords = cells.iter().take(used).map(|&(x, y)| [x as u8, y as u8]);
+        (self.samples.iter().flat_map(window).collect(), codewords.collect())
     }
 
     /// Replaces the notes.

@@ -18,7 +18,7 @@ mod wire;
 
 pub use encode::report::{PartPictures, pictures};
 pub use encoded::{CodebookPart, VqTexture};
-pub use guidance::{distortion_map, saliency_map};
+pub use guidance::{Map, distortion_map, painted_map, saliency_map};
 pub use params::{GuidanceWeights, VqParams, VqSource};
 
 use texfold_core::container::Sections;

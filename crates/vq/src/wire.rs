@@ -5,6 +5,7 @@ use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
 use texfold_core::{Budget, ImageLayout, LoadError, String4};
 
+use crate::encode::plan::Grid;
 use crate::encoded::{CodebookPart, SizeClass, VqTexture, size_classes};
 use crate::params::MAX_CODEBOOK_SIDE;
 
@@ -17,6 +18,7 @@ pub(crate) fn store(texture: &VqTexture, out: &mut SectionWriter) {
     let number = Content::ALL.iter().position(|&content| content == texture.codebook.content()).unwrap_or(0);
     let mut form = vec![number as u8];
     form.extend([width, height, texture.free_cells, texture.samples.len() as u32].map(u32::to_le_bytes).concat());
+    form.extend(texture.join_rms.to_le_bytes());
     for part in &texture.samples {
         let fields = [part.x, part.y, part.side, part.surface, part.source_x, part.source_y];
         form.extend(fields.map(u32::to_le_bytes).concat());
@@ -67,6 +69,7 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<VqTexture
         places,
         samples: form.samples,
         free_cells: form.free_cells,
+        join_rms: form.join_rms,
         notes,
     })
 }
@@ -76,6 +79,7 @@ struct Form {
     width: u32,
     height: u32,
     free_cells: u32,
+    join_rms: f32,
     samples: Vec<CodebookPart>,
 }
 
@@ -86,21 +90,27 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
     }
     let (width, height, free_cells) = (reader.u32()?, reader.u32()?, reader.u32()?);
     let fits = |side: u32| side % 4 == 0 && (4..=MAX_CODEBOOK_SIDE).contains(&side);
-    if !fits(width) || !fits(height) || free_cells > width * height / 16 {
+    if !fits(width) || !fits(height)  {
         return Err(reader.corrupt("a codebook side that is no multiple of 4 in 4..=256"));
     }
+    let count = reader.u32()?;
+    let join_rms = reader.f32()?;
     let mut samples = Vec::new();
-    for _ in 0..reader.u32()? {
+    for _ in 0..count {
         let [x, y, side] = [reader.u32()?, reader.u32()?, reader.u32()?];
         let [surface, source_x, source_y] = [reader.u32()?, reader.u32()?, reader.u32()?];
         let inside = |at: u32, end: u32| u64::from(at) + u64::from(side) <= u64::from(end);
-        if !inside(x, width) || !inside(y, height) {
-            return Err(reader.corrupt("a sample outside the codebook"));
+        if side < 4 || !inside(x, width) || !inside(y, height) {
+            return Err(reader.corrupt("a sample outside the codebook or smaller than a block"));
         }
         samples.push(CodebookPart { x, y, side, surface, source_x, source_y });
     }
     reader.end()?;
-    Ok(Form { content, width, height, free_cells, samples })
+    let cells = Grid::of_texels((width, height)).free_cells(&samples).len();
+    if free_cells as usize > cells {
+        return Err(reader.corrupt("more free cells than cells"));
+    }
+    Ok(Form { content, width, height, free_cells, join_rms, samples })
 }
 
 fn read_index(

@@ -177,6 +177,16 @@ impl Raster {
         Raster { size: self.size, info: PixelInfo { alpha, ..info }, data }
     }
 
+    /// The same image with one colour channel: the mean of red, green and blue, which is the gray with the least squared
+    /// error.
+    #[must_use]
+    pub fn to_gray(&self) -> Raster {
+        let alpha = self.info.has_alpha();
+        let gray = |texel: Texel| [(texel.x + texel.y + texel.z) / 3.0, texel.w].into_iter().take(1 + usize::from(alpha));
+        let data = self.texels().flat_map(gray).collect();
+        Raster { size: self.size, info: PixelInfo { channels: 1 + u8::from(alpha), ..self.info }, data }
+    }
+
     /// All values, channels interleaved.
     #[must_use]
     pub fn data(&self) -> &[f32] {
@@ -273,6 +283,12 @@ impl ImageSet {
     #[must_use]
     pub fn images(&self) -> &[Raster] {
         &self.images
+    }
+
+    /// The same images with one colour channel each; see [`Raster::to_gray`].
+    #[must_use]
+    pub fn to_gray(&self) -> ImageSet {
+        ImageSet { images: self.images.iter().map(Raster::to_gray).collect() }
     }
 
     /// What the channels of every image are.

@@ -1,0 +1,156 @@
+//! k-means++ seeding (Arthur and Vassilvitskii 2007), exact but with most distances skipped.
+//!
+//! A new seed can only be nearer to a vector than its nearest seed so far if their first principal coordinates are. The
+//! vectors are kept in the order of that coordinate, so that only a short run of them is looked at.
+
+use crate::search::padded_distance;
+
+/// Vectors whose sampling weights are summed together.
+const BLOCK: usize = 256;
+
+/// xorshift64*: enough for sampling, and the same on every machine.
+#[derive(Debug, Clone)]
+pub(crate) struct Random(u64);
+
+impl Random {
+    pub(crate) fn new(seed: u64) -> Self {
+        Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
+    }
+
+    /// A number in [0, 1).
+    fn unit(&mut self) -> f64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        (self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+struct Seeder<'a> {
+    points: &'a [f32],
+    padded: usize,
+    weights: &'a [f32],
+    /// Points in the order of their first number.
+    order: Vec<u32>,
+    firsts: Vec<f32>,
+    /// Squared distance to the nearest seed, by place in `order`.
+    distance: Vec<f32>,
+    /// Sums of weight x distance over blocks of places.
+    sums: Vec<f64>,
+}
+
+/// Rows of `points` to start from: at most `count`, fewer where there are fewer distinct points.
+pub(crate) fn seeds(points: &[f32], padded: usize, weights: &[f32], count: usize, random: &mut Random) -> Vec<u32> {
+    let total = weights.len();
+    if total <= count {
+        return (0..total as u32).collect();
+    }
+    let first_of = |point: u32| points[point as usize * padded];
+    let mut order: Vec<u32> = (0..total as u32).collect();
+    order.sort_by(|&a, &b| first_of(a).total_cmp(&first_of(b)).then(a.cmp(&b)));
+    let firsts = order.iter().map(|&point| first_of(point)).collect();
+    let mut seeder =
+        Seeder { points, padded, weights, order, firsts, distance: vec![f32::INFINITY; total], sums: Vec::new() };
+    let heaviest = (0..total).max_by(|&a, &b| weights[a].total_cmp(&weights[b]).then(b.cmp(&a)));
+    let mut chosen = vec![heaviest.unwrap_or(0) as u32];
+    seeder.add(chosen[0]);
+    while chosen.len() < count {
+        match seeder.draw(random) {
+            Some(point) => {
+                chosen.push(point);
+                seeder.add(point);
+            }
+            None => break,
+        }
+    }
+    chosen
+}
+
+impl Seeder<'_> {
+    fn point(&self, point: u32) -> &[f32] {
+        &self.points[point as usize * self.padded..(point as usize + 1) * self.padded]
+    }
+
+    /// Takes `seed` into account.
+    fn add(&mut self, seed: u32) {
+        let vector = self.point(seed).to_vec();
+        let reach = self.distance.iter().fold(0f32, |most, &distance| most.max(distance)).sqrt();
+        let start = self.firsts.partition_point(|&first| first < vector[0] - reach);
+        let end = self.firsts.partition_point(|&first| first <= vector[0] + reach);
+        for place in start..end {
+            let gap = self.firsts[place] - vector[0];
+            if gap * gap < self.distance[place] {
+                let distance = padded_distance(&vector, self.point(self.order[place]));
+                self.distance[place] = self.distance[place].min(distance);
+            }
+        }
+        self.sum_blocks(start, end);
+    }
+
+    fn sum_blocks(&mut self, start: usize, end: usize) {
+        self.sums.resize(self.order.len().div_ceil(BLOCK), 0.0);
+        for block in start / BLOCK..end.div_ceil(BLOCK) {
+            self.sums[block] = self.places(block).map(|place| self.share(place)).sum();
+        }
+    }
+
+    fn places(&self, block: usize) -> std::ops::Range<usize> {
+        block * BLOCK..((block + 1) * BLOCK).min(self.order.len())
+    }
+
+    fn share(&self, place: usize) -> f64 {
+        f64::from(self.distance[place]) * f64::from(self.weights[self.order[place] as usize])
+    }
+
+    /// A point drawn by weight x squared distance; `None` where every point is a seed already.
+    fn draw(&self, random: &mut Random) -> Option<u32> {
+        let total: f64 = self.sums.iter().sum();
+        if total <= 0.0 {
+            return None;
+        }
+        let mut rest = random.unit() * total;
+        let mut last = None;
+        for (block, &sum) in self.sums.iter().enumerate().filter(|(_, sum)| **sum > 0.0) {
+            last = Some(block);
+            if rest < sum {
+                break;
+            }
+            rest -= sum;
+        }
+        let mut drawn = None;
+        for place in self.places(last?) {
+            let share = self.share(place);
+            if share > 0.0 {
+                drawn = Some(self.order[place]);
+                if rest < share {
+                    break;
+                }
+                rest -= share;
+            }
+        }
+        drawn
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seeds_are_distinct_points() {
+        let points: Vec<f32> = (0..100).flat_map(|i| [(i % 10) as f32, 0., 0., 0., 0., 0., 0., 0.]).collect();
+        let chosen = seeds(&points, 8, &[1.0; 100], 50, &mut Random::new(3));
+        let mut values: Vec<u32> = chosen.iter().map(|&point| point % 10).collect();
+        values.sort_unstable();
+        assert_eq!(values, (0..10).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn weight_zero_is_never_drawn() {
+        let points: Vec<f32> = (0..64).flat_map(|i| [i as f32, 0., 0., 0., 0., 0., 0., 0.]).collect();
+        let weights: Vec<f32> = (0..64).map(|i| if i < 32 { 1.0 } else { 0.0 }).collect();
+        let chosen = seeds(&points, 8, &weights, 20, &mut Random::new(9));
+        assert!(chosen.iter().all(|&point| point < 32), "{chosen:?}");
+        assert_eq!(chosen.len(), 20);
+    }
+}

@@ -1,0 +1,154 @@
+//! Filling a codebook, storing it, and finding for each block what stands for it best in the stored form.
+
+use ndarray::{Array2, Axis};
+use rayon::prelude::*;
+use texfold_bc::{Content, ContentPlanes};
+use texfold_codebook::{Match, Search};
+use texfold_core::image::{PixelInfo, Raster};
+use texfold_core::{Effort, Texel};
+
+use super::blocks::{Blocks, channels_of, texel_of};
+use super::plan::Grid;
+use crate::encoded::CodebookPart;
+
+/// A codebook before it is stored.
+#[derive(Debug, Clone)]
+pub(crate) struct Draft {
+    pub(crate) grid: Grid,
+    pub(crate) samples: Vec<CodebookPart>,
+    /// One codeword a row, for the first free cells.
+    pub(crate) codewords: Array2<f32>,
+}
+
+/// A codebook as it ships: the planes, what they decode to, and everything in it that a block can point at.
+#[derive(Debug, Clone)]
+pub(crate) struct Stored {
+    pub(crate) planes: ContentPlanes,
+    pub(crate) texels: Vec<Texel>,
+    /// Corners of the windows: those of samples first, then the codewords'.
+    pub(crate) corners: Vec<[u8; 2]>,
+    pub(crate) windows: Array2<f32>,
+    /// How many of the windows lie in samples.
+    pub(crate) sample_windows: usize,
+}
+
+impl Draft {
+    /// All texels of the codebook; unused cells are 0.
+    pub(crate) fn texels(&self, images: &[Raster]) -> Vec<Texel> {
+        let (width, height) = self.grid.texels();
+        let mut texels = vec![Texel::ZERO; (width * height) as usize];
+        for part in &self.samples {
+            let image = &images[part.surface as usize];
+            for (y, x) in (0..part.side).flat_map(|y| (0..part.side).map(move |x| (y, x))) {
+                let texel = image.texel(part.source_x + x, part.source_y + y);
+                texels[((part.y + y) * width + part.x + x) as usize] = texel;
+            }
+        }
+        for (codeword, (x, y)) in self.codewords.rows().into_iter().zip(self.grid.free_cells(&self.samples)) {
+            let values = codeword.to_vec();
+            for (index, texel) in values.chunks_exact(values.len() / 16).enumerate() {
+                let (row, column) = (y as usize + index / 4, x as usize + index % 4);
+                texels[row * width as usize + column] = texel_of(texel);
+            }
+        }
+        texels
+    }
+
+    /// Stores the codebook and lists what blocks can point at.
+    ///
+    /// With `straddling`, windows that lie across several codewords are listed too.
+    pub(crate) fn store(
+        &self,
+        images: &[Raster],
+        (pixel, content): (PixelInfo, Content),
+        effort: Effort,
+        straddling: bool,
+    ) -> Stored {
+        let texels = self.texels(images);
+        let planes = ContentPlanes::encode(content, pixel, self.grid.texels(), &texels, effort);
+        let texels = planes.decode();
+        let mut corners: Vec<[u8; 2]> = Vec::new();
+        for part in &self.samples {
+            for (y, x) in (0..part.side - 3).flat_map(|y| (0..part.side - 3).map(move |x| (y, x))) {
+                corners.push([(part.x + x) as u8, (part.y + y) as u8]);
+            }
+        }
+        let sample_windows = corners.len();
+        let cells = self.grid.free_cells(&self.samples);
+        corners.extend(cells.iter().take(self.codewords.nrows()).map(|&(x, y)| [x as u8, y as u8]));
+        if straddling {
+            corners.extend(self.straddling_windows());
+        }
+        let windows = windows_at(&texels, self.grid.texels().0, &corners, usize::from(pixel.channels));
+        Stored { planes, texels, corners, windows, sample_windows }
+    }
+
+    /// Corners of all windows that lie across cells and in no sample.
+    fn straddling_windows(&self) -> Vec<[u8; 2]> {
+        let (width, height) = self.grid.texels();
+        let used = self.grid.free_cells(&self.samples).len() - self.codewords.nrows();
+        // Cells without a codeword are at the end; windows that touch them would change when they are filled.
+        let last = self.grid.free_cells(&self.samples).len().saturating_sub(used + 1);
+        let bottom = self.grid.free_cells(&self.samples).get(last).map_or(0, |&(_, y)| if used == 0 { height } else { y });
+        let in_sample = |x: u32, y: u32| {
+            self.samples.iter().any(|part| {
+                x >= part.x && x + 4 <= part.x + part.side && y >= part.y && y + 4 <= part.y + part.side
+            })
+        };
+        (0..bottom.saturating_sub(3))
+            .flat_map(|y| (0..width - 3).map(move |x| (x, y)))
+            .filter(|&(x, y)| (x % 4 != 0 || y % 4 != 0) && !in_sample(x, y))
+            .map(|(x, y)| [x as u8, y as u8])
+            .collect()
+    }
+
+    /// Moves each codeword to the weighted mean of the blocks that use it; unused ones to the blocks that are worst off.
+    pub(crate) fn average(&mut self, blocks: &Blocks, rows: &[usize], weights: &[f32], stored: &Stored, matches: &[Match]) {
+        let dims = self.codewords.ncols();
+        let mut sums = Array2::<f64>::zeros(self.codewords.dim());
+        let mut totals = vec![0f64; self.codewords.nrows()];
+        for ((&row, found), &weight) in rows.iter().zip(matches).zip(weights) {
+            let Some(index) = (found.index as usize).checked_sub(stored.sample_windows) else { continue };
+            if index >= totals.len() {
+                continue;
+            }
+            totals[index] += f64::from(weight);
+            let mut sum = sums.row_mut(index);
+            sum.iter_mut().zip(blocks.vector(row)).for_each(|(s, &v)| *s += f64::from(weight) * f64::from(v));
+        }
+        let mut worst: Vec<usize> = (0..rows.len()).collect();
+        let share = |at: usize| matches[at].distance * weights[at];
+        worst.sort_by(|&a, &b| share(b).total_cmp(&share(a)).then(a.cmp(&b)));
+        let mut worst = worst.into_iter().filter(|&at| share(at) > 0.0);
+        for (index, mut codeword) in self.codewords.axis_iter_mut(Axis(0)).enumerate() {
+            if totals[index] > 0.0 {
+                (0..dims).for_each(|k| codeword[k] = (sums[[index, k]] / totals[index]) as f32);
+            } else if let Some(at) = worst.next() {
+                codeword.iter_mut().zip(blocks.vector(rows[at])).for_each(|(c, &v)| *c = v);
+            }
+        }
+    }
+}
+
+/// The 4x4 windows of a codebook at `corners`.
+pub(crate) fn windows_at(texels: &[Texel], width: u32, corners: &[[u8; 2]], channels: usize) -> Array2<f32> {
+    let dims = 16 * channels;
+    let mut values = vec![0f32; corners.len() * dims];
+    values.par_chunks_mut(dims).zip(corners).for_each(|(line, &[x, y])| {
+        for (index, values) in line.chunks_exact_mut(channels).enumerate() {
+            let (row, column) = (usize::from(y) + index / 4, usize::from(x) + index % 4);
+            values.copy_from_slice(&channels_of(texels[row * width as usize + column], channels)[..channels]);
+        }
+    });
+    Array2::from_shape_vec((corners.len(), dims), values).unwrap_or_else(|_| Array2::zeros((0, dims)))
+}
+
+/// The nearest of `windows` for each of the blocks `rows`.
+pub(crate) fn assign(blocks: &Blocks, rows: &[usize], windows: ndarray::ArrayView2<'_, f32>) -> Vec<Match> {
+    let search = Search::new(windows);
+    let nowhere = Match { index: 0, distance: f32::INFINITY };
+    rows.par_iter()
+        .with_min_len(64)
+        .map(|&row| search.nearest(blocks.vector(row), f32::INFINITY).unwrap_or(nowhere))
+        .collect()
+}

@@ -1,0 +1,164 @@
+//! What an encode says of itself: settings, verdict, ledger, pictures.
+
+use texfold_core::image::{ColorSpace, PixelInfo, Raster};
+use texfold_core::metric::{SquaredError, color_error, decode_surface};
+use texfold_core::{Encoded, Goal, Texel};
+
+use super::assemble::{assign, windows_at};
+use super::plan::Grid;
+use super::single::Prepared;
+use crate::{VqParams, VqTexture};
+
+/// The settings in the words of the command line.
+pub(crate) fn settings(params: &VqParams) -> String {
+    let mut words = vec!["--codec vq".to_owned()];
+    words.push(match (params.codebook, params.goal) {
+        (Some((width, height)), _) => format!("--codebook {width}x{height}"),
+        (None, Goal::Psnr(psnr)) => format!("--psnr {psnr}"),
+        (None, Goal::Bpp(bpp)) => format!("--bpp {bpp}"),
+        (None, Goal::Tolerance(tolerance)) => format!("--tolerance {tolerance}"),
+    });
+    if let Some((count, side)) = params.samples {
+        words.push(format!("--samples {count}x{side}"));
+    }
+    if params.importance != VqParams::default().importance {
+        words.push(format!("--importance {}", params.importance));
+    }
+    if let Some(content) = params.content {
+        words.push(format!("--content {}", content.name()));
+    }
+    if params.mips {
+        words.push("--mips".to_owned());
+    }
+    words.join(" ")
+}
+
+/// What was modelled and what was left out, in a sentence.
+pub(crate) fn verdict(texture: &VqTexture, met: bool) -> String {
+    let (width, height) = texture.codebook_size();
+    let cells = Grid::of_texels((width, height)).free_cells(texture.samples()).len() - texture.free_cells as usize;
+    let content = texture.content().name().to_uppercase();
+    let samples = match texture.samples() {
+        [] => "no sample (the codebook is too small for one to pay)".to_owned(),
+        [one] => format!("one sample of {0}x{0} texels", one.side),
+        many => format!("{} samples of {1}x{1} texels", many.len(), many[0].side),
+    };
+    let missed = if met { "" } else { "; the goal is out of reach of the largest codebook" };
+    let gray = if texture.layout().pixel.channels < 3 { " of gray" } else { "" };
+    format!("{samples} and {cells} codewords{gray} in a {width}x{height} {content} codebook{missed}.")
+}
+
+/// PSNR with the samples left out, and with the codewords left out: blocks then take the best of what remains.
+pub(crate) fn ledger(prepared: &Prepared<'_>, texture: &VqTexture) -> Vec<(String, f32)> {
+    let grid = Grid::of_texels(texture.codebook_size());
+    let (samples, codewords) = texture.corners(grid);
+    let without = |corners: &[[u8; 2]]| -> Option<f32> {
+        (!corners.is_empty()).then(|| psnr_with(prepared, texture, corners))
+    };
+    let mut ledger = Vec::new();
+    if !samples.is_empty() {
+        ledger.extend(without(&codewords).map(|psnr| ("samples".to_owned(), psnr)));
+        ledger.extend(without(&samples).map(|psnr| ("codewords".to_owned(), psnr)));
+    }
+    ledger
+}
+
+fn psnr_with(prepared: &Prepared<'_>, texture: &VqTexture, corners: &[[u8; 2]]) -> f32 {
+    let windows = windows_at(&texture.texels, texture.codebook_size().0, corners, prepared.blocks.channels);
+    let rows: Vec<usize> =
+        (0..prepared.images().len()).flat_map(|surface| prepared.blocks.of_level0(surface)).collect();
+    let matches = assign(&prepared.blocks, &rows, windows.view());
+    let mut other = texture.clone();
+    let mut next = matches.iter();
+    for &(class, place) in &texture.places {
+        let class = &mut other.classes[class];
+        let size = texfold_core::SurfaceSize { width: class.params.size[0], height: class.params.size[1] };
+        for block in 0..crate::encoded::blocks_of(size, 1) {
+            let position = class.position(place, block);
+            class.index[position] = next.next().map_or([0; 2], |found| corners[found.index as usize]);
+        }
+    }
+    let error = prepared.reference.images().iter().enumerate().filter_map(|(surface, image)| {
+        decode_surface(&other, surface as u32, 0).map(|decoded| color_error(image, &decoded))
+    });
+    error.fold(SquaredError::default(), |sum, error| sum + error).psnr() as f32
+}
+
+/// Pictures of the parts of a vq texture, for a person to look at.
+#[derive(Debug, Clone)]
+pub struct PartPictures {
+    /// The codebook, with samples framed in red and unused cells black.
+    pub codebook: Raster,
+    /// For each image the place that every block points at: red is the column, green the row, blue a sample.
+    pub index: Vec<Raster>,
+    /// For each image how often what a block points at is used: white once, darker more often.
+    pub usage: Vec<Raster>,
+}
+
+/// Draws the parts of `texture`; `None` only where a picture cannot be made at all.
+#[must_use]
+pub fn pictures(texture: &VqTexture) -> Option<PartPictures> {
+    let surfaces = 0..texture.layout().surfaces.len() as u32;
+    let counts = use_counts(texture);
+    Some(PartPictures {
+        codebook: draw_codebook(texture)?,
+        index: surfaces.clone().filter_map(|surface| draw_blocks(texture, surface, &|at| place_color(texture, at))).collect(),
+        usage: surfaces
+            .filter_map(|surface| {
+                draw_blocks(texture, surface, &|[x, y]| {
+                    let count = counts[usize::from(y) * 256 + usize::from(x)];
+                    Texel::splat(1.0 / (1.0 + (count.max(1) as f32).log2())).truncate().extend(1.0)
+                })
+            })
+            .collect(),
+    })
+}
+
+fn rgb(width: u32, height: u32, texels: &[Texel]) -> Option<Raster> {
+    let info = PixelInfo { channels: 3, color: ColorSpace::Srgb, ..PixelInfo::default() };
+    Raster::from_texels(width, height, info, texels).ok()
+}
+
+fn draw_codebook(texture: &VqTexture) -> Option<Raster> {
+    let (width, height) = texture.codebook_size();
+    let mut texels = texture.codebook_texels().to_vec();
+    let frame = Texel::new(1.0, 0.1, 0.1, 1.0);
+    for part in texture.samples() {
+        for step in 0..part.side {
+            let ends = [(step, 0), (step, part.side - 1), (0, step), (part.side - 1, step)];
+            for (x, y) in ends {
+                texels[((part.y + y) * width + part.x + x) as usize] = frame;
+            }
+        }
+    }
+    rgb(width, height, &texels)
+}
+
+fn place_color(texture: &VqTexture, [x, y]: [u8; 2]) -> Texel {
+    let (column, row) = (u32::from(x), u32::from(y));
+    let inside = |at: u32, start: u32, side: u32| at >= start && at < start + side;
+    let sample = texture.samples().iter().any(|part| inside(column, part.x, part.side) && inside(row, part.y, part.side));
+    Texel::new(f32::from(x) / 255.0, f32::from(y) / 255.0, if sample { 1.0 } else { 0.0 }, 1.0)
+}
+
+fn use_counts(texture: &VqTexture) -> Vec<u32> {
+    let mut counts = vec![0u32; 256 * 256];
+    for &(class, place) in &texture.places {
+        let class = &texture.classes[class];
+        for block in 0..class.blocks() {
+            let [x, y] = class.index[class.position(place, block)];
+            counts[usize::from(y) * 256 + usize::from(x)] += 1;
+        }
+    }
+    counts
+}
+
+/// One texel a block of level 0.
+fn draw_blocks(texture: &VqTexture, surface: u32, color: &dyn Fn([u8; 2]) -> Texel) -> Option<Raster> {
+    let &(class, place) = texture.places.get(surface as usize)?;
+    let class = &texture.classes[class];
+    let (columns, rows) = texture.layout().surfaces[surface as usize].blocks();
+    let texels: Vec<Texel> =
+        (0..columns * rows).map(|block| color(class.index[class.position(place, block)])).collect();
+    rgb(columns, rows, &texels)
+}

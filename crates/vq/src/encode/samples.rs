@@ -1,0 +1,125 @@
+//! Choice of the image samples: the windows with the most guidance (paper sections 3.1 and 3.4).
+//!
+//! Guidance = normalised usability + normalised importance, by their weights. After each choice the blocks that it shows
+//! within tolerance no longer count for usability, nor its texels for importance.
+
+use rayon::prelude::*;
+use texfold_codebook::Search;
+use texfold_core::image::Raster;
+
+use super::blocks::Blocks;
+use super::importance::Integral;
+use super::plan::Grid;
+use super::usability::Words;
+use crate::GuidanceWeights;
+use crate::encoded::CodebookPart;
+use crate::guidance::Map;
+
+/// Step of sample positions in texels: that of the image's own blocks, so that a sample's cells are blocks
+/// of the image.
+const POSITION_STEP: u32 = 4;
+
+/// What samples are chosen by.
+pub(crate) struct Choice<'a> {
+    pub(crate) images: &'a [Raster],
+    pub(crate) blocks: &'a Blocks,
+    pub(crate) words: &'a Words,
+    pub(crate) importance: &'a [Map],
+    pub(crate) weights: GuidanceWeights,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Position {
+    surface: usize,
+    x: u32,
+    y: u32,
+    usability: f32,
+    importance: f32,
+}
+
+impl Choice<'_> {
+    /// At most `count` samples of `side` texels for a codebook of `grid`.
+    pub(crate) fn choose(&self, grid: Grid, count: u32, side: u32) -> Vec<CodebookPart> {
+        let mut importance: Vec<Map> = self.importance.to_vec();
+        let mut left: Vec<f32> = (0..self.images.len())
+            .flat_map(|surface| self.blocks.of_level0(surface))
+            .map(|row| self.blocks.inside[row])
+            .collect();
+        let mut samples: Vec<CodebookPart> = Vec::new();
+        for (x, y) in grid.sample_places(count, side) {
+            let Some(best) = self.best(&importance, &left, side) else { break };
+            let (surface, source_x, source_y) = (best.surface as u32, best.x, best.y);
+            samples.push(CodebookPart { x, y, side, surface, source_x, source_y });
+            for row in source_y..source_y + side {
+                let mut line = importance[best.surface].row_mut(row as usize);
+                (source_x..source_x + side).for_each(|column| line[column as usize] = 0.0);
+            }
+            self.strike_out(&samples[samples.len() - 1..], &mut left);
+        }
+        samples
+    }
+
+    fn best(&self, importance: &[Map], left: &[f32], side: u32) -> Option<Position> {
+        let positions: Vec<Position> =
+            (0..self.images.len()).flat_map(|surface| self.positions(surface, importance, left, side)).collect();
+        let most = |value: fn(&Position) -> f32| positions.iter().map(value).fold(f32::MIN_POSITIVE, f32::max);
+        let (most_usable, most_important) = (most(|p| p.usability), most(|p| p.importance));
+        let others = self.weights.saliency.max(self.weights.painted).max(self.weights.distortion);
+        let guidance = |p: &Position| {
+            self.weights.usability * p.usability / most_usable + others * p.importance / most_important
+        };
+        // The first of equals, so that the choice does not depend on anything but the image.
+        positions.into_iter().reduce(|best, p| if guidance(&p) > guidance(&best) { p } else { best })
+    }
+
+    fn positions(&self, surface: usize, importance: &[Map], left: &[f32], side: u32) -> Vec<Position> {
+        let size = self.images[surface].size();
+        if size.width < side || size.height < side {
+            return Vec::new();
+        }
+        let usability = self.words.usability(surface, side, left);
+        let integral = Integral::new(&importance[surface]);
+        let step = usability.step.max(POSITION_STEP);
+        let stride = (step / usability.step) as usize;
+        let (rows, columns) = usability.values.dim();
+        (0..rows)
+            .step_by(stride)
+            .flat_map(|row| (0..columns).step_by(stride).map(move |column| (row, column)))
+            .map(|(row, column)| {
+                let (x, y) = (column as u32 * usability.step, row as u32 * usability.step);
+                let importance = integral.mean(x, y, side);
+                Position { surface, x, y, usability: usability.values[[row, column]], importance }
+            })
+            .collect()
+    }
+
+    /// Sets the weight of blocks that the samples show within tolerance to 0.
+    fn strike_out(&self, samples: &[CodebookPart], left: &mut [f32]) {
+        let windows = sample_windows(self.images, samples);
+        let search = Search::new(windows.view());
+        let rows: Vec<usize> =
+            (0..self.images.len()).flat_map(|surface| self.blocks.of_level0(surface)).collect();
+        let reach = self.words.distortion;
+        left.par_iter_mut().zip(rows).for_each(|(weight, row)| {
+            if *weight > 0.0 && search.nearest(self.blocks.vector(row), reach).is_some() {
+                *weight = 0.0;
+            }
+        });
+    }
+}
+
+/// All windows of the samples, cut from the images.
+pub(crate) fn sample_windows(images: &[Raster], samples: &[CodebookPart]) -> ndarray::Array2<f32> {
+    let dims = 16 * usize::from(images[0].info().channels);
+    let mut values = Vec::new();
+    for part in samples {
+        for (y, x) in (0..part.side - 3).flat_map(|y| (0..part.side - 3).map(move |x| (y, x))) {
+            let start = values.len();
+            values.resize(start + dims, 0.0);
+            let image = &images[part.surface as usize];
+            super::blocks::window(image, part.source_x + x, part.source_y + y, &mut values[start..]);
+        }
+    }
+    let rows = values.len() / dims;
+    ndarray::Array2::from_shape_vec((rows, dims), values).unwrap_or_else(|_| ndarray::Array2::zeros((0, dims)))
+}

@@ -2,8 +2,8 @@
 //!
 //! [`build`] is the generalised Lloyd algorithm (Linde, Buzo and Gray 1980) with a weight for each vector, a k-means++
 //! start and re-seeding of empty cells. [`Search`] finds exact nearest neighbours fast: vectors are rotated to
-//! the principal axes of the codebook, which keeps distances and puts most of them into the first few numbers, so
-//! that almost all codewords are rejected after one to eight of them. Between rounds only codewords that moved are
+//! the principal axes of the codebook, which keeps distances and puts most of them into the first eight numbers, and
+//! a k-d tree over those leaves a few hundred of ten thousands to compare. Between rounds only codewords that moved are
 //! searched anew (Kaukoranta, Fränti and Nevalainen 2000).
 //!
 //! Cost: O(n k) distances in the worst case; on image blocks about 1% of their arithmetic is done. The result does

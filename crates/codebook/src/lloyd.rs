@@ -4,7 +4,7 @@ use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
 
 use crate::rotation::Rotation;
-use crate::search::{Match, Sorted, padded_dims, padded_distance, rotate_padded};
+use crate::search::{Match, Tree, padded_dims, padded_distance, rotate_padded};
 use crate::seeding::{Random, seeds};
 
 /// How long to iterate.
@@ -93,9 +93,9 @@ impl State<'_> {
 
     /// Finds every point's nearest codeword, knowing which codewords moved since the last time.
     fn assign(&mut self, moved: &[bool]) {
-        let all = Sorted::new(&self.codewords, self.padded, (0..moved.len() as u32).collect());
+        let all = Tree::new(&self.codewords, self.padded, (0..moved.len() as u32).collect());
         let active: Vec<u32> = (0..moved.len() as u32).filter(|&index| moved[index as usize]).collect();
-        let active = Sorted::new(&self.codewords, self.padded, active);
+        let active = Tree::new(&self.codewords, self.padded, active);
         let state = &*self;
         let find = |row: usize| {
             let (point, before) = (state.point(row), state.matches[row]);

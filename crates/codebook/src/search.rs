@@ -21,19 +21,42 @@ pub struct Match {
 #[derive(Debug, Clone)]
 pub struct Search {
     rotation: Rotation,
-    sorted: Sorted,
+    tree: Tree,
     dims: usize,
 }
 
-/// Rotated vectors in the order of their first number.
+/// Vectors that a leaf holds: fewer cost more steps down the tree, more are compared in vain.
+const LEAF: usize = 12;
+
+/// Rotated vectors in a k-d tree over their first [`CHUNK`] numbers (Friedman, Bentley and Finkel 1977; distances to
+/// cells kept incrementally after Arya and Mount 1993).
 #[derive(Debug, Clone)]
-pub(crate) struct Sorted {
-    first: Vec<f32>,
-    /// Padded to a multiple of [`CHUNK`] numbers each.
-    values: Vec<f32>,
-    /// Row in the codebook, for each sorted place.
+pub(crate) struct Tree {
+    /// Inner nodes in the order of a walk that takes the lower side first.
+    nodes: Vec<Node>,
+    /// First chunk of each vector, in the order of the leaves: what nearly every comparison ends with.
+    heads: Vec<f32>,
+    /// The further chunks.
+    tails: Vec<f32>,
+    /// Row in the codebook, for each place.
     rows: Vec<u32>,
     padded: usize,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    axis: u32,
+    split: f32,
+    /// Node of the upper side, as far as it is no leaf.
+    upper: u32,
+}
+
+/// A search on its way.
+struct Query<'a> {
+    vector: &'a [f32],
+    /// Distance to the cell along each axis.
+    offset: [f32; CHUNK],
+    best: &'a mut Match,
 }
 
 /// Length of a vector padded with zeros to whole chunks.
@@ -41,59 +64,88 @@ pub(crate) fn padded_dims(dims: usize) -> usize {
     dims.next_multiple_of(CHUNK)
 }
 
-impl Sorted {
+impl Tree {
     /// Sorts those rows of `rotated` (padded rows) that `rows` names.
     pub(crate) fn new(rotated: &[f32], padded: usize, mut rows: Vec<u32>) -> Self {
-        let first_of = |row: u32| rotated[row as usize * padded];
-        rows.sort_by(|&a, &b| first_of(a).total_cmp(&first_of(b)).then(a.cmp(&b)));
-        let first = rows.iter().map(|&row| first_of(row)).collect();
-        let values = rows
-            .iter()
-            .flat_map(|&row| &rotated[row as usize * padded..(row as usize + 1) * padded])
-            .copied()
-            .collect();
-        Sorted { first, values, rows, padded }
+        let mut nodes = Vec::new();
+        split(rotated, padded, &mut rows, &mut nodes);
+        let part = |range: std::ops::Range<usize>| -> Vec<f32> {
+            let of_row = |row: u32| &rotated[row as usize * padded..(row as usize + 1) * padded];
+            rows.iter().flat_map(|&row| &of_row(row)[range.clone()]).copied().collect()
+        };
+        let head = CHUNK.min(padded);
+        Tree { nodes, heads: part(0..head), tails: part(head..padded), rows, padded }
     }
 
     /// Improves `best` over all vectors; on equal distance the smaller row wins.
     pub(crate) fn improve(&self, vector: &[f32], best: &mut Match) {
-        let start = self.first.partition_point(|&first| first < vector[0]);
-        let (mut low, mut high) = (start, start);
-        loop {
-            let below = if low > 0 { gap(vector[0], self.first[low - 1]) } else { f32::INFINITY };
-            let above = if high < self.first.len() { gap(vector[0], self.first[high]) } else { f32::INFINITY };
-            if below.min(above) > best.distance || (low == 0 && high == self.first.len()) {
-                return;
-            }
-            let place = if below < above {
-                low -= 1;
-                low
-            } else {
-                high += 1;
-                high - 1
-            };
-            self.try_place(place, vector, best);
+        let mut query = Query { vector, offset: [0.0; CHUNK], best };
+        self.visit(0, 0..self.rows.len(), 0.0, &mut query);
+    }
+
+    /// Looks into the cell of `node`, whose vectors are at `range` and at least the squared distance `bound` away.
+    fn visit(&self, node: usize, range: std::ops::Range<usize>, bound: f32, query: &mut Query<'_>) {
+        if range.len() <= LEAF {
+            return range.for_each(|place| self.try_place(place, query));
+        }
+        let Node { axis, split, upper } = self.nodes[node];
+        let axis = axis as usize;
+        let middle = range.start + range.len() / 2;
+        let (lower, upper) = ((node + 1, range.start..middle), (upper as usize, middle..range.end));
+        let gap = query.vector[axis] - split;
+        let (near, far) = if gap < 0.0 { (lower, upper) } else { (upper, lower) };
+        self.visit(near.0, near.1, bound, query);
+        let before = query.offset[axis];
+        let far_bound = bound - before * before + gap * gap;
+        if far_bound <= query.best.distance {
+            query.offset[axis] = gap;
+            self.visit(far.0, far.1, far_bound, query);
+            query.offset[axis] = before;
         }
     }
 
-    fn try_place(&self, place: usize, vector: &[f32], best: &mut Match) {
-        let candidate = &self.values[place * self.padded..(place + 1) * self.padded];
-        let mut distance = 0.0;
-        for (a, b) in vector.chunks_exact(CHUNK).zip(candidate.chunks_exact(CHUNK)) {
+    fn try_place(&self, place: usize, query: &mut Query<'_>) {
+        let (head, tail) = (CHUNK.min(self.padded), self.padded.saturating_sub(CHUNK));
+        let mut distance = chunk_distance(&query.vector[..head], &self.heads[place * head..(place + 1) * head]);
+        if distance > query.best.distance {
+            return;
+        }
+        let tails = &self.tails[place * tail..(place + 1) * tail];
+        for (a, b) in query.vector[head..].chunks_exact(CHUNK).zip(tails.chunks_exact(CHUNK)) {
             distance += chunk_distance(a, b);
-            if distance > best.distance {
+            if distance > query.best.distance {
                 return;
             }
         }
         let index = self.rows[place];
-        if distance < best.distance || index < best.index {
-            *best = Match { index, distance };
+        if distance < query.best.distance || index < query.best.index {
+            *query.best = Match { index, distance };
         }
     }
 }
 
-fn gap(a: f32, b: f32) -> f32 {
-    (a - b) * (a - b)
+/// Splits `rows` at the median of the axis on which they spread most, down to leaves.
+fn split(rotated: &[f32], padded: usize, rows: &mut [u32], nodes: &mut Vec<Node>) {
+    if rows.len() <= LEAF {
+        return;
+    }
+    let value = |row: u32, axis: usize| rotated[row as usize * padded + axis];
+    let spread = |axis: usize| {
+        let ends = rows.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &row| {
+            (low.min(value(row, axis)), high.max(value(row, axis)))
+        });
+        ends.1 - ends.0
+    };
+    let spreads: Vec<f32> = (0..CHUNK.min(padded)).map(spread).collect();
+    let axis = (0..spreads.len()).fold(0, |best, axis| if spreads[axis] > spreads[best] { axis } else { best });
+    let middle = rows.len() / 2;
+    rows.select_nth_unstable_by(middle, |&a, &b| value(a, axis).total_cmp(&value(b, axis)).then(a.cmp(&b)));
+    let node = nodes.len();
+    nodes.push(Node { axis: axis as u32, split: value(rows[middle], axis), upper: 0 });
+    let (lower, upper) = rows.split_at_mut(middle);
+    split(rotated, padded, lower, nodes);
+    nodes[node].upper = nodes.len() as u32;
+    split(rotated, padded, upper, nodes);
 }
 
 fn chunk_distance(a: &[f32], b: &[f32]) -> f32 {
@@ -138,7 +190,7 @@ impl Search {
         let rotated = rotate_padded(&rotation, codewords);
         let rows = (0..codewords.nrows() as u32).collect();
         let dims = codewords.ncols();
-        Search { sorted: Sorted::new(&rotated, padded_dims(dims), rows), rotation, dims }
+        Search { tree: Tree::new(&rotated, padded_dims(dims), rows), rotation, dims }
     }
 
     /// The codeword nearest to `vector`; `None` where none is within the squared distance `within`.
@@ -156,7 +208,7 @@ impl Search {
     fn search(&self, vector: &[f32], rotated: &mut [f32], within: f32) -> Option<Match> {
         self.rotation.apply(vector, &mut rotated[..self.dims]);
         let mut best = Match { index: u32::MAX, distance: within };
-        self.sorted.improve(rotated, &mut best);
+        self.tree.improve(rotated, &mut best);
         (best.index != u32::MAX).then_some(best)
     }
 }

@@ -1,3 +1,6 @@
-//! Fixtures, pathological inputs, naive oracles and comparisons for Texfold's own tests
+//! Fixtures, pathological inputs and helpers for Texfold's own tests.
 
 pub mod fixtures;
+mod load;
+
+pub use load::{data_dir, fixtures_dir, frames, picture, png};

@@ -6,7 +6,7 @@ use texfold_core::mesh::UvMesh;
 use texfold_core::{Effort, Goal, ParamError, Params};
 
 /// Longest side of a codebook in texels: the index map has one byte a coordinate.
-pub const MAX_CODEBOOK_SIDE: u32 = 256;
+pub(crate) const MAX_CODEBOOK_SIDE: u32 = 256;
 
 /// What is compressed, and what is known of its importance.
 #[derive(Debug, Clone, Copy)]

@@ -129,22 +129,14 @@ mod tests {
     use texfold_core::image::{ColorSpace, ImageSet, Raster};
     use texfold_core::metric::{decode_surface, quality};
     use texfold_core::{Encoded, Goal, TextureCodec};
-    use texfold_testkit::fixtures::sequences;
+    use texfold_testkit::frames;
 
     use crate::{Vq, VqParams};
-
-    fn frames(name: &str) -> Vec<Raster> {
-        let (_, frames) = sequences().into_iter().find(|(folder, _)| *folder == name).unwrap();
-        let raster = |frame: texfold_testkit::fixtures::Picture| {
-            Raster::from_u8(frame.width, frame.height, frame.channels, ColorSpace::Srgb, &frame.data).unwrap()
-        };
-        frames.into_iter().map(raster).collect()
-    }
 
     #[test]
     fn a_further_frame_changes_nothing_that_was_there() {
         for content in [texfold_bc::Content::Raw, texfold_bc::Content::Bc1, texfold_bc::Content::Bc7] {
-            let mut frames = frames("ripple");
+            let mut frames = frames("ripple").images().to_vec();
             let last = ImageSet::single(frames.pop().unwrap());
             let first = ImageSet::new(frames).unwrap();
             let params = VqParams { goal: Goal::Bpp(6.0), content: Some(content), ..VqParams::default() };
@@ -162,7 +154,7 @@ mod tests {
 
     #[test]
     fn a_texture_that_cannot_grow_stays_as_it_was() {
-        let set = ImageSet::new(frames("caustics")).unwrap();
+        let set = frames("caustics");
         let params = VqParams { codebook: Some((16, 16)), ..VqParams::default() };
         let mut texture = Vq::encode(VqSource::new(&set), &params, &mut Job::default()).unwrap();
         texture.join_rms = 0.1;

@@ -52,7 +52,8 @@ pub(crate) fn block_weights(blocks: &Blocks, maps: &[Map], strength: f32) -> Vec
     weights
 }
 
-/// Rank of every block's importance among all, 0 to 1; equal importance has equal rank.
+/// Rank of every block's importance among all, 0 to 1; equal importance has the highest rank of its group, all equal
+/// have 0.
 pub(crate) fn importance_ranks(blocks: &Blocks, maps: &[Map]) -> Vec<f32> {
     let values = block_importance(blocks, maps);
     let mut sorted = values.clone();
@@ -61,7 +62,7 @@ pub(crate) fn importance_ranks(blocks: &Blocks, maps: &[Map]) -> Vec<f32> {
     if sorted.first() == sorted.last() {
         return vec![0.0; values.len()];
     }
-    values.par_iter().map(|value| sorted.partition_point(|other| other < value) as f32 / total).collect()
+    values.par_iter().map(|value| (sorted.partition_point(|other| other <= value) - 1) as f32 / total).collect()
 }
 
 /// Mean importance of the texels of level 0 that each block of any level shows.

@@ -15,7 +15,7 @@ pub(crate) mod grow;
 mod importance;
 mod incremental;
 pub(crate) mod plan;
-pub mod report;
+pub(crate) mod report;
 mod samples;
 mod single;
 mod usability;

@@ -131,16 +131,17 @@ impl<'s> Prepared<'s> {
         let samples = self.choose_samples(request.grid, self.sample_spec(request));
         let mut draft = self.learn(request, samples);
         let straddling = self.params.effort != Effort::Fast && self.blocks.len() <= STRADDLING_BLOCKS;
-        let store = |draft: &Draft| {
-            draft.store(self.images(), (self.layout.pixel, request.content), self.params.effort, straddling)
+        let store = |draft: &Draft, effort: Effort| {
+            draft.store(self.images(), (self.layout.pixel, request.content), effort, straddling)
         };
         let weights: Vec<f32> = self.training.iter().map(|&row| self.weights[row]).collect();
         for _ in 0..polish_rounds(self.params.effort, self.blocks.len()) {
-            let stored = store(&draft);
+            // Rounds need only know about where the stored form will be; BC7 at full effort is half of an encode's time.
+            let stored = store(&draft, Effort::Fast);
             let matches = assign(&self.blocks, &self.training, stored.windows.view());
             draft.average(&self.blocks, &self.training, &weights, &stored, &matches);
         }
-        let stored = store(&draft);
+        let stored = store(&draft, self.params.effort);
         let all: Vec<usize> = (0..self.blocks.len()).collect();
         let matches = assign(&self.blocks, &all, stored.windows.view());
         self.texture(&draft, stored, &matches)

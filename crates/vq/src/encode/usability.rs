@@ -156,20 +156,14 @@ fn slide(windows: &Array2<u32>, top: usize, span: usize, of_word: &[f32]) -> Vec
 #[cfg(test)]
 mod tests {
     use super::*;
-    use texfold_core::image::{ColorSpace, ImageSet};
-    use texfold_testkit::fixtures::pictures;
+    use texfold_core::image::{ColorSpace, ImageSet, to_u8};
 
-    fn picture(name: &str) -> Raster {
-        let picture = pictures().into_iter().find(|picture| picture.name == name).unwrap();
-        let (width, height) = (picture.width.min(128), picture.height.min(128));
-        let channels = usize::from(picture.channels);
-        let bytes: Vec<u8> = (0..height)
-            .flat_map(|y| {
-                let start = (y * picture.width) as usize * channels;
-                picture.data[start..start + width as usize * channels].to_vec()
-            })
-            .collect();
-        Raster::from_u8(width, height, picture.channels, ColorSpace::Srgb, &bytes).unwrap()
+    /// The upper left 128x128 texels of a fixture.
+    fn corner(name: &str) -> Raster {
+        let whole = texfold_testkit::picture(name);
+        let bytes: Vec<u8> =
+            (0..128 * 128u32).flat_map(|i| whole.texel(i % 128, i / 128).truncate().to_array().map(to_u8)).collect();
+        Raster::from_u8(128, 128, 3, ColorSpace::Srgb, &bytes).unwrap()
     }
 
     /// The paper's count: blocks that some window inside the square represents within the tolerance.
@@ -204,7 +198,7 @@ mod tests {
     #[test]
     fn the_best_position_is_nearly_as_usable_as_the_exhaustive_best() {
         for name in ["facade", "salient"] {
-            let image = picture(name);
+            let image = corner(name);
             let blocks = Blocks::cut(&ImageSet::single(image.clone()), 1);
             let words = Words::new(std::slice::from_ref(&image), &blocks, 256, 1);
             let fast = words.usability(0, 32, &vec![1.0; blocks.len()]);

@@ -1,0 +1,132 @@
+//! Damaged files: every truncation and ten thousand mutations give an error or a correct texture, never a panic.
+
+mod support;
+
+use support::small_textures;
+use texfold::container::{CodecId, SectionWriter, Sections};
+use texfold::{Budget, Encoded, Image2d, ImageAddress, Limits, LoadError, open_image};
+
+/// More than any of these textures needs, far less than a hostile size would take.
+const LIMITS: Limits = Limits { texels: 1 << 20, bytes: 64 << 20, sections: 64 };
+
+const MUTATIONS: usize = 10_000;
+
+/// A generator that gives the same damage everywhere.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, end: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as usize % end.max(1)
+    }
+}
+
+/// Whatever loads must decode everywhere.
+fn exercise(texture: &dyn Encoded<Domain = Image2d>) {
+    let layout = texture.layout().clone();
+    for surface in 0..layout.surfaces.len().min(8) as u32 {
+        for level in 0..layout.levels {
+            let rect = layout.whole(surface, level).unwrap();
+            for (x, y) in [(0, 0), (rect.width - 1, rect.height - 1), (rect.width / 2, 0), (u32::MAX, u32::MAX)] {
+                let texel = texture.sample(ImageAddress { surface, level, x, y });
+                assert!(texel.is_finite());
+            }
+        }
+    }
+    let _ = texture.gpu();
+    let _ = texture.footprint();
+}
+
+#[test]
+fn every_truncation_names_what_is_missing() {
+    for (name, _, texture) in small_textures() {
+        let bytes = texture.to_bytes();
+        for length in 0..bytes.len() {
+            match open_image(&bytes[..length], &mut Budget::new(LIMITS)) {
+                Err(LoadError::Truncated { .. }) => {}
+                Err(LoadError::NotTexfold) => assert_eq!(length, 0, "{name}"),
+                other => panic!("{name} cut to {length} of {}: {other:?}", bytes.len()),
+            }
+        }
+    }
+}
+
+#[test]
+fn flipped_bytes_are_noticed() {
+    let mut random = Random(11);
+    for (name, _, texture) in small_textures() {
+        let bytes = texture.to_bytes();
+        for _ in 0..500 {
+            let mut damaged = bytes.clone();
+            let at = random.below(bytes.len());
+            damaged[at] ^= 1 << random.below(8);
+            let opened = open_image(&damaged, &mut Budget::new(LIMITS));
+            assert!(opened.is_err(), "{name}: byte {at} changed unnoticed");
+        }
+    }
+}
+
+/// The same file with the bytes of one section changed and every checksum made right again, as an attacker would.
+fn with_changed_section(bytes: &[u8], random: &mut Random) -> Option<Vec<u8>> {
+    let mut budget = Budget::default();
+    let sections = Sections::parse(bytes, &mut budget).ok()?;
+    let ids: Vec<[u8; 4]> = sections.ids().map(|(id, _)| id).collect();
+    let target = random.below(ids.len());
+    let mut writer = SectionWriter::new(CodecId { number: sections.codec(), name: "" });
+    for (index, &id) in ids.iter().enumerate() {
+        let mut raw = sections.read(id, &mut budget).ok()?;
+        if index == target {
+            damage(&mut raw, random);
+        }
+        writer.section("", id, &raw);
+    }
+    Some(writer.finish().bytes)
+}
+
+fn damage(raw: &mut Vec<u8>, random: &mut Random) {
+    for _ in 0..1 + random.below(3) {
+        let at = random.below(raw.len());
+        match random.below(5) {
+            0 if !raw.is_empty() => raw[at] = random.below(256) as u8,
+            1 if !raw.is_empty() => raw[at] = [0, 1, 127, 128, 255][random.below(5)],
+            2 => raw.truncate(at),
+            3 => raw.extend([0xff; 7]),
+            _ if raw.len() >= at + 4 => raw[at..at + 4].copy_from_slice(&[0xff, 0xff, 0xff, 0x7f]),
+            _ => raw.push(0),
+        }
+    }
+}
+
+#[test]
+fn ten_thousand_forged_files_give_an_error_or_a_texture_that_decodes() {
+    let mut random = Random(5);
+    // Writing compresses, so each file is written once.
+    let files: Vec<(String, Vec<u8>)> =
+        small_textures().into_iter().map(|(name, _, texture)| (name, texture.to_bytes())).collect();
+    let (mut refused, mut accepted) = (0, 0);
+    for round in 0..MUTATIONS {
+        let (name, bytes) = &files[round % files.len()];
+        let Some(forged) = with_changed_section(bytes, &mut random) else { panic!("{name} cannot be read") };
+        let mut budget = Budget::new(LIMITS);
+        match open_image(&forged, &mut budget) {
+            Ok(texture) => {
+                accepted += 1;
+                exercise(texture.as_encoded());
+            }
+            Err(_) => refused += 1,
+        }
+        assert!(budget.peak_bytes() <= LIMITS.bytes);
+    }
+    // Both happen: indices and notes may change within their ranges, sizes may not.
+    assert!(refused > MUTATIONS / 10 && accepted > MUTATIONS / 100, "{refused} refused, {accepted} accepted");
+}
+
+#[test]
+fn a_file_larger_than_the_limits_is_refused() {
+    let (_, _, texture) = small_textures().remove(0);
+    let bytes = texture.to_bytes();
+    let tight = Limits { texels: 10, ..LIMITS };
+    assert!(matches!(open_image(&bytes, &mut Budget::new(tight)), Err(LoadError::Limit(_))));
+    let tight = Limits { bytes: 300, ..LIMITS };
+    assert!(matches!(open_image(&bytes, &mut Budget::new(tight)), Err(LoadError::Limit(_))));
+}

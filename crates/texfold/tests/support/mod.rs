@@ -1,0 +1,40 @@
+//! Small textures of every codec.
+#![allow(dead_code, unreachable_pub, reason = "each test file uses its own part")]
+
+use texfold::image::ImageSet;
+use texfold::{AnyImage, Bc, BcParams, Content, Effort, Goal, Job, TextureCodec, Vq, VqParams, VqSource};
+
+pub fn fixture(name: &str) -> ImageSet {
+    ImageSet::single(texfold_testkit::picture(name))
+}
+
+pub fn vq(set: &ImageSet, params: &VqParams) -> AnyImage {
+    AnyImage::Vq(Vq::encode(VqSource::new(set), params, &mut Job::default()).unwrap())
+}
+
+pub fn bc(set: &ImageSet, params: &BcParams) -> AnyImage {
+    AnyImage::Bc(Bc::encode(set, params, &mut Job::default()).unwrap())
+}
+
+/// One texture of each kind, small enough to be damaged ten thousand times.
+pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
+    let odd = fixture("odd_37x61");
+    let ripple = texfold_testkit::frames("ripple");
+    let mut textures = Vec::new();
+    for content in [Content::Raw, Content::Bc1, Content::Bc7] {
+        let params = VqParams {
+            codebook: Some((32, 16)),
+            samples: Some((1, 12)),
+            content: Some(content),
+            mips: content == Content::Bc1,
+            effort: Effort::Fast,
+            ..VqParams::default()
+        };
+        textures.push((format!("vq {}", content.name()), odd.clone(), vq(&odd, &params)));
+        let params = BcParams { goal: Goal::Psnr(20.0), content: Some(content), mips: true, ..BcParams::default() };
+        textures.push((format!("bc {}", content.name()), odd.clone(), bc(&odd, &params)));
+    }
+    let params = VqParams { codebook: Some((64, 32)), effort: Effort::Fast, ..VqParams::default() };
+    textures.push(("vq sequence".to_owned(), ripple.clone(), vq(&ripple, &params)));
+    textures
+}

@@ -1,1 +1,59 @@
-//! Criterion benches of encoding, CPU decoding and shader decoding
+//! Pictures and settings that the benches share.
+
+use texfold::image::{ColorSpace, ImageSet, Raster};
+use texfold::{AnyImage, Bc, BcParams, Content, Effort, Job, TextureCodec, Vq, VqParams, VqSource};
+
+/// A 512x512 picture: the facade four times, each turned another way so that blocks do not repeat exactly.
+#[must_use]
+pub fn picture_512() -> ImageSet {
+    let source = texfold_testkit::picture("facade");
+    picture_of(&source, 512)
+}
+
+/// A large picture of `side` texels made of the terrain, turned and dimmed from tile to tile.
+#[must_use]
+pub fn picture_of(source: &Raster, side: u32) -> ImageSet {
+    let size = source.size();
+    let texel = |x: u32, y: u32| -> [u8; 3] {
+        let (column, row) = (x / size.width, y / size.height);
+        let (mut u, mut v) = (x % size.width, y % size.height);
+        if column % 2 == 1 {
+            u = size.width - 1 - u;
+        }
+        if row % 2 == 1 {
+            v = size.height - 1 - v;
+        }
+        let dim = 1.0 - 0.03 * ((column * 7 + row * 13) % 11) as f32;
+        (source.texel(u, v).truncate() * dim).to_array().map(texfold::image::to_u8)
+    };
+    let bytes: Vec<u8> = (0..side).flat_map(|y| (0..side).flat_map(move |x| texel(x, y))).collect();
+    match Raster::from_u8(side, side, 3, ColorSpace::Srgb, &bytes) {
+        Ok(raster) => ImageSet::single(raster),
+        Err(_) => ImageSet::single(source.clone()),
+    }
+}
+
+/// The settings of the paper's examples: a codebook of 1/16 of a 512x512 picture with one sample of 64x64.
+#[must_use]
+pub fn paper_params() -> VqParams {
+    VqParams {
+        codebook: Some((128, 128)),
+        samples: Some((1, 64)),
+        content: Some(Content::Raw),
+        ..VqParams::default()
+    }
+}
+
+/// `set` by vq; `None` where it cannot be encoded.
+#[must_use]
+pub fn vq(set: &ImageSet, params: &VqParams) -> Option<AnyImage> {
+    Vq::encode(VqSource::new(set), params, &mut Job::default()).ok().map(AnyImage::Vq)
+}
+
+/// `set` as plain blocks at full size; `None` where it cannot be encoded.
+#[must_use]
+pub fn bc(set: &ImageSet, content: Content) -> Option<AnyImage> {
+    let params =
+        BcParams { content: Some(content), reduce_log2: Some(0), effort: Effort::Fast, ..BcParams::default() };
+    Bc::encode(set, &params, &mut Job::default()).ok().map(AnyImage::Bc)
+}

@@ -1,2 +1,47 @@
-//! Project automation.
-fn main() {}
+//! Project automation: `cargo xtask COMMAND`.
+//!
+//! compress, decompress, info and compare are those of the `texfold` program; fixtures and ci are the project's own.
+
+mod ci;
+mod fixtures;
+mod tidy;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::Parser;
+
+/// Texfold, and the chores of its repository.
+#[derive(Debug, Parser)]
+#[command(name = "cargo xtask")]
+struct Tasks {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Task {
+    #[command(flatten)]
+    Texfold(texfold_cli::Command),
+    /// Rebuild fixtures/ from code.
+    Fixtures(fixtures::FixturesArgs),
+    /// Check the invariants that can be seen in manifests and source text.
+    Tidy,
+    /// Run all that continuous integration runs; stops at the first failure.
+    Ci,
+}
+
+fn main() -> ExitCode {
+    match Tasks::parse().task {
+        Task::Texfold(command) => texfold_cli::run(command),
+        Task::Fixtures(args) => fixtures::run(&args),
+        Task::Tidy => tidy::run(),
+        Task::Ci => ci::run(),
+    }
+}
+
+/// The workspace's root: the folder above this package's.
+fn root() -> PathBuf {
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    package.parent().unwrap_or(package).to_owned()
+}

@@ -1,1 +1,32 @@
-//! Texfold's command line as a library: files, batches, reports
+//! Texfold's command line as a library: files, batches, reports.
+//!
+//! The binary `texfold` and `cargo xtask` run the same four commands: compress, decompress, info and compare.
+//! Each has a folder of its own; what they share lies beside: finding and reading inputs, writing files whole or not
+//! at all, reports, and exit codes.
+//!
+//! Exit codes: 0 all done, 1 some inputs failed and the others are written, 2 usage.
+
+mod base64;
+mod compare;
+mod compress;
+mod config;
+mod decompress;
+mod error;
+mod info;
+mod input;
+mod output;
+mod picture;
+mod png;
+mod progress;
+mod report;
+mod run;
+
+pub use compare::CompareArgs;
+pub use compress::CompressArgs;
+pub use config::{
+    AlphaChoice, CodecName, ColorName, ContentName, EffortName, Options, RunOptions, Samples, Sides,
+};
+pub use decompress::DecompressArgs;
+pub use info::InfoArgs;
+pub use input::Kind;
+pub use run::{Command, main, run};

@@ -1,2 +1,4 @@
-//! Project automation.
-fn main() {}
+//! The `texfold` command.
+fn main() -> std::process::ExitCode {
+    texfold_cli::main()
+}

@@ -1,1 +1,28 @@
-//! Upload, draw and read back Texfold textures on any wgpu adapter
+//! Upload, draw and read back Texfold textures on any wgpu adapter.
+//!
+//! [`Gpu::upload`] takes the planes that an encoded texture hands out ([`texfold_core::Encoded::gpu`]);
+//! [`Gpu::decode`], [`Gpu::draw_quad`] and [`Gpu::draw_mesh`] draw off screen and read the pixels back. An
+//! application with a renderer of its own passes its device to [`Gpu::from_device`], binds [`GpuTexture::bind_group`]
+//! and pastes the module's WGSL ([`texfold_shaders::paste`]) into its shaders: `examples/draw.rs` shows it whole.
+//!
+//! Software Vulkan (Mesa's lavapipe) serves where there is no GPU. *Not done*: planes beyond the device's texture
+//! limit in several textures; uploads in the background.
+
+mod adapter;
+mod decode;
+mod draw;
+mod error;
+mod mesh;
+mod pipeline;
+mod readback;
+mod timing;
+mod upload;
+
+pub use adapter::{Gpu, Policy};
+pub use decode::{Filter, Lookup, View};
+pub use draw::Lod;
+pub use error::GpuError;
+pub use texfold_shaders::Module;
+pub use timing::Probe;
+pub use upload::{AddressMode, GpuTexture};
+pub use wgpu;

@@ -1,0 +1,55 @@
+//! CPU decoding on one core: whole images and single texels at random places.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use texfold::{AnyImage, Content, ImageAddress, Texel};
+use texfold_benches::{bc, paper_params, picture_of, vq};
+
+const SIDE: u32 = 1024;
+/// Random places a measurement.
+const PLACES: u32 = 1 << 16;
+
+fn textures() -> Vec<(String, AnyImage)> {
+    let set = picture_of(&texfold_testkit::picture("terrain"), SIDE);
+    let mut textures: Vec<(String, AnyImage)> = Vec::new();
+    textures.extend(vq(&set, &paper_params()).map(|texture| ("vq".to_owned(), texture)));
+    for content in [Content::Bc1, Content::Bc7] {
+        textures.extend(bc(&set, content).map(|texture| (format!("plain {}", content.name()), texture)));
+    }
+    textures
+}
+
+fn decode(c: &mut Criterion) {
+    let textures = textures();
+    let mut out = vec![Texel::ZERO; (SIDE * SIDE) as usize];
+    let mut group = c.benchmark_group("decode 1024x1024");
+    group.sample_size(10).throughput(Throughput::Elements(u64::from(SIDE * SIDE)));
+    for (name, texture) in &textures {
+        let texture = texture.as_encoded();
+        let Some(rect) = texture.layout().whole(0, 0) else { continue };
+        group.bench_function(name, |b| b.iter(|| texture.decode(rect, black_box(&mut out))));
+    }
+    group.finish();
+    let mut group = c.benchmark_group("random texels");
+    group.sample_size(10).throughput(Throughput::Elements(u64::from(PLACES)));
+    for (name, texture) in &textures {
+        let texture = texture.as_encoded();
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                let mut state = 1u32;
+                let mut sum = Texel::ZERO;
+                for _ in 0..PLACES {
+                    state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                    let (x, y) = (state >> 22, (state >> 12) & (SIDE - 1));
+                    sum += texture.sample(ImageAddress { surface: 0, level: 0, x, y });
+                }
+                black_box(sum)
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, decode);
+criterion_main!(benches);

@@ -1,0 +1,24 @@
+//! Encoding: time of a whole encode of a 512x512 picture.
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use texfold::{Content, Effort, Goal, VqParams};
+use texfold_benches::{bc, paper_params, picture_512, vq};
+
+fn encode(c: &mut Criterion) {
+    let set = picture_512();
+    let mut group = c.benchmark_group("encode 512x512");
+    group.sample_size(10).throughput(Throughput::Elements(set.texel_count()));
+    group.bench_function("vq, codebook 1/16, one sample", |b| b.iter(|| vq(&set, &paper_params())));
+    let fast = VqParams { effort: Effort::Fast, ..paper_params() };
+    group.bench_function("vq, the same, fast", |b| b.iter(|| vq(&set, &fast)));
+    let goal = VqParams { goal: Goal::Bpp(2.5), ..VqParams::default() };
+    group.bench_function("vq, 2.5 bits a texel", |b| b.iter(|| vq(&set, &goal)));
+    group.bench_function("saliency", |b| b.iter(|| texfold_vq::saliency_map(&set.images()[0])));
+    for content in [Content::Bc1, Content::Bc7] {
+        group.bench_function(format!("plain {}, fast", content.name()), |b| b.iter(|| bc(&set, content)));
+    }
+    group.finish();
+}
+
+criterion_group!(benches, encode);
+criterion_main!(benches);

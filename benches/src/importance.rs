@@ -1,0 +1,120 @@
+//! Charts what the salient quarter of pictures gains, and what the whole loses, with the weight of importance.
+//!
+//! `cargo run --release -p texfold-benches --bin importance -- [OUT_DIR] [PICTURE.png …]`: without pictures, the
+//! Kodak photographs where they are, else fixtures. Writes importance.csv and importance.svg.
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+
+use plotters::prelude::*;
+use texfold::image::{ImageSet, Raster, to_u8};
+use texfold::metric::decode_surface;
+use texfold::{Content, VqParams};
+
+/// Weights of importance that are charted; 1 is the default.
+const WEIGHTS: [f32; 6] = [0.0, 0.25, 0.5, 1.0, 2.0, 4.0];
+
+/// PSNR of the whole and of the most salient quarter.
+#[derive(Debug, Clone, Copy, Default)]
+struct Row {
+    weight: f32,
+    whole: f64,
+    salient: f64,
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let out = PathBuf::from(arguments.next().unwrap_or_else(|| "target/importance".to_owned()));
+    let given: Vec<PathBuf> = arguments.map(PathBuf::from).collect();
+    let paths = if given.is_empty() { usual_pictures()? } else { given };
+    let pictures: Vec<Raster> = paths.iter().map(|path| texfold_testkit::png(path)).collect();
+    let rows: Vec<Row> = WEIGHTS.iter().filter_map(|&weight| measure(&pictures, weight)).collect();
+    std::fs::create_dir_all(&out)?;
+    let mut csv = "importance,psnr,psnr_salient_quarter\n".to_owned();
+    for row in &rows {
+        csv += &format!("{},{:.3},{:.3}\n", row.weight, row.whole, row.salient);
+    }
+    print!("{} pictures at 9.6:1, raw codebook\n{csv}", pictures.len());
+    std::fs::write(out.join("importance.csv"), csv)?;
+    chart(&rows, &out.join("importance.svg"))
+}
+
+fn usual_pictures() -> Result<Vec<PathBuf>, Box<dyn Error>> {
+    let Some(data) = texfold_testkit::data_dir("the chart on Kodak photographs") else {
+        let fixture = |name: &str| texfold_testkit::fixtures_dir().join(format!("images/{name}.png"));
+        return Ok(["facade", "salient", "terrain", "cloth", "floor"].map(fixture).to_vec());
+    };
+    let mut paths: Vec<PathBuf> =
+        std::fs::read_dir(data.join("vq/kodak"))?.flatten().map(|entry| entry.path()).collect();
+    paths.sort();
+    Ok(paths)
+}
+
+/// Means over the pictures, a codebook of 1/16 of each (9.6:1 against 24 bits), no sample.
+fn measure(pictures: &[Raster], weight: f32) -> Option<Row> {
+    let mut row = Row { weight, ..Row::default() };
+    for picture in pictures {
+        let set = ImageSet::single(picture.clone());
+        let cells = picture.size().texels() / 256;
+        let width = (((cells as f64).sqrt() * 1.2) as u32).clamp(1, 64);
+        let height = (cells as u32 / width).clamp(1, 64);
+        let params = VqParams {
+            codebook: Some((width * 4, height * 4)),
+            samples: Some((0, 0)),
+            importance: weight,
+            content: Some(Content::Raw),
+            ..VqParams::default()
+        };
+        let texture = texfold_benches::vq(&set, &params)?;
+        let decoded = decode_surface(texture.as_encoded(), 0, 0)?;
+        let (whole, salient) = psnrs(picture, &decoded);
+        row.whole += whole / pictures.len() as f64;
+        row.salient += salient / pictures.len() as f64;
+    }
+    Some(row)
+}
+
+fn psnrs(source: &Raster, decoded: &Raster) -> (f64, f64) {
+    let saliency: Vec<f32> = texfold_vq::saliency_map(source).iter().copied().collect();
+    let mut sorted = saliency.clone();
+    sorted.sort_by(|a, b| b.total_cmp(a));
+    let threshold = sorted[sorted.len() / 4];
+    let (mut whole, mut salient) = ((0f64, 0f64), (0f64, 0f64));
+    for ((a, b), saliency) in source.texels().zip(decoded.texels()).zip(&saliency) {
+        let step = |channel: usize| f64::from(to_u8(a[channel])) - f64::from(to_u8(b[channel]));
+        let error: f64 = (0..3).map(|channel| step(channel).powi(2)).sum();
+        whole = (whole.0 + error, whole.1 + 3.0);
+        if *saliency >= threshold {
+            salient = (salient.0 + error, salient.1 + 3.0);
+        }
+    }
+    let psnr = |(sum, count): (f64, f64)| 10.0 * (65025.0 * count / sum.max(1e-9)).log10();
+    (psnr(whole), psnr(salient))
+}
+
+fn chart(rows: &[Row], path: &Path) -> Result<(), Box<dyn Error>> {
+    let values = || rows.iter().flat_map(|row| [row.whole, row.salient]);
+    let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max));
+    let root = SVGBackend::new(path, (720, 480)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let mut chart = ChartBuilder::on(&root)
+        .caption("Importance: what the salient quarter gains", ("sans-serif", 20))
+        .margin(12)
+        .x_label_area_size(44)
+        .y_label_area_size(56)
+        .build_cartesian_2d(0f32..4f32, low - 0.2..high + 0.2)?;
+    chart.configure_mesh().x_desc("weight of importance").y_desc("PSNR in dB").draw()?;
+    for (name, color, value) in
+        [("whole picture", BLUE, (|row: &Row| row.whole) as fn(&Row) -> f64), ("most salient quarter", RED, |row| row.salient)]
+    {
+        let points: Vec<(f32, f64)> = rows.iter().map(|row| (row.weight, value(row))).collect();
+        chart
+            .draw_series(LineSeries::new(points.clone(), color.stroke_width(2)))?
+            .label(name)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
+        chart.draw_series(points.into_iter().map(|point| Circle::new(point, 4, color.filled())))?;
+    }
+    chart.configure_series_labels().background_style(WHITE).border_style(BLACK).draw()?;
+    root.present()?;
+    Ok(())
+}

@@ -1,0 +1,107 @@
+//! Which settings are compared.
+
+use texfold::{BcParams, Content, Goal, VqParams};
+use texfold_core::Effort;
+use texfold_core::image::{ColorSpace, PixelInfo};
+
+/// A goal that any setting meets: where format and size are fixed, nothing is left to search for.
+const ANY_SIZE: Goal = Goal::Bpp(1e6);
+
+/// Sizes and formats of vq codebooks.
+const CODEBOOKS: [((u32, u32), Content); 4] = [
+    ((128, 128), Content::Raw),
+    ((256, 128), Content::Bc7),
+    ((256, 256), Content::Bc1),
+    ((256, 256), Content::Bc7),
+];
+
+/// Bits a texel that vq is asked for.
+const BPP_GOALS: [f64; 2] = [1.5, 2.5];
+
+/// Halvings of width and height of plain blocks.
+const HALVINGS: std::ops::RangeInclusive<u32> = 0..=2;
+
+/// Blocks of the rival ASTC, with their bits a texel from low to high.
+const ASTC_BLOCKS: [(u32, u32); 4] = [(12, 12), (8, 8), (6, 6), (4, 4)];
+
+/// One setting of one codec.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Candidate {
+    /// Plain blocks, scaled down by halvings.
+    Bc { content: Content, reduce_log2: u32 },
+    /// Vector quantisation with a codebook of that size.
+    VqCodebook { size: (u32, u32), content: Content },
+    /// Vector quantisation within that many bits a texel.
+    VqBpp(f64),
+    /// ASTC by the external encoder.
+    Astc { block: (u32, u32) },
+}
+
+impl Candidate {
+    /// The codec's name.
+    pub(crate) fn codec(&self) -> &'static str {
+        match self {
+            Candidate::Bc { .. } => "bc",
+            Candidate::VqCodebook { .. } | Candidate::VqBpp(_) => "vq",
+            Candidate::Astc { .. } => "astc",
+        }
+    }
+
+    /// The settings in words.
+    pub(crate) fn settings(&self) -> String {
+        match self {
+            Candidate::Bc { content, reduce_log2: 0 } => content.name().to_owned(),
+            Candidate::Bc { content, reduce_log2 } => {
+                format!("{} at 1/{}", content.name(), 1 << reduce_log2)
+            }
+            Candidate::VqCodebook { size: (width, height), content } => {
+                format!("{width}x{height} {}", content.name())
+            }
+            Candidate::VqBpp(bpp) => format!("{bpp} bpp"),
+            Candidate::Astc { block: (width, height) } => format!("{width}x{height}"),
+        }
+    }
+
+    /// Whether the report shows a picture of it.
+    pub(crate) fn is_pictured(&self) -> bool {
+        match self {
+            Candidate::Bc { content, reduce_log2 } => *content != Content::Bc7 && *reduce_log2 < 2,
+            Candidate::VqCodebook { .. } => false,
+            Candidate::VqBpp(_) => true,
+            Candidate::Astc { block } => *block == (8, 8),
+        }
+    }
+}
+
+/// Parameters of plain blocks of a fixed format and size.
+pub(crate) fn bc_params(content: Content, reduce_log2: u32, effort: Effort) -> BcParams {
+    BcParams { goal: ANY_SIZE, content: Some(content), reduce_log2: Some(reduce_log2), mips: false, effort }
+}
+
+/// Parameters of vq with a fixed codebook.
+pub(crate) fn codebook_params(size: (u32, u32), content: Content, effort: Effort) -> VqParams {
+    VqParams { goal: ANY_SIZE, codebook: Some(size), content: Some(content), effort, ..VqParams::default() }
+}
+
+/// Parameters of vq within a number of bits.
+pub(crate) fn bpp_params(bpp: f64, effort: Effort) -> VqParams {
+    VqParams { goal: Goal::Bpp(bpp), effort, ..VqParams::default() }
+}
+
+/// Settings that suit such pixels; those of the rival where it is there.
+pub(crate) fn candidates(pixel: PixelInfo, rival: bool) -> Vec<Candidate> {
+    let blocks: &[Content] = match (pixel.channels, pixel.color) {
+        (1, _) => &[Content::Bc4, Content::Bc7],
+        (2, _) => &[Content::Bc5, Content::Bc7],
+        (3, ColorSpace::Normal) => &[Content::Bc5, Content::Bc1, Content::Bc7],
+        (3, _) => &[Content::Bc1, Content::Bc7],
+        _ => &[Content::Bc3, Content::Bc7],
+    };
+    let bc = blocks
+        .iter()
+        .flat_map(|&content| HALVINGS.map(move |reduce_log2| Candidate::Bc { content, reduce_log2 }));
+    let codebooks = CODEBOOKS.into_iter().map(|(size, content)| Candidate::VqCodebook { size, content });
+    let goals = BPP_GOALS.into_iter().map(Candidate::VqBpp);
+    let astc = ASTC_BLOCKS.into_iter().filter(|_| rival).map(|block| Candidate::Astc { block });
+    bc.chain(codebooks).chain(goals).chain(astc).collect()
+}

@@ -1,0 +1,191 @@
+//! Measuring one setting on one input.
+
+use std::path::Path;
+use std::time::Instant;
+
+use texfold::{AnyImage, Bc, Vq, VqParams, VqSource};
+use texfold_core::image::{ImageSet, Raster};
+use texfold_core::metric::{SquaredError, color_error, ssim};
+use texfold_core::{Domain, EncodeError, Encoded, Image2d, Job, Rect, Texel, TextureCodec};
+use texfold_gpu::{Gpu, Lookup, Policy, Probe, View};
+
+use super::candidate::{Candidate, bc_params, bpp_params, codebook_params};
+use super::rival::Astcenc;
+use super::table::Row;
+use crate::config::EffortName;
+use crate::error::CliError;
+use crate::report::Figures;
+
+/// Whole decodes on the CPU that the median is taken of.
+const CPU_DECODES: usize = 5;
+/// Seconds of drawing on the GPU that the mean is taken over; rendering in software needs that long for one.
+const GPU_SECONDS: f64 = 0.1;
+/// Most drawings on the GPU.
+const GPU_DRAWINGS: f64 = 200.0;
+
+/// What measuring needs.
+#[derive(Debug)]
+pub(crate) struct Bench {
+    effort: EffortName,
+    gpu: Option<Gpu>,
+    astcenc: Option<Astcenc>,
+    /// One thread, for the speed of decoding.
+    single: Option<rayon::ThreadPool>,
+}
+
+/// A setting measured on an input.
+#[derive(Debug)]
+pub(crate) struct Measured {
+    pub(crate) row: Row,
+    /// The first image, decoded.
+    pub(crate) decoded: Raster,
+}
+
+impl Bench {
+    /// Looks for a GPU and for rivals.
+    pub(crate) fn open(effort: EffortName) -> Bench {
+        Bench {
+            effort,
+            gpu: Gpu::new(Policy::from_env()).ok(),
+            astcenc: Astcenc::find(),
+            single: rayon::ThreadPoolBuilder::new().num_threads(1).build().ok(),
+        }
+    }
+
+    /// Whether the rival is there.
+    pub(crate) fn rival(&self) -> bool {
+        self.astcenc.is_some()
+    }
+
+    /// How long each codec searches.
+    pub(crate) fn effort(&self) -> EffortName {
+        self.effort
+    }
+
+    /// Name of the adapter, where there is one.
+    pub(crate) fn adapter(&self) -> Option<String> {
+        self.gpu.as_ref().map(|gpu| gpu.info().name)
+    }
+
+    /// Encodes, loads what ships, and measures it.
+    pub(crate) fn measure(
+        &self,
+        images: &ImageSet,
+        candidate: &Candidate,
+        path: &Path,
+    ) -> Result<Measured, CliError> {
+        let fault = |source| CliError::Encode { path: path.to_owned(), source };
+        let start = Instant::now();
+        let image = match *candidate {
+            Candidate::Bc { content, reduce_log2 } => {
+                let params = bc_params(content, reduce_log2, self.effort.effort());
+                Bc::encode(images, &params, &mut Job::default()).map(AnyImage::Bc).map_err(fault)?
+            }
+            Candidate::VqCodebook { size, content } => {
+                vq(images, &codebook_params(size, content, self.effort.effort())).map_err(fault)?
+            }
+            Candidate::VqBpp(bpp) => vq(images, &bpp_params(bpp, self.effort.effort())).map_err(fault)?,
+            Candidate::Astc { block } => return self.astc(images, block, candidate, path),
+        };
+        let bytes = image.to_bytes();
+        let encode_seconds = start.elapsed().as_secs_f64();
+        let (figures, shipped) =
+            Figures::of(images, &bytes).map_err(|source| CliError::Load { path: path.to_owned(), source })?;
+        let encoded = shipped.as_encoded();
+        let row = Row {
+            input: String::new(),
+            codec: candidate.codec(),
+            settings: candidate.settings(),
+            bpp_memory: figures.bpp_memory,
+            bpp_disk: figures.bpp_disk,
+            psnr: figures.psnr,
+            ssim: figures.ssim,
+            encode_seconds,
+            texels: images.texel_count() as f64,
+            decode_cpu_texels_per_second: Some(self.cpu_speed(encoded)),
+            decode_gpu_texels_per_second: self.gpu_speed(encoded),
+            random_access: 1,
+        };
+        Ok(Measured { row, decoded: crate::decompress::decode(path, encoded, 0, 0)? })
+    }
+
+    /// Texels a second of whole decodes on one thread: the median of several.
+    fn cpu_speed(&self, encoded: &dyn Encoded<Domain = Image2d>) -> f64 {
+        let layout = encoded.layout();
+        let wholes: Vec<Rect> =
+            (0..layout.surfaces.len()).filter_map(|surface| layout.whole(surface as u32, 0)).collect();
+        let mut texels =
+            vec![Texel::ZERO; wholes.iter().map(|&whole| Image2d::len(whole)).max().unwrap_or(0)];
+        let mut once = || {
+            let start = Instant::now();
+            for &whole in &wholes {
+                // Whole images of the layout and room for them: this cannot fail.
+                let _ = encoded.decode(whole, &mut texels[..Image2d::len(whole)]);
+                std::hint::black_box(&texels);
+            }
+            start.elapsed().as_secs_f64().max(1e-9)
+        };
+        let mut all = || (0..CPU_DECODES).map(|_| once()).collect::<Vec<f64>>();
+        let mut seconds = match &self.single {
+            Some(single) => single.install(all),
+            None => all(),
+        };
+        seconds.sort_by(f64::total_cmp);
+        layout.texels() as f64 / seconds[CPU_DECODES / 2]
+    }
+
+    /// Texels a second of drawing the first image at its own size; `None` without an adapter that can hold it.
+    fn gpu_speed(&self, encoded: &dyn Encoded<Domain = Image2d>) -> Option<f64> {
+        let gpu = self.gpu.as_ref()?;
+        let texture = gpu.upload(&encoded.gpu()).ok()?;
+        let size = *encoded.layout().surfaces.first()?;
+        let view = View::whole(0, (size.width, size.height), Lookup::Fetch { level: 0 });
+        let first = gpu.time(&texture, &view, Probe::Lookup, 1).ok()?;
+        let drawings = (GPU_SECONDS / first.max(1e-9)).clamp(1.0, GPU_DRAWINGS) as u32;
+        let seconds = gpu.time(&texture, &view, Probe::Lookup, drawings).ok()?;
+        (seconds > 0.0).then(|| size.texels() as f64 / seconds)
+    }
+
+    /// The rival: its own program encodes and decodes, our figures judge.
+    fn astc(
+        &self,
+        images: &ImageSet,
+        block: (u32, u32),
+        candidate: &Candidate,
+        path: &Path,
+    ) -> Result<Measured, CliError> {
+        let Some(astcenc) = &self.astcenc else {
+            return Err(CliError::NoAstc { path: path.to_owned() });
+        };
+        let (mut error, mut similarity, mut seconds, mut bits) = (SquaredError::default(), 0.0, 0.0, 0u64);
+        let mut first = None;
+        for image in images.images() {
+            let coded = astcenc.code(image, block, path)?;
+            error = error + color_error(image, &coded.decoded);
+            similarity += ssim(image, &coded.decoded);
+            seconds += coded.seconds;
+            bits += coded.bits;
+            first.get_or_insert(coded.decoded);
+        }
+        let texels = images.texel_count() as f64;
+        let row = Row {
+            input: String::new(),
+            codec: candidate.codec(),
+            settings: candidate.settings(),
+            bpp_memory: bits as f64 / texels,
+            bpp_disk: bits as f64 / texels,
+            psnr: error.psnr(),
+            ssim: similarity / images.images().len() as f64,
+            encode_seconds: seconds,
+            texels,
+            decode_cpu_texels_per_second: None,
+            decode_gpu_texels_per_second: None,
+            random_access: 1,
+        };
+        Ok(Measured { row, decoded: first.unwrap_or_else(|| images.images()[0].clone()) })
+    }
+}
+
+fn vq(images: &ImageSet, params: &VqParams) -> Result<AnyImage, EncodeError> {
+    Vq::encode(VqSource::new(images), params, &mut Job::default()).map(AnyImage::Vq)
+}

@@ -1,0 +1,127 @@
+//! `compare`: every codec that fits at several settings, beside plain block compression.
+//!
+//! One row for each input and setting; charts over the means of all inputs, with the front of settings that no other
+//! beats in both figures; pictures of what each setting does to the middle of each input.
+
+mod candidate;
+mod chart;
+mod measure;
+mod names;
+mod page;
+mod rival;
+mod table;
+
+use std::path::PathBuf;
+
+use crate::compress::usual_limit;
+use crate::config::{AlphaChoice, ColorName, EffortName, Options};
+use crate::error::{CliError, explain, guarded};
+use crate::input::{Found, Kind, find, read_set};
+use crate::output::{make_folder, remove_stale, write_whole};
+use crate::progress::Progress;
+use crate::run::{complain, say};
+use candidate::candidates;
+use measure::{Bench, Measured};
+use page::Subject;
+use table::Row;
+
+/// Inputs that the report shows pictures of; further ones are in the table alone.
+const PICTURED_INPUTS: usize = 24;
+
+/// Arguments of `compare`.
+#[derive(Debug, clap::Args)]
+pub struct CompareArgs {
+    /// Files, folders or globs, as for compress.
+    #[arg(required = true, value_name = "INPUT")]
+    inputs: Vec<PathBuf>,
+    /// Folder that results.csv, results.json and report.html are written to.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// What an input is: a file is an image and a folder a set where this is not given.
+    #[arg(long = "as", value_enum)]
+    kind: Option<Kind>,
+    /// How long each codec searches.
+    #[arg(long, value_enum, default_value_t = EffortName::Fast)]
+    effort: EffortName,
+    /// What the values of images mean.
+    #[arg(long, value_enum, default_value_t)]
+    color: ColorName,
+    /// How alpha is read: straight, cutout, cutout=THRESHOLD.
+    #[arg(long, value_name = "ALPHA")]
+    alpha: Option<AlphaChoice>,
+}
+
+/// Runs the command; gives the number of inputs that failed.
+pub(crate) fn run(args: &CompareArgs) -> Result<usize, CliError> {
+    make_folder(&args.out)?;
+    remove_stale(&args.out);
+    let bench = Bench::open(args.effort);
+    let inputs = find(&args.inputs, |_| args.kind);
+    let progress = Progress::new(inputs.len());
+    let (mut rows, mut subjects, mut failed) = (Vec::new(), Vec::new(), 0);
+    for input in inputs {
+        let share = progress.share(String::new());
+        let outcome = input.map_err(|unusable| *unusable.error).and_then(|found| {
+            let path = found.path.clone();
+            guarded(&path, || compare(&found, args, &bench, &progress, subjects.len() < PICTURED_INPUTS))
+        });
+        drop(share);
+        match outcome {
+            Ok((of_input, subject)) => {
+                rows.extend(of_input);
+                subjects.push(subject);
+            }
+            Err(error) => {
+                progress.aside(|| complain(&explain(&error)));
+                failed += 1;
+            }
+        }
+    }
+    progress.finish();
+    write(args, &rows, &subjects, &bench)?;
+    say(&format!("{} rows in {}", rows.len(), args.out.join("report.html").display()));
+    Ok(failed)
+}
+
+/// All settings on one input.
+fn compare(
+    found: &Found,
+    args: &CompareArgs,
+    bench: &Bench,
+    progress: &Progress,
+    pictured: bool,
+) -> Result<(Vec<Row>, Subject), CliError> {
+    let settings = Options::of_pixels(args.color, args.alpha).resolve(&found.path)?;
+    let images = read_set(&found.files, &settings, usual_limit())?;
+    let input = found.path.display().to_string();
+    let mut subject = Subject::new(&input, pictured.then(|| &images.images()[0]));
+    let mut rows = Vec::new();
+    for candidate in candidates(images.info(), bench.rival()) {
+        // A setting that does not suit an input, such as a codebook larger than its image, is left out.
+        let measured = match bench.measure(&images, &candidate, &found.path) {
+            Ok(Measured { row, decoded }) => {
+                subject.add(&candidate, &row, &decoded);
+                Row { input: input.clone(), ..row }
+            }
+            Err(error) => {
+                let (codec, settings) = (candidate.codec(), candidate.settings());
+                progress.complain(&format!("left out: {codec} {settings}: {}", explain(&error)));
+                continue;
+            }
+        };
+        progress.say(&measured.line());
+        rows.push(measured);
+    }
+    Ok((rows, subject))
+}
+
+fn write(args: &CompareArgs, rows: &[Row], subjects: &[Subject], bench: &Bench) -> Result<(), CliError> {
+    let json = args.out.join("results.json");
+    let fault = |source: serde_json::Error| CliError::Write { path: json.clone(), source: source.into() };
+    write_whole(&json, &serde_json::to_vec_pretty(rows).map_err(fault)?)?;
+    write_whole(&args.out.join("results.csv"), table::csv(rows).as_bytes())?;
+    let report = args.out.join("report.html");
+    let draw = |source| CliError::Draw { path: report.clone(), source };
+    let html = page::html(rows, subjects, bench).map_err(draw)?;
+    write_whole(&report, html.as_bytes())
+}

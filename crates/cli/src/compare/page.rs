@@ -1,0 +1,160 @@
+//! The report as one HTML file that needs nothing else.
+
+use std::error::Error;
+use std::fmt::Write;
+
+use texfold_core::image::Raster;
+
+use super::candidate::Candidate;
+use super::chart::{self, AXES};
+use super::measure::Bench;
+use super::table::{Row, means};
+use crate::{base64, picture, png};
+
+/// Side in texels of the pictures: the middle of each input.
+const PICTURE_SIDE: u32 = 160;
+
+/// Pictures of one input.
+#[derive(Debug)]
+pub(crate) struct Subject {
+    input: String,
+    original: Option<Raster>,
+    shown: Vec<Shown>,
+}
+
+#[derive(Debug)]
+struct Shown {
+    title: String,
+    decoded: Raster,
+    error: Raster,
+}
+
+impl Subject {
+    /// An input, with its image where pictures are wanted.
+    pub(crate) fn new(input: &str, image: Option<&Raster>) -> Subject {
+        let original = image.map(|image| picture::crop(image, PICTURE_SIDE));
+        Subject { input: input.to_owned(), original, shown: Vec::new() }
+    }
+
+    /// Adds what a setting made of it.
+    pub(crate) fn add(&mut self, candidate: &Candidate, row: &Row, decoded: &Raster) {
+        let Some(original) = self.original.as_ref().filter(|_| candidate.is_pictured()) else { return };
+        let decoded = picture::crop(decoded, PICTURE_SIDE);
+        let title =
+            format!("{} {}: {:.2} dB at {:.2} bits", row.codec, row.settings, row.psnr, row.bpp_memory);
+        self.shown.push(Shown { title, error: picture::error(original, &decoded), decoded });
+    }
+}
+
+const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem;color:#222}\
+table{border-collapse:collapse;font-size:14px}td,th{padding:.2rem .6rem;border-bottom:1px solid #ddd;text-align:right}\
+td:nth-child(-n+3),th:nth-child(-n+3){text-align:left}figure{display:inline-block;margin:.3rem}\
+figcaption{font-size:13px;max-width:22rem}img{image-rendering:pixelated;margin-right:3px;vertical-align:top}\
+svg{max-width:100%;height:auto}.wide{overflow-x:auto}";
+
+type Fault = Box<dyn Error + Send + Sync>;
+
+/// The whole page.
+pub(crate) fn html(rows: &[Row], subjects: &[Subject], bench: &Bench) -> Result<String, Fault> {
+    let means = means(rows);
+    let mut page = format!(
+        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Texfold: comparison</title>\
+         <meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}</style>\
+         <h1>Texfold: comparison of {} inputs</h1>",
+        subjects.len()
+    );
+    page.push_str(&circumstances(bench));
+    for axis in AXES {
+        if let Some(svg) = chart::svg(&means, axis)? {
+            write!(page, "<figure>{svg}</figure>")?;
+        }
+    }
+    write!(page, "<h2>Means over the inputs</h2>{}", table(&means))?;
+    write!(
+        page,
+        "<h2>Pictures</h2><p>The middle {PICTURE_SIDE} texels of each input: the original, then for some settings \
+         what is decoded and its error, {} times as large around middle gray.</p>",
+        picture::ERROR_GAIN
+    )?;
+    for subject in subjects {
+        page.push_str(&pictures(subject)?);
+    }
+    writeln!(page, "<h2>All rows</h2>{}</html>", table(rows))?;
+    Ok(page)
+}
+
+/// What was measured how, and what was not there.
+fn circumstances(bench: &Bench) -> String {
+    let gpu = match bench.adapter() {
+        Some(name) => format!("GPU speeds are of {}: the first image drawn at its own size.", escape(&name)),
+        None => "No GPU adapter was found: GPU speeds are left out.".to_owned(),
+    };
+    let rival = if bench.rival() {
+        "ASTC is by the external program astcenc at its medium preset, its time with decoding."
+    } else {
+        "The external program astcenc was not found: ASTC is left out."
+    };
+    format!(
+        "<p>Quality is taken from the bytes of the file that ships; size counts all that a GPU holds. Encoding uses all \
+         cores at effort {}; CPU decoding one thread, the median of several whole decodes. {gpu} {rival}</p>",
+        bench.effort().name()
+    )
+}
+
+fn table(rows: &[Row]) -> String {
+    let mut text = String::from(
+        "<div class=\"wide\"><table><tr><th>input<th>codec<th>settings<th>bits memory<th>bits disk<th>PSNR dB<th>SSIM\
+         <th>encode s<th>CPU Mtexel/s<th>GPU Mtexel/s",
+    );
+    let speed = |speed: Option<f64>| speed.map_or("-".to_owned(), |speed| format!("{:.1}", speed / 1e6));
+    for row in rows {
+        let _ = write!(
+            text,
+            "<tr><td>{}<td>{}<td>{}<td>{:.3}<td>{:.3}<td>{:.2}<td>{:.4}<td>{:.2}<td>{}<td>{}",
+            escape(&row.input),
+            row.codec,
+            escape(&row.settings),
+            row.bpp_memory,
+            row.bpp_disk,
+            row.psnr,
+            row.ssim,
+            row.encode_seconds,
+            speed(row.decode_cpu_texels_per_second),
+            speed(row.decode_gpu_texels_per_second)
+        );
+    }
+    text.push_str("</table></div>");
+    text
+}
+
+fn pictures(subject: &Subject) -> Result<String, Fault> {
+    let Some(original) = &subject.original else { return Ok(String::new()) };
+    let mut text = format!(
+        "<h3>{}</h3><figure>{}<figcaption>original</figcaption></figure>",
+        escape(&subject.input),
+        data_image(original, "original")?
+    );
+    for Shown { title, decoded, error } in &subject.shown {
+        write!(
+            text,
+            "<figure>{}{}<figcaption>{}</figcaption></figure>",
+            data_image(decoded, "decoded")?,
+            data_image(error, "error")?,
+            escape(title)
+        )?;
+    }
+    Ok(text)
+}
+
+fn data_image(raster: &Raster, alt: &str) -> Result<String, Fault> {
+    let size = raster.size();
+    let data = base64::encode(&png::encode(raster)?);
+    Ok(format!(
+        "<img alt=\"{alt}\" width=\"{}\" height=\"{}\" src=\"data:image/png;base64,{data}\">",
+        size.width, size.height
+    ))
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}

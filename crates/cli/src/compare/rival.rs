@@ -1,0 +1,73 @@
+//! The rival ASTC, by the external program `astcenc` where it is installed.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+use texfold_core::image::Raster;
+
+use crate::compress::usual_limit;
+use crate::error::CliError;
+use crate::input::pixels;
+use crate::png;
+
+/// Bits of an ASTC block of any size.
+const BLOCK_BITS: u64 = 128;
+
+/// The program's own preset between speed and quality.
+const PRESET: &str = "-medium";
+
+/// Names that the program is installed under.
+const NAMES: [&str; 4] = ["astcenc", "astcenc-avx2", "astcenc-sse2", "astcenc-neon"];
+
+/// The external encoder.
+#[derive(Debug)]
+pub(crate) struct Astcenc(PathBuf);
+
+/// What it made of an image.
+#[derive(Debug)]
+pub(crate) struct Coded {
+    pub(crate) decoded: Raster,
+    /// Wall clock of encoding and decoding; decoding is a small part.
+    pub(crate) seconds: f64,
+    pub(crate) bits: u64,
+}
+
+impl Astcenc {
+    /// Looks for the program on PATH.
+    pub(crate) fn find() -> Option<Astcenc> {
+        let path = std::env::var_os("PATH")?;
+        let places = std::env::split_paths(&path).flat_map(|dir| NAMES.map(|name| dir.join(name)));
+        places.into_iter().find(|place| place.is_file()).map(Astcenc)
+    }
+
+    /// Encodes and decodes `image` with blocks of that size.
+    pub(crate) fn code(
+        &self,
+        image: &Raster,
+        (columns, rows): (u32, u32),
+        path: &Path,
+    ) -> Result<Coded, CliError> {
+        let failed = |source| CliError::Rival { path: path.to_owned(), program: self.0.clone(), source };
+        let dir = tempfile::tempdir().map_err(failed)?;
+        let (input, output) = (dir.path().join("in.png"), dir.path().join("out.png"));
+        png::write(&input, image)?;
+        let start = Instant::now();
+        let status = Command::new(&self.0)
+            .arg("-tl")
+            .args([&input, &output])
+            .args([&format!("{columns}x{rows}"), PRESET, "-silent"])
+            .stdout(Stdio::null())
+            .status()
+            .map_err(failed)?;
+        let seconds = start.elapsed().as_secs_f64();
+        if !status.success() {
+            return Err(failed(std::io::Error::other(status.to_string())));
+        }
+        let info = image.info();
+        let decoded = pixels::read(&output, info.color, Some(info.alpha), usual_limit())?;
+        let size = image.size();
+        let blocks = u64::from(size.width.div_ceil(columns)) * u64::from(size.height.div_ceil(rows));
+        Ok(Coded { decoded, seconds, bits: BLOCK_BITS * blocks })
+    }
+}

@@ -1,0 +1,107 @@
+//! From the content of files to an encoded texture: blocks that exist are taken over, everything else is encoded.
+
+use std::path::{Path, PathBuf};
+
+use texfold::{AnyImage, CodecChoice, Content, EncodeSettings, Guidance};
+use texfold_bc::{Bc1Blocks, BcTexture};
+use texfold_core::image::{ImageSet, Raster};
+use texfold_core::mesh::UvMesh;
+use texfold_core::{EncodeError, Goal, Job, Limits, SourceError, Stage};
+
+use crate::config::Settings;
+use crate::error::CliError;
+use crate::input::{self, bc1, pixels};
+
+/// Bits a texel of BC1: what blocks that are taken over cost.
+const BC1_BPP: f64 = 4.0;
+
+/// The images of an input.
+#[derive(Debug)]
+pub(crate) struct Loaded {
+    /// Their texels: what the result is measured against.
+    pub(crate) images: ImageSet,
+    /// Their blocks, where they are BC1 and are to stay so.
+    pub(crate) blocks: Option<Vec<Bc1Blocks>>,
+    /// Importance painted by hand.
+    pub(crate) painted: Option<Raster>,
+    /// Why blocks that exist are not taken over.
+    pub(crate) warning: Option<&'static str>,
+}
+
+/// Why encoding failed; the path is added by the caller.
+#[derive(Debug)]
+pub(crate) enum Fault {
+    Source(SourceError),
+    Encode(EncodeError),
+}
+
+impl Fault {
+    pub(crate) fn of(self, path: &Path) -> CliError {
+        let path = path.to_owned();
+        match self {
+            Fault::Source(source) => CliError::Source { path, source },
+            Fault::Encode(source) => CliError::Encode { path, source },
+        }
+    }
+}
+
+/// Reads all files of an input.
+pub(crate) fn load(files: &[PathBuf], settings: &Settings, limit_bytes: u64) -> Result<Loaded, CliError> {
+    let mut rasters = Vec::new();
+    let mut blocks = Vec::new();
+    for path in files {
+        match input::read(path, settings, limit_bytes)? {
+            input::Content::Pixels(raster) => rasters.push(raster),
+            input::Content::Blocks { image, alpha } => {
+                rasters.push(bc1::decode(path, image.clone(), alpha, settings)?);
+                blocks.push(image);
+            }
+        }
+    }
+    if settings.encode.codec == CodecChoice::Vq {
+        // Codec vq works on texels; that its blocks are decoded is no surprise.
+        blocks.clear();
+    }
+    let mixed = blocks.len() < files.len();
+    let obstacle =
+        if mixed { Some("not all images of the input are BC1") } else { obstacle(&settings.encode) };
+    let first = files.first().cloned().unwrap_or_default();
+    let images = ImageSet::new(rasters).map_err(|source| CliError::Source { path: first, source })?;
+    let painted = settings.importance_map.as_deref();
+    let painted = painted.map(|map| pixels::read(map, settings.color, None, limit_bytes)).transpose()?;
+    let warning = obstacle.filter(|_| !blocks.is_empty());
+    let blocks = (!blocks.is_empty() && obstacle.is_none()).then_some(blocks);
+    Ok(Loaded { images, blocks, painted, warning })
+}
+
+/// Why BC1 blocks cannot be the answer to such settings.
+fn obstacle(settings: &EncodeSettings) -> Option<&'static str> {
+    match () {
+        () if settings.content.is_some_and(|content| content != Content::Bc1) => {
+            Some("other content was asked for: the BC1 blocks are encoded anew")
+        }
+        () if settings.mips => Some("a mip chain was asked for: the BC1 blocks are encoded anew"),
+        () if matches!(settings.goal, Goal::Bpp(bpp) if bpp < BC1_BPP) => {
+            Some("fewer bits than BC1 were asked for: the BC1 blocks are encoded anew")
+        }
+        () => None,
+    }
+}
+
+/// Encodes on the threads that call this.
+pub(crate) fn encode(
+    loaded: &Loaded,
+    settings: &Settings,
+    mesh: Option<&UvMesh>,
+    limit_bytes: u64,
+    progress: &mut dyn FnMut(Stage),
+) -> Result<AnyImage, Fault> {
+    if let Some(blocks) = &loaded.blocks {
+        let texture = BcTexture::from_bc1(blocks.clone(), loaded.images.info());
+        return texture.map(AnyImage::Bc).map_err(Fault::Source);
+    }
+    let guidance = Guidance { painted: loaded.painted.as_ref(), mesh, ..Guidance::default() };
+    let limits = Limits { bytes: limit_bytes, ..Limits::default() };
+    let mut job = Job::new(limits).with_progress(progress);
+    texfold::encode_images(&loaded.images, guidance, &settings.encode, &mut job).map_err(Fault::Encode)
+}

@@ -1,0 +1,210 @@
+//! `compress`: images into `.txf` files.
+//!
+//! Inputs are found and given their settings and output names first; then each is checked against the index of the
+//! output folder, read, encoded, measured from its own bytes, and written, several at a time within a memory limit.
+
+mod cache;
+mod encode;
+mod memory;
+mod schedule;
+mod task;
+
+use std::collections::HashMap;
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use crate::config::{Config, Options, RunOptions};
+use crate::error::{CliError, explain};
+use crate::input::{Found, find};
+use crate::output::{make_folder, remove_stale, write_whole};
+use crate::progress::Progress;
+use crate::report::{Entry, Row};
+use crate::run::say;
+pub(crate) use memory::usual_limit;
+
+use cache::Cache;
+use task::{Finished, Task, Workplace};
+
+/// Arguments of `compress`.
+#[derive(Debug, clap::Args)]
+pub struct CompressArgs {
+    /// Files, folders or globs: PNG, JPEG, TIFF, BMP, TGA, and BC1 in DDS or KTX2.
+    #[arg(required = true, value_name = "INPUT")]
+    inputs: Vec<PathBuf>,
+    /// Folder that the .txf files are written to.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// A TOML file with the same options, also per glob: [[rule]] with glob = "*.png".
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    #[command(flatten)]
+    run: RunOptions,
+    #[command(flatten)]
+    options: Options,
+}
+
+/// An input in its place in the report: something to do, or why nothing can be done.
+enum Planned {
+    Task(Box<Task>),
+    Failed(PathBuf, CliError),
+}
+
+/// Runs the command; gives the number of inputs that failed.
+pub(crate) fn run(args: CompressArgs) -> Result<usize, CliError> {
+    let start = Instant::now();
+    let config = args.config.as_deref().map(Config::read).transpose()?.unwrap_or_default();
+    let run = args.run.or(config.run.clone());
+    run.check()?;
+    args.options.check()?;
+    let planned = plan(&args.inputs, &args.out, |path| args.options.or(&config.options(path)))?;
+    make_folder(&args.out)?;
+    remove_stale(&args.out);
+    let cache = Cache::open(&args.out);
+    let entries = work(&planned, &run, &cache);
+    cache.close();
+    if let Some(report) = &run.report {
+        write_report(report, &entries)?;
+    }
+    say(&summary(&entries, start.elapsed().as_secs_f64()));
+    Ok(entries.iter().filter(|(entry, _)| matches!(entry, Entry::Failed { .. })).count())
+}
+
+/// Finds the inputs and gives each its settings and its output.
+fn plan(
+    inputs: &[PathBuf],
+    out: &std::path::Path,
+    options: impl Fn(&std::path::Path) -> Options,
+) -> Result<Vec<Planned>, CliError> {
+    let mut writers: HashMap<OsString, PathBuf> = HashMap::new();
+    let mut planned = Vec::new();
+    for found in find(inputs, |path| options(path).kind()) {
+        let found = match found {
+            Ok(found) => found,
+            Err(unusable) => {
+                planned.push(Planned::Failed(unusable.path, *unusable.error));
+                continue;
+            }
+        };
+        let options = options(&found.path);
+        options.check()?;
+        let path = found.path.clone();
+        planned.push(match plan_one(found, &options, out, &mut writers) {
+            Ok(task) => Planned::Task(Box::new(task)),
+            Err(error) => Planned::Failed(path, error),
+        });
+    }
+    Ok(planned)
+}
+
+fn plan_one(
+    found: Found,
+    options: &Options,
+    out: &std::path::Path,
+    writers: &mut HashMap<OsString, PathBuf>,
+) -> Result<Task, CliError> {
+    let settings = options.resolve(&found.path)?;
+    let mut name = found.stem.clone();
+    name.push(".txf");
+    let output = out.join(&name);
+    if let Some(first) = writers.get(&name) {
+        return Err(CliError::Collision { path: found.path, output, first: first.clone() });
+    }
+    writers.insert(name, found.path.clone());
+    Ok(Task { found, settings, output })
+}
+
+/// Carries the tasks out; the entries are in the order of the plan, each with whether it was up to date already.
+fn work(planned: &[Planned], run: &RunOptions, cache: &Cache) -> Vec<(Entry, bool)> {
+    let tasks: Vec<&Task> = planned
+        .iter()
+        .filter_map(|planned| match planned {
+            Planned::Task(task) => Some(task.as_ref()),
+            Planned::Failed(..) => None,
+        })
+        .collect();
+    let progress = Progress::new(tasks.len());
+    for planned in planned {
+        if let Planned::Failed(_, error) = planned {
+            progress.complain(&format!("error: {}", explain(error)));
+        }
+    }
+    let limit_bytes = run.memory.map_or_else(usual_limit, memory::from_gib);
+    let place = Workplace { cache, limit_bytes, force: run.force.unwrap_or(false), progress: &progress };
+    let jobs = run.jobs.map_or_else(schedule::cores, |jobs| jobs as usize);
+    let cost = |task: &&Task| task.cost_bytes();
+    let mut finished =
+        schedule::run(&tasks, jobs, limit_bytes, cost, |task| settle(task, task.run(&place), &progress))
+            .into_iter();
+    progress.finish();
+    let in_place = |planned: &Planned| match planned {
+        Planned::Failed(path, error) => (failed(path, error), false),
+        // The scheduler gives one result a task, in order.
+        Planned::Task(task) => finished.next().flatten().unwrap_or_else(|| {
+            let message = "the work was not finished".to_owned();
+            (failed(&task.found.path, &CliError::Internal { path: task.found.path.clone(), message }), false)
+        }),
+    };
+    planned.iter().map(in_place).collect()
+}
+
+/// Says how one task went.
+fn settle(task: &Task, finished: Result<Finished, CliError>, progress: &Progress) -> (Entry, bool) {
+    match finished {
+        Ok(Finished { row, skipped }) => {
+            progress.say(&line(task, &row, skipped));
+            (Entry::Done(Box::new(row)), skipped)
+        }
+        Err(error) => {
+            progress.complain(&format!("error: {}", explain(&error)));
+            (failed(&task.found.path, &error), false)
+        }
+    }
+}
+
+fn failed(path: &std::path::Path, error: &CliError) -> Entry {
+    Entry::Failed { input: path.display().to_string(), error: explain(error) }
+}
+
+fn line(task: &Task, row: &Row, skipped: bool) -> String {
+    let stem = task.found.stem.to_string_lossy();
+    let note = if skipped { "  (up to date)" } else { "" };
+    format!(
+        "{stem:24} {:4} {:7.2} dB  {:7.3} bpp memory  {:7.3} bpp disk  {:7.2} s{note}",
+        row.codec, row.psnr, row.bpp_memory, row.bpp_disk, row.encode_seconds
+    )
+}
+
+fn write_report(path: &std::path::Path, entries: &[(Entry, bool)]) -> Result<(), CliError> {
+    let rows: Vec<&Entry> = entries.iter().map(|(entry, _)| entry).collect();
+    let write = |source: serde_json::Error| CliError::Write { path: path.to_owned(), source: source.into() };
+    let mut text = serde_json::to_vec_pretty(&rows).map_err(write)?;
+    text.push(b'\n');
+    if let Some(dir) = path.parent().filter(|dir| !dir.as_os_str().is_empty()) {
+        make_folder(dir)?;
+    }
+    write_whole(path, &text)
+}
+
+fn summary(entries: &[(Entry, bool)], seconds: f64) -> String {
+    let rows: Vec<&Row> = entries
+        .iter()
+        .filter_map(|(entry, _)| match entry {
+            Entry::Done(row) => Some(row.as_ref()),
+            Entry::Failed { .. } => None,
+        })
+        .collect();
+    let skipped = entries.iter().filter(|(_, skipped)| *skipped).count();
+    let (written, failed) = (rows.len() - skipped, entries.len() - rows.len());
+    let counts = format!("{written} written, {skipped} up to date, {failed} failed in {seconds:.1} s");
+    if rows.is_empty() {
+        return counts;
+    }
+    let mean = |figure: fn(&Row) -> f64| rows.iter().map(|row| figure(row)).sum::<f64>() / rows.len() as f64;
+    format!(
+        "{counts}; mean {:.2} dB at {:.3} bpp memory, {:.3} bpp disk",
+        mean(|row| row.psnr),
+        mean(|row| row.bpp_memory),
+        mean(|row| row.bpp_disk)
+    )
+}

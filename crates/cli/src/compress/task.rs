@@ -1,0 +1,148 @@
+//! One input from file to file.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use texfold_core::mesh::UvMesh;
+
+use super::cache::{Cache, add_file, program};
+use super::{encode, memory};
+use crate::config::Settings;
+use crate::error::{CliError, guarded};
+use crate::input::{Found, Kind, mesh, size_of};
+use crate::output::write_whole;
+use crate::progress::Progress;
+use crate::report::{Circumstances, Row};
+
+/// What is to be made of one input.
+#[derive(Debug)]
+pub(crate) struct Task {
+    pub(crate) found: Found,
+    pub(crate) settings: Settings,
+    pub(crate) output: PathBuf,
+}
+
+/// What all tasks of a run share.
+#[derive(Debug)]
+pub(crate) struct Workplace<'w> {
+    pub(crate) cache: &'w Cache,
+    pub(crate) limit_bytes: u64,
+    pub(crate) force: bool,
+    pub(crate) progress: &'w Progress,
+}
+
+/// A task that is done.
+#[derive(Debug)]
+pub(crate) struct Finished {
+    pub(crate) row: Row,
+    /// It was up to date already.
+    pub(crate) skipped: bool,
+}
+
+impl Task {
+    /// About how many bytes the task needs at its peak; 0 where its headers cannot be read, which its work will say.
+    pub(crate) fn cost_bytes(&self) -> u64 {
+        guarded(&self.found.path, || self.texels()).unwrap_or(0).saturating_mul(memory::BYTES_PER_TEXEL)
+    }
+
+    fn texels(&self) -> Result<u64, CliError> {
+        self.found.files.iter().map(|file| size_of(file).map(|size| size.texels())).sum()
+    }
+
+    /// Does the work. A panic in a decoder or encoder becomes an error of this input.
+    pub(crate) fn run(&self, place: &Workplace<'_>) -> Result<Finished, CliError> {
+        guarded(&self.found.path, || self.check_and_encode(place))
+    }
+
+    fn check_and_encode(&self, place: &Workplace<'_>) -> Result<Finished, CliError> {
+        let mesh = self.settings.mesh.as_deref().map(mesh::read).transpose()?;
+        let key = self.key(mesh.as_ref())?;
+        if let Some(row) = place.cache.up_to_date(&self.output, &key).filter(|_| !place.force) {
+            return Ok(Finished { row: self.renamed(row), skipped: true });
+        }
+        let warnings = self.check_memory(place.limit_bytes)?;
+        let (bytes, row) = self.encode(place, mesh.as_ref(), warnings)?;
+        write_whole(&self.output, &bytes)?;
+        place.cache.record(&self.output, &key, &bytes, &row);
+        Ok(Finished { row, skipped: false })
+    }
+
+    fn encode(
+        &self,
+        place: &Workplace<'_>,
+        mesh: Option<&UvMesh>,
+        mut warnings: Vec<String>,
+    ) -> Result<(Vec<u8>, Row), CliError> {
+        let path = &self.found.path;
+        let share = place.progress.share(self.found.stem.to_string_lossy().into_owned());
+        let loaded = encode::load(&self.found.files, &self.settings, place.limit_bytes)?;
+        if self.found.kind == Kind::Sequence {
+            check_frames(&self.found, &loaded.images)?;
+        }
+        warnings.extend(loaded.warning.map(str::to_owned));
+        let start = Instant::now();
+        let image = encode::encode(&loaded, &self.settings, mesh, place.limit_bytes, &mut |stage| {
+            share.report(stage);
+        })
+        .map_err(|fault| fault.of(path))?;
+        let bytes = image.to_bytes();
+        let encode_seconds = start.elapsed().as_secs_f64();
+        drop(image);
+        let goal = self.settings.encode.goal;
+        let how = Circumstances { input: path, output: &self.output, encode_seconds, goal, warnings };
+        let row = Row::of(&loaded.images, &bytes, how)
+            .map_err(|source| CliError::Load { path: self.output.clone(), source })?;
+        Ok((bytes, row))
+    }
+
+    /// A stored row under the names of this run.
+    fn renamed(&self, row: Row) -> Row {
+        Row { input: self.found.path.display().to_string(), output: self.output.display().to_string(), ..row }
+    }
+
+    /// An input that cannot fit is refused before it is read; one that may not fit runs alone, with a warning.
+    fn check_memory(&self, limit_bytes: u64) -> Result<Vec<String>, CliError> {
+        let texels = self.texels()?;
+        let needed = |per_texel: u64| texels.saturating_mul(per_texel);
+        let (least, likely) = (needed(memory::LEAST_BYTES_PER_TEXEL), needed(memory::BYTES_PER_TEXEL));
+        if least > limit_bytes {
+            let (needed_mib, allowed_mib) = (likely >> 20, limit_bytes >> 20);
+            return Err(CliError::Memory { path: self.found.path.clone(), needed_mib, allowed_mib });
+        }
+        let warning = || {
+            let (needed, allowed) = (likely >> 20, limit_bytes >> 20);
+            format!(
+                "about {needed} MiB are needed where {allowed} MiB are allowed: nothing else ran beside it"
+            )
+        };
+        Ok((likely > limit_bytes).then(warning).into_iter().collect())
+    }
+
+    /// Hash of all that the output depends on.
+    fn key(&self, mesh: Option<&UvMesh>) -> Result<String, CliError> {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(program().as_bytes());
+        hasher.update(format!("{:?} {:?}", self.found.kind, self.settings).as_bytes());
+        for file in self.found.files.iter().chain(&self.settings.importance_map) {
+            add_file(&mut hasher, file).map_err(|source| CliError::Read { path: file.clone(), source })?;
+        }
+        if let Some(mesh) = mesh {
+            mesh.positions
+                .iter()
+                .flat_map(|p| p.to_array())
+                .for_each(|x| _ = hasher.update(&x.to_le_bytes()));
+            mesh.uvs.iter().flat_map(|uv| uv.to_array()).for_each(|x| _ = hasher.update(&x.to_le_bytes()));
+            mesh.triangles.iter().flatten().for_each(|x| _ = hasher.update(&x.to_le_bytes()));
+        }
+        Ok(hasher.finalize().to_hex().to_string())
+    }
+}
+
+/// Frames of a sequence have one size.
+fn check_frames(found: &Found, images: &texfold_core::image::ImageSet) -> Result<(), CliError> {
+    let first = images.images()[0].size();
+    match images.images().iter().position(|image| image.size() != first) {
+        Some(index) => Err(CliError::FrameSize { path: found.files[index].clone(), index }),
+        None => Ok(()),
+    }
+}

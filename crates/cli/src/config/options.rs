@@ -1,0 +1,265 @@
+//! What can be said of an input and of a run, and what follows from it.
+
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use texfold::EncodeSettings;
+use texfold_core::Goal;
+use texfold_core::image::{Alpha, ColorSpace};
+
+use super::values::{AlphaChoice, CodecName, ColorName, ContentName, EffortName, Samples, Sides};
+use crate::error::{CliError, UsageError};
+use crate::input::Kind;
+
+/// Share of the codebook that samples take where only their number is given: the paper's half.
+const SAMPLE_SHARE: f64 = 0.5;
+
+/// What can be said of one input, on the command line or in a rule.
+#[derive(Debug, Clone, Default, PartialEq, clap::Args, Deserialize)]
+#[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
+pub struct Options {
+    /// Which codec.
+    #[arg(long, value_enum)]
+    pub(super) codec: Option<CodecName>,
+    /// Goal: the smallest file of at least this PSNR in dB (34 where no goal is given).
+    #[arg(long, value_name = "DB", group = "goal")]
+    pub(super) psnr: Option<f64>,
+    /// Goal: the best within this many bits of GPU memory per texel.
+    #[arg(long, value_name = "B", group = "goal")]
+    pub(super) bpp: Option<f64>,
+    /// Goal: the smallest whose every 4x4 block has at most this RMS error in 8-bit units.
+    #[arg(long, value_name = "E", group = "goal")]
+    pub(super) tolerance: Option<f64>,
+    /// How content planes are stored; the goal decides where this is not given.
+    #[arg(long, value_enum)]
+    pub(super) content: Option<ContentName>,
+    /// A mask of what content may be taken from (codecs of later versions).
+    #[arg(long, value_name = "MASK")]
+    pub(super) content_from: Option<PathBuf>,
+    /// Number of triangles (codecs of later versions).
+    #[arg(long, value_name = "N")]
+    pub(super) triangles: Option<u32>,
+    /// Number of terms (codecs of later versions).
+    #[arg(long, value_name = "K")]
+    pub(super) terms: Option<u32>,
+    /// What an input is: a file is an image and a folder a set where this is not given.
+    #[arg(long = "as", value_enum)]
+    #[serde(rename = "as")]
+    pub(super) kind: Option<Kind>,
+    /// Store a full mip chain.
+    #[arg(long, num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL")]
+    pub(super) mips: Option<bool>,
+    /// How long to search.
+    #[arg(long, value_enum)]
+    pub(super) effort: Option<EffortName>,
+    /// vq: width and height of the codebook in texels, instead of a goal.
+    #[arg(long, value_name = "WxH")]
+    pub(super) codebook: Option<Sides>,
+    /// vq: number of image samples and their side in texels.
+    #[arg(long, value_name = "N[xSIDE]")]
+    pub(super) samples: Option<Samples>,
+    /// vq: how strongly importance weighs, 0 not at all, 1 the default.
+    #[arg(long, value_name = "X")]
+    pub(super) importance: Option<f32>,
+    /// vq: a painted importance image, bright where it matters.
+    #[arg(long, value_name = "FILE")]
+    pub(super) importance_map: Option<PathBuf>,
+    /// vq: a mesh (OBJ, glTF, GLB) that the texture is drawn on.
+    #[arg(long, value_name = "FILE")]
+    pub(super) mesh: Option<PathBuf>,
+    /// What the values of images mean (srgb where not given).
+    #[arg(long, value_enum)]
+    pub(super) color: Option<ColorName>,
+    /// How alpha is read: straight, cutout, cutout=THRESHOLD.
+    #[arg(long, value_name = "ALPHA")]
+    pub(super) alpha: Option<AlphaChoice>,
+}
+
+/// What is said of the whole run.
+#[derive(Debug, Clone, Default, PartialEq, clap::Args, Deserialize)]
+#[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
+pub struct RunOptions {
+    /// Inputs worked on at a time; the number of cores where not given.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(crate) jobs: Option<u32>,
+    /// Memory in GiB that inputs in work may take together; three quarters of the machine's where not given.
+    #[arg(long, value_name = "GIB")]
+    pub(crate) memory: Option<f64>,
+    /// Write a report of all inputs as JSON.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) report: Option<PathBuf>,
+    /// Encode even what is up to date.
+    #[arg(long, num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL")]
+    pub(crate) force: Option<bool>,
+}
+
+impl RunOptions {
+    /// Values of `other` where this one has none.
+    pub(crate) fn or(self, other: RunOptions) -> RunOptions {
+        RunOptions {
+            jobs: self.jobs.or(other.jobs),
+            memory: self.memory.or(other.memory),
+            report: self.report.or(other.report),
+            force: self.force.or(other.force),
+        }
+    }
+
+    /// Checks what clap has not.
+    pub(crate) fn check(&self) -> Result<(), UsageError> {
+        let jobs = self.jobs.map(f64::from);
+        in_range("jobs", jobs, |jobs| (1.0..=1024.0).contains(&jobs), "1..=1024")?;
+        let range = "finite numbers of GiB above 0";
+        in_range("memory", self.memory, |gib| gib.is_finite() && gib > 0.0, range)
+    }
+}
+
+fn in_range(
+    option: &'static str,
+    value: Option<f64>,
+    legal: impl Fn(f64) -> bool,
+    range: &'static str,
+) -> Result<(), UsageError> {
+    match value {
+        Some(value) if !legal(value) => Err(UsageError::Range { option, value: value.to_string(), range }),
+        _ => Ok(()),
+    }
+}
+
+/// How one input is to be encoded.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Settings {
+    pub(crate) encode: EncodeSettings,
+    pub(crate) color: ColorSpace,
+    pub(crate) alpha: Option<Alpha>,
+    pub(crate) importance_map: Option<PathBuf>,
+    pub(crate) mesh: Option<PathBuf>,
+}
+
+impl Options {
+    /// Values of `other` where these have none; the goals count as one value.
+    pub(crate) fn or(&self, other: &Options) -> Options {
+        let goals = if self.has_goal() { self } else { other };
+        Options {
+            codec: self.codec.or(other.codec),
+            psnr: goals.psnr,
+            bpp: goals.bpp,
+            tolerance: goals.tolerance,
+            content: self.content.or(other.content),
+            content_from: self.content_from.clone().or_else(|| other.content_from.clone()),
+            triangles: self.triangles.or(other.triangles),
+            terms: self.terms.or(other.terms),
+            kind: self.kind.or(other.kind),
+            mips: self.mips.or(other.mips),
+            effort: self.effort.or(other.effort),
+            codebook: self.codebook.or(other.codebook),
+            samples: self.samples.or(other.samples),
+            importance: self.importance.or(other.importance),
+            importance_map: self.importance_map.clone().or_else(|| other.importance_map.clone()),
+            mesh: self.mesh.clone().or_else(|| other.mesh.clone()),
+            color: self.color.or(other.color),
+            alpha: self.alpha.or(other.alpha),
+        }
+    }
+
+    /// Options that say only what pixels mean.
+    pub(crate) fn of_pixels(color: ColorName, alpha: Option<AlphaChoice>) -> Options {
+        Options { color: Some(color), alpha, ..Options::default() }
+    }
+
+    fn has_goal(&self) -> bool {
+        self.psnr.is_some() || self.bpp.is_some() || self.tolerance.is_some()
+    }
+
+    /// What the input is, where it is said.
+    pub(crate) fn kind(&self) -> Option<Kind> {
+        self.kind
+    }
+
+    /// Checks what can be checked without an input.
+    pub(crate) fn check(&self) -> Result<(), UsageError> {
+        let positive = |value: f64| value.is_finite() && value > 0.0;
+        in_range("psnr", self.psnr, positive, "finite numbers above 0")?;
+        in_range("bpp", self.bpp, positive, "finite numbers above 0")?;
+        in_range("tolerance", self.tolerance, positive, "finite numbers above 0")?;
+        in_range("importance", self.importance.map(f64::from), |x| (0.0..=4.0).contains(&x), "0..=4")?;
+        let side = |value: f64| (4.0..=256.0).contains(&value) && value % 4.0 == 0.0;
+        for value in self.codebook.iter().flat_map(|sides| [sides.0, sides.1]) {
+            in_range("codebook", Some(f64::from(value)), side, "sides that are multiples of 4 in 4..=256")?;
+        }
+        if let Some(Samples(count, sample_side)) = self.samples {
+            in_range("samples", Some(f64::from(count)), |count| count <= 64.0, "0..=64 samples")?;
+            let range = "sides that are multiples of 4 in 4..=256";
+            in_range("samples", sample_side.filter(|_| count > 0).map(f64::from), side, range)?;
+        }
+        self.check_codec()
+    }
+
+    /// Options that only some codecs have.
+    fn check_codec(&self) -> Result<(), UsageError> {
+        let codec = self.codec.unwrap_or_default();
+        let misplaced = |option, wanted| Err(UsageError::NotForCodec { option, wanted, codec: codec.name() });
+        if codec.choice().is_some() {
+            match () {
+                () if self.content_from.is_some() => return misplaced("content-from", "epitome"),
+                () if self.triangles.is_some() => return misplaced("triangles", "progressive"),
+                () if self.terms.is_some() => return misplaced("terms", "lightfield"),
+                () => {}
+            }
+        }
+        if matches!(codec, CodecName::Auto | CodecName::Vq) {
+            return Ok(());
+        }
+        match () {
+            () if self.codebook.is_some() => misplaced("codebook", "vq"),
+            () if self.samples.is_some() => misplaced("samples", "vq"),
+            () if self.importance.is_some() => misplaced("importance", "vq"),
+            () if self.importance_map.is_some() => misplaced("importance-map", "vq"),
+            () if self.mesh.is_some() => misplaced("mesh", "vq"),
+            () => Ok(()),
+        }
+    }
+
+    /// The settings for the input at `path`.
+    pub(crate) fn resolve(&self, path: &Path) -> Result<Settings, CliError> {
+        let codec = self.codec.unwrap_or_default();
+        let path = || path.to_owned();
+        let Some(choice) = codec.choice() else {
+            return Err(CliError::NotYet { path: path(), what: codec.name() });
+        };
+        if self.content == Some(ContentName::Astc) {
+            return Err(CliError::NoAstc { path: path() });
+        }
+        let encode = EncodeSettings {
+            codec: choice,
+            goal: self.goal(),
+            content: self.content.and_then(ContentName::content),
+            mips: self.mips.unwrap_or(false),
+            effort: self.effort.unwrap_or_default().effort(),
+            codebook: self.codebook.map(|Sides(width, height)| (width, height)),
+            samples: self.samples(),
+            importance: self.importance,
+        };
+        Ok(Settings {
+            encode,
+            color: self.color.unwrap_or_default().color(),
+            alpha: self.alpha.map(|AlphaChoice(alpha)| alpha),
+            importance_map: self.importance_map.clone(),
+            mesh: self.mesh.clone(),
+        })
+    }
+
+    fn goal(&self) -> Goal {
+        let bpp = self.bpp.map(Goal::Bpp);
+        let tolerance = self.tolerance.map(Goal::Tolerance);
+        self.psnr.map(Goal::Psnr).or(bpp).or(tolerance).unwrap_or_default()
+    }
+
+    /// Number and side of samples; a side that is not given is the largest with which they take half the codebook.
+    pub(super) fn samples(&self) -> Option<(u32, u32)> {
+        let Samples(count, side) = self.samples?;
+        let Sides(width, height) = self.codebook.unwrap_or(Sides(256, 256));
+        let area = SAMPLE_SHARE * f64::from(width) * f64::from(height);
+        let usual = (area / f64::from(count.max(1))).sqrt() as u32 / 4 * 4;
+        Some((count, side.unwrap_or(usual.clamp(4, width.min(height).max(4)))))
+    }
+}

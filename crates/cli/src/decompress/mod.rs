@@ -1,0 +1,158 @@
+//! `decompress`: `.txf` files into PNG images.
+
+mod gpu;
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use texfold::AnyImage;
+use texfold_core::image::Raster;
+use texfold_core::metric::decode_surface;
+use texfold_core::{Budget, Encoded, Image2d, RegionError};
+
+use crate::error::{CliError, explain, guarded};
+use crate::output::{make_folder, remove_stale};
+use crate::run::complain;
+use crate::{input, png};
+use gpu::Device;
+
+/// Digits of the number in the name of one image of several; more where there are more than a thousand.
+const NUMBER_DIGITS: usize = 3;
+
+/// Arguments of `decompress`.
+#[derive(Debug, clap::Args)]
+pub struct DecompressArgs {
+    /// .txf files.
+    #[arg(required = true, value_name = "FILE.txf")]
+    files: Vec<PathBuf>,
+    /// Folder that the PNG files are written to.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Decode on the GPU, as a shader does.
+    #[arg(long)]
+    gpu: bool,
+    /// Blend across blocks. At the texels' own places, where every codec of this version is read, blending changes
+    /// nothing.
+    #[arg(long)]
+    continuous: bool,
+    /// Mip level: 0 is the full size.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    lod: u32,
+    /// Layers of a progressive file (codecs of later versions).
+    #[arg(long, value_name = "N")]
+    layers: Option<u32>,
+    /// Terms of a light field (codecs of later versions).
+    #[arg(long, value_name = "K")]
+    terms: Option<u32>,
+}
+
+/// Runs the command; gives the number of files that failed.
+pub(crate) fn run(args: &DecompressArgs) -> Result<usize, CliError> {
+    make_folder(&args.out)?;
+    remove_stale(&args.out);
+    let device = match args.gpu.then(Device::open).transpose() {
+        Ok(device) => device,
+        Err(source) => return Err(CliError::NoGpu { source: Box::new(source) }),
+    };
+    let mut writers = HashMap::new();
+    let mut failed = 0;
+    for path in input::find::expand_all(&args.files) {
+        let outcome =
+            path.and_then(|path| guarded(&path, || decompress(&path, args, device.as_ref(), &mut writers)));
+        if let Err(error) = outcome {
+            complain(&explain(&error));
+            failed += 1;
+        }
+    }
+    Ok(failed)
+}
+
+/// Loads a `.txf` file.
+pub(crate) fn load(path: &Path) -> Result<AnyImage, CliError> {
+    let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    texfold::open_image(&bytes, &mut Budget::default())
+        .map_err(|source| CliError::Load { path: path.to_owned(), source })
+}
+
+fn decompress(
+    path: &Path,
+    args: &DecompressArgs,
+    device: Option<&Device>,
+    writers: &mut HashMap<PathBuf, PathBuf>,
+) -> Result<(), CliError> {
+    let image = load(path)?;
+    let encoded = image.as_encoded();
+    check_parts(path, args, encoded)?;
+    let picture = device.map(|device| device.upload(path, encoded)).transpose()?;
+    let surfaces = encoded.layout().surfaces.len();
+    for surface in 0..surfaces {
+        let output = args.out.join(name(path, surface, surfaces));
+        if let Some(first) = writers.insert(output.clone(), path.to_owned()) {
+            writers.insert(output.clone(), first.clone());
+            return Err(CliError::Collision { path: path.to_owned(), output, first });
+        }
+        let raster = match &picture {
+            Some(picture) => picture.decode(path, encoded, surface as u32, args.lod, args.continuous)?,
+            None => decode(path, encoded, surface as u32, args.lod)?,
+        };
+        png::write(&output, &raster)?;
+    }
+    Ok(())
+}
+
+/// Refuses options that the file's codec does not have.
+fn check_parts(
+    path: &Path,
+    args: &DecompressArgs,
+    encoded: &dyn Encoded<Domain = Image2d>,
+) -> Result<(), CliError> {
+    let missing =
+        |option| CliError::NoSuchPart { path: path.to_owned(), codec: encoded.codec().name, option };
+    match () {
+        () if args.layers.is_some() => Err(missing("layers")),
+        () if args.terms.is_some() => Err(missing("terms")),
+        () if args.lod >= encoded.layout().levels => {
+            let source = RegionError::NoSuchLevel { level: args.lod, levels: encoded.layout().levels };
+            Err(CliError::Region { path: path.to_owned(), source })
+        }
+        () => Ok(()),
+    }
+}
+
+/// One image on the CPU: the reference.
+pub(crate) fn decode(
+    path: &Path,
+    encoded: &dyn Encoded<Domain = Image2d>,
+    surface: u32,
+    level: u32,
+) -> Result<Raster, CliError> {
+    let layout = encoded.layout();
+    let missing = || CliError::Region {
+        path: path.to_owned(),
+        source: RegionError::NoSuchSurface { surface, surfaces: layout.surfaces.len() },
+    };
+    decode_surface(encoded, surface, level).ok_or_else(missing)
+}
+
+/// `<stem>.png`, or `<stem>-000.png` and so on where there are several.
+pub(crate) fn name(path: &Path, surface: usize, surfaces: usize) -> std::ffi::OsString {
+    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    if surfaces > 1 {
+        let digits = NUMBER_DIGITS.max((surfaces - 1).to_string().len());
+        name.push(format!("-{surface:0digits$}"));
+    }
+    name.push(".png");
+    name
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_sort_as_the_images_do() {
+        assert_eq!(name(Path::new("a/wall.txf"), 0, 1), "wall.png");
+        assert_eq!(name(Path::new("wall.txf"), 7, 8), "wall-007.png");
+        assert_eq!(name(Path::new("wall.txf"), 7, 1001), "wall-0007.png");
+    }
+}

@@ -1,0 +1,125 @@
+//! What goes wrong with files and command lines. Each message names the file and says what to do.
+
+use std::error::Error;
+use std::io;
+use std::path::PathBuf;
+
+use texfold_core::{EncodeError, LoadError, RegionError, SourceError};
+
+/// A command line or configuration that cannot be carried out: exit code 2, nothing is done.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum UsageError {
+    #[error("--{option} is for codec {wanted}, not {codec}; leave it out or give --codec {wanted}")]
+    NotForCodec { option: &'static str, wanted: &'static str, codec: &'static str },
+    #[error("--{option} {value} is outside {range}; give a value in that range")]
+    Range { option: &'static str, value: String, range: &'static str },
+    #[error("{} names more than one goal; give one of psnr, bpp and tolerance", path.display())]
+    TwoGoals { path: PathBuf },
+    #[error("{}: the configuration cannot be read; check the path", path.display())]
+    ConfigRead { path: PathBuf, source: io::Error },
+    #[error("{}: the configuration is wrong; correct it as the cause says", path.display())]
+    ConfigSyntax { path: PathBuf, source: toml::de::Error },
+    #[error("{}: rule {index} has no glob; add glob = \"*.png\" or the like", path.display())]
+    RuleWithoutGlob { path: PathBuf, index: usize },
+    #[error("{}: '{glob}' is no glob; correct the pattern", path.display())]
+    RuleGlob { path: PathBuf, glob: String, source: glob::PatternError },
+}
+
+/// Why an input, or a whole command, failed.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum CliError {
+    #[error(transparent)]
+    Usage(#[from] UsageError),
+    #[error("{}: no such file or folder; check the path", path.display())]
+    NotFound { path: PathBuf },
+    #[error("{pattern}: no file matches; check the pattern")]
+    NoMatch { pattern: String },
+    #[error("{}: cannot be read; check the path and its permissions", path.display())]
+    Read { path: PathBuf, source: io::Error },
+    #[error("{}: the folder holds no image; put PNG, JPEG, TIFF, BMP, TGA, DDS or KTX2 files into it", path.display())]
+    EmptyFolder { path: PathBuf },
+    #[error("{}: the file is empty; write it again", path.display())]
+    EmptyFile { path: PathBuf },
+    #[error("{}: no image format that is known; give PNG, JPEG, TIFF, BMP, TGA, or BC1 in DDS or KTX2", path.display())]
+    UnknownFormat { path: PathBuf },
+    #[error("{}: the image cannot be decoded; export it again", path.display())]
+    Decode { path: PathBuf, source: Box<image::ImageError> },
+    #[error("{}: the image needs more than the limits allow; scale it down, split it, or raise --memory", path.display())]
+    ImageLimits { path: PathBuf, source: Box<image::ImageError> },
+    #[error("{}: {format} pixels are not supported; convert to 8 or 16 bits and 1 to 4 channels", path.display())]
+    PixelFormat { path: PathBuf, format: String },
+    #[error("{}: about {needed_mib} MiB are needed and {allowed_mib} MiB allowed; split the input or raise --memory", path.display())]
+    Memory { path: PathBuf, needed_mib: u64, allowed_mib: u64 },
+    #[error("{}: the {container} header is wrong; export the file again", path.display())]
+    Container { path: PathBuf, container: &'static str, source: Box<dyn Error + Send + Sync> },
+    #[error("{}: holds {found}, and only a flat BC1 image can be taken over; convert it to PNG", path.display())]
+    NotBc1 { path: PathBuf, found: String },
+    #[error("{}: the file ends before its blocks do ({found} of {needed} bytes); export it again", path.display())]
+    CutBlocks { path: PathBuf, found: usize, needed: u64 },
+    #[error("{}: {what} is not in this version; give --as image or --as set and --codec auto, bc or vq", path.display())]
+    NotYet { path: PathBuf, what: &'static str },
+    #[error("{}: content astc is not in this build; give raw, bc1 or bc7", path.display())]
+    NoAstc { path: PathBuf },
+    #[error("{}: frame {index} is not of the first frame's size; crop the frames alike or give --as set", path.display())]
+    FrameSize { path: PathBuf, index: usize },
+    #[error("{}: the mesh cannot be read; export it as OBJ, glTF or GLB again", path.display())]
+    Mesh { path: PathBuf, source: Box<dyn Error + Send + Sync> },
+    #[error("{}: the mesh {what}; export it as triangles with texture coordinates", path.display())]
+    MeshContent { path: PathBuf, what: &'static str },
+    #[error("{}: cannot be encoded", path.display())]
+    Encode { path: PathBuf, source: EncodeError },
+    #[error("{}: unsuitable", path.display())]
+    Source { path: PathBuf, source: SourceError },
+    #[error("{}: cannot be loaded", path.display())]
+    Load { path: PathBuf, source: LoadError },
+    #[error("{}: cannot be decoded", path.display())]
+    Region { path: PathBuf, source: RegionError },
+    #[error("{}: codec {codec} has no {option}; leave out --{option}", path.display())]
+    NoSuchPart { path: PathBuf, codec: &'static str, option: &'static str },
+    #[error("{}: would write {}, which {} writes already; rename one or use another --out", path.display(), output.display(), first.display())]
+    Collision { path: PathBuf, output: PathBuf, first: PathBuf },
+    #[error("{}: cannot be written; check space and permissions, or give another path", path.display())]
+    Write { path: PathBuf, source: io::Error },
+    #[error("{}: the folder cannot be made; check the path and its permissions", path.display())]
+    MakeFolder { path: PathBuf, source: io::Error },
+    #[error("{}: a picture cannot be drawn; report this as a fault of Texfold", path.display())]
+    Draw { path: PathBuf, source: Box<dyn Error + Send + Sync> },
+    #[error("no GPU could be used; leave out --gpu, or install a Vulkan driver such as mesa-vulkan-drivers")]
+    NoGpu { source: Box<dyn Error + Send + Sync> },
+    #[error("{}: cannot be decoded on the GPU; leave out --gpu to decode on the CPU", path.display())]
+    Gpu { path: PathBuf, source: Box<dyn Error + Send + Sync> },
+    #[error("{}: {} failed; take it off PATH to leave ASTC out", path.display(), program.display())]
+    Rival { path: PathBuf, program: PathBuf, source: io::Error },
+    #[error("{}: an internal error ({message}); report this as a fault of Texfold, with the file", path.display())]
+    Internal { path: PathBuf, message: String },
+}
+
+/// The message with all its causes.
+pub(crate) fn explain(error: &dyn Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        let message = error.to_string();
+        if !text.contains(&message) {
+            text.push_str(": ");
+            text.push_str(message.trim_end());
+        }
+        cause = error.source();
+    }
+    text
+}
+
+/// Runs `work`; a panic within becomes an error that names `path`.
+pub(crate) fn guarded<R>(
+    path: &std::path::Path,
+    work: impl FnOnce() -> Result<R, CliError>,
+) -> Result<R, CliError> {
+    std::panic::catch_unwind(std::panic::AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+        let message = panic
+            .downcast_ref::<&str>()
+            .map(|text| (*text).to_owned())
+            .or_else(|| panic.downcast_ref::<String>().cloned())
+            .unwrap_or_else(|| "a panic without a message".to_owned());
+        Err(CliError::Internal { path: path.to_owned(), message })
+    })
+}

@@ -1,0 +1,142 @@
+//! `info`: what a `.txf` file holds.
+
+mod pictures;
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
+use texfold_core::{Encoded, Image2d};
+
+use crate::decompress::load;
+use crate::error::{CliError, guarded};
+use crate::report::{PartRow, part_rows};
+use crate::run::say;
+
+/// Sizes of images that are listed before the rest is counted.
+const LISTED_SIZES: usize = 8;
+
+/// Arguments of `info`.
+#[derive(Debug, clap::Args)]
+pub struct InfoArgs {
+    /// A .txf file.
+    #[arg(value_name = "FILE.txf")]
+    file: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    /// Write pictures of the parts to this folder.
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+    /// The image or folder that the file was made from: adds a picture of the error.
+    #[arg(long, value_name = "INPUT", requires = "pictures")]
+    original: Option<PathBuf>,
+}
+
+#[derive(Debug, Serialize)]
+struct Summary {
+    file: String,
+    codec: &'static str,
+    images: usize,
+    sizes: Vec<[u32; 2]>,
+    levels: u32,
+    channels: u8,
+    depth_bits: u32,
+    color: &'static str,
+    alpha: String,
+    layers_loaded: u32,
+    layers_total: u32,
+    source_texels: u64,
+    bits_memory: u64,
+    bits_disk: u64,
+    bpp_memory: f64,
+    bpp_disk: f64,
+    settings: String,
+    verdict: String,
+    parts: Vec<PartRow>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &InfoArgs) -> Result<usize, CliError> {
+    guarded(&args.file, || {
+        let image = load(&args.file)?;
+        let summary = summarise(&args.file, image.as_encoded());
+        if args.json {
+            let text = serde_json::to_string_pretty(&summary);
+            say(&text.map_err(|source| CliError::Write { path: args.file.clone(), source: source.into() })?);
+        } else {
+            say(&describe(&summary));
+        }
+        if let Some(dir) = &args.pictures {
+            pictures::write(&args.file, &image, dir, args.original.as_deref())?;
+        }
+        Ok(0)
+    })
+}
+
+fn summarise(path: &Path, encoded: &dyn Encoded<Domain = Image2d>) -> Summary {
+    let (layout, layers, footprint) = (encoded.layout(), encoded.layers(), encoded.footprint());
+    let texels = layout.texels();
+    let PixelInfo { channels, depth, color, alpha } = layout.pixel;
+    Summary {
+        file: path.display().to_string(),
+        codec: encoded.codec().name,
+        images: layout.surfaces.len(),
+        sizes: layout.surfaces.iter().map(|size| [size.width, size.height]).collect(),
+        levels: layout.levels,
+        channels,
+        depth_bits: if depth == Depth::Sixteen { 16 } else { 8 },
+        color: match color {
+            ColorSpace::Srgb => "srgb",
+            ColorSpace::Linear => "linear",
+            ColorSpace::Normal => "normal",
+        },
+        alpha: match alpha {
+            Alpha::Opaque => "opaque".to_owned(),
+            Alpha::Straight => "straight".to_owned(),
+            Alpha::Cutout(threshold) => format!("cutout={threshold}"),
+        },
+        layers_loaded: layers.loaded,
+        layers_total: layers.total,
+        source_texels: texels,
+        bits_memory: footprint.bits_memory(),
+        bits_disk: footprint.bits_disk(),
+        bpp_memory: footprint.bits_memory() as f64 / texels as f64,
+        bpp_disk: footprint.bits_disk() as f64 / texels as f64,
+        settings: encoded.notes().settings.clone(),
+        verdict: encoded.notes().verdict.clone(),
+        parts: part_rows(&footprint),
+    }
+}
+
+fn describe(summary: &Summary) -> String {
+    let mut sizes: Vec<String> =
+        summary.sizes.iter().take(LISTED_SIZES).map(|[width, height]| format!("{width}x{height}")).collect();
+    if summary.sizes.len() > LISTED_SIZES {
+        sizes.push("...".to_owned());
+    }
+    let mut lines = vec![
+        format!("{}: codec {}", summary.file, summary.codec),
+        format!("  images    {} ({})", summary.images, sizes.join(", ")),
+        format!(
+            "  pixels    {} channels of {} bits, {}, alpha {}; {} levels",
+            summary.channels, summary.depth_bits, summary.color, summary.alpha, summary.levels
+        ),
+        format!("  settings  {}", summary.settings),
+        format!("  verdict   {}", summary.verdict),
+        format!("  {:12} {:>14} {:>14} {:>12}", "part", "memory bits", "disk bits", "dB without"),
+    ];
+    if summary.layers_total > 1 {
+        lines.insert(3, format!("  layers    {} of {}", summary.layers_loaded, summary.layers_total));
+    }
+    for part in &summary.parts {
+        let without = part.psnr_without.map_or("-".to_owned(), |psnr| format!("{psnr:.2}"));
+        lines.push(format!(
+            "  {:12} {:>14} {:>14} {without:>12}",
+            part.name, part.bits_memory, part.bits_disk
+        ));
+    }
+    lines.push(format!("  {:12} {:>14} {:>14}", "all", summary.bits_memory, summary.bits_disk));
+    lines.push(format!("  {:12} {:>14.4} {:>14.4}", "bits a texel", summary.bpp_memory, summary.bpp_disk));
+    lines.join("\n")
+}

@@ -1,0 +1,201 @@
+//! From what the command line names to inputs: files, folders and globs, in sorted order, each once.
+
+use std::collections::HashSet;
+use std::ffi::OsString;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::Kind;
+use crate::error::CliError;
+
+/// Extensions of images, lower case: which files of a folder are taken.
+const EXTENSIONS: [&str; 9] = ["png", "jpg", "jpeg", "tif", "tiff", "bmp", "tga", "dds", "ktx2"];
+
+/// One input: one output file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Found {
+    /// The file or folder, as named or found.
+    pub(crate) path: PathBuf,
+    /// What it is taken for.
+    pub(crate) kind: Kind,
+    /// Its image files, in sorted order.
+    pub(crate) files: Vec<PathBuf>,
+    /// Name of the output without extension.
+    pub(crate) stem: OsString,
+}
+
+/// An input that was named but cannot be worked on.
+#[derive(Debug)]
+pub(crate) struct Unusable {
+    pub(crate) path: PathBuf,
+    pub(crate) error: Box<CliError>,
+}
+
+/// All inputs that `named` stands for. `kind_of` tells what a path is to be taken for, where that is said.
+pub(crate) fn find(
+    named: &[PathBuf],
+    kind_of: impl Fn(&Path) -> Option<Kind>,
+) -> Vec<Result<Found, Unusable>> {
+    let mut seen = HashSet::new();
+    let mut found = Vec::new();
+    for name in named {
+        match expand(name) {
+            Ok(paths) => {
+                for path in paths {
+                    if seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())) {
+                        take(path, &kind_of, &mut found);
+                    }
+                }
+            }
+            Err(error) => found.push(Err(Unusable { path: name.clone(), error: Box::new(error) })),
+        }
+    }
+    found
+}
+
+/// The files that names and globs stand for.
+pub(crate) fn expand_all(named: &[PathBuf]) -> Vec<Result<PathBuf, CliError>> {
+    named
+        .iter()
+        .flat_map(|name| match expand(name) {
+            Ok(paths) => paths.into_iter().map(Ok).collect(),
+            Err(error) => vec![Err(error)],
+        })
+        .collect()
+}
+
+/// A path that exists, or what a glob matches.
+fn expand(name: &Path) -> Result<Vec<PathBuf>, CliError> {
+    if name.exists() {
+        return Ok(vec![name.to_owned()]);
+    }
+    let pattern = name.to_str().filter(|text| text.contains(['*', '?', '[']));
+    let Some(matches) = pattern.and_then(|text| glob::glob(text).ok()) else {
+        return Err(CliError::NotFound { path: name.to_owned() });
+    };
+    let mut paths: Vec<PathBuf> = matches.flatten().collect();
+    paths.sort();
+    if paths.is_empty() {
+        return Err(CliError::NoMatch { pattern: name.display().to_string() });
+    }
+    Ok(paths)
+}
+
+fn take(path: PathBuf, kind_of: &impl Fn(&Path) -> Option<Kind>, found: &mut Vec<Result<Found, Unusable>>) {
+    let chosen = kind_of(&path);
+    if !path.is_dir() {
+        found.push(file(path, chosen.unwrap_or(Kind::Image)));
+        return;
+    }
+    let kind = chosen.unwrap_or_else(|| kind_of_folder(&path));
+    match folder(&path, kind) {
+        Ok(files) if kind == Kind::Image => {
+            found.extend(files.into_iter().map(|path| file(path, Kind::Image)));
+        }
+        Ok(files) => found.push(Ok(Found { stem: folder_name(&path), path, kind, files })),
+        Err(error) => found.push(Err(Unusable { path, error: Box::new(error) })),
+    }
+}
+
+fn file(path: PathBuf, kind: Kind) -> Result<Found, Unusable> {
+    match check_kind(&path, kind) {
+        Ok(()) => {
+            let stem = path.file_stem().unwrap_or_default().to_owned();
+            Ok(Found { files: vec![path.clone()], path, kind, stem })
+        }
+        Err(error) => Err(Unusable { path, error: Box::new(error) }),
+    }
+}
+
+/// Light fields and zoom stacks are told by the file that describes them.
+fn kind_of_folder(path: &Path) -> Kind {
+    match () {
+        () if path.join("transforms.json").exists() => Kind::Lightfield,
+        () if path.join("zipmap.toml").exists() => Kind::Zoom,
+        () => Kind::Set,
+    }
+}
+
+fn check_kind(path: &Path, kind: Kind) -> Result<(), CliError> {
+    let what = match kind {
+        Kind::Lightfield => "a light field",
+        Kind::Zoom => "a zoom stack",
+        Kind::Image | Kind::Set | Kind::Sequence => return Ok(()),
+    };
+    Err(CliError::NotYet { path: path.to_owned(), what })
+}
+
+/// The images of a folder, sorted by name.
+fn folder(path: &Path, kind: Kind) -> Result<Vec<PathBuf>, CliError> {
+    check_kind(path, kind)?;
+    let entries = fs::read_dir(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let mut files: Vec<PathBuf> =
+        entries.flatten().map(|entry| entry.path()).filter(|path| is_image(path) && path.is_file()).collect();
+    files.sort();
+    if files.is_empty() {
+        return Err(CliError::EmptyFolder { path: path.to_owned() });
+    }
+    Ok(files)
+}
+
+fn is_image(path: &Path) -> bool {
+    let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
+    extension.is_some_and(|extension| EXTENSIONS.contains(&extension.as_str()))
+}
+
+/// The folder's own name, also where it was named as "." or "..".
+fn folder_name(path: &Path) -> OsString {
+    let own = |path: &Path| path.file_name().map(ToOwned::to_owned);
+    own(path).or_else(|| own(&path.canonicalize().ok()?)).unwrap_or_else(|| "set".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(found: &[Result<Found, Unusable>]) -> Vec<String> {
+        found
+            .iter()
+            .map(|item| match item {
+                Ok(found) => format!("{} {}", found.stem.to_string_lossy(), found.files.len()),
+                Err(unusable) => unusable.error.to_string(),
+            })
+            .collect()
+    }
+
+    #[test]
+    fn files_folders_and_globs_are_sorted_and_taken_once() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        fs::create_dir_all(at("set")).unwrap();
+        for name in ["b.png", "a.png", "note.txt", "set/2.JPG", "set/1.png", "set/.hidden"] {
+            fs::write(at(name), b"x").unwrap();
+        }
+        let named = [at("*.png"), at("b.png"), at("set")];
+        assert_eq!(names(&find(&named, |_| None)), ["a 1", "b 1", "set 2"]);
+        assert_eq!(names(&find(&[at("set")], |_| Some(Kind::Image))), ["1 1", "2 1"]);
+        assert_eq!(names(&find(&[at("set/.")], |_| None)), ["set 2"]);
+    }
+
+    #[test]
+    fn what_cannot_be_worked_on_is_named() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name);
+        fs::create_dir_all(at("empty")).unwrap();
+        fs::create_dir_all(at("field")).unwrap();
+        fs::write(at("field/transforms.json"), b"{}").unwrap();
+        let found = find(&[at("none.png"), at("*.jpg"), at("empty"), at("field")], |_| None);
+        let kinds: Vec<bool> = found
+            .iter()
+            .zip([0, 1, 2, 3])
+            .map(|(item, index)| match item.as_ref().map_err(|unusable| unusable.error.as_ref()) {
+                Err(CliError::NotFound { .. }) => index == 0,
+                Err(CliError::NoMatch { .. }) => index == 1,
+                Err(CliError::EmptyFolder { .. }) => index == 2,
+                Err(CliError::NotYet { what, .. }) => index == 3 && *what == "a light field",
+                _ => false,
+            })
+            .collect();
+        assert_eq!(kinds, [true; 4]);
+    }
+}

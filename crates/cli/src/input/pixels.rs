@@ -1,0 +1,97 @@
+//! PNG, JPEG, TIFF, BMP and TGA, by the `image` crate within limits.
+
+use std::io::BufReader;
+use std::path::Path;
+
+use image::{DynamicImage, ImageError, ImageReader};
+use texfold_core::image::{Alpha, ColorSpace, Raster};
+use texfold_core::{SourceError, SurfaceSize};
+
+use crate::error::CliError;
+
+/// Longest side in texels: what a `.txf` file can name.
+const MAX_SIDE: u32 = 1 << 15;
+
+type Reader = ImageReader<BufReader<std::fs::File>>;
+
+fn open(path: &Path) -> Result<Reader, CliError> {
+    let failed = |source| CliError::Read { path: path.to_owned(), source };
+    // The content decides; the extension only where content tells nothing, as in TGA.
+    let reader = ImageReader::open(path).map_err(failed)?.with_guessed_format().map_err(failed)?;
+    if reader.format().is_none_or(|format| !format.reading_enabled()) {
+        return Err(CliError::UnknownFormat { path: path.to_owned() });
+    }
+    Ok(reader)
+}
+
+/// Columns and rows from the header.
+pub(crate) fn size(path: &Path) -> Result<SurfaceSize, CliError> {
+    let (width, height) = open(path)?.into_dimensions().map_err(|error| fault(path, error))?;
+    check_side(path, SurfaceSize { width, height })
+}
+
+pub(crate) fn check_side(path: &Path, size: SurfaceSize) -> Result<SurfaceSize, CliError> {
+    let SurfaceSize { width, height } = size;
+    let source = match () {
+        () if width == 0 || height == 0 => SourceError::ZeroSize { index: 0, width, height },
+        () if width > MAX_SIDE || height > MAX_SIDE => {
+            SourceError::TooLarge { index: 0, width, height, max: MAX_SIDE }
+        }
+        () => return Ok(size),
+    };
+    Err(CliError::Source { path: path.to_owned(), source })
+}
+
+/// Decodes the file; its decoder may allocate up to `limit_bytes`.
+pub(crate) fn read(
+    path: &Path,
+    color: ColorSpace,
+    alpha: Option<Alpha>,
+    limit_bytes: u64,
+) -> Result<Raster, CliError> {
+    size(path)?;
+    let mut reader = open(path)?;
+    let mut limits = image::Limits::default();
+    limits.max_image_width = Some(MAX_SIDE);
+    limits.max_image_height = Some(MAX_SIDE);
+    limits.max_alloc = Some(limit_bytes);
+    reader.limits(limits);
+    let decoded = reader.decode().map_err(|error| fault(path, error))?;
+    let raster = raster(path, decoded, color)?;
+    let alpha = alpha.unwrap_or(raster.info().alpha);
+    Ok(raster.tagged(color, alpha))
+}
+
+fn raster(path: &Path, decoded: DynamicImage, color: ColorSpace) -> Result<Raster, CliError> {
+    let (width, height) = (decoded.width(), decoded.height());
+    let channels = decoded.color().channel_count();
+    let raster = match &decoded {
+        DynamicImage::ImageLuma8(_)
+        | DynamicImage::ImageLumaA8(_)
+        | DynamicImage::ImageRgb8(_)
+        | DynamicImage::ImageRgba8(_) => Raster::from_u8(width, height, channels, color, decoded.as_bytes()),
+        DynamicImage::ImageLuma16(image) => Raster::from_u16(width, height, channels, color, image),
+        DynamicImage::ImageLumaA16(image) => Raster::from_u16(width, height, channels, color, image),
+        DynamicImage::ImageRgb16(image) => Raster::from_u16(width, height, channels, color, image),
+        DynamicImage::ImageRgba16(image) => Raster::from_u16(width, height, channels, color, image),
+        _ => {
+            let format = format!("{:?}", decoded.color());
+            return Err(CliError::PixelFormat { path: path.to_owned(), format });
+        }
+    };
+    raster.map_err(|source| CliError::Source { path: path.to_owned(), source })
+}
+
+fn fault(path: &Path, error: ImageError) -> CliError {
+    let path = path.to_owned();
+    match error {
+        ImageError::Limits(_) => CliError::ImageLimits { path, source: Box::new(error) },
+        ImageError::Unsupported(unsupported) => {
+            CliError::PixelFormat { path, format: format!("these ({unsupported})") }
+        }
+        ImageError::IoError(source) if source.kind() != std::io::ErrorKind::UnexpectedEof => {
+            CliError::Read { path, source }
+        }
+        error => CliError::Decode { path, source: Box::new(error) },
+    }
+}

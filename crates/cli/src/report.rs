@@ -1,0 +1,179 @@
+//! The report of `compress`: one row an output. All figures come from the bytes of the file that ships.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use texfold::AnyImage;
+use texfold_core::image::ImageSet;
+use texfold_core::metric::{decode_surface, quality, ssim};
+use texfold_core::{Budget, Footprint, Goal, LoadError};
+
+/// A part of the ledger.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct PartRow {
+    pub(crate) name: String,
+    pub(crate) bits_memory: u64,
+    pub(crate) bits_disk: u64,
+    pub(crate) psnr_without: Option<f64>,
+}
+
+/// One output.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Row {
+    pub(crate) input: String,
+    pub(crate) output: String,
+    pub(crate) codec: String,
+    pub(crate) settings: String,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) images: usize,
+    pub(crate) source_texels: u64,
+    pub(crate) bits_memory: u64,
+    pub(crate) bits_disk: u64,
+    pub(crate) bpp_memory: f64,
+    pub(crate) bpp_disk: f64,
+    pub(crate) psnr: f64,
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) psnr_alpha: Option<f64>,
+    pub(crate) rms: f64,
+    pub(crate) worst_block_rms: f64,
+    pub(crate) ssim: f64,
+    pub(crate) encode_seconds: f64,
+    pub(crate) encode_texels_per_second: f64,
+    /// Most memory that the whole process has held so far, where the system tells.
+    pub(crate) peak_bytes: Option<u64>,
+    pub(crate) parts: Vec<PartRow>,
+    pub(crate) verdict: String,
+    pub(crate) warnings: Vec<String>,
+}
+
+/// One input of the report.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub(crate) enum Entry {
+    Done(Box<Row>),
+    Failed { input: String, error: String },
+}
+
+/// The ledger's rows.
+pub(crate) fn part_rows(footprint: &Footprint) -> Vec<PartRow> {
+    let row = |part: &texfold_core::Part| PartRow {
+        name: part.name.to_owned(),
+        bits_memory: part.bits_memory,
+        bits_disk: part.bits_disk,
+        psnr_without: part.psnr_without,
+    };
+    footprint.parts.iter().map(row).collect()
+}
+
+/// How good and how large a file is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Figures {
+    pub(crate) psnr: f64,
+    pub(crate) psnr_alpha: Option<f64>,
+    pub(crate) rms: f64,
+    pub(crate) worst_block_rms: f64,
+    pub(crate) ssim: f64,
+    pub(crate) bpp_memory: f64,
+    pub(crate) bpp_disk: f64,
+}
+
+impl Figures {
+    /// Loads `bytes` and measures what they hold against `source`.
+    pub(crate) fn of(source: &ImageSet, bytes: &[u8]) -> Result<(Figures, AnyImage), LoadError> {
+        let image = texfold::open_image(bytes, &mut Budget::default())?;
+        let encoded = image.as_encoded();
+        let quality = quality(source, encoded);
+        let similarity = |(surface, raster): (usize, &texfold_core::image::Raster)| {
+            decode_surface(encoded, surface as u32, 0).map_or(0.0, |decoded| ssim(raster, &decoded))
+        };
+        let images = source.images();
+        let texels = source.texel_count() as f64;
+        let figures = Figures {
+            psnr: quality.color.psnr(),
+            psnr_alpha: quality.alpha.map(|error| error.psnr()),
+            rms: quality.color.rms(),
+            worst_block_rms: quality.worst_block_rms,
+            ssim: images.iter().enumerate().map(similarity).sum::<f64>() / images.len() as f64,
+            bpp_memory: encoded.gpu().bits_memory() as f64 / texels,
+            bpp_disk: 8.0 * bytes.len() as f64 / texels,
+        };
+        Ok((figures, image))
+    }
+
+    /// A sentence where the goal is missed.
+    pub(crate) fn missed(&self, goal: Goal) -> Option<String> {
+        // Texels per block do not divide every image: a size goal may be passed by rounding alone.
+        const ROUNDING: f64 = 1e-9;
+        let (missed, wanted, reached) = match goal {
+            Goal::Psnr(psnr) => {
+                (self.psnr < psnr - ROUNDING, format!("{psnr} dB"), format!("{:.2} dB", self.psnr))
+            }
+            Goal::Bpp(bpp) => (
+                self.bpp_memory > bpp + ROUNDING,
+                format!("{bpp} bits a texel"),
+                format!("{:.3}", self.bpp_memory),
+            ),
+            Goal::Tolerance(rms) => (
+                self.worst_block_rms > rms + ROUNDING,
+                format!("a block error of {rms}"),
+                format!("{:.2}", self.worst_block_rms),
+            ),
+        };
+        missed.then(|| format!("the goal of {wanted} was not reached: {reached}"))
+    }
+}
+
+/// What a row says beside what the file itself tells.
+#[derive(Debug)]
+pub(crate) struct Circumstances<'a> {
+    pub(crate) input: &'a Path,
+    pub(crate) output: &'a Path,
+    pub(crate) encode_seconds: f64,
+    pub(crate) goal: Goal,
+    pub(crate) warnings: Vec<String>,
+}
+
+impl Row {
+    /// The row of a file that holds `source`.
+    pub(crate) fn of(source: &ImageSet, bytes: &[u8], how: Circumstances<'_>) -> Result<Row, LoadError> {
+        let (figures, image) = Figures::of(source, bytes)?;
+        let encoded = image.as_encoded();
+        let footprint = encoded.footprint();
+        let (size, texels) = (source.images()[0].size(), source.texel_count());
+        let mut warnings = how.warnings;
+        warnings.extend(figures.missed(how.goal));
+        Ok(Row {
+            input: how.input.display().to_string(),
+            output: how.output.display().to_string(),
+            codec: encoded.codec().name.to_owned(),
+            settings: encoded.notes().settings.clone(),
+            width: size.width,
+            height: size.height,
+            images: source.images().len(),
+            source_texels: texels,
+            bits_memory: encoded.gpu().bits_memory(),
+            bits_disk: 8 * bytes.len() as u64,
+            bpp_memory: figures.bpp_memory,
+            bpp_disk: figures.bpp_disk,
+            psnr: figures.psnr,
+            psnr_alpha: figures.psnr_alpha,
+            rms: figures.rms,
+            worst_block_rms: figures.worst_block_rms,
+            ssim: figures.ssim,
+            encode_seconds: how.encode_seconds,
+            encode_texels_per_second: texels as f64 / how.encode_seconds.max(1e-9),
+            peak_bytes: peak_bytes(),
+            parts: part_rows(&footprint),
+            verdict: encoded.notes().verdict.clone(),
+            warnings,
+        })
+    }
+}
+
+/// The most memory that the process has held so far; `None` where the system does not tell.
+fn peak_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
+}

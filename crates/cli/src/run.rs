@@ -1,0 +1,71 @@
+//! The commands by name, and what the process says when it ends.
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use crate::error::{CliError, explain};
+use crate::{CompareArgs, CompressArgs, DecompressArgs, InfoArgs, compare, compress, decompress, info};
+
+/// Exit code: some inputs failed, the others are written.
+const SOME_FAILED: u8 = 1;
+/// Exit code: the command line or the configuration is wrong; nothing was done.
+const USAGE: u8 = 2;
+
+/// What can be done.
+#[derive(Debug, clap::Subcommand)]
+#[command(rename_all = "kebab-case")]
+pub enum Command {
+    /// Encode images into .txf files.
+    Compress(Box<CompressArgs>),
+    /// Decode .txf files into PNG images.
+    Decompress(DecompressArgs),
+    /// Show what a .txf file holds.
+    Info(InfoArgs),
+    /// Set every codec that fits beside plain block compression.
+    Compare(CompareArgs),
+}
+
+/// Texture codecs whose memory grows with what is unique in a scene.
+#[derive(Debug, Parser)]
+#[command(name = "texfold", version)]
+struct Program {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// The whole program: reads the command line, runs it, gives the exit code.
+#[must_use]
+pub fn main() -> ExitCode {
+    run(Program::parse().command)
+}
+
+/// Runs one command and gives the exit code.
+#[must_use]
+pub fn run(command: Command) -> ExitCode {
+    let outcome = match command {
+        Command::Compress(args) => compress::run(*args),
+        Command::Decompress(args) => decompress::run(&args),
+        Command::Info(args) => info::run(&args),
+        Command::Compare(args) => compare::run(&args),
+    };
+    match outcome {
+        Ok(0) => ExitCode::SUCCESS,
+        Ok(_) => ExitCode::from(SOME_FAILED),
+        Err(error) => {
+            complain(&explain(&error));
+            ExitCode::from(if matches!(error, CliError::Usage(_)) { USAGE } else { SOME_FAILED })
+        }
+    }
+}
+
+/// A line on stdout. A reader that has gone away is no error.
+pub(crate) fn say(line: &str) {
+    let _ = writeln!(std::io::stdout().lock(), "{line}");
+}
+
+/// An error on stderr.
+pub(crate) fn complain(line: &str) {
+    let _ = writeln!(std::io::stderr().lock(), "error: {line}");
+}

@@ -1,0 +1,176 @@
+//! Many inputs at a time: what fails, what is skipped, what is made again.
+
+use std::fs;
+use std::time::SystemTime;
+
+use crate::support::{Place, names};
+
+#[test]
+fn a_bad_input_does_not_stop_the_others() {
+    let place = Place::new();
+    place.picture("in/a.png", 40, 24, 3);
+    place.picture("in/c.png", 16, 16, 1);
+    fs::write(place.at("in/b.png"), b"this is no picture").unwrap();
+    fs::write(place.at("in/empty.png"), b"").unwrap();
+    let (run, report) = place.compress("in/*.png missing.png none*.png --out out --codec bc");
+    assert_eq!(run.code, Some(1));
+    assert_eq!(names(&place.at("out")), ["a.txf", "c.txf"]);
+    for (name, hint) in [
+        ("in/b.png", "export it again"),
+        ("in/empty.png", "write it again"),
+        ("missing.png", "check the path"),
+        ("none*.png", "check the pattern"),
+    ] {
+        let line = run.stderr.lines().find(|line| line.contains(name)).unwrap_or_else(|| panic!("{name}"));
+        assert!(line.contains(hint), "{line}");
+        let row = report.iter().find(|row| row["input"] == name).unwrap();
+        assert!(row["error"].as_str().unwrap().contains(hint), "{row}");
+        assert_eq!(row.as_object().unwrap().len(), 2);
+    }
+    assert_eq!(report.len(), 6);
+    assert!(run.stdout.contains("2 written, 0 up to date, 4 failed"), "{}", run.stdout);
+}
+
+#[test]
+fn what_is_up_to_date_is_skipped_unless_forced() {
+    let place = Place::new();
+    place.picture("a.png", 40, 24, 3);
+    place.picture("b.png", 24, 40, 3);
+    let modified = |name: &str| -> SystemTime { fs::metadata(place.at(name)).unwrap().modified().unwrap() };
+    let (_, first) = place.compress("a.png b.png --out out --codec bc");
+    let before = modified("out/a.txf");
+    let (run, second) = place.compress("a.png b.png --out out --codec bc");
+    assert!(run.stdout.contains("0 written, 2 up to date, 0 failed"), "{}", run.stdout);
+    assert_eq!((modified("out/a.txf"), &second), (before, &first));
+    let (run, _) = place.compress("a.png b.png --out out --codec bc --psnr 30");
+    assert!(run.stdout.contains("2 written"), "other settings: {}", run.stdout);
+    place.picture("b.png", 24, 44, 3);
+    let (run, _) = place.compress("a.png b.png --out out --codec bc --psnr 30");
+    assert!(run.stdout.contains("1 written, 1 up to date"), "another source: {}", run.stdout);
+    let (run, _) = place.compress("a.png b.png --out out --codec bc --psnr 30 --force");
+    assert!(run.stdout.contains("2 written, 0 up to date"), "{}", run.stdout);
+}
+
+#[test]
+fn an_interrupted_run_goes_on_where_it_stopped() {
+    let place = Place::new();
+    for name in ["a.png", "b.png", "c.png", "d.png"] {
+        place.picture(name, 40, 24, 3);
+    }
+    let all = "a.png b.png c.png d.png --out out --codec bc";
+    place.compress(all);
+    let whole: Vec<Vec<u8>> =
+        names(&place.at("out")).iter().map(|name| fs::read(place.at("out").join(name)).unwrap()).collect();
+    // As after an interruption: an output missing, one damaged, the index cut within its last line, a temporary file.
+    fs::remove_file(place.at("out/a.txf")).unwrap();
+    fs::write(place.at("out/b.txf"), b"half").unwrap();
+    let index = place.at("out/.texfold-cache.jsonl");
+    let text = fs::read_to_string(&index).unwrap();
+    fs::write(&index, &text[..text.len() - 40]).unwrap();
+    let leftover = place.at("out/.texfold-tmp-4194999-x");
+    fs::write(&leftover, b"half").unwrap();
+    let (run, report) = place.compress(all);
+    assert_eq!(run.code, Some(0));
+    assert!(run.stdout.contains("3 written, 1 up to date"), "{}", run.stdout);
+    let again: Vec<Vec<u8>> =
+        names(&place.at("out")).iter().map(|name| fs::read(place.at("out").join(name)).unwrap()).collect();
+    assert_eq!((again, report.len()), (whole, 4));
+    assert_eq!(leftover.exists(), !std::path::Path::new("/proc/self").exists());
+}
+
+#[test]
+fn inputs_that_would_write_the_same_file_collide() {
+    let place = Place::new();
+    place.picture("one/wall.png", 16, 16, 3);
+    place.picture("two/wall.png", 20, 16, 3);
+    let (run, report) = place.compress("one/wall.png two/wall.png one/wall.png --out out --codec bc");
+    assert_eq!((run.code, report.len()), (Some(1), 2));
+    assert_eq!(report[0]["width"], 16);
+    let error = report[1]["error"].as_str().unwrap();
+    assert!(error.contains("two/wall.png") && error.contains("one/wall.png"), "{error}");
+    assert_eq!(names(&place.at("out")), ["wall.txf"]);
+}
+
+#[test]
+fn an_output_folder_that_cannot_be_is_named() {
+    let place = Place::new();
+    place.picture("a.png", 16, 16, 3);
+    fs::write(place.at("taken"), b"a file").unwrap();
+    let run = place.run("compress a.png --out taken");
+    assert_eq!(run.code, Some(1));
+    assert!(run.stderr.contains("taken: the folder cannot be made"), "{}", run.stderr);
+    fs::create_dir_all(place.at("out/a.txf")).unwrap();
+    let (run, report) = place.compress("a.png --out out --codec bc");
+    assert_eq!(run.code, Some(1));
+    assert!(report[0]["error"].as_str().unwrap().contains("out/a.txf: cannot be written"), "{report:?}");
+    assert_eq!(fs::read_dir(place.at("out")).unwrap().count(), 1, "no temporary file is left");
+}
+
+#[test]
+fn bytes_do_not_depend_on_jobs_or_memory() {
+    let place = Place::new();
+    for (index, channels) in [3u8, 1, 4, 3, 2].into_iter().enumerate() {
+        place.picture(&format!("in/{index}.png"), 70 + index as u32, 50, channels);
+    }
+    for (out, limits) in [("one", "--jobs 1"), ("two", "--jobs 2"), ("tight", "--jobs 4 --memory 0.0003")] {
+        let (run, _) = place.compress(&format!("in --as image --out {out} --bpp 6 {limits}"));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+    }
+    for name in names(&place.at("one")) {
+        let read = |out: &str| fs::read(place.at(out).join(&name)).unwrap();
+        assert_eq!(read("one"), read("two"), "{name}");
+        assert_eq!(read("one"), read("tight"), "{name}");
+    }
+}
+
+#[test]
+fn mistakes_on_the_command_line_end_with_2() {
+    let place = Place::new();
+    place.picture("a.png", 16, 16, 3);
+    for (arguments, hint) in [
+        ("compress a.png", "--out"),
+        ("compress a.png --out out --codec tga", "tga"),
+        ("compress a.png --out out --psnr 30 --bpp 2", "--bpp"),
+        ("compress a.png --out out --psnr -3", "-3"),
+        ("compress a.png --out out --bpp nan", "finite"),
+        ("compress a.png --out out --terms 4", "lightfield"),
+        ("compress a.png --out out --codec bc --codebook 128x128", "vq"),
+        ("compress a.png --out out --codebook 300x128", "256"),
+        ("compress a.png --out out --jobs 0", "jobs"),
+        ("compress a.png --out out --memory -1", "-1"),
+        ("compress a.png --out out --config none.toml", "none.toml"),
+        ("decompress --out out", "FILE.txf"),
+        ("info", "FILE.txf"),
+        ("draw", "draw"),
+    ] {
+        let run = place.run(arguments);
+        assert_eq!(run.code, Some(2), "{arguments}: {}", run.stderr);
+        assert!(run.stderr.contains(hint), "{arguments}: {}", run.stderr);
+    }
+    assert!(!place.at("out").exists(), "nothing is done");
+}
+
+#[test]
+fn rules_of_a_configuration_hold_by_glob() {
+    let place = Place::new();
+    place.picture("in/wall_normal.png", 32, 32, 3);
+    place.picture("in/wall.png", 32, 32, 3);
+    let rules = "codec = 'bc'\ncontent = 'bc7'\njobs = 1\nreport = 'from_config.json'\n\
+                 [[rule]]\nglob = '*_normal.png'\ncolor = 'normal'\ncontent = 'bc5'\n";
+    fs::write(place.at("batch.toml"), rules).unwrap();
+    let run = place.run("compress in/wall.png in/wall_normal.png --out out --config batch.toml");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let report: Vec<serde_json::Value> =
+        serde_json::from_slice(&fs::read(place.at("from_config.json")).unwrap()).unwrap();
+    let settings: Vec<&str> = report.iter().map(|row| row["settings"].as_str().unwrap()).collect();
+    assert!(settings[0].contains("bc7") && settings[1].contains("bc5"), "{settings:?}");
+    let run = place.run("compress in/wall_normal.png --out out --config batch.toml --content raw");
+    assert_eq!(run.code, Some(0), "the command line goes first: {}", run.stderr);
+    let raw: Vec<serde_json::Value> =
+        serde_json::from_slice(&fs::read(place.at("from_config.json")).unwrap()).unwrap();
+    assert!(raw[0]["settings"].as_str().unwrap().contains("raw"), "{raw:?}");
+    fs::write(place.at("wrong.toml"), "codex = 'bc'\n").unwrap();
+    let run = place.run("compress in/wall.png --out other --config wrong.toml");
+    assert_eq!(run.code, Some(2));
+    assert!(run.stderr.contains("wrong.toml") && run.stderr.contains("codex"), "{}", run.stderr);
+}

@@ -1,0 +1,182 @@
+//! Formats that are read, and hostile files.
+
+use std::fs;
+
+use crate::support::{Place, samples};
+
+#[test]
+fn formats_and_depths_keep_their_channels() {
+    let place = Place::new();
+    for (name, channels) in [("gray.png", 1), ("ga.png", 2), ("rgb.bmp", 3), ("rgb.tga", 3), ("rgba.tiff", 4)]
+    {
+        place.picture(&format!("in/{name}"), 24, 20, channels);
+    }
+    place.picture16("in/deep.png", 24, 20);
+    for (name, channels) in [("gray", 1), ("ga", 2), ("rgb", 3), ("rgba", 4), ("deep", 3)] {
+        let file = names_with_stem(&place, name);
+        let (run, _) = place.compress(&format!("{file} --out out --codec bc --content raw --force"));
+        assert_eq!(run.code, Some(0), "{name}: {}", run.stderr);
+        assert_eq!(place.run(&format!("decompress out/{name}.txf --out png")).code, Some(0));
+        let (width, height, decoded) = place.samples(&format!("png/{name}.png"));
+        assert_eq!((width, height, decoded), (24, 20, samples(24, 20, channels)), "{name}");
+    }
+}
+
+fn names_with_stem(place: &Place, stem: &str) -> String {
+    let names = crate::support::names(&place.at("in"));
+    format!("in/{}", names.iter().find(|name| name.starts_with(&format!("{stem}."))).unwrap())
+}
+
+/// A PNG that states a size and holds a few bytes.
+fn png_of(width: u32, height: u32) -> Vec<u8> {
+    let chunk = |kind: &[u8; 4], data: &[u8]| {
+        let mut body = kind.to_vec();
+        body.extend(data);
+        let mut chunk = (data.len() as u32).to_be_bytes().to_vec();
+        chunk.extend(&body);
+        chunk.extend(crc(&body).to_be_bytes());
+        chunk
+    };
+    let mut header = width.to_be_bytes().to_vec();
+    header.extend(height.to_be_bytes());
+    header.extend([8, 6, 0, 0, 0]);
+    let mut file = b"\x89PNG\r\n\x1a\n".to_vec();
+    file.extend(chunk(b"IHDR", &header));
+    file.extend(chunk(b"IDAT", &[0x78, 0x9c, 0x03, 0x00, 0x00, 0x00, 0x00, 0x01]));
+    file.extend(chunk(b"IEND", &[]));
+    file
+}
+
+fn crc(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(u32::MAX, |crc, &byte| {
+        (0..8).fold(crc ^ u32::from(byte), |crc, _| (crc >> 1) ^ if crc & 1 == 1 { 0xedb8_8320 } else { 0 })
+    })
+}
+
+#[test]
+fn hostile_headers_cost_nothing_and_are_named() {
+    let place = Place::new();
+    fs::write(place.at("wide.png"), png_of(1_000_000, 1_000_000)).unwrap();
+    fs::write(place.at("large.png"), png_of(32_768, 32_768)).unwrap();
+    fs::write(place.at("zero.png"), png_of(0, 16)).unwrap();
+    fs::write(place.at("short.png"), png_of(64, 64)).unwrap();
+    place.picture("cut.png", 64, 64, 3);
+    let whole = fs::read(place.at("cut.png")).unwrap();
+    fs::write(place.at("cut.png"), &whole[..whole.len() / 2]).unwrap();
+    let (run, report) = place.compress("wide.png large.png zero.png short.png cut.png --out out --memory 1");
+    assert_eq!((run.code, report.len()), (Some(1), 5));
+    for row in &report {
+        let (input, error) = (row["input"].as_str().unwrap(), row["error"].as_str().unwrap());
+        assert!(error.starts_with(input) && !error.contains("internal"), "{error}");
+    }
+    assert!(report[0]["error"].as_str().unwrap().contains("32768"), "{report:?}");
+    assert!(report[1]["error"].as_str().unwrap().contains("--memory"), "{report:?}");
+    assert_eq!(crate::support::names(&place.at("out")), [] as [&str; 0]);
+}
+
+#[test]
+fn float_pixels_are_refused_by_name() {
+    let place = Place::new();
+    let image: image::ImageBuffer<image::Rgb<f32>, Vec<f32>> =
+        image::ImageBuffer::from_raw(4, 4, vec![0.5; 48]).unwrap();
+    image::DynamicImage::ImageRgb32F(image).save(place.at("float.tiff")).unwrap();
+    let (run, report) = place.compress("float.tiff --out out");
+    assert_eq!(run.code, Some(1));
+    let error = report[0]["error"].as_str().unwrap();
+    assert!(error.contains("float.tiff") && error.contains("convert to 8 or 16 bits"), "{error}");
+}
+
+#[test]
+fn what_later_versions_do_is_said() {
+    let place = Place::new();
+    place.picture("a.png", 16, 16, 3);
+    fs::create_dir_all(place.at("capture")).unwrap();
+    fs::write(place.at("capture/transforms.json"), b"{}").unwrap();
+    for arguments in [
+        "capture",
+        "a.png --codec zipmap",
+        "a.png --as zoom",
+        "a.png --content astc",
+        "a.png --codec lightfield --terms 4",
+    ] {
+        let (run, report) = place.compress(&format!("{arguments} --out out"));
+        assert_eq!((run.code, report.len()), (Some(1), 1), "{arguments}");
+        let error = report[0]["error"].as_str().unwrap();
+        assert!(error.contains("not in this") && error.contains("give"), "{error}");
+    }
+}
+
+/// A BC1 image of 10x6 texels: 3x2 blocks.
+fn blocks() -> Vec<u8> {
+    (0..6u8).flat_map(|i| [i * 40, 0xf8 - i, i, 7, 0x1b, i * 3, 0xe4, 0x55 ^ i]).collect()
+}
+
+fn dds_of(blocks: &[u8], levels: u32) -> Vec<u8> {
+    let header = dds::header::Header::new_image(10, 6, dds::Format::BC1_UNORM).with_mipmap_count(levels);
+    let mut file = b"DDS ".to_vec();
+    header.to_raw().write(&mut file).unwrap();
+    file.extend(blocks);
+    file
+}
+
+fn ktx2_of(blocks: &[u8]) -> Vec<u8> {
+    let mut file = b"\xabKTX 20\xbb\r\n\x1a\n".to_vec();
+    // Format BC1_RGB_UNORM, type size 1, 10x6, no depth, no layers, one face, one level, not supercompressed.
+    for word in [131u32, 1, 10, 6, 0, 0, 1, 1, 0, 0, 0, 0, 0] {
+        file.extend(word.to_le_bytes());
+    }
+    file.extend([0; 16]);
+    for word in [104u64, blocks.len() as u64, blocks.len() as u64] {
+        file.extend(word.to_le_bytes());
+    }
+    file.extend(blocks);
+    file
+}
+
+#[test]
+fn bc1_is_taken_over_block_for_block() {
+    let place = Place::new();
+    let mut with_levels = blocks();
+    with_levels.extend([9; 16]);
+    fs::write(place.at("a.dds"), dds_of(&blocks(), 1)).unwrap();
+    fs::write(place.at("b.dds"), dds_of(&with_levels, 3)).unwrap();
+    fs::write(place.at("c.ktx2"), ktx2_of(&blocks())).unwrap();
+    let (run, report) = place.compress("a.dds b.dds c.ktx2 --out out");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    for (name, row) in ["a", "b", "c"].into_iter().zip(&report) {
+        assert_eq!((row["codec"].as_str(), row["width"].as_u64()), (Some("bc"), Some(10)));
+        assert!(row["psnr"].as_f64().unwrap() > 138.0, "{row}");
+        let file = fs::read(place.at(&format!("out/{name}.txf"))).unwrap();
+        let image = texfold::open_image(&file, &mut texfold::Budget::default()).unwrap();
+        let form = image.as_encoded().gpu();
+        assert_eq!(form.planes[0].data.as_ref(), blocks(), "{name}");
+    }
+    // The program's decoder and an independent one agree on the texels.
+    place.run("decompress out/a.txf --out png");
+    let mut decoder = dds::Decoder::new(fs::File::open(place.at("a.dds")).unwrap()).unwrap();
+    let mut texels = vec![0u8; 10 * 6 * 4];
+    let view = dds::ImageViewMut::new(&mut texels, dds::Size::new(10, 6), dds::ColorFormat::RGBA_U8).unwrap();
+    decoder.read_surface(view).unwrap();
+    let ours = image::open(place.at("png/a.png")).unwrap().to_rgba8();
+    assert!(ours.as_raw().iter().zip(&texels).all(|(a, b)| a.abs_diff(*b) <= 1), "{ours:?} {texels:?}");
+}
+
+#[test]
+fn bc1_is_encoded_anew_where_that_is_asked_for() {
+    let place = Place::new();
+    fs::write(place.at("a.dds"), dds_of(&blocks(), 1)).unwrap();
+    let (_, report) = place.compress("a.dds --out out --codec bc --content bc7");
+    assert!(report[0]["settings"].as_str().unwrap().contains("bc7"), "{report:?}");
+    assert!(report[0]["warnings"][0].as_str().unwrap().contains("encoded anew"), "{report:?}");
+    fs::write(place.at("short.dds"), &dds_of(&blocks(), 1)[..160]).unwrap();
+    let header = dds::header::Header::new_image(10, 6, dds::Format::BC7_UNORM);
+    let mut other = b"DDS ".to_vec();
+    header.to_raw().write(&mut other).unwrap();
+    fs::write(place.at("other.dds"), other).unwrap();
+    fs::write(place.at("head.ktx2"), &ktx2_of(&blocks())[..40]).unwrap();
+    let (run, report) = place.compress("short.dds other.dds head.ktx2 --out out");
+    assert_eq!((run.code, report.len()), (Some(1), 3));
+    for (row, hint) in report.iter().zip(["ends before its blocks", "BC7_UNORM", "KTX2 header"]) {
+        assert!(row["error"].as_str().unwrap().contains(hint), "{row}");
+    }
+}

@@ -1,0 +1,8 @@
+//! The program as a user runs it: exit codes, files and reports.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests fail as tests do")]
+
+mod batch;
+mod inputs;
+mod results;
+mod support;

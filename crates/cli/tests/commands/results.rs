@@ -1,0 +1,209 @@
+//! What comes out: decoded pictures, reports, information, comparisons.
+
+use std::fs;
+
+use crate::support::{Place, fixture, names, psnr};
+
+#[test]
+fn a_round_trip_reaches_its_goal_and_reports_what_is_there() {
+    let place = Place::new();
+    fs::copy(fixture("facade.png"), place.at("facade.png")).unwrap();
+    let (run, report) = place.compress("facade.png --out out --codec bc --psnr 38");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stderr.is_empty(), "{}", run.stderr);
+    assert_eq!(place.run("decompress out/facade.txf --out png").code, Some(0));
+    let (source, decoded) = (place.samples("facade.png"), place.samples("png/facade.png"));
+    assert_eq!((source.0, source.1), (decoded.0, decoded.1));
+    let row = &report[0];
+    let found = psnr(&source.2, &decoded.2);
+    assert!(found >= 38.0, "{found}");
+    assert!((found - row["psnr"].as_f64().unwrap()).abs() < 1e-6, "{found} {row}");
+    let length = fs::metadata(place.at("out/facade.txf")).unwrap().len();
+    assert_eq!(row["bits_disk"].as_u64().unwrap(), 8 * length);
+    let texels = f64::from(source.0) * f64::from(source.1);
+    assert_eq!(row["source_texels"].as_f64().unwrap(), texels);
+    assert!((row["bpp_disk"].as_f64().unwrap() - 8.0 * length as f64 / texels).abs() < 1e-9);
+    assert!(
+        (row["bpp_memory"].as_f64().unwrap() - row["bits_memory"].as_f64().unwrap() / texels).abs() < 1e-9
+    );
+}
+
+#[test]
+fn a_row_has_every_field_and_its_parts_sum_to_the_totals() {
+    let place = Place::new();
+    place.picture("in/0.png", 33, 17, 4);
+    place.picture("in/1.png", 17, 33, 4);
+    let (_, report) = place.compress("in --out out --codec bc --bpp 8");
+    let row = report[0].as_object().unwrap();
+    for field in [
+        "input",
+        "output",
+        "codec",
+        "settings",
+        "width",
+        "height",
+        "images",
+        "source_texels",
+        "bits_memory",
+        "bits_disk",
+        "bpp_memory",
+        "bpp_disk",
+        "psnr",
+        "psnr_alpha",
+        "rms",
+        "worst_block_rms",
+        "ssim",
+        "encode_seconds",
+        "encode_texels_per_second",
+        "peak_bytes",
+        "parts",
+        "verdict",
+        "warnings",
+    ] {
+        assert!(row.contains_key(field), "{field}");
+    }
+    assert_eq!((row["images"].as_u64(), row["source_texels"].as_u64()), (Some(2), Some(2 * 33 * 17)));
+    for total in ["bits_memory", "bits_disk"] {
+        let parts = row["parts"].as_array().unwrap();
+        let sum: u64 = parts.iter().map(|part| part[total].as_u64().unwrap()).sum();
+        assert_eq!(Some(sum), row[total].as_u64(), "{total}");
+    }
+    assert_eq!(row["input"], "in");
+    assert!(place.at(row["output"].as_str().unwrap()).is_file());
+}
+
+#[test]
+fn a_missed_goal_is_a_warning() {
+    let place = Place::new();
+    place.picture("a.png", 64, 64, 3);
+    let (run, report) = place.compress("a.png --out out --codec bc --content bc1 --psnr 90");
+    assert_eq!(run.code, Some(0));
+    assert!(report[0]["warnings"][0].as_str().unwrap().contains("90 dB"), "{report:?}");
+}
+
+#[test]
+fn a_folder_is_a_set_in_sorted_order() {
+    let place = Place::new();
+    for (index, width) in [20u32, 24, 28].into_iter().enumerate() {
+        place.picture(&format!("tiles/{index}.png"), width, 16, 3);
+    }
+    let (run, report) = place.compress("tiles --out out --codec bc --psnr 60");
+    assert_eq!((run.code, report[0]["images"].as_u64()), (Some(0), Some(3)));
+    place.run("decompress out/tiles.txf --out png");
+    assert_eq!(names(&place.at("png")), ["tiles-000.png", "tiles-001.png", "tiles-002.png"]);
+    let widths: Vec<u32> = (0..3).map(|i| place.samples(&format!("png/tiles-00{i}.png")).0).collect();
+    assert_eq!(widths, [20, 24, 28]);
+    let (run, report) = place.compress("tiles --as image --out each --codec bc");
+    assert_eq!((run.code, report.len()), (Some(0), 3));
+    assert_eq!(report[1]["input"], "tiles/1.png");
+    let (run, report) = place.compress("tiles --as sequence --out frames --codec bc");
+    assert_eq!(run.code, Some(1), "frames of unlike sizes");
+    assert!(report[0]["error"].as_str().unwrap().contains("tiles/1.png"), "{report:?}");
+}
+
+#[test]
+fn mip_levels_are_decoded_by_number() {
+    let place = Place::new();
+    place.picture("a.png", 40, 24, 3);
+    place.compress("a.png --out out --codec bc --mips --content bc7");
+    assert_eq!(place.run("decompress out/a.txf --out png --lod 2").code, Some(0));
+    assert_eq!((place.samples("png/a.png").0, place.samples("png/a.png").1), (10, 6));
+    let run = place.run("decompress out/a.txf --out png --lod 9");
+    assert_eq!(run.code, Some(1));
+    assert!(run.stderr.contains("level 9 of 6"), "{}", run.stderr);
+    let run = place.run("decompress out/a.txf --out png --layers 1");
+    assert_eq!(run.code, Some(1));
+    assert!(run.stderr.contains("leave out --layers"), "{}", run.stderr);
+}
+
+#[test]
+fn damaged_files_are_named_and_the_others_decoded() {
+    let place = Place::new();
+    place.picture("a.png", 40, 24, 3);
+    place.compress("a.png --out out --codec bc");
+    let bytes = fs::read(place.at("out/a.txf")).unwrap();
+    let mut flipped = bytes.clone();
+    flipped[bytes.len() - 3] ^= 1;
+    fs::write(place.at("out/flipped.txf"), flipped).unwrap();
+    fs::write(place.at("out/cut.txf"), &bytes[..bytes.len() / 2]).unwrap();
+    fs::write(place.at("out/text.txf"), b"no texture").unwrap();
+    let run = place.run("decompress out/cut.txf out/flipped.txf out/text.txf none.txf out/a.txf --out png");
+    assert_eq!((run.code, names(&place.at("png"))), (Some(1), vec!["a.png".to_owned()]));
+    for name in ["out/cut.txf", "out/flipped.txf", "out/text.txf", "none.txf"] {
+        assert!(run.stderr.lines().any(|line| line.contains(name)), "{name}: {}", run.stderr);
+    }
+    assert_eq!(place.run("info out/cut.txf").code, Some(1));
+}
+
+#[test]
+fn info_tells_the_ledger_and_draws_the_parts() {
+    let place = Place::new();
+    fs::copy(fixture("salient.png"), place.at("salient.png")).unwrap();
+    let (run, report) = place.compress("salient.png --out out --codec vq --codebook 64x64 --content raw");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let run = place.run("info out/salient.txf --json");
+    let info: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+    assert_eq!((&info["codec"], &info["bits_disk"]), (&report[0]["codec"], &report[0]["bits_disk"]));
+    assert_eq!((&info["parts"], &info["verdict"]), (&report[0]["parts"], &report[0]["verdict"]));
+    let run = place.run("info out/salient.txf --pictures parts --original salient.png");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stdout.contains(report[0]["verdict"].as_str().unwrap()), "{}", run.stdout);
+    let parts = names(&place.at("parts"));
+    for part in ["decoded", "error"] {
+        assert!(parts.contains(&format!("salient-{part}.png")), "{parts:?}");
+    }
+    if info["codec"] == "vq" {
+        for part in ["codebook", "index", "usage"] {
+            assert!(parts.contains(&format!("salient-{part}.png")), "{parts:?}");
+        }
+    }
+}
+
+#[test]
+fn a_comparison_has_a_row_for_each_setting_and_a_page_of_its_own() {
+    let place = Place::new();
+    place.picture("a.png", 64, 48, 3);
+    let run = place.run("compare a.png missing.png --out out --effort fast");
+    assert_eq!(run.code, Some(1), "one input is missing");
+    let rows: Vec<serde_json::Value> =
+        serde_json::from_slice(&fs::read(place.at("out/results.json")).unwrap()).unwrap();
+    let csv = fs::read_to_string(place.at("out/results.csv")).unwrap();
+    assert_eq!(csv.lines().count(), rows.len() + 1);
+    let header = "input,codec,settings,bpp_memory,bpp_disk,psnr,ssim,encode_seconds,\
+                  decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access";
+    assert_eq!(csv.lines().next(), Some(header));
+    for name in header.split(',') {
+        assert!(rows.iter().all(|row| row.get(name).is_some()), "{name}");
+    }
+    let bc1 = rows.iter().find(|row| row["settings"] == "bc1").unwrap();
+    let bc7 = rows.iter().find(|row| row["settings"] == "bc7").unwrap();
+    assert!(bc7["psnr"].as_f64() > bc1["psnr"].as_f64());
+    assert!(bc1["decode_cpu_texels_per_second"].as_f64().unwrap() > 0.0);
+    assert!(rows.iter().any(|row| row["codec"] == "vq"));
+    let page = fs::read_to_string(place.at("out/report.html")).unwrap();
+    assert!(page.matches("<svg").count() >= 3);
+    assert!(!page.contains("src=\"http") && page.contains("data:image/png;base64,"));
+}
+
+#[test]
+fn the_gpu_decodes_as_the_cpu_does() {
+    let place = Place::new();
+    place.picture("set/0.png", 37, 21, 3);
+    place.picture("set/1.png", 21, 37, 3);
+    place.compress("set --out out --codec bc --content bc7 --mips");
+    let run = place.run("decompress out/set.txf --out gpu --gpu --lod 1");
+    if run.code != Some(0) && std::env::var("TEXFOLD_GPU").as_deref() != Ok("require") {
+        assert!(run.stderr.contains("GPU"), "{}", run.stderr);
+        return;
+    }
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    place.run("decompress out/set.txf --out smooth --gpu --continuous --lod 1");
+    place.run("decompress out/set.txf --out cpu --lod 1");
+    for name in ["set-000.png", "set-001.png"] {
+        let reference = place.samples(&format!("cpu/{name}")).2;
+        for other in ["gpu", "smooth"] {
+            let found = place.samples(&format!("{other}/{name}")).2;
+            assert!(reference.iter().zip(&found).all(|(a, b)| a.abs_diff(*b) <= 1), "{other}/{name}");
+        }
+    }
+}

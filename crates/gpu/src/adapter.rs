@@ -1,0 +1,132 @@
+//! Choosing an adapter and opening a device.
+
+use std::collections::HashMap;
+use std::sync::Mutex;
+
+use wgpu::{Adapter, AdapterInfo, Device, DeviceType, Features, Limits, Queue};
+
+use crate::pipeline::{Layouts, PipelineKey};
+use crate::{GpuError, Module};
+
+/// Whether a GPU may be used, and whether work may be left out without one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Policy {
+    /// Use one where there is one; tests and benches leave out what needs it otherwise.
+    #[default]
+    IfPresent,
+    /// Use none.
+    Off,
+    /// There must be one: tests and benches fail otherwise.
+    Require,
+}
+
+impl Policy {
+    /// From the environment variable `TEXFOLD_GPU`: "off", "require", anything else or nothing.
+    #[must_use]
+    pub fn from_env() -> Policy {
+        match std::env::var("TEXFOLD_GPU").as_deref() {
+            Ok("off") => Policy::Off,
+            Ok("require") => Policy::Require,
+            _ => Policy::IfPresent,
+        }
+    }
+}
+
+/// A device, and the pipelines made for it so far.
+#[derive(Debug)]
+pub struct Gpu {
+    pub(crate) device: Device,
+    pub(crate) queue: Queue,
+    pub(crate) layouts: Layouts,
+    pub(crate) pipelines: Mutex<HashMap<PipelineKey, wgpu::RenderPipeline>>,
+}
+
+impl Gpu {
+    /// Opens the fastest adapter there is; software rendering counts as the slowest.
+    ///
+    /// # Errors
+    /// [`GpuError`] where the policy is [`Policy::Off`] or there is no adapter.
+    pub fn new(policy: Policy) -> Result<Gpu, GpuError> {
+        if policy == Policy::Off {
+            return Err(GpuError::Off);
+        }
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+        let adapter = adapters.into_iter().min_by_key(rank).ok_or(GpuError::NoAdapter)?;
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("texfold"),
+            required_features: adapter.features() & Features::TEXTURE_COMPRESSION_BC,
+            required_limits: Limits::downlevel_defaults().using_resolution(adapter.limits()),
+            ..Default::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))?;
+        Ok(Gpu::from_device(device, queue))
+    }
+
+    /// Uses a renderer's own device. Give it [`Features::TEXTURE_COMPRESSION_BC`] for textures with BC content.
+    #[must_use]
+    pub fn from_device(device: Device, queue: Queue) -> Gpu {
+        let layouts = Layouts::new(&device);
+        Gpu { device, queue, layouts, pipelines: Mutex::default() }
+    }
+
+    /// The device.
+    #[must_use]
+    pub fn device(&self) -> &Device {
+        &self.device
+    }
+
+    /// The device's queue.
+    #[must_use]
+    pub fn queue(&self) -> &Queue {
+        &self.queue
+    }
+
+    /// Name, driver and kind of the adapter.
+    #[must_use]
+    pub fn info(&self) -> AdapterInfo {
+        self.device.adapter_info()
+    }
+
+    /// Whether textures with BC content can be uploaded.
+    #[must_use]
+    pub fn has_block_compression(&self) -> bool {
+        self.device.features().contains(Features::TEXTURE_COMPRESSION_BC)
+    }
+
+    /// The bind group layout of a module's textures, for pipeline layouts of a renderer's own.
+    #[must_use]
+    pub fn bind_group_layout(&self, module: Module) -> &wgpu::BindGroupLayout {
+        self.layouts.of(module)
+    }
+
+    /// Most texels a side of a texture on this device.
+    pub(crate) fn side_limit(&self) -> u32 {
+        self.device.limits().max_texture_dimension_2d
+    }
+
+    /// Does `work` and turns what the device reports meanwhile into an error.
+    pub(crate) fn guarded<T>(&self, work: impl FnOnce() -> Result<T, GpuError>) -> Result<T, GpuError> {
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let done = work();
+        let refused = pollster::block_on(validation.pop());
+        let exhausted = pollster::block_on(memory.pop());
+        match (exhausted, refused) {
+            (Some(error), _) => Err(GpuError::OutOfMemory(error)),
+            (None, Some(error)) => Err(GpuError::Refused(error)),
+            (None, None) => done,
+        }
+    }
+}
+
+/// Order of preference; lower is better.
+fn rank(adapter: &Adapter) -> u32 {
+    match adapter.get_info().device_type {
+        DeviceType::DiscreteGpu => 0,
+        DeviceType::IntegratedGpu => 1,
+        DeviceType::VirtualGpu => 2,
+        DeviceType::Other => 3,
+        DeviceType::Cpu => 4,
+    }
+}

@@ -1,0 +1,94 @@
+//! What can go wrong between an encoded texture and its pixels.
+
+use texfold_core::PlaneFormat;
+
+/// Why a GPU could not be had, or could not do what was asked.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum GpuError {
+    /// The environment forbids it.
+    #[error("GPU use is switched off; unset TEXFOLD_GPU or set it to \"require\"")]
+    Off,
+    /// No driver answers.
+    #[error(
+        "no GPU adapter; install a Vulkan driver, such as mesa-vulkan-drivers for rendering in software, or build \
+         with the feature of another backend (metal, dx12, gles)"
+    )]
+    NoAdapter,
+    /// The adapter gives no device.
+    #[error("the adapter gave no device; update its driver or choose another adapter")]
+    Device(#[from] wgpu::RequestDeviceError),
+    /// The adapter cannot sample BC formats.
+    #[error("the adapter cannot sample {format:?} blocks; encode with raw content (--content raw)")]
+    NoBlockCompression {
+        /// The format that it lacks.
+        format: PlaneFormat,
+    },
+    /// There is no WGSL for such a texture.
+    #[error("no shader module is named {module:?}; use versions of the texfold crates that belong together")]
+    UnknownModule {
+        /// The name that the texture gave.
+        module: &'static str,
+    },
+    /// Planes, parameters and bindings of the texture contradict each other.
+    #[error(
+        "the GPU form of the texture is inconsistent: {what}; use versions of the texfold crates that belong together"
+    )]
+    Form {
+        /// What does not fit.
+        what: &'static str,
+    },
+    /// A plane does not fit the device.
+    #[error("a plane of {width} x {height} texels exceeds the device's {limit} a side; split the image set")]
+    PlaneTooLarge {
+        /// Columns of the plane.
+        width: u32,
+        /// Rows of the plane.
+        height: u32,
+        /// Most texels a side.
+        limit: u32,
+    },
+    /// The picture to draw is empty or does not fit the device.
+    #[error("a picture of {width} x {height} pixels cannot be drawn; ask for 1 to {limit} a side")]
+    PictureSize {
+        /// Columns asked for.
+        width: u32,
+        /// Rows asked for.
+        height: u32,
+        /// Most pixels a side.
+        limit: u32,
+    },
+    /// There is no such image.
+    #[error("there is no image {surface}; the texture holds {surfaces}, counted from 0")]
+    NoSuchSurface {
+        /// The image asked for.
+        surface: u32,
+        /// Images in the texture.
+        surfaces: usize,
+    },
+    /// There is no such mip level.
+    #[error("there is no mip level {level}; the image holds {levels}, counted from 0")]
+    NoSuchLevel {
+        /// The level asked for.
+        level: u32,
+        /// Levels of the image.
+        levels: u32,
+    },
+    /// The mesh has an index without a corner, a number that is not finite, or no triangle.
+    #[error(
+        "the mesh has no triangle, an index without a corner or a number that is not finite; repair the mesh"
+    )]
+    Mesh,
+    /// The device ran out of memory.
+    #[error("the device is out of memory; draw smaller pictures or drop textures that are not in use")]
+    OutOfMemory(#[source] wgpu::Error),
+    /// The device refused a command.
+    #[error("the device refused a command; report it with the adapter's name and its driver's version")]
+    Refused(#[source] wgpu::Error),
+    /// The device stopped answering.
+    #[error("the device stopped answering; make a new one and upload again")]
+    Lost(#[from] wgpu::PollError),
+    /// Pixels could not be read back.
+    #[error("the device did not give the pixels back; make a new one and upload again")]
+    Readback,
+}

@@ -1,0 +1,130 @@
+//! How long drawing takes, against what it could take at least and what a plain texture takes.
+
+use std::time::Instant;
+
+use texfold_core::SurfaceSize;
+use texfold_shaders::Entry;
+use wgpu::{BindGroup, RenderPipeline, TextureFormat};
+
+use crate::decode::{check, cover};
+use crate::pipeline::{PipelineKey, Shader};
+use crate::{Filter, Gpu, GpuError, GpuTexture, Lookup, View};
+
+/// Which shader is timed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Probe {
+    /// The view's own lookup.
+    Lookup,
+    /// As many loads as that lookup makes, with the same dependence of one on the other, and no arithmetic beyond what
+    /// that needs.
+    Bare,
+    /// Level 0 of the image as plain RGBA8, through the hardware's bilinear sampler.
+    Plain,
+}
+
+/// One shader, ready to draw.
+struct Run {
+    pipeline: RenderPipeline,
+    textures: BindGroup,
+    job: BindGroup,
+}
+
+impl Gpu {
+    /// Seconds that one drawing of `view` takes, the mean of `repeats` in one submission after one to warm up: from
+    /// the submission to the device's answer, by the wall clock.
+    ///
+    /// # Errors
+    /// [`GpuError`] as in drawing; views may have as many pixels a side as a texture of the device.
+    pub fn time(
+        &self,
+        texture: &GpuTexture,
+        view: &View,
+        probe: Probe,
+        repeats: u32,
+    ) -> Result<f64, GpuError> {
+        check(texture, view)?;
+        let ((width, height), limit) = (view.size, self.side_limit());
+        if width > limit || height > limit {
+            return Err(GpuError::PictureSize { width, height, limit });
+        }
+        let run = self.prepare(texture, view, probe)?;
+        self.guarded(|| {
+            let target = self.target(TextureFormat::Rgba8Unorm, view.size);
+            let target = target.create_view(&wgpu::TextureViewDescriptor::default());
+            self.submit(&run, &target, 1)?;
+            let start = Instant::now();
+            self.submit(&run, &target, repeats.max(1))?;
+            Ok(start.elapsed().as_secs_f64() / f64::from(repeats.max(1)))
+        })
+    }
+
+    fn submit(&self, run: &Run, target: &wgpu::TextureView, repeats: u32) -> Result<(), GpuError> {
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        for _ in 0..repeats {
+            cover(&mut encoder, target, &run.pipeline, [&run.textures, &run.job]);
+        }
+        self.queue.submit([encoder.finish()]);
+        self.device.poll(wgpu::PollType::wait_indefinitely())?;
+        Ok(())
+    }
+
+    fn prepare(&self, texture: &GpuTexture, view: &View, probe: Probe) -> Result<Run, GpuError> {
+        let (textures, place) = texture.bind_group(view.surface)?;
+        let params = view.params(place, (0, 0));
+        let (shader, textures) = match probe {
+            Probe::Lookup => (view.lookup.shader_of(texture.module()), textures.clone()),
+            Probe::Bare => {
+                let loads = match view.lookup {
+                    Lookup::Fetch { .. } | Lookup::Nearest { .. } | Lookup::NearestLinear { .. } => 1,
+                    Lookup::Bilinear { .. } => 4,
+                    Lookup::Level { .. } | Lookup::Derivative => 8,
+                };
+                (Shader::View(texture.module(), Entry::Bare, loads), textures.clone())
+            }
+            Probe::Plain => (Shader::Plain, self.plain_group(texture, view.surface)?),
+        };
+        let pipeline = self.pipeline(PipelineKey { shader, target: TextureFormat::Rgba8Unorm })?;
+        Ok(Run { pipeline, textures, job: self.job_group(bytemuck::bytes_of(&params)) })
+    }
+
+    /// Level 0 of the image as a plain texture with a sampler.
+    fn plain_group(&self, texture: &GpuTexture, surface: u32) -> Result<BindGroup, GpuError> {
+        let SurfaceSize { width, height } = texture.size(surface)?;
+        let pixels = self.decode_rgba8(texture, surface, 0, (width, height), Filter::Nearest)?;
+        self.guarded(|| {
+            let plain = self.plain_texture((width, height), pixels.as_flattened());
+            let sampler = self.device.create_sampler(&wgpu::SamplerDescriptor {
+                mag_filter: wgpu::FilterMode::Linear,
+                min_filter: wgpu::FilterMode::Linear,
+                ..Default::default()
+            });
+            let view = plain.create_view(&wgpu::TextureViewDescriptor::default());
+            Ok(self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("plain"),
+                layout: &self.layouts.plain,
+                entries: &[
+                    wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) },
+                    wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
+                ],
+            }))
+        })
+    }
+
+    fn plain_texture(&self, (width, height): (u32, u32), rgba: &[u8]) -> wgpu::Texture {
+        let size = crate::upload::extent(width, height);
+        let texture = self.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("plain"),
+            size,
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: TextureFormat::Rgba8Unorm,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        });
+        let layout =
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * width), rows_per_image: None };
+        self.queue.write_texture(texture.as_image_copy(), rgba, layout, size);
+        texture
+    }
+}

@@ -1,0 +1,230 @@
+//! GPU equals CPU: every shader function against its twin, on every texel.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod support;
+
+use std::sync::OnceLock;
+
+use glam::{Affine2, Vec2, Vec4};
+use support::{Subject, assert_close, bc, gpu, picture, vq};
+use texfold_bc::Content;
+use texfold_core::image::{ColorSpace, Raster};
+use texfold_gpu::{AddressMode, Filter, Lookup, View};
+
+/// Plain bytes and BC7 decode to the same bytes everywhere; what remains is the division by 255.
+const EXACT: Vec4 = Vec4::splat(1e-6);
+/// What filtered values may differ by, for the order of floating-point operations.
+const FILTERED: Vec4 = Vec4::splat(1.0 / 255.0);
+/// Decoders of BC1 to BC5 may round differently by this much (Direct3D 11.3 specification, 19.5).
+const ROUNDED: Vec4 = Vec4::splat(2.0 / 255.0 + 1e-6);
+/// As above, where z of a normal follows from x and y: near the horizon, z changes faster than they do.
+const ROUNDED_NORMAL: Vec4 = Vec4::new(2.0 / 255.0 + 1e-6, 2.0 / 255.0 + 1e-6, 10.0 / 255.0, 1e-6);
+
+struct Case {
+    name: String,
+    subject: Subject,
+    /// Largest difference of single texels and of blended ones.
+    nearest: Vec4,
+    blended: Vec4,
+}
+
+fn case(name: impl Into<String>, subject: Subject, content: Content) -> Case {
+    let normal = subject.layout().pixel.color == ColorSpace::Normal;
+    let (nearest, blended) = match content {
+        Content::Raw | Content::Bc7 => (EXACT, FILTERED),
+        Content::Bc5 if normal => (ROUNDED_NORMAL, ROUNDED_NORMAL),
+        _ => (ROUNDED, ROUNDED),
+    };
+    Case { name: name.into(), subject, nearest, blended }
+}
+
+fn bc_cases() -> Vec<Case> {
+    use Content::{Bc1, Bc3, Bc4, Bc5, Bc7, Raw};
+    let gray_alpha = picture("cutout").with_channels(2);
+    let images: [(&str, Raster, &[Content]); 8] = [
+        ("odd_37x61", picture("odd_37x61"), &[Raw, Bc1, Bc7]),
+        ("cutout", picture("cutout"), &[Raw, Bc1, Bc3, Bc7]),
+        ("gray", picture("gray"), &[Raw, Bc4]),
+        ("gray_alpha", gray_alpha, &[Raw, Bc5]),
+        ("normal_map", picture("normal_map"), &[Bc5]),
+        ("one_texel", picture("one_texel"), &[Raw, Bc1, Bc7]),
+        ("odd_3x5", picture("odd_3x5"), &[Raw, Bc7]),
+        ("line_513x1", picture("line_513x1"), &[Raw, Bc7]),
+    ];
+    let mut cases = Vec::new();
+    for (name, image, contents) in images {
+        for &content in contents {
+            // Plain bytes are never reduced.
+            for reduce_log2 in if content == Raw { 0..=0 } else { 0..=1 } {
+                let subject = bc(vec![image.clone()], content, reduce_log2);
+                cases.push(case(format!("bc {name} {content:?} {reduce_log2}"), subject, content));
+            }
+        }
+    }
+    cases
+}
+
+fn vq_cases() -> Vec<Case> {
+    let sizes = [(37, 61), (16, 8), (37, 61), (1, 1), (5, 3), (64, 64), (37, 61)];
+    let plain = (1..=4).map(|channels| (channels, Content::Raw));
+    let contents = plain.chain([(3, Content::Bc1), (4, Content::Bc7), (2, Content::Bc5), (1, Content::Bc4)]);
+    let texture = |(channels, content)| {
+        case(format!("vq {channels} channels {content:?}"), vq(&sizes, 6, channels, content), content)
+    };
+    contents.map(texture).collect()
+}
+
+fn cases() -> &'static [Case] {
+    static CASES: OnceLock<Vec<Case>> = OnceLock::new();
+    CASES.get_or_init(|| bc_cases().into_iter().chain(vq_cases()).collect())
+}
+
+/// Turned, squeezed and beyond all four edges, so that no pixel falls on a texel's centre or edge.
+fn askew() -> Affine2 {
+    Affine2::from_scale_angle_translation(Vec2::new(2.3, 1.7), 0.4, Vec2::new(-0.613, -0.871))
+}
+
+/// Draws every view on both sides with both address modes; returns the largest difference.
+fn compare(case: &Case, lookups: &[Lookup], bound: Vec4) -> Option<f32> {
+    let gpu = gpu()?;
+    let mut largest = 0f32;
+    for mode in [AddressMode::Repeat, AddressMode::Clamp] {
+        let texture = case.subject.upload(gpu).with_address_mode(mode);
+        for surface in 0..texture.surfaces() as u32 {
+            for &lookup in lookups {
+                let view = View { surface, size: (23, 17), uv: askew(), lookup };
+                let name = format!("{}, surface {surface}, {mode:?}, {lookup:?}", case.name);
+                let found = gpu.sample(&texture, &view).unwrap();
+                largest = largest.max(assert_close(&name, &found, &case.subject.view(&view, mode), bound));
+            }
+        }
+    }
+    Some(largest)
+}
+
+#[test]
+fn every_texel_of_every_level_is_fetched_as_on_the_cpu() {
+    let Some(gpu) = gpu() else { return };
+    for case in cases() {
+        let texture = case.subject.upload(gpu);
+        let layout = case.subject.layout();
+        for (surface, size) in (0..).zip(&layout.surfaces) {
+            for level in 0..layout.levels {
+                let size = size.at_level(level);
+                // Wider and higher than the level: what lies outside is the nearest texel inside.
+                let fetch = View::whole(surface, (size.width + 3, size.height + 2), Lookup::Fetch { level });
+                let name = format!("{}, surface {surface}, level {level}", case.name);
+                let wanted = case.subject.view(&fetch, AddressMode::Clamp);
+                assert_close(&name, &gpu.sample(&texture, &fetch).unwrap(), &wanted, case.nearest);
+                let size = (size.width, size.height);
+                let whole = View::whole(surface, size, Lookup::Fetch { level });
+                let wanted = case.subject.view(&whole, AddressMode::Clamp);
+                let found = gpu.decode(&texture, surface, level, size, Filter::Nearest).unwrap();
+                assert_close(&name, &found, &wanted, case.nearest);
+            }
+        }
+    }
+}
+
+#[test]
+fn nearest_texels_wrap_and_clamp_as_on_the_cpu() {
+    for case in cases() {
+        let levels = case.subject.layout().levels;
+        let lookups: Vec<_> = (0..levels).map(|level| Lookup::Nearest { level }).collect();
+        // Reduced planes blend even here.
+        let reduced = case.name.ends_with(" 1");
+        if compare(case, &lookups, if reduced { case.blended } else { case.nearest }).is_none() {
+            return;
+        }
+    }
+}
+
+#[test]
+fn bilinear_blends_are_those_of_the_cpu() {
+    for case in cases() {
+        let levels = case.subject.layout().levels;
+        let lookups: Vec<_> = (0..levels).map(|level| Lookup::Bilinear { level }).collect();
+        let Some(largest) = compare(case, &lookups, case.blended) else { return };
+        println!("{}: {largest:e}", case.name);
+    }
+}
+
+#[test]
+fn trilinear_blends_are_those_of_the_cpu() {
+    let lookups = [-1.5, 0.0, 0.3, 1.0, 2.75, 4.999, 40.0].map(|lod| Lookup::Level { lod });
+    for case in cases() {
+        let Some(largest) = compare(case, &lookups, case.blended) else { return };
+        println!("{}: {largest:e}", case.name);
+    }
+}
+
+#[test]
+fn derivatives_choose_the_level_that_the_cpu_computes() {
+    let Some(gpu) = gpu() else { return };
+    for case in [
+        case("bc", bc(vec![picture("facade")], Content::Bc1, 0), Content::Bc1),
+        case("bc reduced", bc(vec![picture("facade")], Content::Bc1, 1), Content::Bc1),
+        case("vq", vq(&[(64, 64), (37, 61)], 6, 3, Content::Raw), Content::Raw),
+    ] {
+        let texture = case.subject.upload(gpu).with_address_mode(AddressMode::Repeat);
+        let surface = texture.surfaces() as u32 - 1;
+        for zoom in [0.2, 1.0, 3.0, 9.0] {
+            let uv = Affine2::from_scale(Vec2::splat(zoom)) * askew();
+            let view = View { surface, size: (41, 29), uv, lookup: Lookup::Derivative };
+            let (dx, dy) = (uv.matrix2.x_axis / 41.0, uv.matrix2.y_axis / 29.0);
+            let lod = case.subject.level(surface, dx, dy);
+            let found = gpu.sample(&texture, &view).unwrap();
+            let name = format!("{}, zoom {zoom}, level {lod}", case.name);
+            let wanted = case.subject.view(&view, AddressMode::Repeat);
+            assert_close(&name, &found, &wanted, case.blended);
+            let explicit = gpu.sample(&texture, &View { lookup: Lookup::Level { lod }, ..view }).unwrap();
+            let explicit: Vec<Vec4> = explicit.into_iter().map(Vec4::from).collect();
+            assert_close(&name, &found, &explicit, FILTERED);
+        }
+    }
+}
+
+#[test]
+fn srgb_becomes_linear_as_on_the_cpu() {
+    let ramp: Vec<u8> = (0..=255).collect();
+    let image = Raster::from_u8(256, 1, 1, ColorSpace::Srgb, &ramp).unwrap();
+    let case = case("ramp", bc(vec![image], Content::Raw, 0), Content::Raw);
+    let _ = compare(&case, &[Lookup::NearestLinear { level: 0 }], FILTERED);
+}
+
+#[test]
+fn images_of_different_sizes_share_a_set_of_mips() {
+    // The smaller image repeats its last level, which its texture holds once.
+    let images = || vec![picture("odd_3x5"), picture("odd_37x61"), picture("one_texel")];
+    for content in [Content::Raw, Content::Bc1] {
+        let case = case(format!("set {content:?}"), bc(images(), content, 0), content);
+        let lookups: Vec<_> = (0..6).map(|level| Lookup::Bilinear { level }).collect();
+        if compare(&case, &lookups, case.blended).is_none() {
+            return;
+        }
+        let _ = compare(&case, &[Lookup::Level { lod: 2.5 }, Lookup::Level { lod: 9.0 }], case.blended);
+    }
+}
+
+#[test]
+fn a_long_sequence_fills_several_columns_of_the_index_plane() {
+    let Some(gpu) = gpu() else { return };
+    let subject = vq(&[(40, 40); 1000], 1, 3, Content::Raw);
+    assert!(subject.form().planes.iter().any(|plane| plane.part == "index" && plane.width > 10));
+    let texture = subject.upload(gpu);
+    for surface in [0, 1, 818, 819, 999] {
+        let view = View::whole(surface, (40, 40), Lookup::Nearest { level: 0 });
+        let wanted = subject.view(&view, AddressMode::Clamp);
+        assert_close(&format!("frame {surface}"), &gpu.sample(&texture, &view).unwrap(), &wanted, EXACT);
+    }
+}
+
+#[test]
+fn the_footprint_counts_the_bytes_that_are_uploaded() {
+    let Some(gpu) = gpu() else { return };
+    for case in cases() {
+        let form = case.subject.form();
+        assert_eq!(8 * gpu.upload(&form).unwrap().bytes(), form.bits_memory(), "{}", case.name);
+    }
+}

@@ -1,0 +1,97 @@
+//! The modules: one for each codec that a GPU can sample.
+
+/// The WGSL of one codec.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Module {
+    /// Plain block compression.
+    Bc,
+    /// Vector quantisation.
+    Vq,
+}
+
+/// One binding of a module.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Binding {
+    /// A uniform buffer of that many bytes.
+    Params {
+        /// Size of the buffer.
+        bytes: u64,
+    },
+    /// A two-dimensional texture of unsigned integers.
+    Uint,
+    /// A two-dimensional texture of floats, loaded without a sampler.
+    Float,
+}
+
+impl Module {
+    /// All of them.
+    pub const ALL: [Module; 2] = [Module::Bc, Module::Vq];
+
+    /// The name that an encoded texture gives: "bc", "vq".
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Module::Bc => "bc",
+            Module::Vq => "vq",
+        }
+    }
+
+    /// The module of that name.
+    #[must_use]
+    pub fn by_name(name: &str) -> Option<Module> {
+        Module::ALL.into_iter().find(|module| module.name() == name)
+    }
+
+    /// What to bind, in order: parameters first, then the planes of a surface in their order.
+    #[must_use]
+    pub fn bindings(self) -> &'static [Binding] {
+        match self {
+            Module::Bc => &[Binding::Params { bytes: 32 }, Binding::Float, Binding::Float],
+            Module::Vq => &[Binding::Params { bytes: 96 }, Binding::Uint, Binding::Float, Binding::Float],
+        }
+    }
+
+    /// Where the address mode, a 32-bit number, lies in the parameters, in bytes.
+    #[must_use]
+    pub fn address_mode_offset(self) -> usize {
+        match self {
+            Module::Bc => 20,
+            Module::Vq => 12,
+        }
+    }
+
+    /// Where the number of mip levels, a 32-bit number, lies in the parameters, in bytes. Columns and rows of
+    /// level 0 are the first two numbers of every module.
+    #[must_use]
+    pub fn levels_offset(self) -> usize {
+        match self {
+            Module::Bc => 16,
+            Module::Vq => 8,
+        }
+    }
+
+    /// The name of the function that gives the colour at a texture coordinate: `texfold_vq_sample` and so on.
+    #[must_use]
+    pub fn sample_function(self) -> &'static str {
+        match self {
+            Module::Bc => "texfold_bc_sample",
+            Module::Vq => "texfold_vq_sample",
+        }
+    }
+
+    /// The functions, with placeholders for group and bindings.
+    pub(crate) fn source(self) -> &'static str {
+        match self {
+            Module::Bc => include_str!("../wgsl/bc.wgsl"),
+            Module::Vq => include_str!("../wgsl/vq.wgsl"),
+        }
+    }
+
+    /// What the entry points call.
+    pub(crate) fn entry_source(self) -> &'static str {
+        match self {
+            Module::Bc => include_str!("../wgsl/entry/bc.wgsl"),
+            Module::Vq => include_str!("../wgsl/entry/vq.wgsl"),
+        }
+    }
+}

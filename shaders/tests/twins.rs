@@ -1,0 +1,133 @@
+//! Each WGSL function has a CPU twin of the same name, in the same order, and keeps to a few rules of its own.
+
+/// WGSL fragment and its twin.
+const TWINS: [(&str, &str, &str); 4] = [
+    (
+        "address",
+        include_str!("../wgsl/shared/address.wgsl"),
+        include_str!("../../crates/core/src/address.rs"),
+    ),
+    ("sample", include_str!("../wgsl/shared/sample.wgsl"), include_str!("../../crates/core/src/sample.rs")),
+    ("bc", include_str!("../wgsl/bc.wgsl"), include_str!("../../crates/bc/src/decode.rs")),
+    ("vq", include_str!("../wgsl/vq.wgsl"), include_str!("../../crates/vq/src/decode.rs")),
+];
+
+/// WGSL functions without a twin of that name, and why.
+const ALONE: [(&str, &str); 7] = [
+    ("texfold_srgb_to_linear", "its twin is texfold_core::image::srgb_to_linear"),
+    ("texfold_linear", "texfold_srgb_to_linear on three channels"),
+    ("texfold_bc_sample_grad", "texfold_level, then texfold_bc_sample_level"),
+    ("texfold_bc_sample", "takes derivatives, which a CPU does not have"),
+    ("texfold_vq_sample_grad", "texfold_level, then texfold_vq_sample_level"),
+    ("texfold_vq_sample_surface", "takes derivatives, which a CPU does not have"),
+    ("texfold_vq_sample", "takes derivatives, which a CPU does not have"),
+];
+
+const ENTRIES: [(&str, &str); 8] = [
+    ("entry/bare", include_str!("../wgsl/entry/bare.wgsl")),
+    ("entry/bc", include_str!("../wgsl/entry/bc.wgsl")),
+    ("entry/decode", include_str!("../wgsl/entry/decode.wgsl")),
+    ("entry/draw", include_str!("../wgsl/entry/draw.wgsl")),
+    ("entry/mesh", include_str!("../wgsl/entry/mesh.wgsl")),
+    ("entry/plain", include_str!("../wgsl/entry/plain.wgsl")),
+    ("entry/view", include_str!("../wgsl/entry/view.wgsl")),
+    ("entry/vq", include_str!("../wgsl/entry/vq.wgsl")),
+];
+
+/// The words that follow `keyword` at the start of a line and begin with `prefix`.
+fn declared<'a>(source: &'a str, keyword: &str, prefix: &str) -> Vec<&'a str> {
+    source
+        .lines()
+        .filter_map(|line| line.trim_start_matches("pub ").strip_prefix(keyword))
+        .map(|rest| rest.split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap_or_default())
+        .filter(|name| name.starts_with(prefix))
+        .collect()
+}
+
+/// Names and values of constants, without the types and without WGSL's suffix of unsigned numbers.
+fn constants(source: &str) -> Vec<(&str, &str)> {
+    source
+        .lines()
+        .filter_map(|line| line.trim_start_matches("pub ").strip_prefix("const TEXFOLD_"))
+        .filter_map(|line| {
+            let (name, rest) = line.split_once(": ")?;
+            let (_, value) = rest.split_once(" = ")?;
+            Some((name, value.trim_end_matches(';').trim_end_matches('u')))
+        })
+        .collect()
+}
+
+fn without_comments(source: &str) -> String {
+    source.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n")
+}
+
+fn all_sources() -> impl Iterator<Item = (&'static str, String)> {
+    let twins = TWINS.into_iter().map(|(name, wgsl, _)| (name, wgsl));
+    twins.chain(ENTRIES).map(|(name, source)| (name, without_comments(source)))
+}
+
+#[test]
+fn functions_have_twins_in_the_same_order() {
+    for (name, wgsl, rust) in TWINS {
+        let alone = |function: &&str| !ALONE.iter().any(|(exception, _)| exception == function);
+        let wgsl: Vec<&str> = declared(wgsl, "fn ", "texfold_").into_iter().filter(alone).collect();
+        assert_eq!(wgsl, declared(rust, "fn ", "texfold_"), "{name}");
+    }
+}
+
+#[test]
+fn every_exception_exists() {
+    for (function, reason) in ALONE {
+        let found = TWINS.iter().any(|(_, wgsl, _)| declared(wgsl, "fn ", "texfold_").contains(&function));
+        assert!(found, "{function} ({reason}) is listed but not written");
+    }
+}
+
+#[test]
+fn every_function_of_a_module_carries_its_prefix() {
+    for (name, wgsl, _) in TWINS {
+        let prefix =
+            if ["address", "sample"].contains(&name) { "texfold_" } else { &format!("texfold_{name}_") };
+        assert_eq!(declared(wgsl, "fn ", ""), declared(wgsl, "fn ", prefix), "{name}");
+    }
+}
+
+#[test]
+fn shared_constants_have_the_same_values() {
+    for (name, wgsl, rust) in &TWINS[..2] {
+        let found = constants(wgsl);
+        assert!(!found.is_empty(), "{name}");
+        assert_eq!(found, constants(rust), "{name}");
+    }
+}
+
+#[test]
+fn nothing_is_sampled_with_implicit_levels() {
+    for (name, source) in all_sources() {
+        for (at, found) in source.match_indices("textureSample") {
+            let rest = &source[at + found.len()..];
+            assert!(rest.starts_with("Level("), "{name}: browsers reject textureSample in branches");
+        }
+    }
+}
+
+#[test]
+fn nothing_loops() {
+    // No lookup needs a loop yet; the first that does brings a rule for its bound.
+    for (name, source) in all_sources() {
+        let words: Vec<&str> = source.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
+        for keyword in ["loop", "while", "for"] {
+            assert!(!words.contains(&keyword), "{name}: {keyword}");
+        }
+    }
+}
+
+#[test]
+fn every_function_is_documented() {
+    for (name, wgsl, _) in TWINS {
+        let lines: Vec<&str> = wgsl.lines().collect();
+        for (index, line) in lines.iter().enumerate().filter(|(_, line)| line.starts_with("fn ")) {
+            assert!(lines[index - 1].starts_with("// "), "{name}: no comment above {line}");
+        }
+    }
+}

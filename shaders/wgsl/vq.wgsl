@@ -1,0 +1,128 @@
+// Vector quantisation: each 4x4 block is a pair of bytes that point into a codebook. CPU twins:
+// crates/vq/src/decode.rs.
+//
+// `surface` is the place of an image among those of its size: what SurfaceBinding::surface holds, 0 for a single
+// image. Colours are as stored: no gamma conversion (see texfold_linear). Every function works in any control flow
+// but texfold_vq_sample and texfold_vq_sample_surface, which take derivatives.
+
+// The parameters of all images of one size.
+struct TexfoldVqParams {
+    // Columns and rows of level 0 in texels.
+    size: vec2<u32>,
+    // Stored mip levels, at least 1.
+    levels: u32,
+    // TEXFOLD_REPEAT or TEXFOLD_CLAMP.
+    address_mode: u32,
+    // How texels are read from the codebook's planes.
+    swizzle: u32,
+    // Images side by side in the index plane.
+    columns: u32,
+    // Rows of the index plane that one image fills.
+    rows: u32,
+    // Always 0.
+    reserved: u32,
+    // For each level the number of blocks of the levels above it, four levels a vector.
+    level_start: array<vec4<u32>, 4>,
+}
+
+@group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_0) var<uniform> texfold_vq_params: TexfoldVqParams;
+// Column and row in the codebook, in texels, for each block.
+@group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_1) var texfold_vq_index: texture_2d<u32>;
+@group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_2) var texfold_vq_codebook_a: texture_2d<f32>;
+// The same texture as codebook a where there is one plane only.
+@group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_3) var texfold_vq_codebook_b: texture_2d<f32>;
+
+// Where the block at column `block.x` and row `block.y` of a level lies in the codebook, in texels.
+fn texfold_vq_block(surface: u32, level: u32, block: vec2<u32>) -> vec2<u32> {
+    let width = (texfold_vq_params.size.x + 3u) / 4u;
+    let origin = vec2<u32>(
+        surface % texfold_vq_params.columns * width,
+        surface / texfold_vq_params.columns * texfold_vq_params.rows,
+    );
+    var at = block;
+    if level > 0u {
+        let level_width = (texfold_level_size(texfold_vq_params.size, level).x + 3u) / 4u;
+        let start = texfold_vq_params.level_start[level / 4u][level % 4u];
+        let linear = start + block.y * level_width + block.x;
+        at = vec2<u32>(linear % width, linear / width);
+    }
+    return textureLoad(texfold_vq_index, origin + at, 0u).xy;
+}
+
+// The codebook's texel at `at`.
+fn texfold_vq_texel(at: vec2<u32>) -> vec4<f32> {
+    let a = textureLoad(texfold_vq_codebook_a, at, 0u);
+    var b = a;
+    if texfold_vq_params.swizzle == TEXFOLD_SPLIT {
+        b = textureLoad(texfold_vq_codebook_b, at, 0u);
+    }
+    return texfold_swizzle(a, b, texfold_vq_params.swizzle);
+}
+
+// The texel at `at` of level `level`, which lies inside.
+fn texfold_vq_load(surface: u32, at: vec2<u32>, level: u32) -> vec4<f32> {
+    let corner = texfold_vq_block(surface, level, at / 4u);
+    return texfold_vq_texel(corner + at % 4u);
+}
+
+// The texel at column `at.x` and row `at.y` of level `level`, clamped to it. `level` is below the number of levels.
+fn texfold_vq_fetch(surface: u32, at: vec2<i32>, level: u32) -> vec4<f32> {
+    let size = texfold_level_size(texfold_vq_params.size, level);
+    let inside = vec2<u32>(clamp(at, vec2<i32>(0), vec2<i32>(size) - vec2<i32>(1)));
+    return texfold_vq_load(surface, inside, level);
+}
+
+// The texel of level `level` that `uv` lies in, without filtering; uv is 0 to 1 from the top left, and beyond by
+// the address mode.
+fn texfold_vq_nearest(surface: u32, uv: vec2<f32>, level: u32) -> vec4<f32> {
+    let size = texfold_level_size(texfold_vq_params.size, level);
+    let at = texfold_nearest(uv, size);
+    let mode = texfold_vq_params.address_mode;
+    let inside = vec2<u32>(texfold_wrap(at.x, size.x, mode), texfold_wrap(at.y, size.y, mode));
+    return texfold_vq_load(surface, inside, level);
+}
+
+// Bilinear filtering at `uv` within one level, across blocks.
+fn texfold_vq_bilinear(surface: u32, uv: vec2<f32>, level: u32) -> vec4<f32> {
+    let size = texfold_level_size(texfold_vq_params.size, level);
+    let tap = texfold_tap(uv, size);
+    let mode = texfold_vq_params.address_mode;
+    let left = texfold_wrap(tap.low.x, size.x, mode);
+    let right = texfold_wrap(tap.low.x + 1, size.x, mode);
+    let upper = texfold_wrap(tap.low.y, size.y, mode);
+    let lower = texfold_wrap(tap.low.y + 1, size.y, mode);
+    let texels = array<vec4<f32>, 4>(
+        texfold_vq_load(surface, vec2<u32>(left, upper), level),
+        texfold_vq_load(surface, vec2<u32>(right, upper), level),
+        texfold_vq_load(surface, vec2<u32>(left, lower), level),
+        texfold_vq_load(surface, vec2<u32>(right, lower), level),
+    );
+    return texfold_bilinear(texels, tap.weight);
+}
+
+// Trilinear filtering at `uv`; `lod` is the level, fractions blend two levels, values outside are clamped.
+fn texfold_vq_sample_level(surface: u32, uv: vec2<f32>, lod: f32) -> vec4<f32> {
+    let clamped = clamp(lod, 0.0, f32(texfold_vq_params.levels - 1u));
+    let low = floor(clamped);
+    let fine = texfold_vq_bilinear(surface, uv, u32(low));
+    if clamped == low {
+        return fine;
+    }
+    let coarse = texfold_vq_bilinear(surface, uv, u32(low) + 1u);
+    return texfold_mix(fine, coarse, clamped - low);
+}
+
+// Trilinear filtering at `uv`, which moves by `dx` and `dy` to the pixels right and below.
+fn texfold_vq_sample_grad(surface: u32, uv: vec2<f32>, dx: vec2<f32>, dy: vec2<f32>) -> vec4<f32> {
+    return texfold_vq_sample_level(surface, uv, texfold_level(dx, dy, texfold_vq_params.size));
+}
+
+// The colour of image `surface` at `uv`, trilinear; for fragment shaders in uniform control flow.
+fn texfold_vq_sample_surface(surface: u32, uv: vec2<f32>) -> vec4<f32> {
+    return texfold_vq_sample_grad(surface, uv, dpdx(uv), dpdy(uv));
+}
+
+// The colour of image 0 at `uv`, trilinear; for fragment shaders in uniform control flow.
+fn texfold_vq_sample(uv: vec2<f32>) -> vec4<f32> {
+    return texfold_vq_sample_surface(0u, uv);
+}

@@ -1,0 +1,119 @@
+//! `ci`: every check in order, each with its name and time; the first that fails ends it.
+
+use std::env;
+use std::ffi::OsStr;
+use std::io::{self, Write};
+use std::path::Path;
+use std::process::{Command, ExitCode};
+use std::time::Instant;
+
+use crate::{fixtures, root, tidy};
+
+/// Where the trial of the main commands writes, below the workspace's root.
+const TRIAL: &str = "target/ci";
+
+/// A name, and what is done; whether it passed.
+type Step = (&'static str, fn() -> io::Result<bool>);
+
+const STEPS: [Step; 8] = [
+    ("fmt", || cargo(&["fmt", "--all", "--check"], &[])),
+    ("tidy", || tidy::check(&root())),
+    ("clippy", || cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"], &[])),
+    ("test", || cargo(&["test", "--workspace"], &[("TEXFOLD_GPU", "require")])),
+    ("doc", || cargo(&["doc", "--workspace", "--no-deps"], &[("RUSTDOCFLAGS", "-D warnings")])),
+    ("fixtures", fixtures::check),
+    ("compress and decompress", compress_and_decompress),
+    ("compare", compare),
+];
+
+/// Runs the command.
+pub(crate) fn run() -> ExitCode {
+    let start = Instant::now();
+    for (name, step) in STEPS {
+        println!("ci: {name} ...");
+        let began = Instant::now();
+        let passed = step();
+        let seconds = began.elapsed().as_secs_f64();
+        // Output of what a step starts goes past this process's buffer.
+        let _ = io::stdout().flush();
+        match passed {
+            Ok(true) => println!("ci: {name} passed in {seconds:.1} s"),
+            Ok(false) => {
+                eprintln!("ci: {name} FAILED after {seconds:.1} s");
+                return ExitCode::FAILURE;
+            }
+            Err(error) => {
+                eprintln!("ci: {name} FAILED after {seconds:.1} s: {error}");
+                return ExitCode::FAILURE;
+            }
+        }
+    }
+    println!("ci: all passed in {:.1} s", start.elapsed().as_secs_f64());
+    ExitCode::SUCCESS
+}
+
+/// Runs cargo in the workspace's root; whether it ended well.
+fn cargo(arguments: &[&str], variables: &[(&str, &str)]) -> io::Result<bool> {
+    let program = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    start(&program, arguments, variables)
+}
+
+/// Runs this program again: the same commands, as a user gives them.
+fn this(arguments: &[&str]) -> io::Result<bool> {
+    start(env::current_exe()?.as_os_str(), arguments, &[])
+}
+
+fn start(program: &OsStr, arguments: &[impl AsRef<OsStr>], variables: &[(&str, &str)]) -> io::Result<bool> {
+    let mut command = Command::new(program);
+    command.args(arguments).envs(variables.iter().copied()).current_dir(root());
+    Ok(command.status()?.success())
+}
+
+fn compress_and_decompress() -> io::Result<bool> {
+    let trial = root().join(TRIAL);
+    if trial.exists() {
+        std::fs::remove_dir_all(&trial)?;
+    }
+    let report = format!("{TRIAL}/report.json");
+    let compressed = this(&["compress", "fixtures/images/*.png", "--out", TRIAL, "--report", &report])?;
+    let set = this(&["compress", "fixtures/images/ripple", "--out", TRIAL])?;
+    let files = format!("{TRIAL}/*.txf");
+    let on_cpu = format!("{TRIAL}/cpu");
+    let on_gpu = format!("{TRIAL}/gpu");
+    let decoded = this(&["decompress", &files, "--out", &on_cpu])?
+        && this(&["decompress", &files, "--out", &on_gpu, "--gpu"])?;
+    Ok(compressed && set && decoded && alike(&root().join(on_cpu), &root().join(on_gpu))?)
+}
+
+/// Whether every picture of `reference` is in `other`, each value within 1 of 255.
+fn alike(reference: &Path, other: &Path) -> io::Result<bool> {
+    let mut alike = true;
+    for entry in std::fs::read_dir(reference)? {
+        let path = entry?.path();
+        let open = |path: &Path| image::open(path).map(|image| image.to_rgba8()).map_err(io::Error::other);
+        let (a, b) = (open(&path)?, open(&other.join(path.file_name().unwrap_or_default()))?);
+        let near =
+            a.dimensions() == b.dimensions() && a.iter().zip(b.iter()).all(|(a, b)| a.abs_diff(*b) <= 1);
+        if !near {
+            eprintln!("error: {} differs between CPU and GPU by more than 1 of 255", path.display());
+            alike = false;
+        }
+    }
+    Ok(alike)
+}
+
+fn compare() -> io::Result<bool> {
+    let out = format!("{TRIAL}/compare");
+    let done = this(&[
+        "compare",
+        "fixtures/images/facade.png",
+        "fixtures/images/gray.png",
+        "--out",
+        &out,
+        "--effort",
+        "fast",
+    ])?;
+    let written =
+        ["results.csv", "results.json", "report.html"].map(|name| root().join(&out).join(name).is_file());
+    Ok(done && written == [true; 3])
+}

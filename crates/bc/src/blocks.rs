@@ -71,6 +71,8 @@ fn encode_dds_band(format: PlaneFormat, width: usize, band: &[u8], effort: Effor
     options.error_metric = ErrorMetric::Uniform;
     options.quality = match effort {
         Effort::Fast => CompressionQuality::Fast,
+        // One or two channels are cheap to search.
+        Effort::Normal if format != PlaneFormat::Bc7 => CompressionQuality::High,
         Effort::Normal => CompressionQuality::Normal,
         Effort::High => CompressionQuality::High,
     };

@@ -1,6 +1,6 @@
 //! Who uses which bits: the one definition of memory and file size.
 
-use crate::container::{SectionWriter, Written};
+use crate::container::{Notes, SectionWriter, Written};
 use crate::{Encoded, GpuForm};
 
 /// One named part of an encoded texture.
@@ -29,13 +29,18 @@ impl Footprint {
     pub fn measure<E: Encoded + ?Sized>(encoded: &E, gpu: &GpuForm<'_>) -> Footprint {
         let mut writer = SectionWriter::new(encoded.codec());
         encoded.store(&mut writer);
-        let mut footprint = Footprint::of(gpu, &writer.finish());
-        for (name, psnr) in &encoded.notes().psnr_without {
-            if let Some(part) = footprint.parts.iter_mut().find(|part| part.name == name) {
+        Footprint::of(gpu, &writer.finish()).with_notes(encoded.notes())
+    }
+
+    /// Adds what the maker noted each part bought.
+    #[must_use]
+    pub fn with_notes(mut self, notes: &Notes) -> Footprint {
+        for (name, psnr) in &notes.psnr_without {
+            if let Some(part) = self.parts.iter_mut().find(|part| part.name == name) {
                 part.psnr_without = Some(f64::from(*psnr));
             }
         }
-        footprint
+        self
     }
 
     /// As [`Footprint::measure`], for a file that is already written.

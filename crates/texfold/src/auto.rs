@@ -4,6 +4,7 @@ use texfold_bc::{Bc, BcParams, Content};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::mesh::UvMesh;
 use texfold_core::metric::measure;
+use texfold_core::target::Measured;
 use texfold_core::{Effort, EncodeError, Encoded, Goal, Job, SourceError, TextureCodec};
 use texfold_vq::{GuidanceWeights, Vq, VqParams, VqSource};
 
@@ -67,22 +68,26 @@ pub fn encode_images(
     job: &mut Job<'_>,
 ) -> Result<AnyImage, EncodeError> {
     let bc = |job: &mut Job<'_>| Bc::encode(source, &bc_params(settings), job).map(AnyImage::Bc);
-    let vq = |job: &mut Job<'_>| {
-        let images = VqSource {
-            images: source,
-            painted: guidance.painted,
-            mesh: guidance.mesh,
-            weights: guidance.weights,
-        };
-        Vq::encode(images, &vq_params(settings), job).map(AnyImage::Vq)
-    };
+    let images =
+        VqSource { images: source, painted: guidance.painted, mesh: guidance.mesh, weights: guidance.weights };
+    let params = vq_params(settings);
     match settings.codec {
         CodecChoice::Bc => bc(job),
-        CodecChoice::Vq if settings.codebook.is_some() => vq(job),
+        CodecChoice::Vq if settings.codebook.is_some() => Vq::encode(images, &params, job).map(AnyImage::Vq),
         CodecChoice::Vq | CodecChoice::Auto => {
-            let method = job.within(0.0, 0.8, vq);
-            let plain = job.within(0.8, 1.0, bc);
-            choose(source, settings.goal, method, plain)
+            let plain = match job.within(0.0, 0.2, bc) {
+                // Content that only vq or only this picture's channels can have is no reason to stop.
+                Err(EncodeError::Params(_)) => return Vq::encode(images, &params, job).map(AnyImage::Vq),
+                plain => plain?,
+            };
+            let of_plain = measure(source, plain.as_encoded());
+            let method = job.within(0.2, 1.0, |job| match settings.goal {
+                Goal::Psnr(_) if settings.goal.is_met(&of_plain) => {
+                    Vq::encode_within(images, &params, of_plain.bpp, job)
+                }
+                _ => Vq::encode(images, &params, job),
+            });
+            choose(source, settings.goal, method.map(AnyImage::Vq), (plain, of_plain))
         }
     }
 }
@@ -110,30 +115,28 @@ fn vq_params(settings: &EncodeSettings) -> VqParams {
     }
 }
 
-/// The better answer to the goal; a method's own failure, such as a codebook that cannot hold a tolerance, leaves the
-/// plain form. Parameters, cancellation and limits are the caller's affair and are passed on.
+/// The better answer to the goal; a codebook that cannot hold a tolerance leaves the plain form. Parameters, cancellation
+/// and limits are the caller's affair and are passed on.
 fn choose(
     source: &ImageSet,
     goal: Goal,
     method: Result<AnyImage, EncodeError>,
-    plain: Result<AnyImage, EncodeError>,
+    (plain, of_plain): (AnyImage, Measured),
 ) -> Result<AnyImage, EncodeError> {
     let method = match method {
         Ok(method) => method,
         Err(EncodeError::Source(SourceError::Full { what })) => {
-            return plain.map(|plain| fall_back(plain, &format!("it would need more than {what}")));
+            return Ok(fall_back(plain, &format!("it would need more than {what}")));
         }
         Err(error) => return Err(error),
     };
-    let Ok(plain) = plain else { return Ok(method) };
     let of_method = measure(source, method.as_encoded());
-    let of_plain = measure(source, plain.as_encoded());
     if goal.prefers(&of_method, &of_plain) {
         return Ok(method);
     }
     let reason = match (goal.is_met(&of_method), goal) {
         (false, Goal::Bpp(_)) => format!("it needs {:.2} bits a texel", of_method.bpp),
-        (false, _) => format!("it reaches {:.1} dB with its largest codebook", of_method.psnr),
+        (false, _) => format!("it reaches {:.1} dB in {:.2} bits a texel", of_method.psnr, of_method.bpp),
         (true, Goal::Bpp(_)) => format!("it reaches {:.1} dB where the plain form reaches {:.1}", of_method.psnr, of_plain.psnr),
         (true, _) => format!("it needs {:.2} bits a texel where the plain form needs {:.2}", of_method.bpp, of_plain.bpp),
     };

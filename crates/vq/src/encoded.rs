@@ -232,8 +232,22 @@ impl Encoded for VqTexture {
         wire::store(self, out);
     }
 
+    /// As measured, with the codebook told apart into samples and codewords by their texels.
     fn footprint(&self) -> Footprint {
-        Footprint::measure(self, &self.gpu())
+        let mut footprint = Footprint::measure(self, &self.gpu());
+        let Some(at) = footprint.parts.iter().position(|part| part.name == "codebook") else { return footprint };
+        let codebook = footprint.parts.remove(at);
+        let (width, height) = self.codebook.size();
+        let sampled: u64 = self.samples.iter().map(|part| u64::from(part.side * part.side)).sum();
+        let share = |bits: u64| bits * sampled / u64::from(width * height);
+        let (memory, disk) = (share(codebook.bits_memory), share(codebook.bits_disk));
+        if sampled > 0 {
+            let samples = footprint.part("samples");
+            (samples.bits_memory, samples.bits_disk) = (memory, disk);
+        }
+        let codewords = footprint.part("codewords");
+        (codewords.bits_memory, codewords.bits_disk) = (codebook.bits_memory - memory, codebook.bits_disk - disk);
+        footprint.with_notes(&self.notes)
     }
 
     fn gpu(&self) -> GpuForm<'_> {

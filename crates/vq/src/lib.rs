@@ -36,11 +36,27 @@ impl TextureCodec for Vq {
     type Encoded = VqTexture;
 
     fn encode(source: VqSource<'_>, params: &VqParams, job: &mut Job<'_>) -> Result<VqTexture, EncodeError> {
-        encode::encode(source, params, job)
+        encode::encode(source, params, None, job)
     }
 
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<VqTexture, LoadError> {
         wire::load(file, budget)
+    }
+}
+
+impl Vq {
+    /// As [`TextureCodec::encode`] for a quality goal, but gives up once `most_bpp` bits of GPU memory a texel do not reach it:
+    /// for callers that hold a plain form of that size.
+    ///
+    /// # Errors
+    /// As [`TextureCodec::encode`].
+    pub fn encode_within(
+        source: VqSource<'_>,
+        params: &VqParams,
+        most_bpp: f64,
+        job: &mut Job<'_>,
+    ) -> Result<VqTexture, EncodeError> {
+        encode::encode(source, params, Some(most_bpp), job)
     }
 }
 

@@ -24,7 +24,7 @@ use texfold_bc::Content;
 use texfold_core::image::{ColorSpace, ImageSet, PixelInfo};
 use texfold_core::metric::{SquaredError, color_error, measure};
 use texfold_core::target::{Found, Measured, search};
-use texfold_core::{EncodeError, Goal, Job, Notes, Params, SourceError};
+use texfold_core::{Effort, EncodeError, Goal, Job, Notes, Params, SourceError};
 
 use self::plan::{CELL_TEXELS, Grid, MAX_CELLS, fixed_bits};
 use self::single::{Prepared, Request};
@@ -32,8 +32,14 @@ use crate::{VqParams, VqSource, VqTexture};
 
 /// Longest side of an image: its index plane must fit a texture of 8192 texels.
 const MAX_SIDE: u32 = 1 << 15;
-/// The search for a quality goal stops within this share of the number of codewords.
-const SEARCH_STEP: f64 = 0.015;
+/// The first, fast search for a quality goal stops within this share of the number of codewords, the second one,
+/// at full effort, within the smaller.
+const COARSE_STEP: f64 = 0.1;
+const FINE_STEP: f64 = 0.02;
+/// Full effort needs at least this share of the codewords that the fast search asked for.
+const FINE_RANGE: f64 = 0.8;
+/// What full effort may gain over fast effort, dB: a goal that is missed by more is out of reach.
+const EFFORT_GAIN: f64 = 0.7;
 
 /// Largest RMS distance from gray, 8-bit units, at which gray alone is tried too: what 565 colours and chroma noise
 /// leave on a gray picture.
@@ -42,6 +48,7 @@ const NEARLY_GRAY_RMS: f64 = 2.0;
 pub(crate) fn encode(
     source: VqSource<'_>,
     params: &VqParams,
+    most_bpp: Option<f64>,
     job: &mut Job<'_>,
 ) -> Result<VqTexture, EncodeError> {
     params.check()?;
@@ -59,7 +66,7 @@ pub(crate) fn encode(
             break;
         }
         let prepared = job.install(|| Prepared::new(variant, images, params))?;
-        let found = job.within(0.2, 0.95, |job| best_content(&prepared, params, job))?;
+        let found = job.within(0.2, 0.95, |job| best_content(&prepared, params, most_bpp, job))?;
         if best.as_ref().is_none_or(|(_, best)| params.goal.prefers(&found.measured, &best.measured)) {
             best = Some((prepared, found));
         }
@@ -74,6 +81,7 @@ pub(crate) fn encode(
 fn best_content(
     prepared: &Prepared<'_>,
     params: &VqParams,
+    most_bpp: Option<f64>,
     job: &mut Job<'_>,
 ) -> Result<Found<VqTexture>, EncodeError> {
     let contents = contents(prepared.source.images.info(), params)?;
@@ -84,7 +92,7 @@ fn best_content(
             break;
         }
         let at = |share: usize| share as f32 / contents.len() as f32;
-        let found = job.within(at(index), at(index + 1), |job| with_content(prepared, params, content, job))?;
+        let found = job.within(at(index), at(index + 1), |job| with_content(prepared, params, (content, most_bpp), job))?;
         if best.as_ref().is_none_or(|best| params.goal.prefers(&found.measured, &best.measured)) {
             best = Some(found);
         }
@@ -135,42 +143,70 @@ fn contents(pixel: PixelInfo, params: &VqParams) -> Result<Vec<Content>, EncodeE
     })
 }
 
-/// The best texture with such content: the size of the codebook follows the goal.
+/// The best texture with such content: the size of the codebook follows the goal, within `most_bpp` bits a texel.
 fn with_content(
     prepared: &Prepared<'_>,
     params: &VqParams,
-    content: Content,
+    (content, most_bpp): (Content, Option<f64>),
     job: &mut Job<'_>,
 ) -> Result<Found<VqTexture>, EncodeError> {
-    let one = |grid: Grid, job: &mut Job<'_>| -> Result<(Measured, VqTexture), EncodeError> {
-        job.stage("codewords", 0.1)?;
-        let seed = job.seed;
-        let texture = job.install(|| prepared.encode(&Request { grid, content, seed }));
-        Ok((measure(prepared.reference, &texture), texture))
-    };
     let single = |(measured, value): (Measured, VqTexture)| {
         let met = params.goal.is_met(&measured);
         Found { knob: 0, measured, value, met, evaluations: 1 }
     };
+    let full = |grid: Grid, job: &mut Job<'_>| one(prepared, (grid, content, params.effort), job).map(single);
     if let Some(size) = params.codebook {
-        return one(Grid::of_texels(size), job).map(single);
+        return full(Grid::of_texels(size), job);
     }
     match params.goal {
-        Goal::Bpp(bpp) => one(grid_for_bpp(prepared, content, bpp), job).map(single),
+        Goal::Bpp(bpp) => full(grid_for_bpp(prepared, content, bpp), job),
         Goal::Tolerance(tolerance) => {
             let texture = job.install(|| incremental::encode(prepared, content, tolerance))?;
             Ok(single((measure(prepared.reference, &texture), texture)))
         }
-        Goal::Psnr(_) => {
-            let most = MAX_CELLS.min(prepared.blocks.len() as u32).max(1);
-            let mut tried = 0u8;
-            search(params.goal, 1..=most, most, SEARCH_STEP, |cells| {
-                let from = f32::from(tried) / 10.0;
-                tried += 1;
-                job.within(from, from + 0.1, |job| one(Grid::within(cells), job))
-            })
+        Goal::Psnr(psnr) => {
+            let most = most_bpp.map_or(MAX_CELLS, |bpp| grid_for_bpp(prepared, content, bpp).cells());
+            let most = most.min(prepared.blocks.len() as u32).max(1);
+            search_psnr(prepared, (content, psnr), most, job)
         }
     }
+}
+
+/// One encode, and what it measures.
+fn one(
+    prepared: &Prepared<'_>,
+    (grid, content, effort): (Grid, Content, Effort),
+    job: &mut Job<'_>,
+) -> Result<(Measured, VqTexture), EncodeError> {
+    job.stage("codewords", 0.1)?;
+    let request = Request { grid, content, effort, seed: job.seed };
+    let texture = job.install(|| prepared.encode(&request));
+    Ok((measure(prepared.reference, &texture), texture))
+}
+
+/// The smallest codebook of at most `most` cells that reaches a PSNR: found fast, then refined at full effort just
+/// below what the fast search asked for.
+fn search_psnr(
+    prepared: &Prepared<'_>,
+    (content, psnr): (Content, f64),
+    most: u32,
+    job: &mut Job<'_>,
+) -> Result<Found<VqTexture>, EncodeError> {
+    let goal = Goal::Psnr(psnr);
+    let mut tried = 0u8;
+    let mut at = |cells: u32, effort: Effort, job: &mut Job<'_>| {
+        let from = f32::from(tried.min(15)) / 16.0;
+        tried += 1;
+        job.within(from, from + 1.0 / 16.0, |job| one(prepared, (Grid::within(cells), content, effort), job))
+    };
+    let fast =
+        search(goal, 1..=most, most, COARSE_STEP, |cells| at(cells, Effort::Fast, job))?;
+    if prepared.params.effort == Effort::Fast || fast.measured.psnr < psnr - EFFORT_GAIN {
+        return Ok(fast);
+    }
+    let least = ((f64::from(fast.knob) * FINE_RANGE) as u32).max(1);
+    let fine = search(goal, least..=fast.knob, fast.knob, FINE_STEP, |cells| at(cells, prepared.params.effort, job))?;
+    Ok(if goal.prefers(&fast.measured, &fine.measured) { fast } else { fine })
 }
 
 /// The largest codebook within a number of bits a texel.

@@ -54,6 +54,7 @@ pub(crate) struct Prepared<'s> {
 pub(crate) struct Request {
     pub(crate) grid: Grid,
     pub(crate) content: Content,
+    pub(crate) effort: Effort,
     pub(crate) seed: u64,
 }
 
@@ -123,28 +124,43 @@ impl<'s> Prepared<'s> {
     fn weighted_error(&self, request: &Request, draft: &Draft) -> f64 {
         let stored = draft.store(self.images(), (self.layout.pixel, request.content), Effort::Fast, false);
         let matches = assign(&self.blocks, &self.training, stored.windows.view());
-        let share = |(found, &row): (&Match, &usize)| f64::from(found.distance) * f64::from(self.weights[row]);
-        matches.iter().zip(&self.training).map(share).sum()
+        let weights: Vec<f32> = self.training.iter().map(|&row| self.weights[row]).collect();
+        weighted_sum(&matches, &weights)
     }
 
+    /// The texture for one size and kind of codebook. Where there are few blocks every number of samples is tried to the
+    /// end; else a trial without the last steps decides.
     pub(crate) fn encode(&self, request: &Request) -> VqTexture {
-        let samples = self.choose_samples(request.grid, self.sample_spec(request));
+        let side = usual_side(request.grid);
+        let settled = self.params.samples.is_some() || side == 0;
+        if settled || request.effort == Effort::Fast || self.blocks.len() > FEW_BLOCKS {
+            return self.encode_with(request, self.sample_spec(request)).0;
+        }
+        let trials = usual_counts(self.images().len()).iter().map(|&count| self.encode_with(request, (count, side)));
+        let best = trials.reduce(|best, trial| if trial.1 < best.1 { trial } else { best });
+        best.map_or_else(|| self.encode_with(request, (0, 0)).0, |best| best.0)
+    }
+
+    /// The texture with such samples, and its weighted error.
+    fn encode_with(&self, request: &Request, spec: (u32, u32)) -> (VqTexture, f64) {
+        let samples = self.choose_samples(request.grid, spec);
         let mut draft = self.learn(request, samples);
         let straddling = self.params.effort != Effort::Fast && self.blocks.len() <= STRADDLING_BLOCKS;
         let store = |draft: &Draft, effort: Effort| {
             draft.store(self.images(), (self.layout.pixel, request.content), effort, straddling)
         };
         let weights: Vec<f32> = self.training.iter().map(|&row| self.weights[row]).collect();
-        for _ in 0..polish_rounds(self.params.effort, self.blocks.len()) {
+        for _ in 0..polish_rounds(request.effort, self.blocks.len()) {
             // Rounds need only know about where the stored form will be; BC7 at full effort is half of an encode's time.
             let stored = store(&draft, Effort::Fast);
             let matches = assign(&self.blocks, &self.training, stored.windows.view());
             draft.average(&self.blocks, &self.training, &weights, &stored, &matches);
         }
-        let stored = store(&draft, self.params.effort);
+        let stored = store(&draft, request.effort);
         let all: Vec<usize> = (0..self.blocks.len()).collect();
         let matches = assign(&self.blocks, &all, stored.windows.view());
-        self.texture(&draft, stored, &matches)
+        let error = weighted_sum(&matches, &self.weights);
+        (self.texture(&draft, stored, &matches), error)
     }
 
     /// Codewords for the blocks that the samples do not show as well as a codeword would.
@@ -159,7 +175,7 @@ impl<'s> Prepared<'s> {
             self.training.par_iter().copied().filter(unseen).collect()
         };
         let weights: Vec<f32> = left.iter().map(|&row| self.weights[row]).collect();
-        let settings = lloyd_settings(self.params.effort, left.len(), request.seed);
+        let settings = lloyd_settings(request.effort, left.len(), request.seed);
         let built = build(self.blocks.subset(&left).view(), &weights, cells, settings);
         Draft { grid: request.grid, samples, codewords: by_brightness(built.codewords) }
     }
@@ -190,6 +206,10 @@ impl<'s> Prepared<'s> {
     }
 }
 
+fn weighted_sum(matches: &[Match], weights: &[f32]) -> f64 {
+    matches.iter().zip(weights).map(|(found, &weight)| f64::from(found.distance) * f64::from(weight)).sum()
+}
+
 /// RMS error, in 8-bit units, that all but the worst blocks keep.
 fn join_rms(matches: &[Match], dims: usize) -> f32 {
     let mut distances: Vec<f32> = matches.iter().map(|found| found.distance).collect();
@@ -211,7 +231,7 @@ pub(crate) fn usual_side(grid: Grid) -> u32 {
 
 /// Numbers of samples that are worth a trial: frames of a sequence repeat more than parts of one image do.
 fn usual_counts(images: usize) -> &'static [u32] {
-    if images > 1 { &[0, 1, 4] } else { &[0, 1] }
+    if images > 1 { &[0, 1, 2, 3, 4] } else { &[0, 1] }
 }
 
 /// How strongly importance weighs: frames of a sequence count alike, as in the paper, unless something was painted.

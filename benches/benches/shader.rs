@@ -20,7 +20,10 @@ fn main() -> Result<(), GpuError> {
             return Ok(());
         }
     };
-    println!("{}: megatexels a second, and speed over that of a shader with the same loads only", gpu.info().name);
+    println!(
+        "{}: megatexels a second, and speed over that of a shader with the same loads only",
+        gpu.info().name
+    );
     println!("{:<10} {:<9} {:>8} {:>8} {:>8} {:>7}", "texture", "lookup", "ours", "bare", "plain", "ratio");
     let set = picture_of(&texfold_testkit::picture("terrain"), SIDE);
     let textures = [

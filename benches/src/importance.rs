@@ -104,9 +104,10 @@ fn chart(rows: &[Row], path: &Path) -> Result<(), Box<dyn Error>> {
         .y_label_area_size(56)
         .build_cartesian_2d(0f32..4f32, low - 0.2..high + 0.2)?;
     chart.configure_mesh().x_desc("weight of importance").y_desc("PSNR in dB").draw()?;
-    for (name, color, value) in
-        [("whole picture", BLUE, (|row: &Row| row.whole) as fn(&Row) -> f64), ("most salient quarter", RED, |row| row.salient)]
-    {
+    for (name, color, value) in [
+        ("whole picture", BLUE, (|row: &Row| row.whole) as fn(&Row) -> f64),
+        ("most salient quarter", RED, |row| row.salient),
+    ] {
         let points: Vec<(f32, f64)> = rows.iter().map(|row| (row.weight, value(row))).collect();
         chart
             .draw_series(LineSeries::new(points.clone(), color.stroke_width(2)))?

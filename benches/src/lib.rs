@@ -53,7 +53,11 @@ pub fn vq(set: &ImageSet, params: &VqParams) -> Option<AnyImage> {
 /// `set` as plain blocks at full size; `None` where it cannot be encoded.
 #[must_use]
 pub fn bc(set: &ImageSet, content: Content) -> Option<AnyImage> {
-    let params =
-        BcParams { content: Some(content), reduce_log2: Some(0), effort: Effort::Fast, ..BcParams::default() };
+    let params = BcParams {
+        content: Some(content),
+        reduce_log2: Some(0),
+        effort: Effort::Fast,
+        ..BcParams::default()
+    };
     Bc::encode(set, &params, &mut Job::default()).ok().map(AnyImage::Bc)
 }

@@ -109,7 +109,8 @@ pub fn decode_block(format: PlaneFormat, block: &[u8]) -> [Vec4; 16] {
         PlaneFormat::Rgba8Unorm => [Vec4::new(byte(0), byte(1), byte(2), byte(3)) / 255.0; 16],
         PlaneFormat::Bc1 => decode_bc1(first_eight(block, 0), false),
         PlaneFormat::Bc3 => {
-            let (alpha, mut texels) = (decode_bc4(first_eight(block, 0)), decode_bc1(first_eight(block, 8), true));
+            let (alpha, mut texels) =
+                (decode_bc4(first_eight(block, 0)), decode_bc1(first_eight(block, 8), true));
             texels.iter_mut().zip(alpha).for_each(|(texel, alpha)| texel.w = alpha);
             texels
         }
@@ -139,7 +140,8 @@ fn decode_bc1(block: [u8; 8], always_four: bool) -> [Vec4; 16] {
 }
 
 fn unpack_565(value: u16) -> Vec4 {
-    let field = |shift: u32, bits: u32| f32::from(value >> shift & ((1 << bits) - 1)) / ((1 << bits) - 1) as f32;
+    let field =
+        |shift: u32, bits: u32| f32::from(value >> shift & ((1 << bits) - 1)) / ((1 << bits) - 1) as f32;
     Vec4::new(field(11, 5), field(5, 6), field(0, 5), 1.0)
 }
 
@@ -185,7 +187,9 @@ mod tests {
             (texels[i][channel] - f32::from(other[i * stride + plane]) / 255.0).abs()
         };
         (0..16)
-            .flat_map(|i| channels.iter().enumerate().map(move |(plane, &channel)| difference(i, channel, plane)))
+            .flat_map(|i| {
+                channels.iter().enumerate().map(move |(plane, &channel)| difference(i, channel, plane))
+            })
             .fold(0.0, f32::max)
     }
 
@@ -211,7 +215,9 @@ mod tests {
     #[test]
     fn every_format_reproduces_a_flat_block() {
         let rgba = [90u8, 160, 30, 255].repeat(25);
-        for format in [PlaneFormat::Bc1, PlaneFormat::Bc3, PlaneFormat::Bc4, PlaneFormat::Bc5, PlaneFormat::Bc7] {
+        for format in
+            [PlaneFormat::Bc1, PlaneFormat::Bc3, PlaneFormat::Bc4, PlaneFormat::Bc5, PlaneFormat::Bc7]
+        {
             for effort in [Effort::Fast, Effort::Normal] {
                 let blocks = encode_plane(format, 5, 5, &rgba, effort);
                 assert_eq!(blocks.len() as u64, format.bytes(5, 5));

@@ -134,11 +134,18 @@ impl ContentPlanes {
         planes: Vec<Vec<u8>>,
     ) -> Option<Self> {
         let (formats, swizzle) = content.formats(pixel);
-        let fits = |(format, plane): (&PlaneFormat, &Vec<u8>)| plane.len() as u64 == format.bytes(width, height);
+        let fits =
+            |(format, plane): (&PlaneFormat, &Vec<u8>)| plane.len() as u64 == format.bytes(width, height);
         if formats.len() != planes.len() || !formats.iter().zip(&planes).all(fits) {
             return None;
         }
-        Some(ContentPlanes { content, swizzle, width, height, planes: formats.into_iter().zip(planes).collect() })
+        Some(ContentPlanes {
+            content,
+            swizzle,
+            width,
+            height,
+            planes: formats.into_iter().zip(planes).collect(),
+        })
     }
 
     /// How it is stored.

@@ -68,7 +68,8 @@ impl BcTexture {
         let mut planes: Vec<Plane<'_>> = levels[0].gpu_planes("blocks").collect();
         for (index, plane) in planes.iter_mut().enumerate().filter(|_| levels.len() > 1) {
             plane.levels = levels.len() as u32;
-            plane.data = Cow::Owned(levels.iter().flat_map(|level| level.planes()[index].1.iter().copied()).collect());
+            plane.data =
+                Cow::Owned(levels.iter().flat_map(|level| level.planes()[index].1.iter().copied()).collect());
         }
         planes
     }
@@ -122,7 +123,8 @@ impl Encoded for BcTexture {
     }
 
     fn gpu(&self) -> GpuForm<'_> {
-        let mut form = GpuForm { module: "bc", planes: Vec::new(), uniforms: Vec::new(), surfaces: Vec::new() };
+        let mut form =
+            GpuForm { module: "bc", planes: Vec::new(), uniforms: Vec::new(), surfaces: Vec::new() };
         for surface in 0..self.surfaces.len() {
             let first = form.planes.len();
             form.planes.extend(self.planes_of(surface));

@@ -104,7 +104,8 @@ impl State<'_> {
                 all.improve(point, &mut best);
                 return best;
             }
-            let mut best = Match { index: before.index, distance: padded_distance(point, state.codeword(before.index)) };
+            let mut best =
+                Match { index: before.index, distance: padded_distance(point, state.codeword(before.index)) };
             // A codeword that came nearer, or stayed, still beats all that stayed.
             let among = if best.distance <= before.distance { &active } else { &all };
             among.improve(point, &mut best);
@@ -114,7 +115,11 @@ impl State<'_> {
     }
 
     fn distortion(&self) -> f64 {
-        self.matches.iter().zip(self.weights).map(|(m, &weight)| f64::from(m.distance) * f64::from(weight)).sum()
+        self.matches
+            .iter()
+            .zip(self.weights)
+            .map(|(m, &weight)| f64::from(m.distance) * f64::from(weight))
+            .sum()
     }
 
     /// Moves every codeword to the weighted mean of its points, empty ones to the points that are worst off; says
@@ -170,7 +175,9 @@ fn means(vectors: ArrayView2<'_, f32>, weights: &[f32], state: &State<'_>) -> Ar
     for (found, &weight) in state.matches.iter().zip(weights) {
         cell_weight[found.index as usize] += f64::from(weight);
     }
-    for (row, found) in vectors.rows().into_iter().zip(&state.matches).zip(weights).map(|((r, m), &w)| ((r, w), m)) {
+    for (row, found) in
+        vectors.rows().into_iter().zip(&state.matches).zip(weights).map(|((r, m), &w)| ((r, w), m))
+    {
         let (row, weight) = row;
         let index = found.index as usize;
         let weight = if cell_weight[index] > 0.0 { f64::from(weight) } else { 1.0 };
@@ -196,7 +203,9 @@ mod tests {
 
     fn blocks(count: usize, dims: usize, seed: u32) -> Array2<f32> {
         let value = |i: usize, j: usize| {
-            let x = ((i as u32).wrapping_mul(2_654_435).wrapping_add(seed).wrapping_mul(747_796_405) >> 8) as f32 / (1u32 << 24) as f32;
+            let x = ((i as u32).wrapping_mul(2_654_435).wrapping_add(seed).wrapping_mul(747_796_405) >> 8)
+                as f32
+                / (1u32 << 24) as f32;
             ((x * 20.0 + j as f32 * 0.4).sin() * 0.5 + 0.5) * 0.8 + ((i * 31 + j * 17) % 13) as f32 * 0.015
         };
         Array2::from_shape_fn((count, dims), |(i, j)| value(i, j))
@@ -212,7 +221,8 @@ mod tests {
             .into_iter()
             .zip(weights)
             .map(|(row, &weight)| {
-                let nearest = codewords.rows().into_iter().map(|c| distance(row, c)).fold(f64::INFINITY, f64::min);
+                let nearest =
+                    codewords.rows().into_iter().map(|c| distance(row, c)).fold(f64::INFINITY, f64::min);
                 nearest * f64::from(weight)
             })
             .sum()
@@ -223,7 +233,11 @@ mod tests {
         let vectors = blocks(600, 48, 5);
         let weights: Vec<f32> = (0..600).map(|i| 0.5 + (i % 7) as f32).collect();
         let built = build(vectors.view(), &weights, 40, Settings { rounds: 30, least_gain: 0.0, seed: 4 });
-        assert!(built.history.windows(2).all(|pair| pair[1] <= pair[0] * (1.0 + 1e-6)), "{:?}", built.history);
+        assert!(
+            built.history.windows(2).all(|pair| pair[1] <= pair[0] * (1.0 + 1e-6)),
+            "{:?}",
+            built.history
+        );
         let last = *built.history.last().unwrap();
         let naive = naive_distortion(&vectors, &weights, &built.codewords);
         assert!(naive <= last * (1.0 + 1e-4), "{naive} {last}");

@@ -106,7 +106,8 @@ impl Tree {
 
     fn try_place(&self, place: usize, query: &mut Query<'_>) {
         let (head, tail) = (CHUNK.min(self.padded), self.padded.saturating_sub(CHUNK));
-        let mut distance = chunk_distance(&query.vector[..head], &self.heads[place * head..(place + 1) * head]);
+        let mut distance =
+            chunk_distance(&query.vector[..head], &self.heads[place * head..(place + 1) * head]);
         if distance > query.best.distance {
             return;
         }
@@ -137,7 +138,8 @@ fn split(rotated: &[f32], padded: usize, rows: &mut [u32], nodes: &mut Vec<Node>
         ends.1 - ends.0
     };
     let spreads: Vec<f32> = (0..CHUNK.min(padded)).map(spread).collect();
-    let axis = (0..spreads.len()).fold(0, |best, axis| if spreads[axis] > spreads[best] { axis } else { best });
+    let axis =
+        (0..spreads.len()).fold(0, |best, axis| if spreads[axis] > spreads[best] { axis } else { best });
     let middle = rows.len() / 2;
     rows.select_nth_unstable_by(middle, |&a, &b| value(a, axis).total_cmp(&value(b, axis)).then(a.cmp(&b)));
     let node = nodes.len();
@@ -219,8 +221,9 @@ mod tests {
     use proptest::prelude::*;
 
     fn naive(codewords: &Array2<f32>, vector: &[f32]) -> f32 {
-        let distance =
-            |row: ndarray::ArrayView1<'_, f32>| row.iter().zip(vector).map(|(a, b)| (a - b) * (a - b)).sum::<f32>();
+        let distance = |row: ndarray::ArrayView1<'_, f32>| {
+            row.iter().zip(vector).map(|(a, b)| (a - b) * (a - b)).sum::<f32>()
+        };
         codewords.rows().into_iter().map(distance).fold(f32::INFINITY, f32::min)
     }
 

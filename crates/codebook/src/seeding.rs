@@ -40,7 +40,13 @@ struct Seeder<'a> {
 }
 
 /// Rows of `points` to start from: at most `count`, fewer where there are fewer distinct points.
-pub(crate) fn seeds(points: &[f32], padded: usize, weights: &[f32], count: usize, random: &mut Random) -> Vec<u32> {
+pub(crate) fn seeds(
+    points: &[f32],
+    padded: usize,
+    weights: &[f32],
+    count: usize,
+    random: &mut Random,
+) -> Vec<u32> {
     let total = weights.len();
     if total <= count {
         return (0..total as u32).collect();
@@ -49,8 +55,15 @@ pub(crate) fn seeds(points: &[f32], padded: usize, weights: &[f32], count: usize
     let mut order: Vec<u32> = (0..total as u32).collect();
     order.sort_by(|&a, &b| first_of(a).total_cmp(&first_of(b)).then(a.cmp(&b)));
     let firsts = order.iter().map(|&point| first_of(point)).collect();
-    let mut seeder =
-        Seeder { points, padded, weights, order, firsts, distance: vec![f32::INFINITY; total], sums: Vec::new() };
+    let mut seeder = Seeder {
+        points,
+        padded,
+        weights,
+        order,
+        firsts,
+        distance: vec![f32::INFINITY; total],
+        sums: Vec::new(),
+    };
     let heaviest = (0..total).max_by(|&a, &b| weights[a].total_cmp(&weights[b]).then(b.cmp(&a)));
     let mut chosen = vec![heaviest.unwrap_or(0) as u32];
     seeder.add(chosen[0]);

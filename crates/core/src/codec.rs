@@ -76,7 +76,11 @@ pub trait SharedSearch: TextureCodec {
     ///
     /// # Errors
     /// As [`TextureCodec::encode`].
-    fn encode_from(search: &Self::Search, goal: Goal, job: &mut Job<'_>) -> Result<Self::Encoded, EncodeError>;
+    fn encode_from(
+        search: &Self::Search,
+        goal: Goal,
+        job: &mut Job<'_>,
+    ) -> Result<Self::Encoded, EncodeError>;
 }
 
 /// A codec whose encoded form accepts further sources without changing a texel that was valid before.
@@ -85,5 +89,9 @@ pub trait Growable: TextureCodec {
     ///
     /// # Errors
     /// As [`TextureCodec::encode`].
-    fn add(encoded: &mut Self::Encoded, source: Self::Source<'_>, job: &mut Job<'_>) -> Result<(), EncodeError>;
+    fn add(
+        encoded: &mut Self::Encoded,
+        source: Self::Source<'_>,
+        job: &mut Job<'_>,
+    ) -> Result<(), EncodeError>;
 }

@@ -152,15 +152,16 @@ impl ImageLayout {
     /// # Errors
     /// [`crate::RegionError`] names what lies outside.
     pub fn check(&self, rect: Rect) -> Result<(), crate::RegionError> {
-        let size = self
-            .surfaces
-            .get(rect.surface as usize)
-            .ok_or(crate::RegionError::NoSuchSurface { surface: rect.surface, surfaces: self.surfaces.len() })?;
+        let size = self.surfaces.get(rect.surface as usize).ok_or(crate::RegionError::NoSuchSurface {
+            surface: rect.surface,
+            surfaces: self.surfaces.len(),
+        })?;
         if rect.level >= self.levels {
             return Err(crate::RegionError::NoSuchLevel { level: rect.level, levels: self.levels });
         }
         let size = size.at_level(rect.level);
-        let inside = |start: u32, length: u32, end: u32| u64::from(start) + u64::from(length) <= u64::from(end);
+        let inside =
+            |start: u32, length: u32, end: u32| u64::from(start) + u64::from(length) <= u64::from(end);
         if !inside(rect.x, rect.width, size.width) || !inside(rect.y, rect.height, size.height) {
             return Err(crate::RegionError::Outside { width: size.width, height: size.height });
         }

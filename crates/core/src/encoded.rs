@@ -23,7 +23,11 @@ pub trait Encoded: Send + Sync {
     ///
     /// # Errors
     /// [`RegionError`] where `region` leaves the texture or `out` has another length.
-    fn decode(&self, region: <Self::Domain as Domain>::Region<'_>, out: &mut [Texel]) -> Result<(), RegionError>;
+    fn decode(
+        &self,
+        region: <Self::Domain as Domain>::Region<'_>,
+        out: &mut [Texel],
+    ) -> Result<(), RegionError>;
     /// Writes the sections of a file, coarse layers first.
     fn store(&self, out: &mut SectionWriter);
     /// Every bit by named part: stored bits add up to the file's length, resident bits to what a GPU holds.

@@ -65,7 +65,9 @@ pub enum SourceError {
         index: usize,
     },
     /// Images of one set that do not agree.
-    #[error("image {index} differs in {what} from the first; give images that agree or compress each by itself")]
+    #[error(
+        "image {index} differs in {what} from the first; give images that agree or compress each by itself"
+    )]
     Unlike {
         /// Which image.
         index: usize,

@@ -31,7 +31,9 @@ impl PlaneFormat {
     #[must_use]
     pub fn block_side(self) -> u32 {
         match self {
-            PlaneFormat::Rg8Uint | PlaneFormat::R8Unorm | PlaneFormat::Rg8Unorm | PlaneFormat::Rgba8Unorm => 1,
+            PlaneFormat::Rg8Uint | PlaneFormat::R8Unorm | PlaneFormat::Rg8Unorm | PlaneFormat::Rgba8Unorm => {
+                1
+            }
             _ => 4,
         }
     }
@@ -111,6 +113,7 @@ impl GpuForm<'_> {
     /// Bits of all planes and parameters.
     #[must_use]
     pub fn bits_memory(&self) -> u64 {
-        8 * (self.planes.iter().map(|plane| plane.data.len() as u64).sum::<u64>() + self.uniforms.len() as u64)
+        8 * (self.planes.iter().map(|plane| plane.data.len() as u64).sum::<u64>()
+            + self.uniforms.len() as u64)
     }
 }

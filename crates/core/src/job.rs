@@ -150,11 +150,7 @@ mod tests {
         job.stage("c", 0.1).unwrap();
         assert_eq!(
             seen,
-            [
-                Stage { name: "a", done: 0.5 },
-                Stage { name: "b", done: 0.7 },
-                Stage { name: "c", done: 0.7 }
-            ]
+            [Stage { name: "a", done: 0.5 }, Stage { name: "b", done: 0.7 }, Stage { name: "c", done: 0.7 }]
         );
     }
 

@@ -23,6 +23,7 @@ pub mod sample;
 pub mod target;
 
 pub use codec::{Effort, Growable, Params, SharedSearch, TextureCodec};
+pub use container::{CodecId, Notes};
 pub use domain::{
     Domain, Image2d, ImageAddress, ImageLayout, LightAddress, LightLayout, Rect, SurfaceLight, SurfaceSize,
 };
@@ -33,7 +34,6 @@ pub use footprint::{Footprint, Part};
 pub use gpu_form::{GpuForm, Plane, PlaneFormat, SurfaceBinding};
 pub use job::{Cancel, Job, Stage};
 pub use limits::{Budget, LimitError, Limits};
-pub use container::{CodecId, Notes};
 pub use target::Goal;
 
 /// One colour: red, green, blue, alpha, nominally in [0, 1], as stored (no gamma conversion).

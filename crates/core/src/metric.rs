@@ -223,7 +223,8 @@ fn blur(values: &[f32], width: usize, height: usize) -> Vec<f32> {
     down.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
         let rows = taps(y, height);
         for (x, value) in out.iter_mut().enumerate() {
-            let sum: f64 = rows.iter().zip(&weights).map(|(&r, w)| f64::from(across[r * width + x]) * w).sum();
+            let sum: f64 =
+                rows.iter().zip(&weights).map(|(&r, w)| f64::from(across[r * width + x]) * w).sum();
             *value = sum as f32;
         }
     });
@@ -237,8 +238,9 @@ mod tests {
 
     fn pseudo_random(width: u32, height: u32, channels: u8, seed: u32) -> Raster {
         let count = width * height * u32::from(channels);
-        let bytes: Vec<u8> =
-            (0..count).map(|i| ((i + seed).wrapping_mul(2_654_435_761).rotate_left(13) >> 24) as u8).collect();
+        let bytes: Vec<u8> = (0..count)
+            .map(|i| ((i + seed).wrapping_mul(2_654_435_761).rotate_left(13) >> 24) as u8)
+            .collect();
         Raster::from_u8(width, height, channels, ColorSpace::Srgb, &bytes).unwrap()
     }
 
@@ -279,7 +281,8 @@ mod tests {
     #[test]
     fn ssim_equals_its_definition() {
         let a = pseudo_random(19, 14, 3, 1);
-        let bytes: Vec<u8> = a.to_bytes().iter().enumerate().map(|(i, &v)| v.saturating_add((i % 23) as u8)).collect();
+        let bytes: Vec<u8> =
+            a.to_bytes().iter().enumerate().map(|(i, &v)| v.saturating_add((i % 23) as u8)).collect();
         let b = Raster::from_u8(19, 14, 3, ColorSpace::Srgb, &bytes).unwrap();
         let (fast, slow) = (ssim(&a, &b), ssim_by_definition(&a, &b));
         assert!((fast - slow).abs() < 1e-4, "{fast} {slow}");

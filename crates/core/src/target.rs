@@ -121,7 +121,11 @@ pub fn search<T, E>(
             best = Some(Found { knob, measured, value, met, evaluations });
         }
         // Larger settings help a quality goal that is missed and a size goal that is met.
-        if met == matches!(goal, Goal::Bpp(_)) { low = i64::from(knob) } else { high = i64::from(knob) }
+        if met == matches!(goal, Goal::Bpp(_)) {
+            low = i64::from(knob);
+        } else {
+            high = i64::from(knob);
+        }
         let narrow = (high - low) as f64 <= 1.0 + relative_step * high as f64 && low >= i64::from(start);
         let closed = high - low <= 1 || (narrow && high <= i64::from(end)) || evaluations >= MAX_EVALUATIONS;
         match next_knob(low, high, start, end).filter(|_| !closed) {

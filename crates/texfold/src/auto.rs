@@ -68,8 +68,12 @@ pub fn encode_images(
     job: &mut Job<'_>,
 ) -> Result<AnyImage, EncodeError> {
     let bc = |job: &mut Job<'_>| Bc::encode(source, &bc_params(settings), job).map(AnyImage::Bc);
-    let images =
-        VqSource { images: source, painted: guidance.painted, mesh: guidance.mesh, weights: guidance.weights };
+    let images = VqSource {
+        images: source,
+        painted: guidance.painted,
+        mesh: guidance.mesh,
+        weights: guidance.weights,
+    };
     let params = vq_params(settings);
     match settings.codec {
         CodecChoice::Bc => bc(job),
@@ -137,8 +141,13 @@ fn choose(
     let reason = match (goal.is_met(&of_method), goal) {
         (false, Goal::Bpp(_)) => format!("it needs {:.2} bits a texel", of_method.bpp),
         (false, _) => format!("it reaches {:.1} dB in {:.2} bits a texel", of_method.psnr, of_method.bpp),
-        (true, Goal::Bpp(_)) => format!("it reaches {:.1} dB where the plain form reaches {:.1}", of_method.psnr, of_plain.psnr),
-        (true, _) => format!("it needs {:.2} bits a texel where the plain form needs {:.2}", of_method.bpp, of_plain.bpp),
+        (true, Goal::Bpp(_)) => {
+            format!("it reaches {:.1} dB where the plain form reaches {:.1}", of_method.psnr, of_plain.psnr)
+        }
+        (true, _) => format!(
+            "it needs {:.2} bits a texel where the plain form needs {:.2}",
+            of_method.bpp, of_plain.bpp
+        ),
     };
     Ok(fall_back(plain, &reason))
 }
@@ -167,7 +176,8 @@ mod tests {
 
     #[test]
     fn noise_falls_back_to_the_plain_form_and_says_so() {
-        let settings = EncodeSettings { codec: CodecChoice::Vq, goal: Goal::Psnr(30.0), ..EncodeSettings::default() };
+        let settings =
+            EncodeSettings { codec: CodecChoice::Vq, goal: Goal::Psnr(30.0), ..EncodeSettings::default() };
         let (set, encoded) = encode("noise", settings);
         assert!(matches!(encoded, AnyImage::Bc(_)));
         assert!(encoded.as_encoded().notes().verdict.contains("vq does not suit"));
@@ -188,9 +198,12 @@ mod tests {
     fn whatever_is_chosen_meets_a_goal_that_plain_blocks_meet() {
         for name in ["one_texel", "odd_3x5", "constant", "black", "ramp", "stripes", "line_513x1"] {
             for goal in [Goal::Psnr(32.0), Goal::Bpp(8.0), Goal::Tolerance(12.0)] {
-                let (set, encoded) = encode(name, EncodeSettings { goal, effort: Effort::Fast, ..EncodeSettings::default() });
-                let (_, plain) =
-                    encode(name, EncodeSettings { goal, codec: CodecChoice::Bc, ..EncodeSettings::default() });
+                let (set, encoded) =
+                    encode(name, EncodeSettings { goal, effort: Effort::Fast, ..EncodeSettings::default() });
+                let (_, plain) = encode(
+                    name,
+                    EncodeSettings { goal, codec: CodecChoice::Bc, ..EncodeSettings::default() },
+                );
                 let (ours, plain) = (measure(&set, encoded.as_encoded()), measure(&set, plain.as_encoded()));
                 assert!(goal.is_met(&ours) || !goal.is_met(&plain), "{name} {goal:?}: {ours:?} {plain:?}");
             }

@@ -1,5 +1,7 @@
 //! Damaged files: every truncation and ten thousand mutations give an error or a correct texture, never a panic.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
+
 mod support;
 
 use support::small_textures;
@@ -27,7 +29,9 @@ fn exercise(texture: &dyn Encoded<Domain = Image2d>) {
     for surface in 0..layout.surfaces.len().min(8) as u32 {
         for level in 0..layout.levels {
             let rect = layout.whole(surface, level).unwrap();
-            for (x, y) in [(0, 0), (rect.width - 1, rect.height - 1), (rect.width / 2, 0), (u32::MAX, u32::MAX)] {
+            for (x, y) in
+                [(0, 0), (rect.width - 1, rect.height - 1), (rect.width / 2, 0), (u32::MAX, u32::MAX)]
+            {
                 let texel = texture.sample(ImageAddress { surface, level, x, y });
                 assert!(texel.is_finite());
             }

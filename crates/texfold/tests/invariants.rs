@@ -1,5 +1,7 @@
 //! What holds for every codec: regions equal samples, files equal what made them, figures equal the bytes.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
+
 mod support;
 
 use proptest::prelude::*;
@@ -7,8 +9,8 @@ use support::{bc, fixture, small_textures, vq};
 use texfold::image::{ColorSpace, ImageSet, Raster};
 use texfold::metric::{decode_surface, quality};
 use texfold::{
-    BcParams, Budget, Content, Effort, EncodeError, EncodeSettings, Encoded, Goal, Guidance, ImageAddress, Job,
-    Rect, RegionError, Stage, Texel, TextureCodec, Vq, VqParams, VqSource, encode_images, open_image,
+    BcParams, Budget, Content, Effort, EncodeError, EncodeSettings, Encoded, Goal, Guidance, ImageAddress,
+    Job, Rect, RegionError, Stage, Texel, TextureCodec, Vq, VqParams, VqSource, encode_images, open_image,
 };
 use texfold_testkit::frames;
 
@@ -19,8 +21,10 @@ fn a_file_gives_back_the_texture_that_was_stored() {
         let loaded = open_image(&bytes, &mut Budget::default()).unwrap();
         assert_eq!(loaded.to_bytes(), bytes, "{name}");
         for level in 0..texture.as_encoded().layout().levels {
-            let (made, read) =
-                (decode_surface(texture.as_encoded(), 0, level), decode_surface(loaded.as_encoded(), 0, level));
+            let (made, read) = (
+                decode_surface(texture.as_encoded(), 0, level),
+                decode_surface(loaded.as_encoded(), 0, level),
+            );
             assert!(made.is_some() && made == read, "{name} level {level}");
         }
     }
@@ -140,8 +144,11 @@ fn salient_error(source: &Raster, decoded: &Raster, saliency: &[f32]) -> f64 {
 fn a_tolerance_holds_for_every_block() {
     for name in ["facade", "text_page", "stripes"] {
         let set = fixture(name);
-        let settings =
-            EncodeSettings { codec: texfold::CodecChoice::Vq, goal: Goal::Tolerance(16.0), ..EncodeSettings::default() };
+        let settings = EncodeSettings {
+            codec: texfold::CodecChoice::Vq,
+            goal: Goal::Tolerance(16.0),
+            ..EncodeSettings::default()
+        };
         let texture = encode_images(&set, Guidance::default(), &settings, &mut Job::default()).unwrap();
         let worst = quality(&set, texture.as_encoded()).worst_block_rms;
         assert!(worst <= 16.0, "{name}: {worst}");
@@ -153,7 +160,8 @@ fn a_size_goal_is_never_exceeded() {
     for name in ["facade", "gray", "cutout", "odd_37x61"] {
         for bpp in [1.5, 2.5, 6.0] {
             let set = fixture(name);
-            let settings = EncodeSettings { goal: Goal::Bpp(bpp), effort: Effort::Fast, ..EncodeSettings::default() };
+            let settings =
+                EncodeSettings { goal: Goal::Bpp(bpp), effort: Effort::Fast, ..EncodeSettings::default() };
             let texture = encode_images(&set, Guidance::default(), &settings, &mut Job::default()).unwrap();
             let bits = texture.as_encoded().gpu().bits_memory() as f64 / set.texel_count() as f64;
             assert!(bits <= bpp, "{name}: {bits} of {bpp}");
@@ -164,8 +172,18 @@ fn a_size_goal_is_never_exceeded() {
 #[test]
 fn every_failure_regime_encodes_within_its_bound() {
     let names = [
-        "constant", "black", "one_texel", "odd_3x5", "line_513x1", "column_1x259", "noise", "zebra", "stripes", "ramp",
-        "transparent", "cutout",
+        "constant",
+        "black",
+        "one_texel",
+        "odd_3x5",
+        "line_513x1",
+        "column_1x259",
+        "noise",
+        "zebra",
+        "stripes",
+        "ramp",
+        "transparent",
+        "cutout",
     ];
     for name in names {
         let set = fixture(name);
@@ -174,7 +192,8 @@ fn every_failure_regime_encodes_within_its_bound() {
         let texture = vq(&set, &VqParams { goal: Goal::Bpp(bpp), ..VqParams::default() });
         let found = quality(&set, texture.as_encoded());
         // With as many codewords as blocks, vq holds what BC1 holds.
-        let plain = bc(&set, &BcParams { content: Some(Content::Bc1), reduce_log2: Some(0), ..BcParams::default() });
+        let plain =
+            bc(&set, &BcParams { content: Some(Content::Bc1), reduce_log2: Some(0), ..BcParams::default() });
         let least = quality(&set, plain.as_encoded()).color.psnr().min(60.0);
         assert!(found.color.psnr() >= least - 0.3, "{name}: {:.2} dB, BC1 {least:.2}", found.color.psnr());
         if let Some(alpha) = found.alpha {
@@ -186,7 +205,8 @@ fn every_failure_regime_encodes_within_its_bound() {
 #[test]
 fn unlike_images_share_a_codebook() {
     let named = texfold_testkit::picture;
-    let set = ImageSet::new(vec![named("odd_37x61"), named("gray"), named("odd_3x5"), named("odd_37x61")]).unwrap();
+    let set =
+        ImageSet::new(vec![named("odd_37x61"), named("gray"), named("odd_3x5"), named("odd_37x61")]).unwrap();
     let texture = vq(&set, &VqParams { goal: Goal::Bpp(6.0), ..VqParams::default() });
     assert_eq!(texture.as_encoded().layout().surfaces.len(), 4);
     assert_eq!(decode_surface(texture.as_encoded(), 0, 0), decode_surface(texture.as_encoded(), 3, 0));
@@ -197,7 +217,8 @@ fn unlike_images_share_a_codebook() {
 fn mip_levels_are_those_of_the_source() {
     let set = fixture("facade");
     let params = VqParams { goal: Goal::Bpp(6.0), mips: true, ..VqParams::default() };
-    let textures = [vq(&set, &params), bc(&set, &BcParams { goal: Goal::Bpp(6.0), mips: true, ..BcParams::default() })];
+    let textures =
+        [vq(&set, &params), bc(&set, &BcParams { goal: Goal::Bpp(6.0), mips: true, ..BcParams::default() })];
     let chain = texfold::image::mip_chain(&set.images()[0], 9, texfold::image::MipFilter::Box);
     for texture in textures {
         let name = texture.as_encoded().codec().name;
@@ -253,7 +274,10 @@ fn regions_outside_are_named() {
     let mut out = [Texel::ZERO; 20];
     assert_eq!(texture.decode(rect, &mut out), Err(RegionError::Outside { width: 40, height: 28 }));
     let surface = Rect { surface: 9, x: 0, ..rect };
-    assert_eq!(texture.decode(surface, &mut out), Err(RegionError::NoSuchSurface { surface: 9, surfaces: 5 }));
+    assert_eq!(
+        texture.decode(surface, &mut out),
+        Err(RegionError::NoSuchSurface { surface: 9, surfaces: 5 })
+    );
     let short = texture.decode(Rect { x: 0, ..rect }, &mut out[..3]);
     assert_eq!(short, Err(RegionError::OutputLength { found: 3, needed: 20 }));
 }

@@ -53,7 +53,8 @@ pub struct VqView<'a> {
 #[must_use]
 pub fn texfold_vq_block(view: &VqView<'_>, surface: u32, level: u32, block: UVec2) -> UVec2 {
     let width = view.params.size[0].div_ceil(4);
-    let origin = UVec2::new(surface % view.params.columns * width, surface / view.params.columns * view.params.rows);
+    let origin =
+        UVec2::new(surface % view.params.columns * width, surface / view.params.columns * view.params.rows);
     let mut at = block;
     if level > 0 {
         let level_width = texfold_level_size(UVec2::from(view.params.size), level).x.div_ceil(4);

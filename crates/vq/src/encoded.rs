@@ -7,8 +7,8 @@ use texfold_bc::ContentPlanes;
 use texfold_core::address::TEXFOLD_CLAMP;
 use texfold_core::container::{SectionWriter, write_layout};
 use texfold_core::{
-    CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Notes, Plane, PlaneFormat,
-    Rect, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
+    CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Notes, Plane,
+    PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
 };
 
 use crate::decode::{TEXFOLD_VQ_LEVELS, TexfoldVqParams, VqView, texfold_vq_fetch};
@@ -235,7 +235,9 @@ impl Encoded for VqTexture {
     /// As measured, with the codebook told apart into samples and codewords by their texels.
     fn footprint(&self) -> Footprint {
         let mut footprint = Footprint::measure(self, &self.gpu());
-        let Some(at) = footprint.parts.iter().position(|part| part.name == "codebook") else { return footprint };
+        let Some(at) = footprint.parts.iter().position(|part| part.name == "codebook") else {
+            return footprint;
+        };
         let codebook = footprint.parts.remove(at);
         let (width, height) = self.codebook.size();
         let sampled: u64 = self.samples.iter().map(|part| u64::from(part.side * part.side)).sum();
@@ -246,7 +248,8 @@ impl Encoded for VqTexture {
             (samples.bits_memory, samples.bits_disk) = (memory, disk);
         }
         let codewords = footprint.part("codewords");
-        (codewords.bits_memory, codewords.bits_disk) = (codebook.bits_memory - memory, codebook.bits_disk - disk);
+        (codewords.bits_memory, codewords.bits_disk) =
+            (codebook.bits_memory - memory, codebook.bits_disk - disk);
         footprint.with_notes(&self.notes)
     }
 
@@ -287,7 +290,8 @@ fn decode_line(view: &VqView<'_>, place: u32, region: Rect, y: u32, line: &mut [
     let mut x = region.x;
     let mut rest = line;
     while x < end {
-        let corner = crate::decode::texfold_vq_block(view, place, region.level, glam::UVec2::new(x / 4, y / 4));
+        let corner =
+            crate::decode::texfold_vq_block(view, place, region.level, glam::UVec2::new(x / 4, y / 4));
         let count = (4 - x % 4).min(end - x) as usize;
         let start = ((corner.y + y % 4) * view.codebook_width + corner.x + x % 4) as usize;
         let (head, tail) = rest.split_at_mut(count);

@@ -87,7 +87,7 @@ impl Default for VqParams {
 impl Params for VqParams {
     fn check(&self) -> Result<(), ParamError> {
         let error = |field, value: f64, range| Err(ParamError { field, value, range });
-        let fits = |side: u32| side % 4 == 0 && (4..=MAX_CODEBOOK_SIDE).contains(&side);
+        let fits = |side: u32| side.is_multiple_of(4) && (4..=MAX_CODEBOOK_SIDE).contains(&side);
         self.goal.check()?;
         if let Some((width, height)) = self.codebook {
             let range = "multiples of 4 in 4..=256, as the index map has one byte a coordinate";

@@ -17,7 +17,9 @@ pub(crate) fn store(texture: &VqTexture, out: &mut SectionWriter) {
     let (width, height) = texture.codebook.size();
     let number = Content::ALL.iter().position(|&content| content == texture.codebook.content()).unwrap_or(0);
     let mut form = vec![number as u8];
-    form.extend([width, height, texture.free_cells, texture.samples.len() as u32].map(u32::to_le_bytes).concat());
+    form.extend(
+        [width, height, texture.free_cells, texture.samples.len() as u32].map(u32::to_le_bytes).concat(),
+    );
     form.extend(texture.join_rms.to_le_bytes());
     for part in &texture.samples {
         let fields = [part.x, part.y, part.side, part.surface, part.source_x, part.source_y];
@@ -89,8 +91,8 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
         return Err(reader.corrupt("content that cannot hold the channels"));
     }
     let (width, height, free_cells) = (reader.u32()?, reader.u32()?, reader.u32()?);
-    let fits = |side: u32| side % 4 == 0 && (4..=MAX_CODEBOOK_SIDE).contains(&side);
-    if !fits(width) || !fits(height)  {
+    let fits = |side: u32| side.is_multiple_of(4) && (4..=MAX_CODEBOOK_SIDE).contains(&side);
+    if !fits(width) || !fits(height) {
         return Err(reader.corrupt("a codebook side that is no multiple of 4 in 4..=256"));
     }
     let count = reader.u32()?;
@@ -113,12 +115,15 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
     Ok(Form { content, width, height, free_cells, join_rms, samples })
 }
 
+/// Size classes, and each image's class and place in it.
+type Classes = (Vec<SizeClass>, Vec<(usize, u32)>);
+
 fn read_index(
     raw: &[u8],
     layout: &ImageLayout,
     codebook: &ContentPlanes,
     budget: &mut Budget,
-) -> Result<(Vec<SizeClass>, Vec<(usize, u32)>), LoadError> {
+) -> Result<Classes, LoadError> {
     // The planes need at most twice the file's index bytes: images of a class leave less than a row each.
     let reader = Reader::new(String4(INDEX_ID), raw);
     let blocks: u64 = layout.surfaces.iter().map(|&size| block_count(size, layout.levels)).sum();

@@ -23,7 +23,11 @@ struct Candidate {
     bpp: f64,
 }
 
-pub(crate) fn encode(source: &ImageSet, params: &BcParams, job: &mut Job<'_>) -> Result<BcTexture, EncodeError> {
+pub(crate) fn encode(
+    source: &ImageSet,
+    params: &BcParams,
+    job: &mut Job<'_>,
+) -> Result<BcTexture, EncodeError> {
     params.check()?;
     check_sizes(source)?;
     let candidates = candidates(source.info(), params)?;
@@ -81,7 +85,11 @@ fn candidates(pixel: PixelInfo, params: &BcParams) -> Result<Vec<Candidate>, Par
     list.dedup_by(|b, a| a.bpp == b.bpp && params.content.is_none());
     if list.is_empty() {
         let value = f64::from(pixel.channels);
-        return Err(ParamError { field: "channels", value, range: "what the chosen content format can hold" });
+        return Err(ParamError {
+            field: "channels",
+            value,
+            range: "what the chosen content format can hold",
+        });
     }
     Ok(list)
 }
@@ -102,7 +110,10 @@ fn compress(source: &ImageSet, candidate: Candidate, params: &BcParams) -> BcTex
     let stored_levels = if params.mips { source.full_levels().min(16) } else { 1 };
     let surface = |image: &Raster| -> Vec<ContentPlanes> {
         let chain = mip_chain(image, candidate.reduce_log2 + stored_levels, MipFilter::Box);
-        chain[candidate.reduce_log2 as usize..].iter().map(|level| encode_level(level, candidate, params)).collect()
+        chain[candidate.reduce_log2 as usize..]
+            .iter()
+            .map(|level| encode_level(level, candidate, params))
+            .collect()
     };
     BcTexture {
         layout: source.layout(stored_levels),

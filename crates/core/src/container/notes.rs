@@ -49,7 +49,8 @@ impl Notes {
     pub fn read(file: &Sections<'_>, budget: &mut Budget) -> Result<Notes, LoadError> {
         let raw = file.read(NOTES_ID, budget)?;
         let mut reader = Reader::new(String4(NOTES_ID), &raw);
-        let mut notes = Notes { settings: text(&mut reader)?, verdict: text(&mut reader)?, ..Notes::default() };
+        let mut notes =
+            Notes { settings: text(&mut reader)?, verdict: text(&mut reader)?, ..Notes::default() };
         while reader.end().is_err() {
             let name = text(&mut reader)?;
             let bits = text(&mut reader)?.parse().map_err(|_| reader.corrupt("no number"))?;
@@ -68,7 +69,8 @@ fn text(reader: &mut Reader<'_>) -> Result<String, LoadError> {
     if length > MAX_TEXT {
         return Err(reader.corrupt("a text above 4096 bytes"));
     }
-    let text = std::str::from_utf8(reader.bytes(length)?).map_err(|_| reader.corrupt("a text that is not UTF-8"))?;
+    let text =
+        std::str::from_utf8(reader.bytes(length)?).map_err(|_| reader.corrupt("a text that is not UTF-8"))?;
     if text.chars().any(char::is_control) {
         return Err(reader.corrupt("control characters in a text"));
     }

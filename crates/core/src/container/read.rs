@@ -95,7 +95,8 @@ impl<'a> Sections<'a> {
     /// compression is wrong, [`LoadError::Limit`] where it is larger than the budget allows.
     pub fn read(&self, id: [u8; 4], budget: &mut Budget) -> Result<Vec<u8>, LoadError> {
         let section = String4(id);
-        let entry = self.entries.iter().find(|entry| entry.id == id).ok_or(LoadError::Truncated { section })?;
+        let entry =
+            self.entries.iter().find(|entry| entry.id == id).ok_or(LoadError::Truncated { section })?;
         let stored = self.stored(entry).ok_or(LoadError::Truncated { section })?;
         let corrupt = |what| LoadError::Corrupt { section, offset: 0, what };
         if checksum(&[stored]) != entry.checksum {
@@ -106,7 +107,8 @@ impl<'a> Sections<'a> {
             return Ok(stored.to_vec());
         }
         let mut raw = Vec::new();
-        let mut decoder = zstd::stream::read::Decoder::with_buffer(stored).map_err(|_| corrupt("no zstd frame"))?;
+        let mut decoder =
+            zstd::stream::read::Decoder::with_buffer(stored).map_err(|_| corrupt("no zstd frame"))?;
         decoder.window_log_max(WINDOW_LOG_MAX).map_err(|_| corrupt("no zstd frame"))?;
         // Grows with what really comes out, so a lying length costs nothing.
         decoder

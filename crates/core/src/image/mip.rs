@@ -97,7 +97,9 @@ fn halve(light: &[Vec4], from_width: u32, from_height: u32, width: u32, height: 
     rows.iter()
         .flat_map(|(y, row_weights)| {
             columns.iter().map(move |column| {
-                (0..3).map(|k| row_mean(y + k, column) * row_weights[k]).fold(Vec4::ZERO, |sum, value| sum + value)
+                (0..3)
+                    .map(|k| row_mean(y + k, column) * row_weights[k])
+                    .fold(Vec4::ZERO, |sum, value| sum + value)
             })
         })
         .collect()
@@ -164,8 +166,7 @@ mod tests {
     #[test]
     fn cutout_levels_cover_the_same_share() {
         let hash = |i: u32| (i ^ (i >> 7)).wrapping_mul(0x9e37_79b1) ^ (i.wrapping_mul(0x85eb_ca6b) >> 11);
-        let alpha: Vec<u8> =
-            (0..64 * 64).map(|i| (hash(hash(i)) >> 8) as u8).collect();
+        let alpha: Vec<u8> = (0..64 * 64).map(|i| (hash(hash(i)) >> 8) as u8).collect();
         let bytes: Vec<u8> = alpha.iter().flat_map(|&a| [200, 200, 200, a]).collect();
         let raster = Raster::from_u8(64, 64, 4, ColorSpace::Srgb, &bytes).unwrap();
         let raster = raster.tagged(ColorSpace::Srgb, Alpha::Cutout(0.75));

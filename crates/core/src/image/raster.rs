@@ -50,7 +50,7 @@ impl PixelInfo {
     /// Whether there is an alpha channel.
     #[must_use]
     pub fn has_alpha(self) -> bool {
-        self.channels % 2 == 0
+        self.channels.is_multiple_of(2)
     }
 }
 
@@ -97,7 +97,7 @@ impl Raster {
         color: ColorSpace,
         bytes: &[u8],
     ) -> Result<Self, SourceError> {
-        let alpha = if channels % 2 == 0 { Alpha::Straight } else { Alpha::Opaque };
+        let alpha = if channels.is_multiple_of(2) { Alpha::Straight } else { Alpha::Opaque };
         let info = PixelInfo { channels, depth: Depth::Eight, color, alpha };
         let data = bytes.iter().map(|&byte| f32::from(byte) / 255.0).collect();
         Raster::new(width, height, info, data).map(Raster::without_opaque_alpha)
@@ -114,7 +114,7 @@ impl Raster {
         color: ColorSpace,
         values: &[u16],
     ) -> Result<Self, SourceError> {
-        let alpha = if channels % 2 == 0 { Alpha::Straight } else { Alpha::Opaque };
+        let alpha = if channels.is_multiple_of(2) { Alpha::Straight } else { Alpha::Opaque };
         let info = PixelInfo { channels, depth: Depth::Sixteen, color, alpha };
         let data = values.iter().map(|&value| f32::from(value) / 65535.0).collect();
         Raster::new(width, height, info, data).map(Raster::without_opaque_alpha)
@@ -126,7 +126,8 @@ impl Raster {
         if !self.info.has_alpha() || self.data.chunks_exact(channels).any(|texel| texel[channels - 1] < 1.0) {
             return self;
         }
-        let data = self.data.chunks_exact(channels).flat_map(|texel| &texel[..channels - 1]).copied().collect();
+        let data =
+            self.data.chunks_exact(channels).flat_map(|texel| &texel[..channels - 1]).copied().collect();
         let info = PixelInfo { channels: self.info.channels - 1, alpha: Alpha::Opaque, ..self.info };
         Raster { size: self.size, info, data }
     }
@@ -182,7 +183,9 @@ impl Raster {
     #[must_use]
     pub fn to_gray(&self) -> Raster {
         let alpha = self.info.has_alpha();
-        let gray = |texel: Texel| [(texel.x + texel.y + texel.z) / 3.0, texel.w].into_iter().take(1 + usize::from(alpha));
+        let gray = |texel: Texel| {
+            [(texel.x + texel.y + texel.z) / 3.0, texel.w].into_iter().take(1 + usize::from(alpha))
+        };
         let data = self.texels().flat_map(gray).collect();
         Raster { size: self.size, info: PixelInfo { channels: 1 + u8::from(alpha), ..self.info }, data }
     }
@@ -305,11 +308,7 @@ impl ImageSet {
     /// Layout of the set with `levels` mip levels.
     #[must_use]
     pub fn layout(&self, levels: u32) -> ImageLayout {
-        ImageLayout {
-            surfaces: self.images.iter().map(Raster::size).collect(),
-            levels,
-            pixel: self.info(),
-        }
+        ImageLayout { surfaces: self.images.iter().map(Raster::size).collect(), levels, pixel: self.info() }
     }
 
     /// Texels of all images.

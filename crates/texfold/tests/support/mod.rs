@@ -1,5 +1,5 @@
 //! Small textures of every codec.
-#![allow(dead_code, unreachable_pub, reason = "each test file uses its own part")]
+#![allow(dead_code, unreachable_pub, clippy::unwrap_used, reason = "each test file uses its own part; a test without its texture must fail")]
 
 use texfold::image::ImageSet;
 use texfold::{AnyImage, Bc, BcParams, Content, Effort, Goal, Job, TextureCodec, Vq, VqParams, VqSource};
@@ -31,7 +31,8 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
             ..VqParams::default()
         };
         textures.push((format!("vq {}", content.name()), odd.clone(), vq(&odd, &params)));
-        let params = BcParams { goal: Goal::Psnr(20.0), content: Some(content), mips: true, ..BcParams::default() };
+        let params =
+            BcParams { goal: Goal::Psnr(20.0), content: Some(content), mips: true, ..BcParams::default() };
         textures.push((format!("bc {}", content.name()), odd.clone(), bc(&odd, &params)));
     }
     let params = VqParams { codebook: Some((64, 32)), effort: Effort::Fast, ..VqParams::default() };

@@ -89,7 +89,11 @@ impl Draft {
         let used = self.grid.free_cells(&self.samples).len() - self.codewords.nrows();
         // Cells without a codeword are at the end; windows that touch them would change when they are filled.
         let last = self.grid.free_cells(&self.samples).len().saturating_sub(used + 1);
-        let bottom = self.grid.free_cells(&self.samples).get(last).map_or(0, |&(_, y)| if used == 0 { height } else { y });
+        let bottom = self
+            .grid
+            .free_cells(&self.samples)
+            .get(last)
+            .map_or(0, |&(_, y)| if used == 0 { height } else { y });
         let in_sample = |x: u32, y: u32| {
             self.samples.iter().any(|part| {
                 x >= part.x && x + 4 <= part.x + part.side && y >= part.y && y + 4 <= part.y + part.side
@@ -103,7 +107,14 @@ impl Draft {
     }
 
     /// Moves each codeword to the weighted mean of the blocks that use it; unused ones to the blocks that are worst off.
-    pub(crate) fn average(&mut self, blocks: &Blocks, rows: &[usize], weights: &[f32], stored: &Stored, matches: &[Match]) {
+    pub(crate) fn average(
+        &mut self,
+        blocks: &Blocks,
+        rows: &[usize],
+        weights: &[f32],
+        stored: &Stored,
+        matches: &[Match],
+    ) {
         let dims = self.codewords.ncols();
         let mut sums = Array2::<f64>::zeros(self.codewords.dim());
         let mut totals = vec![0f64; self.codewords.nrows()];

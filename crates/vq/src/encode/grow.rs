@@ -13,10 +13,15 @@ use crate::encoded::size_classes;
 use crate::params::MAX_CODEBOOK_SIDE;
 use crate::{VqSource, VqTexture};
 
-pub(crate) fn add(texture: &mut VqTexture, source: VqSource<'_>, job: &mut Job<'_>) -> Result<(), EncodeError> {
+pub(crate) fn add(
+    texture: &mut VqTexture,
+    source: VqSource<'_>,
+    job: &mut Job<'_>,
+) -> Result<(), EncodeError> {
     job.stage("matching", 0.0)?;
     // A picture that was stored as gray takes further colour pictures as gray.
-    let gray = (texture.layout.pixel.channels == 1 && source.images.info().channels == 3).then(|| source.images.to_gray());
+    let gray = (texture.layout.pixel.channels == 1 && source.images.info().channels == 3)
+        .then(|| source.images.to_gray());
     let source = VqSource { images: gray.as_ref().unwrap_or(source.images), ..source };
     check(texture, &source)?;
     let grown = job.install(|| grow(texture, &source))?;
@@ -61,7 +66,8 @@ fn grow(texture: &VqTexture, source: &VqSource<'_>) -> Result<VqTexture, EncodeE
     grown.free_cells = (Grid { rows: height / 4, ..grid }.free_cells(&texture.samples).len()
         - (grid.free_cells(&texture.samples).len() - texture.free_cells as usize)
         - codewords.nrows()) as u32;
-    let corners = corners.into_iter().chain(cells.iter().take(codewords.nrows()).map(|&(x, y)| [x as u8, y as u8]));
+    let corners =
+        corners.into_iter().chain(cells.iter().take(codewords.nrows()).map(|&(x, y)| [x as u8, y as u8]));
     append_images(&mut grown, &blocks, &corners.collect::<Vec<_>>());
     Ok(grown)
 }
@@ -108,7 +114,9 @@ fn append_images(grown: &mut VqTexture, blocks: &Blocks, corners: &[[u8; 2]]) {
         let class = &mut classes[class];
         for block in 0..class.blocks() {
             let value = match old_places.get(surface) {
-                Some(&(old, old_place)) => old_classes[old].index[old_classes[old].position(old_place, block)],
+                Some(&(old, old_place)) => {
+                    old_classes[old].index[old_classes[old].position(old_place, block)]
+                }
                 None => {
                     let start = blocks.starts[surface - old_places.len()];
                     corners[matches[start + block as usize].index as usize]
@@ -121,7 +129,6 @@ fn append_images(grown: &mut VqTexture, blocks: &Blocks, corners: &[[u8; 2]]) {
     grown.classes = classes;
     grown.places = places;
 }
-
 
 #[cfg(test)]
 mod tests {
@@ -159,7 +166,8 @@ mod tests {
         let mut texture = Vq::encode(VqSource::new(&set), &params, &mut Job::default()).unwrap();
         texture.join_rms = 0.1;
         let copy = texture.clone();
-        let noise: Vec<u8> = (0..256 * 256 * 3u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 17) as u8).collect();
+        let noise: Vec<u8> =
+            (0..256 * 256 * 3u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 17) as u8).collect();
         let noise = Raster::from_u8(256, 256, 3, ColorSpace::Srgb, &noise).unwrap();
         let added = add(&mut texture, VqSource::new(&ImageSet::single(noise)), &mut Job::default());
         assert!(matches!(added, Err(EncodeError::Source(SourceError::Full { .. }))));

@@ -46,7 +46,8 @@ fn combine(saliency: Map, painted: Option<&Map>, distortion: Option<&Map>, weigh
 pub(crate) fn block_weights(blocks: &Blocks, maps: &[Map], strength: f32) -> Vec<f32> {
     let ranks = importance_ranks(blocks, maps);
     let gain = |rank: f32| 1.0 + WEIGHT_GAIN * strength * rank.powi(WEIGHT_POWER);
-    let mut weights: Vec<f32> = blocks.inside.iter().zip(&ranks).map(|(&inside, &rank)| inside * gain(rank)).collect();
+    let mut weights: Vec<f32> =
+        blocks.inside.iter().zip(&ranks).map(|(&inside, &rank)| inside * gain(rank)).collect();
     let mean = weights.iter().map(|&weight| f64::from(weight)).sum::<f64>() / weights.len().max(1) as f64;
     weights.iter_mut().for_each(|weight| *weight /= mean as f32);
     weights
@@ -62,7 +63,10 @@ pub(crate) fn importance_ranks(blocks: &Blocks, maps: &[Map]) -> Vec<f32> {
     if sorted.first() == sorted.last() {
         return vec![0.0; values.len()];
     }
-    values.par_iter().map(|value| (sorted.partition_point(|other| other <= value) - 1) as f32 / total).collect()
+    values
+        .par_iter()
+        .map(|value| (sorted.partition_point(|other| other <= value) - 1) as f32 / total)
+        .collect()
 }
 
 /// Mean importance of the texels of level 0 that each block of any level shows.

@@ -23,7 +23,11 @@ pub(crate) fn squared_reach(rms: f64, dims: usize) -> f32 {
 
 /// The smallest codebook found whose every block is within `tolerance` (8-bit RMS): with the usual samples or
 /// without, whichever needs fewer cells.
-pub(crate) fn encode(prepared: &Prepared<'_>, content: Content, tolerance: f64) -> Result<VqTexture, EncodeError> {
+pub(crate) fn encode(
+    prepared: &Prepared<'_>,
+    content: Content,
+    tolerance: f64,
+) -> Result<VqTexture, EncodeError> {
     let eight_bit = prepared.layout.pixel.depth == texfold_core::image::Depth::Eight && !prepared.params.mips;
     let reach = if eight_bit { tolerance } else { (tolerance - ROUNDING_RMS).max(0.0) };
     let plain = draft(prepared, &[], reach);
@@ -37,7 +41,8 @@ pub(crate) fn encode(prepared: &Prepared<'_>, content: Content, tolerance: f64) 
         (Ok(plain), _) => plain,
         (Err(error), _) => return Err(error),
     };
-    let stored = draft.store(prepared.images(), (prepared.layout.pixel, content), prepared.params.effort, false);
+    let stored =
+        draft.store(prepared.images(), (prepared.layout.pixel, content), prepared.params.effort, false);
     let all: Vec<usize> = (0..prepared.blocks.len()).collect();
     let matches = assign(&prepared.blocks, &all, stored.windows.view());
     Ok(prepared.texture(&draft, stored, &matches))

@@ -57,12 +57,15 @@ pub(crate) fn encode(
     job.budget.take(images.texel_count().saturating_mul(u64::from(images.info().channels) * 4 * 2))?;
     job.stage("guidance", 0.0)?;
     let gray = nearly_gray(images, params);
-    let mut variants: Vec<VqSource<'_>> = gray.iter().map(|gray| VqSource { images: gray, ..source }).collect();
+    let mut variants: Vec<VqSource<'_>> =
+        gray.iter().map(|gray| VqSource { images: gray, ..source }).collect();
     variants.push(source);
     let mut best: Option<(Prepared<'_>, Found<VqTexture>)> = None;
     for (index, variant) in variants.into_iter().enumerate() {
         // Gray needs a third of the numbers of colour: where it meets a quality goal, colour does not do so for less.
-        if index > 0 && best.as_ref().is_some_and(|(_, found)| found.met && !matches!(params.goal, Goal::Bpp(_))) {
+        if index > 0
+            && best.as_ref().is_some_and(|(_, found)| found.met && !matches!(params.goal, Goal::Bpp(_)))
+        {
             break;
         }
         let prepared = job.install(|| Prepared::new(variant, images, params))?;
@@ -88,11 +91,16 @@ fn best_content(
     let mut best: Option<Found<VqTexture>> = None;
     for (index, &content) in contents.iter().enumerate() {
         // Raw content is the last resort: it costs two to six times the bits of the others.
-        if content == Content::Raw && best.as_ref().is_some_and(|found| found.met) && !matches!(params.goal, Goal::Bpp(_)) {
+        if content == Content::Raw
+            && best.as_ref().is_some_and(|found| found.met)
+            && !matches!(params.goal, Goal::Bpp(_))
+        {
             break;
         }
         let at = |share: usize| share as f32 / contents.len() as f32;
-        let found = job.within(at(index), at(index + 1), |job| with_content(prepared, params, (content, most_bpp), job))?;
+        let found = job.within(at(index), at(index + 1), |job| {
+            with_content(prepared, params, (content, most_bpp), job)
+        })?;
         if best.as_ref().is_none_or(|best| params.goal.prefers(&found.measured, &best.measured)) {
             best = Some(found);
         }
@@ -116,7 +124,12 @@ fn check_sizes(source: &VqSource<'_>) -> Result<(), SourceError> {
     for (index, image) in source.images.images().iter().enumerate() {
         let size = image.size();
         if size.width > MAX_SIDE || size.height > MAX_SIDE {
-            return Err(SourceError::TooLarge { index, width: size.width, height: size.height, max: MAX_SIDE });
+            return Err(SourceError::TooLarge {
+                index,
+                width: size.width,
+                height: size.height,
+                max: MAX_SIDE,
+            });
         }
     }
     Ok(())
@@ -199,13 +212,14 @@ fn search_psnr(
         tried += 1;
         job.within(from, from + 1.0 / 16.0, |job| one(prepared, (Grid::within(cells), content, effort), job))
     };
-    let fast =
-        search(goal, 1..=most, most, COARSE_STEP, |cells| at(cells, Effort::Fast, job))?;
+    let fast = search(goal, 1..=most, most, COARSE_STEP, |cells| at(cells, Effort::Fast, job))?;
     if prepared.params.effort == Effort::Fast || fast.measured.psnr < psnr - EFFORT_GAIN {
         return Ok(fast);
     }
     let least = ((f64::from(fast.knob) * FINE_RANGE) as u32).max(1);
-    let fine = search(goal, least..=fast.knob, fast.knob, FINE_STEP, |cells| at(cells, prepared.params.effort, job))?;
+    let fine = search(goal, least..=fast.knob, fast.knob, FINE_STEP, |cells| {
+        at(cells, prepared.params.effort, job)
+    })?;
     Ok(if goal.prefers(&fast.measured, &fine.measured) { fast } else { fine })
 }
 

@@ -36,10 +36,11 @@ pub(crate) fn settings(params: &VqParams) -> String {
 /// What was modelled and what was left out, in a sentence.
 pub(crate) fn verdict(texture: &VqTexture, met: bool) -> String {
     let (width, height) = texture.codebook_size();
-    let cells = Grid::of_texels((width, height)).free_cells(texture.samples()).len() - texture.free_cells as usize;
+    let cells =
+        Grid::of_texels((width, height)).free_cells(texture.samples()).len() - texture.free_cells as usize;
     let content = texture.content().name().to_uppercase();
     let samples = match texture.samples() {
-        [] => "no sample (the codebook is too small for one to pay)".to_owned(),
+        [] => "no sample (none lowered the weighted error)".to_owned(),
         [one] => format!("one sample of {0}x{0} texels", one.side),
         many => format!("{} samples of {1}x{1} texels", many.len(), many[0].side),
     };
@@ -102,7 +103,10 @@ pub fn pictures(texture: &VqTexture) -> Option<PartPictures> {
     let counts = use_counts(texture);
     Some(PartPictures {
         codebook: draw_codebook(texture)?,
-        index: surfaces.clone().filter_map(|surface| draw_blocks(texture, surface, &|at| place_color(texture, at))).collect(),
+        index: surfaces
+            .clone()
+            .filter_map(|surface| draw_blocks(texture, surface, &|at| place_color(texture, at)))
+            .collect(),
         usage: surfaces
             .filter_map(|surface| {
                 draw_blocks(texture, surface, &|[x, y]| {
@@ -137,7 +141,10 @@ fn draw_codebook(texture: &VqTexture) -> Option<Raster> {
 fn place_color(texture: &VqTexture, [x, y]: [u8; 2]) -> Texel {
     let (column, row) = (u32::from(x), u32::from(y));
     let inside = |at: u32, start: u32, side: u32| at >= start && at < start + side;
-    let sample = texture.samples().iter().any(|part| inside(column, part.x, part.side) && inside(row, part.y, part.side));
+    let sample = texture
+        .samples()
+        .iter()
+        .any(|part| inside(column, part.x, part.side) && inside(row, part.y, part.side));
     Texel::new(f32::from(x) / 255.0, f32::from(y) / 255.0, if sample { 1.0 } else { 0.0 }, 1.0)
 }
 

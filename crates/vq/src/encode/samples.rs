@@ -60,9 +60,11 @@ impl Choice<'_> {
     }
 
     fn best(&self, importance: &[Map], left: &[f32], side: u32) -> Option<Position> {
-        let positions: Vec<Position> =
-            (0..self.images.len()).flat_map(|surface| self.positions(surface, importance, left, side)).collect();
-        let most = |value: fn(&Position) -> f32| positions.iter().map(value).fold(f32::MIN_POSITIVE, f32::max);
+        let positions: Vec<Position> = (0..self.images.len())
+            .flat_map(|surface| self.positions(surface, importance, left, side))
+            .collect();
+        let most =
+            |value: fn(&Position) -> f32| positions.iter().map(value).fold(f32::MIN_POSITIVE, f32::max);
         let (most_usable, most_important) = (most(|p| p.usability), most(|p| p.importance));
         let others = self.weights.saliency.max(self.weights.painted).max(self.weights.distortion);
         let guidance = |p: &Position| {
@@ -121,5 +123,6 @@ pub(crate) fn sample_windows(images: &[Raster], samples: &[CodebookPart]) -> nda
         }
     }
     let rows = values.len() / dims;
-    ndarray::Array2::from_shape_vec((rows, dims), values).unwrap_or_else(|_| ndarray::Array2::zeros((0, dims)))
+    ndarray::Array2::from_shape_vec((rows, dims), values)
+        .unwrap_or_else(|_| ndarray::Array2::zeros((0, dims)))
 }

@@ -72,7 +72,18 @@ impl<'s> Prepared<'s> {
         let stride = blocks.len().div_ceil(TRAINING_BLOCKS).max(1);
         let training = (0..blocks.len()).step_by(stride).collect();
         let layout = source.images.layout(levels);
-        Ok(Prepared { source, reference, params: params.clone(), layout, blocks, maps, weights, words, training, samples: Mutex::default() })
+        Ok(Prepared {
+            source,
+            reference,
+            params: params.clone(),
+            layout,
+            blocks,
+            maps,
+            weights,
+            words,
+            training,
+            samples: Mutex::default(),
+        })
     }
 
     pub(crate) fn images(&self) -> &[Raster] {
@@ -136,7 +147,8 @@ impl<'s> Prepared<'s> {
         if settled || request.effort == Effort::Fast || self.blocks.len() > FEW_BLOCKS {
             return self.encode_with(request, self.sample_spec(request)).0;
         }
-        let trials = usual_counts(self.images().len()).iter().map(|&count| self.encode_with(request, (count, side)));
+        let trials =
+            usual_counts(self.images().len()).iter().map(|&count| self.encode_with(request, (count, side)));
         let best = trials.reduce(|best, trial| if trial.1 < best.1 { trial } else { best });
         best.map_or_else(|| self.encode_with(request, (0, 0)).0, |best| best.0)
     }

@@ -56,11 +56,14 @@ impl Words {
         let training: Vec<usize> = rows.iter().copied().step_by(stride).collect();
         let settings = Settings { rounds: ROUNDS, least_gain: 0.02, seed };
         let count = codewords.clamp(1, MAX_WORDS);
-        let words = build(blocks.subset(&training).view(), &vec![1.0; training.len()], count, settings).codewords;
+        let words =
+            build(blocks.subset(&training).view(), &vec![1.0; training.len()], count, settings).codewords;
         let search = Search::new(words.view());
         let matches: Vec<(u32, f32)> = rows
             .par_iter()
-            .map(|&row| search.nearest(blocks.vector(row), f32::INFINITY).map_or((0, 0.0), |m| (m.index, m.distance)))
+            .map(|&row| {
+                search.nearest(blocks.vector(row), f32::INFINITY).map_or((0, 0.0), |m| (m.index, m.distance))
+            })
             .collect();
         let distortion = matches.iter().map(|&(_, distance)| f64::from(distance)).sum::<f64>();
         let distortion = (distortion / matches.len().max(1) as f64) as f32;
@@ -70,7 +73,10 @@ impl Words {
             block_word: matches.into_iter().map(|(word, _)| word).collect(),
             count: words.nrows(),
             steps: vec![step; images.len()],
-            windows: images.iter().map(|image| window_words(image, step, &search, distortion * REACH)).collect(),
+            windows: images
+                .iter()
+                .map(|image| window_words(image, step, &search, distortion * REACH))
+                .collect(),
             distortion,
         }
     }
@@ -119,7 +125,8 @@ fn window_words(image: &Raster, step: u32, search: &Search, reach: f32) -> Array
             })
         })
         .collect();
-    Array2::from_shape_vec((rows as usize, columns as usize), words).unwrap_or_else(|_| Array2::from_elem((0, 0), NONE))
+    Array2::from_shape_vec((rows as usize, columns as usize), words)
+        .unwrap_or_else(|_| Array2::from_elem((0, 0), NONE))
 }
 
 /// Usability of all positions of one row: counts of words enter and leave as the square moves right.
@@ -128,9 +135,8 @@ fn slide(windows: &Array2<u32>, top: usize, span: usize, of_word: &[f32]) -> Vec
     let mut present = vec![0u32; of_word.len()];
     let mut sum = 0f64;
     let mut line = Vec::new();
-    let words_of = |column: usize| {
-        (top..top + span).map(move |row| windows[[row, column]]).filter(|&word| word != NONE)
-    };
+    let words_of =
+        |column: usize| (top..top + span).map(move |row| windows[[row, column]]).filter(|&word| word != NONE);
     for right in 0..columns {
         for word in words_of(right) {
             present[word as usize] += 1;
@@ -161,8 +167,9 @@ mod tests {
     /// The upper left 128x128 texels of a fixture.
     fn corner(name: &str) -> Raster {
         let whole = texfold_testkit::picture(name);
-        let bytes: Vec<u8> =
-            (0..128 * 128u32).flat_map(|i| whole.texel(i % 128, i / 128).truncate().to_array().map(to_u8)).collect();
+        let bytes: Vec<u8> = (0..128 * 128u32)
+            .flat_map(|i| whole.texel(i % 128, i / 128).truncate().to_array().map(to_u8))
+            .collect();
         Raster::from_u8(128, 128, 3, ColorSpace::Srgb, &bytes).unwrap()
     }
 
@@ -182,13 +189,16 @@ mod tests {
         let mut counts = Array2::zeros((rows as usize, columns as usize));
         for block in 0..blocks.len() {
             let near = |vector: &[f32]| {
-                vector.iter().zip(blocks.vector(block)).map(|(a, b)| (a - b) * (a - b)).sum::<f32>() <= tolerance
+                vector.iter().zip(blocks.vector(block)).map(|(a, b)| (a - b) * (a - b)).sum::<f32>()
+                    <= tolerance
             };
             let hits: Vec<(u32, u32)> =
                 windows.iter().filter(|(_, _, vector)| near(vector)).map(|&(x, y, _)| (x, y)).collect();
             for ((row, column), count) in counts.indexed_iter_mut() {
                 let (left, top) = (column as u32 * 4, row as u32 * 4);
-                let inside = |&(x, y): &(u32, u32)| x >= left && y >= top && x + 4 <= left + side && y + 4 <= top + side;
+                let inside = |&(x, y): &(u32, u32)| {
+                    x >= left && y >= top && x + 4 <= left + side && y + 4 <= top + side
+                };
                 *count += f32::from(u8::from(hits.iter().any(inside)));
             }
         }
@@ -206,7 +216,10 @@ mod tests {
             let ratio = 4 / fast.step as usize;
             let best = slow
                 .indexed_iter()
-                .max_by(|a, b| fast.values[[a.0.0 * ratio, a.0.1 * ratio]].total_cmp(&fast.values[[b.0.0 * ratio, b.0.1 * ratio]]))
+                .max_by(|a, b| {
+                    fast.values[[a.0.0 * ratio, a.0.1 * ratio]]
+                        .total_cmp(&fast.values[[b.0.0 * ratio, b.0.1 * ratio]])
+                })
                 .map(|(_, &count)| count)
                 .unwrap();
             let most = slow.iter().fold(0f32, |a, &b| a.max(b));

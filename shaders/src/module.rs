@@ -70,6 +70,16 @@ impl Module {
         }
     }
 
+    /// The constant that a pipeline may set to 0 where it draws only images whose planes are as large as their
+    /// sources, and where the parameters tell, a 32-bit number that is 0 then, in bytes.
+    #[must_use]
+    pub fn reduced(self) -> Option<(&'static str, usize)> {
+        match self {
+            Module::Bc => Some(("TEXFOLD_BC_REDUCED", 28)),
+            Module::Vq => None,
+        }
+    }
+
     /// The name of the function that gives the colour at a texture coordinate: `texfold_vq_sample` and so on.
     #[must_use]
     pub fn sample_function(self) -> &'static str {

@@ -3,6 +3,11 @@
 // Colours are as stored: no gamma conversion (see texfold_linear). Every function works in any control flow but
 // texfold_bc_sample, which takes derivatives.
 
+// Whether a plane may be smaller than its source. Right for every image; a pipeline that draws none of these may set
+// it to false. That spares software renderers, which run the loads of every branch, four loads in each of
+// texfold_bc_fetch and texfold_bc_nearest.
+override TEXFOLD_BC_REDUCED: bool = true;
+
 // The parameters of one image.
 struct TexfoldBcParams {
     // Columns and rows of the source.
@@ -36,54 +41,68 @@ fn texfold_bc_load(at: vec2<u32>, level: u32) -> vec4<f32> {
     return texfold_swizzle(a, b, texfold_bc_params.swizzle);
 }
 
+// The four stored texels of `tap` in plane level `level`, blended.
+fn texfold_bc_blend(tap: TexfoldTap, level: u32) -> vec4<f32> {
+    let stored = min(level, textureNumLevels(texfold_bc_plane_a) - 1u);
+    let a = texfold_bilinear(
+        array<vec4<f32>, 4>(
+            textureLoad(texfold_bc_plane_a, tap.low, stored),
+            textureLoad(texfold_bc_plane_a, vec2<u32>(tap.high.x, tap.low.y), stored),
+            textureLoad(texfold_bc_plane_a, vec2<u32>(tap.low.x, tap.high.y), stored),
+            textureLoad(texfold_bc_plane_a, tap.high, stored),
+        ),
+        tap.weight,
+    );
+    var b = a;
+    if texfold_bc_params.swizzle == TEXFOLD_SPLIT {
+        b = texfold_bilinear(
+            array<vec4<f32>, 4>(
+                textureLoad(texfold_bc_plane_b, tap.low, stored),
+                textureLoad(texfold_bc_plane_b, vec2<u32>(tap.high.x, tap.low.y), stored),
+                textureLoad(texfold_bc_plane_b, vec2<u32>(tap.low.x, tap.high.y), stored),
+                textureLoad(texfold_bc_plane_b, tap.high, stored),
+            ),
+            tap.weight,
+        );
+    }
+    return texfold_swizzle(a, b, texfold_bc_params.swizzle);
+}
+
+// The texel at `at` of level `level` of the source's size, which lies inside.
+fn texfold_bc_texel(at: vec2<u32>, level: u32) -> vec4<f32> {
+    if TEXFOLD_BC_REDUCED {
+        if texfold_bc_params.reduced != 0u {
+            let size = texfold_level_size(texfold_bc_params.size, level);
+            let uv = (vec2<f32>(at) + vec2<f32>(0.5)) / vec2<f32>(size);
+            let plane_size = texfold_level_size(texfold_bc_params.plane_size, level);
+            return texfold_bc_blend(texfold_tap(uv, plane_size, TEXFOLD_CLAMP), level);
+        }
+    }
+    return texfold_bc_load(at, level);
+}
+
 // The texel at column `at.x` and row `at.y` of level `level` of the source's size, clamped to it. `level` is below
 // the number of levels.
 fn texfold_bc_fetch(at: vec2<i32>, level: u32) -> vec4<f32> {
-    let size = texfold_level_size(texfold_bc_params.size, level);
-    let inside = vec2<u32>(clamp(at, vec2<i32>(0), vec2<i32>(size) - vec2<i32>(1)));
-    if texfold_bc_params.reduced == 0u {
-        return texfold_bc_load(inside, level);
-    }
-    let uv = (vec2<f32>(inside) + vec2<f32>(0.5)) / vec2<f32>(size);
-    let tap = texfold_tap(uv, texfold_level_size(texfold_bc_params.plane_size, level));
-    return texfold_bc_blend(tap.low, tap.weight, level, TEXFOLD_CLAMP);
-}
-
-// The four stored texels right of and below `low`, blended; `mode` is an address mode.
-fn texfold_bc_blend(low: vec2<i32>, weight: vec2<f32>, level: u32, mode: u32) -> vec4<f32> {
-    let size = texfold_level_size(texfold_bc_params.plane_size, level);
-    let left = texfold_wrap(low.x, size.x, mode);
-    let right = texfold_wrap(low.x + 1, size.x, mode);
-    let upper = texfold_wrap(low.y, size.y, mode);
-    let lower = texfold_wrap(low.y + 1, size.y, mode);
-    let texels = array<vec4<f32>, 4>(
-        texfold_bc_load(vec2<u32>(left, upper), level),
-        texfold_bc_load(vec2<u32>(right, upper), level),
-        texfold_bc_load(vec2<u32>(left, lower), level),
-        texfold_bc_load(vec2<u32>(right, lower), level),
-    );
-    return texfold_bilinear(texels, weight);
+    return texfold_bc_texel(texfold_inside(at, texfold_level_size(texfold_bc_params.size, level)), level);
 }
 
 // The texel of level `level` that `uv` lies in, without filtering; uv is 0 to 1 from the top left, and beyond by
 // the address mode.
 fn texfold_bc_nearest(uv: vec2<f32>, level: u32) -> vec4<f32> {
     let size = texfold_level_size(texfold_bc_params.size, level);
-    let at = texfold_nearest(uv, size);
-    let mode = texfold_bc_params.address_mode;
-    let wrapped = vec2<u32>(texfold_wrap(at.x, size.x, mode), texfold_wrap(at.y, size.y, mode));
-    return texfold_bc_fetch(vec2<i32>(wrapped), level);
+    return texfold_bc_texel(texfold_nearest(uv, size, texfold_bc_params.address_mode), level);
 }
 
 // Bilinear filtering at `uv` within stored level `level`.
 fn texfold_bc_bilinear(uv: vec2<f32>, level: u32) -> vec4<f32> {
-    let tap = texfold_tap(uv, texfold_level_size(texfold_bc_params.plane_size, level));
-    return texfold_bc_blend(tap.low, tap.weight, level, texfold_bc_params.address_mode);
+    let size = texfold_level_size(texfold_bc_params.plane_size, level);
+    return texfold_bc_blend(texfold_tap(uv, size, texfold_bc_params.address_mode), level);
 }
 
 // Trilinear filtering at `uv`; `lod` is the stored level, fractions blend two levels, values outside are clamped.
 fn texfold_bc_sample_level(uv: vec2<f32>, lod: f32) -> vec4<f32> {
-    let clamped = clamp(lod, 0.0, f32(texfold_bc_params.levels - 1u));
+    let clamped = texfold_lod(lod, texfold_bc_params.levels);
     let low = floor(clamped);
     let fine = texfold_bc_bilinear(uv, u32(low));
     if clamped == low {

@@ -32,77 +32,83 @@ struct TexfoldVqParams {
 // The same texture as codebook a where there is one plane only.
 @group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_3) var texfold_vq_codebook_b: texture_2d<f32>;
 
-// Where the block at column `block.x` and row `block.y` of a level lies in the codebook, in texels.
-fn texfold_vq_block(surface: u32, level: u32, block: vec2<u32>) -> vec2<u32> {
+// Where the texel at `at` of level `level`, which lies inside, is in the codebook.
+fn texfold_vq_place(surface: u32, at: vec2<u32>, level: u32) -> vec2<u32> {
+    // Without a branch for level 0: software renderers run both sides.
     let width = (texfold_vq_params.size.x + 3u) / 4u;
-    let origin = vec2<u32>(
-        surface % texfold_vq_params.columns * width,
-        surface / texfold_vq_params.columns * texfold_vq_params.rows,
-    );
-    var at = block;
-    if level > 0u {
-        let level_width = (texfold_level_size(texfold_vq_params.size, level).x + 3u) / 4u;
-        let start = texfold_vq_params.level_start[level / 4u][level % 4u];
-        let linear = start + block.y * level_width + block.x;
-        at = vec2<u32>(linear % width, linear / width);
-    }
-    return textureLoad(texfold_vq_index, origin + at, 0u).xy;
-}
-
-// The codebook's texel at `at`.
-fn texfold_vq_texel(at: vec2<u32>) -> vec4<f32> {
-    let a = textureLoad(texfold_vq_codebook_a, at, 0u);
-    var b = a;
-    if texfold_vq_params.swizzle == TEXFOLD_SPLIT {
-        b = textureLoad(texfold_vq_codebook_b, at, 0u);
-    }
-    return texfold_swizzle(a, b, texfold_vq_params.swizzle);
+    let level_width = (texfold_level_size(texfold_vq_params.size, level).x + 3u) / 4u;
+    let start = texfold_vq_params.level_start[level / 4u][level % 4u];
+    let block = texfold_divide(start + at.y / 4u * level_width + at.x / 4u, width);
+    let image = texfold_divide(surface, texfold_vq_params.columns);
+    let origin = image * vec2<u32>(width, texfold_vq_params.rows);
+    return textureLoad(texfold_vq_index, origin + block, 0u).xy + at % 4u;
 }
 
 // The texel at `at` of level `level`, which lies inside.
 fn texfold_vq_load(surface: u32, at: vec2<u32>, level: u32) -> vec4<f32> {
-    let corner = texfold_vq_block(surface, level, at / 4u);
-    return texfold_vq_texel(corner + at % 4u);
+    let place = texfold_vq_place(surface, at, level);
+    let a = textureLoad(texfold_vq_codebook_a, place, 0u);
+    var b = a;
+    if texfold_vq_params.swizzle == TEXFOLD_SPLIT {
+        b = textureLoad(texfold_vq_codebook_b, place, 0u);
+    }
+    return texfold_swizzle(a, b, texfold_vq_params.swizzle);
+}
+
+// The four texels of `tap` in level `level`, blended.
+fn texfold_vq_blend(surface: u32, tap: TexfoldTap, level: u32) -> vec4<f32> {
+    let places = array<vec2<u32>, 4>(
+        texfold_vq_place(surface, tap.low, level),
+        texfold_vq_place(surface, vec2<u32>(tap.high.x, tap.low.y), level),
+        texfold_vq_place(surface, vec2<u32>(tap.low.x, tap.high.y), level),
+        texfold_vq_place(surface, tap.high, level),
+    );
+    let a = texfold_bilinear(
+        array<vec4<f32>, 4>(
+            textureLoad(texfold_vq_codebook_a, places[0], 0u),
+            textureLoad(texfold_vq_codebook_a, places[1], 0u),
+            textureLoad(texfold_vq_codebook_a, places[2], 0u),
+            textureLoad(texfold_vq_codebook_a, places[3], 0u),
+        ),
+        tap.weight,
+    );
+    var b = a;
+    if texfold_vq_params.swizzle == TEXFOLD_SPLIT {
+        b = texfold_bilinear(
+            array<vec4<f32>, 4>(
+                textureLoad(texfold_vq_codebook_b, places[0], 0u),
+                textureLoad(texfold_vq_codebook_b, places[1], 0u),
+                textureLoad(texfold_vq_codebook_b, places[2], 0u),
+                textureLoad(texfold_vq_codebook_b, places[3], 0u),
+            ),
+            tap.weight,
+        );
+    }
+    return texfold_swizzle(a, b, texfold_vq_params.swizzle);
 }
 
 // The texel at column `at.x` and row `at.y` of level `level`, clamped to it. `level` is below the number of levels.
 fn texfold_vq_fetch(surface: u32, at: vec2<i32>, level: u32) -> vec4<f32> {
     let size = texfold_level_size(texfold_vq_params.size, level);
-    let inside = vec2<u32>(clamp(at, vec2<i32>(0), vec2<i32>(size) - vec2<i32>(1)));
-    return texfold_vq_load(surface, inside, level);
+    return texfold_vq_load(surface, texfold_inside(at, size), level);
 }
 
 // The texel of level `level` that `uv` lies in, without filtering; uv is 0 to 1 from the top left, and beyond by
 // the address mode.
 fn texfold_vq_nearest(surface: u32, uv: vec2<f32>, level: u32) -> vec4<f32> {
     let size = texfold_level_size(texfold_vq_params.size, level);
-    let at = texfold_nearest(uv, size);
-    let mode = texfold_vq_params.address_mode;
-    let inside = vec2<u32>(texfold_wrap(at.x, size.x, mode), texfold_wrap(at.y, size.y, mode));
-    return texfold_vq_load(surface, inside, level);
+    return texfold_vq_load(surface, texfold_nearest(uv, size, texfold_vq_params.address_mode), level);
 }
 
 // Bilinear filtering at `uv` within one level, across blocks.
 fn texfold_vq_bilinear(surface: u32, uv: vec2<f32>, level: u32) -> vec4<f32> {
     let size = texfold_level_size(texfold_vq_params.size, level);
-    let tap = texfold_tap(uv, size);
-    let mode = texfold_vq_params.address_mode;
-    let left = texfold_wrap(tap.low.x, size.x, mode);
-    let right = texfold_wrap(tap.low.x + 1, size.x, mode);
-    let upper = texfold_wrap(tap.low.y, size.y, mode);
-    let lower = texfold_wrap(tap.low.y + 1, size.y, mode);
-    let texels = array<vec4<f32>, 4>(
-        texfold_vq_load(surface, vec2<u32>(left, upper), level),
-        texfold_vq_load(surface, vec2<u32>(right, upper), level),
-        texfold_vq_load(surface, vec2<u32>(left, lower), level),
-        texfold_vq_load(surface, vec2<u32>(right, lower), level),
-    );
-    return texfold_bilinear(texels, tap.weight);
+    return texfold_vq_blend(surface, texfold_tap(uv, size, texfold_vq_params.address_mode), level);
 }
 
 // Trilinear filtering at `uv`; `lod` is the level, fractions blend two levels, values outside are clamped.
 fn texfold_vq_sample_level(surface: u32, uv: vec2<f32>, lod: f32) -> vec4<f32> {
-    let clamped = clamp(lod, 0.0, f32(texfold_vq_params.levels - 1u));
+    let clamped = texfold_lod(lod, texfold_vq_params.levels);
     let low = floor(clamped);
     let fine = texfold_vq_bilinear(surface, uv, u32(low));
     if clamped == low {

@@ -85,7 +85,10 @@ fn compress_and_decompress() -> io::Result<bool> {
     Ok(compressed && set && decoded && alike(&root().join(on_cpu), &root().join(on_gpu))?)
 }
 
-/// Whether every picture of `reference` is in `other`, each value within 1 of 255.
+/// What hardware decoders of BC1 to BC5 may round differently (Direct3D 11.3 specification, 19.5), in 8-bit steps.
+const ROUNDING: u8 = 2;
+
+/// Whether every picture of `reference` is in `other`, each value within the rounding of block decoders.
 fn alike(reference: &Path, other: &Path) -> io::Result<bool> {
     let mut alike = true;
     for entry in std::fs::read_dir(reference)? {
@@ -93,9 +96,9 @@ fn alike(reference: &Path, other: &Path) -> io::Result<bool> {
         let open = |path: &Path| image::open(path).map(|image| image.to_rgba8()).map_err(io::Error::other);
         let (a, b) = (open(&path)?, open(&other.join(path.file_name().unwrap_or_default()))?);
         let near =
-            a.dimensions() == b.dimensions() && a.iter().zip(b.iter()).all(|(a, b)| a.abs_diff(*b) <= 1);
+            a.dimensions() == b.dimensions() && a.iter().zip(b.iter()).all(|(a, b)| a.abs_diff(*b) <= ROUNDING);
         if !near {
-            eprintln!("error: {} differs between CPU and GPU by more than 1 of 255", path.display());
+            eprintln!("error: {} differs between CPU and GPU by more than 2 of 255", path.display());
             alike = false;
         }
     }

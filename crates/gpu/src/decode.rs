@@ -7,7 +7,7 @@ use texfold_shaders::Entry;
 use wgpu::{BindGroup, CommandEncoder, RenderPipeline, TextureFormat, TextureView};
 
 use crate::pipeline::{PipelineKey, Shader};
-use crate::{Gpu, GpuError, GpuTexture, Module};
+use crate::{Gpu, GpuError, GpuTexture};
 
 /// Pixels a side of a tile: 64 MiB of four floats each.
 const TILE_SIDE: u32 = 2048;
@@ -95,10 +95,12 @@ impl Lookup {
         }
     }
 
-    /// The shader for textures of `module`.
-    pub(crate) fn shader_of(self, module: Module) -> Shader {
+    /// The shader for `texture`.
+    pub(crate) fn shader_of(self, texture: &GpuTexture) -> Shader {
         let (entry, lookup, ..) = self.shader();
-        Shader::View(module, entry, lookup)
+        // Trilinear lookups do not read texels of the source's size.
+        let reduced = entry == Entry::Decode && texture.reduced();
+        Shader::View { module: texture.module(), entry, lookup, reduced }
     }
 }
 
@@ -181,7 +183,7 @@ impl Gpu {
     ) -> Result<Vec<P>, GpuError> {
         check(texture, view)?;
         let (width, height) = view.size;
-        let shader = view.lookup.shader_of(texture.module());
+        let shader = view.lookup.shader_of(texture);
         let pipeline = self.pipeline(PipelineKey { shader, target: format })?;
         let mut pixels = vec![P::zeroed(); width as usize * height as usize];
         for top in (0..height).step_by(TILE_SIDE as usize) {

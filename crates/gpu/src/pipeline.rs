@@ -23,8 +23,15 @@ const CORNER_LAYOUT: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayou
 /// Which shader a pipeline runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) enum Shader {
-    /// One of ours over a rectangle of texture coordinates, with the number of its lookup.
-    View(Module, Entry, u32),
+    /// One of ours over a rectangle of texture coordinates.
+    View {
+        module: Module,
+        entry: Entry,
+        /// The number of its lookup.
+        lookup: u32,
+        /// Whether a plane may be smaller than its source.
+        reduced: bool,
+    },
     /// A mesh with a module's texture.
     Mesh(Module),
     /// A plain texture and a sampler.
@@ -115,16 +122,19 @@ impl Gpu {
 
     fn make_pipeline(&self, PipelineKey { shader, target }: PipelineKey) -> RenderPipeline {
         let (source, textures) = match shader {
-            Shader::View(module, entry, _) => {
+            Shader::View { module, entry, .. } => {
                 (texfold_shaders::entry(module, entry), self.layouts.of(module))
             }
             Shader::Mesh(module) => (texfold_shaders::entry(module, Entry::Mesh), self.layouts.of(module)),
             Shader::Plain => (texfold_shaders::plain(), &self.layouts.plain),
         };
         let is_mesh = matches!(shader, Shader::Mesh(_));
-        let lookup = match shader {
-            Shader::View(_, _, lookup) => Some(("LOOKUP", f64::from(lookup))),
-            Shader::Mesh(_) | Shader::Plain => None,
+        let constants: Vec<(&str, f64)> = match shader {
+            Shader::View { module, lookup, reduced, .. } => {
+                let reduced = module.reduced().map(|(name, _)| (name, f64::from(u8::from(reduced))));
+                std::iter::once(("LOOKUP", f64::from(lookup))).chain(reduced).collect()
+            }
+            Shader::Mesh(_) | Shader::Plain => Vec::new(),
         };
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("texfold"),
@@ -152,7 +162,7 @@ impl Gpu {
                 module: &module,
                 entry_point: Some("fragment_main"),
                 compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: lookup.as_slice(),
+                    constants: &constants,
                     ..Default::default()
                 },
                 targets: &[Some(target.into())],

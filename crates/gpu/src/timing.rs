@@ -72,14 +72,18 @@ impl Gpu {
         let (textures, place) = texture.bind_group(view.surface)?;
         let params = view.params(place, (0, 0));
         let (shader, textures) = match probe {
-            Probe::Lookup => (view.lookup.shader_of(texture.module()), textures.clone()),
+            Probe::Lookup => (view.lookup.shader_of(texture), textures.clone()),
             Probe::Bare => {
                 let loads = match view.lookup {
-                    Lookup::Fetch { .. } | Lookup::Nearest { .. } | Lookup::NearestLinear { .. } => 1,
+                    // The source's texels are blended from those of a smaller plane.
                     Lookup::Bilinear { .. } => 4,
+                    Lookup::Fetch { .. } | Lookup::Nearest { .. } | Lookup::NearestLinear { .. } => {
+                        if texture.reduced() { 4 } else { 1 }
+                    }
                     Lookup::Level { .. } | Lookup::Derivative => 8,
                 };
-                (Shader::View(texture.module(), Entry::Bare, loads), textures.clone())
+                let (module, entry) = (texture.module(), Entry::Bare);
+                (Shader::View { module, entry, lookup: loads, reduced: false }, textures.clone())
             }
             Probe::Plain => (Shader::Plain, self.plain_group(texture, view.surface)?),
         };

@@ -23,6 +23,8 @@ pub struct GpuTexture {
     module: Module,
     groups: Vec<Group>,
     surfaces: Vec<Surface>,
+    /// Whether a plane may be smaller than its source.
+    reduced: bool,
     bytes: u64,
     queue: Queue,
 }
@@ -49,6 +51,11 @@ impl GpuTexture {
     #[must_use]
     pub fn module(&self) -> Module {
         self.module
+    }
+
+    /// Whether a plane may be smaller than its source.
+    pub(crate) fn reduced(&self) -> bool {
+        self.reduced
     }
 
     /// Number of images.
@@ -126,6 +133,7 @@ impl Gpu {
                 module,
                 groups: Vec::new(),
                 surfaces: Vec::new(),
+                reduced: false,
                 bytes,
                 queue: self.queue.clone(),
             };
@@ -138,6 +146,9 @@ impl Gpu {
                     texture.groups.push(self.bind(module, form, binding, &planes)?);
                 }
                 texture.surfaces.push(describe(module, group, form, binding)?);
+                if let Some((_, offset)) = module.reduced() {
+                    texture.reduced |= number(params_of(module, form, binding)?, offset) != 0;
+                }
             }
             Ok(texture)
         })
@@ -252,12 +263,14 @@ fn describe(
     binding: &SurfaceBinding,
 ) -> Result<Surface, GpuError> {
     let params = params_of(module, form, binding)?;
-    let number = |offset: usize| {
-        let bytes = params.get(offset..offset + 4).and_then(|bytes| bytes.try_into().ok());
-        bytes.map_or(0, u32::from_le_bytes)
-    };
-    let size = SurfaceSize { width: number(0), height: number(4) };
-    Ok(Surface { group, place: binding.surface, size, levels: number(module.levels_offset()) })
+    let size = SurfaceSize { width: number(params, 0), height: number(params, 4) };
+    Ok(Surface { group, place: binding.surface, size, levels: number(params, module.levels_offset()) })
+}
+
+/// The 32-bit number at `offset` of the parameters.
+fn number(params: &[u8], offset: usize) -> u32 {
+    let bytes = params.get(offset..offset + 4).and_then(|bytes| bytes.try_into().ok());
+    bytes.map_or(0, u32::from_le_bytes)
 }
 
 pub(crate) fn extent(width: u32, height: u32) -> wgpu::Extent3d {

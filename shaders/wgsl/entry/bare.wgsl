@@ -5,21 +5,12 @@
 // Software renderers run the loads of every branch.
 override LOOKUP: u32 = 1u;
 
-// The loads of one bilinear lookup.
-fn bare_four(at: vec2<u32>) -> vec4<f32> {
-    let texel = entry_bare(view.surface, at);
-    let right = entry_bare(view.surface, at + vec2<u32>(1u, 0u));
-    let below = entry_bare(view.surface, at + vec2<u32>(0u, 1u));
-    let across = entry_bare(view.surface, at + vec2<u32>(1u, 1u));
-    return (texel + right + below + across) * 0.25;
-}
-
 @fragment
 fn fragment_main(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let at = vec2<u32>(view_uv(position.xy) * entry_size());
     switch LOOKUP {
-        case 1u: { return entry_bare(view.surface, at); }
-        case 4u: { return bare_four(at); }
-        default: { return (bare_four(at) + bare_four(at >> vec2<u32>(1u))) * 0.5; }
+        case 1u: { return entry_bare(at); }
+        case 4u: { return entry_bare_four(at); }
+        default: { return entry_bare_four(at) + entry_bare_four(at >> vec2<u32>(1u)); }
     }
 }

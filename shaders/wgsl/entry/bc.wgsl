@@ -25,10 +25,28 @@ fn entry_size() -> vec2<f32> {
 }
 
 // One texel with the loads of texfold_bc_load and nothing else.
-fn entry_bare(surface: u32, at: vec2<u32>) -> vec4<f32> {
+fn entry_bare(at: vec2<u32>) -> vec4<f32> {
     let a = textureLoad(texfold_bc_plane_a, at, 0u);
+    var b = a;
     if texfold_bc_params.swizzle == TEXFOLD_SPLIT {
-        return vec4<f32>(a.xy, textureLoad(texfold_bc_plane_b, at, 0u).x, 1.0);
+        b = textureLoad(texfold_bc_plane_b, at, 0u);
     }
-    return a;
+    return a + b;
+}
+
+// Four texels with the loads of texfold_bc_blend.
+fn entry_bare_four(at: vec2<u32>) -> vec4<f32> {
+    let next = at + vec2<u32>(1u);
+    let a = textureLoad(texfold_bc_plane_a, at, 0u)
+        + textureLoad(texfold_bc_plane_a, vec2<u32>(next.x, at.y), 0u)
+        + textureLoad(texfold_bc_plane_a, vec2<u32>(at.x, next.y), 0u)
+        + textureLoad(texfold_bc_plane_a, next, 0u);
+    var b = a;
+    if texfold_bc_params.swizzle == TEXFOLD_SPLIT {
+        b = textureLoad(texfold_bc_plane_b, at, 0u)
+            + textureLoad(texfold_bc_plane_b, vec2<u32>(next.x, at.y), 0u)
+            + textureLoad(texfold_bc_plane_b, vec2<u32>(at.x, next.y), 0u)
+            + textureLoad(texfold_bc_plane_b, next, 0u);
+    }
+    return a + b;
 }

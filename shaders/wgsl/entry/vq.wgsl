@@ -24,12 +24,38 @@ fn entry_size() -> vec2<f32> {
     return vec2<f32>(texfold_vq_params.size);
 }
 
-// One texel with the loads of texfold_vq_load and nothing else: right for the first image only.
-fn entry_bare(surface: u32, at: vec2<u32>) -> vec4<f32> {
-    let corner = textureLoad(texfold_vq_index, at >> vec2<u32>(2u), 0u).xy + (at & vec2<u32>(3u));
-    let a = textureLoad(texfold_vq_codebook_a, corner, 0u);
+// Where the texel at `at` is in the codebook: right for the first image only.
+fn entry_bare_place(at: vec2<u32>) -> vec2<u32> {
+    return textureLoad(texfold_vq_index, at >> vec2<u32>(2u), 0u).xy + (at & vec2<u32>(3u));
+}
+
+// One texel with the loads of texfold_vq_load and nothing else.
+fn entry_bare(at: vec2<u32>) -> vec4<f32> {
+    let place = entry_bare_place(at);
+    let a = textureLoad(texfold_vq_codebook_a, place, 0u);
+    var b = a;
     if texfold_vq_params.swizzle == TEXFOLD_SPLIT {
-        return vec4<f32>(a.xy, textureLoad(texfold_vq_codebook_b, corner, 0u).x, 1.0);
+        b = textureLoad(texfold_vq_codebook_b, place, 0u);
     }
-    return a;
+    return a + b;
+}
+
+// Four texels with the loads of texfold_vq_blend.
+fn entry_bare_four(at: vec2<u32>) -> vec4<f32> {
+    let upper_left = entry_bare_place(at);
+    let upper_right = entry_bare_place(at + vec2<u32>(1u, 0u));
+    let lower_left = entry_bare_place(at + vec2<u32>(0u, 1u));
+    let lower_right = entry_bare_place(at + vec2<u32>(1u, 1u));
+    let a = textureLoad(texfold_vq_codebook_a, upper_left, 0u)
+        + textureLoad(texfold_vq_codebook_a, upper_right, 0u)
+        + textureLoad(texfold_vq_codebook_a, lower_left, 0u)
+        + textureLoad(texfold_vq_codebook_a, lower_right, 0u);
+    var b = a;
+    if texfold_vq_params.swizzle == TEXFOLD_SPLIT {
+        b = textureLoad(texfold_vq_codebook_b, upper_left, 0u)
+            + textureLoad(texfold_vq_codebook_b, upper_right, 0u)
+            + textureLoad(texfold_vq_codebook_b, lower_left, 0u)
+            + textureLoad(texfold_vq_codebook_b, lower_right, 0u);
+    }
+    return a + b;
 }

@@ -4,36 +4,52 @@
 const TEXFOLD_REPEAT: u32 = 0u;
 // Address mode: coordinates outside are moved to the edge.
 const TEXFOLD_CLAMP: u32 = 1u;
+// 1 - 2^-20: see texfold_divide.
+const TEXFOLD_BELOW_ONE: f32 = 0.99999905;
 
-// The upper left of the four texels around a place, and how far the place lies from it.
+// The four texels around a place, all of them inside the texture, and how far the place lies from the first.
 struct TexfoldTap {
-    // Column and row; may lie outside the texture by one.
-    low: vec2<i32>,
+    // Left column and upper row.
+    low: vec2<u32>,
+    // Right column and lower row.
+    high: vec2<u32>,
     // Weight of the right column and of the lower row, 0 to 1.
     weight: vec2<f32>,
 }
 
-// Brings the texel coordinate `coord` into 0..size by address mode. `size` is at least 1.
-fn texfold_wrap(coord: i32, size: u32, mode: u32) -> u32 {
-    let count = i32(size);
-    if mode == TEXFOLD_REPEAT {
-        let rest = coord % count;
-        return u32(select(rest, rest + count, rest < 0));
-    }
-    return u32(clamp(coord, 0, count - 1));
+// Moves `uv` into 0 to 1 by address mode. What is no number becomes 0, and so does infinity in repeat mode.
+fn texfold_fold(uv: vec2<f32>, mode: u32) -> vec2<f32> {
+    let kept = select(uv, uv - floor(uv), mode == TEXFOLD_REPEAT);
+    return select(vec2<f32>(0.0), min(kept, vec2<f32>(1.0)), kept > vec2<f32>(0.0));
 }
 
 // The four texels around `uv` in a level of `size` texels; (0, 0) is the top left of the image, (1, 1) its
-// bottom right.
-fn texfold_tap(uv: vec2<f32>, size: vec2<u32>) -> TexfoldTap {
-    let at = uv * vec2<f32>(size) - vec2<f32>(0.5);
-    let low = floor(at);
-    return TexfoldTap(vec2<i32>(low), at - low);
+// bottom right, and beyond these the address mode counts.
+fn texfold_tap(uv: vec2<f32>, size: vec2<u32>, mode: u32) -> TexfoldTap {
+    let at = texfold_fold(uv, mode) * vec2<f32>(vec2<i32>(size)) - vec2<f32>(0.5);
+    let corner = floor(at);
+    // -1 to size - 1: no division brings it inside.
+    let low = vec2<i32>(corner);
+    let last = vec2<i32>(size) - vec2<i32>(1);
+    let around = mode == TEXFOLD_REPEAT;
+    let before = select(vec2<i32>(0), last, around);
+    let behind = select(last, vec2<i32>(0), around);
+    return TexfoldTap(
+        vec2<u32>(select(low, before, low < vec2<i32>(0))),
+        vec2<u32>(select(low + vec2<i32>(1), behind, low >= last)),
+        at - corner,
+    );
 }
 
-// The texel of a level of `size` texels that `uv` lies in, before wrapping.
-fn texfold_nearest(uv: vec2<f32>, size: vec2<u32>) -> vec2<i32> {
-    return vec2<i32>(floor(uv * vec2<f32>(size)));
+// The texel of a level of `size` texels that `uv` lies in, by address mode.
+fn texfold_nearest(uv: vec2<f32>, size: vec2<u32>, mode: u32) -> vec2<u32> {
+    let at = vec2<i32>(texfold_fold(uv, mode) * vec2<f32>(vec2<i32>(size)));
+    return vec2<u32>(min(at, vec2<i32>(size) - vec2<i32>(1)));
+}
+
+// The texel at column `at.x` and row `at.y` of a level of `size` texels, clamped to it.
+fn texfold_inside(at: vec2<i32>, size: vec2<u32>) -> vec2<u32> {
+    return vec2<u32>(clamp(at, vec2<i32>(0), vec2<i32>(size) - vec2<i32>(1)));
 }
 
 // Size in texels of mip level `level` (0 to 31) of an image of `size` texels.
@@ -47,4 +63,20 @@ fn texfold_level(dx: vec2<f32>, dy: vec2<f32>, size: vec2<u32>) -> f32 {
     let down = dy * vec2<f32>(size);
     let squared = max(dot(across, across), dot(down, down));
     return 0.5 * log2(max(squared, 1e-12));
+}
+
+// The level to look up for mip level `lod` of `levels`: 0 to levels - 1. What is no number becomes 0.
+fn texfold_lod(lod: f32, levels: u32) -> f32 {
+    return select(0.0, min(lod, f32(levels - 1u)), lod > 0.0);
+}
+
+// `value` modulo and over `divisor`, exactly, for values below 2^31, divisors from 1 to 2^24 and quotients below
+// 2^18. GPUs and software renderers divide floats much faster than integers.
+fn texfold_divide(value: u32, divisor: u32) -> vec2<u32> {
+    // Conversion, division (2.5 units in the last place on a GPU) and product are off by less than 2^-20 together:
+    // scaled down by that much the estimate is the quotient or one less.
+    let share = TEXFOLD_BELOW_ONE / f32(i32(divisor));
+    let quotient = u32(i32(f32(i32(value)) * share));
+    let rest = value - quotient * divisor;
+    return select(vec2<u32>(rest, quotient), vec2<u32>(rest - divisor, quotient + 1u), rest >= divisor);
 }

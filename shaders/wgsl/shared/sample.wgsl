@@ -34,16 +34,20 @@ const TEXFOLD_SPLIT: u32 = 4u;
 // Swizzle: plane a holds x and y of a unit normal; alpha is 1.
 const TEXFOLD_NORMAL: u32 = 5u;
 
-// One texel from the values `a` and `b` that its planes hold; `kind` is one of the swizzles above.
+// One texel from the values `a` and `b` that its planes hold; `kind` is one of the swizzles above. Blended values
+// give a blended texel; a normal gets back its length of 1.
 fn texfold_swizzle(a: vec4<f32>, b: vec4<f32>, kind: u32) -> vec4<f32> {
-    switch kind {
-        case TEXFOLD_RGBA: { return a; }
-        case TEXFOLD_RGB: { return vec4<f32>(a.xyz, 1.0); }
-        case TEXFOLD_GRAY: { return vec4<f32>(a.xxx, 1.0); }
-        case TEXFOLD_GRAY_ALPHA: { return a.xxxy; }
-        case TEXFOLD_SPLIT: { return vec4<f32>(a.xy, b.x, 1.0); }
-        default: { return vec4<f32>(texfold_normal_z(a.x, a.y), 1.0); }
-    }
+    // Without branches: software renderers run all of them.
+    let gray = (kind == TEXFOLD_GRAY) | (kind == TEXFOLD_GRAY_ALPHA);
+    let blue = select(a.z, b.x, kind == TEXFOLD_SPLIT);
+    let alpha = select(1.0, a.w, kind == TEXFOLD_RGBA);
+    let normal = texfold_normal_z(a.x, a.y);
+    return vec4<f32>(
+        a.x,
+        select(a.y, a.x, gray),
+        select(select(blue, normal.z, kind == TEXFOLD_NORMAL), a.x, gray),
+        select(alpha, a.y, kind == TEXFOLD_GRAY_ALPHA),
+    );
 }
 
 // Decodes one sRGB value in [0, 1] to linear light (IEC 61966-2-1). CPU twin: image::srgb_to_linear.

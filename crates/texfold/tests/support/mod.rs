@@ -1,5 +1,10 @@
 //! Small textures of every codec.
-#![allow(dead_code, unreachable_pub, clippy::unwrap_used, reason = "each test file uses its own part; a test without its texture must fail")]
+#![allow(
+    dead_code,
+    unreachable_pub,
+    clippy::unwrap_used,
+    reason = "each test file uses its own part; a test without its texture must fail"
+)]
 
 use texfold::image::ImageSet;
 use texfold::{AnyImage, Bc, BcParams, Content, Effort, Goal, Job, TextureCodec, Vq, VqParams, VqSource};

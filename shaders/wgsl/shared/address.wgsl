@@ -17,10 +17,9 @@ struct TexfoldTap {
     weight: vec2<f32>,
 }
 
-// Moves `uv` into 0 to 1 by address mode. What is no number becomes 0, and so does infinity in repeat mode.
+// Moves `uv` into 0 to 1 in repeat mode. 1 itself comes from negative numbers too small to differ from 0.
 fn texfold_fold(uv: vec2<f32>, mode: u32) -> vec2<f32> {
-    let kept = select(uv, uv - floor(uv), mode == TEXFOLD_REPEAT);
-    return select(vec2<f32>(0.0), min(kept, vec2<f32>(1.0)), kept > vec2<f32>(0.0));
+    return select(uv, uv - floor(uv), mode == TEXFOLD_REPEAT);
 }
 
 // The four texels around `uv` in a level of `size` texels; (0, 0) is the top left of the image, (1, 1) its
@@ -28,23 +27,24 @@ fn texfold_fold(uv: vec2<f32>, mode: u32) -> vec2<f32> {
 fn texfold_tap(uv: vec2<f32>, size: vec2<u32>, mode: u32) -> TexfoldTap {
     let at = texfold_fold(uv, mode) * vec2<f32>(vec2<i32>(size)) - vec2<f32>(0.5);
     let corner = floor(at);
-    // -1 to size - 1: no division brings it inside.
-    let low = vec2<i32>(corner);
     let last = vec2<i32>(size) - vec2<i32>(1);
+    // Folded coordinates are beyond an edge by one texel at most: no division brings them inside.
+    let low = clamp(vec2<i32>(corner), vec2<i32>(-1), last);
     let around = mode == TEXFOLD_REPEAT;
     let before = select(vec2<i32>(0), last, around);
     let behind = select(last, vec2<i32>(0), around);
+    let weight = at - corner;
     return TexfoldTap(
         vec2<u32>(select(low, before, low < vec2<i32>(0))),
         vec2<u32>(select(low + vec2<i32>(1), behind, low >= last)),
-        at - corner,
+        // Infinity minus itself is no number, and so not above 0.
+        select(vec2<f32>(0.0), weight, weight > vec2<f32>(0.0)),
     );
 }
 
 // The texel of a level of `size` texels that `uv` lies in, by address mode.
 fn texfold_nearest(uv: vec2<f32>, size: vec2<u32>, mode: u32) -> vec2<u32> {
-    let at = vec2<i32>(texfold_fold(uv, mode) * vec2<f32>(vec2<i32>(size)));
-    return vec2<u32>(min(at, vec2<i32>(size) - vec2<i32>(1)));
+    return texfold_inside(vec2<i32>(texfold_fold(uv, mode) * vec2<f32>(vec2<i32>(size))), size);
 }
 
 // The texel at column `at.x` and row `at.y` of a level of `size` texels, clamped to it.

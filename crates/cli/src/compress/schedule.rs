@@ -59,7 +59,7 @@ impl Gate {
     }
 }
 
-/// Runs `work` on every task, at most `jobs` at a time; results are in the order of the tasks, `None` for one whose
+/// Runs `work` on every task with `jobs` threads in all, shared out among tasks that run at a time; results are in the order of the tasks, `None` for one whose
 /// work did not return.
 pub(crate) fn run<T: Sync, R: Send>(
     tasks: &[T],
@@ -72,7 +72,7 @@ pub(crate) fn run<T: Sync, R: Send>(
     let gate = Gate { state, changed: Condvar::new(), limit_bytes };
     let results: Mutex<Vec<Option<R>>> = Mutex::new(tasks.iter().map(|_| None).collect());
     let workers = jobs.min(tasks.len());
-    let threads = (cores() / workers.max(1)).max(1);
+    let threads = (jobs / workers.max(1)).max(1);
     let worker = || {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         while let Some((index, cost)) = gate.enter(tasks, &cost_bytes) {

@@ -95,8 +95,8 @@ fn alike(reference: &Path, other: &Path) -> io::Result<bool> {
         let path = entry?.path();
         let open = |path: &Path| image::open(path).map(|image| image.to_rgba8()).map_err(io::Error::other);
         let (a, b) = (open(&path)?, open(&other.join(path.file_name().unwrap_or_default()))?);
-        let near =
-            a.dimensions() == b.dimensions() && a.iter().zip(b.iter()).all(|(a, b)| a.abs_diff(*b) <= ROUNDING);
+        let near = a.dimensions() == b.dimensions()
+            && a.iter().zip(b.iter()).all(|(a, b)| a.abs_diff(*b) <= ROUNDING);
         if !near {
             eprintln!("error: {} differs between CPU and GPU by more than 2 of 255", path.display());
             alike = false;

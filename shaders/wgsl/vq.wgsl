@@ -1,8 +1,9 @@
 // Vector quantisation: each 4x4 block is a pair of bytes that point into a codebook. CPU twins:
 // crates/vq/src/decode.rs.
 //
-// `surface` is the place of an image among those of its size: what SurfaceBinding::surface holds, 0 for a single
-// image. Colours are as stored: no gamma conversion (see texfold_linear). Every function works in any control flow
+// `surface` tells an image from the others of its size: what SurfaceBinding::surface holds, 0 for the first. It is
+// the row and 8192 times the column where the image begins in the index plane. Images that fit into one column, one
+// below the other, begin at multiples of texfold_vq_params.rows. Colours are as stored: no gamma conversion (see texfold_linear). Every function works in any control flow
 // but texfold_vq_sample and texfold_vq_sample_surface, which take derivatives.
 
 // The parameters of all images of one size.
@@ -15,12 +16,10 @@ struct TexfoldVqParams {
     address_mode: u32,
     // How texels are read from the codebook's planes.
     swizzle: u32,
-    // Images side by side in the index plane.
-    columns: u32,
     // Rows of the index plane that one image fills.
     rows: u32,
     // Always 0.
-    reserved: u32,
+    reserved: vec2<u32>,
     // For each level the number of blocks of the levels above it, four levels a vector.
     level_start: array<vec4<u32>, 4>,
 }
@@ -34,13 +33,13 @@ struct TexfoldVqParams {
 
 // Where the texel at `at` of level `level`, which lies inside, is in the codebook.
 fn texfold_vq_place(surface: u32, at: vec2<u32>, level: u32) -> vec2<u32> {
-    // Without a branch for level 0: software renderers run both sides.
+    // Without a branch for level 0: software renderers run both sides. Computed from the size, as each further
+    // parameter costs them more.
     let width = (texfold_vq_params.size.x + 3u) / 4u;
     let level_width = (texfold_level_size(texfold_vq_params.size, level).x + 3u) / 4u;
     let start = texfold_vq_params.level_start[level / 4u][level % 4u];
     let block = texfold_divide(start + at.y / 4u * level_width + at.x / 4u, width);
-    let image = texfold_divide(surface, texfold_vq_params.columns);
-    let origin = image * vec2<u32>(width, texfold_vq_params.rows);
+    let origin = vec2<u32>(surface / 8192u, surface % 8192u);
     return textureLoad(texfold_vq_index, origin + block, 0u).xy + at % 4u;
 }
 

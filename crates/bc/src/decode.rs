@@ -1,9 +1,13 @@
 //! CPU reference of `shaders/wgsl/bc.wgsl`, function for function.
 
+use std::ops::Range;
+
 use glam::{IVec2, UVec2, Vec2, Vec4};
-use texfold_core::Texel;
-use texfold_core::address::{texfold_level_size, texfold_nearest, texfold_tap, texfold_wrap};
+use texfold_core::address::{
+    TEXFOLD_CLAMP, TexfoldTap, texfold_inside, texfold_level_size, texfold_lod, texfold_nearest, texfold_tap,
+};
 use texfold_core::sample::{texfold_bilinear, texfold_mix, texfold_swizzle};
+use texfold_core::{PlaneFormat, Texel};
 
 use crate::ContentPlanes;
 use crate::blocks::decode_block;
@@ -35,72 +39,82 @@ pub struct BcView<'a> {
     pub levels: &'a [ContentPlanes],
 }
 
-/// The stored texel at `at` of plane level `level`; `at` lies inside.
-#[must_use]
-pub fn texfold_bc_load(view: &BcView<'_>, at: UVec2, level: u32) -> Texel {
+/// What the planes of level `level` store at `at`, which lies inside.
+fn stored(view: &BcView<'_>, at: UVec2, level: u32) -> [Vec4; 2] {
     let planes = &view.levels[level as usize];
     let value = |index: usize| {
         let (format, bytes) = &planes.planes()[index];
         let side = format.block_side();
         let columns = planes.size().0.div_ceil(side);
         let block = (at.y / side * columns + at.x / side) as usize * format.block_bytes() as usize;
+        if side == 1 {
+            return decode_plain(*format, bytes.get(block..).unwrap_or_default());
+        }
         let texels = decode_block(*format, bytes.get(block..).unwrap_or_default());
         texels[(at.y % side * side + at.x % side) as usize]
     };
     let a = value(0);
-    let b = if planes.planes().len() > 1 { value(1) } else { a };
+    [a, if planes.planes().len() > 1 { value(1) } else { a }]
+}
+
+/// The stored texel at `at` of plane level `level`; `at` lies inside.
+#[must_use]
+pub fn texfold_bc_load(view: &BcView<'_>, at: UVec2, level: u32) -> Texel {
+    let [a, b] = stored(view, at, level);
     texfold_swizzle(a, b, view.params.swizzle)
+}
+
+/// The four stored texels of `tap` in plane level `level`, blended.
+#[must_use]
+pub fn texfold_bc_blend(view: &BcView<'_>, tap: TexfoldTap, level: u32) -> Texel {
+    let texels = [
+        stored(view, tap.low, level),
+        stored(view, UVec2::new(tap.high.x, tap.low.y), level),
+        stored(view, UVec2::new(tap.low.x, tap.high.y), level),
+        stored(view, tap.high, level),
+    ];
+    let a = texfold_bilinear(texels.map(|[a, _]| a), tap.weight);
+    let b = texfold_bilinear(texels.map(|[_, b]| b), tap.weight);
+    texfold_swizzle(a, b, view.params.swizzle)
+}
+
+/// The texel at `at` of level `level` of the source's size, which lies inside.
+#[must_use]
+pub fn texfold_bc_texel(view: &BcView<'_>, at: UVec2, level: u32) -> Texel {
+    if view.params.reduced != 0 {
+        let size = texfold_level_size(UVec2::from(view.params.size), level);
+        let uv = (at.as_vec2() + 0.5) / size.as_vec2();
+        let plane_size = texfold_level_size(UVec2::from(view.params.plane_size), level);
+        return texfold_bc_blend(view, texfold_tap(uv, plane_size, TEXFOLD_CLAMP), level);
+    }
+    texfold_bc_load(view, at, level)
 }
 
 /// The texel at (`x`, `y`) of level `level` of the source's size, clamped to it.
 #[must_use]
 pub fn texfold_bc_fetch(view: &BcView<'_>, at: IVec2, level: u32) -> Texel {
     let size = texfold_level_size(UVec2::from(view.params.size), level);
-    let inside = at.clamp(IVec2::ZERO, size.as_ivec2() - 1).as_uvec2();
-    if view.params.reduced == 0 {
-        return texfold_bc_load(view, inside, level);
-    }
-    let uv = (inside.as_vec2() + 0.5) / size.as_vec2();
-    let tap = texfold_tap(uv, texfold_level_size(UVec2::from(view.params.plane_size), level));
-    texfold_bc_blend(view, tap.low, tap.weight, level, texfold_core::address::TEXFOLD_CLAMP)
-}
-
-/// The four stored texels right of and below `low`, blended.
-#[must_use]
-pub fn texfold_bc_blend(view: &BcView<'_>, low: IVec2, weight: Vec2, level: u32, mode: u32) -> Texel {
-    let size = texfold_level_size(UVec2::from(view.params.plane_size), level);
-    let (left, right) = (texfold_wrap(low.x, size.x, mode), texfold_wrap(low.x + 1, size.x, mode));
-    let (upper, lower) = (texfold_wrap(low.y, size.y, mode), texfold_wrap(low.y + 1, size.y, mode));
-    let texels = [
-        texfold_bc_load(view, UVec2::new(left, upper), level),
-        texfold_bc_load(view, UVec2::new(right, upper), level),
-        texfold_bc_load(view, UVec2::new(left, lower), level),
-        texfold_bc_load(view, UVec2::new(right, lower), level),
-    ];
-    texfold_bilinear(texels, weight)
+    texfold_bc_texel(view, texfold_inside(at, size), level)
 }
 
 /// The texel that `uv` lies in, without filtering.
 #[must_use]
 pub fn texfold_bc_nearest(view: &BcView<'_>, uv: Vec2, level: u32) -> Texel {
     let size = texfold_level_size(UVec2::from(view.params.size), level);
-    let at = texfold_nearest(uv, size);
-    let mode = view.params.address_mode;
-    let wrapped = UVec2::new(texfold_wrap(at.x, size.x, mode), texfold_wrap(at.y, size.y, mode));
-    texfold_bc_fetch(view, wrapped.as_ivec2(), level)
+    texfold_bc_texel(view, texfold_nearest(uv, size, view.params.address_mode), level)
 }
 
 /// Bilinear filtering within one stored level.
 #[must_use]
 pub fn texfold_bc_bilinear(view: &BcView<'_>, uv: Vec2, level: u32) -> Texel {
-    let tap = texfold_tap(uv, texfold_level_size(UVec2::from(view.params.plane_size), level));
-    texfold_bc_blend(view, tap.low, tap.weight, level, view.params.address_mode)
+    let size = texfold_level_size(UVec2::from(view.params.plane_size), level);
+    texfold_bc_blend(view, texfold_tap(uv, size, view.params.address_mode), level)
 }
 
 /// Trilinear filtering at stored level `lod`.
 #[must_use]
 pub fn texfold_bc_sample_level(view: &BcView<'_>, uv: Vec2, lod: f32) -> Texel {
-    let clamped = lod.clamp(0.0, (view.params.levels - 1) as f32);
+    let clamped = texfold_lod(lod, view.params.levels);
     let low = clamped.floor();
     let fine = texfold_bc_bilinear(view, uv, low as u32);
     if clamped == low {
@@ -110,7 +124,86 @@ pub fn texfold_bc_sample_level(view: &BcView<'_>, uv: Vec2, lod: f32) -> Texel {
     texfold_mix(fine, coarse, clamped - low)
 }
 
-/// All texels of plane level `level`, row by row.
-pub(crate) fn expand_level(view: &BcView<'_>, level: u32) -> Vec<Vec4> {
-    view.levels[level as usize].decode()
+/// The texels of plane level `level` right of and below `corner`, `width` a row, as many rows as `out` holds. All of
+/// them lie inside.
+pub(crate) fn expand(view: &BcView<'_>, level: u32, corner: UVec2, width: u32, out: &mut [Texel]) {
+    let planes = &view.levels[level as usize];
+    let columns = corner.x..corner.x + width;
+    let mut second = Vec::new();
+    let mut top = corner.y;
+    let mut rest = out;
+    while !rest.is_empty() {
+        // Rows up to the next border between blocks.
+        let bottom = (top / 4 + 1) * 4;
+        let length = rest.len().min((bottom - top) as usize * width as usize);
+        let (band, further) = rest.split_at_mut(length);
+        for (index, (format, bytes)) in planes.planes().iter().enumerate() {
+            if index == 0 {
+                expand_band(*format, bytes, planes.size().0, columns.clone(), top, band);
+            } else {
+                second.resize(length, Vec4::ZERO);
+                expand_band(*format, bytes, planes.size().0, columns.clone(), top, &mut second);
+            }
+        }
+        if second.is_empty() {
+            band.iter_mut().for_each(|texel| *texel = texfold_swizzle(*texel, *texel, view.params.swizzle));
+        } else {
+            let pairs = band.iter_mut().zip(&second);
+            pairs.for_each(|(texel, b)| *texel = texfold_swizzle(*texel, *b, view.params.swizzle));
+        }
+        (top, rest) = (bottom, further);
+    }
+}
+
+/// One texel of a plane without blocks, as [`decode_block`] gives it.
+fn decode_plain(format: PlaneFormat, bytes: &[u8]) -> Vec4 {
+    let byte = |index: usize| bytes.get(index).map_or(0.0, |&byte| f32::from(byte));
+    match format {
+        PlaneFormat::R8Unorm => Vec4::new(byte(0) / 255.0, 0.0, 0.0, 1.0),
+        PlaneFormat::Rg8Unorm => Vec4::new(byte(0) / 255.0, byte(1) / 255.0, 0.0, 1.0),
+        PlaneFormat::Rgba8Unorm => Vec4::new(byte(0), byte(1), byte(2), byte(3)) / 255.0,
+        _ => decode_block(format, bytes)[0],
+    }
+}
+
+/// The values of one plane of `plane_width` columns, from row `top` on and within one row of blocks.
+fn expand_band(
+    format: PlaneFormat,
+    bytes: &[u8],
+    plane_width: u32,
+    columns: Range<u32>,
+    top: u32,
+    band: &mut [Vec4],
+) {
+    let (side, length) = (format.block_side(), format.block_bytes() as usize);
+    let width = columns.len();
+    // Bytes of the blocks that hold the columns of row `y`.
+    let blocks_of = |y: u32| {
+        let first = y / side * plane_width.div_ceil(side);
+        let range = first + columns.start / side..first + columns.end.div_ceil(side);
+        bytes.get(range.start as usize * length..range.end as usize * length).unwrap_or_default()
+    };
+    if side == 1 {
+        for (y, line) in (top..).zip(band.chunks_exact_mut(width)) {
+            for (texel, bytes) in line.iter_mut().zip(blocks_of(y).chunks_exact(length)) {
+                *texel = decode_plain(format, bytes);
+            }
+        }
+        return;
+    }
+    let mut fill = |left: u32, texels: &[Vec4; 16]| {
+        let start = left.max(columns.start);
+        let run = ((left + 4).min(columns.end) - start) as usize;
+        let mut place = (start - columns.start) as usize;
+        let mut from = (top % 4 * 4 + start - left) as usize;
+        while let Some(line) = band.get_mut(place..place + run) {
+            line.copy_from_slice(&texels[from..from + run]);
+            place += width;
+            from += 4;
+        }
+    };
+    let lefts = (columns.start / 4 * 4..).step_by(4);
+    for (left, block) in lefts.zip(blocks_of(top).chunks_exact(length)) {
+        fill(left, &decode_block(format, block));
+    }
 }

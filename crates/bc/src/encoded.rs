@@ -2,16 +2,16 @@
 
 use std::borrow::Cow;
 
-use glam::{IVec2, UVec2};
-use texfold_core::address::{TEXFOLD_CLAMP, texfold_level_size, texfold_tap, texfold_wrap};
+use glam::{IVec2, UVec2, Vec2};
+use texfold_core::address::{TEXFOLD_CLAMP, texfold_level_size, texfold_tap};
 use texfold_core::container::{SectionWriter, write_layout};
-use texfold_core::sample::texfold_bilinear;
+use texfold_core::sample::{TEXFOLD_NORMAL, texfold_bilinear, texfold_swizzle};
 use texfold_core::{
     CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Notes, Plane, Rect,
-    RegionError, SurfaceBinding, Texel, TextureCodec,
+    RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
 };
 
-use crate::decode::{BcView, TexfoldBcParams, expand_level, texfold_bc_fetch};
+use crate::decode::{BcView, TexfoldBcParams, expand, texfold_bc_fetch};
 use crate::{Bc, Content, ContentPlanes, wire};
 
 /// Images stored as plain blocks.
@@ -65,6 +65,10 @@ impl BcTexture {
 
     fn planes_of(&self, surface: usize) -> Vec<Plane<'_>> {
         let levels = &self.surfaces[surface];
+        // Levels beyond 1 x 1 repeat the last: a texture cannot hold them, and the shader does not read them.
+        let (width, height) = levels[0].size();
+        let held = levels.len().min(SurfaceSize { width, height }.full_levels() as usize);
+        let levels = &levels[..held];
         let mut planes: Vec<Plane<'_>> = levels[0].gpu_planes("blocks").collect();
         for (index, plane) in planes.iter_mut().enumerate().filter(|_| levels.len() > 1) {
             plane.levels = levels.len() as u32;
@@ -98,17 +102,11 @@ impl Encoded for BcTexture {
             return Err(RegionError::OutputLength { found: out.len(), needed: Image2d::len(region) });
         }
         let view = self.view(region.surface);
-        let plane = self.layout.surfaces[region.surface as usize].at_level(self.reduce_log2 + region.level);
-        // Expanding the level pays once the region holds a good part of it.
-        if (out.len() as u64) < plane.texels() / 8 {
-            for (index, texel) in out.iter_mut().enumerate() {
-                *texel = self.sample(Image2d::address(region, index));
-            }
-            return Ok(());
+        if view.params.reduced == 0 {
+            expand(&view, region.level, UVec2::new(region.x, region.y), region.width, out);
+        } else {
+            enlarge(&view, region, out);
         }
-        let texels = expand_level(&view, region.level);
-        let size = UVec2::from(view.levels[region.level as usize].size());
-        copy_region(&view, region, &texels, size, out);
         Ok(())
     }
 
@@ -143,25 +141,35 @@ impl Encoded for BcTexture {
     }
 }
 
-/// Fills `out` from the expanded level, as [`texfold_bc_fetch`] does texel by texel.
-fn copy_region(view: &BcView<'_>, region: Rect, texels: &[Texel], size: UVec2, out: &mut [Texel]) {
+/// Fills `out` from a plane smaller than the source, as [`texfold_bc_fetch`] does texel by texel.
+fn enlarge(view: &BcView<'_>, region: Rect, out: &mut [Texel]) {
+    if out.is_empty() {
+        return;
+    }
     let full = texfold_level_size(UVec2::from(view.params.size), region.level);
-    for (row, line) in out.chunks_exact_mut(region.width as usize).enumerate() {
-        let y = region.y + row as u32;
-        if view.params.reduced == 0 {
-            let start = (y * size.x + region.x) as usize;
-            line.copy_from_slice(&texels[start..start + line.len()]);
-            continue;
-        }
-        for (x, texel) in (region.x..).zip(line) {
-            let uv = (UVec2::new(x, y).as_vec2() + 0.5) / full.as_vec2();
-            let tap = texfold_tap(uv, size);
-            let at = |dx: i32, dy: i32| {
-                let column = texfold_wrap(tap.low.x + dx, size.x, TEXFOLD_CLAMP);
-                let row = texfold_wrap(tap.low.y + dy, size.y, TEXFOLD_CLAMP);
-                texels[(row * size.x + column) as usize]
-            };
-            *texel = texfold_bilinear([at(0, 0), at(1, 0), at(0, 1), at(1, 1)], tap.weight);
+    let size = texfold_level_size(UVec2::from(view.params.plane_size), region.level);
+    let tap = |x: u32, y: u32| {
+        let uv = (UVec2::new(x, y).as_vec2() + 0.5) / full.as_vec2();
+        texfold_tap(uv, size, TEXFOLD_CLAMP)
+    };
+    let (first, last) =
+        (tap(region.x, region.y), tap(region.x + region.width - 1, region.y + region.height - 1));
+    let (corner, extent) = (first.low, last.high + 1 - first.low);
+    let mut texels = vec![Texel::ZERO; (extent.x * extent.y) as usize];
+    expand(view, region.level, corner, extent.x, &mut texels);
+    let columns: Vec<_> = (region.x..region.x + region.width).map(|x| tap(x, region.y)).collect();
+    for (y, line) in (region.y..).zip(out.chunks_exact_mut(region.width as usize)) {
+        let rows = tap(region.x, y);
+        let row = |y: u32| &texels[((y - corner.y) * extent.x) as usize..][..extent.x as usize];
+        let (upper, lower) = (row(rows.low.y), row(rows.high.y));
+        for (texel, tap) in line.iter_mut().zip(&columns) {
+            let (left, right) = ((tap.low.x - corner.x) as usize, (tap.high.x - corner.x) as usize);
+            let four = [upper[left], upper[right], lower[left], lower[right]];
+            *texel = texfold_bilinear(four, Vec2::new(tap.weight.x, rows.weight.y));
+            // The shader swizzles after blending: the same but for normals.
+            if view.params.swizzle == TEXFOLD_NORMAL {
+                *texel = texfold_swizzle(*texel, *texel, TEXFOLD_NORMAL);
+            }
         }
     }
 }

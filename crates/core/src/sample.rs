@@ -37,7 +37,8 @@ pub const TEXFOLD_SPLIT: u32 = 4;
 /// Plane `a` holds x and y of a unit normal; alpha is 1.
 pub const TEXFOLD_NORMAL: u32 = 5;
 
-/// One texel from the values that its planes hold.
+/// One texel from the values that its planes hold. Blended values give a blended texel; a normal gets back its
+/// length of 1.
 #[must_use]
 pub fn texfold_swizzle(a: Vec4, b: Vec4, kind: u32) -> Vec4 {
     match kind {

@@ -2,12 +2,17 @@
 //!
 //! The index plane of a size class has one texel a block. Each image fills `rows` rows of `ceil(width / 4)`
 //! texels: level 0 row by row, then the further levels one after the other without gaps. Images stand below one
-//! another in `columns` columns.
+//! another, in several columns where one would be too long.
+//!
+//! `surface` is what [`VqTexture::view`](crate::VqTexture::view) gives beside the view: the row and 8192 times the
+//! column where the image begins in the index plane.
 
 use glam::{IVec2, UVec2, Vec2};
 use texfold_core::Texel;
-use texfold_core::address::{texfold_level_size, texfold_nearest, texfold_tap, texfold_wrap};
-use texfold_core::sample::{texfold_bilinear, texfold_mix};
+use texfold_core::address::{
+    TexfoldTap, texfold_divide, texfold_inside, texfold_level_size, texfold_lod, texfold_nearest, texfold_tap,
+};
+use texfold_core::sample::{TEXFOLD_NORMAL, texfold_bilinear, texfold_mix, texfold_swizzle};
 
 /// Most mip levels: images have up to 32768 texels a side.
 pub const TEXFOLD_VQ_LEVELS: usize = 16;
@@ -24,12 +29,10 @@ pub struct TexfoldVqParams {
     pub address_mode: u32,
     /// How texels are read from the codebook's planes.
     pub swizzle: u32,
-    /// Images side by side in the index plane.
-    pub columns: u32,
     /// Rows of the index plane that one image fills.
     pub rows: u32,
     /// Always 0.
-    pub reserved: u32,
+    pub reserved: [u32; 2],
     /// For each level the number of blocks of the levels above it.
     pub level_start: [u32; TEXFOLD_VQ_LEVELS],
 }
@@ -49,74 +52,68 @@ pub struct VqView<'a> {
     pub codebook_width: u32,
 }
 
-/// Where the block at column `block.x` and row `block.y` of a level lies in the codebook, in texels.
+/// Where the texel at `at` of level `level`, which lies inside, is in the codebook.
 #[must_use]
-pub fn texfold_vq_block(view: &VqView<'_>, surface: u32, level: u32, block: UVec2) -> UVec2 {
+pub fn texfold_vq_place(view: &VqView<'_>, surface: u32, at: UVec2, level: u32) -> UVec2 {
     let width = view.params.size[0].div_ceil(4);
-    let origin =
-        UVec2::new(surface % view.params.columns * width, surface / view.params.columns * view.params.rows);
-    let mut at = block;
-    if level > 0 {
-        let level_width = texfold_level_size(UVec2::from(view.params.size), level).x.div_ceil(4);
-        let linear = view.params.level_start[level as usize] + block.y * level_width + block.x;
-        at = UVec2::new(linear % width, linear / width);
-    }
-    let [x, y] = view.index[((origin.y + at.y) * view.index_width + origin.x + at.x) as usize];
-    UVec2::new(u32::from(x), u32::from(y))
-}
-
-/// The codebook's texel at `at`.
-#[must_use]
-pub fn texfold_vq_texel(view: &VqView<'_>, at: UVec2) -> Texel {
-    view.codebook[(at.y * view.codebook_width + at.x) as usize]
+    let level_width = texfold_level_size(UVec2::from(view.params.size), level).x.div_ceil(4);
+    let start = view.params.level_start[level as usize];
+    let block = texfold_divide(start + at.y / 4 * level_width + at.x / 4, width);
+    let origin = UVec2::new(surface / 8192, surface % 8192);
+    let block = origin + block;
+    UVec2::from(view.index[(block.y * view.index_width + block.x) as usize].map(u32::from)) + at % 4
 }
 
 /// The texel at `at` of level `level`, which lies inside.
 #[must_use]
 pub fn texfold_vq_load(view: &VqView<'_>, surface: u32, at: UVec2, level: u32) -> Texel {
-    let corner = texfold_vq_block(view, surface, level, at / 4);
-    texfold_vq_texel(view, corner + at % 4)
+    let place = texfold_vq_place(view, surface, at, level);
+    view.codebook[(place.y * view.codebook_width + place.x) as usize]
+}
+
+/// The four texels of `tap` in level `level`, blended.
+#[must_use]
+pub fn texfold_vq_blend(view: &VqView<'_>, surface: u32, tap: TexfoldTap, level: u32) -> Texel {
+    let texels = [
+        texfold_vq_load(view, surface, tap.low, level),
+        texfold_vq_load(view, surface, UVec2::new(tap.high.x, tap.low.y), level),
+        texfold_vq_load(view, surface, UVec2::new(tap.low.x, tap.high.y), level),
+        texfold_vq_load(view, surface, tap.high, level),
+    ];
+    let blended = texfold_bilinear(texels, tap.weight);
+    // The codebook's texels are swizzled already. The shader swizzles after blending: the same but for normals.
+    if view.params.swizzle == TEXFOLD_NORMAL {
+        texfold_swizzle(blended, blended, TEXFOLD_NORMAL)
+    } else {
+        blended
+    }
 }
 
 /// The texel at `at` of level `level`, clamped to it.
 #[must_use]
 pub fn texfold_vq_fetch(view: &VqView<'_>, surface: u32, at: IVec2, level: u32) -> Texel {
     let size = texfold_level_size(UVec2::from(view.params.size), level);
-    let inside = at.clamp(IVec2::ZERO, size.as_ivec2() - 1).as_uvec2();
-    texfold_vq_load(view, surface, inside, level)
+    texfold_vq_load(view, surface, texfold_inside(at, size), level)
 }
 
 /// The texel that `uv` lies in, without filtering.
 #[must_use]
 pub fn texfold_vq_nearest(view: &VqView<'_>, surface: u32, uv: Vec2, level: u32) -> Texel {
     let size = texfold_level_size(UVec2::from(view.params.size), level);
-    let at = texfold_nearest(uv, size);
-    let mode = view.params.address_mode;
-    let inside = UVec2::new(texfold_wrap(at.x, size.x, mode), texfold_wrap(at.y, size.y, mode));
-    texfold_vq_load(view, surface, inside, level)
+    texfold_vq_load(view, surface, texfold_nearest(uv, size, view.params.address_mode), level)
 }
 
 /// Bilinear filtering within one level, across blocks.
 #[must_use]
 pub fn texfold_vq_bilinear(view: &VqView<'_>, surface: u32, uv: Vec2, level: u32) -> Texel {
     let size = texfold_level_size(UVec2::from(view.params.size), level);
-    let tap = texfold_tap(uv, size);
-    let mode = view.params.address_mode;
-    let (left, right) = (texfold_wrap(tap.low.x, size.x, mode), texfold_wrap(tap.low.x + 1, size.x, mode));
-    let (upper, lower) = (texfold_wrap(tap.low.y, size.y, mode), texfold_wrap(tap.low.y + 1, size.y, mode));
-    let texels = [
-        texfold_vq_load(view, surface, UVec2::new(left, upper), level),
-        texfold_vq_load(view, surface, UVec2::new(right, upper), level),
-        texfold_vq_load(view, surface, UVec2::new(left, lower), level),
-        texfold_vq_load(view, surface, UVec2::new(right, lower), level),
-    ];
-    texfold_bilinear(texels, tap.weight)
+    texfold_vq_blend(view, surface, texfold_tap(uv, size, view.params.address_mode), level)
 }
 
 /// Trilinear filtering at level `lod`.
 #[must_use]
 pub fn texfold_vq_sample_level(view: &VqView<'_>, surface: u32, uv: Vec2, lod: f32) -> Texel {
-    let clamped = lod.clamp(0.0, (view.params.levels - 1) as f32);
+    let clamped = texfold_lod(lod, view.params.levels);
     let low = clamped.floor();
     let fine = texfold_vq_bilinear(view, surface, uv, low as u32);
     if clamped == low {

@@ -2,9 +2,9 @@
 
 use std::borrow::Cow;
 
-use glam::IVec2;
+use glam::{IVec2, UVec2};
 use texfold_bc::ContentPlanes;
-use texfold_core::address::TEXFOLD_CLAMP;
+use texfold_core::address::{TEXFOLD_CLAMP, texfold_level_size};
 use texfold_core::container::{SectionWriter, write_layout};
 use texfold_core::{
     CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Notes, Plane,
@@ -14,7 +14,8 @@ use texfold_core::{
 use crate::decode::{TEXFOLD_VQ_LEVELS, TexfoldVqParams, VqView, texfold_vq_fetch};
 use crate::{Vq, wire};
 
-/// Longest side of an index plane: what every WebGPU device can sample.
+/// Longest side of an index plane: what every WebGPU device can sample, and the shader's factor between columns and
+/// rows.
 const MAX_PLANE_SIDE: u32 = 8192;
 
 /// A rectangle of the codebook that holds one image sample.
@@ -40,6 +41,8 @@ pub(crate) struct SizeClass {
     pub(crate) params: TexfoldVqParams,
     pub(crate) index: Vec<[u8; 2]>,
     pub(crate) index_width: u32,
+    /// Images side by side in the plane.
+    columns: u32,
     /// Images of this size, in the order of their place in the plane.
     pub(crate) surfaces: Vec<u32>,
 }
@@ -82,13 +85,18 @@ impl SizeClass {
             levels,
             address_mode: TEXFOLD_CLAMP,
             swizzle,
-            columns,
             rows,
-            reserved: 0,
+            reserved: [0; 2],
             level_start,
         };
         let plane_texels = (width * columns) as usize * (rows * count.div_ceil(columns)) as usize;
-        SizeClass { params, index: vec![[0; 2]; plane_texels], index_width: width * columns, surfaces }
+        SizeClass {
+            params,
+            index: vec![[0; 2]; plane_texels],
+            index_width: width * columns,
+            columns,
+            surfaces,
+        }
     }
 
     /// Rows of the index plane.
@@ -96,12 +104,26 @@ impl SizeClass {
         self.index.len() as u32 / self.index_width
     }
 
+    /// Columns of the plane that one image fills.
+    fn width(&self) -> u32 {
+        self.params.size[0].div_ceil(4)
+    }
+
+    /// Column and row of the plane where the image at `place` begins.
+    fn origin(&self, place: u32) -> (u32, u32) {
+        (place % self.columns * self.width(), place / self.columns * self.params.rows)
+    }
+
+    /// The shader's `surface` argument for the image at `place`.
+    fn argument(&self, place: u32) -> u32 {
+        let (x, y) = self.origin(place);
+        x * MAX_PLANE_SIDE + y
+    }
+
     /// Position in the plane of block `block` (levels one after the other, row by row) of the image at `place`.
     pub(crate) fn position(&self, place: u32, block: u32) -> usize {
-        let width = self.params.size[0].div_ceil(4);
-        let x = place % self.params.columns * width + block % width;
-        let y = place / self.params.columns * self.params.rows + block / width;
-        (y * self.index_width + x) as usize
+        let ((x, y), width) = (self.origin(place), self.width());
+        ((y + block / width) * self.index_width + x + block % width) as usize
     }
 
     /// Blocks of all levels of one image.
@@ -177,8 +199,8 @@ impl VqTexture {
         self
     }
 
-    /// The size class of an image as the shader sees it, and the image's place in it; the last image where there is
-    /// no such one.
+    /// The size class of an image as the shader sees it, and the `surface` argument of its functions for the image;
+    /// the last image where there is no such one.
     #[must_use]
     pub fn view(&self, surface: u32) -> (VqView<'_>, u32) {
         let (class, place) = self.places[(surface as usize).min(self.places.len() - 1)];
@@ -190,7 +212,7 @@ impl VqTexture {
             codebook: &self.texels,
             codebook_width: self.codebook.size().0,
         };
-        (view, place)
+        (view, class.argument(place))
     }
 }
 
@@ -207,9 +229,9 @@ impl Encoded for VqTexture {
 
     fn sample(&self, at: ImageAddress) -> Texel {
         let clamp = |value: u32| i32::try_from(value).unwrap_or(i32::MAX);
-        let (view, place) = self.view(at.surface);
+        let (view, surface) = self.view(at.surface);
         let level = at.level.min(self.layout.levels - 1);
-        texfold_vq_fetch(&view, place, IVec2::new(clamp(at.x), clamp(at.y)), level)
+        texfold_vq_fetch(&view, surface, IVec2::new(clamp(at.x), clamp(at.y)), level)
     }
 
     fn decode(&self, region: Rect, out: &mut [Texel]) -> Result<(), RegionError> {
@@ -217,11 +239,11 @@ impl Encoded for VqTexture {
         if out.len() != Image2d::len(region) {
             return Err(RegionError::OutputLength { found: out.len(), needed: Image2d::len(region) });
         }
-        let (view, place) = self.view(region.surface);
+        let (view, surface) = self.view(region.surface);
         let mut lines = out.chunks_exact_mut((region.width as usize).max(1));
         for y in region.y..region.y + region.height {
             let Some(line) = lines.next() else { break };
-            decode_line(&view, place, region, y, line);
+            decode_line(&view, surface, region, y, line);
         }
         Ok(())
     }
@@ -273,7 +295,7 @@ impl Encoded for VqTexture {
         }
         let binding = |&(class, place): &(usize, u32)| {
             let (planes, uniforms) = bindings[class].clone();
-            SurfaceBinding { planes, uniforms, surface: place }
+            SurfaceBinding { planes, uniforms, surface: self.classes[class].argument(place) }
         };
         form.surfaces = self.places.iter().map(binding).collect();
         form
@@ -284,19 +306,31 @@ impl Encoded for VqTexture {
     }
 }
 
-/// One row of a region: four texels at a time from the codebook.
-fn decode_line(view: &VqView<'_>, place: u32, region: Rect, y: u32, line: &mut [Texel]) {
-    let end = region.x + region.width;
-    let mut x = region.x;
+/// One row of a region: four texels at a time from the codebook, as [`texfold_vq_fetch`] finds them one by one.
+fn decode_line(view: &VqView<'_>, surface: u32, region: Rect, y: u32, line: &mut [Texel]) {
+    let width = view.params.size[0].div_ceil(4);
+    let level_width = texfold_level_size(UVec2::from(view.params.size), region.level).x.div_ceil(4);
+    let first = view.params.level_start[region.level as usize] + y / 4 * level_width;
+    let origin = surface % MAX_PLANE_SIDE * view.index_width + surface / MAX_PLANE_SIDE;
+    let mut left = region.x;
     let mut rest = line;
-    while x < end {
-        let corner =
-            crate::decode::texfold_vq_block(view, place, region.level, glam::UVec2::new(x / 4, y / 4));
-        let count = (4 - x % 4).min(end - x) as usize;
-        let start = ((corner.y + y % 4) * view.codebook_width + corner.x + x % 4) as usize;
-        let (head, tail) = rest.split_at_mut(count);
-        head.copy_from_slice(&view.codebook[start..start + count]);
-        rest = tail;
-        x += count as u32;
+    while !rest.is_empty() {
+        // Blocks up to the end of the line, or to where the index plane goes on in its next row.
+        let (x, row) = ((first + left / 4) % width, (first + left / 4) / width);
+        let count = (width - x).min((left % 4 + rest.len() as u32).div_ceil(4)) as usize;
+        let start = (origin + row * view.index_width + x) as usize;
+        for &[x, y_of_cell] in &view.index[start..start + count] {
+            let from = (u32::from(y_of_cell) + y % 4) * view.codebook_width + u32::from(x) + left % 4;
+            let cell = &view.codebook[from as usize..];
+            let run = ((4 - left % 4) as usize).min(rest.len());
+            let (head, tail) = rest.split_at_mut(run);
+            // A whole row of a block is copied without asking for its length.
+            match (head.first_chunk_mut::<4>(), cell.first_chunk::<4>()) {
+                (Some(head), Some(cell)) => *head = *cell,
+                _ => head.copy_from_slice(&cell[..run]),
+            }
+            rest = tail;
+            left += run as u32;
+        }
     }
 }

@@ -201,7 +201,9 @@ pub(crate) fn vq(sizes: &[(u32, u32)], levels: u32, channels: u8, content: Conte
     let (width, height) = (64, 128);
     let mut dice = Dice(u64::from(channels) + 10 * u64::from(levels));
     let alpha = if matches!(channels, 2 | 4) { Alpha::Straight } else { Alpha::Opaque };
-    let pixel = PixelInfo { channels, depth: Depth::Eight, color: ColorSpace::Srgb, alpha };
+    // Three channels in BC5 are normals.
+    let color = if (channels, content) == (3, Content::Bc5) { ColorSpace::Normal } else { ColorSpace::Srgb };
+    let pixel = PixelInfo { channels, depth: Depth::Eight, color, alpha };
     let surfaces: Vec<_> = sizes.iter().map(|&(width, height)| SurfaceSize { width, height }).collect();
     let mut out = SectionWriter::new(Vq::ID);
     Notes::default().write(&mut out);

@@ -202,6 +202,7 @@ impl VqTexture {
     /// The size class of an image as the shader sees it, and the `surface` argument of its functions for the image;
     /// the last image where there is no such one.
     #[must_use]
+    #[inline]
     pub fn view(&self, surface: u32) -> (VqView<'_>, u32) {
         let (class, place) = self.places[(surface as usize).min(self.places.len() - 1)];
         let class = &self.classes[class];

@@ -6,7 +6,7 @@
 //! a k-d tree over those leaves a few hundred of ten thousands to compare. Between rounds only codewords that moved are
 //! searched anew (Kaukoranta, Fränti and Nevalainen 2000).
 //!
-//! Cost: O(n k) distances in the worst case; on image blocks about 1% of their arithmetic is done. The result does
+//! Cost: O(n k) distances in the worst case; on image blocks the tree rejects most of them unseen. The result does
 //! not depend on the number of threads: work is shared out by vector, and sums run in the order of the vectors.
 //!
 //! *Not done*: Elkan's bounds (n x k numbers of memory), approximate search (the exact one is fast enough).

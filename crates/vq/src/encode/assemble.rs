@@ -86,14 +86,10 @@ impl Draft {
     /// Corners of all windows that lie across cells and in no sample.
     fn straddling_windows(&self) -> Vec<[u8; 2]> {
         let (width, height) = self.grid.texels();
-        let used = self.grid.free_cells(&self.samples).len() - self.codewords.nrows();
-        // Cells without a codeword are at the end; windows that touch them would change when they are filled.
-        let last = self.grid.free_cells(&self.samples).len().saturating_sub(used + 1);
-        let bottom = self
-            .grid
-            .free_cells(&self.samples)
-            .get(last)
-            .map_or(0, |&(_, y)| if used == 0 { height } else { y });
+        let cells = self.grid.free_cells(&self.samples);
+        // Cells without a codeword are at the end; windows that touch them would change when they are filled, so the
+        // row of the first such cell is left out.
+        let bottom = cells.get(self.codewords.nrows()).map_or(height, |&(_, y)| y);
         let in_sample = |x: u32, y: u32| {
             self.samples.iter().any(|part| {
                 x >= part.x && x + 4 <= part.x + part.side && y >= part.y && y + 4 <= part.y + part.side

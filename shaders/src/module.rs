@@ -7,6 +7,8 @@ pub enum Module {
     Bc,
     /// Vector quantisation.
     Vq,
+    /// Epitome factoring.
+    Epitome,
 }
 
 /// One binding of a module.
@@ -25,14 +27,15 @@ pub enum Binding {
 
 impl Module {
     /// All of them.
-    pub const ALL: [Module; 2] = [Module::Bc, Module::Vq];
+    pub const ALL: [Module; 3] = [Module::Bc, Module::Vq, Module::Epitome];
 
-    /// The name that an encoded texture gives: "bc", "vq".
+    /// The name that an encoded texture gives: "bc", "vq", "epitome".
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Module::Bc => "bc",
             Module::Vq => "vq",
+            Module::Epitome => "epitome",
         }
     }
 
@@ -48,6 +51,13 @@ impl Module {
         match self {
             Module::Bc => &[Binding::Params { bytes: 32 }, Binding::Float, Binding::Float],
             Module::Vq => &[Binding::Params { bytes: 96 }, Binding::Uint, Binding::Float, Binding::Float],
+            Module::Epitome => &[
+                Binding::Params { bytes: 112 },
+                Binding::Uint,
+                Binding::Float,
+                Binding::Float,
+                Binding::Float,
+            ],
         }
     }
 
@@ -56,7 +66,7 @@ impl Module {
     pub fn address_mode_offset(self) -> usize {
         match self {
             Module::Bc => 20,
-            Module::Vq => 12,
+            Module::Vq | Module::Epitome => 12,
         }
     }
 
@@ -66,7 +76,7 @@ impl Module {
     pub fn levels_offset(self) -> usize {
         match self {
             Module::Bc => 16,
-            Module::Vq => 8,
+            Module::Vq | Module::Epitome => 8,
         }
     }
 
@@ -76,7 +86,7 @@ impl Module {
     pub fn reduced(self) -> Option<(&'static str, usize)> {
         match self {
             Module::Bc => Some(("TEXFOLD_BC_REDUCED", 28)),
-            Module::Vq => None,
+            Module::Vq | Module::Epitome => None,
         }
     }
 
@@ -86,6 +96,7 @@ impl Module {
         match self {
             Module::Bc => "texfold_bc_sample",
             Module::Vq => "texfold_vq_sample",
+            Module::Epitome => "texfold_epitome_sample",
         }
     }
 
@@ -94,6 +105,7 @@ impl Module {
         match self {
             Module::Bc => include_str!("../wgsl/bc.wgsl"),
             Module::Vq => include_str!("../wgsl/vq.wgsl"),
+            Module::Epitome => include_str!("../wgsl/epitome.wgsl"),
         }
     }
 
@@ -102,6 +114,7 @@ impl Module {
         match self {
             Module::Bc => include_str!("../wgsl/entry/bc.wgsl"),
             Module::Vq => include_str!("../wgsl/entry/vq.wgsl"),
+            Module::Epitome => include_str!("../wgsl/entry/epitome.wgsl"),
         }
     }
 }

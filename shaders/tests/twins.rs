@@ -1,7 +1,7 @@
 //! Each WGSL function has a CPU twin of the same name, in the same order, and keeps to a few rules of its own.
 
 /// WGSL fragment and its twin.
-const TWINS: [(&str, &str, &str); 4] = [
+const TWINS: [(&str, &str, &str); 5] = [
     (
         "address",
         include_str!("../wgsl/shared/address.wgsl"),
@@ -10,10 +10,11 @@ const TWINS: [(&str, &str, &str); 4] = [
     ("sample", include_str!("../wgsl/shared/sample.wgsl"), include_str!("../../crates/core/src/sample.rs")),
     ("bc", include_str!("../wgsl/bc.wgsl"), include_str!("../../crates/bc/src/decode.rs")),
     ("vq", include_str!("../wgsl/vq.wgsl"), include_str!("../../crates/vq/src/decode.rs")),
+    ("epitome", include_str!("../wgsl/epitome.wgsl"), include_str!("../../crates/epitome/src/decode.rs")),
 ];
 
 /// WGSL functions without a twin of that name, and why.
-const ALONE: [(&str, &str); 7] = [
+const ALONE: [(&str, &str); 9] = [
     ("texfold_srgb_to_linear", "its twin is texfold_core::image::srgb_to_linear"),
     ("texfold_linear", "texfold_srgb_to_linear on three channels"),
     ("texfold_bc_sample_grad", "texfold_level, then texfold_bc_sample_level"),
@@ -21,13 +22,16 @@ const ALONE: [(&str, &str); 7] = [
     ("texfold_vq_sample_grad", "texfold_level, then texfold_vq_sample_level"),
     ("texfold_vq_sample_surface", "takes derivatives, which a CPU does not have"),
     ("texfold_vq_sample", "takes derivatives, which a CPU does not have"),
+    ("texfold_epitome_sample_grad", "texfold_level, then texfold_epitome_sample_level"),
+    ("texfold_epitome_sample", "takes derivatives, which a CPU does not have"),
 ];
 
-const ENTRIES: [(&str, &str); 8] = [
+const ENTRIES: [(&str, &str); 9] = [
     ("entry/bare", include_str!("../wgsl/entry/bare.wgsl")),
     ("entry/bc", include_str!("../wgsl/entry/bc.wgsl")),
     ("entry/decode", include_str!("../wgsl/entry/decode.wgsl")),
     ("entry/draw", include_str!("../wgsl/entry/draw.wgsl")),
+    ("entry/epitome", include_str!("../wgsl/entry/epitome.wgsl")),
     ("entry/mesh", include_str!("../wgsl/entry/mesh.wgsl")),
     ("entry/plain", include_str!("../wgsl/entry/plain.wgsl")),
     ("entry/view", include_str!("../wgsl/entry/view.wgsl")),
@@ -98,6 +102,15 @@ fn shared_constants_have_the_same_values() {
         let found = constants(wgsl);
         assert!(!found.is_empty(), "{name}");
         assert_eq!(found, constants(rust), "{name}");
+    }
+}
+
+#[test]
+fn constants_of_modules_have_the_values_of_their_twins() {
+    for (name, wgsl, rust) in &TWINS[2..] {
+        let known = constants(rust);
+        let strange: Vec<_> = constants(wgsl).into_iter().filter(|found| !known.contains(found)).collect();
+        assert!(strange.is_empty(), "{name}: {strange:?}");
     }
 }
 

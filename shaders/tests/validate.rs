@@ -49,9 +49,14 @@ fn a_renderer_chooses_group_and_bindings() {
 }
 
 #[test]
-fn two_modules_share_one_shader() {
-    let parts = [shared(), functions(Module::Bc, 0, 0), functions(Module::Vq, 0, 3)];
-    validate("both", &parts.join("\n"));
+fn all_modules_share_one_shader() {
+    let mut parts = vec![shared()];
+    let mut first_binding = 0;
+    for module in Module::ALL {
+        parts.push(functions(module, 0, first_binding));
+        first_binding += module.bindings().len() as u32;
+    }
+    validate("all", &parts.join("\n"));
 }
 
 #[test]

@@ -28,6 +28,8 @@ const CODECS_AND_ABOVE: &[&str] = &[
     "texfold",
     "texfold-bc",
     "texfold-vq",
+    "texfold-epitome",
+    "texfold-match",
     "texfold-codebook",
     "texfold-gpu",
     "texfold-cli",
@@ -40,13 +42,32 @@ const CODECS_AND_ABOVE: &[&str] = &[
     "texpresso",
 ];
 
-const RULES: [Rule; 4] = [
+const RULES: [Rule; 6] = [
     Rule { package: "core", never: CODECS_AND_ABOVE },
     Rule {
         package: "bc",
         never: &["texfold-vq", "texfold-codebook", "texfold", "texfold-gpu", "wgpu", "image"],
     },
-    Rule { package: "vq", never: &["texfold", "texfold-gpu", "texfold-cli", "wgpu", "image"] },
+    Rule {
+        package: "vq",
+        never: &[
+            "texfold-epitome",
+            "texfold-match",
+            "texfold",
+            "texfold-gpu",
+            "texfold-cli",
+            "wgpu",
+            "image",
+        ],
+    },
+    Rule {
+        package: "epitome",
+        never: &["texfold-vq", "texfold", "texfold-gpu", "texfold-cli", "wgpu", "image"],
+    },
+    Rule {
+        package: "match",
+        never: &["texfold-bc", "texfold-vq", "texfold-epitome", "texfold", "texfold-gpu", "wgpu", "image"],
+    },
     Rule {
         package: "codebook",
         never: &["texfold-bc", "texfold-vq", "texfold", "texfold-gpu", "wgpu", "image"],

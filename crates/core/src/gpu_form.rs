@@ -8,6 +8,8 @@ use std::ops::Range;
 pub enum PlaneFormat {
     /// Two unsigned bytes a texel, read as integers.
     Rg8Uint,
+    /// Four bytes a texel, little-endian, read as one integer.
+    R32Uint,
     /// One byte a texel, read as [0, 1].
     R8Unorm,
     /// Two bytes a texel, read as [0, 1].
@@ -31,9 +33,11 @@ impl PlaneFormat {
     #[must_use]
     pub fn block_side(self) -> u32 {
         match self {
-            PlaneFormat::Rg8Uint | PlaneFormat::R8Unorm | PlaneFormat::Rg8Unorm | PlaneFormat::Rgba8Unorm => {
-                1
-            }
+            PlaneFormat::Rg8Uint
+            | PlaneFormat::R32Uint
+            | PlaneFormat::R8Unorm
+            | PlaneFormat::Rg8Unorm
+            | PlaneFormat::Rgba8Unorm => 1,
             _ => 4,
         }
     }
@@ -44,7 +48,7 @@ impl PlaneFormat {
         match self {
             PlaneFormat::R8Unorm => 1,
             PlaneFormat::Rg8Uint | PlaneFormat::Rg8Unorm => 2,
-            PlaneFormat::Rgba8Unorm => 4,
+            PlaneFormat::R32Uint | PlaneFormat::Rgba8Unorm => 4,
             PlaneFormat::Bc1 | PlaneFormat::Bc4 => 8,
             PlaneFormat::Bc3 | PlaneFormat::Bc5 | PlaneFormat::Bc7 => 16,
         }

@@ -280,6 +280,7 @@ pub(crate) fn extent(width: u32, height: u32) -> wgpu::Extent3d {
 fn texture_format(format: PlaneFormat) -> TextureFormat {
     match format {
         PlaneFormat::Rg8Uint => TextureFormat::Rg8Uint,
+        PlaneFormat::R32Uint => TextureFormat::R32Uint,
         PlaneFormat::R8Unorm => TextureFormat::R8Unorm,
         PlaneFormat::Rg8Unorm => TextureFormat::Rg8Unorm,
         PlaneFormat::Rgba8Unorm => TextureFormat::Rgba8Unorm,

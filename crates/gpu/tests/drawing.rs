@@ -4,7 +4,7 @@
 mod support;
 
 use glam::{Affine2, Mat4, Vec2, Vec3};
-use support::{assert_close, bc, gpu, picture, vq};
+use support::{Forge, assert_close, bc, epitome, gpu, picture, vq};
 use texfold_bc::Content;
 use texfold_core::mesh::UvMesh;
 use texfold_gpu::{AddressMode, Filter, Gpu, GpuError, Lod, Lookup, Policy, Probe, View};
@@ -152,10 +152,14 @@ fn a_switched_off_gpu_says_so() {
 #[test]
 fn times_are_measured_for_all_three_shaders() {
     let Some(gpu) = gpu() else { return };
-    let texture = vq(&[(64, 64)], 1, 3, Content::Raw).upload(gpu);
-    let view = View::whole(0, (64, 64), Lookup::Nearest { level: 0 });
-    for probe in [Probe::Lookup, Probe::Bare, Probe::Plain] {
-        let seconds = gpu.time(&texture, &view, probe, 4).unwrap();
-        assert!(seconds > 0.0 && seconds < 10.0, "{probe:?}: {seconds} s");
+    for subject in [vq(&[(64, 64)], 1, 3, Content::Raw), epitome(&Forge::default())] {
+        let texture = subject.upload(gpu);
+        for lookup in [Lookup::Nearest { level: 0 }, Lookup::Bilinear { level: 0 }] {
+            let view = View::whole(0, (64, 64), lookup);
+            for probe in [Probe::Lookup, Probe::Bare, Probe::Plain] {
+                let seconds = gpu.time(&texture, &view, probe, 4).unwrap();
+                assert!(seconds > 0.0 && seconds < 10.0, "{probe:?}: {seconds} s");
+            }
+        }
     }
 }

@@ -1,15 +1,16 @@
 //! GPU equals CPU: every shader function against its twin, on every texel.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![allow(clippy::panic, clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
 
 use std::sync::OnceLock;
 
 use glam::{Affine2, Vec2, Vec4};
-use support::{Subject, assert_close, bc, gpu, picture, vq};
+use support::{Forge, Subject, assert_close, bc, epitome, gpu, picture, vq};
 use texfold_bc::Content;
 use texfold_core::image::{ColorSpace, Raster};
+use texfold_epitome::decode::{TEXFOLD_EPITOME_FINE_LEVELS, TEXFOLD_EPITOME_GAIN_ONE};
 use texfold_gpu::{AddressMode, Filter, Lookup, View};
 
 /// Plain bytes and BC7 decode to the same bytes everywhere; what remains is the division by 255.
@@ -24,12 +25,35 @@ const ROUNDED_NORMAL: Vec4 = Vec4::new(2.0 / 255.0 + 1e-6, 2.0 / 255.0 + 1e-6, 1
 /// As above for random texels, many of them at the horizon: z is half the root of what x and y leave of 1.
 const ROUNDED_ANY_NORMAL: Vec4 = Vec4::new(2.0 / 255.0 + 1e-6, 2.0 / 255.0 + 1e-6, 0.11, 1e-6);
 
+/// What single texels of an epitome's leaves may differ by: their places, below 256 texels, are rounded three times
+/// on each axis, and a step of one texel changes a value by 1 at most, or 2 where the gain is largest.
+const PLACED: Vec4 = Vec4::splat(6.0 * 2.0 / 65536.0);
+
+/// Largest difference of single texels and of blended ones.
+#[derive(Clone, Copy)]
+struct Bounds {
+    nearest: Vec4,
+    blended: Vec4,
+}
+
 struct Case {
     name: String,
     subject: Subject,
-    /// Largest difference of single texels and of blended ones.
-    nearest: Vec4,
-    blended: Vec4,
+    bounds: Bounds,
+    /// Those of the levels that an epitome texture does not read from its epitome.
+    coarse: Bounds,
+}
+
+impl Case {
+    /// The bounds that count at mip level `level`.
+    fn bounds(&self, level: u32) -> Bounds {
+        if level < TEXFOLD_EPITOME_FINE_LEVELS { self.bounds } else { self.coarse }
+    }
+
+    /// What every blended lookup keeps to.
+    fn blended(&self) -> Vec4 {
+        self.bounds.blended.max(self.coarse.blended)
+    }
 }
 
 fn case(name: impl Into<String>, subject: Subject, content: Content) -> Case {
@@ -42,7 +66,8 @@ fn case(name: impl Into<String>, subject: Subject, content: Content) -> Case {
         Content::Bc5 if normal => (ROUNDED_NORMAL, ROUNDED_NORMAL),
         _ => (ROUNDED, ROUNDED),
     };
-    Case { name: name.into(), subject, nearest, blended }
+    let bounds = Bounds { nearest, blended };
+    Case { name: name.into(), subject, bounds, coarse: bounds }
 }
 
 fn bc_cases() -> Vec<Case> {
@@ -87,9 +112,69 @@ fn vq_cases() -> Vec<Case> {
     contents.map(texture).collect()
 }
 
+fn epitome_case(name: &str, forge: Forge) -> Case {
+    let subject = epitome(&forge);
+    let Subject::Epitome(texture) = &subject else { panic!("{name} is no epitome") };
+    let gains = texture.tones().iter().flat_map(|tone| tone[..3].to_vec());
+    let gain = f32::from(gains.max().unwrap_or(0)).max(TEXFOLD_EPITOME_GAIN_ONE) / TEXFOLD_EPITOME_GAIN_ONE;
+    let rounding = |content| match content {
+        Content::Raw | Content::Bc7 => EXACT,
+        Content::Bc5 if forge.normal => ROUNDED_ANY_NORMAL,
+        _ => ROUNDED,
+    };
+    // Blending keeps to what each texel differs by, and a tone multiplies it.
+    let stored = gain * forge.contents.iter().map(|&content| rounding(content)).fold(EXACT, Vec4::max);
+    let bounds = Bounds { nearest: stored + PLACED, blended: stored + FILTERED };
+    let stored = rounding(forge.coarse());
+    let coarse = Bounds { nearest: stored, blended: stored + FILTERED };
+    Case { name: format!("epitome {name}"), subject, bounds, coarse }
+}
+
+fn epitome_cases() -> Vec<Case> {
+    use Content::{Bc1, Bc5, Bc7, Raw};
+    let bits = |x, y, tone, linear| [x, y, 2, tone, linear];
+    let forge = Forge::default;
+    let cases = [
+        ("1 channel, 2 bytes", Forge { channels: 1, block: 32, bits: bits(7, 6, 2, 1), ..forge() }),
+        ("2 channels, 3 bytes, mips", Forge { channels: 2, bits: bits(9, 8, 4, 3), ..forge() }.with_mips()),
+        ("3 channels, 5 bytes, mips", Forge { bits: bits(12, 12, 8, 8), ..forge() }.with_mips()),
+        ("3 channels, 6 bytes, large", Forge { block: 64, bits: bits(16, 16, 8, 8), ..forge() }),
+        (
+            "4 channels, unsplit, mips",
+            Forge { channels: 4, bits: bits(9, 9, 8, 6), ..forge() }.unsplit().with_mips(),
+        ),
+        ("bc1, no palettes", Forge { contents: &[Bc1], bits: bits(9, 8, 0, 0), ..forge() }),
+        (
+            "bc1, small, mips",
+            Forge { contents: &[Bc1], block: 16, bits: bits(9, 8, 4, 3), ..forge() }.with_mips(),
+        ),
+        (
+            "bc1 and bc7, mips",
+            Forge { contents: &[Bc1, Bc7], bits: bits(16, 16, 8, 7), ..forge() }.with_mips(),
+        ),
+        (
+            "bc1 and bc7, unsplit",
+            Forge { contents: &[Bc1, Bc7], bits: bits(9, 9, 4, 4), ..forge() }.unsplit(),
+        ),
+        (
+            "raw and bc7, alpha",
+            Forge { channels: 4, contents: &[Raw, Bc7], bits: bits(9, 9, 7, 6), ..forge() },
+        ),
+        (
+            "normals, mips",
+            Forge { normal: true, contents: &[Bc5], bits: bits(9, 8, 5, 5), ..forge() }.with_mips(),
+        ),
+        (
+            "1 channel, unsplit, mips",
+            Forge { channels: 1, bits: bits(9, 8, 5, 5), ..forge() }.unsplit().with_mips(),
+        ),
+    ];
+    cases.into_iter().map(|(name, forge)| epitome_case(name, forge)).collect()
+}
+
 fn cases() -> &'static [Case] {
     static CASES: OnceLock<Vec<Case>> = OnceLock::new();
-    CASES.get_or_init(|| bc_cases().into_iter().chain(vq_cases()).collect())
+    CASES.get_or_init(|| bc_cases().into_iter().chain(vq_cases()).chain(epitome_cases()).collect())
 }
 
 /// Turned, squeezed and beyond all four edges, so that no pixel falls on a texel's centre or edge.
@@ -98,7 +183,7 @@ fn askew() -> Affine2 {
 }
 
 /// Draws every view on both sides with both address modes; returns the largest difference.
-fn compare(case: &Case, lookups: &[Lookup], bound: Vec4) -> Option<f32> {
+fn compare(case: &Case, lookups: &[Lookup], bound: impl Fn(Lookup) -> Vec4) -> Option<f32> {
     let gpu = gpu()?;
     let mut largest = 0f32;
     for mode in [AddressMode::Repeat, AddressMode::Clamp] {
@@ -108,7 +193,8 @@ fn compare(case: &Case, lookups: &[Lookup], bound: Vec4) -> Option<f32> {
                 let view = View { surface, size: (23, 17), uv: askew(), lookup };
                 let name = format!("{}, surface {surface}, {mode:?}, {lookup:?}", case.name);
                 let found = gpu.sample(&texture, &view).unwrap();
-                largest = largest.max(assert_close(&name, &found, &case.subject.view(&view, mode), bound));
+                let wanted = case.subject.view(&view, mode);
+                largest = largest.max(assert_close(&name, &found, &wanted, bound(lookup)));
             }
         }
     }
@@ -119,6 +205,7 @@ fn compare(case: &Case, lookups: &[Lookup], bound: Vec4) -> Option<f32> {
 fn every_texel_of_every_level_is_fetched_as_on_the_cpu() {
     let Some(gpu) = gpu() else { return };
     for case in cases() {
+        let mut largest = 0f32;
         let texture = case.subject.upload(gpu);
         let layout = case.subject.layout();
         for (surface, size) in (0..).zip(&layout.surfaces) {
@@ -128,14 +215,17 @@ fn every_texel_of_every_level_is_fetched_as_on_the_cpu() {
                 let fetch = View::whole(surface, (size.width + 3, size.height + 2), Lookup::Fetch { level });
                 let name = format!("{}, surface {surface}, level {level}", case.name);
                 let wanted = case.subject.view(&fetch, AddressMode::Clamp);
-                assert_close(&name, &gpu.sample(&texture, &fetch).unwrap(), &wanted, case.nearest);
+                let bound = case.bounds(level).nearest;
+                let found = gpu.sample(&texture, &fetch).unwrap();
+                largest = largest.max(assert_close(&name, &found, &wanted, bound));
                 let size = (size.width, size.height);
                 let whole = View::whole(surface, size, Lookup::Fetch { level });
                 let wanted = case.subject.view(&whole, AddressMode::Clamp);
                 let found = gpu.decode(&texture, surface, level, size, Filter::Nearest).unwrap();
-                assert_close(&name, &found, &wanted, case.nearest);
+                assert_close(&name, &found, &wanted, bound);
             }
         }
+        println!("{}: {largest:e}", case.name);
     }
 }
 
@@ -146,9 +236,12 @@ fn nearest_texels_wrap_and_clamp_as_on_the_cpu() {
         let lookups: Vec<_> = (0..levels).map(|level| Lookup::Nearest { level }).collect();
         // Reduced planes blend even here.
         let reduced = case.name.ends_with(" 1");
-        if compare(case, &lookups, if reduced { case.blended } else { case.nearest }).is_none() {
-            return;
-        }
+        let bound = |lookup| match lookup {
+            Lookup::Nearest { level } if !reduced => case.bounds(level).nearest,
+            _ => case.blended(),
+        };
+        let Some(largest) = compare(case, &lookups, bound) else { return };
+        println!("{}: {largest:e}", case.name);
     }
 }
 
@@ -157,7 +250,11 @@ fn bilinear_blends_are_those_of_the_cpu() {
     for case in cases() {
         let levels = case.subject.layout().levels;
         let lookups: Vec<_> = (0..levels).map(|level| Lookup::Bilinear { level }).collect();
-        let Some(largest) = compare(case, &lookups, case.blended) else { return };
+        let bound = |lookup| match lookup {
+            Lookup::Bilinear { level } => case.bounds(level).blended,
+            _ => case.blended(),
+        };
+        let Some(largest) = compare(case, &lookups, bound) else { return };
         println!("{}: {largest:e}", case.name);
     }
 }
@@ -166,7 +263,7 @@ fn bilinear_blends_are_those_of_the_cpu() {
 fn trilinear_blends_are_those_of_the_cpu() {
     let lookups = [-1.5, 0.0, 0.3, 1.0, 2.75, 4.999, 40.0].map(|lod| Lookup::Level { lod });
     for case in cases() {
-        let Some(largest) = compare(case, &lookups, case.blended) else { return };
+        let Some(largest) = compare(case, &lookups, |_| case.blended()) else { return };
         println!("{}: {largest:e}", case.name);
     }
 }
@@ -178,6 +275,7 @@ fn derivatives_choose_the_level_that_the_cpu_computes() {
         case("bc", bc(vec![picture("facade")], Content::Bc1, 0), Content::Bc1),
         case("bc reduced", bc(vec![picture("facade")], Content::Bc1, 1), Content::Bc1),
         case("vq", vq(&[(64, 64), (37, 61)], 6, 3, Content::Raw), Content::Raw),
+        epitome_case("with mips", Forge::default().with_mips()),
     ] {
         let texture = case.subject.upload(gpu).with_address_mode(AddressMode::Repeat);
         let surface = texture.surfaces() as u32 - 1;
@@ -189,7 +287,7 @@ fn derivatives_choose_the_level_that_the_cpu_computes() {
             let found = gpu.sample(&texture, &view).unwrap();
             let name = format!("{}, zoom {zoom}, level {lod}", case.name);
             let wanted = case.subject.view(&view, AddressMode::Repeat);
-            assert_close(&name, &found, &wanted, case.blended);
+            assert_close(&name, &found, &wanted, case.blended());
             let explicit = gpu.sample(&texture, &View { lookup: Lookup::Level { lod }, ..view }).unwrap();
             let explicit: Vec<Vec4> = explicit.into_iter().map(Vec4::from).collect();
             assert_close(&name, &found, &explicit, FILTERED);
@@ -202,7 +300,7 @@ fn srgb_becomes_linear_as_on_the_cpu() {
     let ramp: Vec<u8> = (0..=255).collect();
     let image = Raster::from_u8(256, 1, 1, ColorSpace::Srgb, &ramp).unwrap();
     let case = case("ramp", bc(vec![image], Content::Raw, 0), Content::Raw);
-    let _ = compare(&case, &[Lookup::NearestLinear { level: 0 }], FILTERED);
+    let _ = compare(&case, &[Lookup::NearestLinear { level: 0 }], |_| FILTERED);
 }
 
 #[test]
@@ -212,10 +310,11 @@ fn images_of_different_sizes_share_a_set_of_mips() {
     for content in [Content::Raw, Content::Bc1] {
         let case = case(format!("set {content:?}"), bc(images(), content, 0), content);
         let lookups: Vec<_> = (0..6).map(|level| Lookup::Bilinear { level }).collect();
-        if compare(&case, &lookups, case.blended).is_none() {
+        if compare(&case, &lookups, |_| case.blended()).is_none() {
             return;
         }
-        let _ = compare(&case, &[Lookup::Level { lod: 2.5 }, Lookup::Level { lod: 9.0 }], case.blended);
+        let lookups = [Lookup::Level { lod: 2.5 }, Lookup::Level { lod: 9.0 }];
+        let _ = compare(&case, &lookups, |_| case.blended());
     }
 }
 
@@ -226,6 +325,7 @@ fn any_number_may_be_a_coordinate_or_a_level() {
         case("bc", bc(vec![picture("odd_37x61")], Content::Bc1, 0), Content::Bc1),
         case("bc reduced", bc(vec![picture("odd_37x61")], Content::Bc1, 1), Content::Bc1),
         case("vq", vq(&[(37, 61)], 6, 3, Content::Raw), Content::Raw),
+        epitome_case("with mips", Forge::default().with_mips()),
     ];
     let lookups = [
         Lookup::Nearest { level: 1 },
@@ -244,7 +344,7 @@ fn any_number_may_be_a_coordinate_or_a_level() {
                 let wanted = case.subject.view(&view, mode);
                 if let Some((gpu, texture)) = &texture {
                     let name = format!("{}, {uv:?}, {mode:?}, {lookup:?}", case.name);
-                    assert_close(&name, &gpu.sample(texture, &view).unwrap(), &wanted, case.blended);
+                    assert_close(&name, &gpu.sample(texture, &view).unwrap(), &wanted, case.blended());
                 }
             }
             // Shaders may do as they like with these; the CPU gives some colour of the image.
@@ -270,6 +370,20 @@ fn a_long_sequence_fills_several_columns_of_the_index_plane() {
         let view = View::whole(surface, (40, 40), Lookup::Nearest { level: 0 });
         let wanted = subject.view(&view, AddressMode::Clamp);
         assert_close(&format!("frame {surface}"), &gpu.sample(&texture, &view).unwrap(), &wanted, EXACT);
+    }
+}
+
+#[test]
+fn a_long_map_has_longer_rows() {
+    let Some(gpu) = gpu() else { return };
+    let forge = Forge { sizes: &[(9, 9), (2999, 3001)], bits: [9, 9, 2, 8, 6], block: 4, ..Forge::default() };
+    let case = epitome_case("long", Forge { split: false, ..forge });
+    assert!(case.subject.form().planes[0].width > 64);
+    let texture = case.subject.upload(gpu);
+    for surface in [0, 1] {
+        let view = View { surface, size: (61, 67), uv: askew(), lookup: Lookup::Nearest { level: 0 } };
+        let wanted = case.subject.view(&view, AddressMode::Clamp);
+        assert_close(&case.name, &gpu.sample(&texture, &view).unwrap(), &wanted, case.bounds.nearest);
     }
 }
 

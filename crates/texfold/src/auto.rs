@@ -6,6 +6,7 @@ use texfold_core::mesh::UvMesh;
 use texfold_core::metric::measure;
 use texfold_core::target::Measured;
 use texfold_core::{Effort, EncodeError, Encoded, Goal, Job, SourceError, TextureCodec};
+use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource};
 use texfold_vq::{GuidanceWeights, Vq, VqParams, VqSource};
 
 use crate::AnyImage;
@@ -20,6 +21,8 @@ pub enum CodecChoice {
     Bc,
     /// Importance-driven vector quantisation.
     Vq,
+    /// Epitome factoring.
+    Epitome,
 }
 
 /// What to encode for, whatever the codec.
@@ -77,6 +80,7 @@ pub fn encode_images(
     let params = vq_params(settings);
     match settings.codec {
         CodecChoice::Bc => bc(job),
+        CodecChoice::Epitome => epitome(source, settings, job),
         CodecChoice::Vq if settings.codebook.is_some() => Vq::encode(images, &params, job).map(AnyImage::Vq),
         CodecChoice::Vq | CodecChoice::Auto => {
             let plain = match job.within(0.0, 0.2, bc) {
@@ -91,9 +95,25 @@ pub fn encode_images(
                 }
                 _ => Vq::encode(images, &params, job),
             });
-            choose(source, settings.goal, method.map(AnyImage::Vq), (plain, of_plain))
+            choose(source, ("vq", settings.goal), method.map(AnyImage::Vq), (plain, of_plain))
         }
     }
+}
+
+/// Factored images, or the plain form where that answers the goal better.
+fn epitome(source: &ImageSet, settings: &EncodeSettings, job: &mut Job<'_>) -> Result<AnyImage, EncodeError> {
+    let params = EpitomeParams {
+        goal: settings.goal,
+        content: settings.content,
+        block: None,
+        mips: settings.mips,
+        effort: settings.effort,
+    };
+    let plain =
+        job.within(0.0, 0.05, |job| Bc::encode(source, &bc_params(settings), job).map(AnyImage::Bc))?;
+    let of_plain = measure(source, plain.as_encoded());
+    let method = job.within(0.05, 1.0, |job| Epitome::encode(EpitomeSource::new(source), &params, job));
+    choose(source, ("epitome", settings.goal), method.map(AnyImage::Epitome), (plain, of_plain))
 }
 
 fn bc_params(settings: &EncodeSettings) -> BcParams {
@@ -123,14 +143,14 @@ fn vq_params(settings: &EncodeSettings) -> VqParams {
 /// and limits are the caller's affair and are passed on.
 fn choose(
     source: &ImageSet,
-    goal: Goal,
+    (name, goal): (&str, Goal),
     method: Result<AnyImage, EncodeError>,
     (plain, of_plain): (AnyImage, Measured),
 ) -> Result<AnyImage, EncodeError> {
     let method = match method {
         Ok(method) => method,
         Err(EncodeError::Source(SourceError::Full { what })) => {
-            return Ok(fall_back(plain, &format!("it would need more than {what}")));
+            return Ok(fall_back(plain, name, &format!("it would need more than {what}")));
         }
         Err(error) => return Err(error),
     };
@@ -149,15 +169,16 @@ fn choose(
             of_method.bpp, of_plain.bpp
         ),
     };
-    Ok(fall_back(plain, &reason))
+    Ok(fall_back(plain, name, &reason))
 }
 
-/// The plain form, whose verdict says why vq was not used.
-fn fall_back(plain: AnyImage, reason: &str) -> AnyImage {
+/// The plain form, whose verdict says why the method of that name was not used.
+fn fall_back(plain: AnyImage, method: &str, reason: &str) -> AnyImage {
     match plain {
         AnyImage::Bc(texture) => {
             let mut notes = texture.notes().clone();
-            notes.verdict = format!("{} vq does not suit this picture and goal: {reason}.", notes.verdict);
+            notes.verdict =
+                format!("{} {method} does not suit this picture and goal: {reason}.", notes.verdict);
             AnyImage::Bc(texture.with_notes(notes))
         }
         other => other,

@@ -5,6 +5,7 @@ use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::{
     AnyEncoded, Budget, EncodeError, Encoded, Growable, Image2d, Job, LoadError, SourceError, TextureCodec,
 };
+use texfold_epitome::{Epitome, EpitomeTexture};
 use texfold_vq::{Vq, VqSource, VqTexture};
 
 /// An encoded image texture of any codec, for callers that need its own type.
@@ -14,6 +15,8 @@ pub enum AnyImage {
     Bc(BcTexture),
     /// Importance-driven vector quantisation.
     Vq(VqTexture),
+    /// Epitome factoring.
+    Epitome(EpitomeTexture),
 }
 
 impl AnyImage {
@@ -23,6 +26,7 @@ impl AnyImage {
         match self {
             AnyImage::Bc(texture) => texture,
             AnyImage::Vq(texture) => texture,
+            AnyImage::Epitome(texture) => texture,
         }
     }
 
@@ -32,6 +36,7 @@ impl AnyImage {
         match self {
             AnyImage::Bc(texture) => Box::new(texture),
             AnyImage::Vq(texture) => Box::new(texture),
+            AnyImage::Epitome(texture) => Box::new(texture),
         }
     }
 
@@ -62,6 +67,7 @@ pub fn open_image(bytes: &[u8], budget: &mut Budget) -> Result<AnyImage, LoadErr
     match sections.codec() {
         number if number == Bc::ID.number => Bc::load(&sections, budget).map(AnyImage::Bc),
         number if number == Vq::ID.number => Vq::load(&sections, budget).map(AnyImage::Vq),
+        number if number == Epitome::ID.number => Epitome::load(&sections, budget).map(AnyImage::Epitome),
         found => Err(LoadError::NotThisCodec { found }),
     }
 }
@@ -74,5 +80,6 @@ pub fn add_image(texture: &mut AnyImage, source: VqSource<'_>, job: &mut Job<'_>
     match texture {
         AnyImage::Vq(texture) => Vq::add(texture, source, job),
         AnyImage::Bc(_) => Err(SourceError::Full { what: "a texture of codec bc" }.into()),
+        AnyImage::Epitome(_) => Err(SourceError::Full { what: "a texture of codec epitome" }.into()),
     }
 }

@@ -21,7 +21,7 @@ pub enum CodecName {
     Bc,
     /// Importance-driven vector quantisation.
     Vq,
-    /// Not in this version.
+    /// Epitome factoring.
     Epitome,
     /// Not in this version.
     Progressive,
@@ -53,6 +53,7 @@ impl CodecName {
             CodecName::Auto => Some(CodecChoice::Auto),
             CodecName::Bc => Some(CodecChoice::Bc),
             CodecName::Vq => Some(CodecChoice::Vq),
+            CodecName::Epitome => Some(CodecChoice::Epitome),
             _ => None,
         }
     }

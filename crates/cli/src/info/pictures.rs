@@ -32,7 +32,7 @@ pub(crate) fn write(
     let surfaces = encoded.layout().surfaces.len();
     let parts = match image {
         AnyImage::Vq(texture) => texfold_vq::pictures(texture),
-        AnyImage::Bc(_) => None,
+        AnyImage::Bc(_) | AnyImage::Epitome(_) => None,
     };
     if let Some(parts) = parts {
         save("codebook", 0, 1, &parts.codebook)?;

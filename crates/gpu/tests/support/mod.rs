@@ -1,6 +1,8 @@
-//! What the tests of this crate share: an adapter, textures of both codecs, and the CPU's answer to a view.
+//! What the tests of this crate share: an adapter, textures of all codecs, and the CPU's answer to a view.
 
 #![allow(clippy::panic, clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod epitome;
 
 use std::sync::OnceLock;
 
@@ -12,9 +14,12 @@ use texfold_core::image::{Alpha, ColorSpace, Depth, ImageSet, PixelInfo, Raster,
 use texfold_core::{
     Budget, Effort, Encoded, GpuForm, ImageLayout, Job, Limits, Notes, SurfaceSize, TextureCodec,
 };
+use texfold_epitome::EpitomeTexture;
 use texfold_gpu::{AddressMode, Gpu, GpuError, GpuTexture, Lookup, Policy, View};
 use texfold_testkit::fixtures::{Picture, pictures};
 use texfold_vq::{Vq, VqTexture};
+
+pub(crate) use epitome::{Forge, epitome};
 
 /// The adapter, or `None` with a printed line where there is none and none is required.
 pub(crate) fn gpu() -> Option<&'static Gpu> {
@@ -34,6 +39,7 @@ pub(crate) fn gpu() -> Option<&'static Gpu> {
 pub(crate) enum Subject {
     Bc(BcTexture),
     Vq(VqTexture),
+    Epitome(EpitomeTexture),
 }
 
 impl Subject {
@@ -41,6 +47,7 @@ impl Subject {
         match self {
             Subject::Bc(texture) => texture.gpu(),
             Subject::Vq(texture) => texture.gpu(),
+            Subject::Epitome(texture) => texture.gpu(),
         }
     }
 
@@ -48,6 +55,7 @@ impl Subject {
         match self {
             Subject::Bc(texture) => texture.layout(),
             Subject::Vq(texture) => texture.layout(),
+            Subject::Epitome(texture) => texture.layout(),
         }
     }
 
@@ -86,6 +94,9 @@ impl Subject {
                 let (view, place) = texture.view(surface);
                 texfold_vq::decode::texfold_vq_fetch(&view, place, at, level)
             }
+            Subject::Epitome(texture) => {
+                texfold_epitome::decode::texfold_epitome_fetch(&texture.view(surface), at, level)
+            }
         }
     }
 
@@ -97,6 +108,10 @@ impl Subject {
             Subject::Vq(texture) => {
                 let (view, place) = vq_view(texture, surface, mode);
                 texfold_vq::decode::texfold_vq_nearest(&view, place, uv, level)
+            }
+            Subject::Epitome(texture) => {
+                let view = epitome_view(texture, surface, mode);
+                texfold_epitome::decode::texfold_epitome_nearest(&view, uv, level)
             }
         }
     }
@@ -110,6 +125,10 @@ impl Subject {
                 let (view, place) = vq_view(texture, surface, mode);
                 texfold_vq::decode::texfold_vq_bilinear(&view, place, uv, level)
             }
+            Subject::Epitome(texture) => {
+                let view = epitome_view(texture, surface, mode);
+                texfold_epitome::decode::texfold_epitome_bilinear(&view, uv, level)
+            }
         }
     }
 
@@ -122,6 +141,10 @@ impl Subject {
                 let (view, place) = vq_view(texture, surface, mode);
                 texfold_vq::decode::texfold_vq_sample_level(&view, place, uv, lod)
             }
+            Subject::Epitome(texture) => {
+                let view = epitome_view(texture, surface, mode);
+                texfold_epitome::decode::texfold_epitome_sample_level(&view, uv, lod)
+            }
         }
     }
 
@@ -130,6 +153,7 @@ impl Subject {
         let size = match self {
             Subject::Bc(texture) => texture.view(surface).params.plane_size,
             Subject::Vq(texture) => texture.view(surface).0.params.size,
+            Subject::Epitome(texture) => texture.view(surface).params.size,
         };
         texfold_core::address::texfold_level(dx, dy, size.into())
     }
@@ -152,6 +176,16 @@ fn vq_view(texture: &VqTexture, surface: u32, mode: AddressMode) -> (texfold_vq:
     let (mut view, place) = texture.view(surface);
     view.params.address_mode = number(mode);
     (view, place)
+}
+
+fn epitome_view(
+    texture: &EpitomeTexture,
+    surface: u32,
+    mode: AddressMode,
+) -> texfold_epitome::decode::EpitomeView<'_> {
+    let mut view = texture.view(surface);
+    view.params.address_mode = number(mode);
+    view
 }
 
 fn linear(texel: Vec4) -> Vec4 {
@@ -228,7 +262,7 @@ pub(crate) fn vq(sizes: &[(u32, u32)], levels: u32, channels: u8, content: Conte
     out.section("index", *b"INDX", &index);
     match texfold::open_image(&out.finish().bytes, &mut Budget::default()).unwrap() {
         texfold::AnyImage::Vq(texture) => Subject::Vq(texture),
-        texfold::AnyImage::Bc(_) => panic!("the file says vq"),
+        _ => panic!("the file says vq"),
     }
 }
 

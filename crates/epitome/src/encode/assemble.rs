@@ -1,0 +1,216 @@
+//! From chosen leaves to the shipped form.
+
+use texfold_bc::{Content, ContentPlanes};
+use texfold_core::image::{ImageSet, MipFilter, Raster, mip_chain};
+use texfold_core::{Effort, EncodeError, Notes, SourceError};
+
+use super::candidate::{Candidate, FRACTION_BITS};
+use super::choose::{Choice, Options};
+use super::leaf::Grid;
+use super::options::Palettes;
+use super::pack::{Packing, pack};
+use super::pyramid::{CELL, Space};
+use crate::encoded::{
+    Entry, EpitomeTexture, IDENTITY, MapFormat, NEUTRAL, PLANE_MIPS, Parts, coarse_content, coarse_levels,
+};
+
+/// What a texture is made of.
+pub(crate) struct Plan<'a> {
+    pub(crate) images: &'a ImageSet,
+    pub(crate) space: &'a Space,
+    pub(crate) grid: &'a Grid,
+    pub(crate) options: &'a Options,
+    pub(crate) palettes: &'a Palettes,
+    pub(crate) mips: bool,
+    pub(crate) effort: Effort,
+}
+
+/// The shipped form of a choice.
+pub(crate) fn assemble(plan: &Plan<'_>, choice: &Choice) -> Result<EpitomeTexture, EncodeError> {
+    let step = if plan.mips { 1 << PLANE_MIPS } else { 1 };
+    let packing = pack(plan.space, plan.options, choice, step);
+    let limit = crate::wire::MAX_EPITOME_SIDE / CELL;
+    if packing.sizes.iter().any(|&(width, height)| width > limit || height > limit) {
+        return Err(SourceError::Full { what: "an epitome of 8192x8192 texels" }.into());
+    }
+    let used: Vec<usize> =
+        (0..plan.space.stored.len()).filter(|&f| packing.charts.iter().any(|c| c.format == f)).collect();
+    let used = if used.is_empty() { vec![0] } else { used };
+    let (trees, leaves) = leaves(plan.grid, choice);
+    let mut palettes = Used::default();
+    let entries: Vec<Entry> =
+        leaves.iter().map(|&node| entry(plan, &packing, choice, node, &used, &mut palettes)).collect();
+    let levels = if plan.mips { plan.images.full_levels() } else { 1 };
+    let layout = plan.images.layout(levels);
+    let bits = |most: u32| 32 - most.leading_zeros();
+    let format = MapFormat {
+        block: plan.grid.block,
+        split: plan.grid.split,
+        x_bits: bits(entries.iter().map(|entry| entry.x).max().unwrap_or(0)),
+        y_bits: bits(entries.iter().map(|entry| entry.y).max().unwrap_or(0)),
+        fraction_bits: FRACTION_BITS,
+        tone_bits: bits(palettes.tones.len().saturating_sub(1) as u32),
+        linear_bits: bits(palettes.linears.len().saturating_sub(1) as u32),
+        mixed: used.len() > 1,
+    };
+    let epitomes: Vec<Vec<ContentPlanes>> = used
+        .iter()
+        .map(|&format| epitome(plan, &packing, format, levels > 1))
+        .collect::<Option<_>>()
+        .ok_or(EncodeError::Source(SourceError::Full { what: "an epitome" }))?;
+    let linear = |&number: &u16| plan.palettes.linears.get(usize::from(number)).copied().unwrap_or(IDENTITY);
+    let tone = |&number: &u16| plan.palettes.tones.get(usize::from(number)).copied().unwrap_or(NEUTRAL);
+    let coarse = coarse(plan, levels, plan.space.stored[used[0]].content);
+    let parts = Parts {
+        layout,
+        format,
+        trees,
+        entries,
+        linears: palettes.linears.iter().map(linear).collect(),
+        tones: palettes.tones.iter().map(tone).collect(),
+        epitomes,
+        coarse,
+    };
+    Ok(EpitomeTexture::new(parts, Notes::default()))
+}
+
+/// Tree bytes of all blocks, and the nodes of all leaves in the order of their entries.
+fn leaves(grid: &Grid, choice: &Choice) -> (Vec<u8>, Vec<usize>) {
+    let (mut trees, mut leaves) = (Vec::new(), Vec::new());
+    for block in 0..grid.blocks() {
+        let first = block * grid.per_block();
+        if !grid.split {
+            leaves.push(first);
+            continue;
+        }
+        if choice.leaves[first].is_some() {
+            trees.push(0);
+            leaves.push(first);
+            continue;
+        }
+        let mut tree = 1;
+        for quarter in 0..4 {
+            if choice.leaves[first + 1 + quarter].is_some() {
+                leaves.push(first + 1 + quarter);
+            } else {
+                tree |= 2 << quarter;
+                leaves.extend((0..4).map(|part| first + 5 + 4 * quarter + part));
+            }
+        }
+        trees.push(tree);
+    }
+    (trees, leaves)
+}
+
+/// Numbers of the palettes that entries use, in the order of their first use.
+#[derive(Default)]
+struct Used {
+    linears: Vec<u16>,
+    tones: Vec<u16>,
+}
+
+/// The place of `number` in `list`, added at the end where it is new.
+fn number_of(list: &mut Vec<u16>, number: u16) -> u32 {
+    let at = list.iter().position(|&known| known == number).unwrap_or_else(|| {
+        list.push(number);
+        list.len() - 1
+    });
+    at as u32
+}
+
+fn entry(
+    plan: &Plan<'_>,
+    packing: &Packing,
+    choice: &Choice,
+    node: usize,
+    used: &[usize],
+    palettes: &mut Used,
+) -> Entry {
+    let candidate: Option<&Candidate> =
+        choice.leaves[node].and_then(|leaf| plan.options.candidates[node].get(leaf as usize));
+    let chart = candidate
+        .and_then(|candidate| plan.options.cells_of(candidate).first())
+        .and_then(|&cell| packing.charts.get(packing.chart_of[cell as usize] as usize));
+    // Leaves outside of the image show nothing; their entry is never read.
+    let (Some(candidate), Some(chart)) = (candidate, chart) else {
+        return Entry {
+            linear: number_of(&mut palettes.linears, 0),
+            tone: number_of(&mut palettes.tones, 0),
+            ..Entry::default()
+        };
+    };
+    let moved = |at: i32, place: u32, corner: u32| {
+        let texels = (i64::from(place) - i64::from(corner)) * i64::from(CELL);
+        (i64::from(at) + (texels << FRACTION_BITS)).max(0) as u32
+    };
+    Entry {
+        x: moved(candidate.x, chart.place.0, chart.corner.0),
+        y: moved(candidate.y, chart.place.1, chart.corner.1),
+        tone: number_of(&mut palettes.tones, candidate.tone),
+        linear: number_of(&mut palettes.linears, candidate.linear),
+        plane: used.iter().position(|&format| format == usize::from(candidate.format)).unwrap_or(0) as u32,
+    }
+}
+
+/// An epitome and its mip levels.
+fn epitome(plan: &Plan<'_>, packing: &Packing, format: usize, mips: bool) -> Option<Vec<ContentPlanes>> {
+    let stored = &plan.space.stored[format];
+    let (columns, rows) = packing.sizes[format];
+    let (width, height) = (columns * CELL, rows * CELL);
+    let formats = stored.content.formats(plan.space.pixel).0;
+    let mut planes: Vec<Vec<u8>> = formats.iter().map(|f| vec![0; f.bytes(width, height) as usize]).collect();
+    for chart in packing.charts.iter().filter(|chart| chart.format == format) {
+        let source = &stored.planes[chart.image][chart.scale];
+        for (plane, (kind, bytes)) in planes.iter_mut().zip(source.planes()) {
+            let (side, length) = (kind.block_side(), kind.block_bytes() as usize);
+            let (per_cell, run) = (CELL / side, (CELL / side) as usize * length);
+            let row = |width: u32| (width / side) as usize * length;
+            for &(x, y) in &chart.cells {
+                let (to_x, to_y) = (x - chart.corner.0 + chart.place.0, y - chart.corner.1 + chart.place.1);
+                for line in 0..per_cell {
+                    let from = (y * per_cell + line) as usize * row(source.size().0) + x as usize * run;
+                    let to = (to_y * per_cell + line) as usize * row(width) + to_x as usize * run;
+                    plane.get_mut(to..to + run)?.copy_from_slice(bytes.get(from..from + run)?);
+                }
+            }
+        }
+    }
+    let base = ContentPlanes::from_planes(stored.content, plan.space.pixel, (width, height), planes)?;
+    if !mips {
+        return Some(vec![base]);
+    }
+    let image = Raster::from_texels(width, height, plan.space.pixel, &base.decode()).ok()?;
+    let mut levels = vec![base];
+    for level in mip_chain(&image, 1 + PLANE_MIPS, MipFilter::Box).iter().skip(1) {
+        levels.push(encode_level(plan, stored.content, level));
+    }
+    Some(levels)
+}
+
+fn encode_level(plan: &Plan<'_>, content: Content, level: &Raster) -> ContentPlanes {
+    let texels: Vec<_> = level.texels().collect();
+    ContentPlanes::encode(
+        content,
+        plan.space.pixel,
+        (level.size().width, level.size().height),
+        &texels,
+        plan.effort,
+    )
+}
+
+/// For each image the levels that are not read from the epitome.
+fn coarse(plan: &Plan<'_>, levels: u32, content: Content) -> Vec<Vec<ContentPlanes>> {
+    let range = coarse_levels(levels);
+    if range.is_empty() {
+        return Vec::new();
+    }
+    let content = coarse_content(content, plan.space.pixel);
+    let chain = |image: &Raster| {
+        mip_chain(image, levels, MipFilter::Box)
+            .iter()
+            .skip(range.start as usize)
+            .map(|level| encode_level(plan, content, level))
+            .collect()
+    };
+    plan.images.images().iter().map(chain).collect()
+}

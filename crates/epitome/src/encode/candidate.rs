@@ -1,0 +1,222 @@
+//! What a leaf could be: content somewhere, laid and toned in some way, with its error and the cells it needs.
+
+use glam::{Mat2, Vec2, Vec4};
+use texfold_match::Field;
+
+use super::leaf::Node;
+use super::pyramid::{CELL, SCALES, Space};
+use super::tone::Stats;
+use crate::decode::{
+    TexfoldEpitomeLeaf, TexfoldEpitomeSource, texfold_epitome_linear, texfold_epitome_place,
+};
+use crate::encoded::Linear;
+
+/// Fractions of a texel that positions are stored in, as a binary logarithm.
+pub(crate) const FRACTION_BITS: u32 = 2;
+
+/// One way to show a leaf.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Candidate {
+    /// Squared error over all channels, 8-bit units.
+    pub(crate) error: f32,
+    /// Where its cells stand in the list of all.
+    pub(crate) cells: (u32, u32),
+    /// Column and row of the leaf's centre in its field, in fractions of a texel.
+    pub(crate) x: i32,
+    pub(crate) y: i32,
+    /// Number of the image that the content is from.
+    pub(crate) image: u16,
+    pub(crate) linear: u16,
+    pub(crate) tone: u16,
+    pub(crate) scale: u8,
+    pub(crate) format: u8,
+}
+
+/// Where a leaf's content lies in a field, before the format is chosen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Match {
+    pub(crate) image: u16,
+    pub(crate) scale: u8,
+    /// Place of the leaf's centre in texels of the field.
+    pub(crate) position: Vec2,
+    /// From texels of the leaf to texels of the field.
+    pub(crate) linear: Mat2,
+    /// Squared error of luma left by the search; only to compare matches with.
+    pub(crate) error: f32,
+}
+
+/// The linear part of content at a scale, upright.
+pub(crate) fn scale_linear(scale: usize) -> Linear {
+    let scale = SCALES[scale];
+    [8192 >> scale.across, 0, 0, 8192 >> scale.down]
+}
+
+/// The stored numbers nearest to a linear part.
+pub(crate) fn quantise(linear: Mat2) -> Linear {
+    let number = |value: f32| (value * 8192.0).round().clamp(-32767.0, 32767.0) as i16;
+    [linear.x_axis.x, linear.y_axis.x, linear.x_axis.y, linear.y_axis.y].map(number)
+}
+
+/// The linear part of stored numbers.
+pub(crate) fn matrix(linear: Linear) -> Mat2 {
+    let value = |index: usize| f32::from(linear[index]) / 8192.0;
+    Mat2::from_cols(Vec2::new(value(0), value(2)), Vec2::new(value(1), value(3)))
+}
+
+/// A leaf read from a field exactly as the decoder reads it from an epitome.
+pub(crate) struct Reading {
+    source: TexfoldEpitomeSource,
+    leaf: TexfoldEpitomeLeaf,
+    node: Node,
+}
+
+impl Reading {
+    pub(crate) fn new(node: Node, x: i32, y: i32, linear: Linear) -> Self {
+        let word = |a: i16, b: i16| u32::from(a as u16) | u32::from(b as u16) << 16;
+        let scale = 1.0 / (1 << FRACTION_BITS) as f32;
+        let source = TexfoldEpitomeSource {
+            position: Vec2::new(x as f32 * scale, y as f32 * scale),
+            linear: texfold_epitome_linear(word(linear[0], linear[1]), word(linear[2], linear[3])),
+            gain: Vec4::ONE,
+            offset: Vec4::ZERO,
+            plane: 0,
+        };
+        let leaf = TexfoldEpitomeLeaf { corner: node.corner, side: node.side, entry: 0 };
+        Reading { source, leaf, node }
+    }
+
+    /// Upper left of the four texels around the content of the leaf's texel (`x`, `y`), and the others' weights.
+    #[inline]
+    fn tap(&self, x: u32, y: u32) -> (i32, i32, Vec2) {
+        let corner = self.leaf.corner;
+        let at = Vec2::new((corner.x + x) as f32 + 0.5, (corner.y + y) as f32 + 0.5);
+        let place = texfold_epitome_place(&self.source, self.leaf, at, 0) - Vec2::splat(0.5);
+        let low = place.floor();
+        (low.x as i32, low.y as i32, place - low)
+    }
+
+    /// First and last column and row of the texels that are read; `None` where some lie outside of `field`.
+    pub(crate) fn bounds(&self, field: &Field) -> Option<(i32, i32, i32, i32)> {
+        let (right, bottom) = (self.node.inside.x - 1, self.node.inside.y - 1);
+        let (mut low, mut high) = ((i32::MAX, i32::MAX), (i32::MIN, i32::MIN));
+        for (x, y) in [(0, 0), (right, 0), (0, bottom), (right, bottom)] {
+            let (left, top, weight) = self.tap(x, y);
+            low = (low.0.min(left), low.1.min(top));
+            high.0 = high.0.max(left + i32::from(weight.x > 0.0));
+            high.1 = high.1.max(top + i32::from(weight.y > 0.0));
+        }
+        let inside = low.0 >= 0 && low.1 >= 0 && high.0 < field.width as i32 && high.1 < field.height as i32;
+        inside.then_some((low.0, low.1, high.0, high.1))
+    }
+
+    /// Content of the leaf's texels inside the image, row by row; the bounds must have been checked.
+    pub(crate) fn read(&self, field: &Field, mut each: impl FnMut(usize, Vec4)) {
+        let columns = self.node.inside.x;
+        for y in 0..self.node.inside.y {
+            for x in 0..columns {
+                let (left, top, weight) = self.tap(x, y);
+                let start = top as usize * field.width + left as usize;
+                // Weights of 0 need no texel beyond the field.
+                let right = usize::from(weight.x > 0.0);
+                let below = if weight.y > 0.0 { field.width } else { 0 };
+                let texels = &field.texels;
+                let upper = texels[start] + (texels[start + right] - texels[start]) * weight.x;
+                let lower = texels[start + below]
+                    + (texels[start + below + right] - texels[start + below]) * weight.x;
+                each((y * columns + x) as usize, upper + (lower - upper) * weight.y);
+            }
+        }
+    }
+
+    /// Sums from which the error under any tone follows.
+    pub(crate) fn stats(&self, field: &Field, target: &[Vec4]) -> Option<Stats> {
+        self.bounds(field)?;
+        let mut stats = Stats::around(target);
+        self.read(field, |index, value| stats.add(value, target[index]));
+        Some(stats)
+    }
+
+    /// Cells that hold the texels that are read, ascending. `columns` and `base` number the field's cells.
+    pub(crate) fn cells(&self, field: &Field, (columns, base): (u32, u32), out: &mut Vec<u32>) {
+        let Some((left, top, right, bottom)) = self.bounds(field) else { return };
+        let cell = |at: i32| at as u32 / CELL;
+        let (first, last) = ((cell(left), cell(top)), (cell(right), cell(bottom)));
+        let linear = self.source.linear;
+        if (linear.y == 0.0 && linear.z == 0.0) || (linear.x == 0.0 && linear.w == 0.0) {
+            for y in first.1..=last.1 {
+                out.extend((first.0..=last.0).map(|x| base + y * columns + x));
+            }
+            return;
+        }
+        let width = (last.0 - first.0 + 1) as usize;
+        let mut used = vec![false; width * (last.1 - first.1 + 1) as usize];
+        for y in 0..self.node.inside.y {
+            for x in 0..self.node.inside.x {
+                let (left, top, weight) = self.tap(x, y);
+                let (right, bottom) = (left + i32::from(weight.x > 0.0), top + i32::from(weight.y > 0.0));
+                for (x, y) in [(left, top), (right, top), (left, bottom), (right, bottom)] {
+                    used[(cell(y) - first.1) as usize * width + (cell(x) - first.0) as usize] = true;
+                }
+            }
+        }
+        for (index, _) in used.iter().enumerate().filter(|(_, used)| **used) {
+            let (x, y) = (first.0 + (index % width) as u32, first.1 + (index / width) as u32);
+            out.push(base + y * columns + x);
+        }
+    }
+}
+
+/// Least error of content from the leaf's own place at each scale; infinite where a scale is too small for the leaf.
+pub(crate) type ScaleErrors = [f32; SCALES.len()];
+
+/// Content from the leaf's own place in the image, at each scale and in each format, that no other such content beats
+/// in both error and bits. Cells are appended to `cells`.
+pub(crate) fn direct(space: &Space, node: Node, cells: &mut Vec<u32>) -> (Vec<Candidate>, ScaleErrors) {
+    let mut errors = [f32::INFINITY; SCALES.len()];
+    let target = node.texels(space);
+    let centre = node.corner.as_vec2() + node.side as f32 * 0.5;
+    let mut found: Vec<(f32, Candidate, Vec<u32>)> = Vec::new();
+    for scale in 0..space.scales() {
+        let reduced = SCALES[scale];
+        if node.side >> reduced.across.max(reduced.down) < CELL {
+            continue;
+        }
+        let unit = (1 << FRACTION_BITS) as f32;
+        let x = (centre.x * unit / (1 << reduced.across) as f32) as i32;
+        let y = (centre.y * unit / (1 << reduced.down) as f32) as i32;
+        let reading = Reading::new(node, x, y, scale_linear(scale));
+        for (format, stored) in space.stored.iter().enumerate() {
+            let field = &stored.decoded[node.image][scale];
+            let Some(stats) = reading.stats(field, &target) else { continue };
+            let mut own = Vec::new();
+            reading.cells(field, space.rows_of(format, node.image, scale), &mut own);
+            let error = stats.plain_error();
+            errors[scale] = errors[scale].min(error);
+            let candidate = Candidate {
+                error,
+                cells: (0, 0),
+                x,
+                y,
+                image: node.image as u16,
+                linear: scale as u16,
+                tone: 0,
+                scale: scale as u8,
+                format: format as u8,
+            };
+            found.push((own.len() as f32 * stored.cell_bits as f32, candidate, own));
+        }
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.error.total_cmp(&b.1.error)));
+    let mut least = f32::INFINITY;
+    found.retain(|(_, candidate, _)| {
+        let better = candidate.error < least;
+        least = least.min(candidate.error);
+        better
+    });
+    let take = |(_, mut candidate, own): (f32, Candidate, Vec<u32>)| {
+        candidate.cells = (cells.len() as u32, (cells.len() + own.len()) as u32);
+        cells.extend(own);
+        candidate
+    };
+    (found.into_iter().map(take).collect(), errors)
+}

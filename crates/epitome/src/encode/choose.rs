@@ -1,0 +1,217 @@
+//! Which leaves, and what each shows: the least error + lambda x bits.
+//!
+//! A cell is paid for once, however many leaves read it. Its price for one more reader is its bits shared among its readers
+//! at first, and what it would really add (nothing where somebody else reads it) at the end; in between the prices go over
+//! from one to the other, so that leaves first gather where content is good and then settle.
+
+use super::candidate::Candidate;
+use super::leaf::{Grid, SPLIT_NODES};
+
+/// Passes over all blocks.
+const SWEEPS: usize = 12;
+
+/// Everything that leaves could be.
+#[derive(Debug, Default)]
+pub(crate) struct Options {
+    /// For each node.
+    pub(crate) candidates: Vec<Vec<Candidate>>,
+    /// Cells of all candidates.
+    pub(crate) cells: Vec<u32>,
+}
+
+impl Options {
+    /// Cells of a candidate.
+    #[inline]
+    pub(crate) fn cells_of(&self, candidate: &Candidate) -> &[u32] {
+        &self.cells[candidate.cells.0 as usize..candidate.cells.1 as usize]
+    }
+}
+
+/// What bits cost.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Costs<'a> {
+    /// Error that a bit may cost, 8-bit squared units.
+    pub(crate) lambda: f32,
+    /// Bits of a leaf's entry.
+    pub(crate) entry_bits: f32,
+    /// Bits of a cell, by format.
+    pub(crate) cell_bits: &'a [f32],
+    /// Cells of one format.
+    pub(crate) cells: u32,
+}
+
+/// What was chosen.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Choice {
+    /// For each node that is a leaf its candidate's number.
+    pub(crate) leaves: Vec<Option<u32>>,
+    /// For each cell how many leaves read it.
+    pub(crate) users: Vec<u32>,
+    /// Squared error of all leaves.
+    pub(crate) error: f64,
+    /// Bits of cells, entries and block words.
+    pub(crate) bits: f64,
+}
+
+struct State<'a> {
+    grid: &'a Grid,
+    options: &'a Options,
+    costs: Costs<'a>,
+    leaves: Vec<Option<u32>>,
+    users: Vec<u32>,
+    /// 0: prices are shared; 1: prices are marginal.
+    settled: f32,
+}
+
+/// Chooses leaves for the whole grid.
+pub(crate) fn choose(grid: &Grid, options: &Options, costs: Costs<'_>, formats: usize) -> Choice {
+    let users = vec![0; costs.cells as usize * formats];
+    let mut state = State { grid, options, costs, leaves: vec![None; grid.nodes()], users, settled: 1.0 };
+    // Every block by itself, as if nobody shared.
+    for block in 0..grid.blocks() {
+        state.settle(block, false);
+    }
+    for sweep in 0..SWEEPS {
+        state.settled = (sweep as f32 / (SWEEPS - 3) as f32).min(1.0);
+        let blocks = grid.blocks();
+        for index in 0..blocks {
+            state.settle(if sweep % 2 == 0 { index } else { blocks - 1 - index }, true);
+        }
+    }
+    state.finish()
+}
+
+/// For each node the error above which a match elsewhere gains nothing, even with cells that cost nothing: what its own
+/// content, whole or split, costs less an entry.
+pub(crate) fn most_errors(grid: &Grid, direct: &Options, costs: Costs<'_>) -> Vec<f32> {
+    let entry = costs.lambda * costs.entry_bits;
+    let own = |node: usize| {
+        let cost = |candidate: &Candidate| {
+            let cells = direct.cells_of(candidate).len() as f32;
+            candidate.error + entry + costs.lambda * costs.cell_bits[usize::from(candidate.format)] * cells
+        };
+        let least = direct.candidates[node].iter().map(cost).fold(f32::INFINITY, f32::min);
+        if least.is_finite() { least } else { entry }
+    };
+    let mut least: Vec<f32> = (0..grid.nodes()).map(own).collect();
+    if grid.per_block() == SPLIT_NODES {
+        for block in least.chunks_mut(SPLIT_NODES) {
+            for quarter in 0..4 {
+                let parts: f32 = block[5 + 4 * quarter..9 + 4 * quarter].iter().sum();
+                block[1 + quarter] = block[1 + quarter].min(parts);
+            }
+            block[0] = block[0].min(block[1..5].iter().sum());
+        }
+    }
+    least.into_iter().map(|cost| cost - entry).collect()
+}
+
+impl State<'_> {
+    /// Chooses the leaves of one block anew. Unless `shared`, prices take no account of other blocks.
+    fn settle(&mut self, block: usize, shared: bool) {
+        let per_block = self.grid.per_block();
+        let first = block * per_block;
+        for node in first..first + per_block {
+            self.release(node);
+        }
+        let best: Vec<(f32, u32)> = (first..first + per_block).map(|node| self.best(node, shared)).collect();
+        let chosen = self.tree(first, &best);
+        for local in chosen {
+            let (_, candidate) = best[local];
+            self.take(first + local, candidate);
+        }
+    }
+
+    /// Local numbers of the leaves with the least cost.
+    fn tree(&self, first: usize, best: &[(f32, u32)]) -> Vec<usize> {
+        if best.len() < SPLIT_NODES {
+            return vec![0];
+        }
+        let outside = |local: usize| self.grid.node(first + local).is_outside();
+        let cost = |local: usize| if outside(local) { self.outside_cost() } else { best[local].0 };
+        let (mut leaves, mut split_cost) = (Vec::new(), 0.0);
+        for quarter in 0..4 {
+            let parts: Vec<usize> = (0..4).map(|part| 5 + 4 * quarter + part).collect();
+            let of_parts: f32 = parts.iter().map(|&part| cost(part)).sum();
+            if of_parts < cost(1 + quarter) {
+                split_cost += of_parts;
+                leaves.extend(parts);
+            } else {
+                split_cost += cost(1 + quarter);
+                leaves.push(1 + quarter);
+            }
+        }
+        if best[0].0 <= split_cost { vec![0] } else { leaves }
+    }
+
+    /// A leaf outside of the image has an entry all the same.
+    fn outside_cost(&self) -> f32 {
+        self.costs.lambda * self.costs.entry_bits
+    }
+
+    /// The candidate of least cost of a node.
+    fn best(&self, node: usize, shared: bool) -> (f32, u32) {
+        let mut best = (f32::INFINITY, 0);
+        let entry = self.outside_cost();
+        for (index, candidate) in self.options.candidates[node].iter().enumerate() {
+            let mut cost = candidate.error + entry;
+            if cost >= best.0 {
+                continue;
+            }
+            let bits = self.costs.cell_bits[usize::from(candidate.format)] * self.costs.lambda;
+            let cells = self.options.cells_of(candidate);
+            if shared {
+                let mut price = 0.0;
+                for &cell in cells {
+                    let others = self.users[cell as usize];
+                    price += if others == 0 { 1.0 } else { (1.0 - self.settled) / (others + 1) as f32 };
+                }
+                cost += bits * price;
+            } else {
+                cost += bits * cells.len() as f32;
+            }
+            if cost < best.0 {
+                best = (cost, index as u32);
+            }
+        }
+        best
+    }
+
+    fn release(&mut self, node: usize) {
+        if let Some(candidate) = self.leaves[node].take()
+            && let Some(candidate) = self.options.candidates[node].get(candidate as usize)
+        {
+            for &cell in self.options.cells_of(candidate) {
+                self.users[cell as usize] -= 1;
+            }
+        }
+    }
+
+    fn take(&mut self, node: usize, candidate: u32) {
+        self.leaves[node] = Some(candidate);
+        if let Some(candidate) = self.options.candidates[node].get(candidate as usize) {
+            for &cell in self.options.cells_of(candidate) {
+                self.users[cell as usize] += 1;
+            }
+        }
+    }
+
+    fn finish(self) -> Choice {
+        let (mut error, mut bits) = (0.0f64, 0.0f64);
+        for (node, leaf) in self.leaves.iter().enumerate() {
+            let Some(leaf) = leaf else { continue };
+            bits += f64::from(self.costs.entry_bits);
+            if let Some(candidate) = self.options.candidates[node].get(*leaf as usize) {
+                error += f64::from(candidate.error);
+            }
+        }
+        for (format, cells) in self.users.chunks(self.costs.cells.max(1) as usize).enumerate() {
+            let used = cells.iter().filter(|&&users| users > 0).count();
+            bits += used as f64 * f64::from(self.costs.cell_bits[format]);
+        }
+        if self.grid.split {
+            bits += 32.0 * self.grid.blocks() as f64;
+        }
+        Choice { leaves: self.leaves, users: self.users, error, bits }
+    }
+}

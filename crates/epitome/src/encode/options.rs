@@ -1,0 +1,246 @@
+//! From matches to candidates: linear parts and tones become numbers of palettes, positions quarters of a texel.
+
+use glam::{Vec2, Vec4};
+use rayon::prelude::*;
+
+use super::candidate::{Candidate, FRACTION_BITS, Match, Reading, ScaleErrors, direct};
+use super::choose::Options;
+use super::leaf::{Grid, Node};
+use super::linear;
+use super::pyramid::SCALES;
+use super::pyramid::Space;
+use super::tone::{self, Stats};
+use crate::encoded::{Linear, NEUTRAL, Tone};
+
+/// Candidates with content elsewhere that are kept for a leaf, in each format.
+const KEPT: usize = 5;
+/// Steps of a quarter texel by which a position may move after its linear part became a palette's.
+const MOVES: usize = 4;
+/// Leaves that tones are fitted to at most.
+const TONE_LEAVES: usize = 20_000;
+
+/// Palettes that entries point into.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Palettes {
+    pub(crate) linears: Vec<Linear>,
+    pub(crate) tones: Vec<Tone>,
+}
+
+/// A match with its numbers, and the sums from which any tone's error follows.
+struct Placed {
+    x: i32,
+    y: i32,
+    linear: u16,
+    image: u16,
+    scale: u8,
+    /// For each format.
+    stats: Vec<Stats>,
+}
+
+/// Candidates of a node, and their cells.
+type Found = (Vec<Candidate>, Vec<u32>);
+
+/// Content from each leaf's own place, and its least error at each scale.
+pub(crate) fn direct_options(space: &Space, grid: &Grid) -> (Options, Vec<ScaleErrors>) {
+    let found: Vec<(Found, ScaleErrors)> = (0..grid.nodes())
+        .into_par_iter()
+        .map(|index| {
+            let node = grid.node(index);
+            let mut cells = Vec::new();
+            if node.is_outside() {
+                return ((Vec::new(), cells), [f32::INFINITY; SCALES.len()]);
+            }
+            let (candidates, errors) = direct(space, node, &mut cells);
+            ((candidates, cells), errors)
+        })
+        .collect();
+    let (found, errors) = found.into_iter().unzip();
+    (gather(found), errors)
+}
+
+/// One list of cells for all nodes.
+fn gather(found: Vec<Found>) -> Options {
+    let mut options = Options::default();
+    for (mut candidates, cells) in found {
+        let start = options.cells.len() as u32;
+        for candidate in &mut candidates {
+            candidate.cells = (candidate.cells.0 + start, candidate.cells.1 + start);
+        }
+        options.candidates.push(candidates);
+        options.cells.extend(cells);
+    }
+    options
+}
+
+/// Palettes fitted to the matches, and all candidates in their terms.
+pub(crate) fn all_options(
+    space: &Space,
+    grid: &Grid,
+    direct: &Options,
+    matches: &[Vec<Match>],
+    sizes: (usize, usize),
+) -> (Options, Palettes) {
+    let weigh = |(index, matches): (usize, &Vec<Match>)| {
+        let side = grid.node(index).side as f32;
+        // The better of a leaf's matches are the likelier to be taken.
+        let weigh = move |(rank, found): (usize, &Match)| (found.linear, side / (1 + rank) as f32);
+        matches.iter().enumerate().map(weigh).collect::<Vec<_>>()
+    };
+    let linears: Vec<(glam::Mat2, f32)> = matches.iter().enumerate().flat_map(weigh).collect();
+    let linears = linear::palette(&linears, space.scales(), sizes.0);
+    let points: Vec<Vec4> = linears.iter().map(|&linear| linear::to_point(linear)).collect();
+    let placed: Vec<Vec<Placed>> = (0..grid.nodes())
+        .into_par_iter()
+        .map(|index| place_all(space, grid.node(index), &matches[index], &linears, &points))
+        .collect();
+    let tones = fit_tones(&placed, sizes.1);
+    let found: Vec<Found> = (0..grid.nodes())
+        .into_par_iter()
+        .map(|index| {
+            let own = &direct.candidates[index];
+            let mut cells = Vec::new();
+            let mut candidates: Vec<Candidate> = Vec::new();
+            for candidate in own {
+                let from = direct.cells_of(candidate);
+                let start = cells.len() as u32;
+                cells.extend(from);
+                candidates.push(Candidate { cells: (start, cells.len() as u32), ..*candidate });
+            }
+            let most = own.iter().map(|candidate| candidate.error).fold(0.0, f32::max);
+            let node = grid.node(index);
+            candidates.extend(borrowed(space, node, &placed[index], &tones, &linears, most, &mut cells));
+            (candidates, cells)
+        })
+        .collect();
+    (gather(found), Palettes { linears, tones })
+}
+
+/// All matches of a node with linear parts of the palette, their positions moved to where that costs least.
+fn place_all(
+    space: &Space,
+    node: Node,
+    matches: &[Match],
+    linears: &[Linear],
+    points: &[Vec4],
+) -> Vec<Placed> {
+    if node.is_outside() || matches.is_empty() {
+        return Vec::new();
+    }
+    let target = node.texels(space);
+    matches
+        .iter()
+        .filter_map(|found| {
+            let number = linear::nearest(points, found.linear);
+            let (image, scale) = (usize::from(found.image), usize::from(found.scale));
+            let (x, y) = place(space, node, &target, found, linears[number])?;
+            let reading = Reading::new(node, x, y, linears[number]);
+            let stats: Option<Vec<Stats>> = space
+                .stored
+                .iter()
+                .map(|stored| reading.stats(&stored.decoded[image][scale], &target))
+                .collect();
+            Some(Placed {
+                x,
+                y,
+                linear: number as u16,
+                image: found.image,
+                scale: found.scale,
+                stats: stats?,
+            })
+        })
+        .collect()
+}
+
+/// The quarter texel with the least error near a match's position.
+fn place(space: &Space, node: Node, target: &[Vec4], found: &Match, linear: Linear) -> Option<(i32, i32)> {
+    let field = &space.stored.last()?.decoded[usize::from(found.image)][usize::from(found.scale)];
+    let error = |x: i32, y: i32| {
+        let stats = Reading::new(node, x, y, linear).stats(field, target)?;
+        Some(stats.error(&stats.best()))
+    };
+    let at = (found.position * (1 << FRACTION_BITS) as f32).round();
+    // Content beyond the field's edge cannot be read: step inside.
+    let at = inside(node, at, linear, field.width, field.height);
+    let mut best = (at.x as i32, at.y as i32);
+    let mut least = error(best.0, best.1)?;
+    for _ in 0..MOVES {
+        let around = [(1, 0), (-1, 0), (0, 1), (0, -1)].map(|(dx, dy)| (best.0 + dx, best.1 + dy));
+        let before = best;
+        for (x, y) in around {
+            if let Some(error) = error(x, y).filter(|&error| error < least) {
+                (best, least) = ((x, y), error);
+            }
+        }
+        if best == before {
+            break;
+        }
+    }
+    Some(best)
+}
+
+/// A position moved so far that the leaf's content lies within a field of that size.
+fn inside(node: Node, at: Vec2, linear: Linear, width: usize, height: usize) -> Vec2 {
+    let matrix = super::candidate::matrix(linear);
+    let half = node.side as f32 * 0.5;
+    let reach = (matrix.x_axis.abs() + matrix.y_axis.abs()) * half;
+    let unit = (1 << FRACTION_BITS) as f32;
+    let (low, high) = (reach, Vec2::new(width as f32, height as f32) - reach);
+    let low = (low * unit).ceil();
+    at.max(low).min((high * unit).floor().max(low))
+}
+
+/// Tones fitted to an even choice of the leaves' best matches.
+fn fit_tones(placed: &[Vec<Placed>], count: usize) -> Vec<Tone> {
+    let best: Vec<Stats> = placed
+        .iter()
+        .filter_map(|placed| placed.first())
+        .filter_map(|placed| placed.stats.last())
+        .copied()
+        .collect();
+    let step = best.len().div_ceil(TONE_LEAVES).max(1);
+    let some: Vec<Stats> = best.into_iter().step_by(step).collect();
+    if some.is_empty() { vec![NEUTRAL] } else { tone::palette(&some, count) }
+}
+
+/// The best candidates with content elsewhere, those whose error is below `most`.
+fn borrowed(
+    space: &Space,
+    node: Node,
+    placed: &[Placed],
+    tones: &[Tone],
+    linears: &[Linear],
+    most: f32,
+    cells: &mut Vec<u32>,
+) -> Vec<Candidate> {
+    let mut kept = Vec::new();
+    for format in 0..space.stored.len() {
+        let toned = |placed: &Placed| {
+            let (number, error) = tone::nearest(tones, &placed.stats[format]);
+            Candidate {
+                error,
+                cells: (0, 0),
+                x: placed.x,
+                y: placed.y,
+                image: placed.image,
+                linear: placed.linear,
+                tone: number as u16,
+                scale: placed.scale,
+                format: format as u8,
+            }
+        };
+        let mut found: Vec<Candidate> = placed.iter().map(toned).filter(|found| found.error < most).collect();
+        found.sort_by(|a, b| a.error.total_cmp(&b.error));
+        found.truncate(KEPT);
+        kept.extend(found);
+    }
+    for candidate in &mut kept {
+        let (format, image, scale) =
+            (usize::from(candidate.format), usize::from(candidate.image), usize::from(candidate.scale));
+        let reading = Reading::new(node, candidate.x, candidate.y, linears[usize::from(candidate.linear)]);
+        let start = cells.len() as u32;
+        let field = &space.stored[format].decoded[image][scale];
+        reading.cells(field, space.rows_of(format, image, scale), cells);
+        candidate.cells = (start, cells.len() as u32);
+    }
+    kept
+}

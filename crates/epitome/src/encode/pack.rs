@@ -1,0 +1,228 @@
+//! Charts and where they go.
+//!
+//! A chart is a set of cells that some leaf reads across: they must stay together. Charts are placed by falling size, each
+//! where it fits first from the top: small charts fill what large ones leave. *Not done*: the eight orientations of the
+//! paper; charts here are mostly small, packing loses about a percent, and turned content would need turned linear parts.
+
+use std::collections::BTreeMap;
+
+use super::candidate::Candidate;
+use super::choose::{Choice, Options};
+use super::pyramid::Space;
+
+/// Cells that stay together.
+#[derive(Debug, Clone)]
+pub(crate) struct Chart {
+    pub(crate) format: usize,
+    pub(crate) image: usize,
+    pub(crate) scale: usize,
+    /// Column and row of each cell in its field, ascending by row, then column.
+    pub(crate) cells: Vec<(u32, u32)>,
+    /// Column and row of the least column and row.
+    pub(crate) corner: (u32, u32),
+    /// Where the corner goes, in cells.
+    pub(crate) place: (u32, u32),
+}
+
+/// Charts in their places.
+#[derive(Debug, Default)]
+pub(crate) struct Packing {
+    pub(crate) charts: Vec<Chart>,
+    /// For each cell of all formats its chart; `u32::MAX` for cells that nobody reads.
+    pub(crate) chart_of: Vec<u32>,
+    /// Columns and rows in cells of each format's epitome.
+    pub(crate) sizes: Vec<(u32, u32)>,
+}
+
+/// Sets of cells, joined where a leaf reads across.
+struct Union {
+    parent: Vec<u32>,
+}
+
+impl Union {
+    fn root(&mut self, cell: u32) -> u32 {
+        let mut root = cell;
+        while self.parent[root as usize] != root {
+            root = self.parent[root as usize];
+        }
+        let mut at = cell;
+        while self.parent[at as usize] != root {
+            let next = self.parent[at as usize];
+            self.parent[at as usize] = root;
+            at = next;
+        }
+        root
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        // The smaller number leads, so that the result does not depend on the order.
+        let (low, high) = (a.min(b), a.max(b));
+        self.parent[high as usize] = low;
+    }
+}
+
+/// Packs all cells that `choice` reads; sides of epitomes are multiples of `step` cells.
+pub(crate) fn pack(space: &Space, options: &Options, choice: &Choice, step: u32) -> Packing {
+    let mut packing = Packing { charts: charts(space, options, choice), ..Packing::default() };
+    for format in 0..space.stored.len() {
+        let mut order: Vec<usize> =
+            (0..packing.charts.len()).filter(|&index| packing.charts[index].format == format).collect();
+        order.sort_by_key(|&index| (std::cmp::Reverse(packing.charts[index].extent()), index));
+        let cells: u64 = order.iter().map(|&index| packing.charts[index].cells.len() as u64).sum();
+        let size = place(&mut packing.charts, &order, cells, step);
+        packing.sizes.push(size);
+    }
+    packing.chart_of = vec![u32::MAX; choice.users.len()];
+    for (index, chart) in (0u32..).zip(&packing.charts) {
+        let (columns, base) = space.rows_of(chart.format, chart.image, chart.scale);
+        for &(x, y) in &chart.cells {
+            packing.chart_of[(base + y * columns + x) as usize] = index;
+        }
+    }
+    packing
+}
+
+/// Cells that are read, joined to charts.
+fn charts(space: &Space, options: &Options, choice: &Choice) -> Vec<Chart> {
+    let mut union = Union { parent: (0..choice.users.len() as u32).collect() };
+    for (node, leaf) in choice.leaves.iter().enumerate() {
+        let candidate: Option<&Candidate> = leaf.and_then(|leaf| options.candidates[node].get(leaf as usize));
+        let Some(candidate) = candidate else { continue };
+        for pair in options.cells_of(candidate).windows(2) {
+            union.join(pair[0], pair[1]);
+        }
+    }
+    let mut by_root: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    for cell in (0..choice.users.len() as u32).filter(|&cell| choice.users[cell as usize] > 0) {
+        let root = union.root(cell);
+        by_root.entry(root).or_default().push(cell);
+    }
+    let chart = |members: Vec<u32>| {
+        let (format, image, scale, ..) = space.locate(members[0]);
+        let cells: Vec<(u32, u32)> = members
+            .iter()
+            .map(|&cell| {
+                let (_, _, _, x, y) = space.locate(cell);
+                (x, y)
+            })
+            .collect();
+        let left = cells.iter().map(|cell| cell.0).min().unwrap_or(0);
+        let top = cells.iter().map(|cell| cell.1).min().unwrap_or(0);
+        Chart { format, image, scale, cells, corner: (left, top), place: (0, 0) }
+    };
+    by_root.into_values().map(chart).collect()
+}
+
+impl Chart {
+    /// Columns and rows of the bounding rectangle.
+    fn size(&self) -> (u32, u32) {
+        let right = self.cells.iter().map(|cell| cell.0).max().unwrap_or(0);
+        let bottom = self.cells.iter().map(|cell| cell.1).max().unwrap_or(0);
+        (right - self.corner.0 + 1, bottom - self.corner.1 + 1)
+    }
+
+    /// What it is sorted by: the longer side, then the number of cells.
+    fn extent(&self) -> (u32, usize) {
+        let (width, height) = self.size();
+        (width.max(height), self.cells.len())
+    }
+
+    /// Its rows as bit masks from its leftmost column on.
+    fn rows(&self) -> Vec<Vec<u64>> {
+        let (width, height) = self.size();
+        let mut rows = vec![vec![0u64; (width as usize).div_ceil(64)]; height as usize];
+        for &(x, y) in &self.cells {
+            let (x, y) = (x - self.corner.0, y - self.corner.1);
+            rows[y as usize][x as usize / 64] |= 1 << (x % 64);
+        }
+        rows
+    }
+}
+
+/// Places the charts of `order`; gives the columns and rows used, at least one step each.
+fn place(charts: &mut [Chart], order: &[usize], cells: u64, step: u32) -> (u32, u32) {
+    let widest = order.iter().map(|&index| charts[index].size().0).max().unwrap_or(1);
+    let square = (cells as f64).sqrt().ceil() as u32;
+    let limit = crate::wire::MAX_EPITOME_SIDE / super::pyramid::CELL;
+    let width = square.max(widest).max(1).next_multiple_of(step).min(limit);
+    let mut sheet = Sheet { width, rows: Vec::new(), full: 0 };
+    // Where the last chart of a shape went: no earlier place will do for the next.
+    let mut hints: BTreeMap<Vec<Vec<u64>>, (u32, u32)> = BTreeMap::new();
+    for &index in order {
+        let rows = charts[index].rows();
+        let from = hints.get(&rows).copied().unwrap_or((0, 0));
+        let at = sheet.put(&rows, charts[index].size().0, from);
+        charts[index].place = at;
+        hints.insert(rows, at);
+    }
+    let height = (sheet.rows.len() as u32).max(1).next_multiple_of(step);
+    (width, height)
+}
+
+/// Which cells of an epitome are taken.
+struct Sheet {
+    width: u32,
+    rows: Vec<Vec<u64>>,
+    /// Rows from the top that have no free cell.
+    full: u32,
+}
+
+impl Sheet {
+    /// Puts a chart at the first place from `from` on, row by row, where it fits.
+    fn put(&mut self, shape: &[Vec<u64>], width: u32, from: (u32, u32)) -> (u32, u32) {
+        let words = (self.width as usize).div_ceil(64) + 1;
+        let mut y = from.1.max(self.full);
+        let mut x = if y == from.1 { from.0 } else { 0 };
+        loop {
+            while x + width <= self.width {
+                if self.fits(shape, x, y) {
+                    self.fill(shape, x, y, words);
+                    return (x, y);
+                }
+                x += 1;
+            }
+            (x, y) = (0, y + 1);
+        }
+    }
+
+    fn fits(&self, shape: &[Vec<u64>], x: u32, y: u32) -> bool {
+        shape.iter().enumerate().all(|(dy, row)| {
+            let Some(taken) = self.rows.get(y as usize + dy) else { return true };
+            row.iter().enumerate().all(|(word, &bits)| {
+                let at = x as usize / 64 + word;
+                let shift = x % 64;
+                let low = taken.get(at).copied().unwrap_or(0) & (bits << shift);
+                let high = if shift > 0 {
+                    taken.get(at + 1).copied().unwrap_or(0) & (bits >> (64 - shift))
+                } else {
+                    0
+                };
+                low == 0 && high == 0
+            })
+        })
+    }
+
+    fn fill(&mut self, shape: &[Vec<u64>], x: u32, y: u32, words: usize) {
+        if self.rows.len() < y as usize + shape.len() {
+            self.rows.resize(y as usize + shape.len(), vec![0; words]);
+        }
+        for (row, taken) in shape.iter().zip(&mut self.rows[y as usize..]) {
+            for (word, &bits) in row.iter().enumerate() {
+                let (at, shift) = (x as usize / 64 + word, x % 64);
+                if let Some(taken) = taken.get_mut(at) {
+                    *taken |= bits << shift;
+                }
+                if shift > 0
+                    && let Some(taken) = taken.get_mut(at + 1)
+                {
+                    *taken |= bits >> (64 - shift);
+                }
+            }
+        }
+        let whole = |row: &Vec<u64>| row.iter().map(|word| word.count_ones()).sum::<u32>() >= self.width;
+        while self.rows.get(self.full as usize).is_some_and(whole) {
+            self.full += 1;
+        }
+    }
+}

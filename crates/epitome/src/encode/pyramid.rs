@@ -1,0 +1,263 @@
+//! What content may be: every image at full, half and quarter width and height, stored and decoded again.
+//!
+//! A smaller content is the one that linear interpolation turns into the image with the least squared error, not a mean: the
+//! difference is up to 1 dB where it is used.
+
+use glam::Vec4;
+use rayon::prelude::*;
+use texfold_bc::{Content, ContentPlanes};
+use texfold_core::image::{ImageSet, PixelInfo, Raster};
+use texfold_core::{Effort, SurfaceSize};
+use texfold_match::Field;
+
+/// Texels a side of a cell, the unit of content.
+pub(crate) const CELL: u32 = 4;
+
+/// By how much content is smaller than its image, as binary logarithms.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Scale {
+    pub(crate) across: u32,
+    pub(crate) down: u32,
+}
+
+/// Numbers of the scales; 0 is the full size.
+pub(crate) const SCALES: [Scale; 9] = [
+    Scale { across: 0, down: 0 },
+    Scale { across: 1, down: 0 },
+    Scale { across: 0, down: 1 },
+    Scale { across: 1, down: 1 },
+    Scale { across: 2, down: 0 },
+    Scale { across: 0, down: 2 },
+    Scale { across: 2, down: 1 },
+    Scale { across: 1, down: 2 },
+    Scale { across: 2, down: 2 },
+];
+
+/// One image at all scales.
+#[derive(Debug)]
+pub(crate) struct Pyramid {
+    pub(crate) size: SurfaceSize,
+    /// By scale; sides are padded to whole blocks by repeating the edge.
+    pub(crate) source: Vec<Field>,
+}
+
+/// Content of one format.
+#[derive(Debug)]
+pub(crate) struct Stored {
+    pub(crate) content: Content,
+    /// Bits of a cell.
+    pub(crate) cell_bits: u32,
+    /// By image and scale.
+    pub(crate) planes: Vec<Vec<ContentPlanes>>,
+    /// The same, decoded.
+    pub(crate) decoded: Vec<Vec<Field>>,
+}
+
+/// All images at all scales, with the numbers of their cells.
+#[derive(Debug)]
+pub(crate) struct Space {
+    pub(crate) pixel: PixelInfo,
+    pub(crate) pyramids: Vec<Pyramid>,
+    pub(crate) stored: Vec<Stored>,
+    /// First cell of each image and scale.
+    bases: Vec<u32>,
+    /// Cells of one format.
+    pub(crate) cells: u32,
+}
+
+impl Space {
+    /// Images padded to multiples of `block`, stored in each of `contents`, at the first `scales` scales.
+    pub(crate) fn new(
+        images: &ImageSet,
+        block: u32,
+        contents: &[Content],
+        scales: usize,
+        effort: Effort,
+    ) -> Self {
+        let pixel = images.info();
+        let pyramids: Vec<Pyramid> =
+            images.images().par_iter().map(|image| Pyramid::new(image, block, scales)).collect();
+        let stored = contents
+            .iter()
+            .map(|&content| {
+                let planes: Vec<Vec<ContentPlanes>> =
+                    pyramids.par_iter().map(|pyramid| pyramid.store(content, pixel, effort)).collect();
+                let decode = |planes: &ContentPlanes| {
+                    let (width, height) = planes.size();
+                    let texels = planes.decode().into_iter().map(|texel| texel * 255.0).collect();
+                    Field { width: width as usize, height: height as usize, texels }
+                };
+                let decoded =
+                    planes.par_iter().map(|scales| scales.par_iter().map(decode).collect()).collect();
+                let cell_bits = content.bits_per_texel(pixel) * CELL * CELL;
+                Stored { content, cell_bits, planes, decoded }
+            })
+            .collect();
+        let mut bases = Vec::new();
+        let mut cells = 0;
+        for field in pyramids.iter().flat_map(|pyramid| &pyramid.source) {
+            bases.push(cells);
+            cells += (field.width as u32 / CELL) * (field.height as u32 / CELL);
+        }
+        Space { pixel, pyramids, stored, bases, cells }
+    }
+
+    /// Number of scales.
+    pub(crate) fn scales(&self) -> usize {
+        self.pyramids.first().map_or(0, |pyramid| pyramid.source.len())
+    }
+
+    /// Cells in a row of a field, and the number of the field's first cell of format `format`.
+    pub(crate) fn rows_of(&self, format: usize, image: usize, scale: usize) -> (u32, u32) {
+        let field = &self.pyramids[image].source[scale];
+        let base = self.bases[image * self.scales() + scale];
+        (field.width as u32 / CELL, format as u32 * self.cells + base)
+    }
+
+    /// Format, image and scale of a cell, with its column and row.
+    pub(crate) fn locate(&self, cell: u32) -> (usize, usize, usize, u32, u32) {
+        let (format, cell) = (cell / self.cells, cell % self.cells);
+        let field = self.bases.partition_point(|&base| base <= cell) - 1;
+        let (image, scale) = (field / self.scales(), field % self.scales());
+        let columns = self.pyramids[image].source[scale].width as u32 / CELL;
+        let index = cell - self.bases[field];
+        (format as usize, image, scale, index % columns, index / columns)
+    }
+}
+
+impl Pyramid {
+    fn new(image: &Raster, block: u32, scales: usize) -> Self {
+        let size = image.size();
+        let (width, height) = (size.width.next_multiple_of(block), size.height.next_multiple_of(block));
+        let texels = (0..height)
+            .flat_map(|y| (0..width).map(move |x| (x, y)))
+            .map(|(x, y)| image.texel(x, y) * 255.0)
+            .collect();
+        let full = Field { width: width as usize, height: height as usize, texels };
+        let source = SCALES[..scales]
+            .par_iter()
+            .map(|scale| reduce(&reduce(&full, scale.across, true), scale.down, false))
+            .collect();
+        Pyramid { size, source }
+    }
+
+    fn store(&self, content: Content, pixel: PixelInfo, effort: Effort) -> Vec<ContentPlanes> {
+        let store = |field: &Field| {
+            let texels: Vec<Vec4> = field.texels.iter().map(|texel| *texel / 255.0).collect();
+            let size = (field.width as u32, field.height as u32);
+            ContentPlanes::encode(content, pixel, size, &texels, effort)
+        };
+        self.source.iter().map(store).collect()
+    }
+}
+
+/// The field at 1/2^log2 of its width or height from which linear interpolation gives it back best.
+fn reduce(field: &Field, log2: u32, across: bool) -> Field {
+    if log2 == 0 {
+        return field.clone();
+    }
+    let factor = 1usize << log2;
+    let length = if across { field.width } else { field.height };
+    let system = Interpolation::new(length / factor, factor);
+    let (lines, line_step, step) =
+        if across { (field.height, field.width, 1) } else { (field.width, 1, field.width) };
+    let reduced: Vec<Vec<Vec4>> =
+        (0..lines).map(|line| system.fit(|index| field.texels[line * line_step + index * step])).collect();
+    if across {
+        return Field { width: length / factor, height: field.height, texels: reduced.concat() };
+    }
+    let height = length / factor;
+    let texels = (0..height).flat_map(|y| reduced.iter().map(move |column| column[y])).collect();
+    Field { width: field.width, height, texels }
+}
+
+/// Normal equations of linear interpolation by a factor; tridiagonal, solved by Thomas' algorithm.
+struct Interpolation {
+    count: usize,
+    factor: usize,
+    /// Weights of the left of two content texels, by place between them.
+    weights: Vec<f32>,
+    /// What elimination leaves of the upper diagonal, and the inverse pivots.
+    upper: Vec<f32>,
+    pivots: Vec<f32>,
+}
+
+impl Interpolation {
+    fn new(count: usize, factor: usize) -> Self {
+        // Between the centres of two content texels lie `factor` texels; half a content texel lies beyond the last ones.
+        let weights: Vec<f32> = (0..factor).map(|k| 1.0 - (k as f32 + 0.5) / factor as f32).collect();
+        let squared: f32 = weights.iter().map(|w| w * w).sum();
+        let mixed: f32 = weights.iter().map(|w| w * (1.0 - w)).sum();
+        let edge = factor as f32 * 0.5;
+        let (mut upper, mut pivots) = (vec![0.0; count], vec![0.0; count]);
+        for index in 0..count {
+            let sides = f32::from(u8::from(index > 0)) + f32::from(u8::from(index + 1 < count));
+            let diagonal = squared * sides + edge * (2.0 - sides);
+            let before = if index > 0 { mixed * upper[index - 1] } else { 0.0 };
+            pivots[index] = 1.0 / (diagonal - before);
+            upper[index] = mixed * pivots[index];
+        }
+        Interpolation { count, factor, weights, upper, pivots }
+    }
+
+    fn fit(&self, at: impl Fn(usize) -> Vec4) -> Vec<Vec4> {
+        let half = self.factor / 2;
+        let mut right = vec![Vec4::ZERO; self.count];
+        for index in 0..self.count * self.factor {
+            let value = at(index);
+            if index < half {
+                right[0] += value;
+                continue;
+            }
+            let (left, place) = ((index - half) / self.factor, (index - half) % self.factor);
+            if left + 1 >= self.count {
+                right[self.count - 1] += value;
+                continue;
+            }
+            right[left] += value * self.weights[place];
+            right[left + 1] += value * (1.0 - self.weights[place]);
+        }
+        let mixed: f32 = self.weights.iter().map(|w| w * (1.0 - w)).sum();
+        for index in 0..self.count {
+            let before = if index > 0 { right[index - 1] * mixed } else { Vec4::ZERO };
+            right[index] = (right[index] - before) * self.pivots[index];
+        }
+        for index in (0..self.count.saturating_sub(1)).rev() {
+            right[index] = right[index] - right[index + 1] * self.upper[index];
+        }
+        right.iter().map(|value| value.clamp(Vec4::ZERO, Vec4::splat(255.0))).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_interpolation_can_show_is_found_exactly() {
+        for factor in [2usize, 4] {
+            let content: Vec<f32> = (0..8).map(|i| 20.0 + (i * i * 37 % 200) as f32).collect();
+            let show = |index: usize| {
+                let at = ((index as f32 + 0.5) / factor as f32 - 0.5).clamp(0.0, 7.0);
+                let left = (at as usize).min(6);
+                let weight = at - left as f32;
+                Vec4::splat(content[left] * (1.0 - weight) + content[left + 1] * weight)
+            };
+            let found = Interpolation::new(8, factor).fit(show);
+            for (found, wanted) in found.iter().zip(&content) {
+                assert!((found.x - wanted).abs() < 0.01, "factor {factor}: {} {wanted}", found.x);
+            }
+        }
+    }
+
+    #[test]
+    fn cells_are_found_again() {
+        let image = texfold_testkit::picture("odd_37x61");
+        let space = Space::new(&ImageSet::single(image), 32, &[Content::Bc1, Content::Bc7], 9, Effort::Fast);
+        for (format, scale, x, y) in [(0, 0, 0, 0), (1, 0, 15, 15), (0, 3, 7, 2), (1, 8, 3, 3)] {
+            let (columns, base) = space.rows_of(format, 0, scale);
+            assert_eq!(space.locate(base + y * columns + x), (format, 0, scale, x, y));
+        }
+        assert_eq!((space.stored[0].cell_bits, space.stored[1].cell_bits), (64, 128));
+    }
+}

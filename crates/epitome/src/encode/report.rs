@@ -1,0 +1,59 @@
+//! What was modelled, in a sentence.
+
+use super::candidate::{Candidate, FRACTION_BITS};
+use super::choose::{Choice, Options};
+use super::leaf::{Grid, Node};
+use super::pyramid::SCALES;
+
+/// Texels of the images by where their content comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Shares {
+    /// From another place.
+    pub(crate) borrowed: u64,
+    /// From their own place at a smaller scale.
+    pub(crate) reduced: u64,
+    /// All texels.
+    pub(crate) all: u64,
+}
+
+/// Counts the texels of a choice.
+pub(crate) fn shares(grid: &Grid, options: &Options, choice: &Choice) -> Shares {
+    let mut shares = Shares::default();
+    for (index, leaf) in choice.leaves.iter().enumerate() {
+        let candidate = leaf.and_then(|leaf| options.candidates[index].get(leaf as usize));
+        let Some(candidate) = candidate else { continue };
+        let node = grid.node(index);
+        let texels = u64::from(node.inside.x * node.inside.y);
+        shares.all += texels;
+        if !is_own(&node, candidate) {
+            shares.borrowed += texels;
+        } else if candidate.scale > 0 {
+            shares.reduced += texels;
+        }
+    }
+    shares
+}
+
+/// Whether a candidate is the leaf's own content, upright.
+fn is_own(node: &Node, candidate: &Candidate) -> bool {
+    let scale = SCALES[usize::from(candidate.scale)];
+    let own = |corner: u32, log2: u32| (((2 * corner + node.side) << FRACTION_BITS) >> (1 + log2)) as i32;
+    let place = (own(node.corner.x, scale.across), own(node.corner.y, scale.down));
+    usize::from(candidate.image) == node.image
+        && u16::from(candidate.scale) == candidate.linear
+        && candidate.tone == 0
+        && place == (candidate.x, candidate.y)
+}
+
+/// The verdict on a choice.
+pub(crate) fn verdict(grid: &Grid, options: &Options, choice: &Choice, met: bool) -> String {
+    let shares = shares(grid, options, choice);
+    let percent = |texels: u64| 100.0 * texels as f64 / shares.all.max(1) as f64;
+    let missed = if met { "" } else { " The goal is out of reach; this comes nearest." };
+    format!(
+        "{:.0}% of the texels are shown by content from elsewhere, {:.0}% by their own content at a smaller scale, the \
+         rest by their own at full size.{missed}",
+        percent(shares.borrowed),
+        percent(shares.reduced)
+    )
+}

@@ -1,0 +1,359 @@
+//! For every leaf, places elsewhere that look like it: descriptors and a k-d tree, then affine refinement, then what the
+//! neighbours and the parent found.
+
+use glam::{Mat2, Vec2};
+use rayon::prelude::*;
+use texfold_core::image::ColorSpace;
+use texfold_core::{Effort, EncodeError, Job};
+use texfold_match::{Field, LumaSums, Mirror, PatchIndex, Transform, describe, refine};
+
+use super::candidate::{Match, ScaleErrors};
+use super::leaf::{Grid, Node};
+use super::pyramid::{CELL, SCALES, Space};
+
+/// Contrast in 8-bit steps below which a leaf is not searched for: plain content at a quarter of the size shows it.
+const LEAST_CONTRAST: f32 = 1.0;
+/// Squared distance of descriptors beyond which nothing is alike.
+const WITHIN: f32 = 0.4;
+/// Luma differs less than colour does: by what to multiply its squared error to compare it with that of all channels.
+const CHANNELS: f32 = 3.0;
+/// Places of two matches nearer than this, in texels, are one match.
+const APART: f32 = 2.5;
+/// Linear parts are kept within these factors of the seed's.
+const STRETCH: std::ops::RangeInclusive<f32> = 0.6..=1.6;
+
+/// How widely to search.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Reach {
+    /// Scales whose content is searched.
+    pub(crate) scales: usize,
+    /// Neighbours taken from the tree under each mirroring.
+    pub(crate) neighbours: usize,
+    /// Matches kept for a leaf at each scale.
+    pub(crate) kept: usize,
+    /// Steps between places, in texels.
+    pub(crate) stride: u32,
+}
+
+impl Reach {
+    pub(crate) fn of(effort: Effort, texels: u64) -> Self {
+        let stride = if texels > 3 << 20 { 4 } else { 2 };
+        match effort {
+            Effort::Fast => Reach { scales: 1, neighbours: 4, kept: 2, stride: stride * 2 },
+            Effort::Normal => Reach { scales: 9, neighbours: 6, kept: 3, stride },
+            Effort::High => Reach { scales: 9, neighbours: 16, kept: 4, stride: stride / 2 },
+        }
+    }
+}
+
+/// Where content may come from, and what a match must be worth.
+pub(crate) struct Allowed<'a> {
+    /// By cell of all formats; all of them where there is no restriction.
+    pub(crate) cells: Option<&'a [bool]>,
+    /// For each node the squared error that a match may have at most, less than which it gains nothing.
+    pub(crate) errors: &'a [f32],
+    /// For each node the least error of its own content at each scale: a match at that scale is hardly better.
+    pub(crate) own: &'a [ScaleErrors],
+}
+
+/// Luma of each field, and its sums.
+struct Searchable {
+    luma: Vec<f32>,
+    sums: LumaSums,
+}
+
+/// Finds matches for every node; `found` has a list for each and keeps what it has.
+pub(crate) fn search(
+    space: &Space,
+    grid: &Grid,
+    reach: Reach,
+    allowed: &Allowed<'_>,
+    found: &mut [Vec<Match>],
+    job: &mut Job<'_>,
+) -> Result<(), EncodeError> {
+    let scales = reach.scales.min(space.scales());
+    for scale in 0..scales {
+        job.stage("searching", scale as f32 / scales as f32)?;
+        let fields: Vec<Searchable> = space
+            .pyramids
+            .par_iter()
+            .map(|pyramid| &pyramid.source[scale])
+            .map(|field| Searchable { luma: field.luma(), sums: LumaSums::new(field) })
+            .collect();
+        let sides =
+            if grid.split { vec![grid.block, grid.block / 2, grid.block / 4] } else { vec![grid.block] };
+        let mut fresh: Vec<Vec<Match>> = vec![Vec::new(); found.len()];
+        for side in sides {
+            let across = side >> SCALES[scale].across;
+            let down = side >> SCALES[scale].down;
+            if across < CELL || down < CELL {
+                continue;
+            }
+            let round = Round { space, grid, reach, scale, side, fields: &fields, allowed };
+            round.run(&mut fresh);
+            round.propagate(&mut fresh);
+        }
+        for (all, fresh) in found.iter_mut().zip(fresh) {
+            all.extend(fresh);
+        }
+    }
+    Ok(())
+}
+
+/// Leaves of one size at one scale.
+struct Round<'a> {
+    space: &'a Space,
+    grid: &'a Grid,
+    reach: Reach,
+    scale: usize,
+    side: u32,
+    fields: &'a [Searchable],
+    allowed: &'a Allowed<'a>,
+}
+
+impl Round<'_> {
+    fn field(&self, image: usize) -> &Field {
+        &self.space.pyramids[image].source[self.scale]
+    }
+
+    /// Columns and rows of a leaf in the field.
+    fn patch(&self) -> (usize, usize) {
+        let scale = SCALES[self.scale];
+        ((self.side >> scale.across) as usize, (self.side >> scale.down) as usize)
+    }
+
+    /// Upper left texel of a leaf in the field.
+    fn corner(&self, node: &Node) -> (usize, usize) {
+        let scale = SCALES[self.scale];
+        ((node.corner.x >> scale.across) as usize, (node.corner.y >> scale.down) as usize)
+    }
+
+    /// From texels of the leaf to those of the field.
+    fn shrink(&self) -> Mat2 {
+        let scale = SCALES[self.scale];
+        Mat2::from_diagonal(Vec2::new(1.0 / (1 << scale.across) as f32, 1.0 / (1 << scale.down) as f32))
+    }
+
+    /// Number of the nodes that are searched for.
+    fn nodes(&self) -> Vec<usize> {
+        (0..self.grid.nodes())
+            .filter(|&index| {
+                let node = self.grid.node(index);
+                let most = self.allowed.errors[index];
+                node.side == self.side && !node.is_outside() && self.allowed.own[index][self.scale] < most
+            })
+            .collect()
+    }
+
+    fn run(&self, found: &mut [Vec<Match>]) {
+        let indices: Vec<PatchIndex> = (0..self.fields.len())
+            .map(|image| {
+                let places = self.places(image);
+                PatchIndex::new(&self.fields[image].sums, self.patch(), places, LEAST_CONTRAST)
+            })
+            .collect();
+        let nodes = self.nodes();
+        let matches: Vec<Vec<Match>> =
+            nodes.par_iter().map(|&index| self.matches_of(index, &indices)).collect();
+        for (index, matches) in nodes.into_iter().zip(matches) {
+            found[index] = matches;
+        }
+    }
+
+    /// Places in an image whose patch lies in cells that are allowed, in any format.
+    fn places(&self, image: usize) -> Vec<(u32, u32)> {
+        let field = self.field(image);
+        let (width, height) = self.patch();
+        // Beyond the image's edge content repeats it: nothing new is there.
+        let scale = SCALES[self.scale];
+        let size = self.space.pyramids[image].size;
+        let (end_x, end_y) = ((size.width >> scale.across) as usize, (size.height >> scale.down) as usize);
+        if end_x < width || end_y < height {
+            return Vec::new();
+        }
+        let step = self.stride() as usize;
+        let all = (0..=end_y - height)
+            .step_by(step)
+            .flat_map(|y| (0..=end_x - width).step_by(step).map(move |x| (x as u32, y as u32)));
+        let Some(cells) = self.allowed.cells else { return all.collect() };
+        let formats: Vec<CellSums> = (0..self.space.stored.len())
+            .map(|format| CellSums::new(cells, field, self.space.rows_of(format, image, self.scale)))
+            .collect();
+        all.filter(|&(x, y)| formats.iter().any(|sums| sums.holds(x, y, width as u32, height as u32)))
+            .collect()
+    }
+
+    /// Finer content has fewer texels to step over.
+    fn stride(&self) -> u32 {
+        let scale = SCALES[self.scale];
+        let patch = (self.side >> scale.across).min(self.side >> scale.down);
+        (self.reach.stride * patch / 8).clamp(1, 4)
+    }
+
+    fn matches_of(&self, number: usize, indices: &[PatchIndex]) -> Vec<Match> {
+        let node = &self.grid.node(number);
+        let (x, y) = self.corner(node);
+        let (width, height) = self.patch();
+        let own = &self.fields[node.image];
+        let (descriptor, contrast) = describe(&own.sums, x, y, width, height);
+        if contrast < LEAST_CONTRAST {
+            return Vec::new();
+        }
+        let most = self.most_luma(number);
+        // What the low frequencies leave is part of what all leave.
+        let length = contrast * contrast * (width * height) as f32;
+        let within = WITHIN.min(most / length);
+        let mut seeds: Vec<(f32, u16, Mirror, u32, u32)> = Vec::new();
+        let mirrors = if self.space.pixel.color == ColorSpace::Normal { 1 } else { Mirror::ALL.len() };
+        for &mirror in &Mirror::ALL[..mirrors] {
+            let query = mirror.of(&descriptor);
+            for (image, index) in indices.iter().enumerate() {
+                for near in index.nearest(&query, within, self.reach.neighbours) {
+                    let itself = image == node.image
+                        && near.x.abs_diff(x as u32) < (width as u32 / 2).max(2)
+                        && near.y.abs_diff(y as u32) < (height as u32 / 2).max(2);
+                    if !itself {
+                        seeds.push((near.distance, image as u16, mirror, near.x, near.y));
+                    }
+                }
+            }
+        }
+        seeds.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let target = self.target(node);
+        let half = Vec2::new(width as f32, height as f32) * 0.5;
+        let mut matches: Vec<Match> = Vec::new();
+        for (_, image, mirror, x, y) in seeds {
+            let position = Vec2::new(x as f32, y as f32) + half;
+            if matches.len() >= 2 * self.reach.kept
+                || matches.iter().any(|m| m.image == image && m.position.distance(position) < APART)
+            {
+                continue;
+            }
+            let sign = |flip: bool| if flip { -1.0 } else { 1.0 };
+            let linear = Mat2::from_diagonal(Vec2::new(sign(mirror.across), sign(mirror.down)));
+            matches.extend(self.refined(&target, image, Transform { position, linear }));
+        }
+        matches.retain(|found| found.error < most);
+        self.keep_best(matches)
+    }
+
+    /// Squared error of luma in texels of the field that a match of a node may have.
+    fn most_luma(&self, number: usize) -> f32 {
+        let scale = SCALES[self.scale];
+        self.allowed.errors[number] / CHANNELS / (1u32 << (scale.across + scale.down)) as f32
+    }
+
+    /// The leaf's luma in its own field.
+    fn target(&self, node: &Node) -> Vec<f32> {
+        let ((x, y), (width, height)) = (self.corner(node), self.patch());
+        let field = self.field(node.image);
+        let luma = &self.fields[node.image].luma;
+        (y..y + height)
+            .flat_map(|y| &luma[y * field.width + x..y * field.width + x + width])
+            .copied()
+            .collect()
+    }
+
+    /// A seed refined within the field; `None` where it strays.
+    fn refined(&self, target: &[f32], image: u16, seed: Transform) -> Option<Match> {
+        let field = self.field(usize::from(image));
+        let size = (field.width, field.height);
+        let affine = self.space.pixel.color != ColorSpace::Normal;
+        let luma = &self.fields[usize::from(image)].luma;
+        let refined = refine(target, self.patch(), luma, size, seed, affine);
+        let Transform { position, linear } = refined.transform;
+        let stretch = |axis: Vec2| STRETCH.contains(&axis.length());
+        if !stretch(linear.x_axis) || !stretch(linear.y_axis) || !position.is_finite() {
+            return None;
+        }
+        let scale = self.scale as u8;
+        Some(Match { image, scale, position, linear: linear * self.shrink(), error: refined.error })
+    }
+
+    fn keep_best(&self, mut matches: Vec<Match>) -> Vec<Match> {
+        matches.sort_by(|a, b| a.error.total_cmp(&b.error));
+        let mut kept: Vec<Match> = Vec::new();
+        for found in matches {
+            let known = |m: &Match| m.image == found.image && m.position.distance(found.position) < APART;
+            if kept.len() < self.reach.kept && !kept.iter().any(known) {
+                kept.push(found);
+            }
+        }
+        kept
+    }
+
+    /// Each leaf tries what its four neighbours of the same size found, carried on to its own place.
+    fn propagate(&self, found: &mut [Vec<Match>]) {
+        let nodes = self.nodes();
+        let before: &[Vec<Match>] = found;
+        let better: Vec<Option<Vec<Match>>> = nodes
+            .par_iter()
+            .map(|&index| {
+                let node = self.grid.node(index);
+                let mut matches = before[index].clone();
+                let most = self.most_luma(index);
+                let own = matches.first().map_or(most, |found| found.error);
+                let target = self.target(&node);
+                let unshrink = self.shrink().inverse();
+                let mut tried = false;
+                for neighbour in self.grid.neighbours(index) {
+                    let Some(theirs) = before[neighbour].first().filter(|theirs| theirs.error < 4.0 * own)
+                    else {
+                        continue;
+                    };
+                    let step = node.corner.as_vec2() - self.grid.node(neighbour).corner.as_vec2();
+                    let position = theirs.position + theirs.linear * step;
+                    let known = |m: &Match| m.image == theirs.image && m.position.distance(position) < 1.0;
+                    let field = self.field(usize::from(theirs.image));
+                    let half = Vec2::new(self.patch().0 as f32, self.patch().1 as f32) * 0.5;
+                    let end = Vec2::new(field.width as f32, field.height as f32) - half;
+                    if matches.iter().any(known) || !(position.cmpge(half).all() && position.cmple(end).all())
+                    {
+                        continue;
+                    }
+                    let seed = Transform { position, linear: theirs.linear * unshrink };
+                    matches.extend(self.refined(&target, theirs.image, seed));
+                    tried = true;
+                }
+                matches.retain(|found| found.error < most);
+                tried.then(|| self.keep_best(matches))
+            })
+            .collect();
+        for (index, better) in nodes.into_iter().zip(better) {
+            if let Some(matches) = better {
+                found[index] = matches;
+            }
+        }
+    }
+}
+
+/// How many cells of a field are allowed above and left of each.
+struct CellSums {
+    columns: usize,
+    sums: Vec<u32>,
+}
+
+impl CellSums {
+    fn new(cells: &[bool], field: &Field, (columns, base): (u32, u32)) -> Self {
+        let columns = columns as usize;
+        let rows = field.height / CELL as usize;
+        let mut sums = vec![0u32; (columns + 1) * (rows + 1)];
+        for y in 0..rows {
+            let mut row = 0;
+            for x in 0..columns {
+                row += u32::from(cells[base as usize + y * columns + x]);
+                sums[(y + 1) * (columns + 1) + x + 1] = sums[y * (columns + 1) + x + 1] + row;
+            }
+        }
+        CellSums { columns: columns + 1, sums }
+    }
+
+    /// Whether all cells under a patch are allowed.
+    fn holds(&self, x: u32, y: u32, width: u32, height: u32) -> bool {
+        let (left, top) = ((x / CELL) as usize, (y / CELL) as usize);
+        let (right, bottom) = ((x + width).div_ceil(CELL) as usize, (y + height).div_ceil(CELL) as usize);
+        let at = |x: usize, y: usize| self.sums[y * self.columns + x];
+        let sum = at(right, bottom) + at(left, top) - at(right, top) - at(left, bottom);
+        sum as usize == (right - left) * (bottom - top)
+    }
+}

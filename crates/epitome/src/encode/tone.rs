@@ -1,0 +1,181 @@
+//! Tones: gain and offset for each colour channel, and the palette of them.
+
+use glam::{DVec4, Vec4};
+
+use crate::encoded::{NEUTRAL, Tone};
+
+/// Gain at most this much above 1: content is taken from the brighter place, where its steps are finer (paper section 3.1).
+const MOST_GAIN: f64 = 1.25;
+/// Rounds in which the palette is fitted.
+const ROUNDS: usize = 8;
+
+/// Sums over a leaf's texels of content x and target y, both less a mean, for each channel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Stats {
+    count: f32,
+    mean: Vec4,
+    sx: Vec4,
+    sy: Vec4,
+    sxx: Vec4,
+    sxy: Vec4,
+    syy: Vec4,
+}
+
+impl Stats {
+    /// Empty sums around the mean of `target`.
+    pub(crate) fn around(target: &[Vec4]) -> Self {
+        let count = target.len() as f32;
+        let mean = target.iter().copied().sum::<Vec4>() / count.max(1.0);
+        let zero = Vec4::ZERO;
+        Stats { count, mean, sx: zero, sy: zero, sxx: zero, sxy: zero, syy: zero }
+    }
+
+    #[inline]
+    pub(crate) fn add(&mut self, content: Vec4, target: Vec4) {
+        let (x, y) = (content - self.mean, target - self.mean);
+        self.sx += x;
+        self.sy += y;
+        self.sxx += x * x;
+        self.sxy += x * y;
+        self.syy += y * y;
+    }
+
+    /// Squared error of the content as it is.
+    pub(crate) fn plain_error(&self) -> f32 {
+        let squared = self.syy - 2.0 * self.sxy + self.sxx;
+        squared.max(Vec4::ZERO).element_sum()
+    }
+
+    /// Squared error under a tone.
+    pub(crate) fn error(&self, tone: &Tone) -> f32 {
+        let (gain, offset) = values(tone);
+        // Offset that acts on values less the mean.
+        let offset = offset + (gain - 1.0) * self.mean;
+        let squared = self.syy + gain * gain * self.sxx + self.count * offset * offset
+            - 2.0 * gain * self.sxy
+            - 2.0 * offset * self.sy
+            + 2.0 * gain * offset * self.sx;
+        squared.max(Vec4::ZERO).element_sum()
+    }
+
+    /// The tone of least error.
+    pub(crate) fn best(&self) -> Tone {
+        Sums::default().with(self).tone()
+    }
+}
+
+/// Gain and offset in 8-bit units; alpha keeps its value.
+fn values(tone: &Tone) -> (Vec4, Vec4) {
+    let gain = Vec4::new(f32::from(tone[0]), f32::from(tone[1]), f32::from(tone[2]), 128.0) / 128.0;
+    let offset =
+        Vec4::new(f32::from(tone[3]) - 128.0, f32::from(tone[4]) - 128.0, f32::from(tone[5]) - 128.0, 0.0);
+    (gain, offset)
+}
+
+/// Sums of several leaves, around zero.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    count: f64,
+    sx: DVec4,
+    sy: DVec4,
+    sxx: DVec4,
+    sxy: DVec4,
+}
+
+impl Sums {
+    fn with(mut self, stats: &Stats) -> Self {
+        let (n, m) = (f64::from(stats.count), stats.mean.as_dvec4());
+        let (sx, sy) = (stats.sx.as_dvec4(), stats.sy.as_dvec4());
+        self.count += n;
+        self.sx += sx + n * m;
+        self.sy += sy + n * m;
+        self.sxx += stats.sxx.as_dvec4() + 2.0 * m * sx + n * m * m;
+        self.sxy += stats.sxy.as_dvec4() + m * (sx + sy) + n * m * m;
+        self
+    }
+
+    /// Least squares, channel by channel, rounded to what can be stored.
+    fn tone(&self) -> Tone {
+        let mut tone = NEUTRAL;
+        let n = self.count.max(1.0);
+        for channel in 0..3 {
+            let (sx, sy) = (self.sx[channel], self.sy[channel]);
+            let vxx = self.sxx[channel] - sx * sx / n;
+            let vxy = self.sxy[channel] - sx * sy / n;
+            // A prior of one 8-bit step a texel towards gain 1: flat content says nothing of contrast.
+            let gain = ((vxy + n) / (vxx + n)).clamp(0.0, MOST_GAIN);
+            let gain = (gain * 128.0).round() / 128.0;
+            let offset = ((sy - gain * sx) / n).round().clamp(-128.0, 127.0);
+            tone[channel] = (gain * 128.0) as u8;
+            tone[channel + 3] = (offset + 128.0) as u8;
+        }
+        tone
+    }
+}
+
+/// At most `count` tones, the neutral one first, fitted to the leaves by Lloyd's iteration on their errors.
+pub(crate) fn palette(leaves: &[Stats], count: usize) -> Vec<Tone> {
+    let mut tones = vec![NEUTRAL];
+    if count <= 1 || leaves.is_empty() {
+        return tones;
+    }
+    // Seeds: the own tones of leaves, evenly spread by brightness shift.
+    let mut own: Vec<Tone> = leaves.iter().map(Stats::best).collect();
+    own.sort_by_key(|tone| {
+        let sum = |range: std::ops::Range<usize>| tone[range].iter().map(|&v| u32::from(v)).sum::<u32>();
+        (sum(3..6) / 12, sum(0..3), *tone)
+    });
+    let step = own.len() as f64 / (count - 1) as f64;
+    tones.extend((0..count - 1).map(|index| own[((index as f64 + 0.5) * step) as usize]));
+    tones.dedup();
+    for _ in 0..ROUNDS {
+        let mut sums = vec![Sums::default(); tones.len()];
+        for stats in leaves {
+            let nearest = nearest(&tones, stats).0;
+            sums[nearest] = sums[nearest].with(stats);
+        }
+        for (tone, sums) in tones.iter_mut().zip(&sums).skip(1) {
+            if sums.count > 0.0 {
+                *tone = sums.tone();
+            }
+        }
+    }
+    tones
+}
+
+/// Number and error of the tone of least error, the first of equals.
+pub(crate) fn nearest(tones: &[Tone], stats: &Stats) -> (usize, f32) {
+    let mut best = (0, f32::INFINITY);
+    for (index, tone) in tones.iter().enumerate() {
+        let error = stats.error(tone);
+        if error < best.1 {
+            best = (index, error);
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_give_the_error_that_texels_give() {
+        let content: Vec<Vec4> =
+            (0..64).map(|i| Vec4::new(i as f32 * 3.0, 200.0 - i as f32, 50.0, 255.0)).collect();
+        let target: Vec<Vec4> =
+            content.iter().map(|x| Vec4::new(x.x * 0.8 + 9.0, x.y, 70.0, 255.0)).collect();
+        let mut stats = Stats::around(&target);
+        content.iter().zip(&target).for_each(|(&x, &y)| stats.add(x, y));
+        let tone: Tone = [100, 128, 120, 140, 128, 160];
+        let (gain, offset) = values(&tone);
+        let slow: f32 =
+            content.iter().zip(&target).map(|(&x, &y)| (y - gain * x - offset).length_squared()).sum();
+        assert!((stats.error(&tone) - slow).abs() < slow * 1e-3, "{} {slow}", stats.error(&tone));
+        assert!(stats.error(&stats.best()) < 64.0, "{:?}", stats.best());
+        assert!((stats.plain_error() - stats.error(&NEUTRAL)).abs() < 1.0);
+        let tones = palette(&[stats; 3], 8);
+        assert_eq!(tones[0], NEUTRAL);
+        assert!(nearest(&tones, &stats).1 < 64.0);
+    }
+}

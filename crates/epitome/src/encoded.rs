@@ -1,0 +1,472 @@
+//! The shipped form: epitomes, a map, and mip levels of both kinds.
+
+use std::borrow::Cow;
+
+use glam::{IVec2, UVec2, Vec2, Vec4};
+use texfold_bc::{Content, ContentPlanes};
+use texfold_core::address::TEXFOLD_CLAMP;
+use texfold_core::container::{SectionWriter, write_layout};
+use texfold_core::image::PixelInfo;
+use texfold_core::{
+    CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Notes, Plane,
+    PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
+};
+
+use crate::decode::{
+    EpitomeView, TEXFOLD_EPITOME_FINE_LEVELS, TexfoldEpitomeLeaf, TexfoldEpitomeParams,
+    texfold_epitome_fetch, texfold_epitome_leaf, texfold_epitome_place, texfold_epitome_plane_level,
+    texfold_epitome_read, texfold_epitome_source,
+};
+use crate::{Epitome, wire};
+
+/// Mip levels that an epitome has beside its full size, where there are any.
+pub(crate) const PLANE_MIPS: u32 = 2;
+/// Longest side of the map plane in texels: what every WebGPU device can sample.
+const MAX_PLANE_SIDE: usize = 8192;
+/// A row of the map plane has at least this many words, as a power of two.
+const LEAST_ROW_LOG2: u32 = 6;
+
+/// How the map is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct MapFormat {
+    /// Texels a side of a block.
+    pub block: u32,
+    /// Whether blocks are split into leaves of a half and a quarter of their side.
+    pub split: bool,
+    /// Bits of a position's column.
+    pub x_bits: u32,
+    /// Bits of a position's row.
+    pub y_bits: u32,
+    /// How many of them are a fraction of a texel.
+    pub fraction_bits: u32,
+    /// Bits of a tone's number.
+    pub tone_bits: u32,
+    /// Bits of a linear part's number.
+    pub linear_bits: u32,
+    /// Whether there are two epitomes.
+    pub mixed: bool,
+}
+
+impl MapFormat {
+    /// Bytes of an entry.
+    #[must_use]
+    pub fn entry_bytes(&self) -> u32 {
+        let bits = self.x_bits + self.y_bits + self.tone_bits + self.linear_bits + u32::from(self.mixed);
+        bits.div_ceil(8).max(2)
+    }
+}
+
+/// One leaf's entry of the map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Entry {
+    /// Column of the leaf's centre in the epitome, in fractions of a texel as the format says.
+    pub x: u32,
+    /// Row of the leaf's centre.
+    pub y: u32,
+    /// Number of its tone.
+    pub tone: u32,
+    /// Number of its linear part.
+    pub linear: u32,
+    /// Which epitome.
+    pub plane: u32,
+}
+
+/// Rows of a linear part in units of 1/8192.
+pub type Linear = [i16; 4];
+/// Gain in units of 1/128 and offset plus 128 in units of 1/255, for red, green and blue each.
+pub type Tone = [u8; 6];
+
+/// The linear part that changes nothing.
+pub const IDENTITY: Linear = [8192, 0, 0, 8192];
+/// The tone that changes nothing.
+pub const NEUTRAL: Tone = [128; 6];
+
+/// All that a file holds, before it is laid out for sampling.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Parts {
+    pub(crate) layout: ImageLayout,
+    pub(crate) format: MapFormat,
+    /// For each block of all images, row by row: bit 0 whether it is split, bits 1 to 4 which of its quarters are.
+    pub(crate) trees: Vec<u8>,
+    pub(crate) entries: Vec<Entry>,
+    pub(crate) linears: Vec<Linear>,
+    pub(crate) tones: Vec<Tone>,
+    /// One or two epitomes, each with its mip levels.
+    pub(crate) epitomes: Vec<Vec<ContentPlanes>>,
+    /// For each image the levels that are not read from the epitome.
+    pub(crate) coarse: Vec<Vec<ContentPlanes>>,
+}
+
+/// Images stored as a map into an epitome.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EpitomeTexture {
+    pub(crate) parts: Parts,
+    map: Vec<u32>,
+    params: Vec<TexfoldEpitomeParams>,
+    /// Texels of each epitome's levels.
+    texels: Vec<Vec<Vec<Texel>>>,
+    coarse: Vec<Vec<Vec<Texel>>>,
+    pub(crate) notes: Notes,
+}
+
+/// Columns and rows of blocks that cover an image.
+pub(crate) fn blocks_of(size: SurfaceSize, block: u32) -> (u32, u32) {
+    (size.width.div_ceil(block), size.height.div_ceil(block))
+}
+
+/// How levels that are not read from the epitome are stored: one plane, whatever the epitome has.
+pub(crate) fn coarse_content(content: Content, pixel: PixelInfo) -> Content {
+    match (content, pixel.channels) {
+        (Content::Raw, 1) => Content::Bc4,
+        (Content::Raw, 2) => Content::Bc5,
+        (Content::Raw, _) => Content::Bc7,
+        (other, _) => other,
+    }
+}
+
+/// Leaves of a block of that tree byte.
+pub(crate) fn leaves_of(tree: u8) -> u32 {
+    if tree & 1 == 0 { 1 } else { 4 + 3 * (tree >> 1 & 15).count_ones() }
+}
+
+impl Parts {
+    /// The map plane's words and each image's parameters.
+    fn assemble(&self) -> (Vec<u32>, Vec<TexfoldEpitomeParams>) {
+        let mut map = Vec::new();
+        let mut first = 0u32;
+        if self.format.split {
+            for &tree in &self.trees {
+                map.push(u32::from(tree) | first << 5);
+                first += leaves_of(tree);
+            }
+        }
+        let linear_start = map.len() as u32;
+        for linear in &self.linears {
+            let half = |value: i16| u32::from(value as u16);
+            map.push(half(linear[0]) | half(linear[1]) << 16);
+            map.push(half(linear[2]) | half(linear[3]) << 16);
+        }
+        let tone_start = map.len() as u32;
+        for tone in &self.tones {
+            map.push(u32::from_le_bytes([tone[0], tone[1], tone[2], 0]));
+            map.push(u32::from_le_bytes([tone[3], tone[4], tone[5], 0]));
+        }
+        let entry_start = map.len() as u32;
+        map.extend(self.entry_words());
+        let mut row_log2 = LEAST_ROW_LOG2;
+        while map.len().div_ceil(1 << row_log2) > MAX_PLANE_SIDE {
+            row_log2 += 1;
+        }
+        if map.len() > 1 << row_log2 {
+            map.resize(map.len().next_multiple_of(1 << row_log2), 0);
+        }
+        let params = self.params([linear_start, tone_start, entry_start, row_log2]);
+        (map, params)
+    }
+
+    /// The entries, packed, with a word behind the last.
+    fn entry_words(&self) -> Vec<u32> {
+        let format = &self.format;
+        let bytes = format.entry_bytes() as usize;
+        let mut packed = Vec::new();
+        for entry in &self.entries {
+            let fields = [
+                (entry.x, format.x_bits),
+                (entry.y, format.y_bits),
+                (entry.tone, format.tone_bits),
+                (entry.linear, format.linear_bits),
+                (entry.plane, u32::from(format.mixed)),
+            ];
+            let (mut value, mut start) = (0u64, 0);
+            for (field, bits) in fields {
+                value |= u64::from(field) << start;
+                start += bits;
+            }
+            packed.extend(&value.to_le_bytes()[..bytes]);
+        }
+        packed.resize(packed.len().next_multiple_of(4) + 4, 0);
+        packed.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect()
+    }
+
+    fn params(
+        &self,
+        [linear_start, tone_start, entry_start, row_log2]: [u32; 4],
+    ) -> Vec<TexfoldEpitomeParams> {
+        let format = &self.format;
+        let plane_size = |index: usize| {
+            let planes = self.epitomes.get(index).or(self.epitomes.first());
+            planes.and_then(|levels| levels.first()).map_or([4, 4], |plane| plane.size().into())
+        };
+        let swizzle =
+            self.epitomes.first().and_then(|levels| levels.first()).map_or(0, |plane| plane.swizzle().0);
+        let mut tree_start = 0;
+        let image = |(index, &size): (usize, &SurfaceSize)| {
+            let (columns, rows) = blocks_of(size, format.block);
+            let params = TexfoldEpitomeParams {
+                size: [size.width, size.height],
+                levels: self.layout.levels,
+                address_mode: TEXFOLD_CLAMP,
+                swizzle,
+                mixed: u32::from(format.mixed),
+                block: format.block,
+                split: u32::from(format.split),
+                columns,
+                tree_start,
+                entry_start,
+                entry_bytes: format.entry_bytes(),
+                x_bits: format.x_bits,
+                y_bits: format.y_bits,
+                fraction_bits: format.fraction_bits,
+                tone_bits: format.tone_bits,
+                linear_bits: format.linear_bits,
+                linear_start,
+                tone_start,
+                row_log2,
+                plane_a: plane_size(0),
+                plane_b: plane_size(1),
+                plane_levels: self.epitomes.first().map_or(1, |levels| levels.len() as u32),
+                coarse_swizzle: self.coarse.get(index).and_then(|c| c.first()).map_or(0, |c| c.swizzle().0),
+                reserved: [0; 2],
+            };
+            tree_start += columns * rows;
+            params
+        };
+        self.layout.surfaces.iter().enumerate().map(image).collect()
+    }
+}
+
+impl EpitomeTexture {
+    /// Lays the parts out for sampling.
+    pub(crate) fn new(parts: Parts, notes: Notes) -> Self {
+        let (map, params) = parts.assemble();
+        let decode = |levels: &Vec<ContentPlanes>| levels.iter().map(ContentPlanes::decode).collect();
+        let texels = parts.epitomes.iter().map(decode).collect();
+        let coarse = parts.coarse.iter().map(decode).collect();
+        EpitomeTexture { parts, map, params, texels, coarse, notes }
+    }
+
+    /// How the map is stored.
+    #[must_use]
+    pub fn map_format(&self) -> MapFormat {
+        self.parts.format
+    }
+
+    /// The epitomes at full size: one, or one of each content format.
+    pub fn epitomes(&self) -> impl Iterator<Item = &ContentPlanes> {
+        self.parts.epitomes.iter().filter_map(|levels| levels.first())
+    }
+
+    /// The linear parts that entries point at.
+    #[must_use]
+    pub fn linears(&self) -> &[Linear] {
+        &self.parts.linears
+    }
+
+    /// The tones that entries point at.
+    #[must_use]
+    pub fn tones(&self) -> &[Tone] {
+        &self.parts.tones
+    }
+
+    /// The entries of the map, in the order of the leaves.
+    #[must_use]
+    pub fn entries(&self) -> &[Entry] {
+        &self.parts.entries
+    }
+
+    /// Replaces the notes.
+    #[must_use]
+    pub fn with_notes(mut self, notes: Notes) -> Self {
+        self.notes = notes;
+        self
+    }
+
+    /// An image as the shader sees it; the last one where there is no such image.
+    #[must_use]
+    #[inline]
+    pub fn view(&self, surface: u32) -> EpitomeView<'_> {
+        let surface = (surface as usize).min(self.params.len() - 1);
+        EpitomeView {
+            params: self.params[surface],
+            map: &self.map,
+            plane_a: &self.texels[0],
+            plane_b: self.texels.get(1).map(Vec::as_slice).unwrap_or_default(),
+            coarse: self.coarse.get(surface).map(Vec::as_slice).unwrap_or_default(),
+        }
+    }
+
+    /// All leaves of an image that touch `rect` of its level 0.
+    pub(crate) fn leaves(&self, surface: u32, rect: Rect) -> Vec<TexfoldEpitomeLeaf> {
+        let view = self.view(surface);
+        let block = view.params.block;
+        let mut leaves = Vec::new();
+        for y in (rect.y / block * block..rect.y + rect.height).step_by(block as usize) {
+            for x in (rect.x / block * block..rect.x + rect.width).step_by(block as usize) {
+                collect_leaves(&view, UVec2::new(x, y), block, &mut leaves);
+            }
+        }
+        leaves.retain(|leaf| {
+            leaf.corner.x + leaf.side > rect.x
+                && leaf.corner.y + leaf.side > rect.y
+                && leaf.corner.x < rect.x + rect.width
+                && leaf.corner.y < rect.y + rect.height
+        });
+        leaves
+    }
+}
+
+/// The leaves of the square at `corner`.
+fn collect_leaves(view: &EpitomeView<'_>, corner: UVec2, side: u32, leaves: &mut Vec<TexfoldEpitomeLeaf>) {
+    let size = UVec2::from(view.params.size);
+    if corner.x >= size.x || corner.y >= size.y {
+        return;
+    }
+    let leaf = texfold_epitome_leaf(view, corner);
+    if leaf.side == side {
+        leaves.push(leaf);
+        return;
+    }
+    let half = side / 2;
+    for quarter in 0..4 {
+        collect_leaves(view, corner + UVec2::new(quarter % 2, quarter / 2) * half, half, leaves);
+    }
+}
+
+impl Encoded for EpitomeTexture {
+    type Domain = Image2d;
+
+    fn codec(&self) -> CodecId {
+        Epitome::ID
+    }
+
+    fn layout(&self) -> &ImageLayout {
+        &self.parts.layout
+    }
+
+    fn sample(&self, at: ImageAddress) -> Texel {
+        let clamp = |value: u32| i32::try_from(value).unwrap_or(i32::MAX);
+        let level = at.level.min(self.parts.layout.levels - 1);
+        texfold_epitome_fetch(&self.view(at.surface), IVec2::new(clamp(at.x), clamp(at.y)), level)
+    }
+
+    fn decode(&self, region: Rect, out: &mut [Texel]) -> Result<(), RegionError> {
+        self.parts.layout.check(region)?;
+        if out.len() != Image2d::len(region) {
+            return Err(RegionError::OutputLength { found: out.len(), needed: Image2d::len(region) });
+        }
+        let view = self.view(region.surface);
+        if region.level == 0 {
+            for leaf in self.leaves(region.surface, region) {
+                decode_leaf(&view, leaf, region, out);
+            }
+            return Ok(());
+        }
+        for (index, texel) in out.iter_mut().enumerate() {
+            let at = Image2d::address(region, index);
+            *texel = texfold_epitome_fetch(&view, IVec2::new(at.x as i32, at.y as i32), region.level);
+        }
+        Ok(())
+    }
+
+    fn store(&self, out: &mut SectionWriter) {
+        self.notes.write(out);
+        write_layout(&self.parts.layout, out);
+        wire::store(&self.parts, out);
+    }
+
+    /// As measured, with the mip levels of the epitomes as a part of their own.
+    fn footprint(&self) -> Footprint {
+        let mut footprint = Footprint::measure(self, &self.gpu());
+        for (name, levels) in PLANE_NAMES.into_iter().zip(&self.parts.epitomes) {
+            let bytes =
+                |plane: &ContentPlanes| plane.planes().iter().map(|(_, b)| b.len() as u64).sum::<u64>();
+            let mips: u64 = levels.iter().skip(1).map(bytes).sum();
+            footprint.part(name).bits_memory -= 8 * mips;
+            if mips > 0 {
+                footprint.part("mips").bits_memory += 8 * mips;
+            }
+        }
+        footprint.with_notes(&self.notes)
+    }
+
+    fn gpu(&self) -> GpuForm<'_> {
+        let row = 1usize << self.params.first().map_or(LEAST_ROW_LOG2, |params| params.row_log2);
+        let width = self.map.len().min(row);
+        let mut form =
+            GpuForm { module: "epitome", planes: Vec::new(), uniforms: Vec::new(), surfaces: Vec::new() };
+        form.planes.push(Plane {
+            part: "map",
+            format: PlaneFormat::R32Uint,
+            width: width as u32,
+            height: (self.map.len() / width) as u32,
+            levels: 1,
+            data: Cow::Owned(self.map.iter().flat_map(|word| word.to_le_bytes()).collect()),
+        });
+        for (name, levels) in PLANE_NAMES.into_iter().zip(&self.parts.epitomes) {
+            push_chain(&mut form.planes, name, levels);
+        }
+        let last = form.planes.len() - 1;
+        for (surface, params) in self.params.iter().enumerate() {
+            let start = form.uniforms.len();
+            form.uniforms.extend(bytemuck::bytes_of(params));
+            let coarse = match self.parts.coarse.get(surface) {
+                Some(levels) if !levels.is_empty() => {
+                    push_chain(&mut form.planes, "mips", levels);
+                    form.planes.len() - 1
+                }
+                _ => 1,
+            };
+            let planes = vec![0, 1, last, coarse];
+            form.surfaces.push(SurfaceBinding { planes, uniforms: start..form.uniforms.len(), surface: 0 });
+        }
+        form
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
+    }
+}
+
+/// Parts that the planes of the epitomes count for.
+const PLANE_NAMES: [&str; 2] = ["epitome", "fine epitome"];
+
+/// The planes of a mip chain, without the levels that repeat the one of 1 x 1.
+fn push_chain<'a>(planes: &mut Vec<Plane<'a>>, part: &'static str, levels: &'a [ContentPlanes]) {
+    let Some(base) = levels.first() else { return };
+    let (width, height) = base.size();
+    let levels = &levels[..levels.len().min(SurfaceSize { width, height }.full_levels() as usize)];
+    for (index, (format, bytes)) in base.planes().iter().enumerate() {
+        let data = if levels.len() == 1 {
+            Cow::Borrowed(bytes.as_slice())
+        } else {
+            let of = |level: &ContentPlanes| level.planes().get(index).map(|(_, bytes)| bytes.clone());
+            Cow::Owned(levels.iter().filter_map(of).flatten().collect())
+        };
+        planes.push(Plane { part, format: *format, width, height, levels: levels.len() as u32, data });
+    }
+}
+
+/// The texels of a leaf that `region` of level 0 asks for, as [`texfold_epitome_fetch`] finds them one by one.
+fn decode_leaf(view: &EpitomeView<'_>, leaf: TexfoldEpitomeLeaf, region: Rect, out: &mut [Texel]) {
+    let source = texfold_epitome_source(view, leaf.entry);
+    let plane_level = texfold_epitome_plane_level(view, source.linear, 0);
+    let (left, right) =
+        (leaf.corner.x.max(region.x), (leaf.corner.x + leaf.side).min(region.x + region.width));
+    let (top, bottom) =
+        (leaf.corner.y.max(region.y), (leaf.corner.y + leaf.side).min(region.y + region.height));
+    for y in top..bottom {
+        let start = (y - region.y) as usize * region.width as usize;
+        let line = &mut out[start + (left - region.x) as usize..start + (right - region.x) as usize];
+        for (x, texel) in (left..right).zip(line) {
+            let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+            let place = texfold_epitome_place(&source, leaf, at, plane_level);
+            let content = texfold_epitome_read(view, source.plane, place, plane_level);
+            *texel = (content * source.gain + source.offset).clamp(Vec4::ZERO, Vec4::ONE);
+        }
+    }
+}
+
+/// Mip levels that come from the coarse chain, for an image of `levels` levels.
+pub(crate) fn coarse_levels(levels: u32) -> std::ops::Range<u32> {
+    TEXFOLD_EPITOME_FINE_LEVELS.min(levels)..levels
+}

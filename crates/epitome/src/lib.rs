@@ -1,0 +1,45 @@
+//! Epitome factoring: images as a transform map into a small epitome that holds their content once.
+//!
+//! An image is covered by square leaves. Each says where in the epitome its content lies, how it is turned, mirrored and
+//! scaled, and by which gain and offset it is toned. What repeats, under deformation and lighting, is stored once;
+//! what is smooth, or smooth in one direction, is stored at a fraction of its size.
+//!
+//! Source: Wang, Wexler, Ofek, Hoppe, "Factoring repeated content within and among images", ACM Transactions on Graphics
+//! 27 (3), 2008. Beyond the paper: leaves of several sizes chosen by rate and distortion on the stored content, palettes
+//! of linear parts and tones, content at reduced width or height, BC1 and BC7 content side by side.
+
+pub mod decode;
+mod encode;
+mod encoded;
+mod params;
+mod wire;
+
+pub use encoded::{Entry, EpitomeTexture, IDENTITY, Linear, MapFormat, NEUTRAL, Tone};
+pub use params::{EpitomeParams, EpitomeSource};
+
+use texfold_core::container::Sections;
+use texfold_core::{Budget, CodecId, EncodeError, Image2d, Job, LoadError, TextureCodec};
+
+/// Epitome factoring.
+#[derive(Debug, Clone, Copy)]
+pub enum Epitome {}
+
+impl TextureCodec for Epitome {
+    const ID: CodecId = CodecId { number: 3, name: "epitome" };
+    type Domain = Image2d;
+    type Source<'s> = EpitomeSource<'s>;
+    type Params = EpitomeParams;
+    type Encoded = EpitomeTexture;
+
+    fn encode(
+        source: EpitomeSource<'_>,
+        params: &EpitomeParams,
+        job: &mut Job<'_>,
+    ) -> Result<EpitomeTexture, EncodeError> {
+        encode::encode(source, params, job)
+    }
+
+    fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<EpitomeTexture, LoadError> {
+        wire::load(file, budget)
+    }
+}

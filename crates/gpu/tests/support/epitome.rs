@@ -1,0 +1,206 @@
+//! Epitome textures with pseudo-random maps and content, by way of their file format.
+
+use texfold_bc::Content;
+use texfold_core::container::{SectionWriter, Sections, write_layout};
+use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
+use texfold_core::{Budget, ImageLayout, Notes, SurfaceSize, TextureCodec};
+use texfold_epitome::decode::TEXFOLD_EPITOME_FINE_LEVELS;
+use texfold_epitome::{Epitome, IDENTITY, Linear, NEUTRAL, Tone};
+
+use super::{Dice, Subject};
+
+/// Odd ones, several of one size, and one that is smaller than a leaf.
+const SIZES: [(u32, u32); 6] = [(37, 61), (64, 40), (5, 3), (37, 61), (1, 1), (101, 33)];
+/// Columns and rows of the first and the second epitome, multiples of 16.
+const EPITOMES: [(u32, u32); 2] = [(128, 64), (48, 80)];
+/// Mip levels of an epitome that has any, its full size among them.
+const PLANE_LEVELS: u32 = 3;
+
+/// Mirrors, turns by quarters and by 45 and 30 degrees, scales, squeezes and a shear.
+const LINEARS: [Linear; 16] = [
+    IDENTITY,
+    [-8192, 0, 0, 8192],
+    [4096, 0, 0, 8192],
+    [16384, 0, 0, 16384],
+    [8192, 0, 0, -8192],
+    [0, 8192, -8192, 0],
+    [4096, 0, 0, 4096],
+    [2048, 0, 0, 2048],
+    [0, -8192, 8192, 0],
+    [-8192, 0, 0, -8192],
+    [0, 8192, 8192, 0],
+    [8192, 0, 0, 2048],
+    [5793, -5793, 5793, 5793],
+    [7094, 4096, -4096, 7094],
+    [0, -4096, 2048, 0],
+    [8192, 3000, -1234, 9876],
+];
+
+/// What to forge.
+#[derive(Clone, Copy)]
+pub(crate) struct Forge {
+    /// Columns and rows of the images.
+    pub(crate) sizes: &'static [(u32, u32)],
+    pub(crate) levels: u32,
+    pub(crate) channels: u8,
+    pub(crate) normal: bool,
+    /// One epitome of each.
+    pub(crate) contents: &'static [Content],
+    pub(crate) block: u32,
+    pub(crate) split: bool,
+    /// Of column, row, their fraction, tone and linear part.
+    pub(crate) bits: [u32; 5],
+}
+
+impl Default for Forge {
+    fn default() -> Self {
+        Forge {
+            sizes: &SIZES,
+            levels: 1,
+            channels: 3,
+            normal: false,
+            contents: &[Content::Raw],
+            block: 32,
+            split: true,
+            bits: [9, 8, 2, 4, 4],
+        }
+    }
+}
+
+impl Forge {
+    /// All mip levels of the largest image.
+    pub(crate) fn with_mips(self) -> Self {
+        Forge { levels: 7, ..self }
+    }
+
+    /// Blocks of 12 texels.
+    pub(crate) fn unsplit(self) -> Self {
+        Forge { block: 12, split: false, ..self }
+    }
+
+    /// How levels that are not read from the epitome are stored.
+    pub(crate) fn coarse(&self) -> Content {
+        match (self.contents[0], self.channels) {
+            (Content::Raw, 1) => Content::Bc4,
+            (Content::Raw, 2) => Content::Bc5,
+            (Content::Raw, _) => Content::Bc7,
+            (other, _) => other,
+        }
+    }
+
+    fn pixel(&self) -> PixelInfo {
+        let alpha = if matches!(self.channels, 2 | 4) { Alpha::Straight } else { Alpha::Opaque };
+        let color = if self.normal { ColorSpace::Normal } else { ColorSpace::Srgb };
+        PixelInfo { channels: self.channels, depth: Depth::Eight, color, alpha }
+    }
+
+    fn form(&self, linears: usize, tones: usize) -> Vec<u8> {
+        let mips = self.levels > 1;
+        let head = [self.block, u32::from(self.split)].into_iter().chain(self.bits);
+        let head = head.chain([u32::from(mips), self.contents.len() as u32]);
+        let mut form: Vec<u8> = head.map(|value| value as u8).collect();
+        for (content, (width, height)) in self.contents.iter().zip(EPITOMES) {
+            form.push(Content::ALL.iter().position(|kind| kind == content).unwrap() as u8);
+            form.extend([width, height].into_iter().flat_map(u32::to_le_bytes));
+        }
+        form.extend([linears as u32, tones as u32].into_iter().flat_map(u32::to_le_bytes));
+        form
+    }
+
+    /// How each block is split, and the number of leaves.
+    fn trees(&self, surfaces: &[SurfaceSize], dice: &mut Dice) -> (Vec<u8>, u32) {
+        let across = |side: u32| side.div_ceil(self.block);
+        let blocks = surfaces.iter().map(|size| across(size.width) * across(size.height)).sum();
+        if !self.split {
+            return (Vec::new(), blocks);
+        }
+        let trees: Vec<u8> = (0..blocks)
+            .map(|_| if dice.below(4) == 0 { 0 } else { 1 | (dice.below(16) as u8) << 1 })
+            .collect();
+        let leaves = |tree: &u8| if *tree == 0 { 1 } else { 4 + 3 * (tree >> 1).count_ones() };
+        let count = trees.iter().map(leaves).sum();
+        (trees, count)
+    }
+
+    /// Entries with any place in their epitome, byte plane by byte plane, places as what differs from the one before.
+    fn entries(&self, leaves: u32, palettes: [usize; 2], dice: &mut Dice) -> Vec<u8> {
+        let [x_bits, y_bits, fraction, ..] = self.bits;
+        let mut planes: [Vec<u8>; 7] = Default::default();
+        let mut before = [0u32; 2];
+        for _ in 0..leaves {
+            let plane = dice.below(self.contents.len() as u32);
+            let (width, height) = EPITOMES[plane as usize];
+            let place = [
+                dice.below((width << fraction).min(1 << x_bits)),
+                dice.below((height << fraction).min(1 << y_bits)),
+            ];
+            let step = [0, 1].map(|axis| (place[axis].wrapping_sub(before[axis]) as u16).to_le_bytes());
+            before = place;
+            let numbers = palettes.map(|count| dice.below(count as u32) as u8);
+            let bytes = [step[0][0], step[0][1], step[1][0], step[1][1], numbers[1], numbers[0], plane as u8];
+            planes.iter_mut().zip(bytes).for_each(|(plane, byte)| plane.push(byte));
+        }
+        planes.concat()
+    }
+
+    /// The planes of all levels of an image or an epitome; a level of 1 x 1 texels is repeated.
+    fn content(&self, content: Content, sizes: impl Iterator<Item = (u32, u32)>, dice: &mut Dice) -> Vec<u8> {
+        let formats = content.formats(self.pixel()).0;
+        let (mut bytes, mut last) = (Vec::new(), None);
+        for (width, height) in sizes {
+            if last != Some((1, 1)) {
+                bytes.push(dice.bytes(formats.iter().map(|format| format.bytes(width, height)).sum()));
+            } else if let Some(level) = bytes.last().cloned() {
+                bytes.push(level);
+            }
+            last = Some((width, height));
+        }
+        bytes.concat()
+    }
+}
+
+/// Tones of every gain and offset, the neutral one first.
+fn tones(count: u32, dice: &mut Dice) -> Vec<Tone> {
+    let random = |_| [(); 6].map(|()| dice.below(256) as u8);
+    std::iter::once(NEUTRAL).chain((1..count).map(random)).collect()
+}
+
+/// A texture with a pseudo-random map into pseudo-random epitomes.
+pub(crate) fn epitome(forge: &Forge) -> Subject {
+    let [.., tone_bits, linear_bits] = forge.bits;
+    let mut dice =
+        Dice(u64::from(tone_bits) + 10 * u64::from(forge.block) + 1000 * u64::from(forge.channels));
+    let surfaces: Vec<_> = forge.sizes.iter().map(|&(width, height)| SurfaceSize { width, height }).collect();
+    let linears = &LINEARS[..LINEARS.len().min(1 << linear_bits)];
+    let tones = tones(1 << tone_bits, &mut dice);
+    let (trees, leaves) = forge.trees(&surfaces, &mut dice);
+    let entries = forge.entries(leaves, [linears.len(), tones.len()], &mut dice);
+    let plane_levels = if forge.levels > 1 { PLANE_LEVELS } else { 1 };
+    let mut planes = Vec::new();
+    for (&content, (width, height)) in forge.contents.iter().zip(EPITOMES) {
+        let sizes = (0..plane_levels).map(|level| (width >> level, height >> level));
+        planes.extend(forge.content(content, sizes, &mut dice));
+    }
+    let mut coarse = Vec::new();
+    for size in &surfaces {
+        let sizes = (TEXFOLD_EPITOME_FINE_LEVELS..forge.levels).map(|level| size.at_level(level));
+        let sizes = sizes.map(|size| (size.width, size.height));
+        coarse.extend(forge.content(forge.coarse(), sizes, &mut dice));
+    }
+    let mut out = SectionWriter::new(Epitome::ID);
+    Notes::default().write(&mut out);
+    write_layout(&ImageLayout { surfaces, levels: forge.levels, pixel: forge.pixel() }, &mut out);
+    out.section("container", *b"EPFM", &forge.form(linears.len(), tones.len()));
+    let palettes = linears.as_flattened().iter().flat_map(|value| value.to_le_bytes());
+    out.section("map", *b"EPPL", &palettes.chain(tones.concat()).collect::<Vec<u8>>());
+    out.section("map", *b"EPTR", &trees);
+    out.section("map", *b"EPEN", &entries);
+    out.section("epitome", *b"EPAT", &planes);
+    if !coarse.is_empty() {
+        out.section("mips", *b"EPMC", &coarse);
+    }
+    let bytes = out.finish().bytes;
+    let mut budget = Budget::default();
+    let sections = Sections::parse(&bytes, &mut budget).unwrap();
+    Subject::Epitome(Epitome::load(&sections, &mut budget).unwrap())
+}

@@ -1,0 +1,154 @@
+//! Nearest patches by descriptor.
+
+use std::collections::HashMap;
+use std::num::NonZeroUsize;
+
+use kiddo::SquaredEuclidean;
+use kiddo::immutable::float::kdtree::ImmutableKdTree;
+use rayon::prelude::*;
+
+use crate::{DESCRIPTOR_LENGTH, Descriptor, LumaSums, describe};
+
+/// Steps a unit in which descriptors are told apart: patches that agree to a step are near-identical.
+const STEPS: f32 = 500.0;
+/// Near-identical patches that are kept.
+const ALIKE: usize = 2;
+/// Points of one leaf of the tree.
+const BUCKET: usize = 32;
+
+/// A patch that was found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Neighbour {
+    /// Column of its upper left texel.
+    pub x: u32,
+    /// Row of its upper left texel.
+    pub y: u32,
+    /// Squared distance of the descriptors; at most about 4.
+    pub distance: f32,
+}
+
+/// Patches of one size on a grid of places in one field.
+pub struct PatchIndex {
+    tree: Option<ImmutableKdTree<f32, u32, DESCRIPTOR_LENGTH, BUCKET>>,
+    places: Vec<(u32, u32)>,
+    patch: (usize, usize),
+}
+
+impl std::fmt::Debug for PatchIndex {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("PatchIndex").field("places", &self.places.len()).field("patch", &self.patch).finish()
+    }
+}
+
+impl PatchIndex {
+    /// Indexes the patches of `patch` texels at `places` (upper left texels, the patch inside the field) whose contrast is
+    /// at least `contrast` 8-bit steps. Patches without contrast look all alike: thousands of them in a tree cost time
+    /// and find nothing, and any one of them serves a query as well as any other.
+    #[must_use]
+    pub fn new(sums: &LumaSums, patch: (usize, usize), places: Vec<(u32, u32)>, contrast: f32) -> Self {
+        let described: Vec<((u32, u32), Descriptor)> = places
+            .par_iter()
+            .map(|&(x, y)| ((x, y), describe(sums, x as usize, y as usize, patch.0, patch.1)))
+            .filter(|(_, (_, found))| *found >= contrast)
+            .map(|(place, (descriptor, _))| (place, descriptor))
+            .collect();
+        let (places, points): (Vec<_>, Vec<_>) = first_of_each(described).into_iter().unzip();
+        // The tree's own items are the numbers of the points.
+        let tree = (!points.is_empty()).then(|| ImmutableKdTree::new_from_slice(&points));
+        PatchIndex { tree, places, patch }
+    }
+
+    /// Number of patches.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// Columns and rows of a patch in texels.
+    #[must_use]
+    pub fn patch(&self) -> (usize, usize) {
+        self.patch
+    }
+
+    /// At most `count` patches nearest to `query` and within the squared distance `within`, nearest first; patches of equal
+    /// distance in the order of their places.
+    #[must_use]
+    pub fn nearest(&self, query: &Descriptor, within: f32, count: usize) -> Vec<Neighbour> {
+        let (Some(tree), Some(count)) = (&self.tree, NonZeroUsize::new(count)) else { return Vec::new() };
+        if query.iter().any(|value| !value.is_finite()) {
+            return Vec::new();
+        }
+        let found = tree.nearest_n_within::<SquaredEuclidean>(query, within, count, true);
+        let mut found: Vec<(u32, f32)> = found.iter().map(|near| (near.item, near.distance)).collect();
+        found.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+        found
+            .into_iter()
+            .map(|(item, distance)| {
+                let (x, y) = self.places[item as usize];
+                Neighbour { x, y, distance }
+            })
+            .collect()
+    }
+}
+
+/// The first few of near-identical patches. What repeats exactly has its first copies as the source of all, so that
+/// everybody finds the same ones.
+fn first_of_each(described: Vec<((u32, u32), Descriptor)>) -> Vec<((u32, u32), Descriptor)> {
+    let mut seen: HashMap<[i16; DESCRIPTOR_LENGTH], usize> = HashMap::new();
+    let is_new = |(_, descriptor): &((u32, u32), Descriptor)| {
+        let count = seen.entry(descriptor.map(|value| (value * STEPS).round() as i16)).or_default();
+        *count += 1;
+        *count <= ALIKE
+    };
+    described.into_iter().filter(is_new).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Field;
+    use glam::Vec4;
+
+    #[test]
+    fn finds_what_a_full_scan_finds() {
+        let value = |x: usize, y: usize| ((x * x + 3 * y * y + x * y * 5) % 97) as f32 * 2.5;
+        let texels = (0..64 * 48).map(|i| Vec4::splat(value(i % 64, i / 64))).collect();
+        let field = Field { width: 64, height: 48, texels };
+        let sums = LumaSums::new(&field);
+        let places: Vec<(u32, u32)> = (0..40).flat_map(|y| (0..56).map(move |x| (x, y))).collect();
+        let index = PatchIndex::new(&sums, (8, 8), places.clone(), 0.0);
+        let query = describe(&sums, 13, 21, 8, 8).0;
+        let found = index.nearest(&query, 4.0, 5);
+        let mut scanned: Vec<f32> = places
+            .iter()
+            .map(|&(x, y)| {
+                let other = describe(&sums, x as usize, y as usize, 8, 8).0;
+                other.iter().zip(&query).map(|(a, b)| (a - b) * (a - b)).sum()
+            })
+            .collect();
+        scanned.sort_by(f32::total_cmp);
+        assert_eq!((found[0].x, found[0].y), (13, 21));
+        for (found, scanned) in found.iter().zip(scanned) {
+            assert!((found.distance - scanned).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn thousands_of_equal_patches_are_no_trouble() {
+        let field = Field { width: 200, height: 200, texels: vec![Vec4::splat(9.0); 40_000] };
+        let sums = LumaSums::new(&field);
+        let places: Vec<(u32, u32)> = (0..190).flat_map(|y| (0..190).map(move |x| (x, y))).collect();
+        assert!(PatchIndex::new(&sums, (8, 8), places.clone(), 0.5).is_empty());
+        let all = PatchIndex::new(&sums, (8, 8), places, 0.0);
+        let query = describe(&sums, 0, 0, 8, 8).0;
+        let found: Vec<(u32, u32)> =
+            all.nearest(&query, 1.0, 7).iter().map(|near| (near.x, near.y)).collect();
+        assert_eq!(found, [(0, 0), (1, 0)]);
+    }
+}

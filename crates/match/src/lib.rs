@@ -1,0 +1,15 @@
+//! Search for similar patches: descriptors, a k-d tree and affine refinement.
+//!
+//! For encoders only; decoders never link it. A [`Field`] is an image to search in. [`PatchIndex`] finds the patches of
+//! one size that look most like a query under the four mirrorings, whatever their brightness and contrast;
+//! [`refine`] then moves, turns, scales and shears a match until its error stops falling.
+
+mod descriptor;
+mod field;
+mod index;
+mod refine;
+
+pub use descriptor::{DESCRIPTOR_LENGTH, Descriptor, Mirror, describe};
+pub use field::{Field, LumaSums};
+pub use index::{Neighbour, PatchIndex};
+pub use refine::{Refined, Transform, refine};

@@ -14,11 +14,12 @@ mod encoded;
 mod params;
 mod wire;
 
+pub use encode::EpitomeSearch;
 pub use encoded::{Entry, EpitomeTexture, IDENTITY, Linear, MapFormat, NEUTRAL, Tone};
 pub use params::{EpitomeParams, EpitomeSource};
 
 use texfold_core::container::Sections;
-use texfold_core::{Budget, CodecId, EncodeError, Image2d, Job, LoadError, TextureCodec};
+use texfold_core::{Budget, CodecId, EncodeError, Goal, Image2d, Job, LoadError, SharedSearch, TextureCodec};
 
 /// Epitome factoring.
 #[derive(Debug, Clone, Copy)]
@@ -36,10 +37,33 @@ impl TextureCodec for Epitome {
         params: &EpitomeParams,
         job: &mut Job<'_>,
     ) -> Result<EpitomeTexture, EncodeError> {
-        encode::encode(source, params, job)
+        let searched = job.within(0.0, 0.7, |job| encode::search_all(source, params, job))?;
+        job.within(0.7, 1.0, |job| encode::encode_from(&searched, params.goal, job))
     }
 
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<EpitomeTexture, LoadError> {
         wire::load(file, budget)
+    }
+}
+
+impl SharedSearch for Epitome {
+    type Search = EpitomeSearch;
+
+    /// The goal of `params` says how fine the content is that matches are searched in, and whether blocks have one side (for
+    /// tolerances) or several; goals of the same kind share a search.
+    fn search(
+        source: EpitomeSource<'_>,
+        params: &EpitomeParams,
+        job: &mut Job<'_>,
+    ) -> Result<EpitomeSearch, EncodeError> {
+        encode::search_all(source, params, job)
+    }
+
+    fn encode_from(
+        search: &EpitomeSearch,
+        goal: Goal,
+        job: &mut Job<'_>,
+    ) -> Result<EpitomeTexture, EncodeError> {
+        encode::encode_from(search, goal, job)
     }
 }

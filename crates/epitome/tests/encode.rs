@@ -5,7 +5,8 @@ use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{ColorSpace, ImageSet, Raster};
 use texfold_core::metric::{decode_surface, measure};
 use texfold_core::{
-    Budget, Effort, Encoded, Footprint, Goal, Image2d, Job, Rect, SurfaceSize, Texel, TextureCodec,
+    Budget, Effort, Encoded, Footprint, Goal, Image2d, Job, Rect, SharedSearch, SurfaceSize, Texel,
+    TextureCodec,
 };
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
 use texfold_testkit::picture;
@@ -175,4 +176,75 @@ fn mip_levels_show_the_picture() {
         let least = [60.0, 30.0, 30.0, 29.0].get(level as usize).copied().unwrap_or(24.0);
         assert!(psnr >= least, "level {level}: {psnr}");
     }
+}
+
+#[test]
+fn every_block_is_within_the_tolerance() {
+    for name in ["facade", "tile_repeat", "ramp", "noise", "odd_37x61", "stripes"] {
+        let set = ImageSet::single(picture(name));
+        let mut before = f64::INFINITY;
+        for tolerance in [4.0, 10.0, 25.0] {
+            let measured = measure(&set, &encode(&set, &goal(Goal::Tolerance(tolerance))));
+            assert!(measured.worst_block_rms <= tolerance, "{name}: {measured:?} for {tolerance}");
+            assert!(measured.bpp <= before * 1.02, "{name}: {measured:?} for {tolerance} after {before}");
+            before = measured.bpp;
+        }
+    }
+}
+
+#[test]
+fn blocks_of_every_side_cover_the_picture() {
+    let set = ImageSet::single(picture("facade"));
+    for block in [8, 12, 16, 20, 28] {
+        let params = EpitomeParams { block: Some(block), ..goal(Goal::Tolerance(8.0)) };
+        let texture = encode(&set, &params);
+        assert_eq!(texture.map_format().block, block);
+        assert!(measure(&set, &texture).worst_block_rms <= 8.0, "block {block}");
+        assert!(load(&file(&texture)) == texture);
+    }
+}
+
+#[test]
+fn one_search_serves_several_goals() {
+    let set = ImageSet::single(picture("facade"));
+    let params = goal(Goal::Psnr(32.0));
+    let search = Epitome::search(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
+    let mut before = 0.0;
+    for psnr in [26.0, 29.0, 32.0, 35.0] {
+        let texture = Epitome::encode_from(&search, Goal::Psnr(psnr), &mut Job::default()).unwrap();
+        let measured = measure(&set, &texture);
+        assert!(measured.psnr >= psnr && measured.bpp > before, "{measured:?} for {psnr}");
+        before = measured.bpp;
+    }
+    let alone = encode(&set, &params);
+    let shared = Epitome::encode_from(&search, Goal::Psnr(32.0), &mut Job::default()).unwrap();
+    assert!(alone == shared);
+}
+
+#[test]
+fn content_comes_from_the_mask_alone() {
+    let image = picture("facade");
+    let set = ImageSet::single(image.clone());
+    let inside = |i: u32| i % 256 < 128 && i / 256 < 128;
+    let mask: Vec<u8> = (0..256 * 256).map(|i| if inside(i) { 255 } else { 0 }).collect();
+    let mask = Raster::from_u8(256, 256, 1, ColorSpace::Linear, &mask).unwrap();
+    let source = EpitomeSource { images: &set, content_from: Some(&mask) };
+    let params = EpitomeParams { content: Some(Content::Raw), ..goal(Goal::Psnr(34.0)) };
+    let texture = Epitome::encode(source, &params, &mut Job::default()).unwrap();
+    let cells: u32 = texture.epitomes().map(|epitome| epitome.size().0 * epitome.size().1).sum();
+    assert!(cells <= 128 * 128 * 2, "{cells} texels");
+    let decoded = decode_surface(&texture, 0, 0).unwrap();
+    let part = |raster: &Raster, keep: bool| {
+        let texels: Vec<Texel> =
+            (0..256 * 256).filter(|&i| inside(i) == keep).map(|i| raster.texel(i % 256, i / 256)).collect();
+        Raster::from_texels(texels.len() as u32, 1, raster.info(), &texels).unwrap()
+    };
+    let psnr =
+        |keep: bool| texfold_core::metric::color_error(&part(&image, keep), &part(&decoded, keep)).psnr();
+    // The facade's windows repeat: what lies outside is made of what lies inside, and looks like it.
+    assert!(psnr(true) > 30.0 && psnr(false) > 15.0, "{} {}", psnr(true), psnr(false));
+    let small = Raster::from_u8(2, 2, 1, ColorSpace::Linear, &[255; 4]).unwrap();
+    let source = EpitomeSource { images: &set, content_from: Some(&small) };
+    let error = Epitome::encode(source, &params, &mut Job::default()).unwrap_err();
+    assert!(error.to_string().contains("content mask"), "{error}");
 }

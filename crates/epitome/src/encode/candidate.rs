@@ -9,7 +9,7 @@ use super::tone::Stats;
 use crate::decode::{
     TexfoldEpitomeLeaf, TexfoldEpitomeSource, texfold_epitome_linear, texfold_epitome_place,
 };
-use crate::encoded::Linear;
+use crate::encoded::{Linear, NEUTRAL, Tone};
 
 /// Fractions of a texel that positions are stored in, as a binary logarithm.
 pub(crate) const FRACTION_BITS: u32 = 2;
@@ -136,6 +136,27 @@ impl Reading {
         Some(stats)
     }
 
+    /// RMS error in 8-bit units of the worst 4x4 block under a tone, of output rounded to 8 bits.
+    pub(crate) fn worst_block(&self, field: &Field, target: &[Vec4], tone: &Tone) -> f32 {
+        if self.bounds(field).is_none() {
+            return f32::INFINITY;
+        }
+        let columns = self.node.inside.x as usize;
+        let (across, down) = (columns.div_ceil(4), self.node.inside.y.div_ceil(4) as usize);
+        let mut blocks = vec![(0.0f32, 0u32); across * down];
+        let (gain, offset) = super::tone::values(tone);
+        self.read(field, |index, content| {
+            let shown = (content * gain + offset).clamp(Vec4::ZERO, Vec4::splat(255.0));
+            let step = (shown + 0.5).floor() - (target[index] + 0.5).floor();
+            let block = &mut blocks[index / columns / 4 * across + index % columns / 4];
+            block.0 += step.length_squared();
+            block.1 += 1;
+        });
+        // Opaque alpha has no error and is not counted.
+        let channels = if target.iter().all(|texel| texel.w >= 255.0) { 3.0 } else { 4.0 };
+        blocks.iter().map(|&(sum, count)| sum / (channels * count as f32)).fold(0.0, f32::max).sqrt()
+    }
+
     /// Cells that hold the texels that are read, ascending. `columns` and `base` number the field's cells.
     pub(crate) fn cells(&self, field: &Field, (columns, base): (u32, u32), out: &mut Vec<u32>) {
         let Some((left, top, right, bottom)) = self.bounds(field) else { return };
@@ -166,12 +187,38 @@ impl Reading {
     }
 }
 
+/// Which candidates may be taken.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Rules<'a> {
+    /// Cells that content may come from, of all formats; all of them where there is no restriction.
+    pub(crate) cells: Option<&'a [bool]>,
+    /// RMS error that every 4x4 block may have at most, 8-bit units.
+    pub(crate) tolerance: Option<f32>,
+}
+
+impl Rules<'_> {
+    /// Whether content may come from all of `cells`.
+    pub(crate) fn allow(&self, cells: &[u32]) -> bool {
+        self.cells.is_none_or(|allowed| cells.iter().all(|&cell| allowed[cell as usize]))
+    }
+
+    /// Whether a reading of `field` under `tone` keeps every block within the tolerance.
+    pub(crate) fn accept(&self, reading: &Reading, field: &Field, target: &[Vec4], tone: &Tone) -> bool {
+        self.tolerance.is_none_or(|most| reading.worst_block(field, target, tone) <= most)
+    }
+}
+
 /// Least error of content from the leaf's own place at each scale; infinite where a scale is too small for the leaf.
 pub(crate) type ScaleErrors = [f32; SCALES.len()];
 
 /// Content from the leaf's own place in the image, at each scale and in each format, that no other such content beats
 /// in both error and bits. Cells are appended to `cells`.
-pub(crate) fn direct(space: &Space, node: Node, cells: &mut Vec<u32>) -> (Vec<Candidate>, ScaleErrors) {
+pub(crate) fn direct(
+    space: &Space,
+    node: Node,
+    rules: &Rules<'_>,
+    cells: &mut Vec<u32>,
+) -> (Vec<Candidate>, ScaleErrors) {
     let mut errors = [f32::INFINITY; SCALES.len()];
     let target = node.texels(space);
     let centre = node.corner.as_vec2() + node.side as f32 * 0.5;
@@ -190,6 +237,9 @@ pub(crate) fn direct(space: &Space, node: Node, cells: &mut Vec<u32>) -> (Vec<Ca
             let Some(stats) = reading.stats(field, &target) else { continue };
             let mut own = Vec::new();
             reading.cells(field, space.rows_of(format, node.image, scale), &mut own);
+            if !rules.allow(&own) || !rules.accept(&reading, field, &target, &NEUTRAL) {
+                continue;
+            }
             let error = stats.plain_error();
             errors[scale] = errors[scale].min(error);
             let candidate = Candidate {

@@ -65,17 +65,36 @@ struct State<'a> {
 
 /// Chooses leaves for the whole grid.
 pub(crate) fn choose(grid: &Grid, options: &Options, costs: Costs<'_>, formats: usize) -> Choice {
-    let users = vec![0; costs.cells as usize * formats];
-    let mut state = State { grid, options, costs, leaves: vec![None; grid.nodes()], users, settled: 1.0 };
+    let mut state = State::new(grid, options, costs, formats);
     // Every block by itself, as if nobody shared.
     for block in 0..grid.blocks() {
         state.settle(block, false);
     }
     for sweep in 0..SWEEPS {
         state.settled = (sweep as f32 / (SWEEPS - 3) as f32).min(1.0);
-        let blocks = grid.blocks();
-        for index in 0..blocks {
-            state.settle(if sweep % 2 == 0 { index } else { blocks - 1 - index }, true);
+        state.sweep(sweep % 2 == 1);
+    }
+    state.finish()
+}
+
+/// Improves leaves that were chosen otherwise, until nothing changes or enough passes are done: no pass costs more than what
+/// it started from.
+pub(crate) fn improve(
+    grid: &Grid,
+    options: &Options,
+    costs: Costs<'_>,
+    formats: usize,
+    start: &[Option<u32>],
+) -> Choice {
+    let mut state = State::new(grid, options, costs, formats);
+    for (node, candidate) in start.iter().enumerate() {
+        state.take(node, candidate.unwrap_or(0));
+    }
+    for sweep in 0..SWEEPS {
+        let before = state.leaves.clone();
+        state.sweep(sweep % 2 == 1);
+        if state.leaves == before {
+            break;
         }
     }
     state.finish()
@@ -106,7 +125,20 @@ pub(crate) fn most_errors(grid: &Grid, direct: &Options, costs: Costs<'_>) -> Ve
     least.into_iter().map(|cost| cost - entry).collect()
 }
 
-impl State<'_> {
+impl<'a> State<'a> {
+    fn new(grid: &'a Grid, options: &'a Options, costs: Costs<'a>, formats: usize) -> Self {
+        let users = vec![0; costs.cells as usize * formats];
+        State { grid, options, costs, leaves: vec![None; grid.nodes()], users, settled: 1.0 }
+    }
+
+    /// All blocks in order, or in the opposite order.
+    fn sweep(&mut self, backwards: bool) {
+        let blocks = self.grid.blocks();
+        for index in 0..blocks {
+            self.settle(if backwards { blocks - 1 - index } else { index }, true);
+        }
+    }
+
     /// Chooses the leaves of one block anew. Unless `shared`, prices take no account of other blocks.
     fn settle(&mut self, block: usize, shared: bool) {
         let per_block = self.grid.per_block();

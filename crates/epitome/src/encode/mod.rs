@@ -4,8 +4,10 @@
 mod assemble;
 mod candidate;
 mod choose;
+mod growth;
 mod leaf;
 mod linear;
+mod mask;
 mod options;
 mod pack;
 mod pyramid;
@@ -14,14 +16,15 @@ mod search;
 mod tone;
 
 use texfold_bc::Content;
-use texfold_core::image::{ColorSpace, PixelInfo};
+use texfold_core::image::{ColorSpace, ImageSet, PixelInfo};
 use texfold_core::metric::measure;
-use texfold_core::target::search as find;
+use texfold_core::target::{Measured, search as find};
 use texfold_core::{EncodeError, Goal, Job, Notes, ParamError, Params, SourceError, SurfaceSize};
 
 use assemble::{Plan, assemble};
-use candidate::{Match, ScaleErrors};
-use choose::{Choice, Costs, Options, choose, most_errors};
+use candidate::{Match, Rules};
+use choose::{Choice, Costs, Options, choose, improve, most_errors};
+use growth::grow;
 use leaf::Grid;
 use options::{Palettes, all_options, direct_options};
 use pyramid::{SCALES, Space};
@@ -39,35 +42,61 @@ const ENTRY_BITS: f32 = 40.0;
 const PASSES: usize = 2;
 /// Most linear parts and tones.
 const PALETTES: (usize, usize) = (256, 64);
+/// Nodes for each number of a palette at least.
+const NODES_A_NUMBER: usize = 16;
 /// Settings of lambda: 32 an octave.
 const KNOBS: std::ops::RangeInclusive<u32> = 1..=544;
+
+/// The setting under which only bits count, for tolerances: within them errors are free.
+const TOLERANCE_KNOB: u32 = 96;
+/// Side of a block for tolerances where none is given (paper section 4).
+const TOLERANCE_BLOCK: u32 = 12;
+/// Shares of the tolerance that are tried: the rounding of the last bit may break the first.
+const TOLERANCE_SHARES: [f32; 3] = [1.0, 0.97, 0.9];
 
 /// Error that a bit may cost at setting `knob`, 8-bit squared units.
 fn lambda(knob: u32) -> f32 {
     (14.0 - knob as f32 / 32.0).exp2()
 }
 
-/// What does not depend on the goal.
+/// What was searched, for encoding with several goals.
 #[derive(Debug)]
-pub(crate) struct Searched {
+pub struct EpitomeSearch {
+    images: ImageSet,
+    params: EpitomeParams,
     space: Space,
     grid: Grid,
-    direct: Options,
-    own: Vec<ScaleErrors>,
+    /// Cells that content may come from.
+    allowed: Option<Vec<bool>>,
     matches: Vec<Vec<Match>>,
     cell_bits: Vec<f32>,
 }
 
-pub(crate) fn encode(
+/// Searches `source` with the goal of `params` in mind.
+pub(crate) fn search_all(
     source: EpitomeSource<'_>,
     params: &EpitomeParams,
     job: &mut Job<'_>,
-) -> Result<EpitomeTexture, EncodeError> {
+) -> Result<EpitomeSearch, EncodeError> {
     params.check()?;
     check_sizes(source)?;
-    let mut searched = job.within(0.0, 0.2, |job| store(source, params, job))?;
-    job.within(0.2, 0.7, |job| searched.search(source, params, job))?;
-    job.within(0.7, 1.0, |job| finish(source, &searched, params, job))
+    let mut searched = job.within(0.0, 0.3, |job| store(source, params, job))?;
+    job.within(0.3, 1.0, |job| searched.search(job))?;
+    Ok(searched)
+}
+
+/// The shipped form for a goal.
+pub(crate) fn encode_from(
+    searched: &EpitomeSearch,
+    goal: Goal,
+    job: &mut Job<'_>,
+) -> Result<EpitomeTexture, EncodeError> {
+    goal.check()?;
+    job.stage("fitting palettes", 0.0)?;
+    match goal {
+        Goal::Tolerance(tolerance) => searched.within(tolerance, job),
+        Goal::Psnr(_) | Goal::Bpp(_) => searched.reaching(goal, job),
+    }
 }
 
 fn check_sizes(source: EpitomeSource<'_>) -> Result<(), SourceError> {
@@ -81,8 +110,10 @@ fn check_sizes(source: EpitomeSource<'_>) -> Result<(), SourceError> {
 }
 
 /// Formats that content is stored in.
-fn contents(pixel: PixelInfo, asked: Option<Content>) -> Result<Vec<Content>, ParamError> {
-    if let Some(content) = asked {
+fn contents(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<Content>, ParamError> {
+    // Blocks of a compressed format may break a tolerance by themselves.
+    let usual = matches!(params.goal, Goal::Tolerance(_)).then_some(Content::Raw);
+    if let Some(content) = params.content.or(usual) {
         let value = f64::from(pixel.channels);
         let error = ParamError { field: "channels", value, range: "what the chosen content format can hold" };
         return if content.fits(pixel) { Ok(vec![content]) } else { Err(error) };
@@ -95,27 +126,28 @@ fn contents(pixel: PixelInfo, asked: Option<Content>) -> Result<Vec<Content>, Pa
     })
 }
 
-/// Content at all scales, and leaves from their own place.
+/// Content at all scales.
 fn store(
     source: EpitomeSource<'_>,
     params: &EpitomeParams,
     job: &mut Job<'_>,
-) -> Result<Searched, EncodeError> {
+) -> Result<EpitomeSearch, EncodeError> {
     job.stage("storing content", 0.0)?;
-    let contents = contents(source.images.info(), params.content)?;
-    let sizes: Vec<SurfaceSize> = source.images.images().iter().map(|image| image.size()).collect();
-    let (space, grid, direct, own) = job.install(|| {
-        let space = Space::new(source.images, BLOCK, &contents, SCALES.len(), params.effort);
-        let grid = Grid::new(&sizes, BLOCK, true);
-        let (direct, own) = direct_options(&space, &grid);
-        (space, grid, direct, own)
-    });
+    let images = source.images.clone();
+    let contents = contents(images.info(), params)?;
+    let sizes: Vec<SurfaceSize> = images.images().iter().map(|image| image.size()).collect();
+    let (grid, scales) = match params.goal {
+        Goal::Tolerance(_) => (Grid::new(&sizes, params.block.unwrap_or(TOLERANCE_BLOCK), false), 1),
+        Goal::Psnr(_) | Goal::Bpp(_) => (Grid::new(&sizes, BLOCK, true), SCALES.len()),
+    };
+    let space = job.install(|| Space::new(&images, grid.block, &contents, scales, params.effort));
+    let allowed = source.content_from.map(|mask| mask::allowed_cells(&space, mask)).transpose()?;
     let matches = vec![Vec::new(); grid.nodes()];
     let cell_bits = space.stored.iter().map(|stored| stored.cell_bits as f32).collect();
-    Ok(Searched { space, grid, direct, own, matches, cell_bits })
+    Ok(EpitomeSearch { images, params: params.clone(), space, grid, allowed, matches, cell_bits })
 }
 
-impl Searched {
+impl EpitomeSearch {
     fn costs(&self, knob: u32) -> Costs<'_> {
         Costs {
             lambda: lambda(knob),
@@ -129,36 +161,132 @@ impl Searched {
         choose(&self.grid, options, self.costs(knob), self.space.stored.len())
     }
 
-    fn options(&self) -> (Options, Palettes) {
-        all_options(&self.space, &self.grid, &self.direct, &self.matches, PALETTES)
+    fn rules(&self, tolerance: Option<f32>) -> Rules<'_> {
+        Rules { cells: self.allowed.as_deref(), tolerance }
     }
 
-    /// Looks for matches in the content that is kept so far, then again in what is kept with them.
-    fn search(
-        &mut self,
-        source: EpitomeSource<'_>,
-        params: &EpitomeParams,
-        job: &mut Job<'_>,
-    ) -> Result<(), EncodeError> {
-        let texels = source.images.texel_count();
-        let reach = Reach::of(params.effort, texels);
+    /// All that leaves may be, with what has been found so far.
+    fn options(&self, rules: &Rules<'_>) -> (Options, Palettes) {
+        let (direct, _) = direct_options(&self.space, &self.grid, rules);
+        // A palette must earn its bits: an entry for every few leaves.
+        let few = self.grid.nodes() / NODES_A_NUMBER;
+        let sizes = (PALETTES.0.min(self.space.scales() + 1 + few), PALETTES.1.min(1 + few));
+        all_options(&self.space, &self.grid, &direct, &self.matches, sizes, rules)
+    }
+
+    /// Looks for matches in the content that is kept so far, then again in what is kept with them. Within a tolerance, and
+    /// where content is restricted, any content may be kept.
+    fn search(&mut self, job: &mut Job<'_>) -> Result<(), EncodeError> {
+        let texels = self.images.texel_count();
+        let reach = Reach::of(self.params.effort, texels);
+        let (direct, own) =
+            job.install(|| direct_options(&self.space, &self.grid, &Rules { cells: None, tolerance: None }));
+        if let (Goal::Tolerance(_), _) | (_, Some(_)) = (self.params.goal, &self.allowed) {
+            let errors = self.any_errors();
+            let allowed = Allowed { cells: self.allowed.as_deref(), errors: &errors, own: &own };
+            return search(&self.space, &self.grid, reach, &allowed, &mut self.matches, job);
+        }
         for pass in 0..PASSES {
             let share = |pass: usize| pass as f32 / PASSES as f32;
             job.stage("choosing content", share(pass))?;
             let (choice, errors) = job.install(|| {
-                let options = if pass == 0 { None } else { Some(self.options().0) };
-                let options = options.as_ref().unwrap_or(&self.direct);
-                let knob = nearest_knob(params.goal, texels as f64, |knob| self.choose(options, knob));
-                let choice = self.choose(options, knob);
-                (choice, most_errors(&self.grid, &self.direct, self.costs(knob)))
+                let options = (pass > 0).then(|| self.options(&self.rules(None)).0);
+                let options = options.as_ref().unwrap_or(&direct);
+                let knob = nearest_knob(self.params.goal, texels as f64, |knob| self.choose(options, knob));
+                (self.choose(options, knob), most_errors(&self.grid, &direct, self.costs(knob)))
             });
             let kept: Vec<bool> = choice.users.iter().map(|&users| users > 0).collect();
-            let allowed = Allowed { cells: Some(&kept), errors: &errors, own: &self.own };
+            let allowed = Allowed { cells: Some(&kept), errors: &errors, own: &own };
             job.within(share(pass), share(pass + 1), |job| {
                 search(&self.space, &self.grid, reach, &allowed, &mut self.matches, job)
             })?;
         }
         Ok(())
+    }
+
+    /// For each node the squared error that a match may have: what the tolerance allows, or any.
+    fn any_errors(&self) -> Vec<f32> {
+        let most = match self.params.goal {
+            Goal::Tolerance(tolerance) => 3.0 * (tolerance * tolerance) as f32,
+            Goal::Psnr(_) | Goal::Bpp(_) => 3.0 * 255.0 * 255.0,
+        };
+        (0..self.grid.nodes()).map(|index| most * (self.grid.node(index).side.pow(2)) as f32).collect()
+    }
+
+    fn plan<'a>(&'a self, options: &'a Options, palettes: &'a Palettes) -> Plan<'a> {
+        Plan {
+            images: &self.images,
+            space: &self.space,
+            grid: &self.grid,
+            options,
+            palettes,
+            mips: self.params.mips,
+            effort: self.params.effort,
+        }
+    }
+
+    /// The setting that reaches a goal of quality or size on the shipped form.
+    fn reaching(&self, goal: Goal, job: &mut Job<'_>) -> Result<EpitomeTexture, EncodeError> {
+        let texels = self.images.texel_count() as f64;
+        let (options, palettes, guess) = job.install(|| {
+            let (options, palettes) = self.options(&self.rules(None));
+            let guess = nearest_knob(goal, texels, |knob| self.choose(&options, knob));
+            (options, palettes, guess)
+        });
+        let plan = self.plan(&options, &palettes);
+        let mut tried = 0u16;
+        let found = find(goal, KNOBS, guess, 0.0, |knob| {
+            job.stage("packing", (0.5 + 0.05 * f32::from(tried)).min(0.95))?;
+            tried += 1;
+            let made = job.install(|| assemble(&plan, &self.choose(&options, knob)))?;
+            Ok::<_, EncodeError>((measure(&self.images, &made), made))
+        })?;
+        let choice = self.choose(&options, found.knob);
+        let verdict = report::verdict(&self.grid, &options, &choice, found.met);
+        Ok(found.value.with_notes(self.notes(goal, verdict)))
+    }
+
+    /// The smallest form whose every block is within a tolerance.
+    fn within(&self, tolerance: f64, job: &mut Job<'_>) -> Result<EpitomeTexture, EncodeError> {
+        let goal = Goal::Tolerance(tolerance);
+        let mut best: Option<(Measured, EpitomeTexture)> = None;
+        for share in TOLERANCE_SHARES {
+            job.checkpoint()?;
+            let made = job.install(|| {
+                let (options, palettes) = self.options(&self.rules(Some(tolerance as f32 * share)));
+                let choice = self.cover(&options);
+                let verdict = report::verdict(&self.grid, &options, &choice, true);
+                assemble(&self.plan(&options, &palettes), &choice)
+                    .map(|made| made.with_notes(self.notes(goal, verdict)))
+            })?;
+            let measured = measure(&self.images, &made);
+            if best.as_ref().is_none_or(|(before, _)| goal.prefers(&measured, before)) {
+                best = Some((measured, made));
+            }
+            if goal.is_met(&measured) {
+                break;
+            }
+        }
+        // The loop makes at least one.
+        best.map(|(_, made)| made).ok_or(EncodeError::Cancelled)
+    }
+
+    /// The fewest cells that cover every block: grown greedily, then improved, or chosen by prices where that is smaller.
+    fn cover(&self, options: &Options) -> Choice {
+        let formats = self.space.stored.len();
+        let costs = self.costs(TOLERANCE_KNOB);
+        let priced = self.choose(options, TOLERANCE_KNOB);
+        if self.grid.split {
+            return priced;
+        }
+        let grown = grow(&self.grid, options, self.space.cells as usize * formats);
+        let grown = improve(&self.grid, options, costs, formats, &grown);
+        if grown.bits <= priced.bits { grown } else { priced }
+    }
+
+    fn notes(&self, goal: Goal, verdict: String) -> Notes {
+        let params = EpitomeParams { goal, ..self.params.clone() };
+        Notes { settings: settings(&params), verdict, ..Notes::default() }
     }
 }
 
@@ -181,45 +309,6 @@ fn nearest_knob(goal: Goal, texels: f64, mut choose: impl FnMut(u32) -> Choice) 
         }
     }
     low
-}
-
-/// The setting that reaches the goal on the shipped form.
-fn finish(
-    source: EpitomeSource<'_>,
-    searched: &Searched,
-    params: &EpitomeParams,
-    job: &mut Job<'_>,
-) -> Result<EpitomeTexture, EncodeError> {
-    job.stage("fitting palettes", 0.0)?;
-    let texels = source.images.texel_count() as f64;
-    let (options, palettes, guess) = job.install(|| {
-        let (options, palettes) = searched.options();
-        let guess = nearest_knob(params.goal, texels, |knob| searched.choose(&options, knob));
-        (options, palettes, guess)
-    });
-    let plan = Plan {
-        images: source.images,
-        space: &searched.space,
-        grid: &searched.grid,
-        options: &options,
-        palettes: &palettes,
-        mips: params.mips,
-        effort: params.effort,
-    };
-    let mut tried = 0u16;
-    let found = find(params.goal, KNOBS, guess, 0.0, |knob| {
-        job.stage("packing", (0.3 + 0.05 * f32::from(tried)).min(0.95))?;
-        tried += 1;
-        let made = job.install(|| {
-            let choice = searched.choose(&options, knob);
-            assemble(&plan, &choice)
-        })?;
-        Ok::<_, EncodeError>((measure(source.images, &made), made))
-    })?;
-    let choice = searched.choose(&options, found.knob);
-    let verdict = report::verdict(&searched.grid, &options, &choice, found.met);
-    let notes = Notes { settings: settings(params), verdict, ..Notes::default() };
-    Ok(found.value.with_notes(notes))
 }
 
 fn settings(params: &EpitomeParams) -> String {

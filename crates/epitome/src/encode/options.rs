@@ -3,12 +3,11 @@
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
 
-use super::candidate::{Candidate, FRACTION_BITS, Match, Reading, ScaleErrors, direct};
+use super::candidate::{Candidate, FRACTION_BITS, Match, Reading, Rules, ScaleErrors, direct};
 use super::choose::Options;
 use super::leaf::{Grid, Node};
 use super::linear;
-use super::pyramid::SCALES;
-use super::pyramid::Space;
+use super::pyramid::{CELL, SCALES, Space};
 use super::tone::{self, Stats};
 use crate::encoded::{Linear, NEUTRAL, Tone};
 
@@ -16,6 +15,8 @@ use crate::encoded::{Linear, NEUTRAL, Tone};
 const KEPT: usize = 5;
 /// Steps of a quarter texel by which a position may move after its linear part became a palette's.
 const MOVES: usize = 4;
+/// Cells that are tried at most for a leaf of one colour.
+const FLAT_TRIES: usize = 256;
 /// Leaves that tones are fitted to at most.
 const TONE_LEAVES: usize = 20_000;
 
@@ -41,7 +42,7 @@ struct Placed {
 type Found = (Vec<Candidate>, Vec<u32>);
 
 /// Content from each leaf's own place, and its least error at each scale.
-pub(crate) fn direct_options(space: &Space, grid: &Grid) -> (Options, Vec<ScaleErrors>) {
+pub(crate) fn direct_options(space: &Space, grid: &Grid, rules: &Rules<'_>) -> (Options, Vec<ScaleErrors>) {
     let found: Vec<(Found, ScaleErrors)> = (0..grid.nodes())
         .into_par_iter()
         .map(|index| {
@@ -50,7 +51,7 @@ pub(crate) fn direct_options(space: &Space, grid: &Grid) -> (Options, Vec<ScaleE
             if node.is_outside() {
                 return ((Vec::new(), cells), [f32::INFINITY; SCALES.len()]);
             }
-            let (candidates, errors) = direct(space, node, &mut cells);
+            let (candidates, errors) = direct(space, node, rules, &mut cells);
             ((candidates, cells), errors)
         })
         .collect();
@@ -79,6 +80,7 @@ pub(crate) fn all_options(
     direct: &Options,
     matches: &[Vec<Match>],
     sizes: (usize, usize),
+    rules: &Rules<'_>,
 ) -> (Options, Palettes) {
     let weigh = |(index, matches): (usize, &Vec<Match>)| {
         let side = grid.node(index).side as f32;
@@ -87,7 +89,10 @@ pub(crate) fn all_options(
         matches.iter().enumerate().map(weigh).collect::<Vec<_>>()
     };
     let linears: Vec<(glam::Mat2, f32)> = matches.iter().enumerate().flat_map(weigh).collect();
-    let linears = linear::palette(&linears, space.scales(), sizes.0);
+    let mut linears = linear::palette(&linears, space.scales(), sizes.0 - usize::from(rules.cells.is_some()));
+    if rules.cells.is_some() {
+        linears.push([0; 4]);
+    }
     let points: Vec<Vec4> = linears.iter().map(|&linear| linear::to_point(linear)).collect();
     let placed: Vec<Vec<Placed>> = (0..grid.nodes())
         .into_par_iter()
@@ -107,8 +112,14 @@ pub(crate) fn all_options(
                 candidates.push(Candidate { cells: (start, cells.len() as u32), ..*candidate });
             }
             let most = own.iter().map(|candidate| candidate.error).fold(0.0, f32::max);
+            // Within a tolerance, and where a leaf has no content of its own, any error will do.
+            let most = if rules.tolerance.is_some() || own.is_empty() { f32::INFINITY } else { most };
+            let borrow = Borrow { space, tones: &tones, linears: &linears, rules, most };
             let node = grid.node(index);
-            candidates.extend(borrowed(space, node, &placed[index], &tones, &linears, most, &mut cells));
+            candidates.extend(borrow.all(node, &placed[index], &mut cells));
+            if candidates.is_empty() && !node.is_outside() {
+                candidates.extend(borrow.flat(node, &mut cells));
+            }
             (candidates, cells)
         })
         .collect();
@@ -202,45 +213,106 @@ fn fit_tones(placed: &[Vec<Placed>], count: usize) -> Vec<Tone> {
     if some.is_empty() { vec![NEUTRAL] } else { tone::palette(&some, count) }
 }
 
-/// The best candidates with content elsewhere, those whose error is below `most`.
-fn borrowed(
-    space: &Space,
-    node: Node,
-    placed: &[Placed],
-    tones: &[Tone],
-    linears: &[Linear],
+/// What turns placed matches into candidates.
+struct Borrow<'a> {
+    space: &'a Space,
+    tones: &'a [Tone],
+    linears: &'a [Linear],
+    rules: &'a Rules<'a>,
+    /// Error above which a candidate is of no use.
     most: f32,
-    cells: &mut Vec<u32>,
-) -> Vec<Candidate> {
-    let mut kept = Vec::new();
-    for format in 0..space.stored.len() {
-        let toned = |placed: &Placed| {
-            let (number, error) = tone::nearest(tones, &placed.stats[format]);
-            Candidate {
-                error,
-                cells: (0, 0),
-                x: placed.x,
-                y: placed.y,
-                image: placed.image,
-                linear: placed.linear,
-                tone: number as u16,
-                scale: placed.scale,
-                format: format as u8,
+}
+
+impl Borrow<'_> {
+    /// The best candidates with content elsewhere.
+    fn all(&self, node: Node, placed: &[Placed], cells: &mut Vec<u32>) -> Vec<Candidate> {
+        let target = if self.rules.tolerance.is_some() { node.texels(self.space) } else { Vec::new() };
+        let mut kept = Vec::new();
+        for format in 0..self.space.stored.len() {
+            let toned = placed.iter().map(|placed| self.toned(placed, format));
+            let mut found: Vec<Candidate> = toned.filter(|found| found.error < self.most).collect();
+            found.sort_by(|a, b| a.error.total_cmp(&b.error));
+            let mut count = 0;
+            for candidate in found {
+                if count < KEPT
+                    && let Some(candidate) = self.checked(node, candidate, &target, cells)
+                {
+                    kept.push(candidate);
+                    count += 1;
+                }
             }
-        };
-        let mut found: Vec<Candidate> = placed.iter().map(toned).filter(|found| found.error < most).collect();
-        found.sort_by(|a, b| a.error.total_cmp(&b.error));
-        found.truncate(KEPT);
-        kept.extend(found);
+        }
+        kept
     }
-    for candidate in &mut kept {
+
+    fn toned(&self, placed: &Placed, format: usize) -> Candidate {
+        let (number, error) = tone::nearest(self.tones, &placed.stats[format]);
+        Candidate {
+            error,
+            cells: (0, 0),
+            x: placed.x,
+            y: placed.y,
+            image: placed.image,
+            linear: placed.linear,
+            tone: number as u16,
+            scale: placed.scale,
+            format: format as u8,
+        }
+    }
+
+    /// The candidate with its cells, where the rules allow it.
+    fn checked(
+        &self,
+        node: Node,
+        candidate: Candidate,
+        target: &[Vec4],
+        cells: &mut Vec<u32>,
+    ) -> Option<Candidate> {
         let (format, image, scale) =
             (usize::from(candidate.format), usize::from(candidate.image), usize::from(candidate.scale));
-        let reading = Reading::new(node, candidate.x, candidate.y, linears[usize::from(candidate.linear)]);
-        let start = cells.len() as u32;
-        let field = &space.stored[format].decoded[image][scale];
-        reading.cells(field, space.rows_of(format, image, scale), cells);
-        candidate.cells = (start, cells.len() as u32);
+        let reading =
+            Reading::new(node, candidate.x, candidate.y, self.linears[usize::from(candidate.linear)]);
+        let field = &self.space.stored[format].decoded[image][scale];
+        let start = cells.len();
+        reading.cells(field, self.space.rows_of(format, image, scale), cells);
+        let tone = self.tones.get(usize::from(candidate.tone)).unwrap_or(&NEUTRAL);
+        if !self.rules.allow(&cells[start..]) || !self.rules.accept(&reading, field, target, tone) {
+            cells.truncate(start);
+            return None;
+        }
+        Some(Candidate { cells: (start as u32, cells.len() as u32), ..candidate })
     }
-    kept
+
+    /// The leaf in one colour, that of the middle of a cell which is allowed, toned to fit best: for leaves that must not show
+    /// their own content and look like nothing else.
+    fn flat(&self, node: Node, cells: &mut Vec<u32>) -> Option<Candidate> {
+        let number = self.linears.iter().position(|linear| *linear == [0; 4])?;
+        let allowed = self.rules.cells?;
+        let target = node.texels(self.space);
+        let tried = allowed.iter().enumerate().filter(|(_, allowed)| **allowed).map(|(cell, _)| cell as u32);
+        let tried: Vec<u32> = tried.collect();
+        let step = tried.len().div_ceil(FLAT_TRIES).max(1);
+        let best = tried
+            .into_iter()
+            .step_by(step)
+            .filter_map(|cell| {
+                let (format, image, scale, column, row) = self.space.locate(cell);
+                let unit = |at: u32| ((at * CELL + CELL / 2) << FRACTION_BITS) as i32;
+                let (x, y) = (unit(column), unit(row));
+                let reading = Reading::new(node, x, y, self.linears[number]);
+                let stats = reading.stats(&self.space.stored[format].decoded[image][scale], &target)?;
+                let placed = Placed {
+                    x,
+                    y,
+                    linear: number as u16,
+                    image: image as u16,
+                    scale: scale as u8,
+                    stats: vec![stats; self.space.stored.len()],
+                };
+                Some(self.toned(&placed, format))
+            })
+            .min_by(|a, b| a.error.total_cmp(&b.error))?;
+        Borrow { rules: &Rules { tolerance: None, ..*self.rules }, ..*self }
+            .checked(node, best, &target, cells)
+    }
 }

@@ -10,6 +10,11 @@ use super::candidate::Candidate;
 use super::choose::{Choice, Options};
 use super::pyramid::Space;
 
+/// Widths of a sheet that are tried, as shares of a square's side.
+const WIDTHS: [f64; 7] = [1.0, 1.1, 1.25, 0.9, 1.4, 0.8, 1.6];
+/// Area against cells that is good enough.
+const MOST_LOSS: f64 = 1.02;
+
 /// Cells that stay together.
 #[derive(Debug, Clone)]
 pub(crate) struct Chart {
@@ -140,24 +145,50 @@ impl Chart {
     }
 }
 
-/// Places the charts of `order`; gives the columns and rows used, at least one step each.
+/// Places the charts of `order`; gives the columns and rows used, at least one step each. Where a sheet about as wide as high
+/// loses much, other widths are tried, and the least area is kept.
 fn place(charts: &mut [Chart], order: &[usize], cells: u64, step: u32) -> (u32, u32) {
     let widest = order.iter().map(|&index| charts[index].size().0).max().unwrap_or(1);
-    let square = (cells as f64).sqrt().ceil() as u32;
     let limit = crate::wire::MAX_EPITOME_SIDE / super::pyramid::CELL;
-    let width = square.max(widest).max(1).next_multiple_of(step).min(limit);
+    let mut best: Option<((u32, u32), Vec<(u32, u32)>)> = None;
+    for share in WIDTHS {
+        let width = ((cells as f64).sqrt() * share).ceil() as u32;
+        let width = width.max(widest).max(1).next_multiple_of(step).min(limit);
+        let (height, places) = place_within(charts, order, width);
+        let size = (width, height.next_multiple_of(step));
+        let area = |size: (u32, u32)| u64::from(size.0) * u64::from(size.1);
+        if size.1 <= limit && best.as_ref().is_none_or(|(least, _)| area(size) < area(*least)) {
+            best = Some((size, places));
+        }
+        if best
+            .as_ref()
+            .is_some_and(|(size, _)| area(*size) as f64 <= cells as f64 * MOST_LOSS + f64::from(step))
+        {
+            break;
+        }
+    }
+    // Larger than any sheet: the caller says so.
+    let Some((size, places)) = best else { return (limit + 1, limit + 1) };
+    for (&index, place) in order.iter().zip(places) {
+        charts[index].place = place;
+    }
+    size
+}
+
+/// Rows that a sheet of `width` columns needs, at least one, and the place of each chart.
+fn place_within(charts: &[Chart], order: &[usize], width: u32) -> (u32, Vec<(u32, u32)>) {
     let mut sheet = Sheet { width, rows: Vec::new(), full: 0 };
     // Where the last chart of a shape went: no earlier place will do for the next.
     let mut hints: BTreeMap<Vec<Vec<u64>>, (u32, u32)> = BTreeMap::new();
+    let mut places = Vec::new();
     for &index in order {
         let rows = charts[index].rows();
         let from = hints.get(&rows).copied().unwrap_or((0, 0));
         let at = sheet.put(&rows, charts[index].size().0, from);
-        charts[index].place = at;
+        places.push(at);
         hints.insert(rows, at);
     }
-    let height = (sheet.rows.len() as u32).max(1).next_multiple_of(step);
-    (width, height)
+    ((sheet.rows.len() as u32).max(1), places)
 }
 
 /// Which cells of an epitome are taken.

@@ -65,7 +65,7 @@ impl Stats {
 }
 
 /// Gain and offset in 8-bit units; alpha keeps its value.
-fn values(tone: &Tone) -> (Vec4, Vec4) {
+pub(crate) fn values(tone: &Tone) -> (Vec4, Vec4) {
     let gain = Vec4::new(f32::from(tone[0]), f32::from(tone[1]), f32::from(tone[2]), 128.0) / 128.0;
     let offset =
         Vec4::new(f32::from(tone[3]) - 128.0, f32::from(tone[4]) - 128.0, f32::from(tone[5]) - 128.0, 0.0);

@@ -51,8 +51,8 @@ const KNOBS: std::ops::RangeInclusive<u32> = 1..=544;
 const TOLERANCE_KNOB: u32 = 96;
 /// Side of a block for tolerances where none is given (paper section 4).
 const TOLERANCE_BLOCK: u32 = 12;
-/// Shares of the tolerance that are tried: the rounding of the last bit may break the first.
-const TOLERANCE_SHARES: [f32; 3] = [1.0, 0.97, 0.9];
+/// Shares of the tolerance that candidates are held to.
+const TOLERANCE_SHARES: [f32; 3] = [1.0, 0.75, 0.4];
 
 /// Error that a bit may cost at setting `knob`, 8-bit squared units.
 fn lambda(knob: u32) -> f32 {
@@ -246,42 +246,42 @@ impl EpitomeSearch {
         Ok(found.value.with_notes(self.notes(goal, verdict)))
     }
 
-    /// The smallest form whose every block is within a tolerance.
+    /// The smallest form whose every block is within a tolerance. Charts of more candidates may pack worse than charts of
+    /// fewer, so several sets of candidates are packed, and each set is covered in two ways.
     fn within(&self, tolerance: f64, job: &mut Job<'_>) -> Result<EpitomeTexture, EncodeError> {
         let goal = Goal::Tolerance(tolerance);
         let mut best: Option<(Measured, EpitomeTexture)> = None;
         for share in TOLERANCE_SHARES {
             job.checkpoint()?;
-            let made = job.install(|| {
+            let made: Vec<EpitomeTexture> = job.install(|| {
                 let (options, palettes) = self.options(&self.rules(Some(tolerance as f32 * share)));
-                let choice = self.cover(&options);
-                let verdict = report::verdict(&self.grid, &options, &choice, true);
-                assemble(&self.plan(&options, &palettes), &choice)
-                    .map(|made| made.with_notes(self.notes(goal, verdict)))
+                let plan = self.plan(&options, &palettes);
+                let make = |choice: Choice| {
+                    let verdict = report::verdict(&self.grid, &options, &choice, true);
+                    assemble(&plan, &choice).map(|made| made.with_notes(self.notes(goal, verdict)))
+                };
+                self.covers(&options).into_iter().map(make).collect::<Result<_, _>>()
             })?;
-            let measured = measure(&self.images, &made);
-            if best.as_ref().is_none_or(|(before, _)| goal.prefers(&measured, before)) {
-                best = Some((measured, made));
-            }
-            if goal.is_met(&measured) {
-                break;
+            for made in made {
+                let measured = measure(&self.images, &made);
+                if best.as_ref().is_none_or(|(before, _)| goal.prefers(&measured, before)) {
+                    best = Some((measured, made));
+                }
             }
         }
-        // The loop makes at least one.
+        // Every set of candidates covers the images in at least one way.
         best.map(|(_, made)| made).ok_or(EncodeError::Cancelled)
     }
 
-    /// The fewest cells that cover every block: grown greedily, then improved, or chosen by prices where that is smaller.
-    fn cover(&self, options: &Options) -> Choice {
+    /// Few cells that cover every block: chosen by prices, and, where blocks have one side, grown greedily and improved.
+    fn covers(&self, options: &Options) -> Vec<Choice> {
         let formats = self.space.stored.len();
-        let costs = self.costs(TOLERANCE_KNOB);
-        let priced = self.choose(options, TOLERANCE_KNOB);
-        if self.grid.split {
-            return priced;
+        let mut covers = vec![self.choose(options, TOLERANCE_KNOB)];
+        if !self.grid.split {
+            let grown = grow(&self.grid, options, self.space.cells as usize * formats);
+            covers.push(improve(&self.grid, options, self.costs(TOLERANCE_KNOB), formats, &grown));
         }
-        let grown = grow(&self.grid, options, self.space.cells as usize * formats);
-        let grown = improve(&self.grid, options, costs, formats, &grown);
-        if grown.bits <= priced.bits { grown } else { priced }
+        covers
     }
 
     fn notes(&self, goal: Goal, verdict: String) -> Notes {

@@ -15,6 +15,9 @@ const WIDTHS: [f64; 7] = [1.0, 1.1, 1.25, 0.9, 1.4, 0.8, 1.6];
 /// Area against cells that is good enough.
 const MOST_LOSS: f64 = 1.02;
 
+/// A place or a size in cells.
+type Cells = (u32, u32);
+
 /// Cells that stay together.
 #[derive(Debug, Clone)]
 pub(crate) struct Chart {
@@ -150,7 +153,7 @@ impl Chart {
 fn place(charts: &mut [Chart], order: &[usize], cells: u64, step: u32) -> (u32, u32) {
     let widest = order.iter().map(|&index| charts[index].size().0).max().unwrap_or(1);
     let limit = crate::wire::MAX_EPITOME_SIDE / super::pyramid::CELL;
-    let mut best: Option<((u32, u32), Vec<(u32, u32)>)> = None;
+    let mut best: Option<(Cells, Vec<Cells>)> = None;
     for share in WIDTHS {
         let width = ((cells as f64).sqrt() * share).ceil() as u32;
         let width = width.max(widest).max(1).next_multiple_of(step).min(limit);

@@ -16,21 +16,30 @@ const ALIKE: usize = 2;
 /// Points of one leaf of the tree.
 const BUCKET: usize = 32;
 
-/// A patch that was found.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Neighbour {
+/// Where a patch lies: which field, and its upper left texel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Place {
+    /// Number of the field.
+    pub field: u32,
     /// Column of its upper left texel.
     pub x: u32,
     /// Row of its upper left texel.
     pub y: u32,
+}
+
+/// A patch that was found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Neighbour {
+    /// Where it lies.
+    pub place: Place,
     /// Squared distance of the descriptors; at most about 4.
     pub distance: f32,
 }
 
-/// Patches of one size on a grid of places in one field.
+/// Patches of one size in one or several fields.
 pub struct PatchIndex {
     tree: Option<ImmutableKdTree<f32, u32, DESCRIPTOR_LENGTH, BUCKET>>,
-    places: Vec<(u32, u32)>,
+    places: Vec<Place>,
     patch: (usize, usize),
 }
 
@@ -41,14 +50,18 @@ impl std::fmt::Debug for PatchIndex {
 }
 
 impl PatchIndex {
-    /// Indexes the patches of `patch` texels at `places` (upper left texels, the patch inside the field) whose contrast is
+    /// Indexes the patches of `patch` texels at `places` (each inside its field, whose sums are in `fields`) whose contrast is
     /// at least `contrast` 8-bit steps. Patches without contrast look all alike: thousands of them in a tree cost time
     /// and find nothing, and any one of them serves a query as well as any other.
     #[must_use]
-    pub fn new(sums: &LumaSums, patch: (usize, usize), places: Vec<(u32, u32)>, contrast: f32) -> Self {
-        let described: Vec<((u32, u32), Descriptor)> = places
+    pub fn new(fields: &[&LumaSums], patch: (usize, usize), places: &[Place], contrast: f32) -> Self {
+        let describe = |place: &Place| {
+            let sums = fields[place.field as usize];
+            (*place, describe(sums, place.x as usize, place.y as usize, patch.0, patch.1))
+        };
+        let described: Vec<(Place, Descriptor)> = places
             .par_iter()
-            .map(|&(x, y)| ((x, y), describe(sums, x as usize, y as usize, patch.0, patch.1)))
+            .map(describe)
             .filter(|(_, (_, found))| *found >= contrast)
             .map(|(place, (descriptor, _))| (place, descriptor))
             .collect();
@@ -89,19 +102,16 @@ impl PatchIndex {
         found.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
         found
             .into_iter()
-            .map(|(item, distance)| {
-                let (x, y) = self.places[item as usize];
-                Neighbour { x, y, distance }
-            })
+            .map(|(item, distance)| Neighbour { place: self.places[item as usize], distance })
             .collect()
     }
 }
 
 /// The first few of near-identical patches. What repeats exactly has its first copies as the source of all, so that
 /// everybody finds the same ones.
-fn first_of_each(described: Vec<((u32, u32), Descriptor)>) -> Vec<((u32, u32), Descriptor)> {
+fn first_of_each(described: Vec<(Place, Descriptor)>) -> Vec<(Place, Descriptor)> {
     let mut seen: HashMap<[i16; DESCRIPTOR_LENGTH], usize> = HashMap::new();
-    let is_new = |(_, descriptor): &((u32, u32), Descriptor)| {
+    let is_new = |(_, descriptor): &(Place, Descriptor)| {
         let count = seen.entry(descriptor.map(|value| (value * STEPS).round() as i16)).or_default();
         *count += 1;
         *count <= ALIKE
@@ -115,25 +125,30 @@ mod tests {
     use crate::Field;
     use glam::Vec4;
 
+    fn grid(columns: u32, rows: u32) -> Vec<Place> {
+        let row = |y: u32| (0..columns).map(move |x| Place { field: 0, x, y });
+        (0..rows).flat_map(row).collect()
+    }
+
     #[test]
     fn finds_what_a_full_scan_finds() {
         let value = |x: usize, y: usize| ((x * x + 3 * y * y + x * y * 5) % 97) as f32 * 2.5;
         let texels = (0..64 * 48).map(|i| Vec4::splat(value(i % 64, i / 64))).collect();
         let field = Field { width: 64, height: 48, texels };
         let sums = LumaSums::new(&field);
-        let places: Vec<(u32, u32)> = (0..40).flat_map(|y| (0..56).map(move |x| (x, y))).collect();
-        let index = PatchIndex::new(&sums, (8, 8), places.clone(), 0.0);
+        let places = grid(56, 40);
+        let index = PatchIndex::new(&[&sums], (8, 8), &places, 0.0);
         let query = describe(&sums, 13, 21, 8, 8).0;
         let found = index.nearest(&query, 4.0, 5);
         let mut scanned: Vec<f32> = places
             .iter()
-            .map(|&(x, y)| {
-                let other = describe(&sums, x as usize, y as usize, 8, 8).0;
+            .map(|place| {
+                let other = describe(&sums, place.x as usize, place.y as usize, 8, 8).0;
                 other.iter().zip(&query).map(|(a, b)| (a - b) * (a - b)).sum()
             })
             .collect();
         scanned.sort_by(f32::total_cmp);
-        assert_eq!((found[0].x, found[0].y), (13, 21));
+        assert_eq!(found[0].place, Place { field: 0, x: 13, y: 21 });
         for (found, scanned) in found.iter().zip(scanned) {
             assert!((found.distance - scanned).abs() < 1e-5);
         }
@@ -143,12 +158,11 @@ mod tests {
     fn thousands_of_equal_patches_are_no_trouble() {
         let field = Field { width: 200, height: 200, texels: vec![Vec4::splat(9.0); 40_000] };
         let sums = LumaSums::new(&field);
-        let places: Vec<(u32, u32)> = (0..190).flat_map(|y| (0..190).map(move |x| (x, y))).collect();
-        assert!(PatchIndex::new(&sums, (8, 8), places.clone(), 0.5).is_empty());
-        let all = PatchIndex::new(&sums, (8, 8), places, 0.0);
+        let places = grid(190, 190);
+        assert!(PatchIndex::new(&[&sums], (8, 8), &places, 0.5).is_empty());
+        let all = PatchIndex::new(&[&sums], (8, 8), &places, 0.0);
         let query = describe(&sums, 0, 0, 8, 8).0;
-        let found: Vec<(u32, u32)> =
-            all.nearest(&query, 1.0, 7).iter().map(|near| (near.x, near.y)).collect();
-        assert_eq!(found, [(0, 0), (1, 0)]);
+        let found: Vec<Place> = all.nearest(&query, 1.0, 7).iter().map(|near| near.place).collect();
+        assert_eq!(found, places[..2]);
     }
 }

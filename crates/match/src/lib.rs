@@ -11,5 +11,5 @@ mod refine;
 
 pub use descriptor::{DESCRIPTOR_LENGTH, Descriptor, Mirror, describe};
 pub use field::{Field, LumaSums};
-pub use index::{Neighbour, PatchIndex};
+pub use index::{Neighbour, PatchIndex, Place};
 pub use refine::{Refined, Transform, refine};

@@ -91,8 +91,13 @@ impl Reading {
         let corner = self.leaf.corner;
         let at = Vec2::new((corner.x + x) as f32 + 0.5, (corner.y + y) as f32 + 0.5);
         let place = texfold_epitome_place(&self.source, self.leaf, at, 0) - Vec2::splat(0.5);
-        let low = place.floor();
-        (low.x as i32, low.y as i32, place - low)
+        // Without a call of the C library, which rounding down is where processors of all ages must run it.
+        let down = |value: f32| {
+            let towards_zero = value as i32;
+            towards_zero - i32::from(value < towards_zero as f32)
+        };
+        let (x, y) = (down(place.x), down(place.y));
+        (x, y, place - Vec2::new(x as f32, y as f32))
     }
 
     /// First and last column and row of the texels that are read; `None` where some lie outside of `field`.

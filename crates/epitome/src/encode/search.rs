@@ -5,7 +5,7 @@ use glam::{Mat2, Vec2};
 use rayon::prelude::*;
 use texfold_core::image::ColorSpace;
 use texfold_core::{Effort, EncodeError, Job};
-use texfold_match::{Field, LumaSums, Mirror, PatchIndex, Transform, describe, refine};
+use texfold_match::{Field, LumaSums, Mirror, PatchIndex, Place, Transform, describe, refine};
 
 use super::candidate::{Match, ScaleErrors};
 use super::leaf::{Grid, Node};
@@ -146,22 +146,18 @@ impl Round<'_> {
     }
 
     fn run(&self, found: &mut [Vec<Match>]) {
-        let indices: Vec<PatchIndex> = (0..self.fields.len())
-            .map(|image| {
-                let places = self.places(image);
-                PatchIndex::new(&self.fields[image].sums, self.patch(), places, LEAST_CONTRAST)
-            })
-            .collect();
+        let places: Vec<Place> = (0..self.fields.len()).flat_map(|image| self.places(image)).collect();
+        let sums: Vec<&LumaSums> = self.fields.iter().map(|field| &field.sums).collect();
+        let index = PatchIndex::new(&sums, self.patch(), &places, LEAST_CONTRAST);
         let nodes = self.nodes();
-        let matches: Vec<Vec<Match>> =
-            nodes.par_iter().map(|&index| self.matches_of(index, &indices)).collect();
+        let matches: Vec<Vec<Match>> = nodes.par_iter().map(|&node| self.matches_of(node, &index)).collect();
         for (index, matches) in nodes.into_iter().zip(matches) {
             found[index] = matches;
         }
     }
 
     /// Places in an image whose patch lies in cells that are allowed, in any format.
-    fn places(&self, image: usize) -> Vec<(u32, u32)> {
+    fn places(&self, image: usize) -> Vec<Place> {
         let field = self.field(image);
         let (width, height) = self.patch();
         // Beyond the image's edge content repeats it: nothing new is there.
@@ -174,13 +170,14 @@ impl Round<'_> {
         let step = self.stride() as usize;
         let all = (0..=end_y - height)
             .step_by(step)
-            .flat_map(|y| (0..=end_x - width).step_by(step).map(move |x| (x as u32, y as u32)));
+            .flat_map(|y| (0..=end_x - width).step_by(step).map(move |x| (x as u32, y as u32)))
+            .map(|(x, y)| Place { field: image as u32, x, y });
         let Some(cells) = self.allowed.cells else { return all.collect() };
         let formats: Vec<CellSums> = (0..self.space.stored.len())
             .map(|format| CellSums::new(cells, field, self.space.rows_of(format, image, self.scale)))
             .collect();
-        all.filter(|&(x, y)| formats.iter().any(|sums| sums.holds(x, y, width as u32, height as u32)))
-            .collect()
+        let patch = (width as u32, height as u32);
+        all.filter(|place| formats.iter().any(|sums| sums.holds((place.x, place.y), patch))).collect()
     }
 
     /// Finer content has fewer texels to step over.
@@ -190,7 +187,7 @@ impl Round<'_> {
         (self.reach.stride * patch / 8).clamp(1, 4)
     }
 
-    fn matches_of(&self, number: usize, indices: &[PatchIndex]) -> Vec<Match> {
+    fn matches_of(&self, number: usize, index: &PatchIndex) -> Vec<Match> {
         let node = &self.grid.node(number);
         let (x, y) = self.corner(node);
         let (width, height) = self.patch();
@@ -203,18 +200,17 @@ impl Round<'_> {
         // What the low frequencies leave is part of what all leave.
         let length = contrast * contrast * (width * height) as f32;
         let within = WITHIN.min(most / length);
-        let mut seeds: Vec<(f32, u16, Mirror, u32, u32)> = Vec::new();
+        let mut seeds: Vec<(f32, Mirror, Place)> = Vec::new();
         let mirrors = if self.space.pixel.color == ColorSpace::Normal { 1 } else { Mirror::ALL.len() };
         for &mirror in &Mirror::ALL[..mirrors] {
             let query = mirror.of(&descriptor);
-            for (image, index) in indices.iter().enumerate() {
-                for near in index.nearest(&query, within, self.reach.neighbours) {
-                    let itself = image == node.image
-                        && near.x.abs_diff(x as u32) < (width as u32 / 2).max(2)
-                        && near.y.abs_diff(y as u32) < (height as u32 / 2).max(2);
-                    if !itself {
-                        seeds.push((near.distance, image as u16, mirror, near.x, near.y));
-                    }
+            for near in index.nearest(&query, within, self.reach.neighbours) {
+                let place = near.place;
+                let itself = place.field as usize == node.image
+                    && place.x.abs_diff(x as u32) < (width as u32 / 2).max(2)
+                    && place.y.abs_diff(y as u32) < (height as u32 / 2).max(2);
+                if !itself {
+                    seeds.push((near.distance, mirror, place));
                 }
             }
         }
@@ -222,8 +218,9 @@ impl Round<'_> {
         let target = self.target(node);
         let half = Vec2::new(width as f32, height as f32) * 0.5;
         let mut matches: Vec<Match> = Vec::new();
-        for (_, image, mirror, x, y) in seeds {
-            let position = Vec2::new(x as f32, y as f32) + half;
+        for (_, mirror, place) in seeds {
+            let image = place.field as u16;
+            let position = Vec2::new(place.x as f32, place.y as f32) + half;
             if matches.len() >= 2 * self.reach.kept
                 || matches.iter().any(|m| m.image == image && m.position.distance(position) < APART)
             {
@@ -349,7 +346,7 @@ impl CellSums {
     }
 
     /// Whether all cells under a patch are allowed.
-    fn holds(&self, x: u32, y: u32, width: u32, height: u32) -> bool {
+    fn holds(&self, (x, y): (u32, u32), (width, height): (u32, u32)) -> bool {
         let (left, top) = ((x / CELL) as usize, (y / CELL) as usize);
         let (right, bottom) = ((x + width).div_ceil(CELL) as usize, (y + height).div_ceil(CELL) as usize);
         let at = |x: usize, y: usize| self.sums[y * self.columns + x];

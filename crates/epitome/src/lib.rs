@@ -12,11 +12,13 @@ pub mod decode;
 mod encode;
 mod encoded;
 mod params;
+mod pictures;
 mod wire;
 
 pub use encode::EpitomeSearch;
 pub use encoded::{Entry, EpitomeTexture, IDENTITY, Linear, MapFormat, NEUTRAL, Tone};
 pub use params::{EpitomeParams, EpitomeSource};
+pub use pictures::{PartPictures, pictures};
 
 use texfold_core::container::Sections;
 use texfold_core::{Budget, CodecId, EncodeError, Goal, Image2d, Job, LoadError, SharedSearch, TextureCodec};

@@ -30,16 +30,9 @@ pub(crate) fn write(
     };
     let encoded = image.as_encoded();
     let surfaces = encoded.layout().surfaces.len();
-    let parts = match image {
-        AnyImage::Vq(texture) => texfold_vq::pictures(texture),
-        AnyImage::Bc(_) | AnyImage::Epitome(_) => None,
-    };
-    if let Some(parts) = parts {
-        save("codebook", 0, 1, &parts.codebook)?;
-        for (part, rasters) in [("index", &parts.index), ("usage", &parts.usage)] {
-            for (surface, raster) in rasters.iter().enumerate() {
-                save(part, surface, rasters.len(), raster)?;
-            }
+    for (part, rasters) in parts(image) {
+        for (number, raster) in rasters.iter().enumerate() {
+            save(part, number, rasters.len(), raster)?;
         }
     }
     let originals = original.map(|original| read_original(original, surfaces)).transpose()?;
@@ -54,6 +47,26 @@ pub(crate) fn write(
         say(&format!("errors are shown {} times as large, 0 as middle gray", picture::ERROR_GAIN));
     }
     Ok(())
+}
+
+/// Pictures of the codec's own parts, by name: one for each image, or one for each plane that all share.
+fn parts(image: &AnyImage) -> Vec<(&'static str, Vec<Raster>)> {
+    match image {
+        AnyImage::Vq(texture) => texfold_vq::pictures(texture).map_or(Vec::new(), |parts| {
+            vec![("codebook", vec![parts.codebook]), ("index", parts.index), ("usage", parts.usage)]
+        }),
+        AnyImage::Epitome(texture) => texfold_epitome::pictures(texture).map_or(Vec::new(), |parts| {
+            vec![
+                ("epitome", parts.epitomes),
+                ("position", parts.positions),
+                ("offset", parts.offsets),
+                ("side", parts.sides),
+                ("scale", parts.scales),
+                ("usage", parts.usage),
+            ]
+        }),
+        AnyImage::Bc(_) => Vec::new(),
+    }
 }
 
 /// The images of a file or folder, as `compress` reads them.

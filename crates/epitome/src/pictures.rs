@@ -1,0 +1,275 @@
+//! Pictures of the parts of a texture, for a person to look at.
+
+use std::f32::consts::TAU;
+
+use glam::{UVec2, Vec2, Vec3};
+use texfold_core::image::{ColorSpace, PixelInfo, Raster};
+use texfold_core::{Encoded, Texel};
+
+use crate::EpitomeTexture;
+use crate::decode::{
+    EpitomeView, TexfoldEpitomeLeaf, TexfoldEpitomeSource, texfold_epitome_place,
+    texfold_epitome_plane_level, texfold_epitome_source,
+};
+
+/// Texels a side of the cells that reads are counted in.
+const CELL: u32 = 4;
+/// What is left of a colour at a leaf's upper and left edge.
+const OUTLINE: f32 = 0.8;
+/// Binary logarithm of the stored share of a leaf's texels that is drawn darkest.
+const LEAST_SHARE_LOG2: f32 = -4.0;
+/// Gray of what is darkest but not black, which is for what is not there at all.
+const DARKEST: f32 = 0.2;
+
+/// Pictures of the parts of an epitome texture. Those of an image have a texel for each of its texels, with leaves
+/// outlined; those of an epitome have one for each of the epitome's texels.
+#[derive(Debug, Clone)]
+pub struct PartPictures {
+    /// Each epitome.
+    pub epitomes: Vec<Raster>,
+    /// For each image the place in the epitome that each texel is read at: red is the column, green the row, blue the
+    /// second epitome.
+    pub positions: Vec<Raster>,
+    /// For each image how each leaf's content is shifted once it is turned and scaled: hue is the direction, saturation
+    /// the distance. Leaves whose content lies in the epitome as it does in the image have one colour.
+    pub offsets: Vec<Raster>,
+    /// For each image the sides of its leaves: the largest dark, the smallest bright.
+    pub sides: Vec<Raster>,
+    /// For each image the share of each leaf's texels that is stored: white all, darker by an octave of either side.
+    pub scales: Vec<Raster>,
+    /// For each epitome how many texels of the images are read from each 4 x 4 cell: black none, the most white, shades
+    /// between by the logarithm.
+    pub usage: Vec<Raster>,
+}
+
+/// Draws the parts of `texture`; `None` only where a picture cannot be made at all.
+#[must_use]
+pub fn pictures(texture: &EpitomeTexture) -> Option<PartPictures> {
+    let view = texture.view(0);
+    let planes = [(view.params.plane_a, view.plane_a), (view.params.plane_b, view.plane_b)];
+    let mut parts = PartPictures {
+        epitomes: Vec::new(),
+        positions: Vec::new(),
+        offsets: Vec::new(),
+        sides: Vec::new(),
+        scales: Vec::new(),
+        usage: Vec::new(),
+    };
+    for (plane, (size, levels)) in planes.into_iter().enumerate() {
+        let Some(texels) = levels.first() else { continue };
+        parts.epitomes.push(rgb(size, texels)?);
+        parts.usage.push(draw_usage(size, &count_reads(texture, plane as u32, size))?);
+    }
+    for surface in 0..texture.layout().surfaces.len() as u32 {
+        let draw = |color: Color| draw_leaves(texture, surface, color);
+        parts.positions.push(draw(position_color)?);
+        parts.offsets.push(draw(offset_color)?);
+        parts.sides.push(draw(side_color)?);
+        parts.scales.push(draw(scale_color)?);
+    }
+    Some(parts)
+}
+
+fn rgb([width, height]: [u32; 2], texels: &[Texel]) -> Option<Raster> {
+    let info = PixelInfo { channels: 3, color: ColorSpace::Srgb, ..PixelInfo::default() };
+    Raster::from_texels(width, height, info, texels).ok()
+}
+
+/// A leaf of an image, and where its content comes from.
+struct Shown<'a> {
+    view: EpitomeView<'a>,
+    leaf: TexfoldEpitomeLeaf,
+    source: TexfoldEpitomeSource,
+}
+
+/// Colour of a leaf's texel, whose centre lies at that place of the image.
+type Color = fn(&Shown<'_>, Vec2) -> Vec3;
+
+impl Shown<'_> {
+    /// The place in the epitome that the texel around `at` is read at, in texels.
+    fn place(&self, at: Vec2) -> Vec2 {
+        let level = texfold_epitome_plane_level(&self.view, self.source.linear, 0);
+        texfold_epitome_place(&self.source, self.leaf, at, level)
+    }
+
+    /// Columns and rows of its epitome.
+    fn plane_size(&self) -> Vec2 {
+        let params = &self.view.params;
+        let size = if self.source.plane == 1 { params.plane_b } else { params.plane_a };
+        UVec2::from(size).as_vec2()
+    }
+}
+
+/// Calls `visit` for each texel of an image with its leaf.
+fn for_each_texel(texture: &EpitomeTexture, surface: u32, mut visit: impl FnMut(&Shown<'_>, UVec2)) {
+    let Some(whole) = texture.layout().whole(surface, 0) else { return };
+    let view = texture.view(surface);
+    for leaf in texture.leaves(surface, whole) {
+        let shown = Shown { view, leaf, source: texfold_epitome_source(&view, leaf.entry) };
+        let end = (leaf.corner + leaf.side).min(UVec2::new(whole.width, whole.height));
+        for y in leaf.corner.y..end.y {
+            for x in leaf.corner.x..end.x {
+                visit(&shown, UVec2::new(x, y));
+            }
+        }
+    }
+}
+
+fn draw_leaves(texture: &EpitomeTexture, surface: u32, color: Color) -> Option<Raster> {
+    let [width, height] = texture.view(surface).params.size;
+    let mut texels = vec![Texel::ONE; width as usize * height as usize];
+    for_each_texel(texture, surface, |shown, at| {
+        let edge = at.x == shown.leaf.corner.x || at.y == shown.leaf.corner.y;
+        let shade = if edge { OUTLINE } else { 1.0 };
+        let color = shade * color(shown, at.as_vec2() + Vec2::splat(0.5));
+        texels[at.y as usize * width as usize + at.x as usize] = color.extend(1.0);
+    });
+    rgb([width, height], &texels)
+}
+
+fn position_color(shown: &Shown<'_>, at: Vec2) -> Vec3 {
+    let place = shown.place(at) / shown.plane_size();
+    place.clamp(Vec2::ZERO, Vec2::ONE).extend(shown.source.plane as f32)
+}
+
+fn offset_color(shown: &Shown<'_>, _: Vec2) -> Vec3 {
+    let linear = shown.source.linear;
+    let centre = shown.leaf.corner.as_vec2() + Vec2::splat(0.5 * shown.leaf.side as f32);
+    let laid =
+        Vec2::new(linear.x * centre.x + linear.y * centre.y, linear.z * centre.x + linear.w * centre.y);
+    let offset = shown.source.position - laid;
+    let size = UVec2::from(shown.view.params.size).as_vec2();
+    let far = size.max(shown.plane_size()).max_element();
+    // A root, so that short distances are told apart.
+    let saturation = (offset.length() / far).min(1.0).sqrt();
+    Vec3::ONE.lerp(hue(offset), saturation)
+}
+
+/// The full colour of a direction: red to the right, then by a third of a turn each green and blue.
+fn hue(direction: Vec2) -> Vec3 {
+    let turn = direction.y.atan2(direction.x) / TAU;
+    let ramp = |from: f32| (6.0 * (turn + from).rem_euclid(1.0) - 3.0).abs() - 1.0;
+    Vec3::new(ramp(0.0), ramp(2.0 / 3.0), ramp(1.0 / 3.0)).clamp(Vec3::ZERO, Vec3::ONE)
+}
+
+fn side_color(shown: &Shown<'_>, _: Vec2) -> Vec3 {
+    // A block is split twice at most: two octaves.
+    let octaves = (shown.view.params.block / shown.leaf.side).ilog2() as f32;
+    Vec3::splat(DARKEST + (1.0 - DARKEST) * octaves / 2.0)
+}
+
+fn scale_color(shown: &Shown<'_>, _: Vec2) -> Vec3 {
+    let linear = shown.source.linear;
+    let share = (linear.x * linear.w - linear.y * linear.z).abs();
+    let octaves = share.log2().clamp(LEAST_SHARE_LOG2, 0.0);
+    Vec3::splat(1.0 - (1.0 - DARKEST) * octaves / LEAST_SHARE_LOG2)
+}
+
+/// Texels of all images that are read from each cell of an epitome, row by row.
+fn count_reads(texture: &EpitomeTexture, plane: u32, [width, height]: [u32; 2]) -> Vec<u32> {
+    let (columns, rows) = (width.div_ceil(CELL), height.div_ceil(CELL));
+    let mut counts = vec![0u32; columns as usize * rows as usize];
+    for surface in 0..texture.layout().surfaces.len() as u32 {
+        for_each_texel(texture, surface, |shown, at| {
+            if shown.source.plane != plane {
+                return;
+            }
+            let place = shown.place(at.as_vec2() + Vec2::splat(0.5)).max(Vec2::ZERO);
+            let cell = (place.as_uvec2() / CELL).min(UVec2::new(columns - 1, rows - 1));
+            counts[cell.y as usize * columns as usize + cell.x as usize] += 1;
+        });
+    }
+    counts
+}
+
+fn draw_usage(size: [u32; 2], counts: &[u32]) -> Option<Raster> {
+    let columns = size[0].div_ceil(CELL);
+    let most = counts.iter().copied().max().unwrap_or(0).max(2) as f32;
+    let gray = |count: u32| match count {
+        0 => 0.0,
+        count => DARKEST + (1.0 - DARKEST) * (count as f32).log2() / most.log2(),
+    };
+    let texel = |x: u32, y: u32| {
+        let count = counts[(y / CELL) as usize * columns as usize + (x / CELL) as usize];
+        Vec3::splat(gray(count)).extend(1.0)
+    };
+    let texels: Vec<Texel> = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| texel(x, y))).collect();
+    rgb(size, &texels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::decode::texfold_epitome_leaf;
+    use crate::{Epitome, EpitomeParams, EpitomeSource};
+    use texfold_core::image::ImageSet;
+    use texfold_core::{Effort, Goal, Job, TextureCodec};
+
+    fn texture() -> EpitomeTexture {
+        let set = ImageSet::single(texfold_testkit::picture("facade"));
+        let params =
+            EpitomeParams { goal: Goal::Psnr(28.0), effort: Effort::Fast, ..EpitomeParams::default() };
+        Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap()
+    }
+
+    #[test]
+    fn pictures_have_the_sizes_of_what_they_show() {
+        let texture = texture();
+        let parts = pictures(&texture).unwrap();
+        let sizes = |rasters: &[Raster]| -> Vec<(u32, u32)> {
+            rasters.iter().map(|raster| (raster.size().width, raster.size().height)).collect()
+        };
+        let epitomes: Vec<(u32, u32)> = texture.epitomes().map(|epitome| epitome.size()).collect();
+        assert_eq!((sizes(&parts.epitomes), sizes(&parts.usage)), (epitomes.clone(), epitomes));
+        for rasters in [&parts.positions, &parts.offsets, &parts.sides, &parts.scales] {
+            assert_eq!(sizes(rasters), [(256, 256)]);
+        }
+    }
+
+    #[test]
+    fn each_texel_is_read_from_one_cell() {
+        let texture = texture();
+        let params = texture.view(0).params;
+        let planes = [params.plane_a, params.plane_b];
+        let epitomes = texture.epitomes().count();
+        let reads = (0..epitomes).flat_map(|plane| count_reads(&texture, plane as u32, planes[plane]));
+        assert_eq!(reads.sum::<u32>(), 256 * 256);
+    }
+
+    #[test]
+    fn a_texel_is_drawn_where_its_leaf_says() {
+        let texture = texture();
+        let parts = pictures(&texture).unwrap();
+        let view = texture.view(0);
+        let at = UVec2::new(101, 59);
+        let leaf = texfold_epitome_leaf(&view, at);
+        let source = texfold_epitome_source(&view, leaf.entry);
+        let shown = Shown { view, leaf, source };
+        let wanted = position_color(&shown, at.as_vec2() + Vec2::splat(0.5));
+        assert!(at.x > leaf.corner.x && at.y > leaf.corner.y, "an edge is drawn darker");
+        let found = parts.positions[0].texel(at.x, at.y).truncate();
+        assert!((found - wanted).abs().max_element() < 1e-6, "{found} {wanted}");
+        let place = shown.place(at.as_vec2() + Vec2::splat(0.5));
+        let usage = &parts.usage[source.plane as usize];
+        assert!(usage.texel(place.x as u32, place.y as u32).x >= DARKEST, "the cell is read");
+    }
+
+    #[test]
+    fn directions_have_hues() {
+        let near = |direction: Vec2, color: [f32; 3]| {
+            assert!((hue(direction) - Vec3::from(color)).abs().max_element() < 1e-5, "{direction}");
+        };
+        near(Vec2::X, [1.0, 0.0, 0.0]);
+        near(Vec2::from_angle(TAU / 3.0), [0.0, 1.0, 0.0]);
+        near(Vec2::from_angle(-TAU / 3.0), [0.0, 0.0, 1.0]);
+        near(-Vec2::X, [0.0, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn usage_is_black_where_nothing_is_read() {
+        let drawn = draw_usage([8, 4], &[0, 64]).unwrap();
+        assert_eq!((drawn.texel(3, 3).x, drawn.texel(4, 0).x), (0.0, 1.0));
+        let drawn = draw_usage([8, 4], &[1, 64]).unwrap();
+        assert_eq!(drawn.texel(0, 0).x, DARKEST);
+    }
+}

@@ -6,12 +6,15 @@ mod support;
 
 use support::small_textures;
 use texfold::container::{CodecId, SectionWriter, Sections};
-use texfold::{Budget, Encoded, Image2d, ImageAddress, Limits, LoadError, open_image};
+use texfold::{Budget, Domain, Encoded, Image2d, ImageAddress, Limits, LoadError, Texel, open_image};
 
 /// More than any of these textures needs, far less than a hostile size would take.
 const LIMITS: Limits = Limits { texels: 1 << 20, bytes: 64 << 20, sections: 64 };
 
 const MUTATIONS: usize = 10_000;
+
+/// Images of up to as many texels are decoded as a whole.
+const WHOLE_TEXELS: usize = 1 << 14;
 
 /// A generator that gives the same damage everywhere.
 struct Random(u64);
@@ -36,6 +39,11 @@ fn exercise(texture: &dyn Encoded<Domain = Image2d>) {
                 assert!(texel.is_finite());
             }
         }
+    }
+    if let Some(whole) = layout.whole(0, 0).filter(|whole| Image2d::len(*whole) <= WHOLE_TEXELS) {
+        let mut texels = vec![Texel::ZERO; Image2d::len(whole)];
+        texture.decode(whole, &mut texels).unwrap();
+        assert!(texels.iter().all(|texel| texel.is_finite()));
     }
     let _ = texture.gpu();
     let _ = texture.footprint();
@@ -72,15 +80,22 @@ fn flipped_bytes_are_noticed() {
 
 /// The same file with the bytes of one section changed and every checksum made right again, as an attacker would.
 fn with_changed_section(bytes: &[u8], random: &mut Random) -> Option<Vec<u8>> {
+    let sections = Sections::parse(bytes, &mut Budget::default()).ok()?;
+    let ids: Vec<[u8; 4]> = sections.ids().map(|(id, _)| id).collect();
+    let target = ids[random.below(ids.len())];
+    rewritten(bytes, target, |raw| damage(raw, random))
+}
+
+/// The same file with the section `target` as `change` leaves it.
+fn rewritten(bytes: &[u8], target: [u8; 4], change: impl FnOnce(&mut Vec<u8>)) -> Option<Vec<u8>> {
     let mut budget = Budget::default();
     let sections = Sections::parse(bytes, &mut budget).ok()?;
-    let ids: Vec<[u8; 4]> = sections.ids().map(|(id, _)| id).collect();
-    let target = random.below(ids.len());
     let mut writer = SectionWriter::new(CodecId { number: sections.codec(), name: "" });
-    for (index, &id) in ids.iter().enumerate() {
+    let mut change = Some(change);
+    for (id, _) in sections.ids() {
         let mut raw = sections.read(id, &mut budget).ok()?;
-        if index == target {
-            damage(&mut raw, random);
+        if let Some(change) = change.take_if(|_| id == target) {
+            change(&mut raw);
         }
         writer.section("", id, &raw);
     }
@@ -123,6 +138,38 @@ fn ten_thousand_forged_files_give_an_error_or_a_texture_that_decodes() {
     }
     // Both happen: indices and notes may change within their ranges, sizes may not.
     assert!(refused > MUTATIONS / 10 && accepted > MUTATIONS / 100, "{refused} refused, {accepted} accepted");
+}
+
+#[test]
+fn an_epitome_map_may_point_anywhere() {
+    for (name, _, texture) in small_textures().iter().filter(|(name, ..)| name.starts_with("epitome")) {
+        let bytes = texture.to_bytes();
+        let accept = |forged: &[u8], what: &str| {
+            let texture = open_image(forged, &mut Budget::new(LIMITS));
+            exercise(texture.unwrap_or_else(|error| panic!("{name}, {what}: {error}")).as_encoded());
+        };
+        // Any linear part and any tone may stand in a palette, also those that flatten or enlarge most.
+        for byte in [0x00, 0x01, 0x7f, 0x80, 0xff] {
+            let forged = rewritten(&bytes, *b"EPPL", |raw| raw.fill(byte)).unwrap();
+            accept(&forged, "another palette");
+        }
+        // Any place that the fields can hold may lie outside of the epitome.
+        let sections = Sections::parse(&bytes, &mut Budget::default()).unwrap();
+        let form = sections.read(*b"EPFM", &mut Budget::default()).unwrap();
+        let most = |bits: u8| ((1u32 << bits) - 1) as u16;
+        for (x, y) in [(0, 0), (most(form[2]), 0), (0, most(form[3])), (most(form[2]), most(form[3]))] {
+            let at = [x.to_le_bytes(), y.to_le_bytes()].concat();
+            // Places are stored as what differs from the leaf before, byte plane by byte plane.
+            let forged = rewritten(&bytes, *b"EPEN", |raw| {
+                let leaves = raw.len() / 7;
+                raw[..4 * leaves].fill(0);
+                for (plane, byte) in at.iter().enumerate() {
+                    raw[plane * leaves] = *byte;
+                }
+            });
+            accept(&forged.unwrap(), "all leaves at one place");
+        }
+    }
 }
 
 #[test]

@@ -7,7 +7,10 @@
 )]
 
 use texfold::image::ImageSet;
-use texfold::{AnyImage, Bc, BcParams, Content, Effort, Goal, Job, TextureCodec, Vq, VqParams, VqSource};
+use texfold::{
+    AnyImage, Bc, BcParams, Content, Effort, Epitome, EpitomeParams, EpitomeSource, Goal, Job, TextureCodec,
+    Vq, VqParams, VqSource,
+};
 
 pub fn fixture(name: &str) -> ImageSet {
     ImageSet::single(texfold_testkit::picture(name))
@@ -19,6 +22,10 @@ pub fn vq(set: &ImageSet, params: &VqParams) -> AnyImage {
 
 pub fn bc(set: &ImageSet, params: &BcParams) -> AnyImage {
     AnyImage::Bc(Bc::encode(set, params, &mut Job::default()).unwrap())
+}
+
+pub fn epitome(set: &ImageSet, params: &EpitomeParams) -> AnyImage {
+    AnyImage::Epitome(Epitome::encode(EpitomeSource::new(set), params, &mut Job::default()).unwrap())
 }
 
 /// One texture of each kind, small enough to be damaged ten thousand times.
@@ -42,5 +49,13 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     }
     let params = VqParams { codebook: Some((64, 32)), effort: Effort::Fast, ..VqParams::default() };
     textures.push(("vq sequence".to_owned(), ripple.clone(), vq(&ripple, &params)));
+    // BC1 and BC7 side by side, with mip levels; plain bytes; two images that share content.
+    let fast = EpitomeParams { goal: Goal::Psnr(26.0), effort: Effort::Fast, ..EpitomeParams::default() };
+    let params = EpitomeParams { mips: true, ..fast.clone() };
+    textures.push(("epitome mixed".to_owned(), odd.clone(), epitome(&odd, &params)));
+    let params = EpitomeParams { content: Some(Content::Raw), ..fast.clone() };
+    textures.push(("epitome raw".to_owned(), odd.clone(), epitome(&odd, &params)));
+    let params = EpitomeParams { content: Some(Content::Bc1), ..fast };
+    textures.push(("epitome sequence".to_owned(), ripple.clone(), epitome(&ripple, &params)));
     textures
 }

@@ -5,12 +5,13 @@
 mod support;
 
 use proptest::prelude::*;
-use support::{bc, fixture, small_textures, vq};
+use support::{bc, epitome, fixture, small_textures, vq};
 use texfold::image::{ColorSpace, ImageSet, Raster};
 use texfold::metric::{decode_surface, quality};
 use texfold::{
-    BcParams, Budget, Content, Effort, EncodeError, EncodeSettings, Encoded, Goal, Guidance, ImageAddress,
-    Job, Rect, RegionError, Stage, Texel, TextureCodec, Vq, VqParams, VqSource, encode_images, open_image,
+    AnyImage, BcParams, Budget, CodecChoice, Content, Effort, EncodeError, EncodeSettings, Encoded, Epitome,
+    EpitomeParams, EpitomeSource, Goal, Guidance, ImageAddress, Job, Rect, RegionError, Stage, Texel,
+    TextureCodec, Vq, VqParams, VqSource, encode_images, open_image,
 };
 use texfold_testkit::frames;
 
@@ -51,6 +52,14 @@ fn encoding_does_not_depend_on_the_number_of_threads() {
         let settings = EncodeSettings { goal, ..EncodeSettings::default() };
         assert_eq!(with(1, &settings), with(3, &settings), "{goal:?}");
     }
+    let params = EpitomeParams { goal: Goal::Psnr(26.0), mips: true, ..EpitomeParams::default() };
+    let factored = |threads: usize| {
+        let pool = rayon_pool(threads);
+        let mut job = Job::default().with_pool(&pool);
+        let made = Epitome::encode(EpitomeSource::new(&set), &params, &mut job).unwrap();
+        AnyImage::Epitome(made).to_bytes()
+    };
+    assert!(factored(1) == factored(3), "epitome");
 }
 
 fn rayon_pool(threads: usize) -> rayon::ThreadPool {
@@ -145,7 +154,7 @@ fn a_tolerance_holds_for_every_block() {
     for name in ["facade", "text_page", "stripes"] {
         let set = fixture(name);
         let settings = EncodeSettings {
-            codec: texfold::CodecChoice::Vq,
+            codec: CodecChoice::Vq,
             goal: Goal::Tolerance(16.0),
             ..EncodeSettings::default()
         };
@@ -159,12 +168,15 @@ fn a_tolerance_holds_for_every_block() {
 fn a_size_goal_is_never_exceeded() {
     for name in ["facade", "gray", "cutout", "odd_37x61"] {
         for bpp in [1.5, 2.5, 6.0] {
-            let set = fixture(name);
-            let settings =
-                EncodeSettings { goal: Goal::Bpp(bpp), effort: Effort::Fast, ..EncodeSettings::default() };
-            let texture = encode_images(&set, Guidance::default(), &settings, &mut Job::default()).unwrap();
-            let bits = texture.as_encoded().gpu().bits_memory() as f64 / set.texel_count() as f64;
-            assert!(bits <= bpp, "{name}: {bits} of {bpp}");
+            for codec in [CodecChoice::Auto, CodecChoice::Epitome] {
+                let set = fixture(name);
+                let goal = Goal::Bpp(bpp);
+                let settings =
+                    EncodeSettings { codec, goal, effort: Effort::Fast, ..EncodeSettings::default() };
+                let made = encode_images(&set, Guidance::default(), &settings, &mut Job::default()).unwrap();
+                let bits = made.as_encoded().gpu().bits_memory() as f64 / set.texel_count() as f64;
+                assert!(bits <= bpp, "{name}, {codec:?}: {bits} of {bpp}");
+            }
         }
     }
 }
@@ -217,8 +229,17 @@ fn unlike_images_share_a_codebook() {
 fn mip_levels_are_those_of_the_source() {
     let set = fixture("facade");
     let params = VqParams { goal: Goal::Bpp(6.0), mips: true, ..VqParams::default() };
-    let textures =
-        [vq(&set, &params), bc(&set, &BcParams { goal: Goal::Bpp(6.0), mips: true, ..BcParams::default() })];
+    let factored = EpitomeParams {
+        goal: Goal::Psnr(30.0),
+        mips: true,
+        effort: Effort::Fast,
+        ..EpitomeParams::default()
+    };
+    let textures = [
+        vq(&set, &params),
+        bc(&set, &BcParams { goal: Goal::Bpp(6.0), mips: true, ..BcParams::default() }),
+        epitome(&set, &factored),
+    ];
     let chain = texfold::image::mip_chain(&set.images()[0], 9, texfold::image::MipFilter::Box);
     for texture in textures {
         let name = texture.as_encoded().codec().name;
@@ -264,6 +285,15 @@ fn parameters_out_of_range_are_named() {
     assert_eq!(field(VqParams { goal: Goal::Bpp(-1.0), ..VqParams::default() }), "bpp");
     assert_eq!(field(VqParams { importance: f32::NAN, ..VqParams::default() }), "importance");
     assert_eq!(field(VqParams { content: Some(Content::Bc3), ..VqParams::default() }), "content");
+    let field =
+        |params: EpitomeParams| match Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default())
+        {
+            Err(EncodeError::Params(error)) => error.field,
+            other => panic!("{:?}", other.map(|_| ())),
+        };
+    assert_eq!(field(EpitomeParams { goal: Goal::Psnr(f64::NAN), ..EpitomeParams::default() }), "psnr");
+    assert_eq!(field(EpitomeParams { block: Some(10), ..EpitomeParams::default() }), "block");
+    assert_eq!(field(EpitomeParams { content: Some(Content::Bc5), ..EpitomeParams::default() }), "channels");
 }
 
 #[test]
@@ -286,7 +316,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
     #[test]
     fn a_region_is_its_samples(x in 0u32..37, y in 0u32..61, width in 0u32..40, height in 0u32..64, level in 0u32..7) {
-        thread_local! { static TEXTURES: Vec<(String, ImageSet, texfold::AnyImage)> = small_textures(); }
+        thread_local! { static TEXTURES: Vec<(String, ImageSet, AnyImage)> = small_textures(); }
         TEXTURES.with(|textures| {
             for (name, _, texture) in textures {
                 let texture = texture.as_encoded();

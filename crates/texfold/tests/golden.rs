@@ -45,7 +45,7 @@ fn a_vq_sequence_decodes_as_ever() {
     assert_decodes("vq_raw_sequence", &frames);
 }
 
-/// Two epitomes, leaves of all sides, linear parts, tones and mip levels. While the form of the file is not released,
+/// Two epitomes, leaves of two sizes, linear parts, tones and mip levels. While the form of the file is not released,
 /// it is written anew by
 /// `texfold compress fixtures/images/tile_repeat.png --codec epitome --effort fast --psnr 30 --mips --out .`
 /// and its pictures by `texfold decompress tile_repeat.txf --out .` without and with `--lod 2`.

@@ -1,6 +1,6 @@
 //! Which settings are compared.
 
-use texfold::{BcParams, Content, Goal, VqParams};
+use texfold::{BcParams, Content, EpitomeParams, Goal, VqParams};
 use texfold_core::Effort;
 use texfold_core::image::{ColorSpace, PixelInfo};
 
@@ -18,6 +18,9 @@ const CODEBOOKS: [((u32, u32), Content); 4] = [
 /// Bits a texel that vq is asked for.
 const BPP_GOALS: [f64; 2] = [1.5, 2.5];
 
+/// Bits a texel that epitome is asked for.
+const EPITOME_BPP_GOALS: [f64; 3] = [1.0, 1.5, 2.5];
+
 /// Halvings of width and height of plain blocks.
 const HALVINGS: std::ops::RangeInclusive<u32> = 0..=2;
 
@@ -33,6 +36,8 @@ pub(crate) enum Candidate {
     VqCodebook { size: (u32, u32), content: Content },
     /// Vector quantisation within that many bits a texel.
     VqBpp(f64),
+    /// Epitome factoring within that many bits a texel.
+    EpitomeBpp(f64),
     /// ASTC by the external encoder.
     Astc { block: (u32, u32) },
 }
@@ -43,6 +48,7 @@ impl Candidate {
         match self {
             Candidate::Bc { .. } => "bc",
             Candidate::VqCodebook { .. } | Candidate::VqBpp(_) => "vq",
+            Candidate::EpitomeBpp(_) => "epitome",
             Candidate::Astc { .. } => "astc",
         }
     }
@@ -57,7 +63,7 @@ impl Candidate {
             Candidate::VqCodebook { size: (width, height), content } => {
                 format!("{width}x{height} {}", content.name())
             }
-            Candidate::VqBpp(bpp) => format!("{bpp} bpp"),
+            Candidate::VqBpp(bpp) | Candidate::EpitomeBpp(bpp) => format!("{bpp} bpp"),
             Candidate::Astc { block: (width, height) } => format!("{width}x{height}"),
         }
     }
@@ -68,6 +74,7 @@ impl Candidate {
             Candidate::Bc { content, reduce_log2 } => *content != Content::Bc7 && *reduce_log2 < 2,
             Candidate::VqCodebook { .. } => false,
             Candidate::VqBpp(_) => true,
+            Candidate::EpitomeBpp(bpp) => BPP_GOALS.contains(bpp),
             Candidate::Astc { block } => *block == (8, 8),
         }
     }
@@ -88,6 +95,11 @@ pub(crate) fn bpp_params(bpp: f64, effort: Effort) -> VqParams {
     VqParams { goal: Goal::Bpp(bpp), effort, ..VqParams::default() }
 }
 
+/// Parameters of epitome within a number of bits.
+pub(crate) fn epitome_params(bpp: f64, effort: Effort) -> EpitomeParams {
+    EpitomeParams { goal: Goal::Bpp(bpp), effort, ..EpitomeParams::default() }
+}
+
 /// Settings that suit such pixels; those of the rival where it is there.
 pub(crate) fn candidates(pixel: PixelInfo, rival: bool) -> Vec<Candidate> {
     let blocks: &[Content] = match (pixel.channels, pixel.color) {
@@ -102,6 +114,7 @@ pub(crate) fn candidates(pixel: PixelInfo, rival: bool) -> Vec<Candidate> {
         .flat_map(|&content| HALVINGS.map(move |reduce_log2| Candidate::Bc { content, reduce_log2 }));
     let codebooks = CODEBOOKS.into_iter().map(|(size, content)| Candidate::VqCodebook { size, content });
     let goals = BPP_GOALS.into_iter().map(Candidate::VqBpp);
+    let epitomes = EPITOME_BPP_GOALS.into_iter().map(Candidate::EpitomeBpp);
     let astc = ASTC_BLOCKS.into_iter().filter(|_| rival).map(|block| Candidate::Astc { block });
-    bc.chain(codebooks).chain(goals).chain(astc).collect()
+    bc.chain(codebooks).chain(goals).chain(epitomes).chain(astc).collect()
 }

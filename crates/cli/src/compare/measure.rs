@@ -3,13 +3,13 @@
 use std::path::Path;
 use std::time::Instant;
 
-use texfold::{AnyImage, Bc, Vq, VqParams, VqSource};
+use texfold::{AnyImage, Bc, Epitome, EpitomeSource, Vq, VqParams, VqSource};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::{SquaredError, color_error, ssim};
 use texfold_core::{Domain, EncodeError, Encoded, Image2d, Job, Rect, Texel, TextureCodec};
 use texfold_gpu::{Gpu, Lookup, Policy, Probe, View};
 
-use super::candidate::{Candidate, bc_params, bpp_params, codebook_params};
+use super::candidate::{Candidate, bc_params, bpp_params, codebook_params, epitome_params};
 use super::rival::Astcenc;
 use super::table::Row;
 use crate::config::EffortName;
@@ -85,6 +85,11 @@ impl Bench {
                 vq(images, &codebook_params(size, content, self.effort.effort())).map_err(fault)?
             }
             Candidate::VqBpp(bpp) => vq(images, &bpp_params(bpp, self.effort.effort())).map_err(fault)?,
+            Candidate::EpitomeBpp(bpp) => {
+                let params = epitome_params(bpp, self.effort.effort());
+                let source = EpitomeSource::new(images);
+                Epitome::encode(source, &params, &mut Job::default()).map(AnyImage::Epitome).map_err(fault)?
+            }
             Candidate::Astc { block } => return self.astc(images, block, candidate, path),
         };
         let bytes = image.to_bytes();

@@ -30,7 +30,7 @@ impl Row {
     /// The row for a terminal.
     pub(crate) fn line(&self) -> String {
         format!(
-            "{:32} {:4} {:12} {:7.3} bpp memory {:7.3} bpp disk {:7.2} dB {:7.4} ssim {:7.2} s",
+            "{:32} {:7} {:12} {:7.3} bpp memory {:7.3} bpp disk {:7.2} dB {:7.4} ssim {:7.2} s",
             self.input,
             self.codec,
             self.settings,

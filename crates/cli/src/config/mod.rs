@@ -66,6 +66,16 @@ mod tests {
         let bc =
             Options { codec: Some(CodecName::Bc), samples: Some(Samples(3, None)), ..Options::default() };
         assert!(matches!(bc.check(), Err(UsageError::NotForCodec { option: "samples", .. })));
+        let masked = Options { content_from: Some("mask.png".into()), ..Options::default() };
+        assert!(matches!(masked.check(), Err(UsageError::NotForCodec { option: "content-from", .. })));
+        let masked = Options { codec: Some(CodecName::Epitome), ..masked };
+        assert!(masked.check().is_ok());
+        assert!(matches!(
+            masked.resolve(Path::new("a.png")),
+            Err(CliError::NotYet { what: "--content-from", .. })
+        ));
+        let sampled = Options { codec: Some(CodecName::Epitome), ..bc };
+        assert!(matches!(sampled.check(), Err(UsageError::NotForCodec { option: "samples", .. })));
         let odd = Options { codebook: Some(Sides(130, 128)), ..Options::default() };
         assert!(matches!(odd.check(), Err(UsageError::Range { option: "codebook", .. })));
     }

@@ -33,7 +33,7 @@ pub struct Options {
     /// How content planes are stored; the goal decides where this is not given.
     #[arg(long, value_enum)]
     pub(super) content: Option<ContentName>,
-    /// A mask of what content may be taken from (codecs of later versions).
+    /// epitome: a mask of what content may be taken from (not in this version).
     #[arg(long, value_name = "MASK")]
     pub(super) content_from: Option<PathBuf>,
     /// Number of triangles (codecs of later versions).
@@ -200,7 +200,9 @@ impl Options {
         let misplaced = |option, wanted| Err(UsageError::NotForCodec { option, wanted, codec: codec.name() });
         if codec.choice().is_some() {
             match () {
-                () if self.content_from.is_some() => return misplaced("content-from", "epitome"),
+                () if self.content_from.is_some() && codec != CodecName::Epitome => {
+                    return misplaced("content-from", "epitome");
+                }
                 () if self.triangles.is_some() => return misplaced("triangles", "progressive"),
                 () if self.terms.is_some() => return misplaced("terms", "lightfield"),
                 () => {}
@@ -226,6 +228,9 @@ impl Options {
         let Some(choice) = codec.choice() else {
             return Err(CliError::NotYet { path: path(), what: codec.name() });
         };
+        if self.content_from.is_some() {
+            return Err(CliError::NotYet { path: path(), what: "--content-from" });
+        }
         if self.content == Some(ContentName::Astc) {
             return Err(CliError::NoAstc { path: path() });
         }

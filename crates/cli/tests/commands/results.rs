@@ -160,6 +160,45 @@ fn info_tells_the_ledger_and_draws_the_parts() {
 }
 
 #[test]
+fn an_epitome_is_compressed_told_drawn_and_decoded() {
+    let place = Place::new();
+    fs::copy(fixture("facade.png"), place.at("facade.png")).unwrap();
+    let (run, report) = place.compress("facade.png --out out --codec epitome --psnr 28 --effort fast --mips");
+    assert_eq!((run.code, &report[0]["codec"]), (Some(0), &"epitome".into()), "{}", run.stderr);
+    assert!(report[0]["psnr"].as_f64().unwrap() >= 28.0, "{report:?}");
+    let run = place.run("info out/facade.txf --json");
+    let info: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+    assert_eq!((&info["codec"], &info["parts"]), (&report[0]["codec"], &report[0]["parts"]));
+    let named = |part: &str| info["parts"].as_array().unwrap().iter().any(|found| found["name"] == part);
+    assert!(["map", "epitome", "mips"].into_iter().all(named), "{info}");
+    let run = place.run("info out/facade.txf --pictures parts --original facade.png");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let parts = names(&place.at("parts"));
+    for part in ["decoded", "error", "position", "offset", "side", "scale"] {
+        assert!(parts.contains(&format!("facade-{part}.png")), "{parts:?}");
+    }
+    for part in ["epitome", "usage"] {
+        // One, or a numbered one of each content format.
+        assert!(parts.iter().any(|name| name.starts_with(&format!("facade-{part}"))), "{parts:?}");
+    }
+    for level in ["0", "1", "4"] {
+        let decompress = format!("decompress out/facade.txf --lod {level} --out");
+        assert_eq!(place.run(&format!("{decompress} cpu")).code, Some(0));
+        let run = place.run(&format!("{decompress} gpu --gpu"));
+        if run.code != Some(0) && std::env::var("TEXFOLD_GPU").as_deref() != Ok("require") {
+            assert!(run.stderr.contains("GPU"), "{}", run.stderr);
+            return;
+        }
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let (cpu, gpu) = (place.samples("cpu/facade.png"), place.samples("gpu/facade.png"));
+        assert_eq!((cpu.0, cpu.1), (gpu.0, gpu.1));
+        // Hardware may round BC1 by two steps, a gain may double them, and writing bytes rounds once more.
+        let most = cpu.2.iter().zip(&gpu.2).map(|(a, b)| a.abs_diff(*b)).max();
+        assert!(most <= Some(5), "level {level}: {most:?}");
+    }
+}
+
+#[test]
 fn a_comparison_has_a_row_for_each_setting_and_a_page_of_its_own() {
     let place = Place::new();
     place.picture("a.png", 64, 48, 3);
@@ -179,7 +218,9 @@ fn a_comparison_has_a_row_for_each_setting_and_a_page_of_its_own() {
     let bc7 = rows.iter().find(|row| row["settings"] == "bc7").unwrap();
     assert!(bc7["psnr"].as_f64() > bc1["psnr"].as_f64());
     assert!(bc1["decode_cpu_texels_per_second"].as_f64().unwrap() > 0.0);
-    assert!(rows.iter().any(|row| row["codec"] == "vq"));
+    for codec in ["vq", "epitome"] {
+        assert!(rows.iter().any(|row| row["codec"] == codec), "{codec}");
+    }
     let page = fs::read_to_string(place.at("out/report.html")).unwrap();
     assert!(page.matches("<svg").count() >= 3);
     assert!(!page.contains("src=\"http") && page.contains("data:image/png;base64,"));

@@ -4,7 +4,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use texfold::{AnyImage, Content, ImageAddress, Texel};
-use texfold_benches::{bc, paper_params, picture_of, vq};
+use texfold_benches::{bc, epitome, epitome_params, paper_params, picture_of, vq};
 
 const SIDE: u32 = 1024;
 /// Random places a measurement.
@@ -14,6 +14,10 @@ fn textures() -> Vec<(String, AnyImage)> {
     let set = picture_of(&texfold_testkit::picture("terrain"), SIDE);
     let mut textures: Vec<(String, AnyImage)> = Vec::new();
     textures.extend(vq(&set, &paper_params()).map(|texture| ("vq".to_owned(), texture)));
+    for (name, content) in [("epitome bc1", Some(Content::Bc1)), ("epitome bc1 and bc7", None)] {
+        let texture = epitome(&set, &epitome_params(content));
+        textures.extend(texture.map(|texture| (name.to_owned(), texture)));
+    }
     for content in [Content::Bc1, Content::Bc7] {
         textures.extend(bc(&set, content).map(|texture| (format!("plain {}", content.name()), texture)));
     }

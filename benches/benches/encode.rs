@@ -1,8 +1,8 @@
 //! Encoding: time of a whole encode of a 512x512 picture.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use texfold::{Content, Effort, Goal, VqParams};
-use texfold_benches::{bc, paper_params, picture_512, vq};
+use texfold::{Content, Effort, EpitomeParams, Goal, VqParams};
+use texfold_benches::{bc, epitome, epitome_params, paper_params, picture_512, vq};
 
 fn encode(c: &mut Criterion) {
     let set = picture_512();
@@ -13,6 +13,10 @@ fn encode(c: &mut Criterion) {
     group.bench_function("vq, the same, fast", |b| b.iter(|| vq(&set, &fast)));
     let goal = VqParams { goal: Goal::Bpp(2.5), ..VqParams::default() };
     group.bench_function("vq, 2.5 bits a texel", |b| b.iter(|| vq(&set, &goal)));
+    let fast = epitome_params(None);
+    group.bench_function("epitome, 32 dB, fast", |b| b.iter(|| epitome(&set, &fast)));
+    let normal = EpitomeParams { effort: Effort::Normal, ..epitome_params(None) };
+    group.bench_function("epitome, 32 dB", |b| b.iter(|| epitome(&set, &normal)));
     group.bench_function("saliency", |b| b.iter(|| texfold_vq::saliency_map(&set.images()[0])));
     for content in [Content::Bc1, Content::Bc7] {
         group.bench_function(format!("plain {}, fast", content.name()), |b| b.iter(|| bc(&set, content)));

@@ -1,9 +1,11 @@
 //! Shader decoding beside a shader that only makes the same loads and beside a plain textured draw, in one run.
 //!
-//! `cargo bench -p texfold-benches --bench shader`. Needs an adapter; software Vulkan serves.
+//! `cargo bench -p texfold-benches --bench shader`. Needs an adapter; software Vulkan serves. With a word behind `--`
+//! only the textures whose names hold it are drawn.
 
-use texfold::Content;
-use texfold_benches::{bc, paper_params, picture_of, vq};
+use texfold::image::ImageSet;
+use texfold::{AnyImage, Content, VqParams};
+use texfold_benches::{bc, epitome, epitome_params, paper_params, picture_of, vq};
 use texfold_gpu::{Gpu, GpuError, Lookup, Policy, Probe, View};
 
 /// Pixels a side of the drawn picture: one for each texel.
@@ -11,6 +13,19 @@ const SIDE: u32 = 1024;
 /// Draws a measurement, and measurements of which the median counts.
 const DRAWS: u32 = 8;
 const ROUNDS: usize = 5;
+
+/// A texture of a picture; `None` where it cannot be encoded.
+type Make = fn(&ImageSet) -> Option<AnyImage>;
+
+const TEXTURES: [(&str, Make); 7] = [
+    ("vq raw", |set| vq(set, &paper_params())),
+    ("vq bc1", |set| vq(set, &VqParams { content: Some(Content::Bc1), ..paper_params() })),
+    ("epitome raw", |set| epitome(set, &epitome_params(Some(Content::Raw)))),
+    ("epitome bc1", |set| epitome(set, &epitome_params(Some(Content::Bc1)))),
+    ("epitome bc1+bc7", |set| epitome(set, &epitome_params(None))),
+    ("plain raw", |set| bc(set, Content::Raw)),
+    ("plain bc1", |set| bc(set, Content::Bc1)),
+];
 
 fn main() -> Result<(), GpuError> {
     let gpu = match Gpu::new(Policy::from_env()) {
@@ -24,16 +39,11 @@ fn main() -> Result<(), GpuError> {
         "{}: megatexels a second, and speed over that of a shader with the same loads only",
         gpu.info().name
     );
-    println!("{:<10} {:<9} {:>8} {:>8} {:>8} {:>7}", "texture", "lookup", "ours", "bare", "plain", "ratio");
+    println!("{:<15} {:<9} {:>8} {:>8} {:>8} {:>7}", "texture", "lookup", "ours", "bare", "plain", "ratio");
     let set = picture_of(&texfold_testkit::picture("terrain"), SIDE);
-    let textures = [
-        ("vq raw", vq(&set, &paper_params())),
-        ("vq bc1", vq(&set, &texfold::VqParams { content: Some(Content::Bc1), ..paper_params() })),
-        ("plain raw", bc(&set, Content::Raw)),
-        ("plain bc1", bc(&set, Content::Bc1)),
-    ];
-    for (name, texture) in textures {
-        let Some(texture) = texture else { continue };
+    let wanted = std::env::args().skip(1).find(|word| !word.starts_with('-')).unwrap_or_default();
+    for (name, make) in TEXTURES.into_iter().filter(|(name, _)| name.contains(&wanted)) {
+        let Some(texture) = make(&set) else { continue };
         let uploaded = gpu.upload(&texture.as_encoded().gpu())?;
         for (lookup_name, lookup) in
             [("nearest", Lookup::Nearest { level: 0 }), ("bilinear", Lookup::Bilinear { level: 0 })]
@@ -47,7 +57,7 @@ fn main() -> Result<(), GpuError> {
                 }
             }
             let [ours, bare, plain] = speeds.map(median);
-            println!("{name:<10} {lookup_name:<9} {ours:>8.1} {bare:>8.1} {plain:>8.1} {:>7.2}", ours / bare);
+            println!("{name:<15} {lookup_name:<9} {ours:>8.1} {bare:>8.1} {plain:>8.1} {:>7.2}", ours / bare);
         }
     }
     Ok(())

@@ -1,7 +1,10 @@
 //! Pictures and settings that the benches share.
 
 use texfold::image::{ColorSpace, ImageSet, Raster};
-use texfold::{AnyImage, Bc, BcParams, Content, Effort, Job, TextureCodec, Vq, VqParams, VqSource};
+use texfold::{
+    AnyImage, Bc, BcParams, Content, Effort, Epitome, EpitomeParams, EpitomeSource, Goal, Job, TextureCodec,
+    Vq, VqParams, VqSource,
+};
 
 /// A 512x512 picture: the facade four times, each turned another way so that blocks do not repeat exactly.
 #[must_use]
@@ -48,6 +51,26 @@ pub fn paper_params() -> VqParams {
 #[must_use]
 pub fn vq(set: &ImageSet, params: &VqParams) -> Option<AnyImage> {
     Vq::encode(VqSource::new(set), params, &mut Job::default()).ok().map(AnyImage::Vq)
+}
+
+/// Quality that the benches ask of epitome, in dB.
+const EPITOME_PSNR: f64 = 32.0;
+
+/// Settings of epitome at effort `fast`: `content`, or BC1 and BC7 side by side.
+#[must_use]
+pub fn epitome_params(content: Option<Content>) -> EpitomeParams {
+    EpitomeParams {
+        goal: Goal::Psnr(EPITOME_PSNR),
+        content,
+        effort: Effort::Fast,
+        ..EpitomeParams::default()
+    }
+}
+
+/// `set` by epitome; `None` where it cannot be encoded.
+#[must_use]
+pub fn epitome(set: &ImageSet, params: &EpitomeParams) -> Option<AnyImage> {
+    Epitome::encode(EpitomeSource::new(set), params, &mut Job::default()).ok().map(AnyImage::Epitome)
 }
 
 /// `set` as plain blocks at full size; `None` where it cannot be encoded.

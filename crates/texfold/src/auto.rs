@@ -46,7 +46,7 @@ pub struct EncodeSettings {
     pub importance: Option<f32>,
 }
 
-/// Optional maps that tell vq what matters.
+/// Optional maps that tell a codec what matters.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Guidance<'s> {
     /// A painted importance image, bright where it matters.
@@ -55,6 +55,8 @@ pub struct Guidance<'s> {
     pub mesh: Option<&'s UvMesh>,
     /// Weights of the guidance terms.
     pub weights: GuidanceWeights,
+    /// epitome only: where content may come from, bright; everything else is made of it.
+    pub content_from: Option<&'s Raster>,
 }
 
 /// Encodes images with the codec that the settings name.
@@ -80,7 +82,7 @@ pub fn encode_images(
     let params = vq_params(settings);
     match settings.codec {
         CodecChoice::Bc => bc(job),
-        CodecChoice::Epitome => epitome(source, settings, job),
+        CodecChoice::Epitome => epitome(source, guidance.content_from, settings, job),
         CodecChoice::Vq if settings.codebook.is_some() => Vq::encode(images, &params, job).map(AnyImage::Vq),
         CodecChoice::Vq | CodecChoice::Auto => {
             let plain = match job.within(0.0, 0.2, bc) {
@@ -100,8 +102,13 @@ pub fn encode_images(
     }
 }
 
-/// Factored images, or the plain form where that answers the goal better.
-fn epitome(source: &ImageSet, settings: &EncodeSettings, job: &mut Job<'_>) -> Result<AnyImage, EncodeError> {
+/// Factored images, or the plain form where that answers the goal better. Where content is restricted there is no plain form.
+fn epitome(
+    source: &ImageSet,
+    content_from: Option<&Raster>,
+    settings: &EncodeSettings,
+    job: &mut Job<'_>,
+) -> Result<AnyImage, EncodeError> {
     let params = EpitomeParams {
         goal: settings.goal,
         content: settings.content,
@@ -109,10 +116,14 @@ fn epitome(source: &ImageSet, settings: &EncodeSettings, job: &mut Job<'_>) -> R
         mips: settings.mips,
         effort: settings.effort,
     };
+    let images = EpitomeSource { images: source, content_from };
+    if content_from.is_some() {
+        return Epitome::encode(images, &params, job).map(AnyImage::Epitome);
+    }
     let plain =
         job.within(0.0, 0.05, |job| Bc::encode(source, &bc_params(settings), job).map(AnyImage::Bc))?;
     let of_plain = measure(source, plain.as_encoded());
-    let method = job.within(0.05, 1.0, |job| Epitome::encode(EpitomeSource::new(source), &params, job));
+    let method = job.within(0.05, 1.0, |job| Epitome::encode(images, &params, job));
     choose(source, ("epitome", settings.goal), method.map(AnyImage::Epitome), (plain, of_plain))
 }
 

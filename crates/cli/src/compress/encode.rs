@@ -24,6 +24,8 @@ pub(crate) struct Loaded {
     pub(crate) blocks: Option<Vec<Bc1Blocks>>,
     /// Importance painted by hand.
     pub(crate) painted: Option<Raster>,
+    /// Where content may come from.
+    pub(crate) content_from: Option<Raster>,
     /// Why blocks that exist are not taken over.
     pub(crate) warning: Option<&'static str>,
 }
@@ -58,8 +60,8 @@ pub(crate) fn load(files: &[PathBuf], settings: &Settings, limit_bytes: u64) -> 
             }
         }
     }
-    if settings.encode.codec == CodecChoice::Vq {
-        // Codec vq works on texels; that its blocks are decoded is no surprise.
+    if matches!(settings.encode.codec, CodecChoice::Vq | CodecChoice::Epitome) {
+        // These work on texels; that blocks are decoded is no surprise.
         blocks.clear();
     }
     let mixed = blocks.len() < files.len();
@@ -67,11 +69,12 @@ pub(crate) fn load(files: &[PathBuf], settings: &Settings, limit_bytes: u64) -> 
         if mixed { Some("not all images of the input are BC1") } else { obstacle(&settings.encode) };
     let first = files.first().cloned().unwrap_or_default();
     let images = ImageSet::new(rasters).map_err(|source| CliError::Source { path: first, source })?;
-    let painted = settings.importance_map.as_deref();
-    let painted = painted.map(|map| pixels::read(map, settings.color, None, limit_bytes)).transpose()?;
+    let read = |map: &PathBuf| pixels::read(map, settings.color, None, limit_bytes);
+    let painted = settings.importance_map.as_ref().map(read).transpose()?;
+    let content_from = settings.content_from.as_ref().map(read).transpose()?;
     let warning = obstacle.filter(|_| !blocks.is_empty());
     let blocks = (!blocks.is_empty() && obstacle.is_none()).then_some(blocks);
-    Ok(Loaded { images, blocks, painted, warning })
+    Ok(Loaded { images, blocks, painted, content_from, warning })
 }
 
 /// Why BC1 blocks cannot be the answer to such settings.
@@ -100,7 +103,12 @@ pub(crate) fn encode(
         let texture = BcTexture::from_bc1(blocks.clone(), loaded.images.info());
         return texture.map(AnyImage::Bc).map_err(Fault::Source);
     }
-    let guidance = Guidance { painted: loaded.painted.as_ref(), mesh, ..Guidance::default() };
+    let guidance = Guidance {
+        painted: loaded.painted.as_ref(),
+        mesh,
+        content_from: loaded.content_from.as_ref(),
+        ..Guidance::default()
+    };
     let limits = Limits { bytes: limit_bytes, ..Limits::default() };
     let mut job = Job::new(limits).with_progress(progress);
     texfold::encode_images(&loaded.images, guidance, &settings.encode, &mut job).map_err(Fault::Encode)

@@ -1,8 +1,21 @@
 //! How much memory a run may use, and how much an image needs.
 
+use texfold::CodecChoice;
+
 /// Bytes for each texel of an input while it is encoded and measured: source and decoded raster, the encoder's
-/// blocks and the planes of the similarity measure. An estimate from above for the codecs of this version.
-pub(crate) const BYTES_PER_TEXEL: u64 = 120;
+/// blocks and the planes of the similarity measure. An estimate from above.
+const BYTES_PER_TEXEL: u64 = 120;
+
+/// As above for codec epitome, which holds every image at nine scales in two formats and some candidates for each leaf.
+const EPITOME_BYTES_PER_TEXEL: u64 = 400;
+
+/// Bytes for each texel of an input that `codec` needs.
+pub(crate) fn bytes_per_texel(codec: CodecChoice) -> u64 {
+    match codec {
+        CodecChoice::Epitome => EPITOME_BYTES_PER_TEXEL,
+        CodecChoice::Auto | CodecChoice::Bc | CodecChoice::Vq => BYTES_PER_TEXEL,
+    }
+}
 
 /// Bytes for each texel below which no codec of this version can work: the file's samples, the raster and what is
 /// decoded from it.

@@ -42,7 +42,11 @@ pub(crate) struct Finished {
 impl Task {
     /// About how many bytes the task needs at its peak; 0 where its headers cannot be read, which its work will say.
     pub(crate) fn cost_bytes(&self) -> u64 {
-        guarded(&self.found.path, || self.texels()).unwrap_or(0).saturating_mul(memory::BYTES_PER_TEXEL)
+        guarded(&self.found.path, || self.texels()).unwrap_or(0).saturating_mul(self.bytes_per_texel())
+    }
+
+    fn bytes_per_texel(&self) -> u64 {
+        memory::bytes_per_texel(self.settings.encode.codec)
     }
 
     fn texels(&self) -> Result<u64, CliError> {
@@ -104,7 +108,7 @@ impl Task {
     fn check_memory(&self, limit_bytes: u64) -> Result<Vec<String>, CliError> {
         let texels = self.texels()?;
         let needed = |per_texel: u64| texels.saturating_mul(per_texel);
-        let (least, likely) = (needed(memory::LEAST_BYTES_PER_TEXEL), needed(memory::BYTES_PER_TEXEL));
+        let (least, likely) = (needed(memory::LEAST_BYTES_PER_TEXEL), needed(self.bytes_per_texel()));
         if least > limit_bytes {
             let (needed_mib, allowed_mib) = (likely >> 20, limit_bytes >> 20);
             return Err(CliError::Memory { path: self.found.path.clone(), needed_mib, allowed_mib });
@@ -123,7 +127,8 @@ impl Task {
         let mut hasher = blake3::Hasher::new();
         hasher.update(program().as_bytes());
         hasher.update(format!("{:?} {:?}", self.found.kind, self.settings).as_bytes());
-        for file in self.found.files.iter().chain(&self.settings.importance_map) {
+        let maps = [&self.settings.importance_map, &self.settings.content_from];
+        for file in self.found.files.iter().chain(maps.into_iter().flatten()) {
             add_file(&mut hasher, file).map_err(|source| CliError::Read { path: file.clone(), source })?;
         }
         if let Some(mesh) = mesh {

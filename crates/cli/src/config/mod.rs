@@ -70,10 +70,8 @@ mod tests {
         assert!(matches!(masked.check(), Err(UsageError::NotForCodec { option: "content-from", .. })));
         let masked = Options { codec: Some(CodecName::Epitome), ..masked };
         assert!(masked.check().is_ok());
-        assert!(matches!(
-            masked.resolve(Path::new("a.png")),
-            Err(CliError::NotYet { what: "--content-from", .. })
-        ));
+        let settings = masked.resolve(Path::new("a.png")).unwrap();
+        assert_eq!(settings.content_from.as_deref(), Some(Path::new("mask.png")));
         let sampled = Options { codec: Some(CodecName::Epitome), ..bc };
         assert!(matches!(sampled.check(), Err(UsageError::NotForCodec { option: "samples", .. })));
         let odd = Options { codebook: Some(Sides(130, 128)), ..Options::default() };

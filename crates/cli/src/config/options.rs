@@ -131,6 +131,7 @@ pub(crate) struct Settings {
     pub(crate) encode: EncodeSettings,
     pub(crate) color: ColorSpace,
     pub(crate) alpha: Option<Alpha>,
+    pub(crate) content_from: Option<PathBuf>,
     pub(crate) importance_map: Option<PathBuf>,
     pub(crate) mesh: Option<PathBuf>,
 }
@@ -228,9 +229,6 @@ impl Options {
         let Some(choice) = codec.choice() else {
             return Err(CliError::NotYet { path: path(), what: codec.name() });
         };
-        if self.content_from.is_some() {
-            return Err(CliError::NotYet { path: path(), what: "--content-from" });
-        }
         if self.content == Some(ContentName::Astc) {
             return Err(CliError::NoAstc { path: path() });
         }
@@ -248,6 +246,7 @@ impl Options {
             encode,
             color: self.color.unwrap_or_default().color(),
             alpha: self.alpha.map(|AlphaChoice(alpha)| alpha),
+            content_from: self.content_from.clone(),
             importance_map: self.importance_map.clone(),
             mesh: self.mesh.clone(),
         })

@@ -339,11 +339,14 @@ fn texfold_epitome_bilinear(uv: vec2<f32>, level: u32) -> vec4<f32> {
             away,
         );
     }
-    let back = away - vec2<f32>(1.0);
+    // At a clamped edge both texels of an axis are the same one, and its centre is read.
+    let edge = tap.high == tap.low;
+    let ahead = select(away, vec2<f32>(0.0), edge);
+    let back = select(away - vec2<f32>(1.0), vec2<f32>(0.0), edge);
     let first = texfold_epitome_leaf_at(tap.low, level);
     let last = texfold_epitome_leaf_at(tap.high, level);
     // Read ahead of the branch, as both sides need it: software renderers run both.
-    let nearest = texfold_epitome_near(first, tap.low, away, level);
+    let nearest = texfold_epitome_near(first, tap.low, ahead, level);
     if all(tap.high == tap.low + vec2<u32>(1u)) & (first.entry == last.entry) {
         return nearest;
     }
@@ -352,8 +355,8 @@ fn texfold_epitome_bilinear(uv: vec2<f32>, level: u32) -> vec4<f32> {
     return texfold_bilinear(
         array<vec4<f32>, 4>(
             nearest,
-            texfold_epitome_near(right, upper_right, vec2<f32>(back.x, away.y), level),
-            texfold_epitome_near(left, lower_left, vec2<f32>(away.x, back.y), level),
+            texfold_epitome_near(right, upper_right, vec2<f32>(back.x, ahead.y), level),
+            texfold_epitome_near(left, lower_left, vec2<f32>(ahead.x, back.y), level),
             texfold_epitome_near(last, tap.high, back, level),
         ),
         away,

@@ -376,10 +376,13 @@ pub fn texfold_epitome_bilinear(view: &EpitomeView<'_>, uv: Vec2, level: u32) ->
         let texels = [low, upper_right, lower_left, high].map(|at| texfold_epitome_coarse(view, at, level));
         return texfold_bilinear(texels, away);
     }
-    let back = away - Vec2::ONE;
+    // At a clamped edge both texels of an axis are the same one, and its centre is read.
+    let edge = high.cmpeq(low);
+    let ahead = Vec2::select(edge, Vec2::ZERO, away);
+    let back = Vec2::select(edge, Vec2::ZERO, away - Vec2::ONE);
     let first = texfold_epitome_leaf_at(view, low, level);
     let last = texfold_epitome_leaf_at(view, high, level);
-    let nearest = texfold_epitome_near(view, first, low, away, level);
+    let nearest = texfold_epitome_near(view, first, low, ahead, level);
     if high == low + UVec2::ONE && first == last {
         return nearest;
     }
@@ -388,8 +391,8 @@ pub fn texfold_epitome_bilinear(view: &EpitomeView<'_>, uv: Vec2, level: u32) ->
     };
     let texels = [
         nearest,
-        near(upper_right, Vec2::new(back.x, away.y)),
-        near(lower_left, Vec2::new(away.x, back.y)),
+        near(upper_right, Vec2::new(back.x, ahead.y)),
+        near(lower_left, Vec2::new(ahead.x, back.y)),
         texfold_epitome_near(view, last, high, back, level),
     ];
     texfold_bilinear(texels, away)

@@ -20,8 +20,8 @@ const COARSE_ID: [u8; 4] = *b"EPMC";
 
 /// Longest side of an epitome in texels: what every WebGPU device can sample.
 pub(crate) const MAX_EPITOME_SIDE: u32 = 8192;
-/// Most entries: a block's word has 27 bits for the number of its first, and bytes of entries are counted in 32.
-pub(crate) const MAX_ENTRIES: u64 = 1 << 27;
+/// Most entries and most blocks: the map plane, with up to one and a half words an entry, has at most 8192 x 8192 words.
+pub(crate) const MAX_ENTRIES: u64 = 1 << 25;
 /// Blocks of these sides are allowed.
 const BLOCK_SIDES: std::ops::RangeInclusive<u32> = 4..=64;
 

@@ -44,6 +44,8 @@ const PASSES: usize = 2;
 const PALETTES: (usize, usize) = (256, 64);
 /// Nodes for each number of a palette at least.
 const NODES_A_NUMBER: usize = 16;
+/// Steps beyond the setting that reaches a goal at which smaller results are looked for.
+const FINER: [u32; 4] = [6, 16, 40, 90];
 /// Settings of lambda: 32 an octave.
 const KNOBS: std::ops::RangeInclusive<u32> = 1..=544;
 
@@ -241,9 +243,20 @@ impl EpitomeSearch {
             let made = job.install(|| assemble(&plan, &self.choose(&options, knob)))?;
             Ok::<_, EncodeError>((measure(&self.images, &made), made))
         })?;
-        let choice = self.choose(&options, found.knob);
-        let verdict = report::verdict(&self.grid, &options, &choice, found.met);
-        Ok(found.value.with_notes(self.notes(goal, verdict)))
+        // What repeats is sometimes gathered better at a finer setting, and is smaller there.
+        let (mut knob, mut measured, mut value) = (found.knob, found.measured, found.value);
+        for step in FINER {
+            job.checkpoint()?;
+            let finer = (found.knob + step).min(*KNOBS.end());
+            let made = job.install(|| assemble(&plan, &self.choose(&options, finer)))?;
+            let of_made = measure(&self.images, &made);
+            if goal.prefers(&of_made, &measured) {
+                (knob, measured, value) = (finer, of_made, made);
+            }
+        }
+        let choice = self.choose(&options, knob);
+        let verdict = report::verdict(&self.grid, &options, &choice, goal.is_met(&measured));
+        Ok(value.with_notes(self.notes(goal, verdict)))
     }
 
     /// The smallest form whose every block is within a tolerance. Charts of more candidates may pack worse than charts of

@@ -39,7 +39,7 @@ impl Reach {
     pub(crate) fn of(effort: Effort, texels: u64) -> Self {
         let stride = if texels > 3 << 20 { 4 } else { 2 };
         match effort {
-            Effort::Fast => Reach { scales: 1, neighbours: 4, kept: 2, stride: stride * 2 },
+            Effort::Fast => Reach { scales: 9, neighbours: 3, kept: 2, stride: stride * 2 },
             Effort::Normal => Reach { scales: 9, neighbours: 6, kept: 3, stride },
             Effort::High => Reach { scales: 9, neighbours: 16, kept: 4, stride: stride / 2 },
         }

@@ -7,7 +7,9 @@
 
 use glam::{IVec2, UVec2, Vec2, Vec4};
 use texfold_core::Texel;
-use texfold_core::address::{texfold_inside, texfold_level_size, texfold_lod, texfold_nearest, texfold_tap};
+use texfold_core::address::{
+    TexfoldTap, texfold_inside, texfold_level_size, texfold_lod, texfold_nearest, texfold_tap,
+};
 use texfold_core::sample::{TEXFOLD_NORMAL, texfold_bilinear, texfold_mix, texfold_swizzle};
 
 /// Number of a linear part's coefficient that stands for 1.
@@ -262,27 +264,45 @@ pub fn texfold_epitome_place(
     source.position + moved.clamp(-reach, reach)
 }
 
+/// Size and levels of the epitome that `plane` names.
+#[inline]
+pub(crate) fn plane_of<'a>(view: &EpitomeView<'a>, plane: u32) -> (UVec2, &'a [Vec<Texel>]) {
+    if plane == 1 && view.params.mixed == 1 {
+        (UVec2::from(view.params.plane_b), view.plane_b)
+    } else {
+        (UVec2::from(view.params.plane_a), view.plane_a)
+    }
+}
+
+/// The four texels around `place` (in texels of level 0) of level `level`, which has `size` texels.
+#[inline]
+pub(crate) fn tap_at(place: Vec2, size: UVec2, level: u32) -> TexfoldTap {
+    let at = place * (1.0 / (1u32 << level) as f32) - Vec2::splat(0.5);
+    let corner = at.floor();
+    TexfoldTap {
+        low: texfold_inside(corner.as_ivec2(), size),
+        high: texfold_inside(corner.as_ivec2() + IVec2::ONE, size),
+        weight: at - corner,
+    }
+}
+
 /// Four texels around `place` (in texels of level 0) of level `level` of an epitome, blended.
 #[must_use]
 #[inline]
 pub fn texfold_epitome_read(view: &EpitomeView<'_>, plane: u32, place: Vec2, level: u32) -> Texel {
-    let params = &view.params;
-    let (size, planes) = if plane == 1 && params.mixed == 1 {
-        (params.plane_b, view.plane_b)
-    } else {
-        (params.plane_a, view.plane_a)
-    };
-    let size = texfold_level_size(UVec2::from(size), level);
-    let at = place * (1.0 / (1u32 << level) as f32) - Vec2::splat(0.5);
-    let corner = at.floor();
-    let low = texfold_inside(corner.as_ivec2(), size);
-    let high = texfold_inside(corner.as_ivec2() + IVec2::ONE, size);
+    let (size, planes) = plane_of(view, plane);
+    let size = texfold_level_size(size, level);
+    let TexfoldTap { low, high, weight } = tap_at(place, size, level);
     let texels = &planes[level as usize];
     let texel = |x: u32, y: u32| texels[(y * size.x + x) as usize];
     let texels = [texel(low.x, low.y), texel(high.x, low.y), texel(low.x, high.y), texel(high.x, high.y)];
-    let blended = texfold_bilinear(texels, at - corner);
+    let blended = texfold_bilinear(texels, weight);
     // The planes' texels are swizzled already. The shader swizzles after blending: the same but for normals.
-    if params.swizzle == TEXFOLD_NORMAL { texfold_swizzle(blended, blended, TEXFOLD_NORMAL) } else { blended }
+    if view.params.swizzle == TEXFOLD_NORMAL {
+        texfold_swizzle(blended, blended, TEXFOLD_NORMAL)
+    } else {
+        blended
+    }
 }
 
 /// The leaf's colour at the place `at` of the image, in texels of level 0, for level `level` of the image.

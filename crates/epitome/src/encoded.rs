@@ -4,18 +4,19 @@ use std::borrow::Cow;
 
 use glam::{IVec2, UVec2, Vec2, Vec4};
 use texfold_bc::{Content, ContentPlanes};
-use texfold_core::address::TEXFOLD_CLAMP;
+use texfold_core::address::{TEXFOLD_CLAMP, TexfoldTap, texfold_level_size};
 use texfold_core::container::{SectionWriter, write_layout};
 use texfold_core::image::PixelInfo;
+use texfold_core::sample::{TEXFOLD_NORMAL, texfold_bilinear};
 use texfold_core::{
     CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Notes, Plane,
     PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
 };
 
 use crate::decode::{
-    EpitomeView, TEXFOLD_EPITOME_FINE_LEVELS, TexfoldEpitomeLeaf, TexfoldEpitomeParams,
-    texfold_epitome_fetch, texfold_epitome_leaf, texfold_epitome_place, texfold_epitome_plane_level,
-    texfold_epitome_read, texfold_epitome_source,
+    EpitomeView, TEXFOLD_EPITOME_FINE_LEVELS, TexfoldEpitomeLeaf, TexfoldEpitomeParams, TexfoldEpitomeSource,
+    plane_of, tap_at, texfold_epitome_fetch, texfold_epitome_leaf, texfold_epitome_place,
+    texfold_epitome_plane_level, texfold_epitome_read, texfold_epitome_source,
 };
 use crate::{Epitome, wire};
 
@@ -25,6 +26,9 @@ pub(crate) const PLANE_MIPS: u32 = 2;
 const MAX_PLANE_SIDE: usize = 8192;
 /// A row of the map plane has at least this many words, as a power of two.
 const LEAST_ROW_LOG2: u32 = 6;
+
+/// Most texels a side of a block.
+pub(crate) const MAX_BLOCK: usize = 64;
 
 /// How the map is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -449,19 +453,72 @@ fn push_chain<'a>(planes: &mut Vec<Plane<'a>>, part: &'static str, levels: &'a [
 /// The texels of a leaf that `region` of level 0 asks for, as [`texfold_epitome_fetch`] finds them one by one.
 fn decode_leaf(view: &EpitomeView<'_>, leaf: TexfoldEpitomeLeaf, region: Rect, out: &mut [Texel]) {
     let source = texfold_epitome_source(view, leaf.entry);
-    let plane_level = texfold_epitome_plane_level(view, source.linear, 0);
     let (left, right) =
         (leaf.corner.x.max(region.x), (leaf.corner.x + leaf.side).min(region.x + region.width));
     let (top, bottom) =
         (leaf.corner.y.max(region.y), (leaf.corner.y + leaf.side).min(region.y + region.height));
+    let part = Rect { x: left, y: top, width: right - left, height: bottom - top, ..region };
+    let upright = source.linear.y == 0.0 && source.linear.z == 0.0;
+    if upright && view.params.swizzle != TEXFOLD_NORMAL {
+        return decode_upright(view, &source, leaf, (part, region), out);
+    }
+    let plane_level = texfold_epitome_plane_level(view, source.linear, 0);
     for y in top..bottom {
-        let start = (y - region.y) as usize * region.width as usize;
-        let line = &mut out[start + (left - region.x) as usize..start + (right - region.x) as usize];
-        for (x, texel) in (left..right).zip(line) {
+        for (x, texel) in (left..right).zip(line_of(out, part, region, y)) {
             let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
             let place = texfold_epitome_place(&source, leaf, at, plane_level);
             let content = texfold_epitome_read(view, source.plane, place, plane_level);
             *texel = (content * source.gain + source.offset).clamp(Vec4::ZERO, Vec4::ONE);
+        }
+    }
+}
+
+/// Row `y` of `part` in the texels of `region`.
+fn line_of(out: &mut [Texel], part: Rect, region: Rect, y: u32) -> &mut [Texel] {
+    let start = (y - region.y) as usize * region.width as usize + (part.x - region.x) as usize;
+    &mut out[start..start + part.width as usize]
+}
+
+/// As [`decode_leaf`] where columns of the leaf are columns of the epitome: places along one axis do not depend on the
+/// other, and are found once.
+fn decode_upright(
+    view: &EpitomeView<'_>,
+    source: &TexfoldEpitomeSource,
+    leaf: TexfoldEpitomeLeaf,
+    (part, region): (Rect, Rect),
+    out: &mut [Texel],
+) {
+    let level = texfold_epitome_plane_level(view, source.linear, 0);
+    let (size, planes) = plane_of(view, source.plane);
+    let size = texfold_level_size(size, level);
+    let texels = &planes[level as usize];
+    let tap = |x: u32, y: u32| {
+        let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+        tap_at(texfold_epitome_place(source, leaf, at, level), size, level)
+    };
+    let mut columns = [(0usize, 0usize, 0.0f32); MAX_BLOCK];
+    let columns = &mut columns[..part.width as usize];
+    for (x, column) in (part.x..).zip(columns.iter_mut()) {
+        let tap = tap(x, part.y);
+        *column = (tap.low.x as usize, tap.high.x as usize, tap.weight.x);
+    }
+    let whole = columns.iter().all(|&(_, _, weight)| weight == 0.0);
+    let tone = |content: Vec4| (content * source.gain + source.offset).clamp(Vec4::ZERO, Vec4::ONE);
+    for y in part.y..part.y + part.height {
+        let TexfoldTap { low, high, weight } = tap(part.x, y);
+        let row = |y: u32| &texels[(y * size.x) as usize..((y + 1) * size.x) as usize];
+        let (upper, lower) = (row(low.y), row(high.y));
+        let line = line_of(out, part, region, y);
+        if whole && weight.y == 0.0 {
+            // Blending by 0 leaves a texel as it is.
+            for (texel, &(low, ..)) in line.iter_mut().zip(columns.iter()) {
+                *texel = tone(upper[low]);
+            }
+            continue;
+        }
+        for (texel, &(low, high, across)) in line.iter_mut().zip(columns.iter()) {
+            let around = [upper[low], upper[high], lower[low], lower[high]];
+            *texel = tone(texfold_bilinear(around, Vec2::new(across, weight.y)));
         }
     }
 }

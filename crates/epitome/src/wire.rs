@@ -7,7 +7,7 @@ use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layou
 use texfold_core::{Budget, ImageLayout, LoadError, String4};
 
 use crate::encoded::{
-    Entry, EpitomeTexture, Linear, MapFormat, PLANE_MIPS, Parts, Tone, blocks_of, coarse_content,
+    Entry, EpitomeTexture, Linear, MAX_BLOCK, MapFormat, PLANE_MIPS, Parts, Tone, blocks_of, coarse_content,
     coarse_levels, leaves_of,
 };
 
@@ -23,7 +23,7 @@ pub(crate) const MAX_EPITOME_SIDE: u32 = 8192;
 /// Most entries and most blocks: the map plane, with up to one and a half words an entry, has at most 8192 x 8192 words.
 pub(crate) const MAX_ENTRIES: u64 = 1 << 25;
 /// Blocks of these sides are allowed.
-const BLOCK_SIDES: std::ops::RangeInclusive<u32> = 4..=64;
+const BLOCK_SIDES: std::ops::RangeInclusive<u32> = 4..=MAX_BLOCK as u32;
 
 pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     let format = &parts.format;

@@ -33,7 +33,7 @@ pub struct Options {
     /// How content planes are stored; the goal decides where this is not given.
     #[arg(long, value_enum)]
     pub(super) content: Option<ContentName>,
-    /// epitome: a mask of what content may be taken from (not in this version).
+    /// epitome: a picture as large as the first image, bright where content may be taken from.
     #[arg(long, value_name = "MASK")]
     pub(super) content_from: Option<PathBuf>,
     /// Number of triangles (codecs of later versions).

@@ -14,6 +14,9 @@ use crate::encoded::{Linear, NEUTRAL, Tone};
 /// Fractions of a texel that positions are stored in, as a binary logarithm.
 pub(crate) const FRACTION_BITS: u32 = 2;
 
+/// Texels a side of a leaf that are looked at where places are compared.
+const SAMPLED_SIDE: u32 = 16;
+
 /// One way to show a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Candidate {
@@ -115,10 +118,16 @@ impl Reading {
     }
 
     /// Content of the leaf's texels inside the image, row by row; the bounds must have been checked.
-    pub(crate) fn read(&self, field: &Field, mut each: impl FnMut(usize, Vec4)) {
+    pub(crate) fn read(&self, field: &Field, each: impl FnMut(usize, Vec4)) {
+        self.read_some(field, 1, each);
+    }
+
+    /// As [`Reading::read`], of every `step`th texel of every `step`th row.
+    #[inline]
+    fn read_some(&self, field: &Field, step: u32, mut each: impl FnMut(usize, Vec4)) {
         let columns = self.node.inside.x;
-        for y in 0..self.node.inside.y {
-            for x in 0..columns {
+        for y in (0..self.node.inside.y).step_by(step as usize) {
+            for x in (0..columns).step_by(step as usize) {
                 let (left, top, weight) = self.tap(x, y);
                 let start = top as usize * field.width + left as usize;
                 // Weights of 0 need no texel beyond the field.
@@ -138,6 +147,16 @@ impl Reading {
         self.bounds(field)?;
         let mut stats = Stats::around(target);
         self.read(field, |index, value| stats.add(value, target[index]));
+        Some(stats)
+    }
+
+    /// As [`Reading::stats`], of so many of a large leaf's texels as a small one has: enough to compare places with.
+    pub(crate) fn sampled_stats(&self, field: &Field, target: &[Vec4]) -> Option<Stats> {
+        self.bounds(field)?;
+        let step = (self.node.side / SAMPLED_SIDE).max(1);
+        let count = self.node.inside.x.div_ceil(step) * self.node.inside.y.div_ceil(step);
+        let mut stats = Stats::around(target).of_some(count);
+        self.read_some(field, step, |index, value| stats.add(value, target[index]));
         Some(stats)
     }
 

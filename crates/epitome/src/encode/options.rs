@@ -94,11 +94,8 @@ pub(crate) fn all_options(
         linears.push([0; 4]);
     }
     let points: Vec<Vec4> = linears.iter().map(|&linear| linear::to_point(linear)).collect();
-    let placed: Vec<Vec<Placed>> = (0..grid.nodes())
-        .into_par_iter()
-        .map(|index| place_all(space, grid.node(index), &matches[index], &linears, &points))
-        .collect();
-    let tones = fit_tones(&placed, sizes.1);
+    let placer = Placer { space, linears: &linears, points: &points };
+    let tones = fit_tones(&placer, grid, matches, sizes.1);
     let found: Vec<Found> = (0..grid.nodes())
         .into_par_iter()
         .map(|index| {
@@ -116,7 +113,8 @@ pub(crate) fn all_options(
             let most = if rules.tolerance.is_some() || own.is_empty() { f32::INFINITY } else { most };
             let borrow = Borrow { space, tones: &tones, linears: &linears, rules, most };
             let node = grid.node(index);
-            candidates.extend(borrow.all(node, &placed[index], &mut cells));
+            let placed = placer.place_all(node, &matches[index]);
+            candidates.extend(borrow.all(node, &placed, &mut cells));
             if candidates.is_empty() && !node.is_outside() {
                 candidates.extend(borrow.flat(node, &mut cells));
             }
@@ -126,67 +124,60 @@ pub(crate) fn all_options(
     (gather(found), Palettes { linears, tones })
 }
 
-/// All matches of a node with linear parts of the palette, their positions moved to where that costs least.
-fn place_all(
-    space: &Space,
-    node: Node,
-    matches: &[Match],
-    linears: &[Linear],
-    points: &[Vec4],
-) -> Vec<Placed> {
-    if node.is_outside() || matches.is_empty() {
-        return Vec::new();
-    }
-    let target = node.texels(space);
-    matches
-        .iter()
-        .filter_map(|found| {
-            let number = linear::nearest(points, found.linear);
-            let (image, scale) = (usize::from(found.image), usize::from(found.scale));
-            let (x, y) = place(space, node, &target, found, linears[number])?;
-            let reading = Reading::new(node, x, y, linears[number]);
-            let stats: Option<Vec<Stats>> = space
-                .stored
-                .iter()
-                .map(|stored| reading.stats(&stored.decoded[image][scale], &target))
-                .collect();
-            Some(Placed {
-                x,
-                y,
-                linear: number as u16,
-                image: found.image,
-                scale: found.scale,
-                stats: stats?,
-            })
-        })
-        .collect()
+/// What turns matches into places.
+struct Placer<'a> {
+    space: &'a Space,
+    linears: &'a [Linear],
+    /// The linear parts as points.
+    points: &'a [Vec4],
 }
 
-/// The quarter texel with the least error near a match's position.
-fn place(space: &Space, node: Node, target: &[Vec4], found: &Match, linear: Linear) -> Option<(i32, i32)> {
-    let field = &space.stored.last()?.decoded[usize::from(found.image)][usize::from(found.scale)];
-    let error = |x: i32, y: i32| {
-        let stats = Reading::new(node, x, y, linear).stats(field, target)?;
-        Some(stats.error(&stats.best()))
-    };
-    let at = (found.position * (1 << FRACTION_BITS) as f32).round();
-    // Content beyond the field's edge cannot be read: step inside.
-    let at = inside(node, at, linear, field.width, field.height);
-    let mut best = (at.x as i32, at.y as i32);
-    let mut least = error(best.0, best.1)?;
-    for _ in 0..MOVES {
-        let around = [(1, 0), (-1, 0), (0, 1), (0, -1)].map(|(dx, dy)| (best.0 + dx, best.1 + dy));
-        let before = best;
-        for (x, y) in around {
-            if let Some(error) = error(x, y).filter(|&error| error < least) {
-                (best, least) = ((x, y), error);
+impl Placer<'_> {
+    /// All matches of a node with linear parts of the palette, their positions moved to where that costs least.
+    fn place_all(&self, node: Node, matches: &[Match]) -> Vec<Placed> {
+        if node.is_outside() || matches.is_empty() {
+            return Vec::new();
+        }
+        let target = node.texels(self.space);
+        matches.iter().filter_map(|found| self.place(node, &target, found)).collect()
+    }
+
+    fn place(&self, node: Node, target: &[Vec4], found: &Match) -> Option<Placed> {
+        let number = linear::nearest(self.points, found.linear);
+        let (image, scale) = (usize::from(found.image), usize::from(found.scale));
+        let (x, y) = self.settle(node, target, found, self.linears[number])?;
+        let reading = Reading::new(node, x, y, self.linears[number]);
+        let field = |stored: &super::pyramid::Stored| reading.stats(&stored.decoded[image][scale], target);
+        let stats: Option<Vec<Stats>> = self.space.stored.iter().map(field).collect();
+        Some(Placed { x, y, linear: number as u16, image: found.image, scale: found.scale, stats: stats? })
+    }
+
+    /// The quarter texel with the least error near a match's position.
+    fn settle(&self, node: Node, target: &[Vec4], found: &Match, linear: Linear) -> Option<(i32, i32)> {
+        let field = &self.space.stored.last()?.decoded[usize::from(found.image)][usize::from(found.scale)];
+        let error = |x: i32, y: i32| {
+            let stats = Reading::new(node, x, y, linear).sampled_stats(field, target)?;
+            Some(stats.error(&stats.best()))
+        };
+        let at = (found.position * (1 << FRACTION_BITS) as f32).round();
+        // Content beyond the field's edge cannot be read: step inside.
+        let at = inside(node, at, linear, field.width, field.height);
+        let mut best = (at.x as i32, at.y as i32);
+        let mut least = error(best.0, best.1)?;
+        for _ in 0..MOVES {
+            let around = [(1, 0), (-1, 0), (0, 1), (0, -1)].map(|(dx, dy)| (best.0 + dx, best.1 + dy));
+            let before = best;
+            for (x, y) in around {
+                if let Some(error) = error(x, y).filter(|&error| error < least) {
+                    (best, least) = ((x, y), error);
+                }
+            }
+            if best == before {
+                break;
             }
         }
-        if best == before {
-            break;
-        }
+        Some(best)
     }
-    Some(best)
 }
 
 /// A position moved so far that the leaf's content lies within a field of that size.
@@ -200,16 +191,19 @@ fn inside(node: Node, at: Vec2, linear: Linear, width: usize, height: usize) -> 
     at.max(low).min((high * unit).floor().max(low))
 }
 
-/// Tones fitted to an even choice of the leaves' best matches.
-fn fit_tones(placed: &[Vec<Placed>], count: usize) -> Vec<Tone> {
-    let best: Vec<Stats> = placed
-        .iter()
-        .filter_map(|placed| placed.first())
-        .filter_map(|placed| placed.stats.last())
-        .copied()
+/// Tones fitted to an even choice of the leaves' first matches.
+fn fit_tones(placer: &Placer<'_>, grid: &Grid, matches: &[Vec<Match>], count: usize) -> Vec<Tone> {
+    let matched: Vec<usize> = (0..matches.len()).filter(|&index| !matches[index].is_empty()).collect();
+    let step = matched.len().div_ceil(TONE_LEAVES).max(1);
+    let some: Vec<Stats> = matched
+        .par_iter()
+        .step_by(step)
+        .filter_map(|&index| {
+            let node = grid.node(index);
+            let placed = placer.place(node, &node.texels(placer.space), &matches[index][0])?;
+            placed.stats.last().copied()
+        })
         .collect();
-    let step = best.len().div_ceil(TONE_LEAVES).max(1);
-    let some: Vec<Stats> = best.into_iter().step_by(step).collect();
     if some.is_empty() { vec![NEUTRAL] } else { tone::palette(&some, count) }
 }
 

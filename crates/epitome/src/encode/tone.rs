@@ -30,6 +30,11 @@ impl Stats {
         Stats { count, mean, sx: zero, sy: zero, sxx: zero, sxy: zero, syy: zero }
     }
 
+    /// The same, of `count` texels only.
+    pub(crate) fn of_some(self, count: u32) -> Self {
+        Stats { count: count as f32, ..self }
+    }
+
     #[inline]
     pub(crate) fn add(&mut self, content: Vec4, target: Vec4) {
         let (x, y) = (content - self.mean, target - self.mean);

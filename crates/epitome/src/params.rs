@@ -1,6 +1,6 @@
 //! Parameters and source of the epitome codec.
 
-use texfold_bc::Content;
+use texfold_bc::{Bc1Blocks, Content};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::{Effort, Goal, ParamError, Params};
 
@@ -11,13 +11,16 @@ pub struct EpitomeSource<'s> {
     pub images: &'s ImageSet,
     /// Where content may come from, in the first image: texels above one half. Everything else is made of it.
     pub content_from: Option<&'s Raster>,
+    /// The blocks of images that are BC1 already, image by image: where content is stored as BC1 they are taken over as
+    /// they are.
+    pub blocks: Option<&'s [Bc1Blocks]>,
 }
 
 impl<'s> EpitomeSource<'s> {
     /// Images whose content may come from anywhere in them.
     #[must_use]
     pub fn new(images: &'s ImageSet) -> Self {
-        EpitomeSource { images, content_from: None }
+        EpitomeSource { images, content_from: None, blocks: None }
     }
 }
 

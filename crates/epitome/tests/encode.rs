@@ -2,13 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use texfold_bc::{Bc, BcParams, Content};
+use texfold_bc::{Bc, Bc1Blocks, BcParams, Content, ContentPlanes};
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{ColorSpace, ImageSet, Raster};
 use texfold_core::metric::{decode_surface, measure};
 use texfold_core::{
-    Budget, Effort, Encoded, Footprint, Goal, Image2d, Job, Rect, SharedSearch, SurfaceSize, Texel,
-    TextureCodec,
+    Budget, Effort, EncodeError, Encoded, Footprint, Goal, Image2d, Job, Rect, SharedSearch, SourceError,
+    SurfaceSize, Texel, TextureCodec,
 };
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
 use texfold_testkit::picture;
@@ -230,7 +230,7 @@ fn content_comes_from_the_mask_alone() {
     let inside = |i: u32| i % 256 < 128 && i / 256 < 128;
     let mask: Vec<u8> = (0..256 * 256).map(|i| if inside(i) { 255 } else { 0 }).collect();
     let mask = Raster::from_u8(256, 256, 1, ColorSpace::Linear, &mask).unwrap();
-    let source = EpitomeSource { images: &set, content_from: Some(&mask) };
+    let source = EpitomeSource { images: &set, content_from: Some(&mask), ..EpitomeSource::new(&set) };
     let params = EpitomeParams { content: Some(Content::Raw), ..goal(Goal::Psnr(34.0)) };
     let texture = Epitome::encode(source, &params, &mut Job::default()).unwrap();
     let cells: u32 = texture.epitomes().map(|epitome| epitome.size().0 * epitome.size().1).sum();
@@ -247,7 +247,7 @@ fn content_comes_from_the_mask_alone() {
     // The facade's windows repeat: what lies outside is made of what lies inside, and looks like it.
     assert!(psnr(true) > 30.0 && psnr(false) > 15.0, "{} {}", psnr(true), psnr(false));
     let small = Raster::from_u8(2, 2, 1, ColorSpace::Linear, &[255; 4]).unwrap();
-    let source = EpitomeSource { images: &set, content_from: Some(&small) };
+    let source = EpitomeSource { images: &set, content_from: Some(&small), ..EpitomeSource::new(&set) };
     let error = Epitome::encode(source, &params, &mut Job::default()).unwrap_err();
     assert!(error.to_string().contains("content mask"), "{error}");
 }
@@ -261,6 +261,29 @@ fn long_lines_and_unlike_sets() {
     let (psnr, plain) = (measure(&set, &texture).psnr, plain_psnr(&set));
     assert!(psnr >= plain.min(28.0) - 0.1, "{psnr}, plain {plain}");
     assert!(load(&file(&texture)) == texture);
+}
+
+#[test]
+fn blocks_that_are_bc1_already_are_taken_over() {
+    let picture = picture("odd_37x61");
+    let SurfaceSize { width, height } = picture.size();
+    let texels: Vec<Texel> = picture.texels().collect();
+    let planes = ContentPlanes::encode(Content::Bc1, picture.info(), (width, height), &texels, Effort::Fast);
+    let blocks = vec![Bc1Blocks { size: picture.size(), blocks: planes.planes()[0].1.clone() }];
+    let decoded = Raster::from_texels(width, height, picture.info(), &planes.decode()).unwrap();
+    let set = ImageSet::single(decoded);
+    let source = EpitomeSource { blocks: Some(&blocks), ..EpitomeSource::new(&set) };
+    let texture = Epitome::encode(source, &goal(Goal::Psnr(60.0)), &mut Job::default()).unwrap();
+    // Encoding the texels anew would lose some of what fast blocks show; the blocks themselves lose nothing.
+    let psnr = measure(&set, &texture).psnr;
+    assert!(psnr > 120.0, "{psnr}");
+    let whole = EpitomeSource::new(&set);
+    let anew = Epitome::encode(whole, &goal(Goal::Psnr(60.0)), &mut Job::default()).unwrap();
+    assert!(texture.gpu().bits_memory() <= anew.gpu().bits_memory());
+    let short = vec![Bc1Blocks { size: picture.size(), blocks: vec![0; 8] }];
+    let source = EpitomeSource { blocks: Some(&short), ..EpitomeSource::new(&set) };
+    let error = Epitome::encode(source, &goal(Goal::Psnr(60.0)), &mut Job::default()).unwrap_err();
+    assert!(matches!(error, EncodeError::Source(SourceError::Length { found: 8, .. })), "{error}");
 }
 
 #[test]

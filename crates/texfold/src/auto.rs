@@ -1,6 +1,6 @@
 //! Choosing a codec for images, and falling back to plain block compression where a method does not suit.
 
-use texfold_bc::{Bc, BcParams, Content};
+use texfold_bc::{Bc, Bc1Blocks, BcParams, BcTexture, Content};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::mesh::UvMesh;
 use texfold_core::metric::measure;
@@ -10,6 +10,9 @@ use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource};
 use texfold_vq::{GuidanceWeights, Vq, VqParams, VqSource};
 
 use crate::AnyImage;
+
+/// Bits a texel of BC1.
+const BC1_BPP: f64 = 4.0;
 
 /// Which codec to use for images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -57,6 +60,8 @@ pub struct Guidance<'s> {
     pub weights: GuidanceWeights,
     /// epitome only: where content may come from, bright; everything else is made of it.
     pub content_from: Option<&'s Raster>,
+    /// epitome only: the blocks of images that are BC1 already, to be taken over as they are.
+    pub blocks: Option<&'s [Bc1Blocks]>,
 }
 
 /// Encodes images with the codec that the settings name.
@@ -82,7 +87,10 @@ pub fn encode_images(
     let params = vq_params(settings);
     match settings.codec {
         CodecChoice::Bc => bc(job),
-        CodecChoice::Epitome => epitome(source, guidance.content_from, settings, job),
+        CodecChoice::Epitome => {
+            let Guidance { content_from, blocks, .. } = guidance;
+            epitome(EpitomeSource { images: source, content_from, blocks }, settings, job)
+        }
         CodecChoice::Vq if settings.codebook.is_some() => Vq::encode(images, &params, job).map(AnyImage::Vq),
         CodecChoice::Vq | CodecChoice::Auto => {
             let plain = match job.within(0.0, 0.2, bc) {
@@ -104,8 +112,7 @@ pub fn encode_images(
 
 /// Factored images, or the plain form where that answers the goal better. Where content is restricted there is no plain form.
 fn epitome(
-    source: &ImageSet,
-    content_from: Option<&Raster>,
+    source: EpitomeSource<'_>,
     settings: &EncodeSettings,
     job: &mut Job<'_>,
 ) -> Result<AnyImage, EncodeError> {
@@ -116,15 +123,25 @@ fn epitome(
         mips: settings.mips,
         effort: settings.effort,
     };
-    let images = EpitomeSource { images: source, content_from };
-    if content_from.is_some() {
-        return Epitome::encode(images, &params, job).map(AnyImage::Epitome);
+    if source.content_from.is_some() {
+        return Epitome::encode(source, &params, job).map(AnyImage::Epitome);
     }
-    let plain =
-        job.within(0.0, 0.05, |job| Bc::encode(source, &bc_params(settings), job).map(AnyImage::Bc))?;
-    let of_plain = measure(source, plain.as_encoded());
-    let method = job.within(0.05, 1.0, |job| Epitome::encode(images, &params, job));
-    choose(source, ("epitome", settings.goal), method.map(AnyImage::Epitome), (plain, of_plain))
+    let images = source.images;
+    let plain = job.within(0.0, 0.05, |job| match source.blocks {
+        Some(blocks) if bc1_answers(settings) => {
+            BcTexture::from_bc1(blocks.to_vec(), images.info()).map_err(EncodeError::Source)
+        }
+        _ => Bc::encode(images, &bc_params(settings), job),
+    })?;
+    let plain = AnyImage::Bc(plain);
+    let of_plain = measure(images, plain.as_encoded());
+    let method = job.within(0.05, 1.0, |job| Epitome::encode(source, &params, job));
+    choose(images, ("epitome", settings.goal), method.map(AnyImage::Epitome), (plain, of_plain))
+}
+
+/// Whether blocks that are BC1 already can be the plain answer.
+fn bc1_answers(settings: &EncodeSettings) -> bool {
+    !settings.mips && !matches!(settings.goal, Goal::Bpp(bpp) if bpp < BC1_BPP)
 }
 
 fn bc_params(settings: &EncodeSettings) -> BcParams {

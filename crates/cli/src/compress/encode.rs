@@ -60,8 +60,8 @@ pub(crate) fn load(files: &[PathBuf], settings: &Settings, limit_bytes: u64) -> 
             }
         }
     }
-    if matches!(settings.encode.codec, CodecChoice::Vq | CodecChoice::Epitome) {
-        // These work on texels; that blocks are decoded is no surprise.
+    if settings.encode.codec == CodecChoice::Vq {
+        // It works on texels; that blocks are decoded is no surprise.
         blocks.clear();
     }
     let mixed = blocks.len() < files.len();
@@ -83,6 +83,8 @@ fn obstacle(settings: &EncodeSettings) -> Option<&'static str> {
         () if settings.content.is_some_and(|content| content != Content::Bc1) => {
             Some("other content was asked for: the BC1 blocks are encoded anew")
         }
+        // What it shows from elsewhere, and at other scales, is another matter.
+        () if settings.codec == CodecChoice::Epitome => None,
         () if settings.mips => Some("a mip chain was asked for: the BC1 blocks are encoded anew"),
         () if matches!(settings.goal, Goal::Bpp(bpp) if bpp < BC1_BPP) => {
             Some("fewer bits than BC1 were asked for: the BC1 blocks are encoded anew")
@@ -99,7 +101,9 @@ pub(crate) fn encode(
     limit_bytes: u64,
     progress: &mut dyn FnMut(Stage),
 ) -> Result<AnyImage, Fault> {
-    if let Some(blocks) = &loaded.blocks {
+    if let Some(blocks) = &loaded.blocks
+        && settings.encode.codec != CodecChoice::Epitome
+    {
         let texture = BcTexture::from_bc1(blocks.clone(), loaded.images.info());
         return texture.map(AnyImage::Bc).map_err(Fault::Source);
     }
@@ -107,6 +111,7 @@ pub(crate) fn encode(
         painted: loaded.painted.as_ref(),
         mesh,
         content_from: loaded.content_from.as_ref(),
+        blocks: loaded.blocks.as_deref(),
         ..Guidance::default()
     };
     let limits = Limits { bytes: limit_bytes, ..Limits::default() };

@@ -15,11 +15,13 @@ mod report;
 mod search;
 mod tone;
 
-use texfold_bc::Content;
-use texfold_core::image::{ColorSpace, ImageSet, PixelInfo};
+use texfold_bc::{Bc1Blocks, Content};
+use texfold_core::image::{ColorSpace, ImageSet, PixelInfo, Raster};
 use texfold_core::metric::measure;
 use texfold_core::target::{Measured, search as find};
-use texfold_core::{EncodeError, Goal, Job, Notes, ParamError, Params, SourceError, SurfaceSize};
+use texfold_core::{
+    EncodeError, Goal, Job, Notes, ParamError, Params, PlaneFormat, SourceError, SurfaceSize,
+};
 
 use assemble::{Plan, assemble};
 use candidate::{Match, Rules};
@@ -82,6 +84,7 @@ pub(crate) fn search_all(
 ) -> Result<EpitomeSearch, EncodeError> {
     params.check()?;
     check_sizes(source)?;
+    check_blocks(source)?;
     let mut searched = job.within(0.0, 0.3, |job| store(source, params, job))?;
     job.within(0.3, 1.0, |job| searched.search(job))?;
     Ok(searched)
@@ -109,6 +112,22 @@ fn check_sizes(source: EpitomeSource<'_>) -> Result<(), SourceError> {
         }
     }
     Ok(())
+}
+
+/// Whether blocks that are to be taken over are those of the images.
+fn check_blocks(source: EpitomeSource<'_>) -> Result<(), SourceError> {
+    let Some(blocks) = source.blocks else { return Ok(()) };
+    let images = source.images.images();
+    let needed = |size: SurfaceSize| PlaneFormat::Bc1.bytes(size.width, size.height) as usize;
+    let sum = |sizes: &mut dyn Iterator<Item = SurfaceSize>| sizes.map(needed).sum::<usize>();
+    let needed_of = |(blocks, image): (&Bc1Blocks, &Raster)| {
+        blocks.size == image.size() && blocks.blocks.len() == needed(blocks.size)
+    };
+    if blocks.len() == images.len() && blocks.iter().zip(images).all(needed_of) {
+        return Ok(());
+    }
+    let found = blocks.iter().map(|blocks| blocks.blocks.len()).sum();
+    Err(SourceError::Length { found, needed: sum(&mut images.iter().map(Raster::size)) })
 }
 
 /// Formats that content is stored in.
@@ -142,7 +161,8 @@ fn store(
         Goal::Tolerance(_) => (Grid::new(&sizes, params.block.unwrap_or(TOLERANCE_BLOCK), false), 1),
         Goal::Psnr(_) | Goal::Bpp(_) => (Grid::new(&sizes, BLOCK, true), SCALES.len()),
     };
-    let space = job.install(|| Space::new(&images, grid.block, &contents, scales, params.effort));
+    let space =
+        job.install(|| Space::new(&images, source.blocks, grid.block, &contents, scales, params.effort));
     let allowed = source.content_from.map(|mask| mask::allowed_cells(&space, mask)).transpose()?;
     let matches = vec![Vec::new(); grid.nodes()];
     let cell_bits = space.stored.iter().map(|stored| stored.cell_bits as f32).collect();

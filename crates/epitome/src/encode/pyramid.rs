@@ -5,10 +5,13 @@
 
 use glam::Vec4;
 use rayon::prelude::*;
-use texfold_bc::{Content, ContentPlanes};
+use texfold_bc::{Bc1Blocks, Content, ContentPlanes};
 use texfold_core::image::{ImageSet, PixelInfo, Raster};
 use texfold_core::{Effort, SurfaceSize};
 use texfold_match::Field;
+
+/// Bytes of a BC1 block.
+const BC1_BYTES: u32 = 8;
 
 /// Texels a side of a cell, the unit of content.
 pub(crate) const CELL: u32 = 4;
@@ -66,9 +69,11 @@ pub(crate) struct Space {
 }
 
 impl Space {
-    /// Images padded to multiples of `block`, stored in each of `contents`, at the first `scales` scales.
+    /// Images padded to multiples of `block`, stored in each of `contents`, at the first `scales` scales. Images that are BC1
+    /// already keep their `blocks`.
     pub(crate) fn new(
         images: &ImageSet,
+        blocks: Option<&[Bc1Blocks]>,
         block: u32,
         contents: &[Content],
         scales: usize,
@@ -80,8 +85,13 @@ impl Space {
         let stored = contents
             .iter()
             .map(|&content| {
-                let planes: Vec<Vec<ContentPlanes>> =
+                let mut planes: Vec<Vec<ContentPlanes>> =
                     pyramids.par_iter().map(|pyramid| pyramid.store(content, pixel, effort)).collect();
+                for (scales, blocks) in planes.iter_mut().zip(blocks.unwrap_or(&[])) {
+                    if let Some(kept) = scales.first().and_then(|full| with_blocks(full, pixel, blocks)) {
+                        scales[0] = kept;
+                    }
+                }
                 let decode = |planes: &ContentPlanes| {
                     let (width, height) = planes.size();
                     let texels = planes.decode().into_iter().map(|texel| texel * 255.0).collect();
@@ -149,6 +159,21 @@ impl Pyramid {
         };
         self.source.iter().map(store).collect()
     }
+}
+
+/// BC1 content with an image's own blocks in place of those that were made of its texels; `None` for other content.
+fn with_blocks(full: &ContentPlanes, pixel: PixelInfo, image: &Bc1Blocks) -> Option<ContentPlanes> {
+    if full.content() != Content::Bc1 {
+        return None;
+    }
+    let (_, bytes) = full.planes().first()?;
+    let row = |width: u32| (width.div_ceil(CELL) * BC1_BYTES) as usize;
+    let mut bytes = bytes.clone();
+    let own = image.blocks.chunks_exact(row(image.size.width));
+    for (to, from) in bytes.chunks_exact_mut(row(full.size().0)).zip(own) {
+        to.get_mut(..from.len())?.copy_from_slice(from);
+    }
+    ContentPlanes::from_planes(Content::Bc1, pixel, full.size(), vec![bytes])
 }
 
 /// The field at 1/2^log2 of its width or height from which linear interpolation gives it back best.
@@ -253,7 +278,8 @@ mod tests {
     #[test]
     fn cells_are_found_again() {
         let image = texfold_testkit::picture("odd_37x61");
-        let space = Space::new(&ImageSet::single(image), 32, &[Content::Bc1, Content::Bc7], 9, Effort::Fast);
+        let space =
+            Space::new(&ImageSet::single(image), None, 32, &[Content::Bc1, Content::Bc7], 9, Effort::Fast);
         for (format, scale, x, y) in [(0, 0, 0, 0), (1, 0, 15, 15), (0, 3, 7, 2), (1, 8, 3, 3)] {
             let (columns, base) = space.rows_of(format, 0, scale);
             assert_eq!(space.locate(base + y * columns + x), (format, 0, scale, x, y));

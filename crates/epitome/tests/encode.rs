@@ -4,7 +4,7 @@
 
 use texfold_bc::{Bc, Bc1Blocks, BcParams, Content, ContentPlanes};
 use texfold_core::container::{SectionWriter, Sections};
-use texfold_core::image::{ColorSpace, ImageSet, Raster};
+use texfold_core::image::{ColorSpace, ImageSet, PixelInfo, Raster};
 use texfold_core::metric::{decode_surface, measure};
 use texfold_core::{
     Budget, Effort, EncodeError, Encoded, Footprint, Goal, Image2d, Job, Rect, SharedSearch, SourceError,
@@ -302,6 +302,33 @@ fn a_set_of_one_scene_costs_less_than_its_images() {
     let alone = bits(vec![part(0)]) + bits(vec![part(37)]);
     let together = bits(vec![part(0), part(37)]);
     assert!(together < 0.75 * alone, "{together} against {alone}");
+}
+
+/// Discs of one pattern, each turned by its own angle.
+fn turned_discs() -> Raster {
+    const SIDE: u32 = 192;
+    let texel = |x: u32, y: u32| {
+        let (disc, place) = ((x / 48, y / 48), (x % 48, y % 48));
+        let at = (place.0 as f32 - 23.5, place.1 as f32 - 23.5);
+        let (sin, cos) = ((disc.1 * 4 + disc.0) as f32 * 1.7).sin_cos();
+        let (u, v) = (at.0 * cos + at.1 * sin, at.1 * cos - at.0 * sin);
+        let wave = 0.5 + 0.2 * (0.4 * u).sin() + 0.15 * (0.3 * v + 0.1 * u * u.signum()).cos() + 0.006 * u;
+        // Soft borders: hard ones are stairs that differ with the angle.
+        let inside = ((23.0 - at.0.hypot(at.1)) / 8.0).clamp(0.0, 1.0);
+        Texel::new(0.3, 0.35, 0.3, 1.0).lerp(Texel::new(wave, 0.9 * wave, 1.0 - wave, 1.0), inside)
+    };
+    let texels: Vec<Texel> = (0..SIDE * SIDE).map(|i| texel(i % SIDE, i / SIDE)).collect();
+    Raster::from_texels(SIDE, SIDE, PixelInfo { channels: 3, ..picture("facade").info() }, &texels).unwrap()
+}
+
+#[test]
+fn what_is_turned_is_stored_once_within_a_tolerance() {
+    let set = ImageSet::single(turned_discs());
+    let params = EpitomeParams { effort: Effort::Normal, ..goal(Goal::Tolerance(6.0)) };
+    let texture = encode(&set, &params);
+    assert!(measure(&set, &texture).worst_block_rms <= 6.0);
+    let share = texture.gpu().bits_memory() as f64 / (24.0 * f64::from(192 * 192));
+    assert!(share < 0.45, "{share}");
 }
 
 /// Mean step between neighbours across borders of 8x8 blocks, over the mean step elsewhere.

@@ -11,7 +11,7 @@ use crate::LumaSums;
 /// Numbers of a descriptor.
 pub const DESCRIPTOR_LENGTH: usize = 14;
 /// Values a side that a patch is averaged to.
-const SIDE: usize = 8;
+pub(crate) const SIDE: usize = 8;
 /// Length of the mean-free values, in 8-bit steps, that counts as noise: contrast below it is not blown up.
 const NOISE: f32 = 12.0;
 /// Frequencies across and down, by rising sum; the constant is left out.
@@ -95,10 +95,15 @@ pub fn describe(sums: &LumaSums, x: usize, y: usize, width: usize, height: usize
             *value = sums.sum(x + left, y + top, columns, rows) / (3 * columns * rows) as f32;
         }
     }
+    transform(&values)
+}
+
+/// The low frequencies of 8 x 8 values less their mean, over their length, and that length a texel.
+pub(crate) fn transform(values: &[[f32; SIDE]; SIDE]) -> (Descriptor, f32) {
     let table = cosines();
     // Rows first: only frequencies up to 4 are asked for.
     let mut across = [[0.0f32; 5]; SIDE];
-    for (line, row) in across.iter_mut().zip(&values) {
+    for (line, row) in across.iter_mut().zip(values) {
         for (u, sum) in line.iter_mut().enumerate() {
             *sum = row.iter().zip(&table[u]).map(|(a, b)| a * b).sum();
         }

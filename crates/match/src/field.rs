@@ -55,6 +55,12 @@ impl LumaSums {
         LumaSums { stride, sums }
     }
 
+    /// Columns and rows of the image.
+    #[must_use]
+    pub fn size(&self) -> (usize, usize) {
+        (self.stride - 1, self.sums.len() / self.stride - 1)
+    }
+
     /// Sum over columns `x..x + width` and rows `y..y + height`, which lie inside. Differences of wrapped sums are right as
     /// long as the rectangle's own sum fits 32 bits: up to 5 million texels.
     #[must_use]

@@ -36,16 +36,21 @@ pub struct Neighbour {
     pub distance: f32,
 }
 
+/// Items found by their descriptors.
+pub(crate) struct Tree<T> {
+    tree: Option<ImmutableKdTree<f32, u32, DESCRIPTOR_LENGTH, BUCKET>>,
+    items: Vec<T>,
+}
+
 /// Patches of one size in one or several fields.
 pub struct PatchIndex {
-    tree: Option<ImmutableKdTree<f32, u32, DESCRIPTOR_LENGTH, BUCKET>>,
-    places: Vec<Place>,
+    tree: Tree<Place>,
     patch: (usize, usize),
 }
 
 impl std::fmt::Debug for PatchIndex {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("PatchIndex").field("places", &self.places.len()).field("patch", &self.patch).finish()
+        f.debug_struct("PatchIndex").field("places", &self.len()).field("patch", &self.patch).finish()
     }
 }
 
@@ -59,28 +64,25 @@ impl PatchIndex {
             let sums = fields[place.field as usize];
             (*place, describe(sums, place.x as usize, place.y as usize, patch.0, patch.1))
         };
-        let described: Vec<(Place, Descriptor)> = places
+        let described = places
             .par_iter()
             .map(describe)
             .filter(|(_, (_, found))| *found >= contrast)
             .map(|(place, (descriptor, _))| (place, descriptor))
             .collect();
-        let (places, points): (Vec<_>, Vec<_>) = first_of_each(described).into_iter().unzip();
-        // The tree's own items are the numbers of the points.
-        let tree = (!points.is_empty()).then(|| ImmutableKdTree::new_from_slice(&points));
-        PatchIndex { tree, places, patch }
+        PatchIndex { tree: Tree::new(described), patch }
     }
 
     /// Number of patches.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.places.len()
+        self.tree.len()
     }
 
     /// Whether there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.places.is_empty()
+        self.len() == 0
     }
 
     /// Columns and rows of a patch in texels.
@@ -93,6 +95,27 @@ impl PatchIndex {
     /// distance in the order of their places.
     #[must_use]
     pub fn nearest(&self, query: &Descriptor, within: f32, count: usize) -> Vec<Neighbour> {
+        let found = self.tree.nearest(query, within, count);
+        found.into_iter().map(|(&place, distance)| Neighbour { place, distance }).collect()
+    }
+}
+
+impl<T> Tree<T> {
+    /// All items but further ones that look the same.
+    pub(crate) fn new(described: Vec<(T, Descriptor)>) -> Self {
+        let (items, points): (Vec<_>, Vec<_>) = first_of_each(described).into_iter().unzip();
+        // The tree's own items are the numbers of the points.
+        let tree = (!points.is_empty()).then(|| ImmutableKdTree::new_from_slice(&points));
+        Tree { tree, items }
+    }
+
+    /// Number of items.
+    pub(crate) fn len(&self) -> usize {
+        self.items.len()
+    }
+
+    /// At most `count` items nearest to `query` within a squared distance, nearest first, with their distances.
+    pub(crate) fn nearest(&self, query: &Descriptor, within: f32, count: usize) -> Vec<(&T, f32)> {
         let (Some(tree), Some(count)) = (&self.tree, NonZeroUsize::new(count)) else { return Vec::new() };
         if query.iter().any(|value| !value.is_finite()) {
             return Vec::new();
@@ -100,18 +123,15 @@ impl PatchIndex {
         let found = tree.nearest_n_within::<SquaredEuclidean>(query, within, count, true);
         let mut found: Vec<(u32, f32)> = found.iter().map(|near| (near.item, near.distance)).collect();
         found.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
-        found
-            .into_iter()
-            .map(|(item, distance)| Neighbour { place: self.places[item as usize], distance })
-            .collect()
+        found.into_iter().map(|(item, distance)| (&self.items[item as usize], distance)).collect()
     }
 }
 
 /// The first few of near-identical patches. What repeats exactly has its first copies as the source of all, so that
 /// everybody finds the same ones.
-fn first_of_each(described: Vec<(Place, Descriptor)>) -> Vec<(Place, Descriptor)> {
+fn first_of_each<T>(described: Vec<(T, Descriptor)>) -> Vec<(T, Descriptor)> {
     let mut seen: HashMap<[i16; DESCRIPTOR_LENGTH], usize> = HashMap::new();
-    let is_new = |(_, descriptor): &(Place, Descriptor)| {
+    let is_new = |(_, descriptor): &(T, Descriptor)| {
         let count = seen.entry(descriptor.map(|value| (value * STEPS).round() as i16)).or_default();
         *count += 1;
         *count <= ALIKE

@@ -46,6 +46,8 @@ const PASSES: usize = 2;
 const PALETTES: (usize, usize) = (256, 64);
 /// Nodes for each number of a palette at least.
 const NODES_A_NUMBER: usize = 16;
+/// The same for tolerances, where content is raw and a number that saves a block saves far more.
+const NODES_A_NUMBER_WITHIN: usize = 2;
 /// Steps beyond the setting that reaches a goal at which smaller results are looked for.
 const FINER: [u32; 4] = [6, 16, 40, 90];
 /// Settings of lambda: 32 an octave.
@@ -179,6 +181,11 @@ impl EpitomeSearch {
         }
     }
 
+    /// Whether every block is to be covered within a tolerance.
+    fn covers_blocks(&self) -> bool {
+        matches!(self.params.goal, Goal::Tolerance(_))
+    }
+
     fn choose(&self, options: &Options, knob: u32) -> Choice {
         choose(&self.grid, options, self.costs(knob), self.space.stored.len())
     }
@@ -191,7 +198,8 @@ impl EpitomeSearch {
     fn options(&self, rules: &Rules<'_>) -> (Options, Palettes) {
         let (direct, _) = direct_options(&self.space, &self.grid, rules);
         // A palette must earn its bits: an entry for every few leaves.
-        let few = self.grid.nodes() / NODES_A_NUMBER;
+        let few =
+            self.grid.nodes() / if self.covers_blocks() { NODES_A_NUMBER_WITHIN } else { NODES_A_NUMBER };
         let sizes = (PALETTES.0.min(self.space.scales() + 1 + few), PALETTES.1.min(1 + few));
         all_options(&self.space, &self.grid, &direct, &self.matches, sizes, rules)
     }
@@ -200,10 +208,10 @@ impl EpitomeSearch {
     /// where content is restricted, any content may be kept.
     fn search(&mut self, job: &mut Job<'_>) -> Result<(), EncodeError> {
         let texels = self.images.texel_count();
-        let reach = Reach::of(self.params.effort, texels);
+        let reach = Reach::of(self.params.effort, texels, self.covers_blocks());
         let (direct, own) =
             job.install(|| direct_options(&self.space, &self.grid, &Rules { cells: None, tolerance: None }));
-        if let (Goal::Tolerance(_), _) | (_, Some(_)) = (self.params.goal, &self.allowed) {
+        if self.covers_blocks() || self.allowed.is_some() {
             let errors = self.any_errors();
             let allowed = Allowed { cells: self.allowed.as_deref(), errors: &errors, own: &own };
             return search(&self.space, &self.grid, reach, &allowed, &mut self.matches, job);

@@ -13,6 +13,8 @@ use crate::encoded::{Linear, NEUTRAL, Tone};
 
 /// Candidates with content elsewhere that are kept for a leaf, in each format.
 const KEPT: usize = 5;
+/// The same within a tolerance, where any candidate is as good as another and those that many leaves share are wanted.
+const KEPT_WITHIN: usize = 16;
 /// Steps of a quarter texel by which a position may move after its linear part became a palette's.
 const MOVES: usize = 4;
 /// Cells that are tried at most for a leaf of one colour.
@@ -221,6 +223,7 @@ impl Borrow<'_> {
     /// The best candidates with content elsewhere.
     fn all(&self, node: Node, placed: &[Placed], cells: &mut Vec<u32>) -> Vec<Candidate> {
         let target = if self.rules.tolerance.is_some() { node.texels(self.space) } else { Vec::new() };
+        let most = if self.rules.tolerance.is_some() { KEPT_WITHIN } else { KEPT };
         let mut kept = Vec::new();
         for format in 0..self.space.stored.len() {
             let toned = placed.iter().map(|placed| self.toned(placed, format));
@@ -228,7 +231,7 @@ impl Borrow<'_> {
             found.sort_by(|a, b| a.error.total_cmp(&b.error));
             let mut count = 0;
             for candidate in found {
-                if count < KEPT
+                if count < most
                     && let Some(candidate) = self.checked(node, candidate, &target, cells)
                 {
                     kept.push(candidate);

@@ -5,7 +5,9 @@ use glam::{Mat2, Vec2};
 use rayon::prelude::*;
 use texfold_core::image::ColorSpace;
 use texfold_core::{Effort, EncodeError, Job};
-use texfold_match::{Field, LumaSums, Mirror, PatchIndex, Place, Transform, describe, refine};
+use texfold_match::{
+    Field, LumaSums, Mirror, PatchIndex, Place, Transform, Turned, TurnedIndex, describe, refine,
+};
 
 use super::candidate::{Match, ScaleErrors};
 use super::leaf::{Grid, Node};
@@ -22,6 +24,11 @@ const APART: f32 = 2.5;
 /// Linear parts are kept within these factors of the seed's.
 const STRETCH: std::ops::RangeInclusive<f32> = 0.6..=1.6;
 
+/// Sizes of turned patches by that of the leaf, a third of an octave apart.
+const SIZES: [f32; 3] = [0.794, 1.0, 1.26];
+/// Steps between turned patches, by their side (paper section 3.2).
+const TURNED_STEP: f32 = 0.25;
+
 /// How widely to search.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Reach {
@@ -33,16 +40,25 @@ pub(crate) struct Reach {
     pub(crate) kept: usize,
     /// Steps between places, in texels.
     pub(crate) stride: u32,
+    /// Neighbours taken from the tree of turned patches, plain and reflected; 0 looks for upright ones only.
+    pub(crate) turned: usize,
 }
 
 impl Reach {
-    pub(crate) fn of(effort: Effort, texels: u64) -> Self {
+    /// Turned patches cost half as much again and are found where things lie about at all angles; in buildings, plants and
+    /// pages, which stand upright, hardly one was taken. Where time counts they are searched for tolerances only, and there
+    /// many matches are kept: leaves are to meet in the same content.
+    pub(crate) fn of(effort: Effort, texels: u64, tolerance: bool) -> Self {
         let stride = if texels > 3 << 20 { 4 } else { 2 };
-        match effort {
-            Effort::Fast => Reach { scales: 9, neighbours: 3, kept: 2, stride: stride * 2 },
-            Effort::Normal => Reach { scales: 9, neighbours: 6, kept: 3, stride },
-            Effort::High => Reach { scales: 9, neighbours: 16, kept: 4, stride: stride / 2 },
+        let usual = match effort {
+            Effort::Fast => Reach { scales: 9, neighbours: 3, kept: 2, stride: stride * 2, turned: 0 },
+            Effort::Normal => Reach { scales: 9, neighbours: 6, kept: 3, stride, turned: 0 },
+            Effort::High => Reach { scales: 9, neighbours: 16, kept: 4, stride: stride / 2, turned: 8 },
+        };
+        if tolerance && effort != Effort::Fast {
+            return Reach { neighbours: 16, kept: 12, turned: 16, ..usual };
         }
+        usual
     }
 }
 
@@ -149,8 +165,10 @@ impl Round<'_> {
         let places: Vec<Place> = (0..self.fields.len()).flat_map(|image| self.places(image)).collect();
         let sums: Vec<&LumaSums> = self.fields.iter().map(|field| &field.sums).collect();
         let index = PatchIndex::new(&sums, self.patch(), &places, LEAST_CONTRAST);
+        let turned = self.turned(&sums);
         let nodes = self.nodes();
-        let matches: Vec<Vec<Match>> = nodes.par_iter().map(|&node| self.matches_of(node, &index)).collect();
+        let matches: Vec<Vec<Match>> =
+            nodes.par_iter().map(|&node| self.matches_of(node, &index, turned.as_ref())).collect();
         for (index, matches) in nodes.into_iter().zip(matches) {
             found[index] = matches;
         }
@@ -158,7 +176,6 @@ impl Round<'_> {
 
     /// Places in an image whose patch lies in cells that are allowed, in any format.
     fn places(&self, image: usize) -> Vec<Place> {
-        let field = self.field(image);
         let (width, height) = self.patch();
         // Beyond the image's edge content repeats it: nothing new is there.
         let scale = SCALES[self.scale];
@@ -172,12 +189,54 @@ impl Round<'_> {
             .step_by(step)
             .flat_map(|y| (0..=end_x - width).step_by(step).map(move |x| (x as u32, y as u32)))
             .map(|(x, y)| Place { field: image as u32, x, y });
-        let Some(cells) = self.allowed.cells else { return all.collect() };
-        let formats: Vec<CellSums> = (0..self.space.stored.len())
-            .map(|format| CellSums::new(cells, field, self.space.rows_of(format, image, self.scale)))
-            .collect();
+        let Some(formats) = self.cell_sums(image) else { return all.collect() };
         let patch = (width as u32, height as u32);
         all.filter(|place| formats.iter().any(|sums| sums.holds((place.x, place.y), patch))).collect()
+    }
+
+    /// Sums of the cells of an image that are allowed, by format; `None` where all are.
+    fn cell_sums(&self, image: usize) -> Option<Vec<CellSums>> {
+        let cells = self.allowed.cells?;
+        let field = self.field(image);
+        let sums = |format| CellSums::new(cells, field, self.space.rows_of(format, image, self.scale));
+        Some((0..self.space.stored.len()).map(sums).collect())
+    }
+
+    /// Patches however they are turned, of several sizes, in cells that are allowed. Only where content is as wide as high, and
+    /// not of normals, whose values turn with them.
+    fn turned(&self, sums: &[&LumaSums]) -> Option<TurnedIndex> {
+        let scale = SCALES[self.scale];
+        if self.reach.turned == 0
+            || scale.across != scale.down
+            || self.space.pixel.color == ColorSpace::Normal
+        {
+            return None;
+        }
+        let side = self.patch().0 as f32;
+        let step = (side * TURNED_STEP).max(2.0);
+        let mut patches = Vec::new();
+        for image in 0..self.fields.len() {
+            let size = self.space.pyramids[image].size;
+            let (width, height) = (size.width >> scale.across, size.height >> scale.down);
+            let steps = |length: u32| (length as f32 / step) as u32;
+            let places = (1..steps(height)).flat_map(|y| (1..steps(width)).map(move |x| (x, y)));
+            let centres = places.map(|(x, y)| Vec2::new(x as f32, y as f32) * step);
+            patches.extend(centres.flat_map(|at| SIZES.map(|size| (image as u32, at, size * side))));
+        }
+        let allowed: Vec<Option<Vec<CellSums>>> =
+            (0..self.fields.len()).map(|image| self.cell_sums(image)).collect();
+        let keep = |turned: &Turned| {
+            let Some(formats) = &allowed[turned.field as usize] else { return true };
+            let field = self.field(turned.field as usize);
+            let axis = Vec2::from_angle(turned.angle).abs();
+            let half = turned.side * 0.5 * (axis.x + axis.y);
+            let end = Vec2::new(field.width as f32, field.height as f32);
+            let low = (turned.centre - half).floor().max(Vec2::ZERO).as_uvec2();
+            let high = (turned.centre + half).ceil().min(end).as_uvec2();
+            let patch = (high.x - low.x, high.y - low.y);
+            formats.iter().any(|sums| sums.holds((low.x, low.y), patch))
+        };
+        Some(TurnedIndex::new(sums, &patches, LEAST_CONTRAST, keep))
     }
 
     /// Finer content has fewer texels to step over.
@@ -187,7 +246,7 @@ impl Round<'_> {
         (self.reach.stride * patch / 8).clamp(1, 4)
     }
 
-    fn matches_of(&self, number: usize, index: &PatchIndex) -> Vec<Match> {
+    fn matches_of(&self, number: usize, index: &PatchIndex, turned: Option<&TurnedIndex>) -> Vec<Match> {
         let node = &self.grid.node(number);
         let (x, y) = self.corner(node);
         let (width, height) = self.patch();
@@ -200,7 +259,9 @@ impl Round<'_> {
         // What the low frequencies leave is part of what all leave.
         let length = contrast * contrast * (width * height) as f32;
         let within = WITHIN.min(most / length);
-        let mut seeds: Vec<(f32, Mirror, Place)> = Vec::new();
+        let half = Vec2::new(width as f32, height as f32) * 0.5;
+        let centre = Vec2::new(x as f32, y as f32) + half;
+        let mut seeds: Vec<(f32, u16, Transform)> = Vec::new();
         let mirrors = if self.space.pixel.color == ColorSpace::Normal { 1 } else { Mirror::ALL.len() };
         for &mirror in &Mirror::ALL[..mirrors] {
             let query = mirror.of(&descriptor);
@@ -210,25 +271,29 @@ impl Round<'_> {
                     && place.x.abs_diff(x as u32) < (width as u32 / 2).max(2)
                     && place.y.abs_diff(y as u32) < (height as u32 / 2).max(2);
                 if !itself {
-                    seeds.push((near.distance, mirror, place));
+                    let position = Vec2::new(place.x as f32, place.y as f32) + half;
+                    let sign = |flip: bool| if flip { -1.0 } else { 1.0 };
+                    let linear = Mat2::from_diagonal(Vec2::new(sign(mirror.across), sign(mirror.down)));
+                    seeds.push((near.distance, place.field as u16, Transform { position, linear }));
                 }
+            }
+        }
+        for (distance, near, linear) in turned
+            .map(|index| index.nearest(&own.sums, (centre, width as f32), WITHIN, self.reach.turned))
+            .unwrap_or_default()
+        {
+            if near.field as usize != node.image || near.centre.distance(centre) >= half.x.max(2.0) {
+                seeds.push((distance, near.field as u16, Transform { position: near.centre, linear }));
             }
         }
         seeds.sort_by(|a, b| a.0.total_cmp(&b.0));
         let target = self.target(node);
-        let half = Vec2::new(width as f32, height as f32) * 0.5;
         let mut matches: Vec<Match> = Vec::new();
-        for (_, mirror, place) in seeds {
-            let image = place.field as u16;
-            let position = Vec2::new(place.x as f32, place.y as f32) + half;
-            if matches.len() >= 2 * self.reach.kept
-                || matches.iter().any(|m| m.image == image && m.position.distance(position) < APART)
-            {
-                continue;
+        for (_, image, seed) in seeds {
+            let known = |m: &Match| m.image == image && m.position.distance(seed.position) < APART;
+            if matches.len() < 2 * self.reach.kept && !matches.iter().any(known) {
+                matches.extend(self.refined(&target, image, seed));
             }
-            let sign = |flip: bool| if flip { -1.0 } else { 1.0 };
-            let linear = Mat2::from_diagonal(Vec2::new(sign(mirror.across), sign(mirror.down)));
-            matches.extend(self.refined(&target, image, Transform { position, linear }));
         }
         matches.retain(|found| found.error < most);
         self.keep_best(matches)

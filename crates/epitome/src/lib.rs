@@ -17,7 +17,7 @@ mod wire;
 
 pub use encode::EpitomeSearch;
 pub use encoded::{Entry, EpitomeTexture, IDENTITY, Linear, MapFormat, NEUTRAL, Tone};
-pub use params::{EpitomeParams, EpitomeSource};
+pub use params::{EpitomeParams, EpitomeSource, Transforms};
 pub use pictures::{PartPictures, pictures};
 
 use texfold_core::container::Sections;

@@ -24,6 +24,60 @@ impl<'s> EpitomeSource<'s> {
     }
 }
 
+/// What leaves may do with content, so that a model is no more than a scene needs. Everything by default, each part being
+/// used only where it lowers error at equal bits; what is left out is neither searched for nor stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Transforms {
+    /// Content from other places than the leaf's own. Without it only `scales` and `quadtree` count.
+    pub references: bool,
+    /// Positions in quarters of a texel; without them, whole texels, whose content is shown unfiltered at full size.
+    pub fractions: bool,
+    /// Mirrored content.
+    pub mirrors: bool,
+    /// Turned, sheared and stretched content.
+    pub affine: bool,
+    /// Content at a half and a quarter of its width or height.
+    pub scales: bool,
+    /// Gain and offset.
+    pub tones: bool,
+    /// Leaves of 32, 16 and 8 texels, chosen by quality and size goals; without it all leaves have the side `block`.
+    pub quadtree: bool,
+}
+
+impl Transforms {
+    /// Everything.
+    pub const ALL: Transforms = Transforms {
+        references: true,
+        fractions: true,
+        mirrors: true,
+        affine: true,
+        scales: true,
+        tones: true,
+        quadtree: true,
+    };
+
+    /// Names of the parts that are left out.
+    pub(crate) fn missing(&self) -> impl Iterator<Item = &'static str> {
+        [
+            (self.references, "references"),
+            (self.fractions, "fractions"),
+            (self.mirrors, "mirrors"),
+            (self.affine, "affine"),
+            (self.scales, "scales"),
+            (self.tones, "tones"),
+            (self.quadtree, "quadtree"),
+        ]
+        .into_iter()
+        .filter_map(|(used, name)| (!used).then_some(name))
+    }
+}
+
+impl Default for Transforms {
+    fn default() -> Self {
+        Transforms::ALL
+    }
+}
+
 /// How epitome factoring is done.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct EpitomeParams {
@@ -31,12 +85,15 @@ pub struct EpitomeParams {
     pub goal: Goal,
     /// How the epitome is stored; `None` lets the goal decide, which may take BC1 and BC7 side by side.
     pub content: Option<Content>,
-    /// Side of a block in texels for tolerance goals, a multiple of 4 in 8..=32; `None` is 12.
+    /// Side of a block in texels for tolerance goals and where there is no quadtree, a multiple of 4 in 8..=32; `None` is 12
+    /// and 16.
     pub block: Option<u32>,
     /// Whether mip levels are stored.
     pub mips: bool,
     /// How long to search.
     pub effort: Effort,
+    /// What leaves may do with content.
+    pub transforms: Transforms,
 }
 
 impl Params for EpitomeParams {

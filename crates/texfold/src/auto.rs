@@ -119,9 +119,9 @@ fn epitome(
     let params = EpitomeParams {
         goal: settings.goal,
         content: settings.content,
-        block: None,
         mips: settings.mips,
         effort: settings.effort,
+        ..EpitomeParams::default()
     };
     if source.content_from.is_some() {
         return Epitome::encode(source, &params, job).map(AnyImage::Epitome);

@@ -38,8 +38,9 @@ pub(crate) fn assemble(plan: &Plan<'_>, choice: &Choice) -> Result<EpitomeTextur
     let used = if used.is_empty() { vec![0] } else { used };
     let (trees, leaves) = leaves(plan.grid, choice);
     let mut palettes = Used::default();
-    let entries: Vec<Entry> =
+    let mut entries: Vec<Entry> =
         leaves.iter().map(|&node| entry(plan, &packing, choice, node, &used, &mut palettes)).collect();
+    let fraction_bits = whole_texels(&mut entries);
     let levels = if plan.mips { plan.images.full_levels() } else { 1 };
     let layout = plan.images.layout(levels);
     let bits = |most: u32| 32 - most.leading_zeros();
@@ -48,7 +49,7 @@ pub(crate) fn assemble(plan: &Plan<'_>, choice: &Choice) -> Result<EpitomeTextur
         split: plan.grid.split,
         x_bits: bits(entries.iter().map(|entry| entry.x).max().unwrap_or(0)),
         y_bits: bits(entries.iter().map(|entry| entry.y).max().unwrap_or(0)),
-        fraction_bits: FRACTION_BITS,
+        fraction_bits,
         tone_bits: bits(palettes.tones.len().saturating_sub(1) as u32),
         linear_bits: bits(palettes.linears.len().saturating_sub(1) as u32),
         mixed: used.len() > 1,
@@ -150,6 +151,16 @@ fn entry(
         linear: number_of(&mut palettes.linears, candidate.linear),
         plane: used.iter().position(|&format| format == usize::from(candidate.format)).unwrap_or(0) as u32,
     }
+}
+
+/// Takes from positions the fraction bits that are 0 in all of them; gives how many are left.
+fn whole_texels(entries: &mut [Entry]) -> u32 {
+    let all = entries.iter().fold(0, |all, entry| all | entry.x | entry.y);
+    let spare = all.trailing_zeros().min(FRACTION_BITS);
+    for entry in entries {
+        (entry.x, entry.y) = (entry.x >> spare, entry.y >> spare);
+    }
+    FRACTION_BITS - spare
 }
 
 /// An epitome and its mip levels.

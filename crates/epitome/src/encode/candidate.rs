@@ -48,6 +48,19 @@ pub(crate) struct Match {
     pub(crate) error: f32,
 }
 
+/// Matches nearer than this in texels, and in each number of their linear parts, are alike.
+const ALIKE: (f32, f32) = (0.25, 0.02);
+
+impl Match {
+    /// Whether both say the same.
+    pub(crate) fn is_like(&self, other: &Match) -> bool {
+        let linear = Vec4::from_array((self.linear - other.linear).to_cols_array());
+        (self.image, self.scale) == (other.image, other.scale)
+            && self.position.distance(other.position) < ALIKE.0
+            && linear.abs().max_element() < ALIKE.1
+    }
+}
+
 /// The linear part of content at a scale, upright.
 pub(crate) fn scale_linear(scale: usize) -> Linear {
     let scale = SCALES[scale];

@@ -28,8 +28,8 @@ use candidate::{Match, Rules};
 use choose::{Choice, Costs, Options, choose, improve, most_errors};
 use growth::grow;
 use leaf::Grid;
-use options::{Palettes, all_options, direct_options};
-use pyramid::{SCALES, Space};
+use options::{Fitted, Palettes, all_options, direct_options, fit};
+use pyramid::{CELL, SCALES, Space};
 use search::{Allowed, Reach, search};
 
 use crate::{EpitomeParams, EpitomeSource, EpitomeTexture};
@@ -57,6 +57,10 @@ const KNOBS: std::ops::RangeInclusive<u32> = 1..=544;
 const TOLERANCE_KNOB: u32 = 96;
 /// Side of a block for tolerances where none is given (paper section 4).
 const TOLERANCE_BLOCK: u32 = 12;
+/// Side of all leaves where there is no quadtree and none is given.
+const FIXED_BLOCK: u32 = 16;
+/// Times that matches are searched for within a tolerance.
+const TOLERANCE_PASSES: usize = 2;
 /// Shares of the tolerance that candidates are held to.
 const TOLERANCE_SHARES: [f32; 3] = [1.0, 0.75, 0.4];
 
@@ -159,12 +163,15 @@ fn store(
     let images = source.images.clone();
     let contents = contents(images.info(), params)?;
     let sizes: Vec<SurfaceSize> = images.images().iter().map(|image| image.size()).collect();
+    let scales = if params.transforms.scales { SCALES.len() } else { 1 };
     let (grid, scales) = match params.goal {
         Goal::Tolerance(_) => (Grid::new(&sizes, params.block.unwrap_or(TOLERANCE_BLOCK), false), 1),
-        Goal::Psnr(_) | Goal::Bpp(_) => (Grid::new(&sizes, BLOCK, true), SCALES.len()),
+        _ if params.transforms.quadtree => (Grid::new(&sizes, BLOCK, true), scales),
+        _ => (Grid::new(&sizes, params.block.unwrap_or(FIXED_BLOCK), false), scales),
     };
-    let space =
-        job.install(|| Space::new(&images, source.blocks, grid.block, &contents, scales, params.effort));
+    // Content at a quarter of its size has whole cells too.
+    let padding = if scales > 1 && grid.block % (4 * CELL) != 0 { 4 * grid.block } else { grid.block };
+    let space = job.install(|| Space::new(&images, source.blocks, padding, &contents, scales, params.effort));
     let allowed = source.content_from.map(|mask| mask::allowed_cells(&space, mask)).transpose()?;
     let matches = vec![Vec::new(); grid.nodes()];
     let cell_bits = space.stored.iter().map(|stored| stored.cell_bits as f32).collect();
@@ -194,33 +201,56 @@ impl EpitomeSearch {
         Rules { cells: self.allowed.as_deref(), tolerance }
     }
 
-    /// All that leaves may be, with what has been found so far.
-    fn options(&self, rules: &Rules<'_>) -> (Options, Palettes) {
-        let (direct, _) = direct_options(&self.space, &self.grid, rules);
+    /// Palettes fitted to what has been found so far.
+    fn fitted(&self) -> Fitted {
         // A palette must earn its bits: an entry for every few leaves.
         let few =
             self.grid.nodes() / if self.covers_blocks() { NODES_A_NUMBER_WITHIN } else { NODES_A_NUMBER };
-        let sizes = (PALETTES.0.min(self.space.scales() + 1 + few), PALETTES.1.min(1 + few));
-        all_options(&self.space, &self.grid, &direct, &self.matches, sizes, rules)
+        let tones = if self.params.transforms.tones { PALETTES.1.min(1 + few) } else { 1 };
+        let sizes = (PALETTES.0.min(self.space.scales() + 1 + few), tones);
+        let transforms = self.params.transforms;
+        fit(&self.space, &self.grid, &self.matches, sizes, transforms, self.allowed.is_some())
+    }
+
+    /// All that leaves may be.
+    fn options(&self, fitted: &Fitted, rules: &Rules<'_>) -> Options {
+        let (direct, _) = direct_options(&self.space, &self.grid, rules);
+        all_options(&self.space, &self.grid, &direct, (&self.matches, fitted), rules)
     }
 
     /// Looks for matches in the content that is kept so far, then again in what is kept with them. Within a tolerance, and
     /// where content is restricted, any content may be kept.
     fn search(&mut self, job: &mut Job<'_>) -> Result<(), EncodeError> {
+        if !self.params.transforms.references {
+            return Ok(());
+        }
         let texels = self.images.texel_count();
-        let reach = Reach::of(self.params.effort, texels, self.covers_blocks());
+        let reach = Reach::of(&self.params, texels);
         let (direct, own) =
             job.install(|| direct_options(&self.space, &self.grid, &Rules { cells: None, tolerance: None }));
         if self.covers_blocks() || self.allowed.is_some() {
             let errors = self.any_errors();
             let allowed = Allowed { cells: self.allowed.as_deref(), errors: &errors, own: &own };
-            return search(&self.space, &self.grid, reach, &allowed, &mut self.matches, job);
+            search(&self.space, &self.grid, reach, &allowed, &mut self.matches, job)?;
+            let (Goal::Tolerance(tolerance), None) = (self.params.goal, &self.allowed) else { return Ok(()) };
+            for _ in 1..TOLERANCE_PASSES {
+                let rules = self.rules(Some(tolerance as f32));
+                let kept = job.install(|| {
+                    let covers = self.covers(&self.options(&self.fitted(), &rules));
+                    covers.into_iter().min_by(|a, b| a.bits.total_cmp(&b.bits))
+                });
+                let kept: Vec<bool> =
+                    kept.iter().flat_map(|kept| &kept.users).map(|&users| users > 0).collect();
+                let allowed = Allowed { cells: Some(&kept), errors: &errors, own: &own };
+                search(&self.space, &self.grid, reach, &allowed, &mut self.matches, job)?;
+            }
+            return Ok(());
         }
         for pass in 0..PASSES {
             let share = |pass: usize| pass as f32 / PASSES as f32;
             job.stage("choosing content", share(pass))?;
             let (choice, errors) = job.install(|| {
-                let options = (pass > 0).then(|| self.options(&self.rules(None)).0);
+                let options = (pass > 0).then(|| self.options(&self.fitted(), &self.rules(None)));
                 let options = options.as_ref().unwrap_or(&direct);
                 let knob = nearest_knob(self.params.goal, texels as f64, |knob| self.choose(options, knob));
                 (self.choose(options, knob), most_errors(&self.grid, &direct, self.costs(knob)))
@@ -259,9 +289,10 @@ impl EpitomeSearch {
     fn reaching(&self, goal: Goal, job: &mut Job<'_>) -> Result<EpitomeTexture, EncodeError> {
         let texels = self.images.texel_count() as f64;
         let (options, palettes, guess) = job.install(|| {
-            let (options, palettes) = self.options(&self.rules(None));
+            let fitted = self.fitted();
+            let options = self.options(&fitted, &self.rules(None));
             let guess = nearest_knob(goal, texels, |knob| self.choose(&options, knob));
-            (options, palettes, guess)
+            (options, fitted.palettes, guess)
         });
         let plan = self.plan(&options, &palettes);
         let mut tried = 0u16;
@@ -292,11 +323,12 @@ impl EpitomeSearch {
     fn within(&self, tolerance: f64, job: &mut Job<'_>) -> Result<EpitomeTexture, EncodeError> {
         let goal = Goal::Tolerance(tolerance);
         let mut best: Option<(Measured, EpitomeTexture)> = None;
+        let fitted = job.install(|| self.fitted());
         for share in TOLERANCE_SHARES {
             job.checkpoint()?;
             let made: Vec<EpitomeTexture> = job.install(|| {
-                let (options, palettes) = self.options(&self.rules(Some(tolerance as f32 * share)));
-                let plan = self.plan(&options, &palettes);
+                let options = self.options(&fitted, &self.rules(Some(tolerance as f32 * share)));
+                let plan = self.plan(&options, &fitted.palettes);
                 let make = |choice: Choice| {
                     let verdict = report::verdict(&self.grid, &options, &choice, true);
                     assemble(&plan, &choice).map(|made| made.with_notes(self.notes(goal, verdict)))
@@ -359,5 +391,6 @@ fn settings(params: &EpitomeParams) -> String {
         Goal::Tolerance(value) => format!("tolerance {value}"),
     };
     let content = params.content.map_or(String::new(), |content| format!(", content {}", content.name()));
-    format!("epitome, {goal}{content}")
+    let without: String = params.transforms.missing().map(|part| format!(", without {part}")).collect();
+    format!("epitome, {goal}{content}{without}")
 }

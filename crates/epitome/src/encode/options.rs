@@ -9,6 +9,7 @@ use super::leaf::{Grid, Node};
 use super::linear;
 use super::pyramid::{CELL, SCALES, Space};
 use super::tone::{self, Stats};
+use crate::Transforms;
 use crate::encoded::{Linear, NEUTRAL, Tone};
 
 /// Candidates with content elsewhere that are kept for a leaf, in each format.
@@ -75,29 +76,66 @@ fn gather(found: Vec<Found>) -> Options {
     options
 }
 
-/// Palettes fitted to the matches, and all candidates in their terms.
-pub(crate) fn all_options(
+/// Where a match's content lies once its linear part is one of the palette.
+#[derive(Debug, Clone, Copy)]
+struct Spot {
+    x: i32,
+    y: i32,
+    linear: u16,
+}
+
+/// Palettes fitted to the matches, and the spots of each node's matches.
+pub(crate) struct Fitted {
+    pub(crate) palettes: Palettes,
+    spots: Vec<Vec<Option<Spot>>>,
+}
+
+/// Palettes of at most `sizes` numbers; positions in quarters of a texel or in whole ones. Where content is `restricted` one
+/// linear part is that of leaves in one colour.
+pub(crate) fn fit(
     space: &Space,
     grid: &Grid,
-    direct: &Options,
     matches: &[Vec<Match>],
     sizes: (usize, usize),
-    rules: &Rules<'_>,
-) -> (Options, Palettes) {
+    transforms: Transforms,
+    restricted: bool,
+) -> Fitted {
     let weigh = |(index, matches): (usize, &Vec<Match>)| {
         let side = grid.node(index).side as f32;
         // The better of a leaf's matches are the likelier to be taken.
         let weigh = move |(rank, found): (usize, &Match)| (found.linear, side / (1 + rank) as f32);
         matches.iter().enumerate().map(weigh).collect::<Vec<_>>()
     };
-    let linears: Vec<(glam::Mat2, f32)> = matches.iter().enumerate().flat_map(weigh).collect();
-    let mut linears = linear::palette(&linears, space.scales(), sizes.0 - usize::from(rules.cells.is_some()));
-    if rules.cells.is_some() {
+    let found: Vec<(glam::Mat2, f32)> = matches.iter().enumerate().flat_map(weigh).collect();
+    let mut linears = linear::palette(&found, space.scales(), sizes.0 - usize::from(restricted));
+    if restricted {
         linears.push([0; 4]);
     }
     let points: Vec<Vec4> = linears.iter().map(|&linear| linear::to_point(linear)).collect();
-    let placer = Placer { space, linears: &linears, points: &points };
-    let tones = fit_tones(&placer, grid, matches, sizes.1);
+    let placer = Placer {
+        space,
+        linears: &linears,
+        points: &points,
+        step: if transforms.fractions { 1 } else { 1 << FRACTION_BITS },
+        toned: sizes.1 > 1,
+    };
+    let spots: Vec<Vec<Option<Spot>>> = (0..grid.nodes())
+        .into_par_iter()
+        .map(|index| placer.spots(grid.node(index), &matches[index]))
+        .collect();
+    let tones = fit_tones(space, grid, matches, (&spots, &linears), sizes.1);
+    Fitted { palettes: Palettes { linears, tones }, spots }
+}
+
+/// All candidates that the rules allow.
+pub(crate) fn all_options(
+    space: &Space,
+    grid: &Grid,
+    direct: &Options,
+    (matches, fitted): (&[Vec<Match>], &Fitted),
+    rules: &Rules<'_>,
+) -> Options {
+    let Palettes { linears, tones } = &fitted.palettes;
     let found: Vec<Found> = (0..grid.nodes())
         .into_par_iter()
         .map(|index| {
@@ -113,9 +151,9 @@ pub(crate) fn all_options(
             let most = own.iter().map(|candidate| candidate.error).fold(0.0, f32::max);
             // Within a tolerance, and where a leaf has no content of its own, any error will do.
             let most = if rules.tolerance.is_some() || own.is_empty() { f32::INFINITY } else { most };
-            let borrow = Borrow { space, tones: &tones, linears: &linears, rules, most };
+            let borrow = Borrow { space, tones, linears, rules, most };
             let node = grid.node(index);
-            let placed = placer.place_all(node, &matches[index]);
+            let placed = place_all(space, node, &matches[index], &fitted.spots[index], linears);
             candidates.extend(borrow.all(node, &placed, &mut cells));
             if candidates.is_empty() && !node.is_outside() {
                 candidates.extend(borrow.flat(node, &mut cells));
@@ -123,51 +161,85 @@ pub(crate) fn all_options(
             (candidates, cells)
         })
         .collect();
-    (gather(found), Palettes { linears, tones })
+    gather(found)
 }
 
-/// What turns matches into places.
+/// The matches of a node in their spots.
+fn place_all(
+    space: &Space,
+    node: Node,
+    matches: &[Match],
+    spots: &[Option<Spot>],
+    linears: &[Linear],
+) -> Vec<Placed> {
+    if node.is_outside() || matches.is_empty() {
+        return Vec::new();
+    }
+    let target = node.texels(space);
+    let placed =
+        |(found, spot): (&Match, &Option<Spot>)| place(space, node, &target, found, (*spot)?, linears);
+    matches.iter().zip(spots).filter_map(placed).collect()
+}
+
+fn place(
+    space: &Space,
+    node: Node,
+    target: &[Vec4],
+    found: &Match,
+    spot: Spot,
+    linears: &[Linear],
+) -> Option<Placed> {
+    let (image, scale) = (usize::from(found.image), usize::from(found.scale));
+    let reading = Reading::new(node, spot.x, spot.y, linears[usize::from(spot.linear)]);
+    let field = |stored: &super::pyramid::Stored| reading.stats(&stored.decoded[image][scale], target);
+    let stats: Option<Vec<Stats>> = space.stored.iter().map(field).collect();
+    let Spot { x, y, linear } = spot;
+    Some(Placed { x, y, linear, image: found.image, scale: found.scale, stats: stats? })
+}
+
+/// What turns matches into spots.
 struct Placer<'a> {
     space: &'a Space,
     linears: &'a [Linear],
     /// The linear parts as points.
     points: &'a [Vec4],
+    /// Fractions of a texel between positions.
+    step: i32,
+    /// Whether a tone will follow.
+    toned: bool,
 }
 
 impl Placer<'_> {
-    /// All matches of a node with linear parts of the palette, their positions moved to where that costs least.
-    fn place_all(&self, node: Node, matches: &[Match]) -> Vec<Placed> {
+    /// The spots of a node's matches, each with the position that costs least.
+    fn spots(&self, node: Node, matches: &[Match]) -> Vec<Option<Spot>> {
         if node.is_outside() || matches.is_empty() {
             return Vec::new();
         }
         let target = node.texels(self.space);
-        matches.iter().filter_map(|found| self.place(node, &target, found)).collect()
+        matches.iter().map(|found| self.spot(node, &target, found)).collect()
     }
 
-    fn place(&self, node: Node, target: &[Vec4], found: &Match) -> Option<Placed> {
-        let number = linear::nearest(self.points, found.linear);
-        let (image, scale) = (usize::from(found.image), usize::from(found.scale));
-        let (x, y) = self.settle(node, target, found, self.linears[number])?;
-        let reading = Reading::new(node, x, y, self.linears[number]);
-        let field = |stored: &super::pyramid::Stored| reading.stats(&stored.decoded[image][scale], target);
-        let stats: Option<Vec<Stats>> = self.space.stored.iter().map(field).collect();
-        Some(Placed { x, y, linear: number as u16, image: found.image, scale: found.scale, stats: stats? })
+    fn spot(&self, node: Node, target: &[Vec4], found: &Match) -> Option<Spot> {
+        self.settle(node, target, found, linear::nearest(self.points, found.linear))
     }
 
-    /// The quarter texel with the least error near a match's position.
-    fn settle(&self, node: Node, target: &[Vec4], found: &Match, linear: Linear) -> Option<(i32, i32)> {
+    /// The position with the least error near a match's, under a linear part of the palette.
+    fn settle(&self, node: Node, target: &[Vec4], found: &Match, number: usize) -> Option<Spot> {
         let field = &self.space.stored.last()?.decoded[usize::from(found.image)][usize::from(found.scale)];
+        let linear = self.linears[number];
         let error = |x: i32, y: i32| {
             let stats = Reading::new(node, x, y, linear).sampled_stats(field, target)?;
-            Some(stats.error(&stats.best()))
+            Some(if self.toned { stats.error(&stats.best()) } else { stats.plain_error() })
         };
-        let at = (found.position * (1 << FRACTION_BITS) as f32).round();
+        let step = self.step as f32;
+        let at = (found.position * (1 << FRACTION_BITS) as f32 / step).round() * step;
         // Content beyond the field's edge cannot be read: step inside.
-        let at = inside(node, at, linear, field.width, field.height);
+        let at = inside(node, at, linear, (field.width, field.height), step);
         let mut best = (at.x as i32, at.y as i32);
         let mut least = error(best.0, best.1)?;
         for _ in 0..MOVES {
-            let around = [(1, 0), (-1, 0), (0, 1), (0, -1)].map(|(dx, dy)| (best.0 + dx, best.1 + dy));
+            let steps = [(1, 0), (-1, 0), (0, 1), (0, -1)];
+            let around = steps.map(|(dx, dy)| (best.0 + dx * self.step, best.1 + dy * self.step));
             let before = best;
             for (x, y) in around {
                 if let Some(error) = error(x, y).filter(|&error| error < least) {
@@ -178,23 +250,29 @@ impl Placer<'_> {
                 break;
             }
         }
-        Some(best)
+        Some(Spot { x: best.0, y: best.1, linear: number as u16 })
     }
 }
 
-/// A position moved so far that the leaf's content lies within a field of that size.
-fn inside(node: Node, at: Vec2, linear: Linear, width: usize, height: usize) -> Vec2 {
+/// A position moved in steps so far that the leaf's content lies within a field of that size.
+fn inside(node: Node, at: Vec2, linear: Linear, (width, height): (usize, usize), step: f32) -> Vec2 {
     let matrix = super::candidate::matrix(linear);
     let half = node.side as f32 * 0.5;
     let reach = (matrix.x_axis.abs() + matrix.y_axis.abs()) * half;
-    let unit = (1 << FRACTION_BITS) as f32;
+    let unit = (1 << FRACTION_BITS) as f32 / step;
     let (low, high) = (reach, Vec2::new(width as f32, height as f32) - reach);
-    let low = (low * unit).ceil();
-    at.max(low).min((high * unit).floor().max(low))
+    let low = (low * unit).ceil() * step;
+    at.max(low).min(((high * unit).floor() * step).max(low))
 }
 
 /// Tones fitted to an even choice of the leaves' first matches.
-fn fit_tones(placer: &Placer<'_>, grid: &Grid, matches: &[Vec<Match>], count: usize) -> Vec<Tone> {
+fn fit_tones(
+    space: &Space,
+    grid: &Grid,
+    matches: &[Vec<Match>],
+    (spots, linears): (&[Vec<Option<Spot>>], &[Linear]),
+    count: usize,
+) -> Vec<Tone> {
     let matched: Vec<usize> = (0..matches.len()).filter(|&index| !matches[index].is_empty()).collect();
     let step = matched.len().div_ceil(TONE_LEAVES).max(1);
     let some: Vec<Stats> = matched
@@ -202,7 +280,8 @@ fn fit_tones(placer: &Placer<'_>, grid: &Grid, matches: &[Vec<Match>], count: us
         .step_by(step)
         .filter_map(|&index| {
             let node = grid.node(index);
-            let placed = placer.place(node, &node.texels(placer.space), &matches[index][0])?;
+            let spot = spots[index].first().copied()??;
+            let placed = place(space, node, &node.texels(space), &matches[index][0], spot, linears)?;
             placed.stats.last().copied()
         })
         .collect();

@@ -4,7 +4,7 @@
 use glam::{Mat2, Vec2};
 use rayon::prelude::*;
 use texfold_core::image::ColorSpace;
-use texfold_core::{Effort, EncodeError, Job};
+use texfold_core::{Effort, EncodeError, Goal, Job};
 use texfold_match::{
     Field, LumaSums, Mirror, PatchIndex, Place, Transform, Turned, TurnedIndex, describe, refine,
 };
@@ -12,6 +12,7 @@ use texfold_match::{
 use super::candidate::{Match, ScaleErrors};
 use super::leaf::{Grid, Node};
 use super::pyramid::{CELL, SCALES, Space};
+use crate::{EpitomeParams, Transforms};
 
 /// Contrast in 8-bit steps below which a leaf is not searched for: plain content at a quarter of the size shows it.
 const LEAST_CONTRAST: f32 = 1.0;
@@ -42,23 +43,26 @@ pub(crate) struct Reach {
     pub(crate) stride: u32,
     /// Neighbours taken from the tree of turned patches, plain and reflected; 0 looks for upright ones only.
     pub(crate) turned: usize,
+    /// What matches may be.
+    pub(crate) transforms: Transforms,
 }
 
 impl Reach {
     /// Turned patches cost half as much again and are found where things lie about at all angles; in buildings, plants and
     /// pages, which stand upright, hardly one was taken. Where time counts they are searched for tolerances only, and there
     /// many matches are kept: leaves are to meet in the same content.
-    pub(crate) fn of(effort: Effort, texels: u64, tolerance: bool) -> Self {
+    pub(crate) fn of(params: &EpitomeParams, texels: u64) -> Self {
         let stride = if texels > 3 << 20 { 4 } else { 2 };
-        let usual = match effort {
-            Effort::Fast => Reach { scales: 9, neighbours: 3, kept: 2, stride: stride * 2, turned: 0 },
-            Effort::Normal => Reach { scales: 9, neighbours: 6, kept: 3, stride, turned: 0 },
-            Effort::High => Reach { scales: 9, neighbours: 16, kept: 4, stride: stride / 2, turned: 8 },
+        let (neighbours, kept, stride, turned) = match (params.effort, params.goal) {
+            (Effort::Fast, _) => (3, 2, stride * 2, 0),
+            (Effort::Normal, Goal::Tolerance(_)) => (16, 12, stride, 16),
+            (Effort::High, Goal::Tolerance(_)) => (16, 12, stride / 2, 16),
+            (Effort::Normal, _) => (6, 3, stride, 0),
+            (Effort::High, _) => (16, 4, stride / 2, 8),
         };
-        if tolerance && effort != Effort::Fast {
-            return Reach { neighbours: 16, kept: 12, turned: 16, ..usual };
-        }
-        usual
+        let transforms = params.transforms;
+        let turned = if transforms.affine { turned } else { 0 };
+        Reach { scales: 9, neighbours, kept, stride, turned, transforms }
     }
 }
 
@@ -110,7 +114,12 @@ pub(crate) fn search(
             round.propagate(&mut fresh);
         }
         for (all, fresh) in found.iter_mut().zip(fresh) {
-            all.extend(fresh);
+            for found in fresh {
+                // Later rounds find again what earlier ones found.
+                if grid.split || !all.iter().any(|known| known.is_like(&found)) {
+                    all.push(found);
+                }
+            }
         }
     }
     Ok(())
@@ -159,6 +168,11 @@ impl Round<'_> {
                 node.side == self.side && !node.is_outside() && self.allowed.own[index][self.scale] < most
             })
             .collect()
+    }
+
+    /// Whether content may be mirrored: vectors cannot be by moving texels.
+    fn mirrors(&self) -> bool {
+        self.reach.transforms.mirrors && self.space.pixel.color != ColorSpace::Normal
     }
 
     fn run(&self, found: &mut [Vec<Match>]) {
@@ -262,7 +276,7 @@ impl Round<'_> {
         let half = Vec2::new(width as f32, height as f32) * 0.5;
         let centre = Vec2::new(x as f32, y as f32) + half;
         let mut seeds: Vec<(f32, u16, Transform)> = Vec::new();
-        let mirrors = if self.space.pixel.color == ColorSpace::Normal { 1 } else { Mirror::ALL.len() };
+        let mirrors = if self.mirrors() { Mirror::ALL.len() } else { 1 };
         for &mirror in &Mirror::ALL[..mirrors] {
             let query = mirror.of(&descriptor);
             for near in index.nearest(&query, within, self.reach.neighbours) {
@@ -282,7 +296,8 @@ impl Round<'_> {
             .map(|index| index.nearest(&own.sums, (centre, width as f32), WITHIN, self.reach.turned))
             .unwrap_or_default()
         {
-            if near.field as usize != node.image || near.centre.distance(centre) >= half.x.max(2.0) {
+            let itself = near.field as usize == node.image && near.centre.distance(centre) < half.x.max(2.0);
+            if !itself && (self.mirrors() || linear.determinant() > 0.0) {
                 seeds.push((distance, near.field as u16, Transform { position: near.centre, linear }));
             }
         }
@@ -320,7 +335,7 @@ impl Round<'_> {
     fn refined(&self, target: &[f32], image: u16, seed: Transform) -> Option<Match> {
         let field = self.field(usize::from(image));
         let size = (field.width, field.height);
-        let affine = self.space.pixel.color != ColorSpace::Normal;
+        let affine = self.reach.transforms.affine && self.space.pixel.color != ColorSpace::Normal;
         let luma = &self.fields[usize::from(image)].luma;
         let refined = refine(target, self.patch(), luma, size, seed, affine);
         let Transform { position, linear } = refined.transform;

@@ -1,0 +1,79 @@
+//! What a model may do with content can be restricted: nothing that is left out is in the file, and goals are reached without it.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use texfold_core::container::{SectionWriter, Sections};
+use texfold_core::image::ImageSet;
+use texfold_core::metric::measure;
+use texfold_core::{Budget, Effort, Encoded, Goal, Job, TextureCodec};
+use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture, IDENTITY, NEUTRAL, Transforms};
+use texfold_testkit::picture;
+
+const ALL: Transforms = Transforms::ALL;
+const PSNR: f64 = 30.0;
+
+/// A picture encoded without some parts; it comes back from its file as it was.
+fn encode(name: &str, transforms: Transforms, block: Option<u32>) -> EpitomeTexture {
+    let set = ImageSet::single(picture(name));
+    let goal = Goal::Psnr(PSNR);
+    let params = EpitomeParams { goal, block, transforms, effort: Effort::Fast, ..EpitomeParams::default() };
+    let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
+    let psnr = measure(&set, &texture).psnr;
+    assert!(psnr >= PSNR, "{name} {transforms:?}: {psnr}");
+    let mut writer = SectionWriter::new(Epitome::ID);
+    texture.store(&mut writer);
+    let (bytes, mut budget) = (writer.finish().bytes, Budget::default());
+    let sections = Sections::parse(&bytes, &mut budget).unwrap();
+    assert!(Epitome::load(&sections, &mut budget).unwrap() == texture);
+    texture
+}
+
+#[test]
+fn positions_without_fractions_are_whole_texels() {
+    let texture = encode("facade", Transforms { fractions: false, ..ALL }, None);
+    assert_eq!(texture.map_format().fraction_bits, 0);
+    assert_eq!(encode("facade", ALL, None).map_format().fraction_bits, 2);
+}
+
+#[test]
+fn linear_parts_are_scales_and_mirrors_at_most() {
+    let upright =
+        |texture: &EpitomeTexture| texture.linears().iter().all(|linear| linear[1] == 0 && linear[2] == 0);
+    let mirrored =
+        |texture: &EpitomeTexture| texture.linears().iter().any(|linear| linear[0] < 0 || linear[3] < 0);
+    let texture = encode("facade", Transforms { affine: false, ..ALL }, None);
+    assert!(upright(&texture) && mirrored(&texture), "{:?}", texture.linears());
+    let exact = |&value: &i16| [0, 8192, 4096, 2048].contains(&value.abs());
+    assert!(texture.linears().iter().flatten().all(exact), "{:?}", texture.linears());
+    let texture = encode("facade", Transforms { affine: false, mirrors: false, ..ALL }, None);
+    assert!(upright(&texture) && !mirrored(&texture), "{:?}", texture.linears());
+    assert!(!upright(&encode("facade", ALL, None)), "everything is upright with everything allowed");
+}
+
+#[test]
+fn tones_that_are_left_out_are_neutral() {
+    let texture = encode("facade", Transforms { tones: false, ..ALL }, None);
+    assert_eq!(texture.tones(), [NEUTRAL]);
+    assert_eq!(texture.map_format().tone_bits, 0);
+    assert!(encode("facade", ALL, None).tones().len() > 1);
+}
+
+#[test]
+fn content_of_its_own_place_and_size_is_plain_content() {
+    let plain = Transforms { references: false, scales: false, ..ALL };
+    let texture = encode("odd_37x61", plain, None);
+    assert_eq!((texture.linears(), texture.tones()), (&[IDENTITY][..], &[NEUTRAL][..]));
+    let verdict = &texture.notes().verdict;
+    assert!(verdict.contains("0% of the texels are shown by content from elsewhere, 0% by"), "{verdict}");
+    assert!(texture.notes().settings.ends_with("without references, without scales"));
+}
+
+#[test]
+fn leaves_of_one_side_without_a_quadtree() {
+    // Sides at which content at a quarter of its size has no whole number of cells, too.
+    for block in [8, 12, 16, 20, 32] {
+        let texture = encode("odd_37x61", Transforms { quadtree: false, ..ALL }, Some(block));
+        let format = texture.map_format();
+        assert_eq!((format.split, format.block), (false, block));
+    }
+}

@@ -1,5 +1,7 @@
 //! Pictures and settings that the benches share.
 
+pub mod report;
+
 use texfold::image::{ColorSpace, ImageSet, Raster};
 use texfold::{
     AnyImage, Bc, BcParams, Content, Effort, Epitome, EpitomeParams, EpitomeSource, Goal, Job, TextureCodec,

@@ -174,3 +174,24 @@ fn rules_of_a_configuration_hold_by_glob() {
     assert_eq!(run.code, Some(2));
     assert!(run.stderr.contains("wrong.toml") && run.stderr.contains("codex"), "{}", run.stderr);
 }
+
+#[test]
+fn a_corrupt_image_of_a_set_is_named_and_other_inputs_are_done() {
+    let place = Place::new();
+    for name in ["set/a.png", "set/b.png", "set/c.png", "other/a.png", "other/b.png"] {
+        place.picture(name, 48, 32, 3);
+    }
+    // The header is whole, the pixels are not.
+    let half = fs::read(place.at("set/b.png")).unwrap();
+    fs::write(place.at("set/b.png"), &half[..half.len() / 2]).unwrap();
+    let (run, report) = place.compress("set other --out out --codec epitome --psnr 30 --effort fast");
+    assert_eq!(run.code, Some(1), "{}", run.stderr);
+    // A set is one file, whole or not at all: what lacks an image would number the others anew.
+    assert_eq!(names(&place.at("out")), ["other.txf"]);
+    let error = report.iter().find_map(|row| row["error"].as_str()).unwrap();
+    assert!(error.contains("set/b.png") && run.stderr.contains("set/b.png"), "{error}");
+    let done = report.iter().find(|row| row["input"] == "other").unwrap();
+    assert_eq!(done["images"].as_u64(), Some(2), "{done}");
+    let (run, _) = place.compress("set --as image --out each --codec epitome --psnr 30 --effort fast");
+    assert_eq!((run.code, names(&place.at("each"))), (Some(1), vec!["a.txf".into(), "c.txf".into()]));
+}

@@ -178,7 +178,7 @@ fn time(out: &Path) -> Outcome<()> {
                 format!("{seconds:.2}"),
                 format!("{:.1}", seconds / texels * 1e6),
             ]);
-            line.push((texels, seconds));
+            line.push((texels / 1e6, seconds));
         }
         let exponent = exponent(&line);
         table.row(vec![name.clone(), "exponent".to_owned(), format!("{exponent:.2}"), String::new()]);
@@ -190,7 +190,7 @@ fn time(out: &Path) -> Outcome<()> {
     );
     table.write(out, "time", &text)?;
     let chart =
-        Chart { caption: "Time against texels", across: "texels", up: "CPU seconds", logarithmic: true };
+        Chart { caption: "Time against texels", across: "megatexels", up: "CPU seconds", logarithmic: true };
     chart.draw(&lines, &out.join("time.svg"))
 }
 

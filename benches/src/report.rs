@@ -134,12 +134,16 @@ impl Chart<'_> {
         if self.logarithmic {
             let across = (left * 0.9..right * 1.1).log_scale();
             let mut chart = builder.build_cartesian_2d(across, (low * 0.8..high * 1.25).log_scale())?;
-            chart.configure_mesh().x_desc(self.across).y_desc(self.up).draw()?;
-            draw_lines(&mut chart, lines)?;
+            let mut mesh = chart.configure_mesh();
+            // More labels run into each other where the axis is narrow.
+            mesh.x_labels(4).light_line_style(WHITE).x_desc(self.across).y_desc(self.up).draw()?;
+            draw_lines(&mut chart, lines, SeriesLabelPosition::LowerRight)?;
         } else {
-            let mut chart = builder.build_cartesian_2d(0.0..right * 1.05, 0.0..(high * 1.08).max(1e-9))?;
-            chart.configure_mesh().x_desc(self.across).y_desc(self.up).draw()?;
-            draw_lines(&mut chart, lines)?;
+            // Room at the right for the names.
+            let mut chart = builder.build_cartesian_2d(0.0..right * 1.4, 0.0..(high * 1.08).max(1e-9))?;
+            let mut mesh = chart.configure_mesh();
+            mesh.light_line_style(WHITE).x_desc(self.across).y_desc(self.up).draw()?;
+            draw_lines(&mut chart, lines, SeriesLabelPosition::UpperRight)?;
         }
         root.present()?;
         Ok(())
@@ -149,6 +153,7 @@ impl Chart<'_> {
 fn draw_lines<'a, X, Y>(
     chart: &mut ChartContext<'a, SVGBackend<'a>, Cartesian2d<X, Y>>,
     lines: &[Line],
+    names: SeriesLabelPosition,
 ) -> Outcome<()>
 where
     X: Ranged<ValueType = f64>,
@@ -164,7 +169,7 @@ where
     }
     chart
         .configure_series_labels()
-        .position(SeriesLabelPosition::LowerRight)
+        .position(names)
         .background_style(WHITE.mix(0.8))
         .border_style(BLACK)
         .draw()?;

@@ -2,12 +2,16 @@
 //!
 //! Decoding follows the Direct3D definitions without intermediate rounding: BC1 and BC3 colours are 565 values
 //! scaled to [0, 1] and interpolated, BC4 and BC5 interpolate in [0, 1]. Hardware decoders round differently by up
-//! to 2/255; BC7 is exact by definition.
+//! to 2/255; BC7 is exact by definition. ASTC is in `astc.rs`.
+
+use std::ops::Deref;
 
 use dds::{ColorFormat, CompressionQuality, EncodeOptions, ErrorMetric, ImageView, ImageViewMut, Size};
 use glam::Vec4;
 use rayon::prelude::*;
 use texfold_core::{Effort, PlaneFormat};
+
+use crate::astc;
 
 /// Rows of blocks that one task encodes: small enough to share out, large enough to be worth a task.
 const BAND_ROWS: usize = 4;
@@ -21,6 +25,7 @@ pub fn encode_plane(format: PlaneFormat, width: u32, height: u32, rgba: &[u8], e
         PlaneFormat::R8Unorm => keep(1),
         PlaneFormat::Rg8Unorm | PlaneFormat::Rg8Uint => keep(2),
         PlaneFormat::R32Uint | PlaneFormat::Rgba8Unorm => rgba.to_vec(),
+        PlaneFormat::Astc(block) => astc::encode(block, width, height, rgba, effort),
         _ => encode_blocks(format, width as usize, height as usize, rgba, effort),
     }
 }
@@ -97,10 +102,38 @@ fn dds_format(format: PlaneFormat) -> dds::Format {
     }
 }
 
-/// The texels of one stored block, row by row; plain formats fill the first only. Missing channels are 0, missing
-/// alpha is 1. Bytes missing from `block` count as 0.
+/// The texels of one block, row by row.
+#[derive(Debug, Clone, PartialEq)]
+pub enum BlockTexels {
+    /// Of a BC block, or a single texel repeated.
+    Sixteen([Vec4; 16]),
+    /// Of a block of another side.
+    Other(Vec<Vec4>),
+}
+
+impl Deref for BlockTexels {
+    type Target = [Vec4];
+
+    #[inline]
+    fn deref(&self) -> &[Vec4] {
+        match self {
+            BlockTexels::Sixteen(texels) => texels,
+            BlockTexels::Other(texels) => texels,
+        }
+    }
+}
+
+/// The texels of one stored block, row by row: as many as its format's side squared, and at least 16. Missing channels are
+/// 0, missing alpha is 1. Bytes missing from `block` count as 0.
 #[must_use]
-pub fn decode_block(format: PlaneFormat, block: &[u8]) -> [Vec4; 16] {
+pub fn decode_block(format: PlaneFormat, block: &[u8]) -> BlockTexels {
+    match format {
+        PlaneFormat::Astc(side) => BlockTexels::Other(astc::decode(side, block)),
+        _ => BlockTexels::Sixteen(decode_sixteen(format, block)),
+    }
+}
+
+fn decode_sixteen(format: PlaneFormat, block: &[u8]) -> [Vec4; 16] {
     let byte = |index: usize| f32::from(block.get(index).copied().unwrap_or(0));
     match format {
         PlaneFormat::R8Unorm => [Vec4::new(byte(0) / 255.0, 0.0, 0.0, 1.0); 16],
@@ -121,7 +154,7 @@ pub fn decode_block(format: PlaneFormat, block: &[u8]) -> [Vec4; 16] {
             let (red, green) = (decode_bc4(first_eight(block, 0)), decode_bc4(first_eight(block, 8)));
             std::array::from_fn(|i| Vec4::new(red[i], green[i], 0.0, 1.0))
         }
-        PlaneFormat::Bc7 => decode_bc7(block),
+        _ => decode_bc7(block),
     }
 }
 
@@ -183,7 +216,7 @@ mod tests {
     /// Decoders may round BC1 to BC5 differently by this much (Direct3D 11.3 specification, 19.5).
     const ROUNDING: f32 = 2.0 / 255.0;
 
-    fn largest_difference(texels: &[Vec4; 16], other: &[u8], channels: &[usize]) -> f32 {
+    fn largest_difference(texels: &[Vec4], other: &[u8], channels: &[usize]) -> f32 {
         let stride = other.len() / 16;
         let difference = |i: usize, channel: usize, plane: usize| {
             (texels[i][channel] - f32::from(other[i * stride + plane]) / 255.0).abs()

@@ -3,8 +3,9 @@
 use std::borrow::Cow;
 
 use glam::Vec4;
+use texfold_core::container::Reader;
 use texfold_core::image::PixelInfo;
-use texfold_core::{Plane, PlaneFormat, Texel};
+use texfold_core::{AstcBlock, LoadError, ParamError, Plane, PlaneFormat, Texel};
 
 use crate::{decode_block, encode_plane};
 
@@ -23,12 +24,26 @@ pub enum Content {
     Bc5,
     /// RGB and alpha in 8 bits a texel, close to the source.
     Bc7,
+    /// RGB and alpha in blocks of 16 bytes; only in builds with the feature `astc`.
+    Astc(AstcBlock),
 }
 
 impl Content {
     /// All kinds, in the order of their numbers in files.
-    pub const ALL: [Content; 6] =
-        [Content::Raw, Content::Bc1, Content::Bc3, Content::Bc4, Content::Bc5, Content::Bc7];
+    pub const ALL: [Content; 12] = [
+        Content::Raw,
+        Content::Bc1,
+        Content::Bc3,
+        Content::Bc4,
+        Content::Bc5,
+        Content::Bc7,
+        Content::Astc(AstcBlock::B4),
+        Content::Astc(AstcBlock::B5),
+        Content::Astc(AstcBlock::B6),
+        Content::Astc(AstcBlock::B8),
+        Content::Astc(AstcBlock::B10),
+        Content::Astc(AstcBlock::B12),
+    ];
 
     /// Name on the command line and in reports.
     #[must_use]
@@ -40,6 +55,88 @@ impl Content {
             Content::Bc4 => "bc4",
             Content::Bc5 => "bc5",
             Content::Bc7 => "bc7",
+            Content::Astc(AstcBlock::B4) => "astc4",
+            Content::Astc(AstcBlock::B5) => "astc5",
+            Content::Astc(AstcBlock::B6) => "astc6",
+            Content::Astc(AstcBlock::B8) => "astc8",
+            Content::Astc(AstcBlock::B10) => "astc10",
+            Content::Astc(AstcBlock::B12) => "astc12",
+        }
+    }
+
+    /// Whether this build can encode and decode it.
+    #[must_use]
+    pub fn is_available(self) -> bool {
+        !matches!(self, Content::Astc(_)) || crate::astc::AVAILABLE
+    }
+
+    /// Fails where this build cannot encode it.
+    ///
+    /// # Errors
+    /// [`ParamError`] names the feature to build with.
+    pub fn check_available(self) -> Result<(), ParamError> {
+        let range = "the formats of this build, as ASTC content needs the cargo feature `astc`";
+        let error = ParamError { field: "content", value: f64::from(self.number()), range };
+        if self.is_available() { Ok(()) } else { Err(error) }
+    }
+
+    /// Its number in files.
+    #[must_use]
+    pub fn number(self) -> u8 {
+        Content::ALL.iter().position(|&content| content == self).unwrap_or(0) as u8
+    }
+
+    /// The content of that number in a file.
+    ///
+    /// # Errors
+    /// [`LoadError`] where there is none, or this build cannot decode it.
+    pub fn read(reader: &mut Reader<'_>) -> Result<Content, LoadError> {
+        let number = reader.u8()?;
+        let content = *Content::ALL.get(usize::from(number)).ok_or(reader.corrupt("unknown content"))?;
+        if content.is_available() {
+            Ok(content)
+        } else {
+            Err(LoadError::Feature { format: content.name(), feature: "astc" })
+        }
+    }
+
+    /// Texels a side of the least part that can be copied whole: a block, or 4 for plain bytes.
+    #[must_use]
+    pub fn cell_side(self) -> u32 {
+        match self {
+            Content::Astc(block) => block.side(),
+            _ => 4,
+        }
+    }
+
+    /// Bits of such a part, of all planes together.
+    #[must_use]
+    pub fn cell_bits(self, pixel: PixelInfo) -> u32 {
+        let side = self.cell_side();
+        self.formats(pixel).0.iter().map(|format| 8 * format.bytes(side, side) as u32).sum()
+    }
+}
+
+/// Formats among which a goal chooses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Family {
+    /// What desktop GPUs draw, and plain bytes.
+    #[default]
+    Bc,
+    /// What mobile GPUs draw, and plain bytes; only in builds with the feature `astc`.
+    Astc,
+}
+
+impl Family {
+    /// Fails where this build cannot encode `content` or, where there is none, the family.
+    ///
+    /// # Errors
+    /// As [`Content::check_available`].
+    pub fn check_available(self, content: Option<Content>) -> Result<(), ParamError> {
+        match (content, self) {
+            (Some(content), _) => content.check_available(),
+            (None, Family::Astc) => Content::Astc(AstcBlock::B4).check_available(),
+            (None, Family::Bc) => Ok(()),
         }
     }
 }
@@ -64,7 +161,7 @@ impl Content {
     #[must_use]
     pub fn fits(self, pixel: PixelInfo) -> bool {
         match self {
-            Content::Raw | Content::Bc7 | Content::Bc1 => true,
+            Content::Raw | Content::Bc7 | Content::Bc1 | Content::Astc(_) => true,
             Content::Bc3 => pixel.has_alpha(),
             Content::Bc4 => pixel.channels == 1,
             Content::Bc5 => {
@@ -91,20 +188,21 @@ impl Content {
             (Content::Bc5, 2) => (vec![P::Bc5], s::TEXFOLD_GRAY_ALPHA),
             (Content::Bc5, _) => (vec![P::Bc5], s::TEXFOLD_NORMAL),
             (Content::Bc7, _) => (vec![P::Bc7], alpha),
+            (Content::Astc(block), _) => (vec![P::Astc(block)], alpha),
         };
         (formats, Swizzle(swizzle))
     }
 
     /// Bits a texel of all planes together.
     #[must_use]
-    pub fn bits_per_texel(self, pixel: PixelInfo) -> u32 {
-        let bits = |format: &PlaneFormat| 8 * format.block_bytes() / format.block_side().pow(2);
-        self.formats(pixel).0.iter().map(bits).sum()
+    pub fn bits_per_texel(self, pixel: PixelInfo) -> f64 {
+        f64::from(self.cell_bits(pixel)) / f64::from(self.cell_side().pow(2))
     }
 }
 
 impl ContentPlanes {
-    /// Stores `texels` (`width` x `height`, row by row) as `content`.
+    /// Stores `texels` (`width` x `height`, row by row) as `content`, which this build has
+    /// ([`Content::check_available`]); of what it has not, all blocks are 0 and none decodes.
     #[must_use]
     pub fn encode(
         content: Content,

@@ -128,13 +128,15 @@ pub fn texfold_bc_sample_level(view: &BcView<'_>, uv: Vec2, lod: f32) -> Texel {
 /// them lie inside.
 pub(crate) fn expand(view: &BcView<'_>, level: u32, corner: UVec2, width: u32, out: &mut [Texel]) {
     let planes = &view.levels[level as usize];
+    // Planes of plain bytes have no blocks: any number of rows will do.
+    let rows = planes.planes().first().map_or(4, |(format, _)| format.block_side().max(4));
     let columns = corner.x..corner.x + width;
     let mut second = Vec::new();
     let mut top = corner.y;
     let mut rest = out;
     while !rest.is_empty() {
         // Rows up to the next border between blocks.
-        let bottom = (top / 4 + 1) * 4;
+        let bottom = (top / rows + 1) * rows;
         let length = rest.len().min((bottom - top) as usize * width as usize);
         let (band, further) = rest.split_at_mut(length);
         for (index, (format, bytes)) in planes.planes().iter().enumerate() {
@@ -191,18 +193,18 @@ fn expand_band(
         }
         return;
     }
-    let mut fill = |left: u32, texels: &[Vec4; 16]| {
+    let mut fill = |left: u32, texels: &[Vec4]| {
         let start = left.max(columns.start);
-        let run = ((left + 4).min(columns.end) - start) as usize;
+        let run = ((left + side).min(columns.end) - start) as usize;
         let mut place = (start - columns.start) as usize;
-        let mut from = (top % 4 * 4 + start - left) as usize;
+        let mut from = (top % side * side + start - left) as usize;
         while let Some(line) = band.get_mut(place..place + run) {
             line.copy_from_slice(&texels[from..from + run]);
             place += width;
-            from += 4;
+            from += side as usize;
         }
     };
-    let lefts = (columns.start / 4 * 4..).step_by(4);
+    let lefts = (columns.start / side * side..).step_by(side as usize);
     for (left, block) in lefts.zip(blocks_of(top).chunks_exact(length)) {
         fill(left, &decode_block(format, block));
     }

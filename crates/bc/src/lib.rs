@@ -3,9 +3,16 @@
 //! The baseline is what every other method has to beat: the image itself in a format that GPUs draw directly,
 //! at full, half or quarter size. Input that is already BC1 is taken over block for block.
 //!
+//! With the feature `astc`, content may also be ASTC in square blocks of 4 to 12 texels a side.
+//!
 //! BC1 comes from texpresso (cluster fit), the other formats from the `dds` crate. *Not done*: BC6H (no HDR
 //! sources yet), BC2 (BC3 is never worse).
 
+#[cfg(feature = "astc")]
+mod astc;
+#[cfg(not(feature = "astc"))]
+#[path = "no_astc.rs"]
+mod astc;
 mod blocks;
 mod content;
 pub mod decode;
@@ -14,8 +21,8 @@ mod encoded;
 mod params;
 mod wire;
 
-pub use blocks::{decode_block, encode_plane};
-pub use content::{Content, ContentPlanes, Swizzle};
+pub use blocks::{BlockTexels, decode_block, encode_plane};
+pub use content::{Content, ContentPlanes, Family, Swizzle};
 pub use encode::Bc1Blocks;
 pub use encoded::BcTexture;
 pub use params::BcParams;

@@ -2,7 +2,7 @@
 
 use texfold_core::{Effort, Goal, ParamError, Params};
 
-use crate::Content;
+use crate::{Content, Family};
 
 /// How plain block compression is done.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -11,6 +11,8 @@ pub struct BcParams {
     pub goal: Goal,
     /// Block format; `None` lets the goal decide.
     pub content: Option<Content>,
+    /// Formats that the goal may decide among.
+    pub family: Family,
     /// Halvings of width and height before compression (0 to 3); `None` lets the goal decide.
     pub reduce_log2: Option<u32>,
     /// Whether a full mip chain is stored.
@@ -22,6 +24,7 @@ pub struct BcParams {
 impl Params for BcParams {
     fn check(&self) -> Result<(), ParamError> {
         self.goal.check()?;
+        self.family.check_available(self.content)?;
         match self.reduce_log2 {
             Some(value) if value > 3 => {
                 Err(ParamError { field: "reduce_log2", value: f64::from(value), range: "0..=3" })

@@ -12,8 +12,7 @@ const BLOCKS_ID: [u8; 4] = *b"BLKS";
 pub(crate) const MAX_REDUCE_LOG2: u32 = 3;
 
 pub(crate) fn store(texture: &BcTexture, out: &mut SectionWriter) {
-    let number = Content::ALL.iter().position(|&content| content == texture.content).unwrap_or(0);
-    out.section("container", FORM_ID, &[number as u8, texture.reduce_log2 as u8]);
+    out.section("container", FORM_ID, &[texture.content.number(), texture.reduce_log2 as u8]);
     let planes = texture.surfaces.iter().flatten().flat_map(ContentPlanes::planes);
     let raw: Vec<u8> = planes.flat_map(|(_, bytes)| bytes).copied().collect();
     out.section("blocks", BLOCKS_ID, &raw);
@@ -24,7 +23,7 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<BcTexture
     let layout = read_layout(file, budget)?;
     let form = file.read(FORM_ID, budget)?;
     let mut reader = Reader::new(String4(FORM_ID), &form);
-    let content = *Content::ALL.get(usize::from(reader.u8()?)).ok_or(reader.corrupt("unknown content"))?;
+    let content = Content::read(&mut reader)?;
     let reduce_log2 = u32::from(reader.u8()?);
     if reduce_log2 > MAX_REDUCE_LOG2 {
         return Err(reader.corrupt("more than 3 halvings"));

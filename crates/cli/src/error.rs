@@ -58,7 +58,7 @@ pub(crate) enum CliError {
     CutBlocks { path: PathBuf, found: usize, needed: u64 },
     #[error("{}: {what} is not in this version; give --as image or --as set and --codec auto, bc, vq or epitome", path.display())]
     NotYet { path: PathBuf, what: &'static str },
-    #[error("{}: content astc is not in this build; give raw, bc1 or bc7", path.display())]
+    #[error("{}: content astc is not in this build; give raw, bc1 or bc7, or build with the cargo feature `astc`", path.display())]
     NoAstc { path: PathBuf },
     #[error("{}: frame {index} is not of the first frame's size; crop the frames alike or give --as set", path.display())]
     FrameSize { path: PathBuf, index: usize },

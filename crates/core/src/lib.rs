@@ -31,7 +31,7 @@ pub use encoded::{AnyEncoded, Encoded, Layers, Refine};
 pub use error::String4;
 pub use error::{EncodeError, LoadError, ParamError, RegionError, SourceError};
 pub use footprint::{Footprint, Part};
-pub use gpu_form::{GpuForm, Plane, PlaneFormat, SurfaceBinding};
+pub use gpu_form::{AstcBlock, GpuForm, Plane, PlaneFormat, SurfaceBinding};
 pub use job::{Cancel, Job, Stage};
 pub use limits::{Budget, LimitError, Limits};
 pub use target::Goal;

@@ -1,6 +1,6 @@
 //! Parameters and source of the epitome codec.
 
-use texfold_bc::{Bc1Blocks, Content};
+use texfold_bc::{Bc1Blocks, Content, Family};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::{Effort, Goal, ParamError, Params};
 
@@ -83,8 +83,10 @@ impl Default for Transforms {
 pub struct EpitomeParams {
     /// What to reach. Quality and size goals are met by rate and distortion, tolerances by covering every block.
     pub goal: Goal,
-    /// How the epitome is stored; `None` lets the goal decide, which may take BC1 and BC7 side by side.
+    /// How the epitome is stored; `None` lets the goal decide, which may take two side by side.
     pub content: Option<Content>,
+    /// Formats that the goal may decide among.
+    pub family: Family,
     /// Side of a block in texels for tolerance goals and where there is no quadtree, a multiple of 4 in 8..=32; `None` is 12
     /// and 16.
     pub block: Option<u32>,
@@ -99,6 +101,7 @@ pub struct EpitomeParams {
 impl Params for EpitomeParams {
     fn check(&self) -> Result<(), ParamError> {
         self.goal.check()?;
+        self.family.check_available(self.content)?;
         match self.block {
             Some(block) if !(8..=32).contains(&block) || block % 4 != 0 => {
                 Err(ParamError { field: "block", value: f64::from(block), range: "multiples of 4 in 8..=32" })

@@ -43,8 +43,8 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     .to_vec();
     for epitome in &parts.epitomes {
         let Some(base) = epitome.first() else { continue };
-        let number = Content::ALL.iter().position(|&content| content == base.content()).unwrap_or(0);
-        form.push(number as u8);
+        let number = base.content().number();
+        form.push(number);
         form.extend(base.size().0.to_le_bytes());
         form.extend(base.size().1.to_le_bytes());
     }
@@ -151,10 +151,9 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
     }
     let mut epitomes = Vec::new();
     for _ in 0..count {
-        let content =
-            *Content::ALL.get(usize::from(reader.u8()?)).ok_or(reader.corrupt("unknown content"))?;
+        let content = Content::read(reader)?;
         let (width, height) = (reader.u32()?, reader.u32()?);
-        let step = if mips { 4 << PLANE_MIPS } else { 4 };
+        let step = content.cell_side() << if mips { PLANE_MIPS } else { 0 };
         let fits = |side: u32| side.is_multiple_of(step) && (step..=MAX_EPITOME_SIDE).contains(&side);
         if !fits(width) || !fits(height) || !content.fits(layout.pixel) {
             return Err(reader.corrupt("an epitome of a size or content that no writer makes"));

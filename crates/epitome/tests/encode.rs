@@ -2,13 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use texfold_bc::{Bc, Bc1Blocks, BcParams, Content, ContentPlanes};
+use texfold_bc::{Bc, Bc1Blocks, BcParams, Content, ContentPlanes, Family};
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{ColorSpace, ImageSet, PixelInfo, Raster};
 use texfold_core::metric::{decode_surface, measure};
 use texfold_core::{
-    Budget, Effort, EncodeError, Encoded, Footprint, Goal, Image2d, Job, Rect, SharedSearch, SourceError,
-    SurfaceSize, Texel, TextureCodec,
+    AstcBlock, Budget, Domain, Effort, EncodeError, Encoded, Footprint, Goal, Image2d, Job, Rect,
+    SharedSearch, SourceError, SurfaceSize, Texel, TextureCodec,
 };
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
 use texfold_testkit::picture;
@@ -58,6 +58,50 @@ fn a_file_comes_back_as_it_was() {
 }
 
 #[test]
+fn astc_content_is_copied_in_blocks_of_its_own_side() {
+    if !Content::Astc(AstcBlock::B8).is_available() {
+        println!("skipped: ASTC content needs the feature `astc`");
+        return;
+    }
+    let set = ImageSet::new(vec![picture("odd_37x61"), picture("cutout").with_channels(3)]).unwrap();
+    let choices = [None, Some(AstcBlock::B5), Some(AstcBlock::B6)];
+    for (content, mips) in choices.into_iter().zip([true, false, true]) {
+        let params = EpitomeParams {
+            content: content.map(Content::Astc),
+            family: Family::Astc,
+            mips,
+            ..goal(Goal::Bpp(2.0))
+        };
+        let texture = encode(&set, &params);
+        for epitome in texture.epitomes() {
+            let (side, (width, height)) = (epitome.content().cell_side(), epitome.size());
+            assert!(
+                width.is_multiple_of(side) && height.is_multiple_of(side),
+                "{content:?}: {width}x{height}"
+            );
+        }
+        let bytes = file(&texture);
+        assert!(load(&bytes) == texture);
+        // A block copied to a wrong place would cost far more.
+        let measured = measure(&set, &texture);
+        assert!(
+            measured.bpp <= 2.0 + 2.0 * f64::from(u8::from(mips)) && measured.psnr > 19.0,
+            "{measured:?}"
+        );
+        let whole = texture.layout().whole(0, 0).unwrap();
+        let mut texels = vec![Texel::ZERO; Image2d::len(whole)];
+        texture.decode(whole, &mut texels).unwrap();
+        for (index, texel) in texels.iter().enumerate() {
+            assert_eq!(*texel, texture.sample(Image2d::address(whole, index)));
+        }
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let mut single = Job::default().with_pool(&pool);
+        let again = Epitome::encode(EpitomeSource::new(&set), &params, &mut single).unwrap();
+        assert!(file(&again) == bytes, "{content:?}: another file on one thread");
+    }
+}
+
+#[test]
 fn regions_are_their_samples() {
     let set = ImageSet::new(vec![picture("text_page"), picture("odd_37x61")]).unwrap();
     let texture = encode(&set, &EpitomeParams { mips: true, ..goal(Goal::Psnr(30.0)) });
@@ -68,7 +112,7 @@ fn regions_are_their_samples() {
             let mut texels = vec![Texel::ZERO; (rect.width * rect.height) as usize];
             texture.decode(rect, &mut texels).unwrap();
             for (index, texel) in texels.iter().enumerate() {
-                let at = <Image2d as texfold_core::Domain>::address(rect, index);
+                let at = Image2d::address(rect, index);
                 assert_eq!(*texel, texture.sample(at), "{at:?}");
             }
         }

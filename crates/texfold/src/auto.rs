@@ -1,11 +1,11 @@
 //! Choosing a codec for images, and falling back to plain block compression where a method does not suit.
 
-use texfold_bc::{Bc, Bc1Blocks, BcParams, BcTexture, Content};
+use texfold_bc::{Bc, Bc1Blocks, BcParams, BcTexture, Content, Family};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::mesh::UvMesh;
 use texfold_core::metric::measure;
 use texfold_core::target::Measured;
-use texfold_core::{Effort, EncodeError, Encoded, Goal, Job, SourceError, TextureCodec};
+use texfold_core::{Effort, EncodeError, Encoded, Goal, Job, ParamError, SourceError, TextureCodec};
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource};
 use texfold_vq::{GuidanceWeights, Vq, VqParams, VqSource};
 
@@ -37,6 +37,8 @@ pub struct EncodeSettings {
     pub goal: Goal,
     /// How content planes are stored; `None` lets the goal decide.
     pub content: Option<Content>,
+    /// Formats that the goal may decide among where there is no `content`.
+    pub family: Family,
     /// Whether a full mip chain is stored.
     pub mips: bool,
     /// How long to search.
@@ -84,13 +86,18 @@ pub fn encode_images(
         mesh: guidance.mesh,
         weights: guidance.weights,
     };
+    let Guidance { content_from, blocks, .. } = guidance;
+    let factored = EpitomeSource { images: source, content_from, blocks };
     let params = vq_params(settings);
     match settings.codec {
         CodecChoice::Bc => bc(job),
-        CodecChoice::Epitome => {
-            let Guidance { content_from, blocks, .. } = guidance;
-            epitome(EpitomeSource { images: source, content_from, blocks }, settings, job)
+        // Codebooks of vq are never ASTC.
+        CodecChoice::Vq if is_astc(settings) => {
+            let range = "raw, bc1 and bc7 for a vq codebook";
+            Err(ParamError { field: "content", value: 0.0, range }.into())
         }
+        CodecChoice::Auto if is_astc(settings) => epitome(factored, settings, job),
+        CodecChoice::Epitome => epitome(factored, settings, job),
         CodecChoice::Vq if settings.codebook.is_some() => Vq::encode(images, &params, job).map(AnyImage::Vq),
         CodecChoice::Vq | CodecChoice::Auto => {
             let plain = match job.within(0.0, 0.2, bc) {
@@ -119,6 +126,7 @@ fn epitome(
     let params = EpitomeParams {
         goal: settings.goal,
         content: settings.content,
+        family: settings.family,
         mips: settings.mips,
         effort: settings.effort,
         ..EpitomeParams::default()
@@ -141,13 +149,19 @@ fn epitome(
 
 /// Whether blocks that are BC1 already can be the plain answer.
 fn bc1_answers(settings: &EncodeSettings) -> bool {
-    !settings.mips && !matches!(settings.goal, Goal::Bpp(bpp) if bpp < BC1_BPP)
+    !settings.mips && !is_astc(settings) && !matches!(settings.goal, Goal::Bpp(bpp) if bpp < BC1_BPP)
+}
+
+/// Whether content is to be ASTC.
+fn is_astc(settings: &EncodeSettings) -> bool {
+    matches!((settings.content, settings.family), (Some(Content::Astc(_)), _) | (None, Family::Astc))
 }
 
 fn bc_params(settings: &EncodeSettings) -> BcParams {
     BcParams {
         goal: settings.goal,
         content: settings.content,
+        family: settings.family,
         reduce_log2: None,
         mips: settings.mips,
         effort: settings.effort,

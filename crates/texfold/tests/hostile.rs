@@ -6,7 +6,10 @@ mod support;
 
 use support::small_textures;
 use texfold::container::{CodecId, SectionWriter, Sections};
-use texfold::{Budget, Domain, Encoded, Image2d, ImageAddress, Limits, LoadError, Texel, open_image};
+use texfold::{
+    AstcBlock, Bc, BcParams, Budget, Content, Domain, EncodeError, Encoded, Family, Image2d, ImageAddress,
+    ImageLayout, Limits, LoadError, PlaneFormat, Texel, TextureCodec, open_image,
+};
 
 /// More than any of these textures needs, far less than a hostile size would take.
 const LIMITS: Limits = Limits { texels: 1 << 20, bytes: 64 << 20, sections: 64 };
@@ -47,6 +50,55 @@ fn exercise(texture: &dyn Encoded<Domain = Image2d>) {
     }
     let _ = texture.gpu();
     let _ = texture.footprint();
+}
+
+/// A plain file of one image in content of that number, its blocks all zeros.
+fn plain_file(number: u8, length: usize) -> Vec<u8> {
+    let layout = small_textures()[0].2.as_encoded().layout().clone();
+    let surfaces = vec![texfold::SurfaceSize { width: 37, height: 61 }];
+    let mut out = SectionWriter::new(Bc::ID);
+    texfold::Notes::default().write(&mut out);
+    texfold::container::write_layout(&ImageLayout { surfaces, levels: 1, ..layout }, &mut out);
+    out.section("container", *b"BCFM", &[number, 0]);
+    out.section("blocks", *b"BLKS", &vec![0; length]);
+    out.finish().bytes
+}
+
+#[test]
+fn astc_content_loads_or_names_the_feature_that_it_needs() {
+    for block in AstcBlock::ALL {
+        let content = Content::Astc(block);
+        let length = PlaneFormat::Astc(block).bytes(37, 61) as usize;
+        let opened = open_image(&plain_file(content.number(), length), &mut Budget::new(LIMITS));
+        if content.is_available() {
+            // Blocks of zeros are illegal and show as such.
+            let texture = opened.unwrap();
+            exercise(texture.as_encoded());
+            let texel = texture.as_encoded().sample(ImageAddress { surface: 0, level: 0, x: 36, y: 60 });
+            assert_eq!(texel.to_array(), [1.0, 0.0, 1.0, 1.0], "{block:?}");
+        } else {
+            assert!(
+                matches!(opened, Err(LoadError::Feature { feature: "astc", .. })),
+                "{block:?}: {opened:?}"
+            );
+        }
+    }
+    let beyond = open_image(&plain_file(Content::ALL.len() as u8, 0), &mut Budget::new(LIMITS));
+    assert!(matches!(beyond, Err(LoadError::Corrupt { .. })), "{beyond:?}");
+}
+
+#[test]
+fn astc_content_is_not_asked_for_without_its_feature() {
+    let set = support::fixture("odd_37x61");
+    let plain = BcParams { family: Family::Astc, ..BcParams::default() };
+    let encoded = Bc::encode(&set, &plain, &mut texfold::Job::default());
+    let available = Content::Astc(AstcBlock::B8).is_available();
+    match encoded {
+        Err(EncodeError::Params(error)) => {
+            assert!(!available && error.to_string().contains("`astc`"), "{error}")
+        }
+        encoded => assert!(available && encoded.is_ok()),
+    }
 }
 
 #[test]

@@ -110,7 +110,7 @@ impl Params for VqParams {
         }
         match self.content {
             None | Some(Content::Raw | Content::Bc1 | Content::Bc7) => Ok(()),
-            Some(Content::Bc3 | Content::Bc4 | Content::Bc5) => {
+            Some(Content::Bc3 | Content::Bc4 | Content::Bc5 | Content::Astc(_)) => {
                 error("content", 0.0, "raw, bc1 and bc7 for a vq codebook")
             }
         }

@@ -15,8 +15,8 @@ const INDEX_ID: [u8; 4] = *b"INDX";
 
 pub(crate) fn store(texture: &VqTexture, out: &mut SectionWriter) {
     let (width, height) = texture.codebook.size();
-    let number = Content::ALL.iter().position(|&content| content == texture.codebook.content()).unwrap_or(0);
-    let mut form = vec![number as u8];
+    let number = texture.codebook.content().number();
+    let mut form = vec![number];
     form.extend(
         [width, height, texture.free_cells, texture.samples.len() as u32].map(u32::to_le_bytes).concat(),
     );
@@ -86,8 +86,8 @@ struct Form {
 }
 
 fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, LoadError> {
-    let content = *Content::ALL.get(usize::from(reader.u8()?)).ok_or(reader.corrupt("unknown content"))?;
-    if !content.fits(layout.pixel) {
+    let content = Content::read(reader)?;
+    if !content.fits(layout.pixel) || matches!(content, Content::Astc(_)) {
         return Err(reader.corrupt("content that cannot hold the channels"));
     }
     let (width, height, free_cells) = (reader.u32()?, reader.u32()?, reader.u32()?);

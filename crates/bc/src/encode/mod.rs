@@ -7,11 +7,12 @@ use texfold_core::image::{ColorSpace, ImageSet, MipFilter, PixelInfo, Raster, mi
 use texfold_core::metric::measure;
 use texfold_core::target::search;
 use texfold_core::{
-    EncodeError, Goal, ImageLayout, Job, Notes, ParamError, Params, SourceError, SurfaceSize, Texel,
+    AstcBlock, EncodeError, Goal, ImageLayout, Job, Notes, ParamError, Params, SourceError, SurfaceSize,
+    Texel,
 };
 
 use crate::wire::MAX_REDUCE_LOG2;
-use crate::{BcParams, BcTexture, Content, ContentPlanes};
+use crate::{BcParams, BcTexture, Content, ContentPlanes, Family};
 
 /// Longest side in texels that a file can name.
 const MAX_SIDE: u32 = 1 << 15;
@@ -67,7 +68,7 @@ fn check_sizes(source: &ImageSet) -> Result<(), SourceError> {
 fn candidates(pixel: PixelInfo, params: &BcParams) -> Result<Vec<Candidate>, ParamError> {
     let suits = |content: Content| match params.content {
         Some(chosen) => content == chosen,
-        None => usual(content, pixel),
+        None => usual(content, pixel, params.family),
     };
     let mut list: Vec<Candidate> = Content::ALL
         .into_iter()
@@ -75,10 +76,10 @@ fn candidates(pixel: PixelInfo, params: &BcParams) -> Result<Vec<Candidate>, Par
         .flat_map(|content| (0..=MAX_REDUCE_LOG2).map(move |reduce_log2| (content, reduce_log2)))
         .filter(|&(_, reduce_log2)| params.reduce_log2.is_none_or(|chosen| chosen == reduce_log2))
         .map(|(content, reduce_log2)| {
-            let bpp = f64::from(content.bits_per_texel(pixel)) / f64::from(1u32 << (2 * reduce_log2));
+            let bpp = content.bits_per_texel(pixel) / f64::from(1u32 << (2 * reduce_log2));
             Candidate { content, reduce_log2, bpp }
         })
-        .filter(|candidate| candidate.content != Content::Raw || candidate.reduce_log2 == 0)
+        .filter(|candidate| candidate.reduce_log2 == 0 || worth_reducing(candidate.content, params))
         .collect();
     list.sort_by(|a, b| a.bpp.total_cmp(&b.bpp).then(a.reduce_log2.cmp(&b.reduce_log2)));
     // Equal bits: the one that keeps the full size.
@@ -94,8 +95,21 @@ fn candidates(pixel: PixelInfo, params: &BcParams) -> Result<Vec<Candidate>, Par
     Ok(list)
 }
 
+/// Whether a smaller picture in that content is better than the picture in another.
+fn worth_reducing(content: Content, params: &BcParams) -> bool {
+    match content {
+        Content::Raw => false,
+        // Larger blocks need as many bits as smaller pictures.
+        Content::Astc(block) => params.content.is_some() || block == AstcBlock::B12,
+        _ => true,
+    }
+}
+
 /// Formats worth trying without a choice of the caller's.
-fn usual(content: Content, pixel: PixelInfo) -> bool {
+fn usual(content: Content, pixel: PixelInfo, family: Family) -> bool {
+    if family == Family::Astc {
+        return matches!(content, Content::Raw | Content::Astc(_));
+    }
     match content {
         Content::Raw => true,
         Content::Bc1 => pixel.channels == 3 && pixel.color != ColorSpace::Normal,
@@ -103,6 +117,7 @@ fn usual(content: Content, pixel: PixelInfo) -> bool {
         Content::Bc4 => pixel.channels == 1,
         Content::Bc5 => pixel.channels == 2 || pixel.color == ColorSpace::Normal,
         Content::Bc7 => pixel.channels >= 3,
+        Content::Astc(_) => false,
     }
 }
 
@@ -136,7 +151,11 @@ fn settings(params: &BcParams) -> String {
         Goal::Bpp(bpp) => format!("--bpp {bpp}"),
         Goal::Tolerance(tolerance) => format!("--tolerance {tolerance}"),
     };
-    let content = params.content.map_or(String::new(), |content| format!(" --content {}", content.name()));
+    let content = match (params.content, params.family) {
+        (Some(content), _) => format!(" --content {}", content.name()),
+        (None, Family::Astc) => " --content astc".to_owned(),
+        (None, Family::Bc) => String::new(),
+    };
     let mips = if params.mips { " --mips" } else { "" };
     format!("--codec bc {goal}{content}{mips}")
 }

@@ -1,8 +1,8 @@
 //! Which settings are compared.
 
-use texfold::{BcParams, Content, EpitomeParams, Goal, VqParams};
-use texfold_core::Effort;
+use texfold::{BcParams, Content, EpitomeParams, Family, Goal, VqParams};
 use texfold_core::image::{ColorSpace, PixelInfo};
+use texfold_core::{AstcBlock, Effort};
 
 /// A goal that any setting meets: where format and size are fixed, nothing is left to search for.
 const ANY_SIZE: Goal = Goal::Bpp(1e6);
@@ -25,7 +25,7 @@ const EPITOME_BPP_GOALS: [f64; 3] = [1.0, 1.5, 2.5];
 const HALVINGS: std::ops::RangeInclusive<u32> = 0..=2;
 
 /// Blocks of the rival ASTC, with their bits a texel from low to high.
-const ASTC_BLOCKS: [(u32, u32); 4] = [(12, 12), (8, 8), (6, 6), (4, 4)];
+const ASTC_BLOCKS: [AstcBlock; 4] = [AstcBlock::B12, AstcBlock::B8, AstcBlock::B6, AstcBlock::B4];
 
 /// One setting of one codec.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,10 +36,10 @@ pub(crate) enum Candidate {
     VqCodebook { size: (u32, u32), content: Content },
     /// Vector quantisation within that many bits a texel.
     VqBpp(f64),
-    /// Epitome factoring within that many bits a texel.
-    EpitomeBpp(f64),
+    /// Epitome factoring within that many bits a texel, with content of that family.
+    EpitomeBpp(f64, Family),
     /// ASTC by the external encoder.
-    Astc { block: (u32, u32) },
+    Astc { block: AstcBlock },
 }
 
 impl Candidate {
@@ -48,7 +48,7 @@ impl Candidate {
         match self {
             Candidate::Bc { .. } => "bc",
             Candidate::VqCodebook { .. } | Candidate::VqBpp(_) => "vq",
-            Candidate::EpitomeBpp(_) => "epitome",
+            Candidate::EpitomeBpp(..) => "epitome",
             Candidate::Astc { .. } => "astc",
         }
     }
@@ -63,26 +63,35 @@ impl Candidate {
             Candidate::VqCodebook { size: (width, height), content } => {
                 format!("{width}x{height} {}", content.name())
             }
-            Candidate::VqBpp(bpp) | Candidate::EpitomeBpp(bpp) => format!("{bpp} bpp"),
-            Candidate::Astc { block: (width, height) } => format!("{width}x{height}"),
+            Candidate::VqBpp(bpp) | Candidate::EpitomeBpp(bpp, Family::Bc) => format!("{bpp} bpp"),
+            Candidate::EpitomeBpp(bpp, Family::Astc) => format!("{bpp} bpp astc"),
+            Candidate::Astc { block } => format!("{0}x{0}", block.side()),
         }
     }
 
     /// Whether the report shows a picture of it.
     pub(crate) fn is_pictured(&self) -> bool {
         match self {
+            Candidate::Bc { content: Content::Astc(block), .. } | Candidate::Astc { block } => {
+                *block == AstcBlock::B8
+            }
             Candidate::Bc { content, reduce_log2 } => *content != Content::Bc7 && *reduce_log2 < 2,
             Candidate::VqCodebook { .. } => false,
             Candidate::VqBpp(_) => true,
-            Candidate::EpitomeBpp(bpp) => BPP_GOALS.contains(bpp),
-            Candidate::Astc { block } => *block == (8, 8),
+            Candidate::EpitomeBpp(bpp, _) => BPP_GOALS.contains(bpp),
         }
     }
 }
 
 /// Parameters of plain blocks of a fixed format and size.
 pub(crate) fn bc_params(content: Content, reduce_log2: u32, effort: Effort) -> BcParams {
-    BcParams { goal: ANY_SIZE, content: Some(content), reduce_log2: Some(reduce_log2), mips: false, effort }
+    BcParams {
+        goal: ANY_SIZE,
+        content: Some(content),
+        reduce_log2: Some(reduce_log2),
+        effort,
+        ..BcParams::default()
+    }
 }
 
 /// Parameters of vq with a fixed codebook.
@@ -96,11 +105,16 @@ pub(crate) fn bpp_params(bpp: f64, effort: Effort) -> VqParams {
 }
 
 /// Parameters of epitome within a number of bits.
-pub(crate) fn epitome_params(bpp: f64, effort: Effort) -> EpitomeParams {
-    EpitomeParams { goal: Goal::Bpp(bpp), effort, ..EpitomeParams::default() }
+pub(crate) fn epitome_params(bpp: f64, family: Family, effort: Effort) -> EpitomeParams {
+    EpitomeParams { goal: Goal::Bpp(bpp), family, effort, ..EpitomeParams::default() }
 }
 
-/// Settings that suit such pixels; those of the rival where it is there.
+/// Whether this build has ASTC itself.
+pub(crate) fn has_astc() -> bool {
+    Content::Astc(AstcBlock::B4).is_available()
+}
+
+/// Settings that suit such pixels; ASTC where this build has it, else the rival's where that is there.
 pub(crate) fn candidates(pixel: PixelInfo, rival: bool) -> Vec<Candidate> {
     let blocks: &[Content] = match (pixel.channels, pixel.color) {
         (1, _) => &[Content::Bc4, Content::Bc7],
@@ -114,7 +128,12 @@ pub(crate) fn candidates(pixel: PixelInfo, rival: bool) -> Vec<Candidate> {
         .flat_map(|&content| HALVINGS.map(move |reduce_log2| Candidate::Bc { content, reduce_log2 }));
     let codebooks = CODEBOOKS.into_iter().map(|(size, content)| Candidate::VqCodebook { size, content });
     let goals = BPP_GOALS.into_iter().map(Candidate::VqBpp);
-    let epitomes = EPITOME_BPP_GOALS.into_iter().map(Candidate::EpitomeBpp);
-    let astc = ASTC_BLOCKS.into_iter().filter(|_| rival).map(|block| Candidate::Astc { block });
+    let families: &[Family] = if has_astc() { &[Family::Bc, Family::Astc] } else { &[Family::Bc] };
+    let epitome = |family| EPITOME_BPP_GOALS.map(move |bpp| Candidate::EpitomeBpp(bpp, family));
+    let epitomes = families.iter().flat_map(|&family| epitome(family));
+    let astc = ASTC_BLOCKS.into_iter().filter(|_| rival || has_astc()).map(|block| match has_astc() {
+        true => Candidate::Bc { content: Content::Astc(block), reduce_log2: 0 },
+        false => Candidate::Astc { block },
+    });
     bc.chain(codebooks).chain(goals).chain(epitomes).chain(astc).collect()
 }

@@ -6,7 +6,7 @@ use std::time::Instant;
 use texfold::{AnyImage, Bc, Epitome, EpitomeSource, Vq, VqParams, VqSource};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::{SquaredError, color_error, ssim};
-use texfold_core::{Domain, EncodeError, Encoded, Image2d, Job, Rect, Texel, TextureCodec};
+use texfold_core::{AstcBlock, Domain, EncodeError, Encoded, Image2d, Job, Rect, Texel, TextureCodec};
 use texfold_gpu::{Gpu, Lookup, Policy, Probe, View};
 
 use super::candidate::{Candidate, bc_params, bpp_params, codebook_params, epitome_params};
@@ -85,8 +85,8 @@ impl Bench {
                 vq(images, &codebook_params(size, content, self.effort.effort())).map_err(fault)?
             }
             Candidate::VqBpp(bpp) => vq(images, &bpp_params(bpp, self.effort.effort())).map_err(fault)?,
-            Candidate::EpitomeBpp(bpp) => {
-                let params = epitome_params(bpp, self.effort.effort());
+            Candidate::EpitomeBpp(bpp, family) => {
+                let params = epitome_params(bpp, family, self.effort.effort());
                 let source = EpitomeSource::new(images);
                 Epitome::encode(source, &params, &mut Job::default()).map(AnyImage::Epitome).map_err(fault)?
             }
@@ -155,7 +155,7 @@ impl Bench {
     fn astc(
         &self,
         images: &ImageSet,
-        block: (u32, u32),
+        block: AstcBlock,
         candidate: &Candidate,
         path: &Path,
     ) -> Result<Measured, CliError> {

@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use texfold_core::image::Raster;
 
-use super::candidate::Candidate;
+use super::candidate::{Candidate, has_astc};
 use super::chart::{self, AXES};
 use super::measure::Bench;
 use super::table::{Row, means};
@@ -89,7 +89,9 @@ fn circumstances(bench: &Bench) -> String {
         Some(name) => format!("GPU speeds are of {}: the first image drawn at its own size.", escape(&name)),
         None => "No GPU adapter was found: GPU speeds are left out.".to_owned(),
     };
-    let rival = if bench.rival() {
+    let rival = if has_astc() {
+        "ASTC is by Arm's encoder, which this build has."
+    } else if bench.rival() {
         "ASTC is by the external program astcenc at its medium preset, its time with decoding."
     } else {
         "The external program astcenc was not found: ASTC is left out."

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
+use texfold_core::AstcBlock;
 use texfold_core::image::Raster;
 
 use crate::compress::usual_limit;
@@ -11,7 +12,7 @@ use crate::error::CliError;
 use crate::input::pixels;
 use crate::png;
 
-/// Bits of an ASTC block of any size.
+/// Bits of an ASTC block of any side.
 const BLOCK_BITS: u64 = 128;
 
 /// The program's own preset between speed and quality.
@@ -42,21 +43,17 @@ impl Astcenc {
     }
 
     /// Encodes and decodes `image` with blocks of that size.
-    pub(crate) fn code(
-        &self,
-        image: &Raster,
-        (columns, rows): (u32, u32),
-        path: &Path,
-    ) -> Result<Coded, CliError> {
+    pub(crate) fn code(&self, image: &Raster, block: AstcBlock, path: &Path) -> Result<Coded, CliError> {
         let failed = |source| CliError::Rival { path: path.to_owned(), program: self.0.clone(), source };
         let dir = tempfile::tempdir().map_err(failed)?;
         let (input, output) = (dir.path().join("in.png"), dir.path().join("out.png"));
         png::write(&input, image)?;
         let start = Instant::now();
+        let side = block.side();
         let status = Command::new(&self.0)
             .arg("-tl")
             .args([&input, &output])
-            .args([&format!("{columns}x{rows}"), PRESET, "-silent"])
+            .args([&format!("{side}x{side}"), PRESET, "-silent"])
             .stdout(Stdio::null())
             .status()
             .map_err(failed)?;
@@ -67,7 +64,7 @@ impl Astcenc {
         let info = image.info();
         let decoded = pixels::read(&output, info.color, Some(info.alpha), usual_limit())?;
         let size = image.size();
-        let blocks = u64::from(size.width.div_ceil(columns)) * u64::from(size.height.div_ceil(rows));
+        let blocks = u64::from(size.width.div_ceil(side)) * u64::from(size.height.div_ceil(side));
         Ok(Coded { decoded, seconds, bits: BLOCK_BITS * blocks })
     }
 }

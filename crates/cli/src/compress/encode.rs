@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use texfold::{AnyImage, CodecChoice, Content, EncodeSettings, Guidance};
+use texfold::{AnyImage, CodecChoice, Content, EncodeSettings, Family, Guidance};
 use texfold_bc::{Bc1Blocks, BcTexture};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::mesh::UvMesh;
@@ -80,7 +80,9 @@ pub(crate) fn load(files: &[PathBuf], settings: &Settings, limit_bytes: u64) -> 
 /// Why BC1 blocks cannot be the answer to such settings.
 fn obstacle(settings: &EncodeSettings) -> Option<&'static str> {
     match () {
-        () if settings.content.is_some_and(|content| content != Content::Bc1) => {
+        () if settings.content.is_some_and(|content| content != Content::Bc1)
+            || settings.family != Family::Bc =>
+        {
             Some("other content was asked for: the BC1 blocks are encoded anew")
         }
         // What it shows from elsewhere, and at other scales, is another matter.

@@ -229,13 +229,17 @@ impl Options {
         let Some(choice) = codec.choice() else {
             return Err(CliError::NotYet { path: path(), what: codec.name() });
         };
-        if self.content == Some(ContentName::Astc) {
+        let (content, family) =
+            (self.content.and_then(ContentName::content), self.content.map(ContentName::family));
+        let family = family.unwrap_or_default();
+        if family.check_available(content).is_err() {
             return Err(CliError::NoAstc { path: path() });
         }
         let encode = EncodeSettings {
             codec: choice,
             goal: self.goal(),
-            content: self.content.and_then(ContentName::content),
+            content,
+            family,
             mips: self.mips.unwrap_or(false),
             effort: self.effort.unwrap_or_default().effort(),
             codebook: self.codebook.map(|Sides(width, height)| (width, height)),

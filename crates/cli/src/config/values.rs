@@ -3,9 +3,9 @@
 use std::str::FromStr;
 
 use serde::Deserialize;
-use texfold::{CodecChoice, Content};
-use texfold_core::Effort;
+use texfold::{CodecChoice, Content, Family};
 use texfold_core::image::{Alpha, ColorSpace};
+use texfold_core::{AstcBlock, Effort};
 
 /// Alpha at and above which a texel of a cut-out is drawn, where no threshold is given.
 const CUTOUT_THRESHOLD: f32 = 0.5;
@@ -75,8 +75,20 @@ pub enum ContentName {
     Bc5,
     /// 8 bits a texel, close to the source.
     Bc7,
-    /// Not in this build.
+    /// The ASTC formats that suit the goal; ASTC needs a build with the feature `astc`.
     Astc,
+    /// 8 bits a texel.
+    Astc4,
+    /// 5.12 bits a texel.
+    Astc5,
+    /// 3.56 bits a texel.
+    Astc6,
+    /// 2 bits a texel.
+    Astc8,
+    /// 1.28 bits a texel.
+    Astc10,
+    /// 0.89 bits a texel.
+    Astc12,
 }
 
 impl ContentName {
@@ -89,7 +101,17 @@ impl ContentName {
             ContentName::Bc5 => Some(Content::Bc5),
             ContentName::Bc7 => Some(Content::Bc7),
             ContentName::Astc => None,
+            ContentName::Astc4 => Some(Content::Astc(AstcBlock::B4)),
+            ContentName::Astc5 => Some(Content::Astc(AstcBlock::B5)),
+            ContentName::Astc6 => Some(Content::Astc(AstcBlock::B6)),
+            ContentName::Astc8 => Some(Content::Astc(AstcBlock::B8)),
+            ContentName::Astc10 => Some(Content::Astc(AstcBlock::B10)),
+            ContentName::Astc12 => Some(Content::Astc(AstcBlock::B12)),
         }
+    }
+
+    pub(crate) fn family(self) -> Family {
+        if self == ContentName::Astc { Family::Astc } else { Family::Bc }
     }
 }
 

@@ -9,7 +9,7 @@ use super::choose::{Choice, Options};
 use super::leaf::Grid;
 use super::options::Palettes;
 use super::pack::{Packing, pack};
-use super::pyramid::{CELL, Space};
+use super::pyramid::{Space, Stored};
 use crate::encoded::{
     Entry, EpitomeTexture, IDENTITY, MapFormat, NEUTRAL, PLANE_MIPS, Parts, coarse_content, coarse_levels,
 };
@@ -29,8 +29,10 @@ pub(crate) struct Plan<'a> {
 pub(crate) fn assemble(plan: &Plan<'_>, choice: &Choice) -> Result<EpitomeTexture, EncodeError> {
     let step = if plan.mips { 1 << PLANE_MIPS } else { 1 };
     let packing = pack(plan.space, plan.options, choice, step);
-    let limit = crate::wire::MAX_EPITOME_SIDE / CELL;
-    if packing.sizes.iter().any(|&(width, height)| width > limit || height > limit) {
+    let too_large = |(side, stored): (&(u32, u32), &Stored)| {
+        side.0.max(side.1) * stored.cell > crate::wire::MAX_EPITOME_SIDE
+    };
+    if packing.sizes.iter().zip(&plan.space.stored).any(too_large) {
         return Err(SourceError::Full { what: "an epitome of 8192x8192 texels" }.into());
     }
     let used: Vec<usize> =
@@ -140,8 +142,9 @@ fn entry(
             ..Entry::default()
         };
     };
+    let cell = plan.space.stored[usize::from(candidate.format)].cell;
     let moved = |at: i32, place: u32, corner: u32| {
-        let texels = (i64::from(place) - i64::from(corner)) * i64::from(CELL);
+        let texels = (i64::from(place) - i64::from(corner)) * i64::from(cell);
         (i64::from(at) + (texels << FRACTION_BITS)).max(0) as u32
     };
     Entry {
@@ -167,15 +170,15 @@ fn whole_texels(entries: &mut [Entry]) -> u32 {
 fn epitome(plan: &Plan<'_>, packing: &Packing, format: usize, mips: bool) -> Option<Vec<ContentPlanes>> {
     let stored = &plan.space.stored[format];
     let (columns, rows) = packing.sizes[format];
-    let (width, height) = (columns * CELL, rows * CELL);
+    let (width, height) = (columns * stored.cell, rows * stored.cell);
     let formats = stored.content.formats(plan.space.pixel).0;
     let mut planes: Vec<Vec<u8>> = formats.iter().map(|f| vec![0; f.bytes(width, height) as usize]).collect();
     for chart in packing.charts.iter().filter(|chart| chart.format == format) {
         let source = &stored.planes[chart.image][chart.scale];
         for (plane, (kind, bytes)) in planes.iter_mut().zip(source.planes()) {
             let (side, length) = (kind.block_side(), kind.block_bytes() as usize);
-            let (per_cell, run) = (CELL / side, (CELL / side) as usize * length);
-            let row = |width: u32| (width / side) as usize * length;
+            let (per_cell, run) = (stored.cell / side, (stored.cell / side) as usize * length);
+            let row = |width: u32| width.div_ceil(side) as usize * length;
             for &(x, y) in &chart.cells {
                 let (to_x, to_y) = (x - chart.corner.0 + chart.place.0, y - chart.corner.1 + chart.place.1);
                 for line in 0..per_cell {

@@ -4,7 +4,7 @@ use glam::{Mat2, Vec2, Vec4};
 use texfold_match::Field;
 
 use super::leaf::Node;
-use super::pyramid::{CELL, SCALES, Space};
+use super::pyramid::{CellRows, LEAST_SIDE, SCALES, Space};
 use super::tone::Stats;
 use crate::decode::{
     TexfoldEpitomeLeaf, TexfoldEpitomeSource, texfold_epitome_linear, texfold_epitome_place,
@@ -194,15 +194,15 @@ impl Reading {
         blocks.iter().map(|&(sum, count)| sum / (channels * count as f32)).fold(0.0, f32::max).sqrt()
     }
 
-    /// Cells that hold the texels that are read, ascending. `columns` and `base` number the field's cells.
-    pub(crate) fn cells(&self, field: &Field, (columns, base): (u32, u32), out: &mut Vec<u32>) {
+    /// Cells that hold the texels that are read, ascending, numbered as `rows` says.
+    pub(crate) fn cells(&self, field: &Field, rows: CellRows, out: &mut Vec<u32>) {
         let Some((left, top, right, bottom)) = self.bounds(field) else { return };
-        let cell = |at: i32| at as u32 / CELL;
+        let cell = |at: i32| at as u32 / rows.side;
         let (first, last) = ((cell(left), cell(top)), (cell(right), cell(bottom)));
         let linear = self.source.linear;
         if (linear.y == 0.0 && linear.z == 0.0) || (linear.x == 0.0 && linear.w == 0.0) {
             for y in first.1..=last.1 {
-                out.extend((first.0..=last.0).map(|x| base + y * columns + x));
+                out.extend((first.0..=last.0).map(|x| rows.number(x, y)));
             }
             return;
         }
@@ -219,7 +219,7 @@ impl Reading {
         }
         for (index, _) in used.iter().enumerate().filter(|(_, used)| **used) {
             let (x, y) = (first.0 + (index % width) as u32, first.1 + (index / width) as u32);
-            out.push(base + y * columns + x);
+            out.push(rows.number(x, y));
         }
     }
 }
@@ -262,7 +262,7 @@ pub(crate) fn direct(
     let mut found: Vec<(f32, Candidate, Vec<u32>)> = Vec::new();
     for scale in 0..space.scales() {
         let reduced = SCALES[scale];
-        if node.side >> reduced.across.max(reduced.down) < CELL {
+        if node.side >> reduced.across.max(reduced.down) < LEAST_SIDE {
             continue;
         }
         let unit = (1 << FRACTION_BITS) as f32;

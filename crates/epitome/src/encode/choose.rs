@@ -36,8 +36,8 @@ pub(crate) struct Costs<'a> {
     pub(crate) entry_bits: f32,
     /// Bits of a cell, by format.
     pub(crate) cell_bits: &'a [f32],
-    /// Cells of one format.
-    pub(crate) cells: u32,
+    /// Number of cells, by format.
+    pub(crate) cells: &'a [u32],
 }
 
 /// What was chosen.
@@ -64,8 +64,8 @@ struct State<'a> {
 }
 
 /// Chooses leaves for the whole grid.
-pub(crate) fn choose(grid: &Grid, options: &Options, costs: Costs<'_>, formats: usize) -> Choice {
-    let mut state = State::new(grid, options, costs, formats);
+pub(crate) fn choose(grid: &Grid, options: &Options, costs: Costs<'_>) -> Choice {
+    let mut state = State::new(grid, options, costs);
     // Every block by itself, as if nobody shared.
     for block in 0..grid.blocks() {
         state.settle(block, false);
@@ -79,14 +79,8 @@ pub(crate) fn choose(grid: &Grid, options: &Options, costs: Costs<'_>, formats: 
 
 /// Improves leaves that were chosen otherwise, until nothing changes or enough passes are done: no pass costs more than what
 /// it started from.
-pub(crate) fn improve(
-    grid: &Grid,
-    options: &Options,
-    costs: Costs<'_>,
-    formats: usize,
-    start: &[Option<u32>],
-) -> Choice {
-    let mut state = State::new(grid, options, costs, formats);
+pub(crate) fn improve(grid: &Grid, options: &Options, costs: Costs<'_>, start: &[Option<u32>]) -> Choice {
+    let mut state = State::new(grid, options, costs);
     for (node, candidate) in start.iter().enumerate() {
         state.take(node, candidate.unwrap_or(0));
     }
@@ -126,8 +120,8 @@ pub(crate) fn most_errors(grid: &Grid, direct: &Options, costs: Costs<'_>) -> Ve
 }
 
 impl<'a> State<'a> {
-    fn new(grid: &'a Grid, options: &'a Options, costs: Costs<'a>, formats: usize) -> Self {
-        let users = vec![0; costs.cells as usize * formats];
+    fn new(grid: &'a Grid, options: &'a Options, costs: Costs<'a>) -> Self {
+        let users = vec![0; costs.cells.iter().sum::<u32>() as usize];
         State { grid, options, costs, leaves: vec![None; grid.nodes()], users, settled: 1.0 }
     }
 
@@ -237,9 +231,10 @@ impl<'a> State<'a> {
                 error += f64::from(candidate.error);
             }
         }
-        for (format, cells) in self.users.chunks(self.costs.cells.max(1) as usize).enumerate() {
-            let used = cells.iter().filter(|&&users| users > 0).count();
-            bits += used as f64 * f64::from(self.costs.cell_bits[format]);
+        let mut users = self.users.iter();
+        for (&cells, &bits_each) in self.costs.cells.iter().zip(self.costs.cell_bits) {
+            let used = users.by_ref().take(cells as usize).filter(|users| **users > 0).count();
+            bits += used as f64 * f64::from(bits_each);
         }
         if self.grid.split {
             bits += 32.0 * self.grid.blocks() as f64;

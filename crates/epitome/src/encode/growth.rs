@@ -9,7 +9,6 @@ use std::collections::BinaryHeap;
 
 use super::choose::Options;
 use super::leaf::Grid;
-use super::pyramid::CELL;
 
 /// A candidate through a cell.
 #[derive(Debug, Clone, Copy)]
@@ -41,6 +40,8 @@ impl PartialOrd for Offer {
 struct Growth<'a> {
     grid: &'a Grid,
     options: &'a Options,
+    /// Texels of a cell.
+    cell_texels: u32,
     /// For each cell the candidates that read it.
     through: Vec<Vec<Through>>,
     kept: Vec<bool>,
@@ -54,8 +55,8 @@ struct Growth<'a> {
 }
 
 /// For each node the candidate with the least error among those whose cells are all kept.
-pub(crate) fn grow(grid: &Grid, options: &Options, cells: usize) -> Vec<Option<u32>> {
-    let mut growth = Growth::new(grid, options, cells);
+pub(crate) fn grow(grid: &Grid, options: &Options, cells: usize, cell_texels: u32) -> Vec<Option<u32>> {
+    let mut growth = Growth::new(grid, options, cells, cell_texels);
     growth.run();
     let best = |(node, missing): (usize, &Vec<u32>)| {
         let ready = (0u32..).zip(missing).filter(|(_, missing)| **missing == 0).map(|(index, _)| index);
@@ -66,7 +67,7 @@ pub(crate) fn grow(grid: &Grid, options: &Options, cells: usize) -> Vec<Option<u
 }
 
 impl<'a> Growth<'a> {
-    fn new(grid: &'a Grid, options: &'a Options, cells: usize) -> Self {
+    fn new(grid: &'a Grid, options: &'a Options, cells: usize, cell_texels: u32) -> Self {
         let mut through = vec![Vec::new(); cells];
         for (node, candidates) in (0u32..).zip(&options.candidates) {
             for (number, candidate) in (0u32..).zip(candidates) {
@@ -82,6 +83,7 @@ impl<'a> Growth<'a> {
         Growth {
             grid,
             options,
+            cell_texels,
             through,
             kept: vec![false; cells],
             missing,
@@ -145,7 +147,7 @@ impl<'a> Growth<'a> {
             for &cell in self.options.cells_of(candidate) {
                 if !self.kept[cell as usize] && self.seen_cell[cell as usize] != self.round {
                     self.seen_cell[cell as usize] = self.round;
-                    benefit -= i64::from(CELL * CELL);
+                    benefit -= i64::from(self.cell_texels);
                 }
             }
         }
@@ -199,6 +201,6 @@ mod tests {
         };
         let candidates = (0..3).map(|block| vec![at(block, 0.0), at(1, 1.0)]).collect();
         let options = Options { candidates, cells };
-        assert_eq!(grow(&grid, &options, 12), [Some(1), Some(0), Some(1)]);
+        assert_eq!(grow(&grid, &options, 12, 16), [Some(1), Some(0), Some(1)]);
     }
 }

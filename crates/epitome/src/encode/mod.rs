@@ -15,12 +15,12 @@ mod report;
 mod search;
 mod tone;
 
-use texfold_bc::{Bc1Blocks, Content};
+use texfold_bc::{Bc1Blocks, Content, Family};
 use texfold_core::image::{ColorSpace, ImageSet, PixelInfo, Raster};
 use texfold_core::metric::measure;
 use texfold_core::target::{Measured, search as find};
 use texfold_core::{
-    EncodeError, Goal, Job, Notes, ParamError, Params, PlaneFormat, SourceError, SurfaceSize,
+    AstcBlock, EncodeError, Goal, Job, Notes, ParamError, Params, PlaneFormat, SourceError, SurfaceSize,
 };
 
 use assemble::{Plan, assemble};
@@ -29,15 +29,16 @@ use choose::{Choice, Costs, Options, choose, improve, most_errors};
 use growth::grow;
 use leaf::Grid;
 use options::{Fitted, Palettes, all_options, direct_options, fit};
-use pyramid::{CELL, SCALES, Space};
+use pyramid::{LEAST_SIDE, SCALES, Space};
 use search::{Allowed, Reach, search};
 
 use crate::{EpitomeParams, EpitomeSource, EpitomeTexture};
 
 /// Longest side of an image in texels that a file can name.
 const MAX_SIDE: u32 = 1 << 15;
-/// Side of a block whose leaves are chosen by rate and distortion.
-const BLOCK: u32 = 32;
+/// Side of a block whose leaves are chosen by rate and distortion: the first whose smallest leaves are whole cells of all
+/// formats, where cells are larger than 4x4 texels; else the last.
+const BLOCKS: [u32; 3] = [64, 48, 32];
 /// Bits of an entry that the choice reckons with.
 const ENTRY_BITS: f32 = 40.0;
 /// Times that matches are searched for.
@@ -48,6 +49,9 @@ const PALETTES: (usize, usize) = (256, 64);
 const NODES_A_NUMBER: usize = 16;
 /// The same for tolerances, where content is raw and a number that saves a block saves far more.
 const NODES_A_NUMBER_WITHIN: usize = 2;
+/// ASTC content that stands side by side, by rising bits. Blocks of 6x6 alone are worse than of 8x8 by 0.6 to 1.1 dB from 0.9
+/// to 1.7 bits a texel (`benches/astc.md`); those of 4x4 serve goals that 8x8 cannot reach.
+const ASTC: [AstcBlock; 2] = [AstcBlock::B8, AstcBlock::B4];
 /// Steps beyond the setting that reaches a goal at which smaller results are looked for.
 const FINER: [u32; 4] = [6, 16, 40, 90];
 /// Settings of lambda: 32 an octave.
@@ -79,7 +83,9 @@ pub struct EpitomeSearch {
     /// Cells that content may come from.
     allowed: Option<Vec<bool>>,
     matches: Vec<Vec<Match>>,
+    /// Bits of a cell and number of cells, by format.
     cell_bits: Vec<f32>,
+    cells: Vec<u32>,
 }
 
 /// Searches `source` with the goal of `params` in mind.
@@ -140,6 +146,9 @@ fn check_blocks(source: EpitomeSource<'_>) -> Result<(), SourceError> {
 fn contents(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<Content>, ParamError> {
     // Blocks of a compressed format may break a tolerance by themselves.
     let usual = matches!(params.goal, Goal::Tolerance(_)).then_some(Content::Raw);
+    if params.family == Family::Astc && params.content.is_none() && usual.is_none() {
+        return Ok(ASTC.map(Content::Astc).to_vec());
+    }
     if let Some(content) = params.content.or(usual) {
         let value = f64::from(pixel.channels);
         let error = ParamError { field: "channels", value, range: "what the chosen content format can hold" };
@@ -151,6 +160,13 @@ fn contents(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<Content>, Pa
         3 if pixel.color == ColorSpace::Normal => vec![Content::Bc5],
         _ => vec![Content::Bc1, Content::Bc7],
     })
+}
+
+/// Side of a block for such content.
+fn block_of(contents: &[Content]) -> u32 {
+    let whole = |block: u32| contents.iter().all(|content| (block / 4).is_multiple_of(content.cell_side()));
+    let large = contents.iter().any(|content| content.cell_side() > 4);
+    BLOCKS.into_iter().find(|&block| large && whole(block)).unwrap_or(BLOCKS[2])
 }
 
 /// Content at all scales.
@@ -166,26 +182,22 @@ fn store(
     let scales = if params.transforms.scales { SCALES.len() } else { 1 };
     let (grid, scales) = match params.goal {
         Goal::Tolerance(_) => (Grid::new(&sizes, params.block.unwrap_or(TOLERANCE_BLOCK), false), 1),
-        _ if params.transforms.quadtree => (Grid::new(&sizes, BLOCK, true), scales),
+        _ if params.transforms.quadtree => (Grid::new(&sizes, block_of(&contents), true), scales),
         _ => (Grid::new(&sizes, params.block.unwrap_or(FIXED_BLOCK), false), scales),
     };
     // Content at a quarter of its size has whole cells too.
-    let padding = if scales > 1 && grid.block % (4 * CELL) != 0 { 4 * grid.block } else { grid.block };
+    let padding = if scales > 1 && grid.block % (4 * LEAST_SIDE) != 0 { 4 * grid.block } else { grid.block };
     let space = job.install(|| Space::new(&images, source.blocks, padding, &contents, scales, params.effort));
     let allowed = source.content_from.map(|mask| mask::allowed_cells(&space, mask)).transpose()?;
     let matches = vec![Vec::new(); grid.nodes()];
     let cell_bits = space.stored.iter().map(|stored| stored.cell_bits as f32).collect();
-    Ok(EpitomeSearch { images, params: params.clone(), space, grid, allowed, matches, cell_bits })
+    let cells = space.stored.iter().map(|stored| stored.cells).collect();
+    Ok(EpitomeSearch { images, params: params.clone(), space, grid, allowed, matches, cell_bits, cells })
 }
 
 impl EpitomeSearch {
     fn costs(&self, knob: u32) -> Costs<'_> {
-        Costs {
-            lambda: lambda(knob),
-            entry_bits: ENTRY_BITS,
-            cell_bits: &self.cell_bits,
-            cells: self.space.cells,
-        }
+        Costs { lambda: lambda(knob), entry_bits: ENTRY_BITS, cell_bits: &self.cell_bits, cells: &self.cells }
     }
 
     /// Whether every block is to be covered within a tolerance.
@@ -194,7 +206,7 @@ impl EpitomeSearch {
     }
 
     fn choose(&self, options: &Options, knob: u32) -> Choice {
-        choose(&self.grid, options, self.costs(knob), self.space.stored.len())
+        choose(&self.grid, options, self.costs(knob))
     }
 
     fn rules(&self, tolerance: Option<f32>) -> Rules<'_> {
@@ -348,11 +360,11 @@ impl EpitomeSearch {
 
     /// Few cells that cover every block: chosen by prices, and, where blocks have one side, grown greedily and improved.
     fn covers(&self, options: &Options) -> Vec<Choice> {
-        let formats = self.space.stored.len();
         let mut covers = vec![self.choose(options, TOLERANCE_KNOB)];
         if !self.grid.split {
-            let grown = grow(&self.grid, options, self.space.cells as usize * formats);
-            covers.push(improve(&self.grid, options, self.costs(TOLERANCE_KNOB), formats, &grown));
+            let side = self.space.stored[0].cell;
+            let grown = grow(&self.grid, options, self.space.cells(), side * side);
+            covers.push(improve(&self.grid, options, self.costs(TOLERANCE_KNOB), &grown));
         }
         covers
     }
@@ -390,7 +402,11 @@ fn settings(params: &EpitomeParams) -> String {
         Goal::Bpp(value) => format!("bpp {value}"),
         Goal::Tolerance(value) => format!("tolerance {value}"),
     };
-    let content = params.content.map_or(String::new(), |content| format!(", content {}", content.name()));
+    let content = match (params.content, params.family) {
+        (Some(content), _) => format!(", content {}", content.name()),
+        (None, Family::Astc) => ", content astc".to_owned(),
+        (None, Family::Bc) => String::new(),
+    };
     let without: String = params.transforms.missing().map(|part| format!(", without {part}")).collect();
     format!("epitome, {goal}{content}{without}")
 }

@@ -7,7 +7,7 @@ use super::candidate::{Candidate, FRACTION_BITS, Match, Reading, Rules, ScaleErr
 use super::choose::Options;
 use super::leaf::{Grid, Node};
 use super::linear;
-use super::pyramid::{CELL, SCALES, Space};
+use super::pyramid::{SCALES, Space};
 use super::tone::{self, Stats};
 use crate::Transforms;
 use crate::encoded::{Linear, NEUTRAL, Tone};
@@ -373,7 +373,8 @@ impl Borrow<'_> {
             .step_by(step)
             .filter_map(|cell| {
                 let (format, image, scale, column, row) = self.space.locate(cell);
-                let unit = |at: u32| ((at * CELL + CELL / 2) << FRACTION_BITS) as i32;
+                let side = self.space.stored[format].cell;
+                let unit = |at: u32| ((at * side + side / 2) << FRACTION_BITS) as i32;
                 let (x, y) = (unit(column), unit(row));
                 let reading = Reading::new(node, x, y, self.linears[number]);
                 let stats = reading.stats(&self.space.stored[format].decoded[image][scale], &target)?;

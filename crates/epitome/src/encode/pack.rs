@@ -78,14 +78,15 @@ pub(crate) fn pack(space: &Space, options: &Options, choice: &Choice, step: u32)
             (0..packing.charts.len()).filter(|&index| packing.charts[index].format == format).collect();
         order.sort_by_key(|&index| (std::cmp::Reverse(packing.charts[index].extent()), index));
         let cells: u64 = order.iter().map(|&index| packing.charts[index].cells.len() as u64).sum();
-        let size = place(&mut packing.charts, &order, cells, step);
+        let limit = crate::wire::MAX_EPITOME_SIDE / space.stored[format].cell;
+        let size = place(&mut packing.charts, &order, cells, (step, limit));
         packing.sizes.push(size);
     }
     packing.chart_of = vec![u32::MAX; choice.users.len()];
     for (index, chart) in (0u32..).zip(&packing.charts) {
-        let (columns, base) = space.rows_of(chart.format, chart.image, chart.scale);
+        let rows = space.rows_of(chart.format, chart.image, chart.scale);
         for &(x, y) in &chart.cells {
-            packing.chart_of[(base + y * columns + x) as usize] = index;
+            packing.chart_of[rows.number(x, y) as usize] = index;
         }
     }
     packing
@@ -148,11 +149,11 @@ impl Chart {
     }
 }
 
-/// Places the charts of `order`; gives the columns and rows used, at least one step each. Where a sheet about as wide as high
+/// Places the charts of `order`; gives the columns and rows used, at least one step each and at most `limit`, or more than
+/// `limit` where they do not fit. Where a sheet about as wide as high
 /// loses much, other widths are tried, and the least area is kept.
-fn place(charts: &mut [Chart], order: &[usize], cells: u64, step: u32) -> (u32, u32) {
+fn place(charts: &mut [Chart], order: &[usize], cells: u64, (step, limit): (u32, u32)) -> (u32, u32) {
     let widest = order.iter().map(|&index| charts[index].size().0).max().unwrap_or(1);
-    let limit = crate::wire::MAX_EPITOME_SIDE / super::pyramid::CELL;
     let mut best: Option<(Cells, Vec<Cells>)> = None;
     for share in WIDTHS {
         let width = ((cells as f64).sqrt() * share).ceil() as u32;

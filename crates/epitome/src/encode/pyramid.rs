@@ -13,8 +13,8 @@ use texfold_match::Field;
 /// Bytes of a BC1 block.
 const BC1_BYTES: u32 = 8;
 
-/// Texels a side of a cell, the unit of content.
-pub(crate) const CELL: u32 = 4;
+/// Texels that content for a leaf has at least along each axis.
+pub(crate) const LEAST_SIDE: u32 = 4;
 
 /// By how much content is smaller than its image, as binary logarithms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,12 +48,36 @@ pub(crate) struct Pyramid {
 #[derive(Debug)]
 pub(crate) struct Stored {
     pub(crate) content: Content,
+    /// Texels a side of a cell, the unit of content; the last of a row may hang over the field's edge.
+    pub(crate) cell: u32,
     /// Bits of a cell.
     pub(crate) cell_bits: u32,
+    /// First cell of each image and scale, among those of all formats.
+    bases: Vec<u32>,
+    /// Number of cells.
+    pub(crate) cells: u32,
     /// By image and scale.
     pub(crate) planes: Vec<Vec<ContentPlanes>>,
     /// The same, decoded.
     pub(crate) decoded: Vec<Vec<Field>>,
+}
+
+/// How the cells of a field in one format are numbered: row by row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct CellRows {
+    /// Cells in a row.
+    pub(crate) columns: u32,
+    /// Number of the first.
+    pub(crate) base: u32,
+    /// Texels a side of each.
+    pub(crate) side: u32,
+}
+
+impl CellRows {
+    /// Number of the cell in that column and row.
+    pub(crate) fn number(&self, column: u32, row: u32) -> u32 {
+        self.base + row * self.columns + column
+    }
 }
 
 /// All images at all scales, with the numbers of their cells.
@@ -62,10 +86,6 @@ pub(crate) struct Space {
     pub(crate) pixel: PixelInfo,
     pub(crate) pyramids: Vec<Pyramid>,
     pub(crate) stored: Vec<Stored>,
-    /// First cell of each image and scale.
-    bases: Vec<u32>,
-    /// Cells of one format.
-    pub(crate) cells: u32,
 }
 
 impl Space {
@@ -82,6 +102,7 @@ impl Space {
         let pixel = images.info();
         let pyramids: Vec<Pyramid> =
             images.images().par_iter().map(|image| Pyramid::new(image, block, scales)).collect();
+        let mut next = 0;
         let stored = contents
             .iter()
             .map(|&content| {
@@ -99,17 +120,21 @@ impl Space {
                 };
                 let decoded =
                     planes.par_iter().map(|scales| scales.par_iter().map(decode).collect()).collect();
-                let cell_bits = content.bits_per_texel(pixel) * CELL * CELL;
-                Stored { content, cell_bits, planes, decoded }
+                let (cell, cell_bits) = (content.cell_side(), content.cell_bits(pixel));
+                let (mut bases, first) = (Vec::new(), next);
+                for field in pyramids.iter().flat_map(|pyramid| &pyramid.source) {
+                    bases.push(next);
+                    next += (field.width as u32).div_ceil(cell) * (field.height as u32).div_ceil(cell);
+                }
+                Stored { content, cell, cell_bits, bases, cells: next - first, planes, decoded }
             })
             .collect();
-        let mut bases = Vec::new();
-        let mut cells = 0;
-        for field in pyramids.iter().flat_map(|pyramid| &pyramid.source) {
-            bases.push(cells);
-            cells += (field.width as u32 / CELL) * (field.height as u32 / CELL);
-        }
-        Space { pixel, pyramids, stored, bases, cells }
+        Space { pixel, pyramids, stored }
+    }
+
+    /// Number of cells of all formats.
+    pub(crate) fn cells(&self) -> usize {
+        self.stored.iter().map(|stored| stored.cells as usize).sum()
     }
 
     /// Number of scales.
@@ -117,21 +142,20 @@ impl Space {
         self.pyramids.first().map_or(0, |pyramid| pyramid.source.len())
     }
 
-    /// Cells in a row of a field, and the number of the field's first cell of format `format`.
-    pub(crate) fn rows_of(&self, format: usize, image: usize, scale: usize) -> (u32, u32) {
-        let field = &self.pyramids[image].source[scale];
-        let base = self.bases[image * self.scales() + scale];
-        (field.width as u32 / CELL, format as u32 * self.cells + base)
+    /// How the cells of a field are numbered in format `format`.
+    pub(crate) fn rows_of(&self, format: usize, image: usize, scale: usize) -> CellRows {
+        let (field, stored) = (&self.pyramids[image].source[scale], &self.stored[format]);
+        let columns = (field.width as u32).div_ceil(stored.cell);
+        CellRows { columns, base: stored.bases[image * self.scales() + scale], side: stored.cell }
     }
 
     /// Format, image and scale of a cell, with its column and row.
     pub(crate) fn locate(&self, cell: u32) -> (usize, usize, usize, u32, u32) {
-        let (format, cell) = (cell / self.cells, cell % self.cells);
-        let field = self.bases.partition_point(|&base| base <= cell) - 1;
+        let format = self.stored.partition_point(|stored| stored.bases[0] <= cell) - 1;
+        let field = self.stored[format].bases.partition_point(|&base| base <= cell) - 1;
         let (image, scale) = (field / self.scales(), field % self.scales());
-        let columns = self.pyramids[image].source[scale].width as u32 / CELL;
-        let index = cell - self.bases[field];
-        (format as usize, image, scale, index % columns, index / columns)
+        let CellRows { columns, base, .. } = self.rows_of(format, image, scale);
+        (format, image, scale, (cell - base) % columns, (cell - base) / columns)
     }
 }
 
@@ -167,7 +191,7 @@ fn with_blocks(full: &ContentPlanes, pixel: PixelInfo, image: &Bc1Blocks) -> Opt
         return None;
     }
     let (_, bytes) = full.planes().first()?;
-    let row = |width: u32| (width.div_ceil(CELL) * BC1_BYTES) as usize;
+    let row = |width: u32| (width.div_ceil(Content::Bc1.cell_side()) * BC1_BYTES) as usize;
     let mut bytes = bytes.clone();
     let own = image.blocks.chunks_exact(row(image.size.width));
     for (to, from) in bytes.chunks_exact_mut(row(full.size().0)).zip(own) {
@@ -281,8 +305,8 @@ mod tests {
         let space =
             Space::new(&ImageSet::single(image), None, 32, &[Content::Bc1, Content::Bc7], 9, Effort::Fast);
         for (format, scale, x, y) in [(0, 0, 0, 0), (1, 0, 15, 15), (0, 3, 7, 2), (1, 8, 3, 3)] {
-            let (columns, base) = space.rows_of(format, 0, scale);
-            assert_eq!(space.locate(base + y * columns + x), (format, 0, scale, x, y));
+            let number = space.rows_of(format, 0, scale).number(x, y);
+            assert_eq!(space.locate(number), (format, 0, scale, x, y));
         }
         assert_eq!((space.stored[0].cell_bits, space.stored[1].cell_bits), (64, 128));
     }

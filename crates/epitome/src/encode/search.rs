@@ -11,7 +11,7 @@ use texfold_match::{
 
 use super::candidate::{Match, ScaleErrors};
 use super::leaf::{Grid, Node};
-use super::pyramid::{CELL, SCALES, Space};
+use super::pyramid::{CellRows, LEAST_SIDE, SCALES, Space};
 use crate::{EpitomeParams, Transforms};
 
 /// Contrast in 8-bit steps below which a leaf is not searched for: plain content at a quarter of the size shows it.
@@ -106,7 +106,7 @@ pub(crate) fn search(
         for side in sides {
             let across = side >> SCALES[scale].across;
             let down = side >> SCALES[scale].down;
-            if across < CELL || down < CELL {
+            if across < LEAST_SIDE || down < LEAST_SIDE {
                 continue;
             }
             let round = Round { space, grid, reach, scale, side, fields: &fields, allowed };
@@ -407,13 +407,15 @@ impl Round<'_> {
 /// How many cells of a field are allowed above and left of each.
 struct CellSums {
     columns: usize,
+    /// Texels a side of a cell.
+    side: u32,
     sums: Vec<u32>,
 }
 
 impl CellSums {
-    fn new(cells: &[bool], field: &Field, (columns, base): (u32, u32)) -> Self {
+    fn new(cells: &[bool], field: &Field, CellRows { columns, base, side }: CellRows) -> Self {
         let columns = columns as usize;
-        let rows = field.height / CELL as usize;
+        let rows = field.height.div_ceil(side as usize);
         let mut sums = vec![0u32; (columns + 1) * (rows + 1)];
         for y in 0..rows {
             let mut row = 0;
@@ -422,13 +424,14 @@ impl CellSums {
                 sums[(y + 1) * (columns + 1) + x + 1] = sums[y * (columns + 1) + x + 1] + row;
             }
         }
-        CellSums { columns: columns + 1, sums }
+        CellSums { columns: columns + 1, side, sums }
     }
 
     /// Whether all cells under a patch are allowed.
     fn holds(&self, (x, y): (u32, u32), (width, height): (u32, u32)) -> bool {
-        let (left, top) = ((x / CELL) as usize, (y / CELL) as usize);
-        let (right, bottom) = ((x + width).div_ceil(CELL) as usize, (y + height).div_ceil(CELL) as usize);
+        let (left, top) = ((x / self.side) as usize, (y / self.side) as usize);
+        let end = |at: u32| at.div_ceil(self.side) as usize;
+        let (right, bottom) = (end(x + width), end(y + height));
         let at = |x: usize, y: usize| self.sums[y * self.columns + x];
         let sum = at(right, bottom) + at(left, top) - at(right, top) - at(left, bottom);
         sum as usize == (right - left) * (bottom - top)

@@ -227,7 +227,7 @@ fn search_psnr(
 fn grid_for_bpp(prepared: &Prepared<'_>, content: Content, bpp: f64) -> Grid {
     let pixel = prepared.source.images.info();
     let bits = bpp * prepared.source.images.texel_count() as f64 - fixed_bits(&prepared.layout) as f64;
-    let cells = bits / f64::from(content.bits_per_texel(pixel) * CELL_TEXELS);
+    let cells = bits / (content.bits_per_texel(pixel) * f64::from(CELL_TEXELS));
     Grid::within((cells.max(1.0) as u32).min(prepared.blocks.len().max(1) as u32))
 }
 

@@ -3,10 +3,14 @@
 use std::collections::HashMap;
 use std::sync::Mutex;
 
+use texfold_core::PlaneFormat;
 use wgpu::{Adapter, AdapterInfo, Device, DeviceType, Features, Limits, Queue};
 
 use crate::pipeline::{Layouts, PipelineKey};
 use crate::{GpuError, Module};
+
+/// Formats of content that not every adapter has.
+const BLOCK_FEATURES: Features = Features::TEXTURE_COMPRESSION_BC.union(Features::TEXTURE_COMPRESSION_ASTC);
 
 /// Whether a GPU may be used, and whether work may be left out without one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -55,7 +59,7 @@ impl Gpu {
         let adapter = adapters.into_iter().min_by_key(rank).ok_or(GpuError::NoAdapter)?;
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("texfold"),
-            required_features: adapter.features() & Features::TEXTURE_COMPRESSION_BC,
+            required_features: adapter.features() & BLOCK_FEATURES,
             required_limits: Limits::downlevel_defaults().using_resolution(adapter.limits()),
             ..Default::default()
         };
@@ -63,7 +67,8 @@ impl Gpu {
         Ok(Gpu::from_device(device, queue))
     }
 
-    /// Uses a renderer's own device. Give it [`Features::TEXTURE_COMPRESSION_BC`] for textures with BC content.
+    /// Uses a renderer's own device. Give it [`Features::TEXTURE_COMPRESSION_BC`] for textures with BC content, and
+    /// [`Features::TEXTURE_COMPRESSION_ASTC`] for those with ASTC content.
     #[must_use]
     pub fn from_device(device: Device, queue: Queue) -> Gpu {
         let layouts = Layouts::new(&device);
@@ -92,6 +97,20 @@ impl Gpu {
     #[must_use]
     pub fn has_block_compression(&self) -> bool {
         self.device.features().contains(Features::TEXTURE_COMPRESSION_BC)
+    }
+
+    /// Whether textures with ASTC content can be uploaded.
+    #[must_use]
+    pub fn has_astc(&self) -> bool {
+        self.device.features().contains(Features::TEXTURE_COMPRESSION_ASTC)
+    }
+
+    /// Whether planes of that format can be uploaded.
+    pub(crate) fn can_sample(&self, format: PlaneFormat) -> bool {
+        match format {
+            PlaneFormat::Astc(_) => self.has_astc(),
+            _ => format.block_side() == 1 || self.has_block_compression(),
+        }
     }
 
     /// The bind group layout of a module's textures, for pipeline layouts of a renderer's own.

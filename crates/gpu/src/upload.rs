@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use texfold_core::{GpuForm, Plane, PlaneFormat, SurfaceBinding, SurfaceSize};
+use texfold_core::{AstcBlock, GpuForm, Plane, PlaneFormat, SurfaceBinding, SurfaceSize};
 use texfold_shaders::Binding;
 use wgpu::{BindGroup, Buffer, BufferUsages, Queue, Texture, TextureFormat, TextureUsages};
 
@@ -163,7 +163,7 @@ impl Gpu {
         if whole(width) > limit || whole(height) > limit {
             return Err(GpuError::PlaneTooLarge { width, height, limit });
         }
-        if plane.format.block_side() > 1 && !self.has_block_compression() {
+        if !self.can_sample(plane.format) {
             return Err(GpuError::NoBlockCompression { format: plane.format });
         }
         // Levels beyond 1 x 1 repeat the last: a texture cannot hold them, and the shaders do not read them.
@@ -289,5 +289,16 @@ fn texture_format(format: PlaneFormat) -> TextureFormat {
         PlaneFormat::Bc4 => TextureFormat::Bc4RUnorm,
         PlaneFormat::Bc5 => TextureFormat::Bc5RgUnorm,
         PlaneFormat::Bc7 => TextureFormat::Bc7RgbaUnorm,
+        PlaneFormat::Astc(block) => {
+            let block = match block {
+                AstcBlock::B4 => wgpu::AstcBlock::B4x4,
+                AstcBlock::B5 => wgpu::AstcBlock::B5x5,
+                AstcBlock::B6 => wgpu::AstcBlock::B6x6,
+                AstcBlock::B8 => wgpu::AstcBlock::B8x8,
+                AstcBlock::B10 => wgpu::AstcBlock::B10x10,
+                AstcBlock::B12 => wgpu::AstcBlock::B12x12,
+            };
+            TextureFormat::Astc { block, channel: wgpu::AstcChannel::Unorm }
+        }
     }
 }

@@ -8,10 +8,12 @@ use std::sync::OnceLock;
 
 use glam::{Affine2, Vec2, Vec4};
 use support::{Forge, Subject, assert_close, bc, epitome, gpu, picture, vq};
-use texfold_bc::Content;
-use texfold_core::image::{ColorSpace, Raster};
+use texfold_bc::{Content, Family};
+use texfold_core::image::{ColorSpace, ImageSet, Raster};
+use texfold_core::{AstcBlock, Effort, Goal, Job, TextureCodec};
 use texfold_epitome::decode::{TEXFOLD_EPITOME_FINE_LEVELS, TEXFOLD_EPITOME_GAIN_ONE};
-use texfold_gpu::{AddressMode, Filter, Lookup, View};
+use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource};
+use texfold_gpu::{AddressMode, Filter, GpuError, Lookup, View};
 
 /// Plain bytes and BC7 decode to the same bytes everywhere; what remains is the division by 255.
 const EXACT: Vec4 = Vec4::splat(1e-6);
@@ -24,6 +26,9 @@ const ROUNDED_NORMAL: Vec4 = Vec4::new(2.0 / 255.0 + 1e-6, 2.0 / 255.0 + 1e-6, 1
 
 /// As above for random texels, many of them at the horizon: z is half the root of what x and y leave of 1.
 const ROUNDED_ANY_NORMAL: Vec4 = Vec4::new(2.0 / 255.0 + 1e-6, 2.0 / 255.0 + 1e-6, 0.11, 1e-6);
+
+/// ASTC is decoded in half precision, rounded to 8 bits on the CPU; GPUs may cut to 8 bits instead.
+const CUT: Vec4 = Vec4::splat(1.0 / 255.0 + 1e-6);
 
 /// What single texels of an epitome's leaves may differ by: their places, below 256 texels, are rounded three times
 /// on each axis, and a step of one texel changes a value by 1 at most, or 2 where the gain is largest.
@@ -64,6 +69,7 @@ fn case(name: impl Into<String>, subject: Subject, content: Content) -> Case {
             (ROUNDED_ANY_NORMAL, ROUNDED_ANY_NORMAL)
         }
         Content::Bc5 if normal => (ROUNDED_NORMAL, ROUNDED_NORMAL),
+        Content::Astc(_) => (CUT, CUT),
         _ => (ROUNDED, ROUNDED),
     };
     let bounds = Bounds { nearest, blended };
@@ -301,6 +307,55 @@ fn srgb_becomes_linear_as_on_the_cpu() {
     let image = Raster::from_u8(256, 1, 1, ColorSpace::Srgb, &ramp).unwrap();
     let case = case("ramp", bc(vec![image], Content::Raw, 0), Content::Raw);
     let _ = compare(&case, &[Lookup::NearestLinear { level: 0 }], |_| FILTERED);
+}
+
+/// Epitomes with ASTC content, encoded: random blocks are mostly illegal, or HDR, which each decoder shows in its own way.
+fn astc_epitome(content: Option<Content>) -> Case {
+    let goal = Goal::Psnr(26.0);
+    let (family, effort) = (Family::Astc, Effort::Fast);
+    let params = EpitomeParams { goal, content, family, mips: true, effort, block: None };
+    let set = ImageSet::single(picture("facade"));
+    let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
+    let gains = texture.tones().iter().flat_map(|tone| tone[..3].to_vec());
+    let gain = f32::from(gains.max().unwrap_or(0)).max(TEXFOLD_EPITOME_GAIN_ONE) / TEXFOLD_EPITOME_GAIN_ONE;
+    // Epitomes of this picture are below 256 texels a side.
+    let bounds = Bounds { nearest: gain * CUT + PLACED, blended: gain * CUT + FILTERED };
+    let coarse = Bounds { nearest: CUT, blended: CUT + FILTERED };
+    Case { name: format!("epitome {content:?}"), subject: Subject::Epitome(texture), bounds, coarse }
+}
+
+#[test]
+fn astc_is_sampled_as_on_the_cpu() {
+    let Some(gpu) = gpu() else { return };
+    if !Content::Astc(AstcBlock::B8).is_available() {
+        println!("skipped: ASTC on the GPU needs the feature texfold-bc/astc");
+        return;
+    }
+    let plain = |(image, block)| {
+        let content = Content::Astc(block);
+        case(format!("bc {image} {content:?}"), bc(vec![picture(image)], content, 0), content)
+    };
+    let images = ["odd_37x61", "cutout", "one_texel"];
+    let plains = images.iter().flat_map(|&image| AstcBlock::ALL.map(|block| (image, block))).map(plain);
+    let epitomes = [None, Some(Content::Astc(AstcBlock::B5)), Some(Content::Astc(AstcBlock::B8))];
+    for case in plains.chain(epitomes.into_iter().map(astc_epitome)) {
+        if !gpu.has_astc() {
+            let refused = gpu.upload(&case.subject.form());
+            assert!(matches!(refused, Err(GpuError::NoBlockCompression { .. })), "{}", case.name);
+            println!("skipped: {} has no ASTC", gpu.info().name);
+            return;
+        }
+        let levels = case.subject.layout().levels;
+        let nearest: Vec<_> = (0..levels).map(|level| Lookup::Nearest { level }).collect();
+        let blended: Vec<_> = (0..levels).map(|level| Lookup::Bilinear { level }).collect();
+        let level = |lookup| match lookup {
+            Lookup::Nearest { level } | Lookup::Bilinear { level } => level,
+            _ => 0,
+        };
+        let nearest = compare(&case, &nearest, |lookup| case.bounds(level(lookup)).nearest);
+        let blended = compare(&case, &blended, |lookup| case.bounds(level(lookup)).blended);
+        println!("{}: {:e}, blended {:e}", case.name, nearest.unwrap(), blended.unwrap());
+    }
 }
 
 #[test]

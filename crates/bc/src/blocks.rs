@@ -104,6 +104,7 @@ fn dds_format(format: PlaneFormat) -> dds::Format {
 
 /// The texels of one block, row by row.
 #[derive(Debug, Clone, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "BC blocks decode without an allocation")]
 pub enum BlockTexels {
     /// Of a BC block, or a single texel repeated.
     Sixteen([Vec4; 16]),

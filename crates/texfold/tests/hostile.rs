@@ -95,7 +95,7 @@ fn astc_content_is_not_asked_for_without_its_feature() {
     let available = Content::Astc(AstcBlock::B8).is_available();
     match encoded {
         Err(EncodeError::Params(error)) => {
-            assert!(!available && error.to_string().contains("`astc`"), "{error}")
+            assert!(!available && error.to_string().contains("`astc`"), "{error}");
         }
         encoded => assert!(available && encoded.is_ok()),
     }

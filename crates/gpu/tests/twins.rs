@@ -313,7 +313,7 @@ fn srgb_becomes_linear_as_on_the_cpu() {
 fn astc_epitome(content: Option<Content>) -> Case {
     let goal = Goal::Psnr(26.0);
     let (family, effort) = (Family::Astc, Effort::Fast);
-    let params = EpitomeParams { goal, content, family, mips: true, effort, block: None };
+    let params = EpitomeParams { goal, content, family, mips: true, effort, ..EpitomeParams::default() };
     let set = ImageSet::single(picture("facade"));
     let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
     let gains = texture.tones().iter().flat_map(|tone| tone[..3].to_vec());

@@ -299,6 +299,13 @@ impl ContentPlanes {
         grown
     }
 
+    /// Changes the bytes of each plane in place; told its format and its columns in texels.
+    pub fn edit(&mut self, mut edit: impl FnMut(PlaneFormat, u32, &mut [u8])) {
+        for (format, bytes) in &mut self.planes {
+            edit(*format, self.width, bytes);
+        }
+    }
+
     /// All texels, row by row.
     #[must_use]
     pub fn decode(&self) -> Vec<Texel> {

@@ -5,12 +5,13 @@ use std::borrow::Cow;
 use glam::{IVec2, UVec2, Vec2, Vec4};
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::address::{TEXFOLD_CLAMP, TexfoldTap, texfold_level_size};
-use texfold_core::container::{SectionWriter, write_layout};
+use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::image::PixelInfo;
 use texfold_core::sample::{TEXFOLD_NORMAL, texfold_bilinear};
 use texfold_core::{
-    CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Notes, Plane,
-    PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
+    Budget, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Layers,
+    LoadError, Notes, Plane, PlaneFormat, Rect, Refine, RegionError, SurfaceBinding, SurfaceSize, Texel,
+    TextureCodec,
 };
 
 use crate::decode::{
@@ -18,6 +19,7 @@ use crate::decode::{
     plane_of, tap_at, texfold_epitome_fetch, texfold_epitome_leaf, texfold_epitome_place,
     texfold_epitome_plane_level, texfold_epitome_read, texfold_epitome_source,
 };
+use crate::layers::Layering;
 use crate::{Epitome, wire};
 
 /// Mip levels that an epitome has beside its full size, where there are any.
@@ -99,12 +101,16 @@ pub(crate) struct Parts {
     pub(crate) epitomes: Vec<Vec<ContentPlanes>>,
     /// For each image the levels that are not read from the epitome.
     pub(crate) coarse: Vec<Vec<ContentPlanes>>,
+    /// Where the file has several layers: what the map above and the epitomes are made of.
+    pub(crate) layering: Option<Box<Layering>>,
 }
 
 /// Images stored as a map into an epitome.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EpitomeTexture {
     pub(crate) parts: Parts,
+    /// The epitomes as they are drawn, where that is not all of them.
+    cut: Option<Vec<Vec<ContentPlanes>>>,
     map: Vec<u32>,
     params: Vec<TexfoldEpitomeParams>,
     /// Texels of each epitome's levels.
@@ -128,6 +134,21 @@ pub(crate) fn coarse_content(content: Content, pixel: PixelInfo) -> Content {
     }
 }
 
+/// Squares of a block: itself, its four quarters, and theirs.
+pub(crate) const NODES: usize = 21;
+
+/// Squares of a block of that tree byte that are leaves, in the order of their entries.
+pub(crate) fn nodes_of(tree: u8) -> impl Iterator<Item = usize> {
+    let quarter = move |quarter: usize| {
+        let split = tree >> (1 + quarter) & 1 == 1;
+        let (first, count) = if split { (5 + 4 * quarter, 4) } else { (1 + quarter, 1) };
+        first..first + count
+    };
+    let quarters = if tree & 1 == 0 { 0 } else { 4 };
+    let whole = if tree & 1 == 0 { 0..1 } else { 0..0 };
+    whole.chain((0..quarters).flat_map(quarter))
+}
+
 /// Leaves of a block of that tree byte.
 pub(crate) fn leaves_of(tree: u8) -> u32 {
     if tree & 1 == 0 { 1 } else { 4 + 3 * (tree >> 1 & 15).count_ones() }
@@ -135,7 +156,7 @@ pub(crate) fn leaves_of(tree: u8) -> u32 {
 
 impl Parts {
     /// The map plane's words and each image's parameters.
-    fn assemble(&self) -> (Vec<u32>, Vec<TexfoldEpitomeParams>) {
+    fn assemble(&self, epitomes: &[Vec<ContentPlanes>]) -> (Vec<u32>, Vec<TexfoldEpitomeParams>) {
         let mut map = Vec::new();
         let mut first = 0u32;
         if self.format.split {
@@ -164,7 +185,7 @@ impl Parts {
         if map.len() > 1 << row_log2 {
             map.resize(map.len().next_multiple_of(1 << row_log2), 0);
         }
-        let params = self.params([linear_start, tone_start, entry_start, row_log2]);
+        let params = self.params(epitomes, [linear_start, tone_start, entry_start, row_log2]);
         (map, params)
     }
 
@@ -194,11 +215,12 @@ impl Parts {
 
     fn params(
         &self,
+        epitomes: &[Vec<ContentPlanes>],
         [linear_start, tone_start, entry_start, row_log2]: [u32; 4],
     ) -> Vec<TexfoldEpitomeParams> {
         let format = &self.format;
         let plane_size = |index: usize| {
-            let planes = self.epitomes.get(index).or(self.epitomes.first());
+            let planes = epitomes.get(index).or(epitomes.first());
             planes.and_then(|levels| levels.first()).map_or([4, 4], |plane| plane.size().into())
         };
         let swizzle =
@@ -242,11 +264,13 @@ impl Parts {
 impl EpitomeTexture {
     /// Lays the parts out for sampling.
     pub(crate) fn new(parts: Parts, notes: Notes) -> Self {
-        let (map, params) = parts.assemble();
+        let cut = parts.drawn();
+        let drawn = cut.as_ref().unwrap_or(&parts.epitomes);
+        let (map, params) = parts.assemble(drawn);
         let decode = |levels: &Vec<ContentPlanes>| levels.iter().map(ContentPlanes::decode).collect();
-        let texels = parts.epitomes.iter().map(decode).collect();
+        let texels = drawn.iter().map(decode).collect();
         let coarse = parts.coarse.iter().map(decode).collect();
-        EpitomeTexture { parts, map, params, texels, coarse, notes }
+        EpitomeTexture { parts, cut, map, params, texels, coarse, notes }
     }
 
     /// How the map is stored.
@@ -257,7 +281,12 @@ impl EpitomeTexture {
 
     /// The epitomes at full size: one, or one of each content format.
     pub fn epitomes(&self) -> impl Iterator<Item = &ContentPlanes> {
-        self.parts.epitomes.iter().filter_map(|levels| levels.first())
+        self.drawn().iter().filter_map(|levels| levels.first())
+    }
+
+    /// The epitomes as they are drawn.
+    fn drawn(&self) -> &[Vec<ContentPlanes>] {
+        self.cut.as_ref().unwrap_or(&self.parts.epitomes)
     }
 
     /// The linear parts that entries point at.
@@ -270,6 +299,15 @@ impl EpitomeTexture {
     #[must_use]
     pub fn tones(&self) -> &[Tone] {
         &self.parts.tones
+    }
+
+    /// The texture as it is with the first `count` layers of its file, at least one; all that are there where they are fewer.
+    #[must_use]
+    pub fn first_layers(&self, count: u32) -> EpitomeTexture {
+        match self.parts.first_layers(count) {
+            Some(parts) => EpitomeTexture::new(parts, self.notes.clone()),
+            None => self.clone(),
+        }
     }
 
     /// The entries of the map, in the order of the leaves.
@@ -347,6 +385,11 @@ impl Encoded for EpitomeTexture {
         &self.parts.layout
     }
 
+    fn layers(&self) -> Layers {
+        let of = |layering: &Layering| Layers { loaded: layering.loaded(), total: layering.total };
+        self.parts.layering.as_deref().map_or(Layers { loaded: 1, total: 1 }, of)
+    }
+
     fn sample(&self, at: ImageAddress) -> Texel {
         let clamp = |value: u32| i32::try_from(value).unwrap_or(i32::MAX);
         let level = at.level.min(self.parts.layout.levels - 1);
@@ -381,7 +424,7 @@ impl Encoded for EpitomeTexture {
     /// As measured, with the mip levels of the epitomes as a part of their own.
     fn footprint(&self) -> Footprint {
         let mut footprint = Footprint::measure(self, &self.gpu());
-        for (name, levels) in PLANE_NAMES.into_iter().zip(&self.parts.epitomes) {
+        for (name, levels) in PLANE_NAMES.into_iter().zip(self.drawn()) {
             let bytes =
                 |plane: &ContentPlanes| plane.planes().iter().map(|(_, b)| b.len() as u64).sum::<u64>();
             let mips: u64 = levels.iter().skip(1).map(bytes).sum();
@@ -406,7 +449,7 @@ impl Encoded for EpitomeTexture {
             levels: 1,
             data: Cow::Owned(self.map.iter().flat_map(|word| word.to_le_bytes()).collect()),
         });
-        for (name, levels) in PLANE_NAMES.into_iter().zip(&self.parts.epitomes) {
+        for (name, levels) in PLANE_NAMES.into_iter().zip(self.drawn()) {
             push_chain(&mut form.planes, name, levels);
         }
         let last = form.planes.len() - 1;
@@ -428,6 +471,25 @@ impl Encoded for EpitomeTexture {
 
     fn notes(&self) -> &Notes {
         &self.notes
+    }
+}
+
+impl Refine for EpitomeTexture {
+    /// The map is uploaded again, each epitome that has new cells, and the uniforms where they say another thing than before.
+    fn refine(&mut self, file: &Sections<'_>, budget: &mut Budget) -> Result<Vec<&'static str>, LoadError> {
+        let Some(parts) = wire::next_layer(&self.parts, file, budget)? else { return Ok(Vec::new()) };
+        let refined = EpitomeTexture::new(parts, self.notes.clone());
+        let mut changed = vec!["map"];
+        for ((name, old), new) in PLANE_NAMES.into_iter().zip(self.drawn()).zip(refined.drawn()) {
+            if old != new {
+                changed.push(name);
+            }
+        }
+        if self.params != refined.params {
+            changed.push("uniforms");
+        }
+        *self = refined;
+        Ok(changed)
     }
 }
 

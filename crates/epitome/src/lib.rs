@@ -11,12 +11,14 @@
 pub mod decode;
 mod encode;
 mod encoded;
+mod layers;
 mod params;
 mod pictures;
 mod wire;
 
 pub use encode::EpitomeSearch;
 pub use encoded::{Entry, EpitomeTexture, IDENTITY, Linear, MapFormat, NEUTRAL, Tone};
+pub use layers::MAX_LAYERS;
 pub use params::{EpitomeParams, EpitomeSource, Transforms};
 pub use pictures::{PartPictures, pictures};
 

@@ -4,6 +4,8 @@ use texfold_bc::{Bc1Blocks, Content, Family};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::{Effort, Goal, ParamError, Params};
 
+use crate::layers::MAX_LAYERS;
+
 /// What is factored.
 #[derive(Debug, Clone, Copy)]
 pub struct EpitomeSource<'s> {
@@ -79,7 +81,7 @@ impl Default for Transforms {
 }
 
 /// How epitome factoring is done.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct EpitomeParams {
     /// What to reach. Quality and size goals are met by rate and distortion, tolerances by covering every block.
     pub goal: Goal,
@@ -92,16 +94,49 @@ pub struct EpitomeParams {
     pub block: Option<u32>,
     /// Whether mip levels are stored.
     pub mips: bool,
+    /// Layers of the file, 1 to [`MAX_LAYERS`]: a prefix of it with some of them decodes to a coarser image. More than one
+    /// only for goals of quality and size.
+    pub layers: u32,
     /// How long to search.
     pub effort: Effort,
     /// What leaves may do with content.
     pub transforms: Transforms,
 }
 
+impl Default for EpitomeParams {
+    fn default() -> Self {
+        EpitomeParams {
+            goal: Goal::default(),
+            content: None,
+            family: Family::default(),
+            block: None,
+            mips: false,
+            layers: 1,
+            effort: Effort::default(),
+            transforms: Transforms::ALL,
+        }
+    }
+}
+
+impl EpitomeParams {
+    /// Whether all content that may be chosen has cells of 4x4 texels.
+    fn small_cells(&self) -> bool {
+        self.content.map_or(self.family == Family::Bc, |content| content.cell_side() == 4)
+    }
+}
+
 impl Params for EpitomeParams {
     fn check(&self) -> Result<(), ParamError> {
         self.goal.check()?;
         self.family.check_available(self.content)?;
+        let layers = |range| Err(ParamError { field: "layers", value: f64::from(self.layers), range });
+        match self.goal {
+            _ if !(1..=MAX_LAYERS).contains(&self.layers) => return layers("1..=8"),
+            Goal::Tolerance(_) if self.layers > 1 => return layers("1, for a tolerance"),
+            // Layers are told apart by cells of 4x4 texels.
+            _ if self.layers > 1 && !self.small_cells() => return layers("1, for ASTC content"),
+            _ => {}
+        }
         match self.block {
             Some(block) if !(8..=32).contains(&block) || block % 4 != 0 => {
                 Err(ParamError { field: "block", value: f64::from(block), range: "multiples of 4 in 8..=32" })

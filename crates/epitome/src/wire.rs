@@ -1,6 +1,7 @@
 //! Sections of an `epitome` file: "EPFM" (form of the map and the planes), "EPPL" (linear parts and tones), "EPTR" (how
 //! blocks are split), "EPEN" (entries, field by field, positions as what differs from the leaf before), "EPAT" (planes of
-//! the epitomes), "EPMC" (coarse mip levels).
+//! the epitomes), "EPMC" (coarse mip levels). A progressive file has "EPLA" (number of layers) and, instead of "EPTR", "EPEN"
+//! and "EPAT", for each layer "EPT0", "EPE0", "EPC0" (cells that it brings), "EPA0" and so on.
 
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
@@ -10,6 +11,10 @@ use crate::encoded::{
     Entry, EpitomeTexture, Linear, MAX_BLOCK, MapFormat, PLANE_MIPS, Parts, Tone, blocks_of, coarse_content,
     coarse_levels, leaves_of,
 };
+use crate::layers::{
+    LayerMap, Layering, MAX_LAYERS, MapRef, cell_bytes, columns_of, edited, gather, layer_names, layers_at,
+    numbers, same_leaves,
+};
 
 const FORM_ID: [u8; 4] = *b"EPFM";
 const PALETTE_ID: [u8; 4] = *b"EPPL";
@@ -17,6 +22,18 @@ const TREE_ID: [u8; 4] = *b"EPTR";
 const ENTRY_ID: [u8; 4] = *b"EPEN";
 const PLANE_ID: [u8; 4] = *b"EPAT";
 const COARSE_ID: [u8; 4] = *b"EPMC";
+const LAYERS_ID: [u8; 4] = *b"EPLA";
+
+/// Id of a layer's section of that kind: trees, entries, cells, planes.
+fn layer_id(kind: u8, layer: u32) -> [u8; 4] {
+    [b'E', b'P', kind, b'0' + layer as u8]
+}
+
+/// Ids of all sections of a layer. The last layer brings all cells that are left and needs no list of them.
+fn layer_ids(layer: u32, total: u32) -> impl Iterator<Item = [u8; 4]> {
+    let kinds: &[u8] = if layer + 1 < total { b"TECA" } else { b"TEA" };
+    kinds.iter().map(move |&kind| layer_id(kind, layer))
+}
 
 /// Longest side of an epitome in texels: what every WebGPU device can sample.
 pub(crate) const MAX_EPITOME_SIDE: u32 = 8192;
@@ -54,33 +71,100 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     let linears = parts.linears.iter().flatten().flat_map(|value| value.to_le_bytes());
     let palettes: Vec<u8> = linears.chain(parts.tones.iter().flatten().copied()).collect();
     out.section("map", PALETTE_ID, &palettes);
-    out.section("map", TREE_ID, &parts.trees);
-    out.section("map", ENTRY_ID, &entry_bytes(&parts.entries));
-    let bytes = |levels: &[ContentPlanes]| -> Vec<u8> {
-        levels.iter().flat_map(|level| level.planes()).flat_map(|(_, bytes)| bytes).copied().collect()
-    };
-    out.section(
-        "epitome",
-        PLANE_ID,
-        &parts.epitomes.iter().flat_map(|levels| bytes(levels)).collect::<Vec<u8>>(),
-    );
-    if parts.coarse.iter().any(|levels| !levels.is_empty()) {
-        out.section(
-            "mips",
-            COARSE_ID,
-            &parts.coarse.iter().flat_map(|levels| bytes(levels)).collect::<Vec<u8>>(),
-        );
+    match &parts.layering {
+        None => {
+            out.section("map", TREE_ID, &parts.trees);
+            out.section("map", ENTRY_ID, &entry_bytes(&parts.entries, |_| true));
+            out.section("epitome", PLANE_ID, &plane_bytes(parts.epitomes.iter().flatten()));
+            store_coarse(parts, out);
+        }
+        Some(layering) => {
+            let rows = layering.rows.iter().flat_map(|rows| rows.to_le_bytes());
+            let raw: Vec<u8> = std::iter::once(layering.total as u8).chain(rows).collect();
+            out.section("container", LAYERS_ID, &raw);
+            store_coarse(parts, out);
+            for layer in 0..layering.loaded() {
+                store_layer(parts, layering, layer, out);
+            }
+        }
     }
 }
 
-/// All entries, byte plane by byte plane: equal bytes stand together, which compresses better.
-fn entry_bytes(entries: &[Entry]) -> Vec<u8> {
+fn plane_bytes<'a>(levels: impl Iterator<Item = &'a ContentPlanes>) -> Vec<u8> {
+    levels.flat_map(|level| level.planes()).flat_map(|(_, bytes)| bytes).copied().collect()
+}
+
+fn store_coarse(parts: &Parts, out: &mut SectionWriter) {
+    if parts.coarse.iter().any(|levels| !levels.is_empty()) {
+        out.section("mips", COARSE_ID, &plane_bytes(parts.coarse.iter().flatten()));
+    }
+}
+
+/// What a layer adds to those before it.
+fn store_layer(parts: &Parts, layering: &Layering, layer: u32, out: &mut SectionWriter) {
+    let (map, epitome) = layer_names(layer);
+    let (trees, entries) = parts.map_of(layer);
+    let before = layer.checked_sub(1).map(|before| parts.map_of(before));
+    let mut changes = trees.to_vec();
+    if let Some((before, _)) = before {
+        changes.iter_mut().zip(before).for_each(|(tree, before)| *tree ^= before);
+    }
+    out.section(map, layer_id(b'T', layer), &changes);
+    let same = same_leaves(before.map(|before| before.0), trees, entries.len());
+    let old = |leaf: usize| before.zip(same[leaf]).and_then(|((_, entries), old)| entries.get(old));
+    let kept: Vec<bool> = (0..entries.len()).map(|leaf| old(leaf) == Some(&entries[leaf])).collect();
+    let mut raw = pack_bits((0..entries.len()).filter(|&leaf| same[leaf].is_some()).map(|leaf| kept[leaf]));
+    raw.extend(entry_bytes(entries, |leaf| !kept[leaf]));
+    out.section(map, layer_id(b'E', layer), &raw);
+    if layer + 1 < layering.total {
+        let left = layering.cells.iter().flatten().filter(|&&cell| u32::from(cell) >= layer);
+        out.section(epitome, layer_id(b'C', layer), &pack_bits(left.map(|&cell| u32::from(cell) == layer)));
+    }
+    let mut raw = Vec::new();
+    for (levels, cells) in parts.epitomes.iter().zip(&layering.cells) {
+        for (level, planes) in (0..).zip(levels) {
+            let brought = numbers(&layers_at(cells, columns_of(levels), level), |of| u32::from(of) == layer);
+            gather(planes, &brought, &mut raw);
+        }
+    }
+    out.section(epitome, layer_id(b'A', layer), &raw);
+}
+
+/// Eight bits a byte, the first in bit 0.
+fn pack_bits(bits: impl Iterator<Item = bool>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for (index, bit) in bits.enumerate() {
+        if index % 8 == 0 {
+            bytes.push(0);
+        }
+        if let Some(byte) = bytes.last_mut() {
+            *byte |= u8::from(bit) << (index % 8);
+        }
+    }
+    bytes
+}
+
+/// `count` bits as [`pack_bits`] packs them.
+fn read_bits(reader: &mut Reader<'_>, count: usize) -> Result<Vec<bool>, LoadError> {
+    let bytes = reader.bytes(count.div_ceil(8))?;
+    let bit = |index: usize| bytes[index / 8] >> (index % 8) & 1 == 1;
+    if (count..8 * bytes.len()).any(bit) {
+        return Err(reader.corrupt("bits after the last"));
+    }
+    Ok((0..count).map(bit).collect())
+}
+
+/// The entries of leaves that are `wanted`, byte plane by byte plane: equal bytes stand together, which compresses better.
+fn entry_bytes(entries: &[Entry], wanted: impl Fn(usize) -> bool) -> Vec<u8> {
     let mut planes: [Vec<u8>; 7] = Default::default();
     let (mut x, mut y) = (0u32, 0u32);
-    for entry in entries {
+    for (leaf, entry) in entries.iter().enumerate() {
         let across = (entry.x.wrapping_sub(x) as u16).to_le_bytes();
         let down = (entry.y.wrapping_sub(y) as u16).to_le_bytes();
         (x, y) = (entry.x, entry.y);
+        if !wanted(leaf) {
+            continue;
+        }
         let bytes =
             [across[0], across[1], down[0], down[1], entry.tone as u8, entry.linear as u8, entry.plane as u8];
         for (plane, byte) in planes.iter_mut().zip(bytes) {
@@ -90,30 +174,192 @@ fn entry_bytes(entries: &[Entry]) -> Vec<u8> {
     planes.concat()
 }
 
-pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<EpitomeTexture, LoadError> {
-    let notes = Notes::read(file, budget)?;
+/// What all layers share.
+struct Head {
+    layout: ImageLayout,
+    form: Form,
+    linears: Vec<Linear>,
+    tones: Vec<Tone>,
+}
+
+fn read_head(file: &Sections<'_>, budget: &mut Budget) -> Result<Head, LoadError> {
     let layout = read_layout(file, budget)?;
     let raw = file.read(FORM_ID, budget)?;
     let form = read_form(&mut Reader::new(String4(FORM_ID), &raw), &layout)?;
     let raw = file.read(PALETTE_ID, budget)?;
     let (linears, tones) = read_palettes(&mut Reader::new(String4(PALETTE_ID), &raw), &form)?;
+    Ok(Head { layout, form, linears, tones })
+}
+
+pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<EpitomeTexture, LoadError> {
+    let notes = Notes::read(file, budget)?;
+    let head = read_head(file, budget)?;
+    let layered = file.ids().any(|(id, _)| id == LAYERS_ID);
+    let parts = if layered { load_layers(file, head, budget)? } else { load_whole(file, head, budget)? };
+    Ok(EpitomeTexture::new(parts, notes))
+}
+
+fn load_whole(file: &Sections<'_>, head: Head, budget: &mut Budget) -> Result<Parts, LoadError> {
+    let Head { layout, form, linears, tones } = head;
     let trees = file.read(TREE_ID, budget)?;
-    let leaves = count_leaves(&trees, &form.format, &layout)?;
+    let leaves = count_leaves(TREE_ID, &trees, &form.format, &layout)?;
     let raw = file.read(ENTRY_ID, budget)?;
-    let entries = read_entries(&raw, leaves, &form, budget)?;
+    let entries = read_entries((ENTRY_ID, &raw), leaves, (None, &trees), &form, budget)?;
     let raw = file.read(PLANE_ID, budget)?;
     let mut reader = Reader::new(String4(PLANE_ID), &raw);
     let mut epitomes = Vec::new();
     for &(content, width, height) in &form.epitomes {
-        let count = if form.mips { 1 + PLANE_MIPS } else { 1 };
-        let sizes = (0..count).map(|level| (width >> level, height >> level));
+        let sizes = form.level_sizes(width, height);
         epitomes.push(read_planes(&mut reader, content, &layout, sizes, budget)?);
     }
     reader.end()?;
     let coarse = read_coarse(file, &form, &layout, budget)?;
     budget.take(8 * (trees.len() + entries.len()) as u64)?;
-    let parts = Parts { layout, format: form.format, trees, entries, linears, tones, epitomes, coarse };
-    Ok(EpitomeTexture::new(parts, notes))
+    let format = form.format;
+    Ok(Parts { layout, format, trees, entries, linears, tones, epitomes, coarse, layering: None })
+}
+
+/// The layers that are whole: at least the first.
+fn load_layers(file: &Sections<'_>, head: Head, budget: &mut Budget) -> Result<Parts, LoadError> {
+    let (total, rows) = read_layers(file, &head.form, budget)?;
+    let Head { layout, form, linears, tones } = head;
+    let coarse = read_coarse(file, &form, &layout, budget)?;
+    let (mut epitomes, mut cells) = (Vec::new(), Vec::new());
+    for &(content, width, height) in &form.epitomes {
+        epitomes.push(blank_planes(content, &layout, form.level_sizes(width, height), budget)?);
+        cells.push(budget.zeroed(u64::from(width / 4) * u64::from(height / 4))?);
+    }
+    let layering = Some(Box::new(Layering { total, rows, coarser: Vec::new(), cells }));
+    let (trees, entries, format) = (Vec::new(), Vec::new(), form.format);
+    let mut parts = Parts { layout, format, trees, entries, linears, tones, epitomes, coarse, layering };
+    for layer in 0..total {
+        // A file may end between layers; a later layer without one before it is of no use.
+        if layer > 0 && !layer_ids(layer, total).all(|id| file.has(id)) {
+            break;
+        }
+        add_layer(&mut parts, &form, layer, file, budget)?;
+    }
+    Ok(parts)
+}
+
+/// Number of layers, and rows of each epitome that the finest layer reads.
+fn read_layers(file: &Sections<'_>, form: &Form, budget: &mut Budget) -> Result<(u32, Vec<u32>), LoadError> {
+    let raw = file.read(LAYERS_ID, budget)?;
+    let mut reader = Reader::new(String4(LAYERS_ID), &raw);
+    let total = u32::from(reader.u8()?);
+    if !(2..=MAX_LAYERS).contains(&total) {
+        return Err(reader.corrupt("layers outside 2..=8"));
+    }
+    let mut rows = Vec::new();
+    for &(_, _, height) in &form.epitomes {
+        let read = reader.u32()?;
+        if !read.is_multiple_of(form.step()) || !(form.step()..=height).contains(&read) {
+            return Err(reader.corrupt("rows that the epitome has not"));
+        }
+        rows.push(read);
+    }
+    reader.end()?;
+    Ok((total, rows))
+}
+
+/// Adds the layer of that number to those before it.
+fn add_layer(
+    parts: &mut Parts,
+    form: &Form,
+    layer: u32,
+    file: &Sections<'_>,
+    budget: &mut Budget,
+) -> Result<(), LoadError> {
+    let map = read_map(parts, form, layer, file, budget)?;
+    let Some(layering) = &mut parts.layering else { return Ok(()) };
+    let mut brought = layering.cells.clone();
+    if layer + 1 < layering.total {
+        let id = layer_id(b'C', layer);
+        let raw = file.read(id, budget)?;
+        let mut reader = Reader::new(String4(id), &raw);
+        let left = brought.iter().flatten().filter(|of| u32::from(**of) == layer).count();
+        let bits = read_bits(&mut reader, left)?;
+        let left = brought.iter_mut().flatten().filter(|of| u32::from(**of) == layer);
+        left.zip(bits).for_each(|(of, here)| *of += u8::from(!here));
+        reader.end()?;
+    }
+    let id = layer_id(b'A', layer);
+    let raw = file.read(id, budget)?;
+    let mut reader = Reader::new(String4(id), &raw);
+    let mut epitomes = Vec::new();
+    for (levels, cells) in parts.epitomes.iter().zip(&brought) {
+        let mut filled = Vec::new();
+        for (level, planes) in (0..).zip(levels) {
+            let cells = numbers(&layers_at(cells, columns_of(levels), level), |of| u32::from(of) == layer);
+            let size: usize = planes.planes().iter().map(|(format, _)| cell_bytes(*format)).sum();
+            let bytes = reader.bytes(size * cells.len())?;
+            filled.push(edited(planes, &cells, |place, start| {
+                if let Some(bytes) = bytes.get(start..start + place.len()) {
+                    place.copy_from_slice(bytes);
+                }
+            }));
+        }
+        epitomes.push(filled);
+    }
+    reader.end()?;
+    layering.cells = brought;
+    if layer > 0 {
+        let before =
+            LayerMap { trees: std::mem::take(&mut parts.trees), entries: std::mem::take(&mut parts.entries) };
+        layering.coarser.push(before);
+    }
+    (parts.trees, parts.entries, parts.epitomes) = (map.trees, map.entries, epitomes);
+    Ok(())
+}
+
+/// The map of a layer, where those before it are there.
+fn read_map(
+    parts: &Parts,
+    form: &Form,
+    layer: u32,
+    file: &Sections<'_>,
+    budget: &mut Budget,
+) -> Result<LayerMap, LoadError> {
+    let before = layer.checked_sub(1).map(|before| parts.map_of(before));
+    let id = layer_id(b'T', layer);
+    let mut trees = file.read(id, budget)?;
+    if let Some((before, _)) = before {
+        trees.iter_mut().zip(before).for_each(|(tree, before)| *tree ^= before);
+    }
+    let leaves = count_leaves(id, &trees, &form.format, &parts.layout)?;
+    let id = layer_id(b'E', layer);
+    let raw = file.read(id, budget)?;
+    let entries = read_entries((id, &raw), leaves, (before, &trees), form, budget)?;
+    budget.take(8 * (trees.len() + entries.len()) as u64)?;
+    Ok(LayerMap { trees, entries })
+}
+
+/// The parts with one further layer from a longer prefix of the same file; `None` where all are there.
+pub(crate) fn next_layer(
+    parts: &Parts,
+    file: &Sections<'_>,
+    budget: &mut Budget,
+) -> Result<Option<Parts>, LoadError> {
+    let Some(layering) = parts.layering.as_ref().filter(|layering| layering.loaded() < layering.total) else {
+        return Ok(None);
+    };
+    let head = read_head(file, budget)?;
+    let layers = read_layers(file, &head.form, budget)?;
+    let sizes = parts.epitomes.iter().flat_map(|levels| levels.first());
+    let sizes: Vec<_> = sizes.map(|base| (base.content(), base.size().0, base.size().1)).collect();
+    let first = read_map(parts, &head.form, 0, file, budget)?;
+    let same = (&head.layout, head.form.format, &head.linears, &head.tones)
+        == (&parts.layout, parts.format, &parts.linears, &parts.tones)
+        && (head.form.epitomes.as_slice(), layers)
+            == (sizes.as_slice(), (layering.total, layering.rows.clone()))
+        && (first.trees.as_slice(), first.entries.as_slice()) == parts.map_of(0);
+    if !same {
+        let what = "it is not of the file whose layers are there";
+        return Err(LoadError::Corrupt { section: String4(LAYERS_ID), offset: 0, what });
+    }
+    let mut next = parts.clone();
+    add_layer(&mut next, &head.form, layering.loaded(), file, budget)?;
+    Ok(Some(next))
 }
 
 struct Form {
@@ -122,6 +368,28 @@ struct Form {
     epitomes: Vec<(Content, u32, u32)>,
     linears: u32,
     tones: u32,
+}
+
+impl Form {
+    /// Sizes of an epitome's levels.
+    fn level_sizes(&self, width: u32, height: u32) -> impl Iterator<Item = (u32, u32)> + use<> {
+        let count = if self.mips { 1 + PLANE_MIPS } else { 1 };
+        (0..count).map(move |level| (width >> level, height >> level))
+    }
+
+    /// Sides of epitomes are multiples of this.
+    fn step(&self) -> u32 {
+        if self.mips { 4 << PLANE_MIPS } else { 4 }
+    }
+
+    /// Whether the fields of the map can hold an entry, and the palettes have what it names.
+    fn holds(&self, entry: &Entry) -> bool {
+        entry.x >> self.format.x_bits == 0
+            && entry.y >> self.format.y_bits == 0
+            && entry.tone < self.tones
+            && entry.linear < self.linears
+            && entry.plane <= u32::from(self.format.mixed)
+    }
 }
 
 fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, LoadError> {
@@ -200,8 +468,13 @@ fn read_palettes(reader: &mut Reader<'_>, form: &Form) -> Result<(Vec<Linear>, V
 }
 
 /// Checks the tree bytes against the layout; gives the number of leaves.
-fn count_leaves(trees: &[u8], format: &MapFormat, layout: &ImageLayout) -> Result<u64, LoadError> {
-    let reader = Reader::new(String4(TREE_ID), trees);
+fn count_leaves(
+    id: [u8; 4],
+    trees: &[u8],
+    format: &MapFormat,
+    layout: &ImageLayout,
+) -> Result<u64, LoadError> {
+    let reader = Reader::new(String4(id), trees);
     let blocks: u64 = layout
         .surfaces
         .iter()
@@ -228,30 +501,47 @@ fn count_leaves(trees: &[u8], format: &MapFormat, layout: &ImageLayout) -> Resul
     }
 }
 
-fn read_entries(raw: &[u8], leaves: u64, form: &Form, budget: &mut Budget) -> Result<Vec<Entry>, LoadError> {
-    let reader = Reader::new(String4(ENTRY_ID), raw);
-    if raw.len() as u64 != 7 * leaves {
+/// The entries of `leaves` leaves. Where there is a map before, leaves that stand in it too have a bit each, which says whether
+/// the entry is the same.
+fn read_entries(
+    (id, raw): ([u8; 4], &[u8]),
+    leaves: u64,
+    (before, trees): (Option<MapRef<'_>>, &[u8]),
+    form: &Form,
+    budget: &mut Budget,
+) -> Result<Vec<Entry>, LoadError> {
+    let mut reader = Reader::new(String4(id), raw);
+    if before.is_none() && raw.len() as u64 != 7 * leaves {
         return Err(reader.corrupt("another number of leaves than the blocks have"));
     }
-    budget.take(leaves * size_of::<Entry>() as u64)?;
-    let count = leaves as usize;
-    let byte = |plane: usize, index: usize| u32::from(raw[plane * count + index]);
-    let (mut x, mut y) = (0u32, 0u32);
+    budget.take(leaves * size_of::<(Entry, Option<usize>)>() as u64)?;
+    let mut same = same_leaves(before.map(|before| before.0), trees, leaves as usize);
+    let bits = read_bits(&mut reader, same.iter().flatten().count())?;
+    for (leaf, is_same) in same.iter_mut().filter(|leaf| leaf.is_some()).zip(bits) {
+        *leaf = leaf.filter(|_| is_same);
+    }
+    let count = same.iter().filter(|leaf| leaf.is_none()).count();
+    let planes = reader.bytes(7 * count)?;
+    reader.end()?;
+    let byte = |plane: usize, index: usize| u32::from(planes[plane * count + index]);
+    let (mut index, mut last) = (0, Entry::default());
     let mut entries = Vec::new();
-    for index in 0..count {
-        x = x.wrapping_add(byte(0, index) | byte(1, index) << 8) & 0xffff;
-        y = y.wrapping_add(byte(2, index) | byte(3, index) << 8) & 0xffff;
-        let entry = Entry { x, y, tone: byte(4, index), linear: byte(5, index), plane: byte(6, index) };
-        let format = &form.format;
-        if entry.x >> format.x_bits != 0
-            || entry.y >> format.y_bits != 0
-            || entry.tone >= form.tones
-            || entry.linear >= form.linears
-            || entry.plane > u32::from(format.mixed)
-        {
+    for leaf in same {
+        let old = leaf.zip(before).and_then(|(leaf, (_, entries))| entries.get(leaf));
+        last = match old {
+            Some(old) => *old,
+            None => {
+                let x = last.x.wrapping_add(byte(0, index) | byte(1, index) << 8) & 0xffff;
+                let y = last.y.wrapping_add(byte(2, index) | byte(3, index) << 8) & 0xffff;
+                let (tone, linear, plane) = (byte(4, index), byte(5, index), byte(6, index));
+                index += 1;
+                Entry { x, y, tone, linear, plane }
+            }
+        };
+        if !form.holds(&last) {
             return Err(reader.corrupt("an entry outside of what its fields can hold"));
         }
-        entries.push(entry);
+        entries.push(last);
     }
     Ok(entries)
 }
@@ -272,6 +562,27 @@ fn read_planes(
         budget.take(u64::from(width) * u64::from(height) * 16)?;
         let planes = ContentPlanes::from_planes(content, layout.pixel, (width, height), planes);
         levels.push(planes.ok_or(reader.corrupt("planes of another size"))?);
+    }
+    Ok(levels)
+}
+
+/// Planes of that content and those sizes with nothing in them.
+fn blank_planes(
+    content: Content,
+    layout: &ImageLayout,
+    sizes: impl Iterator<Item = (u32, u32)>,
+    budget: &mut Budget,
+) -> Result<Vec<ContentPlanes>, LoadError> {
+    let corrupt = LoadError::Corrupt { section: String4(FORM_ID), offset: 0, what: "planes of another size" };
+    let mut levels = Vec::new();
+    for (width, height) in sizes {
+        let mut planes = Vec::new();
+        for format in content.formats(layout.pixel).0 {
+            planes.push(budget.zeroed(format.bytes(width, height))?);
+        }
+        budget.take(u64::from(width) * u64::from(height) * 16)?;
+        let planes = ContentPlanes::from_planes(content, layout.pixel, (width, height), planes);
+        levels.push(planes.ok_or(corrupt.clone())?);
     }
     Ok(levels)
 }

@@ -429,6 +429,41 @@ fn a_long_sequence_fills_several_columns_of_the_index_plane() {
 }
 
 #[test]
+fn layers_that_arrive_are_drawn_as_on_the_cpu() {
+    let Some(gpu) = gpu() else { return };
+    let set = ImageSet::single(picture("facade"));
+    let params = EpitomeParams {
+        goal: Goal::Psnr(28.0),
+        effort: Effort::Fast,
+        mips: true,
+        layers: 3,
+        ..EpitomeParams::default()
+    };
+    let whole = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
+    let mut before = 0;
+    for layers in 1..=3 {
+        let subject = Subject::Epitome(whole.first_layers(layers));
+        let texture = subject.upload(gpu);
+        for level in 0..5 {
+            let side = 256 >> level;
+            let view = View::whole(0, (side, side), Lookup::Fetch { level });
+            let wanted = subject.view(&view, AddressMode::Clamp);
+            let name = format!("{layers} layers, level {level}");
+            assert_close(&name, &gpu.sample(&texture, &view).unwrap(), &wanted, 2.0 * ROUNDED + PLACED);
+        }
+        let view = View { surface: 0, size: (61, 67), uv: askew(), lookup: Lookup::Level { lod: 1.4 } };
+        let wanted = subject.view(&view, AddressMode::Clamp);
+        let found = gpu.sample(&texture, &view).unwrap();
+        assert_close("blended", &found, &wanted, 2.0 * ROUNDED + FILTERED);
+        assert_eq!(8 * texture.bytes(), subject.form().bits_memory());
+        // The map grows with each layer.
+        let map = subject.form().planes[0].data.len();
+        assert!(map > before, "{layers} layers: {map} bytes after {before}");
+        before = map;
+    }
+}
+
+#[test]
 fn a_long_map_has_longer_rows() {
     let Some(gpu) = gpu() else { return };
     let forge = Forge { sizes: &[(9, 9), (2999, 3001)], bits: [9, 9, 2, 8, 6], block: 4, ..Forge::default() };

@@ -43,6 +43,8 @@ pub struct EncodeSettings {
     pub mips: bool,
     /// How long to search.
     pub effort: Effort,
+    /// epitome only: layers of the file, 1 where this is not given.
+    pub layers: Option<u32>,
     /// vq only: codebook width and height in texels, instead of the goal.
     pub codebook: Option<(u32, u32)>,
     /// vq only: number and side in texels of the image samples.
@@ -128,6 +130,7 @@ fn epitome(
         content: settings.content,
         family: settings.family,
         mips: settings.mips,
+        layers: settings.layers.unwrap_or(1),
         effort: settings.effort,
         ..EpitomeParams::default()
     };

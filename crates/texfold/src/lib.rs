@@ -10,5 +10,5 @@ pub use auto::{CodecChoice, EncodeSettings, Guidance, encode_images};
 pub use open::{AnyImage, add_image, open, open_image};
 pub use texfold_bc::{Bc, Bc1Blocks, BcParams, Content, Family};
 pub use texfold_core::*;
-pub use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, Transforms};
+pub use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture, MAX_LAYERS, Transforms};
 pub use texfold_vq::{GuidanceWeights, Vq, VqParams, VqSource};

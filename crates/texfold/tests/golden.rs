@@ -4,8 +4,9 @@
 
 use std::path::PathBuf;
 
+use texfold::container::Sections;
 use texfold::metric::decode_surface;
-use texfold::{Budget, open_image};
+use texfold::{Budget, Layers, open_image};
 
 fn golden(name: &str) -> PathBuf {
     texfold_testkit::fixtures_dir().join("golden").join(name)
@@ -53,4 +54,24 @@ fn a_vq_sequence_decodes_as_ever() {
 fn an_epitome_of_two_formats_decodes_as_ever() {
     assert_decodes("epitome", &["epitome.png".to_owned()]);
     assert_level_decodes("epitome", 2, &["epitome-level2.png".to_owned()]);
+}
+
+/// Three layers with mip levels, and what a prefix with one of them shows. While the form of the file is not released, it is
+/// written anew by
+/// `texfold compress fixtures/images/odd_37x61.png --codec epitome --effort fast --psnr 28 --mips --layers 3 --out .`
+/// and its pictures by `texfold decompress odd_37x61.txf --out .` without and with `--layers 1`.
+#[test]
+fn a_progressive_epitome_decodes_as_ever() {
+    assert_decodes("epitome_layers", &["epitome_layers.png".to_owned()]);
+    let bytes = std::fs::read(golden("epitome_layers.txf")).unwrap();
+    let sections = Sections::parse(&bytes, &mut Budget::default()).unwrap();
+    assert!(sections.has(*b"EPA2") && !sections.has(*b"EPA3"));
+    let ends_first = |length: &usize| {
+        Sections::parse(&bytes[..*length], &mut Budget::default()).is_ok_and(|part| part.has(*b"EPA0"))
+    };
+    let end = (0..bytes.len()).find(ends_first).unwrap();
+    let prefix = open_image(&bytes[..end], &mut Budget::default()).unwrap();
+    assert_eq!(prefix.as_encoded().layers(), Layers { loaded: 1, total: 3 });
+    let wanted = texfold_testkit::png(&golden("epitome_layers-layer1.png"));
+    assert!(decode_surface(prefix.as_encoded(), 0, 0).unwrap().to_bytes() == wanted.to_bytes());
 }

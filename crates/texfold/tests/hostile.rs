@@ -109,6 +109,12 @@ fn every_truncation_names_what_is_missing() {
             match open_image(&bytes[..length], &mut Budget::new(LIMITS)) {
                 Err(LoadError::Truncated { .. }) => {}
                 Err(LoadError::NotTexfold) => assert_eq!(length, 0, "{name}"),
+                // A progressive file may end after any of its layers.
+                Ok(texture) if name == "epitome layers" => {
+                    let layers = texture.as_encoded().layers();
+                    assert!((1..3).contains(&layers.loaded) && layers.total == 3, "{length}: {layers:?}");
+                    exercise(texture.as_encoded());
+                }
                 other => panic!("{name} cut to {length} of {}: {other:?}", bytes.len()),
             }
         }
@@ -194,7 +200,8 @@ fn ten_thousand_forged_files_give_an_error_or_a_texture_that_decodes() {
 
 #[test]
 fn an_epitome_map_may_point_anywhere() {
-    for (name, _, texture) in small_textures().iter().filter(|(name, ..)| name.starts_with("epitome")) {
+    let alone = |name: &str| name.starts_with("epitome") && name != "epitome layers";
+    for (name, _, texture) in small_textures().iter().filter(|(name, ..)| alone(name)) {
         let bytes = texture.to_bytes();
         let accept = |forged: &[u8], what: &str| {
             let texture = open_image(forged, &mut Budget::new(LIMITS));
@@ -222,6 +229,49 @@ fn an_epitome_map_may_point_anywhere() {
             accept(&forged.unwrap(), "all leaves at one place");
         }
     }
+}
+
+#[test]
+fn forged_layers_are_refused_or_harmless() {
+    let (_, _, texture) = small_textures().into_iter().find(|(name, ..)| name == "epitome layers").unwrap();
+    let bytes = texture.to_bytes();
+    let open = |forged: &[u8]| open_image(forged, &mut Budget::new(LIMITS));
+    // A number of layers that no file has, or rows that the epitome has not.
+    for (at, value) in [(0, 0), (0, 1), (0, 9), (0, 255), (1, 0), (1, 2), (2, 0xff), (4, 0xff)] {
+        let forged = rewritten(&bytes, *b"EPLA", |raw| raw[at] = value).unwrap();
+        assert!(matches!(open(&forged), Err(LoadError::Corrupt { .. })), "byte {at} is {value}");
+    }
+    // Of five layers the third has a list of cells, which this file has not: two have arrived. Of two the last brings all.
+    let more = open(&rewritten(&bytes, *b"EPLA", |raw| raw[0] = 5).unwrap()).unwrap();
+    assert_eq!(more.as_encoded().layers(), texfold::Layers { loaded: 2, total: 5 });
+    exercise(more.as_encoded());
+    assert!(open(&rewritten(&bytes, *b"EPLA", |raw| raw[0] = 2).unwrap()).is_err());
+    // Lists of cells of another length, or with bits after the last.
+    for change in [|raw: &mut Vec<u8>| raw.push(0), |raw: &mut Vec<u8>| _ = raw.pop()] {
+        for id in [*b"EPC0", *b"EPE1", *b"EPA1", *b"EPA2"] {
+            assert!(open(&rewritten(&bytes, id, change).unwrap()).is_err(), "{id:?}");
+        }
+    }
+    let survive = |forged: &[u8]| match open(forged) {
+        Ok(texture) => exercise(texture.as_encoded()),
+        // Sections that are then too short end early.
+        Err(LoadError::Corrupt { .. } | LoadError::Truncated { .. }) => {}
+        Err(error) => panic!("{error}"),
+    };
+    // A list of other cells: content lands elsewhere, and leaves read cells that never arrive.
+    survive(&rewritten(&bytes, *b"EPC0", |raw| raw.reverse()).unwrap());
+    // Entries of the first layer that point elsewhere; those of further layers may follow them out of their fields.
+    for byte in [0, 1] {
+        let forged = rewritten(&bytes, *b"EPE0", |raw| {
+            let leaves = raw.len() / 7;
+            raw[..4 * leaves].fill(0);
+            raw[0] = byte;
+        });
+        survive(&forged.unwrap());
+    }
+    // Rows that the finest map reads may be said to be fewer: it then reads the last of those.
+    let form = |raw: &mut Vec<u8>| raw[1..5].copy_from_slice(&16u32.to_le_bytes());
+    exercise(open(&rewritten(&bytes, *b"EPLA", form).unwrap()).unwrap().as_encoded());
 }
 
 #[test]

@@ -36,6 +36,9 @@ pub struct Options {
     /// epitome: a picture as large as the first image, bright where content may be taken from.
     #[arg(long, value_name = "MASK")]
     pub(super) content_from: Option<PathBuf>,
+    /// epitome: layers of the file, each of about half of the bits of the next, so that a prefix shows a coarser image.
+    #[arg(long, value_name = "N")]
+    pub(super) layers: Option<u32>,
     /// Number of triangles (codecs of later versions).
     #[arg(long, value_name = "N")]
     pub(super) triangles: Option<u32>,
@@ -147,6 +150,7 @@ impl Options {
             tolerance: goals.tolerance,
             content: self.content.or(other.content),
             content_from: self.content_from.clone().or_else(|| other.content_from.clone()),
+            layers: self.layers.or(other.layers),
             triangles: self.triangles.or(other.triangles),
             terms: self.terms.or(other.terms),
             kind: self.kind.or(other.kind),
@@ -183,6 +187,11 @@ impl Options {
         in_range("bpp", self.bpp, positive, "finite numbers above 0")?;
         in_range("tolerance", self.tolerance, positive, "finite numbers above 0")?;
         in_range("importance", self.importance.map(f64::from), |x| (0.0..=4.0).contains(&x), "0..=4")?;
+        let most = f64::from(texfold::MAX_LAYERS);
+        in_range("layers", self.layers.map(f64::from), |layers| (1.0..=most).contains(&layers), "1..=8")?;
+        if self.tolerance.is_some() {
+            in_range("layers", self.layers.map(f64::from), |layers| layers == 1.0, "1, for a tolerance")?;
+        }
         let side = |value: f64| (4.0..=256.0).contains(&value) && value % 4.0 == 0.0;
         for value in self.codebook.iter().flat_map(|sides| [sides.0, sides.1]) {
             in_range("codebook", Some(f64::from(value)), side, "sides that are multiples of 4 in 4..=256")?;
@@ -203,6 +212,9 @@ impl Options {
             match () {
                 () if self.content_from.is_some() && codec != CodecName::Epitome => {
                     return misplaced("content-from", "epitome");
+                }
+                () if self.layers.is_some() && codec != CodecName::Epitome => {
+                    return misplaced("layers", "epitome");
                 }
                 () if self.triangles.is_some() => return misplaced("triangles", "progressive"),
                 () if self.terms.is_some() => return misplaced("terms", "lightfield"),
@@ -242,6 +254,7 @@ impl Options {
             family,
             mips: self.mips.unwrap_or(false),
             effort: self.effort.unwrap_or_default().effort(),
+            layers: self.layers,
             codebook: self.codebook.map(|Sides(width, height)| (width, height)),
             samples: self.samples(),
             importance: self.importance,

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use texfold::AnyImage;
 use texfold_core::image::Raster;
 use texfold_core::metric::decode_surface;
-use texfold_core::{Budget, Encoded, Image2d, RegionError};
+use texfold_core::{Budget, Encoded, Image2d, Layers, RegionError};
 
 use crate::error::{CliError, explain, guarded};
 use crate::output::{make_folder, remove_stale};
@@ -38,8 +38,8 @@ pub struct DecompressArgs {
     /// Mip level: 0 is the full size.
     #[arg(long, value_name = "N", default_value_t = 0)]
     lod: u32,
-    /// Layers of a progressive file (codecs of later versions).
-    #[arg(long, value_name = "N")]
+    /// Only the first layers of a progressive file.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     layers: Option<u32>,
     /// Terms of a light field (codecs of later versions).
     #[arg(long, value_name = "K")]
@@ -81,8 +81,9 @@ fn decompress(
     writers: &mut HashMap<PathBuf, PathBuf>,
 ) -> Result<(), CliError> {
     let image = load(path)?;
+    check_parts(path, args, image.as_encoded())?;
+    let image = with_layers(path, args.layers, image);
     let encoded = image.as_encoded();
-    check_parts(path, args, encoded)?;
     let picture = device.map(|device| device.upload(path, encoded)).transpose()?;
     let surfaces = encoded.layout().surfaces.len();
     for surface in 0..surfaces {
@@ -100,6 +101,24 @@ fn decompress(
     Ok(())
 }
 
+/// The image with at most `wanted` layers. Says so where the file was cut, or has fewer than that.
+fn with_layers(path: &Path, wanted: Option<u32>, image: AnyImage) -> AnyImage {
+    let Layers { loaded, total } = image.as_encoded().layers();
+    let warn = |what: &str| complain(&format!("{}: {what}", path.display()));
+    match wanted {
+        Some(wanted) if wanted > total => warn(&format!("has {total} layers, not {wanted}")),
+        Some(wanted) if wanted <= loaded => {}
+        _ if loaded < total => {
+            warn(&format!("is cut after {loaded} of {total} layers; the rest of it makes the image finer"));
+        }
+        _ => {}
+    }
+    match (image, wanted) {
+        (AnyImage::Epitome(texture), Some(wanted)) => AnyImage::Epitome(texture.first_layers(wanted)),
+        (image, _) => image,
+    }
+}
+
 /// Refuses options that the file's codec does not have.
 fn check_parts(
     path: &Path,
@@ -109,7 +128,7 @@ fn check_parts(
     let missing =
         |option| CliError::NoSuchPart { path: path.to_owned(), codec: encoded.codec().name, option };
     match () {
-        () if args.layers.is_some() => Err(missing("layers")),
+        () if args.layers.is_some() && encoded.layers().total == 1 => Err(missing("layers")),
         () if args.terms.is_some() => Err(missing("terms")),
         () if args.lod >= encoded.layout().levels => {
             let source = RegionError::NoSuchLevel { level: args.lod, levels: encoded.layout().levels };

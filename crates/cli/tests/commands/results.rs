@@ -117,6 +117,41 @@ fn mip_levels_are_decoded_by_number() {
 }
 
 #[test]
+fn a_progressive_file_is_decoded_layer_by_layer() {
+    let place = Place::new();
+    place.picture("a.png", 96, 80, 3);
+    let arguments = "a.png --out out --codec epitome --content bc1 --psnr 26 --effort fast --layers 3";
+    let (run, report) = place.compress(arguments);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert_eq!(report[0]["codec"], "epitome", "{}", report[0]["verdict"]);
+    assert!(report[0]["settings"].as_str().unwrap().ends_with("3 layers"), "{report:?}");
+    let run = place.run("info out/a.txf");
+    assert!(run.stdout.contains("layers    3 of 3"), "{}", run.stdout);
+    assert!(run.stdout.contains("map, layer 1") && run.stdout.contains("epitome, layer 3"), "{}", run.stdout);
+    let decode = |file: &str, out: &str, layers: &str| {
+        let run = place.run(&format!("decompress out/{file}.txf --out {out} {layers}"));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        (fs::read(place.at(&format!("{out}/{file}.png"))).unwrap(), run.stderr)
+    };
+    let whole = decode("a", "whole", "");
+    let (first, warned) = decode("a", "first", "--layers 1");
+    assert!(first != whole.0 && warned.is_empty() && whole.1.is_empty(), "{warned}");
+    assert_eq!(decode("a", "third", "--layers 3"), whole);
+    let (more, warned) = decode("a", "more", "--layers 4");
+    assert!(more == whole.0 && warned.contains("has 3 layers, not 4"), "{warned}");
+    // A file cut in the last layer shows the second, and says so; one cut in the first layer is an error.
+    let bytes = fs::read(place.at("out/a.txf")).unwrap();
+    fs::write(place.at("out/cut.txf"), &bytes[..bytes.len() - 1]).unwrap();
+    let (cut, warned) = decode("cut", "cut", "");
+    assert!(warned.contains("cut after 2 of 3 layers"), "{warned}");
+    assert!(cut == decode("a", "second", "--layers 2").0);
+    assert!(place.run("info out/cut.txf").stdout.contains("layers    2 of 3"));
+    fs::write(place.at("out/short.txf"), &bytes[..bytes.len() / 8]).unwrap();
+    let run = place.run("decompress out/short.txf --out short");
+    assert!(run.code == Some(1) && run.stderr.contains("fetch the rest"), "{}", run.stderr);
+}
+
+#[test]
 fn damaged_files_are_named_and_the_others_decoded() {
     let place = Place::new();
     place.picture("a.png", 40, 24, 3);

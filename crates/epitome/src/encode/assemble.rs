@@ -13,6 +13,7 @@ use super::pyramid::{Space, Stored};
 use crate::encoded::{
     Entry, EpitomeTexture, IDENTITY, MapFormat, NEUTRAL, PLANE_MIPS, Parts, coarse_content, coarse_levels,
 };
+use crate::layers::{LayerMap, Layering};
 
 /// What a texture is made of.
 pub(crate) struct Plan<'a> {
@@ -25,10 +26,10 @@ pub(crate) struct Plan<'a> {
     pub(crate) effort: Effort,
 }
 
-/// The shipped form of a choice.
-pub(crate) fn assemble(plan: &Plan<'_>, choice: &Choice) -> Result<EpitomeTexture, EncodeError> {
+/// The shipped form of choices, one a layer, coarse to fine.
+pub(crate) fn assemble(plan: &Plan<'_>, choices: &[Choice]) -> Result<EpitomeTexture, EncodeError> {
     let step = if plan.mips { 1 << PLANE_MIPS } else { 1 };
-    let packing = pack(plan.space, plan.options, choice, step);
+    let packing = pack(plan.space, plan.options, choices, step);
     let too_large = |(side, stored): (&(u32, u32), &Stored)| {
         side.0.max(side.1) * stored.cell > crate::wire::MAX_EPITOME_SIDE
     };
@@ -38,24 +39,16 @@ pub(crate) fn assemble(plan: &Plan<'_>, choice: &Choice) -> Result<EpitomeTextur
     let used: Vec<usize> =
         (0..plan.space.stored.len()).filter(|&f| packing.charts.iter().any(|c| c.format == f)).collect();
     let used = if used.is_empty() { vec![0] } else { used };
-    let (trees, leaves) = leaves(plan.grid, choice);
     let mut palettes = Used::default();
-    let mut entries: Vec<Entry> =
-        leaves.iter().map(|&node| entry(plan, &packing, choice, node, &used, &mut palettes)).collect();
-    let fraction_bits = whole_texels(&mut entries);
+    let mut maps: Vec<LayerMap> = Vec::new();
+    for choice in choices {
+        let (trees, leaves) = leaves(plan.grid, choice);
+        let entry = |&node: &usize| entry(plan, &packing, choice, node, &used, &mut palettes);
+        maps.push(LayerMap { trees, entries: leaves.iter().map(entry).collect() });
+    }
+    let fraction_bits = whole_texels(&mut maps);
     let levels = if plan.mips { plan.images.full_levels() } else { 1 };
-    let layout = plan.images.layout(levels);
-    let bits = |most: u32| 32 - most.leading_zeros();
-    let format = MapFormat {
-        block: plan.grid.block,
-        split: plan.grid.split,
-        x_bits: bits(entries.iter().map(|entry| entry.x).max().unwrap_or(0)),
-        y_bits: bits(entries.iter().map(|entry| entry.y).max().unwrap_or(0)),
-        fraction_bits,
-        tone_bits: bits(palettes.tones.len().saturating_sub(1) as u32),
-        linear_bits: bits(palettes.linears.len().saturating_sub(1) as u32),
-        mixed: used.len() > 1,
-    };
+    let format = map_format(plan.grid, &maps, &palettes, (fraction_bits, used.len() > 1));
     let epitomes: Vec<Vec<ContentPlanes>> = used
         .iter()
         .map(|&format| epitome(plan, &packing, format, levels > 1))
@@ -63,18 +56,71 @@ pub(crate) fn assemble(plan: &Plan<'_>, choice: &Choice) -> Result<EpitomeTextur
         .ok_or(EncodeError::Source(SourceError::Full { what: "an epitome" }))?;
     let linear = |&number: &u16| plan.palettes.linears.get(usize::from(number)).copied().unwrap_or(IDENTITY);
     let tone = |&number: &u16| plan.palettes.tones.get(usize::from(number)).copied().unwrap_or(NEUTRAL);
-    let coarse = coarse(plan, levels, plan.space.stored[used[0]].content);
+    let finest = maps.pop().unwrap_or_default();
     let parts = Parts {
-        layout,
+        layout: plan.images.layout(levels),
         format,
-        trees,
-        entries,
+        trees: finest.trees,
+        entries: finest.entries,
         linears: palettes.linears.iter().map(linear).collect(),
         tones: palettes.tones.iter().map(tone).collect(),
         epitomes,
-        coarse,
+        coarse: coarse(plan, levels, plan.space.stored[used[0]].content),
+        layering: (!maps.is_empty()).then(|| {
+            Box::new(Layering {
+                total: choices.len() as u32,
+                rows: used
+                    .iter()
+                    .map(|&format| packing.finest_rows[format] * plan.space.stored[format].cell)
+                    .collect(),
+                coarser: maps,
+                cells: used
+                    .iter()
+                    .map(|&format| cell_layers(plan.space, &packing, format, choices))
+                    .collect(),
+            })
+        }),
     };
     Ok(EpitomeTexture::new(parts, Notes::default()))
+}
+
+/// Fields as wide as the entries of all layers need.
+fn map_format(
+    grid: &Grid,
+    maps: &[LayerMap],
+    palettes: &Used,
+    (fraction_bits, mixed): (u32, bool),
+) -> MapFormat {
+    let bits = |most: u32| 32 - most.leading_zeros();
+    let most = |of: fn(&Entry) -> u32| maps.iter().flat_map(|map| &map.entries).map(of).max().unwrap_or(0);
+    MapFormat {
+        block: grid.block,
+        split: grid.split,
+        x_bits: bits(most(|entry| entry.x)),
+        y_bits: bits(most(|entry| entry.y)),
+        fraction_bits,
+        tone_bits: bits(palettes.tones.len().saturating_sub(1) as u32),
+        linear_bits: bits(palettes.linears.len().saturating_sub(1) as u32),
+        mixed,
+    }
+}
+
+/// For each cell of an epitome, row by row, the first layer that reads it; the last one for cells that none reads.
+fn cell_layers(space: &Space, packing: &Packing, format: usize, choices: &[Choice]) -> Vec<u8> {
+    let (columns, rows) = packing.sizes[format];
+    let mut layers = vec![choices.len().saturating_sub(1) as u8; (columns * rows) as usize];
+    for chart in packing.charts.iter().filter(|chart| chart.format == format) {
+        let cells = space.rows_of(format, chart.image, chart.scale);
+        for &(x, y) in &chart.cells {
+            let cell = cells.number(x, y) as usize;
+            let first = choices.iter().position(|choice| choice.users[cell] > 0);
+            let (to_x, to_y) = (x - chart.corner.0 + chart.place.0, y - chart.corner.1 + chart.place.1);
+            if let (Some(layer), Some(first)) = (layers.get_mut((to_y * columns + to_x) as usize), first) {
+                *layer = first as u8;
+            }
+        }
+    }
+    layers
 }
 
 /// Tree bytes of all blocks, and the nodes of all leaves in the order of their entries.
@@ -157,10 +203,10 @@ fn entry(
 }
 
 /// Takes from positions the fraction bits that are 0 in all of them; gives how many are left.
-fn whole_texels(entries: &mut [Entry]) -> u32 {
-    let all = entries.iter().fold(0, |all, entry| all | entry.x | entry.y);
+fn whole_texels(maps: &mut [LayerMap]) -> u32 {
+    let all = maps.iter().flat_map(|map| &map.entries).fold(0, |all, entry| all | entry.x | entry.y);
     let spare = all.trailing_zeros().min(FRACTION_BITS);
-    for entry in entries {
+    for entry in maps.iter_mut().flat_map(|map| &mut map.entries) {
         (entry.x, entry.y) = (entry.x >> spare, entry.y >> spare);
     }
     FRACTION_BITS - spare

@@ -38,6 +38,40 @@ pub(crate) struct Costs<'a> {
     pub(crate) cell_bits: &'a [f32],
     /// Number of cells, by format.
     pub(crate) cells: &'a [u32],
+    /// The other layers of a progressive file, if any.
+    pub(crate) others: Option<Others<'a>>,
+}
+
+/// Layers between which one is chosen. What they have is stored anyway, only earlier; all else is stored for the layer
+/// alone, and costs more.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Others<'a> {
+    /// For each node that is a leaf of the finest and of the next coarser layer its candidate's number.
+    pub(crate) leaves: [&'a [Option<u32>]; 2],
+    /// For each cell whether a layer has it.
+    pub(crate) cells: &'a [bool],
+    /// Price of a bit that no layer has, in bits.
+    pub(crate) dear: f32,
+}
+
+impl Costs<'_> {
+    /// What the entry of a candidate costs, in entries.
+    #[inline]
+    fn entry_price(&self, node: usize, candidate: usize) -> f32 {
+        match self.others {
+            Some(others) if others.leaves.iter().all(|of| of[node] != Some(candidate as u32)) => others.dear,
+            _ => 1.0,
+        }
+    }
+
+    /// What a cell costs, in cells.
+    #[inline]
+    fn cell_price(&self, cell: u32) -> f32 {
+        match self.others {
+            Some(others) if !others.cells[cell as usize] => others.dear,
+            _ => 1.0,
+        }
+    }
 }
 
 /// What was chosen.
@@ -180,7 +214,7 @@ impl<'a> State<'a> {
         let mut best = (f32::INFINITY, 0);
         let entry = self.outside_cost();
         for (index, candidate) in self.options.candidates[node].iter().enumerate() {
-            let mut cost = candidate.error + entry;
+            let mut cost = candidate.error + self.costs.entry_price(node, index) * entry;
             if cost >= best.0 {
                 continue;
             }
@@ -190,11 +224,12 @@ impl<'a> State<'a> {
                 let mut price = 0.0;
                 for &cell in cells {
                     let others = self.users[cell as usize];
-                    price += if others == 0 { 1.0 } else { (1.0 - self.settled) / (others + 1) as f32 };
+                    let share = if others == 0 { 1.0 } else { (1.0 - self.settled) / (others + 1) as f32 };
+                    price += share * self.costs.cell_price(cell);
                 }
                 cost += bits * price;
             } else {
-                cost += bits * cells.len() as f32;
+                cost += bits * cells.iter().map(|&cell| self.costs.cell_price(cell)).sum::<f32>();
             }
             if cost < best.0 {
                 best = (cost, index as u32);

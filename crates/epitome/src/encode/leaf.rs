@@ -7,7 +7,7 @@ use super::pyramid::Space;
 use crate::encoded::blocks_of;
 
 /// A block's square, its four quarters, and theirs.
-pub(crate) const SPLIT_NODES: usize = 21;
+pub(crate) const SPLIT_NODES: usize = crate::encoded::NODES;
 
 /// A square of an image that may be a leaf.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

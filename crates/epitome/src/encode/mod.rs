@@ -5,6 +5,7 @@ mod assemble;
 mod candidate;
 mod choose;
 mod growth;
+mod ladder;
 mod leaf;
 mod linear;
 mod mask;
@@ -29,7 +30,7 @@ use choose::{Choice, Costs, Options, choose, improve, most_errors};
 use growth::grow;
 use leaf::Grid;
 use options::{Fitted, Palettes, all_options, direct_options, fit};
-use pyramid::{LEAST_SIDE, SCALES, Space};
+use pyramid::{LEAST_SIDE, SCALES, SCALES_ALONE, Space};
 use search::{Allowed, Reach, search};
 
 use crate::{EpitomeParams, EpitomeSource, EpitomeTexture};
@@ -57,6 +58,10 @@ const ASTC: [AstcBlock; 2] = [AstcBlock::B8, AstcBlock::B6];
 const FINER: [u32; 4] = [6, 16, 40, 90];
 /// Settings of lambda: 32 an octave.
 const KNOBS: std::ops::RangeInclusive<u32> = 1..=544;
+
+/// Times that a file of several layers is made for a goal of bits, and the share of what it is over that is taken off.
+const BPP_TRIES: u32 = 4;
+const BPP_STEP: f64 = 1.1;
 
 /// The setting under which only bits count, for tolerances: within them errors are free.
 const TOLERANCE_KNOB: u32 = 96;
@@ -130,6 +135,7 @@ pub(crate) fn encode_from(
     job: &mut Job<'_>,
 ) -> Result<EpitomeTexture, EncodeError> {
     goal.check()?;
+    EpitomeParams { goal, ..searched.params.clone() }.check()?;
     let Some(other) = &searched.other else { return searched.encode(goal, job) };
     let first = job.within(0.0, 0.5, |job| searched.encode(goal, job))?;
     let second = job.within(0.5, 1.0, |job| other.encode(goal, job))?;
@@ -197,7 +203,11 @@ fn store(
     let images = source.images.clone();
     let contents = contents(images.info(), params)?;
     let sizes: Vec<SurfaceSize> = images.images().iter().map(|image| image.size()).collect();
-    let scales = if params.transforms.scales { SCALES.len() } else { 1 };
+    let scales = match params.transforms.scales {
+        false => 1,
+        true if params.layers > 1 => SCALES.len(),
+        true => SCALES_ALONE,
+    };
     let (grid, scales) = match params.goal {
         Goal::Tolerance(_) => (Grid::new(&sizes, params.block.unwrap_or(TOLERANCE_BLOCK), false), 1),
         _ if params.transforms.quadtree => (Grid::new(&sizes, block_of(&contents), true), scales),
@@ -233,7 +243,13 @@ impl EpitomeSearch {
     }
 
     fn costs(&self, knob: u32) -> Costs<'_> {
-        Costs { lambda: lambda(knob), entry_bits: ENTRY_BITS, cell_bits: &self.cell_bits, cells: &self.cells }
+        Costs {
+            lambda: lambda(knob),
+            entry_bits: ENTRY_BITS,
+            cell_bits: &self.cell_bits,
+            cells: &self.cells,
+            others: None,
+        }
     }
 
     /// Whether every block is to be covered within a tolerance.
@@ -333,37 +349,68 @@ impl EpitomeSearch {
         }
     }
 
-    /// The setting that reaches a goal of quality or size on the shipped form.
+    /// The form that answers a goal of quality or size.
     fn reaching(&self, goal: Goal, job: &mut Job<'_>) -> Result<EpitomeTexture, EncodeError> {
-        let texels = self.images.texel_count() as f64;
-        let (options, palettes, guess) = job.install(|| {
+        let (options, palettes) = job.install(|| {
             let fitted = self.fitted();
-            let options = self.options(&fitted, &self.rules(None));
-            let guess = nearest_knob(goal, texels, |knob| self.choose(&options, knob));
-            (options, fitted.palettes, guess)
+            (self.options(&fitted, &self.rules(None)), fitted.palettes)
         });
         let plan = self.plan(&options, &palettes);
+        let (mut wanted, mut tries) = (goal, 1);
+        loop {
+            let (knob, measured, made) = self.setting(wanted, &plan, job)?;
+            let choice = self.choose(&options, knob);
+            let met = goal.is_met(&measured);
+            let verdict = report::verdict(&self.grid, &options, &choice, met);
+            if self.params.layers <= 1 {
+                return Ok(made.with_notes(self.notes(goal, verdict)));
+            }
+            let (made, measured) = self.layered(&plan, &made, (choice, knob), job)?;
+            // What coarser layers alone read takes room too.
+            if let (Goal::Bpp(bpp), Goal::Bpp(before)) = (goal, wanted)
+                && met
+                && measured.bpp > bpp
+                && tries < BPP_TRIES
+            {
+                wanted = Goal::Bpp((before - BPP_STEP * (measured.bpp - bpp)).max(0.5 * before));
+                tries += 1;
+                continue;
+            }
+            let (reached, psnr_without) = self.measure_layers(&made, &measured);
+            let notes = self.notes(goal, verdict + &reached);
+            return Ok(made.with_notes(Notes { psnr_without, ..notes }));
+        }
+    }
+
+    /// The setting that reaches a goal with one layer, and what it makes.
+    fn setting(
+        &self,
+        goal: Goal,
+        plan: &Plan<'_>,
+        job: &mut Job<'_>,
+    ) -> Result<(u32, Measured, EpitomeTexture), EncodeError> {
+        let texels = self.images.texel_count() as f64;
+        let guess = job.install(|| nearest_knob(goal, texels, |knob| self.choose(plan.options, knob)));
         let mut tried = 0u16;
+        let make = |knob: u32| assemble(plan, &[self.choose(plan.options, knob)]);
         let found = find(goal, KNOBS, guess, 0.0, |knob| {
             job.stage("packing", (0.5 + 0.05 * f32::from(tried)).min(0.95))?;
             tried += 1;
-            let made = job.install(|| assemble(&plan, &self.choose(&options, knob)))?;
+            let made = job.install(|| make(knob))?;
             Ok::<_, EncodeError>((measure(&self.images, &made), made))
         })?;
         // What repeats is sometimes gathered better at a finer setting, and is smaller there.
-        let (mut knob, mut measured, mut value) = (found.knob, found.measured, found.value);
+        let mut best = (found.knob, found.measured, found.value);
         for step in FINER {
             job.checkpoint()?;
             let finer = (found.knob + step).min(*KNOBS.end());
-            let made = job.install(|| assemble(&plan, &self.choose(&options, finer)))?;
+            let made = job.install(|| make(finer))?;
             let of_made = measure(&self.images, &made);
-            if goal.prefers(&of_made, &measured) {
-                (knob, measured, value) = (finer, of_made, made);
+            if goal.prefers(&of_made, &best.1) {
+                best = (finer, of_made, made);
             }
         }
-        let choice = self.choose(&options, knob);
-        let verdict = report::verdict(&self.grid, &options, &choice, goal.is_met(&measured));
-        Ok(value.with_notes(self.notes(goal, verdict)))
+        Ok(best)
     }
 
     /// The smallest form whose every block is within a tolerance. Charts of more candidates may pack worse than charts of
@@ -379,7 +426,7 @@ impl EpitomeSearch {
                 let plan = self.plan(&options, &fitted.palettes);
                 let make = |choice: Choice| {
                     let verdict = report::verdict(&self.grid, &options, &choice, true);
-                    assemble(&plan, &choice).map(|made| made.with_notes(self.notes(goal, verdict)))
+                    assemble(&plan, &[choice]).map(|made| made.with_notes(self.notes(goal, verdict)))
                 };
                 self.covers(&options).into_iter().map(make).collect::<Result<_, _>>()
             })?;
@@ -439,6 +486,7 @@ fn settings(params: &EpitomeParams) -> String {
         Goal::Tolerance(value) => format!("tolerance {value}"),
     };
     let content = params.content.map_or(String::new(), |content| format!(", content {}", content.name()));
+    let layers = if params.layers > 1 { format!(", {} layers", params.layers) } else { String::new() };
     let without: String = params.transforms.missing().map(|part| format!(", without {part}")).collect();
-    format!("epitome, {goal}{content}{without}")
+    format!("epitome, {goal}{content}{layers}{without}")
 }

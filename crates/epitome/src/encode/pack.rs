@@ -30,6 +30,8 @@ pub(crate) struct Chart {
     pub(crate) corner: (u32, u32),
     /// Where the corner goes, in cells.
     pub(crate) place: (u32, u32),
+    /// Whether the finest layer reads none of it. Such charts come last, where a GPU that has all layers need not hold them.
+    pub(crate) is_extra: bool,
 }
 
 /// Charts in their places.
@@ -40,6 +42,8 @@ pub(crate) struct Packing {
     pub(crate) chart_of: Vec<u32>,
     /// Columns and rows in cells of each format's epitome.
     pub(crate) sizes: Vec<(u32, u32)>,
+    /// How many of the rows the finest layer reads.
+    pub(crate) finest_rows: Vec<u32>,
 }
 
 /// Sets of cells, joined where a leaf reads across.
@@ -70,19 +74,26 @@ impl Union {
     }
 }
 
-/// Packs all cells that `choice` reads; sides of epitomes are multiples of `step` cells.
-pub(crate) fn pack(space: &Space, options: &Options, choice: &Choice, step: u32) -> Packing {
-    let mut packing = Packing { charts: charts(space, options, choice), ..Packing::default() };
+/// Packs all cells that `layers` read; sides of epitomes are multiples of `step` cells.
+pub(crate) fn pack(space: &Space, options: &Options, layers: &[Choice], step: u32) -> Packing {
+    let mut packing = Packing { charts: charts(space, options, layers), ..Packing::default() };
     for format in 0..space.stored.len() {
         let mut order: Vec<usize> =
             (0..packing.charts.len()).filter(|&index| packing.charts[index].format == format).collect();
-        order.sort_by_key(|&index| (std::cmp::Reverse(packing.charts[index].extent()), index));
+        let key = |index: usize| {
+            let chart = &packing.charts[index];
+            (chart.is_extra, std::cmp::Reverse(chart.extent()), index)
+        };
+        order.sort_by_key(|&index| key(index));
         let cells: u64 = order.iter().map(|&index| packing.charts[index].cells.len() as u64).sum();
         let limit = crate::wire::MAX_EPITOME_SIDE / space.stored[format].cell;
         let size = place(&mut packing.charts, &order, cells, (step, limit));
         packing.sizes.push(size);
+        let drawn = order.iter().map(|&index| &packing.charts[index]).filter(|chart| !chart.is_extra);
+        let rows = drawn.map(|chart| chart.place.1 + chart.size().1).max().unwrap_or(1);
+        packing.finest_rows.push(rows.next_multiple_of(step).min(size.1));
     }
-    packing.chart_of = vec![u32::MAX; choice.users.len()];
+    packing.chart_of = vec![u32::MAX; space.cells()];
     for (index, chart) in (0u32..).zip(&packing.charts) {
         let rows = space.rows_of(chart.format, chart.image, chart.scale);
         for &(x, y) in &chart.cells {
@@ -93,9 +104,10 @@ pub(crate) fn pack(space: &Space, options: &Options, choice: &Choice, step: u32)
 }
 
 /// Cells that are read, joined to charts.
-fn charts(space: &Space, options: &Options, choice: &Choice) -> Vec<Chart> {
-    let mut union = Union { parent: (0..choice.users.len() as u32).collect() };
-    for (node, leaf) in choice.leaves.iter().enumerate() {
+fn charts(space: &Space, options: &Options, layers: &[Choice]) -> Vec<Chart> {
+    let cells = space.cells() as u32;
+    let mut union = Union { parent: (0..cells).collect() };
+    for (node, leaf) in layers.iter().flat_map(|choice| choice.leaves.iter().enumerate()) {
         let candidate: Option<&Candidate> = leaf.and_then(|leaf| options.candidates[node].get(leaf as usize));
         let Some(candidate) = candidate else { continue };
         for pair in options.cells_of(candidate).windows(2) {
@@ -103,7 +115,8 @@ fn charts(space: &Space, options: &Options, choice: &Choice) -> Vec<Chart> {
         }
     }
     let mut by_root: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-    for cell in (0..choice.users.len() as u32).filter(|&cell| choice.users[cell as usize] > 0) {
+    let is_read = |&cell: &u32| layers.iter().any(|choice| choice.users[cell as usize] > 0);
+    for cell in (0..cells).filter(is_read) {
         let root = union.root(cell);
         by_root.entry(root).or_default().push(cell);
     }
@@ -118,7 +131,9 @@ fn charts(space: &Space, options: &Options, choice: &Choice) -> Vec<Chart> {
             .collect();
         let left = cells.iter().map(|cell| cell.0).min().unwrap_or(0);
         let top = cells.iter().map(|cell| cell.1).min().unwrap_or(0);
-        Chart { format, image, scale, cells, corner: (left, top), place: (0, 0) }
+        let finest = layers.last().map(|choice| choice.users.as_slice()).unwrap_or_default();
+        let is_extra = members.iter().all(|&cell| finest.get(cell as usize) == Some(&0));
+        Chart { format, image, scale, cells, corner: (left, top), place: (0, 0), is_extra }
     };
     by_root.into_values().map(chart).collect()
 }

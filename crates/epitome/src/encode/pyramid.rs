@@ -23,8 +23,11 @@ pub(crate) struct Scale {
     pub(crate) down: u32,
 }
 
-/// Numbers of the scales; 0 is the full size.
-pub(crate) const SCALES: [Scale; 9] = [
+/// Scales that content of one layer is taken from: the first of [`SCALES`].
+pub(crate) const SCALES_ALONE: usize = 9;
+/// Numbers of the scales; 0 is the full size. The last serves coarse layers of progressive files, where it is a quarter of
+/// the next larger one's bits.
+pub(crate) const SCALES: [Scale; 10] = [
     Scale { across: 0, down: 0 },
     Scale { across: 1, down: 0 },
     Scale { across: 0, down: 1 },
@@ -34,6 +37,7 @@ pub(crate) const SCALES: [Scale; 9] = [
     Scale { across: 2, down: 1 },
     Scale { across: 1, down: 2 },
     Scale { across: 2, down: 2 },
+    Scale { across: 3, down: 3 },
 ];
 
 /// One image at all scales.
@@ -149,9 +153,14 @@ impl Space {
         CellRows { columns, base: stored.bases[image * self.scales() + scale], side: stored.cell }
     }
 
+    /// Format of a cell.
+    pub(crate) fn format_of(&self, cell: u32) -> usize {
+        self.stored.partition_point(|stored| stored.bases[0] <= cell) - 1
+    }
+
     /// Format, image and scale of a cell, with its column and row.
     pub(crate) fn locate(&self, cell: u32) -> (usize, usize, usize, u32, u32) {
-        let format = self.stored.partition_point(|stored| stored.bases[0] <= cell) - 1;
+        let format = self.format_of(cell);
         let field = self.stored[format].bases.partition_point(|&base| base <= cell) - 1;
         let (image, scale) = (field / self.scales(), field % self.scales());
         let CellRows { columns, base, .. } = self.rows_of(format, image, scale);

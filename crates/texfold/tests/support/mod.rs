@@ -49,10 +49,12 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     }
     let params = VqParams { codebook: Some((64, 32)), effort: Effort::Fast, ..VqParams::default() };
     textures.push(("vq sequence".to_owned(), ripple.clone(), vq(&ripple, &params)));
-    // BC1 and BC7 side by side, with mip levels; plain bytes; two images that share content.
+    // BC1 and BC7 side by side, with mip levels; the same in layers; plain bytes; two images that share content.
     let fast = EpitomeParams { goal: Goal::Psnr(26.0), effort: Effort::Fast, ..EpitomeParams::default() };
     let params = EpitomeParams { mips: true, ..fast.clone() };
     textures.push(("epitome mixed".to_owned(), odd.clone(), epitome(&odd, &params)));
+    let params = EpitomeParams { layers: 3, ..params };
+    textures.push(("epitome layers".to_owned(), odd.clone(), epitome(&odd, &params)));
     let params = EpitomeParams { content: Some(Content::Raw), ..fast.clone() };
     textures.push(("epitome raw".to_owned(), odd.clone(), epitome(&odd, &params)));
     let params = EpitomeParams { content: Some(Content::Bc1), ..fast };

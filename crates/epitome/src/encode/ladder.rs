@@ -1,0 +1,211 @@
+//! Coarser layers of a progressive file (paper section 5, "Progressive representation").
+//!
+//! The finest layer is what the goal asks for, chosen as if it were alone. Coarser ones are then chosen from the same
+//! options, the coarsest first, each for about half of the next one's bits, where cells and entries of layers that are
+//! chosen cost what they cost there, since they are only stored earlier, and all others cost more, since they are stored for
+//! this layer alone. Several such prices are tried; the layer with the least error is taken with which all layers together
+//! stay within [`MOST_EXTRA`]. Most of that goes to the coarsest layer, whose content further ones show wherever they do not
+//! yet show the finest's.
+//!
+//! Considered, not taken: from coarse to fine, as the paper has it, with the cells of coarser layers free for finer ones.
+//! Here coarse content is mostly content at a smaller scale, which a finer layer has no use for: a layer of half the bits
+//! would add a third to the whole. *Not done*: layers within tolerances.
+
+use rayon::prelude::*;
+use texfold_core::container::SectionWriter;
+use texfold_core::metric::measure;
+use texfold_core::target::Measured;
+use texfold_core::{EncodeError, Encoded, Job};
+
+use super::assemble::{Plan, assemble};
+use super::choose::{Choice, Costs, Options, Others, choose};
+use super::{EpitomeSearch, KNOBS};
+use crate::EpitomeTexture;
+use crate::layers::layer_names;
+
+/// Bits of a layer, as a share of the next finer one's.
+const SHARE: f64 = 0.5;
+/// A layer has at most as many times its share.
+const ROOM: f64 = 1.15;
+/// Bytes that all layers together may have beyond those of the finest alone, as a share of them; without the container's
+/// own, which are about 160 a layer whatever the image.
+const MOST_EXTRA: f64 = 0.135;
+/// Times that layers are chosen to come below that, and the share of it that is then aimed at.
+const EXTRA_TRIES: u32 = 3;
+const EXTRA_AIM: f64 = 0.95;
+/// Share of the extra bits for all layers up to the next finer one that those up to a layer may have.
+const EXTRA_SHARE: f64 = 0.85;
+/// Extra bits that every layer may have, as a share of the finest layer's bits: for entries, where coarser layers have taken
+/// all that they may.
+const LEAST_EXTRA: f64 = 0.01;
+/// Prices of a bit that is stored for coarser layers alone that are tried, in bits. Low ones make coarser layers better,
+/// high ones the whole smaller.
+const DEAR: [f32; 5] = [2.0, 3.0, 4.5, 7.0, 12.0];
+/// Settings of lambda between those that are tried for a coarser layer: an eighth of an octave.
+const KNOB_STEP: u32 = 4;
+
+/// Layers in the making.
+struct Ladder {
+    finest: Choice,
+    /// The others, coarse to fine.
+    coarser: Vec<Choice>,
+    /// For each cell whether a layer reads it.
+    cells: Vec<bool>,
+    /// Bits stored for coarser layers alone.
+    extra: f64,
+}
+
+impl Ladder {
+    /// Leaves of the finest layer, and of the one before the layer that is to be added; the finest's again where there is none.
+    fn leaves(&self) -> [&[Option<u32>]; 2] {
+        [&self.finest.leaves, &self.coarser.last().unwrap_or(&self.finest).leaves]
+    }
+}
+
+/// What a layer is judged by, first things first.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+struct Rank {
+    /// Whether it has more bits than it may have.
+    over: bool,
+    /// Bits for coarser layers alone beyond those that there may be.
+    extra: f64,
+    /// Squared error.
+    error: f64,
+}
+
+impl EpitomeSearch {
+    /// The form of several layers whose finest is `choice`, chosen at `knob`, which alone is stored as `alone`.
+    pub(crate) fn layered(
+        &self,
+        plan: &Plan<'_>,
+        alone: &EpitomeTexture,
+        (choice, knob): (Choice, u32),
+        job: &mut Job<'_>,
+    ) -> Result<(EpitomeTexture, Measured), EncodeError> {
+        let bytes_alone = stored_bytes(alone) as f64;
+        let (mut extra, mut tries) = (MOST_EXTRA, 1);
+        loop {
+            job.checkpoint()?;
+            let made = job.install(|| assemble(plan, &self.layers(plan.options, &choice, knob, extra)))?;
+            let share = stored_bytes(&made) as f64 / bytes_alone - 1.0;
+            if share <= MOST_EXTRA || tries == EXTRA_TRIES {
+                let measured = measure(&self.images, &made);
+                return Ok((made, measured));
+            }
+            // Bits that are reckoned with are not those that zstd leaves.
+            extra *= EXTRA_AIM * MOST_EXTRA / share;
+            tries += 1;
+        }
+    }
+
+    /// Layers with the finest of that choice: coarse to fine, the finest last. About `extra` times the finest layer's bits
+    /// are stored for coarser ones alone.
+    fn layers(&self, options: &Options, finest: &Choice, knob: u32, extra: f64) -> Vec<Choice> {
+        let bits = self.disk_bits(finest);
+        let cells = finest.users.iter().map(|&users| users > 0).collect();
+        let mut ladder = Ladder { finest: finest.clone(), coarser: Vec::new(), cells, extra: 0.0 };
+        let steps = self.params.layers - 1;
+        for step in 0..steps {
+            let most = bits * SHARE.powi((steps - step) as i32) * ROOM;
+            let share = EXTRA_SHARE.powi((steps - 1 - step) as i32);
+            let extra = (bits * extra * share).max(ladder.extra + bits * LEAST_EXTRA);
+            self.add_layer(&mut ladder, options, knob, most, extra);
+        }
+        ladder.coarser.push(ladder.finest);
+        ladder.coarser
+    }
+
+    /// What the layers of `made` reach, as a sentence, and what the whole reaches without each but the first.
+    pub(crate) fn measure_layers(
+        &self,
+        made: &EpitomeTexture,
+        whole: &Measured,
+    ) -> (String, Vec<(String, f32)>) {
+        let measure = |layer: u32| measure(&self.images, &made.first_layers(layer)).psnr;
+        let reached: Vec<f64> = (1..self.params.layers).map(measure).collect();
+        let without = |(layer, &psnr): (u32, &f64)| (layer_names(layer).0.to_owned(), psnr as f32);
+        let without = (1..).zip(&reached).map(without).collect();
+        let reached: Vec<String> = reached.iter().map(|psnr| format!("{psnr:.1}")).collect();
+        (format!(" Its layers reach {} and {:.1} dB.", reached.join(", "), whole.psnr), without)
+    }
+
+    /// Adds the layer with the least error within `most` bits of its own and `extra` bits for coarser layers alone; with the
+    /// least such bits where none is. Where that would not be better than the layer before, it is that one again.
+    fn add_layer(&self, ladder: &mut Ladder, options: &Options, knob: u32, most: f64, extra: f64) {
+        let tried: Vec<Vec<Choice>> =
+            DEAR.par_iter().map(|&dear| self.within_bits(ladder, options, knob, (most, dear))).collect();
+        let mut best: Option<(Rank, Choice)> = None;
+        for choice in tried.into_iter().flatten().chain(ladder.coarser.last().cloned()) {
+            let total = ladder.extra + self.extra_bits(ladder, &choice);
+            let over = self.disk_bits(&choice) > most;
+            let rank = Rank { over, extra: (total - extra).max(0.0), error: choice.error };
+            if best.as_ref().is_none_or(|(before, _)| rank < *before) {
+                best = Some((rank, choice));
+            }
+        }
+        let Some((_, choice)) = best else { return };
+        ladder.extra += self.extra_bits(ladder, &choice);
+        ladder.cells.iter_mut().zip(&choice.users).for_each(|(held, &users)| *held |= users > 0);
+        ladder.coarser.push(choice);
+    }
+
+    /// Layers of at most `most` bits found on the way to the one with the most, where a bit for coarser layers alone costs
+    /// `dear`; the smallest one where all are larger.
+    fn within_bits(
+        &self,
+        ladder: &Ladder,
+        options: &Options,
+        knob: u32,
+        (most, dear): (f64, f32),
+    ) -> Vec<Choice> {
+        let others = Others { leaves: ladder.leaves(), cells: &ladder.cells, dear };
+        let make = |step: u32| {
+            let knob = (step * KNOB_STEP).max(*KNOBS.start());
+            let costs = Costs { others: Some(others), ..self.costs(knob) };
+            choose(&self.grid, options, costs)
+        };
+        let (mut low, mut high) = (0, knob / KNOB_STEP + 1);
+        let mut found = Vec::new();
+        while low + 1 < high {
+            let middle = (low + high) / 2;
+            let choice = make(middle);
+            if self.disk_bits(&choice) <= most {
+                low = middle;
+                found.push(choice);
+            } else {
+                high = middle;
+            }
+        }
+        if found.is_empty() {
+            found.push(make(0));
+        }
+        found
+    }
+
+    /// Bits of a layer that no other has.
+    fn extra_bits(&self, ladder: &Ladder, choice: &Choice) -> f64 {
+        let [finest, coarser] = ladder.leaves();
+        let leaves = choice.leaves.iter().zip(finest).zip(coarser);
+        let is_new = |((leaf, finest), coarser): &((&Option<u32>, _), _)| {
+            leaf.is_some() && leaf != finest && leaf != coarser
+        };
+        let leaves = leaves.filter(is_new).count();
+        let cells = choice.users.iter().zip(&ladder.cells).enumerate();
+        let bits = |cell: usize| f64::from(self.cell_bits[self.space.format_of(cell as u32)]);
+        let cells = cells.filter(|(_, (users, held))| **users > 0 && !**held).map(|(cell, _)| bits(cell));
+        cells.sum::<f64>() + leaves as f64 * f64::from(super::ENTRY_BITS)
+    }
+
+    /// About what a layer alone takes on disk: without the words of blocks, which are bytes there and mostly 0.
+    fn disk_bits(&self, choice: &Choice) -> f64 {
+        let words = if self.grid.split { 32.0 * self.grid.blocks() as f64 } else { 0.0 };
+        choice.bits - words
+    }
+}
+
+/// Bytes of all sections but those of the container.
+fn stored_bytes(texture: &EpitomeTexture) -> u64 {
+    let mut writer = SectionWriter::new(texture.codec());
+    texture.store(&mut writer);
+    writer.finish().parts.iter().filter(|(part, _)| *part != "container").map(|(_, bytes)| bytes).sum()
+}

@@ -22,6 +22,8 @@ pub(crate) struct Plan<'a> {
     pub(crate) grid: &'a Grid,
     pub(crate) options: &'a Options,
     pub(crate) palettes: &'a Palettes,
+    /// Bits of an entry that the choice reckons with.
+    pub(crate) entry_bits: f32,
     pub(crate) mips: bool,
     pub(crate) effort: Effort,
 }

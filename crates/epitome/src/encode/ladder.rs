@@ -53,6 +53,8 @@ struct Ladder {
     cells: Vec<bool>,
     /// Bits stored for coarser layers alone.
     extra: f64,
+    /// Bits of an entry.
+    entry_bits: f32,
 }
 
 impl Ladder {
@@ -86,7 +88,7 @@ impl EpitomeSearch {
         let (mut extra, mut tries) = (MOST_EXTRA, 1);
         loop {
             job.checkpoint()?;
-            let made = job.install(|| assemble(plan, &self.layers(plan.options, &choice, knob, extra)))?;
+            let made = job.install(|| assemble(plan, &self.layers(plan, &choice, knob, extra)))?;
             let share = stored_bytes(&made) as f64 / bytes_alone - 1.0;
             if share <= MOST_EXTRA || tries == EXTRA_TRIES {
                 let measured = measure(&self.images, &made);
@@ -100,10 +102,12 @@ impl EpitomeSearch {
 
     /// Layers with the finest of that choice: coarse to fine, the finest last. About `extra` times the finest layer's bits
     /// are stored for coarser ones alone.
-    fn layers(&self, options: &Options, finest: &Choice, knob: u32, extra: f64) -> Vec<Choice> {
+    fn layers(&self, plan: &Plan<'_>, finest: &Choice, knob: u32, extra: f64) -> Vec<Choice> {
+        let (options, entry_bits) = (plan.options, plan.entry_bits);
         let bits = self.disk_bits(finest);
         let cells = finest.users.iter().map(|&users| users > 0).collect();
-        let mut ladder = Ladder { finest: finest.clone(), coarser: Vec::new(), cells, extra: 0.0 };
+        let mut ladder =
+            Ladder { finest: finest.clone(), coarser: Vec::new(), cells, extra: 0.0, entry_bits };
         let steps = self.params.layers - 1;
         for step in 0..steps {
             let most = bits * SHARE.powi((steps - step) as i32) * ROOM;
@@ -161,7 +165,7 @@ impl EpitomeSearch {
         let others = Others { leaves: ladder.leaves(), cells: &ladder.cells, dear };
         let make = |step: u32| {
             let knob = (step * KNOB_STEP).max(*KNOBS.start());
-            let costs = Costs { others: Some(others), ..self.costs(knob) };
+            let costs = Costs { others: Some(others), ..self.costs(ladder.entry_bits, knob) };
             choose(&self.grid, options, costs)
         };
         let (mut low, mut high) = (0, knob / KNOB_STEP + 1);
@@ -193,7 +197,7 @@ impl EpitomeSearch {
         let cells = choice.users.iter().zip(&ladder.cells).enumerate();
         let bits = |cell: usize| f64::from(self.cell_bits[self.space.format_of(cell as u32)]);
         let cells = cells.filter(|(_, (users, held))| **users > 0 && !**held).map(|(cell, _)| bits(cell));
-        cells.sum::<f64>() + leaves as f64 * f64::from(super::ENTRY_BITS)
+        cells.sum::<f64>() + leaves as f64 * f64::from(ladder.entry_bits)
     }
 
     /// About what a layer alone takes on disk: without the words of blocks, which are bytes there and mostly 0.

@@ -46,6 +46,10 @@ const ENTRY_BITS: f32 = 40.0;
 const PASSES: usize = 2;
 /// Most linear parts and tones.
 const PALETTES: (usize, usize) = (256, 64);
+/// Models that are tried for goals of quality and size: most linear parts and tones, none for leaves that show their own content
+/// alone, and the bits of an entry, which are fewer with fewer of them.
+const MODELS: [(Option<(usize, usize)>, f32); 3] =
+    [(Some(PALETTES), ENTRY_BITS), (Some((32, 8)), 32.0), (None, 24.0)];
 /// Nodes for each number of a palette at least.
 const NODES_A_NUMBER: usize = 16;
 /// The same for tolerances, where content is raw and a number that saves a block saves far more.
@@ -94,6 +98,16 @@ pub struct EpitomeSearch {
     cells: Vec<u32>,
     /// The same images with other content, of which the goal will choose.
     other: Option<Box<EpitomeSearch>>,
+}
+
+/// What reaches a goal with one layer.
+struct Model {
+    options: Options,
+    palettes: Palettes,
+    /// Bits of an entry that the choice reckons with.
+    entry_bits: f32,
+    /// The setting, what it measures and what it makes.
+    found: (u32, Measured, EpitomeTexture),
 }
 
 /// Searches `source` with the goal of `params` in mind.
@@ -242,10 +256,10 @@ impl EpitomeSearch {
         }
     }
 
-    fn costs(&self, knob: u32) -> Costs<'_> {
+    fn costs(&self, entry_bits: f32, knob: u32) -> Costs<'_> {
         Costs {
             lambda: lambda(knob),
-            entry_bits: ENTRY_BITS,
+            entry_bits,
             cell_bits: &self.cell_bits,
             cells: &self.cells,
             others: None,
@@ -258,7 +272,7 @@ impl EpitomeSearch {
     }
 
     fn choose(&self, options: &Options, knob: u32) -> Choice {
-        choose(&self.grid, options, self.costs(knob))
+        choose(&self.grid, options, self.costs(ENTRY_BITS, knob))
     }
 
     fn rules(&self, tolerance: Option<f32>) -> Rules<'_> {
@@ -266,20 +280,26 @@ impl EpitomeSearch {
     }
 
     /// Palettes fitted to what has been found so far.
-    fn fitted(&self) -> Fitted {
+    fn fitted(&self, matches: &[Vec<Match>], most: (usize, usize)) -> Fitted {
         // A palette must earn its bits: an entry for every few leaves.
         let few =
             self.grid.nodes() / if self.covers_blocks() { NODES_A_NUMBER_WITHIN } else { NODES_A_NUMBER };
-        let tones = if self.params.transforms.tones { PALETTES.1.min(1 + few) } else { 1 };
-        let sizes = (PALETTES.0.min(self.space.scales() + 1 + few), tones);
+        let tones = if self.params.transforms.tones { most.1.min(1 + few) } else { 1 };
+        let sizes = (most.0.min(self.space.scales() + 1 + few), tones);
         let transforms = self.params.transforms;
-        fit(&self.space, &self.grid, &self.matches, sizes, transforms, self.allowed.is_some())
+        fit(&self.space, &self.grid, matches, sizes, transforms, self.allowed.is_some())
     }
 
     /// All that leaves may be.
-    fn options(&self, fitted: &Fitted, rules: &Rules<'_>) -> Options {
+    fn options(&self, matches: &[Vec<Match>], fitted: &Fitted, rules: &Rules<'_>) -> Options {
         let (direct, _) = direct_options(&self.space, &self.grid, rules);
-        all_options(&self.space, &self.grid, &direct, (&self.matches, fitted), rules)
+        all_options(&self.space, &self.grid, &direct, (matches, fitted), rules)
+    }
+
+    /// All that leaves may be with everything that was found, and palettes as large as they may be.
+    fn whole(&self, rules: &Rules<'_>) -> (Options, Palettes) {
+        let fitted = self.fitted(&self.matches, PALETTES);
+        (self.options(&self.matches, &fitted, rules), fitted.palettes)
     }
 
     /// Looks for matches in the content that is kept so far, then again in what is kept with them. Within a tolerance, and
@@ -300,7 +320,7 @@ impl EpitomeSearch {
             for _ in 1..TOLERANCE_PASSES {
                 let rules = self.rules(Some(tolerance as f32));
                 let kept = job.install(|| {
-                    let covers = self.covers(&self.options(&self.fitted(), &rules));
+                    let covers = self.covers(&self.whole(&rules).0);
                     covers.into_iter().min_by(|a, b| a.bits.total_cmp(&b.bits))
                 });
                 let kept: Vec<bool> =
@@ -314,10 +334,10 @@ impl EpitomeSearch {
             let share = |pass: usize| pass as f32 / PASSES as f32;
             job.stage("choosing content", share(pass))?;
             let (choice, errors) = job.install(|| {
-                let options = (pass > 0).then(|| self.options(&self.fitted(), &self.rules(None)));
+                let options = (pass > 0).then(|| self.whole(&self.rules(None)).0);
                 let options = options.as_ref().unwrap_or(&direct);
                 let knob = nearest_knob(self.params.goal, texels as f64, |knob| self.choose(options, knob));
-                (self.choose(options, knob), most_errors(&self.grid, &direct, self.costs(knob)))
+                (self.choose(options, knob), most_errors(&self.grid, &direct, self.costs(ENTRY_BITS, knob)))
             });
             let kept: Vec<bool> = choice.users.iter().map(|&users| users > 0).collect();
             let allowed = Allowed { cells: Some(&kept), errors: &errors, own: &own };
@@ -337,13 +357,14 @@ impl EpitomeSearch {
         (0..self.grid.nodes()).map(|index| most * (self.grid.node(index).side.pow(2)) as f32).collect()
     }
 
-    fn plan<'a>(&'a self, options: &'a Options, palettes: &'a Palettes) -> Plan<'a> {
+    fn plan<'a>(&'a self, options: &'a Options, palettes: &'a Palettes, entry_bits: f32) -> Plan<'a> {
         Plan {
             images: &self.images,
             space: &self.space,
             grid: &self.grid,
             options,
             palettes,
+            entry_bits,
             mips: self.params.mips,
             effort: self.params.effort,
         }
@@ -351,15 +372,28 @@ impl EpitomeSearch {
 
     /// The form that answers a goal of quality or size.
     fn reaching(&self, goal: Goal, job: &mut Job<'_>) -> Result<EpitomeTexture, EncodeError> {
-        let (options, palettes) = job.install(|| {
-            let fitted = self.fitted();
-            (self.options(&fitted, &self.rules(None)), fitted.palettes)
-        });
-        let plan = self.plan(&options, &palettes);
-        let (mut wanted, mut tries) = (goal, 1);
+        let models: Vec<&(Option<(usize, usize)>, f32)> =
+            MODELS.iter().filter(|model| self.may_be(model.0)).collect();
+        let mut best: Option<Model> = None;
+        for (index, &&model) in models.iter().enumerate() {
+            let share = |index: usize| index as f32 / models.len() as f32;
+            let made = job.within(share(index), share(index + 1), |job| self.model(model, goal, job))?;
+            if best.as_ref().is_none_or(|before| goal.prefers(&made.found.1, &before.found.1)) {
+                best = Some(made);
+            }
+        }
+        // Without matches there is the model of own content.
+        let Some(Model { options, palettes, entry_bits, found }) = best else {
+            return Err(EncodeError::Cancelled);
+        };
+        let plan = self.plan(&options, &palettes, entry_bits);
+        let (mut wanted, mut tries, mut found) = (goal, 1, Some(found));
         loop {
-            let (knob, measured, made) = self.setting(wanted, &plan, job)?;
-            let choice = self.choose(&options, knob);
+            let (knob, measured, made) = match found.take() {
+                Some(found) => found,
+                None => self.setting(wanted, &plan, job)?,
+            };
+            let choice = choose(&self.grid, &options, self.costs(entry_bits, knob));
             let met = goal.is_met(&measured);
             let verdict = report::verdict(&self.grid, &options, &choice, met);
             if self.params.layers <= 1 {
@@ -382,6 +416,33 @@ impl EpitomeSearch {
         }
     }
 
+    /// Whether a model with such palettes makes sense.
+    fn may_be(&self, palettes: Option<(usize, usize)>) -> bool {
+        // Where content is restricted, most leaves have none of their own; layers need leaves that many options are open to.
+        let one = self.allowed.is_some() || self.params.layers > 1;
+        match palettes {
+            None => !one || !self.params.transforms.references,
+            Some(most) => self.params.transforms.references && (most == PALETTES || !one),
+        }
+    }
+
+    /// What reaches a goal with one layer and such palettes.
+    fn model(
+        &self,
+        (palettes, entry_bits): (Option<(usize, usize)>, f32),
+        goal: Goal,
+        job: &mut Job<'_>,
+    ) -> Result<Model, EncodeError> {
+        let none = vec![Vec::new(); self.grid.nodes()];
+        let (options, palettes) = job.install(|| {
+            let matches = if palettes.is_some() { &self.matches } else { &none };
+            let fitted = self.fitted(matches, palettes.unwrap_or((self.space.scales(), 1)));
+            (self.options(matches, &fitted, &self.rules(None)), fitted.palettes)
+        });
+        let found = self.setting(goal, &self.plan(&options, &palettes, entry_bits), job)?;
+        Ok(Model { options, palettes, entry_bits, found })
+    }
+
     /// The setting that reaches a goal with one layer, and what it makes.
     fn setting(
         &self,
@@ -390,9 +451,10 @@ impl EpitomeSearch {
         job: &mut Job<'_>,
     ) -> Result<(u32, Measured, EpitomeTexture), EncodeError> {
         let texels = self.images.texel_count() as f64;
-        let guess = job.install(|| nearest_knob(goal, texels, |knob| self.choose(plan.options, knob)));
+        let chosen = |knob: u32| choose(&self.grid, plan.options, self.costs(plan.entry_bits, knob));
+        let guess = job.install(|| nearest_knob(goal, texels, chosen));
         let mut tried = 0u16;
-        let make = |knob: u32| assemble(plan, &[self.choose(plan.options, knob)]);
+        let make = |knob: u32| assemble(plan, &[chosen(knob)]);
         let found = find(goal, KNOBS, guess, 0.0, |knob| {
             job.stage("packing", (0.5 + 0.05 * f32::from(tried)).min(0.95))?;
             tried += 1;
@@ -418,12 +480,13 @@ impl EpitomeSearch {
     fn within(&self, tolerance: f64, job: &mut Job<'_>) -> Result<EpitomeTexture, EncodeError> {
         let goal = Goal::Tolerance(tolerance);
         let mut best: Option<(Measured, EpitomeTexture)> = None;
-        let fitted = job.install(|| self.fitted());
+        let fitted = job.install(|| self.fitted(&self.matches, PALETTES));
         for share in TOLERANCE_SHARES {
             job.checkpoint()?;
             let made: Vec<EpitomeTexture> = job.install(|| {
-                let options = self.options(&fitted, &self.rules(Some(tolerance as f32 * share)));
-                let plan = self.plan(&options, &fitted.palettes);
+                let options =
+                    self.options(&self.matches, &fitted, &self.rules(Some(tolerance as f32 * share)));
+                let plan = self.plan(&options, &fitted.palettes, ENTRY_BITS);
                 let make = |choice: Choice| {
                     let verdict = report::verdict(&self.grid, &options, &choice, true);
                     assemble(&plan, &[choice]).map(|made| made.with_notes(self.notes(goal, verdict)))
@@ -447,7 +510,7 @@ impl EpitomeSearch {
         if !self.grid.split {
             let side = self.space.stored[0].cell;
             let grown = grow(&self.grid, options, self.space.cells(), side * side);
-            covers.push(improve(&self.grid, options, self.costs(TOLERANCE_KNOB), &grown));
+            covers.push(improve(&self.grid, options, self.costs(ENTRY_BITS, TOLERANCE_KNOB), &grown));
         }
         covers
     }

@@ -299,6 +299,37 @@ impl ContentPlanes {
         grown
     }
 
+    /// Copies cells ([`Content::cell_side`]) from planes of the same content, each from a column and row to a column and row in
+    /// cells; those outside of either are left out.
+    pub fn copy_cells(
+        &mut self,
+        from: &ContentPlanes,
+        cells: impl IntoIterator<Item = ((u32, u32), (u32, u32))> + Clone,
+    ) {
+        let side = self.content.cell_side();
+        if from.content != self.content {
+            return;
+        }
+        for ((kind, bytes), (_, source)) in self.planes.iter_mut().zip(&from.planes) {
+            let (block, length) = (kind.block_side(), kind.block_bytes() as usize);
+            let (lines, run) = (side / block, (side / block) as usize * length);
+            let row = |width: u32| width.div_ceil(block) as usize * length;
+            let start = |(x, y): (u32, u32), line: u32, width: u32| {
+                (y * lines + line) as usize * row(width) + x as usize * run
+            };
+            for (old, new) in cells.clone() {
+                for line in 0..lines {
+                    let (old, new) = (start(old, line, from.width), start(new, line, self.width));
+                    if let (Some(to), Some(from)) =
+                        (bytes.get_mut(new..new + run), source.get(old..old + run))
+                    {
+                        to.copy_from_slice(from);
+                    }
+                }
+            }
+        }
+    }
+
     /// Changes the bytes of each plane in place; told its format and its columns in texels.
     pub fn edit(&mut self, mut edit: impl FnMut(PlaneFormat, u32, &mut [u8])) {
         for (format, bytes) in &mut self.planes {

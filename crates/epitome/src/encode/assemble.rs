@@ -1,5 +1,6 @@
 //! From chosen leaves to the shipped form.
 
+use rayon::prelude::*;
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::image::{ImageSet, MipFilter, Raster, mip_chain};
 use texfold_core::{Effort, EncodeError, Notes, SourceError};
@@ -10,9 +11,8 @@ use super::leaf::Grid;
 use super::options::Palettes;
 use super::pack::{Packing, pack};
 use super::pyramid::{Space, Stored};
-use crate::encoded::{
-    Entry, EpitomeTexture, IDENTITY, MapFormat, NEUTRAL, PLANE_MIPS, Parts, coarse_content, coarse_levels,
-};
+use super::refit::{CellCache, refit};
+use crate::encoded::{Entry, EpitomeTexture, MapFormat, PLANE_MIPS, Parts, coarse_content, coarse_levels};
 use crate::layers::{LayerMap, Layering};
 
 /// What a texture is made of.
@@ -26,6 +26,8 @@ pub(crate) struct Plan<'a> {
     pub(crate) entry_bits: f32,
     pub(crate) mips: bool,
     pub(crate) effort: Effort,
+    /// Where content is to be fitted to its readers: what was encoded so before.
+    pub(crate) refit: Option<&'a CellCache>,
 }
 
 /// The shipped form of choices, one a layer, coarse to fine.
@@ -52,20 +54,18 @@ pub(crate) fn assemble(plan: &Plan<'_>, choices: &[Choice]) -> Result<EpitomeTex
     let levels = if plan.mips { plan.images.full_levels() } else { 1 };
     let format = map_format(plan.grid, &maps, &palettes, (fraction_bits, used.len() > 1));
     let epitomes: Vec<Vec<ContentPlanes>> = used
-        .iter()
-        .map(|&format| epitome(plan, &packing, format, levels > 1))
+        .par_iter()
+        .map(|&format| epitome(plan, &packing, choices, (format, levels > 1)))
         .collect::<Option<_>>()
         .ok_or(EncodeError::Source(SourceError::Full { what: "an epitome" }))?;
-    let linear = |&number: &u16| plan.palettes.linears.get(usize::from(number)).copied().unwrap_or(IDENTITY);
-    let tone = |&number: &u16| plan.palettes.tones.get(usize::from(number)).copied().unwrap_or(NEUTRAL);
     let finest = maps.pop().unwrap_or_default();
     let parts = Parts {
         layout: plan.images.layout(levels),
         format,
         trees: finest.trees,
         entries: finest.entries,
-        linears: palettes.linears.iter().map(linear).collect(),
-        tones: palettes.tones.iter().map(tone).collect(),
+        linears: palettes.linears.iter().map(|&number| plan.palettes.linear(number)).collect(),
+        tones: palettes.tones.iter().map(|&number| plan.palettes.tone(number)).collect(),
         epitomes,
         coarse: coarse(plan, levels, plan.space.stored[used[0]].content),
         layering: (!maps.is_empty()).then(|| {
@@ -179,25 +179,18 @@ fn entry(
 ) -> Entry {
     let candidate: Option<&Candidate> =
         choice.leaves[node].and_then(|leaf| plan.options.candidates[node].get(leaf as usize));
-    let chart = candidate
-        .and_then(|candidate| plan.options.cells_of(candidate).first())
-        .and_then(|&cell| packing.charts.get(packing.chart_of[cell as usize] as usize));
+    let moved = candidate.and_then(|candidate| packing.moved(plan.space, plan.options, candidate));
     // Leaves outside of the image show nothing; their entry is never read.
-    let (Some(candidate), Some(chart)) = (candidate, chart) else {
+    let (Some(candidate), Some((x, y))) = (candidate, moved) else {
         return Entry {
             linear: number_of(&mut palettes.linears, 0),
             tone: number_of(&mut palettes.tones, 0),
             ..Entry::default()
         };
     };
-    let cell = plan.space.stored[usize::from(candidate.format)].cell;
-    let moved = |at: i32, place: u32, corner: u32| {
-        let texels = (i64::from(place) - i64::from(corner)) * i64::from(cell);
-        (i64::from(at) + (texels << FRACTION_BITS)).max(0) as u32
-    };
     Entry {
-        x: moved(candidate.x, chart.place.0, chart.corner.0),
-        y: moved(candidate.y, chart.place.1, chart.corner.1),
+        x,
+        y,
         tone: number_of(&mut palettes.tones, candidate.tone),
         linear: number_of(&mut palettes.linears, candidate.linear),
         plane: used.iter().position(|&format| format == usize::from(candidate.format)).unwrap_or(0) as u32,
@@ -215,29 +208,25 @@ fn whole_texels(maps: &mut [LayerMap]) -> u32 {
 }
 
 /// An epitome and its mip levels.
-fn epitome(plan: &Plan<'_>, packing: &Packing, format: usize, mips: bool) -> Option<Vec<ContentPlanes>> {
+fn epitome(
+    plan: &Plan<'_>,
+    packing: &Packing,
+    choices: &[Choice],
+    (format, mips): (usize, bool),
+) -> Option<Vec<ContentPlanes>> {
     let stored = &plan.space.stored[format];
     let (columns, rows) = packing.sizes[format];
     let (width, height) = (columns * stored.cell, rows * stored.cell);
     let formats = stored.content.formats(plan.space.pixel).0;
-    let mut planes: Vec<Vec<u8>> = formats.iter().map(|f| vec![0; f.bytes(width, height) as usize]).collect();
+    let planes: Vec<Vec<u8>> = formats.iter().map(|f| vec![0; f.bytes(width, height) as usize]).collect();
+    let mut base = ContentPlanes::from_planes(stored.content, plan.space.pixel, (width, height), planes)?;
     for chart in packing.charts.iter().filter(|chart| chart.format == format) {
-        let source = &stored.planes[chart.image][chart.scale];
-        for (plane, (kind, bytes)) in planes.iter_mut().zip(source.planes()) {
-            let (side, length) = (kind.block_side(), kind.block_bytes() as usize);
-            let (per_cell, run) = (stored.cell / side, (stored.cell / side) as usize * length);
-            let row = |width: u32| width.div_ceil(side) as usize * length;
-            for &(x, y) in &chart.cells {
-                let (to_x, to_y) = (x - chart.corner.0 + chart.place.0, y - chart.corner.1 + chart.place.1);
-                for line in 0..per_cell {
-                    let from = (y * per_cell + line) as usize * row(source.size().0) + x as usize * run;
-                    let to = (to_y * per_cell + line) as usize * row(width) + to_x as usize * run;
-                    plane.get_mut(to..to + run)?.copy_from_slice(bytes.get(from..from + run)?);
-                }
-            }
-        }
+        let cells = chart.cells.iter().map(|&at| (at, chart.place_of(at)));
+        base.copy_cells(&stored.planes[chart.image][chart.scale], cells);
     }
-    let base = ContentPlanes::from_planes(stored.content, plan.space.pixel, (width, height), planes)?;
+    if let Some(cache) = plan.refit {
+        base = refit(plan, cache, packing, choices, (format, base));
+    }
     if !mips {
         return Some(vec![base]);
     }

@@ -155,6 +155,25 @@ impl Reading {
         }
     }
 
+    /// For each texel of the leaf the four texels that it is blended from, in a field of `width` columns, and their shares;
+    /// the bounds must have been checked.
+    pub(crate) fn taps(&self, width: usize, mut each: impl FnMut(usize, [usize; 4], [f32; 4])) {
+        let columns = self.node.inside.x;
+        for y in 0..self.node.inside.y {
+            for x in 0..columns {
+                let (left, top, weight) = self.tap(x, y);
+                let start = top as usize * width + left as usize;
+                // Weights of 0 need no texel beyond the field.
+                let right = usize::from(weight.x > 0.0);
+                let below = if weight.y > 0.0 { width } else { 0 };
+                let rest = Vec2::ONE - weight;
+                let shares = [rest.x * rest.y, weight.x * rest.y, rest.x * weight.y, weight.x * weight.y];
+                let at = [start, start + right, start + below, start + below + right];
+                each((y * columns + x) as usize, at, shares);
+            }
+        }
+    }
+
     /// Sums from which the error under any tone follows.
     pub(crate) fn stats(&self, field: &Field, target: &[Vec4]) -> Option<Stats> {
         self.bounds(field)?;
@@ -224,6 +243,11 @@ impl Reading {
     }
 }
 
+/// What is left of a leaf's error beyond that of its own content, once the content elsewhere is fitted to its readers. With
+/// one other reader it is a half at most, but then the other has as much; 0.85 made three photographs 0.3 to 1.6 % smaller,
+/// 0.7 and 0.55 were no better than 1.
+const NEARER: f32 = 0.85;
+
 /// Which candidates may be taken.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Rules<'a> {
@@ -231,12 +255,20 @@ pub(crate) struct Rules<'a> {
     pub(crate) cells: Option<&'a [bool]>,
     /// RMS error that every 4x4 block may have at most, 8-bit units.
     pub(crate) tolerance: Option<f32>,
+    /// Whether content will be fitted to all who read it.
+    pub(crate) refits: bool,
 }
 
 impl Rules<'_> {
     /// Whether content may come from all of `cells`.
     pub(crate) fn allow(&self, cells: &[u32]) -> bool {
         self.cells.is_none_or(|allowed| cells.iter().all(|&cell| allowed[cell as usize]))
+    }
+
+    /// The error that a leaf with content elsewhere will have, from its `error` now and that of its own content: fitted content
+    /// comes nearer to it.
+    pub(crate) fn hoped(&self, error: f32, own: f32) -> f32 {
+        if self.refits && error > own { own + NEARER * (error - own) } else { error }
     }
 
     /// Whether a reading of `field` under `tone` keeps every block within the tolerance.

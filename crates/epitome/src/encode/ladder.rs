@@ -29,12 +29,12 @@ const SHARE: f64 = 0.5;
 const ROOM: f64 = 1.15;
 /// Bytes that all layers together may have beyond those of the finest alone, as a share of them; without the container's
 /// own, which are about 160 a layer whatever the image.
-const MOST_EXTRA: f64 = 0.135;
+const MOST_EXTRA: f64 = 0.125;
 /// Times that layers are chosen to come below that, and the share of it that is then aimed at.
 const EXTRA_TRIES: u32 = 3;
 const EXTRA_AIM: f64 = 0.95;
 /// Share of the extra bits for all layers up to the next finer one that those up to a layer may have.
-const EXTRA_SHARE: f64 = 0.85;
+const EXTRA_SHARE: f64 = 0.75;
 /// Extra bits that every layer may have, as a share of the finest layer's bits: for entries, where coarser layers have taken
 /// all that they may.
 const LEAST_EXTRA: f64 = 0.01;
@@ -67,10 +67,8 @@ impl Ladder {
 /// What a layer is judged by, first things first.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
 struct Rank {
-    /// Whether it has more bits than it may have.
-    over: bool,
-    /// Bits for coarser layers alone beyond those that there may be.
-    extra: f64,
+    /// Bits beyond those that it may have, and for coarser layers alone beyond those that there may be.
+    beyond: f64,
     /// Squared error.
     error: f64,
 }
@@ -141,8 +139,8 @@ impl EpitomeSearch {
         let mut best: Option<(Rank, Choice)> = None;
         for choice in tried.into_iter().flatten().chain(ladder.coarser.last().cloned()) {
             let total = ladder.extra + self.extra_bits(ladder, &choice);
-            let over = self.disk_bits(&choice) > most;
-            let rank = Rank { over, extra: (total - extra).max(0.0), error: choice.error };
+            let over = (self.disk_bits(&choice) - most).max(0.0);
+            let rank = Rank { beyond: over + (total - extra).max(0.0), error: choice.error };
             if best.as_ref().is_none_or(|(before, _)| rank < *before) {
                 best = Some((rank, choice));
             }

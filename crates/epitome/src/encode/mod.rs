@@ -12,6 +12,7 @@ mod mask;
 mod options;
 mod pack;
 mod pyramid;
+mod refit;
 mod report;
 mod search;
 mod tone;
@@ -31,6 +32,7 @@ use growth::grow;
 use leaf::Grid;
 use options::{Fitted, Palettes, all_options, direct_options, fit};
 use pyramid::{LEAST_SIDE, SCALES, SCALES_ALONE, Space};
+use refit::CellCache;
 use search::{Allowed, Reach, search};
 
 use crate::{EpitomeParams, EpitomeSource, EpitomeTexture};
@@ -93,6 +95,9 @@ pub struct EpitomeSearch {
     /// Cells that content may come from.
     allowed: Option<Vec<bool>>,
     matches: Vec<Vec<Match>>,
+    /// Where content is fitted to its readers. Not within tolerances, which hold for content as it is; nor content that must
+    /// come from a part of the images or from their own blocks.
+    refit: Option<CellCache>,
     /// Bits of a cell and number of cells, by format.
     cell_bits: Vec<f32>,
     cells: Vec<u32>,
@@ -234,8 +239,11 @@ fn store(
     let matches = vec![Vec::new(); grid.nodes()];
     let cell_bits = space.stored.iter().map(|stored| stored.cell_bits as f32).collect();
     let cells = space.stored.iter().map(|stored| stored.cells).collect();
+    let is_free = source.content_from.is_none() && source.blocks.is_none();
+    let refit = (is_free && !matches!(params.goal, Goal::Tolerance(_))).then(CellCache::default);
     Ok(EpitomeSearch {
         images,
+        refit,
         params: params.clone(),
         space,
         grid,
@@ -276,7 +284,11 @@ impl EpitomeSearch {
     }
 
     fn rules(&self, tolerance: Option<f32>) -> Rules<'_> {
-        Rules { cells: self.allowed.as_deref(), tolerance }
+        Rules {
+            cells: self.allowed.as_deref(),
+            tolerance,
+            refits: self.refit.is_some() && self.params.layers <= 1,
+        }
     }
 
     /// Palettes fitted to what has been found so far.
@@ -310,8 +322,7 @@ impl EpitomeSearch {
         }
         let texels = self.images.texel_count();
         let reach = Reach::of(&self.params, texels);
-        let (direct, own) =
-            job.install(|| direct_options(&self.space, &self.grid, &Rules { cells: None, tolerance: None }));
+        let (direct, own) = job.install(|| direct_options(&self.space, &self.grid, &Rules::default()));
         if self.covers_blocks() || self.allowed.is_some() {
             let errors = self.any_errors();
             let allowed = Allowed { cells: self.allowed.as_deref(), errors: &errors, own: &own };
@@ -367,6 +378,7 @@ impl EpitomeSearch {
             entry_bits,
             mips: self.params.mips,
             effort: self.params.effort,
+            refit: self.refit.as_ref(),
         }
     }
 
@@ -418,11 +430,12 @@ impl EpitomeSearch {
 
     /// Whether a model with such palettes makes sense.
     fn may_be(&self, palettes: Option<(usize, usize)>) -> bool {
-        // Where content is restricted, most leaves have none of their own; layers need leaves that many options are open to.
-        let one = self.allowed.is_some() || self.params.layers > 1;
+        let references = self.params.transforms.references;
+        // Where content is restricted, most leaves have none of their own.
+        let any = self.allowed.is_none();
         match palettes {
-            None => !one || !self.params.transforms.references,
-            Some(most) => self.params.transforms.references && (most == PALETTES || !one),
+            None => any || !references,
+            Some(most) => references && (any || most == PALETTES),
         }
     }
 

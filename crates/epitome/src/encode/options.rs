@@ -10,7 +10,7 @@ use super::linear;
 use super::pyramid::{SCALES, Space};
 use super::tone::{self, Stats};
 use crate::Transforms;
-use crate::encoded::{Linear, NEUTRAL, Tone};
+use crate::encoded::{IDENTITY, Linear, NEUTRAL, Tone};
 
 /// Candidates with content elsewhere that are kept for a leaf, in each format.
 const KEPT: usize = 5;
@@ -28,6 +28,18 @@ const TONE_LEAVES: usize = 20_000;
 pub(crate) struct Palettes {
     pub(crate) linears: Vec<Linear>,
     pub(crate) tones: Vec<Tone>,
+}
+
+impl Palettes {
+    /// The linear part of that number.
+    pub(crate) fn linear(&self, number: u16) -> Linear {
+        self.linears.get(usize::from(number)).copied().unwrap_or(IDENTITY)
+    }
+
+    /// The tone of that number.
+    pub(crate) fn tone(&self, number: u16) -> Tone {
+        self.tones.get(usize::from(number)).copied().unwrap_or(NEUTRAL)
+    }
 }
 
 /// A match with its numbers, and the sums from which any tone's error follows.
@@ -154,7 +166,15 @@ pub(crate) fn all_options(
             let borrow = Borrow { space, tones, linears, rules, most };
             let node = grid.node(index);
             let placed = place_all(space, node, &matches[index], &fitted.spots[index], linears);
-            candidates.extend(borrow.all(node, &placed, &mut cells));
+            let borrowed = borrow.all(node, &placed, &mut cells);
+            let least = |format| {
+                let of_format = own.iter().filter(move |own| own.format == format);
+                of_format.map(|own| own.error).fold(f32::INFINITY, f32::min)
+            };
+            candidates.extend(borrowed.into_iter().map(|candidate| Candidate {
+                error: rules.hoped(candidate.error, least(candidate.format)),
+                ..candidate
+            }));
             if candidates.is_empty() && !node.is_outside() {
                 candidates.extend(borrow.flat(node, &mut cells));
             }

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use super::candidate::Candidate;
+use super::candidate::{Candidate, FRACTION_BITS};
 use super::choose::{Choice, Options};
 use super::pyramid::Space;
 
@@ -44,6 +44,35 @@ pub(crate) struct Packing {
     pub(crate) sizes: Vec<(u32, u32)>,
     /// How many of the rows the finest layer reads.
     pub(crate) finest_rows: Vec<u32>,
+}
+
+impl Chart {
+    /// Where a cell lies in the epitome, in cells.
+    pub(crate) fn place_of(&self, (x, y): (u32, u32)) -> (u32, u32) {
+        (x - self.corner.0 + self.place.0, y - self.corner.1 + self.place.1)
+    }
+}
+
+impl Packing {
+    /// Column and row of a candidate's centre in the epitome, in fractions of a texel; `None` where it has no content.
+    pub(crate) fn moved(
+        &self,
+        space: &Space,
+        options: &Options,
+        candidate: &Candidate,
+    ) -> Option<(u32, u32)> {
+        let cell = *options.cells_of(candidate).first()?;
+        let chart = self.charts.get(self.chart_of[cell as usize] as usize)?;
+        let side = space.stored[usize::from(candidate.format)].cell;
+        let moved = |at: i32, place: u32, corner: u32| {
+            let texels = (i64::from(place) - i64::from(corner)) * i64::from(side);
+            (i64::from(at) + (texels << FRACTION_BITS)).max(0) as u32
+        };
+        Some((
+            moved(candidate.x, chart.place.0, chart.corner.0),
+            moved(candidate.y, chart.place.1, chart.corner.1),
+        ))
+    }
 }
 
 /// Sets of cells, joined where a leaf reads across.

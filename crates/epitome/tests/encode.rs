@@ -330,6 +330,36 @@ fn blocks_that_are_bc1_already_are_taken_over() {
     assert!(matches!(error, EncodeError::Source(SourceError::Length { found: 8, .. })), "{error}");
 }
 
+/// A tile 4x4 times, each time with a noise of its own of that many steps at most.
+fn noisy_tiles(most: u32) -> Raster {
+    const SIDE: u32 = 128;
+    let mut state = 1u32;
+    let mut noise = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 16) % (2 * most + 1)
+    };
+    let wave = |at: u32, times: f32| (at as f32 * times * std::f32::consts::TAU / 32.0).sin();
+    let tile =
+        |x: u32, y: u32| (115.0 + 40.0 * wave(x, 1.0) * wave(y, 2.0) + 30.0 * wave(x + 2 * y, 3.0)) as u32;
+    let bytes: Vec<u8> = (0..SIDE * SIDE)
+        .flat_map(|i| {
+            let value = tile(i % SIDE % 32, i / SIDE % 32);
+            [value, value / 2 + 40, 230 - value].map(|value| (value + noise() - most) as u8)
+        })
+        .collect();
+    Raster::from_u8(SIDE, SIDE, 3, ColorSpace::Srgb, &bytes).unwrap()
+}
+
+#[test]
+fn content_is_fitted_to_all_who_read_it() {
+    // Noise of -12 to 12 has a variance of 52. A reader of another tile sees that tile's noise and lacks its own, which is 28 dB;
+    // a reader of the mean of all lacks its own only, which is 31 dB. With content as it is 8.7 bits a texel are needed.
+    let set = ImageSet::single(noisy_tiles(12));
+    let params = EpitomeParams { content: Some(Content::Raw), ..goal(Goal::Psnr(30.0)) };
+    let measured = measure(&set, &encode(&set, &params));
+    assert!(measured.psnr >= 30.0 && measured.bpp < 7.0, "{measured:?}");
+}
+
 #[test]
 fn a_set_of_one_scene_costs_less_than_its_images() {
     let whole = picture("facade");

@@ -325,7 +325,10 @@ impl EpitomeSearch {
         let (direct, own) = job.install(|| direct_options(&self.space, &self.grid, &Rules::default()));
         if self.covers_blocks() || self.allowed.is_some() {
             let errors = self.any_errors();
-            let allowed = Allowed { cells: self.allowed.as_deref(), errors: &errors, own: &own };
+            let allowed =
+                Allowed { cells: self.allowed.as_deref(), shared: None, errors: &errors, own: &own };
+            // The part that content is to come from may lie anywhere.
+            let reach = Reach { part: reach.part.filter(|_| self.allowed.is_none()), ..reach };
             search(&self.space, &self.grid, reach, &allowed, &mut self.matches, job)?;
             let (Goal::Tolerance(tolerance), None) = (self.params.goal, &self.allowed) else { return Ok(()) };
             for _ in 1..TOLERANCE_PASSES {
@@ -334,9 +337,12 @@ impl EpitomeSearch {
                     let covers = self.covers(&self.whole(&rules).0);
                     covers.into_iter().min_by(|a, b| a.bits.total_cmp(&b.bits))
                 });
-                let kept: Vec<bool> =
-                    kept.iter().flat_map(|kept| &kept.users).map(|&users| users > 0).collect();
-                let allowed = Allowed { cells: Some(&kept), errors: &errors, own: &own };
+                let users: Vec<u32> = kept.map(|kept| kept.users).unwrap_or_default();
+                let kept: Vec<bool> = users.iter().map(|&users| users > 0).collect();
+                let shared: Vec<bool> = users.iter().map(|&users| users > 1).collect();
+                let allowed =
+                    Allowed { cells: Some(&kept), shared: Some(&shared), errors: &errors, own: &own };
+                let reach = Reach { part: None, ..reach };
                 search(&self.space, &self.grid, reach, &allowed, &mut self.matches, job)?;
             }
             return Ok(());
@@ -351,7 +357,10 @@ impl EpitomeSearch {
                 (self.choose(options, knob), most_errors(&self.grid, &direct, self.costs(ENTRY_BITS, knob)))
             });
             let kept: Vec<bool> = choice.users.iter().map(|&users| users > 0).collect();
-            let allowed = Allowed { cells: Some(&kept), errors: &errors, own: &own };
+            let shared: Vec<bool> = choice.users.iter().map(|&users| users > 1).collect();
+            let allowed = Allowed { cells: Some(&kept), shared: Some(&shared), errors: &errors, own: &own };
+            // What parts of large images keep of their own is then searched as a whole.
+            let reach = Reach { part: reach.part.filter(|_| pass == 0), ..reach };
             job.within(share(pass), share(pass + 1), |job| {
                 search(&self.space, &self.grid, reach, &allowed, &mut self.matches, job)
             })?;

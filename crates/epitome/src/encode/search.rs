@@ -1,7 +1,10 @@
 //! For every leaf, places elsewhere that look like it: descriptors and a k-d tree, then affine refinement, then what the
 //! neighbours and the parent found.
 
-use glam::{Mat2, Vec2};
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use glam::{Mat2, UVec2, Vec2};
 use rayon::prelude::*;
 use texfold_core::image::ColorSpace;
 use texfold_core::{Effort, EncodeError, Goal, Job};
@@ -27,6 +30,12 @@ const STRETCH: std::ops::RangeInclusive<f32> = 0.6..=1.6;
 
 /// Sizes of turned patches by that of the leaf, a third of an octave apart.
 const SIZES: [f32; 3] = [0.794, 1.0, 1.26];
+/// Texels of all images up to which matches are looked for everywhere at once.
+const WHOLE: u64 = 2 << 20;
+/// Texels a side of the parts that larger ones are searched in at first.
+const PART: u32 = 1024;
+/// Places that are searched at most, of one size: as many as a part has, and half as many again.
+const MOST_PLACES: usize = 400_000;
 /// Steps between turned patches, by their side (paper section 3.2).
 const TURNED_STEP: f32 = 0.25;
 
@@ -45,6 +54,8 @@ pub(crate) struct Reach {
     pub(crate) turned: usize,
     /// What matches may be.
     pub(crate) transforms: Transforms,
+    /// Texels a side of the squares of images within which leaves look for matches; everywhere where there is none.
+    pub(crate) part: Option<u32>,
 }
 
 impl Reach {
@@ -52,7 +63,8 @@ impl Reach {
     /// pages, which stand upright, hardly one was taken. Where time counts they are searched for tolerances only, and there
     /// many matches are kept: leaves are to meet in the same content.
     pub(crate) fn of(params: &EpitomeParams, texels: u64) -> Self {
-        let stride = if texels > 3 << 20 { 4 } else { 2 };
+        let stride = 2;
+        let part = (texels > WHOLE).then_some(PART);
         let (neighbours, kept, stride, turned) = match (params.effort, params.goal) {
             (Effort::Fast, _) => (3, 2, stride * 2, 0),
             (Effort::Normal, Goal::Tolerance(_)) => (16, 12, stride, 16),
@@ -62,7 +74,7 @@ impl Reach {
         };
         let transforms = params.transforms;
         let turned = if transforms.affine { turned } else { 0 };
-        Reach { scales: 9, neighbours, kept, stride, turned, transforms }
+        Reach { scales: 9, neighbours, kept, stride, turned, transforms, part }
     }
 }
 
@@ -70,10 +82,21 @@ impl Reach {
 pub(crate) struct Allowed<'a> {
     /// By cell of all formats; all of them where there is no restriction.
     pub(crate) cells: Option<&'a [bool]>,
+    /// By cell whether many read it already: where there are too many places, those of such cells come first.
+    pub(crate) shared: Option<&'a [bool]>,
     /// For each node the squared error that a match may have at most, less than which it gains nothing.
     pub(crate) errors: &'a [f32],
     /// For each node the least error of its own content at each scale: a match at that scale is hardly better.
     pub(crate) own: &'a [ScaleErrors],
+}
+
+/// A square of an image in which its leaves look for matches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Part {
+    image: usize,
+    /// Its texels in the image.
+    low: UVec2,
+    high: UVec2,
 }
 
 /// Luma of each field, and its sums.
@@ -176,41 +199,101 @@ impl Round<'_> {
     }
 
     fn run(&self, found: &mut [Vec<Match>]) {
-        let places: Vec<Place> = (0..self.fields.len()).flat_map(|image| self.places(image)).collect();
+        for (part, nodes) in self.parts() {
+            self.run_part(part, &nodes, found);
+        }
+    }
+
+    /// The parts of all images, each with the nodes that are searched for in it.
+    fn parts(&self) -> Vec<(Option<Part>, Vec<usize>)> {
+        let Some(side) = self.reach.part else { return vec![(None, self.nodes())] };
+        let mut parts: BTreeMap<(usize, u32, u32), Vec<usize>> = BTreeMap::new();
+        for index in self.nodes() {
+            let node = self.grid.node(index);
+            let number = node.corner / side;
+            parts.entry((node.image, number.y, number.x)).or_default().push(index);
+        }
+        let part = |(image, row, column)| {
+            let low = UVec2::new(column, row) * side;
+            Part { image, low, high: low + side }
+        };
+        parts.into_iter().map(|(number, nodes)| (Some(part(number)), nodes)).collect()
+    }
+
+    fn run_part(&self, part: Option<Part>, nodes: &[usize], found: &mut [Vec<Match>]) {
+        let images = part.map_or(0..self.fields.len(), |part| part.image..part.image + 1);
+        let places = self.thinned(images.clone().flat_map(|image| self.places(image, part)).collect());
         let sums: Vec<&LumaSums> = self.fields.iter().map(|field| &field.sums).collect();
         let index = PatchIndex::new(&sums, self.patch(), &places, LEAST_CONTRAST);
-        let turned = self.turned(&sums);
-        let nodes = self.nodes();
+        let turned = self.turned(&sums, images, part);
         let matches: Vec<Vec<Match>> =
             nodes.par_iter().map(|&node| self.matches_of(node, &index, turned.as_ref())).collect();
-        for (index, matches) in nodes.into_iter().zip(matches) {
+        for (&index, matches) in nodes.iter().zip(matches) {
             found[index] = matches;
         }
     }
 
-    /// Places in an image whose patch lies in cells that are allowed, in any format.
-    fn places(&self, image: usize) -> Vec<Place> {
-        let (width, height) = self.patch();
+    /// Columns and rows of a part, or of its whole image, in texels of the field.
+    fn within(&self, image: usize, part: Option<Part>) -> (UVec2, UVec2) {
         // Beyond the image's edge content repeats it: nothing new is there.
-        let scale = SCALES[self.scale];
-        let size = self.space.pyramids[image].size;
-        let (end_x, end_y) = ((size.width >> scale.across) as usize, (size.height >> scale.down) as usize);
-        if end_x < width || end_y < height {
-            return Vec::new();
-        }
-        let step = self.stride() as usize;
-        let all = (0..=end_y - height)
-            .step_by(step)
-            .flat_map(|y| (0..=end_x - width).step_by(step).map(move |x| (x as u32, y as u32)))
-            .map(|(x, y)| Place { field: image as u32, x, y });
-        let Some(formats) = self.cell_sums(image) else { return all.collect() };
-        let patch = (width as u32, height as u32);
-        all.filter(|place| formats.iter().any(|sums| sums.holds((place.x, place.y), patch))).collect()
+        let (scale, size) = (SCALES[self.scale], self.space.pyramids[image].size);
+        let end = UVec2::new(size.width, size.height);
+        let (low, high) = part.map_or((UVec2::ZERO, end), |part| (part.low, part.high.min(end)));
+        let reduced = |at: UVec2| UVec2::new(at.x >> scale.across, at.y >> scale.down);
+        (reduced(low), reduced(high))
     }
 
-    /// Sums of the cells of an image that are allowed, by format; `None` where all are.
-    fn cell_sums(&self, image: usize) -> Option<Vec<CellSums>> {
-        let cells = self.allowed.cells?;
+    /// Places in an image whose patch lies within a part and in cells that are allowed, in any format.
+    fn places(&self, image: usize, part: Option<Part>) -> Vec<Place> {
+        let (width, height) = self.patch();
+        let patch = UVec2::new(width as u32, height as u32);
+        let (low, high) = self.within(image, part);
+        if (low + patch).cmpgt(high).any() {
+            return Vec::new();
+        }
+        let (step, last) = (self.stride() as usize, high - patch);
+        let all = (low.y..=last.y)
+            .step_by(step)
+            .flat_map(|y| (low.x..=last.x).step_by(step).map(move |x| (x, y)))
+            .map(|(x, y)| Place { field: image as u32, x, y });
+        let Some(formats) = self.cell_sums(image, self.allowed.cells) else { return all.collect() };
+        all.filter(|place| formats.iter().any(|sums| sums.holds((place.x, place.y), patch.into()))).collect()
+    }
+
+    /// No more places than can be searched: those whose content is shared already first, then an even choice of the others.
+    fn thinned(&self, places: Vec<Place>) -> Vec<Place> {
+        if places.len() <= MOST_PLACES {
+            return places;
+        }
+        let (width, height) = self.patch();
+        let shared: Vec<_> =
+            (0..self.fields.len()).map(|image| self.cell_sums(image, self.allowed.shared)).collect();
+        let is_shared = |place: &Place| {
+            let formats = shared[place.field as usize].iter().flatten();
+            let patch = (width as u32, height as u32);
+            formats.map(|sums| sums.count((place.x, place.y), patch)).any(|(shared, all)| 2 * shared > all)
+        };
+        let (mut first, others): (Vec<Place>, Vec<Place>) = places.into_iter().partition(is_shared);
+        let even = |mut places: Vec<Place>, count: usize| {
+            let length = places.len();
+            let mut index = 0;
+            places.retain(|_| {
+                index += 1;
+                index * count / length != (index - 1) * count / length
+            });
+            places
+        };
+        if first.len() > MOST_PLACES {
+            return even(first, MOST_PLACES);
+        }
+        let rest = MOST_PLACES - first.len();
+        first.extend(if others.len() > rest { even(others, rest) } else { others });
+        first
+    }
+
+    /// Sums of those of an image's cells that `cells` names, by format; `None` where all are.
+    fn cell_sums(&self, image: usize, cells: Option<&[bool]>) -> Option<Vec<CellSums>> {
+        let cells = cells?;
         let field = self.field(image);
         let sums = |format| CellSums::new(cells, field, self.space.rows_of(format, image, self.scale));
         Some((0..self.space.stored.len()).map(sums).collect())
@@ -218,7 +301,7 @@ impl Round<'_> {
 
     /// Patches however they are turned, of several sizes, in cells that are allowed. Only where content is as wide as high, and
     /// not of normals, whose values turn with them.
-    fn turned(&self, sums: &[&LumaSums]) -> Option<TurnedIndex> {
+    fn turned(&self, sums: &[&LumaSums], images: Range<usize>, part: Option<Part>) -> Option<TurnedIndex> {
         let scale = SCALES[self.scale];
         if self.reach.turned == 0
             || scale.across != scale.down
@@ -229,16 +312,15 @@ impl Round<'_> {
         let side = self.patch().0 as f32;
         let step = (side * TURNED_STEP).max(2.0);
         let mut patches = Vec::new();
-        for image in 0..self.fields.len() {
-            let size = self.space.pyramids[image].size;
-            let (width, height) = (size.width >> scale.across, size.height >> scale.down);
-            let steps = |length: u32| (length as f32 / step) as u32;
-            let places = (1..steps(height)).flat_map(|y| (1..steps(width)).map(move |x| (x, y)));
+        for image in images {
+            let (low, high) = self.within(image, part);
+            let steps = |low: u32, high: u32| (low as f32 / step) as u32 + 1..(high as f32 / step) as u32;
+            let places = steps(low.y, high.y).flat_map(|y| steps(low.x, high.x).map(move |x| (x, y)));
             let centres = places.map(|(x, y)| Vec2::new(x as f32, y as f32) * step);
             patches.extend(centres.flat_map(|at| SIZES.map(|size| (image as u32, at, size * side))));
         }
         let allowed: Vec<Option<Vec<CellSums>>> =
-            (0..self.fields.len()).map(|image| self.cell_sums(image)).collect();
+            (0..self.fields.len()).map(|image| self.cell_sums(image, self.allowed.cells)).collect();
         let keep = |turned: &Turned| {
             let Some(formats) = &allowed[turned.field as usize] else { return true };
             let field = self.field(turned.field as usize);
@@ -428,12 +510,65 @@ impl CellSums {
     }
 
     /// Whether all cells under a patch are allowed.
-    fn holds(&self, (x, y): (u32, u32), (width, height): (u32, u32)) -> bool {
+    fn holds(&self, at: (u32, u32), patch: (u32, u32)) -> bool {
+        let (sum, all) = self.count(at, patch);
+        sum == all
+    }
+
+    /// How many cells under a patch are named, and how many there are.
+    fn count(&self, (x, y): (u32, u32), (width, height): (u32, u32)) -> (usize, usize) {
         let (left, top) = ((x / self.side) as usize, (y / self.side) as usize);
         let end = |at: u32| at.div_ceil(self.side) as usize;
         let (right, bottom) = (end(x + width), end(y + height));
         let at = |x: usize, y: usize| self.sums[y * self.columns + x];
         let sum = at(right, bottom) + at(left, top) - at(right, top) - at(left, bottom);
-        sum as usize == (right - left) * (bottom - top)
+        (sum as usize, (right - left) * (bottom - top))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::encode::candidate::Rules;
+    use crate::encode::options::direct_options;
+    use texfold_bc::Content;
+    use texfold_core::SurfaceSize;
+    use texfold_core::image::ImageSet;
+
+    #[test]
+    fn leaves_look_within_their_own_part() {
+        let image = texfold_testkit::picture("facade");
+        let SurfaceSize { width, height } = image.size();
+        let grid = Grid::new(&[image.size()], 32, true);
+        let space =
+            Space::new(&ImageSet::single(image), None, 32, &[Content::Bc1], SCALES.len(), Effort::Fast);
+        let (_, own) = direct_options(&space, &grid, &Rules::default());
+        let errors = vec![1e9; grid.nodes()];
+        let allowed = Allowed { cells: None, shared: None, errors: &errors, own: &own };
+        let whole = Reach::of(&EpitomeParams::default(), u64::from(width) * u64::from(height));
+        assert_eq!(whole.part, None);
+        let side = 128;
+        let found = |part| {
+            let mut found = vec![Vec::new(); grid.nodes()];
+            let mut job = Job::default();
+            search(&space, &grid, Reach { part, ..whole }, &allowed, &mut found, &mut job).unwrap();
+            found
+        };
+        // Refinement may carry a match a little beyond.
+        let strays = |found: &[Vec<Match>]| {
+            let stray = |node: Node, found: &Match| {
+                let scale = SCALES[usize::from(found.scale)];
+                let unit = Vec2::new((1 << scale.across) as f32, (1 << scale.down) as f32);
+                let (low, at) = ((node.corner / side * side).as_vec2(), found.position * unit);
+                at.cmplt(low).any() || at.cmpgt(low + side as f32).any()
+            };
+            let all = found.iter().enumerate().map(|(index, found)| (grid.node(index), found));
+            all.map(|(node, found)| found.iter().filter(|found| stray(node, found)).count()).sum::<usize>()
+        };
+        let (parts, everywhere) = (found(Some(side)), found(None));
+        let count = |found: &[Vec<Match>]| found.iter().map(Vec::len).sum::<usize>();
+        assert!(count(&parts) > grid.nodes() && strays(&everywhere) > count(&everywhere) / 4);
+        // What neighbours across the border of a part found is carried on, too.
+        assert!(strays(&parts) < count(&parts) / 10, "{} of {}", strays(&parts), count(&parts));
     }
 }

@@ -6,7 +6,8 @@
 //!
 //! Source: Wang, Wexler, Ofek, Hoppe, "Factoring repeated content within and among images", ACM Transactions on Graphics
 //! 27 (3), 2008. Beyond the paper: leaves of several sizes chosen by rate and distortion on the stored content, palettes
-//! of linear parts and tones, content at reduced width or height, BC1 and BC7 content side by side.
+//! of linear parts and tones, content at reduced width or height and fitted to all who read it, BC1 and BC7 content side by
+//! side.
 
 pub mod decode;
 mod encode;

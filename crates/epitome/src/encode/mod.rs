@@ -1,5 +1,6 @@
 //! The encoder on one page: content at all scales, leaves from their own place, matches elsewhere, palettes, and leaves chosen
-//! by rate and distortion; then a second search among the content that was kept.
+//! by rate and distortion; then a second search among the content that was kept. Images above 2 megapixels are searched part by part
+//! at first (paper section 4.5).
 
 mod assemble;
 mod candidate;

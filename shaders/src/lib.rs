@@ -57,7 +57,7 @@ pub fn paste(module: Module, group: u32, first_binding: u32) -> String {
     [shared(), functions(module, group, first_binding)].join("\n")
 }
 
-/// A whole shader: `module` in group 0, the entry's parameters in group 1; its functions are `vertex_main` and
+/// A whole shader: `module`, one of [`Module::IMAGES`], in group 0, the entry's parameters in group 1; its functions are `vertex_main` and
 /// `fragment_main`.
 #[must_use]
 pub fn entry(module: Module, entry: Entry) -> String {
@@ -69,6 +69,13 @@ pub fn entry(module: Module, entry: Entry) -> String {
         Entry::Bare => [VIEW, include_str!("../wgsl/entry/bare.wgsl")].join("\n"),
     };
     [head, body].join("\n")
+}
+
+/// A whole shader that draws a light field on its mesh: the module in group 0, the camera in group 1; its functions are
+/// `vertex_main` and `fragment_main`.
+#[must_use]
+pub fn light() -> String {
+    [paste(Module::Lightfield, 0, 0), Module::Lightfield.entry_source().to_owned()].join("\n")
 }
 
 /// A whole shader that draws a plain texture (group 0: texture, sampler) with the parameters of [`Entry::Draw`].

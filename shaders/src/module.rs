@@ -9,6 +9,8 @@ pub enum Module {
     Vq,
     /// Epitome factoring.
     Epitome,
+    /// Surface light-field maps.
+    Lightfield,
 }
 
 /// One binding of a module.
@@ -27,15 +29,18 @@ pub enum Binding {
 
 impl Module {
     /// All of them.
-    pub const ALL: [Module; 3] = [Module::Bc, Module::Vq, Module::Epitome];
+    pub const ALL: [Module; 4] = [Module::Bc, Module::Vq, Module::Epitome, Module::Lightfield];
+    /// Those that are sampled by texture coordinate.
+    pub const IMAGES: [Module; 3] = [Module::Bc, Module::Vq, Module::Epitome];
 
-    /// The name that an encoded texture gives: "bc", "vq", "epitome".
+    /// The name that an encoded texture gives: "bc", "vq", "epitome", "lightfield".
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Module::Bc => "bc",
             Module::Vq => "vq",
             Module::Epitome => "epitome",
+            Module::Lightfield => "lightfield",
         }
     }
 
@@ -58,25 +63,37 @@ impl Module {
                 Binding::Float,
                 Binding::Float,
             ],
+            Module::Lightfield => &[
+                Binding::Params { bytes: 48 },
+                Binding::Uint,
+                Binding::Float,
+                Binding::Float,
+                Binding::Float,
+                Binding::Float,
+                Binding::Float,
+                Binding::Float,
+            ],
         }
     }
 
-    /// Where the address mode, a 32-bit number, lies in the parameters, in bytes.
+    /// Where the address mode, a 32-bit number, lies in the parameters of an image, in bytes.
     #[must_use]
-    pub fn address_mode_offset(self) -> usize {
+    pub fn address_mode_offset(self) -> Option<usize> {
         match self {
-            Module::Bc => 20,
-            Module::Vq | Module::Epitome => 12,
+            Module::Bc => Some(20),
+            Module::Vq | Module::Epitome => Some(12),
+            Module::Lightfield => None,
         }
     }
 
-    /// Where the number of mip levels, a 32-bit number, lies in the parameters, in bytes. Columns and rows of
-    /// level 0 are the first two numbers of every module.
+    /// Where the number of mip levels, a 32-bit number, lies in the parameters of an image, in bytes. Columns and rows of
+    /// level 0 are the first two numbers of every image.
     #[must_use]
-    pub fn levels_offset(self) -> usize {
+    pub fn levels_offset(self) -> Option<usize> {
         match self {
-            Module::Bc => 16,
-            Module::Vq | Module::Epitome => 8,
+            Module::Bc => Some(16),
+            Module::Vq | Module::Epitome => Some(8),
+            Module::Lightfield => None,
         }
     }
 
@@ -86,17 +103,19 @@ impl Module {
     pub fn reduced(self) -> Option<(&'static str, usize)> {
         match self {
             Module::Bc => Some(("TEXFOLD_BC_REDUCED", 28)),
-            Module::Vq | Module::Epitome => None,
+            Module::Vq | Module::Epitome | Module::Lightfield => None,
         }
     }
 
-    /// The name of the function that gives the colour at a texture coordinate: `texfold_vq_sample` and so on.
+    /// The name of the function that gives the colour at a texture coordinate: `texfold_vq_sample` and so on; of a light
+    /// field, at a place on a triangle towards a direction.
     #[must_use]
     pub fn sample_function(self) -> &'static str {
         match self {
             Module::Bc => "texfold_bc_sample",
             Module::Vq => "texfold_vq_sample",
             Module::Epitome => "texfold_epitome_sample",
+            Module::Lightfield => "texfold_lightfield_sample",
         }
     }
 
@@ -106,6 +125,7 @@ impl Module {
             Module::Bc => include_str!("../wgsl/bc.wgsl"),
             Module::Vq => include_str!("../wgsl/vq.wgsl"),
             Module::Epitome => include_str!("../wgsl/epitome.wgsl"),
+            Module::Lightfield => include_str!("../wgsl/lightfield.wgsl"),
         }
     }
 
@@ -115,6 +135,7 @@ impl Module {
             Module::Bc => include_str!("../wgsl/entry/bc.wgsl"),
             Module::Vq => include_str!("../wgsl/entry/vq.wgsl"),
             Module::Epitome => include_str!("../wgsl/entry/epitome.wgsl"),
+            Module::Lightfield => include_str!("../wgsl/entry/lightfield.wgsl"),
         }
     }
 }

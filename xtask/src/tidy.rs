@@ -29,6 +29,7 @@ const CODECS_AND_ABOVE: &[&str] = &[
     "texfold-bc",
     "texfold-vq",
     "texfold-epitome",
+    "texfold-lightfield",
     "texfold-match",
     "texfold-codebook",
     "texfold-gpu",
@@ -42,7 +43,7 @@ const CODECS_AND_ABOVE: &[&str] = &[
     "texpresso",
 ];
 
-const RULES: [Rule; 6] = [
+const RULES: [Rule; 7] = [
     Rule { package: "core", never: CODECS_AND_ABOVE },
     Rule {
         package: "bc",
@@ -63,6 +64,19 @@ const RULES: [Rule; 6] = [
     Rule {
         package: "epitome",
         never: &["texfold-vq", "texfold", "texfold-gpu", "texfold-cli", "wgpu", "image"],
+    },
+    Rule {
+        package: "lightfield",
+        never: &[
+            "texfold-vq",
+            "texfold-epitome",
+            "texfold-match",
+            "texfold",
+            "texfold-gpu",
+            "texfold-cli",
+            "wgpu",
+            "image",
+        ],
     },
     Rule {
         package: "match",

@@ -1,7 +1,7 @@
 //! Upload, draw and read back Texfold textures on any wgpu adapter.
 //!
 //! [`Gpu::upload`] takes the planes that an encoded texture hands out ([`texfold_core::Encoded::gpu`]);
-//! [`Gpu::decode`], [`Gpu::draw_quad`] and [`Gpu::draw_mesh`] draw off screen and read the pixels back. An
+//! [`Gpu::decode`], [`Gpu::draw_quad`], [`Gpu::draw_mesh`] and, for light fields ([`Gpu::upload_light`]), [`Gpu::draw_light`] draw off screen and read the pixels back. An
 //! application with a renderer of its own passes its device to [`Gpu::from_device`], binds [`GpuTexture::bind_group`]
 //! and pastes the module's WGSL ([`texfold_shaders::paste`]) into its shaders: `examples/draw.rs` shows it whole.
 //!
@@ -12,6 +12,7 @@ mod adapter;
 mod decode;
 mod draw;
 mod error;
+mod light;
 mod mesh;
 mod pipeline;
 mod readback;
@@ -22,6 +23,7 @@ pub use adapter::{Gpu, Policy};
 pub use decode::{Filter, Lookup, View};
 pub use draw::Lod;
 pub use error::GpuError;
+pub use light::GpuLight;
 pub use texfold_shaders::Module;
 pub use timing::Probe;
 pub use upload::{AddressMode, GpuTexture};

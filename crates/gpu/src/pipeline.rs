@@ -34,6 +34,8 @@ pub(crate) enum Shader {
     },
     /// A mesh with a module's texture.
     Mesh(Module),
+    /// A light field on its mesh.
+    Light,
     /// A plain texture and a sampler.
     Plain,
 }
@@ -126,6 +128,7 @@ impl Gpu {
                 (texfold_shaders::entry(module, entry), self.layouts.of(module))
             }
             Shader::Mesh(module) => (texfold_shaders::entry(module, Entry::Mesh), self.layouts.of(module)),
+            Shader::Light => (texfold_shaders::light(), self.layouts.of(Module::Lightfield)),
             Shader::Plain => (texfold_shaders::plain(), &self.layouts.plain),
         };
         let is_mesh = matches!(shader, Shader::Mesh(_));
@@ -134,7 +137,7 @@ impl Gpu {
                 let reduced = module.reduced().map(|(name, _)| (name, f64::from(u8::from(reduced))));
                 std::iter::once(("LOOKUP", f64::from(lookup))).chain(reduced).collect()
             }
-            Shader::Mesh(_) | Shader::Plain => Vec::new(),
+            Shader::Mesh(_) | Shader::Light | Shader::Plain => Vec::new(),
         };
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("texfold"),
@@ -156,7 +159,7 @@ impl Gpu {
                 buffers: if is_mesh { &corners } else { &[] },
             },
             primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: is_mesh.then(nearest_in_front),
+            depth_stencil: (is_mesh || shader == Shader::Light).then(nearest_in_front),
             multisample: wgpu::MultisampleState::default(),
             fragment: Some(wgpu::FragmentState {
                 module: &module,

@@ -31,9 +31,9 @@ pub struct GpuTexture {
 
 /// What is bound to draw some of the images.
 #[derive(Debug)]
-struct Group {
-    params: Buffer,
-    bind_group: BindGroup,
+pub(crate) struct Group {
+    pub(crate) params: Buffer,
+    pub(crate) bind_group: BindGroup,
 }
 
 /// One image.
@@ -102,9 +102,10 @@ impl GpuTexture {
             AddressMode::Repeat => texfold_core::address::TEXFOLD_REPEAT,
             AddressMode::Clamp => texfold_core::address::TEXFOLD_CLAMP,
         };
-        let offset = self.module.address_mode_offset() as u64;
-        for group in &self.groups {
-            self.queue.write_buffer(&group.params, offset, &number.to_le_bytes());
+        if let Some(offset) = self.module.address_mode_offset() {
+            for group in &self.groups {
+                self.queue.write_buffer(&group.params, offset as u64, &number.to_le_bytes());
+            }
         }
         self
     }
@@ -123,12 +124,7 @@ impl Gpu {
     pub fn upload(&self, form: &GpuForm<'_>) -> Result<GpuTexture, GpuError> {
         let module = Module::by_name(form.module).ok_or(GpuError::UnknownModule { module: form.module })?;
         self.guarded(|| {
-            let (mut planes, mut bytes) = (Vec::new(), 0);
-            for plane in &form.planes {
-                let (texture, written) = self.upload_plane(plane)?;
-                planes.push(texture);
-                bytes += written;
-            }
+            let (planes, bytes) = self.upload_planes(form)?;
             let mut texture = GpuTexture {
                 module,
                 groups: Vec::new(),
@@ -152,6 +148,17 @@ impl Gpu {
             }
             Ok(texture)
         })
+    }
+
+    /// All planes; also the bytes written.
+    pub(crate) fn upload_planes(&self, form: &GpuForm<'_>) -> Result<(Vec<Texture>, u64), GpuError> {
+        let (mut planes, mut bytes) = (Vec::new(), 0);
+        for plane in &form.planes {
+            let (texture, written) = self.upload_plane(plane)?;
+            planes.push(texture);
+            bytes += written;
+        }
+        Ok((planes, bytes))
     }
 
     /// One plane with its mip levels; also the bytes written.
@@ -205,7 +212,7 @@ impl Gpu {
         self.queue.write_texture(target, data, layout, size);
     }
 
-    fn bind(
+    pub(crate) fn bind(
         &self,
         module: Module,
         form: &GpuForm<'_>,
@@ -264,11 +271,12 @@ fn describe(
 ) -> Result<Surface, GpuError> {
     let params = params_of(module, form, binding)?;
     let size = SurfaceSize { width: number(params, 0), height: number(params, 4) };
-    Ok(Surface { group, place: binding.surface, size, levels: number(params, module.levels_offset()) })
+    let levels = module.levels_offset().ok_or(GpuError::Form { what: "a light field is no image" })?;
+    Ok(Surface { group, place: binding.surface, size, levels: number(params, levels) })
 }
 
 /// The 32-bit number at `offset` of the parameters.
-fn number(params: &[u8], offset: usize) -> u32 {
+pub(crate) fn number(params: &[u8], offset: usize) -> u32 {
     let bytes = params.get(offset..offset + 4).and_then(|bytes| bytes.try_into().ok());
     bytes.map_or(0, u32::from_le_bytes)
 }

@@ -1,5 +1,6 @@
 //! Fixtures, pathological inputs and helpers for Texfold's own tests.
 
+pub mod capture;
 pub mod fixtures;
 mod load;
 

@@ -7,8 +7,12 @@ mod auto;
 mod open;
 
 pub use auto::{CodecChoice, EncodeSettings, Guidance, encode_images};
-pub use open::{AnyImage, add_image, open, open_image};
+pub use open::{AnyImage, add_image, open, open_image, open_light};
 pub use texfold_bc::{Bc, Bc1Blocks, BcParams, Content, Family};
 pub use texfold_core::*;
 pub use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture, MAX_LAYERS, Transforms};
+pub use texfold_lightfield::{
+    Camera, Capture, CaptureError, Directions, LightParams, LightTexture, Lightfield, MAX_TERMS, Mesh,
+    Quality, Renderer, View,
+};
 pub use texfold_vq::{GuidanceWeights, Vq, VqParams, VqSource};

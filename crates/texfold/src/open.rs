@@ -6,6 +6,7 @@ use texfold_core::{
     AnyEncoded, Budget, EncodeError, Encoded, Growable, Image2d, Job, LoadError, SourceError, TextureCodec,
 };
 use texfold_epitome::{Epitome, EpitomeTexture};
+use texfold_lightfield::{LightTexture, Lightfield};
 use texfold_vq::{Vq, VqSource, VqTexture};
 
 /// An encoded image texture of any codec, for callers that need its own type.
@@ -55,7 +56,23 @@ impl AnyImage {
 /// # Errors
 /// [`LoadError`] names what is wrong with the file.
 pub fn open(bytes: &[u8], budget: &mut Budget) -> Result<AnyEncoded, LoadError> {
-    open_image(bytes, budget).map(|image| AnyEncoded::Image(image.into_encoded()))
+    let sections = Sections::parse(bytes, budget)?;
+    if sections.codec() == Lightfield::ID.number {
+        return Lightfield::load(&sections, budget).map(|light| AnyEncoded::Light(Box::new(light)));
+    }
+    load_image(&sections, budget).map(|image| AnyEncoded::Image(image.into_encoded()))
+}
+
+/// Loads a `.txf` file that holds a surface light field.
+///
+/// # Errors
+/// [`LoadError`] names what is wrong with the file.
+pub fn open_light(bytes: &[u8], budget: &mut Budget) -> Result<LightTexture, LoadError> {
+    let sections = Sections::parse(bytes, budget)?;
+    match sections.codec() {
+        number if number == Lightfield::ID.number => Lightfield::load(&sections, budget),
+        found => Err(LoadError::NotThisCodec { found }),
+    }
 }
 
 /// Loads a `.txf` file that holds images.
@@ -63,11 +80,14 @@ pub fn open(bytes: &[u8], budget: &mut Budget) -> Result<AnyEncoded, LoadError> 
 /// # Errors
 /// [`LoadError`] names what is wrong with the file.
 pub fn open_image(bytes: &[u8], budget: &mut Budget) -> Result<AnyImage, LoadError> {
-    let sections = Sections::parse(bytes, budget)?;
+    load_image(&Sections::parse(bytes, budget)?, budget)
+}
+
+fn load_image(sections: &Sections<'_>, budget: &mut Budget) -> Result<AnyImage, LoadError> {
     match sections.codec() {
-        number if number == Bc::ID.number => Bc::load(&sections, budget).map(AnyImage::Bc),
-        number if number == Vq::ID.number => Vq::load(&sections, budget).map(AnyImage::Vq),
-        number if number == Epitome::ID.number => Epitome::load(&sections, budget).map(AnyImage::Epitome),
+        number if number == Bc::ID.number => Bc::load(sections, budget).map(AnyImage::Bc),
+        number if number == Vq::ID.number => Vq::load(sections, budget).map(AnyImage::Vq),
+        number if number == Epitome::ID.number => Epitome::load(sections, budget).map(AnyImage::Epitome),
         found => Err(LoadError::NotThisCodec { found }),
     }
 }

@@ -1,0 +1,138 @@
+//! Surface light fields on their own meshes.
+
+use glam::{Mat4, Vec3};
+use texfold_core::GpuForm;
+use wgpu::{BindGroup, Buffer, Queue, TextureFormat};
+
+use crate::decode::clear;
+use crate::mesh::{clear_depth, view_of};
+use crate::pipeline::{DEPTH_FORMAT, PipelineKey, Shader};
+use crate::{Gpu, GpuError, Module};
+
+/// Where the numbers of triangles and of drawn terms lie in the parameters, in bytes.
+const TRIANGLES_OFFSET: usize = 4;
+/// As above.
+const TERMS_OFFSET: usize = 8;
+/// As above, of the terms that are stored.
+const STORED_TERMS_OFFSET: usize = 12;
+
+/// The shader's parameters.
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct SceneParams {
+    view_projection: Mat4,
+    eye: Vec3,
+    reserved: u32,
+}
+
+/// A light field on the GPU.
+#[derive(Debug)]
+pub struct GpuLight {
+    params: Buffer,
+    bind_group: BindGroup,
+    triangles: u32,
+    stored_terms: u32,
+    bytes: u64,
+    queue: Queue,
+}
+
+impl GpuLight {
+    /// Bytes of texels and parameters that were uploaded.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Triangles of the mesh.
+    #[must_use]
+    pub fn triangles(&self) -> u32 {
+        self.triangles
+    }
+
+    /// The same light field drawn with at most `terms` terms beside the mean.
+    #[must_use]
+    pub fn with_terms(self, terms: u32) -> GpuLight {
+        let terms = terms.min(self.stored_terms);
+        self.queue.write_buffer(&self.params, TERMS_OFFSET as u64, &terms.to_le_bytes());
+        self
+    }
+
+    /// What to bind in the group that the module was pasted for.
+    #[must_use]
+    pub fn bind_group(&self) -> &BindGroup {
+        &self.bind_group
+    }
+}
+
+impl Gpu {
+    /// Uploads all planes and parameters of an encoded light field.
+    ///
+    /// # Errors
+    /// [`GpuError`] where it is none, or the device cannot hold or sample it.
+    pub fn upload_light(&self, form: &GpuForm<'_>) -> Result<GpuLight, GpuError> {
+        if Module::by_name(form.module) != Some(Module::Lightfield) {
+            return Err(GpuError::UnknownModule { module: form.module });
+        }
+        let [surface] = &form.surfaces[..] else {
+            return Err(GpuError::Form { what: "a light field has another number of surfaces than one" });
+        };
+        self.guarded(|| {
+            let (planes, bytes) = self.upload_planes(form)?;
+            let group = self.bind(Module::Lightfield, form, surface, &planes)?;
+            let number = |offset| crate::upload::number(&form.uniforms[surface.uniforms.clone()], offset);
+            Ok(GpuLight {
+                params: group.params,
+                bind_group: group.bind_group,
+                triangles: number(TRIANGLES_OFFSET),
+                stored_terms: number(STORED_TERMS_OFFSET),
+                bytes: bytes + surface.uniforms.len() as u64,
+                queue: self.queue.clone(),
+            })
+        })
+    }
+
+    /// `light` as a camera at `eye` sees it, on transparent black, nearest triangle in front, both sides of a triangle alike.
+    /// `view_projection` leads from the mesh's space to clip space with depths 0 to 1.
+    ///
+    /// # Errors
+    /// [`GpuError`] where the picture is empty or too large, or the device fails.
+    pub fn draw_light(
+        &self,
+        light: &GpuLight,
+        view_projection: Mat4,
+        eye: Vec3,
+        (width, height): (u32, u32),
+    ) -> Result<Vec<[u8; 4]>, GpuError> {
+        let limit = self.side_limit();
+        if width == 0 || height == 0 || width > limit || height > limit {
+            return Err(GpuError::PictureSize { width, height, limit });
+        }
+        let corners = light.triangles.checked_mul(3).ok_or(GpuError::Mesh)?;
+        let pipeline =
+            self.pipeline(PipelineKey { shader: Shader::Light, target: TextureFormat::Rgba8Unorm })?;
+        let mut pixels = vec![[0; 4]; width as usize * height as usize];
+        self.guarded(|| {
+            let scene = SceneParams { view_projection, eye, reserved: 0 };
+            let job = self.job_group(bytemuck::bytes_of(&scene));
+            let colour = self.target(TextureFormat::Rgba8Unorm, (width, height));
+            let (view, depth) = (view_of(&colour), view_of(&self.target(DEPTH_FORMAT, (width, height))));
+            let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("light field"),
+                color_attachments: &[Some(clear(&view))],
+                depth_stencil_attachment: Some(clear_depth(&depth)),
+                ..Default::default()
+            });
+            pass.set_pipeline(&pipeline);
+            pass.set_bind_group(0, &light.bind_group, &[]);
+            pass.set_bind_group(1, &job, &[]);
+            pass.draw(0..corners, 0..1);
+            drop(pass);
+            self.read_rows(encoder, &colour, |y, line| {
+                let start = y as usize * width as usize;
+                pixels[start..start + width as usize].copy_from_slice(bytemuck::cast_slice(line));
+            })
+        })?;
+        Ok(pixels)
+    }
+}

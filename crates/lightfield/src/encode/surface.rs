@@ -1,0 +1,255 @@
+//! Where the surface is sampled: lattices on triangles whose places on edges and at vertices are shared.
+//!
+//! A patch has a power of two of steps along a side (paper section 5.2: predefined sizes), chosen by the largest view
+//! of its triangle. Samples belong to *elements*: vertices, edges and faces. Triangles that meet at an edge read the same
+//! samples there; where their sides differ the edge has the coarser one's, and the finer triangle interpolates, so
+//! the maps agree along the whole edge.
+
+use std::collections::BTreeMap;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::bvh::Bvh;
+use crate::layout::MAX_SIDE_LOG2;
+use crate::{Mesh, View};
+
+/// A vertex, an edge or the inside of a triangle.
+#[derive(Debug, Clone)]
+pub(crate) struct Element {
+    /// Its vertices: one, two or three.
+    pub(crate) vertices: Vec<u32>,
+    /// Triangles that it belongs to.
+    pub(crate) triangles: Vec<u32>,
+    /// Number of its first sample.
+    pub(crate) first: u32,
+    /// Weights of its vertices, one entry a sample.
+    pub(crate) weights: Vec<Vec3>,
+}
+
+/// All samples of a mesh.
+#[derive(Debug, Clone)]
+pub(crate) struct Surface {
+    /// Vertices first, then edges, then faces.
+    pub(crate) elements: Vec<Element>,
+    /// For each vertex the elements that its hat function covers, in order.
+    pub(crate) around: Vec<Vec<u32>>,
+    /// For each triangle its edges' elements: from corner 0 to 1, 1 to 2, 2 to 0.
+    edges: Vec<[u32; 3]>,
+    /// Element of the first triangle.
+    first_face: u32,
+    /// Samples of all elements.
+    pub(crate) samples: u32,
+}
+
+/// The steps along the sides of each triangle's patch: as many as its largest view has pixels, as a power of two.
+pub(crate) fn sides_log2(mesh: &Mesh, views: &[View], bvh: &Bvh, sampling: f32) -> Vec<u8> {
+    let cameras: Vec<_> = views.iter().map(|view| (view.camera, view.camera.to_camera())).collect();
+    let largest = |(index, &triangle): (usize, &[u32; 3])| {
+        let corners = mesh.corners(triangle);
+        let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+        let mut area = 0f32;
+        for (camera, to_camera) in &cameras {
+            let places = corners.map(|corner| camera.project(to_camera.transform_point3(corner)));
+            let [Some(a), Some(b), Some(c)] = places else { continue };
+            // Counter-clockwise from the front is clockwise with rows that run down.
+            let doubled = -(b - a).perp_dot(c - a);
+            let to_eye = camera.eye() - middle;
+            if doubled > area && !bvh.blocks(middle, to_eye, (0.0, 1.0), |other| other as usize != index) {
+                area = doubled;
+            }
+        }
+        // n steps along the sides cut a triangle into n * n parts of two a pixel's area.
+        let steps = area.sqrt() * sampling;
+        steps.max(1.0).log2().floor().min(f32::from(MAX_SIDE_LOG2)) as u8
+    };
+    mesh.triangles.par_iter().enumerate().map(largest).collect()
+}
+
+impl Surface {
+    /// The samples of `mesh` with patches of the given sides.
+    pub(crate) fn new(mesh: &Mesh, sides_log2: &[u8]) -> Surface {
+        let vertices = mesh.positions.len() as u32;
+        let alone = |vertex| Element {
+            vertices: vec![vertex],
+            triangles: Vec::new(),
+            first: 0,
+            weights: vec![Vec3::X],
+        };
+        let mut surface = Surface {
+            elements: (0..vertices).map(alone).collect(),
+            around: vec![Vec::new(); vertices as usize],
+            edges: Vec::new(),
+            first_face: 0,
+            samples: 0,
+        };
+        surface.add_edges(mesh, sides_log2);
+        surface.first_face = surface.elements.len() as u32;
+        for (triangle, (&corners, &log2)) in (0..).zip(mesh.triangles.iter().zip(sides_log2)) {
+            let n = 1u32 << log2;
+            let inside = (1..n).flat_map(|j| (1..n.saturating_sub(j)).map(move |i| (i, j)));
+            let weights = inside.map(|(i, j)| Vec3::new((n - i - j) as f32, i as f32, j as f32) / n as f32);
+            surface.elements.push(Element {
+                vertices: corners.to_vec(),
+                triangles: vec![triangle],
+                first: 0,
+                weights: weights.collect(),
+            });
+            corners.iter().for_each(|&v| surface.elements[v as usize].triangles.push(triangle));
+        }
+        for (index, element) in (0..).zip(&mut surface.elements) {
+            element.first = surface.samples;
+            surface.samples += element.weights.len() as u32;
+            if !element.weights.is_empty() {
+                element.vertices.iter().for_each(|&v| surface.around[v as usize].push(index));
+            }
+        }
+        surface
+    }
+
+    fn add_edges(&mut self, mesh: &Mesh, sides_log2: &[u8]) {
+        let mut known: BTreeMap<(u32, u32), (u8, Vec<u32>)> = BTreeMap::new();
+        for (triangle, (&corners, &log2)) in (0..).zip(mesh.triangles.iter().zip(sides_log2)) {
+            for key in edges_of(corners) {
+                let (least, triangles) = known.entry(key).or_insert((log2, Vec::new()));
+                *least = log2.min(*least);
+                triangles.push(triangle);
+            }
+        }
+        let mut numbers = BTreeMap::new();
+        for (key, (log2, triangles)) in known {
+            numbers.insert(key, self.elements.len() as u32);
+            let n = 1u32 << log2;
+            let weights = (1..n).map(|i| Vec3::new((n - i) as f32, i as f32, 0.0) / n as f32).collect();
+            self.elements.push(Element { vertices: vec![key.0, key.1], triangles, first: 0, weights });
+        }
+        let number = |key| numbers.get(&key).copied().unwrap_or(0);
+        self.edges = mesh.triangles.iter().map(|&corners| edges_of(corners).map(number)).collect();
+    }
+
+    /// The two samples that texel (i, j) of a triangle's patch of side `n` is blended from, and the second's weight.
+    pub(crate) fn texel(&self, mesh: &Mesh, triangle: u32, n: u32, (i, j): (u32, u32)) -> ([u32; 2], f32) {
+        let corners = mesh.triangles[triangle as usize];
+        let k = n - i - j;
+        let vertex = |corner: usize| self.elements[corners[corner] as usize].first;
+        let same = |sample| ([sample, sample], 0.0);
+        match (k, i, j) {
+            (k, ..) if k == n => same(vertex(0)),
+            (_, i, _) if i == n => same(vertex(1)),
+            (_, _, j) if j == n => same(vertex(2)),
+            (_, i, 0) => self.on_edge(triangle, 0, corners[0] > corners[1], (i, n)),
+            (0, _, j) => self.on_edge(triangle, 1, corners[1] > corners[2], (j, n)),
+            (k, 0, _) => self.on_edge(triangle, 2, corners[2] > corners[0], (k, n)),
+            (_, i, j) => {
+                // Rows before this one have n - 2, n - 3, ... samples.
+                let before = (1..j).map(|row| n - row - 1).sum::<u32>();
+                same(self.elements[(self.first_face + triangle) as usize].first + before + i - 1)
+            }
+        }
+    }
+
+    /// The samples around step `at` of `n` along an edge of a triangle, `turned` where the edge runs the other way.
+    fn on_edge(&self, triangle: u32, edge: usize, turned: bool, (at, n): (u32, u32)) -> ([u32; 2], f32) {
+        let element = &self.elements[self.edges[triangle as usize][edge] as usize];
+        let at = if turned { n - at } else { at };
+        let steps = element.weights.len() as u32 + 1;
+        let (low, part) = (at * steps / n, at * steps % n);
+        let sample = |step: u32| match step {
+            0 => self.elements[element.vertices[0] as usize].first,
+            _ if step == steps => self.elements[element.vertices[1] as usize].first,
+            _ => element.first + step - 1,
+        };
+        ([sample(low), sample((low + 1).min(steps))], part as f32 / n as f32)
+    }
+}
+
+/// The edges of a triangle as pairs of vertices, the lower first.
+fn edges_of([a, b, c]: [u32; 3]) -> [(u32, u32); 3] {
+    [(a, b), (b, c), (c, a)].map(|(a, b)| (a.min(b), a.max(b)))
+}
+
+impl Element {
+    /// The place of a sample.
+    pub(crate) fn position(&self, mesh: &Mesh, sample: usize) -> Vec3 {
+        self.blend(&mesh.positions, sample)
+    }
+
+    /// The smooth unit normal at a sample; as the shader has it, short where normals cancel out.
+    pub(crate) fn normal(&self, normals: &[Vec3], sample: usize) -> Vec3 {
+        let normal = self.blend(normals, sample);
+        normal / normal.length().max(1e-6)
+    }
+
+    /// The value of a vertex's hat function at a sample; 0 where the vertex is none of the element's.
+    pub(crate) fn hat(&self, vertex: u32, sample: usize) -> f32 {
+        let corner = self.vertices.iter().position(|&own| own == vertex);
+        corner.map_or(0.0, |corner| self.weights[sample][corner])
+    }
+
+    fn blend(&self, values: &[Vec3], sample: usize) -> Vec3 {
+        let weights = self.weights[sample];
+        let corners = self.vertices.iter().enumerate();
+        corners.map(|(corner, &vertex)| values[vertex as usize] * weights[corner]).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A strip of triangles over the unit square, with one of them turned over its first edge.
+    fn mesh() -> Mesh {
+        let p = |x, y| Vec3::new(x, y, 0.3 * x * y);
+        Mesh {
+            positions: vec![p(0.0, 0.0), p(1.0, 0.0), p(1.0, 1.0), p(0.0, 1.0), p(0.5, -1.0)],
+            triangles: vec![[0, 1, 2], [2, 3, 0], [1, 0, 4]],
+        }
+    }
+
+    #[test]
+    fn every_texel_lies_where_its_samples_do() {
+        let mesh = mesh();
+        for sides in [[3, 3, 3], [0, 2, 4], [5, 1, 0], [1, 1, 2]] {
+            let surface = Surface::new(&mesh, &sides);
+            let mut places = vec![Vec3::NAN; surface.samples as usize];
+            for element in &surface.elements {
+                for sample in 0..element.weights.len() {
+                    places[element.first as usize + sample] = element.position(&mesh, sample);
+                    let hats: f32 = (0..5).map(|vertex| element.hat(vertex, sample)).sum();
+                    assert!((hats - 1.0).abs() < 1e-6);
+                }
+            }
+            for (triangle, &log2) in sides.iter().enumerate() {
+                let n = 1u32 << log2;
+                let [a, b, c] = mesh.corners(mesh.triangles[triangle]);
+                for (i, j) in (0..=n).flat_map(|i| (0..=n - i).map(move |j| (i, j))) {
+                    let ([low, high], part) = surface.texel(&mesh, triangle as u32, n, (i, j));
+                    let place = places[low as usize].lerp(places[high as usize], part);
+                    let wanted = a + (b - a) * (i as f32 / n as f32) + (c - a) * (j as f32 / n as f32);
+                    assert!(
+                        place.distance(wanted) < 1e-5,
+                        "{sides:?} {triangle} ({i}, {j}): {place} {wanted}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn rings_hold_all_samples_with_a_hat() {
+        let mesh = mesh();
+        let surface = Surface::new(&mesh, &[2, 2, 2]);
+        for vertex in 0..5u32 {
+            let naive: Vec<u32> = (0..surface.elements.len() as u32)
+                .filter(|&e| {
+                    surface.elements[e as usize]
+                        .weights
+                        .iter()
+                        .enumerate()
+                        .any(|(s, _)| surface.elements[e as usize].hat(vertex, s) > 0.0)
+                })
+                .collect();
+            assert_eq!(surface.around[vertex as usize], naive);
+        }
+    }
+}

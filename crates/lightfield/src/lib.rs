@@ -1,0 +1,76 @@
+//! Surface light-field maps: the colour of a mesh by place and by direction, as sums of products of maps.
+//!
+//! The light field of a triangle's point `x` seen along `d` is
+//!
+//! ```text
+//! f(x, d) = mean(x) + sum over the triangle's vertices v, terms k:  g_vk(x) * h_vk(d)
+//! ```
+//!
+//! `g` is a surface map over the triangles around the vertex, weighted by the vertex's hat function, so that the sum
+//! is continuous across edges; `h` is a view map over the directions around the vertex's normal. The maps are those
+//! of a principal component analysis of what photographs show around the vertex, quantised to 8 bits.
+//!
+//! Source: Chen, Bouguet, Chu, Grzeszczuk, "Light field mapping: efficient representation and hardware rendering
+//! of surface light fields", 2002. Beyond the paper: one mean map a triangle instead of three; samples on edges are
+//! shared by the triangles, so maps are continuous to the bit; view maps may be laid over the reflected direction.
+
+mod bvh;
+mod camera;
+mod capture;
+pub mod decode;
+mod encode;
+mod encoded;
+mod error;
+mod layout;
+mod params;
+mod render;
+mod wire;
+
+pub use camera::Camera;
+pub use capture::{Capture, Mesh, View};
+pub use encode::Quality;
+pub use encoded::LightTexture;
+pub use error::CaptureError;
+pub use params::{Directions, LightParams, MAX_TERMS};
+pub use render::Renderer;
+
+use texfold_core::container::Sections;
+use texfold_core::{Budget, CodecId, EncodeError, Job, LoadError, SurfaceLight, TextureCodec};
+
+/// Surface light-field maps.
+#[derive(Debug, Clone, Copy)]
+pub enum Lightfield {}
+
+impl TextureCodec for Lightfield {
+    const ID: CodecId = CodecId { number: 5, name: "lightfield" };
+    type Domain = SurfaceLight;
+    type Source<'s> = &'s Capture;
+    type Params = LightParams;
+    type Encoded = LightTexture;
+
+    fn encode(
+        source: &Capture,
+        params: &LightParams,
+        job: &mut Job<'_>,
+    ) -> Result<LightTexture, EncodeError> {
+        Lightfield::encode_measured(source, params, job).map(|(texture, _)| texture)
+    }
+
+    fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<LightTexture, LoadError> {
+        wire::load(file, budget)
+    }
+}
+
+impl Lightfield {
+    /// As [`TextureCodec::encode`], and how close the result comes to the photographs.
+    ///
+    /// # Errors
+    /// As [`TextureCodec::encode`].
+    pub fn encode_measured(
+        source: &Capture,
+        params: &LightParams,
+        job: &mut Job<'_>,
+    ) -> Result<(LightTexture, Quality), EncodeError> {
+        encode::encode(source, params, job)
+    }
+}

@@ -1,0 +1,70 @@
+//! Parameters of the light-field codec.
+
+use texfold_bc::Content;
+use texfold_core::{ParamError, Params};
+
+/// Most terms beside the mean: a bound of the shader's loop.
+pub const MAX_TERMS: u32 = 8;
+
+/// What view maps are laid over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Directions {
+    /// The direction to the eye, orthographic, as in the paper.
+    View,
+    /// That direction reflected about the smooth normal: a highlight keeps its place in the map while it moves
+    /// over the surface.
+    #[default]
+    Reflected,
+}
+
+/// How a light field is encoded.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LightParams {
+    /// Terms beside the mean, 0 to [`MAX_TERMS`].
+    pub terms: u32,
+    /// As few of these terms as reach this PSNR in dB against what the photographs show; all where this is not given.
+    pub psnr: Option<f64>,
+    /// Texels a side of a view map, a multiple of 4 up to 64.
+    pub grid: u32,
+    /// Samples along a triangle's side for each that the photographs resolve, 0.125 to 1.
+    pub sampling: f32,
+    /// What view maps are laid over.
+    pub directions: Directions,
+    /// How the maps are stored: raw, BC1 or BC7.
+    pub content: Content,
+}
+
+impl Default for LightParams {
+    fn default() -> Self {
+        LightParams {
+            terms: 3,
+            psnr: None,
+            grid: 16,
+            sampling: 1.0,
+            directions: Directions::default(),
+            content: Content::Raw,
+        }
+    }
+}
+
+impl Params for LightParams {
+    fn check(&self) -> Result<(), ParamError> {
+        let error = |field, value: f64, range| Err(ParamError { field, value, range });
+        match self {
+            _ if self.psnr.is_some_and(|psnr| !psnr.is_finite() || psnr <= 0.0) => {
+                error("psnr", self.psnr.unwrap_or(0.0), "finite numbers above 0")
+            }
+            _ if self.terms > MAX_TERMS => error("terms", f64::from(self.terms), "0..=8"),
+            _ if !(4..=64).contains(&self.grid) || !self.grid.is_multiple_of(4) => {
+                error("grid", f64::from(self.grid), "multiples of 4 in 4..=64")
+            }
+            _ if !(0.125..=1.0).contains(&self.sampling) => {
+                error("sampling", f64::from(self.sampling), "0.125..=1")
+            }
+            _ if !matches!(self.content, Content::Raw | Content::Bc1 | Content::Bc7) => {
+                error("content", f64::from(self.content.number()), "raw, bc1 and bc7 for light-field maps")
+            }
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! The CPU reference of a rendered view: one ray a pixel, from its middle.
+
+use glam::Vec2;
+use rayon::prelude::*;
+use texfold_core::image::to_u8;
+use texfold_core::{Encoded, LightAddress};
+
+use crate::bvh::Bvh;
+use crate::{Camera, LightTexture};
+
+/// Draws a light field from any side.
+#[derive(Debug)]
+pub struct Renderer<'t> {
+    texture: &'t LightTexture,
+    bvh: Bvh,
+}
+
+impl<'t> Renderer<'t> {
+    /// Prepares the mesh.
+    #[must_use]
+    pub fn new(texture: &'t LightTexture) -> Renderer<'t> {
+        let mesh = texture.mesh();
+        let corners: Vec<_> = mesh.triangles.iter().map(|&triangle| mesh.corners(triangle)).collect();
+        Renderer { texture, bvh: Bvh::new(&corners) }
+    }
+
+    /// What `camera` sees, row by row, on transparent black; nearest triangle in front, both sides of a triangle alike.
+    #[must_use]
+    pub fn render(&self, camera: &Camera) -> Vec<[u8; 4]> {
+        let width = camera.width as usize;
+        let mut pixels = vec![[0; 4]; width * camera.height as usize];
+        pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(row, line)| {
+            for (column, pixel) in line.iter_mut().enumerate() {
+                *pixel = self.pixel(camera, Vec2::new(column as f32, row as f32) + 0.5);
+            }
+        });
+        pixels
+    }
+
+    fn pixel(&self, camera: &Camera, place: Vec2) -> [u8; 4] {
+        let ray = camera.ray(place);
+        let Some(hit) = self.bvh.nearest(camera.eye(), ray, 0.0) else { return [0; 4] };
+        let address = LightAddress { triangle: hit.triangle, barycentric: hit.barycentric, direction: -ray };
+        self.texture.sample(address).to_array().map(to_u8)
+    }
+}

@@ -1,0 +1,154 @@
+//! Files that are cut, damaged or forged: a named error, or a light field that decodes everywhere.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests fail as tests do")]
+
+use glam::Vec3;
+use texfold_core::container::{CodecId, SectionWriter, Sections};
+use texfold_core::{Budget, Encoded, Job, LightAddress, Limits, LoadError, TextureCodec};
+use texfold_lightfield::{LightParams, LightTexture, Lightfield};
+use texfold_testkit::capture::{Look, eyes, sphere};
+
+const LIMITS: Limits = Limits { texels: 1 << 24, bytes: 256 << 20, sections: 64 };
+
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, end: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as usize % end.max(1)
+    }
+}
+
+fn file(content: texfold_bc::Content) -> Vec<u8> {
+    let params = LightParams { terms: 2, grid: 8, content, ..LightParams::default() };
+    let texture = Lightfield::encode(&sphere(Look::Glossy, 4, 16), &params, &mut Job::default()).unwrap();
+    let mut writer = SectionWriter::new(Lightfield::ID);
+    texture.store(&mut writer);
+    writer.finish().bytes
+}
+
+fn open(bytes: &[u8], budget: &mut Budget) -> Result<LightTexture, LoadError> {
+    Lightfield::load(&Sections::parse(bytes, budget)?, budget)
+}
+
+/// Whatever loads must decode everywhere.
+fn exercise(texture: &LightTexture) {
+    let last = texture.layout().triangles - 1;
+    for triangle in [0, last / 2, last, u32::MAX] {
+        for barycentric in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::splat(9.0), Vec3::NAN, Vec3::NEG_ONE] {
+            for direction in eyes(4, 1.0, 0.0).into_iter().chain([Vec3::ZERO, Vec3::NAN, Vec3::INFINITY]) {
+                let texel = texture.sample(LightAddress { triangle, barycentric, direction });
+                assert!(texel.is_finite(), "{triangle} {barycentric} {direction}: {texel}");
+            }
+        }
+    }
+    let _ = texture.gpu();
+    let _ = texture.footprint();
+}
+
+#[test]
+fn every_cut_names_what_is_missing_or_leaves_whole_terms() {
+    let bytes = file(texfold_bc::Content::Raw);
+    for length in 0..bytes.len() {
+        match open(&bytes[..length], &mut Budget::new(LIMITS)) {
+            Err(LoadError::Truncated { .. }) => {}
+            Err(LoadError::NotTexfold) => assert_eq!(length, 0),
+            Ok(texture) => assert!(texture.layers().loaded < 3),
+            other => panic!("cut to {length} of {}: {other:?}", bytes.len()),
+        }
+    }
+}
+
+#[test]
+fn flipped_bytes_are_noticed() {
+    let bytes = file(texfold_bc::Content::Bc1);
+    let mut random = Random(11);
+    for _ in 0..300 {
+        let mut damaged = bytes.clone();
+        let at = random.below(bytes.len());
+        damaged[at] ^= 1 << random.below(8);
+        assert!(open(&damaged, &mut Budget::new(LIMITS)).is_err(), "byte {at} changed unnoticed");
+    }
+}
+
+/// The same file with the section `target` as `change` leaves it, all checksums right.
+fn rewritten(bytes: &[u8], target: [u8; 4], change: impl Fn(&mut Vec<u8>)) -> Vec<u8> {
+    let mut budget = Budget::default();
+    let sections = Sections::parse(bytes, &mut budget).unwrap();
+    let mut writer = SectionWriter::new(CodecId { number: sections.codec(), name: "" });
+    for (id, _) in sections.ids() {
+        let mut raw = sections.read(id, &mut budget).unwrap();
+        if id == target {
+            change(&mut raw);
+        }
+        writer.section("", id, &raw);
+    }
+    writer.finish().bytes
+}
+
+#[test]
+fn forged_files_give_an_error_or_a_light_field_that_decodes() {
+    let mut random = Random(5);
+    let (mut refused, mut accepted) = (0, 0);
+    for content in [texfold_bc::Content::Raw, texfold_bc::Content::Bc7] {
+        let bytes = file(content);
+        let ids: Vec<[u8; 4]> =
+            Sections::parse(&bytes, &mut Budget::default()).unwrap().ids().map(|(id, _)| id).collect();
+        for _ in 0..300 {
+            let target = ids[random.below(ids.len())];
+            let (at, kind, value) = (random.below(1 << 20), random.below(4), random.below(256) as u8);
+            let forged = rewritten(&bytes, target, |raw| {
+                let at = at % raw.len().max(1);
+                match kind {
+                    0 | 1 if !raw.is_empty() => raw[at] = value,
+                    2 => raw.truncate(at),
+                    _ => raw.extend([value; 7]),
+                }
+            });
+            let mut budget = Budget::new(LIMITS);
+            match open(&forged, &mut budget) {
+                Ok(texture) => {
+                    accepted += 1;
+                    exercise(&texture);
+                }
+                Err(_) => refused += 1,
+            }
+            assert!(budget.peak_bytes() <= LIMITS.bytes);
+        }
+    }
+    assert!(refused > 100 && accepted > 50, "{refused} refused, {accepted} accepted");
+}
+
+#[test]
+fn counts_that_no_writer_writes_are_named() {
+    let bytes = file(texfold_bc::Content::Raw);
+    let form = |at: usize, value: &[u8]| {
+        let forged = rewritten(&bytes, *b"LFFM", |raw| raw[at..at + value.len()].copy_from_slice(value));
+        open(&forged, &mut Budget::new(LIMITS)).map(|texture| texture.layers())
+    };
+    for (at, value) in [
+        (0, &[0, 0, 0, 0][..]),
+        (0, &[0xff, 0xff, 0xff, 0xff]),
+        (4, &[0, 0, 0, 0]),
+        (4, &[0xff, 0xff, 0xff, 0x7f]),
+        (8, &[9]),
+        (9, &[0]),
+        (9, &[7]),
+        (9, &[68]),
+        (10, &[2]),
+        (11, &[2]),
+        (12, &[99]),
+    ] {
+        assert!(matches!(form(at, value), Err(LoadError::Corrupt { .. })), "byte {at} is {value:?}");
+    }
+    // A file that says it has more terms than it has is taken for one that was cut.
+    assert_eq!(form(8, &[5]), Ok(texfold_core::Layers { loaded: 3, total: 6 }));
+    // Places so far away that directions overflow, and sides so large that maps do not fit a texture.
+    let far = rewritten(&bytes, *b"LFME", |raw| raw[..12 * 42].fill(0x7f));
+    assert!(matches!(open(&far, &mut Budget::new(LIMITS)), Err(LoadError::Corrupt { .. })));
+    let large = rewritten(&bytes, *b"LFME", |raw| raw.iter_mut().rev().take(80).for_each(|side| *side = 7));
+    assert!(matches!(open(&large, &mut Budget::new(LIMITS)), Err(LoadError::Corrupt { .. })));
+    // All places alike: normals that cancel out, still finite.
+    let flat = rewritten(&bytes, *b"LFME", |raw| raw[..12 * 42].fill(0));
+    exercise(&open(&flat, &mut Budget::new(LIMITS)).unwrap());
+}

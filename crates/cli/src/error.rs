@@ -56,7 +56,7 @@ pub(crate) enum CliError {
     NotBc1 { path: PathBuf, found: String },
     #[error("{}: the file ends before its blocks do ({found} of {needed} bytes); export it again", path.display())]
     CutBlocks { path: PathBuf, found: usize, needed: u64 },
-    #[error("{}: {what} is not in this version; give --as image or --as set and --codec auto, bc, vq or epitome", path.display())]
+    #[error("{}: {what} is not in this version; give --as image, set or lightfield and --codec auto, bc, vq, epitome or lightfield", path.display())]
     NotYet { path: PathBuf, what: &'static str },
     #[error("{}: content astc is not in this build; give raw, bc1 or bc7, or build with the cargo feature `astc`", path.display())]
     NoAstc { path: PathBuf },
@@ -66,6 +66,26 @@ pub(crate) enum CliError {
     Mesh { path: PathBuf, source: Box<dyn Error + Send + Sync> },
     #[error("{}: the mesh {what}; export it as triangles with texture coordinates", path.display())]
     MeshContent { path: PathBuf, what: &'static str },
+    #[error("{}: the mesh {what}; export it as triangles in OBJ or PLY", path.display())]
+    ShapeContent { path: PathBuf, what: &'static str },
+    #[error("{}: the cameras cannot be read; write them as the cause says", path.display())]
+    Cameras { path: PathBuf, source: Box<dyn Error + Send + Sync> },
+    #[error("{}: the file of cameras {what}", path.display())]
+    CameraContent { path: PathBuf, what: &'static str },
+    #[error("{}: the camera of frame {frame} has a singular matrix or no focal length; calibrate it again", path.display())]
+    SingularCamera { path: PathBuf, frame: usize },
+    #[error("{}: there is no {name}; put the mesh there or give --mesh", path.display())]
+    NoMesh { path: PathBuf, name: String },
+    #[error("{}: {width}x{height} pixels where its camera has {}x{}; scale the image or correct the cameras", path.display(), wanted.0, wanted.1)]
+    ImageSize { path: PathBuf, width: u32, height: u32, wanted: (u32, u32) },
+    #[error("{}: is no capture; codec lightfield takes a folder with transforms.json, images and mesh.obj or mesh.ply", path.display())]
+    NotCapture { path: PathBuf },
+    #[error("{}: is a capture, and codec {codec} takes images; give --codec lightfield, or --as set for its images", path.display())]
+    OnlyImages { path: PathBuf, codec: &'static str },
+    #[error("{}: holds a light field, which is no image; draw it with the command render", path.display())]
+    NotImages { path: PathBuf },
+    #[error("{}: holds codec {codec}, which is no light field; give a file that was made from a capture", path.display())]
+    NotLight { path: PathBuf, codec: &'static str },
     #[error("{}: cannot be encoded", path.display())]
     Encode { path: PathBuf, source: EncodeError },
     #[error("{}: unsuitable", path.display())]
@@ -88,6 +108,10 @@ pub(crate) enum CliError {
     NoGpu { source: Box<dyn Error + Send + Sync> },
     #[error("{}: cannot be decoded on the GPU; leave out --gpu to decode on the CPU", path.display())]
     Gpu { path: PathBuf, source: Box<dyn Error + Send + Sync> },
+    #[error("no GPU could be used; give --cpu, or install a Vulkan driver such as mesa-vulkan-drivers")]
+    NoDrawing { source: Box<dyn Error + Send + Sync> },
+    #[error("{}: cannot be drawn on the GPU; give --cpu to draw on the CPU", path.display())]
+    GpuDrawing { path: PathBuf, source: Box<dyn Error + Send + Sync> },
     #[error("{}: {} failed; take it off PATH to leave ASTC out", path.display(), program.display())]
     Rival { path: PathBuf, program: PathBuf, source: io::Error },
     #[error("{}: an internal error ({message}); report this as a fault of Texfold, with the file", path.display())]

@@ -18,6 +18,7 @@ mod output;
 mod picture;
 mod png;
 mod progress;
+mod render;
 mod report;
 mod run;
 
@@ -29,4 +30,5 @@ pub use config::{
 pub use decompress::DecompressArgs;
 pub use info::InfoArgs;
 pub use input::Kind;
+pub use render::RenderArgs;
 pub use run::{Command, main, run};

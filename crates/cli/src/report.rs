@@ -102,7 +102,7 @@ impl Figures {
     }
 
     /// A sentence where the goal is missed.
-    pub(crate) fn missed(&self, goal: Goal) -> Option<String> {
+    fn missed(&self, goal: Goal) -> Option<String> {
         // Texels per block do not divide every image: a size goal may be passed by rounding alone.
         const ROUNDING: f64 = 1e-9;
         let (missed, wanted, reached) = match goal {
@@ -122,6 +122,12 @@ impl Figures {
         };
         missed.then(|| format!("the goal of {wanted} was not reached: {reached}"))
     }
+}
+
+/// A sentence where a light field of that PSNR misses its goal.
+pub(crate) fn missed(goal: Goal, psnr: f64) -> Option<String> {
+    let Goal::Psnr(wanted) = goal else { return None };
+    (psnr < wanted).then(|| format!("the goal of {wanted} dB was not reached: {psnr:.2} dB"))
 }
 
 /// What a row says beside what the file itself tells.
@@ -172,7 +178,7 @@ impl Row {
 }
 
 /// The most memory that the process has held so far; `None` where the system does not tell.
-fn peak_bytes() -> Option<u64> {
+pub(crate) fn peak_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)

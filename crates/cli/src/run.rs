@@ -6,7 +6,10 @@ use std::process::ExitCode;
 use clap::Parser;
 
 use crate::error::{CliError, explain};
-use crate::{CompareArgs, CompressArgs, DecompressArgs, InfoArgs, compare, compress, decompress, info};
+use crate::{
+    CompareArgs, CompressArgs, DecompressArgs, InfoArgs, RenderArgs, compare, compress, decompress, info,
+    render,
+};
 
 /// Exit code: some inputs failed, the others are written.
 const SOME_FAILED: u8 = 1;
@@ -23,6 +26,8 @@ pub enum Command {
     Decompress(DecompressArgs),
     /// Show what a .txf file holds.
     Info(InfoArgs),
+    /// Draw a light field as cameras see it.
+    Render(RenderArgs),
     /// Set every codec that fits beside plain block compression.
     Compare(CompareArgs),
 }
@@ -48,6 +53,7 @@ pub fn run(command: Command) -> ExitCode {
         Command::Compress(args) => compress::run(*args),
         Command::Decompress(args) => decompress::run(&args),
         Command::Info(args) => info::run(&args),
+        Command::Render(args) => render::run(&args),
         Command::Compare(args) => compare::run(&args),
     };
     match outcome {

@@ -5,6 +5,7 @@
 
 mod cache;
 mod encode;
+mod light;
 mod memory;
 mod schedule;
 mod task;
@@ -16,7 +17,7 @@ use std::time::Instant;
 
 use crate::config::{Config, Options, RunOptions};
 use crate::error::{CliError, explain};
-use crate::input::{Found, find};
+use crate::input::{Found, Kind, find};
 use crate::output::{make_folder, remove_stale, write_whole};
 use crate::progress::Progress;
 use crate::report::{Entry, Row};
@@ -24,6 +25,7 @@ use crate::run::say;
 pub(crate) use memory::usual_limit;
 
 use cache::Cache;
+use light::LightTask;
 use task::{Finished, Task, Workplace};
 
 /// Arguments of `compress`.
@@ -46,8 +48,37 @@ pub struct CompressArgs {
 
 /// An input in its place in the report: something to do, or why nothing can be done.
 enum Planned {
-    Task(Box<Task>),
+    Task(Work),
     Failed(PathBuf, CliError),
+}
+
+/// Something to do.
+enum Work {
+    Images(Box<Task>),
+    Light(Box<LightTask>),
+}
+
+impl Work {
+    fn found(&self) -> &Found {
+        match self {
+            Work::Images(task) => &task.found,
+            Work::Light(task) => &task.found,
+        }
+    }
+
+    fn cost_bytes(&self) -> u64 {
+        match self {
+            Work::Images(task) => task.cost_bytes(),
+            Work::Light(task) => task.cost_bytes(),
+        }
+    }
+
+    fn run(&self, place: &Workplace<'_>) -> Result<Finished, CliError> {
+        match self {
+            Work::Images(task) => task.run(place),
+            Work::Light(task) => task.run(place),
+        }
+    }
 }
 
 /// Runs the command; gives the number of inputs that failed.
@@ -90,7 +121,7 @@ fn plan(
         options.check()?;
         let path = found.path.clone();
         planned.push(match plan_one(found, &options, out, &mut writers) {
-            Ok(task) => Planned::Task(Box::new(task)),
+            Ok(task) => Planned::Task(task),
             Err(error) => Planned::Failed(path, error),
         });
     }
@@ -102,24 +133,30 @@ fn plan_one(
     options: &Options,
     out: &std::path::Path,
     writers: &mut HashMap<OsString, PathBuf>,
-) -> Result<Task, CliError> {
-    let settings = options.resolve(&found.path)?;
+) -> Result<Work, CliError> {
     let mut name = found.stem.clone();
     name.push(".txf");
     let output = out.join(&name);
     if let Some(first) = writers.get(&name) {
         return Err(CliError::Collision { path: found.path, output, first: first.clone() });
     }
-    writers.insert(name, found.path.clone());
-    Ok(Task { found, settings, output })
+    let work = if found.kind == Kind::Lightfield {
+        let settings = options.resolve_light(&found.path)?;
+        Work::Light(Box::new(LightTask { found, settings, output }))
+    } else {
+        let settings = options.resolve(&found.path)?;
+        Work::Images(Box::new(Task { found, settings, output }))
+    };
+    writers.insert(name, work.found().path.clone());
+    Ok(work)
 }
 
 /// Carries the tasks out; the entries are in the order of the plan, each with whether it was up to date already.
 fn work(planned: &[Planned], run: &RunOptions, cache: &Cache) -> Vec<(Entry, bool)> {
-    let tasks: Vec<&Task> = planned
+    let tasks: Vec<&Work> = planned
         .iter()
         .filter_map(|planned| match planned {
-            Planned::Task(task) => Some(task.as_ref()),
+            Planned::Task(task) => Some(task),
             Planned::Failed(..) => None,
         })
         .collect();
@@ -132,7 +169,7 @@ fn work(planned: &[Planned], run: &RunOptions, cache: &Cache) -> Vec<(Entry, boo
     let limit_bytes = run.memory.map_or_else(usual_limit, memory::from_gib);
     let place = Workplace { cache, limit_bytes, force: run.force.unwrap_or(false), progress: &progress };
     let jobs = run.jobs.map_or_else(schedule::cores, |jobs| jobs as usize);
-    let cost = |task: &&Task| task.cost_bytes();
+    let cost = |task: &&Work| task.cost_bytes();
     let mut finished =
         schedule::run(&tasks, jobs, limit_bytes, cost, |task| settle(task, task.run(&place), &progress))
             .into_iter();
@@ -142,14 +179,15 @@ fn work(planned: &[Planned], run: &RunOptions, cache: &Cache) -> Vec<(Entry, boo
         // The scheduler gives one result a task, in order.
         Planned::Task(task) => finished.next().flatten().unwrap_or_else(|| {
             let message = "the work was not finished".to_owned();
-            (failed(&task.found.path, &CliError::Internal { path: task.found.path.clone(), message }), false)
+            let path = &task.found().path;
+            (failed(path, &CliError::Internal { path: path.clone(), message }), false)
         }),
     };
     planned.iter().map(in_place).collect()
 }
 
 /// Says how one task went.
-fn settle(task: &Task, finished: Result<Finished, CliError>, progress: &Progress) -> (Entry, bool) {
+fn settle(task: &Work, finished: Result<Finished, CliError>, progress: &Progress) -> (Entry, bool) {
     match finished {
         Ok(Finished { row, skipped }) => {
             progress.say(&line(task, &row, skipped));
@@ -157,7 +195,7 @@ fn settle(task: &Task, finished: Result<Finished, CliError>, progress: &Progress
         }
         Err(error) => {
             progress.complain(&format!("error: {}", explain(&error)));
-            (failed(&task.found.path, &error), false)
+            (failed(&task.found().path, &error), false)
         }
     }
 }
@@ -166,8 +204,8 @@ fn failed(path: &std::path::Path, error: &CliError) -> Entry {
     Entry::Failed { input: path.display().to_string(), error: explain(error) }
 }
 
-fn line(task: &Task, row: &Row, skipped: bool) -> String {
-    let stem = task.found.stem.to_string_lossy();
+fn line(task: &Work, row: &Row, skipped: bool) -> String {
+    let stem = task.found().stem.to_string_lossy();
     let note = if skipped { "  (up to date)" } else { "" };
     format!(
         "{stem:24} {:4} {:7.2} dB  {:7.3} bpp memory  {:7.3} bpp disk  {:7.2} s{note}",

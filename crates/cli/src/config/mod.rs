@@ -9,7 +9,7 @@ mod options;
 mod values;
 
 pub(crate) use file::Config;
-pub(crate) use options::Settings;
+pub(crate) use options::{LightSettings, Settings};
 pub use options::{Options, RunOptions};
 pub use values::{AlphaChoice, CodecName, ColorName, ContentName, EffortName, Samples, Sides};
 
@@ -59,10 +59,7 @@ mod tests {
         assert!(matches!(terms.check(), Err(UsageError::NotForCodec { option: "terms", .. })));
         let later = Options { codec: Some(CodecName::Lightfield), ..terms };
         assert!(later.check().is_ok());
-        assert!(matches!(
-            later.resolve(Path::new("a.png")),
-            Err(CliError::NotYet { what: "lightfield", .. })
-        ));
+        assert!(matches!(later.resolve(Path::new("a.png")), Err(CliError::NotCapture { .. })));
         let bc =
             Options { codec: Some(CodecName::Bc), samples: Some(Samples(3, None)), ..Options::default() };
         assert!(matches!(bc.check(), Err(UsageError::NotForCodec { option: "samples", .. })));

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use texfold::EncodeSettings;
-use texfold_core::Goal;
+use texfold::{EncodeSettings, LightParams};
 use texfold_core::image::{Alpha, ColorSpace};
+use texfold_core::{Goal, Params};
 
 use super::values::{AlphaChoice, CodecName, ColorName, ContentName, EffortName, Samples, Sides};
 use crate::error::{CliError, UsageError};
@@ -39,10 +39,10 @@ pub struct Options {
     /// epitome: layers of the file, each of about half of the bits of the next, so that a prefix shows a coarser image.
     #[arg(long, value_name = "N")]
     pub(super) layers: Option<u32>,
-    /// Number of triangles (codecs of later versions).
+    /// lightfield: take the mesh of that many triangles beside the capture, mesh_N.obj or mesh_N.ply.
     #[arg(long, value_name = "N")]
     pub(super) triangles: Option<u32>,
-    /// Number of terms (codecs of later versions).
+    /// lightfield: terms beside the mean, 0 to 8.
     #[arg(long, value_name = "K")]
     pub(super) terms: Option<u32>,
     /// What an input is: a file is an image and a folder a set where this is not given.
@@ -67,7 +67,7 @@ pub struct Options {
     /// vq: a painted importance image, bright where it matters.
     #[arg(long, value_name = "FILE")]
     pub(super) importance_map: Option<PathBuf>,
-    /// vq: a mesh (OBJ, glTF, GLB) that the texture is drawn on.
+    /// vq: a mesh (OBJ, glTF, GLB) that the texture is drawn on; lightfield: the mesh (OBJ, PLY) instead of the capture's own.
     #[arg(long, value_name = "FILE")]
     pub(super) mesh: Option<PathBuf>,
     /// What the values of images mean (srgb where not given).
@@ -137,6 +137,14 @@ pub(crate) struct Settings {
     pub(crate) content_from: Option<PathBuf>,
     pub(crate) importance_map: Option<PathBuf>,
     pub(crate) mesh: Option<PathBuf>,
+}
+
+/// How one capture is to be encoded.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct LightSettings {
+    pub(crate) params: LightParams,
+    pub(crate) mesh: Option<PathBuf>,
+    pub(crate) triangles: Option<u32>,
 }
 
 impl Options {
@@ -216,7 +224,7 @@ impl Options {
                 () if self.layers.is_some() && codec != CodecName::Epitome => {
                     return misplaced("layers", "epitome");
                 }
-                () if self.triangles.is_some() => return misplaced("triangles", "progressive"),
+                () if self.triangles.is_some() => return misplaced("triangles", "lightfield"),
                 () if self.terms.is_some() => return misplaced("terms", "lightfield"),
                 () => {}
             }
@@ -229,7 +237,7 @@ impl Options {
             () if self.samples.is_some() => misplaced("samples", "vq"),
             () if self.importance.is_some() => misplaced("importance", "vq"),
             () if self.importance_map.is_some() => misplaced("importance-map", "vq"),
-            () if self.mesh.is_some() => misplaced("mesh", "vq"),
+            () if self.mesh.is_some() && codec != CodecName::Lightfield => misplaced("mesh", "vq"),
             () => Ok(()),
         }
     }
@@ -238,6 +246,9 @@ impl Options {
     pub(crate) fn resolve(&self, path: &Path) -> Result<Settings, CliError> {
         let codec = self.codec.unwrap_or_default();
         let path = || path.to_owned();
+        if codec == CodecName::Lightfield {
+            return Err(CliError::NotCapture { path: path() });
+        }
         let Some(choice) = codec.choice() else {
             return Err(CliError::NotYet { path: path(), what: codec.name() });
         };
@@ -267,6 +278,27 @@ impl Options {
             importance_map: self.importance_map.clone(),
             mesh: self.mesh.clone(),
         })
+    }
+
+    /// The settings for the capture at `path`.
+    pub(crate) fn resolve_light(&self, path: &Path) -> Result<LightSettings, CliError> {
+        let codec = self.codec.unwrap_or_default();
+        if !matches!(codec, CodecName::Auto | CodecName::Lightfield) {
+            return Err(CliError::OnlyImages { path: path.to_owned(), codec: codec.name() });
+        }
+        let usual = LightParams::default();
+        let params = LightParams {
+            terms: self.terms.unwrap_or(usual.terms),
+            psnr: self.psnr,
+            content: self.content.and_then(ContentName::content).unwrap_or(usual.content),
+            ..usual
+        };
+        let fault = |source: texfold_core::ParamError| CliError::Encode {
+            path: path.to_owned(),
+            source: source.into(),
+        };
+        params.check().map_err(fault)?;
+        Ok(LightSettings { params, mesh: self.mesh.clone(), triangles: self.triangles })
     }
 
     fn goal(&self) -> Goal {

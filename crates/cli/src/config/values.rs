@@ -25,7 +25,7 @@ pub enum CodecName {
     Epitome,
     /// Not in this version.
     Progressive,
-    /// Not in this version.
+    /// Surface light-field maps, for captures.
     Lightfield,
     /// Not in this version.
     Zipmap,

@@ -5,10 +5,10 @@ mod gpu;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use texfold::AnyImage;
+use texfold::{AnyImage, Lightfield};
 use texfold_core::image::Raster;
 use texfold_core::metric::decode_surface;
-use texfold_core::{Budget, Encoded, Image2d, Layers, RegionError};
+use texfold_core::{Budget, Encoded, Image2d, Layers, LoadError, RegionError, TextureCodec};
 
 use crate::error::{CliError, explain, guarded};
 use crate::output::{make_folder, remove_stale};
@@ -41,7 +41,7 @@ pub struct DecompressArgs {
     /// Only the first layers of a progressive file.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     layers: Option<u32>,
-    /// Terms of a light field (codecs of later versions).
+    /// Terms of a light field: for the command render, as a light field is no image.
     #[arg(long, value_name = "K")]
     terms: Option<u32>,
 }
@@ -70,8 +70,12 @@ pub(crate) fn run(args: &DecompressArgs) -> Result<usize, CliError> {
 /// Loads a `.txf` file.
 pub(crate) fn load(path: &Path) -> Result<AnyImage, CliError> {
     let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
-    texfold::open_image(&bytes, &mut Budget::default())
-        .map_err(|source| CliError::Load { path: path.to_owned(), source })
+    texfold::open_image(&bytes, &mut Budget::default()).map_err(|source| match source {
+        LoadError::NotThisCodec { found } if found == Lightfield::ID.number => {
+            CliError::NotImages { path: path.to_owned() }
+        }
+        source => CliError::Load { path: path.to_owned(), source },
+    })
 }
 
 fn decompress(

@@ -1,5 +1,6 @@
 //! `info`: what a `.txf` file holds.
 
+mod light;
 mod pictures;
 
 use std::path::{Path, PathBuf};
@@ -59,7 +60,10 @@ struct Summary {
 /// Runs the command.
 pub(crate) fn run(args: &InfoArgs) -> Result<usize, CliError> {
     guarded(&args.file, || {
-        let image = load(&args.file)?;
+        let image = match load(&args.file) {
+            Err(CliError::NotImages { .. }) => return light::run(args),
+            image => image?,
+        };
         let summary = summarise(&args.file, image.as_encoded());
         if args.json {
             let text = serde_json::to_string_pretty(&summary);
@@ -109,6 +113,12 @@ fn summarise(path: &Path, encoded: &dyn Encoded<Domain = Image2d>) -> Summary {
     }
 }
 
+/// A line of the ledger.
+fn part_line(part: &PartRow) -> String {
+    let without = part.psnr_without.map_or("-".to_owned(), |psnr| format!("{psnr:.2}"));
+    format!("  {:12} {:>14} {:>14} {without:>12}", part.name, part.bits_memory, part.bits_disk)
+}
+
 fn describe(summary: &Summary) -> String {
     let mut sizes: Vec<String> =
         summary.sizes.iter().take(LISTED_SIZES).map(|[width, height]| format!("{width}x{height}")).collect();
@@ -129,13 +139,7 @@ fn describe(summary: &Summary) -> String {
     if summary.layers_total > 1 {
         lines.insert(3, format!("  layers    {} of {}", summary.layers_loaded, summary.layers_total));
     }
-    for part in &summary.parts {
-        let without = part.psnr_without.map_or("-".to_owned(), |psnr| format!("{psnr:.2}"));
-        lines.push(format!(
-            "  {:12} {:>14} {:>14} {without:>12}",
-            part.name, part.bits_memory, part.bits_disk
-        ));
-    }
+    lines.extend(summary.parts.iter().map(part_line));
     lines.push(format!("  {:12} {:>14} {:>14}", "all", summary.bits_memory, summary.bits_disk));
     lines.push(format!("  {:12} {:>14.4} {:>14.4}", "bits a texel", summary.bpp_memory, summary.bpp_disk));
     lines.join("\n")

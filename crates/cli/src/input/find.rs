@@ -5,7 +5,7 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::Kind;
+use super::{Kind, capture};
 use crate::error::CliError;
 
 /// Extensions of images, lower case: which files of a folder are taken.
@@ -99,6 +99,10 @@ fn take(path: PathBuf, kind_of: &impl Fn(&Path) -> Option<Kind>, found: &mut Vec
 
 fn file(path: PathBuf, kind: Kind) -> Result<Found, Unusable> {
     match check_kind(&path, kind) {
+        Ok(()) if kind == Kind::Lightfield => {
+            let error = Box::new(CliError::NotCapture { path: path.clone() });
+            Err(Unusable { path, error })
+        }
         Ok(()) => {
             let stem = path.file_stem().unwrap_or_default().to_owned();
             Ok(Found { files: vec![path.clone()], path, kind, stem })
@@ -110,7 +114,7 @@ fn file(path: PathBuf, kind: Kind) -> Result<Found, Unusable> {
 /// Light fields and zoom stacks are told by the file that describes them.
 fn kind_of_folder(path: &Path) -> Kind {
     match () {
-        () if path.join("transforms.json").exists() => Kind::Lightfield,
+        () if path.join(capture::CAMERAS_NAME).exists() => Kind::Lightfield,
         () if path.join("zipmap.toml").exists() => Kind::Zoom,
         () => Kind::Set,
     }
@@ -118,9 +122,8 @@ fn kind_of_folder(path: &Path) -> Kind {
 
 fn check_kind(path: &Path, kind: Kind) -> Result<(), CliError> {
     let what = match kind {
-        Kind::Lightfield => "a light field",
         Kind::Zoom => "a zoom stack",
-        Kind::Image | Kind::Set | Kind::Sequence => return Ok(()),
+        Kind::Image | Kind::Set | Kind::Sequence | Kind::Lightfield => return Ok(()),
     };
     Err(CliError::NotYet { path: path.to_owned(), what })
 }
@@ -128,6 +131,9 @@ fn check_kind(path: &Path, kind: Kind) -> Result<(), CliError> {
 /// The images of a folder, sorted by name.
 fn folder(path: &Path, kind: Kind) -> Result<Vec<PathBuf>, CliError> {
     check_kind(path, kind)?;
+    if kind == Kind::Lightfield {
+        return capture::image_files(path);
+    }
     let entries = fs::read_dir(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
     let mut files: Vec<PathBuf> =
         entries.flatten().map(|entry| entry.path()).filter(|path| is_image(path) && path.is_file()).collect();
@@ -192,7 +198,7 @@ mod tests {
                 Err(CliError::NotFound { .. }) => index == 0,
                 Err(CliError::NoMatch { .. }) => index == 1,
                 Err(CliError::EmptyFolder { .. }) => index == 2,
-                Err(CliError::NotYet { what, .. }) => index == 3 && *what == "a light field",
+                Err(CliError::Cameras { .. }) => index == 3,
                 _ => false,
             })
             .collect();

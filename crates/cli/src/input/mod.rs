@@ -1,9 +1,11 @@
 //! Inputs: which files a command line names, and what is in them.
 
 pub(crate) mod bc1;
+pub(crate) mod capture;
 pub(crate) mod find;
 pub(crate) mod mesh;
 pub(crate) mod pixels;
+pub(crate) mod shape;
 
 use std::fs::File;
 use std::io::Read;
@@ -28,7 +30,7 @@ pub enum Kind {
     Set,
     /// The frames of a folder, in sorted order, in one file.
     Sequence,
-    /// A mesh with photographs. Not in this version.
+    /// A mesh with photographs of it.
     Lightfield,
     /// Pictures of rising detail. Not in this version.
     Zoom,

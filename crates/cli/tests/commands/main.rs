@@ -4,5 +4,6 @@
 
 mod batch;
 mod inputs;
+mod lightfield;
 mod results;
 mod support;

@@ -1,0 +1,197 @@
+//! Captures: `transforms.json` (the convention of NeRF and nerfstudio: intrinsics in pixels, matrices from camera to world
+//! with OpenGL axes), the images that it names, and `mesh.obj` or `mesh.ply` in the cameras' space.
+//!
+//! *Not done*: lens distortion; a file that has some is refused.
+
+use std::path::{Path, PathBuf};
+
+use glam::{Mat4, Vec2, Vec4};
+use rayon::prelude::*;
+use serde::Deserialize;
+use texfold_core::image::ColorSpace;
+use texfold_lightfield::{Camera, Capture, Mesh, View};
+
+use super::{pixels, shape};
+use crate::error::CliError;
+
+/// Name of the file that makes a folder a capture.
+pub(crate) const CAMERAS_NAME: &str = "transforms.json";
+/// Names of meshes, in the order in which they are looked for.
+const MESH_NAMES: [&str; 2] = ["mesh.obj", "mesh.ply"];
+/// Distortion below this moves no pixel of a picture that a texture can hold.
+const LEAST_DISTORTION: f32 = 1e-7;
+
+/// What a camera or a file of cameras says of lens and picture.
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+struct Lens {
+    w: Option<f32>,
+    h: Option<f32>,
+    fl_x: Option<f32>,
+    fl_y: Option<f32>,
+    cx: Option<f32>,
+    cy: Option<f32>,
+    camera_angle_x: Option<f32>,
+    k1: Option<f32>,
+    k2: Option<f32>,
+    k3: Option<f32>,
+    k4: Option<f32>,
+    p1: Option<f32>,
+    p2: Option<f32>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Frame {
+    file_path: String,
+    transform_matrix: [[f32; 4]; 4],
+    #[serde(flatten)]
+    lens: Lens,
+}
+
+#[derive(Debug, Deserialize)]
+struct Cameras {
+    #[serde(flatten)]
+    lens: Lens,
+    frames: Vec<Frame>,
+}
+
+/// A camera of a file, and the picture that it names.
+#[derive(Debug, Clone)]
+pub(crate) struct Shot {
+    pub(crate) image: PathBuf,
+    frame: usize,
+    lens: Lens,
+    to_world: Mat4,
+}
+
+impl Lens {
+    fn or(self, other: Lens) -> Lens {
+        Lens {
+            w: self.w.or(other.w),
+            h: self.h.or(other.h),
+            fl_x: self.fl_x.or(other.fl_x),
+            fl_y: self.fl_y.or(other.fl_y),
+            cx: self.cx.or(other.cx),
+            cy: self.cy.or(other.cy),
+            camera_angle_x: self.camera_angle_x.or(other.camera_angle_x),
+            k1: self.k1.or(other.k1),
+            k2: self.k2.or(other.k2),
+            k3: self.k3.or(other.k3),
+            k4: self.k4.or(other.k4),
+            p1: self.p1.or(other.p1),
+            p2: self.p2.or(other.p2),
+        }
+    }
+
+    fn distorts(&self) -> bool {
+        let all = [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2];
+        all.into_iter().flatten().any(|value| value.is_nan() || value.abs() > LEAST_DISTORTION)
+    }
+}
+
+/// Reads a file of cameras.
+pub(crate) fn read_cameras(path: &Path) -> Result<Vec<Shot>, CliError> {
+    let text = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let cameras: Cameras = serde_json::from_slice(&text)
+        .map_err(|source| CliError::Cameras { path: path.to_owned(), source: source.into() })?;
+    if cameras.frames.is_empty() {
+        return Err(CliError::CameraContent { path: path.to_owned(), what: "names no frame" });
+    }
+    let dir = path.parent().unwrap_or(Path::new(""));
+    let shot = |(frame, found): (usize, Frame)| {
+        let lens = found.lens.or(cameras.lens);
+        if lens.distorts() {
+            let what = "has lens distortion, which is not in this version: undistort the images";
+            return Err(CliError::CameraContent { path: path.to_owned(), what });
+        }
+        let [x, y, z, w] = found.transform_matrix.map(Vec4::from);
+        let to_world = Mat4::from_cols(x, y, z, w).transpose();
+        Ok(Shot { image: image_path(dir, &found.file_path), frame, lens, to_world })
+    };
+    cameras.frames.into_iter().enumerate().map(shot).collect()
+}
+
+/// NeRF's own files leave the extension out.
+fn image_path(dir: &Path, name: &str) -> PathBuf {
+    let path = dir.join(name);
+    if path.extension().is_some() || path.is_file() { path } else { path.with_extension("png") }
+}
+
+impl Shot {
+    /// The camera, for a picture of `size` pixels where the file does not say; `file` is named in errors.
+    pub(crate) fn camera(&self, file: &Path, size: Option<(u32, u32)>) -> Result<Camera, CliError> {
+        let fault = |what| CliError::CameraContent { path: file.to_owned(), what };
+        let side = |said: Option<f32>, found: Option<u32>| match (said, found) {
+            (Some(said), _) if (1.0..65536.0).contains(&said) => Ok(said as u32),
+            (None, Some(found)) => Ok(found),
+            _ => Err(fault("has no picture size; add w and h")),
+        };
+        let (width, height) = (side(self.lens.w, size.map(|s| s.0))?, side(self.lens.h, size.map(|s| s.1))?);
+        let (w, h) = (width as f32, height as f32);
+        let by_angle = self.lens.camera_angle_x.map(|angle| 0.5 * w / (0.5 * angle).tan());
+        let focal = self.lens.fl_x.or(by_angle).ok_or(fault("has no focal length; add fl_x"))?;
+        let camera = Camera {
+            width,
+            height,
+            focal: Vec2::new(focal, self.lens.fl_y.unwrap_or(focal)),
+            centre: Vec2::new(self.lens.cx.unwrap_or(0.5 * w), self.lens.cy.unwrap_or(0.5 * h)),
+            to_world: self.to_world,
+        };
+        if !camera.is_valid() {
+            return Err(CliError::SingularCamera { path: file.to_owned(), frame: self.frame });
+        }
+        Ok(camera)
+    }
+}
+
+/// The images of a capture's folder, in the order of its cameras.
+pub(crate) fn image_files(dir: &Path) -> Result<Vec<PathBuf>, CliError> {
+    Ok(read_cameras(&dir.join(CAMERAS_NAME))?.into_iter().map(|shot| shot.image).collect())
+}
+
+/// The mesh file of a capture: the one given, the one beside it that has so many triangles (`mesh_<N>.obj` or `.ply`), or its own.
+pub(crate) fn mesh_file(
+    dir: &Path,
+    given: Option<&Path>,
+    triangles: Option<u32>,
+) -> Result<PathBuf, CliError> {
+    if let Some(mesh) = given {
+        return Ok(mesh.to_owned());
+    }
+    let names: Vec<String> = match triangles {
+        Some(count) => vec![format!("mesh_{count}.obj"), format!("mesh_{count}.ply")],
+        None => MESH_NAMES.map(str::to_owned).to_vec(),
+    };
+    let found = names.iter().map(|name| dir.join(name)).find(|path| path.is_file());
+    found.ok_or(CliError::NoMesh { path: dir.to_owned(), name: names.join(" or ") })
+}
+
+/// Reads a whole capture.
+pub(crate) fn read(
+    dir: &Path,
+    mesh: Option<&Path>,
+    triangles: Option<u32>,
+    limit_bytes: u64,
+) -> Result<Capture, CliError> {
+    let file = dir.join(CAMERAS_NAME);
+    let shots = read_cameras(&file)?;
+    let mesh: Mesh = shape::read(&mesh_file(dir, mesh, triangles)?)?;
+    let views: Result<Vec<View>, CliError> =
+        shots.par_iter().map(|shot| view(&file, shot, limit_bytes)).collect();
+    Ok(Capture { mesh, views: views? })
+}
+
+fn view(file: &Path, shot: &Shot, limit_bytes: u64) -> Result<View, CliError> {
+    let raster = pixels::read(&shot.image, ColorSpace::Srgb, None, limit_bytes)?;
+    let size = raster.size();
+    let camera = shot.camera(file, Some((size.width, size.height)))?;
+    if (camera.width, camera.height) != (size.width, size.height) {
+        return Err(CliError::ImageSize {
+            path: shot.image.clone(),
+            width: size.width,
+            height: size.height,
+            wanted: (camera.width, camera.height),
+        });
+    }
+    let pixels = raster.texels().map(|texel| texel.to_array().map(texfold_core::image::to_u8)).collect();
+    Ok(View { camera, pixels })
+}

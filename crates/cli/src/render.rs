@@ -1,0 +1,119 @@
+//! `render`: light fields as cameras see them, one PNG a camera.
+
+use std::path::{Path, PathBuf};
+
+use texfold::{AnyEncoded, Camera, LightTexture, Renderer};
+use texfold_core::image::{Alpha, ColorSpace, Raster};
+use texfold_core::{Budget, Encoded};
+use texfold_gpu::{Gpu, GpuError, Policy};
+
+use crate::config::Sides;
+use crate::error::{CliError, guarded};
+use crate::input::capture;
+use crate::output::{make_folder, remove_stale};
+use crate::png;
+use crate::run::complain;
+
+/// Digits of a picture's number; more where there are more than a thousand.
+const NUMBER_DIGITS: usize = 3;
+
+/// Arguments of `render`.
+#[derive(Debug, clap::Args)]
+pub struct RenderArgs {
+    /// A .txf file that holds a light field.
+    #[arg(value_name = "FILE.txf")]
+    file: PathBuf,
+    /// The cameras: a file like a capture's transforms.json.
+    #[arg(long, value_name = "CAMERAS.json")]
+    camera: PathBuf,
+    /// Folder that the pictures are written to: 000.png and so on, in the order of the cameras.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Draw on the CPU, ray by ray: the reference.
+    #[arg(long)]
+    cpu: bool,
+    /// Only the first terms beside the mean.
+    #[arg(long, value_name = "K")]
+    terms: Option<u32>,
+    /// Pixels across and down; those of the cameras where this is not given.
+    #[arg(long, value_name = "WxH")]
+    size: Option<Sides>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &RenderArgs) -> Result<usize, CliError> {
+    guarded(&args.file, || {
+        let texture = load(&args.file)?;
+        let layers = texture.layers();
+        if layers.loaded < layers.total {
+            let (has, of) = (layers.loaded - 1, layers.total - 1);
+            complain(&format!("{}: is cut after {has} of {of} terms", args.file.display()));
+        }
+        let texture = match args.terms {
+            Some(terms) => texture.first_terms(terms),
+            None => texture,
+        };
+        let cameras = cameras(&args.camera, args.size)?;
+        make_folder(&args.out)?;
+        remove_stale(&args.out);
+        let digits = NUMBER_DIGITS.max((cameras.len() - 1).to_string().len());
+        let mut draw = artist(args, &texture)?;
+        for (number, camera) in cameras.iter().enumerate() {
+            let pixels = draw(camera)?;
+            let path = args.out.join(format!("{number:0digits$}.png"));
+            png::write(&path, &raster(&args.file, camera, &pixels)?)?;
+        }
+        Ok(0)
+    })
+}
+
+type Artist<'t> = Box<dyn FnMut(&Camera) -> Result<Vec<[u8; 4]>, CliError> + 't>;
+
+/// What draws: the reference, or a GPU.
+fn artist<'t>(args: &'t RenderArgs, texture: &'t LightTexture) -> Result<Artist<'t>, CliError> {
+    if args.cpu {
+        let renderer = Renderer::new(texture);
+        return Ok(Box::new(move |camera| Ok(renderer.render(camera))));
+    }
+    let device =
+        Gpu::new(Policy::from_env()).map_err(|source| CliError::NoDrawing { source: Box::new(source) })?;
+    let failed =
+        |source: GpuError| CliError::GpuDrawing { path: args.file.clone(), source: Box::new(source) };
+    let light = device.upload_light(&texture.gpu()).map_err(failed)?.with_terms(texture.layout().terms);
+    let mesh = texture.mesh();
+    Ok(Box::new(move |camera| {
+        let (near, far) = mesh.depths(camera);
+        let size = (camera.width, camera.height);
+        device.draw_light(&light, camera.view_projection(near, far), camera.eye(), size).map_err(failed)
+    }))
+}
+
+/// Loads a `.txf` file that holds a light field.
+pub(crate) fn load(path: &Path) -> Result<LightTexture, CliError> {
+    let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let failed = |source| CliError::Load { path: path.to_owned(), source };
+    match texfold::open(&bytes, &mut Budget::default()).map_err(failed)? {
+        AnyEncoded::Image(image) => {
+            Err(CliError::NotLight { path: path.to_owned(), codec: image.codec().name })
+        }
+        AnyEncoded::Light(_) => texfold::open_light(&bytes, &mut Budget::default()).map_err(failed),
+    }
+}
+
+/// The cameras of a file, for pictures of `size` pixels where that is given.
+fn cameras(path: &Path, size: Option<Sides>) -> Result<Vec<Camera>, CliError> {
+    let size = size.map(|Sides(width, height)| (width.max(1), height.max(1)));
+    let shots = capture::read_cameras(path)?;
+    let camera = |shot: &capture::Shot| {
+        let camera = shot.camera(path, size)?;
+        Ok(size.map_or(camera, |(width, height)| camera.resized(width, height)))
+    };
+    shots.iter().map(camera).collect()
+}
+
+fn raster(path: &Path, camera: &Camera, pixels: &[[u8; 4]]) -> Result<Raster, CliError> {
+    let raster = Raster::from_u8(camera.width, camera.height, 4, ColorSpace::Srgb, pixels.as_flattened());
+    raster
+        .map(|raster| raster.tagged(ColorSpace::Srgb, Alpha::Straight))
+        .map_err(|source| CliError::Source { path: path.to_owned(), source })
+}

@@ -1,0 +1,145 @@
+//! Captures: from a folder to a file, and from the file to views.
+
+use std::fs;
+
+use serde_json::json;
+use texfold_testkit::capture::{Look, camera, eyes, photograph, sphere};
+
+use crate::support::{Place, names, psnr};
+
+const SIZE: u32 = 40;
+
+/// Writes photographs, their cameras and the mesh of a sphere.
+fn write_capture(place: &Place, folder: &str) {
+    let capture = sphere(Look::Glossy, 20, SIZE);
+    fs::create_dir_all(place.at(folder).join("images")).unwrap();
+    let mut frames = Vec::new();
+    for (index, view) in capture.views.iter().enumerate() {
+        let name = format!("images/{index:02}.png");
+        let path = place.at(folder).join(&name);
+        image::save_buffer(path, view.pixels.as_flattened(), SIZE, SIZE, image::ExtendedColorType::Rgba8)
+            .unwrap();
+        frames.push(json!({ "file_path": name, "transform_matrix": rows(view.camera.to_world) }));
+    }
+    let focal = capture.views[0].camera.focal.x;
+    let cameras = json!({ "fl_x": focal, "fl_y": focal, "w": SIZE, "h": SIZE, "frames": frames });
+    fs::write(place.at(folder).join("transforms.json"), cameras.to_string()).unwrap();
+    let mut mesh = String::new();
+    for p in &capture.mesh.positions {
+        mesh += &format!("v {} {} {}\n", p.x, p.y, p.z);
+    }
+    for [a, b, c] in &capture.mesh.triangles {
+        mesh += &format!("f {} {} {}\n", a + 1, b + 1, c + 1);
+    }
+    fs::write(place.at(folder).join("mesh.obj"), mesh).unwrap();
+}
+
+fn rows(matrix: glam::Mat4) -> [[f32; 4]; 4] {
+    matrix.transpose().to_cols_array_2d()
+}
+
+/// A file of two cameras that took no photograph, and what they would show.
+fn write_cameras(place: &Place, name: &str) -> Vec<Vec<[u8; 4]>> {
+    let mesh = sphere(Look::Glossy, 0, 1).mesh;
+    let views: Vec<_> =
+        eyes(2, 4.0, 2.0).into_iter().map(|eye| photograph(&mesh, Look::Glossy, camera(eye, SIZE))).collect();
+    let frame = |view: &texfold::View| json!({ "file_path": "none.png", "transform_matrix": rows(view.camera.to_world) });
+    let frames: Vec<_> = views.iter().map(frame).collect();
+    let focal = views[0].camera.focal.x;
+    let cameras = json!({ "fl_x": focal, "w": SIZE, "h": SIZE, "frames": frames });
+    fs::write(place.at(name), cameras.to_string()).unwrap();
+    views.into_iter().map(|view| view.pixels).collect()
+}
+
+#[test]
+fn a_capture_becomes_a_file_and_the_file_new_views() {
+    let place = Place::new();
+    write_capture(&place, "ball");
+    let wanted = write_cameras(&place, "new.json");
+    let (run, report) = place.compress("ball --codec lightfield --terms 1 --out out");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let row = &report[0];
+    assert_eq!((row["codec"].as_str(), row["images"].as_u64()), (Some("lightfield"), Some(20)));
+    assert_eq!(row["bits_disk"].as_u64(), Some(8 * fs::metadata(place.at("out/ball.txf")).unwrap().len()));
+    assert!(row["psnr"].as_f64().unwrap() > 38.0 && row["ssim"].as_f64().unwrap() > 0.9, "{row}");
+    let parts: u64 =
+        row["parts"].as_array().unwrap().iter().map(|part| part["bits_memory"].as_u64().unwrap()).sum();
+    assert_eq!(Some(parts), row["bits_memory"].as_u64());
+    let (again, _) = place.compress("ball --codec lightfield --terms 1 --out out");
+    assert!(again.stdout.contains("1 up to date"), "{}", again.stdout);
+
+    for (arguments, least) in [("--cpu", 30.0), ("--cpu --terms 0", 20.0), ("--cpu --size 40x40", 30.0)] {
+        let run = place.run(&format!("render out/ball.txf --camera new.json --out views {arguments}"));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        assert_eq!(names(&place.at("views")), ["000.png", "001.png"]);
+        for (index, wanted) in wanted.iter().enumerate() {
+            let (width, height, samples) = place.samples(&format!("views/{index:03}.png"));
+            assert_eq!((width, height, samples.len()), (SIZE, SIZE, 6400));
+            let inner = |pixels: &[u8]| -> Vec<u8> {
+                let shown = pixels.chunks_exact(4).zip(wanted).filter(|(_, wanted)| wanted[3] == 255);
+                shown.flat_map(|(pixel, _)| pixel[..3].to_vec()).collect()
+            };
+            let found = psnr(&inner(&samples), &inner(wanted.as_flattened()));
+            assert!(found > least, "{arguments}: {found}");
+        }
+    }
+    let info = place.run("info out/ball.txf --json");
+    let summary: serde_json::Value = serde_json::from_str(&info.stdout).unwrap();
+    assert_eq!((summary["triangles"].as_u64(), summary["terms"].as_u64()), (Some(80), Some(1)));
+    let flat = place.run("decompress out/ball.txf --out png");
+    assert!(flat.code == Some(1) && flat.stderr.contains("render"), "{}", flat.stderr);
+}
+
+#[test]
+fn a_goal_is_reached_or_the_report_says_so() {
+    let place = Place::new();
+    write_capture(&place, "ball");
+    let (_, low) = place.compress("ball --codec lightfield --psnr 20 --out out");
+    assert!(low[0]["settings"].as_str().unwrap().contains("0 terms") && low[0]["warnings"] == json!([]));
+    let (run, high) = place.compress("ball --codec lightfield --psnr 90 --out out");
+    assert!(run.code == Some(0) && high[0]["warnings"][0].as_str().unwrap().contains("90"), "{}", high[0]);
+}
+
+#[test]
+fn faults_of_captures_are_named() {
+    let place = Place::new();
+    write_capture(&place, "ball");
+    place.picture("a.png", 16, 16, 3);
+    let file = place.at("ball/transforms.json");
+    let cameras = fs::read_to_string(&file).unwrap();
+    let fault = |change: &dyn Fn(&mut serde_json::Value)| {
+        let mut changed: serde_json::Value = serde_json::from_str(&cameras).unwrap();
+        change(&mut changed);
+        fs::write(&file, changed.to_string()).unwrap();
+        let (run, report) = place.compress("ball --out out");
+        fs::write(&file, &cameras).unwrap();
+        assert_eq!(run.code, Some(1));
+        report[0]["error"].as_str().unwrap().to_owned()
+    };
+    for (error, wanted) in [
+        (fault(&|c| c["frames"] = json!([])), "names no frame"),
+        (fault(&|c| c["frames"] = json!(3)), "transforms.json"),
+        (fault(&|c| c["k1"] = json!(0.1)), "undistort"),
+        (fault(&|c| c["fl_x"] = json!(null)), "add fl_x"),
+        (fault(&|c| c["w"] = json!(41)), "40x40 pixels where its camera has 41x40"),
+        (fault(&|c| c["frames"][2]["file_path"] = json!("images/none.png")), "none.png"),
+        (fault(&|c| c["frames"][2]["transform_matrix"][0] = json!([0, 0, 0, 0])), "frame 2"),
+    ] {
+        assert!(error.contains(wanted), "{error}");
+    }
+    for (arguments, wanted) in [
+        ("ball --triangles 77", "mesh_77.obj"),
+        ("ball --codec lightfield --mesh a.png", "OBJ nor PLY"),
+        ("ball --codec vq", "--as set"),
+        ("a.png --codec lightfield", "is no capture"),
+        ("a.png --as lightfield", "is no capture"),
+    ] {
+        let arguments = arguments.replace("--triangles", "--codec lightfield --triangles");
+        let (run, report) = place.compress(&format!("{arguments} --out out"));
+        let error = report[0]["error"].as_str().unwrap();
+        assert!(run.code == Some(1) && error.contains(wanted), "{arguments}: {error}");
+    }
+    place.compress("a.png --out out");
+    let image = place.run("render out/a.txf --camera ball/transforms.json --out views --cpu");
+    assert!(image.code == Some(1) && image.stderr.contains("no light field"), "{}", image.stderr);
+}

@@ -64,7 +64,7 @@ impl Module {
                 Binding::Float,
             ],
             Module::Lightfield => &[
-                Binding::Params { bytes: 48 },
+                Binding::Params { bytes: 64 },
                 Binding::Uint,
                 Binding::Float,
                 Binding::Float,

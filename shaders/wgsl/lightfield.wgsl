@@ -24,6 +24,10 @@ struct TexfoldLightfieldParams {
     // How texels are read from the planes of the mean and of the maps.
     mean_swizzle: u32,
     map_swizzle: u32,
+    // The byte of a map that stands for 0, and bytes from there to the one that stands for 1.
+    map_zero: f32,
+    map_range: f32,
+    reserved: vec2<u32>,
 }
 
 @group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_0) var<uniform> texfold_lightfield_params: TexfoldLightfieldParams;
@@ -157,9 +161,9 @@ fn texfold_lightfield_patch(place: u32, barycentric: vec3<f32>) -> TexfoldLightf
     return TexfoldLightfieldPatch(corner + a, corner + b, corner + c, weights);
 }
 
-// A value of a map, -1 to 1, from a stored one, 0 to 1: byte 128 is 0.
-fn texfold_lightfield_signed(value: vec3<f32>) -> vec3<f32> {
-    return (value * 255.0 - 128.0) / 127.0;
+// A value of a map from a stored one, 0 to 1.
+fn texfold_lightfield_value(stored: vec3<f32>) -> vec3<f32> {
+    return (stored * 255.0 - texfold_lightfield_params.map_zero) / texfold_lightfield_params.map_range;
 }
 
 // A texel of the mean.
@@ -173,14 +177,14 @@ fn texfold_lightfield_mean_load(at: vec2<u32>) -> vec3<f32> {
 fn texfold_lightfield_surface_load(at: vec2<u32>) -> vec3<f32> {
     let a = textureLoad(texfold_lightfield_surface_a, at, 0u);
     let b = textureLoad(texfold_lightfield_surface_b, at, 0u);
-    return texfold_lightfield_signed(texfold_swizzle(a, b, texfold_lightfield_params.map_swizzle).xyz);
+    return texfold_lightfield_value(texfold_swizzle(a, b, texfold_lightfield_params.map_swizzle).xyz);
 }
 
 // A texel of the view maps.
 fn texfold_lightfield_view_load(at: vec2<u32>) -> vec3<f32> {
     let a = textureLoad(texfold_lightfield_view_a, at, 0u);
     let b = textureLoad(texfold_lightfield_view_b, at, 0u);
-    return texfold_lightfield_signed(texfold_swizzle(a, b, texfold_lightfield_params.map_swizzle).xyz);
+    return texfold_lightfield_value(texfold_swizzle(a, b, texfold_lightfield_params.map_swizzle).xyz);
 }
 
 // The mean of a patch.

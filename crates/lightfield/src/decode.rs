@@ -20,8 +20,8 @@ pub const TEXFOLD_LIGHTFIELD_TERMS: u32 = 8;
 /// Words in a row of the mesh's texture.
 pub const TEXFOLD_LIGHTFIELD_ROW: u32 = 1024;
 
-/// The parameters, as the shader's uniform block holds them: 12 32-bit numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, bytemuck::Pod, bytemuck::Zeroable)]
+/// The parameters, as the shader's uniform block holds them: 16 32-bit numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Default, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct TexfoldLightfieldParams {
     /// Vertices of the mesh.
@@ -48,6 +48,12 @@ pub struct TexfoldLightfieldParams {
     pub mean_swizzle: u32,
     /// How texels are read from the planes of the maps.
     pub map_swizzle: u32,
+    /// The byte of a map that stands for 0.
+    pub map_zero: f32,
+    /// Bytes from there to the one that stands for 1.
+    pub map_range: f32,
+    /// Always 0.
+    pub reserved: [u32; 2],
 }
 
 /// What the shader has bound.
@@ -192,10 +198,10 @@ pub fn texfold_lightfield_patch(place: u32, barycentric: Vec3) -> TexfoldLightfi
     TexfoldLightfieldPatch { a: corner + a, b: corner + b, c: corner + c, weights }
 }
 
-/// A value of a map, -1 to 1, from a stored one, 0 to 1: byte 128 is 0.
+/// A value of a map from a stored one, 0 to 1.
 #[must_use]
-pub fn texfold_lightfield_signed(value: Vec3) -> Vec3 {
-    (value * 255.0 - 128.0) / 127.0
+pub fn texfold_lightfield_value(view: &LightfieldView<'_>, stored: Vec3) -> Vec3 {
+    (stored * 255.0 - view.params.map_zero) / view.params.map_range
 }
 
 /// A texel of the mean.
@@ -208,14 +214,14 @@ pub fn texfold_lightfield_mean_load(view: &LightfieldView<'_>, at: UVec2) -> Vec
 #[must_use]
 pub fn texfold_lightfield_surface_load(view: &LightfieldView<'_>, at: UVec2) -> Vec3 {
     let texel = view.surface[(at.y * 3 * view.params.surface_width + at.x) as usize];
-    texfold_lightfield_signed(texel.truncate())
+    texfold_lightfield_value(view, texel.truncate())
 }
 
 /// A texel of the view maps.
 #[must_use]
 pub fn texfold_lightfield_view_load(view: &LightfieldView<'_>, at: UVec2) -> Vec3 {
     let texel = view.view[(at.y * view.params.view_columns * view.params.grid + at.x) as usize];
-    texfold_lightfield_signed(texel.truncate())
+    texfold_lightfield_value(view, texel.truncate())
 }
 
 /// The mean of a patch.

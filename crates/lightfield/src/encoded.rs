@@ -16,7 +16,7 @@ use crate::decode::{
     TexfoldLightfieldParams, texfold_lightfield_sample,
 };
 use crate::layout::Layout;
-use crate::params::Directions;
+use crate::params::{Directions, Factors};
 use crate::{Lightfield, Mesh, wire};
 
 /// Pixels of all maps: red, green and blue.
@@ -53,6 +53,14 @@ pub(crate) fn byte_of(value: f32) -> u8 {
     if value < scale_of(1) { 0 } else { (1..=255).find(|&byte| scale_of(byte) >= value).unwrap_or(255) }
 }
 
+/// The byte of a map that stands for 0, and bytes from there to the one that stands for 1.
+pub(crate) fn zero_and_range(factors: Factors) -> (f32, f32) {
+    match factors {
+        Factors::Signed => (128.0, 127.0),
+        Factors::NonNegative => (0.0, 255.0),
+    }
+}
+
 /// What a light field is put together of.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Parts {
@@ -60,6 +68,7 @@ pub(crate) struct Parts {
     /// Binary logarithm of the side of each triangle's patch.
     pub(crate) sides_log2: Vec<u8>,
     pub(crate) directions: Directions,
+    pub(crate) factors: Factors,
     pub(crate) grid: u32,
     /// Terms of the whole file.
     pub(crate) total_terms: u32,
@@ -121,6 +130,9 @@ impl LightTexture {
             surface_height: layout.surface_height,
             mean_swizzle: parts.mean.swizzle().0,
             map_swizzle: parts.surface.swizzle().0,
+            map_zero: zero_and_range(parts.factors).0,
+            map_range: zero_and_range(parts.factors).1,
+            reserved: [0; 2],
         };
         LightTexture {
             layout: LightLayout { triangles, terms: parts.terms },
@@ -144,6 +156,12 @@ impl LightTexture {
     #[must_use]
     pub fn directions(&self) -> Directions {
         self.parts.directions
+    }
+
+    /// Which signs the factors have.
+    #[must_use]
+    pub fn factors(&self) -> Factors {
+        self.parts.factors
     }
 
     /// Texels a side of a view map.

@@ -31,7 +31,7 @@ pub use capture::{Capture, Mesh, View};
 pub use encode::Quality;
 pub use encoded::LightTexture;
 pub use error::CaptureError;
-pub use params::{Directions, LightParams, MAX_TERMS};
+pub use params::{Directions, Factors, LightParams, MAX_TERMS, Model};
 pub use render::Renderer;
 
 use texfold_core::container::Sections;

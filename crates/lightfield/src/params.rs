@@ -17,6 +17,35 @@ pub enum Directions {
     Reflected,
 }
 
+/// Which signs the factors have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Factors {
+    /// Any: a term may add or take away.
+    #[default]
+    Signed,
+    /// None below 0: terms only add to the mean, which is then what they have in common.
+    NonNegative,
+}
+
+/// Parts of the model that can be left out or done otherwise, to see what they buy.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Model {
+    /// What view maps are laid over.
+    pub directions: Directions,
+    /// Which signs the factors have.
+    pub factors: Factors,
+    /// Whether photographs that show part of an edge or triangle count with what they show.
+    pub partial: bool,
+    /// Whether a vertex has only the terms that photographs left out of a first fit speak for.
+    pub chosen: bool,
+}
+
+impl Default for Model {
+    fn default() -> Self {
+        Model { directions: Directions::default(), factors: Factors::default(), partial: true, chosen: true }
+    }
+}
+
 /// How a light field is encoded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LightParams {
@@ -28,8 +57,8 @@ pub struct LightParams {
     pub grid: u32,
     /// Samples along a triangle's side for each that the photographs resolve, 0.125 to 1.
     pub sampling: f32,
-    /// What view maps are laid over.
-    pub directions: Directions,
+    /// Parts of the model.
+    pub model: Model,
     /// How the maps are stored: raw, BC1 or BC7.
     pub content: Content,
 }
@@ -41,7 +70,7 @@ impl Default for LightParams {
             psnr: None,
             grid: 16,
             sampling: 1.0,
-            directions: Directions::default(),
+            model: Model::default(),
             content: Content::Raw,
         }
     }

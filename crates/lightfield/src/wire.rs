@@ -11,7 +11,7 @@ use crate::Mesh;
 use crate::capture::{MAX_TRIANGLES, MAX_VERTICES};
 use crate::encoded::{LightTexture, PIXEL, Parts, mean_size, surface_size, view_size};
 use crate::layout::{Layout, MAX_SIDE_LOG2};
-use crate::params::{Directions, MAX_TERMS};
+use crate::params::{Directions, Factors, MAX_TERMS};
 
 const FORM_ID: [u8; 4] = *b"LFFM";
 const MESH_ID: [u8; 4] = *b"LFME";
@@ -30,9 +30,13 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
         Directions::View => 0u8,
         Directions::Reflected => 1,
     };
+    let factors = match parts.factors {
+        Factors::Signed => 0u8,
+        Factors::NonNegative => 1,
+    };
     let mut form = Vec::new();
     form.extend([vertices as u32, triangles as u32].map(u32::to_le_bytes).concat());
-    form.extend([parts.total_terms as u8, parts.grid as u8, directions]);
+    form.extend([parts.total_terms as u8, parts.grid as u8, directions, factors]);
     form.extend([parts.mean.content().number(), parts.surface.content().number()]);
     out.section("container", FORM_ID, &form);
     out.section("mesh", MESH_ID, &mesh_bytes(parts));
@@ -89,6 +93,7 @@ struct Form {
     terms: u32,
     grid: u32,
     directions: Directions,
+    factors: Factors,
     mean: Content,
     maps: Content,
 }
@@ -126,6 +131,7 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<LightText
         mesh,
         sides_log2,
         directions: form.directions,
+        factors: form.factors,
         grid: form.grid,
         total_terms: form.terms,
         terms,
@@ -139,7 +145,7 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<LightText
 
 fn read_form(reader: &mut Reader<'_>) -> Result<Form, LoadError> {
     let (vertices, triangles) = (reader.u32()?, reader.u32()?);
-    let [terms, grid, directions] = reader.array()?.map(u32::from);
+    let [terms, grid, directions, factors] = reader.array()?.map(u32::from);
     let (mean, maps) = (Content::read(reader)?, Content::read(reader)?);
     reader.end()?;
     let holds = |content| matches!(content, Content::Raw | Content::Bc1 | Content::Bc7);
@@ -147,6 +153,11 @@ fn read_form(reader: &mut Reader<'_>) -> Result<Form, LoadError> {
         0 => Directions::View,
         1 => Directions::Reflected,
         _ => return Err(reader.corrupt("unknown kind of directions")),
+    };
+    let factors = match factors {
+        0 => Factors::Signed,
+        1 => Factors::NonNegative,
+        _ => return Err(reader.corrupt("unknown kind of factors")),
     };
     match () {
         () if vertices == 0 || vertices as usize > MAX_VERTICES => {
@@ -160,7 +171,7 @@ fn read_form(reader: &mut Reader<'_>) -> Result<Form, LoadError> {
             Err(reader.corrupt("view maps of a side that is no multiple of 4 in 4..=64"))
         }
         () if !holds(mean) || !holds(maps) => Err(reader.corrupt("content that holds no light-field maps")),
-        () => Ok(Form { vertices, triangles, terms, grid, directions, mean, maps }),
+        () => Ok(Form { vertices, triangles, terms, grid, directions, factors, mean, maps }),
     }
 }
 

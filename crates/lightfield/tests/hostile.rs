@@ -137,7 +137,8 @@ fn counts_that_no_writer_writes_are_named() {
         (9, &[68]),
         (10, &[2]),
         (11, &[2]),
-        (12, &[99]),
+        (12, &[2]),
+        (13, &[99]),
     ] {
         assert!(matches!(form(at, value), Err(LoadError::Corrupt { .. })), "byte {at} is {value:?}");
     }

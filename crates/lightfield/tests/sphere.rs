@@ -5,13 +5,19 @@
 use glam::{Mat4, Vec3};
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::{Budget, EncodeError, Encoded, Job, LightAddress, TextureCodec};
+use texfold_lightfield::decode::texfold_lightfield_scale;
 use texfold_lightfield::{
-    Camera, Capture, CaptureError, Directions, LightParams, LightTexture, Lightfield, Mesh, Renderer, View,
+    Camera, Capture, CaptureError, Directions, Factors, LightParams, LightTexture, Lightfield, Mesh, Model,
+    Renderer, View,
 };
-use texfold_testkit::capture::{Look, camera, eyes, photograph, sphere};
+use texfold_testkit::capture::{Look, camera, eyes, icosphere, photograph, sphere};
 
 fn params(terms: u32) -> LightParams {
     LightParams { terms, ..LightParams::default() }
+}
+
+fn of_directions(directions: Directions) -> LightParams {
+    LightParams { model: Model { directions, ..Model::default() }, ..params(2) }
 }
 
 fn encode(capture: &Capture, params: &LightParams) -> LightTexture {
@@ -65,7 +71,7 @@ fn new_views_of_a_glossy_object_show_its_highlight() {
     assert!(found[0] < 27.0 && found[1] > 40.0 && found[2] > 41.0, "{found:?}");
     // Over the paper's directions a highlight that moves is of high rank, and photographs as far apart as these do not show it
     // often enough.
-    let plain = encode(&capture, &LightParams { directions: Directions::View, ..params(2) });
+    let plain = encode(&capture, &of_directions(Directions::View));
     let plain = psnr_of_new_views(&plain, &capture.mesh, Look::Glossy);
     assert!(plain > found[0] - 0.5 && plain < found[2] - 5.0, "{plain} {found:?}");
 }
@@ -170,6 +176,56 @@ fn a_goal_takes_no_more_terms_than_it_needs() {
     let (one, _, large) = of(steps[1] - 0.01);
     assert!(one == 1 && large > small, "{one}, {small} {large}");
     assert_eq!(of(99.0).0, 3);
+}
+
+#[test]
+fn a_diffuse_object_has_its_mean_alone_and_a_glossy_one_does_not() {
+    let terms = |look| {
+        let texture = encode(&sphere(look, 40, 48), &params(3));
+        let view = texture.view();
+        let vertices = 0..texture.mesh().positions.len() as u32;
+        let of = |vertex| {
+            (0..3).filter(|&term| texfold_lightfield_scale(&view, vertex, term) != Vec3::ZERO).count()
+        };
+        vertices.map(of).collect::<Vec<usize>>()
+    };
+    assert!(terms(Look::Diffuse).iter().all(|&terms| terms == 0));
+    // The highlight never shows on the side away from the light.
+    let glossy = terms(Look::Glossy);
+    let shown = glossy.iter().filter(|&&terms| terms > 0).count();
+    assert!(shown > glossy.len() / 2 && shown < glossy.len(), "{glossy:?}");
+}
+
+#[test]
+fn factors_without_signs_have_none_and_come_close_to_those_with() {
+    let capture = sphere(Look::Glossy, 60, 64);
+    for terms in [1, 2] {
+        let model = Model { factors: Factors::NonNegative, ..Model::default() };
+        let plain = encode(&capture, &LightParams { model, ..params(terms) });
+        let view = plain.view();
+        assert_eq!((view.params.map_zero, view.params.map_range), (0.0, 255.0));
+        let signed = encode(&capture, &params(terms));
+        let [plain, signed] =
+            [&plain, &signed].map(|texture| psnr_of_new_views(texture, &capture.mesh, Look::Glossy));
+        assert!(plain > signed - 0.7, "{terms} terms: {plain} against {signed}");
+    }
+}
+
+#[test]
+fn partly_seen_triangles_are_worth_more_than_nothing() {
+    // Cameras so near that no photograph shows many whole triangles.
+    let mesh = icosphere(1);
+    let views = eyes(40, 1.6, 0.0).into_iter().map(|eye| {
+        let near = Camera { focal: glam::Vec2::splat(60.0), ..camera(eye, 32) };
+        photograph(&mesh, Look::Glossy, near)
+    });
+    let capture = Capture { views: views.collect(), mesh };
+    let quality = |partial| {
+        let params = LightParams { model: Model { partial, chosen: false, ..Model::default() }, ..params(1) };
+        Lightfield::encode_measured(&capture, &params, &mut Job::default()).unwrap().1.psnr
+    };
+    let (with, without) = (quality(true), quality(false));
+    assert!(with > without + 1.0, "{with} against {without}");
 }
 
 #[test]

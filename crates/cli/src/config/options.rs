@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use texfold::{EncodeSettings, LightParams};
+use texfold::{EncodeSettings, LightParams, Model};
 use texfold_core::image::{Alpha, ColorSpace};
 use texfold_core::{Goal, Params};
 
@@ -290,6 +290,8 @@ impl Options {
         let params = LightParams {
             terms: self.terms.unwrap_or(usual.terms),
             psnr: self.psnr,
+            // A goal counts what the file models; terms that only new views would do without serve it too.
+            model: Model { chosen: self.psnr.is_none(), ..usual.model },
             content: self.content.and_then(ContentName::content).unwrap_or(usual.content),
             ..usual
         };

@@ -4,7 +4,9 @@
 //! y = mean_r + sum_k g_rk h_k(d), with h_k a bilinear map over the directions. Each term alternates between its surface map
 //! (a quotient a row) and its view map (a sparse system over the map's texels: neighbours of bilinear blending, and a
 //! smoothness term that fills what no photograph shows); terms are found one after the other, then refined together.
-//! All three channels run side by side. O(observations x terms x sweeps).
+//! All three channels run side by side. Maps without signs are the same with a floor of 0 under every quotient and every
+//! texel: non-negative factors by hierarchical alternating least squares (Cichocki and Phan 2009).
+//! O(observations x terms x sweeps).
 //!
 //! *Deviation* from the paper, which resamples every view of every triangle on the grid first and factors the full
 //! matrix: with samples as close as these, neighbours see highlights from directions of their own, and the view map is
@@ -14,6 +16,7 @@ use glam::Vec3A;
 
 use super::ring::Ring;
 use super::{Term, VertexMaps};
+use crate::params::{Factors, LightParams};
 
 /// Rounds of a term before the next is begun.
 const ROUNDS: usize = 4;
@@ -21,9 +24,20 @@ const ROUNDS: usize = 4;
 const REFINEMENTS: usize = 3;
 /// Gauss-Seidel sweeps a view map: each starts from the last map, so few do.
 const SWEEPS: usize = 8;
+/// One photograph of so many is left out of the first fit, which chooses the number of terms.
+const HELD_OUT: u16 = 5;
+/// Photographs around a vertex from which on some can be left out.
+const ENOUGH_VIEWS: usize = 10;
+/// Share of the error in photographs left out that a term must take away to be kept: less buys nothing that the eye sees.
+const LEAST_GAIN: f64 = 0.002;
+/// Mean square error that a term must take away as well: one step of 255. Photographs of diffuse objects differ by less, as pixels cover more
+/// of the surface at an angle.
+const LEAST_STEP: f64 = 1.0 / 65025.0;
+/// Where the mean starts below which no term can reach: share of a sample's observations that are darker.
+const DARKER_SHARE: f32 = 0.2;
 /// Weight of the difference of two neighbouring texels of a view map, in mean weights of a texel's observations: less leaves noise and
 /// holes, more blurs highlights.
-const SMOOTHNESS: f32 = 0.05;
+const SMOOTHNESS: f32 = 0.005;
 /// Weight of the ring's mean in a sample's surface map, in mean weights of a sample's observations: samples that few photographs
 /// see take after their neighbours.
 const SHARED: f32 = 0.05;
@@ -42,6 +56,8 @@ struct Tap {
 struct Fit<'r> {
     ring: &'r Ring,
     grid: usize,
+    /// The least value of a map.
+    floor: Vec3A,
     taps: Vec<Tap>,
     /// Colours less all that is fitted.
     rest: Vec<Vec3A>,
@@ -49,25 +65,50 @@ struct Fit<'r> {
     terms: Vec<(Vec<Vec3A>, Vec<Vec3A>)>,
 }
 
-/// Fits `terms` terms around one vertex.
-pub(crate) fn fit(ring: &Ring, grid: u32, terms: u32) -> VertexMaps {
-    let mut fit = Fit::new(ring, grid);
-    fit.fit_mean();
+/// Fits the terms around one vertex.
+pub(crate) fn fit(ring: &Ring, params: &LightParams) -> VertexMaps {
+    let terms = if params.model.chosen { choose(ring, params) } else { params.terms };
+    let mut fit = Fit::new(ring, params, |_| true);
     for term in 0..terms as usize {
         fit.begin(term);
         (0..ROUNDS).for_each(|_| fit.improve(term));
     }
-    if terms > 0 {
-        for _ in 0..REFINEMENTS {
-            (0..terms as usize).for_each(|term| fit.improve(term));
-            fit.fit_mean();
-        }
+    for _ in 0..if terms > 0 { REFINEMENTS } else { 0 } {
+        (0..terms as usize).for_each(|term| fit.improve(term));
+        fit.fit_mean();
     }
     fit.finish()
 }
 
+/// As many terms as photographs that the fit has not seen gain by; where there are too few to leave some out, one less than
+/// there are photographs, which no larger rank could serve.
+fn choose(ring: &Ring, params: &LightParams) -> u32 {
+    let mut views: Vec<u16> = ring.observations.iter().map(|observation| observation.view).collect();
+    views.sort_unstable();
+    views.dedup();
+    if views.len() < ENOUGH_VIEWS {
+        return params.terms.min((views.len() as u32).saturating_sub(1));
+    }
+    // Neighbouring photographs often have neighbouring numbers: left out are those in every fifth place.
+    let is_left_out =
+        |view: &u16| views.binary_search(view).is_ok_and(|at| at as u16 % HELD_OUT == HELD_OUT / 2);
+    let mut fit = Fit::new(ring, params, |view| !is_left_out(&view));
+    let mut best = (0, fit.error(is_left_out));
+    for term in 0..params.terms as usize {
+        fit.begin(term);
+        (0..ROUNDS).for_each(|_| fit.improve(term));
+        let error = fit.error(is_left_out);
+        if error < best.1 * (1.0 - LEAST_GAIN) && error < best.1 - LEAST_STEP {
+            best = (term as u32 + 1, error);
+        }
+    }
+    best.0
+}
+
 impl Fit<'_> {
-    fn new(ring: &Ring, grid: u32) -> Fit<'_> {
+    /// With a first mean, to the photographs that `counts` admits.
+    fn new<'r>(ring: &'r Ring, params: &LightParams, counts: impl Fn(u16) -> bool) -> Fit<'r> {
+        let grid = params.grid;
         let mut taps = Vec::new();
         for (row, range) in ring.of_rows() {
             for observation in &ring.observations[range] {
@@ -78,18 +119,65 @@ impl Fit<'_> {
                 taps.push(Tap {
                     low: low.y * grid + low.x,
                     weights: [left * upper, part.x * upper, left * part.y, part.x * part.y],
-                    weight: observation.weight * row.hat * row.hat,
+                    weight: if counts(observation.view) {
+                        observation.weight * row.hat * row.hat
+                    } else {
+                        0.0
+                    },
                 });
             }
         }
-        Fit {
+        let floor = match params.model.factors {
+            Factors::Signed => f32::NEG_INFINITY,
+            Factors::NonNegative => 0.0,
+        };
+        let mut fit = Fit {
             ring,
             grid: grid as usize,
+            floor: Vec3A::splat(floor),
             taps,
             rest: ring.observations.iter().map(|observation| observation.colour.into()).collect(),
             mean: vec![Vec3A::ZERO; ring.rows.len()],
             terms: Vec::new(),
+        };
+        if params.model.factors == Factors::NonNegative && params.terms > 0 {
+            fit.begin_mean();
+        } else {
+            fit.fit_mean();
         }
+        fit
+    }
+
+    /// A mean that most observations lie above, as terms can only add to it.
+    fn begin_mean(&mut self) {
+        for (index, (_, range)) in self.ring.of_rows().enumerate() {
+            let mut values: [Vec<f32>; 3] = std::array::from_fn(|channel| {
+                let counted = range.clone().filter(|&at| self.taps[at].weight > 0.0);
+                counted.map(|at| self.rest[at][channel]).collect()
+            });
+            let low = values.each_mut().map(|values| {
+                let at = (values.len() as f32 * DARKER_SHARE) as usize;
+                values.get(at).copied().map_or(0.0, |_| *values.select_nth_unstable_by(at, f32::total_cmp).1)
+            });
+            let low = Vec3A::from(low);
+            self.mean[index] = low;
+            self.rest[range].iter_mut().for_each(|rest| *rest -= low);
+        }
+    }
+
+    /// Mean square of what is left in the photographs that `counts` admits.
+    fn error(&self, counts: impl Fn(&u16) -> bool) -> f64 {
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for (row, range) in self.ring.of_rows() {
+            for (rest, observation) in self.rest[range.clone()].iter().zip(&self.ring.observations[range]) {
+                if counts(&observation.view) {
+                    let weight = f64::from(observation.weight * row.hat * row.hat);
+                    sum += f64::from(rest.length_squared()) * weight;
+                    weights += 3.0 * weight;
+                }
+            }
+        }
+        sum / f64::max(weights, f64::MIN_POSITIVE)
     }
 
     /// Moves what all observations of a row have in common into the mean.
@@ -107,14 +195,20 @@ impl Fit<'_> {
                 unseen.push(index);
                 continue;
             }
-            let step = sum / weights;
-            self.mean[index] += step;
+            let mean = (self.mean[index] + sum / weights).max(self.floor.max(-Vec3A::ONE));
+            let step = mean - self.mean[index];
+            self.mean[index] = mean;
             rest[range].iter_mut().for_each(|rest| *rest -= step);
             all += self.mean[index] * row.hat;
             count += row.hat;
         }
         let common = all / f32::max(count, f32::MIN_POSITIVE);
-        unseen.iter().for_each(|&index| self.mean[index] = common);
+        for (index, (_, range)) in self.ring.of_rows().enumerate().filter(|(index, _)| unseen.contains(index))
+        {
+            let step = common - self.mean[index];
+            self.mean[index] = common;
+            rest[range].iter_mut().for_each(|rest| *rest -= step);
+        }
     }
 
     /// A new term: the same for all samples, then those that change along the ring, then any.
@@ -126,7 +220,11 @@ impl Fit<'_> {
             // Bits of a multiplicative hash: a pattern that no ring follows.
             _ => ((index * term).wrapping_mul(0x9e37_79b9) >> 7 & 0xff) as f32 / 127.5 - 1.0,
         };
-        let surface = self.ring.rows.iter().enumerate().map(start).map(Vec3A::splat).collect();
+        let lowest = self.floor;
+        // Patterns of both signs, moved to where none is below 0 where that is asked for.
+        let from = |value: f32| if lowest.x < 0.0 { value } else { 0.5 + 0.5 * value };
+        let surface =
+            self.ring.rows.iter().enumerate().map(start).map(|value| Vec3A::splat(from(value))).collect();
         self.terms.push((surface, vec![Vec3A::ZERO; self.grid * self.grid]));
         self.solve_view(term);
         self.subtract(term, 1.0);
@@ -180,7 +278,9 @@ impl Fit<'_> {
         let shared = square / squares.len().max(1) as f32 * SHARED + f32::MIN_POSITIVE;
         let surface = products.iter().zip(&squares);
         // In units of its mean square, so that smoothness weighs the same whatever the term's size.
-        let surface: Vec<Vec3A> = surface.map(|(&p, &s)| (p + common * shared) / (s + shared)).collect();
+        let floor = self.floor;
+        let value = |(&p, &s): (&Vec3A, &Vec3A)| ((p + common * shared) / (s + shared)).max(floor);
+        let surface: Vec<Vec3A> = surface.map(value).collect();
         let energy = surface.iter().map(|&value| value * value).sum::<Vec3A>() / surface.len().max(1) as f32;
         let scale = energy.max(Vec3A::splat(f32::MIN_POSITIVE)).powf(-0.5);
         self.terms[term].0 =
@@ -203,7 +303,8 @@ impl Fit<'_> {
         }
         system.smooth();
         let view = &mut self.terms[term].1;
-        (0..SWEEPS).for_each(|_| system.sweep(view));
+        let floor = self.floor;
+        (0..SWEEPS).for_each(|_| system.sweep(view, floor));
     }
 
     /// The maps with the hat function in the surface maps.
@@ -282,7 +383,7 @@ impl System {
     }
 
     /// One Gauss-Seidel sweep.
-    fn sweep(&self, view: &mut [Vec3A]) {
+    fn sweep(&self, view: &mut [Vec3A], floor: Vec3A) {
         let grid = self.grid;
         for at in 0..view.len() {
             let (x, y) = (at % grid, at / grid);
@@ -312,7 +413,7 @@ impl System {
                     sum -= self.matrix[at - grid - 1][4] * view[at - grid - 1];
                 }
             }
-            view[at] = sum / own[0].max(Vec3A::splat(f32::MIN_POSITIVE));
+            view[at] = (sum / own[0].max(Vec3A::splat(f32::MIN_POSITIVE))).max(floor);
         }
     }
 }

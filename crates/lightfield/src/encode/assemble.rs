@@ -9,17 +9,15 @@ use texfold_core::{Effort, Texel};
 
 use super::{Scene, VertexMaps};
 use crate::decode::texfold_lightfield_patch;
-use crate::encoded::{PIXEL, Parts, byte_of, mean_size, scale_of, surface_size, view_size};
+use crate::encoded::{PIXEL, Parts, byte_of, mean_size, scale_of, surface_size, view_size, zero_and_range};
 use crate::layout::Layout;
-use crate::params::LightParams;
+use crate::params::{Factors, LightParams};
 
-/// A map's value as a stored one: byte 128 is 0.
-fn stored(value: Vec3) -> Texel {
-    ((value.clamp(Vec3::NEG_ONE, Vec3::ONE) * 127.0).round() + 128.0).extend(255.0) / 255.0
+/// A map's value as a stored one.
+fn stored(value: Vec3, factors: Factors) -> Texel {
+    let (zero, range) = zero_and_range(factors);
+    ((value * range).round() + zero).clamp(Vec3::ZERO, Vec3::splat(255.0)).extend(255.0) / 255.0
 }
-
-/// Byte for 0: where no map is.
-const NOTHING: Texel = Texel::new(128.0 / 255.0, 128.0 / 255.0, 128.0 / 255.0, 1.0);
 
 /// One term of one vertex, scaled.
 pub(crate) struct Scaled {
@@ -33,7 +31,7 @@ fn largest(values: &[Vec3]) -> Vec3 {
 }
 
 /// Scales a term to 8 bits a value.
-fn scale(term: &super::Term) -> Scaled {
+fn scale(term: &super::Term, factors: Factors) -> Scaled {
     let (surface, view) = (largest(&term.surface), largest(&term.view));
     let bytes = (surface * view).to_array().map(byte_of);
     // The scale is rounded up; the surface map makes up for it.
@@ -42,8 +40,8 @@ fn scale(term: &super::Term) -> Scaled {
     let (per_surface, per_view) = (view * inverse(scales), inverse(view));
     Scaled {
         bytes,
-        surface: term.surface.iter().map(|&value| stored(value * per_surface)).collect(),
-        view: term.view.iter().map(|&value| stored(value * per_view)).collect(),
+        surface: term.surface.iter().map(|&value| stored(value * per_surface, factors)).collect(),
+        view: term.view.iter().map(|&value| stored(value * per_view, factors)).collect(),
     }
 }
 
@@ -60,7 +58,8 @@ pub(crate) struct Atlases<'s> {
 
 impl<'s> Atlases<'s> {
     pub(crate) fn new(scene: &'s Scene<'s>, params: &'s LightParams, layout: &'s Layout) -> Self {
-        let texels = |(width, height): (u32, u32)| vec![NOTHING; width as usize * height as usize];
+        let nothing = stored(Vec3::ZERO, params.model.factors);
+        let texels = |(width, height): (u32, u32)| vec![nothing; width as usize * height as usize];
         Atlases {
             scene,
             params,
@@ -78,7 +77,7 @@ impl<'s> Atlases<'s> {
             self.mean[sample as usize] += mean;
         }
         for (number, term) in (0..).zip(&maps.terms) {
-            let scaled = scale(term);
+            let scaled = scale(term, self.params.model.factors);
             let first = 3 * (number as usize * self.scene.mesh.positions.len() + vertex as usize);
             self.scales[first..first + 3].copy_from_slice(&scaled.bytes);
             self.put_view(vertex, number, &scaled.view);
@@ -96,7 +95,8 @@ impl<'s> Atlases<'s> {
     }
 
     fn put_surface(&mut self, vertex: u32, term: u32, rows: &[u32], texels: &[Texel]) {
-        let value = |sample: u32| rows.binary_search(&sample).map_or(NOTHING, |row| texels[row]);
+        let nothing = stored(Vec3::ZERO, self.params.model.factors);
+        let value = |sample: u32| rows.binary_search(&sample).map_or(nothing, |row| texels[row]);
         let width = 3 * self.layout.surface_width;
         let elements = &self.scene.surface.elements;
         for &triangle in &elements[vertex as usize].triangles {
@@ -135,7 +135,8 @@ impl<'s> Atlases<'s> {
         Parts {
             mesh: self.scene.mesh.clone(),
             sides_log2: sides_log2.to_vec(),
-            directions: params.directions,
+            directions: params.model.directions,
+            factors: params.model.factors,
             grid: params.grid,
             total_terms: params.terms,
             terms: params.terms,

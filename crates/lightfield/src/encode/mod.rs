@@ -16,7 +16,7 @@ use crate::bvh::Bvh;
 use crate::decode::{TEXFOLD_LIGHTFIELD_REFLECTED, TEXFOLD_LIGHTFIELD_VIEW};
 use crate::encoded::LightTexture;
 use crate::layout::Layout;
-use crate::params::{Directions, LightParams};
+use crate::params::{Directions, Factors, LightParams};
 use crate::{Capture, CaptureError, Lightfield, Mesh};
 use assemble::Atlases;
 use observe::Seen;
@@ -54,6 +54,8 @@ pub(crate) struct Scene<'a> {
     pub(crate) seen: &'a [Seen],
     pub(crate) normals: Vec<Vec3>,
     pub(crate) eyes: Vec<Vec3>,
+    /// Whether photographs that show part of an element count.
+    pub(crate) partial: bool,
     /// The shader's number of the kind of directions.
     pub(crate) directions: u32,
 }
@@ -88,7 +90,8 @@ pub(crate) fn encode(
     let scene = Scene {
         normals: mesh.normals(),
         eyes: capture.views.iter().map(|view| view.camera.eye()).collect(),
-        directions: match params.directions {
+        partial: params.model.partial,
+        directions: match params.model.directions {
             Directions::View => TEXFOLD_LIGHTFIELD_VIEW,
             Directions::Reflected => TEXFOLD_LIGHTFIELD_REFLECTED,
         },
@@ -100,7 +103,7 @@ pub(crate) fn encode(
     for first in (0..vertices).step_by(BATCH as usize) {
         job.stage("maps", 0.2 + 0.7 * first as f32 / vertices as f32)?;
         let batch = first..vertices.min(first + BATCH);
-        let fit = |vertex| als::fit(&Ring::new(&scene, vertex), params.grid, params.terms);
+        let fit = |vertex| als::fit(&Ring::new(&scene, vertex), params);
         let maps: Vec<VertexMaps> = job.install(|| batch.clone().into_par_iter().map(fit).collect());
         batch.zip(&maps).for_each(|(vertex, maps)| atlases.put(vertex, maps));
     }
@@ -117,12 +120,16 @@ fn settle(texture: LightTexture, quality: Quality, params: &LightParams) -> (Lig
     let most = quality.psnr_of_terms.len() - 1;
     let terms = params.psnr.and_then(reaches).unwrap_or(most);
     let texture = if terms < most { texture.truncated(terms as u32) } else { texture };
-    let directions = match params.directions {
+    let directions = match params.model.directions {
         Directions::View => "view",
         Directions::Reflected => "reflected view",
     };
+    let factors = match params.model.factors {
+        Factors::Signed => "",
+        Factors::NonNegative => " without signs",
+    };
     let settings = format!(
-        "lightfield, {terms} terms, view maps of {0}x{0} over the {directions}, sampling {1}, {2}",
+        "lightfield, {terms} terms{factors}, view maps of {0}x{0} over the {directions}, sampling {1}, {2}",
         params.grid,
         params.sampling,
         params.content.name(),

@@ -23,6 +23,8 @@ pub(crate) struct Observation {
     pub(crate) at: Vec2,
     /// 0 to 1.
     pub(crate) colour: Vec3,
+    /// Which photograph.
+    pub(crate) view: u16,
     /// How much it counts, without the hat function.
     pub(crate) weight: f32,
 }
@@ -56,7 +58,8 @@ impl Ring {
                     place,
                 });
                 for (view, colours, weights) in seen.iter() {
-                    if weights[sample] == 0 {
+                    let whole = || weights.iter().all(|&weight| weight > 0);
+                    if weights[sample] == 0 || !(scene.partial || whole()) {
                         continue;
                     }
                     let direction = (scene.eyes[usize::from(view)] - position).normalize_or_zero();
@@ -65,6 +68,7 @@ impl Ring {
                     ring.observations.push(Observation {
                         at: texfold_lightfield_disc(scene.directions, local) * 0.5 + 0.5,
                         colour: Vec3::from(colours[sample].map(f32::from)) / 255.0,
+                        view,
                         weight: f32::from(weights[sample]) / 255.0,
                     });
                 }

@@ -30,5 +30,6 @@ pub use config::{
 pub use decompress::DecompressArgs;
 pub use info::InfoArgs;
 pub use input::Kind;
+pub use input::capture::{read_capture, read_views};
 pub use render::RenderArgs;
 pub use run::{Command, main, run};

@@ -23,6 +23,7 @@ mod encoded;
 mod error;
 mod layout;
 mod params;
+mod pictures;
 mod render;
 mod wire;
 
@@ -31,7 +32,7 @@ pub use capture::{Capture, Mesh, View};
 pub use encode::Quality;
 pub use encoded::LightTexture;
 pub use error::CaptureError;
-pub use params::{Directions, Factors, LightParams, MAX_TERMS, Model};
+pub use params::{Directions, Factors, Fit, LightParams, MAX_TERMS, Model};
 pub use render::Renderer;
 
 use texfold_core::container::Sections;

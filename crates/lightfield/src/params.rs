@@ -27,9 +27,22 @@ pub enum Factors {
     NonNegative,
 }
 
+/// How maps are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Fit {
+    /// Alternating least squares on what each photograph shows of each sample.
+    #[default]
+    Scattered,
+    /// The paper's: photographs that see whole triangles, blended on the grid of the view map, then a principal component analysis.
+    /// Its factors have signs, and every vertex has all terms.
+    Resampled,
+}
+
 /// Parts of the model that can be left out or done otherwise, to see what they buy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Model {
+    /// How maps are found.
+    pub fit: Fit,
     /// What view maps are laid over.
     pub directions: Directions,
     /// Which signs the factors have.
@@ -42,7 +55,13 @@ pub struct Model {
 
 impl Default for Model {
     fn default() -> Self {
-        Model { directions: Directions::default(), factors: Factors::default(), partial: true, chosen: true }
+        Model {
+            fit: Fit::default(),
+            directions: Directions::default(),
+            factors: Factors::default(),
+            partial: true,
+            chosen: true,
+        }
     }
 }
 
@@ -89,6 +108,9 @@ impl Params for LightParams {
             }
             _ if !(0.125..=1.0).contains(&self.sampling) => {
                 error("sampling", f64::from(self.sampling), "0.125..=1")
+            }
+            _ if self.model.fit == Fit::Resampled && self.model.factors == Factors::NonNegative => {
+                error("factors", 0.0, "any sign where the matrix is resampled")
             }
             _ if !matches!(self.content, Content::Raw | Content::Bc1 | Content::Bc7) => {
                 error("content", f64::from(self.content.number()), "raw, bc1 and bc7 for light-field maps")

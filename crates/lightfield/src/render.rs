@@ -1,6 +1,6 @@
 //! The CPU reference of a rendered view: one ray a pixel, from its middle.
 
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use texfold_core::image::to_u8;
 use texfold_core::{Encoded, LightAddress};
@@ -37,10 +37,18 @@ impl<'t> Renderer<'t> {
         pixels
     }
 
+    /// What a ray meets first: how far in lengths of `direction`, and where.
+    #[must_use]
+    pub fn meet(&self, origin: Vec3, direction: Vec3) -> Option<(f32, LightAddress)> {
+        let hit = self.bvh.nearest(origin, direction, 0.0)?;
+        let address =
+            LightAddress { triangle: hit.triangle, barycentric: hit.barycentric, direction: -direction };
+        Some((hit.distance, address))
+    }
+
     fn pixel(&self, camera: &Camera, place: Vec2) -> [u8; 4] {
         let ray = camera.ray(place);
-        let Some(hit) = self.bvh.nearest(camera.eye(), ray, 0.0) else { return [0; 4] };
-        let address = LightAddress { triangle: hit.triangle, barycentric: hit.barycentric, direction: -ray };
-        self.texture.sample(address).to_array().map(to_u8)
+        self.meet(camera.eye(), ray)
+            .map_or([0; 4], |(_, address)| self.texture.sample(address).to_array().map(to_u8))
     }
 }

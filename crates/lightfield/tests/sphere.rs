@@ -7,8 +7,8 @@ use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::{Budget, EncodeError, Encoded, Job, LightAddress, TextureCodec};
 use texfold_lightfield::decode::texfold_lightfield_scale;
 use texfold_lightfield::{
-    Camera, Capture, CaptureError, Directions, Factors, LightParams, LightTexture, Lightfield, Mesh, Model,
-    Renderer, View,
+    Camera, Capture, CaptureError, Directions, Factors, Fit, LightParams, LightTexture, Lightfield, Mesh,
+    Model, Renderer, View,
 };
 use texfold_testkit::capture::{Look, camera, eyes, icosphere, photograph, sphere};
 
@@ -74,6 +74,24 @@ fn new_views_of_a_glossy_object_show_its_highlight() {
     let plain = encode(&capture, &of_directions(Directions::View));
     let plain = psnr_of_new_views(&plain, &capture.mesh, Look::Glossy);
     assert!(plain > found[0] - 0.5 && plain < found[2] - 5.0, "{plain} {found:?}");
+}
+
+#[test]
+fn resampled_matrices_show_the_highlight_less_well_than_scattered_observations() {
+    let capture = sphere(Look::Glossy, 60, 64);
+    let of = |fit, terms| {
+        let model = Model { fit, directions: Directions::View, ..Model::default() };
+        let texture = encode(&capture, &LightParams { model, ..params(terms) });
+        psnr_of_new_views(&texture, &capture.mesh, Look::Glossy)
+    };
+    let steps = [0, 1, 2, 3].map(|terms| of(Fit::Resampled, terms));
+    assert!(steps[0] < 27.0 && steps[3] > steps[0] + 1.0, "{steps:?}");
+    let best = psnr_of_new_views(&encode(&capture, &params(1)), &capture.mesh, Look::Glossy);
+    assert!(best > steps[3] + 5.0, "{best} {steps:?}");
+    let both = Model { fit: Fit::Resampled, factors: Factors::NonNegative, ..Model::default() };
+    let refused =
+        Lightfield::encode(&capture, &LightParams { model: both, ..params(1) }, &mut Job::default());
+    assert!(matches!(refused, Err(EncodeError::Params(error)) if error.field == "factors"));
 }
 
 #[test]

@@ -6,6 +6,8 @@ use texfold_core::Encoded;
 
 use super::{InfoArgs, part_line};
 use crate::error::CliError;
+use crate::output::make_folder;
+use crate::png;
 use crate::render::load;
 use crate::report::{PartRow, part_rows};
 use crate::run::say;
@@ -38,12 +40,20 @@ pub(super) fn run(args: &InfoArgs) -> Result<usize, CliError> {
     } else {
         say(&describe(&summary));
     }
-    match &args.pictures {
-        Some(_) => {
-            Err(CliError::NoSuchPart { path: args.file.clone(), codec: summary.codec, option: "pictures" })
-        }
-        None => Ok(0),
+    if args.original.is_some() {
+        let (path, codec) = (args.file.clone(), summary.codec);
+        return Err(CliError::NoSuchPart { path, codec, option: "original" });
     }
+    if let Some(dir) = &args.pictures {
+        make_folder(dir)?;
+        let drawn = texture.pictures();
+        let drawn = drawn.map_err(|source| CliError::Source { path: args.file.clone(), source })?;
+        let stem = args.file.file_stem().unwrap_or_default().to_string_lossy();
+        for (name, raster) in drawn {
+            png::write(&dir.join(format!("{stem}-{name}.png")), &raster)?;
+        }
+    }
+    Ok(0)
 }
 
 fn summarise(args: &InfoArgs, texture: &LightTexture) -> Summary {

@@ -3,6 +3,7 @@
 //!
 //! *Not done*: lens distortion; a file that has some is refused.
 
+use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use glam::{Mat4, Vec2, Vec4};
@@ -12,6 +13,7 @@ use texfold_core::image::ColorSpace;
 use texfold_lightfield::{Camera, Capture, Mesh, View};
 
 use super::{pixels, shape};
+use crate::compress::usual_limit;
 use crate::error::CliError;
 
 /// Name of the file that makes a folder a capture.
@@ -163,6 +165,23 @@ pub(crate) fn mesh_file(
     };
     let found = names.iter().map(|name| dir.join(name)).find(|path| path.is_file());
     found.ok_or(CliError::NoMesh { path: dir.to_owned(), name: names.join(" or ") })
+}
+
+/// Reads a capture's folder, with its own mesh or the one beside it that has so many triangles.
+///
+/// # Errors
+/// What is wrong with its files, by name.
+pub fn read_capture(dir: &Path, triangles: Option<u32>) -> Result<Capture, Box<dyn Error + Send + Sync>> {
+    Ok(read(dir, None, triangles, usual_limit())?)
+}
+
+/// Reads the photographs that a file of cameras names.
+///
+/// # Errors
+/// What is wrong with its files, by name.
+pub fn read_views(cameras: &Path) -> Result<Vec<View>, Box<dyn Error + Send + Sync>> {
+    let shots = read_cameras(cameras)?;
+    Ok(shots.iter().map(|shot| view(cameras, shot, usual_limit())).collect::<Result<_, CliError>>()?)
 }
 
 /// Reads a whole capture.

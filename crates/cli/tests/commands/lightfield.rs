@@ -86,6 +86,12 @@ fn a_capture_becomes_a_file_and_the_file_new_views() {
     let info = place.run("info out/ball.txf --json");
     let summary: serde_json::Value = serde_json::from_str(&info.stdout).unwrap();
     assert_eq!((summary["triangles"].as_u64(), summary["terms"].as_u64()), (Some(80), Some(1)));
+    let pictures = place.run("info out/ball.txf --pictures parts");
+    assert_eq!(pictures.code, Some(0), "{}", pictures.stderr);
+    assert_eq!(
+        names(&place.at("parts")),
+        ["ball-mean.png", "ball-surface-maps.png", "ball-terms.png", "ball-view-maps.png"]
+    );
     let flat = place.run("decompress out/ball.txf --out png");
     assert!(flat.code == Some(1) && flat.stderr.contains("render"), "{}", flat.stderr);
 }

@@ -5,6 +5,7 @@ mod als;
 mod assemble;
 mod observe;
 mod quality;
+mod resample;
 mod ring;
 mod surface;
 
@@ -16,7 +17,7 @@ use crate::bvh::Bvh;
 use crate::decode::{TEXFOLD_LIGHTFIELD_REFLECTED, TEXFOLD_LIGHTFIELD_VIEW};
 use crate::encoded::LightTexture;
 use crate::layout::Layout;
-use crate::params::{Directions, Factors, LightParams};
+use crate::params::{Directions, Factors, Fit, LightParams};
 use crate::{Capture, CaptureError, Lightfield, Mesh};
 use assemble::Atlases;
 use observe::Seen;
@@ -103,7 +104,10 @@ pub(crate) fn encode(
     for first in (0..vertices).step_by(BATCH as usize) {
         job.stage("maps", 0.2 + 0.7 * first as f32 / vertices as f32)?;
         let batch = first..vertices.min(first + BATCH);
-        let fit = |vertex| als::fit(&Ring::new(&scene, vertex), params);
+        let fit = |vertex| match params.model.fit {
+            Fit::Scattered => als::fit(&Ring::new(&scene, vertex), params),
+            Fit::Resampled => resample::fit(&scene, vertex, params),
+        };
         let maps: Vec<VertexMaps> = job.install(|| batch.clone().into_par_iter().map(fit).collect());
         batch.zip(&maps).for_each(|(vertex, maps)| atlases.put(vertex, maps));
     }

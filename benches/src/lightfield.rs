@@ -22,7 +22,7 @@ const SAME_PLACE: f32 = 2e-3;
 
 /// What is encoded: a name, and how.
 fn variants() -> Vec<(&'static str, LightParams)> {
-    let usual = LightParams { sampling: 0.6, ..LightParams::default() };
+    let usual = LightParams { terms: 3, sampling: 0.6, ..LightParams::default() };
     let model = |model| LightParams { model, ..usual.clone() };
     let all = Model::default();
     let small = LightParams { terms: 1, grid: 12, sampling: 0.35, content: Content::Bc1, ..usual.clone() };

@@ -15,7 +15,7 @@ const TRIAL: &str = "target/ci";
 /// A name, and what is done; whether it passed.
 type Step = (&'static str, fn() -> io::Result<bool>);
 
-const STEPS: [Step; 8] = [
+const STEPS: [Step; 9] = [
     ("fmt", || cargo(&["fmt", "--all", "--check"], &[])),
     ("tidy", || tidy::check(&root())),
     ("clippy", || cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"], &[])),
@@ -23,6 +23,7 @@ const STEPS: [Step; 8] = [
     ("doc", || cargo(&["doc", "--workspace", "--no-deps"], &[("RUSTDOCFLAGS", "-D warnings")])),
     ("fixtures", fixtures::check),
     ("compress and decompress", compress_and_decompress),
+    ("compress and render", compress_and_render),
     ("compare", compare),
 ];
 
@@ -83,6 +84,19 @@ fn compress_and_decompress() -> io::Result<bool> {
     let decoded = this(&["decompress", &files, "--out", &on_cpu])?
         && this(&["decompress", &files, "--out", &on_gpu, "--gpu"])?;
     Ok(compressed && set && decoded && alike(&root().join(on_cpu), &root().join(on_gpu))?)
+}
+
+/// A capture to a light field, and what its cameras see of that on both sides.
+fn compress_and_render() -> io::Result<bool> {
+    let out = format!("{TRIAL}/light");
+    let cameras = "fixtures/captures/ball/transforms.json";
+    let file = format!("{out}/ball.txf");
+    let (on_cpu, on_gpu) = (format!("{out}/cpu"), format!("{out}/gpu"));
+    let drawn = this(&["compress", "fixtures/captures/ball", "--out", &out])?
+        && this(&["render", &file, "--camera", cameras, "--out", &on_cpu, "--cpu"])?
+        && this(&["render", &file, "--camera", cameras, "--out", &on_gpu])?
+        && this(&["info", &file])?;
+    Ok(drawn && [&on_cpu, &on_gpu].iter().all(|dir| root().join(dir).join("019.png").is_file()))
 }
 
 /// What hardware decoders of BC1 to BC5 may round differently (Direct3D 11.3 specification, 19.5), in 8-bit steps.

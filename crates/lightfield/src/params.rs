@@ -85,7 +85,7 @@ pub struct LightParams {
 impl Default for LightParams {
     fn default() -> Self {
         LightParams {
-            terms: 3,
+            terms: 1,
             psnr: None,
             grid: 16,
             sampling: 1.0,

@@ -3,8 +3,8 @@
 use glam::{Mat4, Quat, Vec2, Vec3};
 use texfold_lightfield::{Camera, Capture, Mesh, View};
 
-/// Sharpness of the highlight: about 20 degrees wide.
-const SHARPNESS: i32 = 24;
+use crate::fixtures::sin_turns;
+
 /// Rays a pixel across and down.
 const RAYS: u32 = 2;
 
@@ -28,9 +28,11 @@ impl Look {
     /// The colour at a place with a smooth normal, towards a unit vector.
     #[must_use]
     pub fn colour(self, place: Vec3, normal: Vec3, direction: Vec3) -> Vec3 {
-        let wave = (place * Vec3::new(5.0, 4.0, 3.0)).map(f32::sin) * 0.2 + Vec3::new(0.4, 0.35, 0.3);
+        let wave = (place * Vec3::new(0.8, 0.64, 0.48)).map(sin_turns) * 0.2 + Vec3::new(0.4, 0.35, 0.3);
         let reflected = 2.0 * direction.dot(normal) * normal - direction;
-        let highlight = 0.5 * reflected.dot(light()).max(0.0).powi(SHARPNESS);
+        // The 24th power, about 20 degrees wide, by products, which are the same on every machine.
+        let eighth = [0; 3].iter().fold(reflected.dot(light()).max(0.0), |power, _| power * power);
+        let highlight = 0.5 * eighth * eighth * eighth;
         match self {
             Look::Glossy => wave + highlight,
             Look::Diffuse => wave,
@@ -100,11 +102,12 @@ pub fn camera(eye: Vec3, size: u32) -> Camera {
 /// Places around the origin, `count` of them evenly spread at `distance` (a Fibonacci lattice), turned by `phase`.
 #[must_use]
 pub fn eyes(count: u32, distance: f32, phase: f32) -> Vec<Vec3> {
-    let golden_angle = std::f32::consts::PI * (3.0 - 5f32.sqrt());
+    let golden_turns = 0.5 * (3.0 - 5f32.sqrt());
     (0..count)
         .map(|index| {
             let z = 1.0 - (2 * index + 1) as f32 / count as f32;
-            let (sine, cosine) = (golden_angle * index as f32 + phase).sin_cos();
+            let turns = golden_turns * index as f32 + phase / std::f32::consts::TAU;
+            let (sine, cosine) = (sin_turns(turns), sin_turns(turns + 0.25));
             let radius = (1.0 - z * z).sqrt();
             distance * Vec3::new(radius * cosine, radius * sine, z)
         })
@@ -167,6 +170,34 @@ pub fn sphere(look: Look, views: u32, size: u32) -> Capture {
     let views = eyes(views, 4.0, 0.0).into_iter();
     let views = views.map(|eye| photograph(&mesh, look, camera(eye, size))).collect();
     Capture { mesh, views }
+}
+
+/// A capture as the text of its `transforms.json`, which names its photographs `images/00.png` and so on.
+#[must_use]
+pub fn cameras_text(capture: &Capture) -> String {
+    let mut frames = Vec::new();
+    for (index, view) in capture.views.iter().enumerate() {
+        let rows = view.camera.to_world.transpose().to_cols_array_2d();
+        let rows = rows.map(|row| format!("[{}]", row.map(|value| format!("{value:?}")).join(", ")));
+        frames.push(format!(
+            "    {{ \"file_path\": \"images/{index:02}.png\", \"transform_matrix\": [{}] }}",
+            rows.join(", ")
+        ));
+    }
+    let (focal, width, height) = capture
+        .views
+        .first()
+        .map_or((1.0, 1, 1), |view| (view.camera.focal.x, view.camera.width, view.camera.height));
+    let head = format!("  \"fl_x\": {focal:?},\n  \"w\": {width},\n  \"h\": {height},\n");
+    format!("{{\n{head}  \"frames\": [\n{}\n  ]\n}}\n", frames.join(",\n"))
+}
+
+/// A mesh as the text of an OBJ file.
+#[must_use]
+pub fn mesh_text(mesh: &Mesh) -> String {
+    let places = mesh.positions.iter().map(|p| format!("v {:?} {:?} {:?}\n", p.x, p.y, p.z));
+    let faces = mesh.triangles.iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+    places.chain(faces).collect()
 }
 
 #[cfg(test)]

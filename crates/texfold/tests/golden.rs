@@ -6,7 +6,8 @@ use std::path::PathBuf;
 
 use texfold::container::Sections;
 use texfold::metric::decode_surface;
-use texfold::{Budget, Layers, open_image};
+use texfold::{Budget, Encoded, Layers, Renderer, open_image, open_light};
+use texfold_testkit::capture::{Look, sphere};
 
 fn golden(name: &str) -> PathBuf {
     texfold_testkit::fixtures_dir().join("golden").join(name)
@@ -74,4 +75,18 @@ fn a_progressive_epitome_decodes_as_ever() {
     assert_eq!(prefix.as_encoded().layers(), Layers { loaded: 1, total: 3 });
     let wanted = texfold_testkit::png(&golden("epitome_layers-layer1.png"));
     assert!(decode_surface(prefix.as_encoded(), 0, 0).unwrap().to_bytes() == wanted.to_bytes());
+}
+
+/// A light field of the capture fixture, as its eighth camera sees it. While the form of the file is not released, it is written
+/// anew by `texfold compress fixtures/captures/ball --codec lightfield --out .` and its picture by
+/// `texfold render ball.txf --camera fixtures/captures/ball/transforms.json --out . --cpu`, which is `007.png`.
+#[test]
+fn a_light_field_is_drawn_as_ever() {
+    let bytes = std::fs::read(golden("lightfield.txf")).unwrap();
+    let texture = open_light(&bytes, &mut Budget::default()).unwrap();
+    assert_eq!(texture.layers(), Layers { loaded: 2, total: 2 });
+    let camera = sphere(Look::Glossy, 20, 40).views[7].camera;
+    let drawn = Renderer::new(&texture).render(&camera);
+    let wanted = texfold_testkit::png(&golden("lightfield.png")).to_bytes();
+    assert!(drawn.as_flattened() == wanted, "the light field is drawn otherwise than before");
 }

@@ -11,6 +11,9 @@ use super::values::{AlphaChoice, CodecName, ColorName, ContentName, EffortName, 
 use crate::error::{CliError, UsageError};
 use crate::input::Kind;
 
+/// Terms among which a goal for a light field chooses where their number is not given: beyond, each takes as many bits and buys
+/// little (`benches`, `lightfield`).
+const MOST_TERMS_FOR_GOAL: u32 = 4;
 /// Share of the codebook that samples take where only their number is given: the paper's half.
 const SAMPLE_SHARE: f64 = 0.5;
 
@@ -42,7 +45,7 @@ pub struct Options {
     /// lightfield: take the mesh of that many triangles beside the capture, mesh_N.obj or mesh_N.ply.
     #[arg(long, value_name = "N")]
     pub(super) triangles: Option<u32>,
-    /// lightfield: terms beside the mean, 0 to 8.
+    /// lightfield: terms beside the mean, 0 to 8; 1 where this is not given, up to 4 with a goal.
     #[arg(long, value_name = "K")]
     pub(super) terms: Option<u32>,
     /// What an input is: a file is an image and a folder a set where this is not given.
@@ -288,7 +291,7 @@ impl Options {
         }
         let usual = LightParams::default();
         let params = LightParams {
-            terms: self.terms.unwrap_or(usual.terms),
+            terms: self.terms.unwrap_or(if self.psnr.is_some() { MOST_TERMS_FOR_GOAL } else { usual.terms }),
             psnr: self.psnr,
             // A goal counts what the file models; terms that only new views would do without serve it too.
             model: Model { chosen: self.psnr.is_none(), ..usual.model },

@@ -190,7 +190,8 @@ fn a_goal_takes_no_more_terms_than_it_needs() {
     };
     let (none, steps, small) = of(10.0);
     assert_eq!(none, 0);
-    assert!(steps.windows(2).all(|pair| pair[1] > pair[0]), "{steps:?}");
+    // The last counts all observations, the others an eighth.
+    assert!(steps.windows(2).all(|pair| pair[1] > pair[0] - 0.5) && steps[1] > steps[0] + 10.0, "{steps:?}");
     let (one, _, large) = of(steps[1] - 0.01);
     assert!(one == 1 && large > small, "{one}, {small} {large}");
     assert_eq!(of(99.0).0, 3);

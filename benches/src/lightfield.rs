@@ -1,8 +1,8 @@
 //! Light fields against views of a capture that were never used for fitting: meshes, terms, parts of the model and content, beside the
 //! mean alone and the nearest photograph projected again.
 //!
-//! `cargo run --release -p texfold-benches --bin lightfield -- [OUT_DIR] [CAPTURE]`: a capture's folder with `transforms_test.json` and
-//! decimated meshes; `slf/spot_gloss` of the shared data where none is named. Writes lightfield.csv and lightfield.md. PSNR counts pixels of the
+//! `cargo run --release -p texfold-benches --bin lightfield -- [OUT_DIR] [CAPTURE] [FORM]`: a capture's folder with `transforms_test.json` and
+//! decimated meshes; `slf/spot_gloss` of the shared data where none is named; of its forms those whose names hold the last argument. Writes lightfield.csv and lightfield.md. PSNR counts pixels of the
 //! object alone; those that a mesh does not cover count as black.
 
 use std::path::{Path, PathBuf};
@@ -133,7 +133,8 @@ fn main() -> Outcome<()> {
         "brightest 10 %",
         "CPU s",
     ]);
-    let variants = variants();
+    let only = arguments.next().unwrap_or_default();
+    let variants: Vec<_> = variants().into_iter().filter(|(name, _)| name.contains(&only)).collect();
     for (name, params) in &variants {
         row(&mut table, name, &dir, None, params, &tests)?;
     }

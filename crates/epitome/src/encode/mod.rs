@@ -106,15 +106,16 @@ pub struct EpitomeSearch {
     other: Option<Box<EpitomeSearch>>,
 }
 
-/// What reaches a goal with one layer.
+/// What leaves may be with palettes of some size.
 struct Model {
     options: Options,
     palettes: Palettes,
     /// Bits of an entry that the choice reckons with.
     entry_bits: f32,
-    /// The setting, what it measures and what it makes.
-    found: (u32, Measured, EpitomeTexture),
 }
+
+/// A setting, what it measures and what it makes.
+type Made = (u32, Measured, EpitomeTexture);
 
 /// Searches `source` with the goal of `params` in mind.
 pub(crate) fn search_all(
@@ -396,18 +397,21 @@ impl EpitomeSearch {
     fn reaching(&self, goal: Goal, job: &mut Job<'_>) -> Result<EpitomeTexture, EncodeError> {
         let models: Vec<&(Option<(usize, usize)>, f32)> =
             MODELS.iter().filter(|model| self.may_be(model.0)).collect();
-        let mut best: Option<Model> = None;
+        let mut best: Option<(usize, Made)> = None;
         for (index, &&model) in models.iter().enumerate() {
             let share = |index: usize| index as f32 / models.len() as f32;
-            let made = job.within(share(index), share(index + 1), |job| self.model(model, goal, job))?;
-            if best.as_ref().is_none_or(|before| goal.prefers(&made.found.1, &before.found.1)) {
-                best = Some(made);
+            let made = job.within(share(index), share(index + 1), |job| {
+                let model = job.install(|| self.model(model));
+                self.setting(goal, &self.plan(&model.options, &model.palettes, model.entry_bits), job)
+            })?;
+            if best.as_ref().is_none_or(|(_, before)| goal.prefers(&made.1, &before.1)) {
+                best = Some((index, made));
             }
         }
         // Without matches there is the model of own content.
-        let Some(Model { options, palettes, entry_bits, found }) = best else {
-            return Err(EncodeError::Cancelled);
-        };
+        let Some((index, found)) = best else { return Err(EncodeError::Cancelled) };
+        // Made again, as two at once would be most of the memory.
+        let Model { options, palettes, entry_bits } = job.install(|| self.model(*models[index]));
         let plan = self.plan(&options, &palettes, entry_bits);
         let (mut wanted, mut tries, mut found) = (goal, 1, Some(found));
         loop {
@@ -449,30 +453,17 @@ impl EpitomeSearch {
         }
     }
 
-    /// What reaches a goal with one layer and such palettes.
-    fn model(
-        &self,
-        (palettes, entry_bits): (Option<(usize, usize)>, f32),
-        goal: Goal,
-        job: &mut Job<'_>,
-    ) -> Result<Model, EncodeError> {
+    /// What leaves may be with such palettes.
+    fn model(&self, (palettes, entry_bits): (Option<(usize, usize)>, f32)) -> Model {
         let none = vec![Vec::new(); self.grid.nodes()];
-        let (options, palettes) = job.install(|| {
-            let matches = if palettes.is_some() { &self.matches } else { &none };
-            let fitted = self.fitted(matches, palettes.unwrap_or((self.space.scales(), 1)));
-            (self.options(matches, &fitted, &self.rules(None)), fitted.palettes)
-        });
-        let found = self.setting(goal, &self.plan(&options, &palettes, entry_bits), job)?;
-        Ok(Model { options, palettes, entry_bits, found })
+        let matches = if palettes.is_some() { &self.matches } else { &none };
+        let fitted = self.fitted(matches, palettes.unwrap_or((self.space.scales(), 1)));
+        let options = self.options(matches, &fitted, &self.rules(None));
+        Model { options, palettes: fitted.palettes, entry_bits }
     }
 
     /// The setting that reaches a goal with one layer, and what it makes.
-    fn setting(
-        &self,
-        goal: Goal,
-        plan: &Plan<'_>,
-        job: &mut Job<'_>,
-    ) -> Result<(u32, Measured, EpitomeTexture), EncodeError> {
+    fn setting(&self, goal: Goal, plan: &Plan<'_>, job: &mut Job<'_>) -> Result<Made, EncodeError> {
         let texels = self.images.texel_count() as f64;
         let chosen = |knob: u32| choose(&self.grid, plan.options, self.costs(plan.entry_bits, knob));
         let guess = job.install(|| nearest_knob(goal, texels, chosen));

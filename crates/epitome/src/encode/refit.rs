@@ -44,7 +44,7 @@ struct Reader {
     weight: f32,
     gain: Vec4,
     offset: Vec4,
-    target: Vec<Vec4>,
+    node: Node,
 }
 
 /// A cell whose texels are fitted.
@@ -79,8 +79,7 @@ pub(crate) fn refit(
     if sheet.free.is_empty() {
         return base;
     }
-    let stored: Vec<Vec4> = base.decode().into_iter().map(|texel| texel * 255.0).collect();
-    let mut texels = stored.clone();
+    let mut texels = to_8_bits(&base);
     for free in &sheet.free {
         let (_, image, scale, column, row) = plan.space.locate(free.number);
         let field = &plan.space.pyramids[image].source[scale];
@@ -91,7 +90,12 @@ pub(crate) fn refit(
         }
     }
     let weights = sheet.solve(&mut texels);
-    sheet.store(cache, base, &stored, (&texels, &weights))
+    sheet.store(cache, base, (&texels, &weights))
+}
+
+/// All texels in 8-bit units.
+fn to_8_bits(planes: &ContentPlanes) -> Vec<Vec4> {
+    planes.decode().into_iter().map(|texel| texel * 255.0).collect()
 }
 
 /// Whether a leaf shows content at full size as it lies in its own place.
@@ -159,9 +163,10 @@ impl<'a> Sheet<'a> {
         let mut slope = vec![Vec4::ZERO; texels.len()];
         for reader in &self.readers {
             let gain = reader.gain * reader.weight;
+            let target = reader.node.texels(self.plan.space);
             reader.reading.taps(self.width, |index, at, shares| {
                 let shown = blend(texels, at, shares) * reader.gain + reader.offset;
-                let left = (reader.target[index] - shown) * gain;
+                let left = (target[index] - shown) * gain;
                 for (at, share) in at.into_iter().zip(shares) {
                     slope[at] += left * share;
                     weights[at] += gain * reader.gain * (share * share);
@@ -211,7 +216,6 @@ impl<'a> Sheet<'a> {
         &self,
         cache: &CellCache,
         mut base: ContentPlanes,
-        stored: &[Vec4],
         (texels, weights): (&[Vec4], &[Vec4]),
     ) -> ContentPlanes {
         let wanted: Vec<(u32, Vec<Vec4>)> = self
@@ -220,7 +224,7 @@ impl<'a> Sheet<'a> {
             .map(|free| (free.number, self.texels_of(free).map(|at| texels[at]).collect()))
             .collect();
         let Some(strip) = cache.encode(self.plan, self.format, &wanted) else { return base };
-        let decoded: Vec<Vec4> = strip.decode().into_iter().map(|texel| texel * 255.0).collect();
+        let (decoded, stored) = (to_8_bits(&strip), to_8_bits(&base));
         let error = |free: &Free, found: &dyn Fn(usize, usize) -> Vec4| -> f32 {
             let term = |(index, at): (usize, usize)| {
                 let step = found(index, at) - texels[at];
@@ -255,8 +259,7 @@ impl Reader {
         let (x, y) = packing.moved(plan.space, plan.options, candidate)?;
         let reading = Reading::new(node, x as i32, y as i32, plan.palettes.linear(candidate.linear));
         let (gain, offset) = tone::values(&plan.palettes.tone(candidate.tone));
-        let target = node.texels(plan.space);
-        Some(Reader { reading, weight, gain, offset, target })
+        Some(Reader { reading, weight, gain, offset, node })
     }
 }
 

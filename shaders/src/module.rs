@@ -11,6 +11,8 @@ pub enum Module {
     Epitome,
     /// Surface light-field maps.
     Lightfield,
+    /// Base and error map.
+    Progressive,
 }
 
 /// One binding of a module.
@@ -29,11 +31,12 @@ pub enum Binding {
 
 impl Module {
     /// All of them.
-    pub const ALL: [Module; 4] = [Module::Bc, Module::Vq, Module::Epitome, Module::Lightfield];
+    pub const ALL: [Module; 5] =
+        [Module::Bc, Module::Vq, Module::Epitome, Module::Lightfield, Module::Progressive];
     /// Those that are sampled by texture coordinate.
-    pub const IMAGES: [Module; 3] = [Module::Bc, Module::Vq, Module::Epitome];
+    pub const IMAGES: [Module; 4] = [Module::Bc, Module::Vq, Module::Epitome, Module::Progressive];
 
-    /// The name that an encoded texture gives: "bc", "vq", "epitome", "lightfield".
+    /// The name that an encoded texture gives: "bc", "vq", "epitome", "lightfield", "progressive".
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -41,6 +44,7 @@ impl Module {
             Module::Vq => "vq",
             Module::Epitome => "epitome",
             Module::Lightfield => "lightfield",
+            Module::Progressive => "progressive",
         }
     }
 
@@ -73,6 +77,9 @@ impl Module {
                 Binding::Float,
                 Binding::Float,
             ],
+            Module::Progressive => {
+                &[Binding::Params { bytes: 208 }, Binding::Uint, Binding::Float, Binding::Float]
+            }
         }
     }
 
@@ -81,7 +88,7 @@ impl Module {
     pub fn address_mode_offset(self) -> Option<usize> {
         match self {
             Module::Bc => Some(20),
-            Module::Vq | Module::Epitome => Some(12),
+            Module::Vq | Module::Epitome | Module::Progressive => Some(12),
             Module::Lightfield => None,
         }
     }
@@ -92,7 +99,7 @@ impl Module {
     pub fn levels_offset(self) -> Option<usize> {
         match self {
             Module::Bc => Some(16),
-            Module::Vq | Module::Epitome => Some(8),
+            Module::Vq | Module::Epitome | Module::Progressive => Some(8),
             Module::Lightfield => None,
         }
     }
@@ -103,7 +110,7 @@ impl Module {
     pub fn reduced(self) -> Option<(&'static str, usize)> {
         match self {
             Module::Bc => Some(("TEXFOLD_BC_REDUCED", 28)),
-            Module::Vq | Module::Epitome | Module::Lightfield => None,
+            Module::Vq | Module::Epitome | Module::Lightfield | Module::Progressive => None,
         }
     }
 
@@ -116,6 +123,7 @@ impl Module {
             Module::Vq => "texfold_vq_sample",
             Module::Epitome => "texfold_epitome_sample",
             Module::Lightfield => "texfold_lightfield_sample",
+            Module::Progressive => "texfold_progressive_sample",
         }
     }
 
@@ -126,6 +134,7 @@ impl Module {
             Module::Vq => include_str!("../wgsl/vq.wgsl"),
             Module::Epitome => include_str!("../wgsl/epitome.wgsl"),
             Module::Lightfield => include_str!("../wgsl/lightfield.wgsl"),
+            Module::Progressive => include_str!("../wgsl/progressive.wgsl"),
         }
     }
 
@@ -136,6 +145,7 @@ impl Module {
             Module::Vq => include_str!("../wgsl/entry/vq.wgsl"),
             Module::Epitome => include_str!("../wgsl/entry/epitome.wgsl"),
             Module::Lightfield => include_str!("../wgsl/entry/lightfield.wgsl"),
+            Module::Progressive => include_str!("../wgsl/entry/progressive.wgsl"),
         }
     }
 }

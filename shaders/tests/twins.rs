@@ -1,7 +1,7 @@
 //! Each WGSL function has a CPU twin of the same name, in the same order, and keeps to a few rules of its own.
 
 /// WGSL fragment and its twin.
-const TWINS: [(&str, &str, &str); 6] = [
+const TWINS: [(&str, &str, &str); 7] = [
     (
         "address",
         include_str!("../wgsl/shared/address.wgsl"),
@@ -16,10 +16,15 @@ const TWINS: [(&str, &str, &str); 6] = [
         include_str!("../wgsl/lightfield.wgsl"),
         include_str!("../../crates/lightfield/src/decode.rs"),
     ),
+    (
+        "progressive",
+        include_str!("../wgsl/progressive.wgsl"),
+        include_str!("../../crates/progressive/src/decode.rs"),
+    ),
 ];
 
 /// WGSL functions without a twin of that name, and why.
-const ALONE: [(&str, &str); 9] = [
+const ALONE: [(&str, &str); 11] = [
     ("texfold_srgb_to_linear", "its twin is texfold_core::image::srgb_to_linear"),
     ("texfold_linear", "texfold_srgb_to_linear on three channels"),
     ("texfold_bc_sample_grad", "texfold_level, then texfold_bc_sample_level"),
@@ -29,9 +34,11 @@ const ALONE: [(&str, &str); 9] = [
     ("texfold_vq_sample", "takes derivatives, which a CPU does not have"),
     ("texfold_epitome_sample_grad", "texfold_level, then texfold_epitome_sample_level"),
     ("texfold_epitome_sample", "takes derivatives, which a CPU does not have"),
+    ("texfold_progressive_sample_grad", "texfold_level, then texfold_progressive_sample_level"),
+    ("texfold_progressive_sample", "takes derivatives, which a CPU does not have"),
 ];
 
-const ENTRIES: [(&str, &str); 10] = [
+const ENTRIES: [(&str, &str); 11] = [
     ("entry/bare", include_str!("../wgsl/entry/bare.wgsl")),
     ("entry/bc", include_str!("../wgsl/entry/bc.wgsl")),
     ("entry/decode", include_str!("../wgsl/entry/decode.wgsl")),
@@ -39,6 +46,7 @@ const ENTRIES: [(&str, &str); 10] = [
     ("entry/epitome", include_str!("../wgsl/entry/epitome.wgsl")),
     ("entry/lightfield", include_str!("../wgsl/entry/lightfield.wgsl")),
     ("entry/mesh", include_str!("../wgsl/entry/mesh.wgsl")),
+    ("entry/progressive", include_str!("../wgsl/entry/progressive.wgsl")),
     ("entry/plain", include_str!("../wgsl/entry/plain.wgsl")),
     ("entry/view", include_str!("../wgsl/entry/view.wgsl")),
     ("entry/vq", include_str!("../wgsl/entry/vq.wgsl")),

@@ -30,6 +30,7 @@ const CODECS_AND_ABOVE: &[&str] = &[
     "texfold-vq",
     "texfold-epitome",
     "texfold-lightfield",
+    "texfold-progressive",
     "texfold-match",
     "texfold-codebook",
     "texfold-gpu",
@@ -43,7 +44,7 @@ const CODECS_AND_ABOVE: &[&str] = &[
     "texpresso",
 ];
 
-const RULES: [Rule; 7] = [
+const RULES: [Rule; 8] = [
     Rule { package: "core", never: CODECS_AND_ABOVE },
     Rule {
         package: "bc",
@@ -77,6 +78,10 @@ const RULES: [Rule; 7] = [
             "wgpu",
             "image",
         ],
+    },
+    Rule {
+        package: "progressive",
+        never: &["texfold-vq", "texfold-epitome", "texfold", "texfold-gpu", "texfold-cli", "wgpu", "image"],
     },
     Rule {
         package: "match",

@@ -56,7 +56,7 @@ pub(crate) enum CliError {
     NotBc1 { path: PathBuf, found: String },
     #[error("{}: the file ends before its blocks do ({found} of {needed} bytes); export it again", path.display())]
     CutBlocks { path: PathBuf, found: usize, needed: u64 },
-    #[error("{}: {what} is not in this version; give --as image, set or lightfield and --codec auto, bc, vq, epitome or lightfield", path.display())]
+    #[error("{}: {what} is not in this version; give --as image, set or lightfield and --codec auto, bc, vq, epitome, progressive or lightfield", path.display())]
     NotYet { path: PathBuf, what: &'static str },
     #[error("{}: content astc is not in this build; give raw, bc1 or bc7, or build with the cargo feature `astc`", path.display())]
     NoAstc { path: PathBuf },

@@ -4,7 +4,7 @@
 mod support;
 
 use glam::{Affine2, Mat4, Vec2, Vec3};
-use support::{Forge, assert_close, bc, epitome, gpu, picture, vq};
+use support::{Base, Forge, assert_close, bc, epitome, gpu, picture, progressive, vq};
 use texfold_bc::Content;
 use texfold_core::mesh::UvMesh;
 use texfold_gpu::{AddressMode, Filter, Gpu, GpuError, Lod, Lookup, Policy, Probe, View};
@@ -152,7 +152,15 @@ fn a_switched_off_gpu_says_so() {
 #[test]
 fn times_are_measured_for_all_three_shaders() {
     let Some(gpu) = gpu() else { return };
-    for subject in [vq(&[(64, 64)], 1, 3, Content::Raw), epitome(&Forge::default())] {
+    let base = Base {
+        sizes: &[(64, 64)],
+        levels: 1,
+        channels: 3,
+        content: Content::Bc1,
+        reduce_log2: 2,
+        class_bits: 16,
+    };
+    for subject in [vq(&[(64, 64)], 1, 3, Content::Raw), epitome(&Forge::default()), progressive(&base)] {
         let texture = subject.upload(gpu);
         for lookup in [Lookup::Nearest { level: 0 }, Lookup::Bilinear { level: 0 }] {
             let view = View::whole(0, (64, 64), lookup);

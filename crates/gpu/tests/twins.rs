@@ -7,7 +7,7 @@ mod support;
 use std::sync::OnceLock;
 
 use glam::{Affine2, Vec2, Vec4};
-use support::{Forge, Subject, assert_close, bc, epitome, gpu, picture, vq};
+use support::{Base, Forge, Subject, assert_close, bc, epitome, gpu, picture, progressive, vq};
 use texfold_bc::{Content, Family};
 use texfold_core::image::{ColorSpace, ImageSet, Raster};
 use texfold_core::{AstcBlock, Effort, Goal, Job, TextureCodec};
@@ -178,9 +178,48 @@ fn epitome_cases() -> Vec<Case> {
     cases.into_iter().map(|(name, forge)| epitome_case(name, forge)).collect()
 }
 
+/// Bases and models that reach every branch: with and without an error map, sets, levels beyond those of the base.
+fn progressive_cases() -> Vec<Case> {
+    use Content::{Bc1, Bc4, Bc5, Bc7, Raw};
+    let base = |channels, content, reduce_log2, class_bits| Base {
+        sizes: &[(37, 61), (1, 1), (64, 48), (5, 3), (129, 8)],
+        levels: 6,
+        channels,
+        content,
+        reduce_log2,
+        class_bits,
+    };
+    let bases = [
+        base(3, Bc1, 2, 16),
+        base(3, Raw, 2, 16),
+        base(3, Bc7, 1, 32),
+        base(3, Bc7, 3, 0),
+        base(1, Bc4, 2, 16),
+        base(2, Bc5, 1, 16),
+        base(4, Bc7, 1, 16),
+        // Several rows of words.
+        Base { sizes: &[(513, 390)], levels: 2, ..base(3, Bc7, 3, 16) },
+    ];
+    let case = |base: Base| {
+        let Base { channels, content, reduce_log2, class_bits, .. } = base;
+        let name = format!("progressive {channels} channels {content:?} /{reduce_log2}, {class_bits} bits");
+        // A texel is a sum of some twenty products, and blended: single ones are equal within their rounding.
+        let rounded = if matches!(content, Raw | Bc7) { Vec4::splat(4e-6) } else { ROUNDED };
+        let bounds = Bounds { nearest: rounded + TAPPED, blended: rounded + FILTERED };
+        Case { name, subject: progressive(&base), bounds, coarse: bounds }
+    };
+    bases.into_iter().map(case).collect()
+}
+
+/// Where in the base a texel lies is computed by a division, good to 2.5 units in the last place on a GPU: in a base below 256
+/// texels a side, a step of one texel changes a value by 1 at most, on each axis.
+const TAPPED: Vec4 = Vec4::splat(2.0 * 2.0 / 65536.0);
+
 fn cases() -> &'static [Case] {
     static CASES: OnceLock<Vec<Case>> = OnceLock::new();
-    CASES.get_or_init(|| bc_cases().into_iter().chain(vq_cases()).chain(epitome_cases()).collect())
+    CASES.get_or_init(|| {
+        bc_cases().into_iter().chain(vq_cases()).chain(epitome_cases()).chain(progressive_cases()).collect()
+    })
 }
 
 /// Turned, squeezed and beyond all four edges, so that no pixel falls on a texel's centre or edge.

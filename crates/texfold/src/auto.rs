@@ -7,6 +7,7 @@ use texfold_core::metric::measure;
 use texfold_core::target::Measured;
 use texfold_core::{Effort, EncodeError, Encoded, Goal, Job, ParamError, SourceError, TextureCodec};
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource};
+use texfold_progressive::{Progressive, ProgressiveParams};
 use texfold_vq::{GuidanceWeights, Vq, VqParams, VqSource};
 
 use crate::AnyImage;
@@ -26,6 +27,8 @@ pub enum CodecChoice {
     Vq,
     /// Epitome factoring.
     Epitome,
+    /// Base and error map.
+    Progressive,
 }
 
 /// What to encode for, whatever the codec.
@@ -100,6 +103,7 @@ pub fn encode_images(
         }
         CodecChoice::Auto if is_astc(settings) => epitome(factored, settings, job),
         CodecChoice::Epitome => epitome(factored, settings, job),
+        CodecChoice::Progressive => progressive(source, settings, job),
         CodecChoice::Vq if settings.codebook.is_some() => Vq::encode(images, &params, job).map(AnyImage::Vq),
         CodecChoice::Vq | CodecChoice::Auto => {
             let plain = match job.within(0.0, 0.2, bc) {
@@ -148,6 +152,26 @@ fn epitome(
     let of_plain = measure(images, plain.as_encoded());
     let method = job.within(0.05, 1.0, |job| Epitome::encode(source, &params, job));
     choose(images, ("epitome", settings.goal), method.map(AnyImage::Epitome), (plain, of_plain))
+}
+
+/// A base and an error map, or the plain form where that answers the goal better.
+fn progressive(
+    source: &ImageSet,
+    settings: &EncodeSettings,
+    job: &mut Job<'_>,
+) -> Result<AnyImage, EncodeError> {
+    let params = ProgressiveParams {
+        goal: settings.goal,
+        content: settings.content,
+        reduce_log2: None,
+        mips: settings.mips,
+        effort: settings.effort,
+    };
+    let plain = BcParams { content: None, ..bc_params(settings) };
+    let plain = job.within(0.0, 0.1, |job| Bc::encode(source, &plain, job)).map(AnyImage::Bc)?;
+    let of_plain = measure(source, plain.as_encoded());
+    let method = job.within(0.1, 1.0, |job| Progressive::encode(source, &params, job));
+    choose(source, ("progressive", settings.goal), method.map(AnyImage::Progressive), (plain, of_plain))
 }
 
 /// Whether blocks that are BC1 already can be the plain answer.

@@ -7,6 +7,7 @@ use texfold_core::{
 };
 use texfold_epitome::{Epitome, EpitomeTexture};
 use texfold_lightfield::{LightTexture, Lightfield};
+use texfold_progressive::{Progressive, ProgressiveTexture};
 use texfold_vq::{Vq, VqSource, VqTexture};
 
 /// An encoded image texture of any codec, for callers that need its own type.
@@ -18,6 +19,8 @@ pub enum AnyImage {
     Vq(VqTexture),
     /// Epitome factoring.
     Epitome(EpitomeTexture),
+    /// Base and error map.
+    Progressive(ProgressiveTexture),
 }
 
 impl AnyImage {
@@ -28,6 +31,7 @@ impl AnyImage {
             AnyImage::Bc(texture) => texture,
             AnyImage::Vq(texture) => texture,
             AnyImage::Epitome(texture) => texture,
+            AnyImage::Progressive(texture) => texture,
         }
     }
 
@@ -38,6 +42,7 @@ impl AnyImage {
             AnyImage::Bc(texture) => Box::new(texture),
             AnyImage::Vq(texture) => Box::new(texture),
             AnyImage::Epitome(texture) => Box::new(texture),
+            AnyImage::Progressive(texture) => Box::new(texture),
         }
     }
 
@@ -88,6 +93,9 @@ fn load_image(sections: &Sections<'_>, budget: &mut Budget) -> Result<AnyImage, 
         number if number == Bc::ID.number => Bc::load(sections, budget).map(AnyImage::Bc),
         number if number == Vq::ID.number => Vq::load(sections, budget).map(AnyImage::Vq),
         number if number == Epitome::ID.number => Epitome::load(sections, budget).map(AnyImage::Epitome),
+        number if number == Progressive::ID.number => {
+            Progressive::load(sections, budget).map(AnyImage::Progressive)
+        }
         found => Err(LoadError::NotThisCodec { found }),
     }
 }
@@ -101,5 +109,6 @@ pub fn add_image(texture: &mut AnyImage, source: VqSource<'_>, job: &mut Job<'_>
         AnyImage::Vq(texture) => Vq::add(texture, source, job),
         AnyImage::Bc(_) => Err(SourceError::Full { what: "a texture of codec bc" }.into()),
         AnyImage::Epitome(_) => Err(SourceError::Full { what: "a texture of codec epitome" }.into()),
+        AnyImage::Progressive(_) => Err(SourceError::Full { what: "a texture of codec progressive" }.into()),
     }
 }

@@ -115,6 +115,10 @@ fn every_truncation_names_what_is_missing() {
                     assert!((1..3).contains(&layers.loaded) && layers.total == 3, "{length}: {layers:?}");
                     exercise(texture.as_encoded());
                 }
+                Ok(texture) if name.starts_with("progressive layers") => {
+                    assert_eq!(texture.as_encoded().layers(), texfold::Layers { loaded: 1, total: 2 });
+                    exercise(texture.as_encoded());
+                }
                 other => panic!("{name} cut to {length} of {}: {other:?}", bytes.len()),
             }
         }
@@ -272,6 +276,41 @@ fn forged_layers_are_refused_or_harmless() {
     // Rows that the finest map reads may be said to be fewer: it then reads the last of those.
     let form = |raw: &mut Vec<u8>| raw[1..5].copy_from_slice(&16u32.to_le_bytes());
     exercise(open(&rewritten(&bytes, *b"EPLA", form).unwrap()).unwrap().as_encoded());
+}
+
+#[test]
+fn a_forged_model_is_refused_or_harmless() {
+    let (_, _, texture) =
+        small_textures().into_iter().find(|(name, ..)| name == "progressive layers").unwrap();
+    let bytes = texture.to_bytes();
+    let open = |forged: &[u8]| open_image(forged, &mut Budget::new(LIMITS));
+    // Content that there is not, halvings, bits of the first class, and bits of classes beyond what a file may have.
+    for (at, value) in [(0, 12), (1, 0), (1, 4), (2, 3), (2, 255), (15, 1), (19, 6), (22, 1)] {
+        let forged = rewritten(&bytes, *b"PRFM", |raw| raw[at] = value).unwrap();
+        assert!(matches!(open(&forged), Err(LoadError::Corrupt { .. })), "byte {at} is {value}");
+    }
+    // No error map where there is one, and the other way round.
+    let none = |raw: &mut Vec<u8>| {
+        raw[2] = 0;
+        raw[15..].fill(0);
+    };
+    assert!(matches!(open(&rewritten(&bytes, *b"PRFM", none).unwrap()), Err(LoadError::Corrupt { .. })));
+    // Any weights, any scales and any bits are some texture.
+    let weights = |raw: &mut Vec<u8>| raw[3..15].fill(0xff);
+    exercise(open(&rewritten(&bytes, *b"PRFM", weights).unwrap()).unwrap().as_encoded());
+    let bits = |raw: &mut Vec<u8>| {
+        let half = raw.len() / 2;
+        raw[half..].fill(0xff);
+    };
+    exercise(open(&rewritten(&bytes, *b"PREM", bits).unwrap()).unwrap().as_encoded());
+    // Bits that are too few or too many, and a class that the model has not.
+    for change in [|raw: &mut Vec<u8>| raw.push(0), |raw: &mut Vec<u8>| _ = raw.pop()] {
+        for id in [*b"PREM", *b"PRBA", *b"PRFM"] {
+            assert!(open(&rewritten(&bytes, id, change).unwrap()).is_err(), "{id:?}");
+        }
+    }
+    let classes = |raw: &mut Vec<u8>| raw[..4].fill(0xff);
+    assert!(open(&rewritten(&bytes, *b"PREM", classes).unwrap()).is_err());
 }
 
 #[test]

@@ -10,8 +10,8 @@ use texfold::image::{ColorSpace, ImageSet, Raster};
 use texfold::metric::{decode_surface, quality};
 use texfold::{
     AnyImage, BcParams, Budget, CodecChoice, Content, Effort, EncodeError, EncodeSettings, Encoded, Epitome,
-    EpitomeParams, EpitomeSource, Goal, Guidance, ImageAddress, Job, Rect, RegionError, Stage, Texel,
-    TextureCodec, Vq, VqParams, VqSource, encode_images, open_image,
+    EpitomeParams, EpitomeSource, Goal, Guidance, ImageAddress, Job, Progressive, ProgressiveParams, Rect,
+    RegionError, Stage, Texel, TextureCodec, Vq, VqParams, VqSource, encode_images, open_image,
 };
 use texfold_testkit::frames;
 
@@ -60,6 +60,15 @@ fn encoding_does_not_depend_on_the_number_of_threads() {
         AnyImage::Epitome(made).to_bytes()
     };
     assert!(factored(1) == factored(3), "epitome");
+    for goal in [Goal::Psnr(36.0), Goal::Bpp(3.0), Goal::Tolerance(8.0)] {
+        let params = ProgressiveParams { goal, mips: true, ..ProgressiveParams::default() };
+        let coded = |threads: usize| {
+            let pool = rayon_pool(threads);
+            let mut job = Job::default().with_pool(&pool);
+            AnyImage::Progressive(Progressive::encode(&set, &params, &mut job).unwrap()).to_bytes()
+        };
+        assert!(coded(1) == coded(3), "progressive {goal:?}");
+    }
 }
 
 fn rayon_pool(threads: usize) -> rayon::ThreadPool {

@@ -23,7 +23,7 @@ pub enum CodecName {
     Vq,
     /// Epitome factoring.
     Epitome,
-    /// Not in this version.
+    /// A small base and an error map.
     Progressive,
     /// Surface light-field maps, for captures.
     Lightfield,
@@ -54,6 +54,7 @@ impl CodecName {
             CodecName::Bc => Some(CodecChoice::Bc),
             CodecName::Vq => Some(CodecChoice::Vq),
             CodecName::Epitome => Some(CodecChoice::Epitome),
+            CodecName::Progressive => Some(CodecChoice::Progressive),
             _ => None,
         }
     }

@@ -119,6 +119,7 @@ fn with_layers(path: &Path, wanted: Option<u32>, image: AnyImage) -> AnyImage {
     }
     match (image, wanted) {
         (AnyImage::Epitome(texture), Some(wanted)) => AnyImage::Epitome(texture.first_layers(wanted)),
+        (AnyImage::Progressive(texture), Some(wanted)) => AnyImage::Progressive(texture.first_layers(wanted)),
         (image, _) => image,
     }
 }

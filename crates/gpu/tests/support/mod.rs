@@ -3,6 +3,7 @@
 #![allow(clippy::panic, clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod epitome;
+mod progressive;
 
 use std::sync::OnceLock;
 
@@ -16,10 +17,12 @@ use texfold_core::{
 };
 use texfold_epitome::EpitomeTexture;
 use texfold_gpu::{AddressMode, Gpu, GpuError, GpuTexture, Lookup, Policy, View};
+use texfold_progressive::ProgressiveTexture;
 use texfold_testkit::fixtures::{Picture, pictures};
 use texfold_vq::{Vq, VqTexture};
 
 pub(crate) use epitome::{Forge, epitome};
+pub(crate) use progressive::{Base, progressive};
 
 /// The adapter, or `None` with a printed line where there is none and none is required.
 pub(crate) fn gpu() -> Option<&'static Gpu> {
@@ -40,6 +43,7 @@ pub(crate) enum Subject {
     Bc(BcTexture),
     Vq(VqTexture),
     Epitome(EpitomeTexture),
+    Progressive(ProgressiveTexture),
 }
 
 impl Subject {
@@ -48,6 +52,7 @@ impl Subject {
             Subject::Bc(texture) => texture.gpu(),
             Subject::Vq(texture) => texture.gpu(),
             Subject::Epitome(texture) => texture.gpu(),
+            Subject::Progressive(texture) => texture.gpu(),
         }
     }
 
@@ -56,6 +61,7 @@ impl Subject {
             Subject::Bc(texture) => texture.layout(),
             Subject::Vq(texture) => texture.layout(),
             Subject::Epitome(texture) => texture.layout(),
+            Subject::Progressive(texture) => texture.layout(),
         }
     }
 
@@ -97,6 +103,9 @@ impl Subject {
             Subject::Epitome(texture) => {
                 texfold_epitome::decode::texfold_epitome_fetch(&texture.view(surface), at, level)
             }
+            Subject::Progressive(texture) => {
+                texfold_progressive::decode::texfold_progressive_fetch(&texture.view(surface), at, level)
+            }
         }
     }
 
@@ -112,6 +121,10 @@ impl Subject {
             Subject::Epitome(texture) => {
                 let view = epitome_view(texture, surface, mode);
                 texfold_epitome::decode::texfold_epitome_nearest(&view, uv, level)
+            }
+            Subject::Progressive(texture) => {
+                let view = progressive_view(texture, surface, mode);
+                texfold_progressive::decode::texfold_progressive_nearest(&view, uv, level)
             }
         }
     }
@@ -129,6 +142,10 @@ impl Subject {
                 let view = epitome_view(texture, surface, mode);
                 texfold_epitome::decode::texfold_epitome_bilinear(&view, uv, level)
             }
+            Subject::Progressive(texture) => {
+                let view = progressive_view(texture, surface, mode);
+                texfold_progressive::decode::texfold_progressive_bilinear(&view, uv, level)
+            }
         }
     }
 
@@ -145,6 +162,10 @@ impl Subject {
                 let view = epitome_view(texture, surface, mode);
                 texfold_epitome::decode::texfold_epitome_sample_level(&view, uv, lod)
             }
+            Subject::Progressive(texture) => {
+                let view = progressive_view(texture, surface, mode);
+                texfold_progressive::decode::texfold_progressive_sample_level(&view, uv, lod)
+            }
         }
     }
 
@@ -154,6 +175,7 @@ impl Subject {
             Subject::Bc(texture) => texture.view(surface).params.plane_size,
             Subject::Vq(texture) => texture.view(surface).0.params.size,
             Subject::Epitome(texture) => texture.view(surface).params.size,
+            Subject::Progressive(texture) => texture.view(surface).params.size,
         };
         texfold_core::address::texfold_level(dx, dy, size.into())
     }
@@ -183,6 +205,16 @@ fn epitome_view(
     surface: u32,
     mode: AddressMode,
 ) -> texfold_epitome::decode::EpitomeView<'_> {
+    let mut view = texture.view(surface);
+    view.params.address_mode = number(mode);
+    view
+}
+
+fn progressive_view(
+    texture: &ProgressiveTexture,
+    surface: u32,
+    mode: AddressMode,
+) -> texfold_progressive::decode::ProgressiveView<'_> {
     let mut view = texture.view(surface);
     view.params.address_mode = number(mode);
     view

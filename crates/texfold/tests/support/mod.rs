@@ -8,8 +8,8 @@
 
 use texfold::image::ImageSet;
 use texfold::{
-    AnyImage, Bc, BcParams, Content, Effort, Epitome, EpitomeParams, EpitomeSource, Goal, Job, TextureCodec,
-    Vq, VqParams, VqSource,
+    AnyImage, Bc, BcParams, Content, Effort, Epitome, EpitomeParams, EpitomeSource, Goal, Job, Progressive,
+    ProgressiveParams, TextureCodec, Vq, VqParams, VqSource,
 };
 
 pub fn fixture(name: &str) -> ImageSet {
@@ -26,6 +26,10 @@ pub fn bc(set: &ImageSet, params: &BcParams) -> AnyImage {
 
 pub fn epitome(set: &ImageSet, params: &EpitomeParams) -> AnyImage {
     AnyImage::Epitome(Epitome::encode(EpitomeSource::new(set), params, &mut Job::default()).unwrap())
+}
+
+pub fn progressive(set: &ImageSet, params: &ProgressiveParams) -> AnyImage {
+    AnyImage::Progressive(Progressive::encode(set, params, &mut Job::default()).unwrap())
 }
 
 /// One texture of each kind, small enough to be damaged ten thousand times.
@@ -59,5 +63,14 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     textures.push(("epitome raw".to_owned(), odd.clone(), epitome(&odd, &params)));
     let params = EpitomeParams { content: Some(Content::Bc1), ..fast };
     textures.push(("epitome sequence".to_owned(), ripple.clone(), epitome(&ripple, &params)));
+    // A base and an error map with mip levels; a set; a base alone.
+    let fast =
+        ProgressiveParams { goal: Goal::Psnr(32.0), effort: Effort::Fast, ..ProgressiveParams::default() };
+    let params = ProgressiveParams { mips: true, ..fast.clone() };
+    textures.push(("progressive layers".to_owned(), odd.clone(), progressive(&odd, &params)));
+    let params = ProgressiveParams { content: Some(Content::Raw), ..fast.clone() };
+    textures.push(("progressive layers, sequence".to_owned(), ripple.clone(), progressive(&ripple, &params)));
+    let params = ProgressiveParams { goal: Goal::Psnr(10.0), ..fast };
+    textures.push(("progressive base".to_owned(), odd.clone(), progressive(&odd, &params)));
     textures
 }

@@ -1,0 +1,76 @@
+//! Progressive textures with pseudo-random bases, models and bits, by way of their file format.
+
+use texfold_bc::Content;
+use texfold_core::container::{SectionWriter, write_layout};
+use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
+use texfold_core::{Budget, CodecId, ImageLayout, Notes, SurfaceSize};
+
+use super::{Dice, Subject};
+
+/// What a texture is like.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Base {
+    pub(crate) sizes: &'static [(u32, u32)],
+    pub(crate) levels: u32,
+    pub(crate) channels: u8,
+    pub(crate) content: Content,
+    /// Halvings of the base's width and height.
+    pub(crate) reduce_log2: u32,
+    /// Bits of a block of class 1; 0 for no error map.
+    pub(crate) class_bits: u32,
+}
+
+/// Bits of coefficients by class, for a class of 16 bits more than the one before: each kind has some, each number of bits
+/// up to 4 occurs.
+const CLASSES: [u32; 16] = [
+    0x00_0000, 0x00_0011, 0x02_0011, 0x00_0111, 0x00_1111, 0x02_1111, 0x04_1111, 0x13_1111, 0x00_2222,
+    0x02_2222, 0x11_2222, 0x00_2333, 0x02_2333, 0x00_3344, 0x00_4344, 0x02_4344,
+];
+
+/// The texture of that kind.
+pub(crate) fn progressive(base: &Base) -> Subject {
+    let Base { sizes, levels, channels, content, reduce_log2, class_bits } = *base;
+    let mut dice = Dice(u64::from(channels) + 10 * u64::from(class_bits + reduce_log2));
+    let alpha = if matches!(channels, 2 | 4) { Alpha::Straight } else { Alpha::Opaque };
+    let pixel = PixelInfo { channels, depth: Depth::Eight, color: ColorSpace::Srgb, alpha };
+    let surfaces: Vec<_> = sizes.iter().map(|&(width, height)| SurfaceSize { width, height }).collect();
+    let mut out = SectionWriter::new(CodecId { number: 4, name: "progressive" });
+    Notes::default().write(&mut out);
+    let mut form = vec![content.number(), reduce_log2 as u8, (class_bits / 16) as u8];
+    form.extend([300u16, 250, 180, 120, 200, 90].into_iter().flat_map(u16::to_le_bytes));
+    let class = |class: u32| {
+        if class_bits == 16 { CLASSES[class as usize] } else { CLASSES[2 * class as usize % 16] }
+    };
+    let usable = [1, 16, 8][class_bits as usize / 16];
+    let classes = (0..16).map(|number| if number < usable { class(number) } else { 0 });
+    form.extend(classes.flat_map(u32::to_le_bytes));
+    let (mut planes, mut maps) = (Vec::new(), Vec::new());
+    for size in &surfaces {
+        let held = levels.min(size.at_level(reduce_log2).full_levels());
+        for level in 0..held {
+            let level = size.at_level(reduce_log2 + level);
+            for format in content.formats(pixel).0 {
+                planes.extend(dice.bytes(format.bytes(level.width, level.height)));
+            }
+        }
+        let sides = |level| (size.at_level(level).width.div_ceil(8), size.at_level(level).height.div_ceil(8));
+        let blocks: u32 = (0..levels).map(sides).map(|(columns, rows)| columns * rows).sum();
+        let classes: Vec<u8> = (0..blocks).map(|_| dice.below(usable) as u8).collect();
+        let halves: u32 = classes.iter().map(|&class| u32::from(class)).sum::<u32>() * class_bits / 16;
+        let scales: Vec<u8> = (0..blocks).map(|_| dice.below(13) as u8).collect();
+        for numbers in [&classes, &scales] {
+            maps.extend(numbers.chunks(2).map(|pair| pair[0] | pair.get(1).copied().unwrap_or(0) << 4));
+        }
+        maps.extend(dice.bytes(2 * u64::from(halves)));
+    }
+    write_layout(&ImageLayout { surfaces, levels, pixel }, &mut out);
+    out.section("container", *b"PRFM", &form);
+    out.section("base", *b"PRBA", &planes);
+    if class_bits > 0 {
+        out.section("error map", *b"PREM", &maps);
+    }
+    match texfold::open_image(&out.finish().bytes, &mut Budget::default()).unwrap() {
+        texfold::AnyImage::Progressive(texture) => Subject::Progressive(texture),
+        _ => panic!("the file says progressive"),
+    }
+}

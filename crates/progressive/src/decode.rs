@@ -1,0 +1,420 @@
+//! CPU reference of `shaders/wgsl/progressive.wgsl`, function for function.
+//!
+//! A texel is a place of the base, blended from four texels, plus an error. Errors are stored in blocks of 8x8 texels, each
+//! of four cells of 4x4. A cell's luma error is the inverse of a two-level Haar transform, its chroma error that of the
+//! coarser level. The map is one plane of 32-bit words: for each group of 16 blocks where their bits begin, 4 bits of class
+//! and 4 bits of scale a block; then the bits of all blocks. Bits of a coefficient do not name its value alone: the last
+//! [`TEXFOLD_PROGRESSIVE_STATE_BITS`] bits up to its own do, around the block, by a fixed pseudo-random table.
+
+use glam::{IVec2, UVec2, Vec2, Vec4};
+use texfold_core::Texel;
+use texfold_core::address::{
+    TEXFOLD_CLAMP, TexfoldTap, texfold_inside, texfold_level_size, texfold_lod, texfold_nearest, texfold_tap,
+};
+use texfold_core::sample::{texfold_bilinear, texfold_mix};
+
+/// Bits that a coefficient's value follows from, its own among them.
+pub const TEXFOLD_PROGRESSIVE_STATE_BITS: u32 = 10;
+/// What a value of the table is worth at scale 1 and weight 1: 1 / (255 x the table's RMS).
+pub const TEXFOLD_PROGRESSIVE_UNIT: f32 = 0.00003177627;
+/// Words of a group of blocks: where its bits begin, classes, scales.
+pub const TEXFOLD_PROGRESSIVE_GROUP_WORDS: u32 = 5;
+
+/// Size of a coefficient's step in chroma and luma: rows of an orthonormal matrix from RGB.
+const SQRT_2: f32 = 0.70710677;
+const SQRT_3: f32 = 0.57735026;
+const SQRT_6: f32 = 0.40824828;
+
+/// The parameters of one image, as the shader's uniform block holds them: 52 32-bit numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Default, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct TexfoldProgressiveParams {
+    /// Columns and rows of level 0.
+    pub size: [u32; 2],
+    /// Stored mip levels.
+    pub levels: u32,
+    /// [`texfold_core::address::TEXFOLD_REPEAT`] or `TEXFOLD_CLAMP`.
+    pub address_mode: u32,
+    /// Columns and rows of level 0 of the base.
+    pub base_size: [u32; 2],
+    /// How texels are read from the base's planes.
+    pub swizzle: u32,
+    /// Bits of a block of class 1; 0 where there is no error map.
+    pub class_bits: u32,
+    /// Binary logarithm of the words in a row of the map plane.
+    pub row_log2: u32,
+    /// First bit of the blocks' bits.
+    pub first_bit: u32,
+    /// Mip levels of the base.
+    pub base_levels: u32,
+    /// Always 0.
+    pub reserved: u32,
+    /// For each level the number of blocks of the levels above it.
+    pub level_start: [u32; 16],
+    /// For each class the bits of a coefficient of each kind, 4 bits each: see [`crate::Rates`].
+    pub classes: [u32; 16],
+    /// Weight of each kind of coefficient.
+    pub weights: [f32; 8],
+}
+
+/// One image: what the shader has bound.
+#[derive(Debug, Clone, Copy)]
+pub struct ProgressiveView<'a> {
+    /// The uniform block.
+    pub params: TexfoldProgressiveParams,
+    /// The map plane's words.
+    pub map: &'a [u32],
+    /// The texels of each level of the base, row by row.
+    pub base: &'a [Vec<Texel>],
+}
+
+/// A block of the error map.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TexfoldProgressiveBlock {
+    /// Its first bit in the map plane.
+    pub start: u32,
+    /// Its bits; 0 where there is no error.
+    pub bits: u32,
+    /// Bits of a coefficient of each kind, 4 bits each.
+    pub rates: u32,
+    /// What its coefficients are multiplied by.
+    pub scale: f32,
+}
+
+/// Word `index` of the map.
+#[must_use]
+#[inline]
+pub fn texfold_progressive_word(view: &ProgressiveView<'_>, index: u32) -> u32 {
+    view.map.get(index as usize).copied().unwrap_or(0)
+}
+
+/// The sum of a word's eight numbers of 4 bits.
+#[must_use]
+#[inline]
+pub fn texfold_progressive_sum(nibbles: u32) -> u32 {
+    let pairs = (nibbles & 0x0f0f_0f0f) + (nibbles >> 4 & 0x0f0f_0f0f);
+    pairs.wrapping_mul(0x0101_0101) >> 24
+}
+
+/// The block that holds the texel at `at` of level `level`, which lies inside.
+#[must_use]
+#[inline]
+pub fn texfold_progressive_block(
+    view: &ProgressiveView<'_>,
+    at: UVec2,
+    level: u32,
+) -> TexfoldProgressiveBlock {
+    let params = &view.params;
+    let columns = texfold_level_size(UVec2::from(params.size), level).x.div_ceil(8);
+    let index = params.level_start[level as usize] + at.y / 8 * columns + at.x / 8;
+    let group = index / 16 * TEXFOLD_PROGRESSIVE_GROUP_WORDS;
+    let member = index % 16;
+    let shift = 4 * (member % 8);
+    let before = (1 << shift) - 1;
+    let low = texfold_progressive_word(view, group + 1);
+    let high = texfold_progressive_word(view, group + 2);
+    let second = member >= 8;
+    let own = if second { high } else { low };
+    let first = if second { texfold_progressive_sum(low) } else { 0 };
+    let class = own >> shift & 15;
+    let sum = first + texfold_progressive_sum(own & before);
+    let scales = texfold_progressive_word(view, group + 3 + member / 8);
+    let scale = scales >> shift & 15;
+    let odd = if scale & 1 == 1 { std::f32::consts::SQRT_2 } else { 1.0 };
+    TexfoldProgressiveBlock {
+        start: params.first_bit
+            + texfold_progressive_word(view, group).wrapping_mul(16).wrapping_add(sum * params.class_bits),
+        bits: class * params.class_bits,
+        rates: params.classes[class as usize],
+        scale: (1u32 << (scale >> 1)) as f32 * odd * TEXFOLD_PROGRESSIVE_UNIT,
+    }
+}
+
+/// 32 bits of the map from bit `start` on.
+#[must_use]
+#[inline]
+pub fn texfold_progressive_read(view: &ProgressiveView<'_>, start: u32) -> u32 {
+    let low = texfold_progressive_word(view, start / 32);
+    let high = texfold_progressive_word(view, start / 32 + 1);
+    low >> (start % 32) | high << 1 << (31 - start % 32)
+}
+
+/// Bits of a block up to 22 behind its bit `position`, from [`TEXFOLD_PROGRESSIVE_STATE_BITS`] before it on. Before the first
+/// bit stands the last.
+#[must_use]
+#[inline]
+pub fn texfold_progressive_chunk(
+    view: &ProgressiveView<'_>,
+    block: TexfoldProgressiveBlock,
+    position: u32,
+) -> u32 {
+    if position >= TEXFOLD_PROGRESSIVE_STATE_BITS {
+        return texfold_progressive_read(view, block.start + position - TEXFOLD_PROGRESSIVE_STATE_BITS);
+    }
+    let missing = TEXFOLD_PROGRESSIVE_STATE_BITS - position;
+    let last = texfold_progressive_read(view, block.start + block.bits - missing);
+    last & ((1 << missing) - 1) | texfold_progressive_read(view, block.start) << missing
+}
+
+/// The value of a state: the bytes of a product, summed, are nearly normal and far apart for states that differ by a bit.
+#[must_use]
+#[inline]
+pub fn texfold_progressive_value(state: u32) -> f32 {
+    let product = state.wrapping_mul(HASH_FACTOR).wrapping_add(HASH_OFFSET);
+    let pairs = (product & 0x00ff_00ff) + (product >> 8 & 0x00ff_00ff);
+    ((pairs & 0xffff) + (pairs >> 16)) as f32 - 510.0
+}
+
+/// The coefficient whose bits end `end` bits behind the chunk's position, of `rate` bits: 0 where it has none.
+#[must_use]
+#[inline]
+pub fn texfold_progressive_coefficient(chunk: u32, end: u32, rate: u32) -> f32 {
+    let state = chunk >> end & ((1 << TEXFOLD_PROGRESSIVE_STATE_BITS) - 1);
+    if rate > 0 { value(state) } else { 0.0 }
+}
+
+/// The error of the texel at `at` of level `level`, which lies inside: red, green, blue and 0.
+#[must_use]
+pub fn texfold_progressive_error(view: &ProgressiveView<'_>, at: UVec2, level: u32) -> Vec4 {
+    let block = texfold_progressive_block(view, at, level);
+    if block.bits == 0 {
+        return Vec4::ZERO;
+    }
+    let cell = cell(view, block, at.x / 4 % 2 + at.y / 4 % 2 * 2);
+    let quad = at.x / 2 % 2 + at.y / 2 % 2 * 2;
+    let coarse = coarse(&cell, quad);
+    let fine = fine(view, block, &cell, quad);
+    error(coarse, fine, at.x % 2 + at.y % 2 * 2)
+}
+
+/// Four texels of the base around the texel at `at` of level `level` of the image, blended.
+#[must_use]
+#[inline]
+pub fn texfold_progressive_base(view: &ProgressiveView<'_>, at: UVec2, level: u32) -> Texel {
+    let size = texfold_level_size(UVec2::from(view.params.size), level);
+    let stored = level.min(view.params.base_levels - 1);
+    let base = texfold_level_size(UVec2::from(view.params.base_size), stored);
+    let uv = (at.as_vec2() + 0.5) / size.as_vec2();
+    blend(&view.base[stored as usize], base.x, texfold_tap(uv, base, TEXFOLD_CLAMP))
+}
+
+/// The texel at `at` of level `level`, which lies inside.
+#[must_use]
+pub fn texfold_progressive_load(view: &ProgressiveView<'_>, at: UVec2, level: u32) -> Texel {
+    let base = texfold_progressive_base(view, at, level);
+    if view.params.class_bits == 0 {
+        return base;
+    }
+    (base + texfold_progressive_error(view, at, level)).clamp(Vec4::ZERO, Vec4::ONE)
+}
+
+/// The texel at (`x`, `y`) of level `level`, clamped to it.
+#[must_use]
+pub fn texfold_progressive_fetch(view: &ProgressiveView<'_>, at: IVec2, level: u32) -> Texel {
+    let size = texfold_level_size(UVec2::from(view.params.size), level);
+    texfold_progressive_load(view, texfold_inside(at, size), level)
+}
+
+/// The texel that `uv` lies in, without filtering.
+#[must_use]
+pub fn texfold_progressive_nearest(view: &ProgressiveView<'_>, uv: Vec2, level: u32) -> Texel {
+    let size = texfold_level_size(UVec2::from(view.params.size), level);
+    texfold_progressive_load(view, texfold_nearest(uv, size, view.params.address_mode), level)
+}
+
+/// Bilinear filtering within one level.
+#[must_use]
+pub fn texfold_progressive_bilinear(view: &ProgressiveView<'_>, uv: Vec2, level: u32) -> Texel {
+    let size = texfold_level_size(UVec2::from(view.params.size), level);
+    let tap = texfold_tap(uv, size, view.params.address_mode);
+    let texels = [
+        texfold_progressive_load(view, tap.low, level),
+        texfold_progressive_load(view, UVec2::new(tap.high.x, tap.low.y), level),
+        texfold_progressive_load(view, UVec2::new(tap.low.x, tap.high.y), level),
+        texfold_progressive_load(view, tap.high, level),
+    ];
+    texfold_bilinear(texels, tap.weight)
+}
+
+/// Trilinear filtering at level `lod`.
+#[must_use]
+pub fn texfold_progressive_sample_level(view: &ProgressiveView<'_>, uv: Vec2, lod: f32) -> Texel {
+    let clamped = texfold_lod(lod, view.params.levels);
+    let low = clamped.floor();
+    let fine = texfold_progressive_bilinear(view, uv, low as u32);
+    if clamped == low {
+        return fine;
+    }
+    let coarse = texfold_progressive_bilinear(view, uv, low as u32 + 1);
+    texfold_mix(fine, coarse, clamped - low)
+}
+
+/// Factor and offset of the table's products: the best of 100 000 pairs by the squared error of coded random numbers.
+const HASH_FACTOR: u32 = 3_365_104_771;
+const HASH_OFFSET: u32 = 460_760_113;
+
+/// Number of states.
+pub(crate) const STATES: usize = 1 << TEXFOLD_PROGRESSIVE_STATE_BITS;
+
+/// [`texfold_progressive_value`] of every state.
+pub(crate) static VALUES: [f32; STATES] = {
+    let mut values = [0.0; STATES];
+    let mut state = 0;
+    while state < STATES {
+        let product = (state as u32).wrapping_mul(HASH_FACTOR).wrapping_add(HASH_OFFSET);
+        let pairs = (product & 0x00ff_00ff) + (product >> 8 & 0x00ff_00ff);
+        values[state] = ((pairs & 0xffff) + (pairs >> 16)) as f32 - 510.0;
+        state += 1;
+    }
+    values
+};
+
+#[inline]
+fn value(state: u32) -> f32 {
+    VALUES[state as usize % STATES]
+}
+
+/// Bits of a coefficient of kind `kind`.
+#[inline]
+fn rate(rates: u32, kind: u32) -> u32 {
+    rates >> (4 * kind) & 15
+}
+
+/// The coarser coefficients of a cell, times their weights and the block's scale.
+struct Cell {
+    /// Mean, across, down, diagonal.
+    luma: Vec4,
+    /// The same for both axes of chroma.
+    chroma: [Vec4; 2],
+    /// Bit of the block where the cell's finer coefficients begin.
+    fine: u32,
+}
+
+#[inline]
+fn cell(view: &ProgressiveView<'_>, block: TexfoldProgressiveBlock, number: u32) -> Cell {
+    let weights = &view.params.weights;
+    let position = number * (block.bits / 4);
+    let [mean, coarse, chroma, chroma_coarse] = [0, 1, 4, 5].map(|kind| rate(block.rates, kind));
+    let chunk = texfold_progressive_chunk(view, block, position);
+    let values = [
+        texfold_progressive_coefficient(chunk, mean, mean),
+        texfold_progressive_coefficient(chunk, mean + coarse, coarse),
+        texfold_progressive_coefficient(chunk, mean + 2 * coarse, coarse),
+        texfold_progressive_coefficient(chunk, mean + 3 * coarse, coarse),
+    ];
+    let (first, further) = (weights[0] * block.scale, weights[1] * block.scale);
+    let luma = Vec4::from_array(values) * Vec4::new(first, further, further, further);
+    let position = position + mean + 3 * coarse;
+    let fine = position + 2 * chroma + 6 * chroma_coarse;
+    let mut both = [Vec4::ZERO; 2];
+    if fine > position {
+        let chunk = texfold_progressive_chunk(view, block, position);
+        let (first, further) = (weights[4] * block.scale, weights[5] * block.scale);
+        for (axis, values) in (0..).zip(&mut both) {
+            let means = texfold_progressive_coefficient(chunk, chroma * (axis + 1), chroma);
+            let further_at = |n: u32| {
+                let end = 2 * chroma + chroma_coarse * (2 * n + axis + 1);
+                texfold_progressive_coefficient(chunk, end, chroma_coarse) * further
+            };
+            *values = Vec4::new(means * first, further_at(0), further_at(1), further_at(2));
+        }
+    }
+    Cell { luma, chroma: both, fine }
+}
+
+/// Luma and both axes of chroma of a quarter of a cell, 2x2 texels.
+#[inline]
+fn coarse(cell: &Cell, quad: u32) -> [f32; 3] {
+    let (across, down) = (sign(quad & 1), sign(quad >> 1));
+    let mean = |c: Vec4| (c.x + across * c.y + down * c.z + across * down * c.w) * 0.25;
+    [mean(cell.luma), mean(cell.chroma[0]), mean(cell.chroma[1])]
+}
+
+/// The finer coefficients of a quarter of a cell: across, down, diagonal.
+#[inline]
+fn fine(view: &ProgressiveView<'_>, block: TexfoldProgressiveBlock, cell: &Cell, quad: u32) -> [f32; 3] {
+    let weights = &view.params.weights;
+    let (edge, diagonal) = (rate(block.rates, 2), rate(block.rates, 3));
+    if edge + diagonal == 0 {
+        return [0.0; 3];
+    }
+    let position = cell.fine + quad * (2 * edge + diagonal);
+    let chunk = texfold_progressive_chunk(view, block, position);
+    let (edges, diagonals) = (weights[2] * block.scale, weights[3] * block.scale);
+    [
+        texfold_progressive_coefficient(chunk, edge, edge) * edges,
+        texfold_progressive_coefficient(chunk, 2 * edge, edge) * edges,
+        texfold_progressive_coefficient(chunk, 2 * edge + diagonal, diagonal) * diagonals,
+    ]
+}
+
+/// The error of one of the four texels of a quarter of a cell.
+#[inline]
+fn error([luma, first, second]: [f32; 3], fine: [f32; 3], texel: u32) -> Vec4 {
+    let (across, down) = (sign(texel & 1), sign(texel >> 1));
+    let detail = (across * fine[0] + down * fine[1] + across * down * fine[2]) * 0.5;
+    let gray = (luma + detail) * SQRT_3;
+    let (warm, green) = (first * SQRT_2, second * SQRT_6);
+    Vec4::new(gray + warm + green, gray - 2.0 * green, gray - warm + green, 0.0)
+}
+
+/// 1 for 0, -1 for 1.
+#[inline]
+fn sign(bit: u32) -> f32 {
+    1.0 - 2.0 * bit as f32
+}
+
+#[inline]
+fn blend(texels: &[Texel], width: u32, tap: TexfoldTap) -> Texel {
+    let at = |x: u32, y: u32| texels[(y * width + x) as usize];
+    let four = [
+        at(tap.low.x, tap.low.y),
+        at(tap.high.x, tap.low.y),
+        at(tap.low.x, tap.high.y),
+        at(tap.high.x, tap.high.y),
+    ];
+    texfold_bilinear(four, tap.weight)
+}
+
+/// Adds the errors of one block to `texels`, its 8x8 texels row by row, and clamps them; as [`texfold_progressive_load`] does
+/// texel by texel.
+pub(crate) fn add_block(
+    view: &ProgressiveView<'_>,
+    block: TexfoldProgressiveBlock,
+    mut add: impl FnMut(u32, u32, Vec4),
+) {
+    for number in 0..4 {
+        let cell = cell(view, block, number);
+        for quad in 0..4 {
+            let coarse = coarse(&cell, quad);
+            let fine = fine(view, block, &cell, quad);
+            let (left, top) = (number % 2 * 4 + quad % 2 * 2, number / 2 * 4 + quad / 2 * 2);
+            for texel in 0..4 {
+                add(left + texel % 2, top + texel / 2, error(coarse, fine, texel));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_is_that_of_the_function_and_has_the_stated_rms() {
+        let sum: f64 = (0..STATES).map(|state| f64::from(VALUES[state]).powi(2)).sum();
+        let rms = (sum / STATES as f64).sqrt();
+        assert!((1.0 / (255.0 * rms) / f64::from(TEXFOLD_PROGRESSIVE_UNIT) - 1.0).abs() < 1e-5, "{rms}");
+        for state in 0..STATES {
+            assert_eq!(VALUES[state], texfold_progressive_value(state as u32));
+        }
+    }
+
+    #[test]
+    fn numbers_of_four_bits_are_summed() {
+        for word in [0, 0xffff_ffff, 0x1234_5678, 0xf0f0_0001u32] {
+            let slowly: u32 = (0..8).map(|place| word >> (4 * place) & 15).sum();
+            assert_eq!(texfold_progressive_sum(word), slowly);
+        }
+    }
+}

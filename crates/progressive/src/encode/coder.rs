@@ -1,0 +1,228 @@
+//! The blocks of a texture, the classes that a price of bits gives them, and their bits.
+//!
+//! A block takes the class with the least squared error + lambda x bits. Errors are estimates until a block has been coded
+//! in a class; what is then known of it corrects the estimates of its other classes. Coded bits are kept, so that a search for
+//! the right price codes a block once for each class that it is given. Cost: a trellis search a block and class.
+
+use rayon::prelude::*;
+use texfold_core::{EncodeError, Job};
+
+use super::error::{Block, KIND_OF};
+use super::model::{left, scale_of};
+use super::trellis::{Step, Trellis, pack};
+use crate::decode::VALUES;
+use crate::rates::{CELLS, CLASSES, KINDS, Model, WEIGHT_ONE};
+
+/// Largest number of a scale.
+const MOST_SCALE: f32 = 15.0;
+/// Blocks that one task codes: enough to be worth its room.
+const TASK_BLOCKS: usize = 64;
+
+/// A block coded in one class.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Coded {
+    class: u8,
+    /// Number of its scale.
+    pub(crate) scale: u8,
+    /// Squared error of the whole block, before values are cut to 8 bits.
+    error: f32,
+    /// That of the worst cell.
+    worst: f32,
+    /// Its bits, 16 at a time.
+    pub(crate) halves: Vec<u16>,
+}
+
+/// All blocks with a model.
+#[derive(Debug)]
+pub(crate) struct Coder<'b> {
+    blocks: &'b [Block],
+    pub(crate) model: Model,
+    weights: [f32; KINDS],
+    /// Squared error of each block by class, estimated or known; infinite where there is no such class.
+    errors: Vec<[f32; CLASSES]>,
+    coded: Vec<Vec<Coded>>,
+}
+
+impl<'b> Coder<'b> {
+    pub(crate) fn new(blocks: &'b [Block], model: Model) -> Self {
+        let estimate = |block: &Block| {
+            std::array::from_fn(|class| match model.classes[class] {
+                rates if class > 0 && rates.bits() == 0 => f32::INFINITY,
+                rates => left(&block.energy, rates),
+            })
+        };
+        let errors = blocks.par_iter().map(estimate).collect();
+        let weights = model.weights.map(|weight| f32::from(weight) / WEIGHT_ONE);
+        Coder { blocks, model, weights, errors, coded: vec![Vec::new(); blocks.len()] }
+    }
+
+    /// The class of each block where a bit is worth `lambda`.
+    pub(crate) fn choose(&self, lambda: f32) -> Vec<u8> {
+        let step = lambda * self.model.class_bits as f32;
+        let best = |errors: &[f32; CLASSES]| {
+            let cost = |class: usize| errors[class] + step * class as f32;
+            (0..CLASSES).min_by(|&a, &b| cost(a).total_cmp(&cost(b))).unwrap_or(0) as u8
+        };
+        self.errors.par_iter().map(best).collect()
+    }
+
+    /// The first class of each block whose error is at most `limit`, as far as is known; the last where there is none.
+    pub(crate) fn likely(&self, limit: f32) -> Vec<u8> {
+        let first = |errors: &[f32; CLASSES]| {
+            (0..CLASSES).find(|&class| errors[class] <= limit).unwrap_or(CLASSES - 1) as u8
+        };
+        self.errors.iter().map(first).collect()
+    }
+
+    /// Squared error of such classes, as far as is known, summed over the `counted` blocks.
+    pub(crate) fn error_of(&self, classes: &[u8], counted: &[bool]) -> f64 {
+        let known = |index: usize| {
+            let rest: f32 = self.blocks[index].rest.iter().sum();
+            f64::from(self.errors[index][usize::from(classes[index])] + rest)
+        };
+        (0..classes.len()).filter(|&index| counted[index]).map(known).sum()
+    }
+
+    /// Codes every block in its class, where that has not been done.
+    pub(crate) fn code(&mut self, classes: &[u8], job: &Job<'_>) -> Result<(), EncodeError> {
+        let Coder { blocks, model, weights, errors, coded } = self;
+        let (blocks, model, weights) = (*blocks, &*model, &*weights);
+        for start in (0..blocks.len()).step_by(TASK_BLOCKS * 256) {
+            job.checkpoint()?;
+            let range = start..blocks.len().min(start + TASK_BLOCKS * 256);
+            let tasks = coded[range.clone()]
+                .par_chunks_mut(TASK_BLOCKS)
+                .zip(errors[range.clone()].par_chunks_mut(TASK_BLOCKS))
+                .zip(blocks[range.clone()].par_chunks(TASK_BLOCKS))
+                .zip(classes[range].par_chunks(TASK_BLOCKS));
+            job.install(|| {
+                tasks.for_each(|(((coded, errors), blocks), classes)| {
+                    let mut trellis = Trellis::default();
+                    for (((coded, errors), block), &class) in
+                        coded.iter_mut().zip(errors).zip(blocks).zip(classes)
+                    {
+                        if coded.iter().all(|found| found.class != class) {
+                            let found = code_block(block, class, model, weights, &mut trellis);
+                            correct(errors, &found);
+                            coded.push(found);
+                        }
+                    }
+                });
+            });
+        }
+        Ok(())
+    }
+
+    /// For each block the first class whose worst cell has at most `limit` of squared error, coding it in one after another;
+    /// the last class where none has.
+    pub(crate) fn within(&mut self, limit: f32, job: &Job<'_>) -> Result<Vec<u8>, EncodeError> {
+        let mut classes = vec![0u8; self.blocks.len()];
+        loop {
+            self.code(&classes, job)?;
+            let mut again = false;
+            for (index, class) in classes.iter_mut().enumerate() {
+                let worst = self.found(index, *class).map_or(f32::MAX, |found| found.worst);
+                let errors = &self.errors[index];
+                let further =
+                    || (*class + 1..CLASSES as u8).filter(|&next| errors[usize::from(next)].is_finite());
+                // Classes that cannot do are passed over: the mean cell is no worse than the worst.
+                let likely = further().find(|&next| errors[usize::from(next)] <= CELLS as f32 * limit);
+                if let (true, Some(next)) = (worst > limit, likely.or(further().next_back())) {
+                    *class = next;
+                    again = true;
+                }
+            }
+            if !again {
+                return Ok(classes);
+            }
+        }
+    }
+
+    /// A block as it is coded in that class.
+    pub(crate) fn found(&self, index: usize, class: u8) -> Option<&Coded> {
+        self.coded[index].iter().find(|found| found.class == class)
+    }
+}
+
+/// Takes over what coding has shown: the error in this class, and how far estimates were off.
+fn correct(errors: &mut [f32; CLASSES], found: &Coded) {
+    let class = usize::from(found.class);
+    if class == 0 {
+        return;
+    }
+    let off = found.error / errors[class].max(1e-6);
+    for error in &mut errors[1..] {
+        *error *= off;
+    }
+}
+
+fn code_block(
+    block: &Block,
+    class: u8,
+    model: &Model,
+    weights: &[f32; KINDS],
+    trellis: &mut Trellis,
+) -> Coded {
+    let rates = model.classes[usize::from(class)];
+    let zero = rates.bits() == 0;
+    if zero {
+        let errors = block.cells.map(|cell| cell.iter().map(|value| value * value).sum::<f32>());
+        let worst = errors.iter().zip(block.rest).map(|(error, rest)| error + rest).fold(0.0, f32::max);
+        return Coded { class, scale: 0, error: errors.iter().sum(), worst, halves: Vec::new() };
+    }
+    let scale = scale_of(&block.energy, rates, weights);
+    let number = |scale: f32| (2.0 * scale.max(1e-3).log2()).round().clamp(0.0, MOST_SCALE);
+    let mut scale_number = number(scale);
+    let mut steps = steps(block, rates.0, weights, scale_number);
+    let path = trellis.open(&steps);
+    let end = path.last().copied().unwrap_or(0);
+    // The gain that suits the path best is nearly the one that suits the block best.
+    let (mut inner, mut square) = (0.0, 0.0);
+    for (step, &state) in steps.iter().zip(path) {
+        let value = step.weight * VALUES[usize::from(state)];
+        inner += step.target * value;
+        square += value * value;
+    }
+    if inner > 0.0 {
+        let better = number((scale_number / 2.0).exp2() * inner / square);
+        if better != scale_number {
+            scale_number = better;
+            steps = self::steps(block, rates.0, weights, scale_number);
+        }
+    }
+    let path = trellis.ring(&steps, end);
+    let mut coded =
+        Coded { class, scale: scale_number as u8, error: 0.0, worst: 0.0, halves: pack(&steps, path) };
+    let mut left = steps.iter().zip(path);
+    for (cell, rest) in block.cells.iter().zip(block.rest) {
+        let mut error = 0.0;
+        for (value, kind) in cell.iter().zip(KIND_OF) {
+            let shown = match rates.0[usize::from(kind)] {
+                0 => 0.0,
+                _ => left.next().map_or(0.0, |(step, &state)| step.weight * VALUES[usize::from(state)]),
+            };
+            error += (value - shown) * (value - shown);
+        }
+        coded.error += error;
+        coded.worst = coded.worst.max(error + rest);
+    }
+    coded
+}
+
+/// RMS of the table: one over 255 times the unit.
+const TABLE_RMS: f32 = 1.0 / (255.0 * crate::decode::TEXFOLD_PROGRESSIVE_UNIT);
+
+/// The coefficients that get bits, in the order of these.
+fn steps(block: &Block, rates: [u8; KINDS], weights: &[f32; KINDS], scale_number: f32) -> Vec<Step> {
+    let scale = (scale_number / 2.0).exp2() / TABLE_RMS;
+    let mut steps = Vec::new();
+    for cell in &block.cells {
+        for (&target, kind) in cell.iter().zip(KIND_OF) {
+            let kind = usize::from(kind);
+            if rates[kind] > 0 {
+                steps.push(Step { target, weight: weights[kind] * scale, rate: u32::from(rates[kind]) });
+            }
+        }
+    }
+    steps
+}

@@ -1,0 +1,151 @@
+//! The model that a texture's blocks share: which bits a class gives to which kind of coefficient, and the kinds' weights.
+//!
+//! Every sensible way to share bits out is tried on a sample of the blocks; of each length the one that most blocks would take
+//! is kept. Cost: ways x sampled blocks.
+
+use std::sync::LazyLock;
+
+use rayon::prelude::*;
+
+use super::error::Block;
+use crate::rates::{CELLS, CLASSES, COUNTS, KINDS, MOST, Model, Rates, WEIGHT_ONE};
+
+/// What remains of a coefficient's squared error by its bits: measured on normal numbers of mixed scales, coded by the
+/// trellis.
+pub(crate) const LEFT: [f32; 6] = [1.0, 0.288, 0.081, 0.0245, 0.0075, 0.0024];
+
+/// Most blocks that a model is made from.
+const SAMPLE: usize = 4096;
+
+/// Largest scale by number: 2^(15 / 2).
+pub(crate) const MOST_SCALE: f32 = 181.02;
+/// Share of the blocks whose scale may be cut to that.
+const CUT: f32 = 0.005;
+/// Least scale in 8-bit units that is told from smaller ones.
+const LEAST_SCALE: f32 = 0.25;
+
+/// Squared error that is left where coefficients get such bits.
+pub(crate) fn left(energy: &[f32; KINDS], rates: Rates) -> f32 {
+    energy.iter().zip(rates.0).map(|(&energy, rate)| energy * LEFT[usize::from(rate)]).sum()
+}
+
+/// Coefficients of a kind in a block.
+fn count(kind: usize) -> f32 {
+    (CELLS * COUNTS[kind]) as f32
+}
+
+/// All ways to share bits out in which coarser kinds get no fewer than finer ones.
+static WAYS: LazyLock<Vec<Rates>> = LazyLock::new(|| {
+    let mut ways = Vec::new();
+    let most = MOST.map(|most| most as u8);
+    for mean in 1..=most[0] {
+        for coarse in 0..=mean.min(most[1]) {
+            for edge in 0..=coarse.min(most[2]) {
+                for diagonal in 0..=edge.min(most[3]) {
+                    for chroma in 0..=mean.min(most[4]) {
+                        for chroma_coarse in 0..=chroma.min(most[5]) {
+                            ways.push(Rates([mean, coarse, edge, diagonal, chroma, chroma_coarse]));
+                        }
+                    }
+                }
+            }
+        }
+    }
+    ways
+});
+
+/// A sample of the blocks, spread evenly.
+fn sample(blocks: &[Block]) -> Vec<&Block> {
+    blocks.iter().step_by(blocks.len().div_ceil(SAMPLE).max(1)).collect()
+}
+
+/// The model for blocks of which class 1 has `class_bits` bits, where a bit is worth `lambda` of squared error.
+pub(crate) fn train(blocks: &[Block], class_bits: u32, lambda: f32) -> Model {
+    let sample = sample(blocks);
+    let mut model = Model { class_bits, ..Model::default() };
+    let mut taken = [None; CLASSES];
+    // The classes that no block takes at this price are those of blocks at others, for prices that are tried later.
+    for price in [1.0, 0.5, 2.0, 0.25, 4.0, 0.06, 16.0] {
+        for (taken, found) in taken.iter_mut().zip(favourites(&sample, class_bits, price * lambda)) {
+            *taken = taken.or(found);
+        }
+    }
+    for (rates, taken) in model.classes.iter_mut().zip(taken) {
+        *rates = taken.unwrap_or_default();
+    }
+    set_weights(&mut model, &sample, lambda);
+    model
+}
+
+/// For each class the way that most blocks take at that price.
+fn favourites(sample: &[&Block], class_bits: u32, lambda: f32) -> [Option<Rates>; CLASSES] {
+    let fits = |rates: &&Rates| {
+        rates.bits().is_multiple_of(class_bits) && rates.bits() / class_bits < CLASSES as u32
+    };
+    let ways: Vec<Rates> = WAYS.iter().filter(fits).copied().collect();
+    let choices: Vec<Option<usize>> = sample
+        .par_iter()
+        .map(|block| {
+            let cost = |rates: Rates| left(&block.energy, rates) + lambda * rates.bits() as f32;
+            let best = (0..ways.len()).min_by(|&a, &b| cost(ways[a]).total_cmp(&cost(ways[b])))?;
+            (cost(ways[best]) < block.energy.iter().sum()).then_some(best)
+        })
+        .collect();
+    let mut uses = vec![0u32; ways.len()];
+    choices.iter().flatten().for_each(|&choice| uses[choice] += 1);
+    let mut found = [None; CLASSES];
+    let mut most = [0; CLASSES];
+    for (&way, &uses) in ways.iter().zip(&uses) {
+        let class = (way.bits() / class_bits) as usize;
+        if uses > most[class] {
+            (found[class], most[class]) = (Some(way), uses);
+        }
+    }
+    found
+}
+
+/// RMS of a block's coded coefficients, each divided by its kind's weight.
+pub(crate) fn scale_of(energy: &[f32; KINDS], rates: Rates, weights: &[f32; KINDS]) -> f32 {
+    let (mut sum, mut coefficients) = (0.0, 0.0);
+    for kind in (0..KINDS).filter(|&kind| rates.0[kind] > 0) {
+        sum += energy[kind] / (weights[kind] * weights[kind]);
+        coefficients += count(kind);
+    }
+    if coefficients > 0.0 { (sum / coefficients).sqrt() } else { 0.0 }
+}
+
+/// The weights under which a block's coefficients have one scale, in the mean of the blocks that code them.
+fn set_weights(model: &mut Model, sample: &[&Block], lambda: f32) {
+    let classes = model.classes;
+    let choices: Vec<Rates> = sample
+        .par_iter()
+        .map(|block| {
+            let cost = |rates: Rates| left(&block.energy, rates) + lambda * rates.bits() as f32;
+            classes.into_iter().min_by(|&a, &b| cost(a).total_cmp(&cost(b))).unwrap_or_default()
+        })
+        .collect();
+    let mut weights = [1.0f32; KINDS];
+    let mut scales = Vec::new();
+    for _ in 0..4 {
+        let (mut sums, mut uses) = ([0.0f64; KINDS], [0.0f64; KINDS]);
+        scales.clear();
+        for (block, &rates) in sample.iter().zip(&choices) {
+            let scale = scale_of(&block.energy, rates, &weights);
+            if scale < LEAST_SCALE {
+                continue;
+            }
+            scales.push(scale);
+            for kind in (0..KINDS).filter(|&kind| rates.0[kind] > 0) {
+                sums[kind] += f64::from(block.energy[kind] / count(kind) / (scale * scale));
+                uses[kind] += 1.0;
+            }
+        }
+        for kind in (0..KINDS).filter(|&kind| uses[kind] > 0.0) {
+            weights[kind] = ((sums[kind] / uses[kind]).sqrt() as f32).max(0.02);
+        }
+    }
+    scales.sort_by(f32::total_cmp);
+    let largest = scales.get(((1.0 - CUT) * scales.len() as f32) as usize).or(scales.last());
+    let unit = (largest.copied().unwrap_or(1.0) / MOST_SCALE).max(LEAST_SCALE);
+    model.weights = weights.map(|weight| (weight * unit * WEIGHT_ONE).round().clamp(1.0, 65535.0) as u16);
+}

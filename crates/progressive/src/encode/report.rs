@@ -1,0 +1,55 @@
+//! How a texture was made, in words.
+
+use texfold_core::image::ImageSet;
+use texfold_core::metric::quality;
+use texfold_core::{Encoded, Goal, Notes};
+
+use crate::encoded::MAP_PART;
+use crate::{ProgressiveParams, ProgressiveTexture};
+
+/// Settings, verdict, and the PSNR of the base alone.
+pub(crate) fn notes(
+    source: &ImageSet,
+    texture: &ProgressiveTexture,
+    params: &ProgressiveParams,
+    met: bool,
+) -> Notes {
+    let alone = quality(source, &texture.first_layers(1)).color.psnr() as f32;
+    let drawn = texture.layers().total > 1;
+    let psnr_without = if drawn { vec![(MAP_PART.to_owned(), alone)] } else { Vec::new() };
+    Notes { settings: settings(params), verdict: verdict(texture, met), psnr_without }
+}
+
+fn settings(params: &ProgressiveParams) -> String {
+    let goal = match params.goal {
+        Goal::Psnr(psnr) => format!("--psnr {psnr}"),
+        Goal::Bpp(bpp) => format!("--bpp {bpp}"),
+        Goal::Tolerance(tolerance) => format!("--tolerance {tolerance}"),
+    };
+    let content = params.content.map_or(String::new(), |content| format!(" --content {}", content.name()));
+    let mips = if params.mips { " --mips" } else { "" };
+    format!("--codec progressive {goal}{content}{mips}")
+}
+
+fn verdict(texture: &ProgressiveTexture, met: bool) -> String {
+    let base = format!(
+        "A base of 1/{} of the width and height in {}",
+        1 << texture.reduce_log2(),
+        texture.base().content().name().to_uppercase()
+    );
+    let missed = if met { "" } else { " The goal is out of reach; this comes nearest." };
+    let surfaces = texture.layout().surfaces.len() as u32;
+    let classes: Vec<u8> =
+        (0..surfaces).flat_map(|surface| texture.classes(surface).iter().copied()).collect();
+    if classes.is_empty() {
+        return format!("{base} alone: no error is worth its bits.{missed}");
+    }
+    let none = classes.iter().filter(|&&class| class == 0).count();
+    let bits: u64 = classes.iter().map(|&class| u64::from(class)).sum::<u64>();
+    let texels = (classes.len() * 64) as f64;
+    format!(
+        "{base}; errors in {:.2} bits a texel, none in {:.0}% of the blocks.{missed}",
+        bits as f64 * f64::from(texture.model().class_bits) / texels,
+        100.0 * none as f64 / classes.len() as f64
+    )
+}

@@ -1,0 +1,408 @@
+//! The shipped form: for each image a base with its levels, and the blocks of its error map.
+
+use std::borrow::Cow;
+
+use glam::{IVec2, UVec2, Vec4};
+use texfold_bc::ContentPlanes;
+use texfold_core::address::{TEXFOLD_CLAMP, texfold_level_size, texfold_tap};
+use texfold_core::container::{SectionWriter, Sections, write_layout};
+use texfold_core::sample::texfold_bilinear;
+use texfold_core::{
+    Budget, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Layers,
+    LoadError, Notes, Plane, PlaneFormat, Rect, Refine, RegionError, SurfaceBinding, SurfaceSize, Texel,
+    TextureCodec,
+};
+
+use crate::decode::{
+    ProgressiveView, TEXFOLD_PROGRESSIVE_GROUP_WORDS, TexfoldProgressiveParams, add_block,
+    texfold_progressive_block, texfold_progressive_fetch,
+};
+use crate::rates::Model;
+use crate::{Progressive, wire};
+
+/// Texels a side of a block.
+pub(crate) const BLOCK_SIDE: u32 = 8;
+/// Blocks of a group.
+pub(crate) const GROUP: usize = 16;
+/// Longest side of a plane that every WebGPU device can sample.
+pub(crate) const MAX_PLANE_SIDE: usize = 8192;
+/// Fewest words in a row of the map plane, as a binary logarithm.
+const LEAST_ROW_LOG2: u32 = 6;
+
+/// Columns and rows of blocks that cover an image of that size.
+pub(crate) fn blocks_of(size: SurfaceSize) -> (u32, u32) {
+    (size.width.div_ceil(BLOCK_SIDE), size.height.div_ceil(BLOCK_SIDE))
+}
+
+/// Levels of the base of an image: no further ones than down to 1x1, which those behind it show.
+pub(crate) fn base_levels(size: SurfaceSize, reduce_log2: u32, levels: u32) -> u32 {
+    levels.min(size.at_level(reduce_log2).full_levels())
+}
+
+/// The blocks of the error map of one image, level after level, each row by row.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct ErrorMap {
+    /// Class of each block.
+    pub(crate) classes: Vec<u8>,
+    /// Scale of each block, 0 to 15: 2^(scale / 2).
+    pub(crate) scales: Vec<u8>,
+    /// Bits of all blocks, 16 at a time.
+    pub(crate) bits: Vec<u16>,
+}
+
+impl ErrorMap {
+    /// The words of the map plane and the first bit of the blocks' bits; `None` where a plane cannot hold them.
+    pub(crate) fn words(&self, class_bits: u32) -> Option<(Vec<u32>, u32)> {
+        let mut words = Vec::new();
+        let mut start = 0u32;
+        for (classes, scales) in self.classes.chunks(GROUP).zip(self.scales.chunks(GROUP)) {
+            let pack = |values: &[u8]| (0..).zip(values).map(|(n, &v)| u32::from(v) << (4 * n)).sum::<u32>();
+            let halves = |values: &[u8]| {
+                let (low, high) = values.split_at(values.len().min(8));
+                [pack(low), pack(high)]
+            };
+            words.push(start);
+            words.extend(halves(classes));
+            words.extend(halves(scales));
+            let sum: u32 = classes.iter().map(|&class| u32::from(class)).sum();
+            start = start.checked_add(sum.checked_mul(class_bits / 16)?)?;
+        }
+        let first_bit = u32::try_from(words.len() as u64 * 32).ok()?;
+        words.extend(
+            self.bits
+                .chunks(2)
+                .map(|pair| u32::from(pair[0]) | u32::from(pair.get(1).copied().unwrap_or(0)) << 16),
+        );
+        (words.len() <= MAX_PLANE_SIDE * MAX_PLANE_SIDE).then_some((words, first_bit))
+    }
+}
+
+/// What is stored of a texture.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Parts {
+    pub(crate) layout: ImageLayout,
+    /// Halvings of the base's width and height.
+    pub(crate) reduce_log2: u32,
+    pub(crate) model: Model,
+    /// For each image the planes of its base's levels.
+    pub(crate) bases: Vec<Vec<ContentPlanes>>,
+    /// For each image its error map; none where the file has not brought it yet.
+    pub(crate) maps: Vec<ErrorMap>,
+}
+
+/// Images stored as a base and an error map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ProgressiveTexture {
+    pub(crate) parts: Parts,
+    /// For each image the map plane's words.
+    words: Vec<Vec<u32>>,
+    /// For each image the texels of its base's levels.
+    texels: Vec<Vec<Vec<Texel>>>,
+    params: Vec<TexfoldProgressiveParams>,
+    pub(crate) notes: Notes,
+}
+
+impl ProgressiveTexture {
+    /// Lays the parts out for sampling; `None` where a map is too large for a plane.
+    pub(crate) fn new(parts: Parts, notes: Notes) -> Option<Self> {
+        let texels: Vec<Vec<Vec<Texel>>> =
+            parts.bases.iter().map(|levels| levels.iter().map(ContentPlanes::decode).collect()).collect();
+        ProgressiveTexture::with_texels(parts, texels, notes)
+    }
+
+    /// As [`ProgressiveTexture::new`], where the bases are decoded already.
+    fn with_texels(parts: Parts, texels: Vec<Vec<Vec<Texel>>>, notes: Notes) -> Option<Self> {
+        let mut words = Vec::new();
+        let mut params = Vec::new();
+        for surface in 0..parts.layout.surfaces.len() {
+            let (plane, first_bit) = match parts.maps.get(surface) {
+                Some(map) => map.words(parts.model.class_bits)?,
+                None => (vec![0], 0),
+            };
+            let (plane, row_log2) = in_rows(plane);
+            params.push(parts.params(surface, first_bit, row_log2));
+            words.push(plane);
+        }
+        Some(ProgressiveTexture { parts, words, texels, params, notes })
+    }
+
+    /// The same bases with an error map; `None` where it is too large for a plane.
+    pub(crate) fn with_maps(&self, model: Model, maps: Vec<ErrorMap>) -> Option<Self> {
+        let parts = Parts { model, maps, ..self.parts.clone() };
+        ProgressiveTexture::with_texels(parts, self.texels.clone(), self.notes.clone())
+    }
+
+    /// How the base is stored.
+    #[must_use]
+    pub fn base(&self) -> &ContentPlanes {
+        &self.parts.bases[0][0]
+    }
+
+    /// Halvings of the base's width and height.
+    #[must_use]
+    pub fn reduce_log2(&self) -> u32 {
+        self.parts.reduce_log2
+    }
+
+    /// What all blocks share.
+    #[must_use]
+    pub fn model(&self) -> &Model {
+        &self.parts.model
+    }
+
+    /// The class of each block of an image, level after level, each row by row; nothing where there is no error map.
+    #[must_use]
+    pub fn classes(&self, surface: u32) -> &[u8] {
+        self.parts.maps.get(surface as usize).map_or(&[], |map| &map.classes)
+    }
+
+    /// The texture as it is with the first `count` layers of its file, at least one.
+    #[must_use]
+    pub fn first_layers(&self, count: u32) -> ProgressiveTexture {
+        let mut cut = self.clone();
+        if count < 2 && !cut.parts.maps.is_empty() {
+            cut.parts.maps.clear();
+            for (surface, words) in cut.words.iter_mut().enumerate() {
+                let (plane, row_log2) = in_rows(vec![0]);
+                *words = plane;
+                cut.params[surface] = cut.parts.params(surface, 0, row_log2);
+            }
+        }
+        cut
+    }
+
+    /// Replaces the notes.
+    #[must_use]
+    pub fn with_notes(mut self, notes: Notes) -> Self {
+        self.notes = notes;
+        self
+    }
+
+    /// One image as the shader sees it; the last where there is no such image.
+    #[must_use]
+    #[inline]
+    pub fn view(&self, surface: u32) -> ProgressiveView<'_> {
+        let surface = (surface as usize).min(self.params.len() - 1);
+        ProgressiveView {
+            params: self.params[surface],
+            map: &self.words[surface],
+            base: &self.texels[surface],
+        }
+    }
+}
+
+/// The words in whole rows of a plane, and the binary logarithm of a row's words.
+fn in_rows(mut words: Vec<u32>) -> (Vec<u32>, u32) {
+    let (row_log2, length) = rows_of(words.len());
+    words.resize(length, 0);
+    (words, row_log2)
+}
+
+/// Binary logarithm of the words in a row of a plane, and the words of whole rows; one row may be shorter.
+fn rows_of(words: usize) -> (u32, usize) {
+    let mut row_log2 = LEAST_ROW_LOG2;
+    while words.div_ceil(1 << row_log2) > MAX_PLANE_SIDE {
+        row_log2 += 1;
+    }
+    (row_log2, if words > 1 << row_log2 { words.next_multiple_of(1 << row_log2) } else { words })
+}
+
+/// Words of the map plane of `blocks` blocks that have `halves` times 16 bits.
+pub(crate) fn map_words(blocks: usize, halves: u64) -> u64 {
+    let headers = blocks.div_ceil(GROUP) * TEXFOLD_PROGRESSIVE_GROUP_WORDS as usize;
+    rows_of(headers + halves.div_ceil(2) as usize).1 as u64
+}
+
+impl Parts {
+    /// Layers of the whole file.
+    pub(crate) fn layers(&self) -> u32 {
+        if self.model.class_bits == 0 { 1 } else { 2 }
+    }
+
+    fn params(&self, surface: usize, first_bit: u32, row_log2: u32) -> TexfoldProgressiveParams {
+        let size = self.layout.surfaces[surface];
+        let base = &self.bases[surface];
+        let base_size = base[0].size();
+        let mut level_start = [0; 16];
+        let mut start = 0;
+        for (level, first) in (0..self.layout.levels).zip(&mut level_start) {
+            *first = start;
+            let (columns, rows) = blocks_of(size.at_level(level));
+            start += columns * rows;
+        }
+        TexfoldProgressiveParams {
+            size: [size.width, size.height],
+            levels: self.layout.levels,
+            address_mode: TEXFOLD_CLAMP,
+            base_size: [base_size.0, base_size.1],
+            swizzle: base[0].swizzle().0,
+            class_bits: if self.maps.is_empty() { 0 } else { self.model.class_bits },
+            row_log2,
+            first_bit,
+            base_levels: base.len() as u32,
+            reserved: 0,
+            level_start,
+            classes: self.model.classes.map(|rates| rates.packed()),
+            weights: self.model.scales(),
+        }
+    }
+}
+
+impl Encoded for ProgressiveTexture {
+    type Domain = Image2d;
+
+    fn codec(&self) -> CodecId {
+        Progressive::ID
+    }
+
+    fn layout(&self) -> &ImageLayout {
+        &self.parts.layout
+    }
+
+    fn layers(&self) -> Layers {
+        let total = self.parts.layers();
+        Layers { loaded: if self.parts.maps.is_empty() { 1 } else { total }, total }
+    }
+
+    fn sample(&self, at: ImageAddress) -> Texel {
+        let clamp = |value: u32| i32::try_from(value).unwrap_or(i32::MAX);
+        let level = at.level.min(self.parts.layout.levels - 1);
+        texfold_progressive_fetch(&self.view(at.surface), IVec2::new(clamp(at.x), clamp(at.y)), level)
+    }
+
+    fn decode(&self, region: Rect, out: &mut [Texel]) -> Result<(), RegionError> {
+        self.parts.layout.check(region)?;
+        if out.len() != Image2d::len(region) {
+            return Err(RegionError::OutputLength { found: out.len(), needed: Image2d::len(region) });
+        }
+        if out.is_empty() {
+            return Ok(());
+        }
+        let view = self.view(region.surface);
+        enlarge(&view, region, out);
+        if view.params.class_bits > 0 {
+            add_errors(&view, region, out);
+        }
+        Ok(())
+    }
+
+    fn store(&self, out: &mut SectionWriter) {
+        self.notes.write(out);
+        write_layout(&self.parts.layout, out);
+        wire::store(&self.parts, out);
+    }
+
+    fn footprint(&self) -> Footprint {
+        Footprint::measure(self, &self.gpu())
+    }
+
+    fn gpu(&self) -> GpuForm<'_> {
+        let mut form =
+            GpuForm { module: "progressive", planes: Vec::new(), uniforms: Vec::new(), surfaces: Vec::new() };
+        for (surface, words) in self.words.iter().enumerate() {
+            let map = form.planes.len();
+            form.planes.push(map_plane(words, self.params[surface].row_log2));
+            push_base(&mut form.planes, &self.parts.bases[surface]);
+            let mut planes: Vec<usize> = (map..form.planes.len()).collect();
+            // The shader binds two planes of the base; where there is one it is bound twice.
+            planes.resize(3, map + 1);
+            let start = form.uniforms.len();
+            form.uniforms.extend(bytemuck::bytes_of(&self.params[surface]));
+            form.surfaces.push(SurfaceBinding { planes, uniforms: start..form.uniforms.len(), surface: 0 });
+        }
+        form
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
+    }
+}
+
+impl Refine for ProgressiveTexture {
+    fn refine(&mut self, file: &Sections<'_>, budget: &mut Budget) -> Result<Vec<&'static str>, LoadError> {
+        if !self.parts.maps.is_empty() || self.parts.layers() == 1 {
+            return Ok(Vec::new());
+        }
+        let Some(maps) = wire::read_maps(&self.parts, file, budget)? else { return Ok(Vec::new()) };
+        let parts = Parts { maps, ..self.parts.clone() };
+        let refined = ProgressiveTexture::with_texels(parts, self.texels.clone(), self.notes.clone());
+        *self = refined.ok_or(wire::too_large())?;
+        Ok(vec![MAP_PART, "uniforms"])
+    }
+}
+
+/// Name of the error map in the footprint.
+pub(crate) const MAP_PART: &str = "error map";
+/// Name of the base in the footprint.
+pub(crate) const BASE_PART: &str = "base";
+
+fn map_plane(words: &[u32], row_log2: u32) -> Plane<'_> {
+    let width = words.len().min(1 << row_log2);
+    let data = match bytemuck::try_cast_slice::<u32, u8>(words) {
+        Ok(bytes) if cfg!(target_endian = "little") => Cow::Borrowed(bytes),
+        _ => Cow::Owned(words.iter().flat_map(|word| word.to_le_bytes()).collect()),
+    };
+    Plane {
+        part: MAP_PART,
+        format: PlaneFormat::R32Uint,
+        width: width as u32,
+        height: (words.len() / width) as u32,
+        levels: 1,
+        data,
+    }
+}
+
+fn push_base<'a>(planes: &mut Vec<Plane<'a>>, levels: &'a [ContentPlanes]) {
+    let first = planes.len();
+    planes.extend(levels[0].gpu_planes(BASE_PART));
+    for (index, plane) in planes[first..].iter_mut().enumerate().filter(|_| levels.len() > 1) {
+        plane.levels = levels.len() as u32;
+        plane.data =
+            Cow::Owned(levels.iter().flat_map(|level| level.planes()[index].1.iter().copied()).collect());
+    }
+}
+
+/// Fills `out` from the base, as [`crate::decode::texfold_progressive_base`] does texel by texel.
+fn enlarge(view: &ProgressiveView<'_>, region: Rect, out: &mut [Texel]) {
+    let full = texfold_level_size(UVec2::from(view.params.size), region.level);
+    let stored = region.level.min(view.params.base_levels - 1);
+    let size = texfold_level_size(UVec2::from(view.params.base_size), stored);
+    let texels = &view.base[stored as usize];
+    let tap = |x: u32, y: u32| {
+        let uv = (UVec2::new(x, y).as_vec2() + 0.5) / full.as_vec2();
+        texfold_tap(uv, size, TEXFOLD_CLAMP)
+    };
+    let columns: Vec<_> = (region.x..region.x + region.width).map(|x| tap(x, region.y)).collect();
+    for (y, line) in (region.y..).zip(out.chunks_exact_mut(region.width as usize)) {
+        let rows = tap(region.x, y);
+        let row = |y: u32| &texels[(y * size.x) as usize..][..size.x as usize];
+        let (upper, lower) = (row(rows.low.y), row(rows.high.y));
+        for (texel, tap) in line.iter_mut().zip(&columns) {
+            let (left, right) = (tap.low.x as usize, tap.high.x as usize);
+            let four = [upper[left], upper[right], lower[left], lower[right]];
+            *texel = texfold_bilinear(four, glam::Vec2::new(tap.weight.x, rows.weight.y));
+        }
+    }
+}
+
+/// Adds the errors of all blocks that touch `region`.
+fn add_errors(view: &ProgressiveView<'_>, region: Rect, out: &mut [Texel]) {
+    let (right, bottom) = (region.x + region.width, region.y + region.height);
+    for top in (region.y / BLOCK_SIDE * BLOCK_SIDE..bottom).step_by(BLOCK_SIDE as usize) {
+        for left in (region.x / BLOCK_SIDE * BLOCK_SIDE..right).step_by(BLOCK_SIDE as usize) {
+            let block = texfold_progressive_block(view, UVec2::new(left, top), region.level);
+            let mut change = |x: u32, y: u32, error: Vec4| {
+                let (x, y) = (left + x, top + y);
+                if x >= region.x && x < right && y >= region.y && y < bottom {
+                    let texel = &mut out[((y - region.y) * region.width + x - region.x) as usize];
+                    *texel = (*texel + error).clamp(Vec4::ZERO, Vec4::ONE);
+                }
+            };
+            if block.bits > 0 {
+                add_block(view, block, change);
+            } else {
+                (0..64).for_each(|n| change(n % BLOCK_SIDE, n / BLOCK_SIDE, Vec4::ZERO));
+            }
+        }
+    }
+}

@@ -1,0 +1,296 @@
+// Base and error map: a small picture, enlarged, and what it lacks in blocks of 8x8 texels. CPU twins:
+// crates/progressive/src/decode.rs.
+//
+// A block's errors are coefficients of a two-level Haar transform in cells of 4x4 texels, of luma and, at the coarser level,
+// of two axes of chroma. The last TEXFOLD_PROGRESSIVE_STATE_BITS bits up to a coefficient's own bits, around the block, name
+// its value. Colours are as stored: no gamma conversion (see texfold_linear). Every function works in any control flow but
+// texfold_progressive_sample, which takes derivatives.
+
+// Bits that a coefficient's value follows from, its own among them.
+const TEXFOLD_PROGRESSIVE_STATE_BITS: u32 = 10u;
+// What a value of the table is worth at scale 1 and weight 1.
+const TEXFOLD_PROGRESSIVE_UNIT: f32 = 0.00003177627;
+// Words of a group of blocks: where its bits begin, classes, scales.
+const TEXFOLD_PROGRESSIVE_GROUP_WORDS: u32 = 5u;
+
+// The parameters of one image.
+struct TexfoldProgressiveParams {
+    // Columns and rows of level 0 in texels.
+    size: vec2<u32>,
+    // Stored mip levels, at least 1.
+    levels: u32,
+    // TEXFOLD_REPEAT or TEXFOLD_CLAMP.
+    address_mode: u32,
+    // Columns and rows of level 0 of the base.
+    base_size: vec2<u32>,
+    // How texels are read from the base's planes.
+    swizzle: u32,
+    // Bits of a block of class 1; 0 where there is no error map.
+    class_bits: u32,
+    // Binary logarithm of the words in a row of the map.
+    row_log2: u32,
+    // First bit of the blocks' bits.
+    first_bit: u32,
+    // Mip levels of the base.
+    base_levels: u32,
+    // Always 0.
+    reserved: u32,
+    // For each level the number of blocks of the levels above it, four levels a vector.
+    level_start: array<vec4<u32>, 4>,
+    // For each class the bits of a coefficient of each kind, 4 bits each, four classes a vector. Kinds: mean of luma, coarse
+    // luma, edges, diagonals, mean of chroma, coarse chroma.
+    classes: array<vec4<u32>, 4>,
+    // Weights of the first four kinds.
+    luma_weights: vec4<f32>,
+    // Weights of the last two kinds.
+    chroma_weights: vec4<f32>,
+}
+
+// A block of the error map.
+struct TexfoldProgressiveBlock {
+    // Its first bit in the map.
+    start: u32,
+    // Its bits; 0 where there is no error.
+    bits: u32,
+    // Bits of a coefficient of each kind, 4 bits each.
+    rates: u32,
+    // What its coefficients are multiplied by.
+    scale: f32,
+}
+
+@group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_0) var<uniform> texfold_progressive_params: TexfoldProgressiveParams;
+// The error map: words, row by row.
+@group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_1) var texfold_progressive_map: texture_2d<u32>;
+@group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_2) var texfold_progressive_base_a: texture_2d<f32>;
+// The same texture as base a where there is one plane only.
+@group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_3) var texfold_progressive_base_b: texture_2d<f32>;
+
+// Word `index` of the map; beyond its end nothing that counts.
+fn texfold_progressive_word(index: u32) -> u32 {
+    let row = index >> texfold_progressive_params.row_log2;
+    let column = index - (row << texfold_progressive_params.row_log2);
+    let last = textureDimensions(texfold_progressive_map) - vec2<u32>(1u);
+    return textureLoad(texfold_progressive_map, min(vec2<u32>(column, row), last), 0u).x;
+}
+
+// The sum of a word's eight numbers of 4 bits.
+fn texfold_progressive_sum(nibbles: u32) -> u32 {
+    let pairs = (nibbles & 0x0f0f0f0fu) + ((nibbles >> 4u) & 0x0f0f0f0fu);
+    return (pairs * 0x01010101u) >> 24u;
+}
+
+// The block that holds the texel at `at` of level `level`, which lies inside.
+fn texfold_progressive_block(at: vec2<u32>, level: u32) -> TexfoldProgressiveBlock {
+    let columns = (texfold_level_size(texfold_progressive_params.size, level).x + 7u) / 8u;
+    let start = texfold_progressive_params.level_start[level / 4u][level % 4u];
+    let index = start + at.y / 8u * columns + at.x / 8u;
+    let group = index / 16u * TEXFOLD_PROGRESSIVE_GROUP_WORDS;
+    let member = index % 16u;
+    let shift = 4u * (member % 8u);
+    let before = (1u << shift) - 1u;
+    let low = texfold_progressive_word(group + 1u);
+    let high = texfold_progressive_word(group + 2u);
+    let second = member >= 8u;
+    let own = select(low, high, second);
+    let first = select(0u, texfold_progressive_sum(low), second);
+    let kind = (own >> shift) & 15u;
+    let sum = first + texfold_progressive_sum(own & before);
+    let scales = texfold_progressive_word(group + 3u + member / 8u);
+    let scale = (scales >> shift) & 15u;
+    let odd = select(1.0, 1.4142135, (scale & 1u) == 1u);
+    let class_bits = texfold_progressive_params.class_bits;
+    return TexfoldProgressiveBlock(
+        texfold_progressive_params.first_bit + texfold_progressive_word(group) * 16u + sum * class_bits,
+        kind * class_bits,
+        texfold_progressive_params.classes[kind / 4u][kind % 4u],
+        f32(i32(1u << (scale >> 1u))) * odd * TEXFOLD_PROGRESSIVE_UNIT,
+    );
+}
+
+// 32 bits of the map from bit `start` on.
+fn texfold_progressive_read(start: u32) -> u32 {
+    let low = texfold_progressive_word(start / 32u);
+    let high = texfold_progressive_word(start / 32u + 1u);
+    return (low >> (start % 32u)) | ((high << 1u) << (31u - start % 32u));
+}
+
+// Bits of a block up to 22 behind its bit `position`, from TEXFOLD_PROGRESSIVE_STATE_BITS before it on. Before the first bit
+// stands the last.
+fn texfold_progressive_chunk(block: TexfoldProgressiveBlock, position: u32) -> u32 {
+    if position >= TEXFOLD_PROGRESSIVE_STATE_BITS {
+        return texfold_progressive_read(block.start + position - TEXFOLD_PROGRESSIVE_STATE_BITS);
+    }
+    let missing = TEXFOLD_PROGRESSIVE_STATE_BITS - position;
+    let last = texfold_progressive_read(block.start + block.bits - missing);
+    return (last & ((1u << missing) - 1u)) | (texfold_progressive_read(block.start) << missing);
+}
+
+// The value of a state: the bytes of a product, summed, are nearly normal and far apart for states that differ by a bit.
+fn texfold_progressive_value(state: u32) -> f32 {
+    let product = state * 3365104771u + 460760113u;
+    let pairs = (product & 0x00ff00ffu) + ((product >> 8u) & 0x00ff00ffu);
+    return f32(i32((pairs & 0xffffu) + (pairs >> 16u)) - 510);
+}
+
+// The coefficient whose bits end `end` bits behind the chunk's position, of `rate` bits: 0 where it has none.
+fn texfold_progressive_coefficient(chunk: u32, end: u32, rate: u32) -> f32 {
+    let state = (chunk >> end) & ((1u << TEXFOLD_PROGRESSIVE_STATE_BITS) - 1u);
+    return select(0.0, texfold_progressive_value(state), rate > 0u);
+}
+
+// The error of the texel at `at` of level `level`, which lies inside: red, green, blue and 0.
+fn texfold_progressive_error(at: vec2<u32>, level: u32) -> vec4<f32> {
+    let block = texfold_progressive_block(at, level);
+    if block.bits == 0u {
+        return vec4<f32>(0.0);
+    }
+    let luma_rates = (vec4<u32>(block.rates) >> vec4<u32>(0u, 4u, 8u, 12u)) & vec4<u32>(15u);
+    let chroma_rates = (vec2<u32>(block.rates) >> vec2<u32>(16u, 20u)) & vec2<u32>(15u);
+    // 1 on the left and upper side of a cell, of a quarter of it, and of that; -1 on the other.
+    let sides = vec2<f32>(1.0) - 2.0 * vec2<f32>(vec2<i32>((at >> vec2<u32>(1u)) & vec2<u32>(1u)));
+    let fine_sides = vec2<f32>(1.0) - 2.0 * vec2<f32>(vec2<i32>(at & vec2<u32>(1u)));
+    let signs = vec3<f32>(sides, sides.x * sides.y);
+    let cell = ((at.x >> 2u) & 1u) + ((at.y >> 2u) & 1u) * 2u;
+    let quad = ((at.x >> 1u) & 1u) + ((at.y >> 1u) & 1u) * 2u;
+
+    let luma_at = cell * (block.bits / 4u);
+    let luma_bits = texfold_progressive_chunk(block, luma_at);
+    let mean = texfold_progressive_coefficient(luma_bits, luma_rates.x, luma_rates.x);
+    let coarse = vec3<f32>(
+        texfold_progressive_coefficient(luma_bits, luma_rates.x + luma_rates.y, luma_rates.y),
+        texfold_progressive_coefficient(luma_bits, luma_rates.x + 2u * luma_rates.y, luma_rates.y),
+        texfold_progressive_coefficient(luma_bits, luma_rates.x + 3u * luma_rates.y, luma_rates.y),
+    );
+    let luma_scale = texfold_progressive_params.luma_weights * block.scale;
+    let luma = (mean * luma_scale.x + dot(signs, coarse) * luma_scale.y) * 0.25;
+
+    let chroma_at = luma_at + luma_rates.x + 3u * luma_rates.y;
+    let fine_at = chroma_at + 2u * chroma_rates.x + 6u * chroma_rates.y;
+    var chroma = vec2<f32>(0.0);
+    if fine_at > chroma_at {
+        let bits = texfold_progressive_chunk(block, chroma_at);
+        let ends = 2u * chroma_rates.x + chroma_rates.y * vec3<u32>(1u, 3u, 5u);
+        let means = vec2<f32>(
+            texfold_progressive_coefficient(bits, chroma_rates.x, chroma_rates.x),
+            texfold_progressive_coefficient(bits, 2u * chroma_rates.x, chroma_rates.x),
+        );
+        let first = vec3<f32>(
+            texfold_progressive_coefficient(bits, ends.x, chroma_rates.y),
+            texfold_progressive_coefficient(bits, ends.y, chroma_rates.y),
+            texfold_progressive_coefficient(bits, ends.z, chroma_rates.y),
+        );
+        let second = vec3<f32>(
+            texfold_progressive_coefficient(bits, ends.x + chroma_rates.y, chroma_rates.y),
+            texfold_progressive_coefficient(bits, ends.y + chroma_rates.y, chroma_rates.y),
+            texfold_progressive_coefficient(bits, ends.z + chroma_rates.y, chroma_rates.y),
+        );
+        let scale = texfold_progressive_params.chroma_weights.xy * block.scale;
+        chroma = (means * scale.x + vec2<f32>(dot(signs, first), dot(signs, second)) * scale.y) * 0.25;
+    }
+
+    var detail = 0.0;
+    if luma_rates.z + luma_rates.w > 0u {
+        let bits = texfold_progressive_chunk(block, fine_at + quad * (2u * luma_rates.z + luma_rates.w));
+        let edges = vec2<f32>(
+            texfold_progressive_coefficient(bits, luma_rates.z, luma_rates.z),
+            texfold_progressive_coefficient(bits, 2u * luma_rates.z, luma_rates.z),
+        );
+        let diagonal = texfold_progressive_coefficient(bits, 2u * luma_rates.z + luma_rates.w, luma_rates.w);
+        let diagonal_side = fine_sides.x * fine_sides.y;
+        detail = (dot(fine_sides, edges) * luma_scale.z + diagonal_side * diagonal * luma_scale.w) * 0.5;
+    }
+    let gray = (luma + detail) * 0.57735026;
+    let warm = chroma.x * 0.70710677;
+    let green = chroma.y * 0.40824828;
+    return vec4<f32>(gray + warm + green, gray - 2.0 * green, gray - warm + green, 0.0);
+}
+
+// Four texels of the base around the texel at `at` of level `level` of the image, blended.
+fn texfold_progressive_base(at: vec2<u32>, level: u32) -> vec4<f32> {
+    let stored = min(level, texfold_progressive_params.base_levels - 1u);
+    let size = texfold_level_size(texfold_progressive_params.base_size, stored);
+    let full = texfold_level_size(texfold_progressive_params.size, level);
+    let uv = (vec2<f32>(vec2<i32>(at)) + vec2<f32>(0.5)) / vec2<f32>(vec2<i32>(full));
+    let tap = texfold_tap(uv, size, TEXFOLD_CLAMP);
+    let upper_right = vec2<u32>(tap.high.x, tap.low.y);
+    let lower_left = vec2<u32>(tap.low.x, tap.high.y);
+    let a = texfold_bilinear(
+        array<vec4<f32>, 4>(
+            textureLoad(texfold_progressive_base_a, tap.low, stored),
+            textureLoad(texfold_progressive_base_a, upper_right, stored),
+            textureLoad(texfold_progressive_base_a, lower_left, stored),
+            textureLoad(texfold_progressive_base_a, tap.high, stored),
+        ),
+        tap.weight,
+    );
+    var b = a;
+    if texfold_progressive_params.swizzle == TEXFOLD_SPLIT {
+        b = texfold_bilinear(
+            array<vec4<f32>, 4>(
+                textureLoad(texfold_progressive_base_b, tap.low, stored),
+                textureLoad(texfold_progressive_base_b, upper_right, stored),
+                textureLoad(texfold_progressive_base_b, lower_left, stored),
+                textureLoad(texfold_progressive_base_b, tap.high, stored),
+            ),
+            tap.weight,
+        );
+    }
+    return texfold_swizzle(a, b, texfold_progressive_params.swizzle);
+}
+
+// The texel at `at` of level `level`, which lies inside.
+fn texfold_progressive_load(at: vec2<u32>, level: u32) -> vec4<f32> {
+    let base = texfold_progressive_base(at, level);
+    if texfold_progressive_params.class_bits == 0u {
+        return base;
+    }
+    return clamp(base + texfold_progressive_error(at, level), vec4<f32>(0.0), vec4<f32>(1.0));
+}
+
+// The texel at column `at.x` and row `at.y` of level `level`, clamped to it.
+fn texfold_progressive_fetch(at: vec2<i32>, level: u32) -> vec4<f32> {
+    let size = texfold_level_size(texfold_progressive_params.size, level);
+    return texfold_progressive_load(texfold_inside(at, size), level);
+}
+
+// The texel of level `level` that `uv` lies in, without filtering; uv is 0 to 1 from the top left, and beyond by the address
+// mode.
+fn texfold_progressive_nearest(uv: vec2<f32>, level: u32) -> vec4<f32> {
+    let size = texfold_level_size(texfold_progressive_params.size, level);
+    return texfold_progressive_load(texfold_nearest(uv, size, texfold_progressive_params.address_mode), level);
+}
+
+// Bilinear filtering at `uv` within level `level`.
+fn texfold_progressive_bilinear(uv: vec2<f32>, level: u32) -> vec4<f32> {
+    let size = texfold_level_size(texfold_progressive_params.size, level);
+    let tap = texfold_tap(uv, size, texfold_progressive_params.address_mode);
+    let texels = array<vec4<f32>, 4>(
+        texfold_progressive_load(tap.low, level),
+        texfold_progressive_load(vec2<u32>(tap.high.x, tap.low.y), level),
+        texfold_progressive_load(vec2<u32>(tap.low.x, tap.high.y), level),
+        texfold_progressive_load(tap.high, level),
+    );
+    return texfold_bilinear(texels, tap.weight);
+}
+
+// Trilinear filtering at `uv`; `lod` is the level, fractions blend two levels, values outside are clamped.
+fn texfold_progressive_sample_level(uv: vec2<f32>, lod: f32) -> vec4<f32> {
+    let clamped = texfold_lod(lod, texfold_progressive_params.levels);
+    let low = floor(clamped);
+    let fine = texfold_progressive_bilinear(uv, u32(low));
+    if clamped == low {
+        return fine;
+    }
+    let coarse = texfold_progressive_bilinear(uv, u32(low) + 1u);
+    return texfold_mix(fine, coarse, clamped - low);
+}
+
+// Trilinear filtering at `uv`, which moves by `dx` and `dy` to the pixels right and below.
+fn texfold_progressive_sample_grad(uv: vec2<f32>, dx: vec2<f32>, dy: vec2<f32>) -> vec4<f32> {
+    return texfold_progressive_sample_level(uv, texfold_level(dx, dy, texfold_progressive_params.size));
+}
+
+// The colour at `uv`, trilinear; for fragment shaders in uniform control flow.
+fn texfold_progressive_sample(uv: vec2<f32>) -> vec4<f32> {
+    return texfold_progressive_sample_grad(uv, dpdx(uv), dpdy(uv));
+}

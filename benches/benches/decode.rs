@@ -3,8 +3,8 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use texfold::{AnyImage, Content, ImageAddress, Texel};
-use texfold_benches::{bc, epitome, epitome_params, paper_params, picture_of, vq};
+use texfold::{AnyImage, Content, Effort, ImageAddress, Texel};
+use texfold_benches::{bc, epitome, epitome_params, paper_params, picture_of, progressive, vq};
 
 const SIDE: u32 = 1024;
 /// Random places a measurement.
@@ -17,6 +17,10 @@ fn textures() -> Vec<(String, AnyImage)> {
     for (name, content) in [("epitome bc1", Some(Content::Bc1)), ("epitome bc1 and bc7", None)] {
         let texture = epitome(&set, &epitome_params(content));
         textures.extend(texture.map(|texture| (name.to_owned(), texture)));
+    }
+    for bpp in [1.3, 2.7] {
+        let texture = progressive(&set, bpp, Effort::Fast);
+        textures.extend(texture.map(|texture| (format!("progressive {bpp} bpp"), texture)));
     }
     for content in [Content::Bc1, Content::Bc7] {
         textures.extend(bc(&set, content).map(|texture| (format!("plain {}", content.name()), texture)));

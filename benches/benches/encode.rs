@@ -2,7 +2,7 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use texfold::{Content, Effort, EpitomeParams, Goal, VqParams};
-use texfold_benches::{bc, epitome, epitome_params, paper_params, picture_512, vq};
+use texfold_benches::{bc, epitome, epitome_params, paper_params, picture_512, progressive, vq};
 
 fn encode(c: &mut Criterion) {
     let set = picture_512();
@@ -13,6 +13,10 @@ fn encode(c: &mut Criterion) {
     group.bench_function("vq, the same, fast", |b| b.iter(|| vq(&set, &fast)));
     let goal = VqParams { goal: Goal::Bpp(2.5), ..VqParams::default() };
     group.bench_function("vq, 2.5 bits a texel", |b| b.iter(|| vq(&set, &goal)));
+    for effort in [Effort::Fast, Effort::Normal] {
+        let name = format!("progressive, 2.7 bpp, {effort:?}");
+        group.bench_function(name, |b| b.iter(|| progressive(&set, 2.7, effort)));
+    }
     let fast = epitome_params(None);
     group.bench_function("epitome, 32 dB, fast", |b| b.iter(|| epitome(&set, &fast)));
     let normal = EpitomeParams { effort: Effort::Normal, ..epitome_params(None) };

@@ -3,9 +3,10 @@
 //! `cargo bench -p texfold-benches --bench shader`. Needs an adapter; software Vulkan serves. With a word behind `--`
 //! only the textures whose names hold it are drawn.
 
+use texfold::Effort;
 use texfold::image::ImageSet;
 use texfold::{AnyImage, Content, VqParams};
-use texfold_benches::{bc, epitome, epitome_params, paper_params, picture_of, vq};
+use texfold_benches::{bc, epitome, epitome_params, paper_params, picture_of, progressive, vq};
 use texfold_gpu::{Gpu, GpuError, Lookup, Policy, Probe, View};
 
 /// Pixels a side of the drawn picture: one for each texel.
@@ -17,12 +18,13 @@ const ROUNDS: usize = 5;
 /// A texture of a picture; `None` where it cannot be encoded.
 type Make = fn(&ImageSet) -> Option<AnyImage>;
 
-const TEXTURES: [(&str, Make); 7] = [
+const TEXTURES: [(&str, Make); 8] = [
     ("vq raw", |set| vq(set, &paper_params())),
     ("vq bc1", |set| vq(set, &VqParams { content: Some(Content::Bc1), ..paper_params() })),
     ("epitome raw", |set| epitome(set, &epitome_params(Some(Content::Raw)))),
     ("epitome bc1", |set| epitome(set, &epitome_params(Some(Content::Bc1)))),
     ("epitome bc1+bc7", |set| epitome(set, &epitome_params(None))),
+    ("progressive", |set| progressive(set, 2.7, Effort::Fast)),
     ("plain raw", |set| bc(set, Content::Raw)),
     ("plain bc1", |set| bc(set, Content::Bc1)),
 ];

@@ -4,8 +4,8 @@ pub mod report;
 
 use texfold::image::{ColorSpace, ImageSet, Raster};
 use texfold::{
-    AnyImage, Bc, BcParams, Content, Effort, Epitome, EpitomeParams, EpitomeSource, Goal, Job, TextureCodec,
-    Vq, VqParams, VqSource,
+    AnyImage, Bc, BcParams, Content, Effort, Epitome, EpitomeParams, EpitomeSource, Goal, Job, Progressive,
+    ProgressiveParams, TextureCodec, Vq, VqParams, VqSource,
 };
 
 /// A 512x512 picture: the facade four times, each turned another way so that blocks do not repeat exactly.
@@ -73,6 +73,13 @@ pub fn epitome_params(content: Option<Content>) -> EpitomeParams {
 #[must_use]
 pub fn epitome(set: &ImageSet, params: &EpitomeParams) -> Option<AnyImage> {
     Epitome::encode(EpitomeSource::new(set), params, &mut Job::default()).ok().map(AnyImage::Epitome)
+}
+
+/// `set` by progressive within `bpp` bits a texel; `None` where it cannot be encoded.
+#[must_use]
+pub fn progressive(set: &ImageSet, bpp: f64, effort: Effort) -> Option<AnyImage> {
+    let params = ProgressiveParams { goal: Goal::Bpp(bpp), effort, ..ProgressiveParams::default() };
+    Progressive::encode(set, &params, &mut Job::default()).ok().map(AnyImage::Progressive)
 }
 
 /// `set` as plain blocks at full size; `None` where it cannot be encoded.

@@ -167,11 +167,18 @@ fn progressive(
         mips: settings.mips,
         effort: settings.effort,
     };
-    let plain = BcParams { content: None, ..bc_params(settings) };
-    let plain = job.within(0.0, 0.1, |job| Bc::encode(source, &plain, job)).map(AnyImage::Bc)?;
+    let method = job.within(0.0, 0.9, |job| Progressive::encode(source, &params, job))?;
+    let method = AnyImage::Progressive(method);
+    let of_method = measure(source, method.as_encoded());
+    // A plain form of more bits is no better answer to a goal that is met, and need not be made.
+    let goal = match settings.goal {
+        Goal::Psnr(_) if settings.goal.is_met(&of_method) => Goal::Bpp(of_method.bpp),
+        goal => goal,
+    };
+    let plain = BcParams { content: None, goal, ..bc_params(settings) };
+    let plain = job.within(0.9, 1.0, |job| Bc::encode(source, &plain, job)).map(AnyImage::Bc)?;
     let of_plain = measure(source, plain.as_encoded());
-    let method = job.within(0.1, 1.0, |job| Progressive::encode(source, &params, job));
-    choose(source, ("progressive", settings.goal), method.map(AnyImage::Progressive), (plain, of_plain))
+    choose(source, ("progressive", settings.goal), Ok(method), (plain, of_plain))
 }
 
 /// Whether blocks that are BC1 already can be the plain answer.

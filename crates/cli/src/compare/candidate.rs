@@ -1,6 +1,6 @@
 //! Which settings are compared.
 
-use texfold::{BcParams, Content, EpitomeParams, Family, Goal, VqParams};
+use texfold::{BcParams, Content, EpitomeParams, Family, Goal, ProgressiveParams, VqParams};
 use texfold_core::image::{ColorSpace, PixelInfo};
 use texfold_core::{AstcBlock, Effort};
 
@@ -21,6 +21,9 @@ const BPP_GOALS: [f64; 2] = [1.5, 2.5];
 /// Bits a texel that epitome is asked for.
 const EPITOME_BPP_GOALS: [f64; 3] = [1.0, 1.5, 2.5];
 
+/// Bits a texel that progressive is asked for.
+const PROGRESSIVE_BPP_GOALS: [f64; 4] = [1.0, 1.5, 2.5, 4.0];
+
 /// Halvings of width and height of plain blocks.
 const HALVINGS: std::ops::RangeInclusive<u32> = 0..=2;
 
@@ -38,6 +41,8 @@ pub(crate) enum Candidate {
     VqBpp(f64),
     /// Epitome factoring within that many bits a texel, with content of that family.
     EpitomeBpp(f64, Family),
+    /// Base and error map within that many bits a texel.
+    ProgressiveBpp(f64),
     /// ASTC by the external encoder.
     Astc { block: AstcBlock },
 }
@@ -49,6 +54,7 @@ impl Candidate {
             Candidate::Bc { .. } => "bc",
             Candidate::VqCodebook { .. } | Candidate::VqBpp(_) => "vq",
             Candidate::EpitomeBpp(..) => "epitome",
+            Candidate::ProgressiveBpp(_) => "progressive",
             Candidate::Astc { .. } => "astc",
         }
     }
@@ -63,7 +69,9 @@ impl Candidate {
             Candidate::VqCodebook { size: (width, height), content } => {
                 format!("{width}x{height} {}", content.name())
             }
-            Candidate::VqBpp(bpp) | Candidate::EpitomeBpp(bpp, Family::Bc) => format!("{bpp} bpp"),
+            Candidate::VqBpp(bpp)
+            | Candidate::EpitomeBpp(bpp, Family::Bc)
+            | Candidate::ProgressiveBpp(bpp) => format!("{bpp} bpp"),
             Candidate::EpitomeBpp(bpp, Family::Astc) => format!("{bpp} bpp astc"),
             Candidate::Astc { block } => format!("{0}x{0}", block.side()),
         }
@@ -78,7 +86,7 @@ impl Candidate {
             Candidate::Bc { content, reduce_log2 } => *content != Content::Bc7 && *reduce_log2 < 2,
             Candidate::VqCodebook { .. } => false,
             Candidate::VqBpp(_) => true,
-            Candidate::EpitomeBpp(bpp, _) => BPP_GOALS.contains(bpp),
+            Candidate::EpitomeBpp(bpp, _) | Candidate::ProgressiveBpp(bpp) => BPP_GOALS.contains(bpp),
         }
     }
 }
@@ -102,6 +110,11 @@ pub(crate) fn codebook_params(size: (u32, u32), content: Content, effort: Effort
 /// Parameters of vq within a number of bits.
 pub(crate) fn bpp_params(bpp: f64, effort: Effort) -> VqParams {
     VqParams { goal: Goal::Bpp(bpp), effort, ..VqParams::default() }
+}
+
+/// Parameters of progressive within a number of bits.
+pub(crate) fn progressive_params(bpp: f64, effort: Effort) -> ProgressiveParams {
+    ProgressiveParams { goal: Goal::Bpp(bpp), effort, ..ProgressiveParams::default() }
 }
 
 /// Parameters of epitome within a number of bits.
@@ -135,5 +148,6 @@ pub(crate) fn candidates(pixel: PixelInfo, rival: bool) -> Vec<Candidate> {
         true => Candidate::Bc { content: Content::Astc(block), reduce_log2: 0 },
         false => Candidate::Astc { block },
     });
-    bc.chain(codebooks).chain(goals).chain(epitomes).chain(astc).collect()
+    let progressives = PROGRESSIVE_BPP_GOALS.into_iter().map(Candidate::ProgressiveBpp);
+    bc.chain(codebooks).chain(goals).chain(epitomes).chain(progressives).chain(astc).collect()
 }

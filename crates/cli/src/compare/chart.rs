@@ -81,6 +81,7 @@ fn color(codec: &str) -> RGBColor {
         "bc" => RGBColor(0xc0, 0x5a, 0x00),
         "vq" => RGBColor(0x00, 0x5f, 0xa8),
         "epitome" => RGBColor(0x8e, 0x24, 0x8a),
+        "progressive" => RGBColor(0xc2, 0x18, 0x2b),
         _ => RGBColor(0x3a, 0x7d, 0x2c),
     }
 }
@@ -156,7 +157,7 @@ fn draw_points<'a, 't: 'a>(
         .map_err(|error| error.to_string())?
         .label("front: beaten by none")
         .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], ink));
-    for codec in ["bc", "vq", "epitome", "astc"] {
+    for codec in ["bc", "vq", "epitome", "progressive", "astc"] {
         let of_codec = placed.iter().filter(|(row, _)| row.codec == codec);
         let dots: Vec<_> = of_codec.map(|(_, point)| Circle::new(*point, 5, color(codec).filled())).collect();
         if !dots.is_empty() {

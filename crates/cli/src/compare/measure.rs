@@ -3,13 +3,15 @@
 use std::path::Path;
 use std::time::Instant;
 
-use texfold::{AnyImage, Bc, Epitome, EpitomeSource, Vq, VqParams, VqSource};
+use texfold::{AnyImage, Bc, Epitome, EpitomeSource, Progressive, Vq, VqParams, VqSource};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::{SquaredError, color_error, ssim};
 use texfold_core::{AstcBlock, Domain, EncodeError, Encoded, Image2d, Job, Rect, Texel, TextureCodec};
 use texfold_gpu::{Gpu, Lookup, Policy, Probe, View};
 
-use super::candidate::{Candidate, bc_params, bpp_params, codebook_params, epitome_params};
+use super::candidate::{
+    Candidate, bc_params, bpp_params, codebook_params, epitome_params, progressive_params,
+};
 use super::rival::Astcenc;
 use super::table::Row;
 use crate::config::EffortName;
@@ -89,6 +91,11 @@ impl Bench {
                 let params = epitome_params(bpp, family, self.effort.effort());
                 let source = EpitomeSource::new(images);
                 Epitome::encode(source, &params, &mut Job::default()).map(AnyImage::Epitome).map_err(fault)?
+            }
+            Candidate::ProgressiveBpp(bpp) => {
+                let params = progressive_params(bpp, self.effort.effort());
+                let made = Progressive::encode(images, &params, &mut Job::default());
+                made.map(AnyImage::Progressive).map_err(fault)?
             }
             Candidate::Astc { block } => return self.astc(images, block, candidate, path),
         };

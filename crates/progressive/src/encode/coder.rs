@@ -11,7 +11,7 @@ use super::error::{Block, KIND_OF};
 use super::model::{left, scale_of};
 use super::trellis::{Step, Trellis, pack};
 use crate::decode::VALUES;
-use crate::rates::{CELLS, CLASSES, KINDS, Model, WEIGHT_ONE};
+use crate::rates::{CELLS, CLASSES, COUNTS, KINDS, Model, Rates, WEIGHT_ONE};
 
 /// Largest number of a scale.
 const MOST_SCALE: f32 = 15.0;
@@ -172,7 +172,7 @@ fn code_block(
     }
     let scale = scale_of(&block.energy, rates, weights);
     let number = |scale: f32| (2.0 * scale.max(1e-3).log2()).round().clamp(0.0, MOST_SCALE);
-    let mut scale_number = number(scale);
+    let mut scale_number = number(scale * headroom(rates));
     let mut steps = steps(block, rates.0, weights, scale_number);
     let path = trellis.open(&steps);
     let end = path.last().copied().unwrap_or(0);
@@ -207,6 +207,16 @@ fn code_block(
         coded.worst = coded.worst.max(error + rest);
     }
     coded
+}
+
+/// How much larger than a block's RMS its scale should be: the more bits, the more the values beyond the table's largest
+/// count. Between what suits normal numbers and what suits those of mixed scales.
+fn headroom(rates: Rates) -> f32 {
+    const BY_RATE: [f32; 6] = [1.0, 1.0, 1.2, 1.4, 1.55, 1.6];
+    let coded = || rates.0.into_iter().zip(COUNTS).filter(|&(rate, _)| rate > 0);
+    let coefficients: u32 = coded().map(|(_, count)| count).sum();
+    let sum: f32 = coded().map(|(rate, count)| BY_RATE[usize::from(rate)] * count as f32).sum();
+    sum / coefficients.max(1) as f32
 }
 
 /// RMS of the table: one over 255 times the unit.

@@ -8,7 +8,7 @@ use texfold_core::target::{Found, Measured, search};
 
 use super::base::Base;
 use super::coder::Coder;
-use super::model::train;
+use super::model::{Reach, train};
 use crate::rates::{CLASSES, Model};
 
 /// Prices of a bit that are told apart: steps of half a percent from the highest to the lowest.
@@ -48,6 +48,8 @@ pub(crate) fn cell_limit(tolerance: f64) -> f32 {
 #[derive(Debug)]
 pub(crate) struct Draft {
     pub(crate) model: Model,
+    /// Price that the model was made for.
+    lambda: f32,
     /// Number of the price.
     pub(crate) number: u32,
     /// What it should come to.
@@ -64,13 +66,13 @@ impl Draft {
             Goal::Tolerance(tolerance) => (1.4 * CHANNELS * tolerance * tolerance / 4.0) as f32,
             Goal::Bpp(_) => FIRST_GUESS,
         };
-        let mut draft = Draft::priced(base, class_bits, goal, lambda);
+        let mut draft = Draft::priced(base, class_bits, goal, lambda, Reach::Near);
         for _ in 0..ROUNDS {
             lambda = match goal {
                 Goal::Tolerance(_) => lambda,
                 _ => price(draft.number),
             };
-            let next = Draft::priced(base, class_bits, goal, lambda);
+            let next = Draft::priced(base, class_bits, goal, lambda, Reach::Near);
             if goal.prefers(&next.estimate, &draft.estimate) {
                 draft = next;
             }
@@ -78,8 +80,13 @@ impl Draft {
         draft
     }
 
-    fn priced(base: &Base, class_bits: u32, goal: Goal, lambda: f32) -> Draft {
-        let coder = Coder::new(&base.blocks, train(&base.blocks, class_bits, lambda));
+    /// The same with a model for prices far from its own.
+    pub(crate) fn widened(self, base: &Base, goal: Goal) -> Draft {
+        Draft::priced(base, self.model.class_bits, goal, self.lambda, Reach::Far)
+    }
+
+    fn priced(base: &Base, class_bits: u32, goal: Goal, lambda: f32, reach: Reach) -> Draft {
+        let coder = Coder::new(&base.blocks, train(&base.blocks, class_bits, lambda, reach));
         let (number, estimate, classes) = match goal {
             Goal::Tolerance(tolerance) => {
                 let classes = coder.likely(cell_limit(tolerance) * 4.0 / WORST_TO_MEAN);
@@ -94,7 +101,7 @@ impl Draft {
             }
         };
         let crowded = share_of_largest(&classes) > CROWD;
-        Draft { model: coder.model, number, estimate, crowded }
+        Draft { model: coder.model, lambda, number, estimate, crowded }
     }
 }
 

@@ -62,6 +62,7 @@ pub(crate) fn encode(
         }
     }
     let (base, draft) = best.ok_or(SourceError::Full { what: "a plane of 8192 x 8192 words" })?;
+    let draft = job.install(|| draft.widened(&base, params.goal));
     let made = job.within(0.4, 1.0, |job| finish(source, &base, draft, params, job))?;
     let met = params.goal.is_met(&measure(source, &made));
     let notes = notes(source, &made, params, met);

@@ -15,7 +15,7 @@ use crate::rates::{CELLS, CLASSES, COUNTS, KINDS, MOST, Model, Rates, WEIGHT_ONE
 pub(crate) const LEFT: [f32; 6] = [1.0, 0.288, 0.081, 0.0245, 0.0075, 0.0024];
 
 /// Most blocks that a model is made from.
-const SAMPLE: usize = 4096;
+const SAMPLE: usize = 1024;
 
 /// Largest scale by number: 2^(15 / 2).
 pub(crate) const MOST_SCALE: f32 = 181.02;
@@ -59,13 +59,25 @@ fn sample(blocks: &[Block]) -> Vec<&Block> {
     blocks.iter().step_by(blocks.len().div_ceil(SAMPLE).max(1)).collect()
 }
 
+/// Classes that no block takes at a price are those of blocks at others, so that other prices can be tried with a model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Reach {
+    /// A little higher and lower.
+    Near,
+    /// All that a search may come to.
+    Far,
+}
+
 /// The model for blocks of which class 1 has `class_bits` bits, where a bit is worth `lambda` of squared error.
-pub(crate) fn train(blocks: &[Block], class_bits: u32, lambda: f32) -> Model {
+pub(crate) fn train(blocks: &[Block], class_bits: u32, lambda: f32, reach: Reach) -> Model {
     let sample = sample(blocks);
     let mut model = Model { class_bits, ..Model::default() };
     let mut taken = [None; CLASSES];
-    // The classes that no block takes at this price are those of blocks at others, for prices that are tried later.
-    for price in [1.0, 0.5, 2.0, 0.25, 4.0, 0.06, 16.0] {
+    let prices: &[f32] = match reach {
+        Reach::Near => &[1.0, 0.4, 2.5],
+        Reach::Far => &[1.0, 0.5, 2.0, 0.25, 4.0, 0.06, 16.0],
+    };
+    for price in prices {
         for (taken, found) in taken.iter_mut().zip(favourites(&sample, class_bits, price * lambda)) {
             *taken = taken.or(found);
         }

@@ -8,6 +8,23 @@
 
 use crate::decode::{STATES, TEXFOLD_PROGRESSIVE_STATE_BITS, VALUES};
 
+/// [`VALUES`] by the states' bits in reverse. States are held so in here: those that a state may follow, and those that may
+/// follow it, then stand as vector units want them.
+static REVERSED: [f32; STATES] = {
+    let mut values = [0.0; STATES];
+    let mut state = 0;
+    while state < STATES {
+        values[reverse(state)] = VALUES[state];
+        state += 1;
+    }
+    values
+};
+
+/// A state with its bits in reverse.
+const fn reverse(state: usize) -> usize {
+    state.reverse_bits() >> (usize::BITS - TEXFOLD_PROGRESSIVE_STATE_BITS)
+}
+
 /// A coefficient to code.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Step {
@@ -56,9 +73,10 @@ impl Trellis {
     /// The states along the best path from state `end` back to it.
     pub(crate) fn ring(&mut self, steps: &[Step], end: u16) -> &[u16] {
         self.cost.fill(FORBIDDEN);
-        self.cost[usize::from(end)] = START;
+        let end = reverse(usize::from(end));
+        self.cost[end] = START;
         self.forward(steps);
-        self.trace(steps, usize::from(end));
+        self.trace(steps, end);
         &self.path
     }
 
@@ -84,28 +102,32 @@ impl Trellis {
         self.path.resize(steps.len(), 0);
         let (mut state, mut start) = (end, self.best.len());
         for (step, place) in steps.iter().zip(&mut self.path).rev() {
-            *place = state as u16;
+            *place = reverse(state) as u16;
             let count = STATES >> step.rate;
             start -= count;
-            let kept = state % count;
-            state = kept << step.rate | (self.best[start + kept].to_bits() & TAG) as usize;
+            let kept = state >> step.rate;
+            state = kept + count * (self.best[start + kept].to_bits() & TAG) as usize;
         }
     }
 }
 
 /// One step: the least of the `WAYS` states that lead to the same ones, and the cost of going on from it.
 fn advance<const WAYS: usize>(step: &Step, cost: &[f32], best: &mut [f32], next: &mut [f32]) {
-    for (least, ways) in best.iter_mut().zip(cost.chunks_exact(WAYS)) {
-        let mut found = f32::from_bits(ways[0].to_bits() & !TAG);
-        for (way, &cost) in (0..).zip(ways).skip(1) {
-            let cost = f32::from_bits(cost.to_bits() & !TAG | way);
-            found = if cost < found { cost } else { found };
-        }
-        *least = found;
-    }
     let count = best.len();
-    for (next, values) in next.chunks_exact_mut(count).zip(VALUES.chunks_exact(count)) {
-        for ((next, value), least) in next.iter_mut().zip(values).zip(&*best) {
+    let mut ways = cost.chunks_exact(count);
+    for (least, &cost) in best.iter_mut().zip(ways.next().unwrap_or_default()) {
+        *least = f32::from_bits(cost.to_bits() & !TAG);
+    }
+    for (way, costs) in (1..).zip(ways) {
+        for (least, &cost) in best.iter_mut().zip(costs) {
+            let cost = f32::from_bits(cost.to_bits() & !TAG | way);
+            *least = if cost < *least { cost } else { *least };
+        }
+    }
+    let (next, _) = next.as_chunks_mut::<WAYS>();
+    let (values, _) = REVERSED.as_chunks::<WAYS>();
+    for ((next, values), &least) in next.iter_mut().zip(values).zip(&*best) {
+        for (next, value) in next.iter_mut().zip(values) {
             let miss = step.target - step.weight * value;
             *next = least + miss * miss;
         }

@@ -1,8 +1,7 @@
 // Base and error map: a small picture, enlarged, and what it lacks in blocks of 8x8 texels. CPU twins:
 // crates/progressive/src/decode.rs.
 //
-// A block's errors are coefficients of a two-level Haar transform in cells of 4x4 texels, of luma and, at the coarser level,
-// of two axes of chroma. The last TEXFOLD_PROGRESSIVE_STATE_BITS bits up to a coefficient's own bits, around the block, name
+// A block's errors are coefficients of a two-level Haar transform in cells of 4x4 texels, of luma and two axes of chroma. The last TEXFOLD_PROGRESSIVE_STATE_BITS bits up to a coefficient's own bits, around the block, name
 // its value. Colours are as stored: no gamma conversion (see texfold_linear). Every function works in any control flow but
 // texfold_progressive_sample, which takes derivatives.
 
@@ -38,11 +37,11 @@ struct TexfoldProgressiveParams {
     // For each level the number of blocks of the levels above it, four levels a vector.
     level_start: array<vec4<u32>, 4>,
     // For each class the bits of a coefficient of each kind, 4 bits each, four classes a vector. Kinds: mean of luma, coarse
-    // luma, edges, diagonals, mean of chroma, coarse chroma.
+    // luma, edges, diagonals, mean of chroma, coarse chroma, edges and diagonals of chroma.
     classes: array<vec4<u32>, 4>,
     // Weights of the first four kinds.
     luma_weights: vec4<f32>,
-    // Weights of the last two kinds.
+    // Weights of the last three kinds.
     chroma_weights: vec4<f32>,
 }
 
@@ -138,6 +137,15 @@ fn texfold_progressive_coefficient(chunk: u32, end: u32, rate: u32) -> f32 {
     return select(0.0, texfold_progressive_value(state), rate > 0u);
 }
 
+// Three coefficients of `rate` bits whose bits end `ends` bits behind the chunk's position.
+fn texfold_progressive_three(chunk: u32, ends: vec3<u32>, rate: u32) -> vec3<f32> {
+    return vec3<f32>(
+        texfold_progressive_coefficient(chunk, ends.x, rate),
+        texfold_progressive_coefficient(chunk, ends.y, rate),
+        texfold_progressive_coefficient(chunk, ends.z, rate),
+    );
+}
+
 // The error of the texel at `at` of level `level`, which lies inside: red, green, blue and 0.
 fn texfold_progressive_error(at: vec2<u32>, level: u32) -> vec4<f32> {
     let block = texfold_progressive_block(at, level);
@@ -145,7 +153,7 @@ fn texfold_progressive_error(at: vec2<u32>, level: u32) -> vec4<f32> {
         return vec4<f32>(0.0);
     }
     let luma_rates = (vec4<u32>(block.rates) >> vec4<u32>(0u, 4u, 8u, 12u)) & vec4<u32>(15u);
-    let chroma_rates = (vec2<u32>(block.rates) >> vec2<u32>(16u, 20u)) & vec2<u32>(15u);
+    let chroma_rates = (vec3<u32>(block.rates) >> vec3<u32>(16u, 20u, 24u)) & vec3<u32>(15u);
     // 1 on the left and upper side of a cell, of a quarter of it, and of that; -1 on the other.
     let sides = vec2<f32>(1.0) - 2.0 * vec2<f32>(vec2<i32>((at >> vec2<u32>(1u)) & vec2<u32>(1u)));
     let fine_sides = vec2<f32>(1.0) - 2.0 * vec2<f32>(vec2<i32>(at & vec2<u32>(1u)));
@@ -156,11 +164,8 @@ fn texfold_progressive_error(at: vec2<u32>, level: u32) -> vec4<f32> {
     let luma_at = cell * (block.bits / 4u);
     let luma_bits = texfold_progressive_chunk(block, luma_at);
     let mean = texfold_progressive_coefficient(luma_bits, luma_rates.x, luma_rates.x);
-    let coarse = vec3<f32>(
-        texfold_progressive_coefficient(luma_bits, luma_rates.x + luma_rates.y, luma_rates.y),
-        texfold_progressive_coefficient(luma_bits, luma_rates.x + 2u * luma_rates.y, luma_rates.y),
-        texfold_progressive_coefficient(luma_bits, luma_rates.x + 3u * luma_rates.y, luma_rates.y),
-    );
+    let coarse_ends = luma_rates.x + luma_rates.y * vec3<u32>(1u, 2u, 3u);
+    let coarse = texfold_progressive_three(luma_bits, coarse_ends, luma_rates.y);
     let luma_scale = texfold_progressive_params.luma_weights * block.scale;
     let luma = (mean * luma_scale.x + dot(signs, coarse) * luma_scale.y) * 0.25;
 
@@ -174,30 +179,32 @@ fn texfold_progressive_error(at: vec2<u32>, level: u32) -> vec4<f32> {
             texfold_progressive_coefficient(bits, chroma_rates.x, chroma_rates.x),
             texfold_progressive_coefficient(bits, 2u * chroma_rates.x, chroma_rates.x),
         );
-        let first = vec3<f32>(
-            texfold_progressive_coefficient(bits, ends.x, chroma_rates.y),
-            texfold_progressive_coefficient(bits, ends.y, chroma_rates.y),
-            texfold_progressive_coefficient(bits, ends.z, chroma_rates.y),
-        );
-        let second = vec3<f32>(
-            texfold_progressive_coefficient(bits, ends.x + chroma_rates.y, chroma_rates.y),
-            texfold_progressive_coefficient(bits, ends.y + chroma_rates.y, chroma_rates.y),
-            texfold_progressive_coefficient(bits, ends.z + chroma_rates.y, chroma_rates.y),
-        );
+        let first = texfold_progressive_three(bits, ends, chroma_rates.y);
+        let second = texfold_progressive_three(bits, ends + vec3<u32>(chroma_rates.y), chroma_rates.y);
         let scale = texfold_progressive_params.chroma_weights.xy * block.scale;
         chroma = (means * scale.x + vec2<f32>(dot(signs, first), dot(signs, second)) * scale.y) * 0.25;
     }
 
     var detail = 0.0;
-    if luma_rates.z + luma_rates.w > 0u {
-        let bits = texfold_progressive_chunk(block, fine_at + quad * (2u * luma_rates.z + luma_rates.w));
+    let luma_fine = 2u * luma_rates.z + luma_rates.w;
+    let quad_at = fine_at + quad * (luma_fine + 6u * chroma_rates.z);
+    let fine_signs = vec3<f32>(fine_sides, fine_sides.x * fine_sides.y);
+    if luma_fine > 0u {
+        let bits = texfold_progressive_chunk(block, quad_at);
         let edges = vec2<f32>(
             texfold_progressive_coefficient(bits, luma_rates.z, luma_rates.z),
             texfold_progressive_coefficient(bits, 2u * luma_rates.z, luma_rates.z),
         );
-        let diagonal = texfold_progressive_coefficient(bits, 2u * luma_rates.z + luma_rates.w, luma_rates.w);
-        let diagonal_side = fine_sides.x * fine_sides.y;
-        detail = (dot(fine_sides, edges) * luma_scale.z + diagonal_side * diagonal * luma_scale.w) * 0.5;
+        let diagonal = texfold_progressive_coefficient(bits, luma_fine, luma_rates.w);
+        detail = (dot(fine_sides, edges) * luma_scale.z + fine_signs.z * diagonal * luma_scale.w) * 0.5;
+    }
+    if chroma_rates.z > 0u {
+        let bits = texfold_progressive_chunk(block, quad_at + luma_fine);
+        let ends = chroma_rates.z * vec3<u32>(1u, 3u, 5u);
+        let first = texfold_progressive_three(bits, ends, chroma_rates.z);
+        let second = texfold_progressive_three(bits, ends + vec3<u32>(chroma_rates.z), chroma_rates.z);
+        let scale = texfold_progressive_params.chroma_weights.z * block.scale * 0.5;
+        chroma += vec2<f32>(dot(fine_signs, first), dot(fine_signs, second)) * scale;
     }
     let gray = (luma + detail) * 0.57735026;
     let warm = chroma.x * 0.70710677;

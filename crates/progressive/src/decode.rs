@@ -1,12 +1,11 @@
 //! CPU reference of `shaders/wgsl/progressive.wgsl`, function for function.
 //!
 //! A texel is a place of the base, blended from four texels, plus an error. Errors are stored in blocks of 8x8 texels, each
-//! of four cells of 4x4. A cell's luma error is the inverse of a two-level Haar transform, its chroma error that of the
-//! coarser level. The map is one plane of 32-bit words: for each group of 16 blocks where their bits begin, 4 bits of class
+//! of four cells of 4x4. A cell's error, in luma and two axes of chroma, is the inverse of a two-level Haar transform. The map is one plane of 32-bit words: for each group of 16 blocks where their bits begin, 4 bits of class
 //! and 4 bits of scale a block; then the bits of all blocks. Bits of a coefficient do not name its value alone: the last
 //! [`TEXFOLD_PROGRESSIVE_STATE_BITS`] bits up to its own do, around the block, by a fixed pseudo-random table.
 
-use glam::{IVec2, UVec2, Vec2, Vec4};
+use glam::{IVec2, UVec2, UVec3, Vec2, Vec3, Vec4};
 use texfold_core::Texel;
 use texfold_core::address::{
     TEXFOLD_CLAMP, TexfoldTap, texfold_inside, texfold_level_size, texfold_lod, texfold_nearest, texfold_tap,
@@ -173,6 +172,13 @@ pub fn texfold_progressive_coefficient(chunk: u32, end: u32, rate: u32) -> f32 {
     if rate > 0 { value(state) } else { 0.0 }
 }
 
+/// Three coefficients of `rate` bits whose bits end `ends` bits behind the chunk's position.
+#[must_use]
+#[inline]
+pub fn texfold_progressive_three(chunk: u32, ends: UVec3, rate: u32) -> Vec3 {
+    Vec3::from_array(ends.to_array().map(|end| texfold_progressive_coefficient(chunk, end, rate)))
+}
+
 /// The error of the texel at `at` of level `level`, which lies inside: red, green, blue and 0.
 #[must_use]
 pub fn texfold_progressive_error(view: &ProgressiveView<'_>, at: UVec2, level: u32) -> Vec4 {
@@ -184,7 +190,7 @@ pub fn texfold_progressive_error(view: &ProgressiveView<'_>, at: UVec2, level: u
     let quad = at.x / 2 % 2 + at.y / 2 % 2 * 2;
     let coarse = coarse(&cell, quad);
     let fine = fine(view, block, &cell, quad);
-    error(coarse, fine, at.x % 2 + at.y % 2 * 2)
+    error(coarse, &fine, at.x % 2 + at.y % 2 * 2)
 }
 
 /// Four texels of the base around the texel at `at` of level `level` of the image, blended.
@@ -296,14 +302,10 @@ fn cell(view: &ProgressiveView<'_>, block: TexfoldProgressiveBlock, number: u32)
     let position = number * (block.bits / 4);
     let [mean, coarse, chroma, chroma_coarse] = [0, 1, 4, 5].map(|kind| rate(block.rates, kind));
     let chunk = texfold_progressive_chunk(view, block, position);
-    let values = [
-        texfold_progressive_coefficient(chunk, mean, mean),
-        texfold_progressive_coefficient(chunk, mean + coarse, coarse),
-        texfold_progressive_coefficient(chunk, mean + 2 * coarse, coarse),
-        texfold_progressive_coefficient(chunk, mean + 3 * coarse, coarse),
-    ];
     let (first, further) = (weights[0] * block.scale, weights[1] * block.scale);
-    let luma = Vec4::from_array(values) * Vec4::new(first, further, further, further);
+    let ends = UVec3::splat(mean) + UVec3::new(1, 2, 3) * coarse;
+    let rest = texfold_progressive_three(chunk, ends, coarse) * further;
+    let luma = Vec4::new(texfold_progressive_coefficient(chunk, mean, mean) * first, rest.x, rest.y, rest.z);
     let position = position + mean + 3 * coarse;
     let fine = position + 2 * chroma + 6 * chroma_coarse;
     let mut both = [Vec4::ZERO; 2];
@@ -312,11 +314,9 @@ fn cell(view: &ProgressiveView<'_>, block: TexfoldProgressiveBlock, number: u32)
         let (first, further) = (weights[4] * block.scale, weights[5] * block.scale);
         for (axis, values) in (0..).zip(&mut both) {
             let means = texfold_progressive_coefficient(chunk, chroma * (axis + 1), chroma);
-            let further_at = |n: u32| {
-                let end = 2 * chroma + chroma_coarse * (2 * n + axis + 1);
-                texfold_progressive_coefficient(chunk, end, chroma_coarse) * further
-            };
-            *values = Vec4::new(means * first, further_at(0), further_at(1), further_at(2));
+            let ends = UVec3::splat(2 * chroma) + UVec3::new(1, 3, 5) * chroma_coarse + axis * chroma_coarse;
+            let rest = texfold_progressive_three(chunk, ends, chroma_coarse) * further;
+            *values = Vec4::new(means * first, rest.x, rest.y, rest.z);
         }
     }
     Cell { luma, chroma: both, fine }
@@ -330,31 +330,43 @@ fn coarse(cell: &Cell, quad: u32) -> [f32; 3] {
     [mean(cell.luma), mean(cell.chroma[0]), mean(cell.chroma[1])]
 }
 
-/// The finer coefficients of a quarter of a cell: across, down, diagonal.
+/// The finer coefficients of a quarter of a cell, of luma and of both axes of chroma: across, down, diagonal.
 #[inline]
-fn fine(view: &ProgressiveView<'_>, block: TexfoldProgressiveBlock, cell: &Cell, quad: u32) -> [f32; 3] {
+fn fine(view: &ProgressiveView<'_>, block: TexfoldProgressiveBlock, cell: &Cell, quad: u32) -> [[f32; 3]; 3] {
     let weights = &view.params.weights;
-    let (edge, diagonal) = (rate(block.rates, 2), rate(block.rates, 3));
-    if edge + diagonal == 0 {
-        return [0.0; 3];
+    let [edge, diagonal, chroma] = [2, 3, 6].map(|kind| rate(block.rates, kind));
+    let position = cell.fine + quad * (2 * edge + diagonal + 6 * chroma);
+    let mut fine = [[0.0; 3]; 3];
+    if edge + diagonal > 0 {
+        let chunk = texfold_progressive_chunk(view, block, position);
+        let (edges, diagonals) = (weights[2] * block.scale, weights[3] * block.scale);
+        fine[0] = [
+            texfold_progressive_coefficient(chunk, edge, edge) * edges,
+            texfold_progressive_coefficient(chunk, 2 * edge, edge) * edges,
+            texfold_progressive_coefficient(chunk, 2 * edge + diagonal, diagonal) * diagonals,
+        ];
     }
-    let position = cell.fine + quad * (2 * edge + diagonal);
-    let chunk = texfold_progressive_chunk(view, block, position);
-    let (edges, diagonals) = (weights[2] * block.scale, weights[3] * block.scale);
-    [
-        texfold_progressive_coefficient(chunk, edge, edge) * edges,
-        texfold_progressive_coefficient(chunk, 2 * edge, edge) * edges,
-        texfold_progressive_coefficient(chunk, 2 * edge + diagonal, diagonal) * diagonals,
-    ]
+    if chroma > 0 {
+        let chunk = texfold_progressive_chunk(view, block, position + 2 * edge + diagonal);
+        let scale = weights[6] * block.scale;
+        for (axis, values) in (1..).zip(&mut fine[1..]) {
+            let ends = UVec3::new(axis, 2 + axis, 4 + axis) * chroma;
+            *values = (texfold_progressive_three(chunk, ends, chroma) * scale).to_array();
+        }
+    }
+    fine
 }
 
 /// The error of one of the four texels of a quarter of a cell.
 #[inline]
-fn error([luma, first, second]: [f32; 3], fine: [f32; 3], texel: u32) -> Vec4 {
+fn error(coarse: [f32; 3], fine: &[[f32; 3]; 3], texel: u32) -> Vec4 {
     let (across, down) = (sign(texel & 1), sign(texel >> 1));
-    let detail = (across * fine[0] + down * fine[1] + across * down * fine[2]) * 0.5;
-    let gray = (luma + detail) * SQRT_3;
-    let (warm, green) = (first * SQRT_2, second * SQRT_6);
+    let sum = |axis: usize| {
+        let [a, b, c] = fine[axis];
+        coarse[axis] + (across * a + down * b + across * down * c) * 0.5
+    };
+    let gray = sum(0) * SQRT_3;
+    let (warm, green) = (sum(1) * SQRT_2, sum(2) * SQRT_6);
     Vec4::new(gray + warm + green, gray - 2.0 * green, gray - warm + green, 0.0)
 }
 
@@ -390,7 +402,7 @@ pub(crate) fn add_block(
             let fine = fine(view, block, &cell, quad);
             let (left, top) = (number % 2 * 4 + quad % 2 * 2, number / 2 * 4 + quad / 2 * 2);
             for texel in 0..4 {
-                add(left + texel % 2, top + texel / 2, error(coarse, fine, texel));
+                add(left + texel % 2, top + texel / 2, error(coarse, &fine, texel));
             }
         }
     }

@@ -1,13 +1,13 @@
 //! How many bits the coefficients of a block get, by class.
 
 /// Kinds of coefficients, and how many of each a cell of 4x4 texels has: mean of luma; its coarse, across, down and diagonal;
-/// edges across and down of each 2x2; their diagonals; mean of both axes of chroma; their coarse ones.
-pub(crate) const COUNTS: [u32; 6] = [1, 3, 8, 4, 2, 6];
+/// edges across and down of each 2x2; their diagonals; mean of both axes of chroma; their coarse ones; and their edges and diagonals of each 2x2.
+pub(crate) const COUNTS: [u32; 7] = [1, 3, 8, 4, 2, 6, 24];
 /// Kinds of coefficients.
 pub(crate) const KINDS: usize = COUNTS.len();
-/// Most bits of a coefficient by kind: those of a cell's luma mean and coarse ones, of its chroma, and of a 2x2 are read in one
+/// Most bits of a coefficient by kind: those of a cell's luma mean and coarse ones, of its chroma, and of either in a 2x2 are read in one
 /// go of 32 bits, [`crate::decode::TEXFOLD_PROGRESSIVE_STATE_BITS`] of them before their own.
-pub(crate) const MOST: [u32; KINDS] = [5, 5, 5, 5, 5, 2];
+pub(crate) const MOST: [u32; KINDS] = [5, 5, 5, 5, 5, 2, 3];
 /// Classes of blocks.
 pub(crate) const CLASSES: usize = 16;
 /// Cells of a block.

@@ -90,3 +90,19 @@ fn a_light_field_is_drawn_as_ever() {
     let wanted = texfold_testkit::png(&golden("lightfield.png")).to_bytes();
     assert!(drawn.as_flattened() == wanted, "the light field is drawn otherwise than before");
 }
+
+/// A base and an error map with mip levels, and what a prefix without the error map shows. While the form of the file is not
+/// released, it is written anew by
+/// `texfold compress fixtures/images/odd_37x61.png --codec progressive --effort fast --psnr 32 --mips --out .`
+/// and its pictures by `texfold decompress odd_37x61.txf --out .` without any, with `--lod 2` and with `--layers 1`.
+#[test]
+fn a_base_and_an_error_map_decode_as_ever() {
+    assert_decodes("progressive", &["progressive.png".to_owned()]);
+    assert_level_decodes("progressive", 2, &["progressive-level2.png".to_owned()]);
+    let bytes = std::fs::read(golden("progressive.txf")).unwrap();
+    // The error map is the last section.
+    let prefix = open_image(&bytes[..bytes.len() - 1], &mut Budget::default()).unwrap();
+    assert_eq!(prefix.as_encoded().layers(), Layers { loaded: 1, total: 2 });
+    let wanted = texfold_testkit::png(&golden("progressive-base.png"));
+    assert!(decode_surface(prefix.as_encoded(), 0, 0).unwrap().to_bytes() == wanted.to_bytes());
+}

@@ -285,18 +285,18 @@ fn a_forged_model_is_refused_or_harmless() {
     let bytes = texture.to_bytes();
     let open = |forged: &[u8]| open_image(forged, &mut Budget::new(LIMITS));
     // Content that there is not, halvings, bits of the first class, and bits of classes beyond what a file may have.
-    for (at, value) in [(0, 12), (1, 0), (1, 4), (2, 3), (2, 255), (15, 1), (19, 6), (22, 1)] {
+    for (at, value) in [(0, 12), (1, 0), (1, 4), (2, 3), (2, 255), (17, 1), (21, 6), (24, 1)] {
         let forged = rewritten(&bytes, *b"PRFM", |raw| raw[at] = value).unwrap();
         assert!(matches!(open(&forged), Err(LoadError::Corrupt { .. })), "byte {at} is {value}");
     }
     // No error map where there is one, and the other way round.
     let none = |raw: &mut Vec<u8>| {
         raw[2] = 0;
-        raw[15..].fill(0);
+        raw[17..].fill(0);
     };
     assert!(matches!(open(&rewritten(&bytes, *b"PRFM", none).unwrap()), Err(LoadError::Corrupt { .. })));
     // Any weights, any scales and any bits are some texture.
-    let weights = |raw: &mut Vec<u8>| raw[3..15].fill(0xff);
+    let weights = |raw: &mut Vec<u8>| raw[3..17].fill(0xff);
     exercise(open(&rewritten(&bytes, *b"PRFM", weights).unwrap()).unwrap().as_encoded());
     let bits = |raw: &mut Vec<u8>| {
         let half = raw.len() / 2;

@@ -253,7 +253,7 @@ fn a_comparison_has_a_row_for_each_setting_and_a_page_of_its_own() {
     let bc7 = rows.iter().find(|row| row["settings"] == "bc7").unwrap();
     assert!(bc7["psnr"].as_f64() > bc1["psnr"].as_f64());
     assert!(bc1["decode_cpu_texels_per_second"].as_f64().unwrap() > 0.0);
-    for codec in ["vq", "epitome"] {
+    for codec in ["vq", "epitome", "progressive"] {
         assert!(rows.iter().any(|row| row["codec"] == codec), "{codec}");
     }
     let page = fs::read_to_string(place.at("out/report.html")).unwrap();
@@ -282,4 +282,27 @@ fn the_gpu_decodes_as_the_cpu_does() {
             assert!(reference.iter().zip(&found).all(|(a, b)| a.abs_diff(*b) <= 1), "{other}/{name}");
         }
     }
+}
+
+#[test]
+fn a_base_with_errors_is_compressed_told_and_decoded() {
+    let place = Place::new();
+    fs::copy(fixture("terrain.png"), place.at("a.png")).unwrap();
+    let arguments = "a.png --out out --codec progressive --psnr 30 --effort fast --mips --content bc7";
+    let (run, report) = place.compress(arguments);
+    assert_eq!((run.code, &report[0]["codec"]), (Some(0), &"progressive".into()), "{}", run.stderr);
+    assert!(report[0]["psnr"].as_f64().unwrap() >= 30.0, "{report:?}");
+    assert!(report[0]["verdict"].as_str().unwrap().contains("in BC7"), "{}", report[0]["verdict"]);
+    let run = place.run("info out/a.txf --json");
+    let info: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+    let part = |name: &str| info["parts"].as_array().unwrap().iter().find(|part| part["name"] == name);
+    assert!(part("base").is_some() && part("error map").unwrap()["psnr_without"].as_f64() < Some(30.0));
+    for (options, folder) in [("", "whole"), ("--layers 1", "base"), ("--lod 3", "small")] {
+        let run = place.run(&format!("decompress out/a.txf --out {folder} {options}"));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+    }
+    let (whole, base) = (place.samples("whole/a.png"), place.samples("base/a.png"));
+    assert_eq!((whole.0, whole.1), (base.0, base.1));
+    assert!(whole.2 != base.2);
+    assert_eq!(place.samples("small/a.png").0, whole.0 / 8);
 }

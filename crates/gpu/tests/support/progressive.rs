@@ -20,11 +20,15 @@ pub(crate) struct Base {
     pub(crate) class_bits: u32,
 }
 
-/// Bits of coefficients by class, for a class of 16 bits more than the one before: each kind has some, each number of bits
-/// up to 4 occurs.
+/// Bits of coefficients by class, for a class of 16 bits more than the one before: each kind has some.
 const CLASSES: [u32; 16] = [
-    0x00_0000, 0x00_0011, 0x02_0011, 0x00_0111, 0x00_1111, 0x02_1111, 0x04_1111, 0x13_1111, 0x00_2222,
-    0x02_2222, 0x11_2222, 0x00_2333, 0x02_2333, 0x00_3344, 0x00_4344, 0x02_4344,
+    0, 0x11, 0x2_0011, 0x111, 0x1111, 0x2_1111, 0x4_1111, 0x13_1111, 0x2222, 0x100_0111, 0x11_2222,
+    0x102_0122, 0x104_1111, 0x3344, 0x202_0011, 0x200_0111,
+];
+/// The same for classes of 32 bits more each: three bits for a kind that has at most two above.
+const WIDE_CLASSES: [u32; 11] = [
+    0, 0x2_0011, 0x1111, 0x4_1111, 0x2222, 0x11_2222, 0x104_1111, 0x202_0011, 0x200_1111, 0x300_0000,
+    0x300_0022,
 ];
 
 /// The texture of that kind.
@@ -37,12 +41,14 @@ pub(crate) fn progressive(base: &Base) -> Subject {
     let mut out = SectionWriter::new(CodecId { number: 4, name: "progressive" });
     Notes::default().write(&mut out);
     let mut form = vec![content.number(), reduce_log2 as u8, (class_bits / 16) as u8];
-    form.extend([300u16, 250, 180, 120, 200, 90].into_iter().flat_map(u16::to_le_bytes));
-    let class = |class: u32| {
-        if class_bits == 16 { CLASSES[class as usize] } else { CLASSES[2 * class as usize % 16] }
+    form.extend([300u16, 250, 180, 120, 200, 90, 70].into_iter().flat_map(u16::to_le_bytes));
+    let classes: &[u32] = match class_bits {
+        16 => &CLASSES,
+        32 => &WIDE_CLASSES,
+        _ => &[0],
     };
-    let usable = [1, 16, 8][class_bits as usize / 16];
-    let classes = (0..16).map(|number| if number < usable { class(number) } else { 0 });
+    let usable = classes.len() as u32;
+    let classes = (0..16).map(|number| classes.get(number).copied().unwrap_or(0));
     form.extend(classes.flat_map(u32::to_le_bytes));
     let (mut planes, mut maps) = (Vec::new(), Vec::new());
     for size in &surfaces {

@@ -5,7 +5,7 @@
 //! the right price codes a block once for each class that it is given. Cost: a trellis search a block and class.
 
 use rayon::prelude::*;
-use texfold_core::{EncodeError, Job};
+use texfold_core::{Effort, EncodeError, Job};
 
 use super::error::{Block, KIND_OF};
 use super::model::{left, scale_of};
@@ -37,6 +37,7 @@ pub(crate) struct Coded {
 pub(crate) struct Coder<'b> {
     blocks: &'b [Block],
     pub(crate) model: Model,
+    effort: Effort,
     weights: [f32; KINDS],
     /// Squared error of each block by class, estimated or known; infinite where there is no such class.
     errors: Vec<[f32; CLASSES]>,
@@ -44,7 +45,7 @@ pub(crate) struct Coder<'b> {
 }
 
 impl<'b> Coder<'b> {
-    pub(crate) fn new(blocks: &'b [Block], model: Model) -> Self {
+    pub(crate) fn new(blocks: &'b [Block], model: Model, effort: Effort) -> Self {
         let estimate = |block: &Block| {
             std::array::from_fn(|class| match model.classes[class] {
                 rates if class > 0 && rates.bits() == 0 => f32::INFINITY,
@@ -53,7 +54,7 @@ impl<'b> Coder<'b> {
         };
         let errors = blocks.par_iter().map(estimate).collect();
         let weights = model.weights.map(|weight| f32::from(weight) / WEIGHT_ONE);
-        Coder { blocks, model, weights, errors, coded: vec![Vec::new(); blocks.len()] }
+        Coder { blocks, model, effort, weights, errors, coded: vec![Vec::new(); blocks.len()] }
     }
 
     /// The class of each block where a bit is worth `lambda`.
@@ -76,17 +77,14 @@ impl<'b> Coder<'b> {
 
     /// Squared error of such classes, as far as is known, summed over the `counted` blocks.
     pub(crate) fn error_of(&self, classes: &[u8], counted: &[bool]) -> f64 {
-        let known = |index: usize| {
-            let rest: f32 = self.blocks[index].rest.iter().sum();
-            f64::from(self.errors[index][usize::from(classes[index])] + rest)
-        };
+        let known = |index: usize| f64::from(self.errors[index][usize::from(classes[index])]);
         (0..classes.len()).filter(|&index| counted[index]).map(known).sum()
     }
 
     /// Codes every block in its class, where that has not been done.
     pub(crate) fn code(&mut self, classes: &[u8], job: &Job<'_>) -> Result<(), EncodeError> {
-        let Coder { blocks, model, weights, errors, coded } = self;
-        let (blocks, model, weights) = (*blocks, &*model, &*weights);
+        let Coder { blocks, model, effort, weights, errors, coded } = self;
+        let (blocks, model, effort, weights) = (*blocks, &*model, *effort, &*weights);
         for start in (0..blocks.len()).step_by(TASK_BLOCKS * 256) {
             job.checkpoint()?;
             let range = start..blocks.len().min(start + TASK_BLOCKS * 256);
@@ -102,7 +100,7 @@ impl<'b> Coder<'b> {
                         coded.iter_mut().zip(errors).zip(blocks).zip(classes)
                     {
                         if coded.iter().all(|found| found.class != class) {
-                            let found = code_block(block, class, model, weights, &mut trellis);
+                            let found = code_block(block, class, model, weights, effort, &mut trellis);
                             correct(errors, &found);
                             coded.push(found);
                         }
@@ -161,40 +159,58 @@ fn code_block(
     class: u8,
     model: &Model,
     weights: &[f32; KINDS],
+    effort: Effort,
     trellis: &mut Trellis,
 ) -> Coded {
     let rates = model.classes[usize::from(class)];
     let zero = rates.bits() == 0;
     if zero {
         let errors = block.cells.map(|cell| cell.iter().map(|value| value * value).sum::<f32>());
-        let worst = errors.iter().zip(block.rest).map(|(error, rest)| error + rest).fold(0.0, f32::max);
+        let worst = errors.iter().copied().fold(0.0, f32::max);
         return Coded { class, scale: 0, error: errors.iter().sum(), worst, halves: Vec::new() };
     }
-    let scale = scale_of(&block.energy, rates, weights);
-    let number = |scale: f32| (2.0 * scale.max(1e-3).log2()).round().clamp(0.0, MOST_SCALE);
-    let mut scale_number = number(scale * headroom(rates));
-    let mut steps = steps(block, rates.0, weights, scale_number);
-    let path = trellis.open(&steps);
-    let end = path.last().copied().unwrap_or(0);
-    // The gain that suits the path best is nearly the one that suits the block best.
-    let (mut inner, mut square) = (0.0, 0.0);
-    for (step, &state) in steps.iter().zip(path) {
-        let value = step.weight * VALUES[usize::from(state)];
-        inner += step.target * value;
-        square += value * value;
-    }
-    if inner > 0.0 {
-        let better = number((scale_number / 2.0).exp2() * inner / square);
-        if better != scale_number {
-            scale_number = better;
-            steps = self::steps(block, rates.0, weights, scale_number);
+    let scale = scale_of(&block.energy, rates, weights) * headroom(rates);
+    let number = (2.0 * scale.max(1e-3).log2()).round().clamp(0.0, MOST_SCALE);
+    let mut open = |number: f32| {
+        let steps = steps(block, rates.0, weights, number);
+        let (end, error) = trellis.open(&steps);
+        Opened { number, steps, end, error }
+    };
+    let mut best = open(number);
+    // Errors have one least scale in all but a few blocks: where a larger one is better, no smaller one is tried.
+    for direction in if effort == Effort::Fast { &[][..] } else { &[1.0, -1.0] } {
+        let first = best.number;
+        while (0.0..=MOST_SCALE).contains(&(best.number + direction)) {
+            let next = open(best.number + direction);
+            if next.error >= best.error {
+                break;
+            }
+            best = next;
+        }
+        if best.number != first {
+            break;
         }
     }
-    let path = trellis.ring(&steps, end);
-    let mut coded =
-        Coded { class, scale: scale_number as u8, error: 0.0, worst: 0.0, halves: pack(&steps, path) };
+    close(block, class, rates, &best, trellis)
+}
+
+/// A block's best path without the rule that it ends where it begins.
+struct Opened {
+    /// Number of the scale.
+    number: f32,
+    steps: Vec<Step>,
+    end: u16,
+    error: f32,
+}
+
+/// The block with a path that ends where it begins.
+fn close(block: &Block, class: u8, rates: Rates, opened: &Opened, trellis: &mut Trellis) -> Coded {
+    let steps = &opened.steps;
+    let path = trellis.ring(steps, opened.end);
+    let halves = pack(steps, path);
+    let mut coded = Coded { class, scale: opened.number as u8, error: 0.0, worst: 0.0, halves };
     let mut left = steps.iter().zip(path);
-    for (cell, rest) in block.cells.iter().zip(block.rest) {
+    for cell in &block.cells {
         let mut error = 0.0;
         for (value, kind) in cell.iter().zip(KIND_OF) {
             let shown = match rates.0[usize::from(kind)] {
@@ -204,7 +220,7 @@ fn code_block(
             error += (value - shown) * (value - shown);
         }
         coded.error += error;
-        coded.worst = coded.worst.max(error + rest);
+        coded.worst = coded.worst.max(error);
     }
     coded
 }

@@ -2,9 +2,9 @@
 
 use std::convert::Infallible;
 
-use texfold_core::Goal;
 use texfold_core::metric::SquaredError;
 use texfold_core::target::{Found, Measured, search};
+use texfold_core::{Effort, Goal};
 
 use super::base::Base;
 use super::coder::Coder;
@@ -86,7 +86,7 @@ impl Draft {
     }
 
     fn priced(base: &Base, class_bits: u32, goal: Goal, lambda: f32, reach: Reach) -> Draft {
-        let coder = Coder::new(&base.blocks, train(&base.blocks, class_bits, lambda, reach));
+        let coder = Coder::new(&base.blocks, train(&base.blocks, class_bits, lambda, reach), Effort::Fast);
         let (number, estimate, classes) = match goal {
             Goal::Tolerance(tolerance) => {
                 let classes = coder.likely(cell_limit(tolerance) * 4.0 / WORST_TO_MEAN);

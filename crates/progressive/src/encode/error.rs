@@ -8,11 +8,26 @@ use crate::encoded::{BLOCK_SIDE, blocks_of};
 use crate::rates::{CELLS, KINDS};
 
 /// Coded coefficients of a cell: in the order of their bits.
-pub(crate) const CELL_STEPS: usize = 24;
+pub(crate) const CELL_STEPS: usize = 48;
 
 /// Kind of each of them.
-pub(crate) const KIND_OF: [u8; CELL_STEPS] =
-    [0, 1, 1, 1, 4, 4, 5, 5, 5, 5, 5, 5, 2, 2, 3, 2, 2, 3, 2, 2, 3, 2, 2, 3];
+pub(crate) const KIND_OF: [u8; CELL_STEPS] = {
+    let mut kinds = [6; CELL_STEPS];
+    let coarse = [0, 1, 1, 1, 4, 4, 5, 5, 5, 5, 5, 5];
+    let mut step = 0;
+    while step < coarse.len() {
+        kinds[step] = coarse[step];
+        step += 1;
+    }
+    while step < CELL_STEPS {
+        (kinds[step], kinds[step + 1], kinds[step + 2]) = (2, 2, 3);
+        step += QUAD_STEPS;
+    }
+    kinds
+};
+
+/// Coefficients of a quarter of a cell.
+const QUAD_STEPS: usize = 9;
 
 /// The error of a block of 8x8 texels, in 8-bit units.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,8 +36,6 @@ pub(crate) struct Block {
     pub(crate) cells: [[f32; CELL_STEPS]; CELLS as usize],
     /// Squares of those of a kind, summed.
     pub(crate) energy: [f32; KINDS],
-    /// Squared error of each cell that no coefficient holds: the finer level of chroma.
-    pub(crate) rest: [f32; CELLS as usize],
 }
 
 /// The errors of all blocks of one level of an image: `source` without `base`, which has as many texels. Texels beyond the
@@ -45,7 +58,7 @@ pub(crate) fn blocks(source: &Raster, base: &[Texel]) -> Vec<Block> {
 }
 
 fn block(at: impl Fn(u32, u32) -> [f32; 3]) -> Block {
-    let mut block = Block { cells: Default::default(), energy: [0.0; KINDS], rest: [0.0; CELLS as usize] };
+    let mut block = Block { cells: [[0.0; CELL_STEPS]; CELLS as usize], energy: [0.0; KINDS] };
     for number in 0..CELLS {
         let (left, top) = (number % 2 * 4, number / 2 * 4);
         let texels: [[f32; 3]; 16] = std::array::from_fn(|n| at(left + n as u32 % 4, top + n as u32 / 4));
@@ -56,11 +69,17 @@ fn block(at: impl Fn(u32, u32) -> [f32; 3]) -> Block {
             cell[4 + 2 * n] = first[n];
             cell[5 + 2 * n] = second[n];
         }
-        cell[12..].copy_from_slice(&luma[4..]);
+        for quad in 0..4 {
+            let (from, to) = (4 + 3 * quad, 12 + QUAD_STEPS * quad);
+            cell[to..to + 3].copy_from_slice(&luma[from..from + 3]);
+            for n in 0..3 {
+                cell[to + 3 + 2 * n] = first[from + n];
+                cell[to + 4 + 2 * n] = second[from + n];
+            }
+        }
         for (value, kind) in cell.iter().zip(KIND_OF) {
             block.energy[usize::from(kind)] += value * value;
         }
-        block.rest[number as usize] = first[4..].iter().chain(&second[4..]).map(|value| value * value).sum();
         block.cells[number as usize] = cell;
     }
     block
@@ -103,7 +122,7 @@ mod tests {
         };
         let block = block(at);
         let total: f32 = (0..64).flat_map(|n| at(n % 8, n / 8)).map(|value| value * value).sum();
-        let kept = block.energy.iter().sum::<f32>() + block.rest.iter().sum::<f32>();
+        let kept = block.energy.iter().sum::<f32>();
         assert!((kept / total - 1.0).abs() < 1e-5, "{kept} {total}");
     }
 }

@@ -19,8 +19,8 @@ const SAMPLE: usize = 1024;
 
 /// Largest scale by number: 2^(15 / 2).
 pub(crate) const MOST_SCALE: f32 = 181.02;
-/// Share of the blocks whose scale may be cut to that.
-const CUT: f32 = 0.005;
+/// How much larger scales may be than the largest of the sample.
+const HEADROOM: f32 = 1.6;
 /// Least scale in 8-bit units that is told from smaller ones.
 const LEAST_SCALE: f32 = 0.25;
 
@@ -44,7 +44,11 @@ static WAYS: LazyLock<Vec<Rates>> = LazyLock::new(|| {
                 for diagonal in 0..=edge.min(most[3]) {
                     for chroma in 0..=mean.min(most[4]) {
                         for chroma_coarse in 0..=chroma.min(most[5]) {
-                            ways.push(Rates([mean, coarse, edge, diagonal, chroma, chroma_coarse]));
+                            for chroma_fine in 0..=chroma_coarse.min(most[6]) {
+                                let rates =
+                                    [mean, coarse, edge, diagonal, chroma, chroma_coarse, chroma_fine];
+                                ways.push(Rates(rates));
+                            }
                         }
                     }
                 }
@@ -82,6 +86,9 @@ pub(crate) fn train(blocks: &[Block], class_bits: u32, lambda: f32, reach: Reach
             *taken = taken.or(found);
         }
     }
+    if reach == Reach::Far {
+        fill(&mut taken, &sample, class_bits);
+    }
     for (rates, taken) in model.classes.iter_mut().zip(taken) {
         *rates = taken.unwrap_or_default();
     }
@@ -114,6 +121,23 @@ fn favourites(sample: &[&Block], class_bits: u32, lambda: f32) -> [Option<Rates>
         }
     }
     found
+}
+
+/// Gives the classes that no block would take the way that leaves the least share of a block's error in the mean: single
+/// blocks of a tolerance may need them.
+fn fill(taken: &mut [Option<Rates>; CLASSES], sample: &[&Block], class_bits: u32) {
+    let share = |rates: Rates| -> f32 {
+        let shares = sample.iter().map(|block| {
+            let energy: f32 = block.energy.iter().sum();
+            left(&block.energy, rates) / energy.max(1.0)
+        });
+        shares.sum()
+    };
+    for (class, taken) in (0..).zip(taken.iter_mut()).skip(1).filter(|(_, taken)| taken.is_none()) {
+        let ways = WAYS.par_iter().filter(|rates| rates.bits() == class * class_bits);
+        let shares = ways.map(|&rates| (share(rates), rates));
+        *taken = shares.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|(_, rates)| rates);
+    }
 }
 
 /// RMS of a block's coded coefficients, each divided by its kind's weight.
@@ -156,8 +180,7 @@ fn set_weights(model: &mut Model, sample: &[&Block], lambda: f32) {
             weights[kind] = ((sums[kind] / uses[kind]).sqrt() as f32).max(0.02);
         }
     }
-    scales.sort_by(f32::total_cmp);
-    let largest = scales.get(((1.0 - CUT) * scales.len() as f32) as usize).or(scales.last());
-    let unit = (largest.copied().unwrap_or(1.0) / MOST_SCALE).max(LEAST_SCALE);
+    let largest = scales.into_iter().fold(0.0, f32::max) * HEADROOM;
+    let unit = (largest / MOST_SCALE).max(LEAST_SCALE);
     model.weights = weights.map(|weight| (weight * unit * WEIGHT_ONE).round().clamp(1.0, 65535.0) as u16);
 }

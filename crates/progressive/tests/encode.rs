@@ -1,0 +1,182 @@
+//! What the encoder promises: goals, fewer bits than plain blocks, mip levels, layers, every kind of pixel.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use texfold_bc::{Bc, BcParams, Content};
+use texfold_core::container::{SectionWriter, Sections};
+use texfold_core::image::{ColorSpace, ImageSet, MipFilter, Raster, mip_chain};
+use texfold_core::metric::{color_error, decode_surface, measure};
+use texfold_core::target::Measured;
+use texfold_core::{
+    Budget, Effort, EncodeError, Encoded, Goal, ImageAddress, Job, Layers, Refine, TextureCodec,
+};
+use texfold_progressive::{Progressive, ProgressiveParams, ProgressiveTexture};
+
+fn picture(name: &str) -> ImageSet {
+    ImageSet::single(texfold_testkit::picture(name))
+}
+
+fn encode(set: &ImageSet, params: &ProgressiveParams) -> ProgressiveTexture {
+    Progressive::encode(set, params, &mut Job::default()).unwrap()
+}
+
+fn fast(goal: Goal) -> ProgressiveParams {
+    ProgressiveParams { goal, effort: Effort::Fast, ..ProgressiveParams::default() }
+}
+
+fn bytes(texture: &ProgressiveTexture) -> Vec<u8> {
+    let mut writer = SectionWriter::new(Progressive::ID);
+    texture.store(&mut writer);
+    writer.finish().bytes
+}
+
+fn bc1(set: &ImageSet) -> Measured {
+    let params = BcParams {
+        goal: Goal::Bpp(5.0),
+        content: Some(Content::Bc1),
+        reduce_log2: Some(0),
+        ..BcParams::default()
+    };
+    measure(set, &Bc::encode(set, &params, &mut Job::default()).unwrap())
+}
+
+#[test]
+fn as_many_bits_as_bc1_are_better_than_bc1() {
+    for name in ["terrain", "salient"] {
+        let set = picture(name);
+        let (plain, ours) = (bc1(&set), measure(&set, &encode(&set, &fast(Goal::Bpp(4.0)))));
+        assert!(ours.bpp <= 4.0 && ours.psnr > plain.psnr + 0.5, "{name}: {ours:?} {plain:?}");
+    }
+}
+
+#[test]
+fn half_the_bits_of_bc1_are_better_than_bc1_in_a_photograph() {
+    let Some(data) = texfold_testkit::data_dir("a photograph beside BC1") else { return };
+    let set = ImageSet::single(texfold_testkit::png(&data.join("vq/kodak/kodim19.png")));
+    let (plain, ours) = (bc1(&set), measure(&set, &encode(&set, &fast(Goal::Bpp(2.0)))));
+    assert!(ours.bpp <= 2.0 && ours.psnr > plain.psnr + 0.5, "{ours:?} {plain:?}");
+}
+
+#[test]
+fn goals_are_met_and_little_more() {
+    let set = picture("terrain");
+    for psnr in [28.0, 34.0, 40.0] {
+        let found = measure(&set, &encode(&set, &fast(Goal::Psnr(psnr))));
+        assert!((0.0..0.15).contains(&(found.psnr - psnr)), "{psnr}: {found:?}");
+    }
+    for bpp in [0.5, 1.0, 2.0, 4.0, 6.0] {
+        let found = measure(&set, &encode(&set, &fast(Goal::Bpp(bpp))));
+        assert!(found.bpp <= bpp && found.bpp > 0.97 * bpp, "{bpp}: {found:?}");
+    }
+    for tolerance in [24.0, 16.0] {
+        let found = measure(&set, &encode(&set, &fast(Goal::Tolerance(tolerance))));
+        assert!(found.worst_block_rms <= tolerance, "{tolerance}: {found:?}");
+    }
+}
+
+#[test]
+fn more_effort_is_no_worse() {
+    let set = picture("terrain");
+    let psnr = |effort| {
+        let params = ProgressiveParams { goal: Goal::Bpp(2.0), effort, ..ProgressiveParams::default() };
+        measure(&set, &encode(&set, &params)).psnr
+    };
+    let (fast, normal) = (psnr(Effort::Fast), psnr(Effort::Normal));
+    assert!(normal > fast - 0.02, "{normal} {fast}");
+}
+
+#[test]
+fn every_level_is_as_good_as_the_goal_asks() {
+    let set = picture("terrain");
+    let params = ProgressiveParams { mips: true, ..fast(Goal::Psnr(36.0)) };
+    let texture = encode(&set, &params);
+    let levels = set.full_levels();
+    assert_eq!(texture.layout().levels, levels);
+    let chain = mip_chain(&set.images()[0], levels, MipFilter::Box);
+    for (level, wanted) in chain.iter().enumerate() {
+        let decoded = decode_surface(&texture, 0, level as u32).unwrap();
+        let psnr = color_error(wanted, &decoded).psnr();
+        // The same price of a bit everywhere: a level of few texels may be a little worse than the first.
+        assert!(psnr > 33.0, "level {level}: {psnr}");
+    }
+    // A third of the texels more, and as many bits for each.
+    let alone = encode(&set, &fast(Goal::Psnr(36.0)));
+    let ratio = measure(&set, &texture).bpp / measure(&set, &alone).bpp;
+    assert!((1.2..1.6).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn a_prefix_is_the_enlarged_base_and_takes_the_errors_as_they_arrive() {
+    let set = picture("terrain");
+    let texture = encode(&set, &ProgressiveParams { mips: true, ..fast(Goal::Psnr(36.0)) });
+    let file = bytes(&texture);
+    let has_base = |length: &usize| {
+        Sections::parse(&file[..*length], &mut Budget::default()).is_ok_and(|part| part.has(*b"PRBA"))
+    };
+    let end = (0..file.len()).find(has_base).unwrap();
+    let mut budget = Budget::default();
+    let part = Sections::parse(&file[..end], &mut budget).unwrap();
+    let mut loaded = Progressive::load(&part, &mut budget).unwrap();
+    assert_eq!(loaded.layers(), Layers { loaded: 1, total: 2 });
+    assert_eq!(decode_surface(&loaded, 0, 0), decode_surface(&texture.first_layers(1), 0, 0));
+    let psnr = measure(&set, &loaded).psnr;
+    assert!(psnr > 18.0 && psnr < 36.0, "{psnr}");
+    // What the notes say of the whole without its error map is what the prefix shows.
+    let noted = f64::from(texture.notes().psnr_without[0].1);
+    assert!((noted - psnr).abs() < 1e-3, "{noted} {psnr}");
+    assert!(loaded.refine(&part, &mut budget).unwrap().is_empty());
+    let whole = Sections::parse(&file, &mut budget).unwrap();
+    assert_eq!(loaded.refine(&whole, &mut budget).unwrap(), ["error map", "uniforms"]);
+    assert_eq!(loaded, texture);
+    assert!(loaded.refine(&whole, &mut budget).unwrap().is_empty());
+}
+
+#[test]
+fn every_kind_of_pixel_is_stored() {
+    let size = (45u32, 30u32);
+    for channels in 1..=4u8 {
+        let value = |i: u32| ((i * 37 / 5) % 256) as u8 / 2 + ((i / 90) % 120) as u8;
+        let data: Vec<u8> = (0..size.0 * size.1 * u32::from(channels)).map(value).collect();
+        let raster = Raster::from_u8(size.0, size.1, channels, ColorSpace::Srgb, &data).unwrap();
+        let set = ImageSet::single(raster);
+        let texture = encode(&set, &fast(Goal::Psnr(30.0)));
+        let found = measure(&set, &texture);
+        assert!(found.psnr >= 30.0, "{channels} channels: {found:?}");
+        assert!(texture.base().content().fits(set.info()));
+    }
+    let normals = picture("normal_map");
+    let raster = normals.images()[0].clone().tagged(ColorSpace::Normal, normals.info().alpha);
+    let set = ImageSet::single(raster);
+    assert!(measure(&set, &encode(&set, &fast(Goal::Psnr(28.0)))).psnr >= 28.0);
+    // Normals of two channels would be rebuilt before errors are added.
+    let params = ProgressiveParams { content: Some(Content::Bc5), ..fast(Goal::Psnr(34.0)) };
+    let refused = Progressive::encode(&set, &params, &mut Job::default());
+    assert!(matches!(refused, Err(EncodeError::Params(_))), "{refused:?}");
+}
+
+#[test]
+fn the_base_is_stored_as_asked() {
+    let set = picture("terrain");
+    for content in [Content::Raw, Content::Bc1, Content::Bc7] {
+        for reduce_log2 in 1..=3 {
+            let params = ProgressiveParams {
+                content: Some(content),
+                reduce_log2: Some(reduce_log2),
+                ..fast(Goal::Psnr(34.0))
+            };
+            let texture = encode(&set, &params);
+            assert_eq!((texture.base().content(), texture.reduce_log2()), (content, reduce_log2));
+            assert!(measure(&set, &texture).psnr >= 34.0, "{content:?} {reduce_log2}");
+        }
+    }
+}
+
+#[test]
+fn a_picture_that_its_base_shows_has_no_error_map() {
+    let set = picture("constant");
+    let texture = encode(&set, &fast(Goal::Psnr(40.0)));
+    assert_eq!(texture.layers(), Layers { loaded: 1, total: 1 });
+    assert!(texture.notes().verdict.contains("alone"), "{}", texture.notes().verdict);
+    let at = |x, y| texture.sample(ImageAddress { surface: 0, level: 0, x, y });
+    assert_eq!(at(0, 0), at(17, 5));
+}

@@ -1,4 +1,4 @@
-//! Images as a small base picture and an error map: progressive, at random access, and better than plain blocks of more bits.
+//! Images as a small base picture and an error map, drawn at random access; the base is a prefix of the file.
 //!
 //! The base is a picture of half, a quarter or an eighth of the width and height in plain blocks, drawn with bilinear
 //! filtering. What it lacks is coded in blocks of 8x8 texels, none to some 7 bits a texel each. A block's texels are turned
@@ -7,8 +7,8 @@
 //! coefficient's own bits names its value. So any coefficient is read with two loads, and yet two bits a coefficient come
 //! within 1.1 dB of what any code of two bits can do, where four levels stay 2.7 dB below.
 //!
-//! Source of base and error map: Wang, Guo, Wu, Yong, "Progressive texture compression for large-scale remote sensing
-//! images" (the error map of section 4.3, there two end colours and 2-bit selectors a block); of trellis codes read by a
+//! Source of the error map: "Progressive compression of large-scale remote sensing images with GSR descriptors", 2012,
+//! section 4.3, which has two end colours and 2-bit selectors a block over codebooks; of trellis codes that are read by a
 //! window: Mao and Gray, "Stationary and trellis encoding for iid sources and simulation", DCC 2010. *Not done*: codebooks
 //! shared among images; alpha in the error map, which the base holds alone.
 

@@ -3,7 +3,7 @@
 //! Each coefficient's value follows from the last ten bits up to its own (the state), so that a step of k bits leads from each
 //! state to 2^k others. The Viterbi algorithm finds the best path; the first state must be what the last leaves behind, as
 //! decoders read the string around its end. The best path without that rule gives the state that both shall be, and a second
-//! run the best path through it: not always the best of all such rings, as in "QTIP" (Tseng et al. 2024), section 3.
+//! run the best path through it: not always the best of all such rings, as "QTIP" (Tseng et al. 2024) does.
 //! Cost: O(states) a coefficient and run.
 
 use crate::decode::{STATES, TEXFOLD_PROGRESSIVE_STATE_BITS, VALUES};

@@ -1,7 +1,7 @@
 //! Choosing a codec for images, and falling back to plain block compression where a method does not suit.
 
 use texfold_bc::{Bc, Bc1Blocks, BcParams, BcTexture, Content, Family};
-use texfold_core::image::{ImageSet, Raster};
+use texfold_core::image::{ColorSpace, ImageSet, Raster};
 use texfold_core::mesh::UvMesh;
 use texfold_core::metric::measure;
 use texfold_core::target::Measured;
@@ -109,22 +109,47 @@ pub fn encode_images(
         CodecChoice::Epitome => epitome(factored, settings, job),
         CodecChoice::Progressive => progressive(source, settings, job),
         CodecChoice::Vq if settings.codebook.is_some() => Vq::encode(images, &params, job).map(AnyImage::Vq),
-        CodecChoice::Vq | CodecChoice::Auto => {
-            let plain = match job.within(0.0, 0.2, bc) {
-                // Content that only vq or only this picture's channels can have is no reason to stop.
-                Err(EncodeError::Params(_)) => return Vq::encode(images, &params, job).map(AnyImage::Vq),
-                plain => plain?,
-            };
-            let of_plain = measure(source, plain.as_encoded());
-            let method = job.within(0.2, 1.0, |job| match settings.goal {
-                Goal::Psnr(_) if settings.goal.is_met(&of_plain) => {
-                    Vq::encode_within(images, &params, of_plain.bpp, job)
-                }
-                _ => Vq::encode(images, &params, job),
-            });
-            choose(source, ("vq", settings.goal), method.map(AnyImage::Vq), (plain, of_plain))
+        CodecChoice::Auto if any_may_answer(source, &guidance, settings) => {
+            let first = job.within(0.0, 0.6, |job| quantised(images, settings, job))?;
+            let second = job.within(0.6, 1.0, |job| progressive(source, settings, job))?;
+            let of = |image: &AnyImage| measure(source, image.as_encoded());
+            Ok(if settings.goal.prefers(&of(&second), &of(&first)) { second } else { first })
         }
+        CodecChoice::Vq | CodecChoice::Auto => quantised(images, settings, job),
     }
+}
+
+/// Whether a base and an error map may stand for images: not where importance is to be followed, content is chosen, blocks must
+/// be within a tolerance, alpha counts, or texels are not colours.
+fn any_may_answer(source: &ImageSet, guidance: &Guidance<'_>, settings: &EncodeSettings) -> bool {
+    let info = source.info();
+    let guided = guidance.painted.is_some() || guidance.mesh.is_some() || settings.importance.is_some();
+    let chosen = settings.content.is_some() || settings.codebook.is_some() || settings.samples.is_some();
+    let plain = !info.has_alpha() && info.color != ColorSpace::Normal;
+    !guided && !chosen && plain && !matches!(settings.goal, Goal::Tolerance(_))
+}
+
+/// Quantised images, or the plain form where that answers the goal better.
+fn quantised(
+    images: VqSource<'_>,
+    settings: &EncodeSettings,
+    job: &mut Job<'_>,
+) -> Result<AnyImage, EncodeError> {
+    let (source, params) = (images.images, vq_params(settings));
+    let bc = |job: &mut Job<'_>| Bc::encode(source, &bc_params(settings), job).map(AnyImage::Bc);
+    let plain = match job.within(0.0, 0.2, bc) {
+        // Content that only vq or only this picture's channels can have is no reason to stop.
+        Err(EncodeError::Params(_)) => return Vq::encode(images, &params, job).map(AnyImage::Vq),
+        plain => plain?,
+    };
+    let of_plain = measure(source, plain.as_encoded());
+    let method = job.within(0.2, 1.0, |job| match settings.goal {
+        Goal::Psnr(_) if settings.goal.is_met(&of_plain) => {
+            Vq::encode_within(images, &params, of_plain.bpp, job)
+        }
+        _ => Vq::encode(images, &params, job),
+    });
+    choose(source, ("vq", settings.goal), method.map(AnyImage::Vq), (plain, of_plain))
 }
 
 /// Factored images, or the plain form where that answers the goal better. Where content is restricted there is no plain form.
@@ -184,6 +209,7 @@ fn progressive(
     let quick = job.within(0.9, 0.95, |job| Bc::encode(source, &quick, job))?;
     let far = measure(source, &quick).psnr + EFFORT_GAIN < of_method.psnr;
     if far && settings.goal.is_met(&of_method) && !matches!(settings.goal, Goal::Tolerance(_)) {
+        job.stage("done", 1.0)?;
         return Ok(method);
     }
     let plain = job.within(0.95, 1.0, |job| Bc::encode(source, &plain, job)).map(AnyImage::Bc)?;
@@ -289,6 +315,16 @@ mod tests {
         assert!(matches!(encoded, AnyImage::Bc(_)));
         assert!(encoded.as_encoded().notes().verdict.contains("vq does not suit"));
         assert!(measure(&set, encoded.as_encoded()).psnr >= 30.0);
+    }
+
+    #[test]
+    fn a_photograph_is_a_base_and_an_error_map_unless_importance_is_asked_for() {
+        let settings = EncodeSettings { goal: Goal::Bpp(2.5), ..EncodeSettings::default() };
+        let (set, encoded) = encode("terrain", settings.clone());
+        assert!(matches!(encoded, AnyImage::Progressive(_)), "{}", encoded.as_encoded().notes().verdict);
+        assert!(measure(&set, encoded.as_encoded()).bpp <= 2.5);
+        let weighed = encode("terrain", EncodeSettings { importance: Some(1.0), ..settings }).1;
+        assert!(!matches!(weighed, AnyImage::Progressive(_)));
     }
 
     #[test]

@@ -7,7 +7,7 @@ use texfold::CodecChoice;
 const BYTES_PER_TEXEL: u64 = 120;
 
 /// As above for codec epitome, which holds every image at nine scales in two formats and some candidates for each leaf.
-const EPITOME_BYTES_PER_TEXEL: u64 = 400;
+const EPITOME_BYTES_PER_TEXEL: u64 = 450;
 
 /// As above for codec progressive, which holds the coefficients of two bases and a candidate or two for each block.
 const PROGRESSIVE_BYTES_PER_TEXEL: u64 = 160;
@@ -16,8 +16,9 @@ const PROGRESSIVE_BYTES_PER_TEXEL: u64 = 160;
 pub(crate) fn bytes_per_texel(codec: CodecChoice) -> u64 {
     match codec {
         CodecChoice::Epitome => EPITOME_BYTES_PER_TEXEL,
-        CodecChoice::Auto | CodecChoice::Bc | CodecChoice::Vq => BYTES_PER_TEXEL,
-        CodecChoice::Progressive => PROGRESSIVE_BYTES_PER_TEXEL,
+        CodecChoice::Bc | CodecChoice::Vq => BYTES_PER_TEXEL,
+        // Which tries it.
+        CodecChoice::Auto | CodecChoice::Progressive => PROGRESSIVE_BYTES_PER_TEXEL,
     }
 }
 

@@ -87,10 +87,12 @@ impl Choice<'_> {
         (0..rows)
             .step_by(stride)
             .flat_map(|row| (0..columns).step_by(stride).map(move |column| (row, column)))
-            .map(|(row, column)| {
+            .filter_map(|(row, column)| {
                 let (x, y) = (column as u32 * usability.step, row as u32 * usability.step);
-                let importance = integral.mean(x, y, side);
-                Position { surface, x, y, usability: usability.values[[row, column]], importance }
+                // Windows that are further apart than a square's last ones leave room for squares that hang over.
+                let is_inside = x + side <= size.width && y + side <= size.height;
+                let importance = is_inside.then(|| integral.mean(x, y, side))?;
+                Some(Position { surface, x, y, usability: usability.values[[row, column]], importance })
             })
             .collect()
     }
@@ -125,4 +127,33 @@ pub(crate) fn sample_windows(images: &[Raster], samples: &[CodebookPart]) -> nda
     let rows = values.len() / dims;
     ndarray::Array2::from_shape_vec((rows, dims), values)
         .unwrap_or_else(|_| ndarray::Array2::zeros((0, dims)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use texfold_core::image::{ColorSpace, ImageSet};
+
+    #[test]
+    fn samples_of_large_images_lie_inside() {
+        // Windows are 8 texels apart here, and 24 - 4 is no multiple of that.
+        let (width, height) = (1204, 1004);
+        let bytes: Vec<u8> = (0..width * height).map(|i| (i % width / 5 + i / width / 4) as u8).collect();
+        let image = Raster::from_u8(width, height, 1, ColorSpace::Srgb, &bytes).unwrap();
+        let blocks = Blocks::cut(&ImageSet::single(image.clone()), 1);
+        let images = [image];
+        let words = Words::new(&images, &blocks, 16, 1);
+        let importance = [Map::zeros((height as usize, width as usize))];
+        let choice = Choice {
+            images: &images,
+            blocks: &blocks,
+            words: &words,
+            importance: &importance,
+            weights: GuidanceWeights::default(),
+        };
+        let left = vec![1.0; blocks.inside.len()];
+        let positions = choice.positions(0, &importance, &left, 24);
+        assert!(!positions.is_empty());
+        assert!(positions.iter().all(|at| at.x + 24 <= width && at.y + 24 <= height));
+    }
 }

@@ -116,7 +116,7 @@ fn cell_layers(space: &Space, packing: &Packing, format: usize, choices: &[Choic
         for &(x, y) in &chart.cells {
             let cell = cells.number(x, y) as usize;
             let first = choices.iter().position(|choice| choice.users[cell] > 0);
-            let (to_x, to_y) = (x - chart.corner.0 + chart.place.0, y - chart.corner.1 + chart.place.1);
+            let (to_x, to_y) = chart.place_of((x, y));
             if let (Some(layer), Some(first)) = (layers.get_mut((to_y * columns + to_x) as usize), first) {
                 *layer = first as u8;
             }

@@ -272,13 +272,18 @@ impl CellCache {
         let keys: Vec<Vec<[u8; 4]>> =
             cells.iter().map(|(_, texels)| texels.iter().map(to_bytes).collect()).collect();
         let hashes: Vec<u64> = keys.iter().map(|key| hash(key)).collect();
-        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_new = |&at: &usize| known.get(&cells[at].0).is_none_or(|known| known.0 != hashes[at]);
-        let fresh: Vec<usize> = (0..cells.len()).filter(is_new).collect();
+        let known = || self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let fresh: Vec<usize> = {
+            let known = known();
+            let is_new = |&at: &usize| known.get(&cells[at].0).is_none_or(|known| known.0 != hashes[at]);
+            (0..cells.len()).filter(is_new).collect()
+        };
         let texel = |key: &[u8; 4]| Vec4::from_array(key.map(f32::from)) / 255.0;
         let texels: Vec<Vec4> = fresh.iter().flat_map(|&at| keys[at].iter().map(texel)).collect();
         let pixel = plan.space.pixel;
         let strip = ContentPlanes::encode(stored.content, pixel, size(fresh.len()), &texels, plan.effort);
+        // Locked again only here: a thread that waits for others to encode may take up another epitome meanwhile.
+        let mut known = known();
         for (place, &at) in fresh.iter().enumerate() {
             let of_plane = |(_, bytes): &(_, Vec<u8>)| {
                 let length = bytes.len() / fresh.len();

@@ -37,14 +37,14 @@ pub struct Neighbour {
 }
 
 /// Items found by their descriptors.
-pub(crate) struct Tree<T> {
-    tree: Option<ImmutableKdTree<f32, u32, DESCRIPTOR_LENGTH, BUCKET>>,
+pub(crate) struct Tree<T, const K: usize> {
+    tree: Option<ImmutableKdTree<f32, u32, K, BUCKET>>,
     items: Vec<T>,
 }
 
 /// Patches of one size in one or several fields.
 pub struct PatchIndex {
-    tree: Tree<Place>,
+    tree: Tree<Place, DESCRIPTOR_LENGTH>,
     patch: (usize, usize),
 }
 
@@ -100,9 +100,9 @@ impl PatchIndex {
     }
 }
 
-impl<T> Tree<T> {
+impl<T, const K: usize> Tree<T, K> {
     /// All items but further ones that look the same.
-    pub(crate) fn new(described: Vec<(T, Descriptor)>) -> Self {
+    pub(crate) fn new(described: Vec<(T, [f32; K])>) -> Self {
         let (items, points): (Vec<_>, Vec<_>) = first_of_each(described).into_iter().unzip();
         // The tree's own items are the numbers of the points.
         let tree = (!points.is_empty()).then(|| ImmutableKdTree::new_from_slice(&points));
@@ -115,7 +115,7 @@ impl<T> Tree<T> {
     }
 
     /// At most `count` items nearest to `query` within a squared distance, nearest first, with their distances.
-    pub(crate) fn nearest(&self, query: &Descriptor, within: f32, count: usize) -> Vec<(&T, f32)> {
+    pub(crate) fn nearest(&self, query: &[f32; K], within: f32, count: usize) -> Vec<(&T, f32)> {
         let (Some(tree), Some(count)) = (&self.tree, NonZeroUsize::new(count)) else { return Vec::new() };
         if query.iter().any(|value| !value.is_finite()) {
             return Vec::new();
@@ -129,9 +129,9 @@ impl<T> Tree<T> {
 
 /// The first few of near-identical patches. What repeats exactly has its first copies as the source of all, so that
 /// everybody finds the same ones.
-fn first_of_each<T>(described: Vec<(T, Descriptor)>) -> Vec<(T, Descriptor)> {
-    let mut seen: HashMap<[i16; DESCRIPTOR_LENGTH], usize> = HashMap::new();
-    let is_new = |(_, descriptor): &(T, Descriptor)| {
+fn first_of_each<T, const K: usize>(described: Vec<(T, [f32; K])>) -> Vec<(T, [f32; K])> {
+    let mut seen: HashMap<[i16; K], usize> = HashMap::new();
+    let is_new = |(_, descriptor): &(T, [f32; K])| {
         let count = seen.entry(descriptor.map(|value| (value * STEPS).round() as i16)).or_default();
         *count += 1;
         *count <= ALIKE

@@ -8,10 +8,10 @@ use rayon::prelude::*;
 
 use crate::descriptor::{SIDE, transform};
 use crate::index::Tree;
-use crate::{Descriptor, LumaSums, Mirror};
+use crate::{DESCRIPTOR_LENGTH, Descriptor, LumaSums, Mirror};
 
 /// Bins of the histogram of directions.
-const BINS: usize = 36;
+pub(crate) const BINS: usize = 36;
 /// Share of the fullest bin below which a patch has no main direction.
 const LEAST_SHARE: f32 = 0.05;
 
@@ -30,7 +30,7 @@ pub struct Turned {
 
 /// Square patches of one or several fields and sizes, found however they are turned.
 pub struct TurnedIndex {
-    tree: Tree<Turned>,
+    tree: Tree<Turned, DESCRIPTOR_LENGTH>,
 }
 
 impl std::fmt::Debug for TurnedIndex {
@@ -133,12 +133,22 @@ fn main_direction(sums: &LumaSums, centre: Vec2, spacing: f32, box_side: usize) 
             }
             let at = |x: f32, y: f32| mean(sums, centre + from_centre + Vec2::new(x, y), box_side);
             let gradient = Vec2::new(at(step, 0.0)? - at(-step, 0.0)?, at(0.0, step)? - at(0.0, -step)?);
-            let place = gradient.y.atan2(gradient.x).rem_euclid(TAU) / TAU * BINS as f32;
-            let (bin, part) = (place as usize % BINS, place.fract());
+            let (bin, part) = bin_of(gradient);
             bins[bin] += gradient.length() * (1.0 - part);
             bins[(bin + 1) % BINS] += gradient.length() * part;
         }
     }
+    peak(&bins)
+}
+
+/// The bin of a gradient's direction, and how far it lies towards the next.
+pub(crate) fn bin_of(gradient: Vec2) -> (usize, f32) {
+    let place = gradient.y.atan2(gradient.x).rem_euclid(TAU) / TAU * BINS as f32;
+    (place as usize % BINS, place.fract())
+}
+
+/// The direction of the fullest bin, to a fraction of a bin; `None` where none stands out.
+pub(crate) fn peak(bins: &[f32; BINS]) -> Option<f32> {
     let smooth: Vec<f32> =
         (0..BINS).map(|i| bins[(i + BINS - 1) % BINS] + 2.0 * bins[i] + bins[(i + 1) % BINS]).collect();
     let sum: f32 = smooth.iter().sum();

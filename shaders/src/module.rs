@@ -11,7 +11,7 @@ pub enum Module {
     Epitome,
     /// Surface light-field maps.
     Lightfield,
-    /// Base and error map.
+    /// Base, codebooks and error map.
     Progressive,
 }
 
@@ -77,9 +77,15 @@ impl Module {
                 Binding::Float,
                 Binding::Float,
             ],
-            Module::Progressive => {
-                &[Binding::Params { bytes: 208 }, Binding::Uint, Binding::Float, Binding::Float]
-            }
+            Module::Progressive => &[
+                Binding::Params { bytes: 240 },
+                Binding::Uint,
+                Binding::Float,
+                Binding::Float,
+                Binding::Uint,
+                Binding::Float,
+                Binding::Float,
+            ],
         }
     }
 

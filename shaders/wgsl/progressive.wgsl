@@ -1,4 +1,5 @@
-// Base and error map: a small picture, enlarged, and what it lacks in blocks of 8x8 texels. CPU twins:
+// Base, codebooks and error map: a small picture, enlarged, what codebooks add to its blocks, and what both lack in blocks of
+// 8x8 texels. CPU twins:
 // crates/progressive/src/decode.rs.
 //
 // A block's errors are coefficients of a two-level Haar transform in cells of 4x4 texels, of luma and two axes of chroma. The last TEXFOLD_PROGRESSIVE_STATE_BITS bits up to a coefficient's own bits, around the block, name
@@ -11,6 +12,13 @@ const TEXFOLD_PROGRESSIVE_STATE_BITS: u32 = 10u;
 const TEXFOLD_PROGRESSIVE_UNIT: f32 = 0.00003177627;
 // Words of a group of blocks: where its bits begin, classes, scales.
 const TEXFOLD_PROGRESSIVE_GROUP_WORDS: u32 = 5u;
+// Most levels of a texture.
+const TEXFOLD_PROGRESSIVE_LEVELS: u32 = 16u;
+// Cosine and sine of a quarter of a quarter turn.
+const TEXFOLD_PROGRESSIVE_COS: f32 = 0.9238795;
+const TEXFOLD_PROGRESSIVE_SIN: f32 = 0.38268343;
+// Cosine and sine of half a quarter turn.
+const TEXFOLD_PROGRESSIVE_DIAGONAL: f32 = 0.70710677;
 
 // The parameters of one image.
 struct TexfoldProgressiveParams {
@@ -32,8 +40,9 @@ struct TexfoldProgressiveParams {
     first_bit: u32,
     // Mip levels of the base.
     base_levels: u32,
-    // Always 0.
-    reserved: u32,
+    // How entries of the map are laid out, 4 bits each: binary logarithm of a block's side, bits of a column, of a row and of a
+    // turn; 0 where there is no map.
+    map_form: u32,
     // For each level the number of blocks of the levels above it, four levels a vector.
     level_start: array<vec4<u32>, 4>,
     // For each class the bits of a coefficient of each kind, 4 bits each, four classes a vector. Kinds: mean of luma, coarse
@@ -43,6 +52,14 @@ struct TexfoldProgressiveParams {
     luma_weights: vec4<f32>,
     // Weights of the last three kinds.
     chroma_weights: vec4<f32>,
+    // Columns and rows of the public and the private codebook; 0 where there is none.
+    codebooks: vec4<u32>,
+    // The least gain above none.
+    gain_unit: f32,
+    // Binary logarithm of the words in a row of the map.
+    entry_row_log2: u32,
+    // Always 0.
+    reserved: vec2<u32>,
 }
 
 // A block of the error map.
@@ -63,6 +80,11 @@ struct TexfoldProgressiveBlock {
 @group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_2) var texfold_progressive_base_a: texture_2d<f32>;
 // The same texture as base a where there is one plane only.
 @group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_3) var texfold_progressive_base_b: texture_2d<f32>;
+// The map: words, row by row. Where there is none, any texture.
+@group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_4) var texfold_progressive_entries: texture_2d<u32>;
+// The codebooks. Where there is none, any texture.
+@group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_5) var texfold_progressive_public: texture_2d<f32>;
+@group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_6) var texfold_progressive_private: texture_2d<f32>;
 
 // Word `index` of the map; beyond its end nothing that counts.
 fn texfold_progressive_word(index: u32) -> u32 {
@@ -245,13 +267,117 @@ fn texfold_progressive_base(at: vec2<u32>, level: u32) -> vec4<f32> {
     return texfold_swizzle(a, b, texfold_progressive_params.swizzle);
 }
 
+// Word `index` of the map; beyond its end nothing that counts.
+fn texfold_progressive_entry_word(index: u32) -> u32 {
+    let row = index >> texfold_progressive_params.entry_row_log2;
+    let column = index - (row << texfold_progressive_params.entry_row_log2);
+    let last = textureDimensions(texfold_progressive_entries) - vec2<u32>(1u);
+    return textureLoad(texfold_progressive_entries, min(vec2<u32>(column, row), last), 0u).x;
+}
+
+// What carries places of a block to places of the codebook: the rows of a matrix, for turn `number` of `bits` bits.
+fn texfold_progressive_turn(number: u32, bits: u32) -> vec4<f32> {
+    let part = (number >> 3u) << (5u - bits);
+    var turn = vec2<f32>(1.0, 0.0);
+    if part == 1u {
+        turn = vec2<f32>(TEXFOLD_PROGRESSIVE_COS, TEXFOLD_PROGRESSIVE_SIN);
+    } else if part == 2u {
+        turn = vec2<f32>(TEXFOLD_PROGRESSIVE_DIAGONAL, TEXFOLD_PROGRESSIVE_DIAGONAL);
+    } else if part == 3u {
+        turn = vec2<f32>(TEXFOLD_PROGRESSIVE_SIN, TEXFOLD_PROGRESSIVE_COS);
+    }
+    if (number & 2u) != 0u {
+        turn = vec2<f32>(-turn.y, turn.x);
+    }
+    if (number & 4u) != 0u {
+        turn = -turn;
+    }
+    let flip = select(1.0, -1.0, (number & 1u) != 0u);
+    return vec4<f32>(turn.x, -turn.y * flip, turn.y, turn.x * flip);
+}
+
+// The codebook at `place` in texels, blended from four.
+fn texfold_progressive_content(place: vec2<f32>, private_one: bool) -> f32 {
+    let sizes = texfold_progressive_params.codebooks;
+    let size = select(sizes.xy, sizes.zw, private_one);
+    let last = vec2<f32>(vec2<i32>(size)) - vec2<f32>(1.0);
+    let at = clamp(place - vec2<f32>(0.5), vec2<f32>(0.0), last);
+    let low = vec2<u32>(vec2<i32>(at));
+    let high = min(low + vec2<u32>(1u), size - vec2<u32>(1u));
+    let weight = at - vec2<f32>(vec2<i32>(low));
+    var four: vec4<f32>;
+    if private_one {
+        four = vec4<f32>(
+            textureLoad(texfold_progressive_private, low, 0u).x,
+            textureLoad(texfold_progressive_private, vec2<u32>(high.x, low.y), 0u).x,
+            textureLoad(texfold_progressive_private, vec2<u32>(low.x, high.y), 0u).x,
+            textureLoad(texfold_progressive_private, high, 0u).x,
+        );
+    } else {
+        four = vec4<f32>(
+            textureLoad(texfold_progressive_public, low, 0u).x,
+            textureLoad(texfold_progressive_public, vec2<u32>(high.x, low.y), 0u).x,
+            textureLoad(texfold_progressive_public, vec2<u32>(low.x, high.y), 0u).x,
+            textureLoad(texfold_progressive_public, high, 0u).x,
+        );
+    }
+    four = (four * 255.0 - vec4<f32>(128.0)) / 127.0;
+    let upper = four.x + (four.y - four.x) * weight.x;
+    let lower = four.z + (four.w - four.z) * weight.x;
+    return upper + (lower - upper) * weight.y;
+}
+
+// What the codebook adds to the texel at `at` of level `level`, which lies inside. Rows behind those of the public codebook are
+// the private one's.
+fn texfold_progressive_detail(at: vec2<u32>, level: u32) -> f32 {
+    let form = texfold_progressive_params.map_form;
+    let side_log2 = form & 15u;
+    let column_bits = (form >> 4u) & 15u;
+    let row_bits = (form >> 8u) & 15u;
+    let turn_bits = (form >> 12u) & 15u;
+    let side = 1u << side_log2;
+    let columns = (texfold_level_size(texfold_progressive_params.size, level).x + side - 1u) >> side_log2;
+    var index = (at.y >> side_log2) * columns + (at.x >> side_log2);
+    for (var above = 0u; above < min(level, TEXFOLD_PROGRESSIVE_LEVELS); above++) {
+        let size_above = texfold_level_size(texfold_progressive_params.size, above);
+        let blocks = (size_above + vec2<u32>(side - 1u)) >> vec2<u32>(side_log2);
+        index += blocks.x * blocks.y;
+    }
+    let bit = index * (column_bits + row_bits + turn_bits + 5u);
+    let low = texfold_progressive_entry_word(bit / 32u);
+    let high = texfold_progressive_entry_word(bit / 32u + 1u);
+    let entry = (low >> (bit % 32u)) | ((high << 1u) << (31u - bit % 32u));
+    let gain = (entry >> (column_bits + row_bits + turn_bits)) & 31u;
+    if (gain & 15u) == 0u {
+        return 0.0;
+    }
+    let column = entry & ((1u << column_bits) - 1u);
+    let row = (entry >> column_bits) & ((1u << row_bits) - 1u);
+    let number = (entry >> (column_bits + row_bits)) & ((1u << turn_bits) - 1u);
+    let turn = texfold_progressive_turn(number, turn_bits);
+    let away = vec2<f32>(vec2<i32>(at & vec2<u32>(side - 1u))) + vec2<f32>(0.5 - 0.5 * f32(i32(side)));
+    let private_one = row >= texfold_progressive_params.codebooks.y;
+    let first = select(0u, texfold_progressive_params.codebooks.y, private_one);
+    let centre = vec2<f32>(vec2<i32>(vec2<u32>(column, row - first)));
+    let moved = vec2<f32>(turn.x * away.x + turn.y * away.y, turn.z * away.x + turn.w * away.y);
+    let value = texfold_progressive_content(centre + moved, private_one);
+    let step = (gain & 15u) - 1u;
+    let odd = select(1.0, 1.4142135, (step & 1u) == 1u);
+    let size = texfold_progressive_params.gain_unit * f32(i32(1u << (step >> 1u))) * odd;
+    return select(size * value, -size * value, (gain & 16u) != 0u);
+}
+
 // The texel at `at` of level `level`, which lies inside.
 fn texfold_progressive_load(at: vec2<u32>, level: u32) -> vec4<f32> {
-    let base = texfold_progressive_base(at, level);
-    if texfold_progressive_params.class_bits == 0u {
-        return base;
+    var shown = texfold_progressive_base(at, level);
+    if texfold_progressive_params.map_form != 0u {
+        let detail = texfold_progressive_detail(at, level);
+        shown = clamp(shown + vec4<f32>(detail, detail, detail, 0.0), vec4<f32>(0.0), vec4<f32>(1.0));
     }
-    return clamp(base + texfold_progressive_error(at, level), vec4<f32>(0.0), vec4<f32>(1.0));
+    if texfold_progressive_params.class_bits == 0u {
+        return shown;
+    }
+    return clamp(shown + texfold_progressive_error(at, level), vec4<f32>(0.0), vec4<f32>(1.0));
 }
 
 // The texel at column `at.x` and row `at.y` of level `level`, clamped to it.

@@ -159,6 +159,7 @@ fn times_are_measured_for_all_three_shaders() {
         content: Content::Bc1,
         reduce_log2: 2,
         class_bits: 16,
+        books: None,
     };
     for subject in [vq(&[(64, 64)], 1, 3, Content::Raw), epitome(&Forge::default()), progressive(&base)] {
         let texture = subject.upload(gpu);

@@ -18,13 +18,21 @@ pub const TEXFOLD_PROGRESSIVE_STATE_BITS: u32 = 10;
 pub const TEXFOLD_PROGRESSIVE_UNIT: f32 = 0.00003177627;
 /// Words of a group of blocks: where its bits begin, classes, scales.
 pub const TEXFOLD_PROGRESSIVE_GROUP_WORDS: u32 = 5;
+/// Most levels of a texture.
+pub const TEXFOLD_PROGRESSIVE_LEVELS: u32 = 16;
+/// Cosine of a quarter of a quarter turn.
+pub const TEXFOLD_PROGRESSIVE_COS: f32 = 0.9238795;
+/// Sine of it.
+pub const TEXFOLD_PROGRESSIVE_SIN: f32 = 0.38268343;
+/// Cosine and sine of half a quarter turn.
+pub const TEXFOLD_PROGRESSIVE_DIAGONAL: f32 = 0.70710677;
 
 /// Size of a coefficient's step in chroma and luma: rows of an orthonormal matrix from RGB.
 const SQRT_2: f32 = 0.70710677;
 const SQRT_3: f32 = 0.57735026;
 const SQRT_6: f32 = 0.40824828;
 
-/// The parameters of one image, as the shader's uniform block holds them: 52 32-bit numbers.
+/// The parameters of one image, as the shader's uniform block holds them: 60 32-bit numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Default, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct TexfoldProgressiveParams {
@@ -46,14 +54,23 @@ pub struct TexfoldProgressiveParams {
     pub first_bit: u32,
     /// Mip levels of the base.
     pub base_levels: u32,
-    /// Always 0.
-    pub reserved: u32,
+    /// How entries of the map are laid out, 4 bits each: binary logarithm of a block's side, bits of a column, of a row and of a
+    /// turn; 0 where there is no map.
+    pub map_form: u32,
     /// For each level the number of blocks of the levels above it.
     pub level_start: [u32; 16],
     /// For each class the bits of a coefficient of each kind, 4 bits each: see [`crate::Rates`].
     pub classes: [u32; 16],
     /// Weight of each kind of coefficient.
     pub weights: [f32; 8],
+    /// Columns and rows of the public and the private codebook; 0 where there is none.
+    pub codebooks: [u32; 4],
+    /// The least gain above none.
+    pub gain_unit: f32,
+    /// Binary logarithm of the words in a row of the map plane.
+    pub entry_row_log2: u32,
+    /// Always 0.
+    pub reserved: [u32; 2],
 }
 
 /// One image: what the shader has bound.
@@ -61,8 +78,12 @@ pub struct TexfoldProgressiveParams {
 pub struct ProgressiveView<'a> {
     /// The uniform block.
     pub params: TexfoldProgressiveParams,
-    /// The map plane's words.
+    /// The error map plane's words.
     pub map: &'a [u32],
+    /// The map plane's words.
+    pub entries: &'a [u32],
+    /// Values of the public and the private codebook, row by row.
+    pub codebooks: [&'a [f32]; 2],
     /// The texels of each level of the base, row by row.
     pub base: &'a [Vec<Texel>],
 }
@@ -204,14 +225,105 @@ pub fn texfold_progressive_base(view: &ProgressiveView<'_>, at: UVec2, level: u3
     blend(&view.base[stored as usize], base.x, texfold_tap(uv, base, TEXFOLD_CLAMP))
 }
 
+/// Word `index` of the map.
+#[must_use]
+#[inline]
+pub fn texfold_progressive_entry_word(view: &ProgressiveView<'_>, index: u32) -> u32 {
+    view.entries.get(index as usize).copied().unwrap_or(0)
+}
+
+/// What carries places of a block to places of the codebook: the rows of a matrix, for turn `number` of `bits` bits.
+#[must_use]
+#[inline]
+pub fn texfold_progressive_turn(number: u32, bits: u32) -> Vec4 {
+    let part = (number >> 3) << (5 - bits);
+    let mut turn = Vec2::new(1.0, 0.0);
+    if part == 1 {
+        turn = Vec2::new(TEXFOLD_PROGRESSIVE_COS, TEXFOLD_PROGRESSIVE_SIN);
+    } else if part == 2 {
+        turn = Vec2::new(TEXFOLD_PROGRESSIVE_DIAGONAL, TEXFOLD_PROGRESSIVE_DIAGONAL);
+    } else if part == 3 {
+        turn = Vec2::new(TEXFOLD_PROGRESSIVE_SIN, TEXFOLD_PROGRESSIVE_COS);
+    }
+    if number & 2 != 0 {
+        turn = Vec2::new(-turn.y, turn.x);
+    }
+    if number & 4 != 0 {
+        turn = -turn;
+    }
+    let flip = if number & 1 != 0 { -1.0 } else { 1.0 };
+    Vec4::new(turn.x, -turn.y * flip, turn.y, turn.x * flip)
+}
+
+/// The codebook at (`x`, `y`) in texels, blended from four; rows behind those of the public one are the private one's.
+#[must_use]
+#[inline]
+pub fn texfold_progressive_content(view: &ProgressiveView<'_>, place: Vec2, private: bool) -> f32 {
+    let sizes = view.params.codebooks;
+    let size = if private { UVec2::new(sizes[2], sizes[3]) } else { UVec2::new(sizes[0], sizes[1]) };
+    let last = size.as_vec2() - Vec2::ONE;
+    let at = (place - Vec2::splat(0.5)).clamp(Vec2::ZERO, last);
+    let low = at.as_uvec2();
+    let high = (low + UVec2::ONE).min(size - UVec2::ONE);
+    let weight = at - low.as_vec2();
+    let values = view.codebooks[usize::from(private)];
+    let value = |x: u32, y: u32| values[(y * size.x + x) as usize];
+    let upper = value(low.x, low.y) + (value(high.x, low.y) - value(low.x, low.y)) * weight.x;
+    let lower = value(low.x, high.y) + (value(high.x, high.y) - value(low.x, high.y)) * weight.x;
+    upper + (lower - upper) * weight.y
+}
+
+/// What the codebook adds to the texel at `at` of level `level`, which lies inside.
+#[must_use]
+pub fn texfold_progressive_detail(view: &ProgressiveView<'_>, at: UVec2, level: u32) -> f32 {
+    let form = view.params.map_form;
+    let side_log2 = form & 15;
+    let (column_bits, row_bits, turn_bits) = (form >> 4 & 15, form >> 8 & 15, form >> 12 & 15);
+    let side = 1 << side_log2;
+    let columns = (texfold_level_size(UVec2::from(view.params.size), level).x + side - 1) >> side_log2;
+    let mut index = (at.y >> side_log2) * columns + (at.x >> side_log2);
+    for above in 0..level.min(TEXFOLD_PROGRESSIVE_LEVELS) {
+        let size = texfold_level_size(UVec2::from(view.params.size), above);
+        let blocks = (size + UVec2::splat(side - 1)) >> side_log2;
+        index += blocks.x * blocks.y;
+    }
+    let bit = index * (column_bits + row_bits + turn_bits + 5);
+    let low = texfold_progressive_entry_word(view, bit / 32);
+    let high = texfold_progressive_entry_word(view, bit / 32 + 1);
+    let entry = low >> (bit % 32) | high << 1 << (31 - bit % 32);
+    let gain = entry >> (column_bits + row_bits + turn_bits) & 31;
+    if gain & 15 == 0 {
+        return 0.0;
+    }
+    let column = entry & ((1 << column_bits) - 1);
+    let row = entry >> column_bits & ((1 << row_bits) - 1);
+    let number = entry >> (column_bits + row_bits) & ((1 << turn_bits) - 1);
+    let turn = texfold_progressive_turn(number, turn_bits);
+    let away =
+        UVec2::new(at.x & (side - 1), at.y & (side - 1)).as_vec2() + Vec2::splat(0.5 - 0.5 * side as f32);
+    let private = row >= view.params.codebooks[1];
+    let first = if private { view.params.codebooks[1] } else { 0 };
+    let centre = UVec2::new(column, row - first).as_vec2();
+    let moved = Vec2::new(turn.x * away.x + turn.y * away.y, turn.z * away.x + turn.w * away.y);
+    let value = texfold_progressive_content(view, centre + moved, private);
+    let step = (gain & 15) - 1;
+    let odd = if step & 1 == 1 { std::f32::consts::SQRT_2 } else { 1.0 };
+    let size = view.params.gain_unit * (1u32 << (step >> 1)) as f32 * odd;
+    if gain & 16 != 0 { -size * value } else { size * value }
+}
+
 /// The texel at `at` of level `level`, which lies inside.
 #[must_use]
 pub fn texfold_progressive_load(view: &ProgressiveView<'_>, at: UVec2, level: u32) -> Texel {
-    let base = texfold_progressive_base(view, at, level);
-    if view.params.class_bits == 0 {
-        return base;
+    let mut shown = texfold_progressive_base(view, at, level);
+    if view.params.map_form != 0 {
+        let detail = texfold_progressive_detail(view, at, level);
+        shown = (shown + Vec4::new(detail, detail, detail, 0.0)).clamp(Vec4::ZERO, Vec4::ONE);
     }
-    (base + texfold_progressive_error(view, at, level)).clamp(Vec4::ZERO, Vec4::ONE)
+    if view.params.class_bits == 0 {
+        return shown;
+    }
+    (shown + texfold_progressive_error(view, at, level)).clamp(Vec4::ZERO, Vec4::ONE)
 }
 
 /// The texel at (`x`, `y`) of level `level`, clamped to it.

@@ -13,9 +13,10 @@ use texfold_core::{
     TextureCodec,
 };
 
+use crate::codebook::Details;
 use crate::decode::{
     ProgressiveView, TEXFOLD_PROGRESSIVE_GROUP_WORDS, TexfoldProgressiveParams, add_block,
-    texfold_progressive_block, texfold_progressive_fetch,
+    texfold_progressive_block, texfold_progressive_detail, texfold_progressive_fetch,
 };
 use crate::rates::Model;
 use crate::{Progressive, wire};
@@ -86,6 +87,8 @@ pub(crate) struct Parts {
     pub(crate) model: Model,
     /// For each image the planes of its base's levels.
     pub(crate) bases: Vec<Vec<ContentPlanes>>,
+    /// Codebooks and maps, where blocks show any.
+    pub(crate) details: Option<Details>,
     /// For each image its error map; none where the file has not brought it yet.
     pub(crate) maps: Vec<ErrorMap>,
 }
@@ -94,8 +97,10 @@ pub(crate) struct Parts {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProgressiveTexture {
     pub(crate) parts: Parts,
-    /// For each image the map plane's words.
+    /// For each image the error map plane's words.
     words: Vec<Vec<u32>>,
+    /// For each image the map plane's words; nothing where there is no map.
+    entries: Vec<Vec<u32>>,
     /// For each image the texels of its base's levels.
     texels: Vec<Vec<Vec<Texel>>>,
     params: Vec<TexfoldProgressiveParams>,
@@ -113,6 +118,7 @@ impl ProgressiveTexture {
     /// As [`ProgressiveTexture::new`], where the bases are decoded already.
     fn with_texels(parts: Parts, texels: Vec<Vec<Vec<Texel>>>, notes: Notes) -> Option<Self> {
         let mut words = Vec::new();
+        let mut entries = Vec::new();
         let mut params = Vec::new();
         for surface in 0..parts.layout.surfaces.len() {
             let (plane, first_bit) = match parts.maps.get(surface) {
@@ -122,14 +128,43 @@ impl ProgressiveTexture {
             let (plane, row_log2) = in_rows(plane);
             params.push(parts.params(surface, first_bit, row_log2));
             words.push(plane);
+            let map = parts.details.as_ref().map(|details| in_rows(details.words(surface)).0);
+            entries.push(map.unwrap_or_default());
         }
-        Some(ProgressiveTexture { parts, words, texels, params, notes })
+        Some(ProgressiveTexture { parts, words, entries, texels, params, notes })
     }
 
     /// The same bases with an error map; `None` where it is too large for a plane.
     pub(crate) fn with_maps(&self, model: Model, maps: Vec<ErrorMap>) -> Option<Self> {
         let parts = Parts { model, maps, ..self.parts.clone() };
         ProgressiveTexture::with_texels(parts, self.texels.clone(), self.notes.clone())
+    }
+
+    /// The same bases with codebooks and maps, and no error map.
+    pub(crate) fn with_details(&self, details: Details) -> Option<Self> {
+        let parts =
+            Parts { model: Model::default(), maps: Vec::new(), details: Some(details), ..self.parts.clone() };
+        ProgressiveTexture::with_texels(parts, self.texels.clone(), self.notes.clone())
+    }
+
+    /// Bits of the public codebook, which other textures may share.
+    #[must_use]
+    pub fn shared_bits(&self) -> u64 {
+        let public = self.parts.details.as_ref().and_then(|details| details.public.as_ref());
+        public.map_or(0, |book| book.planes().planes().iter().map(|(_, bytes)| 8 * bytes.len() as u64).sum())
+    }
+
+    /// The texture without codebooks and maps: what its error map adds is the same.
+    #[must_use]
+    pub fn without_details(&self) -> Option<ProgressiveTexture> {
+        let parts = Parts { details: None, ..self.parts.clone() };
+        ProgressiveTexture::with_texels(parts, self.texels.clone(), self.notes.clone())
+    }
+
+    /// Codebooks and maps, where blocks show any.
+    #[must_use]
+    pub fn details(&self) -> Option<&Details> {
+        self.parts.details.as_ref()
     }
 
     /// How the base is stored.
@@ -181,11 +216,16 @@ impl ProgressiveTexture {
     /// One image as the shader sees it; the last where there is no such image.
     #[must_use]
     #[inline]
-    pub fn view(&self, surface: u32) -> ProgressiveView<'_> {
+    pub fn view<'a>(&'a self, surface: u32) -> ProgressiveView<'a> {
         let surface = (surface as usize).min(self.params.len() - 1);
+        let values =
+            |book: &'a Option<std::sync::Arc<crate::Codebook>>| book.as_ref().map_or(&[][..], |b| b.values());
+        let codebooks = self.parts.details.as_ref();
         ProgressiveView {
             params: self.params[surface],
             map: &self.words[surface],
+            entries: &self.entries[surface],
+            codebooks: codebooks.map_or([&[], &[]], |d| [values(&d.public), values(&d.private)]),
             base: &self.texels[surface],
         }
     }
@@ -230,6 +270,10 @@ impl Parts {
             let (columns, rows) = blocks_of(size.at_level(level));
             start += columns * rows;
         }
+        let details = self.details.as_ref();
+        let words = details.map_or(0, |details| {
+            (details.entries[surface].len() * details.form.entry_bits() as usize).div_ceil(32) + 1
+        });
         TexfoldProgressiveParams {
             size: [size.width, size.height],
             levels: self.layout.levels,
@@ -240,10 +284,14 @@ impl Parts {
             row_log2,
             first_bit,
             base_levels: base.len() as u32,
-            reserved: 0,
+            map_form: details.map_or(0, |details| details.form.packed()),
             level_start,
             classes: self.model.classes.map(|rates| rates.packed()),
             weights: self.model.scales(),
+            codebooks: details.map_or([0; 4], Details::sizes),
+            gain_unit: details.map_or(0.0, Details::unit),
+            entry_row_log2: rows_of(words).0,
+            reserved: [0; 2],
         }
     }
 }
@@ -280,6 +328,9 @@ impl Encoded for ProgressiveTexture {
         }
         let view = self.view(region.surface);
         enlarge(&view, region, out);
+        if view.params.map_form != 0 {
+            add_details(&view, region, out);
+        }
         if view.params.class_bits > 0 {
             add_errors(&view, region, out);
         }
@@ -299,13 +350,21 @@ impl Encoded for ProgressiveTexture {
     fn gpu(&self) -> GpuForm<'_> {
         let mut form =
             GpuForm { module: "progressive", planes: Vec::new(), uniforms: Vec::new(), surfaces: Vec::new() };
+        let books = self.push_codebooks(&mut form.planes);
         for (surface, words) in self.words.iter().enumerate() {
             let map = form.planes.len();
-            form.planes.push(map_plane(words, self.params[surface].row_log2));
+            let params = &self.params[surface];
+            form.planes.push(word_plane(ERROR_PART, words, params.row_log2));
             push_base(&mut form.planes, &self.parts.bases[surface]);
             let mut planes: Vec<usize> = (map..form.planes.len()).collect();
-            // The shader binds two planes of the base; where there is one it is bound twice.
+            // The shader binds two planes of the base; where there is one it is bound twice. Of what there is none, any is bound.
             planes.resize(3, map + 1);
+            let entries = &self.entries[surface];
+            planes.push(if entries.is_empty() { map } else { form.planes.len() });
+            if !entries.is_empty() {
+                form.planes.push(word_plane(MAP_PART, entries, params.entry_row_log2));
+            }
+            planes.extend(books.map(|book| book.unwrap_or(map + 1)));
             let start = form.uniforms.len();
             form.uniforms.extend(bytemuck::bytes_of(&self.params[surface]));
             form.surfaces.push(SurfaceBinding { planes, uniforms: start..form.uniforms.len(), surface: 0 });
@@ -327,23 +386,42 @@ impl Refine for ProgressiveTexture {
         let parts = Parts { maps, ..self.parts.clone() };
         let refined = ProgressiveTexture::with_texels(parts, self.texels.clone(), self.notes.clone());
         *self = refined.ok_or(wire::too_large())?;
-        Ok(vec![MAP_PART, "uniforms"])
+        Ok(vec![ERROR_PART, "uniforms"])
+    }
+}
+
+impl ProgressiveTexture {
+    /// Adds the planes of the codebooks; which they are.
+    fn push_codebooks<'a>(&'a self, planes: &mut Vec<Plane<'a>>) -> [Option<usize>; 2] {
+        let Some(details) = &self.parts.details else { return [None; 2] };
+        let mut push = |book: &'a Option<std::sync::Arc<crate::Codebook>>, part| {
+            let book = book.as_ref()?;
+            planes.extend(book.planes().gpu_planes(part));
+            Some(planes.len() - 1)
+        };
+        [push(&details.public, PUBLIC_PART), push(&details.private, PRIVATE_PART)]
     }
 }
 
 /// Name of the error map in the footprint.
-pub(crate) const MAP_PART: &str = "error map";
+pub(crate) const ERROR_PART: &str = "error map";
+/// Name of the map in the footprint.
+pub(crate) const MAP_PART: &str = "map";
+/// Name of a codebook that is kept elsewhere.
+pub(crate) const PUBLIC_PART: &str = "public codebook";
+/// Name of a texture's own codebook.
+pub(crate) const PRIVATE_PART: &str = "codebook";
 /// Name of the base in the footprint.
 pub(crate) const BASE_PART: &str = "base";
 
-fn map_plane(words: &[u32], row_log2: u32) -> Plane<'_> {
+fn word_plane<'a>(part: &'static str, words: &'a [u32], row_log2: u32) -> Plane<'a> {
     let width = words.len().min(1 << row_log2);
     let data = match bytemuck::try_cast_slice::<u32, u8>(words) {
         Ok(bytes) if cfg!(target_endian = "little") => Cow::Borrowed(bytes),
         _ => Cow::Owned(words.iter().flat_map(|word| word.to_le_bytes()).collect()),
     };
     Plane {
-        part: MAP_PART,
+        part,
         format: PlaneFormat::R32Uint,
         width: width as u32,
         height: (words.len() / width) as u32,
@@ -381,6 +459,16 @@ fn enlarge(view: &ProgressiveView<'_>, region: Rect, out: &mut [Texel]) {
             let (left, right) = (tap.low.x as usize, tap.high.x as usize);
             let four = [upper[left], upper[right], lower[left], lower[right]];
             *texel = texfold_bilinear(four, glam::Vec2::new(tap.weight.x, rows.weight.y));
+        }
+    }
+}
+
+/// Adds what codebooks show in `region`.
+fn add_details(view: &ProgressiveView<'_>, region: Rect, out: &mut [Texel]) {
+    for (y, line) in (region.y..).zip(out.chunks_exact_mut(region.width as usize)) {
+        for (x, texel) in (region.x..).zip(line) {
+            let detail = texfold_progressive_detail(view, UVec2::new(x, y), region.level);
+            *texel = (*texel + Vec4::new(detail, detail, detail, 0.0)).clamp(Vec4::ZERO, Vec4::ONE);
         }
     }
 }

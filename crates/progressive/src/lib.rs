@@ -9,9 +9,14 @@
 //!
 //! Source of the error map: "Progressive compression of large-scale remote sensing images with GSR descriptors", 2012,
 //! section 4.3, which has two end colours and 2-bit selectors a block over codebooks; of trellis codes that are read by a
-//! window: Mao and Gray, "Stationary and trellis encoding for iid sources and simulation", DCC 2010. *Not done*: codebooks
-//! shared among images; alpha in the error map, which the base holds alone.
+//! window: Mao and Gray, "Stationary and trellis encoding for iid sources and simulation", DCC 2010.
+//! *Not done*: alpha in the error map, which the base holds alone; colour in codebooks.
+//!
+//! Between base and error map stand codebooks ([`Codebook`]): blocks of 8x8 or 16x16 texels show detail from a public
+//! codebook, that many textures share, or from the texture's own, at a place, turn and gain of their own. Up to about
+//! half a bit a texel that is worth more than its bits; above, error maps alone are better, and codebooks are not tried.
 
+mod codebook;
 pub mod decode;
 mod encode;
 mod encoded;
@@ -19,9 +24,12 @@ mod params;
 mod rates;
 mod wire;
 
+pub use codebook::{CELL_SIDE, Codebook, Details, Entry, MapForm};
 pub use encoded::ProgressiveTexture;
 pub use params::ProgressiveParams;
 pub use rates::{Model, Rates};
+
+use std::sync::Arc;
 
 use texfold_core::container::Sections;
 use texfold_core::image::ImageSet;
@@ -43,10 +51,49 @@ impl TextureCodec for Progressive {
         params: &ProgressiveParams,
         job: &mut Job<'_>,
     ) -> Result<ProgressiveTexture, EncodeError> {
-        encode::encode(source, params, job)
+        encode::encode(source, params, &Shared::default(), job)
     }
 
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ProgressiveTexture, LoadError> {
-        wire::load(file, budget)
+        wire::load(file, None, budget)
+    }
+}
+
+/// A public codebook that textures show and add to.
+#[derive(Debug, Clone, Default)]
+pub struct Shared {
+    /// What it holds; `None` while that is nothing.
+    pub public: Option<Arc<Codebook>>,
+    /// Rows of texels that it may grow to, at most 2048; 0 where nothing is to be shared.
+    pub most_rows: u32,
+}
+
+impl Progressive {
+    /// As [`TextureCodec::encode`], with a public codebook. [`ProgressiveTexture::details`] of the result names the codebook
+    /// that it shows: the same, or one that grew from it. A goal of bits counts the texture's own.
+    ///
+    /// # Errors
+    /// [`EncodeError`] as there.
+    pub fn encode_shared(
+        source: &ImageSet,
+        params: &ProgressiveParams,
+        shared: &Shared,
+        job: &mut Job<'_>,
+    ) -> Result<ProgressiveTexture, EncodeError> {
+        let most_rows = shared.most_rows.min(codebook::MAX_CODEBOOK_SIDE / 2);
+        encode::encode(source, params, &Shared { most_rows, ..shared.clone() }, job)
+    }
+
+    /// As [`TextureCodec::load`], for a texture that shows a public codebook: the one that it was made with, or one that grew
+    /// from it.
+    ///
+    /// # Errors
+    /// [`LoadError`] as there, and where the codebook is another.
+    pub fn load_shared(
+        file: &Sections<'_>,
+        public: &Codebook,
+        budget: &mut Budget,
+    ) -> Result<ProgressiveTexture, LoadError> {
+        wire::load(file, Some(public), budget)
     }
 }

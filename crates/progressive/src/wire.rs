@@ -1,6 +1,9 @@
-//! Sections of a `progressive` file: "PRFM" (form of base and error map), "PRBA" (planes of the bases), "PREM" (error maps: for
+//! Sections of a `progressive` file: "PRFM" (form of base and error map), "PRBA" (planes of the bases), "PRCB" (planes of the
+//! texture's own codebook), "PRMP" (form and entries of the map), "PREM" (error maps: for
 //! each image the classes of all blocks, their scales, then their bits). "PREM" is the second layer: a prefix of the file
 //! without it is the enlarged base.
+
+use std::sync::Arc;
 
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
@@ -8,13 +11,20 @@ use texfold_core::sample::TEXFOLD_NORMAL;
 use texfold_core::{Budget, ImageLayout, LoadError, String4, SurfaceSize};
 
 use crate::ProgressiveTexture;
-use crate::encoded::{BASE_PART, ErrorMap, MAP_PART, Parts, base_levels, blocks_of};
+use crate::codebook::{
+    CODEBOOK_PIXEL, Codebook, Details, MAX_CODEBOOK_SIDE, MapForm, pack_entries, unpack_entries,
+};
+use crate::encoded::{
+    BASE_PART, ERROR_PART, ErrorMap, MAP_PART, PRIVATE_PART, Parts, base_levels, blocks_of,
+};
 use crate::params::MAX_REDUCE_LOG2;
 use crate::rates::{CLASSES, Model, Rates};
 
 const FORM_ID: [u8; 4] = *b"PRFM";
 const BASE_ID: [u8; 4] = *b"PRBA";
-const MAP_ID: [u8; 4] = *b"PREM";
+const CODEBOOK_ID: [u8; 4] = *b"PRCB";
+const MAP_ID: [u8; 4] = *b"PRMP";
+const ERROR_ID: [u8; 4] = *b"PREM";
 
 /// Most bits of a block of class 1: two 16-bit halves.
 const MOST_CLASS_BITS: u32 = 32;
@@ -31,10 +41,34 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     let planes = parts.bases.iter().flatten().flat_map(ContentPlanes::planes);
     let raw: Vec<u8> = planes.flat_map(|(_, bytes)| bytes).copied().collect();
     out.section(BASE_PART, BASE_ID, &raw);
+    if let Some(details) = &parts.details {
+        store_details(details, out);
+    }
     if !parts.maps.is_empty() {
         let raw: Vec<u8> = parts.maps.iter().flat_map(map_bytes).collect();
-        out.section(MAP_PART, MAP_ID, &raw);
+        out.section(ERROR_PART, ERROR_ID, &raw);
     }
+}
+
+/// Rows and columns of both codebooks, the layout of entries, the least gain; the texture's own codebook; the entries of all
+/// images, each as its own words. The public codebook is named by its size and checksum.
+fn store_details(details: &Details, out: &mut SectionWriter) {
+    if let Some(book) = &details.private {
+        let mut raw = vec![book.planes().content().number()];
+        raw.extend(book.planes().planes().iter().flat_map(|(_, bytes)| bytes));
+        out.section(PRIVATE_PART, CODEBOOK_ID, &raw);
+    }
+    let mut raw: Vec<u8> = details.sizes().iter().flat_map(|size| size.to_le_bytes()).collect();
+    let checksum = details.public.as_ref().map_or(0, |book| book.checksum());
+    raw.extend(checksum.to_le_bytes());
+    raw.extend(details.form.packed().to_le_bytes());
+    raw.extend(details.gain_unit.to_le_bytes());
+    for entries in &details.entries {
+        let words = pack_entries(entries, details.form);
+        let words = &words[..words.len() - 1];
+        raw.extend(words.iter().flat_map(|word| word.to_le_bytes()));
+    }
+    out.section(MAP_PART, MAP_ID, &raw);
 }
 
 fn map_bytes(map: &ErrorMap) -> Vec<u8> {
@@ -60,7 +94,12 @@ fn unpack(reader: &mut Reader<'_>, count: usize) -> Result<Vec<u8>, LoadError> {
     Ok(values)
 }
 
-pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ProgressiveTexture, LoadError> {
+/// Loads a texture; `public` is the codebook that it shares with others, or one that grew from it.
+pub(crate) fn load(
+    file: &Sections<'_>,
+    public: Option<&Codebook>,
+    budget: &mut Budget,
+) -> Result<ProgressiveTexture, LoadError> {
     let notes = Notes::read(file, budget)?;
     let layout = read_layout(file, budget)?;
     let form = file.read(FORM_ID, budget)?;
@@ -76,7 +115,8 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<Progressi
     }
     let model = read_model(&mut reader)?;
     let bases = read_bases(&layout, content, reduce_log2, file, budget)?;
-    let mut parts = Parts { layout, reduce_log2, model, bases, maps: Vec::new() };
+    let details = read_details(&layout, public, file, budget)?;
+    let mut parts = Parts { layout, reduce_log2, model, bases, details, maps: Vec::new() };
     if let Some(maps) = read_maps(&parts, file, budget)? {
         parts.maps = maps;
     }
@@ -85,7 +125,7 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<Progressi
 
 /// A map that fits no plane.
 pub(crate) fn too_large() -> LoadError {
-    LoadError::Corrupt { section: String4(MAP_ID), offset: 0, what: "an error map larger than a plane" }
+    LoadError::Corrupt { section: String4(ERROR_ID), offset: 0, what: "an error map larger than a plane" }
 }
 
 fn read_model(reader: &mut Reader<'_>) -> Result<Model, LoadError> {
@@ -141,25 +181,107 @@ fn read_bases(
     Ok(bases)
 }
 
+/// A codebook of the size that the map names.
+fn read_codebook(
+    (width, height): (u32, u32),
+    file: &Sections<'_>,
+    budget: &mut Budget,
+) -> Result<Codebook, LoadError> {
+    let raw = file.read(CODEBOOK_ID, budget)?;
+    let mut reader = Reader::new(String4(CODEBOOK_ID), &raw);
+    let content = Content::read(&mut reader)?;
+    if !content.fits(CODEBOOK_PIXEL) {
+        return Err(reader.corrupt("content that cannot hold gray"));
+    }
+    let texels = u64::from(width) * u64::from(height);
+    budget.take(raw.len() as u64 + texels * (size_of::<texfold_core::Texel>() + 4) as u64)?;
+    let mut planes = Vec::new();
+    for format in content.formats(CODEBOOK_PIXEL).0 {
+        let length = usize::try_from(format.bytes(width, height)).unwrap_or(usize::MAX);
+        planes.push(reader.bytes(length)?.to_vec());
+    }
+    reader.end()?;
+    let planes = ContentPlanes::from_planes(content, CODEBOOK_PIXEL, (width, height), planes);
+    let book = planes.and_then(Codebook::from_planes);
+    book.ok_or(reader.corrupt("a codebook that is not of whole cells"))
+}
+
+/// Codebooks and maps; `None` where the texture has none.
+fn read_details(
+    layout: &ImageLayout,
+    public: Option<&Codebook>,
+    file: &Sections<'_>,
+    budget: &mut Budget,
+) -> Result<Option<Details>, LoadError> {
+    if !file.ids().any(|(id, _)| id == MAP_ID) {
+        return Ok(None);
+    }
+    let raw = file.read(MAP_ID, budget)?;
+    let mut reader = Reader::new(String4(MAP_ID), &raw);
+    let mut sizes = [0; 4];
+    for size in &mut sizes {
+        *size = reader.u32()?;
+        if *size > MAX_CODEBOOK_SIDE {
+            return Err(reader.corrupt("a codebook longer than 4096 texels"));
+        }
+    }
+    let checksum = reader.u64()?;
+    let form = MapForm::unpacked(reader.u32()?).ok_or(reader.corrupt("an unknown layout of entries"))?;
+    let gain_unit = reader.u16()?;
+    let public = match (sizes[1], public) {
+        (0, _) => None,
+        (_, None) => return Err(reader.corrupt("a public codebook is needed; open the image by its bank")),
+        (rows, Some(public)) => {
+            let part = public.first_rows(rows).filter(|part| part.size().0 == sizes[0]);
+            let part = part.filter(|part| part.checksum() == checksum);
+            Some(Arc::new(
+                part.ok_or(reader.corrupt("another public codebook than the image was made with"))?,
+            ))
+        }
+    };
+    let private = match sizes[3] {
+        0 => None,
+        height => Some(Arc::new(read_codebook((sizes[2], height), file, budget)?)),
+    };
+    let mut entries = Vec::new();
+    for &size in &layout.surfaces {
+        let count = form.blocks(size, layout.levels);
+        let words = (count * u64::from(form.entry_bits())).div_ceil(32);
+        budget.take(count.saturating_mul(size_of::<crate::Entry>() as u64 + 8))?;
+        let bytes = reader.bytes(usize::try_from(4 * words).unwrap_or(usize::MAX))?;
+        let words: Vec<u32> = bytes
+            .chunks_exact(4)
+            .map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]))
+            .collect();
+        let list = unpack_entries(&words, count as usize, form);
+        if list.iter().any(|entry| entry.row >= sizes[1] + sizes[3]) {
+            return Err(reader.corrupt("an entry behind the last row of the codebooks"));
+        }
+        entries.push(list);
+    }
+    reader.end()?;
+    Ok(Some(Details { public, private, form, gain_unit, entries }))
+}
+
 /// The error maps of all images; `None` where the file has not brought them.
 pub(crate) fn read_maps(
     parts: &Parts,
     file: &Sections<'_>,
     budget: &mut Budget,
 ) -> Result<Option<Vec<ErrorMap>>, LoadError> {
-    let named = file.ids().any(|(id, _)| id == MAP_ID);
+    let named = file.ids().any(|(id, _)| id == ERROR_ID);
     if parts.layers() == 1 || !named {
         let error =
-            LoadError::Corrupt { section: String4(MAP_ID), offset: 0, what: "missing, or one too many" };
+            LoadError::Corrupt { section: String4(ERROR_ID), offset: 0, what: "missing, or one too many" };
         return if named != (parts.layers() == 2) { Err(error) } else { Ok(None) };
     }
-    if !file.has(MAP_ID) {
+    if !file.has(ERROR_ID) {
         return Ok(None);
     }
-    let raw = file.read(MAP_ID, budget)?;
+    let raw = file.read(ERROR_ID, budget)?;
     // Laid out, a block has 10 bits more than its own and a byte each of class and scale are kept.
     budget.take(4 * raw.len() as u64)?;
-    let mut reader = Reader::new(String4(MAP_ID), &raw);
+    let mut reader = Reader::new(String4(ERROR_ID), &raw);
     let mut maps = Vec::new();
     for size in &parts.layout.surfaces {
         maps.push(read_map(*size, parts, &mut reader)?);

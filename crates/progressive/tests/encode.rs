@@ -10,7 +10,7 @@ use texfold_core::target::Measured;
 use texfold_core::{
     Budget, Effort, EncodeError, Encoded, Goal, ImageAddress, Job, Layers, Refine, TextureCodec,
 };
-use texfold_progressive::{Progressive, ProgressiveParams, ProgressiveTexture};
+use texfold_progressive::{Progressive, ProgressiveParams, ProgressiveTexture, Shared};
 
 fn picture(name: &str) -> ImageSet {
     ImageSet::single(texfold_testkit::picture(name))
@@ -179,4 +179,76 @@ fn a_picture_that_its_base_shows_has_no_error_map() {
     assert!(texture.notes().verdict.contains("alone"), "{}", texture.notes().verdict);
     let at = |x, y| texture.sample(ImageAddress { surface: 0, level: 0, x, y });
     assert_eq!(at(0, 0), at(17, 5));
+}
+
+/// A picture of the same strokes here and there, in several directions, on a slope of brightness: `seed` moves them.
+fn strokes(seed: u32) -> ImageSet {
+    let side = 512;
+    let value = |x: u32, y: u32| {
+        let (tile_x, tile_y) = (x / 32, y / 32);
+        let kind = (tile_x * 7 + tile_y * 13 + seed * 5) % 4;
+        let (u, v) = (x % 32, y % 32);
+        let (a, b) = match kind {
+            0 => (u, v),
+            1 => (31 - v, u),
+            2 => (31 - u, 31 - v),
+            _ => (v, 31 - u),
+        };
+        let stroke = (a * a / 9 + 3 * b + a * b / 17) % 23 < 9;
+        (60 + (x + y) / 10 + if stroke { 50 } else { 0 }).min(255) as u8
+    };
+    let texel = |i: u32| [value(i % side, i / side); 3];
+    let bytes: Vec<u8> = (0..side * side).flat_map(texel).collect();
+    ImageSet::single(Raster::from_u8(side, side, 3, ColorSpace::Srgb, &bytes).unwrap())
+}
+
+#[test]
+fn what_recurs_is_shown_from_a_codebook() {
+    let set = strokes(0);
+    let goal = Goal::Bpp(0.6);
+    let plain = encode(&set, &fast(goal));
+    let texture = encode(&set, &ProgressiveParams { goal, ..ProgressiveParams::default() });
+    assert!(plain.details().is_none() && texture.details().is_some());
+    let (without, with) = (measure(&set, &plain), measure(&set, &texture));
+    assert!(with.bpp <= 0.6 && with.psnr > without.psnr + 1.0, "{with:?} {without:?}");
+    // As it is stored, so it loads; and a texel is what its image shows there.
+    let stored = bytes(&texture);
+    let mut budget = Budget::default();
+    let file = Sections::parse(&stored, &mut budget).unwrap();
+    let loaded = Progressive::load(&file, &mut budget).unwrap();
+    assert_eq!(loaded, texture);
+    let whole = decode_surface(&loaded, 0, 0).unwrap();
+    for (x, y) in [(0, 0), (511, 511), (77, 300)] {
+        let texel = loaded.sample(ImageAddress { surface: 0, level: 0, x, y });
+        assert!((texel - whole.texel(x, y)).abs().max_element() < 1.0 / 255.0, "{x} {y}");
+    }
+}
+
+#[test]
+fn a_public_codebook_grows_and_earlier_images_stay_as_they_are() {
+    let params = ProgressiveParams { goal: Goal::Bpp(0.4), ..ProgressiveParams::default() };
+    let mut shared = Shared { public: None, most_rows: 128 };
+    let mut made = Vec::new();
+    for seed in 0..3 {
+        let set = strokes(seed);
+        let texture = Progressive::encode_shared(&set, &params, &shared, &mut Job::default()).unwrap();
+        if let Some(public) = texture.details().and_then(|details| details.public.clone()) {
+            shared.public = Some(public);
+        }
+        made.push((bytes(&texture), decode_surface(&texture, 0, 0).unwrap()));
+    }
+    let public = shared.public.unwrap();
+    assert!(public.size().1 <= 128);
+    for (stored, shown) in &made {
+        let mut budget = Budget::default();
+        let file = Sections::parse(stored, &mut budget).unwrap();
+        let texture = Progressive::load_shared(&file, &public, &mut budget).unwrap();
+        assert!(decode_surface(&texture, 0, 0).unwrap() == *shown);
+        if texture.details().is_some_and(|details| details.public.is_some()) {
+            let alone = Progressive::load(&file, &mut budget).unwrap_err().to_string();
+            assert!(alone.contains("bank"), "{alone}");
+        }
+    }
+    // Further images find what the first brought.
+    assert!(made[2].0.len() < made[0].0.len(), "{} {}", made[2].0.len(), made[0].0.len());
 }

@@ -43,7 +43,7 @@ impl std::fmt::Display for CodecId {
 }
 
 /// First 64 bits of the BLAKE3 hash, little-endian.
-fn checksum(parts: &[&[u8]]) -> u64 {
+pub fn checksum(parts: &[&[u8]]) -> u64 {
     let mut hasher = blake3::Hasher::new();
     for part in parts {
         hasher.update(part);

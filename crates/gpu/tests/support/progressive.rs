@@ -1,9 +1,11 @@
 //! Progressive textures with pseudo-random bases, models and bits, by way of their file format.
 
 use texfold_bc::Content;
-use texfold_core::container::{SectionWriter, write_layout};
+use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
 use texfold_core::{Budget, CodecId, ImageLayout, Notes, SurfaceSize};
+
+use texfold_progressive::{Codebook, Progressive};
 
 use super::{Dice, Subject};
 
@@ -18,6 +20,62 @@ pub(crate) struct Base {
     pub(crate) reduce_log2: u32,
     /// Bits of a block of class 1; 0 for no error map.
     pub(crate) class_bits: u32,
+    /// Codebooks and a map, where there are any.
+    pub(crate) books: Option<Books>,
+}
+
+/// What codebooks are like: a public one of 64x64 texels, a private one of 32x64 behind it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Books {
+    pub(crate) side_log2: u32,
+    pub(crate) turn_bits: u32,
+    pub(crate) content: Content,
+}
+
+/// Rows of both codebooks.
+const ROWS: u32 = 128;
+
+/// A codebook of pseudo-random cells.
+fn codebook(content: Content, width: u32, cells: usize, dice: &mut Dice) -> Codebook {
+    let mut cell = || dice.bytes(1024).into_iter().map(|byte| f32::from(byte) / 127.5 - 1.0).collect();
+    let cells: Vec<Vec<f32>> = (0..cells).map(|_| cell()).collect();
+    Codebook::of_cells(content, width, &cells).unwrap()
+}
+
+/// Sections of codebooks and map; the public codebook is returned.
+fn store_books(
+    books: Books,
+    surfaces: &[SurfaceSize],
+    levels: u32,
+    dice: &mut Dice,
+    out: &mut SectionWriter,
+) -> Codebook {
+    let public = codebook(books.content, 64, 4, dice);
+    let private = codebook(books.content, 32, 2, dice);
+    let mut raw = vec![books.content.number()];
+    raw.extend(&private.planes().planes()[0].1);
+    out.section("codebook", *b"PRCB", &raw);
+    let sizes = [64u32, 64, 32, 64];
+    let mut raw: Vec<u8> = sizes.into_iter().flat_map(u32::to_le_bytes).collect();
+    raw.extend(public.checksum().to_le_bytes());
+    let form = books.side_log2 | 6 << 4 | 7 << 8 | books.turn_bits << 12;
+    raw.extend(form.to_le_bytes());
+    raw.extend(70u16.to_le_bytes());
+    for size in surfaces {
+        let side = 1 << books.side_log2;
+        let blocks_of =
+            |level| size.at_level(level).width.div_ceil(side) * size.at_level(level).height.div_ceil(side);
+        let mut bits: Vec<bool> = Vec::new();
+        for _ in 0..(0..levels).map(blocks_of).sum() {
+            let entry = dice.below(64) | dice.below(ROWS) << 6 | dice.below(1 << (books.turn_bits + 5)) << 13;
+            bits.extend((0..18 + books.turn_bits).map(|bit| entry >> bit & 1 == 1));
+        }
+        bits.resize(bits.len().next_multiple_of(32), false);
+        let byte = |bits: &[bool]| (0..).zip(bits).map(|(n, &bit)| u8::from(bit) << n).sum::<u8>();
+        raw.extend(bits.chunks(8).map(byte));
+    }
+    out.section("map", *b"PRMP", &raw);
+    public
 }
 
 /// Bits of coefficients by class, for a class of 16 bits more than the one before: each kind has some.
@@ -33,7 +91,7 @@ const WIDE_CLASSES: [u32; 11] = [
 
 /// The texture of that kind.
 pub(crate) fn progressive(base: &Base) -> Subject {
-    let Base { sizes, levels, channels, content, reduce_log2, class_bits } = *base;
+    let Base { sizes, levels, channels, content, reduce_log2, class_bits, books } = *base;
     let mut dice = Dice(u64::from(channels) + 10 * u64::from(class_bits + reduce_log2));
     let alpha = if matches!(channels, 2 | 4) { Alpha::Straight } else { Alpha::Opaque };
     let pixel = PixelInfo { channels, depth: Depth::Eight, color: ColorSpace::Srgb, alpha };
@@ -69,11 +127,18 @@ pub(crate) fn progressive(base: &Base) -> Subject {
         }
         maps.extend(dice.bytes(2 * u64::from(halves)));
     }
-    write_layout(&ImageLayout { surfaces, levels, pixel }, &mut out);
+    write_layout(&ImageLayout { surfaces: surfaces.clone(), levels, pixel }, &mut out);
     out.section("container", *b"PRFM", &form);
     out.section("base", *b"PRBA", &planes);
+    let public = books.map(|books| store_books(books, &surfaces, levels, &mut dice, &mut out));
     if class_bits > 0 {
         out.section("error map", *b"PREM", &maps);
+    }
+    if let Some(public) = public {
+        let bytes = out.finish().bytes;
+        let mut budget = Budget::default();
+        let file = Sections::parse(&bytes, &mut budget).unwrap();
+        return Subject::Progressive(Progressive::load_shared(&file, &public, &mut budget).unwrap());
     }
     match texfold::open_image(&out.finish().bytes, &mut Budget::default()).unwrap() {
         texfold::AnyImage::Progressive(texture) => Subject::Progressive(texture),

@@ -8,23 +8,41 @@ use texfold_core::{
 };
 
 use super::coder::Coder;
+use super::details::{Lack, find, stock};
 use super::error::{Block, blocks};
-use crate::encoded::{ErrorMap, Parts, base_levels, map_words};
+use crate::encoded::{ERROR_PART, ErrorMap, PUBLIC_PART, Parts, base_levels, map_words};
 use crate::params::MAX_REDUCE_LOG2;
 use crate::rates::Model;
-use crate::{ProgressiveParams, ProgressiveTexture};
+use crate::{ProgressiveParams, ProgressiveTexture, Shared};
+
+/// Bits of the plane that stands for an error map where there is none.
+const EMPTY_MAP_BITS: u64 = 32;
 
 /// How a base is stored, and how small it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Kind {
     content: Content,
     reduce_log2: u32,
+    /// Binary logarithm of the side of the blocks that show a codebook; `None` where none does.
+    side_log2: Option<u32>,
 }
 
 /// PSNR in dB and bits a texel above which a base of many bits is tried.
 const FINE: (f64, f64) = (42.0, 3.5);
 /// The same above which BC7 of a quarter of the width and height is.
 const MIDDLE: (f64, f64) = (33.0, 1.6);
+
+/// PSNR in dB and bits a texel below which codebooks are tried: above, error maps do the same at fewer bits.
+const COARSE: (f64, f64) = (33.0, 0.7);
+
+/// Whether a goal is coarser than such.
+fn below((psnr, bpp): (f64, f64), goal: Goal) -> bool {
+    match goal {
+        Goal::Psnr(goal) => goal < psnr,
+        Goal::Bpp(goal) => goal < bpp,
+        Goal::Tolerance(_) => false,
+    }
+}
 
 /// The bases that are tried, as the goal and the pixels need.
 pub(crate) fn kinds(pixel: PixelInfo, params: &ProgressiveParams) -> Result<Vec<Kind>, ParamError> {
@@ -63,13 +81,21 @@ pub(crate) fn kinds(pixel: PixelInfo, params: &ProgressiveParams) -> Result<Vec<
         None => usual.iter().copied().filter(tried).collect(),
     };
     let wanted = |reduce_log2: u32| params.reduce_log2.is_none_or(|wanted| wanted == reduce_log2);
-    let list: Vec<Kind> = list
+    let mut list: Vec<Kind> = list
         .into_iter()
         // Normals in two channels are rebuilt behind the filter: errors in them would be of another kind.
         .filter(|&(content, _)| content.fits(pixel) && content.formats(pixel).1.0 != TEXFOLD_NORMAL)
         .filter(|&(_, reduce_log2)| wanted(reduce_log2))
-        .map(|(content, reduce_log2)| Kind { content, reduce_log2 })
+        .map(|(content, reduce_log2)| Kind { content, reduce_log2, side_log2: None })
         .collect();
+    let with_codebooks: Vec<Kind> = list
+        .iter()
+        .filter(|kind| pixel.channels != 2 && kind.reduce_log2 == MAX_REDUCE_LOG2)
+        .filter(|_| params.effort != Effort::Fast && below(COARSE, params.goal))
+        .flat_map(|kind| [3, 4].map(|side_log2| Kind { side_log2: Some(side_log2), ..*kind }))
+        .filter(|kind| kind.content != Content::Bc7 || params.content.is_some())
+        .collect();
+    list.extend(with_codebooks);
     if list.is_empty() {
         let range = "what the content and the base's size can hold";
         return Err(ParamError { field: "channels", value: f64::from(pixel.channels), range });
@@ -99,7 +125,7 @@ pub(crate) struct Base {
     counts: Vec<usize>,
     /// Texels of level 0.
     pub(crate) texels: u64,
-    /// Bits of the planes and parameters of the bases.
+    /// Bits of the planes and parameters of the bases and of what is drawn beside them, but those that are shared.
     bits: u64,
 }
 
@@ -109,18 +135,27 @@ impl Base {
         source: &ImageSet,
         chains: &[Vec<Raster>],
         kind: Kind,
-        params: &ProgressiveParams,
+        (params, shared): (&ProgressiveParams, &Shared),
     ) -> Option<Base> {
         let layout = source.layout(chains.first().map_or(1, |levels| levels.len() as u32));
         let bases = chains.iter().map(|chain| reduced(chain, kind, &layout, params.effort)).collect();
-        let parts =
-            Parts { layout, reduce_log2: kind.reduce_log2, model: Model::default(), bases, maps: Vec::new() };
-        let plain = ProgressiveTexture::new(parts, Notes::default())?;
+        let parts = Parts {
+            layout,
+            reduce_log2: kind.reduce_log2,
+            model: Model::default(),
+            bases,
+            details: None,
+            maps: Vec::new(),
+        };
+        let mut plain = ProgressiveTexture::new(parts, Notes::default())?;
+        if let Some(side_log2) = kind.side_log2 {
+            plain = with_details(&plain, chains, side_log2, shared)?;
+        }
         let form = plain.gpu();
         let maps: usize = form
             .planes
             .iter()
-            .filter(|plane| plane.part == crate::encoded::MAP_PART)
+            .filter(|plane| [ERROR_PART, PUBLIC_PART].contains(&plane.part))
             .map(|plane| plane.data.len())
             .sum();
         let mut base = Base {
@@ -148,6 +183,9 @@ impl Base {
 
     /// Bits in memory of the texture with blocks of such classes.
     pub(crate) fn bits(&self, coder: &Coder<'_>, classes: &[u8]) -> u64 {
+        if classes.iter().all(|&class| class == 0) {
+            return self.bits + EMPTY_MAP_BITS * self.counts.len() as u64;
+        }
         let half_words = u64::from(coder.model.class_bits / 16);
         let mut first = 0;
         let mut words = 0;
@@ -185,6 +223,28 @@ impl Base {
         let texture = self.plain.with_maps(coder.model.clone(), maps);
         texture.ok_or(SourceError::Full { what: "a plane of 8192 x 8192 words" }.into())
     }
+}
+
+/// The same with codebooks; `None` where no content is worth its bits.
+fn with_details(
+    plain: &ProgressiveTexture,
+    chains: &[Vec<Raster>],
+    side_log2: u32,
+    shared: &Shared,
+) -> Option<ProgressiveTexture> {
+    let mut lacks = Vec::new();
+    for (surface, chain) in (0..).zip(chains) {
+        let mut levels = Vec::new();
+        for (level, raster) in (0..).zip(chain) {
+            let rect = plain.layout().whole(surface, level)?;
+            let mut texels = vec![Texel::ZERO; rect.width as usize * rect.height as usize];
+            plain.decode(rect, &mut texels).ok()?;
+            levels.push(Lack::new(raster, &texels));
+        }
+        lacks.push(levels);
+    }
+    let shelf = stock(&lacks, 1 << side_log2, shared)?;
+    plain.with_details(find(&lacks, side_log2, &shelf)?)
 }
 
 /// The planes of an image's base, level by level.

@@ -3,6 +3,7 @@
 
 mod base;
 mod coder;
+mod details;
 mod draft;
 mod error;
 mod model;
@@ -11,10 +12,10 @@ mod trellis;
 
 use texfold_core::image::ImageSet;
 use texfold_core::metric::measure;
-use texfold_core::target::search;
+use texfold_core::target::{Measured, search};
 use texfold_core::{Effort, EncodeError, Goal, Job, Params, SourceError, SurfaceSize};
 
-use crate::{ProgressiveParams, ProgressiveTexture};
+use crate::{ProgressiveParams, ProgressiveTexture, Shared};
 use base::{Base, kinds, levels};
 use coder::Coder;
 use draft::{Draft, FIRST_PRICE, PRICES, price};
@@ -31,9 +32,11 @@ const CLASS_BITS: [u32; 2] = [16, 32];
 /// Parts of the limit by which tolerances fall short of it, until rounding to 8 bits keeps to it.
 const SLACKS: u32 = 8;
 
+/// `shared` is a public codebook that may be shown and added to.
 pub(crate) fn encode(
     source: &ImageSet,
     params: &ProgressiveParams,
+    shared: &Shared,
     job: &mut Job<'_>,
 ) -> Result<ProgressiveTexture, EncodeError> {
     params.check()?;
@@ -43,7 +46,7 @@ pub(crate) fn encode(
     let mut best: Option<(Base, Draft)> = None;
     for (index, &kind) in kinds.iter().enumerate() {
         job.stage("trying bases", 0.4 * index as f32 / kinds.len() as f32)?;
-        let Some(base) = job.install(|| Base::new(source, &chains, kind, params)) else { continue };
+        let Some(base) = job.install(|| Base::new(source, &chains, kind, (params, shared))) else { continue };
         let mut drafts = Vec::new();
         for class_bits in CLASS_BITS {
             let draft = job.install(|| Draft::new(&base, class_bits, params.goal));
@@ -65,12 +68,12 @@ pub(crate) fn encode(
     let draft = job.install(|| draft.widened(&base, params.goal));
     let largest = draft.model.class_bits == CLASS_BITS[1];
     let mut made = job.within(0.4, 0.8, |job| finish(source, &base, draft, params, job))?;
-    let mut met = params.goal.is_met(&measure(source, &made));
+    let mut met = params.goal.is_met(&own_measure(source, &made));
     if !met && !largest && !matches!(params.goal, Goal::Bpp(_)) {
         // A few blocks need more bits than the estimates say.
         let draft = job.install(|| Draft::new(&base, CLASS_BITS[1], params.goal).widened(&base, params.goal));
         let other = job.within(0.8, 1.0, |job| finish(source, &base, draft, params, job))?;
-        let (of_made, of_other) = (measure(source, &made), measure(source, &other));
+        let (of_made, of_other) = (own_measure(source, &made), own_measure(source, &other));
         if params.goal.prefers(&of_other, &of_made) {
             (made, met) = (other, params.goal.is_met(&of_other));
         }
@@ -78,6 +81,13 @@ pub(crate) fn encode(
     let notes = notes(source, &made, params, met);
     job.stage("done", 1.0)?;
     Ok(made.with_notes(notes))
+}
+
+/// Quality and size, without what is shared.
+fn own_measure(source: &ImageSet, texture: &ProgressiveTexture) -> Measured {
+    let mut measured = measure(source, texture);
+    measured.bpp -= texture.shared_bits() as f64 / source.texel_count() as f64;
+    measured
 }
 
 /// The base with its blocks coded at the price that the goal asks for.
@@ -133,7 +143,7 @@ fn by_quality(
             let classes = coder.choose(price(number));
             coder.code(&classes, job)?;
             let made = base.assemble(coder, &classes)?;
-            let measured = job.install(|| measure(source, &made));
+            let measured = job.install(|| own_measure(source, &made));
             Ok::<_, EncodeError>((measured, made))
         })?;
         // The best price of a range lies inside it.
@@ -162,7 +172,7 @@ fn within(
         let limit = draft::cell_limit(tolerance) * (1.0 - 0.05 * slack as f32);
         let classes = coder.within(limit, job)?;
         let made = base.assemble(coder, &classes)?;
-        let measured = job.install(|| measure(source, &made));
+        let measured = job.install(|| own_measure(source, &made));
         Ok::<_, EncodeError>((measured, made))
     })?;
     Ok(found.value)

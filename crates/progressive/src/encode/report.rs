@@ -4,8 +4,9 @@ use texfold_core::image::ImageSet;
 use texfold_core::metric::quality;
 use texfold_core::{Encoded, Goal, Notes};
 
-use crate::encoded::MAP_PART;
-use crate::{ProgressiveParams, ProgressiveTexture};
+use crate::codebook::CELL_SIDE;
+use crate::encoded::{ERROR_PART, MAP_PART};
+use crate::{Details, ProgressiveParams, ProgressiveTexture};
 
 /// Settings, verdict, and the PSNR of the base alone.
 pub(crate) fn notes(
@@ -16,7 +17,11 @@ pub(crate) fn notes(
 ) -> Notes {
     let alone = quality(source, &texture.first_layers(1)).color.psnr() as f32;
     let drawn = texture.layers().total > 1;
-    let psnr_without = if drawn { vec![(MAP_PART.to_owned(), alone)] } else { Vec::new() };
+    let mut psnr_without = if drawn { vec![(ERROR_PART.to_owned(), alone)] } else { Vec::new() };
+    if let Some(plain) = texture.details().and_then(|_| texture.without_details()) {
+        let plain = quality(source, &plain).color.psnr() as f32;
+        psnr_without.push((MAP_PART.to_owned(), plain));
+    }
     Notes { settings: settings(params), verdict: verdict(texture, met), psnr_without }
 }
 
@@ -37,6 +42,10 @@ fn verdict(texture: &ProgressiveTexture, met: bool) -> String {
         1 << texture.reduce_log2(),
         texture.base().content().name().to_uppercase()
     );
+    let base = match texture.details() {
+        Some(details) => format!("{base}{}", described(details)),
+        None => base,
+    };
     let missed = if met { "" } else { " The goal is out of reach; this comes nearest." };
     let surfaces = texture.layout().surfaces.len() as u32;
     let classes: Vec<u8> =
@@ -51,5 +60,21 @@ fn verdict(texture: &ProgressiveTexture, met: bool) -> String {
         "{base}; errors in {:.2} bits a texel, none in {:.0}% of the blocks.{missed}",
         bits as f64 * f64::from(texture.model().class_bits) / texels,
         100.0 * none as f64 / classes.len() as f64
+    )
+}
+
+/// What codebooks a texture shows.
+fn described(details: &Details) -> String {
+    let side = 1 << details.form.side_log2;
+    let cells = |book: &Option<std::sync::Arc<crate::Codebook>>| {
+        book.as_ref().map_or(0, |book| book.size().0 * book.size().1 / (CELL_SIDE * CELL_SIDE))
+    };
+    let entries = || details.entries.iter().flatten();
+    let showing = entries().filter(|entry| entry.gain % 16 > 0).count();
+    format!(
+        ", with details from {} public and {} own cells of a codebook in {:.0}% of the {side}x{side} blocks",
+        cells(&details.public),
+        cells(&details.private),
+        100.0 * showing as f64 / entries().count().max(1) as f64
     )
 }

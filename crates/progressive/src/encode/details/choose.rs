@@ -1,0 +1,197 @@
+//! Which pieces of pictures become content: those that many blocks would show, one after another, the best first.
+
+use std::collections::HashMap;
+
+use rayon::prelude::*;
+use texfold_match::{GrayPlane, GsrIndex, GsrTone};
+
+use super::search::{GRAY_STEPS, GRID, Shelf, blur_of, patches, turn_of};
+use super::{Lack, TURN_BITS, gain_unit};
+use crate::codebook::CELL_SIDE;
+use crate::decode::texfold_progressive_turn;
+
+/// Blocks that pieces are judged by.
+const SAMPLE: usize = 2048;
+/// Patches that these are compared with, at most.
+const PATCHES: usize = 1 << 16;
+/// Neighbours of each kind of a block.
+const NEIGHBOURS: usize = 32;
+/// Squared error that a bit is worth, in that of a texel: a bit halves a coefficient's root.
+const BIT_WORTH: f32 = 1.386;
+
+/// A piece that is worth its bits.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Choice {
+    /// Its content.
+    pub(crate) cell: Vec<f32>,
+    /// Blocks that would show it, of all.
+    pub(crate) reuse: u32,
+    /// Bits that it saves, about.
+    pub(crate) bits: f32,
+}
+
+/// At most `most` pieces of level 0 of the pictures, each worth `cell_bits` on top of those before it and of what `shelf`
+/// holds.
+pub(crate) fn choose(
+    lacks: &[Vec<Lack>],
+    side: usize,
+    shelf: Option<&Shelf>,
+    (most, cell_bits): (usize, f32),
+) -> Vec<Choice> {
+    let tops: Vec<&Lack> = lacks.iter().filter_map(|levels| levels.first()).collect();
+    let sample = Sample::new(&tops, side);
+    if sample.blocks.is_empty() || most == 0 {
+        return Vec::new();
+    }
+    let flat: Vec<Lack> = tops.par_iter().map(|lack| lack.flattened()).collect();
+    let mut best = match shelf {
+        Some(shelf) => sample.explained(&tops, side, shelf, gain_unit(lacks, side.trailing_zeros())),
+        None => vec![0.0; sample.blocks.len()],
+    };
+    let mut offers = sample.offers(&tops, &flat, side);
+    let bit = (BIT_WORTH * sample.squared_error / sample.stands_for).max(f32::MIN_POSITIVE);
+    let mut choices = Vec::new();
+    while choices.len() < most {
+        let worth = |offers: &Vec<(u32, f32)>| -> f32 {
+            offers.iter().map(|&(block, explained)| (explained - best[block as usize]).max(0.0)).sum()
+        };
+        let worths: Vec<f32> = offers.par_iter().map(|(_, offers)| worth(offers)).collect();
+        let first = (0..offers.len()).min_by(|&a, &b| worths[b].total_cmp(&worths[a]).then(a.cmp(&b)));
+        let Some(first) = first.filter(|&first| worths[first] > cell_bits * bit) else { break };
+        let bits = worths[first] / bit;
+        let (piece, users) = offers.swap_remove(first);
+        let mut reuse = 0;
+        for (block, explained) in users {
+            if explained > best[block as usize] {
+                best[block as usize] = explained;
+                reuse += 1;
+            }
+        }
+        let reuse = (reuse as f32 * sample.stands_for) as u32;
+        let (picture, left, top) = piece;
+        let cell = flat[picture as usize].cell(left as usize, top as usize);
+        choices.push(Choice { cell, reuse, bits });
+    }
+    choices
+}
+
+/// Picture, left and top of a piece.
+type Piece = (u32, u32, u32);
+
+/// Blocks spread over all pictures.
+struct Sample {
+    /// Picture, column and row of each.
+    blocks: Vec<(u32, usize, usize)>,
+    /// How many blocks each stands for.
+    stands_for: f32,
+    /// Mean squared error of a texel.
+    squared_error: f32,
+}
+
+impl Sample {
+    fn new(tops: &[&Lack], side: usize) -> Self {
+        let mut blocks = Vec::new();
+        for (picture, lack) in (0..).zip(tops) {
+            let (columns, rows) = (lack.width / side, lack.height / side);
+            blocks.extend((0..columns * rows).map(|index| (picture, index % columns, index / columns)));
+        }
+        let all = blocks.len();
+        // An odd step visits all columns.
+        let step = all.div_ceil(SAMPLE).max(1) | 1;
+        let blocks: Vec<_> = blocks.into_iter().step_by(step).collect();
+        let texels: usize = tops.iter().map(|lack| lack.values.len()).sum();
+        let squared: f64 =
+            tops.iter().flat_map(|lack| &lack.values).map(|value| f64::from(value * value)).sum();
+        Sample {
+            stands_for: all as f32 / blocks.len().max(1) as f32,
+            squared_error: (squared / texels.max(1) as f64) as f32,
+            blocks,
+        }
+    }
+
+    fn explained(&self, tops: &[&Lack], side: usize, shelf: &Shelf, unit: u16) -> Vec<f32> {
+        let planes: Vec<GrayPlane> =
+            tops.iter().map(|lack| GrayPlane::new(lack.width, &lack.values, blur_of(side))).collect();
+        let of_block = |&(picture, column, row): &(u32, usize, usize)| {
+            shelf.explained(&planes[picture as usize], tops[picture as usize], (column, row), unit)
+        };
+        self.blocks.par_iter().map(of_block).collect()
+    }
+
+    /// For each piece the blocks that it could serve, and the squared error that it would take away.
+    fn offers(&self, tops: &[&Lack], flat: &[Lack], side: usize) -> Vec<(Piece, Vec<(u32, f32)>)> {
+        let planes: Vec<GrayPlane> = flat
+            .par_iter()
+            .map(|lack| {
+                let values: Vec<f32> = lack.values.iter().map(|value| value * GRAY_STEPS).collect();
+                GrayPlane::new(lack.width, &values, blur_of(side))
+            })
+            .collect();
+        let texels: usize = flat.iter().map(|lack| lack.values.len()).sum();
+        let stride = ((texels as f32 / PATCHES as f32).sqrt().ceil() as usize).max(2);
+        let list: Vec<_> = (0..)
+            .zip(flat)
+            .flat_map(|(picture, lack)| patches(lack.width, lack.height, side, stride, picture))
+            .collect();
+        let views: Vec<&GrayPlane> = planes.iter().collect();
+        let index = GsrIndex::new(&views, &list, GRID, GsrTone::Shape, 1.0);
+        let found: Vec<Vec<(Piece, f32)>> =
+            self.blocks.par_iter().map(|&block| serve(block, tops, flat, &planes, &index, side)).collect();
+        let mut pieces: HashMap<Piece, Vec<(u32, f32)>> = HashMap::new();
+        for (block, found) in (0..).zip(found) {
+            for (piece, explained) in found {
+                pieces.entry(piece).or_default().push((block, explained));
+            }
+        }
+        let mut pieces: Vec<_> = pieces.into_iter().collect();
+        pieces.sort_by_key(|(piece, _)| *piece);
+        pieces
+    }
+}
+
+/// The pieces that hold patches like a block, and what the best patch of each takes away.
+fn serve(
+    (picture, column, row): (u32, usize, usize),
+    tops: &[&Lack],
+    flat: &[Lack],
+    planes: &[GrayPlane],
+    index: &GsrIndex,
+    side: usize,
+) -> Vec<(Piece, f32)> {
+    let mut target = Vec::new();
+    tops[picture as usize].block(side, column, row, &mut target);
+    let centre = glam::Vec2::new(column as f32 + 0.5, row as f32 + 0.5) * side as f32;
+    let mut best: HashMap<Piece, f32> = HashMap::new();
+    for found in index.nearest(&planes[picture as usize], (centre, side as f32), 8.0, NEIGHBOURS) {
+        let at = found.patch.centre;
+        let own = found.patch.field == picture && (at - centre).abs().max_element() < side as f32;
+        if own {
+            continue;
+        }
+        let turn = texfold_progressive_turn(turn_of(found.linear), TURN_BITS);
+        let lack = &flat[found.patch.field as usize];
+        let explained = explain(&target, lack, at, turn, side);
+        let corner = |at: f32| (at as u32) / CELL_SIDE * CELL_SIDE;
+        let best = best.entry((found.patch.field, corner(at.x), corner(at.y))).or_default();
+        *best = best.max(explained);
+    }
+    let mut list: Vec<_> = best.into_iter().collect();
+    list.sort_by_key(|(piece, _)| *piece);
+    list
+}
+
+/// Squared error that a patch takes away with the best of gains.
+fn explain(target: &[f32], lack: &Lack, at: glam::Vec2, turn: glam::Vec4, side: usize) -> f32 {
+    let start = 0.5 - 0.5 * side as f32;
+    let (mut both, mut own) = (0.0, 1e-6);
+    let last = (lack.width as i32 - 1, lack.height as i32 - 1);
+    for (index, &target) in target.iter().enumerate() {
+        let (x, y) = (start + (index % side) as f32, start + (index / side) as f32);
+        let place = (at.x + turn.x * x + turn.y * y, at.y + turn.z * x + turn.w * y);
+        let (x, y) = ((place.0.floor() as i32).clamp(0, last.0), (place.1.floor() as i32).clamp(0, last.1));
+        let value = lack.values[y as usize * lack.width + x as usize];
+        both += value * target;
+        own += value * value;
+    }
+    both * both / own
+}

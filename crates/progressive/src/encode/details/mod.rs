@@ -1,0 +1,163 @@
+//! What codebooks can show of what bases lack: the choice of their content, and an entry for each block.
+//!
+//! Source: "Progressive compression of large-scale remote sensing images with GSR descriptors", 2012, section 4. Blocks are
+//! matched by GSR descriptors, first against the public codebook; pieces of the picture that many blocks would show become
+//! content, those that the most blocks would show public. Other than there, content is detail without colour, brightness
+//! and contrast (see [`crate::codebook`]), and a block that finds nothing pays for its entry all the same: entries are of one
+//! length. Cost: a k-d tree query and some hundred patches a block.
+
+mod choose;
+mod search;
+
+use rayon::prelude::*;
+use texfold_core::Texel;
+use texfold_core::image::Raster;
+
+use std::sync::Arc;
+
+use choose::{Choice, choose};
+use search::{Shelf, gain_unit};
+use texfold_bc::Content;
+
+use crate::Shared;
+use crate::codebook::{CELL_SIDE, Codebook, Details, Entry, MapForm};
+
+/// Bits of turns: reflection, quarters, and a quarter in four.
+pub(crate) const TURN_BITS: u32 = 5;
+
+/// What a base lacks in one level of an image, in luma and 8-bit units.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Lack {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    pub(crate) values: Vec<f32>,
+}
+
+impl Lack {
+    pub(crate) fn new(source: &Raster, base: &[Texel]) -> Lack {
+        let size = source.size();
+        let texel = |(index, base): (usize, &Texel)| {
+            let (x, y) = (index as u32 % size.width, index as u32 / size.width);
+            let away = source.texel(x, y) - *base;
+            (away.x + away.y + away.z) * (255.0 / 3.0)
+        };
+        let values = base.par_iter().enumerate().map(texel).collect();
+        Lack { width: size.width as usize, height: size.height as usize, values }
+    }
+
+    /// The block of `side` texels at a column and row of blocks; what lies beyond the edge is 0, as it is never seen.
+    pub(crate) fn block(&self, side: usize, column: usize, row: usize, out: &mut Vec<f32>) {
+        out.clear();
+        for y in row * side..(row + 1) * side {
+            for x in column * side..(column + 1) * side {
+                let inside = x < self.width && y < self.height;
+                out.push(if inside { self.values[y * self.width + x] } else { 0.0 });
+            }
+        }
+    }
+
+    /// The values over their RMS nearby, of one contrast throughout: -1 to 1.
+    pub(crate) fn flattened(&self) -> Lack {
+        let squares: Vec<f32> = self.values.iter().map(|value| value * value).collect();
+        let near = box_means(&squares, self.width, self.height, NEARBY);
+        let level = |(value, near): (&f32, &f32)| {
+            (value / (CREST * (near + LEAST_RMS * LEAST_RMS).sqrt())).clamp(-1.0, 1.0)
+        };
+        Lack { values: self.values.iter().zip(&near).map(level).collect(), ..*self }
+    }
+
+    /// A cell of codebook content.
+    pub(crate) fn cell(&self, left: usize, top: usize) -> Vec<f32> {
+        let side = CELL_SIDE as usize;
+        let value = |i: usize| {
+            let (x, y) = ((left + i % side).min(self.width - 1), (top + i / side).min(self.height - 1));
+            self.values[y * self.width + x]
+        };
+        (0..side * side).map(value).collect()
+    }
+}
+
+/// Texels to each side over which contrast is taken.
+const NEARBY: usize = 8;
+/// Contrast in 8-bit units that is not blown up any more.
+const LEAST_RMS: f32 = 0.5;
+/// Largest value over RMS that content holds: larger ones are cut.
+const CREST: f32 = 3.0;
+
+/// Means over squares of `2 radius + 1` texels, cut at the edges.
+fn box_means(values: &[f32], width: usize, height: usize, radius: usize) -> Vec<f32> {
+    let run = |values: &[f32], step: usize, count: usize, start: usize, out: &mut [f32]| {
+        let mut sums = vec![0.0f64; count + 1];
+        for i in 0..count {
+            sums[i + 1] = sums[i] + f64::from(values[start + i * step]);
+        }
+        for i in 0..count {
+            let (low, high) = (i.saturating_sub(radius), (i + radius + 1).min(count));
+            out[start + i * step] = ((sums[high] - sums[low]) / (high - low) as f64) as f32;
+        }
+    };
+    let mut across = vec![0.0; values.len()];
+    (0..height).for_each(|y| run(values, 1, width, y * width, &mut across));
+    let mut down = vec![0.0; values.len()];
+    (0..width).for_each(|x| run(&across, width, height, x, &mut down));
+    down
+}
+
+/// Codebooks and the entries of all blocks: `lacks` are those of each image, level by level.
+pub(crate) fn find(lacks: &[Vec<Lack>], side_log2: u32, shelf: &Shelf) -> Option<Details> {
+    let form = MapForm::new(side_log2, shelf.size(), TURN_BITS);
+    if form.entry_bits() > 32 {
+        return None;
+    }
+    let unit = gain_unit(lacks, side_log2);
+    let entries = lacks
+        .iter()
+        .map(|levels| levels.iter().flat_map(|lack| shelf.entries(lack, form, unit)).collect::<Vec<Entry>>())
+        .collect();
+    let (public, private) = shelf.books();
+    Some(Details { public, private, form, gain_unit: unit, entries })
+}
+
+/// The codebooks for what these pictures lack: the public one with further content, where it has room and many blocks would
+/// show it, and a private one of what is worth its bits in them alone. `None` where there is nothing to show.
+pub(crate) fn stock(lacks: &[Vec<Lack>], side: usize, shared: &Shared) -> Option<Shelf> {
+    let known = shared.public.clone();
+    let rows = known.as_ref().map_or(0, |book| book.size().1);
+    let room = shared.most_rows.saturating_sub(rows) / CELL_SIDE * PUBLIC_CELLS;
+    let price = if room > 0 { CELL_BITS / SHARING } else { CELL_BITS };
+    let shelf = known.clone().map(|book| Shelf::new(Some(book), None, side));
+    let choices = choose(lacks, side, shelf.as_ref(), (MOST_CELLS, price));
+    let (mut reused, own): (Vec<Choice>, Vec<Choice>) =
+        choices.into_iter().partition(|choice| room > 0 && choice.reuse >= LEAST_REUSE);
+    // Whole rows of cells are added: what an image reads never changes.
+    let whole = reused.len().min(room as usize) / PUBLIC_CELLS as usize * PUBLIC_CELLS as usize;
+    let rest = reused.split_off(whole);
+    let public = match (known, of_cells(reused, PUBLIC_CELLS * CELL_SIDE)) {
+        (Some(book), Some(further)) => book.grown(&further).map(Arc::new).or(Some(book)),
+        (known, further) => known.or(further.map(Arc::new)),
+    };
+    let mut own: Vec<Choice> =
+        rest.into_iter().chain(own).filter(|choice| choice.bits >= CELL_BITS).collect();
+    own.sort_by(|a, b| b.bits.total_cmp(&a.bits));
+    // Of cells beyond a power of two the bits of places would be lost.
+    own.truncate(own.len().checked_ilog2().map_or(0, |log2| 1 << log2));
+    let log2 = own.len().max(1).ilog2();
+    let private = of_cells(own, CELL_SIDE << log2.div_ceil(2)).map(Arc::new);
+    (public.is_some() || private.is_some()).then(|| Shelf::new(public, private, side))
+}
+
+fn of_cells(choices: Vec<Choice>, width: u32) -> Option<Codebook> {
+    let cells: Vec<Vec<f32>> = choices.into_iter().map(|choice| choice.cell).collect();
+    if cells.is_empty() { None } else { Codebook::of_cells(Content::Bc4, width, &cells) }
+}
+
+/// Most cells that an image brings.
+const MOST_CELLS: usize = 256;
+/// Bits of a cell in BC4.
+const CELL_BITS: f32 = 4096.0;
+/// Images that are taken to share the bits of public content.
+const SHARING: f32 = 4.0;
+/// Blocks of an image that show a piece of public content at least.
+const LEAST_REUSE: u32 = 64;
+/// Cells in a row of a public codebook.
+const PUBLIC_CELLS: u32 = 8;

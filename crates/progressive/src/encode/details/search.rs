@@ -1,0 +1,357 @@
+//! The codebooks at hand, and the best entry of a block.
+
+use std::sync::Arc;
+
+use glam::{Mat2, UVec2, Vec2, Vec4};
+use rayon::prelude::*;
+use texfold_match::{GrayPlane, GsrIndex, GsrTone};
+
+use super::{Lack, TURN_BITS};
+use crate::codebook::{Codebook, Entry, MOST_GAIN, MapForm};
+use crate::decode::texfold_progressive_turn;
+
+/// Neighbours of each kind (reflected or not, negated or not) that a block is compared with.
+pub(crate) const NEIGHBOURS: usize = 48;
+/// Texels between indexed patches.
+const STRIDE: usize = 2;
+/// Values a side of a descriptor's grid.
+pub(crate) const GRID: usize = 4;
+/// Blur before patches are described, in texels a grid value: half of the grid's spacing.
+pub(crate) const BLUR: f32 = 0.4;
+/// Entries that are improved step by step.
+const IMPROVED: usize = 3;
+/// Steps at most.
+const STEPS: usize = 4;
+/// Factor from 8-bit steps to values of descriptors' planes.
+pub(crate) const GRAY_STEPS: f32 = 127.0;
+
+/// One codebook with what finds patches in it.
+#[derive(Debug)]
+struct Book {
+    codebook: Arc<Codebook>,
+    index: GsrIndex,
+}
+
+/// A public and a private codebook.
+#[derive(Debug)]
+pub(crate) struct Shelf {
+    side: usize,
+    public: Option<Book>,
+    private: Option<Book>,
+}
+
+/// A place in one of the codebooks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Spot {
+    private: bool,
+    column: i32,
+    row: i32,
+    turn: u32,
+}
+
+/// What a spot can do for a block.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Offer {
+    spot: Spot,
+    gain: u32,
+    explained: f32,
+}
+
+impl Shelf {
+    /// For blocks of `side` texels.
+    pub(crate) fn new(public: Option<Arc<Codebook>>, private: Option<Arc<Codebook>>, side: usize) -> Self {
+        let book = |codebook: Arc<Codebook>| {
+            let (width, height) = codebook.size();
+            let values: Vec<f32> = codebook.values().iter().map(|value| value * GRAY_STEPS).collect();
+            let plane = GrayPlane::new(width as usize, &values, blur_of(side));
+            let patches = patches(width as usize, height as usize, side, STRIDE, 0);
+            let index = GsrIndex::new(&[&plane], &patches, GRID, GsrTone::Shape, 1.0);
+            Book { codebook, index }
+        };
+        Shelf { side, public: public.map(book), private: private.map(book) }
+    }
+
+    /// Columns, and rows of both codebooks together.
+    pub(crate) fn size(&self) -> (u32, u32) {
+        let size = |book: &Option<Book>| book.as_ref().map_or((0, 0), |book| book.codebook.size());
+        let ((a, b), (c, d)) = (size(&self.public), size(&self.private));
+        (a.max(c), b + d)
+    }
+
+    /// Both codebooks.
+    pub(crate) fn books(&self) -> (Option<Arc<Codebook>>, Option<Arc<Codebook>>) {
+        let book = |book: &Option<Book>| book.as_ref().map(|book| Arc::clone(&book.codebook));
+        (book(&self.public), book(&self.private))
+    }
+
+    fn public_rows(&self) -> u32 {
+        self.public.as_ref().map_or(0, |book| book.codebook.size().1)
+    }
+
+    /// The entries of all blocks of a level, row by row.
+    pub(crate) fn entries(&self, lack: &Lack, form: MapForm, unit: u16) -> Vec<Entry> {
+        let side = self.side;
+        let (columns, rows) = (lack.width.div_ceil(side), lack.height.div_ceil(side));
+        let plane = GrayPlane::new(lack.width, &lack.values, blur_of(side));
+        let gains = gains(unit);
+        (0..columns * rows)
+            .into_par_iter()
+            .map_init(Room::default, |room, index| {
+                let (column, row) = (index % columns, index / columns);
+                lack.block(side, column, row, &mut room.target);
+                match self.best(&plane, (column, row), &gains, room) {
+                    Some(offer) => self.entry(offer, form),
+                    None => Entry::default(),
+                }
+            })
+            .collect()
+    }
+
+    /// Squared error that the best entry of a block takes away.
+    pub(crate) fn explained(&self, plane: &GrayPlane, lack: &Lack, at: (usize, usize), unit: u16) -> f32 {
+        let mut room = Room::default();
+        lack.block(self.side, at.0, at.1, &mut room.target);
+        self.best(plane, at, &gains(unit), &mut room).map_or(0.0, |offer| offer.explained)
+    }
+
+    fn entry(&self, offer: Offer, form: MapForm) -> Entry {
+        let first = if offer.spot.private { self.public_rows() } else { 0 };
+        let row = offer.spot.row as u32 + first;
+        debug_assert!(row < 1 << form.row_bits, "rows of a codebook and the bits for them");
+        Entry { column: offer.spot.column as u32, row, turn: offer.spot.turn, gain: offer.gain }
+    }
+
+    fn best(
+        &self,
+        plane: &GrayPlane,
+        (column, row): (usize, usize),
+        gains: &[f32],
+        room: &mut Room,
+    ) -> Option<Offer> {
+        let half = self.side as f32 * 0.5;
+        let centre = Vec2::new(column as f32, row as f32) * self.side as f32 + half;
+        let mut offers: Vec<Offer> = Vec::new();
+        for (private, book) in [(false, &self.public), (true, &self.private)] {
+            let Some(book) = book else { continue };
+            let mut seen = Vec::new();
+            for found in book.index.nearest(plane, (centre, self.side as f32), 8.0, NEIGHBOURS) {
+                let place = found.patch.centre.round().as_ivec2();
+                let spot = Spot { private, column: place.x, row: place.y, turn: turn_of(found.linear) };
+                if seen.contains(&spot) {
+                    continue;
+                }
+                seen.push(spot);
+                offers.extend(self.offer(spot, gains, room));
+            }
+        }
+        offers.sort_by(|a, b| b.explained.total_cmp(&a.explained));
+        offers.truncate(IMPROVED);
+        let improved = offers.into_iter().map(|offer| self.improve(offer, gains, room));
+        improved.reduce(|a, b| if b.explained > a.explained { b } else { a })
+    }
+
+    /// What a spot can do for the block in `room`; `None` where it lies outside or does nothing.
+    fn offer(&self, spot: Spot, gains: &[f32], room: &mut Room) -> Option<Offer> {
+        let book = if spot.private { &self.private } else { &self.public };
+        let codebook = &book.as_ref()?.codebook;
+        let (width, height) = codebook.size();
+        let inside = |at: i32, side: u32| (0..side as i32).contains(&at);
+        if !inside(spot.column, width) || !inside(spot.row, height) {
+            return None;
+        }
+        let turn = texfold_progressive_turn(spot.turn, TURN_BITS);
+        read(codebook.values(), UVec2::new(width, height), spot, turn, self.side, &mut room.shown);
+        let (mut both, mut own) = (0.0, 0.0);
+        for (&target, &shown) in room.target.iter().zip(&room.shown) {
+            both += target * shown;
+            own += shown * shown;
+        }
+        offer(spot, both, own, gains)
+    }
+
+    /// Moves and turns a spot while that helps.
+    fn improve(&self, first: Offer, gains: &[f32], room: &mut Room) -> Offer {
+        const MOVES: [(i32, i32, i32); 10] = [
+            (-1, 0, 0),
+            (1, 0, 0),
+            (0, -1, 0),
+            (0, 1, 0),
+            (-1, -1, 0),
+            (1, 1, 0),
+            (-1, 1, 0),
+            (1, -1, 0),
+            (0, 0, 1),
+            (0, 0, -1),
+        ];
+        let mut best = first;
+        for _ in 0..STEPS {
+            let from = best.spot;
+            for (across, down, turned) in MOVES {
+                let turn = turned_by(from.turn, turned);
+                let spot = Spot { column: from.column + across, row: from.row + down, turn, ..from };
+                if let Some(offer) = self.offer(spot, gains, room).filter(|o| o.explained > best.explained) {
+                    best = offer;
+                }
+            }
+            if best.spot == from {
+                break;
+            }
+        }
+        best
+    }
+}
+
+/// Room for one block after another.
+#[derive(Debug, Default)]
+struct Room {
+    target: Vec<f32>,
+    shown: Vec<f32>,
+}
+
+/// Blur in texels of planes whose patches of `side` texels are described.
+pub(crate) fn blur_of(side: usize) -> f32 {
+    BLUR * side as f32 / GRID as f32
+}
+
+/// Patches that lie inside, `stride` texels apart.
+pub(crate) fn patches(
+    width: usize,
+    height: usize,
+    side: usize,
+    stride: usize,
+    field: u32,
+) -> Vec<(u32, Vec2, f32)> {
+    let half = side / 2;
+    let mut list = Vec::new();
+    for y in (half..(height + 1).saturating_sub(half)).step_by(stride) {
+        for x in (half..(width + 1).saturating_sub(half)).step_by(stride) {
+            list.push((field, Vec2::new(x as f32, y as f32), side as f32));
+        }
+    }
+    list
+}
+
+/// The turn nearest to a linear part.
+pub(crate) fn turn_of(linear: Mat2) -> u32 {
+    let quarter_parts = 1u32 << (TURN_BITS - 3);
+    let steps = 4 * quarter_parts;
+    let angle = linear.x_axis.y.atan2(linear.x_axis.x).rem_euclid(std::f32::consts::TAU);
+    let step = (angle / std::f32::consts::TAU * steps as f32).round() as u32 % steps;
+    numbered(step, linear.determinant() < 0.0)
+}
+
+/// The number of a turn by so many parts of a quarter.
+fn numbered(step: u32, reflected: bool) -> u32 {
+    let parts = 1 << (TURN_BITS - 3);
+    u32::from(reflected) | ((step / parts) << 1) | ((step % parts) << 3)
+}
+
+/// The turn one part further, or back.
+fn turned_by(number: u32, by: i32) -> u32 {
+    let parts = 1 << (TURN_BITS - 3);
+    let step = (number >> 1 & 3) * parts + (number >> 3);
+    let steps = 4 * parts as i32;
+    numbered((step as i32 + by).rem_euclid(steps) as u32, number & 1 == 1)
+}
+
+/// What a spot shows, as [`crate::decode::texfold_progressive_content`] reads it texel by texel.
+fn read(values: &[f32], size: UVec2, spot: Spot, turn: Vec4, side: usize, out: &mut Vec<f32>) {
+    out.clear();
+    let centre = Vec2::new(spot.column as f32, spot.row as f32);
+    let start = 0.5 - 0.5 * side as f32;
+    if spot.turn >> 3 == 0 {
+        // A quarter turn about a corner of texels: each is read at its centre.
+        let (last_x, last_y) = (size.x as i32 - 1, size.y as i32 - 1);
+        for y in 0..side {
+            let row = Vec2::new(turn.y, turn.w) * (start + y as f32) + centre;
+            for x in 0..side {
+                let at = row + Vec2::new(turn.x, turn.z) * (start + x as f32);
+                let (x, y) = ((at.x.floor() as i32).clamp(0, last_x), (at.y.floor() as i32).clamp(0, last_y));
+                out.push(values[(y * size.x as i32 + x) as usize]);
+            }
+        }
+        return;
+    }
+    let last = size.as_vec2() - 1.0;
+    for y in 0..side {
+        let row = Vec2::new(turn.y, turn.w) * (start + y as f32) + centre;
+        for x in 0..side {
+            let at = row + Vec2::new(turn.x, turn.z) * (start + x as f32);
+            let at = (at - 0.5).clamp(Vec2::ZERO, last);
+            let low = at.as_uvec2();
+            let high = (low + 1).min(size - 1);
+            let weight = at - low.as_vec2();
+            let value = |x: u32, y: u32| values[(y * size.x + x) as usize];
+            let upper = value(low.x, low.y) + (value(high.x, low.y) - value(low.x, low.y)) * weight.x;
+            let lower = value(low.x, high.y) + (value(high.x, high.y) - value(low.x, high.y)) * weight.x;
+            out.push(upper + (lower - upper) * weight.y);
+        }
+    }
+}
+
+/// Magnitudes by number in 8-bit units, that of none first.
+fn gains(unit: u16) -> Vec<f32> {
+    let unit = f32::from(unit) / 65536.0 * 255.0;
+    let magnitude = |number: u32| if number == 0 { 0.0 } else { unit * ((number - 1) as f32 * 0.5).exp2() };
+    (0..=MOST_GAIN).map(magnitude).collect()
+}
+
+/// The gain that takes most away: `both` is the product of block and content, `own` that of the content with itself.
+fn offer(spot: Spot, both: f32, own: f32, gains: &[f32]) -> Option<Offer> {
+    let wanted = both.abs() / own.max(1e-6);
+    let next = gains.partition_point(|&gain| gain < wanted);
+    let explained = |number: usize| gains.get(number).map(|gain| (2.0 * both.abs() - gain * own) * gain);
+    let tried = [next.saturating_sub(1), next].into_iter().filter_map(|n| Some((n, explained(n)?)));
+    let (number, explained) = tried.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let sign = if both < 0.0 { MOST_GAIN + 1 } else { 0 };
+    (explained > 0.0).then_some(Offer { spot, gain: number as u32 | sign, explained })
+}
+
+/// The least gain of a texture: the largest is what the blocks of most contrast want.
+pub(crate) fn gain_unit(lacks: &[Vec<Lack>], side_log2: u32) -> u16 {
+    let side = 1usize << side_log2;
+    let mut largest = 0.0f32;
+    let mut block = Vec::new();
+    for lack in lacks.iter().flatten() {
+        for row in 0..lack.height.div_ceil(side) {
+            for column in 0..lack.width.div_ceil(side) {
+                lack.block(side, column, row, &mut block);
+                largest = largest.max(block.iter().map(|value| value * value).sum::<f32>());
+            }
+        }
+    }
+    // Content has an RMS of about a third; what it explains is about half.
+    let gain = 2.0 * (largest / (side * side) as f32).sqrt();
+    let steps = ((MOST_GAIN - 1) as f32 * 0.5).exp2();
+    (gain / steps / 255.0 * 65536.0).round().clamp(1.0, 65535.0) as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turns_have_the_numbers_of_their_matrices() {
+        for number in 0..1 << TURN_BITS {
+            let turn = texfold_progressive_turn(number, TURN_BITS);
+            let linear = Mat2::from_cols(Vec2::new(turn.x, turn.z), Vec2::new(turn.y, turn.w));
+            assert_eq!(turn_of(linear), number);
+            assert!((linear.determinant().abs() - 1.0).abs() < 1e-6);
+            let further = texfold_progressive_turn(turned_by(number, 1), TURN_BITS);
+            let angle = turn.x * further.x + turn.z * further.z;
+            assert!((angle - (std::f32::consts::TAU / 16.0).cos()).abs() < 1e-5, "{number}");
+            assert_eq!(turned_by(turned_by(number, 1), -1), number);
+        }
+    }
+
+    #[test]
+    fn the_best_gain_is_the_best_of_all() {
+        let gains = gains(40);
+        let spot = Spot { private: false, column: 0, row: 0, turn: 0 };
+        for (both, own) in [(10.0, 3.0), (-7.0, 0.4), (0.02, 5.0), (4000.0, 1.0)] {
+            let all = gains.iter().map(|gain| (2.0 * f32::abs(both) - gain * own) * gain);
+            let best = all.fold(0.0, f32::max);
+            assert_eq!(offer(spot, both, own, &gains).map_or(0.0, |offer| offer.explained), best);
+        }
+    }
+}

@@ -44,6 +44,16 @@ pub(crate) enum CliError {
     UnknownFormat { path: PathBuf },
     #[error("{}: the image cannot be decoded; export it again", path.display())]
     Decode { path: PathBuf, source: Box<image::ImageError> },
+    #[error("{}: the image ends early or is damaged; export it again", path.display())]
+    Rows { path: PathBuf, source: Box<dyn Error + Send + Sync> },
+    #[error("{}: another process adds to this bank; wait until it has ended", path.display())]
+    BankLocked { path: PathBuf },
+    #[error("{}: no list of a bank's images that can be read ({what}); restore it from a copy, or make the bank anew", path.display())]
+    BankManifest { path: PathBuf, what: String },
+    #[error("{}: the bank has an image of that name from another file; rename one of them", path.display())]
+    BankName { path: PathBuf },
+    #[error("{}: the bank holds no image {name}; give the name of one that info lists", path.display())]
+    NoSuchImage { path: PathBuf, name: String },
     #[error("{}: the image needs more than the limits allow; scale it down, split it, or raise --memory", path.display())]
     ImageLimits { path: PathBuf, source: Box<image::ImageError> },
     #[error("{}: {format} pixels are not supported; convert to 8 or 16 bits and 1 to 4 channels", path.display())]

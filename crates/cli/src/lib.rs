@@ -6,6 +6,7 @@
 //!
 //! Exit codes: 0 all done, 1 some inputs failed and the others are written, 2 usage.
 
+mod bank;
 mod base64;
 mod compare;
 mod compress;

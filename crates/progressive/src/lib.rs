@@ -31,7 +31,7 @@ pub use rates::{Model, Rates};
 
 use std::sync::Arc;
 
-use texfold_core::container::Sections;
+use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::ImageSet;
 use texfold_core::{Budget, CodecId, EncodeError, Image2d, Job, LoadError, TextureCodec};
 
@@ -95,5 +95,18 @@ impl Progressive {
         budget: &mut Budget,
     ) -> Result<ProgressiveTexture, LoadError> {
         wire::load(file, Some(public), budget)
+    }
+
+    /// Writes a public codebook as a file of its own.
+    pub fn store_codebook(book: &Codebook, out: &mut SectionWriter) {
+        wire::store_public(book, out);
+    }
+
+    /// Reads what [`Progressive::store_codebook`] wrote.
+    ///
+    /// # Errors
+    /// [`LoadError`] names what is wrong with it.
+    pub fn load_codebook(file: &Sections<'_>, budget: &mut Budget) -> Result<Codebook, LoadError> {
+        wire::load_public(file, budget)
     }
 }

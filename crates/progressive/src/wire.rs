@@ -15,7 +15,7 @@ use crate::codebook::{
     CODEBOOK_PIXEL, Codebook, Details, MAX_CODEBOOK_SIDE, MapForm, pack_entries, unpack_entries,
 };
 use crate::encoded::{
-    BASE_PART, ERROR_PART, ErrorMap, MAP_PART, PRIVATE_PART, Parts, base_levels, blocks_of,
+    BASE_PART, ERROR_PART, ErrorMap, MAP_PART, PRIVATE_PART, PUBLIC_PART, Parts, base_levels, blocks_of,
 };
 use crate::params::MAX_REDUCE_LOG2;
 use crate::rates::{CLASSES, Model, Rates};
@@ -23,6 +23,7 @@ use crate::rates::{CLASSES, Model, Rates};
 const FORM_ID: [u8; 4] = *b"PRFM";
 const BASE_ID: [u8; 4] = *b"PRBA";
 const CODEBOOK_ID: [u8; 4] = *b"PRCB";
+const PUBLIC_ID: [u8; 4] = *b"PRPB";
 const MAP_ID: [u8; 4] = *b"PRMP";
 const ERROR_ID: [u8; 4] = *b"PREM";
 
@@ -190,11 +191,24 @@ fn read_codebook(
     let raw = file.read(CODEBOOK_ID, budget)?;
     let mut reader = Reader::new(String4(CODEBOOK_ID), &raw);
     let content = Content::read(&mut reader)?;
+    read_planes(content, (width, height), &mut reader, budget)
+}
+
+/// A codebook of that size from the rest of a section.
+fn read_planes(
+    content: Content,
+    (width, height): (u32, u32),
+    reader: &mut Reader<'_>,
+    budget: &mut Budget,
+) -> Result<Codebook, LoadError> {
     if !content.fits(CODEBOOK_PIXEL) {
         return Err(reader.corrupt("content that cannot hold gray"));
     }
+    if width > MAX_CODEBOOK_SIDE || height > MAX_CODEBOOK_SIDE {
+        return Err(reader.corrupt("a codebook longer than 4096 texels"));
+    }
     let texels = u64::from(width) * u64::from(height);
-    budget.take(raw.len() as u64 + texels * (size_of::<texfold_core::Texel>() + 4) as u64)?;
+    budget.take(texels * (size_of::<texfold_core::Texel>() + 5) as u64)?;
     let mut planes = Vec::new();
     for format in content.formats(CODEBOOK_PIXEL).0 {
         let length = usize::try_from(format.bytes(width, height)).unwrap_or(usize::MAX);
@@ -308,4 +322,22 @@ fn read_map(size: SurfaceSize, parts: &Parts, reader: &mut Reader<'_>) -> Result
     let bits =
         reader.bytes(length)?.chunks_exact(2).map(|half| u16::from_le_bytes([half[0], half[1]])).collect();
     Ok(ErrorMap { classes, scales, bits })
+}
+
+/// Writes a public codebook as a file of its own: content, width, height, planes.
+pub(crate) fn store_public(book: &Codebook, out: &mut SectionWriter) {
+    let (width, height) = book.size();
+    let mut raw = vec![book.planes().content().number()];
+    raw.extend([width, height].into_iter().flat_map(u32::to_le_bytes));
+    raw.extend(book.planes().planes().iter().flat_map(|(_, bytes)| bytes));
+    out.section(PUBLIC_PART, PUBLIC_ID, &raw);
+}
+
+/// Reads what [`store_public`] wrote.
+pub(crate) fn load_public(file: &Sections<'_>, budget: &mut Budget) -> Result<Codebook, LoadError> {
+    let raw = file.read(PUBLIC_ID, budget)?;
+    let mut reader = Reader::new(String4(PUBLIC_ID), &raw);
+    let content = Content::read(&mut reader)?;
+    let size = (reader.u32()?, reader.u32()?);
+    read_planes(content, size, &mut reader, budget)
 }

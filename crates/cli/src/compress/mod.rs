@@ -13,8 +13,10 @@ mod task;
 use std::collections::HashMap;
 use std::ffi::OsString;
 use std::path::PathBuf;
+use std::sync::Mutex;
 use std::time::Instant;
 
+use crate::bank::{BankTask, Open, categorise};
 use crate::config::{Config, Options, RunOptions};
 use crate::error::{CliError, explain};
 use crate::input::{Found, Kind, find};
@@ -25,6 +27,7 @@ use crate::run::say;
 pub(crate) use memory::usual_limit;
 
 use cache::Cache;
+pub(crate) use cache::add_file;
 use light::LightTask;
 use task::{Finished, Task, Workplace};
 
@@ -56,6 +59,8 @@ enum Planned {
 enum Work {
     Images(Box<Task>),
     Light(Box<LightTask>),
+    /// An image for the bank that the output folder is.
+    Bank(Box<Found>, Box<BankTask>),
 }
 
 impl Work {
@@ -63,6 +68,14 @@ impl Work {
         match self {
             Work::Images(task) => &task.found,
             Work::Light(task) => &task.found,
+            Work::Bank(found, _) => found,
+        }
+    }
+
+    fn for_bank(&self) -> Option<&BankTask> {
+        match self {
+            Work::Bank(_, task) => Some(task),
+            _ => None,
         }
     }
 
@@ -70,6 +83,8 @@ impl Work {
         match self {
             Work::Images(task) => task.cost_bytes(),
             Work::Light(task) => task.cost_bytes(),
+            // Images are added one at a time, tile by tile.
+            Work::Bank(..) => 0,
         }
     }
 
@@ -77,6 +92,7 @@ impl Work {
         match self {
             Work::Images(task) => task.run(place),
             Work::Light(task) => task.run(place),
+            Work::Bank(_, task) => place.add(task),
         }
     }
 }
@@ -92,7 +108,7 @@ pub(crate) fn run(args: CompressArgs) -> Result<usize, CliError> {
     make_folder(&args.out)?;
     remove_stale(&args.out);
     let cache = Cache::open(&args.out);
-    let entries = work(&planned, &run, &cache);
+    let entries = work(&planned, &run, &cache, &args.out)?;
     cache.close();
     if let Some(report) = &run.report {
         write_report(report, &entries)?;
@@ -119,13 +135,32 @@ fn plan(
         };
         let options = options(&found.path);
         options.check()?;
-        let path = found.path.clone();
-        planned.push(match plan_one(found, &options, out, &mut writers) {
-            Ok(task) => Planned::Task(task),
-            Err(error) => Planned::Failed(path, error),
-        });
+        // A set of codec progressive is a bank: a file an image, and codebooks that they share.
+        let parts = if found.kind == Kind::Set && options.is_progressive() {
+            one_by_one(&found)
+        } else {
+            vec![found]
+        };
+        for part in parts {
+            let path = part.path.clone();
+            planned.push(match plan_one(part, &options, out, &mut writers) {
+                Ok(task) => Planned::Task(task),
+                Err(error) => Planned::Failed(path, error),
+            });
+        }
     }
     Ok(planned)
+}
+
+/// The images of a set, each as an input.
+fn one_by_one(found: &Found) -> Vec<Found> {
+    let part = |file: &PathBuf| Found {
+        path: file.clone(),
+        kind: Kind::Set,
+        files: vec![file.clone()],
+        stem: file.file_stem().unwrap_or_default().to_owned(),
+    };
+    found.files.iter().map(part).collect()
 }
 
 fn plan_one(
@@ -143,6 +178,11 @@ fn plan_one(
     let work = if found.kind == Kind::Lightfield {
         let settings = options.resolve_light(&found.path)?;
         Work::Light(Box::new(LightTask { found, settings, output }))
+    } else if found.kind == Kind::Set && options.is_progressive() {
+        let settings = options.resolve(&found.path)?;
+        let name = found.stem.to_string_lossy().into_owned();
+        let task = BankTask { path: found.path.clone(), name, settings };
+        Work::Bank(Box::new(found), Box::new(task))
     } else {
         let settings = options.resolve(&found.path)?;
         Work::Images(Box::new(Task { found, settings, output }))
@@ -152,7 +192,12 @@ fn plan_one(
 }
 
 /// Carries the tasks out; the entries are in the order of the plan, each with whether it was up to date already.
-fn work(planned: &[Planned], run: &RunOptions, cache: &Cache) -> Vec<(Entry, bool)> {
+fn work(
+    planned: &[Planned],
+    run: &RunOptions,
+    cache: &Cache,
+    out: &std::path::Path,
+) -> Result<Vec<(Entry, bool)>, CliError> {
     let tasks: Vec<&Work> = planned
         .iter()
         .filter_map(|planned| match planned {
@@ -167,12 +212,21 @@ fn work(planned: &[Planned], run: &RunOptions, cache: &Cache) -> Vec<(Entry, boo
         }
     }
     let limit_bytes = run.memory.map_or_else(usual_limit, memory::from_gib);
-    let place = Workplace { cache, limit_bytes, force: run.force.unwrap_or(false), progress: &progress };
+    let bank: Vec<&BankTask> = tasks.iter().filter_map(|task| task.for_bank()).collect();
+    let bank = Mutex::new(if bank.is_empty() { None } else { Some(open_bank(out, &bank, limit_bytes)?) });
+    let force = run.force.unwrap_or(false);
+    let place = Workplace { cache, bank: &bank, limit_bytes, force, progress: &progress };
     let jobs = run.jobs.map_or_else(schedule::cores, |jobs| jobs as usize);
     let cost = |task: &&Work| task.cost_bytes();
-    let mut finished =
-        schedule::run(&tasks, jobs, limit_bytes, cost, |task| settle(task, task.run(&place), &progress))
-            .into_iter();
+    let work = |task: &&Work| settle(task, task.run(&place), &progress);
+    // Images of a bank depend on those before them: all threads work on one.
+    let one_by_one = tasks.iter().any(|task| task.for_bank().is_some());
+    let batch = if one_by_one { 1 } else { tasks.len().max(1) };
+    let batches = tasks.chunks(batch);
+    let mut finished = batches
+        .flat_map(|batch| schedule::run(batch, jobs, limit_bytes, cost, work))
+        .collect::<Vec<_>>()
+        .into_iter();
     progress.finish();
     let in_place = |planned: &Planned| match planned {
         Planned::Failed(path, error) => (failed(path, error), false),
@@ -183,7 +237,14 @@ fn work(planned: &[Planned], run: &RunOptions, cache: &Cache) -> Vec<(Entry, boo
             (failed(path, &CliError::Internal { path: path.clone(), message }), false)
         }),
     };
-    planned.iter().map(in_place).collect()
+    Ok(planned.iter().map(in_place).collect())
+}
+
+/// Opens the bank in the output folder.
+fn open_bank(out: &std::path::Path, tasks: &[&BankTask], limit_bytes: u64) -> Result<Open, CliError> {
+    let mut open = Open::new(out)?;
+    categorise(&mut open, tasks, limit_bytes);
+    Ok(open)
 }
 
 /// Says how one task went.

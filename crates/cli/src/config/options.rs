@@ -191,6 +191,11 @@ impl Options {
         self.kind
     }
 
+    /// Whether codec progressive is asked for.
+    pub(crate) fn is_progressive(&self) -> bool {
+        self.codec == Some(CodecName::Progressive)
+    }
+
     /// Checks what can be checked without an input.
     pub(crate) fn check(&self) -> Result<(), UsageError> {
         let positive = |value: f64| value.is_finite() && value > 0.0;

@@ -13,7 +13,7 @@ use texfold_core::{Budget, Encoded, Image2d, Layers, LoadError, RegionError, Tex
 use crate::error::{CliError, explain, guarded};
 use crate::output::{make_folder, remove_stale};
 use crate::run::complain;
-use crate::{input, png};
+use crate::{bank, input, png};
 use gpu::Device;
 
 /// Digits of the number in the name of one image of several; more where there are more than a thousand.
@@ -22,7 +22,7 @@ const NUMBER_DIGITS: usize = 3;
 /// Arguments of `decompress`.
 #[derive(Debug, clap::Args)]
 pub struct DecompressArgs {
-    /// .txf files.
+    /// .txf files, and folders of banks.
     #[arg(required = true, value_name = "FILE.txf")]
     files: Vec<PathBuf>,
     /// Folder that the PNG files are written to.
@@ -41,6 +41,12 @@ pub struct DecompressArgs {
     /// Only the first layers of a progressive file.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     layers: Option<u32>,
+    /// Of a bank: only the image of that name.
+    #[arg(long, value_name = "NAME")]
+    image: Option<String>,
+    /// Of a bank: only the tile of 1024x1024 texels in that column and row.
+    #[arg(long, value_name = "X,Y", value_parser = tile)]
+    tile: Option<(u32, u32)>,
     /// Terms of a light field: for the command render, as a light field is no image.
     #[arg(long, value_name = "K")]
     terms: Option<u32>,
@@ -56,7 +62,16 @@ pub(crate) fn run(args: &DecompressArgs) -> Result<usize, CliError> {
     };
     let mut writers = HashMap::new();
     let mut failed = 0;
-    for path in input::find::expand_all(&args.files) {
+    let (banks, files): (Vec<&PathBuf>, Vec<&PathBuf>) =
+        args.files.iter().partition(|path| bank::is_bank(path));
+    for bank in banks {
+        failed += bank::decompress(bank, &args.out, &choice(args), &|path, texture, level| match &device {
+            Some(device) => device.upload(path, texture)?.decode(path, texture, 0, level, args.continuous),
+            None => decode(path, texture, 0, level),
+        })?;
+    }
+    let files: Vec<PathBuf> = files.into_iter().cloned().collect();
+    for path in input::find::expand_all(&files) {
         let outcome =
             path.and_then(|path| guarded(&path, || decompress(&path, args, device.as_ref(), &mut writers)));
         if let Err(error) = outcome {
@@ -65,6 +80,22 @@ pub(crate) fn run(args: &DecompressArgs) -> Result<usize, CliError> {
         }
     }
     Ok(failed)
+}
+
+/// What of a bank is decoded.
+fn choice(args: &DecompressArgs) -> bank::Choice {
+    bank::Choice { image: args.image.clone(), tile: args.tile, level: args.lod, layers: args.layers }
+}
+
+/// Column and row of a tile.
+fn tile(text: &str) -> Result<(u32, u32), String> {
+    let parse = || {
+        let (x, y) = text.split_once(',')?;
+        Some((x.trim().parse().ok()?, y.trim().parse().ok()?))
+    };
+    // A tile further off than any image reaches is refused here.
+    let inside = |&(x, y): &(u32, u32)| x < 1 << 15 && y < 1 << 15;
+    parse().filter(inside).ok_or_else(|| "give column and row as in 3,0".to_owned())
 }
 
 /// Loads a `.txf` file.

@@ -1,5 +1,6 @@
 //! Inputs: which files a command line names, and what is in them.
 
+pub(crate) mod bands;
 pub(crate) mod bc1;
 pub(crate) mod capture;
 pub(crate) mod find;

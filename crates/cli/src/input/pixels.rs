@@ -49,6 +49,13 @@ pub(crate) fn read(
     alpha: Option<Alpha>,
     limit_bytes: u64,
 ) -> Result<Raster, CliError> {
+    let raster = raster(path, decode(path, limit_bytes)?, color)?;
+    let alpha = alpha.unwrap_or(raster.info().alpha);
+    Ok(raster.tagged(color, alpha))
+}
+
+/// The file's pixels as they are stored.
+pub(crate) fn decode(path: &Path, limit_bytes: u64) -> Result<DynamicImage, CliError> {
     size(path)?;
     let mut reader = open(path)?;
     let mut limits = image::Limits::default();
@@ -56,10 +63,7 @@ pub(crate) fn read(
     limits.max_image_height = Some(MAX_SIDE);
     limits.max_alloc = Some(limit_bytes);
     reader.limits(limits);
-    let decoded = reader.decode().map_err(|error| fault(path, error))?;
-    let raster = raster(path, decoded, color)?;
-    let alpha = alpha.unwrap_or(raster.info().alpha);
-    Ok(raster.tagged(color, alpha))
+    reader.decode().map_err(|error| fault(path, error))
 }
 
 fn raster(path: &Path, decoded: DynamicImage, color: ColorSpace) -> Result<Raster, CliError> {

@@ -1,0 +1,95 @@
+//! Categories: tiles by what colours they have.
+//!
+//! A tile's colours are the shares of 4 x 4 x 4 ranges of red, green and blue. The first tiles of a bank are divided by k-means
+//! (k-means++ starts, seeded); later ones join the nearest category, or open a new one where that is far.
+
+use ndarray::Array2;
+use texfold_codebook::{Settings, build};
+use texfold_core::image::Raster;
+
+use super::manifest::Category;
+
+/// Ranges of a channel.
+const RANGES: usize = 4;
+/// Most categories of a bank: the paper's six.
+const MOST: usize = 6;
+/// Texels that are counted in each direction.
+const COUNTED: u32 = 256;
+/// Distance of shares (0 to 2, the sum of differences) from which a tile opens a category of its own.
+const FAR: f32 = 1.2;
+
+/// The shares of colours of a tile.
+pub(crate) fn colours(tile: &Raster) -> Vec<f32> {
+    let size = tile.size();
+    let mut counts = vec![0u32; RANGES * RANGES * RANGES];
+    let step = |side: u32| side.div_ceil(COUNTED).max(1) as usize;
+    let mut sum = 0;
+    for y in (0..size.height).step_by(step(size.height)) {
+        for x in (0..size.width).step_by(step(size.width)) {
+            let texel = tile.texel(x, y);
+            let range = |value: f32| ((value * RANGES as f32) as usize).min(RANGES - 1);
+            counts[(range(texel.x) * RANGES + range(texel.y)) * RANGES + range(texel.z)] += 1;
+            sum += 1;
+        }
+    }
+    counts.into_iter().map(|count| count as f32 / sum.max(1) as f32).collect()
+}
+
+/// Categories for tiles of such colours: fewer than [`MOST`] where tiles are alike.
+pub(crate) fn divide(tiles: &[Vec<f32>], seed: u64) -> Vec<Category> {
+    let dims = RANGES * RANGES * RANGES;
+    let values: Vec<f32> = tiles.iter().flatten().copied().collect();
+    let Ok(vectors) = Array2::from_shape_vec((tiles.len(), dims), values) else { return Vec::new() };
+    let settings = Settings { seed, ..Settings::default() };
+    let found = build(vectors.view(), &vec![1.0; tiles.len()], MOST.min(tiles.len()), settings);
+    let mut categories: Vec<Category> = Vec::new();
+    for row in found.codewords.rows() {
+        let colours = row.to_vec();
+        let near = categories.iter().any(|known| distance(&known.colours, &colours) < FAR * 0.5);
+        if !near {
+            categories.push(Category { colours, tiles: 0, file: None, rows: 0 });
+        }
+    }
+    categories
+}
+
+/// The category that a tile joins, which may be a new one.
+pub(crate) fn join(categories: &mut Vec<Category>, colours: Vec<f32>) -> usize {
+    let away = |category: &Category| distance(&category.colours, &colours);
+    let nearest =
+        (0..categories.len()).min_by(|&a, &b| away(&categories[a]).total_cmp(&away(&categories[b])));
+    match nearest.filter(|&nearest| away(&categories[nearest]) < FAR || categories.len() >= MOST) {
+        Some(nearest) => nearest,
+        None => {
+            categories.push(Category { colours, tiles: 0, file: None, rows: 0 });
+            categories.len() - 1
+        }
+    }
+}
+
+fn distance(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use texfold_core::image::ColorSpace;
+
+    fn plain(colour: [u8; 3]) -> Vec<f32> {
+        let bytes: Vec<u8> = (0..64).flat_map(|_| colour).collect();
+        colours(&Raster::from_u8(8, 8, 3, ColorSpace::Srgb, &bytes).unwrap())
+    }
+
+    #[test]
+    fn tiles_of_like_colours_share_a_category() {
+        let tiles: Vec<Vec<f32>> =
+            [[10, 90, 20], [12, 95, 22], [200, 180, 90], [20, 30, 200], [14, 99, 5]].map(plain).to_vec();
+        let mut categories = divide(&tiles, 1);
+        assert_eq!(categories.len(), 3);
+        let joined: Vec<usize> = tiles.iter().map(|tile| join(&mut categories, tile.clone())).collect();
+        assert!(joined[0] == joined[1] && joined[0] == joined[4] && joined[0] != joined[2]);
+        let new = join(&mut categories, plain([255, 255, 255]));
+        assert_eq!((new, categories.len()), (3, 4));
+    }
+}

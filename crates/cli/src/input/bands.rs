@@ -1,0 +1,384 @@
+//! Images read in bands of rows: PNG by its rows and TIFF by its strips or tiles hold no more than a band and what a strip or row
+//! of tiles holds; all else is decoded whole, as it is stored.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use image::DynamicImage;
+use texfold_core::image::{Alpha, ColorSpace, Raster};
+use texfold_core::{SourceError, SurfaceSize};
+use tiff::decoder::{ChunkType, Decoder as TiffDecoder, DecodingResult};
+use tiff::tags::{PlanarConfiguration, Tag};
+
+use super::pixels;
+use crate::config::Settings;
+use crate::error::CliError;
+
+/// Rows of an image.
+#[derive(Debug)]
+pub(crate) struct Band {
+    path: PathBuf,
+    width: u32,
+    rows: u32,
+    channels: u8,
+    samples: Samples,
+    color: ColorSpace,
+    alpha: Option<Alpha>,
+}
+
+/// Values as they are stored, channels interleaved.
+#[derive(Debug, Clone, PartialEq)]
+enum Samples {
+    Eight(Vec<u8>),
+    Sixteen(Vec<u16>),
+}
+
+/// An image that is read from top to bottom.
+#[derive(Debug)]
+pub(crate) struct Bands {
+    path: PathBuf,
+    size: SurfaceSize,
+    color: ColorSpace,
+    alpha: Option<Alpha>,
+    next: u32,
+    source: Source,
+}
+
+enum Source {
+    Whole(DynamicImage),
+    /// What other readers gave.
+    Texels(Raster),
+    Png(Box<png::Reader<BufReader<File>>>),
+    Tiff(Box<Tiff>),
+}
+
+impl std::fmt::Debug for Source {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Source::Whole(_) => "Whole",
+            Source::Texels(_) => "Texels",
+            Source::Png(_) => "Png",
+            Source::Tiff(_) => "Tiff",
+        })
+    }
+}
+
+/// A TIFF file with the rows of chunks that reach beyond the last band.
+struct Tiff {
+    decoder: TiffDecoder<BufReader<File>>,
+    channels: u8,
+    /// Columns and rows of a chunk, and chunks beside one another.
+    chunk: (u32, u32),
+    across: u32,
+    /// Rows from `first` on, whole.
+    first: u32,
+    held: Samples,
+}
+
+impl Bands {
+    /// Opens a file; `whole` reads what this cannot.
+    pub(crate) fn open(
+        path: &Path,
+        settings: &Settings,
+        limit_bytes: u64,
+        whole: impl FnOnce() -> Result<Raster, CliError>,
+    ) -> Result<Bands, CliError> {
+        let size = super::size_of(path)?;
+        let head = super::head_of(path)?;
+        let source = match () {
+            () if super::bc1::Container::of(&head).is_some() => Source::Texels(whole()?),
+            () => match streamed(path, &head) {
+                Some(source) => source,
+                None => Source::Whole(pixels::decode(path, limit_bytes)?),
+            },
+        };
+        let (color, alpha) = (settings.color, settings.alpha);
+        Ok(Bands { path: path.to_owned(), size, color, alpha, next: 0, source })
+    }
+
+    /// Columns and rows.
+    pub(crate) fn size(&self) -> SurfaceSize {
+        self.size
+    }
+
+    /// The next `rows` rows.
+    pub(crate) fn next(&mut self, rows: u32) -> Result<Band, CliError> {
+        let (width, top) = (self.size.width, self.next);
+        self.next += rows;
+        let (path, color, mut alpha) = (self.path.clone(), self.color, self.alpha);
+        let (channels, samples) = match &mut self.source {
+            Source::Whole(image) => {
+                let band = image.crop_imm(0, top, width, rows);
+                (band.color().channel_count(), samples_of(&path, &band)?)
+            }
+            Source::Texels(raster) => {
+                let channels = raster.info().channels;
+                alpha = alpha.or(Some(raster.info().alpha));
+                let row = width as usize * usize::from(channels);
+                let values = &raster.data()[top as usize * row..(top + rows) as usize * row];
+                let bytes = values.iter().map(|&value| texfold_core::image::to_u8(value)).collect();
+                (channels, Samples::Eight(bytes))
+            }
+            Source::Png(reader) => png_rows(&path, reader, rows)?,
+            Source::Tiff(tiff) => {
+                let failed = |error: tiff::TiffError| tiff_fault(&path, error);
+                (tiff.channels, tiff.rows(width, self.size.height, rows).map_err(failed)?)
+            }
+        };
+        Ok(Band { path, width, rows, channels, samples, color, alpha })
+    }
+}
+
+/// PNG and TIFF whose pixels are as they can be used; `None` for what other readers shall take, errors among it.
+fn streamed(path: &Path, head: &[u8]) -> Option<Source> {
+    let file = || Some(BufReader::new(File::open(path).ok()?));
+    if head.starts_with(b"\x89PNG") {
+        let mut decoder = png::Decoder::new(file()?);
+        decoder.set_transformations(png::Transformations::EXPAND);
+        let reader = decoder.read_info().ok()?;
+        let usable = !reader.info().interlaced;
+        return usable.then(|| Source::Png(Box::new(reader)));
+    }
+    if head.starts_with(b"II*\0") || head.starts_with(b"MM\0*") {
+        return Some(Source::Tiff(Box::new(Tiff::open(file()?)?)));
+    }
+    None
+}
+
+fn samples_of(path: &Path, image: &DynamicImage) -> Result<Samples, CliError> {
+    Ok(match image {
+        DynamicImage::ImageLuma8(_)
+        | DynamicImage::ImageLumaA8(_)
+        | DynamicImage::ImageRgb8(_)
+        | DynamicImage::ImageRgba8(_) => Samples::Eight(image.as_bytes().to_vec()),
+        DynamicImage::ImageLuma16(image) => Samples::Sixteen(image.to_vec()),
+        DynamicImage::ImageLumaA16(image) => Samples::Sixteen(image.to_vec()),
+        DynamicImage::ImageRgb16(image) => Samples::Sixteen(image.to_vec()),
+        DynamicImage::ImageRgba16(image) => Samples::Sixteen(image.to_vec()),
+        _ => {
+            let format = format!("{:?}", image.color());
+            return Err(CliError::PixelFormat { path: path.to_owned(), format });
+        }
+    })
+}
+
+fn png_rows(
+    path: &Path,
+    reader: &mut png::Reader<BufReader<File>>,
+    rows: u32,
+) -> Result<(u8, Samples), CliError> {
+    let fault = |error: png::DecodingError| CliError::Rows { path: path.to_owned(), source: Box::new(error) };
+    let (color, depth) = reader.output_color_type();
+    let mut bytes = Vec::new();
+    for _ in 0..rows {
+        let row = reader.next_row().map_err(fault)?;
+        let row = row.ok_or_else(|| CliError::Rows {
+            path: path.to_owned(),
+            source: Box::new(std::io::Error::from(std::io::ErrorKind::UnexpectedEof)),
+        })?;
+        bytes.extend_from_slice(row.data());
+    }
+    let samples = match depth {
+        png::BitDepth::Sixteen => Samples::Sixteen(
+            bytes.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect(),
+        ),
+        _ => Samples::Eight(bytes),
+    };
+    Ok((color.samples() as u8, samples))
+}
+
+fn tiff_fault(path: &Path, error: tiff::TiffError) -> CliError {
+    CliError::Rows { path: path.to_owned(), source: Box::new(error) }
+}
+
+impl Tiff {
+    /// `None` where the pixels are not gray, RGB or RGBA of 8 or 16 bits, interleaved.
+    fn open(file: BufReader<File>) -> Option<Tiff> {
+        let mut decoder = TiffDecoder::new(file).ok()?;
+        let channels = match decoder.colortype().ok()? {
+            tiff::ColorType::Gray(8 | 16) => 1,
+            tiff::ColorType::GrayA(8 | 16) => 2,
+            tiff::ColorType::RGB(8 | 16) => 3,
+            tiff::ColorType::RGBA(8 | 16) => 4,
+            _ => return None,
+        };
+        let planar = decoder.find_tag_unsigned::<u16>(Tag::PlanarConfiguration).ok()?;
+        if planar.is_some_and(|planar| planar != PlanarConfiguration::Chunky.to_u16()) {
+            return None;
+        }
+        let format = decoder.find_tag_unsigned_vec::<u16>(Tag::SampleFormat).ok()?;
+        if format.is_some_and(|formats| formats.iter().any(|&format| format != 1)) {
+            return None;
+        }
+        let chunk = decoder.chunk_dimensions();
+        let (width, _) = decoder.dimensions().ok()?;
+        let across = match decoder.get_chunk_type() {
+            ChunkType::Strip => 1,
+            ChunkType::Tile => width.div_ceil(chunk.0.max(1)),
+        };
+        let held = Samples::Eight(Vec::new());
+        (chunk.0 > 0 && chunk.1 > 0).then_some(Tiff { decoder, channels, chunk, across, first: 0, held })
+    }
+
+    /// The next `rows` rows of the image, which has `height`.
+    fn rows(&mut self, width: u32, height: u32, rows: u32) -> Result<Samples, tiff::TiffError> {
+        let row = width as usize * usize::from(self.channels);
+        while self.held_rows(row) < rows as usize && self.first + (self.held_rows(row) as u32) < height {
+            self.read_chunks(width, height, row)?;
+        }
+        self.first += rows;
+        let count = rows as usize * row;
+        let short = || tiff::TiffError::from(std::io::Error::from(std::io::ErrorKind::UnexpectedEof));
+        match &mut self.held {
+            Samples::Eight(held) if held.len() >= count => Ok(Samples::Eight(held.drain(..count).collect())),
+            Samples::Sixteen(held) if held.len() >= count => {
+                Ok(Samples::Sixteen(held.drain(..count).collect()))
+            }
+            _ => Err(short()),
+        }
+    }
+
+    fn held_rows(&self, row: usize) -> usize {
+        match &self.held {
+            Samples::Eight(held) => held.len() / row.max(1),
+            Samples::Sixteen(held) => held.len() / row.max(1),
+        }
+    }
+
+    /// Appends the next row of chunks.
+    fn read_chunks(&mut self, width: u32, height: u32, row: usize) -> Result<(), tiff::TiffError> {
+        let top = self.first + self.held_rows(row) as u32;
+        let number = top / self.chunk.1 * self.across;
+        let lines = self.chunk.1.min(height - top) as usize;
+        let channels = usize::from(self.channels);
+        for index in 0..self.across {
+            let (columns, _) = self.decoder.chunk_data_dimensions(number + index);
+            let (columns, left) = (columns.min(width) as usize, (index * self.chunk.0) as usize);
+            match self.decoder.read_chunk(number + index)? {
+                DecodingResult::U8(values) => {
+                    if !matches!(self.held, Samples::Eight(_)) {
+                        self.held = Samples::Eight(Vec::new());
+                    }
+                    if let Samples::Eight(held) = &mut self.held {
+                        place(held, &values, (index == 0, left * channels, columns * channels), (row, lines));
+                    }
+                }
+                DecodingResult::U16(values) => {
+                    if !matches!(self.held, Samples::Sixteen(_)) {
+                        self.held = Samples::Sixteen(Vec::new());
+                    }
+                    if let Samples::Sixteen(held) = &mut self.held {
+                        place(held, &values, (index == 0, left * channels, columns * channels), (row, lines));
+                    }
+                }
+                _ => return Err(std::io::Error::from(std::io::ErrorKind::InvalidData).into()),
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Puts a chunk of `columns` values a line into the last `lines` rows of what is held; the first chunk makes them.
+fn place<T: Copy + Default>(
+    held: &mut Vec<T>,
+    values: &[T],
+    (first, left, columns): (bool, usize, usize),
+    (row, lines): (usize, usize),
+) {
+    if first {
+        held.resize(held.len() + row * lines, T::default());
+    }
+    let start = held.len() - row * lines;
+    for (line, values) in values.chunks_exact(columns.max(1)).take(lines).enumerate() {
+        let from = start + line * row + left;
+        if let Some(to) = held.get_mut(from..from + columns) {
+            to.copy_from_slice(values);
+        }
+    }
+}
+
+impl Band {
+    /// The raster of some columns.
+    pub(crate) fn cut(&self, left: u32, width: u32) -> Result<Raster, CliError> {
+        let channels = usize::from(self.channels);
+        let row = self.width as usize * channels;
+        let (from, count) = (left as usize * channels, width as usize * channels);
+        let lines = 0..self.rows as usize;
+        let raster = match &self.samples {
+            Samples::Eight(values) => {
+                let cut: Vec<u8> = lines
+                    .flat_map(|line| &values[line * row + from..line * row + from + count])
+                    .copied()
+                    .collect();
+                Raster::from_u8(width, self.rows, self.channels, self.color, &cut)
+            }
+            Samples::Sixteen(values) => {
+                let cut: Vec<u16> = lines
+                    .flat_map(|line| &values[line * row + from..line * row + from + count])
+                    .copied()
+                    .collect();
+                Raster::from_u16(width, self.rows, self.channels, self.color, &cut)
+            }
+        };
+        let unsuitable = |source: SourceError| CliError::Source { path: self.path.clone(), source };
+        let raster = raster.map_err(unsuitable)?;
+        let alpha = self.alpha.unwrap_or(raster.info().alpha);
+        Ok(raster.tagged(self.color, alpha))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{ColorName, Options};
+
+    fn bands_equal_the_whole(path: &Path, rows: u32) {
+        let settings = Options::of_pixels(ColorName::Srgb, None).resolve(path).unwrap();
+        let whole = pixels::read(path, settings.color, None, 1 << 32).unwrap();
+        let mut bands = Bands::open(path, &settings, 1 << 32, || unreachable!()).unwrap();
+        let size = bands.size();
+        assert_eq!(size, whole.size());
+        for top in (0..size.height).step_by(rows as usize) {
+            let count = rows.min(size.height - top);
+            let band = bands.next(count).unwrap();
+            let left = size.width / 3;
+            let cut = band.cut(left, size.width - left).unwrap();
+            assert_eq!(cut.info(), whole.info());
+            let equal =
+                |y: u32| (left..size.width).all(|x| cut.texel(x - left, y) == whole.texel(x, top + y));
+            assert!((0..count).all(equal), "{} from row {top}", path.display());
+        }
+    }
+
+    #[test]
+    fn bands_are_what_is_read_at_once() {
+        let dir = tempfile::tempdir().unwrap();
+        let value = |i: usize| (i * 31 % 251) as u8;
+        let rgb: Vec<u8> = (0..75 * 53 * 3).map(value).collect();
+        let deep: Vec<u16> = rgb.iter().map(|&byte| u16::from(byte) * 200 + 7).collect();
+        for extension in ["png", "tif", "bmp"] {
+            let path = dir.path().join(format!("a.{extension}"));
+            image::save_buffer(&path, &rgb, 75, 53, image::ExtendedColorType::Rgb8).unwrap();
+            bands_equal_the_whole(&path, 16);
+            let gray = dir.path().join(format!("g.{extension}"));
+            image::save_buffer(&gray, &rgb[..75 * 53], 75, 53, image::ExtendedColorType::L8).unwrap();
+            bands_equal_the_whole(&gray, 20);
+        }
+        for extension in ["png", "tif"] {
+            let path = dir.path().join(format!("deep.{extension}"));
+            let image: image::ImageBuffer<image::Rgb<u16>, Vec<u16>> =
+                image::ImageBuffer::from_raw(75, 53, deep.clone()).unwrap();
+            image.save(&path).unwrap();
+            bands_equal_the_whole(&path, 9);
+        }
+    }
+
+    #[test]
+    fn strips_and_tiles_of_geographic_files_are_read() {
+        let Some(data) = texfold_testkit::data_dir("bands of geographic TIFF files") else { return };
+        for name in ["naip_m_4709963_20200831.tif", "landsat7_bahamas_RGB.byte.tif"] {
+            bands_equal_the_whole(&data.join("remote").join(name), 100);
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! Banks: many images that share codebooks, added over time, whatever happens in between.
+
+use std::fs;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use image::{DynamicImage, ExtendedColorType};
+use serde_json::Value;
+
+use crate::support::{Place, names, psnr};
+
+const ADD: &str = "in --codec progressive --psnr 28 --effort fast --out bank";
+
+fn info(place: &Place) -> Value {
+    let run = place.run("info bank --json");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    serde_json::from_str(&run.stdout).unwrap()
+}
+
+fn image_names(place: &Place) -> Vec<String> {
+    let images = info(place)["images"].as_array().unwrap().clone();
+    images.iter().map(|image| image["name"].as_str().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn every_kind_of_image_is_added_and_bad_ones_are_named() {
+    let place = Place::new();
+    place.picture("in/photo.png", 200, 120, 3);
+    place.picture("in/gray.png", 64, 40, 1);
+    place.picture("in/collar.png", 64, 64, 4);
+    place.picture("in/tiny.png", 3, 2, 3);
+    place.picture16("in/deep.tif", 50, 30);
+    place.picture("whole.tif", 64, 64, 3);
+    let whole = fs::read(place.at("whole.tif")).unwrap();
+    fs::write(place.at("in/cut.tif"), &whole[..whole.len() / 2]).unwrap();
+    let (run, report) = place.compress(ADD);
+    assert_eq!(run.code, Some(1), "{}", run.stderr);
+    assert!(run.stderr.contains("cut.tif"), "{}", run.stderr);
+    assert_eq!(image_names(&place), ["collar", "deep", "gray", "photo", "tiny"]);
+    assert_eq!(report.iter().filter(|row| row["error"].is_string()).count(), 1);
+    // Parts add up; the figures are those of what is decoded.
+    for row in report.iter().filter(|row| row["error"].is_null()) {
+        let parts = row["parts"].as_array().unwrap();
+        let sum: u64 = parts.iter().map(|part| part["bits_memory"].as_u64().unwrap()).sum();
+        assert_eq!(Some(sum), row["bits_memory"].as_u64());
+    }
+    assert_eq!(place.run("decompress bank --out png").code, Some(0));
+    assert_eq!(names(&place.at("png")), ["collar.png", "deep.png", "gray.png", "photo.png", "tiny.png"]);
+    let (width, height, shown) = place.samples("png/photo.png");
+    assert_eq!((width, height), (200, 120));
+    let photo = report.iter().find(|row| row["input"].as_str().unwrap().contains("photo")).unwrap();
+    let found = psnr(&shown, &place.samples("in/photo.png").2);
+    assert!(found >= 28.0 && (found - photo["psnr"].as_f64().unwrap()).abs() < 0.01, "{found}");
+}
+
+#[test]
+fn tiles_levels_and_single_images_are_decoded_alone() {
+    let place = Place::new();
+    place.picture("in/wide.png", 1100, 40, 3);
+    place.picture("in/other.png", 32, 32, 3);
+    assert_eq!(place.run(&format!("compress {ADD} --mips")).code, Some(0));
+    assert_eq!(info(&place)["images"][1]["tiles"], 2);
+    let run = place.run("decompress bank --out png --image wide --tile 1,0");
+    assert_eq!((run.code, names(&place.at("png"))), (Some(0), vec!["wide-1-0.png".to_owned()]));
+    assert_eq!(place.run("decompress bank --out whole").code, Some(0));
+    let (width, height, tile) = place.samples("png/wide-1-0.png");
+    assert_eq!((width, height), (76, 40));
+    let whole = place.samples("whole/wide.png").2;
+    let row = |y: usize| &whole[(y * 1100 + 1024) * 3..(y * 1100 + 1100) * 3];
+    assert!((0..40).all(|y| tile[y * 76 * 3..(y + 1) * 76 * 3] == *row(y)));
+    assert_eq!(place.run("decompress bank --out half --image wide --lod 1").code, Some(0));
+    let (width, height, _) = place.samples("half/wide.png");
+    assert_eq!((width, height), (550, 20));
+    let run = place.run("decompress bank --out none --image nobody");
+    assert!(run.code == Some(1) && run.stderr.contains("nobody"), "{}", run.stderr);
+    let run = place.run("decompress bank --out none --image wide --tile 7,7");
+    assert_eq!(run.code, Some(1), "{}", run.stderr);
+}
+
+#[test]
+fn a_damaged_or_missing_file_is_named_and_the_rest_is_decoded() {
+    let place = Place::new();
+    for name in ["a", "b", "c"] {
+        place.picture(&format!("in/{name}.png"), 40, 40, 3);
+    }
+    assert_eq!(place.run(&format!("compress {ADD}")).code, Some(0));
+    let manifest: Value = serde_json::from_slice(&fs::read(place.at("bank/bank.json")).unwrap()).unwrap();
+    let file = |index: usize| manifest["images"][index]["tiles"][0]["file"].as_str().unwrap().to_owned();
+    fs::remove_file(place.at("bank").join(file(0))).unwrap();
+    let path = place.at("bank").join(file(1));
+    let mut bytes = fs::read(&path).unwrap();
+    let last = bytes.len() - 1;
+    bytes[last] ^= 0x55;
+    fs::write(&path, bytes).unwrap();
+    let run = place.run("decompress bank --out png");
+    assert_eq!((run.code, names(&place.at("png"))), (Some(1), vec!["c.png".to_owned()]));
+    assert!(run.stderr.contains(&file(0)) && run.stderr.contains(&file(1)), "{}", run.stderr);
+    fs::write(place.at("bank/bank.json"), b"{\"version\": 1").unwrap();
+    let run = place.run("info bank");
+    assert!(run.code == Some(1) && run.stderr.contains("bank.json"), "{}", run.stderr);
+}
+
+#[test]
+fn a_killed_run_leaves_a_bank_that_opens_and_goes_on() {
+    let place = Place::new();
+    for number in 0..6 {
+        place.picture(&format!("in/{number}.png"), 200 + number, 180, 3);
+    }
+    let mut child = Command::new(env!("CARGO_BIN_EXE_texfold"))
+        .args(format!("compress {ADD}").split_whitespace())
+        .current_dir(place.at("."))
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    // Killed once the first image is in: somewhere within the second or a later one.
+    let start = Instant::now();
+    while !place.at("bank/bank.json").exists() && start.elapsed() < Duration::from_secs(300) {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let before = image_names(&place);
+    assert!(!before.is_empty());
+    assert_eq!(place.run("decompress bank --out before").code, Some(0));
+    assert_eq!(place.run(&format!("compress {ADD}")).code, Some(0));
+    assert_eq!(image_names(&place), ["0", "1", "2", "3", "4", "5"]);
+    assert_eq!(place.run("decompress bank --out after").code, Some(0));
+    for name in before {
+        let read = |dir: &str| fs::read(place.at(dir).join(format!("{name}.png"))).unwrap();
+        assert!(read("before") == read("after"), "{name}");
+    }
+    // Nothing that does not count is left.
+    let listed = fs::read_to_string(place.at("bank/bank.json")).unwrap();
+    let stray = |name: &String| name.ends_with(".txf") && !listed.contains(name.as_str());
+    assert!(!names(&place.at("bank")).iter().any(stray));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_full_disk_leaves_the_bank_as_it_was() {
+    let place = Place::new();
+    place.picture("in/a.png", 60, 60, 3);
+    assert_eq!(place.run(&format!("compress {ADD}")).code, Some(0));
+    let before = fs::read(place.at("bank/bank.json")).unwrap();
+    let noise: Vec<u8> = (0..200 * 200 * 3u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+    image::save_buffer(place.at("in/b.png"), &noise, 200, 200, ExtendedColorType::Rgb8).unwrap();
+    // Files of at most 8 blocks of 512 bytes, as if there were no more space.
+    let script =
+        format!("trap '' XFSZ; ulimit -f 8; exec '{}' compress {ADD}", env!("CARGO_BIN_EXE_texfold"));
+    let output = Command::new("sh").args(["-c", &script]).current_dir(place.at(".")).output().unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(1) && stderr.contains("cannot be written"), "{stderr}");
+    assert_eq!(fs::read(place.at("bank/bank.json")).unwrap(), before);
+    assert_eq!(place.run(&format!("compress {ADD}")).code, Some(0));
+    assert_eq!(image_names(&place), ["a", "b"]);
+}
+
+#[test]
+fn another_file_of_a_known_name_is_refused() {
+    let place = Place::new();
+    place.picture("in/a.png", 40, 40, 3);
+    assert_eq!(place.run(&format!("compress {ADD}")).code, Some(0));
+    let run = place.run(&format!("compress {ADD}"));
+    assert!(run.stdout.contains("1 up to date"), "{}", run.stdout);
+    place.picture("in/a.png", 44, 40, 3);
+    let run = place.run(&format!("compress {ADD}"));
+    assert!(run.code == Some(1) && run.stderr.contains("rename"), "{}", run.stderr);
+}
+
+/// What is read band by band is what is read at once.
+#[test]
+fn palettes_and_interlacing_are_read() {
+    let place = Place::new();
+    place.picture("plain.png", 90, 70, 3);
+    let picture = image::open(place.at("plain.png")).unwrap();
+    fs::create_dir_all(place.at("in")).unwrap();
+    let palette: Vec<u8> = (0..64u32).flat_map(|i| [(i * 4) as u8, (255 - i * 3) as u8, 77]).collect();
+    let indices: Vec<u8> = (0..90 * 70u32).map(|i| (i % 90 / 3 + i / 90 / 5) as u8 % 64).collect();
+    let file = fs::File::create(place.at("in/palette.png")).unwrap();
+    let mut encoder = png::Encoder::new(file, 90, 70);
+    encoder.set_color(png::ColorType::Indexed);
+    encoder.set_palette(palette);
+    encoder.write_header().unwrap().write_image_data(&indices).unwrap();
+    DynamicImage::from(picture.to_luma8()).save(place.at("in/gray.tif")).unwrap();
+    picture.save(place.at("in/photo.tif")).unwrap();
+    let arguments = "in --codec progressive --psnr 40 --effort fast --out bank";
+    let (run, report) = place.compress(arguments);
+    assert_eq!((run.code, report.len()), (Some(0), 3), "{}", run.stderr);
+    assert_eq!(place.run("decompress bank --out png").code, Some(0));
+    let wanted = image::open(place.at("in/palette.png")).unwrap().to_rgb8();
+    let found = psnr(&place.samples("png/palette.png").2, &wanted);
+    let told = report.iter().find(|row| row["input"] == "in/palette.png").unwrap()["psnr"].as_f64().unwrap();
+    assert!((found - told).abs() < 0.01, "{found} {told}");
+}

@@ -118,7 +118,7 @@ impl BankTask {
         share: &Share<'_>,
     ) -> Result<(), CliError> {
         let size = tile.size();
-        let set = ImageSet::single(tile);
+        let set = ImageSet::single(without_plain_alpha(tile));
         let shared = Shared { public: book.clone(), most_rows: MOST_ROWS };
         let settings = &self.settings.encode;
         let params = ProgressiveParams {
@@ -240,6 +240,12 @@ fn grow(
     Ok(grown)
 }
 
+/// The tile without alpha where all of it is opaque: the base would have to hold it.
+fn without_plain_alpha(tile: Raster) -> Raster {
+    let opaque = tile.info().has_alpha() && tile.texels().all(|texel| texel.w >= 1.0);
+    if opaque { tile.with_channels(tile.info().channels - 1) } else { tile }
+}
+
 /// Blocks that show public content, the texture's own, and all.
 fn blocks(texture: &ProgressiveTexture) -> [u64; 3] {
     let Some(details) = texture.details() else { return [0; 3] };
@@ -267,7 +273,8 @@ impl Sums {
         let similar = decode_surface(texture, 0, 0).map_or(0.0, |shown| ssim(&source.images()[0], &shown));
         self.ssim += similar * texels as f64;
         self.texels += texels;
-        (self.channels, self.levels) = (texture.layout().pixel.channels, texture.layout().levels);
+        self.channels = self.channels.max(texture.layout().pixel.channels);
+        self.levels = self.levels.max(texture.layout().levels);
         let public = texture.details().and_then(|details| details.public.as_ref());
         let share = public.map_or(0.0, |book| f64::from(grown_rows) / f64::from(book.size().1));
         let grown = (texture.shared_bits() as f64 * share).round() as u64;

@@ -144,14 +144,19 @@ impl Canvas {
         let top = ((tile.y - self.corner.1) >> self.level) as usize;
         let texels = raster.to_bytes();
         let own = usize::from(raster.info().channels);
-        if own != self.channels || left >= self.width {
+        if own > self.channels || left >= self.width {
             return;
         }
         let columns = (size.width as usize).min(self.width - left);
         for row in 0..(size.height as usize).min(self.height.saturating_sub(top)) {
             let from = row * size.width as usize * own;
-            let to = ((top + row) * self.width + left) * own;
-            self.bytes[to..to + columns * own].copy_from_slice(&texels[from..from + columns * own]);
+            let to = ((top + row) * self.width + left) * self.channels;
+            let line = self.bytes[to..to + columns * self.channels].chunks_exact_mut(self.channels);
+            for (to, from) in line.zip(texels[from..].chunks_exact(own)) {
+                // Tiles that are opaque are stored without alpha.
+                to.fill(u8::MAX);
+                to[..own].copy_from_slice(from);
+            }
         }
     }
 

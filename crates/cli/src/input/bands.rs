@@ -1,5 +1,6 @@
 //! Images read in bands of rows: PNG by its rows and TIFF by its strips or tiles hold no more than a band and what a strip or row
-//! of tiles holds; all else is decoded whole, as it is stored.
+//! of tiles holds; all else is decoded whole, as it is stored. A fourth band of a TIFF that is not said to be alpha, as near
+//! infrared in aerial photographs, is left out.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -32,6 +33,19 @@ pub(crate) struct Band {
 enum Samples {
     Eight(Vec<u8>),
     Sixteen(Vec<u16>),
+}
+
+impl Samples {
+    /// All but the last of so many channels.
+    fn without_last(self, channels: usize) -> Samples {
+        fn cut<T: Copy>(values: &[T], channels: usize) -> Vec<T> {
+            values.chunks_exact(channels).flat_map(|texel| &texel[..channels - 1]).copied().collect()
+        }
+        match self {
+            Samples::Eight(values) => Samples::Eight(cut(&values, channels)),
+            Samples::Sixteen(values) => Samples::Sixteen(cut(&values, channels)),
+        }
+    }
 }
 
 /// An image that is read from top to bottom.
@@ -68,6 +82,8 @@ impl std::fmt::Debug for Source {
 struct Tiff {
     decoder: TiffDecoder<BufReader<File>>,
     channels: u8,
+    /// Whether the last channel is a band of its own and no alpha.
+    has_band: bool,
     /// Columns and rows of a chunk, and chunks beside one another.
     chunk: (u32, u32),
     across: u32,
@@ -123,7 +139,12 @@ impl Bands {
             Source::Png(reader) => png_rows(&path, reader, rows)?,
             Source::Tiff(tiff) => {
                 let failed = |error: tiff::TiffError| tiff_fault(&path, error);
-                (tiff.channels, tiff.rows(width, self.size.height, rows).map_err(failed)?)
+                let samples = tiff.rows(width, self.size.height, rows).map_err(failed)?;
+                if tiff.has_band {
+                    (tiff.channels - 1, samples.without_last(usize::from(tiff.channels)))
+                } else {
+                    (tiff.channels, samples)
+                }
             }
         };
         Ok(Band { path, width, rows, channels, samples, color, alpha })
@@ -217,8 +238,19 @@ impl Tiff {
             ChunkType::Strip => 1,
             ChunkType::Tile => width.div_ceil(chunk.0.max(1)),
         };
+        let extra = decoder.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).ok()?;
+        let has_band =
+            channels % 2 == 0 && extra.is_none_or(|extra| !extra.contains(&1) && !extra.contains(&2));
         let held = Samples::Eight(Vec::new());
-        (chunk.0 > 0 && chunk.1 > 0).then_some(Tiff { decoder, channels, chunk, across, first: 0, held })
+        (chunk.0 > 0 && chunk.1 > 0).then_some(Tiff {
+            decoder,
+            channels,
+            has_band,
+            chunk,
+            across,
+            first: 0,
+            held,
+        })
     }
 
     /// The next `rows` rows of the image, which has `height`.
@@ -339,6 +371,8 @@ mod tests {
         let mut bands = Bands::open(path, &settings, 1 << 32, || unreachable!()).unwrap();
         let size = bands.size();
         assert_eq!(size, whole.size());
+        let has_band = matches!(&bands.source, Source::Tiff(tiff) if tiff.has_band);
+        let whole = if has_band { whole.with_channels(3) } else { whole };
         for top in (0..size.height).step_by(rows as usize) {
             let count = rows.min(size.height - top);
             let band = bands.next(count).unwrap();

@@ -35,6 +35,18 @@ const MIDDLE: (f64, f64) = (33.0, 1.6);
 /// PSNR in dB and bits a texel below which codebooks are tried: above, error maps do the same at fewer bits.
 const COARSE: (f64, f64) = (33.0, 0.7);
 
+/// Bits a texel that a base of an eighth with entries for blocks of 8x8 takes at least.
+const SMALL_BLOCKS: f64 = 0.36;
+
+/// Binary logarithms of the sides of blocks that are tried.
+fn sides(goal: Goal) -> &'static [u32] {
+    match goal {
+        Goal::Bpp(bpp) if bpp < SMALL_BLOCKS => &[4],
+        Goal::Bpp(_) => &[3],
+        _ => &[3, 4],
+    }
+}
+
 /// Whether a goal is coarser than such.
 fn below((psnr, bpp): (f64, f64), goal: Goal) -> bool {
     match goal {
@@ -92,7 +104,9 @@ pub(crate) fn kinds(pixel: PixelInfo, params: &ProgressiveParams) -> Result<Vec<
         .iter()
         .filter(|kind| pixel.channels != 2 && kind.reduce_log2 == MAX_REDUCE_LOG2)
         .filter(|_| params.effort != Effort::Fast && below(COARSE, params.goal))
-        .flat_map(|kind| [3, 4].map(|side_log2| Kind { side_log2: Some(side_log2), ..*kind }))
+        .flat_map(|kind| {
+            sides(params.goal).iter().map(|&side_log2| Kind { side_log2: Some(side_log2), ..*kind })
+        })
         .filter(|kind| kind.content != Content::Bc7 || params.content.is_some())
         .collect();
     list.extend(with_codebooks);

@@ -5,17 +5,17 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 use texfold_match::{GrayPlane, GsrIndex, GsrTone};
 
-use super::search::{GRAY_STEPS, GRID, Shelf, blur_of, patches, turn_of};
+use super::search::{GRAY_STEPS, GRID, Shelf, WITHIN, blur_of, patches, turn_of};
 use super::{Lack, TURN_BITS, gain_unit};
 use crate::codebook::CELL_SIDE;
 use crate::decode::texfold_progressive_turn;
 
 /// Blocks that pieces are judged by.
-const SAMPLE: usize = 2048;
+const SAMPLE: usize = 1024;
 /// Patches that these are compared with, at most.
-const PATCHES: usize = 1 << 16;
+const PATCHES: usize = 1 << 14;
 /// Neighbours of each kind of a block.
-const NEIGHBOURS: usize = 32;
+const NEIGHBOURS: usize = 24;
 /// Squared error that a bit is worth, in that of a texel: a bit halves a coefficient's root.
 const BIT_WORTH: f32 = 1.386;
 
@@ -162,7 +162,7 @@ fn serve(
     tops[picture as usize].block(side, column, row, &mut target);
     let centre = glam::Vec2::new(column as f32 + 0.5, row as f32 + 0.5) * side as f32;
     let mut best: HashMap<Piece, f32> = HashMap::new();
-    for found in index.nearest(&planes[picture as usize], (centre, side as f32), 8.0, NEIGHBOURS) {
+    for found in index.nearest(&planes[picture as usize], (centre, side as f32), WITHIN, NEIGHBOURS) {
         let at = found.patch.centre;
         let own = found.patch.field == picture && (at - centre).abs().max_element() < side as f32;
         if own {

@@ -11,9 +11,11 @@ use crate::codebook::{Codebook, Entry, MOST_GAIN, MapForm};
 use crate::decode::texfold_progressive_turn;
 
 /// Neighbours of each kind (reflected or not, negated or not) that a block is compared with.
-pub(crate) const NEIGHBOURS: usize = 48;
-/// Texels between indexed patches.
-const STRIDE: usize = 2;
+pub(crate) const NEIGHBOURS: usize = 16;
+/// Squared distance of shapes up to which they are compared: beyond it less than a quarter of a block can be explained.
+pub(crate) const WITHIN: f32 = 1.0;
+/// Part of a block's side that lies between indexed patches.
+const STRIDE: usize = 4;
 /// Values a side of a descriptor's grid.
 pub(crate) const GRID: usize = 4;
 /// Blur before patches are described, in texels a grid value: half of the grid's spacing.
@@ -64,7 +66,7 @@ impl Shelf {
             let (width, height) = codebook.size();
             let values: Vec<f32> = codebook.values().iter().map(|value| value * GRAY_STEPS).collect();
             let plane = GrayPlane::new(width as usize, &values, blur_of(side));
-            let patches = patches(width as usize, height as usize, side, STRIDE, 0);
+            let patches = patches(width as usize, height as usize, side, side / STRIDE, 0);
             let index = GsrIndex::new(&[&plane], &patches, GRID, GsrTone::Shape, 1.0);
             Book { codebook, index }
         };
@@ -134,7 +136,7 @@ impl Shelf {
         for (private, book) in [(false, &self.public), (true, &self.private)] {
             let Some(book) = book else { continue };
             let mut seen = Vec::new();
-            for found in book.index.nearest(plane, (centre, self.side as f32), 8.0, NEIGHBOURS) {
+            for found in book.index.nearest(plane, (centre, self.side as f32), WITHIN, NEIGHBOURS) {
                 let place = found.patch.centre.round().as_ivec2();
                 let spot = Spot { private, column: place.x, row: place.y, turn: turn_of(found.linear) };
                 if seen.contains(&spot) {

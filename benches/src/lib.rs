@@ -2,6 +2,7 @@
 
 pub mod report;
 
+use rayon::prelude::*;
 use texfold::image::{ColorSpace, ImageSet, Raster};
 use texfold::{
     AnyImage, Bc, BcParams, Content, Effort, Epitome, EpitomeParams, EpitomeSource, Goal, Job, Progressive,
@@ -92,4 +93,9 @@ pub fn bc(set: &ImageSet, content: Content) -> Option<AnyImage> {
         ..BcParams::default()
     };
     Bc::encode(set, &params, &mut Job::default()).ok().map(AnyImage::Bc)
+}
+
+/// `work` for every number below `count`, on all cores; results are in order.
+pub fn over<R: Send>(count: usize, work: impl Fn(usize) -> R + Sync + Send) -> Vec<R> {
+    (0..count).into_par_iter().map(work).collect()
 }

@@ -78,8 +78,9 @@ impl GrayPlane {
         upper + (lower - upper) * v
     }
 
-    /// The main direction of the gradients in the disc of the patch; 0 where none stands out.
-    fn direction(&self, centre: Vec2, side: f32) -> f32 {
+    /// The main direction of the gradients in the disc of the patch of `side` texels; 0 where none stands out.
+    #[must_use]
+    pub fn direction(&self, centre: Vec2, side: f32) -> f32 {
         let radius = side * 0.5;
         let span = |at: f32, count: usize| {
             let low = (at - radius).ceil().max(0.0) as usize;

@@ -15,5 +15,5 @@ pub use texfold_lightfield::{
     Camera, Capture, CaptureError, Directions, Factors, Fit, LightParams, LightTexture, Lightfield,
     MAX_TERMS, Mesh, Model, Quality, Renderer, View,
 };
-pub use texfold_progressive::{Progressive, ProgressiveParams, ProgressiveTexture};
+pub use texfold_progressive::{Progressive, ProgressiveParams, ProgressiveTexture, Shared};
 pub use texfold_vq::{GuidanceWeights, Vq, VqParams, VqSource};

@@ -163,7 +163,7 @@ impl Base {
         };
         let mut plain = ProgressiveTexture::new(parts, Notes::default())?;
         if let Some(side_log2) = kind.side_log2 {
-            plain = with_details(&plain, chains, side_log2, shared)?;
+            plain = with_details(&plain, chains, side_log2, (params, shared))?;
         }
         let form = plain.gpu();
         let maps: usize = form
@@ -244,7 +244,7 @@ fn with_details(
     plain: &ProgressiveTexture,
     chains: &[Vec<Raster>],
     side_log2: u32,
-    shared: &Shared,
+    (params, shared): (&ProgressiveParams, &Shared),
 ) -> Option<ProgressiveTexture> {
     let mut lacks = Vec::new();
     for (surface, chain) in (0..).zip(chains) {
@@ -257,7 +257,11 @@ fn with_details(
         }
         lacks.push(levels);
     }
-    let shelf = stock(&lacks, 1 << side_log2, shared)?;
+    let most_bits = match params.goal {
+        Goal::Bpp(bpp) => Some(bpp * plain.layout().texels() as f64 - plain.gpu().bits_memory() as f64),
+        _ => None,
+    };
+    let shelf = stock(&lacks, 1 << side_log2, shared, most_bits)?;
     plain.with_details(find(&lacks, side_log2, &shelf)?)
 }
 

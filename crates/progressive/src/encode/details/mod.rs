@@ -120,7 +120,14 @@ pub(crate) fn find(lacks: &[Vec<Lack>], side_log2: u32, shelf: &Shelf) -> Option
 
 /// The codebooks for what these pictures lack: the public one with further content, where it has room and many blocks would
 /// show it, and a private one of what is worth its bits in them alone. `None` where there is nothing to show.
-pub(crate) fn stock(lacks: &[Vec<Lack>], side: usize, shared: &Shared) -> Option<Shelf> {
+///
+/// `most_bits` is what map and private codebook may take together.
+pub(crate) fn stock(
+    lacks: &[Vec<Lack>],
+    side: usize,
+    shared: &Shared,
+    most_bits: Option<f64>,
+) -> Option<Shelf> {
     let known = shared.public.clone();
     let rows = known.as_ref().map_or(0, |book| book.size().1);
     let room = shared.most_rows.saturating_sub(rows) / CELL_SIDE * PUBLIC_CELLS;
@@ -141,9 +148,24 @@ pub(crate) fn stock(lacks: &[Vec<Lack>], side: usize, shared: &Shared) -> Option
     own.sort_by(|a, b| b.bits.total_cmp(&a.bits));
     // Of cells beyond a power of two the bits of places would be lost.
     own.truncate(own.len().checked_ilog2().map_or(0, |log2| 1 << log2));
+    let public_rows = public.as_ref().map_or(0, |book| book.size().1);
+    while !own.is_empty() && most_bits.is_some_and(|most| bits(lacks, side, own.len(), public_rows) > most) {
+        own.truncate(own.len() / 2);
+    }
     let log2 = own.len().max(1).ilog2();
     let private = of_cells(own, CELL_SIDE << log2.div_ceil(2)).map(Arc::new);
     (public.is_some() || private.is_some()).then(|| Shelf::new(public, private, side))
+}
+
+/// Bits of a map, and of a private codebook of so many cells.
+fn bits(lacks: &[Vec<Lack>], side: usize, cells: usize, public_rows: u32) -> f64 {
+    let blocks: usize =
+        lacks.iter().flatten().map(|lack| lack.width.div_ceil(side) * lack.height.div_ceil(side)).sum();
+    let log2 = cells.max(1).ilog2();
+    let (width, rows) = (CELL_SIDE << log2.div_ceil(2), CELL_SIDE << (log2 / 2));
+    let width = if public_rows > 0 { width.max(PUBLIC_CELLS * CELL_SIDE) } else { width };
+    let form = MapForm::new(side.trailing_zeros(), (width, rows + public_rows), TURN_BITS);
+    blocks as f64 * f64::from(form.entry_bits()) + cells as f64 * f64::from(CELL_BITS)
 }
 
 fn of_cells(choices: Vec<Choice>, width: u32) -> Option<Codebook> {

@@ -7,7 +7,7 @@ mod support;
 use std::sync::OnceLock;
 
 use glam::{Affine2, Vec2, Vec4};
-use support::{Base, Books, Forge, Subject, assert_close, bc, epitome, gpu, picture, progressive, vq};
+use support::{Base, Forge, Subject, assert_close, bc, epitome, gpu, picture, progressive, vq};
 use texfold_bc::{Content, Family};
 use texfold_core::image::{ColorSpace, ImageSet, Raster};
 use texfold_core::{AstcBlock, Effort, Goal, Job, TextureCodec};
@@ -190,7 +190,6 @@ fn progressive_cases() -> Vec<Case> {
         class_bits,
         books: None,
     };
-    let books = |side_log2, turn_bits, content| Some(Books { side_log2, turn_bits, content });
     let bases = [
         Base { sizes: &[(37, 61), (1, 1), (5, 3), (129, 8)], levels: 6, ..base(3, Bc1, 2, 16) },
         base(3, Raw, 2, 16),
@@ -199,10 +198,10 @@ fn progressive_cases() -> Vec<Case> {
         base(1, Bc4, 2, 16),
         base(2, Bc5, 1, 16),
         base(4, Bc7, 1, 16),
-        Base { books: books(3, 5, Raw), ..base(3, Bc7, 3, 0) },
-        Base { books: books(4, 4, Raw), levels: 5, ..base(3, Bc7, 2, 16) },
-        Base { books: books(4, 3, Bc4), ..base(1, Bc4, 2, 0) },
-        Base { sizes: &[(513, 390)], books: books(3, 5, Raw), ..base(4, Bc7, 1, 16) },
+        Base { books: Some((3, 5, Raw)), ..base(3, Bc7, 3, 0) },
+        Base { books: Some((4, 4, Raw)), levels: 5, ..base(3, Bc7, 2, 16) },
+        Base { books: Some((4, 3, Bc4)), ..base(1, Bc4, 2, 0) },
+        Base { sizes: &[(513, 390)], books: Some((3, 5, Raw)), ..base(4, Bc7, 1, 16) },
         // Several rows of words.
         Base { sizes: &[(513, 390)], levels: 2, ..base(3, Bc7, 3, 16) },
     ];

@@ -22,7 +22,7 @@ use texfold_testkit::fixtures::{Picture, pictures};
 use texfold_vq::{Vq, VqTexture};
 
 pub(crate) use epitome::{Forge, epitome};
-pub(crate) use progressive::{Base, Books, progressive};
+pub(crate) use progressive::{Base, progressive};
 
 /// The adapter, or `None` with a printed line where there is none and none is required.
 pub(crate) fn gpu() -> Option<&'static Gpu> {

@@ -20,16 +20,9 @@ pub(crate) struct Base {
     pub(crate) reduce_log2: u32,
     /// Bits of a block of class 1; 0 for no error map.
     pub(crate) class_bits: u32,
-    /// Codebooks and a map, where there are any.
-    pub(crate) books: Option<Books>,
-}
-
-/// What codebooks are like: a public one of 64x64 texels, a private one of 32x64 behind it.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Books {
-    pub(crate) side_log2: u32,
-    pub(crate) turn_bits: u32,
-    pub(crate) content: Content,
+    /// Codebooks and a map, where there are any: binary logarithm of a block's side, bits of a turn, and content of a public
+    /// codebook of 64x64 texels and a private one of 32x64 behind it.
+    pub(crate) books: Option<(u32, u32, Content)>,
 }
 
 /// Rows of both codebooks.
@@ -44,31 +37,31 @@ fn codebook(content: Content, width: u32, cells: usize, dice: &mut Dice) -> Code
 
 /// Sections of codebooks and map; the public codebook is returned.
 fn store_books(
-    books: Books,
+    (side_log2, turn_bits, content): (u32, u32, Content),
     surfaces: &[SurfaceSize],
     levels: u32,
     dice: &mut Dice,
     out: &mut SectionWriter,
 ) -> Codebook {
-    let public = codebook(books.content, 64, 4, dice);
-    let private = codebook(books.content, 32, 2, dice);
-    let mut raw = vec![books.content.number()];
+    let public = codebook(content, 64, 4, dice);
+    let private = codebook(content, 32, 2, dice);
+    let mut raw = vec![content.number()];
     raw.extend(&private.planes().planes()[0].1);
     out.section("codebook", *b"PRCB", &raw);
     let sizes = [64u32, 64, 32, 64];
     let mut raw: Vec<u8> = sizes.into_iter().flat_map(u32::to_le_bytes).collect();
     raw.extend(public.checksum().to_le_bytes());
-    let form = books.side_log2 | 6 << 4 | 7 << 8 | books.turn_bits << 12;
+    let form = side_log2 | 6 << 4 | 7 << 8 | turn_bits << 12;
     raw.extend(form.to_le_bytes());
     raw.extend(70u16.to_le_bytes());
     for size in surfaces {
-        let side = 1 << books.side_log2;
+        let side = 1 << side_log2;
         let blocks_of =
             |level| size.at_level(level).width.div_ceil(side) * size.at_level(level).height.div_ceil(side);
         let mut bits: Vec<bool> = Vec::new();
         for _ in 0..(0..levels).map(blocks_of).sum() {
-            let entry = dice.below(64) | dice.below(ROWS) << 6 | dice.below(1 << (books.turn_bits + 5)) << 13;
-            bits.extend((0..18 + books.turn_bits).map(|bit| entry >> bit & 1 == 1));
+            let entry = dice.below(64) | dice.below(ROWS) << 6 | dice.below(1 << (turn_bits + 5)) << 13;
+            bits.extend((0..18 + turn_bits).map(|bit| entry >> bit & 1 == 1));
         }
         bits.resize(bits.len().next_multiple_of(32), false);
         let byte = |bits: &[bool]| (0..).zip(bits).map(|(n, &bit)| u8::from(bit) << n).sum::<u8>();

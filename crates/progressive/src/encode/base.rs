@@ -36,7 +36,7 @@ const MIDDLE: (f64, f64) = (33.0, 1.6);
 const COARSE: (f64, f64) = (33.0, 0.7);
 
 /// Bits a texel that a base of an eighth with entries for blocks of 8x8 takes at least.
-const SMALL_BLOCKS: f64 = 0.36;
+const SMALL_BLOCKS: f64 = 0.44;
 
 /// Binary logarithms of the sides of blocks that are tried.
 fn sides(goal: Goal) -> &'static [u32] {

@@ -38,11 +38,12 @@ const ALONE: [(&str, &str); 11] = [
     ("texfold_progressive_sample", "takes derivatives, which a CPU does not have"),
 ];
 
-const ENTRIES: [(&str, &str); 11] = [
+const ENTRIES: [(&str, &str); 12] = [
     ("entry/bare", include_str!("../wgsl/entry/bare.wgsl")),
     ("entry/bc", include_str!("../wgsl/entry/bc.wgsl")),
     ("entry/decode", include_str!("../wgsl/entry/decode.wgsl")),
     ("entry/draw", include_str!("../wgsl/entry/draw.wgsl")),
+    ("epitome/errors", include_str!("../wgsl/epitome/errors.wgsl")),
     ("entry/epitome", include_str!("../wgsl/entry/epitome.wgsl")),
     ("entry/lightfield", include_str!("../wgsl/entry/lightfield.wgsl")),
     ("entry/mesh", include_str!("../wgsl/entry/mesh.wgsl")),

@@ -175,7 +175,28 @@ fn epitome_cases() -> Vec<Case> {
             Forge { channels: 1, bits: bits(9, 8, 5, 5), ..forge() }.unsplit().with_mips(),
         ),
     ];
-    cases.into_iter().map(|(name, forge)| epitome_case(name, forge)).collect()
+    let forged = cases.into_iter().map(|(name, forge)| epitome_case(name, forge));
+    forged.chain([errors_epitome("odd_37x61", true), errors_epitome("odd_37x61", false)]).collect()
+}
+
+/// Epitomes with an error map, encoded: beside plain content, and alone.
+fn errors_epitome(image: &str, mips: bool) -> Case {
+    let (goal, family) = (Goal::Psnr(30.0), Family::ErrorMap);
+    let params = EpitomeParams { goal, family, mips, effort: Effort::Fast, ..EpitomeParams::default() };
+    let set = ImageSet::single(picture(image));
+    let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
+    assert!(texture.errors().is_some_and(|errors| !errors.classes(0).is_empty()), "{image}");
+    let gains = texture.tones().iter().flat_map(|tone| tone[..3].to_vec());
+    let gain = f32::from(gains.max().unwrap_or(0)).max(TEXFOLD_EPITOME_GAIN_ONE) / TEXFOLD_EPITOME_GAIN_ONE;
+    let stored = gain * (ROUNDED + TAPPED);
+    let bounds = Bounds { nearest: stored + PLACED, blended: stored + FILTERED };
+    let coarse = Bounds { nearest: ROUNDED, blended: ROUNDED + FILTERED };
+    Case {
+        name: format!("epitome of {image} with an error map"),
+        subject: Subject::Epitome(texture),
+        bounds,
+        coarse,
+    }
 }
 
 /// Bases and models that reach every branch: with and without an error map, sets, levels beyond those of the base.

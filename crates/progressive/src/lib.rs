@@ -19,7 +19,8 @@ mod params;
 mod rates;
 mod wire;
 
-pub use encoded::ProgressiveTexture;
+pub use encode::PlaneForm;
+pub use encoded::{BASE_PART, BLOCK_SIDE, MAP_PART, ProgressiveTexture};
 pub use params::ProgressiveParams;
 pub use rates::{Model, Rates};
 

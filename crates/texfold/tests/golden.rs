@@ -57,6 +57,15 @@ fn an_epitome_of_two_formats_decodes_as_ever() {
     assert_level_decodes("epitome", 2, &["epitome-level2.png".to_owned()]);
 }
 
+/// Content with an error map, and mip levels. While the form of the file is not released, it is written anew by
+/// `texfold compress fixtures/images/salient.png --codec epitome --content error-map --effort fast --psnr 28 --mips --out .`
+/// and its pictures by `texfold decompress salient.txf --out .` without and with `--lod 2`.
+#[test]
+fn an_epitome_with_an_error_map_decodes_as_ever() {
+    assert_decodes("epitome_errors", &["epitome_errors.png".to_owned()]);
+    assert_level_decodes("epitome_errors", 2, &["epitome_errors-level2.png".to_owned()]);
+}
+
 /// Three layers with mip levels, and what a prefix with one of them shows. While the form of the file is not released, it is
 /// written anew by
 /// `texfold compress fixtures/images/odd_37x61.png --codec epitome --effort fast --psnr 28 --mips --layers 3 --out .`

@@ -227,6 +227,9 @@ impl Options {
                 () if self.layers.is_some() && codec != CodecName::Epitome => {
                     return misplaced("layers", "epitome");
                 }
+                () if self.content == Some(ContentName::ErrorMap) && codec != CodecName::Epitome => {
+                    return misplaced("content error-map", "epitome");
+                }
                 () if self.triangles.is_some() => return misplaced("triangles", "lightfield"),
                 () if self.terms.is_some() => return misplaced("terms", "lightfield"),
                 () => {}

@@ -17,8 +17,8 @@ use crate::{ProgressiveParams, ProgressiveTexture};
 /// How a base is stored, and how small it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Kind {
-    content: Content,
-    reduce_log2: u32,
+    pub(crate) content: Content,
+    pub(crate) reduce_log2: u32,
 }
 
 /// PSNR in dB and bits a texel above which a base of many bits is tried.
@@ -77,6 +77,17 @@ pub(crate) fn kinds(pixel: PixelInfo, params: &ProgressiveParams) -> Result<Vec<
     Ok(list)
 }
 
+/// The bases that are tried for planes of other codecs.
+pub(crate) fn plane_kinds(pixel: PixelInfo) -> Vec<Kind> {
+    let usual: &[(Content, u32)] = match pixel.channels {
+        1 => &[(Content::Bc4, 2), (Content::Bc4, 3)],
+        3 => &[(Content::Bc1, 2), (Content::Bc1, 3), (Content::Bc7, 3), (Content::Bc7, 2)],
+        _ => &[],
+    };
+    let kinds = usual.iter().map(|&(content, reduce_log2)| Kind { content, reduce_log2 });
+    kinds.filter(|kind| kind.content.formats(pixel).1.0 != TEXFOLD_NORMAL).collect()
+}
+
 /// The levels of each image that are stored.
 pub(crate) fn levels(source: &ImageSet, mips: bool) -> Vec<Vec<Raster>> {
     let count = if mips { source.full_levels().min(16) } else { 1 };
@@ -104,17 +115,18 @@ pub(crate) struct Base {
 }
 
 impl Base {
-    /// `None` where no plane can hold its error map.
+    /// Blended across blocks, or within each `apart`; `None` where no plane can hold its error map.
     pub(crate) fn new(
         source: &ImageSet,
         chains: &[Vec<Raster>],
         kind: Kind,
         params: &ProgressiveParams,
+        apart: bool,
     ) -> Option<Base> {
         let layout = source.layout(chains.first().map_or(1, |levels| levels.len() as u32));
         let bases = chains.iter().map(|chain| reduced(chain, kind, &layout, params.effort)).collect();
-        let parts =
-            Parts { layout, reduce_log2: kind.reduce_log2, model: Model::default(), bases, maps: Vec::new() };
+        let (reduce_log2, model) = (kind.reduce_log2, Model::default());
+        let parts = Parts { layout, reduce_log2, apart, model, bases, maps: Vec::new() };
         let plain = ProgressiveTexture::new(parts, Notes::default())?;
         let form = plain.gpu();
         let maps: usize = form

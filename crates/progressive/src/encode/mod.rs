@@ -6,6 +6,7 @@ mod coder;
 mod draft;
 mod error;
 mod model;
+mod plane;
 mod report;
 mod trellis;
 
@@ -15,6 +16,8 @@ use texfold_core::target::search;
 use texfold_core::{Effort, EncodeError, Goal, Job, Params, SourceError, SurfaceSize};
 
 use crate::{ProgressiveParams, ProgressiveTexture};
+pub use plane::PlaneForm;
+
 use base::{Base, kinds, levels};
 use coder::Coder;
 use draft::{Draft, FIRST_PRICE, PRICES, price};
@@ -43,7 +46,7 @@ pub(crate) fn encode(
     let mut best: Option<(Base, Draft)> = None;
     for (index, &kind) in kinds.iter().enumerate() {
         job.stage("trying bases", 0.4 * index as f32 / kinds.len() as f32)?;
-        let Some(base) = job.install(|| Base::new(source, &chains, kind, params)) else { continue };
+        let Some(base) = job.install(|| Base::new(source, &chains, kind, params, false)) else { continue };
         let mut drafts = Vec::new();
         for class_bits in CLASS_BITS {
             let draft = job.install(|| Draft::new(&base, class_bits, params.goal));

@@ -8,8 +8,8 @@
 
 use texfold::image::ImageSet;
 use texfold::{
-    AnyImage, Bc, BcParams, Content, Effort, Epitome, EpitomeParams, EpitomeSource, Goal, Job, Progressive,
-    ProgressiveParams, TextureCodec, Vq, VqParams, VqSource,
+    AnyImage, Bc, BcParams, Content, Effort, Epitome, EpitomeParams, EpitomeSource, Family, Goal, Job,
+    Progressive, ProgressiveParams, TextureCodec, Vq, VqParams, VqSource,
 };
 
 pub fn fixture(name: &str) -> ImageSet {
@@ -53,7 +53,7 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     }
     let params = VqParams { codebook: Some((64, 32)), effort: Effort::Fast, ..VqParams::default() };
     textures.push(("vq sequence".to_owned(), ripple.clone(), vq(&ripple, &params)));
-    // BC1 and BC7 side by side, with mip levels; the same in layers; plain bytes; two images that share content.
+    // BC1 and BC7 side by side, with mip levels; the same in layers; plain bytes; with an error map; two images that share content.
     let fast = EpitomeParams { goal: Goal::Psnr(26.0), effort: Effort::Fast, ..EpitomeParams::default() };
     let params = EpitomeParams { mips: true, ..fast.clone() };
     textures.push(("epitome mixed".to_owned(), odd.clone(), epitome(&odd, &params)));
@@ -61,6 +61,8 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     textures.push(("epitome layers".to_owned(), odd.clone(), epitome(&odd, &params)));
     let params = EpitomeParams { content: Some(Content::Raw), ..fast.clone() };
     textures.push(("epitome raw".to_owned(), odd.clone(), epitome(&odd, &params)));
+    let params = EpitomeParams { family: Family::ErrorMap, mips: true, ..fast.clone() };
+    textures.push(("epitome errors".to_owned(), odd.clone(), epitome(&odd, &params)));
     let params = EpitomeParams { content: Some(Content::Bc1), ..fast };
     textures.push(("epitome sequence".to_owned(), ripple.clone(), epitome(&ripple, &params)));
     // A base and an error map with mip levels; a set; a base alone.

@@ -18,6 +18,8 @@ pub enum Module {
     Lightfield,
     /// Base and error map.
     Progressive,
+    /// A root and patches of higher resolution.
+    Zipmap,
 }
 
 /// One binding of a module.
@@ -36,19 +38,27 @@ pub enum Binding {
 
 impl Module {
     /// All of them.
-    pub const ALL: [Module; 6] = [
+    pub const ALL: [Module; 7] = [
         Module::Bc,
         Module::Vq,
         Module::Epitome,
         Module::EpitomeErrors,
         Module::Lightfield,
         Module::Progressive,
+        Module::Zipmap,
     ];
     /// Those that are sampled by texture coordinate.
-    pub const IMAGES: [Module; 5] =
-        [Module::Bc, Module::Vq, Module::Epitome, Module::EpitomeErrors, Module::Progressive];
+    pub const IMAGES: [Module; 6] = [
+        Module::Bc,
+        Module::Vq,
+        Module::Epitome,
+        Module::EpitomeErrors,
+        Module::Progressive,
+        Module::Zipmap,
+    ];
 
-    /// The name that an encoded texture gives: "bc", "vq", "epitome", "epitome-errors", "lightfield", "progressive".
+    /// The name that an encoded texture gives: "bc", "vq", "epitome", "epitome-errors", "lightfield", "progressive",
+    /// "zipmap".
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -58,6 +68,7 @@ impl Module {
             Module::EpitomeErrors => "epitome-errors",
             Module::Lightfield => "lightfield",
             Module::Progressive => "progressive",
+            Module::Zipmap => "zipmap",
         }
     }
 
@@ -105,6 +116,13 @@ impl Module {
             Module::Progressive => {
                 &[Binding::Params { bytes: 208 }, Binding::Uint, Binding::Float, Binding::Float]
             }
+            Module::Zipmap => &[
+                Binding::Params { bytes: 64 },
+                Binding::Uint,
+                Binding::Float,
+                Binding::Float,
+                Binding::Float,
+            ],
         }
     }
 
@@ -113,7 +131,8 @@ impl Module {
     pub fn address_mode_offset(self) -> Option<usize> {
         match self {
             Module::Bc => Some(20),
-            Module::Vq | Module::Epitome | Module::EpitomeErrors | Module::Progressive => Some(12),
+            Module::Vq | Module::Epitome | Module::EpitomeErrors | Module::Progressive
+            | Module::Zipmap => Some(12),
             Module::Lightfield => None,
         }
     }
@@ -124,7 +143,8 @@ impl Module {
     pub fn levels_offset(self) -> Option<usize> {
         match self {
             Module::Bc => Some(16),
-            Module::Vq | Module::Epitome | Module::EpitomeErrors | Module::Progressive => Some(8),
+            Module::Vq | Module::Epitome | Module::EpitomeErrors | Module::Progressive
+            | Module::Zipmap => Some(8),
             Module::Lightfield => None,
         }
     }
@@ -139,7 +159,8 @@ impl Module {
             | Module::Epitome
             | Module::EpitomeErrors
             | Module::Lightfield
-            | Module::Progressive => None,
+            | Module::Progressive
+            | Module::Zipmap => None,
         }
     }
 
@@ -153,6 +174,7 @@ impl Module {
             Module::Epitome | Module::EpitomeErrors => "texfold_epitome_sample",
             Module::Lightfield => "texfold_lightfield_sample",
             Module::Progressive => "texfold_progressive_sample",
+            Module::Zipmap => "texfold_zipmap_sample",
         }
     }
 
@@ -165,6 +187,7 @@ impl Module {
             Module::EpitomeErrors => return Cow::Owned(epitome_errors()),
             Module::Lightfield => include_str!("../wgsl/lightfield.wgsl"),
             Module::Progressive => PROGRESSIVE,
+            Module::Zipmap => include_str!("../wgsl/zipmap.wgsl"),
         })
     }
 
@@ -176,6 +199,7 @@ impl Module {
             Module::Epitome | Module::EpitomeErrors => include_str!("../wgsl/entry/epitome.wgsl"),
             Module::Lightfield => include_str!("../wgsl/entry/lightfield.wgsl"),
             Module::Progressive => include_str!("../wgsl/entry/progressive.wgsl"),
+            Module::Zipmap => include_str!("../wgsl/entry/zipmap.wgsl"),
         }
     }
 }

@@ -305,6 +305,7 @@ fn texture_format(format: PlaneFormat) -> TextureFormat {
     match format {
         PlaneFormat::Rg8Uint => TextureFormat::Rg8Uint,
         PlaneFormat::R32Uint => TextureFormat::R32Uint,
+        PlaneFormat::Rgba32Uint => TextureFormat::Rgba32Uint,
         PlaneFormat::R8Unorm => TextureFormat::R8Unorm,
         PlaneFormat::Rg8Unorm => TextureFormat::Rg8Unorm,
         PlaneFormat::Rgba8Unorm => TextureFormat::Rgba8Unorm,

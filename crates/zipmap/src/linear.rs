@@ -101,6 +101,15 @@ pub(crate) fn seen_in(matrix: &DMat3, extent: DVec2, window: DVec2) -> Vec<DVec2
     polygon.iter().map(|point| point.truncate() / point.z).filter(|point| point.is_finite()).collect()
 }
 
+/// What of a polygon lies in the rectangle from (0, 0) to `window`.
+pub(crate) fn cut(polygon: &[DVec2], window: DVec2) -> Vec<DVec3> {
+    let mut kept: Vec<DVec3> = polygon.iter().map(|point| point.extend(1.0)).collect();
+    kept = clip(&kept, |point| point.x);
+    kept = clip(&kept, |point| point.y);
+    kept = clip(&kept, |point| window.x - point.x);
+    clip(&kept, |point| window.y - point.y)
+}
+
 /// The area of a polygon, positive whichever way it runs.
 pub(crate) fn area(polygon: &[DVec2]) -> f64 {
     let pairs = polygon.iter().zip(polygon.iter().cycle().skip(1));

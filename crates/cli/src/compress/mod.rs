@@ -9,6 +9,7 @@ mod light;
 mod memory;
 mod schedule;
 mod task;
+mod zoom;
 
 use std::collections::HashMap;
 use std::ffi::OsString;
@@ -27,11 +28,12 @@ pub(crate) use memory::usual_limit;
 use cache::Cache;
 use light::LightTask;
 use task::{Finished, Task, Workplace};
+use zoom::ZoomTask;
 
 /// Arguments of `compress`.
 #[derive(Debug, clap::Args)]
 pub struct CompressArgs {
-    /// Files, folders or globs: PNG, JPEG, TIFF, BMP, TGA, and BC1 in DDS or KTX2.
+    /// Files, folders or globs: PNG, JPEG, TIFF, BMP, TGA, PNM, and BC1 in DDS or KTX2.
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
     /// Folder that the .txf files are written to.
@@ -56,6 +58,7 @@ enum Planned {
 enum Work {
     Images(Box<Task>),
     Light(Box<LightTask>),
+    Zoom(Box<ZoomTask>),
 }
 
 impl Work {
@@ -63,6 +66,7 @@ impl Work {
         match self {
             Work::Images(task) => &task.found,
             Work::Light(task) => &task.found,
+            Work::Zoom(task) => &task.found,
         }
     }
 
@@ -70,6 +74,7 @@ impl Work {
         match self {
             Work::Images(task) => task.cost_bytes(),
             Work::Light(task) => task.cost_bytes(),
+            Work::Zoom(task) => task.cost_bytes(),
         }
     }
 
@@ -77,6 +82,7 @@ impl Work {
         match self {
             Work::Images(task) => task.run(place),
             Work::Light(task) => task.run(place),
+            Work::Zoom(task) => task.run(place),
         }
     }
 }
@@ -143,6 +149,9 @@ fn plan_one(
     let work = if found.kind == Kind::Lightfield {
         let settings = options.resolve_light(&found.path)?;
         Work::Light(Box::new(LightTask { found, settings, output }))
+    } else if found.kind == Kind::Zoom {
+        let settings = options.resolve_zoom(&found.path)?;
+        Work::Zoom(Box::new(ZoomTask { found, settings, output }))
     } else {
         let settings = options.resolve(&found.path)?;
         Work::Images(Box::new(Task { found, settings, output }))

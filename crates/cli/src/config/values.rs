@@ -27,7 +27,7 @@ pub enum CodecName {
     Progressive,
     /// Surface light-field maps, for captures.
     Lightfield,
-    /// Not in this version.
+    /// A root and patches of higher resolution, for folders of photographs.
     Zipmap,
 }
 

@@ -249,9 +249,9 @@ fn zipmap_cases() -> Vec<Case> {
         let name = format!("zipmap {channels} channels {content:?}, {patches} patches");
         // Where a patch's texel lies is computed by two divisions, and its level by a logarithm; the CPU keeps blocks of BC1 to
         // BC5 in 8 bits.
-        let rounded =
-            if matches!(content, Raw | Bc7) && (channels, content) != (1, Bc7) { EXACT } else { ROUNDED };
-        let bounds = Bounds { nearest: rounded + FILTERED, blended: rounded + FILTERED };
+        let exact = matches!((content, channels), (Raw, _) | (Bc7, 3 | 4));
+        let placed = if exact { EXACT } else { ROUNDED } + Vec4::splat(1e-4);
+        let bounds = Bounds { nearest: placed, blended: placed };
         Case { name, subject: zipmap(channels, content, patches), bounds, coarse: bounds }
     };
     kinds.into_iter().map(case).collect()

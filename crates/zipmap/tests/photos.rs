@@ -2,32 +2,21 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec2};
-use texfold_core::Job;
-use texfold_core::image::{ColorSpace, Raster};
-use texfold_zipmap::{Registration, register};
+use texfold_core::image::Raster;
+use texfold_core::{Job, TextureCodec};
+use texfold_testkit::png;
+use texfold_zipmap::{PatchStack, Registration, ZipParams, Zipmap, fidelity, register};
 
-fn data() -> PathBuf {
-    let beside = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    std::env::var_os("TEXFOLD_DATA").map_or(beside, PathBuf::from)
-}
-
-/// A photograph; `None`, and a word about it, where it is missing.
-fn photo(path: &str) -> Option<Raster> {
-    let path = data().join(path);
-    let Ok(image) = image::open(&path) else {
-        println!("skipped: there is no {}", path.display());
-        return None;
-    };
-    let image = image.to_rgb8();
-    Raster::from_u8(image.width(), image.height(), 3, ColorSpace::Srgb, &image).ok()
+fn data() -> Option<PathBuf> {
+    texfold_testkit::data_dir("registration of zoom stacks")
 }
 
 /// A matrix of nine numbers, row by row, that leads from pixel centres at whole numbers to such.
-fn ground_truth(path: &str) -> DMat3 {
-    let text = std::fs::read_to_string(data().join(path)).unwrap();
+fn ground_truth(path: &Path) -> DMat3 {
+    let text = std::fs::read_to_string(path).unwrap();
     let numbers: Vec<f64> = text.split_whitespace().map(|word| word.parse().unwrap()).collect();
     let rows: [f64; 9] = numbers.try_into().unwrap();
     let half = DMat3::from_translation(DVec2::splat(0.5));
@@ -76,8 +65,8 @@ fn between(found: &Registration, photos: &[Raster], from: usize, to: usize) -> D
 
 #[test]
 fn every_photo_of_the_boat_is_registered_as_well_as_its_ground_truth() {
-    let photos: Option<Vec<Raster>> = (1..=6).map(|n| photo(&format!("zipmap/boat/img{n}.pgm"))).collect();
-    let Some(photos) = photos else { return };
+    let Some(dir) = data().map(|dir| dir.join("zipmap/boat")) else { return };
+    let photos: Vec<Raster> = (1..=6).map(|n| png(&dir.join(format!("img{n}.pgm")))).collect();
     let found = register(&photos, &mut Job::default()).unwrap();
     assert_eq!((found.root, found.placed.len(), found.left_out.len()), (5, 5, 0));
     let order: Vec<usize> = found.placed.iter().map(|placed| placed.photo).collect();
@@ -85,7 +74,7 @@ fn every_photo_of_the_boat_is_registered_as_well_as_its_ground_truth() {
     let size = extent(&photos[0]);
     let corners = [DVec2::ZERO, DVec2::new(size.x, 0.0), size, DVec2::new(0.0, size.y)];
     for n in 1..6 {
-        let truth = ground_truth(&format!("zipmap/boat/H1to{}p", n + 1));
+        let truth = ground_truth(&dir.join(format!("H1to{}p", n + 1)));
         let far = |matrix: &DMat3| {
             let back = matrix.inverse() * truth;
             corners.iter().map(|&corner| (project(&back, corner) - corner).length()).sum::<f64>() / 4.0
@@ -110,9 +99,8 @@ fn every_photo_of_the_boat_is_registered_as_well_as_its_ground_truth() {
 
 #[test]
 fn a_pair_of_two_lenses_is_registered_to_its_own_grid() {
-    let names = ["zipmap/city100_nikon/001H.png", "zipmap/city100_nikon/001L.png"];
-    let photos: Option<Vec<Raster>> = names.into_iter().map(photo).collect();
-    let Some(photos) = photos else { return };
+    let Some(dir) = data().map(|dir| dir.join("zipmap/city100_nikon")) else { return };
+    let photos = ["001H.png", "001L.png"].map(|name| png(&dir.join(name)));
     // Both lie on one grid: the sharp one is taken as it is, the soft one at a third of its size.
     let (width, height) = (photos[1].size().width / 3, photos[1].size().height / 3);
     let mean = |i: u32| {
@@ -132,4 +120,10 @@ fn a_pair_of_two_lenses_is_registered_to_its_own_grid() {
     let far = far.into_iter().sum::<f64>() / 4.0;
     println!("city100: {far:.2} pixels from identity, {:?}", found.placed[0].link.agreement);
     assert!(far < 2.0, "{far}");
+    let stack = PatchStack::registered(&photos, &found).unwrap();
+    let texture = Zipmap::encode(&stack, &ZipParams::default(), &mut Job::default()).unwrap();
+    let shown = fidelity(&stack, &texture)[1];
+    let (psnr, alone) = (shown.error.psnr(), shown.root_alone.psnr());
+    println!("city100: the sharp photograph is shown at {psnr:.2} dB, by the root alone at {alone:.2} dB");
+    assert!(psnr > alone + 3.0, "{psnr} {alone}");
 }

@@ -28,7 +28,7 @@ pub(crate) fn zipmap(channels: u8, content: Content, patches: usize) -> Subject 
         matrix((0.4, 0.45), 3.1, -1.0, -0.3),
         matrix((0.9, 0.2), 1.7, 0.0, 0.0),
         mirrored,
-        matrix((0.45, 0.5), 8.0, 0.1, 0.0),
+        matrix((0.45, 0.5), 4.0, 0.1, 0.0),
     ];
     let source = |(index, &matrix): (usize, &DMat3)| PatchSource {
         image: index % 3,

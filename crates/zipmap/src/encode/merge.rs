@@ -3,7 +3,8 @@
 //! The paper takes the parent's warped border as Dirichlet data for a Poisson equation with the patch's gradients as guidance.
 //! Deviations: gain and offset of each channel are fitted before, as gradients of another exposure stay too strong or too
 //! weak; and on the border the parent is compared with the patch at the parent's own resolution, so that detail that the
-//! parent lacks counts as no difference and does not run inwards.
+//! parent lacks counts as no difference and does not run inwards. The half of a level by which the parent may be sharper is
+//! filtered away on both sides.
 
 use glam::{DMat3, DVec2, Vec2, Vec4};
 use rayon::prelude::*;
@@ -35,9 +36,13 @@ pub(crate) struct Bare {
 struct Chain(Vec<Raster>);
 
 impl Chain {
-    /// Blended texels of the level whose texels are nearest to `step` of the first.
-    fn at(&self, place: Vec2, step: f64) -> Vec4 {
-        let level = (step.max(1.0).log2().round() as usize).min(self.0.len() - 1);
+    /// The first level whose texels are as large as `step` of the first level's.
+    fn level(&self, step: f64) -> usize {
+        (step.max(1.0).log2().ceil() as usize).min(self.0.len() - 1)
+    }
+
+    /// Blended texels of a level.
+    fn at(&self, place: Vec2, level: usize) -> Vec4 {
         let raster = &self.0[level];
         let size = raster.size();
         let tap = texfold_core::address::texfold_tap(
@@ -71,16 +76,19 @@ pub(crate) fn merge(bare: &mut Bare, canvas: &Canvas, image: &Raster) {
     let view = canvas.view(&table);
     let inverse = bare.matrix.inverse();
     let texel = DVec2::new(1.0 / f64::from(width), 1.0 / f64::from(height));
-    let (step, below) = (bare.step, |at: DVec2| {
-        let found = Footprint::of(&inverse, at, texel);
+    // What both show: texels as large as the parent's.
+    let level = chain.level(bare.step);
+    let shared = texel * f64::from(1u32 << level);
+    let below = |at: DVec2| {
+        let found = Footprint::of(&inverse, at, shared);
         (colour(&view, &found), found.uv.cmpge(Vec2::ZERO).all() && found.uv.cmple(Vec2::ONE).all())
-    });
-    let (gain, offset) = exposure(&chain, step, below);
+    };
+    let (gain, offset) = exposure(&chain, level, below);
     let fitted = |colour: Vec4| (colour * gain + offset).truncate().extend(1.0);
     let place = |x: usize, y: usize| (DVec2::new(x as f64, y as f64) + 0.5) * texel;
     let mut difference = with_border(width as usize, height as usize, |x, y| {
         let at = place(x, y);
-        below(at).0 - fitted(chain.at(at.as_vec2(), step))
+        below(at).0 - fitted(chain.at(at.as_vec2(), level))
     });
     harmonic(&mut difference);
     bare.texels.par_iter_mut().zip(&difference.values).for_each(|(texel, change)| {
@@ -89,13 +97,13 @@ pub(crate) fn merge(bare: &mut Bare, canvas: &Canvas, image: &Raster) {
 }
 
 /// Gain and offset of each channel from the patch to what lies under it.
-fn exposure(chain: &Chain, step: f64, below: impl Fn(DVec2) -> (Vec4, bool) + Sync) -> (Vec4, Vec4) {
+fn exposure(chain: &Chain, level: usize, below: impl Fn(DVec2) -> (Vec4, bool) + Sync) -> (Vec4, Vec4) {
     let pairs: Vec<(Vec4, Vec4)> = (0..SAMPLES * SAMPLES)
         .into_par_iter()
         .filter_map(|k| {
             let at = (DVec2::new(f64::from(k % SAMPLES), f64::from(k / SAMPLES)) + 0.5) / f64::from(SAMPLES);
             let (under, inside) = below(at);
-            inside.then(|| (chain.at(at.as_vec2(), step), under))
+            inside.then(|| (chain.at(at.as_vec2(), level), under))
         })
         .collect();
     let (mut gain, mut offset) = (Vec4::ONE, Vec4::ZERO);

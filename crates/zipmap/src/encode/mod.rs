@@ -162,7 +162,8 @@ fn lay(stack: &PatchStack, index: usize, params: &ZipParams, canvas: &mut Canvas
     let mut levels = levels::of_patch(&bare.texels, &alpha, bare.size, image.info());
     let laid = Laid { source: index, matrix: bare.matrix, size: bare.size, zoom };
     let all = levels.clone();
-    trim::drop_levels(&laid, &mut levels, canvas, f64::from(params.drop_rms));
+    let color = stack.root.info().color;
+    trim::drop_levels(&laid, &mut levels, canvas, color, f64::from(params.drop_rms));
     if levels.is_empty() {
         dropped.nothing_new.push(index);
         return;

@@ -115,3 +115,23 @@ fn a_base_and_an_error_map_decode_as_ever() {
     let wanted = texfold_testkit::png(&golden("progressive-base.png"));
     assert!(decode_surface(prefix.as_encoded(), 0, 0).unwrap().to_bytes() == wanted.to_bytes());
 }
+
+/// A root in two planes with two patches in one, by hand. While the form of the file is not released, it is written anew by
+/// `texfold compress STACK --content raw --out .` of a folder with the fixtures `odd_37x61.png` and `cutout.png` and this
+/// `zipmap.toml`, and its pictures by `texfold decompress zipmap.txf --out .` with `--lod 2` and `--lod 5`:
+///
+/// ```toml
+/// root = "odd_37x61.png"
+/// [[patch]]
+/// image = "cutout.png"
+/// matrix = [1.8, 0.3, -0.55, -0.3, 1.8, -0.25, 0.1, 0.0, 1.0]
+/// [[patch]]
+/// image = "odd_37x61.png"
+/// matrix = [3.0, 0.0, -1.0, 0.0, 3.0, -1.0, 0.0, 0.0, 1.0]
+/// parent = "cutout.png"
+/// ```
+#[test]
+fn a_zipmap_decodes_as_ever() {
+    assert_level_decodes("zipmap", 2, &["zipmap-level2.png".to_owned()]);
+    assert_level_decodes("zipmap", 5, &["zipmap-level5.png".to_owned()]);
+}

@@ -7,3 +7,4 @@ mod inputs;
 mod lightfield;
 mod results;
 mod support;
+mod zoom;

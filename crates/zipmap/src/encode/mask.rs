@@ -102,6 +102,20 @@ mod tests {
         }
     }
 
+    /// By `cargo test --release -p texfold-zipmap -- --ignored --nocapture large`; idle.
+    #[test]
+    #[ignore = "a measurement, for an idle machine"]
+    fn a_large_mask_takes_at_most_a_second() {
+        let texel =
+            |i: usize| Texel::splat((i as u32).wrapping_mul(0x9e37_79b1) as f32 / u32::MAX as f32 * 0.01);
+        let texels: Vec<Texel> = (0..2048 * 2048).map(texel).collect();
+        let start = std::time::Instant::now();
+        let alpha = geodesic(&texels, 2048, 2048, 100.0);
+        let seconds = start.elapsed().as_secs_f64();
+        println!("2048x2048: {seconds:.2} s, {} in the middle", alpha[1024 * 2049]);
+        assert!(seconds < 1.0, "{seconds}");
+    }
+
     #[test]
     fn a_flat_picture_is_shown_where_it_is_far_from_its_border() {
         let alpha = geodesic(&vec![Texel::splat(0.5); 64 * 64], 64, 64, 16.0 / UNITS);

@@ -287,6 +287,19 @@ mod tests {
         assert!(grid.values.iter().all(|value| value.x.abs() <= 0.5001));
     }
 
+    /// By `cargo test --release -p texfold-zipmap -- --ignored --nocapture large`; idle, two cores.
+    #[test]
+    #[ignore = "a measurement, for an idle machine"]
+    fn a_large_border_takes_at_most_three_seconds() {
+        let wave = |x: usize, y: usize| Vec4::splat((x as f32 * 0.01).sin() + (y as f32 * 0.3).cos());
+        let mut grid = with_border(2048, 2048, wave);
+        let start = std::time::Instant::now();
+        let left = harmonic(&mut grid);
+        let seconds = start.elapsed().as_secs_f64();
+        println!("2048x2048, four channels: {seconds:.2} s, residual {left:.1e}");
+        assert!(left < 1e-4 && seconds < 3.0, "{left} {seconds}");
+    }
+
     #[test]
     fn degenerate_sizes_are_left_alone() {
         for (width, height) in [(1, 1), (2, 7), (9, 1)] {

@@ -62,6 +62,8 @@ pub(crate) enum CliError {
     StackOnly { path: PathBuf, codec: &'static str },
     #[error("{}: the list of patches cannot be read; write it as the cause says", path.display())]
     StackFile { path: PathBuf, source: Box<toml::de::Error> },
+    #[error("{}: the matrix of patch {patch} has {found} numbers; give nine, row by row", path.display())]
+    StackMatrix { path: PathBuf, patch: usize, found: usize },
     #[error("{}: patch {patch} has parent {parent}, which no patch shows; name the image of another patch", path.display())]
     StackParent { path: PathBuf, patch: usize, parent: String },
     #[error("{}: {given}; give --camera for a light field, --zoom-to and --steps for images", path.display())]

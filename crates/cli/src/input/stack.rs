@@ -29,7 +29,7 @@ struct List {
 struct Entry {
     image: PathBuf,
     /// Row by row, from the root's texture coordinates to the patch's.
-    matrix: [f64; 9],
+    matrix: Vec<f64>,
     mask: Option<PathBuf>,
     /// The image of the patch that it lies on.
     parent: Option<PathBuf>,
@@ -129,9 +129,13 @@ fn by_hand(
             }
             _ => None,
         };
+        let missing =
+            || CliError::StackMatrix { path: dir.join(LIST_NAME), patch, found: entry.matrix.len() };
+        // A list that is longer would be cut in silence were it read as nine numbers.
+        let rows: [f64; 9] = entry.matrix.as_slice().try_into().map_err(|_| missing())?;
         stack.patches.push(PatchSource {
             image,
-            matrix: DMat3::from_cols_array(&entry.matrix).transpose(),
+            matrix: DMat3::from_cols_array(&rows).transpose(),
             mask: mask.transpose()?,
             parent,
         });

@@ -75,7 +75,7 @@ fn a_list_says_where_patches_lie() {
         report[0]["verdict"].as_str().unwrap().starts_with("1 patches on a root of 240x200, zoom up to 3.00")
     );
     for (change, what) in [
-        (list.replace("matrix = [", "matrix = [1.0, "), "the list of patches cannot be read"),
+        (list.replace("matrix = [", "matrix = [1.0, "), "has 10 numbers"),
         (list.replace("parent = 'b.png'", "parent = 'c.png'"), "has parent c.png"),
         (list.replace("a.png", "none.png"), "none.png"),
         (list.replace("parent = 'b.png'", "parent = 'a.png'"), "lead in a circle"),

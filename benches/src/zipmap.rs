@@ -104,7 +104,7 @@ fn texture(count: usize) -> Option<AnyImage> {
     let lens = Lens { exposure: 1.0, noise: 0.0, seed: 1 };
     let view = |matrix: &DMat3, size| photograph(&leaves.view(matrix, size, 1), size, lens);
     let size = if count > 6 { (128, 128) } else { (512, 512) };
-    let columns = (count as f64 / 6.0).sqrt().floor().max(1.0);
+    let columns = (count as f64 / 6.0).sqrt().ceil().max(1.0);
     let mut stack =
         PatchStack { root: view(&DMat3::IDENTITY, (512, 512)), images: Vec::new(), patches: Vec::new() };
     for index in 0..count {

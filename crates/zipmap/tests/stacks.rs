@@ -1,6 +1,6 @@
 //! Zoom stacks with known matrices: registration, what is drawn, and hard cases.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
+#![allow(clippy::panic, clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
 
 use glam::{DMat3, DVec2, Vec2};
 use texfold_core::container::{SectionWriter, Sections};

@@ -48,14 +48,8 @@ impl Module {
         Module::Zipmap,
     ];
     /// Those that are sampled by texture coordinate.
-    pub const IMAGES: [Module; 6] = [
-        Module::Bc,
-        Module::Vq,
-        Module::Epitome,
-        Module::EpitomeErrors,
-        Module::Progressive,
-        Module::Zipmap,
-    ];
+    pub const IMAGES: [Module; 6] =
+        [Module::Bc, Module::Vq, Module::Epitome, Module::EpitomeErrors, Module::Progressive, Module::Zipmap];
 
     /// The name that an encoded texture gives: "bc", "vq", "epitome", "epitome-errors", "lightfield", "progressive",
     /// "zipmap".
@@ -131,8 +125,9 @@ impl Module {
     pub fn address_mode_offset(self) -> Option<usize> {
         match self {
             Module::Bc => Some(20),
-            Module::Vq | Module::Epitome | Module::EpitomeErrors | Module::Progressive
-            | Module::Zipmap => Some(12),
+            Module::Vq | Module::Epitome | Module::EpitomeErrors | Module::Progressive | Module::Zipmap => {
+                Some(12)
+            }
             Module::Lightfield => None,
         }
     }
@@ -143,8 +138,9 @@ impl Module {
     pub fn levels_offset(self) -> Option<usize> {
         match self {
             Module::Bc => Some(16),
-            Module::Vq | Module::Epitome | Module::EpitomeErrors | Module::Progressive
-            | Module::Zipmap => Some(8),
+            Module::Vq | Module::Epitome | Module::EpitomeErrors | Module::Progressive | Module::Zipmap => {
+                Some(8)
+            }
             Module::Lightfield => None,
         }
     }

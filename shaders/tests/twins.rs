@@ -40,7 +40,7 @@ const ALONE: [(&str, &str); 12] = [
     ("texfold_zipmap_sample", "takes derivatives, which a CPU does not have"),
 ];
 
-const ENTRIES: [(&str, &str); 12] = [
+const ENTRIES: [(&str, &str); 13] = [
     ("entry/bare", include_str!("../wgsl/entry/bare.wgsl")),
     ("entry/bc", include_str!("../wgsl/entry/bc.wgsl")),
     ("entry/decode", include_str!("../wgsl/entry/decode.wgsl")),

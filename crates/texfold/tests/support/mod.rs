@@ -8,8 +8,9 @@
 
 use texfold::image::ImageSet;
 use texfold::{
-    AnyImage, Bc, BcParams, Content, Effort, Epitome, EpitomeParams, EpitomeSource, Family, Goal, Job, PatchSource,
-    PatchStack, Progressive, ProgressiveParams, TextureCodec, Vq, VqParams, VqSource, ZipParams, Zipmap,
+    AnyImage, Bc, BcParams, Content, Effort, Epitome, EpitomeParams, EpitomeSource, Family, Goal, Job,
+    PatchSource, PatchStack, Progressive, ProgressiveParams, TextureCodec, Vq, VqParams, VqSource, ZipParams,
+    Zipmap,
 };
 
 pub fn fixture(name: &str) -> ImageSet {

@@ -1,4 +1,6 @@
-//! The modules: one for each codec that a GPU can sample.
+//! The modules: one for each codec that a GPU can sample, and one for each of its forms that binds other planes.
+
+use std::borrow::Cow;
 
 /// The WGSL of one codec.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -9,10 +11,15 @@ pub enum Module {
     Vq,
     /// Epitome factoring.
     Epitome,
+    /// The same with an error map on the last epitome: what [`Module::Epitome`] binds, then what [`Module::Progressive`] does. It
+    /// holds the functions of both, and takes their place in a shader.
+    EpitomeErrors,
     /// Surface light-field maps.
     Lightfield,
     /// Base, codebooks and error map.
     Progressive,
+    /// A root and patches of higher resolution.
+    Zipmap,
 }
 
 /// One binding of a module.
@@ -31,20 +38,31 @@ pub enum Binding {
 
 impl Module {
     /// All of them.
-    pub const ALL: [Module; 5] =
-        [Module::Bc, Module::Vq, Module::Epitome, Module::Lightfield, Module::Progressive];
+    pub const ALL: [Module; 7] = [
+        Module::Bc,
+        Module::Vq,
+        Module::Epitome,
+        Module::EpitomeErrors,
+        Module::Lightfield,
+        Module::Progressive,
+        Module::Zipmap,
+    ];
     /// Those that are sampled by texture coordinate.
-    pub const IMAGES: [Module; 4] = [Module::Bc, Module::Vq, Module::Epitome, Module::Progressive];
+    pub const IMAGES: [Module; 6] =
+        [Module::Bc, Module::Vq, Module::Epitome, Module::EpitomeErrors, Module::Progressive, Module::Zipmap];
 
-    /// The name that an encoded texture gives: "bc", "vq", "epitome", "lightfield", "progressive".
+    /// The name that an encoded texture gives: "bc", "vq", "epitome", "epitome-errors", "lightfield", "progressive",
+    /// "zipmap".
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Module::Bc => "bc",
             Module::Vq => "vq",
             Module::Epitome => "epitome",
+            Module::EpitomeErrors => "epitome-errors",
             Module::Lightfield => "lightfield",
             Module::Progressive => "progressive",
+            Module::Zipmap => "zipmap",
         }
     }
 
@@ -54,7 +72,8 @@ impl Module {
         Module::ALL.into_iter().find(|module| module.name() == name)
     }
 
-    /// What to bind, in order: parameters first, then the planes of a surface in their order.
+    /// What to bind, in order: parameters, then planes of a surface in their order. Where there are parameters twice, those of a
+    /// surface are both, one behind the other.
     #[must_use]
     pub fn bindings(self) -> &'static [Binding] {
         match self {
@@ -64,6 +83,20 @@ impl Module {
                 Binding::Params { bytes: 112 },
                 Binding::Uint,
                 Binding::Float,
+                Binding::Float,
+                Binding::Float,
+            ],
+            Module::EpitomeErrors => &[
+                Binding::Params { bytes: 112 },
+                Binding::Uint,
+                Binding::Float,
+                Binding::Float,
+                Binding::Float,
+                Binding::Params { bytes: 240 },
+                Binding::Uint,
+                Binding::Float,
+                Binding::Float,
+                Binding::Uint,
                 Binding::Float,
                 Binding::Float,
             ],
@@ -86,6 +119,13 @@ impl Module {
                 Binding::Float,
                 Binding::Float,
             ],
+            Module::Zipmap => &[
+                Binding::Params { bytes: 64 },
+                Binding::Uint,
+                Binding::Float,
+                Binding::Float,
+                Binding::Float,
+            ],
         }
     }
 
@@ -94,7 +134,9 @@ impl Module {
     pub fn address_mode_offset(self) -> Option<usize> {
         match self {
             Module::Bc => Some(20),
-            Module::Vq | Module::Epitome | Module::Progressive => Some(12),
+            Module::Vq | Module::Epitome | Module::EpitomeErrors | Module::Progressive | Module::Zipmap => {
+                Some(12)
+            }
             Module::Lightfield => None,
         }
     }
@@ -105,7 +147,9 @@ impl Module {
     pub fn levels_offset(self) -> Option<usize> {
         match self {
             Module::Bc => Some(16),
-            Module::Vq | Module::Epitome | Module::Progressive => Some(8),
+            Module::Vq | Module::Epitome | Module::EpitomeErrors | Module::Progressive | Module::Zipmap => {
+                Some(8)
+            }
             Module::Lightfield => None,
         }
     }
@@ -116,7 +160,12 @@ impl Module {
     pub fn reduced(self) -> Option<(&'static str, usize)> {
         match self {
             Module::Bc => Some(("TEXFOLD_BC_REDUCED", 28)),
-            Module::Vq | Module::Epitome | Module::Lightfield | Module::Progressive => None,
+            Module::Vq
+            | Module::Epitome
+            | Module::EpitomeErrors
+            | Module::Lightfield
+            | Module::Progressive
+            | Module::Zipmap => None,
         }
     }
 
@@ -127,21 +176,24 @@ impl Module {
         match self {
             Module::Bc => "texfold_bc_sample",
             Module::Vq => "texfold_vq_sample",
-            Module::Epitome => "texfold_epitome_sample",
+            Module::Epitome | Module::EpitomeErrors => "texfold_epitome_sample",
             Module::Lightfield => "texfold_lightfield_sample",
             Module::Progressive => "texfold_progressive_sample",
+            Module::Zipmap => "texfold_zipmap_sample",
         }
     }
 
     /// The functions, with placeholders for group and bindings.
-    pub(crate) fn source(self) -> &'static str {
-        match self {
+    pub(crate) fn source(self) -> Cow<'static, str> {
+        Cow::Borrowed(match self {
             Module::Bc => include_str!("../wgsl/bc.wgsl"),
             Module::Vq => include_str!("../wgsl/vq.wgsl"),
-            Module::Epitome => include_str!("../wgsl/epitome.wgsl"),
+            Module::Epitome => EPITOME,
+            Module::EpitomeErrors => return Cow::Owned(epitome_errors()),
             Module::Lightfield => include_str!("../wgsl/lightfield.wgsl"),
-            Module::Progressive => include_str!("../wgsl/progressive.wgsl"),
-        }
+            Module::Progressive => PROGRESSIVE,
+            Module::Zipmap => include_str!("../wgsl/zipmap.wgsl"),
+        })
     }
 
     /// What the entry points call.
@@ -149,9 +201,29 @@ impl Module {
         match self {
             Module::Bc => include_str!("../wgsl/entry/bc.wgsl"),
             Module::Vq => include_str!("../wgsl/entry/vq.wgsl"),
-            Module::Epitome => include_str!("../wgsl/entry/epitome.wgsl"),
+            Module::Epitome | Module::EpitomeErrors => include_str!("../wgsl/entry/epitome.wgsl"),
             Module::Lightfield => include_str!("../wgsl/entry/lightfield.wgsl"),
             Module::Progressive => include_str!("../wgsl/entry/progressive.wgsl"),
+            Module::Zipmap => include_str!("../wgsl/entry/zipmap.wgsl"),
         }
     }
+}
+
+const EPITOME: &str = include_str!("../wgsl/epitome.wgsl");
+const PROGRESSIVE: &str = include_str!("../wgsl/progressive.wgsl");
+/// Begins the lines around what reads epitomes without an error map.
+const PLANES_MARK: &str = "// TEXFOLD_EPITOME_PLANES";
+
+/// The functions of both codecs, where those of epitomes read the last epitome by those of base and error map.
+fn epitome_errors() -> String {
+    let mut parts = EPITOME.split(PLANES_MARK);
+    let (before, _, behind) = (parts.next(), parts.next(), parts.next());
+    let first = Module::Epitome.bindings().len();
+    // Falling, so that no number is changed twice.
+    let progressive =
+        (0..Module::Progressive.bindings().len()).rev().fold(PROGRESSIVE.to_owned(), |source, index| {
+            source.replace(&format!("TEXFOLD_BINDING_{index}"), &format!("TEXFOLD_BINDING_{}", first + index))
+        });
+    let read = include_str!("../wgsl/epitome/errors.wgsl");
+    [before.unwrap_or_default(), read, behind.unwrap_or_default(), &progressive].join("\n")
 }

@@ -1,7 +1,7 @@
 //! Each WGSL function has a CPU twin of the same name, in the same order, and keeps to a few rules of its own.
 
 /// WGSL fragment and its twin.
-const TWINS: [(&str, &str, &str); 7] = [
+const TWINS: [(&str, &str, &str); 8] = [
     (
         "address",
         include_str!("../wgsl/shared/address.wgsl"),
@@ -21,10 +21,11 @@ const TWINS: [(&str, &str, &str); 7] = [
         include_str!("../wgsl/progressive.wgsl"),
         include_str!("../../crates/progressive/src/decode.rs"),
     ),
+    ("zipmap", include_str!("../wgsl/zipmap.wgsl"), include_str!("../../crates/zipmap/src/decode.rs")),
 ];
 
 /// WGSL functions without a twin of that name, and why.
-const ALONE: [(&str, &str); 11] = [
+const ALONE: [(&str, &str); 12] = [
     ("texfold_srgb_to_linear", "its twin is texfold_core::image::srgb_to_linear"),
     ("texfold_linear", "texfold_srgb_to_linear on three channels"),
     ("texfold_bc_sample_grad", "texfold_level, then texfold_bc_sample_level"),
@@ -36,19 +37,22 @@ const ALONE: [(&str, &str); 11] = [
     ("texfold_epitome_sample", "takes derivatives, which a CPU does not have"),
     ("texfold_progressive_sample_grad", "texfold_level, then texfold_progressive_sample_level"),
     ("texfold_progressive_sample", "takes derivatives, which a CPU does not have"),
+    ("texfold_zipmap_sample", "takes derivatives, which a CPU does not have"),
 ];
 
-const ENTRIES: [(&str, &str); 11] = [
+const ENTRIES: [(&str, &str); 13] = [
     ("entry/bare", include_str!("../wgsl/entry/bare.wgsl")),
     ("entry/bc", include_str!("../wgsl/entry/bc.wgsl")),
     ("entry/decode", include_str!("../wgsl/entry/decode.wgsl")),
     ("entry/draw", include_str!("../wgsl/entry/draw.wgsl")),
+    ("epitome/errors", include_str!("../wgsl/epitome/errors.wgsl")),
     ("entry/epitome", include_str!("../wgsl/entry/epitome.wgsl")),
     ("entry/lightfield", include_str!("../wgsl/entry/lightfield.wgsl")),
     ("entry/mesh", include_str!("../wgsl/entry/mesh.wgsl")),
     ("entry/progressive", include_str!("../wgsl/entry/progressive.wgsl")),
     ("entry/plain", include_str!("../wgsl/entry/plain.wgsl")),
     ("entry/view", include_str!("../wgsl/entry/view.wgsl")),
+    ("entry/zipmap", include_str!("../wgsl/entry/zipmap.wgsl")),
     ("entry/vq", include_str!("../wgsl/entry/vq.wgsl")),
 ];
 

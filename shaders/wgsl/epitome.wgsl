@@ -219,6 +219,8 @@ fn texfold_epitome_place(
     return source.position + clamp(moved, -reach, reach);
 }
 
+// TEXFOLD_EPITOME_PLANES: what follows to the next such line reads epitomes without an error map.
+
 // Four texels around `place` (in texels of level 0) of level `level` of an epitome, blended.
 fn texfold_epitome_read(plane: u32, place: vec2<f32>, level: u32) -> vec4<f32> {
     let second = (plane == 1u) & (texfold_epitome_params.mixed == 1u);
@@ -257,6 +259,8 @@ fn texfold_epitome_read(plane: u32, place: vec2<f32>, level: u32) -> vec4<f32> {
     }
     return texfold_swizzle(select(a, b, second), b, texfold_epitome_params.swizzle);
 }
+
+// TEXFOLD_EPITOME_PLANES
 
 // The leaf's colour at the place `at` of the image, in texels of level 0, for level `level` of the image.
 fn texfold_epitome_content(leaf: TexfoldEpitomeLeaf, at: vec2<f32>, level: u32) -> vec4<f32> {

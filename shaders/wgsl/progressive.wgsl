@@ -58,8 +58,10 @@ struct TexfoldProgressiveParams {
     gain_unit: f32,
     // Binary logarithm of the words in a row of the map.
     entry_row_log2: u32,
+    // Texels of the base a side of a block, where it is not blended across blocks; else 0.
+    base_cell: u32,
     // Always 0.
-    reserved: vec2<u32>,
+    reserved: u32,
 }
 
 // A block of the error map.
@@ -234,13 +236,24 @@ fn texfold_progressive_error(at: vec2<u32>, level: u32) -> vec4<f32> {
     return vec4<f32>(gray + warm + green, gray - 2.0 * green, gray - warm + green, 0.0);
 }
 
+// Texels of the base, of `size` texels, that the texel at `at` is blended from, kept within its block, which has `cell` texels
+// of the base a side; as they are where `cell` is 0.
+fn texfold_progressive_within(tap: TexfoldTap, at: vec2<u32>, size: vec2<u32>, cell: u32) -> TexfoldTap {
+    if cell == 0u {
+        return tap;
+    }
+    let first = min(at / 8u * cell, size - vec2<u32>(1u));
+    return TexfoldTap(max(tap.low, first), min(tap.high, first + vec2<u32>(cell - 1u)), tap.weight);
+}
+
 // Four texels of the base around the texel at `at` of level `level` of the image, blended.
 fn texfold_progressive_base(at: vec2<u32>, level: u32) -> vec4<f32> {
     let stored = min(level, texfold_progressive_params.base_levels - 1u);
     let size = texfold_level_size(texfold_progressive_params.base_size, stored);
     let full = texfold_level_size(texfold_progressive_params.size, level);
     let uv = (vec2<f32>(vec2<i32>(at)) + vec2<f32>(0.5)) / vec2<f32>(vec2<i32>(full));
-    let tap = texfold_tap(uv, size, TEXFOLD_CLAMP);
+    let whole = texfold_tap(uv, size, TEXFOLD_CLAMP);
+    let tap = texfold_progressive_within(whole, at, size, texfold_progressive_params.base_cell);
     let upper_right = vec2<u32>(tap.high.x, tap.low.y);
     let lower_left = vec2<u32>(tap.low.x, tap.high.y);
     let a = texfold_bilinear(

@@ -31,6 +31,7 @@ const CODECS_AND_ABOVE: &[&str] = &[
     "texfold-epitome",
     "texfold-lightfield",
     "texfold-progressive",
+    "texfold-zipmap",
     "texfold-match",
     "texfold-codebook",
     "texfold-gpu",
@@ -44,7 +45,7 @@ const CODECS_AND_ABOVE: &[&str] = &[
     "texpresso",
 ];
 
-const RULES: [Rule; 8] = [
+const RULES: [Rule; 9] = [
     Rule { package: "core", never: CODECS_AND_ABOVE },
     Rule {
         package: "bc",
@@ -81,6 +82,10 @@ const RULES: [Rule; 8] = [
     },
     Rule {
         package: "progressive",
+        never: &["texfold-vq", "texfold-epitome", "texfold", "texfold-gpu", "texfold-cli", "wgpu", "image"],
+    },
+    Rule {
+        package: "zipmap",
         never: &["texfold-vq", "texfold-epitome", "texfold", "texfold-gpu", "texfold-cli", "wgpu", "image"],
     },
     Rule {

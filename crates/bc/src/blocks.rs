@@ -24,7 +24,7 @@ pub fn encode_plane(format: PlaneFormat, width: u32, height: u32, rgba: &[u8], e
     match format {
         PlaneFormat::R8Unorm => keep(1),
         PlaneFormat::Rg8Unorm | PlaneFormat::Rg8Uint => keep(2),
-        PlaneFormat::R32Uint | PlaneFormat::Rgba8Unorm => rgba.to_vec(),
+        PlaneFormat::R32Uint | PlaneFormat::Rgba32Uint | PlaneFormat::Rgba8Unorm => rgba.to_vec(),
         PlaneFormat::Astc(block) => astc::encode(block, width, height, rgba, effort),
         _ => encode_blocks(format, width as usize, height as usize, rgba, effort),
     }
@@ -140,7 +140,7 @@ fn decode_sixteen(format: PlaneFormat, block: &[u8]) -> [Vec4; 16] {
         PlaneFormat::R8Unorm => [Vec4::new(byte(0) / 255.0, 0.0, 0.0, 1.0); 16],
         PlaneFormat::Rg8Unorm => [Vec4::new(byte(0) / 255.0, byte(1) / 255.0, 0.0, 1.0); 16],
         PlaneFormat::Rg8Uint => [Vec4::new(byte(0), byte(1), 0.0, 1.0); 16],
-        PlaneFormat::R32Uint | PlaneFormat::Rgba8Unorm => {
+        PlaneFormat::R32Uint | PlaneFormat::Rgba32Uint | PlaneFormat::Rgba8Unorm => {
             [Vec4::new(byte(0), byte(1), byte(2), byte(3)) / 255.0; 16]
         }
         PlaneFormat::Bc1 => decode_bc1(first_eight(block, 0), false),

@@ -125,6 +125,9 @@ pub enum Family {
     Bc,
     /// What mobile GPUs draw, and plain bytes; only in builds with the feature `astc`.
     Astc,
+    /// A small base of the formats that desktop GPUs draw, with an error map, in codecs that store content so; others take
+    /// what desktop GPUs draw.
+    ErrorMap,
 }
 
 impl Family {
@@ -136,7 +139,7 @@ impl Family {
         match (content, self) {
             (Some(content), _) => content.check_available(),
             (None, Family::Astc) => Content::Astc(AstcBlock::B4).check_available(),
-            (None, Family::Bc) => Ok(()),
+            (None, Family::Bc | Family::ErrorMap) => Ok(()),
         }
     }
 }

@@ -36,11 +36,11 @@ pub(crate) enum CliError {
     NoMatch { pattern: String },
     #[error("{}: cannot be read; check the path and its permissions", path.display())]
     Read { path: PathBuf, source: io::Error },
-    #[error("{}: the folder holds no image; put PNG, JPEG, TIFF, BMP, TGA, DDS or KTX2 files into it", path.display())]
+    #[error("{}: the folder holds no image; put PNG, JPEG, TIFF, BMP, TGA, PNM, DDS or KTX2 files into it", path.display())]
     EmptyFolder { path: PathBuf },
     #[error("{}: the file is empty; write it again", path.display())]
     EmptyFile { path: PathBuf },
-    #[error("{}: no image format that is known; give PNG, JPEG, TIFF, BMP, TGA, or BC1 in DDS or KTX2", path.display())]
+    #[error("{}: no image format that is known; give PNG, JPEG, TIFF, BMP, TGA, PNM, or BC1 in DDS or KTX2", path.display())]
     UnknownFormat { path: PathBuf },
     #[error("{}: the image cannot be decoded; export it again", path.display())]
     Decode { path: PathBuf, source: Box<image::ImageError> },
@@ -66,8 +66,18 @@ pub(crate) enum CliError {
     NotBc1 { path: PathBuf, found: String },
     #[error("{}: the file ends before its blocks do ({found} of {needed} bytes); export it again", path.display())]
     CutBlocks { path: PathBuf, found: usize, needed: u64 },
-    #[error("{}: {what} is not in this version; give --as image, set or lightfield and --codec auto, bc, vq, epitome, progressive or lightfield", path.display())]
-    NotYet { path: PathBuf, what: &'static str },
+    #[error("{}: is no folder of photographs; codec zipmap takes one, with zipmap.toml in it or --as zoom", path.display())]
+    NotStack { path: PathBuf },
+    #[error("{}: is a zoom stack, and codec {codec} takes images; give --codec zipmap, or --as set for its images", path.display())]
+    StackOnly { path: PathBuf, codec: &'static str },
+    #[error("{}: the list of patches cannot be read; write it as the cause says", path.display())]
+    StackFile { path: PathBuf, source: Box<toml::de::Error> },
+    #[error("{}: the matrix of patch {patch} has {found} numbers; give nine, row by row", path.display())]
+    StackMatrix { path: PathBuf, patch: usize, found: usize },
+    #[error("{}: patch {patch} has parent {parent}, which no patch shows; name the image of another patch", path.display())]
+    StackParent { path: PathBuf, patch: usize, parent: String },
+    #[error("{}: {given}; give --camera for a light field, --zoom-to and --steps for images", path.display())]
+    RenderWhat { path: PathBuf, given: &'static str },
     #[error("{}: content astc is not in this build; give raw, bc1 or bc7, or build with the cargo feature `astc`", path.display())]
     NoAstc { path: PathBuf },
     #[error("{}: frame {index} is not of the first frame's size; crop the frames alike or give --as set", path.display())]

@@ -26,7 +26,7 @@ pub enum Command {
     Decompress(DecompressArgs),
     /// Show what a .txf file holds.
     Info(InfoArgs),
-    /// Draw a light field as cameras see it.
+    /// Draw a light field as cameras see it, or a zoom into an image.
     Render(RenderArgs),
     /// Set every codec that fits beside plain block compression.
     Compare(CompareArgs),

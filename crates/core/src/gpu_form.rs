@@ -10,6 +10,8 @@ pub enum PlaneFormat {
     Rg8Uint,
     /// Four bytes a texel, little-endian, read as one integer.
     R32Uint,
+    /// Sixteen bytes a texel, read as four little-endian integers.
+    Rgba32Uint,
     /// One byte a texel, read as [0, 1].
     R8Unorm,
     /// Two bytes a texel, read as [0, 1].
@@ -73,6 +75,7 @@ impl PlaneFormat {
         match self {
             PlaneFormat::Rg8Uint
             | PlaneFormat::R32Uint
+            | PlaneFormat::Rgba32Uint
             | PlaneFormat::R8Unorm
             | PlaneFormat::Rg8Unorm
             | PlaneFormat::Rgba8Unorm => 1,
@@ -89,7 +92,11 @@ impl PlaneFormat {
             PlaneFormat::Rg8Uint | PlaneFormat::Rg8Unorm => 2,
             PlaneFormat::R32Uint | PlaneFormat::Rgba8Unorm => 4,
             PlaneFormat::Bc1 | PlaneFormat::Bc4 => 8,
-            PlaneFormat::Bc3 | PlaneFormat::Bc5 | PlaneFormat::Bc7 | PlaneFormat::Astc(_) => 16,
+            PlaneFormat::Rgba32Uint
+            | PlaneFormat::Bc3
+            | PlaneFormat::Bc5
+            | PlaneFormat::Bc7
+            | PlaneFormat::Astc(_) => 16,
         }
     }
 

@@ -14,6 +14,8 @@ use texfold_core::{
     TextureCodec,
 };
 
+use texfold_progressive::{BASE_PART, ERROR_PART, ProgressiveTexture};
+
 use crate::decode::{
     EpitomeView, TEXFOLD_EPITOME_FINE_LEVELS, TexfoldEpitomeLeaf, TexfoldEpitomeParams, TexfoldEpitomeSource,
     plane_of, tap_at, texfold_epitome_fetch, texfold_epitome_leaf, texfold_epitome_place,
@@ -97,8 +99,10 @@ pub(crate) struct Parts {
     pub(crate) entries: Vec<Entry>,
     pub(crate) linears: Vec<Linear>,
     pub(crate) tones: Vec<Tone>,
-    /// One or two epitomes, each with its mip levels.
+    /// Epitomes without an error map, each with its mip levels; one or two with that of `errors`.
     pub(crate) epitomes: Vec<Vec<ContentPlanes>>,
+    /// The last epitome where it has an error map: the second, or the only one.
+    pub(crate) errors: Option<Box<ProgressiveTexture>>,
     /// For each image the levels that are not read from the epitome.
     pub(crate) coarse: Vec<Vec<ContentPlanes>>,
     /// Where the file has several layers: what the map above and the epitomes are made of.
@@ -220,9 +224,13 @@ impl Parts {
     ) -> Vec<TexfoldEpitomeParams> {
         let format = &self.format;
         let plane_size = |index: usize| {
-            let planes = epitomes.get(index).or(epitomes.first());
-            planes.and_then(|levels| levels.first()).map_or([4, 4], |plane| plane.size().into())
+            let plain = |levels: &Vec<ContentPlanes>| levels.first().map(|plane| plane.size().into());
+            let errors = self.errors.iter().map(|errors| Some(epitome_size(errors)));
+            let sizes: Vec<Option<[u32; 2]>> = epitomes.iter().map(plain).chain(errors).collect();
+            sizes.get(index).or(sizes.first()).copied().flatten().unwrap_or([4, 4])
         };
+        let plane_levels = self.errors.as_ref().map(|errors| errors.layout().levels);
+        let plane_levels = plane_levels.or_else(|| self.epitomes.first().map(|levels| levels.len() as u32));
         let swizzle =
             self.epitomes.first().and_then(|levels| levels.first()).map_or(0, |plane| plane.swizzle().0);
         let mut tree_start = 0;
@@ -250,7 +258,7 @@ impl Parts {
                 row_log2,
                 plane_a: plane_size(0),
                 plane_b: plane_size(1),
-                plane_levels: self.epitomes.first().map_or(1, |levels| levels.len() as u32),
+                plane_levels: plane_levels.unwrap_or(1),
                 coarse_swizzle: self.coarse.get(index).and_then(|c| c.first()).map_or(0, |c| c.swizzle().0),
                 reserved: [0; 2],
             };
@@ -268,7 +276,8 @@ impl EpitomeTexture {
         let drawn = cut.as_ref().unwrap_or(&parts.epitomes);
         let (map, params) = parts.assemble(drawn);
         let decode = |levels: &Vec<ContentPlanes>| levels.iter().map(ContentPlanes::decode).collect();
-        let texels = drawn.iter().map(decode).collect();
+        let errors = parts.errors.iter().map(|errors| decode_levels(errors));
+        let texels = drawn.iter().map(decode).chain(errors).collect();
         let coarse = parts.coarse.iter().map(decode).collect();
         EpitomeTexture { parts, cut, map, params, texels, coarse, notes }
     }
@@ -279,7 +288,13 @@ impl EpitomeTexture {
         self.parts.format
     }
 
-    /// The epitomes at full size: one, or one of each content format.
+    /// The epitome that has an error map, where there is one: the last.
+    #[must_use]
+    pub fn errors(&self) -> Option<&ProgressiveTexture> {
+        self.parts.errors.as_deref()
+    }
+
+    /// The epitomes without an error map at full size: one, or one of each content format.
     pub fn epitomes(&self) -> impl Iterator<Item = &ContentPlanes> {
         self.drawn().iter().filter_map(|levels| levels.first())
     }
@@ -355,6 +370,22 @@ impl EpitomeTexture {
         });
         leaves
     }
+}
+
+/// Columns and rows of an epitome with an error map.
+pub(crate) fn epitome_size(errors: &ProgressiveTexture) -> [u32; 2] {
+    errors.layout().surfaces.first().map_or([4, 4], |size| [size.width, size.height])
+}
+
+/// All levels of an epitome with an error map.
+fn decode_levels(errors: &ProgressiveTexture) -> Vec<Vec<Texel>> {
+    let decode = |level: u32| {
+        let rect = errors.layout().whole(0, level)?;
+        let mut texels = vec![Texel::ZERO; Image2d::len(rect)];
+        errors.decode(rect, &mut texels).ok()?;
+        Some(texels)
+    };
+    (0..errors.layout().levels).filter_map(decode).collect()
 }
 
 /// The leaves of the square at `corner`.
@@ -433,6 +464,13 @@ impl Encoded for EpitomeTexture {
                 footprint.part("mips").bits_memory += 8 * mips;
             }
         }
+        if let Some((base, map)) = self.parts.errors.as_ref().map(|errors| errors.mip_bits())
+            && base + map > 0
+        {
+            footprint.part(BASE_PART).bits_memory -= base;
+            footprint.part(ERROR_PART).bits_memory -= map;
+            footprint.part("mips").bits_memory += base + map;
+        }
         footprint.with_notes(&self.notes)
     }
 
@@ -452,18 +490,28 @@ impl Encoded for EpitomeTexture {
         for (name, levels) in PLANE_NAMES.into_iter().zip(self.drawn()) {
             push_chain(&mut form.planes, name, levels);
         }
-        let last = form.planes.len() - 1;
+        let plain = form.planes.len();
+        let (mut content, mut errors, mut uniforms) = ([1, plain - 1], Vec::new(), Vec::new());
+        if let Some(of_errors) = self.parts.errors.as_ref().map(|errors| errors.gpu()) {
+            // Its planes stand behind the others in the order of a file of their own.
+            errors = of_errors.surfaces.iter().flat_map(|of| &of.planes).map(|plane| plane + plain).collect();
+            content = if plain > 1 { content } else { [errors[1], errors[1]] };
+            form.planes.extend(of_errors.planes);
+            form.module = "epitome-errors";
+            uniforms = of_errors.uniforms;
+        }
         for (surface, params) in self.params.iter().enumerate() {
             let start = form.uniforms.len();
             form.uniforms.extend(bytemuck::bytes_of(params));
+            form.uniforms.extend(&uniforms);
             let coarse = match self.parts.coarse.get(surface) {
                 Some(levels) if !levels.is_empty() => {
                     push_chain(&mut form.planes, "mips", levels);
                     form.planes.len() - 1
                 }
-                _ => 1,
+                _ => content[0],
             };
-            let planes = vec![0, 1, last, coarse];
+            let planes = [&[0], content.as_slice(), &[coarse], errors.as_slice()].concat();
             form.surfaces.push(SurfaceBinding { planes, uniforms: start..form.uniforms.len(), surface: 0 });
         }
         form

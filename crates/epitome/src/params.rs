@@ -134,7 +134,9 @@ impl Params for EpitomeParams {
             _ if !(1..=MAX_LAYERS).contains(&self.layers) => return layers("1..=8"),
             Goal::Tolerance(_) if self.layers > 1 => return layers("1, for a tolerance"),
             // Layers are told apart by cells of 4x4 texels.
-            _ if self.layers > 1 && !self.small_cells() => return layers("1, for ASTC content"),
+            _ if self.layers > 1 && !self.small_cells() => {
+                return layers("1, for ASTC content and error maps");
+            }
             _ => {}
         }
         match self.block {

@@ -5,11 +5,12 @@
 
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
-use texfold_core::{Budget, ImageLayout, LoadError, String4};
+use texfold_core::{Budget, ImageLayout, LoadError, String4, SurfaceSize};
+use texfold_progressive::{BLOCK_SIDE, ProgressiveTexture};
 
 use crate::encoded::{
     Entry, EpitomeTexture, Linear, MAX_BLOCK, MapFormat, PLANE_MIPS, Parts, Tone, blocks_of, coarse_content,
-    coarse_levels, leaves_of,
+    coarse_levels, epitome_size, leaves_of,
 };
 use crate::layers::{
     LayerMap, Layering, MAX_LAYERS, MapRef, cell_bytes, columns_of, edited, gather, layer_names, layers_at,
@@ -39,12 +40,15 @@ fn layer_ids(layer: u32, total: u32) -> impl Iterator<Item = [u8; 4]> {
 pub(crate) const MAX_EPITOME_SIDE: u32 = 8192;
 /// Most entries and most blocks: the map plane, with up to one and a half words an entry, has at most 8192 x 8192 words.
 pub(crate) const MAX_ENTRIES: u64 = 1 << 25;
+/// Flag of an epitome with an error map.
+const ERRORS_FLAG: u32 = 2;
 /// Blocks of these sides are allowed.
 const BLOCK_SIDES: std::ops::RangeInclusive<u32> = 4..=MAX_BLOCK as u32;
 
 pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     let format = &parts.format;
-    let mips = parts.epitomes.first().is_some_and(|levels| levels.len() > 1);
+    let mips = parts.layout.levels > 1;
+    let flags = u32::from(mips) | if parts.errors.is_some() { ERRORS_FLAG } else { 0 };
     let mut form: Vec<u8> = [
         format.block,
         u32::from(format.split),
@@ -53,8 +57,8 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
         format.fraction_bits,
         format.tone_bits,
         format.linear_bits,
-        u32::from(mips),
-        parts.epitomes.len() as u32,
+        flags,
+        (parts.epitomes.len() + usize::from(parts.errors.is_some())) as u32,
     ]
     .map(|value| value as u8)
     .to_vec();
@@ -64,6 +68,10 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
         form.push(number);
         form.extend(base.size().0.to_le_bytes());
         form.extend(base.size().1.to_le_bytes());
+    }
+    if let Some(errors) = &parts.errors {
+        form.push(errors.base().content().number());
+        form.extend(epitome_size(errors).iter().flat_map(|side| side.to_le_bytes()));
     }
     form.extend((parts.linears.len() as u32).to_le_bytes());
     form.extend((parts.tones.len() as u32).to_le_bytes());
@@ -75,7 +83,12 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
         None => {
             out.section("map", TREE_ID, &parts.trees);
             out.section("map", ENTRY_ID, &entry_bytes(&parts.entries, |_| true));
-            out.section("epitome", PLANE_ID, &plane_bytes(parts.epitomes.iter().flatten()));
+            if !parts.epitomes.is_empty() {
+                out.section("epitome", PLANE_ID, &plane_bytes(parts.epitomes.iter().flatten()));
+            }
+            if let Some(errors) = &parts.errors {
+                errors.store_content(out);
+            }
             store_coarse(parts, out);
         }
         Some(layering) => {
@@ -195,6 +208,10 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<EpitomeTe
     let notes = Notes::read(file, budget)?;
     let head = read_head(file, budget)?;
     let layered = file.ids().any(|(id, _)| id == LAYERS_ID);
+    if layered && head.form.errors {
+        let what = "layers of content with an error map";
+        return Err(LoadError::Corrupt { section: String4(FORM_ID), offset: 0, what });
+    }
     let parts = if layered { load_layers(file, head, budget)? } else { load_whole(file, head, budget)? };
     Ok(EpitomeTexture::new(parts, notes))
 }
@@ -205,18 +222,38 @@ fn load_whole(file: &Sections<'_>, head: Head, budget: &mut Budget) -> Result<Pa
     let leaves = count_leaves(TREE_ID, &trees, &form.format, &layout)?;
     let raw = file.read(ENTRY_ID, budget)?;
     let entries = read_entries((ENTRY_ID, &raw), leaves, (None, &trees), &form, budget)?;
-    let raw = file.read(PLANE_ID, budget)?;
-    let mut reader = Reader::new(String4(PLANE_ID), &raw);
     let mut epitomes = Vec::new();
-    for &(content, width, height) in &form.epitomes {
-        let sizes = form.level_sizes(width, height);
-        epitomes.push(read_planes(&mut reader, content, &layout, sizes, budget)?);
+    let plain = form.plain();
+    if !plain.is_empty() {
+        let raw = file.read(PLANE_ID, budget)?;
+        let mut reader = Reader::new(String4(PLANE_ID), &raw);
+        for &(content, width, height) in plain {
+            let sizes = form.level_sizes(width, height);
+            epitomes.push(read_planes(&mut reader, content, &layout, sizes, budget)?);
+        }
+        reader.end()?;
     }
-    reader.end()?;
+    let errors = read_errors(file, &form, &layout, budget)?.map(Box::new);
     let coarse = read_coarse(file, &form, &layout, budget)?;
     budget.take(8 * (trees.len() + entries.len()) as u64)?;
     let format = form.format;
-    Ok(Parts { layout, format, trees, entries, linears, tones, epitomes, coarse, layering: None })
+    Ok(Parts { layout, format, trees, entries, linears, tones, epitomes, errors, coarse, layering: None })
+}
+
+/// The epitome with an error map, where there is one.
+fn read_errors(
+    file: &Sections<'_>,
+    form: &Form,
+    layout: &ImageLayout,
+    budget: &mut Budget,
+) -> Result<Option<ProgressiveTexture>, LoadError> {
+    let Some(&(_, width, height)) = form.epitomes.last().filter(|_| form.errors) else { return Ok(None) };
+    let levels = if form.mips { 1 + PLANE_MIPS } else { 1 };
+    let size = SurfaceSize { width, height };
+    let layout = ImageLayout { surfaces: vec![size], levels, pixel: layout.pixel };
+    // Its texels are decoded when the texture is laid out.
+    budget.take(2 * size.texels() * size_of::<texfold_core::Texel>() as u64)?;
+    ProgressiveTexture::load_content(layout, file, budget).map(Some)
 }
 
 /// The layers that are whole: at least the first.
@@ -231,7 +268,8 @@ fn load_layers(file: &Sections<'_>, head: Head, budget: &mut Budget) -> Result<P
     }
     let layering = Some(Box::new(Layering { total, rows, coarser: Vec::new(), cells }));
     let (trees, entries, format) = (Vec::new(), Vec::new(), form.format);
-    let mut parts = Parts { layout, format, trees, entries, linears, tones, epitomes, coarse, layering };
+    let mut parts =
+        Parts { layout, format, trees, entries, linears, tones, epitomes, errors: None, coarse, layering };
     for layer in 0..total {
         // A file may end between layers; a later layer without one before it is of no use.
         if layer > 0 && !layer_ids(layer, total).all(|id| file.has(id)) {
@@ -365,12 +403,19 @@ pub(crate) fn next_layer(
 struct Form {
     format: MapFormat,
     mips: bool,
+    /// Whether the epitome has an error map.
+    errors: bool,
     epitomes: Vec<(Content, u32, u32)>,
     linears: u32,
     tones: u32,
 }
 
 impl Form {
+    /// The epitomes without an error map.
+    fn plain(&self) -> &[(Content, u32, u32)] {
+        &self.epitomes[..self.epitomes.len() - usize::from(self.errors)]
+    }
+
     /// Sizes of an epitome's levels.
     fn level_sizes(&self, width: u32, height: u32) -> impl Iterator<Item = (u32, u32)> + use<> {
         let count = if self.mips { 1 + PLANE_MIPS } else { 1 };
@@ -407,7 +452,8 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
         linear_bits: field(8, "a field above 8 bits")?,
         mixed: false,
     };
-    let mips = field(1, "a flag above 1")? == 1;
+    let flags = field(3, "a flag above 3")?;
+    let (mips, errors) = (flags & 1 == 1, flags & ERRORS_FLAG != 0);
     let count = field(2, "more than two epitomes")?;
     format.mixed = count == 2;
     if count == 0
@@ -418,10 +464,11 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
         return Err(reader.corrupt("a map that no writer makes"));
     }
     let mut epitomes = Vec::new();
-    for _ in 0..count {
+    for index in 1..=count {
         let content = Content::read(reader)?;
         let (width, height) = (reader.u32()?, reader.u32()?);
-        let step = content.cell_side() << if mips { PLANE_MIPS } else { 0 };
+        let side = if errors && index == count { BLOCK_SIDE } else { content.cell_side() };
+        let step = side << if mips { PLANE_MIPS } else { 0 };
         let fits = |side: u32| side.is_multiple_of(step) && (step..=MAX_EPITOME_SIDE).contains(&side);
         if !fits(width) || !fits(height) || !content.fits(layout.pixel) {
             return Err(reader.corrupt("an epitome of a size or content that no writer makes"));
@@ -448,7 +495,7 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
             reader.corrupt("mip levels of the epitome without mip levels of the images, or the other way")
         );
     }
-    Ok(Form { format, mips, epitomes, linears, tones })
+    Ok(Form { format, mips, errors, epitomes, linears, tones })
 }
 
 fn read_palettes(reader: &mut Reader<'_>, form: &Form) -> Result<(Vec<Linear>, Vec<Tone>), LoadError> {

@@ -219,7 +219,13 @@ impl Gpu {
         binding: &SurfaceBinding,
         planes: &[Texture],
     ) -> Result<Group, GpuError> {
-        let params = self.buffer("params", params_of(module, form, binding)?, BufferUsages::UNIFORM);
+        let mut rest = params_of(module, form, binding)?;
+        let mut params = Vec::new();
+        for bytes in module.bindings().iter().filter_map(params_bytes) {
+            let (own, behind) = rest.split_at(bytes);
+            params.push(self.buffer("params", own, BufferUsages::UNIFORM));
+            rest = behind;
+        }
         let views: Option<Vec<_>> = binding
             .planes
             .iter()
@@ -228,13 +234,16 @@ impl Gpu {
             })
             .collect();
         let views = views.ok_or(GpuError::Form { what: "an image names a plane that does not exist" })?;
-        if views.len() + 1 != module.bindings().len() {
+        if views.len() + params.len() != module.bindings().len() {
             return Err(GpuError::Form { what: "an image has another number of planes than its shader" });
         }
-        let textures = views.iter().map(wgpu::BindingResource::TextureView);
-        let resources = std::iter::once(params.as_entire_binding()).chain(textures);
+        let (mut textures, mut buffers) = (views.iter(), params.iter());
+        let mut resource = |binding: &Binding| match binding {
+            Binding::Params { .. } => buffers.next().map(Buffer::as_entire_binding),
+            Binding::Uint | Binding::Float => textures.next().map(wgpu::BindingResource::TextureView),
+        };
         let entries: Vec<_> = (0..)
-            .zip(resources)
+            .zip(module.bindings().iter().filter_map(&mut resource))
             .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
             .collect();
         let bind_group = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -242,7 +251,17 @@ impl Gpu {
             layout: self.layouts.of(module),
             entries: &entries,
         });
+        let params =
+            params.into_iter().next().ok_or(GpuError::Form { what: "a shader without parameters" })?;
         Ok(Group { params, bind_group })
+    }
+}
+
+/// Bytes of a binding of parameters.
+fn params_bytes(binding: &Binding) -> Option<usize> {
+    match binding {
+        Binding::Params { bytes } => Some(*bytes as usize),
+        Binding::Uint | Binding::Float => None,
     }
 }
 
@@ -253,12 +272,9 @@ fn params_of<'f>(
     binding: &SurfaceBinding,
 ) -> Result<&'f [u8], GpuError> {
     let params = form.uniforms.get(binding.uniforms.clone());
-    let wanted = module.bindings().iter().find_map(|binding| match binding {
-        Binding::Params { bytes } => Some(*bytes as usize),
-        Binding::Uint | Binding::Float => None,
-    });
+    let wanted: usize = module.bindings().iter().filter_map(params_bytes).sum();
     params
-        .filter(|params| Some(params.len()) == wanted)
+        .filter(|params| params.len() == wanted)
         .ok_or(GpuError::Form { what: "an image has parameters of another length than its shader" })
 }
 
@@ -289,6 +305,7 @@ fn texture_format(format: PlaneFormat) -> TextureFormat {
     match format {
         PlaneFormat::Rg8Uint => TextureFormat::Rg8Uint,
         PlaneFormat::R32Uint => TextureFormat::R32Uint,
+        PlaneFormat::Rgba32Uint => TextureFormat::Rgba32Uint,
         PlaneFormat::R8Unorm => TextureFormat::R8Unorm,
         PlaneFormat::Rg8Unorm => TextureFormat::Rg8Unorm,
         PlaneFormat::Rgba8Unorm => TextureFormat::Rgba8Unorm,

@@ -4,7 +4,7 @@
 mod support;
 
 use glam::{Affine2, Mat4, Vec2, Vec3};
-use support::{Base, Forge, assert_close, bc, epitome, gpu, picture, progressive, vq};
+use support::{Base, Forge, assert_close, bc, epitome, gpu, picture, progressive, vq, zipmap};
 use texfold_bc::Content;
 use texfold_core::mesh::UvMesh;
 use texfold_gpu::{AddressMode, Filter, Gpu, GpuError, Lod, Lookup, Policy, Probe, View};
@@ -161,7 +161,9 @@ fn times_are_measured_for_all_three_shaders() {
         class_bits: 16,
         books: None,
     };
-    for subject in [vq(&[(64, 64)], 1, 3, Content::Raw), epitome(&Forge::default()), progressive(&base)] {
+    let zip = zipmap(3, Content::Raw, 3);
+    for subject in [vq(&[(64, 64)], 1, 3, Content::Raw), epitome(&Forge::default()), progressive(&base), zip]
+    {
         let texture = subject.upload(gpu);
         for lookup in [Lookup::Nearest { level: 0 }, Lookup::Bilinear { level: 0 }] {
             let view = View::whole(0, (64, 64), lookup);

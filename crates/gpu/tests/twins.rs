@@ -7,7 +7,7 @@ mod support;
 use std::sync::OnceLock;
 
 use glam::{Affine2, Vec2, Vec4};
-use support::{Base, Forge, Subject, assert_close, bc, epitome, gpu, picture, progressive, vq};
+use support::{Base, Forge, Subject, assert_close, bc, epitome, gpu, picture, progressive, vq, zipmap};
 use texfold_bc::{Content, Family};
 use texfold_core::image::{ColorSpace, ImageSet, Raster};
 use texfold_core::{AstcBlock, Effort, Goal, Job, TextureCodec};
@@ -175,7 +175,28 @@ fn epitome_cases() -> Vec<Case> {
             Forge { channels: 1, bits: bits(9, 8, 5, 5), ..forge() }.unsplit().with_mips(),
         ),
     ];
-    cases.into_iter().map(|(name, forge)| epitome_case(name, forge)).collect()
+    let forged = cases.into_iter().map(|(name, forge)| epitome_case(name, forge));
+    forged.chain([errors_epitome("odd_37x61", true), errors_epitome("odd_37x61", false)]).collect()
+}
+
+/// Epitomes with an error map, encoded: beside plain content, and alone.
+fn errors_epitome(image: &str, mips: bool) -> Case {
+    let (goal, family) = (Goal::Psnr(30.0), Family::ErrorMap);
+    let params = EpitomeParams { goal, family, mips, effort: Effort::Fast, ..EpitomeParams::default() };
+    let set = ImageSet::single(picture(image));
+    let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
+    assert!(texture.errors().is_some_and(|errors| !errors.classes(0).is_empty()), "{image}");
+    let gains = texture.tones().iter().flat_map(|tone| tone[..3].to_vec());
+    let gain = f32::from(gains.max().unwrap_or(0)).max(TEXFOLD_EPITOME_GAIN_ONE) / TEXFOLD_EPITOME_GAIN_ONE;
+    let stored = gain * (ROUNDED + TAPPED);
+    let bounds = Bounds { nearest: stored + PLACED, blended: stored + FILTERED };
+    let coarse = Bounds { nearest: ROUNDED, blended: ROUNDED + FILTERED };
+    Case {
+        name: format!("epitome of {image} with an error map"),
+        subject: Subject::Epitome(texture),
+        bounds,
+        coarse,
+    }
 }
 
 /// Bases and models that reach every branch: with and without an error map, sets, levels beyond those of the base.
@@ -218,6 +239,47 @@ fn progressive_cases() -> Vec<Case> {
     bases.into_iter().map(case).collect()
 }
 
+/// Roots of one and two planes, patches of every content, none, and more than a list of tiles holds in one texel.
+fn zipmap_cases() -> Vec<Case> {
+    use Content::{Bc1, Bc3, Bc7, Raw};
+    let kinds = [
+        (3, Raw, 5),
+        (3, Bc1, 3),
+        (3, Bc3, 5),
+        (4, Bc7, 4),
+        (1, Raw, 5),
+        (1, Bc7, 4),
+        (3, Bc7, 0),
+        (3, Raw, 23),
+    ];
+    let case = |(channels, content, patches)| {
+        let name = format!("zipmap {channels} channels {content:?}, {patches} patches");
+        // Where a patch's texel lies is computed by two divisions, and its level by a logarithm; the CPU keeps blocks of BC1 to
+        // BC5 in 8 bits.
+        let exact = matches!((content, channels), (Raw, _) | (Bc7, 3 | 4));
+        let placed = if exact { EXACT } else { ROUNDED } + Vec4::splat(1e-4);
+        let bounds = Bounds { nearest: placed, blended: placed };
+        Case { name, subject: zipmap(channels, content, patches), bounds, coarse: bounds }
+    };
+    kinds.into_iter().map(case).collect()
+}
+
+#[test]
+fn zipmaps_are_drawn_by_derivatives_as_on_the_cpu() {
+    let Some(gpu) = gpu() else { return };
+    for case in zipmap_cases() {
+        let texture = case.subject.upload(gpu).with_address_mode(AddressMode::Clamp);
+        for zoom in [0.05, 0.2, 1.0, 3.0] {
+            let uv = Affine2::from_scale(Vec2::splat(zoom)) * askew();
+            let uv = Affine2 { translation: Vec2::splat(0.5) - uv.matrix2 * Vec2::splat(0.5), ..uv };
+            let view = View { surface: 0, size: (41, 29), uv, lookup: Lookup::Derivative };
+            let found = gpu.sample(&texture, &view).unwrap();
+            let wanted = case.subject.view(&view, AddressMode::Clamp);
+            assert_close(&format!("{}, zoom {zoom}", case.name), &found, &wanted, case.blended());
+        }
+    }
+}
+
 /// Where in the base a texel lies is computed by a division, good to 2.5 units in the last place on a GPU: in a base below 256
 /// texels a side, a step of one texel changes a value by 1 at most, on each axis.
 const TAPPED: Vec4 = Vec4::splat(2.0 * 2.0 / 65536.0);
@@ -225,7 +287,8 @@ const TAPPED: Vec4 = Vec4::splat(2.0 * 2.0 / 65536.0);
 fn cases() -> &'static [Case] {
     static CASES: OnceLock<Vec<Case>> = OnceLock::new();
     CASES.get_or_init(|| {
-        bc_cases().into_iter().chain(vq_cases()).chain(epitome_cases()).chain(progressive_cases()).collect()
+        let first = bc_cases().into_iter().chain(vq_cases()).chain(epitome_cases());
+        first.chain(progressive_cases()).chain(zipmap_cases()).collect()
     })
 }
 

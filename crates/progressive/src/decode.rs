@@ -69,8 +69,10 @@ pub struct TexfoldProgressiveParams {
     pub gain_unit: f32,
     /// Binary logarithm of the words in a row of the map plane.
     pub entry_row_log2: u32,
+    /// Texels of the base a side of a block, where it is not blended across blocks; else 0.
+    pub base_cell: u32,
     /// Always 0.
-    pub reserved: [u32; 2],
+    pub reserved: u32,
 }
 
 /// One image: what the shader has bound.
@@ -214,6 +216,18 @@ pub fn texfold_progressive_error(view: &ProgressiveView<'_>, at: UVec2, level: u
     error(coarse, &fine, at.x % 2 + at.y % 2 * 2)
 }
 
+/// Texels of the base, of `size` texels, that the texel at `at` is blended from, kept within its block, which has `cell` texels
+/// of the base a side; as they are where `cell` is 0.
+#[must_use]
+#[inline]
+pub fn texfold_progressive_within(tap: TexfoldTap, at: UVec2, size: UVec2, cell: u32) -> TexfoldTap {
+    if cell == 0 {
+        return tap;
+    }
+    let first = (at / 8 * cell).min(size - UVec2::ONE);
+    TexfoldTap { low: tap.low.max(first), high: tap.high.min(first + (cell - 1)), weight: tap.weight }
+}
+
 /// Four texels of the base around the texel at `at` of level `level` of the image, blended.
 #[must_use]
 #[inline]
@@ -222,7 +236,9 @@ pub fn texfold_progressive_base(view: &ProgressiveView<'_>, at: UVec2, level: u3
     let stored = level.min(view.params.base_levels - 1);
     let base = texfold_level_size(UVec2::from(view.params.base_size), stored);
     let uv = (at.as_vec2() + 0.5) / size.as_vec2();
-    blend(&view.base[stored as usize], base.x, texfold_tap(uv, base, TEXFOLD_CLAMP))
+    let tap =
+        texfold_progressive_within(texfold_tap(uv, base, TEXFOLD_CLAMP), at, base, view.params.base_cell);
+    blend(&view.base[stored as usize], base.x, tap)
 }
 
 /// Word `index` of the map.
@@ -488,7 +504,6 @@ fn sign(bit: u32) -> f32 {
     1.0 - 2.0 * bit as f32
 }
 
-#[inline]
 fn blend(texels: &[Texel], width: u32, tap: TexfoldTap) -> Texel {
     let at = |x: u32, y: u32| texels[(y * width + x) as usize];
     let four = [

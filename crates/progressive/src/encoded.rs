@@ -17,12 +17,13 @@ use crate::codebook::Details;
 use crate::decode::{
     ProgressiveView, TEXFOLD_PROGRESSIVE_GROUP_WORDS, TexfoldProgressiveParams, add_block,
     texfold_progressive_block, texfold_progressive_detail, texfold_progressive_fetch,
+    texfold_progressive_within,
 };
 use crate::rates::Model;
 use crate::{Progressive, wire};
 
-/// Texels a side of a block.
-pub(crate) const BLOCK_SIDE: u32 = 8;
+/// Texels a side of a block of the error map.
+pub const BLOCK_SIDE: u32 = 8;
 /// Blocks of a group.
 pub(crate) const GROUP: usize = 16;
 /// Longest side of a plane that every WebGPU device can sample.
@@ -84,6 +85,8 @@ pub(crate) struct Parts {
     pub(crate) layout: ImageLayout,
     /// Halvings of the base's width and height.
     pub(crate) reduce_log2: u32,
+    /// Whether the base is blended within blocks of 8x8 texels alone, so that they may lie beside any others.
+    pub(crate) apart: bool,
     pub(crate) model: Model,
     /// For each image the planes of its base's levels.
     pub(crate) bases: Vec<Vec<ContentPlanes>>,
@@ -206,6 +209,41 @@ impl ProgressiveTexture {
         cut
     }
 
+    /// Bits in memory of all levels but the first: of the base, and of the error map.
+    #[must_use]
+    pub fn mip_bits(&self) -> (u64, u64) {
+        let bytes =
+            |level: &ContentPlanes| level.planes().iter().map(|(_, bytes)| bytes.len() as u64).sum::<u64>();
+        let base = self.parts.bases.iter().flat_map(|levels| levels.iter().skip(1)).map(bytes).sum::<u64>();
+        let header = u64::from(TEXFOLD_PROGRESSIVE_GROUP_WORDS) * 32 / GROUP as u64;
+        let mut map = 0;
+        for (size, held) in self.parts.layout.surfaces.iter().zip(&self.parts.maps) {
+            let (columns, rows) = blocks_of(*size);
+            let further = held.classes.iter().skip((columns * rows) as usize);
+            map += further
+                .map(|&class| u64::from(class) * u64::from(self.parts.model.class_bits) + header)
+                .sum::<u64>();
+        }
+        (8 * base, map)
+    }
+
+    /// Writes the sections of base and error map alone, as content of another codec's file.
+    pub fn store_content(&self, out: &mut SectionWriter) {
+        wire::store(&self.parts, out);
+    }
+
+    /// Reads what [`ProgressiveTexture::store_content`] has written of images of that layout, all of it.
+    ///
+    /// # Errors
+    /// [`LoadError`] where a section is missing or says what no writer says.
+    pub fn load_content(
+        layout: ImageLayout,
+        file: &Sections<'_>,
+        budget: &mut Budget,
+    ) -> Result<Self, LoadError> {
+        wire::load_whole(layout, file, budget)
+    }
+
     /// Replaces the notes.
     #[must_use]
     pub fn with_notes(mut self, notes: Notes) -> Self {
@@ -291,7 +329,8 @@ impl Parts {
             codebooks: details.map_or([0; 4], Details::sizes),
             gain_unit: details.map_or(0.0, Details::unit),
             entry_row_log2: rows_of(words).0,
-            reserved: [0; 2],
+            base_cell: if self.apart { BLOCK_SIDE >> self.reduce_log2 } else { 0 },
+            reserved: 0,
         }
     }
 }
@@ -404,7 +443,7 @@ impl ProgressiveTexture {
 }
 
 /// Name of the error map in the footprint.
-pub(crate) const ERROR_PART: &str = "error map";
+pub const ERROR_PART: &str = "error map";
 /// Name of the map in the footprint.
 pub(crate) const MAP_PART: &str = "map";
 /// Name of a codebook that is kept elsewhere.
@@ -412,7 +451,7 @@ pub(crate) const PUBLIC_PART: &str = "public codebook";
 /// Name of a texture's own codebook.
 pub(crate) const PRIVATE_PART: &str = "codebook";
 /// Name of the base in the footprint.
-pub(crate) const BASE_PART: &str = "base";
+pub const BASE_PART: &str = "base";
 
 fn word_plane<'a>(part: &'static str, words: &'a [u32], row_log2: u32) -> Plane<'a> {
     let width = words.len().min(1 << row_log2);
@@ -448,7 +487,8 @@ fn enlarge(view: &ProgressiveView<'_>, region: Rect, out: &mut [Texel]) {
     let texels = &view.base[stored as usize];
     let tap = |x: u32, y: u32| {
         let uv = (UVec2::new(x, y).as_vec2() + 0.5) / full.as_vec2();
-        texfold_tap(uv, size, TEXFOLD_CLAMP)
+        let tap = texfold_tap(uv, size, TEXFOLD_CLAMP);
+        texfold_progressive_within(tap, UVec2::new(x, y), size, view.params.base_cell)
     };
     let columns: Vec<_> = (region.x..region.x + region.width).map(|x| tap(x, region.y)).collect();
     for (y, line) in (region.y..).zip(out.chunks_exact_mut(region.width as usize)) {

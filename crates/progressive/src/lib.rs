@@ -25,7 +25,8 @@ mod rates;
 mod wire;
 
 pub use codebook::{CELL_SIDE, Codebook, Details, Entry, MapForm};
-pub use encoded::ProgressiveTexture;
+pub use encode::PlaneForm;
+pub use encoded::{BASE_PART, BLOCK_SIDE, ERROR_PART, ProgressiveTexture};
 pub use params::ProgressiveParams;
 pub use rates::{Model, Rates};
 

@@ -27,6 +27,8 @@ const PUBLIC_ID: [u8; 4] = *b"PRPB";
 const MAP_ID: [u8; 4] = *b"PRMP";
 const ERROR_ID: [u8; 4] = *b"PREM";
 
+/// Flag of a base that is blended within blocks alone, beside its halvings.
+const APART_FLAG: u8 = 16;
 /// Most bits of a block of class 1: two 16-bit halves.
 const MOST_CLASS_BITS: u32 = 32;
 /// Largest number of 4 bits.
@@ -35,7 +37,11 @@ const MAX_NIBBLE: u8 = 15;
 pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     let model = &parts.model;
     let content = parts.bases[0][0].content();
-    let mut form = vec![content.number(), parts.reduce_log2 as u8, (model.class_bits / 16) as u8];
+    let mut form = vec![
+        content.number(),
+        parts.reduce_log2 as u8 | if parts.apart { APART_FLAG } else { 0 },
+        (model.class_bits / 16) as u8,
+    ];
     form.extend(model.weights.iter().flat_map(|weight| weight.to_le_bytes()));
     form.extend(model.classes.iter().flat_map(|rates| rates.packed().to_le_bytes()));
     out.section("container", FORM_ID, &form);
@@ -103,6 +109,16 @@ pub(crate) fn load(
 ) -> Result<ProgressiveTexture, LoadError> {
     let notes = Notes::read(file, budget)?;
     let layout = read_layout(file, budget)?;
+    load_parts(layout, (notes, public), file, budget)
+}
+
+/// The texture of images of that layout, which the file says elsewhere.
+fn load_parts(
+    layout: ImageLayout,
+    (notes, public): (Notes, Option<&Codebook>),
+    file: &Sections<'_>,
+    budget: &mut Budget,
+) -> Result<ProgressiveTexture, LoadError> {
     let form = file.read(FORM_ID, budget)?;
     let mut reader = Reader::new(String4(FORM_ID), &form);
     let content = Content::read(&mut reader)?;
@@ -110,18 +126,34 @@ pub(crate) fn load(
     if !content.fits(layout.pixel) || content.formats(layout.pixel).1.0 == TEXFOLD_NORMAL {
         return Err(reader.corrupt("content that cannot hold the channels"));
     }
-    let reduce_log2 = u32::from(reader.u8()?);
+    let halvings = reader.u8()?;
+    let apart = halvings & APART_FLAG != 0;
+    let reduce_log2 = u32::from(halvings & !APART_FLAG);
     if !(1..=MAX_REDUCE_LOG2).contains(&reduce_log2) {
         return Err(reader.corrupt("halvings outside 1..=3"));
     }
     let model = read_model(&mut reader)?;
     let bases = read_bases(&layout, content, reduce_log2, file, budget)?;
     let details = read_details(&layout, public, file, budget)?;
-    let mut parts = Parts { layout, reduce_log2, model, bases, details, maps: Vec::new() };
+    let mut parts = Parts { layout, reduce_log2, apart, model, bases, details, maps: Vec::new() };
     if let Some(maps) = read_maps(&parts, file, budget)? {
         parts.maps = maps;
     }
     ProgressiveTexture::new(parts, notes).ok_or(too_large())
+}
+
+/// As [`load_parts`], with the error map, where the form names one.
+pub(crate) fn load_whole(
+    layout: ImageLayout,
+    file: &Sections<'_>,
+    budget: &mut Budget,
+) -> Result<ProgressiveTexture, LoadError> {
+    let texture = load_parts(layout, (Notes::default(), None), file, budget)?;
+    if texture.parts.maps.is_empty() && texture.parts.layers() > 1 {
+        // What is missing is named by who looks for it.
+        file.read(ERROR_ID, budget)?;
+    }
+    Ok(texture)
 }
 
 /// A map that fits no plane.

@@ -2,6 +2,7 @@
 
 pub mod capture;
 pub mod fixtures;
+pub mod leaves;
 mod load;
 
 pub use load::{data_dir, fixtures_dir, frames, picture, png};

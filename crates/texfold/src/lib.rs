@@ -17,3 +17,7 @@ pub use texfold_lightfield::{
 };
 pub use texfold_progressive::{Progressive, ProgressiveParams, ProgressiveTexture, Shared};
 pub use texfold_vq::{GuidanceWeights, Vq, VqParams, VqSource};
+pub use texfold_zipmap::{
+    Fidelity, LeftOut, PatchSource, PatchStack, Registration, ZipError, ZipParams, ZipTexture, Zipmap,
+    fidelity, register,
+};

@@ -9,6 +9,7 @@ use texfold_epitome::{Epitome, EpitomeTexture};
 use texfold_lightfield::{LightTexture, Lightfield};
 use texfold_progressive::{Progressive, ProgressiveTexture};
 use texfold_vq::{Vq, VqSource, VqTexture};
+use texfold_zipmap::{ZipTexture, Zipmap};
 
 /// An encoded image texture of any codec, for callers that need its own type.
 #[derive(Debug)]
@@ -21,6 +22,8 @@ pub enum AnyImage {
     Epitome(EpitomeTexture),
     /// Base and error map.
     Progressive(ProgressiveTexture),
+    /// A root and patches of higher resolution.
+    Zipmap(ZipTexture),
 }
 
 impl AnyImage {
@@ -32,6 +35,7 @@ impl AnyImage {
             AnyImage::Vq(texture) => texture,
             AnyImage::Epitome(texture) => texture,
             AnyImage::Progressive(texture) => texture,
+            AnyImage::Zipmap(texture) => texture,
         }
     }
 
@@ -43,6 +47,7 @@ impl AnyImage {
             AnyImage::Vq(texture) => Box::new(texture),
             AnyImage::Epitome(texture) => Box::new(texture),
             AnyImage::Progressive(texture) => Box::new(texture),
+            AnyImage::Zipmap(texture) => Box::new(texture),
         }
     }
 
@@ -96,6 +101,7 @@ fn load_image(sections: &Sections<'_>, budget: &mut Budget) -> Result<AnyImage, 
         number if number == Progressive::ID.number => {
             Progressive::load(sections, budget).map(AnyImage::Progressive)
         }
+        number if number == Zipmap::ID.number => Zipmap::load(sections, budget).map(AnyImage::Zipmap),
         found => Err(LoadError::NotThisCodec { found }),
     }
 }
@@ -110,5 +116,6 @@ pub fn add_image(texture: &mut AnyImage, source: VqSource<'_>, job: &mut Job<'_>
         AnyImage::Bc(_) => Err(SourceError::Full { what: "a texture of codec bc" }.into()),
         AnyImage::Epitome(_) => Err(SourceError::Full { what: "a texture of codec epitome" }.into()),
         AnyImage::Progressive(_) => Err(SourceError::Full { what: "a texture of codec progressive" }.into()),
+        AnyImage::Zipmap(_) => Err(SourceError::Full { what: "a texture of codec zipmap" }.into()),
     }
 }

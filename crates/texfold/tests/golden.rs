@@ -57,6 +57,15 @@ fn an_epitome_of_two_formats_decodes_as_ever() {
     assert_level_decodes("epitome", 2, &["epitome-level2.png".to_owned()]);
 }
 
+/// Content with an error map, and mip levels. While the form of the file is not released, it is written anew by
+/// `texfold compress fixtures/images/salient.png --codec epitome --content error-map --effort fast --psnr 28 --mips --out .`
+/// and its pictures by `texfold decompress salient.txf --out .` without and with `--lod 2`.
+#[test]
+fn an_epitome_with_an_error_map_decodes_as_ever() {
+    assert_decodes("epitome_errors", &["epitome_errors.png".to_owned()]);
+    assert_level_decodes("epitome_errors", 2, &["epitome_errors-level2.png".to_owned()]);
+}
+
 /// Three layers with mip levels, and what a prefix with one of them shows. While the form of the file is not released, it is
 /// written anew by
 /// `texfold compress fixtures/images/odd_37x61.png --codec epitome --effort fast --psnr 28 --mips --layers 3 --out .`
@@ -105,4 +114,24 @@ fn a_base_and_an_error_map_decode_as_ever() {
     assert_eq!(prefix.as_encoded().layers(), Layers { loaded: 1, total: 2 });
     let wanted = texfold_testkit::png(&golden("progressive-base.png"));
     assert!(decode_surface(prefix.as_encoded(), 0, 0).unwrap().to_bytes() == wanted.to_bytes());
+}
+
+/// A root in two planes with two patches in one, by hand. While the form of the file is not released, it is written anew by
+/// `texfold compress STACK --content raw --out .` of a folder with the fixtures `odd_37x61.png` and `cutout.png` and this
+/// `zipmap.toml`, and its pictures by `texfold decompress zipmap.txf --out .` with `--lod 2` and `--lod 5`:
+///
+/// ```toml
+/// root = "odd_37x61.png"
+/// [[patch]]
+/// image = "cutout.png"
+/// matrix = [1.8, 0.3, -0.55, -0.3, 1.8, -0.25, 0.1, 0.0, 1.0]
+/// [[patch]]
+/// image = "odd_37x61.png"
+/// matrix = [3.0, 0.0, -1.0, 0.0, 3.0, -1.0, 0.0, 0.0, 1.0]
+/// parent = "cutout.png"
+/// ```
+#[test]
+fn a_zipmap_decodes_as_ever() {
+    assert_level_decodes("zipmap", 2, &["zipmap-level2.png".to_owned()]);
+    assert_level_decodes("zipmap", 5, &["zipmap-level5.png".to_owned()]);
 }

@@ -314,6 +314,58 @@ fn a_forged_model_is_refused_or_harmless() {
 }
 
 #[test]
+fn a_forged_zipmap_is_refused_or_harmless() {
+    let (_, _, texture) = small_textures().into_iter().find(|(name, ..)| name == "zipmap raw").unwrap();
+    let bytes = texture.to_bytes();
+    let open = |forged: &[u8]| open_image(forged, &mut Budget::new(LIMITS));
+    let form = |at: usize, value: u8| rewritten(&bytes, *b"ZMFM", |raw| raw[at] = value).unwrap();
+    // Contents that there are not or that have no soft alpha, another depth, sides and levels that a patch cannot have.
+    for (at, value) in
+        [(0, 12), (0, 5), (1, 1), (1, 3), (2, 0), (2, 9), (2, 255), (4, 255), (6, 255), (9, 0), (9, 13)]
+    {
+        assert!(open(&form(at, value)).is_err(), "byte {at} is {value}");
+    }
+    // Any matrix is drawn somehow: flat, mirrored, with its horizon inside, or far away. One that is no number is refused.
+    let matrices: [[f32; 9]; 6] = [
+        [0.0; 9],
+        [1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+        [-1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, -2.0, 0.0, 1.0],
+        [f32::MAX, f32::MIN, f32::MAX, 1e-30, f32::MAX, 0.0, f32::MIN, f32::MAX, f32::MAX],
+        [1e30, 0.0, -1e30, 0.0, 1e30, 0.0, 0.0, 0.0, 1e-30],
+    ];
+    let with_matrix = |matrix: [f32; 9]| {
+        let numbers: Vec<u8> = matrix.into_iter().flat_map(f32::to_le_bytes).collect();
+        rewritten(&bytes, *b"ZMFM", |raw| raw[10..46].copy_from_slice(&numbers)).unwrap()
+    };
+    for matrix in matrices {
+        exercise(open(&with_matrix(matrix)).unwrap().as_encoded());
+    }
+    for wrong in [f32::NAN, f32::INFINITY] {
+        assert!(matches!(open(&with_matrix([wrong; 9])), Err(LoadError::Corrupt { .. })));
+    }
+    // Planes that are too short or too long.
+    for change in [|raw: &mut Vec<u8>| raw.push(0), |raw: &mut Vec<u8>| _ = raw.pop()] {
+        for id in [*b"ZMFM", *b"ZMRT", *b"ZMPA"] {
+            assert!(open(&rewritten(&bytes, id, change).unwrap()).is_err(), "{id:?}");
+        }
+    }
+    // As many patches as there may be, each over all of the root, cost no more than tiles of bounded lists.
+    let many = rewritten(&bytes, *b"ZMFM", |raw| {
+        raw.truncate(3);
+        raw.extend(2048u16.to_le_bytes());
+        for _ in 0..2048 {
+            raw.extend([1, 0, 1, 0, 1]);
+            raw.extend([1f32, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0].map(f32::to_le_bytes).concat());
+        }
+    });
+    let many = rewritten(&many.unwrap(), *b"ZMPA", |raw| *raw = vec![128; 4 * 2048]).unwrap();
+    let texture = open_image(&many, &mut Budget::new(LIMITS)).unwrap();
+    let texel = texture.as_encoded().sample(ImageAddress { surface: 0, level: 0, x: 5, y: 5 });
+    assert!(texel.is_finite());
+}
+
+#[test]
 fn a_file_larger_than_the_limits_is_refused() {
     let (_, _, texture) = small_textures().remove(0);
     let bytes = texture.to_bytes();

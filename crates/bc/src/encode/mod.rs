@@ -154,7 +154,7 @@ fn settings(params: &BcParams) -> String {
     let content = match (params.content, params.family) {
         (Some(content), _) => format!(" --content {}", content.name()),
         (None, Family::Astc) => " --content astc".to_owned(),
-        (None, Family::Bc) => String::new(),
+        (None, Family::Bc | Family::ErrorMap) => String::new(),
     };
     let mips = if params.mips { " --mips" } else { "" };
     format!("--codec bc {goal}{content}{mips}")

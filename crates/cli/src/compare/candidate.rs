@@ -73,6 +73,7 @@ impl Candidate {
             | Candidate::EpitomeBpp(bpp, Family::Bc)
             | Candidate::ProgressiveBpp(bpp) => format!("{bpp} bpp"),
             Candidate::EpitomeBpp(bpp, Family::Astc) => format!("{bpp} bpp astc"),
+            Candidate::EpitomeBpp(bpp, Family::ErrorMap) => format!("{bpp} bpp error map"),
             Candidate::Astc { block } => format!("{0}x{0}", block.side()),
         }
     }

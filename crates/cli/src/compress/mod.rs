@@ -9,6 +9,7 @@ mod light;
 mod memory;
 mod schedule;
 mod task;
+mod zoom;
 
 use std::collections::HashMap;
 use std::ffi::OsString;
@@ -30,11 +31,12 @@ use cache::Cache;
 pub(crate) use cache::add_file;
 use light::LightTask;
 use task::{Finished, Task, Workplace};
+use zoom::ZoomTask;
 
 /// Arguments of `compress`.
 #[derive(Debug, clap::Args)]
 pub struct CompressArgs {
-    /// Files, folders or globs: PNG, JPEG, TIFF, BMP, TGA, and BC1 in DDS or KTX2.
+    /// Files, folders or globs: PNG, JPEG, TIFF, BMP, TGA, PNM, and BC1 in DDS or KTX2.
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
     /// Folder that the .txf files are written to.
@@ -61,6 +63,7 @@ enum Work {
     Light(Box<LightTask>),
     /// An image for the bank that the output folder is.
     Bank(Box<Found>, Box<BankTask>),
+    Zoom(Box<ZoomTask>),
 }
 
 impl Work {
@@ -69,6 +72,7 @@ impl Work {
             Work::Images(task) => &task.found,
             Work::Light(task) => &task.found,
             Work::Bank(found, _) => found,
+            Work::Zoom(task) => &task.found,
         }
     }
 
@@ -85,6 +89,7 @@ impl Work {
             Work::Light(task) => task.cost_bytes(),
             // Images are added one at a time, tile by tile.
             Work::Bank(..) => 0,
+            Work::Zoom(task) => task.cost_bytes(),
         }
     }
 
@@ -93,6 +98,7 @@ impl Work {
             Work::Images(task) => task.run(place),
             Work::Light(task) => task.run(place),
             Work::Bank(_, task) => place.add(task),
+            Work::Zoom(task) => task.run(place),
         }
     }
 }
@@ -183,6 +189,9 @@ fn plan_one(
         let name = found.stem.to_string_lossy().into_owned();
         let task = BankTask { path: found.path.clone(), name, settings };
         Work::Bank(Box::new(found), Box::new(task))
+    } else if found.kind == Kind::Zoom {
+        let settings = options.resolve_zoom(&found.path)?;
+        Work::Zoom(Box::new(ZoomTask { found, settings, output }))
     } else {
         let settings = options.resolve(&found.path)?;
         Work::Images(Box::new(Task { found, settings, output }))

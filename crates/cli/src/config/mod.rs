@@ -9,7 +9,7 @@ mod options;
 mod values;
 
 pub(crate) use file::Config;
-pub(crate) use options::{LightSettings, Settings};
+pub(crate) use options::{LightSettings, Settings, ZoomSettings};
 pub use options::{Options, RunOptions};
 pub use values::{AlphaChoice, CodecName, ColorName, ContentName, EffortName, Samples, Sides};
 

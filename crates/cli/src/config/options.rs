@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use texfold::{EncodeSettings, LightParams, Model};
+use texfold::{EncodeSettings, LightParams, Model, ZipParams};
 use texfold_core::image::{Alpha, ColorSpace};
 use texfold_core::{Goal, Params};
 
@@ -150,6 +150,14 @@ pub(crate) struct LightSettings {
     pub(crate) triangles: Option<u32>,
 }
 
+/// How one zoom stack is to be encoded.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct ZoomSettings {
+    pub(crate) params: ZipParams,
+    pub(crate) color: ColorSpace,
+    pub(crate) alpha: Option<Alpha>,
+}
+
 impl Options {
     /// Values of `other` where these have none; the goals count as one value.
     pub(crate) fn or(&self, other: &Options) -> Options {
@@ -232,6 +240,9 @@ impl Options {
                 () if self.layers.is_some() && codec != CodecName::Epitome => {
                     return misplaced("layers", "epitome");
                 }
+                () if self.content == Some(ContentName::ErrorMap) && codec != CodecName::Epitome => {
+                    return misplaced("content error-map", "epitome");
+                }
                 () if self.triangles.is_some() => return misplaced("triangles", "lightfield"),
                 () if self.terms.is_some() => return misplaced("terms", "lightfield"),
                 () => {}
@@ -258,7 +269,7 @@ impl Options {
             return Err(CliError::NotCapture { path: path() });
         }
         let Some(choice) = codec.choice() else {
-            return Err(CliError::NotYet { path: path(), what: codec.name() });
+            return Err(CliError::NotStack { path: path() });
         };
         let (content, family) =
             (self.content.and_then(ContentName::content), self.content.map(ContentName::family));
@@ -309,6 +320,27 @@ impl Options {
         };
         params.check().map_err(fault)?;
         Ok(LightSettings { params, mesh: self.mesh.clone(), triangles: self.triangles })
+    }
+
+    /// The settings for the zoom stack at `path`.
+    pub(crate) fn resolve_zoom(&self, path: &Path) -> Result<ZoomSettings, CliError> {
+        let codec = self.codec.unwrap_or_default();
+        if !matches!(codec, CodecName::Auto | CodecName::Zipmap) {
+            return Err(CliError::StackOnly { path: path.to_owned(), codec: codec.name() });
+        }
+        let params = ZipParams {
+            goal: self.goal(),
+            content: self.content.and_then(ContentName::content),
+            effort: self.effort.unwrap_or_default().effort(),
+            ..ZipParams::default()
+        };
+        let fault = |source: texfold_core::ParamError| CliError::Encode {
+            path: path.to_owned(),
+            source: source.into(),
+        };
+        params.check().map_err(fault)?;
+        let color = self.color.unwrap_or_default().color();
+        Ok(ZoomSettings { params, color, alpha: self.alpha.map(|AlphaChoice(alpha)| alpha) })
     }
 
     fn goal(&self) -> Goal {

@@ -27,7 +27,7 @@ pub enum CodecName {
     Progressive,
     /// Surface light-field maps, for captures.
     Lightfield,
-    /// Not in this version.
+    /// A root and patches of higher resolution, for folders of photographs.
     Zipmap,
 }
 
@@ -78,6 +78,9 @@ pub enum ContentName {
     Bc7,
     /// The ASTC formats that suit the goal; ASTC needs a build with the feature `astc`.
     Astc,
+    /// A small base with an error map, in epitomes.
+    #[serde(rename = "error-map")]
+    ErrorMap,
     /// 8 bits a texel.
     Astc4,
     /// 5.12 bits a texel.
@@ -101,7 +104,7 @@ impl ContentName {
             ContentName::Bc4 => Some(Content::Bc4),
             ContentName::Bc5 => Some(Content::Bc5),
             ContentName::Bc7 => Some(Content::Bc7),
-            ContentName::Astc => None,
+            ContentName::Astc | ContentName::ErrorMap => None,
             ContentName::Astc4 => Some(Content::Astc(AstcBlock::B4)),
             ContentName::Astc5 => Some(Content::Astc(AstcBlock::B5)),
             ContentName::Astc6 => Some(Content::Astc(AstcBlock::B6)),
@@ -112,7 +115,11 @@ impl ContentName {
     }
 
     pub(crate) fn family(self) -> Family {
-        if self == ContentName::Astc { Family::Astc } else { Family::Bc }
+        match self {
+            ContentName::Astc => Family::Astc,
+            ContentName::ErrorMap => Family::ErrorMap,
+            _ => Family::Bc,
+        }
     }
 }
 

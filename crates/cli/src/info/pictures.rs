@@ -65,7 +65,7 @@ fn parts(image: &AnyImage) -> Vec<(&'static str, Vec<Raster>)> {
                 ("usage", parts.usage),
             ]
         }),
-        AnyImage::Progressive(_) | AnyImage::Bc(_) => Vec::new(),
+        AnyImage::Progressive(_) | AnyImage::Bc(_) | AnyImage::Zipmap(_) => Vec::new(),
     }
 }
 

@@ -5,11 +5,12 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::{Kind, capture};
+use super::{Kind, capture, stack};
 use crate::error::CliError;
 
 /// Extensions of images, lower case: which files of a folder are taken.
-const EXTENSIONS: [&str; 9] = ["png", "jpg", "jpeg", "tif", "tiff", "bmp", "tga", "dds", "ktx2"];
+const EXTENSIONS: [&str; 12] =
+    ["png", "jpg", "jpeg", "tif", "tiff", "bmp", "tga", "pgm", "ppm", "pnm", "dds", "ktx2"];
 
 /// One input: one output file.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -98,41 +99,33 @@ fn take(path: PathBuf, kind_of: &impl Fn(&Path) -> Option<Kind>, found: &mut Vec
 }
 
 fn file(path: PathBuf, kind: Kind) -> Result<Found, Unusable> {
-    match check_kind(&path, kind) {
-        Ok(()) if kind == Kind::Lightfield => {
-            let error = Box::new(CliError::NotCapture { path: path.clone() });
-            Err(Unusable { path, error })
-        }
-        Ok(()) => {
+    let fault = match kind {
+        Kind::Lightfield => CliError::NotCapture { path: path.clone() },
+        Kind::Zoom => CliError::NotStack { path: path.clone() },
+        Kind::Image | Kind::Set | Kind::Sequence => {
             let stem = path.file_stem().unwrap_or_default().to_owned();
-            Ok(Found { files: vec![path.clone()], path, kind, stem })
+            return Ok(Found { files: vec![path.clone()], path, kind, stem });
         }
-        Err(error) => Err(Unusable { path, error: Box::new(error) }),
-    }
+    };
+    Err(Unusable { path, error: Box::new(fault) })
 }
 
 /// Light fields and zoom stacks are told by the file that describes them.
 fn kind_of_folder(path: &Path) -> Kind {
     match () {
         () if path.join(capture::CAMERAS_NAME).exists() => Kind::Lightfield,
-        () if path.join("zipmap.toml").exists() => Kind::Zoom,
+        () if path.join(stack::LIST_NAME).exists() => Kind::Zoom,
         () => Kind::Set,
     }
 }
 
-fn check_kind(path: &Path, kind: Kind) -> Result<(), CliError> {
-    let what = match kind {
-        Kind::Zoom => "a zoom stack",
-        Kind::Image | Kind::Set | Kind::Sequence | Kind::Lightfield => return Ok(()),
-    };
-    Err(CliError::NotYet { path: path.to_owned(), what })
-}
-
 /// The images of a folder, sorted by name.
 fn folder(path: &Path, kind: Kind) -> Result<Vec<PathBuf>, CliError> {
-    check_kind(path, kind)?;
     if kind == Kind::Lightfield {
         return capture::image_files(path);
+    }
+    if kind == Kind::Zoom && path.join(stack::LIST_NAME).exists() {
+        return stack::image_files(path);
     }
     let entries = fs::read_dir(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
     let mut files: Vec<PathBuf> =

@@ -7,6 +7,7 @@ pub(crate) mod find;
 pub(crate) mod mesh;
 pub(crate) mod pixels;
 pub(crate) mod shape;
+pub(crate) mod stack;
 
 use std::fs::File;
 use std::io::Read;
@@ -33,7 +34,7 @@ pub enum Kind {
     Sequence,
     /// A mesh with photographs of it.
     Lightfield,
-    /// Pictures of rising detail. Not in this version.
+    /// Photographs of one surface at several scales, in one file.
     Zoom,
 }
 

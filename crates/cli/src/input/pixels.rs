@@ -1,4 +1,4 @@
-//! PNG, JPEG, TIFF, BMP and TGA, by the `image` crate within limits.
+//! PNG, JPEG, TIFF, BMP, TGA and PNM, by the `image` crate within limits.
 
 use std::io::BufReader;
 use std::path::Path;

@@ -8,3 +8,4 @@ mod inputs;
 mod lightfield;
 mod results;
 mod support;
+mod zoom;

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::image::{ImageSet, MipFilter, Raster, mip_chain};
 use texfold_core::{Effort, EncodeError, Notes, SourceError};
+use texfold_progressive::ProgressiveTexture;
 
 use super::candidate::{Candidate, FRACTION_BITS};
 use super::choose::{Choice, Options};
@@ -11,7 +12,7 @@ use super::leaf::Grid;
 use super::options::Palettes;
 use super::pack::{Packing, pack};
 use super::pyramid::{Space, Stored};
-use super::refit::{CellCache, refit};
+use super::refit::{self, CellCache, refit};
 use crate::encoded::{Entry, EpitomeTexture, MapFormat, PLANE_MIPS, Parts, coarse_content, coarse_levels};
 use crate::layers::{LayerMap, Layering};
 
@@ -31,7 +32,12 @@ pub(crate) struct Plan<'a> {
 }
 
 /// The shipped form of choices, one a layer, coarse to fine.
-pub(crate) fn assemble(plan: &Plan<'_>, choices: &[Choice]) -> Result<EpitomeTexture, EncodeError> {
+/// Where content has an error map it is coded as finely as bits are worth `lambda`.
+pub(crate) fn assemble(
+    plan: &Plan<'_>,
+    choices: &[Choice],
+    lambda: f32,
+) -> Result<EpitomeTexture, EncodeError> {
     let step = if plan.mips { 1 << PLANE_MIPS } else { 1 };
     let packing = pack(plan.space, plan.options, choices, step);
     let too_large = |(side, stored): (&(u32, u32), &Stored)| {
@@ -53,11 +59,16 @@ pub(crate) fn assemble(plan: &Plan<'_>, choices: &[Choice]) -> Result<EpitomeTex
     let fraction_bits = whole_texels(&mut maps);
     let levels = if plan.mips { plan.images.full_levels() } else { 1 };
     let format = map_format(plan.grid, &maps, &palettes, (fraction_bits, used.len() > 1));
-    let epitomes: Vec<Vec<ContentPlanes>> = used
-        .par_iter()
-        .map(|&format| epitome(plan, &packing, choices, (format, levels > 1)))
-        .collect::<Option<_>>()
-        .ok_or(EncodeError::Source(SourceError::Full { what: "an epitome" }))?;
+    let full = || EncodeError::Source(SourceError::Full { what: "an epitome" });
+    let mut errors = None;
+    let is_plain = |format: &&usize| plan.space.stored[**format].form.is_none();
+    let plain: Vec<usize> = used.iter().filter(is_plain).copied().collect();
+    let made = plain.par_iter().map(|&format| epitome(plan, &packing, choices, (format, levels > 1)));
+    let epitomes = made.collect::<Option<Vec<_>>>().ok_or_else(full)?;
+    if let Some(&format) = used.iter().find(|format| !is_plain(format)) {
+        let coded = with_errors(plan, &packing, choices, (format, levels > 1, lambda));
+        errors = Some(Box::new(coded.ok_or_else(full)?));
+    }
     let finest = maps.pop().unwrap_or_default();
     let parts = Parts {
         layout: plan.images.layout(levels),
@@ -67,6 +78,7 @@ pub(crate) fn assemble(plan: &Plan<'_>, choices: &[Choice]) -> Result<EpitomeTex
         linears: palettes.linears.iter().map(|&number| plan.palettes.linear(number)).collect(),
         tones: palettes.tones.iter().map(|&number| plan.palettes.tone(number)).collect(),
         epitomes,
+        errors,
         coarse: coarse(plan, levels, plan.space.stored[used[0]].content),
         layering: (!maps.is_empty()).then(|| {
             Box::new(Layering {
@@ -236,6 +248,24 @@ fn epitome(
         levels.push(encode_level(plan, stored.content, level));
     }
     Some(levels)
+}
+
+/// The epitome with an error map, and its mip levels.
+fn with_errors(
+    plan: &Plan<'_>,
+    packing: &Packing,
+    choices: &[Choice],
+    (format, mips, lambda): (usize, bool, f32),
+) -> Option<ProgressiveTexture> {
+    let stored = &plan.space.stored[format];
+    let (columns, rows) = packing.sizes[format];
+    let (width, height) = (columns * stored.cell, rows * stored.cell);
+    let (mut texels, weights) = refit::fitted(plan, packing, choices, (format, width, height));
+    texels.iter_mut().for_each(|texel| *texel /= 255.0);
+    let image = Raster::from_texels(width, height, plan.space.pixel, &texels).ok()?;
+    let levels = if mips { 1 + PLANE_MIPS } else { 1 };
+    let chain = if mips { mip_chain(&image, levels, MipFilter::Box) } else { vec![image] };
+    stored.form.as_ref()?.encode(&chain, lambda, &weights, plan.effort)
 }
 
 fn encode_level(plan: &Plan<'_>, content: Content, level: &Raster) -> ContentPlanes {

@@ -322,7 +322,8 @@ pub(crate) fn direct(
                 scale: scale as u8,
                 format: format as u8,
             };
-            found.push((own.len() as f32 * stored.cell_bits as f32, candidate, own));
+            let bits = own.iter().map(|&cell| space.bits_of(format, cell)).sum();
+            found.push((bits, candidate, own));
         }
     }
     found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.error.total_cmp(&b.1.error)));

@@ -36,6 +36,8 @@ pub(crate) struct Costs<'a> {
     pub(crate) entry_bits: f32,
     /// Bits of a cell, by format.
     pub(crate) cell_bits: &'a [f32],
+    /// Where cells differ in bits: those of each, in bits of a cell of its format.
+    pub(crate) shares: &'a [f32],
     /// Number of cells, by format.
     pub(crate) cells: &'a [u32],
     /// The other layers of a progressive file, if any.
@@ -67,10 +69,17 @@ impl Costs<'_> {
     /// What a cell costs, in cells.
     #[inline]
     fn cell_price(&self, cell: u32) -> f32 {
+        let share = self.share(cell);
         match self.others {
-            Some(others) if !others.cells[cell as usize] => others.dear,
-            _ => 1.0,
+            Some(others) if !others.cells[cell as usize] => others.dear * share,
+            _ => share,
         }
+    }
+
+    /// Bits of a cell, in those of a cell of its format.
+    #[inline]
+    fn share(&self, cell: u32) -> f32 {
+        self.shares.get(cell as usize).copied().unwrap_or(1.0)
     }
 }
 
@@ -85,6 +94,13 @@ pub(crate) struct Choice {
     pub(crate) error: f64,
     /// Bits of cells, entries and block words.
     pub(crate) bits: f64,
+}
+
+impl Choice {
+    /// PSNR in dB over so many texels.
+    pub(crate) fn psnr(&self, texels: f64) -> f64 {
+        10.0 * (255.0 * 255.0 * 3.0 * texels / self.error.max(1e-9)).log10()
+    }
 }
 
 struct State<'a> {
@@ -135,7 +151,7 @@ pub(crate) fn most_errors(grid: &Grid, direct: &Options, costs: Costs<'_>) -> Ve
     let entry = costs.lambda * costs.entry_bits;
     let own = |node: usize| {
         let cost = |candidate: &Candidate| {
-            let cells = direct.cells_of(candidate).len() as f32;
+            let cells: f32 = direct.cells_of(candidate).iter().map(|&cell| costs.share(cell)).sum();
             candidate.error + entry + costs.lambda * costs.cell_bits[usize::from(candidate.format)] * cells
         };
         let least = direct.candidates[node].iter().map(cost).fold(f32::INFINITY, f32::min);
@@ -267,10 +283,11 @@ impl<'a> State<'a> {
                 error += f64::from(candidate.error);
             }
         }
-        let mut users = self.users.iter();
+        let mut users = (0u32..).zip(&self.users);
         for (&cells, &bits_each) in self.costs.cells.iter().zip(self.costs.cell_bits) {
-            let used = users.by_ref().take(cells as usize).filter(|users| **users > 0).count();
-            bits += used as f64 * f64::from(bits_each);
+            let used = users.by_ref().take(cells as usize).filter(|(_, users)| **users > 0);
+            let used: f64 = used.map(|(cell, _)| f64::from(self.costs.share(cell))).sum();
+            bits += used * f64::from(bits_each);
         }
         if self.grid.split {
             bits += 32.0 * self.grid.blocks() as f64;

@@ -19,7 +19,7 @@ use texfold_core::{EncodeError, Encoded, Job};
 
 use super::assemble::{Plan, assemble};
 use super::choose::{Choice, Costs, Options, Others, choose};
-use super::{EpitomeSearch, KNOBS};
+use super::{EpitomeSearch, KNOBS, lambda};
 use crate::EpitomeTexture;
 use crate::layers::layer_names;
 
@@ -86,7 +86,8 @@ impl EpitomeSearch {
         let (mut extra, mut tries) = (MOST_EXTRA, 1);
         loop {
             job.checkpoint()?;
-            let made = job.install(|| assemble(plan, &self.layers(plan, &choice, knob, extra)))?;
+            let made =
+                job.install(|| assemble(plan, &self.layers(plan, &choice, knob, extra), lambda(knob)))?;
             let share = stored_bytes(&made) as f64 / bytes_alone - 1.0;
             if share <= MOST_EXTRA || tries == EXTRA_TRIES {
                 let measured = measure(&self.images, &made);

@@ -32,7 +32,7 @@ use choose::{Choice, Costs, Options, choose, improve, most_errors};
 use growth::grow;
 use leaf::Grid;
 use options::{Fitted, Palettes, all_options, direct_options, fit};
-use pyramid::{LEAST_SIDE, SCALES, SCALES_ALONE, Space};
+use pyramid::{LEAST_SIDE, SCALES, SCALES_ALONE, Space, Storage};
 use refit::CellCache;
 use search::{Allowed, Reach, search};
 
@@ -63,8 +63,19 @@ const NODES_A_NUMBER_WITHIN: usize = 2;
 const ASTC: [AstcBlock; 2] = [AstcBlock::B8, AstcBlock::B6];
 /// Steps beyond the setting that reaches a goal at which smaller results are looked for.
 const FINER: [u32; 4] = [6, 16, 40, 90];
+/// The same where content has an error map: it is coded anew at each setting.
+const FINER_WITH_ERRORS: [u32; 1] = [12];
+/// Price of a bit that content with an error map is first made for, in mean squared errors of a texel.
+const FIRST_PRICE: f64 = 0.9;
+/// Largest step of that price at a time, as a factor.
+const MOST_RETUNED: f64 = 4.0;
+/// A change of that price that is not worth storing content anew, as a factor.
+const LEAST_RETUNED: f32 = 1.05;
 /// Settings of lambda: 32 an octave.
 const KNOBS: std::ops::RangeInclusive<u32> = 1..=544;
+
+/// Price that content with an error map is first made for where a size is asked for.
+const FIRST_GUESS: f32 = 40.0;
 
 /// Times that a file of several layers is made for a goal of bits, and the share of what it is over that is taken off.
 const BPP_TRIES: u32 = 4;
@@ -86,6 +97,12 @@ fn lambda(knob: u32) -> f32 {
     (14.0 - knob as f32 / 32.0).exp2()
 }
 
+/// The setting nearest to a price.
+fn knob_of(lambda: f32) -> u32 {
+    let knob = (32.0 * (14.0 - lambda.log2())).round().max(0.0) as u32;
+    knob.clamp(*KNOBS.start(), *KNOBS.end())
+}
+
 /// What was searched, for encoding with several goals.
 #[derive(Debug)]
 pub struct EpitomeSearch {
@@ -102,6 +119,10 @@ pub struct EpitomeSearch {
     /// Bits of a cell and number of cells, by format.
     cell_bits: Vec<f32>,
     cells: Vec<u32>,
+    /// Where cells differ in bits: those of each, in bits of a cell of its format.
+    shares: Vec<f32>,
+    /// Where content has an error map: the price of a bit that it was coded at.
+    price: Option<f32>,
     /// The same images with other content, of which the goal will choose.
     other: Option<Box<EpitomeSearch>>,
 }
@@ -125,7 +146,7 @@ pub(crate) fn search_all(
 ) -> Result<EpitomeSearch, EncodeError> {
     params.check()?;
     let alone = params.content.is_some() || matches!(params.goal, Goal::Tolerance(_));
-    if params.family == Family::Bc || alone {
+    if params.family != Family::Astc || alone {
         return search_one(source, params, job);
     }
     let [first, second] =
@@ -190,6 +211,28 @@ fn check_blocks(source: EpitomeSource<'_>) -> Result<(), SourceError> {
     Err(SourceError::Length { found, needed: sum(&mut images.iter().map(Raster::size)) })
 }
 
+/// How content is stored.
+fn storages(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<Storage>, ParamError> {
+    if params.family != Family::ErrorMap || params.content.is_some() {
+        return Ok(contents(pixel, params)?.into_iter().map(Storage::Planes).collect());
+    }
+    let price = match params.goal {
+        Goal::Psnr(psnr) => 3.0 * 255.0 * 255.0 * FIRST_PRICE / 10f64.powf(psnr / 10.0),
+        Goal::Bpp(_) => f64::from(FIRST_GUESS),
+        Goal::Tolerance(value) => {
+            return Err(ParamError { field: "tolerance", value, range: "without an error map" });
+        }
+    };
+    if !matches!(pixel.channels, 1 | 3) || pixel.color == ColorSpace::Normal {
+        let value = f64::from(pixel.channels);
+        return Err(ParamError { field: "channels", value, range: "1 or 3 of colours, with an error map" });
+    }
+    // Hard edges between two colours are better off in plain blocks, all else by an error map. Both in one texture need the same
+    // channels.
+    let plain = (pixel.channels == 3).then_some(Storage::Planes(Content::Bc1));
+    Ok(plain.into_iter().chain([Storage::ErrorMap(price as f32)]).collect())
+}
+
 /// Formats that content is stored in.
 fn contents(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<Content>, ParamError> {
     // Blocks of a compressed format may break a tolerance by themselves.
@@ -208,9 +251,13 @@ fn contents(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<Content>, Pa
 }
 
 /// Side of a block for such content.
-fn block_of(contents: &[Content]) -> u32 {
-    let whole = |block: u32| contents.iter().all(|content| (block / 4).is_multiple_of(content.cell_side()));
-    let large = contents.iter().any(|content| content.cell_side() > 4);
+fn block_of(storages: &[Storage]) -> u32 {
+    let side = |storage: &Storage| match storage {
+        Storage::Planes(content) => content.cell_side(),
+        Storage::ErrorMap(_) => 4,
+    };
+    let whole = |block: u32| storages.iter().all(|storage| (block / 4).is_multiple_of(side(storage)));
+    let large = storages.iter().any(|storage| side(storage) > 4);
     BLOCKS.into_iter().find(|&block| large && whole(block)).unwrap_or(BLOCKS[2])
 }
 
@@ -222,7 +269,7 @@ fn store(
 ) -> Result<EpitomeSearch, EncodeError> {
     job.stage("storing content", 0.0)?;
     let images = source.images.clone();
-    let contents = contents(images.info(), params)?;
+    let storages = storages(images.info(), params)?;
     let sizes: Vec<SurfaceSize> = images.images().iter().map(|image| image.size()).collect();
     let scales = match params.transforms.scales {
         false => 1,
@@ -231,28 +278,35 @@ fn store(
     };
     let (grid, scales) = match params.goal {
         Goal::Tolerance(_) => (Grid::new(&sizes, params.block.unwrap_or(TOLERANCE_BLOCK), false), 1),
-        _ if params.transforms.quadtree => (Grid::new(&sizes, block_of(&contents), true), scales),
+        _ if params.transforms.quadtree => (Grid::new(&sizes, block_of(&storages), true), scales),
         _ => (Grid::new(&sizes, params.block.unwrap_or(FIXED_BLOCK), false), scales),
     };
     // Content at a quarter of its size has whole cells too.
     let padding = if scales > 1 && grid.block % (4 * LEAST_SIDE) != 0 { 4 * grid.block } else { grid.block };
-    let space = job.install(|| Space::new(&images, source.blocks, padding, &contents, scales, params.effort));
+    let space = job
+        .install(|| Space::new(&images, source.blocks, padding, &storages, scales, params.effort))
+        .ok_or(SourceError::Full { what: "a plane of 8192 x 8192 words" })?;
     let allowed = source.content_from.map(|mask| mask::allowed_cells(&space, mask)).transpose()?;
     let matches = vec![Vec::new(); grid.nodes()];
-    let cell_bits = space.stored.iter().map(|stored| stored.cell_bits as f32).collect();
+    let price = storages.iter().find_map(|storage| match storage {
+        Storage::ErrorMap(price) => Some(*price),
+        Storage::Planes(_) => None,
+    });
     let cells = space.stored.iter().map(|stored| stored.cells).collect();
     let is_free = source.content_from.is_none() && source.blocks.is_none();
     let refit = (is_free && !matches!(params.goal, Goal::Tolerance(_))).then(CellCache::default);
     Ok(EpitomeSearch {
         images,
+        cell_bits: space.cell_bits(),
+        shares: space.shares(),
         refit,
         params: params.clone(),
         space,
         grid,
         allowed,
         matches,
-        cell_bits,
         cells,
+        price,
         other: None,
     })
 }
@@ -271,6 +325,7 @@ impl EpitomeSearch {
             lambda: lambda(knob),
             entry_bits,
             cell_bits: &self.cell_bits,
+            shares: &self.shares,
             cells: &self.cells,
             others: None,
         }
@@ -352,10 +407,13 @@ impl EpitomeSearch {
         for pass in 0..PASSES {
             let share = |pass: usize| pass as f32 / PASSES as f32;
             job.stage("choosing content", share(pass))?;
+            if pass > 0 {
+                job.install(|| self.retune());
+            }
             let (choice, errors) = job.install(|| {
                 let options = (pass > 0).then(|| self.whole(&self.rules(None)).0);
                 let options = options.as_ref().unwrap_or(&direct);
-                let knob = nearest_knob(self.params.goal, texels as f64, |knob| self.choose(options, knob));
+                let knob = self.likely_knob(self.params.goal, |knob| self.choose(options, knob));
                 (self.choose(options, knob), most_errors(&self.grid, &direct, self.costs(ENTRY_BITS, knob)))
             });
             let kept: Vec<bool> = choice.users.iter().map(|&users| users > 0).collect();
@@ -367,7 +425,35 @@ impl EpitomeSearch {
                 search(&self.space, &self.grid, reach, &allowed, &mut self.matches, job)
             })?;
         }
+        job.install(|| self.retune());
         Ok(())
+    }
+
+    /// Where content has an error map: codes it anew at the price that the goal seems to ask for.
+    fn retune(&mut self) {
+        let Some(price) = self.price else { return };
+        let texels = self.images.texel_count() as f64;
+        let choice = self.choose(&self.whole(&self.rules(None)).0, knob_of(price));
+        let factor = match self.params.goal {
+            Goal::Psnr(wanted) => 10f64.powf((choice.psnr(texels) - wanted) / 10.0),
+            Goal::Bpp(bpp) => (choice.bits / texels / bpp).powi(2),
+            Goal::Tolerance(_) => 1.0,
+        };
+        let factor = factor.clamp(1.0 / MOST_RETUNED, MOST_RETUNED) as f32;
+        if factor.max(1.0 / factor) < LEAST_RETUNED {
+            return;
+        }
+        if self.space.store_again(price * factor).is_some() {
+            self.cell_bits = self.space.cell_bits();
+            self.shares = self.space.shares();
+            self.price = Some(price * factor);
+        }
+    }
+
+    /// The setting that should reach a goal.
+    fn likely_knob(&self, goal: Goal, choose: impl FnMut(u32) -> Choice) -> u32 {
+        let texels = self.images.texel_count() as f64;
+        self.price.map_or_else(|| nearest_knob(goal, texels, choose), knob_of)
     }
 
     /// For each node the squared error that a match may have: what the tolerance allows, or any.
@@ -464,11 +550,10 @@ impl EpitomeSearch {
 
     /// The setting that reaches a goal with one layer, and what it makes.
     fn setting(&self, goal: Goal, plan: &Plan<'_>, job: &mut Job<'_>) -> Result<Made, EncodeError> {
-        let texels = self.images.texel_count() as f64;
         let chosen = |knob: u32| choose(&self.grid, plan.options, self.costs(plan.entry_bits, knob));
-        let guess = job.install(|| nearest_knob(goal, texels, chosen));
+        let guess = job.install(|| self.likely_knob(goal, chosen));
         let mut tried = 0u16;
-        let make = |knob: u32| assemble(plan, &[chosen(knob)]);
+        let make = |knob: u32| assemble(plan, &[chosen(knob)], lambda(knob));
         let found = find(goal, KNOBS, guess, 0.0, |knob| {
             job.stage("packing", (0.5 + 0.05 * f32::from(tried)).min(0.95))?;
             tried += 1;
@@ -477,7 +562,7 @@ impl EpitomeSearch {
         })?;
         // What repeats is sometimes gathered better at a finer setting, and is smaller there.
         let mut best = (found.knob, found.measured, found.value);
-        for step in FINER {
+        for &step in if self.price.is_some() { &FINER_WITH_ERRORS[..] } else { &FINER } {
             job.checkpoint()?;
             let finer = (found.knob + step).min(*KNOBS.end());
             let made = job.install(|| make(finer))?;
@@ -503,7 +588,7 @@ impl EpitomeSearch {
                 let plan = self.plan(&options, &fitted.palettes, ENTRY_BITS);
                 let make = |choice: Choice| {
                     let verdict = report::verdict(&self.grid, &options, &choice, true);
-                    assemble(&plan, &[choice]).map(|made| made.with_notes(self.notes(goal, verdict)))
+                    assemble(&plan, &[choice], 0.0).map(|made| made.with_notes(self.notes(goal, verdict)))
                 };
                 self.covers(&options).into_iter().map(make).collect::<Result<_, _>>()
             })?;
@@ -541,7 +626,7 @@ fn nearest_knob(goal: Goal, texels: f64, mut choose: impl FnMut(u32) -> Choice) 
     while low < high {
         let middle = (low + high) / 2;
         let choice = choose(middle);
-        let psnr = 10.0 * (255.0 * 255.0 * 3.0 * texels / choice.error.max(1e-9)).log10();
+        let psnr = choice.psnr(texels);
         let enough = match goal {
             Goal::Psnr(wanted) => psnr >= wanted,
             Goal::Bpp(bpp) => choice.bits / texels >= bpp,
@@ -562,7 +647,11 @@ fn settings(params: &EpitomeParams) -> String {
         Goal::Bpp(value) => format!("bpp {value}"),
         Goal::Tolerance(value) => format!("tolerance {value}"),
     };
-    let content = params.content.map_or(String::new(), |content| format!(", content {}", content.name()));
+    let content = match (params.content, params.family) {
+        (Some(content), _) => format!(", content {}", content.name()),
+        (None, Family::ErrorMap) => ", content error-map".to_owned(),
+        (None, Family::Bc | Family::Astc) => String::new(),
+    };
     let layers = if params.layers > 1 { format!(", {} layers", params.layers) } else { String::new() };
     let without: String = params.transforms.missing().map(|part| format!(", without {part}")).collect();
     format!("epitome, {goal}{content}{layers}{without}")

@@ -7,8 +7,9 @@ use glam::Vec4;
 use rayon::prelude::*;
 use texfold_bc::{Bc1Blocks, Content, ContentPlanes};
 use texfold_core::image::{ImageSet, PixelInfo, Raster};
-use texfold_core::{Effort, SurfaceSize};
+use texfold_core::{Domain, Effort, Encoded, Image2d, SurfaceSize, Texel};
 use texfold_match::Field;
+use texfold_progressive::{BLOCK_SIDE, PlaneForm, ProgressiveTexture};
 
 /// Bytes of a BC1 block.
 const BC1_BYTES: u32 = 8;
@@ -21,6 +22,19 @@ pub(crate) const LEAST_SIDE: u32 = 4;
 pub(crate) struct Scale {
     pub(crate) across: u32,
     pub(crate) down: u32,
+}
+
+impl Scale {
+    /// How much an error of content counts that is shown once: the squares of the shares that interpolation gives to a texel.
+    fn weight(self) -> f32 {
+        let along = |log2: u32| {
+            let factor = 1 << log2;
+            let share = |k: u32| (k as f32 + 0.5) / factor as f32;
+            // Blended with one neighbour on either side, or, at full size, alone.
+            if log2 == 0 { 1.0 } else { 2.0 * (0..factor).map(|k| share(k).powi(2)).sum::<f32>() }
+        };
+        along(self.across) * along(self.down)
+    }
 }
 
 /// Scales that content of one layer is taken from: the first of [`SCALES`].
@@ -48,19 +62,33 @@ pub(crate) struct Pyramid {
     pub(crate) source: Vec<Field>,
 }
 
+/// How content is to be stored.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Storage {
+    /// As planes of one format, at one price for all cells.
+    Planes(Content),
+    /// As a base with an error map, each block as finely as its bits are worth at that price.
+    ErrorMap(f32),
+}
+
 /// Content of one format.
 #[derive(Debug)]
 pub(crate) struct Stored {
+    /// Format of the planes, or of the base.
     pub(crate) content: Content,
+    /// Where there is an error map: its form.
+    pub(crate) form: Option<PlaneForm>,
     /// Texels a side of a cell, the unit of content; the last of a row may hang over the field's edge.
     pub(crate) cell: u32,
-    /// Bits of a cell.
-    pub(crate) cell_bits: u32,
+    /// Bits of a cell; of one as coarse as can be where there is an error map.
+    pub(crate) cell_bits: f32,
+    /// Where cells differ in bits: those of each, in `cell_bits`.
+    pub(crate) shares: Vec<f32>,
     /// First cell of each image and scale, among those of all formats.
     bases: Vec<u32>,
     /// Number of cells.
     pub(crate) cells: u32,
-    /// By image and scale.
+    /// By image and scale; none where there is an error map.
     pub(crate) planes: Vec<Vec<ContentPlanes>>,
     /// The same, decoded.
     pub(crate) decoded: Vec<Vec<Field>>,
@@ -93,47 +121,119 @@ pub(crate) struct Space {
 }
 
 impl Space {
-    /// Images padded to multiples of `block`, stored in each of `contents`, at the first `scales` scales. Images that are BC1
-    /// already keep their `blocks`.
+    /// Images padded to multiples of `block`, stored in each of `storages`, at the first `scales` scales. Images that are BC1
+    /// already keep their `blocks`. `None` where an error map cannot hold such pixels.
     pub(crate) fn new(
         images: &ImageSet,
         blocks: Option<&[Bc1Blocks]>,
         block: u32,
-        contents: &[Content],
+        storages: &[Storage],
         scales: usize,
         effort: Effort,
-    ) -> Self {
+    ) -> Option<Self> {
         let pixel = images.info();
         let pyramids: Vec<Pyramid> =
             images.images().par_iter().map(|image| Pyramid::new(image, block, scales)).collect();
-        let mut next = 0;
-        let stored = contents
-            .iter()
-            .map(|&content| {
-                let mut planes: Vec<Vec<ContentPlanes>> =
-                    pyramids.par_iter().map(|pyramid| pyramid.store(content, pixel, effort)).collect();
-                for (scales, blocks) in planes.iter_mut().zip(blocks.unwrap_or(&[])) {
-                    if let Some(kept) = scales.first().and_then(|full| with_blocks(full, pixel, blocks)) {
-                        scales[0] = kept;
-                    }
-                }
-                let decode = |planes: &ContentPlanes| {
-                    let (width, height) = planes.size();
-                    let texels = planes.decode().into_iter().map(|texel| texel * 255.0).collect();
-                    Field { width: width as usize, height: height as usize, texels }
-                };
-                let decoded =
-                    planes.par_iter().map(|scales| scales.par_iter().map(decode).collect()).collect();
-                let (cell, cell_bits) = (content.cell_side(), content.cell_bits(pixel));
-                let (mut bases, first) = (Vec::new(), next);
-                for field in pyramids.iter().flat_map(|pyramid| &pyramid.source) {
-                    bases.push(next);
-                    next += (field.width as u32).div_ceil(cell) * (field.height as u32).div_ceil(cell);
-                }
-                Stored { content, cell, cell_bits, bases, cells: next - first, planes, decoded }
-            })
-            .collect();
-        Space { pixel, pyramids, stored }
+        let mut space = Space { pixel, pyramids, stored: Vec::new() };
+        for &storage in storages {
+            let first = space.cells() as u32;
+            let stored = match storage {
+                Storage::Planes(content) => space.store(content, blocks, first, effort),
+                Storage::ErrorMap(lambda) => space.store_with_errors(lambda, first)?,
+            };
+            space.stored.push(stored);
+        }
+        Some(space)
+    }
+
+    /// All content as planes of one format.
+    fn store(&self, content: Content, blocks: Option<&[Bc1Blocks]>, first: u32, effort: Effort) -> Stored {
+        let store = |pyramid: &Pyramid| pyramid.store(content, self.pixel, effort);
+        let mut planes: Vec<Vec<ContentPlanes>> = self.pyramids.par_iter().map(store).collect();
+        for (scales, blocks) in planes.iter_mut().zip(blocks.unwrap_or(&[])) {
+            if let Some(kept) = scales.first().and_then(|full| with_blocks(full, self.pixel, blocks)) {
+                scales[0] = kept;
+            }
+        }
+        let decode = |planes: &ContentPlanes| field(planes.size(), planes.decode());
+        let decoded = planes.par_iter().map(|scales| scales.par_iter().map(decode).collect()).collect();
+        let cell = content.cell_side();
+        let (bases, cells) = self.number_cells(cell, first);
+        let cell_bits = content.cell_bits(self.pixel) as f32;
+        Stored { content, form: None, cell, cell_bits, shares: Vec::new(), bases, cells, planes, decoded }
+    }
+
+    /// All content with error maps, where a bit is worth `lambda`.
+    fn store_with_errors(&self, lambda: f32, first: u32) -> Option<Stored> {
+        let rasters: Vec<Vec<Raster>> =
+            self.pyramids.iter().map(|pyramid| pyramid.rasters(self.pixel)).collect::<Option<_>>()?;
+        let largest =
+            rasters.iter().flat_map(|scales| scales.first()).max_by_key(|raster| raster.size().texels())?;
+        let form = PlaneForm::suited(largest, lambda, Effort::Fast)?;
+        let encode = |(raster, scale): (&Raster, &Scale)| {
+            form.encode(std::slice::from_ref(raster), lambda / scale.weight(), &[], Effort::Fast)
+        };
+        let textures: Vec<Vec<ProgressiveTexture>> = rasters
+            .par_iter()
+            .map(|scales| scales.par_iter().zip(&SCALES).map(encode).collect::<Option<_>>())
+            .collect::<Option<_>>()?;
+        let (bases, cells) = self.number_cells(BLOCK_SIDE, first);
+        let cell_bits = form.block_bits(largest, 0);
+        let mut shares = Vec::new();
+        let mut decoded = Vec::new();
+        for texture in textures.iter().flatten() {
+            let blocks = texture.layout().surfaces.iter().map(|size| blocks_of(*size)).sum();
+            let mut classes = texture.classes(0).to_vec();
+            classes.resize(blocks, 0);
+            shares.extend(classes.iter().map(|&class| form.block_bits(largest, class) / cell_bits));
+        }
+        for scales in &textures {
+            decoded.push(scales.par_iter().map(decode_level).collect::<Option<_>>()?);
+        }
+        let content = form.content();
+        let (form, cell, planes) = (Some(form), BLOCK_SIDE, Vec::new());
+        Some(Stored { content, form, cell, cell_bits, shares, bases, cells, planes, decoded })
+    }
+
+    /// Stores the content with error maps anew, where a bit is worth `lambda`; `None` where that cannot be done.
+    pub(crate) fn store_again(&mut self, lambda: f32) -> Option<()> {
+        let index = self.stored.iter().position(|stored| stored.form.is_some())?;
+        self.stored[index] = self.store_with_errors(lambda, self.stored[index].bases[0])?;
+        Some(())
+    }
+
+    /// Bits of a cell, by format.
+    pub(crate) fn cell_bits(&self) -> Vec<f32> {
+        self.stored.iter().map(|stored| stored.cell_bits).collect()
+    }
+
+    /// Where cells differ in bits: those of each, in bits of a cell of its format.
+    pub(crate) fn shares(&self) -> Vec<f32> {
+        if self.stored.iter().all(|stored| stored.shares.is_empty()) {
+            return Vec::new();
+        }
+        let of = |stored: &Stored| match stored.shares.is_empty() {
+            true => vec![1.0; stored.cells as usize],
+            false => stored.shares.clone(),
+        };
+        self.stored.iter().flat_map(of).collect()
+    }
+
+    /// First cell of each image and scale where cells have that side, and how many there are.
+    fn number_cells(&self, cell: u32, first: u32) -> (Vec<u32>, u32) {
+        let (mut bases, mut next) = (Vec::new(), first);
+        for field in self.pyramids.iter().flat_map(|pyramid| &pyramid.source) {
+            bases.push(next);
+            next += (field.width as u32).div_ceil(cell) * (field.height as u32).div_ceil(cell);
+        }
+        (bases, next - first)
+    }
+
+    /// Bits of a cell of that format.
+    pub(crate) fn bits_of(&self, format: usize, cell: u32) -> f32 {
+        let stored = &self.stored[format];
+        let share = stored.shares.get((cell - stored.bases[0]) as usize).copied().unwrap_or(1.0);
+        share * stored.cell_bits
     }
 
     /// Number of cells of all formats.
@@ -184,6 +284,15 @@ impl Pyramid {
         Pyramid { size, source }
     }
 
+    /// All scales as pictures.
+    fn rasters(&self, pixel: PixelInfo) -> Option<Vec<Raster>> {
+        let raster = |field: &Field| {
+            let texels: Vec<Texel> = field.texels.iter().map(|texel| *texel / 255.0).collect();
+            Raster::from_texels(field.width as u32, field.height as u32, pixel, &texels).ok()
+        };
+        self.source.par_iter().map(raster).collect()
+    }
+
     fn store(&self, content: Content, pixel: PixelInfo, effort: Effort) -> Vec<ContentPlanes> {
         let store = |field: &Field| {
             let texels: Vec<Vec4> = field.texels.iter().map(|texel| *texel / 255.0).collect();
@@ -192,6 +301,25 @@ impl Pyramid {
         };
         self.source.iter().map(store).collect()
     }
+}
+
+/// Texels of 0 to 1 in 8-bit units.
+fn field((width, height): (u32, u32), texels: Vec<Texel>) -> Field {
+    let texels = texels.into_iter().map(|texel| texel * 255.0).collect();
+    Field { width: width as usize, height: height as usize, texels }
+}
+
+/// The whole of a texture of one image, level 0.
+fn decode_level(texture: &ProgressiveTexture) -> Option<Field> {
+    let rect = texture.layout().whole(0, 0)?;
+    let mut texels = vec![Texel::ZERO; Image2d::len(rect)];
+    texture.decode(rect, &mut texels).ok()?;
+    Some(field((rect.width, rect.height), texels))
+}
+
+/// Blocks of an error map for such an image.
+fn blocks_of(size: SurfaceSize) -> usize {
+    size.width.div_ceil(BLOCK_SIDE) as usize * size.height.div_ceil(BLOCK_SIDE) as usize
 }
 
 /// BC1 content with an image's own blocks in place of those that were made of its texels; `None` for other content.
@@ -311,12 +439,19 @@ mod tests {
     #[test]
     fn cells_are_found_again() {
         let image = texfold_testkit::picture("odd_37x61");
-        let space =
-            Space::new(&ImageSet::single(image), None, 32, &[Content::Bc1, Content::Bc7], 9, Effort::Fast);
+        let space = Space::new(
+            &ImageSet::single(image),
+            None,
+            32,
+            &[Content::Bc1, Content::Bc7].map(Storage::Planes),
+            9,
+            Effort::Fast,
+        )
+        .unwrap();
         for (format, scale, x, y) in [(0, 0, 0, 0), (1, 0, 15, 15), (0, 3, 7, 2), (1, 8, 3, 3)] {
             let number = space.rows_of(format, 0, scale).number(x, y);
             assert_eq!(space.locate(number), (format, 0, scale, x, y));
         }
-        assert_eq!((space.stored[0].cell_bits, space.stored[1].cell_bits), (64, 128));
+        assert_eq!((space.stored[0].cell_bits, space.stored[1].cell_bits), (64.0, 128.0));
     }
 }

@@ -75,23 +75,50 @@ pub(crate) fn refit(
     choices: &[Choice],
     (format, base): (usize, ContentPlanes),
 ) -> ContentPlanes {
-    let sheet = Sheet::new(plan, packing, choices, (format, &base));
+    let sheet = Sheet::new(plan, packing, choices, (format, base.size().0, Readers::OfFree));
     if sheet.free.is_empty() {
         return base;
     }
     let mut texels = to_8_bits(&base);
-    for free in &sheet.free {
-        let (_, image, scale, column, row) = plan.space.locate(free.number);
-        let field = &plan.space.pyramids[image].source[scale];
-        let side = sheet.side as u32;
-        for (index, texel) in sheet.texels_of(free).enumerate() {
-            let (x, y) = (column * side + index as u32 % side, row * side + index as u32 / side);
-            texels[texel] = field.at(x as i32, y as i32);
-        }
-    }
+    sheet.start(&mut texels);
     let weights = sheet.solve(&mut texels);
     sheet.store(cache, base, (&texels, &weights))
 }
+
+/// The texels (8-bit units) that an epitome of that size with an error map should show, and for each of its blocks, row by row,
+/// how much an error there counts: by how many leaves show it how large.
+pub(crate) fn fitted(
+    plan: &Plan<'_>,
+    packing: &Packing,
+    choices: &[Choice],
+    (format, width, height): (usize, u32, u32),
+) -> (Vec<Vec4>, Vec<f32>) {
+    let sheet = Sheet::new(plan, packing, choices, (format, width, Readers::All));
+    let mut texels = vec![Vec4::splat(UNUSED); width as usize * height as usize];
+    sheet.start(&mut texels);
+    let weights = sheet.solve(&mut texels);
+    let (side, columns) = (sheet.side, width as usize / sheet.side);
+    let of_block = |block: usize| {
+        let start = block / columns * side * sheet.width + block % columns * side;
+        let texels = (0..side * side).map(|n| weights[start + n / side * sheet.width + n % side]);
+        let sum: Vec4 = texels.sum();
+        sum.truncate().element_sum() / (3 * side * side) as f32
+    };
+    let blocks = columns * (height as usize / side);
+    (texels, (0..blocks).into_par_iter().map(of_block).collect())
+}
+
+/// Which leaves are looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Readers {
+    /// Those of content that several leaves show, or one otherwise than as it is.
+    OfFree,
+    /// All of them, and all content is looked at.
+    All,
+}
+
+/// Texels of an epitome that no leaf shows.
+const UNUSED: f32 = 128.0;
 
 /// All texels in 8-bit units.
 fn to_8_bits(planes: &ContentPlanes) -> Vec<Vec4> {
@@ -111,7 +138,7 @@ impl<'a> Sheet<'a> {
         plan: &'a Plan<'a>,
         packing: &Packing,
         choices: &[Choice],
-        (format, base): (usize, &ContentPlanes),
+        (format, width, kind): (usize, u32, Readers),
     ) -> Self {
         let chosen: Vec<(Node, &Candidate, f32)> = (0..choices.len())
             .flat_map(|layer| (0..plan.grid.nodes()).map(move |node| (layer, node)))
@@ -122,7 +149,7 @@ impl<'a> Sheet<'a> {
                 (usize::from(candidate.format) == format).then(|| (plan.grid.node(index), candidate, weight))
             })
             .collect();
-        let mut is_free = vec![false; plan.space.cells()];
+        let mut is_free = vec![kind == Readers::All; plan.space.cells()];
         for (_, candidate, _) in chosen.iter().filter(|(node, candidate, _)| !is_plain(node, candidate)) {
             plan.options.cells_of(candidate).iter().for_each(|&cell| is_free[cell as usize] = true);
         }
@@ -147,7 +174,7 @@ impl<'a> Sheet<'a> {
             .filter(|free| is_free[free.number as usize])
             .collect();
         let side = plan.space.stored[format].cell as usize;
-        Sheet { plan, format, width: base.size().0 as usize, side, free, readers }
+        Sheet { plan, format, width: width as usize, side, free, readers }
     }
 
     /// Numbers of a cell's texels, row by row.
@@ -155,6 +182,19 @@ impl<'a> Sheet<'a> {
         let (side, width) = (self.side, self.width);
         let start = free.place.1 as usize * side * width + free.place.0 as usize * side;
         (0..side * side).map(move |index| start + index / side * width + index % side)
+    }
+
+    /// Texels of free cells as they are in the images.
+    fn start(&self, texels: &mut [Vec4]) {
+        for free in &self.free {
+            let (_, image, scale, column, row) = self.plan.space.locate(free.number);
+            let field = &self.plan.space.pyramids[image].source[scale];
+            let side = self.side as u32;
+            for (index, texel) in self.texels_of(free).enumerate() {
+                let (x, y) = (column * side + index as u32 % side, row * side + index as u32 / side);
+                texels[texel] = field.at(x as i32, y as i32);
+            }
+        }
     }
 
     /// Moves the texels of free cells to where the readers' squared error is least; gives the weight that each has in it.

@@ -531,6 +531,7 @@ mod tests {
     use super::*;
     use crate::encode::candidate::Rules;
     use crate::encode::options::direct_options;
+    use crate::encode::pyramid::Storage;
     use texfold_bc::Content;
     use texfold_core::SurfaceSize;
     use texfold_core::image::ImageSet;
@@ -540,8 +541,15 @@ mod tests {
         let image = texfold_testkit::picture("facade");
         let SurfaceSize { width, height } = image.size();
         let grid = Grid::new(&[image.size()], 32, true);
-        let space =
-            Space::new(&ImageSet::single(image), None, 32, &[Content::Bc1], SCALES.len(), Effort::Fast);
+        let space = Space::new(
+            &ImageSet::single(image),
+            None,
+            32,
+            &[Storage::Planes(Content::Bc1)],
+            SCALES.len(),
+            Effort::Fast,
+        )
+        .unwrap();
         let (_, own) = direct_options(&space, &grid, &Rules::default());
         let errors = vec![1e9; grid.nodes()];
         let allowed = Allowed { cells: None, shared: None, errors: &errors, own: &own };

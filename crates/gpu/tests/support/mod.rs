@@ -4,6 +4,7 @@
 
 mod epitome;
 mod progressive;
+mod zipmap;
 
 use std::sync::OnceLock;
 
@@ -20,9 +21,11 @@ use texfold_gpu::{AddressMode, Gpu, GpuError, GpuTexture, Lookup, Policy, View};
 use texfold_progressive::ProgressiveTexture;
 use texfold_testkit::fixtures::{Picture, pictures};
 use texfold_vq::{Vq, VqTexture};
+use texfold_zipmap::ZipTexture;
 
 pub(crate) use epitome::{Forge, epitome};
 pub(crate) use progressive::{Base, progressive};
+pub(crate) use zipmap::zipmap;
 
 /// The adapter, or `None` with a printed line where there is none and none is required.
 pub(crate) fn gpu() -> Option<&'static Gpu> {
@@ -44,6 +47,7 @@ pub(crate) enum Subject {
     Vq(VqTexture),
     Epitome(EpitomeTexture),
     Progressive(ProgressiveTexture),
+    Zipmap(ZipTexture),
 }
 
 impl Subject {
@@ -53,6 +57,7 @@ impl Subject {
             Subject::Vq(texture) => texture.gpu(),
             Subject::Epitome(texture) => texture.gpu(),
             Subject::Progressive(texture) => texture.gpu(),
+            Subject::Zipmap(texture) => texture.gpu(),
         }
     }
 
@@ -62,6 +67,7 @@ impl Subject {
             Subject::Vq(texture) => texture.layout(),
             Subject::Epitome(texture) => texture.layout(),
             Subject::Progressive(texture) => texture.layout(),
+            Subject::Zipmap(texture) => texture.layout(),
         }
     }
 
@@ -88,6 +94,11 @@ impl Subject {
             Lookup::Level { lod } => self.trilinear(view.surface, mode, uv, lod),
             Lookup::Derivative => {
                 let (dx, dy) = (view.uv.matrix2.x_axis / size.x, view.uv.matrix2.y_axis / size.y);
+                if let Subject::Zipmap(texture) = self {
+                    // Patches are turned: what fits one of them does not follow from a level of the whole.
+                    let view = zipmap_view(texture, mode);
+                    return texfold_zipmap::decode::texfold_zipmap_sample_grad(&view, uv, dx, dy);
+                }
                 self.trilinear(view.surface, mode, uv, self.level(view.surface, dx, dy))
             }
         }
@@ -105,6 +116,9 @@ impl Subject {
             }
             Subject::Progressive(texture) => {
                 texfold_progressive::decode::texfold_progressive_fetch(&texture.view(surface), at, level)
+            }
+            Subject::Zipmap(texture) => {
+                texfold_zipmap::decode::texfold_zipmap_fetch(&texture.view(), at, level)
             }
         }
     }
@@ -126,6 +140,9 @@ impl Subject {
                 let view = progressive_view(texture, surface, mode);
                 texfold_progressive::decode::texfold_progressive_nearest(&view, uv, level)
             }
+            Subject::Zipmap(texture) => {
+                texfold_zipmap::decode::texfold_zipmap_nearest(&zipmap_view(texture, mode), uv, level)
+            }
         }
     }
 
@@ -145,6 +162,9 @@ impl Subject {
             Subject::Progressive(texture) => {
                 let view = progressive_view(texture, surface, mode);
                 texfold_progressive::decode::texfold_progressive_bilinear(&view, uv, level)
+            }
+            Subject::Zipmap(texture) => {
+                texfold_zipmap::decode::texfold_zipmap_bilinear(&zipmap_view(texture, mode), uv, level)
             }
         }
     }
@@ -166,6 +186,9 @@ impl Subject {
                 let view = progressive_view(texture, surface, mode);
                 texfold_progressive::decode::texfold_progressive_sample_level(&view, uv, lod)
             }
+            Subject::Zipmap(texture) => {
+                texfold_zipmap::decode::texfold_zipmap_sample_level(&zipmap_view(texture, mode), uv, lod)
+            }
         }
     }
 
@@ -176,6 +199,7 @@ impl Subject {
             Subject::Vq(texture) => texture.view(surface).0.params.size,
             Subject::Epitome(texture) => texture.view(surface).params.size,
             Subject::Progressive(texture) => texture.view(surface).params.size,
+            Subject::Zipmap(texture) => texture.view().params.size,
         };
         texfold_core::address::texfold_level(dx, dy, size.into())
     }
@@ -216,6 +240,12 @@ fn progressive_view(
     mode: AddressMode,
 ) -> texfold_progressive::decode::ProgressiveView<'_> {
     let mut view = texture.view(surface);
+    view.params.address_mode = number(mode);
+    view
+}
+
+fn zipmap_view(texture: &ZipTexture, mode: AddressMode) -> texfold_zipmap::decode::ZipmapView<'_> {
+    let mut view = texture.view();
     view.params.address_mode = number(mode);
     view
 }

@@ -21,10 +21,12 @@ const EMPTY_MAP_BITS: u64 = 32;
 /// How a base is stored, and how small it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Kind {
-    content: Content,
-    reduce_log2: u32,
+    pub(crate) content: Content,
+    pub(crate) reduce_log2: u32,
     /// Binary logarithm of the side of the blocks that show a codebook; `None` where none does.
     side_log2: Option<u32>,
+    /// Whether the base is blended within blocks alone.
+    pub(crate) apart: bool,
 }
 
 /// PSNR in dB and bits a texel above which a base of many bits is tried.
@@ -98,7 +100,7 @@ pub(crate) fn kinds(pixel: PixelInfo, params: &ProgressiveParams) -> Result<Vec<
         // Normals in two channels are rebuilt behind the filter: errors in them would be of another kind.
         .filter(|&(content, _)| content.fits(pixel) && content.formats(pixel).1.0 != TEXFOLD_NORMAL)
         .filter(|&(_, reduce_log2)| wanted(reduce_log2))
-        .map(|(content, reduce_log2)| Kind { content, reduce_log2, side_log2: None })
+        .map(|(content, reduce_log2)| Kind { content, reduce_log2, side_log2: None, apart: false })
         .collect();
     let with_codebooks: Vec<Kind> = list
         .iter()
@@ -115,6 +117,18 @@ pub(crate) fn kinds(pixel: PixelInfo, params: &ProgressiveParams) -> Result<Vec<
         return Err(ParamError { field: "channels", value: f64::from(pixel.channels), range });
     }
     Ok(list)
+}
+
+/// The bases that are tried for planes of other codecs.
+pub(crate) fn plane_kinds(pixel: PixelInfo) -> Vec<Kind> {
+    let usual: &[(Content, u32)] = match pixel.channels {
+        1 => &[(Content::Bc4, 2), (Content::Bc4, 3)],
+        3 => &[(Content::Bc1, 2), (Content::Bc1, 3), (Content::Bc7, 3), (Content::Bc7, 2)],
+        _ => &[],
+    };
+    let kind = |&(content, reduce_log2)| Kind { content, reduce_log2, side_log2: None, apart: true };
+    let kinds = usual.iter().map(kind);
+    kinds.filter(|kind| kind.content.formats(pixel).1.0 != TEXFOLD_NORMAL).collect()
 }
 
 /// The levels of each image that are stored.
@@ -144,7 +158,7 @@ pub(crate) struct Base {
 }
 
 impl Base {
-    /// `None` where no plane can hold its error map.
+    /// Blended across blocks, or within each `apart`; `None` where no plane can hold its error map.
     pub(crate) fn new(
         source: &ImageSet,
         chains: &[Vec<Raster>],
@@ -156,6 +170,7 @@ impl Base {
         let parts = Parts {
             layout,
             reduce_log2: kind.reduce_log2,
+            apart: kind.apart,
             model: Model::default(),
             bases,
             details: None,

@@ -4,6 +4,8 @@
 //! in a class; what is then known of it corrects the estimates of its other classes. Coded bits are kept, so that a search for
 //! the right price codes a block once for each class that it is given. Cost: a trellis search a block and class.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 use texfold_core::{Effort, EncodeError, Job};
 
@@ -15,6 +17,8 @@ use crate::rates::{CELLS, CLASSES, COUNTS, KINDS, Model, Rates, WEIGHT_ONE};
 
 /// Largest number of a scale.
 const MOST_SCALE: f32 = 15.0;
+/// Least weight that is told from smaller ones.
+const LEAST_WEIGHT: f32 = 1e-3;
 /// Blocks that one task codes: enough to be worth its room.
 const TASK_BLOCKS: usize = 64;
 
@@ -59,12 +63,19 @@ impl<'b> Coder<'b> {
 
     /// The class of each block where a bit is worth `lambda`.
     pub(crate) fn choose(&self, lambda: f32) -> Vec<u8> {
+        self.errors.par_iter().map(|errors| self.cheapest(errors, lambda)).collect()
+    }
+
+    /// The same where the errors of each block count by its weight.
+    pub(crate) fn choose_weighted(&self, lambda: f32, weights: &[f32]) -> Vec<u8> {
+        let best = |(errors, weight): (_, &f32)| self.cheapest(errors, lambda / weight.max(LEAST_WEIGHT));
+        self.errors.par_iter().zip(weights).map(best).collect()
+    }
+
+    fn cheapest(&self, errors: &[f32; CLASSES], lambda: f32) -> u8 {
         let step = lambda * self.model.class_bits as f32;
-        let best = |errors: &[f32; CLASSES]| {
-            let cost = |class: usize| errors[class] + step * class as f32;
-            (0..CLASSES).min_by(|&a, &b| cost(a).total_cmp(&cost(b))).unwrap_or(0) as u8
-        };
-        self.errors.par_iter().map(best).collect()
+        let cost = |class: usize| errors[class] + step * class as f32;
+        (0..CLASSES).min_by(|&a, &b| cost(a).total_cmp(&cost(b))).unwrap_or(0) as u8
     }
 
     /// The first class of each block whose error is at most `limit`, as far as is known; the last where there is none.
@@ -83,32 +94,33 @@ impl<'b> Coder<'b> {
 
     /// Codes every block in its class, where that has not been done.
     pub(crate) fn code(&mut self, classes: &[u8], job: &Job<'_>) -> Result<(), EncodeError> {
-        let Coder { blocks, model, effort, weights, errors, coded } = self;
-        let (blocks, model, effort, weights) = (*blocks, &*model, *effort, &*weights);
-        for start in (0..blocks.len()).step_by(TASK_BLOCKS * 256) {
+        for start in (0..self.blocks.len()).step_by(TASK_BLOCKS * 256) {
             job.checkpoint()?;
-            let range = start..blocks.len().min(start + TASK_BLOCKS * 256);
-            let tasks = coded[range.clone()]
-                .par_chunks_mut(TASK_BLOCKS)
-                .zip(errors[range.clone()].par_chunks_mut(TASK_BLOCKS))
-                .zip(blocks[range.clone()].par_chunks(TASK_BLOCKS))
-                .zip(classes[range].par_chunks(TASK_BLOCKS));
-            job.install(|| {
-                tasks.for_each(|(((coded, errors), blocks), classes)| {
-                    let mut trellis = Trellis::default();
-                    for (((coded, errors), block), &class) in
-                        coded.iter_mut().zip(errors).zip(blocks).zip(classes)
-                    {
-                        if coded.iter().all(|found| found.class != class) {
-                            let found = code_block(block, class, model, weights, effort, &mut trellis);
-                            correct(errors, &found);
-                            coded.push(found);
-                        }
-                    }
-                });
-            });
+            let range = start..self.blocks.len().min(start + TASK_BLOCKS * 256);
+            job.install(|| self.code_some(range, classes));
         }
         Ok(())
+    }
+
+    /// As [`Coder::code`], of the blocks of that range.
+    pub(crate) fn code_some(&mut self, range: Range<usize>, classes: &[u8]) {
+        let Coder { blocks, model, effort, weights, errors, coded } = self;
+        let (blocks, model, effort, weights) = (*blocks, &*model, *effort, &*weights);
+        let tasks = coded[range.clone()]
+            .par_chunks_mut(TASK_BLOCKS)
+            .zip(errors[range.clone()].par_chunks_mut(TASK_BLOCKS))
+            .zip(blocks[range.clone()].par_chunks(TASK_BLOCKS))
+            .zip(classes[range].par_chunks(TASK_BLOCKS));
+        tasks.for_each(|(((coded, errors), blocks), classes)| {
+            let mut trellis = Trellis::default();
+            for (((coded, errors), block), &class) in coded.iter_mut().zip(errors).zip(blocks).zip(classes) {
+                if coded.iter().all(|found| found.class != class) {
+                    let found = code_block(block, class, model, weights, effort, &mut trellis);
+                    correct(errors, &found);
+                    coded.push(found);
+                }
+            }
+        });
     }
 
     /// For each block the first class whose worst cell has at most `limit` of squared error, coding it in one after another;

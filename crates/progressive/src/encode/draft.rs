@@ -105,7 +105,8 @@ impl Draft {
     }
 }
 
-fn share_of_largest(classes: &[u8]) -> f64 {
+/// Share of the blocks that are of the largest class.
+pub(crate) fn share_of_largest(classes: &[u8]) -> f64 {
     let largest = classes.iter().filter(|&&class| usize::from(class) + 1 == CLASSES).count();
     largest as f64 / classes.len() as f64
 }

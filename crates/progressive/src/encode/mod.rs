@@ -7,6 +7,7 @@ mod details;
 mod draft;
 mod error;
 mod model;
+mod plane;
 mod report;
 mod trellis;
 
@@ -16,6 +17,8 @@ use texfold_core::target::{Measured, search};
 use texfold_core::{Effort, EncodeError, Goal, Job, Params, SourceError, SurfaceSize};
 
 use crate::{ProgressiveParams, ProgressiveTexture, Shared};
+pub use plane::PlaneForm;
+
 use base::{Base, kinds, levels};
 use coder::Coder;
 use draft::{Draft, FIRST_PRICE, PRICES, price};

@@ -8,8 +8,9 @@
 
 use texfold::image::ImageSet;
 use texfold::{
-    AnyImage, Bc, BcParams, Content, Effort, Epitome, EpitomeParams, EpitomeSource, Goal, Job, Progressive,
-    ProgressiveParams, TextureCodec, Vq, VqParams, VqSource,
+    AnyImage, Bc, BcParams, Content, Effort, Epitome, EpitomeParams, EpitomeSource, Family, Goal, Job,
+    PatchSource, PatchStack, Progressive, ProgressiveParams, TextureCodec, Vq, VqParams, VqSource, ZipParams,
+    Zipmap,
 };
 
 pub fn fixture(name: &str) -> ImageSet {
@@ -30,6 +31,23 @@ pub fn epitome(set: &ImageSet, params: &EpitomeParams) -> AnyImage {
 
 pub fn progressive(set: &ImageSet, params: &ProgressiveParams) -> AnyImage {
     AnyImage::Progressive(Progressive::encode(set, params, &mut Job::default()).unwrap())
+}
+
+/// A small root with three patches that overlap.
+pub fn zipmap(set: &ImageSet, content: Content) -> AnyImage {
+    let root = set.images()[0].clone();
+    let image = texfold_testkit::picture("cutout");
+    let patch = |(x, y, zoom, turn): (f64, f64, f64, f64)| PatchSource {
+        image: 0,
+        matrix: texfold_testkit::leaves::close_up((x, y).into(), zoom, turn, (0.1, 0.0).into()),
+        mask: None,
+        parent: None,
+    };
+    let patches = [(0.5, 0.5, 1.5, 0.3), (0.6, 0.4, 3.0, -0.5), (0.1, 0.9, 2.0, 0.0)].map(patch).to_vec();
+    let params =
+        ZipParams { content: Some(content), tau: 0.05, effort: Effort::Fast, ..ZipParams::default() };
+    let stack = PatchStack { root, images: vec![image], patches };
+    AnyImage::Zipmap(Zipmap::encode(&stack, &params, &mut Job::default()).unwrap())
 }
 
 /// One texture of each kind, small enough to be damaged ten thousand times.
@@ -53,7 +71,7 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     }
     let params = VqParams { codebook: Some((64, 32)), effort: Effort::Fast, ..VqParams::default() };
     textures.push(("vq sequence".to_owned(), ripple.clone(), vq(&ripple, &params)));
-    // BC1 and BC7 side by side, with mip levels; the same in layers; plain bytes; two images that share content.
+    // BC1 and BC7 side by side, with mip levels; the same in layers; plain bytes; with an error map; two images that share content.
     let fast = EpitomeParams { goal: Goal::Psnr(26.0), effort: Effort::Fast, ..EpitomeParams::default() };
     let params = EpitomeParams { mips: true, ..fast.clone() };
     textures.push(("epitome mixed".to_owned(), odd.clone(), epitome(&odd, &params)));
@@ -61,6 +79,8 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     textures.push(("epitome layers".to_owned(), odd.clone(), epitome(&odd, &params)));
     let params = EpitomeParams { content: Some(Content::Raw), ..fast.clone() };
     textures.push(("epitome raw".to_owned(), odd.clone(), epitome(&odd, &params)));
+    let params = EpitomeParams { family: Family::ErrorMap, mips: true, ..fast.clone() };
+    textures.push(("epitome errors".to_owned(), odd.clone(), epitome(&odd, &params)));
     let params = EpitomeParams { content: Some(Content::Bc1), ..fast };
     textures.push(("epitome sequence".to_owned(), ripple.clone(), epitome(&ripple, &params)));
     // A base and an error map with mip levels; a set; a base alone.
@@ -72,5 +92,8 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     textures.push(("progressive layers, sequence".to_owned(), ripple.clone(), progressive(&ripple, &params)));
     let params = ProgressiveParams { goal: Goal::Psnr(10.0), ..fast };
     textures.push(("progressive base".to_owned(), odd.clone(), progressive(&odd, &params)));
+    for content in [Content::Raw, Content::Bc7] {
+        textures.push((format!("zipmap {}", content.name()), odd.clone(), zipmap(&odd, content)));
+    }
     textures
 }

@@ -1,4 +1,6 @@
-//! `render`: light fields as cameras see them, one PNG a camera.
+//! `render`: light fields as cameras see them, one PNG a camera, and zooms into flat textures.
+
+mod zoom;
 
 use std::path::{Path, PathBuf};
 
@@ -20,12 +22,18 @@ const NUMBER_DIGITS: usize = 3;
 /// Arguments of `render`.
 #[derive(Debug, clap::Args)]
 pub struct RenderArgs {
-    /// A .txf file that holds a light field.
+    /// A .txf file.
     #[arg(value_name = "FILE.txf")]
     file: PathBuf,
-    /// The cameras: a file like a capture's transforms.json.
-    #[arg(long, value_name = "CAMERAS.json")]
-    camera: PathBuf,
+    /// For a light field the cameras: a file like a capture's transforms.json.
+    #[arg(long, value_name = "CAMERAS.json", conflicts_with = "zoom_to")]
+    camera: Option<PathBuf>,
+    /// For an image: draw a zoom to this place, 0,0 the upper left corner and 1,1 the lower right one, and a strip of its frames.
+    #[arg(long, value_name = "U,V", value_parser = zoom::target)]
+    zoom_to: Option<glam::Vec2>,
+    /// Frames of a zoom.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000), requires = "zoom_to")]
+    steps: Option<u32>,
     /// Folder that the pictures are written to: 000.png and so on, in the order of the cameras.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -42,29 +50,41 @@ pub struct RenderArgs {
 
 /// Runs the command.
 pub(crate) fn run(args: &RenderArgs) -> Result<usize, CliError> {
-    guarded(&args.file, || {
-        let texture = load(&args.file)?;
-        let layers = texture.layers();
-        if layers.loaded < layers.total {
-            let (has, of) = (layers.loaded - 1, layers.total - 1);
-            complain(&format!("{}: is cut after {has} of {of} terms", args.file.display()));
-        }
-        let texture = match args.terms {
-            Some(terms) => texture.first_terms(terms),
-            None => texture,
-        };
-        let cameras = cameras(&args.camera, args.size)?;
-        make_folder(&args.out)?;
-        remove_stale(&args.out);
-        let digits = NUMBER_DIGITS.max((cameras.len() - 1).to_string().len());
-        let mut draw = artist(args, &texture)?;
-        for (number, camera) in cameras.iter().enumerate() {
-            let pixels = draw(camera)?;
-            let path = args.out.join(format!("{number:0digits$}.png"));
-            png::write(&path, &raster(&args.file, camera, &pixels)?)?;
-        }
-        Ok(0)
+    guarded(&args.file, || match (args.zoom_to, &args.camera) {
+        (Some(_), _) if args.terms.is_some() => Err(usage(args, "an image has no terms")),
+        (Some(target), _) => zoom::run(args, target),
+        (None, Some(camera)) => render_light(args, camera),
+        (None, None) => Err(usage(args, "nothing says what to draw")),
     })
+}
+
+fn usage(args: &RenderArgs, given: &'static str) -> CliError {
+    CliError::RenderWhat { path: args.file.clone(), given }
+}
+
+/// Pictures of a light field.
+fn render_light(args: &RenderArgs, camera: &Path) -> Result<usize, CliError> {
+    let texture = load(&args.file)?;
+    let layers = texture.layers();
+    if layers.loaded < layers.total {
+        let (has, of) = (layers.loaded - 1, layers.total - 1);
+        complain(&format!("{}: is cut after {has} of {of} terms", args.file.display()));
+    }
+    let texture = match args.terms {
+        Some(terms) => texture.first_terms(terms),
+        None => texture,
+    };
+    let cameras = cameras(camera, args.size)?;
+    make_folder(&args.out)?;
+    remove_stale(&args.out);
+    let digits = NUMBER_DIGITS.max((cameras.len() - 1).to_string().len());
+    let mut draw = artist(args, &texture)?;
+    for (number, camera) in cameras.iter().enumerate() {
+        let pixels = draw(camera)?;
+        let path = args.out.join(format!("{number:0digits$}.png"));
+        png::write(&path, &raster(&args.file, camera, &pixels)?)?;
+    }
+    Ok(0)
 }
 
 type Artist<'t> = Box<dyn FnMut(&Camera) -> Result<Vec<[u8; 4]>, CliError> + 't>;

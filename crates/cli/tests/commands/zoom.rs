@@ -1,0 +1,90 @@
+//! Zoom stacks from folder to frames.
+
+use std::fs;
+
+use glam::{DMat3, DVec2};
+use texfold_testkit::leaves::{Leaves, Lens, close_up, photograph};
+
+use crate::support::Place;
+
+const SIZE: (u32, u32) = (240, 200);
+
+/// A root and a close-up of zoom 3, as PNG.
+fn shots(place: &Place) -> DMat3 {
+    let leaves = Leaves::new(3, 60_000);
+    let close = close_up(DVec2::new(0.5, 0.45), 3.0, 0.2, DVec2::ZERO);
+    fs::create_dir_all(place.at("wall")).unwrap();
+    for (name, matrix, exposure) in [("a.png", close, 0.8), ("b.png", DMat3::IDENTITY, 1.0)] {
+        let lens = Lens { exposure, noise: 0.005, seed: 1 };
+        let raster = photograph(&leaves.view(&matrix, SIZE, 3), SIZE, lens);
+        image::save_buffer(
+            place.at("wall").join(name),
+            &raster.to_bytes(),
+            SIZE.0,
+            SIZE.1,
+            image::ExtendedColorType::Rgb8,
+        )
+        .unwrap();
+    }
+    close
+}
+
+#[test]
+fn a_folder_becomes_a_texture_that_is_zoomed_into() {
+    let place = Place::new();
+    shots(&place);
+    let (run, report) = place.compress("wall --as zoom --codec zipmap --out out");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert_eq!((report[0]["codec"].as_str(), report[0]["images"].as_u64()), (Some("zipmap"), Some(2)));
+    let parts = report[0]["parts"].as_array().unwrap();
+    let sum = |key: &str| parts.iter().map(|part| part[key].as_u64().unwrap()).sum::<u64>();
+    assert_eq!(Some(sum("bits_memory")), report[0]["bits_memory"].as_u64());
+    assert_eq!(Some(sum("bits_disk")), report[0]["bits_disk"].as_u64());
+    let psnr = report[0]["psnr"].as_f64().unwrap();
+    let without = parts.iter().find_map(|part| part["psnr_without"].as_f64()).unwrap();
+    assert!(psnr > without + 3.0, "{psnr} {without}");
+    let run = place.run("render out/wall.txf --zoom-to 0.5,0.45 --steps 3 --size 64x48 --out frames --cpu");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let sizes = ["000.png", "001.png", "002.png", "strip.png"]
+        .map(|name| image::image_dimensions(place.at("frames").join(name)).unwrap());
+    assert_eq!(sizes, [(64, 48), (64, 48), (64, 48), (96, 24)]);
+    let info = place.run("info out/wall.txf");
+    assert!(info.stdout.contains("1 patches on a root of 240x200"), "{}", info.stdout);
+    let again = place.run("compress wall --as zoom --out out");
+    assert!(again.stdout.contains("1 up to date"), "{}", again.stdout);
+    // What else does not go with it.
+    for arguments in ["out/wall.txf --out x", "out/wall.txf --zoom-to 0.5,0.5 --terms 1 --out x"] {
+        let run = place.run(&format!("render {arguments}"));
+        assert_eq!(run.code, Some(1), "{arguments}");
+        assert!(run.stderr.contains("give --camera for a light field"), "{}", run.stderr);
+    }
+    let wrong = place.run("compress wall --as zoom --codec vq --out out");
+    assert!(wrong.stderr.contains("is a zoom stack"), "{}", wrong.stderr);
+}
+
+#[test]
+fn a_list_says_where_patches_lie() {
+    let place = Place::new();
+    let close = shots(&place);
+    let rows = close.transpose().to_cols_array().map(|value| format!("{value:?}")).join(", ");
+    let list = format!("root = 'b.png'\n[[patch]]\nimage = 'a.png'\nmatrix = [{rows}]\nparent = 'b.png'\n");
+    fs::write(place.at("wall/zipmap.toml"), &list).unwrap();
+    let (run, report) = place.compress("wall --content bc7 --out out");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(
+        report[0]["verdict"].as_str().unwrap().starts_with("1 patches on a root of 240x200, zoom up to 3.00")
+    );
+    for (change, what) in [
+        (list.replace("matrix = [", "matrix = [1.0, "), "has 10 numbers"),
+        (list.replace("parent = 'b.png'", "parent = 'c.png'"), "has parent c.png"),
+        (list.replace("a.png", "none.png"), "none.png"),
+        (list.replace("parent = 'b.png'", "parent = 'a.png'"), "lead in a circle"),
+        (list.replace("root", "wurzel"), "the list of patches cannot be read"),
+    ] {
+        fs::write(place.at("wall/zipmap.toml"), change).unwrap();
+        let (run, report) = place.compress("wall --out out");
+        assert_eq!(run.code, Some(1), "{what}");
+        let error = report[0]["error"].as_str().unwrap();
+        assert!(error.contains(what), "{error}");
+    }
+}

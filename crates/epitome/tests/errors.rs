@@ -1,0 +1,105 @@
+//! Content with an error map.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use texfold_bc::Family;
+use texfold_core::container::{SectionWriter, Sections};
+use texfold_core::image::{ImageSet, Raster};
+use texfold_core::metric::measure;
+use texfold_core::{
+    Budget, Domain, Effort, EncodeError, Encoded, Footprint, Goal, Image2d, Job, Texel, TextureCodec,
+};
+use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
+use texfold_testkit::picture;
+
+fn params(goal: Goal, family: Family) -> EpitomeParams {
+    EpitomeParams { goal, family, effort: Effort::Fast, ..EpitomeParams::default() }
+}
+
+fn encode(set: &ImageSet, params: &EpitomeParams) -> EpitomeTexture {
+    Epitome::encode(EpitomeSource::new(set), params, &mut Job::default()).unwrap()
+}
+
+fn file(texture: &EpitomeTexture) -> Vec<u8> {
+    let mut writer = SectionWriter::new(texture.codec());
+    texture.store(&mut writer);
+    writer.finish().bytes
+}
+
+fn load(bytes: &[u8]) -> EpitomeTexture {
+    let mut budget = Budget::default();
+    let sections = Sections::parse(bytes, &mut budget).unwrap();
+    Epitome::load(&sections, &mut budget).unwrap()
+}
+
+/// The upper left of a picture.
+fn corner(name: &str, side: u32) -> Raster {
+    let picture = picture(name);
+    let texels: Vec<Texel> = (0..side * side).map(|i| picture.texel(i % side, i / side)).collect();
+    Raster::from_texels(side, side, picture.info(), &texels).unwrap()
+}
+
+#[test]
+fn pictures_without_hard_edges_need_fewer_bits_than_with_plain_content() {
+    let set = ImageSet::single(corner("terrain", 128));
+    let goal = Goal::Psnr(34.0);
+    let plain = measure(&set, &encode(&set, &params(goal, Family::Bc)));
+    let texture = encode(&set, &params(goal, Family::ErrorMap));
+    let found = measure(&set, &texture);
+    assert!(texture.errors().is_some());
+    assert!(plain.psnr >= 34.0 && found.psnr >= 34.0, "{plain:?} {found:?}");
+    assert!(found.bpp < plain.bpp, "{} of {}", found.bpp, plain.bpp);
+}
+
+#[test]
+fn a_file_comes_back_as_it_was_on_any_number_of_threads() {
+    let set = ImageSet::new(vec![corner("facade", 64), picture("odd_37x61")]).unwrap();
+    for mips in [false, true] {
+        let params = EpitomeParams { mips, ..params(Goal::Psnr(30.0), Family::ErrorMap) };
+        let texture = encode(&set, &params);
+        assert!(measure(&set, &texture).psnr >= 30.0);
+        let bytes = file(&texture);
+        let loaded = load(&bytes);
+        assert!(loaded == texture);
+        assert_eq!(file(&loaded), bytes);
+        let footprint = Footprint::measure(&loaded, &loaded.gpu());
+        assert_eq!(footprint.bits_disk(), 8 * bytes.len() as u64);
+        assert_eq!(loaded.footprint().bits_memory(), loaded.gpu().bits_memory());
+        assert_eq!(loaded.footprint().bits_memory() > footprint_without_mips(&loaded), mips);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let mut single = Job::default().with_pool(&pool);
+        let again = Epitome::encode(EpitomeSource::new(&set), &params, &mut single).unwrap();
+        assert!(file(&again) == bytes, "another file on one thread");
+    }
+}
+
+fn footprint_without_mips(texture: &EpitomeTexture) -> u64 {
+    let footprint = texture.footprint();
+    let mips = footprint.parts.iter().find(|part| part.name == "mips").map_or(0, |part| part.bits_memory);
+    footprint.bits_memory() - mips
+}
+
+#[test]
+fn regions_are_their_samples() {
+    let set = ImageSet::single(corner("facade", 72));
+    let texture = encode(&set, &params(Goal::Psnr(28.0), Family::ErrorMap));
+    let whole = texture.layout().whole(0, 0).unwrap();
+    let mut texels = vec![Texel::ZERO; Image2d::len(whole)];
+    texture.decode(whole, &mut texels).unwrap();
+    for (index, texel) in texels.iter().enumerate() {
+        assert_eq!(*texel, texture.sample(Image2d::address(whole, index)));
+    }
+}
+
+#[test]
+fn what_an_error_map_cannot_hold_is_refused() {
+    let refused = |set: &ImageSet, params: &EpitomeParams| {
+        let result = Epitome::encode(EpitomeSource::new(set), params, &mut Job::default());
+        matches!(result, Err(EncodeError::Params(_)))
+    };
+    let cutout = ImageSet::single(picture("cutout"));
+    assert!(refused(&cutout, &params(Goal::Psnr(30.0), Family::ErrorMap)));
+    let plain = ImageSet::single(picture("odd_37x61"));
+    assert!(refused(&plain, &params(Goal::Tolerance(8.0), Family::ErrorMap)));
+    let layers = EpitomeParams { layers: 2, ..params(Goal::Psnr(30.0), Family::ErrorMap) };
+    assert!(refused(&plain, &layers));
+}

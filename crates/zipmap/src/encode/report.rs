@@ -1,0 +1,160 @@
+//! How a texture was made and how good it is, in words and numbers, from its shipped form.
+
+use glam::{DMat3, DVec2, Vec2, Vec4};
+use rayon::prelude::*;
+use texfold_core::image::{Raster, to_u8};
+use texfold_core::metric::SquaredError;
+use texfold_core::{Encoded, Goal, Notes, Texel};
+
+use super::Dropped;
+use super::canvas::{Footprint, colour};
+use crate::decode::ZipmapView;
+use crate::encoded::PATCH_PART;
+use crate::{PatchStack, ZipParams, ZipTexture};
+
+/// Most texels of an image that are compared: beyond, every n-th row and column.
+const SAMPLES: f64 = 262_144.0;
+
+/// How well a texture shows one image of its stack.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fidelity {
+    /// Which patch of the stack; the root where there is none.
+    pub patch: Option<usize>,
+    /// Error against the image after its exposure was fitted by a gain and an offset a channel.
+    pub error: SquaredError,
+    /// The same of the root alone.
+    pub root_alone: SquaredError,
+}
+
+fn places((width, height): (u32, u32)) -> Vec<(u32, u32)> {
+    let stride = (f64::from(width) * f64::from(height) / SAMPLES).sqrt().ceil().max(1.0) as usize;
+    let rows = (0..height).step_by(stride);
+    rows.flat_map(|y| (0..width).step_by(stride).map(move |x| (x, y))).collect()
+}
+
+fn footprint(inverse: &DMat3, (x, y): (u32, u32), (width, height): (u32, u32)) -> Footprint {
+    let texel = DVec2::new(1.0 / f64::from(width), 1.0 / f64::from(height));
+    Footprint::of(inverse, (DVec2::new(f64::from(x), f64::from(y)) + 0.5) * texel, texel)
+}
+
+fn step(a: Texel, b: Texel) -> f64 {
+    (0..3).map(|k| f64::from(to_u8(a[k]).abs_diff(to_u8(b[k]))).powi(2)).sum()
+}
+
+/// What two textures differ by at the texels of an image that `inverse` leads onto the root.
+pub(crate) fn compare(
+    a: &ZipmapView<'_>,
+    b: &ZipmapView<'_>,
+    inverse: &DMat3,
+    size: (u32, u32),
+) -> SquaredError {
+    let places = places(size);
+    let errors: Vec<f64> = places
+        .par_iter()
+        .map(|&place| {
+            let at = footprint(inverse, place, size);
+            step(colour(a, &at), colour(b, &at))
+        })
+        .collect();
+    SquaredError { sum: errors.iter().sum(), count: 3 * places.len() as u64 }
+}
+
+/// How well a texture shows the images that it was made of.
+#[must_use]
+pub fn fidelity(stack: &PatchStack, texture: &ZipTexture) -> Vec<Fidelity> {
+    let alone = texture.first_patches(0);
+    let views = [texture.view(), alone.view()];
+    let identity = (None, &stack.root, DMat3::IDENTITY);
+    let patches = stack.patches.iter().enumerate();
+    let patches = patches.map(|(index, patch)| (Some(index), &stack.images[patch.image], patch.matrix));
+    std::iter::once(identity)
+        .chain(patches)
+        .map(|(patch, image, matrix)| {
+            let [error, root_alone] = views.map(|view| against(&view, image, &matrix.inverse()));
+            Fidelity { patch, error, root_alone }
+        })
+        .collect()
+}
+
+/// Error of the texture at the texels of an image whose exposure is fitted.
+fn against(view: &ZipmapView<'_>, image: &Raster, inverse: &DMat3) -> SquaredError {
+    let size = (image.size().width, image.size().height);
+    let pairs: Vec<(Vec4, Vec4)> = places(size)
+        .into_par_iter()
+        .filter_map(|place| {
+            let at = footprint(inverse, place, size);
+            let inside = at.uv.cmpge(Vec2::ZERO).all() && at.uv.cmple(Vec2::ONE).all();
+            inside.then(|| (image.texel(place.0, place.1), colour(view, &at)))
+        })
+        .collect();
+    let count = pairs.len().max(1) as f32;
+    let sum = |value: &dyn Fn(&(Vec4, Vec4)) -> Vec4| {
+        pairs.iter().map(|pair| value(pair).as_dvec4()).sum::<glam::DVec4>().as_vec4() / count
+    };
+    let (own, shown) = (sum(&|pair| pair.0), sum(&|pair| pair.1));
+    let variance = sum(&|pair| (pair.0 - own) * (pair.0 - own));
+    let covariance = sum(&|pair| (pair.0 - own) * (pair.1 - shown));
+    let gain = (covariance + 1e-6) / (variance + 1e-6);
+    let fitted = |colour: Vec4| (colour - own) * gain + shown;
+    let total = pairs.iter().map(|pair| step(fitted(pair.0), pair.1)).sum();
+    SquaredError { sum: total, count: 3 * pairs.len() as u64 }
+}
+
+pub(crate) fn notes(
+    stack: &PatchStack,
+    params: &ZipParams,
+    texture: &ZipTexture,
+    dropped: &Dropped,
+    loss: f64,
+) -> Notes {
+    let found = fidelity(stack, texture);
+    let sum = |error: fn(&Fidelity) -> SquaredError| {
+        found.iter().map(error).fold(SquaredError::default(), |a, b| a + b)
+    };
+    let goal = match params.goal {
+        Goal::Psnr(psnr) => format!("--psnr {psnr}"),
+        Goal::Bpp(bpp) => format!("--bpp {bpp}"),
+        Goal::Tolerance(tolerance) => format!("--tolerance {tolerance}"),
+    };
+    let content = params.content.map_or(String::new(), |content| format!(" --content {}", content.name()));
+    let alone = sum(|fidelity| fidelity.root_alone).psnr() as f32;
+    let psnr_without = if texture.patches() > 0 { vec![(PATCH_PART.to_owned(), alone)] } else { Vec::new() };
+    Notes {
+        settings: format!("--codec zipmap {goal}{content}"),
+        verdict: verdict(stack, texture, dropped, loss, sum(|fidelity| fidelity.error).psnr()),
+        psnr_without,
+    }
+}
+
+fn verdict(stack: &PatchStack, texture: &ZipTexture, dropped: &Dropped, loss: f64, psnr: f64) -> String {
+    let root = texture.root_size();
+    let zoom = stack.patches.iter().map(|patch| stack.zoom(patch)).fold(1.0, f64::max);
+    let plain = root.texels() as f64 * zoom * zoom * 4.0 / 3.0;
+    let bits = texture.gpu().bits_memory() as f64;
+    let bits_per_texel = texture.parts.root[0].content().bits_per_texel(texture.layout().pixel);
+    let mut text = format!(
+        "{} patches on a root of {}x{}, zoom up to {zoom:.2}; photographs are shown at {psnr:.2} dB after fitting their exposure, \
+         compression alone changes {loss:.2} dB; {:.0}% of the memory of a plain texture as fine throughout",
+        texture.patches(),
+        root.width,
+        root.height,
+        100.0 * bits / (plain * bits_per_texel),
+    );
+    if dropped.levels > 0 {
+        let share = dropped.level_texels;
+        text += &format!(
+            "; {} mip levels ({share} texels) show what lies under them and are left out",
+            dropped.levels
+        );
+    }
+    if dropped.cropped_texels > 0 {
+        text += &format!("; {} texels outside of the root or their mask are cut off", dropped.cropped_texels);
+    }
+    if !dropped.nothing_new.is_empty() {
+        text += &format!("; patches {:?} show nothing new", dropped.nothing_new);
+    }
+    if !dropped.hidden.is_empty() {
+        text += &format!("; patches {:?} are hidden by others", dropped.hidden);
+    }
+    text + "."
+}

@@ -1,0 +1,117 @@
+//! No more than needed: mip levels that show what lies under them, patches that show nothing or that others hide.
+
+use glam::DVec2;
+use rayon::prelude::*;
+use texfold_core::Texel;
+use texfold_core::image::{ColorSpace, linear_to_srgb, srgb_to_linear};
+
+use super::canvas::{Canvas, Footprint, Laid, colour, cover};
+
+/// Most texels of a patch that are looked at.
+const SAMPLES: u32 = 1 << 14;
+/// Most texels of a level that are held against what lies under it.
+const LEVEL_SAMPLES: u32 = 1 << 12;
+/// Least and most places a side of a texel that what lies under it is read at.
+const PARTS: (f64, f64) = (3.0, 16.0);
+/// Places of a level that what lies under it is read at.
+const LOOKUPS: u32 = 9 * LEVEL_SAMPLES;
+/// What is seen of a hidden patch at most.
+const HIDDEN: f32 = 1.0 / 255.0;
+
+/// Places of texels, evenly thinned.
+fn places((width, height): (u32, u32), most: u32) -> Vec<(u32, u32)> {
+    let stride = (f64::from(width) * f64::from(height) / f64::from(most)).sqrt().ceil().max(1.0) as u32;
+    let rows = (stride / 2..height).step_by(stride as usize);
+    rows.flat_map(|y| (stride / 2..width).step_by(stride as usize).map(move |x| (x, y))).collect()
+}
+
+/// RMS difference in 8-bit units, where the level is shown, between it and what lies under it, both as means over its texels: a
+/// single lookup of what lies under, between its own levels, would be blurred otherwise and differ by that.
+fn difference(laid: &Laid, level: u32, texels: &[[u8; 4]], canvas: &Canvas, color: ColorSpace) -> f64 {
+    let size = ((laid.size.0 >> level).max(1), (laid.size.1 >> level).max(1));
+    let table = canvas.table(&canvas.touching(&laid.matrix));
+    let view = canvas.view(&table);
+    let inverse = laid.matrix.inverse();
+    let texel = DVec2::new(1.0 / f64::from(size.0), 1.0 / f64::from(size.1));
+    let places = places(size, LEVEL_SAMPLES);
+    // Levels of few texels are read at more places each.
+    let parts = (f64::from(LOOKUPS) / places.len() as f64).sqrt().clamp(PARTS.0, PARTS.1) as u32;
+    let part = texel / f64::from(parts);
+    let sums: Vec<(f64, f64)> = places
+        .into_par_iter()
+        .map(|(x, y)| {
+            let own = texels[(y * size.0 + x) as usize].map(f64::from);
+            let corner = DVec2::new(f64::from(x), f64::from(y)) * texel;
+            let under = |k: u32| {
+                let at = corner + (DVec2::new(f64::from(k % parts), f64::from(k / parts)) + 0.5) * part;
+                light(colour(&view, &Footprint::of(&inverse, at, part)), color)
+            };
+            let under = (0..parts * parts).map(under).sum::<Texel>() / (parts * parts) as f32;
+            let under = stored(under, color) * 255.0;
+            let weight = own[3] / 255.0;
+            let squares = (0..3).map(|k| (own[k] - f64::from(under[k])).powi(2)).sum::<f64>();
+            (weight * weight * squares / 3.0, weight * weight)
+        })
+        .collect();
+    let (squares, weights) = sums.into_iter().fold((0.0, 0.0), |(a, b), (c, d)| (a + c, b + d));
+    (squares / weights.max(1e-9)).sqrt()
+}
+
+/// What averages as light does.
+fn light(texel: Texel, color: ColorSpace) -> Texel {
+    if color != ColorSpace::Srgb {
+        return texel;
+    }
+    glam::Vec3::from(texel.truncate().to_array().map(srgb_to_linear)).extend(texel.w)
+}
+
+/// The inverse of [`light`].
+fn stored(light: Texel, color: ColorSpace) -> Texel {
+    if color != ColorSpace::Srgb {
+        return light;
+    }
+    glam::Vec3::from(light.truncate().to_array().map(linear_to_srgb)).extend(light.w)
+}
+
+/// Leaves out coarse levels that show what the canvas shows, from the coarsest on; all of them where the patch adds nothing.
+pub(crate) fn drop_levels(
+    laid: &Laid,
+    levels: &mut Vec<Vec<[u8; 4]>>,
+    canvas: &Canvas,
+    color: ColorSpace,
+    least: f64,
+) -> usize {
+    let before = levels.len();
+    while let Some(last) = levels.last() {
+        if difference(laid, levels.len() as u32 - 1, last, canvas, color) >= least {
+            break;
+        }
+        levels.pop();
+    }
+    before - levels.len()
+}
+
+/// Patches of which those laid later leave nothing to be seen.
+pub(crate) fn hidden(canvas: &Canvas) -> Vec<usize> {
+    let table = canvas.table(&[]);
+    let view = canvas.view(&table);
+    let is_hidden = |index: &usize| {
+        let laid = &canvas.laid[*index];
+        let inverse = laid.matrix.inverse();
+        let texel = DVec2::new(1.0 / f64::from(laid.size.0), 1.0 / f64::from(laid.size.1));
+        let later: Vec<u16> =
+            canvas.touching(&laid.matrix).into_iter().filter(|&other| usize::from(other) > *index).collect();
+        if later.is_empty() {
+            return false;
+        }
+        places(laid.size, SAMPLES).into_par_iter().all(|(x, y)| {
+            let own = canvas.levels[*index][0][(y * laid.size.0 + x) as usize][3];
+            let at = Footprint::of(&inverse, (DVec2::new(f64::from(x), f64::from(y)) + 0.5) * texel, texel);
+            let seen = later
+                .iter()
+                .fold(f32::from(own) / 255.0, |seen, &other| seen * (1.0 - cover(&view, other, &at)));
+            seen <= HIDDEN
+        })
+    };
+    (0..canvas.laid.len()).filter(is_hidden).collect()
+}

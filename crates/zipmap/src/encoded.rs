@@ -1,0 +1,388 @@
+//! The shipped form: a root, patches with their matrices, and what a shader needs to find them.
+
+use std::borrow::Cow;
+
+use glam::{DMat3, DVec2, IVec2, UVec2, UVec4, Vec2};
+use rayon::prelude::*;
+use texfold_bc::ContentPlanes;
+use texfold_core::address::TEXFOLD_CLAMP;
+use texfold_core::container::{SectionWriter, write_layout};
+use texfold_core::image::to_u8;
+use texfold_core::{
+    CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Notes, Plane,
+    PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
+};
+
+use crate::decode::{
+    TEXFOLD_ZIPMAP_RECORD, TexfoldZipmapParams, ZipmapView, texfold_zipmap_fetch, texfold_zipmap_sample_grad,
+};
+use crate::linear::{normalised, seen_in};
+use crate::{Zipmap, wire};
+
+/// Longest side of a plane that every WebGPU device can sample.
+pub(crate) const MAX_PLANE_SIDE: u32 = 8192;
+/// Most patches of a texture.
+pub(crate) const MAX_PATCHES: usize = crate::decode::TEXFOLD_ZIPMAP_MOST as usize;
+/// Most mip levels of a patch: down to where all of its texels are its border.
+pub(crate) const MAX_PATCH_LEVELS: u32 = 12;
+/// Tiles for each patch: few enough to be small, many enough that a tile names few patches.
+const TILES_PER_PATCH: f64 = 16.0;
+/// Most tiles a side, and where there are more patches than the second number, half as many.
+const MAX_TILES: (u32, usize) = (64, 512);
+/// Texels in a row of the table, as a binary logarithm.
+const ROW_LOG2: u32 = 8;
+/// By how much of a tile a patch may miss it and is yet named, against rounding.
+const TILE_MARGIN: f64 = 0.01;
+
+/// Names of the parts in the footprint.
+pub(crate) const ROOT_PART: &str = "root";
+/// As above.
+pub(crate) const PATCH_PART: &str = "patches";
+/// As above.
+pub(crate) const TABLE_PART: &str = "tiles";
+
+/// One patch.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct PatchForm {
+    /// From the root's texture coordinates to its own, row by row.
+    pub(crate) matrix: [f32; 9],
+    /// The planes of its mip levels, at least one, each half of the sides of the one before.
+    pub(crate) levels: Vec<ContentPlanes>,
+}
+
+/// What is stored of a texture.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Parts {
+    /// One image, as fine as the finest patch.
+    pub(crate) layout: ImageLayout,
+    /// How many of its levels are finer than the root.
+    pub(crate) deep: u32,
+    /// The planes of the root's levels.
+    pub(crate) root: Vec<ContentPlanes>,
+    /// In the order in which they lie over each other.
+    pub(crate) patches: Vec<PatchForm>,
+}
+
+/// A root with patches of higher resolution.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ZipTexture {
+    pub(crate) parts: Parts,
+    params: TexfoldZipmapParams,
+    table: Vec<UVec4>,
+    /// Where each level of each patch lies in the plane of all patches.
+    origins: Vec<Vec<(u32, u32)>>,
+    atlas: (u32, u32),
+    root: Vec<Vec<[u8; 4]>>,
+    patches: Vec<Vec<Vec<[u8; 4]>>>,
+    pub(crate) notes: Notes,
+}
+
+pub(crate) fn matrix_of(rows: &[f32; 9]) -> DMat3 {
+    DMat3::from_cols_array(&rows.map(f64::from)).transpose()
+}
+
+fn bytes_of(planes: &ContentPlanes) -> Vec<[u8; 4]> {
+    planes.decode().into_iter().map(|texel| texel.to_array().map(to_u8)).collect()
+}
+
+impl ZipTexture {
+    /// Lays the parts out for sampling; `None` where the patches do not fit a plane.
+    pub(crate) fn new(parts: Parts, notes: Notes) -> Option<ZipTexture> {
+        let (origins, atlas) = pack(&parts.patches)?;
+        let tiles = tiles_a_side(parts.patches.len());
+        let mut table = directory(&parts.patches, tiles);
+        let record_start = table.len() as u32;
+        for (patch, origins) in parts.patches.iter().zip(&origins) {
+            table.extend(record(&patch.matrix, patch.levels[0].size(), patch.levels.len(), origins));
+        }
+        let columns = (table.len()).min(1 << ROW_LOG2);
+        table.resize(table.len().next_multiple_of(columns), UVec4::ZERO);
+        let size = parts.layout.surfaces[0];
+        let root_size = parts.root[0].size();
+        let params = TexfoldZipmapParams {
+            size: [size.width, size.height],
+            levels: parts.layout.levels,
+            address_mode: TEXFOLD_CLAMP,
+            root_size: [root_size.0, root_size.1],
+            root_levels: parts.root.len() as u32,
+            root_swizzle: parts.root[0].swizzle().0,
+            tiles: [tiles; 2],
+            record_start,
+            patch_swizzle: parts.patches.first().map_or(0, |patch| patch.levels[0].swizzle().0),
+            row_log2: ROW_LOG2,
+            reserved: [0; 3],
+        };
+        let root = parts.root.iter().map(bytes_of).collect();
+        let patches =
+            parts.patches.par_iter().map(|patch| patch.levels.iter().map(bytes_of).collect()).collect();
+        Some(ZipTexture { parts, params, table, origins, atlas, root, patches, notes })
+    }
+
+    /// The texture as the shader sees it.
+    #[must_use]
+    pub fn view(&self) -> ZipmapView<'_> {
+        ZipmapView { params: self.params, table: &self.table, root: &self.root, patches: &self.patches }
+    }
+
+    /// Number of patches.
+    #[must_use]
+    pub fn patches(&self) -> usize {
+        self.parts.patches.len()
+    }
+
+    /// The matrix of a patch, from the root's texture coordinates to its own, and its size in texels.
+    #[must_use]
+    pub fn patch(&self, index: usize) -> Option<(DMat3, SurfaceSize, usize)> {
+        let patch = self.parts.patches.get(index)?;
+        let (width, height) = patch.levels[0].size();
+        Some((matrix_of(&patch.matrix), SurfaceSize { width, height }, patch.levels.len()))
+    }
+
+    /// Columns and rows of the root.
+    #[must_use]
+    pub fn root_size(&self) -> SurfaceSize {
+        let (width, height) = self.parts.root[0].size();
+        SurfaceSize { width, height }
+    }
+
+    /// How many levels are finer than the root.
+    #[must_use]
+    pub fn deep_levels(&self) -> u32 {
+        self.parts.deep
+    }
+
+    /// A picture of `width` x `height` pixels of the rectangle from `corner` to `corner + extent` of the root's texture
+    /// coordinates, at any zoom.
+    #[must_use]
+    pub fn draw(&self, corner: Vec2, extent: Vec2, (width, height): (u32, u32)) -> Vec<Texel> {
+        let view = self.view();
+        let step = extent / Vec2::new(width as f32, height as f32);
+        let pixel = |index: usize| {
+            let at = Vec2::new((index as u32 % width) as f32, (index as u32 / width) as f32) + 0.5;
+            texfold_zipmap_sample_grad(
+                &view,
+                corner + at * step,
+                Vec2::new(step.x, 0.0),
+                Vec2::new(0.0, step.y),
+            )
+        };
+        (0..width as usize * height as usize).into_par_iter().map(pixel).collect()
+    }
+
+    /// The same texture without its patches from `count` on: the root alone where that is 0.
+    #[must_use]
+    pub fn first_patches(&self, count: usize) -> ZipTexture {
+        let mut parts = self.parts.clone();
+        parts.patches.truncate(count);
+        // Fewer patches fit where all did.
+        ZipTexture::new(parts, self.notes.clone()).unwrap_or_else(|| self.clone())
+    }
+
+    /// Replaces the notes.
+    #[must_use]
+    pub fn with_notes(mut self, notes: Notes) -> Self {
+        self.notes = notes;
+        self
+    }
+
+    /// The plane of all patches.
+    fn atlas_plane(&self) -> Plane<'_> {
+        let (width, height) = self.atlas;
+        let format =
+            self.parts.patches.first().map_or(PlaneFormat::Rgba8Unorm, |patch| patch.levels[0].planes()[0].0);
+        let mut data = vec![0; format.bytes(width, height) as usize];
+        let (side, block) = (format.block_side(), format.block_bytes() as usize);
+        let row_bytes = width.div_ceil(side) as usize * block;
+        for (patch, origins) in self.parts.patches.iter().zip(&self.origins) {
+            for (level, &(x, y)) in patch.levels.iter().zip(origins) {
+                let bytes = &level.planes()[0].1;
+                let run = level.size().0.div_ceil(side) as usize * block;
+                for (row, from) in bytes.chunks_exact(run).enumerate() {
+                    let start = ((y / side) as usize + row) * row_bytes + (x / side) as usize * block;
+                    data[start..start + run].copy_from_slice(from);
+                }
+            }
+        }
+        Plane { part: PATCH_PART, format, width, height, levels: 1, data: Cow::Owned(data) }
+    }
+}
+
+fn tiles_a_side(patches: usize) -> u32 {
+    let wanted = (TILES_PER_PATCH * patches as f64).sqrt().ceil() as u32;
+    let most = if patches > MAX_TILES.1 { MAX_TILES.0 / 2 } else { MAX_TILES.0 };
+    wanted.max(1).next_power_of_two().min(most)
+}
+
+/// For each tile how many patches touch it and where its list begins, then the lists, eight numbers a texel.
+fn directory(patches: &[PatchForm], tiles: u32) -> Vec<UVec4> {
+    let polygons: Vec<Vec<DVec2>> = patches
+        .iter()
+        .map(|patch| {
+            let inverse = matrix_of(&patch.matrix).inverse();
+            if inverse.is_finite() {
+                seen_in(&normalised(inverse), DVec2::ONE, DVec2::ONE)
+            } else {
+                Vec::new()
+            }
+        })
+        .collect();
+    let lists: Vec<Vec<u16>> = (0..tiles * tiles)
+        .into_par_iter()
+        .map(|tile| {
+            let corner = DVec2::new(f64::from(tile % tiles), f64::from(tile / tiles)) - TILE_MARGIN;
+            let corner = corner / f64::from(tiles);
+            let side = (1.0 + 2.0 * TILE_MARGIN) / f64::from(tiles);
+            let touches = |polygon: &[DVec2]| {
+                let polygon: Vec<DVec2> = polygon.iter().map(|&point| point - corner).collect();
+                !crate::linear::cut(&polygon, DVec2::splat(side)).is_empty()
+            };
+            (0u16..).zip(&polygons).filter(|(_, polygon)| touches(polygon)).map(|(index, _)| index).collect()
+        })
+        .collect();
+    let mut texels = vec![UVec4::ZERO; lists.len().div_ceil(4)];
+    for (tile, list) in lists.iter().enumerate() {
+        texels[tile / 4][tile % 4] = (list.len() as u32) << 20 | texels.len() as u32;
+        texels.extend(list_texels(list));
+    }
+    texels
+}
+
+/// Numbers of patches, eight a texel.
+pub(crate) fn list_texels(list: &[u16]) -> impl Iterator<Item = UVec4> + '_ {
+    list.chunks(8).map(|eight| {
+        let name = |k: usize| u32::from(eight.get(k).copied().unwrap_or(0));
+        UVec4::from_array([0, 2, 4, 6].map(|k| name(k) | name(k + 1) << 16))
+    })
+}
+
+/// A patch as the table holds it.
+pub(crate) fn record(
+    matrix: &[f32; 9],
+    (width, height): (u32, u32),
+    levels: usize,
+    origins: &[(u32, u32)],
+) -> [UVec4; TEXFOLD_ZIPMAP_RECORD as usize] {
+    let extra = [width | height << 16, levels as u32, 0];
+    let mut texels = [UVec4::ZERO; TEXFOLD_ZIPMAP_RECORD as usize];
+    for (row, texel) in texels[..3].iter_mut().enumerate() {
+        let [x, y, z] = [0, 1, 2].map(|column| matrix[3 * row + column].to_bits());
+        *texel = UVec4::new(x, y, z, extra[row]);
+    }
+    for (level, &(x, y)) in origins.iter().enumerate() {
+        texels[3 + level / 4][level % 4] = x | y << 16;
+    }
+    texels
+}
+
+/// The origin of each level of each patch in one plane, and the plane's size.
+type Packing = (Vec<Vec<(u32, u32)>>, (u32, u32));
+
+/// The origin of each level of each patch in one plane, and the plane's size: rows of rectangles of falling height. `None` where it
+/// would be too large.
+fn pack(patches: &[PatchForm]) -> Option<Packing> {
+    let whole = |side: u32| side.next_multiple_of(4);
+    let mut all: Vec<(usize, usize, u32, u32)> = Vec::new();
+    for (index, patch) in patches.iter().enumerate() {
+        for (level, planes) in patch.levels.iter().enumerate() {
+            let (width, height) = planes.size();
+            all.push((index, level, whole(width), whole(height)));
+        }
+    }
+    all.sort_by_key(|&(index, level, _, height)| (std::cmp::Reverse(height), index, level));
+    let area: u64 = all.iter().map(|&(_, _, width, height)| u64::from(width) * u64::from(height)).sum();
+    let widest = all.iter().map(|rect| rect.2).max().unwrap_or(4);
+    let square = whole((area as f64).sqrt().ceil() as u32);
+    // The least plane among those of some widths.
+    let widths = (0..8).map(|step| whole(square + square * step / 16)).chain([MAX_PLANE_SIDE]);
+    let tried = widths.filter(|&width| width >= widest && width <= MAX_PLANE_SIDE).filter_map(|width| {
+        let mut origins: Vec<Vec<(u32, u32)>> =
+            patches.iter().map(|patch| vec![(0, 0); patch.levels.len()]).collect();
+        let (mut x, mut y, mut row, mut used) = (0, 0, 0, 4);
+        for &(index, level, wide, high) in &all {
+            if x + wide > width {
+                (x, y, row) = (0, y + row, 0);
+            }
+            origins[index][level] = (x, y);
+            (x, row) = (x + wide, high.max(row));
+            used = x.max(used);
+        }
+        let height = (y + row).max(4);
+        (height <= MAX_PLANE_SIDE).then_some((origins, (used, height)))
+    });
+    tried.min_by_key(|(_, (width, height))| u64::from(*width) * u64::from(*height))
+}
+
+impl Encoded for ZipTexture {
+    type Domain = Image2d;
+
+    fn codec(&self) -> CodecId {
+        Zipmap::ID
+    }
+
+    fn layout(&self) -> &ImageLayout {
+        &self.parts.layout
+    }
+
+    fn sample(&self, at: ImageAddress) -> Texel {
+        let clamp = |value: u32| i32::try_from(value).unwrap_or(i32::MAX);
+        let level = at.level.min(self.parts.layout.levels - 1);
+        texfold_zipmap_fetch(&self.view(), IVec2::new(clamp(at.x), clamp(at.y)), level)
+    }
+
+    fn decode(&self, region: Rect, out: &mut [Texel]) -> Result<(), RegionError> {
+        self.parts.layout.check(region)?;
+        if out.len() != Image2d::len(region) {
+            return Err(RegionError::OutputLength { found: out.len(), needed: Image2d::len(region) });
+        }
+        let view = self.view();
+        let width = region.width.max(1) as usize;
+        out.par_chunks_mut(width).enumerate().for_each(|(row, line)| {
+            let y = region.y + row as u32;
+            for (texel, x) in line.iter_mut().zip(region.x..) {
+                *texel = texfold_zipmap_fetch(&view, UVec2::new(x, y).as_ivec2(), region.level);
+            }
+        });
+        Ok(())
+    }
+
+    fn store(&self, out: &mut SectionWriter) {
+        self.notes.write(out);
+        write_layout(&self.parts.layout, out);
+        wire::store(&self.parts, out);
+    }
+
+    fn footprint(&self) -> Footprint {
+        Footprint::measure(self, &self.gpu())
+    }
+
+    fn gpu(&self) -> GpuForm<'_> {
+        let columns = self.table.len().min(1 << ROW_LOG2);
+        let table = Plane {
+            part: TABLE_PART,
+            format: PlaneFormat::Rgba32Uint,
+            width: columns as u32,
+            height: (self.table.len() / columns) as u32,
+            levels: 1,
+            data: self.table.iter().flat_map(|texel| texel.to_array()).flat_map(u32::to_le_bytes).collect(),
+        };
+        let mut planes = vec![table];
+        let levels = &self.parts.root;
+        planes.extend(levels[0].gpu_planes(ROOT_PART));
+        for (index, plane) in planes[1..].iter_mut().enumerate() {
+            plane.levels = levels.len() as u32;
+            plane.data =
+                Cow::Owned(levels.iter().flat_map(|level| level.planes()[index].1.iter().copied()).collect());
+        }
+        let root_b = planes.len() - 1;
+        planes.push(self.atlas_plane());
+        let atlas = planes.len() - 1;
+        let uniforms = bytemuck::bytes_of(&self.params).to_vec();
+        let surface =
+            SurfaceBinding { planes: vec![0, 1, root_b, atlas], uniforms: 0..uniforms.len(), surface: 0 };
+        GpuForm { module: "zipmap", planes, uniforms, surfaces: vec![surface] }
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
+    }
+}

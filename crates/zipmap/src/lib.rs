@@ -1,0 +1,51 @@
+//! Zoom-into-parts texture maps: photographs of one surface at several scales as one texture that can be zoomed into.
+//!
+//! A root shows all of the surface; patches show parts of it in more detail, each by a matrix from the root's texture
+//! coordinates to its own and by its alpha. A lookup reads the root and blends over it, in order, the patches that the root's
+//! tile names; so any number of patches takes one pass. [`register`] finds root and matrices of an unordered folder of
+//! photographs; colours of patches are fitted to those below them, and alpha follows edges of the picture.
+//!
+//! Source: Eisemann and Magnor, "ZIPMAPS: zoom-into-parts texture maps", 2010. Beyond the paper: per-tile lists of patches, exposure
+//! and refinement in registration, checks that leave out photographs that do not agree, mip levels left out where
+//! what lies below shows the same, content in blocks. *Not done*: one image at several places is stored once for each, as its
+//! colours are fitted to each; anisotropic filtering, which reads the level of the longer side of a pixel.
+
+pub mod decode;
+mod encode;
+mod encoded;
+mod error;
+mod linear;
+mod params;
+mod register;
+mod stack;
+mod wire;
+
+pub use encode::{Fidelity, fidelity};
+pub use encoded::ZipTexture;
+pub use error::ZipError;
+pub use params::ZipParams;
+pub use register::{Agreement, Fault, LeftOut, Link, Placed, Registration, register};
+pub use stack::{PatchSource, PatchStack};
+
+use texfold_core::container::Sections;
+use texfold_core::{Budget, CodecId, EncodeError, Image2d, Job, LoadError, TextureCodec};
+
+/// A root and patches.
+#[derive(Debug, Clone, Copy)]
+pub enum Zipmap {}
+
+impl TextureCodec for Zipmap {
+    const ID: CodecId = CodecId { number: 6, name: "zipmap" };
+    type Domain = Image2d;
+    type Source<'s> = &'s PatchStack;
+    type Params = ZipParams;
+    type Encoded = ZipTexture;
+
+    fn encode(source: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Result<ZipTexture, EncodeError> {
+        encode::encode(source, params, job)
+    }
+
+    fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ZipTexture, LoadError> {
+        wire::load(file, budget)
+    }
+}

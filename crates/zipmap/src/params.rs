@@ -1,0 +1,54 @@
+//! Parameters of the zipmap codec.
+
+use texfold_bc::Content;
+use texfold_core::{Effort, Goal, ParamError, Params};
+
+/// How a stack of patches is encoded.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ZipParams {
+    /// What to reach. PSNR counts what compression loses of the merged patches; other goals take the smallest content.
+    pub goal: Goal,
+    /// How the root is stored; patches are stored alike, with soft alpha. `None` lets the goal decide.
+    pub content: Option<Content>,
+    /// Cost of a path to the border, as the sum of gradients of a range of 1, from which on a patch covers all below it.
+    pub tau: f32,
+    /// Whether colours are fitted to those of the parents.
+    pub merge: bool,
+    /// RMS difference in 8-bit units below which what lies under a mip level shows the same, so that it is left out.
+    pub drop_rms: f32,
+    /// How long blocks are searched.
+    pub effort: Effort,
+}
+
+impl Default for ZipParams {
+    fn default() -> Self {
+        ZipParams {
+            goal: Goal::default(),
+            content: None,
+            tau: 0.5,
+            merge: true,
+            drop_rms: 2.0,
+            effort: Effort::Normal,
+        }
+    }
+}
+
+impl Params for ZipParams {
+    fn check(&self) -> Result<(), ParamError> {
+        self.goal.check()?;
+        let error = |field, value: f32, range| Err(ParamError { field, value: f64::from(value), range });
+        match self {
+            _ if !(1e-3..=100.0).contains(&self.tau) => error("tau", self.tau, "0.001..=100"),
+            _ if !(0.0..=64.0).contains(&self.drop_rms) => error("drop_rms", self.drop_rms, "0..=64"),
+            _ => match self.content {
+                None
+                | Some(
+                    Content::Raw | Content::Bc1 | Content::Bc3 | Content::Bc4 | Content::Bc5 | Content::Bc7,
+                ) => Ok(()),
+                Some(content) => {
+                    error("content", f32::from(content.number()), "raw, bc1 and bc7 for a zipmap")
+                }
+            },
+        }
+    }
+}

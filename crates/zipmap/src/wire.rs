@@ -1,0 +1,158 @@
+//! Sections of a `zipmap` file: "ZMFM" (contents, depth, and of each patch size, levels and matrix), "ZMRT" (planes of the root),
+//! "ZMPA" (planes of the patches).
+
+use texfold_bc::{Content, ContentPlanes};
+use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
+use texfold_core::image::{Alpha, PixelInfo};
+use texfold_core::sample::TEXFOLD_NORMAL;
+use texfold_core::{Budget, LoadError, String4, SurfaceSize};
+
+use crate::ZipTexture;
+use crate::encoded::{
+    MAX_PATCH_LEVELS, MAX_PATCHES, MAX_PLANE_SIDE, PATCH_PART, Parts, PatchForm, ROOT_PART,
+};
+
+const FORM_ID: [u8; 4] = *b"ZMFM";
+const ROOT_ID: [u8; 4] = *b"ZMRT";
+const PATCH_ID: [u8; 4] = *b"ZMPA";
+
+/// Longest side of the finest level.
+const MAX_SIDE: u32 = 1 << 15;
+
+/// Pixels of patches: those of the root, with alpha.
+pub(crate) fn patch_pixel(root: PixelInfo) -> PixelInfo {
+    PixelInfo { channels: if root.channels < 3 { 2 } else { 4 }, alpha: Alpha::Straight, ..root }
+}
+
+/// Whether patches can be stored so: one plane, with alpha.
+pub(crate) fn suits_patches(content: Content, pixel: PixelInfo) -> bool {
+    let soft = matches!(content, Content::Raw | Content::Bc3 | Content::Bc5 | Content::Bc7);
+    // BC3 and BC7 of gray and alpha take more bits than BC5.
+    soft && content.fits(pixel) && (pixel.channels == 4 || matches!(content, Content::Raw | Content::Bc5))
+}
+
+pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
+    let patch_content = parts.patches.first().map_or(Content::Raw, |patch| patch.levels[0].content());
+    let mut form = vec![parts.root[0].content().number(), patch_content.number(), parts.deep as u8];
+    form.extend((parts.patches.len() as u16).to_le_bytes());
+    for patch in &parts.patches {
+        let (width, height) = patch.levels[0].size();
+        form.extend((width as u16).to_le_bytes());
+        form.extend((height as u16).to_le_bytes());
+        form.push(patch.levels.len() as u8);
+        form.extend(patch.matrix.iter().flat_map(|value| value.to_le_bytes()));
+    }
+    out.section("container", FORM_ID, &form);
+    let planes = parts.root.iter().flat_map(ContentPlanes::planes);
+    out.section(ROOT_PART, ROOT_ID, &planes.flat_map(|(_, bytes)| bytes).copied().collect::<Vec<u8>>());
+    if !parts.patches.is_empty() {
+        let planes = parts.patches.iter().flat_map(|patch| &patch.levels).flat_map(ContentPlanes::planes);
+        out.section(PATCH_PART, PATCH_ID, &planes.flat_map(|(_, bytes)| bytes).copied().collect::<Vec<u8>>());
+    }
+}
+
+/// What is said of a patch before its planes.
+struct Said {
+    size: SurfaceSize,
+    levels: u32,
+    matrix: [f32; 9],
+}
+
+pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ZipTexture, LoadError> {
+    let notes = Notes::read(file, budget)?;
+    let layout = read_layout(file, budget)?;
+    let form = file.read(FORM_ID, budget)?;
+    let mut reader = Reader::new(String4(FORM_ID), &form);
+    let (root_content, patch_content) = (Content::read(&mut reader)?, Content::read(&mut reader)?);
+    let deep = u32::from(reader.u8()?);
+    let [size] = layout.surfaces[..] else { return Err(reader.corrupt("more than one image")) };
+    let exact = deep < 16 && [size.width, size.height].iter().all(|side| side % (1 << deep) == 0);
+    if !exact || layout.levels <= deep || size.width > MAX_SIDE || size.height > MAX_SIDE {
+        return Err(reader.corrupt("levels that do not lead to a root"));
+    }
+    let root_size = size.at_level(deep);
+    let root_levels = layout.levels - deep;
+    let normal = root_content.formats(layout.pixel).1.0 == TEXFOLD_NORMAL;
+    let wide = root_size.width.max(root_size.height) > MAX_PLANE_SIDE;
+    if !root_content.fits(layout.pixel) || normal || root_levels > root_size.full_levels() || wide {
+        return Err(reader.corrupt("a root that cannot be stored so"));
+    }
+    let pixel = patch_pixel(layout.pixel);
+    let said = read_patches(&mut reader)?;
+    if !said.is_empty() && !suits_patches(patch_content, pixel) {
+        return Err(reader.corrupt("content without soft alpha for patches"));
+    }
+    let raw = file.read(ROOT_ID, budget)?;
+    let mut planes = Reader::new(String4(ROOT_ID), &raw);
+    let root = read_levels(&mut planes, budget, (root_content, layout.pixel), root_size, root_levels)?;
+    planes.end()?;
+    let mut patches = Vec::new();
+    if !said.is_empty() {
+        let raw = file.read(PATCH_ID, budget)?;
+        let mut planes = Reader::new(String4(PATCH_ID), &raw);
+        for Said { size, levels, matrix } in said {
+            let levels = read_levels(&mut planes, budget, (patch_content, pixel), size, levels)?;
+            patches.push(PatchForm { matrix, levels });
+        }
+        planes.end()?;
+    }
+    // Tiles and their lists: at most 4096 tiles of 512 patches or 1024 of all.
+    budget.take((patches.len() as u64 + 8) * (1 << 14))?;
+    let too_large = LoadError::Corrupt {
+        section: String4(PATCH_ID),
+        offset: 0,
+        what: "patches that fill more than a plane",
+    };
+    ZipTexture::new(Parts { layout, deep, root, patches }, notes).ok_or(too_large)
+}
+
+fn read_patches(reader: &mut Reader<'_>) -> Result<Vec<Said>, LoadError> {
+    let count = usize::from(reader.u16()?);
+    if count > MAX_PATCHES {
+        return Err(reader.corrupt("more than 2048 patches"));
+    }
+    let mut said = Vec::new();
+    for _ in 0..count {
+        let size = SurfaceSize { width: u32::from(reader.u16()?), height: u32::from(reader.u16()?) };
+        let levels = u32::from(reader.u8()?);
+        let sides = 1..=MAX_PLANE_SIDE;
+        if !sides.contains(&size.width) || !sides.contains(&size.height) {
+            return Err(reader.corrupt("a patch of another size than 1 to 8192"));
+        }
+        if !(1..=MAX_PATCH_LEVELS.min(size.full_levels())).contains(&levels) {
+            return Err(reader.corrupt("a patch with too many levels or none"));
+        }
+        let mut matrix = [0.0; 9];
+        for value in &mut matrix {
+            *value = reader.f32()?;
+        }
+        said.push(Said { size, levels, matrix });
+    }
+    reader.end()?;
+    Ok(said)
+}
+
+fn read_levels(
+    reader: &mut Reader<'_>,
+    budget: &mut Budget,
+    (content, pixel): (Content, PixelInfo),
+    size: SurfaceSize,
+    levels: u32,
+) -> Result<Vec<ContentPlanes>, LoadError> {
+    let (formats, _) = content.formats(pixel);
+    let mut found = Vec::new();
+    for level in 0..levels {
+        let SurfaceSize { width, height } = size.at_level(level);
+        let mut planes = Vec::new();
+        for format in &formats {
+            let length = format.bytes(width, height);
+            budget.take(length)?;
+            planes.push(reader.bytes(usize::try_from(length).unwrap_or(usize::MAX))?.to_vec());
+        }
+        // The texels are decoded once, when the texture is laid out.
+        budget.take(4 * u64::from(width) * u64::from(height))?;
+        let planes = ContentPlanes::from_planes(content, pixel, (width, height), planes);
+        found.push(planes.ok_or(reader.corrupt("planes of another size"))?);
+    }
+    Ok(found)
+}

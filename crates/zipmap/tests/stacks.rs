@@ -1,0 +1,326 @@
+//! Zoom stacks with known matrices: registration, what is drawn, and hard cases.
+
+#![allow(clippy::panic, clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
+
+use glam::{DMat3, DVec2, Vec2};
+use texfold_core::container::{SectionWriter, Sections};
+use texfold_core::image::{ColorSpace, Raster};
+use texfold_core::{Budget, EncodeError, Encoded, Job, Texel, TextureCodec};
+use texfold_testkit::leaves::{Leaves, Lens, close_up, photograph};
+use texfold_zipmap::{
+    LeftOut, PatchSource, PatchStack, Registration, ZipError, ZipParams, ZipTexture, Zipmap, fidelity,
+    register,
+};
+
+const SIZE: (u32, u32) = (320, 280);
+const PLAIN: Lens = Lens { exposure: 1.0, noise: 0.0, seed: 1 };
+
+fn leaves() -> Leaves {
+    Leaves::new(3, 60_000)
+}
+
+fn shot(leaves: &Leaves, matrix: &DMat3, lens: Lens) -> Raster {
+    photograph(&leaves.view(matrix, SIZE, 3), SIZE, lens)
+}
+
+fn project(matrix: &DMat3, place: DVec2) -> DVec2 {
+    let moved = *matrix * place.extend(1.0);
+    moved.truncate() / moved.z
+}
+
+/// Mean distance in pixels of the patch, at the corners of the patch, between two matrices from the root.
+fn far(found: &DMat3, truth: &DMat3) -> f64 {
+    let size = DVec2::new(f64::from(SIZE.0), f64::from(SIZE.1));
+    let corners = [DVec2::ZERO, DVec2::X, DVec2::Y, DVec2::ONE];
+    let of =
+        |corner: &DVec2| ((project(found, project(&truth.inverse(), *corner)) - *corner) * size).length();
+    corners.iter().map(of).sum::<f64>() / 4.0
+}
+
+fn registered(photos: &[Raster]) -> Registration {
+    register(photos, &mut Job::default()).unwrap()
+}
+
+fn encode(stack: &PatchStack, params: &ZipParams) -> Result<ZipTexture, ZipError> {
+    Zipmap::encode(stack, params, &mut Job::default()).map_err(|error| match error {
+        EncodeError::Codec { source, .. } => *source.downcast::<ZipError>().unwrap(),
+        error => panic!("{error}"),
+    })
+}
+
+fn bytes(texture: &ZipTexture) -> Vec<u8> {
+    let mut writer = SectionWriter::new(texture.codec());
+    texture.store(&mut writer);
+    writer.finish().bytes
+}
+
+/// A root and close-ups of zoom 2.5 and 6 about one place, and their matrices.
+fn stack_of_three(exposure: f64) -> (Vec<Raster>, Vec<DMat3>) {
+    let leaves = leaves();
+    let middle = DVec2::new(0.45, 0.55);
+    let matrices = vec![
+        DMat3::IDENTITY,
+        close_up(middle, 2.5, 0.3, DVec2::new(0.05, -0.04)),
+        close_up(middle, 6.0, -0.2, DVec2::ZERO),
+    ];
+    let lens = |index: usize| Lens {
+        exposure: [1.0, exposure, 1.0 / exposure][index],
+        noise: 0.01,
+        seed: index as u64,
+    };
+    (
+        matrices.iter().enumerate().map(|(index, matrix)| shot(&leaves, matrix, lens(index))).collect(),
+        matrices,
+    )
+}
+
+#[test]
+fn close_ups_are_found_within_a_pixel_whatever_their_exposure_and_order() {
+    let (photos, matrices) = stack_of_three(0.75);
+    for order in [[0, 1, 2], [2, 0, 1]] {
+        let shuffled: Vec<Raster> = order.iter().map(|&index: &usize| photos[index].clone()).collect();
+        let found = registered(&shuffled);
+        assert_eq!((order[found.root], found.placed.len()), (0, 2), "{:?}", found.left_out);
+        for placed in &found.placed {
+            let off = far(&placed.matrix, &matrices[order[placed.photo]]);
+            println!("{:?} zoom {:.2}: {off:.3} pixels off", order, placed.zoom);
+            assert!(off < 1.0, "{off}");
+        }
+    }
+}
+
+#[test]
+fn a_close_up_adds_detail_and_its_exposure_is_that_of_the_root() {
+    let (photos, _) = stack_of_three(0.75);
+    let stack = PatchStack::registered(&photos, &registered(&photos)).unwrap();
+    let texture = encode(&stack, &ZipParams::default()).unwrap();
+    assert_eq!((texture.patches(), texture.deep_levels()), (2, 3));
+    for shown in fidelity(&stack, &texture).iter().skip(1) {
+        let gain = shown.error.psnr() - shown.root_alone.psnr();
+        println!("patch {:?}: {:.2} dB, {gain:.2} dB above the root", shown.patch, shown.error.psnr());
+        assert!(gain > 3.0, "{gain}");
+    }
+    // The mean around the zoomed place is that of the root alone, though the close-ups are a quarter darker and brighter.
+    let alone = texture.first_patches(0);
+    let (corner, extent) = (Vec2::new(0.4, 0.5), Vec2::splat(0.1));
+    let mean = |texture: &ZipTexture| {
+        texture.draw(corner, extent, (64, 64)).iter().map(|texel| texel.truncate()).sum::<glam::Vec3>()
+            / 4096.0
+    };
+    let difference = (mean(&texture) - mean(&alone)).abs().max_element();
+    assert!(difference < 0.02, "{difference}");
+}
+
+/// Mean step between neighbouring pixels across the line of a patch's left border, and left and right of it.
+fn steps_around_border(texture: &ZipTexture, matrix: &DMat3, pixel: f64) -> (f64, f64) {
+    let inverse = matrix.inverse();
+    let colour = |u: f64, v: f64| {
+        let at = project(&inverse, DVec2::new(u, v)).as_vec2();
+        let step = Vec2::splat(pixel as f32);
+        texture.draw(at - step * 0.5, step, (1, 1))[0]
+    };
+    let across = pixel
+        * (project(matrix, DVec2::splat(0.5) + DVec2::X * 1e-3) - project(matrix, DVec2::splat(0.5)))
+            .length()
+        / 1e-3;
+    let beside = [-8.0, -7.0, -6.0, -5.0, -4.0, 4.0, 5.0, 6.0, 7.0, 8.0];
+    let mut sums = [0.0; 11];
+    for row in 0..400 {
+        let v = 0.05 + 0.9 * f64::from(row) / 400.0;
+        for (sum, place) in sums.iter_mut().zip([0.0].into_iter().chain(beside)) {
+            let u = place * across;
+            let difference = colour(u + 0.5 * across, v) - colour(u - 0.5 * across, v);
+            *sum += f64::from(difference.truncate().abs().element_sum());
+        }
+    }
+    (sums[0], sums[1..].iter().sum::<f64>() / 10.0)
+}
+
+#[test]
+fn no_seam_shows_at_the_border_of_a_patch_at_any_level() {
+    let (photos, matrices) = stack_of_three(1.3);
+    let patches = [1].map(|image| PatchSource { image, matrix: matrices[image], mask: None, parent: None });
+    let stack = PatchStack { root: photos[0].clone(), images: photos.clone(), patches: patches.to_vec() };
+    let texture = encode(&stack, &ZipParams::default()).unwrap();
+    for level in 0..4 {
+        let pixel = f64::from(1 << level) / 2.5 / f64::from(SIZE.0);
+        let (border, around) = steps_around_border(&texture, &matrices[1], pixel);
+        println!("level {level}: {border:.2} at the border, {around:.2} beside it");
+        assert!(border < 1.1 * around, "level {level}: {border} {around}");
+    }
+}
+
+#[test]
+fn bytes_depend_neither_on_threads_nor_on_the_way_through_a_file() {
+    let (photos, matrices) = stack_of_three(0.9);
+    let patches =
+        [1, 2].map(|image| PatchSource { image, matrix: matrices[image], mask: None, parent: None });
+    let stack = PatchStack { root: photos[0].clone(), images: photos.clone(), patches: patches.to_vec() };
+    let with = |threads: usize| {
+        let pool = rayon_pool(threads);
+        let mut job = Job::default().with_pool(&pool);
+        let found = register(&photos, &mut job).unwrap();
+        (
+            format!("{:?}", found.placed),
+            bytes(&Zipmap::encode(&stack, &ZipParams::default(), &mut job).unwrap()),
+        )
+    };
+    let (one, three) = (with(1), with(3));
+    assert_eq!(one.0, three.0);
+    assert!(one.1 == three.1);
+    let mut budget = Budget::default();
+    let sections = Sections::parse(&one.1, &mut budget).unwrap();
+    let loaded = Zipmap::load(&sections, &mut budget).unwrap();
+    assert!(bytes(&loaded) == one.1);
+}
+
+fn rayon_pool(threads: usize) -> rayon::ThreadPool {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap()
+}
+
+#[test]
+fn photos_that_do_not_belong_are_left_out_with_a_reason() {
+    let (mut photos, _) = stack_of_three(1.0);
+    let elsewhere = Leaves::new(77, 60_000);
+    photos.push(shot(&elsewhere, &DMat3::IDENTITY, PLAIN));
+    photos.push(photograph(&vec![Texel::splat(0.4); (SIZE.0 * SIZE.1) as usize], SIZE, PLAIN));
+    // A second copy of the first close-up, and its mirror image.
+    photos.push(photos[1].clone());
+    let mirrored: Vec<Texel> =
+        (0..SIZE.0 * SIZE.1).map(|i| photos[1].texel(SIZE.0 - 1 - i % SIZE.0, i / SIZE.0)).collect();
+    photos.push(photograph(&mirrored, SIZE, PLAIN));
+    let found = registered(&photos);
+    assert_eq!((found.root, found.placed.len()), (0, 2), "{:?}", found.left_out);
+    let reason =
+        |photo: usize| found.left_out.iter().find(|(index, _)| *index == photo).map(|(_, reason)| *reason);
+    assert!(matches!(reason(3), Some(LeftOut::Alone { .. })), "{:?}", reason(3));
+    assert!(matches!(reason(4), Some(LeftOut::Blank { features: 0 })), "{:?}", reason(4));
+    let copy = [1, 5].into_iter().filter_map(reason).collect::<Vec<_>>();
+    assert!(matches!(copy[..], [LeftOut::NoFiner { .. }]), "{copy:?}");
+    assert!(matches!(reason(6), Some(LeftOut::Alone { .. })), "{:?}", reason(6));
+}
+
+#[test]
+fn repeating_patterns_are_not_taken_for_a_match() {
+    // The same tile again and again: every shift by a tile fits as well as any other.
+    let tile = Leaves::new(5, 4000);
+    let view = |shift: f64, zoom: f64| {
+        let colour = |i: u32| {
+            let at = DVec2::new(f64::from(i % SIZE.0), f64::from(i / SIZE.0)) / (40.0 * zoom) + shift;
+            tile.colour(at - at.floor())
+        };
+        photograph(&(0..SIZE.0 * SIZE.1).map(colour).collect::<Vec<_>>(), SIZE, PLAIN)
+    };
+    let found = registered(&[view(0.0, 1.0), view(0.37, 2.0)]);
+    assert!(found.placed.is_empty(), "{:?}", found.placed);
+}
+
+#[test]
+fn stacks_of_none_and_of_five_hundred_patches_are_drawn() {
+    let leaves = leaves();
+    let root = shot(&leaves, &DMat3::IDENTITY, PLAIN);
+    let mut stack = PatchStack { root, images: Vec::new(), patches: Vec::new() };
+    let none = encode(&stack, &ZipParams::default()).unwrap();
+    assert_eq!(
+        (none.patches(), none.deep_levels(), none.draw(Vec2::ZERO, Vec2::ONE, (3, 2)).len()),
+        (0, 0, 6)
+    );
+    assert!(matches!(register(&[], &mut Job::default()), Err(EncodeError::Source(_))));
+    assert!(registered(&[stack.root.clone()]).placed.is_empty());
+    let small = (24, 24);
+    for index in 0..500 {
+        let middle =
+            DVec2::new(f64::from(index % 25) + 0.5, f64::from(index / 25) + 0.5) / DVec2::new(25.0, 20.0);
+        let matrix = close_up(middle, 22.0, 0.1 * f64::from(index), DVec2::ZERO);
+        stack.images.push(photograph(&leaves.view(&matrix, small, 2), small, PLAIN));
+        stack.patches.push(PatchSource { image: index as usize, matrix, mask: None, parent: None });
+    }
+    let params = ZipParams { tau: 0.05, ..ZipParams::default() };
+    let many = encode(&stack, &params).unwrap();
+    assert!(many.patches() > 400, "{}", many.patches());
+    let file = bytes(&many);
+    let mut budget = Budget::default();
+    let loaded = Zipmap::load(&Sections::parse(&file, &mut budget).unwrap(), &mut budget).unwrap();
+    assert_eq!(loaded.draw(Vec2::ZERO, Vec2::ONE, (9, 9)), many.draw(Vec2::ZERO, Vec2::ONE, (9, 9)));
+}
+
+#[test]
+fn faults_of_hand_made_stacks_are_named() {
+    let leaves = leaves();
+    let root = shot(&leaves, &DMat3::IDENTITY, PLAIN);
+    let close = close_up(DVec2::splat(0.5), 3.0, 0.0, DVec2::ZERO);
+    let image = shot(&leaves, &close, PLAIN);
+    let patch = |matrix, parent| PatchSource { image: 0, matrix, mask: None, parent };
+    let with = |patches: Vec<PatchSource>| {
+        let stack = PatchStack { root: root.clone(), images: vec![image.clone()], patches };
+        encode(&stack, &ZipParams::default()).map(|texture| texture.patches())
+    };
+    let flat = DMat3::from_cols_array(&[1.0, 2.0, 0.0, 2.0, 4.0, 0.0, 0.0, 0.0, 1.0]);
+    for singular in [flat, DMat3::ZERO, close * f64::NAN, close * f64::INFINITY] {
+        assert_eq!(with(vec![patch(singular, None)]), Err(ZipError::Singular { patch: 0 }));
+    }
+    let away = DMat3::from_translation(DVec2::splat(50.0)) * close;
+    assert_eq!(with(vec![patch(close, None), patch(away, None)]), Err(ZipError::Outside { patch: 1 }));
+    let circle = vec![patch(close, Some(1)), patch(close, Some(0))];
+    assert_eq!(with(circle), Err(ZipError::Cycle { patch: 0 }));
+    assert_eq!(with(vec![patch(close, Some(4))]), Err(ZipError::NoParent { patch: 0, parent: 4 }));
+    assert_eq!(
+        with(vec![PatchSource { image: 1, ..patch(close, None) }]),
+        Err(ZipError::NoImage { patch: 0, image: 1 })
+    );
+    let mask = Raster::from_u8(2, 2, 1, ColorSpace::Linear, &[255; 4]).unwrap();
+    let masked = PatchSource { mask: Some(mask), ..patch(close, None) };
+    assert_eq!(with(vec![masked]), Err(ZipError::MaskSize { patch: 0, found: (2, 2), wanted: SIZE }));
+    // A mirrored patch by hand is drawn mirrored; the same image may lie at several places.
+    let mirrored = DMat3::from_translation(DVec2::X) * DMat3::from_scale(DVec2::new(-1.0, 1.0)) * close;
+    let other = close_up(DVec2::splat(0.2), 3.0, 1.0, DVec2::ZERO);
+    assert_eq!(with(vec![patch(mirrored, None), patch(other, Some(0))]), Ok(2));
+}
+
+#[test]
+fn a_patch_that_shows_nothing_new_or_that_others_hide_is_left_out() {
+    let leaves = leaves();
+    let root = shot(&leaves, &DMat3::IDENTITY, PLAIN);
+    let close = close_up(DVec2::splat(0.5), 3.0, 0.0, DVec2::ZERO);
+    let closer = close_up(DVec2::splat(0.5), 4.0, 0.2, DVec2::ZERO);
+    let wide = close_up(DVec2::splat(0.5), 2.0, 0.0, DVec2::ZERO);
+    // The root itself again, enlarged.
+    let same: Vec<Texel> = (0..SIZE.0 * SIZE.1)
+        .map(|i| {
+            let at = DVec2::new(f64::from(i % SIZE.0) + 0.5, f64::from(i / SIZE.0) + 0.5);
+            let at = project(&close.inverse(), at / DVec2::new(SIZE.0.into(), SIZE.1.into()));
+            let tap = texfold_core::address::texfold_tap(at.as_vec2(), glam::UVec2::from(SIZE), 1);
+            let four = [
+                (tap.low.x, tap.low.y),
+                (tap.high.x, tap.low.y),
+                (tap.low.x, tap.high.y),
+                (tap.high.x, tap.high.y),
+            ];
+            texfold_core::sample::texfold_bilinear(four.map(|(x, y)| root.texel(x, y)), tap.weight)
+        })
+        .collect();
+    let white =
+        Raster::from_u8(SIZE.0, SIZE.1, 1, ColorSpace::Linear, &vec![255; (SIZE.0 * SIZE.1) as usize])
+            .unwrap();
+    let images =
+        vec![photograph(&same, SIZE, PLAIN), shot(&leaves, &closer, PLAIN), shot(&leaves, &wide, PLAIN)];
+    let patch = |image, matrix, mask| PatchSource { image, matrix, mask, parent: None };
+    let stack = PatchStack {
+        root,
+        images,
+        patches: vec![
+            patch(0, close, None),
+            patch(1, closer, Some(white.clone())),
+            patch(2, wide, Some(white)),
+        ],
+    };
+    // Levels of the enlarged root differ from the root's own by their filters, where edges are as hard as here by more than the
+    // usual 2 of 255.
+    let texture = encode(&stack, &ZipParams { drop_rms: 4.0, ..ZipParams::default() }).unwrap();
+    let verdict = &texture.notes().verdict;
+    assert_eq!(texture.patches(), 1, "{verdict}");
+    assert!(
+        verdict.contains("patches [0] show nothing new") && verdict.contains("patches [1] are hidden"),
+        "{verdict}"
+    );
+}

@@ -46,7 +46,8 @@ pub fn shared() -> String {
 #[must_use]
 pub fn functions(module: Module, group: u32, first_binding: u32) -> String {
     let source = module.source().replace("TEXFOLD_GROUP", &group.to_string());
-    (0..module.bindings().len() as u32).fold(source, |source, index| {
+    // Falling, as the first number is how others begin.
+    (0..module.bindings().len() as u32).rev().fold(source, |source, index| {
         source.replace(&format!("TEXFOLD_BINDING_{index}"), &(first_binding + index).to_string())
     })
 }

@@ -219,11 +219,11 @@ fn epitome_errors() -> String {
     let mut parts = EPITOME.split(PLANES_MARK);
     let (before, _, behind) = (parts.next(), parts.next(), parts.next());
     let first = Module::Epitome.bindings().len();
-    // Falling, so that no number is changed twice.
-    let progressive =
-        (0..Module::Progressive.bindings().len()).rev().fold(PROGRESSIVE.to_owned(), |source, index| {
-            source.replace(&format!("TEXFOLD_BINDING_{index}"), &format!("TEXFOLD_BINDING_{}", first + index))
-        });
+    // By another name first, so that no number is changed twice.
+    let renamed = (0..Module::Progressive.bindings().len()).fold(PROGRESSIVE.to_owned(), |source, index| {
+        source.replace(&format!("TEXFOLD_BINDING_{index}"), &format!("TEXFOLD_BEHIND_{}", first + index))
+    });
+    let progressive = renamed.replace("TEXFOLD_BEHIND_", "TEXFOLD_BINDING_");
     let read = include_str!("../wgsl/epitome/errors.wgsl");
     [before.unwrap_or_default(), read, behind.unwrap_or_default(), &progressive].join("\n")
 }

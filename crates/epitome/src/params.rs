@@ -133,6 +133,9 @@ impl Params for EpitomeParams {
         match self.goal {
             _ if !(1..=MAX_LAYERS).contains(&self.layers) => return layers("1..=8"),
             Goal::Tolerance(_) if self.layers > 1 => return layers("1, for a tolerance"),
+            Goal::Tolerance(value) if self.family == Family::ErrorMap && self.content.is_none() => {
+                return Err(ParamError { field: "tolerance", value, range: "none, with an error map" });
+            }
             // Layers are told apart by cells of 4x4 texels.
             _ if self.layers > 1 && !self.small_cells() => {
                 return layers("1, for ASTC content and error maps");

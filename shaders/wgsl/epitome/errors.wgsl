@@ -1,3 +1,6 @@
+// Texels that are blended.
+const TEXFOLD_EPITOME_TAPS: u32 = 4u;
+
 // Four texels around `place` (in texels of level 0) of level `level` of an epitome, blended. The last epitome has an error
 // map: module progressive reads it.
 fn texfold_epitome_read(plane: u32, place: vec2<f32>, level: u32) -> vec4<f32> {
@@ -11,27 +14,24 @@ fn texfold_epitome_read(plane: u32, place: vec2<f32>, level: u32) -> vec4<f32> {
     let corner = floor(at);
     let low = texfold_inside(vec2<i32>(corner), size);
     let high = texfold_inside(vec2<i32>(corner) + vec2<i32>(1), size);
-    let upper_right = vec2<u32>(high.x, low.y);
-    let lower_left = vec2<u32>(low.x, high.y);
     if plain {
         let blended = texfold_bilinear(
             array<vec4<f32>, 4>(
                 textureLoad(texfold_epitome_plane_a, low, level),
-                textureLoad(texfold_epitome_plane_a, upper_right, level),
-                textureLoad(texfold_epitome_plane_a, lower_left, level),
+                textureLoad(texfold_epitome_plane_a, vec2<u32>(high.x, low.y), level),
+                textureLoad(texfold_epitome_plane_a, vec2<u32>(low.x, high.y), level),
                 textureLoad(texfold_epitome_plane_a, high, level),
             ),
             at - corner,
         );
         return texfold_swizzle(blended, blended, texfold_epitome_params.swizzle);
     }
-    return texfold_bilinear(
-        array<vec4<f32>, 4>(
-            texfold_progressive_load(low, level),
-            texfold_progressive_load(upper_right, level),
-            texfold_progressive_load(lower_left, level),
-            texfold_progressive_load(high, level),
-        ),
-        at - corner,
-    );
+    // One after the other in a loop, as the code of a load is long: 32 of them, for a trilinear lookup between leaves, take
+    // compilers minutes.
+    var texels = array<vec4<f32>, 4>();
+    for (var tap = 0u; tap < min(4u, TEXFOLD_EPITOME_TAPS); tap += 1u) {
+        let corners = vec2<bool>((tap & 1u) == 1u, tap >= 2u);
+        texels[tap] = texfold_progressive_load(select(low, high, corners), level);
+    }
+    return texfold_bilinear(texels, at - corner);
 }

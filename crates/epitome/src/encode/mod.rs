@@ -18,6 +18,8 @@ mod report;
 mod search;
 mod tone;
 
+use std::ops::RangeInclusive;
+
 use texfold_bc::{Bc1Blocks, Content, Family};
 use texfold_core::image::{ColorSpace, ImageSet, PixelInfo, Raster};
 use texfold_core::metric::measure;
@@ -65,6 +67,8 @@ const ASTC: [AstcBlock; 2] = [AstcBlock::B8, AstcBlock::B6];
 const FINER: [u32; 4] = [6, 16, 40, 90];
 /// The same where content has an error map: it is coded anew at each setting.
 const FINER_WITH_ERRORS: [u32; 1] = [12];
+/// Steps around the price of such content within which the setting is looked for at first.
+const NEAR: u32 = 40;
 /// Price of a bit that content with an error map is first made for, in mean squared errors of a texel.
 const FIRST_PRICE: f64 = 0.9;
 /// Largest step of that price at a time, as a factor.
@@ -72,7 +76,7 @@ const MOST_RETUNED: f64 = 4.0;
 /// A change of that price that is not worth storing content anew, as a factor.
 const LEAST_RETUNED: f32 = 1.05;
 /// Settings of lambda: 32 an octave.
-const KNOBS: std::ops::RangeInclusive<u32> = 1..=544;
+const KNOBS: RangeInclusive<u32> = 1..=544;
 
 /// Price that content with an error map is first made for where a size is asked for.
 const FIRST_GUESS: f32 = 40.0;
@@ -218,10 +222,8 @@ fn storages(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<Storage>, Pa
     }
     let price = match params.goal {
         Goal::Psnr(psnr) => 3.0 * 255.0 * 255.0 * FIRST_PRICE / 10f64.powf(psnr / 10.0),
-        Goal::Bpp(_) => f64::from(FIRST_GUESS),
-        Goal::Tolerance(value) => {
-            return Err(ParamError { field: "tolerance", value, range: "without an error map" });
-        }
+        // Tolerances have no error map.
+        Goal::Bpp(_) | Goal::Tolerance(_) => f64::from(FIRST_GUESS),
     };
     if !matches!(pixel.channels, 1 | 3) || pixel.color == ColorSpace::Normal {
         let value = f64::from(pixel.channels);
@@ -554,12 +556,22 @@ impl EpitomeSearch {
         let guess = job.install(|| self.likely_knob(goal, chosen));
         let mut tried = 0u16;
         let make = |knob: u32| assemble(plan, &[chosen(knob)], lambda(knob));
-        let found = find(goal, KNOBS, guess, 0.0, |knob| {
-            job.stage("packing", (0.5 + 0.05 * f32::from(tried)).min(0.95))?;
-            tried += 1;
-            let made = job.install(|| make(knob))?;
-            Ok::<_, EncodeError>((measure(&self.images, &made), made))
-        })?;
+        let mut found_in = |range: RangeInclusive<u32>| {
+            find(goal, range, guess, 0.0, |knob| {
+                job.stage("packing", (0.5 + 0.05 * f32::from(tried)).min(0.95))?;
+                tried += 1;
+                let made = job.install(|| make(knob))?;
+                Ok::<_, EncodeError>((measure(&self.images, &made), made))
+            })
+        };
+        let near = guess.saturating_sub(NEAR).max(*KNOBS.start())..=(guess + NEAR).min(*KNOBS.end());
+        let found = match self.price {
+            // At an end of it the best may lie beyond.
+            Some(_) => Some(found_in(near.clone())?)
+                .filter(|found| found.met && (near.start() + 1..*near.end()).contains(&found.knob)),
+            None => None,
+        };
+        let found = found.map_or_else(|| found_in(KNOBS), Ok)?;
         // What repeats is sometimes gathered better at a finer setting, and is smaller there.
         let mut best = (found.knob, found.measured, found.value);
         for &step in if self.price.is_some() { &FINER_WITH_ERRORS[..] } else { &FINER } {

@@ -61,7 +61,9 @@ mod tests {
         let (width, height) = (37u32, 21u32);
         let count = (width * height) as usize;
         let info = PixelInfo { channels: 3, ..PixelInfo::default() };
-        let levels = of_patch(&vec![Texel::splat(0.5); count], &vec![1.0; count], (width, height), info);
+        // Not a half, which lies between two bytes.
+        let gray = Texel::splat(128.0 / 255.0);
+        let levels = of_patch(&vec![gray; count], &vec![1.0; count], (width, height), info);
         assert_eq!(levels.len(), 3);
         for (level, texels) in levels.iter().enumerate() {
             let (w, h) = (width >> level, height >> level);

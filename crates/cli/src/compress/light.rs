@@ -9,9 +9,9 @@ use texfold_core::metric::ssim;
 use texfold_core::{Budget, Encoded, Goal, Job, Limits, LoadError};
 
 use super::cache::{Cache, add_file, program};
-use super::task::{Finished, Workplace};
+use super::task::{Finished, Workplace, pixels_of, unless_up_to_date};
 use crate::config::LightSettings;
-use crate::error::{CliError, guarded};
+use crate::error::CliError;
 use crate::input::{Found, capture};
 use crate::output::write_whole;
 use crate::report::{Row, missed, part_rows, peak_bytes};
@@ -32,24 +32,13 @@ pub(crate) struct LightTask {
 impl LightTask {
     /// About how many bytes the task needs at its peak.
     pub(crate) fn cost_bytes(&self) -> u64 {
-        guarded(&self.found.path, || self.pixels()).unwrap_or(0).saturating_mul(BYTES_PER_PIXEL)
-    }
-
-    fn pixels(&self) -> Result<u64, CliError> {
-        self.found.files.iter().map(|file| crate::input::size_of(file).map(|size| size.texels())).sum()
+        pixels_of(&self.found).saturating_mul(BYTES_PER_PIXEL)
     }
 
     /// Does the work. A panic within becomes an error of this input.
     pub(crate) fn run(&self, place: &Workplace<'_>) -> Result<Finished, CliError> {
-        guarded(&self.found.path, || {
-            let key = self.key()?;
-            if let Some(row) = place.cache.up_to_date(&self.output, &key).filter(|_| !place.force) {
-                let (input, output) = (self.found.path.display(), self.output.display());
-                let row = Row { input: input.to_string(), output: output.to_string(), ..row };
-                return Ok(Finished { row, skipped: true });
-            }
-            self.encode(place, place.cache, &key)
-        })
+        let encode = |key: &str| self.encode(place, place.cache, key);
+        unless_up_to_date((&self.found, &self.output), place, || self.key(), encode)
     }
 
     fn encode(&self, place: &Workplace<'_>, cache: &Cache, key: &str) -> Result<Finished, CliError> {

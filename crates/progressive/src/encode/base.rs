@@ -158,7 +158,7 @@ pub(crate) struct Base {
 }
 
 impl Base {
-    /// Blended across blocks, or within each `apart`; `None` where no plane can hold its error map.
+    /// `None` where no plane can hold its error map.
     pub(crate) fn new(
         source: &ImageSet,
         chains: &[Vec<Raster>],

@@ -24,7 +24,7 @@ const FIRST_GUESS: f32 = 40.0;
 /// Times that a model is made for the price found with the one before.
 const ROUNDS: usize = 2;
 /// Share of the blocks in the largest class from which larger classes are tried.
-const CROWD: f64 = 0.02;
+pub(crate) const CROWD: f64 = 0.02;
 /// Squared error of rounding to 8 bits, a value.
 const ROUNDING: f64 = 1.0 / 12.0;
 /// Colour channels of a texel that squared errors are summed over.

@@ -5,15 +5,13 @@ use texfold_bc::Content;
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::{Effort, Goal};
 
+use super::CLASS_BITS;
 use super::base::{Base, Kind, plane_kinds};
 use super::coder::Coder;
+use super::draft::{CROWD, share_of_largest};
 use super::model::{Reach, train};
-use super::{CLASS_BITS, draft::share_of_largest};
 use crate::rates::Model;
 use crate::{ProgressiveParams, ProgressiveTexture, Shared};
-
-/// Share of the blocks in the largest class from which larger classes are taken.
-const CROWD: f64 = 0.02;
 
 /// A base and a model that suit a picture at some price of bits.
 #[derive(Debug, Clone, PartialEq)]

@@ -7,13 +7,16 @@ use kiddo::SquaredEuclidean;
 use kiddo::immutable::float::kdtree::ImmutableKdTree;
 use rayon::prelude::*;
 
+use crate::bounded::BoundedTree;
 use crate::{DESCRIPTOR_LENGTH, Descriptor, LumaSums, describe};
 
 /// Steps a unit in which descriptors are told apart: patches that agree to a step are near-identical.
 const STEPS: f32 = 500.0;
 /// Near-identical patches that are kept.
 const ALIKE: usize = 2;
-/// Points of one leaf of the tree.
+/// Leaves that are looked at for a query.
+const LEAVES: usize = 32;
+/// Points of one leaf of the exact tree.
 const BUCKET: usize = 32;
 
 /// Where a patch lies: which field, and its upper left texel.
@@ -44,7 +47,8 @@ pub(crate) struct Tree<T, const K: usize> {
 
 /// Patches of one size in one or several fields.
 pub struct PatchIndex {
-    tree: Tree<Place, DESCRIPTOR_LENGTH>,
+    tree: BoundedTree<DESCRIPTOR_LENGTH>,
+    places: Vec<Place>,
     patch: (usize, usize),
 }
 
@@ -70,13 +74,14 @@ impl PatchIndex {
             .filter(|(_, (_, found))| *found >= contrast)
             .map(|(place, (descriptor, _))| (place, descriptor))
             .collect();
-        PatchIndex { tree: Tree::new(described), patch }
+        let (places, points): (Vec<_>, Vec<_>) = first_of_each(described).into_iter().unzip();
+        PatchIndex { tree: BoundedTree::new(&points), places, patch }
     }
 
     /// Number of patches.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.tree.len()
+        self.places.len()
     }
 
     /// Whether there is none.
@@ -91,12 +96,14 @@ impl PatchIndex {
         self.patch
     }
 
-    /// At most `count` patches nearest to `query` and within the squared distance `within`, nearest first; patches of equal
-    /// distance in the order of their places.
+    /// At most `count` patches near `query` and within the squared distance `within`, nearest first; patches of equal distance
+    /// in the order of their places. They are the nearest of those in a number of leaves of the tree: now and then one is
+    /// missed.
     #[must_use]
     pub fn nearest(&self, query: &Descriptor, within: f32, count: usize) -> Vec<Neighbour> {
-        let found = self.tree.nearest(query, within, count);
-        found.into_iter().map(|(&place, distance)| Neighbour { place, distance }).collect()
+        let found = self.tree.nearest(query, within, count, LEAVES);
+        let neighbour = |(number, distance)| Neighbour { place: self.places[number as usize], distance };
+        found.into_iter().map(neighbour).collect()
     }
 }
 
@@ -127,12 +134,17 @@ impl<T, const K: usize> Tree<T, K> {
     }
 }
 
+/// The step nearest to a value: without the C library, by which all values of all patches would be rounded.
+fn step_of(value: f32) -> i16 {
+    (value * STEPS + 0.5f32.copysign(value)) as i16
+}
+
 /// The first few of near-identical patches. What repeats exactly has its first copies as the source of all, so that
 /// everybody finds the same ones.
 fn first_of_each<T, const K: usize>(described: Vec<(T, [f32; K])>) -> Vec<(T, [f32; K])> {
     let mut seen: HashMap<[i16; K], usize> = HashMap::new();
     let is_new = |(_, descriptor): &(T, [f32; K])| {
-        let count = seen.entry(descriptor.map(|value| (value * STEPS).round() as i16)).or_default();
+        let count = seen.entry(descriptor.map(step_of)).or_default();
         *count += 1;
         *count <= ALIKE
     };

@@ -6,6 +6,7 @@
 //! the descriptor GSR has them;
 //! [`refine`] then moves, turns, scales and shears a match until its error stops falling.
 
+mod bounded;
 mod descriptor;
 mod field;
 mod gsr;

@@ -142,6 +142,13 @@ struct Model {
 /// A setting, what it measures and what it makes.
 type Made = (u32, Measured, EpitomeTexture);
 
+/// What a model makes for a goal.
+struct Answer {
+    model: (Option<(usize, usize)>, f32),
+    made: Made,
+    verdict: String,
+}
+
 /// Searches `source` with the goal of `params` in mind.
 pub(crate) fn search_all(
     source: EpitomeSource<'_>,
@@ -485,23 +492,42 @@ impl EpitomeSearch {
     fn reaching(&self, goal: Goal, job: &mut Job<'_>) -> Result<EpitomeTexture, EncodeError> {
         let models: Vec<&(Option<(usize, usize)>, f32)> =
             MODELS.iter().filter(|model| self.may_be(model.0)).collect();
-        let mut best: Option<(usize, Made)> = None;
+        let mut best: Option<Answer> = None;
         for (index, &&model) in models.iter().enumerate() {
             let share = |index: usize| index as f32 / models.len() as f32;
-            let made = job.within(share(index), share(index + 1), |job| {
-                let model = job.install(|| self.model(model));
-                self.setting(goal, &self.plan(&model.options, &model.palettes, model.entry_bits), job)
-            })?;
-            if best.as_ref().is_none_or(|(_, before)| goal.prefers(&made.1, &before.1)) {
-                best = Some((index, made));
+            let answer = job.within(share(index), share(index + 1), |job| self.answer(goal, model, job))?;
+            if best.as_ref().is_none_or(|best| goal.prefers(&answer.made.1, &best.made.1)) {
+                best = Some(answer);
             }
         }
         // Without matches there is the model of own content.
-        let Some((index, found)) = best else { return Err(EncodeError::Cancelled) };
-        // Made again, as two at once would be most of the memory.
-        let Model { options, palettes, entry_bits } = job.install(|| self.model(*models[index]));
+        let Some(best) = best else { return Err(EncodeError::Cancelled) };
+        if self.params.layers > 1 {
+            return self.in_layers(goal, best, job);
+        }
+        Ok(best.made.2.with_notes(self.notes(goal, best.verdict)))
+    }
+
+    /// The best that one model makes for a goal.
+    fn answer(
+        &self,
+        goal: Goal,
+        model: (Option<(usize, usize)>, f32),
+        job: &mut Job<'_>,
+    ) -> Result<Answer, EncodeError> {
+        let Model { options, palettes, entry_bits } = job.install(|| self.model(model));
+        let made = self.setting(goal, &self.plan(&options, &palettes, entry_bits), job)?;
+        let choice = choose(&self.grid, &options, self.costs(entry_bits, made.0));
+        let verdict = report::verdict(&self.grid, &options, &choice, goal.is_met(&made.1));
+        Ok(Answer { model, made, verdict })
+    }
+
+    /// An answer made again in several layers.
+    fn in_layers(&self, goal: Goal, best: Answer, job: &mut Job<'_>) -> Result<EpitomeTexture, EncodeError> {
+        // What leaves may be is found again: that of two models at once would be most of the memory.
+        let Model { options, palettes, entry_bits } = job.install(|| self.model(best.model));
         let plan = self.plan(&options, &palettes, entry_bits);
-        let (mut wanted, mut tries, mut found) = (goal, 1, Some(found));
+        let (mut wanted, mut tries, mut found) = (goal, 1, Some(best.made));
         loop {
             let (knob, measured, made) = match found.take() {
                 Some(found) => found,
@@ -510,9 +536,6 @@ impl EpitomeSearch {
             let choice = choose(&self.grid, &options, self.costs(entry_bits, knob));
             let met = goal.is_met(&measured);
             let verdict = report::verdict(&self.grid, &options, &choice, met);
-            if self.params.layers <= 1 {
-                return Ok(made.with_notes(self.notes(goal, verdict)));
-            }
             let (made, measured) = self.layered(&plan, &made, (choice, knob), job)?;
             // What coarser layers alone read takes room too.
             if let (Goal::Bpp(bpp), Goal::Bpp(before)) = (goal, wanted)

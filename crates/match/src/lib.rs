@@ -4,7 +4,7 @@
 //! one size that look most like a query under the four mirrorings, whatever their brightness and contrast; [`TurnedIndex`] those
 //! of several sizes that do so however they are turned; [`GsrIndex`] does so by the gray values of a turned grid, as
 //! the descriptor GSR has them;
-//! [`refine`] then moves, turns, scales and shears a match until its error stops falling.
+//! [`Refiner`] then moves, turns, scales and shears a match until its error stops falling.
 
 mod bounded;
 mod descriptor;
@@ -18,5 +18,5 @@ pub use descriptor::{DESCRIPTOR_LENGTH, Descriptor, Mirror, describe};
 pub use field::{Field, LumaSums};
 pub use gsr::{GSR_SIDES, GrayPlane, GsrIndex, GsrMatch, GsrTone};
 pub use index::{Neighbour, PatchIndex, Place};
-pub use refine::{Refined, Transform, refine};
+pub use refine::{Refined, Refiner, Transform};
 pub use turned::{Turned, TurnedIndex};

@@ -59,44 +59,56 @@ impl Luma<'_> {
     }
 }
 
-/// Moves `seed` until the error stops falling. `target` is the patch's luma, `patch.0` columns by `patch.1` rows; `source` the
-/// luma of the image that is searched, `size` its columns and rows. With `affine` false only the position moves.
-#[must_use]
-pub fn refine(
-    target: &[f32],
-    patch: (usize, usize),
-    source: &[f32],
-    size: (usize, usize),
-    seed: Transform,
-    affine: bool,
-) -> Refined {
-    let luma = Luma { width: size.0, height: size.1, values: source };
-    let system = System::new(target, patch, affine);
-    let mut warped = vec![0.0; target.len()];
-    let mut best = Refined { transform: seed, error: system.warp(&luma, seed, &mut warped).0 };
-    let mut damping = DAMPING;
-    let mut tone = system.warp(&luma, seed, &mut warped).1;
-    for _ in 0..STEPS {
-        let Some(step) = system.step(&warped, tone, damping) else { break };
-        let moved = compose(best.transform, step);
-        let (error, new_tone) = system.warp(&luma, moved, &mut warped);
-        if error < best.error {
-            let gain = best.error - error;
-            best = Refined { transform: moved, error };
-            tone = new_tone;
-            damping = (damping * 0.3).max(1e-3);
-            if gain < 0.002 * best.error {
-                break;
-            }
-        } else {
-            if damping > 1.0 {
-                break;
-            }
-            damping *= 8.0;
-            tone = system.warp(&luma, best.transform, &mut warped).1;
-        }
+/// A patch that is looked for, with what does not change from one match to another.
+pub struct Refiner<'a> {
+    system: System<'a>,
+}
+
+impl std::fmt::Debug for Refiner<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Refiner").field("patch", &self.system.patch).finish_non_exhaustive()
     }
-    best
+}
+
+impl<'a> Refiner<'a> {
+    /// `target` is the patch's luma, `patch.0` columns by `patch.1` rows. With `affine` false only positions move.
+    #[must_use]
+    pub fn new(target: &'a [f32], patch: (usize, usize), affine: bool) -> Self {
+        Refiner { system: System::new(target, patch, affine) }
+    }
+
+    /// Moves `seed` until the error stops falling. `source` is the luma of the image that is searched, `size` its columns and
+    /// rows.
+    #[must_use]
+    pub fn refine(&self, source: &[f32], size: (usize, usize), seed: Transform) -> Refined {
+        let system = &self.system;
+        let luma = Luma { width: size.0, height: size.1, values: source };
+        let (mut warped, mut moved) = (vec![0.0; system.target.len()], vec![0.0; system.target.len()]);
+        let (error, mut tone) = system.warp(&luma, seed, &mut warped);
+        let mut best = Refined { transform: seed, error };
+        let mut damping = DAMPING;
+        for _ in 0..STEPS {
+            let Some(step) = system.step(&warped, tone, damping) else { break };
+            let transform = compose(best.transform, step);
+            let (error, new_tone) = system.warp(&luma, transform, &mut moved);
+            if error < best.error {
+                let gain = best.error - error;
+                best = Refined { transform, error };
+                tone = new_tone;
+                std::mem::swap(&mut warped, &mut moved);
+                damping = (damping * 0.3).max(1e-3);
+                if gain < 0.002 * best.error {
+                    break;
+                }
+            } else {
+                if damping > 1.0 {
+                    break;
+                }
+                damping *= 8.0;
+            }
+        }
+        best
+    }
 }
 
 /// Transform after the inverse of a small step of the target: (a, b, c, d) of the linear part, then the translation.
@@ -265,7 +277,8 @@ mod tests {
                 linear: Mat2::from_cols(Vec2::new(1.0 + a, b), Vec2::new(-b, 1.0 - a)),
             };
             let seed = Transform { position: truth.position + Vec2::new(dx, dy), linear: Mat2::IDENTITY };
-            let found = refine(&patch(truth, gain, 9.0), (16, 16), &source(), (64, 64), seed, true);
+            let target = patch(truth, gain, 9.0);
+            let found = Refiner::new(&target, (16, 16), true).refine(&source(), (64, 64), seed);
             let position = found.transform.position - truth.position;
             prop_assert!(position.length() < 0.1, "{position}");
             prop_assert!((found.error / 256.0).sqrt() < 1.5, "{}", found.error);
@@ -281,7 +294,7 @@ mod tests {
             let source = source();
             let luma = Luma { width: 64, height: 64, values: &source };
             let before = System::new(&target, (8, 8), affine).warp(&luma, seed, &mut [0.0; 64]).0;
-            let found = refine(&target, (8, 8), &source, (64, 64), seed, affine);
+            let found = Refiner::new(&target, (8, 8), affine).refine(&source, (64, 64), seed);
             prop_assert!(found.error <= before);
             prop_assert!(found.transform.position.is_finite() && found.transform.linear.is_finite());
         }
@@ -293,7 +306,7 @@ mod tests {
         let flat = vec![77.0; 256];
         let seed = Transform { position: Vec2::new(32.0, 32.0), linear: Mat2::IDENTITY };
         for target in [stripes, flat] {
-            let found = refine(&target, (16, 16), &source(), (64, 64), seed, true);
+            let found = Refiner::new(&target, (16, 16), true).refine(&source(), (64, 64), seed);
             assert!((found.transform.position - seed.position).length() < 32.0);
         }
     }

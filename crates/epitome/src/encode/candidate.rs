@@ -17,6 +17,9 @@ pub(crate) const FRACTION_BITS: u32 = 2;
 /// Texels a side of a leaf that are looked at where places are compared.
 const SAMPLED_SIDE: u32 = 16;
 
+/// Columns of an upright leaf that are looked at in one go.
+const COLUMNS: usize = 64;
+
 /// One way to show a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Candidate {
@@ -139,6 +142,9 @@ impl Reading {
     #[inline]
     fn read_some(&self, field: &Field, step: u32, mut each: impl FnMut(usize, Vec4)) {
         let columns = self.node.inside.x;
+        if self.is_upright() && columns.div_ceil(step) as usize <= COLUMNS {
+            return self.read_upright(field, step, each);
+        }
         for y in (0..self.node.inside.y).step_by(step as usize) {
             for x in (0..columns).step_by(step as usize) {
                 let (left, top, weight) = self.tap(x, y);
@@ -151,6 +157,34 @@ impl Reading {
                 let lower = texels[start + below]
                     + (texels[start + below + right] - texels[start + below]) * weight.x;
                 each((y * columns + x) as usize, upper + (lower - upper) * weight.y);
+            }
+        }
+    }
+
+    /// Whether columns of the leaf lie in columns of the field.
+    fn is_upright(&self) -> bool {
+        self.source.linear.y == 0.0 && self.source.linear.z == 0.0
+    }
+
+    /// As [`Reading::read_some`], where all rows of the leaf lie in the same columns of the field: most leaves do.
+    #[inline]
+    fn read_upright(&self, field: &Field, step: u32, mut each: impl FnMut(usize, Vec4)) {
+        let columns = self.node.inside.x;
+        let mut taps = [(0usize, 0usize, 0.0f32); COLUMNS];
+        let count = columns.div_ceil(step) as usize;
+        for (tap, x) in taps.iter_mut().zip((0..columns).step_by(step as usize)) {
+            let (left, _, weight) = self.tap(x, 0);
+            *tap = (left as usize, left as usize + usize::from(weight.x > 0.0), weight.x);
+        }
+        let row = |y: usize| &field.texels[y * field.width..(y + 1) * field.width];
+        for y in (0..self.node.inside.y).step_by(step as usize) {
+            let (_, top, weight) = self.tap(0, y);
+            let upper = row(top as usize);
+            let lower = row(top as usize + usize::from(weight.y > 0.0));
+            for (&(left, right, across), x) in taps[..count].iter().zip((0..columns).step_by(step as usize)) {
+                let above = upper[left] + (upper[right] - upper[left]) * across;
+                let below = lower[left] + (lower[right] - lower[left]) * across;
+                each((y * columns + x) as usize, above + (below - above) * weight.y);
             }
         }
     }

@@ -65,7 +65,9 @@ const NODES_A_NUMBER_WITHIN: usize = 2;
 const ASTC: [AstcBlock; 2] = [AstcBlock::B8, AstcBlock::B6];
 /// Steps beyond the setting that reaches a goal at which smaller results are looked for.
 const FINER: [u32; 4] = [6, 16, 40, 90];
-/// The same where content has an error map: it is coded anew at each setting.
+/// A factor of memory, and dB, that no finer setting makes up for.
+const FAR: (f64, f64) = (1.03, 0.3);
+/// Steps where content has an error map: it is coded anew at each setting.
 const FINER_WITH_ERRORS: [u32; 1] = [12];
 /// Steps around the price of such content within which the setting is looked for at first.
 const NEAR: u32 = 40;
@@ -495,7 +497,9 @@ impl EpitomeSearch {
         let mut best: Option<Answer> = None;
         for (index, &&model) in models.iter().enumerate() {
             let share = |index: usize| index as f32 / models.len() as f32;
-            let answer = job.within(share(index), share(index + 1), |job| self.answer(goal, model, job))?;
+            let beaten = best.as_ref().map(|best| &best.made.1);
+            let answer =
+                job.within(share(index), share(index + 1), |job| self.answer(goal, model, beaten, job))?;
             if best.as_ref().is_none_or(|best| goal.prefers(&answer.made.1, &best.made.1)) {
                 best = Some(answer);
             }
@@ -513,10 +517,11 @@ impl EpitomeSearch {
         &self,
         goal: Goal,
         model: (Option<(usize, usize)>, f32),
+        beaten: Option<&Measured>,
         job: &mut Job<'_>,
     ) -> Result<Answer, EncodeError> {
         let Model { options, palettes, entry_bits } = job.install(|| self.model(model));
-        let made = self.setting(goal, &self.plan(&options, &palettes, entry_bits), job)?;
+        let made = self.setting(goal, &self.plan(&options, &palettes, entry_bits), beaten, job)?;
         let choice = choose(&self.grid, &options, self.costs(entry_bits, made.0));
         let verdict = report::verdict(&self.grid, &options, &choice, goal.is_met(&made.1));
         Ok(Answer { model, made, verdict })
@@ -531,7 +536,7 @@ impl EpitomeSearch {
         loop {
             let (knob, measured, made) = match found.take() {
                 Some(found) => found,
-                None => self.setting(wanted, &plan, job)?,
+                None => self.setting(wanted, &plan, None, job)?,
             };
             let choice = choose(&self.grid, &options, self.costs(entry_bits, knob));
             let met = goal.is_met(&measured);
@@ -574,7 +579,15 @@ impl EpitomeSearch {
     }
 
     /// The setting that reaches a goal with one layer, and what it makes.
-    fn setting(&self, goal: Goal, plan: &Plan<'_>, job: &mut Job<'_>) -> Result<Made, EncodeError> {
+    ///
+    /// Finer settings are not tried where it is far from what another model made, `beaten`.
+    fn setting(
+        &self,
+        goal: Goal,
+        plan: &Plan<'_>,
+        beaten: Option<&Measured>,
+        job: &mut Job<'_>,
+    ) -> Result<Made, EncodeError> {
         let chosen = |knob: u32| choose(&self.grid, plan.options, self.costs(plan.entry_bits, knob));
         let guess = job.install(|| self.likely_knob(goal, chosen));
         let mut tried = 0u16;
@@ -595,8 +608,11 @@ impl EpitomeSearch {
             None => None,
         };
         let found = found.map_or_else(|| found_in(KNOBS), Ok)?;
-        // What repeats is sometimes gathered better at a finer setting, and is smaller there.
         let mut best = (found.knob, found.measured, found.value);
+        if beaten.is_some_and(|before| is_far(goal, &best.1, before)) {
+            return Ok(best);
+        }
+        // What repeats is sometimes gathered better at a finer setting, and is smaller there.
         for &step in if self.price.is_some() { &FINER_WITH_ERRORS[..] } else { &FINER } {
             job.checkpoint()?;
             let finer = (found.knob + step).min(*KNOBS.end());
@@ -652,6 +668,14 @@ impl EpitomeSearch {
     fn notes(&self, goal: Goal, verdict: String) -> Notes {
         let params = EpitomeParams { goal, ..self.params.clone() };
         Notes { settings: settings(&params), verdict, ..Notes::default() }
+    }
+}
+
+/// Whether `measured` cannot become better than `other` by what finer settings gain.
+fn is_far(goal: Goal, measured: &Measured, other: &Measured) -> bool {
+    match goal {
+        Goal::Bpp(_) => measured.psnr < other.psnr - FAR.1,
+        Goal::Psnr(_) | Goal::Tolerance(_) => measured.bpp > other.bpp * FAR.0,
     }
 }
 

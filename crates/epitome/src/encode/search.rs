@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use texfold_core::image::ColorSpace;
 use texfold_core::{Effort, EncodeError, Goal, Job};
 use texfold_match::{
-    Field, LumaSums, Mirror, PatchIndex, Place, Transform, Turned, TurnedIndex, describe, refine,
+    Field, LumaSums, Mirror, PatchIndex, Place, Refiner, Transform, Turned, TurnedIndex, describe,
 };
 
 use super::candidate::{Match, ScaleErrors};
@@ -385,11 +385,12 @@ impl Round<'_> {
         }
         seeds.sort_by(|a, b| a.0.total_cmp(&b.0));
         let target = self.target(node);
+        let refiner = self.refiner(&target);
         let mut matches: Vec<Match> = Vec::new();
         for (_, image, seed) in seeds {
             let known = |m: &Match| m.image == image && m.position.distance(seed.position) < APART;
             if matches.len() < 2 * self.reach.kept && !matches.iter().any(known) {
-                matches.extend(self.refined(&target, image, seed));
+                matches.extend(self.refined(&refiner, image, seed));
             }
         }
         matches.retain(|found| found.error < most);
@@ -413,13 +414,17 @@ impl Round<'_> {
             .collect()
     }
 
+    fn refiner<'t>(&self, target: &'t [f32]) -> Refiner<'t> {
+        let affine = self.reach.transforms.affine && self.space.pixel.color != ColorSpace::Normal;
+        Refiner::new(target, self.patch(), affine)
+    }
+
     /// A seed refined within the field; `None` where it strays.
-    fn refined(&self, target: &[f32], image: u16, seed: Transform) -> Option<Match> {
+    fn refined(&self, refiner: &Refiner<'_>, image: u16, seed: Transform) -> Option<Match> {
         let field = self.field(usize::from(image));
         let size = (field.width, field.height);
-        let affine = self.reach.transforms.affine && self.space.pixel.color != ColorSpace::Normal;
         let luma = &self.fields[usize::from(image)].luma;
-        let refined = refine(target, self.patch(), luma, size, seed, affine);
+        let refined = refiner.refine(luma, size, seed);
         let Transform { position, linear } = refined.transform;
         let stretch = |axis: Vec2| STRETCH.contains(&axis.length());
         if !stretch(linear.x_axis) || !stretch(linear.y_axis) || !position.is_finite() {
@@ -453,6 +458,7 @@ impl Round<'_> {
                 let most = self.most_luma(index);
                 let own = matches.first().map_or(most, |found| found.error);
                 let target = self.target(&node);
+                let refiner = self.refiner(&target);
                 let unshrink = self.shrink().inverse();
                 let mut tried = false;
                 for neighbour in self.grid.neighbours(index) {
@@ -471,7 +477,7 @@ impl Round<'_> {
                         continue;
                     }
                     let seed = Transform { position, linear: theirs.linear * unshrink };
-                    matches.extend(self.refined(&target, theirs.image, seed));
+                    matches.extend(self.refined(&refiner, theirs.image, seed));
                     tried = true;
                 }
                 matches.retain(|found| found.error < most);

@@ -14,8 +14,9 @@ use crate::{DESCRIPTOR_LENGTH, Descriptor, LumaSums, describe};
 const STEPS: f32 = 500.0;
 /// Near-identical patches that are kept.
 const ALIKE: usize = 2;
-/// Leaves that are looked at for a query.
-const LEAVES: usize = 32;
+/// Leaves that are looked at for a query: 32 take a tenth less time of an epitome and make it 1 % larger, all of them twice as
+/// much time and make it no smaller.
+const LEAVES: usize = 128;
 /// Points of one leaf of the exact tree.
 const BUCKET: usize = 32;
 

@@ -142,7 +142,13 @@ pub(crate) fn candidates(pixel: PixelInfo, rival: bool) -> Vec<Candidate> {
         .flat_map(|&content| HALVINGS.map(move |reduce_log2| Candidate::Bc { content, reduce_log2 }));
     let codebooks = CODEBOOKS.into_iter().map(|(size, content)| Candidate::VqCodebook { size, content });
     let goals = BPP_GOALS.into_iter().map(Candidate::VqBpp);
-    let families: &[Family] = if has_astc() { &[Family::Bc, Family::Astc] } else { &[Family::Bc] };
+    // An error map holds one or three channels of colours.
+    let has_errors = matches!(pixel.channels, 1 | 3) && pixel.color != ColorSpace::Normal;
+    let families: Vec<Family> =
+        [(Family::Bc, true), (Family::Astc, has_astc()), (Family::ErrorMap, has_errors)]
+            .into_iter()
+            .filter_map(|(family, fits)| fits.then_some(family))
+            .collect();
     let epitome = |family| EPITOME_BPP_GOALS.map(move |bpp| Candidate::EpitomeBpp(bpp, family));
     let epitomes = families.iter().flat_map(|&family| epitome(family));
     let astc = ASTC_BLOCKS.into_iter().filter(|_| rival || has_astc()).map(|block| match has_astc() {

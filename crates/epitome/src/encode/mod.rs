@@ -497,7 +497,7 @@ impl EpitomeSearch {
         let mut best: Option<Answer> = None;
         for (index, &&model) in models.iter().enumerate() {
             let share = |index: usize| index as f32 / models.len() as f32;
-            let beaten = best.as_ref().map(|best| &best.made.1);
+            let beaten = best.as_ref().map(|best| &best.made);
             let answer =
                 job.within(share(index), share(index + 1), |job| self.answer(goal, model, beaten, job))?;
             if best.as_ref().is_none_or(|best| goal.prefers(&answer.made.1, &best.made.1)) {
@@ -517,7 +517,7 @@ impl EpitomeSearch {
         &self,
         goal: Goal,
         model: (Option<(usize, usize)>, f32),
-        beaten: Option<&Measured>,
+        beaten: Option<&Made>,
         job: &mut Job<'_>,
     ) -> Result<Answer, EncodeError> {
         let Model { options, palettes, entry_bits } = job.install(|| self.model(model));
@@ -580,16 +580,17 @@ impl EpitomeSearch {
 
     /// The setting that reaches a goal with one layer, and what it makes.
     ///
-    /// Finer settings are not tried where it is far from what another model made, `beaten`.
+    /// It is looked for around that of another model's answer, `beaten`; where it is far from that one, finer settings are not
+    /// tried.
     fn setting(
         &self,
         goal: Goal,
         plan: &Plan<'_>,
-        beaten: Option<&Measured>,
+        beaten: Option<&Made>,
         job: &mut Job<'_>,
     ) -> Result<Made, EncodeError> {
         let chosen = |knob: u32| choose(&self.grid, plan.options, self.costs(plan.entry_bits, knob));
-        let guess = job.install(|| self.likely_knob(goal, chosen));
+        let guess = beaten.map_or_else(|| job.install(|| self.likely_knob(goal, chosen)), |before| before.0);
         let mut tried = 0u16;
         let make = |knob: u32| assemble(plan, &[chosen(knob)], lambda(knob));
         let mut found_in = |range: RangeInclusive<u32>| {
@@ -609,7 +610,7 @@ impl EpitomeSearch {
         };
         let found = found.map_or_else(|| found_in(KNOBS), Ok)?;
         let mut best = (found.knob, found.measured, found.value);
-        if beaten.is_some_and(|before| is_far(goal, &best.1, before)) {
+        if beaten.is_some_and(|before| is_far(goal, &best.1, &before.1)) {
             return Ok(best);
         }
         // What repeats is sometimes gathered better at a finer setting, and is smaller there.

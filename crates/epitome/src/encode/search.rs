@@ -222,7 +222,8 @@ impl Round<'_> {
 
     fn run_part(&self, part: Option<Part>, nodes: &[usize], found: &mut [Vec<Match>]) {
         let images = part.map_or(0..self.fields.len(), |part| part.image..part.image + 1);
-        let places = self.thinned(images.clone().flat_map(|image| self.places(image, part)).collect());
+        let places = images.clone().flat_map(|image| self.places(image, part)).collect();
+        let places = self.thinned(places, MOST_PLACES);
         let sums: Vec<&LumaSums> = self.fields.iter().map(|field| &field.sums).collect();
         let index = PatchIndex::new(&sums, self.patch(), &places, LEAST_CONTRAST);
         let turned = self.turned(&sums, images, part);
@@ -260,9 +261,9 @@ impl Round<'_> {
         all.filter(|place| formats.iter().any(|sums| sums.holds((place.x, place.y), patch.into()))).collect()
     }
 
-    /// No more places than can be searched: those whose content is shared already first, then an even choice of the others.
-    fn thinned(&self, places: Vec<Place>) -> Vec<Place> {
-        if places.len() <= MOST_PLACES {
+    /// At most `most` places: those whose content is shared already first, then an even choice of the others.
+    fn thinned(&self, places: Vec<Place>, most: usize) -> Vec<Place> {
+        if places.len() <= most {
             return places;
         }
         let (width, height) = self.patch();
@@ -283,10 +284,10 @@ impl Round<'_> {
             });
             places
         };
-        if first.len() > MOST_PLACES {
-            return even(first, MOST_PLACES);
+        if first.len() > most {
+            return even(first, most);
         }
-        let rest = MOST_PLACES - first.len();
+        let rest = most - first.len();
         first.extend(if others.len() > rest { even(others, rest) } else { others });
         first
     }
@@ -541,6 +542,42 @@ mod tests {
     use texfold_bc::Content;
     use texfold_core::SurfaceSize;
     use texfold_core::image::ImageSet;
+
+    #[test]
+    fn of_too_many_places_those_of_shared_content_stay() {
+        let image = texfold_testkit::picture("facade");
+        let grid = Grid::new(&[image.size()], 32, true);
+        let set = ImageSet::single(image);
+        let content = [Storage::Planes(Content::Bc1)];
+        let space = Space::new(&set, None, 32, &content, 1, Effort::Fast).unwrap();
+        let field = &space.pyramids[0].source[0];
+        // Content of the left eighth is shared: an eighth of all places.
+        let columns = field.width as u32 / 4;
+        let shared: Vec<bool> = (0..space.cells() as u32).map(|cell| cell % columns < columns / 8).collect();
+        let fields = [Searchable { luma: field.luma(), sums: LumaSums::new(field) }];
+        let errors = vec![0.0; grid.nodes()];
+        let allowed = Allowed { cells: None, shared: Some(&shared), errors: &errors, own: &[] };
+        let reach = Reach::of(&EpitomeParams::default(), 1 << 16);
+        let round = Round {
+            space: &space,
+            grid: &grid,
+            reach,
+            scale: 0,
+            side: 8,
+            fields: &fields,
+            allowed: &allowed,
+        };
+        let places = round.places(0, None);
+        let left = |places: &[Place]| places.iter().filter(|place| place.x + 8 <= columns / 2).count();
+        let (all, of_left) = (places.len(), left(&places));
+        let thinned = round.thinned(places.clone(), all / 4);
+        assert_eq!((thinned.len(), left(&thinned)), (all / 4, of_left));
+        // The others are taken evenly: as many above the middle as below.
+        let above = thinned.iter().filter(|place| place.y < field.height as u32 / 2).count();
+        assert!(above.abs_diff(all / 8) <= all / 80, "{above} of {}", all / 4);
+        assert_eq!(round.thinned(places.clone(), of_left / 2).len(), of_left / 2);
+        assert_eq!(round.thinned(places.clone(), all), places);
+    }
 
     #[test]
     fn leaves_look_within_their_own_part() {

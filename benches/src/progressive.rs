@@ -8,8 +8,7 @@ use std::path::PathBuf;
 
 use texfold::image::{ImageSet, Raster};
 use texfold::metric::measure;
-use texfold::{Bc, BcParams, Content, Effort, Goal, Job, TextureCodec};
-use texfold_benches::progressive;
+use texfold::{Bc, BcParams, Content, Goal, Job, Progressive, ProgressiveParams, SharedSearch, TextureCodec};
 
 /// Images in the folder `remote` of the data.
 const IMAGES: [&str; 6] = [
@@ -45,9 +44,11 @@ fn main() -> Result<(), Box<dyn Error>> {
             ..BcParams::default()
         };
         let mut row = vec![measure(&set, &Bc::encode(&set, &params, &mut Job::default())?).psnr];
+        let params = ProgressiveParams { goal: Goal::Bpp(SIZES[0]), ..ProgressiveParams::default() };
+        let search = Progressive::search(&set, &params, &mut Job::default())?;
         for size in SIZES {
-            let texture = progressive(&set, size, Effort::Normal).ok_or("it cannot be encoded")?;
-            row.push(measure(&set, texture.as_encoded()).psnr);
+            let texture = Progressive::encode_from(&search, Goal::Bpp(size), &mut Job::default())?;
+            row.push(measure(&set, &texture).psnr);
         }
         sums.iter_mut().zip(&row).for_each(|(sum, psnr)| *sum += psnr);
         println!("| {name} |{}", row.iter().map(|psnr| format!(" {psnr:.2} |")).collect::<String>());

@@ -25,7 +25,7 @@ mod rates;
 mod wire;
 
 pub use codebook::{CELL_SIDE, Codebook, Details, Entry, MapForm};
-pub use encode::PlaneForm;
+pub use encode::{PlaneForm, ProgressiveSearch};
 pub use encoded::{BASE_PART, BLOCK_SIDE, ERROR_PART, ProgressiveTexture};
 pub use params::ProgressiveParams;
 pub use rates::{Model, Rates};
@@ -34,7 +34,7 @@ use std::sync::Arc;
 
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::ImageSet;
-use texfold_core::{Budget, CodecId, EncodeError, Image2d, Job, LoadError, TextureCodec};
+use texfold_core::{Budget, CodecId, EncodeError, Goal, Image2d, Job, LoadError, SharedSearch, TextureCodec};
 
 /// Base and error map.
 #[derive(Debug, Clone, Copy)]
@@ -57,6 +57,26 @@ impl TextureCodec for Progressive {
 
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ProgressiveTexture, LoadError> {
         wire::load(file, None, budget)
+    }
+}
+
+impl SharedSearch for Progressive {
+    type Search = ProgressiveSearch;
+
+    fn search(
+        source: &ImageSet,
+        params: &ProgressiveParams,
+        job: &mut Job<'_>,
+    ) -> Result<ProgressiveSearch, EncodeError> {
+        ProgressiveSearch::new(source, params, &Shared::default(), job)
+    }
+
+    fn encode_from(
+        search: &ProgressiveSearch,
+        goal: Goal,
+        job: &mut Job<'_>,
+    ) -> Result<ProgressiveTexture, EncodeError> {
+        search.encode(goal, job)
     }
 }
 

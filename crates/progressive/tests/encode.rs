@@ -8,7 +8,7 @@ use texfold_core::image::{ColorSpace, ImageSet, MipFilter, Raster, mip_chain};
 use texfold_core::metric::{color_error, decode_surface, measure};
 use texfold_core::target::Measured;
 use texfold_core::{
-    Budget, Effort, EncodeError, Encoded, Goal, ImageAddress, Job, Layers, Refine, TextureCodec,
+    Budget, Effort, EncodeError, Encoded, Goal, ImageAddress, Job, Layers, Refine, SharedSearch, TextureCodec,
 };
 use texfold_progressive::{Progressive, ProgressiveParams, ProgressiveTexture, Shared};
 
@@ -289,4 +289,17 @@ fn a_public_codebook_grows_and_earlier_images_stay_as_they_are() {
     }
     // The same once more finds what it brought.
     assert!(rows[0] > 0 && rows[1] == rows[0], "{rows:?}");
+}
+
+#[test]
+fn one_search_serves_goals_of_every_kind() {
+    let set = ImageSet::single(texfold_testkit::picture("terrain"));
+    let params = ProgressiveParams { goal: Goal::Bpp(0.6), ..ProgressiveParams::default() };
+    let search = Progressive::search(&set, &params, &mut Job::default()).unwrap();
+    // With room for codebooks of several sizes, and without; the last goal asks again for the bases of the first.
+    for goal in [Goal::Bpp(0.6), Goal::Bpp(0.45), Goal::Psnr(36.0), Goal::Tolerance(9.0), Goal::Bpp(0.6)] {
+        let found = Progressive::encode_from(&search, goal, &mut Job::default()).unwrap();
+        let alone = encode(&set, &ProgressiveParams { goal, ..params.clone() });
+        assert!(bytes(&found) == bytes(&alone), "{goal:?}");
+    }
 }

@@ -8,7 +8,7 @@ use texfold_core::{
 };
 
 use super::coder::Coder;
-use super::details::{Lack, find, stock};
+use super::details::{Lack, Stock, find};
 use super::error::{Block, blocks};
 use crate::encoded::{ERROR_PART, ErrorMap, PUBLIC_PART, Parts, base_levels, map_words};
 use crate::params::MAX_REDUCE_LOG2;
@@ -140,6 +140,95 @@ pub(crate) fn levels(source: &ImageSet, mips: bool) -> Vec<Vec<Raster>> {
     source.images().iter().map(|image| mip_chain(image, count, MipFilter::Box)).collect()
 }
 
+/// A base as a texture, and where it is to have codebooks, what they may hold: all that no goal changes.
+#[derive(Debug)]
+pub(crate) struct Ground {
+    plain: ProgressiveTexture,
+    books: Option<Books>,
+}
+
+/// What a base lacks, and content for it.
+#[derive(Debug)]
+struct Books {
+    side_log2: u32,
+    lacks: Vec<Vec<Lack>>,
+    stock: Stock,
+}
+
+impl Ground {
+    /// `None` where no plane can hold it.
+    pub(crate) fn new(
+        source: &ImageSet,
+        chains: &[Vec<Raster>],
+        kind: Kind,
+        (effort, shared): (Effort, &Shared),
+    ) -> Option<Ground> {
+        let layout = source.layout(chains.first().map_or(1, |levels| levels.len() as u32));
+        let bases = chains.iter().map(|chain| reduced(chain, kind, &layout, effort)).collect();
+        let parts = Parts {
+            layout,
+            reduce_log2: kind.reduce_log2,
+            apart: kind.apart,
+            model: Model::default(),
+            bases,
+            details: None,
+            maps: Vec::new(),
+        };
+        let plain = ProgressiveTexture::new(parts, Notes::default())?;
+        let books = match kind.side_log2 {
+            Some(side_log2) => Some(Books::new(&plain, chains, side_log2, shared)?),
+            None => None,
+        };
+        Some(Ground { plain, books })
+    }
+
+    /// Cells of a codebook of its own that a goal has room for.
+    pub(crate) fn own_cells(&self, goal: Goal) -> usize {
+        let Some(Books { side_log2, lacks, stock }) = &self.books else { return 0 };
+        let plain = &self.plain;
+        let most_bits = match goal {
+            Goal::Bpp(bpp) => Some(bpp * plain.layout().texels() as f64 - plain.gpu().bits_memory() as f64),
+            _ => None,
+        };
+        stock.own_cells(lacks, 1 << side_log2, most_bits)
+    }
+
+    /// The base with what it lacks, codebooks with so many cells of its own drawn; `None` where no content is worth its bits.
+    pub(crate) fn base(&self, source: &ImageSet, chains: &[Vec<Raster>], own_cells: usize) -> Option<Base> {
+        let plain = match &self.books {
+            Some(Books { side_log2, lacks, stock }) => {
+                let shelf = stock.shelf(1 << side_log2, own_cells)?;
+                self.plain.with_details(find(lacks, *side_log2, &shelf)?)?
+            }
+            None => self.plain.clone(),
+        };
+        Base::new(source, chains, plain)
+    }
+}
+
+impl Books {
+    fn new(
+        plain: &ProgressiveTexture,
+        chains: &[Vec<Raster>],
+        side_log2: u32,
+        shared: &Shared,
+    ) -> Option<Books> {
+        let mut lacks = Vec::new();
+        for (surface, chain) in (0..).zip(chains) {
+            let mut levels = Vec::new();
+            for (level, raster) in (0..).zip(chain) {
+                let rect = plain.layout().whole(surface, level)?;
+                let mut texels = vec![Texel::ZERO; rect.width as usize * rect.height as usize];
+                plain.decode(rect, &mut texels).ok()?;
+                levels.push(Lack::new(raster, &texels));
+            }
+            lacks.push(levels);
+        }
+        let stock = Stock::new(&lacks, 1 << side_log2, shared);
+        Some(Books { side_log2, lacks, stock })
+    }
+}
+
 /// A base with what it lacks.
 #[derive(Debug)]
 pub(crate) struct Base {
@@ -158,28 +247,8 @@ pub(crate) struct Base {
 }
 
 impl Base {
-    /// `None` where no plane can hold its error map.
-    pub(crate) fn new(
-        source: &ImageSet,
-        chains: &[Vec<Raster>],
-        kind: Kind,
-        (params, shared): (&ProgressiveParams, &Shared),
-    ) -> Option<Base> {
-        let layout = source.layout(chains.first().map_or(1, |levels| levels.len() as u32));
-        let bases = chains.iter().map(|chain| reduced(chain, kind, &layout, params.effort)).collect();
-        let parts = Parts {
-            layout,
-            reduce_log2: kind.reduce_log2,
-            apart: kind.apart,
-            model: Model::default(),
-            bases,
-            details: None,
-            maps: Vec::new(),
-        };
-        let mut plain = ProgressiveTexture::new(parts, Notes::default())?;
-        if let Some(side_log2) = kind.side_log2 {
-            plain = with_details(&plain, chains, side_log2, (params, shared))?;
-        }
+    /// Of a texture without an error map.
+    fn new(source: &ImageSet, chains: &[Vec<Raster>], plain: ProgressiveTexture) -> Option<Base> {
         let form = plain.gpu();
         let maps: usize = form
             .planes
@@ -252,32 +321,6 @@ impl Base {
         let texture = self.plain.with_maps(coder.model.clone(), maps);
         texture.ok_or(SourceError::Full { what: "a plane of 8192 x 8192 words" }.into())
     }
-}
-
-/// The same with codebooks; `None` where no content is worth its bits.
-fn with_details(
-    plain: &ProgressiveTexture,
-    chains: &[Vec<Raster>],
-    side_log2: u32,
-    (params, shared): (&ProgressiveParams, &Shared),
-) -> Option<ProgressiveTexture> {
-    let mut lacks = Vec::new();
-    for (surface, chain) in (0..).zip(chains) {
-        let mut levels = Vec::new();
-        for (level, raster) in (0..).zip(chain) {
-            let rect = plain.layout().whole(surface, level)?;
-            let mut texels = vec![Texel::ZERO; rect.width as usize * rect.height as usize];
-            plain.decode(rect, &mut texels).ok()?;
-            levels.push(Lack::new(raster, &texels));
-        }
-        lacks.push(levels);
-    }
-    let most_bits = match params.goal {
-        Goal::Bpp(bpp) => Some(bpp * plain.layout().texels() as f64 - plain.gpu().bits_memory() as f64),
-        _ => None,
-    };
-    let shelf = stock(&lacks, 1 << side_log2, shared, most_bits)?;
-    plain.with_details(find(&lacks, side_log2, &shelf)?)
 }
 
 /// The planes of an image's base, level by level.

@@ -9,7 +9,10 @@ mod error;
 mod model;
 mod plane;
 mod report;
+mod search;
 mod trellis;
+
+use std::sync::Arc;
 
 use texfold_core::image::ImageSet;
 use texfold_core::metric::measure;
@@ -18,8 +21,9 @@ use texfold_core::{Effort, EncodeError, Goal, Job, Params, SourceError, SurfaceS
 
 use crate::{ProgressiveParams, ProgressiveTexture, Shared};
 pub use plane::PlaneForm;
+pub use search::ProgressiveSearch;
 
-use base::{Base, kinds, levels};
+use base::{Base, Ground, Kind, kinds, levels};
 use coder::Coder;
 use draft::{Draft, FIRST_PRICE, PRICES, price};
 use report::notes;
@@ -45,25 +49,29 @@ pub(crate) fn encode(
     params.check()?;
     check_sizes(source)?;
     let chains = job.install(|| levels(source, params.mips));
+    let make = |kind: Kind, job: &mut Job<'_>| {
+        job.install(|| {
+            let ground = Ground::new(source, &chains, kind, (params.effort, shared))?;
+            ground.base(source, &chains, ground.own_cells(params.goal)).map(Arc::new)
+        })
+    };
+    encode_with(source, params, make, job)
+}
+
+/// `make` gives the base of a kind, where there is one.
+fn encode_with(
+    source: &ImageSet,
+    params: &ProgressiveParams,
+    mut make: impl FnMut(Kind, &mut Job<'_>) -> Option<Arc<Base>>,
+    job: &mut Job<'_>,
+) -> Result<ProgressiveTexture, EncodeError> {
     let kinds = kinds(source.info(), params)?;
-    let mut best: Option<(Base, Draft)> = None;
+    let mut best: Option<(Arc<Base>, Draft)> = None;
     for (index, &kind) in kinds.iter().enumerate() {
         job.stage("trying bases", 0.4 * index as f32 / kinds.len() as f32)?;
-        let Some(base) = job.install(|| Base::new(source, &chains, kind, (params, shared))) else { continue };
-        let mut drafts = Vec::new();
-        for class_bits in CLASS_BITS {
-            let draft = job.install(|| Draft::new(&base, class_bits, params.goal));
-            let crowded = draft.crowded;
-            drafts.push(draft);
-            // Larger classes are for blocks that the largest of these is too small for.
-            if !crowded {
-                break;
-            }
-        }
-        let better = |a: &Draft, b: &Draft| params.goal.prefers(&a.estimate, &b.estimate);
-        let of_base = drafts.into_iter().reduce(|a, b| if better(&b, &a) { b } else { a });
-        let Some(draft) = of_base else { continue };
-        if best.as_ref().is_none_or(|(_, best)| better(&draft, best)) {
+        let Some(base) = make(kind, job) else { continue };
+        let Some(draft) = best_draft(&base, params.goal, job) else { continue };
+        if best.as_ref().is_none_or(|(_, best)| params.goal.prefers(&draft.estimate, &best.estimate)) {
             best = Some((base, draft));
         }
     }
@@ -84,6 +92,22 @@ pub(crate) fn encode(
     let notes = notes(source, &made, params, met);
     job.stage("done", 1.0)?;
     Ok(made.with_notes(notes))
+}
+
+/// The better of the drafts with small and with large classes.
+fn best_draft(base: &Base, goal: Goal, job: &Job<'_>) -> Option<Draft> {
+    let mut drafts = Vec::new();
+    for class_bits in CLASS_BITS {
+        let draft = job.install(|| Draft::new(base, class_bits, goal));
+        let crowded = draft.crowded;
+        drafts.push(draft);
+        // Larger classes are for blocks that the largest of these is too small for.
+        if !crowded {
+            break;
+        }
+    }
+    let better = |a: &Draft, b: &Draft| goal.prefers(&a.estimate, &b.estimate);
+    drafts.into_iter().reduce(|a, b| if better(&b, &a) { b } else { a })
 }
 
 /// Quality and size, without what is shared.

@@ -2,16 +2,16 @@
 //! which are not those that it has in a picture.
 
 use texfold_bc::Content;
+use texfold_core::Effort;
 use texfold_core::image::{ImageSet, Raster};
-use texfold_core::{Effort, Goal};
 
 use super::CLASS_BITS;
-use super::base::{Base, Kind, plane_kinds};
+use super::base::{Base, Ground, Kind, plane_kinds};
 use super::coder::Coder;
 use super::draft::{CROWD, share_of_largest};
 use super::model::{Reach, train};
 use crate::rates::Model;
-use crate::{ProgressiveParams, ProgressiveTexture, Shared};
+use crate::{ProgressiveTexture, Shared};
 
 /// A base and a model that suit a picture at some price of bits.
 #[derive(Debug, Clone, PartialEq)]
@@ -88,7 +88,6 @@ impl PlaneForm {
 }
 
 fn base(source: &ImageSet, levels: &[Raster], kind: Kind, effort: Effort) -> Option<Base> {
-    // The goal is not looked at.
-    let params = ProgressiveParams { goal: Goal::default(), effort, ..ProgressiveParams::default() };
-    Base::new(source, &[levels.to_vec()], kind, (&params, &Shared::default()))
+    let chains = [levels.to_vec()];
+    Ground::new(source, &chains, kind, (effort, &Shared::default()))?.base(source, &chains, 0)
 }

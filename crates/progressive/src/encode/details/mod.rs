@@ -118,43 +118,56 @@ pub(crate) fn find(lacks: &[Vec<Lack>], side_log2: u32, shelf: &Shelf) -> Option
     Some(Details { public, private, form, gain_unit: unit, entries })
 }
 
-/// The codebooks for what these pictures lack: the public one with further content, where it has room and many blocks would
-/// show it, and a private one of what is worth its bits in them alone. `None` where there is nothing to show.
-///
-/// `most_bits` is what map and private codebook may take together.
-pub(crate) fn stock(
-    lacks: &[Vec<Lack>],
-    side: usize,
-    shared: &Shared,
-    most_bits: Option<f64>,
-) -> Option<Shelf> {
-    let known = shared.public.clone();
-    let rows = known.as_ref().map_or(0, |book| book.size().1);
-    let room = shared.most_rows.saturating_sub(rows) / CELL_SIDE * PUBLIC_CELLS;
-    let price = if room > 0 { CELL_BITS / SHARING } else { CELL_BITS };
-    let shelf = known.clone().map(|book| Shelf::new(Some(book), None, side));
-    let choices = choose(lacks, side, shelf.as_ref(), (MOST_CELLS, price));
-    let (mut reused, own): (Vec<Choice>, Vec<Choice>) =
-        choices.into_iter().partition(|choice| room > 0 && choice.reuse >= LEAST_REUSE);
-    // Whole rows of cells are added: what an image reads never changes.
-    let whole = reused.len().min(room as usize) / PUBLIC_CELLS as usize * PUBLIC_CELLS as usize;
-    let rest = reused.split_off(whole);
-    let public = match (known, of_cells(reused, PUBLIC_CELLS * CELL_SIDE)) {
-        (Some(book), Some(further)) => book.grown(&further).map(Arc::new).or(Some(book)),
-        (known, further) => known.or(further.map(Arc::new)),
-    };
-    let mut own: Vec<Choice> =
-        rest.into_iter().chain(own).filter(|choice| choice.bits >= CELL_BITS).collect();
-    own.sort_by(|a, b| b.bits.total_cmp(&a.bits));
-    // Of cells beyond a power of two the bits of places would be lost.
-    own.truncate(own.len().checked_ilog2().map_or(0, |log2| 1 << log2));
-    let public_rows = public.as_ref().map_or(0, |book| book.size().1);
-    while !own.is_empty() && most_bits.is_some_and(|most| bits(lacks, side, own.len(), public_rows) > most) {
-        own.truncate(own.len() / 2);
+/// Content for what pictures lack: the public codebook with what many blocks would show, and pieces that are worth their
+/// bits in these pictures alone, the best first.
+#[derive(Debug)]
+pub(crate) struct Stock {
+    public: Option<Arc<Codebook>>,
+    own: Vec<Choice>,
+}
+
+impl Stock {
+    /// The public codebook grows where it has room.
+    pub(crate) fn new(lacks: &[Vec<Lack>], side: usize, shared: &Shared) -> Stock {
+        let known = shared.public.clone();
+        let rows = known.as_ref().map_or(0, |book| book.size().1);
+        let room = shared.most_rows.saturating_sub(rows) / CELL_SIDE * PUBLIC_CELLS;
+        let price = if room > 0 { CELL_BITS / SHARING } else { CELL_BITS };
+        let shelf = known.clone().map(|book| Shelf::new(Some(book), None, side));
+        let choices = choose(lacks, side, shelf.as_ref(), (MOST_CELLS, price));
+        let (mut reused, own): (Vec<Choice>, Vec<Choice>) =
+            choices.into_iter().partition(|choice| room > 0 && choice.reuse >= LEAST_REUSE);
+        // Whole rows of cells are added: what an image reads never changes.
+        let whole = reused.len().min(room as usize) / PUBLIC_CELLS as usize * PUBLIC_CELLS as usize;
+        let rest = reused.split_off(whole);
+        let public = match (known, of_cells(&reused, PUBLIC_CELLS * CELL_SIDE)) {
+            (Some(book), Some(further)) => book.grown(&further).map(Arc::new).or(Some(book)),
+            (known, further) => known.or(further.map(Arc::new)),
+        };
+        let mut own: Vec<Choice> =
+            rest.into_iter().chain(own).filter(|choice| choice.bits >= CELL_BITS).collect();
+        own.sort_by(|a, b| b.bits.total_cmp(&a.bits));
+        Stock { public, own }
     }
-    let log2 = own.len().max(1).ilog2();
-    let private = of_cells(own, CELL_SIDE << log2.div_ceil(2)).map(Arc::new);
-    (public.is_some() || private.is_some()).then(|| Shelf::new(public, private, side))
+
+    /// Cells of a private codebook that with the map takes at most `most_bits`.
+    pub(crate) fn own_cells(&self, lacks: &[Vec<Lack>], side: usize, most_bits: Option<f64>) -> usize {
+        // Of cells beyond a power of two the bits of places would be lost.
+        let mut cells = self.own.len().checked_ilog2().map_or(0, |log2| 1 << log2);
+        let public_rows = self.public.as_ref().map_or(0, |book| book.size().1);
+        while cells > 0 && most_bits.is_some_and(|most| bits(lacks, side, cells, public_rows) > most) {
+            cells /= 2;
+        }
+        cells
+    }
+
+    /// The codebooks with so many cells of the pictures' own; `None` where there is nothing to show.
+    pub(crate) fn shelf(&self, side: usize, own_cells: usize) -> Option<Shelf> {
+        let log2 = own_cells.max(1).ilog2();
+        let private = of_cells(&self.own[..own_cells], CELL_SIDE << log2.div_ceil(2)).map(Arc::new);
+        let public = self.public.clone();
+        (public.is_some() || private.is_some()).then(|| Shelf::new(public, private, side))
+    }
 }
 
 /// Bits of a map, and of a private codebook of so many cells.
@@ -168,8 +181,8 @@ fn bits(lacks: &[Vec<Lack>], side: usize, cells: usize, public_rows: u32) -> f64
     blocks as f64 * f64::from(form.entry_bits()) + cells as f64 * f64::from(CELL_BITS)
 }
 
-fn of_cells(choices: Vec<Choice>, width: u32) -> Option<Codebook> {
-    let cells: Vec<Vec<f32>> = choices.into_iter().map(|choice| choice.cell).collect();
+fn of_cells(choices: &[Choice], width: u32) -> Option<Codebook> {
+    let cells: Vec<Vec<f32>> = choices.iter().map(|choice| choice.cell.clone()).collect();
     if cells.is_empty() { None } else { Codebook::of_cells(Content::Bc4, width, &cells) }
 }
 

@@ -21,6 +21,7 @@ pub mod decode;
 mod encode;
 mod encoded;
 mod params;
+mod pictures;
 mod rates;
 mod wire;
 
@@ -28,6 +29,7 @@ pub use codebook::{CELL_SIDE, Codebook, Details, Entry, MapForm};
 pub use encode::{PlaneForm, ProgressiveSearch};
 pub use encoded::{BASE_PART, BLOCK_SIDE, ERROR_PART, ProgressiveTexture};
 pub use params::ProgressiveParams;
+pub use pictures::{PartPictures, pictures};
 pub use rates::{Model, Rates};
 
 use std::sync::Arc;

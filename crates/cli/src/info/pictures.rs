@@ -65,7 +65,18 @@ fn parts(image: &AnyImage) -> Vec<(&'static str, Vec<Raster>)> {
                 ("usage", parts.usage),
             ]
         }),
-        AnyImage::Progressive(_) | AnyImage::Bc(_) | AnyImage::Zipmap(_) => Vec::new(),
+        AnyImage::Progressive(texture) => {
+            texfold_progressive::pictures(texture).map_or(Vec::new(), |parts| {
+                vec![
+                    ("base", parts.bases),
+                    ("bits", parts.bits),
+                    ("source", parts.sources),
+                    ("codebook", parts.codebooks),
+                    ("usage", parts.usage),
+                ]
+            })
+        }
+        AnyImage::Bc(_) | AnyImage::Zipmap(_) => Vec::new(),
     }
 }
 

@@ -195,6 +195,19 @@ fn info_tells_the_ledger_and_draws_the_parts() {
 }
 
 #[test]
+fn the_parts_of_a_base_and_its_error_map_are_drawn() {
+    let place = Place::new();
+    fs::copy(fixture("terrain.png"), place.at("terrain.png")).unwrap();
+    let (run, report) = place.compress("terrain.png --out out --codec progressive --bpp 2 --effort fast");
+    assert_eq!((run.code, &report[0]["codec"]), (Some(0), &"progressive".into()), "{}", run.stderr);
+    let run = place.run("info out/terrain.txf --pictures parts");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert_eq!(names(&place.at("parts")), ["terrain-base.png", "terrain-bits.png", "terrain-decoded.png"]);
+    let (width, height, bits) = place.samples("parts/terrain-bits.png");
+    assert!((width, height) == (256, 256) && bits.iter().max() > bits.iter().min());
+}
+
+#[test]
 fn an_epitome_is_compressed_told_drawn_and_decoded() {
     let place = Place::new();
     fs::copy(fixture("facade.png"), place.at("facade.png")).unwrap();

@@ -1,0 +1,217 @@
+//! Pictures of the parts of a texture, for a person to look at.
+
+use glam::{Vec2, Vec3};
+use texfold_core::image::{ColorSpace, PixelInfo, Raster};
+use texfold_core::{Encoded, SurfaceSize, Texel};
+
+use crate::codebook::{Codebook, Details, Entry, MOST_GAIN};
+use crate::decode::texfold_progressive_turn;
+use crate::encoded::{BLOCK_SIDE, ProgressiveTexture, blocks_of};
+
+/// Gray of what is read once; black is not read at all.
+const DARKEST: f32 = 0.2;
+/// Gain below which a block's colour says no more, as a share of the largest.
+const LEAST_SHOWN: f32 = 0.3;
+/// Colours of blocks that show public content, and the texture's own.
+const PUBLIC: Vec3 = Vec3::new(0.3, 0.7, 1.0);
+const OWN: Vec3 = Vec3::new(1.0, 0.6, 0.2);
+
+/// Pictures of the parts of a texture, of level 0.
+#[derive(Debug, Clone)]
+pub struct PartPictures {
+    /// The base of each image.
+    pub bases: Vec<Raster>,
+    /// For each image the bits of each block of its error map: black none, through red and yellow to white, the most of the
+    /// texture; none where there is no error map.
+    pub bits: Vec<Raster>,
+    /// For each image what each block shows of codebooks: black nothing, blue public content, orange its own, the brighter the
+    /// larger the gain; none where there are no codebooks.
+    pub sources: Vec<Raster>,
+    /// The public and the own codebook, as far as there are any.
+    pub codebooks: Vec<Raster>,
+    /// For each codebook how many texels are read from each of its texels: black none, the most white, by the logarithm.
+    pub usage: Vec<Raster>,
+}
+
+/// Draws the parts of `texture`; `None` only where a picture cannot be made at all.
+#[must_use]
+pub fn pictures(texture: &ProgressiveTexture) -> Option<PartPictures> {
+    let mut parts = PartPictures {
+        bases: Vec::new(),
+        bits: Vec::new(),
+        sources: Vec::new(),
+        codebooks: Vec::new(),
+        usage: Vec::new(),
+    };
+    let surfaces = &texture.layout().surfaces;
+    for (surface, &size) in surfaces.iter().enumerate() {
+        let view = texture.view(surface as u32);
+        let [width, height] = view.params.base_size;
+        parts.bases.push(Raster::from_texels(width, height, texture.layout().pixel, &view.base[0]).ok()?);
+        if !texture.classes(surface as u32).is_empty() {
+            parts.bits.push(draw_bits(texture, surface as u32, size)?);
+        }
+    }
+    let Some(details) = texture.details() else { return Some(parts) };
+    for (&size, entries) in surfaces.iter().zip(&details.entries) {
+        parts.sources.push(draw_sources(details, entries, size)?);
+    }
+    for (private, book) in [(false, &details.public), (true, &details.private)] {
+        let Some(book) = book else { continue };
+        parts.codebooks.push(draw_codebook(book)?);
+        let sizes = surfaces.iter().copied().zip(&details.entries);
+        let counts = count_reads(details, private, book.size(), sizes);
+        parts.usage.push(draw_usage(book.size(), &counts)?);
+    }
+    Some(parts)
+}
+
+/// A picture of such colours.
+fn draw(size: SurfaceSize, color: impl Fn(u32, u32) -> Vec3) -> Option<Raster> {
+    let info = PixelInfo { channels: 3, color: ColorSpace::Srgb, ..PixelInfo::default() };
+    let texels: Vec<Texel> = (0..size.height)
+        .flat_map(|y| (0..size.width).map(move |x| (x, y)))
+        .map(|(x, y)| color(x, y).extend(1.0))
+        .collect();
+    Raster::from_texels(size.width, size.height, info, &texels).ok()
+}
+
+/// Black, red, yellow and white for 0, 1/3, 2/3 and 1.
+fn heat(value: f32) -> Vec3 {
+    let ramp = |from: f32| (3.0 * value - from).clamp(0.0, 1.0);
+    Vec3::new(ramp(0.0), ramp(1.0), ramp(2.0))
+}
+
+fn draw_bits(texture: &ProgressiveTexture, surface: u32, size: SurfaceSize) -> Option<Raster> {
+    let (columns, rows) = blocks_of(size);
+    let classes = texture.classes(surface).get(..(columns * rows) as usize)?;
+    let most = classes.iter().copied().max().unwrap_or(0).max(1);
+    let class = |x: u32, y: u32| classes[(y / BLOCK_SIDE * columns + x / BLOCK_SIDE) as usize];
+    draw(size, |x, y| heat(f32::from(class(x, y)) / f32::from(most)))
+}
+
+fn draw_sources(details: &Details, entries: &[Entry], size: SurfaceSize) -> Option<Raster> {
+    let side = 1u32 << details.form.side_log2;
+    let columns = size.width.div_ceil(side);
+    let public_rows = details.public.as_ref().map_or(0, |book| book.size().1);
+    draw(size, |x, y| {
+        let entry = entries[(y / side * columns + x / side) as usize];
+        let gain = (entry.gain & MOST_GAIN) as f32 / MOST_GAIN as f32;
+        let color = if entry.row >= public_rows { OWN } else { PUBLIC };
+        if gain > 0.0 { color * (LEAST_SHOWN + (1.0 - LEAST_SHOWN) * gain) } else { Vec3::ZERO }
+    })
+}
+
+fn draw_codebook(book: &Codebook) -> Option<Raster> {
+    let (width, height) = book.size();
+    let values = book.values();
+    draw(SurfaceSize { width, height }, |x, y| {
+        Vec3::splat(0.5 + 0.5 * values[y as usize * width as usize + x as usize])
+    })
+}
+
+/// How many texels of level 0 are read from each texel of one of the codebooks.
+fn count_reads<'e>(
+    details: &Details,
+    private: bool,
+    (width, height): (u32, u32),
+    images: impl Iterator<Item = (SurfaceSize, &'e Vec<Entry>)>,
+) -> Vec<u32> {
+    let (form, side) = (details.form, 1u32 << details.form.side_log2);
+    let public_rows = details.public.as_ref().map_or(0, |book| book.size().1);
+    let first = if private { public_rows } else { 0 };
+    let last = Vec2::new(width as f32 - 1.0, height as f32 - 1.0);
+    let mut counts = vec![0u32; width as usize * height as usize];
+    for (size, entries) in images {
+        let blocks = size.width.div_ceil(side) as usize * size.height.div_ceil(side) as usize;
+        let shown = |entry: &&Entry| entry.gain & MOST_GAIN > 0 && (entry.row >= public_rows) == private;
+        for entry in entries.iter().take(blocks).filter(shown) {
+            let turn = texfold_progressive_turn(entry.turn, form.turn_bits);
+            let centre = Vec2::new(entry.column as f32, (entry.row - first) as f32);
+            for (x, y) in (0..side * side).map(|i| (i % side, i / side)) {
+                let away = Vec2::new(x as f32, y as f32) + Vec2::splat(0.5 - 0.5 * side as f32);
+                let moved = Vec2::new(turn.x * away.x + turn.y * away.y, turn.z * away.x + turn.w * away.y);
+                let at = (centre + moved).floor().clamp(Vec2::ZERO, last);
+                counts[at.y as usize * width as usize + at.x as usize] += 1;
+            }
+        }
+    }
+    counts
+}
+
+fn draw_usage((width, height): (u32, u32), counts: &[u32]) -> Option<Raster> {
+    let most = counts.iter().copied().max().unwrap_or(0).max(2) as f32;
+    draw(SurfaceSize { width, height }, |x, y| match counts[y as usize * width as usize + x as usize] {
+        0 => Vec3::ZERO,
+        count => Vec3::splat(DARKEST + (1.0 - DARKEST) * (count as f32).log2() / most.log2()),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Progressive, ProgressiveParams};
+    use texfold_core::image::ImageSet;
+    use texfold_core::{Goal, Job, TextureCodec};
+
+    fn texture(bpp: f64) -> ProgressiveTexture {
+        let set = ImageSet::single(texfold_testkit::picture("terrain"));
+        let params = ProgressiveParams { goal: Goal::Bpp(bpp), ..ProgressiveParams::default() };
+        Progressive::encode(&set, &params, &mut Job::default()).unwrap()
+    }
+
+    fn sizes(rasters: &[Raster]) -> Vec<(u32, u32)> {
+        rasters.iter().map(|raster| (raster.size().width, raster.size().height)).collect()
+    }
+
+    #[test]
+    fn blocks_are_as_bright_as_they_have_bits() {
+        let texture = texture(2.0);
+        let parts = pictures(&texture).unwrap();
+        assert_eq!(sizes(&parts.bits), [(256, 256)]);
+        let side = 256 >> texture.reduce_log2();
+        assert_eq!(sizes(&parts.bases), [(side, side)]);
+        let classes = texture.classes(0);
+        let most = classes.iter().copied().max().unwrap();
+        for (block, &class) in (0..).zip(classes) {
+            let texel = parts.bits[0].texel(block % 32 * 8 + 5, block / 32 * 8 + 2);
+            let heat = texel.x + texel.y + texel.z;
+            assert!((heat - 3.0 * f32::from(class) / f32::from(most)).abs() < 1e-5, "{block}");
+        }
+        assert!(parts.codebooks.is_empty() && parts.sources.is_empty());
+    }
+
+    #[test]
+    fn as_many_texels_are_read_as_blocks_show() {
+        let book = |rows: usize, seed: usize| {
+            let value = |n: usize, i: usize| ((i * 7 + n * 13 + seed) % 200) as f32 / 100.0 - 1.0;
+            let cells: Vec<Vec<f32>> =
+                (0..2 * rows).map(|n| (0..1024).map(|i| value(n, i)).collect()).collect();
+            Codebook::of_cells(texfold_bc::Content::Raw, 64, &cells).unwrap()
+        };
+        let form = crate::MapForm { side_log2: 3, column_bits: 6, row_bits: 7, turn_bits: 5 };
+        let entry = |i: u32| Entry { column: 8 + i, row: 8 + 16 * i, turn: 5 * i, gain: i % 3 };
+        let entries: Vec<Entry> = (0..6).map(entry).collect();
+        let details = Details {
+            public: Some(std::sync::Arc::new(book(1, 0))),
+            private: Some(std::sync::Arc::new(book(2, 5))),
+            form,
+            gain_unit: 9,
+            entries: vec![entries.clone()],
+        };
+        let size = SurfaceSize { width: 24, height: 16 };
+        let reads = |private, (width, height)| {
+            count_reads(&details, private, (width, height), [(size, &entries)].into_iter())
+        };
+        // Entries 0 and 3 show nothing; 1 lies in the 32 public rows, 2, 4 and 5 behind them.
+        assert_eq!(reads(false, (64, 32)).iter().sum::<u32>(), 64);
+        let own = reads(true, (64, 64));
+        assert_eq!(own.iter().sum::<u32>(), 3 * 64);
+        // Entry 2 turns about column 10 and row 8 of the own rows by half a quarter.
+        assert!(own[8 * 64 + 10] > 0 && own[0] == 0);
+        let sources = draw_sources(&details, &entries, size).unwrap();
+        let blue = sources.texel(9, 3);
+        assert!(blue.z > blue.x && sources.texel(17, 3).x > sources.texel(17, 3).z);
+        assert_eq!(sources.texel(0, 0).truncate(), Vec3::ZERO);
+    }
+}

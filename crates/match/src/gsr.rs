@@ -9,6 +9,7 @@
 use glam::{Mat2, Vec2};
 use rayon::prelude::*;
 
+use crate::groups::Groups;
 use crate::index::Tree;
 use crate::turned::{BINS, Turned, bin_of, peak};
 
@@ -177,7 +178,36 @@ pub struct GsrMatch {
     pub negated: bool,
 }
 
-impl<const K: usize> Search for Tree<Turned, K> {
+/// Patches whose descriptors have `K` values.
+struct OfGrid<N, const K: usize>(N);
+
+/// What finds the patches near to a descriptor.
+trait Near<const K: usize>: Send + Sync {
+    fn nearest(&self, query: &[f32; K], within: f32, count: usize) -> Vec<(&Turned, f32)>;
+    fn len(&self) -> usize;
+}
+
+impl<const K: usize> Near<K> for Tree<Turned, K> {
+    fn nearest(&self, query: &[f32; K], within: f32, count: usize) -> Vec<(&Turned, f32)> {
+        Tree::nearest(self, query, within, count)
+    }
+
+    fn len(&self) -> usize {
+        Tree::len(self)
+    }
+}
+
+impl<const K: usize> Near<K> for Groups<Turned, K> {
+    fn nearest(&self, query: &[f32; K], within: f32, count: usize) -> Vec<(&Turned, f32)> {
+        Groups::nearest(self, query, within, count)
+    }
+
+    fn len(&self) -> usize {
+        Groups::len(self)
+    }
+}
+
+impl<N: Near<K>, const K: usize> Search for OfGrid<N, K> {
     fn near(
         &self,
         plane: &GrayPlane,
@@ -205,7 +235,7 @@ impl<const K: usize> Search for Tree<Turned, K> {
                 std::array::from_fn(|index| signed[(side - 1 - index / side) * side + index % side]);
             for (descriptor, sign) in [(&signed, 1.0), (&reflected, -1.0)] {
                 let upright = Mat2::from_diagonal(Vec2::new(1.0, sign)) * Mat2::from_angle(-angle);
-                for (&patch, distance) in self.nearest(descriptor, within, count) {
+                for (&patch, distance) in self.0.nearest(descriptor, within, count) {
                     let linear = Mat2::from_angle(patch.angle) * upright * (patch.side / query.side);
                     found.push(GsrMatch { distance, patch, linear, negated });
                 }
@@ -216,7 +246,7 @@ impl<const K: usize> Search for Tree<Turned, K> {
     }
 
     fn len(&self) -> usize {
-        Tree::len(self)
+        self.0.len()
     }
 }
 
@@ -243,14 +273,19 @@ impl GsrIndex {
         tone: GsrTone,
         contrast: f32,
     ) -> Self {
-        let search: Box<dyn Search> = match side {
-            ..=4 => Box::new(tree::<16>(planes, patches, tone, contrast)),
-            5 => Box::new(tree::<25>(planes, patches, tone, contrast)),
-            6 => Box::new(tree::<36>(planes, patches, tone, contrast)),
-            7 => Box::new(tree::<49>(planes, patches, tone, contrast)),
-            _ => Box::new(tree::<64>(planes, patches, tone, contrast)),
-        };
-        GsrIndex { search, tone }
+        GsrIndex { search: search_of(planes, patches, side, (tone, contrast), Kind::Tree), tone }
+    }
+
+    /// The same, which finds near patches quicker, but not always the nearest.
+    #[must_use]
+    pub fn grouped(
+        planes: &[&GrayPlane],
+        patches: &[(u32, Vec2, f32)],
+        side: usize,
+        tone: GsrTone,
+        contrast: f32,
+    ) -> Self {
+        GsrIndex { search: search_of(planes, patches, side, (tone, contrast), Kind::Groups), tone }
     }
 
     /// Number of patches.
@@ -280,12 +315,35 @@ impl GsrIndex {
     }
 }
 
-fn tree<const K: usize>(
+/// How near patches are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Tree,
+    Groups,
+}
+
+fn search_of(
     planes: &[&GrayPlane],
     patches: &[(u32, Vec2, f32)],
-    tone: GsrTone,
-    contrast: f32,
-) -> Tree<Turned, K> {
+    side: usize,
+    kept: (GsrTone, f32),
+    kind: Kind,
+) -> Box<dyn Search> {
+    match side {
+        ..=4 => described::<16>(planes, patches, kept, kind),
+        5 => described::<25>(planes, patches, kept, kind),
+        6 => described::<36>(planes, patches, kept, kind),
+        7 => described::<49>(planes, patches, kept, kind),
+        _ => described::<64>(planes, patches, kept, kind),
+    }
+}
+
+fn described<const K: usize>(
+    planes: &[&GrayPlane],
+    patches: &[(u32, Vec2, f32)],
+    (tone, contrast): (GsrTone, f32),
+    kind: Kind,
+) -> Box<dyn Search> {
     let described = patches
         .par_iter()
         .filter_map(|&(field, centre, side)| {
@@ -296,7 +354,10 @@ fn tree<const K: usize>(
             usable.then_some((patch, descriptor))
         })
         .collect();
-    Tree::new(described)
+    match kind {
+        Kind::Tree => Box::new(OfGrid::<Tree<Turned, K>, K>(Tree::new(described))),
+        Kind::Groups => Box::new(OfGrid::<Groups<Turned, K>, K>(Groups::new(described))),
+    }
 }
 
 #[cfg(test)]

@@ -142,7 +142,7 @@ fn step_of(value: f32) -> i16 {
 
 /// The first few of near-identical patches. What repeats exactly has its first copies as the source of all, so that
 /// everybody finds the same ones.
-fn first_of_each<T, const K: usize>(described: Vec<(T, [f32; K])>) -> Vec<(T, [f32; K])> {
+pub(crate) fn first_of_each<T, const K: usize>(described: Vec<(T, [f32; K])>) -> Vec<(T, [f32; K])> {
     let mut seen: HashMap<[i16; K], usize> = HashMap::new();
     let is_new = |(_, descriptor): &(T, [f32; K])| {
         let count = seen.entry(descriptor.map(step_of)).or_default();

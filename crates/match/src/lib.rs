@@ -9,6 +9,7 @@
 mod bounded;
 mod descriptor;
 mod field;
+mod groups;
 mod gsr;
 mod index;
 mod refine;

@@ -136,7 +136,7 @@ impl Sample {
             .flat_map(|(picture, lack)| patches(lack.width, lack.height, side, stride, picture))
             .collect();
         let views: Vec<&GrayPlane> = planes.iter().collect();
-        let index = GsrIndex::new(&views, &list, GRID, GsrTone::Shape, 1.0);
+        let index = GsrIndex::grouped(&views, &list, GRID, GsrTone::Shape, 1.0);
         let found: Vec<Vec<(Piece, f32)>> =
             self.blocks.par_iter().map(|&block| serve(block, tops, flat, &planes, &index, side)).collect();
         let mut pieces: HashMap<Piece, Vec<(u32, f32)>> = HashMap::new();

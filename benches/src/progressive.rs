@@ -1,14 +1,18 @@
 //! Base and error map beside plain BC1 at 4 bits a texel, as a table in Markdown.
 //!
-//! `cargo run --release -p texfold-benches --bin progressive -- [PICTURE …]`: of pictures larger than that the middle
+//! `cargo run --release -p texfold-benches --bin progressive -- [small] [PICTURE …]`: of pictures larger than that the middle
 //! 1024 x 1024; without pictures, six aerial and satellite images where they are. Memory is all that a GPU holds, without mips.
+//! With `small`, half a bit a texel and fewer, beside BC1 of a quarter of the width and height and ASTC 12x12 of half of them, the
+//! latter with feature `astc`.
 
 use std::error::Error;
 use std::path::PathBuf;
 
 use texfold::image::{ImageSet, Raster};
 use texfold::metric::measure;
-use texfold::{Bc, BcParams, Content, Goal, Job, Progressive, ProgressiveParams, SharedSearch, TextureCodec};
+use texfold::{
+    AstcBlock, Bc, BcParams, Content, Goal, Job, Progressive, ProgressiveParams, SharedSearch, TextureCodec,
+};
 
 /// Images in the folder `remote` of the data.
 const IMAGES: [&str; 6] = [
@@ -21,40 +25,57 @@ const IMAGES: [&str; 6] = [
 ];
 /// Bits a texel: those of ASTC in blocks of 12x12, 10x10, 8x8 and 6x6, and two thirds of BC1's.
 const SIZES: [f64; 5] = [0.89, 1.28, 2.0, 2.7, 3.56];
+/// Bits a texel of what stands beside them: ASTC 12x12 of half of the size, BC1 of a quarter, and the paper's 2% without error map.
+const SMALL: [f64; 3] = [0.2222, 0.25, 0.5];
+/// Plain blocks, and halvings of width and height.
+const RIVALS: [(&str, Content, u32); 1] = [("BC1, 4", Content::Bc1, 0)];
+const SMALL_RIVALS: [(&str, Content, u32); 2] =
+    [("ASTC 12x12 of 1/2, 0.22", Content::Astc(AstcBlock::B12), 1), ("BC1 of 1/4, 0.25", Content::Bc1, 2)];
 /// Largest side that is left.
 const SIDE: u32 = 1024;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let given: Vec<PathBuf> = std::env::args().skip(1).map(PathBuf::from).collect();
+    let mut given: Vec<PathBuf> = std::env::args().skip(1).map(PathBuf::from).collect();
+    let small = given.first().is_some_and(|first| first.as_os_str() == "small");
+    given.drain(..usize::from(small));
     let pictures = match texfold_testkit::data_dir("base and error map beside BC1") {
         Some(data) if given.is_empty() => IMAGES.map(|name| data.join("remote").join(name)).to_vec(),
         _ => given,
     };
-    let head = SIZES.map(|size| format!(" {size} |")).concat();
-    println!("| picture | BC1, 4 |{head}");
-    println!("|---|---|{}", "---|".repeat(SIZES.len()));
-    let mut sums = [0.0; SIZES.len() + 1];
+    let (sizes, rivals) = if small { (&SMALL[..], &SMALL_RIVALS[..]) } else { (&SIZES[..], &RIVALS[..]) };
+    let rivals: Vec<_> = rivals.iter().filter(|(_, content, _)| content.is_available()).collect();
+    let head: Vec<String> = rivals
+        .iter()
+        .map(|(name, ..)| format!(" {name} |"))
+        .chain(sizes.iter().map(|size| format!(" {size} |")))
+        .collect();
+    println!("| picture |{}", head.concat());
+    println!("|---|{}", "---|".repeat(head.len()));
+    let mut sums = vec![0.0; head.len()];
     for path in &pictures {
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
         let set = ImageSet::single(middle(texfold_testkit::png(path).with_channels(3))?);
-        let params = BcParams {
-            goal: Goal::Bpp(5.0),
-            content: Some(Content::Bc1),
-            reduce_log2: Some(0),
-            ..BcParams::default()
-        };
-        let mut row = vec![measure(&set, &Bc::encode(&set, &params, &mut Job::default())?).psnr];
-        let params = ProgressiveParams { goal: Goal::Bpp(SIZES[0]), ..ProgressiveParams::default() };
+        let mut row = Vec::new();
+        for &&(_, content, reduce_log2) in &rivals {
+            let params = BcParams {
+                goal: Goal::Bpp(1e6),
+                content: Some(content),
+                reduce_log2: Some(reduce_log2),
+                ..BcParams::default()
+            };
+            row.push(measure(&set, &Bc::encode(&set, &params, &mut Job::default())?).psnr);
+        }
+        let params = ProgressiveParams { goal: Goal::Bpp(sizes[0]), ..ProgressiveParams::default() };
         let search = Progressive::search(&set, &params, &mut Job::default())?;
-        for size in SIZES {
+        for &size in sizes {
             let texture = Progressive::encode_from(&search, Goal::Bpp(size), &mut Job::default())?;
             row.push(measure(&set, &texture).psnr);
         }
         sums.iter_mut().zip(&row).for_each(|(sum, psnr)| *sum += psnr);
         println!("| {name} |{}", row.iter().map(|psnr| format!(" {psnr:.2} |")).collect::<String>());
     }
-    let mean = sums.map(|sum| format!(" {:.2} |", sum / pictures.len().max(1) as f64)).concat();
-    println!("| mean |{mean}");
+    let mean = |sum: &f64| format!(" {:.2} |", sum / pictures.len().max(1) as f64);
+    println!("| mean |{}", sums.iter().map(mean).collect::<String>());
     Ok(())
 }
 

@@ -92,7 +92,7 @@ impl Module {
                 Binding::Float,
                 Binding::Float,
                 Binding::Float,
-                Binding::Params { bytes: 240 },
+                Binding::Params { bytes: 256 },
                 Binding::Uint,
                 Binding::Float,
                 Binding::Float,
@@ -111,7 +111,7 @@ impl Module {
                 Binding::Float,
             ],
             Module::Progressive => &[
-                Binding::Params { bytes: 240 },
+                Binding::Params { bytes: 256 },
                 Binding::Uint,
                 Binding::Float,
                 Binding::Float,

@@ -24,7 +24,7 @@ const TEXFOLD_PROGRESSIVE_DIAGONAL: f32 = 0.70710677;
 struct TexfoldProgressiveParams {
     // Columns and rows of level 0 in texels.
     size: vec2<u32>,
-    // Stored mip levels, at least 1.
+    // Mip levels, those among them that are not stored; at least 1.
     levels: u32,
     // TEXFOLD_REPEAT or TEXFOLD_CLAMP.
     address_mode: u32,
@@ -60,8 +60,12 @@ struct TexfoldProgressiveParams {
     entry_row_log2: u32,
     // Texels of the base a side of a block, where it is not blended across blocks; else 0.
     base_cell: u32,
+    // Levels that are not stored: the largest one that is is enlarged for them.
+    shrink_log2: u32,
+    // Columns and rows of the largest level that is stored.
+    stored_size: vec2<u32>,
     // Always 0.
-    reserved: u32,
+    reserved: vec2<u32>,
 }
 
 // A block of the error map.
@@ -104,7 +108,7 @@ fn texfold_progressive_sum(nibbles: u32) -> u32 {
 
 // The block that holds the texel at `at` of level `level`, which lies inside.
 fn texfold_progressive_block(at: vec2<u32>, level: u32) -> TexfoldProgressiveBlock {
-    let columns = (texfold_level_size(texfold_progressive_params.size, level).x + 7u) / 8u;
+    let columns = (texfold_level_size(texfold_progressive_params.stored_size, level).x + 7u) / 8u;
     let start = texfold_progressive_params.level_start[level / 4u][level % 4u];
     let index = start + at.y / 8u * columns + at.x / 8u;
     let group = index / 16u * TEXFOLD_PROGRESSIVE_GROUP_WORDS;
@@ -250,7 +254,7 @@ fn texfold_progressive_within(tap: TexfoldTap, at: vec2<u32>, size: vec2<u32>, c
 fn texfold_progressive_base(at: vec2<u32>, level: u32) -> vec4<f32> {
     let stored = min(level, texfold_progressive_params.base_levels - 1u);
     let size = texfold_level_size(texfold_progressive_params.base_size, stored);
-    let full = texfold_level_size(texfold_progressive_params.size, level);
+    let full = texfold_level_size(texfold_progressive_params.stored_size, level);
     let uv = (vec2<f32>(vec2<i32>(at)) + vec2<f32>(0.5)) / vec2<f32>(vec2<i32>(full));
     let whole = texfold_tap(uv, size, TEXFOLD_CLAMP);
     let tap = texfold_progressive_within(whole, at, size, texfold_progressive_params.base_cell);
@@ -349,10 +353,10 @@ fn texfold_progressive_detail(at: vec2<u32>, level: u32) -> f32 {
     let row_bits = (form >> 8u) & 15u;
     let turn_bits = (form >> 12u) & 15u;
     let side = 1u << side_log2;
-    let columns = (texfold_level_size(texfold_progressive_params.size, level).x + side - 1u) >> side_log2;
+    let columns = (texfold_level_size(texfold_progressive_params.stored_size, level).x + side - 1u) >> side_log2;
     var index = (at.y >> side_log2) * columns + (at.x >> side_log2);
     for (var above = 0u; above < min(level, TEXFOLD_PROGRESSIVE_LEVELS); above++) {
-        let size_above = texfold_level_size(texfold_progressive_params.size, above);
+        let size_above = texfold_level_size(texfold_progressive_params.stored_size, above);
         let blocks = (size_above + vec2<u32>(side - 1u)) >> vec2<u32>(side_log2);
         index += blocks.x * blocks.y;
     }
@@ -393,30 +397,47 @@ fn texfold_progressive_load(at: vec2<u32>, level: u32) -> vec4<f32> {
     return clamp(shown + texfold_progressive_error(at, level), vec4<f32>(0.0), vec4<f32>(1.0));
 }
 
+// Bilinear filtering of stored level `stored` at `uv`.
+fn texfold_progressive_filtered(uv: vec2<f32>, stored: u32, address_mode: u32) -> vec4<f32> {
+    let size = texfold_level_size(texfold_progressive_params.stored_size, stored);
+    let tap = texfold_tap(uv, size, address_mode);
+    let texels = array<vec4<f32>, 4>(
+        texfold_progressive_load(tap.low, stored),
+        texfold_progressive_load(vec2<u32>(tap.high.x, tap.low.y), stored),
+        texfold_progressive_load(vec2<u32>(tap.low.x, tap.high.y), stored),
+        texfold_progressive_load(tap.high, stored),
+    );
+    return texfold_bilinear(texels, tap.weight);
+}
+
+// The texel at `at` of level `level`, which lies inside: as it is stored, or between four of those.
+fn texfold_progressive_shown(at: vec2<u32>, level: u32) -> vec4<f32> {
+    let shrink = texfold_progressive_params.shrink_log2;
+    if level >= shrink {
+        return texfold_progressive_load(at, level - shrink);
+    }
+    let size = texfold_level_size(texfold_progressive_params.size, level);
+    let uv = (vec2<f32>(vec2<i32>(at)) + vec2<f32>(0.5)) / vec2<f32>(vec2<i32>(size));
+    return texfold_progressive_filtered(uv, 0u, TEXFOLD_CLAMP);
+}
+
 // The texel at column `at.x` and row `at.y` of level `level`, clamped to it.
 fn texfold_progressive_fetch(at: vec2<i32>, level: u32) -> vec4<f32> {
     let size = texfold_level_size(texfold_progressive_params.size, level);
-    return texfold_progressive_load(texfold_inside(at, size), level);
+    return texfold_progressive_shown(texfold_inside(at, size), level);
 }
 
 // The texel of level `level` that `uv` lies in, without filtering; uv is 0 to 1 from the top left, and beyond by the address
 // mode.
 fn texfold_progressive_nearest(uv: vec2<f32>, level: u32) -> vec4<f32> {
     let size = texfold_level_size(texfold_progressive_params.size, level);
-    return texfold_progressive_load(texfold_nearest(uv, size, texfold_progressive_params.address_mode), level);
+    return texfold_progressive_shown(texfold_nearest(uv, size, texfold_progressive_params.address_mode), level);
 }
 
-// Bilinear filtering at `uv` within level `level`.
+// Bilinear filtering at `uv` within level `level`; where that is not stored, of the largest that is.
 fn texfold_progressive_bilinear(uv: vec2<f32>, level: u32) -> vec4<f32> {
-    let size = texfold_level_size(texfold_progressive_params.size, level);
-    let tap = texfold_tap(uv, size, texfold_progressive_params.address_mode);
-    let texels = array<vec4<f32>, 4>(
-        texfold_progressive_load(tap.low, level),
-        texfold_progressive_load(vec2<u32>(tap.high.x, tap.low.y), level),
-        texfold_progressive_load(vec2<u32>(tap.low.x, tap.high.y), level),
-        texfold_progressive_load(tap.high, level),
-    );
-    return texfold_bilinear(texels, tap.weight);
+    let shrink = texfold_progressive_params.shrink_log2;
+    return texfold_progressive_filtered(uv, max(level, shrink) - shrink, texfold_progressive_params.address_mode);
 }
 
 // Trilinear filtering at `uv`; `lod` is the level, fractions blend two levels, values outside are clamped.

@@ -158,6 +158,7 @@ fn times_are_measured_for_all_three_shaders() {
         channels: 3,
         content: Content::Bc1,
         reduce_log2: 2,
+        shrink_log2: 0,
         class_bits: 16,
         books: None,
     };

@@ -208,6 +208,7 @@ fn progressive_cases() -> Vec<Case> {
         channels,
         content,
         reduce_log2,
+        shrink_log2: 0,
         class_bits,
         books: None,
     };
@@ -223,13 +224,16 @@ fn progressive_cases() -> Vec<Case> {
         Base { books: Some((4, 4, Raw)), levels: 5, ..base(3, Bc7, 2, 16) },
         Base { books: Some((4, 3, Bc4)), ..base(1, Bc4, 2, 0) },
         Base { sizes: &[(513, 390)], books: Some((3, 5, Raw)), ..base(4, Bc7, 1, 16) },
+        // Images of a half and a quarter of the size, enlarged.
+        Base { sizes: &[(37, 61), (1, 1), (130, 9)], levels: 6, shrink_log2: 1, ..base(3, Bc1, 2, 16) },
+        Base { sizes: &[(150, 61), (2, 3)], levels: 1, shrink_log2: 2, ..base(3, Bc7, 2, 32) },
         // Several rows of words.
         Base { sizes: &[(513, 390)], levels: 2, ..base(3, Bc7, 3, 16) },
     ];
     let case = |base: Base| {
-        let Base { channels, content, reduce_log2, class_bits, books, .. } = base;
+        let Base { channels, content, reduce_log2, shrink_log2, class_bits, books, .. } = base;
         let name = format!(
-            "progressive {channels} channels {content:?} /{reduce_log2}, {class_bits} bits, {books:?}"
+            "progressive {channels} channels {content:?} /{reduce_log2} of /{shrink_log2}, {class_bits} bits, {books:?}"
         );
         // A texel is a sum of some twenty products, and blended: single ones are equal within their rounding.
         let rounded = if matches!(content, Raw | Bc7) { Vec4::splat(4e-6) } else { ROUNDED };

@@ -32,13 +32,13 @@ const SQRT_2: f32 = 0.70710677;
 const SQRT_3: f32 = 0.57735026;
 const SQRT_6: f32 = 0.40824828;
 
-/// The parameters of one image, as the shader's uniform block holds them: 60 32-bit numbers.
+/// The parameters of one image, as the shader's uniform block holds them: 64 32-bit numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Default, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct TexfoldProgressiveParams {
     /// Columns and rows of level 0.
     pub size: [u32; 2],
-    /// Stored mip levels.
+    /// Mip levels, those among them that are not stored.
     pub levels: u32,
     /// [`texfold_core::address::TEXFOLD_REPEAT`] or `TEXFOLD_CLAMP`.
     pub address_mode: u32,
@@ -71,8 +71,12 @@ pub struct TexfoldProgressiveParams {
     pub entry_row_log2: u32,
     /// Texels of the base a side of a block, where it is not blended across blocks; else 0.
     pub base_cell: u32,
+    /// Levels that are not stored: the largest one that is is enlarged for them.
+    pub shrink_log2: u32,
+    /// Columns and rows of the largest level that is stored.
+    pub stored_size: [u32; 2],
     /// Always 0.
-    pub reserved: u32,
+    pub reserved: [u32; 2],
 }
 
 /// One image: what the shader has bound.
@@ -127,7 +131,7 @@ pub fn texfold_progressive_block(
     level: u32,
 ) -> TexfoldProgressiveBlock {
     let params = &view.params;
-    let columns = texfold_level_size(UVec2::from(params.size), level).x.div_ceil(8);
+    let columns = texfold_level_size(UVec2::from(params.stored_size), level).x.div_ceil(8);
     let index = params.level_start[level as usize] + at.y / 8 * columns + at.x / 8;
     let group = index / 16 * TEXFOLD_PROGRESSIVE_GROUP_WORDS;
     let member = index % 16;
@@ -232,7 +236,7 @@ pub fn texfold_progressive_within(tap: TexfoldTap, at: UVec2, size: UVec2, cell:
 #[must_use]
 #[inline]
 pub fn texfold_progressive_base(view: &ProgressiveView<'_>, at: UVec2, level: u32) -> Texel {
-    let size = texfold_level_size(UVec2::from(view.params.size), level);
+    let size = texfold_level_size(UVec2::from(view.params.stored_size), level);
     let stored = level.min(view.params.base_levels - 1);
     let base = texfold_level_size(UVec2::from(view.params.base_size), stored);
     let uv = (at.as_vec2() + 0.5) / size.as_vec2();
@@ -296,10 +300,10 @@ pub fn texfold_progressive_detail(view: &ProgressiveView<'_>, at: UVec2, level: 
     let side_log2 = form & 15;
     let (column_bits, row_bits, turn_bits) = (form >> 4 & 15, form >> 8 & 15, form >> 12 & 15);
     let side = 1 << side_log2;
-    let columns = (texfold_level_size(UVec2::from(view.params.size), level).x + side - 1) >> side_log2;
+    let columns = (texfold_level_size(UVec2::from(view.params.stored_size), level).x + side - 1) >> side_log2;
     let mut index = (at.y >> side_log2) * columns + (at.x >> side_log2);
     for above in 0..level.min(TEXFOLD_PROGRESSIVE_LEVELS) {
-        let size = texfold_level_size(UVec2::from(view.params.size), above);
+        let size = texfold_level_size(UVec2::from(view.params.stored_size), above);
         let blocks = (size + UVec2::splat(side - 1)) >> side_log2;
         index += blocks.x * blocks.y;
     }
@@ -342,32 +346,55 @@ pub fn texfold_progressive_load(view: &ProgressiveView<'_>, at: UVec2, level: u3
     (shown + texfold_progressive_error(view, at, level)).clamp(Vec4::ZERO, Vec4::ONE)
 }
 
+/// Bilinear filtering of stored level `stored`.
+#[must_use]
+pub fn texfold_progressive_filtered(
+    view: &ProgressiveView<'_>,
+    uv: Vec2,
+    stored: u32,
+    address_mode: u32,
+) -> Texel {
+    let size = texfold_level_size(UVec2::from(view.params.stored_size), stored);
+    let tap = texfold_tap(uv, size, address_mode);
+    let texels = [
+        texfold_progressive_load(view, tap.low, stored),
+        texfold_progressive_load(view, UVec2::new(tap.high.x, tap.low.y), stored),
+        texfold_progressive_load(view, UVec2::new(tap.low.x, tap.high.y), stored),
+        texfold_progressive_load(view, tap.high, stored),
+    ];
+    texfold_bilinear(texels, tap.weight)
+}
+
+/// The texel at `at` of level `level`, which lies inside: as it is stored, or between four of those.
+#[must_use]
+pub fn texfold_progressive_shown(view: &ProgressiveView<'_>, at: UVec2, level: u32) -> Texel {
+    if level >= view.params.shrink_log2 {
+        return texfold_progressive_load(view, at, level - view.params.shrink_log2);
+    }
+    let size = texfold_level_size(UVec2::from(view.params.size), level);
+    let uv = (at.as_vec2() + 0.5) / size.as_vec2();
+    texfold_progressive_filtered(view, uv, 0, TEXFOLD_CLAMP)
+}
+
 /// The texel at (`x`, `y`) of level `level`, clamped to it.
 #[must_use]
 pub fn texfold_progressive_fetch(view: &ProgressiveView<'_>, at: IVec2, level: u32) -> Texel {
     let size = texfold_level_size(UVec2::from(view.params.size), level);
-    texfold_progressive_load(view, texfold_inside(at, size), level)
+    texfold_progressive_shown(view, texfold_inside(at, size), level)
 }
 
 /// The texel that `uv` lies in, without filtering.
 #[must_use]
 pub fn texfold_progressive_nearest(view: &ProgressiveView<'_>, uv: Vec2, level: u32) -> Texel {
     let size = texfold_level_size(UVec2::from(view.params.size), level);
-    texfold_progressive_load(view, texfold_nearest(uv, size, view.params.address_mode), level)
+    texfold_progressive_shown(view, texfold_nearest(uv, size, view.params.address_mode), level)
 }
 
-/// Bilinear filtering within one level.
+/// Bilinear filtering within one level; where that is not stored, of the largest that is.
 #[must_use]
 pub fn texfold_progressive_bilinear(view: &ProgressiveView<'_>, uv: Vec2, level: u32) -> Texel {
-    let size = texfold_level_size(UVec2::from(view.params.size), level);
-    let tap = texfold_tap(uv, size, view.params.address_mode);
-    let texels = [
-        texfold_progressive_load(view, tap.low, level),
-        texfold_progressive_load(view, UVec2::new(tap.high.x, tap.low.y), level),
-        texfold_progressive_load(view, UVec2::new(tap.low.x, tap.high.y), level),
-        texfold_progressive_load(view, tap.high, level),
-    ];
-    texfold_bilinear(texels, tap.weight)
+    let shrink = view.params.shrink_log2;
+    texfold_progressive_filtered(view, uv, level.max(shrink) - shrink, view.params.address_mode)
 }
 
 /// Trilinear filtering at level `lod`.

@@ -52,6 +52,15 @@ pub(crate) struct ErrorMap {
     pub(crate) bits: Vec<u16>,
 }
 
+/// The levels of images that are stored where the first `shrink_log2` are not.
+pub(crate) fn stored_layout(full: &ImageLayout, shrink_log2: u32) -> ImageLayout {
+    ImageLayout {
+        surfaces: full.surfaces.iter().map(|size| size.at_level(shrink_log2)).collect(),
+        levels: full.levels.saturating_sub(shrink_log2).max(1),
+        pixel: full.pixel,
+    }
+}
+
 impl ErrorMap {
     /// The words of the map plane and the first bit of the blocks' bits; `None` where a plane cannot hold them.
     pub(crate) fn words(&self, class_bits: u32) -> Option<(Vec<u32>, u32)> {
@@ -82,7 +91,12 @@ impl ErrorMap {
 /// What is stored of a texture.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Parts {
+    /// The images.
     pub(crate) layout: ImageLayout,
+    /// Halvings of width and height of the largest level that is stored.
+    pub(crate) shrink_log2: u32,
+    /// The levels that are stored: all else here is of these.
+    pub(crate) stored: ImageLayout,
     /// Halvings of the base's width and height.
     pub(crate) reduce_log2: u32,
     /// Whether the base is blended within blocks of 8x8 texels alone, so that they may lie beside any others.
@@ -123,7 +137,7 @@ impl ProgressiveTexture {
         let mut words = Vec::new();
         let mut entries = Vec::new();
         let mut params = Vec::new();
-        for surface in 0..parts.layout.surfaces.len() {
+        for surface in 0..parts.stored.surfaces.len() {
             let (plane, first_bit) = match parts.maps.get(surface) {
                 Some(map) => map.words(parts.model.class_bits)?,
                 None => (vec![0], 0),
@@ -217,7 +231,7 @@ impl ProgressiveTexture {
         let base = self.parts.bases.iter().flat_map(|levels| levels.iter().skip(1)).map(bytes).sum::<u64>();
         let header = u64::from(TEXFOLD_PROGRESSIVE_GROUP_WORDS) * 32 / GROUP as u64;
         let mut map = 0;
-        for (size, held) in self.parts.layout.surfaces.iter().zip(&self.parts.maps) {
+        for (size, held) in self.parts.stored.surfaces.iter().zip(&self.parts.maps) {
             let (columns, rows) = blocks_of(*size);
             let further = held.classes.iter().skip((columns * rows) as usize);
             map += further
@@ -298,12 +312,12 @@ impl Parts {
     }
 
     fn params(&self, surface: usize, first_bit: u32, row_log2: u32) -> TexfoldProgressiveParams {
-        let size = self.layout.surfaces[surface];
+        let (size, full) = (self.stored.surfaces[surface], self.layout.surfaces[surface]);
         let base = &self.bases[surface];
         let base_size = base[0].size();
         let mut level_start = [0; 16];
         let mut start = 0;
-        for (level, first) in (0..self.layout.levels).zip(&mut level_start) {
+        for (level, first) in (0..self.stored.levels).zip(&mut level_start) {
             *first = start;
             let (columns, rows) = blocks_of(size.at_level(level));
             start += columns * rows;
@@ -313,7 +327,7 @@ impl Parts {
             (details.entries[surface].len() * details.form.entry_bits() as usize).div_ceil(32) + 1
         });
         TexfoldProgressiveParams {
-            size: [size.width, size.height],
+            size: [full.width, full.height],
             levels: self.layout.levels,
             address_mode: TEXFOLD_CLAMP,
             base_size: [base_size.0, base_size.1],
@@ -330,7 +344,9 @@ impl Parts {
             gain_unit: details.map_or(0.0, Details::unit),
             entry_row_log2: rows_of(words).0,
             base_cell: if self.apart { BLOCK_SIDE >> self.reduce_log2 } else { 0 },
-            reserved: 0,
+            shrink_log2: self.shrink_log2,
+            stored_size: [size.width, size.height],
+            reserved: [0; 2],
         }
     }
 }
@@ -365,13 +381,9 @@ impl Encoded for ProgressiveTexture {
         if out.is_empty() {
             return Ok(());
         }
-        let view = self.view(region.surface);
-        enlarge(&view, region, out);
-        if view.params.map_form != 0 {
-            add_details(&view, region, out);
-        }
-        if view.params.class_bits > 0 {
-            add_errors(&view, region, out);
+        match region.level.checked_sub(self.parts.shrink_log2) {
+            Some(level) => self.decode_stored(Rect { level, ..region }, out),
+            None => self.decode_enlarged(region, out),
         }
         Ok(())
     }
@@ -430,6 +442,55 @@ impl Refine for ProgressiveTexture {
 }
 
 impl ProgressiveTexture {
+    /// The levels that are stored.
+    pub(crate) fn stored(&self) -> &ImageLayout {
+        &self.parts.stored
+    }
+
+    /// Halvings of width and height of the largest level that is stored: it is enlarged for those before it.
+    #[must_use]
+    pub fn shrink_log2(&self) -> u32 {
+        self.parts.shrink_log2
+    }
+
+    /// The texels of a region of a stored level, which lies inside.
+    pub(crate) fn decode_stored(&self, region: Rect, out: &mut [Texel]) {
+        let view = self.view(region.surface);
+        enlarge(&view, region, out);
+        if view.params.map_form != 0 {
+            add_details(&view, region, out);
+        }
+        if view.params.class_bits > 0 {
+            add_errors(&view, region, out);
+        }
+    }
+
+    /// The texels of a region of a level that is not stored, as [`crate::decode::texfold_progressive_shown`] shows them.
+    fn decode_enlarged(&self, region: Rect, out: &mut [Texel]) {
+        let params = &self.params[region.surface as usize];
+        let full = texfold_level_size(UVec2::from(params.size), region.level).as_vec2();
+        let size = UVec2::from(params.stored_size);
+        let tap =
+            |x: u32, y: u32| texfold_tap((UVec2::new(x, y).as_vec2() + 0.5) / full, size, TEXFOLD_CLAMP);
+        let last = (region.x + region.width - 1, region.y + region.height - 1);
+        let (low, high) = (tap(region.x, region.y).low, tap(last.0, last.1).high);
+        let (width, height) = (high.x - low.x + 1, high.y - low.y + 1);
+        let stored = Rect { surface: region.surface, level: 0, x: low.x, y: low.y, width, height };
+        let mut texels = vec![Texel::ZERO; Image2d::len(stored)];
+        self.decode_stored(stored, &mut texels);
+        let columns: Vec<_> = (region.x..=last.0).map(|x| tap(x, region.y)).collect();
+        for (y, line) in (region.y..).zip(out.chunks_exact_mut(region.width as usize)) {
+            let rows = tap(region.x, y);
+            let row = |y: u32| &texels[((y - low.y) * width) as usize..][..width as usize];
+            let (upper, lower) = (row(rows.low.y), row(rows.high.y));
+            for (texel, tap) in line.iter_mut().zip(&columns) {
+                let (left, right) = ((tap.low.x - low.x) as usize, (tap.high.x - low.x) as usize);
+                let four = [upper[left], upper[right], lower[left], lower[right]];
+                *texel = texfold_bilinear(four, glam::Vec2::new(tap.weight.x, rows.weight.y));
+            }
+        }
+    }
+
     /// Adds the planes of the codebooks; which they are.
     fn push_codebooks<'a>(&'a self, planes: &mut Vec<Plane<'a>>) -> [Option<usize>; 2] {
         let Some(details) = &self.parts.details else { return [None; 2] };
@@ -481,7 +542,7 @@ fn push_base<'a>(planes: &mut Vec<Plane<'a>>, levels: &'a [ContentPlanes]) {
 
 /// Fills `out` from the base, as [`crate::decode::texfold_progressive_base`] does texel by texel.
 fn enlarge(view: &ProgressiveView<'_>, region: Rect, out: &mut [Texel]) {
-    let full = texfold_level_size(UVec2::from(view.params.size), region.level);
+    let full = texfold_level_size(UVec2::from(view.params.stored_size), region.level);
     let stored = region.level.min(view.params.base_levels - 1);
     let size = texfold_level_size(UVec2::from(view.params.base_size), stored);
     let texels = &view.base[stored as usize];

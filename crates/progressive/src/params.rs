@@ -6,6 +6,9 @@ use texfold_core::{Effort, Goal, ParamError, Params};
 /// Most halvings of the base's width and height.
 pub(crate) const MAX_REDUCE_LOG2: u32 = 3;
 
+/// Most levels that are not stored but enlarged from the one behind them.
+pub(crate) const MAX_SHRINK_LOG2: u32 = 2;
+
 /// How images are stored as a base and an error map.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ProgressiveParams {
@@ -19,6 +22,14 @@ pub struct ProgressiveParams {
     pub mips: bool,
     /// How long to search.
     pub effort: Effort,
+}
+
+impl ProgressiveParams {
+    /// Whether codebooks are tried: only then does a texture depend on a public one.
+    #[must_use]
+    pub fn tries_codebooks(&self) -> bool {
+        crate::encode::tries_codebooks(self)
+    }
 }
 
 impl Params for ProgressiveParams {

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 use texfold_core::image::{ColorSpace, PixelInfo, Raster};
-use texfold_core::{Encoded, SurfaceSize, Texel};
+use texfold_core::{SurfaceSize, Texel};
 
 use crate::codebook::{Codebook, Details, Entry, MOST_GAIN};
 use crate::decode::texfold_progressive_turn;
@@ -16,7 +16,7 @@ const LEAST_SHOWN: f32 = 0.3;
 const PUBLIC: Vec3 = Vec3::new(0.3, 0.7, 1.0);
 const OWN: Vec3 = Vec3::new(1.0, 0.6, 0.2);
 
-/// Pictures of the parts of a texture, of level 0.
+/// Pictures of the parts of a texture, of the largest level that is stored.
 #[derive(Debug, Clone)]
 pub struct PartPictures {
     /// The base of each image.
@@ -43,11 +43,11 @@ pub fn pictures(texture: &ProgressiveTexture) -> Option<PartPictures> {
         codebooks: Vec::new(),
         usage: Vec::new(),
     };
-    let surfaces = &texture.layout().surfaces;
+    let surfaces = &texture.stored().surfaces;
     for (surface, &size) in surfaces.iter().enumerate() {
         let view = texture.view(surface as u32);
         let [width, height] = view.params.base_size;
-        parts.bases.push(Raster::from_texels(width, height, texture.layout().pixel, &view.base[0]).ok()?);
+        parts.bases.push(Raster::from_texels(width, height, texture.stored().pixel, &view.base[0]).ok()?);
         if !texture.classes(surface as u32).is_empty() {
             parts.bits.push(draw_bits(texture, surface as u32, size)?);
         }

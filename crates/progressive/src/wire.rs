@@ -16,8 +16,9 @@ use crate::codebook::{
 };
 use crate::encoded::{
     BASE_PART, ERROR_PART, ErrorMap, MAP_PART, PRIVATE_PART, PUBLIC_PART, Parts, base_levels, blocks_of,
+    stored_layout,
 };
-use crate::params::MAX_REDUCE_LOG2;
+use crate::params::{MAX_REDUCE_LOG2, MAX_SHRINK_LOG2};
 use crate::rates::{CLASSES, Model, Rates};
 
 const FORM_ID: [u8; 4] = *b"PRFM";
@@ -29,6 +30,8 @@ const ERROR_ID: [u8; 4] = *b"PREM";
 
 /// Flag of a base that is blended within blocks alone, beside its halvings.
 const APART_FLAG: u8 = 16;
+/// Bits of halvings of the base, and behind them of the largest level.
+const HALVING_BITS: u8 = 2;
 /// Most bits of a block of class 1: two 16-bit halves.
 const MOST_CLASS_BITS: u32 = 32;
 /// Largest number of 4 bits.
@@ -39,7 +42,9 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     let content = parts.bases[0][0].content();
     let mut form = vec![
         content.number(),
-        parts.reduce_log2 as u8 | if parts.apart { APART_FLAG } else { 0 },
+        parts.reduce_log2 as u8
+            | (parts.shrink_log2 as u8) << HALVING_BITS
+            | if parts.apart { APART_FLAG } else { 0 },
         (model.class_bits / 16) as u8,
     ];
     form.extend(model.weights.iter().flat_map(|weight| weight.to_le_bytes()));
@@ -128,14 +133,20 @@ fn load_parts(
     }
     let halvings = reader.u8()?;
     let apart = halvings & APART_FLAG != 0;
-    let reduce_log2 = u32::from(halvings & !APART_FLAG);
+    let shrink_log2 = u32::from((halvings & !APART_FLAG) >> HALVING_BITS);
+    let reduce_log2 = u32::from(halvings & ((1 << HALVING_BITS) - 1));
     if !(1..=MAX_REDUCE_LOG2).contains(&reduce_log2) {
         return Err(reader.corrupt("halvings outside 1..=3"));
     }
+    if shrink_log2 > MAX_SHRINK_LOG2 || apart && shrink_log2 > 0 {
+        return Err(reader.corrupt("a largest level smaller than a quarter, or where none can be"));
+    }
+    let stored = stored_layout(&layout, shrink_log2);
     let model = read_model(&mut reader)?;
-    let bases = read_bases(&layout, content, reduce_log2, file, budget)?;
-    let details = read_details(&layout, public, file, budget)?;
-    let mut parts = Parts { layout, reduce_log2, apart, model, bases, details, maps: Vec::new() };
+    let bases = read_bases(&stored, content, reduce_log2, file, budget)?;
+    let details = read_details(&stored, public, file, budget)?;
+    let mut parts =
+        Parts { layout, shrink_log2, stored, reduce_log2, apart, model, bases, details, maps: Vec::new() };
     if let Some(maps) = read_maps(&parts, file, budget)? {
         parts.maps = maps;
     }
@@ -329,7 +340,7 @@ pub(crate) fn read_maps(
     budget.take(4 * raw.len() as u64)?;
     let mut reader = Reader::new(String4(ERROR_ID), &raw);
     let mut maps = Vec::new();
-    for size in &parts.layout.surfaces {
+    for size in &parts.stored.surfaces {
         maps.push(read_map(*size, parts, &mut reader)?);
     }
     reader.end()?;
@@ -337,7 +348,7 @@ pub(crate) fn read_maps(
 }
 
 fn read_map(size: SurfaceSize, parts: &Parts, reader: &mut Reader<'_>) -> Result<ErrorMap, LoadError> {
-    let blocks: u64 = (0..parts.layout.levels)
+    let blocks: u64 = (0..parts.stored.levels)
         .map(|level| blocks_of(size.at_level(level)))
         .map(|(columns, rows)| u64::from(columns) * u64::from(rows))
         .sum();

@@ -8,7 +8,8 @@ use texfold_core::image::{ColorSpace, ImageSet, MipFilter, Raster, mip_chain};
 use texfold_core::metric::{color_error, decode_surface, measure};
 use texfold_core::target::Measured;
 use texfold_core::{
-    Budget, Effort, EncodeError, Encoded, Goal, ImageAddress, Job, Layers, Refine, SharedSearch, TextureCodec,
+    Budget, Domain, Effort, EncodeError, Encoded, Goal, Image2d, ImageAddress, Job, Layers, Rect, Refine,
+    SharedSearch, Texel, TextureCodec,
 };
 use texfold_progressive::{Progressive, ProgressiveParams, ProgressiveTexture, Shared};
 
@@ -297,9 +298,66 @@ fn one_search_serves_goals_of_every_kind() {
     let params = ProgressiveParams { goal: Goal::Bpp(0.6), ..ProgressiveParams::default() };
     let search = Progressive::search(&set, &params, &mut Job::default()).unwrap();
     // With room for codebooks of several sizes, and without; the last goal asks again for the bases of the first.
-    for goal in [Goal::Bpp(0.6), Goal::Bpp(0.45), Goal::Psnr(36.0), Goal::Tolerance(9.0), Goal::Bpp(0.6)] {
+    for goal in [Goal::Bpp(0.45), Goal::Psnr(36.0), Goal::Tolerance(9.0), Goal::Bpp(0.6)] {
         let found = Progressive::encode_from(&search, goal, &mut Job::default()).unwrap();
         let alone = encode(&set, &ProgressiveParams { goal, ..params.clone() });
         assert!(bytes(&found) == bytes(&alone), "{goal:?}");
     }
+}
+
+#[test]
+fn few_bits_are_spent_on_a_smaller_image_that_is_enlarged() {
+    let set = picture("terrain");
+    let params = ProgressiveParams { mips: true, ..fast(Goal::Bpp(0.2)) };
+    let texture = encode(&set, &params);
+    assert!(texture.shrink_log2() > 0, "{}", texture.notes().verdict);
+    let loaded = {
+        let (file, mut budget) = (bytes(&texture), Budget::default());
+        Progressive::load(&Sections::parse(&file, &mut budget).unwrap(), &mut budget).unwrap()
+    };
+    assert_eq!(loaded, texture);
+    assert_eq!(loaded.layout(), &set.layout(set.full_levels()));
+    // A part of any level is what its texels are one by one.
+    for level in [0, 1, 3] {
+        let rect = Rect { surface: 0, level, x: 7, y: 3, width: 21, height: 18 };
+        let mut part = vec![Texel::ZERO; 21 * 18];
+        loaded.decode(rect, &mut part).unwrap();
+        for (index, texel) in part.into_iter().enumerate() {
+            let address = <Image2d as Domain>::address(rect, index);
+            assert_eq!(texel, loaded.sample(address), "level {level}: {address:?}");
+        }
+    }
+    // A level that is stored is as good as it is for itself, and one that is not no worse than the enlarged one.
+    let levels = mip_chain(&set.images()[0], set.full_levels(), MipFilter::Box);
+    let psnr = |level: u32| {
+        color_error(&levels[level as usize], &decode_surface(&texture, 0, level).unwrap()).psnr()
+    };
+    assert!(psnr(2) > psnr(0) + 3.0, "{} {}", psnr(2), psnr(0));
+}
+
+#[test]
+fn a_quarter_of_a_bit_is_better_than_bc1_of_a_quarter_of_the_size() {
+    for name in ["terrain", "salient", "facade"] {
+        let set = picture(name);
+        let params = BcParams {
+            goal: Goal::Bpp(5.0),
+            content: Some(Content::Bc1),
+            reduce_log2: Some(2),
+            ..BcParams::default()
+        };
+        let plain = measure(&set, &Bc::encode(&set, &params, &mut Job::default()).unwrap());
+        let ours = measure(&set, &encode(&set, &fast(Goal::Bpp(plain.bpp))));
+        assert!(ours.bpp <= plain.bpp && ours.psnr > plain.psnr + 0.3, "{name}: {ours:?} {plain:?}");
+    }
+}
+
+#[test]
+fn a_coarse_quality_is_met_by_an_enlarged_image_where_that_takes_fewer_bits() {
+    let set = picture("terrain");
+    let goal = |goal| ProgressiveParams { goal, ..ProgressiveParams::default() };
+    let texture = encode(&set, &goal(Goal::Psnr(24.0)));
+    let found = measure(&set, &texture);
+    assert!(texture.shrink_log2() > 0 && (24.0..24.3).contains(&found.psnr), "{found:?}");
+    let whole = encode(&set, &ProgressiveParams { reduce_log2: Some(3), ..goal(Goal::Psnr(24.0)) });
+    assert!(found.bpp < measure(&set, &whole).bpp, "{found:?}");
 }

@@ -27,7 +27,7 @@ fn entry_size() -> vec2<f32> {
 // One texel with the loads of texfold_progressive_load: four of the base, four of the block's header, and its bits three
 // times. Where the bits lie is found as there: what is loaded next hangs on it.
 fn entry_bare(at: vec2<u32>) -> vec4<f32> {
-    let place = at * texfold_progressive_params.base_size / texfold_progressive_params.size;
+    let place = at * texfold_progressive_params.base_size / texfold_progressive_params.stored_size;
     let next = min(place + vec2<u32>(1u), texfold_progressive_params.base_size - vec2<u32>(1u));
     let texel = textureLoad(texfold_progressive_base_a, place, 0u)
         + textureLoad(texfold_progressive_base_a, vec2<u32>(next.x, place.y), 0u)
@@ -43,7 +43,7 @@ fn entry_bare(at: vec2<u32>) -> vec4<f32> {
 
 // Four texels with the loads of texfold_progressive_bilinear.
 fn entry_bare_four(at: vec2<u32>) -> vec4<f32> {
-    let next = min(at + vec2<u32>(1u), texfold_progressive_params.size - vec2<u32>(1u));
+    let next = min(at + vec2<u32>(1u), texfold_progressive_params.stored_size - vec2<u32>(1u));
     return entry_bare(at)
         + entry_bare(vec2<u32>(next.x, at.y))
         + entry_bare(vec2<u32>(at.x, next.y))

@@ -18,6 +18,8 @@ pub(crate) struct Base {
     pub(crate) content: Content,
     /// Halvings of the base's width and height.
     pub(crate) reduce_log2: u32,
+    /// Levels that are not stored.
+    pub(crate) shrink_log2: u32,
     /// Bits of a block of class 1; 0 for no error map.
     pub(crate) class_bits: u32,
     /// Codebooks and a map, where there are any: binary logarithm of a block's side, bits of a turn, and content of a public
@@ -84,14 +86,18 @@ const WIDE_CLASSES: [u32; 11] = [
 
 /// The texture of that kind.
 pub(crate) fn progressive(base: &Base) -> Subject {
-    let Base { sizes, levels, channels, content, reduce_log2, class_bits, books } = *base;
+    let Base { sizes, levels, channels, content, reduce_log2, shrink_log2, class_bits, books } = *base;
     let mut dice = Dice(u64::from(channels) + 10 * u64::from(class_bits + reduce_log2));
     let alpha = if matches!(channels, 2 | 4) { Alpha::Straight } else { Alpha::Opaque };
     let pixel = PixelInfo { channels, depth: Depth::Eight, color: ColorSpace::Srgb, alpha };
-    let surfaces: Vec<_> = sizes.iter().map(|&(width, height)| SurfaceSize { width, height }).collect();
+    let full: Vec<_> = sizes.iter().map(|&(width, height)| SurfaceSize { width, height }).collect();
     let mut out = SectionWriter::new(CodecId { number: 4, name: "progressive" });
     Notes::default().write(&mut out);
-    let mut form = vec![content.number(), reduce_log2 as u8, (class_bits / 16) as u8];
+    write_layout(&ImageLayout { surfaces: full.clone(), levels, pixel }, &mut out);
+    // What is stored of them.
+    let levels = levels.saturating_sub(shrink_log2).max(1);
+    let surfaces: Vec<_> = full.iter().map(|size| size.at_level(shrink_log2)).collect();
+    let mut form = vec![content.number(), (reduce_log2 | shrink_log2 << 2) as u8, (class_bits / 16) as u8];
     form.extend([300u16, 250, 180, 120, 200, 90, 70].into_iter().flat_map(u16::to_le_bytes));
     let classes: &[u32] = match class_bits {
         16 => &CLASSES,
@@ -120,7 +126,6 @@ pub(crate) fn progressive(base: &Base) -> Subject {
         }
         maps.extend(dice.bytes(2 * u64::from(halves)));
     }
-    write_layout(&ImageLayout { surfaces: surfaces.clone(), levels, pixel }, &mut out);
     out.section("container", *b"PRFM", &form);
     out.section("base", *b"PRBA", &planes);
     let public = books.map(|books| store_books(books, &surfaces, levels, &mut dice, &mut out));

@@ -10,6 +10,7 @@ use texfold_core::{
 use super::coder::Coder;
 use super::details::{Lack, Stock, find};
 use super::error::{Block, blocks};
+use super::frame::Frame;
 use crate::encoded::{ERROR_PART, ErrorMap, PUBLIC_PART, Parts, base_levels, map_words};
 use crate::params::MAX_REDUCE_LOG2;
 use crate::rates::Model;
@@ -24,7 +25,7 @@ pub(crate) struct Kind {
     pub(crate) content: Content,
     pub(crate) reduce_log2: u32,
     /// Binary logarithm of the side of the blocks that show a codebook; `None` where none does.
-    side_log2: Option<u32>,
+    pub(crate) side_log2: Option<u32>,
     /// Whether the base is blended within blocks alone.
     pub(crate) apart: bool,
 }
@@ -47,6 +48,11 @@ fn sides(goal: Goal) -> &'static [u32] {
         Goal::Bpp(_) => &[3],
         _ => &[3, 4],
     }
+}
+
+/// Whether codebooks are tried for images of any kind of pixel.
+pub(crate) fn tries_codebooks(params: &ProgressiveParams) -> bool {
+    params.effort != Effort::Fast && below(COARSE, params.goal)
 }
 
 /// Whether a goal is coarser than such.
@@ -105,7 +111,7 @@ pub(crate) fn kinds(pixel: PixelInfo, params: &ProgressiveParams) -> Result<Vec<
     let with_codebooks: Vec<Kind> = list
         .iter()
         .filter(|kind| pixel.channels != 2 && kind.reduce_log2 == MAX_REDUCE_LOG2)
-        .filter(|_| params.effort != Effort::Fast && below(COARSE, params.goal))
+        .filter(|_| tries_codebooks(params))
         .flat_map(|kind| {
             sides(params.goal).iter().map(|&side_log2| Kind { side_log2: Some(side_log2), ..*kind })
         })
@@ -157,16 +163,14 @@ struct Books {
 
 impl Ground {
     /// `None` where no plane can hold it.
-    pub(crate) fn new(
-        source: &ImageSet,
-        chains: &[Vec<Raster>],
-        kind: Kind,
-        (effort, shared): (Effort, &Shared),
-    ) -> Option<Ground> {
-        let layout = source.layout(chains.first().map_or(1, |levels| levels.len() as u32));
+    pub(crate) fn new(frame: &Frame, kind: Kind, (effort, shared): (Effort, &Shared)) -> Option<Ground> {
+        let layout = frame.stored();
+        let chains = &frame.chains;
         let bases = chains.iter().map(|chain| reduced(chain, kind, &layout, effort)).collect();
         let parts = Parts {
-            layout,
+            layout: frame.full.clone(),
+            shrink_log2: frame.shrink_log2,
+            stored: layout,
             reduce_log2: kind.reduce_log2,
             apart: kind.apart,
             model: Model::default(),
@@ -182,19 +186,19 @@ impl Ground {
         Some(Ground { plain, books })
     }
 
-    /// Cells of a codebook of its own that a goal has room for.
+    /// Cells of a codebook of its own that a goal for what is stored has room for.
     pub(crate) fn own_cells(&self, goal: Goal) -> usize {
         let Some(Books { side_log2, lacks, stock }) = &self.books else { return 0 };
         let plain = &self.plain;
         let most_bits = match goal {
-            Goal::Bpp(bpp) => Some(bpp * plain.layout().texels() as f64 - plain.gpu().bits_memory() as f64),
+            Goal::Bpp(bpp) => Some(bpp * plain.stored().texels() as f64 - plain.gpu().bits_memory() as f64),
             _ => None,
         };
         stock.own_cells(lacks, 1 << side_log2, most_bits)
     }
 
     /// The base with what it lacks, codebooks with so many cells of its own drawn; `None` where no content is worth its bits.
-    pub(crate) fn base(&self, source: &ImageSet, chains: &[Vec<Raster>], own_cells: usize) -> Option<Base> {
+    pub(crate) fn base(&self, frame: &Frame, own_cells: usize) -> Option<Base> {
         let plain = match &self.books {
             Some(Books { side_log2, lacks, stock }) => {
                 let shelf = stock.shelf(1 << side_log2, own_cells)?;
@@ -202,7 +206,7 @@ impl Ground {
             }
             None => self.plain.clone(),
         };
-        Base::new(source, chains, plain)
+        Base::new(&frame.chains, plain)
     }
 }
 
@@ -217,9 +221,9 @@ impl Books {
         for (surface, chain) in (0..).zip(chains) {
             let mut levels = Vec::new();
             for (level, raster) in (0..).zip(chain) {
-                let rect = plain.layout().whole(surface, level)?;
+                let rect = plain.stored().whole(surface, level)?;
                 let mut texels = vec![Texel::ZERO; rect.width as usize * rect.height as usize];
-                plain.decode(rect, &mut texels).ok()?;
+                plain.decode_stored(rect, &mut texels);
                 levels.push(Lack::new(raster, &texels));
             }
             lacks.push(levels);
@@ -240,7 +244,7 @@ pub(crate) struct Base {
     pub(crate) counted: Vec<bool>,
     /// Blocks of each image.
     counts: Vec<usize>,
-    /// Texels of level 0.
+    /// Texels of the largest level that is stored.
     pub(crate) texels: u64,
     /// Bits of the planes and parameters of the bases and of what is drawn beside them, but those that are shared.
     bits: u64,
@@ -248,7 +252,7 @@ pub(crate) struct Base {
 
 impl Base {
     /// Of a texture without an error map.
-    fn new(source: &ImageSet, chains: &[Vec<Raster>], plain: ProgressiveTexture) -> Option<Base> {
+    fn new(chains: &[Vec<Raster>], plain: ProgressiveTexture) -> Option<Base> {
         let form = plain.gpu();
         let maps: usize = form
             .planes
@@ -258,7 +262,7 @@ impl Base {
             .sum();
         let mut base = Base {
             bits: form.bits_memory() - 8 * maps as u64,
-            texels: source.texel_count(),
+            texels: plain.stored().texels(),
             blocks: Vec::new(),
             counted: Vec::new(),
             counts: Vec::new(),
@@ -267,9 +271,9 @@ impl Base {
         for (surface, chain) in chains.iter().enumerate() {
             let before = base.blocks.len();
             for (level, raster) in chain.iter().enumerate() {
-                let rect = plain.layout().whole(surface as u32, level as u32)?;
+                let rect = plain.stored().whole(surface as u32, level as u32)?;
                 let mut texels = vec![Texel::ZERO; rect.width as usize * rect.height as usize];
-                plain.decode(rect, &mut texels).ok()?;
+                plain.decode_stored(rect, &mut texels);
                 let found = blocks(raster, &texels);
                 base.counted.resize(base.counted.len() + found.len(), level == 0);
                 base.blocks.extend(found);

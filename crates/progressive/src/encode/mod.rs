@@ -1,4 +1,4 @@
-//! The encoder on one page: bases of several kinds, what each lacks, the model and price of bits under which a base with its error
+//! The encoder on one page: the images, or smaller ones that are enlarged; bases of several kinds, what each lacks, the model and price of bits under which a base with its error
 //! map answers the goal best, and the blocks coded at that price in closed loop on the decoded base.
 
 mod base;
@@ -6,6 +6,7 @@ mod coder;
 mod details;
 mod draft;
 mod error;
+mod frame;
 mod model;
 mod plane;
 mod report;
@@ -23,9 +24,11 @@ use crate::{ProgressiveParams, ProgressiveTexture, Shared};
 pub use plane::PlaneForm;
 pub use search::ProgressiveSearch;
 
-use base::{Base, Ground, Kind, kinds, levels};
+pub(crate) use base::tries_codebooks;
+use base::{Base, Ground, Kind, kinds};
 use coder::Coder;
 use draft::{Draft, FIRST_PRICE, PRICES, price};
+use frame::{Frame, shrinks};
 use report::notes;
 
 /// Longest side of an image in texels that a file can name.
@@ -48,50 +51,89 @@ pub(crate) fn encode(
 ) -> Result<ProgressiveTexture, EncodeError> {
     params.check()?;
     check_sizes(source)?;
-    let chains = job.install(|| levels(source, params.mips));
-    let make = |kind: Kind, job: &mut Job<'_>| {
+    let frame = |shrink_log2: u32, job: &Job<'_>| {
+        Arc::new(job.install(|| Frame::new(source, params.mips, shrink_log2)))
+    };
+    let base = |frame: &Frame, kind: Kind, goal: Goal, job: &Job<'_>| {
         job.install(|| {
-            let ground = Ground::new(source, &chains, kind, (params.effort, shared))?;
-            ground.base(source, &chains, ground.own_cells(params.goal)).map(Arc::new)
+            let ground = Ground::new(frame, kind, (params.effort, shared))?;
+            ground.base(frame, ground.own_cells(goal)).map(Arc::new)
         })
     };
-    encode_with(source, params, make, job)
+    encode_with(source, params, (&frame, &base), job)
 }
 
-/// `make` gives the base of a kind, where there is one.
+/// Makes the images as they are coded, so many levels of them left out.
+type MakeFrame<'m> = dyn Fn(u32, &Job<'_>) -> Arc<Frame> + 'm;
+/// Makes the base of a kind for a goal for what is stored, where there is one.
+type MakeBase<'m> = dyn Fn(&Frame, Kind, Goal, &Job<'_>) -> Option<Arc<Base>> + 'm;
+
+/// The best of the sizes that are tried.
 fn encode_with(
     source: &ImageSet,
     params: &ProgressiveParams,
-    mut make: impl FnMut(Kind, &mut Job<'_>) -> Option<Arc<Base>>,
+    (frame, base): (&MakeFrame<'_>, &MakeBase<'_>),
     job: &mut Job<'_>,
 ) -> Result<ProgressiveTexture, EncodeError> {
-    let kinds = kinds(source.info(), params)?;
+    let sizes = shrinks(source, params);
+    let share = |index: usize| index as f32 / sizes.len() as f32;
+    let mut best: Option<(ProgressiveTexture, Measured)> = None;
+    for (index, &shrink_log2) in sizes.iter().enumerate() {
+        let made = job.within(share(index), share(index + 1), |job| {
+            let frame = frame(shrink_log2, job);
+            frame.inner_goal(params.goal).map(|goal| encode_frame(source, params, (&frame, goal), base, job))
+        });
+        let Some(made) = made else { continue };
+        let made = made?;
+        let measured = job.install(|| own_measure(source, &made));
+        if best.as_ref().is_none_or(|(_, best)| params.goal.prefers(&measured, best)) {
+            best = Some((made, measured));
+        }
+    }
+    let (made, measured) = best.ok_or(SourceError::Empty)?;
+    let notes = notes(source, &made, params, params.goal.is_met(&measured));
+    job.stage("done", 1.0)?;
+    Ok(made.with_notes(notes))
+}
+
+/// `inner` is the goal for what is stored.
+fn encode_frame(
+    source: &ImageSet,
+    params: &ProgressiveParams,
+    (frame, inner): (&Frame, Goal),
+    make: &MakeBase<'_>,
+    job: &mut Job<'_>,
+) -> Result<ProgressiveTexture, EncodeError> {
+    let mut kinds = kinds(source.info(), &ProgressiveParams { goal: inner, ..params.clone() })?;
+    // Codebooks hold detail of one scale.
+    kinds.retain(|kind| frame.shrink_log2 == 0 || kind.side_log2.is_none());
     let mut best: Option<(Arc<Base>, Draft)> = None;
     for (index, &kind) in kinds.iter().enumerate() {
         job.stage("trying bases", 0.4 * index as f32 / kinds.len() as f32)?;
-        let Some(base) = make(kind, job) else { continue };
-        let Some(draft) = best_draft(&base, params.goal, job) else { continue };
-        if best.as_ref().is_none_or(|(_, best)| params.goal.prefers(&draft.estimate, &best.estimate)) {
+        let Some(base) = make(frame, kind, inner, job) else { continue };
+        let Some(draft) = best_draft(&base, inner, job) else { continue };
+        if best.as_ref().is_none_or(|(_, best)| inner.prefers(&draft.estimate, &best.estimate)) {
             best = Some((base, draft));
         }
     }
     let (base, draft) = best.ok_or(SourceError::Full { what: "a plane of 8192 x 8192 words" })?;
-    let draft = job.install(|| draft.widened(&base, params.goal));
+    let draft = job.install(|| draft.widened(&base, inner));
     let largest = draft.model.class_bits == CLASS_BITS[1];
-    let mut made = job.within(0.4, 0.8, |job| finish(source, &base, draft, params, job))?;
-    let mut met = params.goal.is_met(&own_measure(source, &made));
-    if !met && !largest && !matches!(params.goal, Goal::Bpp(_)) {
+    let goals = (params.goal, inner);
+    let mut made = job.within(0.4, 0.8, |job| finish(source, &base, draft, (params.effort, goals), job))?;
+    if largest || matches!(inner, Goal::Bpp(_)) {
+        return Ok(made);
+    }
+    let of_made = own_measure(source, &made);
+    if !params.goal.is_met(&of_made) {
         // A few blocks need more bits than the estimates say.
-        let draft = job.install(|| Draft::new(&base, CLASS_BITS[1], params.goal).widened(&base, params.goal));
-        let other = job.within(0.8, 1.0, |job| finish(source, &base, draft, params, job))?;
-        let (of_made, of_other) = (own_measure(source, &made), own_measure(source, &other));
-        if params.goal.prefers(&of_other, &of_made) {
-            (made, met) = (other, params.goal.is_met(&of_other));
+        let draft = job.install(|| Draft::new(&base, CLASS_BITS[1], inner).widened(&base, inner));
+        let other = job.within(0.8, 1.0, |job| finish(source, &base, draft, (params.effort, goals), job))?;
+        if params.goal.prefers(&own_measure(source, &other), &of_made) {
+            made = other;
         }
     }
-    let notes = notes(source, &made, params, met);
-    job.stage("done", 1.0)?;
-    Ok(made.with_notes(notes))
+    Ok(made)
 }
 
 /// The better of the drafts with small and with large classes.
@@ -117,29 +159,29 @@ fn own_measure(source: &ImageSet, texture: &ProgressiveTexture) -> Measured {
     measured
 }
 
-/// The base with its blocks coded at the price that the goal asks for.
+/// The base with its blocks coded at the price that the goal for the images asks for; the other is the one for what is stored.
 fn finish(
     source: &ImageSet,
     base: &Base,
     draft: Draft,
-    params: &ProgressiveParams,
+    (effort, (goal, inner)): (Effort, (Goal, Goal)),
     job: &mut Job<'_>,
 ) -> Result<ProgressiveTexture, EncodeError> {
     // One block can miss a tolerance: each is worth a search for its scale.
-    let effort = match params.goal {
-        Goal::Tolerance(_) => params.effort.max(Effort::Normal),
-        _ => params.effort,
+    let effort = match goal {
+        Goal::Tolerance(_) => effort.max(Effort::Normal),
+        _ => effort,
     };
     let mut coder = Coder::new(&base.blocks, draft.model, effort);
-    match params.goal {
-        Goal::Psnr(_) => by_quality(source, base, &mut coder, draft.number, params.goal, job),
+    match goal {
+        Goal::Psnr(_) => by_quality(source, base, &mut coder, draft.number, goal, job),
         Goal::Bpp(_) => {
             job.stage("coding blocks", 0.0)?;
             let classes = coder.choose(price(draft.number));
             coder.code(&classes, job)?;
             // What coding has shown of the blocks moves bits among them.
             job.stage("coding blocks", 0.7)?;
-            let number = draft::search_price(base, &coder, params.goal).knob;
+            let number = draft::search_price(base, &coder, inner).knob;
             let classes = coder.choose(price(number));
             coder.code(&classes, job)?;
             base.assemble(&coder, &classes)

@@ -9,6 +9,7 @@ use super::CLASS_BITS;
 use super::base::{Base, Ground, Kind, plane_kinds};
 use super::coder::Coder;
 use super::draft::{CROWD, share_of_largest};
+use super::frame::Frame;
 use super::model::{Reach, train};
 use crate::rates::Model;
 use crate::{ProgressiveTexture, Shared};
@@ -88,6 +89,7 @@ impl PlaneForm {
 }
 
 fn base(source: &ImageSet, levels: &[Raster], kind: Kind, effort: Effort) -> Option<Base> {
-    let chains = [levels.to_vec()];
-    Ground::new(source, &chains, kind, (effort, &Shared::default()))?.base(source, &chains, 0)
+    let full = source.layout(levels.len() as u32);
+    let frame = Frame { full, shrink_log2: 0, chains: vec![levels.to_vec()], floor: 0.0 };
+    Ground::new(&frame, kind, (effort, &Shared::default()))?.base(&frame, 0)
 }

@@ -42,6 +42,10 @@ fn verdict(texture: &ProgressiveTexture, met: bool) -> String {
         1 << texture.reduce_log2(),
         texture.base().content().name().to_uppercase()
     );
+    let base = match texture.shrink_log2() {
+        0 => base,
+        log2 => format!("An image of 1/{} of the width and height, enlarged: a{}", 1 << log2, &base[1..]),
+    };
     let base = match texture.details() {
         Some(details) => format!("{base}{}", described(details)),
         None => base,

@@ -90,6 +90,8 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     textures.push(("progressive layers".to_owned(), odd.clone(), progressive(&odd, &params)));
     let params = ProgressiveParams { content: Some(Content::Raw), ..fast.clone() };
     textures.push(("progressive layers, sequence".to_owned(), ripple.clone(), progressive(&ripple, &params)));
+    let params = ProgressiveParams { goal: Goal::Bpp(0.8), mips: true, ..fast.clone() };
+    textures.push(("progressive layers, enlarged".to_owned(), odd.clone(), progressive(&odd, &params)));
     let params = ProgressiveParams { goal: Goal::Psnr(10.0), ..fast };
     textures.push(("progressive base".to_owned(), odd.clone(), progressive(&odd, &params)));
     for content in [Content::Raw, Content::Bc7] {

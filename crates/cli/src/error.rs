@@ -52,6 +52,10 @@ pub(crate) enum CliError {
     BankManifest { path: PathBuf, what: String },
     #[error("{}: the bank has an image of that name from another file; rename one of them", path.display())]
     BankName { path: PathBuf },
+    #[error("{}: a codebook of the bank cannot be used: {cause}", path.display())]
+    BankBook { path: PathBuf, cause: String },
+    #[error("{}: the bank has {most} categories already; give one of those that info lists", path.display())]
+    BankCategories { path: PathBuf, most: usize },
     #[error("{}: the bank holds no image {name}; give the name of one that info lists", path.display())]
     NoSuchImage { path: PathBuf, name: String },
     #[error("{}: the image needs more than the limits allow; scale it down, split it, or raise --memory", path.display())]

@@ -1,5 +1,8 @@
-//! Images are added one after another: each tile by tile, against the public codebook of its category, then all at once.
+//! Images are added in three steps. First the categories of their tiles are found, for all images in order. Then each is encoded
+//! tile by tile against the public codebooks of these: images that share none do not depend on one another and are encoded at a
+//! time. Last, each is listed in `bank.json`, in order. What a bank comes to does not depend on how many are encoded at a time.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -10,11 +13,11 @@ use texfold_core::metric::{SquaredError, decode_surface, quality, ssim};
 use texfold_core::{Encoded, Job, Limits, TextureCodec};
 use texfold_progressive::{Codebook, Progressive, ProgressiveParams, ProgressiveTexture, Shared};
 
-use super::manifest::{Category, Image, Manifest, Tile};
-use super::{Open, category, tiles};
+use super::manifest::{Image, Manifest, Tile};
+use super::{Bank, Open, category, tiles};
 use crate::compress::add_file;
 use crate::config::Settings;
-use crate::error::CliError;
+use crate::error::{CliError, guarded};
 use crate::output::write_whole;
 use crate::progress::Share;
 use crate::report::{PartRow, Row, peak_bytes};
@@ -24,11 +27,18 @@ const MOST_ROWS: u32 = 512;
 /// Where k-means starts from.
 const SEED: u64 = 0x7e8f_01d5;
 
+/// Bytes that a texel of a band takes at most: as it is read, and as it is cut.
+const BAND_BYTES: u64 = 12;
+/// Bytes that encoding a tile takes: 110 MB for 1024 x 1024 texels, as measured, and as much again with codebooks.
+const TILE_BYTES: u64 = 220 << 20;
+
 /// An image that is to be in a bank.
 #[derive(Debug)]
 pub(crate) struct BankTask {
     pub(crate) path: PathBuf,
     pub(crate) name: String,
+    /// The category that it is of, where that is said.
+    pub(crate) category: Option<String>,
     pub(crate) settings: Settings,
 }
 
@@ -46,96 +56,231 @@ struct Sums {
     levels: u32,
 }
 
-/// Divides the first images of a bank into categories.
-pub(crate) fn categorise(open: &mut Open, tasks: &[&BankTask], limit_bytes: u64) {
-    if !open.bank.manifest.categories.is_empty() {
-        return;
-    }
-    let mut colours = Vec::new();
-    for task in tasks {
-        // What cannot be read is said when the image is added.
-        let _ = tiles::each(&task.path, &task.settings, limit_bytes, |_, _, tile| {
+/// What is to be done with an image.
+#[derive(Debug)]
+pub(crate) enum Step {
+    /// It is there already.
+    Known(Box<Row>),
+    /// It cannot be added.
+    Failed(CliError),
+    /// It is to be added, with file names by numbers from `first` on; the categories of its tiles, row by row.
+    Add { key: String, first: u32, categories: Vec<usize> },
+}
+
+/// An image that has been encoded, all but listed.
+#[derive(Debug)]
+pub(crate) struct Made {
+    image: Image,
+    grown: Vec<Grown>,
+    /// Number of the first file that is not its own.
+    end: u32,
+}
+
+/// A category with the codebook that an image leaves it with.
+#[derive(Debug)]
+struct Grown {
+    number: usize,
+    tiles: u32,
+    book: Option<Arc<Codebook>>,
+    /// File and rows, where it has grown.
+    file: Option<(String, u32)>,
+}
+
+/// The key of an image that is to be added, and the colours of its tiles; else what is to be done with it.
+type Seen = Result<(String, Vec<Vec<f32>>), Step>;
+
+/// Finds out what is to be done with each image, and the categories of the tiles.
+pub(crate) fn plan(open: &mut Open, tasks: &[&BankTask], limit_bytes: u64) -> Vec<Step> {
+    let keys: Vec<Result<String, Step>> = tasks.iter().map(|task| task.key_of_new(open)).collect();
+    let colours_of = |task: &BankTask| {
+        let mut colours = Vec::new();
+        let read = tiles::each(&task.path, &task.settings, limit_bytes, |_, _, tile| {
             colours.push(category::colours(&tile));
             Ok(())
         });
+        read.map(|_| colours)
+    };
+    let found = |(task, key): (&&BankTask, Result<String, Step>)| {
+        let colours = guarded(&task.path, || colours_of(task));
+        key.and_then(|key| Ok((key, colours.map_err(Step::Failed)?)))
+    };
+    let found: Vec<Seen> = tasks.iter().zip(keys).map(found).collect();
+    let manifest = &mut open.bank.manifest;
+    let known =
+        || tasks.iter().zip(&found).filter_map(|(task, found)| Some((*task, &found.as_ref().ok()?.1)));
+    let mut named = Vec::new();
+    for (task, _) in known() {
+        if let Some(name) = task.category.as_deref().filter(|name| !named.contains(name)) {
+            let of_name = known().filter(|(task, _)| task.category.as_deref() == Some(name));
+            let tiles: Vec<Vec<f32>> = of_name.flat_map(|(_, colours)| colours).cloned().collect();
+            category::named(&mut manifest.categories, name, &tiles);
+            named.push(name);
+        }
     }
-    open.bank.manifest.categories = category::divide(&colours, SEED);
+    if manifest.categories.is_empty() {
+        let tiles: Vec<Vec<f32>> = known().flat_map(|(_, colours)| colours).cloned().collect();
+        manifest.categories = category::divide(&tiles, SEED);
+    }
+    let mut first = manifest.next;
+    let step = |(task, found): (&&BankTask, Seen)| match found {
+        Ok((key, colours)) => task.step(manifest, key, &mut first, colours),
+        Err(step) => step,
+    };
+    tasks.iter().zip(found).map(step).collect()
 }
 
 impl BankTask {
-    /// Adds the image; whether it was there already, and its row.
-    pub(crate) fn add(
-        &self,
-        open: &mut Open,
-        limit_bytes: u64,
-        share: &Share<'_>,
-    ) -> Result<(Row, bool), CliError> {
-        let key = self.key()?;
-        if let Some(known) = open.bank.manifest.images.iter().find(|image| image.name == self.name) {
-            if known.key == key && known.tiles.iter().all(|tile| open.bank.dir.join(&tile.file).exists()) {
-                return Ok((known.row.clone(), true));
+    /// Where tiles join categories, and which files are the image's: one for each tile, and one for each codebook that it grows.
+    fn step(&self, manifest: &mut Manifest, key: String, next: &mut u32, colours: Vec<Vec<f32>>) -> Step {
+        let first = *next;
+        *next += 2 * colours.len() as u32;
+        let categories: Vec<usize> = match &self.category {
+            Some(name) => match category::named(&mut manifest.categories, name, &[]) {
+                Some(number) => vec![number; colours.len()],
+                None => {
+                    let (path, most) = (self.path.clone(), category::MOST_NAMED);
+                    return Step::Failed(CliError::BankCategories { path, most });
+                }
+            },
+            None => {
+                let join = |colours| category::join(&mut manifest.categories, colours);
+                colours.into_iter().map(join).collect()
             }
-            return Err(CliError::BankName { path: self.path.clone() });
-        }
-        let start = Instant::now();
-        let mut manifest = open.bank.manifest.clone();
-        let mut books = open.books.clone();
-        let mut sums = Sums::default();
-        let size = tiles::each(&self.path, &self.settings, limit_bytes, |x, y, tile| {
-            let number = category::join(&mut manifest.categories, category::colours(&tile));
-            books.resize(manifest.categories.len(), None);
-            if books[number].is_none() && number < open.bank.manifest.categories.len() {
-                books[number] = open.book(number)?;
-            }
-            let at = At { x, y, category: number };
-            self.add_tile(&open.bank.dir, (at, tile), &mut manifest, &mut books[number], &mut sums, share)
-        })?;
-        let seconds = start.elapsed().as_secs_f64();
-        let row = self.row(&open.bank.dir, &sums, (size.width, size.height), seconds);
-        manifest.images.push(Image {
-            name: self.name.clone(),
-            key,
-            width: size.width,
-            height: size.height,
-            channels: sums.channels,
-            levels: sums.levels,
-            tiles: sums.tiles,
-            row: row.clone(),
-        });
-        manifest.commit(&open.bank.dir)?;
-        open.bank.manifest = manifest;
-        open.books = books;
-        Ok((row, false))
+        };
+        Step::Add { key, first, categories }
     }
 
-    fn add_tile(
-        &self,
-        dir: &Path,
-        (at, tile): (At, Raster),
-        manifest: &mut Manifest,
-        book: &mut Option<Arc<Codebook>>,
-        sums: &mut Sums,
-        share: &Share<'_>,
-    ) -> Result<(), CliError> {
-        let size = tile.size();
-        let set = ImageSet::single(without_plain_alpha(tile));
-        let shared = Shared { public: book.clone(), most_rows: MOST_ROWS };
+    /// The key of an image that is not there yet.
+    fn key_of_new(&self, open: &Open) -> Result<String, Step> {
+        let key = self.key().map_err(Step::Failed)?;
+        match open.bank.manifest.images.iter().find(|image| image.name == self.name) {
+            None => Ok(key),
+            Some(known)
+                if known.key == key
+                    && known.tiles.iter().all(|tile| open.bank.dir.join(&tile.file).exists()) =>
+            {
+                Err(Step::Known(Box::new(known.row.clone())))
+            }
+            Some(_) => Err(Step::Failed(CliError::BankName { path: self.path.clone() })),
+        }
+    }
+
+    fn params(&self) -> ProgressiveParams {
         let settings = &self.settings.encode;
-        let params = ProgressiveParams {
+        ProgressiveParams {
             goal: settings.goal,
             content: settings.content,
             reduce_log2: None,
             mips: settings.mips,
             effort: settings.effort,
+        }
+    }
+
+    /// About how many bytes it takes to add it: a band of the image, and a tile with all that is made of it.
+    pub(crate) fn cost_bytes(&self) -> u64 {
+        let width = crate::input::size_of(&self.path).map_or(0, |size| u64::from(size.width));
+        width * u64::from(tiles::TILE) * BAND_BYTES + TILE_BYTES
+    }
+
+    /// Whether it shows what other images have brought.
+    pub(crate) fn depends(&self) -> bool {
+        self.params().tries_codebooks()
+    }
+
+    /// Encodes the image, and writes its files.
+    pub(crate) fn make(
+        &self,
+        bank: &Bank,
+        books: &Books,
+        (key, first, categories): (&str, u32, &[usize]),
+        (limit_bytes, share): (u64, &Share<'_>),
+    ) -> Result<Made, CliError> {
+        let start = Instant::now();
+        let mut making =
+            Making { task: self, dir: &bank.dir, next: first, grown: Vec::new(), sums: Sums::default() };
+        let mut of_tile = categories.iter();
+        let size = tiles::each(&self.path, &self.settings, limit_bytes, |x, y, tile| {
+            // The file has changed since its tiles were counted.
+            let changed = || CliError::BankName { path: self.path.clone() };
+            let at = At { x, y, category: *of_tile.next().ok_or_else(changed)? };
+            making.enter(at.category, books);
+            making.add_tile(at, tile, share)
+        })?;
+        let Making { sums, grown, .. } = making;
+        let row = self.row(&bank.dir, &sums, (size.width, size.height), start.elapsed().as_secs_f64());
+        let image = Image {
+            name: self.name.clone(),
+            key: key.to_owned(),
+            width: size.width,
+            height: size.height,
+            channels: sums.channels,
+            levels: sums.levels,
+            tiles: sums.tiles,
+            row,
         };
+        Ok(Made { image, grown, end: first + 2 * categories.len() as u32 })
+    }
+}
+
+impl Open {
+    /// Lists an image that has been made: from then on it counts.
+    pub(crate) fn commit(&mut self, made: Made) -> Result<Row, CliError> {
+        let mut manifest = self.bank.manifest.clone();
+        for grown in &made.grown {
+            let category = &mut manifest.categories[grown.number];
+            category.tiles += grown.tiles;
+            if let Some((file, rows)) = &grown.file {
+                (category.file, category.rows) = (Some(file.clone()), *rows);
+            }
+        }
+        let row = made.image.row.clone();
+        manifest.images.push(made.image);
+        manifest.next = manifest.next.max(made.end);
+        manifest.commit(&self.bank.dir)?;
+        self.books.resize(manifest.categories.len(), None);
+        for grown in made.grown {
+            self.books[grown.number] = grown.book;
+        }
+        self.bank.manifest = manifest;
+        Ok(row)
+    }
+}
+
+/// Public codebooks by category.
+pub(crate) type Books = HashMap<usize, Option<Arc<Codebook>>>;
+
+/// An image that is being encoded.
+struct Making<'m> {
+    task: &'m BankTask,
+    dir: &'m Path,
+    /// Number of its next file.
+    next: u32,
+    grown: Vec<Grown>,
+    sums: Sums,
+}
+
+impl Making<'_> {
+    /// Makes sure that a category is among those of the image.
+    fn enter(&mut self, number: usize, books: &Books) {
+        if self.grown.iter().all(|grown| grown.number != number) {
+            let book = books.get(&number).cloned().flatten();
+            self.grown.push(Grown { number, tiles: 0, book, file: None });
+        }
+    }
+
+    fn add_tile(&mut self, at: At, tile: Raster, share: &Share<'_>) -> Result<(), CliError> {
+        let Making { task, dir, next, grown, sums } = self;
+        let Some(grown) = grown.iter_mut().find(|grown| grown.number == at.category) else { return Ok(()) };
+        let size = tile.size();
+        let set = ImageSet::single(without_plain_alpha(tile));
+        let shared = Shared { public: grown.book.clone(), most_rows: MOST_ROWS };
         let mut progress = |stage| share.report(stage);
         let mut job = Job::new(Limits::default()).with_progress(&mut progress);
-        let texture = Progressive::encode_shared(&set, &params, &shared, &mut job)
-            .map_err(|source| CliError::Encode { path: self.path.clone(), source })?;
-        let category = &mut manifest.categories[at.category];
-        let grown_rows = grow(dir, &texture, book, (at.category, &mut manifest.next), category)?;
-        let file = format!("image-{:06}.txf", manifest.next);
-        manifest.next += 1;
+        let texture = Progressive::encode_shared(&set, &task.params(), &shared, &mut job)
+            .map_err(|source| CliError::Encode { path: task.path.clone(), source })?;
+        let grown_rows = grown.grow(dir, &texture, next)?;
+        let file = format!("image-{next:06}.txf");
+        *next += 1;
         let mut writer = SectionWriter::new(Progressive::ID);
         texture.store(&mut writer);
         write_whole(&dir.join(&file), &writer.finish().bytes)?;
@@ -156,7 +301,29 @@ impl BankTask {
         });
         Ok(())
     }
+}
 
+impl Grown {
+    /// Takes over the codebook that a texture shows; rows that it grew by. A grown one is written as a new file.
+    fn grow(&mut self, dir: &Path, texture: &ProgressiveTexture, next: &mut u32) -> Result<u32, CliError> {
+        self.tiles += 1;
+        let Some(shown) = texture.details().and_then(|details| details.public.clone()) else { return Ok(0) };
+        let rows = shown.size().1;
+        let grown = rows.saturating_sub(self.book.as_ref().map_or(0, |book| book.size().1));
+        if grown > 0 {
+            let file = format!("category-{:03}-{next:06}.txf", self.number);
+            *next += 1;
+            let mut writer = SectionWriter::new(Progressive::ID);
+            Progressive::store_codebook(&shown, &mut writer);
+            write_whole(&dir.join(&file), &writer.finish().bytes)?;
+            self.file = Some((file, rows));
+            self.book = Some(shown);
+        }
+        Ok(grown)
+    }
+}
+
+impl BankTask {
     /// Hash of all that the stored form depends on, but the bank's codebooks.
     fn key(&self) -> Result<String, CliError> {
         let mut hasher = blake3::Hasher::new();
@@ -214,30 +381,6 @@ struct At {
     x: u32,
     y: u32,
     category: usize,
-}
-
-/// Takes over the codebook that a texture shows; rows that it grew by. A grown one is written as a new file.
-fn grow(
-    dir: &Path,
-    texture: &ProgressiveTexture,
-    book: &mut Option<Arc<Codebook>>,
-    (number, next): (usize, &mut u32),
-    category: &mut Category,
-) -> Result<u32, CliError> {
-    category.tiles += 1;
-    let Some(shown) = texture.details().and_then(|details| details.public.clone()) else { return Ok(0) };
-    let rows = shown.size().1;
-    let grown = rows.saturating_sub(book.as_ref().map_or(0, |book| book.size().1));
-    if grown > 0 {
-        let file = format!("category-{number:03}-{next:06}.txf");
-        *next += 1;
-        let mut writer = SectionWriter::new(Progressive::ID);
-        Progressive::store_codebook(&shown, &mut writer);
-        write_whole(&dir.join(&file), &writer.finish().bytes)?;
-        (category.file, category.rows) = (Some(file), rows);
-        *book = Some(shown);
-    }
-    Ok(grown)
 }
 
 /// The tile without alpha where all of it is opaque: the base would have to hold it.

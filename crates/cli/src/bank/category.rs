@@ -1,7 +1,8 @@
 //! Categories: tiles by what colours they have.
 //!
 //! A tile's colours are the shares of 4 x 4 x 4 ranges of red, green and blue. The first tiles of a bank are divided by k-means
-//! (k-means++ starts, seeded); later ones join the nearest category, or open a new one where that is far.
+//! (k-means++ starts, seeded); later ones join the nearest category, or open a new one where that is far. The user may
+//! name the category of an image: its colours are then the mean of the first images of that name, and others join it.
 
 use ndarray::Array2;
 use texfold_codebook::{Settings, build};
@@ -17,6 +18,29 @@ const MOST: usize = 6;
 const COUNTED: u32 = 256;
 /// Distance of shares (0 to 2, the sum of differences) from which a tile opens a category of its own.
 const FAR: f32 = 1.2;
+
+/// Most categories that a user may name.
+pub(crate) const MOST_NAMED: usize = 64;
+
+impl Category {
+    fn of(name: Option<String>, colours: Vec<f32>) -> Category {
+        Category { name, colours, tiles: 0, file: None, rows: 0 }
+    }
+}
+
+/// The category of that name, with the mean of such colours where it is new; `None` where there are too many.
+pub(crate) fn named(categories: &mut Vec<Category>, name: &str, tiles: &[Vec<f32>]) -> Option<usize> {
+    let known = categories.iter().position(|category| category.name.as_deref() == Some(name));
+    if known.is_some() || categories.len() >= MOST_NAMED {
+        return known;
+    }
+    let mut colours = vec![0.0; RANGES * RANGES * RANGES];
+    for tile in tiles {
+        colours.iter_mut().zip(tile).for_each(|(sum, share)| *sum += share / tiles.len() as f32);
+    }
+    categories.push(Category::of(Some(name.to_owned()), colours));
+    Some(categories.len() - 1)
+}
 
 /// The shares of colours of a tile.
 pub(crate) fn colours(tile: &Raster) -> Vec<f32> {
@@ -47,7 +71,7 @@ pub(crate) fn divide(tiles: &[Vec<f32>], seed: u64) -> Vec<Category> {
         let colours = row.to_vec();
         let near = categories.iter().any(|known| distance(&known.colours, &colours) < FAR * 0.5);
         if !near {
-            categories.push(Category { colours, tiles: 0, file: None, rows: 0 });
+            categories.push(Category::of(None, colours));
         }
     }
     categories
@@ -61,7 +85,7 @@ pub(crate) fn join(categories: &mut Vec<Category>, colours: Vec<f32>) -> usize {
     match nearest.filter(|&nearest| away(&categories[nearest]) < FAR || categories.len() >= MOST) {
         Some(nearest) => nearest,
         None => {
-            categories.push(Category { colours, tiles: 0, file: None, rows: 0 });
+            categories.push(Category::of(None, colours));
             categories.len() - 1
         }
     }
@@ -91,5 +115,10 @@ mod tests {
         assert!(joined[0] == joined[1] && joined[0] == joined[4] && joined[0] != joined[2]);
         let new = join(&mut categories, plain([255, 255, 255]));
         assert_eq!((new, categories.len()), (3, 4));
+        // A named one is the nearest for tiles of its colours.
+        let snow = [plain([240, 5, 240]), plain([250, 10, 250])];
+        assert_eq!(named(&mut categories, "snow", &snow), Some(4));
+        assert_eq!(named(&mut categories, "snow", &[]), Some(4));
+        assert_eq!(join(&mut categories, plain([244, 8, 244])), 4);
     }
 }

@@ -35,6 +35,9 @@ impl Default for Manifest {
 /// Images that look alike share a public codebook.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Category {
+    /// What the user calls it; `None` where colours alone made it.
+    #[serde(default)]
+    pub(crate) name: Option<String>,
     /// Shares of colours, see [`super::category`].
     pub(crate) colours: Vec<f32>,
     /// Tiles that joined it.

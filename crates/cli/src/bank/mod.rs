@@ -23,7 +23,7 @@ use texfold_progressive::{Codebook, Progressive, ProgressiveTexture};
 
 use crate::error::CliError;
 use crate::output::{make_folder, remove_stale};
-pub(crate) use add::{BankTask, categorise};
+pub(crate) use add::{BankTask, Books, Made, Step, plan};
 use manifest::{Category, MANIFEST, Manifest, Tile};
 pub(crate) use show::{Choice, decompress, describe, is_bank};
 
@@ -113,6 +113,16 @@ impl Open {
                 let _ = std::fs::remove_file(entry.path());
             }
         }
+    }
+
+    /// What is listed.
+    pub(crate) fn bank(&self) -> &Bank {
+        &self.bank
+    }
+
+    /// The public codebooks of such categories.
+    pub(crate) fn books_of(&mut self, categories: &[usize]) -> Result<Books, CliError> {
+        categories.iter().map(|&number| Ok((number, self.book(number)?))).collect()
     }
 
     fn book(&mut self, number: usize) -> Result<Option<Arc<Codebook>>, CliError> {

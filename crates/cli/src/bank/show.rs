@@ -10,7 +10,7 @@ use texfold_core::{Encoded, RegionError};
 use texfold_progressive::{CELL_SIDE, Codebook, ProgressiveTexture};
 
 use super::Bank;
-use super::manifest::{Image, MANIFEST, Tile};
+use super::manifest::{Category, Image, MANIFEST, Tile};
 use crate::error::{CliError, explain, guarded};
 use crate::png;
 use crate::run::{complain, say};
@@ -199,9 +199,22 @@ struct ImageSummary {
 
 #[derive(Debug, Serialize)]
 struct CategorySummary {
+    /// What the user calls it.
+    name: Option<String>,
     tiles: u32,
     cells: u32,
     file: Option<String>,
+    /// Share of the blocks of its tiles that show the public codebook.
+    public_share: f64,
+    /// Cells of the codebook after each image that has tiles of the category.
+    growth: Vec<Growth>,
+}
+
+/// A codebook once an image was in.
+#[derive(Debug, Serialize)]
+struct Growth {
+    image: String,
+    cells: u32,
 }
 
 /// Cells in a row of a public codebook.
@@ -211,11 +224,8 @@ const ROW_CELLS: u32 = 256 / CELL_SIDE;
 pub(crate) fn describe(dir: &Path, json: bool) -> Result<(), CliError> {
     let bank = Bank::read(dir)?;
     let images: Vec<ImageSummary> = bank.manifest.images.iter().map(summary_of).collect();
-    let categories = bank.manifest.categories.iter().map(|category| CategorySummary {
-        tiles: category.tiles,
-        cells: category.rows / CELL_SIDE * ROW_CELLS,
-        file: category.file.clone(),
-    });
+    let categories =
+        (0..).zip(&bank.manifest.categories).map(|(number, category)| category_of(&bank, number, category));
     let sum = |figure: fn(&Image) -> u64| bank.manifest.images.iter().map(figure).sum::<u64>();
     let texels = sum(|image| image.row.source_texels);
     let (memory, disk) = (sum(|image| image.row.bits_memory), sum(|image| image.row.bits_disk));
@@ -236,6 +246,33 @@ pub(crate) fn describe(dir: &Path, json: bool) -> Result<(), CliError> {
     }
     say(&lines(&summary));
     Ok(())
+}
+
+fn category_of(bank: &Bank, number: u32, category: &Category) -> CategorySummary {
+    let tiles = |image: &Image| -> Vec<Tile> {
+        image.tiles.iter().filter(|tile| tile.category == number).cloned().collect()
+    };
+    let mut summary = CategorySummary {
+        name: category.name.clone(),
+        tiles: category.tiles,
+        cells: category.rows / CELL_SIDE * ROW_CELLS,
+        file: category.file.clone(),
+        public_share: 0.0,
+        growth: Vec::new(),
+    };
+    let (mut rows, mut shown, mut all) = (0, 0, 0);
+    for image in &bank.manifest.images {
+        let tiles = tiles(image);
+        if tiles.is_empty() {
+            continue;
+        }
+        rows += tiles.iter().map(|tile| tile.grown_rows).sum::<u32>();
+        shown += tiles.iter().map(|tile| tile.blocks[0]).sum::<u64>();
+        all += tiles.iter().map(|tile| tile.blocks[2]).sum::<u64>();
+        summary.growth.push(Growth { image: image.name.clone(), cells: rows / CELL_SIDE * ROW_CELLS });
+    }
+    summary.public_share = shown as f64 / all.max(1) as f64;
+    summary
 }
 
 fn summary_of(image: &Image) -> ImageSummary {
@@ -263,7 +300,13 @@ fn summary_of(image: &Image) -> ImageSummary {
 fn lines(summary: &Summary) -> String {
     let mut lines = vec![format!("{}: a bank of {} images", summary.bank, summary.images.len())];
     for (number, category) in summary.categories.iter().enumerate() {
-        lines.push(format!("  category {number}: {} tiles, {} public cells", category.tiles, category.cells));
+        let name = category.name.as_ref().map_or(String::new(), |name| format!(" ({name})"));
+        lines.push(format!(
+            "  category {number}{name}: {} tiles, {} public cells, shown by {:.0}% of the blocks with a map",
+            category.tiles,
+            category.cells,
+            100.0 * category.public_share
+        ));
     }
     lines.push(format!(
         "  {:28} {:>11} {:>5} {:>8} {:>7} {:>6} {:>6} {:>7} {:>5}",

@@ -3,6 +3,7 @@
 //! Inputs are found and given their settings and output names first; then each is checked against the index of the
 //! output folder, read, encoded, measured from its own bytes, and written, several at a time within a memory limit.
 
+mod bank;
 mod cache;
 mod encode;
 mod light;
@@ -14,10 +15,9 @@ mod zoom;
 use std::collections::HashMap;
 use std::ffi::OsString;
 use std::path::PathBuf;
-use std::sync::Mutex;
 use std::time::Instant;
 
-use crate::bank::{BankTask, Open, categorise};
+use crate::bank::BankTask;
 use crate::config::{Config, Options, RunOptions};
 use crate::error::{CliError, explain};
 use crate::input::{Found, Kind, find};
@@ -87,8 +87,7 @@ impl Work {
         match self {
             Work::Images(task) => task.cost_bytes(),
             Work::Light(task) => task.cost_bytes(),
-            // Images are added one at a time, tile by tile.
-            Work::Bank(..) => 0,
+            Work::Bank(_, task) => task.cost_bytes(),
             Work::Zoom(task) => task.cost_bytes(),
         }
     }
@@ -97,7 +96,11 @@ impl Work {
         match self {
             Work::Images(task) => task.run(place),
             Work::Light(task) => task.run(place),
-            Work::Bank(_, task) => place.add(task),
+            // Those are added together: see `bank`.
+            Work::Bank(found, _) => {
+                let message = "it was not added with the others".to_owned();
+                Err(CliError::Internal { path: found.path.clone(), message })
+            }
             Work::Zoom(task) => task.run(place),
         }
     }
@@ -127,11 +130,11 @@ pub(crate) fn run(args: CompressArgs) -> Result<usize, CliError> {
 fn plan(
     inputs: &[PathBuf],
     out: &std::path::Path,
-    options: impl Fn(&std::path::Path) -> Options,
+    of_path: impl Fn(&std::path::Path) -> Options,
 ) -> Result<Vec<Planned>, CliError> {
     let mut writers: HashMap<OsString, PathBuf> = HashMap::new();
     let mut planned = Vec::new();
-    for found in find(inputs, |path| options(path).kind()) {
+    for found in find(inputs, |path| of_path(path).kind()) {
         let found = match found {
             Ok(found) => found,
             Err(unusable) => {
@@ -139,7 +142,7 @@ fn plan(
                 continue;
             }
         };
-        let options = options(&found.path);
+        let options = of_path(&found.path);
         options.check()?;
         // A set of codec progressive is a bank: a file an image, and codebooks that they share.
         let parts = if found.kind == Kind::Set && options.is_progressive() {
@@ -149,7 +152,10 @@ fn plan(
         };
         for part in parts {
             let path = part.path.clone();
-            planned.push(match plan_one(part, &options, out, &mut writers) {
+            // Images of a bank may have rules of their own.
+            let of_part = of_path(&path);
+            of_part.check()?;
+            planned.push(match plan_one(part, &of_part, out, &mut writers) {
                 Ok(task) => Planned::Task(task),
                 Err(error) => Planned::Failed(path, error),
             });
@@ -187,7 +193,8 @@ fn plan_one(
     } else if found.kind == Kind::Set && options.is_progressive() {
         let settings = options.resolve(&found.path)?;
         let name = found.stem.to_string_lossy().into_owned();
-        let task = BankTask { path: found.path.clone(), name, settings };
+        let category = options.category().map(str::to_owned);
+        let task = BankTask { path: found.path.clone(), name, category, settings };
         Work::Bank(Box::new(found), Box::new(task))
     } else if found.kind == Kind::Zoom {
         let settings = options.resolve_zoom(&found.path)?;
@@ -221,21 +228,19 @@ fn work(
         }
     }
     let limit_bytes = run.memory.map_or_else(usual_limit, memory::from_gib);
-    let bank: Vec<&BankTask> = tasks.iter().filter_map(|task| task.for_bank()).collect();
-    let bank = Mutex::new(if bank.is_empty() { None } else { Some(open_bank(out, &bank, limit_bytes)?) });
     let force = run.force.unwrap_or(false);
-    let place = Workplace { cache, bank: &bank, limit_bytes, force, progress: &progress };
+    let place = Workplace { cache, limit_bytes, force, progress: &progress };
     let jobs = run.jobs.map_or_else(schedule::cores, |jobs| jobs as usize);
     let cost = |task: &&Work| task.cost_bytes();
     let work = |task: &&Work| settle(task, task.run(&place), &progress);
-    // Images of a bank depend on those before them: all threads work on one.
-    let one_by_one = tasks.iter().any(|task| task.for_bank().is_some());
-    let batch = if one_by_one { 1 } else { tasks.len().max(1) };
-    let batches = tasks.chunks(batch);
-    let mut finished = batches
-        .flat_map(|batch| schedule::run(batch, jobs, limit_bytes, cost, work))
-        .collect::<Vec<_>>()
-        .into_iter();
+    let (of_bank, alone): (Vec<&Work>, Vec<&Work>) = tasks.iter().partition(|task| task.for_bank().is_some());
+    let mut done = schedule::run(&alone, jobs, limit_bytes, cost, work).into_iter();
+    let mut added = bank::add_all(&of_bank, out, jobs, &place)?.into_iter();
+    let finished = tasks.iter().map(|task| match task.for_bank() {
+        Some(_) => added.next(),
+        None => done.next().flatten(),
+    });
+    let mut finished = finished.collect::<Vec<_>>().into_iter();
     progress.finish();
     let in_place = |planned: &Planned| match planned {
         Planned::Failed(path, error) => (failed(path, error), false),
@@ -247,13 +252,6 @@ fn work(
         }),
     };
     Ok(planned.iter().map(in_place).collect())
-}
-
-/// Opens the bank in the output folder.
-fn open_bank(out: &std::path::Path, tasks: &[&BankTask], limit_bytes: u64) -> Result<Open, CliError> {
-    let mut open = Open::new(out)?;
-    categorise(&mut open, tasks, limit_bytes);
-    Ok(open)
 }
 
 /// Says how one task went.

@@ -1,14 +1,12 @@
 //! One input from file to file.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use texfold_core::mesh::UvMesh;
 
 use super::cache::{Cache, add_file, program};
 use super::{encode, memory};
-use crate::bank::{BankTask, Open};
 use crate::config::Settings;
 use crate::error::{CliError, guarded};
 use crate::input::{Found, Kind, mesh, size_of};
@@ -28,25 +26,9 @@ pub(crate) struct Task {
 #[derive(Debug)]
 pub(crate) struct Workplace<'w> {
     pub(crate) cache: &'w Cache,
-    /// The bank that the output folder is, where something is to be added to it.
-    pub(crate) bank: &'w Mutex<Option<Open>>,
     pub(crate) limit_bytes: u64,
     pub(crate) force: bool,
     pub(crate) progress: &'w Progress,
-}
-
-impl Workplace<'_> {
-    /// Adds an image to the bank.
-    pub(crate) fn add(&self, task: &BankTask) -> Result<Finished, CliError> {
-        guarded(&task.path, || {
-            let mut bank = self.bank.lock().unwrap_or_else(PoisonError::into_inner);
-            let missing =
-                || CliError::Internal { path: task.path.clone(), message: "no bank is open".to_owned() };
-            let share = self.progress.share(task.name.clone());
-            let (row, skipped) = task.add(bank.as_mut().ok_or_else(missing)?, self.limit_bytes, &share)?;
-            Ok(Finished { row, skipped })
-        })
-    }
 }
 
 /// A task that is done.

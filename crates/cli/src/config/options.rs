@@ -39,6 +39,10 @@ pub struct Options {
     /// epitome: a picture as large as the first image, bright where content may be taken from.
     #[arg(long, value_name = "MASK")]
     pub(super) content_from: Option<PathBuf>,
+    /// progressive, a set: the category that images are of; those of one category share a codebook. Images without one join the
+    /// category whose colours are nearest.
+    #[arg(long, value_name = "NAME")]
+    pub(super) category: Option<String>,
     /// epitome: layers of the file, each of about half of the bits of the next, so that a prefix shows a coarser image.
     #[arg(long, value_name = "N")]
     pub(super) layers: Option<u32>,
@@ -169,6 +173,7 @@ impl Options {
             tolerance: goals.tolerance,
             content: self.content.or(other.content),
             content_from: self.content_from.clone().or_else(|| other.content_from.clone()),
+            category: self.category.clone().or_else(|| other.category.clone()),
             layers: self.layers.or(other.layers),
             triangles: self.triangles.or(other.triangles),
             terms: self.terms.or(other.terms),
@@ -197,6 +202,11 @@ impl Options {
     /// What the input is, where it is said.
     pub(crate) fn kind(&self) -> Option<Kind> {
         self.kind
+    }
+
+    /// The category that an image of a bank is of, where it is said.
+    pub(crate) fn category(&self) -> Option<&str> {
+        self.category.as_deref()
     }
 
     /// Whether codec progressive is asked for.
@@ -239,6 +249,9 @@ impl Options {
                 }
                 () if self.layers.is_some() && codec != CodecName::Epitome => {
                     return misplaced("layers", "epitome");
+                }
+                () if self.category.is_some() && codec != CodecName::Progressive => {
+                    return misplaced("category", "progressive");
                 }
                 () if self.content == Some(ContentName::ErrorMap) && codec != CodecName::Epitome => {
                     return misplaced("content error-map", "epitome");

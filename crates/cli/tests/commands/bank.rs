@@ -193,3 +193,70 @@ fn palettes_and_interlacing_are_read() {
     let told = report.iter().find(|row| row["input"] == "in/palette.png").unwrap()["psnr"].as_f64().unwrap();
     assert!((found - told).abs() < 0.01, "{found} {told}");
 }
+
+/// Files of a bank by name, with what depends on the clock left out.
+fn bank_files(place: &Place, bank: &str) -> Vec<(String, Vec<u8>)> {
+    let read = |name: String| {
+        let bytes = fs::read(place.at(bank).join(&name)).unwrap();
+        if name != "bank.json" {
+            return (name, bytes);
+        }
+        let mut listed: Value = serde_json::from_slice(&bytes).unwrap();
+        for image in listed["images"].as_array_mut().unwrap() {
+            for figure in ["encode_seconds", "encode_texels_per_second", "peak_bytes", "output"] {
+                image["row"][figure] = Value::Null;
+            }
+        }
+        (name, serde_json::to_vec(&listed).unwrap())
+    };
+    names(&place.at(bank)).into_iter().map(read).collect()
+}
+
+#[test]
+fn a_bank_is_the_same_however_many_images_are_encoded_at_a_time() {
+    let place = Place::new();
+    for (number, name) in ["a", "b", "c", "d"].into_iter().enumerate() {
+        place.picture(&format!("in/{name}.png"), 90 + 8 * number as u32, 80, 3);
+    }
+    fs::write(place.at("in/bad.png"), b"\x89PNG\r\n\x1a\nnothing").unwrap();
+    // Few enough bits that codebooks are tried, so that images of a category wait for one another.
+    fs::write(
+        place.at("banks.toml"),
+        "[[rule]]\nglob = \"**/[ac].png\"\ncategory = \"first\"\n[[rule]]\nglob = \"**/b*.png\"\ncategory = \"second\"\n",
+    )
+    .unwrap();
+    for jobs in ["1", "2", "4"] {
+        let arguments = "compress in --codec progressive --bpp 0.6 --config banks.toml";
+        let run = place.run(&format!("{arguments} --jobs {jobs} --out bank{jobs}"));
+        assert!(run.code == Some(1) && run.stderr.contains("bad.png"), "{}", run.stderr);
+    }
+    let alone = bank_files(&place, "bank1");
+    assert_eq!(alone.len(), 6, "four images, a list and a lock");
+    assert!(alone == bank_files(&place, "bank2") && alone == bank_files(&place, "bank4"));
+}
+
+#[test]
+fn users_name_categories_and_others_join_the_nearest() {
+    let place = Place::new();
+    let plain = |name: &str, colour: [u8; 3]| {
+        let data: Vec<u8> = (0..48 * 48).flat_map(|i| colour.map(|value| value + (i % 3) as u8)).collect();
+        fs::create_dir_all(place.at("in")).unwrap();
+        image::save_buffer(place.at(name), &data, 48, 48, ExtendedColorType::Rgb8).unwrap();
+    };
+    plain("in/sea.png", [20, 40, 150]);
+    plain("in/wood.png", [30, 80, 20]);
+    let add = "compress in --codec progressive --psnr 30 --effort fast --out bank";
+    let run = place.run("compress in/sea.png --as set --codec progressive --category water --psnr 30 --effort fast --out bank");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert_eq!(place.run(add).code, Some(0));
+    plain("in/bay.png", [25, 45, 140]);
+    assert_eq!(place.run(add).code, Some(0));
+    let found = info(&place);
+    assert_eq!(found["categories"][0]["name"], "water");
+    let of = |image: usize| found["images"][image]["categories"][0].as_u64().unwrap();
+    // In the order that they were added: sea, wood, bay.
+    assert_eq!((of(0), of(1), of(2)), (0, 1, 0));
+    assert_eq!(found["categories"][0]["tiles"], 2);
+    let run = place.run("compress in/sea.png --codec vq --category water --out out");
+    assert!(run.code == Some(2) && run.stderr.contains("progressive"), "{}", run.stderr);
+}

@@ -10,7 +10,8 @@
 //! Source of the error map: "Progressive compression of large-scale remote sensing images with GSR descriptors", 2012,
 //! section 4.3, which has two end colours and 2-bit selectors a block over codebooks; of trellis codes that are read by a
 //! window: Mao and Gray, "Stationary and trellis encoding for iid sources and simulation", DCC 2010.
-//! *Not done*: alpha in the error map, which the base holds alone; colour in codebooks.
+//! *Not done*: alpha in the error map: the base alone holds it, and is no smaller than alpha allows; colours of texels that are wholly
+//! transparent are kept as they are; colour in codebooks.
 //!
 //! Between base and error map stand codebooks ([`Codebook`]): blocks of 8x8 or 16x16 texels show detail from a public
 //! codebook, that many textures share, or from the texture's own, at a place, turn and gain of their own. Up to about

@@ -4,8 +4,8 @@
 
 use texfold_bc::{Bc, BcParams, Content};
 use texfold_core::container::{SectionWriter, Sections};
-use texfold_core::image::{ColorSpace, ImageSet, MipFilter, Raster, mip_chain};
-use texfold_core::metric::{color_error, decode_surface, measure};
+use texfold_core::image::{Alpha, ColorSpace, ImageSet, MipFilter, PixelInfo, Raster, mip_chain};
+use texfold_core::metric::{color_error, decode_surface, measure, quality};
 use texfold_core::target::Measured;
 use texfold_core::{
     Budget, Domain, Effort, EncodeError, Encoded, Goal, Image2d, ImageAddress, Job, Layers, Rect, Refine,
@@ -360,4 +360,24 @@ fn a_coarse_quality_is_met_by_an_enlarged_image_where_that_takes_fewer_bits() {
     assert!(texture.shrink_log2() > 0 && (24.0..24.3).contains(&found.psnr), "{found:?}");
     let whole = encode(&set, &ProgressiveParams { reduce_log2: Some(3), ..goal(Goal::Psnr(24.0)) });
     assert!(found.bpp < measure(&set, &whole).bpp, "{found:?}");
+}
+
+#[test]
+fn a_collar_costs_few_bits_and_alpha_is_as_good_as_colours() {
+    let picture = texfold_testkit::picture("terrain").with_channels(4);
+    // A slanted collar without data.
+    let inside = |i: usize| i % 256 > 40 + i / 256 / 4;
+    let texel = |(i, texel): (usize, Texel)| if inside(i) { texel } else { Texel::ZERO };
+    let info = PixelInfo { channels: 4, alpha: Alpha::Straight, ..picture.info() };
+    let texels: Vec<Texel> = picture.texels().enumerate().map(texel).collect();
+    let set = ImageSet::single(Raster::from_texels(256, 256, info, &texels).unwrap());
+    let alpha = |texture: &ProgressiveTexture| quality(&set, texture).alpha.unwrap().psnr();
+    let few = encode(&set, &fast(Goal::Bpp(1.0)));
+    assert!(measure(&set, &few).bpp <= 1.0 && alpha(&few) > 24.0, "{}", alpha(&few));
+    let good = encode(&set, &fast(Goal::Psnr(27.0)));
+    let found = measure(&set, &good);
+    assert!(found.psnr >= 27.0 && alpha(&good) >= 27.0, "{found:?} {}", alpha(&good));
+    // All alike, alpha is no reason for a large base.
+    let plain = ImageSet::single(texfold_testkit::picture("terrain").with_channels(4));
+    assert!(encode(&plain, &fast(Goal::Psnr(27.0))).reduce_log2() > 1);
 }

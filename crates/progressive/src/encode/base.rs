@@ -2,6 +2,7 @@
 
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::image::{Alpha, ColorSpace, ImageSet, MipFilter, PixelInfo, Raster, mip_chain};
+use texfold_core::metric::SquaredError;
 use texfold_core::sample::TEXFOLD_NORMAL;
 use texfold_core::{
     Effort, EncodeError, Encoded, Goal, ImageLayout, Notes, ParamError, SourceError, SurfaceSize, Texel,
@@ -73,9 +74,9 @@ pub(crate) fn kinds(pixel: PixelInfo, params: &ProgressiveParams) -> Result<Vec<
     };
     let usual: &[(Content, u32)] = match pixel.channels {
         1 => &[(Content::Bc4, 2), (Content::Bc4, 3), (Content::Bc4, 1)],
-        // The error map has no alpha: the base shows it, and is no smaller than half of the width and height.
-        2 => &[(Content::Bc5, 1)],
-        4 => &[(Content::Bc7, 1)],
+        // The error map has no alpha: the base shows it, and is as small as that allows.
+        2 => &[(Content::Bc5, 1), (Content::Bc5, 2), (Content::Bc5, 3)],
+        4 => &[(Content::Bc7, 1), (Content::Bc7, 2), (Content::Bc7, 3)],
         _ => &[
             (Content::Bc1, 2),
             (Content::Bc1, 3),
@@ -94,7 +95,7 @@ pub(crate) fn kinds(pixel: PixelInfo, params: &ProgressiveParams) -> Result<Vec<
         (Content::Bc1, 1) => false,
         _ => params.effort != Effort::Fast,
     };
-    let least = if pixel.has_alpha() { 1..=1 } else { 1..=MAX_REDUCE_LOG2 };
+    let least = 1..=MAX_REDUCE_LOG2;
     let list: Vec<(Content, u32)> = match params.content {
         Some(content) => least.map(|reduce_log2| (content, reduce_log2)).collect(),
         None if params.reduce_log2.is_some() => usual.to_vec(),
@@ -246,6 +247,8 @@ pub(crate) struct Base {
     counts: Vec<usize>,
     /// Texels of the largest level that is stored.
     pub(crate) texels: u64,
+    /// Squared error of alpha, which no error map lessens, in 8-bit units; 0 where there is none.
+    pub(crate) alpha_error: f64,
     /// Bits of the planes and parameters of the bases and of what is drawn beside them, but those that are shared.
     bits: u64,
 }
@@ -263,6 +266,7 @@ impl Base {
         let mut base = Base {
             bits: form.bits_memory() - 8 * maps as u64,
             texels: plain.stored().texels(),
+            alpha_error: 0.0,
             blocks: Vec::new(),
             counted: Vec::new(),
             counts: Vec::new(),
@@ -274,6 +278,11 @@ impl Base {
                 let rect = plain.stored().whole(surface as u32, level as u32)?;
                 let mut texels = vec![Texel::ZERO; rect.width as usize * rect.height as usize];
                 plain.decode_stored(rect, &mut texels);
+                if level == 0 && raster.info().has_alpha() {
+                    let away =
+                        |(wanted, shown): (Texel, &Texel)| f64::from(255.0 * (wanted.w - shown.w)).powi(2);
+                    base.alpha_error += raster.texels().zip(&texels).map(away).sum::<f64>();
+                }
                 let found = blocks(raster, &texels);
                 base.counted.resize(base.counted.len() + found.len(), level == 0);
                 base.blocks.extend(found);
@@ -281,6 +290,16 @@ impl Base {
             base.counts.push(base.blocks.len() - before);
         }
         Some(base)
+    }
+
+    /// Whether alpha is as good as a goal asks of colours: of goals of bits, the estimates judge.
+    pub(crate) fn shows_alpha(&self, goal: Goal) -> bool {
+        let error = SquaredError { sum: self.alpha_error, count: self.texels };
+        match goal {
+            Goal::Psnr(psnr) => error.psnr() >= psnr,
+            Goal::Bpp(_) => true,
+            Goal::Tolerance(_) => self.alpha_error == 0.0,
+        }
     }
 
     /// Bits in memory of the texture with blocks of such classes.

@@ -127,7 +127,7 @@ pub(crate) fn search_price(base: &Base, coder: &Coder<'_>, goal: Goal) -> Found<
 fn estimate(base: &Base, coder: &Coder<'_>, classes: &[u8]) -> Measured {
     let sum = coder.error_of(classes, &base.counted);
     let count = CHANNELS * base.texels as f64;
-    let error = SquaredError { sum: sum + ROUNDING * count, count: count as u64 };
+    let error = SquaredError { sum: sum + ROUNDING * count + base.alpha_error, count: count as u64 };
     Measured {
         psnr: error.psnr(),
         bpp: base.bits(coder, classes) as f64 / base.texels as f64,

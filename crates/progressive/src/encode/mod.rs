@@ -111,6 +111,10 @@ fn encode_frame(
     for (index, &kind) in kinds.iter().enumerate() {
         job.stage("trying bases", 0.4 * index as f32 / kinds.len() as f32)?;
         let Some(base) = make(frame, kind, inner, job) else { continue };
+        // Where none shows alpha as well as it should, the largest does so best.
+        if kind.reduce_log2 > 1 && !base.shows_alpha(inner) {
+            continue;
+        }
         let Some(draft) = best_draft(&base, inner, job) else { continue };
         if best.as_ref().is_none_or(|(_, best)| inner.prefers(&draft.estimate, &best.estimate)) {
             best = Some((base, draft));

@@ -1,5 +1,5 @@
 //! Images read in bands of rows: PNG by its rows and TIFF by its strips or tiles hold no more than a band and what a strip or row
-//! of tiles holds; all else is decoded whole, as it is stored. A fourth band of a TIFF that is not said to be alpha, as near
+//! of tiles holds; all else is decoded whole, as it is stored. A fourth band of a TIFF that is said to be no alpha, as near
 //! infrared in aerial photographs, is left out.
 
 use std::fs::File;
@@ -213,6 +213,19 @@ fn tiff_fault(path: &Path, error: tiff::TiffError) -> CliError {
     CliError::Rows { path: path.to_owned(), source: Box::new(error) }
 }
 
+/// Whether a TIFF file says that what it has beside gray or RGB is no alpha, as aerial photographs with infrared do. Many writers of
+/// alpha say nothing. `None` where it cannot be told.
+fn no_alpha(decoder: &mut TiffDecoder<BufReader<File>>) -> Option<bool> {
+    let extra = decoder.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).ok()?;
+    Some(extra.is_some_and(|extra| !extra.contains(&1) && !extra.contains(&2)))
+}
+
+/// Whether the last channel of a file is a band of its own, and no alpha.
+pub(super) fn ends_with_band(path: &Path) -> bool {
+    let decoder = File::open(path).ok().and_then(|file| TiffDecoder::new(BufReader::new(file)).ok());
+    decoder.and_then(|mut decoder| no_alpha(&mut decoder)).unwrap_or(false)
+}
+
 impl Tiff {
     /// `None` where the pixels are not gray, RGB or RGBA of 8 or 16 bits, interleaved.
     fn open(file: BufReader<File>) -> Option<Tiff> {
@@ -238,9 +251,7 @@ impl Tiff {
             ChunkType::Strip => 1,
             ChunkType::Tile => width.div_ceil(chunk.0.max(1)),
         };
-        let extra = decoder.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).ok()?;
-        let has_band =
-            channels % 2 == 0 && extra.is_none_or(|extra| !extra.contains(&1) && !extra.contains(&2));
+        let has_band = channels % 2 == 0 && no_alpha(&mut decoder)?;
         let held = Samples::Eight(Vec::new());
         (chunk.0 > 0 && chunk.1 > 0).then_some(Tiff {
             decoder,

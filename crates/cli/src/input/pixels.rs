@@ -49,7 +49,11 @@ pub(crate) fn read(
     alpha: Option<Alpha>,
     limit_bytes: u64,
 ) -> Result<Raster, CliError> {
-    let raster = raster(path, decode(path, limit_bytes)?, color)?;
+    let mut raster = raster(path, decode(path, limit_bytes)?, color)?;
+    // Near infrared, as in aerial photographs.
+    if raster.info().has_alpha() && super::bands::ends_with_band(path) {
+        raster = raster.with_channels(raster.info().channels - 1);
+    }
     let alpha = alpha.unwrap_or(raster.info().alpha);
     Ok(raster.tagged(color, alpha))
 }

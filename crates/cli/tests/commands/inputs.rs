@@ -176,3 +176,30 @@ fn bc1_is_encoded_anew_where_that_is_asked_for() {
         assert!(row["error"].as_str().unwrap().contains(hint), "{row}");
     }
 }
+
+#[test]
+fn a_fourth_band_of_a_tiff_that_says_so_is_no_alpha() {
+    use tiff::encoder::{TiffEncoder, colortype::RGBA8};
+    use tiff::tags::Tag;
+    let place = Place::new();
+    let texels = samples(40, 30, 4);
+    for (name, extra) in [("infrared", 0u16), ("alpha", 2)] {
+        let file = fs::File::create(place.at(&format!("{name}.tif"))).unwrap();
+        let mut encoder = TiffEncoder::new(file).unwrap();
+        let mut image = encoder.new_image::<RGBA8>(40, 30).unwrap();
+        image.encoder().write_tag(Tag::ExtraSamples, &[extra][..]).unwrap();
+        image.write_data(&texels).unwrap();
+    }
+    for kind in ["image", "set"] {
+        let arguments = format!(". --as {kind} --codec progressive --psnr 26 --out {kind}");
+        assert_eq!(place.run(&format!("compress infrared.tif alpha.tif{}", &arguments[1..])).code, Some(0));
+    }
+    for (name, channels) in [("infrared", 3), ("alpha", 4)] {
+        let run = place.run(&format!("info image/{name}.txf --json"));
+        let info: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+        assert_eq!(info["channels"], channels, "{name}");
+    }
+    assert_eq!(place.run("decompress set --out png").code, Some(0));
+    let color = |name: &str| image::open(place.at(name)).unwrap().color().channel_count();
+    assert_eq!((color("png/infrared.png"), color("png/alpha.png")), (3, 4));
+}

@@ -90,7 +90,7 @@ impl Draft {
         let (number, estimate, classes) = match goal {
             Goal::Tolerance(tolerance) => {
                 let classes = coder.likely(cell_limit(tolerance) * 4.0 / WORST_TO_MEAN);
-                let mut estimate = estimate(base, &coder, &classes);
+                let mut estimate = estimate(base, &coder, &classes, goal);
                 let crowded = share_of_largest(&classes) > CROWD;
                 estimate.worst_block_rms = if crowded { f64::MAX } else { tolerance };
                 (FIRST_PRICE, estimate, classes)
@@ -116,7 +116,7 @@ pub(crate) fn search_price(base: &Base, coder: &Coder<'_>, goal: Goal) -> Found<
     let range = FIRST_PRICE..=FIRST_PRICE + PRICES;
     let found = search(goal, range, FIRST_PRICE + PRICES / 2, 0.0, |number| {
         let classes = coder.choose(price(number));
-        Ok::<_, Infallible>((estimate(base, coder, &classes), classes))
+        Ok::<_, Infallible>((estimate(base, coder, &classes, goal), classes))
     });
     match found {
         Ok(found) => found,
@@ -124,10 +124,12 @@ pub(crate) fn search_price(base: &Base, coder: &Coder<'_>, goal: Goal) -> Found<
 }
 
 /// Bits exactly, error as far as is known.
-fn estimate(base: &Base, coder: &Coder<'_>, classes: &[u8]) -> Measured {
+fn estimate(base: &Base, coder: &Coder<'_>, classes: &[u8], goal: Goal) -> Measured {
+    // Goals of quality are those of colours.
+    let alpha = if matches!(goal, Goal::Bpp(_)) { base.alpha_error } else { 0.0 };
     let sum = coder.error_of(classes, &base.counted);
     let count = CHANNELS * base.texels as f64;
-    let error = SquaredError { sum: sum + ROUNDING * count + base.alpha_error, count: count as u64 };
+    let error = SquaredError { sum: sum + ROUNDING * count + alpha, count: count as u64 };
     Measured {
         psnr: error.psnr(),
         bpp: base.bits(coder, classes) as f64 / base.texels as f64,

@@ -143,11 +143,11 @@ fn epitome_cases() -> Vec<Case> {
     let cases = [
         ("1 channel, 2 bytes", Forge { channels: 1, block: 32, bits: bits(7, 6, 2, 1), ..forge() }),
         ("2 channels, 3 bytes, mips", Forge { channels: 2, bits: bits(9, 8, 4, 3), ..forge() }.with_mips()),
-        ("3 channels, 5 bytes, mips", Forge { bits: bits(12, 12, 8, 8), ..forge() }.with_mips()),
+        ("3 channels, 5 bytes, mips", Forge { bits: bits(12, 12, 8, 8), strip: 11, ..forge() }.with_mips()),
         ("3 channels, 6 bytes, large", Forge { block: 64, bits: bits(16, 16, 8, 8), ..forge() }),
         (
             "4 channels, unsplit, mips",
-            Forge { channels: 4, bits: bits(9, 9, 8, 6), ..forge() }.unsplit().with_mips(),
+            Forge { channels: 4, bits: bits(9, 9, 8, 6), strip: 48, ..forge() }.unsplit().with_mips(),
         ),
         ("bc1, no palettes", Forge { contents: &[Bc1], bits: bits(9, 8, 0, 0), ..forge() }),
         (
@@ -156,7 +156,7 @@ fn epitome_cases() -> Vec<Case> {
         ),
         (
             "bc1 and bc7, mips",
-            Forge { contents: &[Bc1, Bc7], bits: bits(16, 16, 8, 7), ..forge() }.with_mips(),
+            Forge { contents: &[Bc1, Bc7], bits: bits(16, 16, 8, 7), strip: 32, ..forge() }.with_mips(),
         ),
         (
             "bc1 and bc7, unsplit",

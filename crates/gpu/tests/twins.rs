@@ -269,8 +269,9 @@ fn zipmaps_are_drawn_by_derivatives_as_on_the_cpu() {
     let Some(gpu) = gpu() else { return };
     for case in zipmap_cases() {
         let texture = case.subject.upload(gpu).with_address_mode(AddressMode::Clamp);
-        for zoom in [0.05, 0.2, 1.0, 3.0] {
-            let uv = Affine2::from_scale(Vec2::splat(zoom)) * askew();
+        // The last of them longer than wide, so that a pixel is the mean of several.
+        for zoom in [0.05, 0.2, 1.0, 3.0].map(Vec2::splat).into_iter().chain([Vec2::new(0.1, 0.9)]) {
+            let uv = Affine2::from_scale(zoom) * askew();
             let uv = Affine2 { translation: Vec2::splat(0.5) - uv.matrix2 * Vec2::splat(0.5), ..uv };
             let view = View { surface: 0, size: (41, 29), uv, lookup: Lookup::Derivative };
             let found = gpu.sample(&texture, &view).unwrap();

@@ -9,7 +9,7 @@ use texfold_core::{Budget, LoadError, String4, SurfaceSize};
 
 use crate::ZipTexture;
 use crate::encoded::{
-    MAX_PATCH_LEVELS, MAX_PATCHES, MAX_PLANE_SIDE, PATCH_PART, Parts, PatchForm, ROOT_PART,
+    MAX_PATCH_LEVELS, MAX_PATCHES, MAX_PLANE_SIDE, PATCH_PART, Parts, PatchForm, ROOT_PART, most_table_bytes,
 };
 
 const FORM_ID: [u8; 4] = *b"ZMFM";
@@ -96,8 +96,7 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ZipTextur
         }
         planes.end()?;
     }
-    // Tiles and their lists: at most 4096 tiles of 512 patches or 1024 of all.
-    budget.take((patches.len() as u64 + 8) * (1 << 14))?;
+    budget.take(most_table_bytes(patches.len()))?;
     let too_large = LoadError::Corrupt {
         section: String4(PATCH_ID),
         offset: 0,

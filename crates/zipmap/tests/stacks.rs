@@ -7,6 +7,7 @@ use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{ColorSpace, Raster};
 use texfold_core::{Budget, EncodeError, Encoded, Job, Texel, TextureCodec};
 use texfold_testkit::leaves::{Leaves, Lens, close_up, photograph};
+use texfold_zipmap::decode::{texfold_zipmap_pixel, texfold_zipmap_sample_grad};
 use texfold_zipmap::{
     LeftOut, PatchSource, PatchStack, Registration, ZipError, ZipParams, ZipTexture, Zipmap, fidelity,
     register,
@@ -147,6 +148,38 @@ fn no_seam_shows_at_the_border_of_a_patch_at_any_level() {
         let (border, around) = steps_around_border(&texture, &matrices[1], pixel);
         println!("level {level}: {border:.2} at the border, {around:.2} beside it");
         assert!(border < 1.1 * around, "level {level}: {border} {around}");
+    }
+}
+
+#[test]
+fn a_pixel_that_is_longer_than_wide_keeps_detail_across() {
+    let (photos, matrices) = stack_of_three(1.0);
+    let patches = [1].map(|image| PatchSource { image, matrix: matrices[image], mask: None, parent: None });
+    let stack = PatchStack { root: photos[0].clone(), images: photos.clone(), patches: patches.to_vec() };
+    let params = ZipParams { content: Some(texfold_bc::Content::Raw), ..ZipParams::default() };
+    let texture = encode(&stack, &params).unwrap();
+    let view = texture.view();
+    let texel = Vec2::new(1.0 / SIZE.0 as f32, 1.0 / SIZE.1 as f32) / 2.5;
+    // A pixel of six texels by one, turned: against the mean of many small ones, and against one as wide as long.
+    let (dx, dy) = (Vec2::new(5.0, 3.3) * texel, Vec2::new(-0.55, 0.83) * texel);
+    let (mut longer, mut square) = (0.0, 0.0);
+    for k in 0..400u32 {
+        let at = Vec2::new(0.35 + 0.01 * (k % 20) as f32, 0.45 + 0.01 * (k / 20) as f32);
+        let exact = (0..48).map(|part| {
+            let place = at + dx * ((part as f32 + 0.5) / 48.0 - 0.5);
+            texfold_zipmap_pixel(&view, place, dy, Vec2::new(dy.y, -dy.x))
+        });
+        let exact = exact.sum::<Texel>() / 48.0;
+        longer += (texfold_zipmap_sample_grad(&view, at, dx, dy) - exact).truncate().length_squared();
+        square += (texfold_zipmap_pixel(&view, at, dx, dy) - exact).truncate().length_squared();
+    }
+    println!("mean of parts: {longer:.3}, one lookup: {square:.3}");
+    assert!(8.0 * longer < square, "{longer} {square}");
+    // A pixel of no area, of no size, and numbers that are none, are drawn too.
+    for (dx, dy) in
+        [(dx, dx), (Vec2::ZERO, Vec2::ZERO), (Vec2::splat(f32::NAN), dy), (Vec2::splat(f32::INFINITY), dy)]
+    {
+        assert!(texfold_zipmap_sample_grad(&view, Vec2::splat(0.5), dx, dy).w >= 0.0 || !dx.is_finite());
     }
 }
 

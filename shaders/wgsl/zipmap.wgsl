@@ -103,7 +103,7 @@ fn texfold_zipmap_patch(index: u32) -> TexfoldZipmapPatch {
         bitcast<vec3<f32>>(z.xyz),
         texfold_zipmap_pair(x.w),
         texfold_zipmap_pair(y.w),
-        z.w,
+        z.w & 0xffu,
         start,
     );
 }

@@ -63,7 +63,7 @@ pub struct ZipmapView<'a> {
     pub table: &'a [UVec4],
     /// The texels of each level of the root, row by row.
     pub root: &'a [Vec<[u8; 4]>],
-    /// The texels of each level of each patch, row by row: the shader finds them in one plane.
+    /// The texels of each level of what patches show, row by row: the shader finds them in one plane.
     pub patches: &'a [Vec<Vec<[u8; 4]>>],
 }
 
@@ -80,8 +80,8 @@ pub struct TexfoldZipmapPatch {
     pub size: IVec2,
     /// Mip levels.
     pub levels: u32,
-    /// Its number.
-    pub index: u32,
+    /// What it shows, by number: the shader has places in the plane instead.
+    pub content: u32,
 }
 
 fn texel(bytes: [u8; 4]) -> Texel {
@@ -124,8 +124,8 @@ pub fn texfold_zipmap_patch(view: &ZipmapView<'_>, index: u32) -> TexfoldZipmapP
         by_v: column(y),
         by_one: column(z),
         size: texfold_zipmap_pair(x.w),
-        levels: z.w,
-        index,
+        levels: z.w & 0xff,
+        content: z.w >> 8,
     }
 }
 
@@ -159,7 +159,7 @@ pub fn texfold_zipmap_near(view: &ZipmapView<'_>, index: u32, uv: Vec2) -> Vec4 
     let place = layer.by_u * uv.x + layer.by_v * uv.y + layer.by_one;
     let at = place.truncate() / place.z;
     let inside = at.cmpge(Vec2::ZERO).all() && at.cmple(layer.size.as_vec2()).all();
-    let texels = view.patches.get(index as usize).and_then(|levels| levels.first());
+    let texels = view.patches.get(layer.content as usize).and_then(|levels| levels.first());
     let Some(texels) = texels else { return Vec4::ZERO };
     let texel = texfold_zipmap_blend(texels, layer.size, at);
     texfold_zipmap_shown(texel, inside && place.z >= TEXFOLD_ZIPMAP_HORIZON)
@@ -175,7 +175,7 @@ pub fn texfold_zipmap_level(
     level: u32,
 ) -> Vec4 {
     let size = texfold_level_size(layer.size.as_uvec2(), level).as_ivec2();
-    let texels = view.patches.get(layer.index as usize).and_then(|levels| levels.get(level as usize));
+    let texels = view.patches.get(layer.content as usize).and_then(|levels| levels.get(level as usize));
     let Some(texels) = texels else { return Vec4::ZERO };
     texfold_zipmap_blend(texels, size, share * size.as_vec2())
 }

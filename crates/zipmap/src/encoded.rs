@@ -49,8 +49,8 @@ pub(crate) const TABLE_PART: &str = "tiles";
 pub(crate) struct PatchForm {
     /// From the root's texture coordinates to its own, row by row.
     pub(crate) matrix: [f32; 9],
-    /// The planes of its mip levels, at least one, each half of the sides of the one before.
-    pub(crate) levels: Vec<ContentPlanes>,
+    /// What it shows, by number.
+    pub(crate) content: usize,
 }
 
 /// What is stored of a texture.
@@ -62,6 +62,8 @@ pub(crate) struct Parts {
     pub(crate) deep: u32,
     /// The planes of the root's levels.
     pub(crate) root: Vec<ContentPlanes>,
+    /// What patches show: the planes of its mip levels, at least one, each half of the sides of the one before.
+    pub(crate) contents: Vec<Vec<ContentPlanes>>,
     /// In the order in which they lie over each other.
     pub(crate) patches: Vec<PatchForm>,
 }
@@ -72,11 +74,11 @@ pub struct ZipTexture {
     pub(crate) parts: Parts,
     params: TexfoldZipmapParams,
     table: Vec<UVec4>,
-    /// Where each level of each patch lies in the plane of all patches.
+    /// Where each level of what patches show lies in their plane.
     origins: Vec<Vec<(u32, u32)>>,
     atlas: (u32, u32),
     root: Vec<Vec<[u8; 4]>>,
-    patches: Vec<Vec<Vec<[u8; 4]>>>,
+    contents: Vec<Vec<Vec<[u8; 4]>>>,
     pub(crate) notes: Notes,
 }
 
@@ -91,14 +93,16 @@ fn bytes_of(planes: &ContentPlanes) -> Vec<[u8; 4]> {
 impl ZipTexture {
     /// Lays the parts out for sampling; `None` where the patches do not fit a plane.
     pub(crate) fn new(parts: Parts, notes: Notes) -> Option<ZipTexture> {
-        let (origins, atlas) = pack(&parts.patches)?;
+        let (origins, atlas) = pack(&parts.contents)?;
         let tiles = tiles_a_side(parts.patches.len());
-        let mut table = directory(&parts.patches, tiles, parts.root[0].size());
+        let mut table = directory(&parts, tiles);
         // A row holds whole records.
         table.resize(table.len().next_multiple_of(TEXFOLD_ZIPMAP_RECORD as usize), UVec4::ZERO);
         let record_start = table.len() as u32;
-        for (patch, origins) in parts.patches.iter().zip(&origins) {
-            table.extend(record(&patch.matrix, patch.levels[0].size(), patch.levels.len(), origins));
+        for patch in &parts.patches {
+            let (levels, origins) = (&parts.contents[patch.content], &origins[patch.content]);
+            let numbers = (levels.len(), patch.content);
+            table.extend(record(&patch.matrix, levels[0].size(), numbers, origins));
         }
         let columns = (table.len()).min(1 << ROW_LOG2);
         table.resize(table.len().next_multiple_of(columns), UVec4::ZERO);
@@ -113,20 +117,20 @@ impl ZipTexture {
             root_swizzle: parts.root[0].swizzle().0,
             tiles: [tiles; 2],
             record_start,
-            patch_swizzle: parts.patches.first().map_or(0, |patch| patch.levels[0].swizzle().0),
+            patch_swizzle: parts.contents.first().map_or(0, |levels| levels[0].swizzle().0),
             row_log2: ROW_LOG2,
             reserved: [0; 3],
         };
         let root = parts.root.iter().map(bytes_of).collect();
-        let patches =
-            parts.patches.par_iter().map(|patch| patch.levels.iter().map(bytes_of).collect()).collect();
-        Some(ZipTexture { parts, params, table, origins, atlas, root, patches, notes })
+        let contents =
+            parts.contents.par_iter().map(|levels| levels.iter().map(bytes_of).collect()).collect();
+        Some(ZipTexture { parts, params, table, origins, atlas, root, contents, notes })
     }
 
     /// The texture as the shader sees it.
     #[must_use]
     pub fn view(&self) -> ZipmapView<'_> {
-        ZipmapView { params: self.params, table: &self.table, root: &self.root, patches: &self.patches }
+        ZipmapView { params: self.params, table: &self.table, root: &self.root, patches: &self.contents }
     }
 
     /// Number of patches.
@@ -139,8 +143,15 @@ impl ZipTexture {
     #[must_use]
     pub fn patch(&self, index: usize) -> Option<(DMat3, SurfaceSize, usize)> {
         let patch = self.parts.patches.get(index)?;
-        let (width, height) = patch.levels[0].size();
-        Some((matrix_of(&patch.matrix), SurfaceSize { width, height }, patch.levels.len()))
+        let levels = &self.parts.contents[patch.content];
+        let (width, height) = levels[0].size();
+        Some((matrix_of(&patch.matrix), SurfaceSize { width, height }, levels.len()))
+    }
+
+    /// How many pictures the patches show: fewer than patches where one lies at several places.
+    #[must_use]
+    pub fn contents(&self) -> usize {
+        self.parts.contents.len()
     }
 
     /// Columns and rows of the root.
@@ -194,12 +205,12 @@ impl ZipTexture {
     fn atlas_plane(&self) -> Plane<'_> {
         let (width, height) = self.atlas;
         let format =
-            self.parts.patches.first().map_or(PlaneFormat::Rgba8Unorm, |patch| patch.levels[0].planes()[0].0);
+            self.parts.contents.first().map_or(PlaneFormat::Rgba8Unorm, |levels| levels[0].planes()[0].0);
         let mut data = vec![0; format.bytes(width, height) as usize];
         let (side, block) = (format.block_side(), format.block_bytes() as usize);
         let row_bytes = width.div_ceil(side) as usize * block;
-        for (patch, origins) in self.parts.patches.iter().zip(&self.origins) {
-            for (level, &(x, y)) in patch.levels.iter().zip(origins) {
+        for (levels, origins) in self.parts.contents.iter().zip(&self.origins) {
+            for (level, &(x, y)) in levels.iter().zip(origins) {
                 let bytes = &level.planes()[0].1;
                 let run = level.size().0.div_ceil(side) as usize * block;
                 for (row, from) in bytes.chunks_exact(run).enumerate() {
@@ -236,7 +247,7 @@ struct Outline {
 }
 
 impl Outline {
-    fn of(patch: &PatchForm, root: DVec2) -> Outline {
+    fn of(patch: &PatchForm, (width, height): (u32, u32), root: DVec2) -> Outline {
         let matrix = matrix_of(&patch.matrix);
         let inverse = matrix.inverse();
         let polygon = if inverse.is_finite() {
@@ -248,7 +259,6 @@ impl Outline {
             polygon.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), &point| {
                 (low.min(point), high.max(point))
             });
-        let (width, height) = patch.levels[0].size();
         let own = DVec2::new(f64::from(width), f64::from(height));
         Outline {
             polygon,
@@ -277,9 +287,11 @@ impl Outline {
 }
 
 /// For each tile how many patches touch it and where its list begins, then the lists, each once: the uppermost patch first.
-fn directory(patches: &[PatchForm], tiles: u32, root: (u32, u32)) -> Vec<UVec4> {
-    let root = DVec2::new(f64::from(root.0), f64::from(root.1));
-    let outlines: Vec<Outline> = patches.iter().map(|patch| Outline::of(patch, root)).collect();
+fn directory(parts: &Parts, tiles: u32) -> Vec<UVec4> {
+    let (width, height) = parts.root[0].size();
+    let root = DVec2::new(f64::from(width), f64::from(height));
+    let outline = |patch: &PatchForm| Outline::of(patch, parts.contents[patch.content][0].size(), root);
+    let outlines: Vec<Outline> = parts.patches.iter().map(outline).collect();
     let lists: Vec<(Vec<u16>, f32)> = (0..tiles * tiles)
         .into_par_iter()
         .map(|tile| {
@@ -329,11 +341,11 @@ pub(crate) fn list_texels(list: &[u16], finest: f32) -> Vec<UVec4> {
 pub(crate) fn record(
     matrix: &[f32; 9],
     (width, height): (u32, u32),
-    levels: usize,
+    (levels, content): (usize, usize),
     origins: &[(u32, u32)],
 ) -> [UVec4; TEXFOLD_ZIPMAP_RECORD as usize] {
     let first = origins.first().map_or(0, |&(x, y)| x | y << 16);
-    let extra = [width | height << 16, first, levels as u32];
+    let extra = [width | height << 16, first, levels as u32 | (content as u32) << 8];
     let mut texels = [UVec4::ZERO; TEXFOLD_ZIPMAP_RECORD as usize];
     for (column, texel) in texels[..3].iter_mut().enumerate() {
         let [x, y, z] = [(0, width as f32), (1, height as f32), (2, 1.0)]
@@ -346,16 +358,16 @@ pub(crate) fn record(
     texels
 }
 
-/// The origin of each level of each patch in one plane, and the plane's size.
+/// The origin of each level of what patches show in one plane, and the plane's size.
 type Packing = (Vec<Vec<(u32, u32)>>, (u32, u32));
 
-/// The origin of each level of each patch in one plane, and the plane's size: rows of rectangles of falling height. `None` where it
+/// The origin of each level of what patches show in one plane, and the plane's size: rows of rectangles of falling height. `None` where it
 /// would be too large.
-fn pack(patches: &[PatchForm]) -> Option<Packing> {
+fn pack(contents: &[Vec<ContentPlanes>]) -> Option<Packing> {
     let whole = |side: u32| side.next_multiple_of(4);
     let mut all: Vec<(usize, usize, u32, u32)> = Vec::new();
-    for (index, patch) in patches.iter().enumerate() {
-        for (level, planes) in patch.levels.iter().enumerate() {
+    for (index, levels) in contents.iter().enumerate() {
+        for (level, planes) in levels.iter().enumerate() {
             let (width, height) = planes.size();
             all.push((index, level, whole(width), whole(height)));
         }
@@ -368,7 +380,7 @@ fn pack(patches: &[PatchForm]) -> Option<Packing> {
     let widths = (0..8).map(|step| whole(square + square * step / 16)).chain([MAX_PLANE_SIDE]);
     let tried = widths.filter(|&width| width >= widest && width <= MAX_PLANE_SIDE).filter_map(|width| {
         let mut origins: Vec<Vec<(u32, u32)>> =
-            patches.iter().map(|patch| vec![(0, 0); patch.levels.len()]).collect();
+            contents.iter().map(|levels| vec![(0, 0); levels.len()]).collect();
         let (mut x, mut y, mut row, mut used) = (0, 0, 0, 4);
         for &(index, level, wide, high) in &all {
             if x + wide > width {

@@ -311,6 +311,38 @@ fn faults_of_hand_made_stacks_are_named() {
 }
 
 #[test]
+fn an_image_at_several_places_is_stored_once_and_is_the_same_at_each() {
+    let leaves = leaves();
+    let root = shot(&leaves, &DMat3::IDENTITY, PLAIN);
+    let image = shot(&Leaves::new(8, 60_000), &DMat3::IDENTITY, PLAIN);
+    let places = [(0.25, 0.3, 0.2), (0.7, 0.35, -0.9), (0.5, 0.75, 2.0)];
+    let matrices = places.map(|(x, y, turn)| close_up(DVec2::new(x, y), 4.0, turn, DVec2::ZERO));
+    let patches = matrices.map(|matrix| PatchSource { image: 0, matrix, mask: None, parent: None });
+    let mut stack = PatchStack { root, images: vec![image], patches: patches.to_vec() };
+    let params = ZipParams { content: Some(texfold_bc::Content::Raw), ..ZipParams::default() };
+    let three = encode(&stack, &params).unwrap();
+    assert_eq!((three.patches(), three.contents()), (3, 1), "{}", three.notes().verdict);
+    let middle = |texture: &ZipTexture, matrix: &DMat3, at: DVec2| {
+        let place = project(&matrix.inverse(), at).as_vec2();
+        texture.draw(place - Vec2::splat(5e-5), Vec2::splat(1e-4), (1, 1))[0]
+    };
+    for at in [DVec2::splat(0.5), DVec2::new(0.4, 0.55)] {
+        let [a, b, c] = matrices.map(|matrix| middle(&three, &matrix, at));
+        assert!((a - b).abs().max_element() < 2e-3 && (a - c).abs().max_element() < 2e-3, "{a} {b} {c}");
+    }
+    let file = bytes(&three);
+    let mut budget = Budget::default();
+    assert!(Zipmap::load(&Sections::parse(&file, &mut budget).unwrap(), &mut budget).unwrap() == three);
+    // Copies of the image are fitted and stored one by one.
+    stack.images = vec![stack.images[0].clone(); 3];
+    (0..3).for_each(|index| stack.patches[index].image = index);
+    let copies = encode(&stack, &params).unwrap();
+    assert_eq!((copies.patches(), copies.contents()), (3, 3));
+    let [once, thrice] = [&three, &copies].map(|texture| texture.gpu().planes[3].data.len());
+    assert!(2 * once < thrice, "{once} {thrice}");
+}
+
+#[test]
 fn a_patch_that_shows_nothing_new_or_that_others_hide_is_left_out() {
     let leaves = leaves();
     let root = shot(&leaves, &DMat3::IDENTITY, PLAIN);

@@ -21,6 +21,8 @@ pub(crate) struct Laid {
     pub(crate) size: (u32, u32),
     /// Texels to a texel of the root.
     pub(crate) zoom: f64,
+    /// Which of the canvas's levels it shows.
+    pub(crate) content: usize,
 }
 
 impl Laid {
@@ -55,6 +57,7 @@ pub(crate) struct Canvas {
     pub(crate) root_size: (u32, u32),
     pub(crate) root: Vec<Vec<[u8; 4]>>,
     pub(crate) laid: Vec<Laid>,
+    /// What patches show: one for each patch, but one for all that show the same.
     pub(crate) levels: Vec<Vec<Vec<[u8; 4]>>>,
 }
 
@@ -73,8 +76,9 @@ impl Canvas {
         let uppermost_first: Vec<u16> = names.iter().rev().copied().collect();
         table.extend(list_texels(&uppermost_first, f32::INFINITY));
         table.resize(table.len().next_multiple_of(TEXFOLD_ZIPMAP_RECORD as usize), UVec4::ZERO);
-        for (laid, levels) in self.laid.iter().zip(&self.levels) {
-            table.extend(record(&laid.rows(), laid.size, levels.len(), &[]));
+        for laid in &self.laid {
+            let numbers = (self.levels[laid.content].len(), laid.content);
+            table.extend(record(&laid.rows(), laid.size, numbers, &[]));
         }
         table
     }

@@ -140,6 +140,12 @@ fn verdict(stack: &PatchStack, texture: &ZipTexture, dropped: &Dropped, loss: f6
         root.height,
         100.0 * bits / (plain * bits_per_texel),
     );
+    if texture.contents() < texture.patches() {
+        text += &format!(
+            "; they show {} pictures, each stored once and not fitted where it lies several times",
+            texture.contents()
+        );
+    }
     if dropped.levels > 0 {
         let share = dropped.level_texels;
         text += &format!(

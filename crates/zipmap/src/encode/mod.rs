@@ -38,7 +38,14 @@ pub(crate) struct Dropped {
     pub(crate) level_texels: u64,
     pub(crate) nothing_new: Vec<usize>,
     pub(crate) hidden: Vec<usize>,
+    /// Texels of the patches of both kinds, all levels.
+    pub(crate) patch_texels: u64,
     pub(crate) cropped_texels: u64,
+}
+
+/// Texels of all levels.
+fn texels_of(levels: &[Vec<[u8; 4]>]) -> u64 {
+    levels.iter().map(|level| level.len() as u64).sum()
 }
 
 impl Dropped {
@@ -46,7 +53,7 @@ impl Dropped {
     fn note_levels(&mut self, all: &[Vec<[u8; 4]>], kept: usize) {
         if kept > 0 {
             self.levels += all.len() - kept;
-            self.level_texels += all[kept..].iter().map(|level| level.len() as u64).sum::<u64>();
+            self.level_texels += texels_of(&all[kept..]);
         }
     }
 }
@@ -113,7 +120,9 @@ pub(crate) fn encode(
         dropped.note_levels(&stamp.levels, stamp.content.map_or(0, |content| canvas.levels[content].len()));
     }
     job.stage("hidden patches", 0.6)?;
+    let before: u64 = canvas.levels.iter().map(|levels| texels_of(levels)).sum();
     dropped.hidden = job.install(|| remove_hidden(&mut canvas));
+    dropped.patch_texels += before - canvas.levels.iter().map(|levels| texels_of(levels)).sum::<u64>();
     let mut best = None;
     let contents = contents(pixel, params);
     for (index, &content) in contents.iter().enumerate() {
@@ -210,6 +219,7 @@ fn lay(stack: &PatchStack, index: usize, params: &ZipParams, canvas: &mut Canvas
     trim::drop_levels(&laid, &mut levels, canvas, color, f64::from(params.drop_rms));
     if levels.is_empty() {
         dropped.nothing_new.push(index);
+        dropped.patch_texels += texels_of(&all);
         return;
     }
     dropped.note_levels(&all, levels.len());

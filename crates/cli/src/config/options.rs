@@ -42,9 +42,12 @@ pub struct Options {
     /// epitome: layers of the file, each of about half of the bits of the next, so that a prefix shows a coarser image.
     #[arg(long, value_name = "N")]
     pub(super) layers: Option<u32>,
-    /// lightfield: take the mesh of that many triangles beside the capture, mesh_N.obj or mesh_N.ply.
+    /// lightfield: simplify the mesh to that many triangles.
     #[arg(long, value_name = "N")]
     pub(super) triangles: Option<u32>,
+    /// lightfield: share of the maps' texels that is stored, above 0 to 1; below 1 maps are codewords that several places show.
+    #[arg(long, value_name = "SHARE")]
+    pub(super) codewords: Option<f32>,
     /// lightfield: terms beside the mean, 0 to 8; 1 where this is not given, up to 4 with a goal.
     #[arg(long, value_name = "K")]
     pub(super) terms: Option<u32>,
@@ -70,7 +73,7 @@ pub struct Options {
     /// vq: a painted importance image, bright where it matters.
     #[arg(long, value_name = "FILE")]
     pub(super) importance_map: Option<PathBuf>,
-    /// vq: a mesh (OBJ, glTF, GLB) that the texture is drawn on; lightfield: the mesh (OBJ, PLY) instead of the capture's own.
+    /// vq: a mesh (OBJ, glTF, GLB) that the texture is drawn on; lightfield: the mesh (OBJ, PLY, glTF, GLB) instead of the capture's own.
     #[arg(long, value_name = "FILE")]
     pub(super) mesh: Option<PathBuf>,
     /// What the values of images mean (srgb where not given).
@@ -171,6 +174,7 @@ impl Options {
             content_from: self.content_from.clone().or_else(|| other.content_from.clone()),
             layers: self.layers.or(other.layers),
             triangles: self.triangles.or(other.triangles),
+            codewords: self.codewords.or(other.codewords),
             terms: self.terms.or(other.terms),
             kind: self.kind.or(other.kind),
             mips: self.mips.or(other.mips),
@@ -245,6 +249,7 @@ impl Options {
                 }
                 () if self.triangles.is_some() => return misplaced("triangles", "lightfield"),
                 () if self.terms.is_some() => return misplaced("terms", "lightfield"),
+                () if self.codewords.is_some() => return misplaced("codewords", "lightfield"),
                 () => {}
             }
         }
@@ -312,6 +317,7 @@ impl Options {
             // A goal counts what the file models; terms that only new views would do without serve it too.
             model: Model { chosen: self.psnr.is_none(), ..usual.model },
             content: self.content.and_then(ContentName::content).unwrap_or(usual.content),
+            codewords: self.codewords.unwrap_or(usual.codewords),
             ..usual
         };
         let fault = |source: texfold_core::ParamError| CliError::Encode {

@@ -187,24 +187,20 @@ impl Bench {
     fn stored(&self) -> Outcome<()> {
         let mut table = columns();
         let capture = self.capture(USUAL_MESH)?;
-        let before = cpu_seconds();
-        for (regions, halvings, grid) in [(24, 1, 32), (100, 2, 24)] {
-            let sampling = regions;
-            let model = Model { fit: Fit::Shared, directions: Directions::World, ..Model::default() };
-            let params = LightParams { regions, halvings, grid, model, ..usual() };
+        let shared = Model { fit: Fit::Shared, directions: Directions::World, ..Model::default() };
+        let of_regions = |regions| LightParams { regions, grid: 32, model: shared, ..usual() };
+        let fits =
+            [("own view maps", usual()), ("24 regions", of_regions(24)), ("100 regions", of_regions(100))];
+        for (fit, params) in fits {
+            let before = cpu_seconds();
             let fitted = Lightfield::fit(&capture, &params, &mut Job::default())?;
             let fitting = cpu_seconds() - before;
-            let forms = [(Content::Raw, 1.0), (Content::Bc1, 1.0)];
-            let books = SHARES.into_iter().flat_map(|share| [(Content::Bc1, share)]);
-            for (content, share) in forms.into_iter().chain(books) {
+            let forms = [(Content::Raw, 1.0), (Content::Bc7, 1.0), (Content::Bc1, 1.0)];
+            for (content, share) in forms.into_iter().chain(SHARES.map(|share| (Content::Bc1, share))) {
                 let before = cpu_seconds();
                 let (texture, quality) = fitted.store(content, share, &mut Job::default())?;
                 let seconds = fitting + cpu_seconds() - before;
-                let name = format!(
-                    "{sampling} {halvings} {grid} {}, {:.0} % of the maps",
-                    content.name(),
-                    100.0 * share
-                );
+                let name = format!("{fit}, {}, {:.0} % of the texels", content.name(), 100.0 * share);
                 self.row(&mut table, &name, &capture, (&texture, &quality), seconds);
             }
         }
@@ -266,7 +262,7 @@ impl Bench {
                 })?;
                 let renderer = Renderer::new(&texture);
                 let cast = fastest(|| {
-                    renderer.render(&camera);
+                    std::hint::black_box(renderer.render(&camera));
                     Ok(())
                 })?;
                 table.row(vec![

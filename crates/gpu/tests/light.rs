@@ -11,12 +11,13 @@ use texfold_bc::Content;
 use texfold_core::{Encoded, Job, TextureCodec};
 use texfold_gpu::GpuError;
 use texfold_lightfield::{
-    Camera, Directions, Factors, LightParams, LightTexture, Lightfield, Model, Renderer,
+    Camera, Directions, Factors, Fit, LightParams, LightTexture, Lightfield, Model, Renderer,
 };
 use texfold_testkit::capture::{Look, camera, eyes, sphere};
 
 fn encoded(content: Content, directions: Directions, factors: Factors, codewords: f32) -> LightTexture {
-    let model = Model { directions, factors, ..Model::default() };
+    let fit = if directions == Directions::World { Fit::Shared } else { Fit::Scattered };
+    let model = Model { fit, directions, factors, ..Model::default() };
     let params = LightParams { terms: 2, content, model, codewords, ..LightParams::default() };
     Lightfield::encode(&sphere(Look::Glossy, 24, 48), &params, &mut Job::default()).unwrap()
 }
@@ -34,6 +35,7 @@ fn drawn_pixels_are_those_of_the_reference() {
         (Content::Raw, Directions::View, Factors::NonNegative, 0.3),
         (Content::Bc1, Directions::Reflected, Factors::Signed, 0.3),
         (Content::Bc7, Directions::Reflected, Factors::NonNegative, 1.0),
+        (Content::Raw, Directions::World, Factors::Signed, 1.0),
     ] {
         let whole = encoded(content, directions, factors, codewords);
         for terms in [0, 1, 2] {

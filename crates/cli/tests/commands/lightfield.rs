@@ -120,6 +120,8 @@ fn meshes_are_simplified_and_maps_shared_where_that_is_asked_for() {
         fewer.0 < whole.0 && shared.0 < whole.0 * 7 / 10 && shared.1 > 25.0,
         "{whole:?} {fewer:?} {shared:?}"
     );
+    let regions = size("--regions 1", 80);
+    assert!(regions.0 < whole.0 && regions.1 > 38.0, "{whole:?} {regions:?}");
     let wrong = place.run("compress ball --codec lightfield --codewords 1.5 --out out");
     assert!(wrong.code == Some(1) && wrong.stderr.contains("codewords"), "{}", wrong.stderr);
     let misplaced = place.run("compress ball --as set --codec vq --codewords 0.5 --out out");

@@ -1,195 +1,333 @@
-//! Light fields against views of a capture that were never used for fitting: meshes, terms, parts of the model and content, beside the
-//! mean alone and the nearest photograph projected again.
+//! Light fields against views of a capture that were never used for fitting, beside the mean alone and the nearest photograph
+//! projected again.
 //!
-//! `cargo run --release -p texfold-benches --bin lightfield -- [OUT_DIR] [CAPTURE] [FORM]`: a capture's folder with `transforms_test.json` and
-//! decimated meshes; `slf/spot_gloss` of the shared data where none is named; of its forms those whose names hold the last argument. Writes lightfield.csv and lightfield.md. PSNR counts pixels of the
-//! object alone; those that a mesh does not cover count as black.
+//! `cargo run --release -p texfold-benches --bin lightfield -- [OUT] [CAPTURE] [TABLE]`: a capture's folder with `transforms_test.json`;
+//! `slf/spot_gloss` of the shared data where none is named. Tables are `meshes` (quality against size by triangles and terms, with a
+//! chart), `stored` (raw maps, block compression and codebooks), `model` (parts of the model left out or done otherwise) and `speed`; all where
+//! none is named. PSNR counts pixels of the object alone; those that a mesh does not cover count as black.
 
-use std::path::{Path, PathBuf};
+#[path = "lightfield/views.rs"]
+mod views;
+
+use std::path::PathBuf;
 
 use texfold::{
-    Camera, Capture, Content, Directions, Encoded, Factors, Fit, Job, LightParams, LightTexture, Lightfield,
-    Model, Renderer, View,
+    Capture, Content, Directions, Encoded, Factors, Fit, Job, LightParams, LightTexture, Lightfield, Model,
+    Quality, Renderer, View,
 };
-use texfold_benches::report::{Outcome, Table, cpu_seconds};
+use texfold_benches::report::{Chart, Line, Outcome, Table, cpu_seconds};
+use texfold_gpu::{Gpu, Policy};
+use views::{Closeness, closeness, nearest_photograph};
 
-/// Meshes beside the capture's own, by their triangles.
-const MESHES: [u32; 3] = [600, 1500, 3000];
-/// Share of the object's pixels that are called brightest.
-const BRIGHTEST: f64 = 0.1;
-/// Distances of two hits on one ray that are one place, as a share.
-const SAME_PLACE: f32 = 2e-3;
+/// Meshes by their triangles, simplified from the capture's own, which is the last.
+const MESHES: [Option<u32>; 4] = [Some(600), Some(1500), Some(3000), None];
+/// The mesh of the tables of one mesh.
+const USUAL_MESH: Option<u32> = Some(3000);
+/// Most terms of the chart.
+const MOST_TERMS: u32 = 6;
+/// Pixels a side of pictures that are timed, and how often each is drawn.
+const FRAME: u32 = 512;
+const DRAWS: usize = 5;
+/// Shares of the maps' texels that codebooks keep.
+const SHARES: [f32; 5] = [0.5, 0.25, 0.12, 0.06, 0.03];
 
-/// What is encoded: a name, and how.
-fn variants() -> Vec<(&'static str, LightParams)> {
-    let usual = LightParams { terms: 3, sampling: 0.6, ..LightParams::default() };
-    let model = |model| LightParams { model, ..usual.clone() };
-    let all = Model::default();
-    let small = LightParams { terms: 1, grid: 12, sampling: 0.35, content: Content::Bc1, ..usual.clone() };
-    vec![
-        ("0 terms", LightParams { terms: 0, ..usual.clone() }),
-        ("1 term", LightParams { terms: 1, ..usual.clone() }),
-        ("2 terms", LightParams { terms: 2, ..usual.clone() }),
-        ("3 terms", usual.clone()),
-        ("6 terms", LightParams { terms: 6, ..usual.clone() }),
-        ("3 terms at every vertex", model(Model { chosen: false, ..all })),
-        ("no partly seen triangles", model(Model { partial: false, ..all })),
-        ("factors without signs", model(Model { factors: Factors::NonNegative, ..all })),
-        ("over the view direction", model(Model { directions: Directions::View, ..all })),
-        ("resampled, reflected", model(Model { fit: Fit::Resampled, ..all })),
-        ("resampled (the paper)", model(Model { fit: Fit::Resampled, directions: Directions::View, ..all })),
-        ("all samples, maps of 24x24", LightParams { grid: 24, sampling: 1.0, ..usual.clone() }),
-        ("3 terms, BC7", LightParams { content: Content::Bc7, ..usual.clone() }),
-        ("3 terms, BC1", LightParams { content: Content::Bc1, ..usual.clone() }),
-        ("small: 1 term, BC1, maps of 12x12", small),
-    ]
-}
-
-/// How close views come.
-struct Closeness {
-    psnr: f64,
-    worst: f64,
-    brightest: f64,
-}
-
-fn db(squares: f64, count: f64) -> f64 {
-    10.0 * (65025.0 * 3.0 * count.max(1.0) / squares.max(1e-9)).log10()
-}
-
-/// Compares what `draw` gives for the camera of each view with the view.
-fn closeness(tests: &[View], draw: impl Fn(&Camera) -> Vec<[u8; 4]>) -> Closeness {
-    let mut errors: Vec<(u32, f64)> = Vec::new();
-    let mut worst = f64::INFINITY;
-    for view in tests {
-        let drawn = draw(&view.camera);
-        let first = errors.len();
-        for (wanted, found) in view.pixels.iter().zip(&drawn).filter(|(wanted, _)| wanted[3] > 127) {
-            let squares: f64 = (0..3).map(|c| f64::from(wanted[c].abs_diff(found[c])).powi(2)).sum();
-            errors.push((wanted[..3].iter().map(|&value| u32::from(value)).sum(), squares));
-        }
-        let own = &errors[first..];
-        worst = worst.min(db(own.iter().map(|(_, squares)| squares).sum(), own.len() as f64));
-    }
-    let sum =
-        |errors: &[(u32, f64)]| db(errors.iter().map(|(_, squares)| squares).sum(), errors.len() as f64);
-    let psnr = sum(&errors);
-    errors.sort_by_key(|&(brightness, _)| std::cmp::Reverse(brightness));
-    errors.truncate((errors.len() as f64 * BRIGHTEST).ceil() as usize);
-    Closeness { psnr, worst, brightest: sum(&errors) }
-}
-
-/// The photograph whose direction is nearest of those that see a place, at each pixel of a camera.
-fn nearest_photograph(capture: &Capture, renderer: &Renderer<'_>, camera: &Camera) -> Vec<[u8; 4]> {
-    let eye = camera.eye();
-    let pixel = |index: u32| {
-        let at = glam::Vec2::new((index % camera.width) as f32, (index / camera.width) as f32) + 0.5;
-        let ray = camera.ray(at);
-        let Some((distance, _)) = renderer.meet(eye, ray) else { return [0; 4] };
-        let place = eye + distance * ray;
-        let mut order: Vec<(f32, usize)> = (0..capture.views.len())
-            .map(|view| (-(capture.views[view].camera.eye() - place).normalize().dot(-ray), view))
-            .collect();
-        order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        order.iter().find_map(|&(_, view)| colour_of(&capture.views[view], renderer, place)).unwrap_or([0; 4])
-    };
-    (0..camera.width * camera.height).map(pixel).collect()
-}
-
-/// The pixel of a photograph that shows a place, where it does.
-fn colour_of(view: &View, renderer: &Renderer<'_>, place: glam::Vec3) -> Option<[u8; 4]> {
-    let camera = &view.camera;
-    let at = camera.project(camera.to_camera().transform_point3(place))?;
-    if at.min_element() < 0.0 || at.x >= camera.width as f32 || at.y >= camera.height as f32 {
-        return None;
-    }
-    let pixel = view.pixels[at.y as usize * camera.width as usize + at.x as usize];
-    let (distance, _) = renderer.meet(camera.eye(), place - camera.eye())?;
-    (pixel[3] > 250 && (distance - 1.0).abs() < SAME_PLACE).then_some(pixel)
-}
-
-fn encode(capture: &Capture, params: &LightParams) -> Outcome<(LightTexture, f64)> {
-    let (texture, quality) = Lightfield::encode_measured(capture, params, &mut Job::default())?;
-    Ok((texture, quality.psnr))
+struct Bench {
+    dir: PathBuf,
+    out: PathBuf,
+    tests: Vec<View>,
 }
 
 fn main() -> Outcome<()> {
     let mut arguments = std::env::args().skip(1);
     let out = PathBuf::from(arguments.next().unwrap_or_else(|| "target/lightfield".to_owned()));
-    let named = arguments.next().map(PathBuf::from);
-    let shared = || Some(texfold_testkit::data_dir("the light-field table")?.join("slf/spot_gloss"));
+    let named = arguments.next().filter(|dir| !dir.is_empty()).map(PathBuf::from);
+    let shared = || Some(texfold_testkit::data_dir("the light-field tables")?.join("slf/spot_gloss"));
     let Some(dir) = named.or_else(shared) else { return Ok(()) };
     std::fs::create_dir_all(&out)?;
     let tests =
         texfold_cli::read_views(&dir.join("transforms_test.json")).map_err(|error| error.to_string())?;
-    let mut table = Table::new(&[
+    let bench = Bench { dir, out, tests };
+    let only = arguments.next();
+    for (name, table) in [
+        ("meshes", Bench::meshes as fn(&Bench) -> Outcome<()>),
+        ("stored", Bench::stored),
+        ("model", Bench::model),
+        ("speed", Bench::speed),
+    ] {
+        if only.as_deref().is_none_or(|only| only == name) {
+            table(&bench)?;
+        }
+    }
+    Ok(())
+}
+
+fn usual() -> LightParams {
+    LightParams { terms: 3, ..LightParams::default() }
+}
+
+fn columns() -> Table {
+    Table::new(&[
         "form",
         "triangles",
+        "terms",
         "kB file",
         "kB memory",
+        "resampled : file",
+        "resampled : maps in memory",
         "photographs : file",
-        "dB of the photographs",
+        "dB of matrices",
+        "dB of blended matrices",
+        "dB of colours",
         "dB of new views",
         "worst view",
         "brightest 10 %",
         "CPU s",
-    ]);
-    let only = arguments.next().unwrap_or_default();
-    let variants: Vec<_> = variants().into_iter().filter(|(name, _)| name.contains(&only)).collect();
-    for (name, params) in &variants {
-        row(&mut table, name, &dir, None, params, &tests)?;
+    ])
+}
+
+/// One row's measurements.
+struct Measured {
+    bytes: f64,
+    found: Closeness,
+}
+
+impl Bench {
+    fn capture(&self, triangles: Option<u32>) -> Outcome<Capture> {
+        Ok(texfold_cli::read_capture(&self.dir, triangles).map_err(|error| error.to_string())?)
     }
-    for triangles in MESHES.into_iter().filter(|n| dir.join(format!("mesh_{n}.obj")).is_file()) {
-        for (name, params) in variants.iter().filter(|(name, _)| ["0 terms", "3 terms"].contains(name)) {
-            row(&mut table, name, &dir, Some(triangles), params, &tests)?;
+
+    fn row(
+        &self,
+        table: &mut Table,
+        name: &str,
+        capture: &Capture,
+        (texture, quality): (&LightTexture, &Quality),
+        seconds: f64,
+    ) -> Measured {
+        let renderer = Renderer::new(texture);
+        let found = closeness(&self.tests, |camera| renderer.render(camera));
+        let footprint = texture.footprint();
+        let shown = capture.views.iter().flat_map(|view| &view.pixels).filter(|pixel| pixel[3] > 127).count();
+        let [file, memory] = [footprint.bits_disk(), footprint.bits_memory()].map(|bits| bits as f64 / 8.0);
+        let of_maps = footprint.parts.iter().filter(|part| part.name != "mesh" && part.name != "container");
+        let maps = of_maps.map(|part| part.bits_memory).sum::<u64>() as f64 / 8.0;
+        let ratio = |whole: f64, part: f64| format!("{:.0}", whole / part);
+        let resampled = quality.resampled_bytes as f64;
+        let terms = texture.layout().terms as usize;
+        table.row(vec![
+            name.to_owned(),
+            texture.mesh().triangles.len().to_string(),
+            terms.to_string(),
+            format!("{:.0}", file / 1e3),
+            format!("{:.0}", memory / 1e3),
+            ratio(resampled, file),
+            ratio(resampled, maps),
+            ratio(3.0 * shown as f64, file),
+            format!("{:.2}", quality.psnr_of_terms.get(terms).copied().unwrap_or(quality.psnr)),
+            format!("{:.2}", quality.psnr_of_blends),
+            format!("{:.2}", quality.psnr_of_colours),
+            format!("{:.2}", found.psnr),
+            format!("{:.2}", found.worst),
+            format!("{:.2}", found.brightest),
+            format!("{seconds:.0}"),
+        ]);
+        Measured { bytes: file, found }
+    }
+
+    /// The mean alone and the nearest photograph, on the capture's own mesh.
+    fn baselines(&self, table: &mut Table) -> Outcome<()> {
+        let capture = self.capture(None)?;
+        let before = cpu_seconds();
+        let none = LightParams { terms: 0, ..usual() };
+        let (texture, quality) = Lightfield::encode_measured(&capture, &none, &mut Job::default())?;
+        self.row(table, "mean alone", &capture, (&texture, &quality), cpu_seconds() - before);
+        let renderer = Renderer::new(&texture);
+        let found = closeness(&self.tests, |camera| nearest_photograph(&capture, &renderer, camera));
+        let mut cells = vec!["nearest photograph".to_owned(), texture.mesh().triangles.len().to_string()];
+        cells.extend(["", "", "", "", "", "1", "", "", ""].map(str::to_owned));
+        cells.extend([found.psnr, found.worst, found.brightest].map(|value| format!("{value:.2}")));
+        cells.push(String::new());
+        table.row(cells);
+        Ok(())
+    }
+
+    /// Quality against size, as in Figure 8 of the paper: prefixes of one file of six terms.
+    fn meshes(&self) -> Outcome<()> {
+        let mut table = columns();
+        let mut lines: Vec<Line> = Vec::new();
+        for (factors, kind) in [(Factors::Signed, "PCA"), (Factors::NonNegative, "NMF")] {
+            for triangles in MESHES {
+                let capture = self.capture(triangles)?;
+                let model = Model { factors, ..Model::default() };
+                let params = LightParams { terms: MOST_TERMS, model, ..usual() };
+                let before = cpu_seconds();
+                let (whole, quality) = Lightfield::encode_measured(&capture, &params, &mut Job::default())?;
+                let seconds = cpu_seconds() - before;
+                let mut points = Vec::new();
+                for terms in 0..=MOST_TERMS {
+                    let texture = whole.clone().truncated(terms);
+                    let row = self.row(&mut table, kind, &capture, (&texture, &quality), seconds);
+                    points.push((row.bytes / 1e3, row.found.psnr));
+                }
+                let count = whole.mesh().triangles.len();
+                lines.push((format!("{kind}, {count} triangles"), points));
+            }
         }
+        self.baselines(&mut table)?;
+        let chart = Chart { caption: "New views by size", across: "kB", up: "dB", logarithmic: true };
+        chart.draw(&lines, &self.out.join("lightfield.svg"))?;
+        table.write(
+            &self.out,
+            "lightfield",
+            "Light fields by triangles and terms; rows of one mesh and kind are prefixes of one file.",
+        )
     }
-    baseline(&mut table, &dir, &tests)?;
-    table.write(&out, "lightfield", "Light fields against views that were never used for fitting.")
+
+    /// Ways to store the same maps.
+    fn stored(&self) -> Outcome<()> {
+        let mut table = columns();
+        let capture = self.capture(USUAL_MESH)?;
+        let shared = Model { fit: Fit::Shared, directions: Directions::World, ..Model::default() };
+        let of_regions = |regions| LightParams { regions, grid: 32, model: shared, ..usual() };
+        let fits =
+            [("own view maps", usual()), ("24 regions", of_regions(24)), ("100 regions", of_regions(100))];
+        for (fit, params) in fits {
+            let before = cpu_seconds();
+            let fitted = Lightfield::fit(&capture, &params, &mut Job::default())?;
+            let fitting = cpu_seconds() - before;
+            let forms = [(Content::Raw, 1.0), (Content::Bc7, 1.0), (Content::Bc1, 1.0)];
+            for (content, share) in forms.into_iter().chain(SHARES.map(|share| (Content::Bc1, share))) {
+                let before = cpu_seconds();
+                let (texture, quality) = fitted.store(content, share, &mut Job::default())?;
+                let seconds = fitting + cpu_seconds() - before;
+                let name = format!("{fit}, {}, {:.0} % of the texels", content.name(), 100.0 * share);
+                self.row(&mut table, &name, &capture, (&texture, &quality), seconds);
+            }
+        }
+        self.baselines(&mut table)?;
+        table.write(&self.out, "stored", "One fit, stored in several ways.")
+    }
+
+    /// Time by vertices and by views, stage by stage; frames a second.
+    fn speed(&self) -> Outcome<()> {
+        let mut table = Table::new(&["triangles", "vertices", "views", "stages, CPU s", "all, CPU s"]);
+        let whole = self.capture(None)?;
+        let few = |part: usize| whole.views.iter().step_by(part).cloned().collect::<Vec<View>>();
+        let of_views = [4, 2].map(|part| Capture { views: few(part), mesh: whole.mesh.clone() });
+        let of_meshes = [750, 1500, 3000].map(|count| self.capture(Some(count)));
+        for capture in of_meshes.into_iter().chain(of_views.into_iter().chain([whole]).map(Ok)) {
+            let capture = capture?;
+            let stages = stages(&capture, &usual())?;
+            let split = stages.iter().map(|(name, seconds)| format!("{name} {seconds:.1}"));
+            table.row(vec![
+                capture.mesh.triangles.len().to_string(),
+                capture.mesh.positions.len().to_string(),
+                capture.views.len().to_string(),
+                split.collect::<Vec<_>>().join(", "),
+                format!("{:.1}", stages.iter().map(|stage| stage.1).sum::<f64>()),
+            ]);
+        }
+        table.write(&self.out, "speed", "CPU seconds of an encode of three terms.")?;
+        self.frames()
+    }
+
+    /// Frames a second of PCA and NMF, and seconds of the CPU reference.
+    fn frames(&self) -> Outcome<()> {
+        let mut table = Table::new(&["factors", "terms", "frames a second", "reference, s a frame"]);
+        let gpu = match Gpu::new(Policy::from_env()) {
+            Ok(gpu) => gpu,
+            Err(error) => {
+                println!("skipped: {error}");
+                return Ok(());
+            }
+        };
+        let capture = self.capture(USUAL_MESH)?;
+        let camera = self.tests[0].camera.resized(FRAME, FRAME);
+        for (factors, kind) in [(Factors::Signed, "PCA"), (Factors::NonNegative, "NMF")] {
+            let model = Model { factors, ..Model::default() };
+            let texture = Lightfield::encode_measured(
+                &capture,
+                &LightParams { model, ..usual() },
+                &mut Job::default(),
+            )?
+            .0;
+            for terms in [1, 3] {
+                let texture = texture.clone().first_terms(terms);
+                let light = gpu.upload_light(&texture.gpu())?.with_terms(terms);
+                let (near, far) = texture.mesh().depths(&camera);
+                let projection = camera.view_projection(near, far);
+                let drawn = fastest(|| {
+                    gpu.draw_light(&light, projection, camera.eye(), (FRAME, FRAME))?;
+                    Ok(())
+                })?;
+                let renderer = Renderer::new(&texture);
+                let cast = fastest(|| {
+                    std::hint::black_box(renderer.render(&camera));
+                    Ok(())
+                })?;
+                table.row(vec![
+                    kind.to_owned(),
+                    terms.to_string(),
+                    format!("{:.1}", 1.0 / drawn),
+                    format!("{cast:.2}"),
+                ]);
+            }
+        }
+        table.write(&self.out, "frames", "Pictures of 512x512.")
+    }
+
+    /// Parts of the model.
+    fn model(&self) -> Outcome<()> {
+        let mut table = columns();
+        let capture = self.capture(USUAL_MESH)?;
+        for (name, params) in variants() {
+            let before = cpu_seconds();
+            let (texture, quality) = Lightfield::encode_measured(&capture, &params, &mut Job::default())?;
+            self.row(&mut table, name, &capture, (&texture, &quality), cpu_seconds() - before);
+        }
+        self.baselines(&mut table)?;
+        table.write(&self.out, "model", "Parts of the model left out or done otherwise.")
+    }
 }
 
-fn row(
-    table: &mut Table,
-    name: &str,
-    dir: &Path,
-    triangles: Option<u32>,
-    params: &LightParams,
-    tests: &[View],
-) -> Outcome<()> {
-    let capture = texfold_cli::read_capture(dir, triangles).map_err(|error| error.to_string())?;
-    let before = cpu_seconds();
-    let (texture, of_photographs) = encode(&capture, params)?;
-    let seconds = cpu_seconds() - before;
-    let renderer = Renderer::new(&texture);
-    let found = closeness(tests, |camera| renderer.render(camera));
-    let footprint = texture.footprint();
-    let shown = capture.views.iter().flat_map(|view| &view.pixels).filter(|pixel| pixel[3] > 127).count();
-    let bytes = [footprint.bits_disk(), footprint.bits_memory()].map(|bits| bits as f64 / 8.0);
-    table.row(vec![
-        name.to_owned(),
-        texture.mesh().triangles.len().to_string(),
-        format!("{:.0}", bytes[0] / 1e3),
-        format!("{:.0}", bytes[1] / 1e3),
-        format!("{:.0} : 1", 3.0 * shown as f64 / bytes[0]),
-        format!("{of_photographs:.2}"),
-        format!("{:.2}", found.psnr),
-        format!("{:.2}", found.worst),
-        format!("{:.2}", found.brightest),
-        format!("{seconds:.0}"),
-    ]);
-    Ok(())
+/// CPU seconds of each stage of an encode.
+fn stages(capture: &Capture, params: &LightParams) -> Outcome<Vec<(&'static str, f64)>> {
+    let mut begun: Vec<(&'static str, f64)> = Vec::new();
+    let mut progress = |stage: texfold::Stage| {
+        if begun.last().is_none_or(|last| last.0 != stage.name) {
+            begun.push((stage.name, cpu_seconds()));
+        }
+    };
+    Lightfield::encode_measured(capture, params, &mut Job::default().with_progress(&mut progress))?;
+    begun.push(("end", cpu_seconds()));
+    Ok(begun.windows(2).map(|pair| (pair[0].0, pair[1].1 - pair[0].1)).collect())
 }
 
-/// The nearest photograph, on the capture's own mesh.
-fn baseline(table: &mut Table, dir: &Path, tests: &[View]) -> Outcome<()> {
-    let capture = texfold_cli::read_capture(dir, None).map_err(|error| error.to_string())?;
-    let (texture, _) =
-        encode(&capture, &LightParams { terms: 0, sampling: 0.125, ..LightParams::default() })?;
-    let renderer = Renderer::new(&texture);
-    let found = closeness(tests, |camera| nearest_photograph(&capture, &renderer, camera));
-    let mut cells = vec!["nearest photograph".to_owned(), texture.mesh().triangles.len().to_string()];
-    cells.extend(["", "", "1 : 1", ""].map(str::to_owned));
-    cells.extend([found.psnr, found.worst, found.brightest].map(|value| format!("{value:.2}")));
-    cells.push(String::new());
-    table.row(cells);
-    Ok(())
+/// Seconds of one of several draws of a picture, the least.
+fn fastest(mut draw: impl FnMut() -> Outcome<()>) -> Outcome<f64> {
+    let mut least = f64::INFINITY;
+    for _ in 0..DRAWS {
+        let start = std::time::Instant::now();
+        draw()?;
+        least = least.min(start.elapsed().as_secs_f64());
+    }
+    Ok(least)
+}
+
+/// What is left out, and how.
+fn variants() -> Vec<(&'static str, LightParams)> {
+    let model = |model| LightParams { model, ..usual() };
+    let all = Model::default();
+    vec![
+        ("usual", usual()),
+        ("3 terms at every vertex", model(Model { chosen: false, ..all })),
+        ("partly seen triangles thrown away", model(Model { partial: false, ..all })),
+        ("factors without signs", model(Model { factors: Factors::NonNegative, ..all })),
+        ("over the view direction", model(Model { directions: Directions::View, ..all })),
+        ("resampled, reflected", model(Model { fit: Fit::Resampled, ..all })),
+        ("resampled (the paper)", model(Model { fit: Fit::Resampled, directions: Directions::View, ..all })),
+        ("maps of 24x24", LightParams { grid: 24, ..usual() }),
+        ("maps of 12x12", LightParams { grid: 12, ..usual() }),
+        ("half the samples a side", LightParams { sampling: 0.5, ..usual() }),
+    ]
 }

@@ -219,6 +219,7 @@ fn drawing(out: &Path) -> Outcome<()> {
         "picture",
         "bits",
         "dB",
+        "strip",
         "blocks, original",
         "blocks, linear",
         "blocks, nearest",
@@ -238,6 +239,7 @@ fn drawing(out: &Path) -> Outcome<()> {
         let nearest = blockiness(&image, |x, y| texfold_epitome_nearest(&view, uv(x, y), 0));
         let original = blockiness(&image, |x, y| magnified(&image, x, y));
         let mut row = vec![name, format!("{:.3}", measured.bpp), format!("{:.2}", measured.psnr)];
+        row.push(format!("{:.2}", texture.map_format().strip as f32 / 4.0));
         row.extend([original, linear, nearest].map(|ratio| format!("{ratio:.3}")));
         let decoded = decode_surface(&texture, 0, 0).ok_or("no surface")?;
         let chain = mip_chain(&decoded, 4, MipFilter::Box);
@@ -249,7 +251,7 @@ fn drawing(out: &Path) -> Outcome<()> {
     }
     let text = format!(
         "With mip levels, at {PSNR} dB, the middle {DRAWN_SIDE}×{DRAWN_SIDE} texels. Blocks: mean step between neighbouring pixels across \
-         borders of {LEAF}×{LEAF} texels over the mean step elsewhere, {MAGNIFIED} pixels a texel; 1 shows no block. Levels: PSNR against the \
+         borders of {LEAF}×{LEAF} texels over the mean step elsewhere, {MAGNIFIED} pixels a texel; 1 shows no block. Strip: texels across in which leaves are blended. Levels: PSNR against the \
          mip levels of the decoded picture.\n\
          `cargo run --release -p texfold-benches --bin regimes -- target/epitome drawing`"
     );

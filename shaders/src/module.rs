@@ -101,7 +101,7 @@ impl Module {
                 Binding::Float,
             ],
             Module::Lightfield => &[
-                Binding::Params { bytes: 64 },
+                Binding::Params { bytes: 48 },
                 Binding::Uint,
                 Binding::Float,
                 Binding::Float,

@@ -59,8 +59,10 @@ struct TexfoldEpitomeParams {
     plane_levels: u32,
     // How texels are read from the coarse chain.
     coarse_swizzle: u32,
-    // Always 0.
-    reserved: vec2<u32>,
+    // Texels a side of the smallest leaf.
+    cell: u32,
+    // Half the width of the strip along borders of leaves in which both are blended at level 0, in eighths of a texel.
+    strip: u32,
 }
 
 // A leaf of the image.
@@ -297,7 +299,7 @@ fn texfold_epitome_coarse(at: vec2<u32>, level: u32) -> vec4<f32> {
     return texfold_swizzle(texel, texel, texfold_epitome_params.coarse_swizzle);
 }
 
-// The colour that `leaf`, that of texel `at` of level `level`, has at `away` (-1 to 1 texels of that level) from that
+// The colour that `leaf`, that of texel `at` of level `level`, has at `away` (texels of that level) from that
 // texel's centre; the leaf's nearest texel centre where that is outside of the leaf. The level is one of those that
 // are read from the epitome.
 fn texfold_epitome_near(leaf: TexfoldEpitomeLeaf, at: vec2<u32>, away: vec2<f32>, level: u32) -> vec4<f32> {
@@ -324,34 +326,67 @@ fn texfold_epitome_nearest(uv: vec2<f32>, level: u32) -> vec4<f32> {
     return texfold_epitome_load(texfold_nearest(uv, size, texfold_epitome_params.address_mode), level);
 }
 
-// Continuous reconstruction within one level: the leaves of the four nearest texels, each read at the place itself,
-// blended. Inside a leaf all four are the same, and one of them is read.
+// Two texels along each axis whose leaves are blended at a place.
+struct TexfoldEpitomeSeam {
+    // The nearer ones to the image's upper left corner, and the others.
+    low: vec2<u32>,
+    high: vec2<u32>,
+    // How far the place lies from the centre of `low`, in texels.
+    away: vec2<f32>,
+    // Weights of `high`.
+    weight: vec2<f32>,
+}
+
+// The texels around a place; within a strip along a border of leaves those on both sides of it, at level 0, of `size` texels.
+fn texfold_epitome_seam(tap: TexfoldTap, size: vec2<u32>, level: u32) -> TexfoldEpitomeSeam {
+    let half = f32(texfold_epitome_params.strip) * 0.125;
+    let cell = f32(texfold_epitome_params.cell);
+    let at = vec2<f32>(vec2<i32>(tap.low)) + tap.weight + vec2<f32>(0.5);
+    let border = floor(at * (1.0 / cell) + vec2<f32>(0.5)) * cell;
+    let beyond = at - border;
+    let is_inside = (tap.high == tap.low + vec2<u32>(1u))
+        & (border > vec2<f32>(0.0))
+        & (border < vec2<f32>(vec2<i32>(size)))
+        & (abs(beyond) < vec2<f32>(half))
+        & vec2<bool>((level == 0u) & (half > 0.5));
+    // No border inside of the image is 0.
+    let behind = max(vec2<u32>(vec2<i32>(border)), vec2<u32>(1u));
+    return TexfoldEpitomeSeam(
+        select(tap.low, behind - vec2<u32>(1u), is_inside),
+        select(tap.high, behind, is_inside),
+        select(tap.weight, beyond + vec2<f32>(0.5), is_inside),
+        select(tap.weight, vec2<f32>(0.5) + beyond * (0.5 / half), is_inside),
+    );
+}
+
+// Continuous reconstruction within one level: the leaves of the four nearest texels, or those around a border of leaves, each
+// read at the place itself, blended. Inside a leaf all four are the same, and one of them is read.
 fn texfold_epitome_bilinear(uv: vec2<f32>, level: u32) -> vec4<f32> {
     let size = texfold_level_size(texfold_epitome_params.size, level);
     let tap = texfold_tap(uv, size, texfold_epitome_params.address_mode);
-    let away = tap.weight;
-    let upper_right = vec2<u32>(tap.high.x, tap.low.y);
-    let lower_left = vec2<u32>(tap.low.x, tap.high.y);
     if level >= TEXFOLD_EPITOME_FINE_LEVELS {
         return texfold_bilinear(
             array<vec4<f32>, 4>(
                 texfold_epitome_coarse(tap.low, level),
-                texfold_epitome_coarse(upper_right, level),
-                texfold_epitome_coarse(lower_left, level),
+                texfold_epitome_coarse(vec2<u32>(tap.high.x, tap.low.y), level),
+                texfold_epitome_coarse(vec2<u32>(tap.low.x, tap.high.y), level),
                 texfold_epitome_coarse(tap.high, level),
             ),
-            away,
+            tap.weight,
         );
     }
+    let seam = texfold_epitome_seam(tap, size, level);
+    let upper_right = vec2<u32>(seam.high.x, seam.low.y);
+    let lower_left = vec2<u32>(seam.low.x, seam.high.y);
     // At a clamped edge both texels of an axis are the same one, and its centre is read.
-    let edge = tap.high == tap.low;
-    let ahead = select(away, vec2<f32>(0.0), edge);
-    let back = select(away - vec2<f32>(1.0), vec2<f32>(0.0), edge);
-    let first = texfold_epitome_leaf_at(tap.low, level);
-    let last = texfold_epitome_leaf_at(tap.high, level);
+    let edge = seam.high == seam.low;
+    let ahead = select(seam.away, vec2<f32>(0.0), edge);
+    let back = select(seam.away - vec2<f32>(1.0), vec2<f32>(0.0), edge);
+    let first = texfold_epitome_leaf_at(seam.low, level);
+    let last = texfold_epitome_leaf_at(seam.high, level);
     // Read ahead of the branch, as both sides need it: software renderers run both.
-    let nearest = texfold_epitome_near(first, tap.low, ahead, level);
-    if all(tap.high == tap.low + vec2<u32>(1u)) & (first.entry == last.entry) {
+    let nearest = texfold_epitome_near(first, seam.low, ahead, level);
+    if all(seam.high == seam.low + vec2<u32>(1u)) & (first.entry == last.entry) {
         return nearest;
     }
     let right = texfold_epitome_leaf_at(upper_right, level);
@@ -361,9 +396,9 @@ fn texfold_epitome_bilinear(uv: vec2<f32>, level: u32) -> vec4<f32> {
             nearest,
             texfold_epitome_near(right, upper_right, vec2<f32>(back.x, ahead.y), level),
             texfold_epitome_near(left, lower_left, vec2<f32>(ahead.x, back.y), level),
-            texfold_epitome_near(last, tap.high, back, level),
+            texfold_epitome_near(last, seam.high, back, level),
         ),
-        away,
+        seam.weight,
     );
 }
 

@@ -1,13 +1,23 @@
 // Zoom-into-parts texture maps: a root and patches of higher resolution, in one pass. CPU twins: crates/zipmap/src/decode.rs.
 //
-// Tiles of the root name the patches that touch them, in the order in which they lie over each other. Colours are as stored: no gamma
-// conversion (see texfold_linear). Every function works in any control flow but texfold_zipmap_sample, which takes
-// derivatives.
+// Tiles of the root name the patches that touch them, the uppermost first: what lies under opaque texels is not looked up. Colours are
+// as stored: no gamma conversion (see texfold_linear). Every function works in any control flow but texfold_zipmap_sample, which
+// takes derivatives.
+//
+// Two paths: where pixels are no larger than the texels of the finest patch of their tile, every patch is read from its level 0, four
+// texels and three of the table; elsewhere the level that fits is found for each patch. Software renderers run both sides of a
+// branch but end a loop that no pixel needs, so that the choice is made by the numbers of rounds.
 
 // Most patches that a tile names.
 const TEXFOLD_ZIPMAP_MOST: u32 = 2048u;
 // Texels of the table that describe a patch.
-const TEXFOLD_ZIPMAP_RECORD: u32 = 6u;
+const TEXFOLD_ZIPMAP_RECORD: u32 = 8u;
+// Numbers of 16 bits before the names in a list: how fine its patches are.
+const TEXFOLD_ZIPMAP_BEFORE: u32 = 2u;
+// What is seen of a patch at least: less is a quarter of a step of 8 bits.
+const TEXFOLD_ZIPMAP_LEAST: f32 = 0.0009765625;
+// Most lookups for one pixel that is longer than wide.
+const TEXFOLD_ZIPMAP_LONG: u32 = 8u;
 // Least third coordinate of a place that a patch shows: nearer to its horizon, or behind it, it shows nothing.
 const TEXFOLD_ZIPMAP_HORIZON: f32 = 0.0001;
 
@@ -40,10 +50,14 @@ struct TexfoldZipmapParams {
 
 // A patch as the table describes it.
 struct TexfoldZipmapPatch {
-    // From the root's texture coordinates to the patch's.
-    matrix: mat3x3<f32>,
+    // What the root's texture coordinates u and v, and 1, add to the place in texels of level 0, times a third coordinate.
+    by_u: vec3<f32>,
+    by_v: vec3<f32>,
+    by_one: vec3<f32>,
     // Columns and rows of level 0.
-    size: vec2<u32>,
+    size: vec2<i32>,
+    // Where its upper left texel lies in the plane.
+    origin: vec2<i32>,
     // Mip levels.
     levels: u32,
     // Its first texel of the table.
@@ -59,73 +73,110 @@ struct TexfoldZipmapPatch {
 // All mip levels of all patches.
 @group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_4) var texfold_zipmap_atlas: texture_2d<f32>;
 
-// Texel `index` of the table; beyond its end nothing that counts.
-fn texfold_zipmap_entry(index: u32) -> vec4<u32> {
+// Where texel `index` of the table lies.
+fn texfold_zipmap_place(index: u32) -> vec2<u32> {
     let row = index >> texfold_zipmap_params.row_log2;
-    let column = index - (row << texfold_zipmap_params.row_log2);
-    let last = textureDimensions(texfold_zipmap_table) - vec2<u32>(1u);
-    return textureLoad(texfold_zipmap_table, min(vec2<u32>(column, row), last), 0u);
+    return vec2<u32>(index - (row << texfold_zipmap_params.row_log2), row);
+}
+
+// Texel `index` of the table.
+fn texfold_zipmap_entry(index: u32) -> vec4<u32> {
+    return textureLoad(texfold_zipmap_table, texfold_zipmap_place(index), 0u);
+}
+
+// Two numbers of 16 bits.
+fn texfold_zipmap_pair(both: u32) -> vec2<i32> {
+    return vec2<i32>(i32(both & 0xffffu), i32(both >> 16u));
 }
 
 // The patch of that number.
 fn texfold_zipmap_patch(index: u32) -> TexfoldZipmapPatch {
     let start = texfold_zipmap_params.record_start + index * TEXFOLD_ZIPMAP_RECORD;
-    let x = texfold_zipmap_entry(start);
-    let y = texfold_zipmap_entry(start + 1u);
-    let z = texfold_zipmap_entry(start + 2u);
-    let rows = mat3x3<f32>(bitcast<vec3<f32>>(x.xyz), bitcast<vec3<f32>>(y.xyz), bitcast<vec3<f32>>(z.xyz));
-    return TexfoldZipmapPatch(transpose(rows), vec2<u32>(x.w & 0xffffu, x.w >> 16u), y.w, start);
-}
-
-// Four texels of level `level` of a patch around `uv`, blended.
-fn texfold_zipmap_blend(layer: TexfoldZipmapPatch, uv: vec2<f32>, level: u32) -> vec4<f32> {
-    let size = texfold_level_size(layer.size, level);
-    let origin = texfold_zipmap_entry(layer.start + 3u + level / 4u)[level % 4u];
-    let corner = vec2<u32>(origin & 0xffffu, origin >> 16u);
-    let tap = texfold_tap(uv, size, TEXFOLD_CLAMP);
-    let last = textureDimensions(texfold_zipmap_atlas) - vec2<u32>(1u);
-    let low = min(corner + tap.low, last);
-    let high = min(corner + tap.high, last);
-    let a = texfold_bilinear(
-        array<vec4<f32>, 4>(
-            textureLoad(texfold_zipmap_atlas, low, 0u),
-            textureLoad(texfold_zipmap_atlas, vec2<u32>(high.x, low.y), 0u),
-            textureLoad(texfold_zipmap_atlas, vec2<u32>(low.x, high.y), 0u),
-            textureLoad(texfold_zipmap_atlas, high, 0u),
-        ),
-        tap.weight,
+    // A row of the table holds whole patches.
+    let place = texfold_zipmap_place(start);
+    let x = textureLoad(texfold_zipmap_table, place, 0u);
+    let y = textureLoad(texfold_zipmap_table, place + vec2<u32>(1u, 0u), 0u);
+    let z = textureLoad(texfold_zipmap_table, place + vec2<u32>(2u, 0u), 0u);
+    return TexfoldZipmapPatch(
+        bitcast<vec3<f32>>(x.xyz),
+        bitcast<vec3<f32>>(y.xyz),
+        bitcast<vec3<f32>>(z.xyz),
+        texfold_zipmap_pair(x.w),
+        texfold_zipmap_pair(y.w),
+        z.w & 0xffu,
+        start,
     );
-    return texfold_swizzle(a, a, texfold_zipmap_params.patch_swizzle);
 }
 
-// What a patch shows at `uv` of the root, which moves by `dx` and `dy` to the pixels right and below: its colour and how much of it.
+// Four texels of a level around `at`, in texels of it, blended: from `origin` on in the plane.
+fn texfold_zipmap_blend(origin: vec2<i32>, size: vec2<i32>, at: vec2<f32>) -> vec4<f32> {
+    let place = clamp(at - vec2<f32>(0.5), vec2<f32>(0.0), vec2<f32>(size - vec2<i32>(1)));
+    let corner = vec2<i32>(place);
+    let low = origin + corner;
+    // Behind the last column or row, where the weight is 0.
+    let high = low + vec2<i32>(1);
+    return texfold_bilinear(
+        array<vec4<f32>, 4>(
+            textureLoad(texfold_zipmap_atlas, low, 0),
+            textureLoad(texfold_zipmap_atlas, vec2<i32>(high.x, low.y), 0),
+            textureLoad(texfold_zipmap_atlas, vec2<i32>(low.x, high.y), 0),
+            textureLoad(texfold_zipmap_atlas, high, 0),
+        ),
+        place - vec2<f32>(corner),
+    );
+}
+
+// What a patch shows of a texel of its plane: nothing where it is not `seen`.
+fn texfold_zipmap_shown(texel: vec4<f32>, seen: bool) -> vec4<f32> {
+    let alpha = select(texel.w, texel.y, texfold_zipmap_params.patch_swizzle == TEXFOLD_GRAY_ALPHA);
+    return vec4<f32>(texel.xyz, select(0.0, alpha, seen));
+}
+
+// What a patch shows at `uv` of the root where no pixel is larger than its texels: as its plane holds it, and how much of it.
+fn texfold_zipmap_near(index: u32, uv: vec2<f32>) -> vec4<f32> {
+    let layer = texfold_zipmap_patch(index);
+    let place = layer.by_u * uv.x + layer.by_v * uv.y + layer.by_one;
+    let at = place.xy / place.z;
+    let inside = all(at >= vec2<f32>(0.0)) & all(at <= vec2<f32>(layer.size));
+    let texel = texfold_zipmap_blend(layer.origin, layer.size, at);
+    return texfold_zipmap_shown(texel, inside & (place.z >= TEXFOLD_ZIPMAP_HORIZON));
+}
+
+// Four texels of level `level` of a patch around `share` of its sides, blended.
+fn texfold_zipmap_level(layer: TexfoldZipmapPatch, share: vec2<f32>, level: u32) -> vec4<f32> {
+    let size = vec2<i32>(texfold_level_size(vec2<u32>(layer.size), level));
+    let origin = texfold_zipmap_entry(layer.start + 3u + level / 4u)[level % 4u];
+    return texfold_zipmap_blend(texfold_zipmap_pair(origin), size, share * vec2<f32>(size));
+}
+
+// What a patch shows at `uv` of the root, which moves by `dx` and `dy` to the pixels right and below: as its plane holds it, and how
+// much of it.
 fn texfold_zipmap_layer(index: u32, uv: vec2<f32>, dx: vec2<f32>, dy: vec2<f32>) -> vec4<f32> {
     let layer = texfold_zipmap_patch(index);
-    let place = layer.matrix * vec3<f32>(uv, 1.0);
+    let place = layer.by_u * uv.x + layer.by_v * uv.y + layer.by_one;
     let at = place.xy / place.z;
-    let inside = all(at >= vec2<f32>(0.0)) & all(at <= vec2<f32>(1.0));
-    if !(inside & (place.z >= TEXFOLD_ZIPMAP_HORIZON)) {
-        return vec4<f32>(0.0);
-    }
-    let to_right = layer.matrix * vec3<f32>(dx, 0.0);
-    let to_below = layer.matrix * vec3<f32>(dy, 0.0);
+    let size = vec2<f32>(layer.size);
+    let inside = all(at >= vec2<f32>(0.0)) & all(at <= size) & (place.z >= TEXFOLD_ZIPMAP_HORIZON);
+    let to_right = layer.by_u * dx.x + layer.by_v * dx.y;
+    let to_below = layer.by_u * dy.x + layer.by_v * dy.y;
     let across = (to_right.xy - at * to_right.z) / place.z;
     let down = (to_below.xy - at * to_below.z) / place.z;
-    let wanted = texfold_level(across, down, layer.size);
-    let lod = select(0.0, wanted, wanted > 0.0);
-    if lod >= f32(layer.levels) {
+    let lod = 0.5 * log2(max(max(dot(across, across), dot(down, down)), 1.0));
+    if !(inside & (lod < f32(layer.levels))) {
         return vec4<f32>(0.0);
     }
     let low = floor(lod);
-    let fine = texfold_zipmap_blend(layer, at, u32(low));
-    if lod == low {
-        return fine;
+    let share = at / size;
+    let fine = texfold_zipmap_level(layer, share, u32(low));
+    var coarse = fine;
+    if lod > low {
+        coarse = texfold_zipmap_level(layer, share, min(u32(low) + 1u, layer.levels - 1u));
     }
-    var coarse = vec4<f32>(fine.xyz, 0.0);
-    if u32(low) + 1u < layer.levels {
-        coarse = texfold_zipmap_blend(layer, at, u32(low) + 1u);
-    }
-    return texfold_mix(fine, coarse, lod - low);
+    // Behind its last level a patch fades out.
+    let last = u32(low) + 1u >= layer.levels;
+    let texel = texfold_mix(fine, coarse, lod - low);
+    let shown = texfold_zipmap_shown(texel, true);
+    return vec4<f32>(shown.xyz, shown.w * select(1.0, 1.0 - (lod - low), last));
 }
 
 // Four texels of level `level` of the root around `uv`, blended.
@@ -170,39 +221,92 @@ fn texfold_zipmap_root(uv: vec2<f32>, dx: vec2<f32>, dy: vec2<f32>) -> vec4<f32>
     return texfold_mix(fine, texfold_zipmap_root_blend(uv, u32(low) + 1u), lod - low);
 }
 
-// The colour at `uv`, which moves by `dx` and `dy` to the pixels right and below: 0 to 1 from the top left of the root, and beyond by
-// the address mode.
-fn texfold_zipmap_sample_grad(uv: vec2<f32>, dx: vec2<f32>, dy: vec2<f32>) -> vec4<f32> {
-    var colour = texfold_zipmap_root(uv, dx, dy);
-    let at = texfold_fold(uv, texfold_zipmap_params.address_mode);
+// The tile that `uv` lies in: how many patches touch it, and the first texel of their list.
+fn texfold_zipmap_tile(uv: vec2<f32>) -> vec2<u32> {
     let tiles = texfold_zipmap_params.tiles;
-    let tile = texfold_inside(vec2<i32>(floor(at * vec2<f32>(tiles))), tiles);
+    let tile = texfold_inside(vec2<i32>(floor(uv * vec2<f32>(tiles))), tiles);
     let number = tile.y * tiles.x + tile.x;
     let found = texfold_zipmap_entry(number / 4u)[number % 4u];
-    let count = found >> 20u;
-    var names = vec4<u32>(0u);
-    for (var k = 0u; k < min(count, TEXFOLD_ZIPMAP_MOST); k += 1u) {
-        if k % 8u == 0u {
-            names = texfold_zipmap_entry((found & 0xfffffu) + k / 8u);
+    return vec2<u32>(found >> 20u, found & 0xfffffu);
+}
+
+// The patch at place `k` of a list.
+fn texfold_zipmap_name(list: u32, k: u32) -> u32 {
+    let at = k + TEXFOLD_ZIPMAP_BEFORE;
+    return (texfold_zipmap_entry(list + at / 8u)[at / 2u % 4u] >> (16u * (at % 2u))) & 0xffffu;
+}
+
+// What is seen of all so far, sums of colours and what is left to be seen of those below, with a further patch below.
+fn texfold_zipmap_under(seen: vec4<f32>, shown: vec4<f32>) -> vec4<f32> {
+    let share = seen.w * shown.w;
+    return vec4<f32>(seen.xyz + shown.xyz * share, seen.w - share);
+}
+
+// The colour at `uv`, which moves by `dx` and `dy` to the pixels right and below, of a pixel that is about as long as wide.
+fn texfold_zipmap_pixel(uv: vec2<f32>, dx: vec2<f32>, dy: vec2<f32>) -> vec4<f32> {
+    let at = texfold_fold(uv, texfold_zipmap_params.address_mode);
+    let found = texfold_zipmap_tile(at);
+    let root = vec2<f32>(texfold_zipmap_params.root_size);
+    let longest = max(dot(dx * root, dx * root), dot(dy * root, dy * root));
+    let is_near = longest * bitcast<f32>(texfold_zipmap_entry(found.y).x) <= 1.0;
+    // Sums of colours, and what is still to be seen of the patches below.
+    var seen = vec4<f32>(0.0, 0.0, 0.0, 1.0);
+    for (var k = 0u; k < min(select(0u, found.x, is_near), TEXFOLD_ZIPMAP_MOST); k += 1u) {
+        seen = texfold_zipmap_under(seen, texfold_zipmap_near(texfold_zipmap_name(found.y, k), at));
+        if seen.w <= TEXFOLD_ZIPMAP_LEAST {
+            break;
         }
-        let index = (names[k / 2u % 4u] >> (16u * (k % 2u))) & 0xffffu;
-        let layer = texfold_zipmap_layer(index, at, dx, dy);
-        colour = texfold_mix(colour, vec4<f32>(layer.xyz, 1.0), layer.w);
     }
-    return colour;
+    for (var k = 0u; k < min(select(found.x, 0u, is_near), TEXFOLD_ZIPMAP_MOST); k += 1u) {
+        seen = texfold_zipmap_under(seen, texfold_zipmap_layer(texfold_zipmap_name(found.y, k), at, dx, dy));
+        if seen.w <= TEXFOLD_ZIPMAP_LEAST {
+            break;
+        }
+    }
+    let gray = texfold_zipmap_params.patch_swizzle == TEXFOLD_GRAY_ALPHA;
+    let patches = vec4<f32>(select(seen.xyz, seen.xxx, gray), 1.0 - seen.w);
+    if seen.w <= TEXFOLD_ZIPMAP_LEAST {
+        return patches;
+    }
+    return patches + texfold_zipmap_root(uv, dx, dy) * seen.w;
+}
+
+// The colour at `uv`, which moves by `dx` and `dy` to the pixels right and below: 0 to 1 from the top left of the root, and beyond by
+// the address mode. A pixel that is longer than wide is the mean of several, side by side.
+fn texfold_zipmap_sample_grad(uv: vec2<f32>, dx: vec2<f32>, dy: vec2<f32>) -> vec4<f32> {
+    let root = vec2<f32>(texfold_zipmap_params.root_size);
+    let across = dx * root;
+    let down = dy * root;
+    let longer = dot(across, across) >= dot(down, down);
+    let along = select(down, across, longer);
+    let squared = dot(along, along);
+    // Its length over its width, which is its area over its length, and its length in texels of the finest patch.
+    let ratio = squared / max(abs(across.x * down.y - across.y * down.x), 1e-12);
+    let texels = sqrt(squared) * f32(texfold_zipmap_params.size.x) / root.x;
+    let count = clamp(min(floor(ratio + 0.5), ceil(texels)), 1.0, f32(TEXFOLD_ZIPMAP_LONG));
+    let step = select(dy, dx, longer) / count;
+    // A part is as wide as long.
+    let side = vec2<f32>(-along.y, along.x) / (root * count);
+    let is_one = count == 1.0;
+    var sum = vec4<f32>(0.0);
+    for (var k = 0u; k < min(u32(count), TEXFOLD_ZIPMAP_LONG); k += 1u) {
+        let place = uv + step * (f32(k) + 0.5 - 0.5 * count);
+        sum += texfold_zipmap_pixel(place, select(step, dx, is_one), select(side, dy, is_one));
+    }
+    return sum / count;
 }
 
 // The colour at `uv` where pixels are as large as the texels of level `lod`, clamped to those that there are.
 fn texfold_zipmap_sample_level(uv: vec2<f32>, lod: f32) -> vec4<f32> {
     let size = vec2<f32>(texfold_zipmap_params.size);
     let step = exp2(texfold_lod(lod, texfold_zipmap_params.levels)) / size;
-    return texfold_zipmap_sample_grad(uv, vec2<f32>(step.x, 0.0), vec2<f32>(0.0, step.y));
+    return texfold_zipmap_pixel(uv, vec2<f32>(step.x, 0.0), vec2<f32>(0.0, step.y));
 }
 
 // The colour at `uv` where pixels are the texels of level `level`.
 fn texfold_zipmap_bilinear(uv: vec2<f32>, level: u32) -> vec4<f32> {
     let size = vec2<f32>(texfold_level_size(texfold_zipmap_params.size, level));
-    return texfold_zipmap_sample_grad(uv, vec2<f32>(1.0 / size.x, 0.0), vec2<f32>(0.0, 1.0 / size.y));
+    return texfold_zipmap_pixel(uv, vec2<f32>(1.0 / size.x, 0.0), vec2<f32>(0.0, 1.0 / size.y));
 }
 
 // The texel at column `at.x` and row `at.y` of level `level`, clamped to it.

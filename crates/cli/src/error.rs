@@ -102,7 +102,7 @@ pub(crate) enum CliError {
     NoMesh { path: PathBuf, name: String },
     #[error("{}: {width}x{height} pixels where its camera has {}x{}; scale the image or correct the cameras", path.display(), wanted.0, wanted.1)]
     ImageSize { path: PathBuf, width: u32, height: u32, wanted: (u32, u32) },
-    #[error("{}: is no capture; codec lightfield takes a folder with transforms.json, images and mesh.obj or mesh.ply", path.display())]
+    #[error("{}: is no capture; codec lightfield takes a folder with transforms.json, images and mesh.obj, .ply, .glb or .gltf", path.display())]
     NotCapture { path: PathBuf },
     #[error("{}: is a capture, and codec {codec} takes images; give --codec lightfield, or --as set for its images", path.display())]
     OnlyImages { path: PathBuf, codec: &'static str },

@@ -69,8 +69,10 @@ pub struct TexfoldEpitomeParams {
     pub plane_levels: u32,
     /// How texels are read from the coarse chain.
     pub coarse_swizzle: u32,
-    /// Always 0.
-    pub reserved: [u32; 2],
+    /// Texels a side of the smallest leaf.
+    pub cell: u32,
+    /// Half the width of the strip along borders of leaves in which both are blended at level 0, in eighths of a texel.
+    pub strip: u32,
 }
 
 /// One image: what the shader has bound.
@@ -348,7 +350,7 @@ pub fn texfold_epitome_coarse(view: &EpitomeView<'_>, at: UVec2, level: u32) -> 
     view.coarse[(level - TEXFOLD_EPITOME_FINE_LEVELS) as usize][(at.y * width + at.x) as usize]
 }
 
-/// The colour that `leaf`, that of texel `at` of level `level`, has at `away` (-1 to 1 texels of that level) from that
+/// The colour that `leaf`, that of texel `at` of level `level`, has at `away` (texels of that level) from that
 /// texel's centre; the leaf's nearest texel centre where that is outside of the leaf. The level is one of those that
 /// are read from the epitome.
 #[must_use]
@@ -384,18 +386,64 @@ pub fn texfold_epitome_nearest(view: &EpitomeView<'_>, uv: Vec2, level: u32) -> 
     texfold_epitome_load(view, texfold_nearest(uv, size, view.params.address_mode), level)
 }
 
-/// Continuous reconstruction within one level: the leaves of the four nearest texels, each read at the place itself,
-/// blended. Inside a leaf all four are the same, and one of them is read.
+/// Two texels along each axis whose leaves are blended at a place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TexfoldEpitomeSeam {
+    /// The nearer ones to the image's upper left corner.
+    pub low: UVec2,
+    /// The others.
+    pub high: UVec2,
+    /// How far the place lies from the centre of `low`, in texels.
+    pub away: Vec2,
+    /// Weights of `high`.
+    pub weight: Vec2,
+}
+
+/// The texels around a place; within a strip along a border of leaves those on both sides of it, at level 0, of `size` texels.
+#[must_use]
+#[inline]
+pub fn texfold_epitome_seam(
+    params: &TexfoldEpitomeParams,
+    tap: TexfoldTap,
+    size: UVec2,
+    level: u32,
+) -> TexfoldEpitomeSeam {
+    let half = params.strip as f32 * 0.125;
+    let cell = params.cell as f32;
+    let at = tap.low.as_vec2() + tap.weight + Vec2::splat(0.5);
+    let border = (at * (1.0 / cell) + Vec2::splat(0.5)).floor() * cell;
+    let beyond = at - border;
+    let is_wide = level == 0 && half > 0.5;
+    let is_inside = tap.high.cmpeq(tap.low + UVec2::ONE)
+        & border.cmpgt(Vec2::ZERO)
+        & border.cmplt(size.as_vec2())
+        & beyond.abs().cmplt(Vec2::splat(half));
+    if !is_wide || !is_inside.any() {
+        return TexfoldEpitomeSeam { low: tap.low, high: tap.high, away: tap.weight, weight: tap.weight };
+    }
+    // No border inside of the image is 0.
+    let behind = border.as_uvec2().max(UVec2::ONE);
+    TexfoldEpitomeSeam {
+        low: UVec2::select(is_inside, behind - UVec2::ONE, tap.low),
+        high: UVec2::select(is_inside, behind, tap.high),
+        away: Vec2::select(is_inside, beyond + Vec2::splat(0.5), tap.weight),
+        weight: Vec2::select(is_inside, Vec2::splat(0.5) + beyond * (0.5 / half), tap.weight),
+    }
+}
+
+/// Continuous reconstruction within one level: the leaves of the four nearest texels, or those around a border of leaves, each
+/// read at the place itself, blended. Inside a leaf all four are the same, and one of them is read.
 #[must_use]
 pub fn texfold_epitome_bilinear(view: &EpitomeView<'_>, uv: Vec2, level: u32) -> Texel {
     let size = texfold_level_size(UVec2::from(view.params.size), level);
     let tap = texfold_tap(uv, size, view.params.address_mode);
-    let (low, high, away) = (tap.low, tap.high, tap.weight);
-    let (upper_right, lower_left) = (UVec2::new(high.x, low.y), UVec2::new(low.x, high.y));
     if level >= TEXFOLD_EPITOME_FINE_LEVELS {
-        let texels = [low, upper_right, lower_left, high].map(|at| texfold_epitome_coarse(view, at, level));
-        return texfold_bilinear(texels, away);
+        let (low, high) = (tap.low, tap.high);
+        let corners = [low, UVec2::new(high.x, low.y), UVec2::new(low.x, high.y), high];
+        return texfold_bilinear(corners.map(|at| texfold_epitome_coarse(view, at, level)), tap.weight);
     }
+    let TexfoldEpitomeSeam { low, high, away, weight } = texfold_epitome_seam(&view.params, tap, size, level);
+    let (upper_right, lower_left) = (UVec2::new(high.x, low.y), UVec2::new(low.x, high.y));
     // At a clamped edge both texels of an axis are the same one, and its centre is read.
     let edge = high.cmpeq(low);
     let ahead = Vec2::select(edge, Vec2::ZERO, away);
@@ -415,7 +463,7 @@ pub fn texfold_epitome_bilinear(view: &EpitomeView<'_>, uv: Vec2, level: u32) ->
         near(lower_left, Vec2::new(ahead.x, back.y)),
         texfold_epitome_near(view, last, high, back, level),
     ];
-    texfold_bilinear(texels, away)
+    texfold_bilinear(texels, weight)
 }
 
 /// Trilinear filtering at level `lod`.

@@ -53,9 +53,21 @@ pub struct MapFormat {
     pub linear_bits: u32,
     /// Whether there are two epitomes.
     pub mixed: bool,
+    /// Half the width of the strip along borders of leaves in which both are blended, in eighths of a texel; at least
+    /// 4.
+    pub strip: u32,
 }
 
+/// Half a texel, in eighths: leaves are blended between their outermost texels' centres.
+pub(crate) const LEAST_STRIP: u32 = 4;
+
 impl MapFormat {
+    /// Texels a side of the smallest leaf.
+    #[must_use]
+    pub fn cell(&self) -> u32 {
+        if self.split { self.block / 4 } else { self.block }
+    }
+
     /// Bytes of an entry.
     #[must_use]
     pub fn entry_bytes(&self) -> u32 {
@@ -260,7 +272,8 @@ impl Parts {
                 plane_b: plane_size(1),
                 plane_levels: plane_levels.unwrap_or(1),
                 coarse_swizzle: self.coarse.get(index).and_then(|c| c.first()).map_or(0, |c| c.swizzle().0),
-                reserved: [0; 2],
+                cell: format.cell(),
+                strip: format.strip,
             };
             tree_start += columns * rows;
             params
@@ -280,6 +293,13 @@ impl EpitomeTexture {
         let texels = drawn.iter().map(decode).chain(errors).collect();
         let coarse = parts.coarse.iter().map(decode).collect();
         EpitomeTexture { parts, cut, map, params, texels, coarse, notes }
+    }
+
+    /// The same with leaves blended in strips of that half width, in eighths of a texel.
+    pub(crate) fn with_strip(mut self, strip: u32) -> Self {
+        self.parts.format.strip = strip;
+        self.params.iter_mut().for_each(|params| params.strip = strip);
+        self
     }
 
     /// How the map is stored.

@@ -9,8 +9,8 @@ use texfold_core::{Budget, ImageLayout, LoadError, String4, SurfaceSize};
 use texfold_progressive::{BLOCK_SIDE, ProgressiveTexture};
 
 use crate::encoded::{
-    Entry, EpitomeTexture, Linear, MAX_BLOCK, MapFormat, PLANE_MIPS, Parts, Tone, blocks_of, coarse_content,
-    coarse_levels, epitome_size, leaves_of,
+    Entry, EpitomeTexture, LEAST_STRIP, Linear, MAX_BLOCK, MapFormat, PLANE_MIPS, Parts, Tone, blocks_of,
+    coarse_content, coarse_levels, epitome_size, leaves_of,
 };
 use crate::layers::{
     LayerMap, Layering, MAX_LAYERS, MapRef, cell_bytes, columns_of, edited, gather, layer_names, layers_at,
@@ -42,13 +42,18 @@ pub(crate) const MAX_EPITOME_SIDE: u32 = 8192;
 pub(crate) const MAX_ENTRIES: u64 = 1 << 25;
 /// Flag of an epitome with an error map.
 const ERRORS_FLAG: u32 = 2;
+/// Flag of leaves that are blended in wider strips than between their outermost texels.
+const STRIP_FLAG: u32 = 4;
 /// Blocks of these sides are allowed.
 const BLOCK_SIDES: std::ops::RangeInclusive<u32> = 4..=MAX_BLOCK as u32;
 
 pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     let format = &parts.format;
     let mips = parts.layout.levels > 1;
-    let flags = u32::from(mips) | if parts.errors.is_some() { ERRORS_FLAG } else { 0 };
+    let is_wide = format.strip > LEAST_STRIP;
+    let flags = u32::from(mips)
+        | if parts.errors.is_some() { ERRORS_FLAG } else { 0 }
+        | if is_wide { STRIP_FLAG } else { 0 };
     let mut form: Vec<u8> = [
         format.block,
         u32::from(format.split),
@@ -75,6 +80,7 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     }
     form.extend((parts.linears.len() as u32).to_le_bytes());
     form.extend((parts.tones.len() as u32).to_le_bytes());
+    form.extend(is_wide.then_some(format.strip as u8));
     out.section("container", FORM_ID, &form);
     let linears = parts.linears.iter().flatten().flat_map(|value| value.to_le_bytes());
     let palettes: Vec<u8> = linears.chain(parts.tones.iter().flatten().copied()).collect();
@@ -451,8 +457,9 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
         tone_bits: field(8, "a field above 8 bits")?,
         linear_bits: field(8, "a field above 8 bits")?,
         mixed: false,
+        strip: LEAST_STRIP,
     };
-    let flags = field(3, "a flag above 3")?;
+    let flags = field(7, "a flag above 7")?;
     let (mips, errors) = (flags & 1 == 1, flags & ERRORS_FLAG != 0);
     let count = field(2, "more than two epitomes")?;
     format.mixed = count == 2;
@@ -487,6 +494,13 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
     let fits = |count: u32, bits: u32| (1..=1 << bits).contains(&count);
     if !fits(linears, format.linear_bits) || !fits(tones, format.tone_bits) {
         return Err(reader.corrupt("a palette longer than its numbers"));
+    }
+    if flags & STRIP_FLAG != 0 {
+        format.strip = u32::from(reader.u8()?);
+        // Half a leaf on each side of a border.
+        if !(LEAST_STRIP + 1..=4 * format.cell()).contains(&format.strip) {
+            return Err(reader.corrupt("a strip narrower than a texel or wider than a leaf"));
+        }
     }
     reader.end()?;
     // The epitome's mip levels and the coarse chain are there together.

@@ -11,13 +11,14 @@ use texfold_bc::Content;
 use texfold_core::{Encoded, Job, TextureCodec};
 use texfold_gpu::GpuError;
 use texfold_lightfield::{
-    Camera, Directions, Factors, LightParams, LightTexture, Lightfield, Model, Renderer,
+    Camera, Directions, Factors, Fit, LightParams, LightTexture, Lightfield, Model, Renderer,
 };
 use texfold_testkit::capture::{Look, camera, eyes, sphere};
 
-fn encoded(content: Content, directions: Directions, factors: Factors) -> LightTexture {
-    let model = Model { directions, factors, ..Model::default() };
-    let params = LightParams { terms: 2, content, model, ..LightParams::default() };
+fn encoded(content: Content, directions: Directions, factors: Factors, codewords: f32) -> LightTexture {
+    let fit = if directions == Directions::World { Fit::Shared } else { Fit::Scattered };
+    let model = Model { fit, directions, factors, ..Model::default() };
+    let params = LightParams { terms: 2, content, model, codewords, ..LightParams::default() };
     Lightfield::encode(&sphere(Look::Glossy, 24, 48), &params, &mut Job::default()).unwrap()
 }
 
@@ -29,13 +30,14 @@ fn projection(texture: &LightTexture, camera: &Camera) -> Mat4 {
 #[test]
 fn drawn_pixels_are_those_of_the_reference() {
     let Some(gpu) = gpu() else { return };
-    for (content, directions, factors) in [
-        (Content::Raw, Directions::Reflected, Factors::Signed),
-        (Content::Raw, Directions::View, Factors::NonNegative),
-        (Content::Bc1, Directions::Reflected, Factors::Signed),
-        (Content::Bc7, Directions::Reflected, Factors::NonNegative),
+    for (content, directions, factors, codewords) in [
+        (Content::Raw, Directions::Reflected, Factors::Signed, 1.0),
+        (Content::Raw, Directions::View, Factors::NonNegative, 0.3),
+        (Content::Bc1, Directions::Reflected, Factors::Signed, 0.3),
+        (Content::Bc7, Directions::Reflected, Factors::NonNegative, 1.0),
+        (Content::Raw, Directions::World, Factors::Signed, 1.0),
     ] {
-        let whole = encoded(content, directions, factors);
+        let whole = encoded(content, directions, factors, codewords);
         for terms in [0, 1, 2] {
             let texture = whole.clone().first_terms(terms);
             let light = gpu.upload_light(&whole.gpu()).unwrap().with_terms(terms);
@@ -67,7 +69,7 @@ fn drawn_pixels_are_those_of_the_reference() {
 #[test]
 fn what_cannot_be_drawn_is_refused_by_name() {
     let Some(gpu) = gpu() else { return };
-    let texture = encoded(Content::Raw, Directions::Reflected, Factors::Signed);
+    let texture = encoded(Content::Raw, Directions::Reflected, Factors::Signed, 1.0);
     let light = gpu.upload_light(&texture.gpu()).unwrap();
     let draw = |size| gpu.draw_light(&light, Mat4::IDENTITY, Vec3::ZERO, size);
     assert!(matches!(draw((0, 8)), Err(GpuError::PictureSize { width: 0, .. })));

@@ -13,9 +13,9 @@ use texfold_core::{
 
 use crate::decode::{
     LightfieldView, TEXFOLD_LIGHTFIELD_REFLECTED, TEXFOLD_LIGHTFIELD_ROW, TEXFOLD_LIGHTFIELD_VIEW,
-    TexfoldLightfieldParams, texfold_lightfield_sample,
+    TEXFOLD_LIGHTFIELD_WORLD, TexfoldLightfieldParams, texfold_lightfield_sample, texfold_lightfield_scale,
 };
-use crate::layout::Layout;
+use crate::layout::{Layout, Sharing, Widths, halved};
 use crate::params::{Directions, Factors};
 use crate::{Lightfield, Mesh, wire};
 
@@ -23,29 +23,9 @@ use crate::{Lightfield, Mesh, wire};
 pub(crate) const PIXEL: PixelInfo =
     PixelInfo { channels: 3, depth: Depth::Eight, color: ColorSpace::Srgb, alpha: Alpha::Opaque };
 
-/// Steps of scales to an octave: the step of 2^(1/8) costs at most 0.13 bits of a map's 8.
-const STEPS: [f32; 8] = [
-    1.0,
-    1.090_507_7,
-    1.189_207_1,
-    1.296_839_6,
-    std::f32::consts::SQRT_2,
-    1.542_210_8,
-    1.681_792_9,
-    1.834_008,
-];
-/// Binary logarithm of the least scale: smaller terms change no byte of a colour.
-const LEAST_LOG2: i32 = -26;
-
 /// The scale that a byte stands for; 0 stands for 0.
 pub(crate) fn scale_of(byte: u8) -> f32 {
-    match byte.checked_sub(1) {
-        None => 0.0,
-        Some(step) => {
-            STEPS[usize::from(step % 8)]
-                * f32::from_bits(((127 + LEAST_LOG2 + i32::from(step / 8)) as u32) << 23)
-        }
-    }
+    texfold_lightfield_scale(u32::from(byte))
 }
 
 /// The least scale of at least `value`; the largest where there is none, 0 for less than the least.
@@ -67,6 +47,8 @@ pub(crate) struct Parts {
     pub(crate) mesh: Mesh,
     /// Binary logarithm of the side of each triangle's patch.
     pub(crate) sides_log2: Vec<u8>,
+    /// How often these are halved for surface maps.
+    pub(crate) halvings: u8,
     pub(crate) directions: Directions,
     pub(crate) factors: Factors,
     pub(crate) grid: u32,
@@ -76,6 +58,9 @@ pub(crate) struct Parts {
     pub(crate) terms: u32,
     /// Scales of the terms that are there: term by term, vertex by vertex, red, green and blue.
     pub(crate) scales: Vec<u8>,
+    /// Which maps show what: of the mean, then of the terms that are there.
+    pub(crate) layers: Vec<Sharing>,
+    pub(crate) widths: Widths,
     pub(crate) mean: ContentPlanes,
     pub(crate) surface: ContentPlanes,
     pub(crate) view: ContentPlanes,
@@ -95,18 +80,18 @@ pub struct LightTexture {
 }
 
 /// Columns and rows of the mean's atlas.
-pub(crate) fn mean_size(layout: &Layout) -> (u32, u32) {
-    (layout.surface_width, layout.surface_height)
+pub(crate) fn mean_size(layout: &Layout, widths: Widths) -> (u32, u32) {
+    (widths.mean, layout.mean_rows().max(4))
 }
 
-/// Columns and rows of the surface maps' atlas; of a block without terms, as a texture has texels.
-pub(crate) fn surface_size(layout: &Layout, terms: u32) -> (u32, u32) {
-    if terms == 0 { (4, 4) } else { (3 * layout.surface_width, terms * layout.surface_height) }
+/// Columns and rows of the surface maps' atlas; at least a block, as a texture has texels.
+pub(crate) fn surface_size(layout: &Layout, widths: Widths, terms: u32) -> (u32, u32) {
+    (widths.surface, layout.rows(terms).0.max(4))
 }
 
-/// Columns and rows of the view maps' atlas.
-pub(crate) fn view_size(layout: &Layout, grid: u32, terms: u32) -> (u32, u32) {
-    if terms == 0 { (4, 4) } else { (layout.view_columns * grid, terms * layout.view_height) }
+/// Columns and rows of the view maps' atlas; likewise.
+pub(crate) fn view_size(layout: &Layout, widths: Widths, terms: u32) -> (u32, u32) {
+    (widths.view, layout.rows(terms).1.max(4))
 }
 
 impl LightTexture {
@@ -116,6 +101,7 @@ impl LightTexture {
         let directions = match parts.directions {
             Directions::View => TEXFOLD_LIGHTFIELD_VIEW,
             Directions::Reflected => TEXFOLD_LIGHTFIELD_REFLECTED,
+            Directions::World => TEXFOLD_LIGHTFIELD_WORLD,
         };
         let params = TexfoldLightfieldParams {
             vertices,
@@ -124,15 +110,12 @@ impl LightTexture {
             stored_terms: parts.terms,
             directions,
             grid: parts.grid,
-            view_columns: layout.view_columns,
-            view_height: layout.view_height,
-            surface_width: layout.surface_width,
-            surface_height: layout.surface_height,
             mean_swizzle: parts.mean.swizzle().0,
             map_swizzle: parts.surface.swizzle().0,
             map_zero: zero_and_range(parts.factors).0,
             map_range: zero_and_range(parts.factors).1,
-            reserved: [0; 2],
+            halvings: u32::from(parts.halvings),
+            reserved: 0,
         };
         LightTexture {
             layout: LightLayout { triangles, terms: parts.terms },
@@ -176,6 +159,17 @@ impl LightTexture {
         self.parts.surface.content()
     }
 
+    /// How many terms each vertex has.
+    #[must_use]
+    pub fn terms_of_vertices(&self) -> Vec<u32> {
+        let has = |vertex: usize, term: u32| {
+            let first = 3 * (term as usize * self.parts.mesh.positions.len() + vertex);
+            self.parts.scales[first..first + 3] != [0; 3]
+        };
+        let count = |vertex| (0..self.params.terms).filter(|&term| has(vertex, term)).count() as u32;
+        (0..self.parts.mesh.positions.len()).map(count).collect()
+    }
+
     /// The same light field drawn with at most `terms` terms beside the mean.
     #[must_use]
     pub fn first_terms(mut self, terms: u32) -> LightTexture {
@@ -186,16 +180,20 @@ impl LightTexture {
 
     /// The same light field with the first `terms` terms alone, as a file of its own.
     #[must_use]
-    pub(crate) fn truncated(self, terms: u32) -> LightTexture {
-        let Parts { grid, mut scales, surface, view, .. } = self.parts;
-        let layout = Layout::new(&self.parts.sides_log2, self.params.vertices, grid, terms);
-        let Some(layout) = layout.filter(|_| terms < self.parts.terms) else {
-            return LightTexture { parts: Parts { scales, surface, view, ..self.parts }, ..self };
-        };
+    pub fn truncated(self, terms: u32) -> LightTexture {
+        if terms >= self.parts.terms {
+            return self;
+        }
+        let Parts { grid, widths, mut scales, mut layers, surface, view, .. } = self.parts;
+        layers.truncate(terms as usize + 1);
         scales.truncate(3 * (terms * self.params.vertices) as usize);
-        let surface = first_rows(&surface, surface_size(&layout, terms));
-        let view = first_rows(&view, view_size(&layout, grid, terms));
-        let parts = Parts { terms, total_terms: terms, scales, surface, view, ..self.parts };
+        // Where all terms fit a texture, fewer do.
+        let coarse = halved(&self.parts.sides_log2, self.parts.halvings);
+        let sides = [&self.parts.sides_log2[..], &coarse];
+        let layout = Layout::new(sides, &layers, widths, grid).unwrap_or_default();
+        let surface = first_rows(&surface, surface_size(&layout, widths, terms));
+        let view = first_rows(&view, view_size(&layout, widths, terms));
+        let parts = Parts { terms, total_terms: terms, scales, layers, surface, view, ..self.parts };
         LightTexture::new(parts, &layout, self.notes)
     }
 
@@ -213,13 +211,16 @@ impl LightTexture {
             params: self.params,
             mesh: &self.words,
             mean: &self.mean,
+            mean_width: self.parts.widths.mean,
             surface: &self.surface,
+            surface_width: self.parts.widths.surface,
             view: &self.view,
+            view_width: self.parts.widths.view,
         }
     }
 }
 
-/// The upper left part of planes that is as wide as they are, or of one block.
+/// The upper rows of planes.
 fn first_rows(planes: &ContentPlanes, size: (u32, u32)) -> ContentPlanes {
     let bytes = |(format, bytes): &(PlaneFormat, Vec<u8>)| {
         let length = (format.bytes(size.0, size.1) as usize).min(bytes.len());
@@ -238,12 +239,17 @@ fn words(parts: &Parts, layout: &Layout) -> Vec<u32> {
         words.extend(normal.to_array().map(f32::to_bits));
         for term in 0..parts.terms as usize {
             let first = 3 * (term * vertices + vertex);
-            words.extend(parts.scales[first..first + 3].iter().map(|&byte| scale_of(byte).to_bits()));
+            let scales = &parts.scales[first..first + 3];
+            words.push(u32::from_le_bytes([scales[0], scales[1], scales[2], 0]));
+            words.push(layout.views[term + 1][vertex]);
         }
     }
-    for (triangle, &place) in parts.mesh.triangles.iter().zip(&layout.places) {
-        words.extend(triangle);
+    for (triangle, (corners, &place)) in parts.mesh.triangles.iter().zip(&layout.patches[0]).enumerate() {
+        words.extend(corners);
         words.push(place);
+        for term in &layout.patches[1..] {
+            words.extend(&term[3 * triangle..3 * triangle + 3]);
+        }
     }
     words
 }

@@ -25,14 +25,15 @@ mod layout;
 mod params;
 mod pictures;
 mod render;
+mod simplify;
 mod wire;
 
 pub use camera::Camera;
 pub use capture::{Capture, Mesh, View};
-pub use encode::Quality;
+pub use encode::{Fitted, Quality};
 pub use encoded::LightTexture;
 pub use error::CaptureError;
-pub use params::{Directions, Factors, Fit, LightParams, MAX_TERMS, Model};
+pub use params::{Directions, Factors, Fit, LightParams, MAX_TERMS, Model, Updates};
 pub use render::Renderer;
 
 use texfold_core::container::Sections;
@@ -73,5 +74,13 @@ impl Lightfield {
         job: &mut Job<'_>,
     ) -> Result<(LightTexture, Quality), EncodeError> {
         encode::encode(source, params, job)
+    }
+
+    /// The first half of an encode, for several ways to store what it finds.
+    ///
+    /// # Errors
+    /// As [`TextureCodec::encode`].
+    pub fn fit(source: &Capture, params: &LightParams, job: &mut Job<'_>) -> Result<Fitted, EncodeError> {
+        encode::fit(source, params, job)
     }
 }

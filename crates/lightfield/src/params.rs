@@ -15,6 +15,8 @@ pub enum Directions {
     /// over the surface.
     #[default]
     Reflected,
+    /// The reflected direction in space, on an octahedron: what is far away keeps its place in the maps of all vertices.
+    World,
 }
 
 /// Which signs the factors have.
@@ -27,12 +29,24 @@ pub enum Factors {
     NonNegative,
 }
 
+/// How factors are improved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Updates {
+    /// One factor at a time by least squares; of factors without signs hierarchical alternating least squares.
+    #[default]
+    Alternating,
+    /// The paper's multiplicative updates, for factors without signs alone: slower.
+    Multiplicative,
+}
+
 /// How maps are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Fit {
     /// Alternating least squares on what each photograph shows of each sample.
     #[default]
     Scattered,
+    /// As scattered, but all vertices show the same view map of a term: small files. Over directions in space alone.
+    Shared,
     /// The paper's: photographs that see whole triangles, blended on the grid of the view map, then a principal component analysis.
     /// Its factors have signs, and every vertex has all terms.
     Resampled,
@@ -47,6 +61,8 @@ pub struct Model {
     pub directions: Directions,
     /// Which signs the factors have.
     pub factors: Factors,
+    /// How they are improved.
+    pub updates: Updates,
     /// Whether photographs that show part of an edge or triangle count with what they show.
     pub partial: bool,
     /// Whether a vertex has only the terms that photographs left out of a first fit speak for.
@@ -59,6 +75,7 @@ impl Default for Model {
             fit: Fit::default(),
             directions: Directions::default(),
             factors: Factors::default(),
+            updates: Updates::default(),
             partial: true,
             chosen: true,
         }
@@ -76,6 +93,12 @@ pub struct LightParams {
     pub grid: u32,
     /// Samples along a triangle's side for each that the photographs resolve, 0.125 to 1.
     pub sampling: f32,
+    /// How often the sides of surface maps are halved, 0 to 3, beside those of the mean: terms differ less from place to place.
+    pub halvings: u8,
+    /// Share of the maps' texels that is stored, above 0 to 1: below 1 maps are codewords that several triangles or vertices show.
+    pub codewords: f32,
+    /// Regions of the mesh whose vertices show the same view maps, where they share them; 1 to 4096.
+    pub regions: u32,
     /// Parts of the model.
     pub model: Model,
     /// How the maps are stored: raw, BC1 or BC7.
@@ -89,6 +112,9 @@ impl Default for LightParams {
             psnr: None,
             grid: 16,
             sampling: 1.0,
+            halvings: 1,
+            regions: 24,
+            codewords: 1.0,
             model: Model::default(),
             content: Content::Raw,
         }
@@ -109,8 +135,25 @@ impl Params for LightParams {
             _ if !(0.125..=1.0).contains(&self.sampling) => {
                 error("sampling", f64::from(self.sampling), "0.125..=1")
             }
+            _ if !(1..=4096).contains(&self.regions) => error("regions", f64::from(self.regions), "1..=4096"),
+            _ if self.halvings > 3 => error("halvings", f64::from(self.halvings), "0..=3"),
+            _ if !(self.codewords > 0.0 && self.codewords <= 1.0) => {
+                error("codewords", f64::from(self.codewords), "above 0 to 1")
+            }
             _ if self.model.fit == Fit::Resampled && self.model.factors == Factors::NonNegative => {
                 error("factors", 0.0, "any sign where the matrix is resampled")
+            }
+            _ if self.model.fit == Fit::Shared && self.model.directions != Directions::World => {
+                error("directions", 0.0, "those in space where vertices share view maps")
+            }
+            _ if self.model.fit == Fit::Resampled && self.model.directions == Directions::World => {
+                error("directions", 0.0, "those around vertices where the matrix is resampled")
+            }
+            _ if self.model.fit == Fit::Shared && self.model.updates == Updates::Multiplicative => {
+                error("updates", 0.0, "alternating where vertices share view maps")
+            }
+            _ if self.model.updates == Updates::Multiplicative && self.model.factors == Factors::Signed => {
+                error("updates", 0.0, "alternating where factors have signs")
             }
             _ if !matches!(self.content, Content::Raw | Content::Bc1 | Content::Bc7) => {
                 error("content", f64::from(self.content.number()), "raw, bc1 and bc7 for light-field maps")

@@ -4,7 +4,6 @@ use glam::{Mat4, Vec2, Vec3};
 use texfold_core::image::Raster;
 use texfold_core::{Encoded, SourceError, Texel};
 
-use crate::decode::texfold_lightfield_scale;
 use crate::encoded::PIXEL;
 use crate::{Camera, LightTexture, Renderer};
 
@@ -33,13 +32,8 @@ impl LightTexture {
 
     /// The number of terms of the vertices, blended over the triangles, seen along -z and along z.
     fn drawn_terms(&self) -> Vec<Texel> {
-        let view = self.view();
-        let terms = self.layout().terms;
-        let share = |vertex: u32| {
-            let used = (0..terms).filter(|&term| texfold_lightfield_scale(&view, vertex, term) != Vec3::ZERO);
-            used.count() as f32 / terms.max(1) as f32
-        };
-        let shares: Vec<f32> = (0..self.mesh().positions.len() as u32).map(share).collect();
+        let terms = self.layout().terms.max(1) as f32;
+        let shares: Vec<f32> = self.terms_of_vertices().into_iter().map(|used| used as f32 / terms).collect();
         let renderer = Renderer::new(self);
         let cameras = [false, true].map(|behind| self.overview(behind));
         let pixel = |index: u32| {

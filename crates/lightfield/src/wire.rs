@@ -1,5 +1,5 @@
 //! Sections of a `lightfield` file: "LFFM" (counts and settings), "LFME" (mesh and sides of patches), "LFMN" (the mean's planes), then
-//! for each term "LFQ0" (scales), "LFG0" (surface maps) and "LFH0" (view maps), with the term's number as last letter.
+//! for each term "LFQ0" (scales and which maps are shown), "LFG0" (surface maps) and "LFH0" (view maps), with the term's number as last letter.
 //! A file that ends after a term is a light field of fewer terms.
 
 use glam::Vec3;
@@ -10,7 +10,7 @@ use texfold_core::{Budget, LoadError, String4, Texel};
 use crate::Mesh;
 use crate::capture::{MAX_TRIANGLES, MAX_VERTICES};
 use crate::encoded::{LightTexture, PIXEL, Parts, mean_size, surface_size, view_size};
-use crate::layout::{Layout, MAX_SIDE_LOG2};
+use crate::layout::{Layout, MAX_SIDE_LOG2, NONE, SIDES, Sharing, Widths, halved};
 use crate::params::{Directions, Factors, MAX_TERMS};
 
 const FORM_ID: [u8; 4] = *b"LFFM";
@@ -29,6 +29,7 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     let directions = match parts.directions {
         Directions::View => 0u8,
         Directions::Reflected => 1,
+        Directions::World => 2,
     };
     let factors = match parts.factors {
         Factors::Signed => 0u8,
@@ -38,20 +39,48 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     form.extend([vertices as u32, triangles as u32].map(u32::to_le_bytes).concat());
     form.extend([parts.total_terms as u8, parts.grid as u8, directions, factors]);
     form.extend([parts.mean.content().number(), parts.surface.content().number()]);
+    let Widths { mean, surface, view } = parts.widths;
+    form.extend([mean, surface, view].map(|width| (width as u16).to_le_bytes()).concat());
+    form.push(parts.halvings);
     out.section("container", FORM_ID, &form);
     out.section("mesh", MESH_ID, &mesh_bytes(parts));
-    out.section("mean", MEAN_ID, &rows_of(&parts.mean, 0, 1));
+    let coarse = halved(&parts.sides_log2, parts.halvings);
+    let layout = Layout::new([&parts.sides_log2, &coarse], &parts.layers, parts.widths, parts.grid);
+    let layout = layout.unwrap_or_default();
+    let rows = |planes: &ContentPlanes, first: u32, end: u32| {
+        // An atlas without maps has a block all the same, which no section holds.
+        rows_of(planes, if end > first { first..end } else { 0..0 })
+    };
+    out.section("mean", MEAN_ID, &rows(&parts.mean, 0, layout.mean_rows()));
     for term in 0..parts.terms {
         let scales = 3 * vertices;
         let first = term as usize * scales;
-        out.section("scales", term_id(b'Q', term), &parts.scales[first..first + scales]);
-        out.section("surface maps", term_id(b'G', term), &rows_of(&parts.surface, term, parts.terms));
-        out.section("view maps", term_id(b'H', term), &rows_of(&parts.view, term, parts.terms));
+        let mut maps = parts.scales[first..first + scales].to_vec();
+        push_sharing(&mut maps, &parts.layers[term as usize + 1]);
+        let (begin, end) = (layout.rows(term), layout.rows(term + 1));
+        out.section("scales and indices", term_id(b'Q', term), &maps);
+        out.section("surface maps", term_id(b'G', term), &rows(&parts.surface, begin.0, end.0));
+        out.section("view maps", term_id(b'H', term), &rows(&parts.view, begin.1, end.1));
+    }
+}
+
+/// Whether maps are shared; where they are, how many there are of each side and of view maps, and the numbers of those that are
+/// shown: all lowest bytes, all middle ones, all highest ones.
+fn push_sharing(raw: &mut Vec<u8>, sharing: &Sharing) {
+    raw.push(u8::from(sharing.shared));
+    if !sharing.shared {
+        return;
+    }
+    raw.extend(sharing.patches.iter().chain([&sharing.views]).flat_map(|count| count.to_le_bytes()));
+    for numbers in [&sharing.patch_of, &sharing.view_of] {
+        let shown: Vec<[u8; 4]> =
+            numbers.iter().filter(|&&number| number != NONE).map(|number| number.to_le_bytes()).collect();
+        (0..3).for_each(|byte| raw.extend(shown.iter().map(|number| number[byte])));
     }
 }
 
 /// Places byte by byte (all lowest bytes of x, then the next, so that alike bytes stand together), indices as the difference
-/// to the index before, byte by byte, then the sides.
+/// to the index before, byte by byte, then the sides and which patches of the mean are shown.
 fn mesh_bytes(parts: &Parts) -> Vec<u8> {
     let mut raw = Vec::new();
     for axis in 0..3 {
@@ -66,16 +95,18 @@ fn mesh_bytes(parts: &Parts) -> Vec<u8> {
     }
     (0..4).for_each(|byte| raw.extend(differences.iter().map(|value| value[byte])));
     raw.extend(&parts.sides_log2);
+    push_sharing(&mut raw, &parts.layers[0]);
     raw
 }
 
-/// The bytes of one of `terms` equal bands of rows, plane by plane; each byte as the difference to the one before of the same channel
-/// where texels are plain.
-fn rows_of(planes: &ContentPlanes, term: u32, terms: u32) -> Vec<u8> {
+/// The bytes of some rows, multiples of a block's, plane by plane; each byte as the difference to the one before of the same channel where
+/// texels are plain.
+fn rows_of(planes: &ContentPlanes, rows: std::ops::Range<u32>) -> Vec<u8> {
     let mut raw = Vec::new();
+    let width = planes.size().0;
     for (format, bytes) in planes.planes() {
-        let band = bytes.len() / terms as usize;
-        let band = &bytes[term as usize * band..(term as usize + 1) * band];
+        let [start, end] = [rows.start, rows.end].map(|row| format.bytes(width, row) as usize);
+        let band = &bytes[start..end];
         if planes.content() == Content::Raw {
             let step = format.block_bytes() as usize;
             let before = |at: usize| at.checked_sub(step).map_or(0, |at| band[at]);
@@ -96,6 +127,8 @@ struct Form {
     factors: Factors,
     mean: Content,
     maps: Content,
+    widths: Widths,
+    halvings: u8,
 }
 
 pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<LightTexture, LoadError> {
@@ -104,54 +137,132 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<LightText
     let form = read_form(&mut Reader::new(String4(FORM_ID), &raw))?;
     let raw = file.read(MESH_ID, budget)?;
     let mut reader = Reader::new(String4(MESH_ID), &raw);
-    let (mesh, sides_log2) = read_mesh(&mut reader, &form, budget)?;
-    let layout = Layout::new(&sides_log2, form.vertices, form.grid, form.terms)
-        .ok_or(reader.corrupt("maps that do not fit a texture"))?;
-    let mut mean = Bands::new(form.mean, mean_size(&layout));
-    mean.read(file, MEAN_ID, budget)?;
-    let mut surface = Bands::new(form.maps, surface_size(&layout, u32::from(form.terms > 0)));
-    let mut view = Bands::new(form.maps, view_size(&layout, form.grid, u32::from(form.terms > 0)));
+    let (mesh, sides_log2, of_mean) = read_mesh(&mut reader, &form, budget)?;
+    let mut layers = vec![of_mean];
+    let coarse = halved(&sides_log2, form.halvings);
     let mut scales = Vec::new();
-    let mut terms = 0;
     let ids = |term| [b'Q', b'G', b'H'].map(|kind| term_id(kind, term));
+    let mut terms = 0;
     while terms < form.terms && ids(terms).iter().all(|&id| file.has(id)) {
-        let [scale_id, surface_id, view_id] = ids(terms);
-        let raw = file.read(scale_id, budget)?;
-        if raw.len() as u64 != 3 * u64::from(form.vertices) {
-            return Err(Reader::new(String4(scale_id), &raw).corrupt("another number of scales"));
-        }
-        scales.extend(raw);
-        surface.read(file, surface_id, budget)?;
-        view.read(file, view_id, budget)?;
+        let id = ids(terms)[0];
+        let raw = file.read(id, budget)?;
+        let mut reader = Reader::new(String4(id), &raw);
+        let found = reader.bytes(3 * mesh.positions.len())?;
+        layers.push(read_term(&mut reader, &mesh, &coarse, found, budget)?);
+        scales.extend(found);
         terms += 1;
     }
-    budget
-        .take((6 + 3 * u64::from(terms)) * 4 * u64::from(form.vertices) + 16 * u64::from(form.triangles))?;
+    let layout = Layout::new([&sides_log2, &coarse], &layers, form.widths, form.grid)
+        .ok_or(reader.corrupt("maps that do not fit a texture"))?;
+    let Widths { mean: mean_width, surface: surface_width, view: view_width } = form.widths;
+    let mut mean = Bands::new(form.mean, mean_width);
+    mean.read(file, MEAN_ID, layout.mean_rows(), budget)?;
+    let (mut surface, mut view) = (Bands::new(form.maps, surface_width), Bands::new(form.maps, view_width));
+    for term in 0..terms {
+        let [_, surface_id, view_id] = ids(term);
+        let (begin, end) = (layout.rows(term), layout.rows(term + 1));
+        surface.read(file, surface_id, end.0 - begin.0, budget)?;
+        view.read(file, view_id, end.1 - begin.1, budget)?;
+    }
+    let words = (6 + 2 * u64::from(terms)) * u64::from(form.vertices)
+        + (4 + 3 * u64::from(terms)) * u64::from(form.triangles);
+    budget.take(4 * words)?;
     let parts = Parts {
         mesh,
         sides_log2,
+        halvings: form.halvings,
         directions: form.directions,
         factors: form.factors,
         grid: form.grid,
         total_terms: form.terms,
         terms,
         scales,
-        mean: mean.planes(mean_size(&layout), budget)?,
-        surface: surface.planes(surface_size(&layout, terms), budget)?,
-        view: view.planes(view_size(&layout, form.grid, terms), budget)?,
+        layers,
+        widths: form.widths,
+        mean: mean.planes(mean_size(&layout, form.widths), budget)?,
+        surface: surface.planes(surface_size(&layout, form.widths, terms), budget)?,
+        view: view.planes(view_size(&layout, form.widths, terms), budget)?,
     };
     Ok(LightTexture::new(parts, &layout, notes))
+}
+
+/// Which maps of a term are shown: by vertices with a scale that is not 0.
+fn read_term(
+    reader: &mut Reader<'_>,
+    mesh: &Mesh,
+    sides_log2: &[u8],
+    scales: &[u8],
+    budget: &mut Budget,
+) -> Result<Sharing, LoadError> {
+    let uses = |vertex: u32| scales[3 * vertex as usize..3 * vertex as usize + 3] != [0; 3];
+    let corners = mesh.triangles.iter().zip(sides_log2);
+    let corners = corners.flat_map(|(corners, &log2)| corners.map(|vertex| uses(vertex).then_some(log2)));
+    budget.take(4 * (3 * mesh.triangles.len() + mesh.positions.len()) as u64)?;
+    let own = Sharing::own(corners, (0..mesh.positions.len() as u32).map(uses));
+    let sides = |at: usize| sides_log2[at / 3];
+    let sharing = read_sharing(reader, own, sides)?;
+    reader.end()?;
+    Ok(sharing)
+}
+
+/// Numbers of the maps that are shown, where `own` says which are; and those where they are shared.
+fn read_sharing(
+    reader: &mut Reader<'_>,
+    mut own: Sharing,
+    sides_log2: impl Fn(usize) -> u8,
+) -> Result<Sharing, LoadError> {
+    match reader.array::<1>()? {
+        [0] => return Ok(own),
+        [1] => {}
+        _ => return Err(reader.corrupt("maps neither shared nor own")),
+    }
+    own.shared = true;
+    for count in own.patches.iter_mut().chain([&mut own.views]) {
+        let stored = reader.u32()?;
+        if stored > *count {
+            return Err(reader.corrupt("more maps than are shown"));
+        }
+        *count = stored;
+    }
+    let Sharing { patches, views, patch_of, view_of, .. } = &mut own;
+    read_numbers(reader, patch_of, |at| patches[usize::from(sides_log2(at)).min(SIDES - 1)])?;
+    read_numbers(reader, view_of, |_| *views)?;
+    Ok(own)
+}
+
+/// Replaces all numbers that are not [`NONE`] by stored ones below `end` of their place.
+fn read_numbers(
+    reader: &mut Reader<'_>,
+    numbers: &mut [u32],
+    end: impl Fn(usize) -> u32,
+) -> Result<(), LoadError> {
+    let count = numbers.iter().filter(|&&number| number != NONE).count();
+    let planes = [reader.bytes(count)?, reader.bytes(count)?, reader.bytes(count)?];
+    let shown = numbers.iter_mut().enumerate().filter(|(_, number)| **number != NONE);
+    for (next, (at, number)) in shown.enumerate() {
+        *number = u32::from_le_bytes([planes[0][next], planes[1][next], planes[2][next], 0]);
+        if *number >= end(at) {
+            return Err(reader.corrupt("a map that does not exist"));
+        }
+    }
+    Ok(())
 }
 
 fn read_form(reader: &mut Reader<'_>) -> Result<Form, LoadError> {
     let (vertices, triangles) = (reader.u32()?, reader.u32()?);
     let [terms, grid, directions, factors] = reader.array()?.map(u32::from);
     let (mean, maps) = (Content::read(reader)?, Content::read(reader)?);
+    let [mean_width, surface_width, view_width] = reader
+        .array::<6>()
+        .map(|bytes| [0, 2, 4].map(|at| u32::from(u16::from_le_bytes([bytes[at], bytes[at + 1]]))))?;
+    let widths = Widths { mean: mean_width, surface: surface_width, view: view_width };
+    let [halvings] = reader.array()?;
     reader.end()?;
     let holds = |content| matches!(content, Content::Raw | Content::Bc1 | Content::Bc7);
     let directions = match directions {
         0 => Directions::View,
         1 => Directions::Reflected,
+        2 => Directions::World,
         _ => return Err(reader.corrupt("unknown kind of directions")),
     };
     let factors = match factors {
@@ -170,8 +281,11 @@ fn read_form(reader: &mut Reader<'_>) -> Result<Form, LoadError> {
         () if !(4..=64).contains(&grid) || !grid.is_multiple_of(4) => {
             Err(reader.corrupt("view maps of a side that is no multiple of 4 in 4..=64"))
         }
+        () if halvings > 3 => Err(reader.corrupt("surface maps halved more than three times")),
         () if !holds(mean) || !holds(maps) => Err(reader.corrupt("content that holds no light-field maps")),
-        () => Ok(Form { vertices, triangles, terms, grid, directions, factors, mean, maps }),
+        () => {
+            Ok(Form { vertices, triangles, terms, grid, directions, factors, mean, maps, widths, halvings })
+        }
     }
 }
 
@@ -179,7 +293,7 @@ fn read_mesh(
     reader: &mut Reader<'_>,
     form: &Form,
     budget: &mut Budget,
-) -> Result<(Mesh, Vec<u8>), LoadError> {
+) -> Result<(Mesh, Vec<u8>, Sharing), LoadError> {
     let (vertices, triangles) = (form.vertices as usize, form.triangles as usize);
     let mut positions: Vec<Vec3> = budget.zeroed(u64::from(form.vertices))?;
     for axis in 0..3 {
@@ -204,8 +318,15 @@ fn read_mesh(
     if sides.iter().any(|&log2| log2 > MAX_SIDE_LOG2) {
         return Err(reader.corrupt("a patch of more than 64 texels a side"));
     }
+    let widest = sides.iter().copied().max().unwrap_or(0);
+    if !form.widths.fit(widest, form.grid) {
+        return Err(reader.corrupt("atlases of a width that holds no map"));
+    }
+    budget.take(4 * u64::from(form.triangles))?;
+    let own = Sharing::own(sides.iter().map(|&log2| Some(log2)), std::iter::empty());
+    let sharing = read_sharing(reader, own, |at| sides[at])?;
     reader.end()?;
-    Ok((Mesh { positions, triangles: indices }, sides))
+    Ok((Mesh { positions, triangles: indices }, sides, sharing))
 }
 
 /// `count` words of which all lowest bytes come first, then all next ones.
@@ -220,21 +341,27 @@ fn read_words<'r>(
 /// Planes that arrive in bands of rows.
 struct Bands {
     content: Content,
-    /// Columns and rows of a band.
-    size: (u32, u32),
+    width: u32,
     planes: Vec<Vec<u8>>,
 }
 
 impl Bands {
-    fn new(content: Content, size: (u32, u32)) -> Bands {
-        Bands { content, size, planes: vec![Vec::new(); content.formats(PIXEL).0.len()] }
+    fn new(content: Content, width: u32) -> Bands {
+        Bands { content, width, planes: vec![Vec::new(); content.formats(PIXEL).0.len()] }
     }
 
-    fn read(&mut self, file: &Sections<'_>, id: [u8; 4], budget: &mut Budget) -> Result<(), LoadError> {
+    /// Reads a band of `rows` rows.
+    fn read(
+        &mut self,
+        file: &Sections<'_>,
+        id: [u8; 4],
+        rows: u32,
+        budget: &mut Budget,
+    ) -> Result<(), LoadError> {
         let raw = file.read(id, budget)?;
         let mut reader = Reader::new(String4(id), &raw);
         for (plane, format) in self.planes.iter_mut().zip(self.content.formats(PIXEL).0) {
-            let length = format.bytes(self.size.0, self.size.1);
+            let length = format.bytes(self.width, rows);
             budget.take(length)?;
             let (start, step) = (plane.len(), format.block_bytes() as usize);
             plane.extend(reader.bytes(length as usize)?);

@@ -19,8 +19,8 @@ impl Random {
     }
 }
 
-fn file(content: texfold_bc::Content) -> Vec<u8> {
-    let params = LightParams { terms: 2, grid: 8, content, ..LightParams::default() };
+fn file(content: texfold_bc::Content, codewords: f32) -> Vec<u8> {
+    let params = LightParams { terms: 2, grid: 8, content, codewords, ..LightParams::default() };
     let texture = Lightfield::encode(&sphere(Look::Glossy, 4, 16), &params, &mut Job::default()).unwrap();
     let mut writer = SectionWriter::new(Lightfield::ID);
     texture.store(&mut writer);
@@ -48,7 +48,7 @@ fn exercise(texture: &LightTexture) {
 
 #[test]
 fn every_cut_names_what_is_missing_or_leaves_whole_terms() {
-    let bytes = file(texfold_bc::Content::Raw);
+    let bytes = file(texfold_bc::Content::Raw, 1.0);
     for length in 0..bytes.len() {
         match open(&bytes[..length], &mut Budget::new(LIMITS)) {
             Err(LoadError::Truncated { .. }) => {}
@@ -61,7 +61,7 @@ fn every_cut_names_what_is_missing_or_leaves_whole_terms() {
 
 #[test]
 fn flipped_bytes_are_noticed() {
-    let bytes = file(texfold_bc::Content::Bc1);
+    let bytes = file(texfold_bc::Content::Bc1, 0.3);
     let mut random = Random(11);
     for _ in 0..300 {
         let mut damaged = bytes.clone();
@@ -69,6 +69,24 @@ fn flipped_bytes_are_noticed() {
         damaged[at] ^= 1 << random.below(8);
         assert!(open(&damaged, &mut Budget::new(LIMITS)).is_err(), "byte {at} changed unnoticed");
     }
+}
+
+#[test]
+fn numbers_of_maps_that_do_not_exist_are_named() {
+    let bytes = file(texfold_bc::Content::Raw, 0.3);
+    let forged = |section: [u8; 4], change: &dyn Fn(&mut Vec<u8>)| {
+        open(&rewritten(&bytes, section, change), &mut Budget::new(LIMITS)).map(|texture| texture.layers())
+    };
+    // Behind three scales of each of 42 vertices: whether maps are shared, eight counts, then the numbers.
+    let first = 3 * 42;
+    for (at, value) in [(first, 2), (first + 1, 255), (first + 33, 255), (first + 29, 255)] {
+        let found = forged(*b"LFQ0", &|raw| raw[at] = value);
+        assert!(matches!(found, Err(LoadError::Corrupt { .. })), "byte {at} is {value}: {found:?}");
+    }
+    assert!(forged(*b"LFQ0", &|raw| raw.truncate(first)).is_err());
+    assert!(forged(*b"LFQ1", &|raw| raw.push(0)).is_err());
+    // Scales that are there where no map is: then there are fewer numbers than maps shown.
+    assert!(forged(*b"LFQ1", &|raw| raw[..first].fill(9)).is_err());
 }
 
 /// The same file with the section `target` as `change` leaves it, all checksums right.
@@ -90,8 +108,8 @@ fn rewritten(bytes: &[u8], target: [u8; 4], change: impl Fn(&mut Vec<u8>)) -> Ve
 fn forged_files_give_an_error_or_a_light_field_that_decodes() {
     let mut random = Random(5);
     let (mut refused, mut accepted) = (0, 0);
-    for content in [texfold_bc::Content::Raw, texfold_bc::Content::Bc7] {
-        let bytes = file(content);
+    for (content, codewords) in [(texfold_bc::Content::Raw, 1.0), (texfold_bc::Content::Bc7, 0.3)] {
+        let bytes = file(content, codewords);
         let ids: Vec<[u8; 4]> =
             Sections::parse(&bytes, &mut Budget::default()).unwrap().ids().map(|(id, _)| id).collect();
         for _ in 0..300 {
@@ -121,7 +139,7 @@ fn forged_files_give_an_error_or_a_light_field_that_decodes() {
 
 #[test]
 fn counts_that_no_writer_writes_are_named() {
-    let bytes = file(texfold_bc::Content::Raw);
+    let bytes = file(texfold_bc::Content::Raw, 1.0);
     let form = |at: usize, value: &[u8]| {
         let forged = rewritten(&bytes, *b"LFFM", |raw| raw[at..at + value.len()].copy_from_slice(value));
         open(&forged, &mut Budget::new(LIMITS)).map(|texture| texture.layers())
@@ -135,10 +153,14 @@ fn counts_that_no_writer_writes_are_named() {
         (9, &[0]),
         (9, &[7]),
         (9, &[68]),
-        (10, &[2]),
+        (10, &[3]),
         (11, &[2]),
         (12, &[2]),
         (13, &[99]),
+        (14, &[0, 0]),
+        (16, &[2, 0]),
+        (18, &[9, 0]),
+        (18, &[0, 0x40]),
     ] {
         assert!(matches!(form(at, value), Err(LoadError::Corrupt { .. })), "byte {at} is {value:?}");
     }
@@ -147,7 +169,8 @@ fn counts_that_no_writer_writes_are_named() {
     // Places so far away that directions overflow, and sides so large that maps do not fit a texture.
     let far = rewritten(&bytes, *b"LFME", |raw| raw[..12 * 42].fill(0x7f));
     assert!(matches!(open(&far, &mut Budget::new(LIMITS)), Err(LoadError::Corrupt { .. })));
-    let large = rewritten(&bytes, *b"LFME", |raw| raw.iter_mut().rev().take(80).for_each(|side| *side = 7));
+    let large =
+        rewritten(&bytes, *b"LFME", |raw| raw.iter_mut().rev().skip(1).take(80).for_each(|side| *side = 7));
     assert!(matches!(open(&large, &mut Budget::new(LIMITS)), Err(LoadError::Corrupt { .. })));
     // All places alike: normals that cancel out, still finite.
     let flat = rewritten(&bytes, *b"LFME", |raw| raw[..12 * 42].fill(0));

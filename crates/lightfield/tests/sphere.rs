@@ -3,12 +3,12 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests fail as tests do")]
 
 use glam::{Mat4, Vec3};
+use texfold_bc::Content;
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::{Budget, EncodeError, Encoded, Job, LightAddress, TextureCodec};
-use texfold_lightfield::decode::texfold_lightfield_scale;
 use texfold_lightfield::{
     Camera, Capture, CaptureError, Directions, Factors, Fit, LightParams, LightTexture, Lightfield, Mesh,
-    Model, Renderer, View,
+    Model, Renderer, Updates, View,
 };
 use texfold_testkit::capture::{Look, camera, eyes, icosphere, photograph, sphere};
 
@@ -133,11 +133,35 @@ fn figures_add_up() {
 #[test]
 fn bytes_do_not_depend_on_threads() {
     let capture = sphere(Look::Glossy, 10, 32);
-    let with = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        bytes(&Lightfield::encode(&capture, &params(2), &mut Job::default().with_pool(&pool)).unwrap())
+    for codewords in [1.0, 0.4] {
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let params = LightParams { codewords, ..params(2) };
+            bytes(&Lightfield::encode(&capture, &params, &mut Job::default().with_pool(&pool)).unwrap())
+        };
+        assert_eq!(with(1), with(3));
+    }
+}
+
+#[test]
+fn codewords_that_several_places_show_cost_little_of_new_views() {
+    let capture = sphere(Look::Glossy, 60, 64);
+    let fine = LightParams { halvings: 0, ..params(2) };
+    let fitted = Lightfield::fit(&capture, &fine, &mut Job::default()).unwrap();
+    let of = |content, codewords| {
+        let texture = fitted.store(content, codewords, &mut Job::default()).unwrap().0;
+        let loaded = load(&bytes(&texture));
+        assert_eq!(bytes(&loaded), bytes(&texture));
+        (bytes(&texture).len(), psnr_of_new_views(&loaded, &capture.mesh, Look::Glossy))
     };
-    assert_eq!(with(1), with(3));
+    let (raw, half) = (of(Content::Raw, 1.0), of(Content::Raw, 0.5));
+    assert!(half.0 < raw.0 * 6 / 10 && half.1 > raw.1 - 1.5, "{raw:?} {half:?}");
+    let small = of(Content::Bc1, 0.5);
+    assert!(small.0 < half.0 / 2 && small.1 > 30.0, "{small:?}");
+    for wrong in [0.0, 1.1, f32::NAN] {
+        let refused = fitted.store(Content::Raw, wrong, &mut Job::default());
+        assert!(matches!(refused, Err(EncodeError::Params(error)) if error.field == "codewords"));
+    }
 }
 
 #[test]
@@ -201,12 +225,7 @@ fn a_goal_takes_no_more_terms_than_it_needs() {
 fn a_diffuse_object_has_its_mean_alone_and_a_glossy_one_does_not() {
     let terms = |look| {
         let texture = encode(&sphere(look, 40, 48), &params(3));
-        let view = texture.view();
-        let vertices = 0..texture.mesh().positions.len() as u32;
-        let of = |vertex| {
-            (0..3).filter(|&term| texfold_lightfield_scale(&view, vertex, term) != Vec3::ZERO).count()
-        };
-        vertices.map(of).collect::<Vec<usize>>()
+        texture.terms_of_vertices()
     };
     assert!(terms(Look::Diffuse).iter().all(|&terms| terms == 0));
     // The highlight never shows on the side away from the light.
@@ -231,6 +250,44 @@ fn factors_without_signs_have_none_and_come_close_to_those_with() {
 }
 
 #[test]
+fn view_maps_that_vertices_share_show_distant_light_in_few_bytes() {
+    let capture = sphere(Look::Glossy, 60, 64);
+    let bits = |texture: &LightTexture| {
+        let parts = texture.footprint().parts;
+        parts.iter().filter(|part| part.name == "view maps").map(|part| part.bits_memory).sum::<u64>()
+    };
+    let of = |regions| {
+        let model = Model { fit: Fit::Shared, directions: Directions::World, ..Model::default() };
+        let texture = encode(&capture, &LightParams { model, regions, grid: 16, ..params(1) });
+        let at = addresses(&texture)[9];
+        assert_eq!(load(&bytes(&texture)).sample(at), texture.sample(at));
+        (bits(&texture), psnr_of_new_views(&texture, &capture.mesh, Look::Glossy))
+    };
+    let own = bits(&encode(&capture, &LightParams { grid: 16, ..params(1) }));
+    let (one, many) = (of(1), of(6));
+    assert!(one.1 > 38.0 && 8 * one.0 < own, "{one:?} {own}");
+    assert!(many.0 > one.0 && many.0 < own && many.1 > 38.0, "{one:?} {many:?} {own}");
+    let wrong = Model { fit: Fit::Shared, ..Model::default() };
+    let refused =
+        Lightfield::encode(&capture, &LightParams { model: wrong, ..params(1) }, &mut Job::default());
+    assert!(matches!(refused, Err(EncodeError::Params(error)) if error.field == "directions"));
+}
+
+#[test]
+fn multiplicative_updates_come_close_to_alternating_ones() {
+    let capture = sphere(Look::Glossy, 60, 64);
+    let of = |updates| {
+        let model = Model { factors: Factors::NonNegative, updates, ..Model::default() };
+        psnr_of_new_views(&encode(&capture, &LightParams { model, ..params(1) }), &capture.mesh, Look::Glossy)
+    };
+    let (alternating, multiplicative) = (of(Updates::Alternating), of(Updates::Multiplicative));
+    assert!(multiplicative > alternating - 5.0 && multiplicative > 40.0, "{alternating} {multiplicative}");
+    let model = Model { updates: Updates::Multiplicative, ..Model::default() };
+    let refused = Lightfield::encode(&capture, &LightParams { model, ..params(1) }, &mut Job::default());
+    assert!(matches!(refused, Err(EncodeError::Params(error)) if error.field == "updates"));
+}
+
+#[test]
 fn partly_seen_triangles_are_worth_more_than_nothing() {
     // Cameras so near that no photograph shows many whole triangles.
     let mesh = icosphere(1);
@@ -241,7 +298,7 @@ fn partly_seen_triangles_are_worth_more_than_nothing() {
     let capture = Capture { views: views.collect(), mesh };
     let quality = |partial| {
         let params = LightParams { model: Model { partial, chosen: false, ..Model::default() }, ..params(1) };
-        Lightfield::encode_measured(&capture, &params, &mut Job::default()).unwrap().1.psnr
+        Lightfield::encode_measured(&capture, &params, &mut Job::default()).unwrap().1.psnr_of_colours
     };
     let (with, without) = (quality(true), quality(false));
     assert!(with > without + 1.0, "{with} against {without}");
@@ -253,7 +310,7 @@ fn hard_captures_are_encoded_within_their_bounds() {
     let check = |name: &str, capture: &Capture, least: f64| {
         let (texture, quality) =
             Lightfield::encode_measured(capture, &params(2), &mut Job::default()).unwrap();
-        assert!(quality.psnr > least, "{name}: {:.2} dB", quality.psnr);
+        assert!(quality.psnr_of_colours > least, "{name}: {:.2} dB", quality.psnr_of_colours);
         assert!(addresses(&texture).iter().all(|&at| texture.sample(at).is_finite()), "{name}");
         texture
     };

@@ -319,10 +319,23 @@ fn a_forged_zipmap_is_refused_or_harmless() {
     let bytes = texture.to_bytes();
     let open = |forged: &[u8]| open_image(forged, &mut Budget::new(LIMITS));
     let form = |at: usize, value: u8| rewritten(&bytes, *b"ZMFM", |raw| raw[at] = value).unwrap();
-    // Contents that there are not or that have no soft alpha, another depth, sides and levels that a patch cannot have.
-    for (at, value) in
-        [(0, 12), (0, 5), (1, 1), (1, 3), (2, 0), (2, 9), (2, 255), (4, 255), (6, 255), (9, 0), (9, 13)]
-    {
+    // Three patches show one picture. Contents that there are not or that have no soft alpha, another depth, sides and levels that a
+    // picture cannot have, and pictures that are not there.
+    for (at, value) in [
+        (0, 12),
+        (0, 5),
+        (1, 1),
+        (1, 3),
+        (2, 0),
+        (2, 9),
+        (2, 255),
+        (4, 255),
+        (6, 255),
+        (8, 255),
+        (11, 0),
+        (11, 13),
+        (12, 1),
+    ] {
         assert!(open(&form(at, value)).is_err(), "byte {at} is {value}");
     }
     // Any matrix is drawn somehow: flat, mirrored, with its horizon inside, or far away. One that is no number is refused.
@@ -336,7 +349,7 @@ fn a_forged_zipmap_is_refused_or_harmless() {
     ];
     let with_matrix = |matrix: [f32; 9]| {
         let numbers: Vec<u8> = matrix.into_iter().flat_map(f32::to_le_bytes).collect();
-        rewritten(&bytes, *b"ZMFM", |raw| raw[10..46].copy_from_slice(&numbers)).unwrap()
+        rewritten(&bytes, *b"ZMFM", |raw| raw[14..50].copy_from_slice(&numbers)).unwrap()
     };
     for matrix in matrices {
         exercise(open(&with_matrix(matrix)).unwrap().as_encoded());
@@ -353,9 +366,10 @@ fn a_forged_zipmap_is_refused_or_harmless() {
     // As many patches as there may be, each over all of the root, cost no more than tiles of bounded lists.
     let many = rewritten(&bytes, *b"ZMFM", |raw| {
         raw.truncate(3);
-        raw.extend(2048u16.to_le_bytes());
-        for _ in 0..2048 {
-            raw.extend([1, 0, 1, 0, 1]);
+        raw.extend([0, 8, 0, 8]);
+        raw.extend([1, 0, 1, 0, 1].repeat(2048));
+        for picture in 0..2048u16 {
+            raw.extend(picture.to_le_bytes());
             raw.extend([1f32, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0].map(f32::to_le_bytes).concat());
         }
     });

@@ -1,21 +1,28 @@
 //! CPU reference of `shaders/wgsl/zipmap.wgsl`, function for function.
 //!
-//! A colour is that of the root at the texture coordinate, and over it that of each patch that its tile names, in their order:
-//! by its alpha, at the place that the patch's matrix leads to, from the mip level that fits. A patch has no colour where its
-//! own texture coordinates leave 0 to 1, and fades out behind its last mip level.
+//! A colour is that of the root at the texture coordinate, and over it that of each patch that its tile names, the uppermost first: by
+//! its alpha, at the place that the patch's matrix leads to, from the mip level that fits. A patch has no colour where its own
+//! texture coordinates leave 0 to 1, and fades out behind its last mip level. Texels are those of [`ZipmapView`], with all of
+//! their channels, where the shader reads planes and puts channels in their place at the end.
 
-use glam::{IVec2, Mat3, UVec2, UVec4, Vec2, Vec3, Vec4};
+use glam::{IVec2, UVec2, UVec4, Vec2, Vec3, Vec4};
 use texfold_core::Texel;
 use texfold_core::address::{
-    TEXFOLD_CLAMP, texfold_fold, texfold_inside, texfold_level, texfold_level_size, texfold_lod,
-    texfold_nearest, texfold_tap,
+    texfold_fold, texfold_inside, texfold_level, texfold_level_size, texfold_lod, texfold_nearest,
+    texfold_tap,
 };
 use texfold_core::sample::{texfold_bilinear, texfold_mix};
 
 /// Most patches that a tile names.
 pub const TEXFOLD_ZIPMAP_MOST: u32 = 2048;
 /// Texels of the table that describe a patch.
-pub const TEXFOLD_ZIPMAP_RECORD: u32 = 6;
+pub const TEXFOLD_ZIPMAP_RECORD: u32 = 8;
+/// Numbers of 16 bits before the names in a list: how fine its patches are.
+pub const TEXFOLD_ZIPMAP_BEFORE: u32 = 2;
+/// What is seen of a patch at least: less is a quarter of a step of 8 bits.
+pub const TEXFOLD_ZIPMAP_LEAST: f32 = 0.0009765625;
+/// Most lookups for one pixel that is longer than wide.
+pub const TEXFOLD_ZIPMAP_LONG: u32 = 8;
 /// Least third coordinate of a place that a patch shows: nearer to its horizon, or behind it, it shows nothing.
 pub const TEXFOLD_ZIPMAP_HORIZON: f32 = 0.0001;
 
@@ -56,32 +63,53 @@ pub struct ZipmapView<'a> {
     pub table: &'a [UVec4],
     /// The texels of each level of the root, row by row.
     pub root: &'a [Vec<[u8; 4]>],
-    /// The texels of each level of each patch, row by row: the shader finds them in one plane.
+    /// The texels of each level of what patches show, row by row: the shader finds them in one plane.
     pub patches: &'a [Vec<Vec<[u8; 4]>>],
 }
 
 /// A patch as the table describes it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TexfoldZipmapPatch {
-    /// From the root's texture coordinates to the patch's, column by column.
-    pub matrix: Mat3,
+    /// What the root's texture coordinate u adds to the place in texels of level 0, times a third coordinate.
+    pub by_u: Vec3,
+    /// The same for v.
+    pub by_v: Vec3,
+    /// The same for 1.
+    pub by_one: Vec3,
     /// Columns and rows of level 0.
-    pub size: UVec2,
+    pub size: IVec2,
     /// Mip levels.
     pub levels: u32,
-    /// Its number.
-    pub index: u32,
+    /// What it shows, by number: the shader has places in the plane instead.
+    pub content: u32,
 }
 
 fn texel(bytes: [u8; 4]) -> Texel {
     Vec4::from_array(bytes.map(f32::from)) / 255.0
 }
 
+/// Where texel `index` of the table lies.
+#[must_use]
+#[inline]
+pub fn texfold_zipmap_place(view: &ZipmapView<'_>, index: u32) -> UVec2 {
+    let row = index >> view.params.row_log2;
+    UVec2::new(index - (row << view.params.row_log2), row)
+}
+
 /// Texel `index` of the table; beyond its end nothing that counts.
 #[must_use]
 #[inline]
 pub fn texfold_zipmap_entry(view: &ZipmapView<'_>, index: u32) -> UVec4 {
-    view.table.get(index as usize).copied().unwrap_or(UVec4::ZERO)
+    let place = texfold_zipmap_place(view, index);
+    let at = ((place.y as usize) << view.params.row_log2) + place.x as usize;
+    view.table.get(at).copied().unwrap_or(UVec4::ZERO)
+}
+
+/// Two numbers of 16 bits.
+#[must_use]
+#[inline]
+pub fn texfold_zipmap_pair(both: u32) -> IVec2 {
+    UVec2::new(both & 0xffff, both >> 16).as_ivec2()
 }
 
 /// The patch of that number.
@@ -89,56 +117,98 @@ pub fn texfold_zipmap_entry(view: &ZipmapView<'_>, index: u32) -> UVec4 {
 #[inline]
 pub fn texfold_zipmap_patch(view: &ZipmapView<'_>, index: u32) -> TexfoldZipmapPatch {
     let start = view.params.record_start + index * TEXFOLD_ZIPMAP_RECORD;
-    let [x, y, z] = [0, 1, 2].map(|row| texfold_zipmap_entry(view, start + row));
-    let row = |row: UVec4| Vec3::from_array([row.x, row.y, row.z].map(f32::from_bits));
+    let [x, y, z] = [0, 1, 2].map(|column| texfold_zipmap_entry(view, start + column));
+    let column = |column: UVec4| Vec3::from_array([column.x, column.y, column.z].map(f32::from_bits));
     TexfoldZipmapPatch {
-        matrix: Mat3::from_cols(row(x), row(y), row(z)).transpose(),
-        size: UVec2::new(x.w & 0xffff, x.w >> 16),
-        levels: y.w,
-        index,
+        by_u: column(x),
+        by_v: column(y),
+        by_one: column(z),
+        size: texfold_zipmap_pair(x.w),
+        levels: z.w & 0xff,
+        content: z.w >> 8,
     }
 }
 
-/// Four texels of level `level` of a patch around `uv`, blended.
+/// Four texels of a level around `at`, in texels of it, blended.
 #[must_use]
 #[inline]
-pub fn texfold_zipmap_blend(view: &ZipmapView<'_>, patch: &TexfoldZipmapPatch, uv: Vec2, level: u32) -> Vec4 {
-    let size = texfold_level_size(patch.size, level);
-    let texels = view.patches.get(patch.index as usize).and_then(|levels| levels.get(level as usize));
+pub fn texfold_zipmap_blend(texels: &[[u8; 4]], size: IVec2, at: Vec2) -> Vec4 {
+    let last = size - 1;
+    let place = (at - 0.5).max(Vec2::ZERO).min(last.as_vec2());
+    let low = place.as_ivec2();
+    // Behind the last column or row, where the weight is 0, the shader reads what lies beside.
+    let high = (low + 1).min(last);
+    let texel =
+        |x: i32, y: i32| texels.get((y * size.x + x) as usize).map_or(Vec4::ZERO, |&bytes| texel(bytes));
+    let around = [texel(low.x, low.y), texel(high.x, low.y), texel(low.x, high.y), texel(high.x, high.y)];
+    texfold_bilinear(around, place - low.as_vec2())
+}
+
+/// What a patch shows of a texel: nothing where it is not `seen`.
+#[must_use]
+#[inline]
+pub fn texfold_zipmap_shown(texel: Vec4, seen: bool) -> Vec4 {
+    texel.truncate().extend(if seen { texel.w } else { 0.0 })
+}
+
+/// What a patch shows at `uv` of the root where no pixel is larger than its texels: its colour and how much of it.
+#[must_use]
+#[inline]
+pub fn texfold_zipmap_near(view: &ZipmapView<'_>, index: u32, uv: Vec2) -> Vec4 {
+    let layer = texfold_zipmap_patch(view, index);
+    let place = layer.by_u * uv.x + layer.by_v * uv.y + layer.by_one;
+    let at = place.truncate() / place.z;
+    let inside = at.cmpge(Vec2::ZERO).all() && at.cmple(layer.size.as_vec2()).all();
+    let texels = view.patches.get(layer.content as usize).and_then(|levels| levels.first());
     let Some(texels) = texels else { return Vec4::ZERO };
-    four(texels, uv, size, TEXFOLD_CLAMP)
+    let texel = texfold_zipmap_blend(texels, layer.size, at);
+    texfold_zipmap_shown(texel, inside && place.z >= TEXFOLD_ZIPMAP_HORIZON)
+}
+
+/// Four texels of level `level` of a patch around `share` of its sides, blended.
+#[must_use]
+#[inline]
+pub fn texfold_zipmap_level(
+    view: &ZipmapView<'_>,
+    layer: &TexfoldZipmapPatch,
+    share: Vec2,
+    level: u32,
+) -> Vec4 {
+    let size = texfold_level_size(layer.size.as_uvec2(), level).as_ivec2();
+    let texels = view.patches.get(layer.content as usize).and_then(|levels| levels.get(level as usize));
+    let Some(texels) = texels else { return Vec4::ZERO };
+    texfold_zipmap_blend(texels, size, share * size.as_vec2())
 }
 
 /// What a patch shows at `uv` of the root, which moves by `dx` and `dy` to the pixels right and below: its colour and how much of it.
 #[must_use]
 #[inline]
 pub fn texfold_zipmap_layer(view: &ZipmapView<'_>, index: u32, uv: Vec2, dx: Vec2, dy: Vec2) -> Vec4 {
-    let patch = texfold_zipmap_patch(view, index);
-    let place = patch.matrix * uv.extend(1.0);
+    let layer = texfold_zipmap_patch(view, index);
+    let place = layer.by_u * uv.x + layer.by_v * uv.y + layer.by_one;
     let at = place.truncate() / place.z;
-    let inside = at.cmpge(Vec2::ZERO).all() && at.cmple(Vec2::ONE).all();
-    if !inside || place.z.is_nan() || place.z < TEXFOLD_ZIPMAP_HORIZON {
-        return Vec4::ZERO;
-    }
-    let across = patch.matrix * dx.extend(0.0);
-    let down = patch.matrix * dy.extend(0.0);
-    let across = (across.truncate() - at * across.z) / place.z;
-    let down = (down.truncate() - at * down.z) / place.z;
-    let wanted = texfold_level(across, down, patch.size);
-    let lod = if wanted > 0.0 { wanted } else { 0.0 };
-    if lod >= patch.levels as f32 {
+    let size = layer.size.as_vec2();
+    let inside = at.cmpge(Vec2::ZERO).all() && at.cmple(size).all() && place.z >= TEXFOLD_ZIPMAP_HORIZON;
+    let to_right = layer.by_u * dx.x + layer.by_v * dx.y;
+    let to_below = layer.by_u * dy.x + layer.by_v * dy.y;
+    let across = (to_right.truncate() - at * to_right.z) / place.z;
+    let down = (to_below.truncate() - at * to_below.z) / place.z;
+    let lod = 0.5 * across.length_squared().max(down.length_squared()).max(1.0).log2();
+    if !(inside && lod < layer.levels as f32) {
         return Vec4::ZERO;
     }
     let low = lod.floor();
-    let fine = texfold_zipmap_blend(view, &patch, at, low as u32);
-    if lod == low {
-        return fine;
+    let share = at / size;
+    let fine = texfold_zipmap_level(view, &layer, share, low as u32);
+    let mut coarse = fine;
+    if lod > low {
+        coarse = texfold_zipmap_level(view, &layer, share, (low as u32 + 1).min(layer.levels - 1));
     }
-    let mut coarse = Vec4::new(fine.x, fine.y, fine.z, 0.0);
-    if low as u32 + 1 < patch.levels {
-        coarse = texfold_zipmap_blend(view, &patch, at, low as u32 + 1);
-    }
-    texfold_mix(fine, coarse, lod - low)
+    // Behind its last level a patch fades out.
+    let last = low as u32 + 1 >= layer.levels;
+    let texel = texfold_mix(fine, coarse, lod - low);
+    let shown = texfold_zipmap_shown(texel, true);
+    shown.truncate().extend(shown.w * if last { 1.0 - (lod - low) } else { 1.0 })
 }
 
 /// Four texels of level `level` of the root around `uv`, blended.
@@ -146,7 +216,16 @@ pub fn texfold_zipmap_layer(view: &ZipmapView<'_>, index: u32, uv: Vec2, dx: Vec
 #[inline]
 pub fn texfold_zipmap_root_blend(view: &ZipmapView<'_>, uv: Vec2, level: u32) -> Vec4 {
     let size = texfold_level_size(UVec2::from(view.params.root_size), level);
-    four(&view.root[level as usize], uv, size, view.params.address_mode)
+    let texels = &view.root[level as usize];
+    let tap = texfold_tap(uv, size, view.params.address_mode);
+    let at = |x: u32, y: u32| texel(texels[(y * size.x + x) as usize]);
+    let around = [
+        at(tap.low.x, tap.low.y),
+        at(tap.high.x, tap.low.y),
+        at(tap.low.x, tap.high.y),
+        at(tap.high.x, tap.high.y),
+    ];
+    texfold_bilinear(around, tap.weight)
 }
 
 /// The root's colour at `uv`, which moves by `dx` and `dy` to the pixels right and below.
@@ -163,41 +242,99 @@ pub fn texfold_zipmap_root(view: &ZipmapView<'_>, uv: Vec2, dx: Vec2, dy: Vec2) 
     texfold_mix(fine, texfold_zipmap_root_blend(view, uv, low as u32 + 1), lod - low)
 }
 
-/// The colour at `uv`, which moves by `dx` and `dy` to the pixels right and below: 0 to 1 from the top left of the root, and beyond by
-/// the address mode.
+/// The tile that `uv` lies in: how many patches touch it, and the first texel of their list.
 #[must_use]
-pub fn texfold_zipmap_sample_grad(view: &ZipmapView<'_>, uv: Vec2, dx: Vec2, dy: Vec2) -> Texel {
-    let mut colour = texfold_zipmap_root(view, uv, dx, dy);
-    let at = texfold_fold(uv, view.params.address_mode);
+#[inline]
+pub fn texfold_zipmap_tile(view: &ZipmapView<'_>, uv: Vec2) -> UVec2 {
     let tiles = UVec2::from(view.params.tiles);
-    let tile = texfold_inside((at * tiles.as_vec2()).floor().as_ivec2(), tiles);
+    let tile = texfold_inside((uv * tiles.as_vec2()).floor().as_ivec2(), tiles);
     let number = tile.y * tiles.x + tile.x;
     let found = texfold_zipmap_entry(view, number / 4)[number as usize % 4];
-    let count = found >> 20;
-    let mut names = UVec4::ZERO;
-    for k in 0..count.min(TEXFOLD_ZIPMAP_MOST) {
-        if k % 8 == 0 {
-            names = texfold_zipmap_entry(view, (found & 0xfffff) + k / 8);
+    UVec2::new(found >> 20, found & 0xfffff)
+}
+
+/// The patch at place `k` of a list.
+#[must_use]
+#[inline]
+pub fn texfold_zipmap_name(view: &ZipmapView<'_>, list: u32, k: u32) -> u32 {
+    let at = k + TEXFOLD_ZIPMAP_BEFORE;
+    texfold_zipmap_entry(view, list + at / 8)[at as usize / 2 % 4] >> (16 * (at % 2)) & 0xffff
+}
+
+/// What is seen of all so far, sums of colours and what is left to be seen of those below, with a further patch below.
+#[must_use]
+#[inline]
+pub fn texfold_zipmap_under(seen: Vec4, shown: Vec4) -> Vec4 {
+    let share = seen.w * shown.w;
+    (seen.truncate() + shown.truncate() * share).extend(seen.w - share)
+}
+
+/// The colour at `uv`, which moves by `dx` and `dy` to the pixels right and below, of a pixel that is about as long as wide.
+#[must_use]
+pub fn texfold_zipmap_pixel(view: &ZipmapView<'_>, uv: Vec2, dx: Vec2, dy: Vec2) -> Texel {
+    let at = texfold_fold(uv, view.params.address_mode);
+    let found = texfold_zipmap_tile(view, at);
+    let root = UVec2::from(view.params.root_size).as_vec2();
+    let longest = (dx * root).length_squared().max((dy * root).length_squared());
+    let is_near = longest * f32::from_bits(texfold_zipmap_entry(view, found.y).x) <= 1.0;
+    // Sums of colours, and what is still to be seen of the patches below.
+    let mut seen = Vec4::W;
+    for k in 0..found.x.min(TEXFOLD_ZIPMAP_MOST) {
+        let index = texfold_zipmap_name(view, found.y, k);
+        let shown = if is_near {
+            texfold_zipmap_near(view, index, at)
+        } else {
+            texfold_zipmap_layer(view, index, at, dx, dy)
+        };
+        seen = texfold_zipmap_under(seen, shown);
+        if seen.w <= TEXFOLD_ZIPMAP_LEAST {
+            break;
         }
-        let index = names[k as usize / 2 % 4] >> (16 * (k % 2)) & 0xffff;
-        let layer = texfold_zipmap_layer(view, index, at, dx, dy);
-        colour = texfold_mix(colour, Vec4::new(layer.x, layer.y, layer.z, 1.0), layer.w);
     }
-    colour
+    let patches = seen.truncate().extend(1.0 - seen.w);
+    if seen.w <= TEXFOLD_ZIPMAP_LEAST {
+        return patches;
+    }
+    patches + texfold_zipmap_root(view, uv, dx, dy) * seen.w
+}
+
+/// The colour at `uv`, which moves by `dx` and `dy` to the pixels right and below: 0 to 1 from the top left of the root, and beyond by
+/// the address mode. A pixel that is longer than wide is the mean of several, side by side.
+#[must_use]
+pub fn texfold_zipmap_sample_grad(view: &ZipmapView<'_>, uv: Vec2, dx: Vec2, dy: Vec2) -> Texel {
+    let root = UVec2::from(view.params.root_size).as_vec2();
+    let (across, down) = (dx * root, dy * root);
+    let longer = across.length_squared() >= down.length_squared();
+    let along = if longer { across } else { down };
+    let squared = along.length_squared();
+    // Its length over its width, which is its area over its length, and its length in texels of the finest patch.
+    let ratio = squared / across.perp_dot(down).abs().max(1e-12);
+    let texels = squared.sqrt() * view.params.size[0] as f32 / root.x;
+    let count = (ratio + 0.5).floor().min(texels.ceil()).max(1.0).min(TEXFOLD_ZIPMAP_LONG as f32);
+    let step = if longer { dx } else { dy } / count;
+    // A part is as wide as long.
+    let side = Vec2::new(-along.y, along.x) / (root * count);
+    let (right, below) = if count == 1.0 { (dx, dy) } else { (step, side) };
+    let mut sum = Vec4::ZERO;
+    for k in 0..(count as u32).min(TEXFOLD_ZIPMAP_LONG) {
+        let place = uv + step * (k as f32 + 0.5 - 0.5 * count);
+        sum += texfold_zipmap_pixel(view, place, right, below);
+    }
+    sum / count
 }
 
 /// The colour at `uv` where pixels are as large as the texels of level `lod`, clamped to those that there are.
 #[must_use]
 pub fn texfold_zipmap_sample_level(view: &ZipmapView<'_>, uv: Vec2, lod: f32) -> Texel {
     let step = texfold_lod(lod, view.params.levels).exp2() / UVec2::from(view.params.size).as_vec2();
-    texfold_zipmap_sample_grad(view, uv, Vec2::new(step.x, 0.0), Vec2::new(0.0, step.y))
+    texfold_zipmap_pixel(view, uv, Vec2::new(step.x, 0.0), Vec2::new(0.0, step.y))
 }
 
 /// The colour at `uv` where pixels are the texels of level `level`.
 #[must_use]
 pub fn texfold_zipmap_bilinear(view: &ZipmapView<'_>, uv: Vec2, level: u32) -> Texel {
     let size = texfold_level_size(UVec2::from(view.params.size), level).as_vec2();
-    texfold_zipmap_sample_grad(view, uv, Vec2::new(1.0 / size.x, 0.0), Vec2::new(0.0, 1.0 / size.y))
+    texfold_zipmap_pixel(view, uv, Vec2::new(1.0 / size.x, 0.0), Vec2::new(0.0, 1.0 / size.y))
 }
 
 /// The texel at column `at.x` and row `at.y` of level `level`, clamped to it.
@@ -214,17 +351,4 @@ pub fn texfold_zipmap_nearest(view: &ZipmapView<'_>, uv: Vec2, level: u32) -> Te
     let size = texfold_level_size(UVec2::from(view.params.size), level);
     let at = texfold_nearest(uv, size, view.params.address_mode);
     texfold_zipmap_fetch(view, at.as_ivec2(), level)
-}
-
-#[inline]
-fn four(texels: &[[u8; 4]], uv: Vec2, size: UVec2, mode: u32) -> Vec4 {
-    let tap = texfold_tap(uv, size, mode);
-    let at = |x: u32, y: u32| texel(texels[(y * size.x + x) as usize]);
-    let around = [
-        at(tap.low.x, tap.low.y),
-        at(tap.high.x, tap.low.y),
-        at(tap.low.x, tap.high.y),
-        at(tap.high.x, tap.high.y),
-    ];
-    texfold_bilinear(around, tap.weight)
 }

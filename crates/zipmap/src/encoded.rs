@@ -1,6 +1,7 @@
 //! The shipped form: a root, patches with their matrices, and what a shader needs to find them.
 
 use std::borrow::Cow;
+use std::collections::HashMap;
 
 use glam::{DMat3, DVec2, IVec2, UVec2, UVec4, Vec2};
 use rayon::prelude::*;
@@ -25,10 +26,12 @@ pub(crate) const MAX_PLANE_SIDE: u32 = 8192;
 pub(crate) const MAX_PATCHES: usize = crate::decode::TEXFOLD_ZIPMAP_MOST as usize;
 /// Most mip levels of a patch: down to where all of its texels are its border.
 pub(crate) const MAX_PATCH_LEVELS: u32 = 12;
-/// Tiles for each patch: few enough to be small, many enough that a tile names few patches.
-const TILES_PER_PATCH: f64 = 16.0;
-/// Most tiles a side, and where there are more patches than the second number, half as many.
-const MAX_TILES: (u32, usize) = (64, 512);
+/// Tiles for each patch: few enough to be small, many enough that a tile names few patches beyond those that a pixel shows.
+const TILES_PER_PATCH: f64 = 64.0;
+/// Most tiles a side.
+const MAX_TILES: u32 = 128;
+/// Most tiles times patches, so that the longest lists fit 20 bits.
+const MAX_NAMES: usize = 1 << 22;
 /// Texels in a row of the table, as a binary logarithm.
 const ROW_LOG2: u32 = 8;
 /// By how much of a tile a patch may miss it and is yet named, against rounding.
@@ -46,8 +49,8 @@ pub(crate) const TABLE_PART: &str = "tiles";
 pub(crate) struct PatchForm {
     /// From the root's texture coordinates to its own, row by row.
     pub(crate) matrix: [f32; 9],
-    /// The planes of its mip levels, at least one, each half of the sides of the one before.
-    pub(crate) levels: Vec<ContentPlanes>,
+    /// What it shows, by number.
+    pub(crate) content: usize,
 }
 
 /// What is stored of a texture.
@@ -59,6 +62,8 @@ pub(crate) struct Parts {
     pub(crate) deep: u32,
     /// The planes of the root's levels.
     pub(crate) root: Vec<ContentPlanes>,
+    /// What patches show: the planes of its mip levels, at least one, each half of the sides of the one before.
+    pub(crate) contents: Vec<Vec<ContentPlanes>>,
     /// In the order in which they lie over each other.
     pub(crate) patches: Vec<PatchForm>,
 }
@@ -69,11 +74,11 @@ pub struct ZipTexture {
     pub(crate) parts: Parts,
     params: TexfoldZipmapParams,
     table: Vec<UVec4>,
-    /// Where each level of each patch lies in the plane of all patches.
+    /// Where each level of what patches show lies in their plane.
     origins: Vec<Vec<(u32, u32)>>,
     atlas: (u32, u32),
     root: Vec<Vec<[u8; 4]>>,
-    patches: Vec<Vec<Vec<[u8; 4]>>>,
+    contents: Vec<Vec<Vec<[u8; 4]>>>,
     pub(crate) notes: Notes,
 }
 
@@ -88,12 +93,16 @@ fn bytes_of(planes: &ContentPlanes) -> Vec<[u8; 4]> {
 impl ZipTexture {
     /// Lays the parts out for sampling; `None` where the patches do not fit a plane.
     pub(crate) fn new(parts: Parts, notes: Notes) -> Option<ZipTexture> {
-        let (origins, atlas) = pack(&parts.patches)?;
+        let (origins, atlas) = pack(&parts.contents)?;
         let tiles = tiles_a_side(parts.patches.len());
-        let mut table = directory(&parts.patches, tiles);
+        let mut table = directory(&parts, tiles);
+        // A row holds whole records.
+        table.resize(table.len().next_multiple_of(TEXFOLD_ZIPMAP_RECORD as usize), UVec4::ZERO);
         let record_start = table.len() as u32;
-        for (patch, origins) in parts.patches.iter().zip(&origins) {
-            table.extend(record(&patch.matrix, patch.levels[0].size(), patch.levels.len(), origins));
+        for patch in &parts.patches {
+            let (levels, origins) = (&parts.contents[patch.content], &origins[patch.content]);
+            let numbers = (levels.len(), patch.content);
+            table.extend(record(&patch.matrix, levels[0].size(), numbers, origins));
         }
         let columns = (table.len()).min(1 << ROW_LOG2);
         table.resize(table.len().next_multiple_of(columns), UVec4::ZERO);
@@ -108,20 +117,20 @@ impl ZipTexture {
             root_swizzle: parts.root[0].swizzle().0,
             tiles: [tiles; 2],
             record_start,
-            patch_swizzle: parts.patches.first().map_or(0, |patch| patch.levels[0].swizzle().0),
+            patch_swizzle: parts.contents.first().map_or(0, |levels| levels[0].swizzle().0),
             row_log2: ROW_LOG2,
             reserved: [0; 3],
         };
         let root = parts.root.iter().map(bytes_of).collect();
-        let patches =
-            parts.patches.par_iter().map(|patch| patch.levels.iter().map(bytes_of).collect()).collect();
-        Some(ZipTexture { parts, params, table, origins, atlas, root, patches, notes })
+        let contents =
+            parts.contents.par_iter().map(|levels| levels.iter().map(bytes_of).collect()).collect();
+        Some(ZipTexture { parts, params, table, origins, atlas, root, contents, notes })
     }
 
     /// The texture as the shader sees it.
     #[must_use]
     pub fn view(&self) -> ZipmapView<'_> {
-        ZipmapView { params: self.params, table: &self.table, root: &self.root, patches: &self.patches }
+        ZipmapView { params: self.params, table: &self.table, root: &self.root, patches: &self.contents }
     }
 
     /// Number of patches.
@@ -134,8 +143,15 @@ impl ZipTexture {
     #[must_use]
     pub fn patch(&self, index: usize) -> Option<(DMat3, SurfaceSize, usize)> {
         let patch = self.parts.patches.get(index)?;
-        let (width, height) = patch.levels[0].size();
-        Some((matrix_of(&patch.matrix), SurfaceSize { width, height }, patch.levels.len()))
+        let levels = &self.parts.contents[patch.content];
+        let (width, height) = levels[0].size();
+        Some((matrix_of(&patch.matrix), SurfaceSize { width, height }, levels.len()))
+    }
+
+    /// How many pictures the patches show: fewer than patches where one lies at several places.
+    #[must_use]
+    pub fn contents(&self) -> usize {
+        self.parts.contents.len()
     }
 
     /// Columns and rows of the root.
@@ -189,12 +205,12 @@ impl ZipTexture {
     fn atlas_plane(&self) -> Plane<'_> {
         let (width, height) = self.atlas;
         let format =
-            self.parts.patches.first().map_or(PlaneFormat::Rgba8Unorm, |patch| patch.levels[0].planes()[0].0);
+            self.parts.contents.first().map_or(PlaneFormat::Rgba8Unorm, |levels| levels[0].planes()[0].0);
         let mut data = vec![0; format.bytes(width, height) as usize];
         let (side, block) = (format.block_side(), format.block_bytes() as usize);
         let row_bytes = width.div_ceil(side) as usize * block;
-        for (patch, origins) in self.parts.patches.iter().zip(&self.origins) {
-            for (level, &(x, y)) in patch.levels.iter().zip(origins) {
+        for (levels, origins) in self.parts.contents.iter().zip(&self.origins) {
+            for (level, &(x, y)) in levels.iter().zip(origins) {
                 let bytes = &level.planes()[0].1;
                 let run = level.size().0.div_ceil(side) as usize * block;
                 for (row, from) in bytes.chunks_exact(run).enumerate() {
@@ -209,64 +225,132 @@ impl ZipTexture {
 
 fn tiles_a_side(patches: usize) -> u32 {
     let wanted = (TILES_PER_PATCH * patches as f64).sqrt().ceil() as u32;
-    let most = if patches > MAX_TILES.1 { MAX_TILES.0 / 2 } else { MAX_TILES.0 };
-    wanted.max(1).next_power_of_two().min(most)
+    let most = (MAX_NAMES / patches.max(1)).isqrt() as u32;
+    let power = |side: u32| 1 << side.max(1).ilog2();
+    wanted.max(1).next_power_of_two().min(power(most)).min(MAX_TILES)
 }
 
-/// For each tile how many patches touch it and where its list begins, then the lists, eight numbers a texel.
-fn directory(patches: &[PatchForm], tiles: u32) -> Vec<UVec4> {
-    let polygons: Vec<Vec<DVec2>> = patches
-        .iter()
-        .map(|patch| {
-            let inverse = matrix_of(&patch.matrix).inverse();
-            if inverse.is_finite() {
-                seen_in(&normalised(inverse), DVec2::ONE, DVec2::ONE)
-            } else {
-                Vec::new()
-            }
-        })
-        .collect();
-    let lists: Vec<Vec<u16>> = (0..tiles * tiles)
+/// Most bytes of the tiles and lists of so many patches.
+pub(crate) fn most_table_bytes(patches: usize) -> u64 {
+    let tiles = u64::from(tiles_a_side(patches)).pow(2);
+    16 * (tiles * (patches as u64 / 8 + 3) + u64::from(TEXFOLD_ZIPMAP_RECORD) * patches as u64)
+}
+
+/// A patch as seen from the root.
+struct Outline {
+    /// In the root's texture coordinates.
+    polygon: Vec<DVec2>,
+    low: DVec2,
+    high: DVec2,
+    /// From texels of the root to texels of the patch.
+    texels: DMat3,
+}
+
+impl Outline {
+    fn of(patch: &PatchForm, (width, height): (u32, u32), root: DVec2) -> Outline {
+        let matrix = matrix_of(&patch.matrix);
+        let inverse = matrix.inverse();
+        let polygon = if inverse.is_finite() {
+            seen_in(&normalised(inverse), DVec2::ONE, DVec2::ONE)
+        } else {
+            Vec::new()
+        };
+        let (low, high) =
+            polygon.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), &point| {
+                (low.min(point), high.max(point))
+            });
+        let own = DVec2::new(f64::from(width), f64::from(height));
+        Outline {
+            polygon,
+            low,
+            high,
+            texels: DMat3::from_scale(own) * matrix * DMat3::from_scale(root.recip()),
+        }
+    }
+
+    /// The square of the most texels of the patch along a texel of the root, where it shares the square from `corner` on; `None`
+    /// where it shares none. Told at the corners of what is shared: a homography has its largest scale at one of them, or very near.
+    fn fineness(&self, corner: DVec2, side: f64, root: DVec2) -> Option<f64> {
+        if self.low.cmpgt(corner + side).any() || self.high.cmplt(corner).any() {
+            return None;
+        }
+        let polygon: Vec<DVec2> = self.polygon.iter().map(|&point| point - corner).collect();
+        let shared = crate::linear::cut(&polygon, DVec2::splat(side));
+        let of = |point: &glam::DVec3| {
+            let (across, down) = crate::linear::slope(&self.texels, (point.truncate() + corner) * root);
+            // The larger of the two eigenvalues of the product with the transpose.
+            let (trace, det) = (across.length_squared() + down.length_squared(), across.perp_dot(down));
+            0.5 * (trace + (trace * trace - 4.0 * det * det).max(0.0).sqrt())
+        };
+        shared.iter().map(of).reduce(f64::max)
+    }
+}
+
+/// For each tile how many patches touch it and where its list begins, then the lists, each once: the uppermost patch first.
+fn directory(parts: &Parts, tiles: u32) -> Vec<UVec4> {
+    let (width, height) = parts.root[0].size();
+    let root = DVec2::new(f64::from(width), f64::from(height));
+    let outline = |patch: &PatchForm| Outline::of(patch, parts.contents[patch.content][0].size(), root);
+    let outlines: Vec<Outline> = parts.patches.iter().map(outline).collect();
+    let lists: Vec<(Vec<u16>, f32)> = (0..tiles * tiles)
         .into_par_iter()
         .map(|tile| {
             let corner = DVec2::new(f64::from(tile % tiles), f64::from(tile / tiles)) - TILE_MARGIN;
             let corner = corner / f64::from(tiles);
             let side = (1.0 + 2.0 * TILE_MARGIN) / f64::from(tiles);
-            let touches = |polygon: &[DVec2]| {
-                let polygon: Vec<DVec2> = polygon.iter().map(|&point| point - corner).collect();
-                !crate::linear::cut(&polygon, DVec2::splat(side)).is_empty()
-            };
-            (0u16..).zip(&polygons).filter(|(_, polygon)| touches(polygon)).map(|(index, _)| index).collect()
+            let found: Vec<(u16, f64)> = (0u16..)
+                .zip(&outlines)
+                .filter_map(|(index, outline)| Some((index, outline.fineness(corner, side, root)?)))
+                .collect();
+            let finest = found.iter().map(|(_, fineness)| *fineness).fold(1.0, f64::max);
+            (found.into_iter().rev().map(|(index, _)| index).collect(), step_above(finest))
         })
         .collect();
+    let mut known: HashMap<(&[u16], u32), u32> = HashMap::new();
     let mut texels = vec![UVec4::ZERO; lists.len().div_ceil(4)];
-    for (tile, list) in lists.iter().enumerate() {
-        texels[tile / 4][tile % 4] = (list.len() as u32) << 20 | texels.len() as u32;
-        texels.extend(list_texels(list));
+    for (tile, (list, finest)) in lists.iter().enumerate() {
+        let start = *known.entry((list, finest.to_bits())).or_insert_with(|| {
+            let start = texels.len() as u32;
+            texels.extend(list_texels(list, *finest));
+            start
+        });
+        texels[tile / 4][tile % 4] = (list.len() as u32) << 20 | start;
     }
     texels
 }
 
-/// Numbers of patches, eight a texel.
-pub(crate) fn list_texels(list: &[u16]) -> impl Iterator<Item = UVec4> + '_ {
-    list.chunks(8).map(|eight| {
-        let name = |k: usize| u32::from(eight.get(k).copied().unwrap_or(0));
-        UVec4::from_array([0, 2, 4, 6].map(|k| name(k) | name(k + 1) << 16))
-    })
+/// The next of the powers of the fourth root of two, so that tiles share lists; a little less, so that pixels as large as texels count as
+/// such however numbers are rounded.
+fn step_above(fineness: f64) -> f32 {
+    ((((4.0 * fineness.log2()) - 1e-3).ceil() / 4.0).exp2() * (1.0 - 1e-5)) as f32
+}
+
+/// How fine the patches of a list are, then their numbers, eight of 16 bits a texel.
+pub(crate) fn list_texels(list: &[u16], finest: f32) -> Vec<UVec4> {
+    let bits = finest.to_bits();
+    let numbers: Vec<u16> =
+        [bits as u16, (bits >> 16) as u16].into_iter().chain(list.iter().copied()).collect();
+    let texel = |eight: &[u16]| {
+        let number = |k: usize| u32::from(eight.get(k).copied().unwrap_or(0));
+        UVec4::from_array([0, 2, 4, 6].map(|k| number(k) | number(k + 1) << 16))
+    };
+    numbers.chunks(8).map(texel).collect()
 }
 
 /// A patch as the table holds it.
 pub(crate) fn record(
     matrix: &[f32; 9],
     (width, height): (u32, u32),
-    levels: usize,
+    (levels, content): (usize, usize),
     origins: &[(u32, u32)],
 ) -> [UVec4; TEXFOLD_ZIPMAP_RECORD as usize] {
-    let extra = [width | height << 16, levels as u32, 0];
+    let first = origins.first().map_or(0, |&(x, y)| x | y << 16);
+    let extra = [width | height << 16, first, levels as u32 | (content as u32) << 8];
     let mut texels = [UVec4::ZERO; TEXFOLD_ZIPMAP_RECORD as usize];
-    for (row, texel) in texels[..3].iter_mut().enumerate() {
-        let [x, y, z] = [0, 1, 2].map(|column| matrix[3 * row + column].to_bits());
-        *texel = UVec4::new(x, y, z, extra[row]);
+    for (column, texel) in texels[..3].iter_mut().enumerate() {
+        let [x, y, z] = [(0, width as f32), (1, height as f32), (2, 1.0)]
+            .map(|(row, scale)| (matrix[3 * row + column] * scale).to_bits());
+        *texel = UVec4::new(x, y, z, extra[column]);
     }
     for (level, &(x, y)) in origins.iter().enumerate() {
         texels[3 + level / 4][level % 4] = x | y << 16;
@@ -274,16 +358,16 @@ pub(crate) fn record(
     texels
 }
 
-/// The origin of each level of each patch in one plane, and the plane's size.
+/// The origin of each level of what patches show in one plane, and the plane's size.
 type Packing = (Vec<Vec<(u32, u32)>>, (u32, u32));
 
-/// The origin of each level of each patch in one plane, and the plane's size: rows of rectangles of falling height. `None` where it
+/// The origin of each level of what patches show in one plane, and the plane's size: rows of rectangles of falling height. `None` where it
 /// would be too large.
-fn pack(patches: &[PatchForm]) -> Option<Packing> {
+fn pack(contents: &[Vec<ContentPlanes>]) -> Option<Packing> {
     let whole = |side: u32| side.next_multiple_of(4);
     let mut all: Vec<(usize, usize, u32, u32)> = Vec::new();
-    for (index, patch) in patches.iter().enumerate() {
-        for (level, planes) in patch.levels.iter().enumerate() {
+    for (index, levels) in contents.iter().enumerate() {
+        for (level, planes) in levels.iter().enumerate() {
             let (width, height) = planes.size();
             all.push((index, level, whole(width), whole(height)));
         }
@@ -296,7 +380,7 @@ fn pack(patches: &[PatchForm]) -> Option<Packing> {
     let widths = (0..8).map(|step| whole(square + square * step / 16)).chain([MAX_PLANE_SIDE]);
     let tried = widths.filter(|&width| width >= widest && width <= MAX_PLANE_SIDE).filter_map(|width| {
         let mut origins: Vec<Vec<(u32, u32)>> =
-            patches.iter().map(|patch| vec![(0, 0); patch.levels.len()]).collect();
+            contents.iter().map(|levels| vec![(0, 0); levels.len()]).collect();
         let (mut x, mut y, mut row, mut used) = (0, 0, 0, 4);
         for &(index, level, wide, high) in &all {
             if x + wide > width {

@@ -7,8 +7,8 @@
 //!
 //! Source: Eisemann and Magnor, "ZIPMAPS: zoom-into-parts texture maps", 2010. Beyond the paper: per-tile lists of patches, exposure
 //! and refinement in registration, checks that leave out photographs that do not agree, mip levels left out where
-//! what lies below shows the same, content in blocks. *Not done*: one image at several places is stored once for each, as its
-//! colours are fitted to each; anisotropic filtering, which reads the level of the longer side of a pixel.
+//! what lies below shows the same, content in blocks, lookups of several places for pixels that are longer than wide. An image that
+//! several patches show is stored once, and its colours are fitted to none of the places.
 
 pub mod decode;
 mod encode;

@@ -1,5 +1,5 @@
-//! Sections of a `zipmap` file: "ZMFM" (contents, depth, and of each patch size, levels and matrix), "ZMRT" (planes of the root),
-//! "ZMPA" (planes of the patches).
+//! Sections of a `zipmap` file: "ZMFM" (contents, depth, size and levels of what patches show, and their matrices), "ZMRT" (planes of
+//! the root), "ZMPA" (planes of what patches show).
 
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
@@ -9,7 +9,7 @@ use texfold_core::{Budget, LoadError, String4, SurfaceSize};
 
 use crate::ZipTexture;
 use crate::encoded::{
-    MAX_PATCH_LEVELS, MAX_PATCHES, MAX_PLANE_SIDE, PATCH_PART, Parts, PatchForm, ROOT_PART,
+    MAX_PATCH_LEVELS, MAX_PATCHES, MAX_PLANE_SIDE, PATCH_PART, Parts, PatchForm, ROOT_PART, most_table_bytes,
 };
 
 const FORM_ID: [u8; 4] = *b"ZMFM";
@@ -32,30 +32,34 @@ pub(crate) fn suits_patches(content: Content, pixel: PixelInfo) -> bool {
 }
 
 pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
-    let patch_content = parts.patches.first().map_or(Content::Raw, |patch| patch.levels[0].content());
+    let patch_content = parts.contents.first().map_or(Content::Raw, |levels| levels[0].content());
     let mut form = vec![parts.root[0].content().number(), patch_content.number(), parts.deep as u8];
+    form.extend((parts.contents.len() as u16).to_le_bytes());
     form.extend((parts.patches.len() as u16).to_le_bytes());
-    for patch in &parts.patches {
-        let (width, height) = patch.levels[0].size();
+    for levels in &parts.contents {
+        let (width, height) = levels[0].size();
         form.extend((width as u16).to_le_bytes());
         form.extend((height as u16).to_le_bytes());
-        form.push(patch.levels.len() as u8);
+        form.push(levels.len() as u8);
+    }
+    for patch in &parts.patches {
+        form.extend((patch.content as u16).to_le_bytes());
         form.extend(patch.matrix.iter().flat_map(|value| value.to_le_bytes()));
     }
     out.section("container", FORM_ID, &form);
     let planes = parts.root.iter().flat_map(ContentPlanes::planes);
     out.section(ROOT_PART, ROOT_ID, &planes.flat_map(|(_, bytes)| bytes).copied().collect::<Vec<u8>>());
-    if !parts.patches.is_empty() {
-        let planes = parts.patches.iter().flat_map(|patch| &patch.levels).flat_map(ContentPlanes::planes);
+    if !parts.contents.is_empty() {
+        let planes = parts.contents.iter().flatten().flat_map(ContentPlanes::planes);
         out.section(PATCH_PART, PATCH_ID, &planes.flat_map(|(_, bytes)| bytes).copied().collect::<Vec<u8>>());
     }
 }
 
-/// What is said of a patch before its planes.
+/// What is said before the planes.
 struct Said {
-    size: SurfaceSize,
-    levels: u32,
-    matrix: [f32; 9],
+    /// Sizes and levels of what patches show.
+    contents: Vec<(SurfaceSize, u32)>,
+    patches: Vec<PatchForm>,
 }
 
 pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ZipTexture, LoadError> {
@@ -78,7 +82,7 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ZipTextur
         return Err(reader.corrupt("a root that cannot be stored so"));
     }
     let pixel = patch_pixel(layout.pixel);
-    let said = read_patches(&mut reader)?;
+    let Said { contents: said, patches } = read_patches(&mut reader)?;
     if !said.is_empty() && !suits_patches(patch_content, pixel) {
         return Err(reader.corrupt("content without soft alpha for patches"));
     }
@@ -86,33 +90,34 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ZipTextur
     let mut planes = Reader::new(String4(ROOT_ID), &raw);
     let root = read_levels(&mut planes, budget, (root_content, layout.pixel), root_size, root_levels)?;
     planes.end()?;
-    let mut patches = Vec::new();
+    let mut contents = Vec::new();
     if !said.is_empty() {
         let raw = file.read(PATCH_ID, budget)?;
         let mut planes = Reader::new(String4(PATCH_ID), &raw);
-        for Said { size, levels, matrix } in said {
-            let levels = read_levels(&mut planes, budget, (patch_content, pixel), size, levels)?;
-            patches.push(PatchForm { matrix, levels });
+        for (size, levels) in said {
+            contents.push(read_levels(&mut planes, budget, (patch_content, pixel), size, levels)?);
         }
         planes.end()?;
     }
-    // Tiles and their lists: at most 4096 tiles of 512 patches or 1024 of all.
-    budget.take((patches.len() as u64 + 8) * (1 << 14))?;
+    budget.take(most_table_bytes(patches.len()))?;
     let too_large = LoadError::Corrupt {
         section: String4(PATCH_ID),
         offset: 0,
         what: "patches that fill more than a plane",
     };
-    ZipTexture::new(Parts { layout, deep, root, patches }, notes).ok_or(too_large)
+    ZipTexture::new(Parts { layout, deep, root, contents, patches }, notes).ok_or(too_large)
 }
 
-fn read_patches(reader: &mut Reader<'_>) -> Result<Vec<Said>, LoadError> {
-    let count = usize::from(reader.u16()?);
+fn read_patches(reader: &mut Reader<'_>) -> Result<Said, LoadError> {
+    let [shown, count] = [usize::from(reader.u16()?), usize::from(reader.u16()?)];
     if count > MAX_PATCHES {
         return Err(reader.corrupt("more than 2048 patches"));
     }
-    let mut said = Vec::new();
-    for _ in 0..count {
+    if shown > count {
+        return Err(reader.corrupt("more contents than patches"));
+    }
+    let mut contents = Vec::new();
+    for _ in 0..shown {
         let size = SurfaceSize { width: u32::from(reader.u16()?), height: u32::from(reader.u16()?) };
         let levels = u32::from(reader.u8()?);
         let sides = 1..=MAX_PLANE_SIDE;
@@ -122,14 +127,22 @@ fn read_patches(reader: &mut Reader<'_>) -> Result<Vec<Said>, LoadError> {
         if !(1..=MAX_PATCH_LEVELS.min(size.full_levels())).contains(&levels) {
             return Err(reader.corrupt("a patch with too many levels or none"));
         }
+        contents.push((size, levels));
+    }
+    let mut patches = Vec::new();
+    for _ in 0..count {
+        let content = usize::from(reader.u16()?);
+        if content >= shown {
+            return Err(reader.corrupt("a patch of a content that is not there"));
+        }
         let mut matrix = [0.0; 9];
         for value in &mut matrix {
             *value = reader.f32()?;
         }
-        said.push(Said { size, levels, matrix });
+        patches.push(PatchForm { matrix, content });
     }
     reader.end()?;
-    Ok(said)
+    Ok(Said { contents, patches })
 }
 
 fn read_levels(

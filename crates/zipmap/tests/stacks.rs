@@ -7,6 +7,7 @@ use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{ColorSpace, Raster};
 use texfold_core::{Budget, EncodeError, Encoded, Job, Texel, TextureCodec};
 use texfold_testkit::leaves::{Leaves, Lens, close_up, photograph};
+use texfold_zipmap::decode::{texfold_zipmap_pixel, texfold_zipmap_sample_grad};
 use texfold_zipmap::{
     LeftOut, PatchSource, PatchStack, Registration, ZipError, ZipParams, ZipTexture, Zipmap, fidelity,
     register,
@@ -151,6 +152,38 @@ fn no_seam_shows_at_the_border_of_a_patch_at_any_level() {
 }
 
 #[test]
+fn a_pixel_that_is_longer_than_wide_keeps_detail_across() {
+    let (photos, matrices) = stack_of_three(1.0);
+    let patches = [1].map(|image| PatchSource { image, matrix: matrices[image], mask: None, parent: None });
+    let stack = PatchStack { root: photos[0].clone(), images: photos.clone(), patches: patches.to_vec() };
+    let params = ZipParams { content: Some(texfold_bc::Content::Raw), ..ZipParams::default() };
+    let texture = encode(&stack, &params).unwrap();
+    let view = texture.view();
+    let texel = Vec2::new(1.0 / SIZE.0 as f32, 1.0 / SIZE.1 as f32) / 2.5;
+    // A pixel of six texels by one, turned: against the mean of many small ones, and against one as wide as long.
+    let (dx, dy) = (Vec2::new(5.0, 3.3) * texel, Vec2::new(-0.55, 0.83) * texel);
+    let (mut longer, mut square) = (0.0, 0.0);
+    for k in 0..400u32 {
+        let at = Vec2::new(0.35 + 0.01 * (k % 20) as f32, 0.45 + 0.01 * (k / 20) as f32);
+        let exact = (0..48).map(|part| {
+            let place = at + dx * ((part as f32 + 0.5) / 48.0 - 0.5);
+            texfold_zipmap_pixel(&view, place, dy, Vec2::new(dy.y, -dy.x))
+        });
+        let exact = exact.sum::<Texel>() / 48.0;
+        longer += (texfold_zipmap_sample_grad(&view, at, dx, dy) - exact).truncate().length_squared();
+        square += (texfold_zipmap_pixel(&view, at, dx, dy) - exact).truncate().length_squared();
+    }
+    println!("mean of parts: {longer:.3}, one lookup: {square:.3}");
+    assert!(8.0 * longer < square, "{longer} {square}");
+    // A pixel of no area, of no size, and numbers that are none, are drawn too.
+    for (dx, dy) in
+        [(dx, dx), (Vec2::ZERO, Vec2::ZERO), (Vec2::splat(f32::NAN), dy), (Vec2::splat(f32::INFINITY), dy)]
+    {
+        assert!(texfold_zipmap_sample_grad(&view, Vec2::splat(0.5), dx, dy).w >= 0.0 || !dx.is_finite());
+    }
+}
+
+#[test]
 fn bytes_depend_neither_on_threads_nor_on_the_way_through_a_file() {
     let (photos, matrices) = stack_of_three(0.9);
     let patches =
@@ -275,6 +308,38 @@ fn faults_of_hand_made_stacks_are_named() {
     let mirrored = DMat3::from_translation(DVec2::X) * DMat3::from_scale(DVec2::new(-1.0, 1.0)) * close;
     let other = close_up(DVec2::splat(0.2), 3.0, 1.0, DVec2::ZERO);
     assert_eq!(with(vec![patch(mirrored, None), patch(other, Some(0))]), Ok(2));
+}
+
+#[test]
+fn an_image_at_several_places_is_stored_once_and_is_the_same_at_each() {
+    let leaves = leaves();
+    let root = shot(&leaves, &DMat3::IDENTITY, PLAIN);
+    let image = shot(&Leaves::new(8, 60_000), &DMat3::IDENTITY, PLAIN);
+    let places = [(0.25, 0.3, 0.2), (0.7, 0.35, -0.9), (0.5, 0.75, 2.0)];
+    let matrices = places.map(|(x, y, turn)| close_up(DVec2::new(x, y), 4.0, turn, DVec2::ZERO));
+    let patches = matrices.map(|matrix| PatchSource { image: 0, matrix, mask: None, parent: None });
+    let mut stack = PatchStack { root, images: vec![image], patches: patches.to_vec() };
+    let params = ZipParams { content: Some(texfold_bc::Content::Raw), ..ZipParams::default() };
+    let three = encode(&stack, &params).unwrap();
+    assert_eq!((three.patches(), three.contents()), (3, 1), "{}", three.notes().verdict);
+    let middle = |texture: &ZipTexture, matrix: &DMat3, at: DVec2| {
+        let place = project(&matrix.inverse(), at).as_vec2();
+        texture.draw(place - Vec2::splat(5e-5), Vec2::splat(1e-4), (1, 1))[0]
+    };
+    for at in [DVec2::splat(0.5), DVec2::new(0.4, 0.55)] {
+        let [a, b, c] = matrices.map(|matrix| middle(&three, &matrix, at));
+        assert!((a - b).abs().max_element() < 2e-3 && (a - c).abs().max_element() < 2e-3, "{a} {b} {c}");
+    }
+    let file = bytes(&three);
+    let mut budget = Budget::default();
+    assert!(Zipmap::load(&Sections::parse(&file, &mut budget).unwrap(), &mut budget).unwrap() == three);
+    // Copies of the image are fitted and stored one by one.
+    stack.images = vec![stack.images[0].clone(); 3];
+    (0..3).for_each(|index| stack.patches[index].image = index);
+    let copies = encode(&stack, &params).unwrap();
+    assert_eq!((copies.patches(), copies.contents()), (3, 3));
+    let [once, thrice] = [&three, &copies].map(|texture| texture.gpu().planes[3].data.len());
+    assert!(2 * once < thrice, "{once} {thrice}");
 }
 
 #[test]

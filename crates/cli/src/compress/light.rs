@@ -109,7 +109,7 @@ impl LightTask {
         let mut hasher = blake3::Hasher::new();
         hasher.update(program().as_bytes());
         hasher.update(format!("{:?}", self.settings).as_bytes());
-        let mesh = capture::mesh_file(dir, self.settings.mesh.as_deref(), self.settings.triangles)?;
+        let mesh = capture::mesh_file(dir, self.settings.mesh.as_deref())?;
         for file in [dir.join(capture::CAMERAS_NAME), mesh].iter().chain(&self.found.files) {
             add_file(&mut hasher, file).map_err(|source| CliError::Read { path: file.clone(), source })?;
         }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use texfold::{EncodeSettings, LightParams, Model, ZipParams};
+use texfold::{Directions, EncodeSettings, Fit, LightParams, Model, ZipParams};
 use texfold_core::image::{Alpha, ColorSpace};
 use texfold_core::{Goal, Params};
 
@@ -14,6 +14,8 @@ use crate::input::Kind;
 /// Terms among which a goal for a light field chooses where their number is not given: beyond, each takes as many bits and buys
 /// little (`benches`, `lightfield`).
 const MOST_TERMS_FOR_GOAL: u32 = 4;
+/// Texels a side of view maps over the whole sphere, where regions share them: as fine as those of 16 over a hemisphere.
+const SHARED_GRID: u32 = 32;
 /// Share of the codebook that samples take where only their number is given: the paper's half.
 const SAMPLE_SHARE: f64 = 0.5;
 
@@ -46,9 +48,15 @@ pub struct Options {
     /// epitome: layers of the file, each of about half of the bits of the next, so that a prefix shows a coarser image.
     #[arg(long, value_name = "N")]
     pub(super) layers: Option<u32>,
-    /// lightfield: take the mesh of that many triangles beside the capture, mesh_N.obj or mesh_N.ply.
+    /// lightfield: simplify the mesh to that many triangles.
     #[arg(long, value_name = "N")]
     pub(super) triangles: Option<u32>,
+    /// lightfield: share of the maps' texels that is stored, above 0 to 1; below 1 maps are codewords that several places show.
+    #[arg(long, value_name = "SHARE")]
+    pub(super) codewords: Option<f32>,
+    /// lightfield: vertices of each of so many regions of the mesh share their view maps; each has its own where this is not given.
+    #[arg(long, value_name = "N")]
+    pub(super) regions: Option<u32>,
     /// lightfield: terms beside the mean, 0 to 8; 1 where this is not given, up to 4 with a goal.
     #[arg(long, value_name = "K")]
     pub(super) terms: Option<u32>,
@@ -74,7 +82,7 @@ pub struct Options {
     /// vq: a painted importance image, bright where it matters.
     #[arg(long, value_name = "FILE")]
     pub(super) importance_map: Option<PathBuf>,
-    /// vq: a mesh (OBJ, glTF, GLB) that the texture is drawn on; lightfield: the mesh (OBJ, PLY) instead of the capture's own.
+    /// vq: a mesh (OBJ, glTF, GLB) that the texture is drawn on; lightfield: the mesh (OBJ, PLY, glTF, GLB) instead of the capture's own.
     #[arg(long, value_name = "FILE")]
     pub(super) mesh: Option<PathBuf>,
     /// What the values of images mean (srgb where not given).
@@ -176,6 +184,8 @@ impl Options {
             category: self.category.clone().or_else(|| other.category.clone()),
             layers: self.layers.or(other.layers),
             triangles: self.triangles.or(other.triangles),
+            codewords: self.codewords.or(other.codewords),
+            regions: self.regions.or(other.regions),
             terms: self.terms.or(other.terms),
             kind: self.kind.or(other.kind),
             mips: self.mips.or(other.mips),
@@ -258,6 +268,8 @@ impl Options {
                 }
                 () if self.triangles.is_some() => return misplaced("triangles", "lightfield"),
                 () if self.terms.is_some() => return misplaced("terms", "lightfield"),
+                () if self.codewords.is_some() => return misplaced("codewords", "lightfield"),
+                () if self.regions.is_some() => return misplaced("regions", "lightfield"),
                 () => {}
             }
         }
@@ -319,12 +331,19 @@ impl Options {
             return Err(CliError::OnlyImages { path: path.to_owned(), codec: codec.name() });
         }
         let usual = LightParams::default();
+        let model = match self.regions {
+            Some(_) => Model { fit: Fit::Shared, directions: Directions::World, ..usual.model },
+            None => usual.model,
+        };
         let params = LightParams {
             terms: self.terms.unwrap_or(if self.psnr.is_some() { MOST_TERMS_FOR_GOAL } else { usual.terms }),
             psnr: self.psnr,
             // A goal counts what the file models; terms that only new views would do without serve it too.
-            model: Model { chosen: self.psnr.is_none(), ..usual.model },
+            model: Model { chosen: self.psnr.is_none(), ..model },
+            grid: if self.regions.is_some() { SHARED_GRID } else { usual.grid },
+            regions: self.regions.unwrap_or(usual.regions),
             content: self.content.and_then(ContentName::content).unwrap_or(usual.content),
+            codewords: self.codewords.unwrap_or(usual.codewords),
             ..usual
         };
         let fault = |source: texfold_core::ParamError| CliError::Encode {

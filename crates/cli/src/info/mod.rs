@@ -32,6 +32,9 @@ pub struct InfoArgs {
     /// The image or folder that the file was made from: adds a picture of the error.
     #[arg(long, value_name = "INPUT", requires = "pictures")]
     original: Option<PathBuf>,
+    /// For a light field: a file of cameras with photographs: says how close it comes to each, and with --pictures shows them beside each other.
+    #[arg(long, value_name = "CAMERAS.json")]
+    camera: Option<PathBuf>,
 }
 
 #[derive(Debug, Serialize)]
@@ -68,6 +71,10 @@ pub(crate) fn run(args: &InfoArgs) -> Result<usize, CliError> {
             image => image?,
         };
         let summary = summarise(&args.file, image.as_encoded());
+        if args.camera.is_some() {
+            let (path, codec) = (args.file.clone(), summary.codec);
+            return Err(CliError::NoSuchPart { path, codec, option: "camera" });
+        }
         if args.json {
             let text = serde_json::to_string_pretty(&summary);
             say(&text.map_err(|source| CliError::Write { path: args.file.clone(), source: source.into() })?);

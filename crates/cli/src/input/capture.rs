@@ -1,5 +1,5 @@
 //! Captures: `transforms.json` (the convention of NeRF and nerfstudio: intrinsics in pixels, matrices from camera to world
-//! with OpenGL axes), the images that it names, and `mesh.obj` or `mesh.ply` in the cameras' space.
+//! with OpenGL axes), the images that it names, and `mesh.obj`, `mesh.ply`, `mesh.glb` or `mesh.gltf` in the cameras' space.
 //!
 //! *Not done*: lens distortion; a file that has some is refused.
 
@@ -19,7 +19,7 @@ use crate::error::CliError;
 /// Name of the file that makes a folder a capture.
 pub(crate) const CAMERAS_NAME: &str = "transforms.json";
 /// Names of meshes, in the order in which they are looked for.
-const MESH_NAMES: [&str; 2] = ["mesh.obj", "mesh.ply"];
+const MESH_NAMES: [&str; 4] = ["mesh.obj", "mesh.ply", "mesh.glb", "mesh.gltf"];
 /// Distortion below this moves no pixel of a picture that a texture can hold.
 const LEAST_DISTORTION: f32 = 1e-7;
 
@@ -150,24 +150,16 @@ pub(crate) fn image_files(dir: &Path) -> Result<Vec<PathBuf>, CliError> {
     Ok(read_cameras(&dir.join(CAMERAS_NAME))?.into_iter().map(|shot| shot.image).collect())
 }
 
-/// The mesh file of a capture: the one given, the one beside it that has so many triangles (`mesh_<N>.obj` or `.ply`), or its own.
-pub(crate) fn mesh_file(
-    dir: &Path,
-    given: Option<&Path>,
-    triangles: Option<u32>,
-) -> Result<PathBuf, CliError> {
+/// The mesh file of a capture: the one given, or its own.
+pub(crate) fn mesh_file(dir: &Path, given: Option<&Path>) -> Result<PathBuf, CliError> {
     if let Some(mesh) = given {
         return Ok(mesh.to_owned());
     }
-    let names: Vec<String> = match triangles {
-        Some(count) => vec![format!("mesh_{count}.obj"), format!("mesh_{count}.ply")],
-        None => MESH_NAMES.map(str::to_owned).to_vec(),
-    };
-    let found = names.iter().map(|name| dir.join(name)).find(|path| path.is_file());
-    found.ok_or(CliError::NoMesh { path: dir.to_owned(), name: names.join(" or ") })
+    let found = MESH_NAMES.iter().map(|name| dir.join(name)).find(|path| path.is_file());
+    found.ok_or(CliError::NoMesh { path: dir.to_owned(), name: MESH_NAMES.join(" or ") })
 }
 
-/// Reads a capture's folder, with its own mesh or the one beside it that has so many triangles.
+/// Reads a capture's folder, its mesh simplified to so many triangles where that is given.
 ///
 /// # Errors
 /// What is wrong with its files, by name.
@@ -180,8 +172,13 @@ pub fn read_capture(dir: &Path, triangles: Option<u32>) -> Result<Capture, Box<d
 /// # Errors
 /// What is wrong with its files, by name.
 pub fn read_views(cameras: &Path) -> Result<Vec<View>, Box<dyn Error + Send + Sync>> {
+    Ok(read_all(cameras)?)
+}
+
+/// As [`read_views`].
+pub(crate) fn read_all(cameras: &Path) -> Result<Vec<View>, CliError> {
     let shots = read_cameras(cameras)?;
-    Ok(shots.iter().map(|shot| view(cameras, shot, usual_limit())).collect::<Result<_, CliError>>()?)
+    shots.iter().map(|shot| view(cameras, shot, usual_limit())).collect()
 }
 
 /// Reads a whole capture.
@@ -193,7 +190,11 @@ pub(crate) fn read(
 ) -> Result<Capture, CliError> {
     let file = dir.join(CAMERAS_NAME);
     let shots = read_cameras(&file)?;
-    let mesh: Mesh = shape::read(&mesh_file(dir, mesh, triangles)?)?;
+    let mesh: Mesh = shape::read(&mesh_file(dir, mesh)?)?;
+    let mesh = match triangles {
+        Some(count) => mesh.simplified(count as usize),
+        None => mesh,
+    };
     let views: Result<Vec<View>, CliError> =
         shots.par_iter().map(|shot| view(&file, shot, limit_bytes)).collect();
     Ok(Capture { mesh, views: views? })

@@ -69,10 +69,31 @@ fn append(whole: &mut UvMesh, positions: Vec<Vec3>, uvs: Vec<Vec2>, indices: &[u
 }
 
 fn read_gltf(path: &Path) -> Result<UvMesh, CliError> {
+    let mut whole = UvMesh::default();
+    each_primitive(path, |primitive, positions, indices, buffers| {
+        let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(Vec::as_slice));
+        if let Some(uvs) = reader.read_tex_coords(0) {
+            append(&mut whole, positions, uvs.into_f32().map(Vec2::from).collect(), &indices);
+        }
+    })?;
+    Ok(whole)
+}
+
+/// Places and triangles of a glTF or GLB file, with or without texture coordinates.
+pub(crate) fn read_gltf_shape(path: &Path) -> Result<(Vec<Vec3>, Vec<[u32; 3]>), CliError> {
+    let mut whole = UvMesh::default();
+    each_primitive(path, |_, positions, indices, _| append(&mut whole, positions, Vec::new(), &indices))?;
+    Ok((whole.positions, whole.triangles))
+}
+
+/// Shows all triangles of a scene, primitive by primitive: places, in the scene's space, and indices.
+fn each_primitive(
+    path: &Path,
+    mut see: impl FnMut(&gltf::Primitive<'_>, Vec<Vec3>, Vec<u32>, &[Vec<u8>]),
+) -> Result<(), CliError> {
     let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
     let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(&bytes).map_err(wrong(path))?;
     let buffers = buffers(path, &document, blob)?;
-    let mut whole = UvMesh::default();
     let scene = document.default_scene().or_else(|| document.scenes().next());
     let roots: Vec<gltf::Node<'_>> = match scene {
         Some(scene) => scene.nodes().collect(),
@@ -83,29 +104,24 @@ fn read_gltf(path: &Path) -> Result<UvMesh, CliError> {
     while let Some((node, above, depth)) = open.pop() {
         let place = above * Mat4::from_cols_array_2d(&node.transform().matrix());
         for primitive in node.mesh().iter().flat_map(|mesh| mesh.primitives()) {
-            append_primitive(&mut whole, &primitive, place, &buffers);
+            if primitive.mode() != gltf::mesh::Mode::Triangles {
+                continue;
+            }
+            let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(Vec::as_slice));
+            let Some(positions) = reader.read_positions() else { continue };
+            let positions: Vec<Vec3> =
+                positions.map(|position| place.transform_point3(Vec3::from(position))).collect();
+            let indices: Vec<u32> = match reader.read_indices() {
+                Some(indices) => indices.into_u32().collect(),
+                None => (0..positions.len() as u32).collect(),
+            };
+            see(&primitive, positions, indices, &buffers);
         }
         if depth < MAX_DEPTH {
             open.extend(node.children().map(|child| (child, place, depth + 1)));
         }
     }
-    Ok(whole)
-}
-
-fn append_primitive(whole: &mut UvMesh, primitive: &gltf::Primitive<'_>, place: Mat4, buffers: &[Vec<u8>]) {
-    if primitive.mode() != gltf::mesh::Mode::Triangles {
-        return;
-    }
-    let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(Vec::as_slice));
-    let (Some(positions), Some(uvs)) = (reader.read_positions(), reader.read_tex_coords(0)) else { return };
-    let positions: Vec<Vec3> =
-        positions.map(|position| place.transform_point3(Vec3::from(position))).collect();
-    let uvs: Vec<Vec2> = uvs.into_f32().map(Vec2::from).collect();
-    let indices: Vec<u32> = match reader.read_indices() {
-        Some(indices) => indices.into_u32().collect(),
-        None => (0..positions.len() as u32).collect(),
-    };
-    append(whole, positions, uvs, &indices);
+    Ok(())
 }
 
 /// The bytes of all buffers: the GLB's own, base64 within the file, or files beside it.

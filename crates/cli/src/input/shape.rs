@@ -1,4 +1,4 @@
-//! Meshes without texture coordinates: OBJ by `tobj`, PLY (text and little-endian) read here.
+//! Meshes without texture coordinates: OBJ by `tobj`, glTF and GLB by `gltf`, PLY (text and little-endian) read here.
 
 use std::io::BufReader;
 use std::path::Path;
@@ -6,6 +6,7 @@ use std::path::Path;
 use glam::Vec3;
 use texfold_lightfield::Mesh;
 
+use super::mesh::read_gltf_shape;
 use crate::error::CliError;
 
 /// Most vertices or faces of a PLY file, so that a header cannot ask for more memory than there is.
@@ -22,7 +23,11 @@ pub(crate) fn read(path: &Path) -> Result<Mesh, CliError> {
                 std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
             read_ply(&bytes).map_err(fault)?
         }
-        _ => return Err(fault("is neither OBJ nor PLY")),
+        "gltf" | "glb" => {
+            let (positions, triangles) = read_gltf_shape(path)?;
+            Mesh { positions, triangles }
+        }
+        _ => return Err(fault("is none of OBJ, PLY, glTF and GLB")),
     };
     match () {
         () if mesh.triangles.is_empty() => Err(fault("has no triangles")),
@@ -250,6 +255,39 @@ mod tests {
         assert_eq!(read_ply(&bytes), Ok(mesh));
         bytes.pop();
         assert_eq!(read_ply(&bytes), Err("ends early"));
+    }
+
+    #[test]
+    fn gltf_gives_places_and_triangles_without_texture_coordinates() {
+        let dir = tempfile::tempdir().unwrap();
+        let numbers: [f32; 9] = [0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 3.0, 0.0];
+        let mut bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
+        bytes.extend([0u16, 1, 2, 0, 2, 1].map(u16::to_le_bytes).concat());
+        let text = |indices: &str| {
+            format!(
+                r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],
+                "nodes":[{{"mesh":0,"translation":[0,0,5]}}],
+                "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}{indices}}}]}}],
+                "buffers":[{{"byteLength":48,"uri":"data:application/octet-stream;base64,{}"}}],
+                "bufferViews":[{{"buffer":0,"byteLength":36}},{{"buffer":0,"byteOffset":36,"byteLength":12}}],
+                "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[2,3,0]}},
+                {{"bufferView":1,"componentType":5123,"count":6,"type":"SCALAR"}}]}}"#,
+                crate::base64::encode(&bytes)
+            )
+        };
+        let path = dir.path().join("a.gltf");
+        std::fs::write(&path, text(r#","indices":1"#)).unwrap();
+        let mesh = read(&path).unwrap();
+        assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 1]]);
+        assert_eq!(mesh.positions[1], Vec3::new(2.0, 0.0, 5.0));
+        std::fs::write(&path, text("")).unwrap();
+        assert_eq!(read(&path).unwrap().triangles, [[0, 1, 2]]);
+        std::fs::write(&path, &text("")[..200]).unwrap();
+        assert!(matches!(read(&path), Err(CliError::Mesh { .. })));
+        std::fs::write(&path, text("").replace("48", "480")).unwrap();
+        assert!(matches!(read(&path), Err(CliError::MeshContent { .. })));
+        std::fs::write(&path, text("").replace("POSITION", "NORMAL")).unwrap();
+        assert!(read(&path).is_err());
     }
 
     #[test]

@@ -92,8 +92,40 @@ fn a_capture_becomes_a_file_and_the_file_new_views() {
         names(&place.at("parts")),
         ["ball-mean.png", "ball-surface-maps.png", "ball-terms.png", "ball-view-maps.png"]
     );
+    let seen = place.run("info out/ball.txf --camera ball/transforms.json --pictures parts");
+    assert!(seen.code == Some(0) && seen.stdout.contains("view 19"), "{}{}", seen.stdout, seen.stderr);
+    assert_eq!(names(&place.at("parts")).len(), 24);
+    let (width, height, samples) = place.samples("parts/ball-view-003.png");
+    assert_eq!((width, height, samples.len()), (3 * SIZE, SIZE, 9 * (SIZE * SIZE) as usize));
     let flat = place.run("decompress out/ball.txf --out png");
     assert!(flat.code == Some(1) && flat.stderr.contains("render"), "{}", flat.stderr);
+}
+
+#[test]
+fn meshes_are_simplified_and_maps_shared_where_that_is_asked_for() {
+    let place = Place::new();
+    write_capture(&place, "ball");
+    let size = |arguments: &str, triangles: usize| {
+        let (run, report) =
+            place.compress(&format!("ball --codec lightfield --terms 1 {arguments} --out out"));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let summary = place.run("info out/ball.txf --json").stdout;
+        let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+        assert_eq!(summary["triangles"].as_u64(), Some(triangles as u64));
+        (report[0]["bits_disk"].as_u64().unwrap(), report[0]["psnr"].as_f64().unwrap())
+    };
+    let whole = size("", 80);
+    let (fewer, shared) = (size("--triangles 40", 40), size("--codewords 0.5", 80));
+    assert!(
+        fewer.0 < whole.0 && shared.0 < whole.0 * 7 / 10 && shared.1 > 25.0,
+        "{whole:?} {fewer:?} {shared:?}"
+    );
+    let regions = size("--regions 1", 80);
+    assert!(regions.0 < whole.0 && regions.1 > 38.0, "{whole:?} {regions:?}");
+    let wrong = place.run("compress ball --codec lightfield --codewords 1.5 --out out");
+    assert!(wrong.code == Some(1) && wrong.stderr.contains("codewords"), "{}", wrong.stderr);
+    let misplaced = place.run("compress ball --as set --codec vq --codewords 0.5 --out out");
+    assert!(misplaced.code == Some(2) && misplaced.stderr.contains("codewords"), "{}", misplaced.stderr);
 }
 
 #[test]
@@ -134,13 +166,11 @@ fn faults_of_captures_are_named() {
         assert!(error.contains(wanted), "{error}");
     }
     for (arguments, wanted) in [
-        ("ball --triangles 77", "mesh_77.obj"),
-        ("ball --codec lightfield --mesh a.png", "OBJ nor PLY"),
+        ("ball --codec lightfield --mesh a.png", "none of OBJ, PLY"),
         ("ball --codec vq", "--as set"),
         ("a.png --codec lightfield", "is no capture"),
         ("a.png --as lightfield", "is no capture"),
     ] {
-        let arguments = arguments.replace("--triangles", "--codec lightfield --triangles");
         let (run, report) = place.compress(&format!("{arguments} --out out"));
         let error = report[0]["error"].as_str().unwrap();
         assert!(run.code == Some(1) && error.contains(wanted), "{arguments}: {error}");

@@ -13,7 +13,9 @@ use super::options::Palettes;
 use super::pack::{Packing, pack};
 use super::pyramid::{Space, Stored};
 use super::refit::{self, CellCache, refit};
-use crate::encoded::{Entry, EpitomeTexture, MapFormat, PLANE_MIPS, Parts, coarse_content, coarse_levels};
+use crate::encoded::{
+    Entry, EpitomeTexture, LEAST_STRIP, MapFormat, PLANE_MIPS, Parts, coarse_content, coarse_levels,
+};
 use crate::layers::{LayerMap, Layering};
 
 /// What a texture is made of.
@@ -116,6 +118,7 @@ fn map_format(
         tone_bits: bits(palettes.tones.len().saturating_sub(1) as u32),
         linear_bits: bits(palettes.linears.len().saturating_sub(1) as u32),
         mixed,
+        strip: LEAST_STRIP,
     }
 }
 

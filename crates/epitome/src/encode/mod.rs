@@ -16,6 +16,7 @@ mod pyramid;
 mod refit;
 mod report;
 mod search;
+mod strip;
 mod tone;
 
 use std::ops::RangeInclusive;
@@ -37,6 +38,7 @@ use options::{Fitted, Palettes, all_options, direct_options, fit};
 use pyramid::{LEAST_SIDE, SCALES, SCALES_ALONE, Space, Storage};
 use refit::CellCache;
 use search::{Allowed, Reach, search};
+use strip::with_widest_strip;
 
 use crate::{EpitomeParams, EpitomeSource, EpitomeTexture};
 
@@ -509,7 +511,8 @@ impl EpitomeSearch {
         if self.params.layers > 1 {
             return self.in_layers(goal, best, job);
         }
-        Ok(best.made.2.with_notes(self.notes(goal, best.verdict)))
+        let made = job.install(|| with_widest_strip(&self.images, best.made.2));
+        Ok(made.with_notes(self.notes(goal, best.verdict)))
     }
 
     /// The best that one model makes for a goal.
@@ -552,6 +555,7 @@ impl EpitomeSearch {
                 tries += 1;
                 continue;
             }
+            let made = job.install(|| with_widest_strip(&self.images, made));
             let (reached, psnr_without) = self.measure_layers(&made, &measured);
             let notes = self.notes(goal, verdict + &reached);
             return Ok(made.with_notes(Notes { psnr_without, ..notes }));

@@ -50,6 +50,8 @@ pub(crate) struct Forge {
     pub(crate) split: bool,
     /// Of column, row, their fraction, tone and linear part.
     pub(crate) bits: [u32; 5],
+    /// Half the width of the strips in which leaves are blended, in eighths of a texel; 4 is the least.
+    pub(crate) strip: u32,
 }
 
 impl Default for Forge {
@@ -63,6 +65,7 @@ impl Default for Forge {
             block: 32,
             split: true,
             bits: [9, 8, 2, 4, 4],
+            strip: 4,
         }
     }
 }
@@ -97,13 +100,15 @@ impl Forge {
     fn form(&self, linears: usize, tones: usize) -> Vec<u8> {
         let mips = self.levels > 1;
         let head = [self.block, u32::from(self.split)].into_iter().chain(self.bits);
-        let head = head.chain([u32::from(mips), self.contents.len() as u32]);
+        let flags = u32::from(mips) | if self.strip > 4 { 4 } else { 0 };
+        let head = head.chain([flags, self.contents.len() as u32]);
         let mut form: Vec<u8> = head.map(|value| value as u8).collect();
         for (content, (width, height)) in self.contents.iter().zip(EPITOMES) {
             form.push(Content::ALL.iter().position(|kind| kind == content).unwrap() as u8);
             form.extend([width, height].into_iter().flat_map(u32::to_le_bytes));
         }
         form.extend([linears as u32, tones as u32].into_iter().flat_map(u32::to_le_bytes));
+        form.extend((self.strip > 4).then_some(self.strip as u8));
         form
     }
 

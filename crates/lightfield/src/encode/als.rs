@@ -15,8 +15,8 @@
 use glam::Vec3A;
 
 use super::ring::Ring;
-use super::{Term, VertexMaps};
-use crate::params::{Factors, LightParams};
+use super::{Term, VertexMaps, multiplicative};
+use crate::params::{Factors, LightParams, Updates};
 
 /// Rounds of a term before the next is begun.
 const ROUNDS: usize = 4;
@@ -46,16 +46,16 @@ const SHARED: f32 = 0.05;
 
 /// Where an observation lies in a view map of `grid` texels a side.
 #[derive(Debug, Clone, Copy)]
-struct Tap {
+pub(super) struct Tap {
     /// The upper left of four texels.
-    low: u32,
+    pub(super) low: u32,
     /// Weights of the four.
-    weights: [f32; 4],
+    pub(super) weights: [f32; 4],
     /// How much the observation counts.
-    weight: f32,
+    pub(super) weight: f32,
 }
 
-struct Fit<'r> {
+pub(super) struct Fit<'r> {
     ring: &'r Ring,
     grid: usize,
     /// The least value of a map.
@@ -63,13 +63,44 @@ struct Fit<'r> {
     taps: Vec<Tap>,
     /// Colours less all that is fitted.
     rest: Vec<Vec3A>,
-    mean: Vec<Vec3A>,
-    terms: Vec<(Vec<Vec3A>, Vec<Vec3A>)>,
+    pub(super) mean: Vec<Vec3A>,
+    /// Surface and view maps.
+    pub(super) terms: Vec<(Vec<Vec3A>, Vec<Vec3A>)>,
+}
+
+/// The least value of a map.
+pub(super) fn floor(params: &LightParams) -> f32 {
+    match params.model.factors {
+        Factors::Signed => f32::NEG_INFINITY,
+        Factors::NonNegative => 0.0,
+    }
+}
+
+/// Where all observations lie in view maps of `grid` texels a side; those of photographs that `counts` does not admit weigh nothing.
+pub(super) fn taps(ring: &Ring, grid: u32, counts: impl Fn(u16) -> bool) -> Vec<Tap> {
+    let mut taps = Vec::new();
+    for (row, range) in ring.of_rows() {
+        for observation in &ring.observations[range] {
+            let at = observation.at * (grid - 1) as f32;
+            let low = at.as_uvec2().min(glam::UVec2::splat(grid - 2));
+            let part = at - low.as_vec2();
+            let (left, upper) = (1.0 - part.x, 1.0 - part.y);
+            taps.push(Tap {
+                low: low.y * grid + low.x,
+                weights: [left * upper, part.x * upper, left * part.y, part.x * part.y],
+                weight: if counts(observation.view) { observation.weight * row.hat * row.hat } else { 0.0 },
+            });
+        }
+    }
+    taps
 }
 
 /// Fits the terms around one vertex.
 pub(crate) fn fit(ring: &Ring, params: &LightParams) -> VertexMaps {
     let terms = if params.model.chosen { choose(ring, params) } else { params.terms };
+    if params.model.updates == Updates::Multiplicative {
+        return multiplicative::fit(ring, params, terms);
+    }
     let mut fit = Fit::new(ring, params, |_| true);
     for term in 0..terms as usize {
         fit.begin(term);
@@ -120,36 +151,29 @@ fn choose(ring: &Ring, params: &LightParams) -> u32 {
 }
 
 impl Fit<'_> {
-    /// With a first mean, to the photographs that `counts` admits.
-    fn new<'r>(ring: &'r Ring, params: &LightParams, counts: impl Fn(u16) -> bool) -> Fit<'r> {
-        let grid = params.grid;
-        let mut taps = Vec::new();
-        for (row, range) in ring.of_rows() {
-            for observation in &ring.observations[range] {
-                let at = observation.at * (grid - 1) as f32;
-                let low = at.as_uvec2().min(glam::UVec2::splat(grid - 2));
-                let part = at - low.as_vec2();
-                let (left, upper) = (1.0 - part.x, 1.0 - part.y);
-                taps.push(Tap {
-                    low: low.y * grid + low.x,
-                    weights: [left * upper, part.x * upper, left * part.y, part.x * part.y],
-                    weight: if counts(observation.view) {
-                        observation.weight * row.hat * row.hat
-                    } else {
-                        0.0
-                    },
-                });
-            }
+    /// Takes a mean that is known already.
+    pub(super) fn set_mean(&mut self, mean: &[Vec3A]) {
+        for (row, (_, range)) in self.ring.of_rows().enumerate() {
+            let step = mean[row] - self.mean[row];
+            self.mean[row] = mean[row];
+            self.rest[range].iter_mut().for_each(|rest| *rest -= step);
         }
-        let floor = match params.model.factors {
-            Factors::Signed => f32::NEG_INFINITY,
-            Factors::NonNegative => 0.0,
-        };
+    }
+
+    /// Takes a term that is known already.
+    pub(super) fn add_term(&mut self, surface: Vec<Vec3A>, view: &[Vec3A]) {
+        self.terms.push((surface, view.to_vec()));
+        self.subtract(self.terms.len() - 1, 1.0);
+    }
+
+    /// With a first mean, to the photographs that `counts` admits.
+    pub(super) fn new<'r>(ring: &'r Ring, params: &LightParams, counts: impl Fn(u16) -> bool) -> Fit<'r> {
+        let grid = params.grid;
         let mut fit = Fit {
             ring,
             grid: grid as usize,
-            floor: Vec3A::splat(floor),
-            taps,
+            floor: Vec3A::splat(floor(params)),
+            taps: taps(ring, grid, counts),
             rest: ring.observations.iter().map(|observation| observation.colour.into()).collect(),
             mean: vec![Vec3A::ZERO; ring.rows.len()],
             terms: Vec::new(),
@@ -195,7 +219,7 @@ impl Fit<'_> {
     }
 
     /// Moves what all observations of a row have in common into the mean.
-    fn fit_mean(&mut self) {
+    pub(super) fn fit_mean(&mut self) {
         let (mut all, mut count) = (Vec3A::ZERO, 0.0);
         let mut unseen = Vec::new();
         let rest = &mut self.rest;
@@ -261,7 +285,7 @@ impl Fit<'_> {
     }
 
     /// Takes `sign` times the term out of the rest.
-    fn subtract(&mut self, term: usize, sign: f32) {
+    pub(super) fn subtract(&mut self, term: usize, sign: f32) {
         let mut rest = std::mem::take(&mut self.rest);
         let (surface, view) = &self.terms[term];
         for ((_, range), &surface) in self.ring.of_rows().zip(surface) {
@@ -273,7 +297,7 @@ impl Fit<'_> {
     }
 
     /// The best surface map for the view map.
-    fn solve_surface(&mut self, term: usize) {
+    pub(super) fn best_surface(&self, term: usize) -> Vec<Vec3A> {
         let (_, view) = &self.terms[term];
         let (mut products, mut squares) = (Vec::new(), Vec::new());
         for (_, range) in self.ring.of_rows() {
@@ -291,10 +315,15 @@ impl Fit<'_> {
         let common = product / square.max(Vec3A::splat(f32::MIN_POSITIVE));
         let shared = square / squares.len().max(1) as f32 * SHARED + f32::MIN_POSITIVE;
         let surface = products.iter().zip(&squares);
-        // In units of its mean square, so that smoothness weighs the same whatever the term's size.
         let floor = self.floor;
         let value = |(&p, &s): (&Vec3A, &Vec3A)| ((p + common * shared) / (s + shared)).max(floor);
-        let surface: Vec<Vec3A> = surface.map(value).collect();
+        surface.map(value).collect()
+    }
+
+    /// Replaces a surface map by the best one.
+    fn solve_surface(&mut self, term: usize) {
+        let surface = self.best_surface(term);
+        // In units of its mean square, so that smoothness weighs the same whatever the term's size.
         let energy = surface.iter().map(|&value| value * value).sum::<Vec3A>() / surface.len().max(1) as f32;
         let scale = energy.max(Vec3A::splat(f32::MIN_POSITIVE)).powf(-0.5);
         self.terms[term].0 =
@@ -305,8 +334,16 @@ impl Fit<'_> {
 
     /// The best view map for the surface map.
     fn solve_view(&mut self, term: usize) {
-        let grid = self.grid;
-        let mut system = System::new(grid);
+        let mut system = System::new(self.grid);
+        self.add_to(&mut system, term);
+        system.smooth();
+        let view = &mut self.terms[term].1;
+        let floor = self.floor;
+        (0..SWEEPS).for_each(|_| system.sweep(view, floor));
+    }
+
+    /// Adds what a term's view map should be to a system.
+    pub(super) fn add_to(&self, system: &mut System, term: usize) {
         let (surface, _) = &self.terms[term];
         for ((_, range), &surface) in self.ring.of_rows().zip(surface) {
             let square = surface * surface;
@@ -315,14 +352,10 @@ impl Fit<'_> {
                 system.add(tap, square * tap.weight, surface * self.rest[at] * tap.weight);
             }
         }
-        system.smooth();
-        let view = &mut self.terms[term].1;
-        let floor = self.floor;
-        (0..SWEEPS).for_each(|_| system.sweep(view, floor));
     }
 
     /// The maps with the hat function in the surface maps.
-    fn finish(self) -> VertexMaps {
+    pub(super) fn finish(self) -> VertexMaps {
         let rows = &self.ring.rows;
         let with_hats = |values: &[Vec3A]| -> Vec<glam::Vec3> {
             rows.iter().zip(values).map(|(row, &value)| (value * row.hat).into()).collect()
@@ -343,7 +376,7 @@ impl Fit<'_> {
 }
 
 /// The normal equations of a view map: a symmetric matrix with the eight neighbours of each texel.
-struct System {
+pub(super) struct System {
     grid: usize,
     /// Each texel with itself, and with those right, lower left, below and lower right.
     matrix: Vec<[Vec3A; 5]>,
@@ -351,7 +384,7 @@ struct System {
 }
 
 impl System {
-    fn new(grid: usize) -> System {
+    pub(super) fn new(grid: usize) -> System {
         let texels = grid * grid;
         System { grid, matrix: vec![[Vec3A::ZERO; 5]; texels], right: vec![Vec3A::ZERO; texels] }
     }
@@ -380,7 +413,7 @@ impl System {
     }
 
     /// Adds the weight of differences between neighbours.
-    fn smooth(&mut self) {
+    pub(super) fn smooth(&mut self) {
         let total: Vec3A = self.matrix.iter().map(|row| row[0]).sum();
         let weight = total / self.matrix.len() as f32 * SMOOTHNESS + f32::MIN_POSITIVE;
         for at in 0..self.matrix.len() {
@@ -397,7 +430,7 @@ impl System {
     }
 
     /// One Gauss-Seidel sweep.
-    fn sweep(&self, view: &mut [Vec3A], floor: Vec3A) {
+    pub(super) fn sweep(&self, view: &mut [Vec3A], floor: Vec3A) {
         let grid = self.grid;
         for at in 0..view.len() {
             let (x, y) = (at % grid, at / grid);

@@ -1,169 +1,257 @@
 //! From maps of samples to atlases of bytes.
 //!
 //! Both factors of a term are scaled to the same largest magnitude, 1, and quantised to 8 bits with 0 exact; the scales
-//! are kept a vertex, term and channel (paper section 2.2 splits the singular value likewise, for all vertices alike).
+//! are kept a vertex, term and channel (paper section 2.2 splits the singular value likewise, for all vertices alike). Vertices without a
+//! term have no maps of it.
+
+use std::collections::BTreeMap;
 
 use glam::{UVec2, Vec3};
-use texfold_bc::{Content, ContentPlanes};
+use texfold_bc::ContentPlanes;
 use texfold_core::{Effort, Texel};
 
+use super::share::{LayerMaps, Map, Rgb, Stored, share};
 use super::{Scene, VertexMaps};
-use crate::decode::texfold_lightfield_patch;
+use crate::CaptureError;
+use crate::decode::texfold_lightfield_texel;
 use crate::encoded::{PIXEL, Parts, byte_of, mean_size, scale_of, surface_size, view_size, zero_and_range};
-use crate::layout::Layout;
+use crate::layout::{Layout, NONE, Sharing, Widths, halved};
 use crate::params::{Factors, LightParams};
 
 /// A map's value as a stored one.
-fn stored(value: Vec3, factors: Factors) -> Texel {
+fn stored(value: Vec3, factors: Factors) -> Rgb {
     let (zero, range) = zero_and_range(factors);
-    ((value * range).round() + zero).clamp(Vec3::ZERO, Vec3::splat(255.0)).extend(255.0) / 255.0
+    byte(((value * range).round() + zero) / 255.0)
+}
+
+/// 0 to 1 as bytes.
+fn byte(value: Vec3) -> Rgb {
+    (value * 255.0).round().clamp(Vec3::ZERO, Vec3::splat(255.0)).to_array().map(|value| value as u8)
 }
 
 /// One term of one vertex, scaled.
-pub(crate) struct Scaled {
-    pub(crate) bytes: [u8; 3],
-    surface: Vec<Texel>,
-    view: Vec<Texel>,
+struct Scaled {
+    bytes: [u8; 3],
+    surface: Vec<Vec3>,
+    view: Vec<Vec3>,
 }
 
 fn largest(values: &[Vec3]) -> Vec3 {
     values.iter().fold(Vec3::ZERO, |most, value| most.max(value.abs()))
 }
 
-/// Scales a term to 8 bits a value.
-fn scale(term: &super::Term, factors: Factors) -> Scaled {
+fn mean_square(values: &[Vec3]) -> Vec3 {
+    values.iter().map(|&value| value * value).sum::<Vec3>() / values.len().max(1) as f32
+}
+
+/// Scales a term to magnitudes of at most 1; view maps are positive in the mean, so that alike ones have one sign.
+fn scale(term: &super::Term) -> Scaled {
     let (surface, view) = (largest(&term.surface), largest(&term.view));
     let bytes = (surface * view).to_array().map(byte_of);
     // The scale is rounded up; the surface map makes up for it.
     let scales = Vec3::from(bytes.map(scale_of));
     let inverse = |value: Vec3| Vec3::select(value.cmpgt(Vec3::ZERO), value.recip(), Vec3::ZERO);
-    let (per_surface, per_view) = (view * inverse(scales), inverse(view));
+    let sum: Vec3 = term.view.iter().sum();
+    let sign = Vec3::select(sum.cmplt(Vec3::ZERO), Vec3::NEG_ONE, Vec3::ONE);
+    let (per_surface, per_view) = (sign * view * inverse(scales), sign * inverse(view));
     Scaled {
         bytes,
-        surface: term.surface.iter().map(|&value| stored(value * per_surface, factors)).collect(),
-        view: term.view.iter().map(|&value| stored(value * per_view, factors)).collect(),
+        surface: term.surface.iter().map(|&value| value * per_surface).collect(),
+        view: term.view.iter().map(|&value| value * per_view).collect(),
     }
 }
 
 /// The maps of all vertices as they come.
-pub(crate) struct Atlases<'s> {
-    scene: &'s Scene<'s>,
-    params: &'s LightParams,
-    layout: &'s Layout,
-    pub(crate) mean: Vec<Vec3>,
+#[derive(Debug)]
+pub(crate) struct Maps {
+    mean: Vec<Vec3>,
     scales: Vec<u8>,
-    surface: Vec<Texel>,
-    view: Vec<Texel>,
+    terms: Vec<LayerMaps>,
 }
 
-impl<'s> Atlases<'s> {
-    pub(crate) fn new(scene: &'s Scene<'s>, params: &'s LightParams, layout: &'s Layout) -> Self {
-        let nothing = stored(Vec3::ZERO, params.model.factors);
-        let texels = |(width, height): (u32, u32)| vec![nothing; width as usize * height as usize];
-        Atlases {
-            scene,
-            params,
-            layout,
+impl Maps {
+    pub(crate) fn new(scene: &Scene, params: &LightParams) -> Self {
+        let empty = LayerMaps {
+            patches: vec![Map::default(); 3 * scene.mesh.triangles.len()],
+            views: vec![Map::default(); scene.mesh.positions.len()],
+        };
+        Maps {
             mean: vec![Vec3::ZERO; scene.surface.samples as usize],
             scales: vec![0; 3 * params.terms as usize * scene.mesh.positions.len()],
-            surface: texels(surface_size(layout, params.terms)),
-            view: texels(view_size(layout, params.grid, params.terms)),
+            terms: vec![empty; params.terms as usize],
         }
     }
 
     /// Writes the maps of one vertex.
-    pub(crate) fn put(&mut self, vertex: u32, maps: &VertexMaps) {
+    pub(crate) fn put(&mut self, scene: &Scene, params: &LightParams, vertex: u32, maps: &VertexMaps) {
         for (&sample, &mean) in maps.rows.iter().zip(&maps.mean) {
             self.mean[sample as usize] += mean;
         }
-        for (number, term) in (0..).zip(&maps.terms) {
-            let scaled = scale(term, self.params.model.factors);
-            let first = 3 * (number as usize * self.scene.mesh.positions.len() + vertex as usize);
+        let factors = params.model.factors;
+        for (number, term) in maps.terms.iter().enumerate() {
+            let scaled = scale(term);
+            let first = 3 * (number * scene.mesh.positions.len() + vertex as usize);
             self.scales[first..first + 3].copy_from_slice(&scaled.bytes);
-            self.put_view(vertex, number, &scaled.view);
-            self.put_surface(vertex, number, &maps.rows, &scaled.surface);
+            if scaled.bytes == [0; 3] {
+                continue;
+            }
+            // What an error of a step in one factor makes of the colour, in steps of 255: summed over samples, in the mean of
+            // directions and channels.
+            let step = 255.0 / zero_and_range(factors).1;
+            let squares = Vec3::from(scaled.bytes.map(scale_of)).powf(2.0) * (step * step / 3.0);
+            let texels = scaled.view.len().max(1) as f32;
+            let of_view =
+                (squares * mean_square(&scaled.surface)).element_sum() * scaled.surface.len() as f32 / texels;
+            self.terms[number].views[vertex as usize] = Map {
+                texels: scaled.view.iter().map(|&value| stored(value, factors)).collect(),
+                weight: of_view.max(f32::MIN_POSITIVE),
+            };
+            // A texel of a coarser map stands for several samples.
+            let samples = (1u32 << (2 * params.halvings)) as f32;
+            let of_surface = (squares * mean_square(&scaled.view)).element_sum() * samples;
+            let of_surface = of_surface.max(f32::MIN_POSITIVE);
+            let values: BTreeMap<u32, Vec3> = maps.rows.iter().copied().zip(scaled.surface).collect();
+            self.put_surface(scene, (factors, params.halvings), (vertex, number), &values, of_surface);
         }
     }
 
-    fn put_view(&mut self, vertex: u32, term: u32, texels: &[Texel]) {
-        let (grid, columns) = (self.params.grid, self.layout.view_columns);
-        let (x, y) = (vertex % columns * grid, vertex / columns * grid + term * self.layout.view_height);
-        for (row, line) in (y..).zip(texels.chunks_exact(grid as usize)) {
-            let start = (row * columns * grid + x) as usize;
-            self.view[start..start + grid as usize].copy_from_slice(line);
-        }
-    }
-
-    fn put_surface(&mut self, vertex: u32, term: u32, rows: &[u32], texels: &[Texel]) {
-        let nothing = stored(Vec3::ZERO, self.params.model.factors);
-        let value = |sample: u32| rows.binary_search(&sample).map_or(nothing, |row| texels[row]);
-        let width = 3 * self.layout.surface_width;
-        let elements = &self.scene.surface.elements;
-        for &triangle in &elements[vertex as usize].triangles {
-            let corners = self.scene.mesh.triangles[triangle as usize];
-            for corner in (0..3u32).filter(|&corner| corners[corner as usize] == vertex) {
-                let origin =
-                    UVec2::new(corner * self.layout.surface_width, term * self.layout.surface_height);
-                self.scene.each_texel(self.layout, triangle, |at, [low, high], part| {
-                    let place = origin + at;
-                    let blended = value(low).lerp(value(high), part);
-                    self.surface[(place.y * width + place.x) as usize] = blended;
-                });
+    fn put_surface(
+        &mut self,
+        scene: &Scene,
+        (factors, halvings): (Factors, u8),
+        (vertex, term): (u32, usize),
+        values: &BTreeMap<u32, Vec3>,
+        weight: f32,
+    ) {
+        let value = |sample: u32| values.get(&sample).copied().unwrap_or(Vec3::ZERO);
+        for &triangle in &scene.surface.elements[vertex as usize].triangles {
+            let corners = scene.mesh.triangles[triangle as usize];
+            let mut texels = Vec::new();
+            scene.each_texel(triangle, halvings, |[low, high], part| {
+                texels.push(stored(value(low).lerp(value(high), part), factors));
+            });
+            for corner in (0..3).filter(|&corner| corners[corner] == vertex) {
+                let map = Map { texels: texels.clone(), weight };
+                self.terms[term].patches[3 * triangle as usize + corner] = map;
             }
         }
     }
 
-    /// The mean as texels.
-    fn mean_texels(&self) -> Vec<Texel> {
-        let (width, height) = mean_size(self.layout);
-        let mut texels = vec![Texel::ZERO; width as usize * height as usize];
-        let value = |sample: u32| self.mean[sample as usize].clamp(Vec3::ZERO, Vec3::ONE).extend(1.0);
-        for triangle in 0..self.scene.mesh.triangles.len() as u32 {
-            self.scene.each_texel(self.layout, triangle, |at, [low, high], part| {
-                texels[(at.y * width + at.x) as usize] = value(low).lerp(value(high), part);
+    /// The mean as maps.
+    fn mean_maps(&self, scene: &Scene) -> LayerMaps {
+        let value = |sample: u32| self.mean[sample as usize].clamp(Vec3::ZERO, Vec3::ONE);
+        let patch = |triangle: u32| {
+            let mut texels = Vec::new();
+            scene.each_texel(triangle, 0, |[low, high], part| {
+                texels.push(byte(value(low).lerp(value(high), part)));
             });
-        }
-        texels
+            Map { texels, weight: 1.0 }
+        };
+        let patches = (0..scene.mesh.triangles.len() as u32).map(patch).collect();
+        LayerMaps { patches, views: Vec::new() }
     }
 
-    /// All parts of the shipped form.
-    pub(crate) fn parts(&self, sides_log2: &[u8]) -> Parts {
-        let params = self.params;
-        let planes = |content: Content, size, texels: &[Texel]| {
-            ContentPlanes::encode(content, PIXEL, size, texels, Effort::Normal)
+    /// All parts of the shipped form, and where they lie.
+    pub(crate) fn parts(&self, scene: &Scene, params: &LightParams) -> Result<(Parts, Layout), CaptureError> {
+        let sides_log2 = &scene.sides_log2;
+        let mean = self.mean_maps(scene);
+        let maps: Vec<&LayerMaps> = std::iter::once(&mean).chain(&self.terms).collect();
+        let coarse = halved(sides_log2, params.halvings);
+        let layers = share(&maps, [sides_log2, &coarse], params.codewords);
+        let sharing: Vec<Sharing> = layers.iter().map(|layer| layer.sharing.clone()).collect();
+        let widest = sides_log2.iter().copied().max().unwrap_or(0);
+        let widths = Widths::of(&sharing, widest, params.grid);
+        let sides = [&sides_log2[..], &coarse];
+        let layout = Layout::new(sides, &sharing, widths, params.grid).ok_or(CaptureError::Atlas)?;
+        let planes = |size, texels: &[Texel]| {
+            ContentPlanes::encode(params.content, PIXEL, size, texels, Effort::Normal)
         };
-        Parts {
-            mesh: self.scene.mesh.clone(),
-            sides_log2: sides_log2.to_vec(),
+        let canvas = |size, nothing| Canvas::new(size, nothing);
+        let zero = stored(Vec3::ZERO, params.model.factors);
+        let mut mean = canvas(mean_size(&layout, widths), [0; 3]);
+        let mut surface = canvas(surface_size(&layout, widths, params.terms), zero);
+        let mut view = canvas(view_size(&layout, widths, params.terms), zero);
+        for (number, layer) in layers.iter().enumerate() {
+            let (atlas, sides) = if number == 0 { (&mut mean, sides_log2) } else { (&mut surface, &coarse) };
+            atlas.put_patches(sides, layer, &layout.patches[number]);
+            view.put_views(params.grid, layer, &layout.views[number]);
+        }
+        let parts = Parts {
+            mesh: scene.mesh.clone(),
+            sides_log2: sides_log2.clone(),
+            halvings: params.halvings,
             directions: params.model.directions,
             factors: params.model.factors,
             grid: params.grid,
             total_terms: params.terms,
             terms: params.terms,
             scales: self.scales.clone(),
-            mean: planes(params.content, mean_size(self.layout), &self.mean_texels()),
-            surface: planes(params.content, surface_size(self.layout, params.terms), &self.surface),
-            view: planes(params.content, view_size(self.layout, params.grid, params.terms), &self.view),
+            layers: sharing,
+            widths,
+            mean: planes(mean.size, &mean.texels),
+            surface: planes(surface.size, &surface.texels),
+            view: planes(view.size, &view.texels),
+        };
+        Ok((parts, layout))
+    }
+}
+
+/// An atlas as it is drawn.
+struct Canvas {
+    size: (u32, u32),
+    texels: Vec<Texel>,
+}
+
+impl Canvas {
+    fn new(size: (u32, u32), nothing: Rgb) -> Canvas {
+        Canvas { size, texels: vec![texel(nothing); size.0 as usize * size.1 as usize] }
+    }
+
+    fn put_patches(&mut self, sides_log2: &[u8], layer: &Stored, places: &[u32]) {
+        let corners = places.len() / sides_log2.len().max(1);
+        for (at, (&place, &number)) in places.iter().zip(&layer.sharing.patch_of).enumerate() {
+            if number == NONE {
+                continue;
+            }
+            let log2 = sides_log2[at / corners];
+            let texels = &layer.patches[usize::from(log2)][number as usize];
+            for ((i, j), &value) in lattice(1 << log2).zip(texels) {
+                let at = texfold_lightfield_texel(place, 1 << log2, UVec2::new(i, j));
+                self.texels[(at.y * self.size.0 + at.x) as usize] = texel(value);
+            }
+        }
+    }
+
+    fn put_views(&mut self, grid: u32, layer: &Stored, places: &[u32]) {
+        for (&place, &number) in
+            places.iter().zip(&layer.sharing.view_of).filter(|&(_, &number)| number != NONE)
+        {
+            let (x, y) = (place & 0x3fff, place >> 14);
+            for (index, &value) in (0..).zip(&layer.views[number as usize]) {
+                let (column, row) = (x + index % grid, y + index / grid);
+                self.texels[(row * self.size.0 + column) as usize] = texel(value);
+            }
         }
     }
 }
 
-impl Scene<'_> {
-    /// Shows every texel of a triangle's patch: its place in the atlas and the samples it is blended from.
-    pub(crate) fn each_texel(
-        &self,
-        layout: &Layout,
-        triangle: u32,
-        mut see: impl FnMut(UVec2, [u32; 2], f32),
-    ) {
-        let place = layout.places[triangle as usize];
-        let n = 1u32 << ((place >> 28) & 7);
-        for (i, j) in (0..=n).flat_map(|i| (0..=n - i).map(move |j| (i, j))) {
-            let (u, v) = (i as f32 / n as f32, j as f32 / n as f32);
-            let read = texfold_lightfield_patch(place, Vec3::new(1.0 - u - v, u, v));
-            let at = [read.a, read.b, read.c][read.weights.max_position()];
-            let (samples, part) = self.surface.texel(self.mesh, triangle, n, (i, j));
-            see(at, samples, part);
+fn texel(value: Rgb) -> Texel {
+    Vec3::from(value.map(f32::from)).extend(255.0) / 255.0
+}
+
+/// Places of a patch of side `n`, in the order in which its texels are kept.
+fn lattice(n: u32) -> impl Iterator<Item = (u32, u32)> {
+    (0..=n).flat_map(move |i| (0..=n - i).map(move |j| (i, j)))
+}
+
+impl Scene {
+    /// Shows every texel of a triangle's patch with its side halved so often: the samples it is blended from, and the second's weight.
+    fn each_texel(&self, triangle: u32, halvings: u8, mut see: impl FnMut([u32; 2], f32)) {
+        let log2 = self.sides_log2[triangle as usize];
+        let n = 1u32 << log2.saturating_sub(halvings);
+        for at in lattice(n) {
+            let (samples, part) = self.surface.texel(&self.mesh, triangle, ((1 << log2) / n, n), at);
+            see(samples, part);
         }
     }
 }

@@ -3,7 +3,9 @@
 use glam::{Vec2, Vec3};
 
 use super::Scene;
-use crate::decode::{texfold_lightfield_direction, texfold_lightfield_disc, texfold_lightfield_local};
+use crate::decode::{
+    TEXFOLD_LIGHTFIELD_VIEW, texfold_lightfield_direction, texfold_lightfield_disc, texfold_lightfield_local,
+};
 
 /// A sample within the hat function of a vertex.
 #[derive(Debug, Clone, Copy)]
@@ -41,7 +43,7 @@ pub(crate) struct Ring {
 
 impl Ring {
     /// Gathers what the photographs show around `vertex`.
-    pub(crate) fn new(scene: &Scene<'_>, vertex: u32) -> Ring {
+    pub(crate) fn new(scene: &Scene, vertex: u32) -> Ring {
         let mut ring = Ring::default();
         let normal = scene.normals[vertex as usize];
         let centre = scene.mesh.positions[vertex as usize];
@@ -49,9 +51,10 @@ impl Ring {
             let element = &scene.surface.elements[number as usize];
             let seen = &scene.seen[number as usize];
             for sample in 0..element.weights.len() {
-                let position = element.position(scene.mesh, sample);
+                let position = element.position(&scene.mesh, sample);
                 let smooth = element.normal(&scene.normals, sample);
-                let place = texfold_lightfield_local(position - centre, normal).truncate();
+                let place =
+                    texfold_lightfield_local(TEXFOLD_LIGHTFIELD_VIEW, position - centre, normal).truncate();
                 ring.rows.push(Row {
                     sample: element.first + sample as u32,
                     hat: element.hat(vertex, sample),
@@ -64,7 +67,7 @@ impl Ring {
                     }
                     let direction = (scene.eyes[usize::from(view)] - position).normalize_or_zero();
                     let towards = texfold_lightfield_direction(scene.directions, direction, smooth);
-                    let local = texfold_lightfield_local(towards, normal);
+                    let local = texfold_lightfield_local(scene.directions, towards, normal);
                     ring.observations.push(Observation {
                         at: texfold_lightfield_disc(scene.directions, local) * 0.5 + 0.5,
                         colour: Vec3::from(colours[sample].map(f32::from)) / 255.0,

@@ -42,8 +42,8 @@ pub(crate) struct Surface {
     pub(crate) samples: u32,
 }
 
-/// The steps along the sides of each triangle's patch: as many as its largest view has pixels, as a power of two.
-pub(crate) fn sides_log2(mesh: &Mesh, views: &[View], bvh: &Bvh, sampling: f32) -> Vec<u8> {
+/// As many steps along the sides of each triangle as its largest view resolves.
+pub(crate) fn resolved(mesh: &Mesh, views: &[View], bvh: &Bvh) -> Vec<f32> {
     let cameras: Vec<_> = views.iter().map(|view| (view.camera, view.camera.to_camera())).collect();
     let largest = |(index, &triangle): (usize, &[u32; 3])| {
         let corners = mesh.corners(triangle);
@@ -60,10 +60,15 @@ pub(crate) fn sides_log2(mesh: &Mesh, views: &[View], bvh: &Bvh, sampling: f32) 
             }
         }
         // n steps along the sides cut a triangle into n * n parts of two a pixel's area.
-        let steps = area.sqrt() * sampling;
-        steps.max(1.0).log2().floor().min(f32::from(MAX_SIDE_LOG2)) as u8
+        area.sqrt()
     };
     mesh.triangles.par_iter().enumerate().map(largest).collect()
+}
+
+/// The steps along the sides of each triangle's patch: a power of two, at most `sampling` times those that are resolved.
+pub(crate) fn sides_log2(resolved: &[f32], sampling: f32) -> Vec<u8> {
+    let log2 = |&steps: &f32| (steps * sampling).max(1.0).log2().floor().min(f32::from(MAX_SIDE_LOG2)) as u8;
+    resolved.iter().map(log2).collect()
 }
 
 impl Surface {
@@ -127,20 +132,29 @@ impl Surface {
         self.edges = mesh.triangles.iter().map(|&corners| edges_of(corners).map(number)).collect();
     }
 
-    /// The two samples that texel (i, j) of a triangle's patch of side `n` is blended from, and the second's weight.
-    pub(crate) fn texel(&self, mesh: &Mesh, triangle: u32, n: u32, (i, j): (u32, u32)) -> ([u32; 2], f32) {
+    /// The two samples that texel (i, j) of a triangle's patch is blended from, and the second's weight. The patch has so many
+    /// `steps` to a side, of which the samples have a multiple: (multiple, steps).
+    pub(crate) fn texel(
+        &self,
+        mesh: &Mesh,
+        triangle: u32,
+        (multiple, steps): (u32, u32),
+        (i, j): (u32, u32),
+    ) -> ([u32; 2], f32) {
         let corners = mesh.triangles[triangle as usize];
-        let k = n - i - j;
+        let k = steps - i - j;
         let vertex = |corner: usize| self.elements[corners[corner] as usize].first;
         let same = |sample| ([sample, sample], 0.0);
+        let edge = |edge, turned, at| self.on_edge(triangle, edge, turned, (at, steps, multiple));
         match (k, i, j) {
-            (k, ..) if k == n => same(vertex(0)),
-            (_, i, _) if i == n => same(vertex(1)),
-            (_, _, j) if j == n => same(vertex(2)),
-            (_, i, 0) => self.on_edge(triangle, 0, corners[0] > corners[1], (i, n)),
-            (0, _, j) => self.on_edge(triangle, 1, corners[1] > corners[2], (j, n)),
-            (k, 0, _) => self.on_edge(triangle, 2, corners[2] > corners[0], (k, n)),
+            (k, ..) if k == steps => same(vertex(0)),
+            (_, i, _) if i == steps => same(vertex(1)),
+            (_, _, j) if j == steps => same(vertex(2)),
+            (_, i, 0) => edge(0, corners[0] > corners[1], i),
+            (0, _, j) => edge(1, corners[1] > corners[2], j),
+            (k, 0, _) => edge(2, corners[2] > corners[0], k),
             (_, i, j) => {
+                let (i, j, n) = (i * multiple, j * multiple, steps * multiple);
                 // Rows before this one have n - 2, n - 3, ... samples.
                 let before = (1..j).map(|row| n - row - 1).sum::<u32>();
                 same(self.elements[(self.first_face + triangle) as usize].first + before + i - 1)
@@ -148,16 +162,25 @@ impl Surface {
         }
     }
 
-    /// The samples around step `at` of `n` along an edge of a triangle, `turned` where the edge runs the other way.
-    fn on_edge(&self, triangle: u32, edge: usize, turned: bool, (at, n): (u32, u32)) -> ([u32; 2], f32) {
+    /// The samples around step `at` of `n` along an edge of a triangle, `turned` where the edge runs the other way. Patches at both sides
+    /// read the same samples: those in steps of `multiple`, or the ends alone.
+    fn on_edge(
+        &self,
+        triangle: u32,
+        edge: usize,
+        turned: bool,
+        (at, n, multiple): (u32, u32, u32),
+    ) -> ([u32; 2], f32) {
         let element = &self.elements[self.edges[triangle as usize][edge] as usize];
         let at = if turned { n - at } else { at };
-        let steps = element.weights.len() as u32 + 1;
+        let fine = element.weights.len() as u32 + 1;
+        let stride = multiple.min(fine);
+        let steps = fine / stride;
         let (low, part) = (at * steps / n, at * steps % n);
-        let sample = |step: u32| match step {
+        let sample = |step: u32| match step * stride {
             0 => self.elements[element.vertices[0] as usize].first,
-            _ if step == steps => self.elements[element.vertices[1] as usize].first,
-            _ => element.first + step - 1,
+            at if at == fine => self.elements[element.vertices[1] as usize].first,
+            at => element.first + at - 1,
         };
         ([sample(low), sample((low + 1).min(steps))], part as f32 / n as f32)
     }
@@ -223,13 +246,48 @@ mod tests {
                 let n = 1u32 << log2;
                 let [a, b, c] = mesh.corners(mesh.triangles[triangle]);
                 for (i, j) in (0..=n).flat_map(|i| (0..=n - i).map(move |j| (i, j))) {
-                    let ([low, high], part) = surface.texel(&mesh, triangle as u32, n, (i, j));
+                    let ([low, high], part) = surface.texel(&mesh, triangle as u32, (1, n), (i, j));
                     let place = places[low as usize].lerp(places[high as usize], part);
                     let wanted = a + (b - a) * (i as f32 / n as f32) + (c - a) * (j as f32 / n as f32);
                     assert!(
                         place.distance(wanted) < 1e-5,
                         "{sides:?} {triangle} ({i}, {j}): {place} {wanted}"
                     );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn coarse_patches_agree_along_shared_edges() {
+        let mesh = mesh();
+        for (sides, halvings) in [([3, 3, 3], 1), ([0, 2, 4], 1), ([5, 1, 0], 2), ([3, 4, 2], 3)] {
+            let surface = Surface::new(&mesh, &sides);
+            // A value for each sample that no line runs through.
+            let value = |sample: u32| ((sample * sample) % 97) as f32;
+            let on_edge = |triangle: u32, ends: [u32; 2], part: f32| {
+                let log2: u8 = sides[triangle as usize];
+                let steps = 1u32 << log2.saturating_sub(halvings);
+                let corners = mesh.triangles[triangle as usize];
+                let at = |node: u32| {
+                    let mut weights = [0; 3];
+                    for (end, weight) in ends.into_iter().zip([steps - node, node]) {
+                        weights[corners.iter().position(|&corner| corner == end).unwrap()] = weight;
+                    }
+                    let multiple = (1 << log2) / steps;
+                    let ([low, high], part) =
+                        surface.texel(&mesh, triangle, (multiple, steps), (weights[1], weights[2]));
+                    value(low) * (1.0 - part) + value(high) * part
+                };
+                let place = part * steps as f32;
+                let low = (place as u32).min(steps - 1);
+                at(low) * (1.0 - place + low as f32) + at(low + 1) * (place - low as f32)
+            };
+            for (first, second, ends) in [(0, 1, [2, 0]), (0, 2, [0, 1])] {
+                for step in 0..=64 {
+                    let part = step as f32 / 64.0;
+                    let (a, b) = (on_edge(first, ends, part), on_edge(second, ends, part));
+                    assert!((a - b).abs() < 1e-3, "{sides:?} {ends:?} at {part}: {a} {b}");
                 }
             }
         }

@@ -5,7 +5,9 @@ use texfold_core::Texel;
 use texfold_core::address::TEXFOLD_CLAMP;
 use texfold_core::sample::TEXFOLD_RGBA;
 
-use crate::decode::{TexfoldZipmapParams, ZipmapView, texfold_zipmap_layer, texfold_zipmap_sample_grad};
+use crate::decode::{
+    TEXFOLD_ZIPMAP_RECORD, TexfoldZipmapParams, ZipmapView, texfold_zipmap_layer, texfold_zipmap_pixel,
+};
 use crate::encoded::{list_texels, record};
 use crate::linear::{area, normalised, project, seen_in, slope};
 
@@ -19,6 +21,8 @@ pub(crate) struct Laid {
     pub(crate) size: (u32, u32),
     /// Texels to a texel of the root.
     pub(crate) zoom: f64,
+    /// Which of the canvas's levels it shows.
+    pub(crate) content: usize,
 }
 
 impl Laid {
@@ -53,6 +57,7 @@ pub(crate) struct Canvas {
     pub(crate) root_size: (u32, u32),
     pub(crate) root: Vec<Vec<[u8; 4]>>,
     pub(crate) laid: Vec<Laid>,
+    /// What patches show: one for each patch, but one for all that show the same.
     pub(crate) levels: Vec<Vec<Vec<[u8; 4]>>>,
 }
 
@@ -65,12 +70,15 @@ impl Canvas {
         (0u16..).zip(&self.laid).filter(|(_, laid)| touches(laid)).map(|(index, _)| index).collect()
     }
 
-    /// A table of one tile that names these patches.
+    /// A table of one tile that names these patches, read at the levels that fit.
     pub(crate) fn table(&self, names: &[u16]) -> Vec<UVec4> {
         let mut table = vec![UVec4::new((names.len() as u32) << 20 | 1, 0, 0, 0)];
-        table.extend(list_texels(names));
-        for (laid, levels) in self.laid.iter().zip(&self.levels) {
-            table.extend(record(&laid.rows(), laid.size, levels.len(), &[]));
+        let uppermost_first: Vec<u16> = names.iter().rev().copied().collect();
+        table.extend(list_texels(&uppermost_first, f32::INFINITY));
+        table.resize(table.len().next_multiple_of(TEXFOLD_ZIPMAP_RECORD as usize), UVec4::ZERO);
+        for laid in &self.laid {
+            let numbers = (self.levels[laid.content].len(), laid.content);
+            table.extend(record(&laid.rows(), laid.size, numbers, &[]));
         }
         table
     }
@@ -85,8 +93,7 @@ impl Canvas {
             root_levels: self.root.len() as u32,
             root_swizzle: TEXFOLD_RGBA,
             tiles: [1, 1],
-            record_start: (table.len() - crate::decode::TEXFOLD_ZIPMAP_RECORD as usize * self.laid.len())
-                as u32,
+            record_start: (table.len() - TEXFOLD_ZIPMAP_RECORD as usize * self.laid.len()) as u32,
             patch_swizzle: TEXFOLD_RGBA,
             row_log2: 8,
             reserved: [0; 3],
@@ -97,7 +104,7 @@ impl Canvas {
 
 /// The colour under a footprint.
 pub(crate) fn colour(view: &ZipmapView<'_>, at: &Footprint) -> Texel {
-    texfold_zipmap_sample_grad(view, at.uv, at.dx, at.dy)
+    texfold_zipmap_pixel(view, at.uv, at.dx, at.dy)
 }
 
 /// How much of patch `index` is shown there, were it alone.

@@ -38,7 +38,50 @@ pub(crate) struct Dropped {
     pub(crate) level_texels: u64,
     pub(crate) nothing_new: Vec<usize>,
     pub(crate) hidden: Vec<usize>,
+    /// Texels of the patches of both kinds, all levels.
+    pub(crate) patch_texels: u64,
     pub(crate) cropped_texels: u64,
+}
+
+/// Texels of all levels.
+fn texels_of(levels: &[Vec<[u8; 4]>]) -> u64 {
+    levels.iter().map(|level| level.len() as u64).sum()
+}
+
+impl Dropped {
+    /// Counts the levels behind the first `kept` of all; none where nothing is kept, as that is told otherwise.
+    fn note_levels(&mut self, all: &[Vec<[u8; 4]>], kept: usize) {
+        if kept > 0 {
+            self.levels += all.len() - kept;
+            self.level_texels += texels_of(&all[kept..]);
+        }
+    }
+}
+
+/// Patches that show one image with one mask: it is stored once, so its colours are not fitted to any of the places.
+struct Stamp {
+    patches: Vec<usize>,
+    /// All levels, once the first of them is laid.
+    levels: Vec<Vec<[u8; 4]>>,
+    /// Which of the canvas's levels it is, once one of them is laid.
+    content: Option<usize>,
+}
+
+/// The images that several patches show.
+fn stamps(stack: &PatchStack) -> Vec<Stamp> {
+    let mut found: Vec<Stamp> = Vec::new();
+    for (index, patch) in stack.patches.iter().enumerate() {
+        let same = |stamp: &&mut Stamp| {
+            let first = &stack.patches[stamp.patches[0]];
+            first.image == patch.image && first.mask == patch.mask
+        };
+        match found.iter_mut().find(same) {
+            Some(stamp) => stamp.patches.push(index),
+            None => found.push(Stamp { patches: vec![index], levels: Vec::new(), content: None }),
+        }
+    }
+    found.retain(|stamp| stamp.patches.len() > 1);
+    found
 }
 
 fn fault(error: ZipError) -> EncodeError {
@@ -65,12 +108,21 @@ pub(crate) fn encode(
         levels: Vec::new(),
     };
     let mut dropped = Dropped::default();
+    let mut stamps = stamps(stack);
     for (step, &index) in order.iter().enumerate() {
         job.stage("merging patches", 0.6 * step as f32 / order.len() as f32)?;
-        job.install(|| lay(stack, index, params, &mut canvas, &mut dropped));
+        job.install(|| match stamps.iter_mut().find(|stamp| stamp.patches.contains(&index)) {
+            Some(stamp) => lay_stamp(stack, (index, stamp), params, &mut canvas, &mut dropped),
+            None => lay(stack, index, params, &mut canvas, &mut dropped),
+        });
+    }
+    for stamp in &stamps {
+        dropped.note_levels(&stamp.levels, stamp.content.map_or(0, |content| canvas.levels[content].len()));
     }
     job.stage("hidden patches", 0.6)?;
+    let before: u64 = canvas.levels.iter().map(|levels| texels_of(levels)).sum();
     dropped.hidden = job.install(|| remove_hidden(&mut canvas));
+    dropped.patch_texels += before - canvas.levels.iter().map(|levels| texels_of(levels)).sum::<u64>();
     let mut best = None;
     let contents = contents(pixel, params);
     for (index, &content) in contents.iter().enumerate() {
@@ -149,7 +201,7 @@ fn lay(stack: &PatchStack, index: usize, params: &ZipParams, canvas: &mut Canvas
     let zoom = stack.zoom(source);
     let under = source.parent.and_then(|parent| canvas.laid.iter().find(|laid| laid.source == parent));
     let step = zoom / under.map_or(1.0, |laid| laid.zoom);
-    let (mut bare, mask, cut) = cropped(image, source, step);
+    let (mut bare, mask, cut) = cropped(image, source, step, true);
     dropped.cropped_texels += cut;
     if params.merge {
         merge::merge(&mut bare, canvas, image);
@@ -160,25 +212,63 @@ fn lay(stack: &PatchStack, index: usize, params: &ZipParams, canvas: &mut Canvas
         None => mask::geodesic(&bare.texels, width as usize, height as usize, params.tau),
     };
     let mut levels = levels::of_patch(&bare.texels, &alpha, bare.size, image.info());
-    let laid = Laid { source: index, matrix: bare.matrix, size: bare.size, zoom };
+    let content = canvas.levels.len();
+    let laid = Laid { source: index, matrix: bare.matrix, size: bare.size, zoom, content };
     let all = levels.clone();
+    let color = stack.root.info().color;
+    trim::drop_levels(&laid, &mut levels, canvas, color, f64::from(params.drop_rms));
+    if levels.is_empty() {
+        dropped.nothing_new.push(index);
+        dropped.patch_texels += texels_of(&all);
+        return;
+    }
+    dropped.note_levels(&all, levels.len());
+    canvas.laid.push(laid);
+    canvas.levels.push(levels);
+}
+
+/// Lays one of the places of an image that several patches show. All have the levels that one of them needs.
+fn lay_stamp(
+    stack: &PatchStack,
+    (index, stamp): (usize, &mut Stamp),
+    params: &ZipParams,
+    canvas: &mut Canvas,
+    dropped: &mut Dropped,
+) {
+    let source = &stack.patches[index];
+    let image = &stack.images[source.image];
+    let (bare, mask, cut) = cropped(image, source, 1.0, false);
+    if stamp.levels.is_empty() {
+        let (width, height) = bare.size;
+        let geodesic = || mask::geodesic(&bare.texels, width as usize, height as usize, params.tau);
+        let alpha = mask.unwrap_or_else(geodesic);
+        stamp.levels = levels::of_patch(&bare.texels, &alpha, bare.size, image.info());
+        dropped.cropped_texels += cut;
+    }
+    let content = stamp.content.unwrap_or(canvas.levels.len());
+    let zoom = stack.zoom(source);
+    let laid = Laid { source: index, matrix: bare.matrix, size: bare.size, zoom, content };
+    let mut levels = stamp.levels.clone();
     let color = stack.root.info().color;
     trim::drop_levels(&laid, &mut levels, canvas, color, f64::from(params.drop_rms));
     if levels.is_empty() {
         dropped.nothing_new.push(index);
         return;
     }
-    dropped.levels += all.len() - levels.len();
-    dropped.level_texels += all[levels.len()..].iter().map(|level| level.len() as u64).sum::<u64>();
+    match stamp.content {
+        Some(content) if canvas.levels[content].len() >= levels.len() => (),
+        Some(content) => canvas.levels[content] = levels,
+        None => canvas.levels.push(levels),
+    }
+    stamp.content = Some(content);
     canvas.laid.push(laid);
-    canvas.levels.push(levels);
 }
 
-/// The part of an image that the root and its mask show, its mask, and how many texels were cut off.
-fn cropped(image: &Raster, source: &PatchSource, step: f64) -> (Bare, Option<Vec<f32>>, u64) {
+/// The part of an image that the root, where that counts, and its mask show, its mask, and how many texels were cut off.
+fn cropped(image: &Raster, source: &PatchSource, step: f64, by_root: bool) -> (Bare, Option<Vec<f32>>, u64) {
     let size = image.size();
     let extent = DVec2::new(f64::from(size.width), f64::from(size.height));
-    let polygon = seen_in(&source.matrix, DVec2::ONE, DVec2::ONE);
+    let polygon = if by_root { seen_in(&source.matrix, DVec2::ONE, DVec2::ONE) } else { Vec::new() };
     let low = polygon.iter().copied().reduce(DVec2::min).unwrap_or(DVec2::ZERO) * extent;
     let high = polygon.iter().copied().reduce(DVec2::max).unwrap_or(DVec2::ONE) * extent;
     let (mut left, mut top) = (low.x.floor() as u32, low.y.floor() as u32);
@@ -224,7 +314,15 @@ fn remove_hidden(canvas: &mut Canvas) -> Vec<usize> {
     let sources = hidden.iter().map(|&index| canvas.laid[index].source).collect();
     for &index in hidden.iter().rev() {
         canvas.laid.remove(index);
-        canvas.levels.remove(index);
+    }
+    // What no patch shows any more.
+    for content in (0..canvas.levels.len()).rev() {
+        if canvas.laid.iter().all(|laid| laid.content != content) {
+            canvas.levels.remove(content);
+            for laid in canvas.laid.iter_mut().filter(|laid| laid.content > content) {
+                laid.content -= 1;
+            }
+        }
     }
     sources
 }
@@ -274,21 +372,24 @@ fn store(
     };
     let root =
         canvas.root.iter().enumerate().map(|(k, level)| encode((content, pixel), k, canvas.root_size, level));
-    let patch = |(laid, levels): (&Laid, &Vec<Vec<[u8; 4]>>)| PatchForm {
-        matrix: laid.rows(),
-        levels: levels
-            .iter()
-            .enumerate()
-            .map(|(k, level)| encode((patch_content, of_patches), k, laid.size, level))
-            .collect(),
+    let size_of = |content: usize| {
+        canvas.laid.iter().find(|laid| laid.content == content).map_or((1, 1), |laid| laid.size)
+    };
+    let shown = |(content, levels): (usize, &Vec<Vec<[u8; 4]>>)| {
+        let encoded = |(k, level): (usize, &Vec<[u8; 4]>)| {
+            encode((patch_content, of_patches), k, size_of(content), level)
+        };
+        levels.iter().enumerate().map(encoded).collect()
     };
     let layout = ImageLayout {
         surfaces: vec![SurfaceSize { width: width << deep, height: height << deep }],
         levels: deep + root_levels,
         pixel,
     };
-    let patches = canvas.laid.par_iter().zip(&canvas.levels).map(patch).collect();
-    ZipTexture::new(Parts { layout, deep, root: root.collect(), patches }, Notes::default())
+    let contents = canvas.levels.par_iter().enumerate().map(shown).collect();
+    let patches =
+        canvas.laid.iter().map(|laid| PatchForm { matrix: laid.rows(), content: laid.content }).collect();
+    ZipTexture::new(Parts { layout, deep, root: root.collect(), contents, patches }, Notes::default())
 }
 
 /// What compression changes, at texels of the root and of all patches.

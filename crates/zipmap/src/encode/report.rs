@@ -10,6 +10,7 @@ use super::Dropped;
 use super::canvas::{Footprint, colour};
 use crate::decode::ZipmapView;
 use crate::encoded::PATCH_PART;
+use crate::wire::patch_pixel;
 use crate::{PatchStack, ZipParams, ZipTexture};
 
 /// Most texels of an image that are compared: beyond, every n-th row and column.
@@ -140,6 +141,12 @@ fn verdict(stack: &PatchStack, texture: &ZipTexture, dropped: &Dropped, loss: f6
         root.height,
         100.0 * bits / (plain * bits_per_texel),
     );
+    if texture.contents() < texture.patches() {
+        text += &format!(
+            "; they show {} pictures, each stored once and not fitted where it lies several times",
+            texture.contents()
+        );
+    }
     if dropped.levels > 0 {
         let share = dropped.level_texels;
         text += &format!(
@@ -155,6 +162,14 @@ fn verdict(stack: &PatchStack, texture: &ZipTexture, dropped: &Dropped, loss: f6
     }
     if !dropped.hidden.is_empty() {
         text += &format!("; patches {:?} are hidden by others", dropped.hidden);
+    }
+    let left_out = dropped.level_texels + dropped.patch_texels + dropped.cropped_texels;
+    if left_out > 0 {
+        let of_patches = texture.parts.contents.first().map_or(bits_per_texel, |levels| {
+            levels[0].content().bits_per_texel(patch_pixel(texture.layout().pixel))
+        });
+        let saved = left_out as f64 * of_patches;
+        text += &format!("; all that is left out would take {:.0}% more memory", 100.0 * saved / bits);
     }
     text + "."
 }

@@ -105,7 +105,7 @@ pub(crate) fn hidden(canvas: &Canvas) -> Vec<usize> {
             return false;
         }
         places(laid.size, SAMPLES).into_par_iter().all(|(x, y)| {
-            let own = canvas.levels[*index][0][(y * laid.size.0 + x) as usize][3];
+            let own = canvas.levels[laid.content][0][(y * laid.size.0 + x) as usize][3];
             let at = Footprint::of(&inverse, (DVec2::new(f64::from(x), f64::from(y)) + 0.5) * texel, texel);
             let seen = later
                 .iter()

@@ -1,0 +1,102 @@
+//! How wide neighbouring leaves are blended where a texture is drawn between texels.
+//!
+//! A leaf shows its outermost texels up to its border, and content at a quarter of its width has texels four times as wide:
+//! there the eye sees a step. Blended in a strip about as wide as such a texel the step is gone, and the picture comes nearer
+//! to its source; content at full size would be blurred by the same strip. So each texture has the widest one that takes
+//! nothing from its quality. *Not done*: normals, and strips of further mip levels, whose leaves are narrower.
+
+use rayon::prelude::*;
+use texfold_core::image::{ColorSpace, ImageSet, Raster};
+
+use glam::Vec2;
+
+use crate::EpitomeTexture;
+use crate::decode::{EpitomeView, TexfoldEpitomeParams, texfold_epitome_bilinear};
+
+/// Half widths that are tried, in eighths of a texel.
+const STRIPS: [u32; 7] = [5, 6, 8, 10, 12, 14, 16];
+/// Texels that are compared at most, about.
+const COMPARED: u64 = 1 << 18;
+
+/// The texture with the widest strip with which it is drawn, at the texels' centres, as near to `images` as without.
+pub(crate) fn with_widest_strip(images: &ImageSet, made: EpitomeTexture) -> EpitomeTexture {
+    if images.info().color == ColorSpace::Normal {
+        return made;
+    }
+    let format = made.map_format();
+    let plain = error(images, &made, format.strip);
+    let fitting = STRIPS.into_iter().filter(|&strip| strip <= 4 * format.cell());
+    let widest = fitting.take_while(|&strip| error(images, &made, strip) <= plain).last();
+    made.with_strip(widest.unwrap_or(format.strip))
+}
+
+/// Squared error of some rows of all images, drawn with strips of that width.
+fn error(images: &ImageSet, made: &EpitomeTexture, strip: u32) -> f64 {
+    // An odd number of rows apart, so that all places in a leaf count alike.
+    let step = images.texel_count().div_ceil(COMPARED) as u32 | 1;
+    let of_image = |(surface, image): (u32, &Raster)| -> f64 {
+        let view = made.view(surface);
+        let view = EpitomeView { params: TexfoldEpitomeParams { strip, ..view.params }, ..view };
+        let (width, height) = (image.size().width, image.size().height);
+        let size = Vec2::new(width as f32, height as f32);
+        let rows: Vec<u32> = (0..height).step_by(step as usize).collect();
+        let of_row = |&y: &u32| -> f64 {
+            let difference = |x: u32| {
+                let uv = (Vec2::new(x as f32, y as f32) + 0.5) / size;
+                f64::from((texfold_epitome_bilinear(&view, uv, 0) - image.texel(x, y)).length_squared())
+            };
+            (0..width).map(difference).sum()
+        };
+        // Summed in the order of the rows, whatever the number of threads.
+        rows.par_iter().map(of_row).collect::<Vec<f64>>().into_iter().sum()
+    };
+    (0..).zip(images.images()).map(of_image).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Epitome, EpitomeParams, EpitomeSource};
+    use texfold_core::{Effort, Goal, Job, TextureCodec};
+
+    fn encoded(set: &ImageSet, psnr: f64) -> EpitomeTexture {
+        let params =
+            EpitomeParams { goal: Goal::Psnr(psnr), effort: Effort::Fast, ..EpitomeParams::default() };
+        Epitome::encode(EpitomeSource::new(set), &params, &mut Job::default()).unwrap()
+    }
+
+    /// Mean step across the borders of leaves of 8 texels, over the mean step elsewhere, four pixels a texel.
+    fn trace(made: &EpitomeTexture, strip: u32) -> f32 {
+        let view = made.view(0);
+        let view = EpitomeView { params: TexfoldEpitomeParams { strip, ..view.params }, ..view };
+        let size = Vec2::from(view.params.size.map(|side| side as f32));
+        let (mut border, mut inner) = ((0.0, 0), (0.0, 0));
+        for y in (2..size.y as u32).step_by(5) {
+            let at = |x: u32| {
+                texfold_epitome_bilinear(&view, Vec2::new(x as f32 / 4.0 + 0.125, y as f32 + 0.5) / size, 0)
+            };
+            for x in 1..4 * size.x as u32 {
+                let sum = if x % 32 == 0 { &mut border } else { &mut inner };
+                *sum = (sum.0 + (at(x) - at(x - 1)).length(), sum.1 + 1);
+            }
+        }
+        border.0 / border.1 as f32 / (inner.0 / inner.1 as f32)
+    }
+
+    #[test]
+    fn smooth_content_is_blended_wider_and_loses_its_blocks() {
+        let set = ImageSet::single(texfold_testkit::picture("terrain"));
+        let made = encoded(&set, 28.0);
+        let strip = made.map_format().strip;
+        let (before, after) = (trace(&made, 4), trace(&made, strip));
+        assert!(strip > 4 && after < before, "{strip}: {before} to {after}");
+        assert!(error(&set, &made, strip) <= error(&set, &made, 4));
+    }
+
+    #[test]
+    fn content_at_full_size_is_not_blurred() {
+        let set = ImageSet::single(texfold_testkit::picture("noise"));
+        let made = encoded(&set, 40.0);
+        assert_eq!(made.map_format().strip, 4);
+    }
+}

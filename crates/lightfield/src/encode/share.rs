@@ -1,0 +1,358 @@
+//! Codebooks of maps: what several triangles or vertices may show (paper section 4, vector quantisation).
+//!
+//! Patches of one side and the view maps, layer by layer, are groups of vectors. For each group codebooks of several sizes are built
+//! (generalised Lloyd), each map weighted by the error in the colours that an error in it makes. Texels are then given to where they
+//! take away most of that error: along the convex hull of each group's sizes, until the share of texels that is asked
+//! for is used up. O(maps x codewords x rounds) a group.
+//!
+//! *Deviation*: the paper gives every group the same ratio or the same distortion. *Not done*: maps of unlike sides in one codebook.
+
+use std::collections::BTreeMap;
+
+use ndarray::{Array2, ArrayView1};
+use texfold_codebook::{Settings, build};
+
+use crate::layout::{NONE, SIDES, Sharing};
+
+/// A texel of a map.
+pub(crate) type Rgb = [u8; 3];
+
+/// Codebooks are built for each half of a group's size down to this one.
+const LEAST_CODEWORDS: usize = 2;
+/// And from this one on: larger ones take minutes to build.
+const MOST_CODEWORDS: usize = 1500;
+/// Numbers by which maps are told apart when codebooks are built: principal components, which hold nearly all of what maps as smooth
+/// as these differ by.
+const COMPONENTS: usize = 24;
+/// Rounds in which these are found.
+const POWERS: usize = 2;
+/// Rounds of a codebook: further ones take away a hundredth of the error.
+const ROUNDS: u32 = 8;
+
+/// A map and how much an error of one step in all of its texels counts.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Map {
+    /// Its texels; none where there is no map.
+    pub(crate) texels: Vec<Rgb>,
+    pub(crate) weight: f32,
+}
+
+/// The maps of the mean or of a term.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct LayerMaps {
+    /// Of each triangle of the mean, of each corner of each triangle of a term.
+    pub(crate) patches: Vec<Map>,
+    /// Of each vertex.
+    pub(crate) views: Vec<Map>,
+}
+
+/// What is stored of a layer.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Stored {
+    pub(crate) sharing: Sharing,
+    /// Patches by side.
+    pub(crate) patches: [Vec<Vec<Rgb>>; SIDES],
+    pub(crate) views: Vec<Vec<Rgb>>,
+}
+
+/// Maps of one size, of one layer.
+struct Group {
+    layer: usize,
+    /// `None` for view maps.
+    log2: Option<usize>,
+    /// Their numbers among the layer's patches or views.
+    members: Vec<usize>,
+    texels: usize,
+    /// Codewords, error and the codebook, of rising size along the convex hull; the last without a codebook: each its own.
+    sizes: Vec<(usize, f64, Option<Book>)>,
+    chosen: usize,
+}
+
+/// A codebook for a group.
+struct Book {
+    /// Weighted means of the maps that show them.
+    codewords: Array2<f32>,
+    /// The codeword of each map.
+    numbers: Vec<u32>,
+    error: f64,
+}
+
+impl Book {
+    fn of(found: Vec<u32>, vectors: &Array2<f32>, weights: &[f32]) -> Book {
+        let mut used = found.clone();
+        used.sort_unstable();
+        used.dedup();
+        let number = |found: &u32| used.binary_search(found).unwrap_or(0) as u32;
+        let numbers: Vec<u32> = found.iter().map(number).collect();
+        let mut codewords = Array2::zeros((used.len(), vectors.ncols()));
+        let mut totals = vec![0f32; used.len()];
+        for ((row, &number), &weight) in vectors.rows().into_iter().zip(&numbers).zip(weights) {
+            codewords.row_mut(number as usize).scaled_add(weight, &row);
+            totals[number as usize] += weight;
+        }
+        for (mut codeword, total) in codewords.rows_mut().into_iter().zip(totals) {
+            codeword /= total.max(f32::MIN_POSITIVE);
+        }
+        let error = |((row, &number), &weight): ((ArrayView1<'_, f32>, &u32), &f32)| {
+            let codeword = codewords.row(number as usize);
+            let squares: f32 = row.iter().zip(codeword).map(|(a, b): (&f32, &f32)| (a - b) * (a - b)).sum();
+            f64::from(squares) * f64::from(weight)
+        };
+        let error = vectors.rows().into_iter().zip(&numbers).zip(weights).map(error).sum();
+        Book { codewords, numbers, error }
+    }
+}
+
+/// The first of the members that is the same, for each; `None` where all are different.
+fn equal(members: &[usize], maps: &[Map]) -> Option<Vec<u32>> {
+    let mut known = BTreeMap::new();
+    let first = |(number, &member): (u32, &usize)| *known.entry(&maps[member].texels).or_insert(number);
+    let numbers: Vec<u32> = (0..).zip(members).map(first).collect();
+    (known.len() < members.len()).then_some(numbers)
+}
+
+/// The largest principal components of vectors, by subspace iteration: O(vectors x numbers x components x rounds), where eigenvectors of
+/// the whole covariance would take the cube of the numbers.
+fn reduced(vectors: &Array2<f32>) -> Array2<f32> {
+    let dims = vectors.ncols();
+    if dims <= COMPONENTS {
+        return vectors.clone();
+    }
+    // Bits of a multiplicative hash: a start that is orthogonal to no component.
+    let start = |(row, column): (usize, usize)| {
+        let hash = ((row * COMPONENTS + column) as u32)
+            .wrapping_mul(0x9e37_79b9)
+            .rotate_left(11)
+            .wrapping_mul(0x85eb_ca6b);
+        (hash >> 8) as f32 / (1 << 23) as f32 - 1.0
+    };
+    let mut basis = Array2::from_shape_fn((dims, COMPONENTS), start);
+    for _ in 0..POWERS {
+        basis = vectors.t().dot(&vectors.dot(&basis));
+        orthonormalise(&mut basis);
+    }
+    vectors.dot(&basis)
+}
+
+/// Gram and Schmidt's, column by column; a column that the others already span becomes 0.
+fn orthonormalise(basis: &mut Array2<f32>) {
+    for column in 0..basis.ncols() {
+        let mut own = basis.column(column).to_owned();
+        let before = own.dot(&own);
+        for other in 0..column {
+            let share = own.dot(&basis.column(other));
+            own.scaled_add(-share, &basis.column(other));
+        }
+        let square = own.dot(&own);
+        let scale = if square > before * 1e-10 && square > 0.0 { square.sqrt().recip() } else { 0.0 };
+        basis.column_mut(column).assign(&(own * scale));
+    }
+}
+
+/// The layers with each map its own, or, where `share` is below 1, with so many texels of all.
+///
+/// Sides are those of the mean's patches and those of the terms'.
+pub(crate) fn share(layers: &[&LayerMaps], sides_log2: [&[u8]; 2], share: f32) -> Vec<Stored> {
+    let mut groups = Vec::new();
+    for (number, layer) in layers.iter().enumerate() {
+        let sides_log2 = sides_log2[number.min(1)];
+        let corners = layer.patches.len() / sides_log2.len().max(1);
+        for log2 in 0..SIDES {
+            let of_side = |at: &usize| usize::from(sides_log2[at / corners.max(1)]) == log2;
+            groups.push(group(number, Some(log2), &layer.patches, of_side, share < 1.0));
+        }
+        groups.push(group(number, None, &layer.views, |_| true, share < 1.0));
+    }
+    let all: usize = groups.iter().map(|group| group.members.len() * group.texels).sum();
+    spend(&mut groups, (all as f64 * f64::from(share)) as usize);
+    let mut stored: Vec<Stored> = layers.iter().map(|layer| own_numbers(layer)).collect();
+    for group in &groups {
+        let layer = &layers[group.layer];
+        keep(
+            group,
+            if group.log2.is_some() { &layer.patches } else { &layer.views },
+            &mut stored[group.layer],
+        );
+    }
+    stored
+}
+
+fn own_numbers(layer: &LayerMaps) -> Stored {
+    let mut stored = Stored::default();
+    stored.sharing.patch_of = vec![NONE; layer.patches.len()];
+    stored.sharing.view_of = vec![NONE; layer.views.len()];
+    stored
+}
+
+/// The maps that are there of those that `belongs` admits, and codebooks for them where they are asked for.
+fn group(
+    layer: usize,
+    log2: Option<usize>,
+    maps: &[Map],
+    belongs: impl Fn(&usize) -> bool,
+    books: bool,
+) -> Group {
+    let is_there = |at: &usize| !maps[*at].texels.is_empty() && belongs(at);
+    let members: Vec<usize> = (0..maps.len()).filter(is_there).collect();
+    let texels = members.first().map_or(0, |&at| maps[at].texels.len());
+    let mut sizes = Vec::new();
+    if !members.is_empty() {
+        let values =
+            members.iter().flat_map(|&at| maps[at].texels.as_flattened()).map(|&byte| f32::from(byte));
+        let vectors =
+            Array2::from_shape_vec((members.len(), 3 * texels), values.collect()).unwrap_or_default();
+        let weights: Vec<f32> = members.iter().map(|&at| maps[at].weight).collect();
+        let reduced = if books { reduced(&vectors) } else { Array2::zeros((0, 0)) };
+        sizes.extend(equal(&members, maps).map(|numbers| {
+            let book = Book::of(numbers, &vectors, &weights);
+            (book.codewords.nrows(), 0.0, Some(book))
+        }));
+        let halves = (1..usize::BITS).map(|halvings| members.len() >> halvings);
+        for count in halves
+            .take_while(|&count| books && count >= LEAST_CODEWORDS)
+            .filter(|&count| count <= MOST_CODEWORDS)
+        {
+            let settings = Settings { rounds: ROUNDS, ..Settings::default() };
+            let found = build(reduced.view(), &weights, count, settings).matches;
+            let book = Book::of(found.iter().map(|found| found.index).collect(), &vectors, &weights);
+            sizes.push((book.codewords.nrows(), book.error, Some(book)));
+        }
+        sizes.sort_by_key(|size| size.0);
+    }
+    sizes.push((members.len(), 0.0, None));
+    Group { layer, log2, members, texels, sizes: hull(sizes), chosen: 0 }
+}
+
+/// Those of rising sizes that lie on the lower convex hull of error over size.
+fn hull(sizes: Vec<(usize, f64, Option<Book>)>) -> Vec<(usize, f64, Option<Book>)> {
+    let mut kept: Vec<(usize, f64, Option<Book>)> = Vec::new();
+    let slope = |a: &(usize, f64, Option<Book>), b: &(usize, f64, Option<Book>)| {
+        (a.1 - b.1) / (b.0.saturating_sub(a.0)).max(1) as f64
+    };
+    for size in sizes {
+        while kept.last().is_some_and(|last| last.0 >= size.0) {
+            kept.pop();
+        }
+        while kept.len() > 1
+            && slope(&kept[kept.len() - 2], &kept[kept.len() - 1]) <= slope(&kept[kept.len() - 1], &size)
+        {
+            kept.pop();
+        }
+        kept.push(size);
+    }
+    kept
+}
+
+/// Chooses sizes: always the step that takes away most error for a texel, until no further one fits in `texels`.
+fn spend(groups: &mut [Group], texels: usize) {
+    let mut used: usize = groups.iter().map(|group| group.sizes[0].0 * group.texels).sum();
+    loop {
+        let gain = |group: &Group| {
+            let (now, next) = (&group.sizes[group.chosen], group.sizes.get(group.chosen + 1)?);
+            let cost = (next.0 - now.0) * group.texels;
+            let gain = (now.1 - next.1) / cost.max(1) as f64;
+            (used + cost <= texels && gain > 0.0).then_some((gain, cost))
+        };
+        let gains = groups.iter().enumerate().filter_map(|(at, group)| Some((at, gain(group)?)));
+        let Some((at, (_, cost))) = gains.max_by(|a, b| a.1.0.total_cmp(&b.1.0).then(b.0.cmp(&a.0))) else {
+            return;
+        };
+        groups[at].chosen += 1;
+        used += cost;
+    }
+}
+
+/// Stores the codewords of a group, or its maps, and the numbers of its members.
+fn keep(group: &Group, maps: &[Map], stored: &mut Stored) {
+    let (sharing, kept): (&mut Sharing, &mut Vec<Vec<Rgb>>) = match group.log2 {
+        Some(log2) => (&mut stored.sharing, &mut stored.patches[log2]),
+        None => (&mut stored.sharing, &mut stored.views),
+    };
+    let numbers = if group.log2.is_some() { &mut sharing.patch_of } else { &mut sharing.view_of };
+    match &group.sizes[group.chosen].2 {
+        None => {
+            for (number, &member) in (0..).zip(&group.members) {
+                numbers[member] = number;
+                kept.push(maps[member].texels.clone());
+            }
+        }
+        Some(book) => {
+            sharing.shared = true;
+            // Alike ones side by side: blocks of block compression hold texels of neighbours.
+            let brightness = |&codeword: &u32| book.codewords.row(codeword as usize).sum();
+            let mut order: Vec<u32> = (0..book.codewords.nrows() as u32).collect();
+            order.sort_by(|a, b| f32::total_cmp(&brightness(a), &brightness(b)).then(a.cmp(b)));
+            let mut places = vec![0; order.len()];
+            (0..).zip(&order).for_each(|(place, &codeword)| places[codeword as usize] = place);
+            for (&member, &codeword) in group.members.iter().zip(&book.numbers) {
+                numbers[member] = places[codeword as usize];
+            }
+            for &codeword in &order {
+                let values: Vec<u8> = book
+                    .codewords
+                    .row(codeword as usize)
+                    .iter()
+                    .map(|&value| value.round().clamp(0.0, 255.0) as u8)
+                    .collect();
+                kept.push(values.chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2]]).collect());
+            }
+        }
+    }
+    let count = kept.len() as u32;
+    match group.log2 {
+        Some(log2) => sharing.patches[log2] = count,
+        None => sharing.views = count,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn layer(count: usize, kinds: usize) -> LayerMaps {
+        let map = |at: usize| Map {
+            texels: (0..6).map(|texel| [(at % kinds * 40) as u8, (texel * 9) as u8, 7]).collect(),
+            weight: 1.0 + at as f32,
+        };
+        let empty = Map::default();
+        // Three corners a triangle, of which the second has no map.
+        let patches = (0..3 * count).map(|at| if at % 3 == 1 { empty.clone() } else { map(at) });
+        LayerMaps { patches: patches.collect(), views: (0..count).map(map).collect() }
+    }
+
+    #[test]
+    fn alike_maps_become_one_codeword_without_loss() {
+        let maps = layer(40, 3);
+        let layers = [&maps];
+        let sides = [1u8; 40];
+        // Equal maps are stored once in any case.
+        let own = share(&layers, [&sides; 2], 1.0);
+        let shared = share(&layers, [&sides; 2], 0.3);
+        for stored in [&own[0], &shared[0]] {
+            // Two corners of three have a map, and their kinds go by threes as well.
+            let counts = (stored.patches[1].len(), stored.views.len());
+            assert!(stored.sharing.shared && counts == (2, 3), "{counts:?}");
+            for (map, &number) in layers[0].patches.iter().zip(&stored.sharing.patch_of) {
+                match number {
+                    NONE => assert!(map.texels.is_empty()),
+                    number => assert_eq!(stored.patches[1][number as usize], map.texels),
+                }
+            }
+            for (map, &number) in layers[0].views.iter().zip(&stored.sharing.view_of) {
+                assert_eq!(stored.views[number as usize], map.texels);
+            }
+        }
+    }
+
+    #[test]
+    fn texels_go_where_they_take_away_most_error() {
+        // Views are all alike, patches all different: a third of the texels suffices for all but a few patches.
+        let mut maps = layer(16, 1);
+        for (at, map) in maps.patches.iter_mut().enumerate().filter(|(_, map)| !map.texels.is_empty()) {
+            map.texels.iter_mut().for_each(|texel| *texel = [(at * 5) as u8; 3]);
+        }
+        let stored = share(&[&maps], [&[1; 16]; 2], 0.75);
+        assert_eq!(stored[0].patches[1].len(), 32);
+        assert!(stored[0].views.len() <= 4);
+    }
+}

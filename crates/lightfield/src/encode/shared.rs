@@ -1,0 +1,166 @@
+//! One view map a term for all vertices of a region, over directions in space: where light comes from far away, a highlight is where its
+//! reflection points, whichever vertex shows it. Regions are needed where it comes from near by, or from the object itself.
+//!
+//! The same alternation as that of one vertex, with one system of equations for a view map that all vertices of its region add to. Surface
+//! maps stay each vertex's own, and are found again in each round, so no vertex's observations are kept.
+//! O(observations x terms x rounds).
+//!
+//! *Deviation* from the paper, whose codebooks of view maps are built from maps that each vertex has found by itself.
+
+use glam::{Vec3, Vec3A};
+use rayon::prelude::*;
+use texfold_core::{EncodeError, Job};
+
+use super::als::{Fit, System, floor};
+use super::ring::Ring;
+use super::{Scene, VertexMaps};
+use crate::params::{Factors, LightParams};
+
+/// Rounds of each term before the next is begun.
+const ROUNDS: usize = 3;
+/// Rounds over all terms in the end.
+const REFINEMENTS: usize = 2;
+/// Sweeps over a view map a round.
+const SWEEPS: usize = 30;
+/// Distance of normals that counts as much as the mesh's size: regions end where the surface turns away.
+const NORMALS: f32 = 0.25;
+
+/// What is known so far.
+pub(super) struct Shared {
+    /// View maps of each term and region.
+    views: Vec<Vec<Vec<Vec3A>>>,
+    /// The region of each vertex, and the vertices of each region.
+    region_of: Vec<usize>,
+    regions: Vec<Vec<usize>>,
+    /// For each vertex its mean and surface maps.
+    vertices: Vec<Known>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Known {
+    mean: Vec<Vec3A>,
+    surface: Vec<Vec<Vec3A>>,
+}
+
+/// Fits the terms of all vertices.
+pub(super) fn fit(scene: &Scene, params: &LightParams, job: &mut Job<'_>) -> Result<Shared, EncodeError> {
+    let region_of = regions(scene, params.regions as usize);
+    let mut regions = vec![Vec::new(); region_of.iter().max().map_or(0, |last| last + 1)];
+    region_of.iter().enumerate().for_each(|(vertex, &region)| regions[region].push(vertex));
+    let vertices = vec![Known::default(); region_of.len()];
+    let mut shared = Shared { views: Vec::new(), region_of, regions, vertices };
+    let rounds = params.terms as usize * (ROUNDS + REFINEMENTS);
+    let mut done = 0;
+    let mut turn = |shared: &mut Shared, term: usize| -> Result<(), EncodeError> {
+        job.stage("shared maps", 0.1 + 0.1 * done as f32 / rounds.max(1) as f32)?;
+        done += 1;
+        job.install(|| shared.improve(scene, params, term));
+        Ok(())
+    };
+    for term in 0..params.terms as usize {
+        let nothing = vec![Vec3A::ZERO; (params.grid * params.grid) as usize];
+        shared.views.push(vec![nothing; shared.regions.len()]);
+        (0..ROUNDS).try_for_each(|_| turn(&mut shared, term))?;
+    }
+    for _ in 0..REFINEMENTS {
+        (0..params.terms as usize).try_for_each(|term| turn(&mut shared, term))?;
+    }
+    Ok(shared)
+}
+
+/// Regions of alike places and normals: `count` vertices as far from each other as can be, and those nearest to each.
+fn regions(scene: &Scene, count: usize) -> Vec<usize> {
+    let places = &scene.mesh.positions;
+    let low = places.iter().fold(Vec3::INFINITY, |low, &place| low.min(place));
+    let high = places.iter().fold(Vec3::NEG_INFINITY, |high, &place| high.max(place));
+    let scale = (high - low).length().max(f32::MIN_POSITIVE).recip();
+    let apart = |a: usize, b: usize| {
+        ((places[a] - places[b]) * scale).length_squared()
+            + ((scene.normals[a] - scene.normals[b]) * NORMALS).length_squared()
+    };
+    let mut region_of = vec![0; places.len()];
+    let mut nearest: Vec<f32> = (0..places.len()).map(|vertex| apart(vertex, 0)).collect();
+    for region in 1..count.min(places.len()) {
+        let farthest = (0..places.len()).max_by(|&a, &b| nearest[a].total_cmp(&nearest[b]).then(b.cmp(&a)));
+        let Some(seed) = farthest.filter(|&vertex| nearest[vertex] > 0.0) else { break };
+        for vertex in 0..places.len() {
+            let distance = apart(vertex, seed);
+            if distance < nearest[vertex] {
+                (nearest[vertex], region_of[vertex]) = (distance, region);
+            }
+        }
+    }
+    region_of
+}
+
+impl Shared {
+    /// A vertex's fit with all that is known of it; terms that are begun only now have a surface map by their number.
+    fn begin<'r>(&self, ring: &'r Ring, params: &LightParams, vertex: usize) -> Fit<'r> {
+        let known = &self.vertices[vertex];
+        let mut fit = Fit::new(ring, params, |_| true);
+        if !known.mean.is_empty() {
+            fit.set_mean(&known.mean);
+        }
+        for (term, views) in self.views.iter().enumerate() {
+            let view = &views[self.region_of[vertex]];
+            // The first term is the same everywhere; the next ones begin with a pattern that follows nothing.
+            let pattern = |row: usize| {
+                let hash = (vertex * 31 + row * term).wrapping_mul(0x9e37_79b9) >> 7 & 0xff;
+                let value = hash as f32 / 127.5 - 1.0;
+                match params.model.factors {
+                    _ if term == 0 => 1.0,
+                    Factors::Signed => value,
+                    Factors::NonNegative => 0.5 + 0.5 * value,
+                }
+            };
+            let begun = || (0..ring.rows.len()).map(|row| Vec3A::splat(pattern(row))).collect();
+            let surface = known.surface.get(term).cloned().unwrap_or_else(begun);
+            fit.add_term(surface, view);
+        }
+        fit
+    }
+
+    /// One round of a term: each vertex's surface map for the view map, then the view maps for all of them.
+    fn improve(&mut self, scene: &Scene, params: &LightParams, term: usize) {
+        let floor = Vec3A::splat(floor(params));
+        let improve = |(region, vertices): (usize, &Vec<usize>)| {
+            let mut system = System::new(params.grid as usize);
+            let known = vertices.iter().map(|&vertex| {
+                let ring = Ring::new(scene, vertex as u32);
+                let mut fit = self.begin(&ring, params, vertex);
+                fit.fit_mean();
+                fit.subtract(term, -1.0);
+                if self.vertices[vertex].surface.len() > term {
+                    fit.terms[term].0 = fit.best_surface(term);
+                }
+                fit.add_to(&mut system, term);
+                let surface = fit.terms.iter().map(|(surface, _)| surface.clone()).collect();
+                (vertex, Known { surface, mean: fit.mean })
+            });
+            let known: Vec<(usize, Known)> = known.collect();
+            system.smooth();
+            let mut view = self.views[term][region].clone();
+            (0..SWEEPS).for_each(|_| system.sweep(&mut view, floor));
+            (known, view)
+        };
+        let found: Vec<(Vec<(usize, Known)>, Vec<Vec3A>)> =
+            self.regions.par_iter().enumerate().map(improve).collect();
+        for (region, (known, view)) in found.into_iter().enumerate() {
+            known.into_iter().for_each(|(vertex, known)| self.vertices[vertex] = known);
+            self.views[term][region] = view;
+        }
+    }
+
+    /// The maps of a vertex.
+    pub(super) fn maps(&self, scene: &Scene, params: &LightParams, vertex: u32) -> VertexMaps {
+        let ring = Ring::new(scene, vertex);
+        let mut fit = self.begin(&ring, params, vertex as usize);
+        for term in 0..self.views.len() {
+            fit.subtract(term, -1.0);
+            fit.terms[term].0 = fit.best_surface(term);
+            fit.subtract(term, 1.0);
+        }
+        fit.fit_mean();
+        fit.finish()
+    }
+}

@@ -93,6 +93,9 @@ fn regions(scene: &Scene, count: usize) -> Vec<usize> {
     region_of
 }
 
+/// What a round makes of a region: its vertices' maps by number, and the view map that they share.
+type Improved = (Vec<(usize, Known)>, Vec<Vec3A>);
+
 impl Shared {
     /// A vertex's fit with all that is known of it; terms that are begun only now have a surface map by their number.
     fn begin<'r>(&self, ring: &'r Ring, params: &LightParams, vertex: usize) -> Fit<'r> {
@@ -143,8 +146,7 @@ impl Shared {
             (0..SWEEPS).for_each(|_| system.sweep(&mut view, floor));
             (known, view)
         };
-        let found: Vec<(Vec<(usize, Known)>, Vec<Vec3A>)> =
-            self.regions.par_iter().enumerate().map(improve).collect();
+        let found: Vec<Improved> = self.regions.par_iter().enumerate().map(improve).collect();
         for (region, (known, view)) in found.into_iter().enumerate() {
             known.into_iter().for_each(|(vertex, known)| self.vertices[vertex] = known);
             self.views[term][region] = view;

@@ -31,8 +31,8 @@ pub struct DecompressArgs {
     /// Decode on the GPU, as a shader does.
     #[arg(long)]
     gpu: bool,
-    /// Blend across blocks. At the texels' own places, where every codec of this version is read, blending changes
-    /// nothing.
+    /// Blend across blocks, as a shader does between texels. At the texels' own places, which are what is decoded, that
+    /// changes only epitomes whose leaves are blended in wide strips.
     #[arg(long)]
     continuous: bool,
     /// Mip level: 0 is the full size.

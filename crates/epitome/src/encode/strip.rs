@@ -15,8 +15,9 @@ use crate::decode::{EpitomeView, TexfoldEpitomeParams, texfold_epitome_bilinear}
 
 /// Half widths that are tried, in eighths of a texel.
 const STRIPS: [u32; 7] = [5, 6, 8, 10, 12, 14, 16];
-/// Texels that are compared at most, about.
-const COMPARED: u64 = 1 << 18;
+/// Texels that are compared at most, about: all but those of very large pictures. A quarter of a picture's rows misjudged it by
+/// 0.02 dB.
+const COMPARED: u64 = 1 << 22;
 
 /// The texture with the widest strip with which it is drawn, at the texels' centres, as near to `images` as without.
 pub(crate) fn with_widest_strip(images: &ImageSet, made: EpitomeTexture) -> EpitomeTexture {

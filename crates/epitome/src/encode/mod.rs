@@ -67,7 +67,7 @@ const NODES_A_NUMBER_WITHIN: usize = 2;
 const ASTC: [AstcBlock; 2] = [AstcBlock::B8, AstcBlock::B6];
 /// Steps beyond the setting that reaches a goal at which smaller results are looked for.
 const FINER: [u32; 4] = [6, 16, 40, 90];
-/// A factor of memory, and dB, that no finer setting makes up for.
+/// A factor of memory, and dB, that finer settings are taken not to make up for: four crops came out the same.
 const FAR: (f64, f64) = (1.03, 0.3);
 /// Steps where content has an error map: it is coded anew at each setting.
 const FINER_WITH_ERRORS: [u32; 1] = [12];

@@ -90,8 +90,8 @@ pub struct Found<T> {
     pub evaluations: u32,
 }
 
-/// Most candidates that one search makes: bisection of 16 bits, with room for the ends.
-const MAX_EVALUATIONS: u32 = 18;
+/// Most candidates that one search makes: strides across 16 bits, bisection of as many, with room for the ends.
+const MAX_EVALUATIONS: u32 = 26;
 
 /// Finds the setting in `range` that answers `goal` best.
 ///
@@ -231,6 +231,14 @@ mod tests {
         let far = search(Goal::Psnr(20.0), 1..=1000, 1000, 0.0, linear).unwrap();
         assert!(near.evaluations <= 7 && far.evaluations <= 14, "{} {}", near.evaluations, far.evaluations);
         assert_eq!((near.knob, far.knob), (100, 100));
+    }
+
+    #[test]
+    fn a_bad_guess_in_a_wide_range_is_made_up_for() {
+        for guess in [1, 65_535] {
+            let found = search(Goal::Bpp(400.0), 1..=65_535, guess, 0.0, linear).unwrap();
+            assert_eq!((found.knob, found.met), (40_000, true), "guess {guess}");
+        }
     }
 
     #[test]

@@ -19,5 +19,5 @@ pub use descriptor::{DESCRIPTOR_LENGTH, Descriptor, Mirror, describe};
 pub use field::{Field, LumaSums};
 pub use gsr::{GSR_SIDES, GrayPlane, GsrIndex, GsrMatch, GsrTone};
 pub use index::{Neighbour, PatchIndex, Place};
-pub use refine::{Refined, Refiner, Transform};
+pub use refine::{Freedom, Refined, Refiner, Transform};
 pub use turned::{Turned, TurnedIndex};

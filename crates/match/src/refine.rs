@@ -3,6 +3,8 @@
 //! Gradients are those of the target, so the normal matrix is built once. Brightness and contrast are solved for at every
 //! step. A step counts only where it lowers the error: the result is never worse than the seed.
 
+use std::ops::Range;
+
 use glam::{Mat2, Vec2};
 
 /// Most steps.
@@ -20,6 +22,15 @@ pub struct Transform {
     pub position: Vec2,
     /// Linear part.
     pub linear: Mat2,
+}
+
+/// What of a transform may change.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Freedom {
+    /// Its position.
+    Position,
+    /// Its position and its linear part.
+    Affine,
 }
 
 /// A refined match.
@@ -71,24 +82,28 @@ impl std::fmt::Debug for Refiner<'_> {
 }
 
 impl<'a> Refiner<'a> {
-    /// `target` is the patch's luma, `patch.0` columns by `patch.1` rows. With `affine` false only positions move.
+    /// `target` is the patch's luma, `patch.0` columns by `patch.1` rows.
     #[must_use]
-    pub fn new(target: &'a [f32], patch: (usize, usize), affine: bool) -> Self {
-        Refiner { system: System::new(target, patch, affine) }
+    pub fn new(target: &'a [f32], patch: (usize, usize)) -> Self {
+        Refiner { system: System::new(target, patch) }
     }
 
-    /// Moves `seed` until the error stops falling. `source` is the luma of the image that is searched, `size` its columns and
-    /// rows.
+    /// Changes what may change of `seed` until the error stops falling. `source` is the luma of the image that is searched,
+    /// `size` its columns and rows.
     #[must_use]
-    pub fn refine(&self, source: &[f32], size: (usize, usize), seed: Transform) -> Refined {
+    pub fn refine(&self, source: &[f32], size: (usize, usize), seed: Transform, freedom: Freedom) -> Refined {
         let system = &self.system;
+        let parameters = match freedom {
+            Freedom::Affine => 0..6,
+            Freedom::Position => 4..6,
+        };
         let luma = Luma { width: size.0, height: size.1, values: source };
         let (mut warped, mut moved) = (vec![0.0; system.target.len()], vec![0.0; system.target.len()]);
         let (error, mut tone) = system.warp(&luma, seed, &mut warped);
         let mut best = Refined { transform: seed, error };
         let mut damping = DAMPING;
         for _ in 0..STEPS {
-            let Some(step) = system.step(&warped, tone, damping) else { break };
+            let Some(step) = system.step(&warped, tone, parameters.clone(), damping) else { break };
             let transform = compose(best.transform, step);
             let (error, new_tone) = system.warp(&luma, transform, &mut moved);
             if error < best.error {
@@ -134,11 +149,10 @@ struct System<'a> {
     /// For each texel the target's change by each of the six parameters.
     jacobian: Vec<[f32; 6]>,
     normal: [[f32; 6]; 6],
-    parameters: std::ops::Range<usize>,
 }
 
 impl<'a> System<'a> {
-    fn new(target: &'a [f32], patch: (usize, usize), affine: bool) -> Self {
+    fn new(target: &'a [f32], patch: (usize, usize)) -> Self {
         let (width, height) = patch;
         let at = |x: usize, y: usize| target[y * width + x];
         let centre = Vec2::new(width as f32, height as f32) * 0.5;
@@ -165,7 +179,7 @@ impl<'a> System<'a> {
                 normal[j][i] = normal[i][j];
             }
         }
-        System { target, patch, jacobian, normal, parameters: if affine { 0..6 } else { 4..6 } }
+        System { target, patch, jacobian, normal }
     }
 
     /// Reads the source under `transform`; the error and tone that fit best.
@@ -195,8 +209,14 @@ impl<'a> System<'a> {
         ((vyy - 2.0 * gain * vxy + gain * gain * vxx).max(0.0), (gain, offset))
     }
 
-    /// The step that the linearised error asks for.
-    fn step(&self, warped: &[f32], (gain, offset): Tone, damping: f32) -> Option<[f32; 6]> {
+    /// The step of those `parameters` that the linearised error asks for.
+    fn step(
+        &self,
+        warped: &[f32],
+        (gain, offset): Tone,
+        parameters: Range<usize>,
+        damping: f32,
+    ) -> Option<[f32; 6]> {
         let mut right = [0.0f32; 6];
         for ((row, &value), &wanted) in self.jacobian.iter().zip(warped).zip(self.target) {
             let difference = gain * value + offset - wanted;
@@ -204,17 +224,12 @@ impl<'a> System<'a> {
                 *sum += slope * difference;
             }
         }
-        solve(&self.normal, right, self.parameters.clone(), damping)
+        solve(&self.normal, right, parameters, damping)
     }
 }
 
 /// Solves the damped normal equations for the parameters of `range` by Cholesky's method; the others are 0.
-fn solve(
-    normal: &[[f32; 6]; 6],
-    right: [f32; 6],
-    range: std::ops::Range<usize>,
-    damping: f32,
-) -> Option<[f32; 6]> {
+fn solve(normal: &[[f32; 6]; 6], right: [f32; 6], range: Range<usize>, damping: f32) -> Option<[f32; 6]> {
     let (start, n) = (range.start, range.len());
     let mut lower = [[0.0f32; 6]; 6];
     for i in 0..n {
@@ -278,7 +293,7 @@ mod tests {
             };
             let seed = Transform { position: truth.position + Vec2::new(dx, dy), linear: Mat2::IDENTITY };
             let target = patch(truth, gain, 9.0);
-            let found = Refiner::new(&target, (16, 16), true).refine(&source(), (64, 64), seed);
+            let found = Refiner::new(&target, (16, 16)).refine(&source(), (64, 64), seed, Freedom::Affine);
             let position = found.transform.position - truth.position;
             prop_assert!(position.length() < 0.1, "{position}");
             prop_assert!((found.error / 256.0).sqrt() < 1.5, "{}", found.error);
@@ -293,8 +308,10 @@ mod tests {
             let seed = Transform { position: Vec2::new(x, y), linear };
             let source = source();
             let luma = Luma { width: 64, height: 64, values: &source };
-            let before = System::new(&target, (8, 8), affine).warp(&luma, seed, &mut [0.0; 64]).0;
-            let found = Refiner::new(&target, (8, 8), affine).refine(&source, (64, 64), seed);
+            let freedom = if affine { Freedom::Affine } else { Freedom::Position };
+            let before = System::new(&target, (8, 8)).warp(&luma, seed, &mut [0.0; 64]).0;
+            let found = Refiner::new(&target, (8, 8)).refine(&source, (64, 64), seed, freedom);
+            prop_assert!(affine || found.transform.linear == seed.linear);
             prop_assert!(found.error <= before);
             prop_assert!(found.transform.position.is_finite() && found.transform.linear.is_finite());
         }
@@ -306,7 +323,7 @@ mod tests {
         let flat = vec![77.0; 256];
         let seed = Transform { position: Vec2::new(32.0, 32.0), linear: Mat2::IDENTITY };
         for target in [stripes, flat] {
-            let found = Refiner::new(&target, (16, 16), true).refine(&source(), (64, 64), seed);
+            let found = Refiner::new(&target, (16, 16)).refine(&source(), (64, 64), seed, Freedom::Affine);
             assert!((found.transform.position - seed.position).length() < 32.0);
         }
     }

@@ -51,6 +51,12 @@ pub(crate) struct Match {
     pub(crate) error: f32,
 }
 
+/// Whether a linear part shows content as it stands or mirrored, not turned or sheared. Refinement never leaves it so, unless
+/// positions alone are refined.
+pub(crate) fn is_upright(linear: Mat2) -> bool {
+    linear.x_axis.y == 0.0 && linear.y_axis.x == 0.0
+}
+
 /// Matches nearer than this in texels, and in each number of their linear parts, are alike.
 const ALIKE: (f32, f32) = (0.25, 0.02);
 

@@ -12,10 +12,21 @@ const SEED_STEPS: f32 = 24.0;
 /// Rounds of Lloyd's iteration.
 const ROUNDS: usize = 10;
 
+/// Linear parts of upright content at each scale, as it stands first, then mirrored.
+pub(crate) fn upright(scales: usize, mirrored: bool) -> Vec<Linear> {
+    let signs = [(1, 1), (-1, 1), (1, -1), (-1, -1)];
+    let signs = if mirrored { &signs[..] } else { &signs[..1] };
+    let of = |&(across, down): &(i16, i16)| {
+        let signed = move |[x, _, _, y]: Linear| [across * x, 0, 0, down * y];
+        (0..scales).map(move |scale| signed(scale_linear(scale)))
+    };
+    signs.iter().flat_map(of).collect()
+}
+
 /// At most `count` linear parts: those of upright content at each scale first, then those that lie nearest to `found`, each
 /// with its weight.
-pub(crate) fn palette(found: &[(glam::Mat2, f32)], scales: usize, count: usize) -> Vec<Linear> {
-    let mut palette: Vec<Linear> = (0..scales).map(scale_linear).collect();
+pub(crate) fn fitted(found: &[(glam::Mat2, f32)], scales: usize, count: usize) -> Vec<Linear> {
+    let mut palette = upright(scales, false);
     let mut buckets: BTreeMap<[i32; 4], (f32, Vec4)> = BTreeMap::new();
     for &(linear, weight) in found {
         let point = Vec4::from_array(linear.to_cols_array());
@@ -80,7 +91,7 @@ mod tests {
         let mirror = Mat2::from_diagonal(glam::Vec2::new(-1.0, 1.0));
         let turned = Mat2::from_angle(0.3);
         let found = [(mirror, 5.0), (turned, 2.0), (Mat2::IDENTITY, 9.0)];
-        let palette = palette(&found, 2, 16);
+        let palette = fitted(&found, 2, 16);
         assert_eq!(palette[..2], [[8192, 0, 0, 8192], [4096, 0, 0, 8192]]);
         assert!(palette.contains(&quantise(mirror)) && palette.contains(&quantise(turned)));
         let points: Vec<Vec4> = palette.iter().map(|&linear| to_point(linear)).collect();

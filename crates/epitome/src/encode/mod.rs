@@ -14,6 +14,7 @@ mod options;
 mod pack;
 mod pyramid;
 mod refit;
+mod regroup;
 mod report;
 mod search;
 mod strip;
@@ -31,10 +32,10 @@ use texfold_core::{
 
 use assemble::{Plan, assemble};
 use candidate::{Match, Rules};
-use choose::{Choice, Costs, Options, choose, improve, most_errors};
+use choose::{Choice, Costs, Options, choose, choose_well, improve, most_errors};
 use growth::grow;
 use leaf::Grid;
-use options::{Fitted, Palettes, all_options, direct_options, fit};
+use options::{Fitted, Palettes, Placing, all_options, direct_options, fit, weighed};
 use pyramid::{LEAST_SIDE, SCALES, SCALES_ALONE, Space, Storage};
 use refit::CellCache;
 use search::{Allowed, Reach, search};
@@ -53,10 +54,13 @@ const ENTRY_BITS: f32 = 40.0;
 const PASSES: usize = 2;
 /// Most linear parts and tones.
 const PALETTES: (usize, usize) = (256, 64);
-/// Models that are tried for goals of quality and size: most linear parts and tones, none for leaves that show their own content
-/// alone, and the bits of an entry, which are fewer with fewer of them.
-const MODELS: [(Option<(usize, usize)>, f32); 3] =
-    [(Some(PALETTES), ENTRY_BITS), (Some((32, 8)), 32.0), (None, 24.0)];
+/// Models that are tried for goals of quality and size. Small palettes are upright: fitted ones of 32 linear parts were never
+/// smaller on five photographs, and of 8, 16 and 32 tones 16 were best on the whole.
+const MODELS: [Form; 3] = [
+    Form { linears: Linears::Fitted(PALETTES.0), tones: PALETTES.1, entry_bits: ENTRY_BITS },
+    Form { linears: Linears::Upright, tones: 16, entry_bits: 32.0 },
+    Form { linears: Linears::Own, tones: 1, entry_bits: 24.0 },
+];
 /// Nodes for each number of a palette at least.
 const NODES_A_NUMBER: usize = 16;
 /// The same for tolerances, where content is raw and a number that saves a block saves far more.
@@ -71,8 +75,6 @@ const FINER: [u32; 4] = [6, 16, 40, 90];
 const FAR: (f64, f64) = (1.03, 0.3);
 /// Steps where content has an error map: it is coded anew at each setting.
 const FINER_WITH_ERRORS: [u32; 1] = [12];
-/// Steps around the price of such content within which the setting is looked for at first.
-const NEAR: u32 = 40;
 /// Price of a bit that content with an error map is first made for, in mean squared errors of a texel.
 const FIRST_PRICE: f64 = 0.9;
 /// Largest step of that price at a time, as a factor.
@@ -135,6 +137,27 @@ pub struct EpitomeSearch {
     other: Option<Box<EpitomeSearch>>,
 }
 
+/// Linear parts that leaves have in a model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Linears {
+    /// At most so many, fitted to the matches.
+    Fitted(usize),
+    /// Those of content as it stands, plain and mirrored.
+    Upright,
+    /// Leaves show their own content alone.
+    Own,
+}
+
+/// A model that is tried.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Form {
+    linears: Linears,
+    /// Most tones.
+    tones: usize,
+    /// Bits of an entry that the choice reckons with, which are fewer with smaller palettes.
+    entry_bits: f32,
+}
+
 /// What leaves may be with palettes of some size.
 struct Model {
     options: Options,
@@ -148,7 +171,7 @@ type Made = (u32, Measured, EpitomeTexture);
 
 /// What a model makes for a goal.
 struct Answer {
-    model: (Option<(usize, usize)>, f32),
+    model: Form,
     made: Made,
     verdict: String,
 }
@@ -362,14 +385,27 @@ impl EpitomeSearch {
     }
 
     /// Palettes fitted to what has been found so far.
-    fn fitted(&self, matches: &[Vec<Match>], most: (usize, usize)) -> Fitted {
+    fn fitted(&self, matches: &[Vec<Match>], linears: Linears, tones: usize) -> Fitted {
         // A palette must earn its bits: an entry for every few leaves.
         let few =
             self.grid.nodes() / if self.covers_blocks() { NODES_A_NUMBER_WITHIN } else { NODES_A_NUMBER };
-        let tones = if self.params.transforms.tones { most.1.min(1 + few) } else { 1 };
-        let sizes = (most.0.min(self.space.scales() + 1 + few), tones);
         let transforms = self.params.transforms;
-        fit(&self.space, &self.grid, matches, sizes, transforms, self.allowed.is_some())
+        let tones = if transforms.tones { tones.min(1 + few) } else { 1 };
+        let scales = self.space.scales();
+        let mut palette = match linears {
+            Linears::Fitted(most) => {
+                linear::fitted(&weighed(&self.grid, matches), scales, most.min(scales + 1 + few))
+            }
+            Linears::Upright => linear::upright(scales, transforms.mirrors),
+            Linears::Own => linear::upright(scales, false),
+        };
+        if self.allowed.is_some() {
+            // Leaves that look like nothing that is allowed show one colour.
+            palette.truncate(PALETTES.0 - 1);
+            palette.push([0; 4]);
+        }
+        let placing = Placing { fractions: transforms.fractions, turned: linears != Linears::Upright };
+        fit(&self.space, &self.grid, matches, (palette, tones), placing)
     }
 
     /// All that leaves may be.
@@ -380,7 +416,7 @@ impl EpitomeSearch {
 
     /// All that leaves may be with everything that was found, and palettes as large as they may be.
     fn whole(&self, rules: &Rules<'_>) -> (Options, Palettes) {
-        let fitted = self.fitted(&self.matches, PALETTES);
+        let fitted = self.fitted(&self.matches, Linears::Fitted(PALETTES.0), PALETTES.1);
         (self.options(&self.matches, &fitted, rules), fitted.palettes)
     }
 
@@ -427,7 +463,10 @@ impl EpitomeSearch {
                 let options = (pass > 0).then(|| self.whole(&self.rules(None)).0);
                 let options = options.as_ref().unwrap_or(&direct);
                 let knob = self.likely_knob(self.params.goal, |knob| self.choose(options, knob));
-                (self.choose(options, knob), most_errors(&self.grid, &direct, self.costs(ENTRY_BITS, knob)))
+                (
+                    choose_well(&self.grid, options, self.costs(ENTRY_BITS, knob)),
+                    most_errors(&self.grid, &direct, self.costs(ENTRY_BITS, knob)),
+                )
             });
             let kept: Vec<bool> = choice.users.iter().map(|&users| users > 0).collect();
             let shared: Vec<bool> = choice.users.iter().map(|&users| users > 1).collect();
@@ -494,8 +533,7 @@ impl EpitomeSearch {
 
     /// The form that answers a goal of quality or size.
     fn reaching(&self, goal: Goal, job: &mut Job<'_>) -> Result<EpitomeTexture, EncodeError> {
-        let models: Vec<&(Option<(usize, usize)>, f32)> =
-            MODELS.iter().filter(|model| self.may_be(model.0)).collect();
+        let models: Vec<&Form> = MODELS.iter().filter(|model| self.may_be(model)).collect();
         let mut best: Option<Answer> = None;
         for (index, &&model) in models.iter().enumerate() {
             let share = |index: usize| index as f32 / models.len() as f32;
@@ -519,13 +557,13 @@ impl EpitomeSearch {
     fn answer(
         &self,
         goal: Goal,
-        model: (Option<(usize, usize)>, f32),
+        model: Form,
         beaten: Option<&Made>,
         job: &mut Job<'_>,
     ) -> Result<Answer, EncodeError> {
         let Model { options, palettes, entry_bits } = job.install(|| self.model(model));
         let made = self.setting(goal, &self.plan(&options, &palettes, entry_bits), beaten, job)?;
-        let choice = choose(&self.grid, &options, self.costs(entry_bits, made.0));
+        let choice = choose_well(&self.grid, &options, self.costs(entry_bits, made.0));
         let verdict = report::verdict(&self.grid, &options, &choice, goal.is_met(&made.1));
         Ok(Answer { model, made, verdict })
     }
@@ -541,7 +579,7 @@ impl EpitomeSearch {
                 Some(found) => found,
                 None => self.setting(wanted, &plan, None, job)?,
             };
-            let choice = choose(&self.grid, &options, self.costs(entry_bits, knob));
+            let choice = choose_well(&self.grid, &options, self.costs(entry_bits, knob));
             let met = goal.is_met(&measured);
             let verdict = report::verdict(&self.grid, &options, &choice, met);
             let (made, measured) = self.layered(&plan, &made, (choice, knob), job)?;
@@ -562,24 +600,25 @@ impl EpitomeSearch {
         }
     }
 
-    /// Whether a model with such palettes makes sense.
-    fn may_be(&self, palettes: Option<(usize, usize)>) -> bool {
-        let references = self.params.transforms.references;
+    /// Whether a model makes sense.
+    fn may_be(&self, model: &Form) -> bool {
+        let transforms = self.params.transforms;
         // Where content is restricted, most leaves have none of their own.
         let any = self.allowed.is_none();
-        match palettes {
-            None => any || !references,
-            Some(most) => references && (any || most == PALETTES),
+        match model.linears {
+            Linears::Own => any || !transforms.references,
+            Linears::Upright => transforms.references && any,
+            Linears::Fitted(most) => transforms.references && (any || most == PALETTES.0),
         }
     }
 
-    /// What leaves may be with such palettes.
-    fn model(&self, (palettes, entry_bits): (Option<(usize, usize)>, f32)) -> Model {
+    /// What leaves may be in a model.
+    fn model(&self, model: Form) -> Model {
         let none = vec![Vec::new(); self.grid.nodes()];
-        let matches = if palettes.is_some() { &self.matches } else { &none };
-        let fitted = self.fitted(matches, palettes.unwrap_or((self.space.scales(), 1)));
+        let matches = if model.linears == Linears::Own { &none } else { &self.matches };
+        let fitted = self.fitted(matches, model.linears, model.tones);
         let options = self.options(matches, &fitted, &self.rules(None));
-        Model { options, palettes: fitted.palettes, entry_bits }
+        Model { options, palettes: fitted.palettes, entry_bits: model.entry_bits }
     }
 
     /// The setting that reaches a goal with one layer, and what it makes.
@@ -593,26 +632,44 @@ impl EpitomeSearch {
         beaten: Option<&Made>,
         job: &mut Job<'_>,
     ) -> Result<Made, EncodeError> {
-        let chosen = |knob: u32| choose(&self.grid, plan.options, self.costs(plan.entry_bits, knob));
-        let guess = beaten.map_or_else(|| job.install(|| self.likely_knob(goal, chosen)), |before| before.0);
+        let chosen = |knob: u32| choose_well(&self.grid, plan.options, self.costs(plan.entry_bits, knob));
+        let nearly = |knob: u32| choose(&self.grid, plan.options, self.costs(plan.entry_bits, knob));
+        let guess = beaten.map_or_else(|| job.install(|| self.likely_knob(goal, nearly)), |before| before.0);
         let mut tried = 0u16;
         let make = |knob: u32| assemble(plan, &[chosen(knob)], lambda(knob));
-        let mut found_in = |range: RangeInclusive<u32>| {
-            find(goal, range, guess, 0.0, |knob| {
-                job.stage("packing", (0.5 + 0.05 * f32::from(tried)).min(0.95))?;
-                tried += 1;
-                let made = job.install(|| make(knob))?;
-                Ok::<_, EncodeError>((measure(&self.images, &made), made))
-            })
-        };
-        let near = guess.saturating_sub(NEAR).max(*KNOBS.start())..=(guess + NEAR).min(*KNOBS.end());
-        let found = match self.price {
-            // At an end of it the best may lie beyond.
-            Some(_) => Some(found_in(near.clone())?)
-                .filter(|found| found.met && (near.start() + 1..*near.end()).contains(&found.knob)),
-            None => None,
-        };
-        let found = found.map_or_else(|| found_in(KNOBS), Ok)?;
+        if std::env::var("DUMP").is_ok() {
+            let Goal::Psnr(want) = goal else { std::process::exit(1) };
+            let mut knob = guess;
+            for _ in 0..4 {
+                let m = measure(&self.images, &make(knob)?);
+                knob = (f64::from(knob) + (want - m.psnr) * 28.0).round() as u32;
+            }
+            let t = std::time::Instant::now();
+            let (mut n, mut sx, mut sy, mut sxx, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+            for knob in (knob - 24..=knob + 24).step_by(3) {
+                let m = measure(&self.images, &make(knob)?);
+                let (x, y) = (m.psnr - want, m.bpp.ln());
+                n += 1.0;
+                sx += x;
+                sy += y;
+                sxx += x * x;
+                sxy += x * y;
+            }
+            let slope = (n * sxy - sx * sy) / (n * sxx - sx * sx);
+            eprintln!(
+                "DUMP {} bpp {:.4} slope {:.3} {:?}",
+                plan.entry_bits,
+                ((sy - slope * sx) / n).exp(),
+                slope,
+                t.elapsed()
+            );
+        }
+        let found = find(goal, KNOBS, guess, 0.0, |knob| {
+            job.stage("packing", (0.5 + 0.05 * f32::from(tried)).min(0.95))?;
+            tried += 1;
+            let made = job.install(|| make(knob))?;
+            Ok::<_, EncodeError>((measure(&self.images, &made), made))
+        })?;
         let mut best = (found.knob, found.measured, found.value);
         if beaten.is_some_and(|before| is_far(goal, &best.1, &before.1)) {
             return Ok(best);
@@ -635,7 +692,7 @@ impl EpitomeSearch {
     fn within(&self, tolerance: f64, job: &mut Job<'_>) -> Result<EpitomeTexture, EncodeError> {
         let goal = Goal::Tolerance(tolerance);
         let mut best: Option<(Measured, EpitomeTexture)> = None;
-        let fitted = job.install(|| self.fitted(&self.matches, PALETTES));
+        let fitted = job.install(|| self.fitted(&self.matches, Linears::Fitted(PALETTES.0), PALETTES.1));
         for share in TOLERANCE_SHARES {
             job.checkpoint()?;
             let made: Vec<EpitomeTexture> = job.install(|| {

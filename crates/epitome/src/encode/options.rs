@@ -3,17 +3,16 @@
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
 
-use super::candidate::{Candidate, FRACTION_BITS, Match, Reading, Rules, ScaleErrors, direct};
+use super::candidate::{Candidate, FRACTION_BITS, Match, Reading, Rules, ScaleErrors, direct, is_upright};
 use super::choose::Options;
 use super::leaf::{Grid, Node};
 use super::linear;
 use super::pyramid::{SCALES, Space};
 use super::tone::{self, Stats};
-use crate::Transforms;
 use crate::encoded::{IDENTITY, Linear, NEUTRAL, Tone};
 
-/// Candidates with content elsewhere that are kept for a leaf, in each format.
-const KEPT: usize = 5;
+/// Candidates with content elsewhere that are kept for a leaf, in each format. With 5 photographs came out 1 to 3 % larger.
+const KEPT: usize = 8;
 /// The same within a tolerance, where any candidate is as good as another and those that many leaves share are wanted.
 const KEPT_WITHIN: usize = 16;
 /// Steps of a quarter texel by which a position may move after its linear part became a palette's.
@@ -102,40 +101,41 @@ pub(crate) struct Fitted {
     spots: Vec<Vec<Option<Spot>>>,
 }
 
-/// Palettes of at most `sizes` numbers; positions in quarters of a texel or in whole ones. Where content is `restricted` one
-/// linear part is that of leaves in one colour.
-pub(crate) fn fit(
-    space: &Space,
-    grid: &Grid,
-    matches: &[Vec<Match>],
-    sizes: (usize, usize),
-    transforms: Transforms,
-    restricted: bool,
-) -> Fitted {
+/// The linear parts of all matches, each with its weight.
+pub(crate) fn weighed(grid: &Grid, matches: &[Vec<Match>]) -> Vec<(glam::Mat2, f32)> {
     let weigh = |(index, matches): (usize, &Vec<Match>)| {
         let side = grid.node(index).side as f32;
         // The better of a leaf's matches are the likelier to be taken.
         let weigh = move |(rank, found): (usize, &Match)| (found.linear, side / (1 + rank) as f32);
         matches.iter().enumerate().map(weigh).collect::<Vec<_>>()
     };
-    let found: Vec<(glam::Mat2, f32)> = matches.iter().enumerate().flat_map(weigh).collect();
-    let mut linears = linear::palette(&found, space.scales(), sizes.0 - usize::from(restricted));
-    if restricted {
-        linears.push([0; 4]);
-    }
+    matches.iter().enumerate().flat_map(weigh).collect()
+}
+
+/// Which spots matches may get.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Placing {
+    /// Whether positions are in quarters of a texel, or else in whole ones.
+    pub(crate) fractions: bool,
+    /// Whether matches that are not upright get any.
+    pub(crate) turned: bool,
+}
+
+/// A palette of such `linears` and one of at most `tones` tones.
+pub(crate) fn fit(
+    space: &Space,
+    grid: &Grid,
+    matches: &[Vec<Match>],
+    (linears, tones): (Vec<Linear>, usize),
+    placing: Placing,
+) -> Fitted {
     let points: Vec<Vec4> = linears.iter().map(|&linear| linear::to_point(linear)).collect();
-    let placer = Placer {
-        space,
-        linears: &linears,
-        points: &points,
-        step: if transforms.fractions { 1 } else { 1 << FRACTION_BITS },
-        toned: sizes.1 > 1,
-    };
+    let placer = Placer { space, linears: &linears, points: &points, placing, toned: tones > 1 };
     let spots: Vec<Vec<Option<Spot>>> = (0..grid.nodes())
         .into_par_iter()
         .map(|index| placer.spots(grid.node(index), &matches[index]))
         .collect();
-    let tones = fit_tones(space, grid, matches, (&spots, &linears), sizes.1);
+    let tones = fit_tones(space, grid, matches, (&spots, &linears), tones);
     Fitted { palettes: Palettes { linears, tones }, spots }
 }
 
@@ -223,8 +223,7 @@ struct Placer<'a> {
     linears: &'a [Linear],
     /// The linear parts as points.
     points: &'a [Vec4],
-    /// Fractions of a texel between positions.
-    step: i32,
+    placing: Placing,
     /// Whether a tone will follow.
     toned: bool,
 }
@@ -240,7 +239,8 @@ impl Placer<'_> {
     }
 
     fn spot(&self, node: Node, target: &[Vec4], found: &Match) -> Option<Spot> {
-        self.settle(node, target, found, linear::nearest(self.points, found.linear))
+        let may_be = self.placing.turned || is_upright(found.linear);
+        may_be.then(|| self.settle(node, target, found, linear::nearest(self.points, found.linear)))?
     }
 
     /// The position with the least error near a match's, under a linear part of the palette.
@@ -251,7 +251,8 @@ impl Placer<'_> {
             let stats = Reading::new(node, x, y, linear).sampled_stats(field, target)?;
             Some(if self.toned { stats.error(&stats.best()) } else { stats.plain_error() })
         };
-        let step = self.step as f32;
+        let step_of = if self.placing.fractions { 1 } else { 1 << FRACTION_BITS };
+        let step = step_of as f32;
         let at = (found.position * (1 << FRACTION_BITS) as f32 / step).round() * step;
         // Content beyond the field's edge cannot be read: step inside.
         let at = inside(node, at, linear, (field.width, field.height), step);
@@ -259,7 +260,7 @@ impl Placer<'_> {
         let mut least = error(best.0, best.1)?;
         for _ in 0..MOVES {
             let steps = [(1, 0), (-1, 0), (0, 1), (0, -1)];
-            let around = steps.map(|(dx, dy)| (best.0 + dx * self.step, best.1 + dy * self.step));
+            let around = steps.map(|(dx, dy)| (best.0 + dx * step_of, best.1 + dy * step_of));
             let before = best;
             for (x, y) in around {
                 if let Some(error) = error(x, y).filter(|&error| error < least) {

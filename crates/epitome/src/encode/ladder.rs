@@ -18,7 +18,7 @@ use texfold_core::target::Measured;
 use texfold_core::{EncodeError, Encoded, Job};
 
 use super::assemble::{Plan, assemble};
-use super::choose::{Choice, Costs, Options, Others, choose};
+use super::choose::{Choice, Costs, Options, Others, choose_well};
 use super::{EpitomeSearch, KNOBS, lambda};
 use crate::EpitomeTexture;
 use crate::layers::layer_names;
@@ -133,12 +133,13 @@ impl EpitomeSearch {
     }
 
     /// Adds the layer with the least error within `most` bits of its own and `extra` bits for coarser layers alone; with the
-    /// least such bits where none is. Where that would not be better than the layer before, it is that one again.
+    /// least such bits where none is. At least it is the layer before with some blocks of the finest.
     fn add_layer(&self, ladder: &mut Ladder, options: &Options, knob: u32, most: f64, extra: f64) {
         let tried: Vec<Vec<Choice>> =
             DEAR.par_iter().map(|&dear| self.within_bits(ladder, options, knob, (most, dear))).collect();
         let mut best: Option<(Rank, Choice)> = None;
-        for choice in tried.into_iter().flatten().chain(ladder.coarser.last().cloned()) {
+        let before = ladder.coarser.last().map(|before| self.with_finest(ladder, before, options, most));
+        for choice in tried.into_iter().flatten().chain(before) {
             let total = ladder.extra + self.extra_bits(ladder, &choice);
             let over = (self.disk_bits(&choice) - most).max(0.0);
             let rank = Rank { beyond: over + (total - extra).max(0.0), error: choice.error };
@@ -150,6 +151,44 @@ impl EpitomeSearch {
         ladder.extra += self.extra_bits(ladder, &choice);
         ladder.cells.iter_mut().zip(&choice.users).for_each(|(held, &users)| *held |= users > 0);
         ladder.coarser.push(choice);
+    }
+
+    /// The layer `before` with as many blocks as the finest layer has them as `most` bits allow, those first that gain most a
+    /// bit. Nothing is stored for it alone.
+    fn with_finest(&self, ladder: &Ladder, before: &Choice, options: &Options, most: f64) -> Choice {
+        let (finest, per_block) = (&ladder.finest, self.grid.per_block());
+        let costs = self.costs(ladder.entry_bits, *KNOBS.start());
+        let of = |choice: &Choice, block: usize| {
+            let nodes = block * per_block..(block + 1) * per_block;
+            let taken = |node: usize| {
+                let candidate = options.candidates[node].get(choice.leaves[node]? as usize)?;
+                let cells = options.cells_of(candidate).len() as f32;
+                let bits = cells * self.cell_bits[usize::from(candidate.format)] + ladder.entry_bits;
+                Some((candidate.error, bits))
+            };
+            nodes.filter_map(taken).fold((0.0, 0.0), |sum, leaf| (sum.0 + leaf.0, sum.1 + leaf.1))
+        };
+        let mut blocks: Vec<(f32, usize)> = (0..self.grid.blocks())
+            .map(|block| {
+                let (before, (finest, bits)) = (of(before, block).0, of(finest, block));
+                ((before - finest) / bits.max(1.0), block)
+            })
+            .filter(|(gain, _)| *gain > 0.0)
+            .collect();
+        blocks.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let with = |count: usize| {
+            let mut leaves = before.leaves.clone();
+            for nodes in blocks[..count].iter().map(|(_, block)| block * per_block..(block + 1) * per_block) {
+                leaves[nodes.clone()].copy_from_slice(&finest.leaves[nodes]);
+            }
+            Choice::of(&self.grid, options, costs, &leaves)
+        };
+        let (mut low, mut high) = (0, blocks.len() + 1);
+        while low + 1 < high {
+            let middle = (low + high) / 2;
+            if self.disk_bits(&with(middle)) <= most { low = middle } else { high = middle }
+        }
+        with(low)
     }
 
     /// Layers of at most `most` bits found on the way to the one with the most, where a bit for coarser layers alone costs
@@ -165,7 +204,7 @@ impl EpitomeSearch {
         let make = |step: u32| {
             let knob = (step * KNOB_STEP).max(*KNOBS.start());
             let costs = Costs { others: Some(others), ..self.costs(ladder.entry_bits, knob) };
-            choose(&self.grid, options, costs)
+            choose_well(&self.grid, options, costs)
         };
         let (mut low, mut high) = (0, knob / KNOB_STEP + 1);
         let mut found = Vec::new();

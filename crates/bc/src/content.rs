@@ -309,10 +309,29 @@ impl ContentPlanes {
         from: &ContentPlanes,
         cells: impl IntoIterator<Item = ((u32, u32), (u32, u32))> + Clone,
     ) {
-        let side = self.content.cell_side();
-        if from.content != self.content {
-            return;
+        if from.content == self.content {
+            self.copy(from, self.content.cell_side(), cells);
         }
+    }
+
+    /// As [`ContentPlanes::copy_cells`], texels of raw content, each from a column and row to a column and row.
+    pub fn copy_texels(
+        &mut self,
+        from: &ContentPlanes,
+        texels: impl IntoIterator<Item = ((u32, u32), (u32, u32))> + Clone,
+    ) {
+        if (from.content, self.content) == (Content::Raw, Content::Raw) {
+            self.copy(from, 1, texels);
+        }
+    }
+
+    /// Copies squares of `side` texels, a multiple of a block's side.
+    fn copy(
+        &mut self,
+        from: &ContentPlanes,
+        side: u32,
+        cells: impl IntoIterator<Item = ((u32, u32), (u32, u32))> + Clone,
+    ) {
         for ((kind, bytes), (_, source)) in self.planes.iter_mut().zip(&from.planes) {
             let (block, length) = (kind.block_side(), kind.block_bytes() as usize);
             let (lines, run) = (side / block, (side / block) as usize * length);

@@ -14,11 +14,15 @@ use super::pack::{Packing, pack};
 use super::pyramid::{Space, Stored};
 use super::refit::{self, CellCache, refit};
 use crate::encoded::{
-    Entry, EpitomeTexture, LEAST_STRIP, MapFormat, PLANE_MIPS, Parts, coarse_content, coarse_levels,
+    Entry, EpitomeTexture, LEAST_STRIP, Linear, MapFormat, PLANE_MIPS, Parts, coarse_content, coarse_levels,
 };
 use crate::layers::{LayerMap, Layering};
 
+/// Linear parts that a map can name.
+const MOST_LINEARS: usize = 256;
+
 /// What a texture is made of.
+#[derive(Clone, Copy)]
 pub(crate) struct Plan<'a> {
     pub(crate) images: &'a ImageSet,
     pub(crate) space: &'a Space,
@@ -29,6 +33,8 @@ pub(crate) struct Plan<'a> {
     pub(crate) entry_bits: f32,
     pub(crate) mips: bool,
     pub(crate) effort: Effort,
+    /// Whether charts of content may be turned to fit, which raw content alone can be.
+    pub(crate) turns: bool,
     /// Where content is to be fitted to its readers: what was encoded so before.
     pub(crate) refit: Option<&'a CellCache>,
 }
@@ -41,7 +47,7 @@ pub(crate) fn assemble(
     lambda: f32,
 ) -> Result<EpitomeTexture, EncodeError> {
     let step = if plan.mips { 1 << PLANE_MIPS } else { 1 };
-    let packing = pack(plan.space, plan.options, choices, step);
+    let packing = pack(plan.space, plan.options, choices, (step, plan.turns));
     let too_large = |(side, stored): (&(u32, u32), &Stored)| {
         side.0.max(side.1) * stored.cell > crate::wire::MAX_EPITOME_SIDE
     };
@@ -57,6 +63,9 @@ pub(crate) fn assemble(
         let (trees, leaves) = leaves(plan.grid, choice);
         let entry = |&node: &usize| entry(plan, &packing, choice, node, &used, &mut palettes);
         maps.push(LayerMap { trees, entries: leaves.iter().map(entry).collect() });
+    }
+    if plan.turns && palettes.linears.len() > MOST_LINEARS {
+        return assemble(&Plan { turns: false, ..*plan }, choices, lambda);
     }
     let fraction_bits = whole_texels(&mut maps);
     let levels = if plan.mips { plan.images.full_levels() } else { 1 };
@@ -77,7 +86,7 @@ pub(crate) fn assemble(
         format,
         trees: finest.trees,
         entries: finest.entries,
-        linears: palettes.linears.iter().map(|&number| plan.palettes.linear(number)).collect(),
+        linears: palettes.linears,
         tones: palettes.tones.iter().map(|&number| plan.palettes.tone(number)).collect(),
         epitomes,
         errors,
@@ -171,12 +180,12 @@ fn leaves(grid: &Grid, choice: &Choice) -> (Vec<u8>, Vec<usize>) {
 /// Numbers of the palettes that entries use, in the order of their first use.
 #[derive(Default)]
 struct Used {
-    linears: Vec<u16>,
+    linears: Vec<Linear>,
     tones: Vec<u16>,
 }
 
 /// The place of `number` in `list`, added at the end where it is new.
-fn number_of(list: &mut Vec<u16>, number: u16) -> u32 {
+fn number_of<T: Copy + PartialEq>(list: &mut Vec<T>, number: T) -> u32 {
     let at = list.iter().position(|&known| known == number).unwrap_or_else(|| {
         list.push(number);
         list.len() - 1
@@ -196,9 +205,9 @@ fn entry(
         choice.leaves[node].and_then(|leaf| plan.options.candidates[node].get(leaf as usize));
     let moved = candidate.and_then(|candidate| packing.moved(plan.space, plan.options, candidate));
     // Leaves outside of the image show nothing; their entry is never read.
-    let (Some(candidate), Some((x, y))) = (candidate, moved) else {
+    let (Some(candidate), Some(((x, y), turn))) = (candidate, moved) else {
         return Entry {
-            linear: number_of(&mut palettes.linears, 0),
+            linear: number_of(&mut palettes.linears, plan.palettes.linear(0)),
             tone: number_of(&mut palettes.tones, 0),
             ..Entry::default()
         };
@@ -207,7 +216,7 @@ fn entry(
         x,
         y,
         tone: number_of(&mut palettes.tones, candidate.tone),
-        linear: number_of(&mut palettes.linears, candidate.linear),
+        linear: number_of(&mut palettes.linears, turn.linear(plan.palettes.linear(candidate.linear))),
         plane: used.iter().position(|&format| format == usize::from(candidate.format)).unwrap_or(0) as u32,
     }
 }
@@ -236,8 +245,12 @@ fn epitome(
     let planes: Vec<Vec<u8>> = formats.iter().map(|f| vec![0; f.bytes(width, height) as usize]).collect();
     let mut base = ContentPlanes::from_planes(stored.content, plan.space.pixel, (width, height), planes)?;
     for chart in packing.charts.iter().filter(|chart| chart.format == format) {
-        let cells = chart.cells.iter().map(|&at| (at, chart.place_of(at)));
-        base.copy_cells(&stored.planes[chart.image][chart.scale], cells);
+        let from = &stored.planes[chart.image][chart.scale];
+        if plan.turns {
+            base.copy_texels(from, chart.texels(stored.cell));
+        } else {
+            base.copy_cells(from, chart.cells.iter().map(|&at| (at, chart.place_of(at))));
+        }
     }
     if let Some(cache) = plan.refit {
         base = refit(plan, cache, packing, choices, (format, base));

@@ -1,16 +1,16 @@
 //! Charts and where they go.
 //!
 //! A chart is a set of cells that some leaf reads across: they must stay together. Charts are placed by falling size, each
-//! where it fits first from the top: small charts fill what large ones leave. Where quality or size is asked for, charts are
-//! mostly small and fill 99.5 % of the sheet. *Not done*: the eight orientations of the
-//! paper. Tried for packing alone, within a tolerance of 20: the smallest sheets of three pictures are 86 to 90 % full without
-//! them and 88 to 91 % with them, 1.5 to 4 % smaller, less some bits of each entry for the linear parts of turned charts.
+//! where it fits first from the top: small charts fill what large ones leave. Raw content may be turned to fit (paper section
+//! 4.3), which costs some bits of each entry for the linear parts that undo it; blocks of compressed formats cannot be turned
+//! without loss, and are mostly in small charts that fill 99.5 % of the sheet as they are.
 
 use std::collections::BTreeMap;
 
 use super::candidate::{Candidate, FRACTION_BITS};
 use super::choose::{Choice, Options};
 use super::pyramid::Space;
+use super::turn::Turn;
 
 /// Widths of a sheet that are tried, as shares of a square's side.
 const WIDTHS: [f64; 7] = [1.0, 1.1, 1.25, 0.9, 1.4, 0.8, 1.6];
@@ -30,8 +30,13 @@ pub(crate) struct Chart {
     pub(crate) cells: Vec<(u32, u32)>,
     /// Column and row of the least column and row.
     pub(crate) corner: (u32, u32),
-    /// Where the corner goes, in cells.
+    /// Least and largest column and row of the centres of leaves that read it, in fractions of a texel from the corner. Those
+    /// of leaves across an image's edge may lie outside of it.
+    centres: [(i64, i64); 2],
+    /// Where the upper left corner of the turned chart goes, in cells.
     pub(crate) place: (u32, u32),
+    /// How it is turned.
+    pub(crate) turn: Turn,
     /// Whether the finest layer reads none of it. Such charts come last, where a GPU that has all layers need not hold them.
     pub(crate) is_extra: bool,
 }
@@ -51,29 +56,43 @@ pub(crate) struct Packing {
 impl Chart {
     /// Where a cell lies in the epitome, in cells.
     pub(crate) fn place_of(&self, (x, y): (u32, u32)) -> (u32, u32) {
-        (x - self.corner.0 + self.place.0, y - self.corner.1 + self.place.1)
+        let (x, y) = self.turn.cell((x - self.corner.0, y - self.corner.1), self.size());
+        (x + self.place.0, y + self.place.1)
+    }
+
+    /// Texels of all cells, of `side` texels: where they lie in the field, and where in the epitome.
+    pub(crate) fn texels(&self, side: u32) -> impl Iterator<Item = ((u32, u32), (u32, u32))> + Clone + '_ {
+        let (width, height) = self.size();
+        let size = (width * side, height * side);
+        let moved = move |(x, y): (u32, u32)| {
+            let (left, top) = (self.corner.0 * side, self.corner.1 * side);
+            let (to_x, to_y) = self.turn.cell((x - left, y - top), size);
+            ((x, y), (to_x + self.place.0 * side, to_y + self.place.1 * side))
+        };
+        let of_cell = move |&(x, y): &(u32, u32)| {
+            (0..side * side).map(move |i| (x * side + i % side, y * side + i / side))
+        };
+        self.cells.iter().flat_map(of_cell).map(moved)
     }
 }
 
 impl Packing {
-    /// Column and row of a candidate's centre in the epitome, in fractions of a texel; `None` where it has no content.
+    /// Column and row of a candidate's centre in the epitome, in fractions of a texel, and how its content is turned there;
+    /// `None` where it has none.
     pub(crate) fn moved(
         &self,
         space: &Space,
         options: &Options,
         candidate: &Candidate,
-    ) -> Option<(u32, u32)> {
+    ) -> Option<((u32, u32), Turn)> {
         let cell = *options.cells_of(candidate).first()?;
         let chart = self.charts.get(self.chart_of[cell as usize] as usize)?;
         let side = space.stored[usize::from(candidate.format)].cell;
-        let moved = |at: i32, place: u32, corner: u32| {
-            let texels = (i64::from(place) - i64::from(corner)) * i64::from(side);
-            (i64::from(at) + (texels << FRACTION_BITS)).max(0) as u32
-        };
-        Some((
-            moved(candidate.x, chart.place.0, chart.corner.0),
-            moved(candidate.y, chart.place.1, chart.corner.1),
-        ))
+        let pair = |(x, y): (u32, u32)| (units(x, side), units(y, side));
+        let (corner, place) = (pair(chart.corner), pair(chart.place));
+        let at = (i64::from(candidate.x) - corner.0, i64::from(candidate.y) - corner.1);
+        let (x, y) = chart.turn.point(at, pair(chart.size()));
+        Some((((x + place.0).max(0) as u32, (y + place.1).max(0) as u32), chart.turn))
     }
 }
 
@@ -105,8 +124,13 @@ impl Union {
     }
 }
 
-/// Packs all cells that `layers` read; sides of epitomes are multiples of `step` cells.
-pub(crate) fn pack(space: &Space, options: &Options, layers: &[Choice], step: u32) -> Packing {
+/// Packs all cells that `layers` read; sides of epitomes are multiples of `step` cells. With `turns` charts may be turned.
+pub(crate) fn pack(
+    space: &Space,
+    options: &Options,
+    layers: &[Choice],
+    (step, turns): (u32, bool),
+) -> Packing {
     let mut packing = Packing { charts: charts(space, options, layers), ..Packing::default() };
     for format in 0..space.stored.len() {
         let mut order: Vec<usize> =
@@ -118,10 +142,11 @@ pub(crate) fn pack(space: &Space, options: &Options, layers: &[Choice], step: u3
         order.sort_by_key(|&index| key(index));
         let cells: u64 = order.iter().map(|&index| packing.charts[index].cells.len() as u64).sum();
         let limit = crate::wire::MAX_EPITOME_SIDE / space.stored[format].cell;
-        let size = place(&mut packing.charts, &order, cells, (step, limit));
+        let sheet = Limits { step, side: limit, cell: space.stored[format].cell, turns };
+        let size = place(&mut packing.charts, &order, cells, sheet);
         packing.sizes.push(size);
         let drawn = order.iter().map(|&index| &packing.charts[index]).filter(|chart| !chart.is_extra);
-        let rows = drawn.map(|chart| chart.place.1 + chart.size().1).max().unwrap_or(1);
+        let rows = drawn.map(|chart| chart.place.1 + chart.turn.size(chart.size()).1).max().unwrap_or(1);
         packing.finest_rows.push(rows.next_multiple_of(step).min(size.1));
     }
     packing.chart_of = vec![u32::MAX; space.cells()];
@@ -145,13 +170,14 @@ fn charts(space: &Space, options: &Options, layers: &[Choice]) -> Vec<Chart> {
             union.join(pair[0], pair[1]);
         }
     }
+    let centres = centres(options, layers, &mut union);
     let mut by_root: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     let is_read = |&cell: &u32| layers.iter().any(|choice| choice.users[cell as usize] > 0);
     for cell in (0..cells).filter(is_read) {
         let root = union.root(cell);
         by_root.entry(root).or_default().push(cell);
     }
-    let chart = |members: Vec<u32>| {
+    let chart = |(root, members): (u32, Vec<u32>)| {
         let (format, image, scale, ..) = space.locate(members[0]);
         let cells: Vec<(u32, u32)> = members
             .iter()
@@ -164,9 +190,36 @@ fn charts(space: &Space, options: &Options, layers: &[Choice]) -> Vec<Chart> {
         let top = cells.iter().map(|cell| cell.1).min().unwrap_or(0);
         let finest = layers.last().map(|choice| choice.users.as_slice()).unwrap_or_default();
         let is_extra = members.iter().all(|&cell| finest.get(cell as usize) == Some(&0));
-        Chart { format, image, scale, cells, corner: (left, top), place: (0, 0), is_extra }
+        let side = space.stored[format].cell;
+        let from_corner = |(x, y): (i64, i64)| (x - units(left, side), y - units(top, side));
+        let centres = centres.get(&root).map_or([(0, 0); 2], |centres| centres.map(from_corner));
+        let (corner, turn) = ((left, top), Turn::default());
+        Chart { format, image, scale, cells, corner, centres, place: (0, 0), turn, is_extra }
     };
-    by_root.into_values().map(chart).collect()
+    by_root.into_iter().map(chart).collect()
+}
+
+/// Cells of `side` texels in fractions of a texel.
+fn units(cells: u32, side: u32) -> i64 {
+    (i64::from(cells) * i64::from(side)) << FRACTION_BITS
+}
+
+/// Least and largest column and row of the centres of the leaves that read each set of cells, by its root.
+fn centres(options: &Options, layers: &[Choice], union: &mut Union) -> BTreeMap<u32, [(i64, i64); 2]> {
+    let mut centres: BTreeMap<u32, [(i64, i64); 2]> = BTreeMap::new();
+    for (node, leaf) in layers.iter().flat_map(|choice| choice.leaves.iter().enumerate()) {
+        let candidate = leaf.and_then(|leaf| options.candidates[node].get(leaf as usize));
+        let Some((candidate, &cell)) =
+            candidate.and_then(|candidate| Some((candidate, options.cells_of(candidate).first()?)))
+        else {
+            continue;
+        };
+        let (x, y) = (i64::from(candidate.x), i64::from(candidate.y));
+        let [low, high] = centres.entry(union.root(cell)).or_insert([(x, y); 2]);
+        *low = (low.0.min(x), low.1.min(y));
+        *high = (high.0.max(x), high.1.max(y));
+    }
+    centres
 }
 
 impl Chart {
@@ -177,34 +230,62 @@ impl Chart {
         (right - self.corner.0 + 1, bottom - self.corner.1 + 1)
     }
 
+    /// Least column and row that it may have in an epitome, turned so: centres of leaves have no negative ones. Cells are of
+    /// `side` texels.
+    fn least_place(&self, turn: Turn, side: u32) -> Cells {
+        let (width, height) = self.size();
+        let size = (units(width, side), units(height, side));
+        let [a, b] = self.centres.map(|centre| turn.point(centre, size));
+        let cells = |below: i64| below.min(0).unsigned_abs().div_ceil(units(1, side).unsigned_abs()) as u32;
+        (cells(a.0.min(b.0)), cells(a.1.min(b.1)))
+    }
+
     /// What it is sorted by: the longer side, then the number of cells.
     fn extent(&self) -> (u32, usize) {
         let (width, height) = self.size();
         (width.max(height), self.cells.len())
     }
 
-    /// Its rows as bit masks from its leftmost column on.
-    fn rows(&self) -> Vec<Vec<u64>> {
-        let (width, height) = self.size();
+    /// Its rows, turned so, as bit masks from its leftmost column on.
+    fn rows(&self, turn: Turn) -> Vec<Vec<u64>> {
+        let size = self.size();
+        let (width, height) = turn.size(size);
         let mut rows = vec![vec![0u64; (width as usize).div_ceil(64)]; height as usize];
         for &(x, y) in &self.cells {
-            let (x, y) = (x - self.corner.0, y - self.corner.1);
+            let (x, y) = turn.cell((x - self.corner.0, y - self.corner.1), size);
             rows[y as usize][x as usize / 64] |= 1 << (x % 64);
         }
         rows
     }
 }
 
+/// What a sheet may be.
+#[derive(Debug, Clone, Copy)]
+struct Limits {
+    /// Its sides are multiples of so many cells, and at most so many.
+    step: u32,
+    side: u32,
+    /// Texels a side of a cell.
+    cell: u32,
+    /// Whether charts may be turned.
+    turns: bool,
+}
+
 /// Places the charts of `order`; gives the columns and rows used, at least one step each and at most `limit`, or more than
 /// `limit` where they do not fit. Where a sheet about as wide as high
 /// loses much, other widths are tried, and the least area is kept.
-fn place(charts: &mut [Chart], order: &[usize], cells: u64, (step, limit): (u32, u32)) -> (u32, u32) {
-    let widest = order.iter().map(|&index| charts[index].size().0).max().unwrap_or(1);
-    let mut best: Option<(Cells, Vec<Cells>)> = None;
+fn place(charts: &mut [Chart], order: &[usize], cells: u64, limits: Limits) -> (u32, u32) {
+    let Limits { step, side: limit, cell, .. } = limits;
+    let widest = |chart: &Chart| chart.size().0 + chart.least_place(Turn::default(), cell).0;
+    let widest = order.iter().map(|&index| widest(&charts[index])).max().unwrap_or(1);
+    if widest > limit {
+        return (limit + 1, limit + 1);
+    }
+    let mut best: Option<(Cells, Vec<(Cells, Turn)>)> = None;
     for share in WIDTHS {
         let width = ((cells as f64).sqrt() * share).ceil() as u32;
         let width = width.max(widest).max(1).next_multiple_of(step).min(limit);
-        let (height, places) = place_within(charts, order, width);
+        let (height, places) = place_within(charts, order, width, limits);
         let size = (width, height.next_multiple_of(step));
         let area = |size: (u32, u32)| u64::from(size.0) * u64::from(size.1);
         if size.1 <= limit && best.as_ref().is_none_or(|(least, _)| area(size) < area(*least)) {
@@ -219,23 +300,41 @@ fn place(charts: &mut [Chart], order: &[usize], cells: u64, (step, limit): (u32,
     }
     // Larger than any sheet: the caller says so.
     let Some((size, places)) = best else { return (limit + 1, limit + 1) };
-    for (&index, place) in order.iter().zip(places) {
-        charts[index].place = place;
+    for (&index, (place, turn)) in order.iter().zip(places) {
+        (charts[index].place, charts[index].turn) = (place, turn);
     }
     size
 }
 
-/// Rows that a sheet of `width` columns needs, at least one, and the place of each chart.
-fn place_within(charts: &[Chart], order: &[usize], width: u32) -> (u32, Vec<(u32, u32)>) {
+/// Rows that a sheet of `width` columns needs, at least one, and the place and turn of each chart.
+fn place_within(charts: &[Chart], order: &[usize], width: u32, limits: Limits) -> (u32, Vec<(Cells, Turn)>) {
     let mut sheet = Sheet { width, rows: Vec::new(), full: 0 };
     // Where the last chart of a shape went: no earlier place will do for the next.
-    let mut hints: BTreeMap<Vec<Vec<u64>>, (u32, u32)> = BTreeMap::new();
+    let mut hints: BTreeMap<Vec<Vec<u64>>, Cells> = BTreeMap::new();
     let mut places = Vec::new();
     for &index in order {
-        let rows = charts[index].rows();
-        let from = hints.get(&rows).copied().unwrap_or((0, 0));
-        let at = sheet.put(&rows, charts[index].size().0, from);
-        places.push(at);
+        let chart = &charts[index];
+        let mut shapes: Vec<(Vec<Vec<u64>>, Turn)> = Vec::new();
+        for turn in Turn::all().take(if limits.turns { usize::MAX } else { 1 }) {
+            let rows = chart.rows(turn);
+            let fits = turn.size(chart.size()).0 + chart.least_place(turn, limits.cell).0 <= width;
+            if fits && !shapes.iter().any(|(known, _)| *known == rows) {
+                shapes.push((rows, turn));
+            }
+        }
+        let found = shapes.into_iter().map(|(rows, turn)| {
+            let from = hints.get(&rows).copied().unwrap_or((0, 0));
+            let least = chart.least_place(turn, limits.cell);
+            let at = sheet.free(&rows, turn.size(chart.size()).0, from, least);
+            (at, turn, rows)
+        });
+        // The one that ends first; the first of those that are turned least.
+        let Some((at, turn, rows)) = found.min_by_key(|(at, _, rows)| (at.1 + rows.len() as u32, at.1, at.0))
+        else {
+            continue;
+        };
+        sheet.fill(&rows, at);
+        places.push((at, turn));
         hints.insert(rows, at);
     }
     ((sheet.rows.len() as u32).max(1), places)
@@ -250,20 +349,18 @@ struct Sheet {
 }
 
 impl Sheet {
-    /// Puts a chart at the first place from `from` on, row by row, where it fits.
-    fn put(&mut self, shape: &[Vec<u64>], width: u32, from: (u32, u32)) -> (u32, u32) {
-        let words = (self.width as usize).div_ceil(64) + 1;
-        let mut y = from.1.max(self.full);
-        let mut x = if y == from.1 { from.0 } else { 0 };
+    /// The first place from `from` on, row by row, where a chart fits, no less than `least` in column and row.
+    fn free(&self, shape: &[Vec<u64>], width: u32, from: Cells, least: Cells) -> Cells {
+        let mut y = from.1.max(self.full).max(least.1);
+        let mut x = if y == from.1 { from.0.max(least.0) } else { least.0 };
         loop {
             while x + width <= self.width {
                 if self.fits(shape, x, y) {
-                    self.fill(shape, x, y, words);
                     return (x, y);
                 }
                 x += 1;
             }
-            (x, y) = (0, y + 1);
+            (x, y) = (least.0, y + 1);
         }
     }
 
@@ -284,7 +381,8 @@ impl Sheet {
         })
     }
 
-    fn fill(&mut self, shape: &[Vec<u64>], x: u32, y: u32, words: usize) {
+    fn fill(&mut self, shape: &[Vec<u64>], (x, y): Cells) {
+        let words = (self.width as usize).div_ceil(64) + 1;
         if self.rows.len() < y as usize + shape.len() {
             self.rows.resize(y as usize + shape.len(), vec![0; words]);
         }
@@ -304,6 +402,46 @@ impl Sheet {
         let whole = |row: &Vec<u64>| row.iter().map(|word| word.count_ones()).sum::<u32>() >= self.width;
         while self.rows.get(self.full as usize).is_some_and(whole) {
             self.full += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A chart of those cells of format 0.
+    fn chart(cells: &[Cells]) -> Chart {
+        let mut cells = cells.to_vec();
+        cells.sort_by_key(|&(x, y)| (y, x));
+        let corner =
+            (cells.iter().map(|cell| cell.0).min().unwrap(), cells.iter().map(|cell| cell.1).min().unwrap());
+        let (place, turn) = ((0, 0), Turn::default());
+        let centres = [(0, 0); 2];
+        Chart { format: 0, image: 0, scale: 0, cells, corner, centres, place, turn, is_extra: false }
+    }
+
+    #[test]
+    fn turned_charts_fill_what_upright_ones_leave() {
+        // Triangles of 10 cells, all alike: two of them, one turned by half, are a rectangle of 5 x 4.
+        let cells: Vec<Cells> = (0..4).flat_map(|y| (0..=y).map(move |x| (7 + x, 3 + y))).collect();
+        let mut charts = vec![chart(&cells); 8];
+        let order: Vec<usize> = (0..8).collect();
+        let area = |size: Cells| size.0 * size.1;
+        let upright = place(&mut charts, &order, 80, Limits { step: 1, side: 64, cell: 4, turns: false });
+        assert!(charts.iter().all(|chart| chart.turn == Turn::default()));
+        let turned = place(&mut charts, &order, 80, Limits { step: 1, side: 64, cell: 4, turns: true });
+        assert!(area(turned) < area(upright) && area(turned) <= 88, "{turned:?} {upright:?}");
+        // No cell lies on another or outside, and texels go where their cells go.
+        let mut taken = std::collections::BTreeSet::new();
+        for chart in &charts {
+            for &cell in &chart.cells {
+                let (x, y) = chart.place_of(cell);
+                assert!(x < turned.0 && y < turned.1 && taken.insert((x, y)), "{x} {y}");
+            }
+            for ((x, y), (to_x, to_y)) in chart.texels(4) {
+                assert_eq!((to_x / 4, to_y / 4), chart.place_of((x / 4, y / 4)));
+            }
         }
     }
 }

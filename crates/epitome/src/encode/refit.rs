@@ -296,7 +296,7 @@ impl Reader {
         candidate: &Candidate,
         weight: f32,
     ) -> Option<Reader> {
-        let (x, y) = packing.moved(plan.space, plan.options, candidate)?;
+        let ((x, y), _) = packing.moved(plan.space, plan.options, candidate)?;
         let reading = Reading::new(node, x as i32, y as i32, plan.palettes.linear(candidate.linear));
         let (gain, offset) = tone::values(&plan.palettes.tone(candidate.tone));
         Some(Reader { reading, weight, gain, offset, node })

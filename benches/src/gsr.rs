@@ -14,7 +14,7 @@ use std::time::Instant;
 use plotters::prelude::*;
 use texfold::image::Raster;
 use texfold_benches::report::cpu_seconds;
-use texfold_match::{GrayPlane, GsrIndex, GsrTone, Refiner, Transform};
+use texfold_match::{Freedom, GrayPlane, GsrIndex, GsrTone, Refiner, Transform};
 
 /// Images in the folder `remote` of the data.
 const IMAGES: [&str; 6] = [
@@ -133,7 +133,7 @@ fn accepted(
     let (left, top) = ((asked.x - half) as usize, (asked.y - half) as usize);
     let target: Vec<f32> =
         (0..SIDE * SIDE).map(|i| luma[(top + i / SIDE) * width + left + i % SIDE]).collect();
-    let refiner = Refiner::new(&target, (SIDE, SIDE), true);
+    let refiner = Refiner::new(&target, (SIDE, SIDE));
     let own = plane.direction(asked, SIDE as f32);
     let mean = target.iter().sum::<f32>() / target.len() as f32;
     let squares: f32 = target.iter().map(|value| (value - mean) * (value - mean)).sum();
@@ -143,7 +143,7 @@ fn accepted(
         }
         let linear = glam::Mat2::from_angle(plane.direction(place, SIDE as f32) - own);
         let seed = Transform { position: place, linear };
-        let found = refiner.refine(luma, (width, luma.len() / width), seed);
+        let found = refiner.refine(luma, (width, luma.len() / width), seed, Freedom::Affine);
         found.error <= ACCEPTED * ACCEPTED * squares && found.transform.position.distance(place) < half
     };
     places.iter().enumerate().filter(matches).map(|(index, _)| index).collect()

@@ -641,33 +641,6 @@ impl EpitomeSearch {
         let guess = beaten.map_or_else(|| job.install(|| self.likely_knob(goal, nearly)), |before| before.0);
         let mut tried = 0u16;
         let make = |knob: u32| assemble(plan, &[chosen(knob)], lambda(knob));
-        if std::env::var("DUMP").is_ok() {
-            let Goal::Psnr(want) = goal else { std::process::exit(1) };
-            let mut knob = guess;
-            for _ in 0..4 {
-                let m = measure(&self.images, &make(knob)?);
-                knob = (f64::from(knob) + (want - m.psnr) * 28.0).round() as u32;
-            }
-            let t = std::time::Instant::now();
-            let (mut n, mut sx, mut sy, mut sxx, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
-            for knob in (knob - 24..=knob + 24).step_by(3) {
-                let m = measure(&self.images, &make(knob)?);
-                let (x, y) = (m.psnr - want, m.bpp.ln());
-                n += 1.0;
-                sx += x;
-                sy += y;
-                sxx += x * x;
-                sxy += x * y;
-            }
-            let slope = (n * sxy - sx * sy) / (n * sxx - sx * sx);
-            eprintln!(
-                "DUMP {} bpp {:.4} slope {:.3} {:?}",
-                plan.entry_bits,
-                ((sy - slope * sx) / n).exp(),
-                slope,
-                t.elapsed()
-            );
-        }
         let found = find(goal, KNOBS, guess, 0.0, |knob| {
             job.stage("packing", (0.5 + 0.05 * f32::from(tried)).min(0.95))?;
             tried += 1;

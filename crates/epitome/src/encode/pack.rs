@@ -310,7 +310,7 @@ fn place(charts: &mut [Chart], order: &[usize], cells: u64, limits: Limits) -> (
 fn place_within(charts: &[Chart], order: &[usize], width: u32, limits: Limits) -> (u32, Vec<(Cells, Turn)>) {
     let mut sheet = Sheet { width, rows: Vec::new(), full: 0 };
     // Where the last chart of a shape went: no earlier place will do for the next.
-    let mut hints: BTreeMap<Vec<Vec<u64>>, Cells> = BTreeMap::new();
+    let mut hints: BTreeMap<(Vec<Vec<u64>>, Cells), Cells> = BTreeMap::new();
     let mut places = Vec::new();
     for &index in order {
         let chart = &charts[index];
@@ -323,19 +323,21 @@ fn place_within(charts: &[Chart], order: &[usize], width: u32, limits: Limits) -
             }
         }
         let found = shapes.into_iter().map(|(rows, turn)| {
-            let from = hints.get(&rows).copied().unwrap_or((0, 0));
-            let least = chart.least_place(turn, limits.cell);
-            let at = sheet.free(&rows, turn.size(chart.size()).0, from, least);
-            (at, turn, rows)
+            let shape = (rows, chart.least_place(turn, limits.cell));
+            let from = hints.get(&shape).copied().unwrap_or((0, 0));
+            let at = sheet.free(&shape.0, turn.size(chart.size()).0, from, shape.1);
+            (at, turn, shape)
         });
         // The one that ends first; the first of those that are turned least.
-        let Some((at, turn, rows)) = found.min_by_key(|(at, _, rows)| (at.1 + rows.len() as u32, at.1, at.0))
-        else {
+        let end = |at: Cells, rows: &[Vec<u64>]| (at.1 + rows.len() as u32, at.1, at.0);
+        let Some((at, turn, shape)) = found.min_by_key(|(at, _, shape)| end(*at, &shape.0)) else {
+            // Never: a sheet is as wide as the widest chart that is not turned.
+            places.push(((0, 0), Turn::default()));
             continue;
         };
-        sheet.fill(&rows, at);
+        sheet.fill(&shape.0, at);
         places.push((at, turn));
-        hints.insert(rows, at);
+        hints.insert(shape, at);
     }
     ((sheet.rows.len() as u32).max(1), places)
 }

@@ -38,6 +38,14 @@ pub(crate) struct Candidate {
     pub(crate) format: u8,
 }
 
+#[cfg(test)]
+impl Candidate {
+    /// One of that error and those cells, for tests of what is chosen.
+    pub(crate) fn of_cells(error: f32, cells: (u32, u32)) -> Self {
+        Candidate { error, cells, x: 0, y: 0, image: 0, linear: 0, tone: 0, scale: 0, format: 0 }
+    }
+}
+
 /// Where a leaf's content lies in a field, before the format is chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Match {

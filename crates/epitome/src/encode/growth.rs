@@ -188,17 +188,7 @@ mod tests {
         // Three blocks of four cells; each has its own cells, and all may read those of the second.
         let grid = Grid::new(&[SurfaceSize { width: 24, height: 8 }], 8, false);
         let cells: Vec<u32> = (0..12).collect();
-        let at = |block: u32, error: f32| Candidate {
-            error,
-            cells: (4 * block, 4 * block + 4),
-            x: 0,
-            y: 0,
-            image: 0,
-            linear: 0,
-            tone: 0,
-            scale: 0,
-            format: 0,
-        };
+        let at = |block: u32, error: f32| Candidate::of_cells(error, (4 * block, 4 * block + 4));
         let candidates = (0..3).map(|block| vec![at(block, 0.0), at(1, 1.0)]).collect();
         let options = Options { candidates, cells };
         assert_eq!(grow(&grid, &options, 12, 16), [Some(1), Some(0), Some(1)]);

@@ -2,7 +2,7 @@
 //!
 //! A chart is a set of cells that some leaf reads across: they must stay together. Charts are placed by falling size, each
 //! where it fits first from the top: small charts fill what large ones leave. Raw content may be turned to fit (paper section
-//! 4.3), which costs some bits of each entry for the linear parts that undo it; blocks of compressed formats cannot be turned
+//! 4.4), which costs some bits of each entry for the linear parts that undo it; blocks of compressed formats cannot be turned
 //! without loss, and are mostly in small charts that fill 99.5 % of the sheet as they are.
 
 use std::collections::BTreeMap;

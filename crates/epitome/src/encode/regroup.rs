@@ -138,17 +138,7 @@ mod tests {
         let start = options.cells.len() as u32;
         options.cells.extend(cells);
         let end = start + cells.len() as u32;
-        Candidate {
-            error,
-            cells: (start, end),
-            x: 0,
-            y: 0,
-            image: 0,
-            linear: 0,
-            tone: 0,
-            scale: 0,
-            format: 0,
-        }
+        Candidate::of_cells(error, (start, end))
     }
 
     #[test]

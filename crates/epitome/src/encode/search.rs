@@ -76,13 +76,6 @@ impl Reach {
             (Effort::Normal, _) => (6, 4, stride, 0),
             (Effort::High, _) => (16, 4, stride / 2, 8),
         };
-        let envu = |n: &str, d: usize| std::env::var(n).ok().and_then(|v| v.parse().ok()).unwrap_or(d);
-        let (neighbours, kept, stride, turned) = (
-            envu("NB", neighbours),
-            envu("KP", kept),
-            envu("STR", stride as usize) as u32,
-            envu("TN", turned),
-        );
         let transforms = params.transforms;
         let turned = if transforms.affine { turned } else { 0 };
         Reach { scales: 9, neighbours, kept, stride, turned, transforms, part }

@@ -11,7 +11,7 @@ const TEXFOLD_EPITOME_LINEAR_ONE: f32 = 8192.0;
 // Number of a gain that stands for 1.
 const TEXFOLD_EPITOME_GAIN_ONE: f32 = 128.0;
 // Mip levels of the image that are read from the epitome; further ones come from the coarse chain.
-const TEXFOLD_EPITOME_FINE_LEVELS: u32 = 4u;
+const TEXFOLD_EPITOME_FINE_LEVELS: u32 = 3u;
 
 // The parameters of one image.
 struct TexfoldEpitomeParams {

@@ -17,7 +17,7 @@ pub const TEXFOLD_EPITOME_LINEAR_ONE: f32 = 8192.0;
 /// Number of a gain that stands for 1.
 pub const TEXFOLD_EPITOME_GAIN_ONE: f32 = 128.0;
 /// Mip levels of the image that are read from the epitome; further ones come from the coarse chain.
-pub const TEXFOLD_EPITOME_FINE_LEVELS: u32 = 4;
+pub const TEXFOLD_EPITOME_FINE_LEVELS: u32 = 3;
 
 /// The parameters of one image, as the shader's uniform block holds them: 28 32-bit numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, bytemuck::Pod, bytemuck::Zeroable)]

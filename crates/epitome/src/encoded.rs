@@ -24,8 +24,9 @@ use crate::decode::{
 use crate::layers::Layering;
 use crate::{Epitome, wire};
 
-/// Mip levels that an epitome has beside its full size, where there are any.
-pub(crate) const PLANE_MIPS: u32 = 2;
+/// Mip levels that an epitome has beside its full size, where there are any: one less than the image has that are read
+/// from it, as blending four texels halves once more.
+pub(crate) const PLANE_MIPS: u32 = 1;
 /// Longest side of the map plane in texels: what every WebGPU device can sample.
 const MAX_PLANE_SIDE: usize = 8192;
 /// A row of the map plane has at least this many words, as a power of two.
@@ -140,9 +141,11 @@ pub(crate) fn blocks_of(size: SurfaceSize, block: u32) -> (u32, u32) {
     (size.width.div_ceil(block), size.height.div_ceil(block))
 }
 
-/// How levels that are not read from the epitome are stored: one plane, whatever the epitome has.
-pub(crate) fn coarse_content(content: Content, pixel: PixelInfo) -> Content {
+/// How levels that are not read from the epitome are stored: one plane, whatever the epitome has. BC1 shows reduced
+/// pictures worse than full ones, so that they may be `finer` than the epitome.
+pub(crate) fn coarse_content(content: Content, pixel: PixelInfo, finer: bool) -> Content {
     match (content, pixel.channels) {
+        (Content::Bc1, _) if finer => Content::Bc7,
         (Content::Raw, 1) => Content::Bc4,
         (Content::Raw, 2) => Content::Bc5,
         (Content::Raw, _) => Content::Bc7,

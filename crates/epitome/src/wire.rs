@@ -44,6 +44,8 @@ pub(crate) const MAX_ENTRIES: u64 = 1 << 25;
 const ERRORS_FLAG: u32 = 2;
 /// Flag of leaves that are blended in wider strips than between their outermost texels.
 const STRIP_FLAG: u32 = 4;
+/// Flag of coarse mip levels in BC7 beside an epitome in BC1.
+const COARSE_FLAG: u32 = 8;
 /// Blocks of these sides are allowed.
 const BLOCK_SIDES: std::ops::RangeInclusive<u32> = 4..=MAX_BLOCK as u32;
 
@@ -53,7 +55,8 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     let is_wide = format.strip > LEAST_STRIP;
     let flags = u32::from(mips)
         | if parts.errors.is_some() { ERRORS_FLAG } else { 0 }
-        | if is_wide { STRIP_FLAG } else { 0 };
+        | if is_wide { STRIP_FLAG } else { 0 }
+        | if parts.has_finer_coarse() { COARSE_FLAG } else { 0 };
     let mut form: Vec<u8> = [
         format.block,
         u32::from(format.split),
@@ -106,6 +109,17 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
                 store_layer(parts, layering, layer, out);
             }
         }
+    }
+}
+
+impl Parts {
+    /// Whether the coarse mip levels are in BC7, the epitome in BC1.
+    fn has_finer_coarse(&self) -> bool {
+        let coarse = self.coarse.first().and_then(|levels| levels.first());
+        let base = self.epitomes.first().and_then(|levels| levels.first());
+        let base = base.or(self.errors.as_ref().map(|errors| errors.base()));
+        base.is_some_and(|base| base.content() == Content::Bc1)
+            && coarse.is_some_and(|coarse| coarse.content() == Content::Bc7)
     }
 }
 
@@ -411,6 +425,8 @@ struct Form {
     mips: bool,
     /// Whether the epitome has an error map.
     errors: bool,
+    /// Whether the coarse mip levels are in BC7, the epitome in BC1.
+    finer: bool,
     epitomes: Vec<(Content, u32, u32)>,
     linears: u32,
     tones: u32,
@@ -459,7 +475,7 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
         mixed: false,
         strip: LEAST_STRIP,
     };
-    let flags = field(7, "a flag above 7")?;
+    let flags = field(15, "a flag above 15")?;
     let (mips, errors) = (flags & 1 == 1, flags & ERRORS_FLAG != 0);
     let count = field(2, "more than two epitomes")?;
     format.mixed = count == 2;
@@ -503,13 +519,17 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
         }
     }
     reader.end()?;
+    let finer = flags & COARSE_FLAG != 0;
+    if finer && (coarse_levels(layout.levels).is_empty() || epitomes[0].0 != Content::Bc1) {
+        return Err(reader.corrupt("finer coarse levels where no writer makes them"));
+    }
     // The epitome's mip levels and the coarse chain are there together.
     if mips != (layout.levels > 1) {
         return Err(
             reader.corrupt("mip levels of the epitome without mip levels of the images, or the other way")
         );
     }
-    Ok(Form { format, mips, errors, epitomes, linears, tones })
+    Ok(Form { format, mips, errors, finer, epitomes, linears, tones })
 }
 
 fn read_palettes(reader: &mut Reader<'_>, form: &Form) -> Result<(Vec<Linear>, Vec<Tone>), LoadError> {
@@ -661,7 +681,7 @@ fn read_coarse(
     let raw = file.read(COARSE_ID, budget)?;
     let mut reader = Reader::new(String4(COARSE_ID), &raw);
     let content = form.epitomes.first().map_or(Content::Raw, |&(content, ..)| content);
-    let content = coarse_content(content, layout.pixel);
+    let content = coarse_content(content, layout.pixel, form.finer);
     let mut coarse = Vec::new();
     for size in &layout.surfaces {
         let sizes = levels.clone().map(|level| size.at_level(level)).map(|size| (size.width, size.height));

@@ -156,7 +156,8 @@ fn epitome_cases() -> Vec<Case> {
         ),
         (
             "bc1 and bc7, mips",
-            Forge { contents: &[Bc1, Bc7], bits: bits(16, 16, 8, 7), strip: 32, ..forge() }.with_mips(),
+            Forge { contents: &[Bc1, Bc7], finer: true, bits: bits(16, 16, 8, 7), strip: 32, ..forge() }
+                .with_mips(),
         ),
         (
             "bc1 and bc7, unsplit",

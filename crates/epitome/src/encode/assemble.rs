@@ -90,7 +90,7 @@ pub(crate) fn assemble(
         tones: palettes.tones.iter().map(|&number| plan.palettes.tone(number)).collect(),
         epitomes,
         errors,
-        coarse: coarse(plan, levels, plan.space.stored[used[0]].content),
+        coarse: coarse(plan, levels, plan.space.stored[used[0]].content, choices),
         layering: (!maps.is_empty()).then(|| {
             Box::new(Layering {
                 total: choices.len() as u32,
@@ -295,19 +295,35 @@ fn encode_level(plan: &Plan<'_>, content: Content, level: &Raster) -> ContentPla
     )
 }
 
-/// For each image the levels that are not read from the epitome.
-fn coarse(plan: &Plan<'_>, levels: u32, content: Content) -> Vec<Vec<ContentPlanes>> {
+/// For each image the levels that are not read from the epitome, finer than it where they would show the images worse
+/// than it does.
+fn coarse(plan: &Plan<'_>, levels: u32, content: Content, choices: &[Choice]) -> Vec<Vec<ContentPlanes>> {
     let range = coarse_levels(levels);
     if range.is_empty() {
         return Vec::new();
     }
-    let content = coarse_content(content, plan.space.pixel);
-    let chain = |image: &Raster| {
-        mip_chain(image, levels, MipFilter::Box)
-            .iter()
-            .skip(range.start as usize)
-            .map(|level| encode_level(plan, content, level))
-            .collect()
+    let below = |image: &Raster| mip_chain(image, levels, MipFilter::Box).split_off(range.start as usize);
+    let chains: Vec<Vec<Raster>> = plan.images.images().iter().map(below).collect();
+    let encode = |finer: bool| -> Vec<Vec<ContentPlanes>> {
+        let content = coarse_content(content, plan.space.pixel, finer);
+        let encode = |levels: &Vec<Raster>| levels.iter().map(|l| encode_level(plan, content, l)).collect();
+        chains.iter().map(encode).collect()
     };
-    plan.images.images().iter().map(chain).collect()
+    let coarse = encode(false);
+    let texels: u64 = plan.images.images().iter().map(|image| image.size().texels()).sum();
+    let asked = choices.last().map_or(0.0, |choice| choice.psnr(texels as f64));
+    let shown = chain_psnr(chains.iter().flatten().zip(coarse.iter().flatten()));
+    if content == Content::Bc1 && shown < asked { encode(true) } else { coarse }
+}
+
+/// PSNR in dB of red, green and blue of all those levels.
+fn chain_psnr<'a>(levels: impl Iterator<Item = (&'a Raster, &'a ContentPlanes)>) -> f64 {
+    let (mut error, mut count) = (0.0, 0);
+    for (level, coded) in levels {
+        for (texel, shown) in level.texels().zip(coded.decode()) {
+            error += f64::from((texel - shown).truncate().length_squared());
+            count += 3;
+        }
+    }
+    10.0 * (f64::from(count.max(1)) / error.max(1e-9)).log10()
 }

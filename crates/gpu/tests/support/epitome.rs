@@ -11,10 +11,10 @@ use super::{Dice, Subject};
 
 /// Odd ones, several of one size, and one that is smaller than a leaf.
 const SIZES: [(u32, u32); 6] = [(37, 61), (64, 40), (5, 3), (37, 61), (1, 1), (101, 33)];
-/// Columns and rows of the first and the second epitome, multiples of 16.
+/// Columns and rows of the first and the second epitome, multiples of 8 texels or more.
 const EPITOMES: [(u32, u32); 2] = [(128, 64), (48, 80)];
 /// Mip levels of an epitome that has any, its full size among them.
-const PLANE_LEVELS: u32 = 3;
+const PLANE_LEVELS: u32 = 2;
 
 /// Mirrors, turns by quarters and by 45 and 30 degrees, scales, squeezes and a shear.
 const LINEARS: [Linear; 16] = [
@@ -46,6 +46,8 @@ pub(crate) struct Forge {
     pub(crate) normal: bool,
     /// One epitome of each.
     pub(crate) contents: &'static [Content],
+    /// Coarse mip levels in BC7 beside BC1.
+    pub(crate) finer: bool,
     pub(crate) block: u32,
     pub(crate) split: bool,
     /// Of column, row, their fraction, tone and linear part.
@@ -62,6 +64,7 @@ impl Default for Forge {
             channels: 3,
             normal: false,
             contents: &[Content::Raw],
+            finer: false,
             block: 32,
             split: true,
             bits: [9, 8, 2, 4, 4],
@@ -87,6 +90,7 @@ impl Forge {
             (Content::Raw, 1) => Content::Bc4,
             (Content::Raw, 2) => Content::Bc5,
             (Content::Raw, _) => Content::Bc7,
+            (Content::Bc1, _) if self.finer => Content::Bc7,
             (other, _) => other,
         }
     }
@@ -100,7 +104,7 @@ impl Forge {
     fn form(&self, linears: usize, tones: usize) -> Vec<u8> {
         let mips = self.levels > 1;
         let head = [self.block, u32::from(self.split)].into_iter().chain(self.bits);
-        let flags = u32::from(mips) | if self.strip > 4 { 4 } else { 0 };
+        let flags = u32::from(mips) | if self.strip > 4 { 4 } else { 0 } | if self.finer { 8 } else { 0 };
         let head = head.chain([flags, self.contents.len() as u32]);
         let mut form: Vec<u8> = head.map(|value| value as u8).collect();
         for (content, (width, height)) in self.contents.iter().zip(EPITOMES) {

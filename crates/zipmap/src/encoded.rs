@@ -86,7 +86,7 @@ pub(crate) fn matrix_of(rows: &[f32; 9]) -> DMat3 {
     DMat3::from_cols_array(&rows.map(f64::from)).transpose()
 }
 
-fn bytes_of(planes: &ContentPlanes) -> Vec<[u8; 4]> {
+pub(crate) fn bytes_of(planes: &ContentPlanes) -> Vec<[u8; 4]> {
     planes.decode().into_iter().map(|texel| texel.to_array().map(to_u8)).collect()
 }
 
@@ -188,8 +188,11 @@ impl ZipTexture {
     /// The same texture without its patches from `count` on: the root alone where that is 0.
     #[must_use]
     pub fn first_patches(&self, count: usize) -> ZipTexture {
-        let mut parts = self.parts.clone();
-        parts.patches.truncate(count);
+        let patches: Vec<PatchForm> = self.parts.patches.iter().take(count).cloned().collect();
+        let contents = patches.iter().map(|patch| patch.content + 1).max().unwrap_or(0);
+        let contents = self.parts.contents[..contents].to_vec();
+        let Parts { layout, deep, root, .. } = &self.parts;
+        let parts = Parts { layout: layout.clone(), deep: *deep, root: root.clone(), contents, patches };
         // Fewer patches fit where all did.
         ZipTexture::new(parts, self.notes.clone()).unwrap_or_else(|| self.clone())
     }

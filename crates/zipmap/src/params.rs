@@ -6,7 +6,9 @@ use texfold_core::{Effort, Goal, ParamError, Params};
 /// How a stack of patches is encoded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ZipParams {
-    /// What to reach. PSNR counts what compression loses of the merged patches; other goals take the smallest content.
+    /// What to reach. PSNR counts what compression and pictures stored at a fraction of their size change of the merged patches,
+    /// in the worst of them; the tolerance is for each 4x4 block of each picture as it is stored; bits are per texel of the root
+    /// and of all images.
     pub goal: Goal,
     /// How the root is stored; patches are stored alike, with soft alpha. `None` lets the goal decide.
     pub content: Option<Content>,

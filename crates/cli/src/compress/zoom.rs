@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use texfold::{AnyImage, PatchStack, TextureCodec, ZipTexture, Zipmap, fidelity};
 use texfold_core::metric::{SquaredError, decode_surface, ssim, worst_block_rms};
-use texfold_core::{Budget, Encoded, Goal, Job, Limits, LoadError};
+use texfold_core::{Budget, Encoded, Job, Limits, LoadError};
 
 use super::cache::{Cache, add_file, program};
 use super::task::{Finished, Workplace, pixels_of, unless_up_to_date};
@@ -103,11 +103,8 @@ impl ZoomTask {
 
     fn warnings(&self, texture: &ZipTexture, loaded: &stack::Loaded) -> Vec<String> {
         let mut warnings = loaded.left_out.clone();
-        if !matches!(self.settings.params.goal, Goal::Psnr(_)) {
-            warnings.push("a zipmap has a goal of PSNR alone; the smallest content was taken".to_owned());
-        }
         if texture.patches() == 0 {
-            warnings.push("nothing but the root is left: no photograph shows more than it".to_owned());
+            warnings.push("nothing but the root is left: it shows every photograph as the goal asks, and a higher goal keeps more".to_owned());
         }
         warnings
     }

@@ -4,6 +4,10 @@ use super::{CodecId, ENTRY_BYTES, HEADER_BYTES, MAGIC, STORED, VERSION, ZSTD, ch
 
 /// zstd level: 19 is the strongest that needs no large window; textures are written once and read often.
 const ZSTD_LEVEL: i32 = 19;
+/// zstd level of long sections: planes of BC7 become 3 % larger than by 19, in an eighth of the time.
+const ZSTD_LEVEL_LONG: i32 = 12;
+/// Bytes from which on a section is long.
+const LONG: usize = 1 << 22;
 
 /// Collects the sections of a file, in order.
 #[derive(Debug)]
@@ -39,7 +43,8 @@ impl SectionWriter {
 
     /// Adds a section. It is compressed where that makes it smaller. Its bytes count for `part`.
     pub fn section(&mut self, part: &'static str, id: [u8; 4], raw: &[u8]) {
-        let (compression, stored) = match zstd::bulk::compress(raw, ZSTD_LEVEL) {
+        let level = if raw.len() < LONG { ZSTD_LEVEL } else { ZSTD_LEVEL_LONG };
+        let (compression, stored) = match zstd::bulk::compress(raw, level) {
             Ok(compressed) if compressed.len() < raw.len() => (ZSTD, compressed),
             _ => (STORED, raw.to_vec()),
         };

@@ -1,7 +1,9 @@
 //! The method on one screen: check, lay patch by patch on a canvas (crop, fit colours, mask, mip levels, trim), leave out what
-//! is hidden, store in the content that the goal asks for.
+//! is hidden, store as finely and in the content that the goal asks for.
 
 mod canvas;
+mod enlarge;
+mod fit;
 mod levels;
 mod mask;
 mod merge;
@@ -10,17 +12,15 @@ mod report;
 mod trim;
 
 use glam::{DMat3, DVec2};
-use rayon::prelude::*;
-use texfold_bc::{Content, ContentPlanes};
+use texfold_bc::Content;
 use texfold_core::image::{Alpha, PixelInfo, Raster};
-use texfold_core::metric::SquaredError;
-use texfold_core::{EncodeError, Goal, ImageLayout, Job, Notes, Params, SurfaceSize, Texel, TextureCodec};
+use texfold_core::{EncodeError, Job, Params, SurfaceSize, Texel, TextureCodec};
 
-use crate::encoded::{MAX_PATCHES, MAX_PLANE_SIDE, Parts, PatchForm};
+use crate::encoded::{MAX_PATCHES, MAX_PLANE_SIDE};
 use crate::linear::{normalised, seen_in};
-use crate::wire::{patch_pixel, suits_patches};
 use crate::{PatchSource, PatchStack, ZipError, ZipParams, ZipTexture, Zipmap};
 use canvas::{Canvas, Laid};
+use fit::Maker;
 use merge::Bare;
 pub use report::{Fidelity, fidelity};
 
@@ -41,6 +41,10 @@ pub(crate) struct Dropped {
     /// Texels of the patches of both kinds, all levels.
     pub(crate) patch_texels: u64,
     pub(crate) cropped_texels: u64,
+    /// Pictures that are stored without their finest levels, patches whose picture is not stored, and the texels of both.
+    pub(crate) coarser: usize,
+    pub(crate) spared: Vec<usize>,
+    pub(crate) fine_texels: u64,
 }
 
 /// Texels of all levels.
@@ -55,6 +59,16 @@ impl Dropped {
             self.levels += all.len() - kept;
             self.level_texels += texels_of(&all[kept..]);
         }
+    }
+
+    /// Counts the fine levels that pictures lack.
+    fn note_cuts(&mut self, canvas: &Canvas, cuts: &[usize]) {
+        let is_left = |content: usize| cuts[content] < canvas.levels[content].len();
+        self.coarser = (0..cuts.len()).filter(|&content| cuts[content] > 0 && is_left(content)).count();
+        self.spared =
+            canvas.laid.iter().filter(|laid| !is_left(laid.content)).map(|laid| laid.source).collect();
+        self.fine_texels =
+            canvas.levels.iter().zip(cuts).map(|(levels, &cut)| texels_of(&levels[..cut])).sum();
     }
 }
 
@@ -123,28 +137,23 @@ pub(crate) fn encode(
     let before: u64 = canvas.levels.iter().map(|levels| texels_of(levels)).sum();
     dropped.hidden = job.install(|| remove_hidden(&mut canvas));
     dropped.patch_texels += before - canvas.levels.iter().map(|levels| texels_of(levels)).sum::<u64>();
-    let mut best = None;
-    let contents = contents(pixel, params);
-    for (index, &content) in contents.iter().enumerate() {
-        job.stage("compressing blocks", 0.65 + 0.3 * index as f32 / contents.len() as f32)?;
-        let (texture, loss) = job
-            .install(|| {
-                let texture = store(&canvas, pixel, deep, root_levels, content, params)?;
-                let loss = loss(&canvas, &texture).psnr();
-                Some((texture, loss))
-            })
-            .ok_or(fault(ZipError::Full))?;
-        let met = !matches!(params.goal, Goal::Psnr(wanted) if loss < wanted);
-        best = Some((texture, loss));
-        if met {
-            break;
-        }
-    }
-    let (texture, loss) = best.ok_or(fault(ZipError::Full))?;
+    let source_texels: u64 =
+        stack.images.iter().chain([&stack.root]).map(|image| image.size().texels()).sum();
+    let mut maker = Maker {
+        canvas: &canvas,
+        pixel,
+        deep,
+        root_levels,
+        params,
+        encoded: std::collections::HashMap::new(),
+    };
+    let fitted = fit::fit(&mut maker, &contents(pixel, params), source_texels as f64, job)?;
+    drop(maker);
+    dropped.note_cuts(&canvas, &fitted.cuts);
     job.stage("measuring", 0.95)?;
-    let notes = job.install(|| report::notes(stack, params, &texture, &dropped, loss));
+    let notes = job.install(|| report::notes(stack, params, &fitted, &dropped));
     job.stage("done", 1.0)?;
-    Ok(texture.with_notes(notes))
+    Ok(fitted.texture.with_notes(notes))
 }
 
 fn check(stack: &PatchStack) -> Result<(), ZipError> {
@@ -345,64 +354,4 @@ fn contents(pixel: PixelInfo, params: &ZipParams) -> Vec<Content> {
         3 => vec![Content::Bc1, Content::Bc7, Content::Raw],
         _ => vec![Content::Bc7, Content::Raw],
     }
-}
-
-fn store(
-    canvas: &Canvas,
-    pixel: PixelInfo,
-    deep: u32,
-    root_levels: u32,
-    content: Content,
-    params: &ZipParams,
-) -> Option<ZipTexture> {
-    let (width, height) = canvas.root_size;
-    let of_patches = patch_pixel(pixel);
-    let patch_content = match (content, params.content) {
-        (Content::Raw, _) => Content::Raw,
-        (_, Some(Content::Bc3)) if suits_patches(Content::Bc3, of_patches) => Content::Bc3,
-        _ if of_patches.channels == 2 => Content::Bc5,
-        _ => Content::Bc7,
-    };
-    let texels = |level: &[[u8; 4]]| -> Vec<Texel> {
-        level.iter().map(|bytes| Texel::from_array(bytes.map(f32::from)) / 255.0).collect()
-    };
-    let encode = |(content, pixel), level: usize, size: (u32, u32), bytes: &[[u8; 4]]| {
-        let size = ((size.0 >> level).max(1), (size.1 >> level).max(1));
-        ContentPlanes::encode(content, pixel, size, &texels(bytes), params.effort)
-    };
-    let root =
-        canvas.root.iter().enumerate().map(|(k, level)| encode((content, pixel), k, canvas.root_size, level));
-    let size_of = |content: usize| {
-        canvas.laid.iter().find(|laid| laid.content == content).map_or((1, 1), |laid| laid.size)
-    };
-    let shown = |(content, levels): (usize, &Vec<Vec<[u8; 4]>>)| {
-        let encoded = |(k, level): (usize, &Vec<[u8; 4]>)| {
-            encode((patch_content, of_patches), k, size_of(content), level)
-        };
-        levels.iter().enumerate().map(encoded).collect()
-    };
-    let layout = ImageLayout {
-        surfaces: vec![SurfaceSize { width: width << deep, height: height << deep }],
-        levels: deep + root_levels,
-        pixel,
-    };
-    let contents = canvas.levels.par_iter().enumerate().map(shown).collect();
-    let patches =
-        canvas.laid.iter().map(|laid| PatchForm { matrix: laid.rows(), content: laid.content }).collect();
-    ZipTexture::new(Parts { layout, deep, root: root.collect(), contents, patches }, Notes::default())
-}
-
-/// What compression changes, at texels of the root and of all patches.
-fn loss(canvas: &Canvas, texture: &ZipTexture) -> SquaredError {
-    let names: Vec<u16> = (0..canvas.laid.len() as u16).collect();
-    let mut error = SquaredError::default();
-    let places = std::iter::once((None, canvas.root_size))
-        .chain(canvas.laid.iter().map(|laid| (Some(laid), laid.size)));
-    for (laid, size) in places {
-        let matrix = laid.map_or(DMat3::IDENTITY, |laid| laid.matrix);
-        let names = if laid.is_some() { canvas.touching(&matrix) } else { names.clone() };
-        let table = canvas.table(&names);
-        error = error + report::compare(&canvas.view(&table), &texture.view(), &matrix.inverse(), size);
-    }
-    error
 }

@@ -8,6 +8,7 @@ use texfold_core::{Encoded, Goal, Notes, Texel};
 
 use super::Dropped;
 use super::canvas::{Footprint, colour};
+use super::fit::Fitted;
 use crate::decode::ZipmapView;
 use crate::encoded::PATCH_PART;
 use crate::wire::patch_pixel;
@@ -101,13 +102,8 @@ fn against(view: &ZipmapView<'_>, image: &Raster, inverse: &DMat3) -> SquaredErr
     SquaredError { sum: total, count: 3 * pairs.len() as u64 }
 }
 
-pub(crate) fn notes(
-    stack: &PatchStack,
-    params: &ZipParams,
-    texture: &ZipTexture,
-    dropped: &Dropped,
-    loss: f64,
-) -> Notes {
+pub(crate) fn notes(stack: &PatchStack, params: &ZipParams, fitted: &Fitted, dropped: &Dropped) -> Notes {
+    let texture = &fitted.texture;
     let found = fidelity(stack, texture);
     let sum = |error: fn(&Fidelity) -> SquaredError| {
         found.iter().map(error).fold(SquaredError::default(), |a, b| a + b)
@@ -122,20 +118,24 @@ pub(crate) fn notes(
     let psnr_without = if texture.patches() > 0 { vec![(PATCH_PART.to_owned(), alone)] } else { Vec::new() };
     Notes {
         settings: format!("--codec zipmap {goal}{content}"),
-        verdict: verdict(stack, texture, dropped, loss, sum(|fidelity| fidelity.error).psnr()),
+        verdict: verdict(fitted, dropped, sum(|fidelity| fidelity.error).psnr()),
         psnr_without,
     }
 }
 
-fn verdict(stack: &PatchStack, texture: &ZipTexture, dropped: &Dropped, loss: f64, psnr: f64) -> String {
+fn verdict(fitted: &Fitted, dropped: &Dropped, psnr: f64) -> String {
+    let texture = &fitted.texture;
     let root = texture.root_size();
-    let zoom = stack.patches.iter().map(|patch| stack.zoom(patch)).fold(1.0, f64::max);
+    let zoom = fitted.zooms.iter().copied().fold(1.0, f64::max);
+    let losses = || fitted.losses.iter();
+    let loss = losses().fold(SquaredError::default(), |sum, &loss| sum + loss).psnr();
+    let worst = losses().map(|loss| loss.psnr()).fold(f64::INFINITY, f64::min);
     let plain = root.texels() as f64 * zoom * zoom * 4.0 / 3.0;
     let bits = texture.gpu().bits_memory() as f64;
     let bits_per_texel = texture.parts.root[0].content().bits_per_texel(texture.layout().pixel);
     let mut text = format!(
         "{} patches on a root of {}x{}, zoom up to {zoom:.2}; photographs are shown at {psnr:.2} dB after fitting their exposure, \
-         compression alone changes {loss:.2} dB; {:.0}% of the memory of a plain texture as fine throughout",
+         compression alone changes {loss:.2} dB, {worst:.2} dB in the worst of them; {:.0}% of the memory of a plain texture as fine throughout",
         texture.patches(),
         root.width,
         root.height,
@@ -146,6 +146,15 @@ fn verdict(stack: &PatchStack, texture: &ZipTexture, dropped: &Dropped, loss: f6
             "; they show {} pictures, each stored once and not fitted where it lies several times",
             texture.contents()
         );
+    }
+    if dropped.coarser > 0 {
+        text += &format!(
+            "; {} pictures are stored without their finest levels, which the goal does not need",
+            dropped.coarser
+        );
+    }
+    if !dropped.spared.is_empty() {
+        text += &format!("; nor does it need patches {:?}", dropped.spared);
     }
     if dropped.levels > 0 {
         let share = dropped.level_texels;
@@ -163,7 +172,7 @@ fn verdict(stack: &PatchStack, texture: &ZipTexture, dropped: &Dropped, loss: f6
     if !dropped.hidden.is_empty() {
         text += &format!("; patches {:?} are hidden by others", dropped.hidden);
     }
-    let left_out = dropped.level_texels + dropped.patch_texels + dropped.cropped_texels;
+    let left_out = dropped.level_texels + dropped.patch_texels + dropped.cropped_texels + dropped.fine_texels;
     if left_out > 0 {
         let of_patches = texture.parts.contents.first().map_or(bits_per_texel, |levels| {
             levels[0].content().bits_per_texel(patch_pixel(texture.layout().pixel))

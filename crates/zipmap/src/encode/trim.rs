@@ -27,9 +27,15 @@ fn places((width, height): (u32, u32), most: u32) -> Vec<(u32, u32)> {
 
 /// RMS difference in 8-bit units, where the level is shown, between it and what lies under it, both as means over its texels: a
 /// single lookup of what lies under, between its own levels, would be blurred otherwise and differ by that.
-fn difference(laid: &Laid, level: u32, texels: &[[u8; 4]], canvas: &Canvas, color: ColorSpace) -> f64 {
+fn difference(
+    laid: &Laid,
+    level: u32,
+    texels: &[[u8; 4]],
+    (canvas, names): (&Canvas, &[u16]),
+    color: ColorSpace,
+) -> f64 {
     let size = ((laid.size.0 >> level).max(1), (laid.size.1 >> level).max(1));
-    let table = canvas.table(&canvas.touching(&laid.matrix));
+    let table = canvas.table(names);
     let view = canvas.view(&table);
     let inverse = laid.matrix.inverse();
     let texel = DVec2::new(1.0 / f64::from(size.0), 1.0 / f64::from(size.1));
@@ -82,13 +88,24 @@ pub(crate) fn drop_levels(
     least: f64,
 ) -> usize {
     let before = levels.len();
+    let names = canvas.touching(&laid.matrix);
     while let Some(last) = levels.last() {
-        if difference(laid, levels.len() as u32 - 1, last, canvas, color) >= least {
+        if difference(laid, levels.len() as u32 - 1, last, (canvas, &names), color) >= least {
             break;
         }
         levels.pop();
     }
     before - levels.len()
+}
+
+/// Sum of squares over texels and channels, 8-bit units, that a patch of the canvas would lose were it left out.
+pub(crate) fn lost(canvas: &Canvas, index: usize, color: ColorSpace) -> f64 {
+    let laid = &canvas.laid[index];
+    let texels = &canvas.levels[laid.content][0];
+    let names: Vec<u16> =
+        canvas.touching(&laid.matrix).into_iter().filter(|&other| usize::from(other) < index).collect();
+    let seen: f64 = texels.iter().map(|texel| (f64::from(texel[3]) / 255.0).powi(2)).sum();
+    3.0 * seen * difference(laid, 0, texels, (canvas, &names), color).powi(2)
 }
 
 /// Patches of which those laid later leave nothing to be seen.

@@ -80,6 +80,10 @@ pub(crate) enum CliError {
     StackMatrix { path: PathBuf, patch: usize, found: usize },
     #[error("{}: patch {patch} has parent {parent}, which no patch shows; name the image of another patch", path.display())]
     StackParent { path: PathBuf, patch: usize, parent: String },
+    #[error("{}: patch {patch} lies where the stack that it goes with says; leave its matrix, mask and parent out", path.display())]
+    StackRide { path: PathBuf, patch: usize },
+    #[error("{}: goes with {}, which goes with a third stack; name that one", path.display(), host.display())]
+    StackHost { path: PathBuf, host: PathBuf },
     #[error("{}: {given}; give --camera for a light field, --zoom-to and --steps for images", path.display())]
     RenderWhat { path: PathBuf, given: &'static str },
     #[error("{}: content astc is not in this build; give raw, bc1 or bc7, or build with the cargo feature `astc`", path.display())]

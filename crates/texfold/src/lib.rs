@@ -19,5 +19,5 @@ pub use texfold_progressive::{Progressive, ProgressiveParams, ProgressiveTexture
 pub use texfold_vq::{GuidanceWeights, Vq, VqParams, VqSource};
 pub use texfold_zipmap::{
     Fidelity, LeftOut, PatchSource, PatchStack, Registration, ZipError, ZipParams, ZipTexture, Zipmap,
-    fidelity, register,
+    fidelity, masks as zip_masks, register,
 };

@@ -56,6 +56,14 @@ pub enum ZipError {
         /// Those of the image.
         wanted: (u32, u32),
     },
+    /// Maps of another kind than the patches' images, and not one for each.
+    #[error("there are {found} maps and masks for {patches} patches; give one of each for every patch")]
+    Maps {
+        /// Maps that are there, or masks where these are fewer.
+        found: usize,
+        /// Patches of the stack.
+        patches: usize,
+    },
     /// An image longer than a texture may be.
     #[error("an image is {width}x{height}, longer than 8192 texels a side; scale it down")]
     TooLarge {

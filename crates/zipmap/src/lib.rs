@@ -20,7 +20,7 @@ mod register;
 mod stack;
 mod wire;
 
-pub use encode::{Fidelity, fidelity};
+pub use encode::{Fidelity, fidelity, masks};
 pub use encoded::ZipTexture;
 pub use error::ZipError;
 pub use params::ZipParams;

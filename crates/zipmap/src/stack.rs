@@ -49,6 +49,31 @@ impl PatchStack {
         Some(stack)
     }
 
+    /// Maps of another kind, such as normals or heights, at the places of these patches: a root, a map for each patch, and how
+    /// much each is shown, from [`crate::masks`] of the colours. Encode them with [`crate::ZipParams::merge`] off, as they have no
+    /// exposure.
+    ///
+    /// # Errors
+    /// [`ZipError::Maps`] where there are not as many maps and masks as patches. Masks of another size than the maps are an error of
+    /// encoding.
+    pub fn riding(
+        &self,
+        root: Raster,
+        maps: Vec<Raster>,
+        masks: Vec<Raster>,
+    ) -> Result<PatchStack, ZipError> {
+        if maps.len() != self.patches.len() || masks.len() != self.patches.len() {
+            return Err(ZipError::Maps { found: maps.len().min(masks.len()), patches: self.patches.len() });
+        }
+        let patch = |(image, (patch, mask)): (usize, (&PatchSource, Raster))| PatchSource {
+            image,
+            mask: Some(mask),
+            ..patch.clone()
+        };
+        let patches = self.patches.iter().zip(masks).enumerate().map(patch).collect();
+        Ok(PatchStack { root, images: maps, patches })
+    }
+
     /// The order in which patches are laid: parents before those that lie on them, else as they are named.
     pub(crate) fn order(&self) -> Result<Vec<usize>, ZipError> {
         let mut laid = Vec::new();

@@ -9,7 +9,7 @@ use texfold_core::{Budget, EncodeError, Encoded, Goal, Job, Texel, TextureCodec}
 use texfold_testkit::leaves::{Leaves, Lens, close_up, photograph};
 use texfold_zipmap::decode::{texfold_zipmap_pixel, texfold_zipmap_sample_grad};
 use texfold_zipmap::{
-    LeftOut, PatchSource, PatchStack, Registration, ZipError, ZipParams, ZipTexture, Zipmap, fidelity,
+    LeftOut, PatchSource, PatchStack, Registration, ZipError, ZipParams, ZipTexture, Zipmap, fidelity, masks,
     register,
 };
 
@@ -435,4 +435,54 @@ fn patches_are_stored_as_finely_as_the_goal_asks() {
     }
     let (fine, coarse) = (figures(&stack, Goal::Tolerance(6.0)), figures(&stack, Goal::Tolerance(60.0)));
     assert!(coarse.0 < fine.0 && coarse.1 < fine.1, "{fine:?} {coarse:?}");
+}
+
+#[test]
+fn maps_of_another_kind_lie_where_the_colours_do() {
+    let leaves = leaves();
+    let root = shot(&leaves, &DMat3::IDENTITY, PLAIN);
+    let [inside, across] = [0.5, 0.05].map(|at| close_up(DVec2::splat(at), 3.0, 0.2, DVec2::ZERO));
+    let patch = |image, matrix| PatchSource { image, matrix, mask: None, parent: None };
+    let colours = PatchStack {
+        images: vec![shot(&leaves, &inside, PLAIN), shot(&leaves, &across, PLAIN), root.clone()],
+        // The last image shows nothing new.
+        patches: vec![patch(2, DMat3::IDENTITY), patch(0, inside), patch(1, across)],
+        root,
+    };
+    // As fine as they come: pictures that are stored coarser have coarser masks.
+    let params = ZipParams { goal: Goal::Psnr(60.0), drop_rms: 4.0, ..ZipParams::default() };
+    let masks = masks(&colours, &params, &mut Job::default()).unwrap();
+    let shown = |mask: &Raster| mask.data().iter().filter(|&&share| share > 0.0).count();
+    let texels = (SIZE.0 * SIZE.1) as usize;
+    let [nothing, whole, part] = [0, 1, 2].map(|index| shown(&masks[index]));
+    assert!(
+        whole > texels * 4 / 5 && nothing == 0 && part < whole && part > texels / 5,
+        "{whole} {nothing} {part}"
+    );
+    // A stripe along the first column is no part of any patch.
+    assert!((0..SIZE.1).all(|y| masks[1].texel(0, y).x == 0.0));
+    let flat =
+        |value: u8| Raster::from_u8(SIZE.0, SIZE.1, 1, ColorSpace::Linear, &vec![value; texels]).unwrap();
+    let heights = vec![flat(200), flat(200), flat(200)];
+    let riding = colours.riding(flat(50), heights.clone(), masks.clone()).unwrap();
+    let riding = encode(&riding, &ZipParams { merge: false, ..params.clone() }).unwrap();
+    let texture = encode(&colours, &params).unwrap();
+    assert_eq!((riding.patches(), texture.patches()), (2, 2));
+    // Where the mask is full the height is that of the patch, and where it is clear that of the root.
+    let view = riding.view();
+    for (x, y) in (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| (x, y))).step_by(97) {
+        let at =
+            DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5) / DVec2::new(SIZE.0.into(), SIZE.1.into());
+        let uv = project(&inside.inverse(), at).as_vec2();
+        let step = 1.0 / (3.0 * SIZE.0 as f32);
+        let height = texfold_zipmap_pixel(&view, uv, Vec2::new(step, 0.0), Vec2::new(0.0, step)).x;
+        let wanted = (50.0 + 150.0 * masks[1].texel(x, y).x) / 255.0;
+        // Alpha is blended between texels, and stored in blocks.
+        let around = (0..9).map(|k| (x + k % 3, y + k / 3)).filter(|&(x, y)| x > 0 && y > 0);
+        let around = around.map(|(x, y)| masks[1].texel((x - 1).min(SIZE.0 - 1), (y - 1).min(SIZE.1 - 1)).x);
+        let (low, high) = around.fold((1f32, 0f32), |(low, high), share| (low.min(share), high.max(share)));
+        assert!((height - wanted).abs() < 0.6 * (high - low) + 0.05, "{x}, {y}: {height} for {wanted}");
+    }
+    let few = colours.riding(flat(50), heights[..1].to_vec(), masks);
+    assert_eq!(few.err(), Some(ZipError::Maps { found: 1, patches: 3 }));
 }

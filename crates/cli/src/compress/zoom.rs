@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use texfold::{AnyImage, PatchStack, TextureCodec, ZipTexture, Zipmap, fidelity};
+use texfold::{AnyImage, PatchStack, TextureCodec, ZipParams, ZipTexture, Zipmap, fidelity};
 use texfold_core::metric::{SquaredError, decode_surface, ssim, worst_block_rms};
 use texfold_core::{Budget, Encoded, Job, Limits, LoadError};
 
@@ -45,14 +45,18 @@ impl ZoomTask {
         let mut progress = |stage| share.report(stage);
         let mut job = Job::new(limits).with_progress(&mut progress);
         let loaded = stack::read(path, &self.found.files, &self.settings, place.limit_bytes, &mut job)?;
+        let params = ZipParams { merge: !loaded.rides, ..self.settings.params.clone() };
         let texture = job
-            .within(0.5, 1.0, |job| Zipmap::encode(&loaded.stack, &self.settings.params, job))
+            .within(0.5, 1.0, |job| Zipmap::encode(&loaded.stack, &params, job))
             .map_err(|source| CliError::Encode { path: path.clone(), source })?;
         let bytes = AnyImage::Zipmap(texture).to_bytes();
         let seconds = start.elapsed().as_secs_f64();
         let row = self
             .row(&loaded, &bytes, seconds)
             .map_err(|source| CliError::Load { path: self.output.clone(), source })?;
+        if let Some(list) = &loaded.list {
+            write_whole(&self.output.with_extension(stack::LIST_NAME), list.as_bytes())?;
+        }
         write_whole(&self.output, &bytes)?;
         cache.record(&self.output, key, &bytes, &row);
         Ok(Finished { row, skipped: false })
@@ -115,8 +119,7 @@ impl ZoomTask {
         let mut hasher = blake3::Hasher::new();
         hasher.update(program().as_bytes());
         hasher.update(format!("{:?}", self.settings).as_bytes());
-        let list = Some(dir.join(stack::LIST_NAME)).filter(|list| list.exists());
-        for file in list.iter().chain(&self.found.files) {
+        for file in stack::list_files(dir).iter().chain(&self.found.files) {
             add_file(&mut hasher, file).map_err(|source| CliError::Read { path: file.clone(), source })?;
         }
         Ok(hasher.finalize().to_hex().to_string())

@@ -1,12 +1,13 @@
-//! Zoom stacks: a folder of photographs to be put in order, or with `zipmap.toml`, which says where each has its place.
+//! Zoom stacks: a folder of photographs to be put in order, or with `zipmap.toml`, which says where each has its place, or with
+//! which other stack it goes.
 
 use std::path::{Path, PathBuf};
 
 use glam::DMat3;
-use serde::Deserialize;
-use texfold::{LeftOut, PatchSource, PatchStack, register};
-use texfold_core::Job;
+use serde::{Deserialize, Serialize};
+use texfold::{LeftOut, PatchSource, PatchStack, TextureCodec, ZipParams, Zipmap, register, zip_masks};
 use texfold_core::image::{Alpha, ColorSpace, Raster};
+use texfold_core::{EncodeError, Job};
 
 use super::pixels;
 use crate::config::ZoomSettings;
@@ -16,23 +17,33 @@ use crate::error::CliError;
 pub(crate) const LIST_NAME: &str = "zipmap.toml";
 
 /// A list of patches as it is written.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 struct List {
     root: PathBuf,
+    /// The folder of the stack at whose places these maps lie.
+    with: Option<PathBuf>,
     #[serde(default)]
     patch: Vec<Entry>,
 }
 
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {
     image: PathBuf,
-    /// Row by row, from the root's texture coordinates to the patch's.
+    /// Row by row, from the root's texture coordinates to the patch's; none where they are those of another stack.
+    #[serde(default)]
     matrix: Vec<f64>,
     mask: Option<PathBuf>,
     /// The image of the patch that it lies on.
     parent: Option<PathBuf>,
+}
+
+impl Entry {
+    /// An image and nothing else.
+    fn of(image: &Path) -> Entry {
+        Entry { image: image.to_owned(), matrix: Vec::new(), mask: None, parent: None }
+    }
 }
 
 fn read_list(dir: &Path) -> Result<List, CliError> {
@@ -42,9 +53,25 @@ fn read_list(dir: &Path) -> Result<List, CliError> {
     toml::from_str(&text).map_err(|source| CliError::StackFile { path, source: Box::new(source) })
 }
 
-/// All files that a list names, root first, each once.
+/// The list of a folder, and of the folder that it goes with.
+pub(crate) fn list_files(dir: &Path) -> Vec<PathBuf> {
+    let own = Some(dir.join(LIST_NAME)).filter(|list| list.exists());
+    let with = own.as_ref().and_then(|_| read_list(dir).ok()?.with);
+    own.into_iter().chain(with.map(|with| dir.join(with).join(LIST_NAME))).collect()
+}
+
+/// All files that a list names, root first, each once; those of the stack that it goes with behind.
 pub(crate) fn image_files(dir: &Path) -> Result<Vec<PathBuf>, CliError> {
     let list = read_list(dir)?;
+    let mut files = named(dir, &list);
+    if let Some(with) = &list.with {
+        let alone = List { with: None, ..read_list(&dir.join(with))? };
+        files.extend(named(&dir.join(with), &alone));
+    }
+    Ok(files)
+}
+
+fn named(dir: &Path, list: &List) -> Vec<PathBuf> {
     let mut files = vec![dir.join(&list.root)];
     for name in list.patch.iter().flat_map(|entry| [Some(&entry.image), entry.mask.as_ref()]).flatten() {
         let path = dir.join(name);
@@ -52,7 +79,7 @@ pub(crate) fn image_files(dir: &Path) -> Result<Vec<PathBuf>, CliError> {
             files.push(path);
         }
     }
-    Ok(files)
+    files
 }
 
 /// A stack, and a word about each photograph that is no part of it.
@@ -60,6 +87,10 @@ pub(crate) fn image_files(dir: &Path) -> Result<Vec<PathBuf>, CliError> {
 pub(crate) struct Loaded {
     pub(crate) stack: PatchStack,
     pub(crate) left_out: Vec<String>,
+    /// Where registration has put the photographs, as a list to correct by hand.
+    pub(crate) list: Option<String>,
+    /// Whether they are maps of another kind than colours, at the places of another stack.
+    pub(crate) rides: bool,
 }
 
 /// Reads a folder and finds each photograph's place.
@@ -72,7 +103,12 @@ pub(crate) fn read(
 ) -> Result<Loaded, CliError> {
     let ZoomSettings { color, alpha, .. } = *settings;
     if dir.join(LIST_NAME).exists() {
-        return by_hand(dir, (color, alpha), limit_bytes);
+        let list = read_list(dir)?;
+        let stack = match &list.with {
+            Some(with) => riding(dir, with, &list, settings, limit_bytes, job)?,
+            None => by_hand(dir, &list, (color, alpha), limit_bytes)?,
+        };
+        return Ok(Loaded { stack, left_out: Vec::new(), list: None, rides: list.with.is_some() });
     }
     let photos: Result<Vec<Raster>, CliError> =
         files.iter().map(|file| pixels::read(file, color, alpha, limit_bytes)).collect();
@@ -92,15 +128,57 @@ pub(crate) fn read(
     let left_out = found.left_out.iter().map(word).collect();
     let no_root = CliError::EmptyFolder { path: dir.to_owned() };
     let stack = PatchStack::registered(&photos, &found).ok_or(no_root)?;
-    Ok(Loaded { stack, left_out })
+    let list = Some(written(&stack, name(found.root), |index| name(found.placed[index].photo)));
+    Ok(Loaded { stack, left_out, list, rides: false })
+}
+
+/// A stack as a list.
+fn written(stack: &PatchStack, root: String, name: impl Fn(usize) -> String) -> String {
+    let entry = |(index, patch): (usize, &PatchSource)| Entry {
+        image: name(index).into(),
+        matrix: patch.matrix.transpose().to_cols_array().to_vec(),
+        mask: None,
+        parent: patch.parent.map(|parent| name(parent).into()),
+    };
+    let patch = stack.patches.iter().enumerate().map(entry).collect();
+    // A list of names and numbers can always be written.
+    toml::to_string(&List { root: root.into(), with: None, patch }).unwrap_or_default()
+}
+
+/// Maps of another kind at the places of the stack in folder `with`, shown as far as its colours are.
+fn riding(
+    dir: &Path,
+    with: &Path,
+    list: &List,
+    settings: &ZoomSettings,
+    limit_bytes: u64,
+    job: &mut Job<'_>,
+) -> Result<PatchStack, CliError> {
+    let path = || dir.join(LIST_NAME);
+    if let Some(patch) = list.patch.iter().position(|entry| *entry != Entry::of(&entry.image)) {
+        return Err(CliError::StackRide { path: path(), patch });
+    }
+    let host_dir = dir.join(with);
+    let host_list = read_list(&host_dir)?;
+    if host_list.with.is_some() {
+        return Err(CliError::StackHost { path: path(), host: host_dir });
+    }
+    let host = by_hand(&host_dir, &host_list, (ColorSpace::Srgb, None), limit_bytes)?;
+    let fault = |source| CliError::Encode { path: dir.to_owned(), source };
+    let params = ZipParams { merge: true, ..settings.params.clone() };
+    let masks = job.within(0.0, 0.4, |job| zip_masks(&host, &params, job)).map_err(fault)?;
+    let read = |name: &PathBuf| pixels::read(&dir.join(name), settings.color, settings.alpha, limit_bytes);
+    let maps = list.patch.iter().map(|entry| read(&entry.image)).collect::<Result<_, _>>()?;
+    host.riding(read(&list.root)?, maps, masks)
+        .map_err(|source| fault(EncodeError::Codec { codec: Zipmap::ID, source: Box::new(source) }))
 }
 
 fn by_hand(
     dir: &Path,
+    list: &List,
     (color, alpha): (ColorSpace, Option<Alpha>),
     limit_bytes: u64,
-) -> Result<Loaded, CliError> {
-    let list = read_list(dir)?;
+) -> Result<PatchStack, CliError> {
     let root = pixels::read(&dir.join(&list.root), color, alpha, limit_bytes)?;
     let mut names: Vec<&PathBuf> = Vec::new();
     let mut stack = PatchStack { root, images: Vec::new(), patches: Vec::new() };
@@ -140,5 +218,5 @@ fn by_hand(
             parent,
         });
     }
-    Ok(Loaded { stack, left_out: Vec::new() })
+    Ok(stack)
 }

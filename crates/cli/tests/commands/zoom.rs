@@ -88,3 +88,46 @@ fn a_list_says_where_patches_lie() {
         assert!(error.contains(what), "{error}");
     }
 }
+
+#[test]
+fn maps_ride_along_with_a_stack_and_a_registration_can_be_written_by_hand() {
+    let place = Place::new();
+    shots(&place);
+    assert_eq!(place.run("compress wall --as zoom --out out").code, Some(0));
+    let list = fs::read_to_string(place.at("out/wall.zipmap.toml")).unwrap();
+    assert!(list.contains("root = \"b.png\"") && list.contains("image = \"a.png\""), "{list}");
+    // The same by hand: the same texture.
+    fs::write(place.at("wall/zipmap.toml"), &list).unwrap();
+    assert_eq!(place.run("compress wall --out again").code, Some(0));
+    assert!(fs::read(place.at("out/wall.txf")).unwrap() == fs::read(place.at("again/wall.txf")).unwrap());
+    // Heights at the places of the colours.
+    fs::create_dir(place.at("heights")).unwrap();
+    for name in ["a.png", "b.png"] {
+        fs::copy(place.at("wall").join(name), place.at("heights").join(name)).unwrap();
+    }
+    let ride = "root = 'b.png'\nwith = '../wall'\n[[patch]]\nimage = 'a.png'\n";
+    fs::write(place.at("heights/zipmap.toml"), ride).unwrap();
+    let (run, report) = place.compress("heights --color linear --psnr 40 --out out");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let verdict = report[0]["verdict"].as_str().unwrap();
+    assert!(verdict.starts_with("1 patches on a root of 240x200, zoom up to 3.0"), "{verdict}");
+    let up_to_date = place.run("compress heights --color linear --psnr 40 --out out");
+    assert!(up_to_date.stdout.contains("1 up to date"), "{}", up_to_date.stdout);
+    for (change, what) in [
+        (format!("{ride}matrix = [1.0]\n"), "leave its matrix, mask and parent out"),
+        (ride.replace("[[patch]]\nimage = 'a.png'\n", ""), "0 maps and masks for 1 patches"),
+        (ride.replace("../wall", "../heights"), "goes with a third stack"),
+        (ride.replace("../wall", "../none"), "none"),
+    ] {
+        fs::write(place.at("heights/zipmap.toml"), change).unwrap();
+        let (run, report) = place.compress("heights --out out");
+        assert_eq!(run.code, Some(1), "{what}");
+        let error = report[0]["error"].as_str().unwrap();
+        assert!(error.contains(what), "{error}");
+    }
+    // What colours have changed makes their maps out of date.
+    fs::write(place.at("heights/zipmap.toml"), ride).unwrap();
+    fs::write(place.at("wall/zipmap.toml"), format!("# moved\n{list}")).unwrap();
+    let changed = place.run("compress heights --color linear --psnr 40 --out out");
+    assert!(changed.stdout.contains("1 written"), "{}", changed.stdout);
+}

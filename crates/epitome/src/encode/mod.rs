@@ -100,8 +100,8 @@ const TURNED_LINEARS: usize = 32;
 const TOLERANCE_BLOCK: u32 = 12;
 /// Side of all leaves where there is no quadtree and none is given.
 const FIXED_BLOCK: u32 = 16;
-/// Times that matches are searched for within a tolerance.
-const TOLERANCE_PASSES: usize = 2;
+/// Times that matches are searched for within a tolerance, by effort: each search is in what the one before has led to.
+const TOLERANCE_PASSES: [usize; 3] = [2, 3, 6];
 /// Shares of the tolerance that candidates are held to.
 const TOLERANCE_SHARES: [f32; 3] = [1.0, 0.75, 0.4];
 
@@ -440,7 +440,7 @@ impl EpitomeSearch {
             let reach = Reach { part: reach.part.filter(|_| self.allowed.is_none()), ..reach };
             search(&self.space, &self.grid, reach, &allowed, &mut self.matches, job)?;
             let (Goal::Tolerance(tolerance), None) = (self.params.goal, &self.allowed) else { return Ok(()) };
-            for _ in 1..TOLERANCE_PASSES {
+            for _ in 1..TOLERANCE_PASSES[self.params.effort as usize] {
                 let rules = self.rules(Some(tolerance as f32));
                 let kept = job.install(|| {
                     let covers = self.covers(&self.whole(&rules).0);

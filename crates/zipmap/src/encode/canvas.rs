@@ -19,6 +19,8 @@ pub(crate) struct Laid {
     /// From the root's texture coordinates to its own.
     pub(crate) matrix: DMat3,
     pub(crate) size: (u32, u32),
+    /// Its upper left texel in its image.
+    pub(crate) corner: (u32, u32),
     /// Texels to a texel of the root.
     pub(crate) zoom: f64,
     /// Which of the canvas's levels it shows.

@@ -5,7 +5,8 @@ use rayon::prelude::*;
 /// Texels a side of a block that errors are told of.
 const BLOCK: u32 = 4;
 
-/// How far a picture is from what is shown of it, as far as it is seen: errors are weighted by alpha.
+/// How far a picture is from what is shown of it, as far as it is seen: errors are weighted by alpha, and those of alpha by how
+/// much the picture differs from what lies under it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Change {
     /// Sum of squares over texels and channels, 8-bit units.
@@ -25,8 +26,15 @@ fn taps(count: u32, of: u32) -> Vec<(usize, usize, f32)> {
     (0..count).map(tap).collect()
 }
 
-/// The change from a picture of `size` to `shown`, one of its levels that has its sides halved `level` times.
-pub(crate) fn change(source: &[[u8; 4]], size: (u32, u32), shown: &[[u8; 4]], level: usize) -> Change {
+/// The change from a picture of `size` to `shown`, one of its levels that has its sides halved `level` times. It differs by
+/// `contrast` from what lies under it, RMS in 8-bit units.
+pub(crate) fn change(
+    source: &[[u8; 4]],
+    size: (u32, u32),
+    (shown, level): (&[[u8; 4]], usize),
+    contrast: f64,
+) -> Change {
+    let contrast = contrast as f32 / 255.0;
     let of = ((size.0 >> level).max(1), (size.1 >> level).max(1));
     let (columns, rows) = (taps(size.0, of.0), taps(size.1, of.1));
     let row_of_blocks = |top: u32| {
@@ -37,7 +45,7 @@ pub(crate) fn change(source: &[[u8; 4]], size: (u32, u32), shown: &[[u8; 4]], le
             let texels = &source[(y * size.0) as usize..((y + 1) * size.0) as usize];
             for (x, (texel, &(left, right, across))) in texels.iter().zip(&columns).enumerate() {
                 let block = &mut blocks[x / BLOCK as usize];
-                block.0 += f64::from(squares(texel, lines, (left, right), (across, down)));
+                block.0 += f64::from(squares(texel, (lines, contrast), (left, right), (across, down)));
                 block.1 += 3;
             }
         }
@@ -56,7 +64,7 @@ pub(crate) fn change(source: &[[u8; 4]], size: (u32, u32), shown: &[[u8; 4]], le
 /// Squared error of one texel against four blended, as far as it is seen.
 fn squares(
     texel: &[u8; 4],
-    [upper, lower]: [&[[u8; 4]]; 2],
+    ([upper, lower], contrast): ([&[[u8; 4]]; 2], f32),
     (left, right): (usize, usize),
     (across, down): (f32, f32),
 ) -> f32 {
@@ -65,7 +73,8 @@ fn squares(
     };
     let seen = f32::from(texel[3]) / 255.0;
     let step = |k: usize| f32::from(texel[k]) - of(upper, k) * (1.0 - down) - of(lower, k) * down;
-    seen * seen * (0..3).map(|k| step(k) * step(k)).sum::<f32>()
+    let of_alpha = contrast * step(3);
+    seen * seen * (0..3).map(|k| step(k) * step(k)).sum::<f32>() + 3.0 * of_alpha * of_alpha
 }
 
 #[cfg(test)]
@@ -81,15 +90,19 @@ mod tests {
             texels.into_iter().map(|[r, g, b, _]| [r, g, b, 255]).collect()
         };
         let (fine, coarse) = (opaque(ramp(8, 10)), opaque(ramp(4, 20)));
-        let found = change(&fine, (8, 8), &coarse, 1);
+        let found = change(&fine, (8, 8), (&coarse, 1), 0.0);
         // Only the outermost columns differ, by a quarter of a coarse step.
         assert!((found.squares - 2.0 * 8.0 * 3.0 * 25.0).abs() < 1e-3, "{found:?}");
-        assert_eq!(change(&fine, (8, 8), &fine, 0), Change { squares: 0.0, worst_block: 0.0 });
+        assert_eq!(change(&fine, (8, 8), (&fine, 0), 99.0), Change { squares: 0.0, worst_block: 0.0 });
         let mut dotted = fine.clone();
         dotted[9][0] += 60;
-        assert!((change(&dotted, (8, 8), &fine, 0).worst_block - (3600.0f64 / 48.0).sqrt()).abs() < 1e-6);
+        assert!(
+            (change(&dotted, (8, 8), (&fine, 0), 0.0).worst_block - (3600.0f64 / 48.0).sqrt()).abs() < 1e-6
+        );
         // What is not seen does not count.
         dotted[9][3] = 0;
-        assert_eq!(change(&dotted, (8, 8), &fine, 0).squares, 0.0);
+        assert_eq!(change(&dotted, (8, 8), (&fine, 0), 0.0).squares, 0.0);
+        // But that it is hidden, where it looks otherwise than what lies under it.
+        assert!((change(&dotted, (8, 8), (&fine, 0), 10.0).squares - 300.0).abs() < 1e-3);
     }
 }

@@ -81,18 +81,19 @@ impl Plans {
     fn of(canvas: &Canvas, goal: Goal, color: ColorSpace) -> Plans {
         let of_content = |content: usize| {
             let levels = &canvas.levels[content];
-            let shown: Vec<&Laid> = canvas.laid.iter().filter(|laid| laid.content == content).collect();
-            let size = shown.first().map_or((1, 1), |laid| laid.size);
+            let places = || (0..canvas.laid.len()).filter(|&index| canvas.laid[index].content == content);
+            let count = places().count() as f64;
+            let size = places().next().map_or((1, 1), |index| canvas.laid[index].size);
+            let lost: f64 = places().map(|index| trim::lost(canvas, index, color)).sum();
+            let contrast = (lost / (3.0 * count * trim::seen(&levels[0])).max(1e-9)).sqrt();
             let state = |cut: usize| {
-                let mut change = change(&levels[0], size, &levels[cut], cut);
-                change.squares *= shown.len() as f64;
+                let mut change = change(&levels[0], size, (&levels[cut], cut), contrast);
+                change.squares *= count;
                 (change, levels[cut..].iter().map(|level| level.len() as u64).sum())
             };
             let mut states: Vec<_> = (0..levels.len()).into_par_iter().map(state).collect();
             if !matches!(goal, Goal::Tolerance(_)) {
-                let places = (0..canvas.laid.len()).filter(|&index| canvas.laid[index].content == content);
-                let squares = places.map(|index| trim::lost(canvas, index, color)).sum();
-                states.push((Change { squares, worst_block: f64::INFINITY }, 0));
+                states.push((Change { squares: lost, worst_block: f64::INFINITY }, 0));
             }
             states
         };
@@ -200,9 +201,8 @@ fn texels((width, height): (u32, u32)) -> f64 {
 pub(crate) struct Maker<'a> {
     pub(crate) canvas: &'a Canvas,
     pub(crate) pixel: PixelInfo,
-    /// Levels finer than the root, and those of the root.
+    /// Levels finer than the root.
     pub(crate) deep: u32,
-    pub(crate) root_levels: u32,
     pub(crate) params: &'a ZipParams,
     /// Levels of the root, where `None`, and of what patches show.
     pub(crate) encoded: HashMap<(Option<usize>, usize, Content), ContentPlanes>,
@@ -252,7 +252,7 @@ impl Maker<'_> {
         let (width, height) = self.canvas.root_size;
         let layout = ImageLayout {
             surfaces: vec![SurfaceSize { width: width << self.deep, height: height << self.deep }],
-            levels: self.deep + self.root_levels,
+            levels: self.deep + self.canvas.root.len() as u32,
             pixel: self.pixel,
         };
         let patches = self.canvas.laid.iter().filter_map(form).collect();
@@ -302,7 +302,7 @@ impl Maker<'_> {
             let source = index.map_or(&self.canvas.root[0], |index| &self.canvas.levels[index][0]);
             let Some(planes) = self.encoded.get(&stored[at]) else { return 0.0 };
             let shown = crate::encoded::bytes_of(planes);
-            change(source, self.size_of(index), &shown, level).worst_block
+            change(source, self.size_of(index), (&shown, level), 0.0).worst_block
         };
         (0..stored.len()).into_par_iter().filter(is_finest).map(worst).reduce(|| 0.0, f64::max)
     }

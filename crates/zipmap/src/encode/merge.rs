@@ -27,6 +27,8 @@ const OUTLIER: f32 = 2.0;
 pub(crate) struct Bare {
     pub(crate) texels: Vec<Texel>,
     pub(crate) size: (u32, u32),
+    /// Its upper left texel in its image.
+    pub(crate) corner: (u32, u32),
     pub(crate) matrix: DMat3,
     /// Texels to a texel of what it lies on.
     pub(crate) step: f64,

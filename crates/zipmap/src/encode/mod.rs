@@ -13,7 +13,7 @@ mod trim;
 
 use glam::{DMat3, DVec2};
 use texfold_bc::Content;
-use texfold_core::image::{Alpha, PixelInfo, Raster};
+use texfold_core::image::{Alpha, ColorSpace, PixelInfo, Raster};
 use texfold_core::{EncodeError, Job, Params, SurfaceSize, Texel, TextureCodec};
 
 use crate::encoded::{MAX_PATCHES, MAX_PLANE_SIDE};
@@ -102,11 +102,61 @@ fn fault(error: ZipError) -> EncodeError {
     EncodeError::Codec { codec: Zipmap::ID, source: Box::new(error) }
 }
 
+/// A stack as it is laid: what is stored of it.
+struct Laying {
+    canvas: Canvas,
+    dropped: Dropped,
+    pixel: PixelInfo,
+    /// Levels finer than the root.
+    deep: u32,
+}
+
 pub(crate) fn encode(
     stack: &PatchStack,
     params: &ZipParams,
     job: &mut Job<'_>,
 ) -> Result<ZipTexture, EncodeError> {
+    let Laying { canvas, mut dropped, pixel, deep } = lay_all(stack, params, job)?;
+    let source_texels: u64 =
+        stack.images.iter().chain([&stack.root]).map(|image| image.size().texels()).sum();
+    let mut maker = Maker { canvas: &canvas, pixel, deep, params, encoded: std::collections::HashMap::new() };
+    let fitted = fit::fit(&mut maker, &contents(pixel, params), source_texels as f64, job)?;
+    drop(maker);
+    dropped.note_cuts(&canvas, &fitted.cuts);
+    job.stage("measuring", 0.95)?;
+    let notes = job.install(|| report::notes(stack, params, &fitted, &dropped));
+    job.stage("done", 1.0)?;
+    Ok(fitted.texture.with_notes(notes))
+}
+
+/// How much of each image every patch shows, 0 to 1, one channel: what its borders, its mask and the edges in its picture leave; and
+/// where it shows nothing new, or others hide it, nothing. Maps of another kind that are laid by these masks (see
+/// [`PatchStack::riding`]) appear just where the colours of the patches do, as finely as the goal stores either.
+///
+/// # Errors
+/// As [`TextureCodec::encode`].
+pub fn masks(stack: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Result<Vec<Raster>, EncodeError> {
+    let canvas = lay_all(stack, params, job)?.canvas;
+    job.stage("done", 1.0)?;
+    let mask = |(index, source): (usize, &PatchSource)| {
+        let SurfaceSize { width, height } = stack.images[source.image].size();
+        let mut bytes = vec![0; width as usize * height as usize];
+        if let Some(laid) = canvas.laid.iter().find(|laid| laid.source == index) {
+            let rows = canvas.levels[laid.content][0].chunks_exact(laid.size.0 as usize);
+            for (row, y) in rows.zip(laid.corner.1..) {
+                let start = (y * width + laid.corner.0) as usize;
+                for (byte, texel) in bytes[start..start + row.len()].iter_mut().zip(row) {
+                    *byte = texel[3];
+                }
+            }
+        }
+        Raster::from_u8(width, height, 1, ColorSpace::Linear, &bytes)
+    };
+    let masks = stack.patches.iter().enumerate().map(mask).collect::<Result<_, _>>();
+    masks.map_err(EncodeError::Source)
+}
+
+fn lay_all(stack: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Result<Laying, EncodeError> {
     params.check()?;
     check(stack).map_err(fault)?;
     let order = stack.order().map_err(fault)?;
@@ -137,23 +187,7 @@ pub(crate) fn encode(
     let before: u64 = canvas.levels.iter().map(|levels| texels_of(levels)).sum();
     dropped.hidden = job.install(|| remove_hidden(&mut canvas));
     dropped.patch_texels += before - canvas.levels.iter().map(|levels| texels_of(levels)).sum::<u64>();
-    let source_texels: u64 =
-        stack.images.iter().chain([&stack.root]).map(|image| image.size().texels()).sum();
-    let mut maker = Maker {
-        canvas: &canvas,
-        pixel,
-        deep,
-        root_levels,
-        params,
-        encoded: std::collections::HashMap::new(),
-    };
-    let fitted = fit::fit(&mut maker, &contents(pixel, params), source_texels as f64, job)?;
-    drop(maker);
-    dropped.note_cuts(&canvas, &fitted.cuts);
-    job.stage("measuring", 0.95)?;
-    let notes = job.install(|| report::notes(stack, params, &fitted, &dropped));
-    job.stage("done", 1.0)?;
-    Ok(fitted.texture.with_notes(notes))
+    Ok(Laying { canvas, dropped, pixel, deep })
 }
 
 fn check(stack: &PatchStack) -> Result<(), ZipError> {
@@ -222,7 +256,8 @@ fn lay(stack: &PatchStack, index: usize, params: &ZipParams, canvas: &mut Canvas
     };
     let mut levels = levels::of_patch(&bare.texels, &alpha, bare.size, image.info());
     let content = canvas.levels.len();
-    let laid = Laid { source: index, matrix: bare.matrix, size: bare.size, zoom, content };
+    let Bare { matrix, size, corner, .. } = bare;
+    let laid = Laid { source: index, matrix, size, corner, zoom, content };
     let all = levels.clone();
     let color = stack.root.info().color;
     trim::drop_levels(&laid, &mut levels, canvas, color, f64::from(params.drop_rms));
@@ -256,7 +291,8 @@ fn lay_stamp(
     }
     let content = stamp.content.unwrap_or(canvas.levels.len());
     let zoom = stack.zoom(source);
-    let laid = Laid { source: index, matrix: bare.matrix, size: bare.size, zoom, content };
+    let Bare { matrix, size, corner, .. } = bare;
+    let laid = Laid { source: index, matrix, size, corner, zoom, content };
     let mut levels = stamp.levels.clone();
     let color = stack.root.info().color;
     trim::drop_levels(&laid, &mut levels, canvas, color, f64::from(params.drop_rms));
@@ -314,7 +350,7 @@ fn cropped(image: &Raster, source: &PatchSource, step: f64, by_root: bool) -> (B
     let matrix =
         normalised(DMat3::from_scale(share.recip()) * DMat3::from_translation(-corner) * source.matrix);
     let cut = size.texels() - u64::from(width) * u64::from(height);
-    (Bare { texels, size: (width, height), matrix, step }, mask, cut)
+    (Bare { texels, size: (width, height), corner: (left, top), matrix, step }, mask, cut)
 }
 
 /// Takes hidden patches off the canvas; which of the stack they are.

@@ -1,11 +1,12 @@
 //! No more than needed: mip levels that show what lies under them, patches that show nothing or that others hide.
 
-use glam::DVec2;
+use glam::{DVec2, IVec2};
 use rayon::prelude::*;
 use texfold_core::Texel;
 use texfold_core::image::{ColorSpace, linear_to_srgb, srgb_to_linear};
 
 use super::canvas::{Canvas, Footprint, Laid, colour, cover};
+use crate::decode::texfold_zipmap_blend;
 
 /// Most texels of a patch that are looked at.
 const SAMPLES: u32 = 1 << 14;
@@ -26,7 +27,9 @@ fn places((width, height): (u32, u32), most: u32) -> Vec<(u32, u32)> {
 }
 
 /// RMS difference in 8-bit units, where the level is shown, between it and what lies under it, both as means over its texels: a
-/// single lookup of what lies under, between its own levels, would be blurred otherwise and differ by that.
+/// single lookup of what lies under, between its own levels, would be blurred otherwise and differ by that. What lies under in
+/// texels as large is blurred by that mean as the level itself would be, so the level counts as it is and blurred, whichever
+/// differs less.
 fn difference(
     laid: &Laid,
     level: u32,
@@ -38,29 +41,33 @@ fn difference(
     let table = canvas.table(names);
     let view = canvas.view(&table);
     let inverse = laid.matrix.inverse();
-    let texel = DVec2::new(1.0 / f64::from(size.0), 1.0 / f64::from(size.1));
+    let extent = DVec2::new(f64::from(size.0), f64::from(size.1));
     let places = places(size, LEVEL_SAMPLES);
     // Levels of few texels are read at more places each.
     let parts = (f64::from(LOOKUPS) / places.len() as f64).sqrt().clamp(PARTS.0, PARTS.1) as u32;
-    let part = texel / f64::from(parts);
-    let sums: Vec<(f64, f64)> = places
+    let part = extent.recip() / f64::from(parts);
+    let own = |at: DVec2| {
+        let size = IVec2::new(size.0 as i32, size.1 as i32);
+        light(texfold_zipmap_blend(texels, size, (at * extent).as_vec2()), color)
+    };
+    let mean = |corner: DVec2, read: &dyn Fn(DVec2) -> Texel| {
+        let at = |k: u32| corner + (DVec2::new(f64::from(k % parts), f64::from(k / parts)) + 0.5) * part;
+        let sum = (0..parts * parts).map(|k| read(at(k))).sum::<Texel>();
+        stored(sum / (parts * parts) as f32, color) * 255.0
+    };
+    let sums: Vec<[f64; 3]> = places
         .into_par_iter()
         .map(|(x, y)| {
-            let own = texels[(y * size.0 + x) as usize].map(f64::from);
-            let corner = DVec2::new(f64::from(x), f64::from(y)) * texel;
-            let under = |k: u32| {
-                let at = corner + (DVec2::new(f64::from(k % parts), f64::from(k / parts)) + 0.5) * part;
-                light(colour(&view, &Footprint::of(&inverse, at, part)), color)
-            };
-            let under = (0..parts * parts).map(under).sum::<Texel>() / (parts * parts) as f32;
-            let under = stored(under, color) * 255.0;
-            let weight = own[3] / 255.0;
-            let squares = (0..3).map(|k| (own[k] - f64::from(under[k])).powi(2)).sum::<f64>();
-            (weight * weight * squares / 3.0, weight * weight)
+            let corner = DVec2::new(f64::from(x), f64::from(y)) / extent;
+            let under = mean(corner, &|at| light(colour(&view, &Footprint::of(&inverse, at, part)), color));
+            let texel = Texel::from_array(texels[(y * size.0 + x) as usize].map(f32::from));
+            let weight = f64::from(texel.w / 255.0).powi(2);
+            let squares = |own: Texel| f64::from((own - under).truncate().length_squared()) / 3.0;
+            [weight * squares(texel), weight * squares(mean(corner, &own)), weight]
         })
         .collect();
-    let (squares, weights) = sums.into_iter().fold((0.0, 0.0), |(a, b), (c, d)| (a + c, b + d));
-    (squares / weights.max(1e-9)).sqrt()
+    let sum = |k: usize| sums.iter().map(|sums| sums[k]).sum::<f64>();
+    (sum(0).min(sum(1)) / sum(2).max(1e-9)).sqrt()
 }
 
 /// What averages as light does.
@@ -104,8 +111,12 @@ pub(crate) fn lost(canvas: &Canvas, index: usize, color: ColorSpace) -> f64 {
     let texels = &canvas.levels[laid.content][0];
     let names: Vec<u16> =
         canvas.touching(&laid.matrix).into_iter().filter(|&other| usize::from(other) < index).collect();
-    let seen: f64 = texels.iter().map(|texel| (f64::from(texel[3]) / 255.0).powi(2)).sum();
-    3.0 * seen * difference(laid, 0, texels, (canvas, &names), color).powi(2)
+    3.0 * seen(texels) * difference(laid, 0, texels, (canvas, &names), color).powi(2)
+}
+
+/// Texels of a level, each as far as it is seen.
+pub(crate) fn seen(texels: &[[u8; 4]]) -> f64 {
+    texels.iter().map(|texel| (f64::from(texel[3]) / 255.0).powi(2)).sum()
 }
 
 /// Patches of which those laid later leave nothing to be seen.

@@ -377,3 +377,37 @@ fn views_from_within_and_behind_are_finite() {
     let behind = Camera { to_world: Mat4::from_translation(Vec3::new(0.0, 0.0, -9.0)), ..camera(Vec3::Z, 8) };
     assert_eq!(Renderer::new(&texture).render(&behind), vec![[0; 4]; 64]);
 }
+
+/// Each triangle as four, flat: the same shape.
+fn quartered(mesh: &Mesh) -> Mesh {
+    let mut finer = Mesh::default();
+    for &[a, b, c] in &mesh.triangles {
+        let corners = mesh.corners([a, b, c]);
+        let between = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| 0.5 * (corners[i] + corners[j]));
+        let first = finer.positions.len() as u32;
+        finer.positions.extend(corners.into_iter().chain(between));
+        let parts = [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]];
+        finer.triangles.extend(parts.map(|part| part.map(|corner: u32| first + corner)));
+    }
+    finer.welded()
+}
+
+#[test]
+fn a_mesh_has_no_more_triangles_than_its_photographs_need() {
+    let plain = sphere(Look::Diffuse, 24, 48);
+    let fine = Capture { mesh: quartered(&quartered(&plain.mesh)), views: plain.views };
+    let of = |psnr| {
+        let params = LightParams { psnr, ..params(1) };
+        let (texture, _) = Lightfield::encode_simplified(&fine, &params, &mut Job::default()).unwrap();
+        let shown = psnr_of_new_views(&texture, &plain.mesh, Look::Diffuse);
+        (texture.mesh().triangles.len(), shown, texture.notes().verdict.clone())
+    };
+    assert_eq!(fine.mesh.triangles.len(), 1280);
+    let (count, psnr, verdict) = of(None);
+    assert!(count <= 320 && psnr > 35.0, "{count}, {psnr} dB");
+    assert!(verdict.contains(&format!("{count} of the 1280 triangles show the photographs at")), "{verdict}");
+    // A goal that is met by less takes less.
+    assert!(of(Some(10.0)).0 <= count);
+    let whole = encode(&fine, &params(1));
+    assert!(psnr > psnr_of_new_views(&whole, &plain.mesh, Look::Diffuse) - 0.5);
+}

@@ -16,7 +16,8 @@ pub struct ZipParams {
     pub tau: f32,
     /// Whether colours are fitted to those of the parents.
     pub merge: bool,
-    /// RMS difference in 8-bit units below which what lies under a mip level shows the same, so that it is left out.
+    /// RMS difference in 8-bit units below which what lies under a mip level shows the same, so that it is left out; the goal may
+    /// ask for less.
     pub drop_rms: f32,
     /// How long blocks are searched.
     pub effort: Effort,
@@ -32,6 +33,18 @@ impl Default for ZipParams {
             drop_rms: 2.0,
             effort: Effort::Normal,
         }
+    }
+}
+
+impl ZipParams {
+    /// RMS difference in 8-bit units from which on a level is kept.
+    pub(crate) fn least_difference(&self) -> f64 {
+        let asked = match self.goal {
+            Goal::Psnr(psnr) => 255.0 / 10f64.powf(psnr / 20.0),
+            Goal::Tolerance(tolerance) => tolerance,
+            Goal::Bpp(_) => f64::INFINITY,
+        };
+        asked.min(f64::from(self.drop_rms))
     }
 }
 

@@ -50,7 +50,11 @@ impl LightTask {
         let limits = Limits { bytes: place.limit_bytes, ..Limits::default() };
         let mut progress = |stage| share.report(stage);
         let mut job = Job::new(limits).with_progress(&mut progress);
-        let (texture, quality) = Lightfield::encode_measured(&source, params, &mut job)
+        let encode = match triangles {
+            Some(_) => Lightfield::encode_measured,
+            None => Lightfield::encode_simplified,
+        };
+        let (texture, quality) = encode(&source, params, &mut job)
             .map_err(|source| CliError::Encode { path: path.clone(), source })?;
         let mut writer = SectionWriter::new(texture.codec());
         texture.store(&mut writer);

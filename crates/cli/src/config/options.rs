@@ -48,7 +48,7 @@ pub struct Options {
     /// epitome: layers of the file, each of about half of the bits of the next, so that a prefix shows a coarser image.
     #[arg(long, value_name = "N")]
     pub(super) layers: Option<u32>,
-    /// lightfield: simplify the mesh to that many triangles.
+    /// lightfield: simplify the mesh to that many triangles; by default to as few as the photographs need.
     #[arg(long, value_name = "N")]
     pub(super) triangles: Option<u32>,
     /// lightfield: share of the maps' texels that is stored, above 0 to 1; below 1 maps are codewords that several places show.

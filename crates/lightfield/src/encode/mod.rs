@@ -3,6 +3,7 @@
 
 mod als;
 mod assemble;
+mod coarsen;
 mod multiplicative;
 mod observe;
 mod quality;
@@ -24,6 +25,7 @@ use crate::layout::{Layout, Sharing, Widths, halved};
 use crate::params::{Directions, Factors, Fit, LightParams};
 use crate::{Capture, CaptureError, Lightfield, Mesh};
 use assemble::Maps;
+pub(crate) use coarsen::encode_simplified;
 use observe::Seen;
 pub use quality::Quality;
 use ring::Ring;

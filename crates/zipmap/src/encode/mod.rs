@@ -260,7 +260,7 @@ fn lay(stack: &PatchStack, index: usize, params: &ZipParams, canvas: &mut Canvas
     let laid = Laid { source: index, matrix, size, corner, zoom, content };
     let all = levels.clone();
     let color = stack.root.info().color;
-    trim::drop_levels(&laid, &mut levels, canvas, color, f64::from(params.drop_rms));
+    trim::drop_levels(&laid, &mut levels, canvas, color, params.least_difference());
     if levels.is_empty() {
         dropped.nothing_new.push(index);
         dropped.patch_texels += texels_of(&all);
@@ -295,7 +295,7 @@ fn lay_stamp(
     let laid = Laid { source: index, matrix, size, corner, zoom, content };
     let mut levels = stamp.levels.clone();
     let color = stack.root.info().color;
-    trim::drop_levels(&laid, &mut levels, canvas, color, f64::from(params.drop_rms));
+    trim::drop_levels(&laid, &mut levels, canvas, color, params.least_difference());
     if levels.is_empty() {
         dropped.nothing_new.push(index);
         return;

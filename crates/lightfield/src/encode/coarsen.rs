@@ -1,0 +1,75 @@
+//! As few triangles as a scene needs: the mesh is part of the model. Maps on larger triangles are as fine, and fewer vertices have
+//! view maps, so a coarser mesh is a smaller file, until it no longer has the object's shape.
+
+use texfold_core::{EncodeError, Encoded, Job, Notes};
+
+use super::{Quality, encode};
+use crate::params::LightParams;
+use crate::{Capture, LightTexture, Renderer, View};
+
+/// Fewest triangles that are tried.
+const LEAST: usize = 256;
+/// Photographs that are drawn again to compare meshes, spread over the capture.
+const VIEWS: usize = 8;
+/// What half of the triangles may lose in dB.
+const LOSS: f64 = 0.25;
+
+/// The capture on its mesh, or on the coarsest of a half, a quarter and so on of its triangles that shows the photographs at the goal
+/// or loses little against the one before.
+pub(crate) fn encode_simplified(
+    capture: &Capture,
+    params: &LightParams,
+    job: &mut Job<'_>,
+) -> Result<(LightTexture, Quality), EncodeError> {
+    let all = capture.mesh.triangles.len();
+    let (mut texture, mut quality) = job.within(0.0, 0.5, |job| encode(capture, params, job))?;
+    let mut psnr = job.install(|| shown(&texture, &capture.views));
+    let mut tried: Option<Capture> = None;
+    for halvings in (1..).take_while(|&halvings| all >> halvings >= LEAST) {
+        let tried = tried.get_or_insert_with(|| capture.clone());
+        tried.mesh = capture.mesh.simplified(all >> halvings);
+        let share = |halvings: u32| 1.0 - 0.5f32.powi(halvings as i32);
+        let made = job.within(share(halvings), share(halvings + 1), |job| encode(tried, params, job));
+        let (coarser, of_coarser) = match made {
+            // A mesh may become too coarse to be seen.
+            Err(EncodeError::Codec { .. }) => break,
+            made => made?,
+        };
+        let found = job.install(|| shown(&coarser, &capture.views));
+        let is_enough = params.psnr.is_some_and(|goal| found >= goal) || found >= psnr - LOSS;
+        if !is_enough {
+            break;
+        }
+        (texture, quality, psnr) = (coarser, of_coarser, found);
+    }
+    let texture = noted(texture, all, psnr);
+    job.stage("done", 1.0)?;
+    Ok((texture, quality))
+}
+
+/// PSNR in dB of some photographs drawn again, over the pixels that their masks keep; what the mesh does not cover is black.
+fn shown(texture: &LightTexture, views: &[View]) -> f64 {
+    let renderer = Renderer::new(texture);
+    let step = views.len().div_ceil(VIEWS).max(1);
+    let (mut squares, mut count) = (0.0, 0u64);
+    for view in views.iter().step_by(step) {
+        let drawn = renderer.render(&view.camera);
+        for (wanted, found) in view.pixels.iter().zip(&drawn).filter(|(wanted, _)| wanted[3] > 127) {
+            squares += (0..3).map(|k| f64::from(wanted[k].abs_diff(found[k])).powi(2)).sum::<f64>();
+            count += 3;
+        }
+    }
+    10.0 * (65025.0 * count.max(1) as f64 / squares.max(1e-9)).log10()
+}
+
+/// The texture with a word on its mesh.
+fn noted(texture: LightTexture, all: usize, psnr: f64) -> LightTexture {
+    let count = texture.mesh().triangles.len();
+    if count >= all {
+        return texture;
+    }
+    let notes = texture.notes().clone();
+    let verdict =
+        format!("{} {count} of the {all} triangles show the photographs at {psnr:.2} dB.", notes.verdict);
+    texture.with_notes(Notes { verdict, ..notes })
+}

@@ -38,6 +38,18 @@ struct Matrix {
     values: Vec<Vec3A>,
 }
 
+/// A photograph, its colours of an element's samples and their weights.
+type SeenBy<'a> = (u16, &'a [[u8; 3]], &'a [u8]);
+
+/// The photographs that see all of an element, and what texels of a vertex' view map are blended from, among them.
+fn wholly_seen(scene: &Scene, vertex: u32, number: u32, grid: u32) -> (Vec<SeenBy<'_>>, Vec<Blend>) {
+    let all = |(_, _, weights): &SeenBy<'_>| weights.iter().all(|&weight| weight > 0);
+    let whole: Vec<_> = scene.seen[number as usize].iter().filter(all).collect();
+    let views: Vec<u16> = whole.iter().map(|&(view, ..)| view).collect();
+    let blends = blends(&places(scene, vertex, number, &views), grid);
+    (whole, blends)
+}
+
 /// Fits the terms around one vertex.
 pub(crate) fn fit(scene: &Scene, vertex: u32, params: &LightParams) -> VertexMaps {
     let texels = (params.grid * params.grid) as usize;
@@ -45,12 +57,7 @@ pub(crate) fn fit(scene: &Scene, vertex: u32, params: &LightParams) -> VertexMap
     let mut maps = VertexMaps { rows: Vec::new(), mean: Vec::new(), terms: Vec::new() };
     for &number in &scene.surface.around[vertex as usize] {
         let element = &scene.surface.elements[number as usize];
-        let whole: Vec<_> = scene.seen[number as usize]
-            .iter()
-            .filter(|(_, _, weights)| weights.iter().all(|&weight| weight > 0))
-            .collect();
-        let views: Vec<u16> = whole.iter().map(|&(view, ..)| view).collect();
-        let blends = blends(&places(scene, vertex, number, &views), params.grid);
+        let (whole, blends) = wholly_seen(scene, vertex, number, params.grid);
         for sample in 0..element.weights.len() {
             let hat = element.hat(vertex, sample);
             let colour = |view: u32| Vec3A::from(whole[view as usize].1[sample].map(f32::from)) / 255.0 * hat;
@@ -84,12 +91,7 @@ pub(crate) fn error(scene: &Scene, texture: &LightTexture, vertex: u32) -> (f64,
     let (mut sum, mut count) = (0.0, 0);
     for &number in &scene.surface.around[vertex as usize] {
         let element = &scene.surface.elements[number as usize];
-        let whole: Vec<_> = scene.seen[number as usize]
-            .iter()
-            .filter(|(_, _, weights)| weights.iter().all(|&weight| weight > 0))
-            .collect();
-        let views: Vec<u16> = whole.iter().map(|&(view, ..)| view).collect();
-        let blends = blends(&places(scene, vertex, number, &views), grid);
+        let (whole, blends) = wholly_seen(scene, vertex, number, grid);
         let found = |&&triangle: &&u32| scene.mesh.triangles[triangle as usize].contains(&vertex);
         let Some(&triangle) = element.triangles.iter().find(found) else { continue };
         let corners = scene.mesh.triangles[triangle as usize];

@@ -3,8 +3,10 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use glam::Vec2;
 use texfold::{AnyImage, Content, Effort, ImageAddress, Texel};
 use texfold_benches::{bc, epitome, epitome_params, paper_params, picture_of, progressive, vq};
+use texfold_epitome::decode::texfold_epitome_bilinear;
 
 const SIDE: u32 = 1024;
 /// Random places a measurement.
@@ -37,6 +39,24 @@ fn decode(c: &mut Criterion) {
         let texture = texture.as_encoded();
         let Some(rect) = texture.layout().whole(0, 0) else { continue };
         group.bench_function(name, |b| b.iter(|| texture.decode(rect, black_box(&mut out))));
+    }
+    group.finish();
+    let mut group = c.benchmark_group("continuous 1024x1024");
+    group.sample_size(10).throughput(Throughput::Elements(u64::from(SIDE * SIDE)));
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    for (name, texture) in &textures {
+        let (AnyImage::Epitome(texture), Ok(one)) = (texture, &one) else { continue };
+        // A third of the sides, three pixels a texel; and one pixel a texel.
+        for (extent, pixels) in [(1.0 / 3.0, "three pixels a texel"), (1.0, "one")] {
+            let draw = || texture.draw(0, Vec2::splat(0.1), Vec2::splat(extent), (SIDE, SIDE));
+            group.bench_function(format!("{name}, {pixels}"), |b| {
+                b.iter(|| one.install(|| black_box(draw())))
+            });
+        }
+        let view = texture.view(0);
+        let place = |i: u32| Vec2::new((i % SIDE) as f32, (i / SIDE) as f32) / (3 * SIDE) as f32 + 0.1;
+        let slowly = || (0..SIDE * SIDE).map(|i| texfold_epitome_bilinear(&view, place(i), 0)).sum::<Texel>();
+        group.bench_function(format!("{name}, place by place"), |b| b.iter(|| black_box(slowly())));
     }
     group.finish();
     let mut group = c.benchmark_group("random texels");

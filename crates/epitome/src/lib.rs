@@ -10,6 +10,7 @@
 //! side.
 
 pub mod decode;
+mod draw;
 mod encode;
 mod encoded;
 mod layers;

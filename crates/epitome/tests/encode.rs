@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use glam::Vec2;
 use texfold_bc::{Bc, Bc1Blocks, BcParams, Content, ContentPlanes, Family};
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{ColorSpace, ImageSet, PixelInfo, Raster};
@@ -10,6 +11,7 @@ use texfold_core::{
     AstcBlock, Budget, Domain, Effort, EncodeError, Encoded, Footprint, Goal, Image2d, Job, PlaneFormat,
     Rect, SharedSearch, SourceError, SurfaceSize, Texel, TextureCodec,
 };
+use texfold_epitome::decode::texfold_epitome_bilinear;
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
 use texfold_testkit::picture;
 
@@ -434,8 +436,8 @@ fn magnified_pictures_hardly_show_blocks() {
     // Three pixels a texel; a block's border falls between two pixels.
     let side = 3 * image.size().width.min(image.size().height);
     let uv = |x: u32, y: u32| {
-        let size = glam::Vec2::new(image.size().width as f32, image.size().height as f32);
-        (glam::Vec2::new(x as f32, y as f32) + 0.5) / 3.0 / size
+        let size = Vec2::new(image.size().width as f32, image.size().height as f32);
+        (Vec2::new(x as f32, y as f32) + 0.5) / 3.0 / size
     };
     let found = |x, y| texfold_epitome::decode::texfold_epitome_bilinear(&view, uv(x, y), 0);
     let ratio = blockiness(found, side, 24);
@@ -443,4 +445,33 @@ fn magnified_pictures_hardly_show_blocks() {
     assert!(ratio <= 1.25, "{ratio}");
     let nearest = |x, y| texfold_epitome::decode::texfold_epitome_nearest(&view, uv(x, y), 0);
     assert!(blockiness(nearest, side, 24) > 1.5, "the measure sees nothing");
+}
+
+#[test]
+fn pictures_are_drawn_as_place_by_place() {
+    let set = ImageSet::new(vec![picture("facade"), picture("odd_37x61")]).unwrap();
+    let blocks = EpitomeParams { block: Some(20), ..goal(Goal::Tolerance(20.0)) };
+    for params in [goal(Goal::Psnr(24.0)), goal(Goal::Psnr(34.0)), blocks] {
+        let texture = encode(&set, &params);
+        let windows = [
+            (0, Vec2::ZERO, Vec2::ONE, (256, 256)),
+            (0, Vec2::new(0.31, 0.4), Vec2::new(0.1, 0.05), (97, 61)),
+            (1, Vec2::new(-0.4, -0.1), Vec2::new(2.0, 1.3), (150, 150)),
+        ];
+        for (surface, corner, extent, size) in windows {
+            let drawn = texture.draw(surface, corner, extent, size);
+            let view = texture.view(surface);
+            for (index, texel) in (0u32..).zip(&drawn) {
+                let at = Vec2::new((index % size.0) as f32, (index / size.0) as f32) + 0.5;
+                let uv = corner + at * extent / Vec2::new(size.0 as f32, size.1 as f32);
+                let wanted = texfold_epitome_bilinear(&view, uv, 0);
+                // Places are rounded otherwise, which counts most where content is steep.
+                assert!(
+                    (*texel - wanted).abs().max_element() < 2e-3,
+                    "{params:?}, {uv}: {texel} for {wanted}"
+                );
+            }
+        }
+        assert!(texture.draw(9, Vec2::ZERO, Vec2::ONE, (2, 1)) == [Texel::ZERO; 2]);
+    }
 }

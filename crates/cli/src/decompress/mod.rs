@@ -5,10 +5,13 @@ mod gpu;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use glam::Vec2;
 use texfold::{AnyImage, Lightfield};
 use texfold_core::image::Raster;
 use texfold_core::metric::decode_surface;
-use texfold_core::{Budget, Encoded, Image2d, Layers, LoadError, RegionError, TextureCodec};
+use texfold_core::{
+    Budget, Encoded, Image2d, Layers, LoadError, RegionError, SourceError, SurfaceSize, TextureCodec,
+};
 
 use crate::error::{CliError, explain, guarded};
 use crate::output::{make_folder, remove_stale};
@@ -129,11 +132,24 @@ fn decompress(
         }
         let raster = match &picture {
             Some(picture) => picture.decode(path, encoded, surface as u32, args.lod, args.continuous)?,
-            None => decode(path, encoded, surface as u32, args.lod)?,
+            None => on_cpu(path, &image, surface as u32, args)?,
         };
         png::write(&output, &raster)?;
     }
     Ok(())
+}
+
+/// An image decoded on the CPU; epitomes between leaves as they are drawn, where that is asked for.
+fn on_cpu(path: &Path, image: &AnyImage, surface: u32, args: &DecompressArgs) -> Result<Raster, CliError> {
+    let raster = decode(path, image.as_encoded(), surface, args.lod)?;
+    let AnyImage::Epitome(epitome) = image else { return Ok(raster) };
+    if !args.continuous || args.lod > 0 {
+        return Ok(raster);
+    }
+    let SurfaceSize { width, height } = raster.size();
+    let texels = epitome.draw(surface, Vec2::ZERO, Vec2::ONE, (width, height));
+    let fault = |source: SourceError| CliError::Encode { path: path.to_owned(), source: source.into() };
+    Raster::from_texels(width, height, raster.info(), &texels).map_err(fault)
 }
 
 /// The image with at most `wanted` layers. Says so where the file was cut, or has fewer than that.

@@ -50,7 +50,7 @@ fn decode(c: &mut Criterion) {
         for (extent, pixels) in [(1.0 / 3.0, "three pixels a texel"), (1.0, "one")] {
             let draw = || texture.draw(0, Vec2::splat(0.1), Vec2::splat(extent), (SIDE, SIDE));
             group.bench_function(format!("{name}, {pixels}"), |b| {
-                b.iter(|| one.install(|| black_box(draw())))
+                b.iter(|| one.install(|| black_box(draw())));
             });
         }
         let view = texture.view(0);

@@ -1,9 +1,11 @@
 //! Pictures of the parts of a texture, for a person to look at.
 
+use std::collections::HashMap;
 use std::f32::consts::TAU;
 
-use glam::{UVec2, Vec2, Vec3};
+use glam::{UVec2, Vec2, Vec3, Vec4};
 use texfold_core::image::{ColorSpace, PixelInfo, Raster};
+use texfold_core::metric::decode_surface;
 use texfold_core::{Encoded, Texel};
 
 use crate::EpitomeTexture;
@@ -14,6 +16,8 @@ use crate::decode::{
 
 /// Texels a side of the cells that reads are counted in.
 const CELL: u32 = 4;
+/// What is left of an image where it lends nothing.
+const CHART_GROUND: f32 = 0.2;
 /// What is left of a colour at a leaf's upper and left edge.
 const OUTLINE: f32 = 0.8;
 /// Binary logarithm of the stored share of a leaf's texels that is drawn darkest.
@@ -37,6 +41,10 @@ pub struct PartPictures {
     pub sides: Vec<Raster>,
     /// For each image the share of each leaf's texels that is stored: white all, darker by an octave of either side.
     pub scales: Vec<Raster>,
+    /// For each image the charts that it lends to the epitomes: the image as it is drawn where it shows their cells as they stand
+    /// in them, only turned to no side and in no other tone, and dark elsewhere. Of several leaves that could have lent a cell
+    /// it is the first, images in their order; cells that all show turned or in other tones are no image's.
+    pub charts: Vec<Raster>,
     /// For each epitome how many texels of the images are read from each 4 x 4 cell: black none, the most white, shades
     /// between by the logarithm.
     pub usage: Vec<Raster>,
@@ -53,8 +61,10 @@ pub fn pictures(texture: &EpitomeTexture) -> Option<PartPictures> {
         offsets: Vec::new(),
         sides: Vec::new(),
         scales: Vec::new(),
+        charts: Vec::new(),
         usage: Vec::new(),
     };
+    let mut owners = vec![HashMap::new(); planes.len()];
     for (plane, (size, levels)) in planes.into_iter().enumerate() {
         let Some(texels) = levels.first() else { continue };
         parts.epitomes.push(rgb(size, texels)?);
@@ -66,6 +76,7 @@ pub fn pictures(texture: &EpitomeTexture) -> Option<PartPictures> {
         parts.offsets.push(draw(offset_color)?);
         parts.sides.push(draw(side_color)?);
         parts.scales.push(draw(scale_color)?);
+        parts.charts.push(draw_charts(texture, surface, &mut owners)?);
     }
     Some(parts)
 }
@@ -125,6 +136,30 @@ fn draw_leaves(texture: &EpitomeTexture, surface: u32, color: Color) -> Option<R
         texels[at.y as usize * width as usize + at.x as usize] = color.extend(1.0);
     });
     rgb([width, height], &texels)
+}
+
+/// An image where it lends cells that `owners` has for no leaf yet: by epitome and cell the image and the entry that it is of.
+fn draw_charts(
+    texture: &EpitomeTexture,
+    surface: u32,
+    owners: &mut [HashMap<UVec2, (u32, u32)>],
+) -> Option<Raster> {
+    let picture = decode_surface(texture, surface, 0)?;
+    let width = picture.size().width as usize;
+    let mut texels: Vec<Texel> = picture.texels().map(|texel| (CHART_GROUND * texel).with_w(1.0)).collect();
+    for_each_texel(texture, surface, |shown, at| {
+        let TexfoldEpitomeSource { linear, gain, offset, plane, .. } = shown.source;
+        let is_upright = linear.y == 0.0 && linear.z == 0.0 && linear.x > 0.0 && linear.w > 0.0;
+        if !is_upright || gain != Vec4::ONE || offset != Vec4::ZERO {
+            return;
+        }
+        let cell = shown.place(at.as_vec2() + Vec2::splat(0.5)).max(Vec2::ZERO).as_uvec2() / CELL;
+        let own = (surface, shown.leaf.entry);
+        if *owners[plane as usize].entry(cell).or_insert(own) == own {
+            texels[at.y as usize * width + at.x as usize] = picture.texel(at.x, at.y);
+        }
+    });
+    rgb([picture.size().width, picture.size().height], &texels)
 }
 
 fn position_color(shown: &Shown<'_>, at: Vec2) -> Vec3 {
@@ -221,7 +256,7 @@ mod tests {
         };
         let epitomes: Vec<(u32, u32)> = texture.epitomes().map(|epitome| epitome.size()).collect();
         assert_eq!((sizes(&parts.epitomes), sizes(&parts.usage)), (epitomes.clone(), epitomes));
-        for rasters in [&parts.positions, &parts.offsets, &parts.sides, &parts.scales] {
+        for rasters in [&parts.positions, &parts.offsets, &parts.sides, &parts.scales, &parts.charts] {
             assert_eq!(sizes(rasters), [(256, 256)]);
         }
     }
@@ -252,6 +287,25 @@ mod tests {
         let place = shown.place(at.as_vec2() + Vec2::splat(0.5));
         let usage = &parts.usage[source.plane as usize];
         assert!(usage.texel(place.x as u32, place.y as u32).x >= DARKEST, "the cell is read");
+    }
+
+    #[test]
+    fn what_an_image_repeats_is_lent_once() {
+        let tile = texfold_testkit::picture("salient");
+        let texels: Vec<Texel> = (0..256 * 256).map(|i| tile.texel(i % 256 % 64, i / 256 % 64)).collect();
+        let set = ImageSet::single(Raster::from_texels(256, 256, tile.info(), &texels).unwrap());
+        let goal = Goal::Psnr(30.0);
+        let params = EpitomeParams { goal, effort: Effort::Fast, ..EpitomeParams::default() };
+        let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
+        let drawn = decode_surface(&texture, 0, 0).unwrap();
+        let charts = &pictures(&texture).unwrap().charts[0];
+        let is_lent = |at: u32| {
+            let (found, whole) = (charts.texel(at % 256, at / 256), drawn.texel(at % 256, at / 256));
+            (found - whole).truncate().abs().max_element() < 1e-6 && whole.truncate().max_element() > 0.0
+        };
+        let lent = (0..256 * 256u32).filter(|&at| is_lent(at)).count();
+        // About a tile of sixteen; leaves may begin anywhere in it.
+        assert!((64 * 64 / 4..3 * 64 * 64).contains(&lent), "{lent}");
     }
 
     #[test]

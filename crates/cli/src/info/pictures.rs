@@ -62,6 +62,7 @@ fn parts(image: &AnyImage) -> Vec<(&'static str, Vec<Raster>)> {
                 ("offset", parts.offsets),
                 ("side", parts.sides),
                 ("scale", parts.scales),
+                ("charts", parts.charts),
                 ("usage", parts.usage),
             ]
         }),

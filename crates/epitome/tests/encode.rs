@@ -439,7 +439,7 @@ fn magnified_pictures_hardly_show_blocks() {
         let size = Vec2::new(image.size().width as f32, image.size().height as f32);
         (Vec2::new(x as f32, y as f32) + 0.5) / 3.0 / size
     };
-    let found = |x, y| texfold_epitome::decode::texfold_epitome_bilinear(&view, uv(x, y), 0);
+    let found = |x, y| texfold_epitome_bilinear(&view, uv(x, y), 0);
     let ratio = blockiness(found, side, 24);
     // 1 is the aim. Content at a fraction of its size ends flat at the leaf's edge, which leaves a trace of blocks.
     assert!(ratio <= 1.25, "{ratio}");

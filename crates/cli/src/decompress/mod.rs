@@ -141,15 +141,15 @@ fn decompress(
 
 /// An image decoded on the CPU; epitomes between leaves as they are drawn, where that is asked for.
 fn on_cpu(path: &Path, image: &AnyImage, surface: u32, args: &DecompressArgs) -> Result<Raster, CliError> {
-    let raster = decode(path, image.as_encoded(), surface, args.lod)?;
-    let AnyImage::Epitome(epitome) = image else { return Ok(raster) };
-    if !args.continuous || args.lod > 0 {
-        return Ok(raster);
-    }
-    let SurfaceSize { width, height } = raster.size();
+    // Strips are wider than between texels at level 0 alone.
+    let (AnyImage::Epitome(epitome), true) = (image, args.continuous && args.lod == 0) else {
+        return decode(path, image.as_encoded(), surface, args.lod);
+    };
+    let layout = epitome.layout();
+    let SurfaceSize { width, height } = layout.surfaces[surface as usize];
     let texels = epitome.draw(surface, Vec2::ZERO, Vec2::ONE, (width, height));
     let fault = |source: SourceError| CliError::Encode { path: path.to_owned(), source: source.into() };
-    Raster::from_texels(width, height, raster.info(), &texels).map_err(fault)
+    Raster::from_texels(width, height, layout.pixel, &texels).map_err(fault)
 }
 
 /// The image with at most `wanted` layers. Says so where the file was cut, or has fewer than that.

@@ -2,10 +2,11 @@
 
 use std::collections::HashMap;
 
+use glam::Vec2;
 use rayon::prelude::*;
 use texfold_match::{GrayPlane, GsrIndex, GsrTone};
 
-use super::search::{GRAY_STEPS, GRID, Shelf, WITHIN, blur_of, patches, turn_of};
+use super::search::{Shelf, turn_of};
 use super::{Lack, TURN_BITS, gain_unit};
 use crate::codebook::CELL_SIDE;
 use crate::decode::texfold_progressive_turn;
@@ -14,6 +15,14 @@ use crate::decode::texfold_progressive_turn;
 const SAMPLE: usize = 1024;
 /// Patches that these are compared with, at most.
 const PATCHES: usize = 1 << 14;
+/// Squared distance of shapes up to which they are compared: beyond it less than a quarter of a block can be explained.
+const WITHIN: f32 = 1.0;
+/// Values a side of a descriptor's grid.
+const GRID: usize = 4;
+/// Blur before patches are described, in spacings of the grid.
+const BLUR: f32 = 0.25;
+/// Factor from 8-bit steps to values of descriptors' planes.
+const GRAY_STEPS: f32 = 127.0;
 /// Neighbours of each kind of a block.
 const NEIGHBOURS: usize = 24;
 /// Share of what a patch explains that is left in blocks, with a gain of few bits, and found again.
@@ -47,7 +56,7 @@ pub(crate) fn choose(
     }
     let flat: Vec<Lack> = tops.par_iter().map(|lack| lack.flattened()).collect();
     let mut best = match shelf {
-        Some(shelf) => sample.explained(&tops, side, shelf, gain_unit(lacks, side.trailing_zeros())),
+        Some(shelf) => sample.explained(&tops, shelf, gain_unit(lacks, side.trailing_zeros())),
         None => vec![0.0; sample.blocks.len()],
     };
     let mut offers = sample.offers(&tops, &flat, side);
@@ -111,11 +120,9 @@ impl Sample {
         }
     }
 
-    fn explained(&self, tops: &[&Lack], side: usize, shelf: &Shelf, unit: u16) -> Vec<f32> {
-        let planes: Vec<GrayPlane> =
-            tops.iter().map(|lack| GrayPlane::new(lack.width, &lack.values, blur_of(side))).collect();
+    fn explained(&self, tops: &[&Lack], shelf: &Shelf, unit: u16) -> Vec<f32> {
         let of_block = |&(picture, column, row): &(u32, usize, usize)| {
-            shelf.explained(&planes[picture as usize], tops[picture as usize], (column, row), unit)
+            shelf.explained(tops[picture as usize], (column, row), unit)
         };
         self.blocks.par_iter().map(of_block).collect()
     }
@@ -162,7 +169,7 @@ fn serve(
 ) -> Vec<(Piece, f32)> {
     let mut target = Vec::new();
     tops[picture as usize].block(side, column, row, &mut target);
-    let centre = glam::Vec2::new(column as f32 + 0.5, row as f32 + 0.5) * side as f32;
+    let centre = Vec2::new(column as f32 + 0.5, row as f32 + 0.5) * side as f32;
     let mut best: HashMap<Piece, f32> = HashMap::new();
     for found in index.nearest(&planes[picture as usize], (centre, side as f32), WITHIN, NEIGHBOURS) {
         let at = found.patch.centre;
@@ -183,7 +190,7 @@ fn serve(
 }
 
 /// Squared error that a patch takes away with the best of gains.
-fn explain(target: &[f32], lack: &Lack, at: glam::Vec2, turn: glam::Vec4, side: usize) -> f32 {
+fn explain(target: &[f32], lack: &Lack, at: Vec2, turn: glam::Vec4, side: usize) -> f32 {
     let start = 0.5 - 0.5 * side as f32;
     let (mut both, mut own) = (0.0, 1e-6);
     let last = (lack.width as i32 - 1, lack.height as i32 - 1);
@@ -196,4 +203,21 @@ fn explain(target: &[f32], lack: &Lack, at: glam::Vec2, turn: glam::Vec4, side: 
         own += value * value;
     }
     SHIPPED * both * both / own
+}
+
+/// Blur in texels of planes whose patches of `side` texels are described.
+fn blur_of(side: usize) -> f32 {
+    BLUR * side as f32 / GRID as f32
+}
+
+/// Patches that lie inside, `stride` texels apart.
+fn patches(width: usize, height: usize, side: usize, stride: usize, field: u32) -> Vec<(u32, Vec2, f32)> {
+    let half = side / 2;
+    let mut list = Vec::new();
+    for y in (half..(height + 1).saturating_sub(half)).step_by(stride) {
+        for x in (half..(width + 1).saturating_sub(half)).step_by(stride) {
+            list.push((field, Vec2::new(x as f32, y as f32), side as f32));
+        }
+    }
+    list
 }

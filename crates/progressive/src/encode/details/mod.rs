@@ -1,8 +1,9 @@
 //! What codebooks can show of what bases lack: the choice of their content, and an entry for each block.
 //!
-//! Source: "Progressive compression of large-scale remote sensing images with GSR descriptors", 2012, section 4. Blocks are
-//! matched by GSR descriptors, first against the public codebook; pieces of the picture that many blocks would show become
-//! content, those that the most blocks would show public. Other than there, content is detail without colour, brightness
+//! Source: "Progressive compression of large-scale remote sensing images with GSR descriptors", 2012, section 4. Pieces
+//! of the picture whose patches are like many blocks by GSR descriptors become content, those that the most blocks would show
+//! public; blocks are matched against the public codebook and what the picture brings of its own, there in all turns by
+//! low frequencies, as main directions of noise are unsteady. Other than there, content is detail without colour, brightness
 //! and contrast (see [`crate::codebook`]), and a block that finds nothing pays for its entry all the same: entries are of one
 //! length. Cost: a k-d tree query and some hundred patches a block.
 

@@ -10,7 +10,7 @@
 
 mod module;
 
-pub use module::{Binding, Module};
+pub use module::{Binding, Module, Switch};
 
 /// A shader that this project draws with, around a module's functions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

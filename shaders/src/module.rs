@@ -36,6 +36,45 @@ pub enum Binding {
     Float,
 }
 
+/// A constant of a module that is true unless a pipeline sets it to 0: for images that do without what it stands for. Software
+/// renderers make the loads of every branch, so that pictures are drawn faster without those that are never taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Switch {
+    /// Its name.
+    pub constant: &'static str,
+    /// Where the number that tells lies in the parameters of an image, in bytes.
+    offset: usize,
+    /// The number that needs it; any but 0 where this is `None`.
+    only: Option<u32>,
+}
+
+impl Switch {
+    /// Whether an image with these parameters needs it.
+    #[must_use]
+    pub fn is_needed(&self, params: &[u8]) -> bool {
+        let bytes = params.get(self.offset..self.offset + 4).and_then(|bytes| bytes.try_into().ok());
+        let number = bytes.map(u32::from_le_bytes);
+        match self.only {
+            Some(only) => number == Some(only),
+            None => number != Some(0),
+        }
+    }
+}
+
+/// Swizzle of a base in two planes, as in `sample.wgsl`.
+const SPLIT: u32 = 4;
+const PROGRESSIVE_SWITCHES: [Switch; 3] = progressive_switches(0);
+/// Behind the parameters of the epitome.
+const ERROR_SWITCHES: [Switch; 3] = progressive_switches(112);
+
+const fn progressive_switches(start: usize) -> [Switch; 3] {
+    [
+        Switch { constant: "TEXFOLD_PROGRESSIVE_SHRUNK", offset: start + 236, only: None },
+        Switch { constant: "TEXFOLD_PROGRESSIVE_DETAIL", offset: start + 44, only: None },
+        Switch { constant: "TEXFOLD_PROGRESSIVE_SPLIT", offset: start + 24, only: Some(SPLIT) },
+    ]
+}
+
 impl Module {
     /// All of them.
     pub const ALL: [Module; 7] = [
@@ -154,18 +193,15 @@ impl Module {
         }
     }
 
-    /// The constant that a pipeline may set to 0 where it draws only images whose planes are as large as their
-    /// sources, and where the parameters tell, a 32-bit number that is 0 then, in bytes.
+    /// What a pipeline may leave out where no image that it draws needs it. The first, where there are some, stands for planes that
+    /// are smaller than their sources.
     #[must_use]
-    pub fn reduced(self) -> Option<(&'static str, usize)> {
+    pub fn switches(self) -> &'static [Switch] {
         match self {
-            Module::Bc => Some(("TEXFOLD_BC_REDUCED", 28)),
-            Module::Vq
-            | Module::Epitome
-            | Module::EpitomeErrors
-            | Module::Lightfield
-            | Module::Progressive
-            | Module::Zipmap => None,
+            Module::Bc => &[Switch { constant: "TEXFOLD_BC_REDUCED", offset: 28, only: None }],
+            Module::Progressive => &PROGRESSIVE_SWITCHES,
+            Module::EpitomeErrors => &ERROR_SWITCHES,
+            Module::Vq | Module::Epitome | Module::Lightfield | Module::Zipmap => &[],
         }
     }
 

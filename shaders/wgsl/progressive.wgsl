@@ -20,6 +20,12 @@ const TEXFOLD_PROGRESSIVE_SIN: f32 = 0.38268343;
 // Cosine and sine of half a quarter turn.
 const TEXFOLD_PROGRESSIVE_DIAGONAL: f32 = 0.70710677;
 
+// Whether an image may be stored smaller than it is, show codebooks, or have a base of two planes. Pipelines that draw
+// images without need not make the loads: software renderers run those of every branch.
+override TEXFOLD_PROGRESSIVE_SHRUNK: bool = true;
+override TEXFOLD_PROGRESSIVE_DETAIL: bool = true;
+override TEXFOLD_PROGRESSIVE_SPLIT: bool = true;
+
 // The parameters of one image.
 struct TexfoldProgressiveParams {
     // Columns and rows of level 0 in texels.
@@ -78,6 +84,8 @@ struct TexfoldProgressiveBlock {
     rates: u32,
     // What its coefficients are multiplied by.
     scale: f32,
+    // Its last TEXFOLD_PROGRESSIVE_STATE_BITS bits, which stand before its first.
+    tail: u32,
 }
 
 @group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_0) var<uniform> texfold_progressive_params: TexfoldProgressiveParams;
@@ -96,8 +104,7 @@ struct TexfoldProgressiveBlock {
 fn texfold_progressive_word(index: u32) -> u32 {
     let row = index >> texfold_progressive_params.row_log2;
     let column = index - (row << texfold_progressive_params.row_log2);
-    let last = textureDimensions(texfold_progressive_map) - vec2<u32>(1u);
-    return textureLoad(texfold_progressive_map, min(vec2<u32>(column, row), last), 0u).x;
+    return textureLoad(texfold_progressive_map, vec2<u32>(column, row), 0u).x;
 }
 
 // The sum of a word's eight numbers of 4 bits.
@@ -126,30 +133,40 @@ fn texfold_progressive_block(at: vec2<u32>, level: u32) -> TexfoldProgressiveBlo
     let scale = (scales >> shift) & 15u;
     let odd = select(1.0, 1.4142135, (scale & 1u) == 1u);
     let class_bits = texfold_progressive_params.class_bits;
+    let first_bit = texfold_progressive_params.first_bit + texfold_progressive_word(group) * 16u + sum * class_bits;
+    let bits = kind * class_bits;
+    let tail = texfold_progressive_read(first_bit + bits - TEXFOLD_PROGRESSIVE_STATE_BITS).x;
     return TexfoldProgressiveBlock(
-        texfold_progressive_params.first_bit + texfold_progressive_word(group) * 16u + sum * class_bits,
-        kind * class_bits,
+        first_bit,
+        bits,
         texfold_progressive_params.classes[kind / 4u][kind % 4u],
         f32(i32(1u << (scale >> 1u))) * odd * TEXFOLD_PROGRESSIVE_UNIT,
+        tail & ((1u << TEXFOLD_PROGRESSIVE_STATE_BITS) - 1u),
     );
 }
 
-// 32 bits of the map from bit `start` on.
-fn texfold_progressive_read(start: u32) -> u32 {
-    let low = texfold_progressive_word(start / 32u);
-    let high = texfold_progressive_word(start / 32u + 1u);
-    return (low >> (start % 32u)) | ((high << 1u) << (31u - start % 32u));
+// 64 bits of the map from bit `start` on, the first of them lowest in x.
+fn texfold_progressive_read(start: u32) -> vec2<u32> {
+    let index = start / 32u;
+    let middle = texfold_progressive_word(index + 1u);
+    let low = vec2<u32>(texfold_progressive_word(index), middle);
+    let high = vec2<u32>(middle, texfold_progressive_word(index + 2u));
+    return (low >> vec2<u32>(start % 32u)) | ((high << vec2<u32>(1u)) << vec2<u32>(31u - start % 32u));
 }
 
-// Bits of a block up to 22 behind its bit `position`, from TEXFOLD_PROGRESSIVE_STATE_BITS before it on. Before the first bit
-// stands the last.
-fn texfold_progressive_chunk(block: TexfoldProgressiveBlock, position: u32) -> u32 {
-    if position >= TEXFOLD_PROGRESSIVE_STATE_BITS {
-        return texfold_progressive_read(block.start + position - TEXFOLD_PROGRESSIVE_STATE_BITS);
-    }
-    let missing = TEXFOLD_PROGRESSIVE_STATE_BITS - position;
-    let last = texfold_progressive_read(block.start + block.bits - missing);
-    return (last & ((1u << missing) - 1u)) | (texfold_progressive_read(block.start) << missing);
+// Bits of a block up to 44 behind its bit `position`, from TEXFOLD_PROGRESSIVE_STATE_BITS before it on. Without branches:
+// software renderers make the loads of all of them.
+fn texfold_progressive_chunk(block: TexfoldProgressiveBlock, position: u32) -> vec2<u32> {
+    // Bits of the tail.
+    let missing = TEXFOLD_PROGRESSIVE_STATE_BITS - min(position, TEXFOLD_PROGRESSIVE_STATE_BITS);
+    let bits = texfold_progressive_read(block.start + position + missing - TEXFOLD_PROGRESSIVE_STATE_BITS);
+    let low = (bits.x << missing) | (block.tail >> (TEXFOLD_PROGRESSIVE_STATE_BITS - missing));
+    return vec2<u32>(low, (bits.y << missing) | ((bits.x >> 1u) >> (31u - missing)));
+}
+
+// 32 bits of a chunk from bit `start`, 0 to 31, on.
+fn texfold_progressive_behind(chunk: vec2<u32>, start: u32) -> u32 {
+    return (chunk.x >> start) | ((chunk.y << 1u) << (31u - start));
 }
 
 // The value of a state: the bytes of a product, summed, are nearly normal and far apart for states that differ by a bit.
@@ -159,18 +176,17 @@ fn texfold_progressive_value(state: u32) -> f32 {
     return f32(i32((pairs & 0xffffu) + (pairs >> 16u)) - 510);
 }
 
-// The coefficient whose bits end `end` bits behind the chunk's position, of `rate` bits: 0 where it has none.
-fn texfold_progressive_coefficient(chunk: u32, end: u32, rate: u32) -> f32 {
-    let state = (chunk >> end) & ((1u << TEXFOLD_PROGRESSIVE_STATE_BITS) - 1u);
-    return select(0.0, texfold_progressive_value(state), rate > 0u);
+// The coefficient whose bits end `end` bits behind the chunk's position.
+fn texfold_progressive_coefficient(chunk: u32, end: u32) -> f32 {
+    return texfold_progressive_value((chunk >> end) & ((1u << TEXFOLD_PROGRESSIVE_STATE_BITS) - 1u));
 }
 
-// Three coefficients of `rate` bits whose bits end `ends` bits behind the chunk's position.
-fn texfold_progressive_three(chunk: u32, ends: vec3<u32>, rate: u32) -> vec3<f32> {
+// Three coefficients whose bits end `ends` bits behind the chunk's position.
+fn texfold_progressive_three(chunk: u32, ends: vec3<u32>) -> vec3<f32> {
     return vec3<f32>(
-        texfold_progressive_coefficient(chunk, ends.x, rate),
-        texfold_progressive_coefficient(chunk, ends.y, rate),
-        texfold_progressive_coefficient(chunk, ends.z, rate),
+        texfold_progressive_coefficient(chunk, ends.x),
+        texfold_progressive_coefficient(chunk, ends.y),
+        texfold_progressive_coefficient(chunk, ends.z),
     );
 }
 
@@ -182,62 +198,57 @@ fn texfold_progressive_error(at: vec2<u32>, level: u32) -> vec4<f32> {
     }
     let luma_rates = (vec4<u32>(block.rates) >> vec4<u32>(0u, 4u, 8u, 12u)) & vec4<u32>(15u);
     let chroma_rates = (vec3<u32>(block.rates) >> vec3<u32>(16u, 20u, 24u)) & vec3<u32>(15u);
+    // A coefficient without bits is 0.
+    let luma_weights = texfold_progressive_params.luma_weights * block.scale;
+    let luma_scale = select(vec4<f32>(0.0), luma_weights, luma_rates > vec4<u32>(0u));
+    let chroma_weights = texfold_progressive_params.chroma_weights.xyz * block.scale;
+    let chroma_scale = select(vec3<f32>(0.0), chroma_weights, chroma_rates > vec3<u32>(0u));
     // 1 on the left and upper side of a cell, of a quarter of it, and of that; -1 on the other.
     let sides = vec2<f32>(1.0) - 2.0 * vec2<f32>(vec2<i32>((at >> vec2<u32>(1u)) & vec2<u32>(1u)));
     let fine_sides = vec2<f32>(1.0) - 2.0 * vec2<f32>(vec2<i32>(at & vec2<u32>(1u)));
     let signs = vec3<f32>(sides, sides.x * sides.y);
+    let fine_signs = vec3<f32>(fine_sides, fine_sides.x * fine_sides.y);
     let cell = ((at.x >> 2u) & 1u) + ((at.y >> 2u) & 1u) * 2u;
     let quad = ((at.x >> 1u) & 1u) + ((at.y >> 1u) & 1u) * 2u;
 
-    let luma_at = cell * (block.bits / 4u);
-    let luma_bits = texfold_progressive_chunk(block, luma_at);
-    let mean = texfold_progressive_coefficient(luma_bits, luma_rates.x, luma_rates.x);
+    let cell_at = cell * (block.bits / 4u);
+    let luma_bits = luma_rates.x + 3u * luma_rates.y;
+    let coarse_chunk = texfold_progressive_chunk(block, cell_at);
+    let mean = texfold_progressive_coefficient(coarse_chunk.x, luma_rates.x);
     let coarse_ends = luma_rates.x + luma_rates.y * vec3<u32>(1u, 2u, 3u);
-    let coarse = texfold_progressive_three(luma_bits, coarse_ends, luma_rates.y);
-    let luma_scale = texfold_progressive_params.luma_weights * block.scale;
+    let coarse = texfold_progressive_three(coarse_chunk.x, coarse_ends);
     let luma = (mean * luma_scale.x + dot(signs, coarse) * luma_scale.y) * 0.25;
 
-    let chroma_at = luma_at + luma_rates.x + 3u * luma_rates.y;
-    let fine_at = chroma_at + 2u * chroma_rates.x + 6u * chroma_rates.y;
-    var chroma = vec2<f32>(0.0);
-    if fine_at > chroma_at {
-        let bits = texfold_progressive_chunk(block, chroma_at);
-        let ends = 2u * chroma_rates.x + chroma_rates.y * vec3<u32>(1u, 3u, 5u);
-        let means = vec2<f32>(
-            texfold_progressive_coefficient(bits, chroma_rates.x, chroma_rates.x),
-            texfold_progressive_coefficient(bits, 2u * chroma_rates.x, chroma_rates.x),
-        );
-        let first = texfold_progressive_three(bits, ends, chroma_rates.y);
-        let second = texfold_progressive_three(bits, ends + vec3<u32>(chroma_rates.y), chroma_rates.y);
-        let scale = texfold_progressive_params.chroma_weights.xy * block.scale;
-        chroma = (means * scale.x + vec2<f32>(dot(signs, first), dot(signs, second)) * scale.y) * 0.25;
-    }
+    let chroma_chunk = texfold_progressive_behind(coarse_chunk, luma_bits);
+    let means = vec2<f32>(
+        texfold_progressive_coefficient(chroma_chunk, chroma_rates.x),
+        texfold_progressive_coefficient(chroma_chunk, 2u * chroma_rates.x),
+    );
+    let chroma_ends = 2u * chroma_rates.x + chroma_rates.y * vec3<u32>(1u, 3u, 5u);
+    let warm_coarse = texfold_progressive_three(chroma_chunk, chroma_ends);
+    let green_coarse = texfold_progressive_three(chroma_chunk, chroma_ends + vec3<u32>(chroma_rates.y));
+    let both_coarse = vec2<f32>(dot(signs, warm_coarse), dot(signs, green_coarse));
+    let chroma = (means * chroma_scale.x + both_coarse * chroma_scale.y) * 0.25;
 
-    var detail = 0.0;
-    let luma_fine = 2u * luma_rates.z + luma_rates.w;
-    let quad_at = fine_at + quad * (luma_fine + 6u * chroma_rates.z);
-    let fine_signs = vec3<f32>(fine_sides, fine_sides.x * fine_sides.y);
-    if luma_fine > 0u {
-        let bits = texfold_progressive_chunk(block, quad_at);
-        let edges = vec2<f32>(
-            texfold_progressive_coefficient(bits, luma_rates.z, luma_rates.z),
-            texfold_progressive_coefficient(bits, 2u * luma_rates.z, luma_rates.z),
-        );
-        let diagonal = texfold_progressive_coefficient(bits, luma_fine, luma_rates.w);
-        detail = (dot(fine_sides, edges) * luma_scale.z + fine_signs.z * diagonal * luma_scale.w) * 0.5;
-    }
-    if chroma_rates.z > 0u {
-        let bits = texfold_progressive_chunk(block, quad_at + luma_fine);
-        let ends = chroma_rates.z * vec3<u32>(1u, 3u, 5u);
-        let first = texfold_progressive_three(bits, ends, chroma_rates.z);
-        let second = texfold_progressive_three(bits, ends + vec3<u32>(chroma_rates.z), chroma_rates.z);
-        let scale = texfold_progressive_params.chroma_weights.z * block.scale * 0.5;
-        chroma += vec2<f32>(dot(fine_signs, first), dot(fine_signs, second)) * scale;
-    }
+    let fine_bits = 2u * luma_rates.z + luma_rates.w;
+    let fine_at = cell_at + luma_bits + 2u * chroma_rates.x + 6u * chroma_rates.y;
+    let fine_chunk = texfold_progressive_chunk(block, fine_at + quad * (fine_bits + 6u * chroma_rates.z));
+    let edges = vec2<f32>(
+        texfold_progressive_coefficient(fine_chunk.x, luma_rates.z),
+        texfold_progressive_coefficient(fine_chunk.x, 2u * luma_rates.z),
+    );
+    let diagonal = texfold_progressive_coefficient(fine_chunk.x, fine_bits);
+    let detail = (dot(fine_sides, edges) * luma_scale.z + fine_signs.z * diagonal * luma_scale.w) * 0.5;
+
+    let fine_chroma_chunk = texfold_progressive_behind(fine_chunk, fine_bits);
+    let fine_ends = chroma_rates.z * vec3<u32>(1u, 3u, 5u);
+    let warm_fine = texfold_progressive_three(fine_chroma_chunk, fine_ends);
+    let green_fine = texfold_progressive_three(fine_chroma_chunk, fine_ends + vec3<u32>(chroma_rates.z));
+    let both_fine = vec2<f32>(dot(fine_signs, warm_fine), dot(fine_signs, green_fine));
     let gray = (luma + detail) * 0.57735026;
-    let warm = chroma.x * 0.70710677;
-    let green = chroma.y * 0.40824828;
-    return vec4<f32>(gray + warm + green, gray - 2.0 * green, gray - warm + green, 0.0);
+    let colour = chroma + both_fine * (chroma_scale.z * 0.5);
+    let shift = colour * vec2<f32>(0.70710677, 0.40824828);
+    return vec4<f32>(gray + shift.x + shift.y, gray - 2.0 * shift.y, gray - shift.x + shift.y, 0.0);
 }
 
 // Texels of the base, of `size` texels, that the texel at `at` is blended from, kept within its block, which has `cell` texels
@@ -270,16 +281,18 @@ fn texfold_progressive_base(at: vec2<u32>, level: u32) -> vec4<f32> {
         tap.weight,
     );
     var b = a;
-    if texfold_progressive_params.swizzle == TEXFOLD_SPLIT {
-        b = texfold_bilinear(
-            array<vec4<f32>, 4>(
-                textureLoad(texfold_progressive_base_b, tap.low, stored),
-                textureLoad(texfold_progressive_base_b, upper_right, stored),
-                textureLoad(texfold_progressive_base_b, lower_left, stored),
-                textureLoad(texfold_progressive_base_b, tap.high, stored),
-            ),
-            tap.weight,
-        );
+    if TEXFOLD_PROGRESSIVE_SPLIT {
+        if texfold_progressive_params.swizzle == TEXFOLD_SPLIT {
+            b = texfold_bilinear(
+                array<vec4<f32>, 4>(
+                    textureLoad(texfold_progressive_base_b, tap.low, stored),
+                    textureLoad(texfold_progressive_base_b, upper_right, stored),
+                    textureLoad(texfold_progressive_base_b, lower_left, stored),
+                    textureLoad(texfold_progressive_base_b, tap.high, stored),
+                ),
+                tap.weight,
+            );
+        }
     }
     return texfold_swizzle(a, b, texfold_progressive_params.swizzle);
 }
@@ -288,8 +301,7 @@ fn texfold_progressive_base(at: vec2<u32>, level: u32) -> vec4<f32> {
 fn texfold_progressive_entry_word(index: u32) -> u32 {
     let row = index >> texfold_progressive_params.entry_row_log2;
     let column = index - (row << texfold_progressive_params.entry_row_log2);
-    let last = textureDimensions(texfold_progressive_entries) - vec2<u32>(1u);
-    return textureLoad(texfold_progressive_entries, min(vec2<u32>(column, row), last), 0u).x;
+    return textureLoad(texfold_progressive_entries, vec2<u32>(column, row), 0u).x;
 }
 
 // What carries places of a block to places of the codebook: the rows of a matrix, for turn `number` of `bits` bits.
@@ -387,9 +399,11 @@ fn texfold_progressive_detail(at: vec2<u32>, level: u32) -> f32 {
 // The texel at `at` of level `level`, which lies inside.
 fn texfold_progressive_load(at: vec2<u32>, level: u32) -> vec4<f32> {
     var shown = texfold_progressive_base(at, level);
-    if texfold_progressive_params.map_form != 0u {
-        let detail = texfold_progressive_detail(at, level);
-        shown = clamp(shown + vec4<f32>(detail, detail, detail, 0.0), vec4<f32>(0.0), vec4<f32>(1.0));
+    if TEXFOLD_PROGRESSIVE_DETAIL {
+        if texfold_progressive_params.map_form != 0u {
+            let detail = texfold_progressive_detail(at, level);
+            shown = clamp(shown + vec4<f32>(detail, detail, detail, 0.0), vec4<f32>(0.0), vec4<f32>(1.0));
+        }
     }
     if texfold_progressive_params.class_bits == 0u {
         return shown;
@@ -413,12 +427,14 @@ fn texfold_progressive_filtered(uv: vec2<f32>, stored: u32, address_mode: u32) -
 // The texel at `at` of level `level`, which lies inside: as it is stored, or between four of those.
 fn texfold_progressive_shown(at: vec2<u32>, level: u32) -> vec4<f32> {
     let shrink = texfold_progressive_params.shrink_log2;
-    if level >= shrink {
-        return texfold_progressive_load(at, level - shrink);
+    if TEXFOLD_PROGRESSIVE_SHRUNK {
+        if level < shrink {
+            let size = texfold_level_size(texfold_progressive_params.size, level);
+            let uv = (vec2<f32>(vec2<i32>(at)) + vec2<f32>(0.5)) / vec2<f32>(vec2<i32>(size));
+            return texfold_progressive_filtered(uv, 0u, TEXFOLD_CLAMP);
+        }
     }
-    let size = texfold_level_size(texfold_progressive_params.size, level);
-    let uv = (vec2<f32>(vec2<i32>(at)) + vec2<f32>(0.5)) / vec2<f32>(vec2<i32>(size));
-    return texfold_progressive_filtered(uv, 0u, TEXFOLD_CLAMP);
+    return texfold_progressive_load(at, max(level, shrink) - shrink);
 }
 
 // The texel at column `at.x` and row `at.y` of level `level`, clamped to it.

@@ -98,9 +98,7 @@ impl Lookup {
     /// The shader for `texture`.
     pub(crate) fn shader_of(self, texture: &GpuTexture) -> Shader {
         let (entry, lookup, ..) = self.shader();
-        // Trilinear lookups do not read texels of the source's size.
-        let reduced = entry == Entry::Decode && texture.reduced();
-        Shader::View { module: texture.module(), entry, lookup, reduced }
+        Shader::View { module: texture.module(), entry, lookup, switches: texture.switches() }
     }
 }
 

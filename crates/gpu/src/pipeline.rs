@@ -2,7 +2,7 @@
 
 use std::sync::PoisonError;
 
-use texfold_shaders::{Binding, Entry, Module};
+use texfold_shaders::{Binding, Entry, Module, Switch};
 use wgpu::{
     BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType, BufferBindingType, Device,
     RenderPipeline, SamplerBindingType, ShaderStages, TextureFormat, TextureSampleType, TextureViewDimension,
@@ -29,8 +29,8 @@ pub(crate) enum Shader {
         entry: Entry,
         /// The number of its lookup.
         lookup: u32,
-        /// Whether a plane may be smaller than its source.
-        reduced: bool,
+        /// A bit for each of the module's switches that is on.
+        switches: u32,
     },
     /// A mesh with a module's texture.
     Mesh(Module),
@@ -133,9 +133,10 @@ impl Gpu {
         };
         let is_mesh = matches!(shader, Shader::Mesh(_));
         let constants: Vec<(&str, f64)> = match shader {
-            Shader::View { module, lookup, reduced, .. } => {
-                let reduced = module.reduced().map(|(name, _)| (name, f64::from(u8::from(reduced))));
-                std::iter::once(("LOOKUP", f64::from(lookup))).chain(reduced).collect()
+            Shader::View { module, lookup, switches, .. } => {
+                let on = |(bit, switch): (u32, &Switch)| (switch.constant, f64::from(switches >> bit & 1));
+                let switches = (0..).zip(module.switches()).map(on);
+                std::iter::once(("LOOKUP", f64::from(lookup))).chain(switches).collect()
             }
             Shader::Mesh(_) | Shader::Light | Shader::Plain => Vec::new(),
         };

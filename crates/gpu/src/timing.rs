@@ -83,7 +83,10 @@ impl Gpu {
                     Lookup::Level { .. } | Lookup::Derivative => 8,
                 };
                 let (module, entry) = (texture.module(), Entry::Bare);
-                (Shader::View { module, entry, lookup: loads, reduced: false }, textures.clone())
+                (
+                    Shader::View { module, entry, lookup: loads, switches: texture.switches() },
+                    textures.clone(),
+                )
             }
             Probe::Plain => (Shader::Plain, self.plain_group(texture, view.surface)?),
         };

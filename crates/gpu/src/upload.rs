@@ -23,8 +23,8 @@ pub struct GpuTexture {
     module: Module,
     groups: Vec<Group>,
     surfaces: Vec<Surface>,
-    /// Whether a plane may be smaller than its source.
-    reduced: bool,
+    /// A bit for each of the module's switches that an image needs.
+    switches: u32,
     bytes: u64,
     queue: Queue,
 }
@@ -53,9 +53,14 @@ impl GpuTexture {
         self.module
     }
 
+    /// A bit for each of the module's switches that an image needs.
+    pub(crate) fn switches(&self) -> u32 {
+        self.switches
+    }
+
     /// Whether a plane may be smaller than its source.
     pub(crate) fn reduced(&self) -> bool {
-        self.reduced
+        self.switches & 1 != 0
     }
 
     /// Number of images.
@@ -129,7 +134,7 @@ impl Gpu {
                 module,
                 groups: Vec::new(),
                 surfaces: Vec::new(),
-                reduced: false,
+                switches: 0,
                 bytes,
                 queue: self.queue.clone(),
             };
@@ -142,8 +147,9 @@ impl Gpu {
                     texture.groups.push(self.bind(module, form, binding, &planes)?);
                 }
                 texture.surfaces.push(describe(module, group, form, binding)?);
-                if let Some((_, offset)) = module.reduced() {
-                    texture.reduced |= number(params_of(module, form, binding)?, offset) != 0;
+                let params = params_of(module, form, binding)?;
+                for (bit, switch) in (0..).zip(module.switches()) {
+                    texture.switches |= u32::from(switch.is_needed(params)) << bit;
                 }
             }
             Ok(texture)

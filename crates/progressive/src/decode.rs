@@ -105,6 +105,8 @@ pub struct TexfoldProgressiveBlock {
     pub rates: u32,
     /// What its coefficients are multiplied by.
     pub scale: f32,
+    /// Its last [`TEXFOLD_PROGRESSIVE_STATE_BITS`] bits, which stand before its first.
+    pub tail: u32,
 }
 
 /// Word `index` of the map.
@@ -147,39 +149,48 @@ pub fn texfold_progressive_block(
     let scales = texfold_progressive_word(view, group + 3 + member / 8);
     let scale = scales >> shift & 15;
     let odd = if scale & 1 == 1 { std::f32::consts::SQRT_2 } else { 1.0 };
+    let start = params.first_bit
+        + texfold_progressive_word(view, group).wrapping_mul(16).wrapping_add(sum * params.class_bits);
+    let bits = class * params.class_bits;
+    let tail =
+        texfold_progressive_read(view, start.wrapping_add(bits).wrapping_sub(TEXFOLD_PROGRESSIVE_STATE_BITS));
     TexfoldProgressiveBlock {
-        start: params.first_bit
-            + texfold_progressive_word(view, group).wrapping_mul(16).wrapping_add(sum * params.class_bits),
-        bits: class * params.class_bits,
+        start,
+        bits,
         rates: params.classes[class as usize],
         scale: (1u32 << (scale >> 1)) as f32 * odd * TEXFOLD_PROGRESSIVE_UNIT,
+        tail: tail as u32 & ((1 << TEXFOLD_PROGRESSIVE_STATE_BITS) - 1),
     }
 }
 
-/// 32 bits of the map from bit `start` on.
+/// 64 bits of the map from bit `start` on, the first of them lowest.
 #[must_use]
 #[inline]
-pub fn texfold_progressive_read(view: &ProgressiveView<'_>, start: u32) -> u32 {
-    let low = texfold_progressive_word(view, start / 32);
-    let high = texfold_progressive_word(view, start / 32 + 1);
-    low >> (start % 32) | high << 1 << (31 - start % 32)
+pub fn texfold_progressive_read(view: &ProgressiveView<'_>, start: u32) -> u64 {
+    let word = |away: u32| u128::from(texfold_progressive_word(view, (start / 32).wrapping_add(away)));
+    ((word(0) | word(1) << 32 | word(2) << 64) >> (start % 32)) as u64
 }
 
-/// Bits of a block up to 22 behind its bit `position`, from [`TEXFOLD_PROGRESSIVE_STATE_BITS`] before it on. Before the first
-/// bit stands the last.
+/// Bits of a block up to 44 behind its bit `position`, from [`TEXFOLD_PROGRESSIVE_STATE_BITS`] before it on.
 #[must_use]
 #[inline]
 pub fn texfold_progressive_chunk(
     view: &ProgressiveView<'_>,
     block: TexfoldProgressiveBlock,
     position: u32,
-) -> u32 {
-    if position >= TEXFOLD_PROGRESSIVE_STATE_BITS {
-        return texfold_progressive_read(view, block.start + position - TEXFOLD_PROGRESSIVE_STATE_BITS);
-    }
-    let missing = TEXFOLD_PROGRESSIVE_STATE_BITS - position;
-    let last = texfold_progressive_read(view, block.start + block.bits - missing);
-    last & ((1 << missing) - 1) | texfold_progressive_read(view, block.start) << missing
+) -> u64 {
+    // Bits of the tail.
+    let missing = TEXFOLD_PROGRESSIVE_STATE_BITS - position.min(TEXFOLD_PROGRESSIVE_STATE_BITS);
+    let start = block.start.wrapping_add(position + missing - TEXFOLD_PROGRESSIVE_STATE_BITS);
+    let bits = texfold_progressive_read(view, start);
+    bits << missing | u64::from(block.tail >> (TEXFOLD_PROGRESSIVE_STATE_BITS - missing))
+}
+
+/// 32 bits of a chunk from bit `start`, 0 to 31, on.
+#[must_use]
+#[inline]
+pub fn texfold_progressive_behind(chunk: u64, start: u32) -> u32 {
+    (chunk >> start) as u32
 }
 
 /// The value of a state: the bytes of a product, summed, are nearly normal and far apart for states that differ by a bit.
@@ -191,19 +202,18 @@ pub fn texfold_progressive_value(state: u32) -> f32 {
     ((pairs & 0xffff) + (pairs >> 16)) as f32 - 510.0
 }
 
-/// The coefficient whose bits end `end` bits behind the chunk's position, of `rate` bits: 0 where it has none.
+/// The coefficient whose bits end `end` bits behind the chunk's position.
 #[must_use]
 #[inline]
-pub fn texfold_progressive_coefficient(chunk: u32, end: u32, rate: u32) -> f32 {
-    let state = chunk >> end & ((1 << TEXFOLD_PROGRESSIVE_STATE_BITS) - 1);
-    if rate > 0 { value(state) } else { 0.0 }
+pub fn texfold_progressive_coefficient(chunk: u32, end: u32) -> f32 {
+    value(chunk >> end & ((1 << TEXFOLD_PROGRESSIVE_STATE_BITS) - 1))
 }
 
-/// Three coefficients of `rate` bits whose bits end `ends` bits behind the chunk's position.
+/// Three coefficients whose bits end `ends` bits behind the chunk's position.
 #[must_use]
 #[inline]
-pub fn texfold_progressive_three(chunk: u32, ends: UVec3, rate: u32) -> Vec3 {
-    Vec3::from_array(ends.to_array().map(|end| texfold_progressive_coefficient(chunk, end, rate)))
+pub fn texfold_progressive_three(chunk: u32, ends: UVec3) -> Vec3 {
+    Vec3::from_array(ends.to_array().map(|end| texfold_progressive_coefficient(chunk, end)))
 }
 
 /// The error of the texel at `at` of level `level`, which lies inside: red, green, blue and 0.
@@ -451,30 +461,35 @@ struct Cell {
     fine: u32,
 }
 
+/// What coefficients of a kind are multiplied by: one without bits is 0.
+#[inline]
+fn scale(view: &ProgressiveView<'_>, block: TexfoldProgressiveBlock, kind: u32) -> f32 {
+    if rate(block.rates, kind) > 0 { view.params.weights[kind as usize] * block.scale } else { 0.0 }
+}
+
 #[inline]
 fn cell(view: &ProgressiveView<'_>, block: TexfoldProgressiveBlock, number: u32) -> Cell {
-    let weights = &view.params.weights;
     let position = number * (block.bits / 4);
     let [mean, coarse, chroma, chroma_coarse] = [0, 1, 4, 5].map(|kind| rate(block.rates, kind));
+    let luma_bits = mean + 3 * coarse;
     let chunk = texfold_progressive_chunk(view, block, position);
-    let (first, further) = (weights[0] * block.scale, weights[1] * block.scale);
+    let behind = texfold_progressive_behind(chunk, luma_bits);
+    let chunk = texfold_progressive_behind(chunk, 0);
+    let (first, further) = (scale(view, block, 0), scale(view, block, 1));
     let ends = UVec3::splat(mean) + UVec3::new(1, 2, 3) * coarse;
-    let rest = texfold_progressive_three(chunk, ends, coarse) * further;
-    let luma = Vec4::new(texfold_progressive_coefficient(chunk, mean, mean) * first, rest.x, rest.y, rest.z);
-    let position = position + mean + 3 * coarse;
-    let fine = position + 2 * chroma + 6 * chroma_coarse;
+    let rest = texfold_progressive_three(chunk, ends) * further;
+    let luma = Vec4::new(texfold_progressive_coefficient(chunk, mean) * first, rest.x, rest.y, rest.z);
     let mut both = [Vec4::ZERO; 2];
-    if fine > position {
-        let chunk = texfold_progressive_chunk(view, block, position);
-        let (first, further) = (weights[4] * block.scale, weights[5] * block.scale);
+    if chroma + chroma_coarse > 0 {
+        let (first, further) = (scale(view, block, 4), scale(view, block, 5));
         for (axis, values) in (0..).zip(&mut both) {
-            let means = texfold_progressive_coefficient(chunk, chroma * (axis + 1), chroma);
+            let means = texfold_progressive_coefficient(behind, chroma * (axis + 1));
             let ends = UVec3::splat(2 * chroma) + UVec3::new(1, 3, 5) * chroma_coarse + axis * chroma_coarse;
-            let rest = texfold_progressive_three(chunk, ends, chroma_coarse) * further;
+            let rest = texfold_progressive_three(behind, ends) * further;
             *values = Vec4::new(means * first, rest.x, rest.y, rest.z);
         }
     }
-    Cell { luma, chroma: both, fine }
+    Cell { luma, chroma: both, fine: position + luma_bits + 2 * chroma + 6 * chroma_coarse }
 }
 
 /// Luma and both axes of chroma of a quarter of a cell, 2x2 texels.
@@ -488,25 +503,26 @@ fn coarse(cell: &Cell, quad: u32) -> [f32; 3] {
 /// The finer coefficients of a quarter of a cell, of luma and of both axes of chroma: across, down, diagonal.
 #[inline]
 fn fine(view: &ProgressiveView<'_>, block: TexfoldProgressiveBlock, cell: &Cell, quad: u32) -> [[f32; 3]; 3] {
-    let weights = &view.params.weights;
     let [edge, diagonal, chroma] = [2, 3, 6].map(|kind| rate(block.rates, kind));
-    let position = cell.fine + quad * (2 * edge + diagonal + 6 * chroma);
+    let luma_bits = 2 * edge + diagonal;
     let mut fine = [[0.0; 3]; 3];
-    if edge + diagonal > 0 {
-        let chunk = texfold_progressive_chunk(view, block, position);
-        let (edges, diagonals) = (weights[2] * block.scale, weights[3] * block.scale);
-        fine[0] = [
-            texfold_progressive_coefficient(chunk, edge, edge) * edges,
-            texfold_progressive_coefficient(chunk, 2 * edge, edge) * edges,
-            texfold_progressive_coefficient(chunk, 2 * edge + diagonal, diagonal) * diagonals,
-        ];
+    if luma_bits + chroma == 0 {
+        return fine;
     }
+    let chunk = texfold_progressive_chunk(view, block, cell.fine + quad * (luma_bits + 6 * chroma));
+    let behind = texfold_progressive_behind(chunk, luma_bits);
+    let chunk = texfold_progressive_behind(chunk, 0);
+    let (edges, diagonals) = (scale(view, block, 2), scale(view, block, 3));
+    fine[0] = [
+        texfold_progressive_coefficient(chunk, edge) * edges,
+        texfold_progressive_coefficient(chunk, 2 * edge) * edges,
+        texfold_progressive_coefficient(chunk, luma_bits) * diagonals,
+    ];
     if chroma > 0 {
-        let chunk = texfold_progressive_chunk(view, block, position + 2 * edge + diagonal);
-        let scale = weights[6] * block.scale;
+        let scale = scale(view, block, 6);
         for (axis, values) in (1..).zip(&mut fine[1..]) {
             let ends = UVec3::new(axis, 2 + axis, 4 + axis) * chroma;
-            *values = (texfold_progressive_three(chunk, ends, chroma) * scale).to_array();
+            *values = (texfold_progressive_three(behind, ends) * scale).to_array();
         }
     }
     fine

@@ -5,8 +5,8 @@
 pub(crate) const COUNTS: [u32; 7] = [1, 3, 8, 4, 2, 6, 24];
 /// Kinds of coefficients.
 pub(crate) const KINDS: usize = COUNTS.len();
-/// Most bits of a coefficient by kind: those of a cell's luma mean and coarse ones, of its chroma, and of either in a 2x2 are read in one
-/// go of 32 bits, [`crate::decode::TEXFOLD_PROGRESSIVE_STATE_BITS`] of them before their own.
+/// Most bits of a coefficient by kind: those of a cell's mean and coarse ones, and of a 2x2, are read in one go of 64 bits and taken 32 at a
+/// time, luma's and then chroma's, [`crate::decode::TEXFOLD_PROGRESSIVE_STATE_BITS`] of them before their own.
 pub(crate) const MOST: [u32; KINDS] = [5, 5, 5, 5, 5, 2, 3];
 /// Classes of blocks.
 pub(crate) const CLASSES: usize = 16;

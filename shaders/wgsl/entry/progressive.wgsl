@@ -35,10 +35,8 @@ fn entry_bare(at: vec2<u32>) -> vec4<f32> {
         + textureLoad(texfold_progressive_base_a, next, 0u);
     let block = texfold_progressive_block(at, 0u);
     let cell = block.start + (block.bits / 4u) * (((at.x >> 2u) & 1u) + ((at.y >> 2u) & 1u) * 2u);
-    let bits = texfold_progressive_read(cell)
-        ^ texfold_progressive_read(cell + 16u)
-        ^ texfold_progressive_read(cell + 32u + 8u * (at.x & 2u));
-    return texel + vec4<f32>(block.scale * f32(bits & 1u));
+    let bits = texfold_progressive_read(cell) ^ texfold_progressive_read(cell + 32u + 8u * (at.x & 2u));
+    return texel + vec4<f32>(block.scale * f32(i32((bits.x ^ bits.y ^ block.tail) & 1u)));
 }
 
 // Four texels with the loads of texfold_progressive_bilinear.

@@ -169,25 +169,34 @@ fn texfold_progressive_behind(chunk: vec2<u32>, start: u32) -> u32 {
     return (chunk.x >> start) | ((chunk.y << 1u) << (31u - start));
 }
 
-// The value of a state: the bytes of a product, summed, are nearly normal and far apart for states that differ by a bit.
-fn texfold_progressive_value(state: u32) -> f32 {
-    let product = state * 3365104771u + 460760113u;
-    let pairs = (product & 0x00ff00ffu) + ((product >> 8u) & 0x00ff00ffu);
-    return f32(i32((pairs & 0xffffu) + (pairs >> 16u)) - 510);
+// What the state that ends `end` bits behind the chunk's position is hashed to; its four bytes are added to be its value, which is nearly
+// normal, and far apart for states that differ by a bit. Where `flip` is all ones, its negative: here the complement.
+fn texfold_progressive_hash(chunk: u32, end: u32, flip: u32) -> u32 {
+    let state = (chunk >> end) & ((1u << TEXFOLD_PROGRESSIVE_STATE_BITS) - 1u);
+    return (state * 3365104771u + 460760113u) ^ flip;
+}
+
+// A hash's bytes, added in two pairs, one in each half.
+fn texfold_progressive_pairs(hash: u32) -> u32 {
+    return (hash & 0x00ff00ffu) + ((hash >> 8u) & 0x00ff00ffu);
+}
+
+// The sum of the values of `count` states from the sum of their pairs.
+fn texfold_progressive_value(pairs: u32, count: i32) -> f32 {
+    return f32(i32((pairs & 0xffffu) + (pairs >> 16u)) - 510 * count);
 }
 
 // The coefficient whose bits end `end` bits behind the chunk's position.
 fn texfold_progressive_coefficient(chunk: u32, end: u32) -> f32 {
-    return texfold_progressive_value((chunk >> end) & ((1u << TEXFOLD_PROGRESSIVE_STATE_BITS) - 1u));
+    return texfold_progressive_value(texfold_progressive_pairs(texfold_progressive_hash(chunk, end, 0u)), 1);
 }
 
-// Three coefficients whose bits end `ends` bits behind the chunk's position.
-fn texfold_progressive_three(chunk: u32, ends: vec3<u32>) -> vec3<f32> {
-    return vec3<f32>(
-        texfold_progressive_coefficient(chunk, ends.x),
-        texfold_progressive_coefficient(chunk, ends.y),
-        texfold_progressive_coefficient(chunk, ends.z),
-    );
+// The sum of three coefficients whose bits end `ends` bits behind the chunk's position, those negated whose flip is all ones.
+fn texfold_progressive_three(chunk: u32, ends: vec3<u32>, flips: vec3<u32>) -> f32 {
+    let pairs = texfold_progressive_pairs(texfold_progressive_hash(chunk, ends.x, flips.x))
+        + texfold_progressive_pairs(texfold_progressive_hash(chunk, ends.y, flips.y))
+        + texfold_progressive_pairs(texfold_progressive_hash(chunk, ends.z, flips.z));
+    return texfold_progressive_value(pairs, 3);
 }
 
 // The error of the texel at `at` of level `level`, which lies inside: red, green, blue and 0.
@@ -203,11 +212,11 @@ fn texfold_progressive_error(at: vec2<u32>, level: u32) -> vec4<f32> {
     let luma_scale = select(vec4<f32>(0.0), luma_weights, luma_rates > vec4<u32>(0u));
     let chroma_weights = texfold_progressive_params.chroma_weights.xyz * block.scale;
     let chroma_scale = select(vec3<f32>(0.0), chroma_weights, chroma_rates > vec3<u32>(0u));
-    // 1 on the left and upper side of a cell, of a quarter of it, and of that; -1 on the other.
-    let sides = vec2<f32>(1.0) - 2.0 * vec2<f32>(vec2<i32>((at >> vec2<u32>(1u)) & vec2<u32>(1u)));
-    let fine_sides = vec2<f32>(1.0) - 2.0 * vec2<f32>(vec2<i32>(at & vec2<u32>(1u)));
-    let signs = vec3<f32>(sides, sides.x * sides.y);
-    let fine_signs = vec3<f32>(fine_sides, fine_sides.x * fine_sides.y);
+    // All ones on the right and lower side of a cell, and of a quarter of it: there coefficients count negatively.
+    let sides = vec2<u32>(0u) - ((at >> vec2<u32>(1u)) & vec2<u32>(1u));
+    let fine_sides = vec2<u32>(0u) - (at & vec2<u32>(1u));
+    let flips = vec3<u32>(sides, sides.x ^ sides.y);
+    let fine_flips = vec3<u32>(fine_sides, fine_sides.x ^ fine_sides.y);
     let cell = ((at.x >> 2u) & 1u) + ((at.y >> 2u) & 1u) * 2u;
     let quad = ((at.x >> 1u) & 1u) + ((at.y >> 1u) & 1u) * 2u;
 
@@ -216,8 +225,8 @@ fn texfold_progressive_error(at: vec2<u32>, level: u32) -> vec4<f32> {
     let coarse_chunk = texfold_progressive_chunk(block, cell_at);
     let mean = texfold_progressive_coefficient(coarse_chunk.x, luma_rates.x);
     let coarse_ends = luma_rates.x + luma_rates.y * vec3<u32>(1u, 2u, 3u);
-    let coarse = texfold_progressive_three(coarse_chunk.x, coarse_ends);
-    let luma = (mean * luma_scale.x + dot(signs, coarse) * luma_scale.y) * 0.25;
+    let coarse = texfold_progressive_three(coarse_chunk.x, coarse_ends, flips);
+    let luma = (mean * luma_scale.x + coarse * luma_scale.y) * 0.25;
 
     let chroma_chunk = texfold_progressive_behind(coarse_chunk, luma_bits);
     let means = vec2<f32>(
@@ -225,40 +234,44 @@ fn texfold_progressive_error(at: vec2<u32>, level: u32) -> vec4<f32> {
         texfold_progressive_coefficient(chroma_chunk, 2u * chroma_rates.x),
     );
     let chroma_ends = 2u * chroma_rates.x + chroma_rates.y * vec3<u32>(1u, 3u, 5u);
-    let warm_coarse = texfold_progressive_three(chroma_chunk, chroma_ends);
-    let green_coarse = texfold_progressive_three(chroma_chunk, chroma_ends + vec3<u32>(chroma_rates.y));
-    let both_coarse = vec2<f32>(dot(signs, warm_coarse), dot(signs, green_coarse));
+    let both_coarse = vec2<f32>(
+        texfold_progressive_three(chroma_chunk, chroma_ends, flips),
+        texfold_progressive_three(chroma_chunk, chroma_ends + vec3<u32>(chroma_rates.y), flips),
+    );
     let chroma = (means * chroma_scale.x + both_coarse * chroma_scale.y) * 0.25;
 
     let fine_bits = 2u * luma_rates.z + luma_rates.w;
     let fine_at = cell_at + luma_bits + 2u * chroma_rates.x + 6u * chroma_rates.y;
     let fine_chunk = texfold_progressive_chunk(block, fine_at + quad * (fine_bits + 6u * chroma_rates.z));
-    let edges = vec2<f32>(
-        texfold_progressive_coefficient(fine_chunk.x, luma_rates.z),
-        texfold_progressive_coefficient(fine_chunk.x, 2u * luma_rates.z),
-    );
-    let diagonal = texfold_progressive_coefficient(fine_chunk.x, fine_bits);
-    let detail = (dot(fine_sides, edges) * luma_scale.z + fine_signs.z * diagonal * luma_scale.w) * 0.5;
+    let across = texfold_progressive_pairs(texfold_progressive_hash(fine_chunk.x, luma_rates.z, fine_flips.x));
+    let down = texfold_progressive_pairs(texfold_progressive_hash(fine_chunk.x, 2u * luma_rates.z, fine_flips.y));
+    let diagonal = texfold_progressive_pairs(texfold_progressive_hash(fine_chunk.x, fine_bits, fine_flips.z));
+    let detail = (texfold_progressive_value(across + down, 2) * luma_scale.z
+        + texfold_progressive_value(diagonal, 1) * luma_scale.w) * 0.5;
 
     let fine_chroma_chunk = texfold_progressive_behind(fine_chunk, fine_bits);
     let fine_ends = chroma_rates.z * vec3<u32>(1u, 3u, 5u);
-    let warm_fine = texfold_progressive_three(fine_chroma_chunk, fine_ends);
-    let green_fine = texfold_progressive_three(fine_chroma_chunk, fine_ends + vec3<u32>(chroma_rates.z));
-    let both_fine = vec2<f32>(dot(fine_signs, warm_fine), dot(fine_signs, green_fine));
+    let both_fine = vec2<f32>(
+        texfold_progressive_three(fine_chroma_chunk, fine_ends, fine_flips),
+        texfold_progressive_three(fine_chroma_chunk, fine_ends + vec3<u32>(chroma_rates.z), fine_flips),
+    );
     let gray = (luma + detail) * 0.57735026;
     let colour = chroma + both_fine * (chroma_scale.z * 0.5);
     let shift = colour * vec2<f32>(0.70710677, 0.40824828);
     return vec4<f32>(gray + shift.x + shift.y, gray - 2.0 * shift.y, gray - shift.x + shift.y, 0.0);
 }
 
-// Texels of the base, of `size` texels, that the texel at `at` is blended from, kept within its block, which has `cell` texels
-// of the base a side; as they are where `cell` is 0.
-fn texfold_progressive_within(tap: TexfoldTap, at: vec2<u32>, size: vec2<u32>, cell: u32) -> TexfoldTap {
-    if cell == 0u {
-        return tap;
-    }
-    let first = min(at / 8u * cell, size - vec2<u32>(1u));
-    return TexfoldTap(max(tap.low, first), min(tap.high, first + vec2<u32>(cell - 1u)), tap.weight);
+// Four texels of the base, of `size` texels, around the texel at `at` of an image of `full`; of those of its block alone, which has
+// `cell` texels of the base a side, where that is not 0.
+fn texfold_progressive_tap(at: vec2<u32>, full: vec2<u32>, size: vec2<u32>, cell: u32) -> TexfoldTap {
+    let last = size - vec2<u32>(1u);
+    let low_end = min(at / 8u * cell, last);
+    let high_end = select(last, min(low_end + vec2<u32>(max(cell, 1u) - 1u), last), cell > 0u);
+    let uv = (vec2<f32>(vec2<i32>(at)) + vec2<f32>(0.5)) / vec2<f32>(vec2<i32>(full));
+    let wanted = uv * vec2<f32>(vec2<i32>(size)) - vec2<f32>(0.5);
+    let place = clamp(wanted, vec2<f32>(vec2<i32>(low_end)), vec2<f32>(vec2<i32>(high_end)));
+    let low = vec2<u32>(vec2<i32>(place));
+    return TexfoldTap(low, min(low + vec2<u32>(1u), high_end), place - vec2<f32>(vec2<i32>(low)));
 }
 
 // Four texels of the base around the texel at `at` of level `level` of the image, blended.
@@ -266,9 +279,7 @@ fn texfold_progressive_base(at: vec2<u32>, level: u32) -> vec4<f32> {
     let stored = min(level, texfold_progressive_params.base_levels - 1u);
     let size = texfold_level_size(texfold_progressive_params.base_size, stored);
     let full = texfold_level_size(texfold_progressive_params.stored_size, level);
-    let uv = (vec2<f32>(vec2<i32>(at)) + vec2<f32>(0.5)) / vec2<f32>(vec2<i32>(full));
-    let whole = texfold_tap(uv, size, TEXFOLD_CLAMP);
-    let tap = texfold_progressive_within(whole, at, size, texfold_progressive_params.base_cell);
+    let tap = texfold_progressive_tap(at, full, size, texfold_progressive_params.base_cell);
     let upper_right = vec2<u32>(tap.high.x, tap.low.y);
     let lower_left = vec2<u32>(tap.low.x, tap.high.y);
     let a = texfold_bilinear(
@@ -294,7 +305,8 @@ fn texfold_progressive_base(at: vec2<u32>, level: u32) -> vec4<f32> {
             );
         }
     }
-    return texfold_swizzle(a, b, texfold_progressive_params.swizzle);
+    // No base holds normals.
+    return texfold_swizzle_colour(a, b, texfold_progressive_params.swizzle);
 }
 
 // Word `index` of the map; beyond its end nothing that counts.

@@ -37,17 +37,26 @@ pub const TEXFOLD_SPLIT: u32 = 4;
 /// Plane `a` holds x and y of a unit normal; alpha is 1.
 pub const TEXFOLD_NORMAL: u32 = 5;
 
+/// One texel from the values that its planes hold; `kind` is one of the swizzles above but that of normals.
+#[must_use]
+pub fn texfold_swizzle_colour(a: Vec4, b: Vec4, kind: u32) -> Vec4 {
+    match kind {
+        TEXFOLD_RGBA => a,
+        TEXFOLD_GRAY => Vec4::new(a.x, a.x, a.x, 1.0),
+        TEXFOLD_GRAY_ALPHA => Vec4::new(a.x, a.x, a.x, a.y),
+        TEXFOLD_SPLIT => Vec4::new(a.x, a.y, b.x, 1.0),
+        _ => Vec4::new(a.x, a.y, a.z, 1.0),
+    }
+}
+
 /// One texel from the values that its planes hold. Blended values give a blended texel; a normal gets back its
 /// length of 1.
 #[must_use]
 pub fn texfold_swizzle(a: Vec4, b: Vec4, kind: u32) -> Vec4 {
-    match kind {
-        TEXFOLD_RGBA => a,
-        TEXFOLD_RGB => Vec4::new(a.x, a.y, a.z, 1.0),
-        TEXFOLD_GRAY => Vec4::new(a.x, a.x, a.x, 1.0),
-        TEXFOLD_GRAY_ALPHA => Vec4::new(a.x, a.x, a.x, a.y),
-        TEXFOLD_SPLIT => Vec4::new(a.x, a.y, b.x, 1.0),
-        _ => texfold_normal_z(a.x, a.y).extend(1.0),
+    if kind == TEXFOLD_NORMAL {
+        texfold_normal_z(a.x, a.y).extend(1.0)
+    } else {
+        texfold_swizzle_colour(a, b, kind)
     }
 }
 

@@ -193,27 +193,43 @@ pub fn texfold_progressive_behind(chunk: u64, start: u32) -> u32 {
     (chunk >> start) as u32
 }
 
-/// The value of a state: the bytes of a product, summed, are nearly normal and far apart for states that differ by a bit.
+/// What the state that ends `end` bits behind the chunk's position is hashed to; its four bytes are added to be its value, which is
+/// nearly normal, and far apart for states that differ by a bit. Where `flip` is all ones, its negative: here the complement.
 #[must_use]
 #[inline]
-pub fn texfold_progressive_value(state: u32) -> f32 {
-    let product = state.wrapping_mul(HASH_FACTOR).wrapping_add(HASH_OFFSET);
-    let pairs = (product & 0x00ff_00ff) + (product >> 8 & 0x00ff_00ff);
-    ((pairs & 0xffff) + (pairs >> 16)) as f32 - 510.0
+pub fn texfold_progressive_hash(chunk: u32, end: u32, flip: u32) -> u32 {
+    let state = chunk >> end & ((1 << TEXFOLD_PROGRESSIVE_STATE_BITS) - 1);
+    state.wrapping_mul(HASH_FACTOR).wrapping_add(HASH_OFFSET) ^ flip
+}
+
+/// A hash's bytes, added in two pairs, one in each half.
+#[must_use]
+#[inline]
+pub fn texfold_progressive_pairs(hash: u32) -> u32 {
+    (hash & 0x00ff_00ff) + (hash >> 8 & 0x00ff_00ff)
+}
+
+/// The sum of the values of `count` states from the sum of their pairs.
+#[must_use]
+#[inline]
+pub fn texfold_progressive_value(pairs: u32, count: i32) -> f32 {
+    (((pairs & 0xffff) + (pairs >> 16)) as i32 - 510 * count) as f32
 }
 
 /// The coefficient whose bits end `end` bits behind the chunk's position.
 #[must_use]
 #[inline]
 pub fn texfold_progressive_coefficient(chunk: u32, end: u32) -> f32 {
-    value(chunk >> end & ((1 << TEXFOLD_PROGRESSIVE_STATE_BITS) - 1))
+    VALUES[(chunk >> end) as usize % STATES]
 }
 
-/// Three coefficients whose bits end `ends` bits behind the chunk's position.
+/// The sum of three coefficients whose bits end `ends` bits behind the chunk's position, those negated whose flip is all ones.
 #[must_use]
 #[inline]
-pub fn texfold_progressive_three(chunk: u32, ends: UVec3) -> Vec3 {
-    Vec3::from_array(ends.to_array().map(|end| texfold_progressive_coefficient(chunk, end)))
+pub fn texfold_progressive_three(chunk: u32, ends: UVec3, flips: UVec3) -> f32 {
+    let pairs = |end: u32, flip: u32| texfold_progressive_pairs(texfold_progressive_hash(chunk, end, flip));
+    let sum = pairs(ends.x, flips.x) + pairs(ends.y, flips.y) + pairs(ends.z, flips.z);
+    texfold_progressive_value(sum, 3)
 }
 
 /// The error of the texel at `at` of level `level`, which lies inside: red, green, blue and 0.
@@ -230,16 +246,18 @@ pub fn texfold_progressive_error(view: &ProgressiveView<'_>, at: UVec2, level: u
     error(coarse, &fine, at.x % 2 + at.y % 2 * 2)
 }
 
-/// Texels of the base, of `size` texels, that the texel at `at` is blended from, kept within its block, which has `cell` texels
-/// of the base a side; as they are where `cell` is 0.
+/// Four texels of the base, of `size` texels, around the texel at `at` of an image of `full`; of those of its block alone, which has
+/// `cell` texels of the base a side, where that is not 0.
 #[must_use]
 #[inline]
-pub fn texfold_progressive_within(tap: TexfoldTap, at: UVec2, size: UVec2, cell: u32) -> TexfoldTap {
-    if cell == 0 {
-        return tap;
-    }
-    let first = (at / 8 * cell).min(size - UVec2::ONE);
-    TexfoldTap { low: tap.low.max(first), high: tap.high.min(first + (cell - 1)), weight: tap.weight }
+pub fn texfold_progressive_tap(at: UVec2, full: UVec2, size: UVec2, cell: u32) -> TexfoldTap {
+    let last = size - UVec2::ONE;
+    let low_end = (at / 8 * cell).min(last);
+    let high_end = if cell > 0 { (low_end + (cell - 1)).min(last) } else { last };
+    let uv = (at.as_vec2() + 0.5) / full.as_vec2();
+    let place = (uv * size.as_vec2() - 0.5).clamp(low_end.as_vec2(), high_end.as_vec2());
+    let low = place.as_uvec2();
+    TexfoldTap { low, high: (low + 1).min(high_end), weight: place - low.as_vec2() }
 }
 
 /// Four texels of the base around the texel at `at` of level `level` of the image, blended.
@@ -249,9 +267,7 @@ pub fn texfold_progressive_base(view: &ProgressiveView<'_>, at: UVec2, level: u3
     let size = texfold_level_size(UVec2::from(view.params.stored_size), level);
     let stored = level.min(view.params.base_levels - 1);
     let base = texfold_level_size(UVec2::from(view.params.base_size), stored);
-    let uv = (at.as_vec2() + 0.5) / size.as_vec2();
-    let tap =
-        texfold_progressive_within(texfold_tap(uv, base, TEXFOLD_CLAMP), at, base, view.params.base_cell);
+    let tap = texfold_progressive_tap(at, size, base, view.params.base_cell);
     blend(&view.base[stored as usize], base.x, tap)
 }
 
@@ -427,22 +443,23 @@ const HASH_OFFSET: u32 = 460_760_113;
 /// Number of states.
 pub(crate) const STATES: usize = 1 << TEXFOLD_PROGRESSIVE_STATE_BITS;
 
-/// [`texfold_progressive_value`] of every state.
+/// The values of all states.
 pub(crate) static VALUES: [f32; STATES] = {
     let mut values = [0.0; STATES];
     let mut state = 0;
     while state < STATES {
-        let product = (state as u32).wrapping_mul(HASH_FACTOR).wrapping_add(HASH_OFFSET);
-        let pairs = (product & 0x00ff_00ff) + (product >> 8 & 0x00ff_00ff);
+        let hash = (state as u32).wrapping_mul(HASH_FACTOR).wrapping_add(HASH_OFFSET);
+        let pairs = (hash & 0x00ff_00ff) + (hash >> 8 & 0x00ff_00ff);
         values[state] = ((pairs & 0xffff) + (pairs >> 16)) as f32 - 510.0;
         state += 1;
     }
     values
 };
 
+/// Three coefficients whose bits end `ends` bits behind the chunk's position: cells are decoded once, for all of their texels.
 #[inline]
-fn value(state: u32) -> f32 {
-    VALUES[state as usize % STATES]
+fn three(chunk: u32, ends: UVec3) -> Vec3 {
+    Vec3::from_array(ends.to_array().map(|end| texfold_progressive_coefficient(chunk, end)))
 }
 
 /// Bits of a coefficient of kind `kind`.
@@ -477,7 +494,7 @@ fn cell(view: &ProgressiveView<'_>, block: TexfoldProgressiveBlock, number: u32)
     let chunk = texfold_progressive_behind(chunk, 0);
     let (first, further) = (scale(view, block, 0), scale(view, block, 1));
     let ends = UVec3::splat(mean) + UVec3::new(1, 2, 3) * coarse;
-    let rest = texfold_progressive_three(chunk, ends) * further;
+    let rest = three(chunk, ends) * further;
     let luma = Vec4::new(texfold_progressive_coefficient(chunk, mean) * first, rest.x, rest.y, rest.z);
     let mut both = [Vec4::ZERO; 2];
     if chroma + chroma_coarse > 0 {
@@ -485,7 +502,7 @@ fn cell(view: &ProgressiveView<'_>, block: TexfoldProgressiveBlock, number: u32)
         for (axis, values) in (0..).zip(&mut both) {
             let means = texfold_progressive_coefficient(behind, chroma * (axis + 1));
             let ends = UVec3::splat(2 * chroma) + UVec3::new(1, 3, 5) * chroma_coarse + axis * chroma_coarse;
-            let rest = texfold_progressive_three(behind, ends) * further;
+            let rest = three(behind, ends) * further;
             *values = Vec4::new(means * first, rest.x, rest.y, rest.z);
         }
     }
@@ -522,7 +539,7 @@ fn fine(view: &ProgressiveView<'_>, block: TexfoldProgressiveBlock, cell: &Cell,
         let scale = scale(view, block, 6);
         for (axis, values) in (1..).zip(&mut fine[1..]) {
             let ends = UVec3::new(axis, 2 + axis, 4 + axis) * chroma;
-            *values = (texfold_progressive_three(behind, ends) * scale).to_array();
+            *values = (three(behind, ends) * scale).to_array();
         }
     }
     fine
@@ -588,7 +605,22 @@ mod tests {
         let rms = (sum / STATES as f64).sqrt();
         assert!((1.0 / (255.0 * rms) / f64::from(TEXFOLD_PROGRESSIVE_UNIT) - 1.0).abs() < 1e-5, "{rms}");
         for state in 0..STATES {
-            assert_eq!(VALUES[state], texfold_progressive_value(state as u32));
+            let pairs = texfold_progressive_pairs(texfold_progressive_hash(state as u32, 0, 0));
+            assert_eq!(VALUES[state], texfold_progressive_value(pairs, 1));
+        }
+    }
+
+    #[test]
+    fn three_are_summed_with_their_signs() {
+        for chunk in [0, 0x9e37_79b1, 0xffff_ffff, 0x0123_4567] {
+            let ends = UVec3::new(3, 5, 12);
+            let each = three(chunk, ends);
+            for signs in 0..8u32 {
+                let flips = UVec3::new(signs & 1, signs >> 1 & 1, signs >> 2);
+                let signs = Vec3::ONE - 2.0 * flips.as_vec3();
+                let sum = texfold_progressive_three(chunk, ends, flips * u32::MAX);
+                assert_eq!(sum, each.dot(signs));
+            }
         }
     }
 

@@ -17,7 +17,7 @@ use crate::codebook::Details;
 use crate::decode::{
     ProgressiveView, TEXFOLD_PROGRESSIVE_GROUP_WORDS, TexfoldProgressiveParams, add_block,
     texfold_progressive_block, texfold_progressive_detail, texfold_progressive_fetch,
-    texfold_progressive_within,
+    texfold_progressive_tap,
 };
 use crate::rates::Model;
 use crate::{Progressive, wire};
@@ -546,11 +546,7 @@ fn enlarge(view: &ProgressiveView<'_>, region: Rect, out: &mut [Texel]) {
     let stored = region.level.min(view.params.base_levels - 1);
     let size = texfold_level_size(UVec2::from(view.params.base_size), stored);
     let texels = &view.base[stored as usize];
-    let tap = |x: u32, y: u32| {
-        let uv = (UVec2::new(x, y).as_vec2() + 0.5) / full.as_vec2();
-        let tap = texfold_tap(uv, size, TEXFOLD_CLAMP);
-        texfold_progressive_within(tap, UVec2::new(x, y), size, view.params.base_cell)
-    };
+    let tap = |x: u32, y: u32| texfold_progressive_tap(UVec2::new(x, y), full, size, view.params.base_cell);
     let columns: Vec<_> = (region.x..region.x + region.width).map(|x| tap(x, region.y)).collect();
     for (y, line) in (region.y..).zip(out.chunks_exact_mut(region.width as usize)) {
         let rows = tap(region.x, y);

@@ -34,20 +34,26 @@ const TEXFOLD_SPLIT: u32 = 4u;
 // Swizzle: plane a holds x and y of a unit normal; alpha is 1.
 const TEXFOLD_NORMAL: u32 = 5u;
 
-// One texel from the values `a` and `b` that its planes hold; `kind` is one of the swizzles above. Blended values
-// give a blended texel; a normal gets back its length of 1.
-fn texfold_swizzle(a: vec4<f32>, b: vec4<f32>, kind: u32) -> vec4<f32> {
+// One texel from the values `a` and `b` that its planes hold; `kind` is one of the swizzles above but that of normals.
+fn texfold_swizzle_colour(a: vec4<f32>, b: vec4<f32>, kind: u32) -> vec4<f32> {
     // Without branches: software renderers run all of them.
     let gray = (kind == TEXFOLD_GRAY) | (kind == TEXFOLD_GRAY_ALPHA);
     let blue = select(a.z, b.x, kind == TEXFOLD_SPLIT);
     let alpha = select(1.0, a.w, kind == TEXFOLD_RGBA);
-    let normal = texfold_normal_z(a.x, a.y);
     return vec4<f32>(
         a.x,
         select(a.y, a.x, gray),
-        select(select(blue, normal.z, kind == TEXFOLD_NORMAL), a.x, gray),
+        select(blue, a.x, gray),
         select(alpha, a.y, kind == TEXFOLD_GRAY_ALPHA),
     );
+}
+
+// One texel from the values `a` and `b` that its planes hold; `kind` is one of the swizzles above. Blended values
+// give a blended texel; a normal gets back its length of 1.
+fn texfold_swizzle(a: vec4<f32>, b: vec4<f32>, kind: u32) -> vec4<f32> {
+    let colour = texfold_swizzle_colour(a, b, kind);
+    let normal = vec4<f32>(texfold_normal_z(a.x, a.y), 1.0);
+    return select(colour, normal, kind == TEXFOLD_NORMAL);
 }
 
 // Decodes one sRGB value in [0, 1] to linear light (IEC 61966-2-1). CPU twin: image::srgb_to_linear.

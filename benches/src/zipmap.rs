@@ -6,7 +6,8 @@
 use glam::{Affine2, DMat3, DVec2};
 use texfold::image::Raster;
 use texfold::{
-    AnyImage, Content, Effort, Job, PatchSource, PatchStack, Texel, TextureCodec, ZipParams, Zipmap, register,
+    AnyImage, Content, Effort, Goal, Job, PatchSource, PatchStack, Texel, TextureCodec, ZipParams, Zipmap,
+    register,
 };
 use texfold_gpu::{Gpu, Lookup, Policy, Probe, View};
 use texfold_testkit::leaves::{Dice, Leaves, Lens, close_up, photograph};
@@ -120,6 +121,8 @@ fn texture(count: usize) -> Option<AnyImage> {
         stack.patches.push(PatchSource { image: index, matrix, mask, parent: None });
     }
     let params = ZipParams {
+        // Enough for all of them.
+        goal: Goal::Bpp(1e6),
         content: Some(Content::Raw),
         tau: 0.05,
         drop_rms: 0.0,

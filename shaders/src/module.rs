@@ -67,6 +67,9 @@ const PROGRESSIVE_SWITCHES: [Switch; 3] = progressive_switches(0);
 /// Behind the parameters of the epitome.
 const ERROR_SWITCHES: [Switch; 3] = progressive_switches(112);
 
+const ZIPMAP_SWITCHES: [Switch; 1] =
+    [Switch { constant: "TEXFOLD_ZIPMAP_SPLIT", offset: 28, only: Some(SPLIT) }];
+
 const fn progressive_switches(start: usize) -> [Switch; 3] {
     [
         Switch { constant: "TEXFOLD_PROGRESSIVE_SHRUNK", offset: start + 236, only: None },
@@ -193,16 +196,22 @@ impl Module {
         }
     }
 
-    /// What a pipeline may leave out where no image that it draws needs it. The first, where there are some, stands for planes that
-    /// are smaller than their sources.
+    /// What a pipeline may leave out where no image that it draws needs it.
     #[must_use]
     pub fn switches(self) -> &'static [Switch] {
         match self {
             Module::Bc => &[Switch { constant: "TEXFOLD_BC_REDUCED", offset: 28, only: None }],
             Module::Progressive => &PROGRESSIVE_SWITCHES,
             Module::EpitomeErrors => &ERROR_SWITCHES,
-            Module::Vq | Module::Epitome | Module::Lightfield | Module::Zipmap => &[],
+            Module::Zipmap => &ZIPMAP_SWITCHES,
+            Module::Vq | Module::Epitome | Module::Lightfield => &[],
         }
+    }
+
+    /// Whether the first switch stands for planes that are smaller than their sources.
+    #[must_use]
+    pub fn may_be_reduced(self) -> bool {
+        matches!(self, Module::Bc | Module::Progressive | Module::EpitomeErrors)
     }
 
     /// The name of the function that gives the colour at a texture coordinate: `texfold_vq_sample` and so on; of a light

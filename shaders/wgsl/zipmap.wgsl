@@ -5,8 +5,8 @@
 // takes derivatives.
 //
 // Two paths: where pixels are no larger than the texels of the finest patch of their tile, every patch is read from its level 0, four
-// texels and three of the table; elsewhere the level that fits is found for each patch. Software renderers run both sides of a
-// branch but end a loop that no pixel needs, so that the choice is made by the numbers of rounds.
+// texels and three of the table; elsewhere the level that fits is found for each patch. Software renderers run all code at least once,
+// and leave a loop only where a round ends without pixels: so loops are left there, not only where the next round would begin.
 
 // Most patches that a tile names.
 const TEXFOLD_ZIPMAP_MOST: u32 = 2048u;
@@ -16,10 +16,15 @@ const TEXFOLD_ZIPMAP_RECORD: u32 = 8u;
 const TEXFOLD_ZIPMAP_BEFORE: u32 = 2u;
 // What is seen of a patch at least: less is a quarter of a step of 8 bits.
 const TEXFOLD_ZIPMAP_LEAST: f32 = 0.0009765625;
+// Levels that are blended.
+const TEXFOLD_ZIPMAP_BLENDED: u32 = 2u;
 // Most lookups for one pixel that is longer than wide.
 const TEXFOLD_ZIPMAP_LONG: u32 = 8u;
 // Least third coordinate of a place that a patch shows: nearer to its horizon, or behind it, it shows nothing.
 const TEXFOLD_ZIPMAP_HORIZON: f32 = 0.0001;
+
+// Whether a root may lie in two planes: pipelines that draw none that does need not make the loads.
+override TEXFOLD_ZIPMAP_SPLIT: bool = true;
 
 // The parameters of a texture.
 struct TexfoldZipmapParams {
@@ -167,14 +172,16 @@ fn texfold_zipmap_layer(index: u32, uv: vec2<f32>, dx: vec2<f32>, dy: vec2<f32>)
     }
     let low = floor(lod);
     let share = at / size;
-    let fine = texfold_zipmap_level(layer, share, u32(low));
-    var coarse = fine;
-    if lod > low {
-        coarse = texfold_zipmap_level(layer, share, min(u32(low) + 1u, layer.levels - 1u));
-    }
     // Behind its last level a patch fades out.
     let last = u32(low) + 1u >= layer.levels;
-    let texel = texfold_mix(fine, coarse, lod - low);
+    var texel = vec4<f32>(0.0);
+    for (var k = 0u; k < min(2u, TEXFOLD_ZIPMAP_BLENDED); k += 1u) {
+        let level = texfold_zipmap_level(layer, share, u32(low) + k);
+        texel = select(texfold_mix(texel, level, lod - low), level, k == 0u);
+        if (k == 1u) | last | (lod == low) {
+            break;
+        }
+    }
     let shown = texfold_zipmap_shown(texel, true);
     return vec4<f32>(shown.xyz, shown.w * select(1.0, 1.0 - (lod - low), last));
 }
@@ -195,16 +202,18 @@ fn texfold_zipmap_root_blend(uv: vec2<f32>, level: u32) -> vec4<f32> {
         tap.weight,
     );
     var b = a;
-    if texfold_zipmap_params.root_swizzle == TEXFOLD_SPLIT {
-        b = texfold_bilinear(
-            array<vec4<f32>, 4>(
-                textureLoad(texfold_zipmap_root_b, tap.low, level),
-                textureLoad(texfold_zipmap_root_b, upper_right, level),
-                textureLoad(texfold_zipmap_root_b, lower_left, level),
-                textureLoad(texfold_zipmap_root_b, tap.high, level),
-            ),
-            tap.weight,
-        );
+    if TEXFOLD_ZIPMAP_SPLIT {
+        if texfold_zipmap_params.root_swizzle == TEXFOLD_SPLIT {
+            b = texfold_bilinear(
+                array<vec4<f32>, 4>(
+                    textureLoad(texfold_zipmap_root_b, tap.low, level),
+                    textureLoad(texfold_zipmap_root_b, upper_right, level),
+                    textureLoad(texfold_zipmap_root_b, lower_left, level),
+                    textureLoad(texfold_zipmap_root_b, tap.high, level),
+                ),
+                tap.weight,
+            );
+        }
     }
     return texfold_swizzle(a, b, texfold_zipmap_params.root_swizzle);
 }
@@ -214,11 +223,15 @@ fn texfold_zipmap_root(uv: vec2<f32>, dx: vec2<f32>, dy: vec2<f32>) -> vec4<f32>
     let wanted = texfold_level(dx, dy, texfold_zipmap_params.root_size);
     let lod = texfold_lod(wanted, texfold_zipmap_params.root_levels);
     let low = floor(lod);
-    let fine = texfold_zipmap_root_blend(uv, u32(low));
-    if lod == low {
-        return fine;
+    var colour = vec4<f32>(0.0);
+    for (var k = 0u; k < min(2u, TEXFOLD_ZIPMAP_BLENDED); k += 1u) {
+        let level = texfold_zipmap_root_blend(uv, u32(low) + k);
+        colour = select(texfold_mix(colour, level, lod - low), level, k == 0u);
+        if (k == 1u) | (lod == low) {
+            break;
+        }
     }
-    return texfold_mix(fine, texfold_zipmap_root_blend(uv, u32(low) + 1u), lod - low);
+    return colour;
 }
 
 // The tile that `uv` lies in: how many patches touch it, and the first texel of their list.
@@ -251,16 +264,19 @@ fn texfold_zipmap_pixel(uv: vec2<f32>, dx: vec2<f32>, dy: vec2<f32>) -> vec4<f32
     let is_near = longest * bitcast<f32>(texfold_zipmap_entry(found.y).x) <= 1.0;
     // Sums of colours, and what is still to be seen of the patches below.
     var seen = vec4<f32>(0.0, 0.0, 0.0, 1.0);
-    for (var k = 0u; k < min(select(0u, found.x, is_near), TEXFOLD_ZIPMAP_MOST); k += 1u) {
-        seen = texfold_zipmap_under(seen, texfold_zipmap_near(texfold_zipmap_name(found.y, k), at));
-        if seen.w <= TEXFOLD_ZIPMAP_LEAST {
-            break;
+    if is_near {
+        for (var k = 0u; k < min(found.x, TEXFOLD_ZIPMAP_MOST); k += 1u) {
+            seen = texfold_zipmap_under(seen, texfold_zipmap_near(texfold_zipmap_name(found.y, k), at));
+            if (k + 1u >= found.x) | (seen.w <= TEXFOLD_ZIPMAP_LEAST) {
+                break;
+            }
         }
-    }
-    for (var k = 0u; k < min(select(found.x, 0u, is_near), TEXFOLD_ZIPMAP_MOST); k += 1u) {
-        seen = texfold_zipmap_under(seen, texfold_zipmap_layer(texfold_zipmap_name(found.y, k), at, dx, dy));
-        if seen.w <= TEXFOLD_ZIPMAP_LEAST {
-            break;
+    } else {
+        for (var k = 0u; k < min(found.x, TEXFOLD_ZIPMAP_MOST); k += 1u) {
+            seen = texfold_zipmap_under(seen, texfold_zipmap_layer(texfold_zipmap_name(found.y, k), at, dx, dy));
+            if (k + 1u >= found.x) | (seen.w <= TEXFOLD_ZIPMAP_LEAST) {
+                break;
+            }
         }
     }
     let gray = texfold_zipmap_params.patch_swizzle == TEXFOLD_GRAY_ALPHA;
@@ -292,6 +308,9 @@ fn texfold_zipmap_sample_grad(uv: vec2<f32>, dx: vec2<f32>, dy: vec2<f32>) -> ve
     for (var k = 0u; k < min(u32(count), TEXFOLD_ZIPMAP_LONG); k += 1u) {
         let place = uv + step * (f32(k) + 0.5 - 0.5 * count);
         sum += texfold_zipmap_pixel(place, select(step, dx, is_one), select(side, dy, is_one));
+        if k + 1u >= u32(count) {
+            break;
+        }
     }
     return sum / count;
 }

@@ -60,7 +60,7 @@ impl GpuTexture {
 
     /// Whether a plane may be smaller than its source.
     pub(crate) fn reduced(&self) -> bool {
-        self.switches & 1 != 0
+        self.module.may_be_reduced() && self.switches & 1 != 0
     }
 
     /// Number of images.

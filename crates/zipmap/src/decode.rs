@@ -21,6 +21,8 @@ pub const TEXFOLD_ZIPMAP_RECORD: u32 = 8;
 pub const TEXFOLD_ZIPMAP_BEFORE: u32 = 2;
 /// What is seen of a patch at least: less is a quarter of a step of 8 bits.
 pub const TEXFOLD_ZIPMAP_LEAST: f32 = 0.0009765625;
+/// Levels that are blended.
+pub const TEXFOLD_ZIPMAP_BLENDED: u32 = 2;
 /// Most lookups for one pixel that is longer than wide.
 pub const TEXFOLD_ZIPMAP_LONG: u32 = 8;
 /// Least third coordinate of a place that a patch shows: nearer to its horizon, or behind it, it shows nothing.

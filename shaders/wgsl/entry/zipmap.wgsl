@@ -33,11 +33,13 @@ fn entry_bare(at: vec2<u32>) -> vec4<f32> {
         + textureLoad(texfold_zipmap_root_a, vec2<u32>(next.x, root.y), 0u)
         + textureLoad(texfold_zipmap_root_a, vec2<u32>(root.x, next.y), 0u)
         + textureLoad(texfold_zipmap_root_a, next, 0u);
-    if texfold_zipmap_params.root_swizzle == TEXFOLD_SPLIT {
-        below += textureLoad(texfold_zipmap_root_b, root, 0u)
-            + textureLoad(texfold_zipmap_root_b, vec2<u32>(next.x, root.y), 0u)
-            + textureLoad(texfold_zipmap_root_b, vec2<u32>(root.x, next.y), 0u)
-            + textureLoad(texfold_zipmap_root_b, next, 0u);
+    if TEXFOLD_ZIPMAP_SPLIT {
+        if texfold_zipmap_params.root_swizzle == TEXFOLD_SPLIT {
+            below += textureLoad(texfold_zipmap_root_b, root, 0u)
+                + textureLoad(texfold_zipmap_root_b, vec2<u32>(next.x, root.y), 0u)
+                + textureLoad(texfold_zipmap_root_b, vec2<u32>(root.x, next.y), 0u)
+                + textureLoad(texfold_zipmap_root_b, next, 0u);
+        }
     }
     let found = texfold_zipmap_tile(vec2<f32>(at) / vec2<f32>(texfold_zipmap_params.size));
     let fineness = texfold_zipmap_entry(found.y).x;
@@ -54,6 +56,9 @@ fn entry_bare(at: vec2<u32>) -> vec4<f32> {
             + textureLoad(texfold_zipmap_atlas, vec2<i32>(low.x, high.y), 0)
             + textureLoad(texfold_zipmap_atlas, high, 0);
         seen = texfold_zipmap_under(seen, texel * 0.25);
+        if k + 1u >= found.x {
+            break;
+        }
     }
     return vec4<f32>(seen.xyz, 1.0 - seen.w) + below * seen.w;
 }

@@ -95,7 +95,8 @@ pub struct LightParams {
     pub sampling: f32,
     /// How often the sides of surface maps are halved, 0 to 3, beside those of the mean: terms differ less from place to place.
     pub halvings: u8,
-    /// Share of the maps' texels that is stored, above 0 to 1: below 1 maps are codewords that several triangles or vertices show.
+    /// Share of what the maps take that is stored, above 0 to 1: below 1 maps are codewords that several triangles or vertices show. View maps
+    /// that regions share count once.
     pub codewords: f32,
     /// Regions of the mesh whose vertices show the same view maps, where they share them; 1 to 4096.
     pub regions: u32,

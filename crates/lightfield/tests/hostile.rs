@@ -21,7 +21,7 @@ impl Random {
 
 fn file(content: texfold_bc::Content, codewords: f32) -> Vec<u8> {
     let params = LightParams { terms: 2, grid: 8, content, codewords, ..LightParams::default() };
-    let texture = Lightfield::encode(&sphere(Look::Glossy, 4, 16), &params, &mut Job::default()).unwrap();
+    let texture = Lightfield::encode(&sphere(Look::Glossy, 6, 16), &params, &mut Job::default()).unwrap();
     let mut writer = SectionWriter::new(Lightfield::ID);
     texture.store(&mut writer);
     writer.finish().bytes

@@ -16,6 +16,8 @@ use crate::input::Kind;
 const MOST_TERMS_FOR_GOAL: u32 = 4;
 /// Texels a side of view maps over the whole sphere, where regions share them: as fine as those of 16 over a hemisphere.
 const SHARED_GRID: u32 = 32;
+/// Halvings of surface maps where maps are codewords: another one takes away most of their bytes and 0.3 dB (`benches`, `lightfield`).
+const SMALL_HALVINGS: u8 = 2;
 /// Share of the codebook that samples take where only their number is given: the paper's half.
 const SAMPLE_SHARE: f64 = 0.5;
 
@@ -51,7 +53,8 @@ pub struct Options {
     /// lightfield: simplify the mesh to that many triangles; by default to as few as the photographs need.
     #[arg(long, value_name = "N")]
     pub(super) triangles: Option<u32>,
-    /// lightfield: share of the maps' texels that is stored, above 0 to 1; below 1 maps are codewords that several places show.
+    /// lightfield: share of what the maps take that is stored, above 0 to 1; below 1 maps are codewords that several places show, and surface maps
+    /// are coarser.
     #[arg(long, value_name = "SHARE")]
     pub(super) codewords: Option<f32>,
     /// lightfield: vertices of each of so many regions of the mesh share their view maps; each has its own where this is not given.
@@ -344,6 +347,7 @@ impl Options {
             regions: self.regions.unwrap_or(usual.regions),
             content: self.content.and_then(ContentName::content).unwrap_or(usual.content),
             codewords: self.codewords.unwrap_or(usual.codewords),
+            halvings: if self.codewords.is_some() { SMALL_HALVINGS } else { usual.halvings },
             ..usual
         };
         let fault = |source: texfold_core::ParamError| CliError::Encode {

@@ -6,11 +6,12 @@
 
 use std::collections::BTreeMap;
 
-use glam::{UVec2, Vec3};
-use texfold_bc::ContentPlanes;
+use glam::{UVec2, Vec3, Vec3A};
+use texfold_bc::{Content, ContentPlanes};
 use texfold_core::{Effort, Texel};
 
-use super::share::{LayerMaps, Map, Rgb, Stored, share};
+use super::share::{Books, LayerMaps, Map, Rgb, Room, Stored, share};
+use super::shared::Codewords;
 use super::{Scene, VertexMaps};
 use crate::CaptureError;
 use crate::decode::texfold_lightfield_texel;
@@ -27,6 +28,13 @@ fn stored(value: Vec3, factors: Factors) -> Rgb {
 /// 0 to 1 as bytes.
 fn byte(value: Vec3) -> Rgb {
     (value * 255.0).round().clamp(Vec3::ZERO, Vec3::splat(255.0)).to_array().map(|value| value as u8)
+}
+
+/// Bits of a texel of maps that are stored as `content`.
+fn texel_bits(content: Content) -> f64 {
+    let block_bits: u32 = content.formats(PIXEL).0.iter().map(|format| 8 * format.block_bytes()).sum();
+    let texels = if content == Content::Raw { 1.0 } else { 16.0 };
+    f64::from(block_bits) / texels
 }
 
 /// One term of one vertex, scaled.
@@ -62,7 +70,7 @@ fn scale(term: &super::Term) -> Scaled {
 }
 
 /// The maps of all vertices as they come.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Maps {
     mean: Vec<Vec3>,
     scales: Vec<u8>,
@@ -151,13 +159,38 @@ impl Maps {
         LayerMaps { patches, views: Vec::new() }
     }
 
-    /// All parts of the shipped form, and where they lie.
-    pub(crate) fn parts(&self, scene: &Scene, params: &LightParams) -> Result<(Parts, Layout), CaptureError> {
-        let sides_log2 = &scene.sides_log2;
+    /// The mean and the terms as they are stored.
+    fn stored(&self, scene: &Scene, params: &LightParams, books: (Books, Room)) -> (Vec<Stored>, f64) {
         let mean = self.mean_maps(scene);
         let maps: Vec<&LayerMaps> = std::iter::once(&mean).chain(&self.terms).collect();
+        let sides = [&scene.sides_log2[..], &halved(&scene.sides_log2, params.halvings)];
+        share(&maps, sides, books, texel_bits(params.content))
+    }
+
+    /// The view maps of each term that codebooks keep and which of them each vertex shows; and the bits that there is room for.
+    pub(crate) fn codewords(&self, scene: &Scene, params: &LightParams) -> (Vec<Codewords>, f64) {
+        let (zero, range) = zero_and_range(params.model.factors);
+        let value = |&texel: &Rgb| (Vec3A::from(texel.map(f32::from)) - zero) / range;
+        let view = |view: &Vec<Rgb>| view.iter().map(value).collect();
+        let number = |&number: &u32| (number != NONE).then_some(number as usize);
+        let term = |layer: &Stored| Codewords {
+            views: layer.views.iter().map(view).collect(),
+            of: layer.sharing.view_of.iter().map(number).collect(),
+        };
+        let (layers, bits) = self.stored(scene, params, (Books::All, Room::Share(params.codewords)));
+        (layers.iter().skip(1).map(term).collect(), bits)
+    }
+
+    /// All parts of the shipped form, and where they lie.
+    pub(crate) fn parts(
+        &self,
+        scene: &Scene,
+        params: &LightParams,
+        books: (Books, Room),
+    ) -> Result<(Parts, Layout), CaptureError> {
+        let sides_log2 = &scene.sides_log2;
         let coarse = halved(sides_log2, params.halvings);
-        let layers = share(&maps, [sides_log2, &coarse], params.codewords);
+        let layers = self.stored(scene, params, books).0;
         let sharing: Vec<Sharing> = layers.iter().map(|layer| layer.sharing.clone()).collect();
         let widest = sides_log2.iter().copied().max().unwrap_or(0);
         let widths = Widths::of(&sharing, widest, params.grid);

@@ -13,7 +13,9 @@ mod share;
 mod shared;
 mod surface;
 
-use glam::Vec3;
+use std::borrow::Cow;
+
+use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 use texfold_bc::Content;
 use texfold_core::{EncodeError, Job, Notes, Params, TextureCodec};
@@ -22,17 +24,21 @@ use crate::bvh::Bvh;
 use crate::decode::{TEXFOLD_LIGHTFIELD_REFLECTED, TEXFOLD_LIGHTFIELD_VIEW, TEXFOLD_LIGHTFIELD_WORLD};
 use crate::encoded::LightTexture;
 use crate::layout::{Layout, Sharing, Widths, halved};
-use crate::params::{Directions, Factors, Fit, LightParams};
+use crate::params::{Directions, Factors, Fit, LightParams, Updates};
 use crate::{Capture, CaptureError, Lightfield, Mesh};
 use assemble::Maps;
 pub(crate) use coarsen::encode_simplified;
 use observe::Seen;
 pub use quality::Quality;
 use ring::Ring;
+use share::{Books, Room};
 use surface::Surface;
 
 /// Vertices fitted at a time: between them progress is told and a job may be cancelled.
 const BATCH: u32 = 64;
+
+/// A view map, row by row.
+pub(crate) type ViewMap = Vec<Vec3A>;
 
 /// One term around a vertex.
 #[derive(Debug, Clone)]
@@ -165,12 +171,45 @@ impl Fitted {
     ) -> Result<(LightTexture, Quality), EncodeError> {
         let params = LightParams { content, codewords, ..self.params.clone() };
         params.check()?;
-        job.stage("atlases", 0.8)?;
-        let (parts, layout) = job.install(|| self.maps.parts(&self.scene, &params)).map_err(fault)?;
+        let (maps, books) = self.shared_maps(&params, job)?;
+        job.stage("atlases", 0.88)?;
+        let (parts, layout) = job.install(|| maps.parts(&self.scene, &params, books)).map_err(fault)?;
         let texture = LightTexture::new(parts, &layout, Notes::default());
         job.stage("quality", 0.9)?;
         let quality = job.install(|| quality::measure(&self.scene, &texture));
         Ok(settle(texture, quality, &params))
+    }
+}
+
+impl Fitted {
+    /// The maps, fitted anew to the codewords of view maps where there are any; what is still to become codewords, and in how much room.
+    fn shared_maps(
+        &self,
+        params: &LightParams,
+        job: &mut Job<'_>,
+    ) -> Result<(Cow<'_, Maps>, (Books, Room)), EncodeError> {
+        let room = Room::Share(params.codewords);
+        let kept = match params.model {
+            _ if params.codewords >= 1.0 => Some(Books::None),
+            model if model.fit == Fit::Shared => Some(Books::Patches),
+            model if model.fit == Fit::Resampled || model.updates == Updates::Multiplicative => {
+                Some(Books::All)
+            }
+            _ => None,
+        };
+        if let Some(books) = kept {
+            return Ok((Cow::Borrowed(&self.maps), (books, room)));
+        }
+        job.stage("codebooks", 0.8)?;
+        let (terms, bits) = job.install(|| self.maps.codewords(&self.scene, params));
+        let shared = shared::refit(&self.scene, params, terms, job)?;
+        let mut maps = Maps::new(&self.scene, params);
+        let vertices = 0..self.scene.mesh.positions.len() as u32;
+        let found: Vec<VertexMaps> = job.install(|| {
+            vertices.clone().into_par_iter().map(|vertex| shared.maps(&self.scene, params, vertex)).collect()
+        });
+        vertices.zip(&found).for_each(|(vertex, found)| maps.put(&self.scene, params, vertex, found));
+        Ok((Cow::Owned(maps), (Books::Patches, Room::Bits(bits))))
     }
 }
 

@@ -138,7 +138,7 @@ fn of_element(scene: &Scene, texture: &LightTexture, fewer: &[LightTexture], num
             sums.entries += of_matrices.1;
             count += 1;
             seen[sample] = true;
-            if (sample + usize::from(view)).is_multiple_of(SHARE) {
+            if (number + sample + usize::from(view)).is_multiple_of(SHARE) {
                 for (sum, texture) in sums.of_terms.iter_mut().zip(fewer) {
                     *sum +=
                         Shown::new(texture, triangle, barycentric, direction).error(wanted, barycentric).0;

@@ -1,8 +1,8 @@
 //! Codebooks of maps: what several triangles or vertices may show (paper section 4, vector quantisation).
 //!
 //! Patches of one side and the view maps, layer by layer, are groups of vectors. For each group codebooks of several sizes are built
-//! (generalised Lloyd), each map weighted by the error in the colours that an error in it makes. Texels are then given to where they
-//! take away most of that error: along the convex hull of each group's sizes, until the share of texels that is asked
+//! (generalised Lloyd), each map weighted by the error in the colours that an error in it makes. Bits, those of the numbers of codewords
+//! included, are then given to where they take away most of that error: along the convex hull of each group's sizes, until the share that is asked
 //! for is used up. O(maps x codewords x rounds) a group.
 //!
 //! *Deviation*: the paper gives every group the same ratio or the same distortion. *Not done*: maps of unlike sides in one codebook.
@@ -62,10 +62,20 @@ struct Group {
     log2: Option<usize>,
     /// Their numbers among the layer's patches or views.
     members: Vec<usize>,
-    texels: usize,
-    /// Codewords, error and the codebook, of rising size along the convex hull; the last without a codebook: each its own.
-    sizes: Vec<(usize, f64, Option<Book>)>,
+    /// Bits of its maps where each has its own, or where equal ones are one and it has no codebooks.
+    own_bits: f64,
+    /// Of rising size along the convex hull.
+    sizes: Vec<Size>,
     chosen: usize,
+}
+
+/// A way to store a group.
+struct Size {
+    /// Of texels and of the numbers of codewords.
+    bits: f64,
+    error: f64,
+    /// `None` where each map is its own.
+    book: Option<Book>,
 }
 
 /// A codebook for a group.
@@ -149,22 +159,56 @@ fn orthonormalise(basis: &mut Array2<f32>) {
     }
 }
 
-/// The layers with each map its own, or, where `share` is below 1, with so many texels of all.
+/// Of which maps there are codebooks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Books {
+    /// None: equal maps are stored once.
+    None,
+    /// Of patches; of view maps equal ones are stored once.
+    Patches,
+    /// All.
+    All,
+}
+
+/// How much may be stored where there are codebooks.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Room {
+    /// A share of what the maps take where each has its own.
+    Share(f32),
+    Bits(f64),
+}
+
+/// The layers with each map its own, or, where there are `books`, with as many bits of all as there is `room`: `texel_bits` a texel, and
+/// numbers of codewords. And how many bits that room is.
 ///
 /// Sides are those of the mean's patches and those of the terms'.
-pub(crate) fn share(layers: &[&LayerMaps], sides_log2: [&[u8]; 2], share: f32) -> Vec<Stored> {
+pub(crate) fn share(
+    layers: &[&LayerMaps],
+    sides_log2: [&[u8]; 2],
+    (books, room): (Books, Room),
+    texel_bits: f64,
+) -> (Vec<Stored>, f64) {
     let mut groups = Vec::new();
     for (number, layer) in layers.iter().enumerate() {
         let sides_log2 = sides_log2[number.min(1)];
         let corners = layer.patches.len() / sides_log2.len().max(1);
         for log2 in 0..SIDES {
             let of_side = |at: &usize| usize::from(sides_log2[at / corners.max(1)]) == log2;
-            groups.push(group(number, Some(log2), &layer.patches, of_side, share < 1.0));
+            groups.push(group(
+                number,
+                Some(log2),
+                &layer.patches,
+                of_side,
+                (books != Books::None, texel_bits),
+            ));
         }
-        groups.push(group(number, None, &layer.views, |_| true, share < 1.0));
+        groups.push(group(number, None, &layer.views, |_| true, (books == Books::All, texel_bits)));
     }
-    let all: usize = groups.iter().map(|group| group.members.len() * group.texels).sum();
-    spend(&mut groups, (all as f64 * f64::from(share)) as usize);
+    let bits = match room {
+        Room::Bits(bits) => bits,
+        Room::Share(share) => f64::from(share) * groups.iter().map(|group| group.own_bits).sum::<f64>(),
+    };
+    spend(&mut groups, bits);
     let mut stored: Vec<Stored> = layers.iter().map(|layer| own_numbers(layer)).collect();
     for group in &groups {
         let layer = &layers[group.layer];
@@ -174,7 +218,7 @@ pub(crate) fn share(layers: &[&LayerMaps], sides_log2: [&[u8]; 2], share: f32) -
             &mut stored[group.layer],
         );
     }
-    stored
+    (stored, bits)
 }
 
 fn own_numbers(layer: &LayerMaps) -> Stored {
@@ -190,12 +234,17 @@ fn group(
     log2: Option<usize>,
     maps: &[Map],
     belongs: impl Fn(&usize) -> bool,
-    books: bool,
+    (books, texel_bits): (bool, f64),
 ) -> Group {
     let is_there = |at: &usize| !maps[*at].texels.is_empty() && belongs(at);
     let members: Vec<usize> = (0..maps.len()).filter(is_there).collect();
     let texels = members.first().map_or(0, |&at| maps[at].texels.len());
-    let mut sizes = Vec::new();
+    let bits = |maps: usize| (maps * texels) as f64 * texel_bits;
+    let with_book = |book: Book| {
+        let numbers = members.len() as f64 * (book.codewords.nrows().max(1) as f64).log2();
+        Size { bits: bits(book.codewords.nrows()) + numbers, error: book.error, book: Some(book) }
+    };
+    let mut sizes = vec![Size { bits: bits(members.len()), error: 0.0, book: None }];
     if !members.is_empty() {
         let values =
             members.iter().flat_map(|&at| maps[at].texels.as_flattened()).map(|&byte| f32::from(byte));
@@ -204,8 +253,8 @@ fn group(
         let weights: Vec<f32> = members.iter().map(|&at| maps[at].weight).collect();
         let reduced = if books { reduced(&vectors) } else { Array2::zeros((0, 0)) };
         sizes.extend(equal(&members, maps).map(|numbers| {
-            let book = Book::of(numbers, &vectors, &weights);
-            (book.codewords.nrows(), 0.0, Some(book))
+            // Means of equal maps are rounded; their error is none.
+            Size { error: 0.0, ..with_book(Book::of(numbers, &vectors, &weights)) }
         }));
         let halves = (1..usize::BITS).map(|halvings| members.len() >> halvings);
         for count in halves
@@ -214,24 +263,24 @@ fn group(
         {
             let settings = Settings { rounds: ROUNDS, ..Settings::default() };
             let found = build(reduced.view(), &weights, count, settings).matches;
-            let book = Book::of(found.iter().map(|found| found.index).collect(), &vectors, &weights);
-            sizes.push((book.codewords.nrows(), book.error, Some(book)));
+            let numbers = found.iter().map(|found| found.index).collect();
+            sizes.push(with_book(Book::of(numbers, &vectors, &weights)));
         }
-        sizes.sort_by_key(|size| size.0);
     }
-    sizes.push((members.len(), 0.0, None));
-    Group { layer, log2, members, texels, sizes: hull(sizes), chosen: 0 }
+    let own_bits = bits(members.len());
+    let sizes = hull(sizes);
+    let own_bits = if books { own_bits } else { sizes.last().map_or(own_bits, |size| size.bits) };
+    Group { layer, log2, members, own_bits, sizes, chosen: 0 }
 }
 
 /// Those of rising sizes that lie on the lower convex hull of error over size.
-fn hull(sizes: Vec<(usize, f64, Option<Book>)>) -> Vec<(usize, f64, Option<Book>)> {
-    let mut kept: Vec<(usize, f64, Option<Book>)> = Vec::new();
-    let slope = |a: &(usize, f64, Option<Book>), b: &(usize, f64, Option<Book>)| {
-        (a.1 - b.1) / (b.0.saturating_sub(a.0)).max(1) as f64
-    };
+fn hull(mut sizes: Vec<Size>) -> Vec<Size> {
+    sizes.sort_by(|a, b| a.bits.total_cmp(&b.bits).then(a.error.total_cmp(&b.error)));
+    let mut kept: Vec<Size> = Vec::new();
+    let slope = |a: &Size, b: &Size| (a.error - b.error) / (b.bits - a.bits).max(1.0);
     for size in sizes {
-        while kept.last().is_some_and(|last| last.0 >= size.0) {
-            kept.pop();
+        if kept.last().is_some_and(|last| last.error <= size.error) {
+            continue;
         }
         while kept.len() > 1
             && slope(&kept[kept.len() - 2], &kept[kept.len() - 1]) <= slope(&kept[kept.len() - 1], &size)
@@ -243,15 +292,15 @@ fn hull(sizes: Vec<(usize, f64, Option<Book>)>) -> Vec<(usize, f64, Option<Book>
     kept
 }
 
-/// Chooses sizes: always the step that takes away most error for a texel, until no further one fits in `texels`.
-fn spend(groups: &mut [Group], texels: usize) {
-    let mut used: usize = groups.iter().map(|group| group.sizes[0].0 * group.texels).sum();
+/// Chooses sizes: always the step that takes away most error for a bit, until no further one fits in `bits`.
+fn spend(groups: &mut [Group], bits: f64) {
+    let mut used: f64 = groups.iter().map(|group| group.sizes[0].bits).sum();
     loop {
         let gain = |group: &Group| {
             let (now, next) = (&group.sizes[group.chosen], group.sizes.get(group.chosen + 1)?);
-            let cost = (next.0 - now.0) * group.texels;
-            let gain = (now.1 - next.1) / cost.max(1) as f64;
-            (used + cost <= texels && gain > 0.0).then_some((gain, cost))
+            let cost = next.bits - now.bits;
+            let gain = (now.error - next.error) / cost.max(1.0);
+            (used + cost <= bits && gain > 0.0).then_some((gain, cost))
         };
         let gains = groups.iter().enumerate().filter_map(|(at, group)| Some((at, gain(group)?)));
         let Some((at, (_, cost))) = gains.max_by(|a, b| a.1.0.total_cmp(&b.1.0).then(b.0.cmp(&a.0))) else {
@@ -269,7 +318,7 @@ fn keep(group: &Group, maps: &[Map], stored: &mut Stored) {
         None => (&mut stored.sharing, &mut stored.views),
     };
     let numbers = if group.log2.is_some() { &mut sharing.patch_of } else { &mut sharing.view_of };
-    match &group.sizes[group.chosen].2 {
+    match &group.sizes[group.chosen].book {
         None => {
             for (number, &member) in (0..).zip(&group.members) {
                 numbers[member] = number;
@@ -326,8 +375,8 @@ mod tests {
         let layers = [&maps];
         let sides = [1u8; 40];
         // Equal maps are stored once in any case.
-        let own = share(&layers, [&sides; 2], 1.0);
-        let shared = share(&layers, [&sides; 2], 0.3);
+        let own = share(&layers, [&sides; 2], (Books::None, Room::Share(1.0)), 24.0).0;
+        let shared = share(&layers, [&sides; 2], (Books::All, Room::Share(0.3)), 24.0).0;
         for stored in [&own[0], &shared[0]] {
             // Two corners of three have a map, and their kinds go by threes as well.
             let counts = (stored.patches[1].len(), stored.views.len());
@@ -351,7 +400,7 @@ mod tests {
         for (at, map) in maps.patches.iter_mut().enumerate().filter(|(_, map)| !map.texels.is_empty()) {
             map.texels.iter_mut().for_each(|texel| *texel = [(at * 5) as u8; 3]);
         }
-        let stored = share(&[&maps], [&[1; 16]; 2], 0.75);
+        let stored = share(&[&maps], [&[1; 16]; 2], (Books::All, Room::Share(0.75)), 24.0).0;
         assert_eq!(stored[0].patches[1].len(), 32);
         assert!(stored[0].views.len() <= 4);
     }

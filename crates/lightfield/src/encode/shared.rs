@@ -13,13 +13,15 @@ use texfold_core::{EncodeError, Job};
 
 use super::als::{Fit, System, floor};
 use super::ring::Ring;
-use super::{Scene, VertexMaps};
+use super::{Scene, VertexMaps, ViewMap};
 use crate::params::{Factors, LightParams};
 
 /// Rounds of each term before the next is begun.
 const ROUNDS: usize = 3;
 /// Rounds over all terms in the end.
 const REFINEMENTS: usize = 2;
+/// Rounds over all terms of view maps that are known already.
+const REFITS: usize = 3;
 /// Sweeps over a view map a round.
 const SWEEPS: usize = 30;
 /// Distance of normals that counts as much as the mesh's size: regions end where the surface turns away.
@@ -28,12 +30,40 @@ const NORMALS: f32 = 0.25;
 /// What is known so far.
 pub(super) struct Shared {
     /// View maps of each term and region.
-    views: Vec<Vec<Vec<Vec3A>>>,
-    /// The region of each vertex, and the vertices of each region.
-    region_of: Vec<usize>,
-    regions: Vec<Vec<usize>>,
+    views: Vec<Vec<ViewMap>>,
+    /// The regions of each term.
+    regions: Vec<Regions>,
     /// For each vertex its mean and surface maps.
     vertices: Vec<Known>,
+}
+
+/// Which vertices show the same view map.
+#[derive(Debug, Clone)]
+struct Regions {
+    /// The region of each vertex; none where it does not have the term.
+    of: Vec<Option<usize>>,
+    /// The vertices of each region.
+    members: Vec<Vec<usize>>,
+}
+
+/// Codewords of a term's view maps.
+pub(super) struct Codewords {
+    pub(super) views: Vec<ViewMap>,
+    /// The codeword of each vertex; none where it does not have the term.
+    pub(super) of: Vec<Option<usize>>,
+}
+
+impl Regions {
+    fn new(of: Vec<Option<usize>>) -> Regions {
+        let count = of.iter().flatten().max().map_or(0, |last| last + 1);
+        let mut members = vec![Vec::new(); count];
+        for (vertex, &region) in of.iter().enumerate() {
+            if let Some(region) = region {
+                members[region].push(vertex);
+            }
+        }
+        Regions { of, members }
+    }
 }
 
 #[derive(Debug, Clone, Default)]
@@ -44,11 +74,10 @@ struct Known {
 
 /// Fits the terms of all vertices.
 pub(super) fn fit(scene: &Scene, params: &LightParams, job: &mut Job<'_>) -> Result<Shared, EncodeError> {
-    let region_of = regions(scene, params.regions as usize);
-    let mut regions = vec![Vec::new(); region_of.iter().max().map_or(0, |last| last + 1)];
-    region_of.iter().enumerate().for_each(|(vertex, &region)| regions[region].push(vertex));
-    let vertices = vec![Known::default(); region_of.len()];
-    let mut shared = Shared { views: Vec::new(), region_of, regions, vertices };
+    let of: Vec<Option<usize>> = regions(scene, params.regions as usize).into_iter().map(Some).collect();
+    let vertices = vec![Known::default(); of.len()];
+    let regions = vec![Regions::new(of); params.terms as usize];
+    let mut shared = Shared { views: Vec::new(), regions, vertices };
     let rounds = params.terms as usize * (ROUNDS + REFINEMENTS);
     let mut done = 0;
     let mut turn = |shared: &mut Shared, term: usize| -> Result<(), EncodeError> {
@@ -59,11 +88,35 @@ pub(super) fn fit(scene: &Scene, params: &LightParams, job: &mut Job<'_>) -> Res
     };
     for term in 0..params.terms as usize {
         let nothing = vec![Vec3A::ZERO; (params.grid * params.grid) as usize];
-        shared.views.push(vec![nothing; shared.regions.len()]);
+        shared.views.push(vec![nothing; shared.regions[term].members.len()]);
         (0..ROUNDS).try_for_each(|_| turn(&mut shared, term))?;
     }
     for _ in 0..REFINEMENTS {
         (0..params.terms as usize).try_for_each(|term| turn(&mut shared, term))?;
+    }
+    Ok(shared)
+}
+
+/// View maps of codebooks, a term each, fitted to all vertices that show them: means of alike maps suit those maps, not what the vertices
+/// show.
+pub(super) fn refit(
+    scene: &Scene,
+    params: &LightParams,
+    terms: Vec<Codewords>,
+    job: &mut Job<'_>,
+) -> Result<Shared, EncodeError> {
+    let (views, regions) = terms.into_iter().map(|term| (term.views, Regions::new(term.of))).unzip();
+    let mut shared = Shared { views, regions, vertices: Vec::new() };
+    let known = |vertex: usize| {
+        let rows = scene.surface.rows(vertex as u32);
+        Known { mean: Vec::new(), surface: vec![vec![Vec3A::ZERO; rows]; shared.terms_of(vertex)] }
+    };
+    shared.vertices = (0..scene.mesh.positions.len()).map(known).collect();
+    for round in 0..REFITS {
+        job.stage("codebooks", 0.8 + 0.08 * round as f32 / REFITS as f32)?;
+        for term in 0..shared.views.len() {
+            job.install(|| shared.improve(scene, params, term));
+        }
     }
     Ok(shared)
 }
@@ -97,6 +150,11 @@ fn regions(scene: &Scene, count: usize) -> Vec<usize> {
 type Improved = (Vec<(usize, Known)>, Vec<Vec3A>);
 
 impl Shared {
+    /// How many terms a vertex has: of those that are begun, up to the first that it does not have.
+    fn terms_of(&self, vertex: usize) -> usize {
+        (0..self.views.len()).take_while(|&term| self.regions[term].of[vertex].is_some()).count()
+    }
+
     /// A vertex's fit with all that is known of it; terms that are begun only now have a surface map by their number.
     fn begin<'r>(&self, ring: &'r Ring, params: &LightParams, vertex: usize) -> Fit<'r> {
         let known = &self.vertices[vertex];
@@ -105,7 +163,8 @@ impl Shared {
             fit.set_mean(&known.mean);
         }
         for (term, views) in self.views.iter().enumerate() {
-            let view = &views[self.region_of[vertex]];
+            let Some(region) = self.regions[term].of[vertex] else { break };
+            let view = &views[region];
             // The first term is the same everywhere; the next ones begin with a pattern that follows nothing.
             let pattern = |row: usize| {
                 let hash = (vertex * 31 + row * term).wrapping_mul(0x9e37_79b9) >> 7 & 0xff;
@@ -146,7 +205,7 @@ impl Shared {
             (0..SWEEPS).for_each(|_| system.sweep(&mut view, floor));
             (known, view)
         };
-        let found: Vec<Improved> = self.regions.par_iter().enumerate().map(improve).collect();
+        let found: Vec<Improved> = self.regions[term].members.par_iter().enumerate().map(improve).collect();
         for (region, (known, view)) in found.into_iter().enumerate() {
             known.into_iter().for_each(|(vertex, known)| self.vertices[vertex] = known);
             self.views[term][region] = view;
@@ -157,7 +216,7 @@ impl Shared {
     pub(super) fn maps(&self, scene: &Scene, params: &LightParams, vertex: u32) -> VertexMaps {
         let ring = Ring::new(scene, vertex);
         let mut fit = self.begin(&ring, params, vertex as usize);
-        for term in 0..self.views.len() {
+        for term in 0..fit.terms.len() {
             fit.subtract(term, -1.0);
             fit.terms[term].0 = fit.best_surface(term);
             fit.subtract(term, 1.0);

@@ -112,6 +112,12 @@ impl Surface {
         surface
     }
 
+    /// How many samples the hat function of a vertex covers.
+    pub(crate) fn rows(&self, vertex: u32) -> usize {
+        let elements = self.around[vertex as usize].iter();
+        elements.map(|&element| self.elements[element as usize].weights.len()).sum()
+    }
+
     fn add_edges(&mut self, mesh: &Mesh, sides_log2: &[u8]) {
         let mut known: BTreeMap<(u32, u32), (u8, Vec<u32>)> = BTreeMap::new();
         for (triangle, (&corners, &log2)) in (0..).zip(mesh.triangles.iter().zip(sides_log2)) {

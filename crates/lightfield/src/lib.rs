@@ -22,6 +22,7 @@ mod encode;
 mod encoded;
 mod error;
 mod layout;
+mod order;
 mod params;
 mod pictures;
 mod render;

@@ -124,7 +124,7 @@ pub(crate) fn fit(capture: &Capture, params: &LightParams, job: &mut Job<'_>) ->
 
 /// What the photographs show of the surface.
 fn scene(capture: &Capture, params: &LightParams, job: &mut Job<'_>) -> Result<Scene, EncodeError> {
-    let mesh = capture.mesh.welded();
+    let mesh = capture.mesh.snapped().welded().walked();
     if mesh.triangles.is_empty() {
         return Err(fault(CaptureError::NoTriangles));
     }

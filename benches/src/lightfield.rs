@@ -6,6 +6,8 @@
 //! chart), `stored` (raw maps, block compression and codebooks), `model` (parts of the model left out or done otherwise) and `speed`; all where
 //! none is named. PSNR counts pixels of the object alone; those that a mesh does not cover count as black.
 
+#[path = "lightfield/edges.rs"]
+mod edges;
 #[path = "lightfield/views.rs"]
 mod views;
 
@@ -28,8 +30,8 @@ const MOST_TERMS: u32 = 6;
 /// Pixels a side of pictures that are timed, and how often each is drawn.
 const FRAME: u32 = 512;
 const DRAWS: usize = 5;
-/// Shares of the maps' texels that codebooks keep.
-const SHARES: [f32; 5] = [0.5, 0.25, 0.12, 0.06, 0.03];
+/// Halvings of surface maps in small files.
+const SMALL_HALVINGS: u8 = 2;
 
 struct Bench {
     dir: PathBuf,
@@ -81,6 +83,8 @@ fn columns() -> Table {
         "dB of new views",
         "worst view",
         "brightest 10 %",
+        "steps at edges, mean",
+        "most",
         "CPU s",
     ])
 }
@@ -114,6 +118,7 @@ impl Bench {
         let ratio = |whole: f64, part: f64| format!("{:.0}", whole / part);
         let resampled = quality.resampled_bytes as f64;
         let terms = texture.layout().terms as usize;
+        let steps = edges::steps(texture);
         table.row(vec![
             name.to_owned(),
             texture.mesh().triangles.len().to_string(),
@@ -129,6 +134,8 @@ impl Bench {
             format!("{:.2}", found.psnr),
             format!("{:.2}", found.worst),
             format!("{:.2}", found.brightest),
+            format!("{:.2}", steps.mean),
+            format!("{:.1}", steps.most),
             format!("{seconds:.0}"),
         ]);
         Measured { bytes: file, found }
@@ -146,7 +153,7 @@ impl Bench {
         let mut cells = vec!["nearest photograph".to_owned(), texture.mesh().triangles.len().to_string()];
         cells.extend(["", "", "", "", "", "1", "", "", ""].map(str::to_owned));
         cells.extend([found.psnr, found.worst, found.brightest].map(|value| format!("{value:.2}")));
-        cells.push(String::new());
+        cells.extend(["", "", ""].map(str::to_owned));
         table.row(cells);
         Ok(())
     }
@@ -186,26 +193,22 @@ impl Bench {
     /// Ways to store the same maps.
     fn stored(&self) -> Outcome<()> {
         let mut table = columns();
-        let capture = self.capture(USUAL_MESH)?;
-        let shared = Model { fit: Fit::Shared, directions: Directions::World, ..Model::default() };
-        let of_regions = |regions| LightParams { regions, grid: 32, model: shared, ..usual() };
-        let fits =
-            [("own view maps", usual()), ("24 regions", of_regions(24)), ("100 regions", of_regions(100))];
-        for (fit, params) in fits {
+        for (name, triangles, params, forms) in fits() {
+            let capture = self.capture(triangles)?;
             let before = cpu_seconds();
             let fitted = Lightfield::fit(&capture, &params, &mut Job::default())?;
             let fitting = cpu_seconds() - before;
-            let forms = [(Content::Raw, 1.0), (Content::Bc7, 1.0), (Content::Bc1, 1.0)];
-            for (content, share) in forms.into_iter().chain(SHARES.map(|share| (Content::Bc1, share))) {
+            for &(content, share) in forms {
                 let before = cpu_seconds();
                 let (texture, quality) = fitted.store(content, share, &mut Job::default())?;
                 let seconds = fitting + cpu_seconds() - before;
-                let name = format!("{fit}, {}, {:.0} % of the texels", content.name(), 100.0 * share);
+                let books = if share < 1.0 { format!(", codewords {share}") } else { String::new() };
+                let name = format!("{name}, {}{books}", content.name());
                 self.row(&mut table, &name, &capture, (&texture, &quality), seconds);
             }
         }
         self.baselines(&mut table)?;
-        table.write(&self.out, "stored", "One fit, stored in several ways.")
+        table.write(&self.out, "stored", "Fits, each stored in several ways.")
     }
 
     /// Time by vertices and by views, stage by stage; frames a second.
@@ -312,6 +315,29 @@ fn fastest(mut draw: impl FnMut() -> Outcome<()>) -> Outcome<f64> {
         least = least.min(start.elapsed().as_secs_f64());
     }
     Ok(least)
+}
+
+/// A fit's name, triangles and parameters, and how it is stored: content and the share that codebooks keep.
+type Stored = (&'static str, Option<u32>, LightParams, &'static [(Content, f32)]);
+
+/// Fits that are stored in several ways.
+fn fits() -> Vec<Stored> {
+    use Content::{Bc1, Bc7, Raw};
+    let shared = Model { fit: Fit::Shared, directions: Directions::World, ..Model::default() };
+    let one = LightParams { terms: 1, halvings: SMALL_HALVINGS, ..usual() };
+    let of_regions = |regions| LightParams { regions, grid: 32, model: shared, ..one.clone() };
+    vec![
+        (
+            "own view maps",
+            USUAL_MESH,
+            usual(),
+            &[(Raw, 1.0), (Bc7, 1.0), (Bc1, 1.0), (Bc1, 0.5), (Bc1, 0.25), (Bc1, 0.12)],
+        ),
+        ("own, coarser maps", None, one.clone(), &[(Raw, 1.0), (Bc1, 1.0), (Bc1, 0.5), (Bc1, 0.25)]),
+        ("500 regions, coarser maps", None, of_regions(500), &[(Raw, 1.0), (Bc1, 1.0), (Bc1, 0.8)]),
+        ("110 regions, coarser maps", None, of_regions(110), &[(Raw, 1.0), (Bc1, 1.0), (Bc1, 0.6)]),
+        ("110 regions, coarser maps", USUAL_MESH, of_regions(110), &[(Raw, 1.0), (Bc1, 1.0), (Bc1, 0.7)]),
+    ]
 }
 
 /// What is left out, and how.

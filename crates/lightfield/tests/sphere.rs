@@ -133,13 +133,17 @@ fn figures_add_up() {
 #[test]
 fn bytes_do_not_depend_on_threads() {
     let capture = sphere(Look::Glossy, 10, 32);
-    for codewords in [1.0, 0.4] {
+    let shared = Model { fit: Fit::Shared, directions: Directions::World, ..Model::default() };
+    let plain = Model { factors: Factors::NonNegative, ..Model::default() };
+    for (codewords, model) in [(1.0, Model::default()), (0.4, Model::default()), (0.4, plain), (0.4, shared)]
+    {
         let with = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let params = LightParams { codewords, ..params(2) };
+            let params = LightParams { codewords, model, regions: 3, ..params(2) };
             bytes(&Lightfield::encode(&capture, &params, &mut Job::default().with_pool(&pool)).unwrap())
         };
-        assert_eq!(with(1), with(3));
+        let one = with(1);
+        assert!(one == with(2) && one == with(3), "{codewords} {model:?}");
     }
 }
 

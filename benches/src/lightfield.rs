@@ -3,21 +3,25 @@
 //!
 //! `cargo run --release -p texfold-benches --bin lightfield -- [OUT] [CAPTURE] [TABLE]`: a capture's folder with `transforms_test.json`;
 //! `slf/spot_gloss` of the shared data where none is named. Tables are `meshes` (quality against size by triangles and terms, with a
-//! chart), `stored` (raw maps, block compression and codebooks), `model` (parts of the model left out or done otherwise) and `speed`; all where
-//! none is named. PSNR counts pixels of the object alone; those that a mesh does not cover count as black.
+//! chart), `stored` (raw maps, block compression and codebooks), `model` (parts of the model left out or done otherwise), `speed` (of encodes) and
+//! `frames` (of drawing); all where none is named. PSNR counts pixels of the object alone; those that a mesh does not cover count as black.
 
+#[path = "lightfield/chart.rs"]
+mod chart;
 #[path = "lightfield/edges.rs"]
 mod edges;
 #[path = "lightfield/views.rs"]
 mod views;
 
 use std::path::PathBuf;
+use std::time::Instant;
 
+use chart::Curve;
 use texfold::{
     Capture, Content, Directions, Encoded, Factors, Fit, Job, LightParams, LightTexture, Lightfield, Model,
     Quality, Renderer, View,
 };
-use texfold_benches::report::{Chart, Line, Outcome, Table, cpu_seconds};
+use texfold_benches::report::{Outcome, Table, cpu_seconds};
 use texfold_gpu::{Gpu, Policy};
 use views::{Closeness, closeness, nearest_photograph};
 
@@ -29,9 +33,11 @@ const USUAL_MESH: Option<u32> = Some(3000);
 const MOST_TERMS: u32 = 6;
 /// Pixels a side of pictures that are timed, and how often each is drawn.
 const FRAME: u32 = 512;
-const DRAWS: usize = 5;
+const DRAWS: usize = 15;
 /// Halvings of surface maps in small files.
 const SMALL_HALVINGS: u8 = 2;
+/// Regions and shares of codewords of small files.
+const SMALL: [(u32, f32); 5] = [(24, 0.4), (50, 0.5), (110, 0.6), (250, 0.7), (500, 0.8)];
 
 struct Bench {
     dir: PathBuf,
@@ -55,6 +61,7 @@ fn main() -> Outcome<()> {
         ("stored", Bench::stored),
         ("model", Bench::model),
         ("speed", Bench::speed),
+        ("frames", Bench::frames),
     ] {
         if only.as_deref().is_none_or(|only| only == name) {
             table(&bench)?;
@@ -65,6 +72,12 @@ fn main() -> Outcome<()> {
 
 fn usual() -> LightParams {
     LightParams { terms: 3, ..LightParams::default() }
+}
+
+/// One term whose view maps are shared: small files.
+fn of_regions(regions: u32) -> LightParams {
+    let model = Model { fit: Fit::Shared, directions: Directions::World, ..Model::default() };
+    LightParams { terms: 1, halvings: SMALL_HALVINGS, regions, grid: 32, model, ..usual() }
 }
 
 fn columns() -> Table {
@@ -141,8 +154,8 @@ impl Bench {
         Measured { bytes: file, found }
     }
 
-    /// The mean alone and the nearest photograph, on the capture's own mesh.
-    fn baselines(&self, table: &mut Table) -> Outcome<()> {
+    /// The mean alone and the nearest photograph, on the capture's own mesh; dB of the latter.
+    fn baselines(&self, table: &mut Table) -> Outcome<f64> {
         let capture = self.capture(None)?;
         let before = cpu_seconds();
         let none = LightParams { terms: 0, ..usual() };
@@ -155,15 +168,30 @@ impl Bench {
         cells.extend([found.psnr, found.worst, found.brightest].map(|value| format!("{value:.2}")));
         cells.extend(["", "", ""].map(str::to_owned));
         table.row(cells);
-        Ok(())
+        Ok(found.psnr)
+    }
+
+    /// Small files on the capture's own mesh: kilobytes and dB.
+    fn small(&self, table: &mut Table) -> Outcome<Vec<(f64, f64)>> {
+        let capture = self.capture(None)?;
+        let mut points = Vec::new();
+        for (regions, codewords) in SMALL {
+            let params = LightParams { codewords, content: Content::Bc1, ..of_regions(regions) };
+            let before = cpu_seconds();
+            let (texture, quality) = Lightfield::encode_measured(&capture, &params, &mut Job::default())?;
+            let name = format!("{regions} regions, bc1, codewords {codewords}");
+            let row = self.row(table, &name, &capture, (&texture, &quality), cpu_seconds() - before);
+            points.push((row.bytes / 1e3, row.found.psnr));
+        }
+        Ok(points)
     }
 
     /// Quality against size, as in Figure 8 of the paper: prefixes of one file of six terms.
     fn meshes(&self) -> Outcome<()> {
         let mut table = columns();
-        let mut lines: Vec<Line> = Vec::new();
+        let mut curves: Vec<Curve> = Vec::new();
         for (factors, kind) in [(Factors::Signed, "PCA"), (Factors::NonNegative, "NMF")] {
-            for triangles in MESHES {
+            for (colour, triangles) in MESHES.into_iter().enumerate() {
                 let capture = self.capture(triangles)?;
                 let model = Model { factors, ..Model::default() };
                 let params = LightParams { terms: MOST_TERMS, model, ..usual() };
@@ -177,12 +205,17 @@ impl Bench {
                     points.push((row.bytes / 1e3, row.found.psnr));
                 }
                 let count = whole.mesh().triangles.len();
-                lines.push((format!("{kind}, {count} triangles"), points));
+                let name = format!("{kind}, {count} triangles");
+                curves.push(Curve { colour, full: factors == Factors::Signed, name, points });
             }
         }
-        self.baselines(&mut table)?;
-        let chart = Chart { caption: "New views by size", across: "kB", up: "dB", logarithmic: true };
-        chart.draw(&lines, &self.out.join("lightfield.svg"))?;
+        let name = format!(
+            "1 term, regions, BC1, codewords, {} triangles",
+            self.capture(None)?.mesh.triangles.len()
+        );
+        curves.push(Curve { colour: MESHES.len(), full: true, name, points: self.small(&mut table)? });
+        let nearest = self.baselines(&mut table)?;
+        chart::draw(&curves, ("nearest photograph", nearest), &self.out.join("lightfield.svg"))?;
         table.write(
             &self.out,
             "lightfield",
@@ -211,7 +244,7 @@ impl Bench {
         table.write(&self.out, "stored", "Fits, each stored in several ways.")
     }
 
-    /// Time by vertices and by views, stage by stage; frames a second.
+    /// Time by vertices and by views, stage by stage.
     fn speed(&self) -> Outcome<()> {
         let mut table = Table::new(&["triangles", "vertices", "views", "stages, CPU s", "all, CPU s"]);
         let whole = self.capture(None)?;
@@ -230,13 +263,13 @@ impl Bench {
                 format!("{:.1}", stages.iter().map(|stage| stage.1).sum::<f64>()),
             ]);
         }
-        table.write(&self.out, "speed", "CPU seconds of an encode of three terms.")?;
-        self.frames()
+        table.write(&self.out, "speed", "CPU seconds of an encode of three terms.")
     }
 
-    /// Frames a second of PCA and NMF, and seconds of the CPU reference.
+    /// Frames a second of PCA and NMF, drawn in turns, and seconds of the CPU reference: medians.
     fn frames(&self) -> Outcome<()> {
-        let mut table = Table::new(&["factors", "terms", "frames a second", "reference, s a frame"]);
+        let mut table =
+            Table::new(&["factors", "terms", "frames a second", "of PCA", "reference, s a frame"]);
         let gpu = match Gpu::new(Policy::from_env()) {
             Ok(gpu) => gpu,
             Err(error) => {
@@ -246,37 +279,46 @@ impl Bench {
         };
         let capture = self.capture(USUAL_MESH)?;
         let camera = self.tests[0].camera.resized(FRAME, FRAME);
-        for (factors, kind) in [(Factors::Signed, "PCA"), (Factors::NonNegative, "NMF")] {
-            let model = Model { factors, ..Model::default() };
-            let texture = Lightfield::encode_measured(
-                &capture,
-                &LightParams { model, ..usual() },
-                &mut Job::default(),
-            )?
-            .0;
-            for terms in [1, 3] {
-                let texture = texture.clone().first_terms(terms);
-                let light = gpu.upload_light(&texture.gpu())?.with_terms(terms);
-                let (near, far) = texture.mesh().depths(&camera);
-                let projection = camera.view_projection(near, far);
-                let drawn = fastest(|| {
-                    gpu.draw_light(&light, projection, camera.eye(), (FRAME, FRAME))?;
-                    Ok(())
-                })?;
-                let renderer = Renderer::new(&texture);
-                let cast = fastest(|| {
+        let encode = |factors| -> Outcome<LightTexture> {
+            // All terms at all vertices, so that both draw as many.
+            let model = Model { factors, chosen: false, ..Model::default() };
+            let params = LightParams { model, ..usual() };
+            Ok(Lightfield::encode_measured(&capture, &params, &mut Job::default())?.0)
+        };
+        let wholes = [encode(Factors::Signed)?, encode(Factors::NonNegative)?];
+        for terms in [1, 3] {
+            let textures = wholes.each_ref().map(|texture| texture.clone().first_terms(terms));
+            let (near, far) = textures[0].mesh().depths(&camera);
+            let projection = camera.view_projection(near, far);
+            let mut lights = Vec::new();
+            for texture in &textures {
+                lights.push(gpu.upload_light(&texture.gpu())?.with_terms(terms));
+            }
+            let mut drawn = [Vec::new(), Vec::new()];
+            let mut cast = [Vec::new(), Vec::new()];
+            for _ in 0..DRAWS {
+                for kind in 0..2 {
+                    let start = Instant::now();
+                    gpu.draw_light(&lights[kind], projection, camera.eye(), (FRAME, FRAME))?;
+                    drawn[kind].push(start.elapsed().as_secs_f64());
+                    let renderer = Renderer::new(&textures[kind]);
+                    let start = Instant::now();
                     std::hint::black_box(renderer.render(&camera));
-                    Ok(())
-                })?;
+                    cast[kind].push(start.elapsed().as_secs_f64());
+                }
+            }
+            let (drawn, cast) = (drawn.map(median), cast.map(median));
+            for (kind, name) in ["PCA", "NMF"].into_iter().enumerate() {
                 table.row(vec![
-                    kind.to_owned(),
+                    name.to_owned(),
                     terms.to_string(),
-                    format!("{:.1}", 1.0 / drawn),
-                    format!("{cast:.2}"),
+                    format!("{:.1}", 1.0 / drawn[kind]),
+                    format!("{:.2}", drawn[0] / drawn[kind]),
+                    format!("{:.2}", cast[kind]),
                 ]);
             }
         }
-        table.write(&self.out, "frames", "Pictures of 512x512.")
+        table.write(&self.out, "frames", "Pictures of 512x512, drawn in turns.")
     }
 
     /// Parts of the model.
@@ -306,15 +348,9 @@ fn stages(capture: &Capture, params: &LightParams) -> Outcome<Vec<(&'static str,
     Ok(begun.windows(2).map(|pair| (pair[0].0, pair[1].1 - pair[0].1)).collect())
 }
 
-/// Seconds of one of several draws of a picture, the least.
-fn fastest(mut draw: impl FnMut() -> Outcome<()>) -> Outcome<f64> {
-    let mut least = f64::INFINITY;
-    for _ in 0..DRAWS {
-        let start = std::time::Instant::now();
-        draw()?;
-        least = least.min(start.elapsed().as_secs_f64());
-    }
-    Ok(least)
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// A fit's name, triangles and parameters, and how it is stored: content and the share that codebooks keep.
@@ -323,9 +359,7 @@ type Stored = (&'static str, Option<u32>, LightParams, &'static [(Content, f32)]
 /// Fits that are stored in several ways.
 fn fits() -> Vec<Stored> {
     use Content::{Bc1, Bc7, Raw};
-    let shared = Model { fit: Fit::Shared, directions: Directions::World, ..Model::default() };
     let one = LightParams { terms: 1, halvings: SMALL_HALVINGS, ..usual() };
-    let of_regions = |regions| LightParams { regions, grid: 32, model: shared, ..one.clone() };
     vec![
         (
             "own view maps",
@@ -333,7 +367,7 @@ fn fits() -> Vec<Stored> {
             usual(),
             &[(Raw, 1.0), (Bc7, 1.0), (Bc1, 1.0), (Bc1, 0.5), (Bc1, 0.25), (Bc1, 0.12)],
         ),
-        ("own, coarser maps", None, one.clone(), &[(Raw, 1.0), (Bc1, 1.0), (Bc1, 0.5), (Bc1, 0.25)]),
+        ("own, coarser maps", None, one, &[(Raw, 1.0), (Bc1, 1.0), (Bc1, 0.5), (Bc1, 0.25)]),
         ("500 regions, coarser maps", None, of_regions(500), &[(Raw, 1.0), (Bc1, 1.0), (Bc1, 0.8)]),
         ("110 regions, coarser maps", None, of_regions(110), &[(Raw, 1.0), (Bc1, 1.0), (Bc1, 0.6)]),
         ("110 regions, coarser maps", USUAL_MESH, of_regions(110), &[(Raw, 1.0), (Bc1, 1.0), (Bc1, 0.7)]),

@@ -19,10 +19,12 @@ pub(crate) struct Curve {
 
 /// Width of lines in pixels; those that are not full are half as wide, with open marks.
 const WIDTH: u32 = 2;
+/// Colours of the palette that stand out on white.
+const COLOURS: [usize; 5] = [0, 1, 5, 3, 4];
 /// The least size of the axis, in kB, from which its marks double.
 const LEAST: f64 = 62.5;
-/// Doublings that it shows, the last of which holds the names.
-const DOUBLINGS: f64 = 7.4;
+/// Doublings that it shows.
+const DOUBLINGS: f64 = 6.2;
 
 /// Draws curves over the logarithm of their size, and a level beside them.
 ///
@@ -61,7 +63,7 @@ fn add<'a>(
     chart: &mut ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>,
     curve: &Curve,
 ) -> Outcome<()> {
-    let colour = Palette99::pick(curve.colour).to_rgba();
+    let colour = Palette99::pick(COLOURS[curve.colour % COLOURS.len()]).to_rgba();
     let style = colour.stroke_width(if curve.full { WIDTH } else { WIDTH / 2 });
     let mark = if curve.full { colour.filled() } else { colour.stroke_width(1) };
     let points: Points = curve.points.iter().map(|&(size, db)| ((size / LEAST).log2(), db)).collect();

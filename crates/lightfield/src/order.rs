@@ -1,8 +1,8 @@
 //! Triangles and vertices in an order that takes few bytes: each triangle beside the one before where there is such a one, vertices
 //! as they come, so that most differences of indices are small and places of neighbours stand together. O(triangles log triangles).
 //!
-//! *Not done*: codes for the shape of the walk itself (Touma and Gotsman 1998), which would take a fifth of the bytes but
-//! are no plain list of indices.
+//! *Not done*: codes for the shape of the walk itself (Touma and Gotsman 1998), which take fewer bytes
+//! but are no plain list of indices.
 
 use std::collections::BTreeMap;
 

@@ -98,7 +98,7 @@ fn tiles(picture: &Raster) -> Outcome<Vec<Raster>> {
 fn add(name: &str, tiles: Vec<Raster>, table: &mut Table) -> Outcome<Line> {
     let params =
         ProgressiveParams { goal: Goal::Bpp(BPP), reduce_log2: Some(3), ..ProgressiveParams::default() };
-    let mut shared = Shared { public: None, most_rows: MOST_ROWS };
+    let mut shared = Shared { public: None, most_rows: MOST_ROWS, around: None };
     let (mut line, mut before) = (Vec::new(), 0);
     for (number, tile) in (1..).zip(tiles) {
         let set = ImageSet::single(tile);

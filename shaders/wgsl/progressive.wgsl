@@ -70,8 +70,10 @@ struct TexfoldProgressiveParams {
     shrink_log2: u32,
     // Columns and rows of the largest level that is stored.
     stored_size: vec2<u32>,
+    // Texels of level 0 of the base beyond each border of the image.
+    base_margin: u32,
     // Always 0.
-    reserved: vec2<u32>,
+    reserved: u32,
 }
 
 // A block of the error map.
@@ -261,14 +263,21 @@ fn texfold_progressive_error(at: vec2<u32>, level: u32) -> vec4<f32> {
     return vec4<f32>(gray + shift.x + shift.y, gray - 2.0 * shift.y, gray - shift.x + shift.y, 0.0);
 }
 
-// Four texels of the base, of `size` texels, around the texel at `at` of an image of `full`; of those of its block alone, which has
-// `cell` texels of the base a side, where that is not 0.
-fn texfold_progressive_tap(at: vec2<u32>, full: vec2<u32>, size: vec2<u32>, cell: u32) -> TexfoldTap {
+// Four texels of the base, of `size` texels, around the texel at `at` of an image of `full`, beyond whose borders `margin` texels of the
+// base lie; of those of its block alone, which has `cell` texels of the base a side, where that is not 0.
+fn texfold_progressive_tap(
+    at: vec2<u32>,
+    full: vec2<u32>,
+    size: vec2<u32>,
+    cell: u32,
+    margin: f32,
+) -> TexfoldTap {
     let last = size - vec2<u32>(1u);
     let low_end = min(at / 8u * cell, last);
     let high_end = select(last, min(low_end + vec2<u32>(max(cell, 1u) - 1u), last), cell > 0u);
     let uv = (vec2<f32>(vec2<i32>(at)) + vec2<f32>(0.5)) / vec2<f32>(vec2<i32>(full));
-    let wanted = uv * vec2<f32>(vec2<i32>(size)) - vec2<f32>(0.5);
+    let inner = vec2<f32>(vec2<i32>(size)) - vec2<f32>(2.0 * margin);
+    let wanted = uv * inner + vec2<f32>(margin - 0.5);
     let place = clamp(wanted, vec2<f32>(vec2<i32>(low_end)), vec2<f32>(vec2<i32>(high_end)));
     let low = vec2<u32>(vec2<i32>(place));
     return TexfoldTap(low, min(low + vec2<u32>(1u), high_end), place - vec2<f32>(vec2<i32>(low)));
@@ -279,7 +288,8 @@ fn texfold_progressive_base(at: vec2<u32>, level: u32) -> vec4<f32> {
     let stored = min(level, texfold_progressive_params.base_levels - 1u);
     let size = texfold_level_size(texfold_progressive_params.base_size, stored);
     let full = texfold_level_size(texfold_progressive_params.stored_size, level);
-    let tap = texfold_progressive_tap(at, full, size, texfold_progressive_params.base_cell);
+    let margin = f32(i32(texfold_progressive_params.base_margin)) / f32(i32(1u << stored));
+    let tap = texfold_progressive_tap(at, full, size, texfold_progressive_params.base_cell, margin);
     let upper_right = vec2<u32>(tap.high.x, tap.low.y);
     let lower_left = vec2<u32>(tap.low.x, tap.high.y);
     let a = texfold_bilinear(

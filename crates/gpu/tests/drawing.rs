@@ -159,6 +159,7 @@ fn times_are_measured_for_all_three_shaders() {
         content: Content::Bc1,
         reduce_log2: 2,
         shrink_log2: 0,
+        beyond: false,
         class_bits: 16,
         books: None,
     };

@@ -210,6 +210,7 @@ fn progressive_cases() -> Vec<Case> {
         content,
         reduce_log2,
         shrink_log2: 0,
+        beyond: false,
         class_bits,
         books: None,
     };
@@ -228,13 +229,16 @@ fn progressive_cases() -> Vec<Case> {
         // Images of a half and a quarter of the size, enlarged.
         Base { sizes: &[(37, 61), (1, 1), (130, 9)], levels: 6, shrink_log2: 1, ..base(3, Bc1, 2, 16) },
         Base { sizes: &[(150, 61), (2, 3)], levels: 1, shrink_log2: 2, ..base(3, Bc7, 2, 32) },
+        // Bases that go on beyond the borders.
+        Base { sizes: &[(37, 61), (64, 32)], levels: 6, beyond: true, ..base(3, Bc1, 2, 16) },
+        Base { books: Some((3, 5, Raw)), beyond: true, ..base(3, Bc7, 3, 0) },
         // Several rows of words.
         Base { sizes: &[(513, 390)], levels: 2, ..base(3, Bc7, 3, 16) },
     ];
     let case = |base: Base| {
-        let Base { channels, content, reduce_log2, shrink_log2, class_bits, books, .. } = base;
+        let Base { channels, content, reduce_log2, shrink_log2, beyond, class_bits, books, .. } = base;
         let name = format!(
-            "progressive {channels} channels {content:?} /{reduce_log2} of /{shrink_log2}, {class_bits} bits, {books:?}"
+            "progressive {channels} channels {content:?} /{reduce_log2} of /{shrink_log2}, beyond {beyond}, {class_bits} bits, {books:?}"
         );
         // A texel is a sum of some twenty products, and blended: single ones are equal within their rounding.
         let rounded = if matches!(content, Raw | Bc7) { Vec4::splat(4e-6) } else { ROUNDED };

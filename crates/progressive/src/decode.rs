@@ -75,8 +75,10 @@ pub struct TexfoldProgressiveParams {
     pub shrink_log2: u32,
     /// Columns and rows of the largest level that is stored.
     pub stored_size: [u32; 2],
+    /// Texels of level 0 of the base beyond each border of the image.
+    pub base_margin: u32,
     /// Always 0.
-    pub reserved: [u32; 2],
+    pub reserved: u32,
 }
 
 /// One image: what the shader has bound.
@@ -246,16 +248,17 @@ pub fn texfold_progressive_error(view: &ProgressiveView<'_>, at: UVec2, level: u
     error(coarse, &fine, at.x % 2 + at.y % 2 * 2)
 }
 
-/// Four texels of the base, of `size` texels, around the texel at `at` of an image of `full`; of those of its block alone, which has
-/// `cell` texels of the base a side, where that is not 0.
+/// Four texels of the base, of `size` texels, around the texel at `at` of an image of `full`, beyond whose borders `margin` texels of the
+/// base lie; of those of its block alone, which has `cell` texels of the base a side, where that is not 0.
 #[must_use]
 #[inline]
-pub fn texfold_progressive_tap(at: UVec2, full: UVec2, size: UVec2, cell: u32) -> TexfoldTap {
+pub fn texfold_progressive_tap(at: UVec2, full: UVec2, size: UVec2, cell: u32, margin: f32) -> TexfoldTap {
     let last = size - UVec2::ONE;
     let low_end = (at / 8 * cell).min(last);
     let high_end = if cell > 0 { (low_end + (cell - 1)).min(last) } else { last };
     let uv = (at.as_vec2() + 0.5) / full.as_vec2();
-    let place = (uv * size.as_vec2() - 0.5).clamp(low_end.as_vec2(), high_end.as_vec2());
+    let inner = size.as_vec2() - 2.0 * margin;
+    let place = (uv * inner + (margin - 0.5)).clamp(low_end.as_vec2(), high_end.as_vec2());
     let low = place.as_uvec2();
     TexfoldTap { low, high: (low + 1).min(high_end), weight: place - low.as_vec2() }
 }
@@ -267,7 +270,7 @@ pub fn texfold_progressive_base(view: &ProgressiveView<'_>, at: UVec2, level: u3
     let size = texfold_level_size(UVec2::from(view.params.stored_size), level);
     let stored = level.min(view.params.base_levels - 1);
     let base = texfold_level_size(UVec2::from(view.params.base_size), stored);
-    let tap = texfold_progressive_tap(at, size, base, view.params.base_cell);
+    let tap = texfold_progressive_tap(at, size, base, view.params.base_cell, margin(&view.params, stored));
     blend(&view.base[stored as usize], base.x, tap)
 }
 
@@ -562,6 +565,11 @@ fn error(coarse: [f32; 3], fine: &[[f32; 3]; 3], texel: u32) -> Vec4 {
 #[inline]
 fn sign(bit: u32) -> f32 {
     1.0 - 2.0 * bit as f32
+}
+
+/// Texels of level `stored` of the base beyond each border.
+pub(crate) fn margin(params: &TexfoldProgressiveParams, stored: u32) -> f32 {
+    params.base_margin as f32 / (1u32 << stored) as f32
 }
 
 fn blend(texels: &[Texel], width: u32, tap: TexfoldTap) -> Texel {

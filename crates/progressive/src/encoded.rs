@@ -15,7 +15,7 @@ use texfold_core::{
 
 use crate::codebook::Details;
 use crate::decode::{
-    ProgressiveView, TEXFOLD_PROGRESSIVE_GROUP_WORDS, TexfoldProgressiveParams, add_block,
+    ProgressiveView, TEXFOLD_PROGRESSIVE_GROUP_WORDS, TexfoldProgressiveParams, add_block, margin,
     texfold_progressive_block, texfold_progressive_detail, texfold_progressive_fetch,
     texfold_progressive_tap,
 };
@@ -88,6 +88,10 @@ impl ErrorMap {
     }
 }
 
+/// Texels of level 0 of a base that goes on beyond the borders of its image: a block of it, so that the same blocks cover the same place in
+/// an image and in the one beside it.
+pub(crate) const MARGIN: u32 = 4;
+
 /// What is stored of a texture.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Parts {
@@ -101,6 +105,8 @@ pub(crate) struct Parts {
     pub(crate) reduce_log2: u32,
     /// Whether the base is blended within blocks of 8x8 texels alone, so that they may lie beside any others.
     pub(crate) apart: bool,
+    /// Texels of the base beyond each border, so that neighbours show the same there: 0 or [`MARGIN`].
+    pub(crate) margin: u32,
     pub(crate) model: Model,
     /// For each image the planes of its base's levels.
     pub(crate) bases: Vec<Vec<ContentPlanes>>,
@@ -346,7 +352,8 @@ impl Parts {
             base_cell: if self.apart { BLOCK_SIDE >> self.reduce_log2 } else { 0 },
             shrink_log2: self.shrink_log2,
             stored_size: [size.width, size.height],
-            reserved: [0; 2],
+            base_margin: self.margin,
+            reserved: 0,
         }
     }
 }
@@ -546,7 +553,8 @@ fn enlarge(view: &ProgressiveView<'_>, region: Rect, out: &mut [Texel]) {
     let stored = region.level.min(view.params.base_levels - 1);
     let size = texfold_level_size(UVec2::from(view.params.base_size), stored);
     let texels = &view.base[stored as usize];
-    let tap = |x: u32, y: u32| texfold_progressive_tap(UVec2::new(x, y), full, size, view.params.base_cell);
+    let (cell, margin) = (view.params.base_cell, margin(&view.params, stored));
+    let tap = |x: u32, y: u32| texfold_progressive_tap(UVec2::new(x, y), full, size, cell, margin);
     let columns: Vec<_> = (region.x..region.x + region.width).map(|x| tap(x, region.y)).collect();
     for (y, line) in (region.y..).zip(out.chunks_exact_mut(region.width as usize)) {
         let rows = tap(region.x, y);

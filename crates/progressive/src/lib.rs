@@ -36,7 +36,7 @@ pub use rates::{Model, Rates};
 use std::sync::Arc;
 
 use texfold_core::container::{SectionWriter, Sections};
-use texfold_core::image::ImageSet;
+use texfold_core::image::{ImageSet, Raster};
 use texfold_core::{Budget, CodecId, EncodeError, Goal, Image2d, Job, LoadError, SharedSearch, TextureCodec};
 
 /// Base and error map.
@@ -83,13 +83,19 @@ impl SharedSearch for Progressive {
     }
 }
 
-/// A public codebook that textures show and add to.
+/// Texels around a tile that its base may go on over.
+pub const AROUND: u32 = encoded::MARGIN << params::MAX_REDUCE_LOG2;
+
+/// A public codebook that textures show and add to, and what surrounds a tile.
 #[derive(Debug, Clone, Default)]
 pub struct Shared {
     /// What it holds; `None` while that is nothing.
     pub public: Option<Arc<Codebook>>,
     /// Rows of texels that it may grow to, at most 2048; 0 where nothing is to be shared.
     pub most_rows: u32,
+    /// The single image that is encoded and [`AROUND`] texels more on each side, of a larger image of which it is a tile: its base then goes on beyond
+    /// its borders, as the base of the tile beside it does, and no step is seen between them.
+    pub around: Option<Raster>,
 }
 
 impl Progressive {

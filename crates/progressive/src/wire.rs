@@ -15,8 +15,8 @@ use crate::codebook::{
     CODEBOOK_PIXEL, Codebook, Details, MAX_CODEBOOK_SIDE, MapForm, pack_entries, unpack_entries,
 };
 use crate::encoded::{
-    BASE_PART, ERROR_PART, ErrorMap, MAP_PART, PRIVATE_PART, PUBLIC_PART, Parts, base_levels, blocks_of,
-    stored_layout,
+    BASE_PART, ERROR_PART, ErrorMap, MAP_PART, MARGIN, PRIVATE_PART, PUBLIC_PART, Parts, base_levels,
+    blocks_of, stored_layout,
 };
 use crate::params::{MAX_REDUCE_LOG2, MAX_SHRINK_LOG2};
 use crate::rates::{CLASSES, Model, Rates};
@@ -30,6 +30,8 @@ const ERROR_ID: [u8; 4] = *b"PREM";
 
 /// Flag of a base that is blended within blocks alone, beside its halvings.
 const APART_FLAG: u8 = 16;
+/// The same where the base goes on beyond the borders of images.
+const MARGIN_FLAG: u8 = 32;
 /// Bits of halvings of the base, and behind them of the largest level.
 const HALVING_BITS: u8 = 2;
 /// Most bits of a block of class 1: two 16-bit halves.
@@ -44,7 +46,8 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
         content.number(),
         parts.reduce_log2 as u8
             | (parts.shrink_log2 as u8) << HALVING_BITS
-            | if parts.apart { APART_FLAG } else { 0 },
+            | if parts.apart { APART_FLAG } else { 0 }
+            | if parts.margin > 0 { MARGIN_FLAG } else { 0 },
         (model.class_bits / 16) as u8,
     ];
     form.extend(model.weights.iter().flat_map(|weight| weight.to_le_bytes()));
@@ -133,20 +136,34 @@ fn load_parts(
     }
     let halvings = reader.u8()?;
     let apart = halvings & APART_FLAG != 0;
-    let shrink_log2 = u32::from((halvings & !APART_FLAG) >> HALVING_BITS);
+    let margin = if halvings & MARGIN_FLAG != 0 { MARGIN } else { 0 };
+    let shrink_log2 = u32::from((halvings & !APART_FLAG & !MARGIN_FLAG) >> HALVING_BITS);
     let reduce_log2 = u32::from(halvings & ((1 << HALVING_BITS) - 1));
     if !(1..=MAX_REDUCE_LOG2).contains(&reduce_log2) {
         return Err(reader.corrupt("halvings outside 1..=3"));
+    }
+    if margin > 0 && (apart || shrink_log2 > 0) {
+        return Err(reader.corrupt("a base beyond the borders where none can be"));
     }
     if shrink_log2 > MAX_SHRINK_LOG2 || apart && shrink_log2 > 0 {
         return Err(reader.corrupt("a largest level smaller than a quarter, or where none can be"));
     }
     let stored = stored_layout(&layout, shrink_log2);
     let model = read_model(&mut reader)?;
-    let bases = read_bases(&stored, content, reduce_log2, file, budget)?;
+    let bases = read_bases(&stored, content, (reduce_log2, margin), file, budget)?;
     let details = read_details(&stored, public, file, budget)?;
-    let mut parts =
-        Parts { layout, shrink_log2, stored, reduce_log2, apart, model, bases, details, maps: Vec::new() };
+    let mut parts = Parts {
+        layout,
+        shrink_log2,
+        stored,
+        reduce_log2,
+        apart,
+        margin,
+        model,
+        bases,
+        details,
+        maps: Vec::new(),
+    };
     if let Some(maps) = read_maps(&parts, file, budget)? {
         parts.maps = maps;
     }
@@ -196,7 +213,7 @@ fn read_model(reader: &mut Reader<'_>) -> Result<Model, LoadError> {
 fn read_bases(
     layout: &ImageLayout,
     content: Content,
-    reduce_log2: u32,
+    (reduce_log2, margin): (u32, u32),
     file: &Sections<'_>,
     budget: &mut Budget,
 ) -> Result<Vec<Vec<ContentPlanes>>, LoadError> {
@@ -208,7 +225,9 @@ fn read_bases(
     for &size in &layout.surfaces {
         let mut levels = Vec::new();
         for level in 0..base_levels(size, reduce_log2, layout.levels) {
-            let SurfaceSize { width, height } = size.at_level(reduce_log2).at_level(level);
+            let beyond = (2 * margin) << reduce_log2;
+            let whole = SurfaceSize { width: size.width + beyond, height: size.height + beyond };
+            let SurfaceSize { width, height } = whole.at_level(reduce_log2).at_level(level);
             let mut planes = Vec::new();
             for format in &formats {
                 let length = usize::try_from(format.bytes(width, height)).unwrap_or(usize::MAX);

@@ -11,7 +11,7 @@ use texfold_core::{
     Budget, Domain, Effort, EncodeError, Encoded, Goal, Image2d, ImageAddress, Job, Layers, Rect, Refine,
     SharedSearch, Texel, TextureCodec,
 };
-use texfold_progressive::{Progressive, ProgressiveParams, ProgressiveTexture, Shared};
+use texfold_progressive::{AROUND, Progressive, ProgressiveParams, ProgressiveTexture, Shared};
 
 fn picture(name: &str) -> ImageSet {
     ImageSet::single(texfold_testkit::picture(name))
@@ -265,7 +265,7 @@ fn what_recurs_is_shown_from_a_codebook() {
 #[test]
 fn a_public_codebook_grows_and_earlier_images_stay_as_they_are() {
     let params = ProgressiveParams { goal: Goal::Bpp(0.5), ..ProgressiveParams::default() };
-    let mut shared = Shared { public: None, most_rows: 128 };
+    let mut shared = Shared { public: None, most_rows: 128, around: None };
     let (mut made, mut rows) = (Vec::new(), Vec::new());
     for seed in [0, 0, 1] {
         let set = strokes(seed, 12);
@@ -290,6 +290,60 @@ fn a_public_codebook_grows_and_earlier_images_stay_as_they_are() {
     }
     // The same once more finds what it brought.
     assert!(rows[0] > 0 && rows[1] == rows[0], "{rows:?}");
+}
+
+/// Columns `left` to `right` of the middle rows of a picture, of those beyond its edge the outermost.
+fn columns(picture: &Raster, (left, right): (i32, i32), rows: (i32, i32)) -> Raster {
+    let size = picture.size();
+    let inside = |at: i32, count: u32| at.clamp(0, count as i32 - 1) as u32;
+    let (width, height) = ((right - left) as u32, (rows.1 - rows.0) as u32);
+    let texel = |i: u32| {
+        let (x, y) = (left + (i % width) as i32, rows.0 + (i / width) as i32);
+        picture.texel(inside(x, size.width), inside(y, size.height))
+    };
+    let texels: Vec<Texel> = (0..width * height).map(texel).collect();
+    Raster::from_texels(width, height, picture.info(), &texels).unwrap()
+}
+
+#[test]
+fn no_step_is_seen_between_tiles_whose_bases_go_on_beyond_their_borders() {
+    let picture = texfold_testkit::picture("terrain");
+    let (width, height) = (picture.size().width as i32, picture.size().height as i32);
+    let (half, more) = (width / 2, AROUND as i32);
+    for mips in [false, true] {
+        let params = ProgressiveParams { mips, ..fast(Goal::Psnr(24.0)) };
+        // Mean steps at the border of two tiles, and within them at borders of blocks, for levels 0 and 1.
+        let steps = |goes_on: bool| {
+            let tiles = [(0, half), (half, width)].map(|(left, right)| {
+                let set = ImageSet::single(columns(&picture, (left, right), (0, height)));
+                let around = columns(&picture, (left - more, right + more), (-more, height + more));
+                let shared = Shared { around: goes_on.then_some(around), ..Shared::default() };
+                let made = Progressive::encode_shared(&set, &params, &shared, &mut Job::default()).unwrap();
+                let (file, mut budget) = (bytes(&made), Budget::default());
+                let loaded = Progressive::load(&Sections::parse(&file, &mut budget).unwrap(), &mut budget);
+                assert_eq!(loaded.unwrap(), made);
+                made
+            });
+            let step = |level: u32| {
+                let shown = [0, 1].map(|tile: usize| decode_surface(&tiles[tile], 0, level).unwrap());
+                let (last, rows) = (shown[0].size().width - 1, shown[0].size().height);
+                let away = |a: Texel, b: Texel| f64::from((a - b).truncate().abs().element_sum());
+                let across: f64 =
+                    (0..rows).map(|y| away(shown[0].texel(last, y), shown[1].texel(0, y))).sum();
+                let within: f64 = [16, 32, 48]
+                    .map(|x: u32| {
+                        let inner = |y: u32| away(shown[1].texel(x - 1, y), shown[1].texel(x, y));
+                        (0..rows).map(inner).sum::<f64>()
+                    })
+                    .into_iter()
+                    .sum();
+                3.0 * across / within
+            };
+            [step(0), if mips { step(1) } else { 0.0 }]
+        };
+        let (plain, goes_on) = (steps(false), steps(true));
+        assert!(goes_on[0] < 1.5 && goes_on[0] < 0.7 * plain[0], "{goes_on:?}, ending there {plain:?}");
+    }
 }
 
 #[test]

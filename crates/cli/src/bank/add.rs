@@ -14,6 +14,7 @@ use texfold_core::{Encoded, Job, Limits, TextureCodec};
 use texfold_progressive::{Codebook, Progressive, ProgressiveParams, ProgressiveTexture, Shared};
 
 use super::manifest::{Image, Manifest, Tile};
+use super::tiles::Cut;
 use super::{Bank, Open, category, tiles};
 use crate::compress::add_file;
 use crate::config::Settings;
@@ -94,8 +95,8 @@ pub(crate) fn plan(open: &mut Open, tasks: &[&BankTask], limit_bytes: u64) -> Ve
     let keys: Vec<Result<String, Step>> = tasks.iter().map(|task| task.key_of_new(open)).collect();
     let colours_of = |task: &BankTask| {
         let mut colours = Vec::new();
-        let read = tiles::each(&task.path, &task.settings, limit_bytes, |_, _, tile| {
-            colours.push(category::colours(&tile));
+        let read = tiles::each(&task.path, &task.settings, limit_bytes, |cut| {
+            colours.push(category::colours(&cut.tile));
             Ok(())
         });
         read.map(|_| colours)
@@ -199,12 +200,13 @@ impl BankTask {
         let mut making =
             Making { task: self, dir: &bank.dir, next: first, grown: Vec::new(), sums: Sums::default() };
         let mut of_tile = categories.iter();
-        let size = tiles::each(&self.path, &self.settings, limit_bytes, |x, y, tile| {
+        let size = tiles::each(&self.path, &self.settings, limit_bytes, |cut| {
             // The file has changed since its tiles were counted.
             let changed = || CliError::BankName { path: self.path.clone() };
+            let (x, y) = cut.place;
             let at = At { x, y, category: *of_tile.next().ok_or_else(changed)? };
             making.enter(at.category, books);
-            making.add_tile(at, tile, share)
+            making.add_tile(at, cut, share)
         })?;
         let Making { sums, grown, .. } = making;
         let row = self.row(&bank.dir, &sums, (size.width, size.height), start.elapsed().as_secs_f64());
@@ -268,12 +270,14 @@ impl Making<'_> {
         }
     }
 
-    fn add_tile(&mut self, at: At, tile: Raster, share: &Share<'_>) -> Result<(), CliError> {
+    fn add_tile(&mut self, at: At, cut: Cut<'_>, share: &Share<'_>) -> Result<(), CliError> {
         let Making { task, dir, next, grown, sums } = self;
         let Some(grown) = grown.iter_mut().find(|grown| grown.number == at.category) else { return Ok(()) };
-        let size = tile.size();
-        let set = ImageSet::single(without_plain_alpha(tile));
-        let shared = Shared { public: grown.book.clone(), most_rows: MOST_ROWS };
+        let size = cut.tile.size();
+        let around = cut.around()?;
+        let set = ImageSet::single(without_plain_alpha(cut.tile));
+        let around = around.map(|around| around.with_channels(set.info().channels));
+        let shared = Shared { public: grown.book.clone(), most_rows: MOST_ROWS, around };
         let mut progress = |stage| share.report(stage);
         let mut job = Job::new(Limits::default()).with_progress(&mut progress);
         let texture = Progressive::encode_shared(&set, &task.params(), &shared, &mut job)

@@ -342,26 +342,75 @@ fn place<T: Copy + Default>(
 }
 
 impl Band {
+    /// Its last `rows` rows, and those of the band behind it below.
+    pub(crate) fn followed(self, rows: u32, further: Band) -> Band {
+        let mut kept = self.last(rows);
+        match (&mut kept.samples, further.samples) {
+            (Samples::Eight(own), Samples::Eight(more)) => own.extend(more),
+            (Samples::Sixteen(own), Samples::Sixteen(more)) => own.extend(more),
+            // All bands of a file are of one kind.
+            (_, samples) => return Band { samples, ..kept },
+        }
+        Band { rows: kept.rows + further.rows, ..kept }
+    }
+
+    fn values(&self) -> usize {
+        match &self.samples {
+            Samples::Eight(values) => values.len(),
+            Samples::Sixteen(values) => values.len(),
+        }
+    }
+
+    /// Number of rows.
+    pub(crate) fn rows(&self) -> u32 {
+        self.rows
+    }
+
+    /// Its last `rows` rows.
+    pub(crate) fn last(mut self, rows: u32) -> Band {
+        let row = self.width as usize * usize::from(self.channels);
+        let first = (self.rows.saturating_sub(rows) as usize * row).min(self.values());
+        match &mut self.samples {
+            Samples::Eight(own) => drop(own.drain(..first)),
+            Samples::Sixteen(own) => drop(own.drain(..first)),
+        }
+        Band { rows: self.rows.min(rows), ..self }
+    }
+
+    /// The file.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// The raster of some columns.
     pub(crate) fn cut(&self, left: u32, width: u32) -> Result<Raster, CliError> {
+        self.cut_rows((left, width), (0, self.rows))
+    }
+
+    /// The raster of some columns and rows, each the first and how many.
+    pub(crate) fn cut_rows(
+        &self,
+        (left, width): (u32, u32),
+        (top, height): (u32, u32),
+    ) -> Result<Raster, CliError> {
         let channels = usize::from(self.channels);
         let row = self.width as usize * channels;
         let (from, count) = (left as usize * channels, width as usize * channels);
-        let lines = 0..self.rows as usize;
+        let lines = top as usize..(top + height) as usize;
         let raster = match &self.samples {
             Samples::Eight(values) => {
                 let cut: Vec<u8> = lines
                     .flat_map(|line| &values[line * row + from..line * row + from + count])
                     .copied()
                     .collect();
-                Raster::from_u8(width, self.rows, self.channels, self.color, &cut)
+                Raster::from_u8(width, height, self.channels, self.color, &cut)
             }
             Samples::Sixteen(values) => {
                 let cut: Vec<u16> = lines
                     .flat_map(|line| &values[line * row + from..line * row + from + count])
                     .copied()
                     .collect();
-                Raster::from_u16(width, self.rows, self.channels, self.color, &cut)
+                Raster::from_u16(width, height, self.channels, self.color, &cut)
             }
         };
         let unsuitable = |source: SourceError| CliError::Source { path: self.path.clone(), source };

@@ -20,6 +20,8 @@ pub(crate) struct Base {
     pub(crate) reduce_log2: u32,
     /// Levels that are not stored.
     pub(crate) shrink_log2: u32,
+    /// Whether the base goes on beyond the borders.
+    pub(crate) beyond: bool,
     /// Bits of a block of class 1; 0 for no error map.
     pub(crate) class_bits: u32,
     /// Codebooks and a map, where there are any: binary logarithm of a block's side, bits of a turn, and content of a public
@@ -86,7 +88,8 @@ const WIDE_CLASSES: [u32; 11] = [
 
 /// The texture of that kind.
 pub(crate) fn progressive(base: &Base) -> Subject {
-    let Base { sizes, levels, channels, content, reduce_log2, shrink_log2, class_bits, books } = *base;
+    let Base { sizes, levels, channels, content, reduce_log2, shrink_log2, beyond, class_bits, books } =
+        *base;
     let mut dice = Dice(u64::from(channels) + 10 * u64::from(class_bits + reduce_log2));
     let alpha = if matches!(channels, 2 | 4) { Alpha::Straight } else { Alpha::Opaque };
     let pixel = PixelInfo { channels, depth: Depth::Eight, color: ColorSpace::Srgb, alpha };
@@ -97,7 +100,11 @@ pub(crate) fn progressive(base: &Base) -> Subject {
     // What is stored of them.
     let levels = levels.saturating_sub(shrink_log2).max(1);
     let surfaces: Vec<_> = full.iter().map(|size| size.at_level(shrink_log2)).collect();
-    let mut form = vec![content.number(), (reduce_log2 | shrink_log2 << 2) as u8, (class_bits / 16) as u8];
+    let mut form = vec![
+        content.number(),
+        (reduce_log2 | shrink_log2 << 2 | u32::from(beyond) << 5) as u8,
+        (class_bits / 16) as u8,
+    ];
     form.extend([300u16, 250, 180, 120, 200, 90, 70].into_iter().flat_map(u16::to_le_bytes));
     let classes: &[u32] = match class_bits {
         16 => &CLASSES,
@@ -111,7 +118,10 @@ pub(crate) fn progressive(base: &Base) -> Subject {
     for size in &surfaces {
         let held = levels.min(size.at_level(reduce_log2).full_levels());
         for level in 0..held {
-            let level = size.at_level(reduce_log2 + level);
+            // Four texels of the base on each side.
+            let more = if beyond { 8 << reduce_log2 } else { 0 };
+            let whole = SurfaceSize { width: size.width + more, height: size.height + more };
+            let level = whole.at_level(reduce_log2 + level);
             for format in content.formats(pixel).0 {
                 planes.extend(dice.bytes(format.bytes(level.width, level.height)));
             }

@@ -12,7 +12,8 @@ use super::coder::Coder;
 use super::details::{Lack, Stock, find};
 use super::error::{Block, blocks};
 use super::frame::Frame;
-use crate::encoded::{ERROR_PART, ErrorMap, PUBLIC_PART, Parts, base_levels, map_words};
+use crate::AROUND;
+use crate::encoded::{ERROR_PART, ErrorMap, MARGIN, PUBLIC_PART, Parts, base_levels, map_words};
 use crate::params::MAX_REDUCE_LOG2;
 use crate::rates::Model;
 use crate::{ProgressiveParams, ProgressiveTexture, Shared};
@@ -167,13 +168,27 @@ impl Ground {
     pub(crate) fn new(frame: &Frame, kind: Kind, (effort, shared): (Effort, &Shared)) -> Option<Ground> {
         let layout = frame.stored();
         let chains = &frame.chains;
-        let bases = chains.iter().map(|chain| reduced(chain, kind, &layout, effort)).collect();
+        let around = match (&shared.around, chains.as_slice()) {
+            (Some(around), [chain]) if frame.shrink_log2 == 0 && !kind.apart => {
+                beyond(around, chain, kind.reduce_log2)
+            }
+            _ => None,
+        };
+        let margin = if around.is_some() { MARGIN } else { 0 };
+        let bases = match &around {
+            Some(around) => vec![reduced((around, layout.surfaces[0]), kind, &layout, effort)],
+            None => {
+                let images = chains.iter().zip(&layout.surfaces);
+                images.map(|(chain, &size)| reduced((chain, size), kind, &layout, effort)).collect()
+            }
+        };
         let parts = Parts {
             layout: frame.full.clone(),
             shrink_log2: frame.shrink_log2,
             stored: layout,
             reduce_log2: kind.reduce_log2,
             apart: kind.apart,
+            margin,
             model: Model::default(),
             bases,
             details: None,
@@ -346,9 +361,28 @@ impl Base {
     }
 }
 
-/// The planes of an image's base, level by level.
-fn reduced(chain: &[Raster], kind: Kind, layout: &ImageLayout, effort: Effort) -> Vec<ContentPlanes> {
-    let Some(size) = chain.first().map(Raster::size) else { return Vec::new() };
+/// The levels of an image with as much around it as its base shows beyond the borders; `None` where that is not there.
+fn beyond(around: &Raster, chain: &[Raster], reduce_log2: u32) -> Option<Vec<Raster>> {
+    let (size, whole) = (chain.first()?.size(), around.size());
+    if whole.width != size.width + 2 * AROUND || whole.height != size.height + 2 * AROUND {
+        return None;
+    }
+    let away = AROUND - (MARGIN << reduce_log2);
+    let (width, height) = (whole.width - 2 * away, whole.height - 2 * away);
+    let texel = |i: u32| around.texel(away + i % width, away + i / width);
+    let texels: Vec<Texel> = (0..width * height).map(texel).collect();
+    let image = Raster::from_texels(width, height, chain[0].info(), &texels).ok()?;
+    let levels = chain.len() as u32;
+    Some(if levels > 1 { mip_chain(&image, levels, MipFilter::Box) } else { vec![image] })
+}
+
+/// The planes of the base of an image of `size`, level by level.
+fn reduced(
+    (chain, size): (&[Raster], SurfaceSize),
+    kind: Kind,
+    layout: &ImageLayout,
+    effort: Effort,
+) -> Vec<ContentPlanes> {
     let held = base_levels(size, kind.reduce_log2, chain.len() as u32) as usize;
     let shrink = |level: &Raster| {
         // Values are averaged as they are stored: what is left to the error map is least then. In linear light it is 0.06 dB

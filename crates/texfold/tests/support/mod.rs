@@ -6,11 +6,11 @@
     reason = "each test file uses its own part; a test without its texture must fail"
 )]
 
-use texfold::image::ImageSet;
+use texfold::image::{ImageSet, Raster};
 use texfold::{
     AnyImage, Bc, BcParams, Content, Effort, Epitome, EpitomeParams, EpitomeSource, Family, Goal, Job,
-    PatchSource, PatchStack, Progressive, ProgressiveParams, TextureCodec, Vq, VqParams, VqSource, ZipParams,
-    Zipmap,
+    PatchSource, PatchStack, Progressive, ProgressiveParams, Shared, TextureCodec, Vq, VqParams, VqSource,
+    ZipParams, Zipmap,
 };
 
 pub fn fixture(name: &str) -> ImageSet {
@@ -92,6 +92,17 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     textures.push(("progressive layers, sequence".to_owned(), ripple.clone(), progressive(&ripple, &params)));
     let params = ProgressiveParams { goal: Goal::Bpp(0.8), mips: true, ..fast.clone() };
     textures.push(("progressive layers, enlarged".to_owned(), odd.clone(), progressive(&odd, &params)));
+    // A tile of a larger image, which is the same all around.
+    let tile = &odd.images()[0];
+    let (size, more) = (tile.size(), texfold_progressive::AROUND);
+    let (width, height) = (size.width + 2 * more, size.height + 2 * more);
+    let texels: Vec<_> =
+        (0..width * height).map(|i| tile.texel(i % width % size.width, i / width % size.height)).collect();
+    let around = Some(Raster::from_texels(width, height, tile.info(), &texels).unwrap());
+    let shared = Shared { around, ..Shared::default() };
+    let params = ProgressiveParams { mips: true, ..fast.clone() };
+    let made = Progressive::encode_shared(&odd, &params, &shared, &mut Job::default()).unwrap();
+    textures.push(("progressive layers, tile".to_owned(), odd.clone(), AnyImage::Progressive(made)));
     let params = ProgressiveParams { goal: Goal::Psnr(10.0), ..fast };
     textures.push(("progressive base".to_owned(), odd.clone(), progressive(&odd, &params)));
     for content in [Content::Raw, Content::Bc7] {

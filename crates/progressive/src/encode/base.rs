@@ -4,6 +4,7 @@ use texfold_bc::{Content, ContentPlanes};
 use texfold_core::image::{Alpha, ColorSpace, ImageSet, MipFilter, PixelInfo, Raster, mip_chain};
 use texfold_core::metric::SquaredError;
 use texfold_core::sample::TEXFOLD_NORMAL;
+use texfold_core::target::Measured;
 use texfold_core::{
     Effort, EncodeError, Encoded, Goal, ImageLayout, Notes, ParamError, SourceError, SurfaceSize, Texel,
 };
@@ -31,6 +32,19 @@ pub(crate) struct Kind {
     /// Whether the base is blended within blocks alone.
     pub(crate) apart: bool,
 }
+
+impl Kind {
+    /// Whether its base and entries of codebooks alone take as many bits a texel as what answers a goal of quality already.
+    pub(crate) fn is_outdone(&self, pixel: PixelInfo, goal: Goal, known: &Measured) -> bool {
+        let Some(side_log2) = self.side_log2 else { return false };
+        let base = self.content.bits_per_texel(pixel) / f64::from(1u32 << (2 * self.reduce_log2));
+        let entries = LEAST_ENTRY_BITS / f64::from(1u32 << (2 * side_log2));
+        matches!(goal, Goal::Psnr(_)) && goal.is_met(known) && known.bpp <= base + entries
+    }
+}
+
+/// Bits of an entry for the smallest codebook: column, row, turn, gain.
+const LEAST_ENTRY_BITS: f64 = 20.0;
 
 /// PSNR in dB and bits a texel above which a base of many bits is tried.
 const FINE: (f64, f64) = (42.0, 3.5);

@@ -78,10 +78,13 @@ fn encode_with(
     let sizes = shrinks(source, params);
     let share = |index: usize| index as f32 / sizes.len() as f32;
     let mut best: Option<(ProgressiveTexture, Measured)> = None;
-    for (index, &shrink_log2) in sizes.iter().enumerate() {
+    // The smallest first: where it answers, codebooks of the whole need not be tried.
+    for (index, &shrink_log2) in sizes.iter().rev().enumerate() {
+        let rival = best.as_ref().map(|(_, measured)| *measured);
         let made = job.within(share(index), share(index + 1), |job| {
             let frame = frame(shrink_log2, job);
-            frame.inner_goal(params.goal).map(|goal| encode_frame(source, params, (&frame, goal), base, job))
+            let goal = frame.inner_goal(params.goal);
+            goal.map(|goal| encode_frame(source, params, (&frame, goal, rival), base, job))
         });
         let Some(made) = made else { continue };
         let made = made?;
@@ -96,11 +99,11 @@ fn encode_with(
     Ok(made.with_notes(notes))
 }
 
-/// `inner` is the goal for what is stored.
+/// `inner` is the goal for what is stored, `rival` what another size has come to.
 fn encode_frame(
     source: &ImageSet,
     params: &ProgressiveParams,
-    (frame, inner): (&Frame, Goal),
+    (frame, inner, rival): (&Frame, Goal, Option<Measured>),
     make: &MakeBase<'_>,
     job: &mut Job<'_>,
 ) -> Result<ProgressiveTexture, EncodeError> {
@@ -110,6 +113,10 @@ fn encode_frame(
     let mut best: Option<(Arc<Base>, Draft)> = None;
     for (index, &kind) in kinds.iter().enumerate() {
         job.stage("trying bases", 0.4 * index as f32 / kinds.len() as f32)?;
+        let known = best.as_ref().map(|(_, draft)| draft.estimate);
+        if [known, rival].iter().flatten().any(|known| kind.is_outdone(source.info(), params.goal, known)) {
+            continue;
+        }
         let Some(base) = make(frame, kind, inner, job) else { continue };
         // Where none shows alpha as well as it should, the largest does so best.
         if kind.reduce_log2 > 1 && !base.shows_alpha(inner) {

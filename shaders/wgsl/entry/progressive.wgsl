@@ -24,8 +24,8 @@ fn entry_size() -> vec2<f32> {
     return vec2<f32>(texfold_progressive_params.size);
 }
 
-// One texel with the loads of texfold_progressive_load: four of the base, four of the block's header, and its bits three
-// times. Where the bits lie is found as there: what is loaded next hangs on it.
+// One texel with the loads of texfold_progressive_load: four of the base, four of the block's header, two of the
+// block's last bits, and twice three of its bits. Where the bits lie is found as there: what is loaded next hangs on it.
 fn entry_bare(at: vec2<u32>) -> vec4<f32> {
     let place = at * texfold_progressive_params.base_size / texfold_progressive_params.stored_size;
     let next = min(place + vec2<u32>(1u), texfold_progressive_params.base_size - vec2<u32>(1u));

@@ -67,7 +67,7 @@ pub(crate) fn each(
         let height = TILE.min(size.height - top);
         let (first, end) = (top.saturating_sub(AROUND), (top + height + AROUND).min(size.height));
         let band = match held.take() {
-            Some(held) if end > read => held.followed(read - first, bands.next(end - read)?),
+            Some(held) if end > read => held.followed(read - first, bands.next(end - read)?)?,
             Some(held) => held.last(read - first),
             None => bands.next(end)?,
         };
@@ -79,4 +79,47 @@ pub(crate) fn each(
         held = Some(band);
     }
     Ok(size)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{ColorName, Options};
+
+    #[test]
+    fn tiles_are_cut_with_what_surrounds_them_and_the_edge_beyond_the_image() {
+        let dir = tempfile::tempdir().unwrap();
+        // The last row of tiles is lower than what surrounds the one before.
+        let (width, height) = (TILE + 70, 2 * TILE + 9);
+        let value = |x: u32, y: u32| (x * 7 + y * 31 + x * y % 13) as u8;
+        let bytes: Vec<u8> = (0..width * height).map(|i| value(i % width, i / width)).collect();
+        for extension in ["png", "tif"] {
+            let path = dir.path().join(format!("a.{extension}"));
+            image::save_buffer(&path, &bytes, width, height, image::ExtendedColorType::L8).unwrap();
+            let settings = Options::of_pixels(ColorName::Srgb, None).resolve(&path).unwrap();
+            let mut places = Vec::new();
+            let size = each(&path, &settings, 1 << 32, |cut| {
+                let ((left, top), around) = (cut.place, cut.around()?.unwrap());
+                places.push(cut.place);
+                let source =
+                    |at: u32, start: u32, count: u32| (start + at).saturating_sub(AROUND).min(count - 1);
+                let SurfaceSize { width: across, height: down } = around.size();
+                let wanted =
+                    |x: u32, y: u32| f32::from(value(source(x, left, width), source(y, top, height)));
+                let equal = |i: u32| {
+                    let (x, y) = (i % across, i / across);
+                    (around.texel(x, y).x * 255.0 - wanted(x, y)).abs() < 0.01
+                };
+                assert!((0..across * down).all(equal), "{extension} at {left} {top}");
+                let own = |i: u32| {
+                    let (x, y) = (i % (across - 2 * AROUND), i / (across - 2 * AROUND));
+                    cut.tile.texel(x, y) == around.texel(x + AROUND, y + AROUND)
+                };
+                assert!((0..cut.tile.size().texels() as u32).all(own), "{extension} at {left} {top}");
+                Ok(())
+            });
+            assert_eq!(size.unwrap(), SurfaceSize { width, height });
+            assert_eq!(places.len(), 6);
+        }
+    }
 }

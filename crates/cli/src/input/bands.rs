@@ -343,15 +343,17 @@ fn place<T: Copy + Default>(
 
 impl Band {
     /// Its last `rows` rows, and those of the band behind it below.
-    pub(crate) fn followed(self, rows: u32, further: Band) -> Band {
+    pub(crate) fn followed(self, rows: u32, further: Band) -> Result<Band, CliError> {
         let mut kept = self.last(rows);
         match (&mut kept.samples, further.samples) {
             (Samples::Eight(own), Samples::Eight(more)) => own.extend(more),
             (Samples::Sixteen(own), Samples::Sixteen(more)) => own.extend(more),
-            // All bands of a file are of one kind.
-            (_, samples) => return Band { samples, ..kept },
+            _ => {
+                let source = std::io::Error::from(std::io::ErrorKind::InvalidData);
+                return Err(CliError::Rows { path: kept.path, source: Box::new(source) });
+            }
         }
-        Band { rows: kept.rows + further.rows, ..kept }
+        Ok(Band { rows: kept.rows + further.rows, ..kept })
     }
 
     fn values(&self) -> usize {

@@ -111,6 +111,17 @@ pub struct TexfoldProgressiveBlock {
     pub tail: u32,
 }
 
+/// Four texels around a place, up to a texel beyond a border, and how far the place lies from the first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TexfoldProgressiveTap {
+    /// Left column and upper row.
+    pub low: IVec2,
+    /// Right column and lower row.
+    pub high: IVec2,
+    /// Weight of the right column and of the lower row, 0 to 1.
+    pub weight: Vec2,
+}
+
 /// Word `index` of the map.
 #[must_use]
 #[inline]
@@ -248,13 +259,13 @@ pub fn texfold_progressive_error(view: &ProgressiveView<'_>, at: UVec2, level: u
     error(coarse, &fine, at.x % 2 + at.y % 2 * 2)
 }
 
-/// Four texels of the base, of `size` texels, around the texel at `at` of an image of `full`, beyond whose borders `margin` texels of the
-/// base lie; of those of its block alone, which has `cell` texels of the base a side, where that is not 0.
+/// Four texels of the base, of `size` texels, around the texel at `at`, inside or beyond a border, of an image of `full`, beyond whose borders
+/// `margin` texels of the base lie; of those of its block alone, which has `cell` texels of the base a side, where that is not 0.
 #[must_use]
 #[inline]
-pub fn texfold_progressive_tap(at: UVec2, full: UVec2, size: UVec2, cell: u32, margin: f32) -> TexfoldTap {
+pub fn texfold_progressive_tap(at: IVec2, full: UVec2, size: UVec2, cell: u32, margin: f32) -> TexfoldTap {
     let last = size - UVec2::ONE;
-    let low_end = (at / 8 * cell).min(last);
+    let low_end = (at.max(IVec2::ZERO).as_uvec2() / 8 * cell).min(last);
     let high_end = if cell > 0 { (low_end + (cell - 1)).min(last) } else { last };
     let uv = (at.as_vec2() + 0.5) / full.as_vec2();
     let inner = size.as_vec2() - 2.0 * margin;
@@ -263,10 +274,10 @@ pub fn texfold_progressive_tap(at: UVec2, full: UVec2, size: UVec2, cell: u32, m
     TexfoldTap { low, high: (low + 1).min(high_end), weight: place - low.as_vec2() }
 }
 
-/// Four texels of the base around the texel at `at` of level `level` of the image, blended.
+/// Four texels of the base around the texel at `at` of level `level` of the image, or beyond a border, blended.
 #[must_use]
 #[inline]
-pub fn texfold_progressive_base(view: &ProgressiveView<'_>, at: UVec2, level: u32) -> Texel {
+pub fn texfold_progressive_base(view: &ProgressiveView<'_>, at: IVec2, level: u32) -> Texel {
     let size = texfold_level_size(UVec2::from(view.params.stored_size), level);
     let stored = level.min(view.params.base_levels - 1);
     let base = texfold_level_size(UVec2::from(view.params.base_size), stored);
@@ -361,18 +372,44 @@ pub fn texfold_progressive_detail(view: &ProgressiveView<'_>, at: UVec2, level: 
     if gain & 16 != 0 { -size * value } else { size * value }
 }
 
-/// The texel at `at` of level `level`, which lies inside.
+/// The texel at `at` of level `level`, which lies inside, or up to a texel beyond a border: there the base alone.
 #[must_use]
-pub fn texfold_progressive_load(view: &ProgressiveView<'_>, at: UVec2, level: u32) -> Texel {
+pub fn texfold_progressive_load(view: &ProgressiveView<'_>, at: IVec2, level: u32) -> Texel {
+    let size = texfold_level_size(UVec2::from(view.params.stored_size), level);
+    let inside = texfold_inside(at, size);
     let mut shown = texfold_progressive_base(view, at, level);
+    if at != inside.as_ivec2() {
+        return shown;
+    }
     if view.params.map_form != 0 {
-        let detail = texfold_progressive_detail(view, at, level);
+        let detail = texfold_progressive_detail(view, inside, level);
         shown = (shown + Vec4::new(detail, detail, detail, 0.0)).clamp(Vec4::ZERO, Vec4::ONE);
     }
     if view.params.class_bits == 0 {
         return shown;
     }
-    (shown + texfold_progressive_error(view, at, level)).clamp(Vec4::ZERO, Vec4::ONE)
+    (shown + texfold_progressive_error(view, inside, level)).clamp(Vec4::ZERO, Vec4::ONE)
+}
+
+/// The four texels around `uv` in a stored level of `size` texels, by address mode, and how far the place lies from the first. Those beyond a
+/// border are the outermost, but where addresses are clamped and the base goes on.
+#[must_use]
+#[inline]
+pub fn texfold_progressive_taps(
+    view: &ProgressiveView<'_>,
+    uv: Vec2,
+    size: UVec2,
+    address_mode: u32,
+) -> TexfoldProgressiveTap {
+    if view.params.base_margin > 0 && address_mode == TEXFOLD_CLAMP {
+        let place = uv.clamp(Vec2::ZERO, Vec2::ONE) * size.as_vec2() - 0.5;
+        let low = place.floor();
+        let weight = place - low;
+        let low = low.as_ivec2();
+        return TexfoldProgressiveTap { low, high: low + 1, weight: weight.max(Vec2::ZERO) };
+    }
+    let tap = texfold_tap(uv, size, address_mode);
+    TexfoldProgressiveTap { low: tap.low.as_ivec2(), high: tap.high.as_ivec2(), weight: tap.weight }
 }
 
 /// Bilinear filtering of stored level `stored`.
@@ -384,11 +421,11 @@ pub fn texfold_progressive_filtered(
     address_mode: u32,
 ) -> Texel {
     let size = texfold_level_size(UVec2::from(view.params.stored_size), stored);
-    let tap = texfold_tap(uv, size, address_mode);
+    let tap = texfold_progressive_taps(view, uv, size, address_mode);
     let texels = [
         texfold_progressive_load(view, tap.low, stored),
-        texfold_progressive_load(view, UVec2::new(tap.high.x, tap.low.y), stored),
-        texfold_progressive_load(view, UVec2::new(tap.low.x, tap.high.y), stored),
+        texfold_progressive_load(view, IVec2::new(tap.high.x, tap.low.y), stored),
+        texfold_progressive_load(view, IVec2::new(tap.low.x, tap.high.y), stored),
         texfold_progressive_load(view, tap.high, stored),
     ];
     texfold_bilinear(texels, tap.weight)
@@ -398,7 +435,7 @@ pub fn texfold_progressive_filtered(
 #[must_use]
 pub fn texfold_progressive_shown(view: &ProgressiveView<'_>, at: UVec2, level: u32) -> Texel {
     if level >= view.params.shrink_log2 {
-        return texfold_progressive_load(view, at, level - view.params.shrink_log2);
+        return texfold_progressive_load(view, at.as_ivec2(), level - view.params.shrink_log2);
     }
     let size = texfold_level_size(UVec2::from(view.params.size), level);
     let uv = (at.as_vec2() + 0.5) / size.as_vec2();

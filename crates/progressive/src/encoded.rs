@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use glam::{IVec2, UVec2, Vec4};
 use texfold_bc::ContentPlanes;
-use texfold_core::address::{TEXFOLD_CLAMP, texfold_level_size, texfold_tap};
+use texfold_core::address::{TEXFOLD_CLAMP, texfold_inside, texfold_level_size};
 use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::sample::texfold_bilinear;
 use texfold_core::{
@@ -17,7 +17,7 @@ use crate::codebook::Details;
 use crate::decode::{
     ProgressiveView, TEXFOLD_PROGRESSIVE_GROUP_WORDS, TexfoldProgressiveParams, add_block, margin,
     texfold_progressive_block, texfold_progressive_detail, texfold_progressive_fetch,
-    texfold_progressive_tap,
+    texfold_progressive_load, texfold_progressive_tap, texfold_progressive_taps,
 };
 use crate::rates::Model;
 use crate::{Progressive, wire};
@@ -474,21 +474,20 @@ impl ProgressiveTexture {
 
     /// The texels of a region of a level that is not stored, as [`crate::decode::texfold_progressive_shown`] shows them.
     fn decode_enlarged(&self, region: Rect, out: &mut [Texel]) {
-        let params = &self.params[region.surface as usize];
-        let full = texfold_level_size(UVec2::from(params.size), region.level).as_vec2();
-        let size = UVec2::from(params.stored_size);
-        let tap =
-            |x: u32, y: u32| texfold_tap((UVec2::new(x, y).as_vec2() + 0.5) / full, size, TEXFOLD_CLAMP);
+        let view = self.view(region.surface);
+        let full = texfold_level_size(UVec2::from(view.params.size), region.level).as_vec2();
+        let size = UVec2::from(view.params.stored_size);
+        let tap = |x: u32, y: u32| {
+            let uv = (UVec2::new(x, y).as_vec2() + 0.5) / full;
+            texfold_progressive_taps(&view, uv, size, TEXFOLD_CLAMP)
+        };
         let last = (region.x + region.width - 1, region.y + region.height - 1);
         let (low, high) = (tap(region.x, region.y).low, tap(last.0, last.1).high);
-        let (width, height) = (high.x - low.x + 1, high.y - low.y + 1);
-        let stored = Rect { surface: region.surface, level: 0, x: low.x, y: low.y, width, height };
-        let mut texels = vec![Texel::ZERO; Image2d::len(stored)];
-        self.decode_stored(stored, &mut texels);
+        let (texels, width) = self.decode_beyond(region.surface, (low, high));
         let columns: Vec<_> = (region.x..=last.0).map(|x| tap(x, region.y)).collect();
         for (y, line) in (region.y..).zip(out.chunks_exact_mut(region.width as usize)) {
             let rows = tap(region.x, y);
-            let row = |y: u32| &texels[((y - low.y) * width) as usize..][..width as usize];
+            let row = |y: i32| &texels[(y - low.y) as usize * width..][..width];
             let (upper, lower) = (row(rows.low.y), row(rows.high.y));
             for (texel, tap) in line.iter_mut().zip(&columns) {
                 let (left, right) = ((tap.low.x - low.x) as usize, (tap.high.x - low.x) as usize);
@@ -496,6 +495,34 @@ impl ProgressiveTexture {
                 *texel = texfold_bilinear(four, glam::Vec2::new(tap.weight.x, rows.weight.y));
             }
         }
+    }
+
+    /// The texels from one place of the largest level that is stored to another, which lie inside or a texel beyond a border, and how many are
+    /// in a row.
+    fn decode_beyond(&self, surface: u32, (low, high): (IVec2, IVec2)) -> (Vec<Texel>, usize) {
+        let view = self.view(surface);
+        let size = UVec2::from(view.params.stored_size);
+        let (first, last) = (texfold_inside(low, size), texfold_inside(high, size));
+        let (width, height) = (last.x - first.x + 1, last.y - first.y + 1);
+        let stored = Rect { surface, level: 0, x: first.x, y: first.y, width, height };
+        let mut inside = vec![Texel::ZERO; Image2d::len(stored)];
+        self.decode_stored(stored, &mut inside);
+        if (first.as_ivec2(), last.as_ivec2()) == (low, high) {
+            return (inside, width as usize);
+        }
+        let mut texels = Vec::new();
+        for y in low.y..=high.y {
+            for x in low.x..=high.x {
+                let at = IVec2::new(x, y);
+                let place = at - first.as_ivec2();
+                texels.push(if texfold_inside(at, size).as_ivec2() == at {
+                    inside[(place.y * width as i32 + place.x) as usize]
+                } else {
+                    texfold_progressive_load(&view, at, 0)
+                });
+            }
+        }
+        (texels, (high.x - low.x + 1) as usize)
     }
 
     /// Adds the planes of the codebooks; which they are.
@@ -554,7 +581,7 @@ fn enlarge(view: &ProgressiveView<'_>, region: Rect, out: &mut [Texel]) {
     let size = texfold_level_size(UVec2::from(view.params.base_size), stored);
     let texels = &view.base[stored as usize];
     let (cell, margin) = (view.params.base_cell, margin(&view.params, stored));
-    let tap = |x: u32, y: u32| texfold_progressive_tap(UVec2::new(x, y), full, size, cell, margin);
+    let tap = |x: u32, y: u32| texfold_progressive_tap(UVec2::new(x, y).as_ivec2(), full, size, cell, margin);
     let columns: Vec<_> = (region.x..region.x + region.width).map(|x| tap(x, region.y)).collect();
     for (y, line) in (region.y..).zip(out.chunks_exact_mut(region.width as usize)) {
         let rows = tap(region.x, y);

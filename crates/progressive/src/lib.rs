@@ -84,7 +84,7 @@ impl SharedSearch for Progressive {
 }
 
 /// Texels around a tile that its base may go on over.
-pub const AROUND: u32 = encoded::MARGIN << params::MAX_REDUCE_LOG2;
+pub const AROUND: u32 = encoded::MARGIN << (params::MAX_REDUCE_LOG2 + params::MAX_SHRINK_LOG2);
 
 /// A public codebook that textures show and add to, and what surrounds a tile.
 #[derive(Debug, Clone, Default)]

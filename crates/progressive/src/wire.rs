@@ -142,7 +142,7 @@ fn load_parts(
     if !(1..=MAX_REDUCE_LOG2).contains(&reduce_log2) {
         return Err(reader.corrupt("halvings outside 1..=3"));
     }
-    if margin > 0 && (apart || shrink_log2 > 0) {
+    if margin > 0 && apart {
         return Err(reader.corrupt("a base beyond the borders where none can be"));
     }
     if shrink_log2 > MAX_SHRINK_LOG2 || apart && shrink_log2 > 0 {

@@ -9,11 +9,11 @@ use texfold_core::{
     Effort, EncodeError, Encoded, Goal, ImageLayout, Notes, ParamError, SourceError, SurfaceSize, Texel,
 };
 
+use super::around::Surrounded;
 use super::coder::Coder;
 use super::details::{Lack, Stock, find};
 use super::error::{Block, blocks};
 use super::frame::Frame;
-use crate::AROUND;
 use crate::encoded::{ERROR_PART, ErrorMap, MARGIN, PUBLIC_PART, Parts, base_levels, map_words};
 use crate::params::MAX_REDUCE_LOG2;
 use crate::rates::Model;
@@ -182,15 +182,10 @@ impl Ground {
     pub(crate) fn new(frame: &Frame, kind: Kind, (effort, shared): (Effort, &Shared)) -> Option<Ground> {
         let layout = frame.stored();
         let chains = &frame.chains;
-        let around = match (&shared.around, chains.as_slice()) {
-            (Some(around), [chain]) if frame.shrink_log2 == 0 && !kind.apart => {
-                beyond(around, chain, kind.reduce_log2)
-            }
-            _ => None,
-        };
+        let around = frame.around.as_ref().filter(|around| goes_on(around.inner(), kind));
         let margin = if around.is_some() { MARGIN } else { 0 };
-        let bases = match &around {
-            Some(around) => vec![reduced((around, layout.surfaces[0]), kind, &layout, effort)],
+        let bases = match around {
+            Some(around) => vec![surrounded(around, kind, &layout, effort)],
             None => {
                 let images = chains.iter().zip(&layout.surfaces);
                 images.map(|(chain, &size)| reduced((chain, size), kind, &layout, effort)).collect()
@@ -375,19 +370,24 @@ impl Base {
     }
 }
 
-/// The levels of an image with as much around it as its base shows beyond the borders; `None` where that is not there.
-fn beyond(around: &Raster, chain: &[Raster], reduce_log2: u32) -> Option<Vec<Raster>> {
-    let (size, whole) = (chain.first()?.size(), around.size());
-    if whole.width != size.width + 2 * AROUND || whole.height != size.height + 2 * AROUND {
-        return None;
-    }
-    let away = AROUND - (MARGIN << reduce_log2);
-    let (width, height) = (whole.width - 2 * away, whole.height - 2 * away);
-    let texel = |i: u32| around.texel(away + i % width, away + i / width);
-    let texels: Vec<Texel> = (0..width * height).map(texel).collect();
-    let image = Raster::from_texels(width, height, chain[0].info(), &texels).ok()?;
-    let levels = chain.len() as u32;
-    Some(if levels > 1 { mip_chain(&image, levels, MipFilter::Box) } else { vec![image] })
+/// Whether the base of a tile of that size may go on beyond its borders.
+fn goes_on(tile: SurfaceSize, kind: Kind) -> bool {
+    !kind.apart && tile.width.min(tile.height) >> kind.reduce_log2 > 0
+}
+
+/// The planes of the base of a tile, which goes on beyond its borders, level by level.
+fn surrounded(around: &Surrounded, kind: Kind, layout: &ImageLayout, effort: Effort) -> Vec<ContentPlanes> {
+    let held = base_levels(around.inner(), kind.reduce_log2, layout.levels);
+    let around = around.within(MARGIN << kind.reduce_log2);
+    let levels = mip_chain(&around.raster, held, MipFilter::Box);
+    let whole = around.raster.size().at_level(kind.reduce_log2);
+    let planes = |(level, raster): (u32, &Raster)| {
+        let size = whole.at_level(level);
+        let margin = f64::from(MARGIN) / f64::from(1u32 << level);
+        let texels = around.reduced(raster, size, margin);
+        ContentPlanes::encode(kind.content, layout.pixel, (size.width, size.height), &texels, effort)
+    };
+    (0..).zip(&levels).map(planes).collect()
 }
 
 /// The planes of the base of an image of `size`, level by level.

@@ -5,16 +5,20 @@
 //! enlargement is nearest to the image, not its mean texel by texel, but where it is a mip level too: found by simultaneous iterative reconstruction (Gilbert,
 //! "Iterative methods for the three-dimensional reconstruction of an object from projections", 1972). Cost: a dozen passes over the image.
 
+use std::ops::Range;
+
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
-use texfold_core::address::{TEXFOLD_CLAMP, TexfoldTap, texfold_tap};
-use texfold_core::image::{Alpha, ColorSpace, ImageSet, MipFilter, Raster, mip_chain};
+use texfold_core::address::TexfoldTap;
+use texfold_core::image::{ImageSet, Raster};
 use texfold_core::sample::texfold_bilinear;
-use texfold_core::{Effort, Goal, ImageLayout, Texel};
+use texfold_core::{Effort, Goal, ImageLayout, SurfaceSize, Texel};
 
+use super::around::Surrounded;
 use super::base::levels;
-use crate::ProgressiveParams;
 use crate::encoded::stored_layout;
+use crate::params::MAX_SHRINK_LOG2;
+use crate::{AROUND, ProgressiveParams};
 
 /// Bits a texel below which images of a half and of a quarter of the size are tried.
 const SMALLER: [f64; 2] = [0.9, 0.4];
@@ -30,6 +34,9 @@ const KEPT: f64 = 0.55;
 /// Squared error of a value of 8 bits at 0 dB.
 const FULL: f64 = 255.0 * 255.0;
 
+/// Texels around what is stored of a tile that its base may go on over.
+pub(crate) const STORED_AROUND: u32 = AROUND >> MAX_SHRINK_LOG2;
+
 /// Images as they are coded.
 #[derive(Debug)]
 pub(crate) struct Frame {
@@ -39,6 +46,8 @@ pub(crate) struct Frame {
     pub(crate) shrink_log2: u32,
     /// For each image the levels that are.
     pub(crate) chains: Vec<Vec<Raster>>,
+    /// The largest that is, with what surrounds it: of one tile, where that is known.
+    pub(crate) around: Option<Surrounded>,
     /// Mean squared error of what they show enlarged, in 8-bit units.
     pub(crate) floor: f64,
 }
@@ -58,22 +67,30 @@ pub(crate) fn shrinks(source: &ImageSet, params: &ProgressiveParams) -> Vec<u32>
 }
 
 impl Frame {
-    pub(crate) fn new(source: &ImageSet, mips: bool, shrink_log2: u32) -> Frame {
+    /// `around` is what surrounds the single image, as [`crate::Shared`] has it.
+    pub(crate) fn new(source: &ImageSet, mips: bool, shrink_log2: u32, around: Option<&Raster>) -> Frame {
         let mut chains = levels(source, mips);
         let full = source.layout(chains.first().map_or(1, |levels| levels.len() as u32));
+        let around = match (around, source.images()) {
+            (Some(around), [image]) => Surrounded::new(around, image.size()),
+            _ => None,
+        };
+        let mut around = around.map(|around| around.within(STORED_AROUND << shrink_log2));
         if shrink_log2 == 0 {
-            return Frame { full, shrink_log2, chains, floor: 0.0 };
+            return Frame { full, shrink_log2, chains, around, floor: 0.0 };
         }
         let (mut sum, mut values) = (0.0, 0.0);
         for (image, chain) in source.images().iter().zip(&mut chains) {
+            let known = around.clone().unwrap_or_else(|| Surrounded::alone(image.clone()));
             // Fitted, it would be too sharp for the mip level that it also is.
-            let (small, squared) = fitted(image, shrink_log2, if mips { 0 } else { PASSES });
+            let (small, squared) = fitted(&known, shrink_log2, if mips { 0 } else { PASSES });
             sum += squared;
             values += (image.size().texels() * u64::from(image.info().color_channels())) as f64;
             let further = chain.drain(..).skip(shrink_log2 as usize + 1);
-            *chain = std::iter::once(small).chain(further).collect();
+            *chain = std::iter::once(small.within(0).raster).chain(further).collect();
+            around = around.map(|_| small);
         }
-        Frame { full, shrink_log2, chains, floor: FULL * sum / values }
+        Frame { full, shrink_log2, chains, around, floor: FULL * sum / values }
     }
 
     /// The levels that are stored.
@@ -99,25 +116,30 @@ impl Frame {
     }
 }
 
-/// The places that texels of the enlarged image are read at: columns or rows.
-fn taps(count: u32, small: u32) -> Vec<TexfoldTap> {
+/// The places that texels of the enlarged image are read at: columns or rows of an image of `count` and of a smaller one of `small` texels,
+/// with `more` and `beyond` on each side.
+fn taps((count, more): (u32, u32), (small, beyond): (u32, u32)) -> Vec<TexfoldTap> {
+    let last = (small + 2 * beyond - 1) as f32;
     let tap = |at: u32| {
-        texfold_tap(Vec2::splat((at as f32 + 0.5) / count as f32), UVec2::splat(small), TEXFOLD_CLAMP)
+        let place = (at as f32 - more as f32 + 0.5) / count as f32 * small as f32 + (beyond as f32 - 0.5);
+        let low = place.clamp(0.0, last).floor();
+        let (low, high) = (UVec2::splat(low as u32), UVec2::splat((low + 1.0).min(last) as u32));
+        TexfoldTap { low, high, weight: Vec2::splat(place.clamp(0.0, last)) - low.as_vec2() }
     };
-    (0..count).map(tap).collect()
+    (0..count + 2 * more).map(tap).collect()
 }
 
 /// The smaller image whose enlargement is nearest to `image`, as far as so many passes come, and that enlargement's squared error in
-/// units of the range.
-fn fitted(image: &Raster, shrink_log2: u32, passes: usize) -> (Raster, f64) {
-    let plain = image.clone().tagged(ColorSpace::Linear, Alpha::Opaque);
-    let means = mip_chain(&plain, shrink_log2 + 1, MipFilter::Box);
-    let start = means.last().unwrap_or(&plain);
-    let (size, full) = (start.size(), image.size());
-    let (columns, rows) = (taps(full.width, size.width), taps(full.height, size.height));
+/// units of the range: of the image, not of what surrounds it.
+fn fitted(image: &Surrounded, shrink_log2: u32, passes: usize) -> (Surrounded, f64) {
+    let (inner, beyond) = (image.inner(), image.margin >> shrink_log2);
+    let SurfaceSize { width, height } = inner.at_level(shrink_log2);
+    let size = SurfaceSize { width: width + 2 * beyond, height: height + 2 * beyond };
+    let columns = taps((inner.width, image.margin), (width, beyond));
+    let rows = taps((inner.height, image.margin), (height, beyond));
     let (width, height) = (size.width as usize, size.height as usize);
-    let wanted: Vec<Texel> = image.texels().collect();
-    let mut small: Vec<Texel> = start.texels().collect();
+    let wanted: Vec<Texel> = image.raster.texels().collect();
+    let mut small = image.reduced(&image.raster, size, f64::from(beyond));
     // How much of the enlarged image a column and a row show.
     let share = |taps: &[TexfoldTap], count: usize| {
         let mut shares = vec![0.0f32; count];
@@ -128,15 +150,16 @@ fn fitted(image: &Raster, shrink_log2: u32, passes: usize) -> (Raster, f64) {
         shares
     };
     let (across, down) = (share(&columns, width), share(&rows, height));
+    let counted = image.margin as usize..(image.margin + inner.width) as usize;
     let mut squared = 0.0;
     for pass in 0..=passes {
         // What each row of the image lacks, gathered in the columns of the smaller image.
         let lines: Vec<(Vec<Texel>, f64)> = rows
             .par_iter()
-            .zip(wanted.par_chunks(full.width as usize))
-            .map(|(tap, line)| lacking(&small, width, (tap, &columns), line))
+            .zip(wanted.par_chunks(columns.len()))
+            .map(|(tap, line)| lacking(&small, width, (tap, &columns, counted.clone()), line))
             .collect();
-        squared = lines.iter().map(|(_, squared)| squared).sum();
+        squared = lines[image.margin as usize..][..inner.height as usize].iter().map(|(_, sum)| sum).sum();
         if pass == passes {
             break;
         }
@@ -152,55 +175,89 @@ fn fitted(image: &Raster, shrink_log2: u32, passes: usize) -> (Raster, f64) {
             *texel = (*texel + sum / shown).clamp(Texel::ZERO, Texel::ONE);
         }
     }
-    // As many texels as they were made of.
-    let small = Raster::from_texels(size.width, size.height, image.info(), &small);
-    (small.unwrap_or_else(|_| start.clone()), squared)
+    // As many texels as the size says.
+    let raster = Raster::from_texels(size.width, size.height, image.raster.info(), &small);
+    (Surrounded { raster: raster.unwrap_or_else(|_| image.raster.clone()), margin: beyond }, squared)
 }
 
-/// What a row of the image has beyond the enlarged one, in the columns that show it, and its squares.
+/// What a row of the image has beyond the enlarged one, in the columns that show it, and the squares of those that count.
 fn lacking(
     small: &[Texel],
     width: usize,
-    (row, columns): (&TexfoldTap, &[TexfoldTap]),
+    (row, columns, counted): (&TexfoldTap, &[TexfoldTap], Range<usize>),
     line: &[Texel],
 ) -> (Vec<Texel>, f64) {
     let mut sums = vec![Texel::ZERO; width];
     let mut squared = 0.0;
     let at = |x: u32, y: u32| small[y as usize * width + x as usize];
-    for (tap, &wanted) in columns.iter().zip(line) {
+    for (column, (tap, &wanted)) in columns.iter().zip(line).enumerate() {
         let (left, right) = (tap.low.x, tap.high.x);
         let four = [at(left, row.low.x), at(right, row.low.x), at(left, row.high.x), at(right, row.high.x)];
         let away = wanted - texfold_bilinear(four, Vec2::new(tap.weight.x, row.weight.x));
         sums[left as usize] += away * (1.0 - tap.weight.x);
         sums[right as usize] += away * tap.weight.x;
-        squared += f64::from(away.truncate().length_squared());
+        if counted.contains(&column) {
+            squared += f64::from(away.truncate().length_squared());
+        }
     }
     (sums, squared)
 }
 
 #[cfg(test)]
 mod tests {
+    use texfold_core::address::{TEXFOLD_CLAMP, texfold_tap};
+    use texfold_core::image::{Alpha, ColorSpace, MipFilter, mip_chain};
+
     use super::*;
 
     #[test]
     fn the_fit_is_nearer_than_means_and_nearly_the_nearest() {
         let image = texfold_testkit::picture("terrain");
         let means = mip_chain(&image.clone().tagged(ColorSpace::Linear, Alpha::Opaque), 2, MipFilter::Box);
-        let columns = taps(256, 128);
+        let columns = taps((256, 0), (128, 0));
         let texels: Vec<Texel> = means[1].texels().collect();
         let wanted: Vec<Texel> = image.texels().collect();
-        let row = |y: usize| lacking(&texels, 128, (&columns[y], &columns), &wanted[256 * y..][..256]).1;
+        let row =
+            |y: usize| lacking(&texels, 128, (&columns[y], &columns, 0..256), &wanted[256 * y..][..256]).1;
         let of_means: f64 = (0..256).map(row).sum();
-        let (small, squared) = fitted(&image, 1, PASSES);
-        assert!(small.size().width == 128 && squared < 0.9 * of_means, "{squared} {of_means}");
+        let (small, squared) = fitted(&Surrounded::alone(image), 1, PASSES);
+        assert!(small.raster.size().width == 128 && squared < 0.9 * of_means, "{squared} {of_means}");
         // What is left has nothing in common with what a smaller image could show.
-        let texels: Vec<Texel> = small.texels().collect();
+        let texels: Vec<Texel> = small.raster.texels().collect();
         let (mut common, mut left) = (0.0, 0.0);
         for y in (0..256).step_by(2) {
-            let (sums, squared) = lacking(&texels, 128, (&columns[y], &columns), &wanted[256 * y..][..256]);
+            let (sums, squared) =
+                lacking(&texels, 128, (&columns[y], &columns, 0..256), &wanted[256 * y..][..256]);
             common += sums.iter().map(|sum| f64::from(sum.truncate().length_squared())).sum::<f64>();
             left += squared;
         }
         assert!(common < left, "{common} {left}");
+    }
+
+    #[test]
+    fn the_fit_of_a_tile_is_that_of_the_whole_in_its_place() {
+        let image = texfold_testkit::picture("terrain");
+        for shrink_log2 in [1, 2] {
+            let (whole, _) = fitted(&Surrounded::alone(image.clone()), shrink_log2, PASSES);
+            let margin = 32 << shrink_log2 >> 1;
+            let (tile, _) = fitted(&Surrounded { raster: image.clone(), margin }, shrink_log2, PASSES);
+            assert_eq!((tile.margin, tile.raster.size()), (16, whole.raster.size()));
+            let near = |(a, b): (Texel, Texel)| (a - b).abs().max_element() < 1e-4;
+            assert!(tile.raster.texels().zip(whole.raster.texels()).all(near));
+        }
+    }
+
+    #[test]
+    fn places_of_texels_are_those_that_decoders_read() {
+        for (count, small) in [(256, 128), (281, 140), (17, 4)] {
+            let taps = taps((count, 0), (small, 0));
+            for (at, tap) in (0..count).zip(taps) {
+                let uv = Vec2::splat((at as f32 + 0.5) / count as f32);
+                let wanted = texfold_tap(uv, UVec2::splat(small), TEXFOLD_CLAMP);
+                let place =
+                    |tap: TexfoldTap| tap.low.x as f32 + (tap.high.x - tap.low.x) as f32 * tap.weight.x;
+                assert!((place(tap) - place(wanted)).abs() < 1e-3, "{at} of {count}");
+            }
+        }
     }
 }

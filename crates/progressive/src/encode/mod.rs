@@ -1,6 +1,7 @@
 //! The encoder on one page: the images, or smaller ones that are enlarged; bases of several kinds, what each lacks, the model and price of bits under which a base with its error
 //! map answers the goal best, and the blocks coded at that price in closed loop on the decoded base.
 
+mod around;
 mod base;
 mod coder;
 mod details;
@@ -52,7 +53,7 @@ pub(crate) fn encode(
     params.check()?;
     check_sizes(source)?;
     let frame = |shrink_log2: u32, job: &Job<'_>| {
-        Arc::new(job.install(|| Frame::new(source, params.mips, shrink_log2)))
+        Arc::new(job.install(|| Frame::new(source, params.mips, shrink_log2, shared.around.as_ref())))
     };
     let base = |frame: &Frame, kind: Kind, goal: Goal, job: &Job<'_>| {
         job.install(|| {

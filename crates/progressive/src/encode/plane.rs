@@ -90,6 +90,6 @@ impl PlaneForm {
 
 fn base(source: &ImageSet, levels: &[Raster], kind: Kind, effort: Effort) -> Option<Base> {
     let full = source.layout(levels.len() as u32);
-    let frame = Frame { full, shrink_log2: 0, chains: vec![levels.to_vec()], floor: 0.0 };
+    let frame = Frame { full, shrink_log2: 0, chains: vec![levels.to_vec()], around: None, floor: 0.0 };
     Ground::new(&frame, kind, (effort, &Shared::default()))?.base(&frame, 0)
 }

@@ -68,7 +68,8 @@ impl ProgressiveSearch {
         if let Some(frame) = held.frames.iter().find(|frame| frame.shrink_log2 == shrink_log2) {
             return frame.clone();
         }
-        let made = Arc::new(job.install(|| Frame::new(&self.source, self.params.mips, shrink_log2)));
+        let around = self.shared.around.as_ref();
+        let made = Arc::new(job.install(|| Frame::new(&self.source, self.params.mips, shrink_log2, around)));
         held.frames.push(made.clone());
         made
     }

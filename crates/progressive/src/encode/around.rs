@@ -1,0 +1,172 @@
+//! Images with what surrounds them, where they are tiles of larger ones: made smaller in step with the tile, so that a texel of the smaller one
+//! covers the same place whatever the tile's size.
+
+use texfold_core::image::Raster;
+use texfold_core::{SurfaceSize, Texel};
+
+use crate::AROUND;
+
+/// An image and as many texels more on each side.
+#[derive(Debug, Clone)]
+pub(crate) struct Surrounded {
+    pub(crate) raster: Raster,
+    /// Texels beyond each border of the image; 0 where nothing is known of them.
+    pub(crate) margin: u32,
+}
+
+impl Surrounded {
+    /// `around` is the image and [`AROUND`] texels on each side: `None` where it is of another size.
+    pub(crate) fn new(around: &Raster, image: SurfaceSize) -> Option<Surrounded> {
+        let whole = around.size();
+        let fits = whole.width == image.width + 2 * AROUND && whole.height == image.height + 2 * AROUND;
+        fits.then(|| Surrounded { raster: around.clone(), margin: AROUND })
+    }
+
+    /// An image of which no more is known.
+    pub(crate) fn alone(image: Raster) -> Surrounded {
+        Surrounded { raster: image, margin: 0 }
+    }
+
+    /// Columns and rows of the image.
+    pub(crate) fn inner(&self) -> SurfaceSize {
+        let SurfaceSize { width, height } = self.raster.size();
+        SurfaceSize { width: width - 2 * self.margin, height: height - 2 * self.margin }
+    }
+
+    /// The same with `margin` texels on each side, or as many as there are.
+    pub(crate) fn within(&self, margin: u32) -> Surrounded {
+        let margin = margin.min(self.margin);
+        let away = self.margin - margin;
+        let SurfaceSize { width, height } = self.raster.size();
+        let (width, height) = (width - 2 * away, height - 2 * away);
+        let texel = |i: u32| self.raster.texel(away + i % width, away + i / width);
+        let texels: Vec<Texel> = (0..width * height).map(texel).collect();
+        // As many texels as the size says.
+        let raster = Raster::from_texels(width, height, self.raster.info(), &texels);
+        Surrounded { raster: raster.unwrap_or_else(|_| self.raster.clone()), margin }
+    }
+
+    /// The mean of what each texel covers, values as they are stored, in an image of `size` texels, `margin` of them on each side: the
+    /// others are the image. `level` is a mip level of the raster.
+    pub(crate) fn reduced(&self, level: &Raster, size: SurfaceSize, margin: f64) -> Vec<Texel> {
+        let inner = self.inner();
+        let whole = self.raster.size();
+        let shares = |count: u32, (inner, whole, held): (u32, u32, u32)| -> Vec<(usize, Vec<f32>)> {
+            let step = f64::from(inner) / (f64::from(count) - 2.0 * margin);
+            let place = |at: u32| (f64::from(at) - margin) * step + f64::from(self.margin);
+            let scale = f64::from(held) / f64::from(whole);
+            (0..count).map(|at| covered(place(at) * scale, place(at + 1) * scale, held)).collect()
+        };
+        // Hidden colours do not count.
+        let alpha = self.raster.info().has_alpha();
+        let weight = |texel: Texel| if alpha { texel.w } else { 1.0 };
+        let weighted = |texel: Texel| (texel.truncate() * weight(texel)).extend(texel.w);
+        let plain = |sum: Texel| (sum.truncate() / weight(sum).max(f32::MIN_POSITIVE)).extend(sum.w);
+        let held = level.size();
+        let columns = shares(size.width, (inner.width, whole.width, held.width));
+        let rows = shares(size.height, (inner.height, whole.height, held.height));
+        let mut texels = Vec::new();
+        for (top, shares) in &rows {
+            let mut line = vec![Texel::ZERO; held.width as usize];
+            for (y, &share) in (*top as u32..).zip(shares) {
+                (0..).zip(&mut line).for_each(|(x, sum)| *sum += weighted(level.texel(x, y)) * share);
+            }
+            let mean = |(left, shares): &(usize, Vec<f32>)| {
+                plain(line[*left..].iter().zip(shares).map(|(&texel, &share)| texel * share).sum())
+            };
+            texels.extend(columns.iter().map(mean));
+        }
+        texels
+    }
+}
+
+/// The first of the `count` texels of a row that lie between two places of it, and the share that each has; the outermost where none does.
+fn covered(start: f64, end: f64, count: u32) -> (usize, Vec<f32>) {
+    let last = f64::from(count) - 1.0;
+    let (first, past) = (start.floor().clamp(0.0, last), (end.ceil() - 1.0).clamp(0.0, last));
+    let lengths: Vec<f64> = (first as u32..=past as u32)
+        .map(|at| (end.min(f64::from(at) + 1.0) - start.max(f64::from(at))).max(0.0))
+        .collect();
+    let sum: f64 = lengths.iter().sum();
+    if sum <= 0.0 {
+        return (first as usize, vec![1.0]);
+    }
+    (first as usize, lengths.into_iter().map(|length| (length / sum) as f32).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use texfold_core::image::{Alpha, ColorSpace, MipFilter, mip_chain};
+
+    use super::*;
+
+    #[test]
+    fn whole_texels_are_the_means_of_mip_levels() {
+        let picture = texfold_testkit::picture("terrain").tagged(ColorSpace::Linear, Alpha::Opaque);
+        let whole = Surrounded { raster: picture.clone(), margin: 64 };
+        let small = mip_chain(&picture, 4, MipFilter::Box);
+        let found = whole.reduced(&picture, small[3].size(), 8.0);
+        for (found, wanted) in found.iter().zip(small[3].texels()) {
+            assert!((*found - wanted).abs().max_element() < 1e-5, "{found} {wanted}");
+        }
+        // From a mip level, with as much of it around.
+        let found = whole.reduced(&small[1], small[3].size(), 8.0);
+        for (found, wanted) in found.iter().zip(small[3].texels()) {
+            assert!((*found - wanted).abs().max_element() < 1e-5, "{found} {wanted}");
+        }
+    }
+
+    #[test]
+    fn a_slope_stays_where_it_is_at_any_size() {
+        let info = texfold_testkit::picture("terrain").tagged(ColorSpace::Linear, Alpha::Opaque).info();
+        for (inner, count) in [(15u32, 1u32), (100, 12), (101, 12), (238, 29)] {
+            let (margin, beyond) = (32, 4u32);
+            let width = inner + 2 * margin;
+            let value = |at: f64| (at / f64::from(width)) as f32;
+            let texels: Vec<Texel> =
+                (0..width * width).map(|i| Texel::splat(value(f64::from(i % width) + 0.5))).collect();
+            let raster = Raster::from_texels(width, width, info, &texels).unwrap();
+            let around = Surrounded { raster, margin };
+            let size = SurfaceSize { width: count + 2 * beyond, height: count + 2 * beyond };
+            let found = around.reduced(&around.raster, size, f64::from(beyond));
+            // Those whose whole place is known.
+            for at in beyond..beyond + count {
+                let middle = (f64::from(at - beyond) + 0.5) / f64::from(count);
+                let wanted = value(middle * f64::from(inner) + f64::from(margin));
+                assert!((found[at as usize].x - wanted).abs() < 2e-3, "{inner} {at}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_middle_is_cut_out() {
+        let info = texfold_testkit::picture("terrain").info();
+        let image = SurfaceSize { width: 10, height: 3 };
+        let (width, height) = (image.width + 2 * AROUND, image.height + 2 * AROUND);
+        let value = |x: u32, y: u32| Texel::splat((x * 7 + y * 3) as f32 / 4096.0);
+        let texels: Vec<Texel> = (0..width * height).map(|i| value(i % width, i / width)).collect();
+        let raster = Raster::from_texels(width, height, info, &texels).unwrap();
+        assert!(Surrounded::new(&raster, SurfaceSize { width: 11, height: 3 }).is_none());
+        let cut = Surrounded::new(&raster, image).unwrap().within(4);
+        assert_eq!((cut.inner(), cut.margin), (image, 4));
+        assert_eq!(cut.raster.texel(0, 2).x, value(AROUND - 4, AROUND - 2).x);
+        assert_eq!(cut.within(0).raster.texel(9, 2).x, value(AROUND + 9, AROUND + 2).x);
+    }
+
+    #[test]
+    fn hidden_colours_are_not_mixed_in() {
+        let mut picture = texfold_testkit::picture("terrain").with_channels(4);
+        let size = picture.size();
+        let half =
+            |i: u32, texel: Texel| if i.is_multiple_of(2) { texel } else { Texel::new(1.0, 0.0, 1.0, 0.0) };
+        let texels: Vec<Texel> = (0..).zip(picture.texels()).map(|(i, texel)| half(i, texel)).collect();
+        picture = Raster::from_texels(size.width, size.height, picture.info(), &texels).unwrap();
+        picture = picture.tagged(ColorSpace::Linear, Alpha::Straight);
+        let small = mip_chain(&picture, 3, MipFilter::Box);
+        let found =
+            Surrounded { raster: picture.clone(), margin: 16 }.reduced(&picture, small[2].size(), 4.0);
+        for (found, wanted) in found.iter().zip(small[2].texels()) {
+            assert!((*found - wanted).abs().max_element() < 1e-5, "{found} {wanted}");
+        }
+    }
+}

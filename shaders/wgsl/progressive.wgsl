@@ -90,6 +90,16 @@ struct TexfoldProgressiveBlock {
     tail: u32,
 }
 
+// Four texels around a place, up to a texel beyond a border, and how far the place lies from the first.
+struct TexfoldProgressiveTap {
+    // Left column and upper row.
+    low: vec2<i32>,
+    // Right column and lower row.
+    high: vec2<i32>,
+    // Weight of the right column and of the lower row, 0 to 1.
+    weight: vec2<f32>,
+}
+
 @group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_0) var<uniform> texfold_progressive_params: TexfoldProgressiveParams;
 // The error map: words, row by row.
 @group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_1) var texfold_progressive_map: texture_2d<u32>;
@@ -263,19 +273,19 @@ fn texfold_progressive_error(at: vec2<u32>, level: u32) -> vec4<f32> {
     return vec4<f32>(gray + shift.x + shift.y, gray - 2.0 * shift.y, gray - shift.x + shift.y, 0.0);
 }
 
-// Four texels of the base, of `size` texels, around the texel at `at` of an image of `full`, beyond whose borders `margin` texels of the
-// base lie; of those of its block alone, which has `cell` texels of the base a side, where that is not 0.
+// Four texels of the base, of `size` texels, around the texel at `at`, inside or beyond a border, of an image of `full`, beyond whose borders
+// `margin` texels of the base lie; of those of its block alone, which has `cell` texels of the base a side, where that is not 0.
 fn texfold_progressive_tap(
-    at: vec2<u32>,
+    at: vec2<i32>,
     full: vec2<u32>,
     size: vec2<u32>,
     cell: u32,
     margin: f32,
 ) -> TexfoldTap {
     let last = size - vec2<u32>(1u);
-    let low_end = min(at / 8u * cell, last);
+    let low_end = min(vec2<u32>(max(at, vec2<i32>(0))) / 8u * cell, last);
     let high_end = select(last, min(low_end + vec2<u32>(max(cell, 1u) - 1u), last), cell > 0u);
-    let uv = (vec2<f32>(vec2<i32>(at)) + vec2<f32>(0.5)) / vec2<f32>(vec2<i32>(full));
+    let uv = (vec2<f32>(at) + vec2<f32>(0.5)) / vec2<f32>(vec2<i32>(full));
     let inner = vec2<f32>(vec2<i32>(size)) - vec2<f32>(2.0 * margin);
     let wanted = uv * inner + vec2<f32>(margin - 0.5);
     let place = clamp(wanted, vec2<f32>(vec2<i32>(low_end)), vec2<f32>(vec2<i32>(high_end)));
@@ -283,8 +293,8 @@ fn texfold_progressive_tap(
     return TexfoldTap(low, min(low + vec2<u32>(1u), high_end), place - vec2<f32>(vec2<i32>(low)));
 }
 
-// Four texels of the base around the texel at `at` of level `level` of the image, blended.
-fn texfold_progressive_base(at: vec2<u32>, level: u32) -> vec4<f32> {
+// Four texels of the base around the texel at `at` of level `level` of the image, or beyond a border, blended.
+fn texfold_progressive_base(at: vec2<i32>, level: u32) -> vec4<f32> {
     let stored = min(level, texfold_progressive_params.base_levels - 1u);
     let size = texfold_level_size(texfold_progressive_params.base_size, stored);
     let full = texfold_level_size(texfold_progressive_params.stored_size, level);
@@ -418,29 +428,45 @@ fn texfold_progressive_detail(at: vec2<u32>, level: u32) -> f32 {
     return select(size * value, -size * value, (gain & 16u) != 0u);
 }
 
-// The texel at `at` of level `level`, which lies inside.
-fn texfold_progressive_load(at: vec2<u32>, level: u32) -> vec4<f32> {
+// The texel at `at` of level `level`, which lies inside, or up to a texel beyond a border: there the base alone.
+fn texfold_progressive_load(at: vec2<i32>, level: u32) -> vec4<f32> {
+    let size = texfold_level_size(texfold_progressive_params.stored_size, level);
+    let inside = texfold_inside(at, size);
+    let beyond = any(at != vec2<i32>(inside));
     var shown = texfold_progressive_base(at, level);
     if TEXFOLD_PROGRESSIVE_DETAIL {
-        if texfold_progressive_params.map_form != 0u {
-            let detail = texfold_progressive_detail(at, level);
+        if texfold_progressive_params.map_form != 0u && !beyond {
+            let detail = texfold_progressive_detail(inside, level);
             shown = clamp(shown + vec4<f32>(detail, detail, detail, 0.0), vec4<f32>(0.0), vec4<f32>(1.0));
         }
     }
-    if texfold_progressive_params.class_bits == 0u {
+    if texfold_progressive_params.class_bits == 0u || beyond {
         return shown;
     }
-    return clamp(shown + texfold_progressive_error(at, level), vec4<f32>(0.0), vec4<f32>(1.0));
+    return clamp(shown + texfold_progressive_error(inside, level), vec4<f32>(0.0), vec4<f32>(1.0));
+}
+
+// The four texels around `uv` in a stored level of `size` texels, by address mode, and how far the place lies from the first. Those beyond a
+// border are the outermost, but where addresses are clamped and the base goes on.
+fn texfold_progressive_taps(uv: vec2<f32>, size: vec2<u32>, address_mode: u32) -> TexfoldProgressiveTap {
+    if texfold_progressive_params.base_margin > 0u && address_mode == TEXFOLD_CLAMP {
+        let at = clamp(uv, vec2<f32>(0.0), vec2<f32>(1.0)) * vec2<f32>(vec2<i32>(size)) - vec2<f32>(0.5);
+        let low = floor(at);
+        let corner = vec2<i32>(low);
+        return TexfoldProgressiveTap(corner, corner + vec2<i32>(1), max(at - low, vec2<f32>(0.0)));
+    }
+    let tap = texfold_tap(uv, size, address_mode);
+    return TexfoldProgressiveTap(vec2<i32>(tap.low), vec2<i32>(tap.high), tap.weight);
 }
 
 // Bilinear filtering of stored level `stored` at `uv`.
 fn texfold_progressive_filtered(uv: vec2<f32>, stored: u32, address_mode: u32) -> vec4<f32> {
     let size = texfold_level_size(texfold_progressive_params.stored_size, stored);
-    let tap = texfold_tap(uv, size, address_mode);
+    let tap = texfold_progressive_taps(uv, size, address_mode);
     let texels = array<vec4<f32>, 4>(
         texfold_progressive_load(tap.low, stored),
-        texfold_progressive_load(vec2<u32>(tap.high.x, tap.low.y), stored),
-        texfold_progressive_load(vec2<u32>(tap.low.x, tap.high.y), stored),
+        texfold_progressive_load(vec2<i32>(tap.high.x, tap.low.y), stored),
+        texfold_progressive_load(vec2<i32>(tap.low.x, tap.high.y), stored),
         texfold_progressive_load(tap.high, stored),
     );
     return texfold_bilinear(texels, tap.weight);
@@ -456,7 +482,7 @@ fn texfold_progressive_shown(at: vec2<u32>, level: u32) -> vec4<f32> {
             return texfold_progressive_filtered(uv, 0u, TEXFOLD_CLAMP);
         }
     }
-    return texfold_progressive_load(at, max(level, shrink) - shrink);
+    return texfold_progressive_load(vec2<i32>(at), max(level, shrink) - shrink);
 }
 
 // The texel at column `at.x` and row `at.y` of level `level`, clamped to it.

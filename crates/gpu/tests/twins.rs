@@ -232,6 +232,14 @@ fn progressive_cases() -> Vec<Case> {
         // Bases that go on beyond the borders.
         Base { sizes: &[(37, 61), (64, 32)], levels: 6, beyond: true, ..base(3, Bc1, 2, 16) },
         Base { books: Some((3, 5, Raw)), beyond: true, ..base(3, Bc7, 3, 0) },
+        Base {
+            sizes: &[(150, 61), (64, 128)],
+            levels: 6,
+            shrink_log2: 1,
+            beyond: true,
+            ..base(3, Bc1, 2, 16)
+        },
+        Base { sizes: &[(37, 61)], levels: 1, shrink_log2: 2, beyond: true, ..base(3, Bc7, 3, 32) },
         // Several rows of words.
         Base { sizes: &[(513, 390)], levels: 2, ..base(3, Bc7, 3, 16) },
     ];

@@ -31,7 +31,7 @@ fn texfold_epitome_read(plane: u32, place: vec2<f32>, level: u32) -> vec4<f32> {
     var texels = array<vec4<f32>, 4>();
     for (var tap = 0u; tap < min(4u, TEXFOLD_EPITOME_TAPS); tap += 1u) {
         let corners = vec2<bool>((tap & 1u) == 1u, tap >= 2u);
-        texels[tap] = texfold_progressive_load(select(low, high, corners), level);
+        texels[tap] = texfold_progressive_load(vec2<i32>(select(low, high, corners)), level);
     }
     return texfold_bilinear(texels, at - corner);
 }

@@ -63,18 +63,20 @@ impl Switch {
 
 /// Swizzle of a base in two planes, as in `sample.wgsl`.
 const SPLIT: u32 = 4;
-const PROGRESSIVE_SWITCHES: [Switch; 3] = progressive_switches(0);
+const PROGRESSIVE_SWITCHES: [Switch; 5] = progressive_switches(0);
 /// Behind the parameters of the epitome.
-const ERROR_SWITCHES: [Switch; 3] = progressive_switches(112);
+const ERROR_SWITCHES: [Switch; 5] = progressive_switches(112);
 
 const ZIPMAP_SWITCHES: [Switch; 1] =
     [Switch { constant: "TEXFOLD_ZIPMAP_SPLIT", offset: 28, only: Some(SPLIT) }];
 
-const fn progressive_switches(start: usize) -> [Switch; 3] {
+const fn progressive_switches(start: usize) -> [Switch; 5] {
     [
         Switch { constant: "TEXFOLD_PROGRESSIVE_SHRUNK", offset: start + 236, only: None },
         Switch { constant: "TEXFOLD_PROGRESSIVE_DETAIL", offset: start + 44, only: None },
         Switch { constant: "TEXFOLD_PROGRESSIVE_SPLIT", offset: start + 24, only: Some(SPLIT) },
+        Switch { constant: "TEXFOLD_PROGRESSIVE_APART", offset: start + 232, only: None },
+        Switch { constant: "TEXFOLD_PROGRESSIVE_BEYOND", offset: start + 248, only: None },
     ]
 }
 

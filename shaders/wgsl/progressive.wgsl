@@ -20,11 +20,13 @@ const TEXFOLD_PROGRESSIVE_SIN: f32 = 0.38268343;
 // Cosine and sine of half a quarter turn.
 const TEXFOLD_PROGRESSIVE_DIAGONAL: f32 = 0.70710677;
 
-// Whether an image may be stored smaller than it is, show codebooks, or have a base of two planes. Pipelines that draw
-// images without need not make the loads: software renderers run those of every branch.
+// Whether an image may be stored smaller than it is, show codebooks, or have a base of two planes, one that is not blended across blocks,
+// or one that goes on beyond the borders. Pipelines that draw images without need not do what it takes: software renderers run all branches.
 override TEXFOLD_PROGRESSIVE_SHRUNK: bool = true;
 override TEXFOLD_PROGRESSIVE_DETAIL: bool = true;
 override TEXFOLD_PROGRESSIVE_SPLIT: bool = true;
+override TEXFOLD_PROGRESSIVE_APART: bool = true;
+override TEXFOLD_PROGRESSIVE_BEYOND: bool = true;
 
 // The parameters of one image.
 struct TexfoldProgressiveParams {
@@ -283,11 +285,17 @@ fn texfold_progressive_tap(
     margin: f32,
 ) -> TexfoldTap {
     let last = size - vec2<u32>(1u);
-    let low_end = min(vec2<u32>(max(at, vec2<i32>(0))) / 8u * cell, last);
-    let high_end = select(last, min(low_end + vec2<u32>(max(cell, 1u) - 1u), last), cell > 0u);
-    let uv = (vec2<f32>(at) + vec2<f32>(0.5)) / vec2<f32>(vec2<i32>(full));
+    var low_end = vec2<u32>(0u);
+    var high_end = last;
+    if TEXFOLD_PROGRESSIVE_APART {
+        if cell > 0u {
+            low_end = min(vec2<u32>(max(at, vec2<i32>(0))) / 8u * cell, last);
+            high_end = min(low_end + vec2<u32>(cell - 1u), last);
+        }
+    }
     let inner = vec2<f32>(vec2<i32>(size)) - vec2<f32>(2.0 * margin);
-    let wanted = uv * inner + vec2<f32>(margin - 0.5);
+    let step = inner / vec2<f32>(vec2<i32>(full));
+    let wanted = (vec2<f32>(at) + vec2<f32>(0.5)) * step + vec2<f32>(margin - 0.5);
     let place = clamp(wanted, vec2<f32>(vec2<i32>(low_end)), vec2<f32>(vec2<i32>(high_end)));
     let low = vec2<u32>(vec2<i32>(place));
     return TexfoldTap(low, min(low + vec2<u32>(1u), high_end), place - vec2<f32>(vec2<i32>(low)));
@@ -430,8 +438,7 @@ fn texfold_progressive_detail(at: vec2<u32>, level: u32) -> f32 {
 
 // The texel at `at` of level `level`, which lies inside, or up to a texel beyond a border: there the base alone.
 fn texfold_progressive_load(at: vec2<i32>, level: u32) -> vec4<f32> {
-    let size = texfold_level_size(texfold_progressive_params.stored_size, level);
-    let inside = texfold_inside(at, size);
+    let inside = texfold_inside(at, texfold_level_size(texfold_progressive_params.stored_size, level));
     let beyond = any(at != vec2<i32>(inside));
     var shown = texfold_progressive_base(at, level);
     if TEXFOLD_PROGRESSIVE_DETAIL {
@@ -449,11 +456,13 @@ fn texfold_progressive_load(at: vec2<i32>, level: u32) -> vec4<f32> {
 // The four texels around `uv` in a stored level of `size` texels, by address mode, and how far the place lies from the first. Those beyond a
 // border are the outermost, but where addresses are clamped and the base goes on.
 fn texfold_progressive_taps(uv: vec2<f32>, size: vec2<u32>, address_mode: u32) -> TexfoldProgressiveTap {
-    if texfold_progressive_params.base_margin > 0u && address_mode == TEXFOLD_CLAMP {
-        let at = clamp(uv, vec2<f32>(0.0), vec2<f32>(1.0)) * vec2<f32>(vec2<i32>(size)) - vec2<f32>(0.5);
-        let low = floor(at);
-        let corner = vec2<i32>(low);
-        return TexfoldProgressiveTap(corner, corner + vec2<i32>(1), max(at - low, vec2<f32>(0.0)));
+    if TEXFOLD_PROGRESSIVE_BEYOND {
+        if texfold_progressive_params.base_margin > 0u && address_mode == TEXFOLD_CLAMP {
+            let at = clamp(uv, vec2<f32>(0.0), vec2<f32>(1.0)) * vec2<f32>(vec2<i32>(size)) - vec2<f32>(0.5);
+            let low = floor(at);
+            let corner = vec2<i32>(low);
+            return TexfoldProgressiveTap(corner, corner + vec2<i32>(1), max(at - low, vec2<f32>(0.0)));
+        }
     }
     let tap = texfold_tap(uv, size, address_mode);
     return TexfoldProgressiveTap(vec2<i32>(tap.low), vec2<i32>(tap.high), tap.weight);

@@ -265,11 +265,15 @@ pub fn texfold_progressive_error(view: &ProgressiveView<'_>, at: UVec2, level: u
 #[inline]
 pub fn texfold_progressive_tap(at: IVec2, full: UVec2, size: UVec2, cell: u32, margin: f32) -> TexfoldTap {
     let last = size - UVec2::ONE;
-    let low_end = (at.max(IVec2::ZERO).as_uvec2() / 8 * cell).min(last);
-    let high_end = if cell > 0 { (low_end + (cell - 1)).min(last) } else { last };
-    let uv = (at.as_vec2() + 0.5) / full.as_vec2();
+    let (mut low_end, mut high_end) = (UVec2::ZERO, last);
+    if cell > 0 {
+        low_end = (at.max(IVec2::ZERO).as_uvec2() / 8 * cell).min(last);
+        high_end = (low_end + (cell - 1)).min(last);
+    }
     let inner = size.as_vec2() - 2.0 * margin;
-    let place = (uv * inner + (margin - 0.5)).clamp(low_end.as_vec2(), high_end.as_vec2());
+    let step = inner / full.as_vec2();
+    let wanted = (at.as_vec2() + 0.5) * step + (margin - 0.5);
+    let place = wanted.clamp(low_end.as_vec2(), high_end.as_vec2());
     let low = place.as_uvec2();
     TexfoldTap { low, high: (low + 1).min(high_end), weight: place - low.as_vec2() }
 }

@@ -310,8 +310,10 @@ fn no_step_is_seen_between_tiles_whose_bases_go_on_beyond_their_borders() {
     let picture = texfold_testkit::picture("terrain");
     let (width, height) = (picture.size().width as i32, picture.size().height as i32);
     let (half, more) = (width / 2, AROUND as i32);
-    for mips in [false, true] {
-        let params = ProgressiveParams { mips, ..fast(Goal::Psnr(24.0)) };
+    // At a tenth of a bit a smaller image is enlarged.
+    for (mips, goal) in [(false, Goal::Psnr(24.0)), (true, Goal::Psnr(24.0)), (false, Goal::Bpp(0.1))] {
+        let params = ProgressiveParams { mips, ..fast(goal) };
+        let enlarged = matches!(goal, Goal::Bpp(_));
         // Mean steps at the border of two tiles, and within them at borders of blocks, for levels 0 and 1.
         let steps = |goes_on: bool| {
             let tiles = [(0, half), (half, width)].map(|(left, right)| {
@@ -322,8 +324,17 @@ fn no_step_is_seen_between_tiles_whose_bases_go_on_beyond_their_borders() {
                 let (file, mut budget) = (bytes(&made), Budget::default());
                 let loaded = Progressive::load(&Sections::parse(&file, &mut budget).unwrap(), &mut budget);
                 assert_eq!(loaded.unwrap(), made);
+                assert_eq!(made.shrink_log2() > 0, enlarged);
                 made
             });
+            for tile in &tiles {
+                let shown = decode_surface(tile, 0, 0).unwrap();
+                let (right, bottom) = (shown.size().width - 1, shown.size().height - 1);
+                for (x, y) in [(0, 0), (0, bottom), (right, 0), (right, bottom), (right, 77), (50, bottom)] {
+                    let texel = tile.sample(ImageAddress { surface: 0, level: 0, x, y });
+                    assert!((texel - shown.texel(x, y)).abs().max_element() < 1e-5, "{x} {y}");
+                }
+            }
             let step = |level: u32| {
                 let shown = [0, 1].map(|tile: usize| decode_surface(&tiles[tile], 0, level).unwrap());
                 let (last, rows) = (shown[0].size().width - 1, shown[0].size().height);

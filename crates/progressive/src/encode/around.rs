@@ -15,11 +15,11 @@ pub(crate) struct Surrounded {
 }
 
 impl Surrounded {
-    /// `around` is the image and [`AROUND`] texels on each side: `None` where it is of another size.
-    pub(crate) fn new(around: &Raster, image: SurfaceSize) -> Option<Surrounded> {
+    /// An image with `margin` texels on each side of `around`, which has [`AROUND`]: `None` where it is of another size.
+    pub(crate) fn new(around: &Raster, image: SurfaceSize, margin: u32) -> Option<Surrounded> {
         let whole = around.size();
         let fits = whole.width == image.width + 2 * AROUND && whole.height == image.height + 2 * AROUND;
-        fits.then(|| Surrounded { raster: around.clone(), margin: AROUND })
+        fits.then(|| Surrounded { raster: cut(around, AROUND - margin), margin })
     }
 
     /// An image of which no more is known.
@@ -36,14 +36,7 @@ impl Surrounded {
     /// The same with `margin` texels on each side, or as many as there are.
     pub(crate) fn within(&self, margin: u32) -> Surrounded {
         let margin = margin.min(self.margin);
-        let away = self.margin - margin;
-        let SurfaceSize { width, height } = self.raster.size();
-        let (width, height) = (width - 2 * away, height - 2 * away);
-        let texel = |i: u32| self.raster.texel(away + i % width, away + i / width);
-        let texels: Vec<Texel> = (0..width * height).map(texel).collect();
-        // As many texels as the size says.
-        let raster = Raster::from_texels(width, height, self.raster.info(), &texels);
-        Surrounded { raster: raster.unwrap_or_else(|_| self.raster.clone()), margin }
+        Surrounded { raster: cut(&self.raster, self.margin - margin), margin }
     }
 
     /// The mean of what each texel covers, values as they are stored, in an image of `size` texels, `margin` of them on each side: the
@@ -78,6 +71,16 @@ impl Surrounded {
         }
         texels
     }
+}
+
+/// A raster without its outermost `away` texels on each side.
+fn cut(raster: &Raster, away: u32) -> Raster {
+    let SurfaceSize { width, height } = raster.size();
+    let (width, height) = (width - 2 * away, height - 2 * away);
+    let texel = |i: u32| raster.texel(away + i % width, away + i / width);
+    let texels: Vec<Texel> = (0..width * height).map(texel).collect();
+    // As many texels as the size says.
+    Raster::from_texels(width, height, raster.info(), &texels).unwrap_or_else(|_| raster.clone())
 }
 
 /// The first of the `count` texels of a row that lie between two places of it, and the share that each has; the outermost where none does.
@@ -146,8 +149,8 @@ mod tests {
         let value = |x: u32, y: u32| Texel::splat((x * 7 + y * 3) as f32 / 4096.0);
         let texels: Vec<Texel> = (0..width * height).map(|i| value(i % width, i / width)).collect();
         let raster = Raster::from_texels(width, height, info, &texels).unwrap();
-        assert!(Surrounded::new(&raster, SurfaceSize { width: 11, height: 3 }).is_none());
-        let cut = Surrounded::new(&raster, image).unwrap().within(4);
+        assert!(Surrounded::new(&raster, SurfaceSize { width: 11, height: 3 }, 8).is_none());
+        let cut = Surrounded::new(&raster, image, 8).unwrap().within(4);
         assert_eq!((cut.inner(), cut.margin), (image, 4));
         assert_eq!(cut.raster.texel(0, 2).x, value(AROUND - 4, AROUND - 2).x);
         assert_eq!(cut.within(0).raster.texel(9, 2).x, value(AROUND + 9, AROUND + 2).x);

@@ -71,11 +71,10 @@ impl Frame {
     pub(crate) fn new(source: &ImageSet, mips: bool, shrink_log2: u32, around: Option<&Raster>) -> Frame {
         let mut chains = levels(source, mips);
         let full = source.layout(chains.first().map_or(1, |levels| levels.len() as u32));
-        let around = match (around, source.images()) {
-            (Some(around), [image]) => Surrounded::new(around, image.size()),
+        let mut around = match (around, source.images()) {
+            (Some(around), [image]) => Surrounded::new(around, image.size(), STORED_AROUND << shrink_log2),
             _ => None,
         };
-        let mut around = around.map(|around| around.within(STORED_AROUND << shrink_log2));
         if shrink_log2 == 0 {
             return Frame { full, shrink_log2, chains, around, floor: 0.0 };
         }

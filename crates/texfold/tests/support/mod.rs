@@ -100,9 +100,12 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
         (0..width * height).map(|i| tile.texel(i % width % size.width, i / width % size.height)).collect();
     let around = Some(Raster::from_texels(width, height, tile.info(), &texels).unwrap());
     let shared = Shared { around, ..Shared::default() };
-    let params = ProgressiveParams { mips: true, ..fast.clone() };
-    let made = Progressive::encode_shared(&odd, &params, &shared, &mut Job::default()).unwrap();
-    textures.push(("progressive layers, tile".to_owned(), odd.clone(), AnyImage::Progressive(made)));
+    for (name, goal) in [("tile", fast.goal), ("enlarged tile", Goal::Bpp(0.8))] {
+        let params = ProgressiveParams { mips: true, goal, ..fast.clone() };
+        let made = Progressive::encode_shared(&odd, &params, &shared, &mut Job::default()).unwrap();
+        assert_eq!(made.shrink_log2() > 0, name != "tile");
+        textures.push((format!("progressive layers, {name}"), odd.clone(), AnyImage::Progressive(made)));
+    }
     let params = ProgressiveParams { goal: Goal::Psnr(10.0), ..fast };
     textures.push(("progressive base".to_owned(), odd.clone(), progressive(&odd, &params)));
     for content in [Content::Raw, Content::Bc7] {

@@ -180,7 +180,7 @@ impl BankTask {
     /// About how many bytes it takes to add it: a band of the image, and a tile with all that is made of it.
     pub(crate) fn cost_bytes(&self) -> u64 {
         let width = crate::input::size_of(&self.path).map_or(0, |size| u64::from(size.width));
-        width * u64::from(tiles::TILE) * BAND_BYTES + TILE_BYTES
+        width * u64::from(tiles::MOST_ROWS) * BAND_BYTES + TILE_BYTES
     }
 
     /// Whether it shows what other images have brought.

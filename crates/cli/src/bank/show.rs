@@ -78,7 +78,6 @@ impl Bank {
         if choice.level >= image.levels {
             return Err(region(RegionError::NoSuchLevel { level: choice.level, levels: image.levels }));
         }
-        let mut canvas = Canvas::new(image, choice);
         let chosen = |tile: &&Tile| {
             choice
                 .tile
@@ -88,6 +87,11 @@ impl Bank {
         if tiles.is_empty() {
             return Err(region(RegionError::Outside { width: image.width, height: image.height }));
         }
+        let area = match (choice.tile, tiles.as_slice()) {
+            (Some(_), [tile, ..]) => (tile.x, tile.y, tile.width, tile.height),
+            _ => (0, 0, image.width, image.height),
+        };
+        let mut canvas = Canvas::new(image.channels, area, choice.level);
         for tile in tiles {
             let book = match books.get(&tile.category) {
                 Some(book) => book.clone(),
@@ -124,17 +128,12 @@ struct Canvas {
 }
 
 impl Canvas {
-    fn new(image: &Image, choice: &Choice) -> Canvas {
-        let tile = super::tiles::TILE;
-        let corner = choice.tile.map_or((0, 0), |(x, y)| (x * tile, y * tile));
-        let side = |start: u32, whole: u32| {
-            let length = if choice.tile.is_some() { tile.min(whole.saturating_sub(start)) } else { whole };
-            (length >> choice.level).max(1) as usize
-        };
-        let (width, height) = (side(corner.0, image.width), side(corner.1, image.height));
-        let channels = usize::from(image.channels);
+    /// A level of that area of an image.
+    fn new(channels: u8, (left, top, width, height): (u32, u32, u32, u32), level: u32) -> Canvas {
+        let side = |length: u32| (length >> level).max(1) as usize;
+        let (width, height, channels) = (side(width), side(height), usize::from(channels));
         let bytes = vec![0; width * height * channels];
-        Canvas { width, height, channels, level: choice.level, corner, bytes }
+        Canvas { width, height, channels, level, corner: (left, top), bytes }
     }
 
     /// Puts a tile in its place; what does not fit is cut.

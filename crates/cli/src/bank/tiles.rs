@@ -15,6 +15,11 @@ use crate::input::{
 
 /// Texels a side of a tile: the paper's.
 pub(crate) const TILE: u32 = 1024;
+/// Least side of the last tile: what remains below is of the one before it. A narrow tile has few blocks to share a model and a border all
+/// along, and is seen beside one that is coded otherwise.
+const LEAST: u32 = TILE / 4;
+/// Most rows that are held at a time.
+pub(crate) const MOST_ROWS: u32 = TILE + LEAST + 2 * AROUND;
 
 /// A tile of an image.
 pub(crate) struct Cut<'b> {
@@ -49,6 +54,15 @@ impl Cut<'_> {
     }
 }
 
+/// First column and width of tiles that cover `length` columns; or row and height.
+fn cuts(length: u32) -> impl Iterator<Item = (u32, u32)> {
+    let count = length.saturating_sub(LEAST).div_ceil(TILE).max(1);
+    (0..count).map(move |index| {
+        let start = index * TILE;
+        (start, if index + 1 < count { TILE } else { length - start })
+    })
+}
+
 /// Hands the tiles of the image at `path` to `take`, row by row.
 pub(crate) fn each(
     path: &Path,
@@ -63,17 +77,15 @@ pub(crate) fn each(
     let size = bands.size();
     let mut held: Option<Band> = None;
     let mut read = 0;
-    for top in (0..size.height).step_by(TILE as usize) {
-        let height = TILE.min(size.height - top);
+    for (top, height) in cuts(size.height) {
         let (first, end) = (top.saturating_sub(AROUND), (top + height + AROUND).min(size.height));
         let band = match held.take() {
-            Some(held) if end > read => held.followed(read - first, bands.next(end - read)?)?,
-            Some(held) => held.last(read - first),
+            Some(held) => held.followed(read - first, bands.next(end - read)?)?,
             None => bands.next(end)?,
         };
         read = end;
-        for left in (0..size.width).step_by(TILE as usize) {
-            let tile = band.cut_rows((left, TILE.min(size.width - left)), (top - first, height))?;
+        for (left, width) in cuts(size.width) {
+            let tile = band.cut_rows((left, width), (top - first, height))?;
             take(Cut { place: (left, top), tile, band: (&band, top - first), image: size })?;
         }
         held = Some(band);
@@ -87,10 +99,23 @@ mod tests {
     use crate::config::{ColorName, Options};
 
     #[test]
+    fn tiles_cover_all_and_none_is_narrow() {
+        for length in [1, 5, 1024, 1025, 1279, 1280, 1281, 2048, 2250, 2303, 2305, 5400, 32768] {
+            let cuts: Vec<_> = cuts(length).collect();
+            let mut end = 0;
+            for (index, &(start, count)) in (0..).zip(&cuts) {
+                assert_eq!((start, start), (end, index * TILE), "{length}");
+                end += count;
+            }
+            let (_, last) = cuts[cuts.len() - 1];
+            assert!(end == length && last <= TILE + LEAST && (last > LEAST || cuts.len() == 1), "{length}");
+        }
+    }
+
+    #[test]
     fn tiles_are_cut_with_what_surrounds_them_and_the_edge_beyond_the_image() {
         let dir = tempfile::tempdir().unwrap();
-        // The last row of tiles is lower than what surrounds the one before.
-        let (width, height) = (TILE + 70, 2 * TILE + 9);
+        let (width, height) = (TILE + LEAST + 70, 2 * TILE + LEAST);
         let value = |x: u32, y: u32| (x * 7 + y * 31 + x * y % 13) as u8;
         let bytes: Vec<u8> = (0..width * height).map(|i| value(i % width, i / width)).collect();
         for extension in ["png", "tif"] {
@@ -119,7 +144,7 @@ mod tests {
                 Ok(())
             });
             assert_eq!(size.unwrap(), SurfaceSize { width, height });
-            assert_eq!(places.len(), 6);
+            assert_eq!(places.len(), 4);
         }
     }
 }

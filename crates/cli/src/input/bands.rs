@@ -369,7 +369,7 @@ impl Band {
     }
 
     /// Its last `rows` rows.
-    pub(crate) fn last(mut self, rows: u32) -> Band {
+    fn last(mut self, rows: u32) -> Band {
         let row = self.width as usize * usize::from(self.channels);
         let first = (self.rows.saturating_sub(rows) as usize * row).min(self.values());
         match &mut self.samples {

@@ -56,7 +56,7 @@ fn every_kind_of_image_is_added_and_bad_ones_are_named() {
 #[test]
 fn tiles_levels_and_single_images_are_decoded_alone() {
     let place = Place::new();
-    place.picture("in/wide.png", 1100, 40, 3);
+    place.picture("in/wide.png", 1300, 40, 3);
     place.picture("in/other.png", 32, 32, 3);
     assert_eq!(place.run(&format!("compress {ADD} --mips")).code, Some(0));
     assert_eq!(info(&place)["images"][1]["tiles"], 2);
@@ -64,13 +64,13 @@ fn tiles_levels_and_single_images_are_decoded_alone() {
     assert_eq!((run.code, names(&place.at("png"))), (Some(0), vec!["wide-1-0.png".to_owned()]));
     assert_eq!(place.run("decompress bank --out whole").code, Some(0));
     let (width, height, tile) = place.samples("png/wide-1-0.png");
-    assert_eq!((width, height), (76, 40));
+    assert_eq!((width, height), (276, 40));
     let whole = place.samples("whole/wide.png").2;
-    let row = |y: usize| &whole[(y * 1100 + 1024) * 3..(y * 1100 + 1100) * 3];
-    assert!((0..40).all(|y| tile[y * 76 * 3..(y + 1) * 76 * 3] == *row(y)));
+    let row = |y: usize| &whole[(y * 1300 + 1024) * 3..(y * 1300 + 1300) * 3];
+    assert!((0..40).all(|y| tile[y * 276 * 3..(y + 1) * 276 * 3] == *row(y)));
     assert_eq!(place.run("decompress bank --out half --image wide --lod 1").code, Some(0));
     let (width, height, _) = place.samples("half/wide.png");
-    assert_eq!((width, height), (550, 20));
+    assert_eq!((width, height), (650, 20));
     let run = place.run("decompress bank --out none --image nobody");
     assert!(run.code == Some(1) && run.stderr.contains("nobody"), "{}", run.stderr);
     let run = place.run("decompress bank --out none --image wide --tile 7,7");

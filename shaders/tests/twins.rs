@@ -25,7 +25,8 @@ const TWINS: [(&str, &str, &str); 8] = [
 ];
 
 /// WGSL functions without a twin of that name, and why.
-const ALONE: [(&str, &str); 12] = [
+const ALONE: [(&str, &str); 13] = [
+    ("texfold_blend", "texfold_bilinear of four loads: planes of codecs are not alike on a CPU"),
     ("texfold_srgb_to_linear", "its twin is texfold_core::image::srgb_to_linear"),
     ("texfold_linear", "texfold_srgb_to_linear on three channels"),
     ("texfold_bc_sample_grad", "texfold_level, then texfold_bc_sample_level"),

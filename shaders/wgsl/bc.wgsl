@@ -44,26 +44,10 @@ fn texfold_bc_load(at: vec2<u32>, level: u32) -> vec4<f32> {
 // The four stored texels of `tap` in plane level `level`, blended.
 fn texfold_bc_blend(tap: TexfoldTap, level: u32) -> vec4<f32> {
     let stored = min(level, textureNumLevels(texfold_bc_plane_a) - 1u);
-    let a = texfold_bilinear(
-        array<vec4<f32>, 4>(
-            textureLoad(texfold_bc_plane_a, tap.low, stored),
-            textureLoad(texfold_bc_plane_a, vec2<u32>(tap.high.x, tap.low.y), stored),
-            textureLoad(texfold_bc_plane_a, vec2<u32>(tap.low.x, tap.high.y), stored),
-            textureLoad(texfold_bc_plane_a, tap.high, stored),
-        ),
-        tap.weight,
-    );
+    let a = texfold_blend(texfold_bc_plane_a, tap, stored);
     var b = a;
     if texfold_bc_params.swizzle == TEXFOLD_SPLIT {
-        b = texfold_bilinear(
-            array<vec4<f32>, 4>(
-                textureLoad(texfold_bc_plane_b, tap.low, stored),
-                textureLoad(texfold_bc_plane_b, vec2<u32>(tap.high.x, tap.low.y), stored),
-                textureLoad(texfold_bc_plane_b, vec2<u32>(tap.low.x, tap.high.y), stored),
-                textureLoad(texfold_bc_plane_b, tap.high, stored),
-            ),
-            tap.weight,
-        );
+        b = texfold_blend(texfold_bc_plane_b, tap, stored);
     }
     return texfold_swizzle(a, b, texfold_bc_params.swizzle);
 }

@@ -233,31 +233,15 @@ fn texfold_epitome_read(plane: u32, place: vec2<f32>, level: u32) -> vec4<f32> {
     let at = place * (1.0 / f32(i32(1u << level))) - vec2<f32>(0.5);
     let corner = floor(at);
     let low = texfold_inside(vec2<i32>(corner), size);
-    let high = texfold_inside(vec2<i32>(corner) + vec2<i32>(1), size);
+    let tap = TexfoldTap(low, texfold_inside(vec2<i32>(corner) + vec2<i32>(1), size), at - corner);
     // One of two epitomes is read, or both planes of one.
     var a = vec4<f32>(0.0);
     if !second {
-        a = texfold_bilinear(
-            array<vec4<f32>, 4>(
-                textureLoad(texfold_epitome_plane_a, low, level),
-                textureLoad(texfold_epitome_plane_a, vec2<u32>(high.x, low.y), level),
-                textureLoad(texfold_epitome_plane_a, vec2<u32>(low.x, high.y), level),
-                textureLoad(texfold_epitome_plane_a, high, level),
-            ),
-            at - corner,
-        );
+        a = texfold_blend(texfold_epitome_plane_a, tap, level);
     }
     var b = a;
     if second | (texfold_epitome_params.swizzle == TEXFOLD_SPLIT) {
-        b = texfold_bilinear(
-            array<vec4<f32>, 4>(
-                textureLoad(texfold_epitome_plane_b, low, level),
-                textureLoad(texfold_epitome_plane_b, vec2<u32>(high.x, low.y), level),
-                textureLoad(texfold_epitome_plane_b, vec2<u32>(low.x, high.y), level),
-                textureLoad(texfold_epitome_plane_b, high, level),
-            ),
-            at - corner,
-        );
+        b = texfold_blend(texfold_epitome_plane_b, tap, level);
     }
     return texfold_swizzle(select(a, b, second), b, texfold_epitome_params.swizzle);
 }

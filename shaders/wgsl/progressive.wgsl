@@ -308,29 +308,11 @@ fn texfold_progressive_base(at: vec2<i32>, level: u32) -> vec4<f32> {
     let full = texfold_level_size(texfold_progressive_params.stored_size, level);
     let margin = f32(i32(texfold_progressive_params.base_margin)) / f32(i32(1u << stored));
     let tap = texfold_progressive_tap(at, full, size, texfold_progressive_params.base_cell, margin);
-    let upper_right = vec2<u32>(tap.high.x, tap.low.y);
-    let lower_left = vec2<u32>(tap.low.x, tap.high.y);
-    let a = texfold_bilinear(
-        array<vec4<f32>, 4>(
-            textureLoad(texfold_progressive_base_a, tap.low, stored),
-            textureLoad(texfold_progressive_base_a, upper_right, stored),
-            textureLoad(texfold_progressive_base_a, lower_left, stored),
-            textureLoad(texfold_progressive_base_a, tap.high, stored),
-        ),
-        tap.weight,
-    );
+    let a = texfold_blend(texfold_progressive_base_a, tap, stored);
     var b = a;
     if TEXFOLD_PROGRESSIVE_SPLIT {
         if texfold_progressive_params.swizzle == TEXFOLD_SPLIT {
-            b = texfold_bilinear(
-                array<vec4<f32>, 4>(
-                    textureLoad(texfold_progressive_base_b, tap.low, stored),
-                    textureLoad(texfold_progressive_base_b, upper_right, stored),
-                    textureLoad(texfold_progressive_base_b, lower_left, stored),
-                    textureLoad(texfold_progressive_base_b, tap.high, stored),
-                ),
-                tap.weight,
-            );
+            b = texfold_blend(texfold_progressive_base_b, tap, stored);
         }
     }
     // No base holds normals.

@@ -190,29 +190,11 @@ fn texfold_zipmap_layer(index: u32, uv: vec2<f32>, dx: vec2<f32>, dy: vec2<f32>)
 fn texfold_zipmap_root_blend(uv: vec2<f32>, level: u32) -> vec4<f32> {
     let size = texfold_level_size(texfold_zipmap_params.root_size, level);
     let tap = texfold_tap(uv, size, texfold_zipmap_params.address_mode);
-    let upper_right = vec2<u32>(tap.high.x, tap.low.y);
-    let lower_left = vec2<u32>(tap.low.x, tap.high.y);
-    let a = texfold_bilinear(
-        array<vec4<f32>, 4>(
-            textureLoad(texfold_zipmap_root_a, tap.low, level),
-            textureLoad(texfold_zipmap_root_a, upper_right, level),
-            textureLoad(texfold_zipmap_root_a, lower_left, level),
-            textureLoad(texfold_zipmap_root_a, tap.high, level),
-        ),
-        tap.weight,
-    );
+    let a = texfold_blend(texfold_zipmap_root_a, tap, level);
     var b = a;
     if TEXFOLD_ZIPMAP_SPLIT {
         if texfold_zipmap_params.root_swizzle == TEXFOLD_SPLIT {
-            b = texfold_bilinear(
-                array<vec4<f32>, 4>(
-                    textureLoad(texfold_zipmap_root_b, tap.low, level),
-                    textureLoad(texfold_zipmap_root_b, upper_right, level),
-                    textureLoad(texfold_zipmap_root_b, lower_left, level),
-                    textureLoad(texfold_zipmap_root_b, tap.high, level),
-                ),
-                tap.weight,
-            );
+            b = texfold_blend(texfold_zipmap_root_b, tap, level);
         }
     }
     return texfold_swizzle(a, b, texfold_zipmap_params.root_swizzle);

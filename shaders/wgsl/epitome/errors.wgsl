@@ -15,15 +15,7 @@ fn texfold_epitome_read(plane: u32, place: vec2<f32>, level: u32) -> vec4<f32> {
     let low = texfold_inside(vec2<i32>(corner), size);
     let high = texfold_inside(vec2<i32>(corner) + vec2<i32>(1), size);
     if plain {
-        let blended = texfold_bilinear(
-            array<vec4<f32>, 4>(
-                textureLoad(texfold_epitome_plane_a, low, level),
-                textureLoad(texfold_epitome_plane_a, vec2<u32>(high.x, low.y), level),
-                textureLoad(texfold_epitome_plane_a, vec2<u32>(low.x, high.y), level),
-                textureLoad(texfold_epitome_plane_a, high, level),
-            ),
-            at - corner,
-        );
+        let blended = texfold_blend(texfold_epitome_plane_a, TexfoldTap(low, high, at - corner), level);
         return texfold_swizzle(blended, blended, texfold_epitome_params.swizzle);
     }
     // One after the other in a loop, as the code of a load is long: 32 of them, for a trilinear lookup between leaves, take

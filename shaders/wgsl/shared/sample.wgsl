@@ -13,6 +13,17 @@ fn texfold_bilinear(texels: array<vec4<f32>, 4>, weight: vec2<f32>) -> vec4<f32>
     return texfold_mix(upper, lower, weight.y);
 }
 
+// The four texels of `tap` in level `level` of a plane, blended.
+fn texfold_blend(plane: texture_2d<f32>, tap: TexfoldTap, level: u32) -> vec4<f32> {
+    let texels = array<vec4<f32>, 4>(
+        textureLoad(plane, tap.low, level),
+        textureLoad(plane, vec2<u32>(tap.high.x, tap.low.y), level),
+        textureLoad(plane, vec2<u32>(tap.low.x, tap.high.y), level),
+        textureLoad(plane, tap.high, level),
+    );
+    return texfold_bilinear(texels, tap.weight);
+}
+
 // Rebuilds the third component of a unit normal from the first two, all stored as v * 0.5 + 0.5.
 fn texfold_normal_z(x: f32, y: f32) -> vec3<f32> {
     let nx = x * 2.0 - 1.0;

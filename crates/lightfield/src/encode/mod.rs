@@ -223,12 +223,8 @@ fn check_atlases(sides_log2: &[u8], vertices: u32, params: &LightParams) -> Resu
     Layout::new([sides_log2, &coarse], &layers, widths, params.grid).map(|_| ()).ok_or(CaptureError::Atlas)
 }
 
-/// As many terms as the goal needs, and what is to be said of them.
-fn settle(texture: LightTexture, quality: Quality, params: &LightParams) -> (LightTexture, Quality) {
-    let reaches = |goal: f64| quality.psnr_of_terms.iter().position(|&psnr| psnr >= goal);
-    let most = quality.psnr_of_terms.len() - 1;
-    let terms = params.psnr.and_then(reaches).unwrap_or(most);
-    let texture = if terms < most { texture.truncated(terms as u32) } else { texture };
+/// The settings in the words of the command line, with the terms that were kept.
+fn settings(params: &LightParams, terms: usize) -> String {
     let directions = match params.model.directions {
         Directions::View => "view",
         Directions::Reflected => "reflected view",
@@ -238,12 +234,26 @@ fn settle(texture: LightTexture, quality: Quality, params: &LightParams) -> (Lig
         Factors::Signed => "",
         Factors::NonNegative => " without signs",
     };
-    let settings = format!(
-        "lightfield, {terms} terms{factors}, view maps of {0}x{0} over the {directions}, sampling {1}, {2}",
+    let regions = match params.model.fit {
+        Fit::Shared => format!(" of {} regions", params.regions),
+        _ => String::new(),
+    };
+    let codewords =
+        if params.codewords < 1.0 { format!(", codewords {}", params.codewords) } else { String::new() };
+    format!(
+        "lightfield, {terms} terms{factors}, view maps{regions} of {0}x{0} over the {directions}, sampling {1}, {2}{codewords}",
         params.grid,
         params.sampling,
         params.content.name(),
-    );
+    )
+}
+
+/// As many terms as the goal needs, and what is to be said of them.
+fn settle(texture: LightTexture, quality: Quality, params: &LightParams) -> (LightTexture, Quality) {
+    let reaches = |goal: f64| quality.psnr_of_terms.iter().position(|&psnr| psnr >= goal);
+    let most = quality.psnr_of_terms.len() - 1;
+    let terms = params.psnr.and_then(reaches).unwrap_or(most);
+    let texture = if terms < most { texture.truncated(terms as u32) } else { texture };
     let steps: Vec<String> = quality.psnr_of_terms.iter().map(|psnr| format!("{psnr:.2}")).collect();
     let unseen = quality.samples - quality.samples_seen;
     let verdict = format!(
@@ -257,5 +267,8 @@ fn settle(texture: LightTexture, quality: Quality, params: &LightParams) -> (Lig
         quality.psnr_of_colours,
         quality.resampled_bytes / 1_000_000,
     );
-    (texture.with_notes(Notes { settings, verdict, psnr_without: Vec::new() }), quality)
+    (
+        texture.with_notes(Notes { settings: settings(params, terms), verdict, psnr_without: Vec::new() }),
+        quality,
+    )
 }

@@ -5,11 +5,11 @@
 use texfold_bc::{Bc, BcParams, Content};
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{Alpha, ColorSpace, ImageSet, MipFilter, PixelInfo, Raster, mip_chain};
-use texfold_core::metric::{color_error, decode_surface, measure, quality};
+use texfold_core::metric::{alpha_error, color_error, decode_surface, measure, quality};
 use texfold_core::target::Measured;
 use texfold_core::{
     Budget, Domain, Effort, EncodeError, Encoded, Goal, Image2d, ImageAddress, Job, Layers, Rect, Refine,
-    SharedSearch, Texel, TextureCodec,
+    SharedSearch, SurfaceSize, Texel, TextureCodec,
 };
 use texfold_progressive::{AROUND, Progressive, ProgressiveParams, ProgressiveTexture, Shared};
 
@@ -371,6 +371,28 @@ fn one_search_serves_goals_of_every_kind() {
         let alone = encode(&set, &ProgressiveParams { goal, ..params.clone() });
         assert!(bytes(&found) == bytes(&alone), "{goal:?}");
     }
+}
+
+#[test]
+fn few_bits_of_an_image_with_alpha_show_its_colours_hidden_ones_too() {
+    let opaque = texfold_testkit::picture("terrain").with_channels(4);
+    let SurfaceSize { width, height } = opaque.size();
+    // A collar of a fifth.
+    let seen = |i: u32| if i % width < width / 5 { 0.0 } else { 1.0 };
+    let texels: Vec<Texel> =
+        (0..).zip(opaque.texels()).map(|(i, texel)| texel.truncate().extend(seen(i))).collect();
+    let collar = Raster::from_texels(width, height, opaque.info(), &texels).unwrap();
+    let set = ImageSet::single(collar.tagged(opaque.info().color, Alpha::Straight));
+    let mut last = Measured { bpp: 0.0, psnr: 0.0, worst_block_rms: 0.0 };
+    for bpp in [0.1, 0.2, 0.6] {
+        let texture = encode(&set, &fast(Goal::Bpp(bpp)));
+        let measured = measure(&set, &texture);
+        assert!(measured.bpp <= bpp && measured.psnr > last.psnr, "{measured:?} after {last:?}");
+        let alpha = alpha_error(&set.images()[0], &decode_surface(&texture, 0, 0).unwrap()).unwrap();
+        assert!(alpha.psnr() > 20.0, "alpha {}", alpha.psnr());
+        last = measured;
+    }
+    assert!(last.psnr > 25.0, "{last:?}");
 }
 
 #[test]

@@ -40,7 +40,7 @@ impl Surrounded {
     }
 
     /// The mean of what each texel covers, values as they are stored, in an image of `size` texels, `margin` of them on each side: the
-    /// others are the image. `level` is a mip level of the raster.
+    /// others are the image. `level` is a mip level of the raster. Hidden colours count where nothing else is seen.
     pub(crate) fn reduced(&self, level: &Raster, size: SurfaceSize, margin: f64) -> Vec<Texel> {
         let inner = self.inner();
         let whole = self.raster.size();
@@ -50,27 +50,37 @@ impl Surrounded {
             let scale = f64::from(held) / f64::from(whole);
             (0..count).map(|at| covered(place(at) * scale, place(at + 1) * scale, held)).collect()
         };
-        // Hidden colours do not count.
-        let alpha = self.raster.info().has_alpha();
-        let weight = |texel: Texel| if alpha { texel.w } else { 1.0 };
-        let weighted = |texel: Texel| (texel.truncate() * weight(texel)).extend(texel.w);
-        let plain = |sum: Texel| (sum.truncate() / weight(sum).max(f32::MIN_POSITIVE)).extend(sum.w);
         let held = level.size();
         let columns = shares(size.width, (inner.width, whole.width, held.width));
         let rows = shares(size.height, (inner.height, whole.height, held.height));
-        let mut texels = Vec::new();
-        for (top, shares) in &rows {
-            let mut line = vec![Texel::ZERO; held.width as usize];
-            for (y, &share) in (*top as u32..).zip(shares) {
-                (0..).zip(&mut line).for_each(|(x, sum)| *sum += weighted(level.texel(x, y)) * share);
-            }
-            let mean = |(left, shares): &(usize, Vec<f32>)| {
-                plain(line[*left..].iter().zip(shares).map(|(&texel, &share)| texel * share).sum())
-            };
-            texels.extend(columns.iter().map(mean));
+        let plain = means(level, (&columns, &rows), |texel| texel);
+        if !self.raster.info().has_alpha() {
+            return plain;
         }
-        texels
+        let weighted = means(level, (&columns, &rows), |texel| (texel.truncate() * texel.w).extend(texel.w));
+        let seen = |(plain, weighted): (Texel, Texel)| {
+            if plain.w > 0.0 { (weighted.truncate() / plain.w).extend(plain.w) } else { plain }
+        };
+        plain.into_iter().zip(weighted).map(seen).collect()
     }
+}
+
+/// Places and shares of the texels that each column or row covers.
+type Shares = [(usize, Vec<f32>)];
+
+/// The mean of a value of the texels that columns and rows cover.
+fn means(level: &Raster, (columns, rows): (&Shares, &Shares), value: impl Fn(Texel) -> Texel) -> Vec<Texel> {
+    let mut texels = Vec::new();
+    for (top, shares) in rows {
+        let mut line = vec![Texel::ZERO; level.size().width as usize];
+        for (y, &share) in (*top as u32..).zip(shares) {
+            (0..).zip(&mut line).for_each(|(x, sum)| *sum += value(level.texel(x, y)) * share);
+        }
+        texels.extend(columns.iter().map(|(left, shares)| {
+            line[*left..].iter().zip(shares).map(|(&texel, &share)| texel * share).sum::<Texel>()
+        }));
+    }
+    texels
 }
 
 /// A raster without its outermost `away` texels on each side.
@@ -170,6 +180,14 @@ mod tests {
             Surrounded { raster: picture.clone(), margin: 16 }.reduced(&picture, small[2].size(), 4.0);
         for (found, wanted) in found.iter().zip(small[2].texels()) {
             assert!((*found - wanted).abs().max_element() < 1e-5, "{found} {wanted}");
+        }
+        // Where all are hidden they stay.
+        let hidden: Vec<Texel> = picture.texels().map(|texel| texel.truncate().extend(0.0)).collect();
+        let hidden = Raster::from_texels(size.width, size.height, picture.info(), &hidden).unwrap();
+        let found = Surrounded::alone(hidden.clone()).reduced(&hidden, small[2].size(), 0.0);
+        let opaque = mip_chain(&hidden.with_channels(3), 3, MipFilter::Box);
+        for (found, wanted) in found.iter().zip(opaque[2].texels()) {
+            assert!((found.truncate() - wanted.truncate()).abs().max_element() < 1e-5, "{found} {wanted}");
         }
     }
 }

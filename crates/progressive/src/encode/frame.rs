@@ -55,12 +55,11 @@ pub(crate) struct Frame {
 /// The sizes that are tried, as the goal and the pixels need: the first is the whole.
 pub(crate) fn shrinks(source: &ImageSet, params: &ProgressiveParams) -> Vec<u32> {
     let least = source.images().iter().map(|image| image.size().width.min(image.size().height)).min();
-    let possible = |log2: u32| {
-        !source.info().has_alpha() && params.reduce_log2.is_none() && least >= Some(LEAST_SIDE << log2)
-    };
+    let possible = |log2: u32| params.reduce_log2.is_none() && least >= Some(LEAST_SIDE << log2);
     let wanted = |log2: u32| match params.goal {
         Goal::Bpp(bpp) => bpp < SMALLER[log2 as usize - 1],
-        Goal::Psnr(psnr) => psnr < COARSE && params.effort != Effort::Fast,
+        // Such goals are those of colours: nothing would say how far alpha may be off.
+        Goal::Psnr(psnr) => psnr < COARSE && params.effort != Effort::Fast && !source.info().has_alpha(),
         Goal::Tolerance(_) => false,
     };
     std::iter::once(0).chain((1..=2).filter(|&log2| possible(log2) && wanted(log2))).collect()
@@ -79,10 +78,11 @@ impl Frame {
             return Frame { full, shrink_log2, chains, around, floor: 0.0 };
         }
         let (mut sum, mut values) = (0.0, 0.0);
+        // Fitted, it would be too sharp for the mip level that it also is, and hidden colours would be mixed in.
+        let passes = if mips || source.info().has_alpha() { 0 } else { PASSES };
         for (image, chain) in source.images().iter().zip(&mut chains) {
             let known = around.clone().unwrap_or_else(|| Surrounded::alone(image.clone()));
-            // Fitted, it would be too sharp for the mip level that it also is.
-            let (small, squared) = fitted(&known, shrink_log2, if mips { 0 } else { PASSES });
+            let (small, squared) = fitted(&known, shrink_log2, passes);
             sum += squared;
             values += (image.size().texels() * u64::from(image.info().color_channels())) as f64;
             let further = chain.drain(..).skip(shrink_log2 as usize + 1);

@@ -17,7 +17,7 @@ mod trellis;
 use std::sync::Arc;
 
 use texfold_core::image::ImageSet;
-use texfold_core::metric::measure;
+use texfold_core::metric::{SquaredError, alpha_error, color_error, decode_surface, measure};
 use texfold_core::target::{Measured, search};
 use texfold_core::{Effort, EncodeError, Goal, Job, Params, SourceError, SurfaceSize};
 
@@ -89,7 +89,7 @@ fn encode_with(
         });
         let Some(made) = made else { continue };
         let made = made?;
-        let measured = job.install(|| own_measure(source, &made));
+        let measured = job.install(|| judged(source, &made, params.goal));
         if best.as_ref().is_none_or(|(_, best)| params.goal.prefers(&measured, best)) {
             best = Some((made, measured));
         }
@@ -169,6 +169,21 @@ fn own_measure(source: &ImageSet, texture: &ProgressiveTexture) -> Measured {
     let mut measured = measure(source, texture);
     measured.bpp -= texture.shared_bits() as f64 / source.texel_count() as f64;
     measured
+}
+
+/// The same, and where bits are given with alpha's error beside that of the colours.
+fn judged(source: &ImageSet, texture: &ProgressiveTexture, goal: Goal) -> Measured {
+    let measured = own_measure(source, texture);
+    if !matches!(goal, Goal::Bpp(_)) || !source.info().has_alpha() {
+        return measured;
+    }
+    let mut sum = SquaredError::default();
+    for (surface, image) in (0..).zip(source.images()) {
+        let Some(shown) = decode_surface(texture, surface, 0) else { continue };
+        let alpha = alpha_error(image, &shown).map_or(0.0, |error| error.sum);
+        sum = sum + color_error(image, &shown) + SquaredError { sum: alpha, count: 0 };
+    }
+    Measured { psnr: sum.psnr(), ..measured }
 }
 
 /// The base with its blocks coded at the price that the goal for the images asks for; the other is the one for what is stored.

@@ -69,7 +69,8 @@ fn goals_are_met_and_little_more() {
         let found = measure(&set, &encode(&set, &fast(Goal::Bpp(bpp))));
         assert!(found.bpp <= bpp && found.bpp > 0.97 * bpp, "{bpp}: {found:?}");
     }
-    for tolerance in [24.0, 16.0] {
+    // In few blocks a cell has all of the error.
+    for tolerance in [24.0, 20.0, 16.0, 12.0] {
         let found = measure(&set, &encode(&set, &fast(Goal::Tolerance(tolerance))));
         assert!(found.worst_block_rms <= tolerance, "{tolerance}: {found:?}");
     }

@@ -124,12 +124,13 @@ impl<'b> Coder<'b> {
     }
 
     /// For each block the first class whose worst cell has at most `limit` of squared error, coding it in one after another;
-    /// the last class where none has.
+    /// the last class where none has, at the scale that its worst cell is best at.
     pub(crate) fn within(&mut self, limit: f32, job: &Job<'_>) -> Result<Vec<u8>, EncodeError> {
         let mut classes = vec![0u8; self.blocks.len()];
         loop {
             self.code(&classes, job)?;
             let mut again = false;
+            let mut failed = Vec::new();
             for (index, class) in classes.iter_mut().enumerate() {
                 let worst = self.found(index, *class).map_or(f32::MAX, |found| found.worst);
                 let errors = &self.errors[index];
@@ -137,13 +138,38 @@ impl<'b> Coder<'b> {
                     || (*class + 1..CLASSES as u8).filter(|&next| errors[usize::from(next)].is_finite());
                 // Classes that cannot do are passed over: the mean cell is no worse than the worst.
                 let likely = further().find(|&next| errors[usize::from(next)] <= CELLS as f32 * limit);
-                if let (true, Some(next)) = (worst > limit, likely.or(further().next_back())) {
-                    *class = next;
-                    again = true;
+                match likely.or(further().next_back()) {
+                    Some(next) if worst > limit => {
+                        *class = next;
+                        again = true;
+                    }
+                    None if worst > limit && *class > 0 => failed.push(index),
+                    _ => {}
                 }
             }
             if !again {
+                job.install(|| self.lessen_worst(&failed, &classes));
                 return Ok(classes);
+            }
+        }
+    }
+
+    /// Codes blocks anew, at the scale of which the worst cell is least: one with all of a block's error in one cell is beyond the largest
+    /// values of the scale that suits the block's mean.
+    fn lessen_worst(&mut self, failed: &[usize], classes: &[u8]) {
+        let better: Vec<Option<Coded>> = failed
+            .par_iter()
+            .map(|&index| {
+                let (block, class) = (&self.blocks[index], classes[index]);
+                let coded = |number: u8| code_at(block, class, &self.model, &self.weights, number);
+                (0..=MOST_SCALE as u8).map(coded).min_by(|a, b| a.worst.total_cmp(&b.worst))
+            })
+            .collect();
+        for (&index, better) in failed.iter().zip(better) {
+            for found in self.coded[index].iter_mut().filter(|found| found.class == classes[index]) {
+                if let Some(better) = better.clone().filter(|better| better.worst < found.worst) {
+                    *found = better;
+                }
             }
         }
     }
@@ -204,6 +230,16 @@ fn code_block(
         }
     }
     close(block, class, rates, &best, trellis)
+}
+
+/// A block as it is coded in a class that has bits, at that scale.
+fn code_at(block: &Block, class: u8, model: &Model, weights: &[f32; KINDS], number: u8) -> Coded {
+    let rates = model.classes[usize::from(class)];
+    let mut trellis = Trellis::default();
+    let number = f32::from(number);
+    let steps = steps(block, rates.0, weights, number);
+    let (end, error) = trellis.open(&steps);
+    close(block, class, rates, &Opened { number, steps, end, error }, &mut trellis)
 }
 
 /// A block's best path without the rule that it ends where it begins.

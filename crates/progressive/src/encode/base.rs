@@ -34,10 +34,15 @@ pub(crate) struct Kind {
 }
 
 impl Kind {
+    /// Bits a texel of the image that its base takes.
+    pub(crate) fn base_bits(&self, pixel: PixelInfo) -> f64 {
+        self.content.bits_per_texel(pixel) / f64::from(1u32 << (2 * self.reduce_log2))
+    }
+
     /// Whether its base and entries of codebooks alone take as many bits a texel as what answers a goal of quality already.
     pub(crate) fn is_outdone(&self, pixel: PixelInfo, goal: Goal, known: &Measured) -> bool {
         let Some(side_log2) = self.side_log2 else { return false };
-        let base = self.content.bits_per_texel(pixel) / f64::from(1u32 << (2 * self.reduce_log2));
+        let base = self.base_bits(pixel);
         let entries = LEAST_ENTRY_BITS / f64::from(1u32 << (2 * side_log2));
         matches!(goal, Goal::Psnr(_)) && goal.is_met(known) && known.bpp <= base + entries
     }

@@ -36,6 +36,9 @@ pub(crate) struct Coded {
     pub(crate) halves: Vec<u16>,
 }
 
+/// Share of the blocks that may be coded again for the sake of their worst cells.
+const FEW: f64 = 0.02;
+
 /// All blocks with a model.
 #[derive(Debug)]
 pub(crate) struct Coder<'b> {
@@ -148,7 +151,10 @@ impl<'b> Coder<'b> {
                 }
             }
             if !again {
-                job.install(|| self.lessen_worst(&failed, &classes));
+                // Where many fail no scale will help them all.
+                if failed.len() as f64 <= FEW * self.blocks.len() as f64 {
+                    job.install(|| self.lessen_worst(&failed, &classes));
+                }
                 return Ok(classes);
             }
         }

@@ -16,7 +16,7 @@ mod trellis;
 
 use std::sync::Arc;
 
-use texfold_core::image::ImageSet;
+use texfold_core::image::{ImageSet, PixelInfo};
 use texfold_core::metric::{SquaredError, alpha_error, color_error, decode_surface, measure};
 use texfold_core::target::{Measured, search};
 use texfold_core::{Effort, EncodeError, Goal, Job, Params, SourceError, SurfaceSize};
@@ -132,20 +132,49 @@ fn encode_frame(
     let draft = job.install(|| draft.widened(&base, inner));
     let largest = draft.model.class_bits == CLASS_BITS[1];
     let goals = (params.goal, inner);
-    let mut made = job.within(0.4, 0.8, |job| finish(source, &base, draft, (params.effort, goals), job))?;
-    if largest || matches!(inner, Goal::Bpp(_)) {
+    let made = job.within(0.4, 0.7, |job| finish(source, &base, draft, (params.effort, goals), job))?;
+    if matches!(inner, Goal::Bpp(_)) {
         return Ok(made);
     }
-    let of_made = own_measure(source, &made);
-    if !params.goal.is_met(&of_made) {
-        // A few blocks need more bits than the estimates say.
-        let draft = job.install(|| Draft::new(&base, CLASS_BITS[1], inner).widened(&base, inner));
-        let other = job.within(0.8, 1.0, |job| finish(source, &base, draft, (params.effort, goals), job))?;
-        if params.goal.prefers(&own_measure(source, &other), &of_made) {
-            made = other;
+    // A few blocks may need more bits than the estimates say; for a tolerance then a base that lacks less, and models for finer ones.
+    let finest = finest(&kinds, source.info());
+    let attempts = [(None, 1.0), (finest, 1.0), (finest, 0.5), (finest, 0.25)];
+    let count = if matches!(inner, Goal::Tolerance(_)) { attempts.len() } else { 1 };
+    let mut best = (own_measure(source, &made), made);
+    for (number, (kind, share)) in (0u8..).zip(attempts).take(count).skip(usize::from(largest)) {
+        if params.goal.is_met(&best.0) {
+            break;
+        }
+        let base = match kind {
+            Some(kind) => make(frame, kind, inner, job),
+            None => Some(base.clone()),
+        };
+        let Some(base) = base else { continue };
+        let finer = finer(inner, share);
+        let draft = job.install(|| Draft::new(&base, CLASS_BITS[1], finer).widened(&base, finer));
+        let start = 0.7 + 0.075 * f32::from(number);
+        let made = job
+            .within(start, start + 0.075, |job| finish(source, &base, draft, (params.effort, goals), job))?;
+        let measured = own_measure(source, &made);
+        if params.goal.prefers(&measured, &best.0) {
+            best = (measured, made);
         }
     }
-    Ok(made)
+    Ok(best.1)
+}
+
+/// That share of a tolerance; other goals as they are.
+fn finer(goal: Goal, share: f64) -> Goal {
+    match goal {
+        Goal::Tolerance(tolerance) => Goal::Tolerance(share * tolerance),
+        _ => goal,
+    }
+}
+
+/// The kind whose base has the most bits.
+fn finest(kinds: &[Kind], pixel: PixelInfo) -> Option<Kind> {
+    let plain = kinds.iter().copied().filter(|kind| kind.side_log2.is_none());
+    plain.max_by(|a, b| a.base_bits(pixel).total_cmp(&b.base_bits(pixel)))
 }
 
 /// The better of the drafts with small and with large classes.

@@ -111,10 +111,10 @@ fn encode_frame(
     let mut kinds = kinds(source.info(), &ProgressiveParams { goal: inner, ..params.clone() })?;
     // Codebooks hold detail of one scale.
     kinds.retain(|kind| frame.shrink_log2 == 0 || kind.side_log2.is_none());
-    let mut best: Option<(Arc<Base>, Draft)> = None;
+    let mut best: Option<(Kind, Arc<Base>, Draft)> = None;
     for (index, &kind) in kinds.iter().enumerate() {
         job.stage("trying bases", 0.4 * index as f32 / kinds.len() as f32)?;
-        let known = best.as_ref().map(|(_, draft)| draft.estimate);
+        let known = best.as_ref().map(|(_, _, draft)| draft.estimate);
         if [known, rival].iter().flatten().any(|known| kind.is_outdone(source.info(), params.goal, known)) {
             continue;
         }
@@ -124,11 +124,11 @@ fn encode_frame(
             continue;
         }
         let Some(draft) = best_draft(&base, inner, job) else { continue };
-        if best.as_ref().is_none_or(|(_, best)| inner.prefers(&draft.estimate, &best.estimate)) {
-            best = Some((base, draft));
+        if best.as_ref().is_none_or(|(_, _, best)| inner.prefers(&draft.estimate, &best.estimate)) {
+            best = Some((kind, base, draft));
         }
     }
-    let (base, draft) = best.ok_or(SourceError::Full { what: "a plane of 8192 x 8192 words" })?;
+    let (kind, base, draft) = best.ok_or(SourceError::Full { what: "a plane of 8192 x 8192 words" })?;
     let draft = job.install(|| draft.widened(&base, inner));
     let largest = draft.model.class_bits == CLASS_BITS[1];
     let goals = (params.goal, inner);
@@ -138,16 +138,19 @@ fn encode_frame(
     }
     // A few blocks may need more bits than the estimates say; for a tolerance then a base that lacks less, and models for finer ones.
     let finest = finest(&kinds, source.info());
-    let attempts = [(None, 1.0), (finest, 1.0), (finest, 0.5), (finest, 0.25)];
+    // As it is, a base serves once.
+    let other = finest.filter(|&finest| finest != kind);
+    let attempts = [(Some(kind), 1.0), (other, 1.0), (finest, 0.5), (finest, 0.25)];
     let count = if matches!(inner, Goal::Tolerance(_)) { attempts.len() } else { 1 };
     let mut best = (own_measure(source, &made), made);
-    for (number, (kind, share)) in (0u8..).zip(attempts).take(count).skip(usize::from(largest)) {
+    for (number, (attempt, share)) in (0u8..).zip(attempts).take(count).skip(usize::from(largest)) {
         if params.goal.is_met(&best.0) {
             break;
         }
-        let base = match kind {
-            Some(kind) => make(frame, kind, inner, job),
-            None => Some(base.clone()),
+        let base = match attempt {
+            Some(attempt) if attempt == kind => Some(base.clone()),
+            Some(attempt) => make(frame, attempt, inner, job),
+            None => None,
         };
         let Some(base) = base else { continue };
         let finer = finer(inner, share);

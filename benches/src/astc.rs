@@ -12,8 +12,8 @@ use texfold::image::{ImageSet, Raster};
 use texfold::metric::measure;
 use texfold::target::Measured;
 use texfold::{
-    AstcBlock, Bc, BcParams, Content, Epitome, EpitomeParams, EpitomeSource, Family, Goal, Job, SharedSearch,
-    TextureCodec,
+    AstcBlock, Bc, BcParams, Content, Encoder, Epitome, EpitomeParams, EpitomeSource, Family, Goal, Job,
+    SharedSearch,
 };
 
 /// Photographs of structure, in the folder `epitome` of the data.

@@ -5,8 +5,8 @@ pub mod report;
 use rayon::prelude::*;
 use texfold::image::{ColorSpace, ImageSet, Raster};
 use texfold::{
-    AnyImage, Bc, BcParams, Content, Effort, Epitome, EpitomeParams, EpitomeSource, Goal, Job, Progressive,
-    ProgressiveParams, TextureCodec, Vq, VqParams, VqSource,
+    AnyImage, Bc, BcParams, Content, Effort, Encoder, Epitome, EpitomeParams, EpitomeSource, Goal, Job,
+    Progressive, ProgressiveParams, Vq, VqParams, VqSource,
 };
 
 /// A 512x512 picture: the facade four times, each turned another way so that blocks do not repeat exactly.

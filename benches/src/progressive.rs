@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use texfold::image::{ImageSet, Raster};
 use texfold::metric::measure;
 use texfold::{
-    AstcBlock, Bc, BcParams, Content, Goal, Job, Progressive, ProgressiveParams, SharedSearch, TextureCodec,
+    AstcBlock, Bc, BcParams, Content, Encoder, Goal, Job, Progressive, ProgressiveParams, SharedSearch,
 };
 
 /// Images in the folder `remote` of the data.

@@ -10,8 +10,8 @@ use glam::Vec2;
 use texfold::image::{ImageSet, MipFilter, Raster, mip_chain};
 use texfold::metric::{color_error, decode_surface, measure};
 use texfold::{
-    AnyImage, CodecChoice, EncodeSettings, Epitome, EpitomeParams, EpitomeSource, Goal, Guidance, Job, Texel,
-    TextureCodec, encode_images,
+    AnyImage, CodecChoice, EncodeSettings, Encoder, Epitome, EpitomeParams, EpitomeSource, Goal, Guidance,
+    Job, Texel, encode_images,
 };
 use texfold_benches::report::{Chart, Outcome, Table, cpu_seconds, middle, reduced};
 use texfold_epitome::EpitomeTexture;

@@ -6,7 +6,7 @@
 use glam::{Affine2, DMat3, DVec2};
 use texfold::image::Raster;
 use texfold::{
-    AnyImage, Content, Effort, Goal, Job, PatchSource, PatchStack, Texel, TextureCodec, ZipParams, Zipmap,
+    AnyImage, Content, Effort, Encoder, Goal, Job, PatchSource, PatchStack, Texel, ZipParams, Zipmap,
     register,
 };
 use texfold_gpu::{Gpu, Lookup, Policy, Probe, View};

@@ -29,7 +29,7 @@ pub use params::BcParams;
 
 use texfold_core::container::Sections;
 use texfold_core::image::ImageSet;
-use texfold_core::{Budget, CodecId, EncodeError, Image2d, Job, LoadError, TextureCodec};
+use texfold_core::{Budget, CodecId, EncodeError, Encoder, Image2d, Job, LoadError, TextureCodec};
 
 /// The plain block-compression codec.
 #[derive(Debug, Clone, Copy)]
@@ -38,15 +38,18 @@ pub enum Bc {}
 impl TextureCodec for Bc {
     const ID: CodecId = CodecId { number: 1, name: "bc" };
     type Domain = Image2d;
-    type Source<'s> = &'s ImageSet;
-    type Params = BcParams;
     type Encoded = BcTexture;
-
-    fn encode(source: &ImageSet, params: &BcParams, job: &mut Job<'_>) -> Result<BcTexture, EncodeError> {
-        encode::encode(source, params, job)
-    }
 
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<BcTexture, LoadError> {
         wire::load(file, budget)
+    }
+}
+
+impl Encoder for Bc {
+    type Source<'s> = &'s ImageSet;
+    type Params = BcParams;
+
+    fn encode(source: &ImageSet, params: &BcParams, job: &mut Job<'_>) -> Result<BcTexture, EncodeError> {
+        encode::encode(source, params, job)
     }
 }

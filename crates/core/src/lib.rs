@@ -4,37 +4,47 @@
 //! at random, decoded by region, stored in a `.txf` file, counted bit by bit and handed to a GPU. This
 //! crate knows no codec, no GPU and no file system.
 //!
-//! Start with [`TextureCodec`] (the family: encode and load) and [`Encoded`] (the shipped form).
+//! Start with [`TextureCodec`] (the family: how textures are loaded), `Encoder` (how they are made) and [`Encoded`] (the shipped form).
+//!
+//! Without the feature `encode`, which is on by default, there is what reads, samples and draws textures: no rayon and no C compiler.
 
 pub mod address;
 mod codec;
 pub mod container;
 mod domain;
 mod encoded;
+#[cfg(feature = "encode")]
+mod encoder;
 mod error;
 mod footprint;
 mod gpu_form;
 pub mod image;
+#[cfg(feature = "encode")]
 mod job;
 mod limits;
 pub mod mesh;
+#[cfg(feature = "encode")]
 pub mod metric;
+pub mod parallel;
 pub mod sample;
 pub mod target;
 
-pub use codec::{Effort, Growable, Params, SharedSearch, TextureCodec};
+pub use codec::TextureCodec;
 pub use container::{CodecId, Notes};
 pub use domain::{
     Domain, Image2d, ImageAddress, ImageLayout, LightAddress, LightLayout, Rect, SurfaceLight, SurfaceSize,
 };
 pub use encoded::{AnyEncoded, Encoded, Layers, Refine};
+#[cfg(feature = "encode")]
+pub use encoder::{Encoder, Growable, Params, SharedSearch};
 pub use error::String4;
 pub use error::{EncodeError, LoadError, ParamError, RegionError, SourceError};
 pub use footprint::{Footprint, Part};
 pub use gpu_form::{AstcBlock, GpuForm, Plane, PlaneFormat, SurfaceBinding};
+#[cfg(feature = "encode")]
 pub use job::{Cancel, Job, Stage};
 pub use limits::{Budget, LimitError, Limits};
-pub use target::Goal;
+pub use target::{Effort, Goal};
 
 /// One colour: red, green, blue, alpha, nominally in [0, 1], as stored (no gamma conversion).
 pub type Texel = glam::Vec4;

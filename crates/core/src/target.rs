@@ -2,6 +2,18 @@
 
 use std::ops::RangeInclusive;
 
+/// How long an encoder may look for a better result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, PartialOrd, Ord)]
+pub enum Effort {
+    /// Previews: the first acceptable result.
+    Fast,
+    /// The usual trade.
+    #[default]
+    Normal,
+    /// Several times slower for a few tenths of a dB.
+    High,
+}
+
 /// What a user asks an encoder for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Goal {

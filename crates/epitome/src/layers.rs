@@ -214,7 +214,7 @@ mod tests {
     use crate::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
     use texfold_core::image::ImageSet;
     use texfold_core::metric::decode_surface;
-    use texfold_core::{Effort, Encoded, Goal, Job, TextureCodec};
+    use texfold_core::{Effort, Encoded, Encoder, Goal, Job};
 
     fn texture() -> EpitomeTexture {
         let set = ImageSet::single(texfold_testkit::picture("facade"));

@@ -25,7 +25,9 @@ pub use params::{EpitomeParams, EpitomeSource, Transforms};
 pub use pictures::{PartPictures, pictures};
 
 use texfold_core::container::Sections;
-use texfold_core::{Budget, CodecId, EncodeError, Goal, Image2d, Job, LoadError, SharedSearch, TextureCodec};
+use texfold_core::{
+    Budget, CodecId, EncodeError, Encoder, Goal, Image2d, Job, LoadError, SharedSearch, TextureCodec,
+};
 
 /// Epitome factoring.
 #[derive(Debug, Clone, Copy)]
@@ -34,9 +36,16 @@ pub enum Epitome {}
 impl TextureCodec for Epitome {
     const ID: CodecId = CodecId { number: 3, name: "epitome" };
     type Domain = Image2d;
+    type Encoded = EpitomeTexture;
+
+    fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<EpitomeTexture, LoadError> {
+        wire::load(file, budget)
+    }
+}
+
+impl Encoder for Epitome {
     type Source<'s> = EpitomeSource<'s>;
     type Params = EpitomeParams;
-    type Encoded = EpitomeTexture;
 
     fn encode(
         source: EpitomeSource<'_>,
@@ -45,10 +54,6 @@ impl TextureCodec for Epitome {
     ) -> Result<EpitomeTexture, EncodeError> {
         let searched = job.within(0.0, 0.7, |job| encode::search_all(source, params, job))?;
         job.within(0.7, 1.0, |job| encode::encode_from(&searched, params.goal, job))
-    }
-
-    fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<EpitomeTexture, LoadError> {
-        wire::load(file, budget)
     }
 }
 

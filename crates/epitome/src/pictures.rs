@@ -238,7 +238,7 @@ mod tests {
     use crate::decode::texfold_epitome_leaf;
     use crate::{Epitome, EpitomeParams, EpitomeSource};
     use texfold_core::image::ImageSet;
-    use texfold_core::{Effort, Goal, Job, TextureCodec};
+    use texfold_core::{Effort, Encoder, Goal, Job};
 
     fn texture() -> EpitomeTexture {
         let set = ImageSet::single(texfold_testkit::picture("facade"));

@@ -4,7 +4,7 @@
 
 use glam::{IVec2, Vec2};
 use texfold_core::image::ImageSet;
-use texfold_core::{Effort, Goal, Job, TextureCodec};
+use texfold_core::{Effort, Encoder, Goal, Job};
 use texfold_epitome::decode::{texfold_epitome_bilinear, texfold_epitome_fetch};
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource};
 

@@ -8,8 +8,8 @@ use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{ColorSpace, ImageSet, PixelInfo, Raster};
 use texfold_core::metric::{decode_surface, measure};
 use texfold_core::{
-    AstcBlock, Budget, Domain, Effort, EncodeError, Encoded, Footprint, Goal, Image2d, Job, PlaneFormat,
-    Rect, SharedSearch, SourceError, SurfaceSize, Texel, TextureCodec,
+    AstcBlock, Budget, Domain, Effort, EncodeError, Encoded, Encoder, Footprint, Goal, Image2d, Job,
+    PlaneFormat, Rect, SharedSearch, SourceError, SurfaceSize, Texel, TextureCodec,
 };
 use texfold_epitome::decode::texfold_epitome_bilinear;
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};

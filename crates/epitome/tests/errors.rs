@@ -6,7 +6,7 @@ use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::measure;
 use texfold_core::{
-    Budget, Domain, Effort, EncodeError, Encoded, Footprint, Goal, Image2d, Job, Texel, TextureCodec,
+    Budget, Domain, Effort, EncodeError, Encoded, Encoder, Footprint, Goal, Image2d, Job, Texel, TextureCodec,
 };
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
 use texfold_testkit::picture;

@@ -7,7 +7,7 @@ use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::ImageSet;
 use texfold_core::metric::{decode_surface, measure};
 use texfold_core::{
-    Budget, Effort, EncodeError, Encoded, Goal, Job, Layers, LoadError, Refine, TextureCodec,
+    Budget, Effort, EncodeError, Encoded, Encoder, Goal, Job, Layers, LoadError, Refine, TextureCodec,
 };
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
 use texfold_testkit::picture;

@@ -5,7 +5,7 @@
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::ImageSet;
 use texfold_core::metric::measure;
-use texfold_core::{Budget, Effort, Encoded, Goal, Job, TextureCodec};
+use texfold_core::{Budget, Effort, Encoded, Encoder, Goal, Job, TextureCodec};
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture, IDENTITY, NEUTRAL, Transforms};
 use texfold_testkit::picture;
 

@@ -8,7 +8,7 @@ use std::error::Error;
 use glam::Vec3;
 use glam::camera::rh::proj::directx::perspective;
 use glam::camera::rh::view::look_at_mat4;
-use texfold::{Bc, BcParams, Budget, Goal, Job, Limits, TextureCodec};
+use texfold::{Bc, BcParams, Budget, Encoder, Goal, Job, Limits};
 use texfold_core::image::{ColorSpace, ImageSet, Raster};
 use texfold_gpu::{AddressMode, Gpu, GpuTexture, Policy, wgpu};
 

@@ -8,7 +8,7 @@ mod support;
 use glam::{Mat4, Vec3};
 use support::gpu;
 use texfold_bc::Content;
-use texfold_core::{Encoded, Job, TextureCodec};
+use texfold_core::{Encoded, Encoder, Job};
 use texfold_gpu::GpuError;
 use texfold_lightfield::{
     Camera, Directions, Factors, Fit, LightParams, LightTexture, Lightfield, Model, Renderer,

@@ -10,7 +10,7 @@ use glam::{Affine2, Vec2, Vec4};
 use support::{Base, Forge, Subject, assert_close, bc, epitome, gpu, picture, progressive, vq, zipmap};
 use texfold_bc::{Content, Family};
 use texfold_core::image::{ColorSpace, ImageSet, Raster};
-use texfold_core::{AstcBlock, Effort, Goal, Job, TextureCodec};
+use texfold_core::{AstcBlock, Effort, Encoder, Goal, Job};
 use texfold_epitome::decode::{TEXFOLD_EPITOME_FINE_LEVELS, TEXFOLD_EPITOME_GAIN_ONE};
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource};
 use texfold_gpu::{AddressMode, Filter, GpuError, Lookup, View};

@@ -38,7 +38,7 @@ pub use params::{Directions, Factors, Fit, LightParams, MAX_TERMS, Model, Update
 pub use render::Renderer;
 
 use texfold_core::container::Sections;
-use texfold_core::{Budget, CodecId, EncodeError, Job, LoadError, SurfaceLight, TextureCodec};
+use texfold_core::{Budget, CodecId, EncodeError, Encoder, Job, LoadError, SurfaceLight, TextureCodec};
 
 /// Surface light-field maps.
 #[derive(Debug, Clone, Copy)]
@@ -47,9 +47,16 @@ pub enum Lightfield {}
 impl TextureCodec for Lightfield {
     const ID: CodecId = CodecId { number: 5, name: "lightfield" };
     type Domain = SurfaceLight;
+    type Encoded = LightTexture;
+
+    fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<LightTexture, LoadError> {
+        wire::load(file, budget)
+    }
+}
+
+impl Encoder for Lightfield {
     type Source<'s> = &'s Capture;
     type Params = LightParams;
-    type Encoded = LightTexture;
 
     fn encode(
         source: &Capture,
@@ -58,17 +65,13 @@ impl TextureCodec for Lightfield {
     ) -> Result<LightTexture, EncodeError> {
         Lightfield::encode_measured(source, params, job).map(|(texture, _)| texture)
     }
-
-    fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<LightTexture, LoadError> {
-        wire::load(file, budget)
-    }
 }
 
 impl Lightfield {
-    /// As [`TextureCodec::encode`], and how close the result comes to the photographs.
+    /// As [`Encoder::encode`], and how close the result comes to the photographs.
     ///
     /// # Errors
-    /// As [`TextureCodec::encode`].
+    /// As [`Encoder::encode`].
     pub fn encode_measured(
         source: &Capture,
         params: &LightParams,
@@ -81,7 +84,7 @@ impl Lightfield {
     /// that shows some photographs, drawn again, at [`LightParams::psnr`] or loses less than a quarter of a dB.
     ///
     /// # Errors
-    /// As [`TextureCodec::encode`].
+    /// As [`Encoder::encode`].
     pub fn encode_simplified(
         source: &Capture,
         params: &LightParams,
@@ -93,7 +96,7 @@ impl Lightfield {
     /// The first half of an encode, for several ways to store what it finds.
     ///
     /// # Errors
-    /// As [`TextureCodec::encode`].
+    /// As [`Encoder::encode`].
     pub fn fit(source: &Capture, params: &LightParams, job: &mut Job<'_>) -> Result<Fitted, EncodeError> {
         encode::fit(source, params, job)
     }

@@ -4,7 +4,7 @@
 
 use glam::Vec3;
 use texfold_core::container::{CodecId, SectionWriter, Sections};
-use texfold_core::{Budget, Encoded, Job, LightAddress, Limits, LoadError, TextureCodec};
+use texfold_core::{Budget, Encoded, Encoder, Job, LightAddress, Limits, LoadError, TextureCodec};
 use texfold_lightfield::{LightParams, LightTexture, Lightfield};
 use texfold_testkit::capture::{Look, eyes, sphere};
 

@@ -5,7 +5,7 @@
 use glam::{Mat4, Vec3};
 use texfold_bc::Content;
 use texfold_core::container::{SectionWriter, Sections};
-use texfold_core::{Budget, EncodeError, Encoded, Job, LightAddress, TextureCodec};
+use texfold_core::{Budget, EncodeError, Encoded, Encoder, Job, LightAddress, TextureCodec};
 use texfold_lightfield::{
     Camera, Capture, CaptureError, Directions, Factors, Fit, LightParams, LightTexture, Lightfield, Mesh,
     Model, Renderer, Updates, View,

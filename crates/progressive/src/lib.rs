@@ -37,7 +37,9 @@ use std::sync::Arc;
 
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{ImageSet, Raster};
-use texfold_core::{Budget, CodecId, EncodeError, Goal, Image2d, Job, LoadError, SharedSearch, TextureCodec};
+use texfold_core::{
+    Budget, CodecId, EncodeError, Encoder, Goal, Image2d, Job, LoadError, SharedSearch, TextureCodec,
+};
 
 /// Base and error map.
 #[derive(Debug, Clone, Copy)]
@@ -46,9 +48,16 @@ pub enum Progressive {}
 impl TextureCodec for Progressive {
     const ID: CodecId = CodecId { number: 4, name: "progressive" };
     type Domain = Image2d;
+    type Encoded = ProgressiveTexture;
+
+    fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ProgressiveTexture, LoadError> {
+        wire::load(file, None, budget)
+    }
+}
+
+impl Encoder for Progressive {
     type Source<'s> = &'s ImageSet;
     type Params = ProgressiveParams;
-    type Encoded = ProgressiveTexture;
 
     fn encode(
         source: &ImageSet,
@@ -56,10 +65,6 @@ impl TextureCodec for Progressive {
         job: &mut Job<'_>,
     ) -> Result<ProgressiveTexture, EncodeError> {
         encode::encode(source, params, &Shared::default(), job)
-    }
-
-    fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ProgressiveTexture, LoadError> {
-        wire::load(file, None, budget)
     }
 }
 
@@ -99,7 +104,7 @@ pub struct Shared {
 }
 
 impl Progressive {
-    /// As [`TextureCodec::encode`], with a public codebook. [`ProgressiveTexture::details`] of the result names the codebook
+    /// As [`Encoder::encode`], with a public codebook. [`ProgressiveTexture::details`] of the result names the codebook
     /// that it shows: the same, or one that grew from it. A goal of bits counts the texture's own.
     ///
     /// # Errors

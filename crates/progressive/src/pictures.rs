@@ -152,7 +152,7 @@ mod tests {
     use super::*;
     use crate::{Progressive, ProgressiveParams};
     use texfold_core::image::ImageSet;
-    use texfold_core::{Goal, Job, TextureCodec};
+    use texfold_core::{Encoder, Goal, Job};
 
     fn texture(bpp: f64) -> ProgressiveTexture {
         let set = ImageSet::single(texfold_testkit::picture("terrain"));

@@ -8,8 +8,8 @@ use texfold_core::image::{Alpha, ColorSpace, ImageSet, MipFilter, PixelInfo, Ras
 use texfold_core::metric::{alpha_error, color_error, decode_surface, measure, quality};
 use texfold_core::target::Measured;
 use texfold_core::{
-    Budget, Domain, Effort, EncodeError, Encoded, Goal, Image2d, ImageAddress, Job, Layers, Rect, Refine,
-    SharedSearch, SurfaceSize, Texel, TextureCodec,
+    Budget, Domain, Effort, EncodeError, Encoded, Encoder, Goal, Image2d, ImageAddress, Job, Layers, Rect,
+    Refine, SharedSearch, SurfaceSize, Texel, TextureCodec,
 };
 use texfold_progressive::{AROUND, Progressive, ProgressiveParams, ProgressiveTexture, Shared};
 

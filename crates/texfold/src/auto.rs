@@ -5,7 +5,7 @@ use texfold_core::image::{ColorSpace, ImageSet, Raster};
 use texfold_core::mesh::UvMesh;
 use texfold_core::metric::measure;
 use texfold_core::target::Measured;
-use texfold_core::{Effort, EncodeError, Encoded, Goal, Job, ParamError, SourceError, TextureCodec};
+use texfold_core::{Effort, EncodeError, Encoded, Encoder, Goal, Job, ParamError, SourceError};
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource};
 use texfold_progressive::{Progressive, ProgressiveParams};
 use texfold_vq::{GuidanceWeights, Vq, VqParams, VqSource};
@@ -81,7 +81,7 @@ pub struct Guidance<'s> {
 /// gives way to it; the notes' verdict says so. A codebook asked for by its size is made as asked.
 ///
 /// # Errors
-/// As [`TextureCodec::encode`].
+/// As [`Encoder::encode`].
 pub fn encode_images(
     source: &ImageSet,
     guidance: Guidance<'_>,

@@ -7,8 +7,8 @@ mod support;
 use support::small_textures;
 use texfold::container::{CodecId, SectionWriter, Sections};
 use texfold::{
-    AstcBlock, Bc, BcParams, Budget, Content, Domain, EncodeError, Encoded, Family, Image2d, ImageAddress,
-    ImageLayout, Limits, LoadError, PlaneFormat, Texel, TextureCodec, open_image,
+    AstcBlock, Bc, BcParams, Budget, Content, Domain, EncodeError, Encoded, Encoder, Family, Image2d,
+    ImageAddress, ImageLayout, Limits, LoadError, PlaneFormat, Texel, TextureCodec, open_image,
 };
 
 /// More than any of these textures needs, far less than a hostile size would take.

@@ -9,9 +9,9 @@ use support::{bc, epitome, fixture, small_textures, vq};
 use texfold::image::{ColorSpace, ImageSet, Raster};
 use texfold::metric::{decode_surface, quality};
 use texfold::{
-    AnyImage, BcParams, Budget, CodecChoice, Content, Effort, EncodeError, EncodeSettings, Encoded, Epitome,
-    EpitomeParams, EpitomeSource, Goal, Guidance, ImageAddress, Job, Progressive, ProgressiveParams, Rect,
-    RegionError, Stage, Texel, TextureCodec, Vq, VqParams, VqSource, encode_images, open_image,
+    AnyImage, BcParams, Budget, CodecChoice, Content, Effort, EncodeError, EncodeSettings, Encoded, Encoder,
+    Epitome, EpitomeParams, EpitomeSource, Goal, Guidance, ImageAddress, Job, Progressive, ProgressiveParams,
+    Rect, RegionError, Stage, Texel, Vq, VqParams, VqSource, encode_images, open_image,
 };
 use texfold_testkit::frames;
 

@@ -22,7 +22,7 @@ pub use guidance::{Map, distortion_map, painted_map, saliency_map};
 pub use params::{GuidanceWeights, VqParams, VqSource};
 
 use texfold_core::container::Sections;
-use texfold_core::{Budget, CodecId, EncodeError, Growable, Image2d, Job, LoadError, TextureCodec};
+use texfold_core::{Budget, CodecId, EncodeError, Encoder, Growable, Image2d, Job, LoadError, TextureCodec};
 
 /// Importance-driven vector quantisation.
 #[derive(Debug, Clone, Copy)]
@@ -31,25 +31,28 @@ pub enum Vq {}
 impl TextureCodec for Vq {
     const ID: CodecId = CodecId { number: 2, name: "vq" };
     type Domain = Image2d;
-    type Source<'s> = VqSource<'s>;
-    type Params = VqParams;
     type Encoded = VqTexture;
-
-    fn encode(source: VqSource<'_>, params: &VqParams, job: &mut Job<'_>) -> Result<VqTexture, EncodeError> {
-        encode::encode(source, params, None, job)
-    }
 
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<VqTexture, LoadError> {
         wire::load(file, budget)
     }
 }
 
+impl Encoder for Vq {
+    type Source<'s> = VqSource<'s>;
+    type Params = VqParams;
+
+    fn encode(source: VqSource<'_>, params: &VqParams, job: &mut Job<'_>) -> Result<VqTexture, EncodeError> {
+        encode::encode(source, params, None, job)
+    }
+}
+
 impl Vq {
-    /// As [`TextureCodec::encode`] for a quality goal, but gives up once `most_bpp` bits of GPU memory a texel do not reach it:
+    /// As [`Encoder::encode`] for a quality goal, but gives up once `most_bpp` bits of GPU memory a texel do not reach it:
     /// for callers that hold a plain form of that size.
     ///
     /// # Errors
-    /// As [`TextureCodec::encode`].
+    /// As [`Encoder::encode`].
     pub fn encode_within(
         source: VqSource<'_>,
         params: &VqParams,

@@ -28,7 +28,7 @@ pub use register::{Agreement, Fault, LeftOut, Link, Placed, Registration, regist
 pub use stack::{PatchSource, PatchStack};
 
 use texfold_core::container::Sections;
-use texfold_core::{Budget, CodecId, EncodeError, Image2d, Job, LoadError, TextureCodec};
+use texfold_core::{Budget, CodecId, EncodeError, Encoder, Image2d, Job, LoadError, TextureCodec};
 
 /// A root and patches.
 #[derive(Debug, Clone, Copy)]
@@ -37,15 +37,18 @@ pub enum Zipmap {}
 impl TextureCodec for Zipmap {
     const ID: CodecId = CodecId { number: 6, name: "zipmap" };
     type Domain = Image2d;
-    type Source<'s> = &'s PatchStack;
-    type Params = ZipParams;
     type Encoded = ZipTexture;
-
-    fn encode(source: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Result<ZipTexture, EncodeError> {
-        encode::encode(source, params, job)
-    }
 
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ZipTexture, LoadError> {
         wire::load(file, budget)
+    }
+}
+
+impl Encoder for Zipmap {
+    type Source<'s> = &'s PatchStack;
+    type Params = ZipParams;
+
+    fn encode(source: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Result<ZipTexture, EncodeError> {
+        encode::encode(source, params, job)
     }
 }

@@ -5,7 +5,7 @@
 
 use glam::{DMat3, DVec2, Vec2};
 use texfold_core::image::{ColorSpace, Raster};
-use texfold_core::{Job, Texel, TextureCodec};
+use texfold_core::{Encoder, Job, Texel};
 use texfold_testkit::leaves::{Dice, Leaves, Lens, close_up, photograph};
 use texfold_zipmap::{PatchSource, PatchStack, Registration, ZipParams, Zipmap, register};
 

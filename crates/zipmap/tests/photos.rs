@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec2};
 use texfold_core::image::Raster;
-use texfold_core::{Job, TextureCodec};
+use texfold_core::{Encoder, Job};
 use texfold_testkit::png;
 use texfold_zipmap::{PatchStack, Registration, ZipParams, Zipmap, fidelity, register};
 

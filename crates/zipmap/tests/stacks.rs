@@ -5,7 +5,7 @@
 use glam::{DMat3, DVec2, Vec2};
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{ColorSpace, Raster};
-use texfold_core::{Budget, EncodeError, Encoded, Goal, Job, Texel, TextureCodec};
+use texfold_core::{Budget, EncodeError, Encoded, Encoder, Goal, Job, Texel, TextureCodec};
 use texfold_testkit::leaves::{Leaves, Lens, close_up, photograph};
 use texfold_zipmap::decode::{texfold_zipmap_pixel, texfold_zipmap_sample_grad};
 use texfold_zipmap::{

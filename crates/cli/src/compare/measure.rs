@@ -6,7 +6,7 @@ use std::time::Instant;
 use texfold::{AnyImage, Bc, Epitome, EpitomeSource, Progressive, Vq, VqParams, VqSource};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::{SquaredError, color_error, ssim};
-use texfold_core::{AstcBlock, Domain, EncodeError, Encoded, Image2d, Job, Rect, Texel, TextureCodec};
+use texfold_core::{AstcBlock, Domain, EncodeError, Encoded, Encoder, Image2d, Job, Rect, Texel};
 use texfold_gpu::{Gpu, Lookup, Policy, Probe, View};
 
 use super::candidate::{

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use texfold::{AnyImage, PatchStack, TextureCodec, ZipParams, ZipTexture, Zipmap, fidelity};
+use texfold::{AnyImage, Encoder, PatchStack, ZipParams, ZipTexture, Zipmap, fidelity};
 use texfold_core::metric::{SquaredError, decode_surface, ssim, worst_block_rms};
 use texfold_core::{Budget, Encoded, Job, Limits, LoadError};
 

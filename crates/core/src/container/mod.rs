@@ -8,6 +8,7 @@ mod notes;
 mod read;
 mod wire;
 mod write;
+mod zstd;
 
 pub use layout::{LAYOUT_ID, read_layout, write_layout};
 pub use notes::{NOTES_ID, Notes};

@@ -2,12 +2,9 @@
 
 use std::io::Read;
 
-use super::{ENTRY_BYTES, HEADER_BYTES, MAGIC, Reader, STORED, VERSION, ZSTD, checksum};
+use super::{ENTRY_BYTES, HEADER_BYTES, MAGIC, Reader, STORED, VERSION, ZSTD, checksum, zstd};
 use crate::error::String4;
 use crate::{Budget, LimitError, LoadError};
-
-/// Largest window that a section may have been compressed with: 2^27 bytes, zstd's own default bound.
-const WINDOW_LOG_MAX: u32 = 27;
 
 const HEAD: String4 = String4(*b"head");
 
@@ -106,14 +103,10 @@ impl<'a> Sections<'a> {
         if entry.compression == STORED {
             return Ok(stored.to_vec());
         }
-        let mut raw = Vec::new();
-        let mut decoder =
-            zstd::stream::read::Decoder::with_buffer(stored).map_err(|_| corrupt("no zstd frame"))?;
-        decoder.window_log_max(WINDOW_LOG_MAX).map_err(|_| corrupt("no zstd frame"))?;
         // Grows with what really comes out, so a lying length costs nothing.
-        decoder
-            .take(entry.raw_len.saturating_add(1))
-            .read_to_end(&mut raw)
+        let mut raw = Vec::new();
+        zstd::reader(stored)
+            .and_then(|frame| frame.take(entry.raw_len.saturating_add(1)).read_to_end(&mut raw))
             .map_err(|_| corrupt("its zstd frame is damaged"))?;
         if raw.len() as u64 != entry.raw_len {
             return Err(corrupt("its length is not the one stated"));

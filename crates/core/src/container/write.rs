@@ -1,13 +1,6 @@
 //! Writing a `.txf` file.
 
-use super::{CodecId, ENTRY_BYTES, HEADER_BYTES, MAGIC, STORED, VERSION, ZSTD, checksum};
-
-/// zstd level: 19 is the strongest that needs no large window; textures are written once and read often.
-const ZSTD_LEVEL: i32 = 19;
-/// zstd level of long sections: planes of BC7 become 3 % larger than by 19, in an eighth of the time.
-const ZSTD_LEVEL_LONG: i32 = 12;
-/// Bytes from which on a section is long.
-const LONG: usize = 1 << 22;
+use super::{CodecId, ENTRY_BYTES, HEADER_BYTES, MAGIC, STORED, VERSION, ZSTD, checksum, zstd};
 
 /// Collects the sections of a file, in order.
 #[derive(Debug)]
@@ -43,9 +36,8 @@ impl SectionWriter {
 
     /// Adds a section. It is compressed where that makes it smaller. Its bytes count for `part`.
     pub fn section(&mut self, part: &'static str, id: [u8; 4], raw: &[u8]) {
-        let level = if raw.len() < LONG { ZSTD_LEVEL } else { ZSTD_LEVEL_LONG };
-        let (compression, stored) = match zstd::bulk::compress(raw, level) {
-            Ok(compressed) if compressed.len() < raw.len() => (ZSTD, compressed),
+        let (compression, stored) = match zstd::compress(raw) {
+            Some(compressed) if compressed.len() < raw.len() => (ZSTD, compressed),
             _ => (STORED, raw.to_vec()),
         };
         self.sections.push(Section { part, id, compression, raw_len: raw.len() as u64, stored });

@@ -58,7 +58,7 @@ fn error(images: &ImageSet, made: &EpitomeTexture, strip: u32) -> f64 {
 mod tests {
     use super::*;
     use crate::{Epitome, EpitomeParams, EpitomeSource};
-    use texfold_core::{Effort, Goal, Job, TextureCodec};
+    use texfold_core::{Effort, Encoder, Goal, Job};
 
     fn encoded(set: &ImageSet, psnr: f64) -> EpitomeTexture {
         let params =

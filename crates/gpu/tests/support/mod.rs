@@ -14,7 +14,7 @@ use texfold_core::address::TEXFOLD_REPEAT;
 use texfold_core::container::{SectionWriter, write_layout};
 use texfold_core::image::{Alpha, ColorSpace, Depth, ImageSet, PixelInfo, Raster, srgb_to_linear};
 use texfold_core::{
-    Budget, Effort, Encoded, GpuForm, ImageLayout, Job, Limits, Notes, SurfaceSize, TextureCodec,
+    Budget, Effort, Encoded, Encoder, GpuForm, ImageLayout, Job, Limits, Notes, SurfaceSize, TextureCodec,
 };
 use texfold_epitome::EpitomeTexture;
 use texfold_gpu::{AddressMode, Gpu, GpuError, GpuTexture, Lookup, Policy, View};

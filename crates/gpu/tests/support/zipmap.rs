@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec2};
 use texfold_bc::Content;
-use texfold_core::{Effort, Job, TextureCodec};
+use texfold_core::{Effort, Encoder, Job};
 use texfold_zipmap::{PatchSource, PatchStack, ZipParams, Zipmap};
 
 use super::{Subject, picture};

@@ -8,9 +8,9 @@
 
 use texfold::image::{ImageSet, Raster};
 use texfold::{
-    AnyImage, Bc, BcParams, Content, Effort, Epitome, EpitomeParams, EpitomeSource, Family, Goal, Job,
-    PatchSource, PatchStack, Progressive, ProgressiveParams, Shared, TextureCodec, Vq, VqParams, VqSource,
-    ZipParams, Zipmap,
+    AnyImage, Bc, BcParams, Content, Effort, Encoder, Epitome, EpitomeParams, EpitomeSource, Family, Goal,
+    Job, PatchSource, PatchStack, Progressive, ProgressiveParams, Shared, Vq, VqParams, VqSource, ZipParams,
+    Zipmap,
 };
 
 pub fn fixture(name: &str) -> ImageSet {

@@ -135,7 +135,7 @@ mod tests {
     use super::*;
     use texfold_core::image::{ColorSpace, ImageSet, Raster};
     use texfold_core::metric::{decode_surface, quality};
-    use texfold_core::{Encoded, Goal, TextureCodec};
+    use texfold_core::{Encoded, Encoder, Goal};
     use texfold_testkit::frames;
 
     use crate::{Vq, VqParams};

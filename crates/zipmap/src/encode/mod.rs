@@ -134,7 +134,7 @@ pub(crate) fn encode(
 /// [`PatchStack::riding`]) appear just where the colours of the patches do, as finely as the goal stores either.
 ///
 /// # Errors
-/// As [`TextureCodec::encode`].
+/// As [`texfold_core::Encoder::encode`].
 pub fn masks(stack: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Result<Vec<Raster>, EncodeError> {
     let canvas = lay_all(stack, params, job)?.canvas;
     job.stage("done", 1.0)?;

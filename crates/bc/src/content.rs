@@ -76,7 +76,7 @@ impl Content {
     /// [`ParamError`] names the feature to build with.
     pub fn check_available(self) -> Result<(), ParamError> {
         let range = "the formats of this build, as ASTC content needs the cargo feature `astc`";
-        let error = ParamError { field: "content", value: f64::from(self.number()), range };
+        let error = ParamError::new("content", self.name(), range);
         if self.is_available() { Ok(()) } else { Err(error) }
     }
 

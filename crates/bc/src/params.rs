@@ -26,9 +26,7 @@ impl Params for BcParams {
         self.goal.check()?;
         self.family.check_available(self.content)?;
         match self.reduce_log2 {
-            Some(value) if value > 3 => {
-                Err(ParamError { field: "reduce_log2", value: f64::from(value), range: "0..=3" })
-            }
+            Some(value) if value > 3 => Err(ParamError::new("reduce_log2", value, "0..=3")),
             _ => Ok(()),
         }
     }

@@ -3,16 +3,73 @@
 use crate::LimitError;
 use crate::container::CodecId;
 
+/// What a parameter was set to: a number, or the name of a choice.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum ParamValue {
+    /// A number.
+    Number(f64),
+    /// The name of a choice, as users write it.
+    Word(&'static str),
+}
+
+impl std::fmt::Display for ParamValue {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            ParamValue::Number(number) => write!(f, "{number}"),
+            ParamValue::Word(word) => f.write_str(word),
+        }
+    }
+}
+
+impl From<f64> for ParamValue {
+    fn from(number: f64) -> Self {
+        ParamValue::Number(number)
+    }
+}
+
+impl From<f32> for ParamValue {
+    fn from(number: f32) -> Self {
+        // By way of its shortest text, so that a message says 0.1 and not 0.10000000149011612.
+        ParamValue::Number(number.to_string().parse().unwrap_or(f64::from(number)))
+    }
+}
+
+impl From<u32> for ParamValue {
+    fn from(number: u32) -> Self {
+        ParamValue::Number(f64::from(number))
+    }
+}
+
+impl From<u8> for ParamValue {
+    fn from(number: u8) -> Self {
+        ParamValue::Number(f64::from(number))
+    }
+}
+
+impl From<&'static str> for ParamValue {
+    fn from(word: &'static str) -> Self {
+        ParamValue::Word(word)
+    }
+}
+
 /// A parameter out of range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("parameter {field} is {value}, outside {range}; give a value in that range")]
+#[error("parameter {field} is {value}; allowed: {range}")]
 pub struct ParamError {
     /// Name of the field.
     pub field: &'static str,
     /// What it was.
-    pub value: f64,
+    pub value: ParamValue,
     /// What it may be, as text such as "4..=256".
     pub range: &'static str,
+}
+
+impl ParamError {
+    /// The parameter `field` was set to `value`, where only `range` is allowed.
+    pub fn new(field: &'static str, value: impl Into<ParamValue>, range: &'static str) -> Self {
+        ParamError { field, value: value.into(), range }
+    }
 }
 
 /// What is wrong with a source.
@@ -103,6 +160,14 @@ pub enum EncodeError {
     /// A limit reached.
     #[error(transparent)]
     Limit(#[from] LimitError),
+    /// The codec cannot add images to a texture that is encoded already.
+    #[error("codec {codec} cannot take further images; use {instead} for growing sets")]
+    CannotGrow {
+        /// Which codec.
+        codec: CodecId,
+        /// Name of a codec that can.
+        instead: &'static str,
+    },
     /// The caller cancelled the job.
     #[error("cancelled; start it again to have the result")]
     Cancelled,
@@ -221,4 +286,26 @@ pub enum RegionError {
         /// Texels of the region.
         needed: usize,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_are_named_in_numbers_and_in_words() {
+        let number = ParamError::new("codebook", 3u32, "4..=256");
+        assert_eq!(number.to_string(), "parameter codebook is 3; allowed: 4..=256");
+        let word = ParamError::new("content", "bc3", "raw, bc1 and bc7");
+        assert_eq!(word.to_string(), "parameter content is bc3; allowed: raw, bc1 and bc7");
+        assert_eq!(
+            ParamError::new("tau", 0.1f32, "1..=2").to_string(),
+            "parameter tau is 0.1; allowed: 1..=2"
+        );
+        let codec = CodecId { number: 1, name: "bc" };
+        assert_eq!(
+            EncodeError::CannotGrow { codec, instead: "vq" }.to_string(),
+            "codec bc cannot take further images; use vq for growing sets"
+        );
+    }
 }

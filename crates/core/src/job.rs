@@ -21,6 +21,28 @@ impl Cancel {
     }
 }
 
+/// A look at whether a job was asked to stop, for loops that run on several threads or have no [`Job`] at hand.
+///
+/// One look is one relaxed load of an atomic: cheap enough for every block of a texture.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct CancelCheck<'a>(Option<&'a Cancel>);
+
+impl CancelCheck<'_> {
+    /// Whether the job was asked to stop.
+    #[must_use]
+    pub fn is_cancelled(self) -> bool {
+        self.0.is_some_and(Cancel::is_cancelled)
+    }
+
+    /// A place where the job may stop.
+    ///
+    /// # Errors
+    /// [`EncodeError::Cancelled`] where the caller asked to stop.
+    pub fn checkpoint(self) -> Result<(), EncodeError> {
+        if self.is_cancelled() { Err(EncodeError::Cancelled) } else { Ok(()) }
+    }
+}
+
 /// What a job reports: the stage's name and the share of the whole that is done.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stage {
@@ -30,9 +52,9 @@ pub struct Stage {
     pub done: f32,
 }
 
-/// One run of an encoder.
+/// One run of an encoder. It can be moved to another thread.
 pub struct Job<'a> {
-    progress: Option<&'a mut dyn FnMut(Stage)>,
+    progress: Option<&'a mut (dyn FnMut(Stage) + Send)>,
     cancel: Option<&'a Cancel>,
     pool: Option<&'a rayon::ThreadPool>,
     stage: Stage,
@@ -72,7 +94,7 @@ impl<'a> Job<'a> {
 
     /// Reports stages to `progress`.
     #[must_use]
-    pub fn with_progress(mut self, progress: &'a mut dyn FnMut(Stage)) -> Self {
+    pub fn with_progress(mut self, progress: &'a mut (dyn FnMut(Stage) + Send)) -> Self {
         self.progress = Some(progress);
         self
     }
@@ -124,21 +146,75 @@ impl<'a> Job<'a> {
         result
     }
 
-    /// A place where the job may stop.
+    /// Books `bytes` while `work` runs, for what an encoder allocates in that time.
+    ///
+    /// # Errors
+    /// [`EncodeError::Limit`] where the budget has no room; `work` is not run then. Otherwise what `work` returns.
+    pub fn holding<R>(
+        &mut self,
+        bytes: u64,
+        work: impl FnOnce(&mut Self) -> Result<R, EncodeError>,
+    ) -> Result<R, EncodeError> {
+        self.budget.take(bytes)?;
+        let result = work(self);
+        self.budget.release(bytes);
+        result
+    }
+
+    /// A look at whether the job was asked to stop, which can be copied into the closures of parallel loops. Such a
+    /// loop returns early where [`CancelCheck::is_cancelled`], and [`Job::checkpoint`] behind it gives the error.
+    #[must_use]
+    pub fn cancel_check(&self) -> CancelCheck<'a> {
+        CancelCheck(self.cancel)
+    }
+
+    /// A place where the job may stop. Encoders look at least every 0.2 s of work.
     ///
     /// # Errors
     /// [`EncodeError::Cancelled`] where the caller asked to stop.
     pub fn checkpoint(&self) -> Result<(), EncodeError> {
-        match self.cancel {
-            Some(cancel) if cancel.is_cancelled() => Err(EncodeError::Cancelled),
-            _ => Ok(()),
-        }
+        self.cancel_check().checkpoint()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_job_moves_to_another_thread() {
+        fn is_send<T: Send>(_: &T) {}
+        let mut seen = 0;
+        let mut sink = |_: Stage| seen += 1;
+        let mut job = Job::default().with_progress(&mut sink);
+        is_send(&job);
+        std::thread::scope(|scope| {
+            scope.spawn(move || job.stage("elsewhere", 0.5).unwrap());
+        });
+        assert_eq!(seen, 1);
+    }
+
+    #[test]
+    fn memory_is_held_while_work_runs() {
+        let mut job = Job::new(Limits { bytes: 100, ..Limits::default() });
+        let inner = job.holding(60, |job| job.holding(60, |_| Ok(())));
+        assert!(matches!(inner, Err(EncodeError::Limit(_))));
+        assert!(job.holding(100, |job| job.checkpoint()).is_ok());
+        assert_eq!(job.budget.peak_bytes(), 100);
+    }
+
+    #[test]
+    fn a_parallel_loop_sees_that_it_was_cancelled() {
+        use rayon::prelude::*;
+        let cancel = Cancel::default();
+        let job = Job::default().with_cancel(&cancel);
+        let check = job.cancel_check();
+        let rounds = |_| (0..1000).into_par_iter().filter(|_| !check.is_cancelled()).count();
+        assert_eq!(rounds(()), 1000);
+        cancel.cancel();
+        assert_eq!(rounds(()), 0);
+        assert!(matches!(check.checkpoint(), Err(EncodeError::Cancelled)));
+    }
 
     #[test]
     fn progress_is_monotone_and_nested() {

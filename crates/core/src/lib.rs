@@ -38,12 +38,12 @@ pub use encoded::{AnyEncoded, Encoded, Layers, Refine};
 #[cfg(feature = "encode")]
 pub use encoder::{Encoder, Growable, Params, SharedSearch};
 pub use error::String4;
-pub use error::{EncodeError, LoadError, ParamError, RegionError, SourceError};
+pub use error::{EncodeError, LoadError, ParamError, ParamValue, RegionError, SourceError};
 pub use footprint::{Footprint, Part};
 pub use gpu_form::{AstcBlock, GpuForm, Plane, PlaneFormat, SurfaceBinding};
 #[cfg(feature = "encode")]
-pub use job::{Cancel, Job, Stage};
-pub use limits::{Budget, LimitError, Limits};
+pub use job::{Cancel, CancelCheck, Job, Stage};
+pub use limits::{Budget, LimitError, Limits, MAX_IMAGE_SIDE, MAX_PLANE_SIDE};
 pub use target::{Effort, Goal};
 
 /// One colour: red, green, blue, alpha, nominally in [0, 1], as stored (no gamma conversion).

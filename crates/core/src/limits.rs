@@ -1,5 +1,12 @@
 //! Limits on what foreign bytes and large sources may cost, set before anything is allocated.
 
+/// Most texels a side of an image in a file: 16 mip levels, and a plane of its 4x4 blocks is a texture that every WebGPU
+/// device can sample.
+pub const MAX_IMAGE_SIDE: u32 = 1 << 15;
+
+/// Most texels a side of a texture that every WebGPU device can sample (its limit `maxTextureDimension2D`).
+pub const MAX_PLANE_SIDE: u32 = 8192;
+
 /// What a reader or encoder may use. The defaults are generous for textures and far below what
 /// brings a machine down.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -45,7 +45,7 @@ impl Goal {
         if value.is_finite() && value > 0.0 {
             return Ok(());
         }
-        Err(crate::ParamError { field, value, range: "positive finite numbers" })
+        Err(crate::ParamError::new(field, value, "positive finite numbers"))
     }
 
     /// Whether a result meets the goal.

@@ -129,12 +129,12 @@ impl Params for EpitomeParams {
     fn check(&self) -> Result<(), ParamError> {
         self.goal.check()?;
         self.family.check_available(self.content)?;
-        let layers = |range| Err(ParamError { field: "layers", value: f64::from(self.layers), range });
+        let layers = |range| Err(ParamError::new("layers", self.layers, range));
         match self.goal {
             _ if !(1..=MAX_LAYERS).contains(&self.layers) => return layers("1..=8"),
             Goal::Tolerance(_) if self.layers > 1 => return layers("1, for a tolerance"),
             Goal::Tolerance(value) if self.family == Family::ErrorMap && self.content.is_none() => {
-                return Err(ParamError { field: "tolerance", value, range: "none, with an error map" });
+                return Err(ParamError::new("tolerance", value, "none, with an error map"));
             }
             // Layers are told apart by cells of 4x4 texels.
             _ if self.layers > 1 && !self.small_cells() => {
@@ -144,7 +144,7 @@ impl Params for EpitomeParams {
         }
         match self.block {
             Some(block) if !(8..=32).contains(&block) || block % 4 != 0 => {
-                Err(ParamError { field: "block", value: f64::from(block), range: "multiples of 4 in 8..=32" })
+                Err(ParamError::new("block", block, "multiples of 4 in 8..=32"))
             }
             _ => Ok(()),
         }

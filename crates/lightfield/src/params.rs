@@ -124,40 +124,40 @@ impl Default for LightParams {
 
 impl Params for LightParams {
     fn check(&self) -> Result<(), ParamError> {
-        let error = |field, value: f64, range| Err(ParamError { field, value, range });
+        let error = |field, value, range| Err(ParamError { field, value, range });
         match self {
             _ if self.psnr.is_some_and(|psnr| !psnr.is_finite() || psnr <= 0.0) => {
-                error("psnr", self.psnr.unwrap_or(0.0), "finite numbers above 0")
+                error("psnr", self.psnr.unwrap_or(0.0).into(), "finite numbers above 0")
             }
-            _ if self.terms > MAX_TERMS => error("terms", f64::from(self.terms), "0..=8"),
+            _ if self.terms > MAX_TERMS => error("terms", self.terms.into(), "0..=8"),
             _ if !(4..=64).contains(&self.grid) || !self.grid.is_multiple_of(4) => {
-                error("grid", f64::from(self.grid), "multiples of 4 in 4..=64")
+                error("grid", self.grid.into(), "multiples of 4 in 4..=64")
             }
             _ if !(0.125..=1.0).contains(&self.sampling) => {
-                error("sampling", f64::from(self.sampling), "0.125..=1")
+                error("sampling", self.sampling.into(), "0.125..=1")
             }
-            _ if !(1..=4096).contains(&self.regions) => error("regions", f64::from(self.regions), "1..=4096"),
-            _ if self.halvings > 3 => error("halvings", f64::from(self.halvings), "0..=3"),
+            _ if !(1..=4096).contains(&self.regions) => error("regions", self.regions.into(), "1..=4096"),
+            _ if self.halvings > 3 => error("halvings", self.halvings.into(), "0..=3"),
             _ if !(self.codewords > 0.0 && self.codewords <= 1.0) => {
-                error("codewords", f64::from(self.codewords), "above 0 to 1")
+                error("codewords", self.codewords.into(), "above 0 to 1")
             }
             _ if self.model.fit == Fit::Resampled && self.model.factors == Factors::NonNegative => {
-                error("factors", 0.0, "any sign where the matrix is resampled")
+                error("factors", "non-negative".into(), "any sign where the matrix is resampled")
             }
             _ if self.model.fit == Fit::Shared && self.model.directions != Directions::World => {
-                error("directions", 0.0, "those in space where vertices share view maps")
+                error("directions", "around vertices".into(), "those in space where vertices share view maps")
             }
             _ if self.model.fit == Fit::Resampled && self.model.directions == Directions::World => {
-                error("directions", 0.0, "those around vertices where the matrix is resampled")
+                error("directions", "in space".into(), "those around vertices where the matrix is resampled")
             }
             _ if self.model.fit == Fit::Shared && self.model.updates == Updates::Multiplicative => {
-                error("updates", 0.0, "alternating where vertices share view maps")
+                error("updates", "multiplicative".into(), "alternating where vertices share view maps")
             }
             _ if self.model.updates == Updates::Multiplicative && self.model.factors == Factors::Signed => {
-                error("updates", 0.0, "alternating where factors have signs")
+                error("updates", "multiplicative".into(), "alternating where factors have signs")
             }
             _ if !matches!(self.content, Content::Raw | Content::Bc1 | Content::Bc7) => {
-                error("content", f64::from(self.content.number()), "raw, bc1 and bc7 for light-field maps")
+                error("content", self.content.name().into(), "raw, bc1 and bc7 for light-field maps")
             }
             _ => Ok(()),
         }

@@ -40,7 +40,7 @@ impl Params for ProgressiveParams {
         }
         match self.reduce_log2 {
             Some(value) if !(1..=MAX_REDUCE_LOG2).contains(&value) => {
-                Err(ParamError { field: "reduce_log2", value: f64::from(value), range: "1..=3" })
+                Err(ParamError::new("reduce_log2", value, "1..=3"))
             }
             _ => Ok(()),
         }

@@ -103,7 +103,8 @@ pub fn encode_images(
         // Codebooks of vq are never ASTC.
         CodecChoice::Vq if is_astc(settings) => {
             let range = "raw, bc1 and bc7 for a vq codebook";
-            Err(ParamError { field: "content", value: 0.0, range }.into())
+            let content = settings.content.map_or("astc", Content::name);
+            Err(ParamError::new("content", content, range).into())
         }
         CodecChoice::Auto if is_astc(settings) => epitome(factored, settings, job),
         CodecChoice::Epitome => epitome(factored, settings, job),

@@ -3,7 +3,7 @@
 use texfold_bc::{Bc, BcTexture};
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::{
-    AnyEncoded, Budget, EncodeError, Encoded, Growable, Image2d, Job, LoadError, SourceError, TextureCodec,
+    AnyEncoded, Budget, EncodeError, Encoded, Growable, Image2d, Job, LoadError, TextureCodec,
 };
 use texfold_epitome::{Epitome, EpitomeTexture};
 use texfold_lightfield::{LightTexture, Lightfield};
@@ -111,11 +111,9 @@ fn load_image(sections: &Sections<'_>, budget: &mut Budget) -> Result<AnyImage, 
 /// # Errors
 /// [`EncodeError`] where the codec cannot grow or the images do not fit; the texture is then as it was.
 pub fn add_image(texture: &mut AnyImage, source: VqSource<'_>, job: &mut Job<'_>) -> Result<(), EncodeError> {
+    let codec = texture.as_encoded().codec();
     match texture {
         AnyImage::Vq(texture) => Vq::add(texture, source, job),
-        AnyImage::Bc(_) => Err(SourceError::Full { what: "a texture of codec bc" }.into()),
-        AnyImage::Epitome(_) => Err(SourceError::Full { what: "a texture of codec epitome" }.into()),
-        AnyImage::Progressive(_) => Err(SourceError::Full { what: "a texture of codec progressive" }.into()),
-        AnyImage::Zipmap(_) => Err(SourceError::Full { what: "a texture of codec zipmap" }.into()),
+        _ => Err(EncodeError::CannotGrow { codec, instead: Vq::ID.name }),
     }
 }

@@ -86,32 +86,32 @@ impl Default for VqParams {
 
 impl Params for VqParams {
     fn check(&self) -> Result<(), ParamError> {
-        let error = |field, value: f64, range| Err(ParamError { field, value, range });
+        let error = |field, value, range| Err(ParamError { field, value, range });
         let fits = |side: u32| side.is_multiple_of(4) && (4..=MAX_CODEBOOK_SIDE).contains(&side);
         self.goal.check()?;
         if let Some((width, height)) = self.codebook {
             let range = "multiples of 4 in 4..=256, as the index map has one byte a coordinate";
             for side in [width, height] {
                 if !fits(side) {
-                    return error("codebook", f64::from(side), range);
+                    return error("codebook", side.into(), range);
                 }
             }
         }
         if let Some((count, side)) = self.samples {
             if count > 64 {
-                return error("samples", f64::from(count), "0..=64 samples");
+                return error("samples", count.into(), "0..=64 samples");
             }
             if count > 0 && !fits(side) {
-                return error("samples", f64::from(side), "sides that are multiples of 4 in 4..=256");
+                return error("samples", side.into(), "sides that are multiples of 4 in 4..=256");
             }
         }
         if !(0.0..=4.0).contains(&self.importance) {
-            return error("importance", f64::from(self.importance), "0..=4");
+            return error("importance", self.importance.into(), "0..=4");
         }
         match self.content {
             None | Some(Content::Raw | Content::Bc1 | Content::Bc7) => Ok(()),
-            Some(Content::Bc3 | Content::Bc4 | Content::Bc5 | Content::Astc(_)) => {
-                error("content", 0.0, "raw, bc1 and bc7 for a vq codebook")
+            Some(content @ (Content::Bc3 | Content::Bc4 | Content::Bc5 | Content::Astc(_))) => {
+                error("content", content.name().into(), "raw, bc1 and bc7 for a vq codebook")
             }
         }
     }

@@ -85,12 +85,7 @@ fn candidates(pixel: PixelInfo, params: &BcParams) -> Result<Vec<Candidate>, Par
     // Equal bits: the one that keeps the full size.
     list.dedup_by(|b, a| a.bpp == b.bpp && params.content.is_none());
     if list.is_empty() {
-        let value = f64::from(pixel.channels);
-        return Err(ParamError {
-            field: "channels",
-            value,
-            range: "what the chosen content format can hold",
-        });
+        return Err(ParamError::new("channels", pixel.channels, "what the chosen content format can hold"));
     }
     Ok(list)
 }

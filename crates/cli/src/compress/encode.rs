@@ -101,7 +101,7 @@ pub(crate) fn encode(
     settings: &Settings,
     mesh: Option<&UvMesh>,
     limit_bytes: u64,
-    progress: &mut dyn FnMut(Stage),
+    progress: &mut (dyn FnMut(Stage) + Send),
 ) -> Result<AnyImage, Fault> {
     if let Some(blocks) = &loaded.blocks
         && settings.encode.codec != CodecChoice::Epitome

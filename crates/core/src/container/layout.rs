@@ -3,13 +3,10 @@
 use super::{Reader, SectionWriter, Sections};
 use crate::error::String4;
 use crate::image::{Alpha, ColorSpace, Depth, PixelInfo};
-use crate::{Budget, ImageLayout, LoadError, SurfaceSize};
+use crate::{Budget, ImageLayout, LoadError, MAX_IMAGE_SIDE, SurfaceSize};
 
 /// Id of the layout section.
 pub const LAYOUT_ID: [u8; 4] = *b"LAYO";
-
-/// Longest side of an image in a file: 16 levels.
-const MAX_SIDE: u32 = 1 << 15;
 
 /// Writes the layout. Equal sizes are stored once with a count.
 pub fn write_layout(layout: &ImageLayout, out: &mut SectionWriter) {
@@ -54,7 +51,7 @@ pub fn read_layout(file: &Sections<'_>, budget: &mut Budget) -> Result<ImageLayo
     let mut texels = 0u64;
     for _ in 0..reader.u32()? {
         let (count, width, height) = (reader.u32()?, reader.u32()?, reader.u32()?);
-        if count == 0 || !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) {
+        if count == 0 || !(1..=MAX_IMAGE_SIDE).contains(&width) || !(1..=MAX_IMAGE_SIDE).contains(&height) {
             return Err(reader.corrupt("a side outside 1..=32768 or a run of 0 images"));
         }
         let size = SurfaceSize { width, height };

@@ -263,8 +263,7 @@ fn storages(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<Storage>, Pa
         Goal::Bpp(_) | Goal::Tolerance(_) => f64::from(FIRST_GUESS),
     };
     if !matches!(pixel.channels, 1 | 3) || pixel.color == ColorSpace::Normal {
-        let value = f64::from(pixel.channels);
-        return Err(ParamError { field: "channels", value, range: "1 or 3 of colours, with an error map" });
+        return Err(ParamError::new("channels", pixel.channels, "1 or 3 of colours, with an error map"));
     }
     // Hard edges between two colours are better off in plain blocks, all else by an error map. Both in one texture need the same
     // channels.
@@ -277,8 +276,7 @@ fn contents(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<Content>, Pa
     // Blocks of a compressed format may break a tolerance by themselves.
     let usual = matches!(params.goal, Goal::Tolerance(_)).then_some(Content::Raw);
     if let Some(content) = params.content.or(usual) {
-        let value = f64::from(pixel.channels);
-        let error = ParamError { field: "channels", value, range: "what the chosen content format can hold" };
+        let error = ParamError::new("channels", pixel.channels, "what the chosen content format can hold");
         return if content.fits(pixel) { Ok(vec![content]) } else { Err(error) };
     }
     Ok(match pixel.channels {

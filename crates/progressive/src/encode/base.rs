@@ -141,7 +141,7 @@ pub(crate) fn kinds(pixel: PixelInfo, params: &ProgressiveParams) -> Result<Vec<
     list.extend(with_codebooks);
     if list.is_empty() {
         let range = "what the content and the base's size can hold";
-        return Err(ParamError { field: "channels", value: f64::from(pixel.channels), range });
+        return Err(ParamError::new("channels", pixel.channels, range));
     }
     Ok(list)
 }

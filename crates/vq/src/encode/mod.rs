@@ -139,9 +139,8 @@ fn check_sizes(source: &VqSource<'_>) -> Result<(), SourceError> {
 fn contents(pixel: PixelInfo, params: &VqParams) -> Result<Vec<Content>, EncodeError> {
     if let Some(content) = params.content {
         if !content.fits(pixel) {
-            let value = f64::from(pixel.channels);
             let range = "what the chosen content format can hold";
-            return Err(texfold_core::ParamError { field: "channels", value, range }.into());
+            return Err(texfold_core::ParamError::new("channels", pixel.channels, range).into());
         }
         return Ok(vec![content]);
     }

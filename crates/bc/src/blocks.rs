@@ -9,34 +9,58 @@ use std::ops::Deref;
 use dds::{ColorFormat, CompressionQuality, EncodeOptions, ErrorMetric, ImageView, ImageViewMut, Size};
 use glam::Vec4;
 use rayon::prelude::*;
-use texfold_core::{Effort, PlaneFormat};
+use texfold_core::{CancelCheck, Effort, PlaneFormat};
 
 use crate::astc;
 
 /// Rows of blocks that one task encodes: small enough to share out, large enough to be worth a task.
 const BAND_ROWS: usize = 4;
+/// Most blocks that one task encodes, if it has more than one row: at 50 us a block of BC7 at high effort 0.1 s, after which a
+/// cancelled job stops.
+const BAND_BLOCKS: usize = 2048;
 
 /// Stores RGBA bytes (`width` x `height`, row by row) as `format`. Channels that the format lacks are dropped;
 /// blocks that hang over the edge repeat it.
 #[must_use]
 pub fn encode_plane(format: PlaneFormat, width: u32, height: u32, rgba: &[u8], effort: Effort) -> Vec<u8> {
+    encode_cancellable(format, width, height, rgba, effort, CancelCheck::default())
+}
+
+/// As [`encode_plane`]; blocks that are not begun when the job is cancelled are missing.
+pub(crate) fn encode_cancellable(
+    format: PlaneFormat,
+    width: u32,
+    height: u32,
+    rgba: &[u8],
+    effort: Effort,
+    cancel: CancelCheck<'_>,
+) -> Vec<u8> {
     let keep = |channels: usize| rgba.chunks_exact(4).flat_map(|texel| &texel[..channels]).copied().collect();
     match format {
         PlaneFormat::R8Unorm => keep(1),
         PlaneFormat::Rg8Unorm | PlaneFormat::Rg8Uint => keep(2),
         PlaneFormat::R32Uint | PlaneFormat::Rgba32Uint | PlaneFormat::Rgba8Unorm => rgba.to_vec(),
         PlaneFormat::Astc(block) => astc::encode(block, width, height, rgba, effort),
-        _ => encode_blocks(format, width as usize, height as usize, rgba, effort),
+        _ => encode_blocks(format, (width as usize, height as usize), rgba, effort, cancel),
     }
 }
 
-fn encode_blocks(format: PlaneFormat, width: usize, height: usize, rgba: &[u8], effort: Effort) -> Vec<u8> {
+fn encode_blocks(
+    format: PlaneFormat,
+    (width, height): (usize, usize),
+    rgba: &[u8],
+    effort: Effort,
+    cancel: CancelCheck<'_>,
+) -> Vec<u8> {
     let padded = pad_to_blocks(width, height, rgba);
     let padded_width = width.next_multiple_of(4);
+    let band_rows = (BAND_BLOCKS / (padded_width / 4).max(1)).clamp(1, BAND_ROWS);
     let bands: Vec<Vec<u8>> = padded
-        .par_chunks(padded_width * 4 * 4 * BAND_ROWS)
+        .par_chunks(padded_width * 4 * 4 * band_rows)
         .map(|band| {
-            if format == PlaneFormat::Bc1 && effort != Effort::Fast {
+            if cancel.is_cancelled() {
+                Vec::new()
+            } else if format == PlaneFormat::Bc1 && effort != Effort::Fast {
                 encode_bc1_band(padded_width, band, effort)
             } else {
                 encode_dds_band(format, padded_width, band, effort)

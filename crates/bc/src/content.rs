@@ -5,8 +5,9 @@ use std::borrow::Cow;
 use glam::Vec4;
 use texfold_core::container::Reader;
 use texfold_core::image::PixelInfo;
-use texfold_core::{AstcBlock, LoadError, ParamError, Plane, PlaneFormat, Texel};
+use texfold_core::{AstcBlock, CancelCheck, EncodeError, LoadError, ParamError, Plane, PlaneFormat, Texel};
 
+use crate::blocks::encode_cancellable;
 use crate::{decode_block, encode_plane};
 
 /// How content is stored.
@@ -210,9 +211,36 @@ impl ContentPlanes {
     pub fn encode(
         content: Content,
         pixel: PixelInfo,
+        size: (u32, u32),
+        texels: &[Texel],
+        effort: texfold_core::Effort,
+    ) -> Self {
+        Self::encode_bands(content, pixel, size, texels, effort, CancelCheck::default())
+    }
+
+    /// As [`ContentPlanes::encode`], but stops soon after the job that `cancel` belongs to is cancelled.
+    ///
+    /// # Errors
+    /// [`EncodeError::Cancelled`] where it was.
+    pub fn encode_cancellable(
+        content: Content,
+        pixel: PixelInfo,
+        size: (u32, u32),
+        texels: &[Texel],
+        effort: texfold_core::Effort,
+        cancel: CancelCheck<'_>,
+    ) -> Result<Self, EncodeError> {
+        let planes = Self::encode_bands(content, pixel, size, texels, effort, cancel);
+        cancel.checkpoint().map(|()| planes)
+    }
+
+    fn encode_bands(
+        content: Content,
+        pixel: PixelInfo,
         (width, height): (u32, u32),
         texels: &[Texel],
         effort: texfold_core::Effort,
+        cancel: CancelCheck<'_>,
     ) -> Self {
         let (formats, swizzle) = content.formats(pixel);
         let planes = formats
@@ -220,7 +248,7 @@ impl ContentPlanes {
             .enumerate()
             .map(|(index, &format)| {
                 let bytes = plane_bytes(texels, swizzle, index);
-                (format, encode_plane(format, width, height, &bytes, effort))
+                (format, encode_cancellable(format, width, height, &bytes, effort, cancel))
             })
             .collect();
         ContentPlanes { content, swizzle, width, height, planes }

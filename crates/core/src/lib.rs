@@ -9,6 +9,7 @@
 //! Without the feature `encode`, which is on by default, there is what reads, samples and draws textures: no rayon and no C compiler.
 
 pub mod address;
+mod cached;
 mod codec;
 pub mod container;
 mod domain;
@@ -29,6 +30,7 @@ pub mod parallel;
 pub mod sample;
 pub mod target;
 
+pub use cached::Cached;
 pub use codec::TextureCodec;
 pub use container::{CodecId, Notes};
 pub use domain::{

@@ -18,8 +18,8 @@ use std::time::Instant;
 
 use chart::Curve;
 use texfold::{
-    Capture, Content, Directions, Encoded, Factors, Fit, Job, LightParams, LightTexture, Lightfield, Model,
-    Quality, Renderer, View,
+    Capture, Content, Directions, Encoded, Factors, FitMethod, Job, LightModel, LightParams, LightQuality,
+    LightTexture, Lightfield, MapStorage, Photograph, Renderer,
 };
 use texfold_benches::report::{Outcome, Table, cpu_seconds};
 use texfold_gpu::{Gpu, Policy};
@@ -36,15 +36,15 @@ const FRAME: u32 = 512;
 const DRAWS: usize = 15;
 /// Terms that are drawn beside the mean.
 const FRAME_TERMS: [u32; 4] = [0, 1, 2, 3];
-/// Halvings of surface maps in small files.
-const SMALL_HALVINGS: u8 = 2;
+/// Log2 downscale of surface maps in small files.
+const SMALL_REDUCE_LOG2: u8 = 2;
 /// Regions and shares of codewords of small files.
 const SMALL: [(u32, f32); 5] = [(24, 0.4), (50, 0.5), (110, 0.6), (250, 0.7), (500, 0.8)];
 
 struct Bench {
     dir: PathBuf,
     out: PathBuf,
-    tests: Vec<View>,
+    tests: Vec<Photograph>,
 }
 
 fn main() -> Outcome<()> {
@@ -73,13 +73,14 @@ fn main() -> Outcome<()> {
 }
 
 fn usual() -> LightParams {
-    LightParams { terms: 3, ..LightParams::default() }
+    LightParams::default().with_terms(3)
 }
 
 /// One term whose view maps are shared: small files.
 fn of_regions(regions: u32) -> LightParams {
-    let model = Model { fit: Fit::Shared, directions: Directions::World, ..Model::default() };
-    LightParams { terms: 1, halvings: SMALL_HALVINGS, regions, grid: 32, model, ..usual() }
+    let model =
+        LightModel::default().with_fit(FitMethod::Shared { regions }).with_directions(Directions::World);
+    usual().with_terms(1).with_surface_reduce_log2(SMALL_REDUCE_LOG2).with_grid(32).with_model(model)
 }
 
 fn columns() -> Table {
@@ -120,7 +121,7 @@ impl Bench {
         table: &mut Table,
         name: &str,
         capture: &Capture,
-        (texture, quality): (&LightTexture, &Quality),
+        (texture, quality): (&LightTexture, &LightQuality),
         seconds: f64,
     ) -> Measured {
         let renderer = Renderer::new(texture);
@@ -160,7 +161,7 @@ impl Bench {
     fn baselines(&self, table: &mut Table) -> Outcome<f64> {
         let capture = self.capture(None)?;
         let before = cpu_seconds();
-        let none = LightParams { terms: 0, ..usual() };
+        let none = usual().with_terms(0);
         let (texture, quality) = Lightfield::encode_measured(&capture, &none, &mut Job::default())?;
         self.row(table, "mean alone", &capture, (&texture, &quality), cpu_seconds() - before);
         let renderer = Renderer::new(&texture);
@@ -178,7 +179,7 @@ impl Bench {
         let capture = self.capture(None)?;
         let mut points = Vec::new();
         for (regions, codewords) in SMALL {
-            let params = LightParams { codewords, content: Content::Bc1, ..of_regions(regions) };
+            let params = of_regions(regions).with_codewords(codewords).with_content(Content::Bc1);
             let before = cpu_seconds();
             let (texture, quality) = Lightfield::encode_measured(&capture, &params, &mut Job::default())?;
             let name = format!("{regions} regions, bc1, codewords {codewords}");
@@ -195,8 +196,8 @@ impl Bench {
         for (factors, kind) in [(Factors::Signed, "PCA"), (Factors::NonNegative, "NMF")] {
             for (colour, triangles) in MESHES.into_iter().enumerate() {
                 let capture = self.capture(triangles)?;
-                let model = Model { factors, ..Model::default() };
-                let params = LightParams { terms: MOST_TERMS, model, ..usual() };
+                let model = LightModel::default().with_factors(factors);
+                let params = usual().with_terms(MOST_TERMS).with_model(model);
                 let before = cpu_seconds();
                 let (whole, quality) = Lightfield::encode_measured(&capture, &params, &mut Job::default())?;
                 let seconds = cpu_seconds() - before;
@@ -234,8 +235,9 @@ impl Bench {
             let fitted = Lightfield::fit(&capture, &params, &mut Job::default())?;
             let fitting = cpu_seconds() - before;
             for &(content, share) in forms {
+                let storage = MapStorage::default().with_content(content).with_codewords(share);
                 let before = cpu_seconds();
-                let (texture, quality) = fitted.store(content, share, &mut Job::default())?;
+                let (texture, quality) = fitted.store(storage, &mut Job::default())?;
                 let seconds = fitting + cpu_seconds() - before;
                 let books = if share < 1.0 { format!(", codewords {share}") } else { String::new() };
                 let name = format!("{name}, {}{books}", content.name());
@@ -250,7 +252,7 @@ impl Bench {
     fn speed(&self) -> Outcome<()> {
         let mut table = Table::new(&["triangles", "vertices", "views", "stages, CPU s", "all, CPU s"]);
         let whole = self.capture(None)?;
-        let few = |part: usize| whole.views.iter().step_by(part).cloned().collect::<Vec<View>>();
+        let few = |part: usize| whole.views.iter().step_by(part).cloned().collect::<Vec<Photograph>>();
         let of_views = [4, 2].map(|part| Capture { views: few(part), mesh: whole.mesh.clone() });
         let of_meshes = [750, 1500, 3000].map(|count| self.capture(Some(count)));
         for capture in of_meshes.into_iter().chain(of_views.into_iter().chain([whole]).map(Ok)) {
@@ -289,8 +291,8 @@ impl Bench {
         let camera = self.tests[0].camera.resized(FRAME, FRAME);
         let encode = |factors| -> Outcome<LightTexture> {
             // All terms at all vertices, so that both draw as many.
-            let model = Model { factors, chosen: false, ..Model::default() };
-            let params = LightParams { model, ..usual() };
+            let model = LightModel::default().with_factors(factors).with_chosen(false);
+            let params = usual().with_model(model);
             Ok(Lightfield::encode_measured(&capture, &params, &mut Job::default())?.0)
         };
         let wholes = [encode(Factors::Signed)?, encode(Factors::NonNegative)?];
@@ -372,7 +374,7 @@ type Stored = (&'static str, Option<u32>, LightParams, &'static [(Content, f32)]
 /// Fits that are stored in several ways.
 fn fits() -> Vec<Stored> {
     use Content::{Bc1, Bc7, Raw};
-    let one = LightParams { terms: 1, halvings: SMALL_HALVINGS, ..usual() };
+    let one = usual().with_terms(1).with_surface_reduce_log2(SMALL_REDUCE_LOG2);
     vec![
         (
             "own view maps",
@@ -395,21 +397,24 @@ fn fits() -> Vec<Stored> {
 
 /// What is left out, and how.
 fn variants() -> Vec<(&'static str, LightParams)> {
-    let model = |model| LightParams { model, ..usual() };
-    let all = Model::default();
-    let plain = Model { factors: Factors::NonNegative, ..all };
+    let model = |model| usual().with_model(model);
+    let all = LightModel::default();
+    let plain = all.with_factors(Factors::NonNegative);
     vec![
         ("usual", usual()),
-        ("3 terms at every vertex", model(Model { chosen: false, ..all })),
-        ("partly seen triangles thrown away", model(Model { partial: false, ..all })),
+        ("3 terms at every vertex", model(all.with_chosen(false))),
+        ("partly seen triangles thrown away", model(all.with_partial(false))),
         ("factors without signs", model(plain)),
-        ("1 term", LightParams { terms: 1, ..usual() }),
-        ("1 term without signs", LightParams { terms: 1, ..model(plain) }),
-        ("over the view direction", model(Model { directions: Directions::View, ..all })),
-        ("resampled, reflected", model(Model { fit: Fit::Resampled, ..all })),
-        ("resampled (the paper)", model(Model { fit: Fit::Resampled, directions: Directions::View, ..all })),
-        ("maps of 24x24", LightParams { grid: 24, ..usual() }),
-        ("maps of 12x12", LightParams { grid: 12, ..usual() }),
-        ("half the samples a side", LightParams { sampling: 0.5, ..usual() }),
+        ("1 term", usual().with_terms(1)),
+        ("1 term without signs", model(plain).with_terms(1)),
+        ("over the view direction", model(all.with_directions(Directions::View))),
+        ("resampled, reflected", model(all.with_fit(FitMethod::Resampled))),
+        (
+            "resampled (the paper)",
+            model(all.with_fit(FitMethod::Resampled).with_directions(Directions::View)),
+        ),
+        ("maps of 24x24", usual().with_grid(24)),
+        ("maps of 12x12", usual().with_grid(12)),
+        ("half the samples a side", usual().with_sampling(0.5)),
     ]
 }

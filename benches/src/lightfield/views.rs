@@ -1,6 +1,6 @@
 //! How close drawn views come to photographs.
 
-use texfold::{Camera, Capture, Renderer, View};
+use texfold::{Camera, Capture, Photograph, Renderer};
 
 /// Share of the object's pixels that are called brightest.
 const BRIGHTEST: f64 = 0.1;
@@ -22,7 +22,7 @@ fn db(squares: f64, count: f64) -> f64 {
 }
 
 /// Compares what `draw` gives for the camera of each view with the view.
-pub(crate) fn closeness(tests: &[View], draw: impl Fn(&Camera) -> Vec<[u8; 4]>) -> Closeness {
+pub(crate) fn closeness(tests: &[Photograph], draw: impl Fn(&Camera) -> Vec<[u8; 4]>) -> Closeness {
     let mut errors: Vec<(u32, f64)> = Vec::new();
     let mut worst = f64::INFINITY;
     for view in tests {
@@ -65,7 +65,7 @@ pub(crate) fn nearest_photograph(
 }
 
 /// The pixel of a photograph that shows a place, where it does.
-fn colour_of(view: &View, renderer: &Renderer<'_>, place: glam::Vec3) -> Option<[u8; 4]> {
+fn colour_of(view: &Photograph, renderer: &Renderer<'_>, place: glam::Vec3) -> Option<[u8; 4]> {
     let camera = &view.camera;
     let at = camera.project(camera.to_camera().transform_point3(place))?;
     if at.min_element() < 0.0 || at.x >= camera.width as f32 || at.y >= camera.height as f32 {

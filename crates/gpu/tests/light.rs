@@ -11,14 +11,22 @@ use texfold_bc::Content;
 use texfold_core::{Encoded, Encoder, Job};
 use texfold_gpu::GpuError;
 use texfold_lightfield::{
-    Camera, Directions, Factors, Fit, LightParams, LightTexture, Lightfield, Model, Renderer,
+    Camera, Directions, Factors, FitMethod, LightModel, LightParams, LightTexture, Lightfield, Renderer,
 };
 use texfold_testkit::capture::{Look, camera, eyes, sphere};
 
 fn encoded(content: Content, directions: Directions, factors: Factors, codewords: f32) -> LightTexture {
-    let fit = if directions == Directions::World { Fit::Shared } else { Fit::Scattered };
-    let model = Model { fit, directions, factors, ..Model::default() };
-    let params = LightParams { terms: 2, content, model, codewords, ..LightParams::default() };
+    let fit = if directions == Directions::World {
+        FitMethod::Shared { regions: 24 }
+    } else {
+        FitMethod::Scattered
+    };
+    let model = LightModel::default().with_fit(fit).with_directions(directions).with_factors(factors);
+    let params = LightParams::default()
+        .with_terms(2)
+        .with_content(content)
+        .with_model(model)
+        .with_codewords(codewords);
     Lightfield::encode(&sphere(Look::Glossy, 24, 48), &params, &mut Job::default()).unwrap()
 }
 

@@ -1,5 +1,7 @@
 //! Rays against triangles, through a hierarchy of boxes split at the median: O(log n) a ray.
 
+use std::ops::Range;
+
 use glam::Vec3;
 
 /// Triangles of a leaf: fewer cost more boxes, more cost more triangles.
@@ -83,7 +85,7 @@ impl Bvh {
     /// The nearest triangle beyond distance `from`.
     pub(crate) fn nearest(&self, origin: Vec3, direction: Vec3, from: f32) -> Option<Hit> {
         let mut best: Option<Hit> = None;
-        self.visit(origin, direction, from, f32::INFINITY, |hit| {
+        self.visit(origin, direction, from..f32::INFINITY, |hit| {
             if best.is_none_or(|best| hit.distance < best.distance) {
                 best = Some(hit);
             }
@@ -92,24 +94,25 @@ impl Bvh {
         best
     }
 
-    /// Whether a triangle that `counts` admits lies between distances `from` and `to`.
+    /// Whether a triangle that `counts` admits lies within `distances`, without their ends.
     pub(crate) fn blocks(
         &self,
         origin: Vec3,
         direction: Vec3,
-        (from, to): (f32, f32),
+        distances: Range<f32>,
         counts: impl Fn(u32) -> bool,
     ) -> bool {
         let mut found = false;
-        self.visit(origin, direction, from, to, |hit| {
+        self.visit(origin, direction, distances.clone(), |hit| {
             found |= counts(hit.triangle);
-            if found { f32::NEG_INFINITY } else { to }
+            if found { f32::NEG_INFINITY } else { distances.end }
         });
         found
     }
 
-    /// Shows every triangle between `from` and `to` to `see`, which answers with a new `to`.
-    fn visit(&self, origin: Vec3, direction: Vec3, from: f32, mut to: f32, mut see: impl FnMut(Hit) -> f32) {
+    /// Gives every triangle within `distances` to `see`, which answers with a new end.
+    fn visit(&self, origin: Vec3, direction: Vec3, distances: Range<f32>, mut see: impl FnMut(Hit) -> f32) {
+        let Range { start: from, end: mut to } = distances;
         let inverse = direction.recip();
         let mut stack = [0u32; STACK];
         let mut open = usize::from(!self.nodes.is_empty());
@@ -202,9 +205,9 @@ mod tests {
                 met += usize::from(found.is_some());
                 assert_eq!(found.map(|hit| (hit.triangle as usize, hit.distance)), naive);
                 let limit = naive.map_or(9.0, |(_, distance)| distance);
-                assert!(!bvh.blocks(origin, direction, (0.0, limit), |_| true));
-                assert_eq!(bvh.blocks(origin, direction, (0.0, f32::INFINITY), |_| true), naive.is_some());
-                assert!(!bvh.blocks(origin, direction, (0.0, f32::INFINITY), |_| false));
+                assert!(!bvh.blocks(origin, direction, 0.0..limit, |_| true));
+                assert_eq!(bvh.blocks(origin, direction, 0.0..f32::INFINITY, |_| true), naive.is_some());
+                assert!(!bvh.blocks(origin, direction, 0.0..f32::INFINITY, |_| false));
             }
             assert!(count < 64 || met > 15, "{count} triangles, {met} hits");
         }

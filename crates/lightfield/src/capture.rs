@@ -1,33 +1,14 @@
 //! What is encoded: a mesh and photographs of it.
 
-use glam::Vec3;
-
-use crate::{Camera, CaptureError};
+use crate::mesh::{MAX_TRIANGLES, MAX_VERTICES};
+use crate::{Camera, CaptureError, Mesh};
 
 /// Most photographs: an index has 16 bits.
 const MAX_VIEWS: usize = 1 << 15;
-/// Most vertices and triangles: atlases then fit a texture of 8192 texels a side, with any number of terms.
-pub(crate) const MAX_VERTICES: usize = 1 << 18;
-/// As above.
-pub(crate) const MAX_TRIANGLES: usize = 1 << 19;
-
-/// Steps of the lattice of places across a mesh: a twentieth of a pixel of photographs of 400.
-const LATTICE: f64 = 8192.0;
-/// And along an edge of mean length, so that triangles of fine meshes keep their shape.
-const EDGE_STEPS: f64 = 64.0;
-
-/// A triangle mesh.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Mesh {
-    /// Places of the vertices.
-    pub positions: Vec<Vec3>,
-    /// Three vertices each, counter-clockwise seen from outside.
-    pub triangles: Vec<[u32; 3]>,
-}
 
 /// One photograph.
 #[derive(Debug, Clone, PartialEq)]
-pub struct View {
+pub struct Photograph {
     /// What took it.
     pub camera: Camera,
     /// Red, green, blue and whether the object is seen (255) or not (0), row by row from the top.
@@ -40,99 +21,7 @@ pub struct Capture {
     /// The object's shape.
     pub mesh: Mesh,
     /// The photographs.
-    pub views: Vec<View>,
-}
-
-impl Mesh {
-    /// Whether every index names a vertex and all numbers are finite.
-    #[must_use]
-    pub fn is_valid(&self) -> bool {
-        let vertices = self.positions.len();
-        self.positions.iter().all(|position| position.is_finite())
-            && self.triangles.iter().flatten().all(|&index| (index as usize) < vertices)
-    }
-
-    /// The mesh with vertices at one place joined, in the order of their first, and without triangles of no area.
-    #[must_use]
-    pub fn welded(&self) -> Mesh {
-        let mut known = std::collections::HashMap::new();
-        let mut welded = Mesh::default();
-        let mut joined = Vec::new();
-        for &position in &self.positions {
-            // -0 and 0 are one place.
-            let key = (position + Vec3::ZERO).to_array().map(f32::to_bits);
-            joined.push(*known.entry(key).or_insert_with(|| {
-                welded.positions.push(position);
-                welded.positions.len() as u32 - 1
-            }));
-        }
-        let triangles = self.triangles.iter().map(|triangle| triangle.map(|index| joined[index as usize]));
-        welded.triangles = triangles.filter(|&triangle| welded.doubled_area(triangle) > 0.0).collect();
-        welded
-    }
-
-    /// With places on a lattice, so that they take half of the bytes: a power of two of at most [`LATTICE`] parts of its size
-    /// and [`EDGE_STEPS`] of its edges' mean length.
-    pub(crate) fn snapped(&self) -> Mesh {
-        let low = self.positions.iter().fold(Vec3::INFINITY, |low, &place| low.min(place));
-        let high = self.positions.iter().fold(Vec3::NEG_INFINITY, |high, &place| high.max(place));
-        let edges = self.triangles.iter().map(|&triangle| {
-            let [a, b, c] = self.corners(triangle);
-            f64::from(a.distance(b) + b.distance(c) + c.distance(a))
-        });
-        let edge = edges.sum::<f64>() / (3 * self.triangles.len()).max(1) as f64;
-        let step = f64::min(f64::from((high - low).max_element()) / LATTICE, edge / EDGE_STEPS);
-        let step = step.log2().floor().exp2() as f32;
-        if !step.is_normal() {
-            return self.clone();
-        }
-        let snap = |place: &Vec3| (*place / step).round() * step;
-        let is_exact = |place: &Vec3| (*place / step).is_finite();
-        if !self.positions.iter().all(is_exact) {
-            return self.clone();
-        }
-        Mesh { positions: self.positions.iter().map(snap).collect(), triangles: self.triangles.clone() }
-    }
-
-    /// The corners of a triangle.
-    #[must_use]
-    pub fn corners(&self, triangle: [u32; 3]) -> [Vec3; 3] {
-        triangle.map(|index| self.positions[index as usize])
-    }
-
-    /// Twice the area of a triangle; 0 where it has none or the number is not finite.
-    pub(crate) fn doubled_area(&self, triangle: [u32; 3]) -> f32 {
-        let [a, b, c] = self.corners(triangle);
-        let area = (b - a).cross(c - a).length();
-        if area.is_finite() { area } else { 0.0 }
-    }
-
-    /// Distances along a camera's axis between which all of the mesh in front of it lies, for a depth buffer.
-    #[must_use]
-    pub fn depths(&self, camera: &Camera) -> (f32, f32) {
-        // Nearer than this share of the farthest, depths of 32-bit floats would run together.
-        const LEAST_SHARE: f32 = 1e-4;
-        let to_camera = camera.to_camera();
-        let depths = self.positions.iter().map(|&position| -to_camera.transform_point3(position).z);
-        let (low, high) =
-            depths.fold((f32::INFINITY, 0f32), |(low, high), depth| (low.min(depth), high.max(depth)));
-        let far = if high > 0.0 && high.is_finite() { high * 1.01 } else { 1.0 };
-        ((0.99 * low).clamp(far * LEAST_SHARE, 0.99 * far), far)
-    }
-
-    /// Unit normals of the vertices: those of the triangles around, weighted by area; +z where there are none.
-    #[must_use]
-    pub fn normals(&self) -> Vec<Vec3> {
-        let mut normals = vec![Vec3::ZERO; self.positions.len()];
-        for &triangle in &self.triangles {
-            let [a, b, c] = self.corners(triangle);
-            let normal = (b - a).cross(c - a);
-            if normal.is_finite() {
-                triangle.iter().for_each(|&index| normals[index as usize] += normal);
-            }
-        }
-        normals.into_iter().map(|normal| normal.try_normalize().unwrap_or(Vec3::Z)).collect()
-    }
+    pub views: Vec<Photograph>,
 }
 
 impl Capture {
@@ -141,19 +30,13 @@ impl Capture {
     /// # Errors
     /// [`CaptureError`] names the first fault.
     pub fn check(&self) -> Result<(), CaptureError> {
-        let too_large = |what, found, max| Err(CaptureError::MeshTooLarge { what, found, max });
-        let (vertices, triangles) = (self.mesh.positions.len(), self.mesh.triangles.len());
-        match () {
-            () if self.views.is_empty() => return Err(CaptureError::NoViews),
-            () if self.views.len() > MAX_VIEWS => {
-                return Err(CaptureError::TooManyViews { views: self.views.len(), max: MAX_VIEWS });
-            }
-            () if triangles == 0 => return Err(CaptureError::NoTriangles),
-            () if vertices > MAX_VERTICES => return too_large("vertices", vertices, MAX_VERTICES),
-            () if triangles > MAX_TRIANGLES => return too_large("triangles", triangles, MAX_TRIANGLES),
-            () if !self.mesh.is_valid() => return Err(CaptureError::Mesh),
-            () => {}
+        if self.views.is_empty() {
+            return Err(CaptureError::NoViews);
         }
+        if self.views.len() > MAX_VIEWS {
+            return Err(CaptureError::TooManyViews { views: self.views.len(), max: MAX_VIEWS });
+        }
+        self.check_mesh()?;
         for (index, view) in self.views.iter().enumerate() {
             if !view.camera.is_valid() {
                 return Err(CaptureError::Camera { index });
@@ -164,5 +47,20 @@ impl Capture {
             }
         }
         Ok(())
+    }
+
+    fn check_mesh(&self) -> Result<(), CaptureError> {
+        let (vertices, triangles) = (self.mesh.positions.len(), self.mesh.triangles.len());
+        if triangles == 0 {
+            return Err(CaptureError::NoTriangles);
+        }
+        for (what, found, max) in
+            [("vertices", vertices, MAX_VERTICES), ("triangles", triangles, MAX_TRIANGLES)]
+        {
+            if found > max {
+                return Err(CaptureError::MeshTooLarge { what, found, max });
+            }
+        }
+        if self.mesh.is_valid() { Ok(()) } else { Err(CaptureError::Mesh) }
     }
 }

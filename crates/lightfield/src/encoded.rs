@@ -1,70 +1,25 @@
 //! The shipped form: a mesh, its mean, and for each term surface maps and view maps.
+//!
+//! What is held after loading is what files and GPUs hold; the tables that the CPU decoder reads, several times as large, are made when the first
+//! texel is sampled.
 
 use std::borrow::Cow;
+use std::sync::OnceLock;
 
 use glam::Vec3;
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::SectionWriter;
-use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
 use texfold_core::{
     CodecId, Domain, Encoded, Footprint, GpuForm, Layers, LightAddress, LightLayout, Notes, Plane,
     PlaneFormat, RegionError, SurfaceBinding, SurfaceLight, Texel, TextureCodec,
 };
 
 use crate::decode::{
-    LightfieldView, TEXFOLD_LIGHTFIELD_REFLECTED, TEXFOLD_LIGHTFIELD_ROW, TEXFOLD_LIGHTFIELD_VIEW,
-    TEXFOLD_LIGHTFIELD_WORLD, TexfoldLightfieldParams, texfold_lightfield_sample, texfold_lightfield_scale,
+    LightfieldView, TEXFOLD_LIGHTFIELD_ROW, TexfoldLightfieldParams, texfold_lightfield_sample,
 };
-use crate::layout::{Layout, Sharing, Widths, halved};
-use crate::params::{Directions, Factors};
+use crate::kinds::{Directions, Factors};
+use crate::parts::{PIXEL, Parts, surface_size, view_size, zero_and_range};
 use crate::{Lightfield, Mesh, wire};
-
-/// Pixels of all maps: red, green and blue.
-pub(crate) const PIXEL: PixelInfo =
-    PixelInfo { channels: 3, depth: Depth::Eight, color: ColorSpace::Srgb, alpha: Alpha::Opaque };
-
-/// The scale that a byte stands for; 0 stands for 0.
-pub(crate) fn scale_of(byte: u8) -> f32 {
-    texfold_lightfield_scale(u32::from(byte))
-}
-
-/// The least scale of at least `value`; the largest where there is none, 0 for less than the least.
-pub(crate) fn byte_of(value: f32) -> u8 {
-    if value < scale_of(1) { 0 } else { (1..=255).find(|&byte| scale_of(byte) >= value).unwrap_or(255) }
-}
-
-/// The byte of a map that stands for 0, and bytes from there to the one that stands for 1.
-pub(crate) fn zero_and_range(factors: Factors) -> (f32, f32) {
-    match factors {
-        Factors::Signed => (128.0, 127.0),
-        Factors::NonNegative => (0.0, 255.0),
-    }
-}
-
-/// What a light field is put together of.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Parts {
-    pub(crate) mesh: Mesh,
-    /// Binary logarithm of the side of each triangle's patch.
-    pub(crate) sides_log2: Vec<u8>,
-    /// How often these are halved for surface maps.
-    pub(crate) halvings: u8,
-    pub(crate) directions: Directions,
-    pub(crate) factors: Factors,
-    pub(crate) grid: u32,
-    /// Terms of the whole file.
-    pub(crate) total_terms: u32,
-    /// Terms that are there.
-    pub(crate) terms: u32,
-    /// Scales of the terms that are there: term by term, vertex by vertex, red, green and blue.
-    pub(crate) scales: Vec<u8>,
-    /// Which maps show what: of the mean, then of the terms that are there.
-    pub(crate) layers: Vec<Sharing>,
-    pub(crate) widths: Widths,
-    pub(crate) mean: ContentPlanes,
-    pub(crate) surface: ContentPlanes,
-    pub(crate) view: ContentPlanes,
-}
 
 /// An encoded surface light field.
 #[derive(Debug, Clone)]
@@ -72,61 +27,54 @@ pub struct LightTexture {
     pub(crate) parts: Parts,
     layout: LightLayout,
     params: TexfoldLightfieldParams,
+    tables: OnceLock<Tables>,
+    notes: Notes,
+}
+
+/// What the CPU decoder reads.
+#[derive(Debug, Clone)]
+struct Tables {
+    /// The mesh as the shader reads it.
     words: Vec<u32>,
     mean: Vec<Texel>,
     surface: Vec<Texel>,
     view: Vec<Texel>,
-    notes: Notes,
-}
-
-/// Columns and rows of the mean's atlas.
-pub(crate) fn mean_size(layout: &Layout, widths: Widths) -> (u32, u32) {
-    (widths.mean, layout.mean_rows().max(4))
-}
-
-/// Columns and rows of the surface maps' atlas; at least a block, as a texture has texels.
-pub(crate) fn surface_size(layout: &Layout, widths: Widths, terms: u32) -> (u32, u32) {
-    (widths.surface, layout.rows(terms).0.max(4))
-}
-
-/// Columns and rows of the view maps' atlas; likewise.
-pub(crate) fn view_size(layout: &Layout, widths: Widths, terms: u32) -> (u32, u32) {
-    (widths.view, layout.rows(terms).1.max(4))
 }
 
 impl LightTexture {
-    /// From parts that fit each other: lengths and sizes as `layout` has them.
-    pub(crate) fn new(parts: Parts, layout: &Layout, notes: Notes) -> LightTexture {
+    /// From parts that fit each other: lengths and sizes as [`Parts::layout`] has them.
+    pub(crate) fn new(parts: Parts, notes: Notes) -> LightTexture {
         let (vertices, triangles) = (parts.mesh.positions.len() as u32, parts.mesh.triangles.len() as u32);
-        let directions = match parts.directions {
-            Directions::View => TEXFOLD_LIGHTFIELD_VIEW,
-            Directions::Reflected => TEXFOLD_LIGHTFIELD_REFLECTED,
-            Directions::World => TEXFOLD_LIGHTFIELD_WORLD,
-        };
         let params = TexfoldLightfieldParams {
             vertices,
             triangles,
             terms: parts.terms,
             stored_terms: parts.terms,
-            directions,
+            directions: parts.directions.number(),
             grid: parts.grid,
             mean_swizzle: parts.mean.swizzle().0,
             map_swizzle: parts.surface.swizzle().0,
             map_zero: zero_and_range(parts.factors).0,
             map_range: zero_and_range(parts.factors).1,
-            halvings: u32::from(parts.halvings),
+            halvings: u32::from(parts.surface_reduce_log2),
             reserved: 0,
         };
         LightTexture {
             layout: LightLayout { triangles, terms: parts.terms },
             params,
-            words: words(&parts, layout),
-            mean: parts.mean.decode(),
-            surface: parts.surface.decode(),
-            view: parts.view.decode(),
+            tables: OnceLock::new(),
             parts,
             notes,
         }
+    }
+
+    fn tables(&self) -> &Tables {
+        self.tables.get_or_init(|| Tables {
+            words: words(&self.parts),
+            mean: self.parts.mean.decode(),
+            surface: self.parts.surface.decode(),
+            view: self.parts.view.decode(),
+        })
     }
 
     /// The mesh that the light field lies on.
@@ -184,17 +132,14 @@ impl LightTexture {
         if terms >= self.parts.terms {
             return self;
         }
-        let Parts { grid, widths, mut scales, mut layers, surface, view, .. } = self.parts;
-        layers.truncate(terms as usize + 1);
-        scales.truncate(3 * (terms * self.params.vertices) as usize);
-        // Where all terms fit a texture, fewer do.
-        let coarse = halved(&self.parts.sides_log2, self.parts.halvings);
-        let sides = [&self.parts.sides_log2[..], &coarse];
-        let layout = Layout::new(sides, &layers, widths, grid).unwrap_or_default();
-        let surface = first_rows(&surface, surface_size(&layout, widths, terms));
-        let view = first_rows(&view, view_size(&layout, widths, terms));
-        let parts = Parts { terms, total_terms: terms, scales, layers, surface, view, ..self.parts };
-        LightTexture::new(parts, &layout, self.notes)
+        let mut parts = self.parts;
+        parts.layers.truncate(terms as usize + 1);
+        parts.scales.truncate(3 * (terms * self.params.vertices) as usize);
+        (parts.terms, parts.total_terms) = (terms, terms);
+        let layout = parts.layout();
+        parts.surface = first_rows(&parts.surface, surface_size(&layout, parts.widths, terms));
+        parts.view = first_rows(&parts.view, view_size(&layout, parts.widths, terms));
+        LightTexture::new(parts, self.notes)
     }
 
     /// Replaces the notes.
@@ -204,19 +149,27 @@ impl LightTexture {
         self
     }
 
-    /// The light field as the shader sees it.
+    /// The light field as the shader sees it. The first call decodes all maps to texels.
     #[must_use]
     pub fn view(&self) -> LightfieldView<'_> {
+        let Tables { words, mean, surface, view } = self.tables();
         LightfieldView {
             params: self.params,
-            mesh: &self.words,
-            mean: &self.mean,
+            mesh: words,
+            mean,
             mean_width: self.parts.widths.mean,
-            surface: &self.surface,
+            surface,
             surface_width: self.parts.widths.surface,
-            view: &self.view,
+            view,
             view_width: self.parts.widths.view,
         }
+    }
+
+    /// As [`LightTexture::view`], with at most `terms` terms beside the mean.
+    pub(crate) fn view_of_terms(&self, terms: u32) -> LightfieldView<'_> {
+        let whole = self.view();
+        let params = TexfoldLightfieldParams { terms: self.params.terms.min(terms), ..self.params };
+        LightfieldView { params, ..whole }
     }
 }
 
@@ -230,10 +183,12 @@ fn first_rows(planes: &ContentPlanes, size: (u32, u32)) -> ContentPlanes {
     ContentPlanes::from_planes(planes.content(), PIXEL, size, first).unwrap_or_else(|| planes.clone())
 }
 
-/// The mesh as the shader reads it.
-fn words(parts: &Parts, layout: &Layout) -> Vec<u32> {
+/// The mesh as the shader reads it, in whole rows of the texture that holds it.
+fn words(parts: &Parts) -> Vec<u32> {
+    let layout = parts.layout();
     let vertices = parts.mesh.positions.len();
     let mut words = Vec::new();
+    words.reserve_exact(parts.words() as usize);
     for (vertex, (position, normal)) in parts.mesh.positions.iter().zip(parts.mesh.normals()).enumerate() {
         words.extend(position.to_array().map(f32::to_bits));
         words.extend(normal.to_array().map(f32::to_bits));
@@ -251,7 +206,16 @@ fn words(parts: &Parts, layout: &Layout) -> Vec<u32> {
             words.extend(&term[3 * triangle..3 * triangle + 3]);
         }
     }
+    words.resize(words.len().next_multiple_of(TEXFOLD_LIGHTFIELD_ROW as usize), 0);
     words
+}
+
+/// Words as the bytes of a plane, the lowest first: borrowed where the machine keeps them so.
+fn bytes_of(words: Cow<'_, [u32]>) -> Cow<'_, [u8]> {
+    match words {
+        Cow::Borrowed(words) if cfg!(target_endian = "little") => Cow::Borrowed(bytemuck::cast_slice(words)),
+        words => Cow::Owned(words.iter().flat_map(|word| word.to_le_bytes()).collect()),
+    }
 }
 
 impl Encoded for LightTexture {
@@ -298,15 +262,17 @@ impl Encoded for LightTexture {
     }
 
     fn gpu(&self) -> GpuForm<'_> {
-        let mut words = self.words.clone();
-        words.resize(words.len().next_multiple_of(TEXFOLD_LIGHTFIELD_ROW as usize), 0);
+        let words = match self.tables.get() {
+            Some(tables) => Cow::Borrowed(&tables.words[..]),
+            None => Cow::Owned(words(&self.parts)),
+        };
         let mut planes = vec![Plane {
             part: "mesh",
             format: PlaneFormat::R32Uint,
             width: TEXFOLD_LIGHTFIELD_ROW,
             height: words.len() as u32 / TEXFOLD_LIGHTFIELD_ROW,
             levels: 1,
-            data: Cow::Owned(words.iter().flat_map(|word| word.to_le_bytes()).collect()),
+            data: bytes_of(words),
         }];
         let mut bound = vec![0];
         for (part, content) in [
@@ -326,22 +292,5 @@ impl Encoded for LightTexture {
 
     fn notes(&self) -> &Notes {
         &self.notes
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn scales_rise_by_an_eighth_of_an_octave_and_hold_what_they_are_asked_for() {
-        assert_eq!((scale_of(0), scale_of(1), scale_of(209)), (0.0, 2f32.powi(-26), 1.0));
-        for byte in 1..=254 {
-            let ratio = scale_of(byte + 1) / scale_of(byte);
-            assert!((ratio - 2f32.powf(0.125)).abs() < 1e-5, "{byte}: {ratio}");
-            assert_eq!(byte_of(scale_of(byte)), byte);
-            assert_eq!(byte_of(scale_of(byte) * 1.01), byte + 1);
-        }
-        assert_eq!((byte_of(0.0), byte_of(f32::MAX)), (0, 255));
     }
 }

@@ -14,9 +14,9 @@ pub(crate) const NONE: u32 = u32::MAX;
 /// Rows of an atlas from one term to the next are multiples of a block's side, so that no block belongs to two terms.
 const BLOCK: u32 = 4;
 
-/// The sides of terms' patches, where those of the mean are halved so often.
-pub(crate) fn halved(sides_log2: &[u8], halvings: u8) -> Vec<u8> {
-    sides_log2.iter().map(|log2| log2.saturating_sub(halvings)).collect()
+/// The sides of terms' patches, where those of the mean are downscaled by `reduce_log2`.
+pub(crate) fn reduced(sides_log2: &[u8], reduce_log2: u8) -> Vec<u8> {
+    sides_log2.iter().map(|log2| log2.saturating_sub(reduce_log2)).collect()
 }
 
 /// Which of a layer's maps shows what.
@@ -118,7 +118,16 @@ pub(crate) struct Layout {
     /// For each layer and vertex column (14 bits) and row of its view map; 0 where there is none.
     pub(crate) views: Vec<Vec<u32>>,
     /// For each layer the first row after its patches, and the first row after its view maps.
-    pub(crate) ends: Vec<(u32, u32)>,
+    pub(crate) ends: Vec<Rows>,
+}
+
+/// Rows of two atlases.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Rows {
+    /// Of the surface maps', or of the mean's.
+    pub(crate) surface: u32,
+    /// Of the view maps'.
+    pub(crate) view: u32,
 }
 
 impl Layout {
@@ -150,19 +159,19 @@ impl Layout {
             }
             layout.views.push(layer.view_of.iter().map(of_view).collect());
             view_top += rows as u32;
-            layout.ends.push((top, view_top));
+            layout.ends.push(Rows { surface: top, view: view_top });
         }
         Some(layout)
     }
 
     /// Rows of the mean's atlas.
     pub(crate) fn mean_rows(&self) -> u32 {
-        self.ends.first().map_or(0, |end| end.0)
+        self.ends.first().map_or(0, |end| end.surface)
     }
 
     /// Rows of the surface maps' and of the view maps' atlas of the first `terms` terms.
-    pub(crate) fn rows(&self, terms: u32) -> (u32, u32) {
-        if terms == 0 { (0, 0) } else { self.ends.get(terms as usize).copied().unwrap_or((0, 0)) }
+    pub(crate) fn rows(&self, terms: u32) -> Rows {
+        if terms == 0 { Rows::default() } else { self.ends.get(terms as usize).copied().unwrap_or_default() }
     }
 }
 
@@ -245,14 +254,14 @@ mod tests {
                             let at = [read.a, read.b, read.c][read.weights.max_position()];
                             assert!((read.weights.max_element() - 1.0).abs() < 1e-6);
                             let texel = texfold_lightfield_texel(place, side, at);
-                            assert!(texel.x < width && texel.y < layout.ends[layer].0);
+                            assert!(texel.x < width && texel.y < layout.ends[layer].surface);
                             assert_eq!(owner.insert((layer == 0, texel), layer), None);
                         }
                     }
                     for (vertex, &place) in layout.views[layer].iter().enumerate().filter(|(v, _)| v % 2 == 0)
                     {
                         let (x, y) = (place & 0x3fff, place >> 14);
-                        assert!(x + 16 <= widths.view && y + 16 <= layout.ends[layer].1);
+                        assert!(x + 16 <= widths.view && y + 16 <= layout.ends[layer].view);
                         assert_eq!(tiles.insert((x / 16, y / 16), vertex), None);
                     }
                 }

@@ -16,29 +16,41 @@
 
 mod bvh;
 mod camera;
-mod capture;
 pub mod decode;
-mod encode;
 mod encoded;
-mod error;
+mod kinds;
 mod layout;
-mod order;
-mod params;
+mod mesh;
+mod parts;
 mod pictures;
 mod render;
-mod simplify;
 mod wire;
 
+#[cfg(feature = "encode")]
+mod capture;
+#[cfg(feature = "encode")]
+mod encode;
+#[cfg(feature = "encode")]
+mod error;
+#[cfg(feature = "encode")]
+mod params;
+
 pub use camera::Camera;
-pub use capture::{Capture, Mesh, View};
-pub use encode::{Fitted, Quality};
+#[cfg(feature = "encode")]
+pub use capture::{Capture, Photograph};
+#[cfg(feature = "encode")]
+pub use encode::{FittedMaps, LightQuality};
 pub use encoded::LightTexture;
+#[cfg(feature = "encode")]
 pub use error::CaptureError;
-pub use params::{Directions, Factors, Fit, LightParams, MAX_TERMS, Model, Updates};
+pub use kinds::{Directions, Factors, MAX_TERMS};
+pub use mesh::Mesh;
+#[cfg(feature = "encode")]
+pub use params::{FitMethod, LightModel, LightParams, MapSizes, MapStorage, Updates};
 pub use render::Renderer;
 
 use texfold_core::container::Sections;
-use texfold_core::{Budget, CodecId, EncodeError, Encoder, Job, LoadError, SurfaceLight, TextureCodec};
+use texfold_core::{Budget, CodecId, LoadError, SurfaceLight, TextureCodec};
 
 /// Surface light-field maps.
 #[derive(Debug, Clone, Copy)]
@@ -50,54 +62,6 @@ impl TextureCodec for Lightfield {
     type Encoded = LightTexture;
 
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<LightTexture, LoadError> {
-        wire::load(file, budget)
-    }
-}
-
-impl Encoder for Lightfield {
-    type Source<'s> = &'s Capture;
-    type Params = LightParams;
-
-    fn encode(
-        source: &Capture,
-        params: &LightParams,
-        job: &mut Job<'_>,
-    ) -> Result<LightTexture, EncodeError> {
-        Lightfield::encode_measured(source, params, job).map(|(texture, _)| texture)
-    }
-}
-
-impl Lightfield {
-    /// As [`Encoder::encode`], and how close the result comes to the photographs.
-    ///
-    /// # Errors
-    /// As [`Encoder::encode`].
-    pub fn encode_measured(
-        source: &Capture,
-        params: &LightParams,
-        job: &mut Job<'_>,
-    ) -> Result<(LightTexture, Quality), EncodeError> {
-        encode::encode(source, params, job)
-    }
-
-    /// As [`Lightfield::encode_measured`], on a mesh of as few triangles as the photographs need: half of them, and half again, while
-    /// that shows some photographs, drawn again, at [`LightParams::psnr`] or loses less than a quarter of a dB.
-    ///
-    /// # Errors
-    /// As [`Encoder::encode`].
-    pub fn encode_simplified(
-        source: &Capture,
-        params: &LightParams,
-        job: &mut Job<'_>,
-    ) -> Result<(LightTexture, Quality), EncodeError> {
-        encode::encode_simplified(source, params, job)
-    }
-
-    /// The first half of an encode, for several ways to store what it finds.
-    ///
-    /// # Errors
-    /// As [`Encoder::encode`].
-    pub fn fit(source: &Capture, params: &LightParams, job: &mut Job<'_>) -> Result<Fitted, EncodeError> {
-        encode::fit(source, params, job)
+        wire::load(file, budget).map(|(parts, notes)| LightTexture::new(parts, notes))
     }
 }

@@ -1,33 +1,9 @@
 //! Parameters of the light-field codec.
 
 use texfold_bc::Content;
-use texfold_core::{ParamError, Params};
+use texfold_core::{ParamError, ParamValue, Params};
 
-/// Most terms beside the mean: a bound of the shader's loop.
-pub const MAX_TERMS: u32 = 8;
-
-/// What view maps are laid over.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Directions {
-    /// The direction to the eye, orthographic, as in the paper.
-    View,
-    /// That direction reflected about the smooth normal: a highlight keeps its place in the map while it moves
-    /// over the surface.
-    #[default]
-    Reflected,
-    /// The reflected direction in space, on an octahedron: what is far away keeps its place in the maps of all vertices.
-    World,
-}
-
-/// Which signs the factors have.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Factors {
-    /// Any: a term may add or take away.
-    #[default]
-    Signed,
-    /// None below 0: terms only add to the mean, which is then what they have in common.
-    NonNegative,
-}
+use crate::kinds::{Directions, Factors, MAX_TERMS};
 
 /// How factors are improved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -41,12 +17,15 @@ pub enum Updates {
 
 /// How maps are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Fit {
+pub enum FitMethod {
     /// Alternating least squares on what each photograph shows of each sample.
     #[default]
     Scattered,
-    /// As scattered, but all vertices show the same view map of a term: small files. Over directions in space alone.
-    Shared,
+    /// As scattered, but all vertices of a region decode the same view map of a term: small files. Over directions in space alone.
+    Shared {
+        /// Regions of the mesh, 1 to 4096.
+        regions: u32,
+    },
     /// The paper's: photographs that see whole triangles, blended on the grid of the view map, then a principal component analysis.
     /// Its factors have signs, and every vertex has all terms.
     Resampled,
@@ -54,9 +33,10 @@ pub enum Fit {
 
 /// Parts of the model that can be left out or done otherwise, to see what they buy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Model {
+#[non_exhaustive]
+pub struct LightModel {
     /// How maps are found.
-    pub fit: Fit,
+    pub fit: FitMethod,
     /// What view maps are laid over.
     pub directions: Directions,
     /// Which signs the factors have.
@@ -69,10 +49,10 @@ pub struct Model {
     pub chosen: bool,
 }
 
-impl Default for Model {
+impl Default for LightModel {
     fn default() -> Self {
-        Model {
-            fit: Fit::default(),
+        LightModel {
+            fit: FitMethod::default(),
             directions: Directions::default(),
             factors: Factors::default(),
             updates: Updates::default(),
@@ -82,28 +62,124 @@ impl Default for Model {
     }
 }
 
-/// How a light field is encoded.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LightParams {
-    /// Terms beside the mean, 0 to [`MAX_TERMS`].
-    pub terms: u32,
-    /// As few of these terms as reach this PSNR in dB against what the photographs show; all where this is not given.
-    pub psnr: Option<f64>,
+impl LightModel {
+    /// With maps found in this way.
+    #[must_use]
+    pub fn with_fit(self, fit: FitMethod) -> Self {
+        LightModel { fit, ..self }
+    }
+
+    /// With view maps over these directions.
+    #[must_use]
+    pub fn with_directions(self, directions: Directions) -> Self {
+        LightModel { directions, ..self }
+    }
+
+    /// With factors of these signs.
+    #[must_use]
+    pub fn with_factors(self, factors: Factors) -> Self {
+        LightModel { factors, ..self }
+    }
+
+    /// With factors improved in this way.
+    #[must_use]
+    pub fn with_updates(self, updates: Updates) -> Self {
+        LightModel { updates, ..self }
+    }
+
+    /// With or without photographs that show part of an edge or triangle.
+    #[must_use]
+    pub fn with_partial(self, partial: bool) -> Self {
+        LightModel { partial, ..self }
+    }
+
+    /// With the terms that photographs left out speak for, or with all of them everywhere.
+    #[must_use]
+    pub fn with_chosen(self, chosen: bool) -> Self {
+        LightModel { chosen, ..self }
+    }
+}
+
+/// How fine the maps are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct MapSizes {
     /// Texels a side of a view map, a multiple of 4 up to 64.
     pub grid: u32,
     /// Samples along a triangle's side for each that the photographs resolve, 0.125 to 1.
     pub sampling: f32,
-    /// How often the sides of surface maps are halved, 0 to 3, beside those of the mean: terms differ less from place to place.
-    pub halvings: u8,
-    /// Share of what the maps take that is stored, above 0 to 1: below 1 maps are codewords that several triangles or vertices show. View maps
-    /// that regions share count once.
-    pub codewords: f32,
-    /// Regions of the mesh whose vertices show the same view maps, where they share them; 1 to 4096.
-    pub regions: u32,
-    /// Parts of the model.
-    pub model: Model,
-    /// How the maps are stored: raw, BC1 or BC7.
+    /// Log2 by which the sides of surface maps are downscaled beside those of the mean, 0 to 3: terms differ less from place to place.
+    pub surface_reduce_log2: u8,
+}
+
+impl Default for MapSizes {
+    fn default() -> Self {
+        MapSizes { grid: 16, sampling: 1.0, surface_reduce_log2: 1 }
+    }
+}
+
+/// How maps are stored once they are found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct MapStorage {
+    /// How texels are stored: raw, BC1 or BC7.
     pub content: Content,
+    /// Fraction of the maps' bits to keep, above 0 to 1: below 1 maps are codewords that several triangles or vertices share. View
+    /// maps that regions share count once.
+    pub codewords: f32,
+}
+
+impl Default for MapStorage {
+    fn default() -> Self {
+        MapStorage { content: Content::Raw, codewords: 1.0 }
+    }
+}
+
+impl MapStorage {
+    /// With texels stored in this way.
+    #[must_use]
+    pub fn with_content(self, content: Content) -> Self {
+        MapStorage { content, ..self }
+    }
+
+    /// With this fraction of the maps' bits.
+    #[must_use]
+    pub fn with_codewords(self, codewords: f32) -> Self {
+        MapStorage { codewords, ..self }
+    }
+
+    /// Checks both fields.
+    pub(crate) fn check(&self) -> Result<(), ParamError> {
+        if !(self.codewords > 0.0 && self.codewords <= 1.0) {
+            return error("codewords", self.codewords, "above 0 to 1");
+        }
+        if !matches!(self.content, Content::Raw | Content::Bc1 | Content::Bc7) {
+            return error("content", self.content.name(), "raw, bc1 and bc7 for light-field maps");
+        }
+        Ok(())
+    }
+}
+
+/// How a light field is encoded.
+///
+/// ```
+/// use texfold_lightfield::LightParams;
+/// let params = LightParams::default().with_terms(3).with_codewords(0.5);
+/// assert_eq!((params.terms, params.storage.codewords), (3, 0.5));
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct LightParams {
+    /// Terms beside the mean, 0 to [`MAX_TERMS`].
+    pub terms: u32,
+    /// As few of these terms as reach this PSNR in dB against the photographs; all where this is not given.
+    pub psnr: Option<f64>,
+    /// How fine the maps are.
+    pub maps: MapSizes,
+    /// Parts of the model.
+    pub model: LightModel,
+    /// How the maps are stored.
+    pub storage: MapStorage,
 }
 
 impl Default for LightParams {
@@ -111,55 +187,140 @@ impl Default for LightParams {
         LightParams {
             terms: 1,
             psnr: None,
-            grid: 16,
-            sampling: 1.0,
-            halvings: 1,
-            regions: 24,
-            codewords: 1.0,
-            model: Model::default(),
-            content: Content::Raw,
+            maps: MapSizes::default(),
+            model: LightModel::default(),
+            storage: MapStorage::default(),
         }
+    }
+}
+
+impl LightParams {
+    /// With so many terms beside the mean.
+    #[must_use]
+    pub fn with_terms(self, terms: u32) -> Self {
+        LightParams { terms, ..self }
+    }
+
+    /// With as few terms as reach this PSNR in dB; `None` for all.
+    #[must_use]
+    pub fn with_psnr(self, psnr: impl Into<Option<f64>>) -> Self {
+        LightParams { psnr: psnr.into(), ..self }
+    }
+
+    /// With these parts of the model.
+    #[must_use]
+    pub fn with_model(self, model: LightModel) -> Self {
+        LightParams { model, ..self }
+    }
+
+    /// With view maps of so many texels a side.
+    #[must_use]
+    pub fn with_grid(mut self, grid: u32) -> Self {
+        self.maps.grid = grid;
+        self
+    }
+
+    /// With so many samples for each that the photographs resolve.
+    #[must_use]
+    pub fn with_sampling(mut self, sampling: f32) -> Self {
+        self.maps.sampling = sampling;
+        self
+    }
+
+    /// With the sides of surface maps downscaled by this log2.
+    #[must_use]
+    pub fn with_surface_reduce_log2(mut self, log2: u8) -> Self {
+        self.maps.surface_reduce_log2 = log2;
+        self
+    }
+
+    /// With maps stored in this way.
+    #[must_use]
+    pub fn with_storage(self, storage: MapStorage) -> Self {
+        LightParams { storage, ..self }
+    }
+
+    /// With texels stored in this way.
+    #[must_use]
+    pub fn with_content(mut self, content: Content) -> Self {
+        self.storage.content = content;
+        self
+    }
+
+    /// With this fraction of the maps' bits.
+    #[must_use]
+    pub fn with_codewords(mut self, codewords: f32) -> Self {
+        self.storage.codewords = codewords;
+        self
+    }
+}
+
+fn error(field: &'static str, value: impl Into<ParamValue>, range: &'static str) -> Result<(), ParamError> {
+    Err(ParamError::new(field, value, range))
+}
+
+impl MapSizes {
+    fn check(&self) -> Result<(), ParamError> {
+        if !(4..=64).contains(&self.grid) || !self.grid.is_multiple_of(4) {
+            return error("grid", self.grid, "multiples of 4 in 4..=64");
+        }
+        if !(0.125..=1.0).contains(&self.sampling) {
+            return error("sampling", self.sampling, "0.125..=1");
+        }
+        if self.surface_reduce_log2 > 3 {
+            return error("surface_reduce_log2", self.surface_reduce_log2, "0..=3");
+        }
+        Ok(())
+    }
+}
+
+impl LightModel {
+    /// Which parts go together.
+    fn check(&self) -> Result<(), ParamError> {
+        if let FitMethod::Shared { regions } = self.fit {
+            if !(1..=4096).contains(&regions) {
+                return error("regions", regions, "1..=4096");
+            }
+            if self.directions != Directions::World {
+                return error(
+                    "directions",
+                    "around vertices",
+                    "those in space where vertices share view maps",
+                );
+            }
+            if self.updates == Updates::Multiplicative {
+                return error("updates", "multiplicative", "alternating where vertices share view maps");
+            }
+        }
+        if self.fit == FitMethod::Resampled {
+            if self.factors == Factors::NonNegative {
+                return error("factors", "non-negative", "any sign where the matrix is resampled");
+            }
+            if self.directions == Directions::World {
+                return error(
+                    "directions",
+                    "in space",
+                    "those around vertices where the matrix is resampled",
+                );
+            }
+        }
+        if self.updates == Updates::Multiplicative && self.factors == Factors::Signed {
+            return error("updates", "multiplicative", "alternating where factors have signs");
+        }
+        Ok(())
     }
 }
 
 impl Params for LightParams {
     fn check(&self) -> Result<(), ParamError> {
-        let error = |field, value, range| Err(ParamError { field, value, range });
-        match self {
-            _ if self.psnr.is_some_and(|psnr| !psnr.is_finite() || psnr <= 0.0) => {
-                error("psnr", self.psnr.unwrap_or(0.0).into(), "finite numbers above 0")
-            }
-            _ if self.terms > MAX_TERMS => error("terms", self.terms.into(), "0..=8"),
-            _ if !(4..=64).contains(&self.grid) || !self.grid.is_multiple_of(4) => {
-                error("grid", self.grid.into(), "multiples of 4 in 4..=64")
-            }
-            _ if !(0.125..=1.0).contains(&self.sampling) => {
-                error("sampling", self.sampling.into(), "0.125..=1")
-            }
-            _ if !(1..=4096).contains(&self.regions) => error("regions", self.regions.into(), "1..=4096"),
-            _ if self.halvings > 3 => error("halvings", self.halvings.into(), "0..=3"),
-            _ if !(self.codewords > 0.0 && self.codewords <= 1.0) => {
-                error("codewords", self.codewords.into(), "above 0 to 1")
-            }
-            _ if self.model.fit == Fit::Resampled && self.model.factors == Factors::NonNegative => {
-                error("factors", "non-negative".into(), "any sign where the matrix is resampled")
-            }
-            _ if self.model.fit == Fit::Shared && self.model.directions != Directions::World => {
-                error("directions", "around vertices".into(), "those in space where vertices share view maps")
-            }
-            _ if self.model.fit == Fit::Resampled && self.model.directions == Directions::World => {
-                error("directions", "in space".into(), "those around vertices where the matrix is resampled")
-            }
-            _ if self.model.fit == Fit::Shared && self.model.updates == Updates::Multiplicative => {
-                error("updates", "multiplicative".into(), "alternating where vertices share view maps")
-            }
-            _ if self.model.updates == Updates::Multiplicative && self.model.factors == Factors::Signed => {
-                error("updates", "multiplicative".into(), "alternating where factors have signs")
-            }
-            _ if !matches!(self.content, Content::Raw | Content::Bc1 | Content::Bc7) => {
-                error("content", self.content.name().into(), "raw, bc1 and bc7 for light-field maps")
-            }
-            _ => Ok(()),
+        if self.psnr.is_some_and(|psnr| !psnr.is_finite() || psnr <= 0.0) {
+            return error("psnr", self.psnr.unwrap_or(0.0), "finite numbers above 0");
         }
+        if self.terms > MAX_TERMS {
+            return error("terms", self.terms, "0..=8");
+        }
+        self.maps.check()?;
+        self.model.check()?;
+        self.storage.check()
     }
 }

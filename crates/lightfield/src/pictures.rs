@@ -4,7 +4,7 @@ use glam::{Mat4, Vec2, Vec3};
 use texfold_core::image::Raster;
 use texfold_core::{Encoded, SourceError, Texel};
 
-use crate::encoded::PIXEL;
+use crate::parts::PIXEL;
 use crate::{Camera, LightTexture, Renderer};
 
 /// Pixels a side of the drawn mesh.

@@ -1,9 +1,8 @@
 //! The CPU reference of a rendered view: one ray a pixel, from its middle.
 
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 use texfold_core::image::to_u8;
-use texfold_core::{Encoded, LightAddress};
+use texfold_core::{Encoded, LightAddress, parallel};
 
 use crate::bvh::Bvh;
 use crate::{Camera, LightTexture};
@@ -29,7 +28,7 @@ impl<'t> Renderer<'t> {
     pub fn render(&self, camera: &Camera) -> Vec<[u8; 4]> {
         let width = camera.width as usize;
         let mut pixels = vec![[0; 4]; width * camera.height as usize];
-        pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(row, line)| {
+        parallel::for_each_row(&mut pixels, width, |row, line| {
             for (column, pixel) in line.iter_mut().enumerate() {
                 *pixel = self.pixel(camera, Vec2::new(column as f32, row as f32) + 0.5);
             }

@@ -8,10 +8,10 @@ use texfold_core::container::{Notes, Reader, SectionWriter, Sections};
 use texfold_core::{Budget, LoadError, String4, Texel};
 
 use crate::Mesh;
-use crate::capture::{MAX_TRIANGLES, MAX_VERTICES};
-use crate::encoded::{LightTexture, PIXEL, Parts, mean_size, surface_size, view_size};
-use crate::layout::{Layout, MAX_SIDE_LOG2, NONE, SIDES, Sharing, Widths, halved};
-use crate::params::{Directions, Factors, MAX_TERMS};
+use crate::kinds::{Directions, Factors, MAX_TERMS};
+use crate::layout::{Layout, MAX_SIDE_LOG2, NONE, SIDES, Sharing, Widths, reduced};
+use crate::mesh::{MAX_TRIANGLES, MAX_VERTICES};
+use crate::parts::{PIXEL, Parts, mean_size, surface_size, view_size, words};
 
 const FORM_ID: [u8; 4] = *b"LFFM";
 const MESH_ID: [u8; 4] = *b"LFME";
@@ -20,33 +20,27 @@ const MEAN_ID: [u8; 4] = *b"LFMN";
 /// Coordinates beyond this are taken for damage: squares of their differences must stay finite.
 const MAX_COORDINATE: f32 = 1e9;
 
+/// Bytes of the number of a map, and room for the vector to grow by doubling.
+const SHARING_BYTES: u64 = 12;
+
 fn term_id(kind: u8, term: u32) -> [u8; 4] {
     [b'L', b'F', kind, b'0' + term as u8]
 }
 
+/// Writes all sections.
 pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     let (vertices, triangles) = (parts.mesh.positions.len(), parts.mesh.triangles.len());
-    let directions = match parts.directions {
-        Directions::View => 0u8,
-        Directions::Reflected => 1,
-        Directions::World => 2,
-    };
-    let factors = match parts.factors {
-        Factors::Signed => 0u8,
-        Factors::NonNegative => 1,
-    };
+    let (directions, factors) = (parts.directions.number() as u8, parts.factors.number() as u8);
     let mut form = Vec::new();
     form.extend([vertices as u32, triangles as u32].map(u32::to_le_bytes).concat());
     form.extend([parts.total_terms as u8, parts.grid as u8, directions, factors]);
     form.extend([parts.mean.content().number(), parts.surface.content().number()]);
     let Widths { mean, surface, view } = parts.widths;
     form.extend([mean, surface, view].map(|width| (width as u16).to_le_bytes()).concat());
-    form.push(parts.halvings);
+    form.push(parts.surface_reduce_log2);
     out.section("container", FORM_ID, &form);
     out.section("mesh", MESH_ID, &mesh_bytes(parts));
-    let coarse = halved(&parts.sides_log2, parts.halvings);
-    let layout = Layout::new([&parts.sides_log2, &coarse], &parts.layers, parts.widths, parts.grid);
-    let layout = layout.unwrap_or_default();
+    let layout = parts.layout();
     let rows = |planes: &ContentPlanes, first: u32, end: u32| {
         // An atlas without maps has a block all the same, which no section holds.
         rows_of(planes, if end > first { first..end } else { 0..0 })
@@ -59,8 +53,8 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
         push_sharing(&mut maps, &parts.layers[term as usize + 1]);
         let (begin, end) = (layout.rows(term), layout.rows(term + 1));
         out.section("scales and indices", term_id(b'Q', term), &maps);
-        out.section("surface maps", term_id(b'G', term), &rows(&parts.surface, begin.0, end.0));
-        out.section("view maps", term_id(b'H', term), &rows(&parts.view, begin.1, end.1));
+        out.section("surface maps", term_id(b'G', term), &rows(&parts.surface, begin.surface, end.surface));
+        out.section("view maps", term_id(b'H', term), &rows(&parts.view, begin.view, end.view));
     }
 }
 
@@ -118,6 +112,7 @@ fn rows_of(planes: &ContentPlanes, rows: std::ops::Range<u32>) -> Vec<u8> {
     raw
 }
 
+/// What "LFFM" says.
 struct Form {
     vertices: u32,
     triangles: u32,
@@ -128,49 +123,55 @@ struct Form {
     mean: Content,
     maps: Content,
     widths: Widths,
-    halvings: u8,
+    surface_reduce_log2: u8,
 }
 
-pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<LightTexture, LoadError> {
+/// What "LFME" holds.
+struct MeshSection {
+    mesh: Mesh,
+    sides_log2: Vec<u8>,
+    /// Which patches of the mean are shown.
+    mean: Sharing,
+}
+
+/// Reads all sections.
+pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<(Parts, Notes), LoadError> {
     let notes = Notes::read(file, budget)?;
     let raw = file.read(FORM_ID, budget)?;
     let form = read_form(&mut Reader::new(String4(FORM_ID), &raw))?;
     let raw = file.read(MESH_ID, budget)?;
     let mut reader = Reader::new(String4(MESH_ID), &raw);
-    let (mesh, sides_log2, of_mean) = read_mesh(&mut reader, &form, budget)?;
-    let mut layers = vec![of_mean];
-    let coarse = halved(&sides_log2, form.halvings);
-    let mut scales = Vec::new();
-    let ids = |term| [b'Q', b'G', b'H'].map(|kind| term_id(kind, term));
-    let mut terms = 0;
-    while terms < form.terms && ids(terms).iter().all(|&id| file.has(id)) {
-        let id = ids(terms)[0];
+    let MeshSection { mesh, sides_log2, mean } = read_mesh(&mut reader, &form, budget)?;
+    let is_whole = |&term: &u32| [b'Q', b'G', b'H'].iter().all(|&kind| file.has(term_id(kind, term)));
+    let terms = (0..form.terms).take_while(is_whole).count() as u32;
+    budget.take(u64::from(form.triangles))?;
+    let coarse = reduced(&sides_log2, form.surface_reduce_log2);
+    let per_term = 3 * mesh.positions.len();
+    let mut scales: Vec<u8> = budget.zeroed(per_term as u64 * u64::from(terms))?;
+    let mut layers = vec![mean];
+    for (term, scales) in (0..terms).zip(scales.chunks_exact_mut(per_term)) {
+        let id = term_id(b'Q', term);
         let raw = file.read(id, budget)?;
         let mut reader = Reader::new(String4(id), &raw);
-        let found = reader.bytes(3 * mesh.positions.len())?;
-        layers.push(read_term(&mut reader, &mesh, &coarse, found, budget)?);
-        scales.extend(found);
-        terms += 1;
+        scales.copy_from_slice(reader.bytes(per_term)?);
+        layers.push(read_term(&mut reader, &mesh, &coarse, scales, budget)?);
     }
+    take_tables(&form, terms, budget)?;
     let layout = Layout::new([&sides_log2, &coarse], &layers, form.widths, form.grid)
         .ok_or(reader.corrupt("maps that do not fit a texture"))?;
-    let Widths { mean: mean_width, surface: surface_width, view: view_width } = form.widths;
-    let mut mean = Bands::new(form.mean, mean_width);
+    let mut mean = Bands::new(form.mean, mean_size(&layout, form.widths), budget)?;
     mean.read(file, MEAN_ID, layout.mean_rows(), budget)?;
-    let (mut surface, mut view) = (Bands::new(form.maps, surface_width), Bands::new(form.maps, view_width));
+    let mut surface = Bands::new(form.maps, surface_size(&layout, form.widths, terms), budget)?;
+    let mut view = Bands::new(form.maps, view_size(&layout, form.widths, terms), budget)?;
     for term in 0..terms {
-        let [_, surface_id, view_id] = ids(term);
         let (begin, end) = (layout.rows(term), layout.rows(term + 1));
-        surface.read(file, surface_id, end.0 - begin.0, budget)?;
-        view.read(file, view_id, end.1 - begin.1, budget)?;
+        surface.read(file, term_id(b'G', term), end.surface - begin.surface, budget)?;
+        view.read(file, term_id(b'H', term), end.view - begin.view, budget)?;
     }
-    let words = (6 + 2 * u64::from(terms)) * u64::from(form.vertices)
-        + (4 + 3 * u64::from(terms)) * u64::from(form.triangles);
-    budget.take(4 * words)?;
     let parts = Parts {
         mesh,
         sides_log2,
-        halvings: form.halvings,
+        surface_reduce_log2: form.surface_reduce_log2,
         directions: form.directions,
         factors: form.factors,
         grid: form.grid,
@@ -179,11 +180,23 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<LightText
         scales,
         layers,
         widths: form.widths,
-        mean: mean.planes(mean_size(&layout, form.widths), budget)?,
-        surface: surface.planes(surface_size(&layout, form.widths, terms), budget)?,
-        view: view.planes(view_size(&layout, form.widths, terms), budget)?,
+        mean: mean.planes()?,
+        surface: surface.planes()?,
+        view: view.planes()?,
     };
-    Ok(LightTexture::new(parts, &layout, notes))
+    Ok((parts, notes))
+}
+
+/// Books what is made of the mesh and of the numbers of maps: where maps lie, smooth normals, and the shader's words as the CPU's table and as the
+/// bytes of a plane.
+fn take_tables(form: &Form, terms: u32, budget: &mut Budget) -> Result<(), LoadError> {
+    let (vertices, triangles, layers) =
+        (u64::from(form.vertices), u64::from(form.triangles), u64::from(terms));
+    let places = triangles + layers * (3 * triangles + vertices);
+    // Places are made once to be checked, and again for the words.
+    let layouts = 2 * 4 * places;
+    let normals = vertices * size_of::<Vec3>() as u64;
+    Ok(budget.take(layouts + normals + 2 * 4 * words(vertices, triangles, terms))?)
 }
 
 /// Which maps of a term are shown: by vertices with a scale that is not 0.
@@ -197,7 +210,7 @@ fn read_term(
     let uses = |vertex: u32| scales[3 * vertex as usize..3 * vertex as usize + 3] != [0; 3];
     let corners = mesh.triangles.iter().zip(sides_log2);
     let corners = corners.flat_map(|(corners, &log2)| corners.map(|vertex| uses(vertex).then_some(log2)));
-    budget.take(4 * (3 * mesh.triangles.len() + mesh.positions.len()) as u64)?;
+    budget.take(SHARING_BYTES * (3 * mesh.triangles.len() + mesh.positions.len()) as u64)?;
     let own = Sharing::own(corners, (0..mesh.positions.len() as u32).map(uses));
     let sides = |at: usize| sides_log2[at / 3];
     let sharing = read_sharing(reader, own, sides)?;
@@ -256,44 +269,42 @@ fn read_form(reader: &mut Reader<'_>) -> Result<Form, LoadError> {
         .array::<6>()
         .map(|bytes| [0, 2, 4].map(|at| u32::from(u16::from_le_bytes([bytes[at], bytes[at + 1]]))))?;
     let widths = Widths { mean: mean_width, surface: surface_width, view: view_width };
-    let [halvings] = reader.array()?;
+    let [surface_reduce_log2] = reader.array()?;
     reader.end()?;
+    let directions =
+        Directions::from_number(directions).ok_or(reader.corrupt("unknown kind of directions"))?;
+    let factors = Factors::from_number(factors).ok_or(reader.corrupt("unknown kind of factors"))?;
     let holds = |content| matches!(content, Content::Raw | Content::Bc1 | Content::Bc7);
-    let directions = match directions {
-        0 => Directions::View,
-        1 => Directions::Reflected,
-        2 => Directions::World,
-        _ => return Err(reader.corrupt("unknown kind of directions")),
-    };
-    let factors = match factors {
-        0 => Factors::Signed,
-        1 => Factors::NonNegative,
-        _ => return Err(reader.corrupt("unknown kind of factors")),
-    };
-    match () {
-        () if vertices == 0 || vertices as usize > MAX_VERTICES => {
-            Err(reader.corrupt("no or too many vertices"))
-        }
-        () if triangles == 0 || triangles as usize > MAX_TRIANGLES => {
-            Err(reader.corrupt("no or too many triangles"))
-        }
-        () if terms > MAX_TERMS => Err(reader.corrupt("more than 8 terms")),
-        () if !(4..=64).contains(&grid) || !grid.is_multiple_of(4) => {
-            Err(reader.corrupt("view maps of a side that is no multiple of 4 in 4..=64"))
-        }
-        () if halvings > 3 => Err(reader.corrupt("surface maps halved more than three times")),
-        () if !holds(mean) || !holds(maps) => Err(reader.corrupt("content that holds no light-field maps")),
-        () => {
-            Ok(Form { vertices, triangles, terms, grid, directions, factors, mean, maps, widths, halvings })
+    for (is_wrong, what) in [
+        (vertices == 0 || vertices as usize > MAX_VERTICES, "no or too many vertices"),
+        (triangles == 0 || triangles as usize > MAX_TRIANGLES, "no or too many triangles"),
+        (terms > MAX_TERMS, "more than 8 terms"),
+        (
+            !(4..=64).contains(&grid) || !grid.is_multiple_of(4),
+            "view maps of a side that is no multiple of 4 in 4..=64",
+        ),
+        (surface_reduce_log2 > 3, "surface maps halved more than three times"),
+        (!holds(mean) || !holds(maps), "content that holds no light-field maps"),
+    ] {
+        if is_wrong {
+            return Err(reader.corrupt(what));
         }
     }
+    Ok(Form {
+        vertices,
+        triangles,
+        terms,
+        grid,
+        directions,
+        factors,
+        mean,
+        maps,
+        widths,
+        surface_reduce_log2,
+    })
 }
 
-fn read_mesh(
-    reader: &mut Reader<'_>,
-    form: &Form,
-    budget: &mut Budget,
-) -> Result<(Mesh, Vec<u8>, Sharing), LoadError> {
+fn read_mesh(reader: &mut Reader<'_>, form: &Form, budget: &mut Budget) -> Result<MeshSection, LoadError> {
     let (vertices, triangles) = (form.vertices as usize, form.triangles as usize);
     let mut positions: Vec<Vec3> = budget.zeroed(u64::from(form.vertices))?;
     for axis in 0..3 {
@@ -322,11 +333,11 @@ fn read_mesh(
     if !form.widths.fit(widest, form.grid) {
         return Err(reader.corrupt("atlases of a width that holds no map"));
     }
-    budget.take(4 * u64::from(form.triangles))?;
+    budget.take((SHARING_BYTES + 1) * u64::from(form.triangles))?;
     let own = Sharing::own(sides.iter().map(|&log2| Some(log2)), std::iter::empty());
     let sharing = read_sharing(reader, own, |at| sides[at])?;
     reader.end()?;
-    Ok((Mesh { positions, triangles: indices }, sides, sharing))
+    Ok(MeshSection { mesh: Mesh { positions, triangles: indices }, sides_log2: sides, mean: sharing })
 }
 
 /// `count` words of which all lowest bytes come first, then all next ones.
@@ -338,19 +349,29 @@ fn read_words<'r>(
     Ok((0..count).map(move |at| u32::from_le_bytes(planes.map(|plane| plane[at]))))
 }
 
-/// Planes that arrive in bands of rows.
+/// Planes that arrive in bands of rows; zeros where no band has come.
 struct Bands {
     content: Content,
-    width: u32,
+    size: (u32, u32),
     planes: Vec<Vec<u8>>,
+    /// Rows that have come.
+    rows: u32,
 }
 
 impl Bands {
-    fn new(content: Content, width: u32) -> Bands {
-        Bands { content, width, planes: vec![Vec::new(); content.formats(PIXEL).0.len()] }
+    /// Books the planes and the texels that the CPU decoder makes of them.
+    fn new(content: Content, size: (u32, u32), budget: &mut Budget) -> Result<Bands, LoadError> {
+        let texels = u64::from(size.0) * u64::from(size.1);
+        budget.check_texels(texels)?;
+        budget.take(texels * size_of::<Texel>() as u64)?;
+        let mut planes = Vec::new();
+        for format in content.formats(PIXEL).0 {
+            planes.push(budget.zeroed(format.bytes(size.0, size.1))?);
+        }
+        Ok(Bands { content, size, planes, rows: 0 })
     }
 
-    /// Reads a band of `rows` rows.
+    /// Reads the next band of `rows` rows.
     fn read(
         &mut self,
         file: &Sections<'_>,
@@ -361,28 +382,25 @@ impl Bands {
         let raw = file.read(id, budget)?;
         let mut reader = Reader::new(String4(id), &raw);
         for (plane, format) in self.planes.iter_mut().zip(self.content.formats(PIXEL).0) {
-            let length = format.bytes(self.width, rows);
-            budget.take(length)?;
-            let (start, step) = (plane.len(), format.block_bytes() as usize);
-            plane.extend(reader.bytes(length as usize)?);
+            let length = format.bytes(self.size.0, rows) as usize;
+            let start = format.bytes(self.size.0, self.rows) as usize;
+            let stored = reader.bytes(length)?;
+            let band = plane.get_mut(start..start + length).ok_or(reader.corrupt("rows beyond the atlas"))?;
+            band.copy_from_slice(stored);
+            let step = format.block_bytes() as usize;
             if self.content == Content::Raw {
-                for at in start + step..plane.len() {
-                    plane[at] = plane[at].wrapping_add(plane[at - step]);
+                for at in step..band.len() {
+                    band[at] = band[at].wrapping_add(band[at - step]);
                 }
             }
         }
+        self.rows += rows;
         reader.end()
     }
 
-    /// The whole, of columns and rows `size`; zeros where no band has come.
-    fn planes(mut self, size: (u32, u32), budget: &mut Budget) -> Result<ContentPlanes, LoadError> {
-        let texels = u64::from(size.0) * u64::from(size.1);
-        budget.check_texels(texels)?;
-        budget.take(texels * size_of::<Texel>() as u64)?;
-        for (plane, format) in self.planes.iter_mut().zip(self.content.formats(PIXEL).0) {
-            plane.resize(format.bytes(size.0, size.1) as usize, 0);
-        }
-        let whole = ContentPlanes::from_planes(self.content, PIXEL, size, self.planes);
+    /// The whole.
+    fn planes(self) -> Result<ContentPlanes, LoadError> {
+        let whole = ContentPlanes::from_planes(self.content, PIXEL, self.size, self.planes);
         whole.ok_or(LoadError::Corrupt {
             section: String4(FORM_ID),
             offset: 0,

@@ -5,15 +5,16 @@
 use glam::{Vec2, Vec3};
 use texfold_core::{Encoded, Job, LightAddress};
 use texfold_lightfield::{
-    Capture, Factors, Fit, LightParams, LightTexture, Lightfield, Mesh, Model, Quality, View,
+    Capture, Factors, FitMethod, LightModel, LightParams, LightQuality, LightTexture, Lightfield, Mesh,
+    Photograph,
 };
 use texfold_testkit::capture::{Look, camera, eyes, sphere};
 
 fn params(terms: u32) -> LightParams {
-    LightParams { terms, ..LightParams::default() }
+    LightParams::default().with_terms(terms)
 }
 
-fn encode(capture: &Capture, params: &LightParams) -> (LightTexture, Quality) {
+fn encode(capture: &Capture, params: &LightParams) -> (LightTexture, LightQuality) {
     Lightfield::encode_measured(capture, params, &mut Job::default()).unwrap()
 }
 
@@ -46,7 +47,7 @@ fn two_patterns() -> Capture {
             let value = 0.5 + 0.2 * x.signum() * at.x.signum() + 0.2 * y.signum() * at.y.signum();
             [(255.0 * value) as u8, (255.0 * value) as u8, (255.0 * value) as u8, 255]
         };
-        View { pixels: (0..1600).map(pixel).collect(), camera }
+        Photograph { pixels: (0..1600).map(pixel).collect(), camera }
     };
     let places = [-1.4f32, -0.8, 0.8, 1.4];
     let views = places.iter().flat_map(|&x| places.map(|y| view((x, y)))).collect();
@@ -57,9 +58,9 @@ fn two_patterns() -> Capture {
 fn terms_of_one_singular_value_are_found_and_more_than_the_rank_do_no_harm() {
     let capture = two_patterns();
     for factors in [Factors::Signed, Factors::NonNegative] {
-        let model = Model { factors, chosen: false, ..Model::default() };
+        let model = LightModel::default().with_factors(factors).with_chosen(false);
         let of = |terms| {
-            let (texture, quality) = encode(&capture, &LightParams { model, ..params(terms) });
+            let (texture, quality) = encode(&capture, &params(terms).with_model(model));
             assert!(colours(&texture).all(Vec3::is_finite));
             quality.psnr
         };
@@ -76,10 +77,8 @@ fn terms_beyond_the_rank_cost_nothing_where_there_is_nothing_to_show() {
     for look in [Look::Black, Look::Diffuse] {
         let (texture, _) = encode(&sphere(look, 24, 32), &params(8));
         assert!(texture.terms_of_vertices().iter().all(|&terms| terms == 0), "{look:?}");
-        let (all, _) = encode(
-            &sphere(look, 24, 32),
-            &LightParams { model: Model { chosen: false, ..Model::default() }, ..params(8) },
-        );
+        let (all, _) =
+            encode(&sphere(look, 24, 32), &params(8).with_model(LightModel::default().with_chosen(false)));
         let apart = colours(&texture).zip(colours(&all)).map(|(a, b)| (a - b).abs().max_element());
         let most = apart.fold(0.0, f32::max);
         assert!(most < 0.15, "{look:?}: {most}");
@@ -93,9 +92,9 @@ fn terms_beyond_the_rank_cost_nothing_where_there_is_nothing_to_show() {
 fn places_that_no_photograph_shows_take_after_their_neighbours() {
     let whole = sphere(Look::Diffuse, 12, 32);
     let capture = Capture { views: whole.views[..1].to_vec(), ..whole };
-    for fit in [Fit::Scattered, Fit::Resampled] {
-        let model = Model { fit, ..Model::default() };
-        let (texture, quality) = encode(&capture, &LightParams { model, ..params(2) });
+    for fit in [FitMethod::Scattered, FitMethod::Resampled] {
+        let model = LightModel::default().with_fit(fit);
+        let (texture, quality) = encode(&capture, &params(2).with_model(model));
         let shares = (quality.samples_seen, quality.samples);
         assert!(shares.0 + 30 < shares.1 && shares.0 > 0, "{shares:?}");
         let seen = capture.views[0].pixels.iter().filter(|pixel| pixel[3] == 255);

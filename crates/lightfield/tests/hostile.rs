@@ -20,7 +20,8 @@ impl Random {
 }
 
 fn file(content: texfold_bc::Content, codewords: f32) -> Vec<u8> {
-    let params = LightParams { terms: 2, grid: 8, content, codewords, ..LightParams::default() };
+    let params =
+        LightParams::default().with_terms(2).with_grid(8).with_content(content).with_codewords(codewords);
     let texture = Lightfield::encode(&sphere(Look::Glossy, 6, 16), &params, &mut Job::default()).unwrap();
     let mut writer = SectionWriter::new(Lightfield::ID);
     texture.store(&mut writer);

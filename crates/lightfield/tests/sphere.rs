@@ -7,17 +7,17 @@ use texfold_bc::Content;
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::{Budget, EncodeError, Encoded, Encoder, Job, LightAddress, TextureCodec};
 use texfold_lightfield::{
-    Camera, Capture, CaptureError, Directions, Factors, Fit, LightParams, LightTexture, Lightfield, Mesh,
-    Model, Renderer, Updates, View,
+    Camera, Capture, CaptureError, Directions, Factors, FitMethod, LightModel, LightParams, LightTexture,
+    Lightfield, MapStorage, Mesh, Photograph, Renderer, Updates,
 };
 use texfold_testkit::capture::{Look, camera, eyes, icosphere, photograph, sphere};
 
 fn params(terms: u32) -> LightParams {
-    LightParams { terms, ..LightParams::default() }
+    LightParams::default().with_terms(terms)
 }
 
 fn of_directions(directions: Directions) -> LightParams {
-    LightParams { model: Model { directions, ..Model::default() }, ..params(2) }
+    params(2).with_model(LightModel::default().with_directions(directions))
 }
 
 fn encode(capture: &Capture, params: &LightParams) -> LightTexture {
@@ -80,17 +80,16 @@ fn new_views_of_a_glossy_object_show_its_highlight() {
 fn resampled_matrices_show_the_highlight_less_well_than_scattered_observations() {
     let capture = sphere(Look::Glossy, 60, 64);
     let of = |fit, terms| {
-        let model = Model { fit, directions: Directions::View, ..Model::default() };
-        let texture = encode(&capture, &LightParams { model, ..params(terms) });
+        let model = LightModel::default().with_fit(fit).with_directions(Directions::View);
+        let texture = encode(&capture, &params(terms).with_model(model));
         psnr_of_new_views(&texture, &capture.mesh, Look::Glossy)
     };
-    let steps = [0, 1, 2, 3].map(|terms| of(Fit::Resampled, terms));
+    let steps = [0, 1, 2, 3].map(|terms| of(FitMethod::Resampled, terms));
     assert!(steps[0] < 27.0 && steps[3] > steps[0] + 1.0, "{steps:?}");
     let best = psnr_of_new_views(&encode(&capture, &params(1)), &capture.mesh, Look::Glossy);
     assert!(best > steps[3] + 5.0, "{best} {steps:?}");
-    let both = Model { fit: Fit::Resampled, factors: Factors::NonNegative, ..Model::default() };
-    let refused =
-        Lightfield::encode(&capture, &LightParams { model: both, ..params(1) }, &mut Job::default());
+    let both = LightModel::default().with_fit(FitMethod::Resampled).with_factors(Factors::NonNegative);
+    let refused = Lightfield::encode(&capture, &params(1).with_model(both), &mut Job::default());
     assert!(matches!(refused, Err(EncodeError::Params(error)) if error.field == "factors"));
 }
 
@@ -133,13 +132,15 @@ fn figures_add_up() {
 #[test]
 fn bytes_do_not_depend_on_threads() {
     let capture = sphere(Look::Glossy, 10, 32);
-    let shared = Model { fit: Fit::Shared, directions: Directions::World, ..Model::default() };
-    let plain = Model { factors: Factors::NonNegative, ..Model::default() };
-    for (codewords, model) in [(1.0, Model::default()), (0.4, Model::default()), (0.4, plain), (0.4, shared)]
+    let shared =
+        LightModel::default().with_fit(FitMethod::Shared { regions: 3 }).with_directions(Directions::World);
+    let plain = LightModel::default().with_factors(Factors::NonNegative);
+    for (codewords, model) in
+        [(1.0, LightModel::default()), (0.4, LightModel::default()), (0.4, plain), (0.4, shared)]
     {
         let with = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let params = LightParams { codewords, model, regions: 3, ..params(2) };
+            let params = params(2).with_codewords(codewords).with_model(model);
             bytes(&Lightfield::encode(&capture, &params, &mut Job::default().with_pool(&pool)).unwrap())
         };
         let one = with(1);
@@ -150,10 +151,13 @@ fn bytes_do_not_depend_on_threads() {
 #[test]
 fn codewords_that_several_places_show_cost_little_of_new_views() {
     let capture = sphere(Look::Glossy, 60, 64);
-    let fine = LightParams { halvings: 0, ..params(2) };
+    let fine = params(2).with_surface_reduce_log2(0);
     let fitted = Lightfield::fit(&capture, &fine, &mut Job::default()).unwrap();
     let of = |content, codewords| {
-        let texture = fitted.store(content, codewords, &mut Job::default()).unwrap().0;
+        let texture = fitted
+            .store(MapStorage::default().with_content(content).with_codewords(codewords), &mut Job::default())
+            .unwrap()
+            .0;
         let loaded = load(&bytes(&texture));
         assert_eq!(bytes(&loaded), bytes(&texture));
         (bytes(&texture).len(), psnr_of_new_views(&loaded, &capture.mesh, Look::Glossy))
@@ -163,7 +167,7 @@ fn codewords_that_several_places_show_cost_little_of_new_views() {
     let small = of(Content::Bc1, 0.5);
     assert!(small.0 < half.0 / 2 && small.1 > 30.0, "{small:?}");
     for wrong in [0.0, 1.1, f32::NAN] {
-        let refused = fitted.store(Content::Raw, wrong, &mut Job::default());
+        let refused = fitted.store(MapStorage::default().with_codewords(wrong), &mut Job::default());
         assert!(matches!(refused, Err(EncodeError::Params(error)) if error.field == "codewords"));
     }
 }
@@ -212,7 +216,7 @@ fn colours_agree_along_shared_edges() {
 fn a_goal_takes_no_more_terms_than_it_needs() {
     let capture = sphere(Look::Glossy, 24, 32);
     let of = |psnr| {
-        let params = LightParams { psnr: Some(psnr), ..params(3) };
+        let params = params(3).with_psnr(psnr);
         let (texture, quality) = Lightfield::encode_measured(&capture, &params, &mut Job::default()).unwrap();
         (texture.layout().terms as usize, quality.psnr_of_terms, bytes(&texture).len())
     };
@@ -242,8 +246,8 @@ fn a_diffuse_object_has_its_mean_alone_and_a_glossy_one_does_not() {
 fn factors_without_signs_have_none_and_come_close_to_those_with() {
     let capture = sphere(Look::Glossy, 60, 64);
     for terms in [1, 2] {
-        let model = Model { factors: Factors::NonNegative, ..Model::default() };
-        let plain = encode(&capture, &LightParams { model, ..params(terms) });
+        let model = LightModel::default().with_factors(Factors::NonNegative);
+        let plain = encode(&capture, &params(terms).with_model(model));
         let view = plain.view();
         assert_eq!((view.params.map_zero, view.params.map_range), (0.0, 255.0));
         let signed = encode(&capture, &params(terms));
@@ -261,19 +265,19 @@ fn view_maps_that_vertices_share_show_distant_light_in_few_bytes() {
         parts.iter().filter(|part| part.name == "view maps").map(|part| part.bits_memory).sum::<u64>()
     };
     let of = |regions| {
-        let model = Model { fit: Fit::Shared, directions: Directions::World, ..Model::default() };
-        let texture = encode(&capture, &LightParams { model, regions, grid: 16, ..params(1) });
+        let model =
+            LightModel::default().with_fit(FitMethod::Shared { regions }).with_directions(Directions::World);
+        let texture = encode(&capture, &params(1).with_model(model).with_grid(16));
         let at = addresses(&texture)[9];
         assert_eq!(load(&bytes(&texture)).sample(at), texture.sample(at));
         (bits(&texture), psnr_of_new_views(&texture, &capture.mesh, Look::Glossy))
     };
-    let own = bits(&encode(&capture, &LightParams { grid: 16, ..params(1) }));
+    let own = bits(&encode(&capture, &params(1).with_grid(16)));
     let (one, many) = (of(1), of(6));
     assert!(one.1 > 38.0 && 8 * one.0 < own, "{one:?} {own}");
     assert!(many.0 > one.0 && many.0 < own && many.1 > 38.0, "{one:?} {many:?} {own}");
-    let wrong = Model { fit: Fit::Shared, ..Model::default() };
-    let refused =
-        Lightfield::encode(&capture, &LightParams { model: wrong, ..params(1) }, &mut Job::default());
+    let wrong = LightModel::default().with_fit(FitMethod::Shared { regions: 24 });
+    let refused = Lightfield::encode(&capture, &params(1).with_model(wrong), &mut Job::default());
     assert!(matches!(refused, Err(EncodeError::Params(error)) if error.field == "directions"));
 }
 
@@ -281,13 +285,13 @@ fn view_maps_that_vertices_share_show_distant_light_in_few_bytes() {
 fn multiplicative_updates_come_close_to_alternating_ones() {
     let capture = sphere(Look::Glossy, 60, 64);
     let of = |updates| {
-        let model = Model { factors: Factors::NonNegative, updates, ..Model::default() };
-        psnr_of_new_views(&encode(&capture, &LightParams { model, ..params(1) }), &capture.mesh, Look::Glossy)
+        let model = LightModel::default().with_factors(Factors::NonNegative).with_updates(updates);
+        psnr_of_new_views(&encode(&capture, &params(1).with_model(model)), &capture.mesh, Look::Glossy)
     };
     let (alternating, multiplicative) = (of(Updates::Alternating), of(Updates::Multiplicative));
     assert!(multiplicative > alternating - 5.0 && multiplicative > 40.0, "{alternating} {multiplicative}");
-    let model = Model { updates: Updates::Multiplicative, ..Model::default() };
-    let refused = Lightfield::encode(&capture, &LightParams { model, ..params(1) }, &mut Job::default());
+    let model = LightModel::default().with_updates(Updates::Multiplicative);
+    let refused = Lightfield::encode(&capture, &params(1).with_model(model), &mut Job::default());
     assert!(matches!(refused, Err(EncodeError::Params(error)) if error.field == "updates"));
 }
 
@@ -301,7 +305,7 @@ fn partly_seen_triangles_are_worth_more_than_nothing() {
     });
     let capture = Capture { views: views.collect(), mesh };
     let quality = |partial| {
-        let params = LightParams { model: Model { partial, chosen: false, ..Model::default() }, ..params(1) };
+        let params = params(1).with_model(LightModel::default().with_partial(partial).with_chosen(false));
         Lightfield::encode_measured(&capture, &params, &mut Job::default()).unwrap().1.psnr_of_colours
     };
     let (with, without) = (quality(true), quality(false));
@@ -318,7 +322,7 @@ fn hard_captures_are_encoded_within_their_bounds() {
         assert!(addresses(&texture).iter().all(|&at| texture.sample(at).is_finite()), "{name}");
         texture
     };
-    let part = |views: &[View]| Capture { views: views.to_vec(), ..glossy.clone() };
+    let part = |views: &[Photograph]| Capture { views: views.to_vec(), ..glossy.clone() };
     check("one camera", &part(&glossy.views[..1]), 38.0);
     check("one side", &part(&glossy.views[..3]), 36.0);
     check("two identical cameras", &part(&[glossy.views[0].clone(), glossy.views[0].clone()]), 38.0);
@@ -368,7 +372,7 @@ fn unusable_captures_are_named() {
     assert_eq!(fault(&hidden), Some(CaptureError::NoOverlap));
     let away = |c: &mut Capture| c.mesh.positions.iter_mut().for_each(|place| *place += Vec3::splat(90.0));
     assert_eq!(fault(&away), Some(CaptureError::NoOverlap));
-    let wrong = LightParams { terms: 9, ..LightParams::default() };
+    let wrong = LightParams::default().with_terms(9);
     let encoded = Lightfield::encode(&capture, &wrong, &mut Job::default());
     assert!(matches!(encoded, Err(EncodeError::Params(error)) if error.field == "terms"));
 }
@@ -401,7 +405,7 @@ fn a_mesh_has_no_more_triangles_than_its_photographs_need() {
     let plain = sphere(Look::Diffuse, 24, 48);
     let fine = Capture { mesh: quartered(&quartered(&plain.mesh)), views: plain.views };
     let of = |psnr| {
-        let params = LightParams { psnr, ..params(1) };
+        let params = params(1).with_psnr(psnr);
         let (texture, _) = Lightfield::encode_simplified(&fine, &params, &mut Job::default()).unwrap();
         let shown = psnr_of_new_views(&texture, &plain.mesh, Look::Diffuse);
         (texture.mesh().triangles.len(), shown, texture.notes().verdict.clone())

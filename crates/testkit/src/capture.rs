@@ -1,7 +1,7 @@
 //! Captures made by code: an object whose colour is known in closed form, photographed from all around.
 
 use glam::{Mat4, Quat, Vec2, Vec3};
-use texfold_lightfield::{Camera, Capture, Mesh, View};
+use texfold_lightfield::{Camera, Capture, Mesh, Photograph};
 
 use crate::fixtures::sin_turns;
 
@@ -116,7 +116,7 @@ pub fn eyes(count: u32, distance: f32, phase: f32) -> Vec<Vec3> {
 
 /// A photograph of `mesh`: a few rays a pixel, each against every triangle.
 #[must_use]
-pub fn photograph(mesh: &Mesh, look: Look, camera: Camera) -> View {
+pub fn photograph(mesh: &Mesh, look: Look, camera: Camera) -> Photograph {
     let normals = mesh.normals();
     let eye = camera.eye();
     let mut pixels = Vec::new();
@@ -134,7 +134,7 @@ pub fn photograph(mesh: &Mesh, look: Look, camera: Camera) -> View {
         let [red, green, blue] = colour.to_array().map(|value| value.round().clamp(0.0, 255.0) as u8);
         pixels.push([red, green, blue, (255 * hits / (RAYS * RAYS)) as u8]);
     }
-    View { camera, pixels }
+    Photograph { camera, pixels }
 }
 
 /// Place and smooth normal of the nearest triangle along a ray.

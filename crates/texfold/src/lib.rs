@@ -12,8 +12,9 @@ pub use texfold_bc::{Bc, Bc1Blocks, BcParams, Content, Family};
 pub use texfold_core::*;
 pub use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture, MAX_LAYERS, Transforms};
 pub use texfold_lightfield::{
-    Camera, Capture, CaptureError, Directions, Factors, Fit, Fitted, LightParams, LightTexture, Lightfield,
-    MAX_TERMS, Mesh, Model, Quality, Renderer, Updates, View,
+    Camera, Capture, CaptureError, Directions, Factors, FitMethod, FittedMaps, LightModel, LightParams,
+    LightQuality, LightTexture, Lightfield, MAX_TERMS, MapSizes, MapStorage, Mesh, Photograph, Renderer,
+    Updates,
 };
 pub use texfold_progressive::{Progressive, ProgressiveParams, ProgressiveTexture, Shared};
 pub use texfold_vq::{GuidanceWeights, Vq, VqParams, VqSource};

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use texfold::{Capture, LightTexture, Lightfield, Quality, Renderer};
+use texfold::{Capture, LightQuality, LightTexture, Lightfield, Renderer};
 use texfold_core::container::SectionWriter;
 use texfold_core::image::{ColorSpace, Raster};
 use texfold_core::metric::ssim;
@@ -70,7 +70,13 @@ impl LightTask {
     }
 
     /// The row of the report; sizes and similarity are of `bytes`, loaded again.
-    fn row(&self, source: &Capture, quality: &Quality, bytes: &[u8], seconds: f64) -> Result<Row, LoadError> {
+    fn row(
+        &self,
+        source: &Capture,
+        quality: &LightQuality,
+        bytes: &[u8],
+        seconds: f64,
+    ) -> Result<Row, LoadError> {
         let texture = texfold::open_light(bytes, &mut Budget::default())?;
         let shown = source.views.iter().flat_map(|view| &view.pixels).filter(|pixel| pixel[3] > 127).count();
         let texels = shown.max(1) as f64;

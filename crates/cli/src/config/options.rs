@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use texfold::{Directions, EncodeSettings, Fit, LightParams, Model, ZipParams};
+use texfold::{Directions, EncodeSettings, FitMethod, LightParams, ZipParams};
 use texfold_core::image::{Alpha, ColorSpace};
 use texfold_core::{Goal, Params};
 
@@ -16,8 +16,8 @@ use crate::input::Kind;
 const MOST_TERMS_FOR_GOAL: u32 = 4;
 /// Texels a side of view maps over the whole sphere, where regions share them: as fine as those of 16 over a hemisphere.
 const SHARED_GRID: u32 = 32;
-/// Halvings of surface maps where maps are codewords: another one costs 0.1 dB of raw maps (`benches`, `lightfield`).
-const SMALL_HALVINGS: u8 = 2;
+/// Log2 downscale of surface maps where maps are codewords: another one costs 0.1 dB of raw maps (`benches`, `lightfield`).
+const SMALL_REDUCE_LOG2: u8 = 2;
 /// Share of the codebook that samples take where only their number is given: the paper's half.
 const SAMPLE_SHARE: f64 = 0.5;
 
@@ -334,22 +334,26 @@ impl Options {
             return Err(CliError::OnlyImages { path: path.to_owned(), codec: codec.name() });
         }
         let usual = LightParams::default();
-        let model = match self.regions {
-            Some(_) => Model { fit: Fit::Shared, directions: Directions::World, ..usual.model },
-            None => usual.model,
+        // A goal counts what the file models; terms that only new views would do without serve it too.
+        let model = usual.model.with_chosen(self.psnr.is_none());
+        let (model, grid) = match self.regions {
+            Some(regions) => {
+                let fit = FitMethod::Shared { regions };
+                (model.with_fit(fit).with_directions(Directions::World), SHARED_GRID)
+            }
+            None => (model, usual.maps.grid),
         };
-        let params = LightParams {
-            terms: self.terms.unwrap_or(if self.psnr.is_some() { MOST_TERMS_FOR_GOAL } else { usual.terms }),
-            psnr: self.psnr,
-            // A goal counts what the file models; terms that only new views would do without serve it too.
-            model: Model { chosen: self.psnr.is_none(), ..model },
-            grid: if self.regions.is_some() { SHARED_GRID } else { usual.grid },
-            regions: self.regions.unwrap_or(usual.regions),
-            content: self.content.and_then(ContentName::content).unwrap_or(usual.content),
-            codewords: self.codewords.unwrap_or(usual.codewords),
-            halvings: if self.codewords.is_some() { SMALL_HALVINGS } else { usual.halvings },
-            ..usual
-        };
+        let reduce_log2 = self.codewords.map_or(usual.maps.surface_reduce_log2, |_| SMALL_REDUCE_LOG2);
+        let terms = if self.psnr.is_some() { MOST_TERMS_FOR_GOAL } else { usual.terms };
+        let (content, codewords) = (usual.storage.content, usual.storage.codewords);
+        let params = usual
+            .with_terms(self.terms.unwrap_or(terms))
+            .with_psnr(self.psnr)
+            .with_model(model)
+            .with_grid(grid)
+            .with_surface_reduce_log2(reduce_log2)
+            .with_content(self.content.and_then(ContentName::content).unwrap_or(content))
+            .with_codewords(self.codewords.unwrap_or(codewords));
         let fault = |source: texfold_core::ParamError| CliError::Encode {
             path: path.to_owned(),
             source: source.into(),

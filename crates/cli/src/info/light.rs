@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use serde::Serialize;
-use texfold::{Directions, LightTexture, Renderer, View};
+use texfold::{Directions, LightTexture, Photograph, Renderer};
 use texfold_core::Encoded;
 use texfold_core::image::{ColorSpace, Raster};
 
@@ -81,7 +81,7 @@ struct Compared {
 
 fn compared(texture: &LightTexture, cameras: &Path) -> Result<Vec<Compared>, CliError> {
     let renderer = Renderer::new(texture);
-    let compare = |view: &View| {
+    let compare = |view: &Photograph| {
         let drawn = renderer.render(&view.camera);
         let (width, height) = (view.camera.width, view.camera.height);
         let (mut squares, mut count) = (0.0, 0u64);

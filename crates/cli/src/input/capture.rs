@@ -10,7 +10,7 @@ use glam::{Mat4, Vec2, Vec4};
 use rayon::prelude::*;
 use serde::Deserialize;
 use texfold_core::image::ColorSpace;
-use texfold_lightfield::{Camera, Capture, Mesh, View};
+use texfold_lightfield::{Camera, Capture, Mesh, Photograph};
 
 use super::{pixels, shape};
 use crate::compress::usual_limit;
@@ -171,12 +171,12 @@ pub fn read_capture(dir: &Path, triangles: Option<u32>) -> Result<Capture, Box<d
 ///
 /// # Errors
 /// What is wrong with its files, by name.
-pub fn read_views(cameras: &Path) -> Result<Vec<View>, Box<dyn Error + Send + Sync>> {
+pub fn read_views(cameras: &Path) -> Result<Vec<Photograph>, Box<dyn Error + Send + Sync>> {
     Ok(read_all(cameras)?)
 }
 
 /// As [`read_views`].
-pub(crate) fn read_all(cameras: &Path) -> Result<Vec<View>, CliError> {
+pub(crate) fn read_all(cameras: &Path) -> Result<Vec<Photograph>, CliError> {
     let shots = read_cameras(cameras)?;
     shots.iter().map(|shot| view(cameras, shot, usual_limit())).collect()
 }
@@ -195,12 +195,12 @@ pub(crate) fn read(
         Some(count) => mesh.simplified(count as usize),
         None => mesh,
     };
-    let views: Result<Vec<View>, CliError> =
+    let views: Result<Vec<Photograph>, CliError> =
         shots.par_iter().map(|shot| view(&file, shot, limit_bytes)).collect();
     Ok(Capture { mesh, views: views? })
 }
 
-fn view(file: &Path, shot: &Shot, limit_bytes: u64) -> Result<View, CliError> {
+fn view(file: &Path, shot: &Shot, limit_bytes: u64) -> Result<Photograph, CliError> {
     let raster = pixels::read(&shot.image, ColorSpace::Srgb, None, limit_bytes)?;
     let size = raster.size();
     let camera = shot.camera(file, Some((size.width, size.height)))?;
@@ -213,5 +213,5 @@ fn view(file: &Path, shot: &Shot, limit_bytes: u64) -> Result<View, CliError> {
         });
     }
     let pixels = raster.texels().map(|texel| texel.to_array().map(texfold_core::image::to_u8)).collect();
-    Ok(View { camera, pixels })
+    Ok(Photograph { camera, pixels })
 }

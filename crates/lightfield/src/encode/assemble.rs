@@ -10,14 +10,17 @@ use glam::{UVec2, Vec3, Vec3A};
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::{Effort, Texel};
 
-use super::share::{Books, LayerMaps, Map, Rgb, Room, Stored, share};
+use super::maps::{Term, VertexMaps};
+use super::scene::Scene;
+use super::share::{Books, Codebooks, LayerMaps, Map, Rgb, Room, Stored, share};
 use super::shared::Codewords;
-use super::{Scene, VertexMaps};
+use super::surface::{Blend, Lattice};
 use crate::CaptureError;
 use crate::decode::texfold_lightfield_texel;
-use crate::encoded::{PIXEL, Parts, byte_of, mean_size, scale_of, surface_size, view_size, zero_and_range};
-use crate::layout::{Layout, NONE, Sharing, Widths, halved};
-use crate::params::{Factors, LightParams};
+use crate::kinds::Factors;
+use crate::layout::{Layout, NONE, Sharing, Widths, reduced};
+use crate::params::LightParams;
+use crate::parts::{PIXEL, Parts, byte_of, mean_size, scale_of, surface_size, view_size, zero_and_range};
 
 /// A map's value as a stored one.
 fn stored(value: Vec3, factors: Factors) -> Rgb {
@@ -53,7 +56,7 @@ fn mean_square(values: &[Vec3]) -> Vec3 {
 }
 
 /// Scales a term to magnitudes of at most 1; view maps are positive in the mean, so that alike ones have one sign.
-fn scale(term: &super::Term) -> Scaled {
+fn scale(term: &Term) -> Scaled {
     let (surface, view) = (largest(&term.surface), largest(&term.view));
     let bytes = (surface * view).to_array().map(byte_of);
     // The scale is rounded up; the surface map makes up for it.
@@ -67,6 +70,16 @@ fn scale(term: &super::Term) -> Scaled {
         surface: term.surface.iter().map(|&value| value * per_surface).collect(),
         view: term.view.iter().map(|&value| value * per_view).collect(),
     }
+}
+
+/// The surface map of one term of one vertex.
+struct SurfaceMap {
+    vertex: u32,
+    term: usize,
+    /// Its values by sample, at most 1 in magnitude.
+    values: BTreeMap<u32, Vec3>,
+    /// How much an error of one step in all of its texels counts.
+    weight: f32,
 }
 
 /// The maps of all vertices as they come.
@@ -115,32 +128,27 @@ impl Maps {
                 weight: of_view.max(f32::MIN_POSITIVE),
             };
             // A texel of a coarser map stands for several samples.
-            let samples = (1u32 << (2 * params.halvings)) as f32;
+            let samples = (1u32 << (2 * params.maps.surface_reduce_log2)) as f32;
             let of_surface = (squares * mean_square(&scaled.view)).element_sum() * samples;
             let of_surface = of_surface.max(f32::MIN_POSITIVE);
             let values: BTreeMap<u32, Vec3> = maps.rows.iter().copied().zip(scaled.surface).collect();
-            self.put_surface(scene, (factors, params.halvings), (vertex, number), &values, of_surface);
+            let surface = SurfaceMap { vertex, term: number, values, weight: of_surface };
+            self.put_surface(scene, params, &surface);
         }
     }
 
-    fn put_surface(
-        &mut self,
-        scene: &Scene,
-        (factors, halvings): (Factors, u8),
-        (vertex, term): (u32, usize),
-        values: &BTreeMap<u32, Vec3>,
-        weight: f32,
-    ) {
-        let value = |sample: u32| values.get(&sample).copied().unwrap_or(Vec3::ZERO);
-        for &triangle in &scene.surface.elements[vertex as usize].triangles {
+    fn put_surface(&mut self, scene: &Scene, params: &LightParams, map: &SurfaceMap) {
+        let value = |sample: u32| map.values.get(&sample).copied().unwrap_or(Vec3::ZERO);
+        for &triangle in &scene.surface.elements[map.vertex as usize].triangles {
             let corners = scene.mesh.triangles[triangle as usize];
             let mut texels = Vec::new();
-            scene.each_texel(triangle, halvings, |[low, high], part| {
-                texels.push(stored(value(low).lerp(value(high), part), factors));
+            scene.each_texel(triangle, params.maps.surface_reduce_log2, |Blend { samples, part }| {
+                let value = value(samples[0]).lerp(value(samples[1]), part);
+                texels.push(stored(value, params.model.factors));
             });
-            for corner in (0..3).filter(|&corner| corners[corner] == vertex) {
-                let map = Map { texels: texels.clone(), weight };
-                self.terms[term].patches[3 * triangle as usize + corner] = map;
+            for corner in (0..3).filter(|&corner| corners[corner] == map.vertex) {
+                let patch = Map { texels: texels.clone(), weight: map.weight };
+                self.terms[map.term].patches[3 * triangle as usize + corner] = patch;
             }
         }
     }
@@ -150,8 +158,8 @@ impl Maps {
         let value = |sample: u32| self.mean[sample as usize].clamp(Vec3::ZERO, Vec3::ONE);
         let patch = |triangle: u32| {
             let mut texels = Vec::new();
-            scene.each_texel(triangle, 0, |[low, high], part| {
-                texels.push(byte(value(low).lerp(value(high), part)));
+            scene.each_texel(triangle, 0, |Blend { samples, part }| {
+                texels.push(byte(value(samples[0]).lerp(value(samples[1]), part)));
             });
             Map { texels, weight: 1.0 }
         };
@@ -160,11 +168,11 @@ impl Maps {
     }
 
     /// The mean and the terms as they are stored.
-    fn stored(&self, scene: &Scene, params: &LightParams, books: (Books, Room)) -> (Vec<Stored>, f64) {
+    fn stored(&self, scene: &Scene, params: &LightParams, books: Codebooks) -> (Vec<Stored>, f64) {
         let mean = self.mean_maps(scene);
         let maps: Vec<&LayerMaps> = std::iter::once(&mean).chain(&self.terms).collect();
-        let sides = [&scene.sides_log2[..], &halved(&scene.sides_log2, params.halvings)];
-        share(&maps, sides, books, texel_bits(params.content))
+        let sides = [&scene.sides_log2[..], &reduced(&scene.sides_log2, params.maps.surface_reduce_log2)];
+        share(&maps, sides, books, texel_bits(params.storage.content))
     }
 
     /// The view maps of each term that codebooks keep and which of them each vertex shows; and the bits that there is room for.
@@ -177,27 +185,28 @@ impl Maps {
             views: layer.views.iter().map(view).collect(),
             of: layer.sharing.view_of.iter().map(number).collect(),
         };
-        let (layers, bits) = self.stored(scene, params, (Books::All, Room::Share(params.codewords)));
+        let books = Codebooks { of: Books::All, room: Room::Share(params.storage.codewords) };
+        let (layers, bits) = self.stored(scene, params, books);
         (layers.iter().skip(1).map(term).collect(), bits)
     }
 
-    /// All parts of the shipped form, and where they lie.
+    /// All parts of the shipped form.
     pub(crate) fn parts(
         &self,
         scene: &Scene,
         params: &LightParams,
-        books: (Books, Room),
-    ) -> Result<(Parts, Layout), CaptureError> {
+        books: Codebooks,
+    ) -> Result<Parts, CaptureError> {
         let sides_log2 = &scene.sides_log2;
-        let coarse = halved(sides_log2, params.halvings);
+        let coarse = reduced(sides_log2, params.maps.surface_reduce_log2);
         let layers = self.stored(scene, params, books).0;
         let sharing: Vec<Sharing> = layers.iter().map(|layer| layer.sharing.clone()).collect();
         let widest = sides_log2.iter().copied().max().unwrap_or(0);
-        let widths = Widths::of(&sharing, widest, params.grid);
+        let widths = Widths::of(&sharing, widest, params.maps.grid);
         let sides = [&sides_log2[..], &coarse];
-        let layout = Layout::new(sides, &sharing, widths, params.grid).ok_or(CaptureError::Atlas)?;
+        let layout = Layout::new(sides, &sharing, widths, params.maps.grid).ok_or(CaptureError::Atlas)?;
         let planes = |size, texels: &[Texel]| {
-            ContentPlanes::encode(params.content, PIXEL, size, texels, Effort::Normal)
+            ContentPlanes::encode(params.storage.content, PIXEL, size, texels, Effort::Normal)
         };
         let canvas = |size, nothing| Canvas::new(size, nothing);
         let zero = stored(Vec3::ZERO, params.model.factors);
@@ -207,15 +216,15 @@ impl Maps {
         for (number, layer) in layers.iter().enumerate() {
             let (atlas, sides) = if number == 0 { (&mut mean, sides_log2) } else { (&mut surface, &coarse) };
             atlas.put_patches(sides, layer, &layout.patches[number]);
-            view.put_views(params.grid, layer, &layout.views[number]);
+            view.put_views(params.maps.grid, layer, &layout.views[number]);
         }
-        let parts = Parts {
+        Ok(Parts {
             mesh: scene.mesh.clone(),
             sides_log2: sides_log2.clone(),
-            halvings: params.halvings,
+            surface_reduce_log2: params.maps.surface_reduce_log2,
             directions: params.model.directions,
             factors: params.model.factors,
-            grid: params.grid,
+            grid: params.maps.grid,
             total_terms: params.terms,
             terms: params.terms,
             scales: self.scales.clone(),
@@ -224,8 +233,7 @@ impl Maps {
             mean: planes(mean.size, &mean.texels),
             surface: planes(surface.size, &surface.texels),
             view: planes(view.size, &view.texels),
-        };
-        Ok((parts, layout))
+        })
     }
 }
 
@@ -278,13 +286,11 @@ fn lattice(n: u32) -> impl Iterator<Item = (u32, u32)> {
 }
 
 impl Scene {
-    /// Shows every texel of a triangle's patch with its side halved so often: the samples it is blended from, and the second's weight.
-    fn each_texel(&self, triangle: u32, halvings: u8, mut see: impl FnMut([u32; 2], f32)) {
+    /// Gives what every texel of a triangle's patch is blended from to `see`; the patch's side is downscaled by `reduce_log2`.
+    fn each_texel(&self, triangle: u32, reduce_log2: u8, mut see: impl FnMut(Blend)) {
         let log2 = self.sides_log2[triangle as usize];
-        let n = 1u32 << log2.saturating_sub(halvings);
-        for at in lattice(n) {
-            let (samples, part) = self.surface.texel(&self.mesh, triangle, ((1 << log2) / n, n), at);
-            see(samples, part);
-        }
+        let steps = 1u32 << log2.saturating_sub(reduce_log2);
+        let places = Lattice { stride: (1 << log2) / steps, steps };
+        lattice(steps).for_each(|at| see(self.surface.texel(&self.mesh, triangle, places, at)));
     }
 }

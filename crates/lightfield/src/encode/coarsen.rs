@@ -3,9 +3,9 @@
 
 use texfold_core::{EncodeError, Encoded, Job, Notes};
 
-use super::{Quality, encode};
+use super::{LightQuality, encode};
 use crate::params::LightParams;
-use crate::{Capture, LightTexture, Renderer, View};
+use crate::{Capture, LightTexture, Lightfield, Photograph, Renderer};
 
 /// Fewest triangles that are tried.
 const LEAST: usize = 256;
@@ -14,13 +14,28 @@ const VIEWS: usize = 8;
 /// What half of the triangles may lose in dB.
 const LOSS: f64 = 0.25;
 
-/// The capture on its mesh, or on the coarsest of a half, a quarter and so on of its triangles that shows the photographs at the goal
-/// or loses little against the one before.
-pub(crate) fn encode_simplified(
+impl Lightfield {
+    /// As [`Lightfield::encode_measured`], on a mesh of as few triangles as the photographs need: half of them, and half again, while
+    /// that reconstructs some photographs at [`LightParams::psnr`] or loses less than a quarter of a dB.
+    ///
+    /// # Errors
+    /// As [`texfold_core::Encoder::encode`].
+    pub fn encode_simplified(
+        source: &Capture,
+        params: &LightParams,
+        job: &mut Job<'_>,
+    ) -> Result<(LightTexture, LightQuality), EncodeError> {
+        encode_simplified(source, params, job)
+    }
+}
+
+/// The capture on its mesh, or on the coarsest of a half, a quarter and so on of its triangles that reconstructs the photographs at the
+/// goal or loses little against the one before.
+fn encode_simplified(
     capture: &Capture,
     params: &LightParams,
     job: &mut Job<'_>,
-) -> Result<(LightTexture, Quality), EncodeError> {
+) -> Result<(LightTexture, LightQuality), EncodeError> {
     let all = capture.mesh.triangles.len();
     let (mut texture, mut quality) = job.within(0.0, 0.5, |job| encode(capture, params, job))?;
     let mut psnr = job.install(|| shown(&texture, &capture.views));
@@ -48,7 +63,7 @@ pub(crate) fn encode_simplified(
 }
 
 /// PSNR in dB of some photographs drawn again, over the pixels that their masks keep; what the mesh does not cover is black.
-fn shown(texture: &LightTexture, views: &[View]) -> f64 {
+fn shown(texture: &LightTexture, views: &[Photograph]) -> f64 {
     let renderer = Renderer::new(texture);
     let step = views.len().div_ceil(VIEWS).max(1);
     let (mut squares, mut count) = (0.0, 0u64);

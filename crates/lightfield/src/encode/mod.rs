@@ -4,201 +4,170 @@
 mod als;
 mod assemble;
 mod coarsen;
+mod maps;
 mod multiplicative;
 mod observe;
+mod order;
+mod pattern;
+mod principal;
 mod quality;
 mod resample;
 mod ring;
+mod scene;
 mod share;
 mod shared;
+mod simplify;
+mod squares;
 mod surface;
+mod system;
+mod taps;
 
 use std::borrow::Cow;
 
-use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
-use texfold_bc::Content;
-use texfold_core::{EncodeError, Job, Notes, Params, TextureCodec};
+use texfold_core::{EncodeError, Encoder, Job, Notes, Params};
 
-use crate::bvh::Bvh;
-use crate::decode::{TEXFOLD_LIGHTFIELD_REFLECTED, TEXFOLD_LIGHTFIELD_VIEW, TEXFOLD_LIGHTFIELD_WORLD};
 use crate::encoded::LightTexture;
-use crate::layout::{Layout, Sharing, Widths, halved};
-use crate::params::{Directions, Factors, Fit, LightParams, Updates};
-use crate::{Capture, CaptureError, Lightfield, Mesh};
+use crate::kinds::{Directions, Factors};
+use crate::params::{FitMethod, LightParams, MapStorage, Updates};
+use crate::{Capture, Lightfield};
 use assemble::Maps;
-pub(crate) use coarsen::encode_simplified;
-use observe::Seen;
-pub use quality::Quality;
+use maps::VertexMaps;
+pub use quality::LightQuality;
 use ring::Ring;
-use share::{Books, Room};
-use surface::Surface;
+use scene::{Scene, fault};
+use share::{Books, Codebooks, Room};
+use shared::Shared;
 
 /// Vertices fitted at a time: between them progress is told and a job may be cancelled.
 const BATCH: u32 = 64;
 
-/// A view map, row by row.
-pub(crate) type ViewMap = Vec<Vec3A>;
+impl Encoder for Lightfield {
+    type Source<'s> = &'s Capture;
+    type Params = LightParams;
 
-/// One term around a vertex.
-#[derive(Debug, Clone)]
-pub(crate) struct Term {
-    /// For each row the surface map, the hat function included.
-    pub(crate) surface: Vec<Vec3>,
-    /// The view map, row by row.
-    pub(crate) view: Vec<Vec3>,
+    fn encode(
+        source: &Capture,
+        params: &LightParams,
+        job: &mut Job<'_>,
+    ) -> Result<LightTexture, EncodeError> {
+        encode(source, params, job).map(|(texture, _)| texture)
+    }
 }
 
-/// All maps of a vertex.
-#[derive(Debug, Clone)]
-pub(crate) struct VertexMaps {
-    /// Samples, ascending.
-    pub(crate) rows: Vec<u32>,
-    /// Their mean, the hat function included.
-    pub(crate) mean: Vec<Vec3>,
-    pub(crate) terms: Vec<Term>,
-}
+impl Lightfield {
+    /// As [`Encoder::encode`], and how close the result comes to the photographs.
+    ///
+    /// # Errors
+    /// As [`Encoder::encode`].
+    pub fn encode_measured(
+        source: &Capture,
+        params: &LightParams,
+        job: &mut Job<'_>,
+    ) -> Result<(LightTexture, LightQuality), EncodeError> {
+        encode(source, params, job)
+    }
 
-/// All that the fits read.
-#[derive(Debug)]
-pub(crate) struct Scene {
-    pub(crate) mesh: Mesh,
-    pub(crate) surface: Surface,
-    pub(crate) seen: Vec<Seen>,
-    /// Binary logarithms of the patches' sides.
-    pub(crate) sides_log2: Vec<u8>,
-    /// Samples where patches are as fine as the photographs resolve them.
-    pub(crate) resolved_samples: u32,
-    pub(crate) normals: Vec<Vec3>,
-    pub(crate) eyes: Vec<Vec3>,
-    /// Whether photographs that show part of an element count.
-    pub(crate) partial: bool,
-    /// The shader's number of the kind of directions.
-    pub(crate) directions: u32,
+    /// The first half of an encode, for several ways to store what it finds.
+    ///
+    /// # Errors
+    /// As [`Encoder::encode`].
+    pub fn fit(source: &Capture, params: &LightParams, job: &mut Job<'_>) -> Result<FittedMaps, EncodeError> {
+        fit(source, params, job)
+    }
 }
 
 /// Maps that are found and not stored yet: the part of an encode that several ways to store them share.
 #[derive(Debug)]
-pub struct Fitted {
+pub struct FittedMaps {
     scene: Scene,
     params: LightParams,
     maps: Maps,
 }
 
-fn fault(error: CaptureError) -> EncodeError {
-    EncodeError::Codec { codec: Lightfield::ID, source: Box::new(error) }
-}
-
-pub(crate) fn encode(
+fn encode(
     capture: &Capture,
     params: &LightParams,
     job: &mut Job<'_>,
-) -> Result<(LightTexture, Quality), EncodeError> {
-    fit(capture, params, job)?.store(params.content, params.codewords, job)
+) -> Result<(LightTexture, LightQuality), EncodeError> {
+    fit(capture, params, job)?.store(params.storage, job)
 }
 
 /// The first half of an encode.
-pub(crate) fn fit(capture: &Capture, params: &LightParams, job: &mut Job<'_>) -> Result<Fitted, EncodeError> {
+fn fit(capture: &Capture, params: &LightParams, job: &mut Job<'_>) -> Result<FittedMaps, EncodeError> {
     params.check()?;
     capture.check().map_err(fault)?;
-    let scene = scene(capture, params, job)?;
+    let scene = Scene::new(capture, params, job)?;
     let vertices = scene.mesh.positions.len() as u32;
     let mut maps = Maps::new(&scene, params);
     let shared = match params.model.fit {
-        Fit::Shared => Some(shared::fit(&scene, params, job)?),
-        Fit::Scattered | Fit::Resampled => None,
+        FitMethod::Shared { regions } => Some(shared::fit(&scene, params, regions, job)?),
+        FitMethod::Scattered | FitMethod::Resampled => None,
     };
     for first in (0..vertices).step_by(BATCH as usize) {
         job.stage("maps", 0.2 + 0.6 * first as f32 / vertices as f32)?;
         let batch = first..vertices.min(first + BATCH);
-        let fit = |vertex| match (&shared, params.model.fit) {
-            (Some(shared), _) => shared.maps(&scene, params, vertex),
-            (None, Fit::Resampled) => resample::fit(&scene, vertex, params),
-            (None, _) => als::fit(&Ring::new(&scene, vertex), params),
-        };
+        let fit = |vertex| fit_vertex(&scene, shared.as_ref(), params, vertex);
         let found: Vec<VertexMaps> = job.install(|| batch.clone().into_par_iter().map(fit).collect());
         batch.zip(&found).for_each(|(vertex, found)| maps.put(&scene, params, vertex, found));
     }
-    Ok(Fitted { scene, params: params.clone(), maps })
+    Ok(FittedMaps { scene, params: params.clone(), maps })
 }
 
-/// What the photographs show of the surface.
-fn scene(capture: &Capture, params: &LightParams, job: &mut Job<'_>) -> Result<Scene, EncodeError> {
-    let mesh = capture.mesh.snapped().welded().walked();
-    if mesh.triangles.is_empty() {
-        return Err(fault(CaptureError::NoTriangles));
+/// The maps of one vertex, by the method that the parameters name.
+fn fit_vertex(scene: &Scene, shared: Option<&Shared>, params: &LightParams, vertex: u32) -> VertexMaps {
+    if let Some(shared) = shared {
+        return shared.maps(scene, params, vertex);
     }
-    job.stage("visibility", 0.0)?;
-    let corners: Vec<_> = mesh.triangles.iter().map(|&triangle| mesh.corners(triangle)).collect();
-    let bvh = Bvh::new(&corners);
-    let resolved = job.install(|| surface::resolved(&mesh, &capture.views, &bvh));
-    let sides_log2 = surface::sides_log2(&resolved, params.sampling);
-    check_atlases(&sides_log2, mesh.positions.len() as u32, params).map_err(fault)?;
-    let surface = Surface::new(&mesh, &sides_log2);
-    let resolved_samples = Surface::new(&mesh, &surface::sides_log2(&resolved, 1.0)).samples;
-    let seen = job.install(|| observe::observe(&mesh, &surface, &bvh, &capture.views));
-    if seen.iter().all(|seen| seen.views.is_empty()) {
-        return Err(fault(CaptureError::NoOverlap));
+    if params.model.fit == FitMethod::Resampled {
+        return resample::fit(scene, vertex, params);
     }
-    Ok(Scene {
-        normals: mesh.normals(),
-        eyes: capture.views.iter().map(|view| view.camera.eye()).collect(),
-        partial: params.model.partial,
-        directions: match params.model.directions {
-            Directions::View => TEXFOLD_LIGHTFIELD_VIEW,
-            Directions::Reflected => TEXFOLD_LIGHTFIELD_REFLECTED,
-            Directions::World => TEXFOLD_LIGHTFIELD_WORLD,
-        },
-        mesh,
-        surface,
-        seen,
-        sides_log2,
-        resolved_samples,
-    })
+    let ring = Ring::new(scene, vertex);
+    let terms = if params.model.chosen { als::choose(&ring, params) } else { params.terms };
+    match params.model.updates {
+        Updates::Alternating => als::fit(&ring, params, terms),
+        Updates::Multiplicative => multiplicative::fit(&ring, params, terms),
+    }
 }
 
-impl Fitted {
-    /// The second half of an encode: the maps stored as `content`, with so large a share of their texels as [`LightParams::codewords`]
-    /// says.
+impl FittedMaps {
+    /// The second half of an encode: the maps stored as `storage` says.
     ///
     /// # Errors
-    /// [`EncodeError`] where these two are out of range, the atlases do not fit a texture or the job is cancelled.
+    /// [`EncodeError`] where its fields are out of range, the atlases do not fit a texture or the job is cancelled.
     pub fn store(
         &self,
-        content: Content,
-        codewords: f32,
+        storage: MapStorage,
         job: &mut Job<'_>,
-    ) -> Result<(LightTexture, Quality), EncodeError> {
-        let params = LightParams { content, codewords, ..self.params.clone() };
-        params.check()?;
+    ) -> Result<(LightTexture, LightQuality), EncodeError> {
+        storage.check()?;
+        let params = LightParams { storage, ..self.params.clone() };
         let (maps, books) = self.shared_maps(&params, job)?;
         job.stage("atlases", 0.88)?;
-        let (parts, layout) = job.install(|| maps.parts(&self.scene, &params, books)).map_err(fault)?;
-        let texture = LightTexture::new(parts, &layout, Notes::default());
+        let parts = job.install(|| maps.parts(&self.scene, &params, books)).map_err(fault)?;
+        let texture = LightTexture::new(parts, Notes::default());
         job.stage("quality", 0.9)?;
         let quality = job.install(|| quality::measure(&self.scene, &texture));
         Ok(settle(texture, quality, &params))
     }
-}
 
-impl Fitted {
-    /// The maps, fitted anew to the codewords of view maps where there are any; what is still to become codewords, and in how much room.
+    /// The maps, fitted anew to the codewords of view maps where there are any; and what is still to become codewords.
     fn shared_maps(
         &self,
         params: &LightParams,
         job: &mut Job<'_>,
-    ) -> Result<(Cow<'_, Maps>, (Books, Room)), EncodeError> {
-        let room = Room::Share(params.codewords);
-        let kept = match params.model {
-            _ if params.codewords >= 1.0 => Some(Books::None),
-            model if model.fit == Fit::Shared => Some(Books::Patches),
-            model if model.fit == Fit::Resampled || model.updates == Updates::Multiplicative => {
-                Some(Books::All)
-            }
-            _ => None,
+    ) -> Result<(Cow<'_, Maps>, Codebooks), EncodeError> {
+        let LightParams { model, storage, .. } = params;
+        let room = Room::Share(storage.codewords);
+        let kept = match model.fit {
+            _ if storage.codewords >= 1.0 => Some(Books::None),
+            FitMethod::Shared { .. } => Some(Books::Patches),
+            FitMethod::Resampled => Some(Books::All),
+            FitMethod::Scattered if model.updates == Updates::Multiplicative => Some(Books::All),
+            FitMethod::Scattered => None,
         };
-        if let Some(books) = kept {
-            return Ok((Cow::Borrowed(&self.maps), (books, room)));
+        if let Some(of) = kept {
+            return Ok((Cow::Borrowed(&self.maps), Codebooks { of, room }));
         }
         job.stage("codebooks", 0.8)?;
         let (terms, bits) = job.install(|| self.maps.codewords(&self.scene, params));
@@ -209,18 +178,8 @@ impl Fitted {
             vertices.clone().into_par_iter().map(|vertex| shared.maps(&self.scene, params, vertex)).collect()
         });
         vertices.zip(&found).for_each(|(vertex, found)| maps.put(&self.scene, params, vertex, found));
-        Ok((Cow::Owned(maps), (Books::Patches, Room::Bits(bits))))
+        Ok((Cow::Owned(maps), Codebooks { of: Books::Patches, room: Room::Bits(bits) }))
     }
-}
-
-/// Whether the maps fit textures though every vertex should have all terms and no two maps are alike: before work begins.
-fn check_atlases(sides_log2: &[u8], vertices: u32, params: &LightParams) -> Result<(), CaptureError> {
-    let coarse = halved(sides_log2, params.halvings);
-    let corners = || coarse.iter().flat_map(|&log2| [Some(log2); 3]);
-    let mut layers = vec![Sharing::own(sides_log2.iter().map(|&log2| Some(log2)), std::iter::empty())];
-    layers.extend((0..params.terms).map(|_| Sharing::own(corners(), (0..vertices).map(|_| true))));
-    let widths = Widths::of(&layers, sides_log2.iter().copied().max().unwrap_or(0), params.grid);
-    Layout::new([sides_log2, &coarse], &layers, widths, params.grid).map(|_| ()).ok_or(CaptureError::Atlas)
 }
 
 /// The settings in the words of the command line, with the terms that were kept.
@@ -235,21 +194,27 @@ fn settings(params: &LightParams, terms: usize) -> String {
         Factors::NonNegative => " without signs",
     };
     let regions = match params.model.fit {
-        Fit::Shared => format!(" of {} regions", params.regions),
+        FitMethod::Shared { regions } => format!(" of {regions} regions"),
         _ => String::new(),
     };
-    let codewords =
-        if params.codewords < 1.0 { format!(", codewords {}", params.codewords) } else { String::new() };
+    let codewords = match params.storage.codewords {
+        codewords if codewords < 1.0 => format!(", codewords {codewords}"),
+        _ => String::new(),
+    };
     format!(
         "lightfield, {terms} terms{factors}, view maps{regions} of {0}x{0} over the {directions}, sampling {1}, {2}{codewords}",
-        params.grid,
-        params.sampling,
-        params.content.name(),
+        params.maps.grid,
+        params.maps.sampling,
+        params.storage.content.name(),
     )
 }
 
 /// As many terms as the goal needs, and what is to be said of them.
-fn settle(texture: LightTexture, quality: Quality, params: &LightParams) -> (LightTexture, Quality) {
+fn settle(
+    texture: LightTexture,
+    quality: LightQuality,
+    params: &LightParams,
+) -> (LightTexture, LightQuality) {
     let reaches = |goal: f64| quality.psnr_of_terms.iter().position(|&psnr| psnr >= goal);
     let most = quality.psnr_of_terms.len() - 1;
     let terms = params.psnr.and_then(reaches).unwrap_or(most);

@@ -9,9 +9,10 @@
 
 use glam::Vec3A;
 
-use super::als::{Tap, taps};
+use super::maps::{TermFit, VertexMaps};
+use super::pattern::pattern;
 use super::ring::Ring;
-use super::{Term, VertexMaps};
+use super::taps::{Tap, taps};
 use crate::params::LightParams;
 
 /// Rounds over all factors: twice as many take away another hundredth of the error.
@@ -26,8 +27,7 @@ struct Factored<'r> {
     grid: usize,
     taps: Vec<Tap>,
     mean: Vec<Vec3A>,
-    surface: Vec<Vec<Vec3A>>,
-    view: Vec<Vec<Vec3A>>,
+    terms: Vec<TermFit>,
     /// The model's value of each observation.
     shown: Vec<Vec3A>,
 }
@@ -50,7 +50,7 @@ pub(crate) fn fit(ring: &Ring, params: &LightParams, terms: u32) -> VertexMaps {
 
 impl Factored<'_> {
     fn new<'r>(ring: &'r Ring, params: &LightParams, terms: usize) -> Factored<'r> {
-        let texels = (params.grid * params.grid) as usize;
+        let texels = (params.maps.grid * params.maps.grid) as usize;
         let (rows, share) = (ring.rows.len(), if terms > 0 { 1.0 - TERM_SHARE } else { 1.0 });
         let mut all = (Vec3A::ZERO, 0.0);
         for observation in &ring.observations {
@@ -58,39 +58,35 @@ impl Factored<'_> {
         }
         let colour = all.0 / f32::max(all.1, LEAST);
         // Patterns that no two terms share: alike ones would stay alike.
-        let pattern = |term: usize, at: usize| {
-            let hash = ((at + 1) * (2 * term + 3)).wrapping_mul(0x9e37_79b9) >> 7 & 0xff;
-            0.5 + hash as f32 / 255.0
-        };
-        let start = |term, count, value: Vec3A| {
-            (0..count).map(|at| value * pattern(term, at)).collect::<Vec<Vec3A>>()
+        let start = |term: usize, count: usize, value: Vec3A| -> Vec<Vec3A> {
+            (0..count).map(|at| value * (0.5 + pattern((at + 1) * (2 * term + 3)))).collect()
         };
         let of_term = colour * (TERM_SHARE / terms.max(1) as f32) + LEAST.sqrt();
         Factored {
             ring,
-            grid: params.grid as usize,
-            taps: taps(ring, params.grid, |_| true),
+            grid: params.maps.grid as usize,
+            taps: taps(ring, params.maps.grid, |_| true),
             mean: vec![colour * share; rows],
-            surface: (0..terms).map(|term| start(term, rows, Vec3A::ONE)).collect(),
-            view: (0..terms).map(|term| start(term + terms, texels, of_term)).collect(),
+            terms: (0..terms)
+                .map(|term| TermFit {
+                    surface: start(term, rows, Vec3A::ONE),
+                    view: start(term + terms, texels, of_term),
+                })
+                .collect(),
             shown: vec![Vec3A::ZERO; ring.observations.len()],
         }
     }
 
     fn seen(&self, term: usize, tap: &Tap) -> Vec3A {
-        let (view, low) = (&self.view[term], tap.low as usize);
-        view[low] * tap.weights[0]
-            + view[low + 1] * tap.weights[1]
-            + view[low + self.grid] * tap.weights[2]
-            + view[low + self.grid + 1] * tap.weights[3]
+        tap.read(&self.terms[term].view, self.grid)
     }
 
     fn show(&mut self) {
         let mut shown = std::mem::take(&mut self.shown);
         for (row, (_, range)) in self.ring.of_rows().enumerate() {
             for at in range {
-                let terms = (0..self.view.len())
-                    .map(|term| self.surface[term][row] * self.seen(term, &self.taps[at]));
+                let terms = (0..self.terms.len())
+                    .map(|term| self.terms[term].surface[row] * self.seen(term, &self.taps[at]));
                 shown[at] = self.mean[row] + terms.sum::<Vec3A>();
             }
         }
@@ -118,14 +114,14 @@ impl Factored<'_> {
 
     fn improve_surface(&mut self, term: usize) {
         let quotients = self.quotients(|tap| self.seen(term, tap));
-        self.surface[term].iter_mut().zip(quotients).for_each(|(value, quotient)| *value *= quotient);
+        self.terms[term].surface.iter_mut().zip(quotients).for_each(|(value, quotient)| *value *= quotient);
     }
 
     fn improve_view(&mut self, term: usize) {
         let (grid, texels) = (self.grid, self.grid * self.grid);
         let (mut wanted, mut found) = (vec![Vec3A::ZERO; texels], vec![Vec3A::ZERO; texels]);
         let mut reached = vec![0f32; texels];
-        for ((_, range), &surface) in self.ring.of_rows().zip(&self.surface[term]) {
+        for ((_, range), &surface) in self.ring.of_rows().zip(&self.terms[term].surface) {
             for at in range {
                 let tap = &self.taps[at];
                 let weighted = surface * tap.weight;
@@ -139,7 +135,7 @@ impl Factored<'_> {
                 }
             }
         }
-        let view = &mut self.view[term];
+        let view = &mut self.terms[term].view;
         for texel in 0..texels {
             if reached[texel] > 0.0 {
                 view[texel] *= (wanted[texel] + LEAST) / (found[texel] + LEAST);
@@ -157,21 +153,7 @@ impl Factored<'_> {
         }
     }
 
-    /// The maps with the hat function in the surface maps.
     fn finish(self) -> VertexMaps {
-        let rows = &self.ring.rows;
-        let with_hats = |values: &[Vec3A]| -> Vec<glam::Vec3> {
-            rows.iter().zip(values).map(|(row, &value)| (value * row.hat).into()).collect()
-        };
-        let terms = self.surface.iter().zip(&self.view);
-        let term = |(surface, view): (&Vec<Vec3A>, &Vec<Vec3A>)| Term {
-            surface: with_hats(surface),
-            view: view.iter().map(|&value| value.into()).collect(),
-        };
-        VertexMaps {
-            rows: rows.iter().map(|row| row.sample).collect(),
-            mean: with_hats(&self.mean),
-            terms: terms.map(term).collect(),
-        }
+        VertexMaps::new(self.ring, &self.mean, &self.terms)
     }
 }

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::surface::{Element, Surface};
 use crate::bvh::Bvh;
-use crate::{Camera, Mesh, View};
+use crate::{Camera, Mesh, Photograph};
 
 /// Cosine between triangle and view below which a sample is not taken: it is blurred over its neighbours.
 const LEAST_COSINE: f32 = 0.1;
@@ -28,12 +28,30 @@ pub(crate) struct Seen {
     pub(crate) weights: Vec<u8>,
 }
 
+/// What one photograph shows of an element.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SeenBy<'s> {
+    /// Which photograph.
+    pub(crate) view: u16,
+    /// The colour of each sample.
+    pub(crate) colours: &'s [[u8; 3]],
+    /// How much each sample counts; 0 where it is not seen.
+    pub(crate) weights: &'s [u8],
+}
+
+/// One sample in one photograph.
+#[derive(Debug, Clone, Copy)]
+struct SampleSeen {
+    colour: [u8; 3],
+    weight: u8,
+}
+
 impl Seen {
-    /// Views with their colours and weights.
-    pub(crate) fn iter(&self) -> impl Iterator<Item = (u16, &[[u8; 3]], &[u8])> {
+    /// What each photograph shows.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = SeenBy<'_>> {
         let samples = (self.colours.len() / self.views.len().max(1)).max(1);
         let colours = self.colours.chunks_exact(samples).zip(self.weights.chunks_exact(samples));
-        self.views.iter().zip(colours).map(|(&view, (colours, weights))| (view, colours, weights))
+        self.views.iter().zip(colours).map(|(&view, (colours, weights))| SeenBy { view, colours, weights })
     }
 }
 
@@ -41,11 +59,11 @@ struct Observer<'a> {
     mesh: &'a Mesh,
     bvh: &'a Bvh,
     normals: Vec<Vec3>,
-    views: Vec<(&'a View, Mat4)>,
+    views: Vec<(&'a Photograph, Mat4)>,
 }
 
 /// What the photographs show of each element.
-pub(crate) fn observe(mesh: &Mesh, surface: &Surface, bvh: &Bvh, views: &[View]) -> Vec<Seen> {
+pub(crate) fn observe(mesh: &Mesh, surface: &Surface, bvh: &Bvh, views: &[Photograph]) -> Vec<Seen> {
     let normal = |&triangle: &[u32; 3]| {
         let [a, b, c] = mesh.corners(triangle);
         (b - a).cross(c - a).normalize_or_zero()
@@ -67,15 +85,22 @@ impl Observer<'_> {
             found.extend(places.iter().map(|&place| self.sample(element, place, view, to_camera)));
             if found.iter().any(Option::is_some) {
                 seen.views.push(number);
-                seen.colours.extend(found.iter().map(|found| found.map_or([0; 3], |(colour, _)| colour)));
-                seen.weights.extend(found.iter().map(|found| found.map_or(0, |(_, weight)| weight)));
+                seen.colours
+                    .extend(found.iter().map(|found| found.map_or([0; 3], |seen: SampleSeen| seen.colour)));
+                seen.weights.extend(found.iter().map(|found| found.map_or(0, |seen| seen.weight)));
             }
         }
         seen
     }
 
     /// Colour and weight of a sample in a view that sees it.
-    fn sample(&self, element: &Element, place: Vec3, view: &View, to_camera: Mat4) -> Option<([u8; 3], u8)> {
+    fn sample(
+        &self,
+        element: &Element,
+        place: Vec3,
+        view: &Photograph,
+        to_camera: Mat4,
+    ) -> Option<SampleSeen> {
         let to_eye = view.camera.eye() - place;
         let direction = to_eye.normalize_or_zero();
         let facing = |&triangle: &u32| self.normals[triangle as usize].dot(direction);
@@ -85,13 +110,13 @@ impl Observer<'_> {
         }
         let colour = colour_at(view, view.camera.project(to_camera.transform_point3(place))?)?;
         let own = |other: u32| element.triangles.contains(&other);
-        let hidden = self.bvh.blocks(place, to_eye, (0.0, 1.0), |other| !own(other));
-        (!hidden).then_some((colour, (cosine * 255.0).clamp(1.0, 255.0) as u8))
+        let hidden = self.bvh.blocks(place, to_eye, 0.0..1.0, |other| !own(other));
+        (!hidden).then_some(SampleSeen { colour, weight: (cosine * 255.0).clamp(1.0, 255.0) as u8 })
     }
 }
 
 /// The colour at a place of the picture, blended from four pixels that all show the object.
-fn colour_at(view: &View, place: Vec2) -> Option<[u8; 3]> {
+fn colour_at(view: &Photograph, place: Vec2) -> Option<[u8; 3]> {
     let Camera { width, height, .. } = view.camera;
     let at = place - 0.5;
     let low = at.floor();

@@ -9,7 +9,10 @@
 use delaunator::{Point, triangulate};
 use glam::{Vec2, Vec3, Vec3A};
 
-use super::{Scene, Term, VertexMaps};
+use super::maps::{Term, VertexMaps};
+use super::observe::SeenBy;
+use super::scene::Scene;
+use super::squares::Squares;
 use crate::LightTexture;
 use crate::decode::{
     LightfieldView, texfold_lightfield_direction, texfold_lightfield_disc, texfold_lightfield_local,
@@ -38,33 +41,28 @@ struct Matrix {
     values: Vec<Vec3A>,
 }
 
-/// A photograph, its colours of an element's samples and their weights.
-type SeenBy<'a> = (u16, &'a [[u8; 3]], &'a [u8]);
-
 /// The photographs that see all of an element, and what texels of a vertex' view map are blended from, among them.
 fn wholly_seen(scene: &Scene, vertex: u32, number: u32, grid: u32) -> (Vec<SeenBy<'_>>, Vec<Blend>) {
-    let all = |(_, _, weights): &SeenBy<'_>| weights.iter().all(|&weight| weight > 0);
+    let all = |by: &SeenBy<'_>| by.weights.iter().all(|&weight| weight > 0);
     let whole: Vec<_> = scene.seen[number as usize].iter().filter(all).collect();
-    let views: Vec<u16> = whole.iter().map(|&(view, ..)| view).collect();
+    let views: Vec<u16> = whole.iter().map(|by| by.view).collect();
     let blends = blends(&places(scene, vertex, number, &views), grid);
     (whole, blends)
 }
 
 /// Fits the terms around one vertex.
 pub(crate) fn fit(scene: &Scene, vertex: u32, params: &LightParams) -> VertexMaps {
-    let texels = (params.grid * params.grid) as usize;
+    let texels = (params.maps.grid * params.maps.grid) as usize;
     let mut matrix = Matrix { texels, values: Vec::new() };
     let mut maps = VertexMaps { rows: Vec::new(), mean: Vec::new(), terms: Vec::new() };
     for &number in &scene.surface.around[vertex as usize] {
         let element = &scene.surface.elements[number as usize];
-        let (whole, blends) = wholly_seen(scene, vertex, number, params.grid);
+        let (whole, blends) = wholly_seen(scene, vertex, number, params.maps.grid);
         for sample in 0..element.weights.len() {
             let hat = element.hat(vertex, sample);
-            let colour = |view: u32| Vec3A::from(whole[view as usize].1[sample].map(f32::from)) / 255.0 * hat;
-            let mean = whole
-                .iter()
-                .map(|(_, colours, _)| Vec3A::from(colours[sample].map(f32::from)))
-                .sum::<Vec3A>()
+            let colour =
+                |view: u32| Vec3A::from(whole[view as usize].colours[sample].map(f32::from)) / 255.0 * hat;
+            let mean = whole.iter().map(|by| Vec3A::from(by.colours[sample].map(f32::from))).sum::<Vec3A>()
                 / (255.0 * whole.len().max(1) as f32)
                 * hat;
             matrix.values.extend(blends.iter().map(|blend| {
@@ -84,11 +82,11 @@ pub(crate) fn fit(scene: &Scene, vertex: u32, params: &LightParams) -> VertexMap
 }
 
 /// Squared error of the shipped form against the matrix of one vertex as the paper has it, over all texels of the view map that lie within
-/// the photographs' hull, and how many values these are.
-pub(crate) fn error(scene: &Scene, texture: &LightTexture, vertex: u32) -> (f64, u64) {
+/// the photographs' hull; each channel is a value.
+pub(crate) fn error(scene: &Scene, texture: &LightTexture, vertex: u32) -> Squares {
     let view = texture.view();
     let grid = texture.grid();
-    let (mut sum, mut count) = (0.0, 0);
+    let mut squares = Squares::default();
     for &number in &scene.surface.around[vertex as usize] {
         let element = &scene.surface.elements[number as usize];
         let (whole, blends) = wholly_seen(scene, vertex, number, grid);
@@ -100,15 +98,15 @@ pub(crate) fn error(scene: &Scene, texture: &LightTexture, vertex: u32) -> (f64,
             let hat = element.hat(vertex, sample);
             let own = factors(&view, triangle, vertex, barycentric);
             for (texel, blend) in (0..).zip(&blends).filter(|(_, blend)| blend.share == 1.0) {
-                let colour = |at: usize| Vec3::from(whole[blend.views[at] as usize].1[sample].map(f32::from));
+                let colour =
+                    |at: usize| Vec3::from(whole[blend.views[at] as usize].colours[sample].map(f32::from));
                 let wanted = (0..3).map(|at| colour(at) * blend.weights[at]).sum::<Vec3>() / 255.0;
                 let shown = own.value(&view, texel % grid, texel / grid);
-                sum += f64::from(((wanted - own.mean) * hat - shown).length_squared());
-                count += 3;
+                squares.add(f64::from(((wanted - own.mean) * hat - shown).length_squared()), 3);
             }
         }
     }
-    (sum, count)
+    squares
 }
 
 /// What the shipped form has of one sample and vertex: the mean, and for each term the surface map's value with its scale, and the place

@@ -2,7 +2,8 @@
 
 use glam::{Vec2, Vec3};
 
-use super::Scene;
+use super::observe::SeenBy;
+use super::scene::Scene;
 use crate::decode::{
     TEXFOLD_LIGHTFIELD_VIEW, texfold_lightfield_direction, texfold_lightfield_disc, texfold_lightfield_local,
 };
@@ -60,7 +61,7 @@ impl Ring {
                     hat: element.hat(vertex, sample),
                     place,
                 });
-                for (view, colours, weights) in seen.iter() {
+                for SeenBy { view, colours, weights } in seen.iter() {
                     let whole = || weights.iter().all(|&weight| weight > 0);
                     if weights[sample] == 0 || !(scene.partial || whole()) {
                         continue;

@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 use ndarray::{Array2, ArrayView1};
 use texfold_codebook::{Settings, build};
 
+use super::principal::principal;
 use crate::layout::{NONE, SIDES, Sharing};
 
 /// A texel of a map.
@@ -21,11 +22,6 @@ pub(crate) type Rgb = [u8; 3];
 const LEAST_CODEWORDS: usize = 2;
 /// And from this one on: larger ones take minutes to build.
 const MOST_CODEWORDS: usize = 1500;
-/// Numbers by which maps are told apart when codebooks are built: principal components, which hold nearly all of what maps as smooth
-/// as these differ by.
-const COMPONENTS: usize = 24;
-/// Rounds in which these are found.
-const POWERS: usize = 2;
 /// Rounds of a codebook: further ones take away a hundredth of the error.
 const ROUNDS: u32 = 8;
 
@@ -55,11 +51,20 @@ pub(crate) struct Stored {
     pub(crate) views: Vec<Vec<Rgb>>,
 }
 
+/// Which maps a group has.
+#[derive(Debug, Clone, Copy)]
+struct Kind {
+    /// 0 for the mean, from 1 for terms.
+    layer: usize,
+    /// Log2 of the patches' side; `None` for view maps.
+    log2: Option<usize>,
+    /// Whether it may have codebooks.
+    has_books: bool,
+}
+
 /// Maps of one size, of one layer.
 struct Group {
-    layer: usize,
-    /// `None` for view maps.
-    log2: Option<usize>,
+    kind: Kind,
     /// Their numbers among the layer's patches or views.
     members: Vec<usize>,
     /// Bits of its maps where each has its own, or where equal ones are one and it has no codebooks.
@@ -121,44 +126,6 @@ fn equal(members: &[usize], maps: &[Map]) -> Option<Vec<u32>> {
     (known.len() < members.len()).then_some(numbers)
 }
 
-/// The largest principal components of vectors, by subspace iteration: O(vectors x numbers x components x rounds), where eigenvectors of
-/// the whole covariance would take the cube of the numbers.
-fn reduced(vectors: &Array2<f32>) -> Array2<f32> {
-    let dims = vectors.ncols();
-    if dims <= COMPONENTS {
-        return vectors.clone();
-    }
-    // Bits of a multiplicative hash: a start that is orthogonal to no component.
-    let start = |(row, column): (usize, usize)| {
-        let hash = ((row * COMPONENTS + column) as u32)
-            .wrapping_mul(0x9e37_79b9)
-            .rotate_left(11)
-            .wrapping_mul(0x85eb_ca6b);
-        (hash >> 8) as f32 / (1 << 23) as f32 - 1.0
-    };
-    let mut basis = Array2::from_shape_fn((dims, COMPONENTS), start);
-    for _ in 0..POWERS {
-        basis = vectors.t().dot(&vectors.dot(&basis));
-        orthonormalise(&mut basis);
-    }
-    vectors.dot(&basis)
-}
-
-/// Gram and Schmidt's, column by column; a column that the others already span becomes 0.
-fn orthonormalise(basis: &mut Array2<f32>) {
-    for column in 0..basis.ncols() {
-        let mut own = basis.column(column).to_owned();
-        let before = own.dot(&own);
-        for other in 0..column {
-            let share = own.dot(&basis.column(other));
-            own.scaled_add(-share, &basis.column(other));
-        }
-        let square = own.dot(&own);
-        let scale = if square > before * 1e-10 && square > 0.0 { square.sqrt().recip() } else { 0.0 };
-        basis.column_mut(column).assign(&(own * scale));
-    }
-}
-
 /// Of which maps there are codebooks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Books {
@@ -178,6 +145,13 @@ pub(crate) enum Room {
     Bits(f64),
 }
 
+/// What may be shared, and in how much room.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Codebooks {
+    pub(crate) of: Books,
+    pub(crate) room: Room,
+}
+
 /// The layers with each map its own, or, where there are `books`, with as many bits of all as there is `room`: `texel_bits` a texel, and
 /// numbers of codewords. And how many bits that room is.
 ///
@@ -185,7 +159,7 @@ pub(crate) enum Room {
 pub(crate) fn share(
     layers: &[&LayerMaps],
     sides_log2: [&[u8]; 2],
-    (books, room): (Books, Room),
+    books: Codebooks,
     texel_bits: f64,
 ) -> (Vec<Stored>, f64) {
     let mut groups = Vec::new();
@@ -194,28 +168,25 @@ pub(crate) fn share(
         let corners = layer.patches.len() / sides_log2.len().max(1);
         for log2 in 0..SIDES {
             let of_side = |at: &usize| usize::from(sides_log2[at / corners.max(1)]) == log2;
-            groups.push(group(
-                number,
-                Some(log2),
-                &layer.patches,
-                of_side,
-                (books != Books::None, texel_bits),
-            ));
+            let members = present(&layer.patches).filter(of_side).collect();
+            let kind = Kind { layer: number, log2: Some(log2), has_books: books.of != Books::None };
+            groups.push(group(kind, &layer.patches, members, texel_bits));
         }
-        groups.push(group(number, None, &layer.views, |_| true, (books == Books::All, texel_bits)));
+        let kind = Kind { layer: number, log2: None, has_books: books.of == Books::All };
+        groups.push(group(kind, &layer.views, present(&layer.views).collect(), texel_bits));
     }
-    let bits = match room {
+    let bits = match books.room {
         Room::Bits(bits) => bits,
         Room::Share(share) => f64::from(share) * groups.iter().map(|group| group.own_bits).sum::<f64>(),
     };
     spend(&mut groups, bits);
     let mut stored: Vec<Stored> = layers.iter().map(|layer| own_numbers(layer)).collect();
     for group in &groups {
-        let layer = &layers[group.layer];
+        let layer = &layers[group.kind.layer];
         keep(
             group,
-            if group.log2.is_some() { &layer.patches } else { &layer.views },
-            &mut stored[group.layer],
+            if group.kind.log2.is_some() { &layer.patches } else { &layer.views },
+            &mut stored[group.kind.layer],
         );
     }
     (stored, bits)
@@ -228,16 +199,13 @@ fn own_numbers(layer: &LayerMaps) -> Stored {
     stored
 }
 
-/// The maps that are there of those that `belongs` admits, and codebooks for them where they are asked for.
-fn group(
-    layer: usize,
-    log2: Option<usize>,
-    maps: &[Map],
-    belongs: impl Fn(&usize) -> bool,
-    (books, texel_bits): (bool, f64),
-) -> Group {
-    let is_there = |at: &usize| !maps[*at].texels.is_empty() && belongs(at);
-    let members: Vec<usize> = (0..maps.len()).filter(is_there).collect();
+/// Numbers of the maps that have texels.
+fn present(maps: &[Map]) -> impl Iterator<Item = usize> {
+    (0..maps.len()).filter(|&at| !maps[at].texels.is_empty())
+}
+
+/// The `members` among `maps`, and codebooks for them where they may have some.
+fn group(kind: Kind, maps: &[Map], members: Vec<usize>, texel_bits: f64) -> Group {
     let texels = members.first().map_or(0, |&at| maps[at].texels.len());
     let bits = |maps: usize| (maps * texels) as f64 * texel_bits;
     let with_book = |book: Book| {
@@ -251,14 +219,14 @@ fn group(
         let vectors =
             Array2::from_shape_vec((members.len(), 3 * texels), values.collect()).unwrap_or_default();
         let weights: Vec<f32> = members.iter().map(|&at| maps[at].weight).collect();
-        let reduced = if books { reduced(&vectors) } else { Array2::zeros((0, 0)) };
+        let reduced = if kind.has_books { principal(&vectors) } else { Array2::zeros((0, 0)) };
         sizes.extend(equal(&members, maps).map(|numbers| {
             // Means of equal maps are rounded; their error is none.
             Size { error: 0.0, ..with_book(Book::of(numbers, &vectors, &weights)) }
         }));
         let halves = (1..usize::BITS).map(|halvings| members.len() >> halvings);
         for count in halves
-            .take_while(|&count| books && count >= LEAST_CODEWORDS)
+            .take_while(|&count| kind.has_books && count >= LEAST_CODEWORDS)
             .filter(|&count| count <= MOST_CODEWORDS)
         {
             let settings = Settings { rounds: ROUNDS, ..Settings::default() };
@@ -269,8 +237,8 @@ fn group(
     }
     let own_bits = bits(members.len());
     let sizes = hull(sizes);
-    let own_bits = if books { own_bits } else { sizes.last().map_or(own_bits, |size| size.bits) };
-    Group { layer, log2, members, own_bits, sizes, chosen: 0 }
+    let own_bits = if kind.has_books { own_bits } else { sizes.last().map_or(own_bits, |size| size.bits) };
+    Group { kind, members, own_bits, sizes, chosen: 0 }
 }
 
 /// Those of rising sizes that lie on the lower convex hull of error over size.
@@ -313,11 +281,11 @@ fn spend(groups: &mut [Group], bits: f64) {
 
 /// Stores the codewords of a group, or its maps, and the numbers of its members.
 fn keep(group: &Group, maps: &[Map], stored: &mut Stored) {
-    let (sharing, kept): (&mut Sharing, &mut Vec<Vec<Rgb>>) = match group.log2 {
+    let (sharing, kept): (&mut Sharing, &mut Vec<Vec<Rgb>>) = match group.kind.log2 {
         Some(log2) => (&mut stored.sharing, &mut stored.patches[log2]),
         None => (&mut stored.sharing, &mut stored.views),
     };
-    let numbers = if group.log2.is_some() { &mut sharing.patch_of } else { &mut sharing.view_of };
+    let numbers = if group.kind.log2.is_some() { &mut sharing.patch_of } else { &mut sharing.view_of };
     match &group.sizes[group.chosen].book {
         None => {
             for (number, &member) in (0..).zip(&group.members) {
@@ -348,7 +316,7 @@ fn keep(group: &Group, maps: &[Map], stored: &mut Stored) {
         }
     }
     let count = kept.len() as u32;
-    match group.log2 {
+    match group.kind.log2 {
         Some(log2) => sharing.patches[log2] = count,
         None => sharing.views = count,
     }
@@ -375,8 +343,9 @@ mod tests {
         let layers = [&maps];
         let sides = [1u8; 40];
         // Equal maps are stored once in any case.
-        let own = share(&layers, [&sides; 2], (Books::None, Room::Share(1.0)), 24.0).0;
-        let shared = share(&layers, [&sides; 2], (Books::All, Room::Share(0.3)), 24.0).0;
+        let own = share(&layers, [&sides; 2], Codebooks { of: Books::None, room: Room::Share(1.0) }, 24.0).0;
+        let shared =
+            share(&layers, [&sides; 2], Codebooks { of: Books::All, room: Room::Share(0.3) }, 24.0).0;
         for stored in [&own[0], &shared[0]] {
             // Two corners of three have a map, and their kinds go by threes as well.
             let counts = (stored.patches[1].len(), stored.views.len());
@@ -400,7 +369,8 @@ mod tests {
         for (at, map) in maps.patches.iter_mut().enumerate().filter(|(_, map)| !map.texels.is_empty()) {
             map.texels.iter_mut().for_each(|texel| *texel = [(at * 5) as u8; 3]);
         }
-        let stored = share(&[&maps], [&[1; 16]; 2], (Books::All, Room::Share(0.75)), 24.0).0;
+        let stored =
+            share(&[&maps], [&[1; 16]; 2], Codebooks { of: Books::All, room: Room::Share(0.75) }, 24.0).0;
         assert_eq!(stored[0].patches[1].len(), 32);
         assert!(stored[0].views.len() <= 4);
     }

@@ -11,10 +11,14 @@ use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 use texfold_core::{EncodeError, Job};
 
-use super::als::{Fit, System, floor};
+use super::als::{VertexFit, floor};
+use super::maps::{VertexMaps, ViewMap};
+use super::pattern::pattern;
 use super::ring::Ring;
-use super::{Scene, VertexMaps, ViewMap};
-use crate::params::{Factors, LightParams};
+use super::scene::Scene;
+use super::system::System;
+use crate::kinds::Factors;
+use crate::params::LightParams;
 
 /// Rounds of each term before the next is begun.
 const ROUNDS: usize = 3;
@@ -26,6 +30,9 @@ const REFITS: usize = 3;
 const SWEEPS: usize = 30;
 /// Distance of normals that counts as much as the mesh's size: regions end where the surface turns away.
 const NORMALS: f32 = 0.25;
+
+/// Distance of the numbers of neighbouring vertices' patterns: odd, so that rows of two vertices seldom begin alike.
+const VERTEX_STEP: usize = 31;
 
 /// What is known so far.
 pub(super) struct Shared {
@@ -73,8 +80,13 @@ struct Known {
 }
 
 /// Fits the terms of all vertices.
-pub(super) fn fit(scene: &Scene, params: &LightParams, job: &mut Job<'_>) -> Result<Shared, EncodeError> {
-    let of: Vec<Option<usize>> = regions(scene, params.regions as usize).into_iter().map(Some).collect();
+pub(super) fn fit(
+    scene: &Scene,
+    params: &LightParams,
+    region_count: u32,
+    job: &mut Job<'_>,
+) -> Result<Shared, EncodeError> {
+    let of: Vec<Option<usize>> = regions(scene, region_count as usize).into_iter().map(Some).collect();
     let vertices = vec![Known::default(); of.len()];
     let regions = vec![Regions::new(of); params.terms as usize];
     let mut shared = Shared { views: Vec::new(), regions, vertices };
@@ -87,7 +99,7 @@ pub(super) fn fit(scene: &Scene, params: &LightParams, job: &mut Job<'_>) -> Res
         Ok(())
     };
     for term in 0..params.terms as usize {
-        let nothing = vec![Vec3A::ZERO; (params.grid * params.grid) as usize];
+        let nothing = vec![Vec3A::ZERO; (params.maps.grid * params.maps.grid) as usize];
         shared.views.push(vec![nothing; shared.regions[term].members.len()]);
         (0..ROUNDS).try_for_each(|_| turn(&mut shared, term))?;
     }
@@ -146,8 +158,13 @@ fn regions(scene: &Scene, count: usize) -> Vec<usize> {
     region_of
 }
 
-/// What a round makes of a region: its vertices' maps by number, and the view map that they share.
-type Improved = (Vec<(usize, Known)>, Vec<Vec3A>);
+/// What a round makes of a region.
+struct Improved {
+    /// Its vertices and their maps.
+    known: Vec<(usize, Known)>,
+    /// The view map that they share.
+    view: ViewMap,
+}
 
 impl Shared {
     /// How many terms a vertex has: of those that are begun, up to the first that it does not have.
@@ -156,9 +173,9 @@ impl Shared {
     }
 
     /// A vertex's fit with all that is known of it; terms that are begun only now have a surface map by their number.
-    fn begin<'r>(&self, ring: &'r Ring, params: &LightParams, vertex: usize) -> Fit<'r> {
+    fn begin<'r>(&self, ring: &'r Ring, params: &LightParams, vertex: usize) -> VertexFit<'r> {
         let known = &self.vertices[vertex];
-        let mut fit = Fit::new(ring, params, |_| true);
+        let mut fit = VertexFit::new(ring, params, |_| true);
         if !known.mean.is_empty() {
             fit.set_mean(&known.mean);
         }
@@ -166,16 +183,15 @@ impl Shared {
             let Some(region) = self.regions[term].of[vertex] else { break };
             let view = &views[region];
             // The first term is the same everywhere; the next ones begin with a pattern that follows nothing.
-            let pattern = |row: usize| {
-                let hash = (vertex * 31 + row * term).wrapping_mul(0x9e37_79b9) >> 7 & 0xff;
-                let value = hash as f32 / 127.5 - 1.0;
+            let start = |row: usize| {
+                let value = pattern(vertex * VERTEX_STEP + row * term) * 2.0 - 1.0;
                 match params.model.factors {
                     _ if term == 0 => 1.0,
                     Factors::Signed => value,
                     Factors::NonNegative => 0.5 + 0.5 * value,
                 }
             };
-            let begun = || (0..ring.rows.len()).map(|row| Vec3A::splat(pattern(row))).collect();
+            let begun = || (0..ring.rows.len()).map(|row| Vec3A::splat(start(row))).collect();
             let surface = known.surface.get(term).cloned().unwrap_or_else(begun);
             fit.add_term(surface, view);
         }
@@ -186,27 +202,27 @@ impl Shared {
     fn improve(&mut self, scene: &Scene, params: &LightParams, term: usize) {
         let floor = Vec3A::splat(floor(params));
         let improve = |(region, vertices): (usize, &Vec<usize>)| {
-            let mut system = System::new(params.grid as usize);
+            let mut system = System::new(params.maps.grid as usize);
             let known = vertices.iter().map(|&vertex| {
                 let ring = Ring::new(scene, vertex as u32);
                 let mut fit = self.begin(&ring, params, vertex);
                 fit.fit_mean();
                 fit.subtract(term, -1.0);
                 if self.vertices[vertex].surface.len() > term {
-                    fit.terms[term].0 = fit.best_surface(term);
+                    fit.terms[term].surface = fit.best_surface(term);
                 }
                 fit.add_to(&mut system, term);
-                let surface = fit.terms.iter().map(|(surface, _)| surface.clone()).collect();
+                let surface = fit.terms.iter().map(|term| term.surface.clone()).collect();
                 (vertex, Known { surface, mean: fit.mean })
             });
             let known: Vec<(usize, Known)> = known.collect();
             system.smooth();
             let mut view = self.views[term][region].clone();
             (0..SWEEPS).for_each(|_| system.sweep(&mut view, floor));
-            (known, view)
+            Improved { known, view }
         };
         let found: Vec<Improved> = self.regions[term].members.par_iter().enumerate().map(improve).collect();
-        for (region, (known, view)) in found.into_iter().enumerate() {
+        for (region, Improved { known, view }) in found.into_iter().enumerate() {
             known.into_iter().for_each(|(vertex, known)| self.vertices[vertex] = known);
             self.views[term][region] = view;
         }
@@ -218,7 +234,7 @@ impl Shared {
         let mut fit = self.begin(&ring, params, vertex as usize);
         for term in 0..fit.terms.len() {
             fit.subtract(term, -1.0);
-            fit.terms[term].0 = fit.best_surface(term);
+            fit.terms[term].surface = fit.best_surface(term);
             fit.subtract(term, 1.0);
         }
         fit.fit_mean();

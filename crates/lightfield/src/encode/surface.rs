@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use crate::bvh::Bvh;
 use crate::layout::MAX_SIDE_LOG2;
-use crate::{Mesh, View};
+use crate::{Mesh, Photograph};
 
 /// A vertex, an edge or the inside of a triangle.
 #[derive(Debug, Clone)]
@@ -25,6 +25,29 @@ pub(crate) struct Element {
     pub(crate) first: u32,
     /// Weights of its vertices, one entry a sample.
     pub(crate) weights: Vec<Vec3>,
+}
+
+/// Texels of a patch among the samples of its triangle.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Lattice {
+    /// Steps from sample to sample for one from texel to texel.
+    pub(crate) stride: u32,
+    /// Steps from texel to texel along the patch's side.
+    pub(crate) steps: u32,
+}
+
+/// What a texel is blended from.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Blend {
+    pub(crate) samples: [u32; 2],
+    /// Weight of the second, 0 to 1.
+    pub(crate) part: f32,
+}
+
+impl Blend {
+    fn of(sample: u32) -> Blend {
+        Blend { samples: [sample; 2], part: 0.0 }
+    }
 }
 
 /// All samples of a mesh.
@@ -43,7 +66,7 @@ pub(crate) struct Surface {
 }
 
 /// As many steps along the sides of each triangle as its largest view resolves.
-pub(crate) fn resolved(mesh: &Mesh, views: &[View], bvh: &Bvh) -> Vec<f32> {
+pub(crate) fn resolved(mesh: &Mesh, views: &[Photograph], bvh: &Bvh) -> Vec<f32> {
     let cameras: Vec<_> = views.iter().map(|view| (view.camera, view.camera.to_camera())).collect();
     let largest = |(index, &triangle): (usize, &[u32; 3])| {
         let corners = mesh.corners(triangle);
@@ -55,7 +78,7 @@ pub(crate) fn resolved(mesh: &Mesh, views: &[View], bvh: &Bvh) -> Vec<f32> {
             // Counter-clockwise from the front is clockwise with rows that run down.
             let doubled = -(b - a).perp_dot(c - a);
             let to_eye = camera.eye() - middle;
-            if doubled > area && !bvh.blocks(middle, to_eye, (0.0, 1.0), |other| other as usize != index) {
+            if doubled > area && !bvh.blocks(middle, to_eye, 0.0..1.0, |other| other as usize != index) {
                 area = doubled;
             }
         }
@@ -138,57 +161,50 @@ impl Surface {
         self.edges = mesh.triangles.iter().map(|&corners| edges_of(corners).map(number)).collect();
     }
 
-    /// The two samples that texel (i, j) of a triangle's patch is blended from, and the second's weight. The patch has so many
-    /// `steps` to a side, of which the samples have a multiple: (multiple, steps).
-    pub(crate) fn texel(
-        &self,
-        mesh: &Mesh,
-        triangle: u32,
-        (multiple, steps): (u32, u32),
-        (i, j): (u32, u32),
-    ) -> ([u32; 2], f32) {
+    /// What texel (i, j) of a triangle's patch is blended from.
+    pub(crate) fn texel(&self, mesh: &Mesh, triangle: u32, lattice: Lattice, (i, j): (u32, u32)) -> Blend {
+        let Lattice { stride, steps } = lattice;
         let corners = mesh.triangles[triangle as usize];
         let k = steps - i - j;
         let vertex = |corner: usize| self.elements[corners[corner] as usize].first;
-        let same = |sample| ([sample, sample], 0.0);
-        let edge = |edge, turned, at| self.on_edge(triangle, edge, turned, (at, steps, multiple));
+        let edge = |number: usize, at| {
+            let reversed = corners[number] > corners[(number + 1) % 3];
+            let at = if reversed { steps - at } else { at };
+            self.on_edge(self.edges[triangle as usize][number], lattice, at)
+        };
         match (k, i, j) {
-            (k, ..) if k == steps => same(vertex(0)),
-            (_, i, _) if i == steps => same(vertex(1)),
-            (_, _, j) if j == steps => same(vertex(2)),
-            (_, i, 0) => edge(0, corners[0] > corners[1], i),
-            (0, _, j) => edge(1, corners[1] > corners[2], j),
-            (k, 0, _) => edge(2, corners[2] > corners[0], k),
+            (k, ..) if k == steps => Blend::of(vertex(0)),
+            (_, i, _) if i == steps => Blend::of(vertex(1)),
+            (_, _, j) if j == steps => Blend::of(vertex(2)),
+            (_, i, 0) => edge(0, i),
+            (0, _, j) => edge(1, j),
+            (k, 0, _) => edge(2, k),
             (_, i, j) => {
-                let (i, j, n) = (i * multiple, j * multiple, steps * multiple);
+                let (i, j, n) = (i * stride, j * stride, steps * stride);
                 // Rows before this one have n - 2, n - 3, ... samples.
                 let before = (1..j).map(|row| n - row - 1).sum::<u32>();
-                same(self.elements[(self.first_face + triangle) as usize].first + before + i - 1)
+                Blend::of(self.elements[(self.first_face + triangle) as usize].first + before + i - 1)
             }
         }
     }
 
-    /// The samples around step `at` of `n` along an edge of a triangle, `turned` where the edge runs the other way. Patches at both sides
-    /// read the same samples: those in steps of `multiple`, or the ends alone.
-    fn on_edge(
-        &self,
-        triangle: u32,
-        edge: usize,
-        turned: bool,
-        (at, n, multiple): (u32, u32, u32),
-    ) -> ([u32; 2], f32) {
-        let element = &self.elements[self.edges[triangle as usize][edge] as usize];
-        let at = if turned { n - at } else { at };
+    /// The samples around step `at` of the element of an edge, counted from its first vertex. Patches at both sides read the same samples:
+    /// those in strides of the lattice, or the ends alone.
+    fn on_edge(&self, element: u32, lattice: Lattice, at: u32) -> Blend {
+        let element = &self.elements[element as usize];
         let fine = element.weights.len() as u32 + 1;
-        let stride = multiple.min(fine);
+        let stride = lattice.stride.min(fine);
         let steps = fine / stride;
-        let (low, part) = (at * steps / n, at * steps % n);
+        let (low, part) = (at * steps / lattice.steps, at * steps % lattice.steps);
         let sample = |step: u32| match step * stride {
             0 => self.elements[element.vertices[0] as usize].first,
             at if at == fine => self.elements[element.vertices[1] as usize].first,
             at => element.first + at - 1,
         };
-        ([sample(low), sample((low + 1).min(steps))], part as f32 / n as f32)
+        Blend {
+            samples: [sample(low), sample((low + 1).min(steps))],
+            part: part as f32 / lattice.steps as f32,
+        }
     }
 }
 
@@ -252,7 +268,9 @@ mod tests {
                 let n = 1u32 << log2;
                 let [a, b, c] = mesh.corners(mesh.triangles[triangle]);
                 for (i, j) in (0..=n).flat_map(|i| (0..=n - i).map(move |j| (i, j))) {
-                    let ([low, high], part) = surface.texel(&mesh, triangle as u32, (1, n), (i, j));
+                    let lattice = Lattice { stride: 1, steps: n };
+                    let Blend { samples: [low, high], part } =
+                        surface.texel(&mesh, triangle as u32, lattice, (i, j));
                     let place = places[low as usize].lerp(places[high as usize], part);
                     let wanted = a + (b - a) * (i as f32 / n as f32) + (c - a) * (j as f32 / n as f32);
                     assert!(
@@ -280,9 +298,9 @@ mod tests {
                     for (end, weight) in ends.into_iter().zip([steps - node, node]) {
                         weights[corners.iter().position(|&corner| corner == end).unwrap()] = weight;
                     }
-                    let multiple = (1 << log2) / steps;
-                    let ([low, high], part) =
-                        surface.texel(&mesh, triangle, (multiple, steps), (weights[1], weights[2]));
+                    let lattice = Lattice { stride: (1 << log2) / steps, steps };
+                    let Blend { samples: [low, high], part } =
+                        surface.texel(&mesh, triangle, lattice, (weights[1], weights[2]));
                     value(low) * (1.0 - part) + value(high) * part
                 };
                 let place = part * steps as f32;

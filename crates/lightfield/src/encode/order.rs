@@ -6,12 +6,42 @@
 
 use std::collections::BTreeMap;
 
+use glam::Vec3;
+
 use crate::Mesh;
+
+/// Steps of the lattice of places across a mesh: a twentieth of a pixel of photographs of 400.
+const LATTICE: f64 = 8192.0;
+/// And along an edge of mean length, so that triangles of fine meshes keep their shape.
+const EDGE_STEPS: f64 = 64.0;
 
 /// Stands for a vertex without a number.
 const NONE: u32 = u32::MAX;
 
 impl Mesh {
+    /// With places on a lattice, so that they take half of the bytes: a power of two of at most [`LATTICE`] parts of its size
+    /// and [`EDGE_STEPS`] of its edges' mean length.
+    pub(crate) fn snapped(&self) -> Mesh {
+        let low = self.positions.iter().fold(Vec3::INFINITY, |low, &place| low.min(place));
+        let high = self.positions.iter().fold(Vec3::NEG_INFINITY, |high, &place| high.max(place));
+        let edges = self.triangles.iter().map(|&triangle| {
+            let [a, b, c] = self.corners(triangle);
+            f64::from(a.distance(b) + b.distance(c) + c.distance(a))
+        });
+        let edge = edges.sum::<f64>() / (3 * self.triangles.len()).max(1) as f64;
+        let step = f64::min(f64::from((high - low).max_element()) / LATTICE, edge / EDGE_STEPS);
+        let step = step.log2().floor().exp2() as f32;
+        if !step.is_normal() {
+            return self.clone();
+        }
+        let snap = |place: &Vec3| (*place / step).round() * step;
+        let is_exact = |place: &Vec3| (*place / step).is_finite();
+        if !self.positions.iter().all(is_exact) {
+            return self.clone();
+        }
+        Mesh { positions: self.positions.iter().map(snap).collect(), triangles: self.triangles.clone() }
+    }
+
     /// The same triangles in such an order; vertices of none go.
     pub(crate) fn walked(&self) -> Mesh {
         let mut beside: BTreeMap<(u32, u32), Vec<u32>> = BTreeMap::new();
@@ -73,7 +103,6 @@ fn turned([a, b, c]: [u32; 3], edge: (u32, u32)) -> [u32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
 
     #[test]
     fn a_walk_keeps_triangles_and_their_sides_and_goes_to_neighbours() {

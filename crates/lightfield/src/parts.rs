@@ -1,0 +1,109 @@
+//! What a light field is put together of, before or after it is a file.
+
+use texfold_bc::ContentPlanes;
+use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
+
+use crate::Mesh;
+use crate::decode::{TEXFOLD_LIGHTFIELD_ROW, texfold_lightfield_scale};
+use crate::kinds::{Directions, Factors};
+use crate::layout::{Layout, Sharing, Widths, reduced};
+
+/// Pixels of all maps: red, green and blue.
+pub(crate) const PIXEL: PixelInfo =
+    PixelInfo { channels: 3, depth: Depth::Eight, color: ColorSpace::Srgb, alpha: Alpha::Opaque };
+
+/// The scale that a byte stands for; 0 stands for 0.
+pub(crate) fn scale_of(byte: u8) -> f32 {
+    texfold_lightfield_scale(u32::from(byte))
+}
+
+/// The least scale of at least `value`; the largest where there is none, 0 for less than the least.
+pub(crate) fn byte_of(value: f32) -> u8 {
+    if value < scale_of(1) { 0 } else { (1..=255).find(|&byte| scale_of(byte) >= value).unwrap_or(255) }
+}
+
+/// The byte of a map that stands for 0, and bytes from there to the one that stands for 1.
+pub(crate) fn zero_and_range(factors: Factors) -> (f32, f32) {
+    match factors {
+        Factors::Signed => (128.0, 127.0),
+        Factors::NonNegative => (0.0, 255.0),
+    }
+}
+
+/// What a light field is put together of.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Parts {
+    pub(crate) mesh: Mesh,
+    /// Binary logarithm of the side of each triangle's patch.
+    pub(crate) sides_log2: Vec<u8>,
+    /// Log2 by which these are downscaled for surface maps.
+    pub(crate) surface_reduce_log2: u8,
+    pub(crate) directions: Directions,
+    pub(crate) factors: Factors,
+    pub(crate) grid: u32,
+    /// Terms of the whole file.
+    pub(crate) total_terms: u32,
+    /// Terms that are there.
+    pub(crate) terms: u32,
+    /// Scales of the terms that are there: term by term, vertex by vertex, red, green and blue.
+    pub(crate) scales: Vec<u8>,
+    /// Which maps show what: of the mean, then of the terms that are there.
+    pub(crate) layers: Vec<Sharing>,
+    pub(crate) widths: Widths,
+    pub(crate) mean: ContentPlanes,
+    pub(crate) surface: ContentPlanes,
+    pub(crate) view: ContentPlanes,
+}
+
+impl Parts {
+    /// Where all maps lie. Parts are only put together of maps that fit an atlas.
+    pub(crate) fn layout(&self) -> Layout {
+        let coarse = reduced(&self.sides_log2, self.surface_reduce_log2);
+        let sides = [&self.sides_log2[..], &coarse];
+        Layout::new(sides, &self.layers, self.widths, self.grid).unwrap_or_default()
+    }
+
+    /// Words of the mesh as the shader reads it, in whole rows.
+    pub(crate) fn words(&self) -> u64 {
+        words(self.mesh.positions.len() as u64, self.mesh.triangles.len() as u64, self.terms)
+    }
+}
+
+/// Words of a mesh of so many vertices and triangles as the shader reads it, in whole rows.
+pub(crate) fn words(vertices: u64, triangles: u64, terms: u32) -> u64 {
+    let terms = u64::from(terms);
+    let words = (6 + 2 * terms) * vertices + (4 + 3 * terms) * triangles;
+    words.next_multiple_of(u64::from(TEXFOLD_LIGHTFIELD_ROW))
+}
+
+/// Columns and rows of the mean's atlas.
+pub(crate) fn mean_size(layout: &Layout, widths: Widths) -> (u32, u32) {
+    (widths.mean, layout.mean_rows().max(4))
+}
+
+/// Columns and rows of the surface maps' atlas; at least a block, as a texture has texels.
+pub(crate) fn surface_size(layout: &Layout, widths: Widths, terms: u32) -> (u32, u32) {
+    (widths.surface, layout.rows(terms).surface.max(4))
+}
+
+/// Columns and rows of the view maps' atlas; likewise.
+pub(crate) fn view_size(layout: &Layout, widths: Widths, terms: u32) -> (u32, u32) {
+    (widths.view, layout.rows(terms).view.max(4))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scales_rise_by_an_eighth_of_an_octave_and_hold_what_they_are_asked_for() {
+        assert_eq!((scale_of(0), scale_of(1), scale_of(209)), (0.0, 2f32.powi(-26), 1.0));
+        for byte in 1..=254 {
+            let ratio = scale_of(byte + 1) / scale_of(byte);
+            assert!((ratio - 2f32.powf(0.125)).abs() < 1e-5, "{byte}: {ratio}");
+            assert_eq!(byte_of(scale_of(byte)), byte);
+            assert_eq!(byte_of(scale_of(byte) * 1.01), byte + 1);
+        }
+        assert_eq!((byte_of(0.0), byte_of(f32::MAX)), (0, 255));
+    }
+}

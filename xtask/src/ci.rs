@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::{Command, ExitCode};
 use std::time::Instant;
 
-use crate::{fixtures, root, tidy};
+use crate::{fixtures, reference, root, tidy};
 
 /// Where the trial of the main commands writes, below the workspace's root.
 const TRIAL: &str = "target/ci";
@@ -15,7 +15,7 @@ const TRIAL: &str = "target/ci";
 /// A name, and what is done; whether it passed.
 type Step = (&'static str, fn() -> io::Result<bool>);
 
-const STEPS: [Step; 9] = [
+const STEPS: [Step; 10] = [
     ("fmt", || cargo(&["fmt", "--all", "--check"], &[])),
     ("tidy", || tidy::check(&root())),
     ("clippy", || cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"], &[])),
@@ -25,6 +25,7 @@ const STEPS: [Step; 9] = [
     ("compress and decompress", compress_and_decompress),
     ("compress and render", compress_and_render),
     ("compare", compare),
+    ("reference", reference::check),
 ];
 
 /// Runs the command.

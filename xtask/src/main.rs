@@ -4,6 +4,7 @@
 
 mod ci;
 mod fixtures;
+mod reference;
 mod tidy;
 
 use std::path::{Path, PathBuf};
@@ -25,6 +26,8 @@ enum Task {
     Texfold(texfold_cli::Command),
     /// Rebuild fixtures/ from code.
     Fixtures(fixtures::FixturesArgs),
+    /// Compare quality and size of every codec with the figures in benches/reference.
+    Reference(reference::ReferenceArgs),
     /// Check the invariants that can be seen in manifests and source text.
     Tidy,
     /// Run all that continuous integration runs; stops at the first failure.
@@ -35,6 +38,7 @@ fn main() -> ExitCode {
     match Tasks::parse().task {
         Task::Texfold(command) => texfold_cli::run(command),
         Task::Fixtures(args) => fixtures::run(&args),
+        Task::Reference(args) => reference::run(&args),
         Task::Tidy => tidy::run(),
         Task::Ci => ci::run(),
     }

@@ -1,0 +1,155 @@
+//! Which images are compressed in which ways: few enough that the fixtures take less than a minute on two cores.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::sources;
+use crate::root;
+
+/// Fixtures that show detail, edges, repetition, noise, alpha and normals, and those whose sides are odd.
+const IMAGES: [&str; 12] = [
+    "cloth",
+    "column_1x259",
+    "cutout",
+    "facade",
+    "gray",
+    "noise",
+    "normal_map",
+    "odd_37x61",
+    "text_page",
+    "tile_repeat",
+    "transparent",
+    "zebra",
+];
+/// Of these those that take encoders that search long.
+const FEW_IMAGES: [&str; 5] = ["cutout", "facade", "odd_37x61", "text_page", "tile_repeat"];
+/// Photographs below the folder of data: Kodak's, aerial ones, and surfaces that repeat.
+const PHOTOGRAPHS: [&str; 7] = [
+    "vq/kodak/kodim05.png",
+    "vq/kodak/kodim13.png",
+    "vq/kodak/kodim23.png",
+    "remote/brighton_DJI_0022.jpg",
+    "remote/naip_m_4709963_20090818.tif",
+    "epitome/skimage_brick.png",
+    "epitome/urban100_014.png",
+];
+/// Pixels a side of what is cut from them.
+const CROP: u32 = 256;
+
+/// What is measured: images that are always there, or photographs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum Suite {
+    /// Images, frames and the capture under fixtures/.
+    Fixtures,
+    /// Photographs, a capture and a zoom stack of the data folder.
+    Data,
+}
+
+/// One `compress` command.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Case {
+    pub(super) codec: &'static str,
+    /// What tells it from others of the codec.
+    setting: String,
+    pub(super) arguments: Vec<String>,
+    pub(super) inputs: Vec<PathBuf>,
+}
+
+/// A codec, its settings, and whether it is quick enough for all images.
+const SETTINGS: [(&str, &str, bool); 12] = [
+    ("bc", "--content bc1", true),
+    ("bc", "--content bc7 --mips", true),
+    ("bc", "--psnr 36", true),
+    ("vq", "--bpp 2", true),
+    ("vq", "--psnr 30", true),
+    ("vq", "--codebook 64x64 --samples 1x32 --content raw --mips", true),
+    ("epitome", "--psnr 32 --effort fast", false),
+    ("epitome", "--bpp 2 --effort fast --content error-map", false),
+    ("epitome", "--tolerance 12 --effort fast", false),
+    ("progressive", "--bpp 1 --effort fast", false),
+    ("progressive", "--psnr 34 --effort fast", false),
+    ("auto", "--psnr 32 --effort fast", false),
+];
+
+impl Case {
+    fn new(codec: &'static str, setting: &str, inputs: Vec<PathBuf>) -> Case {
+        let arguments = ["--codec", codec].into_iter().chain(setting.split_whitespace());
+        Case { codec, setting: setting.to_owned(), arguments: arguments.map(str::to_owned).collect(), inputs }
+    }
+
+    /// As users would write it.
+    pub(super) fn name(&self) -> String {
+        format!("{} {}", self.codec, self.setting).trim_end().to_owned()
+    }
+
+    /// A folder's name.
+    pub(super) fn folder(&self) -> String {
+        let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+        self.name().chars().map(plain).collect()
+    }
+}
+
+impl Suite {
+    /// The name of its reference.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Suite::Fixtures => "fixtures",
+            Suite::Data => "data",
+        }
+    }
+
+    /// Its cases; what has to be made first is made in `work`. None where there is no data.
+    pub(super) fn cases(self, work: &Path) -> io::Result<Vec<Case>> {
+        match self {
+            Suite::Fixtures => fixtures(work),
+            Suite::Data => texfold_testkit::data_dir("the reference of photographs")
+                .map_or(Ok(Vec::new()), |data| photographs(&data, work)),
+        }
+    }
+}
+
+fn fixtures(work: &Path) -> io::Result<Vec<Case>> {
+    let paths = |names: &[&str]| -> Vec<PathBuf> {
+        names.iter().map(|name| root().join(format!("fixtures/images/{name}.png"))).collect()
+    };
+    let (all, few) = (paths(&IMAGES), paths(&FEW_IMAGES));
+    let case = |&(codec, setting, is_quick)| {
+        Case::new(codec, setting, if is_quick { all.clone() } else { few.clone() })
+    };
+    let mut cases: Vec<Case> = SETTINGS.iter().map(case).collect();
+    let frames = vec![root().join("fixtures/images/ripple")];
+    for (codec, setting) in [
+        ("vq", "--as sequence --bpp 2"),
+        ("epitome", "--as set --psnr 32 --effort fast"),
+        ("progressive", "--as set --bpp 1 --effort fast"),
+    ] {
+        cases.push(Case::new(codec, setting, frames.clone()));
+    }
+    let ball = vec![root().join("fixtures/captures/ball")];
+    for setting in ["--terms 2", "--terms 1 --content bc1 --codewords 0.5", "--regions 4 --content bc7"] {
+        cases.push(Case::new("lightfield", setting, ball.clone()));
+    }
+    let stack = vec![sources::zoom_stack(&work.join("stack"))?];
+    for setting in ["--as zoom --bpp 4 --effort fast", "--as zoom --psnr 34 --effort fast"] {
+        cases.push(Case::new("zipmap", setting, stack.clone()));
+    }
+    Ok(cases)
+}
+
+fn photographs(data: &Path, work: &Path) -> io::Result<Vec<Case>> {
+    let crop = |name: &&str| sources::crop(&data.join(name), CROP, &work.join("crops"));
+    let crops: Vec<PathBuf> = PHOTOGRAPHS.iter().map(crop).collect::<io::Result<_>>()?;
+    let case = |&(codec, setting, _): &(&'static str, &str, bool)| Case::new(codec, setting, crops.clone());
+    let mut cases: Vec<Case> = SETTINGS.iter().map(case).collect();
+    let spot = data.join("slf/spot_gloss");
+    let mesh = format!("--mesh {} --triangles 600", spot.join("mesh_600.obj").display());
+    for setting in ["--terms 2", "--content bc1 --codewords 0.5"] {
+        // The path of the mesh is no part of the name: references are the same wherever the data lies.
+        let mut case = Case::new("lightfield", setting, vec![spot.clone()]);
+        case.arguments.extend(mesh.split_whitespace().map(str::to_owned));
+        cases.push(case);
+    }
+    let setting = "--as zoom --psnr 34 --effort fast";
+    cases.push(Case::new("zipmap", setting, vec![data.join("zipmap/vlfeat_river")]));
+    Ok(cases)
+}

@@ -9,8 +9,10 @@ use texfold::{
     AnyImage, Content, Effort, Encoder, Goal, Job, PatchSource, PatchStack, Texel, ZipParams, Zipmap,
     register,
 };
+
 use texfold_gpu::{Gpu, Lookup, Policy, Probe, View};
-use texfold_testkit::leaves::{Dice, Leaves, Lens, close_up, photograph};
+use texfold_testkit::leaves::{Leaves, Lens, close_up, photograph};
+use texfold_testkit::rng::Rng;
 
 /// Pixels of a photograph.
 const SIZE: (u32, u32) = (480, 400);
@@ -35,8 +37,8 @@ fn main() {
     }
 }
 
-fn shot(leaves: &Leaves, matrix: &DMat3, dice: &mut Dice) -> Raster {
-    let lens = Lens { exposure: dice.between(0.7, 1.3), noise: dice.between(0.0, 0.03), seed: dice.0 };
+fn shot(leaves: &Leaves, matrix: &DMat3, rng: &mut Rng) -> Raster {
+    let lens = Lens { exposure: rng.between(0.7, 1.3), noise: rng.between(0.0, 0.03), seed: rng.seed() };
     photograph(&leaves.view(matrix, SIZE, 2), SIZE, lens)
 }
 
@@ -51,14 +53,14 @@ fn registered() {
         "zoom   found within 1 pixel of the close-up, of {TRIALS}; exposure 0.7 to 1.3, noise to 3%, turned and slanted"
     );
     for zoom in ZOOMS {
-        let mut dice = Dice(zoom as u64);
+        let mut rng = Rng::new(zoom as u64);
         let (mut near, mut worst) = (0, 0f64);
         for trial in 0..TRIALS {
             let leaves = Leaves::new(trial, 60_000);
-            let middle = DVec2::new(dice.between(0.3, 0.7), dice.between(0.3, 0.7));
-            let slant = DVec2::new(dice.between(-0.1, 0.1), dice.between(-0.1, 0.1));
-            let truth = close_up(middle, zoom, dice.between(-0.6, 0.6), slant);
-            let photos = [shot(&leaves, &DMat3::IDENTITY, &mut dice), shot(&leaves, &truth, &mut dice)];
+            let middle = DVec2::new(rng.between(0.3, 0.7), rng.between(0.3, 0.7));
+            let slant = DVec2::new(rng.between(-0.1, 0.1), rng.between(-0.1, 0.1));
+            let truth = close_up(middle, zoom, rng.between(-0.6, 0.6), slant);
+            let photos = [shot(&leaves, &DMat3::IDENTITY, &mut rng), shot(&leaves, &truth, &mut rng)];
             let Some(matrix) = found(&photos) else { continue };
             let size = DVec2::new(f64::from(SIZE.0), f64::from(SIZE.1));
             let to = |matrix: DMat3, place: DVec2| {
@@ -76,7 +78,7 @@ fn registered() {
 }
 
 fn rejected() {
-    let mut dice = Dice(99);
+    let mut rng = Rng::new(99);
     let mut taken = 0;
     for pair in 0..PAIRS {
         // By turns two surfaces, two parts of one, and a tile that repeats.
@@ -84,10 +86,10 @@ fn rejected() {
         let photos = match pair % 3 {
             0 => {
                 let second = Leaves::new(5000 + pair, 60_000);
-                [shot(&first, &DMat3::IDENTITY, &mut dice), shot(&second, &DMat3::IDENTITY, &mut dice)]
+                [shot(&first, &DMat3::IDENTITY, &mut rng), shot(&second, &DMat3::IDENTITY, &mut rng)]
             }
             1 => [DVec2::splat(0.2), DVec2::splat(0.8)]
-                .map(|middle| shot(&first, &close_up(middle, 3.0, 0.0, DVec2::ZERO), &mut dice)),
+                .map(|middle| shot(&first, &close_up(middle, 3.0, 0.0, DVec2::ZERO), &mut rng)),
             _ => [(0.0, 48.0), (0.4, 100.0)].map(|(shift, side)| {
                 let colour = |i: u32| {
                     let at = DVec2::new(f64::from(i % SIZE.0), f64::from(i / SIZE.0)) / side + shift;

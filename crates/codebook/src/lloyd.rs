@@ -2,10 +2,11 @@
 
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
+use texfold_core::rng::XorShift;
 
 use crate::rotation::Rotation;
 use crate::search::{Match, Tree, padded_dims, padded_distance, rotate_padded};
-use crate::seeding::{Random, seeds};
+use crate::seeding::seeds;
 
 /// How long to iterate.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,7 +56,7 @@ pub fn build(vectors: ArrayView2<'_, f32>, weights: &[f32], count: usize, settin
     let rotation = Rotation::principal(vectors);
     let padded = padded_dims(dims);
     let points = rotate_padded(&rotation, vectors);
-    let start = seeds(&points, padded, weights, count, &mut Random::new(settings.seed));
+    let start = seeds(&points, padded, weights, count, &mut XorShift::new(settings.seed));
     let row = |index: u32| &points[index as usize * padded..(index as usize + 1) * padded];
     let codewords: Vec<f32> = start.iter().flat_map(|&index| row(index)).copied().collect();
     let matches = vec![Match { index: u32::MAX, distance: f32::INFINITY }; rows];

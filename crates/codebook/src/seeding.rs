@@ -3,28 +3,12 @@
 //! A new seed can only be nearer to a vector than its nearest seed so far if their first principal coordinates are. The
 //! vectors are kept in the order of that coordinate, so that only a short run of them is looked at.
 
+use texfold_core::rng::XorShift;
+
 use crate::search::padded_distance;
 
 /// Vectors whose sampling weights are summed together.
 const BLOCK: usize = 256;
-
-/// xorshift64*: enough for sampling, and the same on every machine.
-#[derive(Debug, Clone)]
-pub(crate) struct Random(u64);
-
-impl Random {
-    pub(crate) fn new(seed: u64) -> Self {
-        Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
-    }
-
-    /// A number in [0, 1).
-    fn unit(&mut self) -> f64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        (self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 11) as f64 / (1u64 << 53) as f64
-    }
-}
 
 struct Seeder<'a> {
     points: &'a [f32],
@@ -45,7 +29,7 @@ pub(crate) fn seeds(
     padded: usize,
     weights: &[f32],
     count: usize,
-    random: &mut Random,
+    random: &mut XorShift,
 ) -> Vec<u32> {
     let total = weights.len();
     if total <= count {
@@ -116,7 +100,7 @@ impl Seeder<'_> {
     }
 
     /// A point drawn by weight x squared distance; `None` where every point is a seed already.
-    fn draw(&self, random: &mut Random) -> Option<u32> {
+    fn draw(&self, random: &mut XorShift) -> Option<u32> {
         let total: f64 = self.sums.iter().sum();
         if total <= 0.0 {
             return None;
@@ -152,7 +136,7 @@ mod tests {
     #[test]
     fn seeds_are_distinct_points() {
         let points: Vec<f32> = (0..100).flat_map(|i| [(i % 10) as f32, 0., 0., 0., 0., 0., 0., 0.]).collect();
-        let chosen = seeds(&points, 8, &[1.0; 100], 50, &mut Random::new(3));
+        let chosen = seeds(&points, 8, &[1.0; 100], 50, &mut XorShift::new(3));
         let mut values: Vec<u32> = chosen.iter().map(|&point| point % 10).collect();
         values.sort_unstable();
         assert_eq!(values, (0..10).collect::<Vec<_>>());
@@ -162,7 +146,7 @@ mod tests {
     fn weight_zero_is_never_drawn() {
         let points: Vec<f32> = (0..64).flat_map(|i| [i as f32, 0., 0., 0., 0., 0., 0., 0.]).collect();
         let weights: Vec<f32> = (0..64).map(|i| if i < 32 { 1.0 } else { 0.0 }).collect();
-        let chosen = seeds(&points, 8, &weights, 20, &mut Random::new(9));
+        let chosen = seeds(&points, 8, &weights, 20, &mut XorShift::new(9));
         assert!(chosen.iter().all(|&point| point < 32), "{chosen:?}");
         assert_eq!(chosen.len(), 20);
     }

@@ -1,7 +1,7 @@
 //! Typed errors by fault. Each message ends with what to do.
 
 use crate::LimitError;
-use crate::container::CodecId;
+use crate::id::{CodecId, String4};
 
 /// What a parameter was set to: a number, or the name of a choice.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -232,22 +232,6 @@ pub enum LoadError {
     /// A limit reached.
     #[error(transparent)]
     Limit(#[from] LimitError),
-}
-
-/// A section's four-letter name.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct String4(pub [u8; 4]);
-
-impl std::fmt::Display for String4 {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        self.0.iter().try_for_each(|&byte| write!(f, "{}", byte.escape_ascii()))
-    }
-}
-
-impl std::fmt::Debug for String4 {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "'{self}'")
-    }
 }
 
 /// Why a region cannot be decoded.

@@ -19,6 +19,7 @@ mod encoder;
 mod error;
 mod footprint;
 mod gpu_form;
+mod id;
 pub mod image;
 #[cfg(feature = "encode")]
 mod job;
@@ -27,26 +28,28 @@ pub mod mesh;
 #[cfg(feature = "encode")]
 pub mod metric;
 pub mod parallel;
+pub mod rng;
 pub mod sample;
 pub mod target;
+mod word_plane;
 
 pub use cached::Cached;
 pub use codec::TextureCodec;
-pub use container::{CodecId, Notes};
-pub use domain::{
-    Domain, Image2d, ImageAddress, ImageLayout, LightAddress, LightLayout, Rect, SurfaceLight, SurfaceSize,
-};
+pub use container::Notes;
+pub use domain::{Domain, Image2d, ImageAddress, LightAddress, LightLayout, Rect, SurfaceLight};
 pub use encoded::{AnyEncoded, Encoded, Layers, Refine};
 #[cfg(feature = "encode")]
 pub use encoder::{Encoder, Growable, Params, SharedSearch};
-pub use error::String4;
 pub use error::{EncodeError, LoadError, ParamError, ParamValue, RegionError, SourceError};
 pub use footprint::{Footprint, Part};
 pub use gpu_form::{AstcBlock, GpuForm, Plane, PlaneFormat, SurfaceBinding};
+pub use id::{CodecId, String4};
+pub use image::{ImageLayout, SurfaceSize};
 #[cfg(feature = "encode")]
 pub use job::{Cancel, CancelCheck, Job, Stage};
 pub use limits::{Budget, LimitError, Limits, MAX_IMAGE_SIDE, MAX_PLANE_SIDE};
 pub use target::{Effort, Goal};
+pub use word_plane::{WordRows, word_plane};
 
 /// One colour: red, green, blue, alpha, nominally in [0, 1], as stored (no gamma conversion).
 pub type Texel = glam::Vec4;

@@ -10,8 +10,8 @@ use texfold_core::image::PixelInfo;
 use texfold_core::sample::{TEXFOLD_NORMAL, texfold_bilinear};
 use texfold_core::{
     Budget, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Layers,
-    LoadError, Notes, Plane, PlaneFormat, Rect, Refine, RegionError, SurfaceBinding, SurfaceSize, Texel,
-    TextureCodec,
+    LoadError, Notes, Plane, Rect, Refine, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
+    WordRows, word_plane,
 };
 
 use texfold_progressive::{BASE_PART, ERROR_PART, ProgressiveTexture};
@@ -27,10 +27,6 @@ use crate::{Epitome, wire};
 /// Mip levels that an epitome has beside its full size, where there are any: one less than the image has that are read
 /// from it, as blending four texels halves once more.
 pub(crate) const PLANE_MIPS: u32 = 1;
-/// Longest side of the map plane in texels: what every WebGPU device can sample.
-const MAX_PLANE_SIDE: usize = 8192;
-/// A row of the map plane has at least this many words, as a power of two.
-const LEAST_ROW_LOG2: u32 = 6;
 
 /// Most texels a side of a block.
 pub(crate) const MAX_BLOCK: usize = 64;
@@ -197,13 +193,7 @@ impl Parts {
         }
         let entry_start = map.len() as u32;
         map.extend(self.entry_words());
-        let mut row_log2 = LEAST_ROW_LOG2;
-        while map.len().div_ceil(1 << row_log2) > MAX_PLANE_SIDE {
-            row_log2 += 1;
-        }
-        if map.len() > 1 << row_log2 {
-            map.resize(map.len().next_multiple_of(1 << row_log2), 0);
-        }
+        let (map, WordRows { row_log2, .. }) = WordRows::padded(map);
         let params = self.params(epitomes, [linear_start, tone_start, entry_start, row_log2]);
         (map, params)
     }
@@ -498,18 +488,10 @@ impl Encoded for EpitomeTexture {
     }
 
     fn gpu(&self) -> GpuForm<'_> {
-        let row = 1usize << self.params.first().map_or(LEAST_ROW_LOG2, |params| params.row_log2);
-        let width = self.map.len().min(row);
         let mut form =
             GpuForm { module: "epitome", planes: Vec::new(), uniforms: Vec::new(), surfaces: Vec::new() };
-        form.planes.push(Plane {
-            part: "map",
-            format: PlaneFormat::R32Uint,
-            width: width as u32,
-            height: (self.map.len() / width) as u32,
-            levels: 1,
-            data: Cow::Owned(self.map.iter().flat_map(|word| word.to_le_bytes()).collect()),
-        });
+        let row_log2 = self.params.first().map_or(0, |params| params.row_log2);
+        form.planes.push(word_plane("map", &self.map, row_log2));
         for (name, levels) in PLANE_NAMES.into_iter().zip(self.drawn()) {
             push_chain(&mut form.planes, name, levels);
         }

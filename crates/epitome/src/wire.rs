@@ -5,7 +5,7 @@
 
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
-use texfold_core::{Budget, ImageLayout, LoadError, String4, SurfaceSize};
+use texfold_core::{Budget, ImageLayout, LoadError, MAX_PLANE_SIDE, String4, SurfaceSize};
 use texfold_progressive::{BLOCK_SIDE, ProgressiveTexture};
 
 use crate::encoded::{
@@ -36,8 +36,6 @@ fn layer_ids(layer: u32, total: u32) -> impl Iterator<Item = [u8; 4]> {
     kinds.iter().map(move |&kind| layer_id(kind, layer))
 }
 
-/// Longest side of an epitome in texels: what every WebGPU device can sample.
-pub(crate) const MAX_EPITOME_SIDE: u32 = 8192;
 /// Most entries and most blocks: the map plane, with up to one and a half words an entry, has at most 8192 x 8192 words.
 pub(crate) const MAX_ENTRIES: u64 = 1 << 25;
 /// Flag of an epitome with an error map.
@@ -492,7 +490,7 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
         let (width, height) = (reader.u32()?, reader.u32()?);
         let side = if errors && index == count { BLOCK_SIDE } else { content.cell_side() };
         let step = side << if mips { PLANE_MIPS } else { 0 };
-        let fits = |side: u32| side.is_multiple_of(step) && (step..=MAX_EPITOME_SIDE).contains(&side);
+        let fits = |side: u32| side.is_multiple_of(step) && (step..=MAX_PLANE_SIDE).contains(&side);
         if !fits(width) || !fits(height) || !content.fits(layout.pixel) {
             return Err(reader.corrupt("an epitome of a size or content that no writer makes"));
         }

@@ -170,31 +170,27 @@ fn intersect(&[a, b, c]: &[Vec3; 3], origin: Vec3, direction: Vec3) -> Option<(f
 #[cfg(test)]
 mod tests {
     use super::*;
+    use texfold_core::rng::Rng;
 
-    fn random(state: &mut u64) -> f32 {
-        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (*state >> 40) as f32 / (1 << 24) as f32 * 2.0 - 1.0
-    }
-
-    fn vector(state: &mut u64) -> Vec3 {
-        Vec3::new(random(state), random(state), random(state))
+    fn vector(rng: &mut Rng) -> Vec3 {
+        Vec3::new(rng.between(-1.0, 1.0) as f32, rng.between(-1.0, 1.0) as f32, rng.between(-1.0, 1.0) as f32)
     }
 
     #[test]
     fn rays_find_what_trying_every_triangle_finds() {
-        let mut state = 3;
+        let mut rng = Rng::new(3);
         for count in [0, 1, 2, 5, 64, 300] {
             let triangles: Vec<[Vec3; 3]> = (0..count)
                 .map(|_| {
-                    let at = vector(&mut state);
-                    [at, at + 0.3 * vector(&mut state), at + 0.3 * vector(&mut state)]
+                    let at = vector(&mut rng);
+                    [at, at + 0.3 * vector(&mut rng), at + 0.3 * vector(&mut rng)]
                 })
                 .collect();
             let bvh = Bvh::new(&triangles);
             let mut met = 0;
             for round in 0..300 {
-                let origin = 1.5 * vector(&mut state);
-                let direction = if round % 7 == 0 { Vec3::X } else { vector(&mut state) };
+                let origin = 1.5 * vector(&mut rng);
+                let direction = if round % 7 == 0 { Vec3::X } else { vector(&mut rng) };
                 let naive = triangles
                     .iter()
                     .enumerate()

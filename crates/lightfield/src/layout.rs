@@ -3,8 +3,8 @@
 //! A layer is the mean or a term. It holds patches of several sides and, of a term, view maps; what shows which of them is
 //! [`Sharing`]. All layers of one atlas have its width and lie one below the other.
 
-/// Longest side of an atlas in texels: what every WebGPU device can sample.
-pub(crate) const MAX_SIDE: u32 = 8192;
+use texfold_core::MAX_PLANE_SIDE;
+
 /// Largest binary logarithm of a patch's side.
 pub(crate) const MAX_SIDE_LOG2: u8 = 6;
 /// Sides that patches may have.
@@ -83,8 +83,8 @@ impl Widths {
     /// With which atlases of these layers, the mean first, are about square.
     pub(crate) fn of(layers: &[Sharing], largest_log2: u8, grid: u32) -> Widths {
         let width = |texels: u64, multiple: u32, least: u32| {
-            let ideal = (texels as f64).sqrt().ceil().min(f64::from(MAX_SIDE)) as u32;
-            (ideal.max(least).next_multiple_of(multiple)).min(MAX_SIDE / multiple * multiple)
+            let ideal = (texels as f64).sqrt().ceil().min(f64::from(MAX_PLANE_SIDE)) as u32;
+            (ideal.max(least).next_multiple_of(multiple)).min(MAX_PLANE_SIDE / multiple * multiple)
         };
         let (mean, terms) =
             layers.split_first().map_or((0, &[][..]), |(mean, terms)| (mean.texels(grid).0, terms));
@@ -103,7 +103,7 @@ impl Widths {
     /// Whether a reader may take them: within a texture, wide enough for a patch of the side and for a view map.
     pub(crate) fn fit(self, largest_log2: u8, grid: u32) -> bool {
         let wide = |width: u32, multiple: u32, least: u32| {
-            (least..=MAX_SIDE).contains(&width) && width.is_multiple_of(multiple)
+            (least..=MAX_PLANE_SIDE).contains(&width) && width.is_multiple_of(multiple)
         };
         let least = (1u32 << largest_log2) + 1;
         wide(self.mean, BLOCK, least) && wide(self.surface, BLOCK, least) && wide(self.view, grid, grid)
@@ -131,7 +131,7 @@ pub(crate) struct Rows {
 }
 
 impl Layout {
-    /// For triangles whose patches have the given sides, in the mean and in terms; `None` where an atlas would be longer than [`MAX_SIDE`].
+    /// For triangles whose patches have the given sides, in the mean and in terms; `None` where an atlas would be longer than [`MAX_PLANE_SIDE`].
     pub(crate) fn new(
         sides_log2: [&[u8]; 2],
         layers: &[Sharing],
@@ -154,7 +154,7 @@ impl Layout {
                 view => (view % columns * grid) | (view_top + view / columns * grid) << 14,
             };
             let rows = u64::from(layer.views.div_ceil(columns)) * u64::from(grid);
-            if u64::from(view_top) + rows > u64::from(MAX_SIDE) {
+            if u64::from(view_top) + rows > u64::from(MAX_PLANE_SIDE) {
                 return None;
             }
             layout.views.push(layer.view_of.iter().map(of_view).collect());
@@ -189,14 +189,14 @@ impl Shelves {
         let mut tops = [0; SIDES];
         let mut top = u64::from(first);
         for log2 in (0..SIDES).rev() {
-            tops[log2] = top.min(u64::from(MAX_SIDE)) as u32;
+            tops[log2] = top.min(u64::from(MAX_PLANE_SIDE)) as u32;
             let side = 1u32 << log2;
             // No patch that is there is wider than the atlas.
             let columns = (width / (side + 1)).max(1);
             top += u64::from(counts[log2].div_ceil(2).div_ceil(columns)) * u64::from(side + 2);
         }
         let end = top.next_multiple_of(u64::from(BLOCK));
-        (end <= u64::from(MAX_SIDE)).then_some(Shelves { tops, width, end: end as u32 })
+        (end <= u64::from(MAX_PLANE_SIDE)).then_some(Shelves { tops, width, end: end as u32 })
     }
 
     /// The word that the shader reads: column (14 bits), row (14 bits), binary logarithm of the side (3 bits) and whether the patch is

@@ -4,20 +4,12 @@
 
 use glam::Vec3;
 use texfold_core::container::{CodecId, SectionWriter, Sections};
+use texfold_core::rng::Rng;
 use texfold_core::{Budget, Encoded, Encoder, Job, LightAddress, Limits, LoadError, TextureCodec};
 use texfold_lightfield::{LightParams, LightTexture, Lightfield};
 use texfold_testkit::capture::{Look, eyes, sphere};
 
 const LIMITS: Limits = Limits { texels: 1 << 24, bytes: 256 << 20, sections: 64 };
-
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, end: usize) -> usize {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) as usize % end.max(1)
-    }
-}
 
 fn file(content: texfold_bc::Content, codewords: f32) -> Vec<u8> {
     let params =
@@ -63,11 +55,11 @@ fn every_cut_names_what_is_missing_or_leaves_whole_terms() {
 #[test]
 fn flipped_bytes_are_noticed() {
     let bytes = file(texfold_bc::Content::Bc1, 0.3);
-    let mut random = Random(11);
+    let mut rng = Rng::new(11);
     for _ in 0..300 {
         let mut damaged = bytes.clone();
-        let at = random.below(bytes.len());
-        damaged[at] ^= 1 << random.below(8);
+        let at = rng.index(bytes.len());
+        damaged[at] ^= 1 << rng.index(8);
         assert!(open(&damaged, &mut Budget::new(LIMITS)).is_err(), "byte {at} changed unnoticed");
     }
 }
@@ -107,15 +99,15 @@ fn rewritten(bytes: &[u8], target: [u8; 4], change: impl Fn(&mut Vec<u8>)) -> Ve
 
 #[test]
 fn forged_files_give_an_error_or_a_light_field_that_decodes() {
-    let mut random = Random(5);
+    let mut rng = Rng::new(5);
     let (mut refused, mut accepted) = (0, 0);
     for (content, codewords) in [(texfold_bc::Content::Raw, 1.0), (texfold_bc::Content::Bc7, 0.3)] {
         let bytes = file(content, codewords);
         let ids: Vec<[u8; 4]> =
             Sections::parse(&bytes, &mut Budget::default()).unwrap().ids().map(|(id, _)| id).collect();
         for _ in 0..300 {
-            let target = ids[random.below(ids.len())];
-            let (at, kind, value) = (random.below(1 << 20), random.below(4), random.below(256) as u8);
+            let target = ids[rng.index(ids.len())];
+            let (at, kind, value) = (rng.index(1 << 20), rng.index(4), rng.index(256) as u8);
             let forged = rewritten(&bytes, target, |raw| {
                 let at = at % raw.len().max(1);
                 match kind {

@@ -102,12 +102,8 @@ mod tests {
     #[test]
     fn most_of_the_nearest_are_found() {
         // Points in 16 dimensions, as even as noise.
-        let mut state = 1u32;
-        let mut number = || {
-            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            (state >> 8) as f32 / 16_777_216.0 - 0.5
-        };
-        let mut point = || -> [f32; 16] { std::array::from_fn(|_| number()) };
+        let mut rng = texfold_core::rng::Rng::new(1);
+        let mut point = || -> [f32; 16] { std::array::from_fn(|_| rng.between(-0.5, 0.5) as f32) };
         let all: Vec<(usize, [f32; 16])> = (0..20_000).map(|index| (index, point())).collect();
         let groups = Groups::new(all.clone());
         assert_eq!(groups.len(), all.len());

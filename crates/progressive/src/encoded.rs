@@ -9,8 +9,8 @@ use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::sample::texfold_bilinear;
 use texfold_core::{
     Budget, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Layers,
-    LoadError, Notes, Plane, PlaneFormat, Rect, Refine, RegionError, SurfaceBinding, SurfaceSize, Texel,
-    TextureCodec,
+    LoadError, MAX_PLANE_SIDE, Notes, Plane, Rect, Refine, RegionError, SurfaceBinding, SurfaceSize, Texel,
+    TextureCodec, WordRows, word_plane,
 };
 
 use crate::codebook::Details;
@@ -26,10 +26,6 @@ use crate::{Progressive, wire};
 pub const BLOCK_SIDE: u32 = 8;
 /// Blocks of a group.
 pub(crate) const GROUP: usize = 16;
-/// Longest side of a plane that every WebGPU device can sample.
-pub(crate) const MAX_PLANE_SIDE: usize = 8192;
-/// Fewest words in a row of the map plane, as a binary logarithm.
-const LEAST_ROW_LOG2: u32 = 6;
 
 /// Columns and rows of blocks that cover an image of that size.
 pub(crate) fn blocks_of(size: SurfaceSize) -> (u32, u32) {
@@ -84,7 +80,7 @@ impl ErrorMap {
                 .chunks(2)
                 .map(|pair| u32::from(pair[0]) | u32::from(pair.get(1).copied().unwrap_or(0)) << 16),
         );
-        (words.len() <= MAX_PLANE_SIDE * MAX_PLANE_SIDE).then_some((words, first_bit))
+        (words.len() <= (MAX_PLANE_SIDE as usize).pow(2)).then_some((words, first_bit))
     }
 }
 
@@ -148,10 +144,10 @@ impl ProgressiveTexture {
                 Some(map) => map.words(parts.model.class_bits)?,
                 None => (vec![0], 0),
             };
-            let (plane, row_log2) = in_rows(plane);
+            let (plane, WordRows { row_log2, .. }) = WordRows::padded(plane);
             params.push(parts.params(surface, first_bit, row_log2));
             words.push(plane);
-            let map = parts.details.as_ref().map(|details| in_rows(details.words(surface)).0);
+            let map = parts.details.as_ref().map(|details| WordRows::padded(details.words(surface)).0);
             entries.push(map.unwrap_or_default());
         }
         Some(ProgressiveTexture { parts, words, entries, texels, params, notes })
@@ -221,7 +217,7 @@ impl ProgressiveTexture {
         if count < 2 && !cut.parts.maps.is_empty() {
             cut.parts.maps.clear();
             for (surface, words) in cut.words.iter_mut().enumerate() {
-                let (plane, row_log2) = in_rows(vec![0]);
+                let (plane, WordRows { row_log2, .. }) = WordRows::padded(vec![0]);
                 *words = plane;
                 cut.params[surface] = cut.parts.params(surface, 0, row_log2);
             }
@@ -289,26 +285,10 @@ impl ProgressiveTexture {
     }
 }
 
-/// The words in whole rows of a plane, and the binary logarithm of a row's words.
-fn in_rows(mut words: Vec<u32>) -> (Vec<u32>, u32) {
-    let (row_log2, length) = rows_of(words.len());
-    words.resize(length, 0);
-    (words, row_log2)
-}
-
-/// Binary logarithm of the words in a row of a plane, and the words of whole rows; one row may be shorter.
-fn rows_of(words: usize) -> (u32, usize) {
-    let mut row_log2 = LEAST_ROW_LOG2;
-    while words.div_ceil(1 << row_log2) > MAX_PLANE_SIDE {
-        row_log2 += 1;
-    }
-    (row_log2, if words > 1 << row_log2 { words.next_multiple_of(1 << row_log2) } else { words })
-}
-
 /// Words of the map plane of `blocks` blocks that have `halves` times 16 bits.
 pub(crate) fn map_words(blocks: usize, halves: u64) -> u64 {
     let headers = blocks.div_ceil(GROUP) * TEXFOLD_PROGRESSIVE_GROUP_WORDS as usize;
-    rows_of(headers + halves.div_ceil(2) as usize).1 as u64
+    WordRows::of(headers + halves.div_ceil(2) as usize).words as u64
 }
 
 impl Parts {
@@ -348,7 +328,7 @@ impl Parts {
             weights: self.model.scales(),
             codebooks: details.map_or([0; 4], Details::sizes),
             gain_unit: details.map_or(0.0, Details::unit),
-            entry_row_log2: rows_of(words).0,
+            entry_row_log2: WordRows::of(words).row_log2,
             base_cell: if self.apart { BLOCK_SIDE >> self.reduce_log2 } else { 0 },
             shrink_log2: self.shrink_log2,
             stored_size: [size.width, size.height],
@@ -547,22 +527,6 @@ pub(crate) const PUBLIC_PART: &str = "public codebook";
 pub(crate) const PRIVATE_PART: &str = "codebook";
 /// Name of the base in the footprint.
 pub const BASE_PART: &str = "base";
-
-fn word_plane<'a>(part: &'static str, words: &'a [u32], row_log2: u32) -> Plane<'a> {
-    let width = words.len().min(1 << row_log2);
-    let data = match bytemuck::try_cast_slice::<u32, u8>(words) {
-        Ok(bytes) if cfg!(target_endian = "little") => Cow::Borrowed(bytes),
-        _ => Cow::Owned(words.iter().flat_map(|word| word.to_le_bytes()).collect()),
-    };
-    Plane {
-        part,
-        format: PlaneFormat::R32Uint,
-        width: width as u32,
-        height: (words.len() / width) as u32,
-        levels: 1,
-        data,
-    }
-}
 
 fn push_base<'a>(planes: &mut Vec<Plane<'a>>, levels: &'a [ContentPlanes]) {
     let first = planes.len();

@@ -5,6 +5,7 @@
 use glam::{DMat3, DVec2};
 use texfold_core::Texel;
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo, Raster};
+use texfold_core::rng::Rng;
 
 /// Fields a side in which discs are looked up.
 const FIELDS: usize = 64;
@@ -25,38 +26,19 @@ struct Disc {
     colour: Texel,
 }
 
-/// Numbers that look random and are the same everywhere (splitmix64).
-#[derive(Debug, Clone)]
-pub struct Dice(pub u64);
-
-impl Dice {
-    /// From 0 to 1.
-    pub fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mixed = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (mixed ^ mixed >> 31) as f64 / 2f64.powi(64)
-    }
-
-    /// From `low` to `high`.
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.unit()
-    }
-}
-
 impl Leaves {
     /// `count` discs.
     #[must_use]
     pub fn new(seed: u64, count: usize) -> Leaves {
-        let mut dice = Dice(seed);
+        let mut rng = Rng::new(seed);
         let (large, small) = (RADII.0.powi(-2), RADII.1.powi(-2));
         let disc = |_| Disc {
-            middle: DVec2::new(dice.between(-0.05, 1.05), dice.between(-0.05, 1.05)),
+            middle: DVec2::new(rng.between(-0.05, 1.05), rng.between(-0.05, 1.05)),
             // Density falls with the cube of the radius: the same at all scales.
-            radius: dice.between(large, small).powf(-0.5),
+            radius: rng.between(large, small).powf(-0.5),
             colour: {
-                let gray = dice.unit();
-                let tint = [0; 3].map(|_| (0.8 * gray + 0.2 * dice.unit()) as f32);
+                let gray = rng.unit();
+                let tint = [0; 3].map(|_| (0.8 * gray + 0.2 * rng.unit()) as f32);
                 Texel::new(tint[0], tint[1], tint[2], 1.0)
             },
         };
@@ -129,10 +111,10 @@ pub struct Lens {
 #[must_use]
 #[expect(clippy::panic, reason = "a test without its picture must fail")]
 pub fn photograph(texels: &[Texel], size: (u32, u32), lens: Lens) -> Raster {
-    let mut dice = Dice(lens.seed);
+    let mut rng = Rng::new(lens.seed);
     let mut step = |value: f32| {
         // A sum of four has nearly a normal distribution.
-        let noise = (0..4).map(|_| dice.unit() - 0.5).sum::<f64>() * 1.732 * lens.noise;
+        let noise = (0..4).map(|_| rng.unit() - 0.5).sum::<f64>() * 1.732 * lens.noise;
         let value = (f64::from(value) * lens.exposure + noise).clamp(0.0, 1.0);
         (value * 255.0).round() as f32 / 255.0
     };

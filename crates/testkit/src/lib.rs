@@ -6,3 +6,5 @@ pub mod leaves;
 mod load;
 
 pub use load::{data_dir, fixtures_dir, frames, picture, png};
+
+pub use texfold_core::rng;

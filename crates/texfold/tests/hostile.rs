@@ -10,6 +10,7 @@ use texfold::{
     AstcBlock, Bc, BcParams, Budget, Content, Domain, EncodeError, Encoded, Encoder, Family, Image2d,
     ImageAddress, ImageLayout, Limits, LoadError, PlaneFormat, Texel, TextureCodec, open_image,
 };
+use texfold_core::rng::Rng;
 
 /// More than any of these textures needs, far less than a hostile size would take.
 const LIMITS: Limits = Limits { texels: 1 << 20, bytes: 64 << 20, sections: 64 };
@@ -18,16 +19,6 @@ const MUTATIONS: usize = 10_000;
 
 /// Images of up to as many texels are decoded as a whole.
 const WHOLE_TEXELS: usize = 1 << 14;
-
-/// A generator that gives the same damage everywhere.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, end: usize) -> usize {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) as usize % end.max(1)
-    }
-}
 
 /// Whatever loads must decode everywhere.
 fn exercise(texture: &dyn Encoded<Domain = Image2d>) {
@@ -127,13 +118,13 @@ fn every_truncation_names_what_is_missing() {
 
 #[test]
 fn flipped_bytes_are_noticed() {
-    let mut random = Random(11);
+    let mut rng = Rng::new(11);
     for (name, _, texture) in small_textures() {
         let bytes = texture.to_bytes();
         for _ in 0..500 {
             let mut damaged = bytes.clone();
-            let at = random.below(bytes.len());
-            damaged[at] ^= 1 << random.below(8);
+            let at = rng.index(bytes.len());
+            damaged[at] ^= 1 << rng.index(8);
             let opened = open_image(&damaged, &mut Budget::new(LIMITS));
             assert!(opened.is_err(), "{name}: byte {at} changed unnoticed");
         }
@@ -141,11 +132,11 @@ fn flipped_bytes_are_noticed() {
 }
 
 /// The same file with the bytes of one section changed and every checksum made right again, as an attacker would.
-fn with_changed_section(bytes: &[u8], random: &mut Random) -> Option<Vec<u8>> {
+fn with_changed_section(bytes: &[u8], rng: &mut Rng) -> Option<Vec<u8>> {
     let sections = Sections::parse(bytes, &mut Budget::default()).ok()?;
     let ids: Vec<[u8; 4]> = sections.ids().map(|(id, _)| id).collect();
-    let target = ids[random.below(ids.len())];
-    rewritten(bytes, target, |raw| damage(raw, random))
+    let target = ids[rng.index(ids.len())];
+    rewritten(bytes, target, |raw| damage(raw, rng))
 }
 
 /// The same file with the section `target` as `change` leaves it.
@@ -164,12 +155,12 @@ fn rewritten(bytes: &[u8], target: [u8; 4], change: impl FnOnce(&mut Vec<u8>)) -
     Some(writer.finish().bytes)
 }
 
-fn damage(raw: &mut Vec<u8>, random: &mut Random) {
-    for _ in 0..1 + random.below(3) {
-        let at = random.below(raw.len());
-        match random.below(5) {
-            0 if !raw.is_empty() => raw[at] = random.below(256) as u8,
-            1 if !raw.is_empty() => raw[at] = [0, 1, 127, 128, 255][random.below(5)],
+fn damage(raw: &mut Vec<u8>, rng: &mut Rng) {
+    for _ in 0..1 + rng.index(3) {
+        let at = rng.index(raw.len());
+        match rng.index(5) {
+            0 if !raw.is_empty() => raw[at] = rng.index(256) as u8,
+            1 if !raw.is_empty() => raw[at] = [0, 1, 127, 128, 255][rng.index(5)],
             2 => raw.truncate(at),
             3 => raw.extend([0xff; 7]),
             _ if raw.len() >= at + 4 => raw[at..at + 4].copy_from_slice(&[0xff, 0xff, 0xff, 0x7f]),
@@ -180,14 +171,14 @@ fn damage(raw: &mut Vec<u8>, random: &mut Random) {
 
 #[test]
 fn ten_thousand_forged_files_give_an_error_or_a_texture_that_decodes() {
-    let mut random = Random(5);
+    let mut rng = Rng::new(5);
     // Writing compresses, so each file is written once.
     let files: Vec<(String, Vec<u8>)> =
         small_textures().into_iter().map(|(name, _, texture)| (name, texture.to_bytes())).collect();
     let (mut refused, mut accepted) = (0, 0);
     for round in 0..MUTATIONS {
         let (name, bytes) = &files[round % files.len()];
-        let Some(forged) = with_changed_section(bytes, &mut random) else { panic!("{name} cannot be read") };
+        let Some(forged) = with_changed_section(bytes, &mut rng) else { panic!("{name} cannot be read") };
         let mut budget = Budget::new(LIMITS);
         match open_image(&forged, &mut budget) {
             Ok(texture) => {

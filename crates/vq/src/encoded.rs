@@ -7,16 +7,12 @@ use texfold_bc::ContentPlanes;
 use texfold_core::address::{TEXFOLD_CLAMP, texfold_level_size};
 use texfold_core::container::{SectionWriter, write_layout};
 use texfold_core::{
-    CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Notes, Plane,
-    PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
+    CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, MAX_PLANE_SIDE, Notes,
+    Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
 };
 
 use crate::decode::{TEXFOLD_VQ_LEVELS, TexfoldVqParams, VqView, texfold_vq_fetch};
 use crate::{Vq, wire};
-
-/// Longest side of an index plane: what every WebGPU device can sample, and the shader's factor between columns and
-/// rows.
-const MAX_PLANE_SIDE: u32 = 8192;
 
 /// A rectangle of the codebook that holds one image sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

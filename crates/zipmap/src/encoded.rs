@@ -10,8 +10,8 @@ use texfold_core::address::TEXFOLD_CLAMP;
 use texfold_core::container::{SectionWriter, write_layout};
 use texfold_core::image::to_u8;
 use texfold_core::{
-    CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Notes, Plane,
-    PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
+    CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, MAX_PLANE_SIDE, Notes,
+    Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
 };
 
 use crate::decode::{
@@ -20,8 +20,6 @@ use crate::decode::{
 use crate::linear::{normalised, seen_in};
 use crate::{Zipmap, wire};
 
-/// Longest side of a plane that every WebGPU device can sample.
-pub(crate) const MAX_PLANE_SIDE: u32 = 8192;
 /// Most patches of a texture.
 pub(crate) const MAX_PATCHES: usize = crate::decode::TEXFOLD_ZIPMAP_MOST as usize;
 /// Most mip levels of a patch: down to where all of its texels are its border.

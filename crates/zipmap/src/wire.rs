@@ -5,19 +5,16 @@ use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
 use texfold_core::image::{Alpha, PixelInfo};
 use texfold_core::sample::TEXFOLD_NORMAL;
-use texfold_core::{Budget, LoadError, String4, SurfaceSize};
+use texfold_core::{Budget, LoadError, MAX_PLANE_SIDE, String4, SurfaceSize};
 
 use crate::ZipTexture;
 use crate::encoded::{
-    MAX_PATCH_LEVELS, MAX_PATCHES, MAX_PLANE_SIDE, PATCH_PART, Parts, PatchForm, ROOT_PART, most_table_bytes,
+    MAX_PATCH_LEVELS, MAX_PATCHES, PATCH_PART, Parts, PatchForm, ROOT_PART, most_table_bytes,
 };
 
 const FORM_ID: [u8; 4] = *b"ZMFM";
 const ROOT_ID: [u8; 4] = *b"ZMRT";
 const PATCH_ID: [u8; 4] = *b"ZMPA";
-
-/// Longest side of the finest level.
-const MAX_SIDE: u32 = 1 << 15;
 
 /// Pixels of patches: those of the root, with alpha.
 pub(crate) fn patch_pixel(root: PixelInfo) -> PixelInfo {
@@ -71,7 +68,7 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ZipTextur
     let deep = u32::from(reader.u8()?);
     let [size] = layout.surfaces[..] else { return Err(reader.corrupt("more than one image")) };
     let exact = deep < 16 && [size.width, size.height].iter().all(|side| side % (1 << deep) == 0);
-    if !exact || layout.levels <= deep || size.width > MAX_SIDE || size.height > MAX_SIDE {
+    if !exact || layout.levels <= deep {
         return Err(reader.corrupt("levels that do not lead to a root"));
     }
     let root_size = size.at_level(deep);

@@ -5,8 +5,9 @@
 
 use glam::{DMat3, DVec2, Vec2};
 use texfold_core::image::{ColorSpace, Raster};
+use texfold_core::rng::Rng;
 use texfold_core::{Encoder, Job, Texel};
-use texfold_testkit::leaves::{Dice, Leaves, Lens, close_up, photograph};
+use texfold_testkit::leaves::{Leaves, Lens, close_up, photograph};
 use texfold_zipmap::{PatchSource, PatchStack, Registration, ZipParams, Zipmap, register};
 
 const SIZE: (u32, u32) = (320, 280);
@@ -71,10 +72,10 @@ fn a_jump_of_exposure_by_four_is_no_hindrance() {
 /// Lays discs over a picture: about a seventh of it.
 fn with_people(leaves: &Leaves, matrix: &DMat3, seed: u64) -> Raster {
     let mut texels = leaves.view(matrix, SIZE, 3);
-    let mut dice = Dice(seed);
+    let mut rng = Rng::new(seed);
     for _ in 0..12 {
-        let middle = DVec2::new(dice.between(0.0, SIZE.0.into()), dice.between(0.0, SIZE.1.into()));
-        let colour = Texel::new(dice.unit() as f32, dice.unit() as f32, dice.unit() as f32, 1.0);
+        let middle = DVec2::new(rng.between(0.0, SIZE.0.into()), rng.between(0.0, SIZE.1.into()));
+        let colour = Texel::new(rng.unit() as f32, rng.unit() as f32, rng.unit() as f32, 1.0);
         for (at, texel) in texels.iter_mut().enumerate() {
             let place = DVec2::new((at % SIZE.0 as usize) as f64, (at / SIZE.0 as usize) as f64);
             if (place - middle).length() < 18.0 {

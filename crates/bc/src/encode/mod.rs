@@ -14,9 +14,6 @@ use texfold_core::{
 use crate::wire::MAX_REDUCE_LOG2;
 use crate::{BcParams, BcTexture, Content, ContentPlanes, Family};
 
-/// Longest side in texels that a file can name.
-const MAX_SIDE: u32 = 1 << 15;
-
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Candidate {
     content: Content,
@@ -30,7 +27,7 @@ pub(crate) fn encode(
     job: &mut Job<'_>,
 ) -> Result<BcTexture, EncodeError> {
     params.check()?;
-    check_sizes(source)?;
+    source.check_sides()?;
     let candidates = candidates(source.info(), params)?;
     let guess = match params.goal {
         Goal::Bpp(bpp) => candidates.partition_point(|candidate| candidate.bpp <= bpp),
@@ -52,16 +49,6 @@ pub(crate) fn encode(
     };
     job.stage("done", 1.0)?;
     Ok(texture)
-}
-
-fn check_sizes(source: &ImageSet) -> Result<(), SourceError> {
-    for (index, image) in source.images().iter().enumerate() {
-        let SurfaceSize { width, height } = image.size();
-        if width > MAX_SIDE || height > MAX_SIDE {
-            return Err(SourceError::TooLarge { index, width, height, max: MAX_SIDE });
-        }
-    }
-    Ok(())
 }
 
 /// Formats and sizes that fit the pixels and the caller's choice, by rising bits.

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use texfold_core::MAX_IMAGE_SIDE;
 
 use crate::error::CliError;
 use crate::output::write_whole;
@@ -12,9 +13,6 @@ use crate::report::Row;
 pub(crate) const MANIFEST: &str = "bank.json";
 /// The version of the manifest that is read and written.
 const VERSION: u32 = 1;
-
-/// Longest side of an image in texels.
-const MAX_SIDE: u32 = 1 << 15;
 
 /// What a bank holds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -92,7 +90,7 @@ impl Manifest {
             return Err(bad(format!("version {} is not read", manifest.version)));
         }
         for image in &manifest.images {
-            let sides = [image.width, image.height].iter().all(|side| (1..=MAX_SIDE).contains(side));
+            let sides = [image.width, image.height].iter().all(|side| (1..=MAX_IMAGE_SIDE).contains(side));
             let plain = Path::new(&image.name).file_name() == Some(image.name.as_ref());
             if !sides || !plain || !(1..=4).contains(&image.channels) || !(1..=16).contains(&image.levels) {
                 return Err(bad(format!("image {} cannot be", image.name)));

@@ -10,7 +10,8 @@ use texfold::{AnyImage, Lightfield};
 use texfold_core::image::Raster;
 use texfold_core::metric::decode_surface;
 use texfold_core::{
-    Budget, Encoded, Image2d, Layers, LoadError, RegionError, SourceError, SurfaceSize, TextureCodec,
+    Budget, Encoded, Image2d, Layers, LoadError, MAX_IMAGE_SIDE, RegionError, SourceError, SurfaceSize,
+    TextureCodec,
 };
 
 use crate::error::{CliError, explain, guarded};
@@ -97,7 +98,7 @@ fn tile(text: &str) -> Result<(u32, u32), String> {
         Some((x.trim().parse().ok()?, y.trim().parse().ok()?))
     };
     // A tile further off than any image reaches is refused here.
-    let inside = |&(x, y): &(u32, u32)| x < 1 << 15 && y < 1 << 15;
+    let inside = |&(x, y): &(u32, u32)| x < MAX_IMAGE_SIDE && y < MAX_IMAGE_SIDE;
     parse().filter(inside).ok_or_else(|| "give column and row as in 3,0".to_owned())
 }
 

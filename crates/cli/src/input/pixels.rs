@@ -5,12 +5,9 @@ use std::path::Path;
 
 use image::{DynamicImage, ImageError, ImageReader};
 use texfold_core::image::{Alpha, ColorSpace, Raster};
-use texfold_core::{SourceError, SurfaceSize};
+use texfold_core::{MAX_IMAGE_SIDE, SourceError, SurfaceSize};
 
 use crate::error::CliError;
-
-/// Longest side in texels: what a `.txf` file can name.
-const MAX_SIDE: u32 = 1 << 15;
 
 type Reader = ImageReader<BufReader<std::fs::File>>;
 
@@ -34,8 +31,8 @@ pub(crate) fn check_side(path: &Path, size: SurfaceSize) -> Result<SurfaceSize, 
     let SurfaceSize { width, height } = size;
     let source = match () {
         () if width == 0 || height == 0 => SourceError::ZeroSize { index: 0, width, height },
-        () if width > MAX_SIDE || height > MAX_SIDE => {
-            SourceError::TooLarge { index: 0, width, height, max: MAX_SIDE }
+        () if width > MAX_IMAGE_SIDE || height > MAX_IMAGE_SIDE => {
+            SourceError::TooLarge { index: 0, width, height, max: MAX_IMAGE_SIDE }
         }
         () => return Ok(size),
     };
@@ -63,8 +60,8 @@ pub(crate) fn decode(path: &Path, limit_bytes: u64) -> Result<DynamicImage, CliE
     size(path)?;
     let mut reader = open(path)?;
     let mut limits = image::Limits::default();
-    limits.max_image_width = Some(MAX_SIDE);
-    limits.max_image_height = Some(MAX_SIDE);
+    limits.max_image_width = Some(MAX_IMAGE_SIDE);
+    limits.max_image_height = Some(MAX_IMAGE_SIDE);
     limits.max_alloc = Some(limit_bytes);
     reader.limits(limits);
     reader.decode().map_err(|error| fault(path, error))

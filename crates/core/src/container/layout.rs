@@ -1,7 +1,7 @@
 //! The section that every codec of flat images shares: sizes, levels and meaning of the channels.
 
 use super::{Reader, SectionWriter, Sections};
-use crate::error::String4;
+use crate::id::String4;
 use crate::image::{Alpha, ColorSpace, Depth, PixelInfo};
 use crate::{Budget, ImageLayout, LoadError, MAX_IMAGE_SIDE, SurfaceSize};
 

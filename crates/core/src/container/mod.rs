@@ -10,6 +10,7 @@ mod wire;
 mod write;
 mod zstd;
 
+pub use crate::id::CodecId;
 pub use layout::{LAYOUT_ID, read_layout, write_layout};
 pub use notes::{NOTES_ID, Notes};
 pub use read::Sections;
@@ -27,21 +28,6 @@ pub const ENTRY_BYTES: usize = 40;
 
 const STORED: u32 = 0;
 const ZSTD: u32 = 1;
-
-/// Number and name of a codec in files.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct CodecId {
-    /// What is stored.
-    pub number: u16,
-    /// What is shown.
-    pub name: &'static str,
-}
-
-impl std::fmt::Display for CodecId {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name)
-    }
-}
 
 /// First 64 bits of the BLAKE3 hash, little-endian.
 pub fn checksum(parts: &[&[u8]]) -> u64 {

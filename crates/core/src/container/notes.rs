@@ -1,7 +1,7 @@
 //! What the maker of a file says about it: settings, a verdict, what each part bought.
 
 use super::{Reader, SectionWriter, Sections};
-use crate::error::String4;
+use crate::id::String4;
 use crate::{Budget, LoadError};
 
 /// Id of the notes section.

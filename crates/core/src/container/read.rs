@@ -3,7 +3,7 @@
 use std::io::Read;
 
 use super::{ENTRY_BYTES, HEADER_BYTES, MAGIC, Reader, STORED, VERSION, ZSTD, checksum, zstd};
-use crate::error::String4;
+use crate::id::String4;
 use crate::{Budget, LimitError, LoadError};
 
 const HEAD: String4 = String4(*b"head");

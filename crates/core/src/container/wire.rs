@@ -1,7 +1,7 @@
 //! Checked little-endian reading of a section.
 
 use crate::LoadError;
-use crate::error::String4;
+use crate::id::String4;
 
 /// Reads a section's bytes from front to back. Nothing is read past the end.
 #[derive(Debug, Clone)]

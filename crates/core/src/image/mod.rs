@@ -1,9 +1,13 @@
 //! Rasters, sets of them, mip chains and colour.
 
 mod colour;
+mod layout;
 mod mip;
+mod pixel;
 mod raster;
 
 pub use colour::{ColorSpace, linear_to_srgb, srgb_to_linear};
+pub use layout::{ImageLayout, SurfaceSize};
 pub use mip::{MipFilter, mip_chain};
-pub use raster::{Alpha, Depth, ImageSet, PixelInfo, Raster, to_u8};
+pub use pixel::{Alpha, Depth, PixelInfo};
+pub use raster::{ImageSet, Raster, to_u8};

@@ -2,57 +2,8 @@
 
 use glam::Vec4;
 
-use super::ColorSpace;
-use crate::{ImageLayout, SourceError, SurfaceSize, Texel};
-
-/// How alpha is to be read.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum Alpha {
-    /// Every texel is opaque, or there is no alpha channel.
-    #[default]
-    Opaque,
-    /// Colour is stored unmultiplied.
-    Straight,
-    /// A texel is drawn where alpha is at least this threshold (0 to 1); mip levels keep the covered share.
-    Cutout(f32),
-}
-
-/// Precision of the values that a raster was made from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
-pub enum Depth {
-    /// 8 bits a channel.
-    #[default]
-    Eight,
-    /// 16 bits a channel.
-    Sixteen,
-}
-
-/// What the channels of a raster are.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct PixelInfo {
-    /// 1 gray, 2 gray + alpha, 3 RGB, 4 RGB + alpha.
-    pub channels: u8,
-    /// Precision of the source.
-    pub depth: Depth,
-    /// Meaning of the colour channels.
-    pub color: ColorSpace,
-    /// Meaning of the alpha channel.
-    pub alpha: Alpha,
-}
-
-impl PixelInfo {
-    /// Colour channels: 1 or 3.
-    #[must_use]
-    pub fn color_channels(self) -> u8 {
-        if self.channels < 3 { 1 } else { 3 }
-    }
-
-    /// Whether there is an alpha channel.
-    #[must_use]
-    pub fn has_alpha(self) -> bool {
-        self.channels.is_multiple_of(2)
-    }
-}
+use super::{Alpha, ColorSpace, Depth, ImageLayout, PixelInfo, SurfaceSize};
+use crate::{MAX_IMAGE_SIDE, SourceError, Texel};
 
 /// An image: `height` rows of `width` texels of 1 to 4 interleaved channels, values nominally in [0, 1].
 #[derive(Debug, Clone, PartialEq)]
@@ -294,6 +245,20 @@ impl ImageSet {
         ImageSet { images: self.images.iter().map(Raster::to_gray).collect() }
     }
 
+    /// `Ok` where no side is longer than [`MAX_IMAGE_SIDE`], the longest that a file can name.
+    ///
+    /// # Errors
+    /// [`SourceError::TooLarge`] names the first image that is too large.
+    pub fn check_sides(&self) -> Result<(), SourceError> {
+        let mut sizes = self.images.iter().map(Raster::size).enumerate();
+        match sizes.find(|(_, size)| size.width.max(size.height) > MAX_IMAGE_SIDE) {
+            Some((index, SurfaceSize { width, height })) => {
+                Err(SourceError::TooLarge { index, width, height, max: MAX_IMAGE_SIDE })
+            }
+            None => Ok(()),
+        }
+    }
+
     /// What the channels of every image are.
     #[must_use]
     pub fn info(&self) -> PixelInfo {
@@ -361,6 +326,16 @@ mod tests {
         assert_eq!(set.images()[0].to_bytes(), [128, 128, 128, 255]);
         assert_eq!(set.info().alpha, Alpha::Straight);
         assert_eq!(ImageSet::new(vec![]), Err(SourceError::Empty));
+    }
+
+    #[test]
+    fn images_that_a_file_cannot_name_are_named() {
+        let line = |width| Raster::from_u8(width, 1, 1, ColorSpace::Srgb, &vec![0; width as usize]).unwrap();
+        let most = ImageSet::single(line(MAX_IMAGE_SIDE));
+        assert_eq!(most.check_sides(), Ok(()));
+        let set = ImageSet::new(vec![line(1), line(MAX_IMAGE_SIDE + 1)]).unwrap();
+        let error = SourceError::TooLarge { index: 1, width: 32769, height: 1, max: 32768 };
+        assert_eq!(set.check_sides(), Err(error));
     }
 
     #[test]

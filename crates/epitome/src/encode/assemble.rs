@@ -49,7 +49,7 @@ pub(crate) fn assemble(
     let step = if plan.mips { 1 << PLANE_MIPS } else { 1 };
     let packing = pack(plan.space, plan.options, choices, (step, plan.turns));
     let too_large = |(side, stored): (&(u32, u32), &Stored)| {
-        side.0.max(side.1) * stored.cell > crate::wire::MAX_EPITOME_SIDE
+        side.0.max(side.1) * stored.cell > texfold_core::MAX_PLANE_SIDE
     };
     if packing.sizes.iter().zip(&plan.space.stored).any(too_large) {
         return Err(SourceError::Full { what: "an epitome of 8192x8192 texels" }.into());

@@ -44,8 +44,6 @@ use strip::with_widest_strip;
 
 use crate::{EpitomeParams, EpitomeSource, EpitomeTexture};
 
-/// Longest side of an image in texels that a file can name.
-const MAX_SIDE: u32 = 1 << 15;
 /// Side of a block whose leaves are chosen by rate and distortion: the first whose smallest leaves are whole cells of all
 /// formats, where cells are larger than 4x4 texels; else the last.
 const BLOCKS: [u32; 3] = [64, 48, 32];
@@ -204,7 +202,7 @@ fn search_one(
     params: &EpitomeParams,
     job: &mut Job<'_>,
 ) -> Result<EpitomeSearch, EncodeError> {
-    check_sizes(source)?;
+    source.images.check_sides()?;
     check_blocks(source)?;
     let mut searched = job.within(0.0, 0.3, |job| store(source, params, job))?;
     job.within(0.3, 1.0, |job| searched.search(job))?;
@@ -224,16 +222,6 @@ pub(crate) fn encode_from(
     let second = job.within(0.5, 1.0, |job| other.encode(goal, job))?;
     let (of_first, of_second) = (measure(&searched.images, &first), measure(&searched.images, &second));
     Ok(if goal.prefers(&of_second, &of_first) { second } else { first })
-}
-
-fn check_sizes(source: EpitomeSource<'_>) -> Result<(), SourceError> {
-    for (index, image) in source.images.images().iter().enumerate() {
-        let SurfaceSize { width, height } = image.size();
-        if width > MAX_SIDE || height > MAX_SIDE {
-            return Err(SourceError::TooLarge { index, width, height, max: MAX_SIDE });
-        }
-    }
-    Ok(())
 }
 
 /// Whether blocks that are to be taken over are those of the images.

@@ -141,7 +141,7 @@ pub(crate) fn pack(
         };
         order.sort_by_key(|&index| key(index));
         let cells: u64 = order.iter().map(|&index| packing.charts[index].cells.len() as u64).sum();
-        let limit = crate::wire::MAX_EPITOME_SIDE / space.stored[format].cell;
+        let limit = texfold_core::MAX_PLANE_SIDE / space.stored[format].cell;
         let sheet = Limits { step, side: limit, cell: space.stored[format].cell, turns };
         let size = place(&mut packing.charts, &order, cells, sheet);
         packing.sizes.push(size);

@@ -3,11 +3,12 @@
 use texfold_bc::Content;
 use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
+use texfold_core::rng::Rng;
 use texfold_core::{Budget, ImageLayout, Notes, SurfaceSize, TextureCodec};
 use texfold_epitome::decode::TEXFOLD_EPITOME_FINE_LEVELS;
 use texfold_epitome::{Epitome, IDENTITY, Linear, NEUTRAL, Tone};
 
-use super::{Dice, Subject};
+use super::Subject;
 
 /// Odd ones, several of one size, and one that is smaller than a leaf.
 const SIZES: [(u32, u32); 6] = [(37, 61), (64, 40), (5, 3), (37, 61), (1, 1), (101, 33)];
@@ -117,35 +118,34 @@ impl Forge {
     }
 
     /// How each block is split, and the number of leaves.
-    fn trees(&self, surfaces: &[SurfaceSize], dice: &mut Dice) -> (Vec<u8>, u32) {
+    fn trees(&self, surfaces: &[SurfaceSize], rng: &mut Rng) -> (Vec<u8>, u32) {
         let across = |side: u32| side.div_ceil(self.block);
         let blocks = surfaces.iter().map(|size| across(size.width) * across(size.height)).sum();
         if !self.split {
             return (Vec::new(), blocks);
         }
-        let trees: Vec<u8> = (0..blocks)
-            .map(|_| if dice.below(4) == 0 { 0 } else { 1 | (dice.below(16) as u8) << 1 })
-            .collect();
+        let trees: Vec<u8> =
+            (0..blocks).map(|_| if rng.below(4) == 0 { 0 } else { 1 | (rng.below(16) as u8) << 1 }).collect();
         let leaves = |tree: &u8| if *tree == 0 { 1 } else { 4 + 3 * (tree >> 1).count_ones() };
         let count = trees.iter().map(leaves).sum();
         (trees, count)
     }
 
     /// Entries with any place in their epitome, byte plane by byte plane, places as what differs from the one before.
-    fn entries(&self, leaves: u32, palettes: [usize; 2], dice: &mut Dice) -> Vec<u8> {
+    fn entries(&self, leaves: u32, palettes: [usize; 2], rng: &mut Rng) -> Vec<u8> {
         let [x_bits, y_bits, fraction, ..] = self.bits;
         let mut planes: [Vec<u8>; 7] = Default::default();
         let mut before = [0u32; 2];
         for _ in 0..leaves {
-            let plane = dice.below(self.contents.len() as u32);
+            let plane = rng.below(self.contents.len() as u32);
             let (width, height) = EPITOMES[plane as usize];
             let place = [
-                dice.below((width << fraction).min(1 << x_bits)),
-                dice.below((height << fraction).min(1 << y_bits)),
+                rng.below((width << fraction).min(1 << x_bits)),
+                rng.below((height << fraction).min(1 << y_bits)),
             ];
             let step = [0, 1].map(|axis| (place[axis].wrapping_sub(before[axis]) as u16).to_le_bytes());
             before = place;
-            let numbers = palettes.map(|count| dice.below(count as u32) as u8);
+            let numbers = palettes.map(|count| rng.below(count as u32) as u8);
             let bytes = [step[0][0], step[0][1], step[1][0], step[1][1], numbers[1], numbers[0], plane as u8];
             planes.iter_mut().zip(bytes).for_each(|(plane, byte)| plane.push(byte));
         }
@@ -153,12 +153,14 @@ impl Forge {
     }
 
     /// The planes of all levels of an image or an epitome; a level of 1 x 1 texels is repeated.
-    fn content(&self, content: Content, sizes: impl Iterator<Item = (u32, u32)>, dice: &mut Dice) -> Vec<u8> {
+    fn content(&self, content: Content, sizes: impl Iterator<Item = (u32, u32)>, rng: &mut Rng) -> Vec<u8> {
         let formats = content.formats(self.pixel()).0;
         let (mut bytes, mut last) = (Vec::new(), None);
         for (width, height) in sizes {
             if last != Some((1, 1)) {
-                bytes.push(dice.bytes(formats.iter().map(|format| format.bytes(width, height)).sum()));
+                bytes.push(
+                    rng.bytes(formats.iter().map(|format| format.bytes(width, height)).sum::<u64>() as usize),
+                );
             } else if let Some(level) = bytes.last().cloned() {
                 bytes.push(level);
             }
@@ -169,32 +171,32 @@ impl Forge {
 }
 
 /// Tones of every gain and offset, the neutral one first.
-fn tones(count: u32, dice: &mut Dice) -> Vec<Tone> {
-    let random = |_| [(); 6].map(|()| dice.below(256) as u8);
+fn tones(count: u32, rng: &mut Rng) -> Vec<Tone> {
+    let random = |_| [(); 6].map(|()| rng.below(256) as u8);
     std::iter::once(NEUTRAL).chain((1..count).map(random)).collect()
 }
 
 /// A texture with a pseudo-random map into pseudo-random epitomes.
 pub(crate) fn epitome(forge: &Forge) -> Subject {
     let [.., tone_bits, linear_bits] = forge.bits;
-    let mut dice =
-        Dice(u64::from(tone_bits) + 10 * u64::from(forge.block) + 1000 * u64::from(forge.channels));
+    let mut rng =
+        Rng::new(u64::from(tone_bits) + 10 * u64::from(forge.block) + 1000 * u64::from(forge.channels));
     let surfaces: Vec<_> = forge.sizes.iter().map(|&(width, height)| SurfaceSize { width, height }).collect();
     let linears = &LINEARS[..LINEARS.len().min(1 << linear_bits)];
-    let tones = tones(1 << tone_bits, &mut dice);
-    let (trees, leaves) = forge.trees(&surfaces, &mut dice);
-    let entries = forge.entries(leaves, [linears.len(), tones.len()], &mut dice);
+    let tones = tones(1 << tone_bits, &mut rng);
+    let (trees, leaves) = forge.trees(&surfaces, &mut rng);
+    let entries = forge.entries(leaves, [linears.len(), tones.len()], &mut rng);
     let plane_levels = if forge.levels > 1 { PLANE_LEVELS } else { 1 };
     let mut planes = Vec::new();
     for (&content, (width, height)) in forge.contents.iter().zip(EPITOMES) {
         let sizes = (0..plane_levels).map(|level| (width >> level, height >> level));
-        planes.extend(forge.content(content, sizes, &mut dice));
+        planes.extend(forge.content(content, sizes, &mut rng));
     }
     let mut coarse = Vec::new();
     for size in &surfaces {
         let sizes = (TEXFOLD_EPITOME_FINE_LEVELS..forge.levels).map(|level| size.at_level(level));
         let sizes = sizes.map(|size| (size.width, size.height));
-        coarse.extend(forge.content(forge.coarse(), sizes, &mut dice));
+        coarse.extend(forge.content(forge.coarse(), sizes, &mut rng));
     }
     let mut out = SectionWriter::new(Epitome::ID);
     Notes::default().write(&mut out);

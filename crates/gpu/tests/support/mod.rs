@@ -13,6 +13,7 @@ use texfold_bc::{Bc, BcParams, BcTexture, Content};
 use texfold_core::address::TEXFOLD_REPEAT;
 use texfold_core::container::{SectionWriter, write_layout};
 use texfold_core::image::{Alpha, ColorSpace, Depth, ImageSet, PixelInfo, Raster, srgb_to_linear};
+use texfold_core::rng::Rng;
 use texfold_core::{
     Budget, Effort, Encoded, Encoder, GpuForm, ImageLayout, Job, Limits, Notes, SurfaceSize, TextureCodec,
 };
@@ -275,27 +276,10 @@ pub(crate) fn bc(images: Vec<Raster>, content: Content, reduce_log2: u32) -> Sub
     Subject::Bc(Bc::encode(&source, &params, &mut Job::new(Limits::default())).unwrap())
 }
 
-/// Numbers that look random and are the same everywhere (splitmix64).
-pub(crate) struct Dice(pub u64);
-
-impl Dice {
-    /// Below `end`.
-    pub(crate) fn below(&mut self, end: u32) -> u32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mixed = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((mixed >> 33) % u64::from(end)) as u32
-    }
-
-    fn bytes(&mut self, count: u64) -> Vec<u8> {
-        (0..count).map(|_| self.below(256) as u8).collect()
-    }
-}
-
-/// A vq texture with random indices into a random codebook of 64 x 128 texels, by way of its file format.
+/// A vq texture with random inrngs into a random codebook of 64 x 128 texels, by way of its file format.
 pub(crate) fn vq(sizes: &[(u32, u32)], levels: u32, channels: u8, content: Content) -> Subject {
     let (width, height) = (64, 128);
-    let mut dice = Dice(u64::from(channels) + 10 * u64::from(levels));
+    let mut rng = Rng::new(u64::from(channels) + 10 * u64::from(levels));
     let alpha = if matches!(channels, 2 | 4) { Alpha::Straight } else { Alpha::Opaque };
     // Three channels in BC5 are normals.
     let color = if (channels, content) == (3, Content::Bc5) { ColorSpace::Normal } else { ColorSpace::Srgb };
@@ -308,12 +292,12 @@ pub(crate) fn vq(sizes: &[(u32, u32)], levels: u32, channels: u8, content: Conte
     let form: Vec<u8> = [width, height, 0, 0, 0u32].into_iter().flat_map(u32::to_le_bytes).collect();
     let planes = content.formats(pixel).0;
     let codebook: Vec<u8> =
-        planes.iter().flat_map(|format| dice.bytes(format.bytes(width, height))).collect();
+        planes.iter().flat_map(|format| rng.bytes(format.bytes(width, height) as usize)).collect();
     let mut index = Vec::new();
     for size in &surfaces {
         let blocks: u32 = (0..levels).map(|level| size.at_level(level).blocks()).map(|(x, y)| x * y).sum();
         for side in [width, height] {
-            let values: Vec<u8> = (0..blocks).map(|_| dice.below(side - 3) as u8).collect();
+            let values: Vec<u8> = (0..blocks).map(|_| rng.below(side - 3) as u8).collect();
             let before = std::iter::once(0).chain(values.iter().copied());
             index.extend(values.iter().zip(before).map(|(value, before)| value.wrapping_sub(before)));
         }

@@ -3,11 +3,12 @@
 use texfold_bc::Content;
 use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
+use texfold_core::rng::Rng;
 use texfold_core::{Budget, CodecId, ImageLayout, Notes, SurfaceSize};
 
 use texfold_progressive::{Codebook, Progressive};
 
-use super::{Dice, Subject};
+use super::Subject;
 
 /// What a texture is like.
 #[derive(Debug, Clone, Copy)]
@@ -33,8 +34,8 @@ pub(crate) struct Base {
 const ROWS: u32 = 128;
 
 /// A codebook of pseudo-random cells.
-fn codebook(content: Content, width: u32, cells: usize, dice: &mut Dice) -> Codebook {
-    let mut cell = || dice.bytes(1024).into_iter().map(|byte| f32::from(byte) / 127.5 - 1.0).collect();
+fn codebook(content: Content, width: u32, cells: usize, rng: &mut Rng) -> Codebook {
+    let mut cell = || rng.bytes(1024).into_iter().map(|byte| f32::from(byte) / 127.5 - 1.0).collect();
     let cells: Vec<Vec<f32>> = (0..cells).map(|_| cell()).collect();
     Codebook::of_cells(content, width, &cells).unwrap()
 }
@@ -44,11 +45,11 @@ fn store_books(
     (side_log2, turn_bits, content): (u32, u32, Content),
     surfaces: &[SurfaceSize],
     levels: u32,
-    dice: &mut Dice,
+    rng: &mut Rng,
     out: &mut SectionWriter,
 ) -> Codebook {
-    let public = codebook(content, 64, 4, dice);
-    let private = codebook(content, 32, 2, dice);
+    let public = codebook(content, 64, 4, rng);
+    let private = codebook(content, 32, 2, rng);
     let mut raw = vec![content.number()];
     raw.extend(&private.planes().planes()[0].1);
     out.section("codebook", *b"PRCB", &raw);
@@ -64,7 +65,7 @@ fn store_books(
             |level| size.at_level(level).width.div_ceil(side) * size.at_level(level).height.div_ceil(side);
         let mut bits: Vec<bool> = Vec::new();
         for _ in 0..(0..levels).map(blocks_of).sum() {
-            let entry = dice.below(64) | dice.below(ROWS) << 6 | dice.below(1 << (turn_bits + 5)) << 13;
+            let entry = rng.below(64) | rng.below(ROWS) << 6 | rng.below(1 << (turn_bits + 5)) << 13;
             bits.extend((0..18 + turn_bits).map(|bit| entry >> bit & 1 == 1));
         }
         bits.resize(bits.len().next_multiple_of(32), false);
@@ -90,7 +91,7 @@ const WIDE_CLASSES: [u32; 11] = [
 pub(crate) fn progressive(base: &Base) -> Subject {
     let Base { sizes, levels, channels, content, reduce_log2, shrink_log2, beyond, class_bits, books } =
         *base;
-    let mut dice = Dice(u64::from(channels) + 10 * u64::from(class_bits + reduce_log2));
+    let mut rng = Rng::new(u64::from(channels) + 10 * u64::from(class_bits + reduce_log2));
     let alpha = if matches!(channels, 2 | 4) { Alpha::Straight } else { Alpha::Opaque };
     let pixel = PixelInfo { channels, depth: Depth::Eight, color: ColorSpace::Srgb, alpha };
     let full: Vec<_> = sizes.iter().map(|&(width, height)| SurfaceSize { width, height }).collect();
@@ -123,22 +124,22 @@ pub(crate) fn progressive(base: &Base) -> Subject {
             let whole = SurfaceSize { width: size.width + more, height: size.height + more };
             let level = whole.at_level(reduce_log2 + level);
             for format in content.formats(pixel).0 {
-                planes.extend(dice.bytes(format.bytes(level.width, level.height)));
+                planes.extend(rng.bytes(format.bytes(level.width, level.height) as usize));
             }
         }
         let sides = |level| (size.at_level(level).width.div_ceil(8), size.at_level(level).height.div_ceil(8));
         let blocks: u32 = (0..levels).map(sides).map(|(columns, rows)| columns * rows).sum();
-        let classes: Vec<u8> = (0..blocks).map(|_| dice.below(usable) as u8).collect();
+        let classes: Vec<u8> = (0..blocks).map(|_| rng.below(usable) as u8).collect();
         let halves: u32 = classes.iter().map(|&class| u32::from(class)).sum::<u32>() * class_bits / 16;
-        let scales: Vec<u8> = (0..blocks).map(|_| dice.below(13) as u8).collect();
+        let scales: Vec<u8> = (0..blocks).map(|_| rng.below(13) as u8).collect();
         for numbers in [&classes, &scales] {
             maps.extend(numbers.chunks(2).map(|pair| pair[0] | pair.get(1).copied().unwrap_or(0) << 4));
         }
-        maps.extend(dice.bytes(2 * u64::from(halves)));
+        maps.extend(rng.bytes(2 * halves as usize));
     }
     out.section("container", *b"PRFM", &form);
     out.section("base", *b"PRBA", &planes);
-    let public = books.map(|books| store_books(books, &surfaces, levels, &mut dice, &mut out));
+    let public = books.map(|books| store_books(books, &surfaces, levels, &mut rng, &mut out));
     if class_bits > 0 {
         out.section("error map", *b"PREM", &maps);
     }

@@ -257,11 +257,7 @@ fn normalised(mut values: Vec<Vec3A>) -> Vec<Vec3A> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn random(state: &mut u64) -> f32 {
-        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (*state >> 40) as f32 / (1 << 24) as f32 * 2.0 - 1.0
-    }
+    use texfold_core::rng::Rng;
 
     #[test]
     fn terms_are_those_that_the_matrix_was_made_of() {
@@ -301,10 +297,11 @@ mod tests {
 
     #[test]
     fn texels_are_blended_from_the_triangle_of_photographs_around_them() {
-        let mut state = 5;
+        let mut rng = Rng::new(5);
         for count in [0, 1, 2, 3, 30] {
-            let places: Vec<Vec2> =
-                (0..count).map(|_| 0.7 * Vec2::new(random(&mut state), random(&mut state))).collect();
+            let places: Vec<Vec2> = (0..count)
+                .map(|_| 0.7 * Vec2::new(rng.between(-1.0, 1.0) as f32, rng.between(-1.0, 1.0) as f32))
+                .collect();
             let mut inside = 0;
             for (texel, blend) in blends(&places, 12).iter().enumerate() {
                 assert_eq!(blend.share > 0.0, count > 0);

@@ -19,7 +19,7 @@ use std::sync::Arc;
 use texfold_core::image::{ImageSet, PixelInfo};
 use texfold_core::metric::{SquaredError, alpha_error, color_error, decode_surface, measure};
 use texfold_core::target::{Measured, search};
-use texfold_core::{Effort, EncodeError, Goal, Job, Params, SourceError, SurfaceSize};
+use texfold_core::{Effort, EncodeError, Goal, Job, Params, SourceError};
 
 use crate::{ProgressiveParams, ProgressiveTexture, Shared};
 pub use plane::PlaneForm;
@@ -32,8 +32,6 @@ use draft::{Draft, FIRST_PRICE, PRICES, price};
 use frame::{Frame, shrinks};
 use report::notes;
 
-/// Longest side of an image in texels that a file can name.
-const MAX_SIDE: u32 = 1 << 15;
 /// How far, in prices, a quality goal is looked for around the estimate, until it is met.
 const REACHES: [u32; 3] = [24, 240, PRICES];
 /// Prices that need not be told apart by coding: 2%, some 0.02 dB.
@@ -51,7 +49,7 @@ pub(crate) fn encode(
     job: &mut Job<'_>,
 ) -> Result<ProgressiveTexture, EncodeError> {
     params.check()?;
-    check_sizes(source)?;
+    source.check_sides()?;
     let frame = |shrink_log2: u32, job: &Job<'_>| {
         Arc::new(job.install(|| Frame::new(source, params.mips, shrink_log2, shared.around.as_ref())))
     };
@@ -304,14 +302,4 @@ fn within(
         Ok::<_, EncodeError>((measured, made))
     })?;
     Ok(found.value)
-}
-
-fn check_sizes(source: &ImageSet) -> Result<(), SourceError> {
-    for (index, image) in source.images().iter().enumerate() {
-        let SurfaceSize { width, height } = image.size();
-        if width > MAX_SIDE || height > MAX_SIDE {
-            return Err(SourceError::TooLarge { index, width, height, max: MAX_SIDE });
-        }
-    }
-    Ok(())
 }

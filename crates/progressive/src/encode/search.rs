@@ -10,8 +10,8 @@ use texfold_core::image::ImageSet;
 use texfold_core::{EncodeError, Goal, Job, Params};
 
 use super::base::{Base, Ground, Kind};
+use super::encode_with;
 use super::frame::Frame;
-use super::{check_sizes, encode_with};
 use crate::{ProgressiveParams, ProgressiveTexture, Shared};
 
 /// What has been found in images, for any goal.
@@ -43,7 +43,7 @@ impl ProgressiveSearch {
         job: &mut Job<'_>,
     ) -> Result<Self, EncodeError> {
         params.check()?;
-        check_sizes(source)?;
+        source.check_sides()?;
         let (source, params, shared) = (source.clone(), params.clone(), shared.clone());
         let search = ProgressiveSearch { source, params, shared, held: Mutex::default() };
         search.encode(search.params.goal, job)?;

@@ -157,11 +157,8 @@ mod tests {
     use super::*;
 
     fn random(seed: u64, count: usize, rates: &[u32]) -> Vec<Step> {
-        let mut state = seed;
-        let mut next = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 40) as f32 / (1u64 << 24) as f32 - 0.5
-        };
+        let mut rng = texfold_core::rng::Rng::new(seed);
+        let mut next = || rng.between(-0.5, 0.5) as f32;
         // The sum of twelve evenly spread numbers is nearly normal, of variance 1.
         let step = |n: usize| Step {
             target: 123.4 * (0..12).map(|_| next()).sum::<f32>(),

@@ -3,7 +3,7 @@
 
 use ndarray::{Array2, ArrayView2};
 use texfold_codebook::{Leaders, Search};
-use texfold_core::{EncodeError, Job, SourceError, SurfaceSize, Texel};
+use texfold_core::{EncodeError, Job, SourceError, Texel};
 
 use super::assemble::windows_at;
 use super::blocks::{Blocks, texel_of};
@@ -35,13 +35,7 @@ fn check(texture: &VqTexture, source: &VqSource<'_>) -> Result<(), SourceError> 
     if pixel.channels != texture.layout.pixel.channels {
         return Err(SourceError::Unlike { index: 0, what: "its number of channels" });
     }
-    for (index, image) in source.images.images().iter().enumerate() {
-        let SurfaceSize { width, height } = image.size();
-        if width > super::MAX_SIDE || height > super::MAX_SIDE {
-            return Err(SourceError::TooLarge { index, width, height, max: super::MAX_SIDE });
-        }
-    }
-    Ok(())
+    source.images.check_sides()
 }
 
 fn grow(texture: &VqTexture, source: &VqSource<'_>) -> Result<VqTexture, EncodeError> {

@@ -30,8 +30,6 @@ use self::plan::{CELL_TEXELS, Grid, MAX_CELLS, fixed_bits};
 use self::single::{Prepared, Request};
 use crate::{VqParams, VqSource, VqTexture};
 
-/// Longest side of an image: its index plane must fit a texture of 8192 texels.
-const MAX_SIDE: u32 = 1 << 15;
 /// The first, fast search for a quality goal stops within this share of the number of codewords, the second one,
 /// at full effort, within the smaller.
 const COARSE_STEP: f64 = 0.1;
@@ -52,7 +50,7 @@ pub(crate) fn encode(
     job: &mut Job<'_>,
 ) -> Result<VqTexture, EncodeError> {
     params.check()?;
-    check_sizes(&source)?;
+    source.images.check_sides()?;
     let images = source.images;
     job.budget.take(images.texel_count().saturating_mul(u64::from(images.info().channels) * 4 * 2))?;
     job.stage("guidance", 0.0)?;
@@ -118,21 +116,6 @@ fn nearly_gray(images: &ImageSet, params: &VqParams) -> Option<ImageSet> {
     let error = images.images().iter().zip(gray.images()).map(|(a, b)| color_error(a, b));
     let error = error.fold(SquaredError::default(), |sum, error| sum + error);
     (error.rms() <= NEARLY_GRAY_RMS).then_some(gray)
-}
-
-fn check_sizes(source: &VqSource<'_>) -> Result<(), SourceError> {
-    for (index, image) in source.images.images().iter().enumerate() {
-        let size = image.size();
-        if size.width > MAX_SIDE || size.height > MAX_SIDE {
-            return Err(SourceError::TooLarge {
-                index,
-                width: size.width,
-                height: size.height,
-                max: MAX_SIDE,
-            });
-        }
-    }
-    Ok(())
 }
 
 /// How the codebook may be stored: the caller's choice, or what is worth trying for such pixels.

@@ -14,9 +14,11 @@ mod trim;
 use glam::{DMat3, DVec2};
 use texfold_bc::Content;
 use texfold_core::image::{Alpha, ColorSpace, PixelInfo, Raster};
-use texfold_core::{EncodeError, Job, Params, SurfaceSize, Texel, TextureCodec};
+use texfold_core::{
+    EncodeError, Job, MAX_IMAGE_SIDE, MAX_PLANE_SIDE, Params, SurfaceSize, Texel, TextureCodec,
+};
 
-use crate::encoded::{MAX_PATCHES, MAX_PLANE_SIDE};
+use crate::encoded::MAX_PATCHES;
 use crate::linear::{normalised, seen_in};
 use crate::{PatchSource, PatchStack, ZipError, ZipParams, ZipTexture, Zipmap};
 use canvas::{Canvas, Laid};
@@ -26,8 +28,6 @@ pub use report::{Fidelity, fidelity};
 
 /// Most levels of a file.
 const MAX_LEVELS: u32 = 16;
-/// Longest side of the finest level.
-const MAX_SIDE: u32 = 1 << 15;
 /// Least share of a patch that the root shows.
 const LEAST_SHARE: f64 = 1e-6;
 
@@ -234,7 +234,7 @@ fn deep_levels(stack: &PatchStack) -> u32 {
     let wanted = zoom.fold(1.0, f64::max).log2().ceil().clamp(0.0, 15.0) as u32;
     let size = stack.root.size();
     let longest = size.width.max(size.height);
-    (0..=wanted).rev().find(|&deep| u64::from(longest) << deep <= u64::from(MAX_SIDE)).unwrap_or(0)
+    (0..=wanted).rev().find(|&deep| u64::from(longest) << deep <= u64::from(MAX_IMAGE_SIDE)).unwrap_or(0)
 }
 
 /// Lays one patch on the canvas, or says why not.

@@ -6,6 +6,7 @@
 //! random numbers follow from a seed. Errors are measured in pixels of the coarser photograph.
 
 use glam::{DMat3, DVec2, DVec3};
+use texfold_core::rng::Congruential;
 
 use super::features::Feature;
 use super::matching::Match;
@@ -43,17 +44,6 @@ pub(crate) struct Fit {
     score: f64,
 }
 
-/// Numbers that look random and follow from a seed (PCG, O'Neill 2014).
-#[derive(Debug)]
-pub(crate) struct Random(pub(crate) u64);
-
-impl Random {
-    pub(crate) fn below(&mut self, end: usize) -> usize {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (((self.0 >> 33) * end as u64) >> 31) as usize
-    }
-}
-
 pub(crate) fn pairs(from: &[Feature], to: &[Feature], matches: &[Match]) -> Vec<Pair> {
     let pair = |found: &Match| {
         let (a, b) = (&from[found.from], &to[found.to]);
@@ -73,7 +63,7 @@ pub(crate) fn fit(pairs: &[Pair], sides: (f64, f64), seed: u64) -> Option<Fit> {
         pairs.iter().map(|pair| propose(pair, pairs, sides)).filter(|(agree, _)| *agree >= 4).collect();
     // Stable: the first of equals stays first.
     proposals.sort_by_key(|(agree, _)| std::cmp::Reverse(*agree));
-    let mut random = Random(seed);
+    let mut random = Congruential::new(seed);
     let mut best: Option<Fit> = None;
     let mut tried: Vec<DMat3> = Vec::new();
     for (_, proposal) in proposals {
@@ -122,7 +112,7 @@ fn alike(a: &DMat3, b: &DMat3, pairs: &[Pair], sides: (f64, f64)) -> bool {
 }
 
 /// From a rough matrix to the homography that agrees with most pairs around it.
-fn refine(start: &DMat3, pairs: &[Pair], sides: (f64, f64), random: &mut Random) -> Option<Fit> {
+fn refine(start: &DMat3, pairs: &[Pair], sides: (f64, f64), random: &mut Congruential) -> Option<Fit> {
     let mut matrix = *start;
     let rough = COARSE_SHARE * sides.0.max(sides.1);
     for (step, tolerance) in [rough].into_iter().chain(TOLERANCES).enumerate() {
@@ -255,7 +245,7 @@ mod tests {
 
     /// Pairs under a homography, every third of them at random places.
     fn scene(matrix: &DMat3, count: usize) -> Vec<Pair> {
-        let mut random = Random(7);
+        let mut random = Congruential::new(7);
         let mut place = || DVec2::new(random.below(8000) as f64 / 10.0, random.below(6000) as f64 / 10.0);
         let pair = |index: usize| {
             let from = place();

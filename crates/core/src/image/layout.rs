@@ -1,0 +1,73 @@
+//! Sizes of images and of their mip levels.
+
+use super::PixelInfo;
+
+/// Width and height of one image in texels of level 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct SurfaceSize {
+    /// Columns, at least 1.
+    pub width: u32,
+    /// Rows, at least 1.
+    pub height: u32,
+}
+
+impl SurfaceSize {
+    /// Number of texels of level 0.
+    #[must_use]
+    pub fn texels(self) -> u64 {
+        u64::from(self.width) * u64::from(self.height)
+    }
+
+    /// Size of mip level `level`: halved and rounded down, at least 1.
+    #[must_use]
+    pub fn at_level(self, level: u32) -> SurfaceSize {
+        let halve = |side: u32| side.checked_shr(level).unwrap_or(0).max(1);
+        SurfaceSize { width: halve(self.width), height: halve(self.height) }
+    }
+
+    /// Number of levels of a full mip chain, down to 1x1.
+    #[must_use]
+    pub fn full_levels(self) -> u32 {
+        32 - self.width.max(self.height).max(1).leading_zeros()
+    }
+
+    /// Columns and rows of 4x4 blocks that cover the image.
+    #[must_use]
+    pub fn blocks(self) -> (u32, u32) {
+        (self.width.div_ceil(4), self.height.div_ceil(4))
+    }
+}
+
+/// Which images, levels and channels an encoded texture holds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ImageLayout {
+    /// Size of every image, in the order of the source.
+    pub surfaces: Vec<SurfaceSize>,
+    /// Mip levels stored for every image; 1 means level 0 alone. An image with a shorter full chain
+    /// repeats its last level.
+    pub levels: u32,
+    /// Channels, depth, colour space and alpha of the source.
+    pub pixel: PixelInfo,
+}
+
+impl ImageLayout {
+    /// Source texels of all images, level 0.
+    #[must_use]
+    pub fn texels(&self) -> u64 {
+        self.surfaces.iter().map(|size| size.texels()).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_halve_down_to_one() {
+        let size = SurfaceSize { width: 13, height: 4 };
+        assert_eq!(size.full_levels(), 4);
+        assert_eq!(size.at_level(2), SurfaceSize { width: 3, height: 1 });
+        assert_eq!(size.at_level(31), SurfaceSize { width: 1, height: 1 });
+        assert_eq!(size.at_level(40), SurfaceSize { width: 1, height: 1 });
+    }
+}

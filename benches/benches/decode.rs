@@ -4,7 +4,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::Vec2;
-use texfold::{AnyImage, Content, Effort, ImageAddress, Texel};
+use texfold::{AnyImage, Content, Effort, EpitomeTexture, ImageAddress, Texel};
 use texfold_benches::{bc, epitome, epitome_params, paper_params, picture_of, progressive, vq};
 use texfold_epitome::decode::texfold_epitome_bilinear;
 
@@ -45,7 +45,7 @@ fn decode(c: &mut Criterion) {
     group.sample_size(10).throughput(Throughput::Elements(u64::from(SIDE * SIDE)));
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     for (name, texture) in &textures {
-        let (AnyImage::Epitome(texture), Ok(one)) = (texture, &one) else { continue };
+        let (Some(texture), Ok(one)) = (texture.downcast_ref::<EpitomeTexture>(), &one) else { continue };
         // A third of the sides, three pixels a texel; and one pixel a texel.
         for (extent, pixels) in [(1.0 / 3.0, "three pixels a texel"), (1.0, "one")] {
             let draw = || texture.draw(0, Vec2::splat(0.1), Vec2::splat(extent), (SIDE, SIDE));

@@ -53,7 +53,7 @@ pub fn paper_params() -> VqParams {
 /// `set` by vq; `None` where it cannot be encoded.
 #[must_use]
 pub fn vq(set: &ImageSet, params: &VqParams) -> Option<AnyImage> {
-    Vq::encode(VqSource::new(set), params, &mut Job::default()).ok().map(AnyImage::Vq)
+    Vq::encode(VqSource::new(set), params, &mut Job::default()).ok().map(AnyImage::new)
 }
 
 /// Quality that the benches ask of epitome, in dB.
@@ -73,14 +73,14 @@ pub fn epitome_params(content: Option<Content>) -> EpitomeParams {
 /// `set` by epitome; `None` where it cannot be encoded.
 #[must_use]
 pub fn epitome(set: &ImageSet, params: &EpitomeParams) -> Option<AnyImage> {
-    Epitome::encode(EpitomeSource::new(set), params, &mut Job::default()).ok().map(AnyImage::Epitome)
+    Epitome::encode(EpitomeSource::new(set), params, &mut Job::default()).ok().map(AnyImage::new)
 }
 
 /// `set` by progressive within `bpp` bits a texel; `None` where it cannot be encoded.
 #[must_use]
 pub fn progressive(set: &ImageSet, bpp: f64, effort: Effort) -> Option<AnyImage> {
     let params = ProgressiveParams { goal: Goal::Bpp(bpp), effort, ..ProgressiveParams::default() };
-    Progressive::encode(set, &params, &mut Job::default()).ok().map(AnyImage::Progressive)
+    Progressive::encode(set, &params, &mut Job::default()).ok().map(AnyImage::new)
 }
 
 /// `set` as plain blocks at full size; `None` where it cannot be encoded.
@@ -92,7 +92,7 @@ pub fn bc(set: &ImageSet, content: Content) -> Option<AnyImage> {
         effort: Effort::Fast,
         ..BcParams::default()
     };
-    Bc::encode(set, &params, &mut Job::default()).ok().map(AnyImage::Bc)
+    Bc::encode(set, &params, &mut Job::default()).ok().map(AnyImage::new)
 }
 
 /// `work` for every number below `count`, on all cores; results are in order.

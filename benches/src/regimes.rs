@@ -10,8 +10,8 @@ use glam::Vec2;
 use texfold::image::{ImageSet, MipFilter, Raster, mip_chain};
 use texfold::metric::{color_error, decode_surface, measure};
 use texfold::{
-    AnyImage, CodecChoice, EncodeSettings, Encoder, Epitome, EpitomeParams, EpitomeSource, Goal, Guidance,
-    Job, Texel, encode_images,
+    Choice, EncodeSettings, Encoder, Epitome, EpitomeParams, EpitomeSource, Goal, Guidance, Job, Texel,
+    encode_images,
 };
 use texfold_benches::report::{Chart, Outcome, Table, cpu_seconds, middle, reduced};
 use texfold_epitome::EpitomeTexture;
@@ -150,19 +150,18 @@ fn unlike(out: &Path) -> Outcome<()> {
             texfold::BcParams { goal: Goal::Bpp(4.0), reduce_log2: Some(0), ..texfold::BcParams::default() };
         let plain = measure(&set, &texfold::Bc::encode(&set, &plain, &mut Job::default())?);
         let settings = EncodeSettings {
-            codec: CodecChoice::Epitome,
+            codec: Choice::of::<Epitome>(),
             goal: Goal::Psnr(plain.psnr),
             ..EncodeSettings::default()
         };
         let made = encode_images(&set, Guidance::default(), &settings, &mut Job::default())?;
         let found = measure(&set, made.as_encoded());
-        let what = match &made {
-            AnyImage::Epitome(_) => "epitome".to_owned(),
-            other => {
-                let verdict = &other.as_encoded().notes().verdict;
-                let why = verdict.rsplit(": ").next().unwrap_or_default().trim_end_matches('.');
-                format!("plain blocks, since by epitome {why}")
-            }
+        let what = if made.downcast_ref::<EpitomeTexture>().is_some() {
+            "epitome".to_owned()
+        } else {
+            let verdict = &made.as_encoded().notes().verdict;
+            let why = verdict.rsplit(": ").next().unwrap_or_default().trim_end_matches('.');
+            format!("plain blocks, since by epitome {why}")
         };
         table.row(vec![
             name,

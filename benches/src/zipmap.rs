@@ -133,7 +133,7 @@ fn texture(count: usize) -> Option<AnyImage> {
     };
     let made = Zipmap::encode(&stack, &params, &mut Job::default()).ok()?;
     println!("{} patches of {count} are kept", made.patches());
-    Some(AnyImage::Zipmap(made))
+    Some(AnyImage::new(made))
 }
 
 fn drawn() {

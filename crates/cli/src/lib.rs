@@ -7,10 +7,10 @@
 //! Exit codes: 0 all done, 1 some inputs failed and the others are written, 2 usage.
 
 mod bank;
-mod base64;
 mod compare;
 mod compress;
 mod config;
+mod console;
 mod decompress;
 mod error;
 mod info;
@@ -22,6 +22,7 @@ mod progress;
 mod render;
 mod report;
 mod run;
+mod settings;
 
 pub use compare::CompareArgs;
 pub use compress::CompressArgs;
@@ -30,7 +31,7 @@ pub use config::{
 };
 pub use decompress::DecompressArgs;
 pub use info::InfoArgs;
-pub use input::Kind;
 pub use input::capture::{read_capture, read_views};
 pub use render::RenderArgs;
 pub use run::{Command, main, run};
+pub use settings::Kind;

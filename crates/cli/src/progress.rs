@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use texfold_core::Stage;
 
-use crate::run::say;
+use crate::console::say;
 
 /// Steps of the bar for each input.
 const STEPS: u64 = 1000;

@@ -1,10 +1,10 @@
 //! The commands by name, and what the process says when it ends.
 
-use std::io::Write;
 use std::process::ExitCode;
 
 use clap::Parser;
 
+use crate::console::complain;
 use crate::error::{CliError, explain};
 use crate::{
     CompareArgs, CompressArgs, DecompressArgs, InfoArgs, RenderArgs, compare, compress, decompress, info,
@@ -64,14 +64,4 @@ pub fn run(command: Command) -> ExitCode {
             ExitCode::from(if matches!(error, CliError::Usage(_)) { USAGE } else { SOME_FAILED })
         }
     }
-}
-
-/// A line on stdout. A reader that has gone away is no error.
-pub(crate) fn say(line: &str) {
-    let _ = writeln!(std::io::stdout().lock(), "{line}");
-}
-
-/// An error on stderr.
-pub(crate) fn complain(line: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "error: {line}");
 }

@@ -1,119 +1,66 @@
 //! Opening files of any codec.
 
-use texfold_bc::{Bc, BcTexture};
-use texfold_core::container::{SectionWriter, Sections};
-use texfold_core::{
-    AnyEncoded, Budget, EncodeError, Encoded, Growable, Image2d, Job, LoadError, TextureCodec,
-};
-use texfold_epitome::{Epitome, EpitomeTexture};
-use texfold_lightfield::{LightTexture, Lightfield};
-use texfold_progressive::{Progressive, ProgressiveTexture};
-use texfold_vq::{Vq, VqSource, VqTexture};
-use texfold_zipmap::{ZipTexture, Zipmap};
+use std::io::{self, Read};
 
-/// An encoded image texture of any codec, for callers that need its own type.
-#[derive(Debug)]
-pub enum AnyImage {
-    /// Plain block compression.
-    Bc(BcTexture),
-    /// Importance-driven vector quantisation.
-    Vq(VqTexture),
-    /// Epitome factoring.
-    Epitome(EpitomeTexture),
-    /// Base and error map.
-    Progressive(ProgressiveTexture),
-    /// A root and patches of higher resolution.
-    Zipmap(ZipTexture),
-}
+use texfold_core::container::Sections;
+use texfold_core::{Budget, LimitError, Limits, LoadError};
+use texfold_lightfield::LightTexture;
 
-impl AnyImage {
-    /// The texture behind its trait.
-    #[must_use]
-    pub fn as_encoded(&self) -> &dyn Encoded<Domain = Image2d> {
-        match self {
-            AnyImage::Bc(texture) => texture,
-            AnyImage::Vq(texture) => texture,
-            AnyImage::Epitome(texture) => texture,
-            AnyImage::Progressive(texture) => texture,
-            AnyImage::Zipmap(texture) => texture,
-        }
-    }
+use crate::{AnyImage, AnyTexture, Registration};
 
-    /// The texture behind its trait, boxed.
-    #[must_use]
-    pub fn into_encoded(self) -> Box<dyn Encoded<Domain = Image2d>> {
-        match self {
-            AnyImage::Bc(texture) => Box::new(texture),
-            AnyImage::Vq(texture) => Box::new(texture),
-            AnyImage::Epitome(texture) => Box::new(texture),
-            AnyImage::Progressive(texture) => Box::new(texture),
-            AnyImage::Zipmap(texture) => Box::new(texture),
-        }
-    }
-
-    /// The whole `.txf` file.
-    #[must_use]
-    pub fn to_bytes(&self) -> Vec<u8> {
-        let encoded = self.as_encoded();
-        let mut writer = SectionWriter::new(encoded.codec());
-        encoded.store(&mut writer);
-        writer.finish().bytes
-    }
+/// Why a file cannot be opened from a reader.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum OpenError {
+    /// The reader failed.
+    #[error("the file cannot be read; see the cause")]
+    Read(#[from] io::Error),
+    /// What was read is no texture that can be loaded.
+    #[error(transparent)]
+    Load(#[from] LoadError),
 }
 
 /// Loads a `.txf` file of any codec.
 ///
 /// # Errors
 /// [`LoadError`] names what is wrong with the file.
-pub fn open(bytes: &[u8], budget: &mut Budget) -> Result<AnyEncoded, LoadError> {
-    let sections = Sections::parse(bytes, budget)?;
-    if sections.codec() == Lightfield::ID.number {
-        return Lightfield::load(&sections, budget).map(|light| AnyEncoded::Light(Box::new(light)));
-    }
-    load_image(&sections, budget).map(|image| AnyEncoded::Image(image.into_encoded()))
+pub fn open(bytes: &[u8], budget: &mut Budget) -> Result<AnyTexture, LoadError> {
+    let file = Sections::parse(bytes, budget)?;
+    let found = file.codec();
+    Registration::by_number(found).ok_or(LoadError::NotThisCodec { found })?.load(&file, budget)
 }
 
-/// Loads a `.txf` file that holds a surface light field.
+/// As [`open`], from a file or a stream. Reads no more than `limits` allow.
 ///
 /// # Errors
-/// [`LoadError`] names what is wrong with the file.
-pub fn open_light(bytes: &[u8], budget: &mut Budget) -> Result<LightTexture, LoadError> {
-    let sections = Sections::parse(bytes, budget)?;
-    match sections.codec() {
-        number if number == Lightfield::ID.number => Lightfield::load(&sections, budget),
-        found => Err(LoadError::NotThisCodec { found }),
+/// [`OpenError`]: the reader's own, or what is wrong with the file.
+pub fn open_from(reader: impl Read, limits: Limits) -> Result<AnyTexture, OpenError> {
+    let mut bytes = Vec::new();
+    reader.take(limits.bytes.saturating_add(1)).read_to_end(&mut bytes)?;
+    let length = bytes.len() as u64;
+    if length > limits.bytes {
+        let error = LimitError { what: "bytes", needed: length, allowed: limits.bytes };
+        return Err(LoadError::from(error).into());
     }
+    Ok(open(&bytes, &mut Budget::new(limits))?)
 }
 
 /// Loads a `.txf` file that holds images.
 ///
 /// # Errors
-/// [`LoadError`] names what is wrong with the file.
+/// [`LoadError`] names what is wrong with the file, or the codec where it holds a light field.
 pub fn open_image(bytes: &[u8], budget: &mut Budget) -> Result<AnyImage, LoadError> {
-    load_image(&Sections::parse(bytes, budget)?, budget)
+    let texture = open(bytes, budget)?;
+    let found = texture.codec().number;
+    texture.into_image().ok_or(LoadError::NotThisCodec { found })
 }
 
-fn load_image(sections: &Sections<'_>, budget: &mut Budget) -> Result<AnyImage, LoadError> {
-    match sections.codec() {
-        number if number == Bc::ID.number => Bc::load(sections, budget).map(AnyImage::Bc),
-        number if number == Vq::ID.number => Vq::load(sections, budget).map(AnyImage::Vq),
-        number if number == Epitome::ID.number => Epitome::load(sections, budget).map(AnyImage::Epitome),
-        number if number == Progressive::ID.number => {
-            Progressive::load(sections, budget).map(AnyImage::Progressive)
-        }
-        number if number == Zipmap::ID.number => Zipmap::load(sections, budget).map(AnyImage::Zipmap),
-        found => Err(LoadError::NotThisCodec { found }),
-    }
-}
-
-/// Adds images to an encoded set or sequence; those already there keep every texel.
+/// Loads a `.txf` file that holds a surface light field.
 ///
 /// # Errors
-/// [`EncodeError`] where the codec cannot grow or the images do not fit; the texture is then as it was.
-pub fn add_image(texture: &mut AnyImage, source: VqSource<'_>, job: &mut Job<'_>) -> Result<(), EncodeError> {
-    let codec = texture.as_encoded().codec();
-    match texture {
-        AnyImage::Vq(texture) => Vq::add(texture, source, job),
-        _ => Err(EncodeError::CannotGrow { codec, instead: Vq::ID.name }),
-    }
+/// [`LoadError`] names what is wrong with the file, or the codec where it holds images.
+pub fn open_light(bytes: &[u8], budget: &mut Budget) -> Result<LightTexture, LoadError> {
+    let texture = open(bytes, budget)?;
+    let found = texture.codec().number;
+    texture.into_light().ok_or(LoadError::NotThisCodec { found })
 }

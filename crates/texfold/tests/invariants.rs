@@ -9,7 +9,7 @@ use support::{bc, epitome, fixture, small_textures, vq};
 use texfold::image::{ColorSpace, ImageSet, Raster};
 use texfold::metric::{decode_surface, quality};
 use texfold::{
-    AnyImage, BcParams, Budget, CodecChoice, Content, Effort, EncodeError, EncodeSettings, Encoded, Encoder,
+    AnyImage, BcParams, Budget, Choice, Content, Effort, EncodeError, EncodeSettings, Encoded, Encoder,
     Epitome, EpitomeParams, EpitomeSource, Goal, Guidance, ImageAddress, Job, Progressive, ProgressiveParams,
     Rect, RegionError, Stage, Texel, Vq, VqParams, VqSource, encode_images, open_image,
 };
@@ -57,7 +57,7 @@ fn encoding_does_not_depend_on_the_number_of_threads() {
         let pool = rayon_pool(threads);
         let mut job = Job::default().with_pool(&pool);
         let made = Epitome::encode(EpitomeSource::new(&set), &params, &mut job).unwrap();
-        AnyImage::Epitome(made).to_bytes()
+        AnyImage::new(made).to_bytes()
     };
     assert!(factored(1) == factored(3), "epitome");
     for goal in [Goal::Psnr(36.0), Goal::Bpp(3.0), Goal::Tolerance(8.0)] {
@@ -65,7 +65,7 @@ fn encoding_does_not_depend_on_the_number_of_threads() {
         let coded = |threads: usize| {
             let pool = rayon_pool(threads);
             let mut job = Job::default().with_pool(&pool);
-            AnyImage::Progressive(Progressive::encode(&set, &params, &mut job).unwrap()).to_bytes()
+            AnyImage::new(Progressive::encode(&set, &params, &mut job).unwrap()).to_bytes()
         };
         assert!(coded(1) == coded(3), "progressive {goal:?}");
     }
@@ -163,7 +163,7 @@ fn a_tolerance_holds_for_every_block() {
     for name in ["facade", "text_page", "stripes"] {
         let set = fixture(name);
         let settings = EncodeSettings {
-            codec: CodecChoice::Vq,
+            codec: Choice::of::<Vq>(),
             goal: Goal::Tolerance(16.0),
             ..EncodeSettings::default()
         };
@@ -177,11 +177,15 @@ fn a_tolerance_holds_for_every_block() {
 fn a_size_goal_is_never_exceeded() {
     for name in ["facade", "gray", "cutout", "odd_37x61"] {
         for bpp in [1.5, 2.5, 6.0] {
-            for codec in [CodecChoice::Auto, CodecChoice::Epitome] {
+            for codec in [Choice::auto(), Choice::of::<Epitome>()] {
                 let set = fixture(name);
                 let goal = Goal::Bpp(bpp);
-                let settings =
-                    EncodeSettings { codec, goal, effort: Effort::Fast, ..EncodeSettings::default() };
+                let settings = EncodeSettings {
+                    codec: codec.clone(),
+                    goal,
+                    effort: Effort::Fast,
+                    ..EncodeSettings::default()
+                };
                 let made = encode_images(&set, Guidance::default(), &settings, &mut Job::default()).unwrap();
                 let bits = made.as_encoded().gpu().bits_memory() as f64 / set.texel_count() as f64;
                 assert!(bits <= bpp, "{name}, {codec:?}: {bits} of {bpp}");

@@ -8,8 +8,8 @@
 use texfold::image::{ColorSpace, ImageSet, Raster};
 use texfold::metric::{decode_surface, quality};
 use texfold::{
-    AnyImage, CodecChoice, Effort, EncodeError, EncodeSettings, Goal, Guidance, Job, SourceError, Texel,
-    encode_images,
+    AnyImage, Bc, BcTexture, Choice, Effort, EncodeError, EncodeSettings, Epitome, Goal, Guidance, Job,
+    SourceError, Texel, encode_images,
 };
 use texfold_testkit::picture;
 
@@ -18,7 +18,7 @@ const GOAL: Goal = Goal::Psnr(30.0);
 /// Room for what a file says beside its content: header, table of sections, parameters, notes.
 const HEADER_BYTES: usize = 1024;
 
-fn encode(set: &ImageSet, codec: CodecChoice, threads: usize) -> AnyImage {
+fn encode(set: &ImageSet, codec: Choice, threads: usize) -> AnyImage {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     let settings = EncodeSettings { codec, goal: GOAL, effort: Effort::Fast, ..EncodeSettings::default() };
     let mut job = Job::default().with_pool(&pool);
@@ -27,7 +27,7 @@ fn encode(set: &ImageSet, codec: CodecChoice, threads: usize) -> AnyImage {
 
 /// Holds a set to the bound, and gives what was made.
 fn within_the_bound(set: &ImageSet) -> AnyImage {
-    let (made, plain) = (encode(set, CodecChoice::Epitome, 1), encode(set, CodecChoice::Bc, 1));
+    let (made, plain) = (encode(set, Choice::of::<Epitome>(), 1), encode(set, Choice::of::<Bc>(), 1));
     let (found, least) = (quality(set, made.as_encoded()), quality(set, plain.as_encoded()));
     let wanted = least.color.psnr().min(30.0) - 0.1;
     assert!(found.color.psnr() >= wanted, "{:.2} dB, {wanted:.2} wanted", found.color.psnr());
@@ -45,7 +45,7 @@ fn within_the_bound(set: &ImageSet) -> AnyImage {
         assert_eq!(decoded.size(), image.size());
         assert!(decoded.texels().all(Texel::is_finite));
     }
-    assert!(encode(set, CodecChoice::Epitome, 2).to_bytes() == bytes, "two threads give other bytes");
+    assert!(encode(set, Choice::of::<Epitome>(), 2).to_bytes() == bytes, "two threads give other bytes");
     made
 }
 
@@ -67,7 +67,7 @@ fn drawn(width: u32, height: u32, shade: impl Fn(u32, u32) -> [u8; 3]) -> Raster
 #[test]
 fn noise_is_left_to_plain_blocks_and_that_is_said() {
     let made = fixture("noise");
-    assert!(matches!(made, AnyImage::Bc(_)));
+    assert!(made.downcast_ref::<BcTexture>().is_some());
     assert!(made.as_encoded().notes().verdict.contains("epitome does not suit"));
 }
 
@@ -161,7 +161,7 @@ fn a_set_of_unlike_images() {
 #[test]
 fn a_mask_of_the_wrong_size_is_named() {
     let set = ImageSet::single(picture("odd_37x61"));
-    let settings = EncodeSettings { codec: CodecChoice::Epitome, ..EncodeSettings::default() };
+    let settings = EncodeSettings { codec: Choice::of::<Epitome>(), ..EncodeSettings::default() };
     for (width, height) in [(61, 37), (1, 1), (38, 61)] {
         let mask = drawn(width, height, |_, _| [255; 3]);
         let guidance = Guidance { content_from: Some(&mask), ..Guidance::default() };

@@ -17,11 +17,11 @@ use super::manifest::{Image, Manifest, Tile};
 use super::tiles::Cut;
 use super::{Bank, Open, category, tiles};
 use crate::compress::add_file;
-use crate::config::Settings;
 use crate::error::{CliError, guarded};
 use crate::output::write_whole;
 use crate::progress::Share;
 use crate::report::{PartRow, Row, peak_bytes};
+use crate::settings::Settings;
 
 /// Rows of texels that a public codebook may have: 512 of 256 texels are 64 kB in BC4.
 const MOST_ROWS: u32 = 512;
@@ -66,6 +66,17 @@ pub(crate) enum Step {
     Failed(CliError),
     /// It is to be added, with file names by numbers from `first` on; the categories of its tiles, row by row.
     Add { key: String, first: u32, categories: Vec<usize> },
+}
+
+/// What an image is to have in a bank.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Slot<'s> {
+    /// Hash of all that its stored form depends on, but the codebooks.
+    pub(crate) key: &'s str,
+    /// Number of its first file.
+    pub(crate) first: u32,
+    /// Categories of its tiles, row by row.
+    pub(crate) categories: &'s [usize],
 }
 
 /// An image that has been encoded, all but listed.
@@ -167,14 +178,7 @@ impl BankTask {
     }
 
     fn params(&self) -> ProgressiveParams {
-        let settings = &self.settings.encode;
-        ProgressiveParams {
-            goal: settings.goal,
-            content: settings.content,
-            reduce_log2: None,
-            mips: settings.mips,
-            effort: settings.effort,
-        }
+        self.settings.encode.params::<Progressive>()
     }
 
     /// About how many bytes it takes to add it: a band of the image, and a tile with all that is made of it.
@@ -193,10 +197,12 @@ impl BankTask {
         &self,
         bank: &Bank,
         books: &Books,
-        (key, first, categories): (&str, u32, &[usize]),
-        (limit_bytes, share): (u64, &Share<'_>),
+        slot: Slot<'_>,
+        limit_bytes: u64,
+        share: &Share<'_>,
     ) -> Result<Made, CliError> {
         let start = Instant::now();
+        let Slot { key, first, categories } = slot;
         let mut making =
             Making { task: self, dir: &bank.dir, next: first, grown: Vec::new(), sums: Sums::default() };
         let mut of_tile = categories.iter();

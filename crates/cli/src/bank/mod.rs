@@ -23,7 +23,7 @@ use texfold_progressive::{Codebook, Progressive, ProgressiveTexture};
 
 use crate::error::CliError;
 use crate::output::{make_folder, remove_stale};
-pub(crate) use add::{BankTask, Books, Made, Step, plan};
+pub(crate) use add::{BankTask, Books, Made, Slot, Step, plan};
 use manifest::{Category, MANIFEST, Manifest, Tile};
 pub(crate) use show::{Choice, decompress, describe, is_bank};
 

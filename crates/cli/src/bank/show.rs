@@ -11,9 +11,9 @@ use texfold_progressive::{CELL_SIDE, Codebook, ProgressiveTexture};
 
 use super::Bank;
 use super::manifest::{Category, Image, MANIFEST, Tile};
+use crate::console::{complain, say};
 use crate::error::{CliError, explain, guarded};
 use crate::png;
-use crate::run::{complain, say};
 
 /// Whether a path is the folder of a bank.
 pub(crate) fn is_bank(path: &Path) -> bool {

@@ -6,12 +6,12 @@ use texfold_core::image::Raster;
 use texfold_core::{SurfaceSize, Texel};
 use texfold_progressive::AROUND;
 
-use crate::config::Settings;
 use crate::error::CliError;
 use crate::input::{
     self,
     bands::{Band, Bands},
 };
+use crate::settings::Settings;
 
 /// Texels a side of a tile: the paper's.
 pub(crate) const TILE: u32 = 1024;

@@ -5,7 +5,9 @@ use std::ops::Range;
 
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
+use texfold::ENCODINGS;
 
+use super::candidate::RIVAL;
 use super::names;
 use super::table::{Row, front};
 
@@ -75,15 +77,22 @@ type Fault = Box<dyn Error + Send + Sync>;
 /// A mean in its place: doublings of the unit, and dB.
 type Placed<'r> = (&'r Row, (f64, f64));
 
+/// Colours of the codecs' points, in the order of [`ENCODINGS`]; further ones begin again.
+const COLORS: [RGBColor; 6] = [
+    RGBColor(0xc0, 0x5a, 0x00),
+    RGBColor(0x00, 0x5f, 0xa8),
+    RGBColor(0x8e, 0x24, 0x8a),
+    RGBColor(0xc2, 0x18, 0x2b),
+    RGBColor(0x00, 0x80, 0x80),
+    RGBColor(0x80, 0x6a, 0x00),
+];
+/// Colour of the points of the external encoder.
+const RIVAL_COLOR: RGBColor = RGBColor(0x3a, 0x7d, 0x2c);
+
 /// Colour of a codec's points.
 fn color(codec: &str) -> RGBColor {
-    match codec {
-        "bc" => RGBColor(0xc0, 0x5a, 0x00),
-        "vq" => RGBColor(0x00, 0x5f, 0xa8),
-        "epitome" => RGBColor(0x8e, 0x24, 0x8a),
-        "progressive" => RGBColor(0xc2, 0x18, 0x2b),
-        _ => RGBColor(0x3a, 0x7d, 0x2c),
-    }
+    let place = ENCODINGS.iter().position(|encoding| encoding.id.name == codec);
+    place.map_or(RIVAL_COLOR, |place| COLORS[place % COLORS.len()])
 }
 
 /// The chart; `None` where no row has the figure.
@@ -157,7 +166,7 @@ fn draw_points<'a, 't: 'a>(
         .map_err(|error| error.to_string())?
         .label("front: beaten by none")
         .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], ink));
-    for codec in ["bc", "vq", "epitome", "progressive", "astc"] {
+    for codec in ENCODINGS.iter().map(|encoding| encoding.id.name).chain([RIVAL]) {
         let of_codec = placed.iter().filter(|(row, _)| row.codec == codec);
         let dots: Vec<_> = of_codec.map(|(_, point)| Circle::new(*point, 5, color(codec).filled())).collect();
         if !dots.is_empty() {

@@ -3,15 +3,13 @@
 use std::path::Path;
 use std::time::Instant;
 
-use texfold::{AnyImage, Bc, Epitome, EpitomeSource, Progressive, Vq, VqParams, VqSource};
+use texfold::{AnyImage, EncodeSettings, Encoding, Family, Guidance, ImageSearch, search_images};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::{SquaredError, color_error, ssim};
-use texfold_core::{AstcBlock, Domain, EncodeError, Encoded, Encoder, Image2d, Job, Rect, Texel};
+use texfold_core::{AstcBlock, CodecId, Domain, EncodeError, Encoded, Image2d, Job, Rect, Texel};
 use texfold_gpu::{Gpu, Lookup, Policy, Probe, View};
 
-use super::candidate::{
-    Candidate, bc_params, bpp_params, codebook_params, epitome_params, progressive_params,
-};
+use super::candidate::{Candidate, Way};
 use super::rival::Astcenc;
 use super::table::Row;
 use crate::config::EffortName;
@@ -43,6 +41,51 @@ pub(crate) struct Measured {
     pub(crate) decoded: Raster,
 }
 
+/// The images of an input, and the search that the last candidate shared with those of its kind.
+#[derive(Debug)]
+pub(crate) struct Searches<'s> {
+    images: &'s ImageSet,
+    held: Option<Held<'s>>,
+}
+
+#[derive(Debug)]
+struct Held<'s> {
+    of: (CodecId, Family),
+    search: ImageSearch<'s>,
+    seconds: f64,
+}
+
+impl<'s> Searches<'s> {
+    pub(crate) fn new(images: &'s ImageSet) -> Searches<'s> {
+        Searches { images, held: None }
+    }
+
+    /// Encodes for a goal; and the seconds that a search took which was there already.
+    fn encode(
+        &mut self,
+        encoding: &'static Encoding,
+        settings: &EncodeSettings,
+    ) -> Result<(AnyImage, f64), EncodeError> {
+        let of = (encoding.id, settings.family);
+        let mut job = Job::default();
+        let (held, seconds) = match self.held.take_if(|held| held.of == of) {
+            Some(held) => {
+                let seconds = held.seconds;
+                (self.held.insert(held), seconds)
+            }
+            None => {
+                // One search at a time is held: it is large.
+                self.held = None;
+                let start = Instant::now();
+                let search = search_images(encoding, self.images, Guidance::default(), settings, &mut job)?;
+                let seconds = start.elapsed().as_secs_f64();
+                (self.held.insert(Held { of, search, seconds }), 0.0)
+            }
+        };
+        held.search.encode(settings.goal, &mut job).map(|image| (image, seconds))
+    }
+}
+
 impl Bench {
     /// Looks for a GPU and for rivals.
     pub(crate) fn open(effort: EffortName) -> Bench {
@@ -72,42 +115,30 @@ impl Bench {
     /// Encodes, loads what ships, and measures it.
     pub(crate) fn measure(
         &self,
-        images: &ImageSet,
+        searches: &mut Searches<'_>,
         candidate: &Candidate,
         path: &Path,
     ) -> Result<Measured, CliError> {
+        let images = searches.images;
         let fault = |source| CliError::Encode { path: path.to_owned(), source };
         let start = Instant::now();
-        let image = match *candidate {
-            Candidate::Bc { content, reduce_log2 } => {
-                let params = bc_params(content, reduce_log2, self.effort.effort());
-                Bc::encode(images, &params, &mut Job::default()).map(AnyImage::Bc).map_err(fault)?
+        let (image, search_seconds) = match &candidate.way {
+            Way::Fixed(encoding, settings) => {
+                let made = encoding.encode(images, Guidance::default(), settings, &mut Job::default());
+                (made.map_err(fault)?, 0.0)
             }
-            Candidate::VqCodebook { size, content } => {
-                vq(images, &codebook_params(size, content, self.effort.effort())).map_err(fault)?
-            }
-            Candidate::VqBpp(bpp) => vq(images, &bpp_params(bpp, self.effort.effort())).map_err(fault)?,
-            Candidate::EpitomeBpp(bpp, family) => {
-                let params = epitome_params(bpp, family, self.effort.effort());
-                let source = EpitomeSource::new(images);
-                Epitome::encode(source, &params, &mut Job::default()).map(AnyImage::Epitome).map_err(fault)?
-            }
-            Candidate::ProgressiveBpp(bpp) => {
-                let params = progressive_params(bpp, self.effort.effort());
-                let made = Progressive::encode(images, &params, &mut Job::default());
-                made.map(AnyImage::Progressive).map_err(fault)?
-            }
-            Candidate::Astc { block } => return self.astc(images, block, candidate, path),
+            Way::Goal(encoding, settings) => searches.encode(encoding, settings).map_err(fault)?,
+            Way::Rival(block) => return self.astc(images, *block, candidate, path),
         };
         let bytes = image.to_bytes();
-        let encode_seconds = start.elapsed().as_secs_f64();
+        let encode_seconds = search_seconds + start.elapsed().as_secs_f64();
         let (figures, shipped) =
             Figures::of(images, &bytes).map_err(|source| CliError::Load { path: path.to_owned(), source })?;
         let encoded = shipped.as_encoded();
         let row = Row {
             input: String::new(),
-            codec: candidate.codec(),
-            settings: candidate.settings(),
+            codec: candidate.codec,
+            settings: candidate.settings.clone(),
             bpp_memory: figures.bpp_memory,
             bpp_disk: figures.bpp_disk,
             psnr: figures.psnr,
@@ -182,8 +213,8 @@ impl Bench {
         let texels = images.texel_count() as f64;
         let row = Row {
             input: String::new(),
-            codec: candidate.codec(),
-            settings: candidate.settings(),
+            codec: candidate.codec,
+            settings: candidate.settings.clone(),
             bpp_memory: bits as f64 / texels,
             bpp_disk: bits as f64 / texels,
             psnr: error.psnr(),
@@ -196,8 +227,4 @@ impl Bench {
         };
         Ok(Measured { row, decoded: first.unwrap_or_else(|| images.images()[0].clone()) })
     }
-}
-
-fn vq(images: &ImageSet, params: &VqParams) -> Result<AnyImage, EncodeError> {
-    Vq::encode(VqSource::new(images), params, &mut Job::default()).map(AnyImage::Vq)
 }

@@ -15,13 +15,14 @@ use std::path::PathBuf;
 
 use crate::compress::usual_limit;
 use crate::config::{AlphaChoice, ColorName, EffortName, Options};
+use crate::console::{complain, say};
 use crate::error::{CliError, explain, guarded};
-use crate::input::{Found, Kind, find, read_set};
+use crate::input::{Found, find, read_set};
 use crate::output::{make_folder, remove_stale, write_whole};
 use crate::progress::Progress;
-use crate::run::{complain, say};
-use candidate::candidates;
-use measure::{Bench, Measured};
+use crate::settings::Kind;
+use candidate::{Candidate, candidates};
+use measure::{Bench, Measured, Searches};
 use page::Subject;
 use table::Row;
 
@@ -96,15 +97,16 @@ fn compare(
     let input = found.path.display().to_string();
     let mut subject = Subject::new(&input, pictured.then(|| &images.images()[0]));
     let mut rows = Vec::new();
-    for candidate in candidates(images.info(), bench.rival()) {
+    let mut searches = Searches::new(&images);
+    for candidate in candidates(images.info(), bench.effort().effort(), bench.rival()) {
         // A setting that does not suit an input, such as a codebook larger than its image, is left out.
-        let measured = match bench.measure(&images, &candidate, &found.path) {
+        let measured = match bench.measure(&mut searches, &candidate, &found.path) {
             Ok(Measured { row, decoded }) => {
                 subject.add(&candidate, &row, &decoded);
                 Row { input: input.clone(), ..row }
             }
             Err(error) => {
-                let (codec, settings) = (candidate.codec(), candidate.settings());
+                let Candidate { codec, settings, .. } = &candidate;
                 progress.complain(&format!("left out: {codec} {settings}: {}", explain(&error)));
                 continue;
             }

@@ -3,13 +3,14 @@
 use std::error::Error;
 use std::fmt::Write;
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use texfold_core::image::Raster;
 
 use super::candidate::{Candidate, has_astc};
 use super::chart::{self, AXES};
 use super::measure::Bench;
 use super::table::{Row, means};
-use crate::{base64, picture, png};
+use crate::{picture, png};
 
 /// Side in texels of the pictures: the middle of each input.
 const PICTURE_SIDE: u32 = 160;
@@ -38,7 +39,7 @@ impl Subject {
 
     /// Adds what a setting made of it.
     pub(crate) fn add(&mut self, candidate: &Candidate, row: &Row, decoded: &Raster) {
-        let Some(original) = self.original.as_ref().filter(|_| candidate.is_pictured()) else { return };
+        let Some(original) = self.original.as_ref().filter(|_| candidate.is_pictured) else { return };
         let decoded = picture::crop(decoded, PICTURE_SIDE);
         let title =
             format!("{} {}: {:.2} dB at {:.2} bits", row.codec, row.settings, row.psnr, row.bpp_memory);
@@ -150,7 +151,7 @@ fn pictures(subject: &Subject) -> Result<String, Fault> {
 
 fn data_image(raster: &Raster, alt: &str) -> Result<String, Fault> {
     let size = raster.size();
-    let data = base64::encode(&png::encode(raster)?);
+    let data = BASE64_STANDARD.encode(png::encode(raster)?);
     Ok(format!(
         "<img alt=\"{alt}\" width=\"{}\" height=\"{}\" src=\"data:image/png;base64,{data}\">",
         size.width, size.height

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::task::{Finished, Workplace};
 use super::{Work, schedule, settle};
-use crate::bank::{BankTask, Books, Made, Open, Step, plan};
+use crate::bank::{BankTask, Books, Made, Open, Slot, Step, plan};
 use crate::error::{CliError, guarded};
 use crate::report::Entry;
 
@@ -16,9 +16,7 @@ const MOST_BYTES: u64 = 1 << 30;
 /// An image that is to be encoded, with all that it takes.
 struct Ready<'r> {
     task: &'r BankTask,
-    key: &'r str,
-    first: u32,
-    categories: &'r [usize],
+    slot: Slot<'r>,
     books: Result<Books, CliError>,
 }
 
@@ -100,19 +98,19 @@ fn make(
     for (task, step) in tasks.iter().zip(wave) {
         if let (Some(task), Step::Add { key, first, categories }) = (task.for_bank(), step) {
             let books = open.books_of(categories);
-            ready.push(Ready { task, key, first: *first, categories, books });
+            ready.push(Ready { task, slot: Slot { key, first: *first, categories }, books });
         }
     }
     let bank = open.bank();
     let work = |ready: &Ready<'_>| {
-        let Ready { task, key, first, categories, books } = ready;
+        let Ready { task, slot, books } = ready;
         guarded(&task.path, || {
             let books = books.as_ref().map_err(|error| CliError::BankBook {
                 path: task.path.clone(),
                 cause: crate::error::explain(error),
             })?;
             let share = place.progress.share(task.name.clone());
-            task.make(bank, books, (key, *first, categories), (place.limit_bytes, &share))
+            task.make(bank, books, *slot, place.limit_bytes, &share)
         })
     };
     let limit = place.limit_bytes.min(MOST_BYTES);

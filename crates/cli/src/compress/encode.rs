@@ -2,15 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use texfold::{AnyImage, CodecChoice, Content, EncodeSettings, Family, Guidance};
+use texfold::{AnyImage, Content, EncodeSettings, Epitome, Family, Guidance, Vq};
 use texfold_bc::{Bc1Blocks, BcTexture};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::mesh::UvMesh;
 use texfold_core::{EncodeError, Goal, Job, Limits, SourceError, Stage};
 
-use crate::config::Settings;
 use crate::error::CliError;
 use crate::input::{self, bc1, pixels};
+use crate::settings::Settings;
 
 /// Bits a texel of BC1: what blocks that are taken over cost.
 const BC1_BPP: f64 = 4.0;
@@ -60,7 +60,7 @@ pub(crate) fn load(files: &[PathBuf], settings: &Settings, limit_bytes: u64) -> 
             }
         }
     }
-    if settings.encode.codec == CodecChoice::Vq {
+    if settings.encode.codec.is::<Vq>() {
         // It works on texels; that blocks are decoded is no surprise.
         blocks.clear();
     }
@@ -79,19 +79,17 @@ pub(crate) fn load(files: &[PathBuf], settings: &Settings, limit_bytes: u64) -> 
 
 /// Why BC1 blocks cannot be the answer to such settings.
 fn obstacle(settings: &EncodeSettings) -> Option<&'static str> {
-    match () {
-        () if settings.content.is_some_and(|content| content != Content::Bc1)
-            || settings.family != Family::Bc =>
-        {
-            Some("other content was asked for: the BC1 blocks are encoded anew")
-        }
+    if settings.content.is_some_and(|content| content != Content::Bc1) || settings.family != Family::Bc {
+        Some("other content was asked for: the BC1 blocks are encoded anew")
+    } else if settings.codec.is::<Epitome>() {
         // What it shows from elsewhere, and at other scales, is another matter.
-        () if settings.codec == CodecChoice::Epitome => None,
-        () if settings.mips => Some("a mip chain was asked for: the BC1 blocks are encoded anew"),
-        () if matches!(settings.goal, Goal::Bpp(bpp) if bpp < BC1_BPP) => {
-            Some("fewer bits than BC1 were asked for: the BC1 blocks are encoded anew")
-        }
-        () => None,
+        None
+    } else if settings.mips {
+        Some("a mip chain was asked for: the BC1 blocks are encoded anew")
+    } else if matches!(settings.goal, Goal::Bpp(bpp) if bpp < BC1_BPP) {
+        Some("fewer bits than BC1 were asked for: the BC1 blocks are encoded anew")
+    } else {
+        None
     }
 }
 
@@ -104,17 +102,16 @@ pub(crate) fn encode(
     progress: &mut (dyn FnMut(Stage) + Send),
 ) -> Result<AnyImage, Fault> {
     if let Some(blocks) = &loaded.blocks
-        && settings.encode.codec != CodecChoice::Epitome
+        && !settings.encode.codec.is::<Epitome>()
     {
         let texture = BcTexture::from_bc1(blocks.clone(), loaded.images.info());
-        return texture.map(AnyImage::Bc).map_err(Fault::Source);
+        return texture.map(AnyImage::new).map_err(Fault::Source);
     }
     let guidance = Guidance {
         painted: loaded.painted.as_ref(),
         mesh,
         content_from: loaded.content_from.as_ref(),
         blocks: loaded.blocks.as_deref(),
-        ..Guidance::default()
     };
     let limits = Limits { bytes: limit_bytes, ..Limits::default() };
     let mut job = Job::new(limits).with_progress(progress);

@@ -1,53 +1,37 @@
 //! One capture from folder to file.
 
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use texfold::{Capture, LightQuality, LightTexture, Lightfield, Renderer};
-use texfold_core::container::SectionWriter;
+use texfold::{Capture, LightQuality, LightTexture, Lightfield, Renderer, file_of};
 use texfold_core::image::{ColorSpace, Raster};
 use texfold_core::metric::ssim;
 use texfold_core::{Budget, Encoded, Goal, Job, Limits, LoadError};
 
-use super::cache::{Cache, add_file, program};
-use super::task::{Finished, Workplace, pixels_of, unless_up_to_date};
-use crate::config::LightSettings;
+use super::folder::{Folder, FolderTask, Made};
 use crate::error::CliError;
-use crate::input::{Found, capture};
-use crate::output::write_whole;
+use crate::input::capture;
+use crate::progress::Share;
 use crate::report::{Row, missed, part_rows, peak_bytes};
+use crate::settings::LightSettings;
 
-/// Bytes for each pixel of the photographs: the pixels, what is seen of the samples, and the raster of those being read.
-const BYTES_PER_PIXEL: u64 = 40;
 /// Photographs that are drawn again to measure their similarity.
 const SIMILAR_VIEWS: usize = 4;
 
-/// What is to be made of one capture.
-#[derive(Debug)]
-pub(crate) struct LightTask {
-    pub(crate) found: Found,
-    pub(crate) settings: LightSettings,
-    pub(crate) output: std::path::PathBuf,
-}
+impl Folder for LightSettings {
+    // The pixels, what is seen of the samples, and the raster of those being read.
+    const BYTES_PER_PIXEL: u64 = 40;
 
-impl LightTask {
-    /// About how many bytes the task needs at its peak.
-    pub(crate) fn cost_bytes(&self) -> u64 {
-        pixels_of(&self.found).saturating_mul(BYTES_PER_PIXEL)
+    fn other_files(&self, dir: &Path) -> Result<Vec<PathBuf>, CliError> {
+        Ok(vec![dir.join(capture::CAMERAS_NAME), capture::mesh_file(dir, self.mesh.as_deref())?])
     }
 
-    /// Does the work. A panic within becomes an error of this input.
-    pub(crate) fn run(&self, place: &Workplace<'_>) -> Result<Finished, CliError> {
-        let encode = |key: &str| self.encode(place, place.cache, key);
-        unless_up_to_date((&self.found, &self.output), place, || self.key(), encode)
-    }
-
-    fn encode(&self, place: &Workplace<'_>, cache: &Cache, key: &str) -> Result<Finished, CliError> {
-        let path = &self.found.path;
-        let LightSettings { params, mesh, triangles } = &self.settings;
-        let share = place.progress.share(self.found.stem.to_string_lossy().into_owned());
+    fn encode(&self, task: &FolderTask<Self>, limit_bytes: u64, share: &Share<'_>) -> Result<Made, CliError> {
+        let path = &task.found.path;
+        let LightSettings { params, mesh, triangles } = self;
         let start = Instant::now();
-        let source = capture::read(path, mesh.as_deref(), *triangles, place.limit_bytes)?;
-        let limits = Limits { bytes: place.limit_bytes, ..Limits::default() };
+        let source = capture::read(path, mesh.as_deref(), *triangles, limit_bytes)?;
+        let limits = Limits { bytes: limit_bytes, ..Limits::default() };
         let mut progress = |stage| share.report(stage);
         let mut job = Job::new(limits).with_progress(&mut progress);
         let encode = match triangles {
@@ -56,19 +40,17 @@ impl LightTask {
         };
         let (texture, quality) = encode(&source, params, &mut job)
             .map_err(|source| CliError::Encode { path: path.clone(), source })?;
-        let mut writer = SectionWriter::new(texture.codec());
-        texture.store(&mut writer);
-        let bytes = writer.finish().bytes;
+        let bytes = file_of(&texture);
         let seconds = start.elapsed().as_secs_f64();
         drop(texture);
-        let row = self
+        let row = task
             .row(&source, &quality, &bytes, seconds)
-            .map_err(|source| CliError::Load { path: self.output.clone(), source })?;
-        write_whole(&self.output, &bytes)?;
-        cache.record(&self.output, key, &bytes, &row);
-        Ok(Finished { row, skipped: false })
+            .map_err(|source| CliError::Load { path: task.output.clone(), source })?;
+        Ok(Made { bytes, row, beside: None })
     }
+}
 
+impl FolderTask<LightSettings> {
     /// The row of the report; sizes and similarity are of `bytes`, loaded again.
     fn row(
         &self,
@@ -111,19 +93,6 @@ impl LightTask {
             verdict: texture.notes().verdict.clone(),
             warnings: goal.and_then(|goal| missed(goal, psnr)).into_iter().collect(),
         })
-    }
-
-    /// Hash of all that the output depends on.
-    fn key(&self) -> Result<String, CliError> {
-        let dir = &self.found.path;
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(program().as_bytes());
-        hasher.update(format!("{:?}", self.settings).as_bytes());
-        let mesh = capture::mesh_file(dir, self.settings.mesh.as_deref())?;
-        for file in [dir.join(capture::CAMERAS_NAME), mesh].iter().chain(&self.found.files) {
-            add_file(&mut hasher, file).map_err(|source| CliError::Read { path: file.clone(), source })?;
-        }
-        Ok(hasher.finalize().to_hex().to_string())
     }
 }
 

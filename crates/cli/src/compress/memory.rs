@@ -1,26 +1,6 @@
-//! How much memory a run may use, and how much an image needs.
+//! How much memory a run may use, and the least that an image needs.
 
-use texfold::CodecChoice;
-
-/// Bytes for each texel of an input while it is encoded and measured: source and decoded raster, the encoder's
-/// blocks and the planes of the similarity measure. An estimate from above.
-const BYTES_PER_TEXEL: u64 = 120;
-
-/// As above for codec epitome, which holds every image at nine scales in two formats and some candidates for each leaf.
-const EPITOME_BYTES_PER_TEXEL: u64 = 450;
-
-/// As above for codec progressive, which holds the coefficients of two bases and a candidate or two for each block.
-const PROGRESSIVE_BYTES_PER_TEXEL: u64 = 160;
-
-/// Bytes for each texel of an input that `codec` needs.
-pub(crate) fn bytes_per_texel(codec: CodecChoice) -> u64 {
-    match codec {
-        CodecChoice::Epitome => EPITOME_BYTES_PER_TEXEL,
-        CodecChoice::Bc | CodecChoice::Vq => BYTES_PER_TEXEL,
-        // Which tries it.
-        CodecChoice::Auto | CodecChoice::Progressive => PROGRESSIVE_BYTES_PER_TEXEL,
-    }
-}
+use sysinfo::System;
 
 /// Bytes for each texel below which no codec of this version can work: the file's samples, the raster and what is
 /// decoded from it.
@@ -39,21 +19,14 @@ pub(crate) fn from_gib(gib: f64) -> u64 {
 
 /// Three quarters of the memory that the machine, or the container that the process runs in, has.
 pub(crate) fn usual_limit() -> u64 {
-    let machine = total_of(&read("/proc/meminfo"));
-    let container = read("/sys/fs/cgroup/memory.max").trim().parse().ok();
+    let mut system = System::new();
+    system.refresh_memory();
+    let machine = Some(system.total_memory()).filter(|&bytes| bytes > 0);
+    let container = system.cgroup_limits().map(|limits| limits.total_memory);
     match machine.into_iter().chain(container).min() {
         Some(bytes) => (bytes as f64 * USUAL_SHARE) as u64,
         None => UNKNOWN_BYTES,
     }
-}
-
-fn read(path: &str) -> String {
-    std::fs::read_to_string(path).unwrap_or_default()
-}
-
-fn total_of(meminfo: &str) -> Option<u64> {
-    let line = meminfo.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
-    line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
 }
 
 #[cfg(test)]
@@ -61,10 +34,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_are_read_in_bytes() {
-        assert_eq!(total_of("MemTotal:       1000 kB\nMemFree: 3 kB\n"), Some(1_024_000));
-        assert_eq!(total_of(""), None);
+    fn limits_are_in_bytes() {
         assert_eq!(from_gib(0.5), 1 << 29);
-        assert!(usual_limit() > 0);
+        // No machine that runs this has less, or a thousand times more.
+        assert!((1 << 24..1 << 44).contains(&usual_limit()), "{}", usual_limit());
     }
 }

@@ -6,6 +6,7 @@
 mod bank;
 mod cache;
 mod encode;
+mod folder;
 mod light;
 mod memory;
 mod schedule;
@@ -19,19 +20,19 @@ use std::time::Instant;
 
 use crate::bank::BankTask;
 use crate::config::{Config, Options, RunOptions};
+use crate::console::say;
 use crate::error::{CliError, explain};
-use crate::input::{Found, Kind, find};
+use crate::input::{Found, find};
 use crate::output::{make_folder, remove_stale, write_whole};
 use crate::progress::Progress;
 use crate::report::{Entry, Row};
-use crate::run::say;
+use crate::settings::{Kind, LightSettings, ZoomSettings};
 pub(crate) use memory::usual_limit;
 
 use cache::Cache;
 pub(crate) use cache::add_file;
-use light::LightTask;
+use folder::FolderTask;
 use task::{Finished, Task, Workplace};
-use zoom::ZoomTask;
 
 /// Arguments of `compress`.
 #[derive(Debug, clap::Args)]
@@ -60,10 +61,10 @@ enum Planned {
 /// Something to do.
 enum Work {
     Images(Box<Task>),
-    Light(Box<LightTask>),
+    Light(Box<FolderTask<LightSettings>>),
     /// An image for the bank that the output folder is.
     Bank(Box<Found>, Box<BankTask>),
-    Zoom(Box<ZoomTask>),
+    Zoom(Box<FolderTask<ZoomSettings>>),
 }
 
 impl Work {
@@ -189,7 +190,7 @@ fn plan_one(
     }
     let work = if found.kind == Kind::Lightfield {
         let settings = options.resolve_light(&found.path)?;
-        Work::Light(Box::new(LightTask { found, settings, output }))
+        Work::Light(Box::new(FolderTask { found, settings, output }))
     } else if found.kind == Kind::Set && options.is_progressive() {
         let settings = options.resolve(&found.path)?;
         let name = found.stem.to_string_lossy().into_owned();
@@ -198,7 +199,7 @@ fn plan_one(
         Work::Bank(Box::new(found), Box::new(task))
     } else if found.kind == Kind::Zoom {
         let settings = options.resolve_zoom(&found.path)?;
-        Work::Zoom(Box::new(ZoomTask { found, settings, output }))
+        Work::Zoom(Box::new(FolderTask { found, settings, output }))
     } else {
         let settings = options.resolve(&found.path)?;
         Work::Images(Box::new(Task { found, settings, output }))

@@ -1,18 +1,19 @@
 //! One input from file to file.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use texfold_core::mesh::UvMesh;
 
 use super::cache::{Cache, add_file, program};
 use super::{encode, memory};
-use crate::config::Settings;
 use crate::error::{CliError, guarded};
-use crate::input::{Found, Kind, mesh, size_of};
+use crate::input::{Found, mesh, size_of};
 use crate::output::write_whole;
 use crate::progress::Progress;
 use crate::report::{Circumstances, Row};
+use crate::settings::Kind;
+use crate::settings::Settings;
 
 /// What is to be made of one input.
 #[derive(Debug)]
@@ -46,7 +47,7 @@ impl Task {
     }
 
     fn bytes_per_texel(&self) -> u64 {
-        memory::bytes_per_texel(self.settings.encode.codec)
+        self.settings.encode.bytes_per_texel()
     }
 
     fn texels(&self) -> Result<u64, CliError> {
@@ -150,28 +151,4 @@ fn check_frames(found: &Found, images: &texfold_core::image::ImageSet) -> Result
         Some(index) => Err(CliError::FrameSize { path: found.files[index].clone(), index }),
         None => Ok(()),
     }
-}
-
-/// Pixels of all files of a folder; 0 where one of them says none.
-pub(crate) fn pixels_of(found: &Found) -> u64 {
-    let pixels = || found.files.iter().map(|file| size_of(file).map(|size| size.texels())).sum();
-    guarded(&found.path, pixels).unwrap_or(0)
-}
-
-/// The row of a folder's output where that was made of the same, which `key` tells; else what `encode` makes for that key. A
-/// panic within becomes an error of this input.
-pub(crate) fn unless_up_to_date(
-    (found, output): (&Found, &Path),
-    place: &Workplace<'_>,
-    key: impl FnOnce() -> Result<String, CliError>,
-    encode: impl FnOnce(&str) -> Result<Finished, CliError>,
-) -> Result<Finished, CliError> {
-    guarded(&found.path, || {
-        let key = key()?;
-        if let Some(row) = place.cache.up_to_date(output, &key).filter(|_| !place.force) {
-            let (input, output) = (found.path.display().to_string(), output.display().to_string());
-            return Ok(Finished { row: Row { input, output, ..row }, skipped: true });
-        }
-        encode(&key)
-    })
 }

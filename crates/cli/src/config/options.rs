@@ -3,13 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use texfold::{Directions, EncodeSettings, FitMethod, LightParams, ZipParams};
-use texfold_core::image::{Alpha, ColorSpace};
+use texfold::{
+    Choice, Directions, EncodeSettings, Epitome, EpitomeParams, FitMethod, LightParams, Lightfield,
+    Progressive, Vq, VqParams, ZipParams, Zipmap,
+};
 use texfold_core::{Goal, Params};
 
 use super::values::{AlphaChoice, CodecName, ColorName, ContentName, EffortName, Samples, Sides};
 use crate::error::{CliError, UsageError};
-use crate::input::Kind;
+use crate::settings::{Kind, LightSettings, Settings, ZoomSettings};
 
 /// Terms among which a goal for a light field chooses where their number is not given: beyond, each takes as many bits and buys
 /// little (`benches`, `lightfield`).
@@ -26,7 +28,7 @@ const SAMPLE_SHARE: f64 = 0.5;
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct Options {
     /// Which codec.
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = CodecName::parser())]
     pub(super) codec: Option<CodecName>,
     /// Goal: the smallest file of at least this PSNR in dB (34 where no goal is given).
     #[arg(long, value_name = "DB", group = "goal")]
@@ -146,33 +148,6 @@ fn in_range(
     }
 }
 
-/// How one input is to be encoded.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Settings {
-    pub(crate) encode: EncodeSettings,
-    pub(crate) color: ColorSpace,
-    pub(crate) alpha: Option<Alpha>,
-    pub(crate) content_from: Option<PathBuf>,
-    pub(crate) importance_map: Option<PathBuf>,
-    pub(crate) mesh: Option<PathBuf>,
-}
-
-/// How one capture is to be encoded.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct LightSettings {
-    pub(crate) params: LightParams,
-    pub(crate) mesh: Option<PathBuf>,
-    pub(crate) triangles: Option<u32>,
-}
-
-/// How one zoom stack is to be encoded.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct ZoomSettings {
-    pub(crate) params: ZipParams,
-    pub(crate) color: ColorSpace,
-    pub(crate) alpha: Option<Alpha>,
-}
-
 impl Options {
     /// Values of `other` where these have none; the goals count as one value.
     pub(crate) fn or(&self, other: &Options) -> Options {
@@ -224,7 +199,7 @@ impl Options {
 
     /// Whether codec progressive is asked for.
     pub(crate) fn is_progressive(&self) -> bool {
-        self.codec == Some(CodecName::Progressive)
+        self.codec == Some(CodecName::of::<Progressive>())
     }
 
     /// Checks what can be checked without an input.
@@ -251,41 +226,29 @@ impl Options {
         self.check_codec()
     }
 
-    /// Options that only some codecs have.
+    /// Options that only some codecs have: what is given, and the names of these codecs.
     fn check_codec(&self) -> Result<(), UsageError> {
-        let codec = self.codec.unwrap_or_default();
-        let misplaced = |option, wanted| Err(UsageError::NotForCodec { option, wanted, codec: codec.name() });
-        if codec.choice().is_some() {
-            match () {
-                () if self.content_from.is_some() && codec != CodecName::Epitome => {
-                    return misplaced("content-from", "epitome");
-                }
-                () if self.layers.is_some() && codec != CodecName::Epitome => {
-                    return misplaced("layers", "epitome");
-                }
-                () if self.category.is_some() && codec != CodecName::Progressive => {
-                    return misplaced("category", "progressive");
-                }
-                () if self.content == Some(ContentName::ErrorMap) && codec != CodecName::Epitome => {
-                    return misplaced("content error-map", "epitome");
-                }
-                () if self.triangles.is_some() => return misplaced("triangles", "lightfield"),
-                () if self.terms.is_some() => return misplaced("terms", "lightfield"),
-                () if self.codewords.is_some() => return misplaced("codewords", "lightfield"),
-                () if self.regions.is_some() => return misplaced("regions", "lightfield"),
-                () => {}
-            }
-        }
-        if matches!(codec, CodecName::Auto | CodecName::Vq) {
-            return Ok(());
-        }
-        match () {
-            () if self.codebook.is_some() => misplaced("codebook", "vq"),
-            () if self.samples.is_some() => misplaced("samples", "vq"),
-            () if self.importance.is_some() => misplaced("importance", "vq"),
-            () if self.importance_map.is_some() => misplaced("importance-map", "vq"),
-            () if self.mesh.is_some() && codec != CodecName::Lightfield => misplaced("mesh", "vq"),
-            () => Ok(()),
+        const CHOSEN_VQ: &[&str] = &["vq", "auto"];
+        let error_map = self.content == Some(ContentName::ErrorMap);
+        let owned: [(&str, bool, &[&'static str]); 13] = [
+            ("content-from", self.content_from.is_some(), &["epitome"]),
+            ("layers", self.layers.is_some(), &["epitome"]),
+            ("content error-map", error_map, &["epitome"]),
+            ("category", self.category.is_some(), &["progressive"]),
+            ("triangles", self.triangles.is_some(), &["lightfield"]),
+            ("terms", self.terms.is_some(), &["lightfield"]),
+            ("codewords", self.codewords.is_some(), &["lightfield"]),
+            ("regions", self.regions.is_some(), &["lightfield"]),
+            ("codebook", self.codebook.is_some(), CHOSEN_VQ),
+            ("samples", self.samples.is_some(), CHOSEN_VQ),
+            ("importance", self.importance.is_some(), CHOSEN_VQ),
+            ("importance-map", self.importance_map.is_some(), CHOSEN_VQ),
+            ("mesh", self.mesh.is_some(), &["vq", "auto", "lightfield"]),
+        ];
+        let codec = self.codec.unwrap_or_default().name();
+        match owned.into_iter().find(|(_, given, codecs)| *given && !codecs.contains(&codec)) {
+            Some((option, _, codecs)) => Err(UsageError::NotForCodec { option, wanted: codecs[0], codec }),
+            None => Ok(()),
         }
     }
 
@@ -293,7 +256,7 @@ impl Options {
     pub(crate) fn resolve(&self, path: &Path) -> Result<Settings, CliError> {
         let codec = self.codec.unwrap_or_default();
         let path = || path.to_owned();
-        if codec == CodecName::Lightfield {
+        if codec.is::<Lightfield>() {
             return Err(CliError::NotCapture { path: path() });
         }
         let Some(choice) = codec.choice() else {
@@ -306,16 +269,12 @@ impl Options {
             return Err(CliError::NoAstc { path: path() });
         }
         let encode = EncodeSettings {
-            codec: choice,
+            codec: self.with_own(choice),
             goal: self.goal(),
             content,
             family,
             mips: self.mips.unwrap_or(false),
             effort: self.effort.unwrap_or_default().effort(),
-            layers: self.layers,
-            codebook: self.codebook.map(|Sides(width, height)| (width, height)),
-            samples: self.samples(),
-            importance: self.importance,
         };
         Ok(Settings {
             encode,
@@ -327,10 +286,27 @@ impl Options {
         })
     }
 
+    /// The choice with the options that only its codec has.
+    fn with_own(&self, choice: Choice) -> Choice {
+        if let Some(layers) = self.layers {
+            let mut own = EpitomeParams::default();
+            (own.layers,) = (layers,);
+            return choice.with::<Epitome>(own);
+        }
+        if self.codebook.is_some() || self.samples.is_some() || self.importance.is_some() {
+            let mut own = VqParams::default();
+            (own.codebook, own.samples) =
+                (self.codebook.map(|Sides(width, height)| (width, height)), self.samples());
+            own.importance = self.importance.unwrap_or(own.importance);
+            return choice.with::<Vq>(own);
+        }
+        choice
+    }
+
     /// The settings for the capture at `path`.
     pub(crate) fn resolve_light(&self, path: &Path) -> Result<LightSettings, CliError> {
         let codec = self.codec.unwrap_or_default();
-        if !matches!(codec, CodecName::Auto | CodecName::Lightfield) {
+        if !codec.is_auto() && !codec.is::<Lightfield>() {
             return Err(CliError::OnlyImages { path: path.to_owned(), codec: codec.name() });
         }
         let usual = LightParams::default();
@@ -365,7 +341,7 @@ impl Options {
     /// The settings for the zoom stack at `path`.
     pub(crate) fn resolve_zoom(&self, path: &Path) -> Result<ZoomSettings, CliError> {
         let codec = self.codec.unwrap_or_default();
-        if !matches!(codec, CodecName::Auto | CodecName::Zipmap) {
+        if !codec.is_auto() && !codec.is::<Zipmap>() {
             return Err(CliError::StackOnly { path: path.to_owned(), codec: codec.name() });
         }
         let params = ZipParams {

@@ -2,61 +2,77 @@
 
 use std::str::FromStr;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde::Deserialize;
-use texfold::{CodecChoice, Content, Family};
+use texfold::{CODECS, Choice, Content, Family, Registration};
 use texfold_core::image::{Alpha, ColorSpace};
-use texfold_core::{AstcBlock, Effort};
+use texfold_core::{AstcBlock, CodecId, Effort, TextureCodec};
 
 /// Alpha at and above which a texel of a cut-out is drawn, where no threshold is given.
 const CUTOUT_THRESHOLD: f32 = 0.5;
 
-/// Codecs by name, also those of other versions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum CodecName {
-    /// The one that answers the goal best.
-    #[default]
-    Auto,
-    /// Plain block compression.
-    Bc,
-    /// Importance-driven vector quantisation.
-    Vq,
-    /// Epitome factoring.
-    Epitome,
-    /// A small base and an error map.
-    Progressive,
-    /// Surface light-field maps, for captures.
-    Lightfield,
-    /// A root and patches of higher resolution, for folders of photographs.
-    Zipmap,
-}
+/// A codec by name, or the choice among all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(try_from = "String")]
+pub struct CodecName(Option<CodecId>);
 
 impl CodecName {
+    /// Name of the choice among all.
+    const AUTO: &'static str = "auto";
+
+    /// Codec `C`.
+    #[must_use]
+    pub fn of<C: TextureCodec>() -> CodecName {
+        CodecName(Some(C::ID))
+    }
+
     /// Name on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            CodecName::Auto => "auto",
-            CodecName::Bc => "bc",
-            CodecName::Vq => "vq",
-            CodecName::Epitome => "epitome",
-            CodecName::Progressive => "progressive",
-            CodecName::Lightfield => "lightfield",
-            CodecName::Zipmap => "zipmap",
-        }
+        self.0.map_or(CodecName::AUTO, |id| id.name)
     }
 
-    /// The codec, where this version has it.
+    /// Whether it is codec `C`.
     #[must_use]
-    pub fn choice(self) -> Option<CodecChoice> {
-        match self {
-            CodecName::Auto => Some(CodecChoice::Auto),
-            CodecName::Bc => Some(CodecChoice::Bc),
-            CodecName::Vq => Some(CodecChoice::Vq),
-            CodecName::Epitome => Some(CodecChoice::Epitome),
-            CodecName::Progressive => Some(CodecChoice::Progressive),
-            _ => None,
+    pub fn is<C: TextureCodec>(self) -> bool {
+        self.0 == Some(C::ID)
+    }
+
+    /// Whether it is the choice among all.
+    #[must_use]
+    pub fn is_auto(self) -> bool {
+        self.0.is_none()
+    }
+
+    /// The choice for images; `None` where the codec takes something else.
+    #[must_use]
+    pub fn choice(self) -> Option<Choice> {
+        self.0.map_or(Some(Choice::auto()), |id| Choice::named(id.name))
+    }
+
+    /// What the command line takes, with a word about each.
+    pub(crate) fn parser() -> impl TypedValueParser<Value = CodecName> {
+        let auto = PossibleValue::new(CodecName::AUTO).help("The one that answers the goal best");
+        let codecs = CODECS.iter().map(|codec| PossibleValue::new(codec.id.name).help(codec.about));
+        PossibleValuesParser::new([auto].into_iter().chain(codecs)).try_map(|name| name.parse::<CodecName>())
+    }
+}
+
+impl FromStr for CodecName {
+    type Err = ValueError;
+    fn from_str(text: &str) -> Result<Self, ValueError> {
+        let error = ValueError { value: text.to_owned(), wanted: "auto or the name of a codec, such as bc" };
+        if text == CodecName::AUTO {
+            return Ok(CodecName(None));
         }
+        Registration::by_name(text).map(|codec| CodecName(Some(codec.id))).ok_or(error)
+    }
+}
+
+impl TryFrom<String> for CodecName {
+    type Error = ValueError;
+    fn try_from(text: String) -> Result<Self, ValueError> {
+        text.parse()
     }
 }
 

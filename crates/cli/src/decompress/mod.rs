@@ -6,17 +6,17 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use glam::Vec2;
-use texfold::{AnyImage, Lightfield};
+use texfold::{AnyImage, Arriving, EpitomeTexture};
+use texfold_core::container::Sections;
 use texfold_core::image::Raster;
 use texfold_core::metric::decode_surface;
 use texfold_core::{
-    Budget, Encoded, Image2d, Layers, LoadError, MAX_IMAGE_SIDE, RegionError, SourceError, SurfaceSize,
-    TextureCodec,
+    Budget, Encoded, Image2d, Layers, Limits, MAX_IMAGE_SIDE, RegionError, SourceError, SurfaceSize,
 };
 
+use crate::console::complain;
 use crate::error::{CliError, explain, guarded};
 use crate::output::{make_folder, remove_stale};
-use crate::run::complain;
 use crate::{bank, input, png};
 use gpu::Device;
 
@@ -105,12 +105,28 @@ fn tile(text: &str) -> Result<(u32, u32), String> {
 /// Loads a `.txf` file.
 pub(crate) fn load(path: &Path) -> Result<AnyImage, CliError> {
     let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
-    texfold::open_image(&bytes, &mut Budget::default()).map_err(|source| match source {
-        LoadError::NotThisCodec { found } if found == Lightfield::ID.number => {
-            CliError::NotImages { path: path.to_owned() }
+    let texture = texfold::open(&bytes, &mut Budget::default())
+        .map_err(|source| CliError::Load { path: path.to_owned(), source })?;
+    texture.into_image().ok_or_else(|| CliError::NotImages { path: path.to_owned() })
+}
+
+/// Loads no more of a `.txf` file than its first layers, as if the rest had not arrived yet.
+fn load_layers(path: &Path, layers: u32) -> Result<AnyImage, CliError> {
+    let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let fault = |source| CliError::Load { path: path.to_owned(), source };
+    let ends: Vec<u64> = Sections::parse(&bytes, &mut Budget::default()).map_err(fault)?.ends().collect();
+    let mut arriving = Arriving::new(Limits::default());
+    let mut start = 0;
+    for end in ends {
+        let end = usize::try_from(end).unwrap_or(bytes.len()).min(bytes.len());
+        arriving.push(&bytes[start..end]).map_err(fault)?;
+        start = end;
+        if arriving.texture().is_some_and(|texture| texture.as_encoded().layers().loaded >= layers) {
+            break;
         }
-        source => CliError::Load { path: path.to_owned(), source },
-    })
+    }
+    // What has no first layer yet says why when it is loaded as a whole.
+    arriving.into_texture().map_or_else(|| load(path), Ok)
 }
 
 fn decompress(
@@ -119,9 +135,9 @@ fn decompress(
     device: Option<&Device>,
     writers: &mut HashMap<PathBuf, PathBuf>,
 ) -> Result<(), CliError> {
-    let image = load(path)?;
+    let image = args.layers.map_or_else(|| load(path), |layers| load_layers(path, layers))?;
     check_parts(path, args, image.as_encoded())?;
-    let image = with_layers(path, args.layers, image);
+    warn_of_layers(path, args.layers, image.as_encoded().layers());
     let encoded = image.as_encoded();
     let picture = device.map(|device| device.upload(path, encoded)).transpose()?;
     let surfaces = encoded.layout().surfaces.len();
@@ -143,7 +159,8 @@ fn decompress(
 /// An image decoded on the CPU; epitomes between leaves as they are drawn, where that is asked for.
 fn on_cpu(path: &Path, image: &AnyImage, surface: u32, args: &DecompressArgs) -> Result<Raster, CliError> {
     // Strips are wider than between texels at level 0 alone.
-    let (AnyImage::Epitome(epitome), true) = (image, args.continuous && args.lod == 0) else {
+    let blended = image.downcast_ref::<EpitomeTexture>().filter(|_| args.continuous && args.lod == 0);
+    let Some(epitome) = blended else {
         return decode(path, image.as_encoded(), surface, args.lod);
     };
     let layout = epitome.layout();
@@ -153,9 +170,8 @@ fn on_cpu(path: &Path, image: &AnyImage, surface: u32, args: &DecompressArgs) ->
     Raster::from_texels(width, height, layout.pixel, &texels).map_err(fault)
 }
 
-/// The image with at most `wanted` layers. Says so where the file was cut, or has fewer than that.
-fn with_layers(path: &Path, wanted: Option<u32>, image: AnyImage) -> AnyImage {
-    let Layers { loaded, total } = image.as_encoded().layers();
+/// Says so where the file was cut, or has fewer layers than wanted.
+fn warn_of_layers(path: &Path, wanted: Option<u32>, Layers { loaded, total }: Layers) {
     let warn = |what: &str| complain(&format!("{}: {what}", path.display()));
     match wanted {
         Some(wanted) if wanted > total => warn(&format!("has {total} layers, not {wanted}")),
@@ -164,11 +180,6 @@ fn with_layers(path: &Path, wanted: Option<u32>, image: AnyImage) -> AnyImage {
             warn(&format!("is cut after {loaded} of {total} layers; the rest of it makes the image finer"));
         }
         _ => {}
-    }
-    match (image, wanted) {
-        (AnyImage::Epitome(texture), Some(wanted)) => AnyImage::Epitome(texture.first_layers(wanted)),
-        (AnyImage::Progressive(texture), Some(wanted)) => AnyImage::Progressive(texture.first_layers(wanted)),
-        (image, _) => image,
     }
 }
 
@@ -180,14 +191,15 @@ fn check_parts(
 ) -> Result<(), CliError> {
     let missing =
         |option| CliError::NoSuchPart { path: path.to_owned(), codec: encoded.codec().name, option };
-    match () {
-        () if args.layers.is_some() && encoded.layers().total == 1 => Err(missing("layers")),
-        () if args.terms.is_some() => Err(missing("terms")),
-        () if args.lod >= encoded.layout().levels => {
-            let source = RegionError::NoSuchLevel { level: args.lod, levels: encoded.layout().levels };
-            Err(CliError::Region { path: path.to_owned(), source })
-        }
-        () => Ok(()),
+    if args.layers.is_some() && encoded.layers().total == 1 {
+        Err(missing("layers"))
+    } else if args.terms.is_some() {
+        Err(missing("terms"))
+    } else if args.lod >= encoded.layout().levels {
+        let source = RegionError::NoSuchLevel { level: args.lod, levels: encoded.layout().levels };
+        Err(CliError::Region { path: path.to_owned(), source })
+    } else {
+        Ok(())
     }
 }
 

@@ -8,13 +8,13 @@ use texfold_core::Encoded;
 use texfold_core::image::{ColorSpace, Raster};
 
 use super::{InfoArgs, part_line};
+use crate::console::say;
 use crate::error::CliError;
 use crate::input::capture;
 use crate::output::make_folder;
 use crate::png;
 use crate::render::load;
 use crate::report::{PartRow, part_rows};
-use crate::run::say;
 
 #[derive(Debug, Serialize)]
 struct Summary {

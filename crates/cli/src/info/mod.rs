@@ -9,10 +9,10 @@ use serde::Serialize;
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
 use texfold_core::{Encoded, Image2d};
 
+use crate::console::say;
 use crate::decompress::load;
 use crate::error::{CliError, guarded};
 use crate::report::{PartRow, part_rows};
-use crate::run::say;
 
 /// Sizes of images that are listed before the rest is counted.
 const LISTED_SIZES: usize = 8;

@@ -2,15 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use texfold::AnyImage;
+use texfold::{AnyImage, PartImages, parts_of};
 use texfold_core::image::Raster;
 
 use crate::config::Options;
+use crate::console::say;
 use crate::decompress::{decode, name};
 use crate::error::CliError;
 use crate::input::{find, read_set};
 use crate::output::make_folder;
-use crate::run::say;
 use crate::{compress, picture, png};
 
 /// Writes `<stem>-<part>.png` for each part to `dir`, and says what was written.
@@ -30,9 +30,9 @@ pub(crate) fn write(
     };
     let encoded = image.as_encoded();
     let surfaces = encoded.layout().surfaces.len();
-    for (part, rasters) in parts(image) {
-        for (number, raster) in rasters.iter().enumerate() {
-            save(part, number, rasters.len(), raster)?;
+    for PartImages { name, images } in parts_of(image) {
+        for (number, raster) in images.iter().enumerate() {
+            save(name, number, images.len(), raster)?;
         }
     }
     let originals = original.map(|original| read_original(original, surfaces)).transpose()?;
@@ -47,38 +47,6 @@ pub(crate) fn write(
         say(&format!("errors are shown {} times as large, 0 as middle gray", picture::ERROR_GAIN));
     }
     Ok(())
-}
-
-/// Pictures of the codec's own parts, by name: one for each image, or one for each plane that all share.
-fn parts(image: &AnyImage) -> Vec<(&'static str, Vec<Raster>)> {
-    match image {
-        AnyImage::Vq(texture) => texfold_vq::pictures(texture).map_or(Vec::new(), |parts| {
-            vec![("codebook", vec![parts.codebook]), ("index", parts.index), ("usage", parts.usage)]
-        }),
-        AnyImage::Epitome(texture) => texfold_epitome::pictures(texture).map_or(Vec::new(), |parts| {
-            vec![
-                ("epitome", parts.epitomes),
-                ("position", parts.positions),
-                ("offset", parts.offsets),
-                ("side", parts.sides),
-                ("scale", parts.scales),
-                ("charts", parts.charts),
-                ("usage", parts.usage),
-            ]
-        }),
-        AnyImage::Progressive(texture) => {
-            texfold_progressive::pictures(texture).map_or(Vec::new(), |parts| {
-                vec![
-                    ("base", parts.bases),
-                    ("bits", parts.bits),
-                    ("source", parts.sources),
-                    ("codebook", parts.codebooks),
-                    ("usage", parts.usage),
-                ]
-            })
-        }
-        AnyImage::Bc(_) | AnyImage::Zipmap(_) => Vec::new(),
-    }
 }
 
 /// The images of a file or folder, as `compress` reads them.

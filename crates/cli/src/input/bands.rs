@@ -13,8 +13,8 @@ use tiff::decoder::{ChunkType, Decoder as TiffDecoder, DecodingResult};
 use tiff::tags::{PlanarConfiguration, Tag};
 
 use super::pixels;
-use crate::config::Settings;
 use crate::error::CliError;
+use crate::settings::Settings;
 
 /// Rows of an image.
 #[derive(Debug)]
@@ -102,12 +102,13 @@ impl Bands {
     ) -> Result<Bands, CliError> {
         let size = super::size_of(path)?;
         let head = super::head_of(path)?;
-        let source = match () {
-            () if super::bc1::Container::of(&head).is_some() => Source::Texels(whole()?),
-            () => match streamed(path, &head) {
+        let source = if super::bc1::Container::of(&head).is_some() {
+            Source::Texels(whole()?)
+        } else {
+            match streamed(path, &head) {
                 Some(source) => source,
                 None => Source::Whole(pixels::decode(path, limit_bytes)?),
-            },
+            }
         };
         let (color, alpha) = (settings.color, settings.alpha);
         Ok(Bands { path: path.to_owned(), size, color, alpha, next: 0, source })

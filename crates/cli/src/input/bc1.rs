@@ -13,9 +13,9 @@ use texfold_core::metric::decode_surface;
 use texfold_core::{PlaneFormat, SourceError, SurfaceSize};
 
 use super::Content;
-use super::pixels::check_side;
-use crate::config::Settings;
+use super::check_side;
 use crate::error::CliError;
+use crate::settings::Settings;
 
 /// First bytes of a KTX2 file.
 const KTX2_MAGIC: [u8; 12] = *b"\xabKTX 20\xbb\r\n\x1a\n";
@@ -32,10 +32,12 @@ pub(crate) enum Container {
 impl Container {
     /// The container that a file with such first bytes is.
     pub(crate) fn of(head: &[u8]) -> Option<Container> {
-        match () {
-            () if head.starts_with(&DDS_MAGIC) => Some(Container::Dds),
-            () if head.starts_with(&KTX2_MAGIC) => Some(Container::Ktx2),
-            () => None,
+        if head.starts_with(&DDS_MAGIC) {
+            Some(Container::Dds)
+        } else if head.starts_with(&KTX2_MAGIC) {
+            Some(Container::Ktx2)
+        } else {
+            None
         }
     }
 
@@ -114,12 +116,16 @@ fn dds_blocks<'b>(path: &Path, bytes: &'b [u8]) -> Result<&'b [u8], CliError> {
     let header = dds_header(path, bytes)?;
     let other = |found: String| CliError::NotBc1 { path: path.to_owned(), found };
     let format = dds::Format::from_header(&header).map_err(Container::Dds.wrong(path))?;
-    match () {
-        () if format != dds::Format::BC1_UNORM => Err(other(format!("{format:?}"))),
-        () if header.is_cube_map() => Err(other("a cube map".to_owned())),
-        () if header.is_volume() => Err(other("a volume".to_owned())),
-        () if header.array_size() > 1 => Err(other("an array".to_owned())),
-        () => Ok(bytes.get(DDS_MAGIC.len() + header.byte_len()..).unwrap_or_default()),
+    if format != dds::Format::BC1_UNORM {
+        Err(other(format!("{format:?}")))
+    } else if header.is_cube_map() {
+        Err(other("a cube map".to_owned()))
+    } else if header.is_volume() {
+        Err(other("a volume".to_owned()))
+    } else if header.array_size() > 1 {
+        Err(other("an array".to_owned()))
+    } else {
+        Ok(bytes.get(DDS_MAGIC.len() + header.byte_len()..).unwrap_or_default())
     }
 }
 
@@ -141,12 +147,14 @@ fn ktx2_blocks<'b>(path: &Path, bytes: &'b [u8]) -> Result<(&'b [u8], bool), Cli
         Some(format) => return other(&format!("{format:?}")),
         None => return other("a universal format"),
     };
-    match () {
-        () if header.supercompression_scheme.is_some() => return other("supercompressed levels"),
-        () if header.face_count > 1 => return other("a cube map"),
-        () if header.pixel_depth > 1 => return other("a volume"),
-        () if header.layer_count > 1 => return other("an array"),
-        () => {}
+    if header.supercompression_scheme.is_some() {
+        return other("supercompressed levels");
+    } else if header.face_count > 1 {
+        return other("a cube map");
+    } else if header.pixel_depth > 1 {
+        return other("a volume");
+    } else if header.layer_count > 1 {
+        return other("an array");
     }
     // Only the place of level 0 is needed, which follows the header; the crate's reader would also ask for a data format
     // descriptor that says nothing new.

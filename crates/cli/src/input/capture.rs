@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use glam::{Mat4, Vec2, Vec4};
 use rayon::prelude::*;
 use serde::Deserialize;
+use texfold::{Camera, Capture, Mesh, Photograph};
 use texfold_core::image::ColorSpace;
-use texfold_lightfield::{Camera, Capture, Mesh, Photograph};
 
 use super::{pixels, shape};
 use crate::compress::usual_limit;

@@ -5,8 +5,9 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::{Kind, capture, stack};
+use super::{capture, stack};
 use crate::error::CliError;
+use crate::settings::Kind;
 
 /// Extensions of images, lower case: which files of a folder are taken.
 const EXTENSIONS: [&str; 12] =
@@ -112,10 +113,12 @@ fn file(path: PathBuf, kind: Kind) -> Result<Found, Unusable> {
 
 /// Light fields and zoom stacks are told by the file that describes them.
 fn kind_of_folder(path: &Path) -> Kind {
-    match () {
-        () if path.join(capture::CAMERAS_NAME).exists() => Kind::Lightfield,
-        () if path.join(stack::LIST_NAME).exists() => Kind::Zoom,
-        () => Kind::Set,
+    if path.join(capture::CAMERAS_NAME).exists() {
+        Kind::Lightfield
+    } else if path.join(stack::LIST_NAME).exists() {
+        Kind::Zoom
+    } else {
+        Kind::Set
     }
 }
 

@@ -6,11 +6,18 @@ use std::error::Error;
 use std::io::BufReader;
 use std::path::Path;
 
+use base64::alphabet;
+use base64::engine::{DecodePaddingMode, Engine, GeneralPurpose, GeneralPurposeConfig};
 use glam::{Mat4, Vec2, Vec3};
 use texfold_core::mesh::UvMesh;
 
-use crate::base64;
 use crate::error::CliError;
+
+/// Buffers within glTF files, which some exporters write without padding.
+const BASE64: GeneralPurpose = GeneralPurpose::new(
+    &alphabet::STANDARD,
+    GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
+);
 
 /// Deepest nesting of glTF nodes that is followed; deeper scenes are loops in practice.
 const MAX_DEPTH: u32 = 64;
@@ -29,10 +36,12 @@ pub(crate) fn read(path: &Path) -> Result<UvMesh, CliError> {
         }
     };
     let fault = |what| CliError::MeshContent { path: path.to_owned(), what };
-    match () {
-        () if mesh.triangles.is_empty() => Err(fault("has no triangles with texture coordinates")),
-        () if !mesh.is_valid() => Err(fault("has indices or numbers out of range")),
-        () => Ok(mesh),
+    if mesh.triangles.is_empty() {
+        Err(fault("has no triangles with texture coordinates"))
+    } else if !mesh.is_valid() {
+        Err(fault("has indices or numbers out of range"))
+    } else {
+        Ok(mesh)
     }
 }
 
@@ -136,7 +145,8 @@ fn buffers(
             gltf::buffer::Source::Bin => blob.take().ok_or(fault("lacks its binary chunk"))?,
             gltf::buffer::Source::Uri(uri) if uri.starts_with("data:") => {
                 let text = uri.split_once(";base64,").map(|(_, text)| text);
-                text.and_then(base64::decode).ok_or(fault("has a buffer that is no base64"))?
+                text.and_then(|text| BASE64.decode(text).ok())
+                    .ok_or(fault("has a buffer that is no base64"))?
             }
             gltf::buffer::Source::Uri(uri) => {
                 let file = path.parent().unwrap_or(Path::new("")).join(uri);
@@ -169,7 +179,7 @@ mod tests {
             "bufferViews":[{{"buffer":0,"byteLength":36}},{{"buffer":0,"byteOffset":36,"byteLength":24}}],
             "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[2,3,0]}},
             {{"bufferView":1,"componentType":5126,"count":3,"type":"VEC2"}}]}}"#,
-            base64::encode(&bytes)
+            BASE64.encode(&bytes)
         );
         let gltf = dir.path().join("a.gltf");
         std::fs::write(&gltf, text).unwrap();

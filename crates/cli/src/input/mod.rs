@@ -13,30 +13,13 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
 use texfold_bc::Bc1Blocks;
-use texfold_core::SurfaceSize;
 use texfold_core::image::{ImageSet, Raster};
+use texfold_core::{MAX_IMAGE_SIDE, SourceError, SurfaceSize};
 
-use crate::config::Settings;
 use crate::error::CliError;
+use crate::settings::Settings;
 pub(crate) use find::{Found, find};
-
-/// What an input is taken for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Kind {
-    /// Each file by itself, also those of a folder.
-    Image,
-    /// All images of a folder in one file.
-    Set,
-    /// The frames of a folder, in sorted order, in one file.
-    Sequence,
-    /// A mesh with photographs of it.
-    Lightfield,
-    /// Photographs of one surface at several scales, in one file.
-    Zoom,
-}
 
 /// An image as its file holds it.
 #[derive(Debug)]
@@ -90,4 +73,17 @@ pub(crate) fn read_set(
         .collect();
     let first = files.first().cloned().unwrap_or_default();
     ImageSet::new(rasters?).map_err(|source| CliError::Source { path: first, source })
+}
+
+/// Refuses images without texels, and sides that no codec takes.
+pub(crate) fn check_side(path: &Path, size: SurfaceSize) -> Result<SurfaceSize, CliError> {
+    let SurfaceSize { width, height } = size;
+    let source = if width == 0 || height == 0 {
+        SourceError::ZeroSize { index: 0, width, height }
+    } else if width > MAX_IMAGE_SIDE || height > MAX_IMAGE_SIDE {
+        SourceError::TooLarge { index: 0, width, height, max: MAX_IMAGE_SIDE }
+    } else {
+        return Ok(size);
+    };
+    Err(CliError::Source { path: path.to_owned(), source })
 }

@@ -5,8 +5,9 @@ use std::path::Path;
 
 use image::{DynamicImage, ImageError, ImageReader};
 use texfold_core::image::{Alpha, ColorSpace, Raster};
-use texfold_core::{MAX_IMAGE_SIDE, SourceError, SurfaceSize};
+use texfold_core::{MAX_IMAGE_SIDE, SurfaceSize};
 
+use super::check_side;
 use crate::error::CliError;
 
 type Reader = ImageReader<BufReader<std::fs::File>>;
@@ -25,18 +26,6 @@ fn open(path: &Path) -> Result<Reader, CliError> {
 pub(crate) fn size(path: &Path) -> Result<SurfaceSize, CliError> {
     let (width, height) = open(path)?.into_dimensions().map_err(|error| fault(path, error))?;
     check_side(path, SurfaceSize { width, height })
-}
-
-pub(crate) fn check_side(path: &Path, size: SurfaceSize) -> Result<SurfaceSize, CliError> {
-    let SurfaceSize { width, height } = size;
-    let source = match () {
-        () if width == 0 || height == 0 => SourceError::ZeroSize { index: 0, width, height },
-        () if width > MAX_IMAGE_SIDE || height > MAX_IMAGE_SIDE => {
-            SourceError::TooLarge { index: 0, width, height, max: MAX_IMAGE_SIDE }
-        }
-        () => return Ok(size),
-    };
-    Err(CliError::Source { path: path.to_owned(), source })
 }
 
 /// Decodes the file; its decoder may allocate up to `limit_bytes`.

@@ -4,7 +4,7 @@ use std::io::BufReader;
 use std::path::Path;
 
 use glam::Vec3;
-use texfold_lightfield::Mesh;
+use texfold::Mesh;
 
 use super::mesh::read_gltf_shape;
 use crate::error::CliError;
@@ -29,10 +29,12 @@ pub(crate) fn read(path: &Path) -> Result<Mesh, CliError> {
         }
         _ => return Err(fault("is none of OBJ, PLY, glTF and GLB")),
     };
-    match () {
-        () if mesh.triangles.is_empty() => Err(fault("has no triangles")),
-        () if !mesh.is_valid() => Err(fault("has indices or numbers out of range")),
-        () => Ok(mesh),
+    if mesh.triangles.is_empty() {
+        Err(fault("has no triangles"))
+    } else if !mesh.is_valid() {
+        Err(fault("has indices or numbers out of range"))
+    } else {
+        Ok(mesh)
     }
 }
 
@@ -234,6 +236,8 @@ fn read_element(element: &Element<'_>, values: &mut Values<'_>, mesh: &mut Mesh)
 
 #[cfg(test)]
 mod tests {
+    use base64::prelude::{BASE64_STANDARD, Engine};
+
     use super::*;
 
     const HEAD: &str = "element vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\n\
@@ -272,7 +276,7 @@ mod tests {
                 "bufferViews":[{{"buffer":0,"byteLength":36}},{{"buffer":0,"byteOffset":36,"byteLength":12}}],
                 "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[2,3,0]}},
                 {{"bufferView":1,"componentType":5123,"count":6,"type":"SCALAR"}}]}}"#,
-                crate::base64::encode(&bytes)
+                BASE64_STANDARD.encode(&bytes)
             )
         };
         let path = dir.path().join("a.gltf");

@@ -10,8 +10,8 @@ use texfold_core::image::{Alpha, ColorSpace, Raster};
 use texfold_core::{EncodeError, Job};
 
 use super::pixels;
-use crate::config::ZoomSettings;
 use crate::error::CliError;
+use crate::settings::ZoomSettings;
 
 /// Name of the list of patches.
 pub(crate) const LIST_NAME: &str = "zipmap.toml";

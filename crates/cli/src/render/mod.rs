@@ -4,17 +4,17 @@ mod zoom;
 
 use std::path::{Path, PathBuf};
 
-use texfold::{AnyEncoded, Camera, LightTexture, Renderer};
+use texfold::{Camera, LightTexture, Renderer};
 use texfold_core::image::{Alpha, ColorSpace, Raster};
 use texfold_core::{Budget, Encoded};
 use texfold_gpu::{Gpu, GpuError, Policy};
 
 use crate::config::Sides;
+use crate::console::complain;
 use crate::error::{CliError, guarded};
 use crate::input::capture;
 use crate::output::{make_folder, remove_stale};
 use crate::png;
-use crate::run::complain;
 
 /// Digits of a picture's number; more where there are more than a thousand.
 const NUMBER_DIGITS: usize = 3;
@@ -112,12 +112,9 @@ fn artist<'t>(args: &'t RenderArgs, texture: &'t LightTexture) -> Result<Artist<
 pub(crate) fn load(path: &Path) -> Result<LightTexture, CliError> {
     let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
     let failed = |source| CliError::Load { path: path.to_owned(), source };
-    match texfold::open(&bytes, &mut Budget::default()).map_err(failed)? {
-        AnyEncoded::Image(image) => {
-            Err(CliError::NotLight { path: path.to_owned(), codec: image.codec().name })
-        }
-        AnyEncoded::Light(_) => texfold::open_light(&bytes, &mut Budget::default()).map_err(failed),
-    }
+    let texture = texfold::open(&bytes, &mut Budget::default()).map_err(failed)?;
+    let codec = texture.codec().name;
+    texture.into_light().ok_or_else(|| CliError::NotLight { path: path.to_owned(), codec })
 }
 
 /// The cameras of a file, for pictures of `size` pixels where that is given.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::{Affine2, Mat2, Vec2};
-use texfold::AnyImage;
+use texfold::{AnyImage, ZipTexture};
 use texfold_core::image::{Alpha, MipFilter, PixelInfo, Raster, mip_chain};
 use texfold_core::{SurfaceSize, Texel};
 use texfold_gpu::{Gpu, GpuError, Lookup, Policy, View};
@@ -79,7 +79,7 @@ fn artist<'t>(args: &'t RenderArgs, image: &'t AnyImage, size: (u32, u32)) -> Re
     let encoded = image.as_encoded();
     let info = encoded.layout().pixel;
     if args.cpu {
-        let AnyImage::Zipmap(texture) = image else {
+        let Some(texture) = image.downcast_ref::<ZipTexture>() else {
             let codec = encoded.codec().name;
             return Err(CliError::NoSuchPart { path: args.file.clone(), codec, option: "cpu" });
         };

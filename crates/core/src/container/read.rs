@@ -79,6 +79,11 @@ impl<'a> Sections<'a> {
         self.entries.iter().map(|entry| (entry.id, self.stored(entry).is_some()))
     }
 
+    /// Where each section of the table ends, in bytes from the start of the file: prefixes of these lengths hold whole sections.
+    pub fn ends(&self) -> impl Iterator<Item = u64> + '_ {
+        self.entries.iter().map(|entry| entry.offset.saturating_add(entry.stored_len))
+    }
+
     /// Whether the section is there and whole.
     #[must_use]
     pub fn has(&self, id: [u8; 4]) -> bool {

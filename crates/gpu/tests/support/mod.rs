@@ -306,10 +306,8 @@ pub(crate) fn vq(sizes: &[(u32, u32)], levels: u32, channels: u8, content: Conte
     out.section("container", *b"VQFM", &[vec![number], form].concat());
     out.section("codebook", *b"CODE", &codebook);
     out.section("index", *b"INDX", &index);
-    match texfold::open_image(&out.finish().bytes, &mut Budget::default()).unwrap() {
-        texfold::AnyImage::Vq(texture) => Subject::Vq(texture),
-        _ => panic!("the file says vq"),
-    }
+    let image = texfold::open_image(&out.finish().bytes, &mut Budget::default()).unwrap();
+    Subject::Vq(image.downcast().unwrap())
 }
 
 /// Fails where a channel of a texel differs by more than its bound; returns the largest difference.

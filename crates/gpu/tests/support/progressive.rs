@@ -149,8 +149,6 @@ pub(crate) fn progressive(base: &Base) -> Subject {
         let file = Sections::parse(&bytes, &mut budget).unwrap();
         return Subject::Progressive(Progressive::load_shared(&file, &public, &mut budget).unwrap());
     }
-    match texfold::open_image(&out.finish().bytes, &mut Budget::default()).unwrap() {
-        texfold::AnyImage::Progressive(texture) => Subject::Progressive(texture),
-        _ => panic!("the file says progressive"),
-    }
+    let image = texfold::open_image(&out.finish().bytes, &mut Budget::default()).unwrap();
+    Subject::Progressive(image.downcast().unwrap())
 }

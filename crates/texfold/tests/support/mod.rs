@@ -18,19 +18,19 @@ pub fn fixture(name: &str) -> ImageSet {
 }
 
 pub fn vq(set: &ImageSet, params: &VqParams) -> AnyImage {
-    AnyImage::Vq(Vq::encode(VqSource::new(set), params, &mut Job::default()).unwrap())
+    AnyImage::new(Vq::encode(VqSource::new(set), params, &mut Job::default()).unwrap())
 }
 
 pub fn bc(set: &ImageSet, params: &BcParams) -> AnyImage {
-    AnyImage::Bc(Bc::encode(set, params, &mut Job::default()).unwrap())
+    AnyImage::new(Bc::encode(set, params, &mut Job::default()).unwrap())
 }
 
 pub fn epitome(set: &ImageSet, params: &EpitomeParams) -> AnyImage {
-    AnyImage::Epitome(Epitome::encode(EpitomeSource::new(set), params, &mut Job::default()).unwrap())
+    AnyImage::new(Epitome::encode(EpitomeSource::new(set), params, &mut Job::default()).unwrap())
 }
 
 pub fn progressive(set: &ImageSet, params: &ProgressiveParams) -> AnyImage {
-    AnyImage::Progressive(Progressive::encode(set, params, &mut Job::default()).unwrap())
+    AnyImage::new(Progressive::encode(set, params, &mut Job::default()).unwrap())
 }
 
 /// A small root with three patches that overlap.
@@ -47,7 +47,7 @@ pub fn zipmap(set: &ImageSet, content: Content) -> AnyImage {
     let params =
         ZipParams { content: Some(content), tau: 0.05, effort: Effort::Fast, ..ZipParams::default() };
     let stack = PatchStack { root, images: vec![image], patches };
-    AnyImage::Zipmap(Zipmap::encode(&stack, &params, &mut Job::default()).unwrap())
+    AnyImage::new(Zipmap::encode(&stack, &params, &mut Job::default()).unwrap())
 }
 
 /// One texture of each kind, small enough to be damaged ten thousand times.
@@ -104,7 +104,7 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
         let params = ProgressiveParams { mips: true, goal, ..fast.clone() };
         let made = Progressive::encode_shared(&odd, &params, &shared, &mut Job::default()).unwrap();
         assert_eq!(made.shrink_log2() > 0, name != "tile");
-        textures.push((format!("progressive layers, {name}"), odd.clone(), AnyImage::Progressive(made)));
+        textures.push((format!("progressive layers, {name}"), odd.clone(), AnyImage::new(made)));
     }
     let params = ProgressiveParams { goal: Goal::Psnr(10.0), ..fast };
     textures.push(("progressive base".to_owned(), odd.clone(), progressive(&odd, &params)));

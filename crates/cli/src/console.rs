@@ -1,0 +1,13 @@
+//! What the program says: results on stdout, errors on stderr.
+
+use std::io::Write;
+
+/// A line on stdout. A reader that has gone away is no error.
+pub(crate) fn say(line: &str) {
+    let _ = writeln!(std::io::stdout().lock(), "{line}");
+}
+
+/// An error on stderr.
+pub(crate) fn complain(line: &str) {
+    let _ = writeln!(std::io::stderr().lock(), "error: {line}");
+}

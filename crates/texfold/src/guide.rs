@@ -1,0 +1,164 @@
+//! How-tos: from a folder of images to textures in a renderer.
+//!
+//! 1. [Compress a folder](#compress-a-folder)
+//! 2. [Pick a goal](#pick-a-goal)
+//! 3. [Embed](#embed)
+//! 4. [Capture a light field](#capture-a-light-field)
+//! 5. [Build a zoom stack](#build-a-zoom-stack)
+//! 6. [Share codebooks in a bank](#share-codebooks-in-a-bank)
+//!
+//! # Compress a folder
+//!
+//! The program `texfold` encodes files, folders and globs; a folder is one set of images in one file unless `--as image` is
+//! given:
+//!
+//! ```sh
+//! texfold compress textures/*.png --out packed --psnr 36
+//! texfold compress textures --as set --out packed --bpp 2 --mips
+//! texfold info packed/textures.txf
+//! texfold decompress packed/textures.txf --out check
+//! ```
+//!
+//! The same in code. Images of a set may differ in size, but have the same channels and meaning:
+//!
+//! ```
+//! use texfold::{EncodeSettings, Guidance, ImageSet, Job, Raster, encode_images};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let rasters = vec![texfold_testkit::picture("odd_37x61"), texfold_testkit::picture("odd_3x5")];
+//! // let rasters: Vec<Raster> = the decoded files
+//! let set = ImageSet::new(rasters)?;
+//! let texture = encode_images(&set, Guidance::default(), &EncodeSettings::default(), &mut Job::default())?;
+//! assert_eq!(texture.as_encoded().layout().surfaces.len(), 2);
+//! println!("{}: {}", texture.codec().name, texture.as_encoded().notes().verdict);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Pick a goal
+//!
+//! A [`Goal`](crate::Goal) is one of three: at least so many dB ([`Goal::Psnr`](crate::Goal::Psnr), 34 by default), at most so many bits of GPU
+//! memory per texel ([`Goal::Bpp`](crate::Goal::Bpp)), or a bound for the error of every 4x4 block
+//! ([`Goal::Tolerance`](crate::Goal::Tolerance)). Without a codec's name the codec is chosen that answers the goal best.
+//! Settings of one codec enter as its own parameters:
+//!
+//! ```
+//! use texfold::{Choice, Effort, EncodeSettings, Goal, Vq, VqParams};
+//!
+//! let small = EncodeSettings { goal: Goal::Bpp(1.5), effort: Effort::High, ..EncodeSettings::default() };
+//! let named = EncodeSettings { codec: Choice::of::<Vq>(), ..small.clone() };
+//! // Importance does not weigh; whether vq or plain blocks are used is still open.
+//! let mut own = VqParams::default();
+//! own.importance = 0.0;
+//! let weighed = EncodeSettings { codec: Choice::auto().with::<Vq>(own), ..small };
+//! assert_eq!(weighed.params::<Vq>().goal, Goal::Bpp(1.5));
+//! # let _ = named;
+//! ```
+//!
+//! What a file came to is measured from the file itself:
+//!
+//! ```
+//! use texfold::{Budget, EncodeSettings, Goal, Guidance, ImageSet, Job, encode_images, metric::measure, open_image};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let set = ImageSet::single(texfold_testkit::picture("odd_37x61"));
+//! let settings = EncodeSettings { goal: Goal::Psnr(30.0), ..EncodeSettings::default() };
+//! let bytes = encode_images(&set, Guidance::default(), &settings, &mut Job::default())?.to_bytes();
+//! let measured = measure(&set, open_image(&bytes, &mut Budget::default())?.as_encoded());
+//! assert!(settings.goal.is_met(&measured), "{measured:?}");
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Embed
+//!
+//! ```no_run
+#![doc = include_str!("../examples/embed.rs")]
+//! ```
+//!
+//! (It writes a file, so documentation tests only compile it; `cargo run -p texfold --example embed` runs it.) A game that only
+//! reads takes the crate without the encoders: see the [lines of Cargo.toml](crate#cargotoml). A file that arrives over a network
+//! is drawn layer by layer with [`Arriving`](crate::Arriving).
+//!
+//! # Capture a light field
+//!
+//! A light field is a mesh and photographs of it with their cameras: a folder with `transforms.json` (as NeRF tools write it), the
+//! images, and `mesh.obj`, `mesh.ply` or `mesh.glb` in the cameras' space.
+//!
+//! ```sh
+//! texfold compress captures/statue --out packed --psnr 32
+//! texfold render packed/statue.txf --camera path.json --out frames
+//! ```
+//!
+//! ```
+//! use texfold::{Budget, Encoder, Job, LightParams, Lightfield, Renderer, file_of, open_light};
+//! # use texfold_testkit::capture::{Look, sphere};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let capture = sphere(Look::Glossy, 8, 24);
+//! // let capture = Capture { mesh, views }
+//! let texture = Lightfield::encode(&capture, &LightParams::default(), &mut Job::default())?;
+//! let texture = open_light(&file_of(&texture), &mut Budget::default())?;
+//! let pixels = Renderer::new(&texture).render(&capture.views[0].camera);
+//! assert_eq!(pixels.len(), 24 * 24);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Build a zoom stack
+//!
+//! A zoom stack is one image of a whole surface and close-ups of parts of it. A folder of photographs is put in order by itself
+//! with `--as zoom`; a `zipmap.toml` in it says the places by hand:
+//!
+//! ```sh
+//! texfold compress photos/wall --as zoom --out packed
+//! texfold render packed/wall.txf --zoom-to 0.4,0.6 --steps 12 --out frames
+//! ```
+//!
+//! ```
+//! use texfold::{AnyImage, Encoder, Job, PatchSource, PatchStack, ZipParams, Zipmap};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let (root, close_up) = (texfold_testkit::picture("odd_37x61"), texfold_testkit::picture("cutout"));
+//! // From the root's texture coordinates to the patch's: the patch shows the middle third.
+//! let matrix = glam::DMat3::from_cols_array(&[3.0, 0.0, 0.0, 0.0, 3.0, 0.0, -1.0, -1.0, 1.0]);
+//! let patch = PatchSource { image: 0, matrix, mask: None, parent: None };
+//! let stack = PatchStack { root, images: vec![close_up], patches: vec![patch] };
+//! let texture = AnyImage::new(Zipmap::encode(&stack, &ZipParams::default(), &mut Job::default())?);
+//! assert_eq!(texture.as_encoded().layout().surfaces.len(), 1);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Share codebooks in a bank
+//!
+//! A bank is a folder of images that share codebooks; images are added to it over time, and none that is there changes:
+//!
+//! ```sh
+//! texfold compress photos/2024 --codec progressive --as set --category forest --bpp 0.5 --out bank
+//! texfold compress photos/2025 --codec progressive --as set --category forest --bpp 0.5 --out bank
+//! texfold info bank
+//! texfold decompress bank --image oak --tile 0,1 --out check
+//! ```
+//!
+//! In code, an image is encoded against a public codebook and gives back the codebook as it has grown:
+//!
+//! ```
+//! use texfold::{Goal, ImageSet, Job, Progressive, ProgressiveParams, Shared};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let mut params = ProgressiveParams::default();
+//! params.goal = Goal::Bpp(0.6);
+//! let mut shared = Shared::default();
+//! shared.most_rows = 512;
+//! for name in ["odd_37x61", "odd_3x5"] {
+//! #   let raster = texfold_testkit::picture(name);
+//!     let set = ImageSet::single(raster);
+//!     let texture = Progressive::encode_shared(&set, &params, &shared, &mut Job::default())?;
+//!     if let Some(grown) = texture.details().and_then(|details| details.public.clone()) {
+//!         shared.public = Some(grown);
+//!     }
+//! }
+//! # Ok(())
+//! # }
+//! ```

@@ -1,0 +1,431 @@
+//! What holds for every codec of the table, with no word about any of them: files, regions, foreign bytes, budgets, threads,
+//! cancellation, growth, shared searches, layers that arrive one by one.
+//!
+//! A codec that is added to the table is tested here as it is; one that does not take images adds a line to [`file_of_other`].
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may fail as tests do")]
+
+mod support;
+
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use proptest::prelude::*;
+use support::{fixture, zipmap};
+use texfold::container::{CodecId, SectionWriter, Sections};
+use texfold::image::ImageSet;
+use texfold::metric::{decode_surface, measure};
+use texfold::target::Measured;
+use texfold::{
+    AnyImage, AnyTexture, Arrived, Arriving, Bc, Budget, BytesError, CODECS, Cancel, Choice, Content,
+    ENCODINGS, Effort, EncodeError, EncodeSettings, Encoded, Encoding, Epitome, Goal, Guidance, Image2d,
+    ImageAddress, ImageEncoder, Input, Job, LightAddress, LightParams, Lightfield, Limits, LoadError,
+    Progressive, Rect, Registration, Texel, Vq, add_images, encode_images, file_of, open, open_from,
+    open_image, search_images,
+};
+use texfold_testkit::capture::{Look, sphere};
+
+/// More than any of these textures needs, far less than a forged size would take.
+const LIMITS: Limits = Limits { texels: 1 << 20, bytes: 64 << 20, sections: 64 };
+/// Goals that every codec of images is tried with.
+const GOALS: [Goal; 2] = [Goal::Psnr(26.0), Goal::Bpp(2.5)];
+/// The longest that an encoder may work on after it was asked to stop: 0.2 s of work between two looks, and what a machine
+/// with other work to do adds to that.
+const LONGEST_STOP: Duration = Duration::from_millis(2000);
+
+fn settings(goal: Goal) -> EncodeSettings {
+    EncodeSettings { goal, effort: Effort::Fast, ..EncodeSettings::default() }
+}
+
+fn encode(encoding: &Encoding, set: &ImageSet, goal: Goal) -> AnyImage {
+    encoding.encode(set, Guidance::default(), &settings(goal), &mut Job::default()).unwrap()
+}
+
+/// A small file of a codec that does not take images.
+fn file_of_other(codec: &Registration) -> Vec<u8> {
+    match codec.takes {
+        Input::Images => panic!("{} takes images", codec.id),
+        Input::Stack => zipmap(&fixture("odd_37x61"), Content::Bc1).to_bytes(),
+        Input::Capture => {
+            use texfold::Encoder;
+            let capture = sphere(Look::Glossy, 6, 24);
+            let params = LightParams::default();
+            file_of(&Lightfield::encode(&capture, &params, &mut Job::default()).unwrap())
+        }
+    }
+}
+
+/// Small files of every codec, by name.
+fn files() -> &'static [(String, Vec<u8>)] {
+    static FILES: OnceLock<Vec<(String, Vec<u8>)>> = OnceLock::new();
+    FILES.get_or_init(|| {
+        let set = fixture("odd_37x61");
+        let of_images = ENCODINGS.iter().flat_map(|encoding| {
+            GOALS.map(|goal| (format!("{} {goal:?}", encoding.id), encode(encoding, &set, goal).to_bytes()))
+        });
+        let others = CODECS.iter().filter(|codec| codec.takes != Input::Images);
+        of_images.chain(others.map(|codec| (codec.id.to_string(), file_of_other(codec)))).collect()
+    })
+}
+
+/// Whatever loads must decode everywhere.
+fn exercise(texture: &AnyTexture) {
+    match texture {
+        AnyTexture::Image(image) => exercise_image(image.as_encoded()),
+        AnyTexture::Light(light) => {
+            for triangle in [0, light.layout().triangles / 2, u32::MAX] {
+                let barycentric = glam::Vec3::new(0.2, 0.3, 0.5);
+                let at = LightAddress { triangle, barycentric, direction: glam::Vec3::Z };
+                assert!(light.sample(at).is_finite());
+            }
+            let _ = (light.gpu(), light.footprint());
+        }
+    }
+}
+
+fn exercise_image(texture: &dyn Encoded<Domain = Image2d>) {
+    let layout = texture.layout();
+    for (surface, level) in
+        (0..layout.surfaces.len().min(4) as u32).flat_map(|s| (0..layout.levels).map(move |l| (s, l)))
+    {
+        for (x, y) in [(0, 0), (7, 3), (u32::MAX, u32::MAX)] {
+            assert!(texture.sample(ImageAddress { surface, level, x, y }).is_finite());
+        }
+    }
+    if let Some(whole) =
+        layout.whole(0, 0).filter(|whole| u64::from(whole.width) * u64::from(whole.height) < 1 << 14)
+    {
+        let mut texels = vec![Texel::ZERO; (whole.width * whole.height) as usize];
+        texture.decode(whole, &mut texels).unwrap();
+        assert!(texels.iter().all(|texel| texel.is_finite()));
+    }
+    let _ = (texture.gpu(), texture.footprint());
+}
+
+#[test]
+fn files_name_their_codec_and_come_back_as_they_were_written() {
+    for (name, bytes) in files() {
+        let texture = open(bytes, &mut Budget::default()).unwrap();
+        assert!(name.starts_with(texture.codec().name), "{name}");
+        assert!(texture.to_bytes() == *bytes, "{name} is written otherwise than it was read");
+        let read = open_from(bytes.as_slice(), Limits::default()).unwrap();
+        assert!(read.to_bytes() == *bytes, "{name} from a reader");
+        let mut written = Vec::new();
+        if let AnyTexture::Image(image) = read {
+            assert_eq!(image.write_to(&mut written).unwrap(), bytes.len() as u64);
+            assert!(written == *bytes, "{name} to a writer");
+        }
+    }
+}
+
+#[test]
+fn a_reader_is_read_no_further_than_the_limits_allow() {
+    let (_, bytes) = &files()[0];
+    let few = Limits { bytes: bytes.len() as u64 / 2, ..Limits::default() };
+    let endless = std::io::repeat(0x89);
+    for error in [open_from(bytes.as_slice(), few).unwrap_err(), open_from(endless, few).unwrap_err()] {
+        assert!(matches!(error, texfold::OpenError::Load(LoadError::Limit(_))), "{error}");
+    }
+}
+
+#[test]
+fn what_is_made_is_what_is_loaded_and_meets_its_goal() {
+    /// The one path that every encoder takes.
+    fn encoded_and_measured<C: ImageEncoder>(set: &ImageSet, goal: Goal) -> Measured {
+        let params = settings(goal).params::<C>();
+        let made = C::encode(C::source(set, Guidance::default()), &params, &mut Job::default()).unwrap();
+        let loaded = open_image(&file_of(&made), &mut Budget::default()).unwrap();
+        assert!(
+            decode_surface(&made, 0, 0) == decode_surface(loaded.as_encoded(), 0, 0),
+            "{} {goal:?}",
+            C::ID
+        );
+        let (of_made, of_loaded) = (measure(set, &made), measure(set, loaded.as_encoded()));
+        assert_eq!(of_made, of_loaded, "{} {goal:?}", C::ID);
+        of_loaded
+    }
+    let set = fixture("odd_37x61");
+    for goal in GOALS {
+        let measured = [
+            encoded_and_measured::<Bc>(&set, goal),
+            encoded_and_measured::<Vq>(&set, goal),
+            encoded_and_measured::<Epitome>(&set, goal),
+            encoded_and_measured::<Progressive>(&set, goal),
+        ];
+        assert_eq!(measured.len(), ENCODINGS.len(), "a codec is left out");
+        for (encoding, measured) in ENCODINGS.iter().zip(measured) {
+            assert!(goal.is_met(&measured), "{} {goal:?}: {measured:?}", encoding.id);
+            assert_eq!(measure(&set, encode(encoding, &set, goal).as_encoded()), measured, "{}", encoding.id);
+        }
+    }
+}
+
+#[test]
+fn every_cut_names_what_is_missing_or_leaves_fewer_layers() {
+    for (name, bytes) in files() {
+        let ends: Vec<u64> = Sections::parse(bytes, &mut Budget::default()).unwrap().ends().collect();
+        let cuts = ends.iter().flat_map(|&end| [end - 1, end, end + 1]).chain([0, 1, 8, 30]);
+        for length in cuts.filter(|&length| length < bytes.len() as u64) {
+            match open(&bytes[..length as usize], &mut Budget::new(LIMITS)) {
+                Err(LoadError::Truncated { .. }) => {}
+                Err(LoadError::NotTexfold) => assert_eq!(length, 0, "{name}"),
+                Ok(texture) => {
+                    let layers = match &texture {
+                        AnyTexture::Image(image) => image.as_encoded().layers(),
+                        AnyTexture::Light(light) => light.layers(),
+                    };
+                    assert!(layers.loaded < layers.total, "{name} cut to {length}: {layers:?}");
+                    exercise(&texture);
+                }
+                Err(other) => panic!("{name} cut to {length} of {}: {other}", bytes.len()),
+            }
+        }
+    }
+}
+
+#[test]
+fn pieces_of_a_file_come_to_the_whole_in_layers() {
+    for (name, bytes) in files() {
+        let AnyTexture::Image(whole) = open(bytes, &mut Budget::default()).unwrap() else { continue };
+        let codec = whole.registration().unwrap();
+        for piece in [bytes.len(), 1000, 97] {
+            let mut arriving = Arriving::new(LIMITS);
+            let mut layers = 0;
+            for piece in bytes.chunks(piece) {
+                let arrived = arriving.push(piece).unwrap();
+                let loaded = arriving.texture().map_or(0, |texture| texture.as_encoded().layers().loaded);
+                assert_eq!(arrived != Arrived::Nothing, loaded > layers, "{name}: {arrived:?}");
+                if layers > 0 && loaded > layers {
+                    assert!(codec.refines() && matches!(arrived, Arrived::Planes(_)), "{name}: {arrived:?}");
+                }
+                layers = loaded;
+            }
+            let texture = arriving.into_texture().unwrap();
+            assert!(texture.to_bytes() == *bytes, "{name} in pieces of {piece}");
+            let (made, wanted) =
+                (decode_surface(texture.as_encoded(), 0, 0), decode_surface(whole.as_encoded(), 0, 0));
+            assert!(made == wanted, "{name} in pieces of {piece} decodes otherwise");
+        }
+    }
+}
+
+#[test]
+fn a_budget_that_is_too_small_is_named_before_anything_is_decoded() {
+    for (name, bytes) in files() {
+        for bytes_allowed in [0, 64] {
+            let limits = Limits { bytes: bytes_allowed, ..LIMITS };
+            let refused = open(bytes, &mut Budget::new(limits)).map(|texture| texture.codec());
+            assert!(
+                matches!(refused, Err(LoadError::Limit(_))),
+                "{name} in {bytes_allowed} bytes: {refused:?}"
+            );
+        }
+        let few =
+            open(bytes, &mut Budget::new(Limits { sections: 1, ..LIMITS })).map(|texture| texture.codec());
+        assert!(matches!(few, Err(LoadError::Limit(_))), "{name}: {few:?}");
+    }
+}
+
+#[test]
+fn bytes_do_not_depend_on_the_number_of_threads() {
+    let set = fixture("odd_37x61");
+    for (encoding, goal) in ENCODINGS.iter().flat_map(|encoding| GOALS.map(|goal| (encoding, goal))) {
+        let with = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut job = Job::default().with_pool(&pool);
+            let settings = EncodeSettings { mips: true, ..settings(goal) };
+            encoding.encode(&set, Guidance::default(), &settings, &mut job).unwrap().to_bytes()
+        };
+        let one = with(1);
+        assert!(with(2) == one && with(3) == one, "{} {goal:?}", encoding.id);
+    }
+}
+
+#[test]
+fn a_job_that_is_cancelled_at_any_moment_stops_soon() {
+    let set = fixture("facade");
+    for encoding in &ENCODINGS {
+        let start = Instant::now();
+        let settings = settings(Goal::Psnr(32.0));
+        encoding.encode(&set, Guidance::default(), &settings, &mut Job::default()).unwrap();
+        let whole = start.elapsed();
+        for share in [0.03, 0.17, 0.41, 0.73] {
+            let cancel = Cancel::default();
+            let (result, late) = std::thread::scope(|scope| {
+                let work = scope.spawn(|| {
+                    let mut job = Job::default().with_cancel(&cancel);
+                    let made = encoding.encode(&set, Guidance::default(), &settings, &mut job);
+                    (made.map(|image| image.codec()), Instant::now())
+                });
+                std::thread::sleep(whole.mul_f64(share));
+                let asked = Instant::now();
+                cancel.cancel();
+                let (result, ended) = work.join().unwrap();
+                (result, ended.saturating_duration_since(asked))
+            });
+            match result {
+                Err(EncodeError::Cancelled) => {
+                    assert!(late < LONGEST_STOP, "{} at {share}: stopped after {late:?}", encoding.id);
+                }
+                // It was done before it was asked, or in the last moment.
+                Ok(_) => assert!(late < LONGEST_STOP, "{} at {share}: went on for {late:?}", encoding.id),
+                Err(other) => panic!("{} at {share}: {other}", encoding.id),
+            }
+        }
+    }
+}
+
+#[test]
+fn textures_grow_without_a_changed_texel_or_say_which_codec_can() {
+    let (set, more) = (fixture("odd_37x61"), fixture("facade"));
+    for encoding in &ENCODINGS {
+        let mut image = encode(encoding, &set, GOALS[0]);
+        let before = decode_surface(image.as_encoded(), 0, 0);
+        let added = add_images(&mut image, &more, Guidance::default(), &mut Job::default());
+        assert!(decode_surface(image.as_encoded(), 0, 0) == before, "{}", encoding.id);
+        let surfaces = image.as_encoded().layout().surfaces.len();
+        match added {
+            Ok(()) => assert!(encoding.grows() && surfaces == 2, "{}", encoding.id),
+            Err(EncodeError::CannotGrow { codec, instead }) => {
+                let instead = ENCODINGS.iter().find(|encoding| encoding.id.name == instead).unwrap();
+                assert!(!encoding.grows() && codec == encoding.id && instead.grows());
+            }
+            // A set that has no room left says so and stays as it is.
+            Err(EncodeError::Source(_)) => assert!(encoding.grows() && surfaces == 1, "{}", encoding.id),
+            Err(other) => panic!("{}: {other}", encoding.id),
+        }
+    }
+}
+
+#[test]
+fn one_search_serves_several_goals() {
+    let set = fixture("facade");
+    for encoding in &ENCODINGS {
+        let mut job = Job::default();
+        let search =
+            search_images(encoding, &set, Guidance::default(), &settings(Goal::Bpp(1.5)), &mut job).unwrap();
+        for goal in [Goal::Bpp(2.5), Goal::Bpp(1.5)] {
+            let from_search = search.encode(goal, &mut job).unwrap();
+            let alone = encode(encoding, &set, goal);
+            let (found, wanted) =
+                (measure(&set, from_search.as_encoded()), measure(&set, alone.as_encoded()));
+            assert!(goal.is_met(&found), "{} {goal:?}: {found:?}", encoding.id);
+            assert!(found.psnr > wanted.psnr - 0.1, "{} {goal:?}: {found:?}, alone {wanted:?}", encoding.id);
+        }
+    }
+}
+
+#[test]
+fn names_choose_their_codec_and_no_other_makes_the_file_but_plain_blocks() {
+    let set = fixture("odd_37x61");
+    for encoding in &ENCODINGS {
+        let codec = Choice::named(encoding.id.name).unwrap();
+        let settings = EncodeSettings { codec, ..settings(GOALS[0]) };
+        let made = encode_images(&set, Guidance::default(), &settings, &mut Job::default()).unwrap();
+        assert!([encoding.id.name, "bc"].contains(&made.codec().name), "{}", encoding.id);
+    }
+    assert!(Choice::named("lightfield").is_none() && Choice::named("").is_none());
+}
+
+#[test]
+fn bytes_are_the_texels_rounded_and_bytes_between_rows_are_left() {
+    for (name, bytes) in files() {
+        let AnyTexture::Image(image) = open(bytes, &mut Budget::default()).unwrap() else { continue };
+        let whole = image.as_encoded().layout().whole(0, 0).unwrap();
+        let rect = Rect { x: 3, y: 1, width: whole.width.min(30), height: whole.height.min(50), ..whole };
+        let rect = Rect { width: rect.width - 3, height: rect.height - 1, ..rect };
+        let stride = 4 * rect.width as usize + 5;
+        let mut out = vec![7; stride * (rect.height as usize - 1) + 4 * rect.width as usize];
+        image.decode_rgba8(rect, &mut out, stride).unwrap();
+        for (y, row) in (0..rect.height).zip(out.chunks(stride)) {
+            for (x, pixel) in (0..rect.width).zip(row.chunks(4)) {
+                let at = ImageAddress { surface: 0, level: 0, x: rect.x + x, y: rect.y + y };
+                assert_eq!(
+                    pixel,
+                    image.as_encoded().sample(at).to_array().map(texfold::image::to_u8),
+                    "{name} {at:?}"
+                );
+            }
+            assert!(row[4 * rect.width as usize..].iter().all(|&byte| byte == 7), "{name} row {y}");
+        }
+        let short = out.len() - 1;
+        let refused = image.decode_rgba8(rect, &mut out[..short], stride);
+        assert_eq!(refused, Err(BytesError::Length { found: short, needed: short + 1 }));
+        let narrow = image.decode_rgba8(rect, &mut out, 4 * rect.width as usize - 1);
+        assert!(matches!(narrow, Err(BytesError::Stride { .. })));
+        let outside = image.decode_rgba8(Rect { y: whole.height, ..rect }, &mut out, stride);
+        assert!(matches!(outside, Err(BytesError::Region(_))));
+    }
+}
+
+/// The same file with the section `target` as `change` leaves it, and every checksum made right again, as an attacker would.
+fn rewritten(bytes: &[u8], target: usize, change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
+    let mut budget = Budget::default();
+    let sections = Sections::parse(bytes, &mut budget).unwrap();
+    let mut writer = SectionWriter::new(CodecId { number: sections.codec(), name: "" });
+    let mut change = Some(change);
+    let count = sections.ids().count();
+    for (index, (id, _)) in sections.ids().enumerate() {
+        let mut raw = sections.read(id, &mut budget).unwrap();
+        if let Some(change) = change.take_if(|_| index == target % count) {
+            change(&mut raw);
+        }
+        writer.section("", id, &raw);
+    }
+    writer.finish().bytes
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(600))]
+
+    #[test]
+    fn forged_files_give_an_error_or_a_texture_that_decodes(
+        file in 0usize..1000, section in 0usize..64, at in 0.0f64..1.0, kind in 0u32..5, value in any::<u8>()
+    ) {
+        let (_, bytes) = &files()[file % files().len()];
+        let forged = rewritten(bytes, section, |raw| {
+            let at = ((at * raw.len() as f64) as usize).min(raw.len().saturating_sub(1));
+            match kind {
+                0 if !raw.is_empty() => raw[at] = value,
+                1 if !raw.is_empty() => raw[at] ^= 1 << (value % 8),
+                2 => raw.truncate(at),
+                3 => raw.extend([value; 7]),
+                _ if raw.len() >= at + 4 => raw[at..at + 4].copy_from_slice(&[0xff, 0xff, 0xff, 0x7f]),
+                _ => raw.push(value),
+            }
+        });
+        if let Ok(texture) = open(&forged, &mut Budget::new(LIMITS)) {
+            exercise(&texture);
+        }
+    }
+
+    #[test]
+    fn regions_equal_samples(
+        file in 0usize..1000, level in 0u32..8, x in 0u32..4096, y in 0u32..4096, width in 1u32..40, height in 1u32..40
+    ) {
+        thread_local! { static IMAGES: Vec<(String, AnyImage)> = images(); }
+        IMAGES.with(|images| {
+            let (name, texture) = &images[file % images.len()];
+            let texture = texture.as_encoded();
+            let level = level % texture.layout().levels;
+            let whole = texture.layout().whole(0, level).unwrap();
+            let (x, y) = (x % whole.width, y % whole.height);
+            let (width, height) = (width.min(whole.width - x), height.min(whole.height - y));
+            let rect = Rect { surface: 0, level, x, y, width, height };
+            let mut out = vec![Texel::ZERO; (width * height) as usize];
+            texture.decode(rect, &mut out).unwrap();
+            for (index, texel) in (0..).zip(&out) {
+                let at = ImageAddress { surface: 0, level, x: x + index % width, y: y + index / width };
+                assert_eq!(*texel, texture.sample(at), "{name} {at:?}");
+            }
+        });
+    }
+}
+
+/// The files that hold images, loaded.
+fn images() -> Vec<(String, AnyImage)> {
+    let image = |(name, bytes): &(String, Vec<u8>)| {
+        Some((name.clone(), open(bytes, &mut Budget::default()).unwrap().into_image()?))
+    };
+    files().iter().filter_map(image).collect()
+}

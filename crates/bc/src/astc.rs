@@ -13,14 +13,10 @@ use std::cell::RefCell;
 use ctt_astcenc::bindings::{astcenc_image, astcenc_type_ASTCENC_TYPE_U8};
 use ctt_astcenc::{Context, Flags, Preset, Profile, Swizzle, config_init};
 use glam::Vec4;
-use rayon::prelude::*;
-use texfold_core::{AstcBlock, Effort, PlaneFormat};
+use texfold_core::AstcBlock;
 
 /// Whether this build can encode and decode ASTC.
 pub(crate) const AVAILABLE: bool = true;
-
-/// Rows of blocks that one task encodes: a context costs as much as some hundred blocks, so tasks are large.
-const BAND_ROWS: usize = 16;
 
 /// The colour of illegal blocks (Khronos Data Format 1.3, 23.20).
 const ERROR: [u8; 4] = [255, 0, 255, 255];
@@ -30,14 +26,19 @@ thread_local! {
     static DECODERS: RefCell<[Option<Context>; AstcBlock::ALL.len()]> = const { RefCell::new([const { None }; AstcBlock::ALL.len()]) };
 }
 
-fn context(block: AstcBlock, preset: Preset, flags: Flags) -> Option<Context> {
+pub(crate) fn context(block: AstcBlock, preset: Preset, flags: Flags) -> Option<Context> {
     let side = block.side();
     let config = config_init(Profile::Ldr, side, side, 1, preset, flags).ok()?;
     Context::new(&config).ok()
 }
 
 /// Does `work` with a description of `rgba` that Arm's library takes.
-fn with_image<T>(width: u32, height: u32, rgba: &mut [u8], work: impl FnOnce(&mut astcenc_image) -> T) -> T {
+pub(crate) fn with_image<T>(
+    width: u32,
+    height: u32,
+    rgba: &mut [u8],
+    work: impl FnOnce(&mut astcenc_image) -> T,
+) -> T {
     debug_assert_eq!(rgba.len(), (width * height * 4) as usize, "an image of another length");
     let mut slice = rgba.as_mut_ptr().cast();
     let mut image = astcenc_image {
@@ -48,32 +49,6 @@ fn with_image<T>(width: u32, height: u32, rgba: &mut [u8], work: impl FnOnce(&mu
         data: &raw mut slice,
     };
     work(&mut image)
-}
-
-/// Stores RGBA bytes in blocks, row by row; those that hang over the edge repeat it.
-pub(crate) fn encode(block: AstcBlock, width: u32, _: u32, rgba: &[u8], effort: Effort) -> Vec<u8> {
-    let preset = match effort {
-        Effort::Fast => Preset::Fast,
-        Effort::Normal => Preset::Medium,
-        Effort::High => Preset::Thorough,
-    };
-    let bands: Vec<Vec<u8>> = rgba
-        .par_chunks((width * block.side()) as usize * 4 * BAND_ROWS)
-        .map(|band| {
-            let height = (band.len() / (4 * width as usize)) as u32;
-            let mut blocks = vec![0; PlaneFormat::Astc(block).bytes(width, height) as usize];
-            // Fails only where memory does: the blocks are then illegal and show as such.
-            if let Some(mut context) = context(block, preset, Flags::empty()) {
-                let mut texels = band.to_vec();
-                let done = with_image(width, height, &mut texels, |image| {
-                    context.compress(image, Swizzle::IDENTITY, &mut blocks)
-                });
-                debug_assert!(done.is_ok(), "encoding to memory failed: {done:?}");
-            }
-            blocks
-        })
-        .collect();
-    bands.concat()
 }
 
 /// The texels of one block, row by row; bytes missing from it count as 0.
@@ -102,39 +77,8 @@ pub(crate) fn decode(block: AstcBlock, bytes: &[u8]) -> Vec<Vec4> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{decode_block, encode_plane};
-
-    #[test]
-    fn every_side_reproduces_a_picture_better_the_smaller_its_blocks() {
-        let image = texfold_testkit::picture("facade");
-        let (width, height) = (image.size().width, image.size().height);
-        let rgba: Vec<u8> =
-            image.texels().flat_map(|t| t.to_array().map(texfold_core::image::to_u8)).collect();
-        let mut last = 0.0;
-        for block in AstcBlock::ALL {
-            let format = PlaneFormat::Astc(block);
-            let bytes = encode_plane(format, width, height, &rgba, Effort::Fast);
-            assert_eq!(bytes.len() as u64, format.bytes(width, height));
-            let texels = crate::content::decode_plane(format, width as usize, height as usize, &bytes);
-            let error: f32 = image.texels().zip(&texels).map(|(a, b)| (a - *b).length_squared()).sum();
-            assert!(error > last, "{block:?}: {error} after {last}");
-            last = error;
-        }
-        assert!(last / ((width * height) as f32) < 0.02, "12x12 blocks lose the picture: {last}");
-    }
-
-    #[test]
-    fn blocks_do_not_depend_on_the_number_of_threads() {
-        let image = texfold_testkit::picture("facade");
-        let (width, height) = (image.size().width, image.size().height);
-        let rgba: Vec<u8> =
-            image.texels().flat_map(|t| t.to_array().map(texfold_core::image::to_u8)).collect();
-        let encode = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| encode(AstcBlock::B4, width, height, &rgba, Effort::Fast))
-        };
-        assert_eq!(encode(1), encode(3));
-    }
+    use crate::decode_block;
+    use texfold_core::PlaneFormat;
 
     #[test]
     fn illegal_and_short_blocks_show_the_error_colour() {

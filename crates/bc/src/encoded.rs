@@ -7,8 +7,8 @@ use texfold_core::address::{TEXFOLD_CLAMP, texfold_level_size, texfold_tap};
 use texfold_core::container::{SectionWriter, write_layout};
 use texfold_core::sample::{TEXFOLD_NORMAL, texfold_bilinear, texfold_swizzle};
 use texfold_core::{
-    CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Notes, Plane, Rect,
-    RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
+    CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, MemoryBits, Notes,
+    Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
 };
 
 use crate::decode::{BcView, TexfoldBcParams, expand, texfold_bc_fetch};
@@ -63,12 +63,16 @@ impl BcTexture {
         BcView { params, levels }
     }
 
-    fn planes_of(&self, surface: usize) -> Vec<Plane<'_>> {
+    /// The levels of one image that a GPU holds: those beyond 1 x 1 repeat the last, a texture cannot hold them, and the
+    /// shader does not read them.
+    fn held(&self, surface: usize) -> &[ContentPlanes] {
         let levels = &self.surfaces[surface];
-        // Levels beyond 1 x 1 repeat the last: a texture cannot hold them, and the shader does not read them.
         let (width, height) = levels[0].size();
-        let held = levels.len().min(SurfaceSize { width, height }.full_levels() as usize);
-        let levels = &levels[..held];
+        &levels[..levels.len().min(SurfaceSize { width, height }.full_levels() as usize)]
+    }
+
+    fn planes_of(&self, surface: usize) -> Vec<Plane<'_>> {
+        let levels = self.held(surface);
         let mut planes: Vec<Plane<'_>> = levels[0].gpu_planes("blocks").collect();
         for (index, plane) in planes.iter_mut().enumerate().filter(|_| levels.len() > 1) {
             plane.levels = levels.len() as u32;
@@ -136,6 +140,22 @@ impl Encoded for BcTexture {
         form
     }
 
+    fn memory(&self) -> MemoryBits {
+        let planes = (0..self.surfaces.len()).flat_map(|surface| self.held(surface).iter());
+        let bits = |level: &ContentPlanes| {
+            let (width, height) = level.size();
+            let texels = u64::from(width) * u64::from(height);
+            let of = |(format, bytes): &(PlaneFormat, Vec<u8>)| {
+                let block = u64::from(format.block_side()).pow(2);
+                (8 * bytes.len() as u64, texels * u64::from(8 * format.block_bytes()) / block)
+            };
+            level.planes().iter().map(of).fold((0, 0), |sum, bits| (sum.0 + bits.0, sum.1 + bits.1))
+        };
+        let (stored, counted) = planes.map(bits).fold((0, 0), |sum, bits| (sum.0 + bits.0, sum.1 + bits.1));
+        let headers = 8 * (self.surfaces.len() * size_of::<TexfoldBcParams>()) as u64;
+        MemoryBits { total: stored + headers, counted }
+    }
+
     fn notes(&self) -> &Notes {
         &self.notes
     }
@@ -172,4 +192,11 @@ fn enlarge(view: &BcView<'_>, region: Rect, out: &mut [Texel]) {
             }
         }
     }
+}
+
+/// Bytes that [`Encoded::gpu`] takes for each image of `planes` planes, beside the texels: descriptions of planes and of what to
+/// bind, and parameters. Vectors that grow hold up to three times their values for a moment.
+pub(crate) fn gpu_bytes(planes: usize) -> u64 {
+    let bound = size_of::<SurfaceBinding>() + 2 * planes.max(2) * size_of::<usize>();
+    3 * (2 * planes * size_of::<Plane<'_>>() + bound + size_of::<TexfoldBcParams>()) as u64
 }

@@ -16,20 +16,19 @@ mod astc;
 mod blocks;
 mod content;
 pub mod decode;
+#[cfg(feature = "encode")]
 mod encode;
 mod encoded;
-mod params;
 mod wire;
 
-pub use blocks::{BlockTexels, decode_block, encode_plane};
+pub use blocks::{BlockTexels, decode_block};
 pub use content::{Content, ContentPlanes, Family, Swizzle};
-pub use encode::Bc1Blocks;
+#[cfg(feature = "encode")]
+pub use encode::{Bc1Blocks, BcParams, encode_plane};
 pub use encoded::BcTexture;
-pub use params::BcParams;
 
 use texfold_core::container::Sections;
-use texfold_core::image::ImageSet;
-use texfold_core::{Budget, CodecId, EncodeError, Encoder, Image2d, Job, LoadError, TextureCodec};
+use texfold_core::{Budget, CodecId, Image2d, LoadError, TextureCodec};
 
 /// The plain block-compression codec.
 #[derive(Debug, Clone, Copy)]
@@ -42,14 +41,5 @@ impl TextureCodec for Bc {
 
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<BcTexture, LoadError> {
         wire::load(file, budget)
-    }
-}
-
-impl Encoder for Bc {
-    type Source<'s> = &'s ImageSet;
-    type Params = BcParams;
-
-    fn encode(source: &ImageSet, params: &BcParams, job: &mut Job<'_>) -> Result<BcTexture, EncodeError> {
-        encode::encode(source, params, job)
     }
 }

@@ -1,8 +1,9 @@
 //! Sections of a `bc` file: "BCFM" (content, reduction) and "BLKS" (all planes of all levels of all images).
 
 use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
-use texfold_core::{Budget, LoadError, String4};
+use texfold_core::{Budget, LoadError, PlaneFormat, String4};
 
+use crate::encoded::gpu_bytes;
 use crate::{BcTexture, Content, ContentPlanes};
 
 const FORM_ID: [u8; 4] = *b"BCFM";
@@ -31,18 +32,23 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<BcTexture
     reader.end()?;
     let (formats, _) = content.formats(layout.pixel);
     let raw = file.read(BLOCKS_ID, budget)?;
-    budget.take(raw.len() as u64)?;
+    // The planes, and a copy of those with several levels in the form for GPUs.
+    budget.take((raw.len() as u64).saturating_mul(if layout.levels > 1 { 2 } else { 1 }))?;
+    let images = layout.surfaces.len() as u64;
+    let described = 4 * formats.len() * size_of::<(PlaneFormat, Vec<u8>)>();
+    budget.take(images.saturating_mul(u64::from(layout.levels)).saturating_mul(described as u64))?;
+    budget.take(images.saturating_mul(gpu_bytes(formats.len())))?;
     let mut blocks = Reader::new(String4(BLOCKS_ID), &raw);
-    let mut surfaces = Vec::new();
+    let mut surfaces = budget.reserved(images)?;
     for size in &layout.surfaces {
-        let mut levels = Vec::new();
+        let mut levels = budget.reserved(layout.levels.into())?;
         for level in 0..layout.levels {
             let size = size.at_level(reduce_log2 + level);
-            let mut planes = Vec::new();
-            for format in &formats {
+            let plane = |format: &PlaneFormat| {
                 let length = usize::try_from(format.bytes(size.width, size.height));
-                planes.push(blocks.bytes(length.unwrap_or(usize::MAX))?.to_vec());
-            }
+                blocks.bytes(length.unwrap_or(usize::MAX)).map(<[u8]>::to_vec)
+            };
+            let planes = formats.iter().map(plane).collect::<Result<Vec<_>, _>>()?;
             let planes = ContentPlanes::from_planes(content, layout.pixel, (size.width, size.height), planes);
             levels.push(planes.ok_or(blocks.corrupt("planes of another size"))?);
         }

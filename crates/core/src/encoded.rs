@@ -1,7 +1,7 @@
 //! The shipped form of a texture.
 
 use crate::container::{CodecId, Notes, SectionWriter};
-use crate::{Domain, Footprint, GpuForm, Image2d, RegionError, SurfaceLight, Texel};
+use crate::{Domain, Footprint, GpuForm, Image2d, MemoryBits, RegionError, SurfaceLight, Texel};
 
 /// An encoded texture: what is stored, loaded, sampled, counted and drawn.
 ///
@@ -34,6 +34,10 @@ pub trait Encoded: Send + Sync {
     fn footprint(&self) -> Footprint;
     /// What a GPU needs to draw it.
     fn gpu(&self) -> GpuForm<'_>;
+    /// Bits that it takes in GPU memory. A codec whose [`Encoded::gpu`] has to be built says it without building it.
+    fn memory(&self) -> MemoryBits {
+        self.gpu().memory()
+    }
     /// How it was made: settings, a verdict in a sentence, what each part bought.
     fn notes(&self) -> &Notes;
 }

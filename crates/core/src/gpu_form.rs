@@ -133,6 +133,15 @@ impl Plane<'_> {
             (width, height, self.format.bytes(width, height))
         })
     }
+
+    /// Bits of the texels of all levels, without the padding of blocks that hang over an edge.
+    fn texel_bits(&self) -> u64 {
+        let block = u64::from(self.format.block_side()).pow(2);
+        let bits = |(width, height, _)| {
+            u64::from(width) * u64::from(height) * u64::from(8 * self.format.block_bytes()) / block
+        };
+        self.level_sizes().map(bits).sum()
+    }
 }
 
 /// What to bind to draw one image.
@@ -159,11 +168,63 @@ pub struct GpuForm<'a> {
     pub surfaces: Vec<SurfaceBinding>,
 }
 
+/// Bits that a texture takes in GPU memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct MemoryBits {
+    /// All planes and parameters: what reports say.
+    pub total: u64,
+    /// What goals count: the texels of all planes and levels. Two things are left out, as they would make a goal of 4 bits
+    /// a texel miss BC1: the padding of blocks that hang over the edge of an image, and up to [`HEADER_BYTES`] of
+    /// parameters for each image.
+    pub counted: u64,
+}
+
+/// Parameters of an image that goals do not count, in bytes; what a codec needs beyond counts.
+pub const HEADER_BYTES: u64 = 512;
+
 impl GpuForm<'_> {
+    /// Bits of all planes and parameters, and those that goals count.
+    #[must_use]
+    pub fn memory(&self) -> MemoryBits {
+        let headers = self.uniforms.len() as u64;
+        let beyond = 8 * headers.saturating_sub(HEADER_BYTES * self.surfaces.len() as u64);
+        let texels: u64 =
+            self.planes.iter().map(|plane| plane.texel_bits().min(8 * plane.data.len() as u64)).sum();
+        MemoryBits { total: self.bits_memory(), counted: texels + beyond }
+    }
+
     /// Bits of all planes and parameters.
     #[must_use]
     pub fn bits_memory(&self) -> u64 {
         8 * (self.planes.iter().map(|plane| plane.data.len() as u64).sum::<u64>()
             + self.uniforms.len() as u64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn goals_count_texels_and_reports_count_all() {
+        let plane = |format: PlaneFormat, width, height| Plane {
+            part: "blocks",
+            format,
+            width,
+            height,
+            levels: 1,
+            data: Cow::Owned(vec![0; format.bytes(width, height) as usize]),
+        };
+        let surface = SurfaceBinding { planes: vec![0], uniforms: 0..0, surface: 0 };
+        let form = |plane, headers: usize| GpuForm {
+            module: "bc",
+            planes: vec![plane],
+            uniforms: vec![0; headers],
+            surfaces: vec![surface.clone()],
+        };
+        let odd = form(plane(PlaneFormat::Bc1, 37, 61), 32).memory();
+        assert_eq!(odd, MemoryBits { total: 10 * 16 * 64 + 32 * 8, counted: 37 * 61 * 4 });
+        let words = form(plane(PlaneFormat::R32Uint, 8, 8), 512 + 16).memory();
+        assert_eq!(words, MemoryBits { total: 64 * 32 + 528 * 8, counted: 64 * 32 + 16 * 8 });
     }
 }

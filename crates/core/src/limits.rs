@@ -100,6 +100,21 @@ impl Budget {
         Ok(())
     }
 
+    /// An empty vector with room for `len` values, booked before it is allocated: filled up to `len` it never grows.
+    ///
+    /// # Errors
+    /// [`LimitError`] where it does not fit.
+    pub fn reserved<T>(&mut self, len: u64) -> Result<Vec<T>, LimitError> {
+        self.take(len.saturating_mul(size_of::<T>() as u64))?;
+        let mut values = Vec::new();
+        let reserved = usize::try_from(len).is_ok_and(|len| values.try_reserve_exact(len).is_ok());
+        if reserved {
+            Ok(values)
+        } else {
+            Err(LimitError { what: "values in memory", needed: len, allowed: 0 })
+        }
+    }
+
     /// A vector of `len` default values, booked before it is allocated.
     ///
     /// # Errors
@@ -124,5 +139,10 @@ mod tests {
         budget.release(80);
         assert!(budget.take(100).is_ok());
         assert_eq!(budget.peak_bytes(), 100);
+        budget.release(100);
+        assert_eq!(budget.reserved::<u32>(25).map(|values| values.capacity()), Ok(25));
+        assert!(budget.reserved::<u8>(1).is_err());
+        let mut boundless = Budget::new(Limits { bytes: u64::MAX, ..Limits::default() });
+        assert!(boundless.reserved::<u64>(u64::MAX).is_err());
     }
 }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::image::{ImageSet, Raster, to_u8};
 use crate::target::Measured;
-use crate::{Encoded, Image2d, Texel};
+use crate::{Encoded, Image2d, Rect, Texel};
 
 /// MSE below which a result counts as lossless: no 8-bit image can have a smaller one that is not 0.
 pub const MSE_FLOOR: f64 = 1e-9;
@@ -104,13 +104,22 @@ pub fn worst_block_rms(source: &Raster, decoded: &Raster) -> f64 {
     (0..columns * rows).into_par_iter().map(block).reduce(|| 0.0, f64::max).sqrt()
 }
 
-/// Level 0 of one image of an encoded texture; `None` where there is no such image.
+/// Rows of texels that one thread decodes: a multiple of every codec's blocks, so that none is decoded twice.
+const BAND_ROWS: u32 = 64;
+
+/// Level `level` of image `surface` of an encoded texture, decoded on several threads; `None` where there is no such image
+/// or level.
 #[must_use]
 pub fn decode_surface(encoded: &dyn Encoded<Domain = Image2d>, surface: u32, level: u32) -> Option<Raster> {
     let layout = encoded.layout();
     let rect = layout.whole(surface, level)?;
     let mut texels = vec![Texel::ZERO; rect.width as usize * rect.height as usize];
-    encoded.decode(rect, &mut texels).ok()?;
+    let bands = texels.par_chunks_mut(rect.width as usize * BAND_ROWS as usize).enumerate();
+    let decode = |(band, out): (usize, &mut [Texel])| {
+        let y = BAND_ROWS * band as u32;
+        encoded.decode(Rect { y, height: BAND_ROWS.min(rect.height - y), ..rect }, out)
+    };
+    bands.try_for_each(decode).ok()?;
     Raster::from_texels(rect.width, rect.height, layout.pixel, &texels).ok()
 }
 
@@ -140,13 +149,15 @@ pub fn quality(source: &ImageSet, encoded: &dyn Encoded<Domain = Image2d>) -> Qu
     quality
 }
 
-/// What a goal is held against: [`quality`] and the bits that a GPU holds.
+/// What a goal is held against: [`quality`], and the bits a source texel that [`MemoryBits::counted`] defines.
+///
+/// [`MemoryBits::counted`]: crate::MemoryBits::counted
 #[must_use]
 pub fn measure(source: &ImageSet, encoded: &dyn Encoded<Domain = Image2d>) -> Measured {
     let quality = quality(source, encoded);
     Measured {
         psnr: quality.color.psnr(),
-        bpp: encoded.gpu().bits_memory() as f64 / source.texel_count() as f64,
+        bpp: encoded.memory().counted as f64 / source.texel_count() as f64,
         worst_block_rms: quality.worst_block_rms,
     }
 }

@@ -3,16 +3,32 @@
 //! The list runs from one eighth of the width and height in BC1 to plain bytes, in the order of its bits. Cost: one block
 //! compression for each entry that the search tries, at most five.
 
+#[cfg(feature = "astc")]
+mod astc;
+#[cfg(not(feature = "astc"))]
+#[path = "no_astc.rs"]
+mod astc;
+mod blocks;
+mod content;
+mod params;
+
+pub use blocks::encode_plane;
+pub use params::BcParams;
+
 use texfold_core::image::{ColorSpace, ImageSet, MipFilter, PixelInfo, Raster, mip_chain};
 use texfold_core::metric::measure;
 use texfold_core::target::search;
 use texfold_core::{
-    AstcBlock, EncodeError, Goal, ImageLayout, Job, Notes, ParamError, Params, SourceError, SurfaceSize,
-    Texel,
+    AstcBlock, CancelCheck, EncodeError, Encoder, Goal, ImageLayout, Job, Notes, ParamError, Params,
+    SourceError, SurfaceSize, Texel,
 };
 
 use crate::wire::MAX_REDUCE_LOG2;
-use crate::{BcParams, BcTexture, Content, ContentPlanes, Family};
+use crate::{Bc, BcTexture, Content, ContentPlanes, Family};
+
+/// Bytes a source texel that one candidate takes at most: a mip chain of values (4 bytes a channel), the texels of a level
+/// (16), bytes to be compressed (2 times 4), and planes.
+const BYTES_PER_TEXEL: u64 = 56;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Candidate {
@@ -21,11 +37,16 @@ struct Candidate {
     bpp: f64,
 }
 
-pub(crate) fn encode(
-    source: &ImageSet,
-    params: &BcParams,
-    job: &mut Job<'_>,
-) -> Result<BcTexture, EncodeError> {
+impl Encoder for Bc {
+    type Source<'s> = &'s ImageSet;
+    type Params = BcParams;
+
+    fn encode(source: &ImageSet, params: &BcParams, job: &mut Job<'_>) -> Result<BcTexture, EncodeError> {
+        encode(source, params, job)
+    }
+}
+
+fn encode(source: &ImageSet, params: &BcParams, job: &mut Job<'_>) -> Result<BcTexture, EncodeError> {
     params.check()?;
     source.check_sides()?;
     let candidates = candidates(source.info(), params)?;
@@ -38,8 +59,15 @@ pub(crate) fn encode(
         job.stage("compressing blocks", f32::from(tried as u16) / 5.0)?;
         tried += 1;
         let candidate = candidates[knob as usize - 1];
-        let texture = job.install(|| compress(source, candidate, params));
-        Ok::<_, EncodeError>((measure(source, &texture), texture))
+        // The planes, and the padded bytes that one of them is made from.
+        let bytes = source.texel_count().saturating_mul(BYTES_PER_TEXEL);
+        job.holding(bytes, |job| {
+            let cancel = job.cancel_check();
+            job.install(|| {
+                let texture = compress(source, candidate, params, cancel)?;
+                Ok((measure(source, &texture), texture))
+            })
+        })
     })?;
     let mut texture = found.value;
     texture.notes = Notes {
@@ -103,28 +131,40 @@ fn usual(content: Content, pixel: PixelInfo, family: Family) -> bool {
     }
 }
 
-fn compress(source: &ImageSet, candidate: Candidate, params: &BcParams) -> BcTexture {
+fn compress(
+    source: &ImageSet,
+    candidate: Candidate,
+    params: &BcParams,
+    cancel: CancelCheck<'_>,
+) -> Result<BcTexture, EncodeError> {
     let stored_levels = if params.mips { source.full_levels().min(16) } else { 1 };
-    let surface = |image: &Raster| -> Vec<ContentPlanes> {
+    let surface = |image: &Raster| -> Result<Vec<ContentPlanes>, EncodeError> {
+        cancel.checkpoint()?;
         let chain = mip_chain(image, candidate.reduce_log2 + stored_levels, MipFilter::Box);
         chain[candidate.reduce_log2 as usize..]
             .iter()
-            .map(|level| encode_level(level, candidate, params))
+            .map(|level| encode_level(level, candidate, params, cancel))
             .collect()
     };
-    BcTexture {
+    Ok(BcTexture {
         layout: source.layout(stored_levels),
         content: candidate.content,
         reduce_log2: candidate.reduce_log2,
-        surfaces: source.images().iter().map(surface).collect(),
+        surfaces: source.images().iter().map(surface).collect::<Result<_, _>>()?,
         notes: Notes::default(),
-    }
+    })
 }
 
-fn encode_level(level: &Raster, candidate: Candidate, params: &BcParams) -> ContentPlanes {
+fn encode_level(
+    level: &Raster,
+    candidate: Candidate,
+    params: &BcParams,
+    cancel: CancelCheck<'_>,
+) -> Result<ContentPlanes, EncodeError> {
     let texels: Vec<Texel> = level.texels().collect();
     let size = (level.size().width, level.size().height);
-    ContentPlanes::encode(candidate.content, level.info(), size, &texels, params.effort)
+    let pixel = level.info();
+    ContentPlanes::encode_cancellable(candidate.content, pixel, size, &texels, params.effort, cancel)
 }
 
 fn settings(params: &BcParams) -> String {

@@ -47,9 +47,22 @@ pub fn read_layout(file: &Sections<'_>, budget: &mut Budget) -> Result<ImageLayo
     if !(1..=16).contains(&levels) {
         return Err(reader.corrupt("levels outside 1..=16"));
     }
-    let mut surfaces = Vec::new();
-    let mut texels = 0u64;
-    for _ in 0..reader.u32()? {
+    let runs = reader.u32()?;
+    let total = check_runs(reader.clone(), runs, budget)?;
+    let mut surfaces = budget.reserved(total)?;
+    for _ in 0..runs {
+        let (count, width, height) = (reader.u32()?, reader.u32()?, reader.u32()?);
+        surfaces.extend(std::iter::repeat_n(SurfaceSize { width, height }, count as usize));
+    }
+    reader.end()?;
+    Ok(ImageLayout { surfaces, levels, pixel })
+}
+
+/// The number of images of `runs` runs, at least 1; every one has a size that a file may name, and all together fit the
+/// budget's texels.
+fn check_runs(mut reader: Reader<'_>, runs: u32, budget: &Budget) -> Result<u64, LoadError> {
+    let (mut total, mut texels) = (0u64, 0u64);
+    for _ in 0..runs {
         let (count, width, height) = (reader.u32()?, reader.u32()?, reader.u32()?);
         if count == 0 || !(1..=MAX_IMAGE_SIDE).contains(&width) || !(1..=MAX_IMAGE_SIDE).contains(&height) {
             return Err(reader.corrupt("a side outside 1..=32768 or a run of 0 images"));
@@ -57,14 +70,12 @@ pub fn read_layout(file: &Sections<'_>, budget: &mut Budget) -> Result<ImageLayo
         let size = SurfaceSize { width, height };
         texels = texels.saturating_add(size.texels().saturating_mul(u64::from(count)));
         budget.check_texels(texels)?;
-        budget.take(u64::from(count) * size_of::<SurfaceSize>() as u64)?;
-        surfaces.extend(std::iter::repeat_n(size, count as usize));
+        total += u64::from(count);
     }
-    if surfaces.is_empty() {
+    if total == 0 {
         return Err(reader.corrupt("no image"));
     }
-    reader.end()?;
-    Ok(ImageLayout { surfaces, levels, pixel })
+    Ok(total)
 }
 
 fn read_pixel(reader: &mut Reader<'_>) -> Result<PixelInfo, LoadError> {

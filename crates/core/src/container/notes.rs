@@ -10,6 +10,9 @@ pub const NOTES_ID: [u8; 4] = *b"NOTE";
 /// Longest text in bytes, so that a hostile file cannot flood a terminal.
 const MAX_TEXT: usize = 4096;
 
+/// Most parts whose worth is noted: more than any codec has.
+const MAX_PARTS: usize = 64;
+
 /// How a file was made. Nothing here changes a texel.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Notes {
@@ -35,7 +38,7 @@ impl Notes {
         };
         text(&self.settings);
         text(&self.verdict);
-        for (name, psnr) in &self.psnr_without {
+        for (name, psnr) in self.psnr_without.iter().take(MAX_PARTS) {
             text(name);
             text(&psnr.to_bits().to_string());
         }
@@ -48,10 +51,17 @@ impl Notes {
     /// [`LoadError`] where the section is missing, damaged or no text.
     pub fn read(file: &Sections<'_>, budget: &mut Budget) -> Result<Notes, LoadError> {
         let raw = file.read(NOTES_ID, budget)?;
+        // The texts, beside the section that they are copied from.
+        budget.take(raw.len() as u64)?;
         let mut reader = Reader::new(String4(NOTES_ID), &raw);
         let mut notes =
             Notes { settings: text(&mut reader)?, verdict: text(&mut reader)?, ..Notes::default() };
         while reader.end().is_err() {
+            if notes.psnr_without.len() == MAX_PARTS {
+                return Err(reader.corrupt("more than 64 parts"));
+            }
+            // A vector that grows holds up to three times as many values for a moment.
+            budget.take(3 * size_of::<(String, f32)>() as u64)?;
             let name = text(&mut reader)?;
             let bits = text(&mut reader)?.parse().map_err(|_| reader.corrupt("no number"))?;
             let psnr = f32::from_bits(bits);
@@ -95,5 +105,19 @@ mod tests {
         let mut budget = Budget::default();
         let sections = Sections::parse(&bytes, &mut budget).unwrap();
         assert_eq!(Notes::read(&sections, &mut budget), Ok(notes));
+    }
+
+    #[test]
+    fn a_file_cannot_note_more_parts_than_there_can_be() {
+        let open = |parts: usize| {
+            let raw = [vec![0; 4], [vec![0, 0, 1, 0, b'0']; 1].concat().repeat(parts)].concat();
+            let mut writer = SectionWriter::new(CodecId { number: 1, name: "t" });
+            writer.section("container", NOTES_ID, &raw);
+            let bytes = writer.finish().bytes;
+            let mut budget = Budget::default();
+            Notes::read(&Sections::parse(&bytes, &mut budget).unwrap(), &mut budget)
+        };
+        assert_eq!(open(64).map(|notes| notes.psnr_without.len()), Ok(64));
+        assert!(matches!(open(65), Err(LoadError::Corrupt { what: "more than 64 parts", .. })));
     }
 }

@@ -1,7 +1,5 @@
 //! Reading a `.txf` file or a prefix of one. Every length is checked before anything is allocated.
 
-use std::io::Read;
-
 use super::{ENTRY_BYTES, HEADER_BYTES, MAGIC, Reader, STORED, VERSION, ZSTD, checksum, zstd};
 use crate::id::String4;
 use crate::{Budget, LimitError, LoadError};
@@ -55,11 +53,14 @@ impl<'a> Sections<'a> {
         if checksum(&[&bytes[..HEADER_BYTES - 8], table]) != table_sum {
             return Err(head.corrupt("the table does not match its checksum"));
         }
-        let mut sections = Sections { codec, entries: Vec::new(), bytes };
+        let mut sections = Sections { codec, entries: budget.reserved(count.into())?, bytes };
         let mut offset = table_end as u64;
         for _ in 0..count {
             let entry = read_entry(&mut head, offset)?;
             offset = offset.checked_add(entry.stored_len).ok_or(head.corrupt("a section is too long"))?;
+            if sections.entries.iter().any(|other| other.id == entry.id) {
+                return Err(head.corrupt("two sections of the same name"));
+            }
             sections.entries.push(entry);
         }
         if file_len != offset || bytes.len() as u64 > file_len {
@@ -108,11 +109,11 @@ impl<'a> Sections<'a> {
         if entry.compression == STORED {
             return Ok(stored.to_vec());
         }
-        // Grows with what really comes out, so a lying length costs nothing.
-        let mut raw = Vec::new();
-        zstd::reader(stored)
-            .and_then(|frame| frame.take(entry.raw_len.saturating_add(1)).read_to_end(&mut raw))
-            .map_err(|_| corrupt("its zstd frame is damaged"))?;
+        let scratch = zstd::scratch_bytes(entry.raw_len);
+        budget.take(scratch)?;
+        let raw = usize::try_from(entry.raw_len).map_err(|_| corrupt("it is too long for this machine"))?;
+        let raw = zstd::decompress(stored, raw).map_err(|_| corrupt("its zstd frame is damaged"))?;
+        budget.release(scratch);
         if raw.len() as u64 != entry.raw_len {
             return Err(corrupt("its length is not the one stated"));
         }
@@ -194,11 +195,20 @@ mod tests {
     #[test]
     fn a_section_larger_than_the_budget_is_refused() {
         let bytes = file();
-        let mut budget = Budget::new(Limits { bytes: 400, ..Limits::default() });
+        let mut budget = Budget::new(Limits { bytes: 500, ..Limits::default() });
         let sections = Sections::parse(&bytes, &mut budget).unwrap();
         assert!(matches!(sections.read(*b"aaaa", &mut budget), Err(LoadError::Limit(_))));
         let mut few = Budget::new(Limits { sections: 1, ..Limits::default() });
         assert!(matches!(Sections::parse(&bytes, &mut few), Err(LoadError::Limit(_))));
+    }
+
+    #[test]
+    fn a_name_stands_for_one_section() {
+        let mut writer = SectionWriter::new(TEST);
+        writer.section("a", *b"aaaa", &[7; 5]);
+        writer.section("a", *b"aaaa", &[8; 5]);
+        let found = Sections::parse(&writer.finish().bytes, &mut Budget::default()).err();
+        assert!(matches!(found, Some(LoadError::Corrupt { what: "two sections of the same name", .. })));
     }
 
     #[test]

@@ -1,18 +1,15 @@
 //! zstd frames: by the C library with the feature `encode`, by a decoder in Rust without it.
 
-use std::io::{self, Read};
-
-/// Largest window that a section may have been compressed with: 2^27 bytes, zstd's own default bound.
-const WINDOW_LOG_MAX: u32 = 27;
+use std::io;
 
 #[cfg(feature = "encode")]
-pub(super) use library::{compress, reader};
+pub(super) use library::{compress, decompress, scratch_bytes};
 #[cfg(not(feature = "encode"))]
-pub(super) use pure::{compress, reader};
+pub(super) use pure::{compress, decompress, scratch_bytes};
 
 #[cfg(feature = "encode")]
 mod library {
-    use super::{Read, WINDOW_LOG_MAX, io};
+    use super::io;
 
     /// zstd level: 19 is the strongest that needs no large window; textures are written once and read often.
     const LEVEL: i32 = 19;
@@ -26,19 +23,30 @@ mod library {
         zstd::bulk::compress(raw, if raw.len() < LONG { LEVEL } else { LEVEL_LONG }).ok()
     }
 
-    /// What a frame holds.
-    pub(in crate::container) fn reader(frame: &[u8]) -> io::Result<impl Read> {
-        let mut decoder = zstd::stream::read::Decoder::with_buffer(frame)?;
-        decoder.window_log_max(WINDOW_LOG_MAX)?;
-        Ok(decoder)
+    /// The `raw_len` bytes that a frame holds. Fails where it holds more.
+    pub(in crate::container) fn decompress(frame: &[u8], raw_len: usize) -> io::Result<Vec<u8>> {
+        let mut raw = Vec::new();
+        raw.try_reserve_exact(raw_len).map_err(io::Error::other)?;
+        zstd::bulk::Decompressor::new()?.decompress_to_buffer(frame, &mut raw)?;
+        Ok(raw)
+    }
+
+    /// Bytes that decompressing takes beside the result: nothing, as the result is the window.
+    pub(in crate::container) fn scratch_bytes(_raw_len: u64) -> u64 {
+        0
     }
 }
 
 #[cfg(any(test, not(feature = "encode")))]
 mod pure {
+    use std::io::Read;
+
     use ruzstd::decoding::StreamingDecoder;
 
-    use super::{Read, WINDOW_LOG_MAX, io};
+    use super::io;
+
+    /// Least window that a frame may state, in bytes (RFC 8878, 3.1.1.1.2).
+    const LEAST_WINDOW: u64 = 1024;
 
     /// Nothing: this build stores sections as they are.
     #[cfg(not(feature = "encode"))]
@@ -46,34 +54,47 @@ mod pure {
         None
     }
 
-    /// What a frame holds.
-    pub(in crate::container) fn reader(frame: &[u8]) -> io::Result<impl Read> {
-        StreamingDecoder::new_with_max_window_size(frame, 1 << WINDOW_LOG_MAX).map_err(io::Error::other)
+    /// The `raw_len` bytes that a frame holds. Fails where it holds more, or where its window is larger than they are.
+    pub(in crate::container) fn decompress(frame: &[u8], raw_len: usize) -> io::Result<Vec<u8>> {
+        let window = LEAST_WINDOW.max(raw_len as u64);
+        let decoder = StreamingDecoder::new_with_max_window_size(frame, window).map_err(io::Error::other)?;
+        let mut raw = Vec::new();
+        raw.try_reserve_exact(raw_len).map_err(io::Error::other)?;
+        decoder.take(raw_len as u64 + 1).read_to_end(&mut raw)?;
+        Ok(raw)
+    }
+
+    /// Bytes that decompressing takes beside the result: a window of its length, which grows to a power of two.
+    #[cfg(not(feature = "encode"))]
+    pub(in crate::container) fn scratch_bytes(raw_len: u64) -> u64 {
+        raw_len.saturating_mul(2)
     }
 }
 
 #[cfg(all(test, feature = "encode"))]
 mod tests {
-    use super::{Read, library, pure};
+    use super::{library, pure};
 
     #[test]
     fn both_decoders_read_the_same() {
         for length in [0usize, 1, 1000, 100_000, 5 << 20] {
             let raw: Vec<u8> = (0..length).map(|i| (i * i / 7 % 251) as u8).collect();
             let frame = library::compress(&raw).unwrap();
-            let (mut ours, mut theirs) = (Vec::new(), Vec::new());
-            pure::reader(&frame).unwrap().read_to_end(&mut ours).unwrap();
-            library::reader(&frame).unwrap().read_to_end(&mut theirs).unwrap();
-            assert!(ours == raw && theirs == raw, "{length} bytes");
+            assert!(library::decompress(&frame, length).is_ok_and(|found| found == raw), "{length} bytes");
+            assert!(pure::decompress(&frame, length).is_ok_and(|found| found == raw), "{length} bytes");
+            // A frame that is cut, or holds more than is said.
             for cut in [frame.len() / 2, frame.len().saturating_sub(1)] {
-                let whole = pure::reader(&frame[..cut]).and_then(|mut reader| {
-                    let mut part = Vec::new();
-                    reader.read_to_end(&mut part).map(|_| part)
-                });
+                assert!(library::decompress(&frame[..cut], length).is_err(), "{length} cut at {cut}");
+                let part = pure::decompress(&frame[..cut], length);
                 assert!(
-                    whole.is_err() || whole.is_ok_and(|part| part.len() <= raw.len()),
-                    "{length} cut at {cut}"
+                    part.is_err() || part.is_ok_and(|part| part.len() < length.max(1)),
+                    "{length} at {cut}"
                 );
+            }
+            if length > 0 {
+                assert!(library::decompress(&frame, length - 1).is_err(), "{length} bytes");
+                let more = pure::decompress(&frame, length - 1);
+                assert!(more.is_err() || more.is_ok_and(|more| more.len() == length), "{length} bytes");
             }
         }
     }

@@ -227,7 +227,7 @@ impl Ground {
         let Some(Books { side_log2, lacks, stock }) = &self.books else { return 0 };
         let plain = &self.plain;
         let most_bits = match goal {
-            Goal::Bpp(bpp) => Some(bpp * plain.stored().texels() as f64 - plain.gpu().bits_memory() as f64),
+            Goal::Bpp(bpp) => Some(bpp * plain.stored().texels() as f64 - plain.memory().counted as f64),
             _ => None,
         };
         stock.own_cells(lacks, 1 << side_log2, most_bits)
@@ -299,7 +299,7 @@ impl Base {
             .map(|plane| plane.data.len())
             .sum();
         let mut base = Base {
-            bits: form.bits_memory() - 8 * maps as u64,
+            bits: form.memory().counted - 8 * maps as u64,
             texels: plain.stored().texels(),
             alpha_error: 0.0,
             blocks: Vec::new(),

@@ -1,6 +1,6 @@
 //! Where everything in a codebook lies: its size, the samples, the cells of the codewords.
 
-use texfold_core::{GpuForm, ImageLayout, PlaneFormat};
+use texfold_core::{ImageLayout, PlaneFormat};
 
 use crate::encoded::{CodebookPart, size_classes};
 use crate::params::MAX_CODEBOOK_SIDE;
@@ -82,16 +82,10 @@ impl Grid {
     }
 }
 
-/// Bits of everything but the codebook: index planes and parameters.
+/// Bits of everything but the codebook that goals count: the index planes.
 pub(crate) fn fixed_bits(layout: &ImageLayout) -> u64 {
     let (classes, _) = size_classes(layout, 0);
-    let planes: u64 = classes
-        .iter()
-        .map(|class| 8 * PlaneFormat::Rg8Uint.bytes(class.index_width, class.index_height()))
-        .sum();
-    let form = GpuForm { module: "vq", planes: Vec::new(), uniforms: Vec::new(), surfaces: Vec::new() };
-    let uniforms = classes.len() as u64 * 8 * size_of::<crate::decode::TexfoldVqParams>() as u64;
-    form.bits_memory() + planes + uniforms
+    classes.iter().map(|class| 8 * PlaneFormat::Rg8Uint.bytes(class.index_width, class.index_height())).sum()
 }
 
 #[cfg(test)]

@@ -263,7 +263,7 @@ impl Maker<'_> {
         let worst = losses.iter().map(|loss| loss.psnr()).fold(f64::INFINITY, f64::min);
         let measured = Measured {
             psnr: if matches!(self.params.goal, Goal::Psnr(_)) { worst } else { total.psnr() },
-            bpp: texture.gpu().bits_memory() as f64 / source_texels,
+            bpp: texture.memory().counted as f64 / source_texels,
             worst_block_rms: match self.params.goal {
                 Goal::Tolerance(_) => self.worst_block(&wanted),
                 _ => 0.0,

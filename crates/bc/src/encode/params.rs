@@ -21,6 +21,44 @@ pub struct BcParams {
     pub effort: Effort,
 }
 
+impl BcParams {
+    /// The default parameters with another goal.
+    #[must_use]
+    pub fn for_goal(goal: Goal) -> Self {
+        BcParams { goal, ..BcParams::default() }
+    }
+
+    /// Stores every image in one block format.
+    #[must_use]
+    pub fn with_content(self, content: Content) -> Self {
+        BcParams { content: Some(content), ..self }
+    }
+
+    /// Lets the goal decide among the formats of `family`.
+    #[must_use]
+    pub fn with_family(self, family: Family) -> Self {
+        BcParams { family, ..self }
+    }
+
+    /// Halves width and height `reduce_log2` times (0 to 3) before compression.
+    #[must_use]
+    pub fn with_reduce_log2(self, reduce_log2: u32) -> Self {
+        BcParams { reduce_log2: Some(reduce_log2), ..self }
+    }
+
+    /// Stores a full mip chain.
+    #[must_use]
+    pub fn with_mips(self, mips: bool) -> Self {
+        BcParams { mips, ..self }
+    }
+
+    /// Searches longer or shorter within a block.
+    #[must_use]
+    pub fn with_effort(self, effort: Effort) -> Self {
+        BcParams { effort, ..self }
+    }
+}
+
 impl Params for BcParams {
     fn check(&self) -> Result<(), ParamError> {
         self.goal.check()?;

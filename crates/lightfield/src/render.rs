@@ -28,12 +28,15 @@ impl<'t> Renderer<'t> {
     pub fn render(&self, camera: &Camera) -> Vec<[u8; 4]> {
         let width = camera.width as usize;
         let mut pixels = vec![[0; 4]; width * camera.height as usize];
-        parallel::for_each_row(&mut pixels, width, |row, line| {
-            for (column, pixel) in line.iter_mut().enumerate() {
-                *pixel = self.pixel(camera, Vec2::new(column as f32, row as f32) + 0.5);
-            }
-        });
+        parallel::for_each_row(&mut pixels, width, |row, line| self.row(camera, row, line));
         pixels
+    }
+
+    /// One row of what `camera` sees.
+    pub(crate) fn row(&self, camera: &Camera, row: usize, line: &mut [[u8; 4]]) {
+        for (column, pixel) in line.iter_mut().enumerate() {
+            *pixel = self.pixel(camera, Vec2::new(column as f32, row as f32) + 0.5);
+        }
     }
 
     /// What a ray meets first: how far in lengths of `direction`, and where.

@@ -13,6 +13,7 @@
 //! finer than the photographs' spacing.
 
 use glam::Vec3A;
+use texfold_core::CancelCheck;
 
 use super::maps::{TermFit, VertexMaps};
 use super::pattern::pattern;
@@ -52,6 +53,8 @@ const SHARED: f32 = 0.05;
 /// The maps of one vertex while they are fitted.
 pub(super) struct VertexFit<'r> {
     ring: &'r Ring,
+    /// Rounds do nothing once the job is cancelled: what they would find is thrown away.
+    cancel: CancelCheck<'r>,
     grid: usize,
     /// The least value of a map.
     floor: Vec3A,
@@ -80,8 +83,8 @@ pub(super) fn floor(params: &LightParams) -> f32 {
 }
 
 /// Fits `terms` terms around one vertex.
-pub(super) fn fit(ring: &Ring, params: &LightParams, terms: u32) -> VertexMaps {
-    let mut fit = VertexFit::new(ring, params, |_| true);
+pub(super) fn fit(ring: &Ring, params: &LightParams, terms: u32, cancel: CancelCheck<'_>) -> VertexMaps {
+    let mut fit = VertexFit::new(ring, params, cancel, |_| true);
     for term in 0..terms as usize {
         fit.begin(term);
         (0..ROUNDS).for_each(|_| fit.improve(term));
@@ -95,7 +98,7 @@ pub(super) fn fit(ring: &Ring, params: &LightParams, terms: u32) -> VertexMaps {
 
 /// As many terms as photographs that the fit has not seen gain by; where there are too few to leave some out, one less than
 /// there are photographs, which no larger rank could serve.
-pub(super) fn choose(ring: &Ring, params: &LightParams) -> u32 {
+pub(super) fn choose(ring: &Ring, params: &LightParams, cancel: CancelCheck<'_>) -> u32 {
     let mut views: Vec<u16> = ring.observations.iter().map(|observation| observation.view).collect();
     views.sort_unstable();
     views.dedup();
@@ -110,7 +113,7 @@ pub(super) fn choose(ring: &Ring, params: &LightParams) -> u32 {
             let place = views.binary_search(view).unwrap_or(0) as u16 % HELD_OUT;
             place == (fold + HELD_OUT / 2) % HELD_OUT
         };
-        let mut fit = VertexFit::new(ring, params, |view| !is_left_out(&view));
+        let mut fit = VertexFit::new(ring, params, cancel, |view| !is_left_out(&view));
         for (term, sums) in errors.iter_mut().enumerate() {
             if let Some(term) = term.checked_sub(1) {
                 fit.begin(term);
@@ -150,11 +153,13 @@ impl VertexFit<'_> {
     pub(super) fn new<'r>(
         ring: &'r Ring,
         params: &LightParams,
+        cancel: CancelCheck<'r>,
         counts: impl Fn(u16) -> bool,
     ) -> VertexFit<'r> {
         let grid = params.maps.grid;
         let mut fit = VertexFit {
             ring,
+            cancel,
             grid: grid as usize,
             floor: Vec3A::splat(floor(params)),
             taps: taps(ring, grid, counts),
@@ -204,6 +209,9 @@ impl VertexFit<'_> {
 
     /// Moves what all observations of a row have in common into the mean.
     pub(super) fn fit_mean(&mut self) {
+        if self.cancel.is_cancelled() {
+            return;
+        }
         let (mut all, mut count) = (Vec3A::ZERO, 0.0);
         let mut unseen = Vec::new();
         let rest = &mut self.rest;
@@ -235,6 +243,9 @@ impl VertexFit<'_> {
 
     /// A new term: the same for all samples, then those that change along the ring, then any.
     fn begin(&mut self, term: usize) {
+        if self.cancel.is_cancelled() {
+            return;
+        }
         let start = |(index, row): (usize, &Row)| match term {
             0 => 1.0,
             1 => row.place.x,
@@ -253,6 +264,9 @@ impl VertexFit<'_> {
 
     /// One round of a term.
     fn improve(&mut self, term: usize) {
+        if self.cancel.is_cancelled() || term >= self.terms.len() {
+            return;
+        }
         self.subtract(term, -1.0);
         self.solve_surface(term);
         self.solve_view(term);

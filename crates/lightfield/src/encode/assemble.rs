@@ -8,10 +8,10 @@ use std::collections::BTreeMap;
 
 use glam::{UVec2, Vec3, Vec3A};
 use texfold_bc::{Content, ContentPlanes};
-use texfold_core::{Effort, Texel};
+use texfold_core::{CancelCheck, Effort, EncodeError, Texel};
 
 use super::maps::{Term, VertexMaps};
-use super::scene::Scene;
+use super::scene::{Scene, fault};
 use super::share::{Books, Codebooks, LayerMaps, Map, Rgb, Room, Stored, share};
 use super::shared::Codewords;
 use super::surface::{Blend, Lattice};
@@ -91,6 +91,20 @@ pub(crate) struct Maps {
 }
 
 impl Maps {
+    /// Bytes of all maps where every vertex has all terms.
+    pub(super) fn bytes(scene: &Scene, params: &LightParams) -> u64 {
+        let texels = |log2: &u8| {
+            let side = 1u64 << log2.saturating_sub(params.maps.surface_reduce_log2);
+            (side + 1) * (side + 2) / 2
+        };
+        let patches = 3 * scene.sides_log2.len() as u64;
+        let vertices = scene.mesh.positions.len() as u64;
+        let views = vertices * u64::from(params.maps.grid) * u64::from(params.maps.grid);
+        let texels = 3 * scene.sides_log2.iter().map(texels).sum::<u64>() + views;
+        let of_term = texels * size_of::<Rgb>() as u64 + (patches + vertices) * size_of::<Map>() as u64;
+        u64::from(scene.surface.samples) * size_of::<Vec3>() as u64 + u64::from(params.terms) * of_term
+    }
+
     pub(crate) fn new(scene: &Scene, params: &LightParams) -> Self {
         let empty = LayerMaps {
             patches: vec![Map::default(); 3 * scene.mesh.triangles.len()],
@@ -168,15 +182,26 @@ impl Maps {
     }
 
     /// The mean and the terms as they are stored.
-    fn stored(&self, scene: &Scene, params: &LightParams, books: Codebooks) -> (Vec<Stored>, f64) {
+    fn stored(
+        &self,
+        scene: &Scene,
+        params: &LightParams,
+        books: Codebooks,
+        cancel: CancelCheck<'_>,
+    ) -> (Vec<Stored>, f64) {
         let mean = self.mean_maps(scene);
         let maps: Vec<&LayerMaps> = std::iter::once(&mean).chain(&self.terms).collect();
         let sides = [&scene.sides_log2[..], &reduced(&scene.sides_log2, params.maps.surface_reduce_log2)];
-        share(&maps, sides, books, texel_bits(params.storage.content))
+        share(&maps, sides, books, texel_bits(params.storage.content), cancel)
     }
 
     /// The view maps of each term that codebooks keep and which of them each vertex shows; and the bits that there is room for.
-    pub(crate) fn codewords(&self, scene: &Scene, params: &LightParams) -> (Vec<Codewords>, f64) {
+    pub(super) fn codewords(
+        &self,
+        scene: &Scene,
+        params: &LightParams,
+        cancel: CancelCheck<'_>,
+    ) -> (Vec<Codewords>, f64) {
         let (zero, range) = zero_and_range(params.model.factors);
         let value = |&texel: &Rgb| (Vec3A::from(texel.map(f32::from)) - zero) / range;
         let view = |view: &Vec<Rgb>| view.iter().map(value).collect();
@@ -186,7 +211,7 @@ impl Maps {
             of: layer.sharing.view_of.iter().map(number).collect(),
         };
         let books = Codebooks { of: Books::All, room: Room::Share(params.storage.codewords) };
-        let (layers, bits) = self.stored(scene, params, books);
+        let (layers, bits) = self.stored(scene, params, books, cancel);
         (layers.iter().skip(1).map(term).collect(), bits)
     }
 
@@ -196,17 +221,21 @@ impl Maps {
         scene: &Scene,
         params: &LightParams,
         books: Codebooks,
-    ) -> Result<Parts, CaptureError> {
+        cancel: CancelCheck<'_>,
+    ) -> Result<Parts, EncodeError> {
         let sides_log2 = &scene.sides_log2;
         let coarse = reduced(sides_log2, params.maps.surface_reduce_log2);
-        let layers = self.stored(scene, params, books).0;
+        let layers = self.stored(scene, params, books, cancel).0;
+        cancel.checkpoint()?;
         let sharing: Vec<Sharing> = layers.iter().map(|layer| layer.sharing.clone()).collect();
         let widest = sides_log2.iter().copied().max().unwrap_or(0);
         let widths = Widths::of(&sharing, widest, params.maps.grid);
         let sides = [&sides_log2[..], &coarse];
-        let layout = Layout::new(sides, &sharing, widths, params.maps.grid).ok_or(CaptureError::Atlas)?;
+        let layout = Layout::new(sides, &sharing, widths, params.maps.grid)
+            .ok_or_else(|| fault(CaptureError::Atlas))?;
+        let content = params.storage.content;
         let planes = |size, texels: &[Texel]| {
-            ContentPlanes::encode(params.storage.content, PIXEL, size, texels, Effort::Normal)
+            ContentPlanes::encode_cancellable(content, PIXEL, size, texels, Effort::Normal, cancel)
         };
         let canvas = |size, nothing| Canvas::new(size, nothing);
         let zero = stored(Vec3::ZERO, params.model.factors);
@@ -230,9 +259,9 @@ impl Maps {
             scales: self.scales.clone(),
             layers: sharing,
             widths,
-            mean: planes(mean.size, &mean.texels),
-            surface: planes(surface.size, &surface.texels),
-            view: planes(view.size, &view.texels),
+            mean: planes(mean.size, &mean.texels)?,
+            surface: planes(surface.size, &surface.texels)?,
+            view: planes(view.size, &view.texels)?,
         })
     }
 }

@@ -1,8 +1,10 @@
 //! As few triangles as a scene needs: the mesh is part of the model. Maps on larger triangles are as fine, and fewer vertices have
 //! view maps, so a coarser mesh is a smaller file, until it no longer has the object's shape.
 
-use texfold_core::{EncodeError, Encoded, Job, Notes};
+use rayon::prelude::*;
+use texfold_core::{CancelCheck, EncodeError, Encoded, Job, Notes};
 
+use super::squares::Squares;
 use super::{LightQuality, encode};
 use crate::params::LightParams;
 use crate::{Capture, LightTexture, Lightfield, Photograph, Renderer};
@@ -38,11 +40,14 @@ fn encode_simplified(
 ) -> Result<(LightTexture, LightQuality), EncodeError> {
     let all = capture.mesh.triangles.len();
     let (mut texture, mut quality) = job.within(0.0, 0.5, |job| encode(capture, params, job))?;
-    let mut psnr = job.install(|| shown(&texture, &capture.views));
+    let cancel = job.cancel_check();
+    let mut psnr = job.install(|| reconstructed(&texture, &capture.views, cancel));
+    job.checkpoint()?;
     let mut tried: Option<Capture> = None;
     for halvings in (1..).take_while(|&halvings| all >> halvings >= LEAST) {
         let tried = tried.get_or_insert_with(|| capture.clone());
-        tried.mesh = capture.mesh.simplified(all >> halvings);
+        tried.mesh = capture.mesh.simplified_unless(all >> halvings, cancel);
+        job.checkpoint()?;
         let share = |halvings: u32| 1.0 - 0.5f32.powi(halvings as i32);
         let made = job.within(share(halvings), share(halvings + 1), |job| encode(tried, params, job));
         let (coarser, of_coarser) = match made {
@@ -50,7 +55,8 @@ fn encode_simplified(
             Err(EncodeError::Codec { .. }) => break,
             made => made?,
         };
-        let found = job.install(|| shown(&coarser, &capture.views));
+        let found = job.install(|| reconstructed(&coarser, &capture.views, cancel));
+        job.checkpoint()?;
         let is_enough = params.psnr.is_some_and(|goal| found >= goal) || found >= psnr - LOSS;
         if !is_enough {
             break;
@@ -62,19 +68,31 @@ fn encode_simplified(
     Ok((texture, quality))
 }
 
-/// PSNR in dB of some photographs drawn again, over the pixels that their masks keep; what the mesh does not cover is black.
-fn shown(texture: &LightTexture, views: &[Photograph]) -> f64 {
+/// PSNR in dB of some photographs drawn again, over the pixels that their masks keep; what the mesh does not cover is black. Of no
+/// use once the job is cancelled.
+fn reconstructed(texture: &LightTexture, views: &[Photograph], cancel: CancelCheck<'_>) -> f64 {
     let renderer = Renderer::new(texture);
     let step = views.len().div_ceil(VIEWS).max(1);
-    let (mut squares, mut count) = (0.0, 0u64);
+    let mut squares = Squares::default();
     for view in views.iter().step_by(step) {
-        let drawn = renderer.render(&view.camera);
-        for (wanted, found) in view.pixels.iter().zip(&drawn).filter(|(wanted, _)| wanted[3] > 127) {
-            squares += (0..3).map(|k| f64::from(wanted[k].abs_diff(found[k])).powi(2)).sum::<f64>();
-            count += 3;
-        }
+        let width = view.camera.width as usize;
+        let rows = view.pixels.par_chunks(width.max(1)).enumerate();
+        let of_row = |(row, wanted): (usize, &[[u8; 4]])| {
+            let mut drawn = vec![[0; 4]; wanted.len()];
+            if !cancel.is_cancelled() {
+                renderer.row(&view.camera, row, &mut drawn);
+            }
+            let mut squares = Squares::default();
+            for (wanted, found) in wanted.iter().zip(&drawn).filter(|(wanted, _)| wanted[3] > 127) {
+                let square = (0..3).map(|k| f64::from(wanted[k].abs_diff(found[k])).powi(2)).sum();
+                squares.add(square, 3);
+            }
+            squares
+        };
+        // Sums of whole numbers: exact in any order.
+        rows.map(of_row).collect::<Vec<Squares>>().into_iter().for_each(|row| squares.join(row));
     }
-    10.0 * (65025.0 * count.max(1) as f64 / squares.max(1e-9)).log10()
+    10.0 * (65025.0 * squares.count.max(1) as f64 / squares.sum.max(1e-9)).log10()
 }
 
 /// The texture with a word on its mesh.

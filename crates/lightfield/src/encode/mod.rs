@@ -23,9 +23,10 @@ mod system;
 mod taps;
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use rayon::prelude::*;
-use texfold_core::{EncodeError, Encoder, Job, Notes, Params};
+use texfold_core::{CancelCheck, EncodeError, Encoder, Job, Notes, Params};
 
 use crate::encoded::LightTexture;
 use crate::kinds::{Directions, Factors};
@@ -39,7 +40,7 @@ use scene::{Scene, fault};
 use share::{Books, Codebooks, Room};
 use shared::Shared;
 
-/// Vertices fitted at a time: between them progress is told and a job may be cancelled.
+/// Vertices fitted in parallel before progress is told.
 const BATCH: u32 = 64;
 
 impl Encoder for Lightfield {
@@ -68,7 +69,7 @@ impl Lightfield {
         encode(source, params, job)
     }
 
-    /// The first half of an encode, for several ways to store what it finds.
+    /// The first half of an encode, for several ways to store what it finds. What it holds stays booked in the job's budget.
     ///
     /// # Errors
     /// As [`Encoder::encode`].
@@ -90,7 +91,10 @@ fn encode(
     params: &LightParams,
     job: &mut Job<'_>,
 ) -> Result<(LightTexture, LightQuality), EncodeError> {
-    fit(capture, params, job)?.store(params.storage, job)
+    let fitted = fit(capture, params, job)?;
+    let stored = fitted.store(params.storage, job);
+    job.budget.release(fitted.bytes());
+    stored
 }
 
 /// The first half of an encode.
@@ -98,35 +102,56 @@ fn fit(capture: &Capture, params: &LightParams, job: &mut Job<'_>) -> Result<Fit
     params.check()?;
     capture.check().map_err(fault)?;
     let scene = Scene::new(capture, params, job)?;
-    let vertices = scene.mesh.positions.len() as u32;
-    let mut maps = Maps::new(&scene, params);
     let shared = match params.model.fit {
         FitMethod::Shared { regions } => Some(shared::fit(&scene, params, regions, job)?),
         FitMethod::Scattered | FitMethod::Resampled => None,
     };
-    for first in (0..vertices).step_by(BATCH as usize) {
-        job.stage("maps", 0.2 + 0.6 * first as f32 / vertices as f32)?;
-        let batch = first..vertices.min(first + BATCH);
-        let fit = |vertex| fit_vertex(&scene, shared.as_ref(), params, vertex);
-        let found: Vec<VertexMaps> = job.install(|| batch.clone().into_par_iter().map(fit).collect());
-        batch.zip(&found).for_each(|(vertex, found)| maps.put(&scene, params, vertex, found));
-    }
+    let cancel = job.cancel_check();
+    let fit = |vertex| fit_vertex(&scene, shared.as_ref(), params, vertex, cancel);
+    let maps = fit_all(&scene, params, job, 0.2..0.8, fit)?;
     Ok(FittedMaps { scene, params: params.clone(), maps })
 }
 
-/// The maps of one vertex, by the method that the parameters name.
-fn fit_vertex(scene: &Scene, shared: Option<&Shared>, params: &LightParams, vertex: u32) -> VertexMaps {
+/// The maps of all vertices by `fit`, a batch after the other; `span` is the share of the job that this is.
+fn fit_all(
+    scene: &Scene,
+    params: &LightParams,
+    job: &mut Job<'_>,
+    span: Range<f32>,
+    fit: impl Fn(u32) -> VertexMaps + Sync,
+) -> Result<Maps, EncodeError> {
+    let vertices = scene.mesh.positions.len() as u32;
+    job.budget.take(Maps::bytes(scene, params))?;
+    let mut maps = Maps::new(scene, params);
+    for first in (0..vertices).step_by(BATCH as usize) {
+        job.stage("maps", span.start + (span.end - span.start) * first as f32 / vertices as f32)?;
+        let batch = first..vertices.min(first + BATCH);
+        let found: Vec<VertexMaps> = job.install(|| batch.clone().into_par_iter().map(&fit).collect());
+        job.checkpoint()?;
+        batch.zip(&found).for_each(|(vertex, found)| maps.put(scene, params, vertex, found));
+    }
+    Ok(maps)
+}
+
+/// The maps of one vertex, by the method that the parameters name; of no use once the job is cancelled.
+fn fit_vertex(
+    scene: &Scene,
+    shared: Option<&Shared>,
+    params: &LightParams,
+    vertex: u32,
+    cancel: CancelCheck<'_>,
+) -> VertexMaps {
     if let Some(shared) = shared {
-        return shared.maps(scene, params, vertex);
+        return shared.maps(scene, params, vertex, cancel);
     }
     if params.model.fit == FitMethod::Resampled {
-        return resample::fit(scene, vertex, params);
+        return resample::fit(scene, vertex, params, cancel);
     }
-    let ring = Ring::new(scene, vertex);
-    let terms = if params.model.chosen { als::choose(&ring, params) } else { params.terms };
+    let ring = Ring::new(scene, vertex, cancel);
+    let terms = if params.model.chosen { als::choose(&ring, params, cancel) } else { params.terms };
     match params.model.updates {
-        Updates::Alternating => als::fit(&ring, params, terms),
-        Updates::Multiplicative => multiplicative::fit(&ring, params, terms),
+        Updates::Alternating => als::fit(&ring, params, terms, cancel),
+        Updates::Multiplicative => multiplicative::fit(&ring, params, terms, cancel),
     }
 }
 
@@ -144,11 +169,21 @@ impl FittedMaps {
         let params = LightParams { storage, ..self.params.clone() };
         let (maps, books) = self.shared_maps(&params, job)?;
         job.stage("atlases", 0.88)?;
-        let parts = job.install(|| maps.parts(&self.scene, &params, books)).map_err(fault)?;
+        let cancel = job.cancel_check();
+        let parts = job.install(|| maps.parts(&self.scene, &params, books, cancel))?;
+        if let Cow::Owned(_) = maps {
+            job.budget.release(Maps::bytes(&self.scene, &params));
+        }
         let texture = LightTexture::new(parts, Notes::default());
         job.stage("quality", 0.9)?;
-        let quality = job.install(|| quality::measure(&self.scene, &texture));
+        let quality = job.install(|| quality::measure(&self.scene, &texture, cancel));
+        job.checkpoint()?;
         Ok(settle(texture, quality, &params))
+    }
+
+    /// Bytes that are booked in the job's budget while this is held.
+    fn bytes(&self) -> u64 {
+        self.scene.bytes() + Maps::bytes(&self.scene, &self.params)
     }
 
     /// The maps, fitted anew to the codewords of view maps where there are any; and what is still to become codewords.
@@ -170,14 +205,12 @@ impl FittedMaps {
             return Ok((Cow::Borrowed(&self.maps), Codebooks { of, room }));
         }
         job.stage("codebooks", 0.8)?;
-        let (terms, bits) = job.install(|| self.maps.codewords(&self.scene, params));
+        let cancel = job.cancel_check();
+        let (terms, bits) = job.install(|| self.maps.codewords(&self.scene, params, cancel));
+        job.checkpoint()?;
         let shared = shared::refit(&self.scene, params, terms, job)?;
-        let mut maps = Maps::new(&self.scene, params);
-        let vertices = 0..self.scene.mesh.positions.len() as u32;
-        let found: Vec<VertexMaps> = job.install(|| {
-            vertices.clone().into_par_iter().map(|vertex| shared.maps(&self.scene, params, vertex)).collect()
-        });
-        vertices.zip(&found).for_each(|(vertex, found)| maps.put(&self.scene, params, vertex, found));
+        let fit = |vertex| shared.maps(&self.scene, params, vertex, cancel);
+        let maps = fit_all(&self.scene, params, job, 0.86..0.88, fit)?;
         Ok((Cow::Owned(maps), Codebooks { of: Books::Patches, room: Room::Bits(bits) }))
     }
 }

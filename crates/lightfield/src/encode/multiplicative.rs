@@ -8,6 +8,7 @@
 //! with.
 
 use glam::Vec3A;
+use texfold_core::CancelCheck;
 
 use super::maps::{TermFit, VertexMaps};
 use super::pattern::pattern;
@@ -33,12 +34,15 @@ struct Factored<'r> {
 }
 
 /// Fits `terms` terms around one vertex.
-pub(crate) fn fit(ring: &Ring, params: &LightParams, terms: u32) -> VertexMaps {
+pub(super) fn fit(ring: &Ring, params: &LightParams, terms: u32, cancel: CancelCheck<'_>) -> VertexMaps {
     let mut factored = Factored::new(ring, params, terms as usize);
     for _ in 0..if terms > 0 { ROUNDS } else { 1 } {
         factored.show();
         factored.improve_mean();
         for term in 0..terms as usize {
+            if cancel.is_cancelled() {
+                return factored.finish();
+            }
             factored.show();
             factored.improve_surface(term);
             factored.show();

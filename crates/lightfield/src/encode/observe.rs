@@ -7,6 +7,7 @@
 
 use glam::{Mat4, Vec2, Vec3};
 use rayon::prelude::*;
+use texfold_core::{CancelCheck, EncodeError, Job};
 
 use super::surface::{Element, Surface};
 use crate::bvh::Bvh;
@@ -47,6 +48,11 @@ struct SampleSeen {
 }
 
 impl Seen {
+    /// Bytes that it holds.
+    pub(super) fn bytes(&self) -> u64 {
+        (size_of::<Seen>() + 2 * self.views.len() + 4 * self.weights.len()) as u64
+    }
+
     /// What each photograph shows.
     pub(crate) fn iter(&self) -> impl Iterator<Item = SeenBy<'_>> {
         let samples = (self.colours.len() / self.views.len().max(1)).max(1);
@@ -55,23 +61,41 @@ impl Seen {
     }
 }
 
+/// Elements that are looked at before what they take is booked.
+const BATCH: usize = 1024;
+
 struct Observer<'a> {
     mesh: &'a Mesh,
     bvh: &'a Bvh,
     normals: Vec<Vec3>,
     views: Vec<(&'a Photograph, Mat4)>,
+    cancel: CancelCheck<'a>,
 }
 
-/// What the photographs show of each element.
-pub(crate) fn observe(mesh: &Mesh, surface: &Surface, bvh: &Bvh, views: &[Photograph]) -> Vec<Seen> {
+/// What the photographs show of each element; booked in the job's budget as it is found.
+pub(super) fn observe(
+    mesh: &Mesh,
+    surface: &Surface,
+    bvh: &Bvh,
+    views: &[Photograph],
+    job: &mut Job<'_>,
+) -> Result<Vec<Seen>, EncodeError> {
     let normal = |&triangle: &[u32; 3]| {
         let [a, b, c] = mesh.corners(triangle);
         (b - a).cross(c - a).normalize_or_zero()
     };
     let normals = mesh.triangles.iter().map(normal).collect();
     let views = views.iter().map(|view| (view, view.camera.to_camera())).collect();
-    let observer = Observer { mesh, bvh, normals, views };
-    surface.elements.par_iter().map(|element| observer.element(element)).collect()
+    let observer = Observer { mesh, bvh, normals, views, cancel: job.cancel_check() };
+    let mut all = Vec::new();
+    for elements in surface.elements.chunks(BATCH) {
+        let seen: Vec<Seen> =
+            job.install(|| elements.par_iter().map(|element| observer.element(element)).collect());
+        job.checkpoint()?;
+        job.budget.take(seen.iter().map(Seen::bytes).sum())?;
+        all.extend(seen);
+    }
+    Ok(all)
 }
 
 impl Observer<'_> {
@@ -81,6 +105,9 @@ impl Observer<'_> {
         let mut seen = Seen::default();
         let mut found = Vec::new();
         for (number, &(view, to_camera)) in (0u16..).zip(&self.views) {
+            if self.cancel.is_cancelled() {
+                return seen;
+            }
             found.clear();
             found.extend(places.iter().map(|&place| self.sample(element, place, view, to_camera)));
             if found.iter().any(Option::is_some) {

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use rayon::prelude::*;
-use texfold_core::Encoded;
+use texfold_core::{CancelCheck, Encoded};
 
 use super::observe::SeenBy;
 use super::scene::Scene;
@@ -65,19 +65,20 @@ impl Sums {
     }
 }
 
-/// Compares `texture` with what `scene` knows.
-pub(crate) fn measure(scene: &Scene, texture: &LightTexture) -> LightQuality {
+/// Compares `texture` with what `scene` knows; of no use once the job is cancelled.
+pub(super) fn measure(scene: &Scene, texture: &LightTexture, cancel: CancelCheck<'_>) -> LightQuality {
     let whole = texture.view();
     let fewer: Vec<LightfieldView<'_>> =
         (0..texture.layout().terms).map(|terms| texture.view_of_terms(terms)).collect();
     let elements = scene.surface.elements.len();
+    let compared = Compared { scene, whole, fewer: &fewer, cancel };
     let of_elements: Vec<Sums> =
-        (0..elements).into_par_iter().map(|element| of_element(scene, &whole, &fewer, element)).collect();
+        (0..elements).into_par_iter().map(|element| compared.element(element)).collect();
     let mut all = Sums { of_terms: vec![Squares::default(); fewer.len()], ..Sums::default() };
     of_elements.iter().for_each(|sums| all.join(sums));
     let vertices = (0..scene.mesh.positions.len() as u32).into_par_iter();
     let of_vertices: Vec<Squares> =
-        vertices.map(|vertex| super::resample::error(scene, texture, vertex)).collect();
+        vertices.map(|vertex| super::resample::error(scene, texture, vertex, cancel)).collect();
     let mut blends = Squares::default();
     of_vertices.into_iter().for_each(|squares| blends.join(squares));
     let psnr = all.matrices.psnr();
@@ -120,38 +121,48 @@ impl Decoded {
     }
 }
 
-fn of_element(
-    scene: &Scene,
-    whole: &LightfieldView<'_>,
-    fewer: &[LightfieldView<'_>],
-    number: usize,
-) -> Sums {
-    let element = &scene.surface.elements[number];
-    let mut sums = Sums { of_terms: vec![Squares::default(); fewer.len()], ..Sums::default() };
-    let Some(&triangle) = element.triangles.first() else { return sums };
-    let corners = scene.mesh.triangles[triangle as usize];
-    let mut seen = vec![false; element.weights.len()];
-    for SeenBy { view, colours, weights } in scene.seen[number].iter() {
-        let mut own = Squares::default();
-        for sample in (0..element.weights.len()).filter(|&sample| weights[sample] > 0) {
-            let barycentric = Vec3::from(corners.map(|vertex| element.hat(vertex, sample)));
-            let direction = scene.eyes[usize::from(view)] - element.position(&scene.mesh, sample);
-            let direction = direction.normalize_or_zero();
-            let wanted = Vec3::from(colours[sample].map(f32::from)) / 255.0;
-            let decoded = Decoded::new(whole, triangle, barycentric, direction);
-            own.add(f64::from((decoded.colour() - wanted).length_squared()), 3);
-            sums.matrices.join(decoded.error(wanted, barycentric));
-            seen[sample] = true;
-            if (number + sample + usize::from(view)).is_multiple_of(SHARE) {
-                for (squares, fewer) in sums.of_terms.iter_mut().zip(fewer) {
-                    let decoded = Decoded::new(fewer, triangle, barycentric, direction);
-                    squares.join(decoded.error(wanted, barycentric));
+/// What is compared.
+struct Compared<'c> {
+    scene: &'c Scene,
+    whole: LightfieldView<'c>,
+    /// With fewer terms, from none.
+    fewer: &'c [LightfieldView<'c>],
+    cancel: CancelCheck<'c>,
+}
+
+impl Compared<'_> {
+    /// Errors of the element `number`.
+    fn element(&self, number: usize) -> Sums {
+        let Compared { scene, whole, fewer, cancel } = self;
+        let element = &scene.surface.elements[number];
+        let mut sums = Sums { of_terms: vec![Squares::default(); fewer.len()], ..Sums::default() };
+        let Some(&triangle) = element.triangles.first() else { return sums };
+        let corners = scene.mesh.triangles[triangle as usize];
+        let mut seen = vec![false; element.weights.len()];
+        for SeenBy { view, colours, weights } in
+            scene.seen[number].iter().take_while(|_| !cancel.is_cancelled())
+        {
+            let mut own = Squares::default();
+            for sample in (0..element.weights.len()).filter(|&sample| weights[sample] > 0) {
+                let barycentric = Vec3::from(corners.map(|vertex| element.hat(vertex, sample)));
+                let direction = scene.eyes[usize::from(view)] - element.position(&scene.mesh, sample);
+                let direction = direction.normalize_or_zero();
+                let wanted = Vec3::from(colours[sample].map(f32::from)) / 255.0;
+                let decoded = Decoded::new(whole, triangle, barycentric, direction);
+                own.add(f64::from((decoded.colour() - wanted).length_squared()), 3);
+                sums.matrices.join(decoded.error(wanted, barycentric));
+                seen[sample] = true;
+                if (number + sample + usize::from(view)).is_multiple_of(SHARE) {
+                    for (squares, fewer) in sums.of_terms.iter_mut().zip(*fewer) {
+                        let decoded = Decoded::new(fewer, triangle, barycentric, direction);
+                        squares.join(decoded.error(wanted, barycentric));
+                    }
                 }
             }
+            sums.colours.join(own);
+            sums.worst = sums.worst.max(own.sum / own.count.max(1) as f64);
         }
-        sums.colours.join(own);
-        sums.worst = sums.worst.max(own.sum / own.count.max(1) as f64);
+        sums.samples_seen = seen.iter().filter(|&&seen| seen).count() as u64;
+        sums
     }
-    sums.samples_seen = seen.iter().filter(|&&seen| seen).count() as u64;
-    sums
 }

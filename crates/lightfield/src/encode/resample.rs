@@ -8,6 +8,7 @@
 
 use delaunator::{Point, triangulate};
 use glam::{Vec2, Vec3, Vec3A};
+use texfold_core::CancelCheck;
 
 use super::maps::{Term, VertexMaps};
 use super::observe::SeenBy;
@@ -51,14 +52,14 @@ fn wholly_seen(scene: &Scene, vertex: u32, number: u32, grid: u32) -> (Vec<SeenB
 }
 
 /// Fits the terms around one vertex.
-pub(crate) fn fit(scene: &Scene, vertex: u32, params: &LightParams) -> VertexMaps {
+pub(super) fn fit(scene: &Scene, vertex: u32, params: &LightParams, cancel: CancelCheck<'_>) -> VertexMaps {
     let texels = (params.maps.grid * params.maps.grid) as usize;
     let mut matrix = Matrix { texels, values: Vec::new() };
     let mut maps = VertexMaps { rows: Vec::new(), mean: Vec::new(), terms: Vec::new() };
     for &number in &scene.surface.around[vertex as usize] {
         let element = &scene.surface.elements[number as usize];
         let (whole, blends) = wholly_seen(scene, vertex, number, params.maps.grid);
-        for sample in 0..element.weights.len() {
+        for sample in (0..element.weights.len()).take_while(|_| !cancel.is_cancelled()) {
             let hat = element.hat(vertex, sample);
             let colour =
                 |view: u32| Vec3A::from(whole[view as usize].colours[sample].map(f32::from)) / 255.0 * hat;
@@ -76,14 +77,14 @@ pub(crate) fn fit(scene: &Scene, vertex: u32, params: &LightParams) -> VertexMap
         }
     }
     for _ in 0..params.terms {
-        maps.terms.push(matrix.take_term());
+        maps.terms.push(matrix.take_term(cancel));
     }
     maps
 }
 
 /// Squared error of the shipped form against the matrix of one vertex as the paper has it, over all texels of the view map that lie within
 /// the photographs' hull; each channel is a value.
-pub(crate) fn error(scene: &Scene, texture: &LightTexture, vertex: u32) -> Squares {
+pub(super) fn error(scene: &Scene, texture: &LightTexture, vertex: u32, cancel: CancelCheck<'_>) -> Squares {
     let view = texture.view();
     let grid = texture.grid();
     let mut squares = Squares::default();
@@ -93,7 +94,7 @@ pub(crate) fn error(scene: &Scene, texture: &LightTexture, vertex: u32) -> Squar
         let found = |&&triangle: &&u32| scene.mesh.triangles[triangle as usize].contains(&vertex);
         let Some(&triangle) = element.triangles.iter().find(found) else { continue };
         let corners = scene.mesh.triangles[triangle as usize];
-        for sample in 0..element.weights.len() {
+        for sample in (0..element.weights.len()).take_while(|_| !cancel.is_cancelled()) {
             let barycentric = Vec3::from(corners.map(|corner| element.hat(corner, sample)));
             let hat = element.hat(vertex, sample);
             let own = factors(&view, triangle, vertex, barycentric);
@@ -209,9 +210,9 @@ fn cover(views: [usize; 3], [a, b, c]: [Vec2; 3], grid: u32, blends: &mut [Blend
 
 impl Matrix {
     /// The largest term, taken out of the matrix.
-    fn take_term(&mut self) -> Term {
+    fn take_term(&mut self, cancel: CancelCheck<'_>) -> Term {
         let mut view = normalised(self.row_of_most());
-        for _ in 0..ROUNDS {
+        for _ in (0..ROUNDS).take_while(|_| !cancel.is_cancelled()) {
             view = normalised(self.transposed_times(&normalised(self.times(&view))));
         }
         let surface = self.times(&view);
@@ -276,7 +277,7 @@ mod tests {
             }
         }
         for wanted in values.into_iter().chain([0.0]) {
-            let term = matrix.take_term();
+            let term = matrix.take_term(CancelCheck::default());
             let found: f32 = term.surface.iter().map(|value| value.y * value.y).sum::<f32>().sqrt();
             assert!((found - wanted).abs() < 1e-3, "{found} {wanted}");
         }
@@ -288,11 +289,11 @@ mod tests {
         let mut identity = Matrix { texels: 4, values: vec![Vec3A::ZERO; 16] };
         (0..4).for_each(|at| identity.values[5 * at] = Vec3A::ONE);
         for _ in 0..6 {
-            assert!(identity.take_term().surface.iter().all(|value| value.is_finite()));
+            assert!(identity.take_term(CancelCheck::default()).surface.iter().all(|value| value.is_finite()));
         }
         assert!(identity.values.iter().all(|value| value.abs().max_element() < 1e-5));
         let mut empty = Matrix { texels: 4, values: Vec::new() };
-        assert_eq!(empty.take_term().surface, []);
+        assert_eq!(empty.take_term(CancelCheck::default()).surface, []);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! What is known of the light field around one vertex.
 
 use glam::{Vec2, Vec3};
+use texfold_core::CancelCheck;
 
 use super::observe::SeenBy;
 use super::scene::Scene;
@@ -43,12 +44,12 @@ pub(crate) struct Ring {
 }
 
 impl Ring {
-    /// Gathers what the photographs show around `vertex`.
-    pub(crate) fn new(scene: &Scene, vertex: u32) -> Ring {
+    /// Gathers what the photographs show around `vertex`; less once the job is cancelled.
+    pub(crate) fn new(scene: &Scene, vertex: u32, cancel: CancelCheck<'_>) -> Ring {
         let mut ring = Ring::default();
         let normal = scene.normals[vertex as usize];
         let centre = scene.mesh.positions[vertex as usize];
-        for &number in &scene.surface.around[vertex as usize] {
+        for &number in scene.surface.around[vertex as usize].iter().take_while(|_| !cancel.is_cancelled()) {
             let element = &scene.surface.elements[number as usize];
             let seen = &scene.seen[number as usize];
             for sample in 0..element.weights.len() {

@@ -34,6 +34,11 @@ pub(super) fn fault(error: CaptureError) -> EncodeError {
 }
 
 impl Scene {
+    /// Bytes that the photographs' colours of samples take.
+    pub(super) fn bytes(&self) -> u64 {
+        self.seen.iter().map(Seen::bytes).sum()
+    }
+
     /// Chooses the sides of patches and looks for every sample in every photograph.
     pub(super) fn new(
         capture: &Capture,
@@ -41,19 +46,24 @@ impl Scene {
         job: &mut Job<'_>,
     ) -> Result<Scene, EncodeError> {
         let mesh = capture.mesh.snapped().welded().walked();
+        job.checkpoint()?;
         if mesh.triangles.is_empty() {
             return Err(fault(CaptureError::NoTriangles));
         }
         job.stage("visibility", 0.0)?;
         let corners: Vec<_> = mesh.triangles.iter().map(|&triangle| mesh.corners(triangle)).collect();
         let bvh = Bvh::new(&corners);
-        let resolved = job.install(|| surface::resolved(&mesh, &capture.views, &bvh));
+        let cancel = job.cancel_check();
+        let resolved = job.install(|| surface::resolved(&mesh, &capture.views, &bvh, cancel));
+        job.checkpoint()?;
         let sides_log2 = surface::sides_log2(&resolved, params.maps.sampling);
         check_atlases(&sides_log2, mesh.positions.len() as u32, params).map_err(fault)?;
-        let surface = Surface::new(&mesh, &sides_log2);
         let resolved_samples = Surface::new(&mesh, &surface::sides_log2(&resolved, 1.0)).samples;
-        let seen = job.install(|| observe::observe(&mesh, &surface, &bvh, &capture.views));
+        job.checkpoint()?;
+        let surface = Surface::new(&mesh, &sides_log2);
+        let seen = observe::observe(&mesh, &surface, &bvh, &capture.views, job)?;
         if seen.iter().all(|seen| seen.views.is_empty()) {
+            job.budget.release(seen.iter().map(Seen::bytes).sum());
             return Err(fault(CaptureError::NoOverlap));
         }
         Ok(Scene {

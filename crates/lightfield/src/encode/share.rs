@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 
 use ndarray::{Array2, ArrayView1};
 use texfold_codebook::{Settings, build};
+use texfold_core::CancelCheck;
 
 use super::principal::principal;
 use crate::layout::{NONE, SIDES, Sharing};
@@ -153,7 +154,7 @@ pub(crate) struct Codebooks {
 }
 
 /// The layers with each map its own, or, where there are `books`, with as many bits of all as there is `room`: `texel_bits` a texel, and
-/// numbers of codewords. And how many bits that room is.
+/// numbers of codewords. And how many bits that room is. Of no use once the job is cancelled.
 ///
 /// Sides are those of the mean's patches and those of the terms'.
 pub(crate) fn share(
@@ -161,6 +162,7 @@ pub(crate) fn share(
     sides_log2: [&[u8]; 2],
     books: Codebooks,
     texel_bits: f64,
+    cancel: CancelCheck<'_>,
 ) -> (Vec<Stored>, f64) {
     let mut groups = Vec::new();
     for (number, layer) in layers.iter().enumerate() {
@@ -170,10 +172,11 @@ pub(crate) fn share(
             let of_side = |at: &usize| usize::from(sides_log2[at / corners.max(1)]) == log2;
             let members = present(&layer.patches).filter(of_side).collect();
             let kind = Kind { layer: number, log2: Some(log2), has_books: books.of != Books::None };
-            groups.push(group(kind, &layer.patches, members, texel_bits));
+            groups.push(group(kind, &layer.patches, members, texel_bits, cancel));
         }
         let kind = Kind { layer: number, log2: None, has_books: books.of == Books::All };
-        groups.push(group(kind, &layer.views, present(&layer.views).collect(), texel_bits));
+        let members = present(&layer.views).collect();
+        groups.push(group(kind, &layer.views, members, texel_bits, cancel));
     }
     let bits = match books.room {
         Room::Bits(bits) => bits,
@@ -205,7 +208,7 @@ fn present(maps: &[Map]) -> impl Iterator<Item = usize> {
 }
 
 /// The `members` among `maps`, and codebooks for them where they may have some.
-fn group(kind: Kind, maps: &[Map], members: Vec<usize>, texel_bits: f64) -> Group {
+fn group(kind: Kind, maps: &[Map], members: Vec<usize>, texel_bits: f64, cancel: CancelCheck<'_>) -> Group {
     let texels = members.first().map_or(0, |&at| maps[at].texels.len());
     let bits = |maps: usize| (maps * texels) as f64 * texel_bits;
     let with_book = |book: Book| {
@@ -227,7 +230,7 @@ fn group(kind: Kind, maps: &[Map], members: Vec<usize>, texel_bits: f64) -> Grou
         let halves = (1..usize::BITS).map(|halvings| members.len() >> halvings);
         for count in halves
             .take_while(|&count| kind.has_books && count >= LEAST_CODEWORDS)
-            .filter(|&count| count <= MOST_CODEWORDS)
+            .filter(|&count| count <= MOST_CODEWORDS && !cancel.is_cancelled())
         {
             let settings = Settings { rounds: ROUNDS, ..Settings::default() };
             let found = build(reduced.view(), &weights, count, settings).matches;
@@ -343,9 +346,22 @@ mod tests {
         let layers = [&maps];
         let sides = [1u8; 40];
         // Equal maps are stored once in any case.
-        let own = share(&layers, [&sides; 2], Codebooks { of: Books::None, room: Room::Share(1.0) }, 24.0).0;
-        let shared =
-            share(&layers, [&sides; 2], Codebooks { of: Books::All, room: Room::Share(0.3) }, 24.0).0;
+        let own = share(
+            &layers,
+            [&sides; 2],
+            Codebooks { of: Books::None, room: Room::Share(1.0) },
+            24.0,
+            CancelCheck::default(),
+        )
+        .0;
+        let shared = share(
+            &layers,
+            [&sides; 2],
+            Codebooks { of: Books::All, room: Room::Share(0.3) },
+            24.0,
+            CancelCheck::default(),
+        )
+        .0;
         for stored in [&own[0], &shared[0]] {
             // Two corners of three have a map, and their kinds go by threes as well.
             let counts = (stored.patches[1].len(), stored.views.len());
@@ -369,8 +385,14 @@ mod tests {
         for (at, map) in maps.patches.iter_mut().enumerate().filter(|(_, map)| !map.texels.is_empty()) {
             map.texels.iter_mut().for_each(|texel| *texel = [(at * 5) as u8; 3]);
         }
-        let stored =
-            share(&[&maps], [&[1; 16]; 2], Codebooks { of: Books::All, room: Room::Share(0.75) }, 24.0).0;
+        let stored = share(
+            &[&maps],
+            [&[1; 16]; 2],
+            Codebooks { of: Books::All, room: Room::Share(0.75) },
+            24.0,
+            CancelCheck::default(),
+        )
+        .0;
         assert_eq!(stored[0].patches[1].len(), 32);
         assert!(stored[0].views.len() <= 4);
     }

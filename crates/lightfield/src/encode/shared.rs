@@ -9,7 +9,7 @@
 
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
-use texfold_core::{EncodeError, Job};
+use texfold_core::{CancelCheck, EncodeError, Job};
 
 use super::als::{VertexFit, floor};
 use super::maps::{VertexMaps, ViewMap};
@@ -86,7 +86,8 @@ pub(super) fn fit(
     region_count: u32,
     job: &mut Job<'_>,
 ) -> Result<Shared, EncodeError> {
-    let of: Vec<Option<usize>> = regions(scene, region_count as usize).into_iter().map(Some).collect();
+    let of: Vec<Option<usize>> =
+        regions(scene, region_count as usize, job.cancel_check()).into_iter().map(Some).collect();
     let vertices = vec![Known::default(); of.len()];
     let regions = vec![Regions::new(of); params.terms as usize];
     let mut shared = Shared { views: Vec::new(), regions, vertices };
@@ -95,8 +96,9 @@ pub(super) fn fit(
     let mut turn = |shared: &mut Shared, term: usize| -> Result<(), EncodeError> {
         job.stage("shared maps", 0.1 + 0.1 * done as f32 / rounds.max(1) as f32)?;
         done += 1;
-        job.install(|| shared.improve(scene, params, term));
-        Ok(())
+        let cancel = job.cancel_check();
+        job.install(|| shared.improve(scene, params, term, cancel));
+        job.checkpoint()
     };
     for term in 0..params.terms as usize {
         let nothing = vec![Vec3A::ZERO; (params.maps.grid * params.maps.grid) as usize];
@@ -125,16 +127,18 @@ pub(super) fn refit(
     };
     shared.vertices = (0..scene.mesh.positions.len()).map(known).collect();
     for round in 0..REFITS {
-        job.stage("codebooks", 0.8 + 0.08 * round as f32 / REFITS as f32)?;
+        job.stage("codebooks", 0.8 + 0.06 * round as f32 / REFITS as f32)?;
         for term in 0..shared.views.len() {
-            job.install(|| shared.improve(scene, params, term));
+            let cancel = job.cancel_check();
+            job.install(|| shared.improve(scene, params, term, cancel));
+            job.checkpoint()?;
         }
     }
     Ok(shared)
 }
 
 /// Regions of alike places and normals: `count` vertices as far from each other as can be, and those nearest to each.
-fn regions(scene: &Scene, count: usize) -> Vec<usize> {
+fn regions(scene: &Scene, count: usize, cancel: CancelCheck<'_>) -> Vec<usize> {
     let places = &scene.mesh.positions;
     let low = places.iter().fold(Vec3::INFINITY, |low, &place| low.min(place));
     let high = places.iter().fold(Vec3::NEG_INFINITY, |high, &place| high.max(place));
@@ -145,7 +149,7 @@ fn regions(scene: &Scene, count: usize) -> Vec<usize> {
     };
     let mut region_of = vec![0; places.len()];
     let mut nearest: Vec<f32> = (0..places.len()).map(|vertex| apart(vertex, 0)).collect();
-    for region in 1..count.min(places.len()) {
+    for region in (1..count.min(places.len())).take_while(|_| !cancel.is_cancelled()) {
         let farthest = (0..places.len()).max_by(|&a, &b| nearest[a].total_cmp(&nearest[b]).then(b.cmp(&a)));
         let Some(seed) = farthest.filter(|&vertex| nearest[vertex] > 0.0) else { break };
         for vertex in 0..places.len() {
@@ -173,9 +177,15 @@ impl Shared {
     }
 
     /// A vertex's fit with all that is known of it; terms that are begun only now have a surface map by their number.
-    fn begin<'r>(&self, ring: &'r Ring, params: &LightParams, vertex: usize) -> VertexFit<'r> {
+    fn begin<'r>(
+        &self,
+        ring: &'r Ring,
+        params: &LightParams,
+        vertex: usize,
+        cancel: CancelCheck<'r>,
+    ) -> VertexFit<'r> {
         let known = &self.vertices[vertex];
-        let mut fit = VertexFit::new(ring, params, |_| true);
+        let mut fit = VertexFit::new(ring, params, cancel, |_| true);
         if !known.mean.is_empty() {
             fit.set_mean(&known.mean);
         }
@@ -199,13 +209,14 @@ impl Shared {
     }
 
     /// One round of a term: each vertex's surface map for the view map, then the view maps for all of them.
-    fn improve(&mut self, scene: &Scene, params: &LightParams, term: usize) {
+    fn improve(&mut self, scene: &Scene, params: &LightParams, term: usize, cancel: CancelCheck<'_>) {
         let floor = Vec3A::splat(floor(params));
         let improve = |(region, vertices): (usize, &Vec<usize>)| {
             let mut system = System::new(params.maps.grid as usize);
-            let known = vertices.iter().map(|&vertex| {
-                let ring = Ring::new(scene, vertex as u32);
-                let mut fit = self.begin(&ring, params, vertex);
+            let left = vertices.iter().take_while(|_| !cancel.is_cancelled());
+            let known = left.map(|&vertex| {
+                let ring = Ring::new(scene, vertex as u32, cancel);
+                let mut fit = self.begin(&ring, params, vertex, cancel);
                 fit.fit_mean();
                 fit.subtract(term, -1.0);
                 if self.vertices[vertex].surface.len() > term {
@@ -229,9 +240,15 @@ impl Shared {
     }
 
     /// The maps of a vertex.
-    pub(super) fn maps(&self, scene: &Scene, params: &LightParams, vertex: u32) -> VertexMaps {
-        let ring = Ring::new(scene, vertex);
-        let mut fit = self.begin(&ring, params, vertex as usize);
+    pub(super) fn maps(
+        &self,
+        scene: &Scene,
+        params: &LightParams,
+        vertex: u32,
+        cancel: CancelCheck<'_>,
+    ) -> VertexMaps {
+        let ring = Ring::new(scene, vertex, cancel);
+        let mut fit = self.begin(&ring, params, vertex as usize, cancel);
         for term in 0..fit.terms.len() {
             fit.subtract(term, -1.0);
             fit.terms[term].surface = fit.best_surface(term);

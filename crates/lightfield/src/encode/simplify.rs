@@ -12,6 +12,7 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
 use glam::{DMat3, DVec3, Vec3};
+use texfold_core::CancelCheck;
 
 use crate::Mesh;
 use crate::bvh::Bvh;
@@ -88,24 +89,29 @@ impl Mesh {
     /// The mesh with at most `triangles` triangles, or as few as can be reached; itself where it has no more.
     #[must_use]
     pub fn simplified(&self, triangles: usize) -> Mesh {
+        self.simplified_unless(triangles, CancelCheck::default())
+    }
+
+    /// As [`Mesh::simplified`]; any mesh once the job is cancelled.
+    pub(super) fn simplified_unless(&self, triangles: usize, cancel: CancelCheck<'_>) -> Mesh {
         let whole = self.welded();
         if whole.triangles.len() <= triangles || !whole.is_valid() {
             return whole;
         }
         let mut collapser = Collapser::new(&whole);
-        collapser.run(triangles);
+        collapser.run(triangles, cancel);
         let mut mesh = collapser.mesh();
         let bvh =
             Bvh::new(&whole.triangles.iter().map(|&triangle| whole.corners(triangle)).collect::<Vec<_>>());
-        (0..ROUNDS).for_each(|_| mesh.centre(&bvh));
+        (0..ROUNDS).for_each(|_| mesh.centre(&bvh, cancel));
         mesh
     }
 
     /// Moves every vertex along its normal by the mean distance of the places around it from the surface.
-    fn centre(&mut self, surface: &Bvh) {
+    fn centre(&mut self, surface: &Bvh, cancel: CancelCheck<'_>) {
         let normals = self.normals();
         let mut sums = vec![(0.0, 0.0); self.positions.len()];
-        for &corners in &self.triangles {
+        for &corners in self.triangles.iter().take_while(|_| !cancel.is_cancelled()) {
             let [a, b, c] = self.corners(corners);
             let weighted = (b - a).cross(c - a);
             let (area, normal) = (weighted.length(), weighted.normalize_or_zero());
@@ -206,8 +212,8 @@ impl Collapser {
         }
     }
 
-    fn run(&mut self, triangles: usize) {
-        while self.alive > triangles {
+    fn run(&mut self, triangles: usize, cancel: CancelCheck<'_>) {
+        while self.alive > triangles && !cancel.is_cancelled() {
             let Some(Reverse(candidate)) = self.queue.pop() else { return };
             let (a, b) = candidate.edge;
             if candidate.changes == (self.changes[a as usize], self.changes[b as usize]) {

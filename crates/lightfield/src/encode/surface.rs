@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 use rayon::prelude::*;
+use texfold_core::CancelCheck;
 
 use crate::bvh::Bvh;
 use crate::layout::MAX_SIDE_LOG2;
@@ -65,14 +66,14 @@ pub(crate) struct Surface {
     pub(crate) samples: u32,
 }
 
-/// As many steps along the sides of each triangle as its largest view resolves.
-pub(crate) fn resolved(mesh: &Mesh, views: &[Photograph], bvh: &Bvh) -> Vec<f32> {
+/// As many steps along the sides of each triangle as its largest view resolves; of no use once the job is cancelled.
+pub(crate) fn resolved(mesh: &Mesh, views: &[Photograph], bvh: &Bvh, cancel: CancelCheck<'_>) -> Vec<f32> {
     let cameras: Vec<_> = views.iter().map(|view| (view.camera, view.camera.to_camera())).collect();
     let largest = |(index, &triangle): (usize, &[u32; 3])| {
         let corners = mesh.corners(triangle);
         let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
         let mut area = 0f32;
-        for (camera, to_camera) in &cameras {
+        for (camera, to_camera) in cameras.iter().filter(|_| !cancel.is_cancelled()) {
             let places = corners.map(|corner| camera.project(to_camera.transform_point3(corner)));
             let [Some(a), Some(b), Some(c)] = places else { continue };
             // Counter-clockwise from the front is clockwise with rows that run down.

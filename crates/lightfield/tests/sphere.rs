@@ -419,3 +419,12 @@ fn a_mesh_has_no_more_triangles_than_its_photographs_need() {
     let whole = encode(&fine, &params(1));
     assert!(psnr > psnr_of_new_views(&whole, &plain.mesh, Look::Diffuse) - 0.5);
 }
+
+#[test]
+fn notes_name_the_settings_as_the_command_line_does() {
+    let params = LightParams::default().with_terms(2).with_content(Content::Bc1).with_codewords(0.5);
+    let texture = encode(&sphere(Look::Glossy, 12, 24), &params);
+    let terms = texture.layout().terms;
+    let wanted = format!("--codec lightfield --terms {terms} --content bc1 --codewords 0.5 (");
+    assert!(texture.notes().settings.starts_with(&wanted), "{}", texture.notes().settings);
+}

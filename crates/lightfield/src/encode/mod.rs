@@ -215,31 +215,29 @@ impl FittedMaps {
     }
 }
 
-/// The settings in the words of the command line, with the terms that were kept.
+/// The settings in the words of the command line, with the terms that were kept; then what it has no words for.
 fn settings(params: &LightParams, terms: usize) -> String {
+    let mut words = format!("--codec lightfield --terms {terms} --content {}", params.storage.content.name());
+    if let Some(psnr) = params.psnr {
+        words += &format!(" --psnr {psnr}");
+    }
+    if let FitMethod::Shared { regions } = params.model.fit {
+        words += &format!(" --regions {regions}");
+    }
+    if params.storage.codewords < 1.0 {
+        words += &format!(" --codewords {}", params.storage.codewords);
+    }
     let directions = match params.model.directions {
         Directions::View => "view",
         Directions::Reflected => "reflected view",
         Directions::World => "reflected view in space",
     };
     let factors = match params.model.factors {
-        Factors::Signed => "",
-        Factors::NonNegative => " without signs",
+        Factors::Signed => "factors of any sign",
+        Factors::NonNegative => "factors without signs",
     };
-    let regions = match params.model.fit {
-        FitMethod::Shared { regions } => format!(" of {regions} regions"),
-        _ => String::new(),
-    };
-    let codewords = match params.storage.codewords {
-        codewords if codewords < 1.0 => format!(", codewords {codewords}"),
-        _ => String::new(),
-    };
-    format!(
-        "lightfield, {terms} terms{factors}, view maps{regions} of {0}x{0} over the {directions}, sampling {1}, {2}{codewords}",
-        params.maps.grid,
-        params.maps.sampling,
-        params.storage.content.name(),
-    )
+    let (grid, sampling) = (params.maps.grid, params.maps.sampling);
+    format!("{words} ({factors}, view maps of {grid}x{grid} over the {directions}, sampling {sampling})")
 }
 
 /// As many terms as the goal needs, and what is to be said of them.

@@ -96,9 +96,8 @@ fn tiles(picture: &Raster) -> Outcome<Vec<Raster>> {
 
 /// Adds tiles; cells of the codebook after each.
 fn add(name: &str, tiles: Vec<Raster>, table: &mut Table) -> Outcome<Line> {
-    let params =
-        ProgressiveParams { goal: Goal::Bpp(BPP), reduce_log2: Some(3), ..ProgressiveParams::default() };
-    let mut shared = Shared { public: None, most_rows: MOST_ROWS, around: None };
+    let params = ProgressiveParams::default().with_goal(Goal::Bpp(BPP)).with_reduce_log2(3);
+    let mut shared = Shared { public: None, most_rows: MOST_ROWS, apron: None };
     let (mut line, mut before) = (Vec::new(), 0);
     for (number, tile) in (1..).zip(tiles) {
         let set = ImageSet::single(tile);
@@ -114,7 +113,7 @@ fn add(name: &str, tiles: Vec<Raster>, table: &mut Table) -> Outcome<Line> {
         let cells = |book: &texfold_progressive::Codebook| book.size().0 * book.size().1 / 1024;
         let public = shared.public.as_ref().map_or(0, |book| cells(book));
         let own = details.and_then(|details| details.private.as_ref()).map_or(0, |book| cells(book));
-        let bits = texture.gpu().bits_memory() - texture.shared_bits();
+        let bits = texture.memory().total - texture.shared_bits();
         table.row(vec![
             name.to_owned(),
             format!("{number}"),

@@ -79,7 +79,7 @@ pub fn epitome(set: &ImageSet, params: &EpitomeParams) -> Option<AnyImage> {
 /// `set` by progressive within `bpp` bits a texel; `None` where it cannot be encoded.
 #[must_use]
 pub fn progressive(set: &ImageSet, bpp: f64, effort: Effort) -> Option<AnyImage> {
-    let params = ProgressiveParams { goal: Goal::Bpp(bpp), effort, ..ProgressiveParams::default() };
+    let params = ProgressiveParams::default().with_goal(Goal::Bpp(bpp)).with_effort(effort);
     Progressive::encode(set, &params, &mut Job::default()).ok().map(AnyImage::new)
 }
 

@@ -65,7 +65,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             };
             row.push(measure(&set, &Bc::encode(&set, &params, &mut Job::default())?).psnr);
         }
-        let params = ProgressiveParams { goal: Goal::Bpp(sizes[0]), ..ProgressiveParams::default() };
+        let params = ProgressiveParams::default().with_goal(Goal::Bpp(sizes[0]));
         let search = Progressive::search(&set, &params, &mut Job::default())?;
         for &size in sizes {
             let texture = Progressive::encode_from(&search, Goal::Bpp(size), &mut Job::default())?;

@@ -11,12 +11,12 @@ pub enum Module {
     Vq,
     /// Epitome factoring.
     Epitome,
-    /// The same with an error map on the last epitome: what [`Module::Epitome`] binds, then what [`Module::Progressive`] does. It
-    /// holds the functions of both, and takes their place in a shader.
+    /// The same where the last epitome is residual content: what [`Module::Epitome`] binds, then what residual content does.
+    /// It takes the place of [`Module::Epitome`] in a shader.
     EpitomeErrors,
     /// Surface light-field maps.
     Lightfield,
-    /// Base, codebooks and error map.
+    /// Details from codebooks, then what residual content binds: base and residual plane.
     Progressive,
     /// A root and patches of higher resolution.
     Zipmap,
@@ -63,20 +63,29 @@ impl Switch {
 
 /// Swizzle of a base in two planes, as in `sample.wgsl`.
 const SPLIT: u32 = 4;
-const PROGRESSIVE_SWITCHES: [Switch; 5] = progressive_switches(0);
-/// Behind the parameters of the epitome.
-const ERROR_SWITCHES: [Switch; 5] = progressive_switches(112);
+/// Bytes of the parameters that stand before those of residual content.
+const EPITOME_PARAMS: usize = 112;
+const PROGRESSIVE_PARAMS: usize = 48;
+/// Bytes of the parameters of residual content.
+const RESIDUAL_PARAMS: u64 = 208;
+
+const PROGRESSIVE_SWITCHES: [Switch; 5] = [
+    Switch { constant: "TEXFOLD_PROGRESSIVE_SHRUNK", offset: 16, only: None },
+    Switch { constant: "TEXFOLD_PROGRESSIVE_DETAIL", offset: 20, only: None },
+    Switch { constant: "TEXFOLD_PROGRESSIVE_PADDED", offset: PROGRESSIVE_PARAMS + 40, only: None },
+    residual_switches(PROGRESSIVE_PARAMS)[0],
+    residual_switches(PROGRESSIVE_PARAMS)[1],
+];
+const ERROR_SWITCHES: [Switch; 2] = residual_switches(EPITOME_PARAMS);
 
 const ZIPMAP_SWITCHES: [Switch; 1] =
     [Switch { constant: "TEXFOLD_ZIPMAP_SPLIT", offset: 28, only: Some(SPLIT) }];
 
-const fn progressive_switches(start: usize) -> [Switch; 5] {
+/// Those of residual content whose parameters begin at byte `start`.
+const fn residual_switches(start: usize) -> [Switch; 2] {
     [
-        Switch { constant: "TEXFOLD_PROGRESSIVE_SHRUNK", offset: start + 236, only: None },
-        Switch { constant: "TEXFOLD_PROGRESSIVE_DETAIL", offset: start + 44, only: None },
-        Switch { constant: "TEXFOLD_PROGRESSIVE_SPLIT", offset: start + 24, only: Some(SPLIT) },
-        Switch { constant: "TEXFOLD_PROGRESSIVE_APART", offset: start + 232, only: None },
-        Switch { constant: "TEXFOLD_PROGRESSIVE_BEYOND", offset: start + 248, only: None },
+        Switch { constant: "TEXFOLD_RESIDUAL_SPLIT", offset: start + 16, only: Some(SPLIT) },
+        Switch { constant: "TEXFOLD_RESIDUAL_ISOLATED", offset: start + 36, only: None },
     ]
 }
 
@@ -136,10 +145,7 @@ impl Module {
                 Binding::Float,
                 Binding::Float,
                 Binding::Float,
-                Binding::Params { bytes: 256 },
-                Binding::Uint,
-                Binding::Float,
-                Binding::Float,
+                Binding::Params { bytes: RESIDUAL_PARAMS },
                 Binding::Uint,
                 Binding::Float,
                 Binding::Float,
@@ -155,10 +161,11 @@ impl Module {
                 Binding::Float,
             ],
             Module::Progressive => &[
-                Binding::Params { bytes: 256 },
+                Binding::Params { bytes: PROGRESSIVE_PARAMS as u64 },
                 Binding::Uint,
                 Binding::Float,
                 Binding::Float,
+                Binding::Params { bytes: RESIDUAL_PARAMS },
                 Binding::Uint,
                 Binding::Float,
                 Binding::Float,
@@ -213,7 +220,7 @@ impl Module {
     /// Whether the first switch stands for planes that are smaller than their sources.
     #[must_use]
     pub fn may_be_reduced(self) -> bool {
-        matches!(self, Module::Bc | Module::Progressive | Module::EpitomeErrors)
+        matches!(self, Module::Bc | Module::Progressive)
     }
 
     /// The name of the function that gives the colour at a texture coordinate: `texfold_vq_sample` and so on; of a light
@@ -238,7 +245,7 @@ impl Module {
             Module::Epitome => EPITOME,
             Module::EpitomeErrors => return Cow::Owned(epitome_errors()),
             Module::Lightfield => include_str!("../wgsl/lightfield.wgsl"),
-            Module::Progressive => PROGRESSIVE,
+            Module::Progressive => return Cow::Owned([PROGRESSIVE, &residual(4)].join("\n")),
             Module::Zipmap => include_str!("../wgsl/zipmap.wgsl"),
         })
     }
@@ -258,19 +265,24 @@ impl Module {
 
 const EPITOME: &str = include_str!("../wgsl/epitome.wgsl");
 const PROGRESSIVE: &str = include_str!("../wgsl/progressive.wgsl");
+const RESIDUAL: &str = include_str!("../wgsl/residual.wgsl");
 /// Begins the lines around what reads epitomes without an error map.
 const PLANES_MARK: &str = "// TEXFOLD_EPITOME_PLANES";
 
-/// The functions of both codecs, where those of epitomes read the last epitome by those of base and error map.
+/// The functions of epitomes, where the last is read by those of residual content.
 fn epitome_errors() -> String {
     let mut parts = EPITOME.split(PLANES_MARK);
     let (before, _, behind) = (parts.next(), parts.next(), parts.next());
-    let first = Module::Epitome.bindings().len();
-    // By another name first, so that no number is changed twice.
-    let renamed = (0..Module::Progressive.bindings().len()).fold(PROGRESSIVE.to_owned(), |source, index| {
-        source.replace(&format!("TEXFOLD_BINDING_{index}"), &format!("TEXFOLD_BEHIND_{}", first + index))
-    });
-    let progressive = renamed.replace("TEXFOLD_BEHIND_", "TEXFOLD_BINDING_");
     let read = include_str!("../wgsl/epitome/errors.wgsl");
-    [before.unwrap_or_default(), read, behind.unwrap_or_default(), &progressive].join("\n")
+    let residual = residual(Module::Epitome.bindings().len());
+    [before.unwrap_or_default(), read, behind.unwrap_or_default(), &residual].join("\n")
+}
+
+/// The functions of residual content with its bindings behind the first `count` of a module.
+fn residual(count: usize) -> String {
+    // By another name first, so that no number is changed twice.
+    let renamed = (0..4).fold(RESIDUAL.to_owned(), |source, index| {
+        source.replace(&format!("TEXFOLD_BINDING_{index}"), &format!("TEXFOLD_BEHIND_{}", count + index))
+    });
+    renamed.replace("TEXFOLD_BEHIND_", "TEXFOLD_BINDING_")
 }

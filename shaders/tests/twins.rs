@@ -1,7 +1,7 @@
 //! Each WGSL function has a CPU twin of the same name, in the same order, and keeps to a few rules of its own.
 
 /// WGSL fragment and its twin.
-const TWINS: [(&str, &str, &str); 8] = [
+const TWINS: [(&str, &str, &str); 9] = [
     (
         "address",
         include_str!("../wgsl/shared/address.wgsl"),
@@ -15,6 +15,11 @@ const TWINS: [(&str, &str, &str); 8] = [
         "lightfield",
         include_str!("../wgsl/lightfield.wgsl"),
         include_str!("../../crates/lightfield/src/decode.rs"),
+    ),
+    (
+        "residual",
+        include_str!("../wgsl/residual.wgsl"),
+        include_str!("../../crates/residual/src/decode/mod.rs"),
     ),
     (
         "progressive",

@@ -55,7 +55,7 @@ fn a_renderer_chooses_group_and_bindings() {
 fn all_modules_share_one_shader() {
     let mut parts = vec![shared()];
     let mut first_binding = 0;
-    // Epitomes with error maps come with the functions of two others.
+    // Residual content comes with both codecs that embed it.
     for module in Module::ALL.into_iter().filter(|&module| module != Module::EpitomeErrors) {
         parts.push(functions(module, 0, first_binding));
         first_binding += module.bindings().len() as u32;

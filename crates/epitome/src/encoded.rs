@@ -14,7 +14,7 @@ use texfold_core::{
     WordRows, word_plane,
 };
 
-use texfold_progressive::{BASE_PART, ERROR_PART, ProgressiveTexture};
+use texfold_residual::{BASE_PART, RESIDUAL_PART, ResidualContent};
 
 use crate::decode::{
     EpitomeView, TEXFOLD_EPITOME_FINE_LEVELS, TexfoldEpitomeLeaf, TexfoldEpitomeParams, TexfoldEpitomeSource,
@@ -111,7 +111,7 @@ pub(crate) struct Parts {
     /// Epitomes without an error map, each with its mip levels; one or two with that of `errors`.
     pub(crate) epitomes: Vec<Vec<ContentPlanes>>,
     /// The last epitome where it has an error map: the second, or the only one.
-    pub(crate) errors: Option<Box<ProgressiveTexture>>,
+    pub(crate) errors: Option<Box<ResidualContent>>,
     /// For each image the levels that are not read from the epitome.
     pub(crate) coarse: Vec<Vec<ContentPlanes>>,
     /// Where the file has several layers: what the map above and the epitomes are made of.
@@ -303,7 +303,7 @@ impl EpitomeTexture {
 
     /// The epitome that has an error map, where there is one: the last.
     #[must_use]
-    pub fn errors(&self) -> Option<&ProgressiveTexture> {
+    pub fn errors(&self) -> Option<&ResidualContent> {
         self.parts.errors.as_deref()
     }
 
@@ -386,16 +386,17 @@ impl EpitomeTexture {
 }
 
 /// Columns and rows of an epitome with an error map.
-pub(crate) fn epitome_size(errors: &ProgressiveTexture) -> [u32; 2] {
-    errors.layout().surfaces.first().map_or([4, 4], |size| [size.width, size.height])
+pub(crate) fn epitome_size(errors: &ResidualContent) -> [u32; 2] {
+    let size = errors.size();
+    [size.width, size.height]
 }
 
 /// All levels of an epitome with an error map.
-fn decode_levels(errors: &ProgressiveTexture) -> Vec<Vec<Texel>> {
+fn decode_levels(errors: &ResidualContent) -> Vec<Vec<Texel>> {
     let decode = |level: u32| {
         let rect = errors.layout().whole(0, level)?;
         let mut texels = vec![Texel::ZERO; Image2d::len(rect)];
-        errors.decode(rect, &mut texels).ok()?;
+        errors.decode(rect, &mut texels);
         Some(texels)
     };
     (0..errors.layout().levels).filter_map(decode).collect()
@@ -481,7 +482,7 @@ impl Encoded for EpitomeTexture {
             && base + map > 0
         {
             footprint.part(BASE_PART).bits_memory -= base;
-            footprint.part(ERROR_PART).bits_memory -= map;
+            footprint.part(RESIDUAL_PART).bits_memory -= map;
             footprint.part("mips").bits_memory += base + map;
         }
         footprint.with_notes(&self.notes)
@@ -497,13 +498,12 @@ impl Encoded for EpitomeTexture {
         }
         let plain = form.planes.len();
         let (mut content, mut errors, mut uniforms) = ([1, plain - 1], Vec::new(), Vec::new());
-        if let Some(of_errors) = self.parts.errors.as_ref().map(|errors| errors.gpu()) {
+        if let Some(of_errors) = &self.parts.errors {
             // Its planes stand behind the others in the order of a file of their own.
-            errors = of_errors.surfaces.iter().flat_map(|of| &of.planes).map(|plane| plane + plain).collect();
+            errors = of_errors.push_planes(0, &mut form.planes).to_vec();
             content = if plain > 1 { content } else { [errors[1], errors[1]] };
-            form.planes.extend(of_errors.planes);
             form.module = "epitome-errors";
-            uniforms = of_errors.uniforms;
+            uniforms = of_errors.uniforms(0).to_vec();
         }
         for (surface, params) in self.params.iter().enumerate() {
             let start = form.uniforms.len();

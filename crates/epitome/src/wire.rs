@@ -6,7 +6,7 @@
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
 use texfold_core::{Budget, ImageLayout, LoadError, MAX_PLANE_SIDE, String4, SurfaceSize};
-use texfold_progressive::{BLOCK_SIDE, ProgressiveTexture};
+use texfold_residual::{BLOCK_SIDE, ContentId, ResidualContent};
 
 use crate::encoded::{
     Entry, EpitomeTexture, LEAST_STRIP, Linear, MAX_BLOCK, MapFormat, PLANE_MIPS, Parts, Tone, blocks_of,
@@ -22,6 +22,8 @@ const PALETTE_ID: [u8; 4] = *b"EPPL";
 const TREE_ID: [u8; 4] = *b"EPTR";
 const ENTRY_ID: [u8; 4] = *b"EPEN";
 const PLANE_ID: [u8; 4] = *b"EPAT";
+/// The residual content of a file.
+const CONTENT: ContentId = ContentId::ONLY;
 const COARSE_ID: [u8; 4] = *b"EPMC";
 const LAYERS_ID: [u8; 4] = *b"EPLA";
 
@@ -76,7 +78,7 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
         form.extend(base.size().1.to_le_bytes());
     }
     if let Some(errors) = &parts.errors {
-        form.push(errors.base().content().number());
+        form.push(errors.form().content.number());
         form.extend(epitome_size(errors).iter().flat_map(|side| side.to_le_bytes()));
     }
     form.extend((parts.linears.len() as u32).to_le_bytes());
@@ -94,7 +96,8 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
                 out.section("epitome", PLANE_ID, &plane_bytes(parts.epitomes.iter().flatten()));
             }
             if let Some(errors) = &parts.errors {
-                errors.store_content(out);
+                errors.store_base(CONTENT, out);
+                errors.store_planes(CONTENT, out);
             }
             store_coarse(parts, out);
         }
@@ -115,9 +118,9 @@ impl Parts {
     fn has_finer_coarse(&self) -> bool {
         let coarse = self.coarse.first().and_then(|levels| levels.first());
         let base = self.epitomes.first().and_then(|levels| levels.first());
-        let base = base.or(self.errors.as_ref().map(|errors| errors.base()));
-        base.is_some_and(|base| base.content() == Content::Bc1)
-            && coarse.is_some_and(|coarse| coarse.content() == Content::Bc7)
+        let base = base.map(ContentPlanes::content);
+        let base = base.or(self.errors.as_ref().map(|errors| errors.form().content));
+        base == Some(Content::Bc1) && coarse.is_some_and(|coarse| coarse.content() == Content::Bc7)
     }
 }
 
@@ -264,14 +267,19 @@ fn read_errors(
     form: &Form,
     layout: &ImageLayout,
     budget: &mut Budget,
-) -> Result<Option<ProgressiveTexture>, LoadError> {
+) -> Result<Option<ResidualContent>, LoadError> {
     let Some(&(_, width, height)) = form.epitomes.last().filter(|_| form.errors) else { return Ok(None) };
     let levels = if form.mips { 1 + PLANE_MIPS } else { 1 };
     let size = SurfaceSize { width, height };
     let layout = ImageLayout { surfaces: vec![size], levels, pixel: layout.pixel };
     // Its texels are decoded when the texture is laid out.
     budget.take(2 * size.texels() * size_of::<texfold_core::Texel>() as u64)?;
-    ProgressiveTexture::load_content(layout, file, budget).map(Some)
+    let content = ResidualContent::load_whole(&layout, CONTENT, file, budget)?;
+    if content.form().shrink_log2 > 0 {
+        let what = "residual content whose levels are not all stored";
+        return Err(LoadError::Corrupt { section: String4(CONTENT.form()), offset: 0, what });
+    }
+    Ok(Some(content))
 }
 
 /// The layers that are whole: at least the first.

@@ -1,15 +1,18 @@
-//! Codebooks and maps as they are shipped: content that the blocks of many images show, and for each block where and how.
+//! Codebooks and maps as they are shipped: atoms that the blocks of many images show, and for each block which and how.
 //!
-//! Content is what a base lacks, in luma, and of one contrast: brightness and colour come from the base, contrast and sign from
-//! the block's gain. So one piece of content serves blocks of any colour, and 20 bits of place, turn and gain a block do what
+//! Atoms are what a base lacks, in luma, and of one contrast: brightness and colour come from the base, contrast and sign
+//! from the block's gain. So one atom serves blocks of any colour, and 20 bits of place, rotation and gain a block do what
 //! the paper's entry of nine numbers does. A public codebook may grow by whole rows of cells; an image names how many
 //! rows it was made with and reads no others, so that no texel of it ever changes.
+//!
+//! Memory: a loaded codebook holds its planes, a loaded map its packed words, as GPUs do. Values and entries are unpacked
+//! when the CPU asks for them.
 
 use std::sync::Arc;
 
-use texfold_bc::{Content, ContentPlanes};
+use texfold_bc::ContentPlanes;
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
-use texfold_core::{SurfaceSize, Texel};
+use texfold_core::{Cached, SurfaceSize, Texel, WordRows};
 
 /// Texels a side of the pieces that codebooks are made of.
 pub const CELL_SIDE: u32 = 32;
@@ -28,12 +31,12 @@ pub(crate) const REACH: f32 = 127.0;
 pub(crate) const CODEBOOK_PIXEL: PixelInfo =
     PixelInfo { channels: 1, depth: Depth::Eight, color: ColorSpace::Linear, alpha: Alpha::Opaque };
 
-/// Content that blocks show.
+/// Atoms that blocks show. A clone shares its planes and values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Codebook {
-    planes: ContentPlanes,
-    /// For each texel its value, -1 to 1.
-    values: Vec<f32>,
+    planes: Arc<ContentPlanes>,
+    /// For each texel its value, -1 to 1, once values have been asked for.
+    values: Arc<Cached<Vec<f32>>>,
 }
 
 impl Codebook {
@@ -45,27 +48,7 @@ impl Codebook {
         if !whole(width) || !whole(height) || planes.planes().len() != 1 {
             return None;
         }
-        let values = planes.decode().iter().map(|texel| (texel.x * 255.0 - MIDDLE) / REACH).collect();
-        Some(Codebook { planes, values })
-    }
-
-    /// A codebook of `width` texels a row with cells side by side, each of values -1 to 1 row by row; the cells fill whole rows.
-    #[must_use]
-    pub fn of_cells(content: Content, width: u32, cells: &[Vec<f32>]) -> Option<Self> {
-        let across = width / CELL_SIDE;
-        let rows = (cells.len() as u32).div_ceil(across.max(1));
-        let (width, height) = (across * CELL_SIDE, rows * CELL_SIDE);
-        let mut texels = vec![texel_of(0.0); width as usize * height as usize];
-        for (index, cell) in (0..).zip(cells) {
-            let (left, top) = (index % across * CELL_SIDE, index / across * CELL_SIDE);
-            for (place, &value) in (0..).zip(cell) {
-                let (x, y) = (left + place % CELL_SIDE, top + place / CELL_SIDE);
-                texels[(y * width + x) as usize] = texel_of(value);
-            }
-        }
-        let effort = texfold_core::Effort::Normal;
-        let planes = ContentPlanes::encode(content, CODEBOOK_PIXEL, (width, height), &texels, effort);
-        Codebook::from_planes(planes)
+        Some(Codebook { planes: Arc::new(planes), values: Arc::default() })
     }
 
     /// The same with the rows of `further`, which has the same content and width, below its own.
@@ -87,6 +70,9 @@ impl Codebook {
     #[must_use]
     pub fn first_rows(&self, rows: u32) -> Option<Codebook> {
         let (width, height) = self.size();
+        if rows == height {
+            return Some(self.clone());
+        }
         if rows > height {
             return None;
         }
@@ -109,6 +95,12 @@ impl Codebook {
         texfold_core::container::checksum(&bytes)
     }
 
+    /// Bits in memory.
+    #[must_use]
+    pub fn bits_memory(&self) -> u64 {
+        self.planes.planes().iter().map(|(_, bytes)| 8 * bytes.len() as u64).sum()
+    }
+
     /// How it is stored.
     #[must_use]
     pub fn planes(&self) -> &ContentPlanes {
@@ -118,16 +110,13 @@ impl Codebook {
     /// All values row by row, -1 to 1.
     #[must_use]
     pub fn values(&self) -> &[f32] {
-        &self.values
+        let value = |texel: &Texel| (texel.x * 255.0 - MIDDLE) / REACH;
+        self.values.get_or_make(|| self.planes.decode().iter().map(value).collect())
     }
 }
 
-fn texel_of(value: f32) -> Texel {
-    Texel::new((MIDDLE + REACH * value.clamp(-1.0, 1.0)) / 255.0, 0.0, 0.0, 1.0)
-}
-
 /// How a block's entry is laid out: column and row of its centre in the codebook in texels (public rows first, private ones
-/// behind them), the number of a turn, and a gain.
+/// behind them), the number of a rotation, and a gain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MapForm {
     /// Binary logarithm of a block's side in texels: 3 or 4.
@@ -136,36 +125,30 @@ pub struct MapForm {
     pub column_bits: u32,
     /// Bits of the row.
     pub row_bits: u32,
-    /// Bits of the turn, 3 to 5: reflection, quarters of a turn, and 1, 2 or 4 parts of a quarter.
-    pub turn_bits: u32,
+    /// Bits of the rotation, 3 to 5: reflection, quarter turns, and 1, 2 or 4 parts of a quarter.
+    pub rotation_bits: u32,
 }
 
 impl MapForm {
-    /// The form for codebooks of such width and height in all.
-    pub(crate) fn new(side_log2: u32, (width, height): (u32, u32), turn_bits: u32) -> Self {
-        let bits = |side: u32| side.max(2).next_power_of_two().trailing_zeros();
-        MapForm { side_log2, column_bits: bits(width), row_bits: bits(height), turn_bits }
-    }
-
     /// Bits of an entry, at most 32.
     #[must_use]
     pub fn entry_bits(self) -> u32 {
-        self.column_bits + self.row_bits + self.turn_bits + GAIN_BITS
+        self.column_bits + self.row_bits + self.rotation_bits + GAIN_BITS
     }
 
     /// As the shader reads it: 4 bits each.
     pub(crate) fn packed(self) -> u32 {
-        self.side_log2 | self.column_bits << 4 | self.row_bits << 8 | self.turn_bits << 12
+        self.side_log2 | self.column_bits << 4 | self.row_bits << 8 | self.rotation_bits << 12
     }
 
     /// From what [`MapForm::packed`] gives.
     pub(crate) fn unpacked(word: u32) -> Option<Self> {
-        let [side_log2, column_bits, row_bits, turn_bits] = [0, 4, 8, 12].map(|shift| word >> shift & 15);
-        let form = MapForm { side_log2, column_bits, row_bits, turn_bits };
+        let [side_log2, column_bits, row_bits, rotation_bits] = [0, 4, 8, 12].map(|shift| word >> shift & 15);
+        let form = MapForm { side_log2, column_bits, row_bits, rotation_bits };
         let fits = (3..=4).contains(&side_log2)
             && (1..=12).contains(&column_bits)
             && (1..=12).contains(&row_bits)
-            && (3..=5).contains(&turn_bits)
+            && (3..=5).contains(&rotation_bits)
             && word >> 16 == 0
             && form.entry_bits() <= 32;
         fits.then_some(form)
@@ -194,8 +177,8 @@ pub struct Entry {
     pub column: u32,
     /// Row of it.
     pub row: u32,
-    /// Number of its turn.
-    pub turn: u32,
+    /// Number of its rotation.
+    pub rotation: u32,
     /// Number of its gain's magnitude, 0 for none, and its sign in the bit above.
     pub gain: u32,
 }
@@ -204,25 +187,28 @@ impl Entry {
     /// Its bits, the column lowest.
     pub(crate) fn packed(self, form: MapForm) -> u32 {
         let rows_at = form.column_bits;
-        let turns_at = rows_at + form.row_bits;
-        self.column | self.row << rows_at | self.turn << turns_at | self.gain << (turns_at + form.turn_bits)
+        let rotations_at = rows_at + form.row_bits;
+        self.column
+            | self.row << rows_at
+            | self.rotation << rotations_at
+            | self.gain << (rotations_at + form.rotation_bits)
     }
 
     /// From its bits.
     #[must_use]
     pub fn unpacked(word: u32, form: MapForm) -> Self {
         let field = |start: u32, bits: u32| word >> start & ((1 << bits) - 1);
-        let turns_at = form.column_bits + form.row_bits;
+        let rotations_at = form.column_bits + form.row_bits;
         Entry {
             column: field(0, form.column_bits),
             row: field(form.column_bits, form.row_bits),
-            turn: field(turns_at, form.turn_bits),
-            gain: field(turns_at + form.turn_bits, GAIN_BITS),
+            rotation: field(rotations_at, form.rotation_bits),
+            gain: field(rotations_at + form.rotation_bits, GAIN_BITS),
         }
     }
 }
 
-/// What a texture draws beside its base: codebooks and maps.
+/// What a texture draws beside its residual content: codebooks and maps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Details {
     /// Shared with other textures; kept elsewhere.
@@ -233,8 +219,39 @@ pub struct Details {
     pub form: MapForm,
     /// The least gain above none, in units of 1/65536 of the range; number n is 2^((n - 1) / 2) of it.
     pub gain_unit: u16,
-    /// For each image the entries of its blocks, level after level, each row by row.
-    pub entries: Vec<Vec<Entry>>,
+    /// For each image the entries of its blocks, packed.
+    pub maps: Vec<EntryMap>,
+}
+
+/// The entries of an image's blocks, level after level, each row by row, as a GPU reads them.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct EntryMap {
+    /// One entry after the other, the first bit lowest in the first word, and at least one word more: an entry is read
+    /// from two. Whole rows of a plane.
+    pub(crate) words: Vec<u32>,
+    /// Binary logarithm of the words in a row of the plane.
+    pub(crate) row_log2: u32,
+    /// Blocks of all levels.
+    pub(crate) blocks: usize,
+}
+
+impl EntryMap {
+    /// Packs entries.
+    #[must_use]
+    pub fn new(entries: &[Entry], form: MapForm) -> Self {
+        EntryMap::of_words(pack_entries(entries, form), entries.len())
+    }
+
+    /// From words as [`pack_entries`] gives them.
+    pub(crate) fn of_words(words: Vec<u32>, blocks: usize) -> Self {
+        let (words, WordRows { row_log2, .. }) = WordRows::padded(words);
+        EntryMap { words, row_log2, blocks }
+    }
+
+    /// All entries, unpacked.
+    pub fn entries(&self, form: MapForm) -> impl Iterator<Item = Entry> + '_ {
+        unpack_entries(&self.words, self.blocks, form)
+    }
 }
 
 impl Details {
@@ -248,11 +265,6 @@ impl Details {
     /// The least gain in units of the range.
     pub(crate) fn unit(&self) -> f32 {
         f32::from(self.gain_unit) / 65536.0
-    }
-
-    /// The words of an image's entries, and one more: an entry is read from two.
-    pub(crate) fn words(&self, surface: usize) -> Vec<u32> {
-        pack_entries(&self.entries[surface], self.form)
     }
 }
 
@@ -269,15 +281,15 @@ pub(crate) fn pack_entries(entries: &[Entry], form: MapForm) -> Vec<u32> {
 }
 
 /// The entries that [`pack_entries`] packed.
-pub(crate) fn unpack_entries(words: &[u32], count: usize, form: MapForm) -> Vec<Entry> {
+fn unpack_entries(words: &[u32], count: usize, form: MapForm) -> impl Iterator<Item = Entry> + '_ {
     let bits = form.entry_bits() as usize;
     let word = |index: usize| u64::from(words.get(index).copied().unwrap_or(0));
-    let entry = |index: usize| {
+    let entry = move |index: usize| {
         let at = index * bits;
         let wide = word(at / 32) | word(at / 32 + 1) << 32;
         Entry::unpacked((wide >> (at % 32)) as u32, form)
     };
-    (0..count).map(entry).collect()
+    (0..count).map(entry)
 }
 
 #[cfg(test)]
@@ -286,37 +298,20 @@ mod tests {
 
     #[test]
     fn entries_are_packed_and_read_again() {
-        for turn_bits in 3..=5 {
-            let form = MapForm { side_log2: 4, column_bits: 9, row_bits: 10, turn_bits };
+        for rotation_bits in 3..=5 {
+            let form = MapForm { side_log2: 4, column_bits: 9, row_bits: 10, rotation_bits };
             assert_eq!(MapForm::unpacked(form.packed()), Some(form));
             let entry = |i: u32| Entry {
                 column: i * 37 % 512,
                 row: i * 101 % 1024,
-                turn: i % (1 << turn_bits),
+                rotation: i % (1 << rotation_bits),
                 gain: i % 32,
             };
             let entries: Vec<Entry> = (0..75).map(entry).collect();
             let words = pack_entries(&entries, form);
-            assert_eq!(unpack_entries(&words, entries.len(), form), entries);
+            assert_eq!(unpack_entries(&words, entries.len(), form).collect::<Vec<_>>(), entries);
         }
         assert_eq!(MapForm::unpacked(0), None);
         assert_eq!(MapForm::unpacked(0xffff), None);
-    }
-
-    #[test]
-    fn a_codebook_grows_by_rows_and_keeps_what_it_had() {
-        let cell =
-            |seed: usize| (0..1024).map(|i| ((i * 7 + seed * 13) % 200) as f32 / 100.0 - 1.0).collect();
-        for content in [Content::Raw, Content::Bc4] {
-            let first = Codebook::of_cells(content, 64, &[cell(1), cell(2), cell(3)]).unwrap();
-            assert_eq!(first.size(), (64, 64));
-            let grown = first.grown(&Codebook::of_cells(content, 64, &[cell(4)]).unwrap()).unwrap();
-            assert_eq!(grown.size(), (64, 96));
-            assert_eq!(grown.values()[..64 * 64], *first.values());
-            assert_eq!(grown.first_rows(64).unwrap(), first);
-            assert!(grown.first_rows(128).is_none());
-            let other = Codebook::of_cells(content, 32, &[cell(4)]).unwrap();
-            assert!(first.grown(&other).is_none());
-        }
     }
 }

@@ -2,21 +2,17 @@
 
 use texfold_bc::Content;
 use texfold_core::{Effort, Goal, ParamError, Params};
+use texfold_residual::MAX_REDUCE_LOG2;
 
-/// Most halvings of the base's width and height.
-pub(crate) const MAX_REDUCE_LOG2: u32 = 3;
-
-/// Most levels that are not stored but enlarged from the one behind them.
-pub(crate) const MAX_SHRINK_LOG2: u32 = 2;
-
-/// How images are stored as a base and an error map.
+/// How images are stored as residual content with details.
 #[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
 pub struct ProgressiveParams {
     /// What to reach.
     pub goal: Goal,
     /// How the base is stored; `None` lets the goal decide.
     pub content: Option<Content>,
-    /// Halvings of the base's width and height, 1 to 3; `None` lets the goal decide.
+    /// Log2 downscale of the base's width and height, 1 to 3; `None` lets the goal decide.
     pub reduce_log2: Option<u32>,
     /// Whether a full mip chain is stored.
     pub mips: bool,
@@ -25,6 +21,36 @@ pub struct ProgressiveParams {
 }
 
 impl ProgressiveParams {
+    /// With that goal.
+    #[must_use]
+    pub fn with_goal(self, goal: Goal) -> Self {
+        ProgressiveParams { goal, ..self }
+    }
+
+    /// With a base stored like this; `None` lets the goal decide.
+    #[must_use]
+    pub fn with_content(self, content: impl Into<Option<Content>>) -> Self {
+        ProgressiveParams { content: content.into(), ..self }
+    }
+
+    /// With a base of that log2 downscale, 1 to 3; `None` lets the goal decide.
+    #[must_use]
+    pub fn with_reduce_log2(self, reduce_log2: impl Into<Option<u32>>) -> Self {
+        ProgressiveParams { reduce_log2: reduce_log2.into(), ..self }
+    }
+
+    /// With or without a full mip chain.
+    #[must_use]
+    pub fn with_mips(self, mips: bool) -> Self {
+        ProgressiveParams { mips, ..self }
+    }
+
+    /// With that effort.
+    #[must_use]
+    pub fn with_effort(self, effort: Effort) -> Self {
+        ProgressiveParams { effort, ..self }
+    }
+
     /// Whether codebooks are tried: only then does a texture depend on a public one.
     #[must_use]
     pub fn tries_codebooks(&self) -> bool {
@@ -40,7 +66,7 @@ impl Params for ProgressiveParams {
         }
         match self.reduce_log2 {
             Some(value) if !(1..=MAX_REDUCE_LOG2).contains(&value) => {
-                Err(ParamError::new("reduce_log2", value, "1..=3"))
+                Err(ParamError { field: "reduce_log2", value: value.into(), range: "1..=3" })
             }
             _ => Ok(()),
         }

@@ -4,9 +4,11 @@ use glam::{Vec2, Vec3};
 use texfold_core::image::{ColorSpace, PixelInfo, Raster};
 use texfold_core::{SurfaceSize, Texel};
 
+use texfold_residual::{BLOCK_SIDE, blocks_of};
+
 use crate::codebook::{Codebook, Details, Entry, MOST_GAIN};
-use crate::decode::texfold_progressive_turn;
-use crate::encoded::{BLOCK_SIDE, ProgressiveTexture, blocks_of};
+use crate::decode::texfold_progressive_rotation;
+use crate::encoded::ProgressiveTexture;
 
 /// Gray of what is read once; black is not read at all.
 const DARKEST: f32 = 0.2;
@@ -46,20 +48,24 @@ pub fn pictures(texture: &ProgressiveTexture) -> Option<PartPictures> {
     let surfaces = &texture.stored().surfaces;
     for (surface, &size) in surfaces.iter().enumerate() {
         let view = texture.view(surface as u32);
-        let [width, height] = view.params.base_size;
-        parts.bases.push(Raster::from_texels(width, height, texture.stored().pixel, &view.base[0]).ok()?);
+        let [width, height] = view.residual.params.base_size;
+        parts
+            .bases
+            .push(Raster::from_texels(width, height, texture.stored().pixel, &view.residual.base[0]).ok()?);
         if !texture.classes(surface as u32).is_empty() {
             parts.bits.push(draw_bits(texture, surface as u32, size)?);
         }
     }
     let Some(details) = texture.details() else { return Some(parts) };
-    for (&size, entries) in surfaces.iter().zip(&details.entries) {
+    let entries: Vec<Vec<Entry>> =
+        details.maps.iter().map(|map| map.entries(details.form).collect()).collect();
+    for (&size, entries) in surfaces.iter().zip(&entries) {
         parts.sources.push(draw_sources(details, entries, size)?);
     }
     for (private, book) in [(false, &details.public), (true, &details.private)] {
         let Some(book) = book else { continue };
         parts.codebooks.push(draw_codebook(book)?);
-        let sizes = surfaces.iter().copied().zip(&details.entries);
+        let sizes = surfaces.iter().copied().zip(&entries);
         let counts = count_reads(details, private, book.size(), sizes);
         parts.usage.push(draw_usage(book.size(), &counts)?);
     }
@@ -84,7 +90,8 @@ fn heat(value: f32) -> Vec3 {
 
 fn draw_bits(texture: &ProgressiveTexture, surface: u32, size: SurfaceSize) -> Option<Raster> {
     let (columns, rows) = blocks_of(size);
-    let classes = texture.classes(surface).get(..(columns * rows) as usize)?;
+    let classes = texture.classes(surface);
+    let classes = classes.get(..(columns * rows) as usize)?;
     let most = classes.iter().copied().max().unwrap_or(0).max(1);
     let class = |x: u32, y: u32| classes[(y / BLOCK_SIDE * columns + x / BLOCK_SIDE) as usize];
     draw(size, |x, y| heat(f32::from(class(x, y)) / f32::from(most)))
@@ -126,7 +133,7 @@ fn count_reads<'e>(
         let blocks = size.width.div_ceil(side) as usize * size.height.div_ceil(side) as usize;
         let shown = |entry: &&Entry| entry.gain & MOST_GAIN > 0 && (entry.row >= public_rows) == private;
         for entry in entries.iter().take(blocks).filter(shown) {
-            let turn = texfold_progressive_turn(entry.turn, form.turn_bits);
+            let turn = texfold_progressive_rotation(entry.rotation, form.rotation_bits);
             let centre = Vec2::new(entry.column as f32, (entry.row - first) as f32);
             for (x, y) in (0..side * side).map(|i| (i % side, i / side)) {
                 let away = Vec2::new(x as f32, y as f32) + Vec2::splat(0.5 - 0.5 * side as f32);
@@ -173,7 +180,7 @@ mod tests {
         assert_eq!(sizes(&parts.bases), [(side, side)]);
         let classes = texture.classes(0);
         let most = classes.iter().copied().max().unwrap();
-        for (block, &class) in (0..).zip(classes) {
+        for (block, class) in (0..).zip(classes.clone()) {
             let texel = parts.bits[0].texel(block % 32 * 8 + 5, block / 32 * 8 + 2);
             let heat = texel.x + texel.y + texel.z;
             assert!((heat - 3.0 * f32::from(class) / f32::from(most)).abs() < 1e-5, "{block}");
@@ -189,15 +196,15 @@ mod tests {
                 (0..2 * rows).map(|n| (0..1024).map(|i| value(n, i)).collect()).collect();
             Codebook::of_cells(texfold_bc::Content::Raw, 64, &cells).unwrap()
         };
-        let form = crate::MapForm { side_log2: 3, column_bits: 6, row_bits: 7, turn_bits: 5 };
-        let entry = |i: u32| Entry { column: 8 + i, row: 8 + 16 * i, turn: 5 * i, gain: i % 3 };
+        let form = crate::MapForm { side_log2: 3, column_bits: 6, row_bits: 7, rotation_bits: 5 };
+        let entry = |i: u32| Entry { column: 8 + i, row: 8 + 16 * i, rotation: 5 * i, gain: i % 3 };
         let entries: Vec<Entry> = (0..6).map(entry).collect();
         let details = Details {
             public: Some(std::sync::Arc::new(book(1, 0))),
             private: Some(std::sync::Arc::new(book(2, 5))),
             form,
             gain_unit: 9,
-            entries: vec![entries.clone()],
+            maps: vec![crate::codebook::EntryMap::new(&entries, form)],
         };
         let size = SurfaceSize { width: 24, height: 16 };
         let reads = |private, (width, height)| {

@@ -11,7 +11,7 @@ use texfold_core::{
     Budget, Domain, Effort, EncodeError, Encoded, Encoder, Goal, Image2d, ImageAddress, Job, Layers, Rect,
     Refine, SharedSearch, SurfaceSize, Texel, TextureCodec,
 };
-use texfold_progressive::{AROUND, Progressive, ProgressiveParams, ProgressiveTexture, Shared};
+use texfold_progressive::{APRON, Progressive, ProgressiveParams, ProgressiveTexture, Shared};
 
 fn picture(name: &str) -> ImageSet {
     ImageSet::single(texfold_testkit::picture(name))
@@ -22,7 +22,7 @@ fn encode(set: &ImageSet, params: &ProgressiveParams) -> ProgressiveTexture {
 }
 
 fn fast(goal: Goal) -> ProgressiveParams {
-    ProgressiveParams { goal, effort: Effort::Fast, ..ProgressiveParams::default() }
+    ProgressiveParams::default().with_goal(goal).with_effort(Effort::Fast)
 }
 
 fn bytes(texture: &ProgressiveTexture) -> Vec<u8> {
@@ -80,7 +80,7 @@ fn goals_are_met_and_little_more() {
 fn more_effort_is_no_worse() {
     let set = picture("terrain");
     let psnr = |effort| {
-        let params = ProgressiveParams { goal: Goal::Bpp(2.0), effort, ..ProgressiveParams::default() };
+        let params = ProgressiveParams::default().with_goal(Goal::Bpp(2.0)).with_effort(effort);
         measure(&set, &encode(&set, &params)).psnr
     };
     let (fast, normal) = (psnr(Effort::Fast), psnr(Effort::Normal));
@@ -90,7 +90,7 @@ fn more_effort_is_no_worse() {
 #[test]
 fn every_level_is_as_good_as_the_goal_asks() {
     let set = picture("terrain");
-    let params = ProgressiveParams { mips: true, ..fast(Goal::Psnr(36.0)) };
+    let params = fast(Goal::Psnr(36.0)).with_mips(true);
     let texture = encode(&set, &params);
     let levels = set.full_levels();
     assert_eq!(texture.layout().levels, levels);
@@ -110,10 +110,10 @@ fn every_level_is_as_good_as_the_goal_asks() {
 #[test]
 fn a_prefix_is_the_enlarged_base_and_takes_the_errors_as_they_arrive() {
     let set = picture("terrain");
-    let texture = encode(&set, &ProgressiveParams { mips: true, ..fast(Goal::Psnr(36.0)) });
+    let texture = encode(&set, &fast(Goal::Psnr(36.0)).with_mips(true));
     let file = bytes(&texture);
     let has_base = |length: &usize| {
-        Sections::parse(&file[..*length], &mut Budget::default()).is_ok_and(|part| part.has(*b"PRBA"))
+        Sections::parse(&file[..*length], &mut Budget::default()).is_ok_and(|part| part.has(*b"RSB0"))
     };
     let end = (0..file.len()).find(has_base).unwrap();
     let mut budget = Budget::default();
@@ -128,7 +128,7 @@ fn a_prefix_is_the_enlarged_base_and_takes_the_errors_as_they_arrive() {
     assert!((noted - psnr).abs() < 1e-3, "{noted} {psnr}");
     assert!(loaded.refine(&part, &mut budget).unwrap().is_empty());
     let whole = Sections::parse(&file, &mut budget).unwrap();
-    assert_eq!(loaded.refine(&whole, &mut budget).unwrap(), ["error map", "uniforms"]);
+    assert_eq!(loaded.refine(&whole, &mut budget).unwrap(), ["residual plane", "uniforms"]);
     assert_eq!(loaded, texture);
     assert!(loaded.refine(&whole, &mut budget).unwrap().is_empty());
 }
@@ -144,14 +144,14 @@ fn every_kind_of_pixel_is_stored() {
         let texture = encode(&set, &fast(Goal::Psnr(30.0)));
         let found = measure(&set, &texture);
         assert!(found.psnr >= 30.0, "{channels} channels: {found:?}");
-        assert!(texture.base().content().fits(set.info()));
+        assert!(texture.base_content().fits(set.info()));
     }
     let normals = picture("normal_map");
     let raster = normals.images()[0].clone().tagged(ColorSpace::Normal, normals.info().alpha);
     let set = ImageSet::single(raster);
     assert!(measure(&set, &encode(&set, &fast(Goal::Psnr(28.0)))).psnr >= 28.0);
     // Normals of two channels would be rebuilt before errors are added.
-    let params = ProgressiveParams { content: Some(Content::Bc5), ..fast(Goal::Psnr(34.0)) };
+    let params = fast(Goal::Psnr(34.0)).with_content(Content::Bc5);
     let refused = Progressive::encode(&set, &params, &mut Job::default());
     assert!(matches!(refused, Err(EncodeError::Params(_))), "{refused:?}");
 }
@@ -161,13 +161,9 @@ fn the_base_is_stored_as_asked() {
     let set = picture("terrain");
     for content in [Content::Raw, Content::Bc1, Content::Bc7] {
         for reduce_log2 in 1..=3 {
-            let params = ProgressiveParams {
-                content: Some(content),
-                reduce_log2: Some(reduce_log2),
-                ..fast(Goal::Psnr(34.0))
-            };
+            let params = fast(Goal::Psnr(34.0)).with_content(content).with_reduce_log2(reduce_log2);
             let texture = encode(&set, &params);
-            assert_eq!((texture.base().content(), texture.reduce_log2()), (content, reduce_log2));
+            assert_eq!((texture.base_content(), texture.reduce_log2()), (content, reduce_log2));
             assert!(measure(&set, &texture).psnr >= 34.0, "{content:?} {reduce_log2}");
         }
     }
@@ -245,7 +241,7 @@ fn what_recurs_is_shown_from_a_codebook() {
     let set = strokes(0, 1);
     let goal = Goal::Bpp(0.6);
     let plain = encode(&set, &fast(goal));
-    let texture = encode(&set, &ProgressiveParams { goal, ..ProgressiveParams::default() });
+    let texture = encode(&set, &ProgressiveParams::default().with_goal(goal));
     assert!(plain.details().is_none() && texture.details().is_some());
     let (without, with) = (measure(&set, &plain), measure(&set, &texture));
     assert!(with.bpp <= 0.6 && with.psnr > without.psnr + 1.0, "{with:?} {without:?}");
@@ -265,8 +261,8 @@ fn what_recurs_is_shown_from_a_codebook() {
 
 #[test]
 fn a_public_codebook_grows_and_earlier_images_stay_as_they_are() {
-    let params = ProgressiveParams { goal: Goal::Bpp(0.5), ..ProgressiveParams::default() };
-    let mut shared = Shared { public: None, most_rows: 128, around: None };
+    let params = ProgressiveParams::default().with_goal(Goal::Bpp(0.5));
+    let mut shared = Shared { public: None, most_rows: 128, apron: None };
     let (mut made, mut rows) = (Vec::new(), Vec::new());
     for seed in [0, 0, 1] {
         let set = strokes(seed, 12);
@@ -310,17 +306,17 @@ fn columns(picture: &Raster, (left, right): (i32, i32), rows: (i32, i32)) -> Ras
 fn no_step_is_seen_between_tiles_whose_bases_go_on_beyond_their_borders() {
     let picture = texfold_testkit::picture("terrain");
     let (width, height) = (picture.size().width as i32, picture.size().height as i32);
-    let (half, more) = (width / 2, AROUND as i32);
+    let (half, more) = (width / 2, APRON as i32);
     // At a tenth of a bit a smaller image is enlarged.
     for (mips, goal) in [(false, Goal::Psnr(24.0)), (true, Goal::Psnr(24.0)), (false, Goal::Bpp(0.1))] {
-        let params = ProgressiveParams { mips, ..fast(goal) };
+        let params = fast(goal).with_mips(mips);
         let enlarged = matches!(goal, Goal::Bpp(_));
         // Mean steps at the border of two tiles, and within them at borders of blocks, for levels 0 and 1.
         let steps = |goes_on: bool| {
             let tiles = [(0, half), (half, width)].map(|(left, right)| {
                 let set = ImageSet::single(columns(&picture, (left, right), (0, height)));
                 let around = columns(&picture, (left - more, right + more), (-more, height + more));
-                let shared = Shared { around: goes_on.then_some(around), ..Shared::default() };
+                let shared = Shared { apron: goes_on.then_some(around), ..Shared::default() };
                 let made = Progressive::encode_shared(&set, &params, &shared, &mut Job::default()).unwrap();
                 let (file, mut budget) = (bytes(&made), Budget::default());
                 let loaded = Progressive::load(&Sections::parse(&file, &mut budget).unwrap(), &mut budget);
@@ -364,12 +360,12 @@ fn no_step_is_seen_between_tiles_whose_bases_go_on_beyond_their_borders() {
 #[test]
 fn one_search_serves_goals_of_every_kind() {
     let set = ImageSet::single(texfold_testkit::picture("terrain"));
-    let params = ProgressiveParams { goal: Goal::Bpp(0.6), ..ProgressiveParams::default() };
+    let params = ProgressiveParams::default().with_goal(Goal::Bpp(0.6));
     let search = Progressive::search(&set, &params, &mut Job::default()).unwrap();
     // With room for codebooks of several sizes, and without; the last goal asks again for the bases of the first.
     for goal in [Goal::Bpp(0.45), Goal::Psnr(36.0), Goal::Tolerance(9.0), Goal::Bpp(0.6)] {
         let found = Progressive::encode_from(&search, goal, &mut Job::default()).unwrap();
-        let alone = encode(&set, &ProgressiveParams { goal, ..params.clone() });
+        let alone = encode(&set, &params.clone().with_goal(goal));
         assert!(bytes(&found) == bytes(&alone), "{goal:?}");
     }
 }
@@ -399,7 +395,7 @@ fn few_bits_of_an_image_with_alpha_show_its_colours_hidden_ones_too() {
 #[test]
 fn few_bits_are_spent_on_a_smaller_image_that_is_enlarged() {
     let set = picture("terrain");
-    let params = ProgressiveParams { mips: true, ..fast(Goal::Bpp(0.2)) };
+    let params = fast(Goal::Bpp(0.2)).with_mips(true);
     let texture = encode(&set, &params);
     assert!(texture.shrink_log2() > 0, "{}", texture.notes().verdict);
     let loaded = {
@@ -445,11 +441,11 @@ fn a_quarter_of_a_bit_is_better_than_bc1_of_a_quarter_of_the_size() {
 #[test]
 fn a_coarse_quality_is_met_by_an_enlarged_image_where_that_takes_fewer_bits() {
     let set = picture("terrain");
-    let goal = |goal| ProgressiveParams { goal, ..ProgressiveParams::default() };
+    let goal = |goal| ProgressiveParams::default().with_goal(goal);
     let texture = encode(&set, &goal(Goal::Psnr(24.0)));
     let found = measure(&set, &texture);
     assert!(texture.shrink_log2() > 0 && (24.0..24.3).contains(&found.psnr), "{found:?}");
-    let whole = encode(&set, &ProgressiveParams { reduce_log2: Some(3), ..goal(Goal::Psnr(24.0)) });
+    let whole = encode(&set, &goal(Goal::Psnr(24.0)).with_reduce_log2(3));
     assert!(found.bpp < measure(&set, &whole).bpp, "{found:?}");
 }
 

@@ -277,7 +277,7 @@ fn a_forged_model_is_refused_or_harmless() {
     let open = |forged: &[u8]| open_image(forged, &mut Budget::new(LIMITS));
     // Content that there is not, halvings, bits of the first class, and bits of classes beyond what a file may have.
     for (at, value) in [(0, 12), (1, 0), (1, 4), (2, 3), (2, 255), (17, 1), (21, 6), (24, 1)] {
-        let forged = rewritten(&bytes, *b"PRFM", |raw| raw[at] = value).unwrap();
+        let forged = rewritten(&bytes, *b"RSF0", |raw| raw[at] = value).unwrap();
         assert!(matches!(open(&forged), Err(LoadError::Corrupt { .. })), "byte {at} is {value}");
     }
     // No error map where there is one, and the other way round.
@@ -285,23 +285,23 @@ fn a_forged_model_is_refused_or_harmless() {
         raw[2] = 0;
         raw[17..].fill(0);
     };
-    assert!(matches!(open(&rewritten(&bytes, *b"PRFM", none).unwrap()), Err(LoadError::Corrupt { .. })));
+    assert!(matches!(open(&rewritten(&bytes, *b"RSF0", none).unwrap()), Err(LoadError::Corrupt { .. })));
     // Any weights, any scales and any bits are some texture.
     let weights = |raw: &mut Vec<u8>| raw[3..17].fill(0xff);
-    exercise(open(&rewritten(&bytes, *b"PRFM", weights).unwrap()).unwrap().as_encoded());
+    exercise(open(&rewritten(&bytes, *b"RSF0", weights).unwrap()).unwrap().as_encoded());
     let bits = |raw: &mut Vec<u8>| {
         let half = raw.len() / 2;
         raw[half..].fill(0xff);
     };
-    exercise(open(&rewritten(&bytes, *b"PREM", bits).unwrap()).unwrap().as_encoded());
+    exercise(open(&rewritten(&bytes, *b"RSP0", bits).unwrap()).unwrap().as_encoded());
     // Bits that are too few or too many, and a class that the model has not.
     for change in [|raw: &mut Vec<u8>| raw.push(0), |raw: &mut Vec<u8>| _ = raw.pop()] {
-        for id in [*b"PREM", *b"PRBA", *b"PRFM"] {
+        for id in [*b"RSP0", *b"RSB0", *b"RSF0"] {
             assert!(open(&rewritten(&bytes, id, change).unwrap()).is_err(), "{id:?}");
         }
     }
     let classes = |raw: &mut Vec<u8>| raw[..4].fill(0xff);
-    assert!(open(&rewritten(&bytes, *b"PREM", classes).unwrap()).is_err());
+    assert!(open(&rewritten(&bytes, *b"RSP0", classes).unwrap()).is_err());
 }
 
 #[test]

@@ -61,7 +61,7 @@ fn encoding_does_not_depend_on_the_number_of_threads() {
     };
     assert!(factored(1) == factored(3), "epitome");
     for goal in [Goal::Psnr(36.0), Goal::Bpp(3.0), Goal::Tolerance(8.0)] {
-        let params = ProgressiveParams { goal, mips: true, ..ProgressiveParams::default() };
+        let params = ProgressiveParams::default().with_goal(goal).with_mips(true);
         let coded = |threads: usize| {
             let pool = rayon_pool(threads);
             let mut job = Job::default().with_pool(&pool);

@@ -1,8 +1,8 @@
 // Texels that are blended.
 const TEXFOLD_EPITOME_TAPS: u32 = 4u;
 
-// Four texels around `place` (in texels of level 0) of level `level` of an epitome, blended. The last epitome has an error
-// map: module progressive reads it.
+// Four texels around `place` (in texels of level 0) of level `level` of an epitome, blended. The last epitome is residual
+// content, which residual.wgsl reads.
 fn texfold_epitome_read(plane: u32, place: vec2<f32>, level: u32) -> vec4<f32> {
     let mixed = texfold_epitome_params.mixed == 1u;
     let plain = mixed & (plane == 0u);
@@ -23,7 +23,7 @@ fn texfold_epitome_read(plane: u32, place: vec2<f32>, level: u32) -> vec4<f32> {
     var texels = array<vec4<f32>, 4>();
     for (var tap = 0u; tap < min(4u, TEXFOLD_EPITOME_TAPS); tap += 1u) {
         let corners = vec2<bool>((tap & 1u) == 1u, tap >= 2u);
-        texels[tap] = texfold_progressive_load(vec2<i32>(select(low, high, corners)), level);
+        texels[tap] = texfold_residual_load(vec2<i32>(select(low, high, corners)), level);
     }
     return texfold_bilinear(texels, at - corner);
 }

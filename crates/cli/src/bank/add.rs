@@ -283,7 +283,7 @@ impl Making<'_> {
         let around = cut.around()?;
         let set = ImageSet::single(without_plain_alpha(cut.tile));
         let around = around.map(|around| around.with_channels(set.info().channels));
-        let shared = Shared { public: grown.book.clone(), most_rows: MOST_ROWS, around };
+        let shared = Shared { public: grown.book.clone(), most_rows: MOST_ROWS, apron: around };
         let mut progress = |stage| share.report(stage);
         let mut job = Job::new(Limits::default()).with_progress(&mut progress);
         let texture = Progressive::encode_shared(&set, &task.params(), &shared, &mut job)
@@ -404,7 +404,7 @@ fn blocks(texture: &ProgressiveTexture) -> [u64; 3] {
     let Some(details) = texture.details() else { return [0; 3] };
     let public_rows = details.public.as_ref().map_or(0, |book| book.size().1);
     let mut counts = [0; 3];
-    for entry in details.entries.iter().flatten() {
+    for entry in details.maps.iter().flat_map(|map| map.entries(details.form)) {
         counts[2] += 1;
         if entry.gain % 16 > 0 {
             counts[usize::from(entry.row >= public_rows)] += 1;

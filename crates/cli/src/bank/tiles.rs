@@ -4,7 +4,7 @@ use std::path::Path;
 
 use texfold_core::image::Raster;
 use texfold_core::{SurfaceSize, Texel};
-use texfold_progressive::AROUND;
+use texfold_progressive::APRON;
 
 use crate::error::CliError;
 use crate::input::{
@@ -19,7 +19,7 @@ pub(crate) const TILE: u32 = 1024;
 /// along, and is seen beside one that is coded otherwise.
 const LEAST: u32 = TILE / 4;
 /// Most rows that are held at a time.
-pub(crate) const MOST_ROWS: u32 = TILE + LEAST + 2 * AROUND;
+pub(crate) const MOST_ROWS: u32 = TILE + LEAST + 2 * APRON;
 
 /// A tile of an image.
 pub(crate) struct Cut<'b> {
@@ -33,17 +33,17 @@ pub(crate) struct Cut<'b> {
 }
 
 impl Cut<'_> {
-    /// The tile with [`AROUND`] texels on each side; beyond the image those of its edge. `None` of an image in one tile.
+    /// The tile with [`APRON`] texels on each side; beyond the image those of its edge. `None` of an image in one tile.
     pub(crate) fn around(&self) -> Result<Option<Raster>, CliError> {
         let (size, (band, top)) = (self.tile.size(), self.band);
         if size == self.image {
             return Ok(None);
         }
-        let first = self.place.0.saturating_sub(AROUND);
-        let end = (self.place.0 + size.width + AROUND).min(self.image.width);
+        let first = self.place.0.saturating_sub(APRON);
+        let end = (self.place.0 + size.width + APRON).min(self.image.width);
         let texels = band.cut(first, end - first)?;
-        let (width, height) = (size.width + 2 * AROUND, size.height + 2 * AROUND);
-        let clamped = |at: u32, start: u32, count: u32| (at + start).saturating_sub(AROUND).min(count - 1);
+        let (width, height) = (size.width + 2 * APRON, size.height + 2 * APRON);
+        let clamped = |at: u32, start: u32, count: u32| (at + start).saturating_sub(APRON).min(count - 1);
         let texel = |i: u32| {
             let x = clamped(i % width, self.place.0 - first, end - first);
             texels.texel(x, clamped(i / width, top, band.rows()))
@@ -78,7 +78,7 @@ pub(crate) fn each(
     let mut held: Option<Band> = None;
     let mut read = 0;
     for (top, height) in cuts(size.height) {
-        let (first, end) = (top.saturating_sub(AROUND), (top + height + AROUND).min(size.height));
+        let (first, end) = (top.saturating_sub(APRON), (top + height + APRON).min(size.height));
         let band = match held.take() {
             Some(held) => held.followed(read - first, bands.next(end - read)?)?,
             None => bands.next(end)?,
@@ -127,7 +127,7 @@ mod tests {
                 let ((left, top), around) = (cut.place, cut.around()?.unwrap());
                 places.push(cut.place);
                 let source =
-                    |at: u32, start: u32, count: u32| (start + at).saturating_sub(AROUND).min(count - 1);
+                    |at: u32, start: u32, count: u32| (start + at).saturating_sub(APRON).min(count - 1);
                 let SurfaceSize { width: across, height: down } = around.size();
                 let wanted =
                     |x: u32, y: u32| f32::from(value(source(x, left, width), source(y, top, height)));
@@ -137,8 +137,8 @@ mod tests {
                 };
                 assert!((0..across * down).all(equal), "{extension} at {left} {top}");
                 let own = |i: u32| {
-                    let (x, y) = (i % (across - 2 * AROUND), i / (across - 2 * AROUND));
-                    cut.tile.texel(x, y) == around.texel(x + AROUND, y + AROUND)
+                    let (x, y) = (i % (across - 2 * APRON), i / (across - 2 * APRON));
+                    cut.tile.texel(x, y) == around.texel(x + APRON, y + APRON)
                 };
                 assert!((0..cut.tile.size().texels() as u32).all(own), "{extension} at {left} {top}");
                 Ok(())

@@ -320,7 +320,7 @@ fn a_base_with_errors_is_compressed_told_and_decoded() {
     let run = place.run("info out/a.txf --json");
     let info: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
     let part = |name: &str| info["parts"].as_array().unwrap().iter().find(|part| part["name"] == name);
-    assert!(part("base").is_some() && part("error map").unwrap()["psnr_without"].as_f64() < Some(30.0));
+    assert!(part("base").is_some() && part("residual plane").unwrap()["psnr_without"].as_f64() < Some(30.0));
     for (options, folder) in [("", "whole"), ("--layers 1", "base"), ("--lod 3", "small")] {
         let run = place.run(&format!("decompress out/a.txf --out {folder} {options}"));
         assert_eq!(run.code, Some(0), "{}", run.stderr);

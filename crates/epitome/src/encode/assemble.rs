@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::image::{ImageSet, MipFilter, Raster, mip_chain};
-use texfold_core::{Effort, EncodeError, Notes, SourceError};
-use texfold_progressive::ProgressiveTexture;
+use texfold_core::{CancelCheck, Effort, EncodeError, Notes, SourceError};
+use texfold_residual::ResidualContent;
 
 use super::candidate::{Candidate, FRACTION_BITS};
 use super::choose::{Choice, Options};
@@ -272,7 +272,7 @@ fn with_errors(
     packing: &Packing,
     choices: &[Choice],
     (format, mips, lambda): (usize, bool, f32),
-) -> Option<ProgressiveTexture> {
+) -> Option<ResidualContent> {
     let stored = &plan.space.stored[format];
     let (columns, rows) = packing.sizes[format];
     let (width, height) = (columns * stored.cell, rows * stored.cell);
@@ -281,7 +281,7 @@ fn with_errors(
     let image = Raster::from_texels(width, height, plan.space.pixel, &texels).ok()?;
     let levels = if mips { 1 + PLANE_MIPS } else { 1 };
     let chain = if mips { mip_chain(&image, levels, MipFilter::Box) } else { vec![image] };
-    stored.form.as_ref()?.encode(&chain, lambda, &weights, plan.effort)
+    stored.form.as_ref()?.encode(&chain, lambda, &weights, plan.effort, CancelCheck::default()).ok()
 }
 
 fn encode_level(plan: &Plan<'_>, content: Content, level: &Raster) -> ContentPlanes {

@@ -7,9 +7,10 @@ use glam::Vec4;
 use rayon::prelude::*;
 use texfold_bc::{Bc1Blocks, Content, ContentPlanes};
 use texfold_core::image::{ImageSet, PixelInfo, Raster};
-use texfold_core::{Domain, Effort, Encoded, Image2d, SurfaceSize, Texel};
+use texfold_core::{CancelCheck, Domain, Effort, Image2d, SurfaceSize, Texel};
 use texfold_match::Field;
-use texfold_progressive::{BLOCK_SIDE, PlaneForm, ProgressiveTexture};
+use texfold_residual::encode::PlaneForm;
+use texfold_residual::{BLOCK_SIDE, ResidualContent};
 
 /// Bytes of a BC1 block.
 const BC1_BYTES: u32 = 8;
@@ -169,11 +170,12 @@ impl Space {
             self.pyramids.iter().map(|pyramid| pyramid.rasters(self.pixel)).collect::<Option<_>>()?;
         let largest =
             rasters.iter().flat_map(|scales| scales.first()).max_by_key(|raster| raster.size().texels())?;
-        let form = PlaneForm::suited(largest, lambda, Effort::Fast)?;
+        let form = PlaneForm::suited(largest, lambda, Effort::Fast, CancelCheck::default()).ok()??;
         let encode = |(raster, scale): (&Raster, &Scale)| {
-            form.encode(std::slice::from_ref(raster), lambda / scale.weight(), &[], Effort::Fast)
+            let (levels, lambda) = (std::slice::from_ref(raster), lambda / scale.weight());
+            form.encode(levels, lambda, &[], Effort::Fast, CancelCheck::default()).ok()
         };
-        let textures: Vec<Vec<ProgressiveTexture>> = rasters
+        let textures: Vec<Vec<ResidualContent>> = rasters
             .par_iter()
             .map(|scales| scales.par_iter().zip(&SCALES).map(encode).collect::<Option<_>>())
             .collect::<Option<_>>()?;
@@ -183,7 +185,7 @@ impl Space {
         let mut decoded = Vec::new();
         for texture in textures.iter().flatten() {
             let blocks = texture.layout().surfaces.iter().map(|size| blocks_of(*size)).sum();
-            let mut classes = texture.classes(0).to_vec();
+            let mut classes = texture.classes(0);
             classes.resize(blocks, 0);
             shares.extend(classes.iter().map(|&class| form.block_bits(largest, class) / cell_bits));
         }
@@ -310,10 +312,10 @@ fn field((width, height): (u32, u32), texels: Vec<Texel>) -> Field {
 }
 
 /// The whole of a texture of one image, level 0.
-fn decode_level(texture: &ProgressiveTexture) -> Option<Field> {
+fn decode_level(texture: &ResidualContent) -> Option<Field> {
     let rect = texture.layout().whole(0, 0)?;
     let mut texels = vec![Texel::ZERO; Image2d::len(rect)];
-    texture.decode(rect, &mut texels).ok()?;
+    texture.decode(rect, &mut texels);
     Some(field((rect.width, rect.height), texels))
 }
 

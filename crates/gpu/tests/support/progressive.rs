@@ -137,11 +137,11 @@ pub(crate) fn progressive(base: &Base) -> Subject {
         }
         maps.extend(rng.bytes(2 * halves as usize));
     }
-    out.section("container", *b"PRFM", &form);
-    out.section("base", *b"PRBA", &planes);
+    out.section("container", *b"RSF0", &form);
+    out.section("base", *b"RSB0", &planes);
     let public = books.map(|books| store_books(books, &surfaces, levels, &mut rng, &mut out));
     if class_bits > 0 {
-        out.section("error map", *b"PREM", &maps);
+        out.section("residual plane", *b"RSP0", &maps);
     }
     if let Some(public) = public {
         let bytes = out.finish().bytes;

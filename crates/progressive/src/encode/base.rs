@@ -1,26 +1,21 @@
 //! Bases, what images lack in them, and the texture that both make.
 
-use texfold_bc::{Content, ContentPlanes};
+use std::ops::Range;
+
+use texfold_bc::Content;
 use texfold_core::image::{ImageSet, MipFilter, PixelInfo, Raster, mip_chain};
 use texfold_core::metric::SquaredError;
 use texfold_core::sample::TEXFOLD_NORMAL;
 use texfold_core::target::Measured;
 use texfold_core::{
-    Effort, EncodeError, Encoded, Goal, ImageLayout, Notes, ParamError, SourceError, SurfaceSize, Texel,
+    CancelCheck, Effort, EncodeError, Encoded, Goal, Notes, ParamError, Rect, SurfaceSize, Texel,
 };
+use texfold_residual::encode::{Coder, Residuals, TOO_LARGE, bases, decode_strips};
+use texfold_residual::{BaseForm, MAX_REDUCE_LOG2};
 
-use super::around::Surrounded;
-use super::coder::Coder;
-use super::details::{Lack, Stock, find};
-use super::error::{Block, blocks};
+use super::details::{Candidates, Lack, find};
 use super::frame::Frame;
-use crate::encoded::{ERROR_PART, ErrorMap, MARGIN, PUBLIC_PART, Parts, base_levels, map_words};
-use crate::params::MAX_REDUCE_LOG2;
-use crate::rates::Model;
 use crate::{ProgressiveParams, ProgressiveTexture, Shared};
-
-/// Bits of the plane that stands for an error map where there is none.
-const EMPTY_MAP_BITS: u64 = 32;
 
 /// How a base is stored, and how small it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,8 +24,6 @@ pub(crate) struct Kind {
     pub(crate) reduce_log2: u32,
     /// Binary logarithm of the side of the blocks that show a codebook; `None` where none does.
     pub(crate) side_log2: Option<u32>,
-    /// Whether the base is blended within blocks alone.
-    pub(crate) apart: bool,
 }
 
 impl Kind {
@@ -127,7 +120,7 @@ pub(crate) fn kinds(pixel: PixelInfo, params: &ProgressiveParams) -> Result<Vec<
         // Normals in two channels are rebuilt behind the filter: errors in them would be of another kind.
         .filter(|&(content, _)| content.fits(pixel) && content.formats(pixel).1.0 != TEXFOLD_NORMAL)
         .filter(|&(_, reduce_log2)| wanted(reduce_log2))
-        .map(|(content, reduce_log2)| Kind { content, reduce_log2, side_log2: None, apart: false })
+        .map(|(content, reduce_log2)| Kind { content, reduce_log2, side_log2: None })
         .collect();
     let with_codebooks: Vec<Kind> = list
         .iter()
@@ -144,18 +137,6 @@ pub(crate) fn kinds(pixel: PixelInfo, params: &ProgressiveParams) -> Result<Vec<
         return Err(ParamError::new("channels", pixel.channels, range));
     }
     Ok(list)
-}
-
-/// The bases that are tried for planes of other codecs.
-pub(crate) fn plane_kinds(pixel: PixelInfo) -> Vec<Kind> {
-    let usual: &[(Content, u32)] = match pixel.channels {
-        1 => &[(Content::Bc4, 2), (Content::Bc4, 3)],
-        3 => &[(Content::Bc1, 2), (Content::Bc1, 3), (Content::Bc7, 3), (Content::Bc7, 2)],
-        _ => &[],
-    };
-    let kind = |&(content, reduce_log2)| Kind { content, reduce_log2, side_log2: None, apart: true };
-    let kinds = usual.iter().map(kind);
-    kinds.filter(|kind| kind.content.formats(pixel).1.0 != TEXFOLD_NORMAL).collect()
 }
 
 /// The levels of each image that are stored.
@@ -179,70 +160,59 @@ pub(crate) struct Ground {
 struct Books {
     side_log2: u32,
     lacks: Vec<Vec<Lack>>,
-    stock: Stock,
+    candidates: Candidates,
 }
 
 impl Ground {
-    /// `None` where no plane can hold it.
-    pub(crate) fn new(frame: &Frame, kind: Kind, (effort, shared): (Effort, &Shared)) -> Option<Ground> {
-        let layout = frame.stored();
-        let chains = &frame.chains;
-        let around = frame.around.as_ref().filter(|around| goes_on(around.inner(), kind));
-        let margin = if around.is_some() { MARGIN } else { 0 };
-        let bases = match around {
-            Some(around) => {
-                let around = around.within(MARGIN << kind.reduce_log2);
-                let levels = mip_chain(&around.raster, layout.levels, MipFilter::Box);
-                vec![reduced(&around, &levels, kind, &layout, effort)]
-            }
-            None => {
-                let planes = |chain: &Vec<Raster>| {
-                    reduced(&Surrounded::alone(chain[0].clone()), chain, kind, &layout, effort)
-                };
-                chains.iter().map(planes).collect()
-            }
-        };
-        let parts = Parts {
-            layout: frame.full.clone(),
+    pub(crate) fn new(
+        frame: &Frame,
+        kind: Kind,
+        effort: Effort,
+        shared: &Shared,
+        check: CancelCheck<'_>,
+    ) -> Result<Ground, EncodeError> {
+        let padded = frame.around.as_ref().filter(|around| may_be_padded(around.inner(), kind));
+        let form = BaseForm {
             shrink_log2: frame.shrink_log2,
-            stored: layout,
-            reduce_log2: kind.reduce_log2,
-            apart: kind.apart,
-            margin,
-            model: Model::default(),
-            bases,
-            details: None,
-            maps: Vec::new(),
+            padded: padded.is_some(),
+            ..BaseForm::new(kind.content, kind.reduce_log2)
         };
-        let plain = ProgressiveTexture::new(parts, Notes::default())?;
+        let content = bases(&frame.full, form, &frame.chains, padded, effort, check)?;
+        let plain = ProgressiveTexture::new(frame.full.clone(), content, None, Notes::default());
         let books = match kind.side_log2 {
-            Some(side_log2) => Some(Books::new(&plain, chains, side_log2, shared)?),
+            Some(side_log2) => Some(Books::new(&plain, &frame.chains, side_log2, shared, check)?),
             None => None,
         };
-        Some(Ground { plain, books })
+        Ok(Ground { plain, books })
     }
 
     /// Cells of a codebook of its own that a goal for what is stored has room for.
     pub(crate) fn own_cells(&self, goal: Goal) -> usize {
-        let Some(Books { side_log2, lacks, stock }) = &self.books else { return 0 };
+        let Some(Books { side_log2, lacks, candidates }) = &self.books else { return 0 };
         let plain = &self.plain;
         let most_bits = match goal {
             Goal::Bpp(bpp) => Some(bpp * plain.stored().texels() as f64 - plain.memory().counted as f64),
             _ => None,
         };
-        stock.own_cells(lacks, 1 << side_log2, most_bits)
+        candidates.own_cells(lacks, 1 << side_log2, most_bits)
     }
 
-    /// The base with what it lacks, codebooks with so many cells of its own drawn; `None` where no content is worth its bits.
-    pub(crate) fn base(&self, frame: &Frame, own_cells: usize) -> Option<Base> {
-        let plain = match &self.books {
-            Some(Books { side_log2, lacks, stock }) => {
-                let shelf = stock.shelf(1 << side_log2, own_cells)?;
-                self.plain.with_details(find(lacks, *side_log2, &shelf)?)?
-            }
-            None => self.plain.clone(),
+    /// The base with what it lacks, codebooks with so many cells of its own drawn; `None` where no content is worth its
+    /// bits.
+    pub(crate) fn base(
+        &self,
+        frame: &Frame,
+        own_cells: usize,
+        check: CancelCheck<'_>,
+    ) -> Result<Option<Base>, EncodeError> {
+        let Some(Books { side_log2, lacks, candidates }) = &self.books else {
+            return Base::new(&frame.chains, self.plain.clone(), check).map(Some);
         };
-        Base::new(&frame.chains, plain)
+        let Some(library) = candidates.library(1 << side_log2, own_cells) else { return Ok(None) };
+        let Some(details) = find(lacks, *side_log2, &library, check)? else { return Ok(None) };
+        let (content, notes) = (self.plain.content.clone(), Notes::default());
+        let plain = ProgressiveTexture::new(frame.full.clone(), content, Some(details), notes);
+        Base::new(&frame.chains, plain, check).map(Some)
     }
 }
 
@@ -252,79 +222,74 @@ impl Books {
         chains: &[Vec<Raster>],
         side_log2: u32,
         shared: &Shared,
-    ) -> Option<Books> {
+        check: CancelCheck<'_>,
+    ) -> Result<Books, EncodeError> {
         let mut lacks = Vec::new();
         for (surface, chain) in (0..).zip(chains) {
             let mut levels = Vec::new();
             for (level, raster) in (0..).zip(chain) {
-                let rect = plain.stored().whole(surface, level)?;
-                let mut texels = vec![Texel::ZERO; rect.width as usize * rect.height as usize];
-                plain.decode_stored(rect, &mut texels);
-                levels.push(Lack::new(raster, &texels));
+                let decode = rows_of(plain, surface, level, raster.size().width);
+                levels.push(Lack::new(raster, &decode_strips(raster.size(), decode, check)?));
             }
             lacks.push(levels);
         }
-        let stock = Stock::new(&lacks, 1 << side_log2, shared);
-        Some(Books { side_log2, lacks, stock })
+        let candidates = Candidates::new(&lacks, 1 << side_log2, shared, check)?;
+        Ok(Books { side_log2, lacks, candidates })
+    }
+}
+
+/// What decodes rows of a stored level.
+fn rows_of(
+    texture: &ProgressiveTexture,
+    surface: u32,
+    level: u32,
+    width: u32,
+) -> impl FnMut(Range<u32>, &mut [Texel]) + '_ {
+    move |rows, out| {
+        let height = rows.len() as u32;
+        texture.decode_stored(Rect { surface, level, x: 0, y: rows.start, width, height }, out);
     }
 }
 
 /// A base with what it lacks.
 #[derive(Debug)]
 pub(crate) struct Base {
-    /// The texture without an error map.
+    /// The texture without a residual plane.
     plain: ProgressiveTexture,
-    /// The errors of all blocks, image by image, level by level.
-    pub(crate) blocks: Vec<Block>,
-    /// Whether a block is of level 0, which goals are held against.
-    pub(crate) counted: Vec<bool>,
-    /// Blocks of each image.
-    counts: Vec<usize>,
-    /// Texels of the largest level that is stored.
+    /// The residuals of all blocks, image by image, level by level.
+    pub(crate) residuals: Residuals,
+    /// Texels of the finest stored level.
     pub(crate) texels: u64,
-    /// Squared error of alpha, which no error map lessens, in 8-bit units; 0 where there is none.
+    /// Squared error of alpha, which no residual plane lessens, in 8-bit units; 0 where there is none.
     pub(crate) alpha_error: f64,
     /// Bits of the planes and parameters of the bases and of what is drawn beside them, but those that are shared.
     bits: u64,
 }
 
 impl Base {
-    /// Of a texture without an error map.
-    fn new(chains: &[Vec<Raster>], plain: ProgressiveTexture) -> Option<Base> {
-        let form = plain.gpu();
-        let maps: usize = form
-            .planes
-            .iter()
-            .filter(|plane| [ERROR_PART, PUBLIC_PART].contains(&plane.part))
-            .map(|plane| plane.data.len())
-            .sum();
-        let mut base = Base {
-            bits: form.memory().counted - 8 * maps as u64,
-            texels: plain.stored().texels(),
-            alpha_error: 0.0,
-            blocks: Vec::new(),
-            counted: Vec::new(),
-            counts: Vec::new(),
-            plain: plain.clone(),
-        };
-        for (surface, chain) in chains.iter().enumerate() {
-            let before = base.blocks.len();
-            for (level, raster) in chain.iter().enumerate() {
-                let rect = plain.stored().whole(surface as u32, level as u32)?;
-                let mut texels = vec![Texel::ZERO; rect.width as usize * rect.height as usize];
-                plain.decode_stored(rect, &mut texels);
+    /// Of a texture without a residual plane.
+    fn new(
+        chains: &[Vec<Raster>],
+        plain: ProgressiveTexture,
+        check: CancelCheck<'_>,
+    ) -> Result<Base, EncodeError> {
+        let mut residuals = Residuals::default();
+        let mut alpha_error = 0.0;
+        for (surface, chain) in (0..).zip(chains) {
+            residuals.begin_image();
+            for (level, raster) in (0..).zip(chain) {
+                let decode = rows_of(&plain, surface, level, raster.size().width);
+                let texels = residuals.push_level(raster, decode, level == 0, check)?;
                 if level == 0 && raster.info().has_alpha() {
                     let away =
                         |(wanted, shown): (Texel, &Texel)| f64::from(255.0 * (wanted.w - shown.w)).powi(2);
-                    base.alpha_error += raster.texels().zip(&texels).map(away).sum::<f64>();
+                    alpha_error += raster.texels().zip(&texels).map(away).sum::<f64>();
                 }
-                let found = blocks(raster, &texels);
-                base.counted.resize(base.counted.len() + found.len(), level == 0);
-                base.blocks.extend(found);
             }
-            base.counts.push(base.blocks.len() - before);
         }
-        Some(base)
+        let bits = plain.memory().counted - plain.shared_bits() - plain.content.plane_bits();
+        let texels = plain.stored().texels();
+        Ok(Base { plain, residuals, texels, alpha_error, bits })
     }
 
     /// Whether alpha is as good as a goal asks of colours: of goals of bits, the estimates judge.
@@ -339,18 +304,7 @@ impl Base {
 
     /// Bits in memory of the texture with blocks of such classes.
     pub(crate) fn bits(&self, coder: &Coder<'_>, classes: &[u8]) -> u64 {
-        if classes.iter().all(|&class| class == 0) {
-            return self.bits + EMPTY_MAP_BITS * self.counts.len() as u64;
-        }
-        let half_words = u64::from(coder.model.class_bits / 16);
-        let mut first = 0;
-        let mut words = 0;
-        for &count in &self.counts {
-            let sum: u64 = classes[first..first + count].iter().map(|&class| u64::from(class)).sum();
-            words += map_words(count, sum * half_words);
-            first += count;
-        }
-        self.bits + 32 * words
+        self.bits + self.residuals.plane_bits(coder.model.class_bits, classes)
     }
 
     /// The texture with blocks of such classes, which are coded.
@@ -359,50 +313,13 @@ impl Base {
         coder: &Coder<'_>,
         classes: &[u8],
     ) -> Result<ProgressiveTexture, EncodeError> {
-        // A map of nothing is left out.
-        if classes.iter().all(|&class| class == 0) {
-            return Ok(self.plain.clone());
-        }
-        let mut maps = Vec::new();
-        let mut index = 0;
-        for &count in &self.counts {
-            let mut map = ErrorMap::default();
-            for (index, &class) in (index..index + count).zip(&classes[index..index + count]) {
-                let found = coder.found(index, class);
-                map.classes.push(class);
-                map.scales.push(found.map_or(0, |found| found.scale));
-                map.bits.extend(found.iter().flat_map(|found| &found.halves));
-            }
-            maps.push(map);
-            index += count;
-        }
-        let texture = self.plain.with_maps(coder.model.clone(), maps);
-        texture.ok_or(SourceError::Full { what: "a plane of 8192 x 8192 words" }.into())
+        let Some(planes) = self.residuals.planes(coder, classes) else { return Ok(self.plain.clone()) };
+        let content = self.plain.content.with_planes(coder.model.clone(), &planes);
+        Ok(self.plain.with_content(content.ok_or(TOO_LARGE)?))
     }
 }
 
-/// Whether the base of a tile of that size may go on beyond its borders.
-fn goes_on(tile: SurfaceSize, kind: Kind) -> bool {
-    !kind.apart && tile.width.min(tile.height) >> kind.reduce_log2 > 0
-}
-
-/// The planes of the base of an image, level by level; where something is known around it, it goes on beyond its borders. Values are averaged as
-/// they are stored: what is left to the error map is least then. In linear light it is 0.06 dB more at equal bits.
-fn reduced(
-    image: &Surrounded,
-    levels: &[Raster],
-    kind: Kind,
-    layout: &ImageLayout,
-    effort: Effort,
-) -> Vec<ContentPlanes> {
-    let held = base_levels(image.inner(), kind.reduce_log2, layout.levels) as usize;
-    let beyond = if image.margin > 0 { MARGIN } else { 0 };
-    let whole = image.raster.size().at_level(kind.reduce_log2);
-    let planes = |(level, raster): (u32, &Raster)| {
-        let size = whole.at_level(level);
-        let margin = f64::from(beyond) / f64::from(1u32 << level);
-        let texels = image.reduced(raster, size, margin);
-        ContentPlanes::encode(kind.content, layout.pixel, (size.width, size.height), &texels, effort)
-    };
-    (0..).zip(&levels[..held.min(levels.len())]).map(planes).collect()
+/// Whether the base of a tile of that size may be padded.
+fn may_be_padded(tile: SurfaceSize, kind: Kind) -> bool {
+    tile.width.min(tile.height) >> kind.reduce_log2 > 0
 }

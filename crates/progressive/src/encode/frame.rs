@@ -12,13 +12,13 @@ use rayon::prelude::*;
 use texfold_core::address::TexfoldTap;
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::sample::texfold_bilinear;
-use texfold_core::{Effort, Goal, ImageLayout, SurfaceSize, Texel};
+use texfold_core::{CancelCheck, Effort, EncodeError, Goal, ImageLayout, SurfaceSize, Texel};
 
-use super::around::Surrounded;
 use super::base::levels;
-use crate::encoded::stored_layout;
-use crate::params::MAX_SHRINK_LOG2;
-use crate::{AROUND, ProgressiveParams};
+use texfold_residual::encode::PaddedRaster;
+use texfold_residual::{APRON, MAX_SHRINK_LOG2, stored_layout};
+
+use crate::ProgressiveParams;
 
 /// Bits a texel below which images of a half and of a quarter of the size are tried.
 const SMALLER: [f64; 2] = [0.9, 0.4];
@@ -35,7 +35,7 @@ const KEPT: f64 = 0.55;
 const FULL: f64 = 255.0 * 255.0;
 
 /// Texels around what is stored of a tile that its base may go on over.
-pub(crate) const STORED_AROUND: u32 = AROUND >> MAX_SHRINK_LOG2;
+pub(crate) const STORED_AROUND: u32 = APRON >> MAX_SHRINK_LOG2;
 
 /// Images as they are coded.
 #[derive(Debug)]
@@ -47,7 +47,7 @@ pub(crate) struct Frame {
     /// For each image the levels that are.
     pub(crate) chains: Vec<Vec<Raster>>,
     /// The largest that is, with what surrounds it: of one tile, where that is known.
-    pub(crate) around: Option<Surrounded>,
+    pub(crate) around: Option<PaddedRaster>,
     /// Mean squared error of what they show enlarged, in 8-bit units.
     pub(crate) floor: f64,
 }
@@ -66,30 +66,36 @@ pub(crate) fn shrinks(source: &ImageSet, params: &ProgressiveParams) -> Vec<u32>
 }
 
 impl Frame {
-    /// `around` is what surrounds the single image, as [`crate::Shared`] has it.
-    pub(crate) fn new(source: &ImageSet, mips: bool, shrink_log2: u32, around: Option<&Raster>) -> Frame {
+    /// `apron` is what surrounds the single image, as [`crate::Shared`] has it.
+    pub(crate) fn new(
+        source: &ImageSet,
+        mips: bool,
+        shrink_log2: u32,
+        apron: Option<&Raster>,
+        check: CancelCheck<'_>,
+    ) -> Result<Frame, EncodeError> {
         let mut chains = levels(source, mips);
         let full = source.layout(chains.first().map_or(1, |levels| levels.len() as u32));
-        let mut around = match (around, source.images()) {
-            (Some(around), [image]) => Surrounded::new(around, image.size(), STORED_AROUND << shrink_log2),
+        let mut around = match (apron, source.images()) {
+            (Some(apron), [image]) => PaddedRaster::new(apron, image.size(), STORED_AROUND << shrink_log2),
             _ => None,
         };
         if shrink_log2 == 0 {
-            return Frame { full, shrink_log2, chains, around, floor: 0.0 };
+            return Ok(Frame { full, shrink_log2, chains, around, floor: 0.0 });
         }
         let (mut sum, mut values) = (0.0, 0.0);
         // Fitted, it would be too sharp for the mip level that it also is, and hidden colours would be mixed in.
         let passes = if mips || source.info().has_alpha() { 0 } else { PASSES };
         for (image, chain) in source.images().iter().zip(&mut chains) {
-            let known = around.clone().unwrap_or_else(|| Surrounded::alone(image.clone()));
-            let (small, squared) = fitted(&known, shrink_log2, passes);
+            let known = around.clone().unwrap_or_else(|| PaddedRaster::alone(image.clone()));
+            let (small, squared) = fitted(&known, shrink_log2, passes, check)?;
             sum += squared;
             values += (image.size().texels() * u64::from(image.info().color_channels())) as f64;
             let further = chain.drain(..).skip(shrink_log2 as usize + 1);
             *chain = std::iter::once(small.within(0).raster).chain(further).collect();
             around = around.map(|_| small);
         }
-        Frame { full, shrink_log2, chains, around, floor: FULL * sum / values }
+        Ok(Frame { full, shrink_log2, chains, around, floor: FULL * sum / values })
     }
 
     /// The levels that are stored.
@@ -130,12 +136,17 @@ fn taps((count, more): (u32, u32), (small, beyond): (u32, u32)) -> Vec<TexfoldTa
 
 /// The smaller image whose enlargement is nearest to `image`, as far as so many passes come, and that enlargement's squared error in
 /// units of the range: of the image, not of what surrounds it.
-fn fitted(image: &Surrounded, shrink_log2: u32, passes: usize) -> (Surrounded, f64) {
-    let (inner, beyond) = (image.inner(), image.margin >> shrink_log2);
+fn fitted(
+    image: &PaddedRaster,
+    shrink_log2: u32,
+    passes: usize,
+    check: CancelCheck<'_>,
+) -> Result<(PaddedRaster, f64), EncodeError> {
+    let (inner, beyond) = (image.inner(), image.padding >> shrink_log2);
     let SurfaceSize { width, height } = inner.at_level(shrink_log2);
     let size = SurfaceSize { width: width + 2 * beyond, height: height + 2 * beyond };
-    let columns = taps((inner.width, image.margin), (width, beyond));
-    let rows = taps((inner.height, image.margin), (height, beyond));
+    let columns = taps((inner.width, image.padding), (width, beyond));
+    let rows = taps((inner.height, image.padding), (height, beyond));
     let (width, height) = (size.width as usize, size.height as usize);
     let wanted: Vec<Texel> = image.raster.texels().collect();
     let mut small = image.reduced(&image.raster, size, f64::from(beyond));
@@ -149,16 +160,17 @@ fn fitted(image: &Surrounded, shrink_log2: u32, passes: usize) -> (Surrounded, f
         shares
     };
     let (across, down) = (share(&columns, width), share(&rows, height));
-    let counted = image.margin as usize..(image.margin + inner.width) as usize;
+    let counted = image.padding as usize..(image.padding + inner.width) as usize;
     let mut squared = 0.0;
     for pass in 0..=passes {
+        check.checkpoint()?;
         // What each row of the image lacks, gathered in the columns of the smaller image.
         let lines: Vec<(Vec<Texel>, f64)> = rows
             .par_iter()
             .zip(wanted.par_chunks(columns.len()))
             .map(|(tap, line)| lacking(&small, width, (tap, &columns, counted.clone()), line))
             .collect();
-        squared = lines[image.margin as usize..][..inner.height as usize].iter().map(|(_, sum)| sum).sum();
+        squared = lines[image.padding as usize..][..inner.height as usize].iter().map(|(_, sum)| sum).sum();
         if pass == passes {
             break;
         }
@@ -176,7 +188,7 @@ fn fitted(image: &Surrounded, shrink_log2: u32, passes: usize) -> (Surrounded, f
     }
     // As many texels as the size says.
     let raster = Raster::from_texels(size.width, size.height, image.raster.info(), &small);
-    (Surrounded { raster: raster.unwrap_or_else(|_| image.raster.clone()), margin: beyond }, squared)
+    Ok((PaddedRaster { raster: raster.unwrap_or_else(|_| image.raster.clone()), padding: beyond }, squared))
 }
 
 /// What a row of the image has beyond the enlarged one, in the columns that show it, and the squares of those that count.
@@ -219,7 +231,8 @@ mod tests {
         let row =
             |y: usize| lacking(&texels, 128, (&columns[y], &columns, 0..256), &wanted[256 * y..][..256]).1;
         let of_means: f64 = (0..256).map(row).sum();
-        let (small, squared) = fitted(&Surrounded::alone(image), 1, PASSES);
+        let (small, squared) =
+            fitted(&PaddedRaster::alone(image), 1, PASSES, CancelCheck::default()).unwrap();
         assert!(small.raster.size().width == 128 && squared < 0.9 * of_means, "{squared} {of_means}");
         // What is left has nothing in common with what a smaller image could show.
         let texels: Vec<Texel> = small.raster.texels().collect();
@@ -237,10 +250,13 @@ mod tests {
     fn the_fit_of_a_tile_is_that_of_the_whole_in_its_place() {
         let image = texfold_testkit::picture("terrain");
         for shrink_log2 in [1, 2] {
-            let (whole, _) = fitted(&Surrounded::alone(image.clone()), shrink_log2, PASSES);
-            let margin = 32 << shrink_log2 >> 1;
-            let (tile, _) = fitted(&Surrounded { raster: image.clone(), margin }, shrink_log2, PASSES);
-            assert_eq!((tile.margin, tile.raster.size()), (16, whole.raster.size()));
+            let (whole, _) =
+                fitted(&PaddedRaster::alone(image.clone()), shrink_log2, PASSES, CancelCheck::default())
+                    .unwrap();
+            let padding = 32 << shrink_log2 >> 1;
+            let known = PaddedRaster { raster: image.clone(), padding };
+            let (tile, _) = fitted(&known, shrink_log2, PASSES, CancelCheck::default()).unwrap();
+            assert_eq!((tile.padding, tile.raster.size()), (16, whole.raster.size()));
             let near = |(a, b): (Texel, Texel)| (a - b).abs().max_element() < 1e-4;
             assert!(tile.raster.texels().zip(whole.raster.texels()).all(near));
         }

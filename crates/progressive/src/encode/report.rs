@@ -3,9 +3,10 @@
 use texfold_core::image::ImageSet;
 use texfold_core::metric::quality;
 use texfold_core::{Encoded, Goal, Notes};
+use texfold_residual::RESIDUAL_PART;
 
 use crate::codebook::CELL_SIDE;
-use crate::encoded::{ERROR_PART, MAP_PART};
+use crate::encoded::MAP_PART;
 use crate::{Details, ProgressiveParams, ProgressiveTexture};
 
 /// Settings, verdict, and the PSNR of the base alone.
@@ -17,9 +18,9 @@ pub(crate) fn notes(
 ) -> Notes {
     let alone = quality(source, &texture.first_layers(1)).color.psnr() as f32;
     let drawn = texture.layers().total > 1;
-    let mut psnr_without = if drawn { vec![(ERROR_PART.to_owned(), alone)] } else { Vec::new() };
-    if let Some(plain) = texture.details().and_then(|_| texture.without_details()) {
-        let plain = quality(source, &plain).color.psnr() as f32;
+    let mut psnr_without = if drawn { vec![(RESIDUAL_PART.to_owned(), alone)] } else { Vec::new() };
+    if texture.details().is_some() {
+        let plain = quality(source, &texture.without_details()).color.psnr() as f32;
         psnr_without.push((MAP_PART.to_owned(), plain));
     }
     Notes { settings: settings(params), verdict: verdict(texture, met), psnr_without }
@@ -40,7 +41,7 @@ fn verdict(texture: &ProgressiveTexture, met: bool) -> String {
     let base = format!(
         "A base of 1/{} of the width and height in {}",
         1 << texture.reduce_log2(),
-        texture.base().content().name().to_uppercase()
+        texture.base_content().name().to_uppercase()
     );
     let base = match texture.shrink_log2() {
         0 => base,
@@ -52,8 +53,7 @@ fn verdict(texture: &ProgressiveTexture, met: bool) -> String {
     };
     let missed = if met { "" } else { " The goal is out of reach; this comes nearest." };
     let surfaces = texture.layout().surfaces.len() as u32;
-    let classes: Vec<u8> =
-        (0..surfaces).flat_map(|surface| texture.classes(surface).iter().copied()).collect();
+    let classes: Vec<u8> = (0..surfaces).flat_map(|surface| texture.classes(surface)).collect();
     if classes.is_empty() {
         return format!("{base} alone: no error is worth its bits.{missed}");
     }
@@ -73,7 +73,7 @@ fn described(details: &Details) -> String {
     let cells = |book: &Option<std::sync::Arc<crate::Codebook>>| {
         book.as_ref().map_or(0, |book| book.size().0 * book.size().1 / (CELL_SIDE * CELL_SIDE))
     };
-    let entries = || details.entries.iter().flatten();
+    let entries = || details.maps.iter().flat_map(|map| map.entries(details.form));
     let showing = entries().filter(|entry| entry.gain % 16 > 0).count();
     format!(
         ", with details from {} public and {} own cells of a codebook in {:.0}% of the {side}x{side} blocks",

@@ -10,8 +10,8 @@ use texfold_core::image::ImageSet;
 use texfold_core::{EncodeError, Goal, Job, Params};
 
 use super::base::{Base, Ground, Kind};
-use super::encode_with;
 use super::frame::Frame;
+use super::{Encoding, Parts};
 use crate::{ProgressiveParams, ProgressiveTexture, Shared};
 
 /// What has been found in images, for any goal.
@@ -23,15 +23,29 @@ pub struct ProgressiveSearch {
     held: Mutex<Held>,
 }
 
-/// What goals have asked for so far; nothing where no plane can hold it.
+/// What goals have asked for so far.
 #[derive(Debug, Default)]
 struct Held {
-    /// By levels that are left out.
     frames: Vec<Arc<Frame>>,
-    /// By these and kind.
-    grounds: Vec<(u32, Kind, Option<Arc<Ground>>)>,
-    /// By these and cells of an own codebook.
-    bases: Vec<(u32, Kind, usize, Option<Arc<Base>>)>,
+    grounds: Vec<HeldGround>,
+    bases: Vec<HeldBase>,
+}
+
+#[derive(Debug)]
+struct HeldGround {
+    shrink_log2: u32,
+    kind: Kind,
+    ground: Arc<Ground>,
+}
+
+#[derive(Debug)]
+struct HeldBase {
+    shrink_log2: u32,
+    kind: Kind,
+    /// Cells of a codebook of its own.
+    own_cells: usize,
+    /// `None` where no content is worth its bits.
+    base: Option<Arc<Base>>,
 }
 
 impl ProgressiveSearch {
@@ -53,48 +67,56 @@ impl ProgressiveSearch {
     pub(crate) fn encode(&self, goal: Goal, job: &mut Job<'_>) -> Result<ProgressiveTexture, EncodeError> {
         let params = ProgressiveParams { goal, ..self.params.clone() };
         params.check()?;
-        let frame = |shrink_log2: u32, job: &Job<'_>| self.frame(shrink_log2, job);
-        let base = |frame: &Frame, kind: Kind, goal: Goal, job: &Job<'_>| self.base(frame, kind, goal, job);
-        encode_with(&self.source, &params, (&frame, &base), job)
+        Encoding { source: &self.source, params: &params, parts: self }.run(job)
     }
 
     fn held(&self) -> MutexGuard<'_, Held> {
         // What is held is whole even where another thread has failed.
         self.held.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
 
-    fn frame(&self, shrink_log2: u32, job: &Job<'_>) -> Arc<Frame> {
+impl Parts for ProgressiveSearch {
+    fn frame(&self, shrink_log2: u32, job: &Job<'_>) -> Result<Arc<Frame>, EncodeError> {
         let mut held = self.held();
         if let Some(frame) = held.frames.iter().find(|frame| frame.shrink_log2 == shrink_log2) {
-            return frame.clone();
+            return Ok(frame.clone());
         }
-        let around = self.shared.around.as_ref();
-        let made = Arc::new(job.install(|| Frame::new(&self.source, self.params.mips, shrink_log2, around)));
+        let (mips, apron, check) = (self.params.mips, self.shared.apron.as_ref(), job.cancel_check());
+        let made = Arc::new(job.install(|| Frame::new(&self.source, mips, shrink_log2, apron, check))?);
         held.frames.push(made.clone());
-        made
+        Ok(made)
     }
 
-    fn base(&self, frame: &Frame, kind: Kind, goal: Goal, job: &Job<'_>) -> Option<Arc<Base>> {
+    fn base(
+        &self,
+        frame: &Frame,
+        kind: Kind,
+        goal: Goal,
+        job: &Job<'_>,
+    ) -> Result<Option<Arc<Base>>, EncodeError> {
         let mut held = self.held();
-        let shrink = frame.shrink_log2;
-        let known = held.grounds.iter().find(|(of, known, _)| (*of, *known) == (shrink, kind));
-        let ground = match known.map(|(_, _, ground)| ground.clone()) {
-            Some(ground) => ground,
+        let (shrink_log2, check) = (frame.shrink_log2, job.cancel_check());
+        let known = held.grounds.iter().find(|held| held.shrink_log2 == shrink_log2 && held.kind == kind);
+        let ground = match known {
+            Some(known) => known.ground.clone(),
             None => {
-                let made = || Ground::new(frame, kind, (self.params.effort, &self.shared)).map(Arc::new);
-                let made = job.install(made);
-                held.grounds.push((shrink, kind, made.clone()));
+                let made = job
+                    .install(|| Ground::new(frame, kind, self.params.effort, &self.shared, check))
+                    .map(Arc::new)?;
+                held.grounds.push(HeldGround { shrink_log2, kind, ground: made.clone() });
                 made
             }
-        }?;
-        let cells = ground.own_cells(goal);
-        let known =
-            held.bases.iter().find(|(of, known, own, _)| (*of, *known, *own) == (shrink, kind, cells));
-        if let Some((_, _, _, base)) = known {
-            return base.clone();
+        };
+        let own_cells = ground.own_cells(goal);
+        let is_same = |held: &&HeldBase| {
+            held.shrink_log2 == shrink_log2 && held.kind == kind && held.own_cells == own_cells
+        };
+        if let Some(known) = held.bases.iter().find(is_same) {
+            return Ok(known.base.clone());
         }
-        let made = job.install(|| ground.base(frame, cells).map(Arc::new));
-        held.bases.push((shrink, kind, cells, made.clone()));
-        made
+        let made = job.install(|| ground.base(frame, own_cells, check))?.map(Arc::new);
+        held.bases.push(HeldBase { shrink_log2, kind, own_cells, base: made.clone() });
+        Ok(made)
     }
 }

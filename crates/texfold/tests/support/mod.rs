@@ -84,29 +84,28 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     let params = EpitomeParams { content: Some(Content::Bc1), ..fast };
     textures.push(("epitome sequence".to_owned(), ripple.clone(), epitome(&ripple, &params)));
     // A base and an error map with mip levels; a set; a base alone.
-    let fast =
-        ProgressiveParams { goal: Goal::Psnr(32.0), effort: Effort::Fast, ..ProgressiveParams::default() };
-    let params = ProgressiveParams { mips: true, ..fast.clone() };
+    let fast = ProgressiveParams::default().with_goal(Goal::Psnr(32.0)).with_effort(Effort::Fast);
+    let params = fast.clone().with_mips(true);
     textures.push(("progressive layers".to_owned(), odd.clone(), progressive(&odd, &params)));
-    let params = ProgressiveParams { content: Some(Content::Raw), ..fast.clone() };
+    let params = fast.clone().with_content(Content::Raw);
     textures.push(("progressive layers, sequence".to_owned(), ripple.clone(), progressive(&ripple, &params)));
-    let params = ProgressiveParams { goal: Goal::Bpp(0.8), mips: true, ..fast.clone() };
+    let params = fast.clone().with_goal(Goal::Bpp(0.8)).with_mips(true);
     textures.push(("progressive layers, enlarged".to_owned(), odd.clone(), progressive(&odd, &params)));
     // A tile of a larger image, which is the same all around.
     let tile = &odd.images()[0];
-    let (size, more) = (tile.size(), texfold_progressive::AROUND);
+    let (size, more) = (tile.size(), texfold_progressive::APRON);
     let (width, height) = (size.width + 2 * more, size.height + 2 * more);
     let texels: Vec<_> =
         (0..width * height).map(|i| tile.texel(i % width % size.width, i / width % size.height)).collect();
     let around = Some(Raster::from_texels(width, height, tile.info(), &texels).unwrap());
-    let shared = Shared { around, ..Shared::default() };
+    let shared = Shared { apron: around, ..Shared::default() };
     for (name, goal) in [("tile", fast.goal), ("enlarged tile", Goal::Bpp(0.8))] {
-        let params = ProgressiveParams { mips: true, goal, ..fast.clone() };
+        let params = fast.clone().with_goal(goal).with_mips(true);
         let made = Progressive::encode_shared(&odd, &params, &shared, &mut Job::default()).unwrap();
         assert_eq!(made.shrink_log2() > 0, name != "tile");
         textures.push((format!("progressive layers, {name}"), odd.clone(), AnyImage::new(made)));
     }
-    let params = ProgressiveParams { goal: Goal::Psnr(10.0), ..fast };
+    let params = fast.with_goal(Goal::Psnr(10.0));
     textures.push(("progressive base".to_owned(), odd.clone(), progressive(&odd, &params)));
     for content in [Content::Raw, Content::Bc7] {
         textures.push((format!("zipmap {}", content.name()), odd.clone(), zipmap(&odd, content)));

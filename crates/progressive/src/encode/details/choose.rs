@@ -1,15 +1,16 @@
-//! Which pieces of pictures become content: those that many blocks would show, one after another, the best first.
+//! Which pieces of images become atoms: those that many blocks would show, one after another, the best first.
 
 use std::collections::HashMap;
 
 use glam::Vec2;
 use rayon::prelude::*;
+use texfold_core::{CancelCheck, EncodeError};
 use texfold_match::{GrayPlane, GsrIndex, GsrTone};
 
-use super::search::{Shelf, turn_of};
-use super::{Lack, TURN_BITS, gain_unit};
+use super::search::{Library, rotation_of};
+use super::{Lack, ROTATION_BITS, gain_unit};
 use crate::codebook::CELL_SIDE;
-use crate::decode::texfold_progressive_turn;
+use crate::decode::texfold_progressive_rotation;
 
 /// Blocks that pieces are judged by.
 const SAMPLE: usize = 1024;
@@ -41,29 +42,45 @@ pub(crate) struct Choice {
     pub(crate) bits: f32,
 }
 
-/// At most `most` pieces of level 0 of the pictures, each worth `cell_bits` on top of those before it and of what `shelf`
-/// holds.
+/// What pieces must do to become content.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Price {
+    /// Most pieces.
+    pub(crate) most: usize,
+    /// Bits that a piece must save.
+    pub(crate) cell_bits: f32,
+}
+
+/// Pieces of level 0 of the images, each worth its price on top of those before it and of what `library` holds, for blocks
+/// of `side` texels.
+///
+/// # Errors
+/// [`EncodeError::Cancelled`] within 0.2 s of the caller's wish.
 pub(crate) fn choose(
     lacks: &[Vec<Lack>],
     side: usize,
-    shelf: Option<&Shelf>,
-    (most, cell_bits): (usize, f32),
-) -> Vec<Choice> {
+    library: Option<&Library>,
+    price: Price,
+    check: CancelCheck<'_>,
+) -> Result<Vec<Choice>, EncodeError> {
+    let Price { most, cell_bits } = price;
     let tops: Vec<&Lack> = lacks.iter().filter_map(|levels| levels.first()).collect();
     let sample = Sample::new(&tops, side);
     if sample.blocks.is_empty() || most == 0 {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     let flat: Vec<Lack> = tops.par_iter().map(|lack| lack.flattened()).collect();
-    let mut best = match shelf {
-        Some(shelf) => sample.explained(&tops, shelf, gain_unit(lacks, side.trailing_zeros())),
+    check.checkpoint()?;
+    let mut best = match library {
+        Some(library) => sample.explained(&tops, library, gain_unit(lacks, side.trailing_zeros()), check)?,
         None => vec![0.0; sample.blocks.len()],
     };
-    let mut offers = sample.offers(&tops, &flat, side);
+    let mut offers = sample.offers(&tops, &flat, side, check)?;
     let bit = (BIT_WORTH * sample.squared_error / sample.stands_for).max(f32::MIN_POSITIVE);
     let mut choices = Vec::new();
     while choices.len() < most {
-        let worth = |offers: &Vec<(u32, f32)>| -> f32 {
+        check.checkpoint()?;
+        let worth = |offers: &Explained| -> f32 {
             offers.iter().map(|&(block, explained)| (explained - best[block as usize]).max(0.0)).sum()
         };
         let worths: Vec<f32> = offers.par_iter().map(|(_, offers)| worth(offers)).collect();
@@ -79,20 +96,34 @@ pub(crate) fn choose(
             }
         }
         let reuse = (reuse as f32 * sample.stands_for) as u32;
-        let (picture, left, top) = piece;
-        let cell = flat[picture as usize].cell(left as usize, top as usize);
+        let cell = flat[piece.image as usize].cell(piece.left as usize, piece.top as usize);
         choices.push(Choice { cell, reuse, bits });
     }
-    choices
+    Ok(choices)
 }
 
-/// Picture, left and top of a piece.
-type Piece = (u32, u32, u32);
+/// A square of [`CELL_SIDE`] texels of an image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+struct Piece {
+    image: u32,
+    left: u32,
+    top: u32,
+}
 
-/// Blocks spread over all pictures.
+/// Blocks by number, and the squared error that a piece would take away from each.
+type Explained = Vec<(u32, f32)>;
+
+/// A block of an image.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    image: u32,
+    column: usize,
+    row: usize,
+}
+
+/// Blocks spread over all images.
 struct Sample {
-    /// Picture, column and row of each.
-    blocks: Vec<(u32, usize, usize)>,
+    blocks: Vec<Place>,
     /// How many blocks each stands for.
     stands_for: f32,
     /// Mean squared error of a texel.
@@ -102,9 +133,10 @@ struct Sample {
 impl Sample {
     fn new(tops: &[&Lack], side: usize) -> Self {
         let mut blocks = Vec::new();
-        for (picture, lack) in (0..).zip(tops) {
+        for (image, lack) in (0..).zip(tops) {
             let (columns, rows) = (lack.width / side, lack.height / side);
-            blocks.extend((0..columns * rows).map(|index| (picture, index % columns, index / columns)));
+            let place = |index: usize| Place { image, column: index % columns, row: index / columns };
+            blocks.extend((0..columns * rows).map(place));
         }
         let all = blocks.len();
         // An odd step visits all columns.
@@ -120,15 +152,32 @@ impl Sample {
         }
     }
 
-    fn explained(&self, tops: &[&Lack], shelf: &Shelf, unit: u16) -> Vec<f32> {
-        let of_block = |&(picture, column, row): &(u32, usize, usize)| {
-            shelf.explained(tops[picture as usize], (column, row), unit)
+    /// Squared error that the library takes away from each block.
+    fn explained(
+        &self,
+        tops: &[&Lack],
+        library: &Library,
+        unit: u16,
+        check: CancelCheck<'_>,
+    ) -> Result<Vec<f32>, EncodeError> {
+        let of_block = |block: &Place| {
+            if check.is_cancelled() {
+                return 0.0;
+            }
+            library.explained(tops[block.image as usize], (block.column, block.row), unit)
         };
-        self.blocks.par_iter().map(of_block).collect()
+        let explained = self.blocks.par_iter().map(of_block).collect();
+        check.checkpoint().map(|()| explained)
     }
 
     /// For each piece the blocks that it could serve, and the squared error that it would take away.
-    fn offers(&self, tops: &[&Lack], flat: &[Lack], side: usize) -> Vec<(Piece, Vec<(u32, f32)>)> {
+    fn offers(
+        &self,
+        tops: &[&Lack],
+        flat: &[Lack],
+        side: usize,
+        check: CancelCheck<'_>,
+    ) -> Result<Vec<(Piece, Explained)>, EncodeError> {
         let planes: Vec<GrayPlane> = flat
             .par_iter()
             .map(|lack| {
@@ -140,13 +189,17 @@ impl Sample {
         let stride = ((texels as f32 / PATCHES as f32).sqrt().ceil() as usize).max(2);
         let list: Vec<_> = (0..)
             .zip(flat)
-            .flat_map(|(picture, lack)| patches(lack.width, lack.height, side, stride, picture))
+            .flat_map(|(image, lack)| patches(lack.width, lack.height, side, stride, image))
             .collect();
+        check.checkpoint()?;
         let views: Vec<&GrayPlane> = planes.iter().collect();
         let index = GsrIndex::grouped(&views, &list, GRID, GsrTone::Shape, 1.0);
-        let found: Vec<Vec<(Piece, f32)>> =
-            self.blocks.par_iter().map(|&block| serve(block, tops, flat, &planes, &index, side)).collect();
-        let mut pieces: HashMap<Piece, Vec<(u32, f32)>> = HashMap::new();
+        let matcher = Matcher { tops, flat, planes: &planes, index: &index, side };
+        let of_block =
+            |&block: &Place| if check.is_cancelled() { Vec::new() } else { matcher.pieces_for(block) };
+        let found: Vec<Vec<(Piece, f32)>> = self.blocks.par_iter().map(of_block).collect();
+        check.checkpoint()?;
+        let mut pieces: HashMap<Piece, Explained> = HashMap::new();
         for (block, found) in (0..).zip(found) {
             for (piece, explained) in found {
                 pieces.entry(piece).or_default().push((block, explained));
@@ -154,49 +207,57 @@ impl Sample {
         }
         let mut pieces: Vec<_> = pieces.into_iter().collect();
         pieces.sort_by_key(|(piece, _)| *piece);
-        pieces
+        Ok(pieces)
     }
 }
 
-/// The pieces that hold patches like a block, and what the best patch of each takes away.
-fn serve(
-    (picture, column, row): (u32, usize, usize),
-    tops: &[&Lack],
-    flat: &[Lack],
-    planes: &[GrayPlane],
-    index: &GsrIndex,
+/// What finds patches like a block.
+struct Matcher<'a> {
+    /// What bases lack in level 0 of each image.
+    tops: &'a [&'a Lack],
+    /// The same at one contrast.
+    flat: &'a [Lack],
+    planes: &'a [GrayPlane],
+    index: &'a GsrIndex,
+    /// Texels a side of a block.
     side: usize,
-) -> Vec<(Piece, f32)> {
-    let mut target = Vec::new();
-    tops[picture as usize].block(side, column, row, &mut target);
-    let centre = Vec2::new(column as f32 + 0.5, row as f32 + 0.5) * side as f32;
-    let mut best: HashMap<Piece, f32> = HashMap::new();
-    for found in index.nearest(&planes[picture as usize], (centre, side as f32), WITHIN, NEIGHBOURS) {
-        let at = found.patch.centre;
-        let own = found.patch.field == picture && (at - centre).abs().max_element() < side as f32;
-        if own {
-            continue;
+}
+
+impl Matcher<'_> {
+    /// The pieces that hold patches like a block, and what the best patch of each takes away.
+    fn pieces_for(&self, block: Place) -> Vec<(Piece, f32)> {
+        let (image, side) = (block.image as usize, self.side);
+        let mut target = Vec::new();
+        self.tops[image].block(side, block.column, block.row, &mut target);
+        let centre = Vec2::new(block.column as f32 + 0.5, block.row as f32 + 0.5) * side as f32;
+        let mut best: HashMap<Piece, f32> = HashMap::new();
+        for found in self.index.nearest(&self.planes[image], (centre, side as f32), WITHIN, NEIGHBOURS) {
+            let at = found.patch.centre;
+            let own = found.patch.field == block.image && (at - centre).abs().max_element() < side as f32;
+            if own {
+                continue;
+            }
+            let rotation = texfold_progressive_rotation(rotation_of(found.linear), ROTATION_BITS);
+            let explained = explain(&target, &self.flat[found.patch.field as usize], at, rotation, side);
+            let corner = |at: f32| (at as u32) / CELL_SIDE * CELL_SIDE;
+            let piece = Piece { image: found.patch.field, left: corner(at.x), top: corner(at.y) };
+            let best = best.entry(piece).or_default();
+            *best = best.max(explained);
         }
-        let turn = texfold_progressive_turn(turn_of(found.linear), TURN_BITS);
-        let lack = &flat[found.patch.field as usize];
-        let explained = explain(&target, lack, at, turn, side);
-        let corner = |at: f32| (at as u32) / CELL_SIDE * CELL_SIDE;
-        let best = best.entry((found.patch.field, corner(at.x), corner(at.y))).or_default();
-        *best = best.max(explained);
+        let mut list: Vec<_> = best.into_iter().collect();
+        list.sort_by_key(|(piece, _)| *piece);
+        list
     }
-    let mut list: Vec<_> = best.into_iter().collect();
-    list.sort_by_key(|(piece, _)| *piece);
-    list
 }
 
 /// Squared error that a patch takes away with the best of gains.
-fn explain(target: &[f32], lack: &Lack, at: Vec2, turn: glam::Vec4, side: usize) -> f32 {
+fn explain(target: &[f32], lack: &Lack, at: Vec2, rotation: glam::Vec4, side: usize) -> f32 {
     let start = 0.5 - 0.5 * side as f32;
     let (mut both, mut own) = (0.0, 1e-6);
     let last = (lack.width as i32 - 1, lack.height as i32 - 1);
     for (index, &target) in target.iter().enumerate() {
         let (x, y) = (start + (index % side) as f32, start + (index / side) as f32);
-        let place = (at.x + turn.x * x + turn.y * y, at.y + turn.z * x + turn.w * y);
+        let place = (at.x + rotation.x * x + rotation.y * y, at.y + rotation.z * x + rotation.w * y);
         let (x, y) = ((place.0.floor() as i32).clamp(0, last.0), (place.1.floor() as i32).clamp(0, last.1));
         let value = lack.values[y as usize * lack.width + x as usize];
         both += value * target;

@@ -1,30 +1,31 @@
 //! What codebooks can show of what bases lack: the choice of their content, and an entry for each block.
 //!
 //! Source: "Progressive compression of large-scale remote sensing images with GSR descriptors", 2012, section 4. Pieces
-//! of the picture whose patches are like many blocks by GSR descriptors become content, those that the most blocks would show
-//! public; blocks are matched against the public codebook and what the picture brings of its own, there in all turns by
+//! of the image whose patches are like many blocks by GSR descriptors become content, those that the most blocks would show
+//! public; blocks are matched against the public codebook and what the image brings of its own, there in all turns by
 //! low frequencies, as main directions of noise are unsteady. Other than there, content is detail without colour, brightness
 //! and contrast (see [`crate::codebook`]), and a block that finds nothing pays for its entry all the same: entries are of one
 //! length. Cost: a k-d tree query and some hundred patches a block.
 
+mod cells;
 mod choose;
 mod search;
 
 use rayon::prelude::*;
-use texfold_core::Texel;
 use texfold_core::image::Raster;
+use texfold_core::{CancelCheck, EncodeError, Texel};
 
 use std::sync::Arc;
 
-use choose::{Choice, choose};
-use search::{Shelf, gain_unit};
+use choose::{Choice, Price, choose};
+use search::{Library, gain_unit};
 use texfold_bc::Content;
 
 use crate::Shared;
-use crate::codebook::{CELL_SIDE, Codebook, Details, Entry, MapForm};
+use crate::codebook::{CELL_SIDE, Codebook, Details, Entry, EntryMap, MapForm};
 
 /// Bits of turns: reflection, quarters, and a quarter in four.
-pub(crate) const TURN_BITS: u32 = 5;
+pub(crate) const ROTATION_BITS: u32 = 5;
 
 /// What a base lacks in one level of an image, in luma and 8-bit units.
 #[derive(Debug, Clone, PartialEq)]
@@ -105,37 +106,56 @@ fn box_means(values: &[f32], width: usize, height: usize, radius: usize) -> Vec<
 }
 
 /// Codebooks and the entries of all blocks: `lacks` are those of each image, level by level.
-pub(crate) fn find(lacks: &[Vec<Lack>], side_log2: u32, shelf: &Shelf) -> Option<Details> {
-    let form = MapForm::new(side_log2, shelf.size(), TURN_BITS);
+///
+/// # Errors
+/// [`EncodeError::Cancelled`] within a few blocks of the caller's wish.
+pub(crate) fn find(
+    lacks: &[Vec<Lack>],
+    side_log2: u32,
+    library: &Library,
+    check: CancelCheck<'_>,
+) -> Result<Option<Details>, EncodeError> {
+    let form = map_form(side_log2, library.size());
     if form.entry_bits() > 32 {
-        return None;
+        return Ok(None);
     }
     let unit = gain_unit(lacks, side_log2);
-    let entries = lacks
-        .iter()
-        .map(|levels| levels.iter().flat_map(|lack| shelf.entries(lack, form, unit)).collect::<Vec<Entry>>())
-        .collect();
-    let (public, private) = shelf.books();
-    Some(Details { public, private, form, gain_unit: unit, entries })
+    let map = |levels: &Vec<Lack>| {
+        let entries = levels.iter().map(|lack| library.entries(lack, form, unit, check));
+        let entries: Vec<Vec<Entry>> = entries.collect::<Result<_, _>>()?;
+        Ok(EntryMap::new(&entries.concat(), form))
+    };
+    let maps = lacks.iter().map(map).collect::<Result<_, EncodeError>>()?;
+    let (public, private) = library.books();
+    Ok(Some(Details { public, private, form, gain_unit: unit, maps }))
 }
 
-/// Content for what pictures lack: the public codebook with what many blocks would show, and pieces that are worth their
-/// bits in these pictures alone, the best first.
+/// Content for what images lack: the public codebook with what many blocks would show, and pieces that are worth their
+/// bits in these images alone, the best first.
 #[derive(Debug)]
-pub(crate) struct Stock {
+pub(crate) struct Candidates {
     public: Option<Arc<Codebook>>,
     own: Vec<Choice>,
 }
 
-impl Stock {
+impl Candidates {
     /// The public codebook grows where it has room.
-    pub(crate) fn new(lacks: &[Vec<Lack>], side: usize, shared: &Shared) -> Stock {
+    ///
+    /// # Errors
+    /// [`EncodeError::Cancelled`] within 0.2 s of the caller's wish.
+    pub(crate) fn new(
+        lacks: &[Vec<Lack>],
+        side: usize,
+        shared: &Shared,
+        check: CancelCheck<'_>,
+    ) -> Result<Candidates, EncodeError> {
         let known = shared.public.clone();
         let rows = known.as_ref().map_or(0, |book| book.size().1);
         let room = shared.most_rows.saturating_sub(rows) / CELL_SIDE * PUBLIC_CELLS;
-        let price = if room > 0 { CELL_BITS / SHARING } else { CELL_BITS };
-        let shelf = known.clone().map(|book| Shelf::new(Some(book), None, side));
-        let choices = choose(lacks, side, shelf.as_ref(), (MOST_CELLS, price));
+        let cell_bits = if room > 0 { CELL_BITS / SHARING } else { CELL_BITS };
+        let library = known.clone().map(|book| Library::new(Some(book), None, side));
+        let price = Price { most: MOST_CELLS, cell_bits };
+        let choices = choose(lacks, side, library.as_ref(), price, check)?;
         let (mut reused, own): (Vec<Choice>, Vec<Choice>) =
             choices.into_iter().partition(|choice| room > 0 && choice.reuse >= LEAST_REUSE);
         // Whole rows of cells are added: what an image reads never changes.
@@ -148,7 +168,7 @@ impl Stock {
         let mut own: Vec<Choice> =
             rest.into_iter().chain(own).filter(|choice| choice.bits >= CELL_BITS).collect();
         own.sort_by(|a, b| b.bits.total_cmp(&a.bits));
-        Stock { public, own }
+        Ok(Candidates { public, own })
     }
 
     /// Cells of a private codebook that with the map takes at most `most_bits`.
@@ -162,13 +182,20 @@ impl Stock {
         cells
     }
 
-    /// The codebooks with so many cells of the pictures' own; `None` where there is nothing to show.
-    pub(crate) fn shelf(&self, side: usize, own_cells: usize) -> Option<Shelf> {
+    /// The codebooks with so many cells of the images' own; `None` where there is nothing to show.
+    pub(crate) fn library(&self, side: usize, own_cells: usize) -> Option<Library> {
         let log2 = own_cells.max(1).ilog2();
         let private = of_cells(&self.own[..own_cells], CELL_SIDE << log2.div_ceil(2)).map(Arc::new);
         let public = self.public.clone();
-        (public.is_some() || private.is_some()).then(|| Shelf::new(public, private, side))
+        (public.is_some() || private.is_some()).then(|| Library::new(public, private, side))
     }
+}
+
+/// The form of entries for codebooks of such width and height in all.
+fn map_form(side_log2: u32, (width, height): (u32, u32)) -> MapForm {
+    let bits = |side: u32| side.max(2).next_power_of_two().trailing_zeros();
+    let (column_bits, row_bits) = (bits(width), bits(height));
+    MapForm { side_log2, column_bits, row_bits, rotation_bits: ROTATION_BITS }
 }
 
 /// Bits of a map, and of a private codebook of so many cells.
@@ -178,7 +205,7 @@ fn bits(lacks: &[Vec<Lack>], side: usize, cells: usize, public_rows: u32) -> f64
     let log2 = cells.max(1).ilog2();
     let (width, rows) = (CELL_SIDE << log2.div_ceil(2), CELL_SIDE << (log2 / 2));
     let width = if public_rows > 0 { width.max(PUBLIC_CELLS * CELL_SIDE) } else { width };
-    let form = MapForm::new(side.trailing_zeros(), (width, rows + public_rows), TURN_BITS);
+    let form = map_form(side.trailing_zeros(), (width, rows + public_rows));
     blocks as f64 * f64::from(form.entry_bits()) + cells as f64 * f64::from(CELL_BITS)
 }
 

@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use glam::{Mat2, UVec2, Vec2, Vec4};
 use rayon::prelude::*;
+use texfold_core::{CancelCheck, EncodeError};
 use texfold_match::SpectrumIndex;
 
-use super::{Lack, TURN_BITS};
+use super::{Lack, ROTATION_BITS};
 use crate::codebook::{Codebook, Entry, MOST_GAIN, MapForm};
-use crate::decode::texfold_progressive_turn;
+use crate::decode::texfold_progressive_rotation;
 
 /// Spots that a block is compared with.
 const OFFERED: usize = 16;
@@ -43,22 +44,22 @@ impl Spots {
     fn new((width, height): (u32, u32)) -> Self {
         let of = |stride: u32| {
             let (columns, rows) = (width.div_ceil(stride), height.div_ceil(stride));
-            Spots { stride, columns, count: (columns * rows) << (TURN_BITS - 3) }
+            Spots { stride, columns, count: (columns * rows) << (ROTATION_BITS - 3) }
         };
         (1..).map(of).find(|spots| spots.count <= MOST_SPOTS).unwrap_or(of(width))
     }
 
     /// Column, row, and turn of less than a quarter.
     fn at(self, number: u32) -> (i32, i32, u32) {
-        let place = number >> (TURN_BITS - 3);
+        let place = number >> (ROTATION_BITS - 3);
         let (column, row) = (place % self.columns * self.stride, place / self.columns * self.stride);
-        (column as i32, row as i32, (number % (1 << (TURN_BITS - 3))) << 3)
+        (column as i32, row as i32, (number % (1 << (ROTATION_BITS - 3))) << 3)
     }
 }
 
 /// A public and a private codebook.
 #[derive(Debug)]
-pub(crate) struct Shelf {
+pub(crate) struct Library {
     side: usize,
     public: Option<Book>,
     private: Option<Book>,
@@ -81,7 +82,7 @@ struct Offer {
     explained: f32,
 }
 
-impl Shelf {
+impl Library {
     /// For blocks of `side` texels.
     pub(crate) fn new(public: Option<Arc<Codebook>>, private: Option<Arc<Codebook>>, side: usize) -> Self {
         let book = |codebook: Arc<Codebook>| {
@@ -90,13 +91,13 @@ impl Shelf {
             let show = |number: usize, out: &mut Vec<f32>| {
                 let (column, row, turn) = spots.at(number as u32);
                 let spot = Spot { private: false, column, row, turn };
-                let turn = texfold_progressive_turn(turn, TURN_BITS);
+                let turn = texfold_progressive_rotation(turn, ROTATION_BITS);
                 read(codebook.values(), UVec2::new(width, height), spot, turn, side, out);
             };
             let index = SpectrumIndex::new(side, NOISE, spots.count as usize, show);
             Book { codebook, index, spots }
         };
-        Shelf { side, public: public.map(book), private: private.map(book) }
+        Library { side, public: public.map(book), private: private.map(book) }
     }
 
     /// Columns, and rows of both codebooks together.
@@ -117,13 +118,25 @@ impl Shelf {
     }
 
     /// The entries of all blocks of a level, row by row.
-    pub(crate) fn entries(&self, lack: &Lack, form: MapForm, unit: u16) -> Vec<Entry> {
+    ///
+    /// # Errors
+    /// [`EncodeError::Cancelled`] within a few blocks of the caller's wish.
+    pub(crate) fn entries(
+        &self,
+        lack: &Lack,
+        form: MapForm,
+        unit: u16,
+        check: CancelCheck<'_>,
+    ) -> Result<Vec<Entry>, EncodeError> {
         let side = self.side;
         let (columns, rows) = (lack.width.div_ceil(side), lack.height.div_ceil(side));
         let gains = gains(unit);
-        (0..columns * rows)
+        let entries = (0..columns * rows)
             .into_par_iter()
             .map_init(Room::default, |room, index| {
+                if check.is_cancelled() {
+                    return Entry::default();
+                }
                 let (column, row) = (index % columns, index / columns);
                 lack.block(side, column, row, &mut room.target);
                 match self.best(&gains, room) {
@@ -131,7 +144,8 @@ impl Shelf {
                     None => Entry::default(),
                 }
             })
-            .collect()
+            .collect();
+        check.checkpoint().map(|()| entries)
     }
 
     /// Squared error that the best entry of a block takes away.
@@ -145,7 +159,7 @@ impl Shelf {
         let first = if offer.spot.private { self.public_rows() } else { 0 };
         let row = offer.spot.row as u32 + first;
         debug_assert!(row < 1 << form.row_bits, "rows of a codebook and the bits for them");
-        Entry { column: offer.spot.column as u32, row, turn: offer.spot.turn, gain: offer.gain }
+        Entry { column: offer.spot.column as u32, row, rotation: offer.spot.turn, gain: offer.gain }
     }
 
     /// The best entry for the block in `room`.
@@ -155,7 +169,7 @@ impl Shelf {
             let Some(book) = book else { continue };
             for found in book.index.nearest(&room.target, OFFERED, LEAVES) {
                 let (column, row, part) = book.spots.at(found.number as u32);
-                let turn = turn_of(linear_of(part) * found.linear);
+                let turn = rotation_of(linear_of(part) * found.linear);
                 offers.extend(self.offer(Spot { private, column, row, turn }, gains, room));
             }
         }
@@ -174,7 +188,7 @@ impl Shelf {
         if !inside(spot.column, width) || !inside(spot.row, height) {
             return None;
         }
-        let turn = texfold_progressive_turn(spot.turn, TURN_BITS);
+        let turn = texfold_progressive_rotation(spot.turn, ROTATION_BITS);
         read(codebook.values(), UVec2::new(width, height), spot, turn, self.side, &mut room.shown);
         let (mut both, mut own) = (0.0, 0.0);
         for (&target, &shown) in room.target.iter().zip(&room.shown) {
@@ -202,7 +216,7 @@ impl Shelf {
         for _ in 0..STEPS {
             let from = best.spot;
             for (across, down, turned) in MOVES {
-                let turn = turned_by(from.turn, turned);
+                let turn = rotated_by(from.turn, turned);
                 let spot = Spot { column: from.column + across, row: from.row + down, turn, ..from };
                 if let Some(offer) = self.offer(spot, gains, room).filter(|o| o.explained > best.explained) {
                     best = offer;
@@ -224,8 +238,8 @@ struct Room {
 }
 
 /// The turn nearest to a linear part.
-pub(crate) fn turn_of(linear: Mat2) -> u32 {
-    let quarter_parts = 1u32 << (TURN_BITS - 3);
+pub(crate) fn rotation_of(linear: Mat2) -> u32 {
+    let quarter_parts = 1u32 << (ROTATION_BITS - 3);
     let steps = 4 * quarter_parts;
     let angle = linear.x_axis.y.atan2(linear.x_axis.x).rem_euclid(std::f32::consts::TAU);
     let step = (angle / std::f32::consts::TAU * steps as f32).round() as u32 % steps;
@@ -234,19 +248,19 @@ pub(crate) fn turn_of(linear: Mat2) -> u32 {
 
 /// The linear part of a turn.
 fn linear_of(number: u32) -> Mat2 {
-    let turn = texfold_progressive_turn(number, TURN_BITS);
+    let turn = texfold_progressive_rotation(number, ROTATION_BITS);
     Mat2::from_cols(Vec2::new(turn.x, turn.z), Vec2::new(turn.y, turn.w))
 }
 
 /// The number of a turn by so many parts of a quarter.
 fn numbered(step: u32, reflected: bool) -> u32 {
-    let parts = 1 << (TURN_BITS - 3);
+    let parts = 1 << (ROTATION_BITS - 3);
     u32::from(reflected) | ((step / parts) << 1) | ((step % parts) << 3)
 }
 
 /// The turn one part further, or back.
-fn turned_by(number: u32, by: i32) -> u32 {
-    let parts = 1 << (TURN_BITS - 3);
+fn rotated_by(number: u32, by: i32) -> u32 {
+    let parts = 1 << (ROTATION_BITS - 3);
     let step = (number >> 1 & 3) * parts + (number >> 3);
     let steps = 4 * parts as i32;
     numbered((step as i32 + by).rem_euclid(steps) as u32, number & 1 == 1)
@@ -330,14 +344,14 @@ mod tests {
 
     #[test]
     fn turns_have_the_numbers_of_their_matrices() {
-        for number in 0..1 << TURN_BITS {
-            let (turn, linear) = (texfold_progressive_turn(number, TURN_BITS), linear_of(number));
-            assert_eq!(turn_of(linear), number);
+        for number in 0..1 << ROTATION_BITS {
+            let (turn, linear) = (texfold_progressive_rotation(number, ROTATION_BITS), linear_of(number));
+            assert_eq!(rotation_of(linear), number);
             assert!((linear.determinant().abs() - 1.0).abs() < 1e-6);
-            let further = texfold_progressive_turn(turned_by(number, 1), TURN_BITS);
+            let further = texfold_progressive_rotation(rotated_by(number, 1), ROTATION_BITS);
             let angle = turn.x * further.x + turn.z * further.z;
             assert!((angle - (std::f32::consts::TAU / 16.0).cos()).abs() < 1e-5, "{number}");
-            assert_eq!(turned_by(turned_by(number, 1), -1), number);
+            assert_eq!(rotated_by(rotated_by(number, 1), -1), number);
         }
     }
 
@@ -376,14 +390,14 @@ mod tests {
         let cells = [(0, 0), (96, 32), (32, 160), (192, 96)].map(|(x, y)| flat.cell(x, y));
         let book = Codebook::of_cells(texfold_bc::Content::Raw, 64, &cells).unwrap();
         let (side, unit) = (8, gain_unit(&[vec![lack.clone()]], 3));
-        let shelf = Shelf::new(None, Some(Arc::new(book)), side);
+        let library = Library::new(None, Some(Arc::new(book)), side);
         let (mut all, mut searched, mut best) = (0.0f64, 0.0f64, 0.0f64);
         for block in 0..32 {
             let at = (block * 7 % 32, block * 5 % 32);
             let mut room = Room::default();
             lack.block(side, at.0, at.1, &mut room.target);
             all += f64::from(room.target.iter().map(|value| value * value).sum::<f32>());
-            searched += f64::from(shelf.explained(&lack, at, unit));
+            searched += f64::from(library.explained(&lack, at, unit));
             let spots = (0..64 * 64 * 32u32).map(|i| Spot {
                 private: true,
                 column: (i % 64) as i32,
@@ -392,7 +406,7 @@ mod tests {
             });
             let gains = gains(unit);
             let explained =
-                spots.filter_map(|spot| shelf.offer(spot, &gains, &mut room)).map(|o| o.explained);
+                spots.filter_map(|spot| library.offer(spot, &gains, &mut room)).map(|o| o.explained);
             best += f64::from(explained.fold(0.0, f32::max));
         }
         let lost = 10.0 * ((all - searched) / (all - best)).log10();

@@ -1,19 +1,18 @@
-//! The blocks of a texture, the classes that a price of bits gives them, and their bits.
+//! The blocks of a texture, the rate classes that a lambda gives them, and their bits.
 //!
 //! A block takes the class with the least squared error + lambda x bits. Errors are estimates until a block has been coded
-//! in a class; what is then known of it corrects the estimates of its other classes. Coded bits are kept, so that a search for
-//! the right price codes a block once for each class that it is given. Cost: a trellis search a block and class.
-
-use std::ops::Range;
+//! in a class; what is then known of it corrects the estimates of its other classes. Coded bits are kept, so that a search
+//! for the right lambda codes a block once for each class that it is given. Cost: a trellis search a block and class,
+//! some 0.5 ms.
 
 use rayon::prelude::*;
-use texfold_core::{Effort, EncodeError, Job};
+use texfold_core::{CancelCheck, Effort, EncodeError};
 
-use super::error::{Block, KIND_OF};
 use super::model::{left, scale_of};
+use super::transform::{ResidualBlock, SUBBAND_OF};
 use super::trellis::{Step, Trellis, pack};
-use crate::decode::VALUES;
-use crate::rates::{CELLS, CLASSES, COUNTS, KINDS, Model, Rates, WEIGHT_ONE};
+use crate::decode::fast::VALUES;
+use crate::rates::{BLOCK_CELLS, RATE_CLASSES, RateModel, Rates, SUBBAND_COUNTS, SUBBANDS, WEIGHT_ONE};
 
 /// Largest number of a scale.
 const MOST_SCALE: f32 = 15.0;
@@ -41,19 +40,22 @@ const FEW: f64 = 0.02;
 
 /// All blocks with a model.
 #[derive(Debug)]
-pub(crate) struct Coder<'b> {
-    blocks: &'b [Block],
-    pub(crate) model: Model,
+pub struct Coder<'b> {
+    blocks: &'b [ResidualBlock],
+    /// What the blocks share.
+    pub model: RateModel,
     effort: Effort,
-    weights: [f32; KINDS],
+    weights: [f32; SUBBANDS],
     /// Squared error of each block by class, estimated or known; infinite where there is no such class.
-    errors: Vec<[f32; CLASSES]>,
+    errors: Vec<[f32; RATE_CLASSES]>,
     coded: Vec<Vec<Coded>>,
 }
 
 impl<'b> Coder<'b> {
-    pub(crate) fn new(blocks: &'b [Block], model: Model, effort: Effort) -> Self {
-        let estimate = |block: &Block| {
+    /// Nothing is coded yet.
+    #[must_use]
+    pub fn new(blocks: &'b [ResidualBlock], model: RateModel, effort: Effort) -> Self {
+        let estimate = |block: &ResidualBlock| {
             std::array::from_fn(|class| match model.classes[class] {
                 rates if class > 0 && rates.bits() == 0 => f32::INFINITY,
                 rates => left(&block.energy, rates),
@@ -65,58 +67,58 @@ impl<'b> Coder<'b> {
     }
 
     /// The class of each block where a bit is worth `lambda`.
-    pub(crate) fn choose(&self, lambda: f32) -> Vec<u8> {
+    #[must_use]
+    pub fn choose(&self, lambda: f32) -> Vec<u8> {
         self.errors.par_iter().map(|errors| self.cheapest(errors, lambda)).collect()
     }
 
     /// The same where the errors of each block count by its weight.
-    pub(crate) fn choose_weighted(&self, lambda: f32, weights: &[f32]) -> Vec<u8> {
+    #[must_use]
+    pub fn choose_weighted(&self, lambda: f32, weights: &[f32]) -> Vec<u8> {
         let best = |(errors, weight): (_, &f32)| self.cheapest(errors, lambda / weight.max(LEAST_WEIGHT));
         self.errors.par_iter().zip(weights).map(best).collect()
     }
 
-    fn cheapest(&self, errors: &[f32; CLASSES], lambda: f32) -> u8 {
+    fn cheapest(&self, errors: &[f32; RATE_CLASSES], lambda: f32) -> u8 {
         let step = lambda * self.model.class_bits as f32;
         let cost = |class: usize| errors[class] + step * class as f32;
-        (0..CLASSES).min_by(|&a, &b| cost(a).total_cmp(&cost(b))).unwrap_or(0) as u8
+        (0..RATE_CLASSES).min_by(|&a, &b| cost(a).total_cmp(&cost(b))).unwrap_or(0) as u8
     }
 
     /// The first class of each block whose error is at most `limit`, as far as is known; the last where there is none.
-    pub(crate) fn likely(&self, limit: f32) -> Vec<u8> {
-        let first = |errors: &[f32; CLASSES]| {
-            (0..CLASSES).find(|&class| errors[class] <= limit).unwrap_or(CLASSES - 1) as u8
+    #[must_use]
+    pub fn likely(&self, limit: f32) -> Vec<u8> {
+        let first = |errors: &[f32; RATE_CLASSES]| {
+            (0..RATE_CLASSES).find(|&class| errors[class] <= limit).unwrap_or(RATE_CLASSES - 1) as u8
         };
         self.errors.iter().map(first).collect()
     }
 
     /// Squared error of such classes, as far as is known, summed over the `counted` blocks.
-    pub(crate) fn error_of(&self, classes: &[u8], counted: &[bool]) -> f64 {
+    #[must_use]
+    pub fn error_of(&self, classes: &[u8], counted: &[bool]) -> f64 {
         let known = |index: usize| f64::from(self.errors[index][usize::from(classes[index])]);
         (0..classes.len()).filter(|&index| counted[index]).map(known).sum()
     }
 
     /// Codes every block in its class, where that has not been done.
-    pub(crate) fn code(&mut self, classes: &[u8], job: &Job<'_>) -> Result<(), EncodeError> {
-        for start in (0..self.blocks.len()).step_by(TASK_BLOCKS * 256) {
-            job.checkpoint()?;
-            let range = start..self.blocks.len().min(start + TASK_BLOCKS * 256);
-            job.install(|| self.code_some(range, classes));
-        }
-        Ok(())
-    }
-
-    /// As [`Coder::code`], of the blocks of that range.
-    pub(crate) fn code_some(&mut self, range: Range<usize>, classes: &[u8]) {
+    ///
+    /// # Errors
+    /// [`EncodeError::Cancelled`] within a few blocks of the caller's wish.
+    pub fn code(&mut self, classes: &[u8], check: CancelCheck<'_>) -> Result<(), EncodeError> {
         let Coder { blocks, model, effort, weights, errors, coded } = self;
         let (blocks, model, effort, weights) = (*blocks, &*model, *effort, &*weights);
-        let tasks = coded[range.clone()]
+        let tasks = coded
             .par_chunks_mut(TASK_BLOCKS)
-            .zip(errors[range.clone()].par_chunks_mut(TASK_BLOCKS))
-            .zip(blocks[range.clone()].par_chunks(TASK_BLOCKS))
-            .zip(classes[range].par_chunks(TASK_BLOCKS));
+            .zip(errors.par_chunks_mut(TASK_BLOCKS))
+            .zip(blocks.par_chunks(TASK_BLOCKS))
+            .zip(classes.par_chunks(TASK_BLOCKS));
         tasks.for_each(|(((coded, errors), blocks), classes)| {
             let mut trellis = Trellis::default();
             for (((coded, errors), block), &class) in coded.iter_mut().zip(errors).zip(blocks).zip(classes) {
+                if check.is_cancelled() {
+                    return;
+                }
                 if coded.iter().all(|found| found.class != class) {
                     let found = code_block(block, class, model, weights, effort, &mut trellis);
                     correct(errors, &found);
@@ -124,23 +126,27 @@ impl<'b> Coder<'b> {
                 }
             }
         });
+        check.checkpoint()
     }
 
     /// For each block the first class whose worst cell has at most `limit` of squared error, coding it in one after another;
     /// the last class where none has, at the scale that its worst cell is best at.
-    pub(crate) fn within(&mut self, limit: f32, job: &Job<'_>) -> Result<Vec<u8>, EncodeError> {
+    ///
+    /// # Errors
+    /// [`EncodeError::Cancelled`] within a few blocks of the caller's wish.
+    pub fn within(&mut self, limit: f32, check: CancelCheck<'_>) -> Result<Vec<u8>, EncodeError> {
         let mut classes = vec![0u8; self.blocks.len()];
         loop {
-            self.code(&classes, job)?;
+            self.code(&classes, check)?;
             let mut again = false;
             let mut failed = Vec::new();
             for (index, class) in classes.iter_mut().enumerate() {
                 let worst = self.found(index, *class).map_or(f32::MAX, |found| found.worst);
                 let errors = &self.errors[index];
                 let further =
-                    || (*class + 1..CLASSES as u8).filter(|&next| errors[usize::from(next)].is_finite());
+                    || (*class + 1..RATE_CLASSES as u8).filter(|&next| errors[usize::from(next)].is_finite());
                 // Classes that cannot do are passed over: the mean cell is no worse than the worst.
-                let likely = further().find(|&next| errors[usize::from(next)] <= CELLS as f32 * limit);
+                let likely = further().find(|&next| errors[usize::from(next)] <= BLOCK_CELLS as f32 * limit);
                 match likely.or(further().next_back()) {
                     Some(next) if worst > limit => {
                         *class = next;
@@ -153,7 +159,7 @@ impl<'b> Coder<'b> {
             if !again {
                 // Where many fail no scale will help them all.
                 if failed.len() as f64 <= FEW * self.blocks.len() as f64 {
-                    job.install(|| self.lessen_worst(&failed, &classes));
+                    self.lessen_worst(&failed, &classes, check)?;
                 }
                 return Ok(classes);
             }
@@ -162,15 +168,22 @@ impl<'b> Coder<'b> {
 
     /// Codes blocks anew, at the scale of which the worst cell is least: one with all of a block's error in one cell is beyond the largest
     /// values of the scale that suits the block's mean.
-    fn lessen_worst(&mut self, failed: &[usize], classes: &[u8]) {
+    fn lessen_worst(
+        &mut self,
+        failed: &[usize],
+        classes: &[u8],
+        check: CancelCheck<'_>,
+    ) -> Result<(), EncodeError> {
         let better: Vec<Option<Coded>> = failed
             .par_iter()
             .map(|&index| {
                 let (block, class) = (&self.blocks[index], classes[index]);
                 let coded = |number: u8| code_at(block, class, &self.model, &self.weights, number);
-                (0..=MOST_SCALE as u8).map(coded).min_by(|a, b| a.worst.total_cmp(&b.worst))
+                let scales = (0..=MOST_SCALE as u8).take_while(|_| !check.is_cancelled());
+                scales.map(coded).min_by(|a, b| a.worst.total_cmp(&b.worst))
             })
             .collect();
+        check.checkpoint()?;
         for (&index, better) in failed.iter().zip(better) {
             for found in self.coded[index].iter_mut().filter(|found| found.class == classes[index]) {
                 if let Some(better) = better.clone().filter(|better| better.worst < found.worst) {
@@ -178,6 +191,7 @@ impl<'b> Coder<'b> {
                 }
             }
         }
+        Ok(())
     }
 
     /// A block as it is coded in that class.
@@ -187,7 +201,7 @@ impl<'b> Coder<'b> {
 }
 
 /// Takes over what coding has shown: the error in this class, and how far estimates were off.
-fn correct(errors: &mut [f32; CLASSES], found: &Coded) {
+fn correct(errors: &mut [f32; RATE_CLASSES], found: &Coded) {
     let class = usize::from(found.class);
     if class == 0 {
         return;
@@ -199,10 +213,10 @@ fn correct(errors: &mut [f32; CLASSES], found: &Coded) {
 }
 
 fn code_block(
-    block: &Block,
+    block: &ResidualBlock,
     class: u8,
-    model: &Model,
-    weights: &[f32; KINDS],
+    model: &RateModel,
+    weights: &[f32; SUBBANDS],
     effort: Effort,
     trellis: &mut Trellis,
 ) -> Coded {
@@ -239,7 +253,13 @@ fn code_block(
 }
 
 /// A block as it is coded in a class that has bits, at that scale.
-fn code_at(block: &Block, class: u8, model: &Model, weights: &[f32; KINDS], number: u8) -> Coded {
+fn code_at(
+    block: &ResidualBlock,
+    class: u8,
+    model: &RateModel,
+    weights: &[f32; SUBBANDS],
+    number: u8,
+) -> Coded {
     let rates = model.classes[usize::from(class)];
     let mut trellis = Trellis::default();
     let number = f32::from(number);
@@ -258,7 +278,7 @@ struct Opened {
 }
 
 /// The block with a path that ends where it begins.
-fn close(block: &Block, class: u8, rates: Rates, opened: &Opened, trellis: &mut Trellis) -> Coded {
+fn close(block: &ResidualBlock, class: u8, rates: Rates, opened: &Opened, trellis: &mut Trellis) -> Coded {
     let steps = &opened.steps;
     let path = trellis.ring(steps, opened.end);
     let halves = pack(steps, path);
@@ -266,8 +286,8 @@ fn close(block: &Block, class: u8, rates: Rates, opened: &Opened, trellis: &mut 
     let mut left = steps.iter().zip(path);
     for cell in &block.cells {
         let mut error = 0.0;
-        for (value, kind) in cell.iter().zip(KIND_OF) {
-            let shown = match rates.0[usize::from(kind)] {
+        for (value, subband) in cell.iter().zip(SUBBAND_OF) {
+            let shown = match rates.0[usize::from(subband)] {
                 0 => 0.0,
                 _ => left.next().map_or(0.0, |(step, &state)| step.weight * VALUES[usize::from(state)]),
             };
@@ -283,24 +303,33 @@ fn close(block: &Block, class: u8, rates: Rates, opened: &Opened, trellis: &mut 
 /// count. Between what suits normal numbers and what suits those of mixed scales.
 fn headroom(rates: Rates) -> f32 {
     const BY_RATE: [f32; 6] = [1.0, 1.0, 1.2, 1.4, 1.55, 1.6];
-    let coded = || rates.0.into_iter().zip(COUNTS).filter(|&(rate, _)| rate > 0);
+    let coded = || rates.0.into_iter().zip(SUBBAND_COUNTS).filter(|&(rate, _)| rate > 0);
     let coefficients: u32 = coded().map(|(_, count)| count).sum();
     let sum: f32 = coded().map(|(rate, count)| BY_RATE[usize::from(rate)] * count as f32).sum();
     sum / coefficients.max(1) as f32
 }
 
 /// RMS of the table: one over 255 times the unit.
-const TABLE_RMS: f32 = 1.0 / (255.0 * crate::decode::TEXFOLD_PROGRESSIVE_UNIT);
+const TABLE_RMS: f32 = 1.0 / (255.0 * crate::decode::TEXFOLD_RESIDUAL_UNIT);
 
 /// The coefficients that get bits, in the order of these.
-fn steps(block: &Block, rates: [u8; KINDS], weights: &[f32; KINDS], scale_number: f32) -> Vec<Step> {
+fn steps(
+    block: &ResidualBlock,
+    rates: [u8; SUBBANDS],
+    weights: &[f32; SUBBANDS],
+    scale_number: f32,
+) -> Vec<Step> {
     let scale = (scale_number / 2.0).exp2() / TABLE_RMS;
     let mut steps = Vec::new();
     for cell in &block.cells {
-        for (&target, kind) in cell.iter().zip(KIND_OF) {
-            let kind = usize::from(kind);
-            if rates[kind] > 0 {
-                steps.push(Step { target, weight: weights[kind] * scale, rate: u32::from(rates[kind]) });
+        for (&target, subband) in cell.iter().zip(SUBBAND_OF) {
+            let subband = usize::from(subband);
+            if rates[subband] > 0 {
+                steps.push(Step {
+                    target,
+                    weight: weights[subband] * scale,
+                    rate: u32::from(rates[subband]),
+                });
             }
         }
     }

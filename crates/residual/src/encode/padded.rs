@@ -1,63 +1,72 @@
-//! Images with what surrounds them, where they are tiles of larger ones: made smaller in step with the tile, so that a texel of the smaller one
-//! covers the same place whatever the tile's size.
+//! Images with what surrounds them, where they are tiles of larger ones: reduced in step with the tile, so that a texel of
+//! the reduced one covers the same place whatever the tile's size.
 
+use rayon::prelude::*;
 use texfold_core::image::Raster;
 use texfold_core::{SurfaceSize, Texel};
 
-use crate::AROUND;
+use crate::APRON;
 
 /// An image and as many texels more on each side.
 #[derive(Debug, Clone)]
-pub(crate) struct Surrounded {
-    pub(crate) raster: Raster,
+pub struct PaddedRaster {
+    /// The image and its padding.
+    pub raster: Raster,
     /// Texels beyond each border of the image; 0 where nothing is known of them.
-    pub(crate) margin: u32,
+    pub padding: u32,
 }
 
-impl Surrounded {
-    /// An image with `margin` texels on each side of `around`, which has [`AROUND`]: `None` where it is of another size.
-    pub(crate) fn new(around: &Raster, image: SurfaceSize, margin: u32) -> Option<Surrounded> {
+impl PaddedRaster {
+    /// An image with `padding` texels on each side, at most [`APRON`]. `around` is the image with [`APRON`] of them:
+    /// `None` where it is of another size.
+    #[must_use]
+    pub fn new(around: &Raster, image: SurfaceSize, padding: u32) -> Option<PaddedRaster> {
         let whole = around.size();
-        let fits = whole.width == image.width + 2 * AROUND && whole.height == image.height + 2 * AROUND;
-        fits.then(|| Surrounded { raster: cut(around, AROUND - margin), margin })
+        let fits = whole.width == image.width + 2 * APRON && whole.height == image.height + 2 * APRON;
+        fits.then(|| PaddedRaster { raster: cut(around, APRON - padding), padding })
     }
 
     /// An image of which no more is known.
-    pub(crate) fn alone(image: Raster) -> Surrounded {
-        Surrounded { raster: image, margin: 0 }
+    #[must_use]
+    pub fn alone(image: Raster) -> PaddedRaster {
+        PaddedRaster { raster: image, padding: 0 }
     }
 
     /// Columns and rows of the image.
-    pub(crate) fn inner(&self) -> SurfaceSize {
+    #[must_use]
+    pub fn inner(&self) -> SurfaceSize {
         let SurfaceSize { width, height } = self.raster.size();
-        SurfaceSize { width: width - 2 * self.margin, height: height - 2 * self.margin }
+        SurfaceSize { width: width - 2 * self.padding, height: height - 2 * self.padding }
     }
 
-    /// The same with `margin` texels on each side, or as many as there are.
-    pub(crate) fn within(&self, margin: u32) -> Surrounded {
-        let margin = margin.min(self.margin);
-        Surrounded { raster: cut(&self.raster, self.margin - margin), margin }
+    /// The same with `padding` texels on each side, or as many as there are.
+    #[must_use]
+    pub fn within(&self, padding: u32) -> PaddedRaster {
+        let padding = padding.min(self.padding);
+        PaddedRaster { raster: cut(&self.raster, self.padding - padding), padding }
     }
 
-    /// The mean of what each texel covers, values as they are stored, in an image of `size` texels, `margin` of them on each side: the
-    /// others are the image. `level` is a mip level of the raster. Hidden colours count where nothing else is seen.
-    pub(crate) fn reduced(&self, level: &Raster, size: SurfaceSize, margin: f64) -> Vec<Texel> {
+    /// The mean of what each texel covers, values as they are stored, in an image of `size` texels, of which `padding`
+    /// lie on each side and the others are the image. `level` is a mip level of the raster. Hidden colours count where
+    /// nothing else is seen.
+    #[must_use]
+    pub fn reduced(&self, level: &Raster, size: SurfaceSize, padding: f64) -> Vec<Texel> {
         let inner = self.inner();
         let whole = self.raster.size();
         let shares = |count: u32, (inner, whole, held): (u32, u32, u32)| -> Vec<(usize, Vec<f32>)> {
-            let step = f64::from(inner) / (f64::from(count) - 2.0 * margin);
-            let place = |at: u32| (f64::from(at) - margin) * step + f64::from(self.margin);
+            let step = f64::from(inner) / (f64::from(count) - 2.0 * padding);
+            let place = |at: u32| (f64::from(at) - padding) * step + f64::from(self.padding);
             let scale = f64::from(held) / f64::from(whole);
             (0..count).map(|at| covered(place(at) * scale, place(at + 1) * scale, held)).collect()
         };
         let held = level.size();
         let columns = shares(size.width, (inner.width, whole.width, held.width));
         let rows = shares(size.height, (inner.height, whole.height, held.height));
-        let plain = means(level, (&columns, &rows), |texel| texel);
+        let plain = means(level, &columns, &rows, |texel| texel);
         if !self.raster.info().has_alpha() {
             return plain;
         }
-        let weighted = means(level, (&columns, &rows), |texel| (texel.truncate() * texel.w).extend(texel.w));
+        let weighted = means(level, &columns, &rows, |texel| (texel.truncate() * texel.w).extend(texel.w));
         let seen = |(plain, weighted): (Texel, Texel)| {
             if plain.w > 0.0 { (weighted.truncate() / plain.w).extend(plain.w) } else { plain }
         };
@@ -69,18 +78,23 @@ impl Surrounded {
 type Shares = [(usize, Vec<f32>)];
 
 /// The mean of a value of the texels that columns and rows cover.
-fn means(level: &Raster, (columns, rows): (&Shares, &Shares), value: impl Fn(Texel) -> Texel) -> Vec<Texel> {
-    let mut texels = Vec::new();
-    for (top, shares) in rows {
+fn means(
+    level: &Raster,
+    columns: &Shares,
+    rows: &Shares,
+    value: impl Fn(Texel) -> Texel + Sync,
+) -> Vec<Texel> {
+    let row = |(top, shares): &(usize, Vec<f32>)| -> Vec<Texel> {
         let mut line = vec![Texel::ZERO; level.size().width as usize];
         for (y, &share) in (*top as u32..).zip(shares) {
             (0..).zip(&mut line).for_each(|(x, sum)| *sum += value(level.texel(x, y)) * share);
         }
-        texels.extend(columns.iter().map(|(left, shares)| {
+        let mean = |(left, shares): &(usize, Vec<f32>)| {
             line[*left..].iter().zip(shares).map(|(&texel, &share)| texel * share).sum::<Texel>()
-        }));
-    }
-    texels
+        };
+        columns.iter().map(mean).collect()
+    };
+    rows.par_iter().flat_map_iter(row).collect()
 }
 
 /// A raster without its outermost `away` texels on each side.
@@ -116,7 +130,7 @@ mod tests {
     #[test]
     fn whole_texels_are_the_means_of_mip_levels() {
         let picture = texfold_testkit::picture("terrain").tagged(ColorSpace::Linear, Alpha::Opaque);
-        let whole = Surrounded { raster: picture.clone(), margin: 64 };
+        let whole = PaddedRaster { raster: picture.clone(), padding: 64 };
         let small = mip_chain(&picture, 4, MipFilter::Box);
         let found = whole.reduced(&picture, small[3].size(), 8.0);
         for (found, wanted) in found.iter().zip(small[3].texels()) {
@@ -133,19 +147,19 @@ mod tests {
     fn a_slope_stays_where_it_is_at_any_size() {
         let info = texfold_testkit::picture("terrain").tagged(ColorSpace::Linear, Alpha::Opaque).info();
         for (inner, count) in [(15u32, 1u32), (100, 12), (101, 12), (238, 29)] {
-            let (margin, beyond) = (32, 4u32);
-            let width = inner + 2 * margin;
+            let (padding, beyond) = (32, 4u32);
+            let width = inner + 2 * padding;
             let value = |at: f64| (at / f64::from(width)) as f32;
             let texels: Vec<Texel> =
                 (0..width * width).map(|i| Texel::splat(value(f64::from(i % width) + 0.5))).collect();
             let raster = Raster::from_texels(width, width, info, &texels).unwrap();
-            let around = Surrounded { raster, margin };
+            let around = PaddedRaster { raster, padding };
             let size = SurfaceSize { width: count + 2 * beyond, height: count + 2 * beyond };
             let found = around.reduced(&around.raster, size, f64::from(beyond));
             // Those whose whole place is known.
             for at in beyond..beyond + count {
                 let middle = (f64::from(at - beyond) + 0.5) / f64::from(count);
-                let wanted = value(middle * f64::from(inner) + f64::from(margin));
+                let wanted = value(middle * f64::from(inner) + f64::from(padding));
                 assert!((found[at as usize].x - wanted).abs() < 2e-3, "{inner} {at}");
             }
         }
@@ -155,15 +169,15 @@ mod tests {
     fn the_middle_is_cut_out() {
         let info = texfold_testkit::picture("terrain").info();
         let image = SurfaceSize { width: 10, height: 3 };
-        let (width, height) = (image.width + 2 * AROUND, image.height + 2 * AROUND);
+        let (width, height) = (image.width + 2 * APRON, image.height + 2 * APRON);
         let value = |x: u32, y: u32| Texel::splat((x * 7 + y * 3) as f32 / 4096.0);
         let texels: Vec<Texel> = (0..width * height).map(|i| value(i % width, i / width)).collect();
         let raster = Raster::from_texels(width, height, info, &texels).unwrap();
-        assert!(Surrounded::new(&raster, SurfaceSize { width: 11, height: 3 }, 8).is_none());
-        let cut = Surrounded::new(&raster, image, 8).unwrap().within(4);
-        assert_eq!((cut.inner(), cut.margin), (image, 4));
-        assert_eq!(cut.raster.texel(0, 2).x, value(AROUND - 4, AROUND - 2).x);
-        assert_eq!(cut.within(0).raster.texel(9, 2).x, value(AROUND + 9, AROUND + 2).x);
+        assert!(PaddedRaster::new(&raster, SurfaceSize { width: 11, height: 3 }, 8).is_none());
+        let cut = PaddedRaster::new(&raster, image, 8).unwrap().within(4);
+        assert_eq!((cut.inner(), cut.padding), (image, 4));
+        assert_eq!(cut.raster.texel(0, 2).x, value(APRON - 4, APRON - 2).x);
+        assert_eq!(cut.within(0).raster.texel(9, 2).x, value(APRON + 9, APRON + 2).x);
     }
 
     #[test]
@@ -177,14 +191,14 @@ mod tests {
         picture = picture.tagged(ColorSpace::Linear, Alpha::Straight);
         let small = mip_chain(&picture, 3, MipFilter::Box);
         let found =
-            Surrounded { raster: picture.clone(), margin: 16 }.reduced(&picture, small[2].size(), 4.0);
+            PaddedRaster { raster: picture.clone(), padding: 16 }.reduced(&picture, small[2].size(), 4.0);
         for (found, wanted) in found.iter().zip(small[2].texels()) {
             assert!((*found - wanted).abs().max_element() < 1e-5, "{found} {wanted}");
         }
         // Where all are hidden they stay.
         let hidden: Vec<Texel> = picture.texels().map(|texel| texel.truncate().extend(0.0)).collect();
         let hidden = Raster::from_texels(size.width, size.height, picture.info(), &hidden).unwrap();
-        let found = Surrounded::alone(hidden.clone()).reduced(&hidden, small[2].size(), 0.0);
+        let found = PaddedRaster::alone(hidden.clone()).reduced(&hidden, small[2].size(), 0.0);
         let opaque = mip_chain(&hidden.with_channels(3), 3, MipFilter::Box);
         for (found, wanted) in found.iter().zip(opaque[2].texels()) {
             assert!((found.truncate() - wanted.truncate()).abs().max_element() < 1e-5, "{found} {wanted}");

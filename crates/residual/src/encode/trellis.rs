@@ -6,7 +6,8 @@
 //! run the best path through it: not always the best of all such rings, as "QTIP" (Tseng et al. 2024) does.
 //! Cost: O(states) a coefficient and run.
 
-use crate::decode::{STATES, TEXFOLD_PROGRESSIVE_STATE_BITS, VALUES};
+use crate::decode::TEXFOLD_RESIDUAL_STATE_BITS;
+use crate::decode::fast::{STATES, VALUES};
 
 /// [`VALUES`] by the states' bits in reverse. States are held so in here: those that a state may follow, and those that may
 /// follow it, then stand as vector units want them.
@@ -22,7 +23,7 @@ static REVERSED: [f32; STATES] = {
 
 /// A state with its bits in reverse.
 const fn reverse(state: usize) -> usize {
-    state.reverse_bits() >> (usize::BITS - TEXFOLD_PROGRESSIVE_STATE_BITS)
+    state.reverse_bits() >> (usize::BITS - TEXFOLD_RESIDUAL_STATE_BITS)
 }
 
 /// A coefficient to code.
@@ -138,7 +139,7 @@ pub(crate) fn pack(steps: &[Step], path: &[u16]) -> Vec<u16> {
     let mut halves = Vec::new();
     let (mut word, mut filled) = (0u32, 0);
     for (step, &state) in steps.iter().zip(path) {
-        word |= (u32::from(state) >> (TEXFOLD_PROGRESSIVE_STATE_BITS - step.rate)) << filled;
+        word |= (u32::from(state) >> (TEXFOLD_RESIDUAL_STATE_BITS - step.rate)) << filled;
         filled += step.rate;
         if filled >= 16 {
             halves.push(word as u16);

@@ -1,43 +1,45 @@
-//! The model that a texture's blocks share: which bits a class gives to which kind of coefficient, and the kinds' weights.
+//! The rate model that a texture's blocks share: which bits a rate class gives to which subband, and the subbands' weights.
 //!
-//! Every sensible way to share bits out is tried on a sample of the blocks; of each length the one that most blocks would take
-//! is kept. Cost: ways x sampled blocks.
+//! Every sensible way to share bits out is tried on a sample of the blocks; of each number of bits the one that most
+//! blocks would take is kept. Cost: ways x sampled blocks.
 
 use std::sync::LazyLock;
 
 use rayon::prelude::*;
 
-use super::error::Block;
-use crate::rates::{CELLS, CLASSES, COUNTS, KINDS, MOST, Model, Rates, WEIGHT_ONE};
+use super::transform::ResidualBlock;
+use crate::rates::{
+    BLOCK_CELLS, MAX_RATES, RATE_CLASSES, RateModel, Rates, SUBBAND_COUNTS, SUBBANDS, WEIGHT_ONE,
+};
 
 /// What remains of a coefficient's squared error by its bits: measured on normal numbers of mixed scales, coded by the
 /// trellis.
-pub(crate) const LEFT: [f32; 6] = [1.0, 0.288, 0.081, 0.0245, 0.0075, 0.0024];
+const LEFT: [f32; 6] = [1.0, 0.288, 0.081, 0.0245, 0.0075, 0.0024];
 
 /// Most blocks that a model is made from.
 const SAMPLE: usize = 1024;
 
 /// Largest scale by number: 2^(15 / 2).
-pub(crate) const MOST_SCALE: f32 = 181.02;
+const MOST_SCALE: f32 = 181.02;
 /// How much larger scales may be than the largest of the sample.
 const HEADROOM: f32 = 1.6;
 /// Least scale in 8-bit units that is told from smaller ones.
 const LEAST_SCALE: f32 = 0.25;
 
 /// Squared error that is left where coefficients get such bits.
-pub(crate) fn left(energy: &[f32; KINDS], rates: Rates) -> f32 {
+pub(crate) fn left(energy: &[f32; SUBBANDS], rates: Rates) -> f32 {
     energy.iter().zip(rates.0).map(|(&energy, rate)| energy * LEFT[usize::from(rate)]).sum()
 }
 
-/// Coefficients of a kind in a block.
-fn count(kind: usize) -> f32 {
-    (CELLS * COUNTS[kind]) as f32
+/// Coefficients of a subband in a block.
+fn count(subband: usize) -> f32 {
+    (BLOCK_CELLS * SUBBAND_COUNTS[subband]) as f32
 }
 
-/// All ways to share bits out in which coarser kinds get no fewer than finer ones.
+/// All ways to share bits out in which coarser subbands get no fewer than finer ones.
 static WAYS: LazyLock<Vec<Rates>> = LazyLock::new(|| {
     let mut ways = Vec::new();
-    let most = MOST.map(|most| most as u8);
+    let most = MAX_RATES.map(|most| most as u8);
     for mean in 1..=most[0] {
         for coarse in 0..=mean.min(most[1]) {
             for edge in 0..=coarse.min(most[2]) {
@@ -59,30 +61,42 @@ static WAYS: LazyLock<Vec<Rates>> = LazyLock::new(|| {
 });
 
 /// A sample of the blocks, spread evenly.
-fn sample(blocks: &[Block]) -> Vec<&Block> {
+fn sample(blocks: &[ResidualBlock]) -> Vec<&ResidualBlock> {
     blocks.iter().step_by(blocks.len().div_ceil(SAMPLE).max(1)).collect()
 }
 
-/// Classes that no block takes at a price are those of blocks at others, so that other prices can be tried with a model.
+/// Factors on lambda at which classes are looked for, the first that fills a class first. Blocks differ in their
+/// residuals by less than these factors within a search that starts near its answer.
+const NEAR: [f32; 3] = [1.0, 0.4, 2.5];
+/// The same for a search from an estimate: a factor of 16 is some 12 dB, more than any estimate is off.
+const FAR: [f32; 7] = [1.0, 0.5, 2.0, 0.25, 4.0, 0.06, 16.0];
+/// Rounds in which weights and the blocks' scales are fitted to each other; further ones change weights by less than the
+/// 1/1024 that they are stored in.
+const WEIGHT_ROUNDS: usize = 4;
+/// Least weight of a subband beside the largest, so that a scale of 4 bits can still lift it over the rounding of 8 bits.
+const LEAST_WEIGHT: f32 = 0.02;
+
+/// Classes that no block takes at a lambda are those of blocks at others, so that other lambdas can be tried with a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Reach {
-    /// A little higher and lower.
+pub enum Reach {
+    /// A little higher and lower lambdas.
     Near,
     /// All that a search may come to.
     Far,
 }
 
 /// The model for blocks of which class 1 has `class_bits` bits, where a bit is worth `lambda` of squared error.
-pub(crate) fn train(blocks: &[Block], class_bits: u32, lambda: f32, reach: Reach) -> Model {
+#[must_use]
+pub fn train(blocks: &[ResidualBlock], class_bits: u32, lambda: f32, reach: Reach) -> RateModel {
     let sample = sample(blocks);
-    let mut model = Model { class_bits, ..Model::default() };
-    let mut taken = [None; CLASSES];
-    let prices: &[f32] = match reach {
-        Reach::Near => &[1.0, 0.4, 2.5],
-        Reach::Far => &[1.0, 0.5, 2.0, 0.25, 4.0, 0.06, 16.0],
+    let mut model = RateModel { class_bits, ..RateModel::default() };
+    let mut taken = [None; RATE_CLASSES];
+    let factors: &[f32] = match reach {
+        Reach::Near => &NEAR,
+        Reach::Far => &FAR,
     };
-    for price in prices {
-        for (taken, found) in taken.iter_mut().zip(favourites(&sample, class_bits, price * lambda)) {
+    for factor in factors {
+        for (taken, found) in taken.iter_mut().zip(favourites(&sample, class_bits, factor * lambda)) {
             *taken = taken.or(found);
         }
     }
@@ -96,10 +110,10 @@ pub(crate) fn train(blocks: &[Block], class_bits: u32, lambda: f32, reach: Reach
     model
 }
 
-/// For each class the way that most blocks take at that price.
-fn favourites(sample: &[&Block], class_bits: u32, lambda: f32) -> [Option<Rates>; CLASSES] {
+/// For each class the way that most blocks take at that lambda.
+fn favourites(sample: &[&ResidualBlock], class_bits: u32, lambda: f32) -> [Option<Rates>; RATE_CLASSES] {
     let fits = |rates: &&Rates| {
-        rates.bits().is_multiple_of(class_bits) && rates.bits() / class_bits < CLASSES as u32
+        rates.bits().is_multiple_of(class_bits) && rates.bits() / class_bits < RATE_CLASSES as u32
     };
     let ways: Vec<Rates> = WAYS.iter().filter(fits).copied().collect();
     let choices: Vec<Option<usize>> = sample
@@ -112,8 +126,8 @@ fn favourites(sample: &[&Block], class_bits: u32, lambda: f32) -> [Option<Rates>
         .collect();
     let mut uses = vec![0u32; ways.len()];
     choices.iter().flatten().for_each(|&choice| uses[choice] += 1);
-    let mut found = [None; CLASSES];
-    let mut most = [0; CLASSES];
+    let mut found = [None; RATE_CLASSES];
+    let mut most = [0; RATE_CLASSES];
     for (&way, &uses) in ways.iter().zip(&uses) {
         let class = (way.bits() / class_bits) as usize;
         if uses > most[class] {
@@ -125,7 +139,7 @@ fn favourites(sample: &[&Block], class_bits: u32, lambda: f32) -> [Option<Rates>
 
 /// Gives the classes that no block would take the way that leaves the least share of a block's error in the mean: single
 /// blocks of a tolerance may need them.
-fn fill(taken: &mut [Option<Rates>; CLASSES], sample: &[&Block], class_bits: u32) {
+fn fill(taken: &mut [Option<Rates>; RATE_CLASSES], sample: &[&ResidualBlock], class_bits: u32) {
     let share = |rates: Rates| -> f32 {
         let shares = sample.iter().map(|block| {
             let energy: f32 = block.energy.iter().sum();
@@ -140,18 +154,18 @@ fn fill(taken: &mut [Option<Rates>; CLASSES], sample: &[&Block], class_bits: u32
     }
 }
 
-/// RMS of a block's coded coefficients, each divided by its kind's weight.
-pub(crate) fn scale_of(energy: &[f32; KINDS], rates: Rates, weights: &[f32; KINDS]) -> f32 {
+/// RMS of a block's coded coefficients, each divided by its subband's weight.
+pub(crate) fn scale_of(energy: &[f32; SUBBANDS], rates: Rates, weights: &[f32; SUBBANDS]) -> f32 {
     let (mut sum, mut coefficients) = (0.0, 0.0);
-    for kind in (0..KINDS).filter(|&kind| rates.0[kind] > 0) {
-        sum += energy[kind] / (weights[kind] * weights[kind]);
-        coefficients += count(kind);
+    for subband in (0..SUBBANDS).filter(|&subband| rates.0[subband] > 0) {
+        sum += energy[subband] / (weights[subband] * weights[subband]);
+        coefficients += count(subband);
     }
     if coefficients > 0.0 { (sum / coefficients).sqrt() } else { 0.0 }
 }
 
 /// The weights under which a block's coefficients have one scale, in the mean of the blocks that code them.
-fn set_weights(model: &mut Model, sample: &[&Block], lambda: f32) {
+fn set_weights(model: &mut RateModel, sample: &[&ResidualBlock], lambda: f32) {
     let classes = model.classes;
     let choices: Vec<Rates> = sample
         .par_iter()
@@ -160,10 +174,10 @@ fn set_weights(model: &mut Model, sample: &[&Block], lambda: f32) {
             classes.into_iter().min_by(|&a, &b| cost(a).total_cmp(&cost(b))).unwrap_or_default()
         })
         .collect();
-    let mut weights = [1.0f32; KINDS];
+    let mut weights = [1.0f32; SUBBANDS];
     let mut scales = Vec::new();
-    for _ in 0..4 {
-        let (mut sums, mut uses) = ([0.0f64; KINDS], [0.0f64; KINDS]);
+    for _ in 0..WEIGHT_ROUNDS {
+        let (mut sums, mut uses) = ([0.0f64; SUBBANDS], [0.0f64; SUBBANDS]);
         scales.clear();
         for (block, &rates) in sample.iter().zip(&choices) {
             let scale = scale_of(&block.energy, rates, &weights);
@@ -171,13 +185,13 @@ fn set_weights(model: &mut Model, sample: &[&Block], lambda: f32) {
                 continue;
             }
             scales.push(scale);
-            for kind in (0..KINDS).filter(|&kind| rates.0[kind] > 0) {
-                sums[kind] += f64::from(block.energy[kind] / count(kind) / (scale * scale));
-                uses[kind] += 1.0;
+            for subband in (0..SUBBANDS).filter(|&subband| rates.0[subband] > 0) {
+                sums[subband] += f64::from(block.energy[subband] / count(subband) / (scale * scale));
+                uses[subband] += 1.0;
             }
         }
-        for kind in (0..KINDS).filter(|&kind| uses[kind] > 0.0) {
-            weights[kind] = ((sums[kind] / uses[kind]).sqrt() as f32).max(0.02);
+        for subband in (0..SUBBANDS).filter(|&subband| uses[subband] > 0.0) {
+            weights[subband] = ((sums[subband] / uses[subband]).sqrt() as f32).max(LEAST_WEIGHT);
         }
     }
     let largest = scales.into_iter().fold(0.0, f32::max) * HEADROOM;

@@ -1,46 +1,46 @@
-//! What the base lacks, block by block, as coefficients: the forward transform of [`crate::decode`].
+//! Residuals block by block as coefficients: the forward transform of [`crate::decode`].
 
 use rayon::prelude::*;
 use texfold_core::Texel;
 use texfold_core::image::Raster;
 
-use crate::encoded::{BLOCK_SIDE, blocks_of};
-use crate::rates::{CELLS, KINDS};
+use crate::plane::{BLOCK_SIDE, blocks_of};
+use crate::rates::{BLOCK_CELLS, SUBBANDS};
 
 /// Coded coefficients of a cell: in the order of their bits.
 pub(crate) const CELL_STEPS: usize = 48;
 
-/// Kind of each of them.
-pub(crate) const KIND_OF: [u8; CELL_STEPS] = {
-    let mut kinds = [6; CELL_STEPS];
+/// Subband of each of them.
+pub(crate) const SUBBAND_OF: [u8; CELL_STEPS] = {
+    let mut subbands = [6; CELL_STEPS];
     let coarse = [0, 1, 1, 1, 4, 4, 5, 5, 5, 5, 5, 5];
     let mut step = 0;
     while step < coarse.len() {
-        kinds[step] = coarse[step];
+        subbands[step] = coarse[step];
         step += 1;
     }
     while step < CELL_STEPS {
-        (kinds[step], kinds[step + 1], kinds[step + 2]) = (2, 2, 3);
+        (subbands[step], subbands[step + 1], subbands[step + 2]) = (2, 2, 3);
         step += QUAD_STEPS;
     }
-    kinds
+    subbands
 };
 
 /// Coefficients of a quarter of a cell.
 const QUAD_STEPS: usize = 9;
 
-/// The error of a block of 8x8 texels, in 8-bit units.
+/// The residual of a block of 8x8 texels, in 8-bit units.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Block {
+pub struct ResidualBlock {
     /// Coefficients of each cell.
-    pub(crate) cells: [[f32; CELL_STEPS]; CELLS as usize],
-    /// Squares of those of a kind, summed.
-    pub(crate) energy: [f32; KINDS],
+    pub(crate) cells: [[f32; CELL_STEPS]; BLOCK_CELLS as usize],
+    /// Squares of those of a subband, summed.
+    pub(crate) energy: [f32; SUBBANDS],
 }
 
-/// The errors of all blocks of one level of an image: `source` without `base`, which has as many texels. Texels beyond the
+/// The residuals of all blocks of one level of an image: `source` less `base`, which has as many texels. Texels beyond the
 /// edge repeat it.
-pub(crate) fn blocks(source: &Raster, base: &[Texel]) -> Vec<Block> {
+pub(crate) fn blocks(source: &Raster, base: &[Texel]) -> Vec<ResidualBlock> {
     let size = source.size();
     let (columns, rows) = blocks_of(size);
     (0..columns * rows)
@@ -57,9 +57,10 @@ pub(crate) fn blocks(source: &Raster, base: &[Texel]) -> Vec<Block> {
         .collect()
 }
 
-fn block(at: impl Fn(u32, u32) -> [f32; 3]) -> Block {
-    let mut block = Block { cells: [[0.0; CELL_STEPS]; CELLS as usize], energy: [0.0; KINDS] };
-    for number in 0..CELLS {
+fn block(at: impl Fn(u32, u32) -> [f32; 3]) -> ResidualBlock {
+    let mut block =
+        ResidualBlock { cells: [[0.0; CELL_STEPS]; BLOCK_CELLS as usize], energy: [0.0; SUBBANDS] };
+    for number in 0..BLOCK_CELLS {
         let (left, top) = (number % 2 * 4, number / 2 * 4);
         let texels: [[f32; 3]; 16] = std::array::from_fn(|n| at(left + n as u32 % 4, top + n as u32 / 4));
         let [luma, first, second] = [0, 1, 2].map(|axis| haar(texels.map(|texel| texel[axis])));
@@ -77,8 +78,8 @@ fn block(at: impl Fn(u32, u32) -> [f32; 3]) -> Block {
                 cell[to + 4 + 2 * n] = second[from + n];
             }
         }
-        for (value, kind) in cell.iter().zip(KIND_OF) {
-            block.energy[usize::from(kind)] += value * value;
+        for (value, subband) in cell.iter().zip(SUBBAND_OF) {
+            block.energy[usize::from(subband)] += value * value;
         }
         block.cells[number as usize] = cell;
     }

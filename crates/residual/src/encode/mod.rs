@@ -1,0 +1,22 @@
+//! The encoder's steps: bases, what images lack in them, the rate model, and the blocks' bits.
+//!
+//! A codec that embeds residual content makes [`bases`], collects [`Residuals`] against what it decodes from them, trains
+//! a [`RateModel`](crate::RateModel) and lets a [`Coder`] choose a rate class for each block. [`PlaneForm`] does all of it
+//! for a single image.
+
+mod base;
+mod coder;
+mod model;
+mod padded;
+mod plane;
+mod residuals;
+mod transform;
+mod trellis;
+
+pub use base::bases;
+pub use coder::Coder;
+pub use model::{Reach, train};
+pub use padded::PaddedRaster;
+pub use plane::{PlaneForm, TOO_LARGE};
+pub use residuals::{CLASS_BITS, CROWDED, Residuals, decode_strips, share_of_largest};
+pub use transform::ResidualBlock;

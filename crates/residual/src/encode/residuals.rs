@@ -1,0 +1,128 @@
+//! The residuals of all images of a texture, in the order of their planes' blocks.
+
+use std::ops::Range;
+
+use texfold_core::SurfaceSize;
+use texfold_core::image::Raster;
+use texfold_core::{CancelCheck, EncodeError, Texel};
+
+use super::coder::Coder;
+use super::transform::{ResidualBlock, blocks};
+use crate::plane::{BLOCK_SIDE, ResidualPlane, plane_words};
+use crate::rates::RATE_CLASSES;
+
+/// Bits of the plane that stands for a residual plane where there is none.
+const EMPTY_PLANE_BITS: u64 = 32;
+
+/// Bits of a block of class 1 that are tried: 15 classes reach 3.75 bits a texel with the first, 7.5 with the second.
+pub const CLASS_BITS: [u32; 2] = [16, 32];
+
+/// Share of the blocks in the largest class from which larger classes are tried.
+pub const CROWDED: f64 = 0.02;
+
+/// The residuals of all blocks, image by image, level by level.
+#[derive(Debug, Default)]
+pub struct Residuals {
+    /// All blocks.
+    pub blocks: Vec<ResidualBlock>,
+    /// Whether a block is of level 0, which goals are held against.
+    pub counted: Vec<bool>,
+    /// Blocks of each image.
+    counts: Vec<usize>,
+}
+
+impl Residuals {
+    /// Begins the next image.
+    pub fn begin_image(&mut self) {
+        self.counts.push(0);
+    }
+
+    /// Adds the next level of the image that was begun last: `source` less what `decode` gives of rows of it.
+    /// `counted`: whether goals are held against it. Returns the decoded texels.
+    ///
+    /// # Errors
+    /// [`EncodeError::Cancelled`] within a strip of rows of the caller's wish.
+    pub fn push_level(
+        &mut self,
+        source: &Raster,
+        decode: impl FnMut(Range<u32>, &mut [Texel]),
+        counted: bool,
+        check: CancelCheck<'_>,
+    ) -> Result<Vec<Texel>, EncodeError> {
+        let decoded = decode_strips(source.size(), decode, check)?;
+        let found = blocks(source, &decoded);
+        self.counted.resize(self.counted.len() + found.len(), counted);
+        if let Some(count) = self.counts.last_mut() {
+            *count += found.len();
+        }
+        self.blocks.extend(found);
+        check.checkpoint()?;
+        Ok(decoded)
+    }
+
+    /// Bits in memory of the residual planes where class 1 has `class_bits` and blocks have such classes.
+    #[must_use]
+    pub fn plane_bits(&self, class_bits: u32, classes: &[u8]) -> u64 {
+        if classes.iter().all(|&class| class == 0) {
+            return EMPTY_PLANE_BITS * self.counts.len() as u64;
+        }
+        let (mut first, mut words) = (0, 0);
+        for &count in &self.counts {
+            let sum: u64 = classes[first..first + count].iter().map(|&class| u64::from(class)).sum();
+            words += plane_words(count, sum * u64::from(class_bits / 16));
+            first += count;
+        }
+        32 * words
+    }
+
+    /// The residual planes of blocks of such classes, which `coder` has coded; `None` where all are of class 0.
+    #[must_use]
+    pub fn planes(&self, coder: &Coder<'_>, classes: &[u8]) -> Option<Vec<ResidualPlane>> {
+        // A plane of nothing is left out.
+        if classes.iter().all(|&class| class == 0) {
+            return None;
+        }
+        let mut planes = Vec::new();
+        let mut first = 0;
+        for &count in &self.counts {
+            let mut plane = ResidualPlane::default();
+            for (index, &class) in (first..first + count).zip(&classes[first..first + count]) {
+                let found = coder.found(index, class);
+                plane.classes.push(class);
+                plane.scales.push(found.map_or(0, |found| found.scale));
+                plane.bits.extend(found.iter().flat_map(|found| &found.halves));
+            }
+            planes.push(plane);
+            first += count;
+        }
+        Some(planes)
+    }
+}
+
+/// Rows of blocks that are decoded between two looks at whether the job was cancelled.
+const STRIP_ROWS: u32 = 8 * BLOCK_SIDE;
+
+/// All texels of a level of that size, of which `decode` gives rows, row by row.
+///
+/// # Errors
+/// [`EncodeError::Cancelled`] within a strip of rows of the caller's wish.
+pub fn decode_strips(
+    size: SurfaceSize,
+    mut decode: impl FnMut(Range<u32>, &mut [Texel]),
+    check: CancelCheck<'_>,
+) -> Result<Vec<Texel>, EncodeError> {
+    let mut texels = vec![Texel::ZERO; size.width as usize * size.height as usize];
+    let strips = texels.chunks_mut((size.width * STRIP_ROWS) as usize);
+    for (first, strip) in (0..size.height).step_by(STRIP_ROWS as usize).zip(strips) {
+        check.checkpoint()?;
+        decode(first..(first + STRIP_ROWS).min(size.height), strip);
+    }
+    Ok(texels)
+}
+
+/// Share of the blocks that are of the largest class.
+#[must_use]
+pub fn share_of_largest(classes: &[u8]) -> f64 {
+    let largest = classes.iter().filter(|&&class| usize::from(class) + 1 == RATE_CLASSES).count();
+    largest as f64 / classes.len() as f64
+}

@@ -1,0 +1,319 @@
+//! Sections of residual content in any codec's file. The last letter of their ids is a number, so that a file can hold
+//! several: "RSF0" (form of base and residual plane), "RSB0" (planes of the bases), "RSP0" (residual planes: for each
+//! image the rate classes of all blocks, their scales, then their bits). "RSP0" is a layer of its own: a prefix of the
+//! file without it decodes to the base.
+
+use std::sync::Arc;
+
+use texfold_bc::Content;
+use texfold_core::container::{Reader, SectionWriter, Sections};
+use texfold_core::sample::TEXFOLD_NORMAL;
+use texfold_core::{Budget, ImageLayout, LoadError, Plane, String4, SurfaceBinding, SurfaceSize, Texel};
+
+use crate::content::{
+    BASE_PART, BaseForm, BaseImage, Bases, MAX_REDUCE_LOG2, MAX_SHRINK_LOG2, RESIDUAL_PART, ResidualContent,
+    stored_by,
+};
+use crate::decode::TexfoldResidualParams;
+use crate::plane::{PlaneWords, ResidualPlane, level_blocks, plane_words};
+use crate::rates::{RATE_CLASSES, RateModel, Rates};
+
+/// Flag of a block-isolated base, beside its log2 downscale.
+const ISOLATED_FLAG: u8 = 16;
+/// Flag of a padded base.
+const PADDED_FLAG: u8 = 32;
+/// Bits of the base's log2 downscale, and behind them of the number of levels that are not stored.
+const LOG2_BITS: u8 = 2;
+/// Most bits of a block of class 1.
+const MOST_CLASS_BITS: u32 = 32;
+/// Largest number of 4 bits.
+const MAX_NIBBLE: u8 = 15;
+/// Where the number of the residual plane's coding stands beside the bits of class 1.
+const CODING_SHIFT: u8 = 4;
+/// Largest number of a content in a file.
+const MAX_NUMBER: u8 = 9;
+
+/// Bytes of memory that every image costs beside its texel data, loaded and as a GPU form.
+const IMAGE_BYTES: u64 = (size_of::<BaseImage>()
+    + size_of::<PlaneWords>()
+    + 2 * size_of::<TexfoldResidualParams>()
+    + 3 * size_of::<Plane<'_>>()
+    + size_of::<SurfaceBinding>()
+    // Heap blocks of at least 64 bytes: bytes of both base planes and their list, words, indices of bound planes.
+    + 5 * 64) as u64;
+
+/// The content of that number, 0 to 9, in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ContentId(u8);
+
+impl ContentId {
+    /// The only content of a file.
+    pub const ONLY: ContentId = ContentId(0);
+
+    /// That number; `None` above 9.
+    #[must_use]
+    pub fn new(number: u8) -> Option<Self> {
+        (number <= MAX_NUMBER).then_some(ContentId(number))
+    }
+
+    /// Id of the form's section.
+    #[must_use]
+    pub fn form(self) -> [u8; 4] {
+        [b'R', b'S', b'F', b'0' + self.0]
+    }
+
+    /// Id of the bases' section.
+    #[must_use]
+    pub fn base(self) -> [u8; 4] {
+        [b'R', b'S', b'B', b'0' + self.0]
+    }
+
+    /// Id of the residual planes' section.
+    #[must_use]
+    pub fn planes(self) -> [u8; 4] {
+        [b'R', b'S', b'P', b'0' + self.0]
+    }
+}
+
+impl ResidualContent {
+    /// Writes form and bases.
+    pub fn store_base(&self, id: ContentId, out: &mut SectionWriter) {
+        let (form, model) = (self.form(), self.model());
+        let mut raw = vec![
+            form.content.number(),
+            form.reduce_log2 as u8
+                | (form.shrink_log2 as u8) << LOG2_BITS
+                | if form.isolated { ISOLATED_FLAG } else { 0 }
+                | if form.padded { PADDED_FLAG } else { 0 },
+            (model.class_bits / 16) as u8,
+        ];
+        raw.extend(model.weights.iter().flat_map(|weight| weight.to_le_bytes()));
+        raw.extend(model.classes.iter().flat_map(|rates| rates.packed().to_le_bytes()));
+        out.section("container", id.form(), &raw);
+        let mut raw = Vec::new();
+        for image in &self.bases().images {
+            for level in 0..image.levels {
+                (0..image.planes.len()).for_each(|plane| raw.extend(image.level_bytes(plane, level)));
+            }
+        }
+        out.section(BASE_PART, id.base(), &raw);
+    }
+
+    /// Writes the residual planes, where they are loaded.
+    pub fn store_planes(&self, id: ContentId, out: &mut SectionWriter) {
+        if self.planes().is_empty() {
+            return;
+        }
+        let mut raw = Vec::new();
+        for plane in self.planes() {
+            raw.extend(pack(plane.classes()));
+            raw.extend(pack(plane.scales()));
+            raw.extend(plane.halves(self.model().class_bits).flat_map(u16::to_le_bytes));
+        }
+        out.section(RESIDUAL_PART, id.planes(), &raw);
+    }
+
+    /// Reads what [`ResidualContent::store_base`] and, where the file has brought it,
+    /// [`ResidualContent::store_planes`] wrote of images of that layout, unstored levels among them.
+    ///
+    /// # Errors
+    /// [`LoadError`] where form or bases are missing, or a section says what no writer says.
+    pub fn load(
+        full: &ImageLayout,
+        id: ContentId,
+        file: &Sections<'_>,
+        budget: &mut Budget,
+    ) -> Result<Self, LoadError> {
+        let raw = file.read(id.form(), budget)?;
+        let mut reader = Reader::new(String4(id.form()), &raw);
+        let form = read_form(full, &mut reader)?;
+        let model = read_model(&mut reader)?;
+        budget.release(raw.len() as u64);
+        let layout = stored_by(full, &form);
+        budget.take(layout.surfaces.len() as u64 * IMAGE_BYTES)?;
+        let bases = read_bases(&layout, form, id, file, budget)?;
+        let content = ResidualContent::of_bases(layout, Arc::new(bases)).with_words(model, Vec::new());
+        Ok(content.with_rest(id, file, budget)?.unwrap_or(content))
+    }
+
+    /// As [`ResidualContent::load`], where the residual planes must be there, too.
+    ///
+    /// # Errors
+    /// [`LoadError`] as there, and [`LoadError::Truncated`] where they are named and missing.
+    pub fn load_whole(
+        full: &ImageLayout,
+        id: ContentId,
+        file: &Sections<'_>,
+        budget: &mut Budget,
+    ) -> Result<Self, LoadError> {
+        let content = Self::load(full, id, file, budget)?;
+        if !content.is_whole() {
+            // Re-read to report the precise truncation error.
+            file.read(id.planes(), budget)?;
+        }
+        Ok(content)
+    }
+
+    /// The content with its residual planes from a longer prefix of the file; `None` where it has them already or the
+    /// file has not brought them.
+    ///
+    /// # Errors
+    /// [`LoadError`] where the section says what no writer says, or is there though the form names no residual plane.
+    pub fn with_rest(
+        &self,
+        id: ContentId,
+        file: &Sections<'_>,
+        budget: &mut Budget,
+    ) -> Result<Option<Self>, LoadError> {
+        if !self.planes().is_empty() {
+            return Ok(None);
+        }
+        let named = file.ids().any(|(found, _)| found == id.planes());
+        if named != self.has_planes() {
+            let section = String4(id.planes());
+            return Err(LoadError::Corrupt { section, offset: 0, what: "missing, or one too many" });
+        }
+        if !file.has(id.planes()) {
+            return Ok(None);
+        }
+        let raw = file.read(id.planes(), budget)?;
+        let mut reader = Reader::new(String4(id.planes()), &raw);
+        let mut planes = Vec::new();
+        for size in &self.layout().surfaces {
+            let blocks = level_blocks(*size, self.layout().levels);
+            planes.push(read_plane(blocks, self.model(), &mut reader, budget)?);
+        }
+        reader.end()?;
+        budget.release(raw.len() as u64);
+        Ok(Some(self.with_words(self.model().clone(), planes)))
+    }
+}
+
+fn read_form(full: &ImageLayout, reader: &mut Reader<'_>) -> Result<BaseForm, LoadError> {
+    let content = Content::read(reader)?;
+    // Normals would be rebuilt behind the filter, before residuals are added.
+    if !content.fits(full.pixel) || content.formats(full.pixel).1.0 == TEXFOLD_NORMAL {
+        return Err(reader.corrupt("content that cannot hold the channels"));
+    }
+    let flags = reader.u8()?;
+    let (isolated, padded) = (flags & ISOLATED_FLAG != 0, flags & PADDED_FLAG != 0);
+    let shrink_log2 = u32::from((flags & !ISOLATED_FLAG & !PADDED_FLAG) >> LOG2_BITS);
+    let reduce_log2 = u32::from(flags & ((1 << LOG2_BITS) - 1));
+    if !(1..=MAX_REDUCE_LOG2).contains(&reduce_log2) {
+        return Err(reader.corrupt("a log2 downscale of the base outside 1..=3"));
+    }
+    if padded && isolated {
+        return Err(reader.corrupt("a base that is padded and block-isolated"));
+    }
+    if shrink_log2 > MAX_SHRINK_LOG2 || isolated && shrink_log2 > 0 {
+        return Err(reader.corrupt("more than two levels not stored, or any beside a block-isolated base"));
+    }
+    Ok(BaseForm { content, reduce_log2, shrink_log2, isolated, padded })
+}
+
+fn read_model(reader: &mut Reader<'_>) -> Result<RateModel, LoadError> {
+    let coding = reader.u8()?;
+    if coding >> CODING_SHIFT != 0 {
+        return Err(reader.corrupt("a coding of the residual plane that this reader does not know"));
+    }
+    let class_bits = 16 * u32::from(coding);
+    if class_bits > MOST_CLASS_BITS {
+        return Err(reader.corrupt("more than 32 bits for the first class"));
+    }
+    let mut model = RateModel { class_bits, ..RateModel::default() };
+    for weight in &mut model.weights {
+        *weight = reader.u16()?;
+    }
+    for class in 0..RATE_CLASSES {
+        let rates = Rates::unpacked(reader.u32()?).ok_or(reader.corrupt("too many bits of a coefficient"))?;
+        let bits = rates.bits();
+        if bits != 0 && bits != class_bits * class as u32 {
+            return Err(reader.corrupt("a class of another number of bits"));
+        }
+        model.classes[class] = rates;
+    }
+    reader.end()?;
+    Ok(model)
+}
+
+fn read_bases(
+    layout: &ImageLayout,
+    form: BaseForm,
+    id: ContentId,
+    file: &Sections<'_>,
+    budget: &mut Budget,
+) -> Result<Bases, LoadError> {
+    let (formats, _) = form.content.formats(layout.pixel);
+    let raw = file.read(id.base(), budget)?;
+    budget.take(raw.len() as u64)?;
+    let mut reader = Reader::new(String4(id.base()), &raw);
+    let mut images = Vec::new();
+    for &size in &layout.surfaces {
+        let (base, levels) = (form.base_size(size), form.levels(size, layout.levels));
+        let mut planes: Vec<_> = formats.iter().map(|&format| (format, Vec::new())).collect();
+        for level in 0..levels {
+            let SurfaceSize { width, height } = base.at_level(level);
+            for (format, bytes) in &mut planes {
+                let length = usize::try_from(format.bytes(width, height)).unwrap_or(usize::MAX);
+                bytes.extend_from_slice(reader.bytes(length)?);
+            }
+            // The CPU decoder's texels, which are decoded when they are first asked for.
+            budget.take(u64::from(width) * u64::from(height) * size_of::<Texel>() as u64)?;
+        }
+        images.push(BaseImage::new(base, levels, planes));
+    }
+    reader.end()?;
+    budget.release(raw.len() as u64);
+    Ok(Bases::new(form, layout.pixel, images))
+}
+
+/// The plane of one image of so many blocks.
+fn read_plane(
+    blocks: u64,
+    model: &RateModel,
+    reader: &mut Reader<'_>,
+    budget: &mut Budget,
+) -> Result<PlaneWords, LoadError> {
+    // Class and scale of each block, a byte each while the words are made.
+    budget.take(2 * blocks)?;
+    let blocks = usize::try_from(blocks).unwrap_or(usize::MAX);
+    let classes = unpack(reader, blocks)?;
+    if classes.iter().any(|&class| !model.allows(class)) {
+        return Err(reader.corrupt("a block of a class that has no bits"));
+    }
+    let scales = unpack(reader, blocks)?;
+    let halves: u64 = classes.iter().map(|&class| u64::from(class) * u64::from(model.class_bits / 16)).sum();
+    let words = plane_words(blocks, halves);
+    budget.take(4 * words + 2 * halves)?;
+    let length = usize::try_from(2 * halves).unwrap_or(usize::MAX);
+    let bits =
+        reader.bytes(length)?.chunks_exact(2).map(|half| u16::from_le_bytes([half[0], half[1]])).collect();
+    let plane = ResidualPlane { classes, scales, bits };
+    let words =
+        plane.words(model.class_bits).ok_or(reader.corrupt("a residual plane larger than a plane"))?;
+    budget.release(2 * blocks as u64 + 2 * halves);
+    Ok(words)
+}
+
+/// Two numbers of 4 bits a byte, the first in the low half.
+fn pack(values: impl Iterator<Item = u8>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for (index, value) in values.enumerate() {
+        match bytes.last_mut() {
+            Some(last) if index % 2 == 1 => *last |= value << 4,
+            _ => bytes.push(value),
+        }
+    }
+    bytes
+}
+
+/// `count` numbers as [`pack`] packs them.
+fn unpack(reader: &mut Reader<'_>, count: usize) -> Result<Vec<u8>, LoadError> {
+    let bytes = reader.bytes(count.div_ceil(2))?;
+    if count % 2 == 1 && bytes.last().is_some_and(|&last| last > MAX_NIBBLE) {
+        return Err(reader.corrupt("bits after the last number"));
+    }
+    let mut values: Vec<u8> = bytes.iter().flat_map(|byte| [byte & 15, byte >> 4]).collect();
+    values.truncate(count);
+    Ok(values)
+}

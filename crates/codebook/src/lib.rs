@@ -18,5 +18,5 @@ mod search;
 mod seeding;
 
 pub use leaders::Leaders;
-pub use lloyd::{Codebook, Settings, build};
+pub use lloyd::{Codebook, Settings, build, build_unless};
 pub use search::{Match, Search};

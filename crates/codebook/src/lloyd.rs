@@ -36,6 +36,12 @@ pub struct Codebook {
     pub history: Vec<f64>,
 }
 
+impl Codebook {
+    fn empty(dims: usize) -> Self {
+        Codebook { codewords: Array2::zeros((0, dims)), matches: Vec::new(), history: Vec::new() }
+    }
+}
+
 struct State<'a> {
     points: Vec<f32>,
     padded: usize,
@@ -49,28 +55,44 @@ struct State<'a> {
 /// (not negative; one for each row). Values must be finite.
 #[must_use]
 pub fn build(vectors: ArrayView2<'_, f32>, weights: &[f32], count: usize, settings: Settings) -> Codebook {
+    build_unless(vectors, weights, count, settings, &|| false)
+        .unwrap_or_else(|| Codebook::empty(vectors.ncols()))
+}
+
+/// As [`build`], but `None` once `stop` says so. It is asked on all threads, for each vector of a round and for each seed.
+#[must_use]
+pub fn build_unless(
+    vectors: ArrayView2<'_, f32>,
+    weights: &[f32],
+    count: usize,
+    settings: Settings,
+    stop: &(dyn Fn() -> bool + Sync),
+) -> Option<Codebook> {
     let (rows, dims) = vectors.dim();
     if rows == 0 || count == 0 || dims == 0 {
-        return Codebook { codewords: Array2::zeros((0, dims)), matches: Vec::new(), history: Vec::new() };
+        return Some(Codebook::empty(dims));
     }
     let rotation = Rotation::principal(vectors);
     let padded = padded_dims(dims);
     let points = rotate_padded(&rotation, vectors);
-    let start = seeds(&points, padded, weights, count, &mut XorShift::new(settings.seed));
+    let start = seeds(&points, padded, weights, count, &mut XorShift::new(settings.seed), stop)?;
     let row = |index: u32| &points[index as usize * padded..(index as usize + 1) * padded];
     let codewords: Vec<f32> = start.iter().flat_map(|&index| row(index)).copied().collect();
     let matches = vec![Match { index: u32::MAX, distance: f32::INFINITY }; rows];
     let mut state = State { points, padded, weights, codewords, matches };
-    let history = iterate(&mut state, settings);
-    Codebook { codewords: means(vectors, weights, &state), matches: state.matches, history }
+    let history = iterate(&mut state, settings, stop)?;
+    Some(Codebook { codewords: means(vectors, weights, &state), matches: state.matches, history })
 }
 
-fn iterate(state: &mut State<'_>, settings: Settings) -> Vec<f64> {
+fn iterate(state: &mut State<'_>, settings: Settings, stop: &(dyn Fn() -> bool + Sync)) -> Option<Vec<f64>> {
     let count = state.codewords.len() / state.padded;
     let mut moved = vec![true; count];
     let mut history = Vec::new();
     for round in 0..settings.rounds.max(1) {
-        state.assign(&moved);
+        state.assign(&moved, stop);
+        if stop() {
+            return None;
+        }
         let distortion = state.distortion();
         let gain = history.last().map_or(f64::INFINITY, |&before: &f64| before - distortion);
         history.push(distortion);
@@ -80,7 +102,7 @@ fn iterate(state: &mut State<'_>, settings: Settings) -> Vec<f64> {
         }
         moved = state.average();
     }
-    history
+    Some(history)
 }
 
 impl State<'_> {
@@ -93,13 +115,16 @@ impl State<'_> {
     }
 
     /// Finds every point's nearest codeword, knowing which codewords moved since the last time.
-    fn assign(&mut self, moved: &[bool]) {
+    fn assign(&mut self, moved: &[bool], stop: &(dyn Fn() -> bool + Sync)) {
         let all = Tree::new(&self.codewords, self.padded, (0..moved.len() as u32).collect());
         let active: Vec<u32> = (0..moved.len() as u32).filter(|&index| moved[index as usize]).collect();
         let active = Tree::new(&self.codewords, self.padded, active);
         let state = &*self;
         let find = |row: usize| {
             let (point, before) = (state.point(row), state.matches[row]);
+            if stop() {
+                return before;
+            }
             if before.index == u32::MAX {
                 let mut best = before;
                 all.improve(point, &mut best);
@@ -253,6 +278,26 @@ mod tests {
             pool.install(|| build(vectors.view(), &weights, 100, Settings::default()).codewords)
         };
         assert_eq!(with(1), with(3));
+    }
+
+    #[test]
+    fn building_stops_when_it_is_told_to_and_is_the_same_when_it_is_not() {
+        use std::sync::atomic::{AtomicUsize, Ordering};
+        let vectors = blocks(3000, 12, 8);
+        let weights = vec![1.0; 3000];
+        let asked = AtomicUsize::new(0);
+        let after = |limit: usize| {
+            asked.store(0, Ordering::Relaxed);
+            let stop = || asked.fetch_add(1, Ordering::Relaxed) >= limit;
+            build_unless(vectors.view(), &weights, 100, Settings::default(), &stop)
+        };
+        let whole = after(usize::MAX).map(|built| built.codewords);
+        assert_eq!(whole, Some(build(vectors.view(), &weights, 100, Settings::default()).codewords));
+        let looks = asked.load(Ordering::Relaxed);
+        // While seeds are drawn, in the first round and in the last one.
+        for limit in [0, 50, 2000, looks - 1] {
+            assert!(after(limit).is_none(), "{limit} of {looks}");
+        }
     }
 
     #[test]

@@ -23,17 +23,18 @@ struct Seeder<'a> {
     sums: Vec<f64>,
 }
 
-/// Rows of `points` to start from: at most `count`, fewer where there are fewer distinct points.
+/// Rows of `points` to start from: at most `count`, fewer where there are fewer distinct points; `None` once `stop` says so.
 pub(crate) fn seeds(
     points: &[f32],
     padded: usize,
     weights: &[f32],
     count: usize,
     random: &mut XorShift,
-) -> Vec<u32> {
+    stop: &(dyn Fn() -> bool + Sync),
+) -> Option<Vec<u32>> {
     let total = weights.len();
     if total <= count {
-        return (0..total as u32).collect();
+        return Some((0..total as u32).collect());
     }
     let first_of = |point: u32| points[point as usize * padded];
     let mut order: Vec<u32> = (0..total as u32).collect();
@@ -52,6 +53,9 @@ pub(crate) fn seeds(
     let mut chosen = vec![heaviest.unwrap_or(0) as u32];
     seeder.add(chosen[0]);
     while chosen.len() < count {
+        if stop() {
+            return None;
+        }
         match seeder.draw(random) {
             Some(point) => {
                 chosen.push(point);
@@ -60,7 +64,7 @@ pub(crate) fn seeds(
             None => break,
         }
     }
-    chosen
+    Some(chosen)
 }
 
 impl Seeder<'_> {
@@ -136,7 +140,7 @@ mod tests {
     #[test]
     fn seeds_are_distinct_points() {
         let points: Vec<f32> = (0..100).flat_map(|i| [(i % 10) as f32, 0., 0., 0., 0., 0., 0., 0.]).collect();
-        let chosen = seeds(&points, 8, &[1.0; 100], 50, &mut XorShift::new(3));
+        let chosen = seeds(&points, 8, &[1.0; 100], 50, &mut XorShift::new(3), &|| false).unwrap();
         let mut values: Vec<u32> = chosen.iter().map(|&point| point % 10).collect();
         values.sort_unstable();
         assert_eq!(values, (0..10).collect::<Vec<_>>());
@@ -146,7 +150,7 @@ mod tests {
     fn weight_zero_is_never_drawn() {
         let points: Vec<f32> = (0..64).flat_map(|i| [i as f32, 0., 0., 0., 0., 0., 0., 0.]).collect();
         let weights: Vec<f32> = (0..64).map(|i| if i < 32 { 1.0 } else { 0.0 }).collect();
-        let chosen = seeds(&points, 8, &weights, 20, &mut XorShift::new(9));
+        let chosen = seeds(&points, 8, &weights, 20, &mut XorShift::new(9), &|| false).unwrap();
         assert!(chosen.iter().all(|&point| point < 32), "{chosen:?}");
         assert_eq!(chosen.len(), 20);
     }

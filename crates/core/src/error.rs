@@ -139,6 +139,12 @@ pub enum SourceError {
         /// What is wrong.
         what: &'static str,
     },
+    /// No result of the codec can meet the goal.
+    #[error("{what}; ask for less, or choose another codec")]
+    OutOfReach {
+        /// What cannot be, as a sentence.
+        what: &'static str,
+    },
     /// An encoded form has no room for a further source.
     #[error("{what} is full; encode the set anew")]
     Full {

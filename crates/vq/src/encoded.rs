@@ -4,14 +4,15 @@ use std::borrow::Cow;
 
 use glam::{IVec2, UVec2};
 use texfold_bc::ContentPlanes;
-use texfold_core::address::{TEXFOLD_CLAMP, texfold_level_size};
+use texfold_core::address::texfold_level_size;
 use texfold_core::container::{SectionWriter, write_layout};
 use texfold_core::{
-    CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, MAX_PLANE_SIDE, Notes,
-    Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
+    Cached, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, MAX_PLANE_SIDE,
+    Notes, Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, Texel, TextureCodec,
 };
 
-use crate::decode::{TEXFOLD_VQ_LEVELS, TexfoldVqParams, VqView, texfold_vq_fetch};
+use crate::classes::{Place, SizeClass};
+use crate::decode::{VqView, texfold_vq_fetch};
 use crate::{Vq, wire};
 
 /// A rectangle of the codebook that holds one image sample.
@@ -31,123 +32,22 @@ pub struct CodebookPart {
     pub source_y: u32,
 }
 
-/// Images of one size: where each one's blocks lie in the shared index plane.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct SizeClass {
-    pub(crate) params: TexfoldVqParams,
-    pub(crate) index: Vec<[u8; 2]>,
-    pub(crate) index_width: u32,
-    /// Images side by side in the plane.
-    columns: u32,
-    /// Images of this size, in the order of their place in the plane.
-    pub(crate) surfaces: Vec<u32>,
-}
-
 /// Images stored as indices into a codebook.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VqTexture {
     pub(crate) layout: ImageLayout,
     pub(crate) codebook: ContentPlanes,
-    /// The codebook's texels, decoded once.
-    pub(crate) texels: Vec<Texel>,
+    /// The codebook's texels: what the CPU reads, and a GPU does not need.
+    pub(crate) texels: Cached<Vec<Texel>>,
     pub(crate) classes: Vec<SizeClass>,
-    /// For each image its class and its place in the class's plane.
-    pub(crate) places: Vec<(usize, u32)>,
+    /// For each image its class and its number in it.
+    pub(crate) places: Vec<Place>,
     pub(crate) samples: Vec<CodebookPart>,
     /// Free 4x4 cells at the end of the codebook, for further images.
     pub(crate) free_cells: u32,
     /// RMS error in 8-bit units within which blocks of further images join what is there.
     pub(crate) join_rms: f32,
     pub(crate) notes: Notes,
-}
-
-impl SizeClass {
-    /// An empty plane for `surfaces` images of `size`.
-    pub(crate) fn new(size: SurfaceSize, levels: u32, swizzle: u32, surfaces: Vec<u32>) -> Self {
-        let (width, height) = size.blocks();
-        let mut level_start = [0; TEXFOLD_VQ_LEVELS];
-        let mut blocks = width * height;
-        for level in 1..levels {
-            level_start[level as usize] = blocks;
-            let (columns, rows) = size.at_level(level).blocks();
-            blocks += columns * rows;
-        }
-        let rows = blocks.div_ceil(width);
-        let count = surfaces.len() as u32;
-        let per_column = (MAX_PLANE_SIDE / rows).max(1);
-        let columns = count.div_ceil(per_column);
-        let params = TexfoldVqParams {
-            size: [size.width, size.height],
-            levels,
-            address_mode: TEXFOLD_CLAMP,
-            swizzle,
-            rows,
-            reserved: [0; 2],
-            level_start,
-        };
-        let plane_texels = (width * columns) as usize * (rows * count.div_ceil(columns)) as usize;
-        SizeClass {
-            params,
-            index: vec![[0; 2]; plane_texels],
-            index_width: width * columns,
-            columns,
-            surfaces,
-        }
-    }
-
-    /// Rows of the index plane.
-    pub(crate) fn index_height(&self) -> u32 {
-        self.index.len() as u32 / self.index_width
-    }
-
-    /// Columns of the plane that one image fills.
-    fn width(&self) -> u32 {
-        self.params.size[0].div_ceil(4)
-    }
-
-    /// Column and row of the plane where the image at `place` begins.
-    fn origin(&self, place: u32) -> (u32, u32) {
-        (place % self.columns * self.width(), place / self.columns * self.params.rows)
-    }
-
-    /// The shader's `surface` argument for the image at `place`.
-    fn argument(&self, place: u32) -> u32 {
-        let (x, y) = self.origin(place);
-        x * MAX_PLANE_SIDE + y
-    }
-
-    /// Position in the plane of block `block` (levels one after the other, row by row) of the image at `place`.
-    pub(crate) fn position(&self, place: u32, block: u32) -> usize {
-        let ((x, y), width) = (self.origin(place), self.width());
-        ((y + block / width) * self.index_width + x + block % width) as usize
-    }
-
-    /// Blocks of all levels of one image.
-    pub(crate) fn blocks(&self) -> u32 {
-        blocks_of(SurfaceSize { width: self.params.size[0], height: self.params.size[1] }, self.params.levels)
-    }
-}
-
-/// Blocks of `levels` levels of an image of `size`.
-pub(crate) fn blocks_of(size: SurfaceSize, levels: u32) -> u32 {
-    (0..levels).map(|level| size.at_level(level).blocks()).map(|(columns, rows)| columns * rows).sum()
-}
-
-/// Groups images by size, in the order in which sizes first appear.
-pub(crate) fn size_classes(layout: &ImageLayout, swizzle: u32) -> (Vec<SizeClass>, Vec<(usize, u32)>) {
-    let mut sizes: Vec<(SurfaceSize, Vec<u32>)> = Vec::new();
-    let mut known = std::collections::HashMap::new();
-    let mut places = Vec::new();
-    for (surface, &size) in layout.surfaces.iter().enumerate() {
-        let class = *known.entry(size).or_insert_with(|| {
-            sizes.push((size, Vec::new()));
-            sizes.len() - 1
-        });
-        places.push((class, sizes[class].1.len() as u32));
-        sizes[class].1.push(surface as u32);
-    }
-    let class = |(size, surfaces)| SizeClass::new(size, layout.levels, swizzle, surfaces);
-    (sizes.into_iter().map(class).collect(), places)
 }
 
 impl VqTexture {
@@ -163,29 +63,17 @@ impl VqTexture {
         self.codebook.content()
     }
 
-    /// The codebook's texels, row by row.
+    /// The codebook's texels, row by row; decoded when first asked for.
     #[must_use]
+    #[inline]
     pub fn codebook_texels(&self) -> &[Texel] {
-        &self.texels
+        self.texels.get_or_make(|| self.codebook.decode())
     }
 
     /// The image samples in the codebook.
     #[must_use]
     pub fn samples(&self) -> &[CodebookPart] {
         &self.samples
-    }
-
-    /// Corners of all windows that blocks may point at: those in samples, and the codewords'.
-    pub(crate) fn corners(&self, grid: crate::encode::plan::Grid) -> (Vec<[u8; 2]>, Vec<[u8; 2]>) {
-        let window = |part: &CodebookPart| {
-            let part = *part;
-            (0..part.side - 3)
-                .flat_map(move |y| (0..part.side - 3).map(move |x| [(part.x + x) as u8, (part.y + y) as u8]))
-        };
-        let cells = grid.free_cells(&self.samples);
-        let used = cells.len() - self.free_cells as usize;
-        let codewords = cells.iter().take(used).map(|&(x, y)| [x as u8, y as u8]);
-        (self.samples.iter().flat_map(window).collect(), codewords.collect())
     }
 
     /// Replaces the notes.
@@ -200,16 +88,16 @@ impl VqTexture {
     #[must_use]
     #[inline]
     pub fn view(&self, surface: u32) -> (VqView<'_>, u32) {
-        let (class, place) = self.places[(surface as usize).min(self.places.len() - 1)];
-        let class = &self.classes[class];
+        let place = self.places[(surface as usize).min(self.places.len() - 1)];
+        let class = &self.classes[place.class];
         let view = VqView {
             params: class.params,
             index: &class.index,
             index_width: class.index_width,
-            codebook: &self.texels,
+            codebook: self.codebook_texels(),
             codebook_width: self.codebook.size().0,
         };
-        (view, class.argument(place))
+        (view, class.argument(place.number))
     }
 }
 
@@ -290,9 +178,9 @@ impl Encoded for VqTexture {
                 data: Cow::Borrowed(class.index.as_flattened()),
             });
         }
-        let binding = |&(class, place): &(usize, u32)| {
-            let (planes, uniforms) = bindings[class].clone();
-            SurfaceBinding { planes, uniforms, surface: self.classes[class].argument(place) }
+        let binding = |place: &Place| {
+            let (planes, uniforms) = bindings[place.class].clone();
+            SurfaceBinding { planes, uniforms, surface: self.classes[place.class].argument(place.number) }
         };
         form.surfaces = self.places.iter().map(binding).collect();
         form
@@ -328,6 +216,46 @@ fn decode_line(view: &VqView<'_>, surface: u32, region: Rect, y: u32, line: &mut
             }
             rest = tail;
             left += run as u32;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use texfold_core::container::Sections;
+    use texfold_core::image::ImageSet;
+    use texfold_core::{Budget, Encoder, Goal, Job};
+
+    use crate::{VqParams, VqSource};
+
+    /// Bytes of everything in a texture whose size depends on the images.
+    fn held_bytes(texture: &VqTexture) -> usize {
+        let codebook: usize = texture.codebook.planes().iter().map(|(_, bytes)| bytes.len()).sum();
+        let index: usize = texture.classes.iter().map(|class| 2 * class.index.len()).sum();
+        let images = texture.places.len() * (size_of::<Place>() + size_of::<texfold_core::SurfaceSize>());
+        let classes = texture.classes.len() * size_of::<SizeClass>();
+        let table = if texture.texels.is_made() { size_of_val(texture.codebook_texels()) } else { 0 };
+        codebook + index + images + classes + table + size_of_val(texture.samples())
+    }
+
+    #[test]
+    fn a_texture_that_is_only_uploaded_holds_little_more_than_the_gpu() {
+        let set = ImageSet::single(texfold_testkit::picture("facade"));
+        for goal in [Goal::Bpp(2.0), Goal::Bpp(6.0)] {
+            let params = VqParams { goal, ..VqParams::default() };
+            let encoded = Vq::encode(VqSource::new(&set), &params, &mut Job::default()).unwrap();
+            let mut writer = SectionWriter::new(Vq::ID);
+            encoded.store(&mut writer);
+            let (file, mut budget) = (writer.finish().bytes, Budget::default());
+            let texture = Vq::load(&Sections::parse(&file, &mut budget).unwrap(), &mut budget).unwrap();
+            let gpu = texture.gpu();
+            assert!(gpu.planes.iter().all(|plane| matches!(plane.data, Cow::Borrowed(_))));
+            let (held, uploaded) = (held_bytes(&texture) as f64, gpu.bits_memory() as f64 / 8.0);
+            assert!(held <= 1.3 * uploaded, "{goal:?}: {held} {uploaded}");
+            let first = ImageAddress { surface: 0, level: 0, x: 0, y: 0 };
+            assert_eq!(texture.sample(first), encoded.sample(first));
+            assert!(texture.texels.is_made() && texture == encoded);
         }
     }
 }

@@ -9,20 +9,28 @@
 //! paper: importance weighs the codewords too, the codebook may itself be BC1 or BC7, its size follows a goal,
 //! mip levels share it, and sets of unlike sizes share it.
 
+mod classes;
 pub mod decode;
+#[cfg(feature = "encode")]
 mod encode;
 mod encoded;
+mod grid;
+#[cfg(feature = "encode")]
 mod guidance;
+#[cfg(feature = "encode")]
 mod params;
 mod wire;
 
-pub use encode::report::{PartPictures, pictures};
+#[cfg(feature = "encode")]
+pub use encode::{PartPictures, pictures};
 pub use encoded::{CodebookPart, VqTexture};
+#[cfg(feature = "encode")]
 pub use guidance::{Map, distortion_map, painted_map, saliency_map};
+#[cfg(feature = "encode")]
 pub use params::{GuidanceWeights, VqParams, VqSource};
 
 use texfold_core::container::Sections;
-use texfold_core::{Budget, CodecId, EncodeError, Encoder, Growable, Image2d, Job, LoadError, TextureCodec};
+use texfold_core::{Budget, CodecId, Image2d, LoadError, TextureCodec};
 
 /// Importance-driven vector quantisation.
 #[derive(Debug, Clone, Copy)]
@@ -35,36 +43,5 @@ impl TextureCodec for Vq {
 
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<VqTexture, LoadError> {
         wire::load(file, budget)
-    }
-}
-
-impl Encoder for Vq {
-    type Source<'s> = VqSource<'s>;
-    type Params = VqParams;
-
-    fn encode(source: VqSource<'_>, params: &VqParams, job: &mut Job<'_>) -> Result<VqTexture, EncodeError> {
-        encode::encode(source, params, None, job)
-    }
-}
-
-impl Vq {
-    /// As [`Encoder::encode`] for a quality goal, but gives up once `most_bpp` bits of GPU memory a texel do not reach it:
-    /// for callers that hold a plain form of that size.
-    ///
-    /// # Errors
-    /// As [`Encoder::encode`].
-    pub fn encode_within(
-        source: VqSource<'_>,
-        params: &VqParams,
-        most_bpp: f64,
-        job: &mut Job<'_>,
-    ) -> Result<VqTexture, EncodeError> {
-        encode::encode(source, params, Some(most_bpp), job)
-    }
-}
-
-impl Growable for Vq {
-    fn add(encoded: &mut VqTexture, source: VqSource<'_>, job: &mut Job<'_>) -> Result<(), EncodeError> {
-        encode::grow::add(encoded, source, job)
     }
 }

@@ -5,8 +5,7 @@ use texfold_core::image::{ImageSet, Raster};
 use texfold_core::mesh::UvMesh;
 use texfold_core::{Effort, Goal, ParamError, Params};
 
-/// Longest side of a codebook in texels: the index map has one byte a coordinate.
-pub(crate) const MAX_CODEBOOK_SIDE: u32 = 256;
+use crate::grid::{MAX_CODEBOOK_SIDE, MAX_SAMPLES};
 
 /// What is compressed, and what is known of its importance.
 #[derive(Debug, Clone, Copy)]
@@ -84,6 +83,50 @@ impl Default for VqParams {
     }
 }
 
+impl VqParams {
+    /// With this goal.
+    #[must_use]
+    pub fn with_goal(self, goal: Goal) -> Self {
+        VqParams { goal, ..self }
+    }
+
+    /// With a codebook of this width and height in texels, or, for `None`, of the size that the goal needs.
+    #[must_use]
+    pub fn with_codebook(self, codebook: impl Into<Option<(u32, u32)>>) -> Self {
+        VqParams { codebook: codebook.into(), ..self }
+    }
+
+    /// With image samples of this number and side in texels, or, for `None`, as many as lower the weighted error.
+    #[must_use]
+    pub fn with_samples(self, samples: impl Into<Option<(u32, u32)>>) -> Self {
+        VqParams { samples: samples.into(), ..self }
+    }
+
+    /// With errors weighted so strongly by importance.
+    #[must_use]
+    pub fn with_importance(self, importance: f32) -> Self {
+        VqParams { importance, ..self }
+    }
+
+    /// With a codebook stored so, or, for `None`, as the goal decides.
+    #[must_use]
+    pub fn with_content(self, content: impl Into<Option<Content>>) -> Self {
+        VqParams { content: content.into(), ..self }
+    }
+
+    /// With an index map for every mip level, or for the finest alone.
+    #[must_use]
+    pub fn with_mips(self, mips: bool) -> Self {
+        VqParams { mips, ..self }
+    }
+
+    /// With a search of this length.
+    #[must_use]
+    pub fn with_effort(self, effort: Effort) -> Self {
+        VqParams { effort, ..self }
+    }
+}
+
 impl Params for VqParams {
     fn check(&self) -> Result<(), ParamError> {
         let error = |field, value, range| Err(ParamError { field, value, range });
@@ -98,7 +141,7 @@ impl Params for VqParams {
             }
         }
         if let Some((count, side)) = self.samples {
-            if count > 64 {
+            if count > MAX_SAMPLES {
                 return error("samples", count.into(), "0..=64 samples");
             }
             if count > 0 && !fits(side) {

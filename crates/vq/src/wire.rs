@@ -3,15 +3,21 @@
 
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
-use texfold_core::{Budget, ImageLayout, LoadError, String4};
+use texfold_core::{Budget, Cached, ImageLayout, LoadError, MAX_PLANE_SIDE, String4, Texel};
 
-use crate::encode::plan::Grid;
-use crate::encoded::{CodebookPart, SizeClass, VqTexture, size_classes};
-use crate::params::MAX_CODEBOOK_SIDE;
+use crate::classes::{Groups, Place, SizeClass, blocks_of, rows_of};
+use crate::encoded::{CodebookPart, VqTexture};
+use crate::grid::{Grid, MAX_CODEBOOK_SIDE, MAX_SAMPLES};
 
 const FORM_ID: [u8; 4] = *b"VQFM";
 const CODE_ID: [u8; 4] = *b"CODE";
 const INDEX_ID: [u8; 4] = *b"INDX";
+
+/// Bytes that an image takes beside its index: its place, its part of the table of sizes while that is made, and what
+/// [`texfold_core::GpuForm`] binds for it.
+const IMAGE_BYTES: u64 = 256;
+/// Bytes that a size takes beside its index plane: its class, parameters, plane and binding.
+const CLASS_BYTES: u64 = 1024;
 
 pub(crate) fn store(texture: &VqTexture, out: &mut SectionWriter) {
     let (width, height) = texture.codebook.size();
@@ -29,12 +35,12 @@ pub(crate) fn store(texture: &VqTexture, out: &mut SectionWriter) {
     let planes: Vec<u8> = texture.codebook.planes().iter().flat_map(|(_, bytes)| bytes).copied().collect();
     out.section("codebook", CODE_ID, &planes);
     let mut index = Vec::new();
-    for &(class, place) in &texture.places {
-        let class = &texture.classes[class];
+    for place in &texture.places {
+        let class = &texture.classes[place.class];
         for axis in 0..2 {
             let mut before = 0u8;
             index.extend((0..class.blocks()).map(|block| {
-                let value = class.index[class.position(place, block)][axis];
+                let value = class.index[class.position(place.number, block)][axis];
                 let difference = value.wrapping_sub(before);
                 before = value;
                 difference
@@ -48,8 +54,10 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<VqTexture
     let notes = Notes::read(file, budget)?;
     let layout = read_layout(file, budget)?;
     let form = file.read(FORM_ID, budget)?;
-    let form = read_form(&mut Reader::new(String4(FORM_ID), &form), &layout)?;
+    let form = read_form(&mut Reader::new(String4(FORM_ID), &form), &layout, budget)?;
     let raw = file.read(CODE_ID, budget)?;
+    // The planes are copies of the section.
+    budget.take(raw.len() as u64)?;
     let mut code = Reader::new(String4(CODE_ID), &raw);
     let (formats, _) = form.content.formats(layout.pixel);
     let mut planes = Vec::new();
@@ -59,14 +67,14 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<VqTexture
     code.end()?;
     let codebook = ContentPlanes::from_planes(form.content, layout.pixel, (form.width, form.height), planes);
     let codebook = codebook.ok_or(code.corrupt("planes of another size"))?;
-    budget.take(u64::from(form.width) * u64::from(form.height) * 16)?;
-    let texels = codebook.decode();
+    // The CPU's table of texels, when it is made: up to two planes are expanded, and put together.
+    budget.take(u64::from(form.width) * u64::from(form.height) * 3 * size_of::<Texel>() as u64)?;
     let index = file.read(INDEX_ID, budget)?;
     let (classes, places) = read_index(&index, &layout, &codebook, budget)?;
     Ok(VqTexture {
         layout,
         codebook,
-        texels,
+        texels: Cached::default(),
         classes,
         places,
         samples: form.samples,
@@ -85,7 +93,7 @@ struct Form {
     samples: Vec<CodebookPart>,
 }
 
-fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, LoadError> {
+fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout, budget: &mut Budget) -> Result<Form, LoadError> {
     let content = Content::read(reader)?;
     if !content.fits(layout.pixel) || matches!(content, Content::Astc(_)) {
         return Err(reader.corrupt("content that cannot hold the channels"));
@@ -96,6 +104,10 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
         return Err(reader.corrupt("a codebook side that is no multiple of 4 in 4..=256"));
     }
     let count = reader.u32()?;
+    if count > MAX_SAMPLES {
+        return Err(reader.corrupt("more than 64 samples"));
+    }
+    budget.take(u64::from(count) * size_of::<CodebookPart>() as u64)?;
     let join_rms = reader.f32()?;
     let mut samples = Vec::new();
     for _ in 0..count {
@@ -115,28 +127,32 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
     Ok(Form { content, width, height, free_cells, join_rms, samples })
 }
 
-/// Size classes, and each image's class and place in it.
-type Classes = (Vec<SizeClass>, Vec<(usize, u32)>);
-
+/// The index planes, and the place of each image in them.
 fn read_index(
     raw: &[u8],
     layout: &ImageLayout,
     codebook: &ContentPlanes,
     budget: &mut Budget,
-) -> Result<Classes, LoadError> {
-    // The planes need at most twice the file's index bytes: images of a class leave less than a row each.
+) -> Result<(Vec<SizeClass>, Vec<Place>), LoadError> {
     let reader = Reader::new(String4(INDEX_ID), raw);
-    let blocks: u64 = layout.surfaces.iter().map(|&size| block_count(size, layout.levels)).sum();
+    let blocks: u64 = layout.surfaces.iter().map(|&size| u64::from(blocks_of(size, layout.levels))).sum();
     if raw.len() as u64 != 2 * blocks {
         return Err(reader.corrupt("another number of blocks than the layout has"));
     }
-    budget.take(4 * blocks)?;
-    let (mut classes, places) = size_classes(layout, codebook.swizzle().0);
+    if layout.surfaces.iter().any(|&size| rows_of(size, layout.levels) > MAX_PLANE_SIDE) {
+        return Err(reader.corrupt("an image whose index fills more than 8192 rows"));
+    }
+    budget.take(IMAGE_BYTES * layout.surfaces.len() as u64)?;
+    let groups = Groups::of(layout);
+    for plane in groups.planes() {
+        budget.take(CLASS_BYTES + plane.bytes())?;
+    }
+    let mut classes = groups.classes(codebook.swizzle().0);
     let (width, height) = codebook.size();
     let limits = [width - 4, height - 4];
     let mut values = raw.iter();
-    for &(class, place) in &places {
-        let class = &mut classes[class];
+    for place in &groups.places {
+        let class = &mut classes[place.class];
         for (axis, &limit) in limits.iter().enumerate() {
             let mut value = 0u8;
             for block in 0..class.blocks() {
@@ -144,14 +160,10 @@ fn read_index(
                 if u32::from(value) > limit {
                     return Err(reader.corrupt("an index outside the codebook"));
                 }
-                let position = class.position(place, block);
+                let position = class.position(place.number, block);
                 class.index[position][axis] = value;
             }
         }
     }
-    Ok((classes, places))
-}
-
-fn block_count(size: texfold_core::SurfaceSize, levels: u32) -> u64 {
-    (0..levels).map(|level| size.at_level(level).blocks()).map(|(c, r)| u64::from(c) * u64::from(r)).sum()
+    Ok((classes, groups.places))
 }

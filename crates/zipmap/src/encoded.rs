@@ -4,20 +4,21 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 
 use glam::{DMat3, DVec2, IVec2, UVec2, UVec4, Vec2};
-use rayon::prelude::*;
 use texfold_bc::ContentPlanes;
 use texfold_core::address::TEXFOLD_CLAMP;
 use texfold_core::container::{SectionWriter, write_layout};
-use texfold_core::image::to_u8;
+use texfold_core::image::{PixelInfo, to_u8};
+use texfold_core::parallel::{for_each_row, map};
 use texfold_core::{
-    CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, MAX_PLANE_SIDE, Notes,
-    Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
+    Cached, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, MAX_PLANE_SIDE,
+    Notes, Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
 };
 
 use crate::decode::{
     TEXFOLD_ZIPMAP_RECORD, TexfoldZipmapParams, ZipmapView, texfold_zipmap_fetch, texfold_zipmap_sample_grad,
 };
-use crate::linear::{normalised, seen_in};
+use crate::geometry::{normalised, seen_in};
+use crate::wire::patch_pixel;
 use crate::{Zipmap, wire};
 
 /// Most patches of a texture.
@@ -34,6 +35,8 @@ const MAX_NAMES: usize = 1 << 22;
 const ROW_LOG2: u32 = 8;
 /// By how much of a tile a patch may miss it and is yet named, against rounding.
 const TILE_MARGIN: f64 = 0.01;
+/// Rows of texels that are decoded at a time.
+const DECODED_ROWS: u32 = 16;
 
 /// Names of the parts in the footprint.
 pub(crate) const ROOT_PART: &str = "root";
@@ -75,17 +78,51 @@ pub struct ZipTexture {
     /// Where each level of what patches show lies in their plane.
     origins: Vec<Vec<(u32, u32)>>,
     atlas: (u32, u32),
+    /// What the CPU reads, and a GPU does not need.
+    texels: Cached<Texels>,
+    pub(crate) notes: Notes,
+}
+
+/// The texels of all levels, row by row.
+#[derive(Debug, Clone)]
+struct Texels {
     root: Vec<Vec<[u8; 4]>>,
     contents: Vec<Vec<Vec<[u8; 4]>>>,
-    pub(crate) notes: Notes,
+}
+
+/// Where a patch lies and how large it is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PatchInfo {
+    /// From the root's texture coordinates to its own, 0 to 1 each.
+    pub matrix: DMat3,
+    /// Columns and rows of its finest level.
+    pub size: SurfaceSize,
+    /// Stored mip levels.
+    pub levels: u32,
 }
 
 pub(crate) fn matrix_of(rows: &[f32; 9]) -> DMat3 {
     DMat3::from_cols_array(&rows.map(f64::from)).transpose()
 }
 
-pub(crate) fn bytes_of(planes: &ContentPlanes) -> Vec<[u8; 4]> {
-    planes.decode().into_iter().map(|texel| texel.to_array().map(to_u8)).collect()
+/// The texels of planes that hold `pixel`, 8 bits a channel, row by row. A band of rows is decoded at a time, so that no more is held
+/// than the result.
+pub(crate) fn bytes_of(planes: &ContentPlanes, pixel: PixelInfo) -> Vec<[u8; 4]> {
+    let (width, height) = planes.size();
+    let mut out = vec![[0; 4]; width as usize * height as usize];
+    for_each_row(&mut out, (width * DECODED_ROWS) as usize, |band, texels| {
+        let start = band as u32 * DECODED_ROWS;
+        let rows = DECODED_ROWS.min(height - start);
+        let part = |(format, bytes): &(PlaneFormat, Vec<u8>)| {
+            let first = format.bytes(width, start) as usize;
+            bytes[first..first + format.bytes(width, rows) as usize].to_vec()
+        };
+        let parts = planes.planes().iter().map(part).collect();
+        let band = ContentPlanes::from_planes(planes.content(), pixel, (width, rows), parts);
+        let decoded = band.map_or_else(Vec::new, |band| band.decode());
+        texels.iter_mut().zip(decoded).for_each(|(bytes, texel)| *bytes = texel.to_array().map(to_u8));
+    });
+    out
 }
 
 impl ZipTexture {
@@ -119,16 +156,32 @@ impl ZipTexture {
             row_log2: ROW_LOG2,
             reserved: [0; 3],
         };
-        let root = parts.root.iter().map(bytes_of).collect();
-        let contents =
-            parts.contents.par_iter().map(|levels| levels.iter().map(bytes_of).collect()).collect();
-        Some(ZipTexture { parts, params, table, origins, atlas, root, contents, notes })
+        let texels = Cached::default();
+        Some(ZipTexture { parts, params, table, origins, atlas, texels, notes })
     }
 
-    /// The texture as the shader sees it.
+    /// The texture as the shader sees it; its texels are decoded when first asked for.
     #[must_use]
     pub fn view(&self) -> ZipmapView<'_> {
-        ZipmapView { params: self.params, table: &self.table, root: &self.root, patches: &self.contents }
+        let Texels { root, contents } = self.texels.get_or_make(|| self.decoded());
+        ZipmapView { params: self.params, table: &self.table, root, patches: contents }
+    }
+
+    fn decoded(&self) -> Texels {
+        let (root, patch) = (self.parts.layout.pixel, patch_pixel(self.parts.layout.pixel));
+        let levels =
+            |levels: &[ContentPlanes], pixel| levels.iter().map(|level| bytes_of(level, pixel)).collect();
+        Texels {
+            root: levels(&self.parts.root, root),
+            contents: map(self.parts.contents.len(), |content| levels(&self.parts.contents[content], patch)),
+        }
+    }
+
+    /// Bytes that [`Encoded::gpu`] copies: the root, whose levels become one plane, and the plane of all patches.
+    pub(crate) fn copied_bytes(&self) -> u64 {
+        let planes = self.parts.root.iter().flat_map(ContentPlanes::planes);
+        let root: u64 = planes.map(|(_, bytes)| bytes.len() as u64).sum();
+        root + self.atlas_format().bytes(self.atlas.0, self.atlas.1)
     }
 
     /// Number of patches.
@@ -137,13 +190,14 @@ impl ZipTexture {
         self.parts.patches.len()
     }
 
-    /// The matrix of a patch, from the root's texture coordinates to its own, and its size in texels.
+    /// Where a patch lies and how large it is; `None` where there is no such one.
     #[must_use]
-    pub fn patch(&self, index: usize) -> Option<(DMat3, SurfaceSize, usize)> {
+    pub fn patch(&self, index: usize) -> Option<PatchInfo> {
         let patch = self.parts.patches.get(index)?;
         let levels = &self.parts.contents[patch.content];
         let (width, height) = levels[0].size();
-        Some((matrix_of(&patch.matrix), SurfaceSize { width, height }, levels.len()))
+        let size = SurfaceSize { width, height };
+        Some(PatchInfo { matrix: matrix_of(&patch.matrix), size, levels: levels.len() as u32 })
     }
 
     /// How many pictures the patches show: fewer than patches where one lies at several places.
@@ -180,7 +234,7 @@ impl ZipTexture {
                 Vec2::new(0.0, step.y),
             )
         };
-        (0..width as usize * height as usize).into_par_iter().map(pixel).collect()
+        map(width as usize * height as usize, pixel)
     }
 
     /// The same texture without its patches from `count` on: the root alone where that is 0.
@@ -202,11 +256,23 @@ impl ZipTexture {
         self
     }
 
+    /// The table's numbers, lowest byte first.
+    fn table_bytes(&self) -> Cow<'_, [u8]> {
+        if cfg!(target_endian = "little") {
+            return Cow::Borrowed(bytemuck::cast_slice(&self.table));
+        }
+        self.table.iter().flat_map(|texel| texel.to_array()).flat_map(u32::to_le_bytes).collect()
+    }
+
+    /// Format of the plane of all patches.
+    fn atlas_format(&self) -> PlaneFormat {
+        self.parts.contents.first().map_or(PlaneFormat::Rgba8Unorm, |levels| levels[0].planes()[0].0)
+    }
+
     /// The plane of all patches.
     fn atlas_plane(&self) -> Plane<'_> {
         let (width, height) = self.atlas;
-        let format =
-            self.parts.contents.first().map_or(PlaneFormat::Rgba8Unorm, |levels| levels[0].planes()[0].0);
+        let format = self.atlas_format();
         let mut data = vec![0; format.bytes(width, height) as usize];
         let (side, block) = (format.block_side(), format.block_bytes() as usize);
         let row_bytes = width.div_ceil(side) as usize * block;
@@ -231,10 +297,17 @@ fn tiles_a_side(patches: usize) -> u32 {
     wanted.max(1).next_power_of_two().min(power(most)).min(MAX_TILES)
 }
 
-/// Most bytes of the tiles and lists of so many patches.
+/// Bytes of a list of patches beside its names, and of its entry among those that are known.
+const LIST_BYTES: u64 = 48;
+/// Bytes of a patch as seen from the root: its polygon has up to nine corners.
+const OUTLINE_BYTES: u64 = 512;
+
+/// Most bytes that the tiles and lists of so many patches take, while they are made too.
 pub(crate) fn most_table_bytes(patches: usize) -> u64 {
-    let tiles = u64::from(tiles_a_side(patches)).pow(2);
-    16 * (tiles * (patches as u64 / 8 + 3) + u64::from(TEXFOLD_ZIPMAP_RECORD) * patches as u64)
+    let (tiles, patches) = (u64::from(tiles_a_side(patches)).pow(2), patches as u64);
+    let table = 16 * (tiles * (patches / 8 + 3) + u64::from(TEXFOLD_ZIPMAP_RECORD) * patches);
+    // The lists, two bytes a name, stand beside the table while it is made, and the table may grow to twice its length.
+    2 * table + tiles * (2 * patches + 2 * LIST_BYTES) + OUTLINE_BYTES * patches
 }
 
 /// A patch as seen from the root.
@@ -276,9 +349,9 @@ impl Outline {
             return None;
         }
         let polygon: Vec<DVec2> = self.polygon.iter().map(|&point| point - corner).collect();
-        let shared = crate::linear::cut(&polygon, DVec2::splat(side));
+        let shared = crate::geometry::cut(&polygon, DVec2::splat(side));
         let of = |point: &glam::DVec3| {
-            let (across, down) = crate::linear::slope(&self.texels, (point.truncate() + corner) * root);
+            let (across, down) = crate::geometry::slope(&self.texels, (point.truncate() + corner) * root);
             // The larger of the two eigenvalues of the product with the transpose.
             let (trace, det) = (across.length_squared() + down.length_squared(), across.perp_dot(down));
             0.5 * (trace + (trace * trace - 4.0 * det * det).max(0.0).sqrt())
@@ -293,20 +366,18 @@ fn directory(parts: &Parts, tiles: u32) -> Vec<UVec4> {
     let root = DVec2::new(f64::from(width), f64::from(height));
     let outline = |patch: &PatchForm| Outline::of(patch, parts.contents[patch.content][0].size(), root);
     let outlines: Vec<Outline> = parts.patches.iter().map(outline).collect();
-    let lists: Vec<(Vec<u16>, f32)> = (0..tiles * tiles)
-        .into_par_iter()
-        .map(|tile| {
-            let corner = DVec2::new(f64::from(tile % tiles), f64::from(tile / tiles)) - TILE_MARGIN;
-            let corner = corner / f64::from(tiles);
-            let side = (1.0 + 2.0 * TILE_MARGIN) / f64::from(tiles);
-            let found: Vec<(u16, f64)> = (0u16..)
-                .zip(&outlines)
-                .filter_map(|(index, outline)| Some((index, outline.fineness(corner, side, root)?)))
-                .collect();
-            let finest = found.iter().map(|(_, fineness)| *fineness).fold(1.0, f64::max);
-            (found.into_iter().rev().map(|(index, _)| index).collect(), step_above(finest))
-        })
-        .collect();
+    let lists: Vec<(Vec<u16>, f32)> = map((tiles * tiles) as usize, |tile| {
+        let tile = tile as u32;
+        let corner = DVec2::new(f64::from(tile % tiles), f64::from(tile / tiles)) - TILE_MARGIN;
+        let corner = corner / f64::from(tiles);
+        let side = (1.0 + 2.0 * TILE_MARGIN) / f64::from(tiles);
+        let found: Vec<(u16, f64)> = (0u16..)
+            .zip(&outlines)
+            .filter_map(|(index, outline)| Some((index, outline.fineness(corner, side, root)?)))
+            .collect();
+        let finest = found.iter().map(|(_, fineness)| *fineness).fold(1.0, f64::max);
+        (found.into_iter().rev().map(|(index, _)| index).collect(), step_above(finest))
+    });
     let mut known: HashMap<(&[u16], u32), u32> = HashMap::new();
     let mut texels = vec![UVec4::ZERO; lists.len().div_ceil(4)];
     for (tile, (list, finest)) in lists.iter().enumerate() {
@@ -421,7 +492,7 @@ impl Encoded for ZipTexture {
         }
         let view = self.view();
         let width = region.width.max(1) as usize;
-        out.par_chunks_mut(width).enumerate().for_each(|(row, line)| {
+        for_each_row(out, width, |row, line| {
             let y = region.y + row as u32;
             for (texel, x) in line.iter_mut().zip(region.x..) {
                 *texel = texfold_zipmap_fetch(&view, UVec2::new(x, y).as_ivec2(), region.level);
@@ -448,7 +519,7 @@ impl Encoded for ZipTexture {
             width: columns as u32,
             height: (self.table.len() / columns) as u32,
             levels: 1,
-            data: self.table.iter().flat_map(|texel| texel.to_array()).flat_map(u32::to_le_bytes).collect(),
+            data: self.table_bytes(),
         };
         let mut planes = vec![table];
         let levels = &self.parts.root;
@@ -469,5 +540,70 @@ impl Encoded for ZipTexture {
 
     fn notes(&self) -> &Notes {
         &self.notes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use texfold_core::container::Sections;
+    use texfold_core::{Budget, Effort, Encoder, Job, Limits, LoadError};
+
+    use crate::{PatchSource, PatchStack, ZipParams};
+
+    /// A file of a root with two patches, one in the other.
+    fn file() -> Vec<u8> {
+        let [root, image] = ["terrain", "facade"].map(texfold_testkit::picture);
+        let matrix = |zoom: f64| {
+            DMat3::from_scale(DVec2::splat(zoom)) * DMat3::from_translation(DVec2::splat(0.5 / zoom - 0.5))
+        };
+        let patch = |zoom: f64| PatchSource { image: 0, matrix: matrix(zoom), mask: None, parent: None };
+        let stack = PatchStack { root, images: vec![image], patches: vec![patch(2.0), patch(5.0)] };
+        let params = ZipParams::default().with_effort(Effort::Fast).with_tau(0.05);
+        let encoded = Zipmap::encode(&stack, &params, &mut Job::default()).unwrap();
+        let mut writer = SectionWriter::new(Zipmap::ID);
+        encoded.store(&mut writer);
+        writer.finish().bytes
+    }
+
+    fn open(file: &[u8], budget: &mut Budget) -> Result<ZipTexture, LoadError> {
+        Zipmap::load(&Sections::parse(file, budget)?, budget)
+    }
+
+    #[test]
+    fn a_texture_that_is_only_uploaded_holds_little_more_than_the_gpu() {
+        let file = file();
+        let mut budget = Budget::default();
+        let texture = open(&file, &mut budget).unwrap();
+        let gpu = texture.gpu();
+        let levels = texture.parts.contents.iter().chain([&texture.parts.root]).flatten();
+        let planes: usize = levels.flat_map(ContentPlanes::planes).map(|(_, bytes)| bytes.len()).sum();
+        let places: usize = texture.origins.iter().map(|levels| size_of_val(levels.as_slice())).sum();
+        let held = (planes + places + size_of_val(texture.table.as_slice())) as f64;
+        let uploaded = gpu.bits_memory() as f64 / 8.0;
+        assert!(texture.patches() > 0 && held <= 1.3 * uploaded, "{held} {uploaded}");
+        assert!(!texture.texels.is_made());
+        // What the CPU reads and what an upload copies is booked, too.
+        let drawn = texture.draw(Vec2::ZERO, Vec2::ONE, (4, 4));
+        let Texels { root, contents } = texture.texels.get_or_make(|| texture.decoded());
+        let texels: usize = contents.iter().chain([root]).flatten().map(Vec::len).sum();
+        let copied: usize = gpu.planes[1..].iter().map(|plane| plane.data.len()).sum();
+        assert_eq!(copied as u64, texture.copied_bytes());
+        assert!(budget.peak_bytes() as f64 >= held + (4 * texels + copied) as f64);
+        assert_eq!(drawn.len(), 16);
+        let too_little = Limits { bytes: budget.peak_bytes() - 1, ..Limits::default() };
+        assert!(matches!(open(&file, &mut Budget::new(too_little)), Err(LoadError::Limit(_))));
+    }
+
+    #[test]
+    fn bands_of_rows_decode_as_the_whole_does() {
+        let pixel = texfold_testkit::picture("odd_37x61").info();
+        let texels: Vec<Texel> = texfold_testkit::picture("odd_37x61").texels().collect();
+        for content in [texfold_bc::Content::Raw, texfold_bc::Content::Bc1, texfold_bc::Content::Bc7] {
+            let planes = ContentPlanes::encode(content, pixel, (37, 61), &texels, Effort::Fast);
+            let whole: Vec<[u8; 4]> =
+                planes.decode().into_iter().map(|texel| texel.to_array().map(to_u8)).collect();
+            assert!(bytes_of(&planes, pixel) == whole, "{content:?}");
+        }
     }
 }

@@ -11,24 +11,36 @@
 //! several patches show is stored once, and its colours are fitted to none of the places.
 
 pub mod decode;
+#[cfg(feature = "encode")]
 mod encode;
 mod encoded;
+#[cfg(feature = "encode")]
 mod error;
+mod geometry;
+#[cfg(feature = "encode")]
 mod linear;
+#[cfg(feature = "encode")]
 mod params;
+#[cfg(feature = "encode")]
 mod register;
+#[cfg(feature = "encode")]
 mod stack;
 mod wire;
 
+#[cfg(feature = "encode")]
 pub use encode::{Fidelity, fidelity, masks};
-pub use encoded::ZipTexture;
+pub use encoded::{PatchInfo, ZipTexture};
+#[cfg(feature = "encode")]
 pub use error::ZipError;
+#[cfg(feature = "encode")]
 pub use params::ZipParams;
+#[cfg(feature = "encode")]
 pub use register::{Agreement, Fault, LeftOut, Link, Placed, Registration, register};
+#[cfg(feature = "encode")]
 pub use stack::{PatchSource, PatchStack};
 
 use texfold_core::container::Sections;
-use texfold_core::{Budget, CodecId, EncodeError, Encoder, Image2d, Job, LoadError, TextureCodec};
+use texfold_core::{Budget, CodecId, Image2d, LoadError, TextureCodec};
 
 /// A root and patches.
 #[derive(Debug, Clone, Copy)]
@@ -41,14 +53,5 @@ impl TextureCodec for Zipmap {
 
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ZipTexture, LoadError> {
         wire::load(file, budget)
-    }
-}
-
-impl Encoder for Zipmap {
-    type Source<'s> = &'s PatchStack;
-    type Params = ZipParams;
-
-    fn encode(source: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Result<ZipTexture, EncodeError> {
-        encode::encode(source, params, job)
     }
 }

@@ -37,6 +37,42 @@ impl Default for ZipParams {
 }
 
 impl ZipParams {
+    /// With this goal.
+    #[must_use]
+    pub fn with_goal(self, goal: Goal) -> Self {
+        ZipParams { goal, ..self }
+    }
+
+    /// With a root stored so, or, for `None`, as the goal decides.
+    #[must_use]
+    pub fn with_content(self, content: impl Into<Option<Content>>) -> Self {
+        ZipParams { content: content.into(), ..self }
+    }
+
+    /// With patches that cover all below them from this cost of a path to their border on.
+    #[must_use]
+    pub fn with_tau(self, tau: f32) -> Self {
+        ZipParams { tau, ..self }
+    }
+
+    /// With colours fitted to those of the parents, or as they are.
+    #[must_use]
+    pub fn with_merge(self, merge: bool) -> Self {
+        ZipParams { merge, ..self }
+    }
+
+    /// Without mip levels that differ less than this from what lies under them, RMS in 8-bit units.
+    #[must_use]
+    pub fn with_drop_rms(self, drop_rms: f32) -> Self {
+        ZipParams { drop_rms, ..self }
+    }
+
+    /// With a search of this length.
+    #[must_use]
+    pub fn with_effort(self, effort: Effort) -> Self {
+        ZipParams { effort, ..self }
+    }
+
     /// RMS difference in 8-bit units from which on a level is kept.
     pub(crate) fn least_difference(&self) -> f64 {
         let asked = match self.goal {

@@ -16,6 +16,10 @@ const FORM_ID: [u8; 4] = *b"ZMFM";
 const ROOT_ID: [u8; 4] = *b"ZMRT";
 const PATCH_ID: [u8; 4] = *b"ZMPA";
 
+/// Bytes of what is known of an image that patches show, beside its planes: size and levels, a plane's place, and a rectangle of
+/// the shared plane for each level while that is arranged.
+const IMAGE_BYTES: u64 = 2048;
+
 /// Pixels of patches: those of the root, with alpha.
 pub(crate) fn patch_pixel(root: PixelInfo) -> PixelInfo {
     PixelInfo { channels: if root.channels < 3 { 2 } else { 4 }, alpha: Alpha::Straight, ..root }
@@ -52,8 +56,8 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     }
 }
 
-/// What is said before the planes.
-struct Said {
+/// What stands before the planes.
+struct Header {
     /// Sizes and levels of what patches show.
     contents: Vec<(SurfaceSize, u32)>,
     patches: Vec<PatchForm>,
@@ -79,8 +83,8 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ZipTextur
         return Err(reader.corrupt("a root that cannot be stored so"));
     }
     let pixel = patch_pixel(layout.pixel);
-    let Said { contents: said, patches } = read_patches(&mut reader)?;
-    if !said.is_empty() && !suits_patches(patch_content, pixel) {
+    let Header { contents: sizes, patches } = read_patches(&mut reader, budget)?;
+    if !sizes.is_empty() && !suits_patches(patch_content, pixel) {
         return Err(reader.corrupt("content without soft alpha for patches"));
     }
     let raw = file.read(ROOT_ID, budget)?;
@@ -88,10 +92,10 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ZipTextur
     let root = read_levels(&mut planes, budget, (root_content, layout.pixel), root_size, root_levels)?;
     planes.end()?;
     let mut contents = Vec::new();
-    if !said.is_empty() {
+    if !sizes.is_empty() {
         let raw = file.read(PATCH_ID, budget)?;
         let mut planes = Reader::new(String4(PATCH_ID), &raw);
-        for (size, levels) in said {
+        for (size, levels) in sizes {
             contents.push(read_levels(&mut planes, budget, (patch_content, pixel), size, levels)?);
         }
         planes.end()?;
@@ -102,10 +106,12 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ZipTextur
         offset: 0,
         what: "patches that fill more than a plane",
     };
-    ZipTexture::new(Parts { layout, deep, root, contents, patches }, notes).ok_or(too_large)
+    let texture = ZipTexture::new(Parts { layout, deep, root, contents, patches }, notes).ok_or(too_large)?;
+    budget.take(texture.copied_bytes())?;
+    Ok(texture)
 }
 
-fn read_patches(reader: &mut Reader<'_>) -> Result<Said, LoadError> {
+fn read_patches(reader: &mut Reader<'_>, budget: &mut Budget) -> Result<Header, LoadError> {
     let [shown, count] = [usize::from(reader.u16()?), usize::from(reader.u16()?)];
     if count > MAX_PATCHES {
         return Err(reader.corrupt("more than 2048 patches"));
@@ -113,6 +119,7 @@ fn read_patches(reader: &mut Reader<'_>) -> Result<Said, LoadError> {
     if shown > count {
         return Err(reader.corrupt("more contents than patches"));
     }
+    budget.take(IMAGE_BYTES * shown as u64 + size_of::<PatchForm>() as u64 * count as u64)?;
     let mut contents = Vec::new();
     for _ in 0..shown {
         let size = SurfaceSize { width: u32::from(reader.u16()?), height: u32::from(reader.u16()?) };
@@ -139,7 +146,7 @@ fn read_patches(reader: &mut Reader<'_>) -> Result<Said, LoadError> {
         patches.push(PatchForm { matrix, content });
     }
     reader.end()?;
-    Ok(Said { contents, patches })
+    Ok(Header { contents, patches })
 }
 
 fn read_levels(
@@ -159,7 +166,7 @@ fn read_levels(
             budget.take(length)?;
             planes.push(reader.bytes(usize::try_from(length).unwrap_or(usize::MAX))?.to_vec());
         }
-        // The texels are decoded once, when the texture is laid out.
+        // The texels that the CPU reads, when they are made.
         budget.take(4 * u64::from(width) * u64::from(height))?;
         let planes = ContentPlanes::from_planes(content, pixel, (width, height), planes);
         found.push(planes.ok_or(reader.corrupt("planes of another size"))?);

@@ -398,7 +398,7 @@ fn figures(stack: &PatchStack, goal: Goal) -> (f64, f64, u64) {
         fidelity(stack, &texture).iter().map(|shown| shown.error.psnr()).fold(f64::INFINITY, f64::min);
     let shown = (0..texture.patches()).filter_map(|index| texture.patch(index));
     let bits = texture.gpu().bits_memory() as f64 / texels as f64;
-    (bits, worst, shown.map(|(_, size, _)| size.texels()).sum())
+    (bits, worst, shown.map(|patch| patch.size.texels()).sum())
 }
 
 #[test]

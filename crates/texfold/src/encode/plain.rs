@@ -126,6 +126,9 @@ impl Plain {
     ) -> Result<AnyImage, EncodeError> {
         let method = match method {
             Ok(method) => method,
+            Err(EncodeError::Source(SourceError::OutOfReach { what })) => {
+                return Ok(self.instead_of(name, what));
+            }
             Err(EncodeError::Source(SourceError::Full { what })) => {
                 return Ok(self.instead_of(name, &format!("it would need more than {what}")));
             }

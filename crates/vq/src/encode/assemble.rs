@@ -5,11 +5,12 @@ use rayon::prelude::*;
 use texfold_bc::{Content, ContentPlanes};
 use texfold_codebook::{Match, Search};
 use texfold_core::image::{PixelInfo, Raster};
-use texfold_core::{Effort, Texel};
+use texfold_core::{CancelCheck, Effort, EncodeError, Texel};
 
 use super::blocks::{Blocks, channels_of, texel_of};
-use super::plan::Grid;
+use crate::VqTexture;
 use crate::encoded::CodebookPart;
+use crate::grid::Grid;
 
 /// A codebook before it is stored.
 #[derive(Debug, Clone)]
@@ -18,6 +19,16 @@ pub(crate) struct Draft {
     pub(crate) samples: Vec<CodebookPart>,
     /// One codeword a row, for the first free cells.
     pub(crate) codewords: Array2<f32>,
+}
+
+/// How a codebook is stored.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Storage {
+    pub(crate) pixel: PixelInfo,
+    pub(crate) content: Content,
+    pub(crate) effort: Effort,
+    /// Whether windows that lie across several codewords are listed too.
+    pub(crate) straddling: bool,
 }
 
 /// A codebook as it ships: the planes, what they decode to, and everything in it that a block can point at.
@@ -55,24 +66,18 @@ impl Draft {
     }
 
     /// Stores the codebook and lists what blocks can point at.
-    ///
-    /// With `straddling`, windows that lie across several codewords are listed too.
     pub(crate) fn store(
         &self,
         images: &[Raster],
-        (pixel, content): (PixelInfo, Content),
-        effort: Effort,
-        straddling: bool,
-    ) -> Stored {
+        storage: Storage,
+        cancel: CancelCheck<'_>,
+    ) -> Result<Stored, EncodeError> {
+        let Storage { pixel, content, effort, straddling } = storage;
         let texels = self.texels(images);
-        let planes = ContentPlanes::encode(content, pixel, self.grid.texels(), &texels, effort);
+        let size = self.grid.texels();
+        let planes = ContentPlanes::encode_cancellable(content, pixel, size, &texels, effort, cancel)?;
         let texels = planes.decode();
-        let mut corners: Vec<[u8; 2]> = Vec::new();
-        for part in &self.samples {
-            for (y, x) in (0..part.side - 3).flat_map(|y| (0..part.side - 3).map(move |x| (y, x))) {
-                corners.push([(part.x + x) as u8, (part.y + y) as u8]);
-            }
-        }
+        let mut corners: Vec<[u8; 2]> = self.samples.iter().flat_map(sample_corners).collect();
         let sample_windows = corners.len();
         let cells = self.grid.free_cells(&self.samples);
         corners.extend(cells.iter().take(self.codewords.nrows()).map(|&(x, y)| [x as u8, y as u8]));
@@ -80,7 +85,7 @@ impl Draft {
             corners.extend(self.straddling_windows());
         }
         let windows = windows_at(&texels, self.grid.texels().0, &corners, usize::from(pixel.channels));
-        Stored { planes, texels, corners, windows, sample_windows }
+        Ok(Stored { planes, texels, corners, windows, sample_windows })
     }
 
     /// Corners of all windows that lie across cells and in no sample.
@@ -137,6 +142,21 @@ impl Draft {
     }
 }
 
+/// Corners of all windows that lie in a sample.
+fn sample_corners(part: &CodebookPart) -> impl Iterator<Item = [u8; 2]> + use<> {
+    let part = *part;
+    (0..part.side - 3)
+        .flat_map(move |y| (0..part.side - 3).map(move |x| [(part.x + x) as u8, (part.y + y) as u8]))
+}
+
+/// Corners of all windows of a texture's codebook that blocks may point at: those in samples, and the codewords'.
+pub(crate) fn corners_of(texture: &VqTexture) -> (Vec<[u8; 2]>, Vec<[u8; 2]>) {
+    let cells = Grid::of_texels(texture.codebook_size()).free_cells(texture.samples());
+    let used = cells.len() - texture.free_cells as usize;
+    let codewords = cells.iter().take(used).map(|&(x, y)| [x as u8, y as u8]);
+    (texture.samples().iter().flat_map(sample_corners).collect(), codewords.collect())
+}
+
 /// The 4x4 windows of a codebook at `corners`.
 pub(crate) fn windows_at(texels: &[Texel], width: u32, corners: &[[u8; 2]], channels: usize) -> Array2<f32> {
     let dims = 16 * channels;
@@ -151,11 +171,20 @@ pub(crate) fn windows_at(texels: &[Texel], width: u32, corners: &[[u8; 2]], chan
 }
 
 /// The nearest of `windows` for each of the blocks `rows`.
-pub(crate) fn assign(blocks: &Blocks, rows: &[usize], windows: ndarray::ArrayView2<'_, f32>) -> Vec<Match> {
+pub(crate) fn assign(
+    blocks: &Blocks,
+    rows: &[usize],
+    windows: ndarray::ArrayView2<'_, f32>,
+    cancel: CancelCheck<'_>,
+) -> Result<Vec<Match>, EncodeError> {
     let search = Search::new(windows);
     let nowhere = Match { index: 0, distance: f32::INFINITY };
-    rows.par_iter()
-        .with_min_len(64)
-        .map(|&row| search.nearest(blocks.vector(row), f32::INFINITY).unwrap_or(nowhere))
-        .collect()
+    let nearest = |&row: &usize| {
+        if cancel.is_cancelled() {
+            return nowhere;
+        }
+        search.nearest(blocks.vector(row), f32::INFINITY).unwrap_or(nowhere)
+    };
+    let matches = rows.par_iter().with_min_len(64).map(nearest).collect();
+    cancel.checkpoint().map(|()| matches)
 }

@@ -6,7 +6,7 @@
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
 use texfold_core::image::{ImageSet, MipFilter, Raster, mip_chain};
-use texfold_core::{SurfaceSize, Texel};
+use texfold_core::{CancelCheck, EncodeError, SurfaceSize, Texel};
 
 /// Texels of a block.
 pub(crate) const BLOCK_TEXELS: usize = 16;
@@ -28,7 +28,7 @@ pub(crate) struct Blocks {
 }
 
 impl Blocks {
-    pub(crate) fn cut(images: &ImageSet, levels: u32) -> Self {
+    pub(crate) fn cut(images: &ImageSet, levels: u32, cancel: CancelCheck<'_>) -> Result<Self, EncodeError> {
         let channels = usize::from(images.info().channels);
         let mut blocks = Blocks {
             vectors: Array2::zeros((0, BLOCK_TEXELS * channels)),
@@ -43,17 +43,18 @@ impl Blocks {
             blocks.starts.push(blocks.inside.len());
             let (columns, rows) = image.size().blocks();
             blocks.level0.push((columns * rows) as usize);
-            if levels == 1 {
-                cut_level(image, &mut values, &mut blocks.inside);
-                continue;
+            cut_level(image, &mut values, &mut blocks.inside, cancel);
+            cancel.checkpoint()?;
+            if levels > 1 {
+                for level in mip_chain(image, levels, MipFilter::Box).iter().skip(1) {
+                    cut_level(level, &mut values, &mut blocks.inside, cancel);
+                }
             }
-            for level in mip_chain(image, levels, MipFilter::Box) {
-                cut_level(&level, &mut values, &mut blocks.inside);
-            }
+            cancel.checkpoint()?;
         }
         let shape = (blocks.inside.len(), BLOCK_TEXELS * channels);
         blocks.vectors = Array2::from_shape_vec(shape, values).unwrap_or(blocks.vectors);
-        blocks
+        Ok(blocks)
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -83,7 +84,7 @@ impl Blocks {
     }
 }
 
-fn cut_level(level: &Raster, values: &mut Vec<f32>, inside: &mut Vec<f32>) {
+fn cut_level(level: &Raster, values: &mut Vec<f32>, inside: &mut Vec<f32>, cancel: CancelCheck<'_>) {
     let SurfaceSize { width, height } = level.size();
     let (columns, rows) = level.size().blocks();
     let dims = BLOCK_TEXELS * usize::from(level.info().channels);
@@ -91,7 +92,7 @@ fn cut_level(level: &Raster, values: &mut Vec<f32>, inside: &mut Vec<f32>) {
     values.resize(first + (columns * rows) as usize * dims, 0.0);
     let row_values = columns as usize * dims;
     values[first..].par_chunks_mut(row_values).enumerate().for_each(|(row, line)| {
-        for (column, block) in line.chunks_exact_mut(dims).enumerate() {
+        for (column, block) in line.chunks_exact_mut(dims).enumerate().filter(|_| !cancel.is_cancelled()) {
             window(level, column as u32 * 4, row as u32 * 4, block);
         }
     });
@@ -137,7 +138,7 @@ mod tests {
     fn blocks_at_the_edge_repeat_it_and_weigh_less() {
         let bytes: Vec<u8> = (0..5 * 3).map(|i| i * 10).collect();
         let image = Raster::from_u8(5, 3, 1, ColorSpace::Linear, &bytes).unwrap();
-        let blocks = Blocks::cut(&ImageSet::single(image), 1);
+        let blocks = Blocks::cut(&ImageSet::single(image), 1, CancelCheck::default()).unwrap();
         assert_eq!(blocks.len(), 2);
         assert_eq!(blocks.inside, [12.0 / 16.0, 3.0 / 16.0]);
         assert_eq!(blocks.vector(1)[0], 40.0 / 255.0);
@@ -148,7 +149,7 @@ mod tests {
     fn levels_follow_one_another() {
         let image = Raster::from_u8(16, 8, 3, ColorSpace::Linear, &[7; 16 * 8 * 3]).unwrap();
         let set = ImageSet::new(vec![image.clone(), image]).unwrap();
-        let blocks = Blocks::cut(&set, 3);
+        let blocks = Blocks::cut(&set, 3, CancelCheck::default()).unwrap();
         assert_eq!(blocks.starts, [0, 11]);
         assert_eq!((blocks.len(), blocks.level0[1]), (22, 8));
         assert_eq!(blocks.of_level0(1), 11..19);

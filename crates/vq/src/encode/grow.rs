@@ -1,53 +1,73 @@
 //! Adding images to a texture (paper section 4.2): what the codebook shows within the join threshold uses it, the
 //! rest becomes new codewords in free cells or in rows added below. No texel that was valid before changes.
+//!
+//! Cost: one exact search for each block, and an incremental codeword for each that is not within the threshold. *Not
+//! done*: moving codewords that are there, as they are what other images show.
 
 use ndarray::{Array2, ArrayView2};
+use rayon::prelude::*;
 use texfold_codebook::{Leaders, Search};
-use texfold_core::{EncodeError, Job, SourceError, Texel};
+use texfold_core::{Cached, CancelCheck, EncodeError, Job, SourceError, Texel};
 
-use super::assemble::windows_at;
+use super::assemble::{assign, corners_of, windows_at};
 use super::blocks::{Blocks, texel_of};
-use super::incremental::squared_reach;
-use super::plan::Grid;
-use crate::encoded::size_classes;
-use crate::params::MAX_CODEBOOK_SIDE;
+use super::incremental::{ROWS_A_LOOK, squared_reach};
+use super::{check_sizes, held_bytes, report};
+use crate::classes::Groups;
+use crate::grid::{Grid, MAX_CODEBOOK_SIDE};
 use crate::{VqSource, VqTexture};
+
+/// Ends the verdict of a texture that has grown.
+const GROWN: &str = " Images were added later; what each part brings was not measured again.";
 
 pub(crate) fn add(
     texture: &mut VqTexture,
     source: VqSource<'_>,
     job: &mut Job<'_>,
 ) -> Result<(), EncodeError> {
-    job.stage("matching", 0.0)?;
-    // A picture that was stored as gray takes further colour pictures as gray.
-    let gray = (texture.layout.pixel.channels == 1 && source.images.info().channels == 3)
-        .then(|| source.images.to_gray());
-    let source = VqSource { images: gray.as_ref().unwrap_or(source.images), ..source };
-    check(texture, &source)?;
-    let grown = job.install(|| grow(texture, &source))?;
+    let index: u64 = texture.classes.iter().map(|class| 2 * class.index.len() as u64).sum();
+    // The grown texture stands beside the old one until it is whole.
+    let bytes = held_bytes(source.images) + 2 * index;
+    let grown = job.holding(bytes, |job| {
+        job.stage("matching", 0.0)?;
+        // A picture that was stored as gray takes further colour pictures as gray.
+        let gray = (texture.layout.pixel.channels == 1 && source.images.info().channels == 3)
+            .then(|| source.images.to_gray());
+        let source = VqSource { images: gray.as_ref().unwrap_or(source.images), ..source };
+        check(texture, &source)?;
+        let cancel = job.cancel_check();
+        job.install(|| grow(texture, &source, cancel))
+    })?;
     job.stage("done", 1.0)?;
     *texture = grown;
     Ok(())
 }
 
 fn check(texture: &VqTexture, source: &VqSource<'_>) -> Result<(), SourceError> {
-    let pixel = source.images.info();
-    if pixel.channels != texture.layout.pixel.channels {
+    let (pixel, known) = (source.images.info(), texture.layout.pixel);
+    if pixel.channels != known.channels {
         return Err(SourceError::Unlike { index: 0, what: "its number of channels" });
     }
-    source.images.check_sides()
+    if pixel.color != known.color {
+        return Err(SourceError::Unlike { index: 0, what: "its colour space" });
+    }
+    check_sizes(source.images, texture.layout.levels)
 }
 
-fn grow(texture: &VqTexture, source: &VqSource<'_>) -> Result<VqTexture, EncodeError> {
-    let blocks = Blocks::cut(source.images, texture.layout.levels);
+fn grow(
+    texture: &VqTexture,
+    source: &VqSource<'_>,
+    cancel: CancelCheck<'_>,
+) -> Result<VqTexture, EncodeError> {
+    let blocks = Blocks::cut(source.images, texture.layout.levels, cancel)?;
     let channels = blocks.channels;
     let (width, _) = texture.codebook.size();
     let grid = Grid::of_texels(texture.codebook.size());
-    let (mut corners, codewords) = texture.corners(grid);
+    let (mut corners, codewords) = corners_of(texture);
     corners.extend(codewords);
-    let windows = windows_at(&texture.texels, width, &corners, channels);
-    let codewords = new_codewords(&blocks, windows.view(), f64::from(texture.join_rms));
-    let (cells, height) = cells_for(texture, grid, codewords.nrows())?;
+    let windows = windows_at(texture.codebook_texels(), width, &corners, channels);
+    let codewords = new_codewords(&blocks, windows.view(), f64::from(texture.join_rms), cancel)?;
+    let Room { cells, height } = room_for(texture, grid, codewords.nrows())?;
     let filled: Vec<(u32, u32, [Texel; 16])> = cells
         .iter()
         .zip(codewords.rows())
@@ -55,41 +75,55 @@ fn grow(texture: &VqTexture, source: &VqSource<'_>) -> Result<VqTexture, EncodeE
         .collect();
     let codebook = texture.codebook.with_cells(&filled, height);
     let mut grown = texture.clone();
-    grown.texels = codebook.decode();
+    grown.texels = Cached::from(codebook.decode());
     grown.codebook = codebook;
-    grown.free_cells = (Grid { rows: height / 4, ..grid }.free_cells(&texture.samples).len()
-        - (grid.free_cells(&texture.samples).len() - texture.free_cells as usize)
-        - codewords.nrows()) as u32;
-    let corners =
-        corners.into_iter().chain(cells.iter().take(codewords.nrows()).map(|&(x, y)| [x as u8, y as u8]));
-    append_images(&mut grown, &blocks, &corners.collect::<Vec<_>>());
+    grown.free_cells = (cells.len() - codewords.nrows()) as u32;
+    corners.extend(cells.iter().take(codewords.nrows()).map(|&(x, y)| [x as u8, y as u8]));
+    append_images(&mut grown, &blocks, &corners, cancel)?;
+    grown.notes.verdict = report::verdict(&grown, true) + GROWN;
+    grown.notes.psnr_without.clear();
     Ok(grown)
 }
 
-fn new_codewords(blocks: &Blocks, windows: ArrayView2<'_, f32>, join_rms: f64) -> Array2<f32> {
+/// Codewords for the blocks that no window shows within the threshold.
+fn new_codewords(
+    blocks: &Blocks,
+    windows: ArrayView2<'_, f32>,
+    join_rms: f64,
+    cancel: CancelCheck<'_>,
+) -> Result<Array2<f32>, EncodeError> {
     let reach = squared_reach(join_rms, blocks.vectors.ncols());
     let search = (windows.nrows() > 0).then(|| Search::new(windows));
+    let is_new = |&row: &usize| {
+        let near = |search: &Search| search.nearest(blocks.vector(row), reach).is_some();
+        !cancel.is_cancelled() && !search.as_ref().is_some_and(near)
+    };
+    let unseen: Vec<usize> = (0..blocks.len()).into_par_iter().filter(is_new).collect();
     let mut leaders = Leaders::new(blocks.view());
-    for row in 0..blocks.len() {
-        let block = blocks.vector(row);
-        if search.as_ref().is_none_or(|search| search.nearest(block, reach).is_none()) {
-            leaders.join_or_add(block, reach);
-        }
+    for rows in unseen.chunks(ROWS_A_LOOK) {
+        cancel.checkpoint()?;
+        rows.iter().for_each(|&row| _ = leaders.join_or_add(blocks.vector(row), reach));
     }
-    leaders.into_codewords()
+    cancel.checkpoint().map(|()| leaders.into_codewords())
 }
 
-/// Corners of free cells for `count` codewords, and the height in texels that the codebook needs.
-fn cells_for(texture: &VqTexture, grid: Grid, count: usize) -> Result<(Vec<(u32, u32)>, u32), SourceError> {
+/// Where further codewords go.
+struct Room {
+    /// Corners of all cells that are free once the codebook has grown.
+    cells: Vec<(u32, u32)>,
+    /// Rows of texels that the codebook needs.
+    height: u32,
+}
+
+fn room_for(texture: &VqTexture, grid: Grid, count: usize) -> Result<Room, SourceError> {
     let used = grid.free_cells(&texture.samples).len() - texture.free_cells as usize;
-    let side = MAX_CODEBOOK_SIDE / 4;
     let missing = (count as u32).saturating_sub(texture.free_cells);
     let rows = grid.rows + missing.div_ceil(grid.columns);
-    if rows > side {
+    if rows > MAX_CODEBOOK_SIDE / 4 {
         return Err(SourceError::Full { what: "the codebook of 256 rows" });
     }
     let cells = Grid { rows, ..grid }.free_cells(&texture.samples);
-    Ok((cells[used..].to_vec(), rows * 4))
+    Ok(Room { cells: cells[used..].to_vec(), height: rows * 4 })
 }
 
 fn cell_texels(codeword: &[f32], channels: usize) -> [Texel; 16] {
@@ -97,39 +131,45 @@ fn cell_texels(codeword: &[f32], channels: usize) -> [Texel; 16] {
 }
 
 /// Adds the images to layout and index planes; those already there keep their indices.
-fn append_images(grown: &mut VqTexture, blocks: &Blocks, corners: &[[u8; 2]]) {
-    let windows = windows_at(&grown.texels, grown.codebook.size().0, corners, blocks.channels);
+fn append_images(
+    grown: &mut VqTexture,
+    blocks: &Blocks,
+    corners: &[[u8; 2]],
+    cancel: CancelCheck<'_>,
+) -> Result<(), EncodeError> {
+    let windows = windows_at(grown.codebook_texels(), grown.codebook.size().0, corners, blocks.channels);
     let all: Vec<usize> = (0..blocks.len()).collect();
-    let matches = super::assemble::assign(blocks, &all, windows.view());
+    let matches = assign(blocks, &all, windows.view(), cancel)?;
     let (old_classes, old_places) = (std::mem::take(&mut grown.classes), std::mem::take(&mut grown.places));
     grown.layout.surfaces.extend(&blocks.sizes);
-    let (mut classes, places) = size_classes(&grown.layout, grown.codebook.swizzle().0);
-    for (surface, &(class, place)) in places.iter().enumerate() {
-        let class = &mut classes[class];
+    let groups = Groups::of(&grown.layout);
+    let mut classes = groups.classes(grown.codebook.swizzle().0);
+    for (surface, place) in groups.places.iter().enumerate() {
+        let class = &mut classes[place.class];
         for block in 0..class.blocks() {
             let value = match old_places.get(surface) {
-                Some(&(old, old_place)) => {
-                    old_classes[old].index[old_classes[old].position(old_place, block)]
-                }
+                Some(old) => old_classes[old.class].index[old_classes[old.class].position(old.number, block)],
                 None => {
                     let start = blocks.starts[surface - old_places.len()];
                     corners[matches[start + block as usize].index as usize]
                 }
             };
-            let position = class.position(place, block);
+            let position = class.position(place.number, block);
             class.index[position] = value;
         }
     }
     grown.classes = classes;
-    grown.places = places;
+    grown.places = groups.places;
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use texfold_core::container::{SectionWriter, Sections};
     use texfold_core::image::{ColorSpace, ImageSet, Raster};
     use texfold_core::metric::{decode_surface, quality};
-    use texfold_core::{Encoded, Encoder, Goal};
+    use texfold_core::{Budget, Cancel, Encoded, Encoder, Goal, Limits, TextureCodec};
     use texfold_testkit::frames;
 
     use crate::{Vq, VqParams};
@@ -151,6 +191,54 @@ mod tests {
             let rms = texfold_core::metric::color_error(&last.images()[0], &decoded).rms();
             assert!(rms <= f64::from(texture.join_rms) + 4.0, "{content:?}: {rms} {}", texture.join_rms);
         }
+    }
+
+    fn through_a_file(texture: &VqTexture) -> VqTexture {
+        let mut writer = SectionWriter::new(Vq::ID);
+        texture.store(&mut writer);
+        let (bytes, mut budget) = (writer.finish().bytes, Budget::default());
+        Vq::load(&Sections::parse(&bytes, &mut budget).unwrap(), &mut budget).unwrap()
+    }
+
+    #[test]
+    fn a_texture_grows_again_and_again_by_way_of_files() {
+        let frames = frames("ripple").images().to_vec();
+        let params = VqParams { goal: Goal::Bpp(3.0), ..VqParams::default() };
+        let first = ImageSet::single(frames[0].clone());
+        let mut direct = Vq::encode(VqSource::new(&first), &params, &mut Job::default()).unwrap();
+        let mut filed = through_a_file(&direct);
+        for frame in &frames[1..] {
+            let set = ImageSet::single(frame.clone());
+            for texture in [&mut direct, &mut filed] {
+                add(texture, VqSource::new(&set), &mut Job::default()).unwrap();
+            }
+            filed = through_a_file(&filed);
+            assert_eq!(filed, direct);
+        }
+        // The verdict speaks of the codebook as it is now, and nothing is said of what was not measured.
+        let (width, height) = direct.codebook_size();
+        let notes = direct.notes();
+        assert!(notes.verdict.contains(&format!("{width}x{height}")), "{}", notes.verdict);
+        assert!(notes.verdict.ends_with(GROWN) && notes.psnr_without.is_empty());
+    }
+
+    #[test]
+    fn growth_that_is_cancelled_too_large_or_of_another_kind_changes_nothing() {
+        let images = frames("ripple").images().to_vec();
+        let (first, last) = (ImageSet::single(images[0].clone()), ImageSet::single(images[1].clone()));
+        let params = VqParams { goal: Goal::Bpp(3.0), ..VqParams::default() };
+        let mut texture = Vq::encode(VqSource::new(&first), &params, &mut Job::default()).unwrap();
+        let copy = texture.clone();
+        let cancel = Cancel::default();
+        cancel.cancel();
+        let cancelled = add(&mut texture, VqSource::new(&last), &mut Job::default().with_cancel(&cancel));
+        assert!(matches!(cancelled, Err(EncodeError::Cancelled)));
+        let mut small = Job::new(Limits { bytes: 1024, ..Limits::default() });
+        assert!(matches!(add(&mut texture, VqSource::new(&last), &mut small), Err(EncodeError::Limit(_))));
+        let linear = Raster::from_u8(4, 4, 3, ColorSpace::Linear, &[3; 48]).unwrap();
+        let added = add(&mut texture, VqSource::new(&ImageSet::single(linear)), &mut Job::default());
+        assert!(matches!(added, Err(EncodeError::Source(SourceError::Unlike { .. }))));
+        assert_eq!(texture, copy);
     }
 
     #[test]

@@ -2,11 +2,12 @@
 
 use ndarray::Array2;
 use rayon::prelude::*;
-use texfold_core::SourceError;
 use texfold_core::image::Raster;
+use texfold_core::{CancelCheck, EncodeError};
 
 use super::blocks::Blocks;
-use crate::guidance::{Map, distortion_map, painted_map, saliency_map};
+use crate::classes::blocks_of;
+use crate::guidance::{Map, distortion, painted, saliency};
 use crate::{GuidanceWeights, VqSource};
 
 /// Weight of the most important block over that of the least important one, less 1, at importance 1. The
@@ -16,16 +17,22 @@ const WEIGHT_GAIN: f32 = 4.0;
 const WEIGHT_POWER: i32 = 3;
 
 /// Importance of the texels of every image, 0 to 1, without usability.
-pub(crate) fn importance_maps(source: &VqSource<'_>) -> Result<Vec<Map>, SourceError> {
+pub(crate) fn importance_maps(
+    source: &VqSource<'_>,
+    cancel: CancelCheck<'_>,
+) -> Result<Vec<Map>, EncodeError> {
     let first = source.images.images()[0].size();
-    let painted = source.painted.map(|raster| painted_map(raster, first.width, first.height)).transpose()?;
-    let distortion = source.mesh.map(|mesh| distortion_map(mesh, first.width, first.height)).transpose()?;
+    let painted = source.painted.map(|raster| painted(raster, first, cancel)).transpose()?;
+    cancel.checkpoint()?;
+    let distortion = source.mesh.map(|mesh| distortion(mesh, first, cancel)).transpose()?;
+    cancel.checkpoint()?;
     let weights = source.weights;
     let map = |(index, image): (usize, &Raster)| {
         let own = if index == 0 { (painted.as_ref(), distortion.as_ref()) } else { (None, None) };
-        combine(saliency_map(image), own.0, own.1, weights)
+        combine(saliency(image, cancel), own.0, own.1, weights)
     };
-    Ok(source.images.images().par_iter().enumerate().map(map).collect())
+    let maps = source.images.images().par_iter().enumerate().map(map).collect();
+    cancel.checkpoint().map(|()| maps)
 }
 
 /// Weighted mean of the maps that are there; each has its maximum at 1.
@@ -58,7 +65,7 @@ pub(crate) fn block_weights(blocks: &Blocks, maps: &[Map], strength: f32) -> Vec
 pub(crate) fn importance_ranks(blocks: &Blocks, maps: &[Map]) -> Vec<f32> {
     let values = block_importance(blocks, maps);
     let mut sorted = values.clone();
-    sorted.sort_by(f32::total_cmp);
+    sorted.par_sort_unstable_by(f32::total_cmp);
     let total = sorted.len().max(2) as f32 - 1.0;
     if sorted.first() == sorted.last() {
         return vec![0.0; values.len()];
@@ -90,7 +97,7 @@ fn block_importance(blocks: &Blocks, maps: &[Map]) -> Vec<f32> {
 
 /// Blocks of the first `levels` levels.
 fn level_blocks(size: texfold_core::SurfaceSize, levels: u32) -> usize {
-    crate::encoded::blocks_of(size, levels) as usize
+    blocks_of(size, levels) as usize
 }
 
 /// Mean of at most 16 values spread over a square.
@@ -113,10 +120,10 @@ pub(crate) struct Integral {
 }
 
 impl Integral {
-    pub(crate) fn new(map: &Map) -> Self {
+    pub(crate) fn new(map: &Map, cancel: CancelCheck<'_>) -> Self {
         let (rows, columns) = map.dim();
         let mut sums = Array2::zeros((rows + 1, columns + 1));
-        for row in 0..rows {
+        for row in (0..rows).take_while(|_| !cancel.is_cancelled()) {
             let mut line = 0.0;
             for column in 0..columns {
                 line += f64::from(map[[row, column]]);
@@ -144,7 +151,7 @@ mod tests {
     fn flat(width: u32, height: u32) -> Blocks {
         let bytes = vec![100; (width * height) as usize];
         let image = Raster::from_u8(width, height, 1, ColorSpace::Srgb, &bytes).unwrap();
-        Blocks::cut(&ImageSet::single(image), 2)
+        Blocks::cut(&ImageSet::single(image), 2, CancelCheck::default()).unwrap()
     }
 
     #[test]
@@ -162,7 +169,7 @@ mod tests {
     #[test]
     fn integral_means() {
         let map = Array2::from_shape_fn((6, 5), |(row, column)| (row * 10 + column) as f32);
-        let mean = Integral::new(&map).mean(1, 2, 3);
+        let mean = Integral::new(&map, CancelCheck::default()).mean(1, 2, 3);
         assert!((mean - 32.0).abs() < 1e-5, "{mean}");
     }
 }

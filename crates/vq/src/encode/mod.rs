@@ -11,11 +11,11 @@
 
 mod assemble;
 mod blocks;
-pub(crate) mod grow;
+mod grow;
 mod importance;
 mod incremental;
-pub(crate) mod plan;
-pub(crate) mod report;
+mod plan;
+mod report;
 mod samples;
 mod single;
 mod usability;
@@ -24,12 +24,26 @@ use texfold_bc::Content;
 use texfold_core::image::{ColorSpace, ImageSet, PixelInfo};
 use texfold_core::metric::{SquaredError, color_error, measure};
 use texfold_core::target::{Found, Measured, search};
-use texfold_core::{Effort, EncodeError, Goal, Job, Notes, Params, SourceError};
+use texfold_core::{
+    Effort, EncodeError, Encoder, Goal, Growable, Job, MAX_PLANE_SIDE, Notes, ParamError, Params, SourceError,
+};
 
-use self::plan::{CELL_TEXELS, Grid, MAX_CELLS, fixed_bits};
+use self::plan::{CELL_TEXELS, MAX_CELLS, fixed_bits};
 use self::single::{Prepared, Request};
-use crate::{VqParams, VqSource, VqTexture};
+use crate::classes::rows_of;
+use crate::grid::Grid;
+use crate::{Vq, VqParams, VqSource, VqTexture};
 
+pub use report::{PartPictures, pictures};
+
+/// Longest side of an image with mip levels: up to it the index of any image fits a plane, whatever its shape.
+const MAX_SIDE_WITH_MIPS: u32 = 16_000;
+/// Bytes that encoding holds for each texel, beside those of its channels: importance (4), and one decoded texel (16) while
+/// quality is measured.
+const BYTES_PER_TEXEL: u64 = 20;
+/// Numbers of 4 bytes that encoding holds for each channel of each texel: blocks, the image as gray or with its mip levels, and
+/// the decoded image while quality is measured.
+const NUMBERS_PER_CHANNEL: u64 = 3;
 /// The first, fast search for a quality goal stops within this share of the number of codewords, the second one,
 /// at full effort, within the smaller.
 const COARSE_STEP: f64 = 0.1;
@@ -43,79 +57,157 @@ const EFFORT_GAIN: f64 = 0.7;
 /// leave on a gray picture.
 const NEARLY_GRAY_RMS: f64 = 2.0;
 
-pub(crate) fn encode(
+impl Encoder for Vq {
+    type Source<'s> = VqSource<'s>;
+    type Params = VqParams;
+
+    fn encode(source: VqSource<'_>, params: &VqParams, job: &mut Job<'_>) -> Result<VqTexture, EncodeError> {
+        encode(source, params, None, job)
+    }
+}
+
+impl Growable for Vq {
+    fn add(encoded: &mut VqTexture, source: VqSource<'_>, job: &mut Job<'_>) -> Result<(), EncodeError> {
+        grow::add(encoded, source, job)
+    }
+}
+
+impl Vq {
+    /// As [`Encoder::encode`] for a quality goal, but gives up once `most_bpp` bits of GPU memory a texel do not reach it:
+    /// for callers that hold a plain form of that size.
+    ///
+    /// # Errors
+    /// As [`Encoder::encode`].
+    pub fn encode_within(
+        source: VqSource<'_>,
+        params: &VqParams,
+        most_bpp: f64,
+        job: &mut Job<'_>,
+    ) -> Result<VqTexture, EncodeError> {
+        encode(source, params, Some(most_bpp), job)
+    }
+}
+
+fn encode(
     source: VqSource<'_>,
     params: &VqParams,
     most_bpp: Option<f64>,
     job: &mut Job<'_>,
 ) -> Result<VqTexture, EncodeError> {
     params.check()?;
-    source.images.check_sides()?;
+    check_sizes(source.images, single::levels(source.images, params))?;
+    job.holding(held_bytes(source.images), |job| encode_checked(source, params, most_bpp, job))
+}
+
+/// What encoding `images` holds at a time, in bytes.
+fn held_bytes(images: &ImageSet) -> u64 {
+    let texel = BYTES_PER_TEXEL + NUMBERS_PER_CHANNEL * 4 * u64::from(images.info().channels);
+    images.texel_count().saturating_mul(texel)
+}
+
+fn encode_checked(
+    source: VqSource<'_>,
+    params: &VqParams,
+    most_bpp: Option<f64>,
+    job: &mut Job<'_>,
+) -> Result<VqTexture, EncodeError> {
     let images = source.images;
-    job.budget.take(images.texel_count().saturating_mul(u64::from(images.info().channels) * 4 * 2))?;
     job.stage("guidance", 0.0)?;
-    let gray = nearly_gray(images, params);
-    let mut variants: Vec<VqSource<'_>> =
-        gray.iter().map(|gray| VqSource { images: gray, ..source }).collect();
-    variants.push(source);
-    let mut best: Option<(Prepared<'_>, Found<VqTexture>)> = None;
-    for (index, variant) in variants.into_iter().enumerate() {
+    let gray = nearly_gray(images, params, job)?;
+    let request = Variant { source, reference: images, params, most_bpp };
+    let as_gray = |gray| Variant { source: VqSource { images: gray, ..source }, ..request };
+    let best = match gray.as_ref().map(|gray| as_gray(gray).encode(job)).transpose()? {
         // Gray needs a third of the numbers of colour: where it meets a quality goal, colour does not do so for less.
-        if index > 0
-            && best.as_ref().is_some_and(|(_, found)| found.met && !matches!(params.goal, Goal::Bpp(_)))
-        {
-            break;
+        Some(gray) if gray.found.met && !matches!(params.goal, Goal::Bpp(_)) => gray,
+        Some(gray) => {
+            let colour = request.encode(job)?;
+            let better = params.goal.prefers(&colour.found.measured, &gray.found.measured);
+            if better { colour } else { gray }
         }
-        let prepared = job.install(|| Prepared::new(variant, images, params))?;
-        let found = job.within(0.2, 0.95, |job| best_content(&prepared, params, most_bpp, job))?;
-        if best.as_ref().is_none_or(|(_, best)| params.goal.prefers(&found.measured, &best.measured)) {
-            best = Some((prepared, found));
-        }
-    }
-    let (prepared, best) = best.ok_or(SourceError::Empty)?;
-    let texture = job.install(|| finish(&prepared, params, best));
+        None => request.encode(job)?,
+    };
+    let texture = job.install(|| finish(best))?;
     job.stage("done", 1.0)?;
     Ok(texture)
+}
+
+/// The images as they came, or as gray.
+#[derive(Debug, Clone, Copy)]
+struct Variant<'s> {
+    source: VqSource<'s>,
+    /// What quality is held against: the images as they came.
+    reference: &'s ImageSet,
+    params: &'s VqParams,
+    most_bpp: Option<f64>,
+}
+
+/// A variant's best texture.
+struct Best<'s> {
+    prepared: Prepared<'s>,
+    found: Found<VqTexture>,
+}
+
+impl<'s> Variant<'s> {
+    fn encode<'j: 's>(self, job: &mut Job<'j>) -> Result<Best<'s>, EncodeError> {
+        let cancel = job.cancel_check();
+        let prepared = job.install(|| Prepared::new(self.source, self.reference, self.params, cancel))?;
+        let found = job.within(0.2, 0.95, |job| best_content(&prepared, self.most_bpp, job))?;
+        Ok(Best { prepared, found })
+    }
 }
 
 /// The best of the kinds of content that are worth a trial.
 fn best_content(
     prepared: &Prepared<'_>,
-    params: &VqParams,
     most_bpp: Option<f64>,
     job: &mut Job<'_>,
 ) -> Result<Found<VqTexture>, EncodeError> {
-    let contents = contents(prepared.source.images.info(), params)?;
-    let mut best: Option<Found<VqTexture>> = None;
-    for (index, &content) in contents.iter().enumerate() {
+    let goal = prepared.params.goal;
+    let contents = contents(prepared.source.images.info(), &prepared.params)?;
+    let at = |share: usize| share as f32 / contents.len() as f32;
+    let trial = |index: usize, job: &mut Job<'_>| {
+        job.within(at(index), at(index + 1), |job| with_content(prepared, contents[index], most_bpp, job))
+    };
+    let mut best = trial(0, job)?;
+    for (index, &content) in contents.iter().enumerate().skip(1) {
         // Raw content is the last resort: it costs two to six times the bits of the others.
-        if content == Content::Raw
-            && best.as_ref().is_some_and(|found| found.met)
-            && !matches!(params.goal, Goal::Bpp(_))
-        {
+        if content == Content::Raw && best.met && !matches!(goal, Goal::Bpp(_)) {
             break;
         }
-        let at = |share: usize| share as f32 / contents.len() as f32;
-        let found = job.within(at(index), at(index + 1), |job| {
-            with_content(prepared, params, (content, most_bpp), job)
-        })?;
-        if best.as_ref().is_none_or(|best| params.goal.prefers(&found.measured, &best.measured)) {
-            best = Some(found);
+        let found = trial(index, job)?;
+        if goal.prefers(&found.measured, &best.measured) {
+            best = found;
         }
     }
-    best.ok_or(SourceError::Empty.into())
+    Ok(best)
 }
 
 /// The images as gray, where colour is hardly there and the caller has not fixed the codebook.
-fn nearly_gray(images: &ImageSet, params: &VqParams) -> Option<ImageSet> {
+fn nearly_gray(images: &ImageSet, params: &VqParams, job: &Job<'_>) -> Result<Option<ImageSet>, EncodeError> {
     let free = params.content.is_none() && params.codebook.is_none();
     if !free || images.info().channels < 3 || images.info().color == ColorSpace::Normal {
-        return None;
+        return Ok(None);
     }
     let gray = images.to_gray();
-    let error = images.images().iter().zip(gray.images()).map(|(a, b)| color_error(a, b));
-    let error = error.fold(SquaredError::default(), |sum, error| sum + error);
-    (error.rms() <= NEARLY_GRAY_RMS).then_some(gray)
+    let mut error = SquaredError::default();
+    for (image, gray) in images.images().iter().zip(gray.images()) {
+        job.checkpoint()?;
+        error = error + color_error(image, gray);
+    }
+    Ok((error.rms() <= NEARLY_GRAY_RMS).then_some(gray))
+}
+
+/// Fails where an image is longer than a file can name, or its index, with `levels` mip levels, fits no plane.
+fn check_sizes(images: &ImageSet, levels: u32) -> Result<(), SourceError> {
+    images.check_sides()?;
+    for (index, image) in images.images().iter().enumerate() {
+        let size = image.size();
+        let (width, height) = (size.width, size.height);
+        if rows_of(size, levels) > MAX_PLANE_SIDE {
+            return Err(SourceError::TooLarge { index, width, height, max: MAX_SIDE_WITH_MIPS });
+        }
+    }
+    Ok(())
 }
 
 /// How the codebook may be stored: the caller's choice, or what is worth trying for such pixels.
@@ -123,7 +215,7 @@ fn contents(pixel: PixelInfo, params: &VqParams) -> Result<Vec<Content>, EncodeE
     if let Some(content) = params.content {
         if !content.fits(pixel) {
             let range = "what the chosen content format can hold";
-            return Err(texfold_core::ParamError::new("channels", pixel.channels, range).into());
+            return Err(ParamError::new("channels", pixel.channels, range).into());
         }
         return Ok(vec![content]);
     }
@@ -141,15 +233,16 @@ fn contents(pixel: PixelInfo, params: &VqParams) -> Result<Vec<Content>, EncodeE
 /// The best texture with such content: the size of the codebook follows the goal, within `most_bpp` bits a texel.
 fn with_content(
     prepared: &Prepared<'_>,
-    params: &VqParams,
-    (content, most_bpp): (Content, Option<f64>),
+    content: Content,
+    most_bpp: Option<f64>,
     job: &mut Job<'_>,
 ) -> Result<Found<VqTexture>, EncodeError> {
+    let params = &prepared.params;
     let single = |(measured, value): (Measured, VqTexture)| {
         let met = params.goal.is_met(&measured);
         Found { knob: 0, measured, value, met, evaluations: 1 }
     };
-    let full = |grid: Grid, job: &mut Job<'_>| one(prepared, (grid, content, params.effort), job).map(single);
+    let full = |grid: Grid, job: &mut Job<'_>| one(prepared, grid, content, params.effort, job).map(single);
     if let Some(size) = params.codebook {
         return full(Grid::of_texels(size), job);
     }
@@ -162,7 +255,7 @@ fn with_content(
         Goal::Psnr(psnr) => {
             let most = most_bpp.map_or(MAX_CELLS, |bpp| grid_for_bpp(prepared, content, bpp).cells());
             let most = most.min(prepared.blocks.len() as u32).max(1);
-            search_psnr(prepared, (content, psnr), most, job)
+            search_psnr(prepared, content, psnr, most, job)
         }
     }
 }
@@ -170,12 +263,15 @@ fn with_content(
 /// One encode, and what it measures.
 fn one(
     prepared: &Prepared<'_>,
-    (grid, content, effort): (Grid, Content, Effort),
+    grid: Grid,
+    content: Content,
+    effort: Effort,
     job: &mut Job<'_>,
 ) -> Result<(Measured, VqTexture), EncodeError> {
     job.stage("codewords", 0.1)?;
     let request = Request { grid, content, effort, seed: job.seed };
-    let texture = job.install(|| prepared.encode(&request));
+    let texture = job.install(|| prepared.encode(&request))?;
+    job.checkpoint()?;
     Ok((measure(prepared.reference, &texture), texture))
 }
 
@@ -183,25 +279,24 @@ fn one(
 /// below what the fast search asked for.
 fn search_psnr(
     prepared: &Prepared<'_>,
-    (content, psnr): (Content, f64),
+    content: Content,
+    psnr: f64,
     most: u32,
     job: &mut Job<'_>,
 ) -> Result<Found<VqTexture>, EncodeError> {
-    let goal = Goal::Psnr(psnr);
+    let (goal, usual) = (Goal::Psnr(psnr), prepared.params.effort);
     let mut tried = 0u8;
     let mut at = |cells: u32, effort: Effort, job: &mut Job<'_>| {
         let from = f32::from(tried.min(15)) / 16.0;
         tried += 1;
-        job.within(from, from + 1.0 / 16.0, |job| one(prepared, (Grid::within(cells), content, effort), job))
+        job.within(from, from + 1.0 / 16.0, |job| one(prepared, Grid::within(cells), content, effort, job))
     };
     let fast = search(goal, 1..=most, most, COARSE_STEP, |cells| at(cells, Effort::Fast, job))?;
-    if prepared.params.effort == Effort::Fast || fast.measured.psnr < psnr - EFFORT_GAIN {
+    if usual == Effort::Fast || fast.measured.psnr < psnr - EFFORT_GAIN {
         return Ok(fast);
     }
     let least = ((f64::from(fast.knob) * FINE_RANGE) as u32).max(1);
-    let fine = search(goal, least..=fast.knob, fast.knob, FINE_STEP, |cells| {
-        at(cells, prepared.params.effort, job)
-    })?;
+    let fine = search(goal, least..=fast.knob, fast.knob, FINE_STEP, |cells| at(cells, usual, job))?;
     Ok(if goal.prefers(&fast.measured, &fine.measured) { fast } else { fine })
 }
 
@@ -214,12 +309,12 @@ fn grid_for_bpp(prepared: &Prepared<'_>, content: Content, bpp: f64) -> Grid {
 }
 
 /// Adds the notes: settings, verdict, and what each part bought.
-fn finish(prepared: &Prepared<'_>, params: &VqParams, found: Found<VqTexture>) -> VqTexture {
+fn finish(Best { prepared, found }: Best<'_>) -> Result<VqTexture, EncodeError> {
     let texture = found.value;
     let notes = Notes {
-        settings: report::settings(params),
+        settings: report::settings(&prepared.params),
         verdict: report::verdict(&texture, found.met),
-        psnr_without: report::ledger(prepared, &texture),
+        psnr_without: report::ledger(&prepared, &texture)?,
     };
-    texture.with_notes(notes)
+    Ok(texture.with_notes(notes))
 }

@@ -1,9 +1,9 @@
-//! Where everything in a codebook lies: its size, the samples, the cells of the codewords.
+//! The size of a codebook and the places of its samples, and how many bits all else takes.
 
-use texfold_core::{ImageLayout, PlaneFormat};
+use texfold_core::ImageLayout;
 
-use crate::encoded::{CodebookPart, size_classes};
-use crate::params::MAX_CODEBOOK_SIDE;
+use crate::classes::Groups;
+use crate::grid::{Grid, MAX_CODEBOOK_SIDE};
 
 /// Texels of a cell, as of a block.
 pub(crate) const CELL_TEXELS: u32 = 16;
@@ -11,13 +11,6 @@ pub(crate) const CELL_TEXELS: u32 = 16;
 pub(crate) const MAX_CELLS: u32 = (MAX_CODEBOOK_SIDE / 4) * (MAX_CODEBOOK_SIDE / 4);
 /// Share of the codebook that samples may take (paper section 3.1).
 pub(crate) const SAMPLE_SHARE: f32 = 0.75;
-
-/// Size of a codebook in cells.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Grid {
-    pub(crate) columns: u32,
-    pub(crate) rows: u32,
-}
 
 impl Grid {
     /// The largest rectangle of at most `cells` cells, the squarer one of equals, wider than high.
@@ -43,14 +36,6 @@ impl Grid {
             .unwrap_or(Grid { columns: most, rows: most })
     }
 
-    pub(crate) fn of_texels((width, height): (u32, u32)) -> Grid {
-        Grid { columns: width / 4, rows: height / 4 }
-    }
-
-    pub(crate) fn cells(self) -> u32 {
-        self.columns * self.rows
-    }
-
     pub(crate) fn texels(self) -> (u32, u32) {
         (self.columns * 4, self.rows * 4)
     }
@@ -67,30 +52,17 @@ impl Grid {
         let place = |index: u32| (index % across * side, index / across * side);
         (0..count.min(most)).map(place).filter(|&(_, y)| y + side <= height).collect()
     }
-
-    /// Corners in texels of the cells that no sample takes, row by row.
-    pub(crate) fn free_cells(self, samples: &[CodebookPart]) -> Vec<(u32, u32)> {
-        let taken = |x: u32, y: u32| {
-            samples.iter().any(|part| {
-                (part.x..part.x + part.side).contains(&x) && (part.y..part.y + part.side).contains(&y)
-            })
-        };
-        (0..self.cells())
-            .map(|cell| (cell % self.columns * 4, cell / self.columns * 4))
-            .filter(|&(x, y)| !taken(x, y))
-            .collect()
-    }
 }
 
 /// Bits of everything but the codebook that goals count: the index planes.
 pub(crate) fn fixed_bits(layout: &ImageLayout) -> u64 {
-    let (classes, _) = size_classes(layout, 0);
-    classes.iter().map(|class| 8 * PlaneFormat::Rg8Uint.bytes(class.index_width, class.index_height())).sum()
+    Groups::of(layout).planes().map(|plane| 8 * plane.bytes()).sum()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::CodebookPart;
 
     #[test]
     fn the_grid_wastes_little() {

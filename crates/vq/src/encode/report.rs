@@ -2,11 +2,12 @@
 
 use texfold_core::image::{ColorSpace, PixelInfo, Raster};
 use texfold_core::metric::{SquaredError, color_error, decode_surface};
-use texfold_core::{Encoded, Goal, Texel};
+use texfold_core::{EncodeError, Encoded, Goal, SurfaceSize, Texel};
 
-use super::assemble::{assign, windows_at};
-use super::plan::Grid;
+use super::assemble::{assign, corners_of, windows_at};
 use super::single::Prepared;
+use crate::classes::blocks_of;
+use crate::grid::Grid;
 use crate::{VqParams, VqTexture};
 
 /// The settings in the words of the command line.
@@ -50,39 +51,42 @@ pub(crate) fn verdict(texture: &VqTexture, met: bool) -> String {
 }
 
 /// PSNR with the samples left out, and with the codewords left out: blocks then take the best of what remains.
-pub(crate) fn ledger(prepared: &Prepared<'_>, texture: &VqTexture) -> Vec<(String, f32)> {
-    let grid = Grid::of_texels(texture.codebook_size());
-    let (samples, codewords) = texture.corners(grid);
-    let without = |corners: &[[u8; 2]]| -> Option<f32> {
-        (!corners.is_empty()).then(|| psnr_with(prepared, texture, corners))
-    };
+pub(crate) fn ledger(
+    prepared: &Prepared<'_>,
+    texture: &VqTexture,
+) -> Result<Vec<(String, f32)>, EncodeError> {
+    let (samples, codewords) = corners_of(texture);
     let mut ledger = Vec::new();
     if !samples.is_empty() {
-        ledger.extend(without(&codewords).map(|psnr| ("samples".to_owned(), psnr)));
-        ledger.extend(without(&samples).map(|psnr| ("codewords".to_owned(), psnr)));
+        for (part, left) in [("samples", &codewords), ("codewords", &samples)] {
+            if !left.is_empty() {
+                ledger.push((part.to_owned(), psnr_with(prepared, texture, left)?));
+            }
+        }
     }
-    ledger
+    Ok(ledger)
 }
 
-fn psnr_with(prepared: &Prepared<'_>, texture: &VqTexture, corners: &[[u8; 2]]) -> f32 {
-    let windows = windows_at(&texture.texels, texture.codebook_size().0, corners, prepared.blocks.channels);
+fn psnr_with(prepared: &Prepared<'_>, texture: &VqTexture, corners: &[[u8; 2]]) -> Result<f32, EncodeError> {
+    let windows =
+        windows_at(texture.codebook_texels(), texture.codebook_size().0, corners, prepared.blocks.channels);
     let rows: Vec<usize> =
         (0..prepared.images().len()).flat_map(|surface| prepared.blocks.of_level0(surface)).collect();
-    let matches = assign(&prepared.blocks, &rows, windows.view());
+    let matches = assign(&prepared.blocks, &rows, windows.view(), prepared.cancel)?;
     let mut other = texture.clone();
     let mut next = matches.iter();
-    for &(class, place) in &texture.places {
-        let class = &mut other.classes[class];
-        let size = texfold_core::SurfaceSize { width: class.params.size[0], height: class.params.size[1] };
-        for block in 0..crate::encoded::blocks_of(size, 1) {
-            let position = class.position(place, block);
+    for place in &texture.places {
+        let class = &mut other.classes[place.class];
+        let size = SurfaceSize { width: class.params.size[0], height: class.params.size[1] };
+        for block in 0..blocks_of(size, 1) {
+            let position = class.position(place.number, block);
             class.index[position] = next.next().map_or([0; 2], |found| corners[found.index as usize]);
         }
     }
     let error = prepared.reference.images().iter().enumerate().filter_map(|(surface, image)| {
         decode_surface(&other, surface as u32, 0).map(|decoded| color_error(image, &decoded))
     });
-    error.fold(SquaredError::default(), |sum, error| sum + error).psnr() as f32
+    Ok(error.fold(SquaredError::default(), |sum, error| sum + error).psnr() as f32)
 }
 
 /// Pictures of the parts of a vq texture, for a person to look at.
@@ -150,10 +154,10 @@ fn place_color(texture: &VqTexture, [x, y]: [u8; 2]) -> Texel {
 
 fn use_counts(texture: &VqTexture) -> Vec<u32> {
     let mut counts = vec![0u32; 256 * 256];
-    for &(class, place) in &texture.places {
-        let class = &texture.classes[class];
+    for place in &texture.places {
+        let class = &texture.classes[place.class];
         for block in 0..class.blocks() {
-            let [x, y] = class.index[class.position(place, block)];
+            let [x, y] = class.index[class.position(place.number, block)];
             counts[usize::from(y) * 256 + usize::from(x)] += 1;
         }
     }
@@ -162,10 +166,10 @@ fn use_counts(texture: &VqTexture) -> Vec<u32> {
 
 /// One texel a block of level 0.
 fn draw_blocks(texture: &VqTexture, surface: u32, color: &dyn Fn([u8; 2]) -> Texel) -> Option<Raster> {
-    let &(class, place) = texture.places.get(surface as usize)?;
-    let class = &texture.classes[class];
+    let place = texture.places.get(surface as usize)?;
+    let class = &texture.classes[place.class];
     let (columns, rows) = texture.layout().surfaces[surface as usize].blocks();
     let texels: Vec<Texel> =
-        (0..columns * rows).map(|block| color(class.index[class.position(place, block)])).collect();
+        (0..columns * rows).map(|block| color(class.index[class.position(place.number, block)])).collect();
     rgb(columns, rows, &texels)
 }

@@ -6,18 +6,31 @@
 use rayon::prelude::*;
 use texfold_codebook::Search;
 use texfold_core::image::Raster;
+use texfold_core::{CancelCheck, EncodeError};
 
 use super::blocks::Blocks;
 use super::importance::Integral;
-use super::plan::Grid;
 use super::usability::Words;
 use crate::GuidanceWeights;
 use crate::encoded::CodebookPart;
+use crate::grid::Grid;
 use crate::guidance::Map;
 
 /// Step of sample positions in texels: that of the image's own blocks, so that a sample's cells are blocks
 /// of the image.
 const POSITION_STEP: u32 = 4;
+
+/// How many image samples, and how many texels a side each has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct SampleSpec {
+    pub(crate) count: u32,
+    pub(crate) side: u32,
+}
+
+impl SampleSpec {
+    /// No sample.
+    pub(crate) const NONE: SampleSpec = SampleSpec { count: 0, side: 0 };
+}
 
 /// What samples are chosen by.
 pub(crate) struct Choice<'a> {
@@ -26,6 +39,7 @@ pub(crate) struct Choice<'a> {
     pub(crate) words: &'a Words,
     pub(crate) importance: &'a [Map],
     pub(crate) weights: GuidanceWeights,
+    pub(crate) cancel: CancelCheck<'a>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -38,8 +52,9 @@ struct Position {
 }
 
 impl Choice<'_> {
-    /// At most `count` samples of `side` texels for a codebook of `grid`.
-    pub(crate) fn choose(&self, grid: Grid, count: u32, side: u32) -> Vec<CodebookPart> {
+    /// At most as many samples as `spec` says for a codebook of `grid`.
+    pub(crate) fn choose(&self, grid: Grid, spec: SampleSpec) -> Result<Vec<CodebookPart>, EncodeError> {
+        let SampleSpec { count, side } = spec;
         let mut importance: Vec<Map> = self.importance.to_vec();
         let mut left: Vec<f32> = (0..self.images.len())
             .flat_map(|surface| self.blocks.of_level0(surface))
@@ -47,7 +62,9 @@ impl Choice<'_> {
             .collect();
         let mut samples: Vec<CodebookPart> = Vec::new();
         for (x, y) in grid.sample_places(count, side) {
-            let Some(best) = self.best(&importance, &left, side) else { break };
+            let best = self.best(&importance, &left, side);
+            self.cancel.checkpoint()?;
+            let Some(best) = best else { break };
             let (surface, source_x, source_y) = (best.surface as u32, best.x, best.y);
             samples.push(CodebookPart { x, y, side, surface, source_x, source_y });
             for row in source_y..source_y + side {
@@ -56,7 +73,7 @@ impl Choice<'_> {
             }
             self.strike_out(&samples[samples.len() - 1..], &mut left);
         }
-        samples
+        self.cancel.checkpoint().map(|()| samples)
     }
 
     fn best(&self, importance: &[Map], left: &[f32], side: u32) -> Option<Position> {
@@ -76,11 +93,11 @@ impl Choice<'_> {
 
     fn positions(&self, surface: usize, importance: &[Map], left: &[f32], side: u32) -> Vec<Position> {
         let size = self.images[surface].size();
-        if size.width < side || size.height < side {
+        if size.width < side || size.height < side || self.cancel.is_cancelled() {
             return Vec::new();
         }
         let usability = self.words.usability(surface, side, left);
-        let integral = Integral::new(&importance[surface]);
+        let integral = Integral::new(&importance[surface], self.cancel);
         let step = usability.step.max(POSITION_STEP);
         let stride = (step / usability.step) as usize;
         let (rows, columns) = usability.values.dim();
@@ -105,7 +122,10 @@ impl Choice<'_> {
             (0..self.images.len()).flat_map(|surface| self.blocks.of_level0(surface)).collect();
         let reach = self.words.distortion;
         left.par_iter_mut().zip(rows).for_each(|(weight, row)| {
-            if *weight > 0.0 && search.nearest(self.blocks.vector(row), reach).is_some() {
+            if *weight > 0.0
+                && !self.cancel.is_cancelled()
+                && search.nearest(self.blocks.vector(row), reach).is_some()
+            {
                 *weight = 0.0;
             }
         });
@@ -140,9 +160,10 @@ mod tests {
         let (width, height) = (1204, 1004);
         let bytes: Vec<u8> = (0..width * height).map(|i| (i % width / 5 + i / width / 4) as u8).collect();
         let image = Raster::from_u8(width, height, 1, ColorSpace::Srgb, &bytes).unwrap();
-        let blocks = Blocks::cut(&ImageSet::single(image.clone()), 1);
+        let cancel = CancelCheck::default();
+        let blocks = Blocks::cut(&ImageSet::single(image.clone()), 1, cancel).unwrap();
         let images = [image];
-        let words = Words::new(&images, &blocks, 16, 1);
+        let words = Words::new(&images, &blocks, 16, cancel).unwrap();
         let importance = [Map::zeros((height as usize, width as usize))];
         let choice = Choice {
             images: &images,
@@ -150,6 +171,7 @@ mod tests {
             words: &words,
             importance: &importance,
             weights: GuidanceWeights::default(),
+            cancel,
         };
         let left = vec![1.0; blocks.inside.len()];
         let positions = choice.positions(0, &importance, &left, 24);

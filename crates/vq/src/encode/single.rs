@@ -6,22 +6,26 @@ use std::sync::{Mutex, PoisonError};
 use ndarray::Array2;
 use rayon::prelude::*;
 use texfold_bc::Content;
-use texfold_codebook::{Match, Search, Settings, build};
+use texfold_codebook::{Match, Search, Settings, build_unless};
 use texfold_core::image::{ImageSet, Raster};
-use texfold_core::{Effort, EncodeError, ImageLayout, Notes};
+use texfold_core::{Cached, CancelCheck, Effort, EncodeError, ImageLayout, Notes};
 
-use super::assemble::{Draft, Stored, assign};
+use super::assemble::{Draft, Storage, Stored, assign};
 use super::blocks::Blocks;
 use super::importance::{block_weights, importance_maps};
-use super::plan::Grid;
-use super::samples::{Choice, sample_windows};
+use super::samples::{Choice, SampleSpec, sample_windows};
 use super::usability::Words;
-use crate::encoded::{CodebookPart, VqTexture, size_classes};
+use crate::classes::Groups;
+use crate::decode::TEXFOLD_VQ_LEVELS;
+use crate::encoded::{CodebookPart, VqTexture};
+use crate::grid::Grid;
 use crate::guidance::Map;
 use crate::{VqParams, VqSource};
 
 /// Blocks that codewords are learnt from: 32 for each of the most codewords there can be.
 const TRAINING_BLOCKS: usize = 1 << 17;
+/// Blocks for each word of the choice of samples: an eighth of the blocks is about as fine as a codebook gets.
+const BLOCKS_A_WORD: usize = 8;
 /// Images of at most so many blocks may also point at windows that lie across codewords: 0.2 to 0.3 dB at no bits, for
 /// twice the time of the search.
 const STRADDLING_BLOCKS: usize = 1 << 16;
@@ -46,7 +50,8 @@ pub(crate) struct Prepared<'s> {
     /// Blocks that codewords are learnt from.
     training: Vec<usize>,
     /// Number and side of samples that pay, by the logarithm of the number of cells.
-    samples: Mutex<BTreeMap<u32, (u32, u32)>>,
+    samples: Mutex<BTreeMap<u32, SampleSpec>>,
+    pub(crate) cancel: CancelCheck<'s>,
 }
 
 /// One size and kind of codebook.
@@ -63,12 +68,14 @@ impl<'s> Prepared<'s> {
         source: VqSource<'s>,
         reference: &'s ImageSet,
         params: &VqParams,
+        cancel: CancelCheck<'s>,
     ) -> Result<Self, EncodeError> {
-        let levels = if params.mips { source.images.full_levels().min(16) } else { 1 };
-        let blocks = Blocks::cut(source.images, levels);
-        let maps = importance_maps(&source)?;
+        let levels = levels(source.images, params);
+        let blocks = Blocks::cut(source.images, levels, cancel)?;
+        let maps = importance_maps(&source, cancel)?;
         let weights = block_weights(&blocks, &maps, strength(&source, params));
-        let words = Words::new(source.images.images(), &blocks, blocks.len() / 8, 1);
+        cancel.checkpoint()?;
+        let words = Words::new(source.images.images(), &blocks, blocks.len() / BLOCKS_A_WORD, cancel)?;
         let stride = blocks.len().div_ceil(TRAINING_BLOCKS).max(1);
         let training = (0..blocks.len()).step_by(stride).collect();
         let layout = source.images.layout(levels);
@@ -83,6 +90,7 @@ impl<'s> Prepared<'s> {
             words,
             training,
             samples: Mutex::default(),
+            cancel,
         })
     }
 
@@ -90,116 +98,146 @@ impl<'s> Prepared<'s> {
         self.source.images.images()
     }
 
-    /// `count` samples of `side` texels for a codebook of `grid`.
-    pub(crate) fn choose_samples(&self, grid: Grid, (count, side): (u32, u32)) -> Vec<CodebookPart> {
+    /// The samples for a codebook of `grid`.
+    pub(crate) fn choose_samples(
+        &self,
+        grid: Grid,
+        spec: SampleSpec,
+    ) -> Result<Vec<CodebookPart>, EncodeError> {
         let choice = Choice {
             images: self.images(),
             blocks: &self.blocks,
             words: &self.words,
             importance: &self.maps,
             weights: self.source.weights,
+            cancel: self.cancel,
         };
-        choice.choose(grid, count, side)
+        choice.choose(grid, spec)
     }
 
     /// Number and side of samples: the caller's, or those with the least weighted error among a few, settled once
     /// for each doubling of the codebook.
-    pub(crate) fn sample_spec(&self, request: &Request) -> (u32, u32) {
-        if let Some(spec) = self.params.samples {
-            return spec;
+    fn sample_spec(&self, request: &Request) -> Result<SampleSpec, EncodeError> {
+        if let Some(spec) = self.chosen_samples() {
+            return Ok(spec);
         }
         let side = usual_side(request.grid);
         if side == 0 {
-            return (0, 0);
+            return Ok(SampleSpec::NONE);
         }
         let key = request.grid.cells().ilog2();
         let known = self.samples.lock().unwrap_or_else(PoisonError::into_inner).get(&key).copied();
-        let settled = known.unwrap_or_else(|| {
-            let settled = self.best_spec(request, side);
-            self.samples.lock().unwrap_or_else(PoisonError::into_inner).insert(key, settled);
-            settled
-        });
-        (settled.0, settled.1.min(side))
-    }
-
-    fn best_spec(&self, request: &Request, side: u32) -> (u32, u32) {
-        let error = |&count: &u32| {
-            let samples = self.choose_samples(request.grid, (count, side));
-            let draft = self.learn(request, samples);
-            ((count, side), self.weighted_error(request, &draft))
+        let settled = match known {
+            Some(known) => known,
+            None => self.best_spec(request, side)?,
         };
-        let errors = usual_counts(self.images().len()).iter().map(error);
-        errors.reduce(|best, trial| if trial.1 < best.1 { trial } else { best }).map_or((0, 0), |best| best.0)
+        self.samples.lock().unwrap_or_else(PoisonError::into_inner).insert(key, settled);
+        Ok(SampleSpec { side: settled.side.min(side), ..settled })
     }
 
-    fn weighted_error(&self, request: &Request, draft: &Draft) -> f64 {
-        let stored = draft.store(self.images(), (self.layout.pixel, request.content), Effort::Fast, false);
-        let matches = assign(&self.blocks, &self.training, stored.windows.view());
+    /// What the caller asked for.
+    pub(crate) fn chosen_samples(&self) -> Option<SampleSpec> {
+        self.params.samples.map(|(count, side)| SampleSpec { count, side })
+    }
+
+    fn best_spec(&self, request: &Request, side: u32) -> Result<SampleSpec, EncodeError> {
+        let mut best = (SampleSpec::NONE, f64::INFINITY);
+        for &count in usual_counts(self.images().len()) {
+            let spec = SampleSpec { count, side };
+            let draft = self.learn(request, self.choose_samples(request.grid, spec)?)?;
+            let error = self.weighted_error(request, &draft)?;
+            if error < best.1 {
+                best = (spec, error);
+            }
+        }
+        Ok(best.0)
+    }
+
+    fn weighted_error(&self, request: &Request, draft: &Draft) -> Result<f64, EncodeError> {
+        let quick = self.storage(request.content, Effort::Fast, false);
+        let stored = draft.store(self.images(), quick, self.cancel)?;
+        let matches = assign(&self.blocks, &self.training, stored.windows.view(), self.cancel)?;
         let weights: Vec<f32> = self.training.iter().map(|&row| self.weights[row]).collect();
-        weighted_sum(&matches, &weights)
+        Ok(weighted_sum(&matches, &weights))
+    }
+
+    /// How a codebook is stored.
+    pub(crate) fn storage(&self, content: Content, effort: Effort, straddling: bool) -> Storage {
+        Storage { pixel: self.layout.pixel, content, effort, straddling }
     }
 
     /// The texture for one size and kind of codebook. Where there are few blocks every number of samples is tried to the
     /// end; else a trial without the last steps decides.
-    pub(crate) fn encode(&self, request: &Request) -> VqTexture {
+    pub(crate) fn encode(&self, request: &Request) -> Result<VqTexture, EncodeError> {
         let side = usual_side(request.grid);
         let settled = self.params.samples.is_some() || side == 0;
         if settled || request.effort == Effort::Fast || self.blocks.len() > FEW_BLOCKS {
-            return self.encode_with(request, self.sample_spec(request)).0;
+            return Ok(self.encode_with(request, self.sample_spec(request)?)?.0);
         }
-        let trials =
-            usual_counts(self.images().len()).iter().map(|&count| self.encode_with(request, (count, side)));
-        let best = trials.reduce(|best, trial| if trial.1 < best.1 { trial } else { best });
-        best.map_or_else(|| self.encode_with(request, (0, 0)).0, |best| best.0)
+        let counts = usual_counts(self.images().len());
+        let mut best = self.encode_with(request, SampleSpec { count: counts[0], side })?;
+        for &count in &counts[1..] {
+            let trial = self.encode_with(request, SampleSpec { count, side })?;
+            if trial.1 < best.1 {
+                best = trial;
+            }
+        }
+        Ok(best.0)
     }
 
     /// The texture with such samples, and its weighted error.
-    fn encode_with(&self, request: &Request, spec: (u32, u32)) -> (VqTexture, f64) {
-        let samples = self.choose_samples(request.grid, spec);
-        let mut draft = self.learn(request, samples);
+    fn encode_with(&self, request: &Request, spec: SampleSpec) -> Result<(VqTexture, f64), EncodeError> {
+        let samples = self.choose_samples(request.grid, spec)?;
+        let mut draft = self.learn(request, samples)?;
         let straddling = self.params.effort != Effort::Fast && self.blocks.len() <= STRADDLING_BLOCKS;
         let store = |draft: &Draft, effort: Effort| {
-            draft.store(self.images(), (self.layout.pixel, request.content), effort, straddling)
+            draft.store(self.images(), self.storage(request.content, effort, straddling), self.cancel)
         };
         let weights: Vec<f32> = self.training.iter().map(|&row| self.weights[row]).collect();
         for _ in 0..polish_rounds(request.effort, self.blocks.len()) {
             // Rounds need only know about where the stored form will be.
-            let stored = store(&draft, Effort::Fast);
-            let matches = assign(&self.blocks, &self.training, stored.windows.view());
+            let stored = store(&draft, Effort::Fast)?;
+            let matches = assign(&self.blocks, &self.training, stored.windows.view(), self.cancel)?;
             draft.average(&self.blocks, &self.training, &weights, &stored, &matches);
         }
-        let stored = store(&draft, request.effort);
+        let stored = store(&draft, request.effort)?;
         let all: Vec<usize> = (0..self.blocks.len()).collect();
-        let matches = assign(&self.blocks, &all, stored.windows.view());
+        let matches = assign(&self.blocks, &all, stored.windows.view(), self.cancel)?;
         let error = weighted_sum(&matches, &self.weights);
-        (self.texture(&draft, stored, &matches), error)
+        Ok((self.texture(&draft, stored, &matches), error))
     }
 
     /// Codewords for the blocks that the samples do not show as well as a codeword would.
-    fn learn(&self, request: &Request, samples: Vec<CodebookPart>) -> Draft {
+    fn learn(&self, request: &Request, samples: Vec<CodebookPart>) -> Result<Draft, EncodeError> {
         let cells = request.grid.free_cells(&samples).len();
         let left: Vec<usize> = if samples.is_empty() {
             self.training.clone()
         } else {
             let search = Search::new(sample_windows(self.images(), &samples).view());
             let reach = self.words.distortion;
-            let unseen = |&row: &usize| search.nearest(self.blocks.vector(row), reach).is_none();
+            let unseen = |&row: &usize| {
+                !self.cancel.is_cancelled() && search.nearest(self.blocks.vector(row), reach).is_none()
+            };
             self.training.par_iter().copied().filter(unseen).collect()
         };
+        self.cancel.checkpoint()?;
         let weights: Vec<f32> = left.iter().map(|&row| self.weights[row]).collect();
         let settings = lloyd_settings(request.effort, left.len(), request.seed);
-        let built = build(self.blocks.subset(&left).view(), &weights, cells, settings);
-        Draft { grid: request.grid, samples, codewords: by_brightness(built.codewords) }
+        let (vectors, cancel) = (self.blocks.subset(&left), self.cancel);
+        let built = build_unless(vectors.view(), &weights, cells, settings, &|| cancel.is_cancelled());
+        let codewords = by_brightness(built.ok_or(EncodeError::Cancelled)?.codewords);
+        Ok(Draft { grid: request.grid, samples, codewords })
     }
 
     /// The shipped form of a draft whose every block is matched.
     pub(crate) fn texture(&self, draft: &Draft, stored: Stored, matches: &[Match]) -> VqTexture {
-        let (mut classes, places) = size_classes(&self.layout, stored.planes.swizzle().0);
-        for (surface, &(class, place)) in places.iter().enumerate() {
-            let class = &mut classes[class];
+        let groups = Groups::of(&self.layout);
+        let mut classes = groups.classes(stored.planes.swizzle().0);
+        for (surface, place) in groups.places.iter().enumerate() {
+            let class = &mut classes[place.class];
             let start = self.blocks.starts[surface];
             for block in 0..class.blocks() {
-                let position = class.position(place, block);
+                let position = class.position(place.number, block);
                 class.index[position] = stored.corners[matches[start + block as usize].index as usize];
             }
         }
@@ -207,9 +245,9 @@ impl<'s> Prepared<'s> {
         VqTexture {
             layout: self.layout.clone(),
             codebook: stored.planes,
-            texels: stored.texels,
+            texels: Cached::from(stored.texels),
             classes,
-            places,
+            places: groups.places,
             samples: draft.samples.clone(),
             free_cells: (cells - draft.codewords.nrows()) as u32,
             join_rms: join_rms(matches, self.blocks.vectors.ncols()),
@@ -225,10 +263,15 @@ fn weighted_sum(matches: &[Match], weights: &[f32]) -> f64 {
 /// RMS error, in 8-bit units, that all but the worst blocks keep.
 fn join_rms(matches: &[Match], dims: usize) -> f32 {
     let mut distances: Vec<f32> = matches.iter().map(|found| found.distance).collect();
-    distances.sort_by(f32::total_cmp);
+    distances.par_sort_unstable_by(f32::total_cmp);
     let at = ((distances.len().max(1) - 1) as f64 * JOIN_QUANTILE) as usize;
     let distance = distances.get(at).copied().unwrap_or(0.0);
     (255.0 * (distance / dims.max(1) as f32).sqrt()).max(LEAST_JOIN_RMS)
+}
+
+/// Mip levels that are stored.
+pub(crate) fn levels(images: &ImageSet, params: &VqParams) -> u32 {
+    if params.mips { images.full_levels().min(TEXFOLD_VQ_LEVELS as u32) } else { 1 }
 }
 
 /// Side of samples that suits a codebook: a quarter to an eighth of its area; 0 where that would be a handful of blocks.

@@ -7,9 +7,9 @@
 
 use ndarray::Array2;
 use rayon::prelude::*;
-use texfold_codebook::{Search, Settings, build};
-use texfold_core::SurfaceSize;
+use texfold_codebook::{Search, Settings, build_unless};
 use texfold_core::image::Raster;
+use texfold_core::{CancelCheck, EncodeError, SurfaceSize};
 
 use super::blocks::{Blocks, window};
 
@@ -19,6 +19,10 @@ const MAX_WORDS: usize = 1024;
 const TRAINING_BLOCKS: usize = 8192;
 /// Rounds of learning: words need only be about right.
 const ROUNDS: u32 = 4;
+/// Share of the distortion that a round must take away for another one.
+const LEAST_GAIN: f64 = 0.02;
+/// Start of the pseudo-random seeding: any will do.
+const SEED: u64 = 1;
 /// Windows looked at; above 512x512 their step widens.
 const MAX_WINDOWS: u64 = 70_000;
 /// A window stands for a word if its squared distance is at most this multiple of the words' mean distortion.
@@ -49,35 +53,52 @@ pub(crate) struct UsabilityMap {
 
 impl Words {
     /// Quantises blocks of level 0 and windows of all images; `codewords` tells how fine a codebook is expected.
-    pub(crate) fn new(images: &[Raster], blocks: &Blocks, codewords: usize, seed: u64) -> Self {
+    pub(crate) fn new(
+        images: &[Raster],
+        blocks: &Blocks,
+        codewords: usize,
+        cancel: CancelCheck<'_>,
+    ) -> Result<Self, EncodeError> {
         let rows: Vec<usize> = (0..images.len()).flat_map(|surface| blocks.of_level0(surface)).collect();
         let stride = rows.len().div_ceil(TRAINING_BLOCKS).max(1);
         let training: Vec<usize> = rows.iter().copied().step_by(stride).collect();
-        let settings = Settings { rounds: ROUNDS, least_gain: 0.02, seed };
+        let settings = Settings { rounds: ROUNDS, least_gain: LEAST_GAIN, seed: SEED };
         let count = codewords.clamp(1, MAX_WORDS);
-        let words =
-            build(blocks.subset(&training).view(), &vec![1.0; training.len()], count, settings).codewords;
+        let (vectors, weights) = (blocks.subset(&training), vec![1.0; training.len()]);
+        let built = build_unless(vectors.view(), &weights, count, settings, &|| cancel.is_cancelled());
+        let words = built.ok_or(EncodeError::Cancelled)?.codewords;
         let search = Search::new(words.view());
         let matches: Vec<(u32, f32)> = rows
             .par_iter()
             .map(|&row| {
+                if cancel.is_cancelled() {
+                    return (0, 0.0);
+                }
                 search.nearest(blocks.vector(row), f32::INFINITY).map_or((0, 0.0), |m| (m.index, m.distance))
             })
             .collect();
+        cancel.checkpoint()?;
         let distortion = matches.iter().map(|&(_, distance)| f64::from(distance)).sum::<f64>();
         let distortion = (distortion / matches.len().max(1) as f64) as f32;
         let texels: u64 = images.iter().map(|image| image.size().texels()).sum();
         let step = window_step(texels);
-        Words {
+        let words = Words {
             block_word: matches.into_iter().map(|(word, _)| word).collect(),
             count: words.nrows(),
             steps: vec![step; images.len()],
             windows: images
                 .iter()
-                .map(|image| window_words(image, step, &search, distortion * REACH))
+                .map(|image| {
+                    window_words(
+                        image,
+                        step,
+                        &Reach { search: &search, distance: distortion * REACH, cancel },
+                    )
+                })
                 .collect(),
             distortion,
-        }
+        };
+        cancel.checkpoint().map(|()| words)
     }
 
     /// For every position of a square of `side` texels in image `surface`: how much of the blocks that weigh `weights`
@@ -107,7 +128,15 @@ fn window_step(texels: u64) -> u32 {
     [2u32, 4, 8, 16].into_iter().find(|&step| texels / u64::from(step * step) <= MAX_WINDOWS).unwrap_or(32)
 }
 
-fn window_words(image: &Raster, step: u32, search: &Search, reach: f32) -> Array2<u32> {
+/// How the word of a window is found.
+struct Reach<'a> {
+    search: &'a Search,
+    /// Largest squared distance.
+    distance: f32,
+    cancel: CancelCheck<'a>,
+}
+
+fn window_words(image: &Raster, step: u32, reach: &Reach<'_>) -> Array2<u32> {
     let SurfaceSize { width, height } = image.size();
     if width < 4 || height < 4 {
         return Array2::from_elem((0, 0), NONE);
@@ -119,8 +148,11 @@ fn window_words(image: &Raster, step: u32, search: &Search, reach: f32) -> Array
         .flat_map_iter(|row| {
             let mut vector = vec![0.0; dims];
             (0..columns).map(move |column| {
+                if reach.cancel.is_cancelled() {
+                    return NONE;
+                }
                 window(image, column * step, row * step, &mut vector);
-                search.nearest(&vector, reach).map_or(NONE, |found| found.index)
+                reach.search.nearest(&vector, reach.distance).map_or(NONE, |found| found.index)
             })
         })
         .collect();
@@ -208,8 +240,9 @@ mod tests {
     fn the_best_position_is_nearly_as_usable_as_the_exhaustive_best() {
         for name in ["facade", "salient"] {
             let image = corner(name);
-            let blocks = Blocks::cut(&ImageSet::single(image.clone()), 1);
-            let words = Words::new(std::slice::from_ref(&image), &blocks, 256, 1);
+            let cancel = CancelCheck::default();
+            let blocks = Blocks::cut(&ImageSet::single(image.clone()), 1, cancel).unwrap();
+            let words = Words::new(std::slice::from_ref(&image), &blocks, 256, cancel).unwrap();
             let fast = words.usability(0, 32, &vec![1.0; blocks.len()]);
             let slow = exhaustive(&image, &blocks, 32, 2.0 * words.distortion);
             let ratio = 4 / fast.step as usize;
@@ -229,8 +262,9 @@ mod tests {
     #[test]
     fn an_image_smaller_than_the_sample_has_no_position() {
         let image = Raster::from_u8(3, 5, 1, ColorSpace::Srgb, &[9; 15]).unwrap();
-        let blocks = Blocks::cut(&ImageSet::single(image.clone()), 1);
-        let words = Words::new(&[image], &blocks, 8, 1);
+        let cancel = CancelCheck::default();
+        let blocks = Blocks::cut(&ImageSet::single(image.clone()), 1, cancel).unwrap();
+        let words = Words::new(&[image], &blocks, 8, cancel).unwrap();
         assert_eq!(words.usability(0, 16, &[1.0; 2]).values.len(), 0);
     }
 }

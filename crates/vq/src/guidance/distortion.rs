@@ -20,8 +20,8 @@
 use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
-use texfold_core::SourceError;
 use texfold_core::mesh::UvMesh;
+use texfold_core::{CancelCheck, SourceError, SurfaceSize};
 
 use super::{Map, normalise};
 
@@ -39,6 +39,15 @@ const LEAST_HEIGHT_ULPS: f64 = 4.0;
 /// [`SourceError::Guidance`]: an invalid mesh, one without a triangle that covers any of the texture, or one that
 /// repeats the texture so often that drawing it would not end.
 pub fn distortion_map(mesh: &UvMesh, width: u32, height: u32) -> Result<Map, SourceError> {
+    distortion(mesh, SurfaceSize { width, height }, CancelCheck::default())
+}
+
+/// As [`distortion_map`]; of no use once the job is cancelled.
+pub(crate) fn distortion(
+    mesh: &UvMesh,
+    SurfaceSize { width, height }: SurfaceSize,
+    cancel: CancelCheck<'_>,
+) -> Result<Map, SourceError> {
     let error = |what| Err(SourceError::Guidance { map: "mesh", what });
     if !mesh.is_valid() {
         return error("its corners, texture coordinates and indices do not agree, or are not finite");
@@ -55,7 +64,7 @@ pub fn distortion_map(mesh: &UvMesh, width: u32, height: u32) -> Result<Map, Sou
     let stretch = corner_stretch(mesh, &faces);
     let mut map = Map::zeros((height as usize, width as usize));
     for face in &faces {
-        face.draw(face.corners.map(|corner| stretch[corner as usize]), &mut map);
+        face.draw(face.corners.map(|corner| stretch[corner as usize]), &mut map, cancel);
     }
     normalise(&mut map);
     Ok(map)
@@ -105,12 +114,12 @@ impl Face {
     }
 
     /// Draws the triangle with `values` at its corners where they are above what `map` has.
-    fn draw(&self, values: [f64; 3], map: &mut Map) {
+    fn draw(&self, values: [f64; 3], map: &mut Map, cancel: CancelCheck<'_>) {
         let (low, high) = self.bounds();
         let (rows, columns) = map.dim();
         let [a, b, c] = self.texels;
         let weights = [(b, c), (c, a), (a, b)].map(|(from, to)| Weight::new(from, to, self.area));
-        for y in low.y as usize..high.y as usize {
+        for y in (low.y as usize..high.y as usize).take_while(|_| !cancel.is_cancelled()) {
             for x in low.x as usize..high.x as usize {
                 let centre = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
                 let shares = weights.each_ref().map(|weight| weight.at(centre));

@@ -13,13 +13,15 @@
 mod distortion;
 mod saliency;
 
+pub(crate) use distortion::distortion;
 pub use distortion::distortion_map;
+pub(crate) use saliency::saliency;
 pub use saliency::saliency_map;
 
 use ndarray::Array2;
 use rayon::prelude::*;
-use texfold_core::SourceError;
 use texfold_core::image::{Alpha, Raster};
+use texfold_core::{CancelCheck, SourceError, SurfaceSize};
 
 /// One value a texel, indexed by row and column.
 pub type Map = Array2<f32>;
@@ -35,6 +37,15 @@ const ASPECT_TOLERANCE: f64 = 0.02;
 /// # Errors
 /// [`SourceError::Guidance`] when the aspects differ by more than 2%.
 pub fn painted_map(raster: &Raster, width: u32, height: u32) -> Result<Map, SourceError> {
+    painted(raster, SurfaceSize { width, height }, CancelCheck::default())
+}
+
+/// As [`painted_map`]; of no use once the job is cancelled.
+pub(crate) fn painted(
+    raster: &Raster,
+    SurfaceSize { width, height }: SurfaceSize,
+    cancel: CancelCheck<'_>,
+) -> Result<Map, SourceError> {
     let (from, to) = (raster.size(), (f64::from(width.max(1)), f64::from(height.max(1))));
     let (cross, other) = (f64::from(from.width) * to.1, f64::from(from.height) * to.0);
     if (cross - other).abs() > ASPECT_TOLERANCE * cross.min(other) {
@@ -47,13 +58,16 @@ pub fn painted_map(raster: &Raster, width: u32, height: u32) -> Result<Map, Sour
         (texel.truncate().clamp(glam::Vec3::ZERO, glam::Vec3::ONE).element_sum() / 3.0)
             * opacity(texel.w, alpha)
     };
-    let mut map = Map::from_shape_fn((from.height as usize, from.width as usize), |(y, x)| value(y, x));
+    let mut map = Map::zeros((from.height as usize, from.width as usize));
+    fill_rows(&mut map, cancel, |y, line| {
+        line.iter_mut().enumerate().for_each(|(x, texel)| *texel = value(y, x));
+    });
     let mut step = (f64::from(from.height) / to.1, f64::from(from.width) / to.0);
     while step.0.min(step.1) > 2.0 {
-        map = halve(&map);
+        map = halve(&map, cancel);
         step = (step.0 / 2.0, step.1 / 2.0);
     }
-    Ok(resample(&map, (height as usize, width as usize), step))
+    Ok(resample(&map, (height as usize, width as usize), step, cancel))
 }
 
 /// Scales `map` so that its largest value is 1. A map without positive values stays as it is.
@@ -75,11 +89,17 @@ fn opacity(alpha: f32, reading: Alpha) -> f32 {
 
 /// The next coarser level of a Gaussian pyramid: the binomial kernel 1 3 3 1 along both axes, whose centre lies
 /// between two texels, so that texel `i` of level `l` is centred on `(i + 1/2) 2^l` and levels stay aligned.
-fn halve(map: &Map) -> Map {
+fn halve(map: &Map, cancel: CancelCheck<'_>) -> Map {
     let (rows, columns) = map.dim();
-    let narrow =
-        Map::from_shape_fn((rows, columns.div_ceil(2)), |(y, x)| binomial(x, columns, |i| map[[y, i]]));
-    Map::from_shape_fn((rows.div_ceil(2), narrow.ncols()), |(y, x)| binomial(y, rows, |i| narrow[[i, x]]))
+    let mut narrow = Map::zeros((rows, columns.div_ceil(2)));
+    fill_rows(&mut narrow, cancel, |y, line| {
+        line.iter_mut().enumerate().for_each(|(x, value)| *value = binomial(x, columns, |i| map[[y, i]]));
+    });
+    let mut half = Map::zeros((rows.div_ceil(2), narrow.ncols()));
+    fill_rows(&mut half, cancel, |y, line| {
+        line.iter_mut().enumerate().for_each(|(x, value)| *value = binomial(y, rows, |i| narrow[[i, x]]));
+    });
+    half
 }
 
 /// Texel `i` of a line of `len` texels after halving; texels outside repeat the border.
@@ -106,10 +126,10 @@ fn taps(count: usize, step: f64, len: usize) -> Vec<Tap> {
 }
 
 /// `map` read bilinearly at `dim` (rows, columns) places that lie `step` (rows, columns) of its texels apart.
-fn resample(map: &Map, dim: (usize, usize), step: (f64, f64)) -> Map {
+fn resample(map: &Map, dim: (usize, usize), step: (f64, f64), cancel: CancelCheck<'_>) -> Map {
     let (rows, columns) = (taps(dim.0, step.0, map.nrows()), taps(dim.1, step.1, map.ncols()));
     let mut output = Map::zeros(dim);
-    fill_rows(&mut output, |y, line| {
+    fill_rows(&mut output, cancel, |y, line| {
         let Tap { first, second, weight } = rows[y];
         let (top, bottom) = (map.row(first), map.row(second));
         let blend: Vec<f32> = top.iter().zip(&bottom).map(|(a, b)| a + (b - a) * weight).collect();
@@ -121,12 +141,20 @@ fn resample(map: &Map, dim: (usize, usize), step: (f64, f64)) -> Map {
     output
 }
 
-/// Calls `fill` with every row of `output` and its number, in parallel.
-fn fill_rows<T: Send>(output: &mut Array2<T>, fill: impl Fn(usize, &mut [T]) + Sync) {
+/// Calls `fill` with every row of `output` and its number, in parallel; with none that is not begun when the job is cancelled.
+fn fill_rows<T: Send>(
+    output: &mut Array2<T>,
+    cancel: CancelCheck<'_>,
+    fill: impl Fn(usize, &mut [T]) + Sync,
+) {
     let columns = output.ncols().max(1);
     debug_assert!(output.is_standard_layout(), "maps are stored row by row");
     if let Some(values) = output.as_slice_mut() {
-        values.par_chunks_mut(columns).enumerate().for_each(|(y, line)| fill(y, line));
+        values.par_chunks_mut(columns).enumerate().for_each(|(y, line)| {
+            if !cancel.is_cancelled() {
+                fill(y, line);
+            }
+        });
     }
 }
 
@@ -186,7 +214,8 @@ mod tests {
     fn resampling_a_level_back_stays_aligned() {
         // A ramp is a fixed point of smoothing and of bilinear reading, away from the borders.
         let ramp = Map::from_shape_fn((64, 64), |(y, x)| (x + 2 * y) as f32);
-        let back = resample(&halve(&halve(&ramp)), (64, 64), (0.25, 0.25));
+        let cancel = CancelCheck::default();
+        let back = resample(&halve(&halve(&ramp, cancel), cancel), (64, 64), (0.25, 0.25), cancel);
         for y in 16..48 {
             for x in 16..48 {
                 assert!((back[[y, x]] - ramp[[y, x]]).abs() < 1e-3, "at {x}, {y}");

@@ -37,6 +37,7 @@ use std::ops::Range;
 use glam::{Vec3, Vec4};
 use ndarray::{Array2, ArrayView2, Axis, Slice};
 use rayon::prelude::*;
+use texfold_core::CancelCheck;
 use texfold_core::image::Raster;
 
 use super::{Map, fill_rows, halve, normalise, opacity, resample};
@@ -77,8 +78,13 @@ const GABOR_SIGMA: f32 = GABOR_PERIOD / 3.0;
 /// out: in constant images and in those below 5 texels a side.
 #[must_use]
 pub fn saliency_map(image: &Raster) -> Map {
+    saliency(image, CancelCheck::default())
+}
+
+/// As [`saliency_map`]; of no use once the job is cancelled.
+pub(crate) fn saliency(image: &Raster, cancel: CancelCheck<'_>) -> Map {
     let size = image.size();
-    let picture = Picture::new(image);
+    let picture = Picture::new(image, cancel);
     let working = picture.intensity.dim();
     let finest = finest_centre(working);
     let intensity = levels(picture.intensity, finest);
@@ -95,7 +101,7 @@ pub fn saliency_map(image: &Raster) -> Map {
     sum.mapv_inplace(|value| value - low);
     let step = |from: u32, to: usize| to as f64 / f64::from(from) / (1_u32 << finest) as f64;
     let full = (size.height as usize, size.width as usize);
-    let mut map = resample(&sum, full, (step(size.height, working.0), step(size.width, working.1)));
+    let mut map = resample(&sum, full, (step(size.height, working.0), step(size.width, working.1)), cancel);
     normalise(&mut map);
     map
 }
@@ -109,7 +115,7 @@ fn finest_centre(dim: (usize, usize)) -> usize {
 
 /// The levels of a pyramid from `finest` to the coarsest surround, or to a single texel.
 fn levels(base: Map, finest: usize) -> Vec<Map> {
-    let next = |map: &Map| (map.len() > 1).then(|| halve(map));
+    let next = |map: &Map| (map.len() > 1).then(|| halve(map, CancelCheck::default()));
     std::iter::successors(Some(base), next).skip(finest).take(LEVELS).collect()
 }
 
@@ -122,8 +128,8 @@ struct Picture {
 }
 
 impl Picture {
-    fn new(image: &Raster) -> Self {
-        let mut texels = over_mean(&working_copy(image));
+    fn new(image: &Raster, cancel: CancelCheck<'_>) -> Self {
+        let mut texels = over_mean(&working_copy(image, cancel));
         let peak = texels.iter().map(|texel| texel.abs().max_element()).fold(0.0, f32::max);
         if peak > 0.0 {
             texels.mapv_inplace(|texel| texel / peak);
@@ -171,7 +177,7 @@ fn spans(len: u32, count: u32) -> Vec<Span> {
 }
 
 /// The image averaged down to [`WORKING_SIDE`], colours multiplied by opacity, opacity beside them.
-fn working_copy(image: &Raster) -> Array2<Vec4> {
+fn working_copy(image: &Raster, cancel: CancelCheck<'_>) -> Array2<Vec4> {
     let (size, alpha) = (image.size(), image.info().alpha);
     let long = size.width.max(size.height);
     let side = |len: u32| {
@@ -180,7 +186,7 @@ fn working_copy(image: &Raster) -> Array2<Vec4> {
     };
     let (rows, columns) = (spans(size.height, side(size.height)), spans(size.width, side(size.width)));
     let mut copy = Array2::from_elem((rows.len(), columns.len()), Vec4::ZERO);
-    fill_rows(&mut copy, |row, line| {
+    fill_rows(&mut copy, cancel, |row, line| {
         for (y, down) in (rows[row].first..).zip(&rows[row].weights) {
             for (sum, span) in line.iter_mut().zip(&columns) {
                 for (x, across) in (span.first..).zip(&span.weights) {
@@ -222,7 +228,7 @@ fn contrasts(levels: &[Map]) -> Map {
 /// `map` on the grid of a level that is `distance` levels finer.
 fn enlarge(map: &Map, dim: (usize, usize), distance: usize) -> Map {
     let step = 0.5_f64.powi(distance as i32);
-    resample(map, dim, (step, step))
+    resample(map, dim, (step, step), CancelCheck::default())
 }
 
 /// The operator N: stretches `map` to [0, 1] and multiplies it by (1 - m)^2, m the mean of the local maxima

@@ -9,7 +9,8 @@ use crate::decode::{
     TEXFOLD_ZIPMAP_RECORD, TexfoldZipmapParams, ZipmapView, texfold_zipmap_layer, texfold_zipmap_pixel,
 };
 use crate::encoded::{list_texels, record};
-use crate::linear::{area, normalised, project, seen_in, slope};
+use crate::geometry::{normalised, seen_in, slope};
+use crate::linear::{area, project};
 
 /// A patch as it is laid.
 #[derive(Debug, Clone)]

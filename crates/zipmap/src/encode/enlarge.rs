@@ -1,6 +1,7 @@
 //! What a picture loses when a coarser one of its mip levels is shown in its place, enlarged.
 
 use rayon::prelude::*;
+use texfold_core::CancelCheck;
 
 /// Texels a side of a block that errors are told of.
 const BLOCK: u32 = 4;
@@ -27,19 +28,21 @@ fn taps(count: u32, of: u32) -> Vec<(usize, usize, f32)> {
 }
 
 /// The change from a picture of `size` to `shown`, one of its levels that has its sides halved `level` times. It differs by
-/// `contrast` from what lies under it, RMS in 8-bit units.
+/// `contrast` from what lies under it, RMS in 8-bit units. Of no use once the job is cancelled.
 pub(crate) fn change(
     source: &[[u8; 4]],
     size: (u32, u32),
     (shown, level): (&[[u8; 4]], usize),
     contrast: f64,
+    cancel: CancelCheck<'_>,
 ) -> Change {
     let contrast = contrast as f32 / 255.0;
     let of = ((size.0 >> level).max(1), (size.1 >> level).max(1));
     let (columns, rows) = (taps(size.0, of.0), taps(size.1, of.1));
     let row_of_blocks = |top: u32| {
         let mut blocks = vec![(0.0f64, 0u32); size.0.div_ceil(BLOCK) as usize];
-        for y in top..(top + BLOCK).min(size.1) {
+        let bottom = if cancel.is_cancelled() { top } else { (top + BLOCK).min(size.1) };
+        for y in top..bottom {
             let (low, high, down) = rows[y as usize];
             let lines = [low, high].map(|row| &shown[row * of.0 as usize..(row + 1) * of.0 as usize]);
             let texels = &source[(y * size.0) as usize..((y + 1) * size.0) as usize];
@@ -50,7 +53,7 @@ pub(crate) fn change(
             }
         }
         let sum = blocks.iter().map(|block| block.0).sum::<f64>();
-        let worst = blocks.iter().map(|&(sum, count)| sum / f64::from(count)).fold(0.0, f64::max);
+        let worst = blocks.iter().map(|&(sum, count)| sum / f64::from(count.max(1))).fold(0.0, f64::max);
         (sum, worst)
     };
     let found: Vec<(f64, f64)> =
@@ -90,19 +93,27 @@ mod tests {
             texels.into_iter().map(|[r, g, b, _]| [r, g, b, 255]).collect()
         };
         let (fine, coarse) = (opaque(ramp(8, 10)), opaque(ramp(4, 20)));
-        let found = change(&fine, (8, 8), (&coarse, 1), 0.0);
+        let found = change(&fine, (8, 8), (&coarse, 1), 0.0, CancelCheck::default());
         // Only the outermost columns differ, by a quarter of a coarse step.
         assert!((found.squares - 2.0 * 8.0 * 3.0 * 25.0).abs() < 1e-3, "{found:?}");
-        assert_eq!(change(&fine, (8, 8), (&fine, 0), 99.0), Change { squares: 0.0, worst_block: 0.0 });
+        assert_eq!(
+            change(&fine, (8, 8), (&fine, 0), 99.0, CancelCheck::default()),
+            Change { squares: 0.0, worst_block: 0.0 }
+        );
         let mut dotted = fine.clone();
         dotted[9][0] += 60;
         assert!(
-            (change(&dotted, (8, 8), (&fine, 0), 0.0).worst_block - (3600.0f64 / 48.0).sqrt()).abs() < 1e-6
+            (change(&dotted, (8, 8), (&fine, 0), 0.0, CancelCheck::default()).worst_block
+                - (3600.0f64 / 48.0).sqrt())
+            .abs()
+                < 1e-6
         );
         // What is not seen does not count.
         dotted[9][3] = 0;
-        assert_eq!(change(&dotted, (8, 8), (&fine, 0), 0.0).squares, 0.0);
+        assert_eq!(change(&dotted, (8, 8), (&fine, 0), 0.0, CancelCheck::default()).squares, 0.0);
         // But that it is hidden, where it looks otherwise than what lies under it.
-        assert!((change(&dotted, (8, 8), (&fine, 0), 10.0).squares - 300.0).abs() < 1e-3);
+        assert!(
+            (change(&dotted, (8, 8), (&fine, 0), 10.0, CancelCheck::default()).squares - 300.0).abs() < 1e-3
+        );
     }
 }

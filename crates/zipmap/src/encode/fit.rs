@@ -9,12 +9,12 @@ use texfold_bc::{Content, ContentPlanes};
 use texfold_core::image::{ColorSpace, PixelInfo};
 use texfold_core::metric::SquaredError;
 use texfold_core::target::{Measured, search};
-use texfold_core::{EncodeError, Encoded, Goal, ImageLayout, Job, Notes, SurfaceSize, Texel};
+use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, ImageLayout, Job, Notes, SurfaceSize, Texel};
 
 use super::canvas::{Canvas, Laid};
 use super::enlarge::{Change, change};
 use super::{fault, report, trim};
-use crate::encoded::{Parts, PatchForm};
+use crate::encoded::{Parts, PatchForm, bytes_of};
 use crate::wire::{patch_pixel, suits_patches};
 use crate::{ZipError, ZipParams, ZipTexture};
 
@@ -37,23 +37,23 @@ pub(crate) fn fit(
     job: &mut Job<'_>,
 ) -> Result<Fitted, EncodeError> {
     let goal = maker.params.goal;
-    let plans = job.install(|| Plans::of(maker.canvas, goal, maker.pixel.color));
+    let plans = job.install(|| Plans::of(maker.canvas, goal, maker.pixel.color, maker.cancel));
+    job.checkpoint()?;
     let mut best: Option<(Measured, Fitted)> = None;
     for (index, &content) in contents.iter().enumerate() {
         job.stage("compressing blocks", 0.65 + 0.3 * index as f32 / contents.len() as f32)?;
         let guess = plans.guess(maker, content, source_texels);
         let found = search(goal, 1..=plans.count(), guess, 0.0, |knob| {
             let cuts = plans.cuts(knob);
-            job.install(|| maker.make(content, &cuts, source_texels))
-                .map(|(measured, losses, texture)| (measured, (cuts, losses, texture)))
-                .ok_or(fault(ZipError::Full))
+            let made = job.install(|| maker.make(content, &cuts, source_texels))?;
+            Ok::<_, EncodeError>((made.measured, (cuts, made)))
         })?;
         // More bits elsewhere cannot help before all pictures are as fine as they come.
         let is_enough = match goal {
             Goal::Bpp(_) => found.knob < plans.count() || !found.met,
             _ => found.met,
         };
-        let (cuts, losses, texture) = found.value;
+        let (cuts, Made { losses, texture, .. }) = found.value;
         if best.as_ref().is_none_or(|(best, _)| goal.prefers(&found.measured, best)) {
             let is_stored = |laid: &&Laid| cuts[laid.content] < maker.canvas.levels[laid.content].len();
             let zoom = |laid: &Laid| laid.zoom / f64::from(1 << cuts[laid.content]);
@@ -78,8 +78,11 @@ struct Plans {
 }
 
 impl Plans {
-    fn of(canvas: &Canvas, goal: Goal, color: ColorSpace) -> Plans {
+    fn of(canvas: &Canvas, goal: Goal, color: ColorSpace, cancel: CancelCheck<'_>) -> Plans {
         let of_content = |content: usize| {
+            if cancel.is_cancelled() {
+                return vec![(Change { squares: 0.0, worst_block: 0.0 }, 0)];
+            }
             let levels = &canvas.levels[content];
             let places = || (0..canvas.laid.len()).filter(|&index| canvas.laid[index].content == content);
             let count = places().count() as f64;
@@ -87,7 +90,7 @@ impl Plans {
             let lost: f64 = places().map(|index| trim::lost(canvas, index, color)).sum();
             let contrast = (lost / (3.0 * count * trim::seen(&levels[0])).max(1e-9)).sqrt();
             let state = |cut: usize| {
-                let mut change = change(&levels[0], size, (&levels[cut], cut), contrast);
+                let mut change = change(&levels[0], size, (&levels[cut], cut), contrast, cancel);
                 change.squares *= count;
                 (change, levels[cut..].iter().map(|level| level.len() as u64).sum())
             };
@@ -205,7 +208,24 @@ pub(crate) struct Maker<'a> {
     pub(crate) deep: u32,
     pub(crate) params: &'a ZipParams,
     /// Levels of the root, where `None`, and of what patches show.
-    pub(crate) encoded: HashMap<(Option<usize>, usize, Content), ContentPlanes>,
+    pub(crate) encoded: HashMap<LevelKey, ContentPlanes>,
+    pub(crate) cancel: CancelCheck<'a>,
+}
+
+/// A level that is encoded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) struct LevelKey {
+    /// Which of the images that patches show; the root where there is none.
+    image: Option<usize>,
+    level: usize,
+    content: Content,
+}
+
+/// A texture, what it measures, and what compression changes at the texels of the root and of each patch.
+struct Made {
+    measured: Measured,
+    losses: Vec<SquaredError>,
+    texture: ZipTexture,
 }
 
 impl Maker<'_> {
@@ -221,22 +241,42 @@ impl Maker<'_> {
         (stored, stored.bits_per_texel(pixel))
     }
 
-    /// The texture of that content without so many fine levels of each picture, and what it
-    /// loses; `None` where it does not fit a plane.
-    fn make(
-        &mut self,
-        content: Content,
-        cuts: &[usize],
-        source_texels: f64,
-    ) -> Option<(Measured, Vec<SquaredError>, ZipTexture)> {
-        let stored = self.patch_content(content).0;
-        let mut wanted: Vec<_> = (0..self.canvas.root.len()).map(|level| (None, level, content)).collect();
-        for (index, (levels, &cut)) in self.canvas.levels.iter().zip(cuts).enumerate() {
-            wanted.extend((cut..levels.len()).map(|level| (Some(index), level, stored)));
-        }
+    /// The texture of that content without so many fine levels of each image.
+    fn make(&mut self, content: Content, cuts: &[usize], source_texels: f64) -> Result<Made, EncodeError> {
+        let wanted = self.wanted(content, cuts);
         let missing = wanted.par_iter().filter(|key| !self.encoded.contains_key(key));
-        let made: Vec<_> = missing.map(|&key| (key, self.encode(key))).collect();
+        let made =
+            missing.map(|&key| Ok((key, self.encode(key)?))).collect::<Result<Vec<_>, EncodeError>>()?;
         self.encoded.extend(made);
+        let texture = self.assemble(&wanted, cuts).ok_or(fault(ZipError::Full))?;
+        let losses = losses(self.canvas, &texture, self.cancel);
+        self.cancel.checkpoint()?;
+        let total = losses.iter().fold(SquaredError::default(), |sum, &loss| sum + loss);
+        let worst = losses.iter().map(|loss| loss.psnr()).fold(f64::INFINITY, f64::min);
+        let measured = Measured {
+            psnr: if matches!(self.params.goal, Goal::Psnr(_)) { worst } else { total.psnr() },
+            bpp: texture.memory().counted as f64 / source_texels,
+            worst_block_rms: match self.params.goal {
+                Goal::Tolerance(_) => self.worst_block(&wanted),
+                _ => 0.0,
+            },
+        };
+        self.cancel.checkpoint()?;
+        Ok(Made { measured, losses, texture })
+    }
+
+    /// The levels of the root, then those of each image behind its cut.
+    fn wanted(&self, content: Content, cuts: &[usize]) -> Vec<LevelKey> {
+        let stored = self.patch_content(content).0;
+        let root = (0..self.canvas.root.len()).map(|level| LevelKey { image: None, level, content });
+        let images = self.canvas.levels.iter().zip(cuts).enumerate().flat_map(|(image, (levels, &cut))| {
+            (cut..levels.len()).map(move |level| LevelKey { image: Some(image), level, content: stored })
+        });
+        root.chain(images).collect()
+    }
+
+    /// The texture of levels that are encoded; `None` where it does not fit a plane.
+    fn assemble(&self, wanted: &[LevelKey], cuts: &[usize]) -> Option<ZipTexture> {
         let mut planes = wanted.iter().filter_map(|key| self.encoded.get(key)).cloned();
         let root = planes.by_ref().take(self.canvas.root.len()).collect();
         // Numbers of the pictures of which something is left.
@@ -257,31 +297,21 @@ impl Maker<'_> {
         };
         let patches = self.canvas.laid.iter().filter_map(form).collect();
         let parts = Parts { layout, deep: self.deep, root, contents, patches };
-        let texture = ZipTexture::new(parts, Notes::default())?;
-        let losses = losses(self.canvas, &texture);
-        let total = losses.iter().fold(SquaredError::default(), |sum, &loss| sum + loss);
-        let worst = losses.iter().map(|loss| loss.psnr()).fold(f64::INFINITY, f64::min);
-        let measured = Measured {
-            psnr: if matches!(self.params.goal, Goal::Psnr(_)) { worst } else { total.psnr() },
-            bpp: texture.memory().counted as f64 / source_texels,
-            worst_block_rms: match self.params.goal {
-                Goal::Tolerance(_) => self.worst_block(&wanted),
-                _ => 0.0,
-            },
-        };
-        Some((measured, losses, texture))
+        ZipTexture::new(parts, Notes::default())
     }
 
-    fn encode(&self, (index, level, content): (Option<usize>, usize, Content)) -> ContentPlanes {
-        let (pixel, bytes) = match index {
+    fn encode(&self, LevelKey { image, level, content }: LevelKey) -> Result<ContentPlanes, EncodeError> {
+        self.cancel.checkpoint()?;
+        let (pixel, bytes) = match image {
             None => (self.pixel, &self.canvas.root[level]),
-            Some(index) => (patch_pixel(self.pixel), &self.canvas.levels[index][level]),
+            Some(image) => (patch_pixel(self.pixel), &self.canvas.levels[image][level]),
         };
         let texel = |bytes: &[u8; 4]| Texel::from_array(bytes.map(f32::from)) / 255.0;
         let texels: Vec<Texel> = bytes.iter().map(texel).collect();
-        let size = self.size_of(index);
+        let size = self.size_of(image);
         let size = ((size.0 >> level).max(1), (size.1 >> level).max(1));
-        ContentPlanes::encode(content, pixel, size, &texels, self.params.effort)
+        let effort = self.params.effort;
+        ContentPlanes::encode_cancellable(content, pixel, size, &texels, effort, self.cancel)
     }
 
     /// Size of the root, or of what patches show.
@@ -295,24 +325,25 @@ impl Maker<'_> {
 
     /// RMS error of the worst 4x4 block of the root and of all that patches show, in 8-bit units, from the finest level of each
     /// that is among `stored`.
-    fn worst_block(&self, stored: &[(Option<usize>, usize, Content)]) -> f64 {
-        let is_finest = |at: &usize| *at == 0 || stored[*at].0 != stored[at - 1].0;
+    fn worst_block(&self, stored: &[LevelKey]) -> f64 {
+        let is_finest = |at: &usize| *at == 0 || stored[*at].image != stored[at - 1].image;
         let worst = |at: usize| {
-            let (index, level, _) = stored[at];
+            let LevelKey { image: index, level, .. } = stored[at];
             let source = index.map_or(&self.canvas.root[0], |index| &self.canvas.levels[index][0]);
             let Some(planes) = self.encoded.get(&stored[at]) else { return 0.0 };
-            let shown = crate::encoded::bytes_of(planes);
-            change(source, self.size_of(index), (&shown, level), 0.0).worst_block
+            let pixel = if index.is_some() { patch_pixel(self.pixel) } else { self.pixel };
+            let shown = bytes_of(planes, pixel);
+            change(source, self.size_of(index), (&shown, level), 0.0, self.cancel).worst_block
         };
         (0..stored.len()).into_par_iter().filter(is_finest).map(worst).reduce(|| 0.0, f64::max)
     }
 }
 
 /// What compression changes, at texels of the root and of each patch.
-fn losses(canvas: &Canvas, texture: &ZipTexture) -> Vec<SquaredError> {
+fn losses(canvas: &Canvas, texture: &ZipTexture, cancel: CancelCheck<'_>) -> Vec<SquaredError> {
     let of = |names: &[u16], matrix: DMat3, size: (u32, u32)| {
         let table = canvas.table(names);
-        report::compare(&canvas.view(&table), &texture.view(), &matrix.inverse(), size)
+        report::compare(&canvas.view(&table), &texture.view(), &matrix.inverse(), size, cancel)
     };
     let all: Vec<u16> = (0..canvas.laid.len() as u16).collect();
     let root = of(&all, DMat3::IDENTITY, canvas.root_size);

@@ -5,7 +5,7 @@
 //! path for all channels, with the largest gradient of any, where the paper takes the dearest of a path for each. Cost: one
 //! pass of Dijkstra's algorithm over whole numbers, linear in the texels (Dial 1969).
 
-use texfold_core::Texel;
+use texfold_core::{CancelCheck, Texel};
 
 /// Steps of cost for a change by the whole range.
 const UNITS: f32 = 255.0;
@@ -13,11 +13,18 @@ const UNITS: f32 = 255.0;
 const LEAST: u32 = 1;
 /// Largest cost of a texel: a change by the whole range on both axes.
 const MOST: u32 = 2 * UNITS as u32;
+/// Largest limit of costs in units: paths that are dearer are of no texture, and the ring of lists is gone round 130 times at most.
+const MOST_LIMIT: f32 = 65_000.0;
 
-/// Alpha of each texel, row by row: 0 at the border, 1 from a cost of `tau` on.
-pub(crate) fn geodesic(texels: &[Texel], width: usize, height: usize, tau: f32) -> Vec<f32> {
+/// Alpha of each texel, row by row: 0 at the border, 1 from a cost of `tau` on. Of no use once the job is cancelled.
+pub(crate) fn geodesic(
+    texels: &[Texel],
+    (width, height): (usize, usize),
+    tau: f32,
+    cancel: CancelCheck<'_>,
+) -> Vec<f32> {
     let costs = costs(texels, width, height);
-    let limit = (tau * UNITS).ceil().clamp(1.0, 65_000.0) as u32;
+    let limit = (tau * UNITS).ceil().clamp(1.0, MOST_LIMIT) as u32;
     let mut reached = vec![u32::MAX; costs.len()];
     // A ring of lists, one for each cost that may be open at a time.
     let mut open: Vec<Vec<u32>> = vec![Vec::new(); (MOST + LEAST) as usize + 1];
@@ -30,7 +37,7 @@ pub(crate) fn geodesic(texels: &[Texel], width: usize, height: usize, tau: f32) 
     }
     for cost in 0..limit {
         let mut list = std::mem::take(&mut open[cost as usize % ring]);
-        while let Some(at) = list.pop() {
+        while let Some(at) = list.pop().filter(|_| !cancel.is_cancelled()) {
             let at = at as usize;
             if reached[at] != cost {
                 continue;
@@ -98,7 +105,10 @@ mod tests {
         };
         for (width, height, tau) in [(31, 23, 0.5), (31, 23, 4.0), (1, 5, 1.0), (2, 2, 1.0), (3, 3, 0.01)] {
             let texels: Vec<Texel> = (0..width * height).map(texel).collect();
-            assert_eq!(geodesic(&texels, width, height, tau), slowly(&texels, width, height, tau));
+            assert_eq!(
+                geodesic(&texels, (width, height), tau, CancelCheck::default()),
+                slowly(&texels, width, height, tau)
+            );
         }
     }
 
@@ -110,7 +120,7 @@ mod tests {
             |i: usize| Texel::splat((i as u32).wrapping_mul(0x9e37_79b1) as f32 / u32::MAX as f32 * 0.01);
         let texels: Vec<Texel> = (0..2048 * 2048).map(texel).collect();
         let start = std::time::Instant::now();
-        let alpha = geodesic(&texels, 2048, 2048, 100.0);
+        let alpha = geodesic(&texels, (2048, 2048), 100.0, CancelCheck::default());
         let seconds = start.elapsed().as_secs_f64();
         println!("2048x2048: {seconds:.2} s, {} in the middle", alpha[1024 * 2049]);
         assert!(seconds < 1.0, "{seconds}");
@@ -118,7 +128,8 @@ mod tests {
 
     #[test]
     fn a_flat_picture_is_shown_where_it_is_far_from_its_border() {
-        let alpha = geodesic(&vec![Texel::splat(0.5); 64 * 64], 64, 64, 16.0 / UNITS);
+        let texels = vec![Texel::splat(0.5); 64 * 64];
+        let alpha = geodesic(&texels, (64, 64), 16.0 / UNITS, CancelCheck::default());
         assert_eq!((alpha[0], alpha[32 * 64], alpha[32 * 64 + 8], alpha[32 * 64 + 32]), (0.0, 0.0, 0.5, 1.0));
     }
 }

@@ -8,10 +8,10 @@
 
 use glam::{DMat3, DVec2, Vec2, Vec4};
 use rayon::prelude::*;
-use texfold_core::Texel;
 use texfold_core::image::{MipFilter, Raster, mip_chain};
+use texfold_core::{CancelCheck, Texel};
 
-use super::canvas::{Canvas, Footprint, colour};
+use super::canvas::{Canvas, Footprint, Laid, colour};
 use super::multigrid::{harmonic, with_border};
 
 /// Places a side at which exposures are compared.
@@ -22,6 +22,10 @@ const GAIN: (f32, f32) = (0.4, 2.5);
 const ROUNDS: usize = 3;
 /// As above.
 const OUTLIER: f32 = 2.0;
+/// Least places that an exposure is fitted to: gain and offset of three channels, and as much again against chance.
+const LEAST_PLACES: usize = 16;
+/// Variance, in a range of 1, that is added on both sides of a gain: a patch of less contrast than 2.5 steps of 8 bits keeps its own.
+const FLAT_VARIANCE: f32 = 1e-4;
 
 /// A patch before it is laid: its texels, row by row, and where they lie.
 pub(crate) struct Bare {
@@ -32,6 +36,13 @@ pub(crate) struct Bare {
     pub(crate) matrix: DMat3,
     /// Texels to a texel of what it lies on.
     pub(crate) step: f64,
+}
+
+impl Bare {
+    /// The patch as it lies on the canvas.
+    pub(crate) fn laid(&self, source: usize, zoom: f64, content: usize) -> Laid {
+        Laid { source, matrix: self.matrix, size: self.size, corner: self.corner, zoom, content }
+    }
 }
 
 /// The patch at several sizes.
@@ -62,8 +73,8 @@ impl Chain {
     }
 }
 
-/// Fits the patch to what lies under it on the canvas.
-pub(crate) fn merge(bare: &mut Bare, canvas: &Canvas, image: &Raster) {
+/// Fits the patch to what lies under it on the canvas. Of no use once the job is cancelled.
+pub(crate) fn merge(bare: &mut Bare, canvas: &Canvas, image: &Raster, cancel: CancelCheck<'_>) {
     let (width, height) = bare.size;
     let info = texfold_core::image::PixelInfo {
         channels: 3,
@@ -85,6 +96,9 @@ pub(crate) fn merge(bare: &mut Bare, canvas: &Canvas, image: &Raster) {
         let found = Footprint::of(&inverse, at, shared);
         (colour(&view, &found), found.uv.cmpge(Vec2::ZERO).all() && found.uv.cmple(Vec2::ONE).all())
     };
+    if cancel.is_cancelled() {
+        return;
+    }
     let (gain, offset) = exposure(&chain, level, below);
     let fitted = |colour: Vec4| (colour * gain + offset).truncate().extend(1.0);
     let place = |x: usize, y: usize| (DVec2::new(x as f64, y as f64) + 0.5) * texel;
@@ -92,7 +106,7 @@ pub(crate) fn merge(bare: &mut Bare, canvas: &Canvas, image: &Raster) {
         let at = place(x, y);
         below(at).0 - fitted(chain.at(at.as_vec2(), level))
     });
-    harmonic(&mut difference);
+    harmonic(&mut difference, cancel);
     bare.texels.par_iter_mut().zip(&difference.values).for_each(|(texel, change)| {
         *texel = (fitted(*texel) + *change).clamp(Vec4::ZERO, Vec4::ONE).truncate().extend(1.0);
     });
@@ -113,7 +127,7 @@ fn exposure(chain: &Chain, level: usize, below: impl Fn(DVec2) -> (Vec4, bool) +
     for _ in 0..ROUNDS {
         let error = |(own, under): &(Vec4, Vec4)| (*own * gain + offset - *under).truncate().length();
         let kept: Vec<&(Vec4, Vec4)> = pairs.iter().filter(|pair| error(pair) <= limit).collect();
-        if kept.len() < 16 {
+        if kept.len() < LEAST_PLACES {
             break;
         }
         let count = kept.len() as f32;
@@ -122,7 +136,7 @@ fn exposure(chain: &Chain, level: usize, below: impl Fn(DVec2) -> (Vec4, bool) +
         let (own, under) = (mean(&|pair| pair.0), mean(&|pair| pair.1));
         let variance = mean(&|pair| (pair.0 - own) * (pair.0 - own));
         let covariance = mean(&|pair| (pair.0 - own) * (pair.1 - under));
-        let slope = (covariance + 1e-4) / (variance + 1e-4);
+        let slope = (covariance + FLAT_VARIANCE) / (variance + FLAT_VARIANCE);
         gain = slope.clamp(Vec4::splat(GAIN.0), Vec4::splat(GAIN.1));
         offset = under - own * gain;
         let errors: f32 =

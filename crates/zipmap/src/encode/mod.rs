@@ -15,11 +15,12 @@ use glam::{DMat3, DVec2};
 use texfold_bc::Content;
 use texfold_core::image::{Alpha, ColorSpace, PixelInfo, Raster};
 use texfold_core::{
-    EncodeError, Job, MAX_IMAGE_SIDE, MAX_PLANE_SIDE, Params, SurfaceSize, Texel, TextureCodec,
+    CancelCheck, EncodeError, Encoder, Job, MAX_IMAGE_SIDE, MAX_PLANE_SIDE, Params, SurfaceSize, Texel,
+    TextureCodec,
 };
 
 use crate::encoded::MAX_PATCHES;
-use crate::linear::{normalised, seen_in};
+use crate::geometry::{normalised, seen_in};
 use crate::{PatchSource, PatchStack, ZipError, ZipParams, ZipTexture, Zipmap};
 use canvas::{Canvas, Laid};
 use fit::Maker;
@@ -111,20 +112,26 @@ struct Laying {
     deep: u32,
 }
 
-pub(crate) fn encode(
-    stack: &PatchStack,
-    params: &ZipParams,
-    job: &mut Job<'_>,
-) -> Result<ZipTexture, EncodeError> {
+impl Encoder for Zipmap {
+    type Source<'s> = &'s PatchStack;
+    type Params = ZipParams;
+
+    fn encode(source: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Result<ZipTexture, EncodeError> {
+        encode(source, params, job)
+    }
+}
+
+fn encode(stack: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Result<ZipTexture, EncodeError> {
     let Laying { canvas, mut dropped, pixel, deep } = lay_all(stack, params, job)?;
     let source_texels: u64 =
         stack.images.iter().chain([&stack.root]).map(|image| image.size().texels()).sum();
-    let mut maker = Maker { canvas: &canvas, pixel, deep, params, encoded: std::collections::HashMap::new() };
+    let (cancel, encoded) = (job.cancel_check(), std::collections::HashMap::new());
+    let mut maker = Maker { canvas: &canvas, pixel, deep, params, encoded, cancel };
     let fitted = fit::fit(&mut maker, &contents(pixel, params), source_texels as f64, job)?;
     drop(maker);
     dropped.note_cuts(&canvas, &fitted.cuts);
     job.stage("measuring", 0.95)?;
-    let notes = job.install(|| report::notes(stack, params, &fitted, &dropped));
+    let notes = job.install(|| report::notes(stack, params, &fitted, &dropped, cancel));
     job.stage("done", 1.0)?;
     Ok(fitted.texture.with_notes(notes))
 }
@@ -173,19 +180,23 @@ fn lay_all(stack: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Result<
     };
     let mut dropped = Dropped::default();
     let mut stamps = stamps(stack);
+    let cancel = job.cancel_check();
     for (step, &index) in order.iter().enumerate() {
         job.stage("merging patches", 0.6 * step as f32 / order.len() as f32)?;
+        let mut layer = Layer { stack, params, canvas: &mut canvas, dropped: &mut dropped, cancel };
         job.install(|| match stamps.iter_mut().find(|stamp| stamp.patches.contains(&index)) {
-            Some(stamp) => lay_stamp(stack, (index, stamp), params, &mut canvas, &mut dropped),
-            None => lay(stack, index, params, &mut canvas, &mut dropped),
+            Some(stamp) => layer.lay_stamp(index, stamp),
+            None => layer.lay(index),
         });
+        job.checkpoint()?;
     }
     for stamp in &stamps {
         dropped.note_levels(&stamp.levels, stamp.content.map_or(0, |content| canvas.levels[content].len()));
     }
     job.stage("hidden patches", 0.6)?;
     let before: u64 = canvas.levels.iter().map(|levels| texels_of(levels)).sum();
-    dropped.hidden = job.install(|| remove_hidden(&mut canvas));
+    dropped.hidden = job.install(|| remove_hidden(&mut canvas, cancel));
+    job.checkpoint()?;
     dropped.patch_texels += before - canvas.levels.iter().map(|levels| texels_of(levels)).sum::<u64>();
     Ok(Laying { canvas, dropped, pixel, deep })
 }
@@ -237,80 +248,94 @@ fn deep_levels(stack: &PatchStack) -> u32 {
     (0..=wanted).rev().find(|&deep| u64::from(longest) << deep <= u64::from(MAX_IMAGE_SIDE)).unwrap_or(0)
 }
 
-/// Lays one patch on the canvas, or says why not.
-fn lay(stack: &PatchStack, index: usize, params: &ZipParams, canvas: &mut Canvas, dropped: &mut Dropped) {
-    let source = &stack.patches[index];
-    let image = &stack.images[source.image];
-    let zoom = stack.zoom(source);
-    let under = source.parent.and_then(|parent| canvas.laid.iter().find(|laid| laid.source == parent));
-    let step = zoom / under.map_or(1.0, |laid| laid.zoom);
-    let (mut bare, mask, cut) = cropped(image, source, step, true);
-    dropped.cropped_texels += cut;
-    if params.merge {
-        merge::merge(&mut bare, canvas, image);
-    }
-    let (width, height) = bare.size;
-    let alpha = match &mask {
-        Some(mask) => mask.clone(),
-        None => mask::geodesic(&bare.texels, width as usize, height as usize, params.tau),
-    };
-    let mut levels = levels::of_patch(&bare.texels, &alpha, bare.size, image.info());
-    let content = canvas.levels.len();
-    let Bare { matrix, size, corner, .. } = bare;
-    let laid = Laid { source: index, matrix, size, corner, zoom, content };
-    let all = levels.clone();
-    let color = stack.root.info().color;
-    trim::drop_levels(&laid, &mut levels, canvas, color, params.least_difference());
-    if levels.is_empty() {
-        dropped.nothing_new.push(index);
-        dropped.patch_texels += texels_of(&all);
-        return;
-    }
-    dropped.note_levels(&all, levels.len());
-    canvas.laid.push(laid);
-    canvas.levels.push(levels);
+/// Lays patches on the canvas. What it leaves is of no use once the job is cancelled.
+struct Layer<'a> {
+    stack: &'a PatchStack,
+    params: &'a ZipParams,
+    canvas: &'a mut Canvas,
+    dropped: &'a mut Dropped,
+    cancel: CancelCheck<'a>,
 }
 
-/// Lays one of the places of an image that several patches show. All have the levels that one of them needs.
-fn lay_stamp(
-    stack: &PatchStack,
-    (index, stamp): (usize, &mut Stamp),
-    params: &ZipParams,
-    canvas: &mut Canvas,
-    dropped: &mut Dropped,
-) {
-    let source = &stack.patches[index];
-    let image = &stack.images[source.image];
-    let (bare, mask, cut) = cropped(image, source, 1.0, false);
-    if stamp.levels.is_empty() {
-        let (width, height) = bare.size;
-        let geodesic = || mask::geodesic(&bare.texels, width as usize, height as usize, params.tau);
-        let alpha = mask.unwrap_or_else(geodesic);
-        stamp.levels = levels::of_patch(&bare.texels, &alpha, bare.size, image.info());
-        dropped.cropped_texels += cut;
+impl Layer<'_> {
+    /// Lays one patch, or notes why not.
+    fn lay(&mut self, index: usize) {
+        let (stack, source) = (self.stack, &self.stack.patches[index]);
+        let image = &stack.images[source.image];
+        let zoom = stack.zoom(source);
+        let parent = source.parent;
+        let under = parent.and_then(|parent| self.canvas.laid.iter().find(|laid| laid.source == parent));
+        let step = zoom / under.map_or(1.0, |laid| laid.zoom);
+        let Cropped { mut bare, mask, cut } = cropped(image, source, step, true);
+        self.dropped.cropped_texels += cut;
+        if self.params.merge {
+            merge::merge(&mut bare, self.canvas, image, self.cancel);
+        }
+        let alpha = mask.unwrap_or_else(|| self.geodesic(&bare));
+        let mut levels = levels::of_patch(&bare.texels, &alpha, bare.size, image.info());
+        let content = self.canvas.levels.len();
+        let laid = bare.laid(index, zoom, content);
+        let all = levels.clone();
+        self.drop_levels(&laid, &mut levels);
+        if levels.is_empty() {
+            self.dropped.nothing_new.push(index);
+            self.dropped.patch_texels += texels_of(&all);
+            return;
+        }
+        self.dropped.note_levels(&all, levels.len());
+        self.canvas.laid.push(laid);
+        self.canvas.levels.push(levels);
     }
-    let content = stamp.content.unwrap_or(canvas.levels.len());
-    let zoom = stack.zoom(source);
-    let Bare { matrix, size, corner, .. } = bare;
-    let laid = Laid { source: index, matrix, size, corner, zoom, content };
-    let mut levels = stamp.levels.clone();
-    let color = stack.root.info().color;
-    trim::drop_levels(&laid, &mut levels, canvas, color, params.least_difference());
-    if levels.is_empty() {
-        dropped.nothing_new.push(index);
-        return;
+
+    /// Lays one of the places of an image that several patches show. All have the levels that one of them needs.
+    fn lay_stamp(&mut self, index: usize, stamp: &mut Stamp) {
+        let source = &self.stack.patches[index];
+        let image = &self.stack.images[source.image];
+        let Cropped { bare, mask, cut } = cropped(image, source, 1.0, false);
+        if stamp.levels.is_empty() {
+            let alpha = mask.unwrap_or_else(|| self.geodesic(&bare));
+            stamp.levels = levels::of_patch(&bare.texels, &alpha, bare.size, image.info());
+            self.dropped.cropped_texels += cut;
+        }
+        let content = stamp.content.unwrap_or(self.canvas.levels.len());
+        let laid = bare.laid(index, self.stack.zoom(source), content);
+        let mut levels = stamp.levels.clone();
+        self.drop_levels(&laid, &mut levels);
+        if levels.is_empty() {
+            self.dropped.nothing_new.push(index);
+            return;
+        }
+        match stamp.content {
+            Some(content) if self.canvas.levels[content].len() >= levels.len() => (),
+            Some(content) => self.canvas.levels[content] = levels,
+            None => self.canvas.levels.push(levels),
+        }
+        stamp.content = Some(content);
+        self.canvas.laid.push(laid);
     }
-    match stamp.content {
-        Some(content) if canvas.levels[content].len() >= levels.len() => (),
-        Some(content) => canvas.levels[content] = levels,
-        None => canvas.levels.push(levels),
+
+    fn geodesic(&self, bare: &Bare) -> Vec<f32> {
+        let size = (bare.size.0 as usize, bare.size.1 as usize);
+        mask::geodesic(&bare.texels, size, self.params.tau, self.cancel)
     }
-    stamp.content = Some(content);
-    canvas.laid.push(laid);
+
+    fn drop_levels(&self, laid: &Laid, levels: &mut Vec<Vec<[u8; 4]>>) {
+        let (color, least) = (self.stack.root.info().color, self.params.least_difference());
+        trim::drop_levels(laid, levels, self.canvas, color, least, self.cancel);
+    }
 }
 
-/// The part of an image that the root, where that counts, and its mask show, its mask, and how many texels were cut off.
-fn cropped(image: &Raster, source: &PatchSource, step: f64, by_root: bool) -> (Bare, Option<Vec<f32>>, u64) {
+/// The part of an image that is laid.
+struct Cropped {
+    bare: Bare,
+    /// How much of each texel is shown; by the image's gradients alone where there is none.
+    mask: Option<Vec<f32>>,
+    /// Texels that were cut off.
+    cut: u64,
+}
+
+/// The part of an image that its mask shows and, where that counts, the root.
+fn cropped(image: &Raster, source: &PatchSource, step: f64, by_root: bool) -> Cropped {
     let size = image.size();
     let extent = DVec2::new(f64::from(size.width), f64::from(size.height));
     let polygon = if by_root { seen_in(&source.matrix, DVec2::ONE, DVec2::ONE) } else { Vec::new() };
@@ -350,12 +375,13 @@ fn cropped(image: &Raster, source: &PatchSource, step: f64, by_root: bool) -> (B
     let matrix =
         normalised(DMat3::from_scale(share.recip()) * DMat3::from_translation(-corner) * source.matrix);
     let cut = size.texels() - u64::from(width) * u64::from(height);
-    (Bare { texels, size: (width, height), corner: (left, top), matrix, step }, mask, cut)
+    let bare = Bare { texels, size: (width, height), corner: (left, top), matrix, step };
+    Cropped { bare, mask, cut }
 }
 
 /// Takes hidden patches off the canvas; which of the stack they are.
-fn remove_hidden(canvas: &mut Canvas) -> Vec<usize> {
-    let hidden = trim::hidden(canvas);
+fn remove_hidden(canvas: &mut Canvas, cancel: CancelCheck<'_>) -> Vec<usize> {
+    let hidden = trim::hidden(canvas, cancel);
     let sources = hidden.iter().map(|&index| canvas.laid[index].source).collect();
     for &index in hidden.iter().rev() {
         canvas.laid.remove(index);

@@ -8,6 +8,7 @@
 
 use glam::Vec4;
 use rayon::prelude::*;
+use texfold_core::CancelCheck;
 
 /// Damping of Jacobi's method that smooths best in two dimensions.
 const DAMPING: f32 = 0.8;
@@ -21,6 +22,11 @@ const COARSEST: usize = 5;
 const RESIDUAL: f32 = 1e-5;
 /// Most cycles.
 const CYCLES: usize = 12;
+/// A cycle that leaves more than this share of the residual is the last: V-cycles of this kind leave a tenth, and rounding of single
+/// precision, once it is reached, leaves all of it.
+const LEAST_REDUCTION: f32 = 0.7;
+/// Fine nodes that a coarse one is averaged from, on each axis: those nearer than one coarse distance, which is at most two fine ones.
+const AROUND: usize = 5;
 
 /// Values at `width` x `height` nodes.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,7 +58,7 @@ struct Axis {
     /// For each fine node the coarse one before it and the weight of the next.
     fine: Vec<(usize, f32)>,
     /// For each coarse node the first of the fine ones around it, and their weights, which sum to 1.
-    coarse: Vec<(usize, [f32; 5])>,
+    coarse: Vec<(usize, [f32; AROUND])>,
     /// How much farther coarse nodes are apart.
     ratio: f32,
 }
@@ -67,8 +73,8 @@ impl Axis {
         };
         let around = |node: usize| {
             let at = node as f32 * ratio;
-            let first = (at.round() as usize).saturating_sub(2).min(fine.saturating_sub(5));
-            let mut weights = [0.0; 5];
+            let first = (at.round() as usize).saturating_sub(2).min(fine.saturating_sub(AROUND));
+            let mut weights = [0.0; AROUND];
             for (k, weight) in weights.iter_mut().enumerate().filter(|(k, _)| first + k < fine) {
                 *weight = (1.0 - ((first + k) as f32 - at).abs() / ratio).max(0.0);
             }
@@ -84,7 +90,8 @@ fn halved(side: usize) -> usize {
 }
 
 /// Fills the inside of a grid with the harmonic function of its border; returns the residual as a share of that of an inside of 0.
-pub(crate) fn harmonic(grid: &mut Grid) -> f32 {
+/// Of no use once the job is cancelled.
+pub(crate) fn harmonic(grid: &mut Grid, cancel: CancelCheck<'_>) -> f32 {
     if grid.width < 3 || grid.height < 3 {
         return 0.0;
     }
@@ -97,16 +104,15 @@ pub(crate) fn harmonic(grid: &mut Grid) -> f32 {
         return 0.0;
     }
     drop(empty);
-    full(grid, spacing);
+    full(grid, spacing, cancel);
     let mut share = length(&residual(grid, &right, spacing)) / start;
     for _ in 0..CYCLES {
-        if share <= RESIDUAL {
+        if share <= RESIDUAL || cancel.is_cancelled() {
             break;
         }
-        cycle(grid, &right, spacing);
+        cycle(grid, &right, spacing, cancel);
         let now = length(&residual(grid, &right, spacing)) / start;
-        // Rounding of single precision is reached.
-        if now > 0.7 * share {
+        if now > LEAST_REDUCTION * share {
             share = now;
             break;
         }
@@ -116,12 +122,15 @@ pub(crate) fn harmonic(grid: &mut Grid) -> f32 {
 }
 
 /// A first solution from that of the coarser grid.
-fn full(grid: &mut Grid, spacing: Spacing) {
+fn full(grid: &mut Grid, spacing: Spacing, cancel: CancelCheck<'_>) {
+    if cancel.is_cancelled() {
+        return;
+    }
     let (width, height) = (halved(grid.width), halved(grid.height));
     let right = Grid::new(grid.width, grid.height);
     if (width, height) == (grid.width, grid.height) {
         inside(grid, |_, _| Vec4::ZERO);
-        smooth(grid, &right, spacing, LAST_STEPS);
+        smooth(grid, &right, spacing, LAST_STEPS, cancel);
         return;
     }
     let (x, y) = (Axis::new(grid.width, width), Axis::new(grid.height, height));
@@ -136,8 +145,8 @@ fn full(grid: &mut Grid, spacing: Spacing) {
         };
         let (ex, ey) = (edge(cx, width - 1, grid.width), edge(cy, height - 1, grid.height));
         let node = |x: usize, y: usize| grid.values[y * grid.width + x];
-        let along = |(first, weights): &(usize, [f32; 5]), node: &dyn Fn(usize) -> Vec4| {
-            (0..5).filter(|&k| weights[k] > 0.0).map(|k| node(first + k) * weights[k]).sum::<Vec4>()
+        let along = |(first, weights): &(usize, [f32; AROUND]), node: &dyn Fn(usize) -> Vec4| {
+            (0..AROUND).filter(|&k| weights[k] > 0.0).map(|k| node(first + k) * weights[k]).sum::<Vec4>()
         };
         *value = match (ex, ey) {
             (Some(ex), Some(ey)) => node(ex, ey),
@@ -147,20 +156,23 @@ fn full(grid: &mut Grid, spacing: Spacing) {
         };
     }
     let coarser = Spacing { x: spacing.x / (x.ratio * x.ratio), y: spacing.y / (y.ratio * y.ratio) };
-    full(&mut coarse, coarser);
+    full(&mut coarse, coarser, cancel);
     let from = |at_x: usize, at_y: usize| between(&coarse, x.fine[at_x], y.fine[at_y]);
     inside(grid, from);
-    cycle(grid, &right, spacing);
+    cycle(grid, &right, spacing, cancel);
 }
 
 /// One V-cycle for `laplacian(grid) = right`.
-fn cycle(grid: &mut Grid, right: &Grid, spacing: Spacing) {
-    let (width, height) = (halved(grid.width), halved(grid.height));
-    if (width, height) == (grid.width, grid.height) {
-        smooth(grid, right, spacing, LAST_STEPS);
+fn cycle(grid: &mut Grid, right: &Grid, spacing: Spacing, cancel: CancelCheck<'_>) {
+    if cancel.is_cancelled() {
         return;
     }
-    smooth(grid, right, spacing, STEPS);
+    let (width, height) = (halved(grid.width), halved(grid.height));
+    if (width, height) == (grid.width, grid.height) {
+        smooth(grid, right, spacing, LAST_STEPS, cancel);
+        return;
+    }
+    smooth(grid, right, spacing, STEPS, cancel);
     let left = residual(grid, right, spacing);
     let (x, y) = (Axis::new(grid.width, width), Axis::new(grid.height, height));
     let mut coarse_right = Grid::new(width, height);
@@ -168,20 +180,20 @@ fn cycle(grid: &mut Grid, right: &Grid, spacing: Spacing) {
         let ((first_x, across), (first_y, down)) = (&x.coarse[cx], &y.coarse[cy]);
         let row = |k: usize| {
             let start = (first_y + k) * left.width + first_x;
-            (0..5).filter(|&k| across[k] > 0.0).map(|k| left.values[start + k] * across[k]).sum::<Vec4>()
+            (0..AROUND).filter(|&k| across[k] > 0.0).map(|k| left.values[start + k] * across[k]).sum::<Vec4>()
         };
-        (0..5).filter(|&k| down[k] > 0.0).map(|k| row(k) * down[k]).sum()
+        (0..AROUND).filter(|&k| down[k] > 0.0).map(|k| row(k) * down[k]).sum()
     });
     let coarser = Spacing { x: spacing.x / (x.ratio * x.ratio), y: spacing.y / (y.ratio * y.ratio) };
     let mut change = Grid::new(width, height);
-    cycle(&mut change, &coarse_right, coarser);
+    cycle(&mut change, &coarse_right, coarser, cancel);
     let old = &grid.values;
     let mut next = Grid { values: old.clone(), ..*grid };
     inside(&mut next, |at_x, at_y| {
         old[at_y * right.width + at_x] + between(&change, x.fine[at_x], y.fine[at_y])
     });
     *grid = next;
-    smooth(grid, right, spacing, STEPS);
+    smooth(grid, right, spacing, STEPS, cancel);
 }
 
 fn between(grid: &Grid, (x, part_x): (usize, f32), (y, part_y): (usize, f32)) -> Vec4 {
@@ -206,9 +218,9 @@ fn inside(grid: &mut Grid, value: impl Fn(usize, usize) -> Vec4 + Sync) {
 }
 
 /// Damped steps of Jacobi's method.
-fn smooth(grid: &mut Grid, right: &Grid, spacing: Spacing, steps: usize) {
+fn smooth(grid: &mut Grid, right: &Grid, spacing: Spacing, steps: usize, cancel: CancelCheck<'_>) {
     let centre = 1.0 / (2.0 * (spacing.x + spacing.y));
-    for _ in 0..steps {
+    for _ in (0..steps).take_while(|_| !cancel.is_cancelled()) {
         let old = &grid.values;
         let width = grid.width;
         let mut next = Grid { values: old.clone(), ..*grid };
@@ -266,7 +278,7 @@ mod tests {
                 Vec4::new(x * x - y * y, x * y, 1.0 - 0.5 * x + y, 0.25)
             };
             let mut grid = with_border(width, height, value);
-            let left = harmonic(&mut grid);
+            let left = harmonic(&mut grid, CancelCheck::default());
             assert!(left < 1e-4, "{width}x{height}: {left}");
             for (at, found) in grid.values.iter().enumerate() {
                 let wanted = value(at % width, at / width);
@@ -282,7 +294,7 @@ mod tests {
             Vec4::splat((hash >> 8) as f32 / (1 << 24) as f32 - 0.5)
         };
         let mut grid = with_border(130, 90, noise);
-        assert!(harmonic(&mut grid) < 1e-4);
+        assert!(harmonic(&mut grid, CancelCheck::default()) < 1e-4);
         // No value inside is beyond those of the border.
         assert!(grid.values.iter().all(|value| value.x.abs() <= 0.5001));
     }
@@ -294,7 +306,7 @@ mod tests {
         let wave = |x: usize, y: usize| Vec4::splat((x as f32 * 0.01).sin() + (y as f32 * 0.3).cos());
         let mut grid = with_border(2048, 2048, wave);
         let start = std::time::Instant::now();
-        let left = harmonic(&mut grid);
+        let left = harmonic(&mut grid, CancelCheck::default());
         let seconds = start.elapsed().as_secs_f64();
         println!("2048x2048, four channels: {seconds:.2} s, residual {left:.1e}");
         assert!(left < 1e-4 && seconds < 3.0, "{left} {seconds}");
@@ -305,7 +317,7 @@ mod tests {
         for (width, height) in [(1, 1), (2, 7), (9, 1)] {
             let mut grid = with_border(width, height, |x, y| Vec4::splat((x + y) as f32));
             let before = grid.clone();
-            assert_eq!((harmonic(&mut grid), &grid), (0.0, &before));
+            assert_eq!((harmonic(&mut grid, CancelCheck::default()), &grid), (0.0, &before));
         }
     }
 }

@@ -4,7 +4,7 @@ use glam::{DMat3, DVec2, Vec2, Vec4};
 use rayon::prelude::*;
 use texfold_core::image::{Raster, to_u8};
 use texfold_core::metric::SquaredError;
-use texfold_core::{Encoded, Goal, Notes, Texel};
+use texfold_core::{CancelCheck, Encoded, Goal, Notes, Texel};
 
 use super::Dropped;
 use super::canvas::{Footprint, colour};
@@ -16,6 +16,8 @@ use crate::{PatchStack, ZipParams, ZipTexture};
 
 /// Most texels of an image that are compared: beyond, every n-th row and column.
 const SAMPLES: f64 = 262_144.0;
+/// Variance, in a range of 1, that is added on both sides of a gain, so that flat images divide by no zero: a quarter of a step of 8 bits.
+const FLAT_VARIANCE: f32 = 1e-6;
 
 /// How well a texture shows one image of its stack.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,17 +45,21 @@ fn step(a: Texel, b: Texel) -> f64 {
     (0..3).map(|k| f64::from(to_u8(a[k]).abs_diff(to_u8(b[k]))).powi(2)).sum()
 }
 
-/// What two textures differ by at the texels of an image that `inverse` leads onto the root.
+/// What two textures differ by at the texels of an image that `inverse` leads onto the root. Of no use once the job is cancelled.
 pub(crate) fn compare(
     a: &ZipmapView<'_>,
     b: &ZipmapView<'_>,
     inverse: &DMat3,
     size: (u32, u32),
+    cancel: CancelCheck<'_>,
 ) -> SquaredError {
     let places = places(size);
     let errors: Vec<f64> = places
         .par_iter()
         .map(|&place| {
+            if cancel.is_cancelled() {
+                return 0.0;
+            }
             let at = footprint(inverse, place, size);
             step(colour(a, &at), colour(b, &at))
         })
@@ -64,6 +70,11 @@ pub(crate) fn compare(
 /// How well a texture shows the images that it was made of.
 #[must_use]
 pub fn fidelity(stack: &PatchStack, texture: &ZipTexture) -> Vec<Fidelity> {
+    fidelity_of(stack, texture, CancelCheck::default())
+}
+
+/// As [`fidelity`]; of no use once the job is cancelled.
+fn fidelity_of(stack: &PatchStack, texture: &ZipTexture, cancel: CancelCheck<'_>) -> Vec<Fidelity> {
     let alone = texture.first_patches(0);
     let views = [texture.view(), alone.view()];
     let identity = (None, &stack.root, DMat3::IDENTITY);
@@ -72,21 +83,21 @@ pub fn fidelity(stack: &PatchStack, texture: &ZipTexture) -> Vec<Fidelity> {
     std::iter::once(identity)
         .chain(patches)
         .map(|(patch, image, matrix)| {
-            let [error, root_alone] = views.map(|view| against(&view, image, &matrix.inverse()));
+            let [error, root_alone] = views.map(|view| against(&view, image, &matrix.inverse(), cancel));
             Fidelity { patch, error, root_alone }
         })
         .collect()
 }
 
 /// Error of the texture at the texels of an image whose exposure is fitted.
-fn against(view: &ZipmapView<'_>, image: &Raster, inverse: &DMat3) -> SquaredError {
+fn against(view: &ZipmapView<'_>, image: &Raster, inverse: &DMat3, cancel: CancelCheck<'_>) -> SquaredError {
     let size = (image.size().width, image.size().height);
     let pairs: Vec<(Vec4, Vec4)> = places(size)
         .into_par_iter()
         .filter_map(|place| {
             let at = footprint(inverse, place, size);
             let inside = at.uv.cmpge(Vec2::ZERO).all() && at.uv.cmple(Vec2::ONE).all();
-            inside.then(|| (image.texel(place.0, place.1), colour(view, &at)))
+            (inside && !cancel.is_cancelled()).then(|| (image.texel(place.0, place.1), colour(view, &at)))
         })
         .collect();
     let count = pairs.len().max(1) as f32;
@@ -96,15 +107,21 @@ fn against(view: &ZipmapView<'_>, image: &Raster, inverse: &DMat3) -> SquaredErr
     let (own, shown) = (sum(&|pair| pair.0), sum(&|pair| pair.1));
     let variance = sum(&|pair| (pair.0 - own) * (pair.0 - own));
     let covariance = sum(&|pair| (pair.0 - own) * (pair.1 - shown));
-    let gain = (covariance + 1e-6) / (variance + 1e-6);
+    let gain = (covariance + FLAT_VARIANCE) / (variance + FLAT_VARIANCE);
     let fitted = |colour: Vec4| (colour - own) * gain + shown;
     let total = pairs.iter().map(|pair| step(fitted(pair.0), pair.1)).sum();
     SquaredError { sum: total, count: 3 * pairs.len() as u64 }
 }
 
-pub(crate) fn notes(stack: &PatchStack, params: &ZipParams, fitted: &Fitted, dropped: &Dropped) -> Notes {
+pub(crate) fn notes(
+    stack: &PatchStack,
+    params: &ZipParams,
+    fitted: &Fitted,
+    dropped: &Dropped,
+    cancel: CancelCheck<'_>,
+) -> Notes {
     let texture = &fitted.texture;
-    let found = fidelity(stack, texture);
+    let found = fidelity_of(stack, texture, cancel);
     let sum = |error: fn(&Fidelity) -> SquaredError| {
         found.iter().map(error).fold(SquaredError::default(), |a, b| a + b)
     };

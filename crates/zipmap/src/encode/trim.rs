@@ -2,8 +2,8 @@
 
 use glam::{DVec2, IVec2};
 use rayon::prelude::*;
-use texfold_core::Texel;
 use texfold_core::image::{ColorSpace, linear_to_srgb, srgb_to_linear};
+use texfold_core::{CancelCheck, Texel};
 
 use super::canvas::{Canvas, Footprint, Laid, colour, cover};
 use crate::decode::texfold_zipmap_blend;
@@ -93,16 +93,15 @@ pub(crate) fn drop_levels(
     canvas: &Canvas,
     color: ColorSpace,
     least: f64,
-) -> usize {
-    let before = levels.len();
+    cancel: CancelCheck<'_>,
+) {
     let names = canvas.touching(&laid.matrix);
-    while let Some(last) = levels.last() {
+    while let Some(last) = levels.last().filter(|_| !cancel.is_cancelled()) {
         if difference(laid, levels.len() as u32 - 1, last, (canvas, &names), color) >= least {
             break;
         }
         levels.pop();
     }
-    before - levels.len()
 }
 
 /// Sum of squares over texels and channels, 8-bit units, that a patch of the canvas would lose were it left out.
@@ -120,7 +119,7 @@ pub(crate) fn seen(texels: &[[u8; 4]]) -> f64 {
 }
 
 /// Patches of which those laid later leave nothing to be seen.
-pub(crate) fn hidden(canvas: &Canvas) -> Vec<usize> {
+pub(crate) fn hidden(canvas: &Canvas, cancel: CancelCheck<'_>) -> Vec<usize> {
     let table = canvas.table(&[]);
     let view = canvas.view(&table);
     let is_hidden = |index: &usize| {
@@ -129,7 +128,7 @@ pub(crate) fn hidden(canvas: &Canvas) -> Vec<usize> {
         let texel = DVec2::new(1.0 / f64::from(laid.size.0), 1.0 / f64::from(laid.size.1));
         let later: Vec<u16> =
             canvas.touching(&laid.matrix).into_iter().filter(|&other| usize::from(other) > *index).collect();
-        if later.is_empty() {
+        if later.is_empty() || cancel.is_cancelled() {
             return false;
         }
         places(laid.size, SAMPLES).into_par_iter().all(|(x, y)| {

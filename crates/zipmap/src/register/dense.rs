@@ -8,9 +8,11 @@
 
 use glam::{DMat3, DVec2, DVec3, Vec2};
 use rayon::prelude::*;
+use texfold_core::CancelCheck;
 
 use super::gray::{Gray, Pyramid};
-use crate::linear::{normalised, project, seen_in, slope, solve};
+use crate::geometry::{normalised, seen_in, slope};
+use crate::linear::{project, solve};
 
 /// Numbers that are solved for.
 const UNKNOWNS: usize = 10;
@@ -24,6 +26,19 @@ const LEAST_PIXELS: usize = 400;
 const MOST_PIXELS: usize = 40_000;
 /// Tukey's constant for 95% efficiency, in standard deviations.
 const TUKEY: f32 = 4.685;
+/// Share of the diagonal that is added to it, so that numbers that nothing tells stay as they are (Levenberg): small beside the 1e-3
+/// from which on steps become shorter, large beside the rounding of sums of 40000 pixels.
+const DIAGONAL_SHARE: f64 = 1e-6;
+/// Pixels that are summed by one task: 1 ms of work.
+const SUMMED: usize = 2048;
+/// Levels of the pyramid that are refined on, from quarters of the sides on: a start that is off by 4 pixels is off by one there.
+const LEVELS: usize = 3;
+/// Absolute deviation that half of a normal distribution is within, in standard deviations.
+const MEDIAN_DEVIATION: f32 = 0.6745;
+/// Least and largest change of contrast between two photographs: beyond, they show no exposures of one surface.
+const GAIN: (f64, f64) = (0.2, 5.0);
+/// Least share of the mean number of pixels of a field, and least number, that a field is compared on.
+const LEAST_FIELD: (f64, f64) = (0.25, 16.0);
 /// Fields a side that correlation is told in.
 const FIELDS: usize = 6;
 /// Least deviation of a field's pixels, in a range of 1, below which it shows nothing to compare.
@@ -97,7 +112,7 @@ impl<'a> Shared<'a> {
     fn step(&self, gain: &mut [f64; 2]) -> Option<(DMat3, f64)> {
         let scale = weight_scale(&self.values(), gain);
         let sums: Vec<([[f64; UNKNOWNS]; UNKNOWNS], [f64; UNKNOWNS])> =
-            self.places.par_chunks(2048).map(|places| self.sums(places, *gain, scale)).collect();
+            self.places.par_chunks(SUMMED).map(|places| self.sums(places, *gain, scale)).collect();
         let mut matrix = [[0.0; UNKNOWNS]; UNKNOWNS];
         let mut right = [0.0; UNKNOWNS];
         // In the order of the pixels, so that the number of threads does not count.
@@ -108,7 +123,7 @@ impl<'a> Shared<'a> {
             }
         }
         for (i, row) in matrix.iter_mut().enumerate() {
-            row[i] *= 1.0 + 1e-6;
+            row[i] *= 1.0 + DIAGONAL_SHARE;
         }
         let d = solve(matrix, right)?;
         *gain = [gain[0] + d[8], gain[1] + d[9]];
@@ -188,10 +203,10 @@ impl<'a> Shared<'a> {
             fields[index].add(*pair);
             whole.add(*pair);
         }
-        let least = self.places.len() as f64 / (4 * FIELDS * FIELDS) as f64;
+        let least = (LEAST_FIELD.0 * self.places.len() as f64 / (FIELDS * FIELDS) as f64).max(LEAST_FIELD.1);
         let mut told: Vec<f64> = fields
             .iter()
-            .filter(|field| field.count >= least.max(16.0) && field.deviations().0 > FLAT)
+            .filter(|field| field.count >= least && field.deviations().0 > FLAT)
             .map(Moments::correlation)
             .collect();
         told.sort_by(f64::total_cmp);
@@ -220,7 +235,7 @@ fn weight_scale(values: &[(f32, f32)], gain: &mut [f64; 2]) -> f32 {
     }
     let (_, median, _) = differences.select_nth_unstable_by(middle, f32::total_cmp);
     // The median of a normal distribution's absolute values, and no less than a step of 8 bits.
-    (*median / 0.6745).max(1.0 / 255.0)
+    (*median / MEDIAN_DEVIATION).max(1.0 / 255.0)
 }
 
 /// Sums of pairs of values.
@@ -264,7 +279,7 @@ impl Moments {
     /// Gain and offset from the second to the first.
     fn line(&self) -> [f64; 2] {
         let [_, bb, ab] = self.covariance();
-        let gain = if bb > 1e-12 { (ab / bb).clamp(0.2, 5.0) } else { 1.0 };
+        let gain = if bb > 1e-12 { (ab / bb).clamp(GAIN.0, GAIN.1) } else { 1.0 };
         [gain, (self.sums[0] - gain * self.sums[1]) / self.count.max(1.0)]
     }
 }
@@ -274,11 +289,17 @@ pub(crate) fn agreement(coarse: &Pyramid, fine: &Pyramid, matrix: &DMat3) -> Agr
     Shared::new(coarse, fine, matrix, 0).map_or(Agreement::default(), |shared| shared.agreement())
 }
 
-/// `matrix`, from the coarser to the finer photograph, refined; as it was where no step makes the photographs agree better.
-pub(crate) fn refine(coarse: &Pyramid, fine: &Pyramid, matrix: &DMat3) -> (DMat3, Agreement) {
+/// `matrix`, from the coarser to the finer photograph, refined; as it was where no step makes the photographs agree better, or the
+/// job is cancelled.
+pub(crate) fn refine(
+    coarse: &Pyramid,
+    fine: &Pyramid,
+    matrix: &DMat3,
+    cancel: CancelCheck<'_>,
+) -> (DMat3, Agreement) {
     let mut best = (*matrix, agreement(coarse, fine, matrix));
     let mut current = *matrix;
-    for level in (0..3).rev() {
+    for level in (0..LEVELS).rev() {
         let Some(mut shared) = Shared::new(coarse, fine, &current, level) else { continue };
         if shared.places.len() < LEAST_PIXELS {
             continue;
@@ -289,7 +310,7 @@ pub(crate) fn refine(coarse: &Pyramid, fine: &Pyramid, matrix: &DMat3) -> (DMat3
             let size = fine.levels[0].extent() / shared.fine.extent();
             normalised(DMat3::from_scale(size) * shared.matrix * DMat3::from_scale(pixel.recip()))
         };
-        for _ in 0..STEPS {
+        for _ in (0..STEPS).take_while(|_| !cancel.is_cancelled()) {
             let Some((moved, far)) = shared.step(&mut gain) else { break };
             shared.matrix = moved;
             let extent = shared.fine.extent() - 1.0;
@@ -336,7 +357,7 @@ mod tests {
         rough.z_axis.x += 2.5;
         rough.z_axis.y -= 2.0;
         rough.x_axis.x *= 1.01;
-        let (found, agreed) = refine(&coarse, &fine, &rough);
+        let (found, agreed) = refine(&coarse, &fine, &rough, CancelCheck::default());
         assert!(agreed.correlation > 0.995, "{agreed:?}");
         for corner in seen_in(&truth.inverse(), DVec2::new(260.0, 230.0), DVec2::new(240.0, 200.0)) {
             let far = (project(&found, corner) - project(&truth, corner)).length();

@@ -7,6 +7,7 @@
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
+use texfold_core::CancelCheck;
 
 use super::descriptor::{Descriptor, describe};
 use super::gray::Gray;
@@ -60,8 +61,8 @@ struct Extremum {
     response: f32,
 }
 
-/// All features, coarse ones last, in an order that does not depend on the number of threads.
-pub(crate) fn features(photo: &Gray) -> Vec<Feature> {
+/// All features, coarse ones last, in an order that does not depend on the number of threads. Of no use once the job is cancelled.
+pub(crate) fn features(photo: &Gray, cancel: CancelCheck<'_>) -> Vec<Feature> {
     let mut start = photo.clone();
     let mut pixel = 1.0f32;
     let mut sigma = CAMERA_SIGMA;
@@ -75,15 +76,15 @@ pub(crate) fn features(photo: &Gray) -> Vec<Feature> {
     }
     // A pixel's centre is half a pixel from its corner; thinning keeps the centres of the octave before.
     let centre = 0.5 * pixel;
-    let mut base = start.blurred((FIRST_SIGMA * FIRST_SIGMA - sigma * sigma).sqrt());
+    let mut base = start.blurred((FIRST_SIGMA * FIRST_SIGMA - sigma * sigma).sqrt(), cancel);
     let mut found = Vec::new();
     for octave in 0.. {
-        if base.width.min(base.height) <= 2 * BORDER + 2 {
+        if base.width.min(base.height) <= 2 * BORDER + 2 || cancel.is_cancelled() {
             break;
         }
-        let blurs = blurs(base);
+        let blurs = blurs(base, cancel);
         let most = MOST_FEATURES[octave.min(MOST_FEATURES.len() - 1)];
-        found.extend(of_octave(&blurs, most, pixel, centre));
+        found.extend(of_octave(&blurs, most, Scale { pixel, centre }, cancel));
         base = blurs[SCALES].thinned();
         pixel *= 2.0;
     }
@@ -91,18 +92,28 @@ pub(crate) fn features(photo: &Gray) -> Vec<Feature> {
 }
 
 /// The octave's picture at rising blurs, each 2^(1/3) of the one before.
-fn blurs(base: Gray) -> Vec<Gray> {
+fn blurs(base: Gray, cancel: CancelCheck<'_>) -> Vec<Gray> {
     let step = 2f32.powf(1.0 / SCALES as f32);
     let mut blurs = vec![base];
     for index in 1..SCALES + 3 {
         let before = FIRST_SIGMA * step.powi(index as i32 - 1);
-        let next = blurs[index - 1].blurred(before * (step * step - 1.0).sqrt());
+        let next = blurs[index - 1].blurred(before * (step * step - 1.0).sqrt(), cancel);
         blurs.push(next);
     }
     blurs
 }
 
-fn of_octave(blurs: &[Gray], most: usize, pixel: f32, centre: f32) -> Vec<Feature> {
+/// How places of an octave's picture lead to those of the photograph.
+#[derive(Debug, Clone, Copy)]
+struct Scale {
+    /// Side of an octave's pixel in pixels.
+    pixel: f32,
+    /// Where the centre of the first one lies.
+    centre: f32,
+}
+
+fn of_octave(blurs: &[Gray], most: usize, scale: Scale, cancel: CancelCheck<'_>) -> Vec<Feature> {
+    let Scale { pixel, centre } = scale;
     let differences: Vec<Gray> = blurs
         .windows(2)
         .map(|pair| Gray {
@@ -115,6 +126,9 @@ fn of_octave(blurs: &[Gray], most: usize, pixel: f32, centre: f32) -> Vec<Featur
     let rows: Vec<Vec<Extremum>> = (BORDER..height - BORDER)
         .into_par_iter()
         .map(|y| {
+            if cancel.is_cancelled() {
+                return Vec::new();
+            }
             let layers = (1..=SCALES).flat_map(|layer| (BORDER..width - BORDER).map(move |x| (layer, x)));
             layers
                 .filter(|&(layer, x)| is_extremum(&differences, layer, x, y))
@@ -130,6 +144,9 @@ fn of_octave(blurs: &[Gray], most: usize, pixel: f32, centre: f32) -> Vec<Featur
     let described: Vec<Vec<Feature>> = extrema
         .par_iter()
         .map(|extremum| {
+            if cancel.is_cancelled() {
+                return Vec::new();
+            }
             let blur = &blurs[extremum.layer];
             let feature = |angle| Feature {
                 place: extremum.at * pixel + centre,
@@ -269,7 +286,7 @@ mod tests {
     #[test]
     fn spots_are_found_where_they_are_and_at_their_scale() {
         let placed = [(40.3, 50.7, 3.0), (120.2, 40.6, 6.0), (90.3, 129.7, 12.0)];
-        let found = features(&spots(180, 180, &placed));
+        let found = features(&spots(180, 180, &placed), CancelCheck::default());
         for (x, y, size) in placed {
             let near = found.iter().min_by(|a, b| {
                 let far = |f: &Feature| (f.place - Vec2::new(x, y)).length();
@@ -284,9 +301,9 @@ mod tests {
 
     #[test]
     fn a_blank_photo_has_none_and_a_tiny_one_does_not_panic() {
-        assert!(features(&spots(64, 64, &[])).is_empty());
+        assert!(features(&spots(64, 64, &[]), CancelCheck::default()).is_empty());
         for side in 1..12 {
-            assert!(features(&spots(side, 1, &[(0.5, 0.5, 1.0)])).is_empty());
+            assert!(features(&spots(side, 1, &[(0.5, 0.5, 1.0)]), CancelCheck::default()).is_empty());
         }
     }
 }

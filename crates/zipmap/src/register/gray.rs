@@ -4,6 +4,7 @@
 
 use glam::{DVec2, Vec2};
 use rayon::prelude::*;
+use texfold_core::CancelCheck;
 use texfold_core::image::Raster;
 
 /// Blurs are cut off where the Gaussian has fallen to 1 in 2000.
@@ -59,8 +60,8 @@ impl Gray {
         (self.at(place), Vec2::new(right, down))
     }
 
-    /// A Gaussian blur; edges are repeated outwards.
-    pub(crate) fn blurred(&self, sigma: f32) -> Gray {
+    /// A Gaussian blur; edges are repeated outwards. Of no use once the job is cancelled.
+    pub(crate) fn blurred(&self, sigma: f32, cancel: CancelCheck<'_>) -> Gray {
         let radius = (CUT_SIGMAS * sigma).ceil() as usize;
         let weights: Vec<f32> = (0..=2 * radius)
             .map(|k| (-(k as f32 - radius as f32).powi(2) / (2.0 * sigma * sigma)).exp())
@@ -69,6 +70,9 @@ impl Gray {
         let weights: Vec<f32> = weights.into_iter().map(|weight| weight / total).collect();
         let mut across = vec![0.0; self.data.len()];
         across.par_chunks_mut(self.width).zip(self.data.par_chunks(self.width)).for_each(|(out, row)| {
+            if cancel.is_cancelled() {
+                return;
+            }
             let (first, last) = (row[0], row[self.width - 1]);
             let mut padded = vec![first; radius];
             padded.extend_from_slice(row);
@@ -81,6 +85,9 @@ impl Gray {
         });
         let mut data = vec![0.0; self.data.len()];
         data.par_chunks_mut(self.width).enumerate().for_each(|(y, out)| {
+            if cancel.is_cancelled() {
+                return;
+            }
             for (k, weight) in weights.iter().enumerate() {
                 let row = (y + k).saturating_sub(radius).min(self.height - 1);
                 for (out, value) in out.iter_mut().zip(&across[row * self.width..]) {
@@ -166,7 +173,7 @@ mod tests {
 
     #[test]
     fn a_blur_keeps_a_ramp_away_from_the_edges() {
-        let gray = ramp(41, 41).blurred(1.6);
+        let gray = ramp(41, 41).blurred(1.6, CancelCheck::default());
         assert!((gray.get(20, 20) - 60.0).abs() < 1e-3);
     }
 

@@ -6,11 +6,13 @@
 //! random numbers follow from a seed. Errors are measured in pixels of the coarser photograph.
 
 use glam::{DMat3, DVec2, DVec3};
+use texfold_core::CancelCheck;
 use texfold_core::rng::Congruential;
 
 use super::features::Feature;
 use super::matching::Match;
-use crate::linear::{area_scale, normalised, project, solve};
+use crate::geometry::normalised;
+use crate::linear::{area_scale, project, solve};
 
 /// Similarities that are refined.
 const PROPOSALS: usize = 12;
@@ -24,8 +26,10 @@ const SCALE_FACTOR: f64 = 1.6;
 const TURN: f64 = 0.5;
 /// Errors within which matches agree, of rising accuracy, in pixels of the coarser photograph.
 const TOLERANCES: [f64; 4] = [12.0, 6.0, 3.0, 3.0];
-/// Least matches that a homography can be refined on.
+/// Least matches that a homography can be refined on: four tell one, two more can contradict it.
 const LEAST_MATCHES: usize = 6;
+/// Matches that agree with a similarity worth refining, itself among them: as many as tell a homography.
+const LEAST_AGREEING: usize = 4;
 
 /// A pair of places that may show the same.
 #[derive(Debug, Clone, Copy)]
@@ -57,24 +61,27 @@ pub(crate) fn pairs(from: &[Feature], to: &[Feature], matches: &[Match]) -> Vec<
     matches.iter().map(pair).collect()
 }
 
-/// The homography that most pairs agree with; `None` where none can be fitted. `sides` are the longer sides of both photographs.
-pub(crate) fn fit(pairs: &[Pair], sides: (f64, f64), seed: u64) -> Option<Fit> {
+/// The homography that most pairs agree with; `None` where none can be fitted, or the job is cancelled. `sides` are the longer
+/// sides of both photographs.
+pub(crate) fn fit(pairs: &[Pair], sides: (f64, f64), seed: u64, cancel: CancelCheck<'_>) -> Option<Fit> {
+    let going = pairs.iter().take_while(|_| !cancel.is_cancelled());
+    let proposals = going.map(|pair| propose(pair, pairs, sides));
     let mut proposals: Vec<(usize, DMat3)> =
-        pairs.iter().map(|pair| propose(pair, pairs, sides)).filter(|(agree, _)| *agree >= 4).collect();
+        proposals.filter(|(agree, _)| *agree >= LEAST_AGREEING).collect();
     // Stable: the first of equals stays first.
     proposals.sort_by_key(|(agree, _)| std::cmp::Reverse(*agree));
     let mut random = Congruential::new(seed);
     let mut best: Option<Fit> = None;
     let mut tried: Vec<DMat3> = Vec::new();
     for (_, proposal) in proposals {
-        if tried.len() >= PROPOSALS {
+        if tried.len() >= PROPOSALS || cancel.is_cancelled() {
             break;
         }
         if tried.iter().any(|other| alike(other, &proposal, pairs, sides)) {
             continue;
         }
         tried.push(proposal);
-        let Some(found) = refine(&proposal, pairs, sides, &mut random) else { continue };
+        let Some(found) = refine(&proposal, pairs, sides, &mut random, cancel) else { continue };
         if best.as_ref().is_none_or(|best| found.score > best.score) {
             best = Some(found);
         }
@@ -112,7 +119,13 @@ fn alike(a: &DMat3, b: &DMat3, pairs: &[Pair], sides: (f64, f64)) -> bool {
 }
 
 /// From a rough matrix to the homography that agrees with most pairs around it.
-fn refine(start: &DMat3, pairs: &[Pair], sides: (f64, f64), random: &mut Congruential) -> Option<Fit> {
+fn refine(
+    start: &DMat3,
+    pairs: &[Pair],
+    sides: (f64, f64),
+    random: &mut Congruential,
+    cancel: CancelCheck<'_>,
+) -> Option<Fit> {
     let mut matrix = *start;
     let rough = COARSE_SHARE * sides.0.max(sides.1);
     for (step, tolerance) in [rough].into_iter().chain(TOLERANCES).enumerate() {
@@ -124,7 +137,7 @@ fn refine(start: &DMat3, pairs: &[Pair], sides: (f64, f64), random: &mut Congrue
         matrix = if step < 2 { affine(&inliers)? } else { homography(&inliers)? };
     }
     let mut best = judged(matrix, pairs)?;
-    for _ in 0..SAMPLES {
+    for _ in (0..SAMPLES).take_while(|_| !cancel.is_cancelled()) {
         let mut four = best.inliers.clone();
         for place in 0..4 {
             let other = place + random.below(four.len() - place);
@@ -132,8 +145,8 @@ fn refine(start: &DMat3, pairs: &[Pair], sides: (f64, f64), random: &mut Congrue
         }
         four.truncate(4);
         let Some(mut sampled) = homography(&four) else { continue };
-        for tolerance in [6.0, 3.0] {
-            let inliers = agreeing(&sampled, pairs, tolerance);
+        for tolerance in &TOLERANCES[1..3] {
+            let inliers = agreeing(&sampled, pairs, *tolerance);
             match homography(&inliers).filter(|_| inliers.len() >= LEAST_MATCHES) {
                 Some(refined) => sampled = refined,
                 None => break,
@@ -250,7 +263,7 @@ mod tests {
         let pair = |index: usize| {
             let from = place();
             let to = if index.is_multiple_of(3) { place() } else { project(matrix, from) };
-            let (across, _) = crate::linear::slope(matrix, from);
+            let (across, _) = crate::geometry::slope(matrix, from);
             Pair { from, to, scale: across.length() * 1.1, turn: across.to_angle() + 0.1 }
         };
         (0..count).map(pair).collect()
@@ -260,22 +273,22 @@ mod tests {
     fn a_homography_is_found_among_wrong_matches() {
         let matrix = DMat3::from_cols_array(&[0.4, 0.15, 1e-5, -0.14, 0.42, -2e-5, 120.0, 30.0, 1.0]);
         let pairs = scene(&matrix, 60);
-        let found = fit(&pairs, (800.0, 800.0), 1).unwrap();
+        let found = fit(&pairs, (800.0, 800.0), 1, CancelCheck::default()).unwrap();
         assert!(found.inliers.len() >= 40);
-        for corner in crate::linear::corners(DVec2::new(800.0, 600.0)) {
+        for corner in crate::geometry::corners(DVec2::new(800.0, 600.0)) {
             let far = (project(&found.matrix, corner) - project(&matrix, corner)).length();
             assert!(far < 0.01, "{far}");
         }
-        let again = fit(&pairs, (800.0, 800.0), 1).unwrap();
+        let again = fit(&pairs, (800.0, 800.0), 1, CancelCheck::default()).unwrap();
         assert_eq!(found.matrix, again.matrix);
     }
 
     #[test]
     fn pairs_of_nothing_have_none() {
         let mut pairs = scene(&DMat3::IDENTITY, 3);
-        assert!(fit(&pairs, (800.0, 800.0), 1).is_none());
+        assert!(fit(&pairs, (800.0, 800.0), 1, CancelCheck::default()).is_none());
         // All at one place, and all on a line.
         pairs = vec![pairs[1]; 30];
-        assert!(fit(&pairs, (800.0, 800.0), 1).is_none());
+        assert!(fit(&pairs, (800.0, 800.0), 1, CancelCheck::default()).is_none());
     }
 }

@@ -5,6 +5,7 @@
 //! descriptors anyway.
 
 use rayon::prelude::*;
+use texfold_core::CancelCheck;
 
 use super::features::Feature;
 
@@ -20,11 +21,14 @@ pub(crate) struct Match {
     pub(crate) to: usize,
 }
 
-/// Matches in the order of `from`.
-pub(crate) fn matches(from: &[Feature], to: &[Feature]) -> Vec<Match> {
+/// Matches in the order of `from`. Of no use once the job is cancelled.
+pub(crate) fn matches(from: &[Feature], to: &[Feature], cancel: CancelCheck<'_>) -> Vec<Match> {
     let found: Vec<Option<Match>> = (0..from.len())
         .into_par_iter()
         .map(|index| {
+            if cancel.is_cancelled() {
+                return None;
+            }
             let best = clear_nearest(&from[index], to)?;
             let back = nearest(&to[best], from)?;
             let same = back == index || same_place(&from[back], &from[index]);

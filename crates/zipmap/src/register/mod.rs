@@ -16,9 +16,10 @@ mod matching;
 use glam::{DMat3, DVec2};
 use rayon::prelude::*;
 use texfold_core::image::Raster;
-use texfold_core::{EncodeError, Job};
+use texfold_core::{CancelCheck, EncodeError, Job};
 
-use crate::linear::{area, area_scale, normalised, project, seen_in};
+use crate::geometry::{normalised, seen_in};
+use crate::linear::{area, area_scale, project};
 pub use dense::Agreement;
 use features::Feature;
 use gray::{Gray, Pyramid};
@@ -39,7 +40,16 @@ const LEAST_ZOOM: f64 = 1.05;
 /// Least part of a photograph that lies within the root.
 const LEAST_INSIDE: f64 = 0.05;
 
-/// Turns in which matrices are fitted to all links.
+/// Variance of even places on a side of 1 is a twelfth: this factor makes the spread of inliers over all of an area 1.
+const EVEN_SPREAD: f64 = 12.0;
+/// Share of a photograph that another of its scale must show for it to show nothing new.
+const SAME_SHARE: f64 = 0.9;
+/// Pairs of photographs that are matched between two reports of progress: one for each of the usual number of threads.
+const PAIRS_A_TIME: usize = 4;
+/// Multiplier that spreads the bits of a pair's number over its seed (Fibonacci hashing, Knuth).
+const SEED_SPREAD: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// Turns in which matrices are fitted to all links: errors of a chain of ten links are shared out among them by then.
 const SWEEPS: usize = 30;
 /// Places a side that stand for a link.
 const GRID: usize = 8;
@@ -182,29 +192,32 @@ pub fn register(photos: &[Raster], job: &mut Job<'_>) -> Result<Registration, En
     if photos.is_empty() {
         return Err(texfold_core::SourceError::Empty.into());
     }
+    let cancel = job.cancel_check();
     let mut known = Vec::new();
     for (index, photo) in photos.iter().enumerate() {
         job.stage("features", 0.3 * index as f32 / photos.len() as f32)?;
         known.push(job.install(|| {
             let gray = Gray::of(photo);
-            let features = features::features(&gray);
+            let features = features::features(&gray, cancel);
             Photo { pyramid: Pyramid::new(gray), features }
         }));
+        job.checkpoint()?;
     }
     let mut links = Vec::new();
-    let mut faults: Vec<(usize, Fault)> = vec![(0, Fault::NoFit); photos.len()];
+    let mut faults = vec![Misfit::NONE; photos.len()];
     let pairs: Vec<(usize, usize)> = (0..photos.len()).flat_map(|b| (0..b).map(move |a| (a, b))).collect();
-    for (step, batch) in pairs.chunks(4).enumerate() {
-        job.stage("matching", 0.3 + 0.7 * (4 * step) as f32 / pairs.len() as f32)?;
+    for (step, batch) in pairs.chunks(PAIRS_A_TIME).enumerate() {
+        job.stage("matching", 0.3 + 0.7 * (PAIRS_A_TIME * step) as f32 / pairs.len() as f32)?;
         let seed = job.seed;
-        let found: Vec<Result<Link, (usize, Fault)>> =
-            job.install(|| batch.par_iter().map(|&(a, b)| link(&known, a, b, seed)).collect());
+        let found: Vec<Result<Link, Misfit>> =
+            job.install(|| batch.par_iter().map(|&(a, b)| link(&known, (a, b), seed, cancel)).collect());
+        job.checkpoint()?;
         for (&(a, b), found) in batch.iter().zip(found) {
             match found {
                 Ok(link) => links.push(link),
-                Err(fault) => [a, b].into_iter().for_each(|photo| {
-                    if fault.0 >= faults[photo].0 {
-                        faults[photo] = fault;
+                Err(misfit) => [a, b].into_iter().for_each(|photo| {
+                    if misfit.inliers >= faults[photo].inliers {
+                        faults[photo] = misfit;
                     }
                 }),
             }
@@ -213,22 +226,40 @@ pub fn register(photos: &[Raster], job: &mut Job<'_>) -> Result<Registration, En
     Ok(arrange(&known, links, &faults))
 }
 
-/// What two photographs have in common; else how many matches agreed, and what was wrong.
-fn link(photos: &[Photo], a: usize, b: usize, seed: u64) -> Result<Link, (usize, Fault)> {
+/// Why two photographs are not linked.
+#[derive(Debug, Clone, Copy)]
+struct Misfit {
+    /// Matches that agree with the best homography.
+    inliers: usize,
+    fault: Fault,
+}
+
+impl Misfit {
+    /// No homography at all.
+    const NONE: Misfit = Misfit { inliers: 0, fault: Fault::NoFit };
+}
+
+/// What two photographs have in common.
+fn link(
+    photos: &[Photo],
+    (a, b): (usize, usize),
+    seed: u64,
+    cancel: CancelCheck<'_>,
+) -> Result<Link, Misfit> {
     let (from, to) = (&photos[a], &photos[b]);
-    let matches = matching::matches(&from.features, &to.features);
+    let matches = matching::matches(&from.features, &to.features, cancel);
     let pairs = homography::pairs(&from.features, &to.features, &matches);
-    let seed = seed ^ ((a as u64) << 32 | b as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    let fit = homography::fit(&pairs, (from.side(), to.side()), seed).ok_or((0, Fault::NoFit))?;
+    let seed = seed ^ ((a as u64) << 32 | b as u64).wrapping_mul(SEED_SPREAD);
+    let fit = homography::fit(&pairs, (from.side(), to.side()), seed, cancel).ok_or(Misfit::NONE)?;
     let inliers = fit.inliers.len();
-    check(&fit, &pairs, from, to).map_err(|fault| (inliers, fault))?;
+    check(&fit, &pairs, from, to).map_err(|fault| Misfit { inliers, fault })?;
     let middle = fit.inliers.iter().map(|pair| pair.from).sum::<DVec2>() / inliers as f64;
     let zoom = area_scale(&fit.matrix, middle).sqrt();
     let (coarse, fine, matrix) =
         if zoom >= 1.0 { (a, b, fit.matrix) } else { (b, a, normalised(fit.matrix.inverse())) };
-    let (matrix, agreement) = dense::refine(&photos[coarse].pyramid, &photos[fine].pyramid, &matrix);
+    let (matrix, agreement) = dense::refine(&photos[coarse].pyramid, &photos[fine].pyramid, &matrix, cancel);
     if agreement.fields < LEAST_AGREEMENT {
-        return Err((inliers, Fault::Pixels { correlation: agreement.fields }));
+        return Err(Misfit { inliers, fault: Fault::Pixels { correlation: agreement.fields } });
     }
     let at = project(&normalised(matrix.inverse()), photos[fine].extent() * 0.5);
     let zoom = area_scale(&matrix, at).max(0.0).sqrt();
@@ -254,13 +285,12 @@ fn check(fit: &Fit, pairs: &[homography::Pair], from: &Photo, to: &Photo) -> Res
         moments = [moments[0] + d.x * d.x, moments[1] + d.y * d.y, moments[2] + d.x * d.y];
     }
     let [xx, yy, xy] = moments.map(|sum| sum / inliers as f64);
-    // Evenly spread points have a twelfth of the squared sides as variances.
-    let spread = 12.0 * (xx * yy - xy * xy).max(0.0).sqrt() / area(&shared).max(1e-9);
+    let spread = EVEN_SPREAD * (xx * yy - xy * xy).max(0.0).sqrt() / area(&shared).max(1e-9);
     if spread < LEAST_SPREAD { Err(Fault::Cluster { spread }) } else { Ok(()) }
 }
 
 /// Root, parents and matrices.
-fn arrange(photos: &[Photo], links: Vec<Link>, faults: &[(usize, Fault)]) -> Registration {
+fn arrange(photos: &[Photo], links: Vec<Link>, faults: &[Misfit]) -> Registration {
     let (component, scales) = scales(photos.len(), &links);
     let size_of = |c: usize| component.iter().filter(|&&other| other == c).count();
     // The largest group; in it the coarsest photograph, of equals the one that shows most, then the first.
@@ -283,12 +313,14 @@ fn arrange(photos: &[Photo], links: Vec<Link>, faults: &[(usize, Fault)]) -> Reg
     }
     settle(photos, &mut result);
     for photo in (0..photos.len()).filter(|&photo| component[photo] != component[root]) {
-        let (inliers, fault) = faults[photo];
+        let Misfit { inliers, fault } = faults[photo];
         let features = photos[photo].features.len();
-        let reason = match () {
-            () if features < LEAST_FEATURES => LeftOut::Blank { features },
-            () if size_of(component[photo]) > 1 => LeftOut::Elsewhere,
-            () => LeftOut::Alone { inliers, fault },
+        let reason = if features < LEAST_FEATURES {
+            LeftOut::Blank { features }
+        } else if size_of(component[photo]) > 1 {
+            LeftOut::Elsewhere
+        } else {
+            LeftOut::Alone { inliers, fault }
         };
         result.left_out.push((photo, reason));
     }
@@ -340,7 +372,7 @@ fn place(photo: usize, photos: &[Photo], known: &Registration) -> Result<Placed,
         pair.contains(&photo)
             && has_place(partner)
             && other.zoom < LEAST_ZOOM
-            && covers(photos, other, photo) > 0.9
+            && covers(photos, other, photo) > SAME_SHARE
     });
     if let Some(double) = double {
         let than = if double.coarse == photo { double.fine } else { double.coarse };

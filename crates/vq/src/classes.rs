@@ -1,4 +1,5 @@
-//! Index planes: images of one size lie in one plane, below one another, in several columns where one would be too long.
+//! Index planes: images of one size lie in one plane, below one another, in several columns where one would be too
+//! long.
 
 use std::collections::HashMap;
 

@@ -55,8 +55,8 @@ pub struct VqParams {
     pub goal: Goal,
     /// Width and height of the codebook in texels, multiples of 4 up to 256, instead of the goal.
     pub codebook: Option<(u32, u32)>,
-    /// Number and side of the image samples; `None` tries none and a few and keeps what lowers the weighted error. Sides are multiples
-    /// of 4 up to 256; samples take at most 75% of the codebook.
+    /// Number and side of the image samples; `None` tries none and a few and keeps what lowers the weighted error.
+    /// Sides are multiples of 4 up to 256; samples take at most 75% of the codebook.
     pub samples: Option<(u32, u32)>,
     /// How strongly importance weighs an error: 0 counts all texels alike, 1 is the default. Frames of a sequence count
     /// alike unless something was painted or a mesh is given.

@@ -1,9 +1,10 @@
 //! CPU reference of `shaders/wgsl/zipmap.wgsl`, function for function.
 //!
-//! A colour is that of the root at the texture coordinate, and over it that of each patch that its tile names, the uppermost first: by
-//! its alpha, at the place that the patch's matrix leads to, from the mip level that fits. A patch has no colour where its own
-//! texture coordinates leave 0 to 1, and fades out behind its last mip level. Texels are those of [`ZipmapView`], with all of
-//! their channels, where the shader reads planes and puts channels in their place at the end.
+//! A colour is that of the root at the texture coordinate, and over it that of each patch that its tile names, the
+//! uppermost first: by its alpha, at the place that the patch's matrix leads to, from the mip level that fits. A patch
+//! has no colour where its own texture coordinates leave 0 to 1, and fades out behind its last mip level. Texels are
+//! those of [`ZipmapView`], with all of their channels, where the shader reads planes and puts channels in their place
+//! at the end.
 
 use glam::{IVec2, UVec2, UVec4, Vec2, Vec3, Vec4};
 use texfold_core::Texel;
@@ -19,7 +20,7 @@ pub const TEXFOLD_ZIPMAP_MOST: u32 = 2048;
 pub const TEXFOLD_ZIPMAP_RECORD: u32 = 8;
 /// Numbers of 16 bits before the names in a list: how fine its patches are.
 pub const TEXFOLD_ZIPMAP_BEFORE: u32 = 2;
-/// What is seen of a patch at least: less is a quarter of a step of 8 bits.
+/// Transmittance below which compositing stops: a quarter of a step of 8 bits.
 pub const TEXFOLD_ZIPMAP_LEAST: f32 = 0.0009765625;
 /// Levels that are blended.
 pub const TEXFOLD_ZIPMAP_BLENDED: u32 = 2;
@@ -98,7 +99,7 @@ pub fn texfold_zipmap_place(view: &ZipmapView<'_>, index: u32) -> UVec2 {
     UVec2::new(index - (row << view.params.row_log2), row)
 }
 
-/// Texel `index` of the table; beyond its end nothing that counts.
+/// Texel `index` of the table; an out-of-range read returns zeros that are never used.
 #[must_use]
 #[inline]
 pub fn texfold_zipmap_entry(view: &ZipmapView<'_>, index: u32) -> UVec4 {
@@ -182,7 +183,8 @@ pub fn texfold_zipmap_level(
     texfold_zipmap_blend(texels, size, share * size.as_vec2())
 }
 
-/// What a patch shows at `uv` of the root, which moves by `dx` and `dy` to the pixels right and below: its colour and how much of it.
+/// What a patch shows at `uv` of the root, which moves by `dx` and `dy` to the pixels right and below: its colour and
+/// how much of it.
 #[must_use]
 #[inline]
 pub fn texfold_zipmap_layer(view: &ZipmapView<'_>, index: u32, uv: Vec2, dx: Vec2, dy: Vec2) -> Vec4 {
@@ -271,7 +273,8 @@ pub fn texfold_zipmap_under(seen: Vec4, shown: Vec4) -> Vec4 {
     (seen.truncate() + shown.truncate() * share).extend(seen.w - share)
 }
 
-/// The colour at `uv`, which moves by `dx` and `dy` to the pixels right and below, of a pixel that is about as long as wide.
+/// The colour at `uv`, which moves by `dx` and `dy` to the pixels right and below, of a pixel that is about as long as
+/// wide.
 #[must_use]
 pub fn texfold_zipmap_pixel(view: &ZipmapView<'_>, uv: Vec2, dx: Vec2, dy: Vec2) -> Texel {
     let at = texfold_fold(uv, view.params.address_mode);
@@ -300,8 +303,8 @@ pub fn texfold_zipmap_pixel(view: &ZipmapView<'_>, uv: Vec2, dx: Vec2, dy: Vec2)
     patches + texfold_zipmap_root(view, uv, dx, dy) * seen.w
 }
 
-/// The colour at `uv`, which moves by `dx` and `dy` to the pixels right and below: 0 to 1 from the top left of the root, and beyond by
-/// the address mode. A pixel that is longer than wide is the mean of several, side by side.
+/// The colour at `uv`, which moves by `dx` and `dy` to the pixels right and below: 0 to 1 from the top left of the
+/// root, and beyond by the address mode. A pixel that is longer than wide is the mean of several, side by side.
 #[must_use]
 pub fn texfold_zipmap_sample_grad(view: &ZipmapView<'_>, uv: Vec2, dx: Vec2, dy: Vec2) -> Texel {
     let root = UVec2::from(view.params.root_size).as_vec2();

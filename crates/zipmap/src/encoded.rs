@@ -25,7 +25,8 @@ use crate::{Zipmap, wire};
 pub(crate) const MAX_PATCHES: usize = crate::decode::TEXFOLD_ZIPMAP_MOST as usize;
 /// Most mip levels of a patch: down to where all of its texels are its border.
 pub(crate) const MAX_PATCH_LEVELS: u32 = 12;
-/// Tiles for each patch: few enough to be small, many enough that a tile names few patches beyond those that a pixel shows.
+/// Tiles for each patch: few enough to be small, many enough that a tile names few patches beyond those that a pixel
+/// shows.
 const TILES_PER_PATCH: f64 = 64.0;
 /// Most tiles a side.
 const MAX_TILES: u32 = 128;
@@ -105,8 +106,8 @@ pub(crate) fn matrix_of(rows: &[f32; 9]) -> DMat3 {
     DMat3::from_cols_array(&rows.map(f64::from)).transpose()
 }
 
-/// The texels of planes that hold `pixel`, 8 bits a channel, row by row. A band of rows is decoded at a time, so that no more is held
-/// than the result.
+/// The texels of planes that hold `pixel`, 8 bits a channel, row by row. A band of rows is decoded at a time, so that
+/// no more is held than the result.
 pub(crate) fn bytes_of(planes: &ContentPlanes, pixel: PixelInfo) -> Vec<[u8; 4]> {
     let (width, height) = planes.size();
     let mut out = vec![[0; 4]; width as usize * height as usize];
@@ -200,7 +201,7 @@ impl ZipTexture {
         Some(PatchInfo { matrix: matrix_of(&patch.matrix), size, levels: levels.len() as u32 })
     }
 
-    /// How many pictures the patches show: fewer than patches where one lies at several places.
+    /// How many images the patches show: fewer than patches where one lies at several places.
     #[must_use]
     pub fn contents(&self) -> usize {
         self.parts.contents.len()
@@ -219,7 +220,7 @@ impl ZipTexture {
         self.parts.deep
     }
 
-    /// A picture of `width` x `height` pixels of the rectangle from `corner` to `corner + extent` of the root's texture
+    /// An image of `width` x `height` pixels of the rectangle from `corner` to `corner + extent` of the root's texture
     /// coordinates, at any zoom.
     #[must_use]
     pub fn draw(&self, corner: Vec2, extent: Vec2, (width, height): (u32, u32)) -> Vec<Texel> {
@@ -342,8 +343,9 @@ impl Outline {
         }
     }
 
-    /// The square of the most texels of the patch along a texel of the root, where it shares the square from `corner` on; `None`
-    /// where it shares none. Told at the corners of what is shared: a homography has its largest scale at one of them, or very near.
+    /// The square of the most texels of the patch along a texel of the root, where it shares the square from `corner`
+    /// on; `None` where it shares none. Told at the corners of what is shared: a homography has its largest scale at
+    /// one of them, or very near.
     fn fineness(&self, corner: DVec2, side: f64, root: DVec2) -> Option<f64> {
         if self.low.cmpgt(corner + side).any() || self.high.cmplt(corner).any() {
             return None;
@@ -360,7 +362,8 @@ impl Outline {
     }
 }
 
-/// For each tile how many patches touch it and where its list begins, then the lists, each once: the uppermost patch first.
+/// For each tile how many patches touch it and where its list begins, then the lists, each once: the uppermost patch
+/// first.
 fn directory(parts: &Parts, tiles: u32) -> Vec<UVec4> {
     let (width, height) = parts.root[0].size();
     let root = DVec2::new(f64::from(width), f64::from(height));
@@ -391,8 +394,8 @@ fn directory(parts: &Parts, tiles: u32) -> Vec<UVec4> {
     texels
 }
 
-/// The next of the powers of the fourth root of two, so that tiles share lists; a little less, so that pixels as large as texels count as
-/// such however numbers are rounded.
+/// The next of the powers of the fourth root of two, so that tiles share lists; a little less, so that pixels as large
+/// as texels count as such however numbers are rounded.
 fn step_above(fineness: f64) -> f32 {
     ((((4.0 * fineness.log2()) - 1e-3).ceil() / 4.0).exp2() * (1.0 - 1e-5)) as f32
 }
@@ -433,8 +436,8 @@ pub(crate) fn record(
 /// The origin of each level of what patches show in one plane, and the plane's size.
 type Packing = (Vec<Vec<(u32, u32)>>, (u32, u32));
 
-/// The origin of each level of what patches show in one plane, and the plane's size: rows of rectangles of falling height. `None` where it
-/// would be too large.
+/// The origin of each level of what patches show in one plane, and the plane's size: rows of rectangles of falling
+/// height. `None` where it would be too large.
 fn pack(contents: &[Vec<ContentPlanes>]) -> Option<Packing> {
     let whole = |side: u32| side.next_multiple_of(4);
     let mut all: Vec<(usize, usize, u32, u32)> = Vec::new();

@@ -47,7 +47,10 @@ pub enum ZipError {
         parent: usize,
     },
     /// A mask of another size than its image.
-    #[error("the mask of patch {patch} is {}x{} and its image {}x{}; scale one to the other", found.0, found.1, wanted.0, wanted.1)]
+    #[error(
+        "the mask of patch {patch} is {}x{} and its image {}x{}; scale one to the other",
+        found.0, found.1, wanted.0, wanted.1
+    )]
     MaskSize {
         /// Which patch.
         patch: usize,

@@ -2,7 +2,8 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
-/// A matrix whose last element is below this share of its length has its horizon there: it is scaled to length 1 instead.
+/// A matrix whose last element is below this share of its length has its horizon there: it is scaled to length 1
+/// instead.
 const LEAST_LAST: f64 = 1e-9;
 /// Share of the third coordinate at a rectangle's middle below which a place is too near to the horizon to count.
 const HORIZON_SHARE: f64 = 1e-3;
@@ -29,7 +30,8 @@ pub(crate) fn corners(extent: DVec2) -> [DVec2; 4] {
     [DVec2::ZERO, DVec2::new(extent.x, 0.0), extent, DVec2::new(0.0, extent.y)]
 }
 
-/// The part of a polygon that a homography gives a positive third coordinate of at least `least`, as homogeneous points.
+/// The part of a polygon that a homography gives a positive third coordinate of at least `least`, as homogeneous
+/// points.
 fn in_front(matrix: &DMat3, polygon: &[DVec2], least: f64) -> Vec<DVec3> {
     let moved: Vec<DVec3> = polygon.iter().map(|point| *matrix * point.extend(1.0)).collect();
     clip(&moved, |point| point.z - least)
@@ -51,8 +53,8 @@ fn clip(polygon: &[DVec3], side: impl Fn(&DVec3) -> f64) -> Vec<DVec3> {
     kept
 }
 
-/// What of a rectangle from (0, 0) to `extent` a homography leads into the rectangle from (0, 0) to `window`, as a polygon in the
-/// latter; empty where nothing does.
+/// What of a rectangle from (0, 0) to `extent` a homography leads into the rectangle from (0, 0) to `window`, as a
+/// polygon in the latter; empty where nothing does.
 pub(crate) fn seen_in(matrix: &DMat3, extent: DVec2, window: DVec2) -> Vec<DVec2> {
     let middle = (*matrix * (extent * 0.5).extend(1.0)).z;
     let matrix = if middle < 0.0 { *matrix * -1.0 } else { *matrix };

@@ -1,14 +1,15 @@
 //! Zoom-into-parts texture maps: photographs of one surface at several scales as one texture that can be zoomed into.
 //!
 //! A root shows all of the surface; patches show parts of it in more detail, each by a matrix from the root's texture
-//! coordinates to its own and by its alpha. A lookup reads the root and blends over it, in order, the patches that the root's
-//! tile names; so any number of patches takes one pass. [`register`] finds root and matrices of an unordered folder of
-//! photographs; colours of patches are fitted to those below them, and alpha follows edges of the picture.
+//! coordinates to its own and by its alpha. A lookup reads the root and blends over it, in order, the patches that the
+//! root's tile names; so any number of patches takes one pass. [`register`] finds root and matrices of an unordered
+//! folder of photographs; colours of patches are fitted to those below them, and alpha follows edges of the image.
 //!
-//! Source: Eisemann and Magnor, "ZIPMAPS: zoom-into-parts texture maps", 2010. Beyond the paper: per-tile lists of patches, exposure
-//! and refinement in registration, checks that leave out photographs that do not agree, mip levels left out where
-//! what lies below shows the same, content in blocks, lookups of several places for pixels that are longer than wide. An image that
-//! several patches show is stored once, and its colours are fitted to none of the places.
+//! Source: Eisemann and Magnor, "ZIPMAPS: zoom-into-parts texture maps", 2010. Beyond the paper: per-tile lists of
+//! patches, exposure and refinement in registration, checks that leave out photographs that do not agree, mip levels
+//! left out where what lies below shows the same, content in blocks, lookups of several places for pixels that are
+//! longer than wide. An image that several patches show is stored once, and its colours are fitted to none of the
+//! places.
 
 pub mod decode;
 #[cfg(feature = "encode")]

@@ -6,18 +6,20 @@ use texfold_core::{Effort, Goal, ParamError, Params};
 /// How a stack of patches is encoded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ZipParams {
-    /// What to reach. PSNR counts what compression and pictures stored at a fraction of their size change of the merged patches,
-    /// in the worst of them; the tolerance is for each 4x4 block of each picture as it is stored; bits are per texel of the root
-    /// and of all images.
+    /// What to reach. [`Goal::Psnr`]: the PSNR of every image, as compression and images stored below their full size
+    /// leave it, against the merged image before; the worst image counts. [`Goal::Tolerance`]: the RMS error of every
+    /// 4x4 block of every stored image. [`Goal::Bpp`]: bits of GPU memory per texel of the root and of all images of
+    /// the stack.
     pub goal: Goal,
     /// How the root is stored; patches are stored alike, with soft alpha. `None` lets the goal decide.
     pub content: Option<Content>,
-    /// Cost of a path to the border, as the sum of gradients of a range of 1, from which on a patch covers all below it.
+    /// Cost of a path to the border, as the sum of gradients of a range of 1, from which on a patch covers all below
+    /// it.
     pub tau: f32,
     /// Whether colours are fitted to those of the parents.
     pub merge: bool,
-    /// RMS difference in 8-bit units below which what lies under a mip level shows the same, so that it is left out; the goal may
-    /// ask for less.
+    /// RMS difference in 8-bit units below which what lies under a mip level shows the same, so that it is left out;
+    /// the goal may ask for less.
     pub drop_rms: f32,
     /// How long blocks are searched.
     pub effort: Effort,

@@ -49,13 +49,13 @@ impl PatchStack {
         Some(stack)
     }
 
-    /// Maps of another kind, such as normals or heights, at the places of these patches: a root, a map for each patch, and how
-    /// much each is shown, from [`crate::masks`] of the colours. Encode them with [`crate::ZipParams::merge`] off, as they have no
-    /// exposure.
+    /// Maps of another kind, such as normals or heights, at the places of these patches: a root, a map for each patch,
+    /// and how much each is shown, from [`crate::masks`] of the colours. Encode them with [`crate::ZipParams::merge`]
+    /// off, as they have no exposure.
     ///
     /// # Errors
-    /// [`ZipError::Maps`] where there are not as many maps and masks as patches. Masks of another size than the maps are an error of
-    /// encoding.
+    /// [`ZipError::Maps`] where there are not as many maps and masks as patches. Masks of another size than the maps
+    /// are an error of encoding.
     pub fn riding(
         &self,
         root: Raster,

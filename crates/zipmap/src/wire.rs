@@ -1,5 +1,5 @@
-//! Sections of a `zipmap` file: "ZMFM" (contents, depth, size and levels of what patches show, and their matrices), "ZMRT" (planes of
-//! the root), "ZMPA" (planes of what patches show).
+//! Sections of a `zipmap` file: "ZMFM" (contents, depth, size and levels of what patches show, and their matrices),
+//! "ZMRT" (planes of the root), "ZMPA" (planes of what patches show).
 
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
@@ -16,8 +16,8 @@ const FORM_ID: [u8; 4] = *b"ZMFM";
 const ROOT_ID: [u8; 4] = *b"ZMRT";
 const PATCH_ID: [u8; 4] = *b"ZMPA";
 
-/// Bytes of what is known of an image that patches show, beside its planes: size and levels, a plane's place, and a rectangle of
-/// the shared plane for each level while that is arranged.
+/// Bytes of what is known of an image that patches show, beside its planes: size and levels, a plane's place, and a
+/// rectangle of the shared plane for each level while that is arranged.
 const IMAGE_BYTES: u64 = 2048;
 
 /// Pixels of patches: those of the root, with alpha.

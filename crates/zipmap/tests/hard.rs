@@ -1,5 +1,5 @@
-//! Hard cases of registration and of drawing: zooms of twelve, jumps of exposure, people who walk through, and patches smaller than a
-//! pixel.
+//! Hard cases of registration and of drawing: zooms of twelve, jumps of exposure, people who walk through, and patches
+//! smaller than a pixel.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
 
@@ -69,7 +69,7 @@ fn a_jump_of_exposure_by_four_is_no_hindrance() {
     }
 }
 
-/// Lays discs over a picture: about a seventh of it.
+/// Lays discs over an image: about a seventh of it.
 fn with_people(leaves: &Leaves, matrix: &DMat3, seed: u64) -> Raster {
     let mut texels = leaves.view(matrix, SIZE, 3);
     let mut rng = Rng::new(seed);

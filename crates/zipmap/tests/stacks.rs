@@ -101,7 +101,8 @@ fn a_close_up_adds_detail_and_its_exposure_is_that_of_the_root() {
         println!("patch {:?}: {:.2} dB, {gain:.2} dB above the root", shown.patch, shown.error.psnr());
         assert!(gain > 3.0, "{gain}");
     }
-    // The mean around the zoomed place is that of the root alone, though the close-ups are a quarter darker and brighter.
+    // The mean around the zoomed place is that of the root alone, though the close-ups are a quarter darker and
+    // brighter.
     let alone = texture.first_patches(0);
     let (corner, extent) = (Vec2::new(0.4, 0.5), Vec2::splat(0.1));
     let mean = |texture: &ZipTexture| {
@@ -379,8 +380,8 @@ fn a_patch_that_shows_nothing_new_or_that_others_hide_is_left_out() {
             patch(2, wide, Some(white)),
         ],
     };
-    // Levels of the enlarged root differ from the root's own by their filters, where edges are as hard as here by more than the
-    // usual 2 of 255.
+    // Levels of the enlarged root differ from the root's own by their filters, where edges are as hard as here by more
+    // than the usual 2 of 255.
     let texture = encode(&stack, &ZipParams { drop_rms: 4.0, ..ZipParams::default() }).unwrap();
     let verdict = &texture.notes().verdict;
     assert_eq!(texture.patches(), 1, "{verdict}");

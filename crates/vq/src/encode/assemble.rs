@@ -107,7 +107,8 @@ impl Draft {
             .collect()
     }
 
-    /// Moves each codeword to the weighted mean of the blocks that use it; unused ones to the blocks that are worst off.
+    /// Moves each codeword to the weighted mean of the blocks that use it; unused ones to the blocks that are worst
+    /// off.
     pub(crate) fn average(
         &mut self,
         blocks: &Blocks,

@@ -30,7 +30,7 @@ pub(crate) fn add(
     let bytes = held_bytes(source.images) + 2 * index;
     let grown = job.holding(bytes, |job| {
         job.stage("matching", 0.0)?;
-        // A picture that was stored as gray takes further colour pictures as gray.
+        // A set that is stored as gray takes further colour images as gray.
         let gray = (texture.layout.pixel.channels == 1 && source.images.info().channels == 3)
             .then(|| source.images.to_gray());
         let source = VqSource { images: gray.as_ref().unwrap_or(source.images), ..source };

@@ -1,9 +1,9 @@
 //! The encoder: guidance, samples, codewords, codebook, index.
 //!
 //! The paper's steps in order: blocks, usability, saliency and distortion, guidance, samples, then vector quantisation
-//! of what they do not show. Beyond the paper: codewords are weighted by importance, and everything is decided on the stored
-//! (8-bit or block-compressed) codebook, with rounds that move the codewords to what really uses them; blocks may point
-//! across codewords; and pictures that are nearly gray are stored as gray. A tolerance goal uses the paper's
+//! of what they do not show. Beyond the paper: codewords are weighted by importance, and everything is decided on the
+//! stored (8-bit or block-compressed) codebook, with rounds that move the codewords to what really uses them; blocks
+//! may point across codewords; and images that are nearly gray are stored as gray. A tolerance goal uses the paper's
 //! incremental codewords instead, which bound every block's error.
 //!
 //! Cost: O(blocks x codewords) distances, nearly all of which are rejected after a few numbers. *Not
@@ -38,11 +38,11 @@ pub use report::{PartPictures, pictures};
 
 /// Longest side of an image with mip levels: up to it the index of any image fits a plane, whatever its shape.
 const MAX_SIDE_WITH_MIPS: u32 = 16_000;
-/// Bytes that encoding holds for each texel, beside those of its channels: importance (4), and one decoded texel (16) while
-/// quality is measured.
+/// Bytes that encoding holds for each texel, beside those of its channels: importance (4), and one decoded texel (16)
+/// while quality is measured.
 const BYTES_PER_TEXEL: u64 = 20;
-/// Numbers of 4 bytes that encoding holds for each channel of each texel: blocks, the image as gray or with its mip levels, and
-/// the decoded image while quality is measured.
+/// Numbers of 4 bytes that encoding holds for each channel of each texel: blocks, the image as gray or with its mip
+/// levels, and the decoded image while quality is measured.
 const NUMBERS_PER_CHANNEL: u64 = 3;
 /// The first, fast search for a quality goal stops within this share of the number of codewords, the second one,
 /// at full effort, within the smaller.
@@ -54,7 +54,7 @@ const FINE_RANGE: f64 = 0.8;
 const EFFORT_GAIN: f64 = 0.7;
 
 /// Largest RMS distance from gray, 8-bit units, at which gray alone is tried too: what 565 colours and chroma noise
-/// leave on a gray picture.
+/// leave on a gray image.
 const NEARLY_GRAY_RMS: f64 = 2.0;
 
 impl Encoder for Vq {
@@ -73,8 +73,8 @@ impl Growable for Vq {
 }
 
 impl Vq {
-    /// As [`Encoder::encode`] for a quality goal, but gives up once `most_bpp` bits of GPU memory a texel do not reach it:
-    /// for callers that hold a plain form of that size.
+    /// As [`Encoder::encode`] for a quality goal, but gives up once `most_bpp` bits of GPU memory a texel do not reach
+    /// it: for callers that hold a plain form of that size.
     ///
     /// # Errors
     /// As [`Encoder::encode`].

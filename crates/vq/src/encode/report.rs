@@ -1,4 +1,4 @@
-//! What an encode says of itself: settings, verdict, ledger, pictures.
+//! What an encode says of itself: settings, verdict, ledger, images of the parts.
 
 use texfold_core::image::{ColorSpace, PixelInfo, Raster};
 use texfold_core::metric::{SquaredError, color_error, decode_surface};
@@ -89,7 +89,7 @@ fn psnr_with(prepared: &Prepared<'_>, texture: &VqTexture, corners: &[[u8; 2]]) 
     Ok(error.fold(SquaredError::default(), |sum, error| sum + error).psnr() as f32)
 }
 
-/// Pictures of the parts of a vq texture, for a person to look at.
+/// Images of the parts of a vq texture, for a person to look at.
 #[derive(Debug, Clone)]
 pub struct PartPictures {
     /// The codebook, with samples framed in red and unused cells black.
@@ -100,7 +100,7 @@ pub struct PartPictures {
     pub usage: Vec<Raster>,
 }
 
-/// Draws the parts of `texture`; `None` only where a picture cannot be made at all.
+/// Draws the parts of `texture`; `None` only where an image cannot be made at all.
 #[must_use]
 pub fn pictures(texture: &VqTexture) -> Option<PartPictures> {
     let surfaces = 0..texture.layout().surfaces.len() as u32;

@@ -1,7 +1,7 @@
 //! Choice of the image samples: the windows with the most guidance (paper sections 3.1 and 3.4).
 //!
-//! Guidance = normalised usability + normalised importance, by their weights. After each choice the blocks that it shows
-//! within tolerance no longer count for usability, nor its texels for importance.
+//! Guidance = normalised usability + normalised importance, by their weights. After each choice the blocks that it
+//! shows within tolerance no longer count for usability, nor its texels for importance.
 
 use rayon::prelude::*;
 use texfold_codebook::Search;

@@ -166,8 +166,8 @@ impl<'s> Prepared<'s> {
         Storage { pixel: self.layout.pixel, content, effort, straddling }
     }
 
-    /// The texture for one size and kind of codebook. Where there are few blocks every number of samples is tried to the
-    /// end; else a trial without the last steps decides.
+    /// The texture for one size and kind of codebook. Where there are few blocks every number of samples is tried to
+    /// the end; else a trial without the last steps decides.
     pub(crate) fn encode(&self, request: &Request) -> Result<VqTexture, EncodeError> {
         let side = usual_side(request.grid);
         let settled = self.params.samples.is_some() || side == 0;
@@ -274,7 +274,8 @@ pub(crate) fn levels(images: &ImageSet, params: &VqParams) -> u32 {
     if params.mips { images.full_levels().min(TEXFOLD_VQ_LEVELS as u32) } else { 1 }
 }
 
-/// Side of samples that suits a codebook: a quarter to an eighth of its area; 0 where that would be a handful of blocks.
+/// Side of samples that suits a codebook: a quarter to an eighth of its area; 0 where that would be a handful of
+/// blocks.
 pub(crate) fn usual_side(grid: Grid) -> u32 {
     match grid.cells() {
         0..=127 => 0,

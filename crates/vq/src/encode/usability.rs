@@ -2,8 +2,9 @@
 //!
 //! The paper compares every block with every other, O(n^2), in 180 s for 512x512 texels. Here blocks and windows are
 //! first quantised to words of about the tolerance's size; a sample then stands for a word if it holds a window of that
-//! word, and for as many blocks as the word has. Sliding a window over the words costs O(positions x side). Deviation: "within tolerance" is taken word by word, not block by block. Tests hold the chosen
-//! position against the exhaustive count.
+//! word, and for as many blocks as the word has. Sliding a window over the words costs O(positions x side). Deviation:
+//! "within tolerance" is taken word by word, not block by block. Tests hold the chosen position against the exhaustive
+//! count.
 
 use ndarray::Array2;
 use rayon::prelude::*;

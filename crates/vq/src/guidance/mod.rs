@@ -141,7 +141,8 @@ fn resample(map: &Map, dim: (usize, usize), step: (f64, f64), cancel: CancelChec
     output
 }
 
-/// Calls `fill` with every row of `output` and its number, in parallel; with none that is not begun when the job is cancelled.
+/// Calls `fill` with every row of `output` and its number, in parallel; with none that is not begun when the job is
+/// cancelled.
 fn fill_rows<T: Send>(
     output: &mut Array2<T>,
     cancel: CancelCheck<'_>,

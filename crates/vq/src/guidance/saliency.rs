@@ -84,12 +84,12 @@ pub fn saliency_map(image: &Raster) -> Map {
 /// As [`saliency_map`]; of no use once the job is cancelled.
 pub(crate) fn saliency(image: &Raster, cancel: CancelCheck<'_>) -> Map {
     let size = image.size();
-    let picture = Picture::new(image, cancel);
-    let working = picture.intensity.dim();
+    let features = Features::new(image, cancel);
+    let working = features.intensity.dim();
     let finest = finest_centre(working);
-    let intensity = levels(picture.intensity, finest);
+    let intensity = levels(features.intensity, finest);
     let (colour, (light, oriented)) = rayon::join(
-        || picture.opponents.map(|planes| colour_conspicuity(planes, finest)),
+        || features.opponents.map(|planes| colour_conspicuity(planes, finest)),
         || rayon::join(|| contrasts(&intensity), || orientation_conspicuity(&intensity)),
     );
     let mut sum = Map::zeros(intensity[0].dim());
@@ -120,14 +120,14 @@ fn levels(base: Map, finest: usize) -> Vec<Map> {
 }
 
 /// What the eye has to go by, on the working copy.
-struct Picture {
+struct Features {
     /// Mean of the channels; the largest absolute value of a channel is 1.
     intensity: Map,
     /// Red against green and blue against yellow; none for gray images.
     opponents: Option<[Map; 2]>,
 }
 
-impl Picture {
+impl Features {
     fn new(image: &Raster, cancel: CancelCheck<'_>) -> Self {
         let mut texels = over_mean(&working_copy(image, cancel));
         let peak = texels.iter().map(|texel| texel.abs().max_element()).fold(0.0, f32::max);
@@ -140,7 +140,7 @@ impl Picture {
             let pairs = texels.mapv(|texel| opponency(texel, dark));
             [pairs.mapv(|pair| pair[0]), pairs.mapv(|pair| pair[1])]
         });
-        Picture { intensity, opponents }
+        Features { intensity, opponents }
     }
 }
 

@@ -1,4 +1,4 @@
-//! What a picture loses when a coarser one of its mip levels is shown in its place, enlarged.
+//! What an image loses when a coarser one of its mip levels is shown in its place, enlarged.
 
 use rayon::prelude::*;
 use texfold_core::CancelCheck;
@@ -6,8 +6,8 @@ use texfold_core::CancelCheck;
 /// Texels a side of a block that errors are told of.
 const BLOCK: u32 = 4;
 
-/// How far a picture is from what is shown of it, as far as it is seen: errors are weighted by alpha, and those of alpha by how
-/// much the picture differs from what lies under it.
+/// How far an image is from what is shown of it, as far as it is seen: errors are weighted by alpha, and those of alpha
+/// by how much the image differs from what lies under it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Change {
     /// Sum of squares over texels and channels, 8-bit units.
@@ -27,7 +27,8 @@ fn taps(count: u32, of: u32) -> Vec<(usize, usize, f32)> {
     (0..count).map(tap).collect()
 }
 
-/// The change from a picture of `size` to `shown`, one of its levels that has its sides halved `level` times. It differs by
+/// The change from an image of `size` to `shown`, one of its levels that has its sides halved `level` times. It differs
+/// by
 /// `contrast` from what lies under it, RMS in 8-bit units. Of no use once the job is cancelled.
 pub(crate) fn change(
     source: &[[u8; 4]],

@@ -1,5 +1,5 @@
-//! How finely each picture is stored: from the first of its mip levels that the goal needs, the rest shows enlarged; and in
-//! which content.
+//! How finely each image is stored: from the first of its mip levels that the goal needs, the rest shows enlarged; and
+//! in which content.
 
 use std::collections::HashMap;
 
@@ -23,13 +23,14 @@ pub(crate) struct Fitted {
     pub(crate) texture: ZipTexture,
     /// What compression changes, at texels of the root and of each patch.
     pub(crate) losses: Vec<SquaredError>,
-    /// Levels that each picture lacks at its fine end: all where it is left out.
+    /// Number of finest levels of each image that are not stored: all where it is left out.
     pub(crate) cuts: Vec<usize>,
     /// Texels of each patch to a texel of the root, as it is stored.
     pub(crate) zooms: Vec<f64>,
 }
 
-/// The texture that meets the goal best: pictures without the levels that it does not need, contents from the smallest on.
+/// The texture that meets the goal best: images without the levels that it does not need, contents from the smallest
+/// on.
 pub(crate) fn fit(
     maker: &mut Maker<'_>,
     contents: &[Content],
@@ -48,7 +49,7 @@ pub(crate) fn fit(
             let made = job.install(|| maker.make(content, &cuts, source_texels))?;
             Ok::<_, EncodeError>((made.measured, (cuts, made)))
         })?;
-        // More bits elsewhere cannot help before all pictures are as fine as they come.
+        // More bits elsewhere cannot help before all images are as fine as they come.
         let is_enough = match goal {
             Goal::Bpp(_) => found.knob < plans.count() || !found.met,
             _ => found.met,
@@ -67,7 +68,7 @@ pub(crate) fn fit(
     best.map(|(_, fitted)| fitted).ok_or(fault(ZipError::Full))
 }
 
-/// Ways to leave out fine levels, from the coarsest picture of all contents to the finest, the best step first.
+/// Ways to leave out fine levels, from the coarsest image of all contents to the finest, the best step first.
 struct Plans {
     /// For each content the change and the texels without its first 0, 1, 2 … levels, down to none but for tolerances.
     states: Vec<Vec<(Change, u64)>>,
@@ -158,8 +159,8 @@ impl Plans {
     }
 }
 
-/// Steps from the coarsest to the finest: squared error saved a texel, and levels left out before and after. Those on the convex
-/// hull alone, so that each is worth less than the one before.
+/// Steps from the coarsest to the finest: squared error saved a texel, and levels left out before and after. Those on
+/// the convex hull alone, so that each is worth less than the one before.
 fn by_texel(states: &[(Change, u64)]) -> Vec<(f64, usize, usize)> {
     let mut steps: Vec<(f64, usize, usize)> = Vec::new();
     for cut in (0..states.len().saturating_sub(1)).rev() {
@@ -279,7 +280,7 @@ impl Maker<'_> {
     fn assemble(&self, wanted: &[LevelKey], cuts: &[usize]) -> Option<ZipTexture> {
         let mut planes = wanted.iter().filter_map(|key| self.encoded.get(key)).cloned();
         let root = planes.by_ref().take(self.canvas.root.len()).collect();
-        // Numbers of the pictures of which something is left.
+        // Numbers of the images of which something is left.
         let mut numbers = vec![None; cuts.len()];
         let mut contents: Vec<Vec<ContentPlanes>> = Vec::new();
         for (number, (levels, &cut)) in numbers.iter_mut().zip(self.canvas.levels.iter().zip(cuts)) {
@@ -323,8 +324,8 @@ impl Maker<'_> {
         }
     }
 
-    /// RMS error of the worst 4x4 block of the root and of all that patches show, in 8-bit units, from the finest level of each
-    /// that is among `stored`.
+    /// RMS error of the worst 4x4 block of the root and of all that patches show, in 8-bit units, from the finest level
+    /// of each that is among `stored`.
     fn worst_block(&self, stored: &[LevelKey]) -> f64 {
         let is_finest = |at: &usize| *at == 0 || stored[*at].image != stored[at - 1].image;
         let worst = |at: usize| {

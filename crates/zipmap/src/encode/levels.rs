@@ -1,7 +1,8 @@
 //! Mip levels of root and patches.
 //!
-//! A patch keeps its colours where it is not shown: they are blended with those beside them. Alpha is averaged by itself, and
-//! is 0 on the border texels of every level (paper section 3), so that no seam shows and what is smaller than a pixel vanishes.
+//! A patch keeps its colours where it is not shown: they are blended with those beside them. Alpha is averaged by
+//! itself, and is 0 on the border texels of every level (paper section 3), so that no seam shows and what is smaller
+//! than a pixel vanishes.
 
 use texfold_core::Texel;
 use texfold_core::image::{Alpha, ColorSpace, MipFilter, PixelInfo, Raster, mip_chain, to_u8};

@@ -1,9 +1,9 @@
 //! How much of a patch is shown: by the cost of the cheapest path to its border, where gradients are dear (Eisemann and
 //! others 2010; paper section 4, equations 2 and 3).
 //!
-//! The edge of what is shown thus runs along edges of the picture, and where these lack, alpha rises slowly. Deviation: one
-//! path for all channels, with the largest gradient of any, where the paper takes the dearest of a path for each. Cost: one
-//! pass of Dijkstra's algorithm over whole numbers, linear in the texels (Dial 1969).
+//! The edge of what is shown thus runs along edges of the image, and where these lack, alpha rises slowly. Deviation:
+//! one path for all channels, with the largest gradient of any, where the paper takes the dearest of a path for each.
+//! Cost: one pass of Dijkstra's algorithm over whole numbers, linear in the texels (Dial 1969).
 
 use texfold_core::{CancelCheck, Texel};
 
@@ -13,7 +13,8 @@ const UNITS: f32 = 255.0;
 const LEAST: u32 = 1;
 /// Largest cost of a texel: a change by the whole range on both axes.
 const MOST: u32 = 2 * UNITS as u32;
-/// Largest limit of costs in units: paths that are dearer are of no texture, and the ring of lists is gone round 130 times at most.
+/// Largest limit of costs in units: paths that are dearer are of no texture, and the ring of lists is gone round 130
+/// times at most.
 const MOST_LIMIT: f32 = 65_000.0;
 
 /// Alpha of each texel, row by row: 0 at the border, 1 from a cost of `tau` on. Of no use once the job is cancelled.
@@ -127,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_picture_is_shown_where_it_is_far_from_its_border() {
+    fn a_flat_image_is_shown_where_it_is_far_from_its_border() {
         let texels = vec![Texel::splat(0.5); 64 * 64];
         let alpha = geodesic(&texels, (64, 64), 16.0 / UNITS, CancelCheck::default());
         assert_eq!((alpha[0], alpha[32 * 64], alpha[32 * 64 + 8], alpha[32 * 64 + 32]), (0.0, 0.0, 0.5, 1.0));

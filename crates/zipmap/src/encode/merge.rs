@@ -1,10 +1,10 @@
 //! Colours of a patch fitted to those of what it lies on: exposure first, then a harmonic correction from the border.
 //!
-//! The paper takes the parent's warped border as Dirichlet data for a Poisson equation with the patch's gradients as guidance.
-//! Deviations: gain and offset of each channel are fitted before, as gradients of another exposure stay too strong or too
-//! weak; and on the border the parent is compared with the patch at the parent's own resolution, so that detail that the
-//! parent lacks counts as no difference and does not run inwards. The half of a level by which the parent may be sharper is
-//! filtered away on both sides.
+//! The paper takes the parent's warped border as Dirichlet data for a Poisson equation with the patch's gradients as
+//! guidance. Deviations: gain and offset of each channel are fitted before, as gradients of another exposure stay too
+//! strong or too weak; and on the border the parent is compared with the patch at the parent's own resolution, so that
+//! detail that the parent lacks counts as no difference and does not run inwards. The half of a level by which the
+//! parent may be sharper is filtered away on both sides.
 
 use glam::{DMat3, DVec2, Vec2, Vec4};
 use rayon::prelude::*;
@@ -24,7 +24,8 @@ const ROUNDS: usize = 3;
 const OUTLIER: f32 = 2.0;
 /// Least places that an exposure is fitted to: gain and offset of three channels, and as much again against chance.
 const LEAST_PLACES: usize = 16;
-/// Variance, in a range of 1, that is added on both sides of a gain: a patch of less contrast than 2.5 steps of 8 bits keeps its own.
+/// Variance, in a range of 1, that is added on both sides of a gain: a patch of less contrast than 2.5 steps of 8 bits
+/// keeps its own.
 const FLAT_VARIANCE: f32 = 1e-4;
 
 /// A patch before it is laid: its texels, row by row, and where they lie.

@@ -1,5 +1,5 @@
-//! The method on one screen: check, lay patch by patch on a canvas (crop, fit colours, mask, mip levels, trim), leave out what
-//! is hidden, store as finely and in the content that the goal asks for.
+//! The method on one screen: check, lay patch by patch on a canvas (crop, fit colours, mask, mip levels, trim), leave
+//! out what is hidden, store as finely and in the content that the goal asks for.
 
 mod canvas;
 mod enlarge;
@@ -42,7 +42,7 @@ pub(crate) struct Dropped {
     /// Texels of the patches of both kinds, all levels.
     pub(crate) patch_texels: u64,
     pub(crate) cropped_texels: u64,
-    /// Pictures that are stored without their finest levels, patches whose picture is not stored, and the texels of both.
+    /// Images that are stored without their finest levels, patches whose image is not stored, and the texels of both.
     pub(crate) coarser: usize,
     pub(crate) spared: Vec<usize>,
     pub(crate) fine_texels: u64,
@@ -62,7 +62,7 @@ impl Dropped {
         }
     }
 
-    /// Counts the fine levels that pictures lack.
+    /// Counts the finest levels that are not stored.
     fn note_cuts(&mut self, canvas: &Canvas, cuts: &[usize]) {
         let is_left = |content: usize| cuts[content] < canvas.levels[content].len();
         self.coarser = (0..cuts.len()).filter(|&content| cuts[content] > 0 && is_left(content)).count();
@@ -136,9 +136,9 @@ fn encode(stack: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Result<Z
     Ok(fitted.texture.with_notes(notes))
 }
 
-/// How much of each image every patch shows, 0 to 1, one channel: what its borders, its mask and the edges in its picture leave; and
-/// where it shows nothing new, or others hide it, nothing. Maps of another kind that are laid by these masks (see
-/// [`PatchStack::riding`]) appear just where the colours of the patches do, as finely as the goal stores either.
+/// How much of each image every patch shows, 0 to 1, one channel: what its borders, its mask and the edges in its image
+/// leave; and where it shows nothing new, or others hide it, nothing. Maps of another kind that are laid by these masks
+/// (see [`PatchStack::riding`]) appear just where the colours of the patches do, as finely as the goal stores either.
 ///
 /// # Errors
 /// As [`texfold_core::Encoder::encode`].

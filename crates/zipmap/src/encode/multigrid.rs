@@ -1,10 +1,11 @@
 //! Harmonic functions from their values on the border of a rectangle, by multigrid.
 //!
-//! A picture whose gradients are those of a patch and whose border is that of its parent is the patch plus the harmonic
-//! function of the border's difference (Pérez, Gangnet, Blake, "Poisson image editing", SIGGRAPH 2003, equation 4, whose
-//! guidance field is a gradient here), so that the equation is Laplace's and its solution smooth. Full multigrid with V-cycles
-//! of two damped Jacobi steps before and after (Briggs, Henson, McCormick, "A multigrid tutorial", 2000); grids need not
-//! nest, so that any size will do. Four channels at a time. Cost: some 40 operations a texel and cycle, 5 to 7 cycles.
+//! An image whose gradients are those of a patch and whose border is that of its parent is the patch plus the harmonic
+//! function of the border's difference (Pérez, Gangnet, Blake, "Poisson image editing", SIGGRAPH 2003, equation 4,
+//! whose guidance field is a gradient here), so that the equation is Laplace's and its solution smooth. Full multigrid
+//! with V-cycles of two damped Jacobi steps before and after (Briggs, Henson, McCormick, "A multigrid tutorial", 2000);
+//! grids need not nest, so that any size will do. Four channels at a time. Cost: some 40 operations a texel and cycle,
+//! 5 to 7 cycles.
 
 use glam::Vec4;
 use rayon::prelude::*;
@@ -22,10 +23,11 @@ const COARSEST: usize = 5;
 const RESIDUAL: f32 = 1e-5;
 /// Most cycles.
 const CYCLES: usize = 12;
-/// A cycle that leaves more than this share of the residual is the last: V-cycles of this kind leave a tenth, and rounding of single
-/// precision, once it is reached, leaves all of it.
+/// A cycle that leaves more than this share of the residual is the last: V-cycles of this kind leave a tenth, and
+/// rounding of single precision, once it is reached, leaves all of it.
 const LEAST_REDUCTION: f32 = 0.7;
-/// Fine nodes that a coarse one is averaged from, on each axis: those nearer than one coarse distance, which is at most two fine ones.
+/// Fine nodes that a coarse one is averaged from, on each axis: those nearer than one coarse distance, which is at most
+/// two fine ones.
 const AROUND: usize = 5;
 
 /// Values at `width` x `height` nodes.
@@ -89,8 +91,8 @@ fn halved(side: usize) -> usize {
     if side > COARSEST { side.div_ceil(2) } else { side }
 }
 
-/// Fills the inside of a grid with the harmonic function of its border; returns the residual as a share of that of an inside of 0.
-/// Of no use once the job is cancelled.
+/// Fills the inside of a grid with the harmonic function of its border; returns the residual as a share of that of an
+/// inside of 0. Of no use once the job is cancelled.
 pub(crate) fn harmonic(grid: &mut Grid, cancel: CancelCheck<'_>) -> f32 {
     if grid.width < 3 || grid.height < 3 {
         return 0.0;

@@ -16,7 +16,8 @@ use crate::{PatchStack, ZipParams, ZipTexture};
 
 /// Most texels of an image that are compared: beyond, every n-th row and column.
 const SAMPLES: f64 = 262_144.0;
-/// Variance, in a range of 1, that is added on both sides of a gain, so that flat images divide by no zero: a quarter of a step of 8 bits.
+/// Variance, in a range of 1, that is added on both sides of a gain, so that flat images divide by no zero: a quarter
+/// of a step of 8 bits.
 const FLAT_VARIANCE: f32 = 1e-6;
 
 /// How well a texture shows one image of its stack.
@@ -45,7 +46,8 @@ fn step(a: Texel, b: Texel) -> f64 {
     (0..3).map(|k| f64::from(to_u8(a[k]).abs_diff(to_u8(b[k]))).powi(2)).sum()
 }
 
-/// What two textures differ by at the texels of an image that `inverse` leads onto the root. Of no use once the job is cancelled.
+/// What two textures differ by at the texels of an image that `inverse` leads onto the root. Of no use once the job is
+/// cancelled.
 pub(crate) fn compare(
     a: &ZipmapView<'_>,
     b: &ZipmapView<'_>,
@@ -151,8 +153,9 @@ fn verdict(fitted: &Fitted, dropped: &Dropped, psnr: f64) -> String {
     let bits = texture.gpu().bits_memory() as f64;
     let bits_per_texel = texture.parts.root[0].content().bits_per_texel(texture.layout().pixel);
     let mut text = format!(
-        "{} patches on a root of {}x{}, zoom up to {zoom:.2}; photographs are shown at {psnr:.2} dB after fitting their exposure, \
-         compression alone changes {loss:.2} dB, {worst:.2} dB in the worst of them; {:.0}% of the memory of a plain texture as fine throughout",
+        "{} patches on a root of {}x{}, zoom up to {zoom:.2}; {psnr:.2} dB against the photographs after fitting \
+         their exposure; {loss:.2} dB against the merged images, {worst:.2} dB for the worst of them; {:.0}% of the \
+         memory of a plain texture as fine throughout",
         texture.patches(),
         root.width,
         root.height,
@@ -160,13 +163,13 @@ fn verdict(fitted: &Fitted, dropped: &Dropped, psnr: f64) -> String {
     );
     if texture.contents() < texture.patches() {
         text += &format!(
-            "; they show {} pictures, each stored once and not fitted where it lies several times",
+            "; they use {} images; an image of several patches is stored once, and its colours are not fitted",
             texture.contents()
         );
     }
     if dropped.coarser > 0 {
         text += &format!(
-            "; {} pictures are stored without their finest levels, which the goal does not need",
+            "; {} images are stored without their finest levels, which the goal does not need",
             dropped.coarser
         );
     }

@@ -1,10 +1,10 @@
 //! Refining a homography on all pixels that two photographs share, and how well they then agree.
 //!
-//! The sum of robust squared differences `coarse(p) - gain * fine(H p) - offset` over the coarser photograph's pixels is made
-//! smaller by Gauss-Newton steps on the eight numbers of H with gain and offset, from small pictures to large ones (Baker and
-//! Matthews, "Lucas-Kanade 20 years on", IJCV 2004; weights: Tukey's). The finer photograph is read from the halving that has
-//! the coarser one's resolution. What agrees is told by the correlation of both within fields of the shared area: a wrong
-//! homography on a smooth picture may have a high correlation of the whole.
+//! The sum of robust squared differences `coarse(p) - gain * fine(H p) - offset` over the coarser photograph's pixels
+//! is made smaller by Gauss-Newton steps on the eight numbers of H with gain and offset, from small images to large
+//! ones (Baker and Matthews, "Lucas-Kanade 20 years on", IJCV 2004; weights: Tukey's). The finer photograph is read
+//! from the halving that has the coarser one's resolution. What agrees is told by the correlation of both within fields
+//! of the shared area: a wrong homography on a smooth image may have a high correlation of the whole.
 
 use glam::{DMat3, DVec2, DVec3, Vec2};
 use rayon::prelude::*;
@@ -26,12 +26,13 @@ const LEAST_PIXELS: usize = 400;
 const MOST_PIXELS: usize = 40_000;
 /// Tukey's constant for 95% efficiency, in standard deviations.
 const TUKEY: f32 = 4.685;
-/// Share of the diagonal that is added to it, so that numbers that nothing tells stay as they are (Levenberg): small beside the 1e-3
-/// from which on steps become shorter, large beside the rounding of sums of 40000 pixels.
+/// Share of the diagonal that is added to it, so that numbers that nothing tells stay as they are (Levenberg): small
+/// beside the 1e-3 from which on steps become shorter, large beside the rounding of sums of 40000 pixels.
 const DIAGONAL_SHARE: f64 = 1e-6;
 /// Pixels that are summed by one task: 1 ms of work.
 const SUMMED: usize = 2048;
-/// Levels of the pyramid that are refined on, from quarters of the sides on: a start that is off by 4 pixels is off by one there.
+/// Levels of the pyramid that are refined on, from quarters of the sides on: a start that is off by 4 pixels is off by
+/// one there.
 const LEVELS: usize = 3;
 /// Absolute deviation that half of a normal distribution is within, in standard deviations.
 const MEDIAN_DEVIATION: f32 = 0.6745;
@@ -55,7 +56,7 @@ pub struct Agreement {
     pub pixels: usize,
 }
 
-/// Pixels of a picture that a homography leads into another, evenly thinned.
+/// Pixels of an image that a homography leads into another, evenly thinned.
 struct Shared<'a> {
     coarse: &'a Gray,
     fine: &'a Gray,
@@ -68,11 +69,12 @@ struct Shared<'a> {
 }
 
 impl<'a> Shared<'a> {
-    /// What both show where a pixel is `2^level` pixels of the coarser photograph, `matrix` leading from the coarser to the finer.
+    /// What both show where a pixel is `2^level` pixels of the coarser photograph, `matrix` leading from the coarser to
+    /// the finer.
     fn new(coarse: &'a Pyramid, fine: &'a Pyramid, matrix: &DMat3, level: usize) -> Option<Shared<'a>> {
         let (first, last) = (&coarse.levels[0], &fine.levels[0]);
-        let picture = coarse.levels.get(level)?;
-        let pixel = first.extent() / picture.extent();
+        let image = coarse.levels.get(level)?;
+        let pixel = first.extent() / image.extent();
         let inverse = matrix.inverse();
         let polygon = seen_in(&inverse, last.extent(), first.extent());
         let (low, high) = bounds(&polygon)?;
@@ -86,8 +88,8 @@ impl<'a> Shared<'a> {
             let moved = project(&matrix, place.as_dvec2());
             moved.cmpgt(DVec2::ONE).all() && moved.cmplt(detail.extent() - 1.0).all()
         };
-        let columns = low.x.max(0.0) as usize..(high.x.ceil() as usize).min(picture.width);
-        let rows = low.y.max(0.0) as usize..(high.y.ceil() as usize).min(picture.height);
+        let columns = low.x.max(0.0) as usize..(high.x.ceil() as usize).min(image.width);
+        let rows = low.y.max(0.0) as usize..(high.y.ceil() as usize).min(image.height);
         let stride =
             ((columns.len() * rows.len()) as f64 / MOST_PIXELS as f64).sqrt().ceil().max(1.0) as usize;
         let places: Vec<Vec2> = rows
@@ -96,7 +98,7 @@ impl<'a> Shared<'a> {
             .filter(|&place| inside(place))
             .collect();
         let (middle, half) = ((low + high) * 0.5, (0.5 * (high - low).max_element()).max(1.0));
-        Some(Shared { coarse: picture, fine: detail, matrix, places, middle, half })
+        Some(Shared { coarse: image, fine: detail, matrix, places, middle, half })
     }
 
     /// Pairs of values, coarse and fine.
@@ -108,7 +110,8 @@ impl<'a> Shared<'a> {
         self.places.par_iter().map(value).collect()
     }
 
-    /// One step: the matrix, changed, and how far it moves the corners of what is shared; `None` where it cannot be told.
+    /// One step: the matrix, changed, and how far it moves the corners of what is shared; `None` where it cannot be
+    /// told.
     fn step(&self, gain: &mut [f64; 2]) -> Option<(DMat3, f64)> {
         let scale = weight_scale(&self.values(), gain);
         let sums: Vec<([[f64; UNKNOWNS]; UNKNOWNS], [f64; UNKNOWNS])> =
@@ -289,8 +292,8 @@ pub(crate) fn agreement(coarse: &Pyramid, fine: &Pyramid, matrix: &DMat3) -> Agr
     Shared::new(coarse, fine, matrix, 0).map_or(Agreement::default(), |shared| shared.agreement())
 }
 
-/// `matrix`, from the coarser to the finer photograph, refined; as it was where no step makes the photographs agree better, or the
-/// job is cancelled.
+/// `matrix`, from the coarser to the finer photograph, refined; as it was where no step makes the photographs agree
+/// better, or the job is cancelled.
 pub(crate) fn refine(
     coarse: &Pyramid,
     fine: &Pyramid,
@@ -350,7 +353,7 @@ mod tests {
     #[test]
     fn a_rough_homography_becomes_exact_whatever_the_exposure() {
         let coarse = Pyramid::new(texture(240, 200, &DMat3::IDENTITY, 1.0));
-        // The finer picture shows a part at twice the size.
+        // The finer image shows a part at twice the size.
         let truth = DMat3::from_cols_array(&[2.0, 0.1, 1e-4, -0.1, 2.05, -1e-4, -110.0, -90.0, 1.0]);
         let fine = Pyramid::new(texture(260, 230, &truth.inverse(), 0.7));
         let mut rough = truth;

@@ -1,7 +1,9 @@
-//! What the surroundings of a feature look like: gradients in 4x4 fields and 8 directions, by its own scale and orientation.
+//! What the surroundings of a feature look like: gradients in 4x4 fields and 8 directions, by its own scale and
+//! orientation.
 //!
-//! Source: Lowe 2004, section 6; the square root before normalisation: Arandjelovic and Zisserman, "Three things everyone should
-//! know to improve object retrieval", CVPR 2012. Values are whole numbers, so that comparing is exact and fast.
+//! Source: Lowe 2004, section 6; the square root before normalisation: Arandjelovic and Zisserman, "Three things
+//! everyone should know to improve object retrieval", CVPR 2012. Values are whole numbers, so that comparing is exact
+//! and fast.
 
 use glam::Vec2;
 
@@ -33,7 +35,7 @@ impl Descriptor {
     }
 }
 
-/// The descriptor around the pixel `at` of a blurred picture.
+/// The descriptor around the pixel `at` of a blurred image.
 pub(crate) fn describe(blur: &Gray, at: Vec2, sigma: f32, angle: f32) -> Descriptor {
     let side = FIELD_SCALES * sigma;
     let reach = side * std::f32::consts::SQRT_2 * (FIELDS as f32 + 1.0) * 0.5;

@@ -1,9 +1,9 @@
-//! Features that keep their place under changes of scale and rotation: extrema of differences of Gaussians, each with its scale and
-//! the orientations of the gradients around it.
+//! Features that keep their place under changes of scale and rotation: extrema of differences of Gaussians, each with
+//! its scale and the orientations of the gradients around it.
 //!
-//! Source: Lowe, "Distinctive image features from scale-invariant keypoints", IJCV 2004, sections 3 to 5. Deviations: of the
-//! finest octaves only the strongest features are kept, so that coarse ones, which a wide photograph shows of a close one,
-//! are never crowded out. Cost: some 80 operations a pixel for each of six blurs an octave.
+//! Source: Lowe, "Distinctive image features from scale-invariant keypoints", IJCV 2004, sections 3 to 5. Deviations:
+//! of the finest octaves only the strongest features are kept, so that coarse ones, which a wide photograph shows of a
+//! close one, are never crowded out. Cost: some 80 operations a pixel for each of six blurs an octave.
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -14,7 +14,7 @@ use super::gray::Gray;
 
 /// Scales an octave is sampled at.
 const SCALES: usize = 3;
-/// Blur of the first picture of an octave, in its pixels.
+/// Blur of the first image of an octave, in its pixels.
 const FIRST_SIGMA: f32 = 1.6;
 /// Blur that a photograph is taken to have, in pixels.
 const CAMERA_SIGMA: f32 = 0.5;
@@ -49,10 +49,10 @@ pub(crate) struct Feature {
     pub(crate) descriptor: Descriptor,
 }
 
-/// An extremum in the pictures of an octave.
+/// An extremum in the images of an octave.
 #[derive(Debug, Clone, Copy)]
 struct Extremum {
-    /// Pixel in the octave's picture; centres are at whole numbers.
+    /// Pixel in the octave's image; centres are at whole numbers.
     at: Vec2,
     /// Which of the octave's blurs is nearest.
     layer: usize,
@@ -61,7 +61,8 @@ struct Extremum {
     response: f32,
 }
 
-/// All features, coarse ones last, in an order that does not depend on the number of threads. Of no use once the job is cancelled.
+/// All features, coarse ones last, in an order that does not depend on the number of threads. Of no use once the job is
+/// cancelled.
 pub(crate) fn features(photo: &Gray, cancel: CancelCheck<'_>) -> Vec<Feature> {
     let mut start = photo.clone();
     let mut pixel = 1.0f32;
@@ -91,7 +92,7 @@ pub(crate) fn features(photo: &Gray, cancel: CancelCheck<'_>) -> Vec<Feature> {
     found
 }
 
-/// The octave's picture at rising blurs, each 2^(1/3) of the one before.
+/// The octave's image at rising blurs, each 2^(1/3) of the one before.
 fn blurs(base: Gray, cancel: CancelCheck<'_>) -> Vec<Gray> {
     let step = 2f32.powf(1.0 / SCALES as f32);
     let mut blurs = vec![base];
@@ -103,7 +104,7 @@ fn blurs(base: Gray, cancel: CancelCheck<'_>) -> Vec<Gray> {
     blurs
 }
 
-/// How places of an octave's picture lead to those of the photograph.
+/// How places of an octave's image lead to those of the photograph.
 #[derive(Debug, Clone, Copy)]
 struct Scale {
     /// Side of an octave's pixel in pixels.
@@ -182,8 +183,8 @@ fn is_extremum(differences: &[Gray], layer: usize, x: usize, y: usize) -> bool {
     true
 }
 
-/// The extremum of the parabola through the samples around; `None` where it has none nearby, too little contrast, or lies on an
-/// edge.
+/// The extremum of the parabola through the samples around; `None` where it has none nearby, too little contrast, or
+/// lies on an edge.
 fn localise(differences: &[Gray], layer: usize, x: usize, y: usize) -> Option<Extremum> {
     let (mut layer, mut x, mut y) = (layer, x, y);
     for _ in 0..MOVES {

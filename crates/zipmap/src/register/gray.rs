@@ -1,6 +1,6 @@
-//! Gray pictures for registration: blurs, pyramids and lookups between pixels.
+//! Gray images for registration: blurs, pyramids and lookups between pixels.
 //!
-//! Places are in pixels, (0, 0) the upper left corner of the picture: the centre of its first pixel lies at (0.5, 0.5).
+//! Places are in pixels, (0, 0) the upper left corner of the image: the centre of its first pixel lies at (0.5, 0.5).
 
 use glam::{DVec2, Vec2};
 use rayon::prelude::*;
@@ -35,7 +35,7 @@ impl Gray {
         &self.data[y * self.width..][..self.width]
     }
 
-    /// The pixel at (`x`, `y`), both clamped to the picture.
+    /// The pixel at (`x`, `y`), both clamped to the image.
     pub(crate) fn get(&self, x: isize, y: isize) -> f32 {
         let x = x.clamp(0, self.width as isize - 1) as usize;
         let y = y.clamp(0, self.height as isize - 1) as usize;
@@ -116,7 +116,7 @@ impl Gray {
         Gray { width, height, data }
     }
 
-    /// Twice the columns and rows, between pixels. A place of this picture has twice its coordinates in the other.
+    /// Twice the columns and rows, between pixels. A place of this image has twice its coordinates in the other.
     pub(crate) fn doubled(&self) -> Gray {
         let (width, height) = (2 * self.width, 2 * self.height);
         let mut data = vec![0.0; width * height];
@@ -129,7 +129,7 @@ impl Gray {
     }
 }
 
-/// A picture and its halvings, down to a side below 4 pixels.
+/// An image and its halvings, down to a side below 4 pixels.
 #[derive(Debug, Clone)]
 pub(crate) struct Pyramid {
     pub(crate) levels: Vec<Gray>,

@@ -1,9 +1,9 @@
 //! A homography from matches, some of them wrong.
 //!
-//! Each match has a scale and an orientation on both sides and so proposes a similarity; those that most others agree with are
-//! refined by least squares, from similarity to homography, and by homographies through four of their matches at random, each
-//! refined on all that agree with it. Source of the last: Chum, Matas, Kittler, "Locally optimized RANSAC", DAGM 2003. The
-//! random numbers follow from a seed. Errors are measured in pixels of the coarser photograph.
+//! Each match has a scale and an orientation on both sides and so proposes a similarity; those that most others agree
+//! with are refined by least squares, from similarity to homography, and by homographies through four of their matches
+//! at random, each refined on all that agree with it. Source of the last: Chum, Matas, Kittler, "Locally optimized
+//! RANSAC", DAGM 2003. The random numbers follow from a seed. Errors are measured in pixels of the coarser photograph.
 
 use glam::{DMat3, DVec2, DVec3};
 use texfold_core::CancelCheck;
@@ -61,8 +61,8 @@ pub(crate) fn pairs(from: &[Feature], to: &[Feature], matches: &[Match]) -> Vec<
     matches.iter().map(pair).collect()
 }
 
-/// The homography that most pairs agree with; `None` where none can be fitted, or the job is cancelled. `sides` are the longer
-/// sides of both photographs.
+/// The homography that most pairs agree with; `None` where none can be fitted, or the job is cancelled. `sides` are the
+/// longer sides of both photographs.
 pub(crate) fn fit(pairs: &[Pair], sides: (f64, f64), seed: u64, cancel: CancelCheck<'_>) -> Option<Fit> {
     let going = pairs.iter().take_while(|_| !cancel.is_cancelled());
     let proposals = going.map(|pair| propose(pair, pairs, sides));

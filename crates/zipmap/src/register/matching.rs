@@ -1,8 +1,8 @@
-//! Which features of two photographs show the same: nearest descriptors, kept where the next best is clearly farther (Lowe
-//! 2004, section 7.1) and the match holds in both directions.
+//! Which features of two photographs show the same: nearest descriptors, kept where the next best is clearly farther
+//! (Lowe 2004, section 7.1) and the match holds in both directions.
 //!
-//! Cost: one product of 128 numbers for each pair of features. *Not done*: a k-d tree, which visits most of 128-dimensional
-//! descriptors anyway.
+//! Cost: one product of 128 numbers for each pair of features. *Not done*: a k-d tree, which visits most of
+//! 128-dimensional descriptors anyway.
 
 use rayon::prelude::*;
 use texfold_core::CancelCheck;

@@ -1,9 +1,10 @@
-//! Registration: from an unordered folder of photographs to a root, and for each other photograph a matrix and a parent.
+//! Registration: from an unordered folder of photographs to a root, and for each other photograph a matrix and a
+//! parent.
 //!
-//! Features of every photograph, matches of every pair, a homography with its inliers, refinement on all pixels, and checks
-//! that leave out what does not agree; then the photograph of the coarsest scale becomes the root, and each other one hangs
-//! on the one that it is a detail of. Source: Eisemann, Eisemann, Seidel, Magnor, "Photo zoom: high resolution from unordered
-//! image collections", GI 2010. Matrices are then fitted to
+//! Features of every photograph, matches of every pair, a homography with its inliers, refinement on all pixels, and
+//! checks that leave out what does not agree; then the photograph of the coarsest scale becomes the root, and each
+//! other one hangs on the one that it is a detail of. Source: Eisemann, Eisemann, Seidel, Magnor, "Photo zoom: high
+//! resolution from unordered image collections", GI 2010. Matrices are then fitted to
 //! all homographies by turns.
 
 mod dense;

@@ -15,11 +15,12 @@ const TRIAL: &str = "target/ci";
 /// A name, and what is done; whether it passed.
 type Step = (&'static str, fn() -> io::Result<bool>);
 
-const STEPS: [Step; 10] = [
+const STEPS: [Step; 11] = [
     ("fmt", || cargo(&["fmt", "--all", "--check"], &[])),
     ("tidy", || tidy::check(&root())),
     ("clippy", || cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"], &[])),
     ("test", || cargo(&["test", "--workspace"], &[("TEXFOLD_GPU", "require")])),
+    ("decode only", decode_only),
     ("doc", || cargo(&["doc", "--workspace", "--no-deps"], &[("RUSTDOCFLAGS", "-D warnings")])),
     ("fixtures", fixtures::check),
     ("compress and decompress", compress_and_decompress),
@@ -58,6 +59,30 @@ pub(crate) fn run() -> ExitCode {
 fn cargo(arguments: &[&str], variables: &[(&str, &str)]) -> io::Result<bool> {
     let program = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     start(&program, arguments, variables)
+}
+
+/// Packages that only encoders need, threads among them, and those that need a C compiler.
+const NOT_FOR_DECODING: [&str; 8] =
+    ["delaunator", "kiddo", "ndarray", "rayon", "texfold-codebook", "texfold-match", "texpresso", "zstd-sys"];
+
+/// The facade without encoders: it compiles without warnings, and depends on nothing that only encoders need.
+fn decode_only() -> io::Result<bool> {
+    let clean = cargo(&["clippy", "-p", "texfold", "--no-default-features", "--", "-D", "warnings"], &[])?;
+    let program = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let tree = ["tree", "-p", "texfold", "--no-default-features", "-e", "normal", "--prefix", "none"];
+    let output = Command::new(&program).args(tree).current_dir(root()).output()?;
+    let listed = String::from_utf8_lossy(&output.stdout).into_owned();
+    let found: Vec<&str> = needless(&listed).collect();
+    for name in &found {
+        eprintln!("error: texfold without encoders depends on {name}; put it behind the feature `encode`");
+    }
+    Ok(clean && output.status.success() && found.is_empty())
+}
+
+/// Packages of a dependency tree that decoding must not need, each once.
+fn needless(tree: &str) -> impl Iterator<Item = &'static str> + '_ {
+    let has = |name: &str| tree.lines().any(|line| line.split_whitespace().next() == Some(name));
+    NOT_FOR_DECODING.into_iter().filter(move |name| has(name))
 }
 
 /// Runs this program again: the same commands, as a user gives them.
@@ -134,4 +159,16 @@ fn compare() -> io::Result<bool> {
     let written =
         ["results.csv", "results.json", "report.html"].map(|name| root().join(&out).join(name).is_file());
     Ok(done && written == [true; 3])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_decoding_must_not_need_is_found_in_a_tree() {
+        let tree = "texfold v0.1.0 (/x)\ntexfold-core v0.1.0 (/y)\nrayon v1.11.0\nrayon v1.11.0 (*)\nrayon-core v1.13.0\n";
+        assert_eq!(needless(tree).collect::<Vec<_>>(), ["rayon"]);
+        assert_eq!(needless("texfold v0.1.0\nglam v0.34.2\n").count(), 0);
+    }
 }

@@ -21,7 +21,7 @@ pub(crate) enum UsageError {
     ConfigSyntax { path: PathBuf, source: toml::de::Error },
     #[error("{}: rule {index} has no glob; add glob = \"*.png\" or the like", path.display())]
     RuleWithoutGlob { path: PathBuf, index: usize },
-    #[error("{}: '{glob}' is no glob; correct the pattern", path.display())]
+    #[error("{}: '{glob}' is not a valid glob; correct the pattern", path.display())]
     RuleGlob { path: PathBuf, glob: String, source: glob::PatternError },
 }
 
@@ -40,7 +40,7 @@ pub(crate) enum CliError {
     EmptyFolder { path: PathBuf },
     #[error("{}: the file is empty; write it again", path.display())]
     EmptyFile { path: PathBuf },
-    #[error("{}: no image format that is known; give PNG, JPEG, TIFF, BMP, TGA, PNM, or BC1 in DDS or KTX2", path.display())]
+    #[error("{}: unknown image format; give PNG, JPEG, TIFF, BMP, TGA, PNM, or BC1 in DDS or KTX2", path.display())]
     UnknownFormat { path: PathBuf },
     #[error("{}: the image cannot be decoded; export it again", path.display())]
     Decode { path: PathBuf, source: Box<image::ImageError> },
@@ -48,7 +48,7 @@ pub(crate) enum CliError {
     Rows { path: PathBuf, source: Box<dyn Error + Send + Sync> },
     #[error("{}: another process adds to this bank; wait until it has ended", path.display())]
     BankLocked { path: PathBuf },
-    #[error("{}: no list of a bank's images that can be read ({what}); restore it from a copy, or make the bank anew", path.display())]
+    #[error("{}: the bank's list of images cannot be read ({what}); restore it from a copy, or create the bank again", path.display())]
     BankManifest { path: PathBuf, what: String },
     #[error("{}: the bank has an image of that name from another file; rename one of them", path.display())]
     BankName { path: PathBuf },
@@ -70,15 +70,15 @@ pub(crate) enum CliError {
     NotBc1 { path: PathBuf, found: String },
     #[error("{}: the file ends before its blocks do ({found} of {needed} bytes); export it again", path.display())]
     CutBlocks { path: PathBuf, found: usize, needed: u64 },
-    #[error("{}: is no folder of photographs; codec zipmap takes one, with zipmap.toml in it or --as zoom", path.display())]
+    #[error("{}: is not a folder of photographs; give codec zipmap a folder with zipmap.toml in it, or --as zoom", path.display())]
     NotStack { path: PathBuf },
-    #[error("{}: is a zoom stack, and codec {codec} takes images; give --codec zipmap, or --as set for its images", path.display())]
+    #[error("{}: is a zoom stack, but codec {codec} takes images; give --codec zipmap, or --as set to encode its images", path.display())]
     StackOnly { path: PathBuf, codec: &'static str },
     #[error("{}: the list of patches cannot be read; write it as the cause says", path.display())]
     StackFile { path: PathBuf, source: Box<toml::de::Error> },
     #[error("{}: the matrix of patch {patch} has {found} numbers; give nine, row by row", path.display())]
     StackMatrix { path: PathBuf, patch: usize, found: usize },
-    #[error("{}: patch {patch} has parent {parent}, which no patch shows; name the image of another patch", path.display())]
+    #[error("{}: patch {patch} has parent {parent}, which is the image of no patch; name the image of another patch", path.display())]
     StackParent { path: PathBuf, patch: usize, parent: String },
     #[error("{}: patch {patch} lies where the stack that it goes with says; leave its matrix, mask and parent out", path.display())]
     StackRide { path: PathBuf, patch: usize },
@@ -106,17 +106,17 @@ pub(crate) enum CliError {
     NoMesh { path: PathBuf, name: String },
     #[error("{}: {width}x{height} pixels where its camera has {}x{}; scale the image or correct the cameras", path.display(), wanted.0, wanted.1)]
     ImageSize { path: PathBuf, width: u32, height: u32, wanted: (u32, u32) },
-    #[error("{}: is no capture; codec lightfield takes a folder with transforms.json, images and mesh.obj, .ply, .glb or .gltf", path.display())]
+    #[error("{}: is not a capture; give codec lightfield a folder with transforms.json, images and mesh.obj, .ply, .glb or .gltf", path.display())]
     NotCapture { path: PathBuf },
-    #[error("{}: is a capture, and codec {codec} takes images; give --codec lightfield, or --as set for its images", path.display())]
+    #[error("{}: is a capture, but codec {codec} takes images; give --codec lightfield, or --as set to encode its images", path.display())]
     OnlyImages { path: PathBuf, codec: &'static str },
-    #[error("{}: holds a light field, which is no image; draw it with the command render", path.display())]
+    #[error("{}: holds a light field, not images; draw it with the command render", path.display())]
     NotImages { path: PathBuf },
-    #[error("{}: holds codec {codec}, which is no light field; give a file that was made from a capture", path.display())]
+    #[error("{}: holds images of codec {codec}, not a light field; give a file that was made from a capture", path.display())]
     NotLight { path: PathBuf, codec: &'static str },
     #[error("{}: cannot be encoded", path.display())]
     Encode { path: PathBuf, source: EncodeError },
-    #[error("{}: unsuitable", path.display())]
+    #[error("{}: unsuitable source", path.display())]
     Source { path: PathBuf, source: SourceError },
     #[error("{}: cannot be loaded", path.display())]
     Load { path: PathBuf, source: LoadError },
@@ -130,7 +130,7 @@ pub(crate) enum CliError {
     Write { path: PathBuf, source: io::Error },
     #[error("{}: the folder cannot be made; check the path and its permissions", path.display())]
     MakeFolder { path: PathBuf, source: io::Error },
-    #[error("{}: a picture cannot be drawn; report this as a fault of Texfold", path.display())]
+    #[error("{}: an image cannot be drawn; report this as a fault of Texfold", path.display())]
     Draw { path: PathBuf, source: Box<dyn Error + Send + Sync> },
     #[error("no GPU could be used; leave out --gpu, or install a Vulkan driver such as mesa-vulkan-drivers")]
     NoGpu { source: Box<dyn Error + Send + Sync> },

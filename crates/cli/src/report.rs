@@ -111,7 +111,7 @@ impl Figures {
             }
             Goal::Bpp(bpp) => (
                 self.bpp_memory > bpp + ROUNDING,
-                format!("{bpp} bits a texel"),
+                format!("{bpp} bits per texel"),
                 format!("{:.3}", self.bpp_memory),
             ),
             Goal::Tolerance(rms) => (
@@ -120,14 +120,14 @@ impl Figures {
                 format!("{:.2}", self.worst_block_rms),
             ),
         };
-        missed.then(|| format!("the goal of {wanted} was not reached: {reached}"))
+        missed.then(|| format!("the goal of {wanted} was missed: {reached}"))
     }
 }
 
 /// A sentence where a light field of that PSNR misses its goal.
 pub(crate) fn missed(goal: Goal, psnr: f64) -> Option<String> {
     let Goal::Psnr(wanted) = goal else { return None };
-    (psnr < wanted).then(|| format!("the goal of {wanted} dB was not reached: {psnr:.2} dB"))
+    (psnr < wanted).then(|| format!("the goal of {wanted} dB was missed: {psnr:.2} dB"))
 }
 
 /// What a row says beside what the file itself tells.

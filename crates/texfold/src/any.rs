@@ -119,8 +119,9 @@ impl AnyImage {
         Ok(bytes.len() as u64)
     }
 
-    /// Decodes a region to 8-bit RGBA, row by row from the top, each row `stride` bytes after the one before. Gray is copied
-    /// to red, green and blue; alpha that is not there is 255. Values are as stored: an sRGB image gives sRGB bytes.
+    /// Decodes a region to 8-bit RGBA, row by row from the top, each row `stride` bytes after the one before. Gray is
+    /// copied to red, green and blue; alpha that is not there is 255. Values are as stored: an sRGB image gives sRGB
+    /// bytes.
     ///
     /// # Errors
     /// [`BytesError`] where `region` leaves the texture, or `out` or `stride` are too small for it. Bytes between rows are

@@ -7,8 +7,8 @@ use crate::{AnyImage, Registration};
 
 /// A `.txf` file of images that arrives in pieces, over a network or from a slow disk.
 ///
-/// Layered files can be drawn from their first layer on, and take the others as they arrive; other files can be drawn once they
-/// are whole.
+/// Layered files can be drawn from their first layer on, and take the others as they arrive; other files can be drawn
+/// once they are whole.
 ///
 /// ```
 /// # use texfold::{Arriving, Arrived, Limits, LoadError};

@@ -109,8 +109,8 @@ impl Registration {
         (self.load)(file, budget)
     }
 
-    /// Takes the next layer from a longer prefix of the same file; returns the names of the planes to upload again, none
-    /// where the codec has no layers or the next one has not arrived.
+    /// Takes the next layer from a longer prefix of the same file; returns the names of the planes to upload again,
+    /// none where the codec has no layers or the next one has not arrived.
     ///
     /// # Errors
     /// [`LoadError`] names what is wrong with the file; the texture stays as it was.

@@ -9,8 +9,8 @@
 //!
 //! # Compress a folder
 //!
-//! The program `texfold` encodes files, folders and globs; a folder is one set of images in one file unless `--as image` is
-//! given:
+//! The program `texfold` encodes files, folders and globs; a folder is one set of images in one file unless `--as
+//! image` is given:
 //!
 //! ```sh
 //! texfold compress textures/*.png --out packed --psnr 36
@@ -37,10 +37,10 @@
 //!
 //! # Pick a goal
 //!
-//! A [`Goal`](crate::Goal) is one of three: at least so many dB ([`Goal::Psnr`](crate::Goal::Psnr), 34 by default), at most so many bits of GPU
-//! memory per texel ([`Goal::Bpp`](crate::Goal::Bpp)), or a bound for the error of every 4x4 block
-//! ([`Goal::Tolerance`](crate::Goal::Tolerance)). Without a codec's name the codec is chosen that answers the goal best.
-//! Settings of one codec enter as its own parameters:
+//! A [`Goal`](crate::Goal) is one of three: at least so many dB ([`Goal::Psnr`](crate::Goal::Psnr), 34 by default), at
+//! most so many bits of GPU memory per texel ([`Goal::Bpp`](crate::Goal::Bpp)), or a bound for the error of every 4x4
+//! block ([`Goal::Tolerance`](crate::Goal::Tolerance)). Without a codec's name the codec is chosen that answers the
+//! goal best. Settings of one codec enter as its own parameters:
 //!
 //! ```
 //! use texfold::{Choice, Effort, EncodeSettings, Goal, Vq, VqParams};
@@ -76,14 +76,14 @@
 #![doc = include_str!("../examples/embed.rs")]
 //! ```
 //!
-//! (It writes a file, so documentation tests only compile it; `cargo run -p texfold --example embed` runs it.) A game that only
-//! reads takes the crate without the encoders: see the [lines of Cargo.toml](crate#cargotoml). A file that arrives over a network
-//! is drawn layer by layer with [`Arriving`](crate::Arriving).
+//! (It writes a file, so documentation tests only compile it; `cargo run -p texfold --example embed` runs it.) A game
+//! that only reads takes the crate without the encoders: see the [lines of Cargo.toml](crate#cargotoml). A file that
+//! arrives over a network is drawn layer by layer with [`Arriving`](crate::Arriving).
 //!
 //! # Capture a light field
 //!
-//! A light field is a mesh and photographs of it with their cameras: a folder with `transforms.json` (as NeRF tools write it), the
-//! images, and `mesh.obj`, `mesh.ply` or `mesh.glb` in the cameras' space.
+//! A light field is a mesh and photographs of it with their cameras: a folder with `transforms.json` (as NeRF tools
+//! write it), the images, and `mesh.obj`, `mesh.ply` or `mesh.glb` in the cameras' space.
 //!
 //! ```sh
 //! texfold compress captures/statue --out packed --psnr 32
@@ -107,8 +107,8 @@
 //!
 //! # Build a zoom stack
 //!
-//! A zoom stack is one image of a whole surface and close-ups of parts of it. A folder of photographs is put in order by itself
-//! with `--as zoom`; a `zipmap.toml` in it says the places by hand:
+//! A zoom stack is one image of a whole surface and close-ups of parts of it. A folder of photographs is put in order
+//! by itself with `--as zoom`; a `zipmap.toml` in it says the places by hand:
 //!
 //! ```sh
 //! texfold compress photos/wall --as zoom --out packed

@@ -1,7 +1,8 @@
 //! Texture codecs whose memory grows with what is unique in a scene.
 //!
-//! This is the crate for embedding: [`open`] a `.txf` file of any codec, `encode_images` with a codec by name or the one that
-//! answers a goal best, and everything of the shared vocabulary. [`CODECS`] lists the codecs; the module `guide` has how-tos.
+//! This is the crate for embedding: [`open`] a `.txf` file of any codec, `encode_images` with a codec by name or the
+//! one that answers a goal best, and everything of the shared vocabulary. [`CODECS`] lists the codecs; the module
+//! `guide` has how-tos.
 //!
 //! # Cargo.toml
 //!
@@ -22,12 +23,13 @@
 //!
 //! # Addresses, colour and alpha
 //!
-//! - A texel has an image, a mip level, a column and a row; an address outside is clamped to the nearest texel. How texture
-//!   coordinates outside 0 to 1 are read (repeat, mirror, clamp) is the renderer's choice at drawing, not the file's.
+//! - A texel has an image, a mip level, a column and a row; an address outside is clamped to the nearest texel. How
+//!   texture coordinates outside 0 to 1 are read (repeat, mirror, clamp) is the renderer's choice at drawing, not the file's.
 //! - Values are as they were stored: an image in sRGB ([`ColorSpace::Srgb`]) gives sRGB values, to be converted by
 //!   [`image::srgb_to_linear`] or an sRGB view. Filtering is done on stored values, as the shaders do.
 //! - Normals ([`ColorSpace::Normal`]) are unit vectors in 0 to 1; alpha is straight, never multiplied into colours.
-//! - A [`Texel`] is a `glam::Vec4` of red, green, blue and alpha; gray is in all three colours, alpha that is not there is 1.
+//! - A [`Texel`] is a `glam::Vec4` of red, green, blue and alpha; gray is in all three colours, alpha that is not there
+//!   is 1.
 
 mod any;
 mod arriving;

@@ -1,7 +1,8 @@
-//! What holds for every codec of the table, with no word about any of them: files, regions, foreign bytes, budgets, threads,
-//! cancellation, growth, shared searches, layers that arrive one by one.
+//! What holds for every codec of the table, with no word about any of them: files, regions, foreign bytes, budgets,
+//! threads, cancellation, growth, shared searches, layers that arrive one by one.
 //!
-//! A codec that is added to the table is tested here as it is; one that does not take images adds a line to [`file_of_other`].
+//! A codec that is added to the table is tested here as it is; one that does not take images adds a line to
+//! [`file_of_other`].
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may fail as tests do")]
 
@@ -29,8 +30,8 @@ use texfold_testkit::capture::{Look, sphere};
 const LIMITS: Limits = Limits { texels: 1 << 20, bytes: 64 << 20, sections: 64 };
 /// Goals that every codec of images is tried with.
 const GOALS: [Goal; 2] = [Goal::Psnr(26.0), Goal::Bpp(2.5)];
-/// The longest that an encoder may work on after it was asked to stop: 0.2 s of work between two looks, and what a machine
-/// with other work to do adds to that.
+/// The longest that an encoder may work on after it was asked to stop: 0.2 s of work between two looks, and what a
+/// machine with other work to do adds to that.
 const LONGEST_STOP: Duration = Duration::from_millis(2000);
 
 fn settings(goal: Goal) -> EncodeSettings {
@@ -358,7 +359,8 @@ fn bytes_are_the_texels_rounded_and_bytes_between_rows_are_left() {
     }
 }
 
-/// The same file with the section `target` as `change` leaves it, and every checksum made right again, as an attacker would.
+/// The same file with the section `target` as `change` leaves it, and every checksum made right again, as an attacker
+/// would.
 fn rewritten(bytes: &[u8], target: usize, change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
     let mut budget = Budget::default();
     let sections = Sections::parse(bytes, &mut budget).unwrap();

@@ -1,6 +1,7 @@
-//! Images are added in three steps. First the categories of their tiles are found, for all images in order. Then each is encoded
-//! tile by tile against the public codebooks of these: images that share none do not depend on one another and are encoded at a
-//! time. Last, each is listed in `bank.json`, in order. What a bank comes to does not depend on how many are encoded at a time.
+//! Images are added in three steps. First the categories of their tiles are found, for all images in order. Then each
+//! is encoded tile by tile against the public codebooks of these: images that share none do not depend on one another
+//! and are encoded at a time. Last, each is listed in `bank.json`, in order. What a bank comes to does not depend on
+//! how many are encoded at a time.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -30,7 +31,8 @@ const SEED: u64 = 0x7e8f_01d5;
 
 /// Bytes that a texel of a band takes at most: as it is read, and as it is cut.
 const BAND_BYTES: u64 = 12;
-/// Bytes that encoding a tile takes: 160 MB for one of 1279 x 1279 texels, as measured, 210 MB with codebooks, and what allocators keep.
+/// Bytes that encoding a tile takes: 160 MB for one of 1279 x 1279 texels, as measured, 210 MB with codebooks, and what
+/// allocators keep.
 const TILE_BYTES: u64 = 280 << 20;
 
 /// An image that is to be in a bank.
@@ -142,7 +144,8 @@ pub(crate) fn plan(open: &mut Open, tasks: &[&BankTask], limit_bytes: u64) -> Ve
 }
 
 impl BankTask {
-    /// Where tiles join categories, and which files are the image's: one for each tile, and one for each codebook that it grows.
+    /// Where tiles join categories, and which files are the image's: one for each tile, and one for each codebook that
+    /// it grows.
     fn step(&self, manifest: &mut Manifest, key: String, next: &mut u32, colours: Vec<Vec<f32>>) -> Step {
         let first = *next;
         *next += 2 * colours.len() as u32;

@@ -1,8 +1,9 @@
 //! Categories: tiles by what colours they have.
 //!
-//! A tile's colours are the shares of 4 x 4 x 4 ranges of red, green and blue. The first tiles of a bank are divided by k-means
-//! (k-means++ starts, seeded); later ones join the nearest category, or open a new one where that is far. The user may
-//! name the category of an image: its colours are then the mean of the first images of that name, and others join it.
+//! A tile's colours are the shares of 4 x 4 x 4 ranges of red, green and blue. The first tiles of a bank are divided by
+//! k-means (k-means++ starts, seeded); later ones join the nearest category, or open a new one where that is far. The
+//! user may name the category of an image: its colours are then the mean of the first images of that name, and others
+//! join it.
 
 use ndarray::Array2;
 use texfold_codebook::{Settings, build};

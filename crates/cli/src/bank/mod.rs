@@ -1,10 +1,10 @@
 //! Banks: folders of many images that share public codebooks and grow by further ones.
 //!
 //! `bank.json` says which files count; all others are leftovers. An image is added by writing files of new names, each
-//! whole and on the disk, and then renaming a new `bank.json` over the old: a crash at any time leaves the bank as it was
-//! before that image. Public codebooks grow by rows behind those that are there; a grown one is a new file, whose first rows are
-//! the old one's bytes. One process at a time adds, held off by a lock on `bank.lock` that the system gives back
-//! when the process ends, however it ends.
+//! whole and on the disk, and then renaming a new `bank.json` over the old: a crash at any time leaves the bank as it
+//! was before that image. Public codebooks grow by rows behind those that are there; a grown one is a new file, whose
+//! first rows are the old one's bytes. One process at a time adds, held off by a lock on `bank.lock` that the system
+//! gives back when the process ends, however it ends.
 
 mod add;
 mod category;

@@ -36,7 +36,8 @@ pub(crate) struct Choice {
 /// Draws one tile at a level.
 pub(crate) type Draw<'d> = dyn Fn(&Path, &ProgressiveTexture, u32) -> Result<Raster, CliError> + 'd;
 
-/// Writes images of a bank as PNG files; the number of those that failed. Each is named with its cause, the others are written.
+/// Writes images of a bank as PNG files; the number of those that failed. Each is named with its cause, the others are
+/// written.
 pub(crate) fn decompress(
     dir: &Path,
     out: &Path,

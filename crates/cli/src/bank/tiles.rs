@@ -15,8 +15,8 @@ use crate::settings::Settings;
 
 /// Texels a side of a tile: the paper's.
 pub(crate) const TILE: u32 = 1024;
-/// Least side of the last tile: what remains below is of the one before it. A narrow tile has few blocks to share a model and a border all
-/// along, and is seen beside one that is coded otherwise.
+/// Least side of the last tile: what remains below is of the one before it. A narrow tile has few blocks to share a
+/// model and a border all along, and is seen beside one that is coded otherwise.
 const LEAST: u32 = TILE / 4;
 /// Most rows that are held at a time.
 pub(crate) const MOST_ROWS: u32 = TILE + LEAST + 2 * APRON;

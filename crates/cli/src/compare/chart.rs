@@ -164,7 +164,7 @@ fn draw_points<'a, 't: 'a>(
     chart
         .draw_series(LineSeries::new(best.iter().map(|&index| points[index]), ink))
         .map_err(|error| error.to_string())?
-        .label("front: beaten by none")
+        .label("Pareto front")
         .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], ink));
     for codec in ENCODINGS.iter().map(|encoding| encoding.id.name).chain([RIVAL]) {
         let of_codec = placed.iter().filter(|(row, _)| row.codec == codec);

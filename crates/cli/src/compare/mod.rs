@@ -38,16 +38,16 @@ pub struct CompareArgs {
     /// Folder that results.csv, results.json and report.html are written to.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// What an input is: a file is an image and a folder a set where this is not given.
+    /// What an input is; by default a file is an image and a folder is a set.
     #[arg(long = "as", value_enum)]
     kind: Option<Kind>,
     /// How long each codec searches.
     #[arg(long, value_enum, default_value_t = EffortName::Fast)]
     effort: EffortName,
-    /// What the values of images mean.
+    /// Meaning of the images' values.
     #[arg(long, value_enum, default_value_t)]
     color: ColorName,
-    /// How alpha is read: straight, cutout, cutout=THRESHOLD.
+    /// Meaning of alpha: straight, cutout, cutout=THRESHOLD.
     #[arg(long, value_name = "ALPHA")]
     alpha: Option<AlphaChoice>,
 }

@@ -73,8 +73,8 @@ pub(crate) fn html(rows: &[Row], subjects: &[Subject], bench: &Bench) -> Result<
     write!(page, "<h2>Means over the inputs</h2>{}", table(&means))?;
     write!(
         page,
-        "<h2>Pictures</h2><p>The middle {PICTURE_SIDE} texels of each input: the original, then for some settings \
-         what is decoded and its error, {} times as large around middle gray.</p>",
+        "<h2>Images</h2><p>The middle {PICTURE_SIDE} texels of each input: the original, then for some settings \
+         the decoded image and its error, scaled by {} around middle gray.</p>",
         picture::ERROR_GAIN
     )?;
     for subject in subjects {

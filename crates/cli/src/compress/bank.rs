@@ -9,8 +9,8 @@ use crate::bank::{BankTask, Books, Made, Open, Slot, Step, plan};
 use crate::error::{CliError, guarded};
 use crate::report::Entry;
 
-/// Memory in bytes that images which are encoded at a time may take together: with what else there is the process stays below
-/// 1.5 GiB.
+/// Memory in bytes that images which are encoded at a time may take together: with what else there is the process stays
+/// below 1.5 GiB.
 const MOST_BYTES: u64 = 1 << 30;
 
 /// An image that is to be encoded, with all that it takes.
@@ -59,7 +59,8 @@ pub(super) fn add_all(
     Ok(entries)
 }
 
-/// The next images of which none depends on another; as many as are encoded at a time, for all of them are listed when they are done.
+/// The next images of which none depends on another; as many as are encoded at a time, for all of them are listed when
+/// they are done.
 fn next_wave(
     steps: &mut std::iter::Peekable<impl Iterator<Item = Step>>,
     tasks: &[&Work],

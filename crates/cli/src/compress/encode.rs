@@ -80,14 +80,14 @@ pub(crate) fn load(files: &[PathBuf], settings: &Settings, limit_bytes: u64) -> 
 /// Why BC1 blocks cannot be the answer to such settings.
 fn obstacle(settings: &EncodeSettings) -> Option<&'static str> {
     if settings.content.is_some_and(|content| content != Content::Bc1) || settings.family != Family::Bc {
-        Some("other content was asked for: the BC1 blocks are encoded anew")
+        Some("another format was requested: the BC1 blocks are decoded and encoded again")
     } else if settings.codec.is::<Epitome>() {
         // What it shows from elsewhere, and at other scales, is another matter.
         None
     } else if settings.mips {
-        Some("a mip chain was asked for: the BC1 blocks are encoded anew")
+        Some("a mip chain was requested: the BC1 blocks are decoded and encoded again")
     } else if matches!(settings.goal, Goal::Bpp(bpp) if bpp < BC1_BPP) {
-        Some("fewer bits than BC1 were asked for: the BC1 blocks are encoded anew")
+        Some("fewer bits than BC1 were requested: the BC1 blocks are decoded and encoded again")
     } else {
         None
     }

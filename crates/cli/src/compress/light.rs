@@ -96,8 +96,8 @@ impl FolderTask<LightSettings> {
     }
 }
 
-/// Mean structural similarity of some photographs, spread over the capture, with the same views drawn again; what the mask
-/// leaves out is black in both.
+/// Mean structural similarity of some photographs, spread over the capture, with the same views drawn again; what the
+/// mask leaves out is black in both.
 fn similarity(source: &Capture, texture: &LightTexture) -> f64 {
     let renderer = Renderer::new(texture);
     let step = source.views.len().div_ceil(SIMILAR_VIEWS).max(1);

@@ -59,8 +59,8 @@ impl Gate {
     }
 }
 
-/// Runs `work` on every task with `jobs` threads in all, shared out among tasks that run at a time; results are in the order of the tasks, `None` for one whose
-/// work did not return.
+/// Runs `work` on every task with `jobs` threads in all, shared out among tasks that run at a time; results are in the
+/// order of the tasks, `None` for one whose work did not return.
 pub(crate) fn run<T: Sync, R: Send>(
     tasks: &[T],
     jobs: usize,

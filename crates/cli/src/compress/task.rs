@@ -116,9 +116,7 @@ impl Task {
         }
         let warning = || {
             let (needed, allowed) = (likely >> 20, limit_bytes >> 20);
-            format!(
-                "about {needed} MiB are needed where {allowed} MiB are allowed: nothing else ran beside it"
-            )
+            format!("about {needed} MiB are needed and {allowed} MiB allowed: the input was encoded alone")
         };
         Ok((likely > limit_bytes).then(warning).into_iter().collect())
     }

@@ -45,8 +45,8 @@ impl Folder for ZoomSettings {
 }
 
 impl FolderTask<ZoomSettings> {
-    /// The row of the report, of `bytes`, loaded again. Errors are against the photographs after their exposure was fitted;
-    /// similarity and the worst block are those of the root's picture at its own size.
+    /// The row of the report, of `bytes`, loaded again. Errors are against the photographs after their exposure was
+    /// fitted; similarity and the worst block are those of the root's picture at its own size.
     fn row(&self, loaded: &stack::Loaded, bytes: &[u8], seconds: f64) -> Result<Row, LoadError> {
         let PatchStack { root, images, .. } = &loaded.stack;
         let image = texfold::open_image(bytes, &mut Budget::default())?;
@@ -90,7 +90,7 @@ impl FolderTask<ZoomSettings> {
     fn warnings(&self, texture: &ZipTexture, loaded: &stack::Loaded) -> Vec<String> {
         let mut warnings = loaded.left_out.clone();
         if texture.patches() == 0 {
-            warnings.push("nothing but the root is left: it shows every photograph as the goal asks, and a higher goal keeps more".to_owned());
+            warnings.push("only the root is left: it reaches the goal for every photograph; a higher goal keeps more patches".to_owned());
         }
         warnings
     }

@@ -1,4 +1,4 @@
-//! What can be said of an input and of a run, and what follows from it.
+//! Options for an input and for a run, and the settings that follow from them.
 
 use std::path::{Path, PathBuf};
 
@@ -13,59 +13,63 @@ use super::values::{AlphaChoice, CodecName, ColorName, ContentName, EffortName, 
 use crate::error::{CliError, UsageError};
 use crate::settings::{Kind, LightSettings, Settings, ZoomSettings};
 
-/// Terms among which a goal for a light field chooses where their number is not given: beyond, each takes as many bits and buys
+/// Most terms that a goal for a light field chooses from by default: each further term costs as many bits and gains
 /// little (`benches`, `lightfield`).
 const MOST_TERMS_FOR_GOAL: u32 = 4;
-/// Texels a side of view maps over the whole sphere, where regions share them: as fine as those of 16 over a hemisphere.
+/// Texels a side of view maps over the whole sphere, where regions share them: as fine as those of 16 over a
+/// hemisphere.
 const SHARED_GRID: u32 = 32;
-/// Log2 downscale of surface maps where maps are codewords: another one costs 0.1 dB of raw maps (`benches`, `lightfield`).
+/// Log2 downscale of surface maps where maps are codewords: another one costs 0.1 dB of raw maps (`benches`,
+/// `lightfield`).
 const SMALL_REDUCE_LOG2: u8 = 2;
 /// Share of the codebook that samples take where only their number is given: the paper's half.
 const SAMPLE_SHARE: f64 = 0.5;
 
-/// What can be said of one input, on the command line or in a rule.
+/// Options for one input, on the command line or in a rule.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct Options {
     /// Which codec.
     #[arg(long, value_parser = CodecName::parser())]
     pub(super) codec: Option<CodecName>,
-    /// Goal: the smallest file of at least this PSNR in dB (34 where no goal is given).
+    /// Goal: the smallest file with at least this PSNR in dB (default goal: 34).
     #[arg(long, value_name = "DB", group = "goal")]
     pub(super) psnr: Option<f64>,
-    /// Goal: the best within this many bits of GPU memory per texel.
+    /// Goal: the best quality within this many bits of GPU memory per texel.
     #[arg(long, value_name = "B", group = "goal")]
     pub(super) bpp: Option<f64>,
-    /// Goal: the smallest whose every 4x4 block has at most this RMS error in 8-bit units.
+    /// Goal: the smallest file whose 4x4 blocks each have at most this RMS error in 8-bit units.
     #[arg(long, value_name = "E", group = "goal")]
     pub(super) tolerance: Option<f64>,
-    /// How content planes are stored; the goal decides where this is not given.
+    /// Format of the texel data; by default the goal decides.
     #[arg(long, value_enum)]
     pub(super) content: Option<ContentName>,
-    /// epitome: a picture as large as the first image, bright where content may be taken from.
+    /// epitome: a mask of the first image's size; content is taken from where it is bright.
     #[arg(long, value_name = "MASK")]
     pub(super) content_from: Option<PathBuf>,
-    /// progressive, a set: the category that images are of; those of one category share a codebook. Images without one join the
-    /// category whose colours are nearest.
+    /// progressive, sets: category of the images. Images of one category share a codebook; without this option each
+    /// tile joins the category with the nearest colours.
     #[arg(long, value_name = "NAME")]
     pub(super) category: Option<String>,
-    /// epitome: layers of the file, each of about half of the bits of the next, so that a prefix shows a coarser image.
+    /// epitome: number of layers in the file (1 to 8). Each has about half the bits of the next; a prefix of the file
+    /// decodes to a coarser image.
     #[arg(long, value_name = "N")]
     pub(super) layers: Option<u32>,
-    /// lightfield: simplify the mesh to that many triangles; by default to as few as the photographs need.
+    /// lightfield: simplify the mesh to this many triangles; by default to as few as the photographs need.
     #[arg(long, value_name = "N")]
     pub(super) triangles: Option<u32>,
-    /// lightfield: share of what the maps take that is stored, above 0 to 1; below 1 maps are codewords that several places show, and surface maps
-    /// are coarser.
-    #[arg(long, value_name = "SHARE")]
+    /// lightfield: fraction of raw map size to keep (0-1]. Below 1, places share maps from a codebook, and surface maps
+    /// have a lower resolution.
+    #[arg(long, value_name = "FRACTION")]
     pub(super) codewords: Option<f32>,
-    /// lightfield: vertices of each of so many regions of the mesh share their view maps; each has its own where this is not given.
+    /// lightfield: divide the mesh into this many regions whose vertices share view maps; by default each vertex has
+    /// its own.
     #[arg(long, value_name = "N")]
     pub(super) regions: Option<u32>,
-    /// lightfield: terms beside the mean, 0 to 8; 1 where this is not given, up to 4 with a goal.
+    /// lightfield: number of terms beside the mean, 0 to 8; by default 1, or up to 4 with a goal.
     #[arg(long, value_name = "K")]
     pub(super) terms: Option<u32>,
-    /// What an input is: a file is an image and a folder a set where this is not given.
+    /// What an input is; by default a file is an image and a folder is a set.
     #[arg(long = "as", value_enum)]
     #[serde(rename = "as")]
     pub(super) kind: Option<Kind>,
@@ -81,37 +85,38 @@ pub struct Options {
     /// vq: number of image samples and their side in texels.
     #[arg(long, value_name = "N[xSIDE]")]
     pub(super) samples: Option<Samples>,
-    /// vq: how strongly importance weighs, 0 not at all, 1 the default.
+    /// vq: weight of importance, 0 to 4; 0 ignores it, 1 is the default.
     #[arg(long, value_name = "X")]
     pub(super) importance: Option<f32>,
     /// vq: a painted importance image, bright where it matters.
     #[arg(long, value_name = "FILE")]
     pub(super) importance_map: Option<PathBuf>,
-    /// vq: a mesh (OBJ, glTF, GLB) that the texture is drawn on; lightfield: the mesh (OBJ, PLY, glTF, GLB) instead of the capture's own.
+    /// vq: a mesh (OBJ, glTF, GLB) that the texture is drawn on. lightfield: a mesh (OBJ, PLY, glTF, GLB) that replaces
+    /// the capture's own.
     #[arg(long, value_name = "FILE")]
     pub(super) mesh: Option<PathBuf>,
-    /// What the values of images mean (srgb where not given).
+    /// Meaning of the images' values; srgb by default.
     #[arg(long, value_enum)]
     pub(super) color: Option<ColorName>,
-    /// How alpha is read: straight, cutout, cutout=THRESHOLD.
+    /// Meaning of alpha: straight, cutout, cutout=THRESHOLD.
     #[arg(long, value_name = "ALPHA")]
     pub(super) alpha: Option<AlphaChoice>,
 }
 
-/// What is said of the whole run.
+/// Options for the whole run.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct RunOptions {
-    /// Inputs worked on at a time; the number of cores where not given.
+    /// Inputs that are encoded in parallel; by default the number of cores.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) jobs: Option<u32>,
-    /// Memory in GiB that inputs in work may take together; three quarters of the machine's where not given.
+    /// Memory limit in GiB for all inputs that are encoded in parallel; by default three quarters of the machine's.
     #[arg(long, value_name = "GIB")]
     pub(crate) memory: Option<f64>,
-    /// Write a report of all inputs as JSON.
+    /// Write a JSON report of all inputs to this file.
     #[arg(long, value_name = "FILE")]
     pub(crate) report: Option<PathBuf>,
-    /// Encode even what is up to date.
+    /// Encode again what is up to date.
     #[arg(long, num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL")]
     pub(crate) force: Option<bool>,
 }

@@ -35,14 +35,14 @@ pub struct DecompressArgs {
     /// Decode on the GPU, as a shader does.
     #[arg(long)]
     gpu: bool,
-    /// Blend across blocks, as a shader does between texels. At the texels' own places, which are what is decoded, that
-    /// changes only epitomes whose leaves are blended in wide strips.
+    /// Filter across blocks, as a shader does. At texel centres, which is where images are decoded, this changes only
+    /// epitomes with a wide seam blend.
     #[arg(long)]
     continuous: bool,
     /// Mip level: 0 is the full size.
     #[arg(long, value_name = "N", default_value_t = 0)]
     lod: u32,
-    /// Only the first layers of a progressive file.
+    /// Load only this many layers of a layered file.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     layers: Option<u32>,
     /// Of a bank: only the image of that name.
@@ -51,7 +51,7 @@ pub struct DecompressArgs {
     /// Of a bank: only the tile of 1024x1024 texels in that column and row.
     #[arg(long, value_name = "X,Y", value_parser = tile)]
     tile: Option<(u32, u32)>,
-    /// Terms of a light field: for the command render, as a light field is no image.
+    /// Not for images: number of terms of a light field, which the command render draws.
     #[arg(long, value_name = "K")]
     terms: Option<u32>,
 }
@@ -177,7 +177,9 @@ fn warn_of_layers(path: &Path, wanted: Option<u32>, Layers { loaded, total }: La
         Some(wanted) if wanted > total => warn(&format!("has {total} layers, not {wanted}")),
         Some(wanted) if wanted <= loaded => {}
         _ if loaded < total => {
-            warn(&format!("is cut after {loaded} of {total} layers; the rest of it makes the image finer"));
+            warn(&format!(
+                "ends after {loaded} of {total} layers; the rest of the file makes the image finer"
+            ));
         }
         _ => {}
     }

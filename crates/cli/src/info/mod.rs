@@ -26,13 +26,14 @@ pub struct InfoArgs {
     /// Print JSON.
     #[arg(long)]
     json: bool,
-    /// Write pictures of the parts to this folder.
+    /// Write images of the file's parts to this folder.
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
-    /// The image or folder that the file was made from: adds a picture of the error.
+    /// The image or folder that the file was made from: also write images of the error.
     #[arg(long, value_name = "INPUT", requires = "pictures")]
     original: Option<PathBuf>,
-    /// For a light field: a file of cameras with photographs: says how close it comes to each, and with --pictures shows them beside each other.
+    /// Light fields: a camera file with photographs. Prints the PSNR of each view; with --pictures writes both beside
+    /// each other.
     #[arg(long, value_name = "CAMERAS.json")]
     camera: Option<PathBuf>,
 }

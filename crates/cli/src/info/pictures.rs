@@ -1,4 +1,4 @@
-//! Pictures of what a file holds, for a person to look at.
+//! Images of what a file holds, for a person to look at.
 
 use std::path::{Path, PathBuf};
 
@@ -44,7 +44,7 @@ pub(crate) fn write(
         }
     }
     if originals.is_some() {
-        say(&format!("errors are shown {} times as large, 0 as middle gray", picture::ERROR_GAIN));
+        say(&format!("error images: errors are scaled by {}, and 0 is middle gray", picture::ERROR_GAIN));
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
-//! Images read in bands of rows: PNG by its rows and TIFF by its strips or tiles hold no more than a band and what a strip or row
-//! of tiles holds; all else is decoded whole, as it is stored. A fourth band of a TIFF that is said to be no alpha, as near
-//! infrared in aerial photographs, is left out.
+//! Images read in bands of rows: PNG by its rows and TIFF by its strips or tiles hold no more than a band and what a
+//! strip or row of tiles holds; all else is decoded whole, as it is stored. A fourth band of a TIFF that is said to be
+//! no alpha, as near infrared in aerial photographs, is left out.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -214,8 +214,8 @@ fn tiff_fault(path: &Path, error: tiff::TiffError) -> CliError {
     CliError::Rows { path: path.to_owned(), source: Box::new(error) }
 }
 
-/// Whether a TIFF file says that what it has beside gray or RGB is no alpha, as aerial photographs with infrared do. Many writers of
-/// alpha say nothing. `None` where it cannot be told.
+/// Whether a TIFF file says that what it has beside gray or RGB is no alpha, as aerial photographs with infrared do.
+/// Many writers of alpha say nothing. `None` where it cannot be told.
 fn no_alpha(decoder: &mut TiffDecoder<BufReader<File>>) -> Option<bool> {
     let extra = decoder.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).ok()?;
     Some(extra.is_some_and(|extra| !extra.contains(&1) && !extra.contains(&2)))

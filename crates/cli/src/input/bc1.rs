@@ -156,8 +156,8 @@ fn ktx2_blocks<'b>(path: &Path, bytes: &'b [u8]) -> Result<(&'b [u8], bool), Cli
     } else if header.layer_count > 1 {
         return other("an array");
     }
-    // Only the place of level 0 is needed, which follows the header; the crate's reader would also ask for a data format
-    // descriptor that says nothing new.
+    // Only the place of level 0 is needed, which follows the header; the crate's reader would also ask for a data
+    // format descriptor that says nothing new.
     let place = |at: usize| {
         let field = bytes.get(ktx2::Header::LENGTH + at..)?.first_chunk()?;
         usize::try_from(u64::from_le_bytes(*field)).ok()

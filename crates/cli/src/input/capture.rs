@@ -1,5 +1,6 @@
-//! Captures: `transforms.json` (the convention of NeRF and nerfstudio: intrinsics in pixels, matrices from camera to world
-//! with OpenGL axes), the images that it names, and `mesh.obj`, `mesh.ply`, `mesh.glb` or `mesh.gltf` in the cameras' space.
+//! Captures: `transforms.json` (the convention of NeRF and nerfstudio: intrinsics in pixels, matrices from camera to
+//! world with OpenGL axes), the images that it names, and `mesh.obj`, `mesh.ply`, `mesh.glb` or `mesh.gltf` in the
+//! cameras' space.
 //!
 //! *Not done*: lens distortion; a file that has some is refused.
 

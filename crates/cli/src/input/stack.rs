@@ -1,5 +1,5 @@
-//! Zoom stacks: a folder of photographs to be put in order, or with `zipmap.toml`, which says where each has its place, or with
-//! which other stack it goes.
+//! Zoom stacks: a folder of photographs to be put in order, or with `zipmap.toml`, which says where each has its place,
+//! or with which other stack it goes.
 
 use std::path::{Path, PathBuf};
 

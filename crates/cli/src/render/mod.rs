@@ -25,25 +25,26 @@ pub struct RenderArgs {
     /// A .txf file.
     #[arg(value_name = "FILE.txf")]
     file: PathBuf,
-    /// For a light field the cameras: a file like a capture's transforms.json.
+    /// Light fields: the cameras, in a file like a capture's transforms.json.
     #[arg(long, value_name = "CAMERAS.json", conflicts_with = "zoom_to")]
     camera: Option<PathBuf>,
-    /// For an image: draw a zoom to this place, 0,0 the upper left corner and 1,1 the lower right one, and a strip of its frames.
+    /// Images: draw a zoom towards this point, and a strip of its frames. 0,0 is the upper left corner, 1,1 the lower
+    /// right.
     #[arg(long, value_name = "U,V", value_parser = zoom::target)]
     zoom_to: Option<glam::Vec2>,
     /// Frames of a zoom.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000), requires = "zoom_to")]
     steps: Option<u32>,
-    /// Folder that the pictures are written to: 000.png and so on, in the order of the cameras.
+    /// Folder for the images: 000.png and so on, in the order of the cameras.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Draw on the CPU, ray by ray: the reference.
+    /// Draw on the CPU by casting rays: the reference.
     #[arg(long)]
     cpu: bool,
-    /// Only the first terms beside the mean.
+    /// Use only this many terms beside the mean.
     #[arg(long, value_name = "K")]
     terms: Option<u32>,
-    /// Pixels across and down; those of the cameras where this is not given.
+    /// Width and height in pixels; by default those of the cameras.
     #[arg(long, value_name = "WxH")]
     size: Option<Sides>,
 }
@@ -54,7 +55,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<usize, CliError> {
         (Some(_), _) if args.terms.is_some() => Err(usage(args, "an image has no terms")),
         (Some(target), _) => zoom::run(args, target),
         (None, Some(camera)) => render_light(args, camera),
-        (None, None) => Err(usage(args, "nothing says what to draw")),
+        (None, None) => Err(usage(args, "neither cameras nor a zoom target are given")),
     })
 }
 
@@ -68,7 +69,7 @@ fn render_light(args: &RenderArgs, camera: &Path) -> Result<usize, CliError> {
     let layers = texture.layers();
     if layers.loaded < layers.total {
         let (has, of) = (layers.loaded - 1, layers.total - 1);
-        complain(&format!("{}: is cut after {has} of {of} terms", args.file.display()));
+        complain(&format!("{}: ends after {has} of {of} terms", args.file.display()));
     }
     let texture = match args.terms {
         Some(terms) => texture.first_terms(terms),

@@ -55,7 +55,8 @@ pub(super) fn run(args: &RenderArgs, target: Vec2) -> Result<usize, CliError> {
     Ok(0)
 }
 
-/// Rectangles of the frames' shape, the first as large as the texture holds, each smaller than the one before by the same factor.
+/// Rectangles of the frames' shape, the first as large as the texture holds, each smaller than the one before by the
+/// same factor.
 fn shots(texture: SurfaceSize, size: (u32, u32), target: Vec2, steps: u32) -> Vec<Shot> {
     let whole = Vec2::new(texture.width as f32, texture.height as f32);
     let frame = Vec2::new(size.0 as f32, size.1 as f32);

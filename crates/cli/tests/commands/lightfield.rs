@@ -177,5 +177,5 @@ fn faults_of_captures_are_named() {
     }
     place.compress("a.png --out out");
     let image = place.run("render out/a.txf --camera ball/transforms.json --out views --cpu");
-    assert!(image.code == Some(1) && image.stderr.contains("no light field"), "{}", image.stderr);
+    assert!(image.code == Some(1) && image.stderr.contains("not a light field"), "{}", image.stderr);
 }

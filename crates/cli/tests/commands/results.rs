@@ -143,7 +143,7 @@ fn a_progressive_file_is_decoded_layer_by_layer() {
     let bytes = fs::read(place.at("out/a.txf")).unwrap();
     fs::write(place.at("out/cut.txf"), &bytes[..bytes.len() - 1]).unwrap();
     let (cut, warned) = decode("cut", "cut", "");
-    assert!(warned.contains("cut after 2 of 3 layers"), "{warned}");
+    assert!(warned.contains("ends after 2 of 3 layers"), "{warned}");
     assert!(cut == decode("a", "second", "--layers 2").0);
     assert!(place.run("info out/cut.txf").stdout.contains("layers    2 of 3"));
     fs::write(place.at("out/short.txf"), &bytes[..bytes.len() / 8]).unwrap();

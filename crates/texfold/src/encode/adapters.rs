@@ -31,8 +31,8 @@ pub struct PartImages {
 pub trait ImageEncoder:
     Encoder<Domain = Image2d, Encoded: 'static, Params: Params + Send + Sync + 'static>
 {
-    /// About how many bytes for each texel of the source encoding takes at its peak: source and decoded raster, the encoder's
-    /// own, and the planes of the similarity measure. An estimate from above.
+    /// About how many bytes for each texel of the source encoding takes at its peak: source and decoded raster, the
+    /// encoder's own, and the planes of the similarity measure. An estimate from above.
     const BYTES_PER_TEXEL: u64 = 120;
     /// Whether it follows [`Guidance::painted`] and [`Guidance::mesh`].
     const FOLLOWS_IMPORTANCE: bool = false;

@@ -12,7 +12,7 @@ use crate::AnyImage;
 /// Encodes images with the codec that the settings name, or with the one that answers the goal best.
 ///
 /// A codec that cannot reach the goal where plain block compression can, or that is larger at the same quality,
-/// gives way to it; the notes' verdict says so. A codebook asked for by its size is made as asked.
+/// gives way to it; the notes' verdict says so. A codebook of a given size is not held against plain blocks.
 ///
 /// # Errors
 /// As [`texfold_core::Encoder::encode`].
@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_falls_back_to_the_plain_form_and_says_so() {
+    fn noise_falls_back_to_plain_blocks_and_says_so() {
         let settings =
             EncodeSettings { codec: Choice::of::<Vq>(), goal: Goal::Psnr(30.0), ..EncodeSettings::default() };
         let (set, encoded) = encode("noise", &settings);
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn a_photograph_is_a_base_and_an_error_map_unless_importance_is_asked_for() {
+    fn a_photograph_is_a_base_and_a_residual_unless_importance_is_to_be_followed() {
         let settings = EncodeSettings { goal: Goal::Bpp(2.5), ..EncodeSettings::default() };
         let (set, encoded) = encode("terrain", &settings);
         assert!(encoded.downcast_ref::<ProgressiveTexture>().is_some(), "{}", verdict(&encoded));

@@ -13,8 +13,8 @@ use crate::AnyImage;
 /// Bits a texel of BC1.
 const BC1_BPP: f64 = 4.0;
 
-/// What plain blocks gain in dB by effort, from above: a method that is better by more need not be held against the best of
-/// them.
+/// What plain blocks gain in dB by effort, from above: a method that is better by more need not be held against the
+/// best of them.
 const EFFORT_GAIN: f64 = 1.5;
 
 /// Shares of a job after which plain blocks are tried quickly, and as well as they can be, behind a method.
@@ -139,13 +139,13 @@ impl Plain {
             return Ok(method);
         }
         let reason = match (goal.is_met(&found), goal) {
-            (false, Goal::Bpp(_)) => format!("it needs {:.2} bits a texel", found.bpp),
-            (false, _) => format!("it reaches {:.1} dB in {:.2} bits a texel", found.psnr, found.bpp),
+            (false, Goal::Bpp(_)) => format!("it needs {:.2} bits per texel", found.bpp),
+            (false, _) => format!("it reaches {:.1} dB in {:.2} bits per texel", found.psnr, found.bpp),
             (true, Goal::Bpp(_)) => {
-                format!("it reaches {:.1} dB where the plain form reaches {:.1}", found.psnr, plain.psnr)
+                format!("it reaches {:.1} dB, plain blocks {:.1} dB", found.psnr, plain.psnr)
             }
             (true, _) => {
-                format!("it needs {:.2} bits a texel where the plain form needs {:.2}", found.bpp, plain.bpp)
+                format!("it needs {:.2} bits per texel, plain blocks {:.2}", found.bpp, plain.bpp)
             }
         };
         Ok(self.instead_of(name, &reason))
@@ -154,7 +154,7 @@ impl Plain {
     /// Plain blocks, whose verdict says why the method of that name was not used.
     fn instead_of(self, method: &str, reason: &str) -> AnyImage {
         let mut notes = self.texture.notes().clone();
-        notes.verdict = format!("{} {method} does not suit this picture and goal: {reason}.", notes.verdict);
+        notes.verdict = format!("{} {method} does not suit this image and goal: {reason}.", notes.verdict);
         AnyImage::new(self.texture.with_notes(notes))
     }
 }

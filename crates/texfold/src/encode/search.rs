@@ -48,8 +48,8 @@ impl std::fmt::Debug for ImageSearch<'_> {
     }
 }
 
-/// Does what does not depend on the goal once, with the codec of `encoding`. The goal of `settings` should be of the kind of those
-/// to come.
+/// Does what does not depend on the goal once, with the codec of `encoding`. The goal of `settings` should be of the
+/// kind of those to come.
 ///
 /// # Errors
 /// As [`texfold_core::SharedSearch::search`].

@@ -120,7 +120,8 @@ pub struct Guidance<'s> {
     pub painted: Option<&'s Raster>,
     /// A mesh that the texture is drawn on.
     pub mesh: Option<&'s UvMesh>,
-    /// Where content may come from, bright; everything else is made of it. Only codecs that place content elsewhere follow it.
+    /// Where content may come from, bright; everything else is made of it. Only codecs that place content elsewhere
+    /// follow it.
     pub content_from: Option<&'s Raster>,
     /// The blocks of images that are BC1 already, to be taken over as they are.
     pub blocks: Option<&'s [Bc1Blocks]>,

@@ -20,7 +20,8 @@ use crate::AnyImage;
 pub static ENCODINGS: [Encoding; 4] = [
     Encoding::of::<Bc>(),
     Encoding::of::<Vq>().growing::<Vq>(),
-    Encoding::of::<Epitome>().searching::<Epitome>(),
+    // Not searching: what its search finds for 1.5 bits per texel gives 30.8 dB at 2.5, where a search for 2.5 gives 32.2.
+    Encoding::of::<Epitome>(),
     Encoding::of::<Progressive>().searching::<Progressive>(),
 ];
 

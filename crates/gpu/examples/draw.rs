@@ -11,6 +11,7 @@ use glam::camera::rh::view::look_at_mat4;
 use texfold::{Bc, BcParams, Budget, Encoder, Goal, Job, Limits};
 use texfold_core::image::{ColorSpace, ImageSet, Raster};
 use texfold_gpu::{AddressMode, Gpu, GpuTexture, Policy, wgpu};
+use texfold_shaders::{Slot, paste};
 
 const SIZE: (u32, u32) = (960, 640);
 const COLOUR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -52,7 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // A renderer with a device of its own calls Gpu::from_device.
     let gpu = Gpu::new(Policy::from_env())?;
     let uploaded = gpu.upload(&texture.gpu())?.with_address_mode(AddressMode::Repeat);
-    println!("{}: module {}, {} bytes uploaded", gpu.info().name, uploaded.module().name(), uploaded.bytes());
+    println!("{}: module {}, {} bytes uploaded", gpu.info().name, uploaded.module().name, uploaded.bytes());
     let pixels = render(&gpu, &uploaded)?;
     image::save_buffer(&output, &pixels, SIZE.0, SIZE.1, image::ExtendedColorType::Rgba8)?;
     println!("wrote {output}");
@@ -71,7 +72,7 @@ fn encode_test_picture() -> Result<Box<dyn texfold::Encoded<Domain = texfold::Im
 
 fn render(gpu: &Gpu, texture: &GpuTexture) -> Result<Vec<u8>, Box<dyn Error>> {
     let device = gpu.device();
-    let pipeline = pipeline(gpu, texture);
+    let pipeline = pipeline(gpu, texture)?;
     let view_projection = perspective(0.8, SIZE.0 as f32 / SIZE.1 as f32, 0.1, 50.0)
         * look_at_mat4(Vec3::new(0.0, 1.5, 3.4), Vec3::new(0.0, -0.1, 0.0), Vec3::Y);
     let camera = buffer(gpu, bytemuck::bytes_of(&view_projection), wgpu::BufferUsages::UNIFORM);
@@ -101,12 +102,13 @@ fn render(gpu: &Gpu, texture: &GpuTexture) -> Result<Vec<u8>, Box<dyn Error>> {
 }
 
 /// The renderer's pipeline: its camera in group 0, Texfold's bindings in group 1.
-fn pipeline(gpu: &Gpu, texture: &GpuTexture) -> wgpu::RenderPipeline {
+fn pipeline(gpu: &Gpu, texture: &GpuTexture) -> Result<wgpu::RenderPipeline, Box<dyn Error>> {
     let (device, module) = (gpu.device(), texture.module());
-    let own = SHADER.replace("SAMPLE", module.sample_function());
+    let slot = Slot::new(module, 1, 0);
+    let own = SHADER.replace("SAMPLE", &slot.sample_function());
     let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
-        source: wgpu::ShaderSource::Wgsl(format!("{}\n{own}", texfold_shaders::paste(module, 1, 0)).into()),
+        source: wgpu::ShaderSource::Wgsl(format!("{}\n{own}", paste(&[slot])?).into()),
     });
     let camera = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
         label: None,
@@ -131,7 +133,7 @@ fn pipeline(gpu: &Gpu, texture: &GpuTexture) -> wgpu::RenderPipeline {
         step_mode: wgpu::VertexStepMode::Vertex,
         attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x2],
     })];
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+    Ok(device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: None,
         layout: Some(&layout),
         vertex: wgpu::VertexState {
@@ -157,7 +159,7 @@ fn pipeline(gpu: &Gpu, texture: &GpuTexture) -> wgpu::RenderPipeline {
         }),
         multiview_mask: None,
         cache: None,
-    })
+    }))
 }
 
 /// A waved sheet: position, normal and texture coordinate of each corner, and the triangles. The texture repeats twice

@@ -7,7 +7,7 @@ use texfold_core::PlaneFormat;
 use wgpu::{Adapter, AdapterInfo, Device, DeviceType, Features, Limits, Queue};
 
 use crate::pipeline::{Layouts, PipelineKey};
-use crate::{GpuError, Module};
+use crate::{GpuError, ModuleInfo};
 
 /// Formats of content that not every adapter has.
 const BLOCK_FEATURES: Features = Features::TEXTURE_COMPRESSION_BC.union(Features::TEXTURE_COMPRESSION_ASTC);
@@ -60,7 +60,11 @@ impl Gpu {
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("texfold"),
             required_features: adapter.features() & BLOCK_FEATURES,
-            required_limits: Limits::downlevel_defaults().using_resolution(adapter.limits()),
+            required_limits: Limits {
+                // For materials: a texture has up to 11 planes, and WebGPU guarantees 16 a shader.
+                max_sampled_textures_per_shader_stage: adapter.limits().max_sampled_textures_per_shader_stage,
+                ..Limits::downlevel_defaults().using_resolution(adapter.limits())
+            },
             ..Default::default()
         };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))?;
@@ -115,7 +119,7 @@ impl Gpu {
 
     /// The bind group layout of a module's textures, for pipeline layouts of a renderer's own.
     #[must_use]
-    pub fn bind_group_layout(&self, module: Module) -> &wgpu::BindGroupLayout {
+    pub fn bind_group_layout(&self, module: &'static ModuleInfo) -> &wgpu::BindGroupLayout {
         self.layouts.of(module)
     }
 

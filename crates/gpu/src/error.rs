@@ -50,6 +50,20 @@ pub enum GpuError {
         /// Most texels a side.
         limit: u32,
     },
+    /// The textures of a material are more than a shader of the device can read.
+    #[error(
+        "the textures of the material have {textures} planes, and a shader of the device reads {limit}; ask for a device with a \
+         higher max_sampled_textures_per_shader_stage, or draw the material in two passes"
+    )]
+    TooManyTextures {
+        /// Planes of all textures.
+        textures: usize,
+        /// Most that one shader reads.
+        limit: u32,
+    },
+    /// The textures of a material cannot stand in one shader.
+    #[error("the textures of the material cannot stand in one shader")]
+    Paste(#[from] texfold_shaders::PasteError),
     /// The picture to draw is empty or does not fit the device.
     #[error("a picture of {width} x {height} pixels cannot be drawn; ask for 1 to {limit} a side")]
     PictureSize {

@@ -2,19 +2,14 @@
 
 use glam::{Mat4, Vec3};
 use texfold_core::GpuForm;
+use texfold_shaders::{LightOffsets, ModuleInfo};
 use wgpu::{BindGroup, Buffer, Queue, TextureFormat};
 
 use crate::decode::clear;
 use crate::mesh::{clear_depth, view_of};
 use crate::pipeline::{DEPTH_FORMAT, PipelineKey, Shader};
-use crate::{Gpu, GpuError, Module};
-
-/// Where the numbers of triangles and of drawn terms lie in the parameters, in bytes.
-const TRIANGLES_OFFSET: usize = 4;
-/// As above.
-const TERMS_OFFSET: usize = 8;
-/// As above, of the terms that are stored.
-const STORED_TERMS_OFFSET: usize = 12;
+use crate::upload::{module_of, number};
+use crate::{Gpu, GpuError};
 
 /// The shader's parameters.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
@@ -28,6 +23,8 @@ struct SceneParams {
 /// A light field on the GPU.
 #[derive(Debug)]
 pub struct GpuLight {
+    module: &'static ModuleInfo,
+    offsets: LightOffsets,
     params: Buffer,
     bind_group: BindGroup,
     triangles: u32,
@@ -53,7 +50,7 @@ impl GpuLight {
     #[must_use]
     pub fn with_terms(self, terms: u32) -> GpuLight {
         let terms = terms.min(self.stored_terms);
-        self.queue.write_buffer(&self.params, TERMS_OFFSET as u64, &terms.to_le_bytes());
+        self.queue.write_buffer(&self.params, self.offsets.terms as u64, &terms.to_le_bytes());
         self
     }
 
@@ -70,22 +67,25 @@ impl Gpu {
     /// # Errors
     /// [`GpuError`] where it is none, or the device cannot hold or sample it.
     pub fn upload_light(&self, form: &GpuForm<'_>) -> Result<GpuLight, GpuError> {
-        if Module::by_name(form.module) != Some(Module::Lightfield) {
-            return Err(GpuError::UnknownModule { module: form.module });
-        }
+        let module = module_of(form)?;
+        let offsets = module.light().ok_or(GpuError::Form { what: "an image is no light field" })?;
         let [surface] = &form.surfaces[..] else {
             return Err(GpuError::Form { what: "a light field has another number of surfaces than one" });
         };
         self.guarded(|| {
-            let (planes, bytes) = self.upload_planes(form)?;
-            let group = self.bind(Module::Lightfield, form, surface, &planes)?;
-            let number = |offset| crate::upload::number(&form.uniforms[surface.uniforms.clone()], offset);
+            let planes = form.planes.iter().map(|plane| self.upload_plane(plane));
+            let planes = planes.collect::<Result<Vec<_>, GpuError>>()?;
+            let group = self.bind(module, form, surface, &planes)?;
+            let params = group.params.into_iter().next();
+            let number = |offset| number(&form.uniforms[surface.uniforms.clone()], offset);
             Ok(GpuLight {
-                params: group.params,
+                module,
+                offsets,
+                params: params.ok_or(GpuError::Form { what: "a shader without parameters" })?,
                 bind_group: group.bind_group,
-                triangles: number(TRIANGLES_OFFSET),
-                stored_terms: number(STORED_TERMS_OFFSET),
-                bytes: bytes + surface.uniforms.len() as u64,
+                triangles: number(offsets.triangles),
+                stored_terms: number(offsets.stored_terms),
+                bytes: planes.iter().map(|plane| plane.bytes).sum::<u64>() + group.params_bytes,
                 queue: self.queue.clone(),
             })
         })
@@ -108,8 +108,10 @@ impl Gpu {
             return Err(GpuError::PictureSize { width, height, limit });
         }
         let corners = light.triangles.checked_mul(3).ok_or(GpuError::Mesh)?;
-        let pipeline =
-            self.pipeline(PipelineKey { shader: Shader::Light, target: TextureFormat::Rgba8Unorm })?;
+        let pipeline = self.pipeline(PipelineKey {
+            shader: Shader::Light(light.module),
+            target: TextureFormat::Rgba8Unorm,
+        })?;
         let mut pixels = vec![[0; 4]; width as usize * height as usize];
         self.guarded(|| {
             let scene = SceneParams { view_projection, eye, reserved: 0 };

@@ -2,7 +2,7 @@
 
 use std::sync::PoisonError;
 
-use texfold_shaders::{Binding, Entry, Module, Switch};
+use texfold_shaders::{Binding, Entry, MODULES, ModuleInfo, Switch};
 use wgpu::{
     BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType, BufferBindingType, Device,
     RenderPipeline, SamplerBindingType, ShaderStages, TextureFormat, TextureSampleType, TextureViewDimension,
@@ -25,7 +25,7 @@ const CORNER_LAYOUT: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayou
 pub(crate) enum Shader {
     /// One of ours over a rectangle of texture coordinates.
     View {
-        module: Module,
+        module: &'static ModuleInfo,
         entry: Entry,
         /// The number of its lookup.
         lookup: u32,
@@ -33,9 +33,9 @@ pub(crate) enum Shader {
         switches: u32,
     },
     /// A mesh with a module's texture.
-    Mesh(Module),
+    Mesh(&'static ModuleInfo),
     /// A light field on its mesh.
-    Light,
+    Light(&'static ModuleInfo),
     /// A plain texture and a sampler.
     Plain,
 }
@@ -50,6 +50,7 @@ pub(crate) struct PipelineKey {
 /// Layouts of all bind groups.
 #[derive(Debug)]
 pub(crate) struct Layouts {
+    /// One for each row of [`MODULES`].
     modules: Vec<BindGroupLayout>,
     /// A plain texture and a sampler.
     pub(crate) plain: BindGroupLayout,
@@ -59,7 +60,7 @@ pub(crate) struct Layouts {
 
 impl Layouts {
     pub(crate) fn new(device: &Device) -> Self {
-        let modules = Module::ALL.iter().map(|module| module_layout(device, *module)).collect();
+        let modules = MODULES.iter().map(|module| module_layout(device, module)).collect();
         let float = TextureSampleType::Float { filterable: true };
         let plain = [texture(float), BindingType::Sampler(SamplerBindingType::Filtering)];
         let plain = layout(device, "plain", plain.into_iter());
@@ -67,8 +68,10 @@ impl Layouts {
         Layouts { modules, plain, job }
     }
 
-    pub(crate) fn of(&self, module: Module) -> &BindGroupLayout {
-        &self.modules[module as usize]
+    pub(crate) fn of(&self, module: &'static ModuleInfo) -> &BindGroupLayout {
+        // Every module there is is a row of the table.
+        let row = MODULES.iter().position(|row| row == module).unwrap_or_default();
+        &self.modules[row]
     }
 }
 
@@ -82,13 +85,25 @@ fn nearest_in_front() -> wgpu::DepthStencilState {
     }
 }
 
-fn module_layout(device: &Device, module: Module) -> BindGroupLayout {
-    let types = module.bindings().iter().map(|binding| match binding {
+fn module_layout(device: &Device, module: &ModuleInfo) -> BindGroupLayout {
+    layout(device, module.name, module.bindings.iter().map(binding_type))
+}
+
+/// What a layout says of a binding.
+fn binding_type(binding: &Binding) -> BindingType {
+    match binding {
         Binding::Params { bytes } => uniform(std::num::NonZeroU64::new(*bytes)),
         Binding::Uint => texture(TextureSampleType::Uint),
         Binding::Float => texture(TextureSampleType::Float { filterable: false }),
-    });
-    layout(device, module.name(), types)
+    }
+}
+
+/// A layout of bindings of these modules, one module behind the other.
+pub(crate) fn layout_of<'m>(
+    device: &Device,
+    modules: impl Iterator<Item = &'m ModuleInfo>,
+) -> BindGroupLayout {
+    layout(device, "material", modules.flat_map(|module| module.bindings).map(binding_type))
 }
 
 fn layout(device: &Device, label: &str, types: impl Iterator<Item = BindingType>) -> BindGroupLayout {
@@ -128,17 +143,18 @@ impl Gpu {
                 (texfold_shaders::entry(module, entry), self.layouts.of(module))
             }
             Shader::Mesh(module) => (texfold_shaders::entry(module, Entry::Mesh), self.layouts.of(module)),
-            Shader::Light => (texfold_shaders::light(), self.layouts.of(Module::Lightfield)),
+            Shader::Light(module) => (texfold_shaders::light(module), self.layouts.of(module)),
             Shader::Plain => (texfold_shaders::plain(), &self.layouts.plain),
         };
         let is_mesh = matches!(shader, Shader::Mesh(_));
+        let has_depth = is_mesh || matches!(shader, Shader::Light(_));
         let constants: Vec<(&str, f64)> = match shader {
             Shader::View { module, lookup, switches, .. } => {
                 let on = |(bit, switch): (u32, &Switch)| (switch.constant, f64::from(switches >> bit & 1));
-                let switches = (0..).zip(module.switches()).map(on);
+                let switches = (0..).zip(module.switches).map(on);
                 std::iter::once(("LOOKUP", f64::from(lookup))).chain(switches).collect()
             }
-            Shader::Mesh(_) | Shader::Light | Shader::Plain => Vec::new(),
+            Shader::Mesh(_) | Shader::Light(_) | Shader::Plain => Vec::new(),
         };
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("texfold"),
@@ -160,7 +176,7 @@ impl Gpu {
                 buffers: if is_mesh { &corners } else { &[] },
             },
             primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: (is_mesh || shader == Shader::Light).then(nearest_in_front),
+            depth_stencil: has_depth.then(nearest_in_front),
             multisample: wgpu::MultisampleState::default(),
             fragment: Some(wgpu::FragmentState {
                 module: &module,

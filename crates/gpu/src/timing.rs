@@ -82,7 +82,7 @@ impl Gpu {
                     }
                     Lookup::Level { .. } | Lookup::Derivative => 8,
                 };
-                let (module, entry) = (texture.module(), Entry::Bare);
+                let (module, entry) = (texture.module(), Entry::LoadsOnly);
                 (
                     Shader::View { module, entry, lookup: loads, switches: texture.switches() },
                     textures.clone(),

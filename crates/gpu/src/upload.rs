@@ -3,123 +3,11 @@
 use std::collections::HashMap;
 
 use texfold_core::{AstcBlock, GpuForm, Plane, PlaneFormat, SurfaceBinding, SurfaceSize};
-use texfold_shaders::Binding;
-use wgpu::{BindGroup, Buffer, BufferUsages, Queue, Texture, TextureFormat, TextureUsages};
+use texfold_shaders::{Binding, ModuleInfo};
+use wgpu::{BufferUsages, Texture, TextureFormat, TextureUsages};
 
-use crate::{Gpu, GpuError, Module};
-
-/// What lies outside of [0, 1) in texture coordinates.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum AddressMode {
-    /// The image again.
-    Repeat,
-    /// The texels of its edge.
-    Clamp,
-}
-
-/// A texture on the GPU.
-#[derive(Debug)]
-pub struct GpuTexture {
-    module: Module,
-    groups: Vec<Group>,
-    surfaces: Vec<Surface>,
-    /// A bit for each of the module's switches that an image needs.
-    switches: u32,
-    bytes: u64,
-    queue: Queue,
-}
-
-/// What is bound to draw some of the images.
-#[derive(Debug)]
-pub(crate) struct Group {
-    pub(crate) params: Buffer,
-    pub(crate) bind_group: BindGroup,
-}
-
-/// One image.
-#[derive(Debug, Clone, Copy)]
-struct Surface {
-    group: usize,
-    /// The shader's `surface` argument.
-    place: u32,
-    size: SurfaceSize,
-    levels: u32,
-}
-
-impl GpuTexture {
-    /// The WGSL module that samples it.
-    #[must_use]
-    pub fn module(&self) -> Module {
-        self.module
-    }
-
-    /// A bit for each of the module's switches that an image needs.
-    pub(crate) fn switches(&self) -> u32 {
-        self.switches
-    }
-
-    /// Whether a plane may be smaller than its source.
-    pub(crate) fn reduced(&self) -> bool {
-        self.module.may_be_reduced() && self.switches & 1 != 0
-    }
-
-    /// Number of images.
-    #[must_use]
-    pub fn surfaces(&self) -> usize {
-        self.surfaces.len()
-    }
-
-    /// Bytes of texels and parameters that were uploaded.
-    #[must_use]
-    pub fn bytes(&self) -> u64 {
-        self.bytes
-    }
-
-    /// What to bind to draw image `surface`, and the `surface` argument of the module's functions for it.
-    ///
-    /// # Errors
-    /// [`GpuError::NoSuchSurface`].
-    pub fn bind_group(&self, surface: u32) -> Result<(&BindGroup, u32), GpuError> {
-        let found = self.surface(surface)?;
-        Ok((&self.groups[found.group].bind_group, found.place))
-    }
-
-    /// Columns and rows of image `surface`, level 0.
-    ///
-    /// # Errors
-    /// [`GpuError::NoSuchSurface`].
-    pub fn size(&self, surface: u32) -> Result<SurfaceSize, GpuError> {
-        Ok(self.surface(surface)?.size)
-    }
-
-    /// Mip levels of image `surface`.
-    ///
-    /// # Errors
-    /// [`GpuError::NoSuchSurface`].
-    pub fn levels(&self, surface: u32) -> Result<u32, GpuError> {
-        Ok(self.surface(surface)?.levels)
-    }
-
-    /// The same texture with another address mode for all of its images.
-    #[must_use]
-    pub fn with_address_mode(self, mode: AddressMode) -> GpuTexture {
-        let number = match mode {
-            AddressMode::Repeat => texfold_core::address::TEXFOLD_REPEAT,
-            AddressMode::Clamp => texfold_core::address::TEXFOLD_CLAMP,
-        };
-        if let Some(offset) = self.module.address_mode_offset() {
-            for group in &self.groups {
-                self.queue.write_buffer(&group.params, offset as u64, &number.to_le_bytes());
-            }
-        }
-        self
-    }
-
-    fn surface(&self, surface: u32) -> Result<&Surface, GpuError> {
-        let surfaces = self.surfaces.len();
-        self.surfaces.get(surface as usize).ok_or(GpuError::NoSuchSurface { surface, surfaces })
-    }
-}
+use crate::texture::{Bound, GpuPlane, Group, Surface, entries};
+use crate::{Gpu, GpuError, GpuTexture};
 
 impl Gpu {
     /// Uploads all planes and parameters of an encoded texture.
@@ -127,78 +15,57 @@ impl Gpu {
     /// # Errors
     /// [`GpuError`] where the device cannot hold or sample it.
     pub fn upload(&self, form: &GpuForm<'_>) -> Result<GpuTexture, GpuError> {
-        let module = Module::by_name(form.module).ok_or(GpuError::UnknownModule { module: form.module })?;
+        let module = module_of(form)?;
         self.guarded(|| {
-            let (planes, bytes) = self.upload_planes(form)?;
-            let mut texture = GpuTexture {
-                module,
-                groups: Vec::new(),
-                surfaces: Vec::new(),
-                switches: 0,
-                bytes,
-                queue: self.queue.clone(),
-            };
-            let mut known = HashMap::new();
-            for binding in &form.surfaces {
-                let key = (binding.uniforms.start, binding.planes.clone());
-                let group = *known.entry(key).or_insert(texture.groups.len());
-                if group == texture.groups.len() {
-                    texture.bytes += binding.uniforms.len() as u64;
-                    texture.groups.push(self.bind(module, form, binding, &planes)?);
-                }
-                texture.surfaces.push(describe(module, group, form, binding)?);
-                let params = params_of(module, form, binding)?;
-                for (bit, switch) in (0..).zip(module.switches()) {
-                    texture.switches |= u32::from(switch.is_needed(params)) << bit;
-                }
-            }
-            Ok(texture)
+            let planes = form.planes.iter().map(|plane| self.upload_plane(plane));
+            let planes = planes.collect::<Result<Vec<GpuPlane>, GpuError>>()?;
+            let bound = self.bind_all(module, form, &planes)?;
+            Ok(GpuTexture { module, planes, bound, address_mode: None, queue: self.queue.clone() })
         })
     }
 
-    /// All planes; also the bytes written.
-    pub(crate) fn upload_planes(&self, form: &GpuForm<'_>) -> Result<(Vec<Texture>, u64), GpuError> {
-        let (mut planes, mut bytes) = (Vec::new(), 0);
-        for plane in &form.planes {
-            let (texture, written) = self.upload_plane(plane)?;
-            planes.push(texture);
-            bytes += written;
-        }
-        Ok((planes, bytes))
+    /// One plane with its mip levels.
+    pub(crate) fn upload_plane(&self, plane: &Plane<'_>) -> Result<GpuPlane, GpuError> {
+        let shape = self.shape(plane)?;
+        let texture = self.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(plane.part),
+            size: shape.size,
+            mip_level_count: shape.levels,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: shape.format,
+            usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+            view_formats: &[],
+        });
+        let bytes = self.write_plane(&texture, plane)?;
+        Ok(GpuPlane { part: plane.part, texture, bytes })
     }
 
-    /// One plane with its mip levels; also the bytes written.
-    fn upload_plane(&self, plane: &Plane<'_>) -> Result<(Texture, u64), GpuError> {
+    /// The texture that holds a plane: on this device, if it can.
+    pub(crate) fn shape(&self, plane: &Plane<'_>) -> Result<Shape, GpuError> {
         let limit = self.side_limit();
-        // WebGPU asks for whole blocks at level 0; the shaders know the true size from the parameters.
-        let whole = |side: u32| side.next_multiple_of(plane.format.block_side());
         let (width, height) = (plane.width, plane.height);
-        if whole(width) > limit || whole(height) > limit {
+        let size = whole_blocks(plane.format, width, height);
+        if size.width > limit || size.height > limit {
             return Err(GpuError::PlaneTooLarge { width, height, limit });
         }
         if !self.can_sample(plane.format) {
             return Err(GpuError::NoBlockCompression { format: plane.format });
         }
-        // Levels beyond 1 x 1 repeat the last: a texture cannot hold them, and the shaders do not read them.
-        let levels = plane.levels.clamp(1, SurfaceSize { width, height }.full_levels());
-        let texture = self.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some(plane.part),
-            size: extent(whole(width), whole(height)),
-            mip_level_count: levels,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: texture_format(plane.format),
-            usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
-            view_formats: &[],
-        });
+        Ok(Shape { size, levels: levels_of(plane), format: texture_format(plane.format) })
+    }
+
+    /// Writes all levels of a plane into a texture of its shape; returns the bytes written.
+    pub(crate) fn write_plane(&self, texture: &Texture, plane: &Plane<'_>) -> Result<u64, GpuError> {
         let mut start = 0;
-        for (level, (width, height, length)) in (0..levels).zip(plane.level_sizes()) {
+        for (level, (width, height, length)) in (0..levels_of(plane)).zip(plane.level_sizes()) {
             let end = start + length as usize;
             let data = plane.data.get(start..end).ok_or(GpuError::Form { what: "a plane is too short" })?;
-            self.write_level(&texture, plane.format, level, extent(whole(width), whole(height)), data);
+            let size = whole_blocks(plane.format, width, height);
+            self.write_level(texture, plane.format, level, size, data);
             start = end;
         }
-        Ok((texture, start as u64))
+        Ok(start as u64)
     }
 
     fn write_level(
@@ -218,49 +85,94 @@ impl Gpu {
         self.queue.write_texture(target, data, layout, size);
     }
 
+    /// The bind groups of all images: images with the same parameters and planes share one.
+    pub(crate) fn bind_all(
+        &self,
+        module: &'static ModuleInfo,
+        form: &GpuForm<'_>,
+        planes: &[GpuPlane],
+    ) -> Result<Bound, GpuError> {
+        let mut bound = Bound { bindings: form.surfaces.clone(), ..Bound::default() };
+        let mut known = HashMap::new();
+        for binding in &form.surfaces {
+            let key = (binding.uniforms.start, binding.planes.clone());
+            let group = *known.entry(key).or_insert(bound.groups.len());
+            if group == bound.groups.len() {
+                bound.groups.push(self.bind(module, form, binding, planes)?);
+            }
+            bound.surfaces.push(describe(module, group, form, binding)?);
+            bound.switches |= switches_of(module, params_of(module, form, binding)?);
+        }
+        Ok(bound)
+    }
+
     pub(crate) fn bind(
         &self,
-        module: Module,
+        module: &'static ModuleInfo,
         form: &GpuForm<'_>,
         binding: &SurfaceBinding,
-        planes: &[Texture],
+        planes: &[GpuPlane],
     ) -> Result<Group, GpuError> {
-        let mut rest = params_of(module, form, binding)?;
-        let mut params = Vec::new();
-        for bytes in module.bindings().iter().filter_map(params_bytes) {
-            let (own, behind) = rest.split_at(bytes);
-            params.push(self.buffer("params", own, BufferUsages::UNIFORM));
-            rest = behind;
-        }
-        let views: Option<Vec<_>> = binding
-            .planes
-            .iter()
-            .map(|&plane| {
-                planes.get(plane).map(|plane| plane.create_view(&wgpu::TextureViewDescriptor::default()))
-            })
-            .collect();
+        let bytes = params_of(module, form, binding)?;
+        let params: Vec<_> =
+            blocks(module, bytes).map(|block| self.buffer("params", block, BufferUsages::UNIFORM)).collect();
+        let view = |&plane: &usize| {
+            let plane: &GpuPlane = planes.get(plane)?;
+            Some(plane.texture.create_view(&wgpu::TextureViewDescriptor::default()))
+        };
+        let views: Option<Vec<_>> = binding.planes.iter().map(view).collect();
         let views = views.ok_or(GpuError::Form { what: "an image names a plane that does not exist" })?;
-        if views.len() + params.len() != module.bindings().len() {
+        if views.len() != module.textures() {
             return Err(GpuError::Form { what: "an image has another number of planes than its shader" });
         }
-        let (mut textures, mut buffers) = (views.iter(), params.iter());
-        let mut resource = |binding: &Binding| match binding {
-            Binding::Params { .. } => buffers.next().map(Buffer::as_entire_binding),
-            Binding::Uint | Binding::Float => textures.next().map(wgpu::BindingResource::TextureView),
-        };
-        let entries: Vec<_> = (0..)
-            .zip(module.bindings().iter().filter_map(&mut resource))
-            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
-            .collect();
         let bind_group = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(module.name()),
+            label: Some(module.name),
             layout: self.layouts.of(module),
-            entries: &entries,
+            entries: &entries(module, &params, &views, 0),
         });
-        let params =
-            params.into_iter().next().ok_or(GpuError::Form { what: "a shader without parameters" })?;
-        Ok(Group { params, bind_group })
+        Ok(Group { params, params_bytes: bytes.len() as u64, views, bind_group })
     }
+}
+
+/// Size, mip levels and format of a texture that holds a plane.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Shape {
+    pub(crate) size: wgpu::Extent3d,
+    pub(crate) levels: u32,
+    pub(crate) format: TextureFormat,
+}
+
+impl Shape {
+    /// That of a texture.
+    pub(crate) fn of(texture: &Texture) -> Self {
+        Shape { size: texture.size(), levels: texture.mip_level_count(), format: texture.format() }
+    }
+}
+
+/// The module that samples a form.
+pub(crate) fn module_of(form: &GpuForm<'_>) -> Result<&'static ModuleInfo, GpuError> {
+    texfold_shaders::module(form.module).ok_or(GpuError::UnknownModule { module: form.module })
+}
+
+/// WebGPU asks for whole blocks at level 0; the shaders know the true size from the parameters.
+fn whole_blocks(format: PlaneFormat, width: u32, height: u32) -> wgpu::Extent3d {
+    let side = format.block_side();
+    extent(width.next_multiple_of(side), height.next_multiple_of(side))
+}
+
+/// Levels of the texture of a plane. Levels beyond 1 x 1 repeat the last: a texture cannot hold them, and the shaders do not read
+/// them.
+fn levels_of(plane: &Plane<'_>) -> u32 {
+    plane.levels.clamp(1, SurfaceSize { width: plane.width, height: plane.height }.full_levels())
+}
+
+/// The blocks of parameters that the bytes of one image hold, one behind the other.
+pub(crate) fn blocks<'p>(module: &'static ModuleInfo, params: &'p [u8]) -> impl Iterator<Item = &'p [u8]> {
+    module.bindings.iter().filter_map(params_bytes).scan(params, |rest, bytes| {
+        let (block, behind) = rest.split_at_checked(bytes)?;
+        *rest = behind;
+        Some(block)
+    })
 }
 
 /// Bytes of a binding of parameters.
@@ -271,30 +183,35 @@ fn params_bytes(binding: &Binding) -> Option<usize> {
     }
 }
 
+/// A bit for each of the module's switches that an image with these parameters needs.
+pub(crate) fn switches_of(module: &ModuleInfo, params: &[u8]) -> u32 {
+    (0..).zip(module.switches).map(|(bit, switch)| u32::from(switch.is_needed(params)) << bit).sum()
+}
+
 /// The parameters of one image, checked for length.
-fn params_of<'f>(
-    module: Module,
+pub(crate) fn params_of<'f>(
+    module: &ModuleInfo,
     form: &'f GpuForm<'_>,
     binding: &SurfaceBinding,
 ) -> Result<&'f [u8], GpuError> {
     let params = form.uniforms.get(binding.uniforms.clone());
-    let wanted: usize = module.bindings().iter().filter_map(params_bytes).sum();
+    let wanted: usize = module.bindings.iter().filter_map(params_bytes).sum();
     params
         .filter(|params| params.len() == wanted)
         .ok_or(GpuError::Form { what: "an image has parameters of another length than its shader" })
 }
 
 /// Size and levels of one image, from its parameters.
-fn describe(
-    module: Module,
+pub(crate) fn describe(
+    module: &ModuleInfo,
     group: usize,
     form: &GpuForm<'_>,
     binding: &SurfaceBinding,
 ) -> Result<Surface, GpuError> {
     let params = params_of(module, form, binding)?;
     let size = SurfaceSize { width: number(params, 0), height: number(params, 4) };
-    let levels = module.levels_offset().ok_or(GpuError::Form { what: "a light field is no image" })?;
-    Ok(Surface { group, place: binding.surface, size, levels: number(params, levels) })
+    let offsets = module.image().ok_or(GpuError::Form { what: "a light field is no image" })?;
+    Ok(Surface { group, place: binding.surface, size, levels: number(params, offsets.levels) })
 }
 
 /// The 32-bit number at `offset` of the parameters.

@@ -25,7 +25,7 @@ fn entry_size() -> vec2<f32> {
 }
 
 // One texel with the loads of texfold_bc_load and nothing else.
-fn entry_bare(at: vec2<u32>) -> vec4<f32> {
+fn entry_loads(at: vec2<u32>) -> vec4<f32> {
     let a = textureLoad(texfold_bc_plane_a, at, 0u);
     var b = a;
     if texfold_bc_params.swizzle == TEXFOLD_SPLIT {
@@ -35,7 +35,7 @@ fn entry_bare(at: vec2<u32>) -> vec4<f32> {
 }
 
 // Four texels with the loads of texfold_bc_blend.
-fn entry_bare_four(at: vec2<u32>) -> vec4<f32> {
+fn entry_loads_four(at: vec2<u32>) -> vec4<f32> {
     let next = at + vec2<u32>(1u);
     let a = textureLoad(texfold_bc_plane_a, at, 0u)
         + textureLoad(texfold_bc_plane_a, vec2<u32>(next.x, at.y), 0u)

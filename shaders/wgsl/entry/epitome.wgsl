@@ -27,7 +27,7 @@ fn entry_size() -> vec2<f32> {
 // Four texels with the loads of texfold_epitome_content for the texel at `at`: two words of the entry, two of the
 // linear part and two of the tone, then four texels of one of two epitomes, or of both planes of one. Fields are taken
 // as if each entry began with a word, and nothing is turned: texels lie near to each other as in a lookup.
-fn entry_bare_content(entry: u32, at: vec2<u32>) -> vec4<f32> {
+fn entry_loads_content(entry: u32, at: vec2<u32>) -> vec4<f32> {
     let byte = entry * texfold_epitome_params.entry_bytes;
     let word = texfold_epitome_params.entry_start + (byte >> 2u);
     let low = texfold_epitome_word(word);
@@ -68,23 +68,23 @@ fn entry_bare_content(entry: u32, at: vec2<u32>) -> vec4<f32> {
 }
 
 // One texel with the loads of texfold_epitome_load. The leaf is found as there: what is loaded next hangs on it.
-fn entry_bare(at: vec2<u32>) -> vec4<f32> {
-    return entry_bare_content(texfold_epitome_leaf(at).entry, at);
+fn entry_loads(at: vec2<u32>) -> vec4<f32> {
+    return entry_loads_content(texfold_epitome_leaf(at).entry, at);
 }
 
 // Four texels with the loads of texfold_epitome_bilinear: inside a leaf as many as for one, and a second leaf.
-fn entry_bare_four(at: vec2<u32>) -> vec4<f32> {
+fn entry_loads_four(at: vec2<u32>) -> vec4<f32> {
     let next = min(at + vec2<u32>(1u), texfold_epitome_params.size - vec2<u32>(1u));
     let upper_right = vec2<u32>(next.x, at.y);
     let lower_left = vec2<u32>(at.x, next.y);
     let first = texfold_epitome_leaf(at).entry;
     let last = texfold_epitome_leaf(next).entry;
-    let nearest = entry_bare_content(first, at);
+    let nearest = entry_loads_content(first, at);
     if first == last {
         return nearest;
     }
     return nearest
-        + entry_bare_content(texfold_epitome_leaf(upper_right).entry, upper_right)
-        + entry_bare_content(texfold_epitome_leaf(lower_left).entry, lower_left)
-        + entry_bare_content(last, next);
+        + entry_loads_content(texfold_epitome_leaf(upper_right).entry, upper_right)
+        + entry_loads_content(texfold_epitome_leaf(lower_left).entry, lower_left)
+        + entry_loads_content(last, next);
 }

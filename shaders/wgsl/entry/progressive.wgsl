@@ -26,7 +26,7 @@ fn entry_size() -> vec2<f32> {
 
 // One texel with the loads of texfold_progressive_load: four of the base, four of the block's header, two of the
 // block's last bits, and twice three of its bits. Where the bits lie is found as there: what is loaded next hangs on it.
-fn entry_bare(at: vec2<u32>) -> vec4<f32> {
+fn entry_loads(at: vec2<u32>) -> vec4<f32> {
     let place = at * texfold_residual_params.base_size / texfold_residual_params.size;
     let next = min(place + vec2<u32>(1u), texfold_residual_params.base_size - vec2<u32>(1u));
     let texel = textureLoad(texfold_residual_base_a, place, 0u)
@@ -40,10 +40,10 @@ fn entry_bare(at: vec2<u32>) -> vec4<f32> {
 }
 
 // Four texels with the loads of texfold_progressive_bilinear.
-fn entry_bare_four(at: vec2<u32>) -> vec4<f32> {
+fn entry_loads_four(at: vec2<u32>) -> vec4<f32> {
     let next = min(at + vec2<u32>(1u), texfold_residual_params.size - vec2<u32>(1u));
-    return entry_bare(at)
-        + entry_bare(vec2<u32>(next.x, at.y))
-        + entry_bare(vec2<u32>(at.x, next.y))
-        + entry_bare(next);
+    return entry_loads(at)
+        + entry_loads(vec2<u32>(next.x, at.y))
+        + entry_loads(vec2<u32>(at.x, next.y))
+        + entry_loads(next);
 }

@@ -25,13 +25,13 @@ fn entry_size() -> vec2<f32> {
 }
 
 // Where the texel at `at` is in the codebook: right for the first image only.
-fn entry_bare_place(at: vec2<u32>) -> vec2<u32> {
+fn entry_loads_place(at: vec2<u32>) -> vec2<u32> {
     return textureLoad(texfold_vq_index, at >> vec2<u32>(2u), 0u).xy + (at & vec2<u32>(3u));
 }
 
 // One texel with the loads of texfold_vq_load and nothing else.
-fn entry_bare(at: vec2<u32>) -> vec4<f32> {
-    let place = entry_bare_place(at);
+fn entry_loads(at: vec2<u32>) -> vec4<f32> {
+    let place = entry_loads_place(at);
     let a = textureLoad(texfold_vq_codebook_a, place, 0u);
     var b = a;
     if texfold_vq_params.swizzle == TEXFOLD_SPLIT {
@@ -41,11 +41,11 @@ fn entry_bare(at: vec2<u32>) -> vec4<f32> {
 }
 
 // Four texels with the loads of texfold_vq_blend.
-fn entry_bare_four(at: vec2<u32>) -> vec4<f32> {
-    let upper_left = entry_bare_place(at);
-    let upper_right = entry_bare_place(at + vec2<u32>(1u, 0u));
-    let lower_left = entry_bare_place(at + vec2<u32>(0u, 1u));
-    let lower_right = entry_bare_place(at + vec2<u32>(1u, 1u));
+fn entry_loads_four(at: vec2<u32>) -> vec4<f32> {
+    let upper_left = entry_loads_place(at);
+    let upper_right = entry_loads_place(at + vec2<u32>(1u, 0u));
+    let lower_left = entry_loads_place(at + vec2<u32>(0u, 1u));
+    let lower_right = entry_loads_place(at + vec2<u32>(1u, 1u));
     let a = textureLoad(texfold_vq_codebook_a, upper_left, 0u)
         + textureLoad(texfold_vq_codebook_a, upper_right, 0u)
         + textureLoad(texfold_vq_codebook_a, lower_left, 0u)

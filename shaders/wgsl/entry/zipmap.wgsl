@@ -26,7 +26,7 @@ fn entry_size() -> vec2<f32> {
 
 // Four texels with the loads of texfold_zipmap_pixel where it reads level 0: four of the root, the tile and its list, and of each patch
 // that it names three of the table and four of its texels, at a place that hangs on the table. All patches are read, whatever covers them.
-fn entry_bare(at: vec2<u32>) -> vec4<f32> {
+fn entry_loads(at: vec2<u32>) -> vec4<f32> {
     let root = at * texfold_zipmap_params.root_size / texfold_zipmap_params.size;
     let next = min(root + vec2<u32>(1u), texfold_zipmap_params.root_size - vec2<u32>(1u));
     var below = textureLoad(texfold_zipmap_root_a, root, 0u)
@@ -64,6 +64,6 @@ fn entry_bare(at: vec2<u32>) -> vec4<f32> {
 }
 
 // The same within a level.
-fn entry_bare_four(at: vec2<u32>) -> vec4<f32> {
-    return entry_bare(at);
+fn entry_loads_four(at: vec2<u32>) -> vec4<f32> {
+    return entry_loads(at);
 }

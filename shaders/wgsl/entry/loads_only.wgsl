@@ -9,8 +9,8 @@ override LOOKUP: u32 = 1u;
 fn fragment_main(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let at = vec2<u32>(view_uv(position.xy) * entry_size());
     switch LOOKUP {
-        case 1u: { return entry_bare(at); }
-        case 4u: { return entry_bare_four(at); }
-        default: { return entry_bare_four(at) + entry_bare_four(at >> vec2<u32>(1u)); }
+        case 1u: { return entry_loads(at); }
+        case 4u: { return entry_loads_four(at); }
+        default: { return entry_loads_four(at) + entry_loads_four(at >> vec2<u32>(1u)); }
     }
 }

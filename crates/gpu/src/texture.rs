@@ -1,0 +1,195 @@
+//! A texture on the GPU: what is bound to draw its images.
+
+use texfold_core::{SurfaceBinding, SurfaceSize};
+use texfold_shaders::{Binding, ModuleInfo, Slot};
+use wgpu::{BindGroup, BindGroupEntry, BindingResource, Buffer, Queue, Texture, TextureView};
+
+use crate::GpuError;
+
+/// What lies outside of [0, 1) in texture coordinates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum AddressMode {
+    /// The image again.
+    Repeat,
+    /// The texels of its edge.
+    Clamp,
+}
+
+impl AddressMode {
+    /// The shaders' number for it.
+    fn number(self) -> u32 {
+        match self {
+            AddressMode::Repeat => texfold_core::address::TEXFOLD_REPEAT,
+            AddressMode::Clamp => texfold_core::address::TEXFOLD_CLAMP,
+        }
+    }
+}
+
+/// A texture on the GPU.
+#[derive(Debug)]
+pub struct GpuTexture {
+    pub(crate) module: &'static ModuleInfo,
+    pub(crate) planes: Vec<GpuPlane>,
+    pub(crate) bound: Bound,
+    /// The mode that was set last; before that the one of the parameters.
+    pub(crate) address_mode: Option<AddressMode>,
+    pub(crate) queue: Queue,
+}
+
+/// A plane with its mip levels.
+#[derive(Debug, Clone)]
+pub(crate) struct GpuPlane {
+    /// The part of the texture that it holds.
+    pub(crate) part: &'static str,
+    pub(crate) texture: Texture,
+    /// Bytes of its texels.
+    pub(crate) bytes: u64,
+}
+
+/// The images of a texture, and what is bound to draw them.
+#[derive(Debug, Default)]
+pub(crate) struct Bound {
+    pub(crate) groups: Vec<Group>,
+    pub(crate) surfaces: Vec<Surface>,
+    /// A bit for each of the module's switches that an image needs.
+    pub(crate) switches: u32,
+    /// The bindings of the form that it was made from.
+    pub(crate) bindings: Vec<SurfaceBinding>,
+}
+
+/// What is bound to draw some of the images.
+#[derive(Debug)]
+pub(crate) struct Group {
+    /// The blocks of parameters, in the order of the module's bindings.
+    pub(crate) params: Vec<Buffer>,
+    /// Bytes of all blocks.
+    pub(crate) params_bytes: u64,
+    /// The planes, in the order of the module's bindings.
+    pub(crate) views: Vec<TextureView>,
+    pub(crate) bind_group: BindGroup,
+}
+
+/// One image.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Surface {
+    pub(crate) group: usize,
+    /// The shader's `surface` argument.
+    pub(crate) place: u32,
+    pub(crate) size: SurfaceSize,
+    pub(crate) levels: u32,
+}
+
+/// The entries of a bind group for one texture, numbered from `first` on.
+pub(crate) fn entries<'g>(
+    module: &ModuleInfo,
+    params: &'g [Buffer],
+    views: &'g [TextureView],
+    first: u32,
+) -> Vec<BindGroupEntry<'g>> {
+    let (mut params, mut views) = (params.iter(), views.iter());
+    let resource = |binding: &Binding| match binding {
+        Binding::Params { .. } => params.next().map(Buffer::as_entire_binding),
+        Binding::Uint | Binding::Float => views.next().map(BindingResource::TextureView),
+    };
+    (first..)
+        .zip(module.bindings.iter().filter_map(resource))
+        .map(|(binding, resource)| BindGroupEntry { binding, resource })
+        .collect()
+}
+
+impl GpuTexture {
+    /// The WGSL module that samples it.
+    #[must_use]
+    pub fn module(&self) -> &'static ModuleInfo {
+        self.module
+    }
+
+    /// A bit for each of the module's switches that an image needs.
+    pub(crate) fn switches(&self) -> u32 {
+        self.bound.switches
+    }
+
+    /// The module's switches as they are named in `slot`, each with 1 where an image of this texture needs it and 0 elsewhere: for
+    /// `PipelineCompilationOptions::constants` of pipelines that draw this texture. Without them a pipeline draws the same, and
+    /// more slowly on software renderers.
+    #[must_use]
+    pub fn constants(&self, slot: &Slot<'_>) -> Vec<(String, f64)> {
+        let of = |(bit, switch): (u32, &texfold_shaders::Switch)| {
+            (slot.name(switch.constant), f64::from(self.bound.switches >> bit & 1))
+        };
+        (0..).zip(self.module.switches).map(of).collect()
+    }
+
+    /// Whether a plane may be smaller than its source.
+    pub(crate) fn reduced(&self) -> bool {
+        self.module.may_be_reduced && self.bound.switches & 1 != 0
+    }
+
+    /// Number of images.
+    #[must_use]
+    pub fn surfaces(&self) -> usize {
+        self.bound.surfaces.len()
+    }
+
+    /// Bytes of texels and parameters on the GPU.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        let planes: u64 = self.planes.iter().map(|plane| plane.bytes).sum();
+        planes + self.bound.groups.iter().map(|group| group.params_bytes).sum::<u64>()
+    }
+
+    /// What to bind to draw image `surface`, and the `surface` argument of the module's functions for it.
+    ///
+    /// # Errors
+    /// [`GpuError::NoSuchSurface`].
+    pub fn bind_group(&self, surface: u32) -> Result<(&BindGroup, u32), GpuError> {
+        let found = self.surface(surface)?;
+        Ok((&self.bound.groups[found.group].bind_group, found.place))
+    }
+
+    /// As [`GpuTexture::bind_group`], for a bind group of a renderer's own: the entries of image `surface`, numbered as in `slot`.
+    ///
+    /// # Errors
+    /// [`GpuError::NoSuchSurface`].
+    pub fn bind_entries(&self, surface: u32, slot: &Slot<'_>) -> Result<Vec<BindGroupEntry<'_>>, GpuError> {
+        let group = &self.bound.groups[self.surface(surface)?.group];
+        Ok(entries(self.module, &group.params, &group.views, slot.bindings().start))
+    }
+
+    /// Columns and rows of image `surface`, level 0.
+    ///
+    /// # Errors
+    /// [`GpuError::NoSuchSurface`].
+    pub fn size(&self, surface: u32) -> Result<SurfaceSize, GpuError> {
+        Ok(self.surface(surface)?.size)
+    }
+
+    /// Mip levels of image `surface`.
+    ///
+    /// # Errors
+    /// [`GpuError::NoSuchSurface`].
+    pub fn levels(&self, surface: u32) -> Result<u32, GpuError> {
+        Ok(self.surface(surface)?.levels)
+    }
+
+    /// The same texture with another address mode for all of its images.
+    #[must_use]
+    pub fn with_address_mode(mut self, mode: AddressMode) -> GpuTexture {
+        self.address_mode = Some(mode);
+        self.write_address_mode();
+        self
+    }
+
+    /// Writes the mode that was set, if any, into all parameters.
+    pub(crate) fn write_address_mode(&self) {
+        let (Some(mode), Some(offsets)) = (self.address_mode, self.module.image()) else { return };
+        for params in self.bound.groups.iter().filter_map(|group| group.params.first()) {
+            self.queue.write_buffer(params, offsets.address_mode as u64, &mode.number().to_le_bytes());
+        }
+    }
+
+    pub(crate) fn surface(&self, surface: u32) -> Result<&Surface, GpuError> {
+        let surfaces = self.bound.surfaces.len();
+        self.bound.surfaces.get(surface as usize).ok_or(GpuError::NoSuchSurface { surface, surfaces })
+    }
+}

@@ -41,7 +41,7 @@ fn main() -> Result<(), GpuError> {
         "{}: megatexels a second, and speed over that of a shader with the same loads only",
         gpu.info().name
     );
-    println!("{:<15} {:<9} {:>8} {:>8} {:>8} {:>7}", "texture", "lookup", "ours", "bare", "plain", "ratio");
+    println!("{:<15} {:<9} {:>8} {:>8} {:>8} {:>7}", "texture", "lookup", "ours", "loads", "plain", "ratio");
     let set = picture_of(&texfold_testkit::picture("terrain"), SIDE);
     let wanted = std::env::args().skip(1).find(|word| !word.starts_with('-')).unwrap_or_default();
     for (name, make) in TEXTURES.into_iter().filter(|(name, _)| name.contains(&wanted)) {
@@ -53,7 +53,7 @@ fn main() -> Result<(), GpuError> {
             let view = View { surface: 0, size: (SIDE, SIDE), uv: glam::Affine2::IDENTITY, lookup };
             let mut speeds = [Vec::new(), Vec::new(), Vec::new()];
             for _ in 0..ROUNDS {
-                for (speed, probe) in speeds.iter_mut().zip([Probe::Lookup, Probe::Bare, Probe::Plain]) {
+                for (speed, probe) in speeds.iter_mut().zip([Probe::Lookup, Probe::LoadsOnly, Probe::Plain]) {
                     let seconds = gpu.time(&uploaded, &view, probe, DRAWS)?;
                     speed.push(f64::from(SIDE * SIDE) / seconds / 1e6);
                 }

@@ -157,7 +157,7 @@ fn drawn() {
                 // The least: what else runs on the machine only adds.
                 f64::from(DRAWN * DRAWN) / times.first().copied().unwrap_or(f64::INFINITY) / 1e6
             };
-            let (ours, bare) = (speed(Probe::Lookup), speed(Probe::Bare));
+            let (ours, bare) = (speed(Probe::Lookup), speed(Probe::LoadsOnly));
             println!("{count:>4} patches, {name}: {ours:>7.2}, bare {bare:>7.2}, ratio {:.2}", ours / bare);
         }
     }

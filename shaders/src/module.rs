@@ -19,6 +19,9 @@ pub struct ModuleInfo {
     pub switches: &'static [Switch],
     /// Whether the first switch stands for planes that are smaller than their sources.
     pub may_be_reduced: bool,
+    /// Whether its functions take, as their first argument, which of several images of one size is read:
+    /// `SurfaceBinding::surface`. `_sample` without one reads the first.
+    pub has_surface: bool,
     /// What names of its WGSL begin with, without `texfold_`: first the module's own, then those of fragments that it shares with
     /// other modules.
     pub(crate) namespaces: &'static [&'static str],

@@ -1,12 +1,12 @@
 // Epitome factoring: images as a map of leaves that point into a small epitome. CPU twins:
 // crates/epitome/src/decode.rs.
 //
-// An image is covered by blocks, each split into at most 2 x 2 and again 2 x 2 leaves. A leaf has one entry of the
-// map: where in an epitome its centre lies, by which linear part its texels are laid around that place, and which
-// tone (gain and offset) its content gets. Colours are as stored: no gamma conversion (see texfold_linear). Every
+// An image is covered by blocks, each split into at most 2 x 2 and again 2 x 2 quadtree leaves. A leaf has one map entry: where in an
+// epitome its centre lies, the 2x2 matrix that maps its texels to places around that one, and the gain and offset of
+// its content. Colours are as stored: no gamma conversion (see texfold_linear). Every
 // function works in any control flow but texfold_epitome_sample, which takes derivatives.
 
-// Number of a linear part's coefficient that stands for 1.
+// Number of a matrix's coefficient that stands for 1.
 const TEXFOLD_EPITOME_LINEAR_ONE: f32 = 8192.0;
 // Number of a gain that stands for 1.
 const TEXFOLD_EPITOME_GAIN_ONE: f32 = 128.0;
@@ -23,7 +23,7 @@ struct TexfoldEpitomeParams {
     address_mode: u32,
     // How texels are read from the content planes.
     swizzle: u32,
-    // 1: the second plane is a second epitome, and entries say which; 0: it holds further channels or is the first.
+    // 1: the second plane is a second epitome, and map entries say which; 0: it holds further channels or is the first.
     mixed: u32,
     // Texels a side of a block.
     block: u32,
@@ -35,19 +35,19 @@ struct TexfoldEpitomeParams {
     tree_start: u32,
     // First word of the entries.
     entry_start: u32,
-    // Bytes of an entry, 2 to 6.
+    // Bytes of a map entry, 2 to 6.
     entry_bytes: u32,
-    // Bits of the position's column and of its row in an entry.
+    // Bits of the position's column and of its row in a map entry.
     x_bits: u32,
     y_bits: u32,
     // How many of them are a fraction of a texel.
     fraction_bits: u32,
-    // Bits of the tone's and of the linear part's number in an entry.
+    // Bits of the number of the gain and offset, and of the matrix, in a map entry.
     tone_bits: u32,
     linear_bits: u32,
-    // First word of the linear parts, two words each.
+    // First word of the 2x2 matrices, two words each.
     linear_start: u32,
-    // First word of the tones, two words each.
+    // First word of the gains and offsets, two words each.
     tone_start: u32,
     // Binary logarithm of the words in a row of the map.
     row_log2: u32,
@@ -61,7 +61,7 @@ struct TexfoldEpitomeParams {
     coarse_swizzle: u32,
     // Texels a side of the smallest leaf.
     cell: u32,
-    // Half the width of the strip along borders of leaves in which both are blended at level 0, in eighths of a texel.
+    // Half the width of the seams along borders of leaves where both are blended at level 0, in eighths of a texel.
     strip: u32,
 }
 
@@ -85,7 +85,7 @@ struct TexfoldEpitomeTone {
 struct TexfoldEpitomeSource {
     // Place of the leaf's centre in the epitome, in texels.
     position: vec2<f32>,
-    // Rows of the linear part: (xx, xy) and (yx, yy).
+    // Rows of the 2x2 matrix: (xx, xy) and (yx, yy).
     linear: vec4<f32>,
     tone: TexfoldEpitomeTone,
     // 1 for the second epitome.
@@ -93,7 +93,7 @@ struct TexfoldEpitomeSource {
 }
 
 @group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_0) var<uniform> texfold_epitome_params: TexfoldEpitomeParams;
-// The blocks of all images, the linear parts, the tones and the entries, as 32-bit words.
+// The blocks of all images, the matrices, the gains and offsets, and the map entries, as 32-bit words.
 @group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_1) var texfold_epitome_map: texture_2d<u32>;
 @group(TEXFOLD_GROUP) @binding(TEXFOLD_BINDING_2) var texfold_epitome_plane_a: texture_2d<f32>;
 // The second epitome or further channels; the same texture as plane a where there is neither.
@@ -178,7 +178,7 @@ fn texfold_epitome_halves(word: u32) -> vec2<f32> {
     return vec2<f32>(bitcast<vec2<i32>>(vec2<u32>(word << 16u, word)) >> vec2<u32>(16u));
 }
 
-// The linear part that two words hold: its rows, one a word.
+// The 2x2 matrix that two words hold: its rows, one a word.
 fn texfold_epitome_linear(first: u32, second: u32) -> vec4<f32> {
     let rows = vec4<f32>(texfold_epitome_halves(first), texfold_epitome_halves(second));
     return rows * (1.0 / TEXFOLD_EPITOME_LINEAR_ONE);
@@ -294,7 +294,7 @@ struct TexfoldEpitomeSeam {
     weight: vec2<f32>,
 }
 
-// The texels around a place; within a strip along a border of leaves those on both sides of it, at level 0, of `size` texels.
+// The texels around a place; within a seam along a border of leaves those on both sides of it, at level 0, of `size` texels.
 fn texfold_epitome_seam(tap: TexfoldTap, size: vec2<u32>, level: u32) -> TexfoldEpitomeSeam {
     let half = f32(texfold_epitome_params.strip) * 0.125;
     let cell = f32(texfold_epitome_params.cell);

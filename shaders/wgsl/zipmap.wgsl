@@ -14,13 +14,13 @@ const TEXFOLD_ZIPMAP_MOST: u32 = 2048u;
 const TEXFOLD_ZIPMAP_RECORD: u32 = 8u;
 // Numbers of 16 bits before the names in a list: how fine its patches are.
 const TEXFOLD_ZIPMAP_BEFORE: u32 = 2u;
-// What is seen of a patch at least: less is a quarter of a step of 8 bits.
+// Transmittance below which compositing stops: a quarter of a step of 8 bits.
 const TEXFOLD_ZIPMAP_LEAST: f32 = 0.0009765625;
 // Levels that are blended.
 const TEXFOLD_ZIPMAP_BLENDED: u32 = 2u;
 // Most lookups for one pixel that is longer than wide.
 const TEXFOLD_ZIPMAP_LONG: u32 = 8u;
-// Least third coordinate of a place that a patch shows: nearer to its horizon, or behind it, it shows nothing.
+// Least third coordinate of a place in a patch: nearer to the horizon, or behind it, the patch is transparent.
 const TEXFOLD_ZIPMAP_HORIZON: f32 = 0.0001;
 
 // Whether a root may lie in two planes: pipelines that draw none that does need not make the loads.
@@ -131,13 +131,13 @@ fn texfold_zipmap_blend(origin: vec2<i32>, size: vec2<i32>, at: vec2<f32>) -> ve
     );
 }
 
-// What a patch shows of a texel of its plane: nothing where it is not `seen`.
+// Colour and alpha of a texel of a patch; transparent where it is not `seen`.
 fn texfold_zipmap_shown(texel: vec4<f32>, seen: bool) -> vec4<f32> {
     let alpha = select(texel.w, texel.y, texfold_zipmap_params.patch_swizzle == TEXFOLD_GRAY_ALPHA);
     return vec4<f32>(texel.xyz, select(0.0, alpha, seen));
 }
 
-// What a patch shows at `uv` of the root where no pixel is larger than its texels: as its plane holds it, and how much of it.
+// Colour and alpha of a patch at `uv` of the root, where no pixel is larger than its texels.
 fn texfold_zipmap_near(index: u32, uv: vec2<f32>) -> vec4<f32> {
     let layer = texfold_zipmap_patch(index);
     let place = layer.by_u * uv.x + layer.by_v * uv.y + layer.by_one;
@@ -154,8 +154,7 @@ fn texfold_zipmap_level(layer: TexfoldZipmapPatch, share: vec2<f32>, level: u32)
     return texfold_zipmap_blend(texfold_zipmap_pair(origin), size, share * vec2<f32>(size));
 }
 
-// What a patch shows at `uv` of the root, which moves by `dx` and `dy` to the pixels right and below: as its plane holds it, and how
-// much of it.
+// Colour and alpha of a patch at `uv` of the root, which moves by `dx` and `dy` to the pixels right and below.
 fn texfold_zipmap_layer(index: u32, uv: vec2<f32>, dx: vec2<f32>, dy: vec2<f32>) -> vec4<f32> {
     let layer = texfold_zipmap_patch(index);
     let place = layer.by_u * uv.x + layer.by_v * uv.y + layer.by_one;
@@ -231,7 +230,7 @@ fn texfold_zipmap_name(list: u32, k: u32) -> u32 {
     return (texfold_zipmap_entry(list + at / 8u)[at / 2u % 4u] >> (16u * (at % 2u))) & 0xffffu;
 }
 
-// What is seen of all so far, sums of colours and what is left to be seen of those below, with a further patch below.
+// Composited colour and remaining transmittance `seen`, with a further patch below.
 fn texfold_zipmap_under(seen: vec4<f32>, shown: vec4<f32>) -> vec4<f32> {
     let share = seen.w * shown.w;
     return vec4<f32>(seen.xyz + shown.xyz * share, seen.w - share);
@@ -244,7 +243,7 @@ fn texfold_zipmap_pixel(uv: vec2<f32>, dx: vec2<f32>, dy: vec2<f32>) -> vec4<f32
     let root = vec2<f32>(texfold_zipmap_params.root_size);
     let longest = max(dot(dx * root, dx * root), dot(dy * root, dy * root));
     let is_near = longest * bitcast<f32>(texfold_zipmap_entry(found.y).x) <= 1.0;
-    // Sums of colours, and what is still to be seen of the patches below.
+    // Composited colour, and the transmittance to the patches below.
     var seen = vec4<f32>(0.0, 0.0, 0.0, 1.0);
     if is_near {
         for (var k = 0u; k < min(found.x, TEXFOLD_ZIPMAP_MOST); k += 1u) {

@@ -4,6 +4,7 @@
 
 mod ci;
 mod fixtures;
+mod mutate;
 mod reference;
 mod tidy;
 
@@ -30,6 +31,8 @@ enum Task {
     Reference(reference::ReferenceArgs),
     /// Check the invariants that can be seen in manifests and source text.
     Tidy,
+    /// Break the code in known ways and expect a test to fail for each.
+    Mutate(mutate::MutateArgs),
     /// Run all that continuous integration runs; stops at the first failure.
     Ci,
 }
@@ -40,6 +43,7 @@ fn main() -> ExitCode {
         Task::Fixtures(args) => fixtures::run(&args),
         Task::Reference(args) => reference::run(&args),
         Task::Tidy => tidy::run(),
+        Task::Mutate(args) => mutate::run(&args),
         Task::Ci => ci::run(),
     }
 }

@@ -1,7 +1,7 @@
 //! A renderer of its own that draws a Texfold texture: the module's WGSL pasted into its shader, its bind group beside
 //! the renderer's own.
 //!
-//! `cargo run -p texfold-gpu --example draw -- [texture.txf [picture.png]]`; without a file it encodes a test picture.
+//! `cargo run -p texfold-gpu --example draw -- [texture.txf [image.png]]`; without a file it encodes a test image.
 
 use std::error::Error;
 
@@ -47,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let texture = match arguments.next() {
         Some(path) => texfold::open_image(&std::fs::read(path)?, &mut Budget::default())?.into_encoded(),
-        None => encode_test_picture()?,
+        None => encode_test_image()?,
     };
     let output = arguments.next().unwrap_or_else(|| "draw.png".to_owned());
     // A renderer with a device of its own calls Gpu::from_device.
@@ -60,10 +60,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn encode_test_picture() -> Result<Box<dyn texfold::Encoded<Domain = texfold::Image2d>>, Box<dyn Error>> {
-    let picture = texfold_testkit::fixtures::pictures().into_iter().next().ok_or("no test picture")?;
-    let image =
-        Raster::from_u8(picture.width, picture.height, picture.channels, ColorSpace::Srgb, &picture.data)?;
+fn encode_test_image() -> Result<Box<dyn texfold::Encoded<Domain = texfold::Image2d>>, Box<dyn Error>> {
+    let image = texfold_testkit::fixtures::pictures().into_iter().next().ok_or("no test image")?;
+    let image = Raster::from_u8(image.width, image.height, image.channels, ColorSpace::Srgb, &image.data)?;
     let params = BcParams { goal: Goal::Bpp(6.0), mips: true, ..BcParams::default() };
     let encoded = Bc::encode(&ImageSet::single(image), &params, &mut Job::new(Limits::default()))?;
     println!("{}", texfold::Encoded::notes(&encoded).verdict);
@@ -239,7 +238,7 @@ fn buffer(gpu: &Gpu, bytes: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
     buffer
 }
 
-/// The picture's bytes; its rows need no padding, as 4 times its width is a multiple of 256.
+/// The image's bytes; its rows need no padding, as 4 times its width is a multiple of 256.
 fn read_back(
     gpu: &Gpu,
     mut encoder: wgpu::CommandEncoder,

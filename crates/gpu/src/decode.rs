@@ -1,6 +1,6 @@
 //! Texels and filtered samples, read back exactly.
 //!
-//! A picture is drawn in tiles, so its size is bound by the caller's memory and not by the device's.
+//! An image is drawn in tiles, so its size is bound by the caller's memory and not by the device's.
 
 use glam::{Affine2, Vec2};
 use texfold_shaders::Entry;
@@ -12,7 +12,7 @@ use crate::{Gpu, GpuError, GpuTexture};
 /// Pixels a side of a tile: 64 MiB of four floats each.
 const TILE_SIDE: u32 = 2048;
 
-/// How a decoded picture is filtered.
+/// How a decoded image is filtered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Filter {
     /// The texel that a pixel's centre lies in.
@@ -59,9 +59,9 @@ pub enum Lookup {
 pub struct View {
     /// Which image.
     pub surface: u32,
-    /// Columns and rows of the picture.
+    /// Columns and rows of the image.
     pub size: (u32, u32),
-    /// From the picture, (0, 0) its top left corner and (1, 1) its bottom right one, to texture coordinates.
+    /// From the image, (0, 0) its top left corner and (1, 1) its bottom right one, to texture coordinates.
     pub uv: Affine2,
     /// What is looked up at a pixel's centre.
     pub lookup: Lookup,
@@ -230,7 +230,7 @@ pub(crate) fn check(texture: &GpuTexture, view: &View) -> Result<(), GpuError> {
     }
     let (width, height) = view.size;
     if width == 0 || height == 0 || u64::from(width) * u64::from(height) > u64::from(u32::MAX) {
-        return Err(GpuError::PictureSize { width, height, limit: u32::from(u16::MAX) });
+        return Err(GpuError::ImageSize { width, height, limit: u32::from(u16::MAX) });
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Flat pictures as a renderer draws them.
+//! Flat images as a renderer draws them.
 
 use glam::Affine2;
 

@@ -2,7 +2,7 @@
 
 use texfold_core::PlaneFormat;
 
-/// Why a GPU could not be had, or could not do what was asked.
+/// Why there is no GPU, or why it could not do what was requested.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GpuError {
@@ -23,7 +23,7 @@ pub enum GpuError {
         "the adapter cannot sample {format:?} blocks; encode with content that it has, or raw (--content raw)"
     )]
     NoBlockCompression {
-        /// The format that it lacks.
+        /// The format that is missing.
         format: PlaneFormat,
     },
     /// There is no WGSL for such a texture.
@@ -64,12 +64,12 @@ pub enum GpuError {
     /// The textures of a material cannot stand in one shader.
     #[error("the textures of the material cannot stand in one shader")]
     Paste(#[from] texfold_shaders::PasteError),
-    /// The picture to draw is empty or does not fit the device.
-    #[error("a picture of {width} x {height} pixels cannot be drawn; ask for 1 to {limit} a side")]
-    PictureSize {
-        /// Columns asked for.
+    /// The requested image is empty or does not fit the device.
+    #[error("an image of {width} x {height} pixels cannot be drawn; request 1 to {limit} a side")]
+    ImageSize {
+        /// Requested columns.
         width: u32,
-        /// Rows asked for.
+        /// Requested rows.
         height: u32,
         /// Most pixels a side.
         limit: u32,
@@ -77,7 +77,7 @@ pub enum GpuError {
     /// There is no such image.
     #[error("there is no image {surface}; the texture holds {surfaces}, counted from 0")]
     NoSuchSurface {
-        /// The image asked for.
+        /// The requested image.
         surface: u32,
         /// Images in the texture.
         surfaces: usize,
@@ -85,7 +85,7 @@ pub enum GpuError {
     /// There is no such mip level.
     #[error("there is no mip level {level}; the image holds {levels}, counted from 0")]
     NoSuchLevel {
-        /// The level asked for.
+        /// The requested level.
         level: u32,
         /// Levels of the image.
         levels: u32,
@@ -96,7 +96,7 @@ pub enum GpuError {
     )]
     Mesh,
     /// The device ran out of memory.
-    #[error("the device is out of memory; draw smaller pictures or drop textures that are not in use")]
+    #[error("the device is out of memory; draw smaller images or drop textures that are not in use")]
     OutOfMemory(#[source] wgpu::Error),
     /// The device refused a command.
     #[error("the device refused a command; report it with the adapter's name and its driver's version")]

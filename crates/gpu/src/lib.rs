@@ -3,10 +3,12 @@
 //! [`Gpu::upload`] takes the planes that an encoded texture hands out ([`texfold_core::Encoded::gpu`]);
 //! [`Gpu::decode`], [`Gpu::draw_quad`], [`Gpu::draw_mesh`] and, for light fields ([`Gpu::upload_light`]), [`Gpu::draw_light`] draw off screen and read the pixels back. An
 //! application with a renderer of its own passes its device to [`Gpu::from_device`], binds [`GpuTexture::bind_group`]
-//! and pastes the module's WGSL ([`texfold_shaders::paste`]) into its shaders: `examples/draw.rs` shows it whole.
+//! and pastes the module's WGSL ([`texfold_shaders::paste`]) into its shaders: see `examples/draw.rs`. [`Gpu::material`] binds several
+//! textures, of one codec or of several, in one group of one shader: see `examples/material.rs`. [`Gpu::update`] uploads again what
+//! changed of a file that arrives in pieces.
 //!
-//! Software Vulkan (Mesa's lavapipe) serves where there is no GPU. *Not done*: planes beyond the device's texture
-//! limit in several textures; uploads in the background.
+//! Software Vulkan (Mesa's lavapipe) serves where there is no GPU. *Not done*: planes larger than the device's texture
+//! limit, in several textures; uploads in the background.
 
 mod adapter;
 mod decode;

@@ -95,7 +95,7 @@ impl Gpu {
     /// `view_projection` leads from the mesh's space to clip space with depths 0 to 1.
     ///
     /// # Errors
-    /// [`GpuError`] where the picture is empty or too large, or the device fails.
+    /// [`GpuError`] where the image is empty or too large, or the device fails.
     pub fn draw_light(
         &self,
         light: &GpuLight,
@@ -105,7 +105,7 @@ impl Gpu {
     ) -> Result<Vec<[u8; 4]>, GpuError> {
         let limit = self.side_limit();
         if width == 0 || height == 0 || width > limit || height > limit {
-            return Err(GpuError::PictureSize { width, height, limit });
+            return Err(GpuError::ImageSize { width, height, limit });
         }
         let corners = light.triangles.checked_mul(3).ok_or(GpuError::Mesh)?;
         let pipeline = self.pipeline(PipelineKey {

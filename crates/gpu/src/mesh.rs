@@ -42,7 +42,7 @@ impl Gpu {
     ) -> Result<Vec<[u8; 4]>, GpuError> {
         let limit = self.side_limit();
         if width == 0 || height == 0 || width > limit || height > limit {
-            return Err(GpuError::PictureSize { width, height, limit });
+            return Err(GpuError::ImageSize { width, height, limit });
         }
         let shader = Shader::Mesh(texture.module());
         let pipeline = self.pipeline(PipelineKey { shader, target: TextureFormat::Rgba8Unorm })?;

@@ -15,9 +15,8 @@ use crate::{Filter, Gpu, GpuError, GpuTexture, Lookup, View};
 pub enum Probe {
     /// The view's own lookup.
     Lookup,
-    /// As many loads as that lookup makes, with the same dependence of one on the other, and no arithmetic beyond what
-    /// that needs.
-    Bare,
+    /// The same number of loads as the lookup, with the same dependences between them, and only the arithmetic that these need.
+    LoadsOnly,
     /// Level 0 of the image as plain RGBA8, through the hardware's bilinear sampler.
     Plain,
 }
@@ -45,7 +44,7 @@ impl Gpu {
         check(texture, view)?;
         let ((width, height), limit) = (view.size, self.side_limit());
         if width > limit || height > limit {
-            return Err(GpuError::PictureSize { width, height, limit });
+            return Err(GpuError::ImageSize { width, height, limit });
         }
         let run = self.prepare(texture, view, probe)?;
         self.guarded(|| {
@@ -73,7 +72,7 @@ impl Gpu {
         let params = view.params(place, (0, 0));
         let (shader, textures) = match probe {
             Probe::Lookup => (view.lookup.shader_of(texture), textures.clone()),
-            Probe::Bare => {
+            Probe::LoadsOnly => {
                 let loads = match view.lookup {
                     // The source's texels are blended from those of a smaller plane.
                     Lookup::Bilinear { .. } => 4,

@@ -25,8 +25,8 @@ fn entry_size() -> vec2<f32> {
 }
 
 // Four texels with the loads of texfold_epitome_content for the texel at `at`: two words of the entry, two of the
-// linear part and two of the tone, then four texels of one of two epitomes, or of both planes of one. Fields are taken
-// as if each entry began with a word, and nothing is turned: texels lie near to each other as in a lookup.
+// matrix and two of gain and offset, then four texels of one of two epitomes, or of both planes of one. Fields are taken
+// as if each entry began with a word, and nothing is rotated: texels lie near to each other as in a lookup.
 fn entry_loads_content(entry: u32, at: vec2<u32>) -> vec4<f32> {
     let byte = entry * texfold_epitome_params.entry_bytes;
     let word = texfold_epitome_params.entry_start + (byte >> 2u);
@@ -46,7 +46,7 @@ fn entry_loads_content(entry: u32, at: vec2<u32>) -> vec4<f32> {
     let second = (high & texfold_epitome_params.mixed) != 0u;
     let corner = (fields.xy >> vec2<u32>(texfold_epitome_params.fraction_bits)) + vec2<u32>(moved);
     let size = select(texfold_epitome_params.plane_a, texfold_epitome_params.plane_b, second);
-    // Always 0, but a number that hangs on the linear part, as in a lookup.
+    // Always 0, but a number that depends on the matrix, as in a lookup.
     let level = moved & (texfold_epitome_params.plane_levels >> 2u);
     let place = min(corner + (at & vec2<u32>(15u)), size - vec2<u32>(2u));
     let next = place + vec2<u32>(1u);

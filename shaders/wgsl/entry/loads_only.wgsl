@@ -1,4 +1,4 @@
-// The loads of a lookup without its arithmetic: what a lookup costs at least. Not a picture to look at: edges,
+// The loads of a lookup without its arithmetic: what a lookup costs at least. Not an image to look at: edges,
 // weights and further mip levels are left out.
 
 // The number of texels, 1, 4 or 8: fixed when the pipeline is made, so that a pipeline holds the code of one only.

@@ -1,13 +1,13 @@
 // A rectangle of texture coordinates drawn over the whole target.
 
 struct View {
-    // Texture coordinates at the picture's top left corner, and their change over its width and its height.
+    // Texture coordinates at the image's top left corner, and their change over its width and its height.
     uv_origin: vec2<f32>,
     uv_across: vec2<f32>,
     uv_down: vec2<f32>,
-    // Columns and rows of the whole picture.
+    // Columns and rows of the whole image.
     size: vec2<f32>,
-    // Column and row of the picture that the target's upper left pixel shows.
+    // Column and row of the image at the target's upper left pixel.
     offset: vec2<f32>,
     // Mip level for lookups with fractional levels.
     lod: f32,

@@ -6,9 +6,7 @@ use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
 use texfold_core::rng::Rng;
 use texfold_core::{Budget, ImageLayout, Notes, SurfaceSize, TextureCodec};
 use texfold_epitome::decode::TEXFOLD_EPITOME_FINE_LEVELS;
-use texfold_epitome::{Epitome, IDENTITY, Linear, NEUTRAL, Tone};
-
-use super::Subject;
+use texfold_epitome::{Epitome, EpitomeTexture, IDENTITY, Linear, NEUTRAL, Tone};
 
 /// Odd ones, several of one size, and one that is smaller than a leaf.
 const SIZES: [(u32, u32); 6] = [(37, 61), (64, 40), (5, 3), (37, 61), (1, 1), (101, 33)];
@@ -177,7 +175,7 @@ fn tones(count: u32, rng: &mut Rng) -> Vec<Tone> {
 }
 
 /// A texture with a pseudo-random map into pseudo-random epitomes.
-pub(crate) fn epitome(forge: &Forge) -> Subject {
+pub(crate) fn epitome(forge: &Forge) -> EpitomeTexture {
     let [.., tone_bits, linear_bits] = forge.bits;
     let mut rng =
         Rng::new(u64::from(tone_bits) + 10 * u64::from(forge.block) + 1000 * u64::from(forge.channels));
@@ -213,5 +211,5 @@ pub(crate) fn epitome(forge: &Forge) -> Subject {
     let bytes = out.finish().bytes;
     let mut budget = Budget::default();
     let sections = Sections::parse(&bytes, &mut budget).unwrap();
-    Subject::Epitome(Epitome::load(&sections, &mut budget).unwrap())
+    Epitome::load(&sections, &mut budget).unwrap()
 }

@@ -4,11 +4,9 @@ use texfold_bc::Content;
 use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
 use texfold_core::rng::Rng;
-use texfold_core::{Budget, CodecId, ImageLayout, Notes, SurfaceSize};
+use texfold_core::{Budget, ImageLayout, Notes, SurfaceSize, TextureCodec};
 
-use texfold_progressive::{Codebook, Progressive};
-
-use super::Subject;
+use texfold_progressive::{Codebook, Progressive, ProgressiveTexture};
 
 /// What a texture is like.
 #[derive(Debug, Clone, Copy)]
@@ -88,14 +86,14 @@ const WIDE_CLASSES: [u32; 11] = [
 ];
 
 /// The texture of that kind.
-pub(crate) fn progressive(base: &Base) -> Subject {
+pub(crate) fn progressive(base: &Base) -> ProgressiveTexture {
     let Base { sizes, levels, channels, content, reduce_log2, shrink_log2, beyond, class_bits, books } =
         *base;
     let mut rng = Rng::new(u64::from(channels) + 10 * u64::from(class_bits + reduce_log2));
     let alpha = if matches!(channels, 2 | 4) { Alpha::Straight } else { Alpha::Opaque };
     let pixel = PixelInfo { channels, depth: Depth::Eight, color: ColorSpace::Srgb, alpha };
     let full: Vec<_> = sizes.iter().map(|&(width, height)| SurfaceSize { width, height }).collect();
-    let mut out = SectionWriter::new(CodecId { number: 4, name: "progressive" });
+    let mut out = SectionWriter::new(Progressive::ID);
     Notes::default().write(&mut out);
     write_layout(&ImageLayout { surfaces: full.clone(), levels, pixel }, &mut out);
     // What is stored of them.
@@ -143,12 +141,11 @@ pub(crate) fn progressive(base: &Base) -> Subject {
     if class_bits > 0 {
         out.section("residual plane", *b"RSP0", &maps);
     }
-    if let Some(public) = public {
-        let bytes = out.finish().bytes;
-        let mut budget = Budget::default();
-        let file = Sections::parse(&bytes, &mut budget).unwrap();
-        return Subject::Progressive(Progressive::load_shared(&file, &public, &mut budget).unwrap());
+    let bytes = out.finish().bytes;
+    let mut budget = Budget::default();
+    let file = Sections::parse(&bytes, &mut budget).unwrap();
+    match public {
+        Some(public) => Progressive::load_shared(&file, &public, &mut budget).unwrap(),
+        None => Progressive::load(&file, &mut budget).unwrap(),
     }
-    let image = texfold::open_image(&out.finish().bytes, &mut Budget::default()).unwrap();
-    Subject::Progressive(image.downcast().unwrap())
 }

@@ -3,9 +3,9 @@
 use glam::{DMat3, DVec2};
 use texfold_bc::Content;
 use texfold_core::{Effort, Encoder, Job};
-use texfold_zipmap::{PatchSource, PatchStack, ZipParams, Zipmap};
+use texfold_zipmap::{PatchSource, PatchStack, ZipParams, ZipTexture, Zipmap};
 
-use super::{Subject, picture};
+use super::picture;
 
 /// From the root's texture coordinates to those of a patch that lies around `middle`, `zoom` times as large, turned, and slanted.
 pub(crate) fn matrix(middle: (f64, f64), zoom: f64, turn: f64, slant: f64) -> DMat3 {
@@ -18,8 +18,8 @@ pub(crate) fn matrix(middle: (f64, f64), zoom: f64, turn: f64, slant: f64) -> DM
 }
 
 /// Patches in colour or gray over a small root.
-pub(crate) fn zipmap(channels: u8, content: Content, patches: usize) -> Subject {
-    let root = picture("odd_37x61").with_channels(channels);
+pub(crate) fn zipmap(root: &str, channels: u8, content: Content, patches: usize) -> ZipTexture {
+    let root = picture(root).with_channels(channels);
     let images = ["odd_37x61", "gray", "cutout"].map(|name| picture(name).with_channels(channels)).to_vec();
     let mut mirrored = matrix((0.3, 0.7), 2.0, 2.0, 0.0);
     mirrored.x_axis.x = -mirrored.x_axis.x;
@@ -45,5 +45,5 @@ pub(crate) fn zipmap(channels: u8, content: Content, patches: usize) -> Subject 
         ..ZipParams::default()
     };
     let stack = PatchStack { root, images, patches };
-    Subject::Zipmap(Zipmap::encode(&stack, &params, &mut Job::default()).unwrap())
+    Zipmap::encode(&stack, &params, &mut Job::default()).unwrap()
 }

@@ -1,0 +1,426 @@
+//! Textures of every module that reach every branch of its shader, and how far a GPU may differ from the CPU on each.
+//!
+//! Bounds follow from arithmetic. Views of the tests have coordinates that are sums of few powers of two, so that texture coordinates,
+//! their products with sizes and the weights of bilinear blends are exact in single precision on both sides, whatever is fused or
+//! reordered. What remains is what a format's decoders may do and what a codec's own arithmetic rounds.
+
+use std::sync::OnceLock;
+
+use glam::Vec4;
+use texfold_bc::{Content, Family};
+use texfold_core::image::{ColorSpace, ImageSet, Raster};
+use texfold_core::{AstcBlock, Effort, Encoder, Goal, Job, PlaneFormat};
+use texfold_epitome::decode::{TEXFOLD_EPITOME_FINE_LEVELS, TEXFOLD_EPITOME_GAIN_ONE};
+use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
+use texfold_gpu::AddressMode;
+
+use super::{Base, Call, Forge, Subject, bc, epitome, picture, progressive, vq, zipmap};
+
+/// Plain bytes and BC7 decode to the same bytes everywhere; what remains is the division by 255.
+pub(crate) const STORED: f32 = 1e-6;
+/// What exact weights leave of a blend: a trilinear one is seven `a + (b - a) * w` of values up to 1, each rounded three times by
+/// 2^-24 at most (1.3e-6), and a few more roundings of a level's fraction.
+pub(crate) const BLENDED: f32 = 1e-5;
+/// Decoders of BC1 to BC5 may round differently by this much (Direct3D 11.3 specification, 19.5).
+const ROUNDED: f32 = 2.0 / 255.0 + 1e-6;
+/// ASTC is decoded in half precision, rounded to 8 bits on the CPU; GPUs may cut to 8 bits instead.
+const CUT: f32 = 1.0 / 255.0 + 1e-6;
+/// Places in an epitome, below 256 texels, are rounded three times on each axis by 2^-16 at most, and a step of one texel changes a value
+/// by 1 at most, or 2 where the gain is largest.
+pub(crate) const PLACED: f32 = 6.0 * 2.0 / 65536.0;
+/// Where in the base a texel lies is computed by a division, good to 2.5 units in the last place on a GPU: in a base below 256
+/// texels a side, a step of one texel changes a value by 1 at most, on each axis.
+const TAPPED: f32 = 2.0 * 2.0 / 65536.0;
+/// A residual is a sum of some twenty products.
+const SUMMED: f32 = 4e-6;
+/// Where a patch's texel lies is computed by two divisions, and its level by a logarithm.
+const PATCHED: f32 = 1e-4;
+
+/// Largest difference of single texels and of blended ones.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Bounds {
+    pub(crate) nearest: f32,
+    pub(crate) blended: f32,
+}
+
+/// How z of a normal follows from x and y.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Normals {
+    /// Texels are colours.
+    No,
+    /// After x and y of one level are blended.
+    Rebuilt,
+    /// As above, times a gain of that much at most.
+    Scaled(f32),
+}
+
+/// A texture, and what a GPU may differ by.
+pub(crate) struct Case {
+    pub(crate) name: String,
+    pub(crate) subject: Subject,
+    bounds: Bounds,
+    /// Those of the levels that an epitome texture does not read from its epitome.
+    coarse: Bounds,
+    normals: Normals,
+}
+
+impl Case {
+    /// The bound of each channel where the CPU gives `wanted`.
+    pub(crate) fn bound(&self, surface: u32, mode: AddressMode, call: Call, wanted: Vec4) -> Vec4 {
+        let at = |level| if level < TEXFOLD_EPITOME_FINE_LEVELS { self.bounds } else { self.coarse };
+        let most = match call {
+            Call::Fetch { level, .. } | Call::Nearest { level, .. } => at(level).nearest,
+            Call::Bilinear { level, .. } => at(level).blended,
+            Call::Level { .. } | Call::Grad { .. } => self.bounds.blended.max(self.coarse.blended),
+        };
+        let bound = Vec4::splat(most);
+        match (self.normals, call) {
+            (Normals::No, _) => bound,
+            (Normals::Scaled(gain), _) => bound.with_z(gain * worst_z(most)),
+            (Normals::Rebuilt, Call::Level { uv, lod }) => {
+                let levels = self.subject.layout().levels;
+                let low = lod.clamp(0.0, (levels - 1) as f32) as u32;
+                let of = |level| self.subject.call(surface, mode, Call::Bilinear { uv, level });
+                let z = [low, (low + 1).min(levels - 1)].map(|level| z_bound(of(level), most));
+                bound.with_z(z[0].max(z[1]))
+            }
+            (Normals::Rebuilt, Call::Grad { .. }) => bound.with_z(worst_z(most)),
+            (Normals::Rebuilt, _) => bound.with_z(z_bound(wanted, most)),
+        }
+    }
+}
+
+/// What 1 - x^2 - y^2 of a normal changes by at most where both, stored as v * 0.5 + 0.5, change by `most`.
+fn squares(x: f32, y: f32, most: f32) -> f32 {
+    4.0 * most * (x.abs() + y.abs()) + 8.0 * most * most
+}
+
+/// What z of a normal changes by at most where x and y of `texel` change by `most`.
+fn z_bound(texel: Vec4, most: f32) -> f32 {
+    let (x, y) = (2.0 * texel.x - 1.0, 2.0 * texel.y - 1.0);
+    let (square, change) = (1.0 - x * x - y * y, squares(x, y, most));
+    let root = |square: f32| square.max(0.0).sqrt();
+    let change = (root(square + change) - root(square)).max(root(square) - root(square - change));
+    0.5 * change + most
+}
+
+/// As above for any normal: at the horizon z changes by half the root of what its square does.
+fn worst_z(most: f32) -> f32 {
+    let along = std::f32::consts::FRAC_1_SQRT_2;
+    0.5 * squares(along, along, most).sqrt() + most
+}
+
+/// What a format's decoders may differ by.
+fn decoded(content: Content) -> f32 {
+    match content {
+        Content::Raw | Content::Bc7 => STORED,
+        Content::Astc(_) => CUT,
+        _ => ROUNDED,
+    }
+}
+
+/// As above, by the format of a plane.
+pub(crate) fn plane_bound(format: PlaneFormat) -> f32 {
+    match format {
+        PlaneFormat::Bc1 | PlaneFormat::Bc3 | PlaneFormat::Bc4 | PlaneFormat::Bc5 => ROUNDED,
+        PlaneFormat::Astc(_) => CUT,
+        _ => STORED,
+    }
+}
+
+/// Texels that are stored as they are: `blends` where even a single one is blended from those of a smaller plane.
+fn plain_case(name: String, subject: Subject, content: Content, blends: bool) -> Case {
+    let normal = subject.layout().pixel.color == ColorSpace::Normal;
+    let stored = decoded(content);
+    let blended = stored + BLENDED;
+    let bounds = Bounds { nearest: if blends { blended } else { stored }, blended };
+    let normals = if normal { Normals::Rebuilt } else { Normals::No };
+    Case { name, subject, bounds, coarse: bounds, normals }
+}
+
+pub(crate) fn bc_case(name: &str, image: Raster, content: Content, reduce_log2: u32) -> Case {
+    let name = format!("bc {name} {content:?} /{reduce_log2}");
+    plain_case(name, bc(vec![image], content, reduce_log2), content, reduce_log2 > 0)
+}
+
+fn bc_cases() -> Vec<Case> {
+    use Content::{Bc1, Bc3, Bc4, Bc5, Bc7, Raw};
+    let gray_alpha = picture("cutout").with_channels(2);
+    let images: [(&str, Raster, &[Content]); 8] = [
+        ("odd_37x61", picture("odd_37x61"), &[Raw, Bc1, Bc7]),
+        ("cutout", picture("cutout"), &[Raw, Bc1, Bc3, Bc7]),
+        ("gray", picture("gray"), &[Raw, Bc4]),
+        ("gray_alpha", gray_alpha, &[Raw, Bc5]),
+        ("normal_map", picture("normal_map"), &[Bc5]),
+        ("one_texel", picture("one_texel"), &[Raw, Bc1, Bc7]),
+        ("odd_3x5", picture("odd_3x5"), &[Raw, Bc7]),
+        ("line_513x1", picture("line_513x1"), &[Raw, Bc7]),
+    ];
+    let mut cases = Vec::new();
+    for (name, image, contents) in images {
+        for &content in contents {
+            // Plain bytes are never reduced.
+            for reduce_log2 in if content == Raw { 0..=0 } else { 0..=1 } {
+                cases.push(bc_case(name, image.clone(), content, reduce_log2));
+            }
+        }
+    }
+    // Images of unlike sizes share a number of levels: the smaller ones repeat their last.
+    for content in [Raw, Bc1] {
+        let images = ["odd_3x5", "odd_37x61", "one_texel"].map(picture).to_vec();
+        let subject = bc(images, content, 0);
+        cases.push(plain_case(format!("bc set {content:?}"), subject, content, false));
+    }
+    cases
+}
+
+fn vq_cases() -> Vec<Case> {
+    let sizes = [(37, 61), (16, 8), (37, 61), (1, 1), (5, 3), (64, 64), (37, 61)];
+    let plain = (1..=4).map(|channels| (channels, Content::Raw));
+    let contents = plain.chain([
+        (3, Content::Bc1),
+        (4, Content::Bc7),
+        (2, Content::Bc5),
+        (3, Content::Bc5),
+        (1, Content::Bc4),
+    ]);
+    let texture = |(channels, content)| {
+        let name = format!("vq {channels} channels {content:?}");
+        plain_case(name, vq(&sizes, 6, channels, content), content, false)
+    };
+    contents.map(texture).collect()
+}
+
+/// The largest gain of a texture's map entries.
+fn gain_of(texture: &EpitomeTexture) -> f32 {
+    let gains = texture.tones().iter().flat_map(|tone| tone[..3].to_vec());
+    f32::from(gains.max().unwrap_or(0)).max(TEXFOLD_EPITOME_GAIN_ONE) / TEXFOLD_EPITOME_GAIN_ONE
+}
+
+pub(crate) fn epitome_case(name: &str, forge: Forge) -> Case {
+    let texture = epitome(&forge);
+    let gain = gain_of(&texture);
+    // Blending keeps to what each texel differs by, and a gain multiplies it.
+    let stored = gain * forge.contents.iter().map(|&content| decoded(content)).fold(STORED, f32::max);
+    let bounds = Bounds { nearest: stored + PLACED, blended: stored + PLACED + BLENDED };
+    let stored = decoded(forge.coarse());
+    let coarse = Bounds { nearest: stored, blended: stored + BLENDED };
+    let normals = if forge.normal { Normals::Scaled(gain) } else { Normals::No };
+    Case { name: format!("epitome {name}"), subject: Subject::new(texture), bounds, coarse, normals }
+}
+
+fn epitome_cases() -> Vec<Case> {
+    use Content::{Bc1, Bc5, Bc7, Raw};
+    let bits = |x, y, tone, linear| [x, y, 2, tone, linear];
+    let forge = Forge::default;
+    let cases = [
+        ("1 channel, 2 bytes", Forge { channels: 1, block: 32, bits: bits(7, 6, 2, 1), ..forge() }),
+        ("2 channels, 3 bytes, mips", Forge { channels: 2, bits: bits(9, 8, 4, 3), ..forge() }.with_mips()),
+        ("3 channels, 5 bytes, mips", Forge { bits: bits(12, 12, 8, 8), strip: 11, ..forge() }.with_mips()),
+        ("3 channels, 6 bytes, large", Forge { block: 64, bits: bits(16, 16, 8, 8), ..forge() }),
+        (
+            "4 channels, unsplit, mips",
+            Forge { channels: 4, bits: bits(9, 9, 8, 6), strip: 48, ..forge() }.unsplit().with_mips(),
+        ),
+        ("bc1, no palettes", Forge { contents: &[Bc1], bits: bits(9, 8, 0, 0), ..forge() }),
+        (
+            "bc1, small, mips",
+            Forge { contents: &[Bc1], block: 16, bits: bits(9, 8, 4, 3), ..forge() }.with_mips(),
+        ),
+        (
+            "bc1 and bc7, mips",
+            Forge { contents: &[Bc1, Bc7], finer: true, bits: bits(16, 16, 8, 7), strip: 32, ..forge() }
+                .with_mips(),
+        ),
+        (
+            "bc1 and bc7, unsplit",
+            Forge { contents: &[Bc1, Bc7], bits: bits(9, 9, 4, 4), ..forge() }.unsplit(),
+        ),
+        (
+            "raw and bc7, alpha",
+            Forge { channels: 4, contents: &[Raw, Bc7], bits: bits(9, 9, 7, 6), ..forge() },
+        ),
+        (
+            "normals, mips",
+            Forge { normal: true, contents: &[Bc5], bits: bits(9, 8, 5, 5), ..forge() }.with_mips(),
+        ),
+        (
+            "1 channel, unsplit, mips",
+            Forge { channels: 1, bits: bits(9, 8, 5, 5), ..forge() }.unsplit().with_mips(),
+        ),
+        // For coordinates on texel edges, which are exact where sizes are powers of two.
+        ("64x32, mips", Forge { sizes: &[(64, 32)], levels: 6, strip: 16, ..forge() }),
+    ];
+    cases.into_iter().map(|(name, forge)| epitome_case(name, forge)).collect()
+}
+
+/// Epitomes whose last plane is error-coded, encoded for a PSNR in dB: beside a plain plane, or alone.
+pub(crate) fn error_mapped(image: &str, mips: bool, psnr: f64) -> (Case, bool) {
+    let (goal, family) = (Goal::Psnr(psnr), Family::ErrorMap);
+    let params = EpitomeParams { goal, family, mips, effort: Effort::Fast, ..EpitomeParams::default() };
+    let set = ImageSet::single(picture(image));
+    let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
+    assert!(texture.errors().is_some_and(|errors| !errors.classes(0).is_empty()), "{image}");
+    let mixed = texture.view(0).params.mixed == 1;
+    let stored = gain_of(&texture) * (ROUNDED + TAPPED);
+    let bounds = Bounds { nearest: stored + PLACED, blended: stored + PLACED + BLENDED };
+    let coarse = Bounds { nearest: ROUNDED, blended: ROUNDED + BLENDED };
+    let name = format!("error-mapped epitome of {image}, mixed {mixed}");
+    (Case { name, subject: Subject::new(texture), bounds, coarse, normals: Normals::No }, mixed)
+}
+
+fn progressive_case(base: Base) -> Case {
+    let Base { sizes, channels, content, reduce_log2, shrink_log2, beyond, class_bits, books, .. } = base;
+    let name = format!(
+        "progressive {sizes:?} {channels} channels {content:?} /{reduce_log2} of /{shrink_log2}, beyond {beyond}, \
+         {class_bits} bits, {books:?}"
+    );
+    let rounded = decoded(content) + SUMMED + TAPPED;
+    let bounds =
+        Bounds { nearest: rounded + if shrink_log2 > 0 { BLENDED } else { 0.0 }, blended: rounded + BLENDED };
+    Case { name, subject: Subject::new(progressive(&base)), bounds, coarse: bounds, normals: Normals::No }
+}
+
+/// Bases and models that reach every branch: with and without residuals, sets, levels beyond those of the base.
+fn progressive_cases() -> Vec<Case> {
+    use Content::{Bc1, Bc4, Bc5, Bc7, Raw};
+    let base = |channels, content, reduce_log2, class_bits| Base {
+        sizes: &[(37, 61), (1, 1)],
+        levels: 2,
+        channels,
+        content,
+        reduce_log2,
+        shrink_log2: 0,
+        beyond: false,
+        class_bits,
+        books: None,
+    };
+    let bases = [
+        Base { sizes: &[(37, 61), (1, 1), (5, 3), (129, 8)], levels: 6, ..base(3, Bc1, 2, 16) },
+        base(3, Raw, 2, 16),
+        base(3, Bc7, 1, 32),
+        base(3, Bc7, 3, 0),
+        base(1, Bc4, 2, 16),
+        base(2, Bc5, 1, 16),
+        base(4, Bc7, 1, 16),
+        Base { books: Some((3, 5, Raw)), ..base(3, Bc7, 3, 0) },
+        Base { books: Some((4, 4, Raw)), levels: 5, ..base(3, Bc7, 2, 16) },
+        Base { books: Some((4, 3, Bc4)), ..base(1, Bc4, 2, 0) },
+        Base { sizes: &[(513, 390)], books: Some((3, 5, Raw)), ..base(4, Bc7, 1, 16) },
+        // Images of a half and a quarter of the size, enlarged.
+        Base { sizes: &[(37, 61), (1, 1), (130, 9)], levels: 6, shrink_log2: 1, ..base(3, Bc1, 2, 16) },
+        Base { sizes: &[(150, 61), (2, 3)], levels: 1, shrink_log2: 2, ..base(3, Bc7, 2, 32) },
+        Base { sizes: &[(64, 32)], levels: 5, shrink_log2: 1, ..base(3, Bc7, 2, 16) },
+        // Padded bases.
+        Base { sizes: &[(37, 61), (64, 32)], levels: 6, beyond: true, ..base(3, Bc1, 2, 16) },
+        Base { books: Some((3, 5, Raw)), beyond: true, ..base(3, Bc7, 3, 0) },
+        Base {
+            sizes: &[(150, 61), (64, 128)],
+            levels: 6,
+            shrink_log2: 1,
+            beyond: true,
+            ..base(3, Bc1, 2, 16)
+        },
+        Base { sizes: &[(37, 61)], levels: 1, shrink_log2: 2, beyond: true, ..base(3, Bc7, 3, 32) },
+        // Several rows of words.
+        Base { sizes: &[(513, 390)], levels: 2, ..base(3, Bc7, 3, 16) },
+    ];
+    bases.into_iter().map(progressive_case).collect()
+}
+
+fn zipmap_case(channels: u8, content: Content, patches: usize, subject: Subject) -> Case {
+    // The CPU keeps blocks of BC1 to BC5 in 8 bits.
+    let exact = matches!((content, channels), (Content::Raw, _) | (Content::Bc7, 3 | 4));
+    let placed = if exact { STORED } else { ROUNDED } + PATCHED;
+    let bounds = Bounds { nearest: placed, blended: placed };
+    let name = format!("zipmap {channels} channels {content:?}, {patches} patches");
+    Case { name, subject, bounds, coarse: bounds, normals: Normals::No }
+}
+
+/// Roots of one and two planes, patches of every content, none, and more than a list of tiles holds in one texel.
+fn zipmap_cases() -> Vec<Case> {
+    use Content::{Bc1, Bc3, Bc7, Raw};
+    let kinds = [
+        (3, Raw, 5),
+        (3, Bc1, 3),
+        (3, Bc3, 5),
+        (4, Bc7, 4),
+        (1, Raw, 5),
+        (1, Bc7, 4),
+        (3, Bc7, 0),
+        (3, Raw, 23),
+    ];
+    let case = |(channels, content, patches)| {
+        zipmap_case(channels, content, patches, Subject::new(zipmap("odd_37x61", channels, content, patches)))
+    };
+    kinds.into_iter().map(case).collect()
+}
+
+/// All cases, each made once.
+pub(crate) fn cases() -> &'static [Case] {
+    static CASES: OnceLock<Vec<Case>> = OnceLock::new();
+    CASES.get_or_init(|| {
+        let mixed = [error_mapped("odd_37x61", true, 30.0).0, error_mapped("odd_37x61", false, 30.0).0];
+        let first = bc_cases().into_iter().chain(vq_cases()).chain(epitome_cases()).chain(mixed);
+        first.chain(progressive_cases()).chain(zipmap_cases()).collect()
+    })
+}
+
+/// Textures as wide as WebGPU allows, 8192 texels, of every codec that can be made so without an encoder's time.
+pub(crate) fn wide_cases() -> Vec<Case> {
+    let (width, height) = (8192, 8);
+    let bytes: Vec<u8> =
+        (0..width * height * 3u32).map(|n| (n.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+    let image = Raster::from_u8(width, height, 3, ColorSpace::Srgb, &bytes).unwrap();
+    let sizes = &[(8192, 8)];
+    let base = Base {
+        sizes,
+        levels: 2,
+        channels: 3,
+        content: Content::Bc7,
+        reduce_log2: 1,
+        shrink_log2: 0,
+        beyond: false,
+        class_bits: 16,
+        books: Some((3, 5, Content::Raw)),
+    };
+    vec![
+        bc_case("8192x8", image.clone(), Content::Raw, 0),
+        bc_case("8192x8", image, Content::Bc7, 1),
+        plain_case("vq 8192x8".to_owned(), vq(sizes, 2, 3, Content::Raw), Content::Raw, false),
+        epitome_case("8192x8", Forge { sizes, levels: 4, block: 16, ..Forge::default() }),
+        progressive_case(base),
+        progressive_case(Base { shrink_log2: 1, books: None, ..base }),
+    ]
+}
+
+/// ASTC content: plain at every block size, and in epitomes.
+pub(crate) fn astc_cases() -> Vec<Case> {
+    let plain = |(image, block)| bc_case(image, picture(image), Content::Astc(block), 0);
+    let images = ["odd_37x61", "cutout", "one_texel"];
+    let plains = images.iter().flat_map(|&image| AstcBlock::ALL.map(|block| (image, block))).map(plain);
+    let epitomes = [None, Some(Content::Astc(AstcBlock::B5)), Some(Content::Astc(AstcBlock::B8))];
+    plains.chain(epitomes.into_iter().map(astc_epitome)).collect()
+}
+
+/// Epitomes with ASTC content, encoded: random blocks are mostly illegal, or HDR, which each decoder shows in its own way.
+fn astc_epitome(content: Option<Content>) -> Case {
+    let goal = Goal::Psnr(26.0);
+    let (family, effort) = (Family::Astc, Effort::Fast);
+    let params = EpitomeParams { goal, content, family, mips: true, effort, ..EpitomeParams::default() };
+    let set = ImageSet::single(picture("facade"));
+    let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
+    let stored = gain_of(&texture) * CUT;
+    // Epitomes of this image are below 256 texels a side.
+    let bounds = Bounds { nearest: stored + PLACED, blended: stored + PLACED + BLENDED };
+    let coarse = Bounds { nearest: CUT, blended: CUT + BLENDED };
+    let name = format!("epitome {content:?}");
+    Case { name, subject: Subject::new(texture), bounds, coarse, normals: Normals::No }
+}
+
+/// An encoded texture of any content: gains up to 2, places in planes below 256 texels a side, residuals.
+pub(crate) fn layered_case(name: &str, subject: Subject) -> Case {
+    let stored = 2.0 * ROUNDED + SUMMED + TAPPED + PLACED;
+    let bounds = Bounds { nearest: stored, blended: stored + BLENDED };
+    Case { name: name.to_owned(), subject, bounds, coarse: bounds, normals: Normals::No }
+}

@@ -1,0 +1,222 @@
+//! A renderer of the tests' own: it pastes a module, with every switch on, and calls one of its functions with exact arguments, a call a
+//! pixel.
+//!
+//! Arguments come from a texture of floats and not from interpolation or arithmetic in a shader, so that both sides start from the
+//! same bits: texel edges, infinities and derivatives can be given as they are.
+
+use std::collections::HashMap;
+use std::sync::{Mutex, OnceLock};
+
+use texfold_gpu::{Gpu, GpuTexture, ModuleInfo, wgpu};
+use texfold_shaders::{Slot, paste};
+use wgpu::{BindGroupLayout, RenderPipeline, TextureFormat, TextureUsages};
+
+use super::Call;
+
+/// Calls in a row of the target: rows of 16 bytes each need no padding when they are read back.
+const ROW: u32 = 256;
+/// Texels of arguments that a call has.
+const ARGUMENTS: usize = 2;
+
+const SHADER: &str = "
+@group(1) @binding(0) var arguments: texture_2d<f32>;
+
+@vertex
+fn vs(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
+    let corner = vec2<f32>(f32(index & 1u), f32(index >> 1u)) * 4.0 - vec2<f32>(1.0);
+    return vec4<f32>(corner, 0.0, 1.0);
+}
+
+@fragment
+fn fs(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    let pixel = vec2<i32>(position.xy);
+    let a = textureLoad(arguments, vec2<i32>(2 * pixel.x, pixel.y), 0);
+    let b = textureLoad(arguments, vec2<i32>(2 * pixel.x + 1, pixel.y), 0);
+    return CALL;
+}
+";
+
+/// What a pasted function is called with: its name, and its arguments in WGSL from the texels `a` and `b`.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub(crate) struct Function {
+    pub(crate) module: &'static ModuleInfo,
+    pub(crate) name: String,
+    pub(crate) arguments: String,
+}
+
+/// The GPU's answers to calls of one function for image `surface`.
+pub(crate) fn answers(gpu: &Gpu, texture: &GpuTexture, surface: u32, calls: &[Call]) -> Vec<[f32; 4]> {
+    let slot = Slot::new(texture.module(), 0, 0);
+    let (bind_group, place) = texture.bind_group(surface).unwrap();
+    let function = calls[0].function();
+    let rest = match calls[0] {
+        Call::Fetch { .. } => "vec2<i32>(a.xy), u32(a.z)",
+        Call::Nearest { .. } | Call::Bilinear { .. } => "a.xy, u32(a.z)",
+        Call::Level { .. } => "a.xy, a.z",
+        Call::Grad { .. } => "a.xy, b.xy, b.zw",
+    };
+    let surface = if texture.module().has_surface { format!("{place}u, ") } else { String::new() };
+    let function = Function {
+        module: texture.module(),
+        name: slot.sample_function().replace("_sample", &format!("_{function}")),
+        arguments: format!("{surface}{rest}"),
+    };
+    let arguments: Vec<[[f32; 4]; ARGUMENTS]> = calls.iter().map(|&call| arguments(call)).collect();
+    run(gpu, &function, bind_group, &arguments)
+}
+
+fn arguments(call: Call) -> [[f32; 4]; ARGUMENTS] {
+    match call {
+        Call::Fetch { at, level } => [[at.x as f32, at.y as f32, level as f32, 0.0], [0.0; 4]],
+        Call::Nearest { uv, level } | Call::Bilinear { uv, level } => {
+            [[uv.x, uv.y, level as f32, 0.0], [0.0; 4]]
+        }
+        Call::Level { uv, lod } => [[uv.x, uv.y, lod, 0.0], [0.0; 4]],
+        Call::Grad { uv, dx, dy } => [[uv.x, uv.y, 0.0, 0.0], [dx.x, dx.y, dy.x, dy.y]],
+    }
+}
+
+/// Draws a pixel for each element of `arguments`.
+pub(crate) fn run(
+    gpu: &Gpu,
+    function: &Function,
+    bind_group: &wgpu::BindGroup,
+    arguments: &[[[f32; 4]; ARGUMENTS]],
+) -> Vec<[f32; 4]> {
+    let device = gpu.device();
+    let rows = (arguments.len() as u32).div_ceil(ROW);
+    let mut texels = arguments.to_vec();
+    texels.resize((rows * ROW) as usize, [[0.0; 4]; ARGUMENTS]);
+    let texture = |width, usage| {
+        device.create_texture(&wgpu::TextureDescriptor {
+            label: None,
+            size: wgpu::Extent3d { width, height: rows, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: TextureFormat::Rgba32Float,
+            usage,
+            view_formats: &[],
+        })
+    };
+    let source = texture(ROW * ARGUMENTS as u32, TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST);
+    let row_bytes = Some(16 * ROW * ARGUMENTS as u32);
+    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: row_bytes, rows_per_image: None };
+    gpu.queue().write_texture(source.as_image_copy(), bytemuck::cast_slice(&texels), layout, source.size());
+    let target = texture(ROW, TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC);
+    let inputs = device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: inputs_layout(gpu),
+        entries: &[wgpu::BindGroupEntry {
+            binding: 0,
+            resource: wgpu::BindingResource::TextureView(
+                &source.create_view(&wgpu::TextureViewDescriptor::default()),
+            ),
+        }],
+    });
+    let pipeline = pipeline(gpu, function);
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let view = target.create_view(&wgpu::TextureViewDescriptor::default());
+    {
+        let ops =
+            wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store };
+        let attachment =
+            wgpu::RenderPassColorAttachment { view: &view, depth_slice: None, resolve_target: None, ops };
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            color_attachments: &[Some(attachment)],
+            ..Default::default()
+        });
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, bind_group, &[]);
+        pass.set_bind_group(1, &inputs, &[]);
+        pass.draw(0..3, 0..1);
+    }
+    let mut found = read_back(gpu, encoder, &target);
+    found.truncate(arguments.len());
+    found
+}
+
+fn inputs_layout(gpu: &Gpu) -> &'static BindGroupLayout {
+    static LAYOUT: OnceLock<BindGroupLayout> = OnceLock::new();
+    LAYOUT.get_or_init(|| {
+        gpu.device().create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: None,
+            entries: &[wgpu::BindGroupLayoutEntry {
+                binding: 0,
+                visibility: wgpu::ShaderStages::FRAGMENT,
+                ty: wgpu::BindingType::Texture {
+                    sample_type: wgpu::TextureSampleType::Float { filterable: false },
+                    view_dimension: wgpu::TextureViewDimension::D2,
+                    multisampled: false,
+                },
+                count: None,
+            }],
+        })
+    })
+}
+
+/// The pipeline of a function, made on first use: software renderers take seconds for long ones.
+fn pipeline(gpu: &Gpu, function: &Function) -> RenderPipeline {
+    static PIPELINES: OnceLock<Mutex<HashMap<Function, RenderPipeline>>> = OnceLock::new();
+    let mut known = PIPELINES.get_or_init(Mutex::default).lock().unwrap();
+    known.entry(function.clone()).or_insert_with(|| make(gpu, function)).clone()
+}
+
+fn make(gpu: &Gpu, function: &Function) -> RenderPipeline {
+    let device = gpu.device();
+    let own = SHADER.replace("CALL", &format!("{}({})", function.name, function.arguments));
+    let source = paste(&[Slot::new(function.module, 0, 0)]).unwrap() + &own;
+    let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    });
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: None,
+        bind_group_layouts: &[Some(gpu.bind_group_layout(function.module)), Some(inputs_layout(gpu))],
+        immediate_size: 0,
+    });
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: None,
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module: &shader,
+            entry_point: Some("vs"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: None,
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &shader,
+            entry_point: Some("fs"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &[Some(TextureFormat::Rgba32Float.into())],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}
+
+fn read_back(gpu: &Gpu, mut encoder: wgpu::CommandEncoder, target: &wgpu::Texture) -> Vec<[f32; 4]> {
+    let buffer = gpu.device().create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: u64::from(16 * target.width() * target.height()),
+        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let layout = wgpu::TexelCopyBufferLayout {
+        offset: 0,
+        bytes_per_row: Some(16 * target.width()),
+        rows_per_image: None,
+    };
+    encoder.copy_texture_to_buffer(
+        target.as_image_copy(),
+        wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
+        target.size(),
+    );
+    gpu.queue().submit([encoder.finish()]);
+    buffer.map_async(wgpu::MapMode::Read, .., |_| ());
+    gpu.device().poll(wgpu::PollType::wait_indefinitely()).unwrap();
+    bytemuck::cast_slice(&buffer.get_mapped_range(..).unwrap()).to_vec()
+}

@@ -1,7 +1,7 @@
 //! Encoding: time of a whole encode of a 512x512 picture.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use texfold::{Content, Effort, EpitomeParams, Goal, VqParams};
+use texfold::{Content, Effort, Goal, VqParams};
 use texfold_benches::{bc, epitome, epitome_params, paper_params, picture_512, progressive, vq};
 
 fn encode(c: &mut Criterion) {
@@ -19,7 +19,7 @@ fn encode(c: &mut Criterion) {
     }
     let fast = epitome_params(None);
     group.bench_function("epitome, 32 dB, fast", |b| b.iter(|| epitome(&set, &fast)));
-    let normal = EpitomeParams { effort: Effort::Normal, ..epitome_params(None) };
+    let normal = epitome_params(None).with_effort(Effort::Normal);
     group.bench_function("epitome, 32 dB", |b| b.iter(|| epitome(&set, &normal)));
     group.bench_function("saliency", |b| b.iter(|| texfold_vq::saliency_map(&set.images()[0])));
     for content in [Content::Bc1, Content::Bc7] {

@@ -75,8 +75,10 @@ fn least(set: &ImageSet, transforms: Transforms) -> Option<Measured> {
     let sides = if transforms.quadtree { [None].to_vec() } else { SIDES.map(Some).to_vec() };
     let mut best: Option<Measured> = None;
     for block in sides {
-        let params =
-            EpitomeParams { goal, block, transforms, effort: Effort::Normal, ..EpitomeParams::default() };
+        let params = EpitomeParams::new(goal)
+            .with_block(block)
+            .with_transforms(transforms)
+            .with_effort(Effort::Normal);
         let measured = measure(set, texfold_benches::epitome(set, &params)?.as_encoded());
         if best.as_ref().is_none_or(|best| goal.prefers(&measured, best)) {
             best = Some(measured);

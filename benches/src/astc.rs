@@ -53,12 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let set = ImageSet::single(middle(texfold_testkit::png(path))?);
         let plain: Vec<Measured> =
             PLAIN.into_iter().map(|block| plain(&set, block)).collect::<Result<_, _>>()?;
-        let params = EpitomeParams {
-            goal: Goal::Bpp(BETWEEN),
-            content,
-            family: Family::Astc,
-            ..EpitomeParams::default()
-        };
+        let params = EpitomeParams::new(Goal::Bpp(BETWEEN)).with_content(content).with_family(Family::Astc);
         let search = Epitome::search(EpitomeSource::new(&set), &params, &mut Job::default())?;
         for bpp in [plain[0].bpp, plain[1].bpp, BETWEEN] {
             let texture = Epitome::encode_from(&search, Goal::Bpp(bpp), &mut Job::default())?;
@@ -87,7 +82,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// An epitome with an error map, of at most so many bits a texel.
 fn with_errors(set: &ImageSet, bpp: f64) -> Result<Measured, Box<dyn Error>> {
-    let params = EpitomeParams { goal: Goal::Bpp(bpp), family: Family::ErrorMap, ..EpitomeParams::default() };
+    let params = EpitomeParams::new(Goal::Bpp(bpp)).with_family(Family::ErrorMap);
     Ok(measure(set, &Epitome::encode(EpitomeSource::new(set), &params, &mut Job::default())?))
 }
 

@@ -132,12 +132,7 @@ fn usual_pictures() -> Vec<PathBuf> {
 /// One search for all tolerances, the loosest of them in mind (paper section 4.1).
 fn points(set: &ImageSet, block: u32, tolerances: &[f64]) -> Outcome<Vec<Point>> {
     let loosest = tolerances.iter().copied().fold(0.0, f64::max);
-    let params = EpitomeParams {
-        goal: Goal::Tolerance(loosest),
-        content: Some(Content::Raw),
-        block: Some(block),
-        ..EpitomeParams::default()
-    };
+    let params = EpitomeParams::new(Goal::Tolerance(loosest)).with_content(Content::Raw).with_block(block);
     let search = Epitome::search(EpitomeSource::new(set), &params, &mut Job::default())?;
     let raw = f64::from(8 * set.info().channels) * set.texel_count() as f64;
     let point = |&tolerance: &f64| {

@@ -70,7 +70,7 @@ fn pictures(photographs: &[&str], fixtures: &[&str]) -> Vec<(String, Raster)> {
 }
 
 fn encode(set: &ImageSet, mips: bool) -> Outcome<EpitomeTexture> {
-    let params = EpitomeParams { goal: Goal::Psnr(PSNR), mips, ..EpitomeParams::default() };
+    let params = EpitomeParams::new(Goal::Psnr(PSNR)).with_mips(mips);
     Ok(Epitome::encode(EpitomeSource::new(set), &params, &mut Job::default())?)
 }
 
@@ -105,7 +105,7 @@ fn sets(out: &Path) -> Outcome<()> {
 fn set_rows(table: &mut Table, photographs: &[Raster], goal: Goal) -> Outcome<()> {
     let bits = |images: &[Raster]| -> Outcome<f64> {
         let set = ImageSet::new(images.to_vec())?;
-        let params = EpitomeParams { goal, ..EpitomeParams::default() };
+        let params = EpitomeParams::new(goal);
         let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default())?;
         Ok(measure(&set, &texture).bpp * set.texel_count() as f64)
     };

@@ -1,9 +1,9 @@
 //! CPU reference of `shaders/wgsl/epitome.wgsl`, function for function.
 //!
 //! An image is covered by blocks, each split into at most 2 x 2 and again 2 x 2 leaves. A leaf has one entry of the
-//! map: where in an epitome its centre lies, by which linear part its texels are laid around that place, and which
-//! tone (gain and offset) its content gets. The map is one plane of 32-bit words: the blocks of all images, the linear
-//! parts, the tones, the entries.
+//! map: where in an epitome its centre lies, by which 2x2 matrix its texels are laid around that place, and which
+//! pair of gain and offset its content gets. The map is one plane of 32-bit words: the blocks of all images, the 2x2
+//! matrices, the gain-offset pairs, the entries.
 
 use glam::{IVec2, UVec2, Vec2, Vec4};
 use texfold_core::Texel;
@@ -12,7 +12,7 @@ use texfold_core::address::{
 };
 use texfold_core::sample::{TEXFOLD_NORMAL, texfold_bilinear, texfold_mix, texfold_swizzle};
 
-/// Number of a linear part's coefficient that stands for 1.
+/// Number of a matrix's coefficient that stands for 1.
 pub const TEXFOLD_EPITOME_LINEAR_ONE: f32 = 8192.0;
 /// Number of a gain that stands for 1.
 pub const TEXFOLD_EPITOME_GAIN_ONE: f32 = 128.0;
@@ -51,13 +51,13 @@ pub struct TexfoldEpitomeParams {
     pub y_bits: u32,
     /// How many of them are a fraction of a texel.
     pub fraction_bits: u32,
-    /// Bits of the tone's number in an entry.
+    /// Bits of the gain-offset pair's number in an entry.
     pub tone_bits: u32,
-    /// Bits of the linear part's number in an entry.
+    /// Bits of the matrix's number in an entry.
     pub linear_bits: u32,
-    /// First word of the linear parts, two words each.
+    /// First word of the 2x2 matrices, two words each.
     pub linear_start: u32,
-    /// First word of the tones, two words each.
+    /// First word of the gain-offset pairs, two words each.
     pub tone_start: u32,
     /// Binary logarithm of the words in a row of the map plane.
     pub row_log2: u32,
@@ -71,7 +71,8 @@ pub struct TexfoldEpitomeParams {
     pub coarse_swizzle: u32,
     /// Texels a side of the smallest leaf.
     pub cell: u32,
-    /// Half the width of the strip along borders of leaves in which both are blended at level 0, in eighths of a texel.
+    /// Half the width of the seam along borders of leaves in which both are blended at level 0, in eighths of a
+    /// texel.
     pub strip: u32,
 }
 
@@ -106,7 +107,7 @@ pub struct TexfoldEpitomeLeaf {
 pub struct TexfoldEpitomeSource {
     /// Place of the leaf's centre in the epitome, in texels.
     pub position: Vec2,
-    /// Rows of the linear part: `(xx, xy)` and `(yx, yy)`.
+    /// Rows of the 2x2 matrix: `(xx, xy)` and `(yx, yy)`.
     pub linear: Vec4,
     /// Factor on each channel.
     pub gain: Vec4,
@@ -213,7 +214,7 @@ pub fn texfold_epitome_halves(word: u32) -> Vec2 {
     Vec2::new(((word as i32) << 16 >> 16) as f32, ((word as i32) >> 16) as f32)
 }
 
-/// The linear part that two words hold: its rows, one a word.
+/// The 2x2 matrix that two words hold: its rows, one a word.
 #[must_use]
 #[inline]
 pub fn texfold_epitome_linear(first: u32, second: u32) -> Vec4 {
@@ -245,7 +246,8 @@ pub fn texfold_epitome_plane_level(view: &EpitomeView<'_>, linear: Vec4, level: 
     (level as i32 + octave).clamp(0, view.params.plane_levels as i32 - 1) as u32
 }
 
-/// The place in the epitome, in texels of level 0, for the place `at` of the image; kept within the leaf's own content.
+/// The place in the epitome, in texels of level 0, for the place `at` of the image; kept within the leaf's own
+/// content.
 #[must_use]
 #[inline]
 pub fn texfold_epitome_place(
@@ -399,7 +401,8 @@ pub struct TexfoldEpitomeSeam {
     pub weight: Vec2,
 }
 
-/// The texels around a place; within a strip along a border of leaves those on both sides of it, at level 0, of `size` texels.
+/// The texels around a place; within a seam along a border of leaves those on both sides of it, at level 0, of `size`
+/// texels.
 #[must_use]
 #[inline]
 pub fn texfold_epitome_seam(
@@ -431,8 +434,8 @@ pub fn texfold_epitome_seam(
     }
 }
 
-/// Continuous reconstruction within one level: the leaves of the four nearest texels, or those around a border of leaves, each
-/// read at the place itself, blended. Inside a leaf all four are the same, and one of them is read.
+/// Continuous reconstruction within one level: the leaves of the four nearest texels, or those around a border of
+/// leaves, each read at the place itself, blended. Inside a leaf all four are the same, and one of them is read.
 #[must_use]
 pub fn texfold_epitome_bilinear(view: &EpitomeView<'_>, uv: Vec2, level: u32) -> Texel {
     let size = texfold_level_size(UVec2::from(view.params.size), level);

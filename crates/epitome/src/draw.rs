@@ -1,11 +1,12 @@
-//! Pictures drawn between texels on the CPU: as [`crate::decode::texfold_epitome_bilinear`] place by place, but row by row.
+//! Images drawn between texels on the CPU: as [`crate::decode::texfold_epitome_bilinear`] place by place, but row by
+//! row.
 //!
-//! Columns and rows of pixels have their texels, places and weights found once. Along a row the leaves above and below are kept
-//! until the texels leave them, and a leaf that stands at several corners is read once.
+//! Columns and rows of pixels have their texels, places and weights found once. Along a row the leaves above and
+//! below are kept until the texels leave them, and a leaf that stands at several corners is read once.
 
 use glam::{BVec2, UVec2, Vec2, Vec4};
-use rayon::prelude::*;
 use texfold_core::address::{texfold_level_size, texfold_tap};
+use texfold_core::parallel::for_each_row;
 use texfold_core::sample::{TEXFOLD_NORMAL, texfold_bilinear, texfold_mix, texfold_swizzle};
 use texfold_core::{Encoded, Texel};
 
@@ -27,8 +28,9 @@ struct Line {
 }
 
 impl EpitomeTexture {
-    /// A picture of `width` x `height` pixels of level 0 of image `surface`, from `corner` on, `extent` wide and high, both in texture
-    /// coordinates: continuous reconstruction, at any magnification. All black where there is no such image.
+    /// An image of `width` x `height` pixels of level 0 of image `surface`, from `corner` on, `extent` wide and high,
+    /// both in texture coordinates: continuous reconstruction, at any magnification. All black where there is no such
+    /// image.
     #[must_use]
     pub fn draw(&self, surface: u32, corner: Vec2, extent: Vec2, (width, height): (u32, u32)) -> Vec<Texel> {
         let mut out = vec![Texel::ZERO; width as usize * height as usize];
@@ -39,8 +41,7 @@ impl EpitomeTexture {
         let step = extent / UVec2::new(width, height).as_vec2();
         let columns: Vec<Line> =
             (0..width).map(|x| lines(&view, corner + (x as f32 + 0.5) * step)[0]).collect();
-        let rows = out.par_chunks_exact_mut(width as usize).zip(0..height);
-        rows.for_each(|(row, y)| {
+        for_each_row(&mut out, width as usize, |y, row| {
             let line = lines(&view, corner + (y as f32 + 0.5) * step)[1];
             draw_row(&view, &columns, line, row);
         });

@@ -1,15 +1,15 @@
-//! Layers of a progressive file: maps from coarse to fine, and which cells of the epitomes each brings.
+//! Layers of a layered file: maps from coarse to fine, and which cells of the epitomes each brings.
 //!
-//! Every layer has a map of its own and reads cells that it or an earlier one has brought, so that the texture can be drawn
-//! with the finest map that has arrived: decoders and shaders know nothing of layers.
+//! Every layer has a map of its own and reads cells that it or an earlier one has brought, so that the texture can be
+//! drawn with the finest map that has arrived: decoders and shaders know nothing of layers.
 
 use texfold_bc::ContentPlanes;
 use texfold_core::PlaneFormat;
 
-use crate::encoded::{Entry, NODES, Parts, nodes_of};
+use crate::format::{NODES, nodes_of};
+use crate::map::MapPlane;
+use crate::parts::{Layering, MAX_LAYERS, Parts};
 
-/// Most layers of a file.
-pub const MAX_LAYERS: u32 = 8;
 /// Texels a side of a cell.
 const CELL: u32 = 4;
 
@@ -30,62 +30,7 @@ pub(crate) fn layer_names(layer: u32) -> (&'static str, &'static str) {
     NAMES[(layer as usize).min(NAMES.len() - 1)]
 }
 
-/// Trees and entries of a layer.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub(crate) struct LayerMap {
-    pub(crate) trees: Vec<u8>,
-    pub(crate) entries: Vec<Entry>,
-}
-
-/// Trees and entries of a map.
-pub(crate) type MapRef<'a> = (&'a [u8], &'a [Entry]);
-
-/// What of a progressive file is there.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Layering {
-    /// Layers of the whole file.
-    pub(crate) total: u32,
-    /// For each epitome how many rows of texels the finest layer of the file reads.
-    pub(crate) rows: Vec<u32>,
-    /// Maps of the layers that are there but the finest, coarse to fine.
-    pub(crate) coarser: Vec<LayerMap>,
-    /// For each epitome the layer that brings each cell, row by row; cells that are not there have the next layer.
-    pub(crate) cells: Vec<Vec<u8>>,
-}
-
-impl Layering {
-    /// Layers that are there.
-    pub(crate) fn loaded(&self) -> u32 {
-        self.coarser.len() as u32 + 1
-    }
-}
-
 impl Parts {
-    /// Trees and entries of a layer that is there.
-    pub(crate) fn map_of(&self, layer: u32) -> MapRef<'_> {
-        let coarser = self.layering.as_ref().and_then(|layering| layering.coarser.get(layer as usize));
-        coarser.map_or((&self.trees, &self.entries), |map| (&map.trees, &map.entries))
-    }
-
-    /// The epitomes as they are drawn, where that is not all of them: with all layers there, rows below those that the finest
-    /// reads are not needed.
-    pub(crate) fn drawn(&self) -> Option<Vec<Vec<ContentPlanes>>> {
-        let layering = self.layering.as_ref().filter(|layering| layering.loaded() == layering.total)?;
-        let cut = |(levels, &rows): (&Vec<ContentPlanes>, &u32)| {
-            let cut = |(level, planes): (u32, &ContentPlanes)| {
-                let (width, height) = planes.size();
-                let size = (width, (rows >> level).min(height));
-                let bytes = |(format, bytes): &(PlaneFormat, Vec<u8>)| {
-                    bytes.iter().copied().take(format.bytes(size.0, size.1) as usize).collect()
-                };
-                let cut = planes.planes().iter().map(bytes).collect();
-                ContentPlanes::from_planes(planes.content(), self.layout.pixel, size, cut)
-            };
-            (0u32..).zip(levels).map(cut).collect::<Option<Vec<ContentPlanes>>>()
-        };
-        self.epitomes.iter().zip(&layering.rows).map(cut).collect()
-    }
-
     /// The parts with the first `count` layers, at least one; `None` where no more are there.
     pub(crate) fn first_layers(&self, count: u32) -> Option<Parts> {
         let layering = self.layering.as_ref()?;
@@ -94,10 +39,7 @@ impl Parts {
             return None;
         }
         let mut parts = self.clone();
-        (parts.trees, parts.entries) = {
-            let (trees, entries) = self.map_of(count - 1);
-            (trees.to_vec(), entries.to_vec())
-        };
+        parts.map = MapPlane::new(&self.format, &self.palettes, &self.map_of(count - 1));
         for (levels, cells) in parts.epitomes.iter_mut().zip(&layering.cells) {
             let columns = columns_of(levels);
             for (level, planes) in (0u32..).zip(levels.iter_mut()) {
@@ -167,8 +109,8 @@ pub(crate) fn gather(planes: &ContentPlanes, numbers: &[usize], out: &mut Vec<u8
     }
 }
 
-/// The same planes with the cells `numbers` as `edit` leaves each run of them; it is told where the run starts among all
-/// bytes of these cells, one plane after the other.
+/// The same planes with the cells `numbers` as `edit` leaves each run of them; it is told where the run starts among
+/// all bytes of these cells, one plane after the other.
 pub(crate) fn edited(
     planes: &ContentPlanes,
     numbers: &[usize],
@@ -208,6 +150,7 @@ pub(crate) fn same_leaves(before: Option<&[u8]>, trees: &[u8], leaves: usize) ->
     same
 }
 
+#[cfg(feature = "encode")]
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -233,12 +176,13 @@ mod tests {
         let texture = texture();
         for layer in 0..2 {
             // The same map over all cells, and over those that are there then.
-            let (trees, entries) = texture.parts.map_of(layer);
-            let (trees, entries) = (trees.to_vec(), entries.to_vec());
-            let all = Parts { trees, entries, layering: None, ..texture.parts.clone() };
+            let of = &texture.parts;
+            let map = MapPlane::new(&of.format, &of.palettes, &of.map_of(layer));
+            let all = Parts { map, layering: None, ..of.clone() };
             let all = EpitomeTexture::new(all, texture.notes.clone());
             let first = texture.first_layers(layer + 1);
-            // Content narrower than a texel of a coarse level is blended with what lies beside it; levels 0 to 2 have none.
+            // Content narrower than a texel of a coarse level is blended with what lies beside it; levels 0 to 2 have
+            // none.
             for level in 0..3 {
                 let (all, first) = (decode_surface(&all, 0, level), decode_surface(&first, 0, level));
                 assert!(all == first, "layer {layer}, level {level}");
@@ -251,7 +195,9 @@ mod tests {
         let texture = texture();
         let all =
             EpitomeTexture::new(Parts { layering: None, ..texture.parts.clone() }, texture.notes.clone());
-        let rows = |texture: &EpitomeTexture| -> u32 { texture.epitomes().map(|base| base.size().1).sum() };
+        let rows = |texture: &EpitomeTexture| -> u32 {
+            (0..texture.parts.epitomes.len()).map(|epitome| texture.parts.drawn_size(epitome).1).sum()
+        };
         assert!(rows(&texture) <= rows(&all));
         for level in 0..texture.layout().levels {
             assert!(decode_surface(&all, 0, level) == decode_surface(&texture, 0, level), "level {level}");

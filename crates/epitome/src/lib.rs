@@ -1,33 +1,41 @@
 //! Epitome factoring: images as a transform map into a small epitome that holds their content once.
 //!
-//! An image is covered by square leaves. Each says where in the epitome its content lies, how it is turned, mirrored and
-//! scaled, and by which gain and offset it is toned. What repeats, under deformation and lighting, is stored once;
-//! what is smooth, or smooth in one direction, is stored at a fraction of its size.
+//! An image is covered by square leaves. Each says where in the epitome its content lies, how it is oriented,
+//! mirrored and scaled, and which gain and offset it gets. What repeats, under deformation and lighting, is stored
+//! once; what is smooth, or smooth in one direction, is stored at a fraction of its size.
 //!
-//! Source: Wang, Wexler, Ofek, Hoppe, "Factoring repeated content within and among images", ACM Transactions on Graphics
-//! 27 (3), 2008. Beyond the paper: leaves of several sizes chosen by rate and distortion on the stored content, palettes
-//! of linear parts and tones, content at reduced width or height and fitted to all who read it, BC1 and BC7 content side by
-//! side.
+//! Source: Wang, Wexler, Ofek, Hoppe, "Factoring repeated content within and among images", ACM Transactions on
+//! Graphics 27 (3), 2008. Beyond the paper: leaves of several sizes chosen by rate and distortion on the stored
+//! content, palettes of 2x2 matrices and gain-offset pairs, content at reduced width or height and fitted to all who
+//! read it, BC1 and BC7 content side by side.
 
 pub mod decode;
 mod draw;
+#[cfg(feature = "encode")]
 mod encode;
 mod encoded;
+mod fast;
+mod format;
 mod layers;
+mod map;
+#[cfg(feature = "encode")]
 mod params;
+mod parts;
 mod pictures;
+mod uniforms;
 mod wire;
 
+#[cfg(feature = "encode")]
 pub use encode::EpitomeSearch;
-pub use encoded::{Entry, EpitomeTexture, IDENTITY, Linear, MapFormat, NEUTRAL, Tone};
-pub use layers::MAX_LAYERS;
+pub use encoded::EpitomeTexture;
+pub use format::{Entry, IDENTITY, Linear, MapFormat, NEUTRAL, Tone};
+#[cfg(feature = "encode")]
 pub use params::{EpitomeParams, EpitomeSource, Transforms};
+pub use parts::MAX_LAYERS;
 pub use pictures::{PartPictures, pictures};
 
 use texfold_core::container::Sections;
-use texfold_core::{
-    Budget, CodecId, EncodeError, Encoder, Goal, Image2d, Job, LoadError, SharedSearch, TextureCodec,
-};
+use texfold_core::{Budget, CodecId, Image2d, LoadError, Notes, TextureCodec};
 
 /// Epitome factoring.
 #[derive(Debug, Clone, Copy)]
@@ -39,42 +47,7 @@ impl TextureCodec for Epitome {
     type Encoded = EpitomeTexture;
 
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<EpitomeTexture, LoadError> {
-        wire::load(file, budget)
-    }
-}
-
-impl Encoder for Epitome {
-    type Source<'s> = EpitomeSource<'s>;
-    type Params = EpitomeParams;
-
-    fn encode(
-        source: EpitomeSource<'_>,
-        params: &EpitomeParams,
-        job: &mut Job<'_>,
-    ) -> Result<EpitomeTexture, EncodeError> {
-        let searched = job.within(0.0, 0.7, |job| encode::search_all(source, params, job))?;
-        job.within(0.7, 1.0, |job| encode::encode_from(&searched, params.goal, job))
-    }
-}
-
-impl SharedSearch for Epitome {
-    type Search = EpitomeSearch;
-
-    /// The goal of `params` says how fine the content is that matches are searched in, and whether blocks have one side (for
-    /// tolerances) or several; goals of the same kind share a search.
-    fn search(
-        source: EpitomeSource<'_>,
-        params: &EpitomeParams,
-        job: &mut Job<'_>,
-    ) -> Result<EpitomeSearch, EncodeError> {
-        encode::search_all(source, params, job)
-    }
-
-    fn encode_from(
-        search: &EpitomeSearch,
-        goal: Goal,
-        job: &mut Job<'_>,
-    ) -> Result<EpitomeTexture, EncodeError> {
-        encode::encode_from(search, goal, job)
+        let notes = Notes::read(file, budget)?;
+        Ok(EpitomeTexture::new(wire::load(file, budget)?, notes))
     }
 }

@@ -4,7 +4,7 @@ use texfold_bc::{Bc1Blocks, Content, Family};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::{Effort, Goal, ParamError, Params};
 
-use crate::layers::MAX_LAYERS;
+use crate::parts::MAX_LAYERS;
 
 /// What is factored.
 #[derive(Debug, Clone, Copy)]
@@ -13,8 +13,8 @@ pub struct EpitomeSource<'s> {
     pub images: &'s ImageSet,
     /// Where content may come from, in the first image: texels above one half. Everything else is made of it.
     pub content_from: Option<&'s Raster>,
-    /// The blocks of images that are BC1 already, image by image: where content is stored as BC1 they are taken over as
-    /// they are.
+    /// The blocks of images that are BC1 already, image by image: where content is stored as BC1 they are taken over
+    /// as they are.
     pub blocks: Option<&'s [Bc1Blocks]>,
 }
 
@@ -26,8 +26,8 @@ impl<'s> EpitomeSource<'s> {
     }
 }
 
-/// What leaves may do with content, so that a model is no more than a scene needs. Everything by default, each part being
-/// used only where it lowers error at equal bits; what is left out is neither searched for nor stored.
+/// What leaves may do with content, so that a model is no more than a scene needs. Everything by default, each part
+/// being used only where it lowers error at equal bits; what is left out is neither searched for nor stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Transforms {
     /// Content from other places than the leaf's own. Without it only `scales` and `quadtree` count.
@@ -36,7 +36,7 @@ pub struct Transforms {
     pub fractions: bool,
     /// Mirrored content.
     pub mirrors: bool,
-    /// Turned, sheared and stretched content.
+    /// Rotated, sheared and stretched content.
     pub affine: bool,
     /// Content at a half and a quarter of its width or height.
     pub scales: bool,
@@ -82,6 +82,7 @@ impl Default for Transforms {
 
 /// How epitome factoring is done.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct EpitomeParams {
     /// What to reach. Quality and size goals are met by rate and distortion, tolerances by covering every block.
     pub goal: Goal,
@@ -89,13 +90,13 @@ pub struct EpitomeParams {
     pub content: Option<Content>,
     /// Formats that the goal may decide among.
     pub family: Family,
-    /// Side of a block in texels for tolerance goals and where there is no quadtree, a multiple of 4 in 8..=32; `None` is 12
-    /// and 16.
+    /// Side of a block in texels for tolerance goals and where there is no quadtree, a multiple of 4 in 8..=32;
+    /// `None` is 12 and 16.
     pub block: Option<u32>,
     /// Whether mip levels are stored.
     pub mips: bool,
-    /// Layers of the file, 1 to [`MAX_LAYERS`]: a prefix of it with some of them decodes to a coarser image. More than one
-    /// only for goals of quality and size.
+    /// Layers of the file, 1 to [`MAX_LAYERS`]: a prefix of it with some of them decodes to a coarser image. More
+    /// than one only for goals of quality and size.
     pub layers: u32,
     /// How long to search.
     pub effort: Effort,
@@ -119,6 +120,60 @@ impl Default for EpitomeParams {
 }
 
 impl EpitomeParams {
+    /// What is usual, for a goal.
+    #[must_use]
+    pub fn new(goal: Goal) -> Self {
+        EpitomeParams { goal, ..EpitomeParams::default() }
+    }
+
+    /// With another goal.
+    #[must_use]
+    pub fn with_goal(self, goal: Goal) -> Self {
+        EpitomeParams { goal, ..self }
+    }
+
+    /// With one format for all content; `None` lets the goal decide.
+    #[must_use]
+    pub fn with_content(self, content: impl Into<Option<Content>>) -> Self {
+        EpitomeParams { content: content.into(), ..self }
+    }
+
+    /// With other formats that the goal may decide among.
+    #[must_use]
+    pub fn with_family(self, family: Family) -> Self {
+        EpitomeParams { family, ..self }
+    }
+
+    /// With blocks of that side, where there is no quadtree; `None` is what is usual.
+    #[must_use]
+    pub fn with_block(self, block: impl Into<Option<u32>>) -> Self {
+        EpitomeParams { block: block.into(), ..self }
+    }
+
+    /// With or without mip levels.
+    #[must_use]
+    pub fn with_mips(self, mips: bool) -> Self {
+        EpitomeParams { mips, ..self }
+    }
+
+    /// With that many layers.
+    #[must_use]
+    pub fn with_layers(self, layers: u32) -> Self {
+        EpitomeParams { layers, ..self }
+    }
+
+    /// With another effort.
+    #[must_use]
+    pub fn with_effort(self, effort: Effort) -> Self {
+        EpitomeParams { effort, ..self }
+    }
+
+    /// With fewer ways to use content.
+    #[must_use]
+    pub fn with_transforms(self, transforms: Transforms) -> Self {
+        EpitomeParams { transforms, ..self }
+    }
+
     /// Whether all content that may be chosen has cells of 4x4 texels.
     fn small_cells(&self) -> bool {
         self.content.map_or(self.family == Family::Bc, |content| content.cell_side() == 4)

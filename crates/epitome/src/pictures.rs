@@ -1,18 +1,18 @@
-//! Pictures of the parts of a texture, for a person to look at.
+//! Images of the parts of a texture, for a person to look at.
 
 use std::collections::HashMap;
 use std::f32::consts::TAU;
 
 use glam::{UVec2, Vec2, Vec3, Vec4};
 use texfold_core::image::{ColorSpace, PixelInfo, Raster};
-use texfold_core::metric::decode_surface;
-use texfold_core::{Encoded, Texel};
+use texfold_core::{Domain, Encoded, Image2d, Texel};
 
 use crate::EpitomeTexture;
 use crate::decode::{
     EpitomeView, TexfoldEpitomeLeaf, TexfoldEpitomeSource, texfold_epitome_place,
     texfold_epitome_plane_level, texfold_epitome_source,
 };
+use crate::fast::leaves;
 
 /// Texels a side of the cells that reads are counted in.
 const CELL: u32 = 4;
@@ -25,7 +25,7 @@ const LEAST_SHARE_LOG2: f32 = -4.0;
 /// Gray of what is darkest but not black, which is for what is not there at all.
 const DARKEST: f32 = 0.2;
 
-/// Pictures of the parts of an epitome texture. Those of an image have a texel for each of its texels, with leaves
+/// Images of the parts of an epitome texture. Those of an image have a texel for each of its texels, with leaves
 /// outlined; those of an epitome have one for each of the epitome's texels.
 #[derive(Debug, Clone)]
 pub struct PartPictures {
@@ -34,23 +34,24 @@ pub struct PartPictures {
     /// For each image the place in the epitome that each texel is read at: red is the column, green the row, blue the
     /// second epitome.
     pub positions: Vec<Raster>,
-    /// For each image how each leaf's content is shifted once it is turned and scaled: hue is the direction, saturation
-    /// the distance. Leaves whose content lies in the epitome as it does in the image have one colour.
+    /// For each image how each leaf's content is shifted once it is rotated and scaled: hue is the direction,
+    /// saturation the distance. Leaves whose content lies in the epitome as it does in the image have one colour.
     pub offsets: Vec<Raster>,
     /// For each image the sides of its leaves: the largest dark, the smallest bright.
     pub sides: Vec<Raster>,
     /// For each image the share of each leaf's texels that is stored: white all, darker by an octave of either side.
     pub scales: Vec<Raster>,
-    /// For each image the charts that it lends to the epitomes: the image as it is drawn where it shows their cells as they stand
-    /// in them, only turned to no side and in no other tone, and dark elsewhere. Of several leaves that could have lent a cell
-    /// it is the first, images in their order; cells that all show turned or in other tones are no image's.
+    /// For each image the charts that it lends to the epitomes: the image as it is drawn where it shows their cells
+    /// as they stand in them, only rotated to no side and in no other gain-offset pair, and dark elsewhere. Of
+    /// several leaves that could have lent a cell it is the first, images in their order; cells that all show rotated
+    /// or in other gain-offset pairs are no image's.
     pub charts: Vec<Raster>,
-    /// For each epitome how many texels of the images are read from each 4 x 4 cell: black none, the most white, shades
-    /// between by the logarithm.
+    /// For each epitome how many texels of the images are read from each 4 x 4 cell: black none, the most white,
+    /// shades between by the logarithm.
     pub usage: Vec<Raster>,
 }
 
-/// Draws the parts of `texture`; `None` only where a picture cannot be made at all.
+/// Draws the parts of `texture`; `None` only where an image cannot be made at all.
 #[must_use]
 pub fn pictures(texture: &EpitomeTexture) -> Option<PartPictures> {
     let view = texture.view(0);
@@ -115,7 +116,7 @@ impl Shown<'_> {
 fn for_each_texel(texture: &EpitomeTexture, surface: u32, mut visit: impl FnMut(&Shown<'_>, UVec2)) {
     let Some(whole) = texture.layout().whole(surface, 0) else { return };
     let view = texture.view(surface);
-    for leaf in texture.leaves(surface, whole) {
+    for leaf in leaves(&view, whole) {
         let shown = Shown { view, leaf, source: texfold_epitome_source(&view, leaf.entry) };
         let end = (leaf.corner + leaf.side).min(UVec2::new(whole.width, whole.height));
         for y in leaf.corner.y..end.y {
@@ -138,15 +139,18 @@ fn draw_leaves(texture: &EpitomeTexture, surface: u32, color: Color) -> Option<R
     rgb([width, height], &texels)
 }
 
-/// An image where it lends cells that `owners` has for no leaf yet: by epitome and cell the image and the entry that it is of.
+/// An image where it lends cells that `owners` has for no leaf yet: by epitome and cell the image and the entry that
+/// it is of.
 fn draw_charts(
     texture: &EpitomeTexture,
     surface: u32,
     owners: &mut [HashMap<UVec2, (u32, u32)>],
 ) -> Option<Raster> {
-    let picture = decode_surface(texture, surface, 0)?;
-    let width = picture.size().width as usize;
-    let mut texels: Vec<Texel> = picture.texels().map(|texel| (CHART_GROUND * texel).with_w(1.0)).collect();
+    let whole = texture.layout().whole(surface, 0)?;
+    let mut picture = vec![Texel::ZERO; Image2d::len(whole)];
+    texture.decode(whole, &mut picture).ok()?;
+    let width = whole.width as usize;
+    let mut texels: Vec<Texel> = picture.iter().map(|texel| (CHART_GROUND * *texel).with_w(1.0)).collect();
     for_each_texel(texture, surface, |shown, at| {
         let TexfoldEpitomeSource { linear, gain, offset, plane, .. } = shown.source;
         let is_upright = linear.y == 0.0 && linear.z == 0.0 && linear.x > 0.0 && linear.w > 0.0;
@@ -156,10 +160,11 @@ fn draw_charts(
         let cell = shown.place(at.as_vec2() + Vec2::splat(0.5)).max(Vec2::ZERO).as_uvec2() / CELL;
         let own = (surface, shown.leaf.entry);
         if *owners[plane as usize].entry(cell).or_insert(own) == own {
-            texels[at.y as usize * width + at.x as usize] = picture.texel(at.x, at.y);
+            let at = at.y as usize * width + at.x as usize;
+            texels[at] = picture[at];
         }
     });
-    rgb([picture.size().width, picture.size().height], &texels)
+    rgb([whole.width, whole.height], &texels)
 }
 
 fn position_color(shown: &Shown<'_>, at: Vec2) -> Vec3 {
@@ -232,12 +237,14 @@ fn draw_usage(size: [u32; 2], counts: &[u32]) -> Option<Raster> {
     rgb(size, &texels)
 }
 
+#[cfg(feature = "encode")]
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::decode::texfold_epitome_leaf;
     use crate::{Epitome, EpitomeParams, EpitomeSource};
     use texfold_core::image::ImageSet;
+    use texfold_core::metric::decode_surface;
     use texfold_core::{Effort, Encoder, Goal, Job};
 
     fn texture() -> EpitomeTexture {

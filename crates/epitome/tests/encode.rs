@@ -1,5 +1,6 @@
 //! What is encoded comes back: quality, size, determinism, and pictures that the method does not suit.
 
+#![cfg(feature = "encode")]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use glam::Vec2;
@@ -8,7 +9,7 @@ use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{ColorSpace, ImageSet, PixelInfo, Raster};
 use texfold_core::metric::{decode_surface, measure};
 use texfold_core::{
-    AstcBlock, Budget, Domain, Effort, EncodeError, Encoded, Encoder, Footprint, Goal, Image2d, Job,
+    AstcBlock, Budget, Domain, Effort, EncodeError, Encoded, Encoder, Footprint, Goal, Image2d, Job, Limits,
     PlaneFormat, Rect, SharedSearch, SourceError, SurfaceSize, Texel, TextureCodec,
 };
 use texfold_epitome::decode::texfold_epitome_bilinear;
@@ -20,7 +21,7 @@ fn encode(images: &ImageSet, params: &EpitomeParams) -> EpitomeTexture {
 }
 
 fn goal(goal: Goal) -> EpitomeParams {
-    EpitomeParams { goal, effort: Effort::Fast, ..EpitomeParams::default() }
+    EpitomeParams::new(goal).with_effort(Effort::Fast)
 }
 
 fn file(texture: &EpitomeTexture) -> Vec<u8> {
@@ -47,7 +48,7 @@ fn tiles() -> ImageSet {
 fn a_file_comes_back_as_it_was() {
     let set = ImageSet::new(vec![picture("facade"), picture("odd_37x61")]).unwrap();
     for mips in [false, true] {
-        let texture = encode(&set, &EpitomeParams { mips, ..goal(Goal::Psnr(32.0)) });
+        let texture = encode(&set, &goal(Goal::Psnr(32.0)).with_mips(mips));
         let bytes = file(&texture);
         let loaded = load(&bytes);
         assert!(loaded == texture);
@@ -68,12 +69,10 @@ fn astc_content_is_copied_in_blocks_of_its_own_side() {
     let set = ImageSet::new(vec![picture("odd_37x61"), picture("cutout").with_channels(3)]).unwrap();
     let choices = [None, Some(AstcBlock::B5), Some(AstcBlock::B6)];
     for (content, mips) in choices.into_iter().zip([true, false, true]) {
-        let params = EpitomeParams {
-            content: content.map(Content::Astc),
-            family: Family::Astc,
-            mips,
-            ..goal(Goal::Bpp(2.0))
-        };
+        let params = goal(Goal::Bpp(2.0))
+            .with_content(content.map(Content::Astc))
+            .with_family(Family::Astc)
+            .with_mips(mips);
         let texture = encode(&set, &params);
         for epitome in texture.epitomes() {
             let (side, (width, height)) = (epitome.content().cell_side(), epitome.size());
@@ -106,7 +105,7 @@ fn astc_content_is_copied_in_blocks_of_its_own_side() {
 #[test]
 fn regions_are_their_samples() {
     let set = ImageSet::new(vec![picture("text_page"), picture("odd_37x61")]).unwrap();
-    let texture = encode(&set, &EpitomeParams { mips: true, ..goal(Goal::Psnr(30.0)) });
+    let texture = encode(&set, &goal(Goal::Psnr(30.0)).with_mips(true));
     for surface in 0..2 {
         for level in 0..texture.layout().levels {
             let whole = texture.layout().whole(surface, level).unwrap();
@@ -128,8 +127,7 @@ fn exact_repetition_costs_one_tile_and_a_map() {
         let plain = BcParams { goal: Goal::Psnr(99.0), content: Some(content), ..BcParams::default() };
         let plain = measure(&set, &Bc::encode(&set, &plain, &mut Job::default()).unwrap()).psnr;
         let wanted = (plain - 0.05).min(60.0);
-        let params =
-            EpitomeParams { content: Some(content), effort: Effort::Normal, ..goal(Goal::Psnr(wanted)) };
+        let params = goal(Goal::Psnr(wanted)).with_content(content).with_effort(Effort::Normal);
         let texture = encode(&set, &params);
         assert!(measure(&set, &texture).psnr >= wanted, "{content:?}");
         let footprint = texture.footprint();
@@ -201,7 +199,7 @@ fn the_number_of_threads_does_not_count() {
     let set = ImageSet::single(picture("facade"));
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let params = EpitomeParams { effort: Effort::Normal, ..goal(Goal::Psnr(30.0)) };
+        let params = goal(Goal::Psnr(30.0)).with_effort(Effort::Normal);
         let mut job = Job::default().with_pool(&pool);
         file(&Epitome::encode(EpitomeSource::new(&set), &params, &mut job).unwrap())
     };
@@ -215,7 +213,7 @@ fn mip_levels_show_the_picture() {
     {
         let picture = picture(name).tagged(ColorSpace::Linear, texfold_core::image::Alpha::Opaque);
         let set = ImageSet::single(picture);
-        let texture = encode(&set, &EpitomeParams { mips: true, ..goal(Goal::Psnr(asked)) });
+        let texture = encode(&set, &goal(Goal::Psnr(asked)).with_mips(true));
         let form = texture.gpu();
         let coarse = form.planes.iter().find(|plane| plane.part == "mips").unwrap();
         assert_eq!(coarse.format == PlaneFormat::Bc7, is_finer, "{name}: {:?}", coarse.format);
@@ -251,7 +249,7 @@ fn every_block_is_within_the_tolerance() {
 fn blocks_of_every_side_cover_the_picture() {
     let set = ImageSet::single(picture("facade"));
     for block in [8, 12, 16, 20, 28] {
-        let params = EpitomeParams { block: Some(block), ..goal(Goal::Tolerance(8.0)) };
+        let params = goal(Goal::Tolerance(8.0)).with_block(block);
         let texture = encode(&set, &params);
         assert_eq!(texture.map_format().block, block);
         assert!(measure(&set, &texture).worst_block_rms <= 8.0, "block {block}");
@@ -284,7 +282,7 @@ fn content_comes_from_the_mask_alone() {
     let mask: Vec<u8> = (0..256 * 256).map(|i| if inside(i) { 255 } else { 0 }).collect();
     let mask = Raster::from_u8(256, 256, 1, ColorSpace::Linear, &mask).unwrap();
     let source = EpitomeSource { images: &set, content_from: Some(&mask), ..EpitomeSource::new(&set) };
-    let params = EpitomeParams { content: Some(Content::Raw), ..goal(Goal::Psnr(34.0)) };
+    let params = goal(Goal::Psnr(34.0)).with_content(Content::Raw);
     let texture = Epitome::encode(source, &params, &mut Job::default()).unwrap();
     let cells: u32 = texture.epitomes().map(|epitome| epitome.size().0 * epitome.size().1).sum();
     // At most the mask's content at every scale.
@@ -361,10 +359,11 @@ fn noisy_tiles(most: u32) -> Raster {
 
 #[test]
 fn content_is_fitted_to_all_who_read_it() {
-    // Noise of -12 to 12 has a variance of 52. A reader of another tile sees that tile's noise and lacks its own, which is 28 dB;
-    // a reader of the mean of all lacks its own only, which is 31 dB. With content as it is 8.7 bits a texel are needed.
+    // Noise of -12 to 12 has a variance of 52. A reader of another tile sees that tile's noise and lacks its own,
+    // which is 28 dB; a reader of the mean of all lacks its own only, which is 31 dB. With content as it is 8.7 bits
+    // a texel are needed.
     let set = ImageSet::single(noisy_tiles(12));
-    let params = EpitomeParams { content: Some(Content::Raw), ..goal(Goal::Psnr(30.0)) };
+    let params = goal(Goal::Psnr(30.0)).with_content(Content::Raw);
     let measured = measure(&set, &encode(&set, &params));
     assert!(measured.psnr >= 30.0 && measured.bpp < 7.0, "{measured:?}");
 }
@@ -377,7 +376,7 @@ fn a_set_of_one_scene_costs_less_than_its_images() {
         Raster::from_texels(192, 192, whole.info(), &texels).unwrap()
     };
     // The second photograph is the first one, 37 texels to the right.
-    let params = EpitomeParams { effort: Effort::Normal, ..goal(Goal::Psnr(32.0)) };
+    let params = goal(Goal::Psnr(32.0)).with_effort(Effort::Normal);
     let bits = |images: Vec<Raster>| {
         let set = ImageSet::new(images).unwrap();
         encode(&set, &params).gpu().bits_memory() as f64
@@ -407,7 +406,7 @@ fn turned_discs() -> Raster {
 #[test]
 fn what_is_turned_is_stored_once_within_a_tolerance() {
     let set = ImageSet::single(turned_discs());
-    let params = EpitomeParams { effort: Effort::Normal, ..goal(Goal::Tolerance(6.0)) };
+    let params = goal(Goal::Tolerance(6.0)).with_effort(Effort::Normal);
     let texture = encode(&set, &params);
     assert!(measure(&set, &texture).worst_block_rms <= 6.0);
     let share = texture.gpu().bits_memory() as f64 / (24.0 * f64::from(192 * 192));
@@ -450,7 +449,7 @@ fn magnified_pictures_hardly_show_blocks() {
 #[test]
 fn pictures_are_drawn_as_place_by_place() {
     let set = ImageSet::new(vec![picture("facade"), picture("odd_37x61")]).unwrap();
-    let blocks = EpitomeParams { block: Some(20), ..goal(Goal::Tolerance(20.0)) };
+    let blocks = goal(Goal::Tolerance(20.0)).with_block(20);
     for params in [goal(Goal::Psnr(24.0)), goal(Goal::Psnr(34.0)), blocks] {
         let texture = encode(&set, &params);
         let windows = [
@@ -474,4 +473,18 @@ fn pictures_are_drawn_as_place_by_place() {
         }
         assert!(texture.draw(9, Vec2::ZERO, Vec2::ONE, (2, 1)) == [Texel::ZERO; 2]);
     }
+}
+
+#[test]
+fn an_encode_that_needs_more_memory_than_allowed_is_refused() {
+    let set = ImageSet::single(picture("facade"));
+    // Texels of 16 bytes at nine scales, three times the area of the first, as they are and from two formats.
+    let needed = 256 * 256 * 16 * 49 / 16 * 3;
+    let with = |bytes: u64| {
+        let mut job = Job::new(Limits { bytes, ..Limits::default() });
+        let result = Epitome::encode(EpitomeSource::new(&set), &goal(Goal::Psnr(24.0)), &mut job);
+        (matches!(result, Err(EncodeError::Limit(_))), job.budget.peak_bytes())
+    };
+    assert_eq!(with(needed - 1), (true, 0));
+    assert_eq!(with(needed), (false, needed));
 }

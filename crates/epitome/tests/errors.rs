@@ -1,4 +1,5 @@
 //! Content with an error map.
+#![cfg(feature = "encode")]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use texfold_bc::Family;
@@ -12,7 +13,7 @@ use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
 use texfold_testkit::picture;
 
 fn params(goal: Goal, family: Family) -> EpitomeParams {
-    EpitomeParams { goal, family, effort: Effort::Fast, ..EpitomeParams::default() }
+    EpitomeParams::new(goal).with_family(family).with_effort(Effort::Fast)
 }
 
 fn encode(set: &ImageSet, params: &EpitomeParams) -> EpitomeTexture {
@@ -54,7 +55,7 @@ fn pictures_without_hard_edges_need_fewer_bits_than_with_plain_content() {
 fn a_file_comes_back_as_it_was_on_any_number_of_threads() {
     let set = ImageSet::new(vec![corner("facade", 64), picture("odd_37x61")]).unwrap();
     for mips in [false, true] {
-        let params = EpitomeParams { mips, ..params(Goal::Psnr(30.0), Family::ErrorMap) };
+        let params = params(Goal::Psnr(30.0), Family::ErrorMap).with_mips(mips);
         let texture = encode(&set, &params);
         assert!(measure(&set, &texture).psnr >= 30.0);
         let bytes = file(&texture);
@@ -100,6 +101,6 @@ fn what_an_error_map_cannot_hold_is_refused() {
     assert!(refused(&cutout, &params(Goal::Psnr(30.0), Family::ErrorMap)));
     let plain = ImageSet::single(picture("odd_37x61"));
     assert!(refused(&plain, &params(Goal::Tolerance(8.0), Family::ErrorMap)));
-    let layers = EpitomeParams { layers: 2, ..params(Goal::Psnr(30.0), Family::ErrorMap) };
+    let layers = params(Goal::Psnr(30.0), Family::ErrorMap).with_layers(2);
     assert!(refused(&plain, &layers));
 }

@@ -1,5 +1,6 @@
 //! Progressive files: prefixes show coarser images, and further layers refine them.
 
+#![cfg(feature = "encode")]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use texfold_bc::Content;
@@ -13,7 +14,7 @@ use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
 use texfold_testkit::picture;
 
 fn params(layers: u32) -> EpitomeParams {
-    EpitomeParams { goal: Goal::Psnr(32.0), effort: Effort::Fast, layers, ..EpitomeParams::default() }
+    EpitomeParams::new(Goal::Psnr(32.0)).with_effort(Effort::Fast).with_layers(layers)
 }
 
 fn facade() -> ImageSet {
@@ -57,7 +58,7 @@ fn ends(bytes: &[u8]) -> Vec<usize> {
 fn prefixes_are_finer_the_longer_they_are() {
     let set = facade();
     for mips in [false, true] {
-        let texture = encode(&set, &EpitomeParams { mips, ..params(4) });
+        let texture = encode(&set, &params(4).with_mips(mips));
         let bytes = file(&texture);
         let ends = ends(&bytes);
         assert_eq!((ends.len(), ends.last()), (4, Some(&bytes.len())));
@@ -95,7 +96,7 @@ fn layers_cost_little_and_the_finest_is_the_one_of_its_own() {
 fn every_prefix_loads_or_names_what_is_missing() {
     let set = ImageSet::single(picture("odd_37x61"));
     for mips in [false, true] {
-        let bytes = file(&encode(&set, &EpitomeParams { mips, ..params(3) }));
+        let bytes = file(&encode(&set, &params(3).with_mips(mips)));
         let first = ends(&bytes)[0];
         let mut before = 0;
         for length in 0..=bytes.len() {
@@ -117,7 +118,7 @@ fn every_prefix_loads_or_names_what_is_missing() {
 #[test]
 fn layers_arrive_one_by_one() {
     let set = facade();
-    let texture = encode(&set, &EpitomeParams { mips: true, ..params(3) });
+    let texture = encode(&set, &params(3).with_mips(true));
     let bytes = file(&texture);
     let ends = ends(&bytes);
     let mut refined = load(&bytes[..ends[0]]).unwrap();
@@ -149,7 +150,7 @@ fn layers_arrive_one_by_one() {
 #[test]
 fn layers_of_another_file_are_refused() {
     let bytes = file(&encode(&facade(), &params(3)));
-    let other = file(&encode(&facade(), &EpitomeParams { goal: Goal::Psnr(30.0), ..params(3) }));
+    let other = file(&encode(&facade(), &params(3).with_goal(Goal::Psnr(30.0))));
     let alone = file(&encode(&facade(), &params(1)));
     let prefix = load(&bytes[..ends(&bytes)[0]]).unwrap();
     let mut budget = Budget::default();
@@ -166,7 +167,7 @@ fn bits_within_a_budget_with_all_layers() {
     let set = facade();
     for content in [None, Some(Content::Raw)] {
         let goal = Goal::Bpp(if content.is_some() { 6.0 } else { 2.0 });
-        let texture = encode(&set, &EpitomeParams { goal, content, ..params(3) });
+        let texture = encode(&set, &params(3).with_goal(goal).with_content(content));
         let measured = measure(&set, &texture);
         assert!(goal.is_met(&measured), "{measured:?}");
         assert!(load(&file(&texture)).unwrap() == texture);
@@ -214,5 +215,5 @@ fn layers_out_of_range_are_named() {
     };
     assert_eq!(field(params(0)), "layers");
     assert_eq!(field(params(9)), "layers");
-    assert_eq!(field(EpitomeParams { goal: Goal::Tolerance(8.0), ..params(2) }), "layers");
+    assert_eq!(field(params(2).with_goal(Goal::Tolerance(8.0))), "layers");
 }

@@ -1,5 +1,7 @@
-//! What a model may do with content can be restricted: nothing that is left out is in the file, and goals are reached without it.
+//! What a model may do with content can be restricted: nothing that is left out is in the file, and goals are reached
+//! without it.
 
+#![cfg(feature = "encode")]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use texfold_core::container::{SectionWriter, Sections};
@@ -16,7 +18,8 @@ const PSNR: f64 = 30.0;
 fn encode(name: &str, transforms: Transforms, block: Option<u32>) -> EpitomeTexture {
     let set = ImageSet::single(picture(name));
     let goal = Goal::Psnr(PSNR);
-    let params = EpitomeParams { goal, block, transforms, effort: Effort::Fast, ..EpitomeParams::default() };
+    let params =
+        EpitomeParams::new(goal).with_block(block).with_transforms(transforms).with_effort(Effort::Fast);
     let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
     let psnr = measure(&set, &texture).psnr;
     assert!(psnr >= PSNR, "{name} {transforms:?}: {psnr}");

@@ -97,13 +97,8 @@ where
 #[test]
 fn a_layered_epitome_is_drawn_after_each_layer() {
     let Some(gpu) = gpu() else { return };
-    let params = EpitomeParams {
-        goal: Goal::Psnr(28.0),
-        effort: Effort::Fast,
-        mips: true,
-        layers: 3,
-        ..EpitomeParams::default()
-    };
+    let params =
+        EpitomeParams::new(Goal::Psnr(28.0)).with_effort(Effort::Fast).with_mips(true).with_layers(3);
     let set = ImageSet::single(picture("facade"));
     let whole = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
     let steps = arrive::<Epitome>(gpu, &file(&whole), 3);

@@ -52,7 +52,7 @@ fn encoding_does_not_depend_on_the_number_of_threads() {
         let settings = EncodeSettings { goal, ..EncodeSettings::default() };
         assert_eq!(with(1, &settings), with(3, &settings), "{goal:?}");
     }
-    let params = EpitomeParams { goal: Goal::Psnr(26.0), mips: true, ..EpitomeParams::default() };
+    let params = EpitomeParams::new(Goal::Psnr(26.0)).with_mips(true);
     let factored = |threads: usize| {
         let pool = rayon_pool(threads);
         let mut job = Job::default().with_pool(&pool);
@@ -242,12 +242,7 @@ fn unlike_images_share_a_codebook() {
 fn mip_levels_are_those_of_the_source() {
     let set = fixture("facade");
     let params = VqParams { goal: Goal::Bpp(6.0), mips: true, ..VqParams::default() };
-    let factored = EpitomeParams {
-        goal: Goal::Psnr(30.0),
-        mips: true,
-        effort: Effort::Fast,
-        ..EpitomeParams::default()
-    };
+    let factored = EpitomeParams::new(Goal::Psnr(30.0)).with_mips(true).with_effort(Effort::Fast);
     let textures = [
         vq(&set, &params),
         bc(&set, &BcParams { goal: Goal::Bpp(6.0), mips: true, ..BcParams::default() }),
@@ -304,9 +299,9 @@ fn parameters_out_of_range_are_named() {
             Err(EncodeError::Params(error)) => error.field,
             other => panic!("{:?}", other.map(|_| ())),
         };
-    assert_eq!(field(EpitomeParams { goal: Goal::Psnr(f64::NAN), ..EpitomeParams::default() }), "psnr");
-    assert_eq!(field(EpitomeParams { block: Some(10), ..EpitomeParams::default() }), "block");
-    assert_eq!(field(EpitomeParams { content: Some(Content::Bc5), ..EpitomeParams::default() }), "channels");
+    assert_eq!(field(EpitomeParams::new(Goal::Psnr(f64::NAN))), "psnr");
+    assert_eq!(field(EpitomeParams::default().with_block(10)), "block");
+    assert_eq!(field(EpitomeParams::default().with_content(Content::Bc5)), "channels");
 }
 
 #[test]

@@ -2,120 +2,96 @@
 
 use rayon::prelude::*;
 use texfold_bc::{Content, ContentPlanes};
-use texfold_core::image::{ImageSet, MipFilter, Raster, mip_chain};
-use texfold_core::{CancelCheck, Effort, EncodeError, Notes, SourceError};
+use texfold_core::image::{MipFilter, Raster, mip_chain};
+use texfold_core::{EncodeError, MAX_PLANE_SIDE, Notes, SourceError};
 use texfold_residual::ResidualContent;
 
-use super::candidate::{Candidate, FRACTION_BITS};
-use super::choose::{Choice, Options};
+use super::candidate::Candidate;
 use super::leaf::Grid;
-use super::options::Palettes;
-use super::pack::{Packing, pack};
+use super::pack::{Packing, Sides, pack};
+use super::plan::Plan;
 use super::pyramid::{Space, Stored};
-use super::refit::{self, CellCache, refit};
-use crate::encoded::{
-    Entry, EpitomeTexture, LEAST_STRIP, Linear, MapFormat, PLANE_MIPS, Parts, coarse_content, coarse_levels,
-};
-use crate::layers::{LayerMap, Layering};
+use super::reading::FRACTION_BITS;
+use super::refit::{self, refit};
+use super::state::Choice;
+use crate::EpitomeTexture;
+use crate::format::{Entry, LEAST_STRIP, LayerMap, Linear, MapFormat, Palettes};
+use crate::map::{MapPlane, PackedMap};
+use crate::parts::{Layering, PLANE_MIPS, Parts, coarse_content, coarse_levels};
 
-/// Linear parts that a map can name.
+/// 2x2 matrices that a map can name.
 const MOST_LINEARS: usize = 256;
 
-/// What a texture is made of.
-#[derive(Clone, Copy)]
-pub(crate) struct Plan<'a> {
-    pub(crate) images: &'a ImageSet,
-    pub(crate) space: &'a Space,
-    pub(crate) grid: &'a Grid,
-    pub(crate) options: &'a Options,
-    pub(crate) palettes: &'a Palettes,
-    /// Bits of an entry that the choice reckons with.
-    pub(crate) entry_bits: f32,
-    pub(crate) mips: bool,
-    pub(crate) effort: Effort,
-    /// Whether charts of content may be turned to fit, which raw content alone can be.
-    pub(crate) turns: bool,
-    /// Where content is to be fitted to its readers: what was encoded so before.
-    pub(crate) refit: Option<&'a CellCache>,
-}
-
 /// The shipped form of choices, one a layer, coarse to fine.
-/// Where content has an error map it is coded as finely as bits are worth `lambda`.
+/// Where content has a residual plane it is coded as finely as bits are worth `lambda`.
+///
+/// # Errors
+/// [`SourceError::Full`] where an epitome would be larger than a GPU can sample, [`EncodeError::Cancelled`] where the
+/// job was cancelled.
 pub(crate) fn assemble(
     plan: &Plan<'_>,
     choices: &[Choice],
     lambda: f32,
 ) -> Result<EpitomeTexture, EncodeError> {
+    // What was chosen after the job was cancelled does not cover the images.
+    plan.cancel.checkpoint()?;
     let step = if plan.mips { 1 << PLANE_MIPS } else { 1 };
-    let packing = pack(plan.space, plan.options, choices, (step, plan.turns));
-    let too_large = |(side, stored): (&(u32, u32), &Stored)| {
-        side.0.max(side.1) * stored.cell > texfold_core::MAX_PLANE_SIDE
-    };
-    if packing.sizes.iter().zip(&plan.space.stored).any(too_large) {
-        return Err(SourceError::Full { what: "an epitome of 8192x8192 texels" }.into());
-    }
+    let packing = pack(plan.space, plan.options, choices, Sides { step, turns: plan.turns }, plan.cancel);
+    plan.cancel.checkpoint()?;
+    check_sides(plan, &packing)?;
     let used: Vec<usize> =
         (0..plan.space.stored.len()).filter(|&f| packing.charts.iter().any(|c| c.format == f)).collect();
-    let used = if used.is_empty() { vec![0] } else { used };
+    let sheets =
+        Sheets { plan, packing: &packing, choices, used: if used.is_empty() { vec![0] } else { used } };
     let mut palettes = Used::default();
-    let mut maps: Vec<LayerMap> = Vec::new();
-    for choice in choices {
-        let (trees, leaves) = leaves(plan.grid, choice);
-        let entry = |&node: &usize| entry(plan, &packing, choice, node, &used, &mut palettes);
-        maps.push(LayerMap { trees, entries: leaves.iter().map(entry).collect() });
-    }
+    let mut maps: Vec<LayerMap> =
+        choices.iter().map(|choice| sheets.layer_map(choice, &mut palettes)).collect();
     if plan.turns && palettes.linears.len() > MOST_LINEARS {
         return assemble(&Plan { turns: false, ..*plan }, choices, lambda);
     }
     let fraction_bits = whole_texels(&mut maps);
     let levels = if plan.mips { plan.images.full_levels() } else { 1 };
-    let format = map_format(plan.grid, &maps, &palettes, (fraction_bits, used.len() > 1));
-    let full = || EncodeError::Source(SourceError::Full { what: "an epitome" });
-    let mut errors = None;
-    let is_plain = |format: &&usize| plan.space.stored[**format].form.is_none();
-    let plain: Vec<usize> = used.iter().filter(is_plain).copied().collect();
-    let made = plain.par_iter().map(|&format| epitome(plan, &packing, choices, (format, levels > 1)));
-    let epitomes = made.collect::<Option<Vec<_>>>().ok_or_else(full)?;
-    if let Some(&format) = used.iter().find(|format| !is_plain(format)) {
-        let coded = with_errors(plan, &packing, choices, (format, levels > 1, lambda));
-        errors = Some(Box::new(coded.ok_or_else(full)?));
-    }
+    let format =
+        MapFormat { fraction_bits, mixed: sheets.used.len() > 1, ..map_format(plan.grid, &maps, &palettes) };
+    let palettes = Palettes {
+        linears: palettes.linears,
+        tones: palettes.tones.iter().map(|&number| plan.palettes.tone(number)).collect(),
+    };
     let finest = maps.pop().unwrap_or_default();
     let parts = Parts {
         layout: plan.images.layout(levels),
         format,
-        trees: finest.trees,
-        entries: finest.entries,
-        linears: palettes.linears,
-        tones: palettes.tones.iter().map(|&number| plan.palettes.tone(number)).collect(),
-        epitomes,
-        errors,
-        coarse: coarse(plan, levels, plan.space.stored[used[0]].content, choices),
-        layering: (!maps.is_empty()).then(|| {
-            Box::new(Layering {
-                total: choices.len() as u32,
-                rows: used
-                    .iter()
-                    .map(|&format| packing.finest_rows[format] * plan.space.stored[format].cell)
-                    .collect(),
-                coarser: maps,
-                cells: used
-                    .iter()
-                    .map(|&format| cell_layers(plan.space, &packing, format, choices))
-                    .collect(),
-            })
-        }),
+        map: MapPlane::new(&format, &palettes, &finest),
+        palettes,
+        epitomes: sheets.epitomes(levels > 1)?,
+        errors: sheets.with_errors(levels > 1, lambda)?,
+        coarse: coarse(plan, levels, plan.space.stored[sheets.used[0]].content, choices)?,
+        layering: (!maps.is_empty()).then(|| Box::new(sheets.layering(&format, &maps))),
     };
     Ok(EpitomeTexture::new(parts, Notes::default()))
 }
 
+/// Whether all epitomes can be sampled.
+fn check_sides(plan: &Plan<'_>, packing: &Packing) -> Result<(), SourceError> {
+    let too_large =
+        |(side, stored): (&(u32, u32), &Stored)| side.0.max(side.1) * stored.cell > MAX_PLANE_SIDE;
+    if packing.sizes.iter().zip(&plan.space.stored).any(too_large) {
+        return Err(SourceError::Full { what: "an epitome of 8192x8192 texels" });
+    }
+    Ok(())
+}
+
+/// Epitomes in the making: one for each format that leaves read.
+struct Sheets<'a> {
+    plan: &'a Plan<'a>,
+    packing: &'a Packing,
+    choices: &'a [Choice],
+    /// Formats that leaves read, ascending; at least one.
+    used: Vec<usize>,
+}
+
 /// Fields as wide as the entries of all layers need.
-fn map_format(
-    grid: &Grid,
-    maps: &[LayerMap],
-    palettes: &Used,
-    (fraction_bits, mixed): (u32, bool),
-) -> MapFormat {
+fn map_format(grid: &Grid, maps: &[LayerMap], palettes: &Used) -> MapFormat {
     let bits = |most: u32| 32 - most.leading_zeros();
     let most = |of: fn(&Entry) -> u32| maps.iter().flat_map(|map| &map.entries).map(of).max().unwrap_or(0);
     MapFormat {
@@ -123,10 +99,10 @@ fn map_format(
         split: grid.split,
         x_bits: bits(most(|entry| entry.x)),
         y_bits: bits(most(|entry| entry.y)),
-        fraction_bits,
+        fraction_bits: FRACTION_BITS,
         tone_bits: bits(palettes.tones.len().saturating_sub(1) as u32),
         linear_bits: bits(palettes.linears.len().saturating_sub(1) as u32),
-        mixed,
+        mixed: false,
         strip: LEAST_STRIP,
     }
 }
@@ -193,34 +169,6 @@ fn number_of<T: Copy + PartialEq>(list: &mut Vec<T>, number: T) -> u32 {
     at as u32
 }
 
-fn entry(
-    plan: &Plan<'_>,
-    packing: &Packing,
-    choice: &Choice,
-    node: usize,
-    used: &[usize],
-    palettes: &mut Used,
-) -> Entry {
-    let candidate: Option<&Candidate> =
-        choice.leaves[node].and_then(|leaf| plan.options.candidates[node].get(leaf as usize));
-    let moved = candidate.and_then(|candidate| packing.moved(plan.space, plan.options, candidate));
-    // Leaves outside of the image show nothing; their entry is never read.
-    let (Some(candidate), Some(((x, y), turn))) = (candidate, moved) else {
-        return Entry {
-            linear: number_of(&mut palettes.linears, plan.palettes.linear(0)),
-            tone: number_of(&mut palettes.tones, 0),
-            ..Entry::default()
-        };
-    };
-    Entry {
-        x,
-        y,
-        tone: number_of(&mut palettes.tones, candidate.tone),
-        linear: number_of(&mut palettes.linears, turn.linear(plan.palettes.linear(candidate.linear))),
-        plane: used.iter().position(|&format| format == usize::from(candidate.format)).unwrap_or(0) as u32,
-    }
-}
-
 /// Takes from positions the fraction bits that are 0 in all of them; gives how many are left.
 fn whole_texels(maps: &mut [LayerMap]) -> u32 {
     let all = maps.iter().flat_map(|map| &map.entries).fold(0, |all, entry| all | entry.x | entry.y);
@@ -231,89 +179,146 @@ fn whole_texels(maps: &mut [LayerMap]) -> u32 {
     FRACTION_BITS - spare
 }
 
-/// An epitome and its mip levels.
-fn epitome(
-    plan: &Plan<'_>,
-    packing: &Packing,
-    choices: &[Choice],
-    (format, mips): (usize, bool),
-) -> Option<Vec<ContentPlanes>> {
-    let stored = &plan.space.stored[format];
-    let (columns, rows) = packing.sizes[format];
-    let (width, height) = (columns * stored.cell, rows * stored.cell);
-    let formats = stored.content.formats(plan.space.pixel).0;
-    let planes: Vec<Vec<u8>> = formats.iter().map(|f| vec![0; f.bytes(width, height) as usize]).collect();
-    let mut base = ContentPlanes::from_planes(stored.content, plan.space.pixel, (width, height), planes)?;
-    for chart in packing.charts.iter().filter(|chart| chart.format == format) {
-        let from = &stored.planes[chart.image][chart.scale];
-        if plan.turns {
-            base.copy_texels(from, chart.texels(stored.cell));
-        } else {
-            base.copy_cells(from, chart.cells.iter().map(|&at| (at, chart.place_of(at))));
+impl Sheets<'_> {
+    /// Trees and entries of a layer.
+    fn layer_map(&self, choice: &Choice, palettes: &mut Used) -> LayerMap {
+        let (trees, leaves) = leaves(self.plan.grid, choice);
+        let entries = leaves.iter().map(|&node| self.entry(choice, node, palettes)).collect();
+        LayerMap { trees, entries }
+    }
+
+    fn entry(&self, choice: &Choice, node: usize, palettes: &mut Used) -> Entry {
+        let plan = self.plan;
+        let candidate: Option<&Candidate> =
+            choice.leaves[node].and_then(|leaf| plan.options.candidates[node].get(leaf as usize));
+        let moved = candidate.and_then(|candidate| self.packing.moved(plan.space, plan.options, candidate));
+        // Leaves outside of the image show nothing; their entry is never read.
+        let (Some(candidate), Some(((x, y), turn))) = (candidate, moved) else {
+            return Entry {
+                linear: number_of(&mut palettes.linears, plan.palettes.linear(0)),
+                tone: number_of(&mut palettes.tones, 0),
+                ..Entry::default()
+            };
+        };
+        let format = usize::from(candidate.format);
+        Entry {
+            x,
+            y,
+            tone: number_of(&mut palettes.tones, candidate.tone),
+            linear: number_of(&mut palettes.linears, turn.linear(plan.palettes.linear(candidate.linear))),
+            plane: self.used.iter().position(|&used| used == format).unwrap_or(0) as u32,
         }
     }
-    if let Some(cache) = plan.refit {
-        base = refit(plan, cache, packing, choices, (format, base));
+
+    /// What layers before the finest bring.
+    fn layering(&self, format: &MapFormat, coarser: &[LayerMap]) -> Layering {
+        let Sheets { plan, packing, choices, used } = self;
+        let rows = |&format: &usize| packing.finest_rows[format] * plan.space.stored[format].cell;
+        Layering {
+            total: choices.len() as u32,
+            rows: used.iter().map(rows).collect(),
+            coarser: coarser.iter().map(|map| PackedMap::new(format, map)).collect(),
+            cells: used.iter().map(|&used| cell_layers(plan.space, packing, used, choices)).collect(),
+        }
     }
-    if !mips {
-        return Some(vec![base]);
+
+    /// Epitomes without a residual plane.
+    fn epitomes(&self, mips: bool) -> Result<Vec<Vec<ContentPlanes>>, EncodeError> {
+        let is_plain = |format: &&usize| self.plan.space.stored[**format].form.is_none();
+        let plain: Vec<usize> = self.used.iter().filter(is_plain).copied().collect();
+        plain.par_iter().map(|&format| self.epitome(format, mips)).collect()
     }
-    let image = Raster::from_texels(width, height, plan.space.pixel, &base.decode()).ok()?;
-    let mut levels = vec![base];
-    for level in mip_chain(&image, 1 + PLANE_MIPS, MipFilter::Box).iter().skip(1) {
-        levels.push(encode_level(plan, stored.content, level));
+
+    /// An epitome and its mip levels.
+    fn epitome(&self, format: usize, mips: bool) -> Result<Vec<ContentPlanes>, EncodeError> {
+        let Sheets { plan, packing, choices, .. } = *self;
+        let stored = &plan.space.stored[format];
+        let (width, height) = self.size(format);
+        let formats = stored.content.formats(plan.space.pixel).0;
+        let planes: Vec<Vec<u8>> = formats.iter().map(|f| vec![0; f.bytes(width, height) as usize]).collect();
+        let base = ContentPlanes::from_planes(stored.content, plan.space.pixel, (width, height), planes);
+        let mut base = base.ok_or_else(full)?;
+        for chart in packing.charts.iter().filter(|chart| chart.format == format) {
+            let from = &stored.planes[chart.image][chart.scale];
+            if plan.turns {
+                base.copy_texels(from, chart.texels(stored.cell));
+            } else {
+                base.copy_cells(from, chart.cells.iter().map(|&at| (at, chart.place_of(at))));
+            }
+        }
+        if let Some(cache) = plan.refit {
+            base = refit(plan, cache, packing, choices, format, base)?;
+        }
+        if !mips {
+            return Ok(vec![base]);
+        }
+        let image = Raster::from_texels(width, height, plan.space.pixel, &base.decode())?;
+        let mut levels = vec![base];
+        for level in mip_chain(&image, 1 + PLANE_MIPS, MipFilter::Box).iter().skip(1) {
+            levels.push(encode_level(plan, stored.content, level)?);
+        }
+        Ok(levels)
     }
-    Some(levels)
+
+    /// The epitome with a residual plane, if any, and its mip levels.
+    fn with_errors(&self, mips: bool, lambda: f32) -> Result<Option<Box<ResidualContent>>, EncodeError> {
+        let Sheets { plan, packing, choices, .. } = *self;
+        let coded = |format: &usize| Some((*format, plan.space.stored[*format].form.as_ref()?));
+        let Some((format, form)) = self.used.iter().find_map(coded) else { return Ok(None) };
+        let (width, height) = self.size(format);
+        let (mut texels, weights) = refit::fitted(plan, packing, choices, format, (width, height));
+        plan.cancel.checkpoint()?;
+        texels.iter_mut().for_each(|texel| *texel /= 255.0);
+        let image = Raster::from_texels(width, height, plan.space.pixel, &texels)?;
+        let levels = if mips { 1 + PLANE_MIPS } else { 1 };
+        let chain = if mips { mip_chain(&image, levels, MipFilter::Box) } else { vec![image] };
+        let coded = form.encode(&chain, lambda, &weights, plan.effort, plan.cancel)?;
+        Ok(Some(Box::new(coded)))
+    }
+
+    /// Columns and rows in texels of the epitome of that format.
+    fn size(&self, format: usize) -> (u32, u32) {
+        let (columns, rows) = self.packing.sizes[format];
+        let cell = self.plan.space.stored[format].cell;
+        (columns * cell, rows * cell)
+    }
 }
 
-/// The epitome with an error map, and its mip levels.
-fn with_errors(
-    plan: &Plan<'_>,
-    packing: &Packing,
-    choices: &[Choice],
-    (format, mips, lambda): (usize, bool, f32),
-) -> Option<ResidualContent> {
-    let stored = &plan.space.stored[format];
-    let (columns, rows) = packing.sizes[format];
-    let (width, height) = (columns * stored.cell, rows * stored.cell);
-    let (mut texels, weights) = refit::fitted(plan, packing, choices, (format, width, height));
-    texels.iter_mut().for_each(|texel| *texel /= 255.0);
-    let image = Raster::from_texels(width, height, plan.space.pixel, &texels).ok()?;
-    let levels = if mips { 1 + PLANE_MIPS } else { 1 };
-    let chain = if mips { mip_chain(&image, levels, MipFilter::Box) } else { vec![image] };
-    stored.form.as_ref()?.encode(&chain, lambda, &weights, plan.effort, CancelCheck::default()).ok()
+/// An epitome that its format cannot hold.
+fn full() -> EncodeError {
+    SourceError::Full { what: "an epitome" }.into()
 }
 
-fn encode_level(plan: &Plan<'_>, content: Content, level: &Raster) -> ContentPlanes {
+fn encode_level(plan: &Plan<'_>, content: Content, level: &Raster) -> Result<ContentPlanes, EncodeError> {
     let texels: Vec<_> = level.texels().collect();
-    ContentPlanes::encode(
-        content,
-        plan.space.pixel,
-        (level.size().width, level.size().height),
-        &texels,
-        plan.effort,
-    )
+    let size = (level.size().width, level.size().height);
+    ContentPlanes::encode_cancellable(content, plan.space.pixel, size, &texels, plan.effort, plan.cancel)
 }
 
 /// For each image the levels that are not read from the epitome, finer than it where they would show the images worse
 /// than it does.
-fn coarse(plan: &Plan<'_>, levels: u32, content: Content, choices: &[Choice]) -> Vec<Vec<ContentPlanes>> {
+fn coarse(
+    plan: &Plan<'_>,
+    levels: u32,
+    content: Content,
+    choices: &[Choice],
+) -> Result<Vec<Vec<ContentPlanes>>, EncodeError> {
     let range = coarse_levels(levels);
     if range.is_empty() {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     let below = |image: &Raster| mip_chain(image, levels, MipFilter::Box).split_off(range.start as usize);
     let chains: Vec<Vec<Raster>> = plan.images.images().iter().map(below).collect();
-    let encode = |finer: bool| -> Vec<Vec<ContentPlanes>> {
+    let encode = |finer: bool| {
         let content = coarse_content(content, plan.space.pixel, finer);
         let encode = |levels: &Vec<Raster>| levels.iter().map(|l| encode_level(plan, content, l)).collect();
-        chains.iter().map(encode).collect()
+        chains.iter().map(encode).collect::<Result<Vec<Vec<ContentPlanes>>, EncodeError>>()
     };
-    let coarse = encode(false);
+    let coarse = encode(false)?;
     let texels: u64 = plan.images.images().iter().map(|image| image.size().texels()).sum();
     let asked = choices.last().map_or(0.0, |choice| choice.psnr(texels as f64));
     let shown = chain_psnr(chains.iter().flatten().zip(coarse.iter().flatten()));
-    if content == Content::Bc1 && shown < asked { encode(true) } else { coarse }
+    if content == Content::Bc1 && shown < asked { encode(true) } else { Ok(coarse) }
 }
 
 /// PSNR in dB of red, green and blue of all those levels.

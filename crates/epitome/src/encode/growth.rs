@@ -1,14 +1,16 @@
 //! Greedy growth of the epitome for tolerances (paper section 4.2), where any candidate will do and only cells count.
 //!
-//! What a cell would bring is the area of the blocks that become reconstructable with all cells that candidates through it
-//! need, less the area of the cells that are new. The cell that brings most goes first. What cells bring falls nearly
-//! everywhere as the epitome grows, so a cell is only looked at again when it comes up.
+//! What a cell would bring is the area of the blocks that become reconstructable with all cells that candidates
+//! through it need, less the area of the cells that are new. The cell that brings most goes first. What cells bring
+//! falls nearly everywhere as the epitome grows, so a cell is only looked at again when it comes up.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-use super::choose::Options;
+use texfold_core::CancelCheck;
+
 use super::leaf::Grid;
+use super::state::Options;
 
 /// A candidate through a cell.
 #[derive(Debug, Clone, Copy)]
@@ -55,9 +57,17 @@ struct Growth<'a> {
 }
 
 /// For each node the candidate with the least error among those whose cells are all kept.
-pub(crate) fn grow(grid: &Grid, options: &Options, cells: usize, cell_texels: u32) -> Vec<Option<u32>> {
+///
+/// Once `cancel` is cancelled what it gives back is of no use.
+pub(crate) fn grow(
+    grid: &Grid,
+    options: &Options,
+    cells: usize,
+    cell_texels: u32,
+    cancel: CancelCheck<'_>,
+) -> Vec<Option<u32>> {
     let mut growth = Growth::new(grid, options, cells, cell_texels);
-    growth.run();
+    growth.run(cancel);
     let best = |(node, missing): (usize, &Vec<u32>)| {
         let ready = (0u32..).zip(missing).filter(|(_, missing)| **missing == 0).map(|(index, _)| index);
         let error = |index: &u32| options.candidates[node][*index as usize].error;
@@ -94,14 +104,17 @@ impl<'a> Growth<'a> {
         }
     }
 
-    fn run(&mut self) {
+    fn run(&mut self, cancel: CancelCheck<'_>) {
         let mut heap = BinaryHeap::new();
-        for cell in 0..self.through.len() as u32 {
+        for cell in (0..self.through.len() as u32).take_while(|_| !cancel.is_cancelled()) {
             if let Some(benefit) = self.benefit(cell) {
                 heap.push(Offer { benefit, cell });
             }
         }
         while let Some(Offer { cell, .. }) = heap.pop() {
+            if cancel.is_cancelled() {
+                return;
+            }
             let Some(benefit) = self.benefit(cell) else { continue };
             let offer = Offer { benefit, cell };
             if heap.peek().is_some_and(|next| *next > offer) {
@@ -191,6 +204,6 @@ mod tests {
         let at = |block: u32, error: f32| Candidate::of_cells(error, (4 * block, 4 * block + 4));
         let candidates = (0..3).map(|block| vec![at(block, 0.0), at(1, 1.0)]).collect();
         let options = Options { candidates, cells };
-        assert_eq!(grow(&grid, &options, 12, 16), [Some(1), Some(0), Some(1)]);
+        assert_eq!(grow(&grid, &options, 12, 16, CancelCheck::default()), [Some(1), Some(0), Some(1)]);
     }
 }

@@ -1,25 +1,31 @@
-//! Coarser layers of a progressive file (paper section 5, "Progressive representation").
+//! Coarser layers of a layered file (paper section 5, "Progressive representation").
 //!
 //! The finest layer is what the goal asks for, chosen as if it were alone. Coarser ones are then chosen from the same
-//! options, the coarsest first, each for about half of the next one's bits, where cells and entries of layers that are
-//! chosen cost what they cost there, since they are only stored earlier, and all others cost more, since they are stored for
-//! this layer alone. Several such prices are tried; the layer with the least error is taken with which all layers together
-//! stay within [`MOST_EXTRA`]. Most of that goes to the coarsest layer, whose content further ones show wherever they do not
-//! yet show the finest's.
+//! options, the coarsest first, each for about half of the next one's bits, where cells and entries of layers that
+//! are chosen cost what they cost there, since they are only stored earlier, and all others cost more, since they are
+//! stored for this layer alone. Several such prices are tried; the layer with the least error is taken with which all
+//! layers together stay within [`MOST_EXTRA`]. Most of that goes to the coarsest layer, whose content further ones
+//! show wherever they do not yet show the finest's.
 //!
-//! Considered, not taken: from coarse to fine, as the paper has it, with the cells of coarser layers free for finer ones.
-//! Here coarse content is mostly content at a smaller scale, which a finer layer has no use for: a layer of half the bits
-//! would add a third to the whole. *Not done*: layers within tolerances.
+//! Considered, not taken: from coarse to fine, as the paper has it, with the cells of coarser layers free for finer
+//! ones. Here coarse content is mostly content at a smaller scale, which a finer layer has no use for: a layer of
+//! half the bits would add a third to the whole. *Not done*: layers within tolerances.
 
 use rayon::prelude::*;
 use texfold_core::container::SectionWriter;
 use texfold_core::metric::measure;
 use texfold_core::target::Measured;
-use texfold_core::{EncodeError, Encoded, Job};
+use texfold_core::{EncodeError, Encoded, Goal, Job, Notes};
 
-use super::assemble::{Plan, assemble};
-use super::choose::{Choice, Costs, Options, Others, choose_well};
-use super::{EpitomeSearch, KNOBS, lambda};
+use super::assemble::assemble;
+use super::choose::choose_well;
+use super::lambda::{KNOBS, Made, lambda};
+use super::models::{Form, Model};
+use super::plan::Plan;
+use super::report;
+use super::searched::EpitomeSearch;
+use super::state::{Choice, Costs, Others};
+use super::strip::with_widest_strip;
 use crate::EpitomeTexture;
 use crate::layers::layer_names;
 
@@ -27,22 +33,34 @@ use crate::layers::layer_names;
 const SHARE: f64 = 0.5;
 /// A layer has at most as many times its share.
 const ROOM: f64 = 1.15;
-/// Bytes that all layers together may have beyond those of the finest alone, as a share of them; without the container's
-/// own, which are about 160 a layer whatever the image.
+/// Bytes that all layers together may have beyond those of the finest alone, as a share of them; without the
+/// container's own, which are about 160 a layer whatever the image.
 const MOST_EXTRA: f64 = 0.125;
 /// Times that layers are chosen to come below that, and the share of it that is then aimed at.
 const EXTRA_TRIES: u32 = 3;
 const EXTRA_AIM: f64 = 0.95;
 /// Share of the extra bits for all layers up to the next finer one that those up to a layer may have.
 const EXTRA_SHARE: f64 = 0.75;
-/// Extra bits that every layer may have, as a share of the finest layer's bits: for entries, where coarser layers have taken
-/// all that they may.
+/// Extra bits that every layer may have, as a share of the finest layer's bits: for entries, where coarser layers
+/// have taken all that they may.
 const LEAST_EXTRA: f64 = 0.01;
-/// Prices of a bit that is stored for coarser layers alone that are tried, in bits. Low ones make coarser layers better,
-/// high ones the whole smaller.
+/// Prices of a bit that is stored for coarser layers alone that are tried, in bits. Low ones make coarser layers
+/// better, high ones the whole smaller.
 const DEAR: [f32; 5] = [2.0, 3.0, 4.5, 7.0, 12.0];
-/// Settings of lambda between those that are tried for a coarser layer: an eighth of an octave.
+/// Lambda indices between those that are tried for a coarser layer: an eighth of an octave.
 const KNOB_STEP: u32 = 4;
+
+/// Times that a file of several layers is made for a goal of bits, and the share of what it is over that is taken
+/// off.
+const BPP_TRIES: u32 = 4;
+const BPP_STEP: f64 = 1.1;
+
+/// What a model makes for a goal.
+pub(super) struct Answer {
+    pub(super) model: Form,
+    pub(super) made: Made,
+    pub(super) verdict: String,
+}
 
 /// Layers in the making.
 struct Ladder {
@@ -58,7 +76,8 @@ struct Ladder {
 }
 
 impl Ladder {
-    /// Leaves of the finest layer, and of the one before the layer that is to be added; the finest's again where there is none.
+    /// Leaves of the finest layer, and of the one before the layer that is to be added; the finest's again where
+    /// there is none.
     fn leaves(&self) -> [&[Option<u32>]; 2] {
         [&self.finest.leaves, &self.coarser.last().unwrap_or(&self.finest).leaves]
     }
@@ -73,13 +92,70 @@ struct Rank {
     error: f64,
 }
 
+/// The finest layer, and the lambda index that it was chosen at.
+struct Finest {
+    choice: Choice,
+    knob: u32,
+}
+
+/// What a layer is to be chosen within.
+#[derive(Debug, Clone, Copy)]
+struct Room {
+    /// The finest layer's setting.
+    knob: u32,
+    /// Most bits of the layer's own.
+    most: f64,
+    /// Most bits for coarser layers alone, of all layers up to this one.
+    extra: f64,
+}
+
 impl EpitomeSearch {
-    /// The form of several layers whose finest is `choice`, chosen at `knob`, which alone is stored as `alone`.
-    pub(crate) fn layered(
+    /// An answer made again in several layers.
+    pub(super) fn in_layers(
+        &self,
+        goal: Goal,
+        best: Answer,
+        job: &mut Job<'_>,
+    ) -> Result<EpitomeTexture, EncodeError> {
+        let cancel = job.cancel_check();
+        // What leaves may be is found again: that of two models at once would be most of the memory.
+        let Model { options, palettes, entry_bits } = job.install(|| self.model(best.model, cancel));
+        job.checkpoint()?;
+        let plan = self.plan(&options, &palettes, entry_bits, cancel);
+        let (mut wanted, mut tries, mut found) = (goal, 1, Some(best.made));
+        loop {
+            let Made { knob, measured, texture: made } = match found.take() {
+                Some(found) => found,
+                None => self.setting(wanted, &plan, None, job)?,
+            };
+            let choice = choose_well(self.problem(&options, self.costs(entry_bits, knob), cancel));
+            job.checkpoint()?;
+            let met = goal.is_met(&measured);
+            let verdict = report::verdict(&self.grid, &options, &choice, met);
+            let (made, measured) = self.layered(&plan, &made, Finest { choice, knob }, job)?;
+            // What coarser layers alone read takes room too.
+            if let (Goal::Bpp(bpp), Goal::Bpp(before)) = (goal, wanted)
+                && met
+                && measured.bpp > bpp
+                && tries < BPP_TRIES
+            {
+                wanted = Goal::Bpp((before - BPP_STEP * (measured.bpp - bpp)).max(0.5 * before));
+                tries += 1;
+                continue;
+            }
+            let made = job.install(|| with_widest_strip(&self.images, made, cancel))?;
+            let (reached, psnr_without) = self.measure_layers(&made, &measured);
+            let notes = report::notes(&self.params, goal, verdict + &reached);
+            return Ok(made.with_notes(Notes { psnr_without, ..notes }));
+        }
+    }
+
+    /// The form of several layers, of which the finest alone is stored as `alone`.
+    fn layered(
         &self,
         plan: &Plan<'_>,
         alone: &EpitomeTexture,
-        (choice, knob): (Choice, u32),
+        finest: Finest,
         job: &mut Job<'_>,
     ) -> Result<(EpitomeTexture, Measured), EncodeError> {
         let bytes_alone = stored_bytes(alone) as f64;
@@ -87,7 +163,7 @@ impl EpitomeSearch {
         loop {
             job.checkpoint()?;
             let made =
-                job.install(|| assemble(plan, &self.layers(plan, &choice, knob, extra), lambda(knob)))?;
+                job.install(|| assemble(plan, &self.layers(plan, &finest, extra), lambda(finest.knob)))?;
             let share = stored_bytes(&made) as f64 / bytes_alone - 1.0;
             if share <= MOST_EXTRA || tries == EXTRA_TRIES {
                 let measured = measure(&self.images, &made);
@@ -99,10 +175,11 @@ impl EpitomeSearch {
         }
     }
 
-    /// Layers with the finest of that choice: coarse to fine, the finest last. About `extra` times the finest layer's bits
-    /// are stored for coarser ones alone.
-    fn layers(&self, plan: &Plan<'_>, finest: &Choice, knob: u32, extra: f64) -> Vec<Choice> {
-        let (options, entry_bits) = (plan.options, plan.entry_bits);
+    /// Layers with the finest of that choice: coarse to fine, the finest last. About `extra` times the finest layer's
+    /// bits are stored for coarser ones alone.
+    fn layers(&self, plan: &Plan<'_>, finest: &Finest, extra: f64) -> Vec<Choice> {
+        let &Finest { choice: ref finest, knob } = finest;
+        let entry_bits = plan.entry_bits;
         let bits = self.disk_bits(finest);
         let cells = finest.users.iter().map(|&users| users > 0).collect();
         let mut ladder =
@@ -112,18 +189,14 @@ impl EpitomeSearch {
             let most = bits * SHARE.powi((steps - step) as i32) * ROOM;
             let share = EXTRA_SHARE.powi((steps - 1 - step) as i32);
             let extra = (bits * extra * share).max(ladder.extra + bits * LEAST_EXTRA);
-            self.add_layer(&mut ladder, options, knob, most, extra);
+            self.add_layer(&mut ladder, plan, Room { knob, most, extra });
         }
         ladder.coarser.push(ladder.finest);
         ladder.coarser
     }
 
     /// What the layers of `made` reach, as a sentence, and what the whole reaches without each but the first.
-    pub(crate) fn measure_layers(
-        &self,
-        made: &EpitomeTexture,
-        whole: &Measured,
-    ) -> (String, Vec<(String, f32)>) {
+    fn measure_layers(&self, made: &EpitomeTexture, whole: &Measured) -> (String, Vec<(String, f32)>) {
         let measure = |layer: u32| measure(&self.images, &made.first_layers(layer)).psnr;
         let reached: Vec<f64> = (1..self.params.layers).map(measure).collect();
         let without = |(layer, &psnr): (u32, &f64)| (layer_names(layer).0.to_owned(), psnr as f32);
@@ -132,13 +205,14 @@ impl EpitomeSearch {
         (format!(" Its layers reach {} and {:.1} dB.", reached.join(", "), whole.psnr), without)
     }
 
-    /// Adds the layer with the least error within `most` bits of its own and `extra` bits for coarser layers alone; with the
-    /// least such bits where none is. At least it is the layer before with some blocks of the finest.
-    fn add_layer(&self, ladder: &mut Ladder, options: &Options, knob: u32, most: f64, extra: f64) {
+    /// Adds the layer with the least error within `most` bits of its own and `extra` bits for coarser layers alone;
+    /// with the least such bits where none is. At least it is the layer before with some blocks of the finest.
+    fn add_layer(&self, ladder: &mut Ladder, plan: &Plan<'_>, room: Room) {
+        let Room { most, extra, .. } = room;
         let tried: Vec<Vec<Choice>> =
-            DEAR.par_iter().map(|&dear| self.within_bits(ladder, options, knob, (most, dear))).collect();
+            DEAR.par_iter().map(|&dear| self.within_bits(ladder, plan, room, dear)).collect();
         let mut best: Option<(Rank, Choice)> = None;
-        let before = ladder.coarser.last().map(|before| self.with_finest(ladder, before, options, most));
+        let before = ladder.coarser.last().map(|before| self.with_finest(ladder, before, plan, most));
         for choice in tried.into_iter().flatten().chain(before) {
             let total = ladder.extra + self.extra_bits(ladder, &choice);
             let over = (self.disk_bits(&choice) - most).max(0.0);
@@ -153,9 +227,10 @@ impl EpitomeSearch {
         ladder.coarser.push(choice);
     }
 
-    /// The layer `before` with as many blocks as the finest layer has them as `most` bits allow, those first that gain most a
-    /// bit. Nothing is stored for it alone.
-    fn with_finest(&self, ladder: &Ladder, before: &Choice, options: &Options, most: f64) -> Choice {
+    /// The layer `before` with as many blocks as the finest layer has them as `most` bits allow, those first that
+    /// gain most a bit. Nothing is stored for it alone.
+    fn with_finest(&self, ladder: &Ladder, before: &Choice, plan: &Plan<'_>, most: f64) -> Choice {
+        let options = plan.options;
         let (finest, per_block) = (&ladder.finest, self.grid.per_block());
         let costs = self.costs(ladder.entry_bits, *KNOBS.start());
         let of = |choice: &Choice, block: usize| {
@@ -181,7 +256,7 @@ impl EpitomeSearch {
             for nodes in blocks[..count].iter().map(|(_, block)| block * per_block..(block + 1) * per_block) {
                 leaves[nodes.clone()].copy_from_slice(&finest.leaves[nodes]);
             }
-            Choice::of(&self.grid, options, costs, &leaves)
+            Choice::of(self.problem(options, costs, plan.cancel), &leaves)
         };
         let (mut low, mut high) = (0, blocks.len() + 1);
         while low + 1 < high {
@@ -191,20 +266,20 @@ impl EpitomeSearch {
         with(low)
     }
 
-    /// Layers of at most `most` bits found on the way to the one with the most, where a bit for coarser layers alone costs
-    /// `dear`; the smallest one where all are larger.
+    /// Layers of at most `most` bits found on the way to the one with the most, where a bit for coarser layers alone
+    /// costs `dear`; the smallest one where all are larger.
     fn within_bits(
         &self,
         ladder: &Ladder,
-        options: &Options,
-        knob: u32,
-        (most, dear): (f64, f32),
+        plan: &Plan<'_>,
+        Room { knob, most, .. }: Room,
+        dear: f32,
     ) -> Vec<Choice> {
         let others = Others { leaves: ladder.leaves(), cells: &ladder.cells, dear };
         let make = |step: u32| {
             let knob = (step * KNOB_STEP).max(*KNOBS.start());
             let costs = Costs { others: Some(others), ..self.costs(ladder.entry_bits, knob) };
-            choose_well(&self.grid, options, costs)
+            choose_well(self.problem(plan.options, costs, plan.cancel))
         };
         let (mut low, mut high) = (0, knob / KNOB_STEP + 1);
         let mut found = Vec::new();

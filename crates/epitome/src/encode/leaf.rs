@@ -4,10 +4,10 @@ use glam::{UVec2, Vec4};
 use texfold_core::SurfaceSize;
 
 use super::pyramid::Space;
-use crate::encoded::blocks_of;
+use crate::format::blocks_of;
 
 /// A block's square, its four quarters, and theirs.
-pub(crate) const SPLIT_NODES: usize = crate::encoded::NODES;
+pub(crate) const SPLIT_NODES: usize = crate::format::NODES;
 
 /// A square of an image that may be a leaf.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,18 +1,19 @@
-//! The palette of linear parts.
+//! The palette of 2x2 matrices.
 
 use std::collections::BTreeMap;
 
 use glam::Vec4;
+use texfold_core::CancelCheck;
 
 use super::candidate::{quantise, scale_linear};
-use crate::encoded::Linear;
+use crate::format::Linear;
 
-/// Steps a unit in which linear parts are counted to find where many lie together.
+/// Steps a unit in which 2x2 matrices are counted to find where many lie together.
 const SEED_STEPS: f32 = 24.0;
 /// Rounds of Lloyd's iteration.
 const ROUNDS: usize = 10;
 
-/// Linear parts of upright content at each scale, as it stands first, then mirrored.
+/// 2x2 matrices of upright content at each scale, as it stands first, then mirrored.
 pub(crate) fn upright(scales: usize, mirrored: bool) -> Vec<Linear> {
     let signs = [(1, 1), (-1, 1), (1, -1), (-1, -1)];
     let signs = if mirrored { &signs[..] } else { &signs[..1] };
@@ -23,9 +24,14 @@ pub(crate) fn upright(scales: usize, mirrored: bool) -> Vec<Linear> {
     signs.iter().flat_map(of).collect()
 }
 
-/// At most `count` linear parts: those of upright content at each scale first, then those that lie nearest to `found`, each
-/// with its weight.
-pub(crate) fn fitted(found: &[(glam::Mat2, f32)], scales: usize, count: usize) -> Vec<Linear> {
+/// At most `count` 2x2 matrices: those of upright content at each scale first, then those that lie nearest to
+/// `found`, each with its weight.
+pub(crate) fn fitted(
+    found: &[(glam::Mat2, f32)],
+    scales: usize,
+    count: usize,
+    cancel: CancelCheck<'_>,
+) -> Vec<Linear> {
     let mut palette = upright(scales, false);
     let mut buckets: BTreeMap<[i32; 4], (f32, Vec4)> = BTreeMap::new();
     for &(linear, weight) in found {
@@ -44,6 +50,9 @@ pub(crate) fn fitted(found: &[(glam::Mat2, f32)], scales: usize, count: usize) -
     for _ in 0..ROUNDS {
         let mut sums = vec![(0.0f32, Vec4::ZERO); centres.len()];
         for &(linear, weight) in found {
+            if cancel.is_cancelled() {
+                return palette;
+            }
             let point = Vec4::from_array(linear.to_cols_array());
             let sum = &mut sums[nearest_point(&centres, point)];
             sum.0 += weight;
@@ -60,12 +69,12 @@ pub(crate) fn fitted(found: &[(glam::Mat2, f32)], scales: usize, count: usize) -
     palette
 }
 
-/// The palette's entry nearest to a linear part.
+/// The palette's entry nearest to a 2x2 matrix.
 pub(crate) fn nearest(palette: &[Vec4], linear: glam::Mat2) -> usize {
     nearest_point(palette, Vec4::from_array(linear.to_cols_array()))
 }
 
-/// The columns of a stored linear part.
+/// The columns of a stored 2x2 matrix.
 pub(crate) fn to_point(linear: Linear) -> Vec4 {
     Vec4::from_array(super::candidate::matrix(linear).to_cols_array())
 }
@@ -91,7 +100,7 @@ mod tests {
         let mirror = Mat2::from_diagonal(glam::Vec2::new(-1.0, 1.0));
         let turned = Mat2::from_angle(0.3);
         let found = [(mirror, 5.0), (turned, 2.0), (Mat2::IDENTITY, 9.0)];
-        let palette = fitted(&found, 2, 16);
+        let palette = fitted(&found, 2, 16, CancelCheck::default());
         assert_eq!(palette[..2], [[8192, 0, 0, 8192], [4096, 0, 0, 8192]]);
         assert!(palette.contains(&quantise(mirror)) && palette.contains(&quantise(turned)));
         let points: Vec<Vec4> = palette.iter().map(|&linear| to_point(linear)).collect();

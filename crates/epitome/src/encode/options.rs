@@ -1,48 +1,35 @@
-//! From matches to candidates: linear parts and tones become numbers of palettes, positions quarters of a texel.
+//! From matches to candidates: 2x2 matrices and gain-offset pairs become numbers of palettes, positions quarters of a
+//! texel.
 
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
 
-use super::candidate::{Candidate, FRACTION_BITS, Match, Reading, Rules, ScaleErrors, direct, is_upright};
-use super::choose::Options;
+use texfold_core::CancelCheck;
+
+use super::candidate::{Candidate, Match, Rules, ScaleErrors, direct, is_upright};
 use super::leaf::{Grid, Node};
 use super::linear;
-use super::pyramid::{SCALES, Space};
+use super::pyramid::{CellPlace, SCALES, Space};
+use super::reading::{FRACTION_BITS, Reading};
+use super::state::Options;
 use super::tone::{self, Stats};
-use crate::encoded::{IDENTITY, Linear, NEUTRAL, Tone};
+use crate::format::{Linear, NEUTRAL, Palettes, Tone};
 
-/// Candidates with content elsewhere that are kept for a leaf, in each format: upright ones and others. With 5 of all photographs
-/// came out 1 to 3 % larger; with 8 of all a page 2.5 %, as turned ones, which come nearer but meet less, drove out the others.
+/// Candidates with content elsewhere that are kept for a leaf, in each format: upright ones and others. With 5 of all
+/// photographs came out 1 to 3 % larger; with 8 of all a page 2.5 %, as rotated ones, which come nearer but meet
+/// less, drove out the others.
 const KEPT: [usize; 2] = [8, 4];
-/// The same within a tolerance, where any candidate is as good as another and those that many leaves share are wanted.
+/// The same within a tolerance, where any candidate is as good as another and those that many leaves share are
+/// wanted.
 const KEPT_WITHIN: usize = 16;
-/// Steps of a quarter texel by which a position may move after its linear part became a palette's.
+/// Steps of a quarter texel by which a position may move after its 2x2 matrix became a palette's.
 const MOVES: usize = 4;
 /// Cells that are tried at most for a leaf of one colour.
 const FLAT_TRIES: usize = 256;
-/// Leaves that tones are fitted to at most.
+/// Leaves that gain-offset pairs are fitted to at most.
 const TONE_LEAVES: usize = 20_000;
 
-/// Palettes that entries point into.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Palettes {
-    pub(crate) linears: Vec<Linear>,
-    pub(crate) tones: Vec<Tone>,
-}
-
-impl Palettes {
-    /// The linear part of that number.
-    pub(crate) fn linear(&self, number: u16) -> Linear {
-        self.linears.get(usize::from(number)).copied().unwrap_or(IDENTITY)
-    }
-
-    /// The tone of that number.
-    pub(crate) fn tone(&self, number: u16) -> Tone {
-        self.tones.get(usize::from(number)).copied().unwrap_or(NEUTRAL)
-    }
-}
-
-/// A match with its numbers, and the sums from which any tone's error follows.
+/// A match with its numbers, and the sums from which any gain-offset pair's error follows.
 struct Placed {
     x: i32,
     y: i32,
@@ -56,14 +43,20 @@ struct Placed {
 /// Candidates of a node, and their cells.
 type Found = (Vec<Candidate>, Vec<u32>);
 
-/// Content from each leaf's own place, and its least error at each scale.
-pub(crate) fn direct_options(space: &Space, grid: &Grid, rules: &Rules<'_>) -> (Options, Vec<ScaleErrors>) {
+/// Content from each leaf's own place, and its least error at each scale. Once `cancel` is cancelled nodes have no
+/// content.
+pub(crate) fn direct_options(
+    space: &Space,
+    grid: &Grid,
+    rules: &Rules<'_>,
+    cancel: CancelCheck<'_>,
+) -> (Options, Vec<ScaleErrors>) {
     let found: Vec<(Found, ScaleErrors)> = (0..grid.nodes())
         .into_par_iter()
         .map(|index| {
             let node = grid.node(index);
             let mut cells = Vec::new();
-            if node.is_outside() {
+            if node.is_outside() || cancel.is_cancelled() {
                 return ((Vec::new(), cells), [f32::INFINITY; SCALES.len()]);
             }
             let (candidates, errors) = direct(space, node, rules, &mut cells);
@@ -88,7 +81,7 @@ fn gather(found: Vec<Found>) -> Options {
     options
 }
 
-/// Where a match's content lies once its linear part is one of the palette.
+/// Where a match's content lies once its 2x2 matrix is one of the palette.
 #[derive(Debug, Clone, Copy)]
 struct Spot {
     x: i32,
@@ -102,7 +95,7 @@ pub(crate) struct Fitted {
     spots: Vec<Vec<Option<Spot>>>,
 }
 
-/// The linear parts of all matches, each with its weight.
+/// The 2x2 matrices of all matches, each with its weight.
 pub(crate) fn weighed(grid: &Grid, matches: &[Vec<Match>]) -> Vec<(glam::Mat2, f32)> {
     let weigh = |(index, matches): (usize, &Vec<Match>)| {
         let side = grid.node(index).side as f32;
@@ -111,6 +104,14 @@ pub(crate) fn weighed(grid: &Grid, matches: &[Vec<Match>]) -> Vec<(glam::Mat2, f
         matches.iter().enumerate().map(weigh).collect::<Vec<_>>()
     };
     matches.iter().enumerate().flat_map(weigh).collect()
+}
+
+/// Palettes that are wanted.
+pub(crate) struct Wanted {
+    pub(crate) linears: Vec<Linear>,
+    /// Most gain-offset pairs.
+    pub(crate) tones: usize,
+    pub(crate) placing: Placing,
 }
 
 /// Which spots matches may get.
@@ -122,31 +123,38 @@ pub(crate) struct Placing {
     pub(crate) turned: bool,
 }
 
-/// A palette of such `linears` and one of at most `tones` tones.
+/// A palette of such `linears` and one of at most `tones` gain-offset pairs. Once `cancel` is cancelled matches have
+/// no spots.
 pub(crate) fn fit(
     space: &Space,
     grid: &Grid,
     matches: &[Vec<Match>],
-    (linears, tones): (Vec<Linear>, usize),
-    placing: Placing,
+    Wanted { linears, tones, placing }: Wanted,
+    cancel: CancelCheck<'_>,
 ) -> Fitted {
     let points: Vec<Vec4> = linears.iter().map(|&linear| linear::to_point(linear)).collect();
     let placer = Placer { space, linears: &linears, points: &points, placing, toned: tones > 1 };
     let spots: Vec<Vec<Option<Spot>>> = (0..grid.nodes())
         .into_par_iter()
-        .map(|index| placer.spots(grid.node(index), &matches[index]))
+        .map(|index| {
+            let matches = if cancel.is_cancelled() { &[][..] } else { &matches[index] };
+            placer.spots(grid.node(index), matches)
+        })
         .collect();
-    let tones = fit_tones(space, grid, matches, (&spots, &linears), tones);
+    let leaves = leaves_to_tone(space, grid, matches, &spots, &linears, cancel);
+    let tones = if leaves.is_empty() { vec![NEUTRAL] } else { tone::palette(&leaves, tones, cancel) };
     Fitted { palettes: Palettes { linears, tones }, spots }
 }
 
-/// All candidates that the rules allow.
+/// All candidates that the rules allow, those of `direct` among them. Once `cancel` is cancelled nodes have none.
 pub(crate) fn all_options(
     space: &Space,
     grid: &Grid,
     direct: &Options,
-    (matches, fitted): (&[Vec<Match>], &Fitted),
+    matches: &[Vec<Match>],
+    fitted: &Fitted,
     rules: &Rules<'_>,
+    cancel: CancelCheck<'_>,
 ) -> Options {
     let Palettes { linears, tones } = &fitted.palettes;
     let found: Vec<Found> = (0..grid.nodes())
@@ -155,6 +163,9 @@ pub(crate) fn all_options(
             let own = &direct.candidates[index];
             let mut cells = Vec::new();
             let mut candidates: Vec<Candidate> = Vec::new();
+            if cancel.is_cancelled() {
+                return (candidates, cells);
+            }
             for candidate in own {
                 let from = direct.cells_of(candidate);
                 let start = cells.len() as u32;
@@ -222,10 +233,10 @@ fn place(
 struct Placer<'a> {
     space: &'a Space,
     linears: &'a [Linear],
-    /// The linear parts as points.
+    /// The 2x2 matrices as points.
     points: &'a [Vec4],
     placing: Placing,
-    /// Whether a tone will follow.
+    /// Whether a gain-offset pair will follow.
     toned: bool,
 }
 
@@ -244,7 +255,7 @@ impl Placer<'_> {
         may_be.then(|| self.settle(node, target, found, linear::nearest(self.points, found.linear)))?
     }
 
-    /// The position with the least error near a match's, under a linear part of the palette.
+    /// The position with the least error near a match's, under a 2x2 matrix of the palette.
     fn settle(&self, node: Node, target: &[Vec4], found: &Match, number: usize) -> Option<Spot> {
         let field = &self.space.stored.last()?.decoded[usize::from(found.image)][usize::from(found.scale)];
         let linear = self.linears[number];
@@ -287,27 +298,28 @@ fn inside(node: Node, at: Vec2, linear: Linear, (width, height): (usize, usize),
     at.max(low).min(((high * unit).floor() * step).max(low))
 }
 
-/// Tones fitted to an even choice of the leaves' first matches.
-fn fit_tones(
+/// An even choice of the leaves' first matches, that gain-offset pairs are fitted to.
+fn leaves_to_tone(
     space: &Space,
     grid: &Grid,
     matches: &[Vec<Match>],
-    (spots, linears): (&[Vec<Option<Spot>>], &[Linear]),
-    count: usize,
-) -> Vec<Tone> {
+    spots: &[Vec<Option<Spot>>],
+    linears: &[Linear],
+    cancel: CancelCheck<'_>,
+) -> Vec<Stats> {
     let matched: Vec<usize> = (0..matches.len()).filter(|&index| !matches[index].is_empty()).collect();
     let step = matched.len().div_ceil(TONE_LEAVES).max(1);
-    let some: Vec<Stats> = matched
+    matched
         .par_iter()
         .step_by(step)
+        .filter(|_| !cancel.is_cancelled())
         .filter_map(|&index| {
             let node = grid.node(index);
             let spot = spots[index].first().copied()??;
             let placed = place(space, node, &node.texels(space), &matches[index][0], spot, linears)?;
             placed.stats.last().copied()
         })
-        .collect();
-    if some.is_empty() { vec![NEUTRAL] } else { tone::palette(&some, count) }
+        .collect()
 }
 
 /// What turns placed matches into candidates.
@@ -383,8 +395,8 @@ impl Borrow<'_> {
         Some(Candidate { cells: (start as u32, cells.len() as u32), ..candidate })
     }
 
-    /// The leaf in one colour, that of the middle of a cell which is allowed, toned to fit best: for leaves that must not show
-    /// their own content and look like nothing else.
+    /// The leaf in one colour, that of the middle of a cell which is allowed, given gain and offset to fit best: for
+    /// leaves that must not show their own content and look like nothing else.
     fn flat(&self, node: Node, cells: &mut Vec<u32>) -> Option<Candidate> {
         let number = self.linears.iter().position(|linear| *linear == [0; 4])?;
         let allowed = self.rules.cells?;
@@ -396,7 +408,7 @@ impl Borrow<'_> {
             .into_iter()
             .step_by(step)
             .filter_map(|cell| {
-                let (format, image, scale, column, row) = self.space.locate(cell);
+                let CellPlace { format, image, scale, column, row } = self.space.locate(cell);
                 let side = self.space.stored[format].cell;
                 let unit = |at: u32| ((at * side + side / 2) << FRACTION_BITS) as i32;
                 let (x, y) = (unit(column), unit(row));

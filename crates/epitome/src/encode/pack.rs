@@ -1,15 +1,18 @@
 //! Charts and where they go.
 //!
-//! A chart is a set of cells that some leaf reads across: they must stay together. Charts are placed by falling size, each
-//! where it fits first from the top: small charts fill what large ones leave. Raw content may be turned to fit (paper section
-//! 4.4), which costs some bits of each entry for the linear parts that undo it; blocks of compressed formats cannot be turned
-//! without loss, and are mostly in small charts that fill 99.5 % of the sheet as they are.
+//! A chart is a set of cells that some leaf reads across: they must stay together. Charts are placed by falling size,
+//! each where it fits first from the top: small charts fill what large ones leave. Raw content may be rotated to fit
+//! (paper section 4.4), which costs some bits of each entry for the 2x2 matrices that undo it; blocks of compressed
+//! formats cannot be rotated without loss, and are mostly in small charts that fill 99.5 % of the sheet as they are.
 
 use std::collections::BTreeMap;
 
-use super::candidate::{Candidate, FRACTION_BITS};
-use super::choose::{Choice, Options};
-use super::pyramid::Space;
+use texfold_core::{CancelCheck, MAX_PLANE_SIDE};
+
+use super::candidate::Candidate;
+use super::pyramid::{CellPlace, Space};
+use super::reading::FRACTION_BITS;
+use super::state::{Choice, Options};
 use super::turn::Turn;
 
 /// Widths of a sheet that are tried, as shares of a square's side.
@@ -30,14 +33,15 @@ pub(crate) struct Chart {
     pub(crate) cells: Vec<(u32, u32)>,
     /// Column and row of the least column and row.
     pub(crate) corner: (u32, u32),
-    /// Least and largest column and row of the centres of leaves that read it, in fractions of a texel from the corner. Those
-    /// of leaves across an image's edge may lie outside of it.
+    /// Least and largest column and row of the centres of leaves that read it, in fractions of a texel from the
+    /// corner. Those of leaves across an image's edge may lie outside of it.
     centres: [(i64, i64); 2],
-    /// Where the upper left corner of the turned chart goes, in cells.
+    /// Where the upper left corner of the rotated chart goes, in cells.
     pub(crate) place: (u32, u32),
-    /// How it is turned.
+    /// How it is rotated.
     pub(crate) turn: Turn,
-    /// Whether the finest layer reads none of it. Such charts come last, where a GPU that has all layers need not hold them.
+    /// Whether the finest layer reads none of it. Such charts come last, where a GPU that has all layers need not
+    /// hold them.
     pub(crate) is_extra: bool,
 }
 
@@ -77,8 +81,8 @@ impl Chart {
 }
 
 impl Packing {
-    /// Column and row of a candidate's centre in the epitome, in fractions of a texel, and how its content is turned there;
-    /// `None` where it has none.
+    /// Column and row of a candidate's centre in the epitome, in fractions of a texel, and how its content is rotated
+    /// there; `None` where it has none.
     pub(crate) fn moved(
         &self,
         space: &Space,
@@ -124,12 +128,22 @@ impl Union {
     }
 }
 
-/// Packs all cells that `layers` read; sides of epitomes are multiples of `step` cells. With `turns` charts may be turned.
+/// What the sides of all epitomes are, and whether charts may be rotated.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sides {
+    /// Sides are multiples of so many cells.
+    pub(crate) step: u32,
+    /// Whether charts may be rotated to fit.
+    pub(crate) turns: bool,
+}
+
+/// Packs all cells that `layers` read; once `cancel` is cancelled what it gives back is of no use.
 pub(crate) fn pack(
     space: &Space,
     options: &Options,
     layers: &[Choice],
-    (step, turns): (u32, bool),
+    Sides { step, turns }: Sides,
+    cancel: CancelCheck<'_>,
 ) -> Packing {
     let mut packing = Packing { charts: charts(space, options, layers), ..Packing::default() };
     for format in 0..space.stored.len() {
@@ -141,9 +155,9 @@ pub(crate) fn pack(
         };
         order.sort_by_key(|&index| key(index));
         let cells: u64 = order.iter().map(|&index| packing.charts[index].cells.len() as u64).sum();
-        let limit = texfold_core::MAX_PLANE_SIDE / space.stored[format].cell;
-        let sheet = Limits { step, side: limit, cell: space.stored[format].cell, turns };
-        let size = place(&mut packing.charts, &order, cells, sheet);
+        let cell = space.stored[format].cell;
+        let sheet = Limits { step, side: MAX_PLANE_SIDE / cell, cell, turns };
+        let size = place(&mut packing.charts, &order, cells, sheet, cancel);
         packing.sizes.push(size);
         let drawn = order.iter().map(|&index| &packing.charts[index]).filter(|chart| !chart.is_extra);
         let rows = drawn.map(|chart| chart.place.1 + chart.turn.size(chart.size()).1).max().unwrap_or(1);
@@ -178,14 +192,12 @@ fn charts(space: &Space, options: &Options, layers: &[Choice]) -> Vec<Chart> {
         by_root.entry(root).or_default().push(cell);
     }
     let chart = |(root, members): (u32, Vec<u32>)| {
-        let (format, image, scale, ..) = space.locate(members[0]);
-        let cells: Vec<(u32, u32)> = members
-            .iter()
-            .map(|&cell| {
-                let (_, _, _, x, y) = space.locate(cell);
-                (x, y)
-            })
-            .collect();
+        let CellPlace { format, image, scale, .. } = space.locate(members[0]);
+        let place = |&cell: &u32| {
+            let CellPlace { column, row, .. } = space.locate(cell);
+            (column, row)
+        };
+        let cells: Vec<(u32, u32)> = members.iter().map(place).collect();
         let left = cells.iter().map(|cell| cell.0).min().unwrap_or(0);
         let top = cells.iter().map(|cell| cell.1).min().unwrap_or(0);
         let finest = layers.last().map(|choice| choice.users.as_slice()).unwrap_or_default();
@@ -230,8 +242,8 @@ impl Chart {
         (right - self.corner.0 + 1, bottom - self.corner.1 + 1)
     }
 
-    /// Least column and row that it may have in an epitome, turned so: centres of leaves have no negative ones. Cells are of
-    /// `side` texels.
+    /// Least column and row that it may have in an epitome, rotated so: centres of leaves have no negative ones.
+    /// Cells are of `side` texels.
     fn least_place(&self, turn: Turn, side: u32) -> Cells {
         let (width, height) = self.size();
         let size = (units(width, side), units(height, side));
@@ -246,7 +258,7 @@ impl Chart {
         (width.max(height), self.cells.len())
     }
 
-    /// Its rows, turned so, as bit masks from its leftmost column on.
+    /// Its rows, rotated so, as bit masks from its leftmost column on.
     fn rows(&self, turn: Turn) -> Vec<Vec<u64>> {
         let size = self.size();
         let (width, height) = turn.size(size);
@@ -267,14 +279,20 @@ struct Limits {
     side: u32,
     /// Texels a side of a cell.
     cell: u32,
-    /// Whether charts may be turned.
+    /// Whether charts may be rotated.
     turns: bool,
 }
 
-/// Places the charts of `order`; gives the columns and rows used, at least one step each and at most `limit`, or more than
-/// `limit` where they do not fit. Where a sheet about as wide as high
-/// loses much, other widths are tried, and the least area is kept.
-fn place(charts: &mut [Chart], order: &[usize], cells: u64, limits: Limits) -> (u32, u32) {
+/// Places the charts of `order`; gives the columns and rows used, at least one step each and at most `limit`, or more
+/// than `limit` where they do not fit. Where a sheet about as wide as high loses much, other widths are tried, and
+/// the least area is kept.
+fn place(
+    charts: &mut [Chart],
+    order: &[usize],
+    cells: u64,
+    limits: Limits,
+    cancel: CancelCheck<'_>,
+) -> (u32, u32) {
     let Limits { step, side: limit, cell, .. } = limits;
     let widest = |chart: &Chart| chart.size().0 + chart.least_place(Turn::default(), cell).0;
     let widest = order.iter().map(|&index| widest(&charts[index])).max().unwrap_or(1);
@@ -285,7 +303,7 @@ fn place(charts: &mut [Chart], order: &[usize], cells: u64, limits: Limits) -> (
     for share in WIDTHS {
         let width = ((cells as f64).sqrt() * share).ceil() as u32;
         let width = width.max(widest).max(1).next_multiple_of(step).min(limit);
-        let (height, places) = place_within(charts, order, width, limits);
+        let (height, places) = place_within(charts, order, width, limits, cancel);
         let size = (width, height.next_multiple_of(step));
         let area = |size: (u32, u32)| u64::from(size.0) * u64::from(size.1);
         if size.1 <= limit && best.as_ref().is_none_or(|(least, _)| area(size) < area(*least)) {
@@ -307,12 +325,21 @@ fn place(charts: &mut [Chart], order: &[usize], cells: u64, limits: Limits) -> (
 }
 
 /// Rows that a sheet of `width` columns needs, at least one, and the place and turn of each chart.
-fn place_within(charts: &[Chart], order: &[usize], width: u32, limits: Limits) -> (u32, Vec<(Cells, Turn)>) {
+fn place_within(
+    charts: &[Chart],
+    order: &[usize],
+    width: u32,
+    limits: Limits,
+    cancel: CancelCheck<'_>,
+) -> (u32, Vec<(Cells, Turn)>) {
     let mut sheet = Sheet { width, rows: Vec::new(), full: 0 };
     // Where the last chart of a shape went: no earlier place will do for the next.
     let mut hints: BTreeMap<(Vec<Vec<u64>>, Cells), Cells> = BTreeMap::new();
     let mut places = Vec::new();
     for &index in order {
+        if cancel.is_cancelled() {
+            break;
+        }
         let chart = &charts[index];
         let mut shapes: Vec<(Vec<Vec<u64>>, Turn)> = Vec::new();
         for turn in Turn::all().take(if limits.turns { usize::MAX } else { 1 }) {
@@ -328,10 +355,10 @@ fn place_within(charts: &[Chart], order: &[usize], width: u32, limits: Limits) -
             let at = sheet.free(&shape.0, turn.size(chart.size()).0, from, shape.1);
             (at, turn, shape)
         });
-        // The one that ends first; the first of those that are turned least.
+        // The one that ends first; the first of those that are rotated least.
         let end = |at: Cells, rows: &[Vec<u64>]| (at.1 + rows.len() as u32, at.1, at.0);
         let Some((at, turn, shape)) = found.min_by_key(|(at, _, shape)| end(*at, &shape.0)) else {
-            // Never: a sheet is as wide as the widest chart that is not turned.
+            // Never: a sheet is as wide as the widest chart that is not rotated.
             places.push(((0, 0), Turn::default()));
             continue;
         };
@@ -425,14 +452,26 @@ mod tests {
 
     #[test]
     fn turned_charts_fill_what_upright_ones_leave() {
-        // Triangles of 10 cells, all alike: two of them, one turned by half, are a rectangle of 5 x 4.
+        // Triangles of 10 cells, all alike: two of them, one rotated by half, are a rectangle of 5 x 4.
         let cells: Vec<Cells> = (0..4).flat_map(|y| (0..=y).map(move |x| (7 + x, 3 + y))).collect();
         let mut charts = vec![chart(&cells); 8];
         let order: Vec<usize> = (0..8).collect();
         let area = |size: Cells| size.0 * size.1;
-        let upright = place(&mut charts, &order, 80, Limits { step: 1, side: 64, cell: 4, turns: false });
+        let upright = place(
+            &mut charts,
+            &order,
+            80,
+            Limits { step: 1, side: 64, cell: 4, turns: false },
+            CancelCheck::default(),
+        );
         assert!(charts.iter().all(|chart| chart.turn == Turn::default()));
-        let turned = place(&mut charts, &order, 80, Limits { step: 1, side: 64, cell: 4, turns: true });
+        let turned = place(
+            &mut charts,
+            &order,
+            80,
+            Limits { step: 1, side: 64, cell: 4, turns: true },
+            CancelCheck::default(),
+        );
         assert!(area(turned) < area(upright) && area(turned) <= 88, "{turned:?} {upright:?}");
         // No cell lies on another or outside, and texels go where their cells go.
         let mut taken = std::collections::BTreeSet::new();

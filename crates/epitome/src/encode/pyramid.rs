@@ -1,13 +1,13 @@
 //! What content may be: every image at full, half and quarter width and height, stored and decoded again.
 //!
-//! A smaller content is the one that linear interpolation turns into the image with the least squared error, not a mean: the
-//! difference is up to 1 dB where it is used.
+//! A smaller content is the one that linear interpolation turns into the image with the least squared error, not a
+//! mean: the difference is up to 1 dB where it is used.
 
 use glam::Vec4;
 use rayon::prelude::*;
 use texfold_bc::{Bc1Blocks, Content, ContentPlanes};
 use texfold_core::image::{ImageSet, PixelInfo, Raster};
-use texfold_core::{CancelCheck, Domain, Effort, Image2d, SurfaceSize, Texel};
+use texfold_core::{CancelCheck, Domain, Effort, EncodeError, Image2d, SourceError, SurfaceSize, Texel};
 use texfold_match::Field;
 use texfold_residual::encode::PlaneForm;
 use texfold_residual::{BLOCK_SIDE, ResidualContent};
@@ -26,7 +26,8 @@ pub(crate) struct Scale {
 }
 
 impl Scale {
-    /// How much an error of content counts that is shown once: the squares of the shares that interpolation gives to a texel.
+    /// How much an error of content counts that is shown once: the squares of the shares that interpolation gives to
+    /// a texel.
     fn weight(self) -> f32 {
         let along = |log2: u32| {
             let factor = 1 << log2;
@@ -40,8 +41,8 @@ impl Scale {
 
 /// Scales that content of one layer is taken from: the first of [`SCALES`].
 pub(crate) const SCALES_ALONE: usize = 9;
-/// Numbers of the scales; 0 is the full size. The last serves coarse layers of progressive files, where it is a quarter of
-/// the next larger one's bits.
+/// Numbers of the scales; 0 is the full size. The last serves coarse layers of layered files, where it is a quarter
+/// of the next larger one's bits.
 pub(crate) const SCALES: [Scale; 10] = [
     Scale { across: 0, down: 0 },
     Scale { across: 1, down: 0 },
@@ -68,8 +69,32 @@ pub(crate) struct Pyramid {
 pub(crate) enum Storage {
     /// As planes of one format, at one price for all cells.
     Planes(Content),
-    /// As a base with an error map, each block as finely as its bits are worth at that price.
+    /// As a base with a residual plane, each block as finely as its bits are worth at that price.
     ErrorMap(f32),
+}
+
+/// At which scales images are stored.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ScaleChoice {
+    /// Sides of images are padded to multiples of so many texels.
+    pub(crate) padding: u32,
+    /// The first so many of [`SCALES`].
+    pub(crate) scales: usize,
+}
+
+impl ScaleChoice {
+    /// Bytes of an image's fields at all scales.
+    pub(crate) fn field_bytes(self, size: SurfaceSize) -> u64 {
+        let padded = |side: u32| u64::from(side.next_multiple_of(self.padding));
+        let texels = padded(size.width) * padded(size.height);
+        let of_scale = |scale: &Scale| texels >> (scale.across + scale.down);
+        SCALES[..self.scales].iter().map(of_scale).sum::<u64>() * size_of::<Vec4>() as u64
+    }
+}
+
+/// Content that its format cannot hold.
+fn no_room() -> EncodeError {
+    SourceError::Full { what: "a plane of 8192 x 8192 words" }.into()
 }
 
 /// Content of one format.
@@ -77,11 +102,11 @@ pub(crate) enum Storage {
 pub(crate) struct Stored {
     /// Format of the planes, or of the base.
     pub(crate) content: Content,
-    /// Where there is an error map: its form.
+    /// Where there is a residual plane: its form.
     pub(crate) form: Option<PlaneForm>,
     /// Texels a side of a cell, the unit of content; the last of a row may hang over the field's edge.
     pub(crate) cell: u32,
-    /// Bits of a cell; of one as coarse as can be where there is an error map.
+    /// Bits of a cell; of one as coarse as can be where there is a residual plane.
     pub(crate) cell_bits: f32,
     /// Where cells differ in bits: those of each, in `cell_bits`.
     pub(crate) shares: Vec<f32>,
@@ -89,7 +114,7 @@ pub(crate) struct Stored {
     bases: Vec<u32>,
     /// Number of cells.
     pub(crate) cells: u32,
-    /// By image and scale; none where there is an error map.
+    /// By image and scale; none where there is a residual plane.
     pub(crate) planes: Vec<Vec<ContentPlanes>>,
     /// The same, decoded.
     pub(crate) decoded: Vec<Vec<Field>>,
@@ -113,6 +138,16 @@ impl CellRows {
     }
 }
 
+/// Where a cell lies: in a field of one format, in a column and row of cells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct CellPlace {
+    pub(crate) format: usize,
+    pub(crate) image: usize,
+    pub(crate) scale: usize,
+    pub(crate) column: u32,
+    pub(crate) row: u32,
+}
+
 /// All images at all scales, with the numbers of their cells.
 #[derive(Debug)]
 pub(crate) struct Space {
@@ -122,35 +157,50 @@ pub(crate) struct Space {
 }
 
 impl Space {
-    /// Images padded to multiples of `block`, stored in each of `storages`, at the first `scales` scales. Images that are BC1
-    /// already keep their `blocks`. `None` where an error map cannot hold such pixels.
+    /// Images at all scales, stored in each of `storages`. Images that are BC1 already keep their `blocks`.
+    ///
+    /// # Errors
+    /// [`SourceError::Full`] where a residual plane cannot hold such pixels, [`EncodeError::Cancelled`] where the job
+    /// was cancelled.
     pub(crate) fn new(
         images: &ImageSet,
         blocks: Option<&[Bc1Blocks]>,
-        block: u32,
         storages: &[Storage],
-        scales: usize,
+        ScaleChoice { padding, scales }: ScaleChoice,
         effort: Effort,
-    ) -> Option<Self> {
+        cancel: CancelCheck<'_>,
+    ) -> Result<Self, EncodeError> {
         let pixel = images.info();
         let pyramids: Vec<Pyramid> =
-            images.images().par_iter().map(|image| Pyramid::new(image, block, scales)).collect();
+            images.images().par_iter().map(|image| Pyramid::new(image, padding, scales, cancel)).collect();
+        cancel.checkpoint()?;
         let mut space = Space { pixel, pyramids, stored: Vec::new() };
         for &storage in storages {
             let first = space.cells() as u32;
             let stored = match storage {
-                Storage::Planes(content) => space.store(content, blocks, first, effort),
-                Storage::ErrorMap(lambda) => space.store_with_errors(lambda, first)?,
+                Storage::Planes(content) => space.store(content, blocks, first, effort, cancel)?,
+                Storage::ErrorMap(lambda) => {
+                    space.store_with_errors(lambda, first, cancel)?.ok_or_else(no_room)?
+                }
             };
+            cancel.checkpoint()?;
             space.stored.push(stored);
         }
-        Some(space)
+        Ok(space)
     }
 
     /// All content as planes of one format.
-    fn store(&self, content: Content, blocks: Option<&[Bc1Blocks]>, first: u32, effort: Effort) -> Stored {
-        let store = |pyramid: &Pyramid| pyramid.store(content, self.pixel, effort);
-        let mut planes: Vec<Vec<ContentPlanes>> = self.pyramids.par_iter().map(store).collect();
+    fn store(
+        &self,
+        content: Content,
+        blocks: Option<&[Bc1Blocks]>,
+        first: u32,
+        effort: Effort,
+        cancel: CancelCheck<'_>,
+    ) -> Result<Stored, EncodeError> {
+        let store = |pyramid: &Pyramid| pyramid.store(content, self.pixel, effort, cancel);
+        let mut planes: Vec<Vec<ContentPlanes>> =
+            self.pyramids.par_iter().map(store).collect::<Result<_, _>>()?;
         for (scales, blocks) in planes.iter_mut().zip(blocks.unwrap_or(&[])) {
             if let Some(kept) = scales.first().and_then(|full| with_blocks(full, self.pixel, blocks)) {
                 scales[0] = kept;
@@ -161,24 +211,33 @@ impl Space {
         let cell = content.cell_side();
         let (bases, cells) = self.number_cells(cell, first);
         let cell_bits = content.cell_bits(self.pixel) as f32;
-        Stored { content, form: None, cell, cell_bits, shares: Vec::new(), bases, cells, planes, decoded }
+        Ok(Stored { content, form: None, cell, cell_bits, shares: Vec::new(), bases, cells, planes, decoded })
     }
 
-    /// All content with error maps, where a bit is worth `lambda`.
-    fn store_with_errors(&self, lambda: f32, first: u32) -> Option<Stored> {
-        let rasters: Vec<Vec<Raster>> =
-            self.pyramids.iter().map(|pyramid| pyramid.rasters(self.pixel)).collect::<Option<_>>()?;
-        let largest =
-            rasters.iter().flat_map(|scales| scales.first()).max_by_key(|raster| raster.size().texels())?;
-        let form = PlaneForm::suited(largest, lambda, Effort::Fast, CancelCheck::default()).ok()??;
+    /// All content with residual planes, where a bit is worth `lambda`; `None` where such pixels have no residual plane.
+    ///
+    /// # Errors
+    /// [`EncodeError::Cancelled`] where the job was cancelled.
+    fn store_with_errors(
+        &self,
+        lambda: f32,
+        first: u32,
+        cancel: CancelCheck<'_>,
+    ) -> Result<Option<Stored>, EncodeError> {
+        let rasters: Option<Vec<Vec<Raster>>> =
+            self.pyramids.iter().map(|pyramid| pyramid.rasters(self.pixel)).collect();
+        let Some(rasters) = rasters else { return Ok(None) };
+        let first_scales = rasters.iter().flat_map(|scales| scales.first());
+        let Some(largest) = first_scales.max_by_key(|raster| raster.size().texels()) else { return Ok(None) };
+        let Some(form) = PlaneForm::suited(largest, lambda, Effort::Fast, cancel)? else { return Ok(None) };
         let encode = |(raster, scale): (&Raster, &Scale)| {
             let (levels, lambda) = (std::slice::from_ref(raster), lambda / scale.weight());
-            form.encode(levels, lambda, &[], Effort::Fast, CancelCheck::default()).ok()
+            form.encode(levels, lambda, &[], Effort::Fast, cancel)
         };
         let textures: Vec<Vec<ResidualContent>> = rasters
             .par_iter()
-            .map(|scales| scales.par_iter().zip(&SCALES).map(encode).collect::<Option<_>>())
-            .collect::<Option<_>>()?;
+            .map(|scales| scales.par_iter().zip(&SCALES).map(encode).collect::<Result<_, EncodeError>>())
+            .collect::<Result<_, _>>()?;
         let (bases, cells) = self.number_cells(BLOCK_SIDE, first);
         let cell_bits = form.block_bits(largest, 0);
         let mut shares = Vec::new();
@@ -190,18 +249,29 @@ impl Space {
             shares.extend(classes.iter().map(|&class| form.block_bits(largest, class) / cell_bits));
         }
         for scales in &textures {
-            decoded.push(scales.par_iter().map(decode_level).collect::<Option<_>>()?);
+            let levels: Option<Vec<Field>> = scales.par_iter().map(decode_level).collect();
+            let Some(levels) = levels else { return Ok(None) };
+            decoded.push(levels);
         }
         let content = form.content();
         let (form, cell, planes) = (Some(form), BLOCK_SIDE, Vec::new());
-        Some(Stored { content, form, cell, cell_bits, shares, bases, cells, planes, decoded })
+        Ok(Some(Stored { content, form, cell, cell_bits, shares, bases, cells, planes, decoded }))
     }
 
-    /// Stores the content with error maps anew, where a bit is worth `lambda`; `None` where that cannot be done.
-    pub(crate) fn store_again(&mut self, lambda: f32) -> Option<()> {
-        let index = self.stored.iter().position(|stored| stored.form.is_some())?;
-        self.stored[index] = self.store_with_errors(lambda, self.stored[index].bases[0])?;
-        Some(())
+    /// Stores the content with residual planes anew, where a bit is worth `lambda`; returns whether it has any.
+    ///
+    /// # Errors
+    /// [`EncodeError::Cancelled`] where the job was cancelled.
+    pub(crate) fn store_again(&mut self, lambda: f32, cancel: CancelCheck<'_>) -> Result<bool, EncodeError> {
+        let Some(index) = self.stored.iter().position(|stored| stored.form.is_some()) else {
+            return Ok(false);
+        };
+        let again = self.store_with_errors(lambda, self.stored[index].bases[0], cancel)?;
+        let is_stored = again.is_some();
+        if let Some(again) = again {
+            self.stored[index] = again;
+        }
+        Ok(is_stored)
     }
 
     /// Bits of a cell, by format.
@@ -260,18 +330,18 @@ impl Space {
         self.stored.partition_point(|stored| stored.bases[0] <= cell) - 1
     }
 
-    /// Format, image and scale of a cell, with its column and row.
-    pub(crate) fn locate(&self, cell: u32) -> (usize, usize, usize, u32, u32) {
+    /// Where a cell lies.
+    pub(crate) fn locate(&self, cell: u32) -> CellPlace {
         let format = self.format_of(cell);
         let field = self.stored[format].bases.partition_point(|&base| base <= cell) - 1;
         let (image, scale) = (field / self.scales(), field % self.scales());
         let CellRows { columns, base, .. } = self.rows_of(format, image, scale);
-        (format, image, scale, (cell - base) % columns, (cell - base) / columns)
+        CellPlace { format, image, scale, column: (cell - base) % columns, row: (cell - base) / columns }
     }
 }
 
 impl Pyramid {
-    fn new(image: &Raster, block: u32, scales: usize) -> Self {
+    fn new(image: &Raster, block: u32, scales: usize, cancel: CancelCheck<'_>) -> Self {
         let size = image.size();
         let (width, height) = (size.width.next_multiple_of(block), size.height.next_multiple_of(block));
         let texels = (0..height)
@@ -281,12 +351,15 @@ impl Pyramid {
         let full = Field { width: width as usize, height: height as usize, texels };
         let source = SCALES[..scales]
             .par_iter()
-            .map(|scale| reduce(&reduce(&full, scale.across, true), scale.down, false))
+            .map(|scale| {
+                let across = reduce(&full, scale.across, Axis::Across, cancel);
+                reduce(&across, scale.down, Axis::Down, cancel)
+            })
             .collect();
         Pyramid { size, source }
     }
 
-    /// All scales as pictures.
+    /// All scales as images.
     fn rasters(&self, pixel: PixelInfo) -> Option<Vec<Raster>> {
         let raster = |field: &Field| {
             let texels: Vec<Texel> = field.texels.iter().map(|texel| *texel / 255.0).collect();
@@ -295,11 +368,17 @@ impl Pyramid {
         self.source.par_iter().map(raster).collect()
     }
 
-    fn store(&self, content: Content, pixel: PixelInfo, effort: Effort) -> Vec<ContentPlanes> {
+    fn store(
+        &self,
+        content: Content,
+        pixel: PixelInfo,
+        effort: Effort,
+        cancel: CancelCheck<'_>,
+    ) -> Result<Vec<ContentPlanes>, EncodeError> {
         let store = |field: &Field| {
             let texels: Vec<Vec4> = field.texels.iter().map(|texel| *texel / 255.0).collect();
             let size = (field.width as u32, field.height as u32);
-            ContentPlanes::encode(content, pixel, size, &texels, effort)
+            ContentPlanes::encode_cancellable(content, pixel, size, &texels, effort, cancel)
         };
         self.source.iter().map(store).collect()
     }
@@ -319,7 +398,7 @@ fn decode_level(texture: &ResidualContent) -> Option<Field> {
     Some(field((rect.width, rect.height), texels))
 }
 
-/// Blocks of an error map for such an image.
+/// Blocks of a residual plane for such an image.
 fn blocks_of(size: SurfaceSize) -> usize {
     size.width.div_ceil(BLOCK_SIDE) as usize * size.height.div_ceil(BLOCK_SIDE) as usize
 }
@@ -339,18 +418,31 @@ fn with_blocks(full: &ContentPlanes, pixel: PixelInfo, image: &Bc1Blocks) -> Opt
     ContentPlanes::from_planes(Content::Bc1, pixel, full.size(), vec![bytes])
 }
 
+/// Along what a field is made smaller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Axis {
+    Across,
+    Down,
+}
+
 /// The field at 1/2^log2 of its width or height from which linear interpolation gives it back best.
-fn reduce(field: &Field, log2: u32, across: bool) -> Field {
+fn reduce(field: &Field, log2: u32, axis: Axis, cancel: CancelCheck<'_>) -> Field {
     if log2 == 0 {
         return field.clone();
     }
     let factor = 1usize << log2;
+    let across = axis == Axis::Across;
     let length = if across { field.width } else { field.height };
     let system = Interpolation::new(length / factor, factor);
     let (lines, line_step, step) =
         if across { (field.height, field.width, 1) } else { (field.width, 1, field.width) };
-    let reduced: Vec<Vec<Vec4>> =
-        (0..lines).map(|line| system.fit(|index| field.texels[line * line_step + index * step])).collect();
+    let line = |line: usize| {
+        if cancel.is_cancelled() {
+            return vec![Vec4::ZERO; length / factor];
+        }
+        system.fit(|index| field.texels[line * line_step + index * step])
+    };
+    let reduced: Vec<Vec<Vec4>> = (0..lines).map(line).collect();
     if across {
         return Field { width: length / factor, height: field.height, texels: reduced.concat() };
     }
@@ -372,7 +464,8 @@ struct Interpolation {
 
 impl Interpolation {
     fn new(count: usize, factor: usize) -> Self {
-        // Between the centres of two content texels lie `factor` texels; half a content texel lies beyond the last ones.
+        // Between the centres of two content texels lie `factor` texels; half a content texel lies beyond the last
+        // ones.
         let weights: Vec<f32> = (0..factor).map(|k| 1.0 - (k as f32 + 0.5) / factor as f32).collect();
         let squared: f32 = weights.iter().map(|w| w * w).sum();
         let mixed: f32 = weights.iter().map(|w| w * (1.0 - w)).sum();
@@ -444,15 +537,15 @@ mod tests {
         let space = Space::new(
             &ImageSet::single(image),
             None,
-            32,
             &[Content::Bc1, Content::Bc7].map(Storage::Planes),
-            9,
+            ScaleChoice { padding: 32, scales: 9 },
             Effort::Fast,
+            CancelCheck::default(),
         )
         .unwrap();
-        for (format, scale, x, y) in [(0, 0, 0, 0), (1, 0, 15, 15), (0, 3, 7, 2), (1, 8, 3, 3)] {
-            let number = space.rows_of(format, 0, scale).number(x, y);
-            assert_eq!(space.locate(number), (format, 0, scale, x, y));
+        for (format, scale, column, row) in [(0, 0, 0, 0), (1, 0, 15, 15), (0, 3, 7, 2), (1, 8, 3, 3)] {
+            let number = space.rows_of(format, 0, scale).number(column, row);
+            assert_eq!(space.locate(number), CellPlace { format, image: 0, scale, column, row });
         }
         assert_eq!((space.stored[0].cell_bits, space.stored[1].cell_bits), (64.0, 128.0));
     }

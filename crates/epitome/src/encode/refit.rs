@@ -1,23 +1,24 @@
 //! Content fitted to all who read it.
 //!
-//! What is stored first is the picture at one place, or what linear interpolation makes it of where nothing ends. But many
-//! leaves read the same content, each laid and toned in its own way, and none reads beyond its own. The content that shows
-//! all of them with the least squared error is found by conjugate gradients, and stored where it is better than what was
-//! there. The paper takes content as it is (section 4); at equal quality fitted content is 4 to 7 % smaller.
-
-use std::collections::HashMap;
-use std::hash::{DefaultHasher, Hash, Hasher};
-use std::sync::{Mutex, PoisonError};
+//! What is stored first is the image at one place, or what linear interpolation makes it of where nothing ends. But
+//! many leaves read the same content, each laid and given gain and offset in its own way, and none reads beyond its
+//! own. The content that shows all of them with the least squared error is found by conjugate gradients, and stored
+//! where it is better than what was there. The paper takes content as it is (section 4); at equal quality fitted
+//! content is 4 to 7 % smaller.
 
 use glam::{DVec4, Vec4};
 use rayon::prelude::*;
 use texfold_bc::ContentPlanes;
+use texfold_core::EncodeError;
 
-use super::assemble::Plan;
-use super::candidate::{Candidate, FRACTION_BITS, Reading};
-use super::choose::Choice;
+use super::candidate::Candidate;
+use super::cell_cache::{CellCache, CellCoder, WantedCell};
 use super::leaf::Node;
 use super::pack::Packing;
+use super::plan::Plan;
+use super::pyramid::CellPlace;
+use super::reading::{FRACTION_BITS, Reading};
+use super::state::Choice;
 use super::tone;
 
 /// Steps of conjugate gradients; 20 gain nothing over 3.
@@ -26,17 +27,6 @@ const STEPS: usize = 4;
 const FIRST: f32 = 0.02;
 /// Weight of a coarser layer's reader.
 const COARSER: f32 = 0.1;
-
-/// Cells as they were encoded last: texels that did not change from one setting to the next are not encoded again.
-#[derive(Debug, Default)]
-pub(crate) struct CellCache {
-    /// By cell: the hash of its texels, and its bytes, plane by plane. Two versions of a cell with one hash do no harm: what
-    /// is encoded is compared with what is wanted before it is taken.
-    known: Mutex<HashMap<u32, Known>>,
-}
-
-/// Hash of a cell's texels, and its bytes.
-type Known = (u64, Box<[u8]>);
 
 /// A leaf, and how it reads the epitome.
 struct Reader {
@@ -66,34 +56,58 @@ struct Sheet<'a> {
     readers: Vec<Reader>,
 }
 
-/// The epitome of `format` with content fitted to the leaves of all `choices`, of which the last counts most; `base` holds it
-/// as it was first.
+/// The epitome of `format` with content fitted to the leaves of all `choices`, of which the last counts most; `base`
+/// holds it as it was first.
+///
+/// # Errors
+/// [`EncodeError::Cancelled`] where the job was cancelled.
 pub(crate) fn refit(
     plan: &Plan<'_>,
     cache: &CellCache,
     packing: &Packing,
     choices: &[Choice],
-    (format, base): (usize, ContentPlanes),
-) -> ContentPlanes {
-    let sheet = Sheet::new(plan, packing, choices, (format, base.size().0, Readers::OfFree));
+    format: usize,
+    base: ContentPlanes,
+) -> Result<ContentPlanes, EncodeError> {
+    let sheet = Sheet::new(
+        plan,
+        packing,
+        choices,
+        SheetForm { format, width: base.size().0, readers: Readers::OfFree },
+    );
     if sheet.free.is_empty() {
-        return base;
+        return Ok(base);
     }
     let mut texels = to_8_bits(&base);
     sheet.start(&mut texels);
     let weights = sheet.solve(&mut texels);
-    sheet.store(cache, base, (&texels, &weights))
+    plan.cancel.checkpoint()?;
+    sheet.store(cache, base, Fitted { texels: &texels, weights: &weights })
 }
 
-/// The texels (8-bit units) that an epitome of that size with an error map should show, and for each of its blocks, row by row,
-/// how much an error there counts: by how many leaves show it how large.
+/// Which epitome, of how many columns of texels, and whose readers.
+struct SheetForm {
+    format: usize,
+    width: u32,
+    readers: Readers,
+}
+
+/// Texels as they should be, and how much an error of each counts.
+struct Fitted<'a> {
+    texels: &'a [Vec4],
+    weights: &'a [Vec4],
+}
+
+/// The texels (8-bit units) that an epitome of that size with a residual plane should show, and for each of its
+/// blocks, row by row, how much an error there counts: by how many leaves show it how large.
 pub(crate) fn fitted(
     plan: &Plan<'_>,
     packing: &Packing,
     choices: &[Choice],
-    (format, width, height): (usize, u32, u32),
+    format: usize,
+    (width, height): (u32, u32),
 ) -> (Vec<Vec4>, Vec<f32>) {
-    let sheet = Sheet::new(plan, packing, choices, (format, width, Readers::All));
+    let sheet = Sheet::new(plan, packing, choices, SheetForm { format, width, readers: Readers::All });
     let mut texels = vec![Vec4::splat(UNUSED); width as usize * height as usize];
     sheet.start(&mut texels);
     let weights = sheet.solve(&mut texels);
@@ -138,7 +152,7 @@ impl<'a> Sheet<'a> {
         plan: &'a Plan<'a>,
         packing: &Packing,
         choices: &[Choice],
-        (format, width, kind): (usize, u32, Readers),
+        SheetForm { format, width, readers: kind }: SheetForm,
     ) -> Self {
         let chosen: Vec<(Node, &Candidate, f32)> = (0..choices.len())
             .flat_map(|layer| (0..plan.grid.nodes()).map(move |node| (layer, node)))
@@ -187,7 +201,7 @@ impl<'a> Sheet<'a> {
     /// Texels of free cells as they are in the images.
     fn start(&self, texels: &mut [Vec4]) {
         for free in &self.free {
-            let (_, image, scale, column, row) = self.plan.space.locate(free.number);
+            let CellPlace { image, scale, column, row, .. } = self.plan.space.locate(free.number);
             let field = &self.plan.space.pyramids[image].source[scale];
             let side = self.side as u32;
             for (index, texel) in self.texels_of(free).enumerate() {
@@ -197,11 +211,12 @@ impl<'a> Sheet<'a> {
         }
     }
 
-    /// Moves the texels of free cells to where the readers' squared error is least; gives the weight that each has in it.
+    /// Moves the texels of free cells to where the readers' squared error is least; gives the weight that each has in
+    /// it.
     fn solve(&self, texels: &mut [Vec4]) -> Vec<Vec4> {
         let mut weights = vec![Vec4::splat(FIRST); texels.len()];
         let mut slope = vec![Vec4::ZERO; texels.len()];
-        for reader in &self.readers {
+        for reader in self.readers.iter().take_while(|_| !self.plan.cancel.is_cancelled()) {
             let gain = reader.gain * reader.weight;
             let target = reader.node.texels(self.plan.space);
             reader.reading.taps(self.width, |index, at, shares| {
@@ -241,7 +256,7 @@ impl<'a> Sheet<'a> {
     /// The normal equations' matrix times `step`.
     fn apply(&self, step: &[Vec4]) -> Vec<Vec4> {
         let mut turned: Vec<Vec4> = step.iter().map(|step| *step * FIRST).collect();
-        for reader in &self.readers {
+        for reader in self.readers.iter().take_while(|_| !self.plan.cancel.is_cancelled()) {
             let gain = reader.gain * reader.gain * reader.weight;
             reader.reading.taps(self.width, |_, at, shares| {
                 let shown = blend(step, at, shares) * gain;
@@ -256,14 +271,16 @@ impl<'a> Sheet<'a> {
         &self,
         cache: &CellCache,
         mut base: ContentPlanes,
-        (texels, weights): (&[Vec4], &[Vec4]),
-    ) -> ContentPlanes {
-        let wanted: Vec<(u32, Vec<Vec4>)> = self
-            .free
-            .iter()
-            .map(|free| (free.number, self.texels_of(free).map(|at| texels[at]).collect()))
-            .collect();
-        let Some(strip) = cache.encode(self.plan, self.format, &wanted) else { return base };
+        Fitted { texels, weights }: Fitted<'_>,
+    ) -> Result<ContentPlanes, EncodeError> {
+        let want = |free: &Free| {
+            let texels = self.texels_of(free).map(|at| texels[at]).collect();
+            WantedCell { number: free.number, texels }
+        };
+        let wanted: Vec<WantedCell> = self.free.iter().map(want).collect();
+        let Plan { space, effort, cancel, .. } = *self.plan;
+        let coder = CellCoder { stored: &space.stored[self.format], pixel: space.pixel, effort, cancel };
+        let strip = cache.encode(coder, &wanted)?;
         let (decoded, stored) = (to_8_bits(&strip), to_8_bits(&base));
         let error = |free: &Free, found: &dyn Fn(usize, usize) -> Vec4| -> f32 {
             let term = |(index, at): (usize, usize)| {
@@ -284,7 +301,7 @@ impl<'a> Sheet<'a> {
             .map(|(number, free)| ((0, number as u32), free.place))
             .collect();
         base.copy_cells(&strip, better);
-        base
+        Ok(base)
     }
 }
 
@@ -301,55 +318,6 @@ impl Reader {
         let (gain, offset) = tone::values(&plan.palettes.tone(candidate.tone));
         Some(Reader { reading, weight, gain, offset, node })
     }
-}
-
-impl CellCache {
-    /// Cells of those texels (8-bit units), one below the other.
-    fn encode(&self, plan: &Plan<'_>, format: usize, cells: &[(u32, Vec<Vec4>)]) -> Option<ContentPlanes> {
-        let stored = &plan.space.stored[format];
-        let size = |count: usize| (stored.cell, stored.cell * count as u32);
-        let to_bytes = |texel: &Vec4| (*texel + 0.5).to_array().map(|value| value as u8);
-        let keys: Vec<Vec<[u8; 4]>> =
-            cells.iter().map(|(_, texels)| texels.iter().map(to_bytes).collect()).collect();
-        let hashes: Vec<u64> = keys.iter().map(|key| hash(key)).collect();
-        let known = || self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        let fresh: Vec<usize> = {
-            let known = known();
-            let is_new = |&at: &usize| known.get(&cells[at].0).is_none_or(|known| known.0 != hashes[at]);
-            (0..cells.len()).filter(is_new).collect()
-        };
-        let texel = |key: &[u8; 4]| Vec4::from_array(key.map(f32::from)) / 255.0;
-        let texels: Vec<Vec4> = fresh.iter().flat_map(|&at| keys[at].iter().map(texel)).collect();
-        let pixel = plan.space.pixel;
-        let strip = ContentPlanes::encode(stored.content, pixel, size(fresh.len()), &texels, plan.effort);
-        // Locked again only here: a thread that waits for others to encode may take up another epitome meanwhile.
-        let mut known = known();
-        for (place, &at) in fresh.iter().enumerate() {
-            let of_plane = |(_, bytes): &(_, Vec<u8>)| {
-                let length = bytes.len() / fresh.len();
-                bytes[place * length..(place + 1) * length].to_vec()
-            };
-            let bytes: Vec<u8> = strip.planes().iter().flat_map(of_plane).collect();
-            known.insert(cells[at].0, (hashes[at], bytes.into_boxed_slice()));
-        }
-        let mut planes = vec![Vec::new(); strip.planes().len()];
-        for (number, _) in cells {
-            let mut rest: &[u8] = &known.get(number)?.1;
-            for (plane, (kind, _)) in planes.iter_mut().zip(strip.planes()) {
-                let (bytes, behind) = rest.split_at_checked(kind.bytes(stored.cell, stored.cell) as usize)?;
-                plane.extend_from_slice(bytes);
-                rest = behind;
-            }
-        }
-        ContentPlanes::from_planes(stored.content, pixel, size(cells.len()), planes)
-    }
-}
-
-/// The same on every machine.
-fn hash(texels: &[[u8; 4]]) -> u64 {
-    let mut hasher = DefaultHasher::new();
-    texels.as_flattened().hash(&mut hasher);
-    hasher.finish()
 }
 
 fn blend(texels: &[Vec4], at: [usize; 4], shares: [f32; 4]) -> Vec4 {

@@ -1,7 +1,7 @@
-//! Blocks that share content, chosen together. A block alone never leaves cells that another one reads too, since they cost it
-//! nothing, nor does the other; here all readers of a leaf's cells leave them at once.
+//! Blocks that share content, chosen together. A block alone never leaves cells that another one reads too, since
+//! they cost it nothing, nor does the other; here all readers of a leaf's cells leave them at once.
 
-use super::choose::State;
+use super::state::State;
 
 /// Passes over all leaves; those after the first look only at what the one before changed.
 const ROUNDS: usize = 2;
@@ -22,32 +22,35 @@ impl Readers {
     }
 }
 
-impl State<'_> {
-    /// For each leaf: all blocks that read its cells choose anew, keeping away from them at first, and stay so where it costs
-    /// less.
-    pub(super) fn regroup(&mut self) {
-        let per_block = self.grid.per_block();
-        let mut changed = vec![true; self.grid.blocks()];
-        for _ in 0..ROUNDS {
-            let readers = self.readers();
-            let mut changes = vec![false; changed.len()];
-            for node in 0..self.leaves.len() {
-                let cells = self.cells_of(node);
-                let mut blocks: Vec<u32> = cells.iter().flat_map(|&cell| readers.of(cell)).copied().collect();
-                blocks.sort_unstable();
-                blocks.dedup();
-                let few = (2..=MOST_BLOCKS).contains(&blocks.len());
-                if few
-                    && (changed[node / per_block] || blocks.iter().any(|&block| changed[block as usize]))
-                    && self.leave(&blocks, cells)
-                {
-                    blocks.iter().for_each(|&block| changes[block as usize] = true);
-                }
+/// For each leaf: all blocks that read its cells choose anew, keeping away from them at first, and stay so where it
+/// costs less.
+pub(super) fn regroup(state: &mut State<'_>) {
+    let per_block = state.grid.per_block();
+    let mut changed = vec![true; state.grid.blocks()];
+    for _ in 0..ROUNDS {
+        let readers = state.readers();
+        let mut changes = vec![false; changed.len()];
+        for node in 0..state.leaves.len() {
+            if state.cancel.is_cancelled() {
+                return;
             }
-            changed = changes;
+            let cells = state.cells_of(node);
+            let mut blocks: Vec<u32> = cells.iter().flat_map(|&cell| readers.of(cell)).copied().collect();
+            blocks.sort_unstable();
+            blocks.dedup();
+            let few = (2..=MOST_BLOCKS).contains(&blocks.len());
+            if few
+                && (changed[node / per_block] || blocks.iter().any(|&block| changed[block as usize]))
+                && state.leave(&blocks, cells)
+            {
+                blocks.iter().for_each(|&block| changes[block as usize] = true);
+            }
         }
+        changed = changes;
     }
+}
 
+impl State<'_> {
     /// Which blocks read each cell now.
     fn readers(&self) -> Readers {
         let mut starts = vec![0u32; self.users.len() + 1];
@@ -123,11 +126,15 @@ struct Lifted {
 #[cfg(test)]
 mod tests {
     use super::super::candidate::Candidate;
-    use super::super::choose::{Costs, Options};
     use super::super::leaf::Grid;
+    use super::super::state::{Costs, Options, Problem};
     use super::*;
     use proptest::prelude::*;
-    use texfold_core::SurfaceSize;
+    use texfold_core::{CancelCheck, SurfaceSize};
+
+    fn problem<'a>(grid: &'a Grid, options: &'a Options, cells: &'a [u32; 1]) -> Problem<'a> {
+        Problem { grid, options, costs: costs(cells), cancel: CancelCheck::default() }
+    }
 
     fn costs(cells: &[u32; 1]) -> Costs<'_> {
         Costs { lambda: 1.0, entry_bits: 8.0, cell_bits: &[64.0], shares: &[], cells, others: None }
@@ -143,7 +150,8 @@ mod tests {
 
     #[test]
     fn two_readers_leave_together_for_what_a_third_one_keeps() {
-        // Cell 0 is read by the first two blocks, and costs 64; with cell 1, which the third reads, each has an error of 20.
+        // Cell 0 is read by the first two blocks, and costs 64; with cell 1, which the third reads, each has an error
+        // of 20.
         let grid = Grid::new(&[SurfaceSize { width: 24, height: 8 }], 8, false);
         let mut options = Options::default();
         for block in 0..3 {
@@ -151,11 +159,11 @@ mod tests {
             let candidates = vec![candidate(&mut options, 0.0, &[own]), candidate(&mut options, 20.0, &[1])];
             options.candidates.push(candidates);
         }
-        let mut state = State::new(&grid, &options, costs(&[2]));
+        let mut state = State::new(problem(&grid, &options, &[2]));
         (0..3).for_each(|node| state.take(node, 0));
         (0..3).for_each(|block| state.settle(block, true));
         assert_eq!(state.leaves, [Some(0), Some(0), Some(0)]);
-        state.regroup();
+        regroup(&mut state);
         assert_eq!(state.leaves[..2], [Some(1), Some(1)]);
         assert_eq!(state.users[0], 0);
     }
@@ -180,7 +188,7 @@ mod tests {
                     block.iter().map(|(error, set)| candidate(&mut options, *error, &cells(set))).collect();
                 options.candidates.push(candidates);
             }
-            let mut state = State::new(&grid, &options, costs(&[12]));
+            let mut state = State::new(problem(&grid, &options, &[12]));
             for (node, block) in blocks.iter().enumerate() {
                 state.take(node, (start[node] % block.len()) as u32);
             }
@@ -195,7 +203,7 @@ mod tests {
                 errors + 64.0 * users.iter().filter(|&&users| users > 0).count() as f32
             };
             let before = cost(&state);
-            state.regroup();
+            regroup(&mut state);
             prop_assert!(cost(&state) <= before + 1e-2, "{} after {before}", cost(&state));
         }
     }

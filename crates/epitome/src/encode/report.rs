@@ -1,9 +1,14 @@
 //! What was modelled, in a sentence.
 
-use super::candidate::{Candidate, FRACTION_BITS};
-use super::choose::{Choice, Options};
+use texfold_bc::Family;
+use texfold_core::{Goal, Notes};
+
+use super::candidate::Candidate;
 use super::leaf::{Grid, Node};
 use super::pyramid::SCALES;
+use super::reading::FRACTION_BITS;
+use super::state::{Choice, Options};
+use crate::EpitomeParams;
 
 /// Texels of the images by where their content comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -56,4 +61,36 @@ pub(crate) fn verdict(grid: &Grid, options: &Options, choice: &Choice, met: bool
         percent(shares.borrowed),
         percent(shares.reduced)
     )
+}
+
+/// The notes of a texture.
+pub(super) fn notes(params: &EpitomeParams, goal: Goal, verdict: String) -> Notes {
+    Notes { settings: settings(&params.clone().with_goal(goal)), verdict, ..Notes::default() }
+}
+
+/// The settings in the words of the command line; behind a semicolon what it has no word for.
+fn settings(params: &EpitomeParams) -> String {
+    let mut words = vec!["--codec epitome".to_owned()];
+    words.push(match params.goal {
+        Goal::Psnr(psnr) => format!("--psnr {psnr}"),
+        Goal::Bpp(bpp) => format!("--bpp {bpp}"),
+        Goal::Tolerance(tolerance) => format!("--tolerance {tolerance}"),
+    });
+    match (params.content, params.family) {
+        (Some(content), _) => words.push(format!("--content {}", content.name())),
+        (None, Family::ErrorMap) => words.push("--content error-map".to_owned()),
+        (None, Family::Astc) => words.push("--content astc".to_owned()),
+        (None, Family::Bc) => {}
+    }
+    if params.layers > 1 {
+        words.push(format!("--layers {}", params.layers));
+    }
+    if params.mips {
+        words.push("--mips".to_owned());
+    }
+    let block = params.block.map(|block| format!("blocks of {block}"));
+    let without = params.transforms.missing().map(|part| format!("without {part}"));
+    let unnamed: Vec<String> = block.into_iter().chain(without).collect();
+    let unnamed = if unnamed.is_empty() { String::new() } else { format!("; {}", unnamed.join(", ")) };
+    words.join(" ") + &unnamed
 }

@@ -1,5 +1,5 @@
-//! For every leaf, places elsewhere that look like it: descriptors and a k-d tree, then affine refinement, then what the
-//! neighbours and the parent found.
+//! For every leaf, places elsewhere that look like it: descriptors and a k-d tree, then affine refinement, then what
+//! the neighbours and the parent found.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -7,7 +7,7 @@ use std::ops::Range;
 use glam::{Mat2, UVec2, Vec2};
 use rayon::prelude::*;
 use texfold_core::image::ColorSpace;
-use texfold_core::{Effort, EncodeError, Goal, Job};
+use texfold_core::{CancelCheck, Effort, EncodeError, Goal, Job};
 use texfold_match::{
     Field, Freedom, LumaSums, Mirror, PatchIndex, Place, Refiner, Transform, Turned, TurnedIndex, describe,
 };
@@ -25,14 +25,14 @@ const WITHIN: f32 = 0.4;
 const CHANNELS: f32 = 3.0;
 /// Places of two matches nearer than this, in texels, are one match.
 const APART: f32 = 2.5;
-/// Share of an upright match's error above which refining its linear part is not worth it: what leaves share is fitted to all
-/// of them, and content that is turned a little for each meets in fewer texels. On nine photographs 0.25 to 0.5 came out
-/// the same, 0.8 a hundredth larger.
+/// Share of an upright match's error above which refining its 2x2 matrix is not worth it: what leaves share is fitted
+/// to all of them, and content that is rotated a little for each meets in fewer texels. On nine photographs 0.25 to
+/// 0.5 came out the same, 0.8 a hundredth larger.
 const TURNED_SHARE: f32 = 0.5;
-/// Linear parts are kept within these factors of the seed's.
+/// 2x2 matrices are kept within these factors of the seed's.
 const STRETCH: std::ops::RangeInclusive<f32> = 0.6..=1.6;
 
-/// Sizes of turned patches by that of the leaf, a third of an octave apart.
+/// Sizes of rotated patches by that of the leaf, a third of an octave apart.
 const SIZES: [f32; 3] = [0.794, 1.0, 1.26];
 /// Texels of all images up to which matches are looked for everywhere at once.
 const WHOLE: u64 = 2 << 20;
@@ -40,7 +40,7 @@ const WHOLE: u64 = 2 << 20;
 const PART: u32 = 1024;
 /// Places that are searched at most, of one size: as many as a part has, and half as many again.
 const MOST_PLACES: usize = 400_000;
-/// Steps between turned patches, by their side (paper section 3.2).
+/// Steps between rotated patches, by their side (paper section 3.2).
 const TURNED_STEP: f32 = 0.25;
 
 /// How widely to search.
@@ -54,7 +54,7 @@ pub(crate) struct Reach {
     pub(crate) kept: usize,
     /// Steps between places, in texels.
     pub(crate) stride: u32,
-    /// Neighbours taken from the tree of turned patches, plain and reflected; 0 looks for upright ones only.
+    /// Neighbours taken from the tree of rotated patches, plain and reflected; 0 looks for upright ones only.
     pub(crate) turned: usize,
     /// What matches may be.
     pub(crate) transforms: Transforms,
@@ -63,9 +63,9 @@ pub(crate) struct Reach {
 }
 
 impl Reach {
-    /// Turned patches cost half as much again and are found where things lie about at all angles; in buildings, plants and
-    /// pages, which stand upright, hardly one was taken. Where time counts they are searched for tolerances only, and there
-    /// many matches are kept: leaves are to meet in the same content.
+    /// Rotated patches cost half as much again and are found where things lie about at all angles; in buildings,
+    /// plants and pages, which stand upright, hardly one was taken. Where time counts they are searched for
+    /// tolerances only, and there many matches are kept: leaves are to meet in the same content.
     pub(crate) fn of(params: &EpitomeParams, texels: u64) -> Self {
         let stride = 2;
         let part = (texels > WHOLE).then_some(PART);
@@ -119,6 +119,7 @@ pub(crate) fn search(
     job: &mut Job<'_>,
 ) -> Result<(), EncodeError> {
     let scales = reach.scales.min(space.scales());
+    let cancel = job.cancel_check();
     for scale in 0..scales {
         job.stage("searching", scale as f32 / scales as f32)?;
         let fields: Vec<Searchable> = space
@@ -136,9 +137,10 @@ pub(crate) fn search(
             if across < LEAST_SIDE || down < LEAST_SIDE {
                 continue;
             }
-            let round = Round { space, grid, reach, scale, side, fields: &fields, allowed };
+            let round = Round { space, grid, reach, scale, side, fields: &fields, allowed, cancel };
             round.run(&mut fresh);
             round.propagate(&mut fresh);
+            job.checkpoint()?;
         }
         for (all, fresh) in found.iter_mut().zip(fresh) {
             for found in fresh {
@@ -161,6 +163,8 @@ struct Round<'a> {
     side: u32,
     fields: &'a [Searchable],
     allowed: &'a Allowed<'a>,
+    /// Once this is cancelled nothing more is found.
+    cancel: CancelCheck<'a>,
 }
 
 impl Round<'_> {
@@ -204,6 +208,9 @@ impl Round<'_> {
 
     fn run(&self, found: &mut [Vec<Match>]) {
         for (part, nodes) in self.parts() {
+            if self.cancel.is_cancelled() {
+                return;
+            }
             self.run_part(part, &nodes, found);
         }
     }
@@ -304,8 +311,8 @@ impl Round<'_> {
         Some((0..self.space.stored.len()).map(sums).collect())
     }
 
-    /// Patches however they are turned, of several sizes, in cells that are allowed. Only where content is as wide as high, and
-    /// not of normals, whose values turn with them.
+    /// Patches however they are rotated, of several sizes, in cells that are allowed. Only where content is as wide
+    /// as high, and not of normals, whose values turn with them.
     fn turned(&self, sums: &[&LumaSums], images: Range<usize>, part: Option<Part>) -> Option<TurnedIndex> {
         let scale = SCALES[self.scale];
         if self.reach.turned == 0
@@ -348,6 +355,9 @@ impl Round<'_> {
     }
 
     fn matches_of(&self, number: usize, index: &PatchIndex, turned: Option<&TurnedIndex>) -> Vec<Match> {
+        if self.cancel.is_cancelled() {
+            return Vec::new();
+        }
         let node = &self.grid.node(number);
         let (x, y) = self.corner(node);
         let (width, height) = self.patch();
@@ -409,7 +419,7 @@ impl Round<'_> {
         kept
     }
 
-    /// An upright match with its linear part refined too, where that is worth it.
+    /// An upright match with its 2x2 matrix refined too, where that is worth it.
     fn turned_too(&self, refiner: &Refiner<'_>, found: &Match) -> Option<Match> {
         let linear = found.linear * self.shrink().inverse();
         let seed = Transform { position: found.position, linear };
@@ -486,6 +496,9 @@ impl Round<'_> {
 
     /// A leaf's matches and those of its neighbours, where there is anything to try.
     fn with_neighbours(&self, index: usize, before: &[Vec<Match>]) -> Option<Vec<Match>> {
+        if self.cancel.is_cancelled() {
+            return None;
+        }
         let node = self.grid.node(index);
         let mut matches = before[index].clone();
         let most = self.most_luma(index);
@@ -572,7 +585,7 @@ mod tests {
     use super::*;
     use crate::encode::candidate::Rules;
     use crate::encode::options::direct_options;
-    use crate::encode::pyramid::Storage;
+    use crate::encode::pyramid::{ScaleChoice, Storage};
     use texfold_bc::Content;
     use texfold_core::SurfaceSize;
     use texfold_core::image::ImageSet;
@@ -583,7 +596,8 @@ mod tests {
         let grid = Grid::new(&[image.size()], 32, true);
         let set = ImageSet::single(image);
         let content = [Storage::Planes(Content::Bc1)];
-        let space = Space::new(&set, None, 32, &content, 1, Effort::Fast).unwrap();
+        let scales = ScaleChoice { padding: 32, scales: 1 };
+        let space = Space::new(&set, None, &content, scales, Effort::Fast, CancelCheck::default()).unwrap();
         let field = &space.pyramids[0].source[0];
         // Content of the left eighth is shared: an eighth of all places.
         let columns = field.width as u32 / 4;
@@ -600,6 +614,7 @@ mod tests {
             side: 8,
             fields: &fields,
             allowed: &allowed,
+            cancel: CancelCheck::default(),
         };
         let places = round.places(0, None);
         let left = |places: &[Place]| places.iter().filter(|place| place.x + 8 <= columns / 2).count();
@@ -621,13 +636,13 @@ mod tests {
         let space = Space::new(
             &ImageSet::single(image),
             None,
-            32,
             &[Storage::Planes(Content::Bc1)],
-            SCALES.len(),
+            ScaleChoice { padding: 32, scales: SCALES.len() },
             Effort::Fast,
+            CancelCheck::default(),
         )
         .unwrap();
-        let (_, own) = direct_options(&space, &grid, &Rules::default());
+        let (_, own) = direct_options(&space, &grid, &Rules::default(), CancelCheck::default());
         let errors = vec![1e9; grid.nodes()];
         let allowed = Allowed { cells: None, shared: None, errors: &errors, own: &own };
         let whole = Reach::of(&EpitomeParams::default(), u64::from(width) * u64::from(height));

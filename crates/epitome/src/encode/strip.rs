@@ -1,12 +1,14 @@
 //! How wide neighbouring leaves are blended where a texture is drawn between texels.
 //!
-//! A leaf shows its outermost texels up to its border, and content at a quarter of its width has texels four times as wide:
-//! there the eye sees a step. Blended in a strip about as wide as such a texel the step is gone, and the picture comes nearer
-//! to its source; content at full size would be blurred by the same strip. So each texture has the widest one that takes
-//! nothing from its quality. *Not done*: normals, and strips of further mip levels, whose leaves are narrower.
+//! A leaf shows its outermost texels up to its border, and content at a quarter of its width has texels four times as
+//! wide: there the eye sees a step. Blended in a seam about as wide as such a texel the step is gone, and the image
+//! comes nearer to its source; content at full size would be blurred by the same seam. So each texture has the widest
+//! one that takes nothing from its quality. *Not done*: normals, and seams of further mip levels, whose leaves are
+//! narrower.
 
 use rayon::prelude::*;
 use texfold_core::image::{ColorSpace, ImageSet, Raster};
+use texfold_core::{CancelCheck, EncodeError};
 
 use glam::Vec2;
 
@@ -15,24 +17,32 @@ use crate::decode::{EpitomeView, TexfoldEpitomeParams, texfold_epitome_bilinear}
 
 /// Half widths that are tried, in eighths of a texel.
 const STRIPS: [u32; 7] = [5, 6, 8, 10, 12, 14, 16];
-/// Texels that are compared at most, about: all but those of very large pictures. A quarter of a picture's rows misjudged it by
-/// 0.02 dB.
+/// Texels that are compared at most, about: all but those of very large images. A quarter of an image's rows
+/// misjudged it by 0.02 dB.
 const COMPARED: u64 = 1 << 22;
 
-/// The texture with the widest strip with which it is drawn, at the texels' centres, as near to `images` as without.
-pub(crate) fn with_widest_strip(images: &ImageSet, made: EpitomeTexture) -> EpitomeTexture {
+/// The texture with the widest seam with which it is drawn, at the texels' centres, as near to `images` as without.
+///
+/// # Errors
+/// [`EncodeError::Cancelled`] where the job was cancelled.
+pub(crate) fn with_widest_strip(
+    images: &ImageSet,
+    made: EpitomeTexture,
+    cancel: CancelCheck<'_>,
+) -> Result<EpitomeTexture, EncodeError> {
     if images.info().color == ColorSpace::Normal {
-        return made;
+        return Ok(made);
     }
     let format = made.map_format();
-    let plain = error(images, &made, format.strip);
+    let plain = error(images, &made, format.strip, cancel);
     let fitting = STRIPS.into_iter().filter(|&strip| strip <= 4 * format.cell());
-    let widest = fitting.take_while(|&strip| error(images, &made, strip) <= plain).last();
-    made.with_strip(widest.unwrap_or(format.strip))
+    let widest = fitting.take_while(|&strip| error(images, &made, strip, cancel) <= plain).last();
+    cancel.checkpoint()?;
+    Ok(made.with_strip(widest.unwrap_or(format.strip)))
 }
 
-/// Squared error of some rows of all images, drawn with strips of that width.
-fn error(images: &ImageSet, made: &EpitomeTexture, strip: u32) -> f64 {
+/// Squared error of some rows of all images, drawn with seams of that width.
+fn error(images: &ImageSet, made: &EpitomeTexture, strip: u32, cancel: CancelCheck<'_>) -> f64 {
     // An odd number of rows apart, so that all places in a leaf count alike.
     let step = images.texel_count().div_ceil(COMPARED) as u32 | 1;
     let of_image = |(surface, image): (u32, &Raster)| -> f64 {
@@ -42,6 +52,9 @@ fn error(images: &ImageSet, made: &EpitomeTexture, strip: u32) -> f64 {
         let size = Vec2::new(width as f32, height as f32);
         let rows: Vec<u32> = (0..height).step_by(step as usize).collect();
         let of_row = |&y: &u32| -> f64 {
+            if cancel.is_cancelled() {
+                return 0.0;
+            }
             let difference = |x: u32| {
                 let uv = (Vec2::new(x as f32, y as f32) + 0.5) / size;
                 f64::from((texfold_epitome_bilinear(&view, uv, 0) - image.texel(x, y)).length_squared())
@@ -52,6 +65,15 @@ fn error(images: &ImageSet, made: &EpitomeTexture, strip: u32) -> f64 {
         rows.par_iter().map(of_row).collect::<Vec<f64>>().into_iter().sum()
     };
     (0..).zip(images.images()).map(of_image).sum()
+}
+
+impl EpitomeTexture {
+    /// The same with leaves blended in seams of that half width, in eighths of a texel.
+    fn with_strip(mut self, strip: u32) -> Self {
+        self.parts.format.strip = strip;
+        self.params.iter_mut().for_each(|params| params.strip = strip);
+        self
+    }
 }
 
 #[cfg(test)]
@@ -91,7 +113,8 @@ mod tests {
         let strip = made.map_format().strip;
         let (before, after) = (trace(&made, 4), trace(&made, strip));
         assert!(strip > 4 && after < before, "{strip}: {before} to {after}");
-        assert!(error(&set, &made, strip) <= error(&set, &made, 4));
+        let error = |strip: u32| error(&set, &made, strip, CancelCheck::default());
+        assert!(error(strip) <= error(4));
     }
 
     #[test]

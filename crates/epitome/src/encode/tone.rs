@@ -1,11 +1,18 @@
-//! Tones: gain and offset for each colour channel, and the palette of them.
+//! Gain-offset pairs: gain and offset for each colour channel, and the palette of them.
 
 use glam::{DVec4, Vec4};
+use texfold_core::CancelCheck;
 
-use crate::encoded::{NEUTRAL, Tone};
+use crate::format::{GAIN_ONE, NEUTRAL, OFFSET_ZERO, Tone};
 
-/// Gain at most this much above 1: content is taken from the brighter place, where its steps are finer (paper section 3.1).
+/// Gain at most this much above 1: content is taken from the brighter place, where its steps are finer (paper section
+/// 3.1).
 const MOST_GAIN: f64 = 1.25;
+/// Prior of gain 1, in 8-bit squared steps a texel: flat content says nothing of contrast.
+const GAIN_PRIOR: f64 = 1.0;
+/// Gain-offset pairs are seeded in order of their mean offset in steps of this many 8-bit units, and of their gain
+/// within a step.
+const SEED_OFFSETS: u32 = 4;
 /// Rounds in which the palette is fitted.
 const ROUNDS: usize = 8;
 
@@ -51,7 +58,7 @@ impl Stats {
         squared.max(Vec4::ZERO).element_sum()
     }
 
-    /// Squared error under a tone.
+    /// Squared error under a gain-offset pair.
     pub(crate) fn error(&self, tone: &Tone) -> f32 {
         let (gain, offset) = values(tone);
         // Offset that acts on values less the mean.
@@ -63,7 +70,7 @@ impl Stats {
         squared.max(Vec4::ZERO).element_sum()
     }
 
-    /// The tone of least error.
+    /// The gain-offset pair of least error.
     pub(crate) fn best(&self) -> Tone {
         Sums::default().with(self).tone()
     }
@@ -71,9 +78,10 @@ impl Stats {
 
 /// Gain and offset in 8-bit units; alpha keeps its value.
 pub(crate) fn values(tone: &Tone) -> (Vec4, Vec4) {
-    let gain = Vec4::new(f32::from(tone[0]), f32::from(tone[1]), f32::from(tone[2]), 128.0) / 128.0;
-    let offset =
-        Vec4::new(f32::from(tone[3]) - 128.0, f32::from(tone[4]) - 128.0, f32::from(tone[5]) - 128.0, 0.0);
+    let one = f32::from(GAIN_ONE);
+    let gain = Vec4::new(f32::from(tone[0]), f32::from(tone[1]), f32::from(tone[2]), one) / one;
+    let signed = |index: usize| f32::from(tone[index]) - f32::from(OFFSET_ZERO);
+    let offset = Vec4::new(signed(3), signed(4), signed(5), 0.0);
     (gain, offset)
 }
 
@@ -107,28 +115,30 @@ impl Sums {
             let (sx, sy) = (self.sx[channel], self.sy[channel]);
             let vxx = self.sxx[channel] - sx * sx / n;
             let vxy = self.sxy[channel] - sx * sy / n;
-            // A prior of one 8-bit step a texel towards gain 1: flat content says nothing of contrast.
-            let gain = ((vxy + n) / (vxx + n)).clamp(0.0, MOST_GAIN);
-            let gain = (gain * 128.0).round() / 128.0;
-            let offset = ((sy - gain * sx) / n).round().clamp(-128.0, 127.0);
-            tone[channel] = (gain * 128.0) as u8;
-            tone[channel + 3] = (offset + 128.0) as u8;
+            let prior = GAIN_PRIOR * n;
+            let gain = ((vxy + prior) / (vxx + prior)).clamp(0.0, MOST_GAIN);
+            let (one, zero) = (f64::from(GAIN_ONE), f64::from(OFFSET_ZERO));
+            let gain = (gain * one).round() / one;
+            let offset = ((sy - gain * sx) / n).round().clamp(-zero, f64::from(u8::MAX) - zero);
+            tone[channel] = (gain * one) as u8;
+            tone[channel + 3] = (offset + zero) as u8;
         }
         tone
     }
 }
 
-/// At most `count` tones, the neutral one first, fitted to the leaves by Lloyd's iteration on their errors.
-pub(crate) fn palette(leaves: &[Stats], count: usize) -> Vec<Tone> {
+/// At most `count` gain-offset pairs, the neutral one first, fitted to the leaves by Lloyd's iteration on their
+/// errors.
+pub(crate) fn palette(leaves: &[Stats], count: usize, cancel: CancelCheck<'_>) -> Vec<Tone> {
     let mut tones = vec![NEUTRAL];
     if count <= 1 || leaves.is_empty() {
         return tones;
     }
-    // Seeds: the own tones of leaves, evenly spread by brightness shift.
+    // Seeds: the own gain-offset pairs of leaves, evenly spread by brightness shift.
     let mut own: Vec<Tone> = leaves.iter().map(Stats::best).collect();
     own.sort_by_key(|tone| {
         let sum = |range: std::ops::Range<usize>| tone[range].iter().map(|&v| u32::from(v)).sum::<u32>();
-        (sum(3..6) / 12, sum(0..3), *tone)
+        (sum(3..6) / (3 * SEED_OFFSETS), sum(0..3), *tone)
     });
     let step = own.len() as f64 / (count - 1) as f64;
     tones.extend((0..count - 1).map(|index| own[((index as f64 + 0.5) * step) as usize]));
@@ -136,6 +146,9 @@ pub(crate) fn palette(leaves: &[Stats], count: usize) -> Vec<Tone> {
     for _ in 0..ROUNDS {
         let mut sums = vec![Sums::default(); tones.len()];
         for stats in leaves {
+            if cancel.is_cancelled() {
+                return tones;
+            }
             let nearest = nearest(&tones, stats).0;
             sums[nearest] = sums[nearest].with(stats);
         }
@@ -148,7 +161,7 @@ pub(crate) fn palette(leaves: &[Stats], count: usize) -> Vec<Tone> {
     tones
 }
 
-/// Number and error of the tone of least error, the first of equals.
+/// Number and error of the gain-offset pair of least error, the first of equals.
 pub(crate) fn nearest(tones: &[Tone], stats: &Stats) -> (usize, f32) {
     let mut best = (0, f32::INFINITY);
     for (index, tone) in tones.iter().enumerate() {
@@ -179,7 +192,7 @@ mod tests {
         assert!((stats.error(&tone) - slow).abs() < slow * 1e-3, "{} {slow}", stats.error(&tone));
         assert!(stats.error(&stats.best()) < 64.0, "{:?}", stats.best());
         assert!((stats.plain_error() - stats.error(&NEUTRAL)).abs() < 1.0);
-        let tones = palette(&[stats; 3], 8);
+        let tones = palette(&[stats; 3], 8, CancelCheck::default());
         assert_eq!(tones[0], NEUTRAL);
         assert!(nearest(&tones, &stats).1 < 64.0);
     }

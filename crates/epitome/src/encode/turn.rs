@@ -1,6 +1,6 @@
-//! The eight orientations of a chart: quarter turns, mirrored or not.
+//! The eight orientations of a chart: quarter rotations, mirrored or not.
 
-use crate::encoded::Linear;
+use crate::format::Linear;
 
 /// An orientation: columns and rows may be exchanged, then each counted from the other end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -41,7 +41,7 @@ impl Turn {
         (if self.from_right { width - x } else { x }, if self.from_below { height - y } else { y })
     }
 
-    /// The linear part that reads turned content as `linear` reads it unturned.
+    /// The 2x2 matrix that reads rotated content as `linear` reads it unturned.
     pub(crate) fn linear(self, linear: Linear) -> Linear {
         let [a, b, c, d] = linear;
         let [a, b, c, d] = if self.exchanged { [c, d, a, b] } else { [a, b, c, d] };
@@ -64,7 +64,7 @@ mod tests {
             let cells: Vec<_> = (0..15).map(|i| turn.cell((i % 5, i / 5), size)).collect();
             assert!(cells.iter().all(|&(x, y)| x < width && y < height), "{turn:?}");
             assert!(seen.insert(cells.clone()), "{turn:?} is another one again");
-            // The centre of a cell goes to the centre of the cell that it becomes; a step follows the linear part.
+            // The centre of a cell goes to the centre of the cell that it becomes; a step follows the 2x2 matrix.
             let [a, b, c, d] = turn.linear([1, 0, 0, 1]).map(i64::from);
             let of = |x: u32, y: u32| turn.point((2 * i64::from(x) + 1, 2 * i64::from(y) + 1), (10, 6));
             for (i, &(x, y)) in (0..15).zip(&cells) {

@@ -256,8 +256,8 @@ fn epitome_cases() -> Vec<Case> {
 
 /// Epitomes whose last plane is error-coded, encoded for a PSNR in dB: beside a plain plane, or alone.
 pub(crate) fn error_mapped(image: &str, mips: bool, psnr: f64) -> (Case, bool) {
-    let (goal, family) = (Goal::Psnr(psnr), Family::ErrorMap);
-    let params = EpitomeParams { goal, family, mips, effort: Effort::Fast, ..EpitomeParams::default() };
+    let params = EpitomeParams::new(Goal::Psnr(psnr));
+    let params = params.with_family(Family::ErrorMap).with_mips(mips).with_effort(Effort::Fast);
     let set = ImageSet::single(picture(image));
     let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
     assert!(texture.errors().is_some_and(|errors| !errors.classes(0).is_empty()), "{image}");
@@ -405,9 +405,8 @@ pub(crate) fn astc_cases() -> Vec<Case> {
 
 /// Epitomes with ASTC content, encoded: random blocks are mostly illegal, or HDR, which each decoder shows in its own way.
 fn astc_epitome(content: Option<Content>) -> Case {
-    let goal = Goal::Psnr(26.0);
-    let (family, effort) = (Family::Astc, Effort::Fast);
-    let params = EpitomeParams { goal, content, family, mips: true, effort, ..EpitomeParams::default() };
+    let params = EpitomeParams::new(Goal::Psnr(26.0)).with_content(content).with_family(Family::Astc);
+    let params = params.with_mips(true).with_effort(Effort::Fast);
     let set = ImageSet::single(picture("facade"));
     let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
     let stored = gain_of(&texture) * CUT;

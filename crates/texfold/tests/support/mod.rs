@@ -72,16 +72,16 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     let params = VqParams { codebook: Some((64, 32)), effort: Effort::Fast, ..VqParams::default() };
     textures.push(("vq sequence".to_owned(), ripple.clone(), vq(&ripple, &params)));
     // BC1 and BC7 side by side, with mip levels; the same in layers; plain bytes; with an error map; two images that share content.
-    let fast = EpitomeParams { goal: Goal::Psnr(26.0), effort: Effort::Fast, ..EpitomeParams::default() };
-    let params = EpitomeParams { mips: true, ..fast.clone() };
+    let fast = EpitomeParams::new(Goal::Psnr(26.0)).with_effort(Effort::Fast);
+    let params = fast.clone().with_mips(true);
     textures.push(("epitome mixed".to_owned(), odd.clone(), epitome(&odd, &params)));
-    let params = EpitomeParams { layers: 3, ..params };
+    let params = params.with_layers(3);
     textures.push(("epitome layers".to_owned(), odd.clone(), epitome(&odd, &params)));
-    let params = EpitomeParams { content: Some(Content::Raw), ..fast.clone() };
+    let params = fast.clone().with_content(Content::Raw);
     textures.push(("epitome raw".to_owned(), odd.clone(), epitome(&odd, &params)));
-    let params = EpitomeParams { family: Family::ErrorMap, mips: true, ..fast.clone() };
+    let params = fast.clone().with_family(Family::ErrorMap).with_mips(true);
     textures.push(("epitome errors".to_owned(), odd.clone(), epitome(&odd, &params)));
-    let params = EpitomeParams { content: Some(Content::Bc1), ..fast };
+    let params = fast.with_content(Content::Bc1);
     textures.push(("epitome sequence".to_owned(), ripple.clone(), epitome(&ripple, &params)));
     // A base and an error map with mip levels; a set; a base alone.
     let fast = ProgressiveParams::default().with_goal(Goal::Psnr(32.0)).with_effort(Effort::Fast);

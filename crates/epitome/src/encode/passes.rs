@@ -1,0 +1,150 @@
+//! The search in rounds: matches are looked for in what was kept of the round before, and palettes fitted to all of
+//! them.
+
+use texfold_core::{CancelCheck, EncodeError, Goal, Job};
+
+use super::candidate::{Rules, ScaleErrors};
+use super::choose::{choose_well, most_errors};
+use super::lambda::knob_of;
+use super::models::MOST_LINEARS;
+use super::options::direct_options;
+use super::search::{Allowed, Reach, search};
+use super::searched::{ENTRY_BITS, EpitomeSearch};
+use super::state::{Choice, Options};
+
+/// Times that matches are searched for.
+const PASSES: usize = 2;
+/// Times that matches are searched for within a tolerance, by effort: each search is in what the one before has led
+/// to.
+const TOLERANCE_PASSES: [usize; 3] = [2, 3, 6];
+/// Largest step of that price at a time, as a factor.
+const MOST_RETUNED: f64 = 4.0;
+/// A change of that price that is not worth storing content anew, as a factor.
+const LEAST_RETUNED: f32 = 1.05;
+
+impl EpitomeSearch {
+    /// Looks for matches in the content that is kept so far, then again in what is kept with them. Within a
+    /// tolerance, and where content is restricted, any content may be kept.
+    pub(super) fn search(&mut self, job: &mut Job<'_>) -> Result<(), EncodeError> {
+        if !self.params.transforms.references {
+            return Ok(());
+        }
+        let cancel = job.cancel_check();
+        let (direct, own) =
+            job.install(|| direct_options(&self.space, &self.grid, &Rules::default(), cancel));
+        job.checkpoint()?;
+        if self.covers_blocks() || self.allowed.is_some() {
+            self.search_any(&own, job)
+        } else {
+            self.search_kept(&direct, &own, job)
+        }
+    }
+
+    /// Matches in any content that is allowed; within a tolerance then again in what covers the images with them.
+    fn search_any(&mut self, own: &[ScaleErrors], job: &mut Job<'_>) -> Result<(), EncodeError> {
+        let reach = Reach::of(&self.params, self.images.texel_count());
+        let errors = self.any_errors();
+        let allowed = Allowed { cells: self.allowed.as_deref(), shared: None, errors: &errors, own };
+        // The part that content is to come from may lie anywhere.
+        let reach = Reach { part: reach.part.filter(|_| self.allowed.is_none()), ..reach };
+        search(&self.space, &self.grid, reach, &allowed, &mut self.matches, job)?;
+        let (Goal::Tolerance(tolerance), None) = (self.params.goal, &self.allowed) else { return Ok(()) };
+        let cancel = job.cancel_check();
+        for _ in 1..TOLERANCE_PASSES[self.params.effort as usize] {
+            let rules = self.rules(Some(tolerance as f32));
+            let kept = job.install(|| {
+                let covers = self.covers(&self.whole(MOST_LINEARS, &rules, cancel).options, cancel);
+                Kept::of(covers.smallest())
+            });
+            job.checkpoint()?;
+            let reach = Reach { part: None, ..reach };
+            search(&self.space, &self.grid, reach, &kept.allowed(&errors, own), &mut self.matches, job)?;
+        }
+        Ok(())
+    }
+
+    /// Matches in what is kept of each image's own content, then again in what is kept with them.
+    fn search_kept(
+        &mut self,
+        direct: &Options,
+        own: &[ScaleErrors],
+        job: &mut Job<'_>,
+    ) -> Result<(), EncodeError> {
+        let reach = Reach::of(&self.params, self.images.texel_count());
+        let cancel = job.cancel_check();
+        for pass in 0..PASSES {
+            let share = |pass: usize| pass as f32 / PASSES as f32;
+            job.stage("choosing content", share(pass))?;
+            if pass > 0 {
+                job.install(|| self.retune(cancel))?;
+            }
+            let (kept, errors) = job.install(|| {
+                let whole = (pass > 0).then(|| self.whole(MOST_LINEARS, &self.rules(None), cancel).options);
+                let options = whole.as_ref().unwrap_or(direct);
+                let knob = self.likely_knob(self.params.goal, |knob| self.choose(options, knob, cancel));
+                let costs = self.costs(ENTRY_BITS, knob);
+                let choice = choose_well(self.problem(options, costs, cancel));
+                (Kept::of(&choice), most_errors(self.problem(direct, costs, cancel)))
+            });
+            job.checkpoint()?;
+            // What parts of large images keep of their own is then searched as a whole.
+            let reach = Reach { part: reach.part.filter(|_| pass == 0), ..reach };
+            job.within(share(pass), share(pass + 1), |job| {
+                search(&self.space, &self.grid, reach, &kept.allowed(&errors, own), &mut self.matches, job)
+            })?;
+        }
+        job.install(|| self.retune(cancel))?;
+        job.checkpoint()
+    }
+
+    /// Where content has a residual plane: codes it anew at the price that the goal seems to ask for.
+    fn retune(&mut self, cancel: CancelCheck<'_>) -> Result<(), EncodeError> {
+        let Some(price) = self.price else { return Ok(()) };
+        let texels = self.images.texel_count() as f64;
+        let whole = self.whole(MOST_LINEARS, &self.rules(None), cancel).options;
+        let choice = self.choose(&whole, knob_of(price), cancel);
+        let factor = match self.params.goal {
+            Goal::Psnr(wanted) => 10f64.powf((choice.psnr(texels) - wanted) / 10.0),
+            Goal::Bpp(bpp) => (choice.bits / texels / bpp).powi(2),
+            Goal::Tolerance(_) => 1.0,
+        };
+        let factor = factor.clamp(1.0 / MOST_RETUNED, MOST_RETUNED) as f32;
+        cancel.checkpoint()?;
+        if factor.max(1.0 / factor) >= LEAST_RETUNED && self.space.store_again(price * factor, cancel)? {
+            self.cell_bits = self.space.cell_bits();
+            self.shares = self.space.shares();
+            self.price = Some(price * factor);
+        }
+        Ok(())
+    }
+
+    /// For each node the squared error that a match may have: what the tolerance allows, or any.
+    fn any_errors(&self) -> Vec<f32> {
+        let most = match self.params.goal {
+            Goal::Tolerance(tolerance) => 3.0 * (tolerance * tolerance) as f32,
+            Goal::Psnr(_) | Goal::Bpp(_) => 3.0 * 255.0 * 255.0,
+        };
+        (0..self.grid.nodes()).map(|index| most * (self.grid.node(index).side.pow(2)) as f32).collect()
+    }
+}
+
+/// Cells that a choice keeps.
+struct Kept {
+    cells: Vec<bool>,
+    /// Those that several leaves read.
+    shared: Vec<bool>,
+}
+
+impl Kept {
+    fn of(choice: &Choice) -> Self {
+        Kept {
+            cells: choice.users.iter().map(|&users| users > 0).collect(),
+            shared: choice.users.iter().map(|&users| users > 1).collect(),
+        }
+    }
+
+    /// Content may come from these cells.
+    fn allowed<'a>(&'a self, errors: &'a [f32], own: &'a [ScaleErrors]) -> Allowed<'a> {
+        Allowed { cells: Some(&self.cells), shared: Some(&self.shared), errors, own }
+    }
+}

@@ -1,0 +1,220 @@
+//! Our codecs beside the texture formats that engines ship: PSNR and SSIMULACRA2 against bits a texel.
+//!
+//! `cargo run --release -p texfold-benches --bin peers -- OUT [IMAGE …]`; without images, the Kodak photographs of the data folder.
+//! Bits are what a GPU holds, everything counted, without mips. ASTC is encoded by the program `astcenc` (`-thorough`), where it
+//! is installed. JPEG stands for textures that are decoded by block on the GPU: 4:2:0, with 0.17 bits a texel for the index that
+//! such a texture needs. A curve is the mean over the images of PSNR (or SSIMULACRA2) at each setting, at the mean of its bits.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use ssimulacra2::{ColorPrimaries, Rgb, TransferCharacteristic, compute_frame_ssimulacra2};
+use texfold::image::{ColorSpace, ImageSet, Raster};
+use texfold::metric::{color_error, decode_surface, measure};
+use texfold::{
+    Bc, BcParams, Content, Effort, Encoded, Encoder, Epitome, EpitomeParams, EpitomeSource, Family, Goal,
+    Image2d, Job, Progressive, ProgressiveParams, SharedSearch,
+};
+use texfold_benches::report::{Chart, Line, Outcome, Table};
+
+/// Bits a texel that our codecs are asked for: those of ASTC in blocks of 12x12, 10x10, 8x8 and 6x6, and half a bit.
+const GOALS: [f64; 5] = [0.5, 0.89, 1.28, 2.0, 3.56];
+/// Sides of ASTC blocks.
+const ASTC: [u32; 4] = [12, 10, 8, 6];
+/// Qualities of JPEG.
+const JPEG: [u8; 7] = [15, 25, 40, 60, 75, 85, 92];
+/// Bits a texel of the index of a JPEG texture (Kristmann, Wimmer and Schuetz 2026).
+const JPEG_INDEX: f64 = 0.17;
+
+/// What one setting of one form reaches on one image.
+struct Point {
+    form: &'static str,
+    setting: String,
+    bpp: f64,
+    psnr: f64,
+    ssimulacra2: f64,
+}
+
+fn main() -> Outcome<()> {
+    let mut arguments = std::env::args().skip(1).map(PathBuf::from);
+    let out = arguments.next().ok_or("name the folder to write to")?;
+    std::fs::create_dir_all(&out)?;
+    let mut images: Vec<PathBuf> = arguments.collect();
+    if let Some(data) = texfold_testkit::data_dir("peers").filter(|_| images.is_empty()) {
+        let folder = std::fs::read_dir(data.join("vq/kodak"))?;
+        images = folder.map(|entry| entry.map(|entry| entry.path())).collect::<Result<_, _>>()?;
+        images.sort();
+    }
+    let mut points = Vec::new();
+    for path in &images {
+        eprintln!("{}", path.display());
+        let image = texfold_testkit::png(path).with_channels(3);
+        points.extend(ours(&image)?);
+        points.extend(plain(&image)?);
+        points.extend(jpeg(&image)?);
+        points.extend(astc(&image)?);
+    }
+    write(&out, &points, images.len())
+}
+
+/// Our codecs at [`GOALS`].
+fn ours(image: &Raster) -> Outcome<Vec<Point>> {
+    let set = ImageSet::single(image.clone());
+    let first = Goal::Bpp(GOALS[0]);
+    let progressive = ProgressiveParams { goal: first, ..ProgressiveParams::default() };
+    let progressive = Progressive::search(&set, &progressive, &mut Job::default())?;
+    let epitome = EpitomeParams { goal: first, family: Family::ErrorMap, ..EpitomeParams::default() };
+    let epitome = Epitome::search(EpitomeSource::new(&set), &epitome, &mut Job::default())?;
+    let mut points = Vec::new();
+    for goal in GOALS {
+        let setting = format!("{goal}");
+        let texture = Progressive::encode_from(&progressive, Goal::Bpp(goal), &mut Job::default())?;
+        points.push(judge("progressive", setting.clone(), image, &texture)?);
+        let texture = Epitome::encode_from(&epitome, Goal::Bpp(goal), &mut Job::default())?;
+        points.push(judge("epitome", setting, image, &texture)?);
+    }
+    Ok(points)
+}
+
+/// BC1 and BC7 at full and half size.
+fn plain(image: &Raster) -> Outcome<Vec<Point>> {
+    let set = ImageSet::single(image.clone());
+    let forms = [
+        ("BC1", Content::Bc1, 1),
+        ("BC1", Content::Bc1, 0),
+        ("BC7", Content::Bc7, 1),
+        ("BC7", Content::Bc7, 0),
+    ];
+    let encode = |(form, content, reduce_log2): (&'static str, Content, u32)| {
+        let params = BcParams {
+            goal: Goal::Bpp(f64::MAX),
+            content: Some(content),
+            reduce_log2: Some(reduce_log2),
+            effort: Effort::Normal,
+            ..BcParams::default()
+        };
+        let texture = Bc::encode(&set, &params, &mut Job::default())?;
+        judge(form, format!("1/{}", 1 << reduce_log2), image, &texture)
+    };
+    forms.into_iter().map(encode).collect()
+}
+
+/// Baseline JPEG, 4:2:0, with the bits of an index.
+fn jpeg(image: &Raster) -> Outcome<Vec<Point>> {
+    use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
+    let size = image.size();
+    let (bytes, sides) = (image.to_bytes(), (size.width as u16, size.height as u16));
+    let encode = |quality: u8| {
+        let mut file = Vec::new();
+        let mut encoder = Encoder::new(&mut file, quality);
+        encoder.set_sampling_factor(SamplingFactor::F_2_2);
+        encoder.set_optimized_huffman_tables(true);
+        encoder.encode(&bytes, sides.0, sides.1, ColorType::Rgb)?;
+        let decoded = image::load_from_memory(&file)?.to_rgb8();
+        let decoded = Raster::from_u8(size.width, size.height, 3, ColorSpace::Srgb, decoded.as_raw())?;
+        let bpp = 8.0 * file.len() as f64 / size.texels() as f64 + JPEG_INDEX;
+        compare("JPEG texture", format!("q{quality}"), image, &decoded, bpp)
+    };
+    JPEG.into_iter().map(encode).collect()
+}
+
+/// ASTC by `astcenc`; nothing where it is not installed.
+fn astc(image: &Raster) -> Outcome<Vec<Point>> {
+    let dir = tempfile::tempdir()?;
+    let (input, output) = (dir.path().join("in.png"), dir.path().join("out.png"));
+    let size = image.size();
+    image::save_buffer(&input, &image.to_bytes(), size.width, size.height, image::ExtendedColorType::Rgb8)?;
+    let mut points = Vec::new();
+    for side in ASTC {
+        let block = format!("{side}x{side}");
+        let mut program = Command::new("astcenc");
+        program
+            .arg("-tl")
+            .args([&input, &output])
+            .args([&block, "-thorough", "-silent"])
+            .stdout(Stdio::null());
+        match program.status() {
+            Ok(status) if status.success() => {}
+            Ok(status) => return Err(format!("astcenc ended with {status}").into()),
+            Err(_) => {
+                eprintln!("astcenc is not installed: no ASTC in the chart");
+                return Ok(Vec::new());
+            }
+        }
+        let decoded = texfold_testkit::png(&output).with_channels(3);
+        let blocks = size.width.div_ceil(side) * size.height.div_ceil(side);
+        let bpp = 128.0 * f64::from(blocks) / size.texels() as f64;
+        points.push(compare("ASTC", block, image, &decoded, bpp)?);
+    }
+    Ok(points)
+}
+
+fn judge(
+    form: &'static str,
+    setting: String,
+    image: &Raster,
+    texture: &dyn Encoded<Domain = Image2d>,
+) -> Outcome<Point> {
+    let bpp = measure(&ImageSet::single(image.clone()), texture).bpp;
+    let decoded = decode_surface(texture, 0, 0).ok_or("an encoded image has no level 0")?;
+    compare(form, setting, image, &decoded, bpp)
+}
+
+fn compare(
+    form: &'static str,
+    setting: String,
+    image: &Raster,
+    decoded: &Raster,
+    bpp: f64,
+) -> Outcome<Point> {
+    let frame = |raster: &Raster| {
+        let pixels = raster.texels().map(|texel| texel.truncate().to_array()).collect();
+        let (width, height) = (image.size().width as usize, image.size().height as usize);
+        Rgb::new(pixels, width, height, TransferCharacteristic::SRGB, ColorPrimaries::BT709)
+    };
+    let ssimulacra2 = compute_frame_ssimulacra2(frame(image)?, frame(decoded)?)?;
+    Ok(Point { form, setting, bpp, psnr: color_error(image, decoded).psnr(), ssimulacra2 })
+}
+
+/// Means over the images of each form and setting, as a table and two charts.
+fn write(out: &Path, points: &[Point], images: usize) -> Outcome<()> {
+    let mut table = Table::new(&["form", "setting", "bits a texel", "PSNR dB", "SSIMULACRA2"]);
+    let (mut psnr, mut eye): (Vec<Line>, Vec<Line>) = (Vec::new(), Vec::new());
+    let mut done: Vec<(&str, &str)> = Vec::new();
+    for point in points {
+        let key = (point.form, point.setting.as_str());
+        if done.contains(&key) {
+            continue;
+        }
+        done.push(key);
+        let same: Vec<&Point> =
+            points.iter().filter(|other| (other.form, other.setting.as_str()) == key).collect();
+        let mean =
+            |of: fn(&Point) -> f64| same.iter().map(|point| of(point)).sum::<f64>() / same.len() as f64;
+        let (bpp, db, score) = (mean(|p| p.bpp), mean(|p| p.psnr), mean(|p| p.ssimulacra2));
+        table.row(vec![
+            point.form.to_owned(),
+            point.setting.clone(),
+            format!("{bpp:.2}"),
+            format!("{db:.2}"),
+            format!("{score:.1}"),
+        ]);
+        for (lines, value) in [(&mut psnr, db), (&mut eye, score)] {
+            match lines.iter_mut().find(|(form, _)| form == point.form) {
+                Some((_, line)) => line.push((bpp, value)),
+                None => lines.push((point.form.to_owned(), vec![(bpp, value)])),
+            }
+        }
+    }
+    let text = format!("Means over {images} images; bits a texel are what a GPU holds, without mips.");
+    table.write(out, "peers", &text)?;
+    let charts =
+        [("PSNR in dB", &mut psnr, "peers-psnr.svg"), ("SSIMULACRA2", &mut eye, "peers-ssimulacra2.svg")];
+    for (up, lines, name) in charts {
+        lines.iter_mut().for_each(|(_, line)| line.sort_by(|a, b| a.0.total_cmp(&b.0)));
+        lines.iter_mut().for_each(|(_, line)| line.retain(|point| point.0 <= 4.5));
+        let chart = Chart { caption: up, across: "bits a texel in GPU memory", up, logarithmic: false };
+        chart.draw(lines, &out.join(name))?;
+    }
+    Ok(())
+}

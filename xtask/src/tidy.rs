@@ -114,7 +114,11 @@ const ALLOWED: [Allowed; 18] = [
         package: "benches",
         numeric: true,
         may: &[
+            "image",
+            "jpeg-encoder",
             "plotters",
+            "ssimulacra2",
+            "tempfile",
             "texfold",
             "texfold-bc",
             "texfold-cli",

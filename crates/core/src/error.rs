@@ -201,12 +201,14 @@ pub enum LoadError {
         /// Number found.
         found: u16,
     },
-    /// A later format version.
-    #[error("the file is of format version {found}, this reader knows {supported}; update Texfold")]
+    /// Another format version.
+    #[error(
+        "the file is of format version {found}, this reader knows {supported}; update Texfold, or encode the source again where the file is older"
+    )]
     Version {
         /// Version found.
         found: u16,
-        /// Latest version known.
+        /// The version known.
         supported: u16,
     },
     /// The file ends before something that is needed.

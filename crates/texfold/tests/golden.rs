@@ -1,4 +1,4 @@
-//! Files of format version 1 that must open and decode to the same picture for as long as that version is read.
+//! Files of format version 2, which must open and decode to the same images for ever.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
 

@@ -61,9 +61,9 @@ fn main() -> Outcome<()> {
 fn ours(image: &Raster) -> Outcome<Vec<Point>> {
     let set = ImageSet::single(image.clone());
     let first = Goal::Bpp(GOALS[0]);
-    let progressive = ProgressiveParams { goal: first, ..ProgressiveParams::default() };
+    let progressive = ProgressiveParams::default().with_goal(first);
     let progressive = Progressive::search(&set, &progressive, &mut Job::default())?;
-    let epitome = EpitomeParams { goal: first, family: Family::ErrorMap, ..EpitomeParams::default() };
+    let epitome = EpitomeParams::new(first).with_family(Family::ErrorMap);
     let epitome = Epitome::search(EpitomeSource::new(&set), &epitome, &mut Job::default())?;
     let mut points = Vec::new();
     for goal in GOALS {

@@ -1,0 +1,33 @@
+//! Code in the README is that of examples, which compile and run.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Most lines of the README.
+const LINES: usize = 200;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+#[test]
+fn its_code_stands_in_examples() {
+    let readme = fs::read_to_string(root().join("README.md")).unwrap();
+    let embed = fs::read_to_string(root().join("crates/texfold/examples/embed.rs")).unwrap();
+    let material = fs::read_to_string(root().join("crates/gpu/examples/material.rs")).unwrap();
+    let snippet = material.split("// README: from here\n").nth(1).unwrap();
+    let snippet = snippet.split("// README: to here").next().unwrap();
+    let code: Vec<&str> =
+        readme.split("```rust\n").skip(1).map(|rest| rest.split("```").next().unwrap()).collect();
+    assert_eq!(code.len(), 2);
+    assert!(embed.ends_with(code[0]), "differs from crates/texfold/examples/embed.rs");
+    assert_eq!(code[1], snippet, "differs from crates/gpu/examples/material.rs");
+}
+
+#[test]
+fn it_is_short() {
+    let lines = fs::read_to_string(root().join("README.md")).unwrap().lines().count();
+    assert!(lines <= LINES, "{lines} lines");
+}

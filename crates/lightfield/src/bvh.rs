@@ -95,6 +95,7 @@ impl Bvh {
     }
 
     /// Whether a triangle that `counts` admits lies within `distances`, without their ends.
+    #[cfg(feature = "encode")]
     pub(crate) fn blocks(
         &self,
         origin: Vec3,

@@ -166,6 +166,7 @@ impl LightTexture {
     }
 
     /// As [`LightTexture::view`], with at most `terms` terms beside the mean.
+    #[cfg(feature = "encode")]
     pub(crate) fn view_of_terms(&self, terms: u32) -> LightfieldView<'_> {
         let whole = self.view();
         let params = TexfoldLightfieldParams { terms: self.params.terms.min(terms), ..self.params };

@@ -58,6 +58,7 @@ impl Sharing {
     }
 
     /// Texels of all patches, and of all view maps of `grid` texels a side.
+    #[cfg(feature = "encode")]
     pub(crate) fn texels(&self, grid: u32) -> (u64, u64) {
         let of_side = |(log2, &count): (usize, &u32)| {
             let side = 1u64 << log2;
@@ -81,6 +82,7 @@ pub(crate) struct Widths {
 
 impl Widths {
     /// With which atlases of these layers, the mean first, are about square.
+    #[cfg(feature = "encode")]
     pub(crate) fn of(layers: &[Sharing], largest_log2: u8, grid: u32) -> Widths {
         let width = |texels: u64, multiple: u32, least: u32| {
             let ideal = (texels as f64).sqrt().ceil().min(f64::from(MAX_PLANE_SIDE)) as u32;

@@ -4,23 +4,13 @@ use texfold_bc::ContentPlanes;
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
 
 use crate::Mesh;
-use crate::decode::{TEXFOLD_LIGHTFIELD_ROW, texfold_lightfield_scale};
+use crate::decode::TEXFOLD_LIGHTFIELD_ROW;
 use crate::kinds::{Directions, Factors};
 use crate::layout::{Layout, Sharing, Widths, reduced};
 
 /// Pixels of all maps: red, green and blue.
 pub(crate) const PIXEL: PixelInfo =
     PixelInfo { channels: 3, depth: Depth::Eight, color: ColorSpace::Srgb, alpha: Alpha::Opaque };
-
-/// The scale that a byte stands for; 0 stands for 0.
-pub(crate) fn scale_of(byte: u8) -> f32 {
-    texfold_lightfield_scale(u32::from(byte))
-}
-
-/// The least scale of at least `value`; the largest where there is none, 0 for less than the least.
-pub(crate) fn byte_of(value: f32) -> u8 {
-    if value < scale_of(1) { 0 } else { (1..=255).find(|&byte| scale_of(byte) >= value).unwrap_or(255) }
-}
 
 /// The byte of a map that stands for 0, and bytes from there to the one that stands for 1.
 pub(crate) fn zero_and_range(factors: Factors) -> (f32, f32) {

@@ -16,11 +16,21 @@ use super::share::{Books, Codebooks, LayerMaps, Map, Rgb, Room, Stored, share};
 use super::shared::Codewords;
 use super::surface::{Blend, Lattice};
 use crate::CaptureError;
-use crate::decode::texfold_lightfield_texel;
+use crate::decode::{texfold_lightfield_scale, texfold_lightfield_texel};
 use crate::kinds::Factors;
 use crate::layout::{Layout, NONE, Sharing, Widths, reduced};
 use crate::params::LightParams;
-use crate::parts::{PIXEL, Parts, byte_of, mean_size, scale_of, surface_size, view_size, zero_and_range};
+use crate::parts::{PIXEL, Parts, mean_size, surface_size, view_size, zero_and_range};
+
+/// The scale that a byte stands for; 0 stands for 0.
+fn scale_of(byte: u8) -> f32 {
+    texfold_lightfield_scale(u32::from(byte))
+}
+
+/// The least scale of at least `value`; the largest where there is none, 0 for less than the least.
+fn byte_of(value: f32) -> u8 {
+    if value < scale_of(1) { 0 } else { (1..=255).find(|&byte| scale_of(byte) >= value).unwrap_or(255) }
+}
 
 /// A map's value as a stored one.
 fn stored(value: Vec3, factors: Factors) -> Rgb {

@@ -91,8 +91,8 @@ fn what_cannot_be_made_of_a_file_is_said() {
     let place = Place::new();
     place.picture("a.png", 16, 16, 3);
     for (arguments, what) in [
-        ("a.png --codec zipmap", "is no folder of photographs"),
-        ("a.png --as zoom", "is no folder of photographs"),
+        ("a.png --codec zipmap", "is not a folder of photographs"),
+        ("a.png --as zoom", "is not a folder of photographs"),
         ("a.png --content astc", "not in this build"),
     ] {
         let (run, report) = place.compress(&format!("{arguments} --out out"));

@@ -133,7 +133,7 @@ fn a_goal_is_reached_or_the_report_says_so() {
     let place = Place::new();
     write_capture(&place, "ball");
     let (_, low) = place.compress("ball --codec lightfield --psnr 20 --out out");
-    assert!(low[0]["settings"].as_str().unwrap().contains("0 terms") && low[0]["warnings"] == json!([]));
+    assert!(low[0]["settings"].as_str().unwrap().contains("--terms 0 ") && low[0]["warnings"] == json!([]));
     let (run, high) = place.compress("ball --codec lightfield --psnr 90 --out out");
     assert!(run.code == Some(0) && high[0]["warnings"][0].as_str().unwrap().contains("90"), "{}", high[0]);
 }
@@ -168,8 +168,8 @@ fn faults_of_captures_are_named() {
     for (arguments, wanted) in [
         ("ball --codec lightfield --mesh a.png", "none of OBJ, PLY"),
         ("ball --codec vq", "--as set"),
-        ("a.png --codec lightfield", "is no capture"),
-        ("a.png --as lightfield", "is no capture"),
+        ("a.png --codec lightfield", "is not a capture"),
+        ("a.png --as lightfield", "is not a capture"),
     ] {
         let (run, report) = place.compress(&format!("{arguments} --out out"));
         let error = report[0]["error"].as_str().unwrap();

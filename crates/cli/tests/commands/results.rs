@@ -124,7 +124,7 @@ fn a_progressive_file_is_decoded_layer_by_layer() {
     let (run, report) = place.compress(arguments);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert_eq!(report[0]["codec"], "epitome", "{}", report[0]["verdict"]);
-    assert!(report[0]["settings"].as_str().unwrap().ends_with("3 layers"), "{report:?}");
+    assert!(report[0]["settings"].as_str().unwrap().ends_with("--layers 3"), "{report:?}");
     let run = place.run("info out/a.txf");
     assert!(run.stdout.contains("layers    3 of 3"), "{}", run.stdout);
     assert!(run.stdout.contains("map, layer 1") && run.stdout.contains("epitome, layer 3"), "{}", run.stdout);

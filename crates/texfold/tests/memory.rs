@@ -1,19 +1,31 @@
-//! Limits bound what loading and the form for GPUs allocate: the allocator counts, not the budget's own sum.
+//! Limits bound what loading and the form for GPUs allocate, and a loaded texture holds little more than its planes: the
+//! allocator counts, not the budget's own sum.
 //!
-//! One test alone, as the allocator counts what all threads of the process hold.
+//! The tests take turns, as the allocator counts what all threads of the process hold.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
 
 mod support;
 
+use std::sync::Mutex;
+
 use peak_alloc::PeakAlloc;
-use support::small_textures;
+use support::{epitome, fixture, progressive, small_textures};
 use texfold::container::{NOTES_ID, SectionWriter, write_layout};
-use texfold::{Bc, Budget, ImageAddress, ImageLayout, Limits, Notes, SurfaceSize, TextureCodec, open_image};
+use texfold::{
+    Bc, Budget, ENCODINGS, Effort, EncodeSettings, EpitomeParams, Family, Goal, Guidance, ImageAddress,
+    ImageLayout, Job, Limits, Notes, ProgressiveParams, SurfaceSize, TextureCodec, open_image,
+};
 use texfold_core::image::PixelInfo;
 
 #[global_allocator]
 static ALLOCATOR: PeakAlloc = PeakAlloc;
+
+/// Bytes that a loaded texture may hold for each byte that a GPU holds of it: planes and what says where they are. Tables of
+/// the CPU decoder, which take ten times as much and more, are made when first asked for.
+const HELD: f64 = 1.3;
+
+static TURN: Mutex<()> = Mutex::new(());
 
 /// What no budget books, in bytes: names, a list of sections, work that threads share out.
 const SLACK: u64 = 64 << 10;
@@ -68,8 +80,44 @@ fn excess(bytes: &[u8]) -> (u64, u64) {
     (u64::MAX, worst)
 }
 
+/// Bytes held of the texture in `bytes` after it was loaded and handed to a GPU, for each byte that the GPU holds.
+fn held(bytes: &[u8]) -> f64 {
+    let before = ALLOCATOR.current_usage();
+    let texture = open_image(bytes, &mut Budget::default()).unwrap();
+    let on_gpu = texture.as_encoded().gpu().bits_memory() / 8;
+    (ALLOCATOR.current_usage() - before) as f64 / on_gpu as f64
+}
+
+#[test]
+fn opening_for_a_gpu_decodes_nothing() {
+    let _turn = TURN.lock().unwrap();
+    let facade = fixture("facade");
+    let goal = Goal::Psnr(30.0);
+    let layered = EpitomeParams::new(goal).with_effort(Effort::Fast).with_layers(3).with_mips(true);
+    let coded = EpitomeParams::new(goal).with_effort(Effort::Fast).with_family(Family::ErrorMap);
+    let mut textures = vec![
+        ("layered epitome".to_owned(), epitome(&facade, &layered)),
+        ("epitome with a residual plane".to_owned(), epitome(&facade, &coded)),
+        (
+            "progressive".to_owned(),
+            progressive(&facade, &ProgressiveParams::default().with_goal(goal).with_mips(true)),
+        ),
+    ];
+    let settings = EncodeSettings { goal, mips: true, effort: Effort::Fast, ..EncodeSettings::default() };
+    for encoding in &ENCODINGS {
+        let texture = encoding.encode(&facade, Guidance::default(), &settings, &mut Job::default()).unwrap();
+        textures.push((encoding.id.name.to_owned(), texture));
+    }
+    for (name, texture) in textures {
+        let held = held(&texture.to_bytes());
+        println!("{name}: {held:.2} bytes held for each on the GPU");
+        assert!(held <= HELD, "{name}: {held:.2}");
+    }
+}
+
 #[test]
 fn no_file_makes_a_reader_allocate_more_than_its_limit() {
+    let _turn = TURN.lock().unwrap();
     // Many images of one texel, which compress to nothing.
     let many = plain_file(1 << 18, &[]);
     assert!(many.len() < 4096);

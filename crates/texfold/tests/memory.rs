@@ -24,6 +24,8 @@ static ALLOCATOR: PeakAlloc = PeakAlloc;
 /// Bytes that a loaded texture may hold for each byte that a GPU holds of it: planes and what says where they are. Tables of
 /// the CPU decoder, which take ten times as much and more, are made when first asked for.
 const HELD: f64 = 1.3;
+/// The same of layered epitomes, which also hold the maps of their coarser layers.
+const HELD_IN_LAYERS: f64 = 1.4;
 
 static TURN: Mutex<()> = Mutex::new(());
 
@@ -108,11 +110,16 @@ fn opening_for_a_gpu_decodes_nothing() {
         let texture = encoding.encode(&facade, Guidance::default(), &settings, &mut Job::default()).unwrap();
         textures.push((encoding.id.name.to_owned(), texture));
     }
+    let mut over = Vec::new();
     for (name, texture) in textures {
         let held = held(&texture.to_bytes());
         println!("{name}: {held:.2} bytes held for each on the GPU");
-        assert!(held <= HELD, "{name}: {held:.2}");
+        let most = if texture.as_encoded().layers().total > 2 { HELD_IN_LAYERS } else { HELD };
+        if held > most {
+            over.push((name, held));
+        }
     }
+    assert!(over.is_empty(), "{over:?}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ use crate::{Budget, Domain, Encoded, LoadError};
 
 /// A way to store textures: which number it has in files, what its textures are addressed by, how one is loaded.
 ///
-/// This is all that reading and drawing need. A codec whose textures can be made, too, is an [`Encoder`]; those are
+/// This is all that reading and drawing need. A codec whose textures can be made, too, is an `Encoder`; those are
 /// compiled with the cargo feature `encode`.
 pub trait TextureCodec {
     /// Number and name of the codec in files.

@@ -24,7 +24,7 @@ pub trait Encoder: TextureCodec {
     ) -> Result<Self::Encoded, EncodeError>;
 }
 
-/// Parameters of a codec: at most six public fields and an [`Effort`].
+/// Parameters of a codec: at most six public fields and an [`crate::Effort`].
 pub trait Params: Clone + Default + Debug {
     /// Checks every field against its range.
     ///

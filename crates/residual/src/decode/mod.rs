@@ -7,7 +7,7 @@
 //! name its value alone: the last [`TEXFOLD_RESIDUAL_STATE_BITS`] bits up to its own last one do, around the block, by a
 //! fixed pseudo-random table.
 //!
-//! Cost: 12 loads of words a texel. [`fast`] decodes whole blocks with the same arithmetic.
+//! Cost: 12 loads of words a texel. `fast.rs` decodes whole blocks with the same arithmetic.
 
 pub(crate) mod fast;
 

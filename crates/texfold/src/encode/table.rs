@@ -102,7 +102,7 @@ impl Encoding {
     /// Encodes with this codec, whatever the settings' choice, and with nothing else.
     ///
     /// # Errors
-    /// As [`Encoder::encode`].
+    /// As [`texfold_core::Encoder::encode`].
     pub fn encode(
         &self,
         images: &ImageSet,

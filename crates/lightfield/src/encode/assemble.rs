@@ -333,3 +333,20 @@ impl Scene {
         lattice(steps).for_each(|at| see(self.surface.texel(&self.mesh, triangle, places, at)));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scales_rise_by_an_eighth_of_an_octave_and_hold_what_they_are_asked_for() {
+        assert_eq!((scale_of(0), scale_of(1), scale_of(209)), (0.0, 2f32.powi(-26), 1.0));
+        for byte in 1..=254 {
+            let ratio = scale_of(byte + 1) / scale_of(byte);
+            assert!((ratio - 2f32.powf(0.125)).abs() < 1e-5, "{byte}: {ratio}");
+            assert_eq!(byte_of(scale_of(byte)), byte);
+            assert_eq!(byte_of(scale_of(byte) * 1.01), byte + 1);
+        }
+        assert_eq!((byte_of(0.0), byte_of(f32::MAX)), (0, 255));
+    }
+}

@@ -179,15 +179,20 @@ pub struct MemoryBits {
     pub counted: u64,
 }
 
-/// Parameters of an image that goals do not count, in bytes; what a codec needs beyond counts.
-pub const HEADER_BYTES: u64 = 512;
+/// Parameters of an image that goals do not count, in bytes: those of plain blocks. What a codec needs beyond them counts.
+pub const HEADER_BYTES: u64 = 32;
+
+/// Bits of `bytes` of parameters of `images` images that goals count: what exceeds [`HEADER_BYTES`] an image.
+#[must_use]
+pub fn parameter_bits(bytes: u64, images: u64) -> u64 {
+    8 * bytes.saturating_sub(HEADER_BYTES * images)
+}
 
 impl GpuForm<'_> {
     /// Bits of all planes and parameters, and those that goals count.
     #[must_use]
     pub fn memory(&self) -> MemoryBits {
-        let headers = self.uniforms.len() as u64;
-        let beyond = 8 * headers.saturating_sub(HEADER_BYTES * self.surfaces.len() as u64);
+        let beyond = parameter_bits(self.uniforms.len() as u64, self.surfaces.len() as u64);
         let texels: u64 =
             self.planes.iter().map(|plane| plane.texel_bits().min(8 * plane.data.len() as u64)).sum();
         MemoryBits { total: self.bits_memory(), counted: texels + beyond }
@@ -224,7 +229,7 @@ mod tests {
         };
         let odd = form(plane(PlaneFormat::Bc1, 37, 61), 32).memory();
         assert_eq!(odd, MemoryBits { total: 10 * 16 * 64 + 32 * 8, counted: 37 * 61 * 4 });
-        let words = form(plane(PlaneFormat::R32Uint, 8, 8), 512 + 16).memory();
-        assert_eq!(words, MemoryBits { total: 64 * 32 + 528 * 8, counted: 64 * 32 + 16 * 8 });
+        let words = form(plane(PlaneFormat::R32Uint, 8, 8), 32 + 16).memory();
+        assert_eq!(words, MemoryBits { total: 64 * 32 + 48 * 8, counted: 64 * 32 + 16 * 8 });
     }
 }

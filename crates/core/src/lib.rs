@@ -42,7 +42,9 @@ pub use encoded::{AnyEncoded, Encoded, Layers, Refine};
 pub use encoder::{Encoder, Growable, Params, SharedSearch};
 pub use error::{EncodeError, LoadError, ParamError, ParamValue, RegionError, SourceError};
 pub use footprint::{Footprint, Part};
-pub use gpu_form::{AstcBlock, GpuForm, HEADER_BYTES, MemoryBits, Plane, PlaneFormat, SurfaceBinding};
+pub use gpu_form::{
+    AstcBlock, GpuForm, HEADER_BYTES, MemoryBits, Plane, PlaneFormat, SurfaceBinding, parameter_bits,
+};
 pub use id::{CodecId, String4};
 pub use image::{ImageLayout, SurfaceSize};
 #[cfg(feature = "encode")]

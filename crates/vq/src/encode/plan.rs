@@ -1,8 +1,9 @@
 //! The size of a codebook and the places of its samples, and how many bits all else takes.
 
-use texfold_core::ImageLayout;
+use texfold_core::{ImageLayout, parameter_bits};
 
 use crate::classes::Groups;
+use crate::decode::TexfoldVqParams;
 use crate::grid::{Grid, MAX_CODEBOOK_SIDE};
 
 /// Texels of a cell, as of a block.
@@ -54,9 +55,12 @@ impl Grid {
     }
 }
 
-/// Bits of everything but the codebook that goals count: the index planes.
+/// Bits of everything but the codebook that goals count: the index planes and the parameters.
 pub(crate) fn fixed_bits(layout: &ImageLayout) -> u64 {
-    Groups::of(layout).planes().map(|plane| 8 * plane.bytes()).sum()
+    let groups = Groups::of(layout);
+    let planes: u64 = groups.planes().map(|plane| 8 * plane.bytes()).sum();
+    let parameters = (groups.planes().count() * size_of::<TexfoldVqParams>()) as u64;
+    planes + parameter_bits(parameters, groups.places.len() as u64)
 }
 
 #[cfg(test)]

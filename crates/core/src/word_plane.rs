@@ -30,11 +30,14 @@ impl WordRows {
         WordRows { row_log2, words: whole }
     }
 
-    /// Fills `words` up with 0 to whole rows.
+    /// Fills `words` up with 0 to whole rows. The result has no room beyond them; nothing is copied where `words` was
+    /// made with room for just these.
     #[must_use]
     pub fn padded(mut words: Vec<u32>) -> (Vec<u32>, Self) {
         let rows = WordRows::of(words.len());
+        words.reserve_exact(rows.words - words.len());
         words.resize(rows.words, 0);
+        words.shrink_to_fit();
         (words, rows)
     }
 }
@@ -77,6 +80,10 @@ mod tests {
             );
         }
         let (words, rows) = WordRows::padded(vec![7; 65]);
+        assert_eq!(words.capacity(), 128, "no room beyond whole rows");
+        let mut roomy = vec![7; 65];
+        roomy.reserve(1000);
+        assert_eq!(WordRows::padded(roomy).0.capacity(), 128);
         let plane = word_plane("map", &words, rows.row_log2);
         assert_eq!((plane.width, plane.height, plane.data.len()), (64, 2, 512));
         assert_eq!(plane.data[..4], [7, 0, 0, 0]);

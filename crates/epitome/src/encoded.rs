@@ -300,7 +300,7 @@ mod tests {
         let levels: usize = epitomes.iter().chain(coarse).flatten().map(planes).sum();
         let layers = layering.as_ref().map_or(0, |layering| {
             let maps: usize = layering.coarser.iter().map(|map| map.held_bytes()).sum();
-            maps + layering.cells.iter().map(Vec::capacity).sum::<usize>()
+            maps + layering.cells.iter().map(|cells| cells.held_bytes()).sum::<usize>()
         });
         let palettes =
             size_of::<Linear>() * palettes.linears.capacity() + size_of::<Tone>() * palettes.tones.capacity();

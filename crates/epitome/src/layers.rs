@@ -42,13 +42,17 @@ impl Parts {
         parts.map = MapPlane::new(&self.format, &self.palettes, &self.map_of(count - 1));
         for (levels, cells) in parts.epitomes.iter_mut().zip(&layering.cells) {
             let columns = columns_of(levels);
+            let cells = cells.unpacked();
             for (level, planes) in (0u32..).zip(levels.iter_mut()) {
-                let layers = layers_at(cells, columns, level);
+                let layers = layers_at(&cells, columns, level);
                 let gone = numbers(&layers, |layer| u32::from(layer) >= count);
                 *planes = edited(planes, &gone, |place, _| place.fill(0));
             }
         }
-        let cells = |cells: &Vec<u8>| cells.iter().map(|&layer| layer.min(count as u8)).collect();
+        let cells = |cells: &CellLayers| {
+            let cells: Vec<u8> = cells.unpacked().into_iter().map(|layer| layer.min(count as u8)).collect();
+            CellLayers::new(&cells, layering.total)
+        };
         parts.layering = Some(Box::new(Layering {
             total: layering.total,
             rows: layering.rows.clone(),
@@ -56,6 +60,39 @@ impl Parts {
             cells: layering.cells.iter().map(cells).collect(),
         }));
         Some(parts)
+    }
+}
+
+/// The layer that brings each cell of an epitome, row by row.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct CellLayers {
+    packed: Vec<u8>,
+    /// Bits of a cell: 1, 2 or 4, so that no cell lies in two bytes.
+    bits: u32,
+    count: usize,
+}
+
+impl CellLayers {
+    /// Of a file of `total` layers, which are counted from 0.
+    pub(crate) fn new(layers: &[u8], total: u32) -> Self {
+        let bits = (u32::BITS - total.saturating_sub(1).leading_zeros()).next_power_of_two();
+        let pack =
+            |cells: &[u8]| (0..).zip(cells).fold(0, |byte, (place, &layer)| byte | layer << (bits * place));
+        CellLayers { packed: layers.chunks(8 / bits as usize).map(pack).collect(), bits, count: layers.len() }
+    }
+
+    /// The layer of each cell.
+    pub(crate) fn unpacked(&self) -> Vec<u8> {
+        let per_byte = 8 / self.bits;
+        let mask = ((1u32 << self.bits) - 1) as u8;
+        let cells = |&byte: &u8| (0..per_byte).map(move |place| byte >> (self.bits * place) & mask);
+        self.packed.iter().flat_map(cells).take(self.count).collect()
+    }
+
+    /// Bytes that it holds.
+    #[cfg(test)]
+    pub(crate) fn held_bytes(&self) -> usize {
+        self.packed.capacity()
     }
 }
 
@@ -201,6 +238,16 @@ mod tests {
         assert!(rows(&texture) <= rows(&all));
         for level in 0..texture.layout().levels {
             assert!(decode_surface(&all, 0, level) == decode_surface(&texture, 0, level), "level {level}");
+        }
+    }
+
+    #[test]
+    fn layers_of_cells_are_packed_and_read_again() {
+        for (total, bytes) in [(2, 5), (3, 10), (4, 10), (5, 19), (8, 19)] {
+            let layers: Vec<u8> = (0..37).map(|cell| cell * 5 % total as u8).collect();
+            let packed = CellLayers::new(&layers, total);
+            assert_eq!(packed.unpacked(), layers, "{total}");
+            assert_eq!(packed.held_bytes(), bytes, "{total}");
         }
     }
 

@@ -6,6 +6,7 @@
 use texfold_core::{Plane, WordRows, word_plane};
 
 use crate::format::{Entry, LayerMap, MapFormat, Palettes, leaves_of};
+use crate::layers::same_leaves;
 
 /// The map plane's words.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,32 +83,69 @@ impl MapPlane {
     }
 }
 
-/// Trees and entries of a layer that is not drawn, packed as in the plane.
+/// The map of a layer that is not drawn: its trees, and those of its entries that the next finer layer has not. Most
+/// leaves that stand in both have the same entry.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct PackedMap {
+pub(crate) struct CoarserMap {
     trees: Vec<u8>,
+    /// For each leaf that stands in the finer map, too, whether its entry is the same.
+    same: Vec<u8>,
+    /// The other entries, packed as in the plane.
     entries: Vec<u8>,
     count: usize,
 }
 
-impl PackedMap {
-    pub(crate) fn new(format: &MapFormat, map: &LayerMap) -> Self {
+impl CoarserMap {
+    /// What of `map` is not in `finer`.
+    pub(crate) fn new(format: &MapFormat, map: &LayerMap, finer: &LayerMap) -> Self {
         let bytes = format.entry_bytes() as usize;
-        let mut entries: Vec<u8> =
-            map.entries.iter().flat_map(|entry| pack(format, entry).into_iter().take(bytes)).collect();
+        let (mut same, mut entries) = (Vec::new(), Vec::new());
+        let places = same_leaves(Some(&finer.trees), &map.trees, map.entries.len());
+        for (place, entry) in places.into_iter().zip(&map.entries) {
+            let is_same = place.map(|place| finer.entries.get(place) == Some(entry));
+            same.extend(is_same);
+            if is_same != Some(true) {
+                entries.extend(pack(format, entry).into_iter().take(bytes));
+            }
+        }
         entries.shrink_to_fit();
-        PackedMap { trees: map.trees.clone(), entries, count: map.entries.len() }
+        let mut same = pack_bits(same.into_iter());
+        same.shrink_to_fit();
+        CoarserMap { trees: map.trees.clone(), same, entries, count: map.entries.len() }
     }
 
     /// Bytes that it holds.
     #[cfg(test)]
     pub(crate) fn held_bytes(&self) -> usize {
-        self.trees.capacity() + self.entries.capacity()
+        self.trees.capacity() + self.same.capacity() + self.entries.capacity()
     }
 
-    pub(crate) fn unpacked(&self, format: &MapFormat) -> LayerMap {
-        LayerMap { trees: self.trees.clone(), entries: unpack_entries(format, &self.entries, self.count) }
+    /// The whole map; `finer` is the one that it was made with.
+    pub(crate) fn unpacked(&self, format: &MapFormat, finer: &LayerMap) -> LayerMap {
+        let mut own = self.entries.chunks_exact(format.entry_bytes() as usize);
+        let mut bit =
+            (0..).map(|bit: usize| self.same.get(bit / 8).is_some_and(|byte| byte >> (bit % 8) & 1 == 1));
+        let places = same_leaves(Some(&finer.trees), &self.trees, self.count);
+        let entry = |place: Option<usize>| {
+            let kept = place.filter(|_| bit.next() == Some(true)).and_then(|place| finer.entries.get(place));
+            kept.copied().or_else(|| own.next().map(|bytes| unpack(format, bytes))).unwrap_or_default()
+        };
+        LayerMap { entries: places.into_iter().map(entry).collect(), trees: self.trees.clone() }
     }
+}
+
+/// Eight bits a byte, the first in bit 0.
+pub(crate) fn pack_bits(bits: impl Iterator<Item = bool>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for (index, bit) in bits.enumerate() {
+        if index % 8 == 0 {
+            bytes.push(0);
+        }
+        if let Some(byte) = bytes.last_mut() {
+            *byte |= u8::from(bit) << (index % 8);
+        }
+    }
+    bytes
 }
 
 /// Fields of an entry and their bits, from the lowest on.
@@ -190,7 +228,18 @@ mod tests {
             let palettes = Palettes { linears: vec![[1, -2, 3, -4]], tones: vec![[9, 8, 7, 6, 5, 4]] };
             let plane = MapPlane::new(&format, &palettes, &map);
             prop_assert_eq!(plane.unpacked(&format), map.clone());
-            prop_assert_eq!(PackedMap::new(&format, &map).unpacked(&format), map.clone());
+            // A finer map that has split every other block, and kept every other of the leaves that stand in both.
+            let mut finer = LayerMap::default();
+            for (block, &kept) in map.entries.iter().enumerate() {
+                let is_split = split && block % 2 == 1;
+                if split {
+                    finer.trees.push(u8::from(is_split));
+                }
+                let other = Entry { x: kept.x ^ 1, ..kept };
+                let entry = if block % 4 < 2 { kept } else { other };
+                finer.entries.extend(vec![entry; if is_split { 4 } else { 1 }]);
+            }
+            prop_assert_eq!(CoarserMap::new(&format, &map, &finer).unpacked(&format, &finer), map.clone());
             let words = MapPlane::words_of(&format, &palettes, map.trees.len(), map.entries.len());
             prop_assert_eq!(plane.words().len(), words);
         }

@@ -8,7 +8,8 @@ use texfold_residual::ResidualContent;
 
 use crate::decode::TEXFOLD_EPITOME_FINE_LEVELS;
 use crate::format::{LayerMap, MapFormat, Palettes};
-use crate::map::{MapPlane, PackedMap};
+use crate::layers::CellLayers;
+use crate::map::{CoarserMap, MapPlane};
 
 /// Mip levels that an epitome has beside its full size, where there are any: one less than the image has that are
 /// read from it, as blending four texels halves once more.
@@ -40,8 +41,10 @@ pub(crate) struct Parts {
 impl Parts {
     /// Trees and entries of a layer that is there.
     pub(crate) fn map_of(&self, layer: u32) -> LayerMap {
-        let coarser = self.layering.as_ref().and_then(|layering| layering.coarser.get(layer as usize));
-        coarser.map_or_else(|| self.map.unpacked(&self.format), |map| map.unpacked(&self.format))
+        let finest = self.map.unpacked(&self.format);
+        let Some(layering) = &self.layering else { return finest };
+        let coarser = layering.coarser.iter().skip(layer as usize).rev();
+        coarser.fold(finest, |finer, map| map.unpacked(&self.format, &finer))
     }
 
     /// Columns and rows of an epitome without a residual plane as it is drawn: with all layers there, rows below
@@ -108,10 +111,10 @@ pub(crate) struct Layering {
     pub(crate) total: u32,
     /// For each epitome how many rows of texels the finest layer of the file reads.
     pub(crate) rows: Vec<u32>,
-    /// Maps of the layers that are there but the finest, coarse to fine.
-    pub(crate) coarser: Vec<PackedMap>,
-    /// For each epitome the layer that brings each cell, row by row; cells that are not there have the next layer.
-    pub(crate) cells: Vec<Vec<u8>>,
+    /// Maps of the layers that are there but the finest, coarse to fine, each as what differs from the next finer one.
+    pub(crate) coarser: Vec<CoarserMap>,
+    /// For each epitome the layer that brings each cell; cells that are not there have the next layer.
+    pub(crate) cells: Vec<CellLayers>,
 }
 
 impl Layering {

@@ -175,8 +175,11 @@ fn read_map(
     let bytes = reader.bytes(words.saturating_mul(4))?;
     budget.take(4 * WordRows::of(words + 1).words as u64)?;
     let word = |bytes: &[u8]| u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-    let words = bytes.chunks_exact(4).map(word).chain([0]).collect();
-    Ok(EntryMap::of_words(words, blocks as usize))
+    let mut map = Vec::new();
+    map.reserve_exact(WordRows::of(words + 1).words);
+    map.extend(bytes.chunks_exact(4).map(word));
+    map.push(0);
+    Ok(EntryMap::of_words(map, blocks as usize))
 }
 
 /// Writes a public codebook as a file of its own: content, width, height, planes.

@@ -53,7 +53,10 @@ impl ResidualPlane {
     /// of class 1.
     #[must_use]
     pub fn words(&self, class_bits: u32) -> Option<PlaneWords> {
+        // Room for whole rows, and no more: a loaded texture holds these words.
+        let room = plane_words(self.classes.len(), self.bits.len() as u64);
         let mut words = Vec::new();
+        words.reserve_exact(usize::try_from(room).ok()?);
         let mut start = 0u32;
         for (classes, scales) in self.classes.chunks(GROUP_BLOCKS).zip(self.scales.chunks(GROUP_BLOCKS)) {
             words.push(start);

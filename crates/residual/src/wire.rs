@@ -8,7 +8,9 @@ use std::sync::Arc;
 use texfold_bc::Content;
 use texfold_core::container::{Reader, SectionWriter, Sections};
 use texfold_core::sample::TEXFOLD_NORMAL;
-use texfold_core::{Budget, ImageLayout, LoadError, Plane, String4, SurfaceBinding, SurfaceSize, Texel};
+use texfold_core::{
+    Budget, ImageLayout, LoadError, Plane, PlaneFormat, String4, SurfaceBinding, SurfaceSize, Texel,
+};
 
 use crate::content::{
     BASE_PART, BaseForm, BaseImage, Bases, MAX_REDUCE_LOG2, MAX_SHRINK_LOG2, RESIDUAL_PART, ResidualContent,
@@ -250,21 +252,34 @@ fn read_bases(
     let mut images = Vec::new();
     for &size in &layout.surfaces {
         let (base, levels) = (form.base_size(size), form.levels(size, layout.levels));
-        let mut planes: Vec<_> = formats.iter().map(|&format| (format, Vec::new())).collect();
-        for level in 0..levels {
-            let SurfaceSize { width, height } = base.at_level(level);
-            for (format, bytes) in &mut planes {
-                let length = usize::try_from(format.bytes(width, height)).unwrap_or(usize::MAX);
-                bytes.extend_from_slice(reader.bytes(length)?);
-            }
-            // The CPU decoder's texels, which are decoded when they are first asked for.
-            budget.take(u64::from(width) * u64::from(height) * size_of::<Texel>() as u64)?;
-        }
+        let planes = read_base(&formats, base, levels, &mut reader)?;
+        // The CPU decoder's texels, which are decoded when they are first asked for.
+        let texels: u64 = (0..levels).map(|level| base.at_level(level).texels()).sum();
+        budget.take(texels * size_of::<Texel>() as u64)?;
         images.push(BaseImage::new(base, levels, planes));
     }
     reader.end()?;
     budget.release(raw.len() as u64);
     Ok(Bases::new(form, layout.pixel, images))
+}
+
+/// The bytes of each plane of one image's base, level after level; a file has them level by level, plane after plane.
+fn read_base(
+    formats: &[PlaneFormat],
+    base: SurfaceSize,
+    levels: u32,
+    reader: &mut Reader<'_>,
+) -> Result<Vec<(PlaneFormat, Vec<u8>)>, LoadError> {
+    let mut planes: Vec<_> = formats.iter().map(|&format| (format, Vec::new())).collect();
+    for level in 0..levels {
+        let SurfaceSize { width, height } = base.at_level(level);
+        for (format, pieces) in &mut planes {
+            let length = usize::try_from(format.bytes(width, height)).unwrap_or(usize::MAX);
+            pieces.push(reader.bytes(length)?);
+        }
+    }
+    // Put together at once: a vector that grows has room for up to twice its bytes, as long as the texture is held.
+    Ok(planes.into_iter().map(|(format, pieces)| (format, pieces.concat())).collect())
 }
 
 /// The plane of one image of so many blocks.

@@ -16,7 +16,8 @@ use super::refit::{self, refit};
 use super::state::Choice;
 use crate::EpitomeTexture;
 use crate::format::{Entry, LEAST_STRIP, LayerMap, Linear, MapFormat, Palettes};
-use crate::map::{MapPlane, PackedMap};
+use crate::layers::CellLayers;
+use crate::map::{CoarserMap, MapPlane};
 use crate::parts::{Layering, PLANE_MIPS, Parts, coarse_content, coarse_levels};
 
 /// 2x2 matrices that a map can name.
@@ -66,7 +67,7 @@ pub(crate) fn assemble(
         epitomes: sheets.epitomes(levels > 1)?,
         errors: sheets.with_errors(levels > 1, lambda)?,
         coarse: coarse(plan, levels, plan.space.stored[sheets.used[0]].content, choices)?,
-        layering: (!maps.is_empty()).then(|| Box::new(sheets.layering(&format, &maps))),
+        layering: (!maps.is_empty()).then(|| Box::new(sheets.layering(&format, &maps, &finest))),
     };
     Ok(EpitomeTexture::new(parts, Notes::default()))
 }
@@ -211,14 +212,21 @@ impl Sheets<'_> {
     }
 
     /// What layers before the finest bring.
-    fn layering(&self, format: &MapFormat, coarser: &[LayerMap]) -> Layering {
+    fn layering(&self, format: &MapFormat, coarser: &[LayerMap], finest: &LayerMap) -> Layering {
         let Sheets { plan, packing, choices, used } = self;
         let rows = |&format: &usize| packing.finest_rows[format] * plan.space.stored[format].cell;
+        let total = choices.len() as u32;
+        let finer = coarser.iter().skip(1).chain([finest]);
+        let layers = |&used: &usize| CellLayers::new(&cell_layers(plan.space, packing, used, choices), total);
         Layering {
-            total: choices.len() as u32,
+            total,
             rows: used.iter().map(rows).collect(),
-            coarser: coarser.iter().map(|map| PackedMap::new(format, map)).collect(),
-            cells: used.iter().map(|&used| cell_layers(plan.space, packing, used, choices)).collect(),
+            coarser: coarser
+                .iter()
+                .zip(finer)
+                .map(|(map, finer)| CoarserMap::new(format, map, finer))
+                .collect(),
+            cells: used.iter().map(layers).collect(),
         }
     }
 

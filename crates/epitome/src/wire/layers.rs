@@ -6,11 +6,13 @@ use texfold_core::container::{Reader, SectionWriter, Sections};
 use texfold_core::{Budget, LoadError, String4};
 
 use super::form::{EpitomeForm, FORM_ID, Form, Head, read_head};
-use super::map::{Leaves, count_leaves, entry_bytes, laid_out, pack_bits, read_bits, read_entries};
+use super::map::{Leaves, count_leaves, entry_bytes, laid_out, read_bits, read_entries};
 use super::planes::{blank_planes, read_coarse, store_coarse};
 use crate::format::LayerMap;
-use crate::layers::{cell_bytes, columns_of, edited, gather, layer_names, layers_at, numbers, same_leaves};
-use crate::map::{MapPlane, PackedMap};
+use crate::layers::{
+    CellLayers, cell_bytes, columns_of, edited, gather, layer_names, layers_at, numbers, same_leaves,
+};
+use crate::map::{CoarserMap, MapPlane, pack_bits};
 use crate::parts::{Layering, MAX_LAYERS, Parts};
 
 const LAYERS_ID: [u8; 4] = *b"EPLA";
@@ -57,12 +59,13 @@ fn store_layer(parts: &Parts, layering: &Layering, layer: u32, out: &mut Section
     let mut raw = pack_bits((0..entries.len()).filter(|&leaf| same[leaf].is_some()).map(|leaf| kept[leaf]));
     raw.extend(entry_bytes(&entries, |leaf| !kept[leaf]));
     out.section(map, layer_id(b'E', layer), &raw);
+    let cells: Vec<Vec<u8>> = layering.cells.iter().map(CellLayers::unpacked).collect();
     if layer + 1 < layering.total {
-        let left = layering.cells.iter().flatten().filter(|&&cell| u32::from(cell) >= layer);
+        let left = cells.iter().flatten().filter(|&&cell| u32::from(cell) >= layer);
         out.section(epitome, layer_id(b'C', layer), &pack_bits(left.map(|&cell| u32::from(cell) == layer)));
     }
     let mut raw = Vec::new();
-    for (levels, cells) in parts.epitomes.iter().zip(&layering.cells) {
+    for (levels, cells) in parts.epitomes.iter().zip(&cells) {
         for (level, planes) in (0..).zip(levels) {
             let brought = numbers(&layers_at(cells, columns_of(levels), level), |of| u32::from(of) == layer);
             gather(planes, &brought, &mut raw);
@@ -84,7 +87,8 @@ pub(super) fn load_layers(file: &Sections<'_>, head: Head, budget: &mut Budget) 
     for epitome in &form.epitomes {
         let &EpitomeForm { content, width, height } = epitome;
         epitomes.push(blank_planes(content, &layout, form.level_sizes(epitome), budget)?);
-        cells.push(budget.zeroed(u64::from(width / 4) * u64::from(height / 4))?);
+        let all = budget.zeroed(u64::from(width / 4) * u64::from(height / 4))?;
+        cells.push(CellLayers::new(&all, total));
     }
     let layering = Some(Box::new(Layering { total, rows, coarser: Vec::new(), cells }));
     let map = MapPlane::new(&form.format, &palettes, &LayerMap::default());
@@ -120,7 +124,7 @@ fn read_layers(file: &Sections<'_>, form: &Form, budget: &mut Budget) -> Result<
     Ok((total, rows))
 }
 
-/// Adds the layer of that number to those before it.
+/// Adds the layer of that number to those before it. Where it fails the parts are those of no file.
 fn add_layer(
     parts: &mut Parts,
     form: &Form,
@@ -129,9 +133,14 @@ fn add_layer(
     budget: &mut Budget,
 ) -> Result<(), LoadError> {
     let map = read_map(parts, form, layer, file, budget)?;
-    let map = laid_out(&parts.format, &parts.palettes, &map, budget)?;
     let Some(layering) = &mut parts.layering else { return Ok(()) };
-    let mut brought = layering.cells.clone();
+    if layer > 0 {
+        let before = parts.map.unpacked(&parts.format);
+        budget.take(u64::from(parts.format.entry_bytes()) * before.entries.len() as u64)?;
+        layering.coarser.push(CoarserMap::new(&parts.format, &before, &map));
+    }
+    parts.map = laid_out(&parts.format, &parts.palettes, &map, budget)?;
+    let mut brought: Vec<Vec<u8>> = layering.cells.iter().map(CellLayers::unpacked).collect();
     if layer + 1 < layering.total {
         let id = layer_id(b'C', layer);
         let raw = file.read(id, budget)?;
@@ -161,13 +170,8 @@ fn add_layer(
         epitomes.push(filled);
     }
     reader.end()?;
-    layering.cells = brought;
-    if layer > 0 {
-        let before = parts.map.unpacked(&parts.format);
-        budget.take(u64::from(parts.format.entry_bytes()) * before.entries.len() as u64)?;
-        layering.coarser.push(PackedMap::new(&parts.format, &before));
-    }
-    (parts.map, parts.epitomes) = (map, epitomes);
+    layering.cells = brought.iter().map(|cells| CellLayers::new(cells, layering.total)).collect();
+    parts.epitomes = epitomes;
     Ok(())
 }
 

@@ -9,21 +9,7 @@ use crate::layers::same_leaves;
 use crate::map::MapPlane;
 use crate::parts::MAX_ENTRIES;
 
-/// Eight bits a byte, the first in bit 0.
-pub(super) fn pack_bits(bits: impl Iterator<Item = bool>) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    for (index, bit) in bits.enumerate() {
-        if index % 8 == 0 {
-            bytes.push(0);
-        }
-        if let Some(byte) = bytes.last_mut() {
-            *byte |= u8::from(bit) << (index % 8);
-        }
-    }
-    bytes
-}
-
-/// `count` bits as [`pack_bits`] packs them.
+/// `count` bits as [`crate::map::pack_bits`] packs them.
 pub(super) fn read_bits(reader: &mut Reader<'_>, count: usize) -> Result<Vec<bool>, LoadError> {
     let bytes = reader.bytes(count.div_ceil(8))?;
     let bit = |index: usize| bytes[index / 8] >> (index % 8) & 1 == 1;

@@ -5,7 +5,7 @@ use std::hint::black_box;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::Vec2;
 use texfold::{AnyImage, Content, Effort, EpitomeTexture, ImageAddress, Texel};
-use texfold_benches::{bc, epitome, epitome_params, paper_params, picture_of, progressive, vq};
+use texfold_benches::{bc, epitome, epitome_params, image_of, paper_params, progressive, vq};
 use texfold_epitome::decode::texfold_epitome_bilinear;
 
 const SIDE: u32 = 1024;
@@ -13,7 +13,7 @@ const SIDE: u32 = 1024;
 const PLACES: u32 = 1 << 16;
 
 fn textures() -> Vec<(String, AnyImage)> {
-    let set = picture_of(&texfold_testkit::picture("terrain"), SIDE);
+    let set = image_of(&texfold_testkit::image("terrain"), SIDE);
     let mut textures: Vec<(String, AnyImage)> = Vec::new();
     textures.extend(vq(&set, &paper_params()).map(|texture| ("vq".to_owned(), texture)));
     for (name, content) in [("epitome bc1", Some(Content::Bc1)), ("epitome bc1 and bc7", None)] {

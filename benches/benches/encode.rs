@@ -1,11 +1,11 @@
-//! Encoding: time of a whole encode of a 512x512 picture.
+//! Encoding: time of a whole encode of a 512x512 image.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use texfold::{Content, Effort, Goal, VqParams};
-use texfold_benches::{bc, epitome, epitome_params, paper_params, picture_512, progressive, vq};
+use texfold_benches::{bc, epitome, epitome_params, image_512, paper_params, progressive, vq};
 
 fn encode(c: &mut Criterion) {
-    let set = picture_512();
+    let set = image_512();
     let mut group = c.benchmark_group("encode 512x512");
     group.sample_size(10).throughput(Throughput::Elements(set.texel_count()));
     group.bench_function("vq, codebook 1/16, one sample", |b| b.iter(|| vq(&set, &paper_params())));

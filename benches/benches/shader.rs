@@ -6,16 +6,16 @@
 use texfold::Effort;
 use texfold::image::ImageSet;
 use texfold::{AnyImage, Content, VqParams};
-use texfold_benches::{bc, epitome, epitome_params, paper_params, picture_of, progressive, vq};
+use texfold_benches::{bc, epitome, epitome_params, image_of, paper_params, progressive, vq};
 use texfold_gpu::{Gpu, GpuError, Lookup, Policy, Probe, View};
 
-/// Pixels a side of the drawn picture: one for each texel.
+/// Pixels a side of the drawn image: one for each texel.
 const SIDE: u32 = 1024;
 /// Draws a measurement, and measurements of which the median counts.
 const DRAWS: u32 = 8;
 const ROUNDS: usize = 5;
 
-/// A texture of a picture; `None` where it cannot be encoded.
+/// A texture of an image; `None` where it cannot be encoded.
 type Make = fn(&ImageSet) -> Option<AnyImage>;
 
 const TEXTURES: [(&str, Make); 8] = [
@@ -42,7 +42,7 @@ fn main() -> Result<(), GpuError> {
         gpu.info().name
     );
     println!("{:<15} {:<9} {:>8} {:>8} {:>8} {:>7}", "texture", "lookup", "ours", "loads", "plain", "ratio");
-    let set = picture_of(&texfold_testkit::picture("terrain"), SIDE);
+    let set = image_of(&texfold_testkit::image("terrain"), SIDE);
     let wanted = std::env::args().skip(1).find(|word| !word.starts_with('-')).unwrap_or_default();
     for (name, make) in TEXTURES.into_iter().filter(|(name, _)| name.contains(&wanted)) {
         let Some(texture) = make(&set) else { continue };

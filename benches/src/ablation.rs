@@ -13,7 +13,7 @@ use texfold_benches::report::{Outcome, Table, cpu_seconds, middle};
 
 /// What all are encoded for.
 const PSNR: f64 = 32.0;
-/// Texels a side of what is taken from a picture.
+/// Texels a side of what is taken from an image.
 const SIDE: u32 = 512;
 /// Sides of leaves without a quadtree; the best counts.
 const SIDES: [u32; 3] = [8, 16, 32];
@@ -27,8 +27,11 @@ fn variants() -> [(&'static str, Transforms); 9] {
         ("no mirrors", Transforms { mirrors: false, ..ALL }),
         ("no turning, shear, stretch", Transforms { affine: false, ..ALL }),
         ("no reduced content", Transforms { scales: false, ..ALL }),
-        ("no gain and offset", Transforms { tones: false, ..ALL }),
-        ("no palettes (the three above)", Transforms { mirrors: false, affine: false, tones: false, ..ALL }),
+        ("no gain and offset", Transforms { gain_offsets: false, ..ALL }),
+        (
+            "no palettes (the three above)",
+            Transforms { mirrors: false, affine: false, gain_offsets: false, ..ALL },
+        ),
         ("no quadtree", Transforms { quadtree: false, ..ALL }),
         ("no content from elsewhere", Transforms { references: false, ..ALL }),
     ]
@@ -37,10 +40,10 @@ fn variants() -> [(&'static str, Transforms); 9] {
 fn main() -> Outcome<()> {
     let out = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "target/epitome".to_owned()));
     std::fs::create_dir_all(&out)?;
-    let pictures = pictures()?;
-    let sets: Vec<ImageSet> = pictures.iter().map(|(_, raster)| ImageSet::single(raster.clone())).collect();
+    let images = images()?;
+    let sets: Vec<ImageSet> = images.iter().map(|(_, raster)| ImageSet::single(raster.clone())).collect();
     let mut columns = vec!["without".to_owned()];
-    columns.extend(pictures.iter().map(|(name, _)| name.clone()));
+    columns.extend(images.iter().map(|(name, _)| name.clone()));
     columns.push("CPU s".to_owned());
     let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
     let mut table = Table::new(&columns);
@@ -62,8 +65,8 @@ fn main() -> Outcome<()> {
         table.row(row);
     }
     let text = format!(
-        "Bits of memory a texel at {PSNR} dB, the middle {SIDE}x{SIDE} texels of each picture, effort normal; CPU seconds of all \
-         pictures together. Without the quadtree the best of leaves of 8, 16 and 32 texels.\n\
+        "Bits of memory a texel at {PSNR} dB, the middle {SIDE}x{SIDE} texels of each image, effort normal; CPU seconds of all \
+         images together. Without the quadtree the best of leaves of 8, 16 and 32 texels.\n\
          `cargo run --release -p texfold-benches --bin ablation`"
     );
     table.write(&out, "ablation", &text)
@@ -87,8 +90,8 @@ fn least(set: &ImageSet, transforms: Transforms) -> Option<Measured> {
     best
 }
 
-/// Pictures of structure, and one of ground.
-fn pictures() -> Outcome<Vec<(String, Raster)>> {
+/// Images of structure, and one of ground.
+fn images() -> Outcome<Vec<(String, Raster)>> {
     let paths = match texfold_testkit::data_dir("the ablation on photographs") {
         Some(data) => [
             "epitome/urban100_021.png",
@@ -103,9 +106,9 @@ fn pictures() -> Outcome<Vec<(String, Raster)>> {
             .map(|name| texfold_testkit::fixtures_dir().join(format!("images/{name}.png")))
             .to_vec(),
     };
-    let picture = |path: &PathBuf| {
+    let image = |path: &PathBuf| {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         Ok((name, middle(&texfold_testkit::png(path), SIDE, SIDE)?))
     };
-    paths.iter().map(picture).collect()
+    paths.iter().map(image).collect()
 }

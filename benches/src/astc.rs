@@ -1,7 +1,7 @@
 //! Epitomes with ASTC content beside plain ASTC of equal memory, as a table in Markdown.
 //!
-//! `cargo run --release -p texfold-benches --features astc --bin astc -- [CONTENT] [PICTURE …]`: content by its name,
-//! such as astc8, or chosen by the goal; of pictures above two megatexels the middle 1024 x 1024; without pictures, eight
+//! `cargo run --release -p texfold-benches --features astc --bin astc -- [CONTENT] [IMAGE …]`: content by its name,
+//! such as astc8, or chosen by the goal; of images above two megatexels the middle 1024 x 1024; without images, eight
 //! photographs of structure where they are. Memory is all that a GPU holds, without mips; plain ASTC is the codec `bc` with
 //! the same encoder at the same effort. `benches/astc.md` is what it gave.
 
@@ -31,7 +31,7 @@ const PHOTOGRAPHS: [&str; 8] = [
 const PLAIN: [AstcBlock; 3] = [AstcBlock::B12, AstcBlock::B10, AstcBlock::B8];
 /// Bits a texel beside those of 12x12 and 10x10 blocks.
 const BETWEEN: f64 = 1.7;
-/// Texels above which a picture is cut, and the side that is left.
+/// Texels above which an image is cut, and the side that is left.
 const LARGE: (u64, u32) = (2 << 20, 1024);
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -39,16 +39,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     let named = |name: &String| Content::ALL.into_iter().find(|content| content.name() == name);
     let content = arguments.peek().and_then(named);
     let given: Vec<PathBuf> = arguments.skip(usize::from(content.is_some())).map(PathBuf::from).collect();
-    let pictures = match texfold_testkit::data_dir("epitomes beside plain ASTC") {
+    let images = match texfold_testkit::data_dir("epitomes beside plain ASTC") {
         Some(data) if given.is_empty() => PHOTOGRAPHS.map(|name| data.join("epitome").join(name)).to_vec(),
         _ => given,
     };
     println!(
-        "| picture | bits a texel | plain ASTC dB | epitome bits a texel | epitome dB | gain dB | gain with error map, dB |"
+        "| image | bits a texel | plain ASTC dB | epitome bits a texel | epitome dB | gain dB | gain with error map, dB |"
     );
     println!("|---|---|---|---|---|---|---|");
     let (mut gains, mut with_error_maps) = (Vec::new(), Vec::new());
-    for path in &pictures {
+    for path in &images {
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
         let set = ImageSet::single(middle(texfold_testkit::png(path))?);
         let plain: Vec<Measured> =
@@ -60,7 +60,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             let ours = measure(&set, &texture);
             let theirs = between(&plain, bpp);
             let gain = ours.psnr - theirs;
-            // Content that any GPU can read, once a picture.
+            // Content that any GPU can read, once an image.
             let other = if bpp == plain[1].bpp {
                 let gain = with_errors(&set, bpp)?.psnr - theirs;
                 with_error_maps.push(gain);
@@ -86,17 +86,17 @@ fn with_errors(set: &ImageSet, bpp: f64) -> Result<Measured, Box<dyn Error>> {
     Ok(measure(set, &Epitome::encode(EpitomeSource::new(set), &params, &mut Job::default())?))
 }
 
-/// The middle of a large picture, or all of another.
-fn middle(picture: Raster) -> Result<Raster, Box<dyn Error>> {
-    let size = picture.size();
+/// The middle of a large image, or all of another.
+fn middle(image: Raster) -> Result<Raster, Box<dyn Error>> {
+    let size = image.size();
     if size.texels() <= LARGE.0 {
-        return Ok(picture);
+        return Ok(image);
     }
     let (width, height) = (size.width.min(LARGE.1), size.height.min(LARGE.1));
     let (left, top) = ((size.width - width) / 2, (size.height - height) / 2);
-    let texel = |i: u32| picture.texel(left + i % width, top + i / width);
+    let texel = |i: u32| image.texel(left + i % width, top + i / width);
     let texels: Vec<_> = (0..width * height).map(texel).collect();
-    Ok(Raster::from_texels(width, height, picture.info(), &texels)?)
+    Ok(Raster::from_texels(width, height, image.info(), &texels)?)
 }
 
 fn plain(set: &ImageSet, block: AstcBlock) -> Result<Measured, Box<dyn Error>> {

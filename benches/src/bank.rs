@@ -1,4 +1,4 @@
-//! Banks: a picture of any size to add to one, and how codebook and cost grow with the tiles that are there.
+//! Banks: an image of any size to add to one, and how codebook and cost grow with the tiles that are there.
 //!
 //! `cargo run --release -p texfold-benches --bin bank -- land FILE.tif [SIDE]` writes drawn land of 16384 x 16384 texels.
 //! `… -- growth OUT` adds tiles of 512 x 512 texels one after another, each to the codebook that those before it have left, at half a bit
@@ -81,15 +81,15 @@ fn growth(out: &Path) -> Outcome<()> {
     chart.draw(&lines, &out.join("growth.svg"))
 }
 
-/// The whole tiles of a picture.
-fn tiles(picture: &Raster) -> Outcome<Vec<Raster>> {
-    let size = picture.size();
+/// The whole tiles of an image.
+fn tiles(image: &Raster) -> Outcome<Vec<Raster>> {
+    let size = image.size();
     let (columns, rows) = (size.width / TILE, size.height / TILE);
     let tile = |n: u32| {
         let (left, top) = (n % columns * TILE, n / columns * TILE);
-        let texel = |i: u32| picture.texel(left + i % TILE, top + i / TILE);
+        let texel = |i: u32| image.texel(left + i % TILE, top + i / TILE);
         let texels: Vec<_> = (0..TILE * TILE).map(texel).collect();
-        Ok(Raster::from_texels(TILE, TILE, picture.info(), &texels)?)
+        Ok(Raster::from_texels(TILE, TILE, image.info(), &texels)?)
     };
     (0..columns * rows).map(tile).collect()
 }

@@ -1,8 +1,8 @@
-//! The paper's regime: raw content, blocks of one side, a tolerance. What it saves on each picture (Table 1 of the paper), and
+//! The paper's regime: raw content, blocks of one side, a tolerance. What it saves on each image (Table 1 of the paper), and
 //! memory against the side of blocks and against the tolerance (Figures 21 and 22).
 //!
-//! `cargo run --release -p texfold-benches --bin epitome -- [OUT_DIR] [PICTURE.png …]`: the middle of each picture, 504 x 504
-//! texels at most; without pictures, photographs where they are, and fixtures. Writes epitome.csv, epitome.md, block.csv,
+//! `cargo run --release -p texfold-benches --bin epitome -- [OUT_DIR] [IMAGE.png …]`: the middle of each image, 504 x 504
+//! texels at most; without images, photographs where they are, and fixtures. Writes epitome.csv, epitome.md, block.csv,
 //! block.svg, tolerance.csv and tolerance.svg.
 
 use std::path::{Path, PathBuf};
@@ -21,9 +21,9 @@ const BLOCK: u32 = 12;
 /// RMS error in percent at which savings are listed, and at which sides of blocks are compared (the paper's examples have
 /// 1.4 to 5.4, most of them about 2.5).
 const RMS_PERCENT: f64 = 2.5;
-/// Texels a side of what is taken from a picture.
+/// Texels a side of what is taken from an image.
 const SIDE: u32 = 504;
-/// Pictures that are charted.
+/// Images that are charted.
 const CHARTED: [&str; 4] = ["facade", "skimage_brick", "urban100_021", "urban100_100"];
 /// Photographs beside the fixtures.
 const PHOTOGRAPHS: [&str; 9] = [
@@ -56,10 +56,10 @@ fn main() -> Outcome<()> {
     let out = PathBuf::from(arguments.next().unwrap_or_else(|| "target/epitome".to_owned()));
     let given: Vec<PathBuf> = arguments.map(PathBuf::from).collect();
     std::fs::create_dir_all(&out)?;
-    let paths = if given.is_empty() { usual_pictures() } else { given.clone() };
-    let columns = ["picture", "size", "epitome", "tolerance", "savings", "RMS", "CPU s"];
+    let paths = if given.is_empty() { usual_images() } else { given.clone() };
+    let columns = ["image", "size", "epitome", "tolerance", "savings", "RMS", "CPU s"];
     let mut savings = Table::new(&columns);
-    let columns = ["picture", "side", "tolerance", "share of raw", "of it epitome", "of it map", "RMS"];
+    let columns = ["image", "side", "tolerance", "share of raw", "of it epitome", "of it map", "RMS"];
     let (mut blocks, mut tolerances) = (Table::new(&columns), Table::new(&columns));
     let (mut by_block, mut by_tolerance): (Vec<Line>, Vec<Line>) = Default::default();
     for path in &paths {
@@ -96,7 +96,7 @@ fn main() -> Outcome<()> {
         by_block.extend(lines_of(&name, &line, by_block.is_empty()));
     }
     let text = format!(
-        "Raw content, blocks of {BLOCK} texels, the middle {SIDE}×{SIDE} texels at most of each picture: source bytes over bytes of \
+        "Raw content, blocks of {BLOCK} texels, the middle {SIDE}×{SIDE} texels at most of each image: source bytes over bytes of \
          memory, at the tolerance (RMS error of the worst 4×4 block, 8-bit units) whose RMS error comes nearest to {RMS_PERCENT} % \
          of the full range.\n`cargo run --release -p texfold-benches --bin epitome`"
     );
@@ -120,7 +120,7 @@ fn lines_of(name: &str, points: &[Point], parts: bool) -> Vec<Line> {
     lines
 }
 
-fn usual_pictures() -> Vec<PathBuf> {
+fn usual_images() -> Vec<PathBuf> {
     let fixture = |name: &str| texfold_testkit::fixtures_dir().join(format!("images/{name}.png"));
     let mut paths = ["facade", "tile_repeat", "cloth"].map(fixture).to_vec();
     if let Some(data) = texfold_testkit::data_dir("the charts on photographs") {

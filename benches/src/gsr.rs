@@ -14,7 +14,7 @@ use std::time::Instant;
 use plotters::prelude::*;
 use texfold::image::Raster;
 use texfold_benches::report::cpu_seconds;
-use texfold_match::{Freedom, GrayPlane, GsrIndex, GsrTone, Refiner, Transform};
+use texfold_match::{Freedom, GrayPlane, GsrIndex, GsrInput, Refiner, Transform};
 
 /// Images in the folder `remote` of the data.
 const IMAGES: [&str; 6] = [
@@ -44,8 +44,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("| image | blocks | matches a block | GSR, gray | GSR, shape | histograms | by chance |");
     println!("|---|---|---|---|---|---|---|");
     for name in IMAGES {
-        let picture = texfold_testkit::png(&data.join("remote").join(name)).with_channels(3);
-        let row = study(&middle(&picture, 512)?);
+        let original = texfold_testkit::png(&data.join("remote").join(name)).with_channels(3);
+        let row = study(&middle(&original, 512)?);
         let [gray, shape, histograms, chance] = row.ratios;
         println!(
             "| {name} | {} | {:.0} | {gray:.3} | {shape:.3} | {histograms:.3} | {chance:.3} |",
@@ -56,9 +56,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mean = |index: usize| rows.iter().map(|(_, row)| row.ratios[index]).sum::<f64>() / rows.len() as f64;
     println!("| mean | | | {:.3} | {:.3} | {:.3} | {:.3} |", mean(0), mean(1), mean(2), mean(3));
     chart(&rows, &Path::new(&out).join("gsr.svg"))?;
-    let picture = texfold_testkit::png(&data.join("remote").join(IMAGES[4])).with_channels(3);
+    let original = texfold_testkit::png(&data.join("remote").join(IMAGES[4])).with_channels(3);
     for stride in [4, 8] {
-        time(&middle(&picture, 1024)?, stride);
+        time(&middle(&original, 1024)?, stride);
     }
     Ok(())
 }
@@ -70,21 +70,21 @@ struct Row {
     ratios: [f64; 4],
 }
 
-fn luma(picture: &Raster) -> Vec<f32> {
-    picture.texels().map(|texel| (texel.x + texel.y + texel.z) * 85.0).collect()
+fn luma(image: &Raster) -> Vec<f32> {
+    image.texels().map(|texel| (texel.x + texel.y + texel.z) * 85.0).collect()
 }
 
-fn study(picture: &Raster) -> Row {
-    let width = picture.size().width as usize;
-    let luma = luma(picture);
+fn study(image: &Raster) -> Row {
+    let width = image.size().width as usize;
+    let luma = luma(image);
     let plane = GrayPlane::new(width, &luma, 1.6);
     let places: Vec<glam::Vec2> = (1..width / 8 - 2)
         .flat_map(|y| (1..width / 8 - 2).map(move |x| glam::Vec2::new(x as f32, y as f32) * 8.0 + 8.0))
         .collect();
     let patches: Vec<_> = places.iter().map(|&place| (0, place, SIDE as f32)).collect();
-    let gray = GsrIndex::new(&[&plane], &patches, 4, GsrTone::Gray, 0.0);
-    let shape = GsrIndex::new(&[&plane], &patches, 4, GsrTone::Shape, 0.0);
-    let histograms: Vec<_> = places.iter().map(|&place| histogram(picture, &luma, place)).collect();
+    let gray = GsrIndex::new(&[&plane], &patches, 4, GsrInput::Gray, 0.0);
+    let shape = GsrIndex::new(&[&plane], &patches, 4, GsrInput::Shape, 0.0);
+    let histograms: Vec<_> = places.iter().map(|&place| histogram(image, &luma, place)).collect();
     let step = places.len() / ASKED;
     let mut row = Row { blocks: 0, matches: 0.0, ratios: [0.0; 4] };
     for asked in (step / 2..places.len()).step_by(step) {
@@ -141,8 +141,8 @@ fn accepted(
         if (place - asked).abs().max_element() < SIDE as f32 {
             return false;
         }
-        let linear = glam::Mat2::from_angle(plane.direction(place, SIDE as f32) - own);
-        let seed = Transform { position: place, linear };
+        let matrix = glam::Mat2::from_angle(plane.direction(place, SIDE as f32) - own);
+        let seed = Transform { position: place, matrix };
         let found = refiner.refine(luma, (width, luma.len() / width), seed, Freedom::Affine);
         found.error <= ACCEPTED * ACCEPTED * squares && found.transform.position.distance(place) < half
     };
@@ -150,14 +150,14 @@ fn accepted(
 }
 
 /// Shares of colours, and of the gradients' directions from the main one.
-fn histogram(picture: &Raster, luma: &[f32], place: glam::Vec2) -> [f32; 2 * BUCKETS] {
-    let width = picture.size().width as usize;
+fn histogram(image: &Raster, luma: &[f32], place: glam::Vec2) -> [f32; 2 * BUCKETS] {
+    let width = image.size().width as usize;
     let half = SIDE / 2;
     let (left, top) = (place.x as usize - half, place.y as usize - half);
     let (mut colours, mut directions) = ([0.0f32; BUCKETS], [0.0f32; BUCKETS]);
     for i in 0..SIDE * SIDE {
         let (x, y) = (left + i % SIDE, top + i / SIDE);
-        let texel = picture.texel(x as u32, y as u32);
+        let texel = image.texel(x as u32, y as u32);
         // Four ranges of brightness, and which of red and green, of green and blue is the larger.
         let brightness = (luma[y * width + x] / 64.0).min(3.0) as usize;
         let hue = usize::from(texel.x > texel.y) + 2 * usize::from(texel.y > texel.z);
@@ -176,15 +176,15 @@ fn histogram(picture: &Raster, luma: &[f32], place: glam::Vec2) -> [f32; 2 * BUC
 }
 
 /// The search of a whole image.
-fn time(picture: &Raster, stride: usize) {
-    let width = picture.size().width as usize;
-    let luma = luma(picture);
+fn time(image: &Raster, stride: usize) {
+    let width = image.size().width as usize;
+    let luma = luma(image);
     let start = Instant::now();
     let plane = GrayPlane::new(width, &luma, 1.6);
     let count = (width - SIDE) / stride;
     let place = move |i: usize| glam::Vec2::new((i % count) as f32, (i / count) as f32) * stride as f32;
     let patches: Vec<_> = (0..count * count).map(|i| (0, place(i) + SIDE as f32 / 2.0, 16.0)).collect();
-    let index = GsrIndex::new(&[&plane], &patches, 4, GsrTone::Gray, 0.0);
+    let index = GsrIndex::new(&[&plane], &patches, 4, GsrInput::Gray, 0.0);
     let described = start.elapsed().as_secs_f64();
     let blocks = width / SIDE;
     let cpu = cpu_seconds();
@@ -205,13 +205,13 @@ fn time(picture: &Raster, stride: usize) {
     );
 }
 
-/// The middle of a large picture, or all of another.
-fn middle(picture: &Raster, side: u32) -> Result<Raster, Box<dyn Error>> {
-    let size = picture.size();
+/// The middle of a large image, or all of another.
+fn middle(image: &Raster, side: u32) -> Result<Raster, Box<dyn Error>> {
+    let size = image.size();
     let side = side.min(size.width).min(size.height) / 16 * 16;
     let (left, top) = ((size.width - side) / 2, (size.height - side) / 2);
-    let texels: Vec<_> = (0..side * side).map(|i| picture.texel(left + i % side, top + i / side)).collect();
-    Ok(Raster::from_texels(side, side, picture.info(), &texels)?)
+    let texels: Vec<_> = (0..side * side).map(|i| image.texel(left + i % side, top + i / side)).collect();
+    Ok(Raster::from_texels(side, side, image.info(), &texels)?)
 }
 
 fn chart(rows: &[(&str, Row)], path: &Path) -> Result<(), Box<dyn Error>> {

@@ -1,6 +1,6 @@
-//! Charts what the salient quarter of pictures gains, and what the whole loses, with the weight of importance.
+//! Charts what the salient quarter of images gains, and what the whole loses, with the weight of importance.
 //!
-//! `cargo run --release -p texfold-benches --bin importance -- [OUT_DIR] [PICTURE.png …]`: without pictures, the
+//! `cargo run --release -p texfold-benches --bin importance -- [OUT_DIR] [IMAGE.png …]`: without images, the
 //! Kodak photographs where they are, else fixtures. Writes importance.csv and importance.svg.
 
 use std::error::Error;
@@ -26,20 +26,20 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let out = PathBuf::from(arguments.next().unwrap_or_else(|| "target/importance".to_owned()));
     let given: Vec<PathBuf> = arguments.map(PathBuf::from).collect();
-    let paths = if given.is_empty() { usual_pictures()? } else { given };
-    let pictures: Vec<Raster> = paths.iter().map(|path| texfold_testkit::png(path)).collect();
-    let rows: Vec<Row> = WEIGHTS.iter().filter_map(|&weight| measure(&pictures, weight)).collect();
+    let paths = if given.is_empty() { usual_images()? } else { given };
+    let images: Vec<Raster> = paths.iter().map(|path| texfold_testkit::png(path)).collect();
+    let rows: Vec<Row> = WEIGHTS.iter().filter_map(|&weight| measure(&images, weight)).collect();
     std::fs::create_dir_all(&out)?;
     let mut csv = "importance,psnr,psnr_salient_quarter\n".to_owned();
     for row in &rows {
         csv += &format!("{},{:.3},{:.3}\n", row.weight, row.whole, row.salient);
     }
-    print!("{} pictures at 9.6:1, raw codebook\n{csv}", pictures.len());
+    print!("{} images at 9.6:1, raw codebook\n{csv}", images.len());
     std::fs::write(out.join("importance.csv"), csv)?;
     chart(&rows, &out.join("importance.svg"))
 }
 
-fn usual_pictures() -> Result<Vec<PathBuf>, Box<dyn Error>> {
+fn usual_images() -> Result<Vec<PathBuf>, Box<dyn Error>> {
     let Some(data) = texfold_testkit::data_dir("the chart on Kodak photographs") else {
         let fixture = |name: &str| texfold_testkit::fixtures_dir().join(format!("images/{name}.png"));
         return Ok(["facade", "salient", "terrain", "cloth", "floor"].map(fixture).to_vec());
@@ -50,12 +50,12 @@ fn usual_pictures() -> Result<Vec<PathBuf>, Box<dyn Error>> {
     Ok(paths)
 }
 
-/// Means over the pictures, a codebook of 1/16 of each (9.6:1 against 24 bits), no sample.
-fn measure(pictures: &[Raster], weight: f32) -> Option<Row> {
+/// Means over the images, a codebook of 1/16 of each (9.6:1 against 24 bits), no sample.
+fn measure(images: &[Raster], weight: f32) -> Option<Row> {
     let mut row = Row { weight, ..Row::default() };
-    for picture in pictures {
-        let set = ImageSet::single(picture.clone());
-        let cells = picture.size().texels() / 256;
+    for image in images {
+        let set = ImageSet::single(image.clone());
+        let cells = image.size().texels() / 256;
         let width = (((cells as f64).sqrt() * 1.2) as u32).clamp(1, 64);
         let height = (cells as u32 / width).clamp(1, 64);
         let params = VqParams {
@@ -67,9 +67,9 @@ fn measure(pictures: &[Raster], weight: f32) -> Option<Row> {
         };
         let texture = texfold_benches::vq(&set, &params)?;
         let decoded = decode_surface(texture.as_encoded(), 0, 0)?;
-        let (whole, salient) = psnrs(picture, &decoded);
-        row.whole += whole / pictures.len() as f64;
-        row.salient += salient / pictures.len() as f64;
+        let (whole, salient) = psnrs(image, &decoded);
+        row.whole += whole / images.len() as f64;
+        row.salient += salient / images.len() as f64;
     }
     Some(row)
 }
@@ -105,7 +105,7 @@ fn chart(rows: &[Row], path: &Path) -> Result<(), Box<dyn Error>> {
         .build_cartesian_2d(0f32..4f32, low - 0.2..high + 0.2)?;
     chart.configure_mesh().x_desc("weight of importance").y_desc("PSNR in dB").draw()?;
     for (name, color, value) in [
-        ("whole picture", BLUE, (|row: &Row| row.whole) as fn(&Row) -> f64),
+        ("whole image", BLUE, (|row: &Row| row.whole) as fn(&Row) -> f64),
         ("most salient quarter", RED, |row| row.salient),
     ] {
         let points: Vec<(f32, f64)> = rows.iter().map(|row| (row.weight, value(row))).collect();

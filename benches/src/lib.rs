@@ -1,4 +1,4 @@
-//! Pictures and settings that the benches share.
+//! Images and settings that the benches share.
 
 pub mod report;
 
@@ -9,16 +9,16 @@ use texfold::{
     Progressive, ProgressiveParams, Vq, VqParams, VqSource,
 };
 
-/// A 512x512 picture: the facade four times, each turned another way so that blocks do not repeat exactly.
+/// A 512x512 image: the facade four times, each turned another way so that blocks do not repeat exactly.
 #[must_use]
-pub fn picture_512() -> ImageSet {
-    let source = texfold_testkit::picture("facade");
-    picture_of(&source, 512)
+pub fn image_512() -> ImageSet {
+    let source = texfold_testkit::image("facade");
+    image_of(&source, 512)
 }
 
-/// A large picture of `side` texels made of the terrain, turned and dimmed from tile to tile.
+/// A large image of `side` texels made of the terrain, turned and dimmed from tile to tile.
 #[must_use]
-pub fn picture_of(source: &Raster, side: u32) -> ImageSet {
+pub fn image_of(source: &Raster, side: u32) -> ImageSet {
     let size = source.size();
     let texel = |x: u32, y: u32| -> [u8; 3] {
         let (column, row) = (x / size.width, y / size.height);
@@ -39,7 +39,7 @@ pub fn picture_of(source: &Raster, side: u32) -> ImageSet {
     }
 }
 
-/// The settings of the paper's examples: a codebook of 1/16 of a 512x512 picture with one sample of 64x64.
+/// The settings of the paper's examples: a codebook of 1/16 of a 512x512 image with one sample of 64x64.
 #[must_use]
 pub fn paper_params() -> VqParams {
     VqParams {

@@ -31,7 +31,7 @@ const MESHES: [Option<u32>; 4] = [Some(600), Some(1500), Some(3000), None];
 const USUAL_MESH: Option<u32> = Some(3000);
 /// Most terms of the chart.
 const MOST_TERMS: u32 = 6;
-/// Pixels a side of pictures that are timed, and how often each is drawn.
+/// Pixels a side of images that are timed, and how often each is drawn.
 const FRAME: u32 = 512;
 const DRAWS: usize = 15;
 /// Terms that are drawn beside the mean.
@@ -333,7 +333,7 @@ impl Bench {
                 format!("{cast:.2}"),
             ]);
         }
-        table.write(&self.out, "frames", "Pictures of 512x512, drawn in turns.")
+        table.write(&self.out, "frames", "Images of 512x512, drawn in turns.")
     }
 
     /// Parts of the model.

@@ -1,7 +1,7 @@
 //! Base and error map beside plain BC1 at 4 bits a texel, as a table in Markdown.
 //!
-//! `cargo run --release -p texfold-benches --bin progressive -- [small] [PICTURE …]`: of pictures larger than that the middle
-//! 1024 x 1024; without pictures, six aerial and satellite images where they are. Memory is all that a GPU holds, without mips.
+//! `cargo run --release -p texfold-benches --bin progressive -- [small] [IMAGE …]`: of images larger than that the middle
+//! 1024 x 1024; without images, six aerial and satellite images where they are. Memory is all that a GPU holds, without mips.
 //! With `small`, half a bit a texel and fewer, beside BC1 of a quarter of the width and height and ASTC 12x12 of half of them, the
 //! latter with feature `astc`.
 
@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut given: Vec<PathBuf> = std::env::args().skip(1).map(PathBuf::from).collect();
     let small = given.first().is_some_and(|first| first.as_os_str() == "small");
     given.drain(..usize::from(small));
-    let pictures = match texfold_testkit::data_dir("base and error map beside BC1") {
+    let images = match texfold_testkit::data_dir("base and error map beside BC1") {
         Some(data) if given.is_empty() => IMAGES.map(|name| data.join("remote").join(name)).to_vec(),
         _ => given,
     };
@@ -49,10 +49,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         .map(|(name, ..)| format!(" {name} |"))
         .chain(sizes.iter().map(|size| format!(" {size} |")))
         .collect();
-    println!("| picture |{}", head.concat());
+    println!("| image |{}", head.concat());
     println!("|---|{}", "---|".repeat(head.len()));
     let mut sums = vec![0.0; head.len()];
-    for path in &pictures {
+    for path in &images {
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
         let set = ImageSet::single(middle(texfold_testkit::png(path).with_channels(3))?);
         let mut row = Vec::new();
@@ -74,17 +74,17 @@ fn main() -> Result<(), Box<dyn Error>> {
         sums.iter_mut().zip(&row).for_each(|(sum, psnr)| *sum += psnr);
         println!("| {name} |{}", row.iter().map(|psnr| format!(" {psnr:.2} |")).collect::<String>());
     }
-    let mean = |sum: &f64| format!(" {:.2} |", sum / pictures.len().max(1) as f64);
+    let mean = |sum: &f64| format!(" {:.2} |", sum / images.len().max(1) as f64);
     println!("| mean |{}", sums.iter().map(mean).collect::<String>());
     Ok(())
 }
 
-/// The middle of a large picture, or all of another.
-fn middle(picture: Raster) -> Result<Raster, Box<dyn Error>> {
-    let size = picture.size();
+/// The middle of a large image, or all of another.
+fn middle(image: Raster) -> Result<Raster, Box<dyn Error>> {
+    let size = image.size();
     let (width, height) = (size.width.min(SIDE), size.height.min(SIDE));
     let (left, top) = ((size.width - width) / 2, (size.height - height) / 2);
-    let texel = |i: u32| picture.texel(left + i % width, top + i / width);
+    let texel = |i: u32| image.texel(left + i % width, top + i / width);
     let texels: Vec<_> = (0..width * height).map(texel).collect();
-    Ok(Raster::from_texels(width, height, picture.info(), &texels)?)
+    Ok(Raster::from_texels(width, height, image.info(), &texels)?)
 }

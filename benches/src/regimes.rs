@@ -1,4 +1,4 @@
-//! The epitome codec in several regimes: sets of photographs of one place, pictures without repetition, time against texels, and
+//! The epitome codec in several regimes: sets of photographs of one place, images without repetition, time against texels, and
 //! drawing between texels and at mip levels.
 //!
 //! `cargo run --release -p texfold-benches --bin regimes -- [OUT_DIR] [sets|unlike|time|drawing]`: photographs where they are,
@@ -25,13 +25,13 @@ const TOLERANCE: f64 = 24.0;
 const SET: usize = 8;
 /// By what photographs of a set are reduced.
 const SET_FACTOR: u32 = 2;
-/// Texels a side at most of pictures without repetition.
+/// Texels a side at most of images without repetition.
 const UNLIKE_SIDE: u32 = 512;
-/// Sides of the pictures whose encoding is timed.
+/// Sides of the images whose encoding is timed.
 const TIMED: [u32; 5] = [256, 384, 512, 768, 1024];
-/// Texels a side of the pictures that are drawn.
+/// Texels a side of the images that are drawn.
 const DRAWN_SIDE: u32 = 512;
-/// Pixels a texel when a picture is magnified, and texels a side of the smallest leaf.
+/// Pixels a texel when an image is magnified, and texels a side of the smallest leaf.
 const MAGNIFIED: u32 = 3;
 const LEAF: u32 = 8;
 
@@ -57,7 +57,7 @@ fn main() -> Outcome<()> {
 }
 
 /// Photographs by their path below the data folder, or fixtures by name.
-fn pictures(photographs: &[&str], fixtures: &[&str]) -> Vec<(String, Raster)> {
+fn images(photographs: &[&str], fixtures: &[&str]) -> Vec<(String, Raster)> {
     let fixture = |name: &&str| texfold_testkit::fixtures_dir().join(format!("images/{name}.png"));
     let paths: Vec<PathBuf> = match texfold_testkit::data_dir("the tables on photographs") {
         Some(data) => photographs.iter().map(|name| data.join(name)).collect(),
@@ -79,7 +79,7 @@ fn sets(out: &Path) -> Outcome<()> {
     let names: Vec<String> =
         (1..=SET).map(|index| format!("epitome/collection_lund/{index:02}.jpg")).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let photographs = pictures(&names, &["facade", "facade", "floor", "floor"]);
+    let photographs = images(&names, &["facade", "facade", "floor", "floor"]);
     let mut table = Table::new(&[
         "goal",
         "photographs",
@@ -141,11 +141,11 @@ fn unlike(out: &Path) -> Outcome<()> {
         "epitome/GreenMeadow.jpg",
         "epitome/urban100_073.png",
     ];
-    let mut all = pictures(&photographs, &["zebra", "terrain"]);
-    all.push(("noise".to_owned(), texfold_testkit::picture("noise")));
-    let mut table = Table::new(&["picture", "plain dB", "plain bits", "dB", "bits", "what it is"]);
-    for (name, picture) in all {
-        let set = ImageSet::single(middle(&picture, UNLIKE_SIDE, UNLIKE_SIDE)?);
+    let mut all = images(&photographs, &["zebra", "terrain"]);
+    all.push(("noise".to_owned(), texfold_testkit::image("noise")));
+    let mut table = Table::new(&["image", "plain dB", "plain bits", "dB", "bits", "what it is"]);
+    for (name, image) in all {
+        let set = ImageSet::single(middle(&image, UNLIKE_SIDE, UNLIKE_SIDE)?);
         let plain =
             texfold::BcParams { goal: Goal::Bpp(4.0), reduce_log2: Some(0), ..texfold::BcParams::default() };
         let plain = measure(&set, &texfold::Bc::encode(&set, &plain, &mut Job::default())?);
@@ -173,7 +173,7 @@ fn unlike(out: &Path) -> Outcome<()> {
         ]);
     }
     let text = format!(
-        "Pictures that hardly repeat, the middle {UNLIKE_SIDE}×{UNLIKE_SIDE} texels at most: codec epitome asked for the PSNR of plain \
+        "Images that hardly repeat, the middle {UNLIKE_SIDE}×{UNLIKE_SIDE} texels at most: codec epitome asked for the PSNR of plain \
          blocks of 4 bits a texel.\n`cargo run --release -p texfold-benches --bin regimes -- target/epitome unlike`"
     );
     table.write(out, "unlike", &text)
@@ -181,12 +181,12 @@ fn unlike(out: &Path) -> Outcome<()> {
 
 /// CPU seconds of an encode against texels, with the exponent that fits best.
 fn time(out: &Path) -> Outcome<()> {
-    let mut table = Table::new(&["picture", "side", "CPU s", "CPU s a megatexel"]);
+    let mut table = Table::new(&["image", "side", "CPU s", "CPU s a megatexel"]);
     let mut lines = Vec::new();
-    for (name, picture) in pictures(&["epitome/urban100_100.png", "epitome/aloeL.jpg"], &["facade"]) {
+    for (name, image) in images(&["epitome/urban100_100.png", "epitome/aloeL.jpg"], &["facade"]) {
         let mut line = Vec::new();
         for side in TIMED {
-            let set = ImageSet::single(middle(&picture, side, side)?);
+            let set = ImageSet::single(middle(&image, side, side)?);
             let before = cpu_seconds();
             encode(&set, false)?;
             let (seconds, texels) = (cpu_seconds() - before, set.texel_count() as f64);
@@ -223,7 +223,7 @@ fn exponent(line: &[(f64, f64)]) -> f64 {
     both / own
 }
 
-/// Traces of blocks in magnified pictures, and mip levels against those of the decoded picture.
+/// Traces of blocks in magnified images, and mip levels against those of the decoded image.
 fn drawing(out: &Path) -> Outcome<()> {
     let photographs = [
         "epitome/urban100_021.png",
@@ -234,7 +234,7 @@ fn drawing(out: &Path) -> Outcome<()> {
         "remote/neon_YELL_541000_4977000.png",
     ];
     let mut table = Table::new(&[
-        "picture",
+        "image",
         "bits",
         "dB",
         "strip",
@@ -245,8 +245,8 @@ fn drawing(out: &Path) -> Outcome<()> {
         "level 2 dB",
         "level 3 dB",
     ]);
-    for (name, picture) in pictures(&photographs, &["facade", "terrain", "text_page"]) {
-        let image = middle(&picture, DRAWN_SIDE, DRAWN_SIDE)?;
+    for (name, fixture) in images(&photographs, &["facade", "terrain", "text_page"]) {
+        let image = middle(&fixture, DRAWN_SIDE, DRAWN_SIDE)?;
         let set = ImageSet::single(image.clone());
         let texture = encode(&set, true)?;
         let measured = measure(&set, &texture);
@@ -257,7 +257,7 @@ fn drawing(out: &Path) -> Outcome<()> {
         let nearest = blockiness(&image, |x, y| texfold_epitome_nearest(&view, uv(x, y), 0));
         let original = blockiness(&image, |x, y| magnified(&image, x, y));
         let mut row = vec![name, format!("{:.3}", measured.bpp), format!("{:.2}", measured.psnr)];
-        row.push(format!("{:.2}", texture.map_format().strip as f32 / 4.0));
+        row.push(format!("{:.2}", texture.map_format().seam_width as f32 / 4.0));
         row.extend([original, linear, nearest].map(|ratio| format!("{ratio:.3}")));
         let decoded = decode_surface(&texture, 0, 0).ok_or("no surface")?;
         let chain = mip_chain(&decoded, 4, MipFilter::Box);
@@ -270,13 +270,13 @@ fn drawing(out: &Path) -> Outcome<()> {
     let text = format!(
         "With mip levels, at {PSNR} dB, the middle {DRAWN_SIDE}×{DRAWN_SIDE} texels. Blocks: mean step between neighbouring pixels across \
          borders of {LEAF}×{LEAF} texels over the mean step elsewhere, {MAGNIFIED} pixels a texel; 1 shows no block. Strip: texels across in which leaves are blended. Levels: PSNR against the \
-         mip levels of the decoded picture.\n\
+         mip levels of the decoded fixture.\n\
          `cargo run --release -p texfold-benches --bin regimes -- target/epitome drawing`"
     );
     table.write(out, "drawing", &text)
 }
 
-/// A picture magnified by linear interpolation.
+/// An image magnified by linear interpolation.
 fn magnified(image: &Raster, x: u32, y: u32) -> Texel {
     let place = |at: u32, end: u32| {
         let at = ((at as f32 + 0.5) / MAGNIFIED as f32 - 0.5).clamp(0.0, (end - 1) as f32);

@@ -1,4 +1,4 @@
-//! What the benches that write tables and charts share: parts of pictures, CPU time, tables, charts of lines.
+//! What the benches that write tables and charts share: parts of images, CPU time, tables, charts of lines.
 
 use std::error::Error;
 use std::path::Path;
@@ -9,36 +9,36 @@ use texfold::image::Raster;
 /// What a bench may fail with.
 pub type Outcome<T> = Result<T, Box<dyn Error>>;
 
-/// The middle of a picture, at most `width` x `height` texels.
+/// The middle of an image, at most `width` x `height` texels.
 ///
 /// # Errors
-/// None for pictures that are.
-pub fn middle(picture: &Raster, width: u32, height: u32) -> Outcome<Raster> {
-    let size = picture.size();
+/// None for images that are.
+pub fn middle(image: &Raster, width: u32, height: u32) -> Outcome<Raster> {
+    let size = image.size();
     let (width, height) = (size.width.min(width), size.height.min(height));
     let (left, top) = ((size.width - width) / 2, (size.height - height) / 2);
-    let texel = |i: u32| picture.texel(left + i % width, top + i / width);
+    let texel = |i: u32| image.texel(left + i % width, top + i / width);
     let texels: Vec<_> = (0..width * height).map(texel).collect();
-    Ok(Raster::from_texels(width, height, picture.info(), &texels)?)
+    Ok(Raster::from_texels(width, height, image.info(), &texels)?)
 }
 
-/// A picture at 1 / `factor` of its size, each texel the mean of those it stands for.
+/// An image at 1 / `factor` of its size, each texel the mean of those it stands for.
 ///
 /// # Errors
 /// Where nothing would be left.
-pub fn reduced(picture: &Raster, factor: u32) -> Outcome<Raster> {
-    let size = picture.size();
+pub fn reduced(image: &Raster, factor: u32) -> Outcome<Raster> {
+    let size = image.size();
     let (width, height) = (size.width / factor, size.height / factor);
     let texel = |i: u32| {
         let (left, top) = (i % width * factor, i / width * factor);
         let mut sum = texfold::Texel::ZERO;
         for (y, x) in (0..factor).flat_map(|y| (0..factor).map(move |x| (y, x))) {
-            sum += picture.texel(left + x, top + y);
+            sum += image.texel(left + x, top + y);
         }
         sum / (factor * factor) as f32
     };
     let texels: Vec<_> = (0..width * height).map(texel).collect();
-    Ok(Raster::from_texels(width, height, picture.info(), &texels)?)
+    Ok(Raster::from_texels(width, height, image.info(), &texels)?)
 }
 
 /// CPU seconds that this process has used, all threads together, to a hundredth of a second; 0 where the system has no

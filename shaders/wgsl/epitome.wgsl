@@ -43,12 +43,12 @@ struct TexfoldEpitomeParams {
     // How many of them are a fraction of a texel.
     fraction_bits: u32,
     // Bits of the number of the gain and offset, and of the matrix, in a map entry.
-    tone_bits: u32,
-    linear_bits: u32,
+    gain_offset_bits: u32,
+    matrix_bits: u32,
     // First word of the 2x2 matrices, two words each.
-    linear_start: u32,
+    matrix_start: u32,
     // First word of the gains and offsets, two words each.
-    tone_start: u32,
+    gain_offset_start: u32,
     // Binary logarithm of the words in a row of the map.
     row_log2: u32,
     // Columns and rows of the first epitome in texels.
@@ -62,7 +62,7 @@ struct TexfoldEpitomeParams {
     // Texels a side of the smallest leaf.
     cell: u32,
     // Half the width of the seams along borders of leaves where both are blended at level 0, in eighths of a texel.
-    strip: u32,
+    seam_width: u32,
 }
 
 // A leaf of the image.
@@ -76,7 +76,7 @@ struct TexfoldEpitomeLeaf {
 }
 
 // Factor on each channel, and what is added then.
-struct TexfoldEpitomeTone {
+struct TexfoldEpitomeGainOffset {
     gain: vec4<f32>,
     offset: vec4<f32>,
 }
@@ -86,8 +86,8 @@ struct TexfoldEpitomeSource {
     // Place of the leaf's centre in the epitome, in texels.
     position: vec2<f32>,
     // Rows of the 2x2 matrix: (xx, xy) and (yx, yy).
-    linear: vec4<f32>,
-    tone: TexfoldEpitomeTone,
+    matrix: vec4<f32>,
+    gain_offset: TexfoldEpitomeGainOffset,
     // 1 for the second epitome.
     plane: u32,
 }
@@ -154,21 +154,21 @@ fn texfold_epitome_source(entry: u32) -> TexfoldEpitomeSource {
     let high = texfold_epitome_word(word + 1u);
     let x_start = (byte & 3u) * 8u;
     let y_start = x_start + texfold_epitome_params.x_bits;
-    let tone_start = y_start + texfold_epitome_params.y_bits;
-    let linear_start = tone_start + texfold_epitome_params.tone_bits;
-    let plane_start = linear_start + texfold_epitome_params.linear_bits;
+    let gain_offset_start = y_start + texfold_epitome_params.y_bits;
+    let matrix_start = gain_offset_start + texfold_epitome_params.gain_offset_bits;
+    let plane_start = matrix_start + texfold_epitome_params.matrix_bits;
     let x = texfold_epitome_bits(low, high, x_start, texfold_epitome_params.x_bits);
     let y = texfold_epitome_bits(low, high, y_start, texfold_epitome_params.y_bits);
-    let tone_number = texfold_epitome_bits(low, high, tone_start, texfold_epitome_params.tone_bits);
-    let linear_number = texfold_epitome_bits(low, high, linear_start, texfold_epitome_params.linear_bits);
+    let gain_offset_number = texfold_epitome_bits(low, high, gain_offset_start, texfold_epitome_params.gain_offset_bits);
+    let matrix_number = texfold_epitome_bits(low, high, matrix_start, texfold_epitome_params.matrix_bits);
     let plane = texfold_epitome_bits(low, high, plane_start, texfold_epitome_params.mixed);
     let scale = 1.0 / f32(i32(1u << texfold_epitome_params.fraction_bits));
-    let tone = texfold_epitome_params.tone_start + 2u * tone_number;
-    let linear = texfold_epitome_params.linear_start + 2u * linear_number;
+    let gain_offset = texfold_epitome_params.gain_offset_start + 2u * gain_offset_number;
+    let matrix = texfold_epitome_params.matrix_start + 2u * matrix_number;
     return TexfoldEpitomeSource(
         vec2<f32>(vec2<i32>(vec2<u32>(x, y))) * scale,
-        texfold_epitome_linear(texfold_epitome_word(linear), texfold_epitome_word(linear + 1u)),
-        texfold_epitome_tone(texfold_epitome_word(tone), texfold_epitome_word(tone + 1u)),
+        texfold_epitome_matrix(texfold_epitome_word(matrix), texfold_epitome_word(matrix + 1u)),
+        texfold_epitome_gain_offset(texfold_epitome_word(gain_offset), texfold_epitome_word(gain_offset + 1u)),
         plane,
     );
 }
@@ -179,17 +179,17 @@ fn texfold_epitome_halves(word: u32) -> vec2<f32> {
 }
 
 // The 2x2 matrix that two words hold: its rows, one a word.
-fn texfold_epitome_linear(first: u32, second: u32) -> vec4<f32> {
+fn texfold_epitome_matrix(first: u32, second: u32) -> vec4<f32> {
     let rows = vec4<f32>(texfold_epitome_halves(first), texfold_epitome_halves(second));
     return rows * (1.0 / TEXFOLD_EPITOME_LINEAR_ONE);
 }
 
 // Gain and offset that two words hold: bytes for red, green and blue each. Alpha is left as it is.
-fn texfold_epitome_tone(first: u32, second: u32) -> TexfoldEpitomeTone {
+fn texfold_epitome_gain_offset(first: u32, second: u32) -> TexfoldEpitomeGainOffset {
     let shifts = vec3<u32>(0u, 8u, 16u);
     let gain = vec3<f32>(vec3<i32>((vec3<u32>(first) >> shifts) & vec3<u32>(255u)));
     let offset = vec3<f32>(vec3<i32>((vec3<u32>(second) >> shifts) & vec3<u32>(255u))) - vec3<f32>(128.0);
-    return TexfoldEpitomeTone(
+    return TexfoldEpitomeGainOffset(
         vec4<f32>(gain, TEXFOLD_EPITOME_GAIN_ONE) * (1.0 / TEXFOLD_EPITOME_GAIN_ONE),
         vec4<f32>(offset, 0.0) * (1.0 / 255.0),
     );
@@ -197,9 +197,9 @@ fn texfold_epitome_tone(first: u32, second: u32) -> TexfoldEpitomeTone {
 
 // Level of the epitome to read for level `level` of the image: one finer, as blending four texels halves once more,
 // and finer still by what the content is stored smaller.
-fn texfold_epitome_plane_level(linear: vec4<f32>, level: u32) -> u32 {
-    let across = linear.x * linear.x + linear.z * linear.z;
-    let down = linear.y * linear.y + linear.w * linear.w;
+fn texfold_epitome_plane_level(matrix: vec4<f32>, level: u32) -> u32 {
+    let across = matrix.x * matrix.x + matrix.z * matrix.z;
+    let down = matrix.y * matrix.y + matrix.w * matrix.w;
     let squared = max(across, down);
     let octave = i32(squared >= 0.125) + i32(squared >= 0.5) + i32(squared >= 2.0) - 3;
     return u32(clamp(i32(level) + octave, 0, i32(texfold_epitome_params.plane_levels) - 1));
@@ -214,9 +214,9 @@ fn texfold_epitome_place(
 ) -> vec2<f32> {
     let half = f32(i32(leaf.side)) * 0.5;
     let away = at - (vec2<f32>(vec2<i32>(leaf.corner)) + vec2<f32>(half));
-    let moved = source.linear.xz * away.x + source.linear.yw * away.y;
+    let moved = source.matrix.xz * away.x + source.matrix.yw * away.y;
     let margin = 0.5 * f32(i32(1u << plane_level));
-    let rows = abs(source.linear.xz) + abs(source.linear.yw);
+    let rows = abs(source.matrix.xz) + abs(source.matrix.yw);
     let reach = max(rows * half - vec2<f32>(margin), vec2<f32>(0.0));
     return source.position + clamp(moved, -reach, reach);
 }
@@ -224,10 +224,10 @@ fn texfold_epitome_place(
 // The leaf's colour at the place `at` of the image, in texels of level 0, for level `level` of the image.
 fn texfold_epitome_content(leaf: TexfoldEpitomeLeaf, at: vec2<f32>, level: u32) -> vec4<f32> {
     let source = texfold_epitome_source(leaf.entry);
-    let plane_level = texfold_epitome_plane_level(source.linear, level);
+    let plane_level = texfold_epitome_plane_level(source.matrix, level);
     let place = texfold_epitome_place(source, leaf, at, plane_level);
     let texel = texfold_epitome_read(source.plane, place, plane_level);
-    return clamp(texel * source.tone.gain + source.tone.offset, vec4<f32>(0.0), vec4<f32>(1.0));
+    return clamp(texel * source.gain_offset.gain + source.gain_offset.offset, vec4<f32>(0.0), vec4<f32>(1.0));
 }
 
 // The leaf of the texel at `at` of level `level`, one of the levels that are read from the epitome.
@@ -296,7 +296,7 @@ struct TexfoldEpitomeSeam {
 
 // The texels around a place; within a seam along a border of leaves those on both sides of it, at level 0, of `size` texels.
 fn texfold_epitome_seam(tap: TexfoldTap, size: vec2<u32>, level: u32) -> TexfoldEpitomeSeam {
-    let half = f32(texfold_epitome_params.strip) * 0.125;
+    let half = f32(texfold_epitome_params.seam_width) * 0.125;
     let cell = f32(texfold_epitome_params.cell);
     let at = vec2<f32>(vec2<i32>(tap.low)) + tap.weight + vec2<f32>(0.5);
     let border = floor(at * (1.0 / cell) + vec2<f32>(0.5)) * cell;

@@ -128,7 +128,7 @@ fn compress_and_render() -> io::Result<bool> {
 /// What hardware decoders of BC1 to BC5 may round differently (Direct3D 11.3 specification, 19.5), in 8-bit steps.
 const ROUNDING: u8 = 2;
 
-/// Whether every picture of `reference` is in `other`, each value within the rounding of block decoders.
+/// Whether every image of `reference` is in `other`, each value within the rounding of block decoders.
 fn alike(reference: &Path, other: &Path) -> io::Result<bool> {
     let mut alike = true;
     for entry in std::fs::read_dir(reference)? {

@@ -1,4 +1,4 @@
-//! `fixtures`: the test pictures under fixtures/, from code.
+//! `fixtures`: the test images under fixtures/, from code.
 
 use std::io;
 use std::path::PathBuf;

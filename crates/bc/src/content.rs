@@ -1,4 +1,4 @@
-//! How a picture's channels are laid into the planes that a GPU samples.
+//! How an image's channels are laid into the planes that a GPU samples.
 
 use std::borrow::Cow;
 
@@ -149,7 +149,7 @@ impl Family {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Swizzle(pub u32);
 
-/// A picture stored as one or two planes.
+/// An image stored as one or two planes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContentPlanes {
     pub(crate) content: Content,

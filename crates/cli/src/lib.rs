@@ -16,13 +16,13 @@ mod error;
 mod info;
 mod input;
 mod output;
-mod picture;
 mod png;
 mod progress;
 mod render;
 mod report;
 mod run;
 mod settings;
+mod thumbnail;
 
 pub use compare::CompareArgs;
 pub use compress::CompressArgs;

@@ -71,12 +71,12 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let mine = format!("{TEMPORARY}{}-abc", std::process::id());
         let gone = format!("{TEMPORARY}4194999-abc");
-        for name in [mine.as_str(), &gone, "picture.txf"] {
+        for name in [mine.as_str(), &gone, "image.txf"] {
             fs::write(dir.path().join(name), b"x").unwrap();
         }
         remove_stale(dir.path());
         let left = |name: &str| dir.path().join(name).exists();
-        assert_eq!((left(&mine), left("picture.txf")), (true, true));
+        assert_eq!((left(&mine), left("image.txf")), (true, true));
         assert_eq!(left(&gone), !Path::new("/proc/self").exists());
     }
 

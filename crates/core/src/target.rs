@@ -91,7 +91,7 @@ pub struct Measured {
 #[derive(Debug, Clone)]
 pub struct Found<T> {
     /// The setting.
-    pub knob: u32,
+    pub index: u32,
     /// What it measures.
     pub measured: Measured,
     /// What it made.
@@ -107,9 +107,9 @@ const MAX_EVALUATIONS: u32 = 26;
 
 /// Finds the setting in `range` that answers `goal` best.
 ///
-/// Quality and size are taken to rise with the knob. The search starts at `guess` and strides away from it, wider each time,
-/// until the answer is between two settings; then it goes by bisection in the knob's logarithm until the bracket is narrower
-/// than `relative_step` of the knob. So a good guess costs few candidates, and a bad one a few more than bisection would.
+/// Quality and size are taken to rise with the index. The search starts at `guess` and strides away from it, wider each time,
+/// until the answer is between two settings; then it goes by bisection in the index's logarithm until the bracket is narrower
+/// than `relative_step` of the index. So a good guess costs few candidates, and a bad one a few more than bisection would.
 /// Ends of the range are tried when the bracket has closed on them and they are still unknown.
 ///
 /// # Errors
@@ -123,28 +123,28 @@ pub fn search<T, E>(
 ) -> Result<Found<T>, E> {
     let (start, end) = (*range.start(), *range.end().max(range.start()));
     let (mut low, mut high) = (i64::from(start) - 1, i64::from(end) + 1);
-    let mut knob = guess.clamp(start, end);
+    let mut index = guess.clamp(start, end);
     let mut best: Option<Found<T>> = None;
     let mut evaluations = 0;
-    let mut stride = Stride::first(knob);
+    let mut stride = Stride::first(index);
     loop {
-        let (measured, value) = evaluate(knob)?;
+        let (measured, value) = evaluate(index)?;
         evaluations += 1;
         let met = goal.is_met(&measured);
         if best.as_ref().is_none_or(|best| goal.prefers(&measured, &best.measured)) {
-            best = Some(Found { knob, measured, value, met, evaluations });
+            best = Some(Found { index, measured, value, met, evaluations });
         }
         // Larger settings help a quality goal that is missed and a size goal that is met.
         if met == matches!(goal, Goal::Bpp(_)) {
-            low = i64::from(knob);
+            low = i64::from(index);
         } else {
-            high = i64::from(knob);
+            high = i64::from(index);
         }
         let narrow = (high - low) as f64 <= 1.0 + relative_step * high as f64 && low >= i64::from(start);
         let closed = high - low <= 1 || (narrow && high <= i64::from(end)) || evaluations >= MAX_EVALUATIONS;
         let strode = stride.next(low, high, start, end);
-        match strode.or_else(|| next_knob(low, high, start, end)).filter(|_| !closed) {
-            Some(next) => knob = next,
+        match strode.or_else(|| next_index(low, high, start, end)).filter(|_| !closed) {
+            Some(next) => index = next,
             None => break,
         }
     }
@@ -152,7 +152,7 @@ pub fn search<T, E>(
     match best {
         Some(found) => Ok(Found { evaluations, ..found }),
         None => evaluate(start).map(|(measured, value)| Found {
-            knob: start,
+            index: start,
             measured,
             value,
             met: goal.is_met(&measured),
@@ -173,18 +173,18 @@ impl Stride {
     /// The next setting towards the open side of the bracket; `None` where neither side is open, or the stride leaves the range.
     fn next(&mut self, low: i64, high: i64, start: u32, end: u32) -> Option<u32> {
         let (start, end) = (i64::from(start), i64::from(end));
-        let knob = match (low < start, high > end) {
+        let index = match (low < start, high > end) {
             (true, false) => high - self.0,
             (false, true) => low + self.0,
             _ => return None,
         };
         self.0 *= 4;
-        u32::try_from(knob).ok().filter(|_| (start..=end).contains(&knob))
+        u32::try_from(index).ok().filter(|_| (start..=end).contains(&index))
     }
 }
 
 /// The geometric middle of the bracket; `None` where nothing lies between.
-fn next_knob(low: i64, high: i64, start: u32, end: u32) -> Option<u32> {
+fn next_index(low: i64, high: i64, start: u32, end: u32) -> Option<u32> {
     if high - low <= 1 {
         return None;
     }
@@ -200,41 +200,41 @@ fn next_knob(low: i64, high: i64, start: u32, end: u32) -> Option<u32> {
 mod tests {
     use super::*;
 
-    fn linear(knob: u32) -> Result<(Measured, u32), std::convert::Infallible> {
+    fn linear(index: u32) -> Result<(Measured, u32), std::convert::Infallible> {
         let measured = Measured {
-            psnr: 10.0 * f64::from(knob).log10(),
-            bpp: f64::from(knob) / 100.0,
-            worst_block_rms: 1000.0 / f64::from(knob),
+            psnr: 10.0 * f64::from(index).log10(),
+            bpp: f64::from(index) / 100.0,
+            worst_block_rms: 1000.0 / f64::from(index),
         };
-        Ok((measured, knob))
+        Ok((measured, index))
     }
 
     #[test]
-    fn finds_the_smallest_knob_that_meets_a_quality_goal() {
+    fn finds_the_smallest_index_that_meets_a_quality_goal() {
         for guess in [1, 50, 1000] {
             let found = search(Goal::Psnr(20.0), 1..=1000, guess, 0.0, linear).unwrap();
-            assert_eq!((found.knob, found.met), (100, true), "guess {guess}");
+            assert_eq!((found.index, found.met), (100, true), "guess {guess}");
             let found = search(Goal::Tolerance(5.0), 1..=1000, guess, 0.0, linear).unwrap();
-            assert_eq!((found.knob, found.met), (200, true));
+            assert_eq!((found.index, found.met), (200, true));
         }
     }
 
     #[test]
-    fn finds_the_largest_knob_within_a_size_goal() {
+    fn finds_the_largest_index_within_a_size_goal() {
         for guess in [1, 50, 1000] {
             let found = search(Goal::Bpp(3.337), 1..=1000, guess, 0.0, linear).unwrap();
-            assert_eq!((found.knob, found.met), (333, true), "guess {guess}");
+            assert_eq!((found.index, found.met), (333, true), "guess {guess}");
         }
     }
 
     #[test]
     fn goals_out_of_reach_end_at_the_nearest_end() {
         let found = search(Goal::Psnr(99.0), 1..=1000, 10, 0.0, linear).unwrap();
-        assert_eq!((found.knob, found.met), (1000, false));
+        assert_eq!((found.index, found.met), (1000, false));
         let found = search(Goal::Bpp(0.001), 3..=1000, 10, 0.0, linear).unwrap();
-        assert_eq!((found.knob, found.met), (3, false));
+        assert_eq!((found.index, found.met), (3, false));
         let found = search(Goal::Psnr(1.0), 5..=5, 10, 0.0, linear).unwrap();
-        assert_eq!(found.knob, 5);
+        assert_eq!(found.index, 5);
     }
 
     #[test]
@@ -242,14 +242,14 @@ mod tests {
         let near = search(Goal::Psnr(20.0), 1..=1000, 103, 0.0, linear).unwrap();
         let far = search(Goal::Psnr(20.0), 1..=1000, 1000, 0.0, linear).unwrap();
         assert!(near.evaluations <= 7 && far.evaluations <= 14, "{} {}", near.evaluations, far.evaluations);
-        assert_eq!((near.knob, far.knob), (100, 100));
+        assert_eq!((near.index, far.index), (100, 100));
     }
 
     #[test]
     fn a_bad_guess_in_a_wide_range_is_made_up_for() {
         for guess in [1, 65_535] {
             let found = search(Goal::Bpp(400.0), 1..=65_535, guess, 0.0, linear).unwrap();
-            assert_eq!((found.knob, found.met), (40_000, true), "guess {guess}");
+            assert_eq!((found.index, found.met), (40_000, true), "guess {guess}");
         }
     }
 
@@ -258,7 +258,7 @@ mod tests {
         let exact = search(Goal::Psnr(20.0), 1..=100_000, 500, 0.0, linear).unwrap();
         let near = search(Goal::Psnr(20.0), 1..=100_000, 500, 0.05, linear).unwrap();
         assert!(near.evaluations < exact.evaluations);
-        assert!(near.met && near.knob <= 105);
+        assert!(near.met && near.index <= 105);
     }
 
     #[test]

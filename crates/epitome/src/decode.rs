@@ -52,13 +52,13 @@ pub struct TexfoldEpitomeParams {
     /// How many of them are a fraction of a texel.
     pub fraction_bits: u32,
     /// Bits of the gain-offset pair's number in an entry.
-    pub tone_bits: u32,
+    pub gain_offset_bits: u32,
     /// Bits of the matrix's number in an entry.
-    pub linear_bits: u32,
+    pub matrix_bits: u32,
     /// First word of the 2x2 matrices, two words each.
-    pub linear_start: u32,
+    pub matrix_start: u32,
     /// First word of the gain-offset pairs, two words each.
-    pub tone_start: u32,
+    pub gain_offset_start: u32,
     /// Binary logarithm of the words in a row of the map plane.
     pub row_log2: u32,
     /// Columns and rows of the first epitome in texels.
@@ -73,7 +73,7 @@ pub struct TexfoldEpitomeParams {
     pub cell: u32,
     /// Half the width of the seam along borders of leaves in which both are blended at level 0, in eighths of a
     /// texel.
-    pub strip: u32,
+    pub seam_width: u32,
 }
 
 /// One image: what the shader has bound.
@@ -108,7 +108,7 @@ pub struct TexfoldEpitomeSource {
     /// Place of the leaf's centre in the epitome, in texels.
     pub position: Vec2,
     /// Rows of the 2x2 matrix: `(xx, xy)` and `(yx, yy)`.
-    pub linear: Vec4,
+    pub matrix: Vec4,
     /// Factor on each channel.
     pub gain: Vec4,
     /// What is added to each channel.
@@ -185,21 +185,23 @@ pub fn texfold_epitome_source(view: &EpitomeView<'_>, entry: u32) -> TexfoldEpit
     start += params.x_bits;
     let y = texfold_epitome_bits(low, high, start, params.y_bits);
     start += params.y_bits;
-    let tone = texfold_epitome_bits(low, high, start, params.tone_bits);
-    start += params.tone_bits;
-    let linear = texfold_epitome_bits(low, high, start, params.linear_bits);
-    start += params.linear_bits;
+    let gain_offset = texfold_epitome_bits(low, high, start, params.gain_offset_bits);
+    start += params.gain_offset_bits;
+    let matrix = texfold_epitome_bits(low, high, start, params.matrix_bits);
+    start += params.matrix_bits;
     let plane = texfold_epitome_bits(low, high, start, params.mixed);
     let scale = 1.0 / (1u32 << params.fraction_bits) as f32;
-    let tone = params.tone_start + 2 * tone;
-    let (gain, offset) =
-        texfold_epitome_tone(texfold_epitome_word(view, tone), texfold_epitome_word(view, tone + 1));
-    let linear = params.linear_start + 2 * linear;
+    let gain_offset = params.gain_offset_start + 2 * gain_offset;
+    let (gain, offset) = texfold_epitome_gain_offset(
+        texfold_epitome_word(view, gain_offset),
+        texfold_epitome_word(view, gain_offset + 1),
+    );
+    let matrix = params.matrix_start + 2 * matrix;
     TexfoldEpitomeSource {
         position: Vec2::new(x as f32 * scale, y as f32 * scale),
-        linear: texfold_epitome_linear(
-            texfold_epitome_word(view, linear),
-            texfold_epitome_word(view, linear + 1),
+        matrix: texfold_epitome_matrix(
+            texfold_epitome_word(view, matrix),
+            texfold_epitome_word(view, matrix + 1),
         ),
         gain,
         offset,
@@ -217,7 +219,7 @@ pub fn texfold_epitome_halves(word: u32) -> Vec2 {
 /// The 2x2 matrix that two words hold: its rows, one a word.
 #[must_use]
 #[inline]
-pub fn texfold_epitome_linear(first: u32, second: u32) -> Vec4 {
+pub fn texfold_epitome_matrix(first: u32, second: u32) -> Vec4 {
     let (first, second) = (texfold_epitome_halves(first), texfold_epitome_halves(second));
     Vec4::new(first.x, first.y, second.x, second.y) * (1.0 / TEXFOLD_EPITOME_LINEAR_ONE)
 }
@@ -225,7 +227,7 @@ pub fn texfold_epitome_linear(first: u32, second: u32) -> Vec4 {
 /// Gain and offset that two words hold: bytes for red, green and blue each. Alpha is left as it is.
 #[must_use]
 #[inline]
-pub fn texfold_epitome_tone(first: u32, second: u32) -> (Vec4, Vec4) {
+pub fn texfold_epitome_gain_offset(first: u32, second: u32) -> (Vec4, Vec4) {
     let byte = |word: u32, shift: u32| (word >> shift & 255) as f32;
     let gain = Vec4::new(byte(first, 0), byte(first, 8), byte(first, 16), TEXFOLD_EPITOME_GAIN_ONE)
         * (1.0 / TEXFOLD_EPITOME_GAIN_ONE);
@@ -238,9 +240,9 @@ pub fn texfold_epitome_tone(first: u32, second: u32) -> (Vec4, Vec4) {
 /// and finer still by what the content is stored smaller.
 #[must_use]
 #[inline]
-pub fn texfold_epitome_plane_level(view: &EpitomeView<'_>, linear: Vec4, level: u32) -> u32 {
-    let across = linear.x * linear.x + linear.z * linear.z;
-    let down = linear.y * linear.y + linear.w * linear.w;
+pub fn texfold_epitome_plane_level(view: &EpitomeView<'_>, matrix: Vec4, level: u32) -> u32 {
+    let across = matrix.x * matrix.x + matrix.z * matrix.z;
+    let down = matrix.y * matrix.y + matrix.w * matrix.w;
     let squared = across.max(down);
     let octave = i32::from(squared >= 0.125) + i32::from(squared >= 0.5) + i32::from(squared >= 2.0) - 3;
     (level as i32 + octave).clamp(0, view.params.plane_levels as i32 - 1) as u32
@@ -258,12 +260,12 @@ pub fn texfold_epitome_place(
 ) -> Vec2 {
     let half = leaf.side as f32 * 0.5;
     let away = at - (leaf.corner.as_vec2() + half);
-    let linear = source.linear;
-    let moved = Vec2::new(linear.x * away.x + linear.y * away.y, linear.z * away.x + linear.w * away.y);
+    let matrix = source.matrix;
+    let moved = Vec2::new(matrix.x * away.x + matrix.y * away.y, matrix.z * away.x + matrix.w * away.y);
     let margin = 0.5 * (1u32 << plane_level) as f32;
     let reach = Vec2::new(
-        ((linear.x.abs() + linear.y.abs()) * half - margin).max(0.0),
-        ((linear.z.abs() + linear.w.abs()) * half - margin).max(0.0),
+        ((matrix.x.abs() + matrix.y.abs()) * half - margin).max(0.0),
+        ((matrix.z.abs() + matrix.w.abs()) * half - margin).max(0.0),
     );
     source.position + moved.clamp(-reach, reach)
 }
@@ -319,7 +321,7 @@ pub fn texfold_epitome_content(
     level: u32,
 ) -> Texel {
     let source = texfold_epitome_source(view, leaf.entry);
-    let plane_level = texfold_epitome_plane_level(view, source.linear, level);
+    let plane_level = texfold_epitome_plane_level(view, source.matrix, level);
     let place = texfold_epitome_place(&source, leaf, at, plane_level);
     let texel = texfold_epitome_read(view, source.plane, place, plane_level);
     (texel * source.gain + source.offset).clamp(Vec4::ZERO, Vec4::ONE)
@@ -411,7 +413,7 @@ pub fn texfold_epitome_seam(
     size: UVec2,
     level: u32,
 ) -> TexfoldEpitomeSeam {
-    let half = params.strip as f32 * 0.125;
+    let half = params.seam_width as f32 * 0.125;
     let cell = params.cell as f32;
     let at = tap.low.as_vec2() + tap.weight + Vec2::splat(0.5);
     let border = (at * (1.0 / cell) + Vec2::splat(0.5)).floor() * cell;

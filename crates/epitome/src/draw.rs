@@ -128,7 +128,7 @@ struct Ready<'a> {
 impl<'a> Ready<'a> {
     fn new(view: &EpitomeView<'a>, leaf: TexfoldEpitomeLeaf) -> Self {
         let source = texfold_epitome_source(view, leaf.entry);
-        let plane_level = texfold_epitome_plane_level(view, source.linear, 0);
+        let plane_level = texfold_epitome_plane_level(view, source.matrix, 0);
         let (size, planes) = plane_of(view, source.plane);
         let corner = leaf.corner.as_vec2();
         let end = (corner + leaf.side as f32).min(UVec2::from(view.params.size).as_vec2());

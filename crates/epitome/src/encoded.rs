@@ -15,7 +15,7 @@ use texfold_residual::{BASE_PART, RESIDUAL_PART, ResidualContent};
 
 use crate::decode::{EpitomeView, TexfoldEpitomeParams, texfold_epitome_fetch};
 use crate::fast::{decode_leaf, leaves};
-use crate::format::{Entry, Linear, MapFormat, Tone};
+use crate::format::{Entry, GainOffset, MapFormat, Matrix};
 use crate::parts::{DrawnLevel, Layering, Parts};
 use crate::{Epitome, wire};
 
@@ -77,14 +77,14 @@ impl EpitomeTexture {
 
     /// The 2x2 matrices that entries point at.
     #[must_use]
-    pub fn linears(&self) -> &[Linear] {
-        &self.parts.palettes.linears
+    pub fn matrices(&self) -> &[Matrix] {
+        &self.parts.palettes.matrices
     }
 
     /// The gain-offset pairs that entries point at.
     #[must_use]
-    pub fn tones(&self) -> &[Tone] {
-        &self.parts.palettes.tones
+    pub fn gain_offsets(&self) -> &[GainOffset] {
+        &self.parts.palettes.gain_offsets
     }
 
     /// The texture as it is with the first `count` layers of its file, at least one; all that are there where they
@@ -302,8 +302,8 @@ mod tests {
             let maps: usize = layering.coarser.iter().map(|map| map.held_bytes()).sum();
             maps + layering.cells.iter().map(|cells| cells.held_bytes()).sum::<usize>()
         });
-        let palettes =
-            size_of::<Linear>() * palettes.linears.capacity() + size_of::<Tone>() * palettes.tones.capacity();
+        let palettes = size_of::<Matrix>() * palettes.matrices.capacity()
+            + size_of::<GainOffset>() * palettes.gain_offsets.capacity();
         let params = size_of::<TexfoldEpitomeParams>() * texture.params.capacity();
         map.held_bytes() + levels + layers + palettes + params
     }
@@ -313,7 +313,7 @@ mod tests {
         for (name, mips, layers) in
             [("facade", false, 1), ("facade", true, 1), ("terrain", true, 1), ("facade", true, 3)]
         {
-            let set = ImageSet::single(texfold_testkit::picture(name));
+            let set = ImageSet::single(texfold_testkit::image(name));
             let params = EpitomeParams::new(Goal::Psnr(32.0)).with_mips(mips).with_layers(layers);
             let params = params.with_effort(Effort::Fast);
             let made = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();

@@ -55,11 +55,11 @@ pub(crate) fn decode_leaf(view: &EpitomeView<'_>, leaf: TexfoldEpitomeLeaf, regi
     let (top, bottom) =
         (leaf.corner.y.max(region.y), (leaf.corner.y + leaf.side).min(region.y + region.height));
     let part = Rect { x: left, y: top, width: right - left, height: bottom - top, ..region };
-    let upright = source.linear.y == 0.0 && source.linear.z == 0.0;
+    let upright = source.matrix.y == 0.0 && source.matrix.z == 0.0;
     if upright && view.params.swizzle != TEXFOLD_NORMAL {
         return decode_upright(view, &source, leaf, (part, region), out);
     }
-    let plane_level = texfold_epitome_plane_level(view, source.linear, 0);
+    let plane_level = texfold_epitome_plane_level(view, source.matrix, 0);
     for y in top..bottom {
         for (x, texel) in (left..right).zip(line_of(out, part, region, y)) {
             let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
@@ -85,7 +85,7 @@ fn decode_upright(
     (part, region): (Rect, Rect),
     out: &mut [Texel],
 ) {
-    let level = texfold_epitome_plane_level(view, source.linear, 0);
+    let level = texfold_epitome_plane_level(view, source.matrix, 0);
     let (size, planes) = plane_of(view, source.plane);
     let size = texfold_level_size(size, level);
     let texels = &planes[level as usize];
@@ -100,7 +100,7 @@ fn decode_upright(
         *column = (tap.low.x as usize, tap.high.x as usize, tap.weight.x);
     }
     let whole = columns.iter().all(|&(_, _, weight)| weight == 0.0);
-    let tone = |content: Vec4| (content * source.gain + source.offset).clamp(Vec4::ZERO, Vec4::ONE);
+    let gain_offset = |content: Vec4| (content * source.gain + source.offset).clamp(Vec4::ZERO, Vec4::ONE);
     for y in part.y..part.y + part.height {
         let TexfoldTap { low, high, weight } = tap(part.x, y);
         let row = |y: u32| &texels[(y * size.x) as usize..((y + 1) * size.x) as usize];
@@ -109,13 +109,13 @@ fn decode_upright(
         if whole && weight.y == 0.0 {
             // Blending by 0 leaves a texel as it is.
             for (texel, &(low, ..)) in line.iter_mut().zip(columns.iter()) {
-                *texel = tone(upper[low]);
+                *texel = gain_offset(upper[low]);
             }
             continue;
         }
         for (texel, &(low, high, across)) in line.iter_mut().zip(columns.iter()) {
             let around = [upper[low], upper[high], lower[low], lower[high]];
-            *texel = tone(texfold_bilinear(around, Vec2::new(across, weight.y)));
+            *texel = gain_offset(texfold_bilinear(around, Vec2::new(across, weight.y)));
         }
     }
 }

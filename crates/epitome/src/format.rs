@@ -21,18 +21,18 @@ pub struct MapFormat {
     /// How many of them are a fraction of a texel.
     pub fraction_bits: u32,
     /// Bits of a gain-offset pair's number.
-    pub tone_bits: u32,
+    pub gain_offset_bits: u32,
     /// Bits of a matrix's number.
-    pub linear_bits: u32,
+    pub matrix_bits: u32,
     /// Whether there are two epitomes.
     pub mixed: bool,
     /// Half the width of the seam along borders of leaves in which both are blended, in eighths of a texel; at least
     /// 4.
-    pub strip: u32,
+    pub seam_width: u32,
 }
 
 /// Half a texel, in eighths: leaves are blended between their outermost texels' centres.
-pub(crate) const LEAST_STRIP: u32 = 4;
+pub(crate) const LEAST_SEAM_WIDTH: u32 = 4;
 
 impl MapFormat {
     /// Texels a side of the smallest leaf.
@@ -44,7 +44,8 @@ impl MapFormat {
     /// Bytes of an entry.
     #[must_use]
     pub fn entry_bytes(&self) -> u32 {
-        let bits = self.x_bits + self.y_bits + self.tone_bits + self.linear_bits + u32::from(self.mixed);
+        let bits =
+            self.x_bits + self.y_bits + self.gain_offset_bits + self.matrix_bits + u32::from(self.mixed);
         bits.div_ceil(8).max(2)
     }
 }
@@ -57,17 +58,17 @@ pub struct Entry {
     /// Row of the leaf's centre.
     pub y: u32,
     /// Number of its gain-offset pair.
-    pub tone: u32,
+    pub gain_offset: u32,
     /// Number of its 2x2 matrix.
-    pub linear: u32,
+    pub matrix: u32,
     /// Which epitome.
     pub plane: u32,
 }
 
 /// Rows of a 2x2 matrix in units of 1/8192.
-pub type Linear = [i16; 4];
+pub type Matrix = [i16; 4];
 /// Gain in units of 1/128 and offset plus 128 in units of 1/255, for red, green and blue each.
-pub type Tone = [u8; 6];
+pub type GainOffset = [u8; 6];
 
 /// Number of a matrix's coefficient that stands for 1.
 pub(crate) const LINEAR_ONE: i16 = TEXFOLD_EPITOME_LINEAR_ONE as i16;
@@ -77,9 +78,9 @@ pub(crate) const GAIN_ONE: u8 = TEXFOLD_EPITOME_GAIN_ONE as u8;
 pub(crate) const OFFSET_ZERO: u8 = 128;
 
 /// The 2x2 matrix that changes nothing.
-pub const IDENTITY: Linear = [LINEAR_ONE, 0, 0, LINEAR_ONE];
+pub const IDENTITY: Matrix = [LINEAR_ONE, 0, 0, LINEAR_ONE];
 /// The gain-offset pair that changes nothing.
-pub const NEUTRAL: Tone = [GAIN_ONE, GAIN_ONE, GAIN_ONE, OFFSET_ZERO, OFFSET_ZERO, OFFSET_ZERO];
+pub const NEUTRAL: GainOffset = [GAIN_ONE, GAIN_ONE, GAIN_ONE, OFFSET_ZERO, OFFSET_ZERO, OFFSET_ZERO];
 
 /// Trees and entries of a layer.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -94,8 +95,8 @@ pub(crate) struct LayerMap {
 /// What entries point into.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Palettes {
-    pub(crate) linears: Vec<Linear>,
-    pub(crate) tones: Vec<Tone>,
+    pub(crate) matrices: Vec<Matrix>,
+    pub(crate) gain_offsets: Vec<GainOffset>,
 }
 
 /// Columns and rows of blocks that cover an image.

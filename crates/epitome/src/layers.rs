@@ -197,7 +197,7 @@ mod tests {
     use texfold_core::{Effort, Encoded, Encoder, Goal, Job};
 
     fn texture() -> EpitomeTexture {
-        let set = ImageSet::single(texfold_testkit::picture("facade"));
+        let set = ImageSet::single(texfold_testkit::image("facade"));
         let params = EpitomeParams {
             goal: Goal::Psnr(30.0),
             effort: Effort::Fast,

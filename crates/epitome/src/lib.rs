@@ -20,19 +20,19 @@ mod layers;
 mod map;
 #[cfg(feature = "encode")]
 mod params;
+mod part_images;
 mod parts;
-mod pictures;
 mod uniforms;
 mod wire;
 
 #[cfg(feature = "encode")]
 pub use encode::EpitomeSearch;
 pub use encoded::EpitomeTexture;
-pub use format::{Entry, IDENTITY, Linear, MapFormat, NEUTRAL, Tone};
+pub use format::{Entry, GainOffset, IDENTITY, MapFormat, Matrix, NEUTRAL};
 #[cfg(feature = "encode")]
 pub use params::{EpitomeParams, EpitomeSource, Transforms};
+pub use part_images::{PartImages, part_images};
 pub use parts::MAX_LAYERS;
-pub use pictures::{PartPictures, pictures};
 
 use texfold_core::container::Sections;
 use texfold_core::{Budget, CodecId, Image2d, LoadError, Notes, TextureCodec};

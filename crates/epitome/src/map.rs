@@ -17,8 +17,8 @@ pub(crate) struct MapPlane {
     /// Words of blocks that may be split.
     blocks: usize,
     /// First word of the 2x2 matrices, of the gain-offset pairs and of the entries.
-    pub(crate) linear_start: usize,
-    pub(crate) tone_start: usize,
+    pub(crate) matrix_start: usize,
+    pub(crate) gain_offset_start: usize,
     pub(crate) entry_start: usize,
     entries: usize,
 }
@@ -34,28 +34,28 @@ impl MapPlane {
                 first += leaves_of(tree);
             }
         }
-        let (blocks, linear_start) = (words.len(), words.len());
-        for linear in &palettes.linears {
+        let (blocks, matrix_start) = (words.len(), words.len());
+        for matrix in &palettes.matrices {
             let half = |value: i16| u32::from(value as u16);
-            words.push(half(linear[0]) | half(linear[1]) << 16);
-            words.push(half(linear[2]) | half(linear[3]) << 16);
+            words.push(half(matrix[0]) | half(matrix[1]) << 16);
+            words.push(half(matrix[2]) | half(matrix[3]) << 16);
         }
-        let tone_start = words.len();
-        for tone in &palettes.tones {
-            words.push(u32::from_le_bytes([tone[0], tone[1], tone[2], 0]));
-            words.push(u32::from_le_bytes([tone[3], tone[4], tone[5], 0]));
+        let gain_offset_start = words.len();
+        for gain_offset in &palettes.gain_offsets {
+            words.push(u32::from_le_bytes([gain_offset[0], gain_offset[1], gain_offset[2], 0]));
+            words.push(u32::from_le_bytes([gain_offset[3], gain_offset[4], gain_offset[5], 0]));
         }
         let entry_start = words.len();
         push_entries(format, &map.entries, &mut words);
         let (words, WordRows { row_log2, .. }) = WordRows::padded(words);
         let entries = map.entries.len();
-        MapPlane { words, row_log2, blocks, linear_start, tone_start, entry_start, entries }
+        MapPlane { words, row_log2, blocks, matrix_start, gain_offset_start, entry_start, entries }
     }
 
     /// Words of a plane, in whole rows.
     pub(crate) fn words_of(format: &MapFormat, palettes: &Palettes, blocks: usize, entries: usize) -> usize {
         let blocks = if format.split { blocks } else { 0 };
-        let palettes = 2 * (palettes.linears.len() + palettes.tones.len());
+        let palettes = 2 * (palettes.matrices.len() + palettes.gain_offsets.len());
         let entries = (entries * format.entry_bytes() as usize).div_ceil(4) + 1;
         WordRows::of(blocks + palettes + entries).words
     }
@@ -150,12 +150,12 @@ pub(crate) fn pack_bits(bits: impl Iterator<Item = bool>) -> Vec<u8> {
 
 /// Fields of an entry and their bits, from the lowest on.
 fn fields(format: &MapFormat) -> [u32; 5] {
-    [format.x_bits, format.y_bits, format.tone_bits, format.linear_bits, u32::from(format.mixed)]
+    [format.x_bits, format.y_bits, format.gain_offset_bits, format.matrix_bits, u32::from(format.mixed)]
 }
 
 /// The bytes of an entry, the lowest first; those behind [`MapFormat::entry_bytes`] are 0.
 fn pack(format: &MapFormat, entry: &Entry) -> [u8; 8] {
-    let values = [entry.x, entry.y, entry.tone, entry.linear, entry.plane];
+    let values = [entry.x, entry.y, entry.gain_offset, entry.matrix, entry.plane];
     let (mut packed, mut start) = (0u64, 0);
     for (value, bits) in values.into_iter().zip(fields(format)) {
         packed |= u64::from(value) << start;
@@ -166,12 +166,12 @@ fn pack(format: &MapFormat, entry: &Entry) -> [u8; 8] {
 
 fn unpack(format: &MapFormat, bytes: &[u8]) -> Entry {
     let mut packed = bytes.iter().rev().fold(0u64, |packed, &byte| packed << 8 | u64::from(byte));
-    let [x, y, tone, linear, plane] = fields(format).map(|bits| {
+    let [x, y, gain_offset, matrix, plane] = fields(format).map(|bits| {
         let value = (packed & ((1 << bits) - 1)) as u32;
         packed >>= bits;
         value
     });
-    Entry { x, y, tone, linear, plane }
+    Entry { x, y, gain_offset, matrix, plane }
 }
 
 fn unpack_entries(format: &MapFormat, bytes: &[u8], count: usize) -> Vec<Entry> {
@@ -207,25 +207,25 @@ mod tests {
         fn what_is_packed_is_unpacked(
             x_bits in 0u32..=16,
             y_bits in 0u32..=16,
-            tone_bits in 0u32..=7,
-            linear_bits in 0u32..=8,
+            gain_offset_bits in 0u32..=7,
+            matrix_bits in 0u32..=8,
             mixed: bool,
             split: bool,
             values: Vec<(u32, u32, u32, u32, bool)>,
         ) {
             let format = MapFormat {
-                block: 32, split, x_bits, y_bits, fraction_bits: 2, tone_bits, linear_bits, mixed, strip: 4,
+                block: 32, split, x_bits, y_bits, fraction_bits: 2, gain_offset_bits, matrix_bits, mixed, seam_width: 4,
             };
-            let entry = |&(x, y, tone, linear, plane): &(u32, u32, u32, u32, bool)| Entry {
+            let entry = |&(x, y, gain_offset, matrix, plane): &(u32, u32, u32, u32, bool)| Entry {
                 x: x & ((1 << x_bits) - 1),
                 y: y & ((1 << y_bits) - 1),
-                tone: tone & ((1 << tone_bits) - 1),
-                linear: linear & ((1 << linear_bits) - 1),
+                gain_offset: gain_offset & ((1 << gain_offset_bits) - 1),
+                matrix: matrix & ((1 << matrix_bits) - 1),
                 plane: u32::from(plane && mixed),
             };
             let trees = if split { vec![0; values.len()] } else { Vec::new() };
             let map = LayerMap { trees, entries: values.iter().map(entry).collect() };
-            let palettes = Palettes { linears: vec![[1, -2, 3, -4]], tones: vec![[9, 8, 7, 6, 5, 4]] };
+            let palettes = Palettes { matrices: vec![[1, -2, 3, -4]], gain_offsets: vec![[9, 8, 7, 6, 5, 4]] };
             let plane = MapPlane::new(&format, &palettes, &map);
             prop_assert_eq!(plane.unpacked(&format), map.clone());
             // A finer map that has split every other block, and kept every other of the leaves that stand in both.

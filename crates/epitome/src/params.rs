@@ -41,7 +41,7 @@ pub struct Transforms {
     /// Content at a half and a quarter of its width or height.
     pub scales: bool,
     /// Gain and offset.
-    pub tones: bool,
+    pub gain_offsets: bool,
     /// Leaves of 32, 16 and 8 texels, chosen by quality and size goals; without it all leaves have the side `block`.
     pub quadtree: bool,
 }
@@ -54,7 +54,7 @@ impl Transforms {
         mirrors: true,
         affine: true,
         scales: true,
-        tones: true,
+        gain_offsets: true,
         quadtree: true,
     };
 
@@ -66,7 +66,7 @@ impl Transforms {
             (self.mirrors, "mirrors"),
             (self.affine, "affine"),
             (self.scales, "scales"),
-            (self.tones, "tones"),
+            (self.gain_offsets, "gains and offsets"),
             (self.quadtree, "quadtree"),
         ]
         .into_iter()

@@ -37,17 +37,17 @@ impl Parts {
                 x_bits: format.x_bits,
                 y_bits: format.y_bits,
                 fraction_bits: format.fraction_bits,
-                tone_bits: format.tone_bits,
-                linear_bits: format.linear_bits,
-                linear_start: map.linear_start as u32,
-                tone_start: map.tone_start as u32,
+                gain_offset_bits: format.gain_offset_bits,
+                matrix_bits: format.matrix_bits,
+                matrix_start: map.matrix_start as u32,
+                gain_offset_start: map.gain_offset_start as u32,
                 row_log2: map.row_log2,
                 plane_a: plane_size(0),
                 plane_b: plane_size(1),
                 plane_levels: plane_levels.unwrap_or(1),
                 coarse_swizzle: self.coarse.get(index).and_then(|c| c.first()).map_or(0, |c| c.swizzle().0),
                 cell: format.cell(),
-                strip: format.strip,
+                seam_width: format.seam_width,
             };
             tree_start += columns * rows;
             params

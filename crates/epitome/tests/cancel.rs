@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use texfold_core::image::ImageSet;
 use texfold_core::{Cancel, Effort, EncodeError, Encoder, Goal, Job};
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource};
-use texfold_testkit::picture;
+use texfold_testkit::image;
 
 /// Seconds of work that may pass between two looks at whether a job was cancelled, and the factor that a machine may
 /// be slower than the one that they were measured on.
@@ -30,7 +30,7 @@ fn work(since: Instant) -> f64 {
 
 /// Encodes and cancels after `seconds` of work; the work until it has stopped, or `None` where it was done before.
 fn stopped_after(params: &EpitomeParams, seconds: f64) -> Option<f64> {
-    let set = ImageSet::single(picture("facade"));
+    let set = ImageSet::single(image("facade"));
     // One thread, so that work is time.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let (cancel, done, start) = (Cancel::default(), AtomicBool::new(false), Instant::now());

@@ -11,7 +11,7 @@ use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource};
 
 #[test]
 fn clamped_edges_are_drawn_as_their_texels() {
-    let set = ImageSet::single(texfold_testkit::picture("facade"));
+    let set = ImageSet::single(texfold_testkit::image("facade"));
     let params = EpitomeParams::new(Goal::Psnr(28.0)).with_mips(true).with_effort(Effort::Fast);
     let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
     let view = texture.view(0);

@@ -1,4 +1,4 @@
-//! What is encoded comes back: quality, size, determinism, and pictures that the method does not suit.
+//! What is encoded comes back: quality, size, determinism, and images that the method does not suit.
 
 #![cfg(feature = "encode")]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
@@ -14,7 +14,7 @@ use texfold_core::{
 };
 use texfold_epitome::decode::texfold_epitome_bilinear;
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
-use texfold_testkit::picture;
+use texfold_testkit::image;
 
 fn encode(images: &ImageSet, params: &EpitomeParams) -> EpitomeTexture {
     Epitome::encode(EpitomeSource::new(images), params, &mut Job::default()).unwrap()
@@ -36,17 +36,17 @@ fn load(bytes: &[u8]) -> EpitomeTexture {
     Epitome::load(&sections, &mut budget).unwrap()
 }
 
-/// A 64x64 part of a picture, 4 x 4 times.
+/// A 64x64 part of an image, 4 x 4 times.
 fn tiles() -> ImageSet {
-    let picture = picture("facade");
-    let texel = |i: u32| picture.texel(40 + i % 256 % 64, 40 + i / 256 % 64);
+    let image = image("facade");
+    let texel = |i: u32| image.texel(40 + i % 256 % 64, 40 + i / 256 % 64);
     let texels: Vec<Texel> = (0..256 * 256).map(texel).collect();
-    ImageSet::single(Raster::from_texels(256, 256, picture.info(), &texels).unwrap())
+    ImageSet::single(Raster::from_texels(256, 256, image.info(), &texels).unwrap())
 }
 
 #[test]
 fn a_file_comes_back_as_it_was() {
-    let set = ImageSet::new(vec![picture("facade"), picture("odd_37x61")]).unwrap();
+    let set = ImageSet::new(vec![image("facade"), image("odd_37x61")]).unwrap();
     for mips in [false, true] {
         let texture = encode(&set, &goal(Goal::Psnr(32.0)).with_mips(mips));
         let bytes = file(&texture);
@@ -66,7 +66,7 @@ fn astc_content_is_copied_in_blocks_of_its_own_side() {
         println!("skipped: ASTC content needs the feature `astc`");
         return;
     }
-    let set = ImageSet::new(vec![picture("odd_37x61"), picture("cutout").with_channels(3)]).unwrap();
+    let set = ImageSet::new(vec![image("odd_37x61"), image("cutout").with_channels(3)]).unwrap();
     let choices = [None, Some(AstcBlock::B5), Some(AstcBlock::B6)];
     for (content, mips) in choices.into_iter().zip([true, false, true]) {
         let params = goal(Goal::Bpp(2.0))
@@ -104,7 +104,7 @@ fn astc_content_is_copied_in_blocks_of_its_own_side() {
 
 #[test]
 fn regions_are_their_samples() {
-    let set = ImageSet::new(vec![picture("text_page"), picture("odd_37x61")]).unwrap();
+    let set = ImageSet::new(vec![image("text_page"), image("odd_37x61")]).unwrap();
     let texture = encode(&set, &goal(Goal::Psnr(30.0)).with_mips(true));
     for surface in 0..2 {
         for level in 0..texture.layout().levels {
@@ -140,7 +140,7 @@ fn exact_repetition_costs_one_tile_and_a_map() {
 }
 
 #[test]
-fn pictures_that_do_not_suit_are_correct_all_the_same() {
+fn images_that_do_not_suit_are_correct_all_the_same() {
     let names = [
         "one_texel",
         "odd_3x5",
@@ -158,7 +158,7 @@ fn pictures_that_do_not_suit_are_correct_all_the_same() {
         "normal_map",
     ];
     for name in names {
-        let image = picture(name);
+        let image = image(name);
         let set = ImageSet::single(image.clone());
         let texture = encode(&set, &goal(Goal::Psnr(30.0)));
         let measured = measure(&set, &texture);
@@ -185,7 +185,7 @@ fn plain_psnr(set: &ImageSet) -> f64 {
 
 #[test]
 fn bits_within_a_budget() {
-    let set = ImageSet::single(picture("facade"));
+    let set = ImageSet::single(image("facade"));
     let mut before = 0.0;
     for bpp in [1.0, 2.0, 3.0] {
         let measured = measure(&set, &encode(&set, &goal(Goal::Bpp(bpp))));
@@ -196,7 +196,7 @@ fn bits_within_a_budget() {
 
 #[test]
 fn the_number_of_threads_does_not_count() {
-    let set = ImageSet::single(picture("facade"));
+    let set = ImageSet::single(image("facade"));
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let params = goal(Goal::Psnr(30.0)).with_effort(Effort::Normal);
@@ -207,12 +207,12 @@ fn the_number_of_threads_does_not_count() {
 }
 
 #[test]
-fn mip_levels_show_the_picture() {
+fn mip_levels_show_the_image() {
     for (name, asked, is_finer) in
         [("facade", 22.0, false), ("facade", 32.0, true), ("text_page", 32.0, false)]
     {
-        let picture = picture(name).tagged(ColorSpace::Linear, texfold_core::image::Alpha::Opaque);
-        let set = ImageSet::single(picture);
+        let original = image(name).tagged(ColorSpace::Linear, texfold_core::image::Alpha::Opaque);
+        let set = ImageSet::single(original);
         let texture = encode(&set, &goal(Goal::Psnr(asked)).with_mips(true));
         let form = texture.gpu();
         let coarse = form.planes.iter().find(|plane| plane.part == "mips").unwrap();
@@ -234,7 +234,7 @@ fn mip_levels_show_the_picture() {
 #[test]
 fn every_block_is_within_the_tolerance() {
     for name in ["facade", "tile_repeat", "ramp", "noise", "odd_37x61"] {
-        let set = ImageSet::single(picture(name));
+        let set = ImageSet::single(image(name));
         let mut before = f64::INFINITY;
         for tolerance in [4.0, 10.0, 25.0] {
             let measured = measure(&set, &encode(&set, &goal(Goal::Tolerance(tolerance))));
@@ -246,8 +246,8 @@ fn every_block_is_within_the_tolerance() {
 }
 
 #[test]
-fn blocks_of_every_side_cover_the_picture() {
-    let set = ImageSet::single(picture("facade"));
+fn blocks_of_every_side_cover_the_image() {
+    let set = ImageSet::single(image("facade"));
     for block in [8, 12, 16, 20, 28] {
         let params = goal(Goal::Tolerance(8.0)).with_block(block);
         let texture = encode(&set, &params);
@@ -259,7 +259,7 @@ fn blocks_of_every_side_cover_the_picture() {
 
 #[test]
 fn one_search_serves_several_goals() {
-    let set = ImageSet::single(picture("facade"));
+    let set = ImageSet::single(image("facade"));
     let params = goal(Goal::Psnr(32.0));
     let search = Epitome::search(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
     let mut before = 0.0;
@@ -276,7 +276,7 @@ fn one_search_serves_several_goals() {
 
 #[test]
 fn content_comes_from_the_mask_alone() {
-    let image = picture("facade");
+    let image = image("facade");
     let set = ImageSet::single(image.clone());
     let inside = |i: u32| i % 256 < 128 && i / 256 < 128;
     let mask: Vec<u8> = (0..256 * 256).map(|i| if inside(i) { 255 } else { 0 }).collect();
@@ -307,7 +307,7 @@ fn content_comes_from_the_mask_alone() {
 fn long_lines_and_unlike_sets() {
     let line: Vec<u8> = (0..4097 * 3).map(|i| (i * 7 % 251) as u8).collect();
     let line = Raster::from_u8(4097, 1, 3, ColorSpace::Srgb, &line).unwrap();
-    let set = ImageSet::new(vec![line, picture("noise"), picture("odd_3x5"), picture("constant")]).unwrap();
+    let set = ImageSet::new(vec![line, image("noise"), image("odd_3x5"), image("constant")]).unwrap();
     let texture = encode(&set, &goal(Goal::Psnr(28.0)));
     let (psnr, plain) = (measure(&set, &texture).psnr, plain_psnr(&set));
     assert!(psnr >= plain.min(28.0) - 0.1, "{psnr}, plain {plain}");
@@ -316,12 +316,12 @@ fn long_lines_and_unlike_sets() {
 
 #[test]
 fn blocks_that_are_bc1_already_are_taken_over() {
-    let picture = picture("odd_37x61");
-    let SurfaceSize { width, height } = picture.size();
-    let texels: Vec<Texel> = picture.texels().collect();
-    let planes = ContentPlanes::encode(Content::Bc1, picture.info(), (width, height), &texels, Effort::Fast);
-    let blocks = vec![Bc1Blocks { size: picture.size(), blocks: planes.planes()[0].1.clone() }];
-    let decoded = Raster::from_texels(width, height, picture.info(), &planes.decode()).unwrap();
+    let image = image("odd_37x61");
+    let SurfaceSize { width, height } = image.size();
+    let texels: Vec<Texel> = image.texels().collect();
+    let planes = ContentPlanes::encode(Content::Bc1, image.info(), (width, height), &texels, Effort::Fast);
+    let blocks = vec![Bc1Blocks { size: image.size(), blocks: planes.planes()[0].1.clone() }];
+    let decoded = Raster::from_texels(width, height, image.info(), &planes.decode()).unwrap();
     let set = ImageSet::single(decoded);
     let source = EpitomeSource { blocks: Some(&blocks), ..EpitomeSource::new(&set) };
     let texture = Epitome::encode(source, &goal(Goal::Psnr(60.0)), &mut Job::default()).unwrap();
@@ -331,7 +331,7 @@ fn blocks_that_are_bc1_already_are_taken_over() {
     let whole = EpitomeSource::new(&set);
     let anew = Epitome::encode(whole, &goal(Goal::Psnr(60.0)), &mut Job::default()).unwrap();
     assert!(texture.gpu().bits_memory() <= anew.gpu().bits_memory());
-    let short = vec![Bc1Blocks { size: picture.size(), blocks: vec![0; 8] }];
+    let short = vec![Bc1Blocks { size: image.size(), blocks: vec![0; 8] }];
     let source = EpitomeSource { blocks: Some(&short), ..EpitomeSource::new(&set) };
     let error = Epitome::encode(source, &goal(Goal::Psnr(60.0)), &mut Job::default()).unwrap_err();
     assert!(matches!(error, EncodeError::Source(SourceError::Length { found: 8, .. })), "{error}");
@@ -370,7 +370,7 @@ fn content_is_fitted_to_all_who_read_it() {
 
 #[test]
 fn a_set_of_one_scene_costs_less_than_its_images() {
-    let whole = picture("facade");
+    let whole = image("facade");
     let part = |left: u32| {
         let texels: Vec<Texel> = (0..192 * 192).map(|i| whole.texel(left + i % 192, 40 + i / 192)).collect();
         Raster::from_texels(192, 192, whole.info(), &texels).unwrap()
@@ -386,8 +386,8 @@ fn a_set_of_one_scene_costs_less_than_its_images() {
     assert!(together < 0.75 * alone, "{together} against {alone}");
 }
 
-/// Discs of one pattern, each turned by its own angle.
-fn turned_discs() -> Raster {
+/// Discs of one pattern, each rotated by its own angle.
+fn rotated_discs() -> Raster {
     const SIDE: u32 = 192;
     let texel = |x: u32, y: u32| {
         let (disc, place) = ((x / 48, y / 48), (x % 48, y % 48));
@@ -400,12 +400,12 @@ fn turned_discs() -> Raster {
         Texel::new(0.3, 0.35, 0.3, 1.0).lerp(Texel::new(wave, 0.9 * wave, 1.0 - wave, 1.0), inside)
     };
     let texels: Vec<Texel> = (0..SIDE * SIDE).map(|i| texel(i % SIDE, i / SIDE)).collect();
-    Raster::from_texels(SIDE, SIDE, PixelInfo { channels: 3, ..picture("facade").info() }, &texels).unwrap()
+    Raster::from_texels(SIDE, SIDE, PixelInfo { channels: 3, ..image("facade").info() }, &texels).unwrap()
 }
 
 #[test]
-fn what_is_turned_is_stored_once_within_a_tolerance() {
-    let set = ImageSet::single(turned_discs());
+fn what_is_rotated_is_stored_once_within_a_tolerance() {
+    let set = ImageSet::single(rotated_discs());
     let params = goal(Goal::Tolerance(6.0)).with_effort(Effort::Normal);
     let texture = encode(&set, &params);
     assert!(measure(&set, &texture).worst_block_rms <= 6.0);
@@ -427,8 +427,8 @@ fn blockiness(at: impl Fn(u32, u32) -> Texel, side: u32, block: u32) -> f32 {
 }
 
 #[test]
-fn magnified_pictures_hardly_show_blocks() {
-    let image = picture("terrain");
+fn magnified_images_hardly_show_blocks() {
+    let image = image("terrain");
     let set = ImageSet::single(image.clone());
     let texture = encode(&set, &goal(Goal::Psnr(32.0)));
     let view = texture.view(0);
@@ -447,8 +447,8 @@ fn magnified_pictures_hardly_show_blocks() {
 }
 
 #[test]
-fn pictures_are_drawn_as_place_by_place() {
-    let set = ImageSet::new(vec![picture("facade"), picture("odd_37x61")]).unwrap();
+fn images_are_drawn_as_place_by_place() {
+    let set = ImageSet::new(vec![image("facade"), image("odd_37x61")]).unwrap();
     let blocks = goal(Goal::Tolerance(20.0)).with_block(20);
     for params in [goal(Goal::Psnr(24.0)), goal(Goal::Psnr(34.0)), blocks] {
         let texture = encode(&set, &params);
@@ -477,7 +477,7 @@ fn pictures_are_drawn_as_place_by_place() {
 
 #[test]
 fn an_encode_that_needs_more_memory_than_allowed_is_refused() {
-    let set = ImageSet::single(picture("facade"));
+    let set = ImageSet::single(image("facade"));
     // Texels of 16 bytes at nine scales, three times the area of the first, as they are and from two formats.
     let needed = 256 * 256 * 16 * 49 / 16 * 3;
     let with = |bytes: u64| {

@@ -10,7 +10,7 @@ use texfold_core::{
     Budget, Domain, Effort, EncodeError, Encoded, Encoder, Footprint, Goal, Image2d, Job, Texel, TextureCodec,
 };
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
-use texfold_testkit::picture;
+use texfold_testkit::image;
 
 fn params(goal: Goal, family: Family) -> EpitomeParams {
     EpitomeParams::new(goal).with_family(family).with_effort(Effort::Fast)
@@ -32,15 +32,15 @@ fn load(bytes: &[u8]) -> EpitomeTexture {
     Epitome::load(&sections, &mut budget).unwrap()
 }
 
-/// The upper left of a picture.
+/// The upper left of an image.
 fn corner(name: &str, side: u32) -> Raster {
-    let picture = picture(name);
-    let texels: Vec<Texel> = (0..side * side).map(|i| picture.texel(i % side, i / side)).collect();
-    Raster::from_texels(side, side, picture.info(), &texels).unwrap()
+    let image = image(name);
+    let texels: Vec<Texel> = (0..side * side).map(|i| image.texel(i % side, i / side)).collect();
+    Raster::from_texels(side, side, image.info(), &texels).unwrap()
 }
 
 #[test]
-fn pictures_without_hard_edges_need_fewer_bits_than_with_plain_content() {
+fn images_without_hard_edges_need_fewer_bits_than_with_plain_content() {
     let set = ImageSet::single(corner("terrain", 128));
     let goal = Goal::Psnr(34.0);
     let plain = measure(&set, &encode(&set, &params(goal, Family::Bc)));
@@ -53,7 +53,7 @@ fn pictures_without_hard_edges_need_fewer_bits_than_with_plain_content() {
 
 #[test]
 fn a_file_comes_back_as_it_was_on_any_number_of_threads() {
-    let set = ImageSet::new(vec![corner("facade", 64), picture("odd_37x61")]).unwrap();
+    let set = ImageSet::new(vec![corner("facade", 64), image("odd_37x61")]).unwrap();
     for mips in [false, true] {
         let params = params(Goal::Psnr(30.0), Family::ErrorMap).with_mips(mips);
         let texture = encode(&set, &params);
@@ -97,9 +97,9 @@ fn what_an_error_map_cannot_hold_is_refused() {
         let result = Epitome::encode(EpitomeSource::new(set), params, &mut Job::default());
         matches!(result, Err(EncodeError::Params(_)))
     };
-    let cutout = ImageSet::single(picture("cutout"));
+    let cutout = ImageSet::single(image("cutout"));
     assert!(refused(&cutout, &params(Goal::Psnr(30.0), Family::ErrorMap)));
-    let plain = ImageSet::single(picture("odd_37x61"));
+    let plain = ImageSet::single(image("odd_37x61"));
     assert!(refused(&plain, &params(Goal::Tolerance(8.0), Family::ErrorMap)));
     let layers = params(Goal::Psnr(30.0), Family::ErrorMap).with_layers(2);
     assert!(refused(&plain, &layers));

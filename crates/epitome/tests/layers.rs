@@ -11,14 +11,14 @@ use texfold_core::{
     Budget, Effort, EncodeError, Encoded, Encoder, Goal, Job, Layers, LoadError, Refine, TextureCodec,
 };
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
-use texfold_testkit::picture;
+use texfold_testkit::image;
 
 fn params(layers: u32) -> EpitomeParams {
     EpitomeParams::new(Goal::Psnr(32.0)).with_effort(Effort::Fast).with_layers(layers)
 }
 
 fn facade() -> ImageSet {
-    ImageSet::single(picture("facade"))
+    ImageSet::single(image("facade"))
 }
 
 fn encode(images: &ImageSet, params: &EpitomeParams) -> EpitomeTexture {
@@ -94,7 +94,7 @@ fn layers_cost_little_and_the_finest_is_the_one_of_its_own() {
 
 #[test]
 fn every_prefix_loads_or_names_what_is_missing() {
-    let set = ImageSet::single(picture("odd_37x61"));
+    let set = ImageSet::single(image("odd_37x61"));
     for mips in [false, true] {
         let bytes = file(&encode(&set, &params(3).with_mips(mips)));
         let first = ends(&bytes)[0];
@@ -188,8 +188,8 @@ fn layers_do_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn sets_and_pictures_that_do_not_suit_have_layers_all_the_same() {
-    let set = ImageSet::new(vec![picture("noise"), picture("odd_3x5"), picture("constant")]).unwrap();
+fn sets_and_images_that_do_not_suit_have_layers_all_the_same() {
+    let set = ImageSet::new(vec![image("noise"), image("odd_3x5"), image("constant")]).unwrap();
     let texture = encode(&set, &params(8));
     assert_eq!(texture.layers(), Layers { loaded: 8, total: 8 });
     for layers in 1..=8 {

@@ -9,14 +9,14 @@ use texfold_core::image::ImageSet;
 use texfold_core::metric::measure;
 use texfold_core::{Budget, Effort, Encoded, Encoder, Goal, Job, TextureCodec};
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture, IDENTITY, NEUTRAL, Transforms};
-use texfold_testkit::picture;
+use texfold_testkit::image;
 
 const ALL: Transforms = Transforms::ALL;
 const PSNR: f64 = 30.0;
 
-/// A picture encoded without some parts; it comes back from its file as it was.
+/// An image encoded without some parts; it comes back from its file as it was.
 fn encode(name: &str, transforms: Transforms, block: Option<u32>) -> EpitomeTexture {
-    let set = ImageSet::single(picture(name));
+    let set = ImageSet::single(image(name));
     let goal = Goal::Psnr(PSNR);
     let params =
         EpitomeParams::new(goal).with_block(block).with_transforms(transforms).with_effort(Effort::Fast);
@@ -39,33 +39,33 @@ fn positions_without_fractions_are_whole_texels() {
 }
 
 #[test]
-fn linear_parts_are_scales_and_mirrors_at_most() {
+fn matrices_are_scales_and_mirrors_at_most() {
     let upright =
-        |texture: &EpitomeTexture| texture.linears().iter().all(|linear| linear[1] == 0 && linear[2] == 0);
+        |texture: &EpitomeTexture| texture.matrices().iter().all(|matrix| matrix[1] == 0 && matrix[2] == 0);
     let mirrored =
-        |texture: &EpitomeTexture| texture.linears().iter().any(|linear| linear[0] < 0 || linear[3] < 0);
+        |texture: &EpitomeTexture| texture.matrices().iter().any(|matrix| matrix[0] < 0 || matrix[3] < 0);
     let texture = encode("facade", Transforms { affine: false, ..ALL }, None);
-    assert!(upright(&texture) && mirrored(&texture), "{:?}", texture.linears());
+    assert!(upright(&texture) && mirrored(&texture), "{:?}", texture.matrices());
     let exact = |&value: &i16| [0, 8192, 4096, 2048].contains(&value.abs());
-    assert!(texture.linears().iter().flatten().all(exact), "{:?}", texture.linears());
+    assert!(texture.matrices().iter().flatten().all(exact), "{:?}", texture.matrices());
     let texture = encode("facade", Transforms { affine: false, mirrors: false, ..ALL }, None);
-    assert!(upright(&texture) && !mirrored(&texture), "{:?}", texture.linears());
+    assert!(upright(&texture) && !mirrored(&texture), "{:?}", texture.matrices());
     assert!(!upright(&encode("facade", ALL, None)), "everything is upright with everything allowed");
 }
 
 #[test]
 fn tones_that_are_left_out_are_neutral() {
-    let texture = encode("facade", Transforms { tones: false, ..ALL }, None);
-    assert_eq!(texture.tones(), [NEUTRAL]);
-    assert_eq!(texture.map_format().tone_bits, 0);
-    assert!(encode("facade", ALL, None).tones().len() > 1);
+    let texture = encode("facade", Transforms { gain_offsets: false, ..ALL }, None);
+    assert_eq!(texture.gain_offsets(), [NEUTRAL]);
+    assert_eq!(texture.map_format().gain_offset_bits, 0);
+    assert!(encode("facade", ALL, None).gain_offsets().len() > 1);
 }
 
 #[test]
 fn content_of_its_own_place_and_size_is_plain_content() {
     let plain = Transforms { references: false, scales: false, ..ALL };
     let texture = encode("odd_37x61", plain, None);
-    assert_eq!((texture.linears(), texture.tones()), (&[IDENTITY][..], &[NEUTRAL][..]));
+    assert_eq!((texture.matrices(), texture.gain_offsets()), (&[IDENTITY][..], &[NEUTRAL][..]));
     let verdict = &texture.notes().verdict;
     assert!(verdict.contains("0% of the texels are shown by content from elsewhere, 0% by"), "{verdict}");
     assert!(texture.notes().settings.ends_with("without references, without scales"));

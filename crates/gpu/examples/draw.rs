@@ -61,7 +61,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn encode_test_image() -> Result<Box<dyn texfold::Encoded<Domain = texfold::Image2d>>, Box<dyn Error>> {
-    let image = texfold_testkit::fixtures::pictures().into_iter().next().ok_or("no test image")?;
+    let image = texfold_testkit::fixtures::images().into_iter().next().ok_or("no test image")?;
     let image = Raster::from_u8(image.width, image.height, image.channels, ColorSpace::Srgb, &image.data)?;
     let params = BcParams { goal: Goal::Bpp(6.0), mips: true, ..BcParams::default() };
     let encoded = Bc::encode(&ImageSet::single(image), &params, &mut Job::new(Limits::default()))?;

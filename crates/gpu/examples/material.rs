@@ -133,7 +133,7 @@ fn files() -> Result<Vec<TextureFile>, Box<dyn Error>> {
 }
 
 fn encode(codec: &str, fixture: &str) -> Result<Vec<u8>, Box<dyn Error>> {
-    let images = texfold_testkit::fixtures::pictures();
+    let images = texfold_testkit::fixtures::images();
     let image = images.into_iter().find(|image| image.name == fixture).ok_or("no such fixture")?;
     let color = if fixture == "normal_map" { ColorSpace::Normal } else { ColorSpace::Srgb };
     let image = Raster::from_u8(image.width, image.height, image.channels, color, &image.data)?;

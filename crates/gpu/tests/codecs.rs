@@ -5,7 +5,7 @@
 mod support;
 
 use glam::Vec4;
-use support::{PLACED, assert_close, gpu, picture, plane_bound, zipmap};
+use support::{PLACED, assert_close, gpu, image, plane_bound, zipmap};
 use texfold::image::ImageSet;
 use texfold::{
     AnyImage, CODECS, ENCODINGS, Effort, EncodeSettings, Encoded, Goal, Guidance, Image2d, ImageAddress,
@@ -43,7 +43,7 @@ fn compare(gpu: &Gpu, name: &str, texture: &dyn Encoded<Domain = Image2d>) {
 #[test]
 fn every_codec_of_the_table_is_drawn_as_the_cpu_decodes_it() {
     let Some(gpu) = gpu() else { return };
-    let set = ImageSet::single(picture("odd_37x61"));
+    let set = ImageSet::single(image("odd_37x61"));
     for codec in &CODECS {
         match codec.takes {
             Input::Images => {

@@ -1,14 +1,14 @@
-//! Pictures of any size, meshes, and what is refused.
+//! Images of any size, meshes, and what is refused.
 
 mod support;
 
 use glam::{Affine2, Mat4, Vec2, Vec3};
-use support::{Base, Forge, Subject, assert_close, bc, epitome, gpu, picture, progressive, vq, zipmap};
+use support::{Base, Forge, Subject, assert_close, bc, epitome, gpu, image, progressive, vq, zipmap};
 use texfold_bc::Content;
 use texfold_core::mesh::UvMesh;
 use texfold_gpu::{AddressMode, Filter, Gpu, GpuError, Lod, Lookup, Policy, Probe, View};
 
-/// Two triangles that cover the whole picture at the given depth and show the rectangle of the given corners.
+/// Two triangles that cover the whole image at the given depth and show the rectangle of the given corners.
 fn sheet(depth: f32, low: Vec2, high: Vec2) -> UvMesh {
     let corner = |x: f32, y: f32| Vec3::new(x, y, depth);
     UvMesh {
@@ -37,7 +37,7 @@ fn largest_difference(a: &[[u8; 4]], b: &[[u8; 4]]) -> u8 {
 }
 
 #[test]
-fn a_picture_larger_than_a_tile_has_no_seams() {
+fn an_image_larger_than_a_tile_has_no_seams() {
     let Some(gpu) = gpu() else { return };
     let subject = vq(&[(37, 61)], 1, 3, Content::Raw);
     let texture = subject.upload(gpu).with_address_mode(AddressMode::Repeat);
@@ -56,7 +56,7 @@ fn a_picture_larger_than_a_tile_has_no_seams() {
 #[test]
 fn bytes_are_the_floats_rounded() {
     let Some(gpu) = gpu() else { return };
-    let image = picture("odd_37x61");
+    let image = image("odd_37x61");
     let texture = bc(vec![image.clone()], Content::Raw, 0).upload(gpu);
     let bytes = gpu.decode_rgba8(&texture, 0, 0, (37, 61), Filter::Nearest).unwrap();
     let wanted: Vec<[u8; 4]> =
@@ -70,10 +70,10 @@ fn bytes_are_the_floats_rounded() {
 }
 
 #[test]
-fn a_mesh_that_covers_the_picture_shows_what_a_quad_shows() {
+fn a_mesh_that_covers_the_image_shows_what_a_quad_shows() {
     let Some(gpu) = gpu() else { return };
     let texture =
-        bc(vec![picture("facade")], Content::Bc1, 0).upload(gpu).with_address_mode(AddressMode::Repeat);
+        bc(vec![image("facade")], Content::Bc1, 0).upload(gpu).with_address_mode(AddressMode::Repeat);
     for scale in [0.4, 1.0, 5.0] {
         let mesh = sheet(0.5, Vec2::ZERO, Vec2::splat(scale));
         let drawn = gpu.draw_mesh(&texture, 0, &mesh, Mat4::IDENTITY, (96, 64)).unwrap();
@@ -99,7 +99,7 @@ fn a_mesh_that_covers_the_picture_shows_what_a_quad_shows() {
 #[test]
 fn the_nearer_triangle_hides_the_farther_in_either_order() {
     let Some(gpu) = gpu() else { return };
-    let texture = bc(vec![picture("facade")], Content::Raw, 0).upload(gpu);
+    let texture = bc(vec![image("facade")], Content::Raw, 0).upload(gpu);
     let near = || sheet(0.2, Vec2::ZERO, Vec2::ONE);
     let far = || sheet(0.8, Vec2::splat(0.5), Vec2::splat(0.6));
     let draw = |mesh: &UvMesh| gpu.draw_mesh(&texture, 0, mesh, Mat4::IDENTITY, (64, 64)).unwrap();
@@ -112,7 +112,7 @@ fn the_nearer_triangle_hides_the_farther_in_either_order() {
 #[test]
 fn what_does_not_exist_is_refused_by_name() {
     let Some(gpu) = gpu() else { return };
-    let texture = bc(vec![picture("odd_3x5")], Content::Raw, 0).upload(gpu);
+    let texture = bc(vec![image("odd_3x5")], Content::Raw, 0).upload(gpu);
     let decode = |surface, level, size| gpu.decode(&texture, surface, level, size, Filter::Nearest);
     assert!(matches!(decode(1, 0, (1, 1)), Err(GpuError::NoSuchSurface { surface: 1, surfaces: 1 })));
     assert!(matches!(decode(0, 3, (1, 1)), Err(GpuError::NoSuchLevel { level: 3, levels: 3 })));
@@ -128,7 +128,7 @@ fn what_does_not_exist_is_refused_by_name() {
 #[test]
 fn a_damaged_form_is_refused_by_name() {
     let Some(gpu) = gpu() else { return };
-    let subject = bc(vec![picture("odd_37x61")], Content::Bc1, 0);
+    let subject = bc(vec![image("odd_37x61")], Content::Bc1, 0);
     let mut form = subject.form();
     form.module = "none";
     assert!(matches!(gpu.upload(&form), Err(GpuError::UnknownModule { module: "none" })));

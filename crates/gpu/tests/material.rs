@@ -8,7 +8,7 @@ mod material;
 
 mod support;
 
-use support::{bc, gpu, picture, vq};
+use support::{bc, gpu, image, vq};
 use texfold_bc::Content;
 use texfold_gpu::{GpuError, Layer};
 
@@ -32,7 +32,7 @@ fn six_textures_of_four_codecs_share_one_pipeline() {
 fn what_cannot_be_bound_together_is_refused_by_name() {
     let Some(gpu) = gpu() else { return };
     let first = vq(&[(8, 8)], 1, 3, Content::Raw).upload(gpu);
-    let second = bc(vec![picture("odd_3x5")], Content::Raw, 0).upload(gpu);
+    let second = bc(vec![image("odd_3x5")], Content::Raw, 0).upload(gpu);
     let layer = |prefix, texture, surface| Layer { prefix, texture, surface };
     let refused = gpu.material(0, &[layer("a", &first, 0), layer("a", &second, 0)]);
     assert!(matches!(refused, Err(GpuError::Paste(_))));

@@ -5,7 +5,7 @@
 mod support;
 
 use glam::{Mat2, Vec2, Vec4};
-use support::{Case, Subject, Twin, assert_close, calls_of, gpu, layered_case, picture};
+use support::{Case, Subject, Twin, assert_close, calls_of, gpu, image, layered_case};
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::ImageSet;
 use texfold_core::{Budget, Effort, Encoded, Encoder, Goal, Image2d, Job, LoadError, Refine, TextureCodec};
@@ -99,7 +99,7 @@ fn a_layered_epitome_is_drawn_after_each_layer() {
     let Some(gpu) = gpu() else { return };
     let params =
         EpitomeParams::new(Goal::Psnr(28.0)).with_effort(Effort::Fast).with_mips(true).with_layers(3);
-    let set = ImageSet::single(picture("facade"));
+    let set = ImageSet::single(image("facade"));
     let whole = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
     let steps = arrive::<Epitome>(gpu, &file(&whole), 3);
     // The map grows with each layer, and the coarse mip levels are never uploaded again.
@@ -117,7 +117,7 @@ fn a_progressive_file_is_drawn_before_and_after_its_residual() {
     let Some(gpu) = gpu() else { return };
     let params =
         ProgressiveParams::default().with_goal(Goal::Psnr(36.0)).with_effort(Effort::Fast).with_mips(true);
-    let set = ImageSet::single(picture("facade"));
+    let set = ImageSet::single(image("facade"));
     let whole = Progressive::encode(&set, &params, &mut Job::default()).unwrap();
     let steps = arrive::<Progressive>(gpu, &file(&whole), 2);
     // The base stays where it is.

@@ -5,20 +5,20 @@ use glam::{Mat4, Vec2, Vec3, Vec4};
 /// A pinhole camera: in its own space it looks along -z with x to the right and y up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
-    /// Columns of the picture in pixels.
+    /// Columns of the image in pixels.
     pub width: u32,
-    /// Rows of the picture in pixels.
+    /// Rows of the image in pixels.
     pub height: u32,
     /// Focal lengths in pixels, across and down.
     pub focal: Vec2,
-    /// Where the axis meets the picture, in pixels from the upper left corner.
+    /// Where the axis meets the image, in pixels from the upper left corner.
     pub centre: Vec2,
     /// From the camera's space to the mesh's, a rigid motion.
     pub to_world: Mat4,
 }
 
 impl Camera {
-    /// Whether all numbers are finite, the matrix can be inverted and the picture has pixels.
+    /// Whether all numbers are finite, the matrix can be inverted and the image has pixels.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         let scale = self.to_world.determinant();
@@ -44,7 +44,7 @@ impl Camera {
         self.to_world.inverse()
     }
 
-    /// Where `point`, in the camera's space, is in the picture, in pixels from the upper left corner; `None` behind
+    /// Where `point`, in the camera's space, is in the image, in pixels from the upper left corner; `None` behind
     /// the camera.
     #[must_use]
     pub fn project(&self, point: Vec3) -> Option<Vec2> {
@@ -53,7 +53,7 @@ impl Camera {
         (depth > 0.0 && place.is_finite()).then_some(place)
     }
 
-    /// The unit vector from the eye through a place of the picture, in the mesh's space.
+    /// The unit vector from the eye through a place of the image, in the mesh's space.
     #[must_use]
     pub fn ray(&self, place: Vec2) -> Vec3 {
         let at = (place - self.centre) / self.focal;
@@ -75,7 +75,7 @@ impl Camera {
         projection * self.to_camera()
     }
 
-    /// The same view in a picture of another size.
+    /// The same view in an image of another size.
     #[must_use]
     pub fn resized(&self, width: u32, height: u32) -> Camera {
         let factor = Vec2::new(width as f32 / self.width as f32, height as f32 / self.height as f32);

@@ -21,8 +21,8 @@ mod encoded;
 mod kinds;
 mod layout;
 mod mesh;
+mod part_images;
 mod parts;
-mod pictures;
 mod render;
 mod wire;
 

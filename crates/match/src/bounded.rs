@@ -255,7 +255,7 @@ mod tests {
 
     #[test]
     fn few_leaves_find_most() {
-        // Fourteen numbers that fall off as the frequencies of pictures do.
+        // Fourteen numbers that fall off as the frequencies of images do.
         let value = |i: u32, axis: u32| {
             let hash = (i * 14 + axis).wrapping_mul(2_654_435_761).rotate_left(13).wrapping_mul(0x9e37_79b1);
             ((hash >> 8) as f32 / (1 << 24) as f32 - 0.5) / (1 + axis) as f32

@@ -2,7 +2,7 @@
 //! direction ("Progressive compression of large-scale remote sensing images with GSR descriptors", 2012, section 4.1).
 //!
 //! The plane is blurred, the gradients of a patch's texels vote for its direction, and N x N values are read between texels of
-//! the turned grid. A patch without a direction keeps an upright grid. Beside the paper's plain values there are values
+//! the rotated grid. A patch without a direction keeps an upright grid. Beside the paper's plain values there are values
 //! without mean and contrast, for content that is drawn with a gain. Cost: a k-d tree of the patches; a query takes
 //! `2 x count` or `4 x count` neighbours, as a patch may also be found reflected and negated.
 
@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::groups::Groups;
 use crate::index::Tree;
-use crate::turned::{BINS, Turned, bin_of, peak};
+use crate::oriented::{BINS, OrientedPatch, bin_of, peak};
 
 /// Fewest and most values a side of the grid.
 pub const GSR_SIDES: std::ops::RangeInclusive<usize> = 4..=8;
@@ -20,7 +20,7 @@ const NOISE: f32 = 1.0;
 
 /// What is kept of the gray values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum GsrTone {
+pub enum GsrInput {
     /// The values themselves, as in the paper; squared distances are mean squared differences in units of the range.
     Gray,
     /// Values less their mean, over their length: for content that is drawn with a gain of either sign.
@@ -101,22 +101,22 @@ impl GrayPlane {
         peak(&bins).unwrap_or(0.0)
     }
 
-    /// The values of the turned grid row by row, and its contrast: their RMS without mean.
-    fn grid<const K: usize>(&self, patch: &Turned, tone: GsrTone) -> ([f32; K], f32) {
+    /// The values of the rotated grid row by row, and its contrast: their RMS without mean.
+    fn grid<const K: usize>(&self, patch: &OrientedPatch, input: GsrInput) -> ([f32; K], f32) {
         let side = side_of(K);
         let spacing = patch.side / side as f32;
-        let turn = Mat2::from_angle(patch.angle);
+        let rotation = Mat2::from_angle(patch.angle);
         let mut values = [0.0f32; K];
         for (index, value) in values.iter_mut().enumerate() {
             let cell = Vec2::new((index % side) as f32, (index / side) as f32);
-            *value = self.at(patch.centre + turn * ((cell - (side as f32 - 1.0) * 0.5) * spacing));
+            *value = self.at(patch.centre + rotation * ((cell - (side as f32 - 1.0) * 0.5) * spacing));
         }
         let mean = values.iter().sum::<f32>() / K as f32;
         let squared: f32 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
         let length = squared.sqrt();
-        let values = match tone {
-            GsrTone::Gray => values.map(|value| value / (255.0 * side as f32)),
-            GsrTone::Shape => values.map(|value| (value - mean) / (length + NOISE * side as f32)),
+        let values = match input {
+            GsrInput::Gray => values.map(|value| value / (255.0 * side as f32)),
+            GsrInput::Shape => values.map(|value| (value - mean) / (length + NOISE * side as f32)),
         };
         (values, length / side as f32)
     }
@@ -157,8 +157,8 @@ trait Search: Send + Sync {
     fn near(
         &self,
         plane: &GrayPlane,
-        query: &Turned,
-        tone: GsrTone,
+        query: &OrientedPatch,
+        input: GsrInput,
         within: f32,
         count: usize,
     ) -> Vec<GsrMatch>;
@@ -171,10 +171,10 @@ pub struct GsrMatch {
     /// Squared distance of the descriptors.
     pub distance: f32,
     /// The patch.
-    pub patch: Turned,
+    pub patch: OrientedPatch,
     /// What carries places of the patch that was asked for, from its centre, to places of this one.
-    pub linear: Mat2,
-    /// Whether it looks alike with its sign turned: only with [`GsrTone::Shape`].
+    pub matrix: Mat2,
+    /// Whether it looks alike with its sign changed: only with [`GsrInput::Shape`].
     pub negated: bool,
 }
 
@@ -183,12 +183,12 @@ struct OfGrid<N, const K: usize>(N);
 
 /// What finds the patches near to a descriptor.
 trait Near<const K: usize>: Send + Sync {
-    fn nearest(&self, query: &[f32; K], within: f32, count: usize) -> Vec<(&Turned, f32)>;
+    fn nearest(&self, query: &[f32; K], within: f32, count: usize) -> Vec<(&OrientedPatch, f32)>;
     fn len(&self) -> usize;
 }
 
-impl<const K: usize> Near<K> for Tree<Turned, K> {
-    fn nearest(&self, query: &[f32; K], within: f32, count: usize) -> Vec<(&Turned, f32)> {
+impl<const K: usize> Near<K> for Tree<OrientedPatch, K> {
+    fn nearest(&self, query: &[f32; K], within: f32, count: usize) -> Vec<(&OrientedPatch, f32)> {
         Tree::nearest(self, query, within, count)
     }
 
@@ -197,8 +197,8 @@ impl<const K: usize> Near<K> for Tree<Turned, K> {
     }
 }
 
-impl<const K: usize> Near<K> for Groups<Turned, K> {
-    fn nearest(&self, query: &[f32; K], within: f32, count: usize) -> Vec<(&Turned, f32)> {
+impl<const K: usize> Near<K> for Groups<OrientedPatch, K> {
+    fn nearest(&self, query: &[f32; K], within: f32, count: usize) -> Vec<(&OrientedPatch, f32)> {
         Groups::nearest(self, query, within, count)
     }
 
@@ -211,22 +211,22 @@ impl<N: Near<K>, const K: usize> Search for OfGrid<N, K> {
     fn near(
         &self,
         plane: &GrayPlane,
-        query: &Turned,
-        tone: GsrTone,
+        query: &OrientedPatch,
+        input: GsrInput,
         within: f32,
         count: usize,
     ) -> Vec<GsrMatch> {
-        let (plain, _) = plane.grid::<K>(query, tone);
+        let (plain, _) = plane.grid::<K>(query, input);
         let side = side_of(K);
         let mut found = Vec::new();
         for negated in [false, true] {
-            if negated && tone == GsrTone::Gray {
+            if negated && input == GsrInput::Gray {
                 break;
             }
             // A negated patch has the opposite direction: its grid is read from the other end.
             let (signed, angle) = if negated {
-                let turned: [f32; K] = std::array::from_fn(|index| -plain[K - 1 - index]);
-                (turned, query.angle + std::f32::consts::PI)
+                let rotated: [f32; K] = std::array::from_fn(|index| -plain[K - 1 - index]);
+                (rotated, query.angle + std::f32::consts::PI)
             } else {
                 (plain, query.angle)
             };
@@ -236,8 +236,8 @@ impl<N: Near<K>, const K: usize> Search for OfGrid<N, K> {
             for (descriptor, sign) in [(&signed, 1.0), (&reflected, -1.0)] {
                 let upright = Mat2::from_diagonal(Vec2::new(1.0, sign)) * Mat2::from_angle(-angle);
                 for (&patch, distance) in self.0.nearest(descriptor, within, count) {
-                    let linear = Mat2::from_angle(patch.angle) * upright * (patch.side / query.side);
-                    found.push(GsrMatch { distance, patch, linear, negated });
+                    let matrix = Mat2::from_angle(patch.angle) * upright * (patch.side / query.side);
+                    found.push(GsrMatch { distance, patch, matrix, negated });
                 }
             }
         }
@@ -250,15 +250,15 @@ impl<N: Near<K>, const K: usize> Search for OfGrid<N, K> {
     }
 }
 
-/// Patches of one or several planes, found however they are turned.
+/// Patches of one or several planes, found however they are rotated.
 pub struct GsrIndex {
     search: Box<dyn Search>,
-    tone: GsrTone,
+    input: GsrInput,
 }
 
 impl std::fmt::Debug for GsrIndex {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("GsrIndex").field("patches", &self.len()).field("tone", &self.tone).finish()
+        f.debug_struct("GsrIndex").field("patches", &self.len()).field("input", &self.input).finish()
     }
 }
 
@@ -270,10 +270,10 @@ impl GsrIndex {
         planes: &[&GrayPlane],
         patches: &[(u32, Vec2, f32)],
         side: usize,
-        tone: GsrTone,
+        input: GsrInput,
         contrast: f32,
     ) -> Self {
-        GsrIndex { search: search_of(planes, patches, side, (tone, contrast), Kind::Tree), tone }
+        GsrIndex { search: search_of(planes, patches, side, (input, contrast), Kind::Tree), input }
     }
 
     /// The same, which finds near patches quicker, but not always the nearest.
@@ -282,10 +282,10 @@ impl GsrIndex {
         planes: &[&GrayPlane],
         patches: &[(u32, Vec2, f32)],
         side: usize,
-        tone: GsrTone,
+        input: GsrInput,
         contrast: f32,
     ) -> Self {
-        GsrIndex { search: search_of(planes, patches, side, (tone, contrast), Kind::Groups), tone }
+        GsrIndex { search: search_of(planes, patches, side, (input, contrast), Kind::Groups), input }
     }
 
     /// Number of patches.
@@ -310,8 +310,8 @@ impl GsrIndex {
         within: f32,
         count: usize,
     ) -> Vec<GsrMatch> {
-        let query = Turned { field: 0, centre, side, angle: plane.direction(centre, side) };
-        self.search.near(plane, &query, self.tone, within, count)
+        let query = OrientedPatch { field: 0, centre, side, angle: plane.direction(centre, side) };
+        self.search.near(plane, &query, self.input, within, count)
     }
 }
 
@@ -326,7 +326,7 @@ fn search_of(
     planes: &[&GrayPlane],
     patches: &[(u32, Vec2, f32)],
     side: usize,
-    kept: (GsrTone, f32),
+    kept: (GsrInput, f32),
     kind: Kind,
 ) -> Box<dyn Search> {
     match side {
@@ -341,22 +341,22 @@ fn search_of(
 fn described<const K: usize>(
     planes: &[&GrayPlane],
     patches: &[(u32, Vec2, f32)],
-    (tone, contrast): (GsrTone, f32),
+    (input, contrast): (GsrInput, f32),
     kind: Kind,
 ) -> Box<dyn Search> {
     let described = patches
         .par_iter()
         .filter_map(|&(field, centre, side)| {
             let plane = planes[field as usize];
-            let patch = Turned { field, centre, side, angle: plane.direction(centre, side) };
-            let (descriptor, found) = plane.grid::<K>(&patch, tone);
+            let patch = OrientedPatch { field, centre, side, angle: plane.direction(centre, side) };
+            let (descriptor, found) = plane.grid::<K>(&patch, input);
             let usable = found >= contrast && descriptor.iter().all(|value| value.is_finite());
             usable.then_some((patch, descriptor))
         })
         .collect();
     match kind {
-        Kind::Tree => Box::new(OfGrid::<Tree<Turned, K>, K>(Tree::new(described))),
-        Kind::Groups => Box::new(OfGrid::<Groups<Turned, K>, K>(Groups::new(described))),
+        Kind::Tree => Box::new(OfGrid::<Tree<OrientedPatch, K>, K>(Tree::new(described))),
+        Kind::Groups => Box::new(OfGrid::<Groups<OrientedPatch, K>, K>(Groups::new(described))),
     }
 }
 
@@ -364,9 +364,9 @@ fn described<const K: usize>(
 mod tests {
     use super::*;
 
-    /// A smooth picture around (60, 60), laid by `linear`.
-    fn picture(linear: Mat2) -> Vec<f32> {
-        let inverse = linear.inverse();
+    /// A smooth image around (60, 60), laid by `matrix`.
+    fn image(matrix: Mat2) -> Vec<f32> {
+        let inverse = matrix.inverse();
         let value = |x: usize, y: usize| {
             let at = inverse * (Vec2::new(x as f32 + 0.5, y as f32 + 0.5) - 60.0);
             let wave = (at.x * 0.31).sin() * 40.0 + (at.y * 0.17 + at.x * 0.05).cos() * 30.0;
@@ -382,22 +382,22 @@ mod tests {
     }
 
     #[test]
-    fn a_patch_is_found_however_it_is_turned_reflected_and_negated() {
-        let plain = GrayPlane::new(120, &picture(Mat2::IDENTITY), 1.0);
+    fn a_patch_is_found_however_it_is_rotated_reflected_and_negated() {
+        let plain = GrayPlane::new(120, &image(Mat2::IDENTITY), 1.0);
         for side in GSR_SIDES {
             for (angle, flip, negative) in [(0.0, 1.0, false), (0.7, 1.0, false), (-1.3, -1.0, true)] {
-                let linear = Mat2::from_angle(angle) * Mat2::from_diagonal(Vec2::new(1.0, flip));
-                let mut other = picture(linear);
+                let matrix = Mat2::from_angle(angle) * Mat2::from_diagonal(Vec2::new(1.0, flip));
+                let mut other = image(matrix);
                 if negative {
                     other.iter_mut().for_each(|value| *value = 255.0 - *value);
                 }
                 let other = GrayPlane::new(120, &other, 1.0);
-                let index = GsrIndex::new(&[&other], &everywhere(4, 32.0), side, GsrTone::Shape, 1.0);
+                let index = GsrIndex::new(&[&other], &everywhere(4, 32.0), side, GsrInput::Shape, 1.0);
                 let found = index.nearest(&plain, (Vec2::splat(60.0), 32.0), 1.0, 4);
                 let best = found[0];
                 assert!(best.patch.centre.distance(Vec2::splat(60.0)) < 3.0, "{side} {angle}: {best:?}");
                 assert_eq!(best.negated, negative);
-                let off = best.linear - linear;
+                let off = best.matrix - matrix;
                 assert!(off.x_axis.length().max(off.y_axis.length()) < 0.2, "{side} {angle}: {best:?}");
             }
         }
@@ -405,17 +405,17 @@ mod tests {
 
     #[test]
     fn gray_values_tell_brightness_apart_and_shapes_do_not() {
-        let values = picture(Mat2::IDENTITY);
+        let values = image(Mat2::IDENTITY);
         let plain = GrayPlane::new(120, &values, 1.0);
         let darker: Vec<f32> = values.iter().map(|value| value * 0.5).collect();
         let darker = GrayPlane::new(120, &darker, 1.0);
         let patches = [(0, Vec2::splat(60.0), 16.0)];
-        let distance = |tone: GsrTone| {
-            let index = GsrIndex::new(&[&darker], &patches, 4, tone, 0.0);
+        let distance = |input: GsrInput| {
+            let index = GsrIndex::new(&[&darker], &patches, 4, input, 0.0);
             index.nearest(&plain, (Vec2::splat(60.0), 16.0), 4.0, 1)[0].distance
         };
-        assert!(distance(GsrTone::Gray) > 0.02, "{}", distance(GsrTone::Gray));
-        assert!(distance(GsrTone::Shape) < 0.01, "{}", distance(GsrTone::Shape));
+        assert!(distance(GsrInput::Gray) > 0.02, "{}", distance(GsrInput::Gray));
+        assert!(distance(GsrInput::Shape) < 0.01, "{}", distance(GsrInput::Shape));
     }
 
     #[test]
@@ -424,12 +424,12 @@ mod tests {
         let tile = |x: usize, y: usize| ((x % 8) * 13 + (y % 8) * 29) as f32;
         let tiled: Vec<f32> = (0..120 * 120).map(|i| tile(i % 120, i / 120)).collect();
         let tiled = GrayPlane::new(120, &tiled, 0.7);
-        let index = GsrIndex::new(&[&tiled], &everywhere(1, 16.0), 4, GsrTone::Shape, 1.0);
+        let index = GsrIndex::new(&[&tiled], &everywhere(1, 16.0), 4, GsrInput::Shape, 1.0);
         assert!(!index.is_empty() && index.len() < 96 * 96 / 16, "{}", index.len());
         let found = index.nearest(&tiled, (Vec2::splat(60.0), 16.0), 4.0, 250);
         assert!(found.len() > 10 && found[0].distance < 1e-6);
         let flat = GrayPlane::new(120, &vec![77.0; 120 * 120], 1.0);
-        let none = GsrIndex::new(&[&flat], &everywhere(4, 16.0), 4, GsrTone::Gray, 1.0);
+        let none = GsrIndex::new(&[&flat], &everywhere(4, 16.0), 4, GsrInput::Gray, 1.0);
         assert!(none.is_empty() && none.nearest(&flat, (Vec2::splat(60.0), 16.0), 4.0, 9).is_empty());
         // A flat patch of a query finds what there is, upright.
         assert!(
@@ -439,21 +439,21 @@ mod tests {
 
     #[test]
     fn the_tree_finds_what_a_scan_finds() {
-        let plane = GrayPlane::new(120, &picture(Mat2::from_angle(0.3)), 1.0);
+        let plane = GrayPlane::new(120, &image(Mat2::from_angle(0.3)), 1.0);
         let patches = everywhere(3, 16.0);
-        let index = GsrIndex::new(&[&plane], &patches, 4, GsrTone::Gray, 0.0);
-        let query = Turned {
+        let index = GsrIndex::new(&[&plane], &patches, 4, GsrInput::Gray, 0.0);
+        let query = OrientedPatch {
             field: 0,
             centre: Vec2::new(51.0, 70.0),
             side: 16.0,
             angle: plane.direction(Vec2::new(51.0, 70.0), 16.0),
         };
-        let wanted = plane.grid::<16>(&query, GsrTone::Gray).0;
+        let wanted = plane.grid::<16>(&query, GsrInput::Gray).0;
         let mut scanned: Vec<f32> = patches
             .iter()
             .map(|&(field, centre, side)| {
-                let patch = Turned { field, centre, side, angle: plane.direction(centre, side) };
-                let other = plane.grid::<16>(&patch, GsrTone::Gray).0;
+                let patch = OrientedPatch { field, centre, side, angle: plane.direction(centre, side) };
+                let other = plane.grid::<16>(&patch, GsrInput::Gray).0;
                 wanted.iter().zip(other).map(|(a, b)| (a - b) * (a - b)).sum()
             })
             .collect();

@@ -15,7 +15,7 @@ const STEPS: f32 = 500.0;
 /// Near-identical patches that are kept.
 const ALIKE: usize = 2;
 /// Leaves that are looked at for a query. An epitome of a megatexel takes 51 CPU seconds with 32 of them, 59 with 128 and 85 with
-/// all; in small pictures 128 find what all do, 32 do not.
+/// all; in small images 128 find what all do, 32 do not.
 const LEAVES: usize = 128;
 /// Points of one leaf of the exact tree.
 const BUCKET: usize = 32;

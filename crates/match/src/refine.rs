@@ -14,14 +14,14 @@ const DAMPING: f32 = 0.02;
 /// Contrast at most this much above the source's.
 const MOST_GAIN: f32 = 1.25;
 
-/// Where a patch lies in another image: texel `d` from the patch's centre is at `position + linear * d`, texel (x, y)
+/// Where a patch lies in another image: texel `d` from the patch's centre is at `position + matrix * d`, texel (x, y)
 /// covering x to x + 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Transform {
     /// Place of the patch's centre.
     pub position: Vec2,
-    /// Linear part.
-    pub linear: Mat2,
+    /// 2x2 matrix.
+    pub matrix: Mat2,
 }
 
 /// What of a transform may change.
@@ -29,7 +29,7 @@ pub struct Transform {
 pub enum Freedom {
     /// Its position.
     Position,
-    /// Its position and its linear part.
+    /// Its position and its 2x2 matrix.
     Affine,
 }
 
@@ -99,17 +99,17 @@ impl<'a> Refiner<'a> {
         };
         let luma = Luma { width: size.0, height: size.1, values: source };
         let (mut warped, mut moved) = (vec![0.0; system.target.len()], vec![0.0; system.target.len()]);
-        let (error, mut tone) = system.warp(&luma, seed, &mut warped);
+        let (error, mut gain_offset) = system.warp(&luma, seed, &mut warped);
         let mut best = Refined { transform: seed, error };
         let mut damping = DAMPING;
         for _ in 0..STEPS {
-            let Some(step) = system.step(&warped, tone, parameters.clone(), damping) else { break };
+            let Some(step) = system.step(&warped, gain_offset, parameters.clone(), damping) else { break };
             let transform = compose(best.transform, step);
-            let (error, new_tone) = system.warp(&luma, transform, &mut moved);
+            let (error, new_gain_offset) = system.warp(&luma, transform, &mut moved);
             if error < best.error {
                 let gain = best.error - error;
                 best = Refined { transform, error };
-                tone = new_tone;
+                gain_offset = new_gain_offset;
                 std::mem::swap(&mut warped, &mut moved);
                 damping = (damping * 0.3).max(1e-3);
                 if gain < 0.002 * best.error {
@@ -126,7 +126,7 @@ impl<'a> Refiner<'a> {
     }
 }
 
-/// Transform after the inverse of a small step of the target: (a, b, c, d) of the linear part, then the translation.
+/// Transform after the inverse of a small step of the target: (a, b, c, d) of the 2x2 matrix, then the translation.
 fn compose(transform: Transform, step: [f32; 6]) -> Transform {
     let small = Mat2::from_cols(Vec2::new(1.0 + step[0], step[2]), Vec2::new(step[1], 1.0 + step[3]));
     let determinant = small.determinant();
@@ -134,13 +134,13 @@ fn compose(transform: Transform, step: [f32; 6]) -> Transform {
         return transform;
     }
     let inverse = small.inverse();
-    let linear = transform.linear * inverse;
+    let matrix = transform.matrix * inverse;
     let shift = Vec2::new(step[4], step[5]);
-    Transform { position: transform.position - linear * shift, linear }
+    Transform { position: transform.position - matrix * shift, matrix }
 }
 
 /// Gain and offset that carry the source to the target.
-type Tone = (f32, f32);
+type GainOffset = (f32, f32);
 
 /// What does not change while a match is refined.
 struct System<'a> {
@@ -182,14 +182,14 @@ impl<'a> System<'a> {
         System { target, patch, jacobian, normal }
     }
 
-    /// Reads the source under `transform`; the error and tone that fit best.
-    fn warp(&self, luma: &Luma<'_>, transform: Transform, warped: &mut [f32]) -> (f32, Tone) {
+    /// Reads the source under `transform`; the error and gain and offset that fit best.
+    fn warp(&self, luma: &Luma<'_>, transform: Transform, warped: &mut [f32]) -> (f32, GainOffset) {
         let (width, height) = self.patch;
         let centre = Vec2::new(width as f32, height as f32) * 0.5;
         let (mut sx, mut sy, mut sxx, mut sxy, mut syy) = (0.0f32, 0.0f32, 0.0f32, 0.0f32, 0.0f32);
         for y in 0..height {
             let start = Vec2::new(0.5, y as f32 + 0.5) - centre;
-            let mut place = transform.position + transform.linear * start;
+            let mut place = transform.position + transform.matrix * start;
             for x in 0..width {
                 // Around middle gray, so that sums keep their precision.
                 let (value, wanted) = (luma.at(place) - 128.0, self.target[y * width + x] - 128.0);
@@ -199,7 +199,7 @@ impl<'a> System<'a> {
                 sxx += value * value;
                 sxy += value * wanted;
                 syy += wanted * wanted;
-                place += transform.linear.x_axis;
+                place += transform.matrix.x_axis;
             }
         }
         let n = (width * height) as f32;
@@ -213,7 +213,7 @@ impl<'a> System<'a> {
     fn step(
         &self,
         warped: &[f32],
-        (gain, offset): Tone,
+        (gain, offset): GainOffset,
         parameters: Range<usize>,
         damping: f32,
     ) -> Option<[f32; 6]> {
@@ -279,7 +279,7 @@ mod tests {
 
     fn patch(transform: Transform, gain: f32, offset: f32) -> Vec<f32> {
         let at = |i: usize| Vec2::new((i % 16) as f32 - 7.5, (i / 16) as f32 - 7.5);
-        (0..256).map(|i| gain * scene(transform.position + transform.linear * at(i)) + offset).collect()
+        (0..256).map(|i| gain * scene(transform.position + transform.matrix * at(i)) + offset).collect()
     }
 
     proptest! {
@@ -289,9 +289,9 @@ mod tests {
         ) {
             let truth = Transform {
                 position: Vec2::new(30.0, 33.0),
-                linear: Mat2::from_cols(Vec2::new(1.0 + a, b), Vec2::new(-b, 1.0 - a)),
+                matrix: Mat2::from_cols(Vec2::new(1.0 + a, b), Vec2::new(-b, 1.0 - a)),
             };
-            let seed = Transform { position: truth.position + Vec2::new(dx, dy), linear: Mat2::IDENTITY };
+            let seed = Transform { position: truth.position + Vec2::new(dx, dy), matrix: Mat2::IDENTITY };
             let target = patch(truth, gain, 9.0);
             let found = Refiner::new(&target, (16, 16)).refine(&source(), (64, 64), seed, Freedom::Affine);
             let position = found.transform.position - truth.position;
@@ -304,16 +304,16 @@ mod tests {
             target in proptest::collection::vec(0.0f32..255.0, 64),
             x in -10.0f32..80.0, y in -10.0f32..80.0, a in -2.0f32..2.0, b in -2.0f32..2.0, affine: bool,
         ) {
-            let linear = Mat2::from_cols(Vec2::new(a, b), Vec2::new(b, 1.0));
-            let seed = Transform { position: Vec2::new(x, y), linear };
+            let matrix = Mat2::from_cols(Vec2::new(a, b), Vec2::new(b, 1.0));
+            let seed = Transform { position: Vec2::new(x, y), matrix };
             let source = source();
             let luma = Luma { width: 64, height: 64, values: &source };
             let freedom = if affine { Freedom::Affine } else { Freedom::Position };
             let before = System::new(&target, (8, 8)).warp(&luma, seed, &mut [0.0; 64]).0;
             let found = Refiner::new(&target, (8, 8)).refine(&source, (64, 64), seed, freedom);
-            prop_assert!(affine || found.transform.linear == seed.linear);
+            prop_assert!(affine || found.transform.matrix == seed.matrix);
             prop_assert!(found.error <= before);
-            prop_assert!(found.transform.position.is_finite() && found.transform.linear.is_finite());
+            prop_assert!(found.transform.position.is_finite() && found.transform.matrix.is_finite());
         }
     }
 
@@ -321,7 +321,7 @@ mod tests {
     fn stripes_and_flat_patches_do_not_run_away() {
         let stripes: Vec<f32> = (0..256).map(|i| if i % 16 / 4 % 2 == 0 { 40.0 } else { 200.0 }).collect();
         let flat = vec![77.0; 256];
-        let seed = Transform { position: Vec2::new(32.0, 32.0), linear: Mat2::IDENTITY };
+        let seed = Transform { position: Vec2::new(32.0, 32.0), matrix: Mat2::IDENTITY };
         for target in [stripes, flat] {
             let found = Refiner::new(&target, (16, 16)).refine(&source(), (64, 64), seed, Freedom::Affine);
             assert!((found.transform.position - seed.position).length() < 32.0);

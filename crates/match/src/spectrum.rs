@@ -1,8 +1,8 @@
-//! Patches found by the low frequencies of their shape, under the eight turns that map a square's texels to its texels.
+//! Patches found by the low frequencies of their shape, under the eight orientations that map a square's texels to its texels.
 //!
 //! A main direction, as GSR descriptors have it, is unsteady where content looks like noise, and patches that would serve are
 //! missed. Here patches are described by the cosine transform of their values over their length and asked for in all eight
-//! turns, which swap frequencies and change their signs. Of the frequencies those are kept that hold most of the patches'
+//! orientations, which swap frequencies and change their signs. Of the frequencies those are kept that hold most of the patches'
 //! energy, so that the product of two descriptors foretells how far one patch, with a gain, explains the other. Cost: side^2 x 8
 //! for each patch, and 16 queries of bounded effort in a tree.
 
@@ -42,9 +42,9 @@ impl std::fmt::Debug for SpectrumIndex {
 pub struct SpectrumMatch {
     /// Its number.
     pub number: usize,
-    /// What carries places of the patch that was asked for, from its centre, to places of this one: quarters of a turn,
+    /// What carries places of the patch that was asked for, from its centre, to places of this one: quarter turns,
     /// reflected or not.
-    pub linear: Mat2,
+    pub matrix: Mat2,
     /// Squared distance of the descriptors, of length 1, of the patches or of one and the other's negative, 0 to 2.
     pub distance: f32,
 }
@@ -90,20 +90,20 @@ impl SpectrumIndex {
         self.count == 0
     }
 
-    /// At most `count` patches, turned and of either sign, that are most like `patch`, the likest first; a look at 32 x
-    /// `leaves` patches for each turn and sign.
+    /// At most `count` patches, rotated and of either sign, that are most like `patch`, the likest first; a look at 32 x
+    /// `leaves` patches for each orientation and sign.
     #[must_use]
     pub fn nearest(&self, patch: &[f32], count: usize, leaves: usize) -> Vec<SpectrumMatch> {
         let low = self.cosines.low(patch);
         let mut found: Vec<SpectrumMatch> = Vec::new();
         let mut most = f32::INFINITY;
-        for turn in 0..8 {
-            let plain = pick(&turned(&low, turn), &self.kept);
+        for orientation in 0..8 {
+            let plain = pick(&rotated(&low, orientation), &self.kept);
             for query in [plain, plain.map(|value| -value)] {
                 let near = self.tree.nearest(&query, most, count, leaves);
                 let matched = |(number, distance): (u32, f32)| SpectrumMatch {
                     number: number as usize,
-                    linear: linear(turn),
+                    matrix: matrix(orientation),
                     distance,
                 };
                 found.extend(near.into_iter().map(matched));
@@ -135,22 +135,22 @@ fn pick(low: &Low, kept: &[usize; KEPT]) -> [f32; LENGTH] {
     std::array::from_fn(|index| kept.get(index).map_or(0.0, |&place| low[place]))
 }
 
-/// Whether turn number `turn` exchanges columns and rows, and then reflects columns, and rows.
-fn steps(turn: u32) -> (bool, bool, bool) {
-    (turn & 4 != 0, turn & 1 != 0, turn & 2 != 0)
+/// Whether orientation number `orientation` exchanges columns and rows, and then reflects columns, and rows.
+fn steps(orientation: u32) -> (bool, bool, bool) {
+    (orientation & 4 != 0, orientation & 1 != 0, orientation & 2 != 0)
 }
 
-/// What carries places of a patch to those of the turned one.
-fn linear(turn: u32) -> Mat2 {
-    let (exchanged, across, down) = steps(turn);
+/// What carries places of a patch to those of the rotated one.
+fn matrix(orientation: u32) -> Mat2 {
+    let (exchanged, across, down) = steps(orientation);
     let sign = |reflected: bool| if reflected { -1.0 } else { 1.0 };
     let signs = Mat2::from_diagonal(Vec2::new(sign(across), sign(down)));
     if exchanged { signs * Mat2::from_cols(Vec2::Y, Vec2::X) } else { signs }
 }
 
-/// The coefficients of the turned patch.
-fn turned(low: &Low, turn: u32) -> Low {
-    let (exchanged, across, down) = steps(turn);
+/// The coefficients of the rotated patch.
+fn rotated(low: &Low, orientation: u32) -> Low {
+    let (exchanged, across, down) = steps(orientation);
     std::array::from_fn(|place| {
         let (u, v) = (place % LOW, place / LOW);
         let value = if exchanged { low[u * LOW + v] } else { low[place] };
@@ -220,10 +220,10 @@ mod tests {
     }
 
     #[test]
-    fn a_patch_is_found_however_it_is_turned_and_negated() {
+    fn a_patch_is_found_however_it_is_rotated_and_negated() {
         let index = index();
-        for turn in 0..8 {
-            let (carried, number) = (linear(turn), 37 + 211 * turn as usize);
+        for orientation in 0..8 {
+            let (carried, number) = (matrix(orientation), 37 + 211 * orientation as usize);
             // The asked patch shows at each place what the other has where the place is carried to.
             let other = noise(number);
             let half = Vec2::splat(SIDE as f32 * 0.5 - 0.5);
@@ -234,7 +234,7 @@ mod tests {
             };
             let patch: Vec<f32> = (0..SIDE * SIDE).map(value).collect();
             let found = index.nearest(&patch, 4, 64);
-            assert_eq!((found[0].number, found[0].linear), (number, carried), "turn {turn}");
+            assert_eq!((found[0].number, found[0].matrix), (number, carried), "orientation {orientation}");
             assert!(found.len() == 4 && found.is_sorted_by(|a, b| a.distance <= b.distance));
         }
     }
@@ -248,7 +248,7 @@ mod tests {
             let half = Vec2::splat(SIDE as f32 * 0.5 - 0.5);
             let carried = |i: usize| {
                 let place = Vec2::new((i % SIDE) as f32, (i / SIDE) as f32) - half;
-                let at = (found.linear * place + half).round().as_uvec2();
+                let at = (found.matrix * place + half).round().as_uvec2();
                 other[at.y as usize * SIDE + at.x as usize]
             };
             let dot = |f: &dyn Fn(usize) -> f32| (0..SIDE * SIDE).map(f).sum::<f32>();

@@ -162,7 +162,7 @@ mod tests {
     use texfold_core::{Encoder, Goal, Job};
 
     fn texture(bpp: f64) -> ProgressiveTexture {
-        let set = ImageSet::single(texfold_testkit::picture("terrain"));
+        let set = ImageSet::single(texfold_testkit::image("terrain"));
         let params = ProgressiveParams { goal: Goal::Bpp(bpp), ..ProgressiveParams::default() };
         Progressive::encode(&set, &params, &mut Job::default()).unwrap()
     }

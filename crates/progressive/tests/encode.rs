@@ -14,7 +14,7 @@ use texfold_core::{
 use texfold_progressive::{APRON, Progressive, ProgressiveParams, ProgressiveTexture, Shared};
 
 fn picture(name: &str) -> ImageSet {
-    ImageSet::single(texfold_testkit::picture(name))
+    ImageSet::single(texfold_testkit::image(name))
 }
 
 fn encode(set: &ImageSet, params: &ProgressiveParams) -> ProgressiveTexture {
@@ -304,7 +304,7 @@ fn columns(picture: &Raster, (left, right): (i32, i32), rows: (i32, i32)) -> Ras
 
 #[test]
 fn no_step_is_seen_between_tiles_whose_bases_go_on_beyond_their_borders() {
-    let picture = texfold_testkit::picture("terrain");
+    let picture = texfold_testkit::image("terrain");
     let (width, height) = (picture.size().width as i32, picture.size().height as i32);
     let (half, more) = (width / 2, APRON as i32);
     // At a tenth of a bit a smaller image is enlarged.
@@ -359,7 +359,7 @@ fn no_step_is_seen_between_tiles_whose_bases_go_on_beyond_their_borders() {
 
 #[test]
 fn one_search_serves_goals_of_every_kind() {
-    let set = ImageSet::single(texfold_testkit::picture("terrain"));
+    let set = ImageSet::single(texfold_testkit::image("terrain"));
     let params = ProgressiveParams::default().with_goal(Goal::Bpp(0.6));
     let search = Progressive::search(&set, &params, &mut Job::default()).unwrap();
     // With room for codebooks of several sizes, and without; the last goal asks again for the bases of the first.
@@ -372,7 +372,7 @@ fn one_search_serves_goals_of_every_kind() {
 
 #[test]
 fn few_bits_of_an_image_with_alpha_show_its_colours_hidden_ones_too() {
-    let opaque = texfold_testkit::picture("terrain").with_channels(4);
+    let opaque = texfold_testkit::image("terrain").with_channels(4);
     let SurfaceSize { width, height } = opaque.size();
     // A collar of a fifth.
     let seen = |i: u32| if i % width < width / 5 { 0.0 } else { 1.0 };
@@ -451,7 +451,7 @@ fn a_coarse_quality_is_met_by_an_enlarged_image_where_that_takes_fewer_bits() {
 
 #[test]
 fn a_collar_costs_few_bits_and_alpha_is_as_good_as_colours() {
-    let picture = texfold_testkit::picture("terrain").with_channels(4);
+    let picture = texfold_testkit::image("terrain").with_channels(4);
     // A slanted collar without data.
     let inside = |i: usize| i % 256 > 40 + i / 256 / 4;
     let texel = |(i, texel): (usize, Texel)| if inside(i) { texel } else { Texel::ZERO };
@@ -465,6 +465,6 @@ fn a_collar_costs_few_bits_and_alpha_is_as_good_as_colours() {
     let found = measure(&set, &good);
     assert!(found.psnr >= 27.0 && alpha(&good) >= 27.0, "{found:?} {}", alpha(&good));
     // All alike, alpha is no reason for a large base.
-    let plain = ImageSet::single(texfold_testkit::picture("terrain").with_channels(4));
+    let plain = ImageSet::single(texfold_testkit::image("terrain").with_channels(4));
     assert!(encode(&plain, &fast(Goal::Psnr(27.0))).reduce_log2() > 1);
 }

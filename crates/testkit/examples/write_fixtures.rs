@@ -1,4 +1,4 @@
-//! Writes the fixture pictures into the workspace's `fixtures` folder.
+//! Writes the fixture images into the workspace's `fixtures` folder.
 
 use std::path::Path;
 

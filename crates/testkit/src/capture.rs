@@ -83,7 +83,7 @@ pub fn icosphere(subdivisions: u32) -> Mesh {
     Mesh { positions, triangles }
 }
 
-/// A camera at `eye` that looks at the origin, where a unit sphere fills most of a picture of `size` pixels a side.
+/// A camera at `eye` that looks at the origin, where a unit sphere fills most of an image of `size` pixels a side.
 #[must_use]
 pub fn camera(eye: Vec3, size: u32) -> Camera {
     let back = eye.normalize();

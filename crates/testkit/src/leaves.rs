@@ -73,7 +73,7 @@ impl Leaves {
             .map_or(Texel::new(0.5, 0.5, 0.5, 1.0), |&index| self.discs[index as usize].colour)
     }
 
-    /// What a picture of `size` pixels shows whose texture coordinates `matrix` leads to from the surface's: each pixel the mean of
+    /// What an image of `size` pixels shows whose texture coordinates `matrix` leads to from the surface's: each pixel the mean of
     /// `grid` x `grid` places.
     #[must_use]
     pub fn view(&self, matrix: &DMat3, size: (u32, u32), grid: u32) -> Vec<Texel> {
@@ -104,12 +104,12 @@ pub struct Lens {
     pub seed: u64,
 }
 
-/// A picture of `size` pixels, 8 bits, RGB.
+/// An image of `size` pixels, 8 bits, RGB.
 ///
 /// # Panics
 /// Where there are fewer texels than pixels.
 #[must_use]
-#[expect(clippy::panic, reason = "a test without its picture must fail")]
+#[expect(clippy::panic, reason = "a test without its image must fail")]
 pub fn photograph(texels: &[Texel], size: (u32, u32), lens: Lens) -> Raster {
     let mut rng = Rng::new(lens.seed);
     let mut step = |value: f32| {
@@ -126,7 +126,7 @@ pub fn photograph(texels: &[Texel], size: (u32, u32), lens: Lens) -> Raster {
     }
 }
 
-/// A matrix to a picture around `middle` of the surface, `zoom` times as close as the whole, turned, and slanted.
+/// A matrix to an image around `middle` of the surface, `zoom` times as close as the whole, turned, and slanted.
 #[must_use]
 pub fn close_up(middle: DVec2, zoom: f64, turn: f64, slant: DVec2) -> DMat3 {
     let mut slanted = DMat3::IDENTITY;

@@ -5,6 +5,6 @@ pub mod fixtures;
 pub mod leaves;
 mod load;
 
-pub use load::{data_dir, fixtures_dir, frames, picture, png};
+pub use load::{data_dir, fixtures_dir, frames, image, png};
 
 pub use texfold_core::rng;

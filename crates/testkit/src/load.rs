@@ -43,7 +43,7 @@ pub fn png(path: &Path) -> Raster {
 
 /// The fixture `images/<name>.png`.
 #[must_use]
-pub fn picture(name: &str) -> Raster {
+pub fn image(name: &str) -> Raster {
     png(&fixtures_dir().join(format!("images/{name}.png")))
 }
 

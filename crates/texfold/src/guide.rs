@@ -25,7 +25,7 @@
 //! use texfold::{EncodeSettings, Guidance, ImageSet, Job, Raster, encode_images};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! # let rasters = vec![texfold_testkit::picture("odd_37x61"), texfold_testkit::picture("odd_3x5")];
+//! # let rasters = vec![texfold_testkit::image("odd_37x61"), texfold_testkit::image("odd_3x5")];
 //! // let rasters: Vec<Raster> = the decoded files
 //! let set = ImageSet::new(rasters)?;
 //! let texture = encode_images(&set, Guidance::default(), &EncodeSettings::default(), &mut Job::default())?;
@@ -61,7 +61,7 @@
 //! use texfold::{Budget, EncodeSettings, Goal, Guidance, ImageSet, Job, encode_images, metric::measure, open_image};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! # let set = ImageSet::single(texfold_testkit::picture("odd_37x61"));
+//! # let set = ImageSet::single(texfold_testkit::image("odd_37x61"));
 //! let settings = EncodeSettings { goal: Goal::Psnr(30.0), ..EncodeSettings::default() };
 //! let bytes = encode_images(&set, Guidance::default(), &settings, &mut Job::default())?.to_bytes();
 //! let measured = measure(&set, open_image(&bytes, &mut Budget::default())?.as_encoded());
@@ -119,7 +119,7 @@
 //! use texfold::{AnyImage, Encoder, Job, PatchSource, PatchStack, ZipParams, Zipmap};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! # let (root, close_up) = (texfold_testkit::picture("odd_37x61"), texfold_testkit::picture("cutout"));
+//! # let (root, close_up) = (texfold_testkit::image("odd_37x61"), texfold_testkit::image("cutout"));
 //! // From the root's texture coordinates to the patch's: the patch shows the middle third.
 //! let matrix = glam::DMat3::from_cols_array(&[3.0, 0.0, 0.0, 0.0, 3.0, 0.0, -1.0, -1.0, 1.0]);
 //! let patch = PatchSource { image: 0, matrix, mask: None, parent: None };
@@ -152,7 +152,7 @@
 //! let mut shared = Shared::default();
 //! shared.most_rows = 512;
 //! for name in ["odd_37x61", "odd_3x5"] {
-//! #   let raster = texfold_testkit::picture(name);
+//! #   let raster = texfold_testkit::image(name);
 //!     let set = ImageSet::single(raster);
 //!     let texture = Progressive::encode_shared(&set, &params, &shared, &mut Job::default())?;
 //!     if let Some(grown) = texture.details().and_then(|details| details.public.clone()) {

@@ -13,21 +13,21 @@ fn golden(name: &str) -> PathBuf {
     texfold_testkit::fixtures_dir().join("golden").join(name)
 }
 
-/// Level 0 of the file's images equals the golden pictures, to the last 8-bit step.
-fn assert_decodes(name: &str, pictures: &[String]) {
-    assert_level_decodes(name, 0, pictures);
+/// Level 0 of the file's images equals the golden images, to the last 8-bit step.
+fn assert_decodes(name: &str, images: &[String]) {
+    assert_level_decodes(name, 0, images);
 }
 
 /// As [`assert_decodes`], for level `level`.
-fn assert_level_decodes(name: &str, level: u32, pictures: &[String]) {
+fn assert_level_decodes(name: &str, level: u32, images: &[String]) {
     let bytes = std::fs::read(golden(&format!("{name}.txf"))).unwrap();
     let texture = open_image(&bytes, &mut Budget::default()).unwrap();
-    assert_eq!(texture.as_encoded().layout().surfaces.len(), pictures.len(), "{name}");
-    for (surface, picture) in pictures.iter().enumerate() {
-        let wanted = texfold_testkit::png(&golden(picture));
+    assert_eq!(texture.as_encoded().layout().surfaces.len(), images.len(), "{name}");
+    for (surface, image) in images.iter().enumerate() {
+        let wanted = texfold_testkit::png(&golden(image));
         let decoded = decode_surface(texture.as_encoded(), surface as u32, level).unwrap();
         assert_eq!(decoded.size(), wanted.size(), "{name}");
-        assert!(decoded.to_bytes() == wanted.to_bytes(), "{name}: {picture} decodes otherwise than before");
+        assert!(decoded.to_bytes() == wanted.to_bytes(), "{name}: {image} decodes otherwise than before");
     }
 }
 
@@ -47,10 +47,10 @@ fn a_vq_sequence_decodes_as_ever() {
     assert_decodes("vq_raw_sequence", &frames);
 }
 
-/// Two epitomes, leaves of two sizes, linear parts, tones and mip levels. While the form of the file is not released,
+/// Two epitomes, leaves of two sizes, 2x2 matrices, tones and mip levels. While the form of the file is not released,
 /// it is written anew by
 /// `texfold compress fixtures/images/tile_repeat.png --codec epitome --effort fast --psnr 30 --mips --out .`
-/// and its pictures by `texfold decompress tile_repeat.txf --out .` without and with `--lod 2`.
+/// and its images by `texfold decompress tile_repeat.txf --out .` without and with `--lod 2`.
 #[test]
 fn an_epitome_of_two_formats_decodes_as_ever() {
     assert_decodes("epitome", &["epitome.png".to_owned()]);
@@ -59,7 +59,7 @@ fn an_epitome_of_two_formats_decodes_as_ever() {
 
 /// Content with an error map, and mip levels. While the form of the file is not released, it is written anew by
 /// `texfold compress fixtures/images/salient.png --codec epitome --content error-map --effort fast --psnr 28 --mips --out .`
-/// and its pictures by `texfold decompress salient.txf --out .` without and with `--lod 2`.
+/// and its images by `texfold decompress salient.txf --out .` without and with `--lod 2`.
 #[test]
 fn an_epitome_with_an_error_map_decodes_as_ever() {
     assert_decodes("epitome_errors", &["epitome_errors.png".to_owned()]);
@@ -69,7 +69,7 @@ fn an_epitome_with_an_error_map_decodes_as_ever() {
 /// Three layers with mip levels, and what a prefix with one of them shows. While the form of the file is not released, it is
 /// written anew by
 /// `texfold compress fixtures/images/odd_37x61.png --codec epitome --effort fast --psnr 28 --mips --layers 3 --out .`
-/// and its pictures by `texfold decompress odd_37x61.txf --out .` without and with `--layers 1`.
+/// and its images by `texfold decompress odd_37x61.txf --out .` without and with `--layers 1`.
 #[test]
 fn a_progressive_epitome_decodes_as_ever() {
     assert_decodes("epitome_layers", &["epitome_layers.png".to_owned()]);
@@ -87,7 +87,7 @@ fn a_progressive_epitome_decodes_as_ever() {
 }
 
 /// A light field of the capture fixture, as its eighth camera sees it. While the form of the file is not released, it is written
-/// anew by `texfold compress fixtures/captures/ball --codec lightfield --out .` and its picture by
+/// anew by `texfold compress fixtures/captures/ball --codec lightfield --out .` and its image by
 /// `texfold render ball.txf --camera fixtures/captures/ball/transforms.json --out . --cpu`, which is `007.png`.
 #[test]
 fn a_light_field_is_drawn_as_ever() {
@@ -103,7 +103,7 @@ fn a_light_field_is_drawn_as_ever() {
 /// A base and an error map with mip levels, and what a prefix without the error map shows. While the form of the file is not
 /// released, it is written anew by
 /// `texfold compress fixtures/images/odd_37x61.png --codec progressive --effort fast --psnr 32 --mips --out .`
-/// and its pictures by `texfold decompress odd_37x61.txf --out .` without any, with `--lod 2` and with `--layers 1`.
+/// and its images by `texfold decompress odd_37x61.txf --out .` without any, with `--lod 2` and with `--layers 1`.
 #[test]
 fn a_base_and_an_error_map_decode_as_ever() {
     assert_decodes("progressive", &["progressive.png".to_owned()]);
@@ -118,7 +118,7 @@ fn a_base_and_an_error_map_decode_as_ever() {
 
 /// A root in two planes with two patches in one, by hand. While the form of the file is not released, it is written anew by
 /// `texfold compress STACK --content raw --out .` of a folder with the fixtures `odd_37x61.png` and `cutout.png` and this
-/// `zipmap.toml`, and its pictures by `texfold decompress zipmap.txf --out .` with `--lod 2` and `--lod 5`:
+/// `zipmap.toml`, and its images by `texfold decompress zipmap.txf --out .` with `--lod 2` and `--lod 5`:
 ///
 /// ```toml
 /// root = "odd_37x61.png"

@@ -202,7 +202,7 @@ fn an_epitome_map_may_point_anywhere() {
             let texture = open_image(forged, &mut Budget::new(LIMITS));
             exercise(texture.unwrap_or_else(|error| panic!("{name}, {what}: {error}")).as_encoded());
         };
-        // Any linear part and any tone may stand in a palette, also those that flatten or enlarge most.
+        // Any 2x2 matrix and any tone may stand in a palette, also those that flatten or enlarge most.
         for byte in [0x00, 0x01, 0x7f, 0x80, 0xff] {
             let forged = rewritten(&bytes, *b"EPPL", |raw| raw.fill(byte)).unwrap();
             accept(&forged, "another palette");
@@ -310,8 +310,8 @@ fn a_forged_zipmap_is_refused_or_harmless() {
     let bytes = texture.to_bytes();
     let open = |forged: &[u8]| open_image(forged, &mut Budget::new(LIMITS));
     let form = |at: usize, value: u8| rewritten(&bytes, *b"ZMFM", |raw| raw[at] = value).unwrap();
-    // Three patches show one picture. Contents that there are not or that have no soft alpha, another depth, sides and levels that a
-    // picture cannot have, and pictures that are not there.
+    // Three patches show one image. Contents that there are not or that have no soft alpha, another depth, sides and levels that a
+    // image cannot have, and images that are not there.
     for (at, value) in [
         (0, 12),
         (0, 5),
@@ -359,8 +359,8 @@ fn a_forged_zipmap_is_refused_or_harmless() {
         raw.truncate(3);
         raw.extend([0, 8, 0, 8]);
         raw.extend([1, 0, 1, 0, 1].repeat(2048));
-        for picture in 0..2048u16 {
-            raw.extend(picture.to_le_bytes());
+        for image in 0..2048u16 {
+            raw.extend(image.to_le_bytes());
             raw.extend([1f32, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0].map(f32::to_le_bytes).concat());
         }
     });

@@ -95,7 +95,7 @@ fn a_sample_is_exact_where_content_is_raw() {
 }
 
 #[test]
-fn the_sample_of_a_salient_picture_lies_on_the_salient_object() {
+fn the_sample_of_a_salient_image_lies_on_the_salient_object() {
     let set = fixture("salient");
     let params = VqParams { codebook: Some((128, 64)), samples: Some((1, 48)), ..VqParams::default() };
     let texture = Vq::encode(VqSource::new(&set), &params, &mut Job::default()).unwrap();
@@ -231,7 +231,7 @@ fn every_failure_regime_encodes_within_its_bound() {
 
 #[test]
 fn unlike_images_share_a_codebook() {
-    let named = texfold_testkit::picture;
+    let named = texfold_testkit::image;
     let set =
         ImageSet::new(vec![named("odd_37x61"), named("gray"), named("odd_3x5"), named("odd_37x61")]).unwrap();
     let texture = vq(&set, &VqParams { goal: Goal::Bpp(6.0), ..VqParams::default() });

@@ -1,4 +1,4 @@
-//! Pictures that a method built on repetition does not suit, each with its bound, for codec epitome as users meet it.
+//! Images that a method built on repetition does not suit, each with its bound, for codec epitome as users meet it.
 //!
 //! The bound of all of them: where plain blocks reach the goal so does the result, to within 0.1 dB, in no more memory and at
 //! most a file header more on disk; every texel is a number; one thread and two give the same bytes.
@@ -11,9 +11,9 @@ use texfold::{
     AnyImage, Bc, BcTexture, Choice, Effort, EncodeError, EncodeSettings, Epitome, Goal, Guidance, Job,
     SourceError, Texel, encode_images,
 };
-use texfold_testkit::picture;
+use texfold_testkit::image;
 
-/// What every picture is encoded for.
+/// What every image is encoded for.
 const GOAL: Goal = Goal::Psnr(30.0);
 /// Room for what a file says beside its content: header, table of sections, parameters, notes.
 const HEADER_BYTES: usize = 1024;
@@ -50,14 +50,14 @@ fn within_the_bound(set: &ImageSet) -> AnyImage {
 }
 
 fn fixture(name: &str) -> AnyImage {
-    within_the_bound(&ImageSet::single(picture(name)))
+    within_the_bound(&ImageSet::single(image(name)))
 }
 
 fn bpp(image: &AnyImage, texels: f64) -> f64 {
     image.as_encoded().gpu().bits_memory() as f64 / texels
 }
 
-/// A picture whose texel at (x, y) is `shade`.
+/// An image whose texel at (x, y) is `shade`.
 fn drawn(width: u32, height: u32, shade: impl Fn(u32, u32) -> [u8; 3]) -> Raster {
     let bytes: Vec<u8> =
         (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).flat_map(|(x, y)| shade(x, y)).collect();
@@ -89,7 +89,7 @@ fn a_smooth_ramp_is_no_clique_of_matches() {
 #[test]
 fn a_constant_costs_its_map_alone() {
     let made = fixture("constant");
-    let texels = f64::from(picture("constant").size().width * picture("constant").size().height);
+    let texels = f64::from(image("constant").size().width * image("constant").size().height);
     assert!(bpp(&made, texels) < 1.0, "{} bits a texel", bpp(&made, texels));
 }
 
@@ -154,13 +154,13 @@ fn equal_leaves_by_the_thousand() {
 #[test]
 fn a_set_of_unlike_images() {
     let smooth = drawn(70, 33, |x, y| [(x * 3) as u8, (y * 7) as u8, 128]);
-    let set = ImageSet::new(vec![smooth, picture("noise"), picture("odd_3x5"), picture("constant")]).unwrap();
+    let set = ImageSet::new(vec![smooth, image("noise"), image("odd_3x5"), image("constant")]).unwrap();
     within_the_bound(&set);
 }
 
 #[test]
 fn a_mask_of_the_wrong_size_is_named() {
-    let set = ImageSet::single(picture("odd_37x61"));
+    let set = ImageSet::single(image("odd_37x61"));
     let settings = EncodeSettings { codec: Choice::of::<Epitome>(), ..EncodeSettings::default() };
     for (width, height) in [(61, 37), (1, 1), (38, 61)] {
         let mask = drawn(width, height, |_, _| [255; 3]);

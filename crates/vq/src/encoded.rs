@@ -241,7 +241,7 @@ mod tests {
 
     #[test]
     fn a_texture_that_is_only_uploaded_holds_little_more_than_the_gpu() {
-        let set = ImageSet::single(texfold_testkit::picture("facade"));
+        let set = ImageSet::single(texfold_testkit::image("facade"));
         for goal in [Goal::Bpp(2.0), Goal::Bpp(6.0)] {
             let params = VqParams { goal, ..VqParams::default() };
             let encoded = Vq::encode(VqSource::new(&set), &params, &mut Job::default()).unwrap();

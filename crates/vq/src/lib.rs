@@ -22,7 +22,7 @@ mod params;
 mod wire;
 
 #[cfg(feature = "encode")]
-pub use encode::{PartPictures, pictures};
+pub use encode::{PartImages, part_images};
 pub use encoded::{CodebookPart, VqTexture};
 #[cfg(feature = "encode")]
 pub use guidance::{Map, distortion_map, painted_map, saliency_map};

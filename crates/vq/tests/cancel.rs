@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::{Cancel, EncodeError, Encoder, Goal, Growable, Job, Limits, Texel};
-use texfold_testkit::{frames, picture};
+use texfold_testkit::{frames, image};
 use texfold_vq::{Vq, VqParams, VqSource};
 
 /// Work between two looks at whether to go on.
@@ -69,7 +69,7 @@ fn upper_left(image: &Raster, side: u32) -> Raster {
 
 #[test]
 fn encoding_stops_within_a_fifth_of_a_second() {
-    let set = ImageSet::single(upper_left(&picture("terrain"), 128));
+    let set = ImageSet::single(upper_left(&image("terrain"), 128));
     let sequence = frames("ripple");
     for (name, set, goal) in [
         ("quality", &set, Goal::Psnr(30.0)),
@@ -96,7 +96,7 @@ fn growing_stops_within_a_fifth_of_a_second() {
 
 #[test]
 fn a_budget_that_is_too_small_is_refused_and_one_that_is_large_enough_is_given_back() {
-    let set = ImageSet::single(picture("odd_37x61"));
+    let set = ImageSet::single(image("odd_37x61"));
     let params = VqParams { goal: Goal::Bpp(4.0), ..VqParams::default() };
     let mut small = Job::new(Limits { bytes: 4 * 37 * 61, ..Limits::default() });
     assert!(matches!(Vq::encode(VqSource::new(&set), &params, &mut small), Err(EncodeError::Limit(_))));

@@ -556,7 +556,7 @@ mod tests {
 
     /// A file of a root with two patches, one in the other.
     fn file() -> Vec<u8> {
-        let [root, image] = ["terrain", "facade"].map(texfold_testkit::picture);
+        let [root, image] = ["terrain", "facade"].map(texfold_testkit::image);
         let matrix = |zoom: f64| {
             DMat3::from_scale(DVec2::splat(zoom)) * DMat3::from_translation(DVec2::splat(0.5 / zoom - 0.5))
         };
@@ -600,8 +600,8 @@ mod tests {
 
     #[test]
     fn bands_of_rows_decode_as_the_whole_does() {
-        let pixel = texfold_testkit::picture("odd_37x61").info();
-        let texels: Vec<Texel> = texfold_testkit::picture("odd_37x61").texels().collect();
+        let pixel = texfold_testkit::image("odd_37x61").info();
+        let texels: Vec<Texel> = texfold_testkit::image("odd_37x61").texels().collect();
         for content in [texfold_bc::Content::Raw, texfold_bc::Content::Bc1, texfold_bc::Content::Bc7] {
             let planes = ContentPlanes::encode(content, pixel, (37, 61), &texels, Effort::Fast);
             let whole: Vec<[u8; 4]> =

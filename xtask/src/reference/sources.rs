@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DVec2};
 use texfold_testkit::leaves::{Leaves, Lens, close_up, photograph};
 
-/// Pixels of the pictures of the zoom stack.
+/// Pixels of the images of the zoom stack.
 const ZOOM_SIZE: (u32, u32) = (240, 200);
 
 /// The middle of an image, at most `side` pixels a side, as an RGB PNG in `folder`.

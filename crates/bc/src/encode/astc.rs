@@ -41,8 +41,8 @@ mod tests {
     use crate::encode_plane;
 
     #[test]
-    fn every_side_reproduces_a_picture_better_the_smaller_its_blocks() {
-        let image = texfold_testkit::picture("facade");
+    fn every_side_reproduces_an_image_better_the_smaller_its_blocks() {
+        let image = texfold_testkit::image("facade");
         let (width, height) = (image.size().width, image.size().height);
         let rgba: Vec<u8> =
             image.texels().flat_map(|t| t.to_array().map(texfold_core::image::to_u8)).collect();
@@ -56,12 +56,12 @@ mod tests {
             assert!(error > last, "{block:?}: {error} after {last}");
             last = error;
         }
-        assert!(last / ((width * height) as f32) < 0.02, "12x12 blocks lose the picture: {last}");
+        assert!(last / ((width * height) as f32) < 0.02, "12x12 blocks lose the image: {last}");
     }
 
     #[test]
     fn blocks_do_not_depend_on_the_number_of_threads() {
-        let image = texfold_testkit::picture("facade");
+        let image = texfold_testkit::image("facade");
         let (width, height) = (image.size().width, image.size().height);
         let rgba: Vec<u8> =
             image.texels().flat_map(|t| t.to_array().map(texfold_core::image::to_u8)).collect();

@@ -55,10 +55,10 @@ fn encode(source: &ImageSet, params: &BcParams, job: &mut Job<'_>) -> Result<BcT
         _ => candidates.iter().position(|candidate| candidate.bpp >= 4.0).unwrap_or(0) + 1,
     };
     let mut tried = 0u32;
-    let found = search(params.goal, 1..=candidates.len() as u32, guess as u32, 0.0, |knob| {
+    let found = search(params.goal, 1..=candidates.len() as u32, guess as u32, 0.0, |index| {
         job.stage("compressing blocks", f32::from(tried as u16) / 5.0)?;
         tried += 1;
-        let candidate = candidates[knob as usize - 1];
+        let candidate = candidates[index as usize - 1];
         // The planes, and the padded bytes that one of them is made from.
         let bytes = source.texel_count().saturating_mul(BYTES_PER_TEXEL);
         job.holding(bytes, |job| {
@@ -105,11 +105,11 @@ fn candidates(pixel: PixelInfo, params: &BcParams) -> Result<Vec<Candidate>, Par
     Ok(list)
 }
 
-/// Whether a smaller picture in that content is better than the picture in another.
+/// Whether a smaller image in that content is better than the image in another.
 fn worth_reducing(content: Content, params: &BcParams) -> bool {
     match content {
         Content::Raw => false,
-        // Larger blocks need as many bits as smaller pictures.
+        // Larger blocks need as many bits as smaller images.
         Content::Astc(block) => params.content.is_some() || block == AstcBlock::B12,
         _ => true,
     }

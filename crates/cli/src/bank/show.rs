@@ -1,4 +1,4 @@
-//! Reading banks: images, single tiles and levels as pictures, and what a bank holds.
+//! Reading banks: images, single tiles and levels as images, and what a bank holds.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -118,7 +118,7 @@ impl Bank {
     }
 }
 
-/// A picture that tiles are placed in, 8 bits a channel.
+/// An image that tiles are placed in, 8 bits a channel.
 struct Canvas {
     width: usize,
     height: usize,

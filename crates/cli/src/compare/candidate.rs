@@ -21,8 +21,8 @@ const CODEBOOKS: [((u32, u32), Content); 4] = [
     ((256, 256), Content::Bc7),
 ];
 
-/// Bits a texel whose settings are pictured, of those that are asked for.
-const PICTURED_BPP: [f64; 2] = [1.5, 2.5];
+/// Bits a texel whose settings are drawn, of those that are asked for.
+const THUMBNAIL_BPP: [f64; 2] = [1.5, 2.5];
 
 /// Halvings of width and height of plain blocks.
 const HALVINGS: std::ops::RangeInclusive<u32> = 0..=2;
@@ -38,7 +38,7 @@ pub(crate) struct Candidate {
     /// The settings in words.
     pub(crate) settings: String,
     /// Whether the report shows an image of it.
-    pub(crate) is_pictured: bool,
+    pub(crate) has_thumbnail: bool,
     /// How it is made.
     pub(crate) way: Way,
 }
@@ -84,11 +84,11 @@ fn plain(content: Content, reduce_log2: u32, effort: Effort) -> Option<Candidate
     let name = content.name();
     let settings =
         if reduce_log2 == 0 { name.to_owned() } else { format!("{name} at 1/{}", 1 << reduce_log2) };
-    let is_pictured = content != Content::Bc7 && reduce_log2 < 2;
+    let has_thumbnail = content != Content::Bc7 && reduce_log2 < 2;
     let mut own = BcParams::default();
     (own.reduce_log2,) = (Some(reduce_log2),);
     let way = fixed(Choice::of::<Bc>().with::<Bc>(own), content, effort)?;
-    Some(Candidate { codec: Bc::ID.name, settings, is_pictured, way })
+    Some(Candidate { codec: Bc::ID.name, settings, has_thumbnail, way })
 }
 
 /// Vector quantisation with a codebook of a fixed size.
@@ -97,7 +97,7 @@ fn codebook((width, height): (u32, u32), content: Content, effort: Effort) -> Op
     let mut own = VqParams::default();
     (own.codebook,) = (Some((width, height)),);
     let way = fixed(Choice::of::<Vq>().with::<Vq>(own), content, effort)?;
-    Some(Candidate { codec: Vq::ID.name, settings, is_pictured: false, way })
+    Some(Candidate { codec: Vq::ID.name, settings, has_thumbnail: false, way })
 }
 
 fn fixed(codec: Choice, content: Content, effort: Effort) -> Option<Way> {
@@ -119,7 +119,7 @@ fn within_goals(encoding: &'static Encoding, pixel: PixelInfo, effort: Effort) -
         Candidate {
             codec: encoding.id.name,
             settings: format!("{bpp} bpp{word}"),
-            is_pictured: PICTURED_BPP.contains(&bpp),
+            has_thumbnail: THUMBNAIL_BPP.contains(&bpp),
             way: Way::Goal(encoding, Box::new(settings)),
         }
     };
@@ -130,12 +130,12 @@ fn within_goals(encoding: &'static Encoding, pixel: PixelInfo, effort: Effort) -
 /// ASTC by this build's encoder.
 fn astc_here(block: AstcBlock, effort: Effort) -> Option<Candidate> {
     let candidate = plain(Content::Astc(block), 0, effort)?;
-    Some(Candidate { is_pictured: block == AstcBlock::B8, ..candidate })
+    Some(Candidate { has_thumbnail: block == AstcBlock::B8, ..candidate })
 }
 
 /// ASTC by the external encoder.
 fn astc_there(block: AstcBlock) -> Option<Candidate> {
     let settings = format!("{0}x{0}", block.side());
-    let is_pictured = block == AstcBlock::B8;
-    Some(Candidate { codec: RIVAL, settings, is_pictured, way: Way::Rival(block) })
+    let has_thumbnail = block == AstcBlock::B8;
+    Some(Candidate { codec: RIVAL, settings, has_thumbnail, way: Way::Rival(block) })
 }

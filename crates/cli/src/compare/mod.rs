@@ -1,7 +1,7 @@
 //! `compare`: every codec that fits at several settings, beside plain block compression.
 //!
 //! One row for each input and setting; charts over the means of all inputs, with the front of settings that no other
-//! beats in both figures; pictures of what each setting does to the middle of each input.
+//! beats in both figures; images of what each setting does to the middle of each input.
 
 mod candidate;
 mod chart;
@@ -26,8 +26,8 @@ use measure::{Bench, Measured, Searches};
 use page::Subject;
 use table::Row;
 
-/// Inputs that the report shows pictures of; further ones are in the table alone.
-const PICTURED_INPUTS: usize = 24;
+/// Inputs that the report shows images of; further ones are in the table alone.
+const THUMBNAIL_INPUTS: usize = 24;
 
 /// Arguments of `compare`.
 #[derive(Debug, clap::Args)]
@@ -64,7 +64,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<usize, CliError> {
         let share = progress.share(String::new());
         let outcome = input.map_err(|unusable| *unusable.error).and_then(|found| {
             let path = found.path.clone();
-            guarded(&path, || compare(&found, args, &bench, &progress, subjects.len() < PICTURED_INPUTS))
+            guarded(&path, || compare(&found, args, &bench, &progress, subjects.len() < THUMBNAIL_INPUTS))
         });
         drop(share);
         match outcome {
@@ -90,12 +90,12 @@ fn compare(
     args: &CompareArgs,
     bench: &Bench,
     progress: &Progress,
-    pictured: bool,
+    with_thumbnail: bool,
 ) -> Result<(Vec<Row>, Subject), CliError> {
     let settings = Options::of_pixels(args.color, args.alpha).resolve(&found.path)?;
     let images = read_set(&found.files, &settings, usual_limit())?;
     let input = found.path.display().to_string();
-    let mut subject = Subject::new(&input, pictured.then(|| &images.images()[0]));
+    let mut subject = Subject::new(&input, with_thumbnail.then(|| &images.images()[0]));
     let mut rows = Vec::new();
     let mut searches = Searches::new(&images);
     for candidate in candidates(images.info(), bench.effort().effort(), bench.rival()) {

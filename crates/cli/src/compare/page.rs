@@ -10,12 +10,12 @@ use super::candidate::{Candidate, has_astc};
 use super::chart::{self, AXES};
 use super::measure::Bench;
 use super::table::{Row, means};
-use crate::{picture, png};
+use crate::{png, thumbnail};
 
-/// Side in texels of the pictures: the middle of each input.
-const PICTURE_SIDE: u32 = 160;
+/// Side in texels of the images: the middle of each input.
+const THUMBNAIL_SIDE: u32 = 160;
 
-/// Pictures of one input.
+/// Images of one input.
 #[derive(Debug)]
 pub(crate) struct Subject {
     input: String,
@@ -31,19 +31,19 @@ struct Shown {
 }
 
 impl Subject {
-    /// An input, with its image where pictures are wanted.
+    /// An input, with its image where images are wanted.
     pub(crate) fn new(input: &str, image: Option<&Raster>) -> Subject {
-        let original = image.map(|image| picture::crop(image, PICTURE_SIDE));
+        let original = image.map(|image| thumbnail::crop(image, THUMBNAIL_SIDE));
         Subject { input: input.to_owned(), original, shown: Vec::new() }
     }
 
     /// Adds what a setting made of it.
     pub(crate) fn add(&mut self, candidate: &Candidate, row: &Row, decoded: &Raster) {
-        let Some(original) = self.original.as_ref().filter(|_| candidate.is_pictured) else { return };
-        let decoded = picture::crop(decoded, PICTURE_SIDE);
+        let Some(original) = self.original.as_ref().filter(|_| candidate.has_thumbnail) else { return };
+        let decoded = thumbnail::crop(decoded, THUMBNAIL_SIDE);
         let title =
             format!("{} {}: {:.2} dB at {:.2} bits", row.codec, row.settings, row.psnr, row.bpp_memory);
-        self.shown.push(Shown { title, error: picture::error(original, &decoded), decoded });
+        self.shown.push(Shown { title, error: thumbnail::error(original, &decoded), decoded });
     }
 }
 
@@ -73,12 +73,12 @@ pub(crate) fn html(rows: &[Row], subjects: &[Subject], bench: &Bench) -> Result<
     write!(page, "<h2>Means over the inputs</h2>{}", table(&means))?;
     write!(
         page,
-        "<h2>Images</h2><p>The middle {PICTURE_SIDE} texels of each input: the original, then for some settings \
+        "<h2>Images</h2><p>The middle {THUMBNAIL_SIDE} texels of each input: the original, then for some settings \
          the decoded image and its error, scaled by {} around middle gray.</p>",
-        picture::ERROR_GAIN
+        thumbnail::ERROR_GAIN
     )?;
     for subject in subjects {
-        page.push_str(&pictures(subject)?);
+        page.push_str(&images(subject)?);
     }
     writeln!(page, "<h2>All rows</h2>{}</html>", table(rows))?;
     Ok(page)
@@ -130,7 +130,7 @@ fn table(rows: &[Row]) -> String {
     text
 }
 
-fn pictures(subject: &Subject) -> Result<String, Fault> {
+fn images(subject: &Subject) -> Result<String, Fault> {
     let Some(original) = &subject.original else { return Ok(String::new()) };
     let mut text = format!(
         "<h3>{}</h3><figure>{}<figcaption>original</figcaption></figure>",

@@ -46,7 +46,7 @@ impl Folder for ZoomSettings {
 
 impl FolderTask<ZoomSettings> {
     /// The row of the report, of `bytes`, loaded again. Errors are against the photographs after their exposure was
-    /// fitted; similarity and the worst block are those of the root's picture at its own size.
+    /// fitted; similarity and the worst block are those of the root's image at its own size.
     fn row(&self, loaded: &stack::Loaded, bytes: &[u8], seconds: f64) -> Result<Row, LoadError> {
         let PatchStack { root, images, .. } = &loaded.stack;
         let image = texfold::open_image(bytes, &mut Budget::default())?;

@@ -14,7 +14,7 @@ pub(crate) struct Device(Gpu);
 
 /// A texture on the GPU.
 #[derive(Debug)]
-pub(crate) struct Picture<'d> {
+pub(crate) struct Fixture<'d> {
     gpu: &'d Gpu,
     texture: GpuTexture,
 }
@@ -29,9 +29,9 @@ impl Device {
         &self,
         path: &Path,
         encoded: &dyn Encoded<Domain = Image2d>,
-    ) -> Result<Picture<'_>, CliError> {
+    ) -> Result<Fixture<'_>, CliError> {
         let texture = self.0.upload(&encoded.gpu()).map_err(fault(path))?;
-        Ok(Picture { gpu: &self.0, texture })
+        Ok(Fixture { gpu: &self.0, texture })
     }
 }
 
@@ -39,7 +39,7 @@ fn fault(path: &Path) -> impl FnOnce(GpuError) -> CliError {
     move |source| CliError::Gpu { path: path.to_owned(), source: Box::new(source) }
 }
 
-impl Picture<'_> {
+impl Fixture<'_> {
     pub(crate) fn decode(
         &self,
         path: &Path,

@@ -139,7 +139,7 @@ fn decompress(
     check_parts(path, args, image.as_encoded())?;
     warn_of_layers(path, args.layers, image.as_encoded().layers());
     let encoded = image.as_encoded();
-    let picture = device.map(|device| device.upload(path, encoded)).transpose()?;
+    let uploaded = device.map(|device| device.upload(path, encoded)).transpose()?;
     let surfaces = encoded.layout().surfaces.len();
     for surface in 0..surfaces {
         let output = args.out.join(name(path, surface, surfaces));
@@ -147,8 +147,8 @@ fn decompress(
             writers.insert(output.clone(), first.clone());
             return Err(CliError::Collision { path: path.to_owned(), output, first });
         }
-        let raster = match &picture {
-            Some(picture) => picture.decode(path, encoded, surface as u32, args.lod, args.continuous)?,
+        let raster = match &uploaded {
+            Some(uploaded) => uploaded.decode(path, encoded, surface as u32, args.lod, args.continuous)?,
             None => on_cpu(path, &image, surface as u32, args)?,
         };
         png::write(&output, &raster)?;

@@ -60,14 +60,14 @@ pub(super) fn run(args: &InfoArgs) -> Result<usize, CliError> {
     }
     if let Some(dir) = &args.pictures {
         make_folder(dir)?;
-        let drawn = texture.pictures();
+        let drawn = texture.part_images();
         let drawn = drawn.map_err(|source| CliError::Source { path: args.file.clone(), source })?;
         let stem = args.file.file_stem().unwrap_or_default().to_string_lossy();
         for (name, raster) in drawn {
             png::write(&dir.join(format!("{stem}-{name}.png")), &raster)?;
         }
         for (number, view) in views.iter().enumerate() {
-            png::write(&dir.join(format!("{stem}-view-{number:03}.png")), &view.picture)?;
+            png::write(&dir.join(format!("{stem}-view-{number:03}.png")), &view.image)?;
         }
     }
     Ok(0)
@@ -76,7 +76,7 @@ pub(super) fn run(args: &InfoArgs) -> Result<usize, CliError> {
 /// A photograph beside what the light field shows in its place.
 struct Compared {
     psnr: f64,
-    picture: Raster,
+    image: Raster,
 }
 
 fn compared(texture: &LightTexture, cameras: &Path) -> Result<Vec<Compared>, CliError> {
@@ -103,9 +103,9 @@ fn compared(texture: &LightTexture, cameras: &Path) -> Result<Vec<Compared>, Cli
             rows.extend(wanted.iter().map(masked).chain(found.iter().map(masked)).chain(errors));
         }
         let psnr = 10.0 * (65025.0 * count.max(1) as f64 / f64::max(squares, 1e-9)).log10();
-        let picture = Raster::from_u8(3 * width, height, 3, ColorSpace::Srgb, rows.as_flattened())
+        let image = Raster::from_u8(3 * width, height, 3, ColorSpace::Srgb, rows.as_flattened())
             .map_err(|source| CliError::Source { path: cameras.to_owned(), source })?;
-        Ok(Compared { psnr, picture })
+        Ok(Compared { psnr, image })
     };
     capture::read_all(cameras)?.iter().map(compare).collect()
 }

@@ -1,7 +1,7 @@
 //! `info`: what a `.txf` file holds.
 
 mod light;
-mod pictures;
+mod part_images;
 
 use std::path::{Path, PathBuf};
 
@@ -83,7 +83,7 @@ pub(crate) fn run(args: &InfoArgs) -> Result<usize, CliError> {
             say(&describe(&summary));
         }
         if let Some(dir) = &args.pictures {
-            pictures::write(&args.file, &image, dir, args.original.as_deref())?;
+            part_images::write(&args.file, &image, dir, args.original.as_deref())?;
         }
         Ok(0)
     })

@@ -21,10 +21,10 @@ use crate::error::CliError;
 pub(crate) const CAMERAS_NAME: &str = "transforms.json";
 /// Names of meshes, in the order in which they are looked for.
 const MESH_NAMES: [&str; 4] = ["mesh.obj", "mesh.ply", "mesh.glb", "mesh.gltf"];
-/// Distortion below this moves no pixel of a picture that a texture can hold.
+/// Distortion below this moves no pixel of an image that a texture can hold.
 const LEAST_DISTORTION: f32 = 1e-7;
 
-/// What a camera or a file of cameras says of lens and picture.
+/// What a camera or a file of cameras says of lens and image.
 #[derive(Debug, Clone, Copy, Default, Deserialize)]
 struct Lens {
     w: Option<f32>,
@@ -57,7 +57,7 @@ struct Cameras {
     frames: Vec<Frame>,
 }
 
-/// A camera of a file, and the picture that it names.
+/// A camera of a file, and the image that it names.
 #[derive(Debug, Clone)]
 pub(crate) struct Shot {
     pub(crate) image: PathBuf,
@@ -120,13 +120,13 @@ fn image_path(dir: &Path, name: &str) -> PathBuf {
 }
 
 impl Shot {
-    /// The camera, for a picture of `size` pixels where the file does not say; `file` is named in errors.
+    /// The camera, for an image of `size` pixels where the file does not say; `file` is named in errors.
     pub(crate) fn camera(&self, file: &Path, size: Option<(u32, u32)>) -> Result<Camera, CliError> {
         let fault = |what| CliError::CameraContent { path: file.to_owned(), what };
         let side = |said: Option<f32>, found: Option<u32>| match (said, found) {
             (Some(said), _) if (1.0..65536.0).contains(&said) => Ok(said as u32),
             (None, Some(found)) => Ok(found),
-            _ => Err(fault("has no picture size; add w and h")),
+            _ => Err(fault("has no image size; add w and h")),
         };
         let (width, height) = (side(self.lens.w, size.map(|s| s.0))?, side(self.lens.h, size.map(|s| s.1))?);
         let (w, h) = (width as f32, height as f32);

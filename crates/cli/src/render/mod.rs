@@ -16,7 +16,7 @@ use crate::input::capture;
 use crate::output::{make_folder, remove_stale};
 use crate::png;
 
-/// Digits of a picture's number; more where there are more than a thousand.
+/// Digits of an image's number; more where there are more than a thousand.
 const NUMBER_DIGITS: usize = 3;
 
 /// Arguments of `render`.
@@ -63,7 +63,7 @@ fn usage(args: &RenderArgs, given: &'static str) -> CliError {
     CliError::RenderWhat { path: args.file.clone(), given }
 }
 
-/// Pictures of a light field.
+/// Images of a light field.
 fn render_light(args: &RenderArgs, camera: &Path) -> Result<usize, CliError> {
     let texture = load(&args.file)?;
     let layers = texture.layers();
@@ -118,7 +118,7 @@ pub(crate) fn load(path: &Path) -> Result<LightTexture, CliError> {
     texture.into_light().ok_or_else(|| CliError::NotLight { path: path.to_owned(), codec })
 }
 
-/// The cameras of a file, for pictures of `size` pixels where that is given.
+/// The cameras of a file, for images of `size` pixels where that is given.
 fn cameras(path: &Path, size: Option<Sides>) -> Result<Vec<Camera>, CliError> {
     let size = size.map(|Sides(width, height)| (width.max(1), height.max(1)));
     let shots = capture::read_cameras(path)?;

@@ -23,7 +23,7 @@ const SIZE: (u32, u32) = (512, 512);
 const COLUMNS: usize = 4;
 /// Name of the strip.
 const STRIP_NAME: &str = "strip.png";
-/// Zoom into pictures that are no larger than a frame.
+/// Zoom into images that are no larger than a frame.
 const LEAST_ZOOM: f32 = 8.0;
 /// Digits of a frame's number; more where there are more than a thousand.
 const NUMBER_DIGITS: usize = 3;

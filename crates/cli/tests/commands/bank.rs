@@ -25,12 +25,12 @@ fn image_names(place: &Place) -> Vec<String> {
 #[test]
 fn every_kind_of_image_is_added_and_bad_ones_are_named() {
     let place = Place::new();
-    place.picture("in/photo.png", 200, 120, 3);
-    place.picture("in/gray.png", 64, 40, 1);
-    place.picture("in/collar.png", 64, 64, 4);
-    place.picture("in/tiny.png", 3, 2, 3);
-    place.picture16("in/deep.tif", 50, 30);
-    place.picture("whole.tif", 64, 64, 3);
+    place.image("in/photo.png", 200, 120, 3);
+    place.image("in/gray.png", 64, 40, 1);
+    place.image("in/collar.png", 64, 64, 4);
+    place.image("in/tiny.png", 3, 2, 3);
+    place.image16("in/deep.tif", 50, 30);
+    place.image("whole.tif", 64, 64, 3);
     let whole = fs::read(place.at("whole.tif")).unwrap();
     fs::write(place.at("in/cut.tif"), &whole[..whole.len() / 2]).unwrap();
     let (run, report) = place.compress(ADD);
@@ -56,8 +56,8 @@ fn every_kind_of_image_is_added_and_bad_ones_are_named() {
 #[test]
 fn tiles_levels_and_single_images_are_decoded_alone() {
     let place = Place::new();
-    place.picture("in/wide.png", 1300, 40, 3);
-    place.picture("in/other.png", 32, 32, 3);
+    place.image("in/wide.png", 1300, 40, 3);
+    place.image("in/other.png", 32, 32, 3);
     assert_eq!(place.run(&format!("compress {ADD} --mips")).code, Some(0));
     assert_eq!(info(&place)["images"][1]["tiles"], 2);
     let run = place.run("decompress bank --out png --image wide --tile 1,0");
@@ -81,7 +81,7 @@ fn tiles_levels_and_single_images_are_decoded_alone() {
 fn a_damaged_or_missing_file_is_named_and_the_rest_is_decoded() {
     let place = Place::new();
     for name in ["a", "b", "c"] {
-        place.picture(&format!("in/{name}.png"), 40, 40, 3);
+        place.image(&format!("in/{name}.png"), 40, 40, 3);
     }
     assert_eq!(place.run(&format!("compress {ADD}")).code, Some(0));
     let manifest: Value = serde_json::from_slice(&fs::read(place.at("bank/bank.json")).unwrap()).unwrap();
@@ -104,7 +104,7 @@ fn a_damaged_or_missing_file_is_named_and_the_rest_is_decoded() {
 fn a_killed_run_leaves_a_bank_that_opens_and_goes_on() {
     let place = Place::new();
     for number in 0..6 {
-        place.picture(&format!("in/{number}.png"), 200 + number, 180, 3);
+        place.image(&format!("in/{number}.png"), 200 + number, 180, 3);
     }
     let mut child = Command::new(env!("CARGO_BIN_EXE_texfold"))
         .args(format!("compress {ADD}").split_whitespace())
@@ -140,7 +140,7 @@ fn a_killed_run_leaves_a_bank_that_opens_and_goes_on() {
 #[test]
 fn a_full_disk_leaves_the_bank_as_it_was() {
     let place = Place::new();
-    place.picture("in/a.png", 60, 60, 3);
+    place.image("in/a.png", 60, 60, 3);
     assert_eq!(place.run(&format!("compress {ADD}")).code, Some(0));
     let before = fs::read(place.at("bank/bank.json")).unwrap();
     let noise: Vec<u8> = (0..200 * 200 * 3u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
@@ -159,11 +159,11 @@ fn a_full_disk_leaves_the_bank_as_it_was() {
 #[test]
 fn another_file_of_a_known_name_is_refused() {
     let place = Place::new();
-    place.picture("in/a.png", 40, 40, 3);
+    place.image("in/a.png", 40, 40, 3);
     assert_eq!(place.run(&format!("compress {ADD}")).code, Some(0));
     let run = place.run(&format!("compress {ADD}"));
     assert!(run.stdout.contains("1 up to date"), "{}", run.stdout);
-    place.picture("in/a.png", 44, 40, 3);
+    place.image("in/a.png", 44, 40, 3);
     let run = place.run(&format!("compress {ADD}"));
     assert!(run.code == Some(1) && run.stderr.contains("rename"), "{}", run.stderr);
 }
@@ -172,8 +172,8 @@ fn another_file_of_a_known_name_is_refused() {
 #[test]
 fn palettes_and_interlacing_are_read() {
     let place = Place::new();
-    place.picture("plain.png", 90, 70, 3);
-    let picture = image::open(place.at("plain.png")).unwrap();
+    place.image("plain.png", 90, 70, 3);
+    let original = image::open(place.at("plain.png")).unwrap();
     fs::create_dir_all(place.at("in")).unwrap();
     let palette: Vec<u8> = (0..64u32).flat_map(|i| [(i * 4) as u8, (255 - i * 3) as u8, 77]).collect();
     let indices: Vec<u8> = (0..90 * 70u32).map(|i| (i % 90 / 3 + i / 90 / 5) as u8 % 64).collect();
@@ -182,8 +182,8 @@ fn palettes_and_interlacing_are_read() {
     encoder.set_color(png::ColorType::Indexed);
     encoder.set_palette(palette);
     encoder.write_header().unwrap().write_image_data(&indices).unwrap();
-    DynamicImage::from(picture.to_luma8()).save(place.at("in/gray.tif")).unwrap();
-    picture.save(place.at("in/photo.tif")).unwrap();
+    DynamicImage::from(original.to_luma8()).save(place.at("in/gray.tif")).unwrap();
+    original.save(place.at("in/photo.tif")).unwrap();
     let arguments = "in --codec progressive --psnr 40 --effort fast --out bank";
     let (run, report) = place.compress(arguments);
     assert_eq!((run.code, report.len()), (Some(0), 3), "{}", run.stderr);
@@ -216,7 +216,7 @@ fn bank_files(place: &Place, bank: &str) -> Vec<(String, Vec<u8>)> {
 fn a_bank_is_the_same_however_many_images_are_encoded_at_a_time() {
     let place = Place::new();
     for (number, name) in ["a", "b", "c", "d"].into_iter().enumerate() {
-        place.picture(&format!("in/{name}.png"), 90 + 8 * number as u32, 80, 3);
+        place.image(&format!("in/{name}.png"), 90 + 8 * number as u32, 80, 3);
     }
     fs::write(place.at("in/bad.png"), b"\x89PNG\r\n\x1a\nnothing").unwrap();
     // Few enough bits that codebooks are tried, so that images of a category wait for one another.

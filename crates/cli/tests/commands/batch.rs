@@ -8,9 +8,9 @@ use crate::support::{Place, names};
 #[test]
 fn a_bad_input_does_not_stop_the_others() {
     let place = Place::new();
-    place.picture("in/a.png", 40, 24, 3);
-    place.picture("in/c.png", 16, 16, 1);
-    fs::write(place.at("in/b.png"), b"this is no picture").unwrap();
+    place.image("in/a.png", 40, 24, 3);
+    place.image("in/c.png", 16, 16, 1);
+    fs::write(place.at("in/b.png"), b"this is no image").unwrap();
     fs::write(place.at("in/empty.png"), b"").unwrap();
     let (run, report) = place.compress("in/*.png missing.png none*.png --out out --codec bc");
     assert_eq!(run.code, Some(1));
@@ -34,8 +34,8 @@ fn a_bad_input_does_not_stop_the_others() {
 #[test]
 fn what_is_up_to_date_is_skipped_unless_forced() {
     let place = Place::new();
-    place.picture("a.png", 40, 24, 3);
-    place.picture("b.png", 24, 40, 3);
+    place.image("a.png", 40, 24, 3);
+    place.image("b.png", 24, 40, 3);
     let modified = |name: &str| -> SystemTime { fs::metadata(place.at(name)).unwrap().modified().unwrap() };
     let (_, first) = place.compress("a.png b.png --out out --codec bc");
     let before = modified("out/a.txf");
@@ -44,7 +44,7 @@ fn what_is_up_to_date_is_skipped_unless_forced() {
     assert_eq!((modified("out/a.txf"), &second), (before, &first));
     let (run, _) = place.compress("a.png b.png --out out --codec bc --psnr 30");
     assert!(run.stdout.contains("2 written"), "other settings: {}", run.stdout);
-    place.picture("b.png", 24, 44, 3);
+    place.image("b.png", 24, 44, 3);
     let (run, _) = place.compress("a.png b.png --out out --codec bc --psnr 30");
     assert!(run.stdout.contains("1 written, 1 up to date"), "another source: {}", run.stdout);
     let (run, _) = place.compress("a.png b.png --out out --codec bc --psnr 30 --force");
@@ -55,7 +55,7 @@ fn what_is_up_to_date_is_skipped_unless_forced() {
 fn an_interrupted_run_goes_on_where_it_stopped() {
     let place = Place::new();
     for name in ["a.png", "b.png", "c.png", "d.png"] {
-        place.picture(name, 40, 24, 3);
+        place.image(name, 40, 24, 3);
     }
     let all = "a.png b.png c.png d.png --out out --codec bc";
     place.compress(all);
@@ -81,8 +81,8 @@ fn an_interrupted_run_goes_on_where_it_stopped() {
 #[test]
 fn inputs_that_would_write_the_same_file_collide() {
     let place = Place::new();
-    place.picture("one/wall.png", 16, 16, 3);
-    place.picture("two/wall.png", 20, 16, 3);
+    place.image("one/wall.png", 16, 16, 3);
+    place.image("two/wall.png", 20, 16, 3);
     let (run, report) = place.compress("one/wall.png two/wall.png one/wall.png --out out --codec bc");
     assert_eq!((run.code, report.len()), (Some(1), 2));
     assert_eq!(report[0]["width"], 16);
@@ -94,7 +94,7 @@ fn inputs_that_would_write_the_same_file_collide() {
 #[test]
 fn an_output_folder_that_cannot_be_is_named() {
     let place = Place::new();
-    place.picture("a.png", 16, 16, 3);
+    place.image("a.png", 16, 16, 3);
     fs::write(place.at("taken"), b"a file").unwrap();
     let run = place.run("compress a.png --out taken");
     assert_eq!(run.code, Some(1));
@@ -110,7 +110,7 @@ fn an_output_folder_that_cannot_be_is_named() {
 fn bytes_do_not_depend_on_jobs_or_memory() {
     let place = Place::new();
     for (index, channels) in [3u8, 1, 4, 3, 2].into_iter().enumerate() {
-        place.picture(&format!("in/{index}.png"), 70 + index as u32, 50, channels);
+        place.image(&format!("in/{index}.png"), 70 + index as u32, 50, channels);
     }
     for (out, limits) in [("one", "--jobs 1"), ("two", "--jobs 2"), ("tight", "--jobs 4 --memory 0.0003")] {
         let (run, _) = place.compress(&format!("in --as image --out {out} --bpp 6 {limits}"));
@@ -126,7 +126,7 @@ fn bytes_do_not_depend_on_jobs_or_memory() {
 #[test]
 fn mistakes_on_the_command_line_end_with_2() {
     let place = Place::new();
-    place.picture("a.png", 16, 16, 3);
+    place.image("a.png", 16, 16, 3);
     for (arguments, hint) in [
         ("compress a.png", "--out"),
         ("compress a.png --out out --codec tga", "tga"),
@@ -157,8 +157,8 @@ fn mistakes_on_the_command_line_end_with_2() {
 #[test]
 fn rules_of_a_configuration_hold_by_glob() {
     let place = Place::new();
-    place.picture("in/wall_normal.png", 32, 32, 3);
-    place.picture("in/wall.png", 32, 32, 3);
+    place.image("in/wall_normal.png", 32, 32, 3);
+    place.image("in/wall.png", 32, 32, 3);
     let rules = "codec = 'bc'\ncontent = 'bc7'\njobs = 1\nreport = 'from_config.json'\n\
                  [[rule]]\nglob = '*_normal.png'\ncolor = 'normal'\ncontent = 'bc5'\n";
     fs::write(place.at("batch.toml"), rules).unwrap();
@@ -183,7 +183,7 @@ fn rules_of_a_configuration_hold_by_glob() {
 fn a_corrupt_image_of_a_set_is_named_and_other_inputs_are_done() {
     let place = Place::new();
     for name in ["set/a.png", "set/b.png", "set/c.png", "other/a.png", "other/b.png"] {
-        place.picture(name, 48, 32, 3);
+        place.image(name, 48, 32, 3);
     }
     // The header is whole, the pixels are not.
     let half = fs::read(place.at("set/b.png")).unwrap();

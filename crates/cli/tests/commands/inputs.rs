@@ -9,9 +9,9 @@ fn formats_and_depths_keep_their_channels() {
     let place = Place::new();
     for (name, channels) in [("gray.png", 1), ("ga.png", 2), ("rgb.bmp", 3), ("rgb.tga", 3), ("rgba.tiff", 4)]
     {
-        place.picture(&format!("in/{name}"), 24, 20, channels);
+        place.image(&format!("in/{name}"), 24, 20, channels);
     }
-    place.picture16("in/deep.png", 24, 20);
+    place.image16("in/deep.png", 24, 20);
     for (name, channels) in [("gray", 1), ("ga", 2), ("rgb", 3), ("rgba", 4), ("deep", 3)] {
         let file = names_with_stem(&place, name);
         let (run, _) = place.compress(&format!("{file} --out out --codec bc --content raw --force"));
@@ -60,7 +60,7 @@ fn hostile_headers_cost_nothing_and_are_named() {
     fs::write(place.at("large.png"), png_of(32_768, 32_768)).unwrap();
     fs::write(place.at("zero.png"), png_of(0, 16)).unwrap();
     fs::write(place.at("short.png"), png_of(64, 64)).unwrap();
-    place.picture("cut.png", 64, 64, 3);
+    place.image("cut.png", 64, 64, 3);
     let whole = fs::read(place.at("cut.png")).unwrap();
     fs::write(place.at("cut.png"), &whole[..whole.len() / 2]).unwrap();
     let (run, report) = place.compress("wide.png large.png zero.png short.png cut.png --out out --memory 1");
@@ -89,7 +89,7 @@ fn float_pixels_are_refused_by_name() {
 #[test]
 fn what_cannot_be_made_of_a_file_is_said() {
     let place = Place::new();
-    place.picture("a.png", 16, 16, 3);
+    place.image("a.png", 16, 16, 3);
     for (arguments, what) in [
         ("a.png --codec zipmap", "is not a folder of photographs"),
         ("a.png --as zoom", "is not a folder of photographs"),

@@ -142,7 +142,7 @@ fn a_goal_is_reached_or_the_report_says_so() {
 fn faults_of_captures_are_named() {
     let place = Place::new();
     write_capture(&place, "ball");
-    place.picture("a.png", 16, 16, 3);
+    place.image("a.png", 16, 16, 3);
     let file = place.at("ball/transforms.json");
     let cameras = fs::read_to_string(&file).unwrap();
     let fault = |change: &dyn Fn(&mut serde_json::Value)| {

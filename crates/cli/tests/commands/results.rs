@@ -1,4 +1,4 @@
-//! What comes out: decoded pictures, reports, information, comparisons.
+//! What comes out: decoded images, reports, information, comparisons.
 
 use std::fs;
 
@@ -31,8 +31,8 @@ fn a_round_trip_reaches_its_goal_and_reports_what_is_there() {
 #[test]
 fn a_row_has_every_field_and_its_parts_sum_to_the_totals() {
     let place = Place::new();
-    place.picture("in/0.png", 33, 17, 4);
-    place.picture("in/1.png", 17, 33, 4);
+    place.image("in/0.png", 33, 17, 4);
+    place.image("in/1.png", 17, 33, 4);
     let (_, report) = place.compress("in --out out --codec bc --bpp 8");
     let row = report[0].as_object().unwrap();
     for field in [
@@ -75,7 +75,7 @@ fn a_row_has_every_field_and_its_parts_sum_to_the_totals() {
 #[test]
 fn a_missed_goal_is_a_warning() {
     let place = Place::new();
-    place.picture("a.png", 64, 64, 3);
+    place.image("a.png", 64, 64, 3);
     let (run, report) = place.compress("a.png --out out --codec bc --content bc1 --psnr 90");
     assert_eq!(run.code, Some(0));
     assert!(report[0]["warnings"][0].as_str().unwrap().contains("90 dB"), "{report:?}");
@@ -85,7 +85,7 @@ fn a_missed_goal_is_a_warning() {
 fn a_folder_is_a_set_in_sorted_order() {
     let place = Place::new();
     for (index, width) in [20u32, 24, 28].into_iter().enumerate() {
-        place.picture(&format!("tiles/{index}.png"), width, 16, 3);
+        place.image(&format!("tiles/{index}.png"), width, 16, 3);
     }
     let (run, report) = place.compress("tiles --out out --codec bc --psnr 60");
     assert_eq!((run.code, report[0]["images"].as_u64()), (Some(0), Some(3)));
@@ -104,7 +104,7 @@ fn a_folder_is_a_set_in_sorted_order() {
 #[test]
 fn mip_levels_are_decoded_by_number() {
     let place = Place::new();
-    place.picture("a.png", 40, 24, 3);
+    place.image("a.png", 40, 24, 3);
     place.compress("a.png --out out --codec bc --mips --content bc7");
     assert_eq!(place.run("decompress out/a.txf --out png --lod 2").code, Some(0));
     assert_eq!((place.samples("png/a.png").0, place.samples("png/a.png").1), (10, 6));
@@ -119,7 +119,7 @@ fn mip_levels_are_decoded_by_number() {
 #[test]
 fn a_progressive_file_is_decoded_layer_by_layer() {
     let place = Place::new();
-    place.picture("a.png", 96, 80, 3);
+    place.image("a.png", 96, 80, 3);
     let arguments = "a.png --out out --codec epitome --content bc1 --psnr 26 --effort fast --layers 3";
     let (run, report) = place.compress(arguments);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
@@ -154,7 +154,7 @@ fn a_progressive_file_is_decoded_layer_by_layer() {
 #[test]
 fn damaged_files_are_named_and_the_others_decoded() {
     let place = Place::new();
-    place.picture("a.png", 40, 24, 3);
+    place.image("a.png", 40, 24, 3);
     place.compress("a.png --out out --codec bc");
     let bytes = fs::read(place.at("out/a.txf")).unwrap();
     let mut flipped = bytes.clone();
@@ -249,7 +249,7 @@ fn an_epitome_is_compressed_told_drawn_and_decoded() {
 #[test]
 fn a_comparison_has_a_row_for_each_setting_and_a_page_of_its_own() {
     let place = Place::new();
-    place.picture("a.png", 64, 48, 3);
+    place.image("a.png", 64, 48, 3);
     let run = place.run("compare a.png missing.png --out out --effort fast");
     assert_eq!(run.code, Some(1), "one input is missing");
     let rows: Vec<serde_json::Value> =
@@ -277,8 +277,8 @@ fn a_comparison_has_a_row_for_each_setting_and_a_page_of_its_own() {
 #[test]
 fn the_gpu_decodes_as_the_cpu_does() {
     let place = Place::new();
-    place.picture("set/0.png", 37, 21, 3);
-    place.picture("set/1.png", 21, 37, 3);
+    place.image("set/0.png", 37, 21, 3);
+    place.image("set/1.png", 21, 37, 3);
     place.compress("set --out out --codec bc --content bc7 --mips");
     let run = place.run("decompress out/set.txf --out gpu --gpu --lod 1");
     if run.code != Some(0) && std::env::var("TEXFOLD_GPU").as_deref() != Ok("require") {
@@ -295,7 +295,7 @@ fn the_gpu_decodes_as_the_cpu_does() {
             assert!(reference.iter().zip(&found).all(|(a, b)| a.abs_diff(*b) <= 1), "{other}/{name}");
         }
     }
-    // An epitome whose leaves are blended in wide strips is another picture then, on both.
+    // An epitome whose leaves are blended in wide strips is another image then, on both.
     fs::copy(fixture("facade.png"), place.at("wall.png")).unwrap();
     place.compress("wall.png --out out --codec epitome --effort fast --psnr 21");
     for (out, options) in [("plain", ""), ("cpu", "--continuous"), ("gpu", "--continuous --gpu")] {

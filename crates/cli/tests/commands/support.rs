@@ -49,8 +49,8 @@ impl Place {
         (run, serde_json::from_slice(&report).unwrap())
     }
 
-    /// Writes a picture of the given channels, smooth with some texture.
-    pub(crate) fn picture(&self, name: &str, width: u32, height: u32, channels: u8) {
+    /// Writes an image of the given channels, smooth with some texture.
+    pub(crate) fn image(&self, name: &str, width: u32, height: u32, channels: u8) {
         let color = match channels {
             1 => ExtendedColorType::L8,
             2 => ExtendedColorType::La8,
@@ -62,21 +62,21 @@ impl Place {
         image::save_buffer(path, &samples(width, height, channels), width, height, color).unwrap();
     }
 
-    /// Writes a 16-bit RGB picture.
-    pub(crate) fn picture16(&self, name: &str, width: u32, height: u32) {
+    /// Writes a 16-bit RGB image.
+    pub(crate) fn image16(&self, name: &str, width: u32, height: u32) {
         let samples = samples(width, height, 3).into_iter().map(|byte| u16::from(byte) * 257).collect();
         let image: ImageBuffer<Rgb<u16>, Vec<u16>> = ImageBuffer::from_raw(width, height, samples).unwrap();
         image.save(self.at(name)).unwrap();
     }
 
-    /// Samples of an 8-bit picture, channels interleaved.
+    /// Samples of an 8-bit image, channels interleaved.
     pub(crate) fn samples(&self, name: &str) -> (u32, u32, Vec<u8>) {
         let image = image::open(self.at(name)).unwrap();
         (image.width(), image.height(), image.as_bytes().to_vec())
     }
 }
 
-/// Samples of a picture that any codec can do something with.
+/// Samples of an image that any codec can do something with.
 pub(crate) fn samples(width: u32, height: u32, channels: u8) -> Vec<u8> {
     let value = |x: u32, y: u32, channel: u32| {
         let wave = (x * (5 + channel) + y * 3) % 64;

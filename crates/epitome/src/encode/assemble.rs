@@ -15,7 +15,7 @@ use super::reading::FRACTION_BITS;
 use super::refit::{self, refit};
 use super::state::Choice;
 use crate::EpitomeTexture;
-use crate::format::{Entry, LEAST_STRIP, LayerMap, Linear, MapFormat, Palettes};
+use crate::format::{Entry, LEAST_SEAM_WIDTH, LayerMap, MapFormat, Matrix, Palettes};
 use crate::layers::CellLayers;
 use crate::map::{CoarserMap, MapPlane};
 use crate::parts::{Layering, PLANE_MIPS, Parts, coarse_content, coarse_levels};
@@ -37,7 +37,8 @@ pub(crate) fn assemble(
     // What was chosen after the job was cancelled does not cover the images.
     plan.cancel.checkpoint()?;
     let step = if plan.mips { 1 << PLANE_MIPS } else { 1 };
-    let packing = pack(plan.space, plan.options, choices, Sides { step, turns: plan.turns }, plan.cancel);
+    let packing =
+        pack(plan.space, plan.options, choices, Sides { step, orientations: plan.orientations }, plan.cancel);
     plan.cancel.checkpoint()?;
     check_sides(plan, &packing)?;
     let used: Vec<usize> =
@@ -47,16 +48,16 @@ pub(crate) fn assemble(
     let mut palettes = Used::default();
     let mut maps: Vec<LayerMap> =
         choices.iter().map(|choice| sheets.layer_map(choice, &mut palettes)).collect();
-    if plan.turns && palettes.linears.len() > MOST_LINEARS {
-        return assemble(&Plan { turns: false, ..*plan }, choices, lambda);
+    if plan.orientations && palettes.matrices.len() > MOST_LINEARS {
+        return assemble(&Plan { orientations: false, ..*plan }, choices, lambda);
     }
     let fraction_bits = whole_texels(&mut maps);
     let levels = if plan.mips { plan.images.full_levels() } else { 1 };
     let format =
         MapFormat { fraction_bits, mixed: sheets.used.len() > 1, ..map_format(plan.grid, &maps, &palettes) };
     let palettes = Palettes {
-        linears: palettes.linears,
-        tones: palettes.tones.iter().map(|&number| plan.palettes.tone(number)).collect(),
+        matrices: palettes.matrices,
+        gain_offsets: palettes.gain_offsets.iter().map(|&number| plan.palettes.gain_offset(number)).collect(),
     };
     let finest = maps.pop().unwrap_or_default();
     let parts = Parts {
@@ -101,10 +102,10 @@ fn map_format(grid: &Grid, maps: &[LayerMap], palettes: &Used) -> MapFormat {
         x_bits: bits(most(|entry| entry.x)),
         y_bits: bits(most(|entry| entry.y)),
         fraction_bits: FRACTION_BITS,
-        tone_bits: bits(palettes.tones.len().saturating_sub(1) as u32),
-        linear_bits: bits(palettes.linears.len().saturating_sub(1) as u32),
+        gain_offset_bits: bits(palettes.gain_offsets.len().saturating_sub(1) as u32),
+        matrix_bits: bits(palettes.matrices.len().saturating_sub(1) as u32),
         mixed: false,
-        strip: LEAST_STRIP,
+        seam_width: LEAST_SEAM_WIDTH,
     }
 }
 
@@ -157,8 +158,8 @@ fn leaves(grid: &Grid, choice: &Choice) -> (Vec<u8>, Vec<usize>) {
 /// Numbers of the palettes that entries use, in the order of their first use.
 #[derive(Default)]
 struct Used {
-    linears: Vec<Linear>,
-    tones: Vec<u16>,
+    matrices: Vec<Matrix>,
+    gain_offsets: Vec<u16>,
 }
 
 /// The place of `number` in `list`, added at the end where it is new.
@@ -194,10 +195,10 @@ impl Sheets<'_> {
             choice.leaves[node].and_then(|leaf| plan.options.candidates[node].get(leaf as usize));
         let moved = candidate.and_then(|candidate| self.packing.moved(plan.space, plan.options, candidate));
         // Leaves outside of the image show nothing; their entry is never read.
-        let (Some(candidate), Some(((x, y), turn))) = (candidate, moved) else {
+        let (Some(candidate), Some(((x, y), orientation))) = (candidate, moved) else {
             return Entry {
-                linear: number_of(&mut palettes.linears, plan.palettes.linear(0)),
-                tone: number_of(&mut palettes.tones, 0),
+                matrix: number_of(&mut palettes.matrices, plan.palettes.matrix(0)),
+                gain_offset: number_of(&mut palettes.gain_offsets, 0),
                 ..Entry::default()
             };
         };
@@ -205,8 +206,11 @@ impl Sheets<'_> {
         Entry {
             x,
             y,
-            tone: number_of(&mut palettes.tones, candidate.tone),
-            linear: number_of(&mut palettes.linears, turn.linear(plan.palettes.linear(candidate.linear))),
+            gain_offset: number_of(&mut palettes.gain_offsets, candidate.gain_offset),
+            matrix: number_of(
+                &mut palettes.matrices,
+                orientation.matrix(plan.palettes.matrix(candidate.matrix)),
+            ),
             plane: self.used.iter().position(|&used| used == format).unwrap_or(0) as u32,
         }
     }
@@ -248,7 +252,7 @@ impl Sheets<'_> {
         let mut base = base.ok_or_else(full)?;
         for chart in packing.charts.iter().filter(|chart| chart.format == format) {
             let from = &stored.planes[chart.image][chart.scale];
-            if plan.turns {
+            if plan.orientations {
                 base.copy_texels(from, chart.texels(stored.cell));
             } else {
                 base.copy_cells(from, chart.cells.iter().map(|&at| (at, chart.place_of(at))));

@@ -7,7 +7,7 @@ use texfold_match::Field;
 use super::leaf::Node;
 use super::pyramid::{LEAST_SIDE, SCALES, Space};
 use super::reading::{FRACTION_BITS, Reading};
-use crate::format::{LINEAR_ONE, Linear, NEUTRAL, Tone};
+use crate::format::{GainOffset, LINEAR_ONE, Matrix, NEUTRAL};
 
 /// One way to show a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,8 +21,8 @@ pub(crate) struct Candidate {
     pub(crate) y: i32,
     /// Number of the image that the content is from.
     pub(crate) image: u16,
-    pub(crate) linear: u16,
-    pub(crate) tone: u16,
+    pub(crate) matrix: u16,
+    pub(crate) gain_offset: u16,
     pub(crate) scale: u8,
     pub(crate) format: u8,
 }
@@ -31,7 +31,7 @@ pub(crate) struct Candidate {
 impl Candidate {
     /// One of that error and those cells, for tests of what is chosen.
     pub(crate) fn of_cells(error: f32, cells: (u32, u32)) -> Self {
-        Candidate { error, cells, x: 0, y: 0, image: 0, linear: 0, tone: 0, scale: 0, format: 0 }
+        Candidate { error, cells, x: 0, y: 0, image: 0, matrix: 0, gain_offset: 0, scale: 0, format: 0 }
     }
 }
 
@@ -43,15 +43,15 @@ pub(crate) struct Match {
     /// Place of the leaf's centre in texels of the field.
     pub(crate) position: Vec2,
     /// From texels of the leaf to texels of the field.
-    pub(crate) linear: Mat2,
+    pub(crate) matrix: Mat2,
     /// Squared error of luma left by the search; only to compare matches with.
     pub(crate) error: f32,
 }
 
 /// Whether a 2x2 matrix shows content as it stands or mirrored, not rotated or sheared. Refinement never leaves it
 /// so, unless positions alone are refined.
-pub(crate) fn is_upright(linear: Mat2) -> bool {
-    linear.x_axis.y == 0.0 && linear.y_axis.x == 0.0
+pub(crate) fn is_upright(matrix: Mat2) -> bool {
+    matrix.x_axis.y == 0.0 && matrix.y_axis.x == 0.0
 }
 
 /// Matches nearer than this in texels, and in each number of their 2x2 matrices, are alike.
@@ -60,10 +60,10 @@ const ALIKE: (f32, f32) = (0.25, 0.02);
 impl Match {
     /// Whether both say the same.
     pub(crate) fn is_like(&self, other: &Match) -> bool {
-        let linear = Vec4::from_array((self.linear - other.linear).to_cols_array());
+        let matrix = Vec4::from_array((self.matrix - other.matrix).to_cols_array());
         (self.image, self.scale) == (other.image, other.scale)
             && self.position.distance(other.position) < ALIKE.0
-            && linear.abs().max_element() < ALIKE.1
+            && matrix.abs().max_element() < ALIKE.1
     }
 }
 
@@ -71,20 +71,20 @@ impl Match {
 const LINEAR_MOST: f32 = i16::MAX as f32;
 
 /// The 2x2 matrix of content at a scale, upright.
-pub(crate) fn scale_linear(scale: usize) -> Linear {
+pub(crate) fn scale_linear(scale: usize) -> Matrix {
     let scale = SCALES[scale];
     [LINEAR_ONE >> scale.across, 0, 0, LINEAR_ONE >> scale.down]
 }
 
 /// The stored numbers nearest to a 2x2 matrix.
-pub(crate) fn quantise(linear: Mat2) -> Linear {
+pub(crate) fn quantise(matrix: Mat2) -> Matrix {
     let number = |value: f32| (value * f32::from(LINEAR_ONE)).round().clamp(-LINEAR_MOST, LINEAR_MOST) as i16;
-    [linear.x_axis.x, linear.y_axis.x, linear.x_axis.y, linear.y_axis.y].map(number)
+    [matrix.x_axis.x, matrix.y_axis.x, matrix.x_axis.y, matrix.y_axis.y].map(number)
 }
 
 /// The 2x2 matrix of stored numbers.
-pub(crate) fn matrix(linear: Linear) -> Mat2 {
-    let value = |index: usize| f32::from(linear[index]) / f32::from(LINEAR_ONE);
+pub(crate) fn matrix(matrix: Matrix) -> Mat2 {
+    let value = |index: usize| f32::from(matrix[index]) / f32::from(LINEAR_ONE);
     Mat2::from_cols(Vec2::new(value(0), value(2)), Vec2::new(value(1), value(3)))
 }
 
@@ -116,9 +116,15 @@ impl Rules<'_> {
         if self.refits && error > own { own + NEARER * (error - own) } else { error }
     }
 
-    /// Whether a reading of `field` under `tone` keeps every block within the tolerance.
-    pub(crate) fn accept(&self, reading: &Reading, field: &Field, target: &[Vec4], tone: &Tone) -> bool {
-        self.tolerance.is_none_or(|most| reading.worst_block(field, target, tone) <= most)
+    /// Whether a reading of `field` under `gain_offset` keeps every block within the tolerance.
+    pub(crate) fn accept(
+        &self,
+        reading: &Reading,
+        field: &Field,
+        target: &[Vec4],
+        gain_offset: &GainOffset,
+    ) -> bool {
+        self.tolerance.is_none_or(|most| reading.worst_block(field, target, gain_offset) <= most)
     }
 }
 
@@ -162,8 +168,8 @@ pub(crate) fn direct(
                 x,
                 y,
                 image: node.image as u16,
-                linear: scale as u16,
-                tone: 0,
+                matrix: scale as u16,
+                gain_offset: 0,
                 scale: scale as u8,
                 format: format as u8,
             };

@@ -1,8 +1,8 @@
 //! Which leaves, and what each shows: the least error + lambda x bits.
 //!
-//! A cell is paid for once, however many leaves read it. Its price for one more reader is its bits shared among its
+//! A cell is paid for once, however many leaves read it. Its cost for one more reader is its bits shared among its
 //! readers at first, and what it would really add (nothing where somebody else reads it) at the end; in between the
-//! prices go over from one to the other, so that leaves first gather where content is good and then settle.
+//! costs go over from one to the other, so that leaves first gather where content is good and then settle.
 
 use super::candidate::Candidate;
 use super::leaf::SPLIT_NODES;
@@ -11,7 +11,7 @@ use super::state::{Choice, Problem, State};
 
 /// Passes over all blocks.
 const SWEEPS: usize = 12;
-/// Passes at the end in which prices are marginal.
+/// Passes at the end in which costs are marginal.
 const SETTLED_SWEEPS: usize = 3;
 
 /// As [`choose`], and then blocks that share content are chosen together: five photographs came out 0.4 to 3 %

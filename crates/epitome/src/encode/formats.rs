@@ -17,7 +17,7 @@ const BLOCKS: [u32; 3] = [64, 48, 32];
 pub(super) const ASTC: [AstcBlock; 2] = [AstcBlock::B8, AstcBlock::B6];
 /// Lambda that content with a residual plane is first made for, in mean squared errors of a texel.
 const FIRST_PRICE: f64 = 0.9;
-/// Price that content with a residual plane is first made for where a size is requested.
+/// Lambda that content with a residual plane is first made for where a size is requested.
 const FIRST_GUESS: f32 = 40.0;
 
 /// How content is stored.
@@ -25,7 +25,7 @@ pub(super) fn storages(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<S
     if params.family != Family::ErrorMap || params.content.is_some() {
         return Ok(contents(pixel, params)?.into_iter().map(Storage::Planes).collect());
     }
-    let price = match params.goal {
+    let lambda = match params.goal {
         Goal::Psnr(psnr) => 3.0 * 255.0 * 255.0 * FIRST_PRICE / 10f64.powf(psnr / 10.0),
         // Tolerances have no residual plane.
         Goal::Bpp(_) | Goal::Tolerance(_) => f64::from(FIRST_GUESS),
@@ -36,7 +36,7 @@ pub(super) fn storages(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<S
     // Hard edges between two colours are better off in plain blocks, all else by a residual plane. Both in one
     // texture need the same channels.
     let plain = (pixel.channels == 3).then_some(Storage::Planes(Content::Bc1));
-    Ok(plain.into_iter().chain([Storage::ErrorMap(price as f32)]).collect())
+    Ok(plain.into_iter().chain([Storage::ErrorMap(lambda as f32)]).collect())
 }
 
 /// Formats that content is stored in.

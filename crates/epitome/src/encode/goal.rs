@@ -7,8 +7,8 @@ use super::ladder::Answer;
 use super::lambda::Made;
 use super::models::{Form, Model};
 use super::report;
+use super::seam::with_widest_seam;
 use super::searched::EpitomeSearch;
-use super::strip::with_widest_strip;
 use crate::EpitomeTexture;
 
 impl EpitomeSearch {
@@ -29,7 +29,7 @@ impl EpitomeSearch {
             return self.in_layers(goal, best, job);
         }
         let cancel = job.cancel_check();
-        let made = job.install(|| with_widest_strip(&self.images, best.made.texture, cancel))?;
+        let made = job.install(|| with_widest_seam(&self.images, best.made.texture, cancel))?;
         Ok(made.with_notes(report::notes(&self.params, goal, best.verdict)))
     }
 
@@ -45,7 +45,7 @@ impl EpitomeSearch {
         let Model { options, palettes, entry_bits } = job.install(|| self.model(model, cancel));
         job.checkpoint()?;
         let made = self.setting(goal, &self.plan(&options, &palettes, entry_bits, cancel), beaten, job)?;
-        let choice = choose_well(self.problem(&options, self.costs(entry_bits, made.knob), cancel));
+        let choice = choose_well(self.problem(&options, self.costs(entry_bits, made.lambda_index), cancel));
         job.checkpoint()?;
         let verdict = report::verdict(&self.grid, &options, &choice, goal.is_met(&made.measured));
         Ok(Answer { model, made, verdict })

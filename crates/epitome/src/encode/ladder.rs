@@ -3,7 +3,7 @@
 //! The finest layer is what the goal asks for, chosen as if it were alone. Coarser ones are then chosen from the same
 //! options, the coarsest first, each for about half of the next one's bits, where cells and entries of layers that
 //! are chosen cost what they cost there, since they are only stored earlier, and all others cost more, since they are
-//! stored for this layer alone. Several such prices are tried; the layer with the least error is taken with which all
+//! stored for this layer alone. Several such weights are tried; the layer with the least error is taken with which all
 //! layers together stay within [`MOST_EXTRA`]. Most of that goes to the coarsest layer, whose content further ones
 //! show wherever they do not yet show the finest's.
 //!
@@ -19,13 +19,13 @@ use texfold_core::{EncodeError, Encoded, Goal, Job, Notes};
 
 use super::assemble::assemble;
 use super::choose::choose_well;
-use super::lambda::{KNOBS, Made, lambda};
+use super::lambda::{LAMBDA_INDICES, Made, lambda};
 use super::models::{Form, Model};
 use super::plan::Plan;
 use super::report;
+use super::seam::with_widest_seam;
 use super::searched::EpitomeSearch;
 use super::state::{Choice, Costs, Others};
-use super::strip::with_widest_strip;
 use crate::EpitomeTexture;
 use crate::layers::layer_names;
 
@@ -44,11 +44,11 @@ const EXTRA_SHARE: f64 = 0.75;
 /// Extra bits that every layer may have, as a share of the finest layer's bits: for entries, where coarser layers
 /// have taken all that they may.
 const LEAST_EXTRA: f64 = 0.01;
-/// Prices of a bit that is stored for coarser layers alone that are tried, in bits. Low ones make coarser layers
+/// Weights of a bit that is stored for coarser layers alone that are tried, in bits. Low ones make coarser layers
 /// better, high ones the whole smaller.
 const DEAR: [f32; 5] = [2.0, 3.0, 4.5, 7.0, 12.0];
 /// Lambda indices between those that are tried for a coarser layer: an eighth of an octave.
-const KNOB_STEP: u32 = 4;
+const LAMBDA_INDEX_STEP: u32 = 4;
 
 /// Times that a file of several layers is made for a goal of bits, and the share of what it is over that is taken
 /// off.
@@ -95,14 +95,14 @@ struct Rank {
 /// The finest layer, and the lambda index that it was chosen at.
 struct Finest {
     choice: Choice,
-    knob: u32,
+    lambda_index: u32,
 }
 
 /// What a layer is to be chosen within.
 #[derive(Debug, Clone, Copy)]
 struct Room {
     /// The finest layer's setting.
-    knob: u32,
+    lambda_index: u32,
     /// Most bits of the layer's own.
     most: f64,
     /// Most bits for coarser layers alone, of all layers up to this one.
@@ -124,15 +124,15 @@ impl EpitomeSearch {
         let plan = self.plan(&options, &palettes, entry_bits, cancel);
         let (mut wanted, mut tries, mut found) = (goal, 1, Some(best.made));
         loop {
-            let Made { knob, measured, texture: made } = match found.take() {
+            let Made { lambda_index, measured, texture: made } = match found.take() {
                 Some(found) => found,
                 None => self.setting(wanted, &plan, None, job)?,
             };
-            let choice = choose_well(self.problem(&options, self.costs(entry_bits, knob), cancel));
+            let choice = choose_well(self.problem(&options, self.costs(entry_bits, lambda_index), cancel));
             job.checkpoint()?;
             let met = goal.is_met(&measured);
             let verdict = report::verdict(&self.grid, &options, &choice, met);
-            let (made, measured) = self.layered(&plan, &made, Finest { choice, knob }, job)?;
+            let (made, measured) = self.layered(&plan, &made, Finest { choice, lambda_index }, job)?;
             // What coarser layers alone read takes room too.
             if let (Goal::Bpp(bpp), Goal::Bpp(before)) = (goal, wanted)
                 && met
@@ -143,7 +143,7 @@ impl EpitomeSearch {
                 tries += 1;
                 continue;
             }
-            let made = job.install(|| with_widest_strip(&self.images, made, cancel))?;
+            let made = job.install(|| with_widest_seam(&self.images, made, cancel))?;
             let (reached, psnr_without) = self.measure_layers(&made, &measured);
             let notes = report::notes(&self.params, goal, verdict + &reached);
             return Ok(made.with_notes(Notes { psnr_without, ..notes }));
@@ -162,8 +162,9 @@ impl EpitomeSearch {
         let (mut extra, mut tries) = (MOST_EXTRA, 1);
         loop {
             job.checkpoint()?;
-            let made =
-                job.install(|| assemble(plan, &self.layers(plan, &finest, extra), lambda(finest.knob)))?;
+            let made = job.install(|| {
+                assemble(plan, &self.layers(plan, &finest, extra), lambda(finest.lambda_index))
+            })?;
             let share = stored_bytes(&made) as f64 / bytes_alone - 1.0;
             if share <= MOST_EXTRA || tries == EXTRA_TRIES {
                 let measured = measure(&self.images, &made);
@@ -178,7 +179,7 @@ impl EpitomeSearch {
     /// Layers with the finest of that choice: coarse to fine, the finest last. About `extra` times the finest layer's
     /// bits are stored for coarser ones alone.
     fn layers(&self, plan: &Plan<'_>, finest: &Finest, extra: f64) -> Vec<Choice> {
-        let &Finest { choice: ref finest, knob } = finest;
+        let &Finest { choice: ref finest, lambda_index } = finest;
         let entry_bits = plan.entry_bits;
         let bits = self.disk_bits(finest);
         let cells = finest.users.iter().map(|&users| users > 0).collect();
@@ -189,7 +190,7 @@ impl EpitomeSearch {
             let most = bits * SHARE.powi((steps - step) as i32) * ROOM;
             let share = EXTRA_SHARE.powi((steps - 1 - step) as i32);
             let extra = (bits * extra * share).max(ladder.extra + bits * LEAST_EXTRA);
-            self.add_layer(&mut ladder, plan, Room { knob, most, extra });
+            self.add_layer(&mut ladder, plan, Room { lambda_index, most, extra });
         }
         ladder.coarser.push(ladder.finest);
         ladder.coarser
@@ -232,7 +233,7 @@ impl EpitomeSearch {
     fn with_finest(&self, ladder: &Ladder, before: &Choice, plan: &Plan<'_>, most: f64) -> Choice {
         let options = plan.options;
         let (finest, per_block) = (&ladder.finest, self.grid.per_block());
-        let costs = self.costs(ladder.entry_bits, *KNOBS.start());
+        let costs = self.costs(ladder.entry_bits, *LAMBDA_INDICES.start());
         let of = |choice: &Choice, block: usize| {
             let nodes = block * per_block..(block + 1) * per_block;
             let taken = |node: usize| {
@@ -272,16 +273,16 @@ impl EpitomeSearch {
         &self,
         ladder: &Ladder,
         plan: &Plan<'_>,
-        Room { knob, most, .. }: Room,
+        Room { lambda_index, most, .. }: Room,
         dear: f32,
     ) -> Vec<Choice> {
         let others = Others { leaves: ladder.leaves(), cells: &ladder.cells, dear };
         let make = |step: u32| {
-            let knob = (step * KNOB_STEP).max(*KNOBS.start());
-            let costs = Costs { others: Some(others), ..self.costs(ladder.entry_bits, knob) };
+            let lambda_index = (step * LAMBDA_INDEX_STEP).max(*LAMBDA_INDICES.start());
+            let costs = Costs { others: Some(others), ..self.costs(ladder.entry_bits, lambda_index) };
             choose_well(self.problem(plan.options, costs, plan.cancel))
         };
-        let (mut low, mut high) = (0, knob / KNOB_STEP + 1);
+        let (mut low, mut high) = (0, lambda_index / LAMBDA_INDEX_STEP + 1);
         let mut found = Vec::new();
         while low + 1 < high {
             let middle = (low + high) / 2;

@@ -22,44 +22,46 @@ const FAR_DB: f64 = 0.3;
 /// Steps where content has a residual plane: it is coded anew at each setting.
 const FINER_WITH_ERRORS: [u32; 1] = [12];
 /// Lambda indices in an octave.
-const KNOBS_AN_OCTAVE: f32 = 32.0;
+const INDICES_AN_OCTAVE: f32 = 32.0;
 /// Binary logarithm of lambda at lambda index 0, above which nothing is coded any more.
 const LARGEST_LOG2: f32 = 14.0;
 /// Lambda indices.
-pub(super) const KNOBS: RangeInclusive<u32> = 1..=544;
+pub(super) const LAMBDA_INDICES: RangeInclusive<u32> = 1..=544;
 /// The setting under which only bits count, for tolerances: within them errors are free.
-pub(super) const TOLERANCE_KNOB: u32 = 96;
+pub(super) const TOLERANCE_LAMBDA_INDEX: u32 = 96;
 
 /// A setting, what it measures and what it makes.
 pub(super) struct Made {
-    pub(super) knob: u32,
+    pub(super) lambda_index: u32,
     pub(super) measured: Measured,
     pub(super) texture: EpitomeTexture,
 }
 
-/// Error that a bit may cost at lambda index `knob`, 8-bit squared units.
-pub(super) fn lambda(knob: u32) -> f32 {
-    (LARGEST_LOG2 - knob as f32 / KNOBS_AN_OCTAVE).exp2()
+/// Error that a bit may cost at lambda index `lambda_index`, 8-bit squared units.
+pub(super) fn lambda(lambda_index: u32) -> f32 {
+    (LARGEST_LOG2 - lambda_index as f32 / INDICES_AN_OCTAVE).exp2()
 }
 
-/// The setting nearest to a price.
-pub(super) fn knob_of(lambda: f32) -> u32 {
-    let knob = (KNOBS_AN_OCTAVE * (LARGEST_LOG2 - lambda.log2())).round().max(0.0) as u32;
-    knob.clamp(*KNOBS.start(), *KNOBS.end())
+/// The setting nearest to a lambda.
+pub(super) fn lambda_index_of(lambda: f32) -> u32 {
+    let lambda_index = (INDICES_AN_OCTAVE * (LARGEST_LOG2 - lambda.log2())).round().max(0.0) as u32;
+    lambda_index.clamp(*LAMBDA_INDICES.start(), *LAMBDA_INDICES.end())
 }
 
 impl EpitomeSearch {
     /// The lambda index that should reach a goal.
-    pub(super) fn likely_knob(&self, goal: Goal, mut choose: impl FnMut(u32) -> Choice) -> u32 {
-        if let Some(price) = self.price {
-            return knob_of(price);
+    pub(super) fn likely_lambda_index(&self, goal: Goal, mut choose: impl FnMut(u32) -> Choice) -> u32 {
+        if let Some(lambda) = self.residual_lambda {
+            return lambda_index_of(lambda);
         }
         let texels = self.images.texel_count() as f64;
         match goal {
-            Goal::Psnr(wanted) => first_knob(|knob| choose(knob).psnr(texels) >= wanted),
-            Goal::Bpp(bpp) => first_knob(|knob| choose(knob).bits / texels >= bpp),
+            Goal::Psnr(wanted) => {
+                first_lambda_index(|lambda_index| choose(lambda_index).psnr(texels) >= wanted)
+            }
+            Goal::Bpp(bpp) => first_lambda_index(|lambda_index| choose(lambda_index).bits / texels >= bpp),
             // Within it errors are free, whatever the setting.
-            Goal::Tolerance(_) => TOLERANCE_KNOB,
+            Goal::Tolerance(_) => TOLERANCE_LAMBDA_INDEX,
         }
     }
 
@@ -75,31 +77,35 @@ impl EpitomeSearch {
         job: &mut Job<'_>,
     ) -> Result<Made, EncodeError> {
         let cancel = plan.cancel;
-        let problem = |knob: u32| self.problem(plan.options, self.costs(plan.entry_bits, knob), cancel);
-        let nearly = |knob: u32| choose(problem(knob));
-        let guess =
-            beaten.map_or_else(|| job.install(|| self.likely_knob(goal, nearly)), |before| before.knob);
+        let problem =
+            |lambda_index: u32| self.problem(plan.options, self.costs(plan.entry_bits, lambda_index), cancel);
+        let nearly = |lambda_index: u32| choose(problem(lambda_index));
+        let guess = beaten.map_or_else(
+            || job.install(|| self.likely_lambda_index(goal, nearly)),
+            |before| before.lambda_index,
+        );
         job.checkpoint()?;
         let mut tried = 0u16;
-        let make = |knob: u32| assemble(plan, &[choose_well(problem(knob))], lambda(knob));
-        let found = find(goal, KNOBS, guess, 0.0, |knob| {
+        let make =
+            |lambda_index: u32| assemble(plan, &[choose_well(problem(lambda_index))], lambda(lambda_index));
+        let found = find(goal, LAMBDA_INDICES, guess, 0.0, |lambda_index| {
             job.stage("packing", (0.5 + 0.05 * f32::from(tried)).min(0.95))?;
             tried += 1;
-            let made = job.install(|| make(knob))?;
+            let made = job.install(|| make(lambda_index))?;
             Ok::<_, EncodeError>((measure(&self.images, &made), made))
         })?;
-        let mut best = Made { knob: found.knob, measured: found.measured, texture: found.value };
+        let mut best = Made { lambda_index: found.index, measured: found.measured, texture: found.value };
         if beaten.is_some_and(|before| is_far(goal, &best.measured, &before.measured)) {
             return Ok(best);
         }
         // What repeats is sometimes gathered better at a finer setting, and is smaller there.
-        for &step in if self.price.is_some() { &FINER_WITH_ERRORS[..] } else { &FINER } {
+        for &step in if self.residual_lambda.is_some() { &FINER_WITH_ERRORS[..] } else { &FINER } {
             job.checkpoint()?;
-            let knob = (found.knob + step).min(*KNOBS.end());
-            let texture = job.install(|| make(knob))?;
+            let lambda_index = (found.index + step).min(*LAMBDA_INDICES.end());
+            let texture = job.install(|| make(lambda_index))?;
             let measured = measure(&self.images, &texture);
             if goal.prefers(&measured, &best.measured) {
-                best = Made { knob, measured, texture };
+                best = Made { lambda_index, measured, texture };
             }
         }
         Ok(best)
@@ -115,8 +121,8 @@ fn is_far(goal: Goal, measured: &Measured, other: &Measured) -> bool {
 }
 
 /// The first setting that is enough, or the last one.
-fn first_knob(mut is_enough: impl FnMut(u32) -> bool) -> u32 {
-    let (mut low, mut high) = (*KNOBS.start(), *KNOBS.end());
+fn first_lambda_index(mut is_enough: impl FnMut(u32) -> bool) -> u32 {
+    let (mut low, mut high) = (*LAMBDA_INDICES.start(), *LAMBDA_INDICES.end());
     while low < high {
         let middle = (low + high) / 2;
         if is_enough(middle) {

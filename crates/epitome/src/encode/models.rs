@@ -3,7 +3,7 @@
 use texfold_core::CancelCheck;
 
 use super::candidate::{Match, Rules};
-use super::linear;
+use super::matrix;
 use super::options::{Fitted, Placing, Wanted, all_options, direct_options, fit, weighed};
 use super::searched::{ENTRY_BITS, EpitomeSearch};
 use super::state::Options;
@@ -15,16 +15,16 @@ const MOST_TONES: usize = 64;
 /// Models that are tried for goals of quality and size. Small palettes are upright: fitted ones of 32 2x2 matrices
 /// were never smaller on five photographs, and of 8, 16 and 32 gain-offset pairs 16 were best on the whole.
 const WHOLE: Form =
-    Form { linears: Linears::Fitted(MOST_LINEARS), tones: MOST_TONES, entry_bits: ENTRY_BITS };
-const UPRIGHT: Form = Form { linears: Linears::Upright, tones: 16, entry_bits: 32.0 };
-const OWN: Form = Form { linears: Linears::Own, tones: 1, entry_bits: 24.0 };
+    Form { matrices: Matrices::Fitted(MOST_LINEARS), gain_offsets: MOST_TONES, entry_bits: ENTRY_BITS };
+const UPRIGHT: Form = Form { matrices: Matrices::Upright, gain_offsets: 16, entry_bits: 32.0 };
+const OWN: Form = Form { matrices: Matrices::Own, gain_offsets: 1, entry_bits: 24.0 };
 /// Nodes for each number of a palette at least.
 const NODES_A_NUMBER: usize = 16;
 /// The same for tolerances, where content is raw and a number that saves a block saves far more.
 const NODES_A_NUMBER_WITHIN: usize = 2;
 /// 2x2 matrices that leaves have in a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Linears {
+pub(super) enum Matrices {
     /// At most so many, fitted to the matches.
     Fitted(usize),
     /// Those of content as it stands, plain and mirrored.
@@ -36,9 +36,9 @@ pub(super) enum Linears {
 /// A model that is tried.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Form {
-    linears: Linears,
+    matrices: Matrices,
     /// Most gain-offset pairs.
-    tones: usize,
+    gain_offsets: usize,
     /// Bits of an entry as estimated in the rate-distortion cost, which are fewer with smaller palettes.
     pub(super) entry_bits: f32,
 }
@@ -67,16 +67,16 @@ impl EpitomeSearch {
     /// What leaves may be in a model.
     pub(super) fn model(&self, model: Form, cancel: CancelCheck<'_>) -> Model {
         let none = vec![Vec::new(); self.grid.nodes()];
-        let matches = if model.linears == Linears::Own { &none } else { &self.matches };
-        let fitted = self.fitted(matches, model.linears, model.tones, cancel);
+        let matches = if model.matrices == Matrices::Own { &none } else { &self.matches };
+        let fitted = self.fitted(matches, model.matrices, model.gain_offsets, cancel);
         let options = self.options(matches, &fitted, &self.rules(None), cancel);
         Model { options, palettes: fitted.palettes, entry_bits: model.entry_bits }
     }
 
     /// What leaves may be with everything that was found, at most so many 2x2 matrices, and palettes otherwise as
     /// large as they may be.
-    pub(super) fn whole(&self, linears: usize, rules: &Rules<'_>, cancel: CancelCheck<'_>) -> Model {
-        let fitted = self.fitted(&self.matches, Linears::Fitted(linears), MOST_TONES, cancel);
+    pub(super) fn whole(&self, matrices: usize, rules: &Rules<'_>, cancel: CancelCheck<'_>) -> Model {
+        let fitted = self.fitted(&self.matches, Matrices::Fitted(matrices), MOST_TONES, cancel);
         let options = self.options(&self.matches, &fitted, rules, cancel);
         Model { options, palettes: fitted.palettes, entry_bits: ENTRY_BITS }
     }
@@ -85,30 +85,30 @@ impl EpitomeSearch {
     fn fitted(
         &self,
         matches: &[Vec<Match>],
-        linears: Linears,
-        tones: usize,
+        matrices: Matrices,
+        gain_offsets: usize,
         cancel: CancelCheck<'_>,
     ) -> Fitted {
         // A palette must earn its bits: an entry for every few leaves.
         let few =
             self.grid.nodes() / if self.covers_blocks() { NODES_A_NUMBER_WITHIN } else { NODES_A_NUMBER };
         let transforms = self.params.transforms;
-        let tones = if transforms.tones { tones.min(1 + few) } else { 1 };
+        let gain_offsets = if transforms.gain_offsets { gain_offsets.min(1 + few) } else { 1 };
         let scales = self.space.scales();
-        let mut palette = match linears {
-            Linears::Fitted(most) => {
-                linear::fitted(&weighed(&self.grid, matches), scales, most.min(scales + 1 + few), cancel)
+        let mut palette = match matrices {
+            Matrices::Fitted(most) => {
+                matrix::fitted(&weighed(&self.grid, matches), scales, most.min(scales + 1 + few), cancel)
             }
-            Linears::Upright => linear::upright(scales, transforms.mirrors),
-            Linears::Own => linear::upright(scales, false),
+            Matrices::Upright => matrix::upright(scales, transforms.mirrors),
+            Matrices::Own => matrix::upright(scales, false),
         };
         if self.allowed.is_some() {
             // Leaves that look like nothing that is allowed show one colour.
             palette.truncate(MOST_LINEARS - 1);
             palette.push([0; 4]);
         }
-        let placing = Placing { fractions: transforms.fractions, turned: linears != Linears::Upright };
-        fit(&self.space, &self.grid, matches, Wanted { linears: palette, tones, placing }, cancel)
+        let placing = Placing { fractions: transforms.fractions, rotated: matrices != Matrices::Upright };
+        fit(&self.space, &self.grid, matches, Wanted { matrices: palette, gain_offsets, placing }, cancel)
     }
 
     /// All that leaves may be.

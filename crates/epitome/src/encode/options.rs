@@ -7,13 +7,13 @@ use rayon::prelude::*;
 use texfold_core::CancelCheck;
 
 use super::candidate::{Candidate, Match, Rules, ScaleErrors, direct, is_upright};
+use super::gain_offset::{self, Stats};
 use super::leaf::{Grid, Node};
-use super::linear;
+use super::matrix;
 use super::pyramid::{CellPlace, SCALES, Space};
 use super::reading::{FRACTION_BITS, Reading};
 use super::state::Options;
-use super::tone::{self, Stats};
-use crate::format::{Linear, NEUTRAL, Palettes, Tone};
+use crate::format::{GainOffset, Matrix, NEUTRAL, Palettes};
 
 /// Candidates with content elsewhere that are kept for a leaf, in each format: upright ones and others. With 5 of all
 /// photographs came out 1 to 3 % larger; with 8 of all a page 2.5 %, as rotated ones, which come nearer but meet
@@ -33,7 +33,7 @@ const TONE_LEAVES: usize = 20_000;
 struct Placed {
     x: i32,
     y: i32,
-    linear: u16,
+    matrix: u16,
     image: u16,
     scale: u8,
     /// For each format.
@@ -86,7 +86,7 @@ fn gather(found: Vec<Found>) -> Options {
 struct Spot {
     x: i32,
     y: i32,
-    linear: u16,
+    matrix: u16,
 }
 
 /// Palettes fitted to the matches, and the spots of each node's matches.
@@ -100,7 +100,7 @@ pub(crate) fn weighed(grid: &Grid, matches: &[Vec<Match>]) -> Vec<(glam::Mat2, f
     let weigh = |(index, matches): (usize, &Vec<Match>)| {
         let side = grid.node(index).side as f32;
         // The better of a leaf's matches are the likelier to be taken.
-        let weigh = move |(rank, found): (usize, &Match)| (found.linear, side / (1 + rank) as f32);
+        let weigh = move |(rank, found): (usize, &Match)| (found.matrix, side / (1 + rank) as f32);
         matches.iter().enumerate().map(weigh).collect::<Vec<_>>()
     };
     matches.iter().enumerate().flat_map(weigh).collect()
@@ -108,9 +108,9 @@ pub(crate) fn weighed(grid: &Grid, matches: &[Vec<Match>]) -> Vec<(glam::Mat2, f
 
 /// Palettes that are wanted.
 pub(crate) struct Wanted {
-    pub(crate) linears: Vec<Linear>,
+    pub(crate) matrices: Vec<Matrix>,
     /// Most gain-offset pairs.
-    pub(crate) tones: usize,
+    pub(crate) gain_offsets: usize,
     pub(crate) placing: Placing,
 }
 
@@ -120,20 +120,21 @@ pub(crate) struct Placing {
     /// Whether positions are in quarters of a texel, or else in whole ones.
     pub(crate) fractions: bool,
     /// Whether matches that are not upright get any.
-    pub(crate) turned: bool,
+    pub(crate) rotated: bool,
 }
 
-/// A palette of such `linears` and one of at most `tones` gain-offset pairs. Once `cancel` is cancelled matches have
+/// A palette of such `linears` and one of at most `gain_offset` gain-offset pairs. Once `cancel` is cancelled matches have
 /// no spots.
 pub(crate) fn fit(
     space: &Space,
     grid: &Grid,
     matches: &[Vec<Match>],
-    Wanted { linears, tones, placing }: Wanted,
+    Wanted { matrices, gain_offsets, placing }: Wanted,
     cancel: CancelCheck<'_>,
 ) -> Fitted {
-    let points: Vec<Vec4> = linears.iter().map(|&linear| linear::to_point(linear)).collect();
-    let placer = Placer { space, linears: &linears, points: &points, placing, toned: tones > 1 };
+    let points: Vec<Vec4> = matrices.iter().map(|&matrix| matrix::to_point(matrix)).collect();
+    let placer =
+        Placer { space, matrices: &matrices, points: &points, placing, gain_offset: gain_offsets > 1 };
     let spots: Vec<Vec<Option<Spot>>> = (0..grid.nodes())
         .into_par_iter()
         .map(|index| {
@@ -141,9 +142,10 @@ pub(crate) fn fit(
             placer.spots(grid.node(index), matches)
         })
         .collect();
-    let leaves = leaves_to_tone(space, grid, matches, &spots, &linears, cancel);
-    let tones = if leaves.is_empty() { vec![NEUTRAL] } else { tone::palette(&leaves, tones, cancel) };
-    Fitted { palettes: Palettes { linears, tones }, spots }
+    let leaves = leaves_to_adjust(space, grid, matches, &spots, &matrices, cancel);
+    let gain_offsets =
+        if leaves.is_empty() { vec![NEUTRAL] } else { gain_offset::palette(&leaves, gain_offsets, cancel) };
+    Fitted { palettes: Palettes { matrices, gain_offsets }, spots }
 }
 
 /// All candidates that the rules allow, those of `direct` among them. Once `cancel` is cancelled nodes have none.
@@ -156,7 +158,7 @@ pub(crate) fn all_options(
     rules: &Rules<'_>,
     cancel: CancelCheck<'_>,
 ) -> Options {
-    let Palettes { linears, tones } = &fitted.palettes;
+    let Palettes { matrices, gain_offsets } = &fitted.palettes;
     let found: Vec<Found> = (0..grid.nodes())
         .into_par_iter()
         .map(|index| {
@@ -175,9 +177,9 @@ pub(crate) fn all_options(
             let most = own.iter().map(|candidate| candidate.error).fold(0.0, f32::max);
             // Within a tolerance, and where a leaf has no content of its own, any error will do.
             let most = if rules.tolerance.is_some() || own.is_empty() { f32::INFINITY } else { most };
-            let borrow = Borrow { space, tones, linears, rules, most };
+            let borrow = Borrow { space, gain_offsets, matrices, rules, most };
             let node = grid.node(index);
-            let placed = place_all(space, node, &matches[index], &fitted.spots[index], linears);
+            let placed = place_all(space, node, &matches[index], &fitted.spots[index], matrices);
             let borrowed = borrow.all(node, &placed, &mut cells);
             let least = |format| {
                 let of_format = own.iter().filter(move |own| own.format == format);
@@ -202,14 +204,14 @@ fn place_all(
     node: Node,
     matches: &[Match],
     spots: &[Option<Spot>],
-    linears: &[Linear],
+    matrices: &[Matrix],
 ) -> Vec<Placed> {
     if node.is_outside() || matches.is_empty() {
         return Vec::new();
     }
     let target = node.texels(space);
     let placed =
-        |(found, spot): (&Match, &Option<Spot>)| place(space, node, &target, found, (*spot)?, linears);
+        |(found, spot): (&Match, &Option<Spot>)| place(space, node, &target, found, (*spot)?, matrices);
     matches.iter().zip(spots).filter_map(placed).collect()
 }
 
@@ -219,25 +221,25 @@ fn place(
     target: &[Vec4],
     found: &Match,
     spot: Spot,
-    linears: &[Linear],
+    matrices: &[Matrix],
 ) -> Option<Placed> {
     let (image, scale) = (usize::from(found.image), usize::from(found.scale));
-    let reading = Reading::new(node, spot.x, spot.y, linears[usize::from(spot.linear)]);
+    let reading = Reading::new(node, spot.x, spot.y, matrices[usize::from(spot.matrix)]);
     let field = |stored: &super::pyramid::Stored| reading.stats(&stored.decoded[image][scale], target);
     let stats: Option<Vec<Stats>> = space.stored.iter().map(field).collect();
-    let Spot { x, y, linear } = spot;
-    Some(Placed { x, y, linear, image: found.image, scale: found.scale, stats: stats? })
+    let Spot { x, y, matrix } = spot;
+    Some(Placed { x, y, matrix, image: found.image, scale: found.scale, stats: stats? })
 }
 
 /// What turns matches into spots.
 struct Placer<'a> {
     space: &'a Space,
-    linears: &'a [Linear],
+    matrices: &'a [Matrix],
     /// The 2x2 matrices as points.
     points: &'a [Vec4],
     placing: Placing,
     /// Whether a gain-offset pair will follow.
-    toned: bool,
+    gain_offset: bool,
 }
 
 impl Placer<'_> {
@@ -251,23 +253,23 @@ impl Placer<'_> {
     }
 
     fn spot(&self, node: Node, target: &[Vec4], found: &Match) -> Option<Spot> {
-        let may_be = self.placing.turned || is_upright(found.linear);
-        may_be.then(|| self.settle(node, target, found, linear::nearest(self.points, found.linear)))?
+        let may_be = self.placing.rotated || is_upright(found.matrix);
+        may_be.then(|| self.settle(node, target, found, matrix::nearest(self.points, found.matrix)))?
     }
 
     /// The position with the least error near a match's, under a 2x2 matrix of the palette.
     fn settle(&self, node: Node, target: &[Vec4], found: &Match, number: usize) -> Option<Spot> {
         let field = &self.space.stored.last()?.decoded[usize::from(found.image)][usize::from(found.scale)];
-        let linear = self.linears[number];
+        let matrix = self.matrices[number];
         let error = |x: i32, y: i32| {
-            let stats = Reading::new(node, x, y, linear).sampled_stats(field, target)?;
-            Some(if self.toned { stats.error(&stats.best()) } else { stats.plain_error() })
+            let stats = Reading::new(node, x, y, matrix).sampled_stats(field, target)?;
+            Some(if self.gain_offset { stats.error(&stats.best()) } else { stats.plain_error() })
         };
         let step_of = if self.placing.fractions { 1 } else { 1 << FRACTION_BITS };
         let step = step_of as f32;
         let at = (found.position * (1 << FRACTION_BITS) as f32 / step).round() * step;
         // Content beyond the field's edge cannot be read: step inside.
-        let at = inside(node, at, linear, (field.width, field.height), step);
+        let at = inside(node, at, matrix, (field.width, field.height), step);
         let mut best = (at.x as i32, at.y as i32);
         let mut least = error(best.0, best.1)?;
         for _ in 0..MOVES {
@@ -283,13 +285,13 @@ impl Placer<'_> {
                 break;
             }
         }
-        Some(Spot { x: best.0, y: best.1, linear: number as u16 })
+        Some(Spot { x: best.0, y: best.1, matrix: number as u16 })
     }
 }
 
 /// A position moved in steps so far that the leaf's content lies within a field of that size.
-fn inside(node: Node, at: Vec2, linear: Linear, (width, height): (usize, usize), step: f32) -> Vec2 {
-    let matrix = super::candidate::matrix(linear);
+fn inside(node: Node, at: Vec2, matrix: Matrix, (width, height): (usize, usize), step: f32) -> Vec2 {
+    let matrix = super::candidate::matrix(matrix);
     let half = node.side as f32 * 0.5;
     let reach = (matrix.x_axis.abs() + matrix.y_axis.abs()) * half;
     let unit = (1 << FRACTION_BITS) as f32 / step;
@@ -299,12 +301,12 @@ fn inside(node: Node, at: Vec2, linear: Linear, (width, height): (usize, usize),
 }
 
 /// An even choice of the leaves' first matches, that gain-offset pairs are fitted to.
-fn leaves_to_tone(
+fn leaves_to_adjust(
     space: &Space,
     grid: &Grid,
     matches: &[Vec<Match>],
     spots: &[Vec<Option<Spot>>],
-    linears: &[Linear],
+    matrices: &[Matrix],
     cancel: CancelCheck<'_>,
 ) -> Vec<Stats> {
     let matched: Vec<usize> = (0..matches.len()).filter(|&index| !matches[index].is_empty()).collect();
@@ -316,7 +318,7 @@ fn leaves_to_tone(
         .filter_map(|&index| {
             let node = grid.node(index);
             let spot = spots[index].first().copied()??;
-            let placed = place(space, node, &node.texels(space), &matches[index][0], spot, linears)?;
+            let placed = place(space, node, &node.texels(space), &matches[index][0], spot, matrices)?;
             placed.stats.last().copied()
         })
         .collect()
@@ -325,8 +327,8 @@ fn leaves_to_tone(
 /// What turns placed matches into candidates.
 struct Borrow<'a> {
     space: &'a Space,
-    tones: &'a [Tone],
-    linears: &'a [Linear],
+    gain_offsets: &'a [GainOffset],
+    matrices: &'a [Matrix],
     rules: &'a Rules<'a>,
     /// Error above which a candidate is of no use.
     most: f32,
@@ -339,12 +341,12 @@ impl Borrow<'_> {
         let most = if self.rules.tolerance.is_some() { [KEPT_WITHIN; 2] } else { KEPT };
         let mut kept = Vec::new();
         for format in 0..self.space.stored.len() {
-            let toned = placed.iter().map(|placed| self.toned(placed, format));
-            let mut found: Vec<Candidate> = toned.filter(|found| found.error < self.most).collect();
+            let gain_offset = placed.iter().map(|placed| self.gain_offset(placed, format));
+            let mut found: Vec<Candidate> = gain_offset.filter(|found| found.error < self.most).collect();
             found.sort_by(|a, b| a.error.total_cmp(&b.error));
             let mut counts = [0; 2];
             for candidate in found {
-                let [_, across, down, _] = self.linears[usize::from(candidate.linear)];
+                let [_, across, down, _] = self.matrices[usize::from(candidate.matrix)];
                 let kind = usize::from((across, down) != (0, 0) && self.rules.tolerance.is_none());
                 if counts[kind] < most[kind]
                     && let Some(candidate) = self.checked(node, candidate, &target, cells)
@@ -357,16 +359,16 @@ impl Borrow<'_> {
         kept
     }
 
-    fn toned(&self, placed: &Placed, format: usize) -> Candidate {
-        let (number, error) = tone::nearest(self.tones, &placed.stats[format]);
+    fn gain_offset(&self, placed: &Placed, format: usize) -> Candidate {
+        let (number, error) = gain_offset::nearest(self.gain_offsets, &placed.stats[format]);
         Candidate {
             error,
             cells: (0, 0),
             x: placed.x,
             y: placed.y,
             image: placed.image,
-            linear: placed.linear,
-            tone: number as u16,
+            matrix: placed.matrix,
+            gain_offset: number as u16,
             scale: placed.scale,
             format: format as u8,
         }
@@ -383,12 +385,12 @@ impl Borrow<'_> {
         let (format, image, scale) =
             (usize::from(candidate.format), usize::from(candidate.image), usize::from(candidate.scale));
         let reading =
-            Reading::new(node, candidate.x, candidate.y, self.linears[usize::from(candidate.linear)]);
+            Reading::new(node, candidate.x, candidate.y, self.matrices[usize::from(candidate.matrix)]);
         let field = &self.space.stored[format].decoded[image][scale];
         let start = cells.len();
         reading.cells(field, self.space.rows_of(format, image, scale), cells);
-        let tone = self.tones.get(usize::from(candidate.tone)).unwrap_or(&NEUTRAL);
-        if !self.rules.allow(&cells[start..]) || !self.rules.accept(&reading, field, target, tone) {
+        let gain_offset = self.gain_offsets.get(usize::from(candidate.gain_offset)).unwrap_or(&NEUTRAL);
+        if !self.rules.allow(&cells[start..]) || !self.rules.accept(&reading, field, target, gain_offset) {
             cells.truncate(start);
             return None;
         }
@@ -398,7 +400,7 @@ impl Borrow<'_> {
     /// The leaf in one colour, that of the middle of a cell which is allowed, given gain and offset to fit best: for
     /// leaves that must not show their own content and look like nothing else.
     fn flat(&self, node: Node, cells: &mut Vec<u32>) -> Option<Candidate> {
-        let number = self.linears.iter().position(|linear| *linear == [0; 4])?;
+        let number = self.matrices.iter().position(|matrix| *matrix == [0; 4])?;
         let allowed = self.rules.cells?;
         let target = node.texels(self.space);
         let tried = allowed.iter().enumerate().filter(|(_, allowed)| **allowed).map(|(cell, _)| cell as u32);
@@ -412,17 +414,17 @@ impl Borrow<'_> {
                 let side = self.space.stored[format].cell;
                 let unit = |at: u32| ((at * side + side / 2) << FRACTION_BITS) as i32;
                 let (x, y) = (unit(column), unit(row));
-                let reading = Reading::new(node, x, y, self.linears[number]);
+                let reading = Reading::new(node, x, y, self.matrices[number]);
                 let stats = reading.stats(&self.space.stored[format].decoded[image][scale], &target)?;
                 let placed = Placed {
                     x,
                     y,
-                    linear: number as u16,
+                    matrix: number as u16,
                     image: image as u16,
                     scale: scale as u8,
                     stats: vec![stats; self.space.stored.len()],
                 };
-                Some(self.toned(&placed, format))
+                Some(self.gain_offset(&placed, format))
             })
             .min_by(|a, b| a.error.total_cmp(&b.error))?;
         Borrow { rules: &Rules { tolerance: None, ..*self.rules }, ..*self }

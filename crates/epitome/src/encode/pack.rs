@@ -10,10 +10,10 @@ use std::collections::BTreeMap;
 use texfold_core::{CancelCheck, MAX_PLANE_SIDE};
 
 use super::candidate::Candidate;
+use super::orientation::Orientation;
 use super::pyramid::{CellPlace, Space};
 use super::reading::FRACTION_BITS;
 use super::state::{Choice, Options};
-use super::turn::Turn;
 
 /// Widths of a sheet that are tried, as shares of a square's side.
 const WIDTHS: [f64; 7] = [1.0, 1.1, 1.25, 0.9, 1.4, 0.8, 1.6];
@@ -39,7 +39,7 @@ pub(crate) struct Chart {
     /// Where the upper left corner of the rotated chart goes, in cells.
     pub(crate) place: (u32, u32),
     /// How it is rotated.
-    pub(crate) turn: Turn,
+    pub(crate) orientation: Orientation,
     /// Whether the finest layer reads none of it. Such charts come last, where a GPU that has all layers need not
     /// hold them.
     pub(crate) is_extra: bool,
@@ -60,7 +60,7 @@ pub(crate) struct Packing {
 impl Chart {
     /// Where a cell lies in the epitome, in cells.
     pub(crate) fn place_of(&self, (x, y): (u32, u32)) -> (u32, u32) {
-        let (x, y) = self.turn.cell((x - self.corner.0, y - self.corner.1), self.size());
+        let (x, y) = self.orientation.cell((x - self.corner.0, y - self.corner.1), self.size());
         (x + self.place.0, y + self.place.1)
     }
 
@@ -70,7 +70,7 @@ impl Chart {
         let size = (width * side, height * side);
         let moved = move |(x, y): (u32, u32)| {
             let (left, top) = (self.corner.0 * side, self.corner.1 * side);
-            let (to_x, to_y) = self.turn.cell((x - left, y - top), size);
+            let (to_x, to_y) = self.orientation.cell((x - left, y - top), size);
             ((x, y), (to_x + self.place.0 * side, to_y + self.place.1 * side))
         };
         let of_cell = move |&(x, y): &(u32, u32)| {
@@ -88,15 +88,15 @@ impl Packing {
         space: &Space,
         options: &Options,
         candidate: &Candidate,
-    ) -> Option<((u32, u32), Turn)> {
+    ) -> Option<((u32, u32), Orientation)> {
         let cell = *options.cells_of(candidate).first()?;
         let chart = self.charts.get(self.chart_of[cell as usize] as usize)?;
         let side = space.stored[usize::from(candidate.format)].cell;
         let pair = |(x, y): (u32, u32)| (units(x, side), units(y, side));
         let (corner, place) = (pair(chart.corner), pair(chart.place));
         let at = (i64::from(candidate.x) - corner.0, i64::from(candidate.y) - corner.1);
-        let (x, y) = chart.turn.point(at, pair(chart.size()));
-        Some((((x + place.0).max(0) as u32, (y + place.1).max(0) as u32), chart.turn))
+        let (x, y) = chart.orientation.point(at, pair(chart.size()));
+        Some((((x + place.0).max(0) as u32, (y + place.1).max(0) as u32), chart.orientation))
     }
 }
 
@@ -134,7 +134,7 @@ pub(crate) struct Sides {
     /// Sides are multiples of so many cells.
     pub(crate) step: u32,
     /// Whether charts may be rotated to fit.
-    pub(crate) turns: bool,
+    pub(crate) orientations: bool,
 }
 
 /// Packs all cells that `layers` read; once `cancel` is cancelled what it gives back is of no use.
@@ -142,7 +142,7 @@ pub(crate) fn pack(
     space: &Space,
     options: &Options,
     layers: &[Choice],
-    Sides { step, turns }: Sides,
+    Sides { step, orientations }: Sides,
     cancel: CancelCheck<'_>,
 ) -> Packing {
     let mut packing = Packing { charts: charts(space, options, layers), ..Packing::default() };
@@ -156,11 +156,12 @@ pub(crate) fn pack(
         order.sort_by_key(|&index| key(index));
         let cells: u64 = order.iter().map(|&index| packing.charts[index].cells.len() as u64).sum();
         let cell = space.stored[format].cell;
-        let sheet = Limits { step, side: MAX_PLANE_SIDE / cell, cell, turns };
+        let sheet = Limits { step, side: MAX_PLANE_SIDE / cell, cell, orientations };
         let size = place(&mut packing.charts, &order, cells, sheet, cancel);
         packing.sizes.push(size);
         let drawn = order.iter().map(|&index| &packing.charts[index]).filter(|chart| !chart.is_extra);
-        let rows = drawn.map(|chart| chart.place.1 + chart.turn.size(chart.size()).1).max().unwrap_or(1);
+        let rows =
+            drawn.map(|chart| chart.place.1 + chart.orientation.size(chart.size()).1).max().unwrap_or(1);
         packing.finest_rows.push(rows.next_multiple_of(step).min(size.1));
     }
     packing.chart_of = vec![u32::MAX; space.cells()];
@@ -205,8 +206,8 @@ fn charts(space: &Space, options: &Options, layers: &[Choice]) -> Vec<Chart> {
         let side = space.stored[format].cell;
         let from_corner = |(x, y): (i64, i64)| (x - units(left, side), y - units(top, side));
         let centres = centres.get(&root).map_or([(0, 0); 2], |centres| centres.map(from_corner));
-        let (corner, turn) = ((left, top), Turn::default());
-        Chart { format, image, scale, cells, corner, centres, place: (0, 0), turn, is_extra }
+        let (corner, orientation) = ((left, top), Orientation::default());
+        Chart { format, image, scale, cells, corner, centres, place: (0, 0), orientation, is_extra }
     };
     by_root.into_iter().map(chart).collect()
 }
@@ -244,10 +245,10 @@ impl Chart {
 
     /// Least column and row that it may have in an epitome, rotated so: centres of leaves have no negative ones.
     /// Cells are of `side` texels.
-    fn least_place(&self, turn: Turn, side: u32) -> Cells {
+    fn least_place(&self, orientation: Orientation, side: u32) -> Cells {
         let (width, height) = self.size();
         let size = (units(width, side), units(height, side));
-        let [a, b] = self.centres.map(|centre| turn.point(centre, size));
+        let [a, b] = self.centres.map(|centre| orientation.point(centre, size));
         let cells = |below: i64| below.min(0).unsigned_abs().div_ceil(units(1, side).unsigned_abs()) as u32;
         (cells(a.0.min(b.0)), cells(a.1.min(b.1)))
     }
@@ -259,12 +260,12 @@ impl Chart {
     }
 
     /// Its rows, rotated so, as bit masks from its leftmost column on.
-    fn rows(&self, turn: Turn) -> Vec<Vec<u64>> {
+    fn rows(&self, orientation: Orientation) -> Vec<Vec<u64>> {
         let size = self.size();
-        let (width, height) = turn.size(size);
+        let (width, height) = orientation.size(size);
         let mut rows = vec![vec![0u64; (width as usize).div_ceil(64)]; height as usize];
         for &(x, y) in &self.cells {
-            let (x, y) = turn.cell((x - self.corner.0, y - self.corner.1), size);
+            let (x, y) = orientation.cell((x - self.corner.0, y - self.corner.1), size);
             rows[y as usize][x as usize / 64] |= 1 << (x % 64);
         }
         rows
@@ -280,7 +281,7 @@ struct Limits {
     /// Texels a side of a cell.
     cell: u32,
     /// Whether charts may be rotated.
-    turns: bool,
+    orientations: bool,
 }
 
 /// Places the charts of `order`; gives the columns and rows used, at least one step each and at most `limit`, or more
@@ -294,12 +295,12 @@ fn place(
     cancel: CancelCheck<'_>,
 ) -> (u32, u32) {
     let Limits { step, side: limit, cell, .. } = limits;
-    let widest = |chart: &Chart| chart.size().0 + chart.least_place(Turn::default(), cell).0;
+    let widest = |chart: &Chart| chart.size().0 + chart.least_place(Orientation::default(), cell).0;
     let widest = order.iter().map(|&index| widest(&charts[index])).max().unwrap_or(1);
     if widest > limit {
         return (limit + 1, limit + 1);
     }
-    let mut best: Option<(Cells, Vec<(Cells, Turn)>)> = None;
+    let mut best: Option<(Cells, Vec<(Cells, Orientation)>)> = None;
     for share in WIDTHS {
         let width = ((cells as f64).sqrt() * share).ceil() as u32;
         let width = width.max(widest).max(1).next_multiple_of(step).min(limit);
@@ -318,20 +319,20 @@ fn place(
     }
     // Larger than any sheet: the caller says so.
     let Some((size, places)) = best else { return (limit + 1, limit + 1) };
-    for (&index, (place, turn)) in order.iter().zip(places) {
-        (charts[index].place, charts[index].turn) = (place, turn);
+    for (&index, (place, orientation)) in order.iter().zip(places) {
+        (charts[index].place, charts[index].orientation) = (place, orientation);
     }
     size
 }
 
-/// Rows that a sheet of `width` columns needs, at least one, and the place and turn of each chart.
+/// Rows that a sheet of `width` columns needs, at least one, and the place and orientation of each chart.
 fn place_within(
     charts: &[Chart],
     order: &[usize],
     width: u32,
     limits: Limits,
     cancel: CancelCheck<'_>,
-) -> (u32, Vec<(Cells, Turn)>) {
+) -> (u32, Vec<(Cells, Orientation)>) {
     let mut sheet = Sheet { width, rows: Vec::new(), full: 0 };
     // Where the last chart of a shape went: no earlier place will do for the next.
     let mut hints: BTreeMap<(Vec<Vec<u64>>, Cells), Cells> = BTreeMap::new();
@@ -341,29 +342,30 @@ fn place_within(
             break;
         }
         let chart = &charts[index];
-        let mut shapes: Vec<(Vec<Vec<u64>>, Turn)> = Vec::new();
-        for turn in Turn::all().take(if limits.turns { usize::MAX } else { 1 }) {
-            let rows = chart.rows(turn);
-            let fits = turn.size(chart.size()).0 + chart.least_place(turn, limits.cell).0 <= width;
+        let mut shapes: Vec<(Vec<Vec<u64>>, Orientation)> = Vec::new();
+        for orientation in Orientation::all().take(if limits.orientations { usize::MAX } else { 1 }) {
+            let rows = chart.rows(orientation);
+            let fits =
+                orientation.size(chart.size()).0 + chart.least_place(orientation, limits.cell).0 <= width;
             if fits && !shapes.iter().any(|(known, _)| *known == rows) {
-                shapes.push((rows, turn));
+                shapes.push((rows, orientation));
             }
         }
-        let found = shapes.into_iter().map(|(rows, turn)| {
-            let shape = (rows, chart.least_place(turn, limits.cell));
+        let found = shapes.into_iter().map(|(rows, orientation)| {
+            let shape = (rows, chart.least_place(orientation, limits.cell));
             let from = hints.get(&shape).copied().unwrap_or((0, 0));
-            let at = sheet.free(&shape.0, turn.size(chart.size()).0, from, shape.1);
-            (at, turn, shape)
+            let at = sheet.free(&shape.0, orientation.size(chart.size()).0, from, shape.1);
+            (at, orientation, shape)
         });
         // The one that ends first; the first of those that are rotated least.
         let end = |at: Cells, rows: &[Vec<u64>]| (at.1 + rows.len() as u32, at.1, at.0);
-        let Some((at, turn, shape)) = found.min_by_key(|(at, _, shape)| end(*at, &shape.0)) else {
+        let Some((at, orientation, shape)) = found.min_by_key(|(at, _, shape)| end(*at, &shape.0)) else {
             // Never: a sheet is as wide as the widest chart that is not rotated.
-            places.push(((0, 0), Turn::default()));
+            places.push(((0, 0), Orientation::default()));
             continue;
         };
         sheet.fill(&shape.0, at);
-        places.push((at, turn));
+        places.push((at, orientation));
         hints.insert(shape, at);
     }
     ((sheet.rows.len() as u32).max(1), places)
@@ -445,13 +447,13 @@ mod tests {
         cells.sort_by_key(|&(x, y)| (y, x));
         let corner =
             (cells.iter().map(|cell| cell.0).min().unwrap(), cells.iter().map(|cell| cell.1).min().unwrap());
-        let (place, turn) = ((0, 0), Turn::default());
+        let (place, orientation) = ((0, 0), Orientation::default());
         let centres = [(0, 0); 2];
-        Chart { format: 0, image: 0, scale: 0, cells, corner, centres, place, turn, is_extra: false }
+        Chart { format: 0, image: 0, scale: 0, cells, corner, centres, place, orientation, is_extra: false }
     }
 
     #[test]
-    fn turned_charts_fill_what_upright_ones_leave() {
+    fn rotated_charts_fill_what_upright_ones_leave() {
         // Triangles of 10 cells, all alike: two of them, one rotated by half, are a rectangle of 5 x 4.
         let cells: Vec<Cells> = (0..4).flat_map(|y| (0..=y).map(move |x| (7 + x, 3 + y))).collect();
         let mut charts = vec![chart(&cells); 8];
@@ -461,24 +463,24 @@ mod tests {
             &mut charts,
             &order,
             80,
-            Limits { step: 1, side: 64, cell: 4, turns: false },
+            Limits { step: 1, side: 64, cell: 4, orientations: false },
             CancelCheck::default(),
         );
-        assert!(charts.iter().all(|chart| chart.turn == Turn::default()));
-        let turned = place(
+        assert!(charts.iter().all(|chart| chart.orientation == Orientation::default()));
+        let rotated = place(
             &mut charts,
             &order,
             80,
-            Limits { step: 1, side: 64, cell: 4, turns: true },
+            Limits { step: 1, side: 64, cell: 4, orientations: true },
             CancelCheck::default(),
         );
-        assert!(area(turned) < area(upright) && area(turned) <= 88, "{turned:?} {upright:?}");
+        assert!(area(rotated) < area(upright) && area(rotated) <= 88, "{rotated:?} {upright:?}");
         // No cell lies on another or outside, and texels go where their cells go.
         let mut taken = std::collections::BTreeSet::new();
         for chart in &charts {
             for &cell in &chart.cells {
                 let (x, y) = chart.place_of(cell);
-                assert!(x < turned.0 && y < turned.1 && taken.insert((x, y)), "{x} {y}");
+                assert!(x < rotated.0 && y < rotated.1 && taken.insert((x, y)), "{x} {y}");
             }
             for ((x, y), (to_x, to_y)) in chart.texels(4) {
                 assert_eq!((to_x / 4, to_y / 4), chart.place_of((x / 4, y / 4)));

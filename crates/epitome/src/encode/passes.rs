@@ -5,7 +5,7 @@ use texfold_core::{CancelCheck, EncodeError, Goal, Job};
 
 use super::candidate::{Rules, ScaleErrors};
 use super::choose::{choose_well, most_errors};
-use super::lambda::knob_of;
+use super::lambda::lambda_index_of;
 use super::models::MOST_LINEARS;
 use super::options::direct_options;
 use super::search::{Allowed, Reach, search};
@@ -17,9 +17,9 @@ const PASSES: usize = 2;
 /// Times that matches are searched for within a tolerance, by effort: each search is in what the one before has led
 /// to.
 const TOLERANCE_PASSES: [usize; 3] = [2, 3, 6];
-/// Largest step of that price at a time, as a factor.
+/// Largest step of that lambda at once, as a factor.
 const MOST_RETUNED: f64 = 4.0;
-/// A change of that price that is not worth storing content anew, as a factor.
+/// A change of that lambda that is not worth storing content anew, as a factor.
 const LEAST_RETUNED: f32 = 1.05;
 
 impl EpitomeSearch {
@@ -81,8 +81,10 @@ impl EpitomeSearch {
             let (kept, errors) = job.install(|| {
                 let whole = (pass > 0).then(|| self.whole(MOST_LINEARS, &self.rules(None), cancel).options);
                 let options = whole.as_ref().unwrap_or(direct);
-                let knob = self.likely_knob(self.params.goal, |knob| self.choose(options, knob, cancel));
-                let costs = self.costs(ENTRY_BITS, knob);
+                let lambda_index = self.likely_lambda_index(self.params.goal, |lambda_index| {
+                    self.choose(options, lambda_index, cancel)
+                });
+                let costs = self.costs(ENTRY_BITS, lambda_index);
                 let choice = choose_well(self.problem(options, costs, cancel));
                 (Kept::of(&choice), most_errors(self.problem(direct, costs, cancel)))
             });
@@ -97,12 +99,12 @@ impl EpitomeSearch {
         job.checkpoint()
     }
 
-    /// Where content has a residual plane: codes it anew at the price that the goal seems to ask for.
+    /// Where content has a residual plane: codes it anew at the lambda that the goal seems to ask for.
     fn retune(&mut self, cancel: CancelCheck<'_>) -> Result<(), EncodeError> {
-        let Some(price) = self.price else { return Ok(()) };
+        let Some(lambda) = self.residual_lambda else { return Ok(()) };
         let texels = self.images.texel_count() as f64;
         let whole = self.whole(MOST_LINEARS, &self.rules(None), cancel).options;
-        let choice = self.choose(&whole, knob_of(price), cancel);
+        let choice = self.choose(&whole, lambda_index_of(lambda), cancel);
         let factor = match self.params.goal {
             Goal::Psnr(wanted) => 10f64.powf((choice.psnr(texels) - wanted) / 10.0),
             Goal::Bpp(bpp) => (choice.bits / texels / bpp).powi(2),
@@ -110,10 +112,10 @@ impl EpitomeSearch {
         };
         let factor = factor.clamp(1.0 / MOST_RETUNED, MOST_RETUNED) as f32;
         cancel.checkpoint()?;
-        if factor.max(1.0 / factor) >= LEAST_RETUNED && self.space.store_again(price * factor, cancel)? {
+        if factor.max(1.0 / factor) >= LEAST_RETUNED && self.space.store_again(lambda * factor, cancel)? {
             self.cell_bits = self.space.cell_bits();
             self.shares = self.space.shares();
-            self.price = Some(price * factor);
+            self.residual_lambda = Some(lambda * factor);
         }
         Ok(())
     }

@@ -7,7 +7,7 @@ use super::cell_cache::CellCache;
 use super::leaf::Grid;
 use super::pyramid::Space;
 use super::state::Options;
-use crate::format::{IDENTITY, Linear, NEUTRAL, Palettes, Tone};
+use crate::format::{GainOffset, IDENTITY, Matrix, NEUTRAL, Palettes};
 
 /// What a texture is made of.
 #[derive(Clone, Copy)]
@@ -22,7 +22,7 @@ pub(crate) struct Plan<'a> {
     pub(crate) mips: bool,
     pub(crate) effort: Effort,
     /// Whether charts of content may be rotated to fit, which raw content alone can be.
-    pub(crate) turns: bool,
+    pub(crate) orientations: bool,
     /// Where content is to be fitted to its readers: what was encoded so before.
     pub(crate) refit: Option<&'a CellCache>,
     pub(crate) cancel: CancelCheck<'a>,
@@ -30,12 +30,12 @@ pub(crate) struct Plan<'a> {
 
 impl Palettes {
     /// The 2x2 matrix of that number.
-    pub(crate) fn linear(&self, number: u16) -> Linear {
-        self.linears.get(usize::from(number)).copied().unwrap_or(IDENTITY)
+    pub(crate) fn matrix(&self, number: u16) -> Matrix {
+        self.matrices.get(usize::from(number)).copied().unwrap_or(IDENTITY)
     }
 
     /// The gain-offset pair of that number.
-    pub(crate) fn tone(&self, number: u16) -> Tone {
-        self.tones.get(usize::from(number)).copied().unwrap_or(NEUTRAL)
+    pub(crate) fn gain_offset(&self, number: u16) -> GainOffset {
+        self.gain_offsets.get(usize::from(number)).copied().unwrap_or(NEUTRAL)
     }
 }

@@ -67,9 +67,9 @@ pub(crate) struct Pyramid {
 /// How content is to be stored.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Storage {
-    /// As planes of one format, at one price for all cells.
+    /// As planes of one format, at one lambda for all cells.
     Planes(Content),
-    /// As a base with a residual plane, each block as finely as its bits are worth at that price.
+    /// As a base with a residual plane, each block as finely as its bits are worth at that lambda.
     ErrorMap(f32),
 }
 
@@ -533,7 +533,7 @@ mod tests {
 
     #[test]
     fn cells_are_found_again() {
-        let image = texfold_testkit::picture("odd_37x61");
+        let image = texfold_testkit::image("odd_37x61");
         let space = Space::new(
             &ImageSet::single(image),
             None,

@@ -3,13 +3,13 @@
 use glam::{Vec2, Vec4};
 use texfold_match::Field;
 
+use super::gain_offset::{self, Stats};
 use super::leaf::Node;
 use super::pyramid::CellRows;
-use super::tone::{self, Stats};
 use crate::decode::{
-    TexfoldEpitomeLeaf, TexfoldEpitomeSource, texfold_epitome_linear, texfold_epitome_place,
+    TexfoldEpitomeLeaf, TexfoldEpitomeSource, texfold_epitome_matrix, texfold_epitome_place,
 };
-use crate::format::{Linear, Tone};
+use crate::format::{GainOffset, Matrix};
 
 /// Fractions of a texel that positions are stored in, as a binary logarithm.
 pub(crate) const FRACTION_BITS: u32 = 2;
@@ -28,12 +28,12 @@ pub(crate) struct Reading {
 }
 
 impl Reading {
-    pub(crate) fn new(node: Node, x: i32, y: i32, linear: Linear) -> Self {
+    pub(crate) fn new(node: Node, x: i32, y: i32, matrix: Matrix) -> Self {
         let word = |a: i16, b: i16| u32::from(a as u16) | u32::from(b as u16) << 16;
         let scale = 1.0 / (1 << FRACTION_BITS) as f32;
         let source = TexfoldEpitomeSource {
             position: Vec2::new(x as f32 * scale, y as f32 * scale),
-            linear: texfold_epitome_linear(word(linear[0], linear[1]), word(linear[2], linear[3])),
+            matrix: texfold_epitome_matrix(word(matrix[0], matrix[1]), word(matrix[2], matrix[3])),
             gain: Vec4::ONE,
             offset: Vec4::ZERO,
             plane: 0,
@@ -101,7 +101,7 @@ impl Reading {
 
     /// Whether columns of the leaf lie in columns of the field.
     fn is_upright(&self) -> bool {
-        self.source.linear.y == 0.0 && self.source.linear.z == 0.0
+        self.source.matrix.y == 0.0 && self.source.matrix.z == 0.0
     }
 
     /// As [`Reading::read_some`], where all rows of the leaf lie in the same columns of the field: most leaves do.
@@ -165,14 +165,14 @@ impl Reading {
     }
 
     /// RMS error in 8-bit units of the worst 4x4 block under a gain-offset pair, of output rounded to 8 bits.
-    pub(crate) fn worst_block(&self, field: &Field, target: &[Vec4], toned: &Tone) -> f32 {
+    pub(crate) fn worst_block(&self, field: &Field, target: &[Vec4], gain_offset: &GainOffset) -> f32 {
         if self.bounds(field).is_none() {
             return f32::INFINITY;
         }
         let columns = self.node.inside.x as usize;
         let (across, down) = (columns.div_ceil(4), self.node.inside.y.div_ceil(4) as usize);
         let mut blocks = vec![(0.0f32, 0u32); across * down];
-        let (gain, offset) = tone::values(toned);
+        let (gain, offset) = gain_offset::values(gain_offset);
         self.read(field, |index, content| {
             let shown = (content * gain + offset).clamp(Vec4::ZERO, Vec4::splat(255.0));
             let step = (shown + 0.5).floor() - (target[index] + 0.5).floor();
@@ -190,8 +190,8 @@ impl Reading {
         let Some((left, top, right, bottom)) = self.bounds(field) else { return };
         let cell = |at: i32| at as u32 / rows.side;
         let (first, last) = ((cell(left), cell(top)), (cell(right), cell(bottom)));
-        let linear = self.source.linear;
-        if (linear.y == 0.0 && linear.z == 0.0) || (linear.x == 0.0 && linear.w == 0.0) {
+        let matrix = self.source.matrix;
+        if (matrix.y == 0.0 && matrix.z == 0.0) || (matrix.x == 0.0 && matrix.w == 0.0) {
             for y in first.1..=last.1 {
                 out.extend((first.0..=last.0).map(|x| rows.number(x, y)));
             }

@@ -13,13 +13,13 @@ use texfold_core::EncodeError;
 
 use super::candidate::Candidate;
 use super::cell_cache::{CellCache, CellCoder, WantedCell};
+use super::gain_offset;
 use super::leaf::Node;
 use super::pack::Packing;
 use super::plan::Plan;
 use super::pyramid::CellPlace;
 use super::reading::{FRACTION_BITS, Reading};
 use super::state::Choice;
-use super::tone;
 
 /// Steps of conjugate gradients; 20 gain nothing over 3.
 const STEPS: usize = 4;
@@ -144,7 +144,7 @@ fn is_plain(node: &Node, candidate: &Candidate) -> bool {
     let centre = (node.corner * 2 + node.side) << (FRACTION_BITS - 1);
     let is_there = (candidate.x, candidate.y) == (centre.x as i32, centre.y as i32);
     let is_own = candidate.scale == 0 && usize::from(candidate.image) == node.image;
-    is_there && is_own && candidate.linear == 0 && candidate.tone == 0
+    is_there && is_own && candidate.matrix == 0 && candidate.gain_offset == 0
 }
 
 impl<'a> Sheet<'a> {
@@ -237,11 +237,11 @@ impl<'a> Sheet<'a> {
         free.iter().for_each(|&at| step[at] = slope[at] / weights[at]);
         let mut left = dot(&slope, &step);
         for _ in 0..STEPS {
-            let turned = self.apply(&step);
-            let length = divide(left, dot(&step, &turned));
+            let applied = self.apply(&step);
+            let length = divide(left, dot(&step, &applied));
             for &at in &free {
                 texels[at] += step[at] * length;
-                slope[at] -= turned[at] * length;
+                slope[at] -= applied[at] * length;
             }
             let rest = free.iter().map(|&at| (slope[at] * slope[at] / weights[at]).as_dvec4());
             let rest = rest.fold(DVec4::ZERO, |sum, term| sum + term);
@@ -255,15 +255,15 @@ impl<'a> Sheet<'a> {
 
     /// The normal equations' matrix times `step`.
     fn apply(&self, step: &[Vec4]) -> Vec<Vec4> {
-        let mut turned: Vec<Vec4> = step.iter().map(|step| *step * FIRST).collect();
+        let mut applied: Vec<Vec4> = step.iter().map(|step| *step * FIRST).collect();
         for reader in self.readers.iter().take_while(|_| !self.plan.cancel.is_cancelled()) {
             let gain = reader.gain * reader.gain * reader.weight;
             reader.reading.taps(self.width, |_, at, shares| {
                 let shown = blend(step, at, shares) * gain;
-                at.into_iter().zip(shares).for_each(|(at, share)| turned[at] += shown * share);
+                at.into_iter().zip(shares).for_each(|(at, share)| applied[at] += shown * share);
             });
         }
-        turned
+        applied
     }
 
     /// The epitome with those cells stored anew that come nearer to the fitted texels.
@@ -314,8 +314,8 @@ impl Reader {
         weight: f32,
     ) -> Option<Reader> {
         let ((x, y), _) = packing.moved(plan.space, plan.options, candidate)?;
-        let reading = Reading::new(node, x as i32, y as i32, plan.palettes.linear(candidate.linear));
-        let (gain, offset) = tone::values(&plan.palettes.tone(candidate.tone));
+        let reading = Reading::new(node, x as i32, y as i32, plan.palettes.matrix(candidate.matrix));
+        let (gain, offset) = gain_offset::values(&plan.palettes.gain_offset(candidate.gain_offset));
         Some(Reader { reading, weight, gain, offset, node })
     }
 }

@@ -106,8 +106,8 @@ impl State<'_> {
             let options = &self.options.candidates[node];
             let Some(candidate) = options.get(number as usize) else { continue };
             let freed = cells.iter().filter(|&&cell| self.users[cell as usize] == 0);
-            let cells: f32 = freed.map(|&cell| self.costs.cell_price(cell)).sum();
-            let bits = self.costs.entry_price(node, number as usize) * self.costs.entry_bits
+            let cells: f32 = freed.map(|&cell| self.costs.cell_cost(cell)).sum();
+            let bits = self.costs.entry_cost(node, number as usize) * self.costs.entry_bits
                 + cells * self.costs.cell_bits[usize::from(candidate.format)];
             lifted.cost += f64::from(candidate.error + self.costs.lambda * bits);
         }

@@ -45,8 +45,8 @@ fn is_own(node: &Node, candidate: &Candidate) -> bool {
     let own = |corner: u32, log2: u32| (((2 * corner + node.side) << FRACTION_BITS) >> (1 + log2)) as i32;
     let place = (own(node.corner.x, scale.across), own(node.corner.y, scale.down));
     usize::from(candidate.image) == node.image
-        && u16::from(candidate.scale) == candidate.linear
-        && candidate.tone == 0
+        && u16::from(candidate.scale) == candidate.matrix
+        && candidate.gain_offset == 0
         && place == (candidate.x, candidate.y)
 }
 

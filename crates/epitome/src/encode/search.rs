@@ -9,7 +9,8 @@ use rayon::prelude::*;
 use texfold_core::image::ColorSpace;
 use texfold_core::{CancelCheck, Effort, EncodeError, Goal, Job};
 use texfold_match::{
-    Field, Freedom, LumaSums, Mirror, PatchIndex, Place, Refiner, Transform, Turned, TurnedIndex, describe,
+    Field, Freedom, LumaSums, Mirror, OrientedIndex, OrientedPatch, PatchIndex, Place, Refiner, Transform,
+    describe,
 };
 
 use super::candidate::{Match, ScaleErrors, is_upright};
@@ -28,7 +29,7 @@ const APART: f32 = 2.5;
 /// Share of an upright match's error above which refining its 2x2 matrix is not worth it: what leaves share is fitted
 /// to all of them, and content that is rotated a little for each meets in fewer texels. On nine photographs 0.25 to
 /// 0.5 came out the same, 0.8 a hundredth larger.
-const TURNED_SHARE: f32 = 0.5;
+const ROTATED_SHARE: f32 = 0.5;
 /// 2x2 matrices are kept within these factors of the seed's.
 const STRETCH: std::ops::RangeInclusive<f32> = 0.6..=1.6;
 
@@ -41,7 +42,7 @@ const PART: u32 = 1024;
 /// Places that are searched at most, of one size: as many as a part has, and half as many again.
 const MOST_PLACES: usize = 400_000;
 /// Steps between rotated patches, by their side (paper section 3.2).
-const TURNED_STEP: f32 = 0.25;
+const ROTATED_STEP: f32 = 0.25;
 
 /// How widely to search.
 #[derive(Debug, Clone, Copy)]
@@ -55,7 +56,7 @@ pub(crate) struct Reach {
     /// Steps between places, in texels.
     pub(crate) stride: u32,
     /// Neighbours taken from the tree of rotated patches, plain and reflected; 0 looks for upright ones only.
-    pub(crate) turned: usize,
+    pub(crate) rotated: usize,
     /// What matches may be.
     pub(crate) transforms: Transforms,
     /// Texels a side of the squares of images within which leaves look for matches; everywhere where there is none.
@@ -69,7 +70,7 @@ impl Reach {
     pub(crate) fn of(params: &EpitomeParams, texels: u64) -> Self {
         let stride = 2;
         let part = (texels > WHOLE).then_some(PART);
-        let (neighbours, kept, stride, turned) = match (params.effort, params.goal) {
+        let (neighbours, kept, stride, rotated) = match (params.effort, params.goal) {
             (Effort::Fast, _) => (3, 2, stride * 2, 0),
             (Effort::Normal, Goal::Tolerance(_)) => (16, 12, stride, 16),
             (Effort::High, Goal::Tolerance(_)) => (16, 12, stride / 2, 16),
@@ -77,8 +78,8 @@ impl Reach {
             (Effort::High, _) => (16, 4, stride / 2, 8),
         };
         let transforms = params.transforms;
-        let turned = if transforms.affine { turned } else { 0 };
-        Reach { scales: 9, neighbours, kept, stride, turned, transforms, part }
+        let rotated = if transforms.affine { rotated } else { 0 };
+        Reach { scales: 9, neighbours, kept, stride, rotated, transforms, part }
     }
 }
 
@@ -237,9 +238,9 @@ impl Round<'_> {
         let places = self.thinned(places, MOST_PLACES);
         let sums: Vec<&LumaSums> = self.fields.iter().map(|field| &field.sums).collect();
         let index = PatchIndex::new(&sums, self.patch(), &places, LEAST_CONTRAST);
-        let turned = self.turned(&sums, images, part);
+        let rotated = self.rotated(&sums, images, part);
         let matches: Vec<Vec<Match>> =
-            nodes.par_iter().map(|&node| self.matches_of(node, &index, turned.as_ref())).collect();
+            nodes.par_iter().map(|&node| self.matches_of(node, &index, rotated.as_ref())).collect();
         for (&index, matches) in nodes.iter().zip(matches) {
             found[index] = matches;
         }
@@ -312,17 +313,17 @@ impl Round<'_> {
     }
 
     /// Patches however they are rotated, of several sizes, in cells that are allowed. Only where content is as wide
-    /// as high, and not of normals, whose values turn with them.
-    fn turned(&self, sums: &[&LumaSums], images: Range<usize>, part: Option<Part>) -> Option<TurnedIndex> {
+    /// as high, and not of normals, whose values rotate with them.
+    fn rotated(&self, sums: &[&LumaSums], images: Range<usize>, part: Option<Part>) -> Option<OrientedIndex> {
         let scale = SCALES[self.scale];
-        if self.reach.turned == 0
+        if self.reach.rotated == 0
             || scale.across != scale.down
             || self.space.pixel.color == ColorSpace::Normal
         {
             return None;
         }
         let side = self.patch().0 as f32;
-        let step = (side * TURNED_STEP).max(2.0);
+        let step = (side * ROTATED_STEP).max(2.0);
         let mut patches = Vec::new();
         for image in images {
             let (low, high) = self.within(image, part);
@@ -333,18 +334,18 @@ impl Round<'_> {
         }
         let allowed: Vec<Option<Vec<CellSums>>> =
             (0..self.fields.len()).map(|image| self.cell_sums(image, self.allowed.cells)).collect();
-        let keep = |turned: &Turned| {
-            let Some(formats) = &allowed[turned.field as usize] else { return true };
-            let field = self.field(turned.field as usize);
-            let axis = Vec2::from_angle(turned.angle).abs();
-            let half = turned.side * 0.5 * (axis.x + axis.y);
+        let keep = |rotated: &OrientedPatch| {
+            let Some(formats) = &allowed[rotated.field as usize] else { return true };
+            let field = self.field(rotated.field as usize);
+            let axis = Vec2::from_angle(rotated.angle).abs();
+            let half = rotated.side * 0.5 * (axis.x + axis.y);
             let end = Vec2::new(field.width as f32, field.height as f32);
-            let low = (turned.centre - half).floor().max(Vec2::ZERO).as_uvec2();
-            let high = (turned.centre + half).ceil().min(end).as_uvec2();
+            let low = (rotated.centre - half).floor().max(Vec2::ZERO).as_uvec2();
+            let high = (rotated.centre + half).ceil().min(end).as_uvec2();
             let patch = (high.x - low.x, high.y - low.y);
             formats.iter().any(|sums| sums.holds((low.x, low.y), patch))
         };
-        Some(TurnedIndex::new(sums, &patches, LEAST_CONTRAST, keep))
+        Some(OrientedIndex::new(sums, &patches, LEAST_CONTRAST, keep))
     }
 
     /// Finer content has fewer texels to step over.
@@ -354,7 +355,7 @@ impl Round<'_> {
         (self.reach.stride * patch / 8).clamp(1, 4)
     }
 
-    fn matches_of(&self, number: usize, index: &PatchIndex, turned: Option<&TurnedIndex>) -> Vec<Match> {
+    fn matches_of(&self, number: usize, index: &PatchIndex, rotated: Option<&OrientedIndex>) -> Vec<Match> {
         if self.cancel.is_cancelled() {
             return Vec::new();
         }
@@ -384,18 +385,18 @@ impl Round<'_> {
                 if !itself {
                     let position = Vec2::new(place.x as f32, place.y as f32) + half;
                     let sign = |flip: bool| if flip { -1.0 } else { 1.0 };
-                    let linear = Mat2::from_diagonal(Vec2::new(sign(mirror.across), sign(mirror.down)));
-                    seeds.push((near.distance, place.field as u16, Transform { position, linear }));
+                    let matrix = Mat2::from_diagonal(Vec2::new(sign(mirror.across), sign(mirror.down)));
+                    seeds.push((near.distance, place.field as u16, Transform { position, matrix }));
                 }
             }
         }
-        for (distance, near, linear) in turned
-            .map(|index| index.nearest(&own.sums, (centre, width as f32), WITHIN, self.reach.turned))
+        for (distance, near, matrix) in rotated
+            .map(|index| index.nearest(&own.sums, (centre, width as f32), WITHIN, self.reach.rotated))
             .unwrap_or_default()
         {
             let itself = near.field as usize == node.image && near.centre.distance(centre) < half.x.max(2.0);
-            if !itself && (self.mirrors() || linear.determinant() > 0.0) {
-                seeds.push((distance, near.field as u16, Transform { position: near.centre, linear }));
+            if !itself && (self.mirrors() || matrix.determinant() > 0.0) {
+                seeds.push((distance, near.field as u16, Transform { position: near.centre, matrix }));
             }
         }
         seeds.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -405,27 +406,27 @@ impl Round<'_> {
         for (_, image, seed) in seeds {
             let known = |m: &Match| m.image == image && m.position.distance(seed.position) < APART;
             if matches.len() < 2 * self.reach.kept && !matches.iter().any(known) {
-                let freedom = if is_upright(seed.linear) { Freedom::Position } else { Freedom::Affine };
+                let freedom = if is_upright(seed.matrix) { Freedom::Position } else { Freedom::Affine };
                 matches.extend(self.refined(&refiner, image, seed, freedom));
             }
         }
         let mut kept = self.keep_best(matches);
         if self.reach.transforms.affine && self.space.pixel.color != ColorSpace::Normal {
-            let turned: Vec<Match> =
-                kept.iter().filter_map(|found| self.turned_too(&refiner, found)).collect();
-            kept = self.keep_best(kept.into_iter().chain(turned).collect());
+            let rotated: Vec<Match> =
+                kept.iter().filter_map(|found| self.rotated_too(&refiner, found)).collect();
+            kept = self.keep_best(kept.into_iter().chain(rotated).collect());
         }
         kept.retain(|found| found.error < most);
         kept
     }
 
     /// An upright match with its 2x2 matrix refined too, where that is worth it.
-    fn turned_too(&self, refiner: &Refiner<'_>, found: &Match) -> Option<Match> {
-        let linear = found.linear * self.shrink().inverse();
-        let seed = Transform { position: found.position, linear };
-        let turned =
-            is_upright(linear).then(|| self.refined(refiner, found.image, seed, Freedom::Affine))??;
-        (turned.error < TURNED_SHARE * found.error).then_some(turned)
+    fn rotated_too(&self, refiner: &Refiner<'_>, found: &Match) -> Option<Match> {
+        let matrix = found.matrix * self.shrink().inverse();
+        let seed = Transform { position: found.position, matrix };
+        let rotated =
+            is_upright(matrix).then(|| self.refined(refiner, found.image, seed, Freedom::Affine))??;
+        (rotated.error < ROTATED_SHARE * found.error).then_some(rotated)
     }
 
     /// Squared error of luma in texels of the field that a match of a node may have.
@@ -455,19 +456,19 @@ impl Round<'_> {
         let size = (field.width, field.height);
         let luma = &self.fields[usize::from(image)].luma;
         let refined = refiner.refine(luma, size, seed, freedom);
-        let Transform { position, linear } = refined.transform;
+        let Transform { position, matrix } = refined.transform;
         let stretch = |axis: Vec2| STRETCH.contains(&axis.length());
-        if !stretch(linear.x_axis) || !stretch(linear.y_axis) || !position.is_finite() {
+        if !stretch(matrix.x_axis) || !stretch(matrix.y_axis) || !position.is_finite() {
             return None;
         }
         let scale = self.scale as u8;
-        Some(Match { image, scale, position, linear: linear * self.shrink(), error: refined.error })
+        Some(Match { image, scale, position, matrix: matrix * self.shrink(), error: refined.error })
     }
 
     /// The best upright matches, then the best of the others, as many of each.
     fn keep_best(&self, mut matches: Vec<Match>) -> Vec<Match> {
         matches.sort_by(|a, b| a.error.total_cmp(&b.error));
-        let (upright, others) = matches.into_iter().partition(|found: &Match| is_upright(found.linear));
+        let (upright, others) = matches.into_iter().partition(|found: &Match| is_upright(found.matrix));
         let best = |sorted: Vec<Match>| {
             let mut kept: Vec<Match> = Vec::new();
             for found in sorted {
@@ -508,13 +509,13 @@ impl Round<'_> {
         let mut tried = false;
         for neighbour in self.grid.neighbours(index) {
             let step = node.corner.as_vec2() - self.grid.node(neighbour).corner.as_vec2();
-            let first = |upright| before[neighbour].iter().find(move |m| is_upright(m.linear) == upright);
+            let first = |upright| before[neighbour].iter().find(move |m| is_upright(m.matrix) == upright);
             for theirs in [first(true), first(false)].into_iter().flatten() {
                 let Some(seed) = self.carried(theirs, step, &matches).filter(|_| theirs.error < 4.0 * own)
                 else {
                     continue;
                 };
-                let freedom = if is_upright(seed.linear) { Freedom::Position } else { Freedom::Affine };
+                let freedom = if is_upright(seed.matrix) { Freedom::Position } else { Freedom::Affine };
                 matches.extend(self.refined(&refiner, theirs.image, seed, freedom));
                 tried = true;
             }
@@ -525,18 +526,18 @@ impl Round<'_> {
 
     /// Where a match lies for a leaf a `step` away, unless that is outside or among its `matches` already.
     fn carried(&self, theirs: &Match, step: Vec2, matches: &[Match]) -> Option<Transform> {
-        let position = theirs.position + theirs.linear * step;
+        let position = theirs.position + theirs.matrix * step;
         let known = |m: &Match| {
             m.image == theirs.image
                 && m.position.distance(position) < 1.0
-                && is_upright(m.linear) == is_upright(theirs.linear)
+                && is_upright(m.matrix) == is_upright(theirs.matrix)
         };
         let field = self.field(usize::from(theirs.image));
         let half = Vec2::new(self.patch().0 as f32, self.patch().1 as f32) * 0.5;
         let end = Vec2::new(field.width as f32, field.height as f32) - half;
         let inside = position.cmpge(half).all() && position.cmple(end).all();
-        let linear = theirs.linear * self.shrink().inverse();
-        (inside && !matches.iter().any(known)).then_some(Transform { position, linear })
+        let matrix = theirs.matrix * self.shrink().inverse();
+        (inside && !matches.iter().any(known)).then_some(Transform { position, matrix })
     }
 }
 
@@ -592,7 +593,7 @@ mod tests {
 
     #[test]
     fn of_too_many_places_those_of_shared_content_stay() {
-        let image = texfold_testkit::picture("facade");
+        let image = texfold_testkit::image("facade");
         let grid = Grid::new(&[image.size()], 32, true);
         let set = ImageSet::single(image);
         let content = [Storage::Planes(Content::Bc1)];
@@ -630,7 +631,7 @@ mod tests {
 
     #[test]
     fn leaves_look_within_their_own_part() {
-        let image = texfold_testkit::picture("facade");
+        let image = texfold_testkit::image("facade");
         let SurfaceSize { width, height } = image.size();
         let grid = Grid::new(&[image.size()], 32, true);
         let space = Space::new(

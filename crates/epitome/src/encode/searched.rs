@@ -44,7 +44,7 @@ pub struct EpitomeSearch {
     /// Where cells differ in bits: those of each, in bits of a cell of its format.
     pub(super) shares: Vec<f32>,
     /// Where content has a residual plane: the lambda that it was coded at.
-    pub(super) price: Option<f32>,
+    pub(super) residual_lambda: Option<f32>,
     /// As [`Shape::bytes`].
     pub(super) bytes: u64,
     /// The same images with other content, of which the goal will choose.
@@ -116,8 +116,8 @@ impl EpitomeSearch {
             job.install(|| Space::new(&images, source.blocks, &storages, scales, params.effort, cancel))?;
         let allowed = source.content_from.map(|mask| mask::allowed_cells(&space, mask)).transpose()?;
         let matches = vec![Vec::new(); grid.nodes()];
-        let price = storages.iter().find_map(|storage| match storage {
-            Storage::ErrorMap(price) => Some(*price),
+        let residual_lambda = storages.iter().find_map(|storage| match storage {
+            Storage::ErrorMap(lambda) => Some(*lambda),
             Storage::Planes(_) => None,
         });
         let cells = space.stored.iter().map(|stored| stored.cells).collect();
@@ -135,15 +135,15 @@ impl EpitomeSearch {
             matches,
             cells,
             bytes,
-            price,
+            residual_lambda,
             other: None,
         })
     }
 
     /// What bits cost at a lambda index.
-    pub(super) fn costs(&self, entry_bits: f32, knob: u32) -> Costs<'_> {
+    pub(super) fn costs(&self, entry_bits: f32, lambda_index: u32) -> Costs<'_> {
         Costs {
-            lambda: lambda(knob),
+            lambda: lambda(lambda_index),
             entry_bits,
             cell_bits: &self.cell_bits,
             shares: &self.shares,
@@ -162,8 +162,8 @@ impl EpitomeSearch {
         Problem { grid: &self.grid, options, costs, cancel }
     }
 
-    pub(super) fn choose(&self, options: &Options, knob: u32, cancel: CancelCheck<'_>) -> Choice {
-        choose(self.problem(options, self.costs(ENTRY_BITS, knob), cancel))
+    pub(super) fn choose(&self, options: &Options, lambda_index: u32, cancel: CancelCheck<'_>) -> Choice {
+        choose(self.problem(options, self.costs(ENTRY_BITS, lambda_index), cancel))
     }
 
     /// Whether every block is to be covered within a tolerance.
@@ -195,7 +195,7 @@ impl EpitomeSearch {
             entry_bits,
             mips: self.params.mips,
             effort: self.params.effort,
-            turns: false,
+            orientations: false,
             refit: self.refit.as_ref(),
             cancel,
         }

@@ -5,7 +5,7 @@ use texfold_core::CancelCheck;
 use super::candidate::Candidate;
 use super::leaf::{Grid, SPLIT_NODES};
 
-/// Price of a cell to keep away from, in its own.
+/// Cost of a cell to keep away from, in its own.
 const SHUNNED: f32 = 3.0;
 /// Bits of a block that may be split: a word of the map.
 const BLOCK_BITS: f64 = 32.0;
@@ -59,7 +59,7 @@ pub(crate) struct Others<'a> {
 impl Costs<'_> {
     /// What the entry of a candidate costs, in entries.
     #[inline]
-    pub(super) fn entry_price(&self, node: usize, candidate: usize) -> f32 {
+    pub(super) fn entry_cost(&self, node: usize, candidate: usize) -> f32 {
         match self.others {
             Some(others) if others.leaves.iter().all(|of| of[node] != Some(candidate as u32)) => others.dear,
             _ => 1.0,
@@ -68,7 +68,7 @@ impl Costs<'_> {
 
     /// What a cell costs, in cells.
     #[inline]
-    pub(super) fn cell_price(&self, cell: u32) -> f32 {
+    pub(super) fn cell_cost(&self, cell: u32) -> f32 {
         let share = self.share(cell);
         match self.others {
             Some(others) if !others.cells[cell as usize] => others.dear * share,
@@ -132,7 +132,7 @@ pub(super) struct State<'a> {
     pub(super) cancel: CancelCheck<'a>,
     pub(super) leaves: Vec<Option<u32>>,
     pub(super) users: Vec<u32>,
-    /// 0: prices are shared; 1: prices are marginal.
+    /// 0: costs are shared; 1: costs are marginal.
     pub(super) settled: f32,
     /// Cells to keep away from, ascending.
     pub(super) shunned: Vec<u32>,
@@ -164,7 +164,7 @@ impl<'a> State<'a> {
         }
     }
 
-    /// Chooses the leaves of one block anew. Unless `shared`, prices take no account of other blocks.
+    /// Chooses the leaves of one block anew. Unless `shared`, costs take no account of other blocks.
     pub(super) fn settle(&mut self, block: usize, shared: bool) {
         let per_block = self.grid.per_block();
         let first = block * per_block;
@@ -211,20 +211,20 @@ impl<'a> State<'a> {
         let mut best = (f32::INFINITY, 0);
         let entry = self.outside_cost();
         for (index, candidate) in self.options.candidates[node].iter().enumerate() {
-            let mut cost = candidate.error + self.costs.entry_price(node, index) * entry;
+            let mut cost = candidate.error + self.costs.entry_cost(node, index) * entry;
             if cost >= best.0 {
                 continue;
             }
             let bits = self.costs.cell_bits[usize::from(candidate.format)] * self.costs.lambda;
             let cells = self.options.cells_of(candidate);
             if shared {
-                let mut price = 0.0;
+                let mut weight = 0.0;
                 for &cell in cells {
-                    price += self.reader_share(cell) * self.costs.cell_price(cell);
+                    weight += self.reader_share(cell) * self.costs.cell_cost(cell);
                 }
-                cost += bits * price;
+                cost += bits * weight;
             } else {
-                cost += bits * cells.iter().map(|&cell| self.costs.cell_price(cell)).sum::<f32>();
+                cost += bits * cells.iter().map(|&cell| self.costs.cell_cost(cell)).sum::<f32>();
             }
             if cost < best.0 {
                 best = (cost, index as u32);
@@ -233,7 +233,7 @@ impl<'a> State<'a> {
         best
     }
 
-    /// What one more reader pays of a cell's price.
+    /// What one more reader pays of a cell's cost.
     #[inline]
     fn reader_share(&self, cell: u32) -> f32 {
         if !self.shunned.is_empty() && self.shunned.binary_search(&cell).is_ok() {

@@ -8,7 +8,7 @@ use texfold_core::{CancelCheck, EncodeError, Goal, Job};
 use super::assemble::assemble;
 use super::choose::improve;
 use super::growth::grow;
-use super::lambda::TOLERANCE_KNOB;
+use super::lambda::TOLERANCE_LAMBDA_INDEX;
 use super::models::{MOST_LINEARS, Model};
 use super::plan::Plan;
 use super::report;
@@ -17,13 +17,13 @@ use super::state::{Choice, Options};
 use crate::EpitomeTexture;
 
 /// Most 2x2 matrices where charts are rotated to fit: each may be needed in eight orientations.
-const TURNED_LINEARS: usize = 32;
+const ROTATED_LINEARS: usize = 32;
 /// Shares of the tolerance that candidates are held to.
 const TOLERANCE_SHARES: [f32; 3] = [1.0, 0.75, 0.4];
 
 /// Choices that cover every block of all images.
 pub(super) struct Covers {
-    by_price: Choice,
+    by_cost: Choice,
     /// Where blocks have one side.
     grown: Option<Choice>,
 }
@@ -31,7 +31,7 @@ pub(super) struct Covers {
 impl Covers {
     /// The one of fewer bits.
     pub(super) fn smallest(&self) -> &Choice {
-        self.grown.as_ref().filter(|grown| grown.bits < self.by_price.bits).unwrap_or(&self.by_price)
+        self.grown.as_ref().filter(|grown| grown.bits < self.by_cost.bits).unwrap_or(&self.by_cost)
     }
 }
 
@@ -46,7 +46,7 @@ struct Candidate {
 struct Trial {
     /// Share of the tolerance that candidates are held to.
     share: f32,
-    turns: bool,
+    orientations: bool,
 }
 
 impl EpitomeSearch {
@@ -56,7 +56,7 @@ impl EpitomeSearch {
     pub(super) fn within(&self, tolerance: f64, job: &mut Job<'_>) -> Result<EpitomeTexture, EncodeError> {
         let goal = Goal::Tolerance(tolerance);
         let [first, others @ ..] = TOLERANCE_SHARES;
-        let mut trial = Trial { share: first, turns: false };
+        let mut trial = Trial { share: first, orientations: false };
         let mut best = self.covered(tolerance, trial, job)?;
         let mut improve = |tried: Trial, best: &mut Candidate| {
             let made = self.covered(tolerance, tried, job)?;
@@ -74,7 +74,7 @@ impl EpitomeSearch {
         }
         // Charts are rotated for the candidates that are best as they are: all of them would take twice the time.
         if self.space.stored.iter().all(|stored| stored.content == Content::Raw) {
-            improve(Trial { turns: true, ..trial }, &mut best)?;
+            improve(Trial { orientations: true, ..trial }, &mut best)?;
         }
         Ok(best.texture)
     }
@@ -84,12 +84,15 @@ impl EpitomeSearch {
         job.checkpoint()?;
         let cancel = job.cancel_check();
         job.install(|| {
-            let linears = if trial.turns { TURNED_LINEARS } else { MOST_LINEARS };
+            let matrices = if trial.orientations { ROTATED_LINEARS } else { MOST_LINEARS };
             let rules = self.rules(Some(tolerance as f32 * trial.share));
-            let Model { options, palettes, entry_bits } = self.whole(linears, &rules, cancel);
-            let plan = Plan { turns: trial.turns, ..self.plan(&options, &palettes, entry_bits, cancel) };
-            let Covers { by_price, grown } = self.covers(&options, cancel);
-            let mut best = self.made(&plan, by_price, tolerance)?;
+            let Model { options, palettes, entry_bits } = self.whole(matrices, &rules, cancel);
+            let plan = Plan {
+                orientations: trial.orientations,
+                ..self.plan(&options, &palettes, entry_bits, cancel)
+            };
+            let Covers { by_cost, grown } = self.covers(&options, cancel);
+            let mut best = self.made(&plan, by_cost, tolerance)?;
             if let Some(grown) = grown {
                 let other = self.made(&plan, grown, tolerance)?;
                 if Goal::Tolerance(tolerance).prefers(&other.measured, &best.measured) {
@@ -107,16 +110,16 @@ impl EpitomeSearch {
         Ok(Candidate { measured: measure(&self.images, &texture), texture })
     }
 
-    /// Few cells that cover every block: chosen by prices, and, where blocks have one side, grown greedily and
+    /// Few cells that cover every block: chosen by costs, and, where blocks have one side, grown greedily and
     /// improved.
     pub(super) fn covers(&self, options: &Options, cancel: CancelCheck<'_>) -> Covers {
-        let by_price = self.choose(options, TOLERANCE_KNOB, cancel);
+        let by_cost = self.choose(options, TOLERANCE_LAMBDA_INDEX, cancel);
         let grown = (!self.grid.split).then(|| {
             let side = self.space.stored[0].cell;
             let grown = grow(&self.grid, options, self.space.cells(), side * side, cancel);
-            improve(self.problem(options, self.costs(ENTRY_BITS, TOLERANCE_KNOB), cancel), &grown)
+            improve(self.problem(options, self.costs(ENTRY_BITS, TOLERANCE_LAMBDA_INDEX), cancel), &grown)
         });
-        Covers { by_price, grown }
+        Covers { by_cost, grown }
     }
 }
 
@@ -128,16 +131,17 @@ mod tests {
     use texfold_core::image::ImageSet;
 
     #[test]
-    fn turned_charts_show_what_they_hold() {
-        let images = ImageSet::single(texfold_testkit::picture("facade"));
+    fn rotated_charts_show_what_they_hold() {
+        let images = ImageSet::single(texfold_testkit::image("facade"));
         let goal = Goal::Tolerance(20.0);
         let params = EpitomeParams::new(goal).with_effort(texfold_core::Effort::Fast);
         let mut job = Job::default();
         let searched = Epitome::search(EpitomeSource::new(&images), &params, &mut job).unwrap();
-        let made = searched.covered(20.0, Trial { share: 1.0, turns: true }, &mut job).unwrap();
+        let made = searched.covered(20.0, Trial { share: 1.0, orientations: true }, &mut job).unwrap();
         assert!(goal.is_met(&made.measured), "{:?}", made.measured);
         // Columns of a leaf lie in rows of the epitome: nothing is rotated so far in a search at effort fast.
-        let turned = made.texture.linears().iter().filter(|linear| linear[0].abs() < linear[1].abs()).count();
-        assert!(turned > 0);
+        let rotated =
+            made.texture.matrices().iter().filter(|matrix| matrix[0].abs() < matrix[1].abs()).count();
+        assert!(rotated > 0);
     }
 }

@@ -7,7 +7,7 @@ use texfold_core::{Budget, ImageLayout, LoadError, MAX_PLANE_SIDE, String4};
 use texfold_residual::BLOCK_SIDE;
 
 use crate::decode::TexfoldEpitomeParams;
-use crate::format::{Entry, LEAST_STRIP, Linear, MAX_BLOCK, MapFormat, Palettes};
+use crate::format::{Entry, LEAST_SEAM_WIDTH, MAX_BLOCK, MapFormat, Matrix, Palettes};
 use crate::parts::{PLANE_MIPS, Parts, coarse_levels, epitome_size};
 
 pub(super) const FORM_ID: [u8; 4] = *b"EPFM";
@@ -34,7 +34,7 @@ const BLOCK_SIDES: std::ops::RangeInclusive<u32> = 4..=MAX_BLOCK as u32;
 pub(super) fn store_head(parts: &Parts, out: &mut SectionWriter) {
     let format = &parts.format;
     let mips = parts.layout.levels > 1;
-    let is_wide = format.strip > LEAST_STRIP;
+    let is_wide = format.seam_width > LEAST_SEAM_WIDTH;
     let flags = if mips { MIPS_FLAG } else { 0 }
         | if parts.errors.is_some() { ERRORS_FLAG } else { 0 }
         | if is_wide { STRIP_FLAG } else { 0 }
@@ -45,8 +45,8 @@ pub(super) fn store_head(parts: &Parts, out: &mut SectionWriter) {
         format.x_bits,
         format.y_bits,
         format.fraction_bits,
-        format.tone_bits,
-        format.linear_bits,
+        format.gain_offset_bits,
+        format.matrix_bits,
         flags,
         (parts.epitomes.len() + usize::from(parts.errors.is_some())) as u32,
     ]
@@ -63,12 +63,12 @@ pub(super) fn store_head(parts: &Parts, out: &mut SectionWriter) {
         form.push(errors.form().content.number());
         form.extend(epitome_size(errors).iter().flat_map(|side| side.to_le_bytes()));
     }
-    form.extend((parts.palettes.linears.len() as u32).to_le_bytes());
-    form.extend((parts.palettes.tones.len() as u32).to_le_bytes());
-    form.extend(is_wide.then_some(format.strip as u8));
+    form.extend((parts.palettes.matrices.len() as u32).to_le_bytes());
+    form.extend((parts.palettes.gain_offsets.len() as u32).to_le_bytes());
+    form.extend(is_wide.then_some(format.seam_width as u8));
     out.section("container", FORM_ID, &form);
-    let linears = parts.palettes.linears.iter().flatten().flat_map(|value| value.to_le_bytes());
-    let palettes: Vec<u8> = linears.chain(parts.palettes.tones.iter().flatten().copied()).collect();
+    let matrices = parts.palettes.matrices.iter().flatten().flat_map(|value| value.to_le_bytes());
+    let palettes: Vec<u8> = matrices.chain(parts.palettes.gain_offsets.iter().flatten().copied()).collect();
     out.section("map", PALETTE_ID, &palettes);
 }
 
@@ -95,7 +95,7 @@ pub(super) fn read_head(file: &Sections<'_>, budget: &mut Budget) -> Result<Head
     budget.take(IMAGE_BYTES * layout.surfaces.len() as u64)?;
     let raw = file.read(FORM_ID, budget)?;
     let form = read_form(&mut Reader::new(String4(FORM_ID), &raw), &layout)?;
-    budget.take(PALETTE_BYTES * u64::from(form.linears + form.tones))?;
+    budget.take(PALETTE_BYTES * u64::from(form.matrices + form.gain_offsets))?;
     let raw = file.read(PALETTE_ID, budget)?;
     let palettes = read_palettes(&mut Reader::new(String4(PALETTE_ID), &raw), &form)?;
     Ok(Head { layout, form, palettes })
@@ -117,8 +117,8 @@ pub(super) struct Form {
     /// Whether the coarse mip levels are in BC7, the epitome in BC1.
     pub(super) finer: bool,
     pub(super) epitomes: Vec<EpitomeForm>,
-    linears: u32,
-    tones: u32,
+    matrices: u32,
+    gain_offsets: u32,
 }
 
 impl Form {
@@ -145,8 +145,8 @@ impl Form {
     pub(super) fn holds(&self, entry: &Entry) -> bool {
         entry.x >> self.format.x_bits == 0
             && entry.y >> self.format.y_bits == 0
-            && entry.tone < self.tones
-            && entry.linear < self.linears
+            && entry.gain_offset < self.gain_offsets
+            && entry.matrix < self.matrices
             && entry.plane <= u32::from(self.format.mixed)
     }
 }
@@ -174,16 +174,16 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
         epitomes.push(read_epitome(reader, layout, mips, errors && index == count)?);
     }
     check_pair(reader, layout, &epitomes)?;
-    let (linears, tones) = (reader.u32()?, reader.u32()?);
+    let (matrices, gain_offsets) = (reader.u32()?, reader.u32()?);
     let fits = |count: u32, bits: u32| (1..=1 << bits).contains(&count);
-    if !fits(linears, format.linear_bits) || !fits(tones, format.tone_bits) {
+    if !fits(matrices, format.matrix_bits) || !fits(gain_offsets, format.gain_offset_bits) {
         return Err(reader.corrupt("a palette longer than its numbers"));
     }
     if flags & STRIP_FLAG != 0 {
-        format.strip = u32::from(reader.u8()?);
+        format.seam_width = u32::from(reader.u8()?);
         // Half a leaf on each side of a border.
-        if !(LEAST_STRIP + 1..=4 * format.cell()).contains(&format.strip) {
-            return Err(reader.corrupt("a strip narrower than a texel or wider than a leaf"));
+        if !(LEAST_SEAM_WIDTH + 1..=4 * format.cell()).contains(&format.seam_width) {
+            return Err(reader.corrupt("a seam narrower than a texel or wider than a leaf"));
         }
     }
     reader.end()?;
@@ -196,7 +196,7 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
             reader.corrupt("mip levels of the epitome without mip levels of the images, or the other way")
         );
     }
-    Ok(Form { format, mips, errors, finer, epitomes, linears, tones })
+    Ok(Form { format, mips, errors, finer, epitomes, matrices, gain_offsets })
 }
 
 /// The map's fields; whether there are two epitomes follows.
@@ -211,10 +211,10 @@ fn read_fields(reader: &mut Reader<'_>) -> Result<MapFormat, LoadError> {
         x_bits: field(16, "a field above 16 bits")?,
         y_bits: field(16, "a field above 16 bits")?,
         fraction_bits: field(3, "a fraction above 3 bits")?,
-        tone_bits: field(8, "a field above 8 bits")?,
-        linear_bits: field(8, "a field above 8 bits")?,
+        gain_offset_bits: field(8, "a field above 8 bits")?,
+        matrix_bits: field(8, "a field above 8 bits")?,
         mixed: false,
-        strip: LEAST_STRIP,
+        seam_width: LEAST_SEAM_WIDTH,
     })
 }
 
@@ -251,18 +251,18 @@ fn check_pair(reader: &Reader<'_>, layout: &ImageLayout, epitomes: &[EpitomeForm
 
 fn read_palettes(reader: &mut Reader<'_>, form: &Form) -> Result<Palettes, LoadError> {
     let mut palettes = Palettes::default();
-    for _ in 0..form.linears {
-        let mut linear: Linear = [0; 4];
-        for value in &mut linear {
+    for _ in 0..form.matrices {
+        let mut matrix: Matrix = [0; 4];
+        for value in &mut matrix {
             *value = reader.u16()? as i16;
         }
-        palettes.linears.push(linear);
+        palettes.matrices.push(matrix);
     }
-    for _ in 0..form.tones {
-        palettes.tones.push(reader.array()?);
+    for _ in 0..form.gain_offsets {
+        palettes.gain_offsets.push(reader.array()?);
     }
     reader.end()?;
-    palettes.linears.shrink_to_fit();
-    palettes.tones.shrink_to_fit();
+    palettes.matrices.shrink_to_fit();
+    palettes.gain_offsets.shrink_to_fit();
     Ok(palettes)
 }

@@ -31,8 +31,15 @@ pub(super) fn entry_bytes(entries: &[Entry], wanted: impl Fn(usize) -> bool) -> 
         if !wanted(leaf) {
             continue;
         }
-        let bytes =
-            [across[0], across[1], down[0], down[1], entry.tone as u8, entry.linear as u8, entry.plane as u8];
+        let bytes = [
+            across[0],
+            across[1],
+            down[0],
+            down[1],
+            entry.gain_offset as u8,
+            entry.matrix as u8,
+            entry.plane as u8,
+        ];
         for (plane, byte) in planes.iter_mut().zip(bytes) {
             plane.push(byte);
         }
@@ -115,9 +122,9 @@ pub(super) fn read_entries(
             None => {
                 let x = last.x.wrapping_add(byte(0, index) | byte(1, index) << 8) & 0xffff;
                 let y = last.y.wrapping_add(byte(2, index) | byte(3, index) << 8) & 0xffff;
-                let (tone, linear, plane) = (byte(4, index), byte(5, index), byte(6, index));
+                let (gain_offset, matrix, plane) = (byte(4, index), byte(5, index), byte(6, index));
                 index += 1;
-                Entry { x, y, tone, linear, plane }
+                Entry { x, y, gain_offset, matrix, plane }
             }
         };
         if !form.holds(&last) {

@@ -14,7 +14,7 @@ use texfold_epitome::decode::{TEXFOLD_EPITOME_FINE_LEVELS, TEXFOLD_EPITOME_GAIN_
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
 use texfold_gpu::AddressMode;
 
-use super::{Base, Call, Forge, Subject, bc, epitome, picture, progressive, vq, zipmap};
+use super::{Base, Call, Forge, Subject, bc, epitome, image, progressive, vq, zipmap};
 
 /// Plain bytes and BC7 decode to the same bytes everywhere; what remains is the division by 255.
 pub(crate) const STORED: f32 = 1e-6;
@@ -145,16 +145,16 @@ pub(crate) fn bc_case(name: &str, image: Raster, content: Content, reduce_log2: 
 
 fn bc_cases() -> Vec<Case> {
     use Content::{Bc1, Bc3, Bc4, Bc5, Bc7, Raw};
-    let gray_alpha = picture("cutout").with_channels(2);
+    let gray_alpha = image("cutout").with_channels(2);
     let images: [(&str, Raster, &[Content]); 8] = [
-        ("odd_37x61", picture("odd_37x61"), &[Raw, Bc1, Bc7]),
-        ("cutout", picture("cutout"), &[Raw, Bc1, Bc3, Bc7]),
-        ("gray", picture("gray"), &[Raw, Bc4]),
+        ("odd_37x61", image("odd_37x61"), &[Raw, Bc1, Bc7]),
+        ("cutout", image("cutout"), &[Raw, Bc1, Bc3, Bc7]),
+        ("gray", image("gray"), &[Raw, Bc4]),
         ("gray_alpha", gray_alpha, &[Raw, Bc5]),
-        ("normal_map", picture("normal_map"), &[Bc5]),
-        ("one_texel", picture("one_texel"), &[Raw, Bc1, Bc7]),
-        ("odd_3x5", picture("odd_3x5"), &[Raw, Bc7]),
-        ("line_513x1", picture("line_513x1"), &[Raw, Bc7]),
+        ("normal_map", image("normal_map"), &[Bc5]),
+        ("one_texel", image("one_texel"), &[Raw, Bc1, Bc7]),
+        ("odd_3x5", image("odd_3x5"), &[Raw, Bc7]),
+        ("line_513x1", image("line_513x1"), &[Raw, Bc7]),
     ];
     let mut cases = Vec::new();
     for (name, image, contents) in images {
@@ -167,7 +167,7 @@ fn bc_cases() -> Vec<Case> {
     }
     // Images of unlike sizes share a number of levels: the smaller ones repeat their last.
     for content in [Raw, Bc1] {
-        let images = ["odd_3x5", "odd_37x61", "one_texel"].map(picture).to_vec();
+        let images = ["odd_3x5", "odd_37x61", "one_texel"].map(image).to_vec();
         let subject = bc(images, content, 0);
         cases.push(plain_case(format!("bc set {content:?}"), subject, content, false));
     }
@@ -193,7 +193,7 @@ fn vq_cases() -> Vec<Case> {
 
 /// The largest gain of a texture's map entries.
 fn gain_of(texture: &EpitomeTexture) -> f32 {
-    let gains = texture.tones().iter().flat_map(|tone| tone[..3].to_vec());
+    let gains = texture.gain_offsets().iter().flat_map(|tone| tone[..3].to_vec());
     f32::from(gains.max().unwrap_or(0)).max(TEXFOLD_EPITOME_GAIN_ONE) / TEXFOLD_EPITOME_GAIN_ONE
 }
 
@@ -216,11 +216,14 @@ fn epitome_cases() -> Vec<Case> {
     let cases = [
         ("1 channel, 2 bytes", Forge { channels: 1, block: 32, bits: bits(7, 6, 2, 1), ..forge() }),
         ("2 channels, 3 bytes, mips", Forge { channels: 2, bits: bits(9, 8, 4, 3), ..forge() }.with_mips()),
-        ("3 channels, 5 bytes, mips", Forge { bits: bits(12, 12, 8, 8), strip: 11, ..forge() }.with_mips()),
+        (
+            "3 channels, 5 bytes, mips",
+            Forge { bits: bits(12, 12, 8, 8), seam_width: 11, ..forge() }.with_mips(),
+        ),
         ("3 channels, 6 bytes, large", Forge { block: 64, bits: bits(16, 16, 8, 8), ..forge() }),
         (
             "4 channels, unsplit, mips",
-            Forge { channels: 4, bits: bits(9, 9, 8, 6), strip: 48, ..forge() }.unsplit().with_mips(),
+            Forge { channels: 4, bits: bits(9, 9, 8, 6), seam_width: 48, ..forge() }.unsplit().with_mips(),
         ),
         ("bc1, no palettes", Forge { contents: &[Bc1], bits: bits(9, 8, 0, 0), ..forge() }),
         (
@@ -229,7 +232,7 @@ fn epitome_cases() -> Vec<Case> {
         ),
         (
             "bc1 and bc7, mips",
-            Forge { contents: &[Bc1, Bc7], finer: true, bits: bits(16, 16, 8, 7), strip: 32, ..forge() }
+            Forge { contents: &[Bc1, Bc7], finer: true, bits: bits(16, 16, 8, 7), seam_width: 32, ..forge() }
                 .with_mips(),
         ),
         (
@@ -249,23 +252,23 @@ fn epitome_cases() -> Vec<Case> {
             Forge { channels: 1, bits: bits(9, 8, 5, 5), ..forge() }.unsplit().with_mips(),
         ),
         // For coordinates on texel edges, which are exact where sizes are powers of two.
-        ("64x32, mips", Forge { sizes: &[(64, 32)], levels: 6, strip: 16, ..forge() }),
+        ("64x32, mips", Forge { sizes: &[(64, 32)], levels: 6, seam_width: 16, ..forge() }),
     ];
     cases.into_iter().map(|(name, forge)| epitome_case(name, forge)).collect()
 }
 
 /// Epitomes whose last plane is error-coded, encoded for a PSNR in dB: beside a plain plane, or alone.
-pub(crate) fn error_mapped(image: &str, mips: bool, psnr: f64) -> (Case, bool) {
+pub(crate) fn error_mapped(source: &str, mips: bool, psnr: f64) -> (Case, bool) {
     let params = EpitomeParams::new(Goal::Psnr(psnr));
     let params = params.with_family(Family::ErrorMap).with_mips(mips).with_effort(Effort::Fast);
-    let set = ImageSet::single(picture(image));
+    let set = ImageSet::single(image(source));
     let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
-    assert!(texture.errors().is_some_and(|errors| !errors.classes(0).is_empty()), "{image}");
+    assert!(texture.errors().is_some_and(|errors| !errors.classes(0).is_empty()), "{source}");
     let mixed = texture.view(0).params.mixed == 1;
     let stored = gain_of(&texture) * (ROUNDED + TAPPED);
     let bounds = Bounds { nearest: stored + PLACED, blended: stored + PLACED + BLENDED };
     let coarse = Bounds { nearest: ROUNDED, blended: ROUNDED + BLENDED };
-    let name = format!("error-mapped epitome of {image}, mixed {mixed}");
+    let name = format!("error-mapped epitome of {source}, mixed {mixed}");
     (Case { name, subject: Subject::new(texture), bounds, coarse, normals: Normals::No }, mixed)
 }
 
@@ -396,9 +399,9 @@ pub(crate) fn wide_cases() -> Vec<Case> {
 
 /// ASTC content: plain at every block size, and in epitomes.
 pub(crate) fn astc_cases() -> Vec<Case> {
-    let plain = |(image, block)| bc_case(image, picture(image), Content::Astc(block), 0);
+    let plain = |(name, block)| bc_case(name, image(name), Content::Astc(block), 0);
     let images = ["odd_37x61", "cutout", "one_texel"];
-    let plains = images.iter().flat_map(|&image| AstcBlock::ALL.map(|block| (image, block))).map(plain);
+    let plains = images.iter().flat_map(|&name| AstcBlock::ALL.map(|block| (name, block))).map(plain);
     let epitomes = [None, Some(Content::Astc(AstcBlock::B5)), Some(Content::Astc(AstcBlock::B8))];
     plains.chain(epitomes.into_iter().map(astc_epitome)).collect()
 }
@@ -407,7 +410,7 @@ pub(crate) fn astc_cases() -> Vec<Case> {
 fn astc_epitome(content: Option<Content>) -> Case {
     let params = EpitomeParams::new(Goal::Psnr(26.0)).with_content(content).with_family(Family::Astc);
     let params = params.with_mips(true).with_effort(Effort::Fast);
-    let set = ImageSet::single(picture("facade"));
+    let set = ImageSet::single(image("facade"));
     let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
     let stored = gain_of(&texture) * CUT;
     // Epitomes of this image are below 256 texels a side.

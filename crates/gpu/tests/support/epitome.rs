@@ -6,7 +6,7 @@ use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
 use texfold_core::rng::Rng;
 use texfold_core::{Budget, ImageLayout, Notes, SurfaceSize, TextureCodec};
 use texfold_epitome::decode::TEXFOLD_EPITOME_FINE_LEVELS;
-use texfold_epitome::{Epitome, EpitomeTexture, IDENTITY, Linear, NEUTRAL, Tone};
+use texfold_epitome::{Epitome, EpitomeTexture, GainOffset, IDENTITY, Matrix, NEUTRAL};
 
 /// Odd ones, several of one size, and one that is smaller than a leaf.
 const SIZES: [(u32, u32); 6] = [(37, 61), (64, 40), (5, 3), (37, 61), (1, 1), (101, 33)];
@@ -16,7 +16,7 @@ const EPITOMES: [(u32, u32); 2] = [(128, 64), (48, 80)];
 const PLANE_LEVELS: u32 = 2;
 
 /// Mirrors, turns by quarters and by 45 and 30 degrees, scales, squeezes and a shear.
-const LINEARS: [Linear; 16] = [
+const LINEARS: [Matrix; 16] = [
     IDENTITY,
     [-8192, 0, 0, 8192],
     [4096, 0, 0, 8192],
@@ -49,10 +49,10 @@ pub(crate) struct Forge {
     pub(crate) finer: bool,
     pub(crate) block: u32,
     pub(crate) split: bool,
-    /// Of column, row, their fraction, tone and linear part.
+    /// Of column, row, their fraction, gain and offset and 2x2 matrix.
     pub(crate) bits: [u32; 5],
-    /// Half the width of the strips in which leaves are blended, in eighths of a texel; 4 is the least.
-    pub(crate) strip: u32,
+    /// Half the width of the seams in which leaves are blended, in eighths of a texel; 4 is the least.
+    pub(crate) seam_width: u32,
 }
 
 impl Default for Forge {
@@ -67,7 +67,7 @@ impl Default for Forge {
             block: 32,
             split: true,
             bits: [9, 8, 2, 4, 4],
-            strip: 4,
+            seam_width: 4,
         }
     }
 }
@@ -100,18 +100,19 @@ impl Forge {
         PixelInfo { channels: self.channels, depth: Depth::Eight, color, alpha }
     }
 
-    fn form(&self, linears: usize, tones: usize) -> Vec<u8> {
+    fn form(&self, matrices: usize, gain_offsets: usize) -> Vec<u8> {
         let mips = self.levels > 1;
         let head = [self.block, u32::from(self.split)].into_iter().chain(self.bits);
-        let flags = u32::from(mips) | if self.strip > 4 { 4 } else { 0 } | if self.finer { 8 } else { 0 };
+        let flags =
+            u32::from(mips) | if self.seam_width > 4 { 4 } else { 0 } | if self.finer { 8 } else { 0 };
         let head = head.chain([flags, self.contents.len() as u32]);
         let mut form: Vec<u8> = head.map(|value| value as u8).collect();
         for (content, (width, height)) in self.contents.iter().zip(EPITOMES) {
             form.push(Content::ALL.iter().position(|kind| kind == content).unwrap() as u8);
             form.extend([width, height].into_iter().flat_map(u32::to_le_bytes));
         }
-        form.extend([linears as u32, tones as u32].into_iter().flat_map(u32::to_le_bytes));
-        form.extend((self.strip > 4).then_some(self.strip as u8));
+        form.extend([matrices as u32, gain_offsets as u32].into_iter().flat_map(u32::to_le_bytes));
+        form.extend((self.seam_width > 4).then_some(self.seam_width as u8));
         form
     }
 
@@ -169,21 +170,22 @@ impl Forge {
 }
 
 /// Tones of every gain and offset, the neutral one first.
-fn tones(count: u32, rng: &mut Rng) -> Vec<Tone> {
+fn gain_offsets(count: u32, rng: &mut Rng) -> Vec<GainOffset> {
     let random = |_| [(); 6].map(|()| rng.below(256) as u8);
     std::iter::once(NEUTRAL).chain((1..count).map(random)).collect()
 }
 
 /// A texture with a pseudo-random map into pseudo-random epitomes.
 pub(crate) fn epitome(forge: &Forge) -> EpitomeTexture {
-    let [.., tone_bits, linear_bits] = forge.bits;
-    let mut rng =
-        Rng::new(u64::from(tone_bits) + 10 * u64::from(forge.block) + 1000 * u64::from(forge.channels));
+    let [.., gain_offset_bits, matrix_bits] = forge.bits;
+    let mut rng = Rng::new(
+        u64::from(gain_offset_bits) + 10 * u64::from(forge.block) + 1000 * u64::from(forge.channels),
+    );
     let surfaces: Vec<_> = forge.sizes.iter().map(|&(width, height)| SurfaceSize { width, height }).collect();
-    let linears = &LINEARS[..LINEARS.len().min(1 << linear_bits)];
-    let tones = tones(1 << tone_bits, &mut rng);
+    let matrices = &LINEARS[..LINEARS.len().min(1 << matrix_bits)];
+    let gain_offsets = gain_offsets(1 << gain_offset_bits, &mut rng);
     let (trees, leaves) = forge.trees(&surfaces, &mut rng);
-    let entries = forge.entries(leaves, [linears.len(), tones.len()], &mut rng);
+    let entries = forge.entries(leaves, [matrices.len(), gain_offsets.len()], &mut rng);
     let plane_levels = if forge.levels > 1 { PLANE_LEVELS } else { 1 };
     let mut planes = Vec::new();
     for (&content, (width, height)) in forge.contents.iter().zip(EPITOMES) {
@@ -199,9 +201,9 @@ pub(crate) fn epitome(forge: &Forge) -> EpitomeTexture {
     let mut out = SectionWriter::new(Epitome::ID);
     Notes::default().write(&mut out);
     write_layout(&ImageLayout { surfaces, levels: forge.levels, pixel: forge.pixel() }, &mut out);
-    out.section("container", *b"EPFM", &forge.form(linears.len(), tones.len()));
-    let palettes = linears.as_flattened().iter().flat_map(|value| value.to_le_bytes());
-    out.section("map", *b"EPPL", &palettes.chain(tones.concat()).collect::<Vec<u8>>());
+    out.section("container", *b"EPFM", &forge.form(matrices.len(), gain_offsets.len()));
+    let palettes = matrices.as_flattened().iter().flat_map(|value| value.to_le_bytes());
+    out.section("map", *b"EPPL", &palettes.chain(gain_offsets.concat()).collect::<Vec<u8>>());
     out.section("map", *b"EPTR", &trees);
     out.section("map", *b"EPEN", &entries);
     out.section("epitome", *b"EPAT", &planes);

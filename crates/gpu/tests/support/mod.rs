@@ -22,7 +22,7 @@ use texfold_core::{
     Budget, Effort, Encoder, GpuForm, ImageLayout, Job, Limits, Notes, SurfaceSize, TextureCodec,
 };
 use texfold_gpu::{AddressMode, Gpu, GpuError, GpuTexture, Lookup, Policy, View};
-use texfold_testkit::fixtures::{Picture, pictures};
+use texfold_testkit::fixtures::{Fixture, images};
 use texfold_vq::Vq;
 
 pub(crate) use cases::{
@@ -116,11 +116,11 @@ fn linear_light(texel: Vec4) -> Vec4 {
 }
 
 /// The fixture of that name.
-pub(crate) fn picture(name: &str) -> Raster {
-    static PICTURES: OnceLock<Vec<Picture>> = OnceLock::new();
-    let picture = PICTURES.get_or_init(pictures).iter().find(|picture| picture.name == name).unwrap();
+pub(crate) fn image(name: &str) -> Raster {
+    static IMAGES: OnceLock<Vec<Fixture>> = OnceLock::new();
+    let image = IMAGES.get_or_init(images).iter().find(|image| image.name == name).unwrap();
     let color = if name == "normal_map" { ColorSpace::Normal } else { ColorSpace::Srgb };
-    Raster::from_u8(picture.width, picture.height, picture.channels, color, &picture.data).unwrap()
+    Raster::from_u8(image.width, image.height, image.channels, color, &image.data).unwrap()
 }
 
 /// Images through the plain codec with all mip levels.

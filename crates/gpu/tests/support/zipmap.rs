@@ -5,7 +5,7 @@ use texfold_bc::Content;
 use texfold_core::{Effort, Encoder, Job};
 use texfold_zipmap::{PatchSource, PatchStack, ZipParams, ZipTexture, Zipmap};
 
-use super::picture;
+use super::image;
 
 /// From the root's texture coordinates to those of a patch that lies around `middle`, `zoom` times as large, turned, and slanted.
 pub(crate) fn matrix(middle: (f64, f64), zoom: f64, turn: f64, slant: f64) -> DMat3 {
@@ -19,8 +19,8 @@ pub(crate) fn matrix(middle: (f64, f64), zoom: f64, turn: f64, slant: f64) -> DM
 
 /// Patches in colour or gray over a small root.
 pub(crate) fn zipmap(root: &str, channels: u8, content: Content, patches: usize) -> ZipTexture {
-    let root = picture(root).with_channels(channels);
-    let images = ["odd_37x61", "gray", "cutout"].map(|name| picture(name).with_channels(channels)).to_vec();
+    let root = image(root).with_channels(channels);
+    let images = ["odd_37x61", "gray", "cutout"].map(|name| image(name).with_channels(channels)).to_vec();
     let mut mirrored = matrix((0.3, 0.7), 2.0, 2.0, 0.0);
     mirrored.x_axis.x = -mirrored.x_axis.x;
     let matrices = [

@@ -142,7 +142,7 @@ impl Observer<'_> {
     }
 }
 
-/// The colour at a place of the picture, blended from four pixels that all show the object.
+/// The colour at a place of the image, blended from four pixels that all show the object.
 fn colour_at(view: &Photograph, place: Vec2) -> Option<[u8; 3]> {
     let Camera { width, height, .. } = view.camera;
     let at = place - 0.5;

@@ -118,7 +118,7 @@ impl Draft {
             }
             _ => {
                 let found = search_lambda(base, &coder, goal);
-                (found.knob, found.measured, found.value)
+                (found.index, found.measured, found.value)
             }
         };
         let crowded = share_of_largest(&classes) > CROWDED;

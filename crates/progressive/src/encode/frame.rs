@@ -223,7 +223,7 @@ mod tests {
 
     #[test]
     fn the_fit_is_nearer_than_means_and_nearly_the_nearest() {
-        let image = texfold_testkit::picture("terrain");
+        let image = texfold_testkit::image("terrain");
         let means = mip_chain(&image.clone().tagged(ColorSpace::Linear, Alpha::Opaque), 2, MipFilter::Box);
         let columns = taps((256, 0), (128, 0));
         let texels: Vec<Texel> = means[1].texels().collect();
@@ -248,7 +248,7 @@ mod tests {
 
     #[test]
     fn the_fit_of_a_tile_is_that_of_the_whole_in_its_place() {
-        let image = texfold_testkit::picture("terrain");
+        let image = texfold_testkit::image("terrain");
         for shrink_log2 in [1, 2] {
             let (whole, _) =
                 fitted(&PaddedRaster::alone(image.clone()), shrink_log2, PASSES, CancelCheck::default())

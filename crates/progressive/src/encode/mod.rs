@@ -234,7 +234,7 @@ impl Encoding<'_> {
                 code_at(&mut coder, draft.index, job)?;
                 // What coding has shown of the blocks moves bits among them.
                 job.stage("coding blocks", 0.7)?;
-                let index = draft::search_lambda(base, &coder, inner).knob;
+                let index = draft::search_lambda(base, &coder, inner).index;
                 let classes = code_at(&mut coder, index, job)?;
                 base.assemble(&coder, &classes)
             }
@@ -265,8 +265,8 @@ impl Encoding<'_> {
                 Ok::<_, EncodeError>((measured, made))
             })?;
             // The best lambda of a range lies inside it.
-            let inside = found.met && found.knob > start || start == FIRST_LAMBDA;
-            guess = found.knob;
+            let inside = found.met && found.index > start || start == FIRST_LAMBDA;
+            guess = found.index;
             let done = inside && (found.met || end == FIRST_LAMBDA + LAMBDAS);
             last = Some(found.value);
             if done {

@@ -129,10 +129,10 @@ mod tests {
 
     #[test]
     fn whole_texels_are_the_means_of_mip_levels() {
-        let picture = texfold_testkit::picture("terrain").tagged(ColorSpace::Linear, Alpha::Opaque);
-        let whole = PaddedRaster { raster: picture.clone(), padding: 64 };
-        let small = mip_chain(&picture, 4, MipFilter::Box);
-        let found = whole.reduced(&picture, small[3].size(), 8.0);
+        let image = texfold_testkit::image("terrain").tagged(ColorSpace::Linear, Alpha::Opaque);
+        let whole = PaddedRaster { raster: image.clone(), padding: 64 };
+        let small = mip_chain(&image, 4, MipFilter::Box);
+        let found = whole.reduced(&image, small[3].size(), 8.0);
         for (found, wanted) in found.iter().zip(small[3].texels()) {
             assert!((*found - wanted).abs().max_element() < 1e-5, "{found} {wanted}");
         }
@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     fn a_slope_stays_where_it_is_at_any_size() {
-        let info = texfold_testkit::picture("terrain").tagged(ColorSpace::Linear, Alpha::Opaque).info();
+        let info = texfold_testkit::image("terrain").tagged(ColorSpace::Linear, Alpha::Opaque).info();
         for (inner, count) in [(15u32, 1u32), (100, 12), (101, 12), (238, 29)] {
             let (padding, beyond) = (32, 4u32);
             let width = inner + 2 * padding;
@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn the_middle_is_cut_out() {
-        let info = texfold_testkit::picture("terrain").info();
+        let info = texfold_testkit::image("terrain").info();
         let image = SurfaceSize { width: 10, height: 3 };
         let (width, height) = (image.width + 2 * APRON, image.height + 2 * APRON);
         let value = |x: u32, y: u32| Texel::splat((x * 7 + y * 3) as f32 / 4096.0);
@@ -182,22 +182,21 @@ mod tests {
 
     #[test]
     fn hidden_colours_are_not_mixed_in() {
-        let mut picture = texfold_testkit::picture("terrain").with_channels(4);
-        let size = picture.size();
+        let mut image = texfold_testkit::image("terrain").with_channels(4);
+        let size = image.size();
         let half =
             |i: u32, texel: Texel| if i.is_multiple_of(2) { texel } else { Texel::new(1.0, 0.0, 1.0, 0.0) };
-        let texels: Vec<Texel> = (0..).zip(picture.texels()).map(|(i, texel)| half(i, texel)).collect();
-        picture = Raster::from_texels(size.width, size.height, picture.info(), &texels).unwrap();
-        picture = picture.tagged(ColorSpace::Linear, Alpha::Straight);
-        let small = mip_chain(&picture, 3, MipFilter::Box);
-        let found =
-            PaddedRaster { raster: picture.clone(), padding: 16 }.reduced(&picture, small[2].size(), 4.0);
+        let texels: Vec<Texel> = (0..).zip(image.texels()).map(|(i, texel)| half(i, texel)).collect();
+        image = Raster::from_texels(size.width, size.height, image.info(), &texels).unwrap();
+        image = image.tagged(ColorSpace::Linear, Alpha::Straight);
+        let small = mip_chain(&image, 3, MipFilter::Box);
+        let found = PaddedRaster { raster: image.clone(), padding: 16 }.reduced(&image, small[2].size(), 4.0);
         for (found, wanted) in found.iter().zip(small[2].texels()) {
             assert!((*found - wanted).abs().max_element() < 1e-5, "{found} {wanted}");
         }
         // Where all are hidden they stay.
-        let hidden: Vec<Texel> = picture.texels().map(|texel| texel.truncate().extend(0.0)).collect();
-        let hidden = Raster::from_texels(size.width, size.height, picture.info(), &hidden).unwrap();
+        let hidden: Vec<Texel> = image.texels().map(|texel| texel.truncate().extend(0.0)).collect();
+        let hidden = Raster::from_texels(size.width, size.height, image.info(), &hidden).unwrap();
         let found = PaddedRaster::alone(hidden.clone()).reduced(&hidden, small[2].size(), 0.0);
         let opaque = mip_chain(&hidden.with_channels(3), 3, MipFilter::Box);
         for (found, wanted) in found.iter().zip(opaque[2].texels()) {

@@ -159,7 +159,7 @@ impl ImageEncoder for Vq {
     }
 
     fn parts(texture: &VqTexture) -> Vec<PartImages> {
-        texfold_vq::pictures(texture).map_or(Vec::new(), |parts| {
+        texfold_vq::part_images(texture).map_or(Vec::new(), |parts| {
             vec![
                 part("codebook", vec![parts.codebook]),
                 part("index", parts.index),
@@ -200,7 +200,7 @@ impl ImageEncoder for Epitome {
     }
 
     fn parts(texture: &EpitomeTexture) -> Vec<PartImages> {
-        texfold_epitome::pictures(texture).map_or(Vec::new(), |parts| {
+        texfold_epitome::part_images(texture).map_or(Vec::new(), |parts| {
             vec![
                 part("epitome", parts.epitomes),
                 part("position", parts.positions),

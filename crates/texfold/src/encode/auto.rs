@@ -61,7 +61,7 @@ mod tests {
     use crate::Choice;
 
     fn encode(name: &str, settings: &EncodeSettings) -> (ImageSet, AnyImage) {
-        let set = ImageSet::single(texfold_testkit::picture(name));
+        let set = ImageSet::single(texfold_testkit::image(name));
         let encoded = encode_images(&set, Guidance::default(), settings, &mut Job::default()).unwrap();
         (set, encoded)
     }

@@ -14,7 +14,7 @@ use texfold::{
 };
 
 pub fn fixture(name: &str) -> ImageSet {
-    ImageSet::single(texfold_testkit::picture(name))
+    ImageSet::single(texfold_testkit::image(name))
 }
 
 pub fn vq(set: &ImageSet, params: &VqParams) -> AnyImage {
@@ -36,7 +36,7 @@ pub fn progressive(set: &ImageSet, params: &ProgressiveParams) -> AnyImage {
 /// A small root with three patches that overlap.
 pub fn zipmap(set: &ImageSet, content: Content) -> AnyImage {
     let root = set.images()[0].clone();
-    let image = texfold_testkit::picture("cutout");
+    let image = texfold_testkit::image("cutout");
     let patch = |(x, y, zoom, turn): (f64, f64, f64, f64)| PatchSource {
         image: 0,
         matrix: texfold_testkit::leaves::close_up((x, y).into(), zoom, turn, (0.1, 0.0).into()),

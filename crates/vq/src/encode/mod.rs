@@ -34,7 +34,7 @@ use crate::classes::rows_of;
 use crate::grid::Grid;
 use crate::{Vq, VqParams, VqSource, VqTexture};
 
-pub use report::{PartPictures, pictures};
+pub use report::{PartImages, part_images};
 
 /// Longest side of an image with mip levels: up to it the index of any image fits a plane, whatever its shape.
 const MAX_SIDE_WITH_MIPS: u32 = 16_000;
@@ -240,7 +240,7 @@ fn with_content(
     let params = &prepared.params;
     let single = |(measured, value): (Measured, VqTexture)| {
         let met = params.goal.is_met(&measured);
-        Found { knob: 0, measured, value, met, evaluations: 1 }
+        Found { index: 0, measured, value, met, evaluations: 1 }
     };
     let full = |grid: Grid, job: &mut Job<'_>| one(prepared, grid, content, params.effort, job).map(single);
     if let Some(size) = params.codebook {
@@ -295,8 +295,8 @@ fn search_psnr(
     if usual == Effort::Fast || fast.measured.psnr < psnr - EFFORT_GAIN {
         return Ok(fast);
     }
-    let least = ((f64::from(fast.knob) * FINE_RANGE) as u32).max(1);
-    let fine = search(goal, least..=fast.knob, fast.knob, FINE_STEP, |cells| at(cells, usual, job))?;
+    let least = ((f64::from(fast.index) * FINE_RANGE) as u32).max(1);
+    let fine = search(goal, least..=fast.index, fast.index, FINE_STEP, |cells| at(cells, usual, job))?;
     Ok(if goal.prefers(&fast.measured, &fine.measured) { fast } else { fine })
 }
 

@@ -91,7 +91,7 @@ fn psnr_with(prepared: &Prepared<'_>, texture: &VqTexture, corners: &[[u8; 2]]) 
 
 /// Images of the parts of a vq texture, for a person to look at.
 #[derive(Debug, Clone)]
-pub struct PartPictures {
+pub struct PartImages {
     /// The codebook, with samples framed in red and unused cells black.
     pub codebook: Raster,
     /// For each image the place that every block points at: red is the column, green the row, blue a sample.
@@ -102,10 +102,10 @@ pub struct PartPictures {
 
 /// Draws the parts of `texture`; `None` only where an image cannot be made at all.
 #[must_use]
-pub fn pictures(texture: &VqTexture) -> Option<PartPictures> {
+pub fn part_images(texture: &VqTexture) -> Option<PartImages> {
     let surfaces = 0..texture.layout().surfaces.len() as u32;
     let counts = use_counts(texture);
-    Some(PartPictures {
+    Some(PartImages {
         codebook: draw_codebook(texture)?,
         index: surfaces
             .clone()

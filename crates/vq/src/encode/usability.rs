@@ -198,7 +198,7 @@ mod tests {
 
     /// The upper left 128x128 texels of a fixture.
     fn corner(name: &str) -> Raster {
-        let whole = texfold_testkit::picture(name);
+        let whole = texfold_testkit::image(name);
         let bytes: Vec<u8> = (0..128 * 128u32)
             .flat_map(|i| whole.texel(i % 128, i / 128).truncate().to_array().map(to_u8))
             .collect();

@@ -44,14 +44,14 @@ pub(crate) fn fit(
     for (index, &content) in contents.iter().enumerate() {
         job.stage("compressing blocks", 0.65 + 0.3 * index as f32 / contents.len() as f32)?;
         let guess = plans.guess(maker, content, source_texels);
-        let found = search(goal, 1..=plans.count(), guess, 0.0, |knob| {
-            let cuts = plans.cuts(knob);
+        let found = search(goal, 1..=plans.count(), guess, 0.0, |index| {
+            let cuts = plans.cuts(index);
             let made = job.install(|| maker.make(content, &cuts, source_texels))?;
             Ok::<_, EncodeError>((made.measured, (cuts, made)))
         })?;
         // More bits elsewhere cannot help before all images are as fine as they come.
         let is_enough = match goal {
-            Goal::Bpp(_) => found.knob < plans.count() || !found.met,
+            Goal::Bpp(_) => found.index < plans.count() || !found.met,
             _ => found.met,
         };
         let (cuts, Made { losses, texture, .. }) = found.value;
@@ -127,10 +127,10 @@ impl Plans {
         self.steps.len() as u32 + 1
     }
 
-    /// Levels that each content lacks by plan `knob`, from 1 to [`Plans::count`].
-    fn cuts(&self, knob: u32) -> Vec<usize> {
+    /// Levels that each content lacks by plan `index`, from 1 to [`Plans::count`].
+    fn cuts(&self, index: u32) -> Vec<usize> {
         let mut cuts = self.coarsest.clone();
-        for &(content, cut) in &self.steps[..knob as usize - 1] {
+        for &(content, cut) in &self.steps[..index as usize - 1] {
             cuts[content] = cut;
         }
         cuts
@@ -140,8 +140,8 @@ impl Plans {
     fn guess(&self, maker: &Maker<'_>, content: Content, source_texels: f64) -> u32 {
         let (_, of_patches) = maker.patch_content(content);
         let root_bits = texels(maker.canvas.root_size) * content.bits_per_texel(maker.pixel) * 4.0 / 3.0;
-        let meets = |knob: &u32| {
-            let cuts = self.cuts(*knob);
+        let meets = |index: &u32| {
+            let cuts = self.cuts(*index);
             let chosen = || self.states.iter().zip(&cuts).map(|(states, &cut)| states[cut]);
             match maker.params.goal {
                 Goal::Psnr(wanted) => chosen().enumerate().all(|(content, (change, _))| {

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use glam::Vec2;
 use rayon::prelude::*;
 use texfold_core::{CancelCheck, EncodeError};
-use texfold_match::{GrayPlane, GsrIndex, GsrTone};
+use texfold_match::{GrayPlane, GsrIndex, GsrInput};
 
 use super::search::{Library, rotation_of};
 use super::{Lack, ROTATION_BITS, gain_unit};
@@ -193,7 +193,7 @@ impl Sample {
             .collect();
         check.checkpoint()?;
         let views: Vec<&GrayPlane> = planes.iter().collect();
-        let index = GsrIndex::grouped(&views, &list, GRID, GsrTone::Shape, 1.0);
+        let index = GsrIndex::grouped(&views, &list, GRID, GsrInput::Shape, 1.0);
         let matcher = Matcher { tops, flat, planes: &planes, index: &index, side };
         let of_block =
             |&block: &Place| if check.is_cancelled() { Vec::new() } else { matcher.pieces_for(block) };
@@ -237,7 +237,7 @@ impl Matcher<'_> {
             if own {
                 continue;
             }
-            let rotation = texfold_progressive_rotation(rotation_of(found.linear), ROTATION_BITS);
+            let rotation = texfold_progressive_rotation(rotation_of(found.matrix), ROTATION_BITS);
             let explained = explain(&target, &self.flat[found.patch.field as usize], at, rotation, side);
             let corner = |at: f32| (at as u32) / CELL_SIDE * CELL_SIDE;
             let piece = Piece { image: found.patch.field, left: corner(at.x), top: corner(at.y) };

@@ -169,7 +169,7 @@ impl Library {
             let Some(book) = book else { continue };
             for found in book.index.nearest(&room.target, OFFERED, LEAVES) {
                 let (column, row, part) = book.spots.at(found.number as u32);
-                let turn = rotation_of(linear_of(part) * found.linear);
+                let turn = rotation_of(linear_of(part) * found.matrix);
                 offers.extend(self.offer(Spot { private, column, row, turn }, gains, room));
             }
         }
@@ -237,7 +237,7 @@ struct Room {
     shown: Vec<f32>,
 }
 
-/// The turn nearest to a linear part.
+/// The turn nearest to a 2x2 matrix.
 pub(crate) fn rotation_of(linear: Mat2) -> u32 {
     let quarter_parts = 1u32 << (ROTATION_BITS - 3);
     let steps = 4 * quarter_parts;
@@ -246,7 +246,7 @@ pub(crate) fn rotation_of(linear: Mat2) -> u32 {
     numbered(step, linear.determinant() < 0.0)
 }
 
-/// The linear part of a turn.
+/// The 2x2 matrix of a turn.
 fn linear_of(number: u32) -> Mat2 {
     let turn = texfold_progressive_rotation(number, ROTATION_BITS);
     Mat2::from_cols(Vec2::new(turn.x, turn.z), Vec2::new(turn.y, turn.w))
@@ -368,7 +368,7 @@ mod tests {
 
     /// What a base of flat blocks of 8x8 texels lacks.
     fn lack() -> Lack {
-        let picture = texfold_testkit::picture("terrain");
+        let picture = texfold_testkit::image("terrain");
         let size = picture.size();
         let (width, height) = (size.width as usize, size.height as usize);
         let luma = |x: usize, y: usize| {
@@ -384,7 +384,7 @@ mod tests {
     }
 
     #[test]
-    fn the_search_loses_little_against_all_places_and_turns() {
+    fn the_search_loses_little_against_all_places_and_rotations() {
         let lack = lack();
         let flat = lack.flattened();
         let cells = [(0, 0), (96, 32), (32, 160), (192, 96)].map(|(x, y)| flat.cell(x, y));

@@ -1,4 +1,4 @@
-//! Pictures made of pictures: errors and thumbnails.
+//! Images made of images: errors and thumbnails.
 
 use texfold_core::Texel;
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo, Raster};

@@ -3,7 +3,7 @@
 use glam::{DVec4, Vec4};
 use texfold_core::CancelCheck;
 
-use crate::format::{GAIN_ONE, NEUTRAL, OFFSET_ZERO, Tone};
+use crate::format::{GAIN_ONE, GainOffset, NEUTRAL, OFFSET_ZERO};
 
 /// Gain at most this much above 1: content is taken from the brighter place, where its steps are finer (paper section
 /// 3.1).
@@ -59,8 +59,8 @@ impl Stats {
     }
 
     /// Squared error under a gain-offset pair.
-    pub(crate) fn error(&self, tone: &Tone) -> f32 {
-        let (gain, offset) = values(tone);
+    pub(crate) fn error(&self, gain_offset: &GainOffset) -> f32 {
+        let (gain, offset) = values(gain_offset);
         // Offset that acts on values less the mean.
         let offset = offset + (gain - 1.0) * self.mean;
         let squared = self.syy + gain * gain * self.sxx + self.count * offset * offset
@@ -71,16 +71,17 @@ impl Stats {
     }
 
     /// The gain-offset pair of least error.
-    pub(crate) fn best(&self) -> Tone {
-        Sums::default().with(self).tone()
+    pub(crate) fn best(&self) -> GainOffset {
+        Sums::default().with(self).gain_offset()
     }
 }
 
 /// Gain and offset in 8-bit units; alpha keeps its value.
-pub(crate) fn values(tone: &Tone) -> (Vec4, Vec4) {
+pub(crate) fn values(gain_offset: &GainOffset) -> (Vec4, Vec4) {
     let one = f32::from(GAIN_ONE);
-    let gain = Vec4::new(f32::from(tone[0]), f32::from(tone[1]), f32::from(tone[2]), one) / one;
-    let signed = |index: usize| f32::from(tone[index]) - f32::from(OFFSET_ZERO);
+    let gain =
+        Vec4::new(f32::from(gain_offset[0]), f32::from(gain_offset[1]), f32::from(gain_offset[2]), one) / one;
+    let signed = |index: usize| f32::from(gain_offset[index]) - f32::from(OFFSET_ZERO);
     let offset = Vec4::new(signed(3), signed(4), signed(5), 0.0);
     (gain, offset)
 }
@@ -108,8 +109,8 @@ impl Sums {
     }
 
     /// Least squares, channel by channel, rounded to what can be stored.
-    fn tone(&self) -> Tone {
-        let mut tone = NEUTRAL;
+    fn gain_offset(&self) -> GainOffset {
+        let mut gain_offset = NEUTRAL;
         let n = self.count.max(1.0);
         for channel in 0..3 {
             let (sx, sy) = (self.sx[channel], self.sy[channel]);
@@ -120,52 +121,53 @@ impl Sums {
             let (one, zero) = (f64::from(GAIN_ONE), f64::from(OFFSET_ZERO));
             let gain = (gain * one).round() / one;
             let offset = ((sy - gain * sx) / n).round().clamp(-zero, f64::from(u8::MAX) - zero);
-            tone[channel] = (gain * one) as u8;
-            tone[channel + 3] = (offset + zero) as u8;
+            gain_offset[channel] = (gain * one) as u8;
+            gain_offset[channel + 3] = (offset + zero) as u8;
         }
-        tone
+        gain_offset
     }
 }
 
 /// At most `count` gain-offset pairs, the neutral one first, fitted to the leaves by Lloyd's iteration on their
 /// errors.
-pub(crate) fn palette(leaves: &[Stats], count: usize, cancel: CancelCheck<'_>) -> Vec<Tone> {
-    let mut tones = vec![NEUTRAL];
+pub(crate) fn palette(leaves: &[Stats], count: usize, cancel: CancelCheck<'_>) -> Vec<GainOffset> {
+    let mut gain_offsets = vec![NEUTRAL];
     if count <= 1 || leaves.is_empty() {
-        return tones;
+        return gain_offsets;
     }
     // Seeds: the own gain-offset pairs of leaves, evenly spread by brightness shift.
-    let mut own: Vec<Tone> = leaves.iter().map(Stats::best).collect();
-    own.sort_by_key(|tone| {
-        let sum = |range: std::ops::Range<usize>| tone[range].iter().map(|&v| u32::from(v)).sum::<u32>();
-        (sum(3..6) / (3 * SEED_OFFSETS), sum(0..3), *tone)
+    let mut own: Vec<GainOffset> = leaves.iter().map(Stats::best).collect();
+    own.sort_by_key(|gain_offset| {
+        let sum =
+            |range: std::ops::Range<usize>| gain_offset[range].iter().map(|&v| u32::from(v)).sum::<u32>();
+        (sum(3..6) / (3 * SEED_OFFSETS), sum(0..3), *gain_offset)
     });
     let step = own.len() as f64 / (count - 1) as f64;
-    tones.extend((0..count - 1).map(|index| own[((index as f64 + 0.5) * step) as usize]));
-    tones.dedup();
+    gain_offsets.extend((0..count - 1).map(|index| own[((index as f64 + 0.5) * step) as usize]));
+    gain_offsets.dedup();
     for _ in 0..ROUNDS {
-        let mut sums = vec![Sums::default(); tones.len()];
+        let mut sums = vec![Sums::default(); gain_offsets.len()];
         for stats in leaves {
             if cancel.is_cancelled() {
-                return tones;
+                return gain_offsets;
             }
-            let nearest = nearest(&tones, stats).0;
+            let nearest = nearest(&gain_offsets, stats).0;
             sums[nearest] = sums[nearest].with(stats);
         }
-        for (tone, sums) in tones.iter_mut().zip(&sums).skip(1) {
+        for (gain_offset, sums) in gain_offsets.iter_mut().zip(&sums).skip(1) {
             if sums.count > 0.0 {
-                *tone = sums.tone();
+                *gain_offset = sums.gain_offset();
             }
         }
     }
-    tones
+    gain_offsets
 }
 
 /// Number and error of the gain-offset pair of least error, the first of equals.
-pub(crate) fn nearest(tones: &[Tone], stats: &Stats) -> (usize, f32) {
+pub(crate) fn nearest(gain_offsets: &[GainOffset], stats: &Stats) -> (usize, f32) {
     let mut best = (0, f32::INFINITY);
-    for (index, tone) in tones.iter().enumerate() {
-        let error = stats.error(tone);
+    for (index, gain_offset) in gain_offsets.iter().enumerate() {
+        let error = stats.error(gain_offset);
         if error < best.1 {
             best = (index, error);
         }
@@ -185,15 +187,19 @@ mod tests {
             content.iter().map(|x| Vec4::new(x.x * 0.8 + 9.0, x.y, 70.0, 255.0)).collect();
         let mut stats = Stats::around(&target);
         content.iter().zip(&target).for_each(|(&x, &y)| stats.add(x, y));
-        let tone: Tone = [100, 128, 120, 140, 128, 160];
-        let (gain, offset) = values(&tone);
+        let gain_offset: GainOffset = [100, 128, 120, 140, 128, 160];
+        let (gain, offset) = values(&gain_offset);
         let slow: f32 =
             content.iter().zip(&target).map(|(&x, &y)| (y - gain * x - offset).length_squared()).sum();
-        assert!((stats.error(&tone) - slow).abs() < slow * 1e-3, "{} {slow}", stats.error(&tone));
+        assert!(
+            (stats.error(&gain_offset) - slow).abs() < slow * 1e-3,
+            "{} {slow}",
+            stats.error(&gain_offset)
+        );
         assert!(stats.error(&stats.best()) < 64.0, "{:?}", stats.best());
         assert!((stats.plain_error() - stats.error(&NEUTRAL)).abs() < 1.0);
-        let tones = palette(&[stats; 3], 8, CancelCheck::default());
-        assert_eq!(tones[0], NEUTRAL);
-        assert!(nearest(&tones, &stats).1 < 64.0);
+        let gain_offsets = palette(&[stats; 3], 8, CancelCheck::default());
+        assert_eq!(gain_offsets[0], NEUTRAL);
+        assert!(nearest(&gain_offsets, &stats).1 < 64.0);
     }
 }

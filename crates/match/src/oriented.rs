@@ -1,4 +1,4 @@
-//! Patches that look alike however they are turned: descriptors on a grid that is aligned with the patch's main direction, the
+//! Patches that look alike however they are rotated: descriptors on a grid that is aligned with the patch's main direction, the
 //! idea of the GSR descriptor (progressive codebooks, section 4).
 
 use std::f32::consts::TAU;
@@ -17,7 +17,7 @@ const LEAST_SHARE: f32 = 0.05;
 
 /// A patch and the direction that it is aligned with.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Turned {
+pub struct OrientedPatch {
     /// Number of its field.
     pub field: u32,
     /// Its centre in texels, texel (x, y) covering x to x + 1.
@@ -28,18 +28,18 @@ pub struct Turned {
     pub angle: f32,
 }
 
-/// Square patches of one or several fields and sizes, found however they are turned.
-pub struct TurnedIndex {
-    tree: Tree<Turned, DESCRIPTOR_LENGTH>,
+/// Square patches of one or several fields and sizes, found however they are rotated.
+pub struct OrientedIndex {
+    tree: Tree<OrientedPatch, DESCRIPTOR_LENGTH>,
 }
 
-impl std::fmt::Debug for TurnedIndex {
+impl std::fmt::Debug for OrientedIndex {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("TurnedIndex").field("patches", &self.tree.len()).finish()
+        f.debug_struct("OrientedIndex").field("patches", &self.tree.len()).finish()
     }
 }
 
-impl TurnedIndex {
+impl OrientedIndex {
     /// Indexes patches of the given centres and sides whose main direction is clear, whose contrast is at least `contrast` 8-bit
     /// steps, and which `keep` accepts. The angle of `patches` is found here.
     #[must_use]
@@ -47,16 +47,16 @@ impl TurnedIndex {
         fields: &[&LumaSums],
         patches: &[(u32, Vec2, f32)],
         contrast: f32,
-        keep: impl Fn(&Turned) -> bool + Sync,
+        keep: impl Fn(&OrientedPatch) -> bool + Sync,
     ) -> Self {
         let described = patches
             .par_iter()
             .filter_map(|&(field, centre, side)| {
-                let (turned, descriptor, found) = align(fields[field as usize], field, centre, side)?;
-                (found >= contrast && keep(&turned)).then_some((turned, descriptor))
+                let (rotated, descriptor, found) = align(fields[field as usize], field, centre, side)?;
+                (found >= contrast && keep(&rotated)).then_some((rotated, descriptor))
             })
             .collect();
-        TurnedIndex { tree: Tree::new(described) }
+        OrientedIndex { tree: Tree::new(described) }
     }
 
     /// For a patch of a field, at most `count` patches like it and as many like its reflection within the squared distance
@@ -68,7 +68,7 @@ impl TurnedIndex {
         (centre, side): (Vec2, f32),
         within: f32,
         count: usize,
-    ) -> Vec<(f32, Turned, Mat2)> {
+    ) -> Vec<(f32, OrientedPatch, Mat2)> {
         let Some((query, descriptor, _)) = align(sums, 0, centre, side) else { return Vec::new() };
         // Reflection along the main direction keeps it.
         let reflect = Mirror { across: false, down: true };
@@ -77,8 +77,8 @@ impl TurnedIndex {
         for (descriptor, sign) in kinds {
             for (&near, distance) in self.tree.nearest(&descriptor, within, count) {
                 let upright = Mat2::from_diagonal(sign) * Mat2::from_angle(-query.angle);
-                let linear = Mat2::from_angle(near.angle) * upright * (near.side / side);
-                found.push((distance, near, linear));
+                let matrix = Mat2::from_angle(near.angle) * upright * (near.side / side);
+                found.push((distance, near, matrix));
             }
         }
         found
@@ -98,20 +98,20 @@ fn mean(sums: &LumaSums, place: Vec2, side: usize) -> Option<f32> {
 }
 
 /// The patch around `centre` with its main direction, its descriptor in the grid that is aligned with it, and its contrast.
-/// `None` where it has no direction, or where the turned patch leaves the image.
-fn align(sums: &LumaSums, field: u32, centre: Vec2, side: f32) -> Option<(Turned, Descriptor, f32)> {
+/// `None` where it has no direction, or where the rotated patch leaves the image.
+fn align(sums: &LumaSums, field: u32, centre: Vec2, side: f32) -> Option<(OrientedPatch, Descriptor, f32)> {
     let spacing = side / SIDE as f32;
     let box_side = (spacing.round() as usize).max(1);
     let angle = main_direction(sums, centre, spacing, box_side)?;
-    let turn = Mat2::from_angle(angle);
+    let rotation = Mat2::from_angle(angle);
     let mut values = [[0.0f32; SIDE]; SIDE];
     for (v, row) in values.iter_mut().enumerate() {
         for (u, value) in row.iter_mut().enumerate() {
-            *value = mean(sums, centre + turn * offset(u, v, spacing), box_side)?;
+            *value = mean(sums, centre + rotation * offset(u, v, spacing), box_side)?;
         }
     }
     let (descriptor, contrast) = transform(&values);
-    Some((Turned { field, centre, side, angle }, descriptor, contrast))
+    Some((OrientedPatch { field, centre, side, angle }, descriptor, contrast))
 }
 
 /// From the centre to a place of the grid.
@@ -168,9 +168,9 @@ mod tests {
     use crate::Field;
     use glam::Vec4;
 
-    /// A smooth picture around (60, 60), laid by `linear` and moved to `centre`.
-    fn picture(linear: Mat2, centre: Vec2) -> LumaSums {
-        let inverse = linear.inverse();
+    /// A smooth image around (60, 60), laid by `matrix` and moved to `centre`.
+    fn image(matrix: Mat2, centre: Vec2) -> LumaSums {
+        let inverse = matrix.inverse();
         let value = |x: usize, y: usize| {
             let at = inverse * (Vec2::new(x as f32 + 0.5, y as f32 + 0.5) - centre);
             let wave = (at.x * 0.31).sin() * 40.0 + (at.y * 0.17 + at.x * 0.05).cos() * 30.0;
@@ -181,33 +181,33 @@ mod tests {
     }
 
     #[test]
-    fn a_patch_is_found_however_it_is_turned_scaled_and_reflected() {
+    fn a_patch_is_found_however_it_is_rotated_scaled_and_reflected() {
         let centre = Vec2::splat(60.0);
-        let plain = picture(Mat2::IDENTITY, centre);
+        let plain = image(Mat2::IDENTITY, centre);
         for (angle, scale, flip) in [(0.0, 1.0, 1.0), (0.7, 1.0, 1.0), (2.9, 1.25, 1.0), (-1.3, 0.8, -1.0)] {
-            let linear = Mat2::from_angle(angle) * Mat2::from_diagonal(Vec2::new(1.0, flip)) * scale;
-            let other = picture(linear, centre);
+            let matrix = Mat2::from_angle(angle) * Mat2::from_diagonal(Vec2::new(1.0, flip)) * scale;
+            let other = image(matrix, centre);
             let patches: Vec<(u32, Vec2, f32)> = (4..20)
                 .flat_map(|y| (4..20).map(move |x| Vec2::new(x as f32, y as f32) * 6.0))
                 .flat_map(|at| [0.8f32, 1.0, 1.25].map(|size| (0, at, 32.0 * size)))
                 .collect();
-            let index = TurnedIndex::new(&[&other], &patches, 1.0, |_| true);
+            let index = OrientedIndex::new(&[&other], &patches, 1.0, |_| true);
             let found = index.nearest(&plain, (centre, 32.0), 0.3, 4);
             let best = found.iter().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
             assert!(best.1.centre.distance(centre) < 3.0, "{angle} {scale} {flip}: {best:?}");
-            let difference = best.2 - linear;
+            let difference = best.2 - matrix;
             let off = difference.x_axis.length().max(difference.y_axis.length());
-            assert!(off < 0.2, "{angle} {scale} {flip}: {:?} for {linear:?}", best.2);
+            assert!(off < 0.2, "{angle} {scale} {flip}: {:?} for {matrix:?}", best.2);
         }
     }
 
     #[test]
     fn what_has_no_direction_or_no_room_is_left_out() {
         let flat = LumaSums::new(&Field { width: 64, height: 64, texels: vec![Vec4::splat(9.0); 64 * 64] });
-        let index = TurnedIndex::new(&[&flat], &[(0, Vec2::splat(32.0), 16.0)], 0.0, |_| true);
+        let index = OrientedIndex::new(&[&flat], &[(0, Vec2::splat(32.0), 16.0)], 0.0, |_| true);
         assert!(index.nearest(&flat, (Vec2::splat(32.0), 16.0), 1.0, 3).is_empty());
-        let plain = picture(Mat2::IDENTITY, Vec2::splat(60.0));
-        let index = TurnedIndex::new(&[&plain], &[(0, Vec2::splat(2.0), 16.0)], 0.0, |_| true);
+        let plain = image(Mat2::IDENTITY, Vec2::splat(60.0));
+        let index = OrientedIndex::new(&[&plain], &[(0, Vec2::splat(2.0), 16.0)], 0.0, |_| true);
         assert_eq!(index.tree.len(), 0);
     }
 }

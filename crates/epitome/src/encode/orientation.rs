@@ -1,19 +1,19 @@
 //! The eight orientations of a chart: quarter rotations, mirrored or not.
 
-use crate::format::Linear;
+use crate::format::Matrix;
 
 /// An orientation: columns and rows may be exchanged, then each counted from the other end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) struct Turn {
+pub(crate) struct Orientation {
     exchanged: bool,
     from_right: bool,
     from_below: bool,
 }
 
-impl Turn {
+impl Orientation {
     /// All of them, the one that changes nothing first.
-    pub(crate) fn all() -> impl Iterator<Item = Turn> {
-        (0..8u8).map(|bits| Turn {
+    pub(crate) fn all() -> impl Iterator<Item = Orientation> {
+        (0..8u8).map(|bits| Orientation {
             exchanged: bits & 4 != 0,
             from_right: bits & 1 != 0,
             from_below: bits & 2 != 0,
@@ -41,9 +41,9 @@ impl Turn {
         (if self.from_right { width - x } else { x }, if self.from_below { height - y } else { y })
     }
 
-    /// The 2x2 matrix that reads rotated content as `linear` reads it unturned.
-    pub(crate) fn linear(self, linear: Linear) -> Linear {
-        let [a, b, c, d] = linear;
+    /// The 2x2 matrix that reads rotated content as `matrix` reads it unrotated.
+    pub(crate) fn matrix(self, matrix: Matrix) -> Matrix {
+        let [a, b, c, d] = matrix;
         let [a, b, c, d] = if self.exchanged { [c, d, a, b] } else { [a, b, c, d] };
         let across = if self.from_right { -1 } else { 1 };
         let down = if self.from_below { -1 } else { 1 };
@@ -56,26 +56,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cells_points_and_linear_parts_turn_alike() {
+    fn cells_points_and_matrices_rotate_alike() {
         let size = (5, 3);
         let mut seen = std::collections::BTreeSet::new();
-        for turn in Turn::all() {
-            let (width, height) = turn.size(size);
-            let cells: Vec<_> = (0..15).map(|i| turn.cell((i % 5, i / 5), size)).collect();
-            assert!(cells.iter().all(|&(x, y)| x < width && y < height), "{turn:?}");
-            assert!(seen.insert(cells.clone()), "{turn:?} is another one again");
+        for orientation in Orientation::all() {
+            let (width, height) = orientation.size(size);
+            let cells: Vec<_> = (0..15).map(|i| orientation.cell((i % 5, i / 5), size)).collect();
+            assert!(cells.iter().all(|&(x, y)| x < width && y < height), "{orientation:?}");
+            assert!(seen.insert(cells.clone()), "{orientation:?} is another one again");
             // The centre of a cell goes to the centre of the cell that it becomes; a step follows the 2x2 matrix.
-            let [a, b, c, d] = turn.linear([1, 0, 0, 1]).map(i64::from);
-            let of = |x: u32, y: u32| turn.point((2 * i64::from(x) + 1, 2 * i64::from(y) + 1), (10, 6));
+            let [a, b, c, d] = orientation.matrix([1, 0, 0, 1]).map(i64::from);
+            let of =
+                |x: u32, y: u32| orientation.point((2 * i64::from(x) + 1, 2 * i64::from(y) + 1), (10, 6));
             for (i, &(x, y)) in (0..15).zip(&cells) {
                 let (column, row) = (i % 5, i / 5);
-                assert_eq!(of(column, row), (2 * i64::from(x) + 1, 2 * i64::from(y) + 1), "{turn:?}");
+                assert_eq!(of(column, row), (2 * i64::from(x) + 1, 2 * i64::from(y) + 1), "{orientation:?}");
                 if column > 0 && row > 0 {
                     let ((right, below), (left, above)) = (of(column, row), of(column - 1, row - 1));
-                    assert_eq!((right - left, below - above), (2 * (a + b), 2 * (c + d)), "{turn:?}");
+                    assert_eq!((right - left, below - above), (2 * (a + b), 2 * (c + d)), "{orientation:?}");
                 }
             }
         }
-        assert_eq!(Turn::all().next(), Some(Turn::default()));
+        assert_eq!(Orientation::all().next(), Some(Orientation::default()));
     }
 }

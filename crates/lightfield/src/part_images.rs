@@ -1,4 +1,4 @@
-//! Pictures of a light field's parts.
+//! Images of a light field's parts.
 
 use glam::{Mat4, Vec2, Vec3};
 use texfold_core::image::Raster;
@@ -11,23 +11,23 @@ use crate::{Camera, LightTexture, Renderer};
 const SIDE: u32 = 384;
 
 impl LightTexture {
-    /// Pictures of the parts by name: the mean's atlas, those of the maps as they are stored, and the number of terms of each vertex on the mesh,
+    /// Images of the parts by name: the mean's atlas, those of the maps as they are stored, and the number of terms of each vertex on the mesh,
     /// from two sides: black for none, white for all.
     ///
     /// # Errors
     /// None for light fields that loaded.
-    pub fn pictures(&self) -> Result<Vec<(&'static str, Raster)>, SourceError> {
-        let mut pictures = Vec::new();
+    pub fn part_images(&self) -> Result<Vec<(&'static str, Raster)>, SourceError> {
+        let mut images = Vec::new();
         let parts = &self.parts;
         for (name, planes) in
             [("mean", &parts.mean), ("surface-maps", &parts.surface), ("view-maps", &parts.view)]
         {
             let (width, height) = planes.size();
-            pictures.push((name, Raster::from_texels(width, height, PIXEL, &planes.decode())?));
+            images.push((name, Raster::from_texels(width, height, PIXEL, &planes.decode())?));
         }
         let drawn = self.drawn_terms();
-        pictures.push(("terms", Raster::from_texels(2 * SIDE, SIDE, PIXEL, &drawn)?));
-        Ok(pictures)
+        images.push(("terms", Raster::from_texels(2 * SIDE, SIDE, PIXEL, &drawn)?));
+        Ok(images)
     }
 
     /// The number of terms of the vertices, blended over the triangles, seen along -z and along z.
@@ -55,7 +55,7 @@ impl LightTexture {
         let low = positions.iter().fold(Vec3::INFINITY, |low, &place| low.min(place));
         let high = positions.iter().fold(Vec3::NEG_INFINITY, |high, &place| high.max(place));
         let (centre, radius) = ((low + high) * 0.5, (high - low).length() * 0.5);
-        // From four radii away a sphere of one radius fills two thirds of the picture.
+        // From four radii away a sphere of one radius fills two thirds of the image.
         let turn = Mat4::from_rotation_y(if behind { std::f32::consts::PI } else { 0.0 });
         let to_world =
             Mat4::from_translation(centre) * turn * Mat4::from_translation(Vec3::new(0.0, 0.0, 4.0 * radius));

@@ -11,7 +11,7 @@ use crate::decompress::{decode, name};
 use crate::error::CliError;
 use crate::input::{find, read_set};
 use crate::output::make_folder;
-use crate::{compress, picture, png};
+use crate::{compress, png, thumbnail};
 
 /// Writes `<stem>-<part>.png` for each part to `dir`, and says what was written.
 pub(crate) fn write(
@@ -40,11 +40,11 @@ pub(crate) fn write(
         let decoded = decode(path, encoded, surface as u32, 0)?;
         save("decoded", surface, surfaces, &decoded)?;
         if let Some(source) = originals.as_ref().and_then(|images| images.get(surface)) {
-            save("error", surface, surfaces, &picture::error(source, &decoded))?;
+            save("error", surface, surfaces, &thumbnail::error(source, &decoded))?;
         }
     }
     if originals.is_some() {
-        say(&format!("error images: errors are scaled by {}, and 0 is middle gray", picture::ERROR_GAIN));
+        say(&format!("error images: errors are scaled by {}, and 0 is middle gray", thumbnail::ERROR_GAIN));
     }
     Ok(())
 }

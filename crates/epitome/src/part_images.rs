@@ -28,7 +28,7 @@ const DARKEST: f32 = 0.2;
 /// Images of the parts of an epitome texture. Those of an image have a texel for each of its texels, with leaves
 /// outlined; those of an epitome have one for each of the epitome's texels.
 #[derive(Debug, Clone)]
-pub struct PartPictures {
+pub struct PartImages {
     /// Each epitome.
     pub epitomes: Vec<Raster>,
     /// For each image the place in the epitome that each texel is read at: red is the column, green the row, blue the
@@ -53,10 +53,10 @@ pub struct PartPictures {
 
 /// Draws the parts of `texture`; `None` only where an image cannot be made at all.
 #[must_use]
-pub fn pictures(texture: &EpitomeTexture) -> Option<PartPictures> {
+pub fn part_images(texture: &EpitomeTexture) -> Option<PartImages> {
     let view = texture.view(0);
     let planes = [(view.params.plane_a, view.plane_a), (view.params.plane_b, view.plane_b)];
-    let mut parts = PartPictures {
+    let mut parts = PartImages {
         epitomes: Vec::new(),
         positions: Vec::new(),
         offsets: Vec::new(),
@@ -100,7 +100,7 @@ type Color = fn(&Shown<'_>, Vec2) -> Vec3;
 impl Shown<'_> {
     /// The place in the epitome that the texel around `at` is read at, in texels.
     fn place(&self, at: Vec2) -> Vec2 {
-        let level = texfold_epitome_plane_level(&self.view, self.source.linear, 0);
+        let level = texfold_epitome_plane_level(&self.view, self.source.matrix, 0);
         texfold_epitome_place(&self.source, self.leaf, at, level)
     }
 
@@ -147,13 +147,13 @@ fn draw_charts(
     owners: &mut [HashMap<UVec2, (u32, u32)>],
 ) -> Option<Raster> {
     let whole = texture.layout().whole(surface, 0)?;
-    let mut picture = vec![Texel::ZERO; Image2d::len(whole)];
-    texture.decode(whole, &mut picture).ok()?;
+    let mut image = vec![Texel::ZERO; Image2d::len(whole)];
+    texture.decode(whole, &mut image).ok()?;
     let width = whole.width as usize;
-    let mut texels: Vec<Texel> = picture.iter().map(|texel| (CHART_GROUND * *texel).with_w(1.0)).collect();
+    let mut texels: Vec<Texel> = image.iter().map(|texel| (CHART_GROUND * *texel).with_w(1.0)).collect();
     for_each_texel(texture, surface, |shown, at| {
-        let TexfoldEpitomeSource { linear, gain, offset, plane, .. } = shown.source;
-        let is_upright = linear.y == 0.0 && linear.z == 0.0 && linear.x > 0.0 && linear.w > 0.0;
+        let TexfoldEpitomeSource { matrix, gain, offset, plane, .. } = shown.source;
+        let is_upright = matrix.y == 0.0 && matrix.z == 0.0 && matrix.x > 0.0 && matrix.w > 0.0;
         if !is_upright || gain != Vec4::ONE || offset != Vec4::ZERO {
             return;
         }
@@ -161,7 +161,7 @@ fn draw_charts(
         let own = (surface, shown.leaf.entry);
         if *owners[plane as usize].entry(cell).or_insert(own) == own {
             let at = at.y as usize * width + at.x as usize;
-            texels[at] = picture[at];
+            texels[at] = image[at];
         }
     });
     rgb([whole.width, whole.height], &texels)
@@ -173,10 +173,10 @@ fn position_color(shown: &Shown<'_>, at: Vec2) -> Vec3 {
 }
 
 fn offset_color(shown: &Shown<'_>, _: Vec2) -> Vec3 {
-    let linear = shown.source.linear;
+    let matrix = shown.source.matrix;
     let centre = shown.leaf.corner.as_vec2() + Vec2::splat(0.5 * shown.leaf.side as f32);
     let laid =
-        Vec2::new(linear.x * centre.x + linear.y * centre.y, linear.z * centre.x + linear.w * centre.y);
+        Vec2::new(matrix.x * centre.x + matrix.y * centre.y, matrix.z * centre.x + matrix.w * centre.y);
     let offset = shown.source.position - laid;
     let size = UVec2::from(shown.view.params.size).as_vec2();
     let far = size.max(shown.plane_size()).max_element();
@@ -187,8 +187,8 @@ fn offset_color(shown: &Shown<'_>, _: Vec2) -> Vec3 {
 
 /// The full colour of a direction: red to the right, then by a third of a turn each green and blue.
 fn hue(direction: Vec2) -> Vec3 {
-    let turn = direction.y.atan2(direction.x) / TAU;
-    let ramp = |from: f32| (6.0 * (turn + from).rem_euclid(1.0) - 3.0).abs() - 1.0;
+    let orientation = direction.y.atan2(direction.x) / TAU;
+    let ramp = |from: f32| (6.0 * (orientation + from).rem_euclid(1.0) - 3.0).abs() - 1.0;
     Vec3::new(ramp(0.0), ramp(2.0 / 3.0), ramp(1.0 / 3.0)).clamp(Vec3::ZERO, Vec3::ONE)
 }
 
@@ -199,8 +199,8 @@ fn side_color(shown: &Shown<'_>, _: Vec2) -> Vec3 {
 }
 
 fn scale_color(shown: &Shown<'_>, _: Vec2) -> Vec3 {
-    let linear = shown.source.linear;
-    let share = (linear.x * linear.w - linear.y * linear.z).abs();
+    let matrix = shown.source.matrix;
+    let share = (matrix.x * matrix.w - matrix.y * matrix.z).abs();
     let octaves = share.log2().clamp(LEAST_SHARE_LOG2, 0.0);
     Vec3::splat(1.0 - (1.0 - DARKEST) * octaves / LEAST_SHARE_LOG2)
 }
@@ -248,16 +248,16 @@ mod tests {
     use texfold_core::{Effort, Encoder, Goal, Job};
 
     fn texture() -> EpitomeTexture {
-        let set = ImageSet::single(texfold_testkit::picture("facade"));
+        let set = ImageSet::single(texfold_testkit::image("facade"));
         let params =
             EpitomeParams { goal: Goal::Psnr(28.0), effort: Effort::Fast, ..EpitomeParams::default() };
         Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap()
     }
 
     #[test]
-    fn pictures_have_the_sizes_of_what_they_show() {
+    fn images_have_the_sizes_of_what_they_show() {
         let texture = texture();
-        let parts = pictures(&texture).unwrap();
+        let parts = part_images(&texture).unwrap();
         let sizes = |rasters: &[Raster]| -> Vec<(u32, u32)> {
             rasters.iter().map(|raster| (raster.size().width, raster.size().height)).collect()
         };
@@ -281,7 +281,7 @@ mod tests {
     #[test]
     fn a_texel_is_drawn_where_its_leaf_says() {
         let texture = texture();
-        let parts = pictures(&texture).unwrap();
+        let parts = part_images(&texture).unwrap();
         let view = texture.view(0);
         let at = UVec2::new(101, 59);
         let leaf = texfold_epitome_leaf(&view, at);
@@ -298,14 +298,14 @@ mod tests {
 
     #[test]
     fn what_an_image_repeats_is_lent_once() {
-        let tile = texfold_testkit::picture("salient");
+        let tile = texfold_testkit::image("salient");
         let texels: Vec<Texel> = (0..256 * 256).map(|i| tile.texel(i % 256 % 64, i / 256 % 64)).collect();
         let set = ImageSet::single(Raster::from_texels(256, 256, tile.info(), &texels).unwrap());
         let goal = Goal::Psnr(30.0);
         let params = EpitomeParams { goal, effort: Effort::Fast, ..EpitomeParams::default() };
         let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
         let drawn = decode_surface(&texture, 0, 0).unwrap();
-        let charts = &pictures(&texture).unwrap().charts[0];
+        let charts = &part_images(&texture).unwrap().charts[0];
         let is_lent = |at: u32| {
             let (found, whole) = (charts.texel(at % 256, at / 256), drawn.texel(at % 256, at / 256));
             (found - whole).truncate().abs().max_element() < 1e-6 && whole.truncate().max_element() > 0.0

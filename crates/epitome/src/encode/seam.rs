@@ -16,7 +16,7 @@ use crate::EpitomeTexture;
 use crate::decode::{EpitomeView, TexfoldEpitomeParams, texfold_epitome_bilinear};
 
 /// Half widths that are tried, in eighths of a texel.
-const STRIPS: [u32; 7] = [5, 6, 8, 10, 12, 14, 16];
+const SEAM_WIDTHS: [u32; 7] = [5, 6, 8, 10, 12, 14, 16];
 /// Texels that are compared at most, about: all but those of very large images. A quarter of an image's rows
 /// misjudged it by 0.02 dB.
 const COMPARED: u64 = 1 << 22;
@@ -25,7 +25,7 @@ const COMPARED: u64 = 1 << 22;
 ///
 /// # Errors
 /// [`EncodeError::Cancelled`] where the job was cancelled.
-pub(crate) fn with_widest_strip(
+pub(crate) fn with_widest_seam(
     images: &ImageSet,
     made: EpitomeTexture,
     cancel: CancelCheck<'_>,
@@ -34,20 +34,20 @@ pub(crate) fn with_widest_strip(
         return Ok(made);
     }
     let format = made.map_format();
-    let plain = error(images, &made, format.strip, cancel);
-    let fitting = STRIPS.into_iter().filter(|&strip| strip <= 4 * format.cell());
-    let widest = fitting.take_while(|&strip| error(images, &made, strip, cancel) <= plain).last();
+    let plain = error(images, &made, format.seam_width, cancel);
+    let fitting = SEAM_WIDTHS.into_iter().filter(|&seam_width| seam_width <= 4 * format.cell());
+    let widest = fitting.take_while(|&seam_width| error(images, &made, seam_width, cancel) <= plain).last();
     cancel.checkpoint()?;
-    Ok(made.with_strip(widest.unwrap_or(format.strip)))
+    Ok(made.with_seam_width(widest.unwrap_or(format.seam_width)))
 }
 
 /// Squared error of some rows of all images, drawn with seams of that width.
-fn error(images: &ImageSet, made: &EpitomeTexture, strip: u32, cancel: CancelCheck<'_>) -> f64 {
+fn error(images: &ImageSet, made: &EpitomeTexture, seam_width: u32, cancel: CancelCheck<'_>) -> f64 {
     // An odd number of rows apart, so that all places in a leaf count alike.
     let step = images.texel_count().div_ceil(COMPARED) as u32 | 1;
     let of_image = |(surface, image): (u32, &Raster)| -> f64 {
         let view = made.view(surface);
-        let view = EpitomeView { params: TexfoldEpitomeParams { strip, ..view.params }, ..view };
+        let view = EpitomeView { params: TexfoldEpitomeParams { seam_width, ..view.params }, ..view };
         let (width, height) = (image.size().width, image.size().height);
         let size = Vec2::new(width as f32, height as f32);
         let rows: Vec<u32> = (0..height).step_by(step as usize).collect();
@@ -69,9 +69,9 @@ fn error(images: &ImageSet, made: &EpitomeTexture, strip: u32, cancel: CancelChe
 
 impl EpitomeTexture {
     /// The same with leaves blended in seams of that half width, in eighths of a texel.
-    fn with_strip(mut self, strip: u32) -> Self {
-        self.parts.format.strip = strip;
-        self.params.iter_mut().for_each(|params| params.strip = strip);
+    fn with_seam_width(mut self, seam_width: u32) -> Self {
+        self.parts.format.seam_width = seam_width;
+        self.params.iter_mut().for_each(|params| params.seam_width = seam_width);
         self
     }
 }
@@ -89,9 +89,9 @@ mod tests {
     }
 
     /// Mean step across the borders of leaves of 8 texels, over the mean step elsewhere, four pixels a texel.
-    fn trace(made: &EpitomeTexture, strip: u32) -> f32 {
+    fn trace(made: &EpitomeTexture, seam_width: u32) -> f32 {
         let view = made.view(0);
-        let view = EpitomeView { params: TexfoldEpitomeParams { strip, ..view.params }, ..view };
+        let view = EpitomeView { params: TexfoldEpitomeParams { seam_width, ..view.params }, ..view };
         let size = Vec2::from(view.params.size.map(|side| side as f32));
         let (mut border, mut inner) = ((0.0, 0), (0.0, 0));
         for y in (2..size.y as u32).step_by(5) {
@@ -108,19 +108,19 @@ mod tests {
 
     #[test]
     fn smooth_content_is_blended_wider_and_loses_its_blocks() {
-        let set = ImageSet::single(texfold_testkit::picture("terrain"));
+        let set = ImageSet::single(texfold_testkit::image("terrain"));
         let made = encoded(&set, 28.0);
-        let strip = made.map_format().strip;
-        let (before, after) = (trace(&made, 4), trace(&made, strip));
-        assert!(strip > 4 && after < before, "{strip}: {before} to {after}");
-        let error = |strip: u32| error(&set, &made, strip, CancelCheck::default());
-        assert!(error(strip) <= error(4));
+        let seam_width = made.map_format().seam_width;
+        let (before, after) = (trace(&made, 4), trace(&made, seam_width));
+        assert!(seam_width > 4 && after < before, "{seam_width}: {before} to {after}");
+        let error = |seam_width: u32| error(&set, &made, seam_width, CancelCheck::default());
+        assert!(error(seam_width) <= error(4));
     }
 
     #[test]
     fn content_at_full_size_is_not_blurred() {
-        let set = ImageSet::single(texfold_testkit::picture("noise"));
+        let set = ImageSet::single(texfold_testkit::image("noise"));
         let made = encoded(&set, 40.0);
-        assert_eq!(made.map_format().strip, 4);
+        assert_eq!(made.map_format().seam_width, 4);
     }
 }

@@ -9,9 +9,9 @@ fn encode(c: &mut Criterion) {
     let mut group = c.benchmark_group("encode 512x512");
     group.sample_size(10).throughput(Throughput::Elements(set.texel_count()));
     group.bench_function("vq, codebook 1/16, one sample", |b| b.iter(|| vq(&set, &paper_params())));
-    let fast = VqParams { effort: Effort::Fast, ..paper_params() };
+    let fast = paper_params().with_effort(Effort::Fast);
     group.bench_function("vq, the same, fast", |b| b.iter(|| vq(&set, &fast)));
-    let goal = VqParams { goal: Goal::Bpp(2.5), ..VqParams::default() };
+    let goal = VqParams::default().with_goal(Goal::Bpp(2.5));
     group.bench_function("vq, 2.5 bits a texel", |b| b.iter(|| vq(&set, &goal)));
     for effort in [Effort::Fast, Effort::Normal] {
         let name = format!("progressive, 2.7 bpp, {effort:?}");

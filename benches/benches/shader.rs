@@ -5,7 +5,7 @@
 
 use texfold::Effort;
 use texfold::image::ImageSet;
-use texfold::{AnyImage, Content, VqParams};
+use texfold::{AnyImage, Content};
 use texfold_benches::{bc, epitome, epitome_params, image_of, paper_params, progressive, vq};
 use texfold_gpu::{Gpu, GpuError, Lookup, Policy, Probe, View};
 
@@ -20,7 +20,7 @@ type Make = fn(&ImageSet) -> Option<AnyImage>;
 
 const TEXTURES: [(&str, Make); 8] = [
     ("vq raw", |set| vq(set, &paper_params())),
-    ("vq bc1", |set| vq(set, &VqParams { content: Some(Content::Bc1), ..paper_params() })),
+    ("vq bc1", |set| vq(set, &paper_params().with_content(Content::Bc1))),
     ("epitome raw", |set| epitome(set, &epitome_params(Some(Content::Raw)))),
     ("epitome bc1", |set| epitome(set, &epitome_params(Some(Content::Bc1)))),
     ("epitome bc1+bc7", |set| epitome(set, &epitome_params(None))),

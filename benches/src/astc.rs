@@ -101,7 +101,7 @@ fn middle(image: Raster) -> Result<Raster, Box<dyn Error>> {
 
 fn plain(set: &ImageSet, block: AstcBlock) -> Result<Measured, Box<dyn Error>> {
     let content = Some(Content::Astc(block));
-    let params = BcParams { goal: Goal::Bpp(8.1), content, reduce_log2: Some(0), ..BcParams::default() };
+    let params = BcParams::default().with_goal(Goal::Bpp(8.1)).with_content(content).with_reduce_log2(0);
     Ok(measure(set, &Bc::encode(set, &params, &mut Job::default())?))
 }
 

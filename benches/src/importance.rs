@@ -58,13 +58,11 @@ fn measure(images: &[Raster], weight: f32) -> Option<Row> {
         let cells = image.size().texels() / 256;
         let width = (((cells as f64).sqrt() * 1.2) as u32).clamp(1, 64);
         let height = (cells as u32 / width).clamp(1, 64);
-        let params = VqParams {
-            codebook: Some((width * 4, height * 4)),
-            samples: Some((0, 0)),
-            importance: weight,
-            content: Some(Content::Raw),
-            ..VqParams::default()
-        };
+        let params = VqParams::default()
+            .with_codebook((width * 4, height * 4))
+            .with_samples((0, 0))
+            .with_importance(weight)
+            .with_content(Content::Raw);
         let texture = texfold_benches::vq(&set, &params)?;
         let decoded = decode_surface(texture.as_encoded(), 0, 0)?;
         let (whole, salient) = psnrs(image, &decoded);

@@ -42,12 +42,7 @@ pub fn image_of(source: &Raster, side: u32) -> ImageSet {
 /// The settings of the paper's examples: a codebook of 1/16 of a 512x512 image with one sample of 64x64.
 #[must_use]
 pub fn paper_params() -> VqParams {
-    VqParams {
-        codebook: Some((128, 128)),
-        samples: Some((1, 64)),
-        content: Some(Content::Raw),
-        ..VqParams::default()
-    }
+    VqParams::default().with_codebook((128, 128)).with_samples((1, 64)).with_content(Content::Raw)
 }
 
 /// `set` by vq; `None` where it cannot be encoded.
@@ -81,12 +76,7 @@ pub fn progressive(set: &ImageSet, bpp: f64, effort: Effort) -> Option<AnyImage>
 /// `set` as plain blocks at full size; `None` where it cannot be encoded.
 #[must_use]
 pub fn bc(set: &ImageSet, content: Content) -> Option<AnyImage> {
-    let params = BcParams {
-        content: Some(content),
-        reduce_log2: Some(0),
-        effort: Effort::Fast,
-        ..BcParams::default()
-    };
+    let params = BcParams::default().with_content(content).with_reduce_log2(0).with_effort(Effort::Fast);
     Bc::encode(set, &params, &mut Job::default()).ok().map(AnyImage::new)
 }
 

@@ -86,13 +86,11 @@ fn plain(image: &Raster) -> Outcome<Vec<Point>> {
         ("BC7", Content::Bc7, 0),
     ];
     let encode = |(form, content, reduce_log2): (&'static str, Content, u32)| {
-        let params = BcParams {
-            goal: Goal::Bpp(f64::MAX),
-            content: Some(content),
-            reduce_log2: Some(reduce_log2),
-            effort: Effort::Normal,
-            ..BcParams::default()
-        };
+        let params = BcParams::default()
+            .with_goal(Goal::Bpp(f64::MAX))
+            .with_content(content)
+            .with_reduce_log2(reduce_log2)
+            .with_effort(Effort::Normal);
         let texture = Bc::encode(&set, &params, &mut Job::default())?;
         judge(form, format!("1/{}", 1 << reduce_log2), image, &texture)
     };

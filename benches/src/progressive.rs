@@ -57,12 +57,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         let set = ImageSet::single(middle(texfold_testkit::png(path).with_channels(3))?);
         let mut row = Vec::new();
         for &&(_, content, reduce_log2) in &rivals {
-            let params = BcParams {
-                goal: Goal::Bpp(1e6),
-                content: Some(content),
-                reduce_log2: Some(reduce_log2),
-                ..BcParams::default()
-            };
+            let params = BcParams::default()
+                .with_goal(Goal::Bpp(1e6))
+                .with_content(content)
+                .with_reduce_log2(reduce_log2);
             row.push(measure(&set, &Bc::encode(&set, &params, &mut Job::default())?).psnr);
         }
         let params = ProgressiveParams::default().with_goal(Goal::Bpp(sizes[0]));

@@ -146,8 +146,7 @@ fn unlike(out: &Path) -> Outcome<()> {
     let mut table = Table::new(&["image", "plain dB", "plain bits", "dB", "bits", "what it is"]);
     for (name, image) in all {
         let set = ImageSet::single(middle(&image, UNLIKE_SIDE, UNLIKE_SIDE)?);
-        let plain =
-            texfold::BcParams { goal: Goal::Bpp(4.0), reduce_log2: Some(0), ..texfold::BcParams::default() };
+        let plain = texfold::BcParams::default().with_goal(Goal::Bpp(4.0)).with_reduce_log2(0);
         let plain = measure(&set, &texfold::Bc::encode(&set, &plain, &mut Job::default())?);
         let settings = EncodeSettings {
             codec: Choice::of::<Epitome>(),

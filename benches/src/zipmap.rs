@@ -122,15 +122,12 @@ fn texture(count: usize) -> Option<AnyImage> {
         let mask = Some(photograph(&vec![Texel::splat(0.5); (size.0 * size.1) as usize], size, lens));
         stack.patches.push(PatchSource { image: index, matrix, mask, parent: None });
     }
-    let params = ZipParams {
-        // Enough for all of them.
-        goal: Goal::Bpp(1e6),
-        content: Some(Content::Raw),
-        tau: 0.05,
-        drop_rms: 0.0,
-        effort: Effort::Fast,
-        ..ZipParams::default()
-    };
+    let params = ZipParams::default()
+        .with_goal(Goal::Bpp(1e6))
+        .with_content(Content::Raw)
+        .with_tau(0.05)
+        .with_drop_rms(0.0)
+        .with_effort(Effort::Fast);
     let made = Zipmap::encode(&stack, &params, &mut Job::default()).ok()?;
     println!("{} patches of {count} are kept", made.patches());
     Some(AnyImage::new(made))

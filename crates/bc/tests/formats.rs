@@ -98,7 +98,8 @@ fn texture(content: Content, channels: u8, mips: bool, reduce_log2: u32) -> BcTe
         Raster::from_texels(width, height, pixel(channels), &texels).unwrap()
     };
     let set = ImageSet::new(vec![raster(1, 37, 18), raster(2, 6, 41)]).unwrap();
-    let params = BcParams::for_goal(Goal::Bpp(99.0))
+    let params = BcParams::default()
+        .with_goal(Goal::Bpp(99.0))
         .with_content(content)
         .with_mips(mips)
         .with_reduce_log2(reduce_log2)

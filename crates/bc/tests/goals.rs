@@ -33,7 +33,7 @@ fn bits_a_texel_name_a_format_and_a_size_for_any_image() {
             (1.0, Content::Bc1, 1),
             (0.5, Content::Bc7, 2),
         ] {
-            let texture = encode(&set, &BcParams::for_goal(Goal::Bpp(bpp)));
+            let texture = encode(&set, &BcParams::default().with_goal(Goal::Bpp(bpp)));
             let found = measure(&set, &texture).bpp;
             assert!(found <= bpp || width * height == 1, "{width}x{height} at {bpp}: {found}");
             let alike = (texture.content(), texture.reduce_log2()) == (content, reduce_log2);
@@ -48,16 +48,16 @@ fn bits_a_texel_name_a_format_and_a_size_for_any_image() {
 #[test]
 fn a_goal_just_below_a_format_does_not_reach_it() {
     let set = ImageSet::single(image(64, 64));
-    let texture = encode(&set, &BcParams::for_goal(Goal::Bpp(3.99)));
+    let texture = encode(&set, &BcParams::default().with_goal(Goal::Bpp(3.99)));
     assert_ne!((texture.content(), texture.reduce_log2()), (Content::Bc1, 0));
 }
 
 #[test]
 fn mip_levels_count() {
     let set = ImageSet::single(image(64, 64));
-    let texture = encode(&set, &BcParams::for_goal(Goal::Bpp(4.0)).with_mips(true));
+    let texture = encode(&set, &BcParams::default().with_goal(Goal::Bpp(4.0)).with_mips(true));
     assert_ne!((texture.content(), texture.reduce_log2()), (Content::Bc1, 0));
-    let texture = encode(&set, &BcParams::for_goal(Goal::Bpp(5.34)).with_mips(true));
+    let texture = encode(&set, &BcParams::default().with_goal(Goal::Bpp(5.34)).with_mips(true));
     assert_eq!((texture.content(), texture.reduce_log2()), (Content::Bc1, 0));
 }
 
@@ -67,7 +67,7 @@ fn memory_is_what_the_form_for_gpus_takes() {
     for mips in [false, true] {
         for content in [Content::Raw, Content::Bc1, Content::Bc7] {
             let set = ImageSet::new(vec![image(37, 61), image(3, 1), image(64, 8)]).unwrap();
-            let params = BcParams::for_goal(Goal::Bpp(99.0)).with_content(content).with_mips(mips);
+            let params = BcParams::default().with_goal(Goal::Bpp(99.0)).with_content(content).with_mips(mips);
             let texture = encode(&set, &params);
             assert_eq!(texture.layout().surfaces, [size(37, 61), size(3, 1), size(64, 8)]);
             assert_eq!(texture.memory(), texture.gpu().memory(), "{content:?} {mips}");

@@ -124,7 +124,7 @@ fn regions_are_their_samples() {
 fn exact_repetition_costs_one_tile_and_a_map() {
     let set = tiles();
     for (content, bits) in [(Content::Raw, 24), (Content::Bc1, 4), (Content::Bc7, 8)] {
-        let plain = BcParams { goal: Goal::Psnr(99.0), content: Some(content), ..BcParams::default() };
+        let plain = BcParams::default().with_goal(Goal::Psnr(99.0)).with_content(content);
         let plain = measure(&set, &Bc::encode(&set, &plain, &mut Job::default()).unwrap()).psnr;
         let wanted = (plain - 0.05).min(60.0);
         let params = goal(Goal::Psnr(wanted)).with_content(content).with_effort(Effort::Normal);
@@ -179,7 +179,7 @@ fn plain_psnr(set: &ImageSet) -> f64 {
         info if info.channels == 2 => Content::Bc5,
         _ => Content::Bc7,
     };
-    let params = BcParams { goal: Goal::Psnr(99.0), content: Some(content), ..BcParams::default() };
+    let params = BcParams::default().with_goal(Goal::Psnr(99.0)).with_content(content);
     measure(set, &Bc::encode(set, &params, &mut Job::default()).unwrap()).psnr
 }
 

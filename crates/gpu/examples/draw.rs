@@ -63,7 +63,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn encode_test_image() -> Result<Box<dyn texfold::Encoded<Domain = texfold::Image2d>>, Box<dyn Error>> {
     let image = texfold_testkit::fixtures::images().into_iter().next().ok_or("no test image")?;
     let image = Raster::from_u8(image.width, image.height, image.channels, ColorSpace::Srgb, &image.data)?;
-    let params = BcParams { goal: Goal::Bpp(6.0), mips: true, ..BcParams::default() };
+    let params = BcParams::default().with_goal(Goal::Bpp(6.0)).with_mips(true);
     let encoded = Bc::encode(&ImageSet::single(image), &params, &mut Job::new(Limits::default()))?;
     println!("{}", texfold::Encoded::notes(&encoded).verdict);
     Ok(Box::new(encoded))

@@ -32,12 +32,7 @@ fn bytes(texture: &ProgressiveTexture) -> Vec<u8> {
 }
 
 fn bc1(set: &ImageSet) -> Measured {
-    let params = BcParams {
-        goal: Goal::Bpp(5.0),
-        content: Some(Content::Bc1),
-        reduce_log2: Some(0),
-        ..BcParams::default()
-    };
+    let params = BcParams::default().with_goal(Goal::Bpp(5.0)).with_content(Content::Bc1).with_reduce_log2(0);
     measure(set, &Bc::encode(set, &params, &mut Job::default()).unwrap())
 }
 
@@ -426,12 +421,8 @@ fn few_bits_are_spent_on_a_smaller_image_that_is_enlarged() {
 fn a_quarter_of_a_bit_is_better_than_bc1_of_a_quarter_of_the_size() {
     for name in ["terrain", "salient", "facade"] {
         let set = picture(name);
-        let params = BcParams {
-            goal: Goal::Bpp(5.0),
-            content: Some(Content::Bc1),
-            reduce_log2: Some(2),
-            ..BcParams::default()
-        };
+        let params =
+            BcParams::default().with_goal(Goal::Bpp(5.0)).with_content(Content::Bc1).with_reduce_log2(2);
         let plain = measure(&set, &Bc::encode(&set, &params, &mut Job::default()).unwrap());
         let ours = measure(&set, &encode(&set, &fast(Goal::Bpp(plain.bpp))));
         assert!(ours.bpp <= plain.bpp && ours.psnr > plain.psnr + 0.3, "{name}: {ours:?} {plain:?}");

@@ -81,7 +81,7 @@ fn astc_content_loads_or_names_the_feature_that_it_needs() {
 #[test]
 fn astc_content_is_not_asked_for_without_its_feature() {
     let set = support::fixture("odd_37x61");
-    let plain = BcParams { family: Family::Astc, ..BcParams::default() };
+    let plain = BcParams::default().with_family(Family::Astc);
     let encoded = Bc::encode(&set, &plain, &mut texfold::Job::default());
     let available = Content::Astc(AstcBlock::B8).is_available();
     match encoded {

@@ -78,13 +78,11 @@ fn rayon_pool(threads: usize) -> rayon::ThreadPool {
 #[test]
 fn a_sample_is_exact_where_content_is_raw() {
     let set = fixture("salient");
-    let params = VqParams {
-        codebook: Some((128, 64)),
-        samples: Some((1, 48)),
-        content: Some(Content::Raw),
-        effort: Effort::Fast,
-        ..VqParams::default()
-    };
+    let params = VqParams::default()
+        .with_codebook((128, 64))
+        .with_samples((1, 48))
+        .with_content(Content::Raw)
+        .with_effort(Effort::Fast);
     let texture = Vq::encode(VqSource::new(&set), &params, &mut Job::default()).unwrap();
     let part = texture.samples()[0];
     for (y, x) in (0..part.side).flat_map(|y| (0..part.side).map(move |x| (y, x))) {
@@ -97,7 +95,7 @@ fn a_sample_is_exact_where_content_is_raw() {
 #[test]
 fn the_sample_of_a_salient_image_lies_on_the_salient_object() {
     let set = fixture("salient");
-    let params = VqParams { codebook: Some((128, 64)), samples: Some((1, 48)), ..VqParams::default() };
+    let params = VqParams::default().with_codebook((128, 64)).with_samples((1, 48));
     let texture = Vq::encode(VqSource::new(&set), &params, &mut Job::default()).unwrap();
     let part = texture.samples()[0];
     // The ball's centre lies right of and below the middle.
@@ -111,7 +109,7 @@ fn a_painted_map_moves_the_sample() {
     let painted: Vec<u8> =
         (0..256 * 256u32).map(|i| if i % 256 < 64 && i / 256 >= 192 { 255 } else { 0 }).collect();
     let painted = Raster::from_u8(256, 256, 1, ColorSpace::Linear, &painted).unwrap();
-    let params = VqParams { codebook: Some((128, 64)), samples: Some((1, 64)), ..VqParams::default() };
+    let params = VqParams::default().with_codebook((128, 64)).with_samples((1, 64));
     let weights = texfold::GuidanceWeights { usability: 0.1, saliency: 0.1, distortion: 0.0, painted: 10.0 };
     let source = VqSource { painted: Some(&painted), weights, ..VqSource::new(&set) };
     let texture = Vq::encode(source, &params, &mut Job::default()).unwrap();
@@ -123,13 +121,11 @@ fn a_painted_map_moves_the_sample() {
 fn importance_moves_error_away_from_what_matters() {
     let set = fixture("salient");
     let error = |importance: f32| {
-        let params = VqParams {
-            codebook: Some((64, 32)),
-            samples: Some((0, 0)),
-            importance,
-            content: Some(Content::Raw),
-            ..VqParams::default()
-        };
+        let params = VqParams::default()
+            .with_codebook((64, 32))
+            .with_samples((0, 0))
+            .with_importance(importance)
+            .with_content(Content::Raw);
         let texture = Vq::encode(VqSource::new(&set), &params, &mut Job::default()).unwrap();
         let decoded = decode_surface(&texture, 0, 0).unwrap();
         let map = texfold_vq_saliency(&set.images()[0]);
@@ -216,11 +212,10 @@ fn every_failure_regime_encodes_within_its_bound() {
         let set = fixture(name);
         // The parameters of a tiny image alone take hundreds of bits a texel.
         let bpp = if set.texel_count() < 1000 { 4000.0 } else { 9.5 };
-        let texture = vq(&set, &VqParams { goal: Goal::Bpp(bpp), ..VqParams::default() });
+        let texture = vq(&set, &VqParams::default().with_goal(Goal::Bpp(bpp)));
         let found = quality(&set, texture.as_encoded());
         // With as many codewords as blocks, vq holds what BC1 holds.
-        let plain =
-            bc(&set, &BcParams { content: Some(Content::Bc1), reduce_log2: Some(0), ..BcParams::default() });
+        let plain = bc(&set, &BcParams::default().with_content(Content::Bc1).with_reduce_log2(0));
         let least = quality(&set, plain.as_encoded()).color.psnr().min(60.0);
         assert!(found.color.psnr() >= least - 0.3, "{name}: {:.2} dB, BC1 {least:.2}", found.color.psnr());
         if let Some(alpha) = found.alpha {
@@ -234,7 +229,7 @@ fn unlike_images_share_a_codebook() {
     let named = texfold_testkit::image;
     let set =
         ImageSet::new(vec![named("odd_37x61"), named("gray"), named("odd_3x5"), named("odd_37x61")]).unwrap();
-    let texture = vq(&set, &VqParams { goal: Goal::Bpp(6.0), ..VqParams::default() });
+    let texture = vq(&set, &VqParams::default().with_goal(Goal::Bpp(6.0)));
     assert_eq!(texture.as_encoded().layout().surfaces.len(), 4);
     assert_eq!(decode_surface(texture.as_encoded(), 0, 0), decode_surface(texture.as_encoded(), 3, 0));
     assert!(quality(&set, texture.as_encoded()).color.psnr() > 24.0);
@@ -243,11 +238,11 @@ fn unlike_images_share_a_codebook() {
 #[test]
 fn mip_levels_are_those_of_the_source() {
     let set = fixture("facade");
-    let params = VqParams { goal: Goal::Bpp(6.0), mips: true, ..VqParams::default() };
+    let params = VqParams::default().with_goal(Goal::Bpp(6.0)).with_mips(true);
     let factored = EpitomeParams::new(Goal::Psnr(30.0)).with_mips(true).with_effort(Effort::Fast);
     let textures = [
         vq(&set, &params),
-        bc(&set, &BcParams { goal: Goal::Bpp(6.0), mips: true, ..BcParams::default() }),
+        bc(&set, &BcParams::default().with_goal(Goal::Bpp(6.0)).with_mips(true)),
         epitome(&set, &factored),
     ];
     let chain = texfold::image::mip_chain(&set.images()[0], 9, texfold::image::MipFilter::Box);
@@ -289,12 +284,12 @@ fn parameters_out_of_range_are_named() {
         Err(EncodeError::Params(error)) => error.field,
         other => panic!("{:?}", other.map(|_| ())),
     };
-    assert_eq!(field(VqParams { codebook: Some((512, 64)), ..VqParams::default() }), "codebook");
-    assert_eq!(field(VqParams { codebook: Some((30, 64)), ..VqParams::default() }), "codebook");
-    assert_eq!(field(VqParams { samples: Some((1, 7)), ..VqParams::default() }), "samples");
-    assert_eq!(field(VqParams { goal: Goal::Bpp(-1.0), ..VqParams::default() }), "bpp");
-    assert_eq!(field(VqParams { importance: f32::NAN, ..VqParams::default() }), "importance");
-    assert_eq!(field(VqParams { content: Some(Content::Bc3), ..VqParams::default() }), "content");
+    assert_eq!(field(VqParams::default().with_codebook((512, 64))), "codebook");
+    assert_eq!(field(VqParams::default().with_codebook((30, 64))), "codebook");
+    assert_eq!(field(VqParams::default().with_samples((1, 7))), "samples");
+    assert_eq!(field(VqParams::default().with_goal(Goal::Bpp(-1.0))), "bpp");
+    assert_eq!(field(VqParams::default().with_importance(f32::NAN)), "importance");
+    assert_eq!(field(VqParams::default().with_content(Content::Bc3)), "content");
     let field =
         |params: EpitomeParams| match Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default())
         {
@@ -308,7 +303,7 @@ fn parameters_out_of_range_are_named() {
 
 #[test]
 fn regions_outside_are_named() {
-    let texture = vq(&frames("ripple"), &VqParams { codebook: Some((32, 32)), ..VqParams::default() });
+    let texture = vq(&frames("ripple"), &VqParams::default().with_codebook((32, 32)));
     let texture = texture.as_encoded();
     let rect = Rect { surface: 0, level: 0, x: 30, y: 0, width: 20, height: 1 };
     let mut out = [Texel::ZERO; 20];

@@ -50,6 +50,7 @@ impl Default for GuidanceWeights {
 
 /// How vector quantisation is done.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct VqParams {
     /// What to reach, by the size of the codebook.
     pub goal: Goal,

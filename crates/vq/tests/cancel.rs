@@ -76,7 +76,7 @@ fn encoding_stops_within_a_fifth_of_a_second() {
         ("bits", &sequence, Goal::Bpp(2.0)),
         ("tolerance", &set, Goal::Tolerance(12.0)),
     ] {
-        let params = VqParams { goal, mips: true, ..VqParams::default() };
+        let params = VqParams::default().with_goal(goal).with_mips(true);
         stops_soon(name, |job| match Vq::encode(VqSource::new(set), &params, job) {
             Err(EncodeError::Source(_)) => Ok(()),
             outcome => outcome.map(|_| ()),
@@ -88,7 +88,7 @@ fn encoding_stops_within_a_fifth_of_a_second() {
 fn growing_stops_within_a_fifth_of_a_second() {
     let images = frames("ripple").images().to_vec();
     let first = ImageSet::single(images[0].clone());
-    let params = VqParams { goal: Goal::Bpp(3.0), ..VqParams::default() };
+    let params = VqParams::default().with_goal(Goal::Bpp(3.0));
     let texture = Vq::encode(VqSource::new(&first), &params, &mut Job::default()).unwrap();
     let rest = ImageSet::new((0..64).map(|frame| images[frame % images.len()].clone()).collect()).unwrap();
     stops_soon("growth", |job| Vq::add(&mut texture.clone(), VqSource::new(&rest), job));
@@ -97,7 +97,7 @@ fn growing_stops_within_a_fifth_of_a_second() {
 #[test]
 fn a_budget_that_is_too_small_is_refused_and_one_that_is_large_enough_is_given_back() {
     let set = ImageSet::single(image("odd_37x61"));
-    let params = VqParams { goal: Goal::Bpp(4.0), ..VqParams::default() };
+    let params = VqParams::default().with_goal(Goal::Bpp(4.0));
     let mut small = Job::new(Limits { bytes: 4 * 37 * 61, ..Limits::default() });
     assert!(matches!(Vq::encode(VqSource::new(&set), &params, &mut small), Err(EncodeError::Limit(_))));
     let limits = Limits { bytes: 64 * 37 * 61, ..Limits::default() };

@@ -5,6 +5,7 @@ use texfold_core::{Effort, Goal, ParamError, Params};
 
 /// How a stack of patches is encoded.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct ZipParams {
     /// What to reach. [`Goal::Psnr`]: the PSNR of every image, as compression and images stored below their full size
     /// leave it, against the merged image before; the worst image counts. [`Goal::Tolerance`]: the RMS error of every

@@ -157,7 +157,7 @@ fn a_pixel_that_is_longer_than_wide_keeps_detail_across() {
     let (photos, matrices) = stack_of_three(1.0);
     let patches = [1].map(|image| PatchSource { image, matrix: matrices[image], mask: None, parent: None });
     let stack = PatchStack { root: photos[0].clone(), images: photos.clone(), patches: patches.to_vec() };
-    let params = ZipParams { content: Some(texfold_bc::Content::Raw), ..ZipParams::default() };
+    let params = ZipParams::default().with_content(texfold_bc::Content::Raw);
     let texture = encode(&stack, &params).unwrap();
     let view = texture.view();
     let texel = Vec2::new(1.0 / SIZE.0 as f32, 1.0 / SIZE.1 as f32) / 2.5;
@@ -269,7 +269,7 @@ fn stacks_of_none_and_of_five_hundred_patches_are_drawn() {
         stack.images.push(photograph(&leaves.view(&matrix, small, 2), small, PLAIN));
         stack.patches.push(PatchSource { image: index as usize, matrix, mask: None, parent: None });
     }
-    let params = ZipParams { tau: 0.05, ..ZipParams::default() };
+    let params = ZipParams::default().with_tau(0.05);
     let many = encode(&stack, &params).unwrap();
     assert!(many.patches() > 400, "{}", many.patches());
     let file = bytes(&many);
@@ -320,7 +320,7 @@ fn an_image_at_several_places_is_stored_once_and_is_the_same_at_each() {
     let matrices = places.map(|(x, y, turn)| close_up(DVec2::new(x, y), 4.0, turn, DVec2::ZERO));
     let patches = matrices.map(|matrix| PatchSource { image: 0, matrix, mask: None, parent: None });
     let mut stack = PatchStack { root, images: vec![image], patches: patches.to_vec() };
-    let params = ZipParams { content: Some(texfold_bc::Content::Raw), ..ZipParams::default() };
+    let params = ZipParams::default().with_content(texfold_bc::Content::Raw);
     let three = encode(&stack, &params).unwrap();
     assert_eq!((three.patches(), three.contents()), (3, 1), "{}", three.notes().verdict);
     let middle = |texture: &ZipTexture, matrix: &DMat3, at: DVec2| {
@@ -382,7 +382,7 @@ fn a_patch_that_shows_nothing_new_or_that_others_hide_is_left_out() {
     };
     // Levels of the enlarged root differ from the root's own by their filters, where edges are as hard as here by more
     // than the usual 2 of 255.
-    let texture = encode(&stack, &ZipParams { drop_rms: 4.0, ..ZipParams::default() }).unwrap();
+    let texture = encode(&stack, &ZipParams::default().with_drop_rms(4.0)).unwrap();
     let verdict = &texture.notes().verdict;
     assert_eq!(texture.patches(), 1, "{verdict}");
     assert!(
@@ -393,7 +393,7 @@ fn a_patch_that_shows_nothing_new_or_that_others_hide_is_left_out() {
 
 /// What a texture takes, its worst PSNR against the images, and texels of what its patches show.
 fn figures(stack: &PatchStack, goal: Goal) -> (f64, f64, u64) {
-    let texture = encode(stack, &ZipParams { goal, merge: false, ..ZipParams::default() }).unwrap();
+    let texture = encode(stack, &ZipParams::default().with_goal(goal).with_merge(false)).unwrap();
     let texels: u64 = stack.images.iter().chain([&stack.root]).map(|image| image.size().texels()).sum();
     let worst =
         fidelity(stack, &texture).iter().map(|shown| shown.error.psnr()).fold(f64::INFINITY, f64::min);
@@ -450,7 +450,7 @@ fn maps_of_another_kind_lie_where_the_colours_do() {
         patches: vec![patch(2, DMat3::IDENTITY), patch(0, inside), patch(1, across)],
         root,
     };
-    let params = ZipParams { drop_rms: 4.0, ..ZipParams::default() };
+    let params = ZipParams::default().with_drop_rms(4.0);
     let masks = masks(&colours, &params, &mut Job::default()).unwrap();
     let shown = |mask: &Raster| mask.data().iter().filter(|&&share| share > 0.0).count();
     let texels = (SIZE.0 * SIZE.1) as usize;
@@ -466,7 +466,7 @@ fn maps_of_another_kind_lie_where_the_colours_do() {
     let heights = vec![flat(200), flat(200), flat(200)];
     let riding = colours.riding(flat(50), heights.clone(), masks.clone()).unwrap();
     // As fine as they come: maps that are stored coarser have coarser masks.
-    let finest = ZipParams { goal: Goal::Psnr(60.0), merge: false, ..params.clone() };
+    let finest = params.clone().with_goal(Goal::Psnr(60.0)).with_merge(false);
     let riding = encode(&riding, &finest).unwrap();
     let texture = encode(&colours, &params).unwrap();
     assert_eq!((riding.patches(), texture.patches()), (2, 2));

@@ -6,6 +6,7 @@ use crate::{Content, Family};
 
 /// How plain block compression is done.
 #[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
 pub struct BcParams {
     /// What to reach. The formats and sizes are few: the smallest that reaches it is taken.
     pub goal: Goal,
@@ -22,10 +23,10 @@ pub struct BcParams {
 }
 
 impl BcParams {
-    /// The default parameters with another goal.
+    /// With this goal.
     #[must_use]
-    pub fn for_goal(goal: Goal) -> Self {
-        BcParams { goal, ..BcParams::default() }
+    pub fn with_goal(self, goal: Goal) -> Self {
+        BcParams { goal, ..self }
     }
 
     /// Stores every image in one block format.

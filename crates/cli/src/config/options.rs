@@ -349,12 +349,10 @@ impl Options {
         if !codec.is_auto() && !codec.is::<Zipmap>() {
             return Err(CliError::StackOnly { path: path.to_owned(), codec: codec.name() });
         }
-        let params = ZipParams {
-            goal: self.goal(),
-            content: self.content.and_then(ContentName::content),
-            effort: self.effort.unwrap_or_default().effort(),
-            ..ZipParams::default()
-        };
+        let params = ZipParams::default()
+            .with_goal(self.goal())
+            .with_content(self.content.and_then(ContentName::content))
+            .with_effort(self.effort.unwrap_or_default().effort());
         let fault = |source: texfold_core::ParamError| CliError::Encode {
             path: path.to_owned(),
             source: source.into(),

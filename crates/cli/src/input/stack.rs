@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DMat3;
 use serde::{Deserialize, Serialize};
-use texfold::{LeftOut, PatchSource, PatchStack, TextureCodec, ZipParams, Zipmap, register, zip_masks};
+use texfold::{LeftOut, PatchSource, PatchStack, TextureCodec, Zipmap, register, zip_masks};
 use texfold_core::image::{Alpha, ColorSpace, Raster};
 use texfold_core::{EncodeError, Job};
 
@@ -165,7 +165,7 @@ fn riding(
     }
     let host = by_hand(&host_dir, &host_list, (ColorSpace::Srgb, None), limit_bytes)?;
     let fault = |source| CliError::Encode { path: dir.to_owned(), source };
-    let params = ZipParams { merge: true, ..settings.params.clone() };
+    let params = settings.params.clone().with_merge(true);
     let masks = job.within(0.0, 0.4, |job| zip_masks(&host, &params, job)).map_err(fault)?;
     let read = |name: &PathBuf| pixels::read(&dir.join(name), settings.color, settings.alpha, limit_bytes);
     let maps = list.patch.iter().map(|entry| read(&entry.image)).collect::<Result<_, _>>()?;

@@ -123,7 +123,7 @@ pub(crate) struct Placing {
     pub(crate) rotated: bool,
 }
 
-/// A palette of such `linears` and one of at most `gain_offset` gain-offset pairs. Once `cancel` is cancelled matches have
+/// A palette of such `matrices` and one of at most `gain_offsets` gain-offset pairs. Once `cancel` is cancelled matches have
 /// no spots.
 pub(crate) fn fit(
     space: &Space,

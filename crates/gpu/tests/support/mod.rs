@@ -125,13 +125,11 @@ pub(crate) fn image(name: &str) -> Raster {
 
 /// Images through the plain codec with all mip levels.
 pub(crate) fn bc(images: Vec<Raster>, content: Content, reduce_log2: u32) -> Subject {
-    let params = BcParams {
-        content: Some(content),
-        reduce_log2: Some(reduce_log2),
-        mips: true,
-        effort: Effort::Fast,
-        ..BcParams::default()
-    };
+    let params = BcParams::default()
+        .with_content(content)
+        .with_reduce_log2(reduce_log2)
+        .with_mips(true)
+        .with_effort(Effort::Fast);
     let source = ImageSet::new(images).unwrap();
     Subject::new(Bc::encode(&source, &params, &mut Job::new(Limits::default())).unwrap())
 }

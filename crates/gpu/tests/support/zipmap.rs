@@ -37,13 +37,11 @@ pub(crate) fn zipmap(root: &str, channels: u8, content: Content, patches: usize)
         parent: None,
     };
     let patches = matrices.iter().cycle().take(patches).enumerate().map(source).collect();
-    let params = ZipParams {
-        content: Some(content),
-        tau: 0.05,
-        drop_rms: 0.0,
-        effort: Effort::Fast,
-        ..ZipParams::default()
-    };
+    let params = ZipParams::default()
+        .with_content(content)
+        .with_tau(0.05)
+        .with_drop_rms(0.0)
+        .with_effort(Effort::Fast);
     let stack = PatchStack { root, images, patches };
     Zipmap::encode(&stack, &params, &mut Job::default()).unwrap()
 }

@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn parameters_of_a_codec_reach_it_and_settings_are_laid_over_them() {
-        let own = VqParams { codebook: Some((64, 32)), goal: Goal::Bpp(1.0), ..VqParams::default() };
+        let own = VqParams::default().with_codebook((64, 32)).with_goal(Goal::Bpp(1.0));
         let codec = Choice::of::<Vq>().with::<Vq>(own);
         let settings = EncodeSettings { codec, goal: Goal::Psnr(20.0), ..EncodeSettings::default() };
         let params = settings.params::<Vq>();

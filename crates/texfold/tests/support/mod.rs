@@ -44,8 +44,7 @@ pub fn zipmap(set: &ImageSet, content: Content) -> AnyImage {
         parent: None,
     };
     let patches = [(0.5, 0.5, 1.5, 0.3), (0.6, 0.4, 3.0, -0.5), (0.1, 0.9, 2.0, 0.0)].map(patch).to_vec();
-    let params =
-        ZipParams { content: Some(content), tau: 0.05, effort: Effort::Fast, ..ZipParams::default() };
+    let params = ZipParams::default().with_content(content).with_tau(0.05).with_effort(Effort::Fast);
     let stack = PatchStack { root, images: vec![image], patches };
     AnyImage::new(Zipmap::encode(&stack, &params, &mut Job::default()).unwrap())
 }
@@ -56,20 +55,17 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     let ripple = texfold_testkit::frames("ripple");
     let mut textures = Vec::new();
     for content in [Content::Raw, Content::Bc1, Content::Bc7] {
-        let params = VqParams {
-            codebook: Some((32, 16)),
-            samples: Some((1, 12)),
-            content: Some(content),
-            mips: content == Content::Bc1,
-            effort: Effort::Fast,
-            ..VqParams::default()
-        };
+        let params = VqParams::default()
+            .with_codebook((32, 16))
+            .with_samples((1, 12))
+            .with_content(content)
+            .with_mips(content == Content::Bc1)
+            .with_effort(Effort::Fast);
         textures.push((format!("vq {}", content.name()), odd.clone(), vq(&odd, &params)));
-        let params =
-            BcParams { goal: Goal::Psnr(20.0), content: Some(content), mips: true, ..BcParams::default() };
+        let params = BcParams::default().with_goal(Goal::Psnr(20.0)).with_content(content).with_mips(true);
         textures.push((format!("bc {}", content.name()), odd.clone(), bc(&odd, &params)));
     }
-    let params = VqParams { codebook: Some((64, 32)), effort: Effort::Fast, ..VqParams::default() };
+    let params = VqParams::default().with_codebook((64, 32)).with_effort(Effort::Fast);
     textures.push(("vq sequence".to_owned(), ripple.clone(), vq(&ripple, &params)));
     // BC1 and BC7 side by side, with mip levels; the same in layers; plain bytes; with an error map; two images that share content.
     let fast = EpitomeParams::new(Goal::Psnr(26.0)).with_effort(Effort::Fast);

@@ -12,6 +12,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use plotters::prelude::*;
+use texfold::CancelCheck;
 use texfold::image::Raster;
 use texfold_benches::report::cpu_seconds;
 use texfold_match::{Freedom, GrayPlane, GsrIndex, GsrInput, Refiner, Transform};
@@ -77,13 +78,13 @@ fn luma(image: &Raster) -> Vec<f32> {
 fn study(image: &Raster) -> Row {
     let width = image.size().width as usize;
     let luma = luma(image);
-    let plane = GrayPlane::new(width, &luma, 1.6);
+    let plane = GrayPlane::new(width, &luma, 1.6, CancelCheck::default());
     let places: Vec<glam::Vec2> = (1..width / 8 - 2)
         .flat_map(|y| (1..width / 8 - 2).map(move |x| glam::Vec2::new(x as f32, y as f32) * 8.0 + 8.0))
         .collect();
     let patches: Vec<_> = places.iter().map(|&place| (0, place, SIDE as f32)).collect();
-    let gray = GsrIndex::new(&[&plane], &patches, 4, GsrInput::Gray, 0.0);
-    let shape = GsrIndex::new(&[&plane], &patches, 4, GsrInput::Shape, 0.0);
+    let gray = GsrIndex::new(&[&plane], &patches, 4, GsrInput::Gray, 0.0, CancelCheck::default());
+    let shape = GsrIndex::new(&[&plane], &patches, 4, GsrInput::Shape, 0.0, CancelCheck::default());
     let histograms: Vec<_> = places.iter().map(|&place| histogram(image, &luma, place)).collect();
     let step = places.len() / ASKED;
     let mut row = Row { blocks: 0, matches: 0.0, ratios: [0.0; 4] };
@@ -180,11 +181,11 @@ fn time(image: &Raster, stride: usize) {
     let width = image.size().width as usize;
     let luma = luma(image);
     let start = Instant::now();
-    let plane = GrayPlane::new(width, &luma, 1.6);
+    let plane = GrayPlane::new(width, &luma, 1.6, CancelCheck::default());
     let count = (width - SIDE) / stride;
     let place = move |i: usize| glam::Vec2::new((i % count) as f32, (i / count) as f32) * stride as f32;
     let patches: Vec<_> = (0..count * count).map(|i| (0, place(i) + SIDE as f32 / 2.0, 16.0)).collect();
-    let index = GsrIndex::new(&[&plane], &patches, 4, GsrInput::Gray, 0.0);
+    let index = GsrIndex::new(&[&plane], &patches, 4, GsrInput::Gray, 0.0, CancelCheck::default());
     let described = start.elapsed().as_secs_f64();
     let blocks = width / SIDE;
     let cpu = cpu_seconds();

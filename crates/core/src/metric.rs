@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::image::{ImageSet, Raster, to_u8};
 use crate::target::Measured;
-use crate::{Encoded, Image2d, Rect, Texel};
+use crate::{CancelCheck, EncodeError, Encoded, Image2d, Rect, Texel};
 
 /// MSE below which a result counts as lossless: no 8-bit image can have a smaller one that is not 0.
 pub const MSE_FLOOR: f64 = 1e-9;
@@ -64,32 +64,69 @@ impl SquaredError {
 /// Where the sizes differ, only what both have is compared.
 #[must_use]
 pub fn color_error(source: &Raster, decoded: &Raster) -> SquaredError {
+    color_error_of(source, decoded, CancelCheck::default())
+}
+
+/// As [`color_error`]; of no use once the job is cancelled.
+fn color_error_of(source: &Raster, decoded: &Raster, cancel: CancelCheck<'_>) -> SquaredError {
     let channels = usize::from(source.info().color_channels().max(decoded.info().color_channels()));
-    let sum: u64 = source
-        .texels()
-        .zip(decoded.texels())
-        .map(|(a, b)| (0..channels).map(|channel| squared_step(a[channel], b[channel])).sum::<u64>())
-        .sum();
-    let texels = source.size().texels().min(decoded.size().texels());
+    let error = |a: Texel, b: Texel| (0..channels).map(|channel| squared_step(a[channel], b[channel])).sum();
+    let (sum, texels) = sum_of(source, decoded, cancel, error);
     SquaredError { sum: sum as f64, count: texels * channels as u64 }
 }
+
+/// The sum of `error` over all texels that both images have, and their number.
+fn sum_of(
+    a: &Raster,
+    b: &Raster,
+    cancel: CancelCheck<'_>,
+    error: impl Fn(Texel, Texel) -> u64 + Sync,
+) -> (u64, u64) {
+    let texels = a.size().texels().min(b.size().texels());
+    let of_run = |start: usize| -> u64 {
+        if cancel.is_cancelled() {
+            return 0;
+        }
+        let pairs = a.texels_from(start, RUN_TEXELS).zip(b.texels_from(start, RUN_TEXELS));
+        pairs.map(|(a, b)| error(a, b)).sum()
+    };
+    // Whole numbers: the sum is the same in any order.
+    let sum = (0..texels as usize).into_par_iter().step_by(RUN_TEXELS).map(of_run).sum();
+    (sum, texels)
+}
+
+/// Texels that one thread compares without a look at whether to stop.
+const RUN_TEXELS: usize = 1 << 14;
 
 /// Squared error of alpha; `None` where the source has none.
 #[must_use]
 pub fn alpha_error(source: &Raster, decoded: &Raster) -> Option<SquaredError> {
+    alpha_error_of(source, decoded, CancelCheck::default())
+}
+
+/// As [`alpha_error`]; of no use once the job is cancelled.
+fn alpha_error_of(source: &Raster, decoded: &Raster, cancel: CancelCheck<'_>) -> Option<SquaredError> {
     source.info().has_alpha().then(|| {
-        let sum: u64 = source.texels().zip(decoded.texels()).map(|(a, b)| squared_step(a.w, b.w)).sum();
-        SquaredError { sum: sum as f64, count: source.size().texels().min(decoded.size().texels()) }
+        let (sum, count) = sum_of(source, decoded, cancel, |a, b| squared_step(a.w, b.w));
+        SquaredError { sum: sum as f64, count }
     })
 }
 
 /// RMS error over colour and alpha of the worst 4x4 block, 8-bit units; blocks at the edge count what is inside.
 #[must_use]
 pub fn worst_block_rms(source: &Raster, decoded: &Raster) -> f64 {
+    worst_block_rms_of(source, decoded, CancelCheck::default())
+}
+
+/// As [`worst_block_rms`]; of no use once the job is cancelled.
+fn worst_block_rms_of(source: &Raster, decoded: &Raster, cancel: CancelCheck<'_>) -> f64 {
     let size = source.size();
     let channels = if source.info().has_alpha() { 4 } else { 3 };
     let (columns, rows) = size.blocks();
     let block = |index: u32| {
+        if cancel.is_cancelled() {
+            return 0.0;
+        }
         let (left, top) = (index % columns * 4, index / columns * 4);
         let (mut sum, mut count) = (0u64, 0u64);
         for (y, x) in (top..(top + 4).min(size.height))
@@ -111,15 +148,31 @@ const BAND_ROWS: u32 = 64;
 /// or level.
 #[must_use]
 pub fn decode_surface(encoded: &dyn Encoded<Domain = Image2d>, surface: u32, level: u32) -> Option<Raster> {
+    decode_surface_of(encoded, surface, level, CancelCheck::default())
+}
+
+/// As [`decode_surface`]; of no use once the job is cancelled.
+fn decode_surface_of(
+    encoded: &dyn Encoded<Domain = Image2d>,
+    surface: u32,
+    level: u32,
+    cancel: CancelCheck<'_>,
+) -> Option<Raster> {
     let layout = encoded.layout();
     let rect = layout.whole(surface, level)?;
     let mut texels = vec![Texel::ZERO; rect.width as usize * rect.height as usize];
     let bands = texels.par_chunks_mut(rect.width as usize * BAND_ROWS as usize).enumerate();
     let decode = |(band, out): (usize, &mut [Texel])| {
+        if cancel.is_cancelled() {
+            return Ok(());
+        }
         let y = BAND_ROWS * band as u32;
         encoded.decode(Rect { y, height: BAND_ROWS.min(rect.height - y), ..rect }, out)
     };
     bands.try_for_each(decode).ok()?;
+    if cancel.is_cancelled() {
+        return None;
+    }
     Raster::from_texels(rect.width, rect.height, layout.pixel, &texels).ok()
 }
 
@@ -137,14 +190,23 @@ pub struct Quality {
 /// Decodes level 0 of every image and compares it with the source.
 #[must_use]
 pub fn quality(source: &ImageSet, encoded: &dyn Encoded<Domain = Image2d>) -> Quality {
+    quality_of(source, encoded, CancelCheck::default())
+}
+
+/// As [`quality`]; of no use once the job is cancelled.
+fn quality_of(
+    source: &ImageSet,
+    encoded: &dyn Encoded<Domain = Image2d>,
+    cancel: CancelCheck<'_>,
+) -> Quality {
     let mut quality = Quality::default();
     for (surface, image) in source.images().iter().enumerate() {
-        let Some(decoded) = decode_surface(encoded, surface as u32, 0) else { continue };
-        quality.color = quality.color + color_error(image, &decoded);
-        if let Some(alpha) = alpha_error(image, &decoded) {
+        let Some(decoded) = decode_surface_of(encoded, surface as u32, 0, cancel) else { continue };
+        quality.color = quality.color + color_error_of(image, &decoded, cancel);
+        if let Some(alpha) = alpha_error_of(image, &decoded, cancel) {
             quality.alpha = Some(quality.alpha.unwrap_or_default() + alpha);
         }
-        quality.worst_block_rms = quality.worst_block_rms.max(worst_block_rms(image, &decoded));
+        quality.worst_block_rms = quality.worst_block_rms.max(worst_block_rms_of(image, &decoded, cancel));
     }
     quality
 }
@@ -154,7 +216,25 @@ pub fn quality(source: &ImageSet, encoded: &dyn Encoded<Domain = Image2d>) -> Qu
 /// [`MemoryBits::counted`]: crate::MemoryBits::counted
 #[must_use]
 pub fn measure(source: &ImageSet, encoded: &dyn Encoded<Domain = Image2d>) -> Measured {
-    let quality = quality(source, encoded);
+    measured(source, encoded, quality(source, encoded))
+}
+
+/// As [`measure`], with a look before every 64 rows that are decoded and every few thousand texels that are compared at
+/// whether to stop.
+///
+/// # Errors
+/// [`EncodeError::Cancelled`] where the caller asked to stop.
+pub fn measure_cancellable(
+    source: &ImageSet,
+    encoded: &dyn Encoded<Domain = Image2d>,
+    cancel: CancelCheck<'_>,
+) -> Result<Measured, EncodeError> {
+    let quality = quality_of(source, encoded, cancel);
+    cancel.checkpoint()?;
+    Ok(measured(source, encoded, quality))
+}
+
+fn measured(source: &ImageSet, encoded: &dyn Encoded<Domain = Image2d>, quality: Quality) -> Measured {
     Measured {
         psnr: quality.color.psnr(),
         bpp: encoded.memory().counted as f64 / source.texel_count() as f64,

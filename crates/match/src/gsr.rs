@@ -8,6 +8,7 @@
 
 use glam::{Mat2, Vec2};
 use rayon::prelude::*;
+use texfold_core::CancelCheck;
 
 use crate::groups::Groups;
 use crate::index::Tree;
@@ -38,15 +39,18 @@ pub struct GrayPlane {
 }
 
 impl GrayPlane {
-    /// Blurs `values`, `width` a row in 8-bit units, by a Gaussian of `sigma` texels.
+    /// Blurs `values`, `width` a row in 8-bit units, by a Gaussian of `sigma` texels. Of no use once the job is cancelled.
     #[must_use]
-    pub fn new(width: usize, values: &[f32], sigma: f32) -> Self {
+    pub fn new(width: usize, values: &[f32], sigma: f32, cancel: CancelCheck<'_>) -> Self {
         let height = values.len() / width.max(1);
-        let values = blur(width, height, values, sigma);
+        let values = blur(width, height, values, sigma, cancel);
         let at = |x: usize, y: usize| values[y * width + x];
         let gradients = (0..width * height)
             .into_par_iter()
             .map(|index| {
+                if cancel.is_cancelled() {
+                    return (0, 0.0, 0.0);
+                }
                 let (x, y) = (index % width, index / width);
                 let across = at((x + 1).min(width - 1), y) - at(x.saturating_sub(1), y);
                 let down = at(x, (y + 1).min(height - 1)) - at(x, y.saturating_sub(1));
@@ -131,13 +135,16 @@ const fn side_of(count: usize) -> usize {
     side
 }
 
-fn blur(width: usize, height: usize, values: &[f32], sigma: f32) -> Vec<f32> {
+fn blur(width: usize, height: usize, values: &[f32], sigma: f32, cancel: CancelCheck<'_>) -> Vec<f32> {
     let radius = (3.0 * sigma).ceil() as usize;
     let weight = |away: usize| (-(away as f32).powi(2) / (2.0 * sigma * sigma).max(1e-6)).exp();
     let kernel: Vec<f32> = (0..=radius).map(weight).collect();
     let sum = kernel[0] + 2.0 * kernel[1..].iter().sum::<f32>();
     let pass = |values: &[f32], step: usize, count: usize, place: &(dyn Fn(usize) -> usize + Sync)| {
         let texel = |index: usize| {
+            if cancel.is_cancelled() {
+                return 0.0;
+            }
             let at = place(index);
             let start = index - at * step;
             let read = |at: usize| values[start + at * step];
@@ -264,7 +271,8 @@ impl std::fmt::Debug for GsrIndex {
 
 impl GsrIndex {
     /// Indexes patches (number of the plane, centre, side) by grids of `side` x `side` values, [`GSR_SIDES`], whose contrast
-    /// is at least `contrast` 8-bit steps. Of patches that look the same a few are kept.
+    /// is at least `contrast` 8-bit steps. Of patches that look the same a few are kept. Of no use once the job is
+    /// cancelled.
     #[must_use]
     pub fn new(
         planes: &[&GrayPlane],
@@ -272,8 +280,9 @@ impl GsrIndex {
         side: usize,
         input: GsrInput,
         contrast: f32,
+        cancel: CancelCheck<'_>,
     ) -> Self {
-        GsrIndex { search: search_of(planes, patches, side, (input, contrast), Kind::Tree), input }
+        GsrIndex { search: search_of(planes, patches, side, (input, contrast), Kind::Tree, cancel), input }
     }
 
     /// The same, which finds near patches quicker, but not always the nearest.
@@ -284,8 +293,9 @@ impl GsrIndex {
         side: usize,
         input: GsrInput,
         contrast: f32,
+        cancel: CancelCheck<'_>,
     ) -> Self {
-        GsrIndex { search: search_of(planes, patches, side, (input, contrast), Kind::Groups), input }
+        GsrIndex { search: search_of(planes, patches, side, (input, contrast), Kind::Groups, cancel), input }
     }
 
     /// Number of patches.
@@ -328,13 +338,14 @@ fn search_of(
     side: usize,
     kept: (GsrInput, f32),
     kind: Kind,
+    cancel: CancelCheck<'_>,
 ) -> Box<dyn Search> {
     match side {
-        ..=4 => described::<16>(planes, patches, kept, kind),
-        5 => described::<25>(planes, patches, kept, kind),
-        6 => described::<36>(planes, patches, kept, kind),
-        7 => described::<49>(planes, patches, kept, kind),
-        _ => described::<64>(planes, patches, kept, kind),
+        ..=4 => described::<16>(planes, patches, kept, kind, cancel),
+        5 => described::<25>(planes, patches, kept, kind, cancel),
+        6 => described::<36>(planes, patches, kept, kind, cancel),
+        7 => described::<49>(planes, patches, kept, kind, cancel),
+        _ => described::<64>(planes, patches, kept, kind, cancel),
     }
 }
 
@@ -343,9 +354,11 @@ fn described<const K: usize>(
     patches: &[(u32, Vec2, f32)],
     (input, contrast): (GsrInput, f32),
     kind: Kind,
+    cancel: CancelCheck<'_>,
 ) -> Box<dyn Search> {
     let described = patches
         .par_iter()
+        .filter(|_| !cancel.is_cancelled())
         .filter_map(|&(field, centre, side)| {
             let plane = planes[field as usize];
             let patch = OrientedPatch { field, centre, side, angle: plane.direction(centre, side) };
@@ -383,7 +396,7 @@ mod tests {
 
     #[test]
     fn a_patch_is_found_however_it_is_rotated_reflected_and_negated() {
-        let plain = GrayPlane::new(120, &image(Mat2::IDENTITY), 1.0);
+        let plain = GrayPlane::new(120, &image(Mat2::IDENTITY), 1.0, CancelCheck::default());
         for side in GSR_SIDES {
             for (angle, flip, negative) in [(0.0, 1.0, false), (0.7, 1.0, false), (-1.3, -1.0, true)] {
                 let matrix = Mat2::from_angle(angle) * Mat2::from_diagonal(Vec2::new(1.0, flip));
@@ -391,8 +404,15 @@ mod tests {
                 if negative {
                     other.iter_mut().for_each(|value| *value = 255.0 - *value);
                 }
-                let other = GrayPlane::new(120, &other, 1.0);
-                let index = GsrIndex::new(&[&other], &everywhere(4, 32.0), side, GsrInput::Shape, 1.0);
+                let other = GrayPlane::new(120, &other, 1.0, CancelCheck::default());
+                let index = GsrIndex::new(
+                    &[&other],
+                    &everywhere(4, 32.0),
+                    side,
+                    GsrInput::Shape,
+                    1.0,
+                    CancelCheck::default(),
+                );
                 let found = index.nearest(&plain, (Vec2::splat(60.0), 32.0), 1.0, 4);
                 let best = found[0];
                 assert!(best.patch.centre.distance(Vec2::splat(60.0)) < 3.0, "{side} {angle}: {best:?}");
@@ -406,12 +426,12 @@ mod tests {
     #[test]
     fn gray_values_tell_brightness_apart_and_shapes_do_not() {
         let values = image(Mat2::IDENTITY);
-        let plain = GrayPlane::new(120, &values, 1.0);
+        let plain = GrayPlane::new(120, &values, 1.0, CancelCheck::default());
         let darker: Vec<f32> = values.iter().map(|value| value * 0.5).collect();
-        let darker = GrayPlane::new(120, &darker, 1.0);
+        let darker = GrayPlane::new(120, &darker, 1.0, CancelCheck::default());
         let patches = [(0, Vec2::splat(60.0), 16.0)];
         let distance = |input: GsrInput| {
-            let index = GsrIndex::new(&[&darker], &patches, 4, input, 0.0);
+            let index = GsrIndex::new(&[&darker], &patches, 4, input, 0.0, CancelCheck::default());
             index.nearest(&plain, (Vec2::splat(60.0), 16.0), 4.0, 1)[0].distance
         };
         assert!(distance(GsrInput::Gray) > 0.02, "{}", distance(GsrInput::Gray));
@@ -423,13 +443,15 @@ mod tests {
         // Tiles of 8 x 8, repeated: every 8th patch is the same. A flat plane has no contrast at all.
         let tile = |x: usize, y: usize| ((x % 8) * 13 + (y % 8) * 29) as f32;
         let tiled: Vec<f32> = (0..120 * 120).map(|i| tile(i % 120, i / 120)).collect();
-        let tiled = GrayPlane::new(120, &tiled, 0.7);
-        let index = GsrIndex::new(&[&tiled], &everywhere(1, 16.0), 4, GsrInput::Shape, 1.0);
+        let tiled = GrayPlane::new(120, &tiled, 0.7, CancelCheck::default());
+        let index =
+            GsrIndex::new(&[&tiled], &everywhere(1, 16.0), 4, GsrInput::Shape, 1.0, CancelCheck::default());
         assert!(!index.is_empty() && index.len() < 96 * 96 / 16, "{}", index.len());
         let found = index.nearest(&tiled, (Vec2::splat(60.0), 16.0), 4.0, 250);
         assert!(found.len() > 10 && found[0].distance < 1e-6);
-        let flat = GrayPlane::new(120, &vec![77.0; 120 * 120], 1.0);
-        let none = GsrIndex::new(&[&flat], &everywhere(4, 16.0), 4, GsrInput::Gray, 1.0);
+        let flat = GrayPlane::new(120, &vec![77.0; 120 * 120], 1.0, CancelCheck::default());
+        let none =
+            GsrIndex::new(&[&flat], &everywhere(4, 16.0), 4, GsrInput::Gray, 1.0, CancelCheck::default());
         assert!(none.is_empty() && none.nearest(&flat, (Vec2::splat(60.0), 16.0), 4.0, 9).is_empty());
         // A flat patch of a query finds what there is, upright.
         assert!(
@@ -439,9 +461,9 @@ mod tests {
 
     #[test]
     fn the_tree_finds_what_a_scan_finds() {
-        let plane = GrayPlane::new(120, &image(Mat2::from_angle(0.3)), 1.0);
+        let plane = GrayPlane::new(120, &image(Mat2::from_angle(0.3)), 1.0, CancelCheck::default());
         let patches = everywhere(3, 16.0);
-        let index = GsrIndex::new(&[&plane], &patches, 4, GsrInput::Gray, 0.0);
+        let index = GsrIndex::new(&[&plane], &patches, 4, GsrInput::Gray, 0.0, CancelCheck::default());
         let query = OrientedPatch {
             field: 0,
             centre: Vec2::new(51.0, 70.0),

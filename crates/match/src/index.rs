@@ -7,6 +7,8 @@ use kiddo::SquaredEuclidean;
 use kiddo::immutable::float::kdtree::ImmutableKdTree;
 use rayon::prelude::*;
 
+use texfold_core::CancelCheck;
+
 use crate::bounded::BoundedTree;
 use crate::{DESCRIPTOR_LENGTH, Descriptor, LumaSums, describe};
 
@@ -63,19 +65,31 @@ impl PatchIndex {
     /// Indexes the patches of `patch` texels at `places` (each inside its field, whose sums are in `fields`) whose contrast is
     /// at least `contrast` 8-bit steps. Patches without contrast look all alike: thousands of them in a tree cost time
     /// and find nothing, and any one of them serves a query as well as any other.
+    ///
+    /// Of no use once the job is cancelled.
     #[must_use]
-    pub fn new(fields: &[&LumaSums], patch: (usize, usize), places: &[Place], contrast: f32) -> Self {
+    pub fn new(
+        fields: &[&LumaSums],
+        patch: (usize, usize),
+        places: &[Place],
+        contrast: f32,
+        cancel: CancelCheck<'_>,
+    ) -> Self {
         let describe = |place: &Place| {
             let sums = fields[place.field as usize];
             (*place, describe(sums, place.x as usize, place.y as usize, patch.0, patch.1))
         };
-        let described = places
+        let described: Vec<_> = places
             .par_iter()
+            .filter(|_| !cancel.is_cancelled())
             .map(describe)
             .filter(|(_, (_, found))| *found >= contrast)
             .map(|(place, (descriptor, _))| (place, descriptor))
             .collect();
-        let (places, points): (Vec<_>, Vec<_>) = first_of_each(described).into_iter().unzip();
+        // A tree of some is of no more use than an empty one, and takes longer.
+        let described = if cancel.is_cancelled() { Vec::new() } else { first_of_each(described) };
+        let described = if cancel.is_cancelled() { Vec::new() } else { described };
+        let (places, points): (Vec<_>, Vec<_>) = described.into_iter().unzip();
         PatchIndex { tree: BoundedTree::new(&points), places, patch }
     }
 
@@ -170,7 +184,7 @@ mod tests {
         let field = Field { width: 64, height: 48, texels };
         let sums = LumaSums::new(&field);
         let places = grid(56, 40);
-        let index = PatchIndex::new(&[&sums], (8, 8), &places, 0.0);
+        let index = PatchIndex::new(&[&sums], (8, 8), &places, 0.0, CancelCheck::default());
         let query = describe(&sums, 13, 21, 8, 8).0;
         let found = index.nearest(&query, 4.0, 5);
         let mut scanned: Vec<f32> = places
@@ -188,12 +202,24 @@ mod tests {
     }
 
     #[test]
+    fn a_cancelled_index_is_empty() {
+        let texels = (0..64 * 48).map(|i| Vec4::splat((i * i % 97) as f32)).collect();
+        let sums = LumaSums::new(&Field { width: 64, height: 48, texels });
+        let cancel = texfold_core::Cancel::default();
+        let job = texfold_core::Job::default().with_cancel(&cancel);
+        let index = || PatchIndex::new(&[&sums], (8, 8), &grid(56, 40), 0.0, job.cancel_check());
+        assert!(!index().is_empty());
+        cancel.cancel();
+        assert!(index().is_empty());
+    }
+
+    #[test]
     fn thousands_of_equal_patches_are_no_trouble() {
         let field = Field { width: 200, height: 200, texels: vec![Vec4::splat(9.0); 40_000] };
         let sums = LumaSums::new(&field);
         let places = grid(190, 190);
-        assert!(PatchIndex::new(&[&sums], (8, 8), &places, 0.5).is_empty());
-        let all = PatchIndex::new(&[&sums], (8, 8), &places, 0.0);
+        assert!(PatchIndex::new(&[&sums], (8, 8), &places, 0.5, CancelCheck::default()).is_empty());
+        let all = PatchIndex::new(&[&sums], (8, 8), &places, 0.0, CancelCheck::default());
         let query = describe(&sums, 0, 0, 8, 8).0;
         let found: Vec<Place> = all.nearest(&query, 1.0, 7).iter().map(|near| near.place).collect();
         assert_eq!(found, places[..2]);

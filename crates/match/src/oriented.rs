@@ -5,6 +5,7 @@ use std::f32::consts::TAU;
 
 use glam::{Mat2, Vec2};
 use rayon::prelude::*;
+use texfold_core::CancelCheck;
 
 use crate::descriptor::{SIDE, transform};
 use crate::index::Tree;
@@ -41,22 +42,24 @@ impl std::fmt::Debug for OrientedIndex {
 
 impl OrientedIndex {
     /// Indexes patches of the given centres and sides whose main direction is clear, whose contrast is at least `contrast` 8-bit
-    /// steps, and which `keep` accepts. The angle of `patches` is found here.
+    /// steps, and which `keep` accepts. The angle of `patches` is found here. Of no use once the job is cancelled.
     #[must_use]
     pub fn new(
         fields: &[&LumaSums],
         patches: &[(u32, Vec2, f32)],
         contrast: f32,
         keep: impl Fn(&OrientedPatch) -> bool + Sync,
+        cancel: CancelCheck<'_>,
     ) -> Self {
-        let described = patches
+        let described: Vec<_> = patches
             .par_iter()
+            .filter(|_| !cancel.is_cancelled())
             .filter_map(|&(field, centre, side)| {
                 let (rotated, descriptor, found) = align(fields[field as usize], field, centre, side)?;
                 (found >= contrast && keep(&rotated)).then_some((rotated, descriptor))
             })
             .collect();
-        OrientedIndex { tree: Tree::new(described) }
+        OrientedIndex { tree: Tree::new(if cancel.is_cancelled() { Vec::new() } else { described }) }
     }
 
     /// For a patch of a field, at most `count` patches like it and as many like its reflection within the squared distance
@@ -191,7 +194,7 @@ mod tests {
                 .flat_map(|y| (4..20).map(move |x| Vec2::new(x as f32, y as f32) * 6.0))
                 .flat_map(|at| [0.8f32, 1.0, 1.25].map(|size| (0, at, 32.0 * size)))
                 .collect();
-            let index = OrientedIndex::new(&[&other], &patches, 1.0, |_| true);
+            let index = OrientedIndex::new(&[&other], &patches, 1.0, |_| true, CancelCheck::default());
             let found = index.nearest(&plain, (centre, 32.0), 0.3, 4);
             let best = found.iter().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
             assert!(best.1.centre.distance(centre) < 3.0, "{angle} {scale} {flip}: {best:?}");
@@ -204,10 +207,22 @@ mod tests {
     #[test]
     fn what_has_no_direction_or_no_room_is_left_out() {
         let flat = LumaSums::new(&Field { width: 64, height: 64, texels: vec![Vec4::splat(9.0); 64 * 64] });
-        let index = OrientedIndex::new(&[&flat], &[(0, Vec2::splat(32.0), 16.0)], 0.0, |_| true);
+        let index = OrientedIndex::new(
+            &[&flat],
+            &[(0, Vec2::splat(32.0), 16.0)],
+            0.0,
+            |_| true,
+            CancelCheck::default(),
+        );
         assert!(index.nearest(&flat, (Vec2::splat(32.0), 16.0), 1.0, 3).is_empty());
         let plain = image(Mat2::IDENTITY, Vec2::splat(60.0));
-        let index = OrientedIndex::new(&[&plain], &[(0, Vec2::splat(2.0), 16.0)], 0.0, |_| true);
+        let index = OrientedIndex::new(
+            &[&plain],
+            &[(0, Vec2::splat(2.0), 16.0)],
+            0.0,
+            |_| true,
+            CancelCheck::default(),
+        );
         assert_eq!(index.tree.len(), 0);
     }
 }

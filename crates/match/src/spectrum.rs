@@ -8,6 +8,7 @@
 
 use glam::{Mat2, Vec2};
 use rayon::prelude::*;
+use texfold_core::CancelCheck;
 
 use crate::bounded::BoundedTree;
 
@@ -52,8 +53,15 @@ pub struct SpectrumMatch {
 impl SpectrumIndex {
     /// Indexes `count` patches of `side` x `side` values, which `patch` writes by number, row by row. Those whose RMS is not well
     /// above `noise` are described as if they were so much fainter in shape.
+    /// Of no use once the job is cancelled.
     #[must_use]
-    pub fn new(side: usize, noise: f32, count: usize, patch: impl Fn(usize, &mut Vec<f32>) + Sync) -> Self {
+    pub fn new(
+        side: usize,
+        noise: f32,
+        count: usize,
+        patch: impl Fn(usize, &mut Vec<f32>) + Sync,
+        cancel: CancelCheck<'_>,
+    ) -> Self {
         let cosines = Cosines::new(side, noise);
         let describe = |room: &mut Vec<f32>, number: usize| {
             room.clear();
@@ -68,6 +76,7 @@ impl SpectrumIndex {
         let kept = strongest(&sample);
         let points: Vec<[f32; LENGTH]> = (0..count)
             .into_par_iter()
+            .filter(|_| !cancel.is_cancelled())
             .map_init(Vec::new, |room, number| {
                 let mut point = pick(&describe(room, number), &kept);
                 let squares: f32 = point.iter().map(|value| value * value).sum();
@@ -75,7 +84,8 @@ impl SpectrumIndex {
                 point
             })
             .collect();
-        SpectrumIndex { tree: BoundedTree::new(&points), cosines, kept, count }
+        let points = if cancel.is_cancelled() { Vec::new() } else { points };
+        SpectrumIndex { tree: BoundedTree::new(&points), cosines, kept, count: points.len() }
     }
 
     /// Number of patches.
@@ -216,7 +226,7 @@ mod tests {
     }
 
     fn index() -> SpectrumIndex {
-        SpectrumIndex::new(SIDE, 0.0, 2000, |number, out| out.extend(noise(number)))
+        SpectrumIndex::new(SIDE, 0.0, 2000, |number, out| out.extend(noise(number)), CancelCheck::default())
     }
 
     #[test]
@@ -263,9 +273,19 @@ mod tests {
 
     #[test]
     fn what_is_flat_or_not_a_number_does_no_harm() {
-        let index = SpectrumIndex::new(4, 0.1, 3, |number, out| out.extend([number as f32; 16]));
+        let index = SpectrumIndex::new(
+            4,
+            0.1,
+            3,
+            |number, out| out.extend([number as f32; 16]),
+            CancelCheck::default(),
+        );
         assert!(index.nearest(&[0.0; 16], 2, 4).len() == 2 && index.len() == 3);
         assert!(index.nearest(&[f32::NAN; 16], 2, 4).is_empty());
-        assert!(SpectrumIndex::new(8, 0.1, 0, |_, _| ()).nearest(&[1.0; 64], 2, 4).is_empty());
+        assert!(
+            SpectrumIndex::new(8, 0.1, 0, |_, _| (), CancelCheck::default())
+                .nearest(&[1.0; 64], 2, 4)
+                .is_empty()
+        );
     }
 }

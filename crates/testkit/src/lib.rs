@@ -1,5 +1,6 @@
 //! Fixtures, pathological inputs and helpers for Texfold's own tests.
 
+pub mod cancel;
 pub mod capture;
 pub mod fixtures;
 pub mod leaves;

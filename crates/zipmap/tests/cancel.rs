@@ -1,68 +1,15 @@
 //! Cancelling at random moments: registration and encoding stop soon, wherever they are.
 
-#![allow(clippy::panic, clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
-
-use std::time::{Duration, Instant};
+#![allow(clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
 
 use glam::{DMat3, DVec2};
 use texfold_core::image::Raster;
-use texfold_core::{Cancel, EncodeError, Encoder, Job};
+use texfold_core::{EncodeError, Encoded, Encoder, Job, Limits};
+use texfold_testkit::cancel::stops_soon;
 use texfold_testkit::leaves::{Leaves, Lens, close_up, photograph};
 use texfold_zipmap::{PatchSource, PatchStack, ZipParams, Zipmap, masks, register};
 
-/// Work between two looks at whether to go on.
-const MOST_WORK: Duration = Duration::from_millis(200);
-/// How much slower a machine may be that does other work too.
-const NOISE: u32 = 5;
-/// Moments at which each job is cancelled.
-const MOMENTS: u32 = 6;
 const SIZE: (u32, u32) = (320, 280);
-
-/// Runs at a moment before it counts as slow: a machine that does other work may stop any one of them for a while.
-const TRIES: u32 = 3;
-
-/// How long `work` goes on when it is cancelled after `after`; `None` where it ends before.
-fn goes_on(work: &impl Fn(&mut Job<'_>) -> Result<(), EncodeError>, after: Duration) -> Option<Duration> {
-    let cancel = Cancel::default();
-    let (outcome, ended, asked) = std::thread::scope(|scope| {
-        let asked = scope.spawn(|| {
-            std::thread::sleep(after);
-            cancel.cancel();
-            Instant::now()
-        });
-        let outcome = work(&mut Job::default().with_cancel(&cancel));
-        (outcome, Instant::now(), asked.join().unwrap())
-    });
-    match outcome {
-        Err(EncodeError::Cancelled) => Some(ended.saturating_duration_since(asked)),
-        Ok(()) => None,
-        Err(error) => panic!("{error}"),
-    }
-}
-
-/// Cancels `work` at moments spread over the time that it takes, none of them at a regular distance.
-fn stops_soon(name: &str, work: impl Fn(&mut Job<'_>) -> Result<(), EncodeError>) {
-    let start = Instant::now();
-    work(&mut Job::default()).unwrap();
-    let whole = start.elapsed();
-    let mut cancelled = 0;
-    for moment in 0..MOMENTS {
-        // The golden ratio's multiples lie evenly and never meet.
-        let after = whole.mul_f64((0.37 + f64::from(moment) * 0.618_033_988_75).fract());
-        let mut least = None;
-        for _ in 0..TRIES {
-            let Some(waited) = goes_on(&work, after) else { continue };
-            least = Some(least.map_or(waited, |least: Duration| least.min(waited)));
-            if waited < NOISE * MOST_WORK {
-                break;
-            }
-        }
-        println!("{name}: cancelled after {after:.2?} of {whole:.2?}, ended {least:.2?} later");
-        assert!(least.is_none_or(|least| least < NOISE * MOST_WORK), "{name}: {least:?} after {after:?}");
-        cancelled += u32::from(least.is_some());
-    }
-    assert!(cancelled >= MOMENTS / 2, "{name}: cancelled {cancelled} times of {MOMENTS}");
-}
 
 /// A root and two close-ups.
 fn stack() -> PatchStack {
@@ -86,4 +33,33 @@ fn registration_masks_and_encoding_stop_within_a_fifth_of_a_second() {
     stops_soon("registration", |job| register(&photos, job).map(|_| ()));
     stops_soon("encoding", |job| Zipmap::encode(&stack, &params, job).map(|_| ()));
     stops_soon("masks", |job| masks(&stack, &params, job).map(|_| ()));
+}
+
+#[test]
+fn a_budget_that_is_too_small_is_refused_and_one_that_is_large_enough_is_given_back() {
+    let (stack, params) = (stack(), ZipParams::default());
+    let with = |bytes| {
+        let mut job = Job::new(Limits { bytes, ..Limits::default() });
+        let made = Zipmap::encode(&stack, &params, &mut job).map(drop);
+        (made, job.budget.peak_bytes())
+    };
+    let (made, peak) = with(1 << 30);
+    assert!(made.is_ok() && peak > 3 * 320 * 280 * 16, "{made:?}, {peak} bytes");
+    assert!(matches!(with(peak - 1).0, Err(EncodeError::Limit(_))));
+    let mut small = Job::new(Limits { bytes: peak - 1, ..Limits::default() });
+    assert!(matches!(masks(&stack, &params, &mut small), Err(EncodeError::Limit(_))));
+    let mut job = Job::new(Limits { bytes: peak, ..Limits::default() });
+    for _ in 0..2 {
+        Zipmap::encode(&stack, &params, &mut job).unwrap();
+    }
+}
+
+#[test]
+fn notes_name_what_is_not_usual() {
+    let stack = stack();
+    let settings = |params: &ZipParams| {
+        Zipmap::encode(&stack, params, &mut Job::default()).unwrap().notes().settings.clone()
+    };
+    assert!(!settings(&ZipParams::default()).contains("--tau"));
+    assert!(settings(&ZipParams::default().with_tau(0.25)).ends_with("--tau 0.25"));
 }

@@ -15,8 +15,8 @@ mod params;
 pub use blocks::encode_plane;
 pub use params::BcParams;
 
-use texfold_core::image::{ColorSpace, ImageSet, MipFilter, PixelInfo, Raster, mip_chain};
-use texfold_core::metric::measure;
+use texfold_core::image::{ColorSpace, ImageSet, MipFilter, PixelInfo, Raster, mip_chain_cancellable};
+use texfold_core::metric::measure_cancellable;
 use texfold_core::target::search;
 use texfold_core::{
     AstcBlock, CancelCheck, EncodeError, Encoder, Goal, ImageLayout, Job, Notes, ParamError, Params,
@@ -65,7 +65,7 @@ fn encode(source: &ImageSet, params: &BcParams, job: &mut Job<'_>) -> Result<BcT
             let cancel = job.cancel_check();
             job.install(|| {
                 let texture = compress(source, candidate, params, cancel)?;
-                Ok((measure(source, &texture), texture))
+                Ok((measure_cancellable(source, &texture, cancel)?, texture))
             })
         })
     })?;
@@ -140,7 +140,8 @@ fn compress(
     let stored_levels = if params.mips { source.full_levels().min(16) } else { 1 };
     let surface = |image: &Raster| -> Result<Vec<ContentPlanes>, EncodeError> {
         cancel.checkpoint()?;
-        let chain = mip_chain(image, candidate.reduce_log2 + stored_levels, MipFilter::Box);
+        let levels = candidate.reduce_log2 + stored_levels;
+        let chain = mip_chain_cancellable(image, levels, MipFilter::Box, cancel)?;
         chain[candidate.reduce_log2 as usize..]
             .iter()
             .map(|level| encode_level(level, candidate, params, cancel))

@@ -7,11 +7,14 @@
 
 use glam::{Vec3, Vec4};
 
-use super::{Alpha, ColorSpace, PixelInfo, Raster, linear_to_srgb, srgb_to_linear};
+use super::{Alpha, ColorSpace, PixelInfo, Raster, SurfaceSize, linear_to_srgb, srgb_to_linear};
 use crate::Texel;
 
 /// Steps of the search for the alpha scale: 2^-12 is finer than 8-bit alpha.
 const COVERAGE_STEPS: u32 = 12;
+
+/// Texels between two questions whether to go on: less than a millisecond of work.
+const TEXELS_A_LOOK: usize = 1 << 13;
 
 /// Which filter makes a level from the one above.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -24,10 +27,23 @@ pub enum MipFilter {
 /// Levels 0 to `levels - 1` of `image`; level 0 is the image itself. A chain that reaches 1x1 early repeats it.
 #[must_use]
 pub fn mip_chain(image: &Raster, levels: u32, filter: MipFilter) -> Vec<Raster> {
+    chain_while(image, levels, filter, &|| true).unwrap_or_default()
+}
+
+/// The same as long as `goes_on` says so, which is asked every few thousand texels; `None` where it has said no.
+pub(crate) fn chain_while(
+    image: &Raster,
+    levels: u32,
+    filter: MipFilter,
+    goes_on: &dyn Fn() -> bool,
+) -> Option<Vec<Raster>> {
     let MipFilter::Box = filter;
     let info = image.info();
     let mut chain = vec![image.clone()];
-    let mut light: Vec<Vec4> = image.texels().map(|texel| to_light(texel, info)).collect();
+    if levels < 2 {
+        return Some(chain);
+    }
+    let mut light = map_while(image.texels(), goes_on, |texel| to_light(texel, info))?;
     let coverage = match info.alpha {
         Alpha::Cutout(threshold) => covered_share(&light, threshold),
         _ => 0.0,
@@ -35,18 +51,38 @@ pub fn mip_chain(image: &Raster, levels: u32, filter: MipFilter) -> Vec<Raster> 
     for level in 1..levels {
         let above = image.size().at_level(level - 1);
         let size = image.size().at_level(level);
-        light = halve(&light, above.width, above.height, size.width, size.height);
+        light = halve(&light, above, size, goes_on)?;
         let scale = match info.alpha {
             Alpha::Cutout(threshold) => coverage_scale(&light, threshold, coverage),
             _ => 1.0,
         };
-        let data: Vec<Texel> = light.iter().map(|&value| from_light(value, info, scale)).collect();
+        let data = map_while(light.iter(), goes_on, |&value| from_light(value, info, scale))?;
         match Raster::from_texels(size.width, size.height, info, &data) {
             Ok(raster) => chain.push(raster),
             Err(_) => break,
         }
     }
-    chain
+    Some(chain)
+}
+
+/// What `work` makes of all items; `None` where `goes_on` has said no.
+fn map_while<T, R>(
+    items: impl ExactSizeIterator<Item = T>,
+    goes_on: &dyn Fn() -> bool,
+    mut work: impl FnMut(T) -> R,
+) -> Option<Vec<R>> {
+    let one = |(index, item)| (!is_look(index) || goes_on()).then(|| work(item));
+    let mut made = Vec::new();
+    made.reserve_exact(items.len());
+    for item in items.enumerate().map(one) {
+        made.push(item?);
+    }
+    Some(made)
+}
+
+/// Whether it is time to ask whether to go on: every so many texels.
+fn is_look(index: usize) -> bool {
+    index.is_multiple_of(TEXELS_A_LOOK)
 }
 
 /// Linear light, premultiplied; normals as vectors.
@@ -86,23 +122,32 @@ fn spans(from: u32, to: u32) -> Vec<(usize, [f32; 3])> {
     (0..to).map(span).collect()
 }
 
-fn halve(light: &[Vec4], from_width: u32, from_height: u32, width: u32, height: u32) -> Vec<Vec4> {
-    let (columns, rows) = (spans(from_width, width), spans(from_height, height));
+fn halve(
+    light: &[Vec4],
+    from: SurfaceSize,
+    to: SurfaceSize,
+    goes_on: &dyn Fn() -> bool,
+) -> Option<Vec<Vec4>> {
+    let (columns, rows) = (spans(from.width, to.width), spans(from.height, to.height));
     let at = |x: usize, y: usize| {
-        light[y.min(from_height as usize - 1) * from_width as usize + x.min(from_width as usize - 1)]
+        light[y.min(from.height as usize - 1) * from.width as usize + x.min(from.width as usize - 1)]
     };
     let row_mean = |y: usize, (x, weights): &(usize, [f32; 3])| -> Vec4 {
         (0..3).map(|k| at(x + k, y) * weights[k]).fold(Vec4::ZERO, |sum, value| sum + value)
     };
-    rows.iter()
-        .flat_map(|(y, row_weights)| {
-            columns.iter().map(move |column| {
-                (0..3)
-                    .map(|k| row_mean(y + k, column) * row_weights[k])
-                    .fold(Vec4::ZERO, |sum, value| sum + value)
-            })
-        })
-        .collect()
+    let mean = |(y, row_weights): &(usize, [f32; 3]), column: &(usize, [f32; 3])| {
+        (0..3).map(|k| row_mean(y + k, column) * row_weights[k]).fold(Vec4::ZERO, |sum, value| sum + value)
+    };
+    let mut halved = Vec::new();
+    halved.reserve_exact(columns.len() * rows.len());
+    for row in &rows {
+        // A row has at most 32768 texels.
+        if !goes_on() {
+            return None;
+        }
+        halved.extend(columns.iter().map(|column| mean(row, column)));
+    }
+    Some(halved)
 }
 
 fn covered_share(light: &[Vec4], threshold: f32) -> f32 {

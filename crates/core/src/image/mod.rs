@@ -1,11 +1,15 @@
 //! Rasters, sets of them, mip chains and colour.
 
+#[cfg(feature = "encode")]
+mod cancel;
 mod colour;
 mod layout;
 mod mip;
 mod pixel;
 mod raster;
 
+#[cfg(feature = "encode")]
+pub use cancel::mip_chain_cancellable;
 pub use colour::{ColorSpace, linear_to_srgb, srgb_to_linear};
 pub use layout::{ImageLayout, SurfaceSize};
 pub use mip::{MipFilter, mip_chain};

@@ -93,7 +93,7 @@ impl Raster {
         info: PixelInfo,
         texels: &[Texel],
     ) -> Result<Self, SourceError> {
-        let data = texels.iter().flat_map(|texel| split_texel(*texel, info.channels)).collect();
+        let data = split_texels(texels.iter().copied(), info.channels);
         Raster::new(width, height, info, data)
     }
 
@@ -122,7 +122,7 @@ impl Raster {
     #[must_use]
     pub fn with_channels(&self, channels: u8) -> Raster {
         let channels = channels.clamp(1, 4);
-        let data = self.texels().flat_map(|texel| split_texel(texel, channels)).collect();
+        let data = split_texels(self.texels(), channels);
         let info = PixelInfo { channels, ..self.info };
         let alpha = if info.has_alpha() { Alpha::Straight } else { Alpha::Opaque };
         let alpha = if self.info.has_alpha() && info.has_alpha() { self.info.alpha } else { alpha };
@@ -134,10 +134,13 @@ impl Raster {
     #[must_use]
     pub fn to_gray(&self) -> Raster {
         let alpha = self.info.has_alpha();
-        let gray = |texel: Texel| {
-            [(texel.x + texel.y + texel.z) / 3.0, texel.w].into_iter().take(1 + usize::from(alpha))
+        let gray = |texel: &Texel| (texel.x + texel.y + texel.z) / 3.0;
+        // Of known length, so that megatexels take no tenths of a second.
+        let data = if alpha {
+            self.texels().map(|texel| [gray(&texel), texel.w]).collect::<Vec<_>>().into_flattened()
+        } else {
+            self.texels().map(|texel| gray(&texel)).collect()
         };
-        let data = self.texels().flat_map(gray).collect();
         Raster { size: self.size, info: PixelInfo { channels: 1 + u8::from(alpha), ..self.info }, data }
     }
 
@@ -167,6 +170,14 @@ impl Raster {
         self.data.chunks_exact(usize::from(self.info.channels)).map(join_texel)
     }
 
+    /// At most `count` texels in row order from number `start` on.
+    #[cfg(feature = "encode")]
+    pub(crate) fn texels_from(&self, start: usize, count: usize) -> impl Iterator<Item = Texel> + '_ {
+        let channels = usize::from(self.info.channels);
+        let rest = self.data.get(start * channels..).unwrap_or_default();
+        rest.chunks_exact(channels).take(count).map(join_texel)
+    }
+
     /// Interleaved bytes of the raster's own channels.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
@@ -191,15 +202,15 @@ fn join_texel(channels: &[f32]) -> Texel {
     }
 }
 
-fn split_texel(texel: Texel, channels: u8) -> impl Iterator<Item = f32> {
-    let [red, green, blue, alpha] = texel.to_array();
-    let (values, count) = match channels {
-        1 => ([red, 0.0, 0.0, 0.0], 1),
-        2 => ([red, alpha, 0.0, 0.0], 2),
-        3 => ([red, green, blue, 0.0], 3),
-        _ => ([red, green, blue, alpha], 4),
-    };
-    values.into_iter().take(count)
+/// The channels of all texels; of two channels the second is alpha. Of known length, so that megatexels take no tenths of
+/// a second.
+fn split_texels(texels: impl ExactSizeIterator<Item = Texel>, channels: u8) -> Vec<f32> {
+    match channels {
+        1 => texels.map(|texel| texel.x).collect(),
+        2 => texels.map(|texel| [texel.x, texel.w]).collect::<Vec<_>>().into_flattened(),
+        3 => texels.map(|texel| texel.truncate().to_array()).collect::<Vec<_>>().into_flattened(),
+        _ => texels.map(|texel| texel.to_array()).collect::<Vec<_>>().into_flattened(),
+    }
 }
 
 /// Images that are compressed together: one image, a set, or the frames of a sequence in order.

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 use texfold_bc::{Content, ContentPlanes};
-use texfold_core::image::{MipFilter, Raster, mip_chain};
+use texfold_core::image::{MipFilter, Raster, mip_chain_cancellable};
 use texfold_core::{EncodeError, MAX_PLANE_SIDE, Notes, SourceError};
 use texfold_residual::ResidualContent;
 
@@ -266,7 +266,8 @@ impl Sheets<'_> {
         }
         let image = Raster::from_texels(width, height, plan.space.pixel, &base.decode())?;
         let mut levels = vec![base];
-        for level in mip_chain(&image, 1 + PLANE_MIPS, MipFilter::Box).iter().skip(1) {
+        let chain = mip_chain_cancellable(&image, 1 + PLANE_MIPS, MipFilter::Box, plan.cancel)?;
+        for level in chain.iter().skip(1) {
             levels.push(encode_level(plan, stored.content, level)?);
         }
         Ok(levels)
@@ -283,7 +284,7 @@ impl Sheets<'_> {
         texels.iter_mut().for_each(|texel| *texel /= 255.0);
         let image = Raster::from_texels(width, height, plan.space.pixel, &texels)?;
         let levels = if mips { 1 + PLANE_MIPS } else { 1 };
-        let chain = if mips { mip_chain(&image, levels, MipFilter::Box) } else { vec![image] };
+        let chain = mip_chain_cancellable(&image, levels, MipFilter::Box, plan.cancel)?;
         let coded = form.encode(&chain, lambda, &weights, plan.effort, plan.cancel)?;
         Ok(Some(Box::new(coded)))
     }
@@ -319,8 +320,12 @@ fn coarse(
     if range.is_empty() {
         return Ok(Vec::new());
     }
-    let below = |image: &Raster| mip_chain(image, levels, MipFilter::Box).split_off(range.start as usize);
-    let chains: Vec<Vec<Raster>> = plan.images.images().iter().map(below).collect();
+    let below = |image: &Raster| {
+        let mut chain = mip_chain_cancellable(image, levels, MipFilter::Box, plan.cancel)?;
+        Ok(chain.split_off(range.start as usize))
+    };
+    let chains: Vec<Vec<Raster>> =
+        plan.images.images().iter().map(below).collect::<Result<_, EncodeError>>()?;
     let encode = |finer: bool| {
         let content = coarse_content(content, plan.space.pixel, finer);
         let encode = |levels: &Vec<Raster>| levels.iter().map(|l| encode_level(plan, content, l)).collect();

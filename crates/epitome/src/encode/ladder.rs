@@ -13,9 +13,9 @@
 
 use rayon::prelude::*;
 use texfold_core::container::SectionWriter;
-use texfold_core::metric::measure;
+use texfold_core::metric::measure_cancellable;
 use texfold_core::target::Measured;
-use texfold_core::{EncodeError, Encoded, Goal, Job, Notes};
+use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, Job, Notes};
 
 use super::assemble::assemble;
 use super::choose::choose_well;
@@ -144,7 +144,7 @@ impl EpitomeSearch {
                 continue;
             }
             let made = job.install(|| with_widest_seam(&self.images, made, cancel))?;
-            let (reached, psnr_without) = self.measure_layers(&made, &measured);
+            let (reached, psnr_without) = self.measure_layers(&made, &measured, cancel)?;
             let notes = report::notes(&self.params, goal, verdict + &reached);
             return Ok(made.with_notes(Notes { psnr_without, ..notes }));
         }
@@ -167,7 +167,7 @@ impl EpitomeSearch {
             })?;
             let share = stored_bytes(&made) as f64 / bytes_alone - 1.0;
             if share <= MOST_EXTRA || tries == EXTRA_TRIES {
-                let measured = measure(&self.images, &made);
+                let measured = measure_cancellable(&self.images, &made, plan.cancel)?;
                 return Ok((made, measured));
             }
             // Bits that are reckoned with are not those that zstd leaves.
@@ -197,13 +197,21 @@ impl EpitomeSearch {
     }
 
     /// What the layers of `made` reach, as a sentence, and what the whole reaches without each but the first.
-    fn measure_layers(&self, made: &EpitomeTexture, whole: &Measured) -> (String, Vec<(String, f32)>) {
-        let measure = |layer: u32| measure(&self.images, &made.first_layers(layer)).psnr;
-        let reached: Vec<f64> = (1..self.params.layers).map(measure).collect();
+    fn measure_layers(
+        &self,
+        made: &EpitomeTexture,
+        whole: &Measured,
+        cancel: CancelCheck<'_>,
+    ) -> Result<(String, Vec<(String, f32)>), EncodeError> {
+        let measure = |layer: u32| {
+            let measured = measure_cancellable(&self.images, &made.first_layers(layer), cancel)?;
+            Ok(measured.psnr)
+        };
+        let reached = (1..self.params.layers).map(measure).collect::<Result<Vec<f64>, EncodeError>>()?;
         let without = |(layer, &psnr): (u32, &f64)| (layer_names(layer).0.to_owned(), psnr as f32);
         let without = (1..).zip(&reached).map(without).collect();
         let reached: Vec<String> = reached.iter().map(|psnr| format!("{psnr:.1}")).collect();
-        (format!(" Its layers reach {} and {:.1} dB.", reached.join(", "), whole.psnr), without)
+        Ok((format!(" Its layers reach {} and {:.1} dB.", reached.join(", "), whole.psnr), without))
     }
 
     /// Adds the layer with the least error within `most` bits of its own and `extra` bits for coarser layers alone;

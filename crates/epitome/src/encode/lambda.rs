@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use texfold_core::metric::measure;
+use texfold_core::metric::measure_cancellable;
 use texfold_core::target::{Measured, search as find};
 use texfold_core::{EncodeError, Goal, Job};
 
@@ -92,7 +92,7 @@ impl EpitomeSearch {
             job.stage("packing", (0.5 + 0.05 * f32::from(tried)).min(0.95))?;
             tried += 1;
             let made = job.install(|| make(lambda_index))?;
-            Ok::<_, EncodeError>((measure(&self.images, &made), made))
+            Ok::<_, EncodeError>((measure_cancellable(&self.images, &made, cancel)?, made))
         })?;
         let mut best = Made { lambda_index: found.index, measured: found.measured, texture: found.value };
         if beaten.is_some_and(|before| is_far(goal, &best.measured, &before.measured)) {
@@ -103,7 +103,7 @@ impl EpitomeSearch {
             job.checkpoint()?;
             let lambda_index = (found.index + step).min(*LAMBDA_INDICES.end());
             let texture = job.install(|| make(lambda_index))?;
-            let measured = measure(&self.images, &texture);
+            let measured = measure_cancellable(&self.images, &texture, cancel)?;
             if goal.prefers(&measured, &best.measured) {
                 best = Made { lambda_index, measured, texture };
             }

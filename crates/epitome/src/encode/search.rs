@@ -237,7 +237,7 @@ impl Round<'_> {
         let places = images.clone().flat_map(|image| self.places(image, part)).collect();
         let places = self.thinned(places, MOST_PLACES);
         let sums: Vec<&LumaSums> = self.fields.iter().map(|field| &field.sums).collect();
-        let index = PatchIndex::new(&sums, self.patch(), &places, LEAST_CONTRAST);
+        let index = PatchIndex::new(&sums, self.patch(), &places, LEAST_CONTRAST, self.cancel);
         let rotated = self.rotated(&sums, images, part);
         let matches: Vec<Vec<Match>> =
             nodes.par_iter().map(|&node| self.matches_of(node, &index, rotated.as_ref())).collect();
@@ -345,7 +345,7 @@ impl Round<'_> {
             let patch = (high.x - low.x, high.y - low.y);
             formats.iter().any(|sums| sums.holds((low.x, low.y), patch))
         };
-        Some(OrientedIndex::new(sums, &patches, LEAST_CONTRAST, keep))
+        Some(OrientedIndex::new(sums, &patches, LEAST_CONTRAST, keep, self.cancel))
     }
 
     /// Finer content has fewer texels to step over.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use texfold_bc::Content;
-use texfold_core::image::{ImageSet, MipFilter, PixelInfo, Raster, mip_chain};
+use texfold_core::image::{ImageSet, MipFilter, PixelInfo, Raster, mip_chain_cancellable};
 use texfold_core::metric::SquaredError;
 use texfold_core::sample::TEXFOLD_NORMAL;
 use texfold_core::target::Measured;
@@ -140,12 +140,14 @@ pub(crate) fn kinds(pixel: PixelInfo, params: &ProgressiveParams) -> Result<Vec<
 }
 
 /// The levels of each image that are stored.
-pub(crate) fn levels(source: &ImageSet, mips: bool) -> Vec<Vec<Raster>> {
+pub(crate) fn levels(
+    source: &ImageSet,
+    mips: bool,
+    check: CancelCheck<'_>,
+) -> Result<Vec<Vec<Raster>>, EncodeError> {
     let count = if mips { source.full_levels().min(16) } else { 1 };
-    if count == 1 {
-        return source.images().iter().map(|image| vec![image.clone()]).collect();
-    }
-    source.images().iter().map(|image| mip_chain(image, count, MipFilter::Box)).collect()
+    let chain = |image| mip_chain_cancellable(image, count, MipFilter::Box, check);
+    source.images().iter().map(chain).collect()
 }
 
 /// A base as a texture, and where it is to have codebooks, what they may hold: all that no goal changes.
@@ -208,7 +210,8 @@ impl Ground {
         let Some(Books { side_log2, lacks, candidates }) = &self.books else {
             return Base::new(&frame.chains, self.plain.clone(), check).map(Some);
         };
-        let Some(library) = candidates.library(1 << side_log2, own_cells) else { return Ok(None) };
+        let Some(library) = candidates.library(1 << side_log2, own_cells, check) else { return Ok(None) };
+        check.checkpoint()?;
         let Some(details) = find(lacks, *side_log2, &library, check)? else { return Ok(None) };
         let (content, notes) = (self.plain.content.clone(), Notes::default());
         let plain = ProgressiveTexture::new(frame.full.clone(), content, Some(details), notes);

@@ -74,7 +74,7 @@ impl Frame {
         apron: Option<&Raster>,
         check: CancelCheck<'_>,
     ) -> Result<Frame, EncodeError> {
-        let mut chains = levels(source, mips);
+        let mut chains = levels(source, mips, check)?;
         let full = source.layout(chains.first().map_or(1, |levels| levels.len() as u32));
         let mut around = match (apron, source.images()) {
             (Some(apron), [image]) => PaddedRaster::new(apron, image.size(), STORED_AROUND << shrink_log2),

@@ -12,9 +12,9 @@ mod search;
 use std::sync::Arc;
 
 use texfold_core::image::{ImageSet, PixelInfo};
-use texfold_core::metric::{SquaredError, alpha_error, color_error, decode_surface, measure};
+use texfold_core::metric::{SquaredError, alpha_error, color_error, decode_surface, measure_cancellable};
 use texfold_core::target::{Measured, search};
-use texfold_core::{Effort, EncodeError, Goal, Job, Params, SourceError};
+use texfold_core::{CancelCheck, Effort, EncodeError, Goal, Job, Params, SourceError};
 use texfold_residual::encode::{CLASS_BITS, Coder, TOO_LARGE};
 
 use crate::{ProgressiveParams, ProgressiveTexture, Shared};
@@ -119,7 +119,8 @@ impl Encoding<'_> {
                 }
             })?;
             let Some(made) = made else { continue };
-            let measured = job.install(|| judged(self.source, &made, goal));
+            let check = job.cancel_check();
+            let measured = job.install(|| judged(self.source, &made, goal, check))?;
             if best.as_ref().is_none_or(|(_, best)| goal.prefers(&measured, best)) {
                 best = Some((made, measured));
             }
@@ -158,7 +159,7 @@ impl Encoding<'_> {
         let attempts = [Some(kind), other, finest, finest].into_iter().zip(FINER_SHARES);
         let count = if matches!(inner, Goal::Tolerance(_)) { FINER_SHARES.len() } else { 1 };
         let goal = self.params.goal;
-        let mut best = (own_measure(self.source, &made), made);
+        let mut best = (own_measure(self.source, &made, check)?, made);
         for (number, (attempt, share)) in (0u8..).zip(attempts).take(count).skip(usize::from(largest)) {
             if goal.is_met(&best.0) {
                 break;
@@ -174,7 +175,7 @@ impl Encoding<'_> {
                 job.install(|| Draft::new(&base, CLASS_BITS[1], finer, check)?.widened(&base, finer, check))?;
             let start = 0.7 + 0.075 * f32::from(number);
             let made = job.within(start, start + 0.075, |job| self.finish(&base, draft, inner, job))?;
-            let measured = own_measure(self.source, &made);
+            let measured = own_measure(self.source, &made, check)?;
             if goal.prefers(&measured, &best.0) {
                 best = (measured, made);
             }
@@ -251,6 +252,7 @@ impl Encoding<'_> {
         job: &mut Job<'_>,
     ) -> Result<ProgressiveTexture, EncodeError> {
         let mut guess = guess;
+        let check = job.cancel_check();
         let mut tried = 0u32;
         let mut last = None;
         for reach in REACHES {
@@ -261,7 +263,7 @@ impl Encoding<'_> {
                 tried += 1;
                 let classes = code_at(coder, index, job)?;
                 let made = base.assemble(coder, &classes)?;
-                let measured = job.install(|| own_measure(self.source, &made));
+                let measured = job.install(|| own_measure(self.source, &made, check))?;
                 Ok::<_, EncodeError>((measured, made))
             })?;
             // The best lambda of a range lies inside it.
@@ -290,7 +292,7 @@ impl Encoding<'_> {
             let limit = draft::cell_limit(tolerance) * (1.0 - SLACK_SHARE * slack as f32);
             let classes = job.install(|| coder.within(limit, check))?;
             let made = base.assemble(coder, &classes)?;
-            let measured = job.install(|| own_measure(self.source, &made));
+            let measured = job.install(|| own_measure(self.source, &made, check))?;
             Ok::<_, EncodeError>((measured, made))
         })?;
         Ok(found.value)
@@ -345,23 +347,34 @@ fn best_draft(base: &Base, goal: Goal, job: &Job<'_>) -> Result<Option<Draft>, E
 }
 
 /// Quality and size, without what is shared.
-fn own_measure(source: &ImageSet, texture: &ProgressiveTexture) -> Measured {
-    let mut measured = measure(source, texture);
+fn own_measure(
+    source: &ImageSet,
+    texture: &ProgressiveTexture,
+    check: CancelCheck<'_>,
+) -> Result<Measured, EncodeError> {
+    let mut measured = measure_cancellable(source, texture, check)?;
     measured.bpp -= texture.shared_bits() as f64 / source.texel_count() as f64;
-    measured
+    Ok(measured)
 }
 
 /// The same, and where bits are given with alpha's error beside that of the colours.
-fn judged(source: &ImageSet, texture: &ProgressiveTexture, goal: Goal) -> Measured {
-    let measured = own_measure(source, texture);
+fn judged(
+    source: &ImageSet,
+    texture: &ProgressiveTexture,
+    goal: Goal,
+    check: CancelCheck<'_>,
+) -> Result<Measured, EncodeError> {
+    let measured = own_measure(source, texture, check)?;
     if !matches!(goal, Goal::Bpp(_)) || !source.info().has_alpha() {
-        return measured;
+        return Ok(measured);
     }
     let mut sum = SquaredError::default();
     for (surface, image) in (0..).zip(source.images()) {
+        check.checkpoint()?;
         let Some(decoded) = decode_surface(texture, surface, 0) else { continue };
         let alpha = alpha_error(image, &decoded).map_or(0.0, |error| error.sum);
         sum = sum + color_error(image, &decoded) + SquaredError { sum: alpha, count: 0 };
     }
-    Measured { psnr: sum.psnr(), ..measured }
+    check.checkpoint()?;
+    Ok(Measured { psnr: sum.psnr(), ..measured })
 }

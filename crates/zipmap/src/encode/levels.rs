@@ -4,8 +4,8 @@
 //! itself, and is 0 on the border texels of every level (paper section 3), so that no seam shows and what is smaller
 //! than a pixel vanishes.
 
-use texfold_core::Texel;
-use texfold_core::image::{Alpha, ColorSpace, MipFilter, PixelInfo, Raster, mip_chain, to_u8};
+use texfold_core::image::{Alpha, ColorSpace, MipFilter, PixelInfo, Raster, mip_chain_cancellable, to_u8};
+use texfold_core::{CancelCheck, EncodeError, Texel};
 
 use crate::encoded::MAX_PATCH_LEVELS;
 
@@ -16,10 +16,33 @@ fn bytes(texel: Texel) -> [u8; 4] {
     texel.to_array().map(to_u8)
 }
 
+/// The bytes of all texels of `image`, each as `texel` gives them, which is told its column and row.
+fn bytes_of(
+    image: &Raster,
+    cancel: CancelCheck<'_>,
+    texel: impl Fn(Texel, usize, u32, u32) -> Texel,
+) -> Result<Vec<[u8; 4]>, EncodeError> {
+    let width = image.size().width.max(1);
+    let mut all = Vec::new();
+    all.reserve_exact(image.texels().len());
+    for (index, shown) in image.texels().enumerate() {
+        let (x, y) = (index as u32 % width, index as u32 / width);
+        if x == 0 {
+            cancel.checkpoint()?;
+        }
+        all.push(bytes(texel(shown, index, x, y)));
+    }
+    Ok(all)
+}
+
 /// All levels of the root that a file can hold.
-pub(crate) fn of_root(root: &Raster, levels: u32) -> Vec<Vec<[u8; 4]>> {
-    let chain = mip_chain(root, levels, MipFilter::Box);
-    chain.iter().map(|level| level.texels().map(bytes).collect()).collect()
+pub(crate) fn of_root(
+    root: &Raster,
+    levels: u32,
+    cancel: CancelCheck<'_>,
+) -> Result<Vec<Vec<[u8; 4]>>, EncodeError> {
+    let chain = mip_chain_cancellable(root, levels, MipFilter::Box, cancel)?;
+    chain.iter().map(|level| bytes_of(level, cancel, |texel, _, _, _| texel)).collect()
 }
 
 /// Levels of a patch down to the last that has texels inside; none where the patch has none itself.
@@ -28,29 +51,27 @@ pub(crate) fn of_patch(
     alpha: &[f32],
     (width, height): (u32, u32),
     info: PixelInfo,
-) -> Vec<Vec<[u8; 4]>> {
+    cancel: CancelCheck<'_>,
+) -> Result<Vec<Vec<[u8; 4]>>, EncodeError> {
     let opaque = PixelInfo { channels: 3, alpha: Alpha::Opaque, ..info };
     let single = PixelInfo { channels: 1, color: ColorSpace::Linear, ..opaque };
     let short = width.min(height);
     let levels = (0..MAX_PATCH_LEVELS).take_while(|&level| short >> level > ALL_BORDER).count() as u32;
-    let colours = Raster::from_texels(width, height, opaque, texels);
-    let shares = Raster::new(width, height, single, alpha.to_vec());
-    let (Ok(colours), Ok(shares)) = (colours, shares) else { return Vec::new() };
     if levels == 0 {
-        return Vec::new();
+        return Ok(Vec::new());
     }
-    let chains = [colours, shares].map(|raster| mip_chain(&raster, levels, MipFilter::Box));
+    let colours = Raster::from_texels(width, height, opaque, texels)?;
+    let shares = Raster::new(width, height, single, alpha.to_vec())?;
+    let colours = mip_chain_cancellable(&colours, levels, MipFilter::Box, cancel)?;
+    let shares = mip_chain_cancellable(&shares, levels, MipFilter::Box, cancel)?;
     let level = |(colour, share): (&Raster, &Raster)| {
         let size = colour.size();
-        let both = colour.texels().zip(share.data()).enumerate();
-        both.map(|(at, (texel, &alpha))| {
-            let (x, y) = (at as u32 % size.width, at as u32 / size.width);
+        bytes_of(colour, cancel, |texel, at, x, y| {
             let border = x == 0 || y == 0 || x + 1 == size.width || y + 1 == size.height;
-            bytes(texel.truncate().extend(if border { 0.0 } else { alpha }))
+            texel.truncate().extend(if border { 0.0 } else { share.data()[at] })
         })
-        .collect()
     };
-    chains[0].iter().zip(&chains[1]).map(level).collect()
+    colours.iter().zip(&shares).map(level).collect()
 }
 
 #[cfg(test)]
@@ -64,7 +85,8 @@ mod tests {
         let info = PixelInfo { channels: 3, ..PixelInfo::default() };
         // Not a half, which lies between two bytes.
         let gray = Texel::splat(128.0 / 255.0);
-        let levels = of_patch(&vec![gray; count], &vec![1.0; count], (width, height), info);
+        let none = CancelCheck::default();
+        let levels = of_patch(&vec![gray; count], &vec![1.0; count], (width, height), info, none).unwrap();
         assert_eq!(levels.len(), 3);
         for (level, texels) in levels.iter().enumerate() {
             let (w, h) = (width >> level, height >> level);
@@ -74,6 +96,6 @@ mod tests {
                 assert_eq!(*texel, [128, 128, 128, if border { 0 } else { 255 }]);
             }
         }
-        assert!(of_patch(&[Texel::ONE; 6], &[1.0; 6], (3, 2), info).is_empty());
+        assert!(of_patch(&[Texel::ONE; 6], &[1.0; 6], (3, 2), info, none).unwrap().is_empty());
     }
 }

@@ -12,6 +12,7 @@ mod report;
 mod trim;
 
 use glam::{DMat3, DVec2};
+use rayon::prelude::*;
 use texfold_bc::Content;
 use texfold_core::image::{Alpha, ColorSpace, PixelInfo, Raster};
 use texfold_core::{
@@ -29,6 +30,12 @@ pub use report::{Fidelity, fidelity};
 
 /// Most levels of a file.
 const MAX_LEVELS: u32 = 16;
+/// Bytes that are held for each texel of root and images: all levels of what is laid, and what is stored of it in each
+/// content that the goal tries.
+const BYTES_PER_TEXEL: u64 = 24;
+/// Bytes that are held for each texel of the largest image while its patch is cut out, masked and reduced: colours and
+/// alpha (20), the same as images (16) with their mip levels (22), in linear light (20 for each chain), levels twice (11).
+const BYTES_PER_LARGEST: u64 = 112;
 /// Least share of a patch that the root shows.
 const LEAST_SHARE: f64 = 1e-6;
 
@@ -121,7 +128,26 @@ impl Encoder for Zipmap {
     }
 }
 
+/// What encoding a stack holds at a time, in bytes, as an upper bound: for each texel of root and images, and for each of
+/// the largest of them while its patch is laid.
+fn held_bytes(stack: &PatchStack) -> u64 {
+    let texels = || stack.images.iter().chain([&stack.root]).map(|image| image.size().texels());
+    let largest = texels().max().unwrap_or(0);
+    let all = texels().sum::<u64>();
+    all.saturating_mul(BYTES_PER_TEXEL).saturating_add(largest.saturating_mul(BYTES_PER_LARGEST))
+}
+
 fn encode(stack: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Result<ZipTexture, EncodeError> {
+    params.check()?;
+    check(stack).map_err(fault)?;
+    job.holding(held_bytes(stack), |job| encode_checked(stack, params, job))
+}
+
+fn encode_checked(
+    stack: &PatchStack,
+    params: &ZipParams,
+    job: &mut Job<'_>,
+) -> Result<ZipTexture, EncodeError> {
     let Laying { canvas, mut dropped, pixel, deep } = lay_all(stack, params, job)?;
     let source_texels: u64 =
         stack.images.iter().chain([&stack.root]).map(|image| image.size().texels()).sum();
@@ -143,7 +169,9 @@ fn encode(stack: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Result<Z
 /// # Errors
 /// As [`texfold_core::Encoder::encode`].
 pub fn masks(stack: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Result<Vec<Raster>, EncodeError> {
-    let canvas = lay_all(stack, params, job)?.canvas;
+    params.check()?;
+    check(stack).map_err(fault)?;
+    let canvas = job.holding(held_bytes(stack), |job| lay_all(stack, params, job))?.canvas;
     job.stage("done", 1.0)?;
     let mask = |(index, source): (usize, &PatchSource)| {
         let SurfaceSize { width, height } = stack.images[source.image].size();
@@ -164,30 +192,28 @@ pub fn masks(stack: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Resul
 }
 
 fn lay_all(stack: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Result<Laying, EncodeError> {
-    params.check()?;
-    check(stack).map_err(fault)?;
     let order = stack.order().map_err(fault)?;
     let pixel = pixel_of(stack);
     let deep = deep_levels(stack);
     let size = stack.root.size();
     let root_levels = size.full_levels().min(MAX_LEVELS - deep);
     let root = stack.root.with_channels(pixel.channels);
+    let cancel = job.cancel_check();
     let mut canvas = Canvas {
         root_size: (size.width, size.height),
-        root: job.install(|| levels::of_root(&root, root_levels)),
+        root: job.install(|| levels::of_root(&root, root_levels, cancel))?,
         laid: Vec::new(),
         levels: Vec::new(),
     };
     let mut dropped = Dropped::default();
     let mut stamps = stamps(stack);
-    let cancel = job.cancel_check();
     for (step, &index) in order.iter().enumerate() {
         job.stage("merging patches", 0.6 * step as f32 / order.len() as f32)?;
         let mut layer = Layer { stack, params, canvas: &mut canvas, dropped: &mut dropped, cancel };
         job.install(|| match stamps.iter_mut().find(|stamp| stamp.patches.contains(&index)) {
             Some(stamp) => layer.lay_stamp(index, stamp),
             None => layer.lay(index),
-        });
+        })?;
         job.checkpoint()?;
     }
     for stamp in &stamps {
@@ -259,20 +285,20 @@ struct Layer<'a> {
 
 impl Layer<'_> {
     /// Lays one patch, or notes why not.
-    fn lay(&mut self, index: usize) {
+    fn lay(&mut self, index: usize) -> Result<(), EncodeError> {
         let (stack, source) = (self.stack, &self.stack.patches[index]);
         let image = &stack.images[source.image];
         let zoom = stack.zoom(source);
         let parent = source.parent;
         let under = parent.and_then(|parent| self.canvas.laid.iter().find(|laid| laid.source == parent));
         let step = zoom / under.map_or(1.0, |laid| laid.zoom);
-        let Cropped { mut bare, mask, cut } = cropped(image, source, step, true);
+        let Cropped { mut bare, mask, cut } = cropped(image, source, step, true, self.cancel)?;
         self.dropped.cropped_texels += cut;
         if self.params.merge {
             merge::merge(&mut bare, self.canvas, image, self.cancel);
         }
         let alpha = mask.unwrap_or_else(|| self.geodesic(&bare));
-        let mut levels = levels::of_patch(&bare.texels, &alpha, bare.size, image.info());
+        let mut levels = levels::of_patch(&bare.texels, &alpha, bare.size, image.info(), self.cancel)?;
         let content = self.canvas.levels.len();
         let laid = bare.laid(index, zoom, content);
         let all = levels.clone();
@@ -280,21 +306,22 @@ impl Layer<'_> {
         if levels.is_empty() {
             self.dropped.nothing_new.push(index);
             self.dropped.patch_texels += texels_of(&all);
-            return;
+            return Ok(());
         }
         self.dropped.note_levels(&all, levels.len());
         self.canvas.laid.push(laid);
         self.canvas.levels.push(levels);
+        Ok(())
     }
 
     /// Lays one of the places of an image that several patches show. All have the levels that one of them needs.
-    fn lay_stamp(&mut self, index: usize, stamp: &mut Stamp) {
+    fn lay_stamp(&mut self, index: usize, stamp: &mut Stamp) -> Result<(), EncodeError> {
         let source = &self.stack.patches[index];
         let image = &self.stack.images[source.image];
-        let Cropped { bare, mask, cut } = cropped(image, source, 1.0, false);
+        let Cropped { bare, mask, cut } = cropped(image, source, 1.0, false, self.cancel)?;
         if stamp.levels.is_empty() {
             let alpha = mask.unwrap_or_else(|| self.geodesic(&bare));
-            stamp.levels = levels::of_patch(&bare.texels, &alpha, bare.size, image.info());
+            stamp.levels = levels::of_patch(&bare.texels, &alpha, bare.size, image.info(), self.cancel)?;
             self.dropped.cropped_texels += cut;
         }
         let content = stamp.content.unwrap_or(self.canvas.levels.len());
@@ -303,7 +330,7 @@ impl Layer<'_> {
         self.drop_levels(&laid, &mut levels);
         if levels.is_empty() {
             self.dropped.nothing_new.push(index);
-            return;
+            return Ok(());
         }
         match stamp.content {
             Some(content) if self.canvas.levels[content].len() >= levels.len() => (),
@@ -312,6 +339,7 @@ impl Layer<'_> {
         }
         stamp.content = Some(content);
         self.canvas.laid.push(laid);
+        Ok(())
     }
 
     fn geodesic(&self, bare: &Bare) -> Vec<f32> {
@@ -335,7 +363,13 @@ struct Cropped {
 }
 
 /// The part of an image that its mask shows and, where that counts, the root.
-fn cropped(image: &Raster, source: &PatchSource, step: f64, by_root: bool) -> Cropped {
+fn cropped(
+    image: &Raster,
+    source: &PatchSource,
+    step: f64,
+    by_root: bool,
+    cancel: CancelCheck<'_>,
+) -> Result<Cropped, EncodeError> {
     let size = image.size();
     let extent = DVec2::new(f64::from(size.width), f64::from(size.height));
     let polygon = if by_root { seen_in(&source.matrix, DVec2::ONE, DVec2::ONE) } else { Vec::new() };
@@ -347,7 +381,7 @@ fn cropped(image: &Raster, source: &PatchSource, step: f64, by_root: bool) -> Cr
         (high.y.ceil() as u32).clamp(top + 1, size.height.max(top + 1)),
     );
     if let Some(mask) = &source.mask {
-        let shown = |x: u32, y: u32| mask.texel(x, y).x > 0.0;
+        let shown = |x: u32, y: u32| !cancel.is_cancelled() && mask.texel(x, y).x > 0.0;
         let columns = (left..right).filter(|&x| (top..bottom).any(|y| shown(x, y)));
         let rows = (top..bottom).filter(|&y| (left..right).any(|x| shown(x, y)));
         let (columns, rows): (Vec<u32>, Vec<u32>) = (columns.collect(), rows.collect());
@@ -360,14 +394,25 @@ fn cropped(image: &Raster, source: &PatchSource, step: f64, by_root: bool) -> Cr
         }
     }
     let (width, height) = (right - left, bottom - top);
-    let places = || (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y)));
-    let texels: Vec<Texel> = places().map(|(x, y)| image.texel(x, y).truncate().extend(1.0)).collect();
+    cancel.checkpoint()?;
+    let at = |index: u32| (left + index % width, top + index / width);
+    // Of known length; what is left out once the job is cancelled is of no use.
+    let texel = |index: u32| {
+        let (x, y) = if cancel.is_cancelled() { (left, top) } else { at(index) };
+        image.texel(x, y).truncate().extend(1.0)
+    };
+    let texels: Vec<Texel> = (0..width * height).into_par_iter().map(texel).collect();
+    cancel.checkpoint()?;
     let own = image.info().has_alpha();
     let mask = match &source.mask {
         None if !own => None,
         mask => {
             let painted = |x: u32, y: u32| mask.as_ref().map_or(1.0, |mask| mask.texel(x, y).x);
-            Some(places().map(|(x, y)| painted(x, y) * image.texel(x, y).w).collect())
+            let shown = |index: u32| {
+                let (x, y) = at(index);
+                if cancel.is_cancelled() { 0.0 } else { painted(x, y) * image.texel(x, y).w }
+            };
+            Some((0..width * height).into_par_iter().map(shown).collect())
         }
     };
     let corner = DVec2::new(f64::from(left), f64::from(top)) / extent;
@@ -376,7 +421,8 @@ fn cropped(image: &Raster, source: &PatchSource, step: f64, by_root: bool) -> Cr
         normalised(DMat3::from_scale(share.recip()) * DMat3::from_translation(-corner) * source.matrix);
     let cut = size.texels() - u64::from(width) * u64::from(height);
     let bare = Bare { texels, size: (width, height), corner: (left, top), matrix, step };
-    Cropped { bare, mask, cut }
+    cancel.checkpoint()?;
+    Ok(Cropped { bare, mask, cut })
 }
 
 /// Takes hidden patches off the canvas; which of the stack they are.

@@ -132,11 +132,13 @@ pub(crate) fn notes(
         Goal::Bpp(bpp) => format!("--bpp {bpp}"),
         Goal::Tolerance(tolerance) => format!("--tolerance {tolerance}"),
     };
+    let tau =
+        if params.tau == ZipParams::default().tau { String::new() } else { format!(" --tau {}", params.tau) };
     let content = params.content.map_or(String::new(), |content| format!(" --content {}", content.name()));
     let alone = sum(|fidelity| fidelity.root_alone).psnr() as f32;
     let psnr_without = if texture.patches() > 0 { vec![(PATCH_PART.to_owned(), alone)] } else { Vec::new() };
     Notes {
-        settings: format!("--codec zipmap {goal}{content}"),
+        settings: format!("--codec zipmap {goal}{content}{tau}"),
         verdict: verdict(fitted, dropped, sum(|fidelity| fidelity.error).psnr()),
         psnr_without,
     }

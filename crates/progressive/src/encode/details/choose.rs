@@ -182,7 +182,7 @@ impl Sample {
             .par_iter()
             .map(|lack| {
                 let values: Vec<f32> = lack.values.iter().map(|value| value * GRAY_STEPS).collect();
-                GrayPlane::new(lack.width, &values, blur_of(side))
+                GrayPlane::new(lack.width, &values, blur_of(side), check)
             })
             .collect();
         let texels: usize = flat.iter().map(|lack| lack.values.len()).sum();
@@ -193,7 +193,7 @@ impl Sample {
             .collect();
         check.checkpoint()?;
         let views: Vec<&GrayPlane> = planes.iter().collect();
-        let index = GsrIndex::grouped(&views, &list, GRID, GsrInput::Shape, 1.0);
+        let index = GsrIndex::grouped(&views, &list, GRID, GsrInput::Shape, 1.0, check);
         let matcher = Matcher { tops, flat, planes: &planes, index: &index, side };
         let of_block =
             |&block: &Place| if check.is_cancelled() { Vec::new() } else { matcher.pieces_for(block) };

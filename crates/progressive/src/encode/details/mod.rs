@@ -153,7 +153,8 @@ impl Candidates {
         let rows = known.as_ref().map_or(0, |book| book.size().1);
         let room = shared.most_rows.saturating_sub(rows) / CELL_SIDE * PUBLIC_CELLS;
         let cell_bits = if room > 0 { CELL_BITS / SHARING } else { CELL_BITS };
-        let library = known.clone().map(|book| Library::new(Some(book), None, side));
+        let library = known.clone().map(|book| Library::new(Some(book), None, side, check));
+        check.checkpoint()?;
         let price = Price { most: MOST_CELLS, cell_bits };
         let choices = choose(lacks, side, library.as_ref(), price, check)?;
         let (mut reused, own): (Vec<Choice>, Vec<Choice>) =
@@ -183,11 +184,11 @@ impl Candidates {
     }
 
     /// The codebooks with so many cells of the images' own; `None` where there is nothing to show.
-    pub(crate) fn library(&self, side: usize, own_cells: usize) -> Option<Library> {
+    pub(crate) fn library(&self, side: usize, own_cells: usize, check: CancelCheck<'_>) -> Option<Library> {
         let log2 = own_cells.max(1).ilog2();
         let private = of_cells(&self.own[..own_cells], CELL_SIDE << log2.div_ceil(2)).map(Arc::new);
         let public = self.public.clone();
-        (public.is_some() || private.is_some()).then(|| Library::new(public, private, side))
+        (public.is_some() || private.is_some()).then(|| Library::new(public, private, side, check))
     }
 }
 

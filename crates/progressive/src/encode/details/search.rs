@@ -83,8 +83,13 @@ struct Offer {
 }
 
 impl Library {
-    /// For blocks of `side` texels.
-    pub(crate) fn new(public: Option<Arc<Codebook>>, private: Option<Arc<Codebook>>, side: usize) -> Self {
+    /// For blocks of `side` texels. Of no use once the job is cancelled.
+    pub(crate) fn new(
+        public: Option<Arc<Codebook>>,
+        private: Option<Arc<Codebook>>,
+        side: usize,
+        check: CancelCheck<'_>,
+    ) -> Self {
         let book = |codebook: Arc<Codebook>| {
             let (width, height) = codebook.size();
             let spots = Spots::new((width, height));
@@ -94,7 +99,7 @@ impl Library {
                 let turn = texfold_progressive_rotation(turn, ROTATION_BITS);
                 read(codebook.values(), UVec2::new(width, height), spot, turn, side, out);
             };
-            let index = SpectrumIndex::new(side, NOISE, spots.count as usize, show);
+            let index = SpectrumIndex::new(side, NOISE, spots.count as usize, show, check);
             Book { codebook, index, spots }
         };
         Library { side, public: public.map(book), private: private.map(book) }
@@ -390,7 +395,7 @@ mod tests {
         let cells = [(0, 0), (96, 32), (32, 160), (192, 96)].map(|(x, y)| flat.cell(x, y));
         let book = Codebook::of_cells(texfold_bc::Content::Raw, 64, &cells).unwrap();
         let (side, unit) = (8, gain_unit(&[vec![lack.clone()]], 3));
-        let library = Library::new(None, Some(Arc::new(book)), side);
+        let library = Library::new(None, Some(Arc::new(book)), side, CancelCheck::default());
         let (mut all, mut searched, mut best) = (0.0f64, 0.0f64, 0.0f64);
         for block in 0..32 {
             let at = (block * 7 % 32, block * 5 % 32);

@@ -78,6 +78,13 @@ const MUTATIONS: &[Mutation] = &[
         test: twin("twins", "blended_texels_are_those_of_the_cpu"),
     },
     Mutation {
+        name: "an epitome with a residual plane alone is read as planes",
+        file: "shaders/wgsl/epitome/errors.wgsl",
+        find: "let plain = mixed & (plane == 0u);",
+        replace: "let plain = plane == 0u;",
+        test: twin("twins", "blended_texels_are_those_of_the_cpu"),
+    },
+    Mutation {
         name: "interpolated normals are not normalised",
         file: "shaders/wgsl/lightfield.wgsl",
         find: "let normal = smooth_normal / max(length(smooth_normal), 0.000001);",

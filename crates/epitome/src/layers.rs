@@ -6,7 +6,6 @@
 use texfold_bc::ContentPlanes;
 use texfold_core::PlaneFormat;
 
-use crate::format::{NODES, nodes_of};
 use crate::map::MapPlane;
 use crate::parts::{Layering, MAX_LAYERS, Parts};
 
@@ -167,30 +166,11 @@ pub(crate) fn edited(
     edited
 }
 
-/// For each leaf of a map its number in the map before, where a leaf of that place and side stands there.
-pub(crate) fn same_leaves(before: Option<&[u8]>, trees: &[u8], leaves: usize) -> Vec<Option<usize>> {
-    let Some(before) = before else { return vec![None; leaves] };
-    // Blocks that are not split have no tree bytes: leaves are blocks.
-    if trees.is_empty() {
-        return (0..leaves).map(Some).collect();
-    }
-    let mut same = Vec::new();
-    let mut first = 0;
-    for (&before, &tree) in before.iter().zip(trees) {
-        let mut places = [None; NODES];
-        for node in nodes_of(before) {
-            places[node] = Some(first);
-            first += 1;
-        }
-        same.extend(nodes_of(tree).map(|node| places[node]));
-    }
-    same
-}
-
 #[cfg(feature = "encode")]
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::map::same_leaves;
     use crate::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
     use texfold_core::image::ImageSet;
     use texfold_core::metric::decode_surface;

@@ -5,8 +5,7 @@
 
 use texfold_core::{Plane, WordRows, word_plane};
 
-use crate::format::{Entry, LayerMap, MapFormat, Palettes, leaves_of};
-use crate::layers::same_leaves;
+use crate::format::{Entry, LayerMap, MapFormat, NODES, Palettes, leaves_of, nodes_of};
 
 /// The map plane's words.
 #[derive(Debug, Clone, PartialEq)]
@@ -195,6 +194,26 @@ fn push_entries(format: &MapFormat, entries: &[Entry], words: &mut Vec<u32>) {
     if filled > 0 {
         words.push(0);
     }
+}
+
+/// For each leaf of a map its number in the map before, where a leaf of that place and side stands there.
+pub(crate) fn same_leaves(before: Option<&[u8]>, trees: &[u8], leaves: usize) -> Vec<Option<usize>> {
+    let Some(before) = before else { return vec![None; leaves] };
+    // Blocks that are not split have no tree bytes: leaves are blocks.
+    if trees.is_empty() {
+        return (0..leaves).map(Some).collect();
+    }
+    let mut same = Vec::new();
+    let mut first = 0;
+    for (&before, &tree) in before.iter().zip(trees) {
+        let mut places = [None; NODES];
+        for node in nodes_of(before) {
+            places[node] = Some(first);
+            first += 1;
+        }
+        same.extend(nodes_of(tree).map(|node| places[node]));
+    }
+    same
 }
 
 #[cfg(test)]

@@ -19,7 +19,8 @@ use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, Job, Notes};
 
 use super::assemble::assemble;
 use super::choose::choose_well;
-use super::lambda::{LAMBDA_INDICES, Made, lambda};
+use super::lambda::Made;
+use super::lambda_index::{LAMBDA_INDICES, lambda};
 use super::models::{Form, Model};
 use super::plan::Plan;
 use super::report;

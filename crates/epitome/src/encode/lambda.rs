@@ -1,13 +1,12 @@
 //! Lambda, the error that a bit may cost, and the setting of it that reaches a goal.
 
-use std::ops::RangeInclusive;
-
 use texfold_core::metric::measure_cancellable;
 use texfold_core::target::{Measured, search as find};
 use texfold_core::{EncodeError, Goal, Job};
 
 use super::assemble::assemble;
 use super::choose::{choose, choose_well};
+use super::lambda_index::{LAMBDA_INDICES, TOLERANCE_LAMBDA_INDEX, lambda, lambda_index_of};
 use super::plan::Plan;
 use super::searched::EpitomeSearch;
 use super::state::Choice;
@@ -21,31 +20,11 @@ const FAR_FACTOR: f64 = 1.03;
 const FAR_DB: f64 = 0.3;
 /// Steps where content has a residual plane: it is coded anew at each setting.
 const FINER_WITH_ERRORS: [u32; 1] = [12];
-/// Lambda indices in an octave.
-const INDICES_AN_OCTAVE: f32 = 32.0;
-/// Binary logarithm of lambda at lambda index 0, above which nothing is coded any more.
-const LARGEST_LOG2: f32 = 14.0;
-/// Lambda indices.
-pub(super) const LAMBDA_INDICES: RangeInclusive<u32> = 1..=544;
-/// The setting under which only bits count, for tolerances: within them errors are free.
-pub(super) const TOLERANCE_LAMBDA_INDEX: u32 = 96;
-
 /// A setting, what it measures and what it makes.
 pub(super) struct Made {
     pub(super) lambda_index: u32,
     pub(super) measured: Measured,
     pub(super) texture: EpitomeTexture,
-}
-
-/// Error that a bit may cost at lambda index `lambda_index`, 8-bit squared units.
-pub(super) fn lambda(lambda_index: u32) -> f32 {
-    (LARGEST_LOG2 - lambda_index as f32 / INDICES_AN_OCTAVE).exp2()
-}
-
-/// The setting nearest to a lambda.
-pub(super) fn lambda_index_of(lambda: f32) -> u32 {
-    let lambda_index = (INDICES_AN_OCTAVE * (LARGEST_LOG2 - lambda.log2())).round().max(0.0) as u32;
-    lambda_index.clamp(*LAMBDA_INDICES.start(), *LAMBDA_INDICES.end())
 }
 
 impl EpitomeSearch {

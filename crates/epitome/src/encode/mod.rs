@@ -12,6 +12,7 @@ mod goal;
 mod growth;
 mod ladder;
 mod lambda;
+mod lambda_index;
 mod leaf;
 mod mask;
 mod matrix;

@@ -5,7 +5,7 @@ use texfold_core::{CancelCheck, EncodeError, Goal, Job};
 
 use super::candidate::{Rules, ScaleErrors};
 use super::choose::{choose_well, most_errors};
-use super::lambda::lambda_index_of;
+use super::lambda_index::lambda_index_of;
 use super::models::MOST_LINEARS;
 use super::options::direct_options;
 use super::search::{Allowed, Reach, search};

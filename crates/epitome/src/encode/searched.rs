@@ -9,7 +9,7 @@ use super::candidate::{Match, Rules};
 use super::cell_cache::CellCache;
 use super::choose::choose;
 use super::formats::{block_of, storages};
-use super::lambda::lambda;
+use super::lambda_index::lambda;
 use super::leaf::Grid;
 use super::mask;
 use super::plan::Plan;

@@ -8,7 +8,7 @@ use texfold_core::{CancelCheck, EncodeError, Goal, Job};
 use super::assemble::assemble;
 use super::choose::improve;
 use super::growth::grow;
-use super::lambda::TOLERANCE_LAMBDA_INDEX;
+use super::lambda_index::TOLERANCE_LAMBDA_INDEX;
 use super::models::{MOST_LINEARS, Model};
 use super::plan::Plan;
 use super::report;

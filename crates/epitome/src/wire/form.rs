@@ -18,7 +18,7 @@ const MIPS_FLAG: u32 = 1;
 /// Flag of an epitome with a residual plane.
 const ERRORS_FLAG: u32 = 2;
 /// Flag of leaves that are blended in wider seams than between their outermost texels.
-const STRIP_FLAG: u32 = 4;
+const SEAM_FLAG: u32 = 4;
 /// Flag of coarse mip levels in BC7 beside an epitome in BC1.
 const COARSE_FLAG: u32 = 8;
 /// Bytes that a texture holds for each image, whatever its size: its uniform block, twice where it is lent to a GPU,
@@ -37,7 +37,7 @@ pub(super) fn store_head(parts: &Parts, out: &mut SectionWriter) {
     let is_wide = format.seam_width > LEAST_SEAM_WIDTH;
     let flags = if mips { MIPS_FLAG } else { 0 }
         | if parts.errors.is_some() { ERRORS_FLAG } else { 0 }
-        | if is_wide { STRIP_FLAG } else { 0 }
+        | if is_wide { SEAM_FLAG } else { 0 }
         | if parts.has_finer_coarse() { COARSE_FLAG } else { 0 };
     let mut form: Vec<u8> = [
         format.block,
@@ -179,7 +179,7 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
     if !fits(matrices, format.matrix_bits) || !fits(gain_offsets, format.gain_offset_bits) {
         return Err(reader.corrupt("a palette longer than its numbers"));
     }
-    if flags & STRIP_FLAG != 0 {
+    if flags & SEAM_FLAG != 0 {
         format.seam_width = u32::from(reader.u8()?);
         // Half a leaf on each side of a border.
         if !(LEAST_SEAM_WIDTH + 1..=4 * format.cell()).contains(&format.seam_width) {

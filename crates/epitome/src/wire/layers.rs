@@ -9,10 +9,8 @@ use super::form::{EpitomeForm, FORM_ID, Form, Head, read_head};
 use super::map::{Leaves, count_leaves, entry_bytes, laid_out, read_bits, read_entries};
 use super::planes::{blank_planes, read_coarse, store_coarse};
 use crate::format::LayerMap;
-use crate::layers::{
-    CellLayers, cell_bytes, columns_of, edited, gather, layer_names, layers_at, numbers, same_leaves,
-};
-use crate::map::{CoarserMap, MapPlane, pack_bits};
+use crate::layers::{CellLayers, cell_bytes, columns_of, edited, gather, layer_names, layers_at, numbers};
+use crate::map::{CoarserMap, MapPlane, pack_bits, same_leaves};
 use crate::parts::{Layering, MAX_LAYERS, Parts};
 
 const LAYERS_ID: [u8; 4] = *b"EPLA";

@@ -5,8 +5,8 @@ use texfold_core::{Budget, ImageLayout, LoadError, String4};
 
 use super::form::Form;
 use crate::format::{Entry, LayerMap, MapFormat, Palettes, blocks_of, leaves_of};
-use crate::layers::same_leaves;
 use crate::map::MapPlane;
+use crate::map::same_leaves;
 use crate::parts::MAX_ENTRIES;
 
 /// `count` bits as [`crate::map::pack_bits`] packs them.

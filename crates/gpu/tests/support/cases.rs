@@ -14,7 +14,7 @@ use texfold_epitome::decode::{TEXFOLD_EPITOME_FINE_LEVELS, TEXFOLD_EPITOME_GAIN_
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
 use texfold_gpu::AddressMode;
 
-use super::{Base, Call, Forge, Subject, bc, epitome, image, progressive, vq, zipmap};
+use super::{Base, Call, Edge, Forge, Residual, Subject, bc, epitome, image, progressive, vq, zipmap};
 
 /// Plain bytes and BC7 decode to the same bytes everywhere; what remains is the division by 255.
 pub(crate) const STORED: f32 = 1e-6;
@@ -201,7 +201,9 @@ pub(crate) fn epitome_case(name: &str, forge: Forge) -> Case {
     let texture = epitome(&forge);
     let gain = gain_of(&texture);
     // Blending keeps to what each texel differs by, and a gain multiplies it.
-    let stored = gain * forge.contents.iter().map(|&content| decoded(content)).fold(STORED, f32::max);
+    let plain = forge.contents.iter().map(|&content| decoded(content));
+    let summed = forge.residual.map(|residual| decoded(residual.content) + SUMMED + TAPPED);
+    let stored = gain * plain.chain(summed).fold(STORED, f32::max);
     let bounds = Bounds { nearest: stored + PLACED, blended: stored + PLACED + BLENDED };
     let stored = decoded(forge.coarse());
     let coarse = Bounds { nearest: stored, blended: stored + BLENDED };
@@ -211,8 +213,11 @@ pub(crate) fn epitome_case(name: &str, forge: Forge) -> Case {
 
 fn epitome_cases() -> Vec<Case> {
     use Content::{Bc1, Bc5, Bc7, Raw};
-    let bits = |x, y, tone, linear| [x, y, 2, tone, linear];
+    let bits = |x, y, gain_offset, matrix| [x, y, 2, gain_offset, matrix];
     let forge = Forge::default;
+    let coded =
+        Residual { content: Bc1, reduce_log2: 2, shrink_log2: 0, edge: Edge::Isolated, class_bits: 16 };
+    let wide = Residual { content: Bc7, reduce_log2: 1, edge: Edge::Repeated, class_bits: 32, ..coded };
     let cases = [
         ("1 channel, 2 bytes", Forge { channels: 1, block: 32, bits: bits(7, 6, 2, 1), ..forge() }),
         ("2 channels, 3 bytes, mips", Forge { channels: 2, bits: bits(9, 8, 4, 3), ..forge() }.with_mips()),
@@ -234,6 +239,15 @@ fn epitome_cases() -> Vec<Case> {
             "bc1 and bc7, mips",
             Forge { contents: &[Bc1, Bc7], finer: true, bits: bits(16, 16, 8, 7), seam_width: 32, ..forge() }
                 .with_mips(),
+        ),
+        ("error-coded alone", Forge { contents: &[], residual: Some(coded), ..forge() }),
+        (
+            "error-coded alone, mips",
+            Forge { contents: &[], residual: Some(wide), bits: bits(9, 8, 3, 3), ..forge() }.with_mips(),
+        ),
+        (
+            "bc1 and error-coded, mips",
+            Forge { contents: &[Bc1], residual: Some(coded), bits: bits(9, 8, 2, 3), ..forge() }.with_mips(),
         ),
         (
             "bc1 and bc7, unsplit",

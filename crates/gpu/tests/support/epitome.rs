@@ -1,5 +1,6 @@
 //! Epitome textures with pseudo-random maps and content, by way of their file format.
 
+use super::residual::Residual;
 use texfold_bc::Content;
 use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
@@ -15,8 +16,8 @@ const EPITOMES: [(u32, u32); 2] = [(128, 64), (48, 80)];
 /// Mip levels of an epitome that has any, its full size among them.
 const PLANE_LEVELS: u32 = 2;
 
-/// Mirrors, turns by quarters and by 45 and 30 degrees, scales, squeezes and a shear.
-const LINEARS: [Matrix; 16] = [
+/// Mirrors, rotations by quarter turns and by 45 and 30 degrees, scales, squeezes and a shear.
+const MATRICES: [Matrix; 16] = [
     IDENTITY,
     [-8192, 0, 0, 8192],
     [4096, 0, 0, 8192],
@@ -45,6 +46,8 @@ pub(crate) struct Forge {
     pub(crate) normal: bool,
     /// One epitome of each.
     pub(crate) contents: &'static [Content],
+    /// A further epitome with a residual plane: base and rate model.
+    pub(crate) residual: Option<Residual>,
     /// Coarse mip levels in BC7 beside BC1.
     pub(crate) finer: bool,
     pub(crate) block: u32,
@@ -63,6 +66,7 @@ impl Default for Forge {
             channels: 3,
             normal: false,
             contents: &[Content::Raw],
+            residual: None,
             finer: false,
             block: 32,
             split: true,
@@ -85,13 +89,19 @@ impl Forge {
 
     /// How levels that are not read from the epitome are stored.
     pub(crate) fn coarse(&self) -> Content {
-        match (self.contents[0], self.channels) {
+        match (self.stored().next().unwrap(), self.channels) {
             (Content::Raw, 1) => Content::Bc4,
             (Content::Raw, 2) => Content::Bc5,
             (Content::Raw, _) => Content::Bc7,
             (Content::Bc1, _) if self.finer => Content::Bc7,
             (other, _) => other,
         }
+    }
+
+    /// What the epitomes are stored as, that with a residual plane by its base.
+    fn stored(&self) -> impl Iterator<Item = Content> {
+        let base = self.residual.map(|residual| residual.content);
+        self.contents.iter().copied().chain(base)
     }
 
     fn pixel(&self) -> PixelInfo {
@@ -105,10 +115,11 @@ impl Forge {
         let head = [self.block, u32::from(self.split)].into_iter().chain(self.bits);
         let flags =
             u32::from(mips) | if self.seam_width > 4 { 4 } else { 0 } | if self.finer { 8 } else { 0 };
-        let head = head.chain([flags, self.contents.len() as u32]);
+        let flags = flags | if self.residual.is_some() { 2 } else { 0 };
+        let head = head.chain([flags, self.stored().count() as u32]);
         let mut form: Vec<u8> = head.map(|value| value as u8).collect();
-        for (content, (width, height)) in self.contents.iter().zip(EPITOMES) {
-            form.push(Content::ALL.iter().position(|kind| kind == content).unwrap() as u8);
+        for (content, (width, height)) in self.stored().zip(EPITOMES) {
+            form.push(content.number());
             form.extend([width, height].into_iter().flat_map(u32::to_le_bytes));
         }
         form.extend([matrices as u32, gain_offsets as u32].into_iter().flat_map(u32::to_le_bytes));
@@ -136,7 +147,7 @@ impl Forge {
         let mut planes: [Vec<u8>; 7] = Default::default();
         let mut before = [0u32; 2];
         for _ in 0..leaves {
-            let plane = rng.below(self.contents.len() as u32);
+            let plane = rng.below(self.stored().count() as u32);
             let (width, height) = EPITOMES[plane as usize];
             let place = [
                 rng.below((width << fraction).min(1 << x_bits)),
@@ -169,7 +180,7 @@ impl Forge {
     }
 }
 
-/// Tones of every gain and offset, the neutral one first.
+/// Pairs of every gain and offset, the neutral one first.
 fn gain_offsets(count: u32, rng: &mut Rng) -> Vec<GainOffset> {
     let random = |_| [(); 6].map(|()| rng.below(256) as u8);
     std::iter::once(NEUTRAL).chain((1..count).map(random)).collect()
@@ -182,7 +193,7 @@ pub(crate) fn epitome(forge: &Forge) -> EpitomeTexture {
         u64::from(gain_offset_bits) + 10 * u64::from(forge.block) + 1000 * u64::from(forge.channels),
     );
     let surfaces: Vec<_> = forge.sizes.iter().map(|&(width, height)| SurfaceSize { width, height }).collect();
-    let matrices = &LINEARS[..LINEARS.len().min(1 << matrix_bits)];
+    let matrices = &MATRICES[..MATRICES.len().min(1 << matrix_bits)];
     let gain_offsets = gain_offsets(1 << gain_offset_bits, &mut rng);
     let (trees, leaves) = forge.trees(&surfaces, &mut rng);
     let entries = forge.entries(leaves, [matrices.len(), gain_offsets.len()], &mut rng);
@@ -206,7 +217,14 @@ pub(crate) fn epitome(forge: &Forge) -> EpitomeTexture {
     out.section("map", *b"EPPL", &palettes.chain(gain_offsets.concat()).collect::<Vec<u8>>());
     out.section("map", *b"EPTR", &trees);
     out.section("map", *b"EPEN", &entries);
-    out.section("epitome", *b"EPAT", &planes);
+    if !planes.is_empty() {
+        out.section("epitome", *b"EPAT", &planes);
+    }
+    if let Some(residual) = forge.residual {
+        let (width, height) = EPITOMES[forge.contents.len()];
+        let size = SurfaceSize { width, height };
+        residual.store(&[size], plane_levels, forge.pixel(), &mut rng, &mut out);
+    }
     if !coarse.is_empty() {
         out.section("mips", *b"EPMC", &coarse);
     }

@@ -7,6 +7,7 @@ mod cases;
 mod epitome;
 mod host;
 mod progressive;
+mod residual;
 mod twin;
 mod zipmap;
 
@@ -32,6 +33,7 @@ pub(crate) use cases::{
 pub(crate) use epitome::{Forge, epitome};
 pub(crate) use host::{Function, answers, run};
 pub(crate) use progressive::{Base, progressive};
+pub(crate) use residual::{Edge, Residual};
 pub(crate) use twin::{Call, Twin};
 pub(crate) use zipmap::zipmap;
 

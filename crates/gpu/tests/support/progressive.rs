@@ -6,6 +6,7 @@ use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
 use texfold_core::rng::Rng;
 use texfold_core::{Budget, ImageLayout, Notes, SurfaceSize, TextureCodec};
 
+use super::residual::{Edge, Residual};
 use texfold_progressive::{Codebook, Progressive, ProgressiveTexture};
 
 /// What a texture is like.
@@ -74,17 +75,6 @@ fn store_books(
     public
 }
 
-/// Bits of coefficients by class, for a class of 16 bits more than the one before: each kind has some.
-const CLASSES: [u32; 16] = [
-    0, 0x11, 0x2_0011, 0x111, 0x1111, 0x2_1111, 0x4_1111, 0x13_1111, 0x2222, 0x100_0111, 0x11_2222,
-    0x102_0122, 0x104_1111, 0x3344, 0x202_0011, 0x200_0111,
-];
-/// The same for classes of 32 bits more each: three bits for a kind that has at most two above.
-const WIDE_CLASSES: [u32; 11] = [
-    0, 0x2_0011, 0x1111, 0x4_1111, 0x2222, 0x11_2222, 0x104_1111, 0x202_0011, 0x200_1111, 0x300_0000,
-    0x300_0022,
-];
-
 /// The texture of that kind.
 pub(crate) fn progressive(base: &Base) -> ProgressiveTexture {
     let Base { sizes, levels, channels, content, reduce_log2, shrink_log2, beyond, class_bits, books } =
@@ -99,48 +89,15 @@ pub(crate) fn progressive(base: &Base) -> ProgressiveTexture {
     // What is stored of them.
     let levels = levels.saturating_sub(shrink_log2).max(1);
     let surfaces: Vec<_> = full.iter().map(|size| size.at_level(shrink_log2)).collect();
-    let mut form = vec![
-        content.number(),
-        (reduce_log2 | shrink_log2 << 2 | u32::from(beyond) << 5) as u8,
-        (class_bits / 16) as u8,
-    ];
-    form.extend([300u16, 250, 180, 120, 200, 90, 70].into_iter().flat_map(u16::to_le_bytes));
-    let classes: &[u32] = match class_bits {
-        16 => &CLASSES,
-        32 => &WIDE_CLASSES,
-        _ => &[0],
+    let residual = Residual {
+        content,
+        reduce_log2,
+        shrink_log2,
+        edge: if beyond { Edge::Padded } else { Edge::Repeated },
+        class_bits,
     };
-    let usable = classes.len() as u32;
-    let classes = (0..16).map(|number| classes.get(number).copied().unwrap_or(0));
-    form.extend(classes.flat_map(u32::to_le_bytes));
-    let (mut planes, mut maps) = (Vec::new(), Vec::new());
-    for size in &surfaces {
-        let held = levels.min(size.at_level(reduce_log2).full_levels());
-        for level in 0..held {
-            // Four texels of the base on each side.
-            let more = if beyond { 8 << reduce_log2 } else { 0 };
-            let whole = SurfaceSize { width: size.width + more, height: size.height + more };
-            let level = whole.at_level(reduce_log2 + level);
-            for format in content.formats(pixel).0 {
-                planes.extend(rng.bytes(format.bytes(level.width, level.height) as usize));
-            }
-        }
-        let sides = |level| (size.at_level(level).width.div_ceil(8), size.at_level(level).height.div_ceil(8));
-        let blocks: u32 = (0..levels).map(sides).map(|(columns, rows)| columns * rows).sum();
-        let classes: Vec<u8> = (0..blocks).map(|_| rng.below(usable) as u8).collect();
-        let halves: u32 = classes.iter().map(|&class| u32::from(class)).sum::<u32>() * class_bits / 16;
-        let scales: Vec<u8> = (0..blocks).map(|_| rng.below(13) as u8).collect();
-        for numbers in [&classes, &scales] {
-            maps.extend(numbers.chunks(2).map(|pair| pair[0] | pair.get(1).copied().unwrap_or(0) << 4));
-        }
-        maps.extend(rng.bytes(2 * halves as usize));
-    }
-    out.section("container", *b"RSF0", &form);
-    out.section("base", *b"RSB0", &planes);
+    residual.store(&surfaces, levels, pixel, &mut rng, &mut out);
     let public = books.map(|books| store_books(books, &surfaces, levels, &mut rng, &mut out));
-    if class_bits > 0 {
-        out.section("residual plane", *b"RSP0", &maps);
-    }
     let bytes = out.finish().bytes;
     let mut budget = Budget::default();
     let file = Sections::parse(&bytes, &mut budget).unwrap();

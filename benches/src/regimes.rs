@@ -236,7 +236,7 @@ fn drawing(out: &Path) -> Outcome<()> {
         "image",
         "bits",
         "dB",
-        "strip",
+        "seam",
         "blocks, original",
         "blocks, linear",
         "blocks, nearest",

@@ -139,7 +139,7 @@ fn drawn() {
         Err(error) => return println!("skipped: {error}"),
     };
     println!(
-        "{}: megatexels a second; bare: the same loads, without what is computed between them",
+        "{}: megatexels a second; loads only: the same loads, without what is computed between them",
         gpu.info().name
     );
     for count in [0, 1, 6, 200] {
@@ -154,8 +154,11 @@ fn drawn() {
                 // The least: what else runs on the machine only adds.
                 f64::from(DRAWN * DRAWN) / times.first().copied().unwrap_or(f64::INFINITY) / 1e6
             };
-            let (ours, bare) = (speed(Probe::Lookup), speed(Probe::LoadsOnly));
-            println!("{count:>4} patches, {name}: {ours:>7.2}, bare {bare:>7.2}, ratio {:.2}", ours / bare);
+            let (ours, loads_only) = (speed(Probe::Lookup), speed(Probe::LoadsOnly));
+            println!(
+                "{count:>4} patches, {name}: {ours:>7.2}, loads only {loads_only:>7.2}, ratio {:.2}",
+                ours / loads_only
+            );
         }
     }
 }

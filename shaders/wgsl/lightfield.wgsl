@@ -21,7 +21,7 @@ struct TexfoldLightfieldParams {
     map_zero: f32,
     map_range: f32,
     // How often the sides of surface maps are halved beside those of the mean.
-    halvings: u32,
+    reduce_log2: u32,
     reserved: u32,
 }
 
@@ -282,7 +282,7 @@ fn texfold_lightfield_parts(triangle: u32, barycentric: vec3<f32>, direction: ve
     let place = texfold_lightfield_word(first + 3u);
     let side = 1u << ((place >> 28u) & 7u);
     let read = texfold_lightfield_patch(side, barycentric);
-    let coarse = texfold_lightfield_patch(max(side >> texfold_lightfield_params.halvings, 1u), barycentric);
+    let coarse = texfold_lightfield_patch(max(side >> texfold_lightfield_params.reduce_log2, 1u), barycentric);
     let smooth_normal = texfold_lightfield_normal(a) * barycentric.x
         + texfold_lightfield_normal(b) * barycentric.y
         + texfold_lightfield_normal(c) * barycentric.z;

@@ -63,22 +63,22 @@ fn texfold_progressive_entry_word(index: u32) -> u32 {
     return textureLoad(texfold_progressive_entries, vec2<u32>(column, row), 0u).x;
 }
 
-// What carries places of a block to places of the codebook: the rows of a matrix, for turn `number` of `bits` bits.
+// What carries places of a block to places of the codebook: the rows of a matrix, for rotation `number` of `bits` bits.
 fn texfold_progressive_rotation(number: u32, bits: u32) -> vec4<f32> {
     let part = (number >> 3u) << (5u - bits);
-    var turn = vec2<f32>(1.0, 0.0);
+    var rotation = vec2<f32>(1.0, 0.0);
     if part == 1u {
-        turn = vec2<f32>(TEXFOLD_PROGRESSIVE_COS, TEXFOLD_PROGRESSIVE_SIN);
+        rotation = vec2<f32>(TEXFOLD_PROGRESSIVE_COS, TEXFOLD_PROGRESSIVE_SIN);
     } else if part == 2u {
-        turn = vec2<f32>(TEXFOLD_PROGRESSIVE_DIAGONAL, TEXFOLD_PROGRESSIVE_DIAGONAL);
+        rotation = vec2<f32>(TEXFOLD_PROGRESSIVE_DIAGONAL, TEXFOLD_PROGRESSIVE_DIAGONAL);
     } else if part == 3u {
-        turn = vec2<f32>(TEXFOLD_PROGRESSIVE_SIN, TEXFOLD_PROGRESSIVE_COS);
+        rotation = vec2<f32>(TEXFOLD_PROGRESSIVE_SIN, TEXFOLD_PROGRESSIVE_COS);
     }
     if (number & 2u) != 0u {
-        turn = vec2<f32>(-turn.y, turn.x);
+        rotation = vec2<f32>(-rotation.y, rotation.x);
     }
     if (number & 4u) != 0u {
-        turn = -turn;
+        rotation = -rotation;
     }
     let flip = select(1.0, -1.0, (number & 1u) != 0u);
     return vec4<f32>(turn.x, -turn.y * flip, turn.y, turn.x * flip);
@@ -122,7 +122,7 @@ fn texfold_progressive_detail(at: vec2<u32>, level: u32) -> f32 {
     let side_log2 = form & 15u;
     let column_bits = (form >> 4u) & 15u;
     let row_bits = (form >> 8u) & 15u;
-    let turn_bits = (form >> 12u) & 15u;
+    let rotation_bits = (form >> 12u) & 15u;
     let side = 1u << side_log2;
     let columns = (texfold_level_size(texfold_residual_params.size, level).x + side - 1u) >> side_log2;
     var index = (at.y >> side_log2) * columns + (at.x >> side_log2);
@@ -131,23 +131,23 @@ fn texfold_progressive_detail(at: vec2<u32>, level: u32) -> f32 {
         let blocks = (size_above + vec2<u32>(side - 1u)) >> vec2<u32>(side_log2);
         index += blocks.x * blocks.y;
     }
-    let bit = index * (column_bits + row_bits + turn_bits + 5u);
+    let bit = index * (column_bits + row_bits + rotation_bits + 5u);
     let low = texfold_progressive_entry_word(bit / 32u);
     let high = texfold_progressive_entry_word(bit / 32u + 1u);
     let entry = (low >> (bit % 32u)) | ((high << 1u) << (31u - bit % 32u));
-    let gain = (entry >> (column_bits + row_bits + turn_bits)) & 31u;
+    let gain = (entry >> (column_bits + row_bits + rotation_bits)) & 31u;
     if (gain & 15u) == 0u {
         return 0.0;
     }
     let column = entry & ((1u << column_bits) - 1u);
     let row = (entry >> column_bits) & ((1u << row_bits) - 1u);
-    let number = (entry >> (column_bits + row_bits)) & ((1u << turn_bits) - 1u);
-    let turn = texfold_progressive_rotation(number, turn_bits);
+    let number = (entry >> (column_bits + row_bits)) & ((1u << rotation_bits) - 1u);
+    let rotation = texfold_progressive_rotation(number, rotation_bits);
     let away = vec2<f32>(vec2<i32>(at & vec2<u32>(side - 1u))) + vec2<f32>(0.5 - 0.5 * f32(i32(side)));
     let private_one = row >= texfold_progressive_params.codebooks.y;
     let first = select(0u, texfold_progressive_params.codebooks.y, private_one);
     let centre = vec2<f32>(vec2<i32>(vec2<u32>(column, row - first)));
-    let moved = vec2<f32>(turn.x * away.x + turn.y * away.y, turn.z * away.x + turn.w * away.y);
+    let moved = vec2<f32>(rotation.x * away.x + rotation.y * away.y, rotation.z * away.x + rotation.w * away.y);
     let value = texfold_progressive_content(centre + moved, private_one);
     let step = (gain & 15u) - 1u;
     let odd = select(1.0, 1.4142135, (step & 1u) == 1u);

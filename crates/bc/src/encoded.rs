@@ -19,7 +19,7 @@ use crate::{Bc, Content, ContentPlanes, wire};
 pub struct BcTexture {
     pub(crate) layout: ImageLayout,
     pub(crate) content: Content,
-    /// Halvings of width and height before compression.
+    /// Log2 downscale of width and height before compression.
     pub(crate) reduce_log2: u32,
     /// For each image the planes of its levels.
     pub(crate) surfaces: Vec<Vec<ContentPlanes>>,
@@ -33,7 +33,7 @@ impl BcTexture {
         self.content
     }
 
-    /// Halvings of width and height before compression.
+    /// Log2 downscale of width and height before compression.
     #[must_use]
     pub fn reduce_log2(&self) -> u32 {
         self.reduce_log2

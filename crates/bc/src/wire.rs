@@ -9,7 +9,7 @@ use crate::{BcTexture, Content, ContentPlanes};
 const FORM_ID: [u8; 4] = *b"BCFM";
 const BLOCKS_ID: [u8; 4] = *b"BLKS";
 
-/// Most halvings of width and height.
+/// Largest log2 downscale of width and height.
 pub(crate) const MAX_REDUCE_LOG2: u32 = 3;
 
 pub(crate) fn store(texture: &BcTexture, out: &mut SectionWriter) {
@@ -27,7 +27,7 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<BcTexture
     let content = Content::read(&mut reader)?;
     let reduce_log2 = u32::from(reader.u8()?);
     if reduce_log2 > MAX_REDUCE_LOG2 {
-        return Err(reader.corrupt("more than 3 halvings"));
+        return Err(reader.corrupt("a log2 downscale above 3"));
     }
     reader.end()?;
     let (formats, _) = content.formats(layout.pixel);

@@ -59,7 +59,7 @@ pub struct TexfoldLightfieldParams {
     /// Bytes from there to the one that stands for 1.
     pub map_range: f32,
     /// How often the sides of surface maps are halved beside those of the mean.
-    pub halvings: u32,
+    pub reduce_log2: u32,
     /// Always 0.
     pub reserved: u32,
 }
@@ -354,7 +354,7 @@ pub fn texfold_lightfield_parts(
     let place = texfold_lightfield_word(view, first + 3);
     let side = 1 << ((place >> 28) & 7);
     let read = texfold_lightfield_patch(side, barycentric);
-    let coarse = texfold_lightfield_patch((side >> view.params.halvings).max(1), barycentric);
+    let coarse = texfold_lightfield_patch((side >> view.params.reduce_log2).max(1), barycentric);
     let smooth = texfold_lightfield_normal(view, a) * barycentric.x
         + texfold_lightfield_normal(view, b) * barycentric.y
         + texfold_lightfield_normal(view, c) * barycentric.z;

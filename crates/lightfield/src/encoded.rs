@@ -56,7 +56,7 @@ impl LightTexture {
             map_swizzle: parts.surface.swizzle().0,
             map_zero: zero_and_range(parts.factors).0,
             map_range: zero_and_range(parts.factors).1,
-            halvings: u32::from(parts.surface_reduce_log2),
+            reduce_log2: u32::from(parts.surface_reduce_log2),
             reserved: 0,
         };
         LightTexture {

@@ -1,6 +1,6 @@
 //! Codebooks and maps as they are shipped: atoms that the blocks of many images show, and for each block which and how.
 //!
-//! Atoms are what a base lacks, in luma, and of one contrast: brightness and colour come from the base, contrast and sign
+//! Atoms are residuals of a base, in luma, and of one contrast: brightness and colour come from the base, contrast and sign
 //! from the block's gain. So one atom serves blocks of any colour, and 20 bits of place, rotation and gain a block do what
 //! the paper's entry of nine numbers does. A public codebook may grow by whole rows of cells; an image names how many
 //! rows it was made with and reads no others, so that no texel of it ever changes.
@@ -40,7 +40,7 @@ pub struct Codebook {
 }
 
 impl Codebook {
-    /// From its planes; `None` where they are no gray picture of whole cells.
+    /// From its planes; `None` where they are no gray image of whole cells.
     #[must_use]
     pub fn from_planes(planes: ContentPlanes) -> Option<Self> {
         let (width, height) = planes.size();

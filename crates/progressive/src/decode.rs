@@ -75,27 +75,27 @@ pub fn texfold_progressive_entry_word(view: &ProgressiveView<'_>, index: u32) ->
     view.entries.get(index as usize).copied().unwrap_or(0)
 }
 
-/// What carries places of a block to places of the codebook: the rows of a matrix, for turn `number` of `bits` bits.
+/// What carries places of a block to places of the codebook: the rows of a matrix, for rotation `number` of `bits` bits.
 #[must_use]
 #[inline]
 pub fn texfold_progressive_rotation(number: u32, bits: u32) -> Vec4 {
     let part = (number >> 3) << (5 - bits);
-    let mut turn = Vec2::new(1.0, 0.0);
+    let mut rotation = Vec2::new(1.0, 0.0);
     if part == 1 {
-        turn = Vec2::new(TEXFOLD_PROGRESSIVE_COS, TEXFOLD_PROGRESSIVE_SIN);
+        rotation = Vec2::new(TEXFOLD_PROGRESSIVE_COS, TEXFOLD_PROGRESSIVE_SIN);
     } else if part == 2 {
-        turn = Vec2::new(TEXFOLD_PROGRESSIVE_DIAGONAL, TEXFOLD_PROGRESSIVE_DIAGONAL);
+        rotation = Vec2::new(TEXFOLD_PROGRESSIVE_DIAGONAL, TEXFOLD_PROGRESSIVE_DIAGONAL);
     } else if part == 3 {
-        turn = Vec2::new(TEXFOLD_PROGRESSIVE_SIN, TEXFOLD_PROGRESSIVE_COS);
+        rotation = Vec2::new(TEXFOLD_PROGRESSIVE_SIN, TEXFOLD_PROGRESSIVE_COS);
     }
     if number & 2 != 0 {
-        turn = Vec2::new(-turn.y, turn.x);
+        rotation = Vec2::new(-rotation.y, rotation.x);
     }
     if number & 4 != 0 {
-        turn = -turn;
+        rotation = -rotation;
     }
     let flip = if number & 1 != 0 { -1.0 } else { 1.0 };
-    Vec4::new(turn.x, -turn.y * flip, turn.y, turn.x * flip)
+    Vec4::new(rotation.x, -rotation.y * flip, rotation.y, rotation.x * flip)
 }
 
 /// The codebook at (`x`, `y`) in texels, blended from four; rows behind those of the public one are the private one's.
@@ -121,7 +121,7 @@ pub fn texfold_progressive_content(view: &ProgressiveView<'_>, place: Vec2, priv
 pub fn texfold_progressive_detail(view: &ProgressiveView<'_>, at: UVec2, level: u32) -> f32 {
     let form = view.params.map_form;
     let side_log2 = form & 15;
-    let (column_bits, row_bits, turn_bits) = (form >> 4 & 15, form >> 8 & 15, form >> 12 & 15);
+    let (column_bits, row_bits, rotation_bits) = (form >> 4 & 15, form >> 8 & 15, form >> 12 & 15);
     let side = 1 << side_log2;
     let columns =
         (texfold_level_size(UVec2::from(view.residual.params.size), level).x + side - 1) >> side_log2;
@@ -131,24 +131,25 @@ pub fn texfold_progressive_detail(view: &ProgressiveView<'_>, at: UVec2, level: 
         let blocks = (size + UVec2::splat(side - 1)) >> side_log2;
         index += blocks.x * blocks.y;
     }
-    let bit = index * (column_bits + row_bits + turn_bits + 5);
+    let bit = index * (column_bits + row_bits + rotation_bits + 5);
     let low = texfold_progressive_entry_word(view, bit / 32);
     let high = texfold_progressive_entry_word(view, bit / 32 + 1);
     let entry = low >> (bit % 32) | high << 1 << (31 - bit % 32);
-    let gain = entry >> (column_bits + row_bits + turn_bits) & 31;
+    let gain = entry >> (column_bits + row_bits + rotation_bits) & 31;
     if gain & 15 == 0 {
         return 0.0;
     }
     let column = entry & ((1 << column_bits) - 1);
     let row = entry >> column_bits & ((1 << row_bits) - 1);
-    let number = entry >> (column_bits + row_bits) & ((1 << turn_bits) - 1);
-    let turn = texfold_progressive_rotation(number, turn_bits);
+    let number = entry >> (column_bits + row_bits) & ((1 << rotation_bits) - 1);
+    let rotation = texfold_progressive_rotation(number, rotation_bits);
     let away =
         UVec2::new(at.x & (side - 1), at.y & (side - 1)).as_vec2() + Vec2::splat(0.5 - 0.5 * side as f32);
     let private = row >= view.params.codebooks[1];
     let first = if private { view.params.codebooks[1] } else { 0 };
     let centre = UVec2::new(column, row - first).as_vec2();
-    let moved = Vec2::new(turn.x * away.x + turn.y * away.y, turn.z * away.x + turn.w * away.y);
+    let moved =
+        Vec2::new(rotation.x * away.x + rotation.y * away.y, rotation.z * away.x + rotation.w * away.y);
     let value = texfold_progressive_content(view, centre + moved, private);
     let step = (gain & 15) - 1;
     let odd = if step & 1 == 1 { std::f32::consts::SQRT_2 } else { 1.0 };

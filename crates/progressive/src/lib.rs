@@ -20,7 +20,7 @@ mod encode;
 mod encoded;
 #[cfg(feature = "encode")]
 mod params;
-mod pictures;
+mod part_images;
 #[cfg(feature = "encode")]
 mod shared;
 mod wire;
@@ -31,7 +31,7 @@ pub use encode::ProgressiveSearch;
 pub use encoded::ProgressiveTexture;
 #[cfg(feature = "encode")]
 pub use params::ProgressiveParams;
-pub use pictures::{PartPictures, pictures};
+pub use part_images::{PartImages, part_images};
 #[cfg(feature = "encode")]
 pub use shared::Shared;
 pub use texfold_residual::APRON;

@@ -13,7 +13,7 @@ use texfold_core::{
 };
 use texfold_progressive::{APRON, Progressive, ProgressiveParams, ProgressiveTexture, Shared};
 
-fn picture(name: &str) -> ImageSet {
+fn image(name: &str) -> ImageSet {
     ImageSet::single(texfold_testkit::image(name))
 }
 
@@ -39,7 +39,7 @@ fn bc1(set: &ImageSet) -> Measured {
 #[test]
 fn as_many_bits_as_bc1_are_better_than_bc1() {
     for name in ["terrain", "salient"] {
-        let set = picture(name);
+        let set = image(name);
         let (plain, ours) = (bc1(&set), measure(&set, &encode(&set, &fast(Goal::Bpp(4.0)))));
         assert!(ours.bpp <= 4.0 && ours.psnr > plain.psnr + 0.5, "{name}: {ours:?} {plain:?}");
     }
@@ -55,7 +55,7 @@ fn half_the_bits_of_bc1_are_better_than_bc1_in_a_photograph() {
 
 #[test]
 fn goals_are_met_and_little_more() {
-    let set = picture("terrain");
+    let set = image("terrain");
     for psnr in [28.0, 34.0, 40.0] {
         let found = measure(&set, &encode(&set, &fast(Goal::Psnr(psnr))));
         assert!((0.0..0.15).contains(&(found.psnr - psnr)), "{psnr}: {found:?}");
@@ -73,7 +73,7 @@ fn goals_are_met_and_little_more() {
 
 #[test]
 fn more_effort_is_no_worse() {
-    let set = picture("terrain");
+    let set = image("terrain");
     let psnr = |effort| {
         let params = ProgressiveParams::default().with_goal(Goal::Bpp(2.0)).with_effort(effort);
         measure(&set, &encode(&set, &params)).psnr
@@ -84,7 +84,7 @@ fn more_effort_is_no_worse() {
 
 #[test]
 fn every_level_is_as_good_as_the_goal_asks() {
-    let set = picture("terrain");
+    let set = image("terrain");
     let params = fast(Goal::Psnr(36.0)).with_mips(true);
     let texture = encode(&set, &params);
     let levels = set.full_levels();
@@ -104,7 +104,7 @@ fn every_level_is_as_good_as_the_goal_asks() {
 
 #[test]
 fn a_prefix_is_the_enlarged_base_and_takes_the_errors_as_they_arrive() {
-    let set = picture("terrain");
+    let set = image("terrain");
     let texture = encode(&set, &fast(Goal::Psnr(36.0)).with_mips(true));
     let file = bytes(&texture);
     let has_base = |length: &usize| {
@@ -141,7 +141,7 @@ fn every_kind_of_pixel_is_stored() {
         assert!(found.psnr >= 30.0, "{channels} channels: {found:?}");
         assert!(texture.base_content().fits(set.info()));
     }
-    let normals = picture("normal_map");
+    let normals = image("normal_map");
     let raster = normals.images()[0].clone().tagged(ColorSpace::Normal, normals.info().alpha);
     let set = ImageSet::single(raster);
     assert!(measure(&set, &encode(&set, &fast(Goal::Psnr(28.0)))).psnr >= 28.0);
@@ -153,7 +153,7 @@ fn every_kind_of_pixel_is_stored() {
 
 #[test]
 fn the_base_is_stored_as_asked() {
-    let set = picture("terrain");
+    let set = image("terrain");
     for content in [Content::Raw, Content::Bc1, Content::Bc7] {
         for reduce_log2 in 1..=3 {
             let params = fast(Goal::Psnr(34.0)).with_content(content).with_reduce_log2(reduce_log2);
@@ -165,8 +165,8 @@ fn the_base_is_stored_as_asked() {
 }
 
 #[test]
-fn a_picture_that_its_base_shows_has_no_error_map() {
-    let set = picture("constant");
+fn a_image_that_its_base_shows_has_no_error_map() {
+    let set = image("constant");
     let texture = encode(&set, &fast(Goal::Psnr(40.0)));
     assert_eq!(texture.layers(), Layers { loaded: 1, total: 1 });
     assert!(texture.notes().verdict.contains("alone"), "{}", texture.notes().verdict);
@@ -174,7 +174,7 @@ fn a_picture_that_its_base_shows_has_no_error_map() {
     assert_eq!(at(0, 0), at(17, 5));
 }
 
-/// A picture of strokes of so many shapes here and there, in several directions, on a slope of brightness: `seed` moves them.
+/// An image of strokes of so many shapes here and there, in several directions, on a slope of brightness: `seed` moves them.
 fn strokes(seed: u32, shapes: u32) -> ImageSet {
     let side = 512;
     let value = |x: u32, y: u32| {
@@ -284,23 +284,23 @@ fn a_public_codebook_grows_and_earlier_images_stay_as_they_are() {
     assert!(rows[0] > 0 && rows[1] == rows[0], "{rows:?}");
 }
 
-/// Columns `left` to `right` of the middle rows of a picture, of those beyond its edge the outermost.
-fn columns(picture: &Raster, (left, right): (i32, i32), rows: (i32, i32)) -> Raster {
-    let size = picture.size();
+/// Columns `left` to `right` of the middle rows of an image, of those beyond its edge the outermost.
+fn columns(image: &Raster, (left, right): (i32, i32), rows: (i32, i32)) -> Raster {
+    let size = image.size();
     let inside = |at: i32, count: u32| at.clamp(0, count as i32 - 1) as u32;
     let (width, height) = ((right - left) as u32, (rows.1 - rows.0) as u32);
     let texel = |i: u32| {
         let (x, y) = (left + (i % width) as i32, rows.0 + (i / width) as i32);
-        picture.texel(inside(x, size.width), inside(y, size.height))
+        image.texel(inside(x, size.width), inside(y, size.height))
     };
     let texels: Vec<Texel> = (0..width * height).map(texel).collect();
-    Raster::from_texels(width, height, picture.info(), &texels).unwrap()
+    Raster::from_texels(width, height, image.info(), &texels).unwrap()
 }
 
 #[test]
 fn no_step_is_seen_between_tiles_whose_bases_go_on_beyond_their_borders() {
-    let picture = texfold_testkit::image("terrain");
-    let (width, height) = (picture.size().width as i32, picture.size().height as i32);
+    let image = texfold_testkit::image("terrain");
+    let (width, height) = (image.size().width as i32, image.size().height as i32);
     let (half, more) = (width / 2, APRON as i32);
     // At a tenth of a bit a smaller image is enlarged.
     for (mips, goal) in [(false, Goal::Psnr(24.0)), (true, Goal::Psnr(24.0)), (false, Goal::Bpp(0.1))] {
@@ -309,8 +309,8 @@ fn no_step_is_seen_between_tiles_whose_bases_go_on_beyond_their_borders() {
         // Mean steps at the border of two tiles, and within them at borders of blocks, for levels 0 and 1.
         let steps = |goes_on: bool| {
             let tiles = [(0, half), (half, width)].map(|(left, right)| {
-                let set = ImageSet::single(columns(&picture, (left, right), (0, height)));
-                let around = columns(&picture, (left - more, right + more), (-more, height + more));
+                let set = ImageSet::single(columns(&image, (left, right), (0, height)));
+                let around = columns(&image, (left - more, right + more), (-more, height + more));
                 let shared = Shared { apron: goes_on.then_some(around), ..Shared::default() };
                 let made = Progressive::encode_shared(&set, &params, &shared, &mut Job::default()).unwrap();
                 let (file, mut budget) = (bytes(&made), Budget::default());
@@ -389,7 +389,7 @@ fn few_bits_of_an_image_with_alpha_show_its_colours_hidden_ones_too() {
 
 #[test]
 fn few_bits_are_spent_on_a_smaller_image_that_is_enlarged() {
-    let set = picture("terrain");
+    let set = image("terrain");
     let params = fast(Goal::Bpp(0.2)).with_mips(true);
     let texture = encode(&set, &params);
     assert!(texture.shrink_log2() > 0, "{}", texture.notes().verdict);
@@ -420,7 +420,7 @@ fn few_bits_are_spent_on_a_smaller_image_that_is_enlarged() {
 #[test]
 fn a_quarter_of_a_bit_is_better_than_bc1_of_a_quarter_of_the_size() {
     for name in ["terrain", "salient", "facade"] {
-        let set = picture(name);
+        let set = image(name);
         let params =
             BcParams::default().with_goal(Goal::Bpp(5.0)).with_content(Content::Bc1).with_reduce_log2(2);
         let plain = measure(&set, &Bc::encode(&set, &params, &mut Job::default()).unwrap());
@@ -431,7 +431,7 @@ fn a_quarter_of_a_bit_is_better_than_bc1_of_a_quarter_of_the_size() {
 
 #[test]
 fn a_coarse_quality_is_met_by_an_enlarged_image_where_that_takes_fewer_bits() {
-    let set = picture("terrain");
+    let set = image("terrain");
     let goal = |goal| ProgressiveParams::default().with_goal(goal);
     let texture = encode(&set, &goal(Goal::Psnr(24.0)));
     let found = measure(&set, &texture);
@@ -442,12 +442,12 @@ fn a_coarse_quality_is_met_by_an_enlarged_image_where_that_takes_fewer_bits() {
 
 #[test]
 fn a_collar_costs_few_bits_and_alpha_is_as_good_as_colours() {
-    let picture = texfold_testkit::image("terrain").with_channels(4);
+    let image = texfold_testkit::image("terrain").with_channels(4);
     // A slanted collar without data.
     let inside = |i: usize| i % 256 > 40 + i / 256 / 4;
     let texel = |(i, texel): (usize, Texel)| if inside(i) { texel } else { Texel::ZERO };
-    let info = PixelInfo { channels: 4, alpha: Alpha::Straight, ..picture.info() };
-    let texels: Vec<Texel> = picture.texels().enumerate().map(texel).collect();
+    let info = PixelInfo { channels: 4, alpha: Alpha::Straight, ..image.info() };
+    let texels: Vec<Texel> = image.texels().enumerate().map(texel).collect();
     let set = ImageSet::single(Raster::from_texels(256, 256, info, &texels).unwrap());
     let alpha = |texture: &ProgressiveTexture| quality(&set, texture).alpha.unwrap().psnr();
     let few = encode(&set, &fast(Goal::Bpp(1.0)));

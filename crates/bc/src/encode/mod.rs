@@ -186,7 +186,7 @@ fn settings(params: &BcParams) -> String {
 fn verdict(texture: &BcTexture, goal: Goal, met: bool) -> String {
     let size = match texture.reduce_log2 {
         0 => "at full size".to_owned(),
-        halvings => format!("at 1/{} of width and height", 1 << halvings),
+        log2 => format!("at 1/{} of width and height", 1 << log2),
     };
     let outcome = match (goal, met) {
         (Goal::Bpp(_), true) => "the best plain form within the bits asked for",

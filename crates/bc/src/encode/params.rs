@@ -14,7 +14,7 @@ pub struct BcParams {
     pub content: Option<Content>,
     /// Formats that the goal may decide among.
     pub family: Family,
-    /// Halvings of width and height before compression (0 to 3); `None` lets the goal decide.
+    /// Log2 downscale of width and height before compression (0 to 3); `None` lets the goal decide.
     pub reduce_log2: Option<u32>,
     /// Whether a full mip chain is stored.
     pub mips: bool,

@@ -24,7 +24,7 @@ const CODEBOOKS: [((u32, u32), Content); 4] = [
 /// Bits a texel whose settings are drawn, of those that are asked for.
 const THUMBNAIL_BPP: [f64; 2] = [1.5, 2.5];
 
-/// Halvings of width and height of plain blocks.
+/// Log2 downscale of width and height of plain blocks.
 const HALVINGS: std::ops::RangeInclusive<u32> = 0..=2;
 
 /// Blocks of the rival ASTC, with their bits a texel from low to high.

@@ -16,7 +16,7 @@ pub(crate) struct Base {
     pub(crate) levels: u32,
     pub(crate) channels: u8,
     pub(crate) content: Content,
-    /// Halvings of the base's width and height.
+    /// Log2 downscale of the base's width and height.
     pub(crate) reduce_log2: u32,
     /// Levels that are not stored.
     pub(crate) shrink_log2: u32,
@@ -24,7 +24,7 @@ pub(crate) struct Base {
     pub(crate) beyond: bool,
     /// Bits of a block of class 1; 0 for no error map.
     pub(crate) class_bits: u32,
-    /// Codebooks and a map, where there are any: binary logarithm of a block's side, bits of a turn, and content of a public
+    /// Codebooks and a map, where there are any: binary logarithm of a block's side, bits of a rotation, and content of a public
     /// codebook of 64x64 texels and a private one of 32x64 behind it.
     pub(crate) books: Option<(u32, u32, Content)>,
 }
@@ -41,7 +41,7 @@ fn codebook(content: Content, width: u32, cells: usize, rng: &mut Rng) -> Codebo
 
 /// Sections of codebooks and map; the public codebook is returned.
 fn store_books(
-    (side_log2, turn_bits, content): (u32, u32, Content),
+    (side_log2, rotation_bits, content): (u32, u32, Content),
     surfaces: &[SurfaceSize],
     levels: u32,
     rng: &mut Rng,
@@ -55,7 +55,7 @@ fn store_books(
     let sizes = [64u32, 64, 32, 64];
     let mut raw: Vec<u8> = sizes.into_iter().flat_map(u32::to_le_bytes).collect();
     raw.extend(public.checksum().to_le_bytes());
-    let form = side_log2 | 6 << 4 | 7 << 8 | turn_bits << 12;
+    let form = side_log2 | 6 << 4 | 7 << 8 | rotation_bits << 12;
     raw.extend(form.to_le_bytes());
     raw.extend(70u16.to_le_bytes());
     for size in surfaces {
@@ -64,8 +64,8 @@ fn store_books(
             |level| size.at_level(level).width.div_ceil(side) * size.at_level(level).height.div_ceil(side);
         let mut bits: Vec<bool> = Vec::new();
         for _ in 0..(0..levels).map(blocks_of).sum() {
-            let entry = rng.below(64) | rng.below(ROWS) << 6 | rng.below(1 << (turn_bits + 5)) << 13;
-            bits.extend((0..18 + turn_bits).map(|bit| entry >> bit & 1 == 1));
+            let entry = rng.below(64) | rng.below(ROWS) << 6 | rng.below(1 << (rotation_bits + 5)) << 13;
+            bits.extend((0..18 + rotation_bits).map(|bit| entry >> bit & 1 == 1));
         }
         bits.resize(bits.len().next_multiple_of(32), false);
         let byte = |bits: &[bool]| (0..).zip(bits).map(|(n, &bit)| u8::from(bit) << n).sum::<u8>();

@@ -123,7 +123,7 @@ fn factors(view: &LightfieldView<'_>, triangle: u32, vertex: u32, barycentric: V
     let place = word(first + 3);
     let side = 1 << ((place >> 28) & 7);
     let read = texfold_lightfield_patch(side, barycentric);
-    let coarse = texfold_lightfield_patch((side >> view.params.halvings).max(1), barycentric);
+    let coarse = texfold_lightfield_patch((side >> view.params.reduce_log2).max(1), barycentric);
     let corner = (0..3).find(|&corner| word(first + corner) == vertex).unwrap_or(0);
     let own = texfold_lightfield_vertex(view, vertex) + 6;
     let terms = (0..view.params.terms).filter(|term| word(own + 2 * term) != 0).map(|term| {

@@ -1,4 +1,4 @@
-//! Bases, what images lack in them, and the texture that both make.
+//! Bases, the residuals of images beside them, and the texture that both make.
 
 use std::ops::Range;
 
@@ -13,7 +13,7 @@ use texfold_core::{
 use texfold_residual::encode::{Coder, Residuals, TOO_LARGE, bases, decode_strips};
 use texfold_residual::{BaseForm, MAX_REDUCE_LOG2};
 
-use super::details::{Candidates, Lack, find};
+use super::details::{Candidates, LumaResidual, find};
 use super::frame::Frame;
 use crate::{ProgressiveParams, ProgressiveTexture, Shared};
 
@@ -41,7 +41,7 @@ impl Kind {
     }
 }
 
-/// Bits of an entry for the smallest codebook: column, row, turn, gain.
+/// Bits of an entry for the smallest codebook: column, row, rotation, gain.
 const LEAST_ENTRY_BITS: f64 = 20.0;
 
 /// PSNR in dB and bits a texel above which a base of many bits is tried.
@@ -152,27 +152,27 @@ pub(crate) fn levels(
 
 /// A base as a texture, and where it is to have codebooks, what they may hold: all that no goal changes.
 #[derive(Debug)]
-pub(crate) struct Ground {
+pub(crate) struct BaseTexture {
     plain: ProgressiveTexture,
     books: Option<Books>,
 }
 
-/// What a base lacks, and content for it.
+/// The residuals of a base, and content for them.
 #[derive(Debug)]
 struct Books {
     side_log2: u32,
-    lacks: Vec<Vec<Lack>>,
+    residuals: Vec<Vec<LumaResidual>>,
     candidates: Candidates,
 }
 
-impl Ground {
+impl BaseTexture {
     pub(crate) fn new(
         frame: &Frame,
         kind: Kind,
         effort: Effort,
         shared: &Shared,
         check: CancelCheck<'_>,
-    ) -> Result<Ground, EncodeError> {
+    ) -> Result<BaseTexture, EncodeError> {
         let padded = frame.around.as_ref().filter(|around| may_be_padded(around.inner(), kind));
         let form = BaseForm {
             shrink_log2: frame.shrink_log2,
@@ -185,21 +185,21 @@ impl Ground {
             Some(side_log2) => Some(Books::new(&plain, &frame.chains, side_log2, shared, check)?),
             None => None,
         };
-        Ok(Ground { plain, books })
+        Ok(BaseTexture { plain, books })
     }
 
     /// Cells of a codebook of its own that a goal for what is stored has room for.
     pub(crate) fn own_cells(&self, goal: Goal) -> usize {
-        let Some(Books { side_log2, lacks, candidates }) = &self.books else { return 0 };
+        let Some(Books { side_log2, residuals, candidates }) = &self.books else { return 0 };
         let plain = &self.plain;
         let most_bits = match goal {
             Goal::Bpp(bpp) => Some(bpp * plain.stored().texels() as f64 - plain.memory().counted as f64),
             _ => None,
         };
-        candidates.own_cells(lacks, 1 << side_log2, most_bits)
+        candidates.own_cells(residuals, 1 << side_log2, most_bits)
     }
 
-    /// The base with what it lacks, codebooks with so many cells of its own drawn; `None` where no content is worth its
+    /// The base and its residuals, codebooks with so many cells of its own drawn; `None` where no content is worth its
     /// bits.
     pub(crate) fn base(
         &self,
@@ -207,12 +207,12 @@ impl Ground {
         own_cells: usize,
         check: CancelCheck<'_>,
     ) -> Result<Option<Base>, EncodeError> {
-        let Some(Books { side_log2, lacks, candidates }) = &self.books else {
+        let Some(Books { side_log2, residuals, candidates }) = &self.books else {
             return Base::new(&frame.chains, self.plain.clone(), check).map(Some);
         };
         let Some(library) = candidates.library(1 << side_log2, own_cells, check) else { return Ok(None) };
         check.checkpoint()?;
-        let Some(details) = find(lacks, *side_log2, &library, check)? else { return Ok(None) };
+        let Some(details) = find(residuals, *side_log2, &library, check)? else { return Ok(None) };
         let (content, notes) = (self.plain.content.clone(), Notes::default());
         let plain = ProgressiveTexture::new(frame.full.clone(), content, Some(details), notes);
         Base::new(&frame.chains, plain, check).map(Some)
@@ -227,17 +227,17 @@ impl Books {
         shared: &Shared,
         check: CancelCheck<'_>,
     ) -> Result<Books, EncodeError> {
-        let mut lacks = Vec::new();
+        let mut residuals = Vec::new();
         for (surface, chain) in (0..).zip(chains) {
             let mut levels = Vec::new();
             for (level, raster) in (0..).zip(chain) {
                 let decode = rows_of(plain, surface, level, raster.size().width);
-                levels.push(Lack::new(raster, &decode_strips(raster.size(), decode, check)?));
+                levels.push(LumaResidual::new(raster, &decode_strips(raster.size(), decode, check)?));
             }
-            lacks.push(levels);
+            residuals.push(levels);
         }
-        let candidates = Candidates::new(&lacks, 1 << side_log2, shared, check)?;
-        Ok(Books { side_log2, lacks, candidates })
+        let candidates = Candidates::new(&residuals, 1 << side_log2, shared, check)?;
+        Ok(Books { side_log2, residuals, candidates })
     }
 }
 
@@ -254,7 +254,7 @@ fn rows_of(
     }
 }
 
-/// A base with what it lacks.
+/// A base and its residuals.
 #[derive(Debug)]
 pub(crate) struct Base {
     /// The texture without a residual plane.
@@ -284,8 +284,9 @@ impl Base {
                 let decode = rows_of(&plain, surface, level, raster.size().width);
                 let texels = residuals.push_level(raster, decode, level == 0, check)?;
                 if level == 0 && raster.info().has_alpha() {
-                    let away =
-                        |(wanted, shown): (Texel, &Texel)| f64::from(255.0 * (wanted.w - shown.w)).powi(2);
+                    let away = |(wanted, decoded): (Texel, &Texel)| {
+                        f64::from(255.0 * (wanted.w - decoded.w)).powi(2)
+                    };
                     alpha_error += raster.texels().zip(&texels).map(away).sum::<f64>();
                 }
             }

@@ -164,11 +164,11 @@ fn fitted(
     let mut squared = 0.0;
     for pass in 0..=passes {
         check.checkpoint()?;
-        // What each row of the image lacks, gathered in the columns of the smaller image.
+        // The residuals of each row, gathered in the columns of the smaller image.
         let lines: Vec<(Vec<Texel>, f64)> = rows
             .par_iter()
             .zip(wanted.par_chunks(columns.len()))
-            .map(|(tap, line)| lacking(&small, width, (tap, &columns, counted.clone()), line))
+            .map(|(tap, line)| row_residual(&small, width, (tap, &columns, counted.clone()), line))
             .collect();
         squared = lines[image.padding as usize..][..inner.height as usize].iter().map(|(_, sum)| sum).sum();
         if pass == passes {
@@ -178,7 +178,7 @@ fn fitted(
         for (tap, (line, _)) in rows.iter().zip(&lines) {
             for (row, weight) in [(tap.low.x, 1.0 - tap.weight.x), (tap.high.x, tap.weight.x)] {
                 let own = &mut sums[row as usize * width..][..width];
-                own.iter_mut().zip(line).for_each(|(sum, &lack)| *sum += lack * weight);
+                own.iter_mut().zip(line).for_each(|(sum, &residual)| *sum += residual * weight);
             }
         }
         for (index, (texel, sum)) in small.iter_mut().zip(sums).enumerate() {
@@ -192,7 +192,7 @@ fn fitted(
 }
 
 /// What a row of the image has beyond the enlarged one, in the columns that show it, and the squares of those that count.
-fn lacking(
+fn row_residual(
     small: &[Texel],
     width: usize,
     (row, columns, counted): (&TexfoldTap, &[TexfoldTap], Range<usize>),
@@ -228,8 +228,9 @@ mod tests {
         let columns = taps((256, 0), (128, 0));
         let texels: Vec<Texel> = means[1].texels().collect();
         let wanted: Vec<Texel> = image.texels().collect();
-        let row =
-            |y: usize| lacking(&texels, 128, (&columns[y], &columns, 0..256), &wanted[256 * y..][..256]).1;
+        let row = |y: usize| {
+            row_residual(&texels, 128, (&columns[y], &columns, 0..256), &wanted[256 * y..][..256]).1
+        };
         let of_means: f64 = (0..256).map(row).sum();
         let (small, squared) =
             fitted(&PaddedRaster::alone(image), 1, PASSES, CancelCheck::default()).unwrap();
@@ -239,7 +240,7 @@ mod tests {
         let (mut common, mut left) = (0.0, 0.0);
         for y in (0..256).step_by(2) {
             let (sums, squared) =
-                lacking(&texels, 128, (&columns[y], &columns, 0..256), &wanted[256 * y..][..256]);
+                row_residual(&texels, 128, (&columns[y], &columns, 0..256), &wanted[256 * y..][..256]);
             common += sums.iter().map(|sum| f64::from(sum.truncate().length_squared())).sum::<f64>();
             left += squared;
         }

@@ -21,7 +21,7 @@ use crate::{ProgressiveParams, ProgressiveTexture, Shared};
 pub use search::ProgressiveSearch;
 
 pub(crate) use base::tries_codebooks;
-use base::{Base, Ground, Kind, kinds};
+use base::{Base, BaseTexture, Kind, kinds};
 use draft::{Draft, FIRST_LAMBDA, LAMBDAS, lambda_of};
 use frame::{Frame, shrinks};
 use report::notes;
@@ -76,8 +76,8 @@ impl Parts for Fresh<'_> {
     ) -> Result<Option<Arc<Base>>, EncodeError> {
         let check = job.cancel_check();
         job.install(|| {
-            let ground = Ground::new(frame, kind, self.params.effort, self.shared, check)?;
-            Ok(ground.base(frame, ground.own_cells(goal), check)?.map(Arc::new))
+            let base_texture = BaseTexture::new(frame, kind, self.params.effort, self.shared, check)?;
+            Ok(base_texture.base(frame, base_texture.own_cells(goal), check)?.map(Arc::new))
         })
     }
 }

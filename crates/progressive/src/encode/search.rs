@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use texfold_core::image::ImageSet;
 use texfold_core::{EncodeError, Goal, Job, Params};
 
-use super::base::{Base, Ground, Kind};
+use super::base::{Base, BaseTexture, Kind};
 use super::frame::Frame;
 use super::{Encoding, Parts};
 use crate::{ProgressiveParams, ProgressiveTexture, Shared};
@@ -27,15 +27,15 @@ pub struct ProgressiveSearch {
 #[derive(Debug, Default)]
 struct Held {
     frames: Vec<Arc<Frame>>,
-    grounds: Vec<HeldGround>,
+    base_textures: Vec<HeldBaseTexture>,
     bases: Vec<HeldBase>,
 }
 
 #[derive(Debug)]
-struct HeldGround {
+struct HeldBaseTexture {
     shrink_log2: u32,
     kind: Kind,
-    ground: Arc<Ground>,
+    base_texture: Arc<BaseTexture>,
 }
 
 #[derive(Debug)]
@@ -97,25 +97,26 @@ impl Parts for ProgressiveSearch {
     ) -> Result<Option<Arc<Base>>, EncodeError> {
         let mut held = self.held();
         let (shrink_log2, check) = (frame.shrink_log2, job.cancel_check());
-        let known = held.grounds.iter().find(|held| held.shrink_log2 == shrink_log2 && held.kind == kind);
-        let ground = match known {
-            Some(known) => known.ground.clone(),
+        let known =
+            held.base_textures.iter().find(|held| held.shrink_log2 == shrink_log2 && held.kind == kind);
+        let base_texture = match known {
+            Some(known) => known.base_texture.clone(),
             None => {
                 let made = job
-                    .install(|| Ground::new(frame, kind, self.params.effort, &self.shared, check))
+                    .install(|| BaseTexture::new(frame, kind, self.params.effort, &self.shared, check))
                     .map(Arc::new)?;
-                held.grounds.push(HeldGround { shrink_log2, kind, ground: made.clone() });
+                held.base_textures.push(HeldBaseTexture { shrink_log2, kind, base_texture: made.clone() });
                 made
             }
         };
-        let own_cells = ground.own_cells(goal);
+        let own_cells = base_texture.own_cells(goal);
         let is_same = |held: &&HeldBase| {
             held.shrink_log2 == shrink_log2 && held.kind == kind && held.own_cells == own_cells
         };
         if let Some(known) = held.bases.iter().find(is_same) {
             return Ok(known.base.clone());
         }
-        let made = job.install(|| ground.base(frame, own_cells, check))?.map(Arc::new);
+        let made = job.install(|| base_texture.base(frame, own_cells, check))?.map(Arc::new);
         held.bases.push(HeldBase { shrink_log2, kind, own_cells, base: made.clone() });
         Ok(made)
     }

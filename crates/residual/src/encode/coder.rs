@@ -200,7 +200,7 @@ impl<'b> Coder<'b> {
     }
 }
 
-/// Takes over what coding has shown: the error in this class, and how far estimates were off.
+/// Takes over what coding has measured: the error in this class, and how far estimates were off.
 fn correct(errors: &mut [f32; RATE_CLASSES], found: &Coded) {
     let class = usize::from(found.class);
     if class == 0 {
@@ -287,11 +287,11 @@ fn close(block: &ResidualBlock, class: u8, rates: Rates, opened: &Opened, trelli
     for cell in &block.cells {
         let mut error = 0.0;
         for (value, subband) in cell.iter().zip(SUBBAND_OF) {
-            let shown = match rates.0[usize::from(subband)] {
+            let decoded = match rates.0[usize::from(subband)] {
                 0 => 0.0,
                 _ => left.next().map_or(0.0, |(step, &state)| step.weight * VALUES[usize::from(state)]),
             };
-            error += (value - shown) * (value - shown);
+            error += (value - decoded) * (value - decoded);
         }
         coded.error += error;
         coded.worst = coded.worst.max(error);

@@ -1,4 +1,4 @@
-//! The encoder's steps: bases, what images lack in them, the rate model, and the blocks' bits.
+//! The encoder's steps: bases, residuals, the rate model, and the blocks' bits.
 //!
 //! A codec that embeds residual content makes [`bases`], collects [`Residuals`] against what it decodes from them, trains
 //! a [`RateModel`](crate::RateModel) and lets a [`Coder`] choose a rate class for each block. [`PlaneForm`] does all of it

@@ -103,7 +103,7 @@ impl PlaneForm {
 /// Why a residual plane cannot be laid out.
 pub const TOO_LARGE: SourceError = SourceError::Full { what: "a plane of 8192 x 8192 words" };
 
-/// The base of an image and its mip levels, and what they lack in it.
+/// The base of an image and its mip levels, and their residuals.
 fn against(
     levels: &[Raster],
     form: BaseForm,

@@ -244,7 +244,7 @@ impl ImageEncoder for Progressive {
     }
 
     fn parts(texture: &ProgressiveTexture) -> Vec<PartImages> {
-        texfold_progressive::pictures(texture).map_or(Vec::new(), |parts| {
+        texfold_progressive::part_images(texture).map_or(Vec::new(), |parts| {
             vec![
                 part("base", parts.bases),
                 part("bits", parts.bits),

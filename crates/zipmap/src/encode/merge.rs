@@ -29,7 +29,7 @@ const LEAST_PLACES: usize = 16;
 const FLAT_VARIANCE: f32 = 1e-4;
 
 /// A patch before it is laid: its texels, row by row, and where they lie.
-pub(crate) struct Bare {
+pub(crate) struct PatchTexels {
     pub(crate) texels: Vec<Texel>,
     pub(crate) size: (u32, u32),
     /// Its upper left texel in its image.
@@ -39,7 +39,7 @@ pub(crate) struct Bare {
     pub(crate) step: f64,
 }
 
-impl Bare {
+impl PatchTexels {
     /// The patch as it lies on the canvas.
     pub(crate) fn laid(&self, source: usize, zoom: f64, content: usize) -> Laid {
         Laid { source, matrix: self.matrix, size: self.size, corner: self.corner, zoom, content }
@@ -75,23 +75,23 @@ impl Chain {
 }
 
 /// Fits the patch to what lies under it on the canvas. Of no use once the job is cancelled.
-pub(crate) fn merge(bare: &mut Bare, canvas: &Canvas, image: &Raster, cancel: CancelCheck<'_>) {
-    let (width, height) = bare.size;
+pub(crate) fn merge(patch: &mut PatchTexels, canvas: &Canvas, image: &Raster, cancel: CancelCheck<'_>) {
+    let (width, height) = patch.size;
     let info = texfold_core::image::PixelInfo {
         channels: 3,
         alpha: texfold_core::image::Alpha::Opaque,
         ..image.info()
     };
-    let Ok(raster) = Raster::from_texels(width, height, info, &bare.texels) else { return };
+    let Ok(raster) = Raster::from_texels(width, height, info, &patch.texels) else { return };
     let levels = raster.size().full_levels();
     let chain = Chain(mip_chain(&raster, levels, MipFilter::Box));
-    let names = canvas.touching(&bare.matrix);
+    let names = canvas.touching(&patch.matrix);
     let table = canvas.table(&names);
     let view = canvas.view(&table);
-    let inverse = bare.matrix.inverse();
+    let inverse = patch.matrix.inverse();
     let texel = DVec2::new(1.0 / f64::from(width), 1.0 / f64::from(height));
     // What both show: texels as large as the parent's.
-    let level = chain.level(bare.step);
+    let level = chain.level(patch.step);
     let shared = texel * f64::from(1u32 << level);
     let below = |at: DVec2| {
         let found = Footprint::of(&inverse, at, shared);
@@ -108,7 +108,7 @@ pub(crate) fn merge(bare: &mut Bare, canvas: &Canvas, image: &Raster, cancel: Ca
         below(at).0 - fitted(chain.at(at.as_vec2(), level))
     });
     harmonic(&mut difference, cancel);
-    bare.texels.par_iter_mut().zip(&difference.values).for_each(|(texel, change)| {
+    patch.texels.par_iter_mut().zip(&difference.values).for_each(|(texel, change)| {
         *texel = (fitted(*texel) + *change).clamp(Vec4::ZERO, Vec4::ONE).truncate().extend(1.0);
     });
 }

@@ -25,7 +25,7 @@ use crate::geometry::{normalised, seen_in};
 use crate::{PatchSource, PatchStack, ZipError, ZipParams, ZipTexture, Zipmap};
 use canvas::{Canvas, Laid};
 use fit::Maker;
-use merge::Bare;
+use merge::PatchTexels;
 pub use report::{Fidelity, fidelity};
 
 /// Most levels of a file.
@@ -292,15 +292,15 @@ impl Layer<'_> {
         let parent = source.parent;
         let under = parent.and_then(|parent| self.canvas.laid.iter().find(|laid| laid.source == parent));
         let step = zoom / under.map_or(1.0, |laid| laid.zoom);
-        let Cropped { mut bare, mask, cut } = cropped(image, source, step, true, self.cancel)?;
+        let Cropped { mut patch, mask, cut } = cropped(image, source, step, true, self.cancel)?;
         self.dropped.cropped_texels += cut;
         if self.params.merge {
-            merge::merge(&mut bare, self.canvas, image, self.cancel);
+            merge::merge(&mut patch, self.canvas, image, self.cancel);
         }
-        let alpha = mask.unwrap_or_else(|| self.geodesic(&bare));
-        let mut levels = levels::of_patch(&bare.texels, &alpha, bare.size, image.info(), self.cancel)?;
+        let alpha = mask.unwrap_or_else(|| self.geodesic(&patch));
+        let mut levels = levels::of_patch(&patch.texels, &alpha, patch.size, image.info(), self.cancel)?;
         let content = self.canvas.levels.len();
-        let laid = bare.laid(index, zoom, content);
+        let laid = patch.laid(index, zoom, content);
         let all = levels.clone();
         self.drop_levels(&laid, &mut levels);
         if levels.is_empty() {
@@ -318,14 +318,14 @@ impl Layer<'_> {
     fn lay_stamp(&mut self, index: usize, stamp: &mut Stamp) -> Result<(), EncodeError> {
         let source = &self.stack.patches[index];
         let image = &self.stack.images[source.image];
-        let Cropped { bare, mask, cut } = cropped(image, source, 1.0, false, self.cancel)?;
+        let Cropped { patch, mask, cut } = cropped(image, source, 1.0, false, self.cancel)?;
         if stamp.levels.is_empty() {
-            let alpha = mask.unwrap_or_else(|| self.geodesic(&bare));
-            stamp.levels = levels::of_patch(&bare.texels, &alpha, bare.size, image.info(), self.cancel)?;
+            let alpha = mask.unwrap_or_else(|| self.geodesic(&patch));
+            stamp.levels = levels::of_patch(&patch.texels, &alpha, patch.size, image.info(), self.cancel)?;
             self.dropped.cropped_texels += cut;
         }
         let content = stamp.content.unwrap_or(self.canvas.levels.len());
-        let laid = bare.laid(index, self.stack.zoom(source), content);
+        let laid = patch.laid(index, self.stack.zoom(source), content);
         let mut levels = stamp.levels.clone();
         self.drop_levels(&laid, &mut levels);
         if levels.is_empty() {
@@ -342,9 +342,9 @@ impl Layer<'_> {
         Ok(())
     }
 
-    fn geodesic(&self, bare: &Bare) -> Vec<f32> {
-        let size = (bare.size.0 as usize, bare.size.1 as usize);
-        mask::geodesic(&bare.texels, size, self.params.tau, self.cancel)
+    fn geodesic(&self, patch: &PatchTexels) -> Vec<f32> {
+        let size = (patch.size.0 as usize, patch.size.1 as usize);
+        mask::geodesic(&patch.texels, size, self.params.tau, self.cancel)
     }
 
     fn drop_levels(&self, laid: &Laid, levels: &mut Vec<Vec<[u8; 4]>>) {
@@ -355,7 +355,7 @@ impl Layer<'_> {
 
 /// The part of an image that is laid.
 struct Cropped {
-    bare: Bare,
+    patch: PatchTexels,
     /// How much of each texel is shown; by the image's gradients alone where there is none.
     mask: Option<Vec<f32>>,
     /// Texels that were cut off.
@@ -420,9 +420,9 @@ fn cropped(
     let matrix =
         normalised(DMat3::from_scale(share.recip()) * DMat3::from_translation(-corner) * source.matrix);
     let cut = size.texels() - u64::from(width) * u64::from(height);
-    let bare = Bare { texels, size: (width, height), corner: (left, top), matrix, step };
+    let patch = PatchTexels { texels, size: (width, height), corner: (left, top), matrix, step };
     cancel.checkpoint()?;
-    Ok(Cropped { bare, mask, cut })
+    Ok(Cropped { patch, mask, cut })
 }
 
 /// Takes hidden patches off the canvas; which of the stack they are.

@@ -236,7 +236,7 @@ fn smooth(grid: &mut Grid, right: &Grid, spacing: Spacing, steps: usize, cancel:
     }
 }
 
-/// What the equation lacks at each node; 0 on the border.
+/// The residual of the equation at each node; 0 on the border.
 fn residual(grid: &Grid, right: &Grid, spacing: Spacing) -> Grid {
     let mut left = Grid::new(grid.width, grid.height);
     let (width, values) = (grid.width, &grid.values);

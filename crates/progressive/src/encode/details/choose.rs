@@ -8,7 +8,7 @@ use texfold_core::{CancelCheck, EncodeError};
 use texfold_match::{GrayPlane, GsrIndex, GsrInput};
 
 use super::search::{Library, rotation_of};
-use super::{Lack, ROTATION_BITS, gain_unit};
+use super::{LumaResidual, ROTATION_BITS, gain_unit};
 use crate::codebook::CELL_SIDE;
 use crate::decode::texfold_progressive_rotation;
 
@@ -57,22 +57,24 @@ pub(crate) struct Price {
 /// # Errors
 /// [`EncodeError::Cancelled`] within 0.2 s of the caller's wish.
 pub(crate) fn choose(
-    lacks: &[Vec<Lack>],
+    residuals: &[Vec<LumaResidual>],
     side: usize,
     library: Option<&Library>,
     price: Price,
     check: CancelCheck<'_>,
 ) -> Result<Vec<Choice>, EncodeError> {
     let Price { most, cell_bits } = price;
-    let tops: Vec<&Lack> = lacks.iter().filter_map(|levels| levels.first()).collect();
+    let tops: Vec<&LumaResidual> = residuals.iter().filter_map(|levels| levels.first()).collect();
     let sample = Sample::new(&tops, side);
     if sample.blocks.is_empty() || most == 0 {
         return Ok(Vec::new());
     }
-    let flat: Vec<Lack> = tops.par_iter().map(|lack| lack.flattened()).collect();
+    let flat: Vec<LumaResidual> = tops.par_iter().map(|residual| residual.flattened()).collect();
     check.checkpoint()?;
     let mut best = match library {
-        Some(library) => sample.explained(&tops, library, gain_unit(lacks, side.trailing_zeros()), check)?,
+        Some(library) => {
+            sample.explained(&tops, library, gain_unit(residuals, side.trailing_zeros()), check)?
+        }
         None => vec![0.0; sample.blocks.len()],
     };
     let mut offers = sample.offers(&tops, &flat, side, check)?;
@@ -131,10 +133,10 @@ struct Sample {
 }
 
 impl Sample {
-    fn new(tops: &[&Lack], side: usize) -> Self {
+    fn new(tops: &[&LumaResidual], side: usize) -> Self {
         let mut blocks = Vec::new();
-        for (image, lack) in (0..).zip(tops) {
-            let (columns, rows) = (lack.width / side, lack.height / side);
+        for (image, residual) in (0..).zip(tops) {
+            let (columns, rows) = (residual.width / side, residual.height / side);
             let place = |index: usize| Place { image, column: index % columns, row: index / columns };
             blocks.extend((0..columns * rows).map(place));
         }
@@ -142,9 +144,9 @@ impl Sample {
         // An odd step visits all columns.
         let step = all.div_ceil(SAMPLE).max(1) | 1;
         let blocks: Vec<_> = blocks.into_iter().step_by(step).collect();
-        let texels: usize = tops.iter().map(|lack| lack.values.len()).sum();
+        let texels: usize = tops.iter().map(|residual| residual.values.len()).sum();
         let squared: f64 =
-            tops.iter().flat_map(|lack| &lack.values).map(|value| f64::from(value * value)).sum();
+            tops.iter().flat_map(|residual| &residual.values).map(|value| f64::from(value * value)).sum();
         Sample {
             stands_for: all as f32 / blocks.len().max(1) as f32,
             squared_error: (squared / texels.max(1) as f64) as f32,
@@ -155,7 +157,7 @@ impl Sample {
     /// Squared error that the library takes away from each block.
     fn explained(
         &self,
-        tops: &[&Lack],
+        tops: &[&LumaResidual],
         library: &Library,
         unit: u16,
         check: CancelCheck<'_>,
@@ -173,23 +175,23 @@ impl Sample {
     /// For each piece the blocks that it could serve, and the squared error that it would take away.
     fn offers(
         &self,
-        tops: &[&Lack],
-        flat: &[Lack],
+        tops: &[&LumaResidual],
+        flat: &[LumaResidual],
         side: usize,
         check: CancelCheck<'_>,
     ) -> Result<Vec<(Piece, Explained)>, EncodeError> {
         let planes: Vec<GrayPlane> = flat
             .par_iter()
-            .map(|lack| {
-                let values: Vec<f32> = lack.values.iter().map(|value| value * GRAY_STEPS).collect();
-                GrayPlane::new(lack.width, &values, blur_of(side), check)
+            .map(|residual| {
+                let values: Vec<f32> = residual.values.iter().map(|value| value * GRAY_STEPS).collect();
+                GrayPlane::new(residual.width, &values, blur_of(side), check)
             })
             .collect();
-        let texels: usize = flat.iter().map(|lack| lack.values.len()).sum();
+        let texels: usize = flat.iter().map(|residual| residual.values.len()).sum();
         let stride = ((texels as f32 / PATCHES as f32).sqrt().ceil() as usize).max(2);
         let list: Vec<_> = (0..)
             .zip(flat)
-            .flat_map(|(image, lack)| patches(lack.width, lack.height, side, stride, image))
+            .flat_map(|(image, residual)| patches(residual.width, residual.height, side, stride, image))
             .collect();
         check.checkpoint()?;
         let views: Vec<&GrayPlane> = planes.iter().collect();
@@ -213,10 +215,10 @@ impl Sample {
 
 /// What finds patches like a block.
 struct Matcher<'a> {
-    /// What bases lack in level 0 of each image.
-    tops: &'a [&'a Lack],
+    /// Residuals of level 0 of each image.
+    tops: &'a [&'a LumaResidual],
     /// The same at one contrast.
-    flat: &'a [Lack],
+    flat: &'a [LumaResidual],
     planes: &'a [GrayPlane],
     index: &'a GsrIndex,
     /// Texels a side of a block.
@@ -251,15 +253,15 @@ impl Matcher<'_> {
 }
 
 /// Squared error that a patch takes away with the best of gains.
-fn explain(target: &[f32], lack: &Lack, at: Vec2, rotation: glam::Vec4, side: usize) -> f32 {
+fn explain(target: &[f32], residual: &LumaResidual, at: Vec2, rotation: glam::Vec4, side: usize) -> f32 {
     let start = 0.5 - 0.5 * side as f32;
     let (mut both, mut own) = (0.0, 1e-6);
-    let last = (lack.width as i32 - 1, lack.height as i32 - 1);
+    let last = (residual.width as i32 - 1, residual.height as i32 - 1);
     for (index, &target) in target.iter().enumerate() {
         let (x, y) = (start + (index % side) as f32, start + (index / side) as f32);
         let place = (at.x + rotation.x * x + rotation.y * y, at.y + rotation.z * x + rotation.w * y);
         let (x, y) = ((place.0.floor() as i32).clamp(0, last.0), (place.1.floor() as i32).clamp(0, last.1));
-        let value = lack.values[y as usize * lack.width + x as usize];
+        let value = residual.values[y as usize * residual.width + x as usize];
         both += value * target;
         own += value * value;
     }

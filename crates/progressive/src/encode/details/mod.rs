@@ -1,8 +1,8 @@
-//! What codebooks can show of what bases lack: the choice of their content, and an entry for each block.
+//! What codebooks can reproduce of the residuals of bases: the choice of their content, and an entry for each block.
 //!
 //! Source: "Progressive compression of large-scale remote sensing images with GSR descriptors", 2012, section 4. Pieces
 //! of the image whose patches are like many blocks by GSR descriptors become content, those that the most blocks would show
-//! public; blocks are matched against the public codebook and what the image brings of its own, there in all turns by
+//! public; blocks are matched against the public codebook and what the image brings of its own, there in all orientations by
 //! low frequencies, as main directions of noise are unsteady. Other than there, content is detail without colour, brightness
 //! and contrast (see [`crate::codebook`]), and a block that finds nothing pays for its entry all the same: entries are of one
 //! length. Cost: a k-d tree query and some hundred patches a block.
@@ -24,19 +24,19 @@ use texfold_bc::Content;
 use crate::Shared;
 use crate::codebook::{CELL_SIDE, Codebook, Details, Entry, EntryMap, MapForm};
 
-/// Bits of turns: reflection, quarters, and a quarter in four.
+/// Bits of rotations: reflection, quarters, and a quarter in four.
 pub(crate) const ROTATION_BITS: u32 = 5;
 
-/// What a base lacks in one level of an image, in luma and 8-bit units.
+/// Residuals of one level of an image beside its base, in luma and 8-bit units.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Lack {
+pub(crate) struct LumaResidual {
     pub(crate) width: usize,
     pub(crate) height: usize,
     pub(crate) values: Vec<f32>,
 }
 
-impl Lack {
-    pub(crate) fn new(source: &Raster, base: &[Texel]) -> Lack {
+impl LumaResidual {
+    pub(crate) fn new(source: &Raster, base: &[Texel]) -> LumaResidual {
         let size = source.size();
         let texel = |(index, base): (usize, &Texel)| {
             let (x, y) = (index as u32 % size.width, index as u32 / size.width);
@@ -44,7 +44,7 @@ impl Lack {
             (away.x + away.y + away.z) * (255.0 / 3.0)
         };
         let values = base.par_iter().enumerate().map(texel).collect();
-        Lack { width: size.width as usize, height: size.height as usize, values }
+        LumaResidual { width: size.width as usize, height: size.height as usize, values }
     }
 
     /// The block of `side` texels at a column and row of blocks; what lies beyond the edge is 0, as it is never seen.
@@ -59,13 +59,13 @@ impl Lack {
     }
 
     /// The values over their RMS nearby, of one contrast throughout: -1 to 1.
-    pub(crate) fn flattened(&self) -> Lack {
+    pub(crate) fn flattened(&self) -> LumaResidual {
         let squares: Vec<f32> = self.values.iter().map(|value| value * value).collect();
         let near = box_means(&squares, self.width, self.height, NEARBY);
         let level = |(value, near): (&f32, &f32)| {
             (value / (CREST * (near + LEAST_RMS * LEAST_RMS).sqrt())).clamp(-1.0, 1.0)
         };
-        Lack { values: self.values.iter().zip(&near).map(level).collect(), ..*self }
+        LumaResidual { values: self.values.iter().zip(&near).map(level).collect(), ..*self }
     }
 
     /// A cell of codebook content.
@@ -105,12 +105,12 @@ fn box_means(values: &[f32], width: usize, height: usize, radius: usize) -> Vec<
     down
 }
 
-/// Codebooks and the entries of all blocks: `lacks` are those of each image, level by level.
+/// Codebooks and the entries of all blocks: `residuals` are those of each image, level by level.
 ///
 /// # Errors
 /// [`EncodeError::Cancelled`] within a few blocks of the caller's wish.
 pub(crate) fn find(
-    lacks: &[Vec<Lack>],
+    residuals: &[Vec<LumaResidual>],
     side_log2: u32,
     library: &Library,
     check: CancelCheck<'_>,
@@ -119,18 +119,18 @@ pub(crate) fn find(
     if form.entry_bits() > 32 {
         return Ok(None);
     }
-    let unit = gain_unit(lacks, side_log2);
-    let map = |levels: &Vec<Lack>| {
-        let entries = levels.iter().map(|lack| library.entries(lack, form, unit, check));
+    let unit = gain_unit(residuals, side_log2);
+    let map = |levels: &Vec<LumaResidual>| {
+        let entries = levels.iter().map(|residual| library.entries(residual, form, unit, check));
         let entries: Vec<Vec<Entry>> = entries.collect::<Result<_, _>>()?;
         Ok(EntryMap::new(&entries.concat(), form))
     };
-    let maps = lacks.iter().map(map).collect::<Result<_, EncodeError>>()?;
+    let maps = residuals.iter().map(map).collect::<Result<_, EncodeError>>()?;
     let (public, private) = library.books();
     Ok(Some(Details { public, private, form, gain_unit: unit, maps }))
 }
 
-/// Content for what images lack: the public codebook with what many blocks would show, and pieces that are worth their
+/// Content for the residuals of images: the public codebook with what many blocks would show, and pieces that are worth their
 /// bits in these images alone, the best first.
 #[derive(Debug)]
 pub(crate) struct Candidates {
@@ -144,7 +144,7 @@ impl Candidates {
     /// # Errors
     /// [`EncodeError::Cancelled`] within 0.2 s of the caller's wish.
     pub(crate) fn new(
-        lacks: &[Vec<Lack>],
+        residuals: &[Vec<LumaResidual>],
         side: usize,
         shared: &Shared,
         check: CancelCheck<'_>,
@@ -156,7 +156,7 @@ impl Candidates {
         let library = known.clone().map(|book| Library::new(Some(book), None, side, check));
         check.checkpoint()?;
         let price = Price { most: MOST_CELLS, cell_bits };
-        let choices = choose(lacks, side, library.as_ref(), price, check)?;
+        let choices = choose(residuals, side, library.as_ref(), price, check)?;
         let (mut reused, own): (Vec<Choice>, Vec<Choice>) =
             choices.into_iter().partition(|choice| room > 0 && choice.reuse >= LEAST_REUSE);
         // Whole rows of cells are added: what an image reads never changes.
@@ -173,11 +173,16 @@ impl Candidates {
     }
 
     /// Cells of a private codebook that with the map takes at most `most_bits`.
-    pub(crate) fn own_cells(&self, lacks: &[Vec<Lack>], side: usize, most_bits: Option<f64>) -> usize {
+    pub(crate) fn own_cells(
+        &self,
+        residuals: &[Vec<LumaResidual>],
+        side: usize,
+        most_bits: Option<f64>,
+    ) -> usize {
         // Of cells beyond a power of two the bits of places would be lost.
         let mut cells = self.own.len().checked_ilog2().map_or(0, |log2| 1 << log2);
         let public_rows = self.public.as_ref().map_or(0, |book| book.size().1);
-        while cells > 0 && most_bits.is_some_and(|most| bits(lacks, side, cells, public_rows) > most) {
+        while cells > 0 && most_bits.is_some_and(|most| bits(residuals, side, cells, public_rows) > most) {
             cells /= 2;
         }
         cells
@@ -200,9 +205,12 @@ fn map_form(side_log2: u32, (width, height): (u32, u32)) -> MapForm {
 }
 
 /// Bits of a map, and of a private codebook of so many cells.
-fn bits(lacks: &[Vec<Lack>], side: usize, cells: usize, public_rows: u32) -> f64 {
-    let blocks: usize =
-        lacks.iter().flatten().map(|lack| lack.width.div_ceil(side) * lack.height.div_ceil(side)).sum();
+fn bits(residuals: &[Vec<LumaResidual>], side: usize, cells: usize, public_rows: u32) -> f64 {
+    let blocks: usize = residuals
+        .iter()
+        .flatten()
+        .map(|residual| residual.width.div_ceil(side) * residual.height.div_ceil(side))
+        .sum();
     let log2 = cells.max(1).ilog2();
     let (width, rows) = (CELL_SIDE << log2.div_ceil(2), CELL_SIDE << (log2 / 2));
     let width = if public_rows > 0 { width.max(PUBLIC_CELLS * CELL_SIDE) } else { width };

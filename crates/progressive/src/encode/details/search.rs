@@ -7,13 +7,13 @@ use rayon::prelude::*;
 use texfold_core::{CancelCheck, EncodeError};
 use texfold_match::SpectrumIndex;
 
-use super::{Lack, ROTATION_BITS};
+use super::{LumaResidual, ROTATION_BITS};
 use crate::codebook::{Codebook, Entry, MOST_GAIN, MapForm};
 use crate::decode::texfold_progressive_rotation;
 
 /// Spots that a block is compared with.
 const OFFERED: usize = 16;
-/// Leaves of patches that are looked at for each turn and sign: with 64, what is left of blocks of 8x8 is 0.04 dB less.
+/// Leaves of patches that are looked at for each orientation and sign: with 64, what is left of blocks of 8x8 is 0.04 dB less.
 const LEAVES: usize = 48;
 /// Most spots that are indexed: of larger codebooks those of every other column and row, or fewer.
 const MOST_SPOTS: u32 = 1 << 18;
@@ -49,7 +49,7 @@ impl Spots {
         (1..).map(of).find(|spots| spots.count <= MOST_SPOTS).unwrap_or(of(width))
     }
 
-    /// Column, row, and turn of less than a quarter.
+    /// Column, row, and rotation of less than a quarter.
     fn at(self, number: u32) -> (i32, i32, u32) {
         let place = number >> (ROTATION_BITS - 3);
         let (column, row) = (place % self.columns * self.stride, place / self.columns * self.stride);
@@ -71,7 +71,7 @@ struct Spot {
     private: bool,
     column: i32,
     row: i32,
-    turn: u32,
+    rotation: u32,
 }
 
 /// What a spot can do for a block.
@@ -94,10 +94,10 @@ impl Library {
             let (width, height) = codebook.size();
             let spots = Spots::new((width, height));
             let show = |number: usize, out: &mut Vec<f32>| {
-                let (column, row, turn) = spots.at(number as u32);
-                let spot = Spot { private: false, column, row, turn };
-                let turn = texfold_progressive_rotation(turn, ROTATION_BITS);
-                read(codebook.values(), UVec2::new(width, height), spot, turn, side, out);
+                let (column, row, rotation) = spots.at(number as u32);
+                let spot = Spot { private: false, column, row, rotation };
+                let rotation = texfold_progressive_rotation(rotation, ROTATION_BITS);
+                read(codebook.values(), UVec2::new(width, height), spot, rotation, side, out);
             };
             let index = SpectrumIndex::new(side, NOISE, spots.count as usize, show, check);
             Book { codebook, index, spots }
@@ -128,13 +128,13 @@ impl Library {
     /// [`EncodeError::Cancelled`] within a few blocks of the caller's wish.
     pub(crate) fn entries(
         &self,
-        lack: &Lack,
+        residual: &LumaResidual,
         form: MapForm,
         unit: u16,
         check: CancelCheck<'_>,
     ) -> Result<Vec<Entry>, EncodeError> {
         let side = self.side;
-        let (columns, rows) = (lack.width.div_ceil(side), lack.height.div_ceil(side));
+        let (columns, rows) = (residual.width.div_ceil(side), residual.height.div_ceil(side));
         let gains = gains(unit);
         let entries = (0..columns * rows)
             .into_par_iter()
@@ -143,7 +143,7 @@ impl Library {
                     return Entry::default();
                 }
                 let (column, row) = (index % columns, index / columns);
-                lack.block(side, column, row, &mut room.target);
+                residual.block(side, column, row, &mut room.target);
                 match self.best(&gains, room) {
                     Some(offer) => self.entry(offer, form),
                     None => Entry::default(),
@@ -154,9 +154,9 @@ impl Library {
     }
 
     /// Squared error that the best entry of a block takes away.
-    pub(crate) fn explained(&self, lack: &Lack, at: (usize, usize), unit: u16) -> f32 {
+    pub(crate) fn explained(&self, residual: &LumaResidual, at: (usize, usize), unit: u16) -> f32 {
         let mut room = Room::default();
-        lack.block(self.side, at.0, at.1, &mut room.target);
+        residual.block(self.side, at.0, at.1, &mut room.target);
         self.best(&gains(unit), &mut room).map_or(0.0, |offer| offer.explained)
     }
 
@@ -164,7 +164,7 @@ impl Library {
         let first = if offer.spot.private { self.public_rows() } else { 0 };
         let row = offer.spot.row as u32 + first;
         debug_assert!(row < 1 << form.row_bits, "rows of a codebook and the bits for them");
-        Entry { column: offer.spot.column as u32, row, rotation: offer.spot.turn, gain: offer.gain }
+        Entry { column: offer.spot.column as u32, row, rotation: offer.spot.rotation, gain: offer.gain }
     }
 
     /// The best entry for the block in `room`.
@@ -174,8 +174,8 @@ impl Library {
             let Some(book) = book else { continue };
             for found in book.index.nearest(&room.target, OFFERED, LEAVES) {
                 let (column, row, part) = book.spots.at(found.number as u32);
-                let turn = rotation_of(linear_of(part) * found.matrix);
-                offers.extend(self.offer(Spot { private, column, row, turn }, gains, room));
+                let rotation = rotation_of(matrix_of(part) * found.matrix);
+                offers.extend(self.offer(Spot { private, column, row, rotation }, gains, room));
             }
         }
         offers.sort_by(|a, b| b.explained.total_cmp(&a.explained));
@@ -193,17 +193,17 @@ impl Library {
         if !inside(spot.column, width) || !inside(spot.row, height) {
             return None;
         }
-        let turn = texfold_progressive_rotation(spot.turn, ROTATION_BITS);
-        read(codebook.values(), UVec2::new(width, height), spot, turn, self.side, &mut room.shown);
+        let rotation = texfold_progressive_rotation(spot.rotation, ROTATION_BITS);
+        read(codebook.values(), UVec2::new(width, height), spot, rotation, self.side, &mut room.decoded);
         let (mut both, mut own) = (0.0, 0.0);
-        for (&target, &shown) in room.target.iter().zip(&room.shown) {
-            both += target * shown;
-            own += shown * shown;
+        for (&target, &decoded) in room.target.iter().zip(&room.decoded) {
+            both += target * decoded;
+            own += decoded * decoded;
         }
         offer(spot, both, own, gains)
     }
 
-    /// Moves and turns a spot while that helps.
+    /// Moves and rotates a spot while that helps.
     fn improve(&self, first: Offer, gains: &[f32], room: &mut Room) -> Offer {
         const MOVES: [(i32, i32, i32); 10] = [
             (-1, 0, 0),
@@ -220,9 +220,9 @@ impl Library {
         let mut best = first;
         for _ in 0..STEPS {
             let from = best.spot;
-            for (across, down, turned) in MOVES {
-                let turn = rotated_by(from.turn, turned);
-                let spot = Spot { column: from.column + across, row: from.row + down, turn, ..from };
+            for (across, down, rotated) in MOVES {
+                let rotation = rotated_by(from.rotation, rotated);
+                let spot = Spot { column: from.column + across, row: from.row + down, rotation, ..from };
                 if let Some(offer) = self.offer(spot, gains, room).filter(|o| o.explained > best.explained) {
                     best = offer;
                 }
@@ -239,31 +239,31 @@ impl Library {
 #[derive(Debug, Default)]
 struct Room {
     target: Vec<f32>,
-    shown: Vec<f32>,
+    decoded: Vec<f32>,
 }
 
-/// The turn nearest to a 2x2 matrix.
-pub(crate) fn rotation_of(linear: Mat2) -> u32 {
+/// The rotation nearest to a 2x2 matrix.
+pub(crate) fn rotation_of(matrix: Mat2) -> u32 {
     let quarter_parts = 1u32 << (ROTATION_BITS - 3);
     let steps = 4 * quarter_parts;
-    let angle = linear.x_axis.y.atan2(linear.x_axis.x).rem_euclid(std::f32::consts::TAU);
+    let angle = matrix.x_axis.y.atan2(matrix.x_axis.x).rem_euclid(std::f32::consts::TAU);
     let step = (angle / std::f32::consts::TAU * steps as f32).round() as u32 % steps;
-    numbered(step, linear.determinant() < 0.0)
+    numbered(step, matrix.determinant() < 0.0)
 }
 
-/// The 2x2 matrix of a turn.
-fn linear_of(number: u32) -> Mat2 {
-    let turn = texfold_progressive_rotation(number, ROTATION_BITS);
-    Mat2::from_cols(Vec2::new(turn.x, turn.z), Vec2::new(turn.y, turn.w))
+/// The 2x2 matrix of a rotation.
+fn matrix_of(number: u32) -> Mat2 {
+    let rotation = texfold_progressive_rotation(number, ROTATION_BITS);
+    Mat2::from_cols(Vec2::new(rotation.x, rotation.z), Vec2::new(rotation.y, rotation.w))
 }
 
-/// The number of a turn by so many parts of a quarter.
+/// The number of a rotation by so many parts of a quarter.
 fn numbered(step: u32, reflected: bool) -> u32 {
     let parts = 1 << (ROTATION_BITS - 3);
     u32::from(reflected) | ((step / parts) << 1) | ((step % parts) << 3)
 }
 
-/// The turn one part further, or back.
+/// The rotation one part further, or back.
 fn rotated_by(number: u32, by: i32) -> u32 {
     let parts = 1 << (ROTATION_BITS - 3);
     let step = (number >> 1 & 3) * parts + (number >> 3);
@@ -272,17 +272,17 @@ fn rotated_by(number: u32, by: i32) -> u32 {
 }
 
 /// What a spot shows, as [`crate::decode::texfold_progressive_content`] reads it texel by texel.
-fn read(values: &[f32], size: UVec2, spot: Spot, turn: Vec4, side: usize, out: &mut Vec<f32>) {
+fn read(values: &[f32], size: UVec2, spot: Spot, rotation: Vec4, side: usize, out: &mut Vec<f32>) {
     out.clear();
     let centre = Vec2::new(spot.column as f32, spot.row as f32);
     let start = 0.5 - 0.5 * side as f32;
-    if spot.turn >> 3 == 0 {
+    if spot.rotation >> 3 == 0 {
         // A quarter turn about a corner of texels: each is read at its centre.
         let (last_x, last_y) = (size.x as i32 - 1, size.y as i32 - 1);
         for y in 0..side {
-            let row = Vec2::new(turn.y, turn.w) * (start + y as f32) + centre;
+            let row = Vec2::new(rotation.y, rotation.w) * (start + y as f32) + centre;
             for x in 0..side {
-                let at = row + Vec2::new(turn.x, turn.z) * (start + x as f32);
+                let at = row + Vec2::new(rotation.x, rotation.z) * (start + x as f32);
                 let (x, y) = ((at.x.floor() as i32).clamp(0, last_x), (at.y.floor() as i32).clamp(0, last_y));
                 out.push(values[(y * size.x as i32 + x) as usize]);
             }
@@ -291,9 +291,9 @@ fn read(values: &[f32], size: UVec2, spot: Spot, turn: Vec4, side: usize, out: &
     }
     let last = size.as_vec2() - 1.0;
     for y in 0..side {
-        let row = Vec2::new(turn.y, turn.w) * (start + y as f32) + centre;
+        let row = Vec2::new(rotation.y, rotation.w) * (start + y as f32) + centre;
         for x in 0..side {
-            let at = row + Vec2::new(turn.x, turn.z) * (start + x as f32);
+            let at = row + Vec2::new(rotation.x, rotation.z) * (start + x as f32);
             let at = (at - 0.5).clamp(Vec2::ZERO, last);
             let low = at.as_uvec2();
             let high = (low + 1).min(size - 1);
@@ -325,14 +325,14 @@ fn offer(spot: Spot, both: f32, own: f32, gains: &[f32]) -> Option<Offer> {
 }
 
 /// The least gain of a texture: the largest is what the blocks of most contrast want.
-pub(crate) fn gain_unit(lacks: &[Vec<Lack>], side_log2: u32) -> u16 {
+pub(crate) fn gain_unit(residuals: &[Vec<LumaResidual>], side_log2: u32) -> u16 {
     let side = 1usize << side_log2;
     let mut largest = 0.0f32;
     let mut block = Vec::new();
-    for lack in lacks.iter().flatten() {
-        for row in 0..lack.height.div_ceil(side) {
-            for column in 0..lack.width.div_ceil(side) {
-                lack.block(side, column, row, &mut block);
+    for residual in residuals.iter().flatten() {
+        for row in 0..residual.height.div_ceil(side) {
+            for column in 0..residual.width.div_ceil(side) {
+                residual.block(side, column, row, &mut block);
                 largest = largest.max(block.iter().map(|value| value * value).sum::<f32>());
             }
         }
@@ -350,11 +350,11 @@ mod tests {
     #[test]
     fn turns_have_the_numbers_of_their_matrices() {
         for number in 0..1 << ROTATION_BITS {
-            let (turn, linear) = (texfold_progressive_rotation(number, ROTATION_BITS), linear_of(number));
-            assert_eq!(rotation_of(linear), number);
-            assert!((linear.determinant().abs() - 1.0).abs() < 1e-6);
+            let (rotation, matrix) = (texfold_progressive_rotation(number, ROTATION_BITS), matrix_of(number));
+            assert_eq!(rotation_of(matrix), number);
+            assert!((matrix.determinant().abs() - 1.0).abs() < 1e-6);
             let further = texfold_progressive_rotation(rotated_by(number, 1), ROTATION_BITS);
-            let angle = turn.x * further.x + turn.z * further.z;
+            let angle = rotation.x * further.x + rotation.z * further.z;
             assert!((angle - (std::f32::consts::TAU / 16.0).cos()).abs() < 1e-5, "{number}");
             assert_eq!(rotated_by(rotated_by(number, 1), -1), number);
         }
@@ -363,7 +363,7 @@ mod tests {
     #[test]
     fn the_best_gain_is_the_best_of_all() {
         let gains = gains(40);
-        let spot = Spot { private: false, column: 0, row: 0, turn: 0 };
+        let spot = Spot { private: false, column: 0, row: 0, rotation: 0 };
         for (both, own) in [(10.0, 3.0), (-7.0, 0.4), (0.02, 5.0), (4000.0, 1.0)] {
             let all = gains.iter().map(|gain| (2.0 * f32::abs(both) - gain * own) * gain);
             let best = all.fold(0.0, f32::max);
@@ -371,13 +371,13 @@ mod tests {
         }
     }
 
-    /// What a base of flat blocks of 8x8 texels lacks.
-    fn lack() -> Lack {
-        let picture = texfold_testkit::image("terrain");
-        let size = picture.size();
+    /// Residuals of a base of flat blocks of 8x8 texels.
+    fn residual() -> LumaResidual {
+        let image = texfold_testkit::image("terrain");
+        let size = image.size();
         let (width, height) = (size.width as usize, size.height as usize);
         let luma = |x: usize, y: usize| {
-            let texel = picture.texel(x as u32, y as u32);
+            let texel = image.texel(x as u32, y as u32);
             (texel.x + texel.y + texel.z) * 85.0
         };
         let value = |i: usize| {
@@ -385,29 +385,29 @@ mod tests {
             let block = |n: usize| luma(x / 8 * 8 + n % 8, y / 8 * 8 + n / 8);
             luma(x, y) - (0..64).map(block).sum::<f32>() / 64.0
         };
-        Lack { width, height, values: (0..width * height).map(value).collect() }
+        LumaResidual { width, height, values: (0..width * height).map(value).collect() }
     }
 
     #[test]
     fn the_search_loses_little_against_all_places_and_rotations() {
-        let lack = lack();
-        let flat = lack.flattened();
+        let residual = residual();
+        let flat = residual.flattened();
         let cells = [(0, 0), (96, 32), (32, 160), (192, 96)].map(|(x, y)| flat.cell(x, y));
         let book = Codebook::of_cells(texfold_bc::Content::Raw, 64, &cells).unwrap();
-        let (side, unit) = (8, gain_unit(&[vec![lack.clone()]], 3));
+        let (side, unit) = (8, gain_unit(&[vec![residual.clone()]], 3));
         let library = Library::new(None, Some(Arc::new(book)), side, CancelCheck::default());
         let (mut all, mut searched, mut best) = (0.0f64, 0.0f64, 0.0f64);
         for block in 0..32 {
             let at = (block * 7 % 32, block * 5 % 32);
             let mut room = Room::default();
-            lack.block(side, at.0, at.1, &mut room.target);
+            residual.block(side, at.0, at.1, &mut room.target);
             all += f64::from(room.target.iter().map(|value| value * value).sum::<f32>());
-            searched += f64::from(library.explained(&lack, at, unit));
+            searched += f64::from(library.explained(&residual, at, unit));
             let spots = (0..64 * 64 * 32u32).map(|i| Spot {
                 private: true,
                 column: (i % 64) as i32,
                 row: (i / 64 % 64) as i32,
-                turn: i / 4096,
+                rotation: i / 4096,
             });
             let gains = gains(unit);
             let explained =
@@ -415,7 +415,7 @@ mod tests {
             best += f64::from(explained.fold(0.0, f32::max));
         }
         let lost = 10.0 * ((all - searched) / (all - best)).log10();
-        // Of 131072 places and turns; measured 0.07 dB.
+        // Of 131072 places and rotations; measured 0.07 dB.
         assert!(lost < 0.1 && best < all, "{lost} dB: {searched} and {best} of {all}");
     }
 }

@@ -1,4 +1,4 @@
-//! Pictures of the parts of a texture, for a person to look at.
+//! Images of the parts of a texture, for a person to look at.
 
 use glam::{Vec2, Vec3};
 use texfold_core::image::{ColorSpace, PixelInfo, Raster};
@@ -18,9 +18,9 @@ const LEAST_SHOWN: f32 = 0.3;
 const PUBLIC: Vec3 = Vec3::new(0.3, 0.7, 1.0);
 const OWN: Vec3 = Vec3::new(1.0, 0.6, 0.2);
 
-/// Pictures of the parts of a texture, of the largest level that is stored.
+/// Images of the parts of a texture, of the largest level that is stored.
 #[derive(Debug, Clone)]
-pub struct PartPictures {
+pub struct PartImages {
     /// The base of each image.
     pub bases: Vec<Raster>,
     /// For each image the bits of each block of its error map: black none, through red and yellow to white, the most of the
@@ -35,10 +35,10 @@ pub struct PartPictures {
     pub usage: Vec<Raster>,
 }
 
-/// Draws the parts of `texture`; `None` only where a picture cannot be made at all.
+/// Draws the parts of `texture`; `None` only where an image cannot be made at all.
 #[must_use]
-pub fn pictures(texture: &ProgressiveTexture) -> Option<PartPictures> {
-    let mut parts = PartPictures {
+pub fn part_images(texture: &ProgressiveTexture) -> Option<PartImages> {
+    let mut parts = PartImages {
         bases: Vec::new(),
         bits: Vec::new(),
         sources: Vec::new(),
@@ -72,7 +72,7 @@ pub fn pictures(texture: &ProgressiveTexture) -> Option<PartPictures> {
     Some(parts)
 }
 
-/// A picture of such colours.
+/// An image of such colours.
 fn draw(size: SurfaceSize, color: impl Fn(u32, u32) -> Vec3) -> Option<Raster> {
     let info = PixelInfo { channels: 3, color: ColorSpace::Srgb, ..PixelInfo::default() };
     let texels: Vec<Texel> = (0..size.height)
@@ -133,11 +133,14 @@ fn count_reads<'e>(
         let blocks = size.width.div_ceil(side) as usize * size.height.div_ceil(side) as usize;
         let shown = |entry: &&Entry| entry.gain & MOST_GAIN > 0 && (entry.row >= public_rows) == private;
         for entry in entries.iter().take(blocks).filter(shown) {
-            let turn = texfold_progressive_rotation(entry.rotation, form.rotation_bits);
+            let rotation = texfold_progressive_rotation(entry.rotation, form.rotation_bits);
             let centre = Vec2::new(entry.column as f32, (entry.row - first) as f32);
             for (x, y) in (0..side * side).map(|i| (i % side, i / side)) {
                 let away = Vec2::new(x as f32, y as f32) + Vec2::splat(0.5 - 0.5 * side as f32);
-                let moved = Vec2::new(turn.x * away.x + turn.y * away.y, turn.z * away.x + turn.w * away.y);
+                let moved = Vec2::new(
+                    rotation.x * away.x + rotation.y * away.y,
+                    rotation.z * away.x + rotation.w * away.y,
+                );
                 let at = (centre + moved).floor().clamp(Vec2::ZERO, last);
                 counts[at.y as usize * width as usize + at.x as usize] += 1;
             }
@@ -174,7 +177,7 @@ mod tests {
     #[test]
     fn blocks_are_as_bright_as_they_have_bits() {
         let texture = texture(2.0);
-        let parts = pictures(&texture).unwrap();
+        let parts = part_images(&texture).unwrap();
         assert_eq!(sizes(&parts.bits), [(256, 256)]);
         let side = 256 >> texture.reduce_log2();
         assert_eq!(sizes(&parts.bases), [(side, side)]);
@@ -214,7 +217,7 @@ mod tests {
         assert_eq!(reads(false, (64, 32)).iter().sum::<u32>(), 64);
         let own = reads(true, (64, 64));
         assert_eq!(own.iter().sum::<u32>(), 3 * 64);
-        // Entry 2 turns about column 10 and row 8 of the own rows by half a quarter.
+        // Entry 2 rotates about column 10 and row 8 of the own rows by half a quarter turn.
         assert!(own[8 * 64 + 10] > 0 && own[0] == 0);
         let sources = draw_sources(&details, &entries, size).unwrap();
         let blue = sources.texel(9, 3);

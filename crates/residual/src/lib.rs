@@ -18,6 +18,7 @@
 //! [`ResidualContent`] is what a codec embeds: it stores itself in sections of its own ([`ContentId`]), pushes its planes
 //! and parameters into a GPU form, and decodes regions. Its WGSL is `residual.wgsl`; the CPU twins are in [`decode`].
 
+pub mod block;
 mod content;
 pub mod decode;
 #[cfg(feature = "encode")]

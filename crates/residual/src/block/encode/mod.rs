@@ -1,0 +1,15 @@
+//! The encoder: coefficients of all planes once, then numbers, tables and streams for a step, as often as the goal needs.
+
+mod axes;
+mod code;
+mod error;
+mod fit;
+mod forward;
+mod goal;
+mod hidden;
+mod quantise;
+mod source;
+mod symbols;
+
+pub use goal::{BlockEncoder, BlockMetric, BlockParams};
+pub use source::BlockSource;

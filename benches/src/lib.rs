@@ -1,6 +1,7 @@
 //! Images and settings that the benches share.
 
 pub mod report;
+pub mod rivals;
 
 use rayon::prelude::*;
 use texfold::image::{ColorSpace, ImageSet, Raster};

@@ -6,16 +6,15 @@
 //! such a texture needs. A curve is the mean over the images of PSNR (or SSIMULACRA2) at each setting, at the mean of its bits.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 
-use ssimulacra2::{ColorPrimaries, Rgb, TransferCharacteristic, compute_frame_ssimulacra2};
-use texfold::image::{ColorSpace, ImageSet, Raster};
+use texfold::image::{ImageSet, Raster};
 use texfold::metric::{color_error, decode_surface, measure};
 use texfold::{
     Bc, BcParams, Content, Effort, Encoded, Encoder, Epitome, EpitomeParams, EpitomeSource, Family, Goal,
     Image2d, Job, Progressive, ProgressiveParams, SharedSearch,
 };
 use texfold_benches::report::{Chart, Line, Outcome, Table};
+use texfold_benches::rivals;
 
 /// Bits a texel that our codecs are asked for: those of ASTC in blocks of 12x12, 10x10, 8x8 and 6x6, and half a bit.
 const GOALS: [f64; 5] = [0.5, 0.89, 1.28, 2.0, 3.56];
@@ -23,8 +22,6 @@ const GOALS: [f64; 5] = [0.5, 0.89, 1.28, 2.0, 3.56];
 const ASTC: [u32; 4] = [12, 10, 8, 6];
 /// Qualities of JPEG.
 const JPEG: [u8; 7] = [15, 25, 40, 60, 75, 85, 92];
-/// Bits a texel of the index of a JPEG texture (Kristmann, Wimmer and Schuetz 2026).
-const JPEG_INDEX: f64 = 0.17;
 
 /// What one setting of one form reaches on one image.
 struct Point {
@@ -99,18 +96,8 @@ fn plain(image: &Raster) -> Outcome<Vec<Point>> {
 
 /// Baseline JPEG, 4:2:0, with the bits of an index.
 fn jpeg(image: &Raster) -> Outcome<Vec<Point>> {
-    use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
-    let size = image.size();
-    let (bytes, sides) = (image.to_bytes(), (size.width as u16, size.height as u16));
     let encode = |quality: u8| {
-        let mut file = Vec::new();
-        let mut encoder = Encoder::new(&mut file, quality);
-        encoder.set_sampling_factor(SamplingFactor::F_2_2);
-        encoder.set_optimized_huffman_tables(true);
-        encoder.encode(&bytes, sides.0, sides.1, ColorType::Rgb)?;
-        let decoded = image::load_from_memory(&file)?.to_rgb8();
-        let decoded = Raster::from_u8(size.width, size.height, 3, ColorSpace::Srgb, decoded.as_raw())?;
-        let bpp = 8.0 * file.len() as f64 / size.texels() as f64 + JPEG_INDEX;
+        let (decoded, bpp) = rivals::jpeg(image, quality)?;
         compare("JPEG texture", format!("q{quality}"), image, &decoded, bpp)
     };
     JPEG.into_iter().map(encode).collect()
@@ -118,31 +105,13 @@ fn jpeg(image: &Raster) -> Outcome<Vec<Point>> {
 
 /// ASTC by `astcenc`; nothing where it is not installed.
 fn astc(image: &Raster) -> Outcome<Vec<Point>> {
-    let dir = tempfile::tempdir()?;
-    let (input, output) = (dir.path().join("in.png"), dir.path().join("out.png"));
-    let size = image.size();
-    image::save_buffer(&input, &image.to_bytes(), size.width, size.height, image::ExtendedColorType::Rgb8)?;
     let mut points = Vec::new();
     for side in ASTC {
-        let block = format!("{side}x{side}");
-        let mut program = Command::new("astcenc");
-        program
-            .arg("-tl")
-            .args([&input, &output])
-            .args([&block, "-thorough", "-silent"])
-            .stdout(Stdio::null());
-        match program.status() {
-            Ok(status) if status.success() => {}
-            Ok(status) => return Err(format!("astcenc ended with {status}").into()),
-            Err(_) => {
-                eprintln!("astcenc is not installed: no ASTC in the chart");
-                return Ok(Vec::new());
-            }
-        }
-        let decoded = texfold_testkit::png(&output).with_channels(3);
-        let blocks = size.width.div_ceil(side) * size.height.div_ceil(side);
-        let bpp = 128.0 * f64::from(blocks) / size.texels() as f64;
-        points.push(compare("ASTC", block, image, &decoded, bpp)?);
+        let Some((decoded, bpp)) = rivals::astc(image, side)? else {
+            eprintln!("astcenc is not installed: no ASTC in the chart");
+            return Ok(Vec::new());
+        };
+        points.push(compare("ASTC", format!("{side}x{side}"), image, &decoded, bpp)?);
     }
     Ok(points)
 }
@@ -165,12 +134,7 @@ fn compare(
     decoded: &Raster,
     bpp: f64,
 ) -> Outcome<Point> {
-    let frame = |raster: &Raster| {
-        let pixels = raster.texels().map(|texel| texel.truncate().to_array()).collect();
-        let (width, height) = (image.size().width as usize, image.size().height as usize);
-        Rgb::new(pixels, width, height, TransferCharacteristic::SRGB, ColorPrimaries::BT709)
-    };
-    let ssimulacra2 = compute_frame_ssimulacra2(frame(image)?, frame(decoded)?)?;
+    let ssimulacra2 = rivals::ssimulacra2(image, decoded)?;
     Ok(Point { form, setting, bpp, psnr: color_error(image, decoded).psnr(), ssimulacra2 })
 }
 

@@ -30,7 +30,7 @@ mod rans_encode;
 mod sampler;
 mod scan;
 mod tables;
-#[cfg(all(test, feature = "encode"))]
+#[cfg(test)]
 mod tests;
 mod transform;
 mod wire;

@@ -71,13 +71,14 @@ impl Stops {
     /// Frequencies that sum to 2 to the power of [`PROBABILITY_BITS`], none of them 0.
     pub(super) fn frequencies(&self) -> [u16; SYMBOLS] {
         let spread = (1u32 << PROBABILITY_BITS) - SYMBOLS as u32;
+        let values = self.values();
         let mut rest = 1u32 << 16;
         let mut frequencies = [0u16; SYMBOLS];
         for (symbol, frequency) in frequencies.iter_mut().enumerate() {
             let taken = if symbol == SYMBOLS - 1 {
                 rest
             } else {
-                let stop = STOP[usize::from(self.values[self.stop_of(symbol)]) & (STOP_VALUES - 1)];
+                let stop = STOP[usize::from(values[self.stop_of(symbol)]) & (STOP_VALUES - 1)];
                 (rest * u32::from(stop)) >> 16
             };
             rest -= taken;

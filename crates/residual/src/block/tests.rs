@@ -1,4 +1,5 @@
 //! The block form as a whole: images in, texels out.
+#![cfg(feature = "encode")]
 
 use texfold_core::container::Reader;
 use texfold_core::rng::Rng;

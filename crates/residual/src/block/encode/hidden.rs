@@ -57,7 +57,7 @@ fn filled(mut level: Level, channels: usize) -> Vec<f32> {
             for channel in 0..channels {
                 // The four nearest of the smaller image, by 9, 3, 3 and 1 sixteenths.
                 let near = |at: usize, all: usize| {
-                    let other = if at % 2 == 0 { (at / 2).saturating_sub(1) } else { at / 2 + 1 };
+                    let other = if at.is_multiple_of(2) { (at / 2).saturating_sub(1) } else { at / 2 + 1 };
                     [(at / 2, 0.75), (other.min(all - 1), 0.25)]
                 };
                 let mut value = 0.0;

@@ -1,0 +1,197 @@
+//! The block form of the residual plane at given rates, image by image, beside JPEG and ASTC of equal bits.
+//!
+//! `cargo run --release -p texfold-benches --bin rates -- [--check] [--out DIR] [--effort fast|normal|high] [FOLDER_OR_IMAGE …]`;
+//! without images, the Kodak photographs of the data folder. Images are cut to their middle 1024x1024 texels. Bits a texel
+//! are those of the whole texture: header, index, tables, padding. JPEG stands for textures that are decoded by block on the
+//! GPU: 4:2:0, with 0.17 bits a texel for the index; its figures are interpolated between qualities over the logarithm of
+//! the bits. ASTC is encoded by the program `astcenc` (`-thorough`), where it is installed. With `--check` the run fails
+//! where the means over the images miss what the 14 photographs must reach.
+
+use std::path::{Path, PathBuf};
+
+use texfold::image::Raster;
+use texfold::metric::color_error;
+use texfold::{CancelCheck, Effort, Goal, Rect};
+use texfold_benches::report::{Outcome, Table, cpu_seconds, middle};
+use texfold_benches::rivals;
+use texfold_residual::block::BlockTexture;
+use texfold_residual::block::encode::{BlockEncoder, BlockMetric, BlockParams, BlockSource};
+
+/// Bits a texel, the side of the ASTC blocks that take them, and the PSNR in dB that the photographs must reach.
+const RATES: [(f64, u32, f64); 4] = [(0.89, 12, 33.5), (1.28, 10, 36.0), (2.0, 8, 39.4), (3.56, 6, 42.9)];
+/// Qualities of JPEG, from the smallest to the largest.
+const JPEG: [u8; 8] = [15, 30, 50, 65, 78, 86, 92, 96];
+/// Longest side of an image.
+const SIDE: u32 = 1024;
+/// Times that a texture is decoded to measure the speed: CPU time is known to a hundredth of a second.
+const DECODES: u32 = 20;
+
+/// Bits a texel, PSNR in dB and SSIMULACRA2.
+type Figures = [f64; 3];
+
+/// What a run is asked for.
+struct Asked {
+    check: bool,
+    out: Option<PathBuf>,
+    effort: Effort,
+    images: Vec<PathBuf>,
+}
+
+fn main() -> Outcome<()> {
+    let asked = asked()?;
+    let columns = [
+        "image",
+        "rate",
+        "psnr: bits",
+        "dB",
+        "SSIMULACRA2",
+        "eye: bits",
+        "dB",
+        "SSIMULACRA2",
+        "ASTC: bits",
+        "dB",
+        "SSIMULACRA2",
+        "JPEG dB",
+        "SSIMULACRA2",
+        "encode s/MT",
+        "decode MT/s",
+    ];
+    let mut table = Table::new(&columns);
+    let mut sums = vec![[0.0; 13]; RATES.len()];
+    for path in &asked.images {
+        let image = middle(&texfold_testkit::png(path).with_channels(3), SIDE, SIDE)?;
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        for (rate, (sum, figures)) in RATES.iter().zip(sums.iter_mut().zip(figures(&image, asked.effort)?)) {
+            table.row(line(&name, rate.0, &figures));
+            sum.iter_mut().zip(figures).for_each(|(sum, figure)| *sum += figure);
+        }
+    }
+    let count = asked.images.len() as f64;
+    let means: Vec<[f64; 13]> = sums.iter().map(|sum| sum.map(|sum| sum / count)).collect();
+    for (rate, mean) in RATES.iter().zip(&means) {
+        table.row(line("mean", rate.0, mean));
+    }
+    if let Some(out) = asked.out {
+        std::fs::create_dir_all(&out)?;
+        table.write(&out, "rates", "Bits a texel are those of the whole texture, without mips.")?;
+    }
+    let missed = RATES.iter().zip(&means).find(|((_, _, target), mean)| mean[1] < *target);
+    match missed {
+        Some(((rate, _, target), mean)) if asked.check => {
+            Err(format!("{:.2} dB at {rate} bits, where {target} must be reached", mean[1]).into())
+        }
+        _ => Ok(()),
+    }
+}
+
+fn asked() -> Outcome<Asked> {
+    let mut asked = Asked { check: false, out: None, effort: Effort::Normal, images: Vec::new() };
+    let mut arguments = std::env::args().skip(1);
+    while let Some(argument) = arguments.next() {
+        match argument.as_str() {
+            "--check" => asked.check = true,
+            "--out" => asked.out = Some(arguments.next().ok_or("name the folder to write to")?.into()),
+            "--effort" => {
+                asked.effort = match arguments.next().as_deref() {
+                    Some("fast") => Effort::Fast,
+                    Some("normal") => Effort::Normal,
+                    Some("high") => Effort::High,
+                    _ => return Err("an effort is fast, normal or high".into()),
+                }
+            }
+            path => asked.images.extend(images_of(Path::new(path))?),
+        }
+    }
+    if let Some(data) = texfold_testkit::data_dir("rates").filter(|_| asked.images.is_empty()) {
+        asked.images = images_of(&data.join("vq/kodak"))?;
+    }
+    Ok(asked)
+}
+
+/// The image of that name, or all of the folder.
+fn images_of(path: &Path) -> Outcome<Vec<PathBuf>> {
+    if !path.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let entries = std::fs::read_dir(path)?.collect::<Result<Vec<_>, _>>()?;
+    let is_image = |path: &PathBuf| path.extension().is_some_and(|name| name == "png" || name == "jpg");
+    let mut images: Vec<PathBuf> = entries.iter().map(|entry| entry.path()).filter(is_image).collect();
+    images.sort();
+    Ok(images)
+}
+
+/// All figures of an image, rate by rate; NaN where there are none.
+fn figures(image: &Raster, effort: Effort) -> Outcome<Vec<[f64; 13]>> {
+    let mut jpegs = Vec::new();
+    for quality in JPEG {
+        let (decoded, bits) = rivals::jpeg(image, quality)?;
+        jpegs.push(judged(image, &decoded, bits)?);
+    }
+    let source = BlockSource::from_u8(image.size(), &[3], &image.to_bytes())?;
+    let mut all = Vec::new();
+    for (rate, side, _) in RATES {
+        let (psnr, seconds, speed) = ours(image, &source, BlockMetric::Psnr, effort, rate)?;
+        let (eye, ..) = ours(image, &source, BlockMetric::Perceptual, effort, rate)?;
+        let astc = match rivals::astc(image, side)? {
+            Some((decoded, bits)) => judged(image, &decoded, bits)?,
+            None => [f64::NAN; 3],
+        };
+        let jpeg = interpolated(&jpegs, rate);
+        let [a, b, c] = psnr;
+        let [d, e, f] = eye;
+        let [g, h, i] = astc;
+        all.push([a, b, c, d, e, f, g, h, i, jpeg[0], jpeg[1], seconds, speed]);
+    }
+    Ok(all)
+}
+
+/// A texture of that rate: its figures, CPU seconds a megatexel of encoding, megatexels a CPU second of decoding.
+fn ours(
+    image: &Raster,
+    source: &BlockSource,
+    metric: BlockMetric,
+    effort: Effort,
+    rate: f64,
+) -> Outcome<(Figures, f64, f64)> {
+    let size = image.size();
+    let megatexels = size.texels() as f64 / 1e6;
+    let start = cpu_seconds();
+    let params = BlockParams::default().with_goal(Goal::Bpp(rate)).with_metric(metric).with_effort(effort);
+    let texture = BlockEncoder::new(source, &params, CancelCheck::default())?.encode()?;
+    let encoded = (cpu_seconds() - start) / megatexels;
+    let start = cpu_seconds();
+    let mut decoded = Vec::new();
+    for _ in 0..DECODES {
+        decoded = decoded_texels(&texture)?;
+    }
+    let speed = megatexels * f64::from(DECODES) / (cpu_seconds() - start);
+    let decoded = Raster::from_u8(size.width, size.height, 3, image.info().color, &decoded)?;
+    let bits = 8.0 * texture.to_bytes().len() as f64 / size.texels() as f64;
+    Ok((judged(image, &decoded, bits)?, encoded, speed))
+}
+
+fn decoded_texels(texture: &BlockTexture) -> Outcome<Vec<u8>> {
+    let size = texture.form().size;
+    let mut out = vec![0; size.texels() as usize * texture.form().channels()];
+    let rect = Rect { surface: 0, level: 0, x: 0, y: 0, width: size.width, height: size.height };
+    texture.decode(rect, &mut out)?;
+    Ok(out)
+}
+
+fn judged(image: &Raster, decoded: &Raster, bits: f64) -> Outcome<Figures> {
+    Ok([bits, color_error(image, decoded).psnr(), rivals::ssimulacra2(image, decoded)?])
+}
+
+/// PSNR and SSIMULACRA2 at a rate, between the nearest of `points`; NaN outside of them.
+fn interpolated(points: &[Figures], rate: f64) -> [f64; 2] {
+    let pair = points.windows(2).find(|pair| pair[0][0] <= rate && rate <= pair[1][0]);
+    pair.map_or([f64::NAN; 2], |pair| {
+        let share = (rate / pair[0][0]).ln() / (pair[1][0] / pair[0][0]).ln();
+        [1, 2].map(|figure| pair[0][figure] + share * (pair[1][figure] - pair[0][figure]))
+    })
+}
+
+fn line(name: &str, rate: f64, figures: &[f64; 13]) -> Vec<String> {
+    let head = [name.to_owned(), rate.to_string()];
+    head.into_iter().chain(figures.iter().map(|figure| format!("{figure:.2}"))).collect()
+}

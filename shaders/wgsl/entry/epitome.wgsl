@@ -35,14 +35,14 @@ fn entry_loads_content(entry: u32, at: vec2<u32>) -> vec4<f32> {
     let bits = vec4<u32>(
         texfold_epitome_params.x_bits,
         texfold_epitome_params.y_bits,
-        texfold_epitome_params.linear_bits,
-        texfold_epitome_params.tone_bits,
+        texfold_epitome_params.matrix_bits,
+        texfold_epitome_params.gain_offset_bits,
     );
     let fields = vec4<u32>(low, low >> bits.x, high, low) & ((vec4<u32>(1u) << bits) - vec4<u32>(1u));
-    let linear = texfold_epitome_params.linear_start + 2u * fields.z;
-    let tone = texfold_epitome_params.tone_start + 2u * fields.w;
-    let moved = texfold_epitome_word(linear) & texfold_epitome_word(linear + 1u) & 1u;
-    let toned = texfold_epitome_word(tone) + texfold_epitome_word(tone + 1u);
+    let matrix = texfold_epitome_params.matrix_start + 2u * fields.z;
+    let gain_offset = texfold_epitome_params.gain_offset_start + 2u * fields.w;
+    let moved = texfold_epitome_word(matrix) & texfold_epitome_word(matrix + 1u) & 1u;
+    let summed = texfold_epitome_word(gain_offset) + texfold_epitome_word(gain_offset + 1u);
     let second = (high & texfold_epitome_params.mixed) != 0u;
     let corner = (fields.xy >> vec2<u32>(texfold_epitome_params.fraction_bits)) + vec2<u32>(moved);
     let size = select(texfold_epitome_params.plane_a, texfold_epitome_params.plane_b, second);
@@ -64,7 +64,7 @@ fn entry_loads_content(entry: u32, at: vec2<u32>) -> vec4<f32> {
             + textureLoad(texfold_epitome_plane_b, vec2<u32>(place.x, next.y), level)
             + textureLoad(texfold_epitome_plane_b, next, level);
     }
-    return a + b + vec4<f32>(f32(i32(toned)));
+    return a + b + vec4<f32>(f32(i32(summed)));
 }
 
 // One texel with the loads of texfold_epitome_load. The leaf is found as there: what is loaded next hangs on it.

@@ -81,7 +81,7 @@ fn texfold_progressive_rotation(number: u32, bits: u32) -> vec4<f32> {
         rotation = -rotation;
     }
     let flip = select(1.0, -1.0, (number & 1u) != 0u);
-    return vec4<f32>(turn.x, -turn.y * flip, turn.y, turn.x * flip);
+    return vec4<f32>(rotation.x, -rotation.y * flip, rotation.y, rotation.x * flip);
 }
 
 // The codebook at `place` in texels, blended from four.

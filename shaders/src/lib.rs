@@ -72,6 +72,32 @@ pub fn plain() -> String {
     [VIEW, include_str!("../wgsl/entry/plain.wgsl")].join("\n")
 }
 
+/// Samples of the texture that [`block`] writes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum BlockTarget {
+    /// `rgba8unorm`.
+    Unorm8,
+    /// `rgba16uint`.
+    Uint16,
+}
+
+impl BlockTarget {
+    /// All of them.
+    pub const ALL: [BlockTarget; 2] = [BlockTarget::Unorm8, BlockTarget::Uint16];
+}
+
+/// A whole compute shader that decodes textures in blocks of variable length. Group 0: `texfold_core::BlockPass`, words,
+/// streams and scratch memory; group 1, of `write_texels` alone: where texels go, and the target. Its functions, in their order, are
+/// `read_superblocks` and `transform_blocks` for each plane, then `write_texels`.
+#[must_use]
+pub fn block(target: BlockTarget) -> String {
+    let target = match target {
+        BlockTarget::Unorm8 => include_str!("../wgsl/entry/block_unorm.wgsl"),
+        BlockTarget::Uint16 => include_str!("../wgsl/entry/block_uint.wgsl"),
+    };
+    [include_str!("../wgsl/block.wgsl"), include_str!("../wgsl/entry/block.wgsl"), target].join("\n")
+}
+
 /// The module in group 0 by its own names, and what entry points call.
 fn whole(module: &'static ModuleInfo) -> String {
     [shared(), Slot::new(module, 0, 0).source(), module.entry_source.to_owned()].join("\n")

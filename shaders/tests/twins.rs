@@ -8,7 +8,7 @@ struct Twin {
 }
 
 /// The shared functions, then those of each namespace of [`texfold_shaders::MODULES`].
-const TWINS: [Twin; 9] = [
+const TWINS: [Twin; 10] = [
     Twin {
         name: "address",
         wgsl: &[include_str!("../wgsl/shared/address.wgsl")],
@@ -45,6 +45,11 @@ const TWINS: [Twin; 9] = [
         rust: include_str!("../../crates/residual/src/decode/mod.rs"),
     },
     Twin {
+        name: "block",
+        wgsl: &[include_str!("../wgsl/block.wgsl")],
+        rust: include_str!("../../crates/residual/src/block/twin.rs"),
+    },
+    Twin {
         name: "progressive",
         wgsl: &[include_str!("../wgsl/progressive.wgsl")],
         rust: include_str!("../../crates/progressive/src/decode.rs"),
@@ -73,9 +78,12 @@ const ALONE: [(&str, &str); 13] = [
     ("texfold_zipmap_sample", "takes derivatives, which a CPU does not have"),
 ];
 
-const ENTRIES: [(&str, &str); 13] = [
+const ENTRIES: [(&str, &str); 16] = [
     ("entry/loads_only", include_str!("../wgsl/entry/loads_only.wgsl")),
     ("entry/bc", include_str!("../wgsl/entry/bc.wgsl")),
+    ("entry/block", include_str!("../wgsl/entry/block.wgsl")),
+    ("entry/block_unorm", include_str!("../wgsl/entry/block_unorm.wgsl")),
+    ("entry/block_uint", include_str!("../wgsl/entry/block_uint.wgsl")),
     ("entry/decode", include_str!("../wgsl/entry/decode.wgsl")),
     ("entry/draw", include_str!("../wgsl/entry/draw.wgsl")),
     ("epitome/errors", include_str!("../wgsl/epitome/errors.wgsl")),

@@ -4,7 +4,8 @@
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use texfold_shaders::{
-    Binding, Entry, MODULES, ModuleInfo, Offsets, PasteError, Slot, entry, image_modules, light, paste, plain,
+    Binding, BlockTarget, Entry, MODULES, ModuleInfo, Offsets, PasteError, Slot, block, entry, image_modules,
+    light, paste, plain,
 };
 
 fn validate(name: &str, source: &str) -> naga::Module {
@@ -56,6 +57,25 @@ fn every_entry_point_of_every_module_is_valid() {
         }
     }
     validate("plain", &plain());
+}
+
+#[test]
+fn block_decoders_are_valid_and_bind_little() {
+    for target in BlockTarget::ALL {
+        let composed = validate(&format!("block {target:?}"), &block(target));
+        let names: Vec<&str> = composed.entry_points.iter().map(|entry| entry.name.as_str()).collect();
+        assert_eq!(names, ["read_superblocks", "transform_blocks", "write_texels"]);
+        assert!(
+            composed.entry_points.iter().all(|entry| entry.workgroup_size.iter().product::<u32>() <= 256)
+        );
+        let in_storage =
+            |variable: &naga::GlobalVariable| matches!(variable.space, naga::AddressSpace::Storage { .. });
+        let storage = composed.global_variables.iter().filter(|(_, variable)| in_storage(variable)).count();
+        assert!(
+            storage <= 4,
+            "{storage} storage buffers: devices without more than downlevel defaults have 4"
+        );
+    }
 }
 
 #[test]

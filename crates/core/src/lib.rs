@@ -18,6 +18,7 @@ mod encoded;
 mod encoder;
 mod error;
 mod footprint;
+mod gpu_blocks;
 mod gpu_form;
 mod id;
 pub mod image;
@@ -42,6 +43,7 @@ pub use encoded::{AnyEncoded, Encoded, Layers, Refine};
 pub use encoder::{Encoder, Growable, Params, SharedSearch};
 pub use error::{EncodeError, LoadError, ParamError, ParamValue, RegionError, SourceError};
 pub use footprint::{Footprint, Part};
+pub use gpu_blocks::{BLOCK_NOTES, BLOCK_WORDS, BlockLayout, BlockPass, BlockPlan, GpuBlocks, GpuChannel};
 pub use gpu_form::{
     AstcBlock, GpuForm, HEADER_BYTES, MemoryBits, Plane, PlaneFormat, SurfaceBinding, parameter_bits,
 };

@@ -28,7 +28,7 @@ pub(super) const FIRST_END: usize = FIRST_LAST + ZONES;
 const LARGEST: u32 = 127;
 
 /// Class by the expected magnitude in eighths.
-static LEVEL: [u8; 256] = levels();
+pub(super) static LEVEL: [u8; 256] = levels();
 
 const fn levels() -> [u8; 256] {
     // The largest expectation of each class; a class spans some 40 %.

@@ -54,8 +54,8 @@ pub struct BlockTexture {
     pub(super) index: Index,
     pub(super) bytes: Bytes,
     planes: Vec<PlaneShape>,
-    tables: Vec<Table>,
-    steps: Vec<Steps>,
+    pub(super) tables: Vec<Table>,
+    pub(super) steps: Vec<Steps>,
     ranks: Vec<u8>,
 }
 

@@ -112,6 +112,11 @@ impl Steps {
         Steps { steps, offsets: [0, quantiser.offsets[0].into(), quantiser.offsets[1].into()] }
     }
 
+    /// The steps, as numbers.
+    pub(super) fn words(&self) -> [u32; COEFFICIENTS] {
+        self.steps
+    }
+
     /// The absolute value that a magnitude stands for.
     #[inline(always)]
     pub(super) fn rebuilt(&self, at: usize, magnitude: u32) -> i32 {

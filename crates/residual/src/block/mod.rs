@@ -22,6 +22,7 @@ mod decode;
 #[cfg(feature = "encode")]
 pub mod encode;
 mod form;
+mod gpu;
 mod index;
 mod plane;
 mod rans;
@@ -33,6 +34,7 @@ mod tables;
 #[cfg(test)]
 mod tests;
 mod transform;
+pub mod twin;
 mod wire;
 
 pub use decode::{BlockSample, BlockTexture};

@@ -1,0 +1,79 @@
+//! A texture as the compute shader reads it.
+
+use texfold_core::{BlockLayout, GpuBlocks, GpuChannel};
+
+use super::context::{END_BITS, END_START, LEVEL, MAGNITUDE_BITS, MAGNITUDE_START};
+use super::decode::BlockTexture;
+use super::form::{AXIS_BITS, Group, MAX_GROUP};
+use super::scan::SCAN;
+use super::tables::SYMBOLS;
+use super::twin::{TEXFOLD_BLOCK_LEVELS, TEXFOLD_BLOCK_SCAN, TEXFOLD_BLOCK_SYMBOLS, TEXFOLD_BLOCK_TABLES};
+
+impl BlockTexture {
+    /// What a GPU needs to decode the texture. The streams are borrowed; tables, steps and index are copied as words, 30 kB
+    /// and 4 bytes each word of the index.
+    #[must_use]
+    pub fn gpu(&self) -> GpuBlocks<'_> {
+        let form = self.form();
+        let shift = form.fraction() + AXIS_BITS;
+        let mut words = constants();
+        words.extend(self.tables.iter().flat_map(|table| table.ranges));
+        let steps = words.len() as u32;
+        words.extend(self.steps.iter().flat_map(|steps| steps.words()));
+        let index = words.len() as u32;
+        words.extend(self.index.words());
+        // A length is read as part of two words.
+        words.extend([0, 0]);
+        let mut first_axis = 0;
+        let channels = form.groups.iter().flat_map(|group| {
+            let first = first_axis;
+            first_axis += u32::from(group.channels);
+            (0..usize::from(group.channels)).map(move |channel| gpu_channel(group, channel, first, shift))
+        });
+        let layout = BlockLayout {
+            size: form.size,
+            depth: form.depth,
+            superblock_log2: form.superblock_log2,
+            ranks: form.ranks(),
+            channels: channels.collect(),
+            shift,
+            offsets: form.quantiser.offsets,
+            steps,
+            index,
+            index_bits: self.index.width(),
+            stream_bytes: self.bytes.len() as u32,
+        };
+        GpuBlocks { layout, words, streams: &self.bytes }
+    }
+}
+
+/// Scan, classes and symbols: what stands before the tables.
+fn constants() -> Vec<u32> {
+    let mut words = vec![0; TEXFOLD_BLOCK_TABLES as usize];
+    let scan = &mut words[TEXFOLD_BLOCK_SCAN as usize..];
+    for (number, place) in SCAN.iter().enumerate() {
+        scan[number] |= u32::from(place.raster) | u32::from(place.zone) << 8;
+        scan[usize::from(place.raster)] |= (number as u32) << 16;
+    }
+    let levels = words[TEXFOLD_BLOCK_LEVELS as usize..].iter_mut().zip(LEVEL.chunks_exact(4));
+    levels.for_each(|(word, levels)| *word = packed(levels));
+    let symbols = &mut words[TEXFOLD_BLOCK_SYMBOLS as usize..][..SYMBOLS];
+    for (symbol, word) in symbols.iter_mut().enumerate() {
+        let ends = u32::from(END_START[symbol]) | u32::from(END_BITS[symbol]) << 8;
+        *word = ends | MAGNITUDE_START[symbol] << 16 | u32::from(MAGNITUDE_BITS[symbol]) << 28;
+    }
+    words
+}
+
+/// Bytes as a word, the lowest first.
+fn packed(bytes: &[u8]) -> u32 {
+    bytes.iter().rev().fold(0, |word, &byte| word << 8 | u32::from(byte))
+}
+
+fn gpu_channel(group: &Group, channel: usize, first_axis: u32, shift: u32) -> GpuChannel {
+    let mean = i32::from(group.means[channel]).wrapping_shl(shift).wrapping_add(1 << (shift - 1));
+    let weight = |axis: usize| {
+        if axis < usize::from(group.channels) { i32::from(group.axes[channel][axis]) } else { 0 }
+    };
+    GpuChannel { mean, first_axis, weights: std::array::from_fn::<i32, MAX_GROUP, _>(weight) }
+}

@@ -1,0 +1,735 @@
+//! CPU reference of `shaders/wgsl/block.wgsl`, function for function.
+//!
+//! It decodes what [`GpuBlocks`] hands to a GPU, in the order of the compute passes: all streams of a plane, then the inverse
+//! transforms of its blocks, then channels. `decode.rs` gives the same texels, faster: one superblock at a time, 8-bit
+//! magnitudes, loops over lanes.
+
+use glam::{IVec2, IVec4, UVec2};
+use texfold_core::{
+    BLOCK_NOTES, BLOCK_WORDS, BlockPass, BlockPlan, GpuBlocks, GpuChannel, Rect, RegionError,
+};
+
+use super::context::{ESCAPE, ESCAPE_BITS, FIRST_END, FIRST_LAST, LEVELS, SET_TABLES, SIGNS};
+use super::form::MAX_CHANNELS;
+use super::tables::PROBABILITY_BITS;
+
+/// Words of a block.
+pub const TEXFOLD_BLOCK_WORDS: u32 = 64;
+/// First word of the coefficients in coding order: place, column by column, subband behind 8 bits; and behind 16 bits the
+/// number in coding order of the coefficient at the place of that number.
+pub const TEXFOLD_BLOCK_SCAN: u32 = 0;
+/// First word of the classes of expected magnitudes, four a word.
+pub const TEXFOLD_BLOCK_LEVELS: u32 = 64;
+/// First word of the symbols: first number of coefficients, its plain bits behind 8 bits, first magnitude behind 16 bits, its
+/// plain bits behind 28.
+pub const TEXFOLD_BLOCK_SYMBOLS: u32 = 128;
+/// First word of the tables of probabilities: for each of 16 symbols its frequency, and the sum of those before it behind 16 bits.
+pub const TEXFOLD_BLOCK_TABLES: u32 = 144;
+/// Words that are noted of a block's axis.
+pub const TEXFOLD_BLOCK_NOTES: u32 = 5;
+/// Words of a table.
+pub const TEXFOLD_BLOCK_TABLE_WORDS: u32 = 16;
+/// Tables of one kind of plane and axis.
+pub const TEXFOLD_BLOCK_SET_TABLES: u32 = 111;
+/// Tables of a subband.
+pub const TEXFOLD_BLOCK_ZONE_TABLES: u32 = 16;
+/// First table of the last coefficient's magnitude in a set.
+pub const TEXFOLD_BLOCK_FIRST_LAST: u32 = 96;
+/// First table of numbers of coefficients in a set.
+pub const TEXFOLD_BLOCK_FIRST_END: u32 = 102;
+/// The symbol that an escaped magnitude follows.
+pub const TEXFOLD_BLOCK_ESCAPE: u32 = 15;
+/// Most bits of an escaped magnitude.
+pub const TEXFOLD_BLOCK_ESCAPE_BITS: u32 = 24;
+/// Largest magnitude that contexts tell apart.
+pub const TEXFOLD_BLOCK_LARGEST: u32 = 127;
+/// Superblocks of a group of the index.
+pub const TEXFOLD_BLOCK_GROUP: u32 = 32;
+/// Most pairs of symbols of a superblock: 64 blocks of 16 axes, a number of coefficients and 64 magnitudes each.
+pub const TEXFOLD_BLOCK_MAX_ROUNDS: u32 = 33792;
+/// A stream's state below is refilled.
+pub const TEXFOLD_BLOCK_LOW: u32 = 65536;
+/// Binary logarithm of the sum of a table's frequencies.
+pub const TEXFOLD_BLOCK_PROBABILITY_BITS: u32 = 13;
+/// Weight of the first differences of means around a block in its lowest coefficients, in 1/256.
+pub const TEXFOLD_BLOCK_FIRST: i32 = 50;
+/// Weight of the second differences.
+pub const TEXFOLD_BLOCK_SECOND: i32 = 12;
+/// Weight of the differences along both sides.
+pub const TEXFOLD_BLOCK_MIXED: i32 = 10;
+/// The root of 2 in 1/256.
+pub const TEXFOLD_BLOCK_ROOT: i32 = 362;
+/// 2 cos(pi / 8) in 1/256.
+pub const TEXFOLD_BLOCK_ROTATE_BOTH: i32 = 473;
+/// 2 (cos(pi / 8) - cos(3 pi / 8)) in 1/256.
+pub const TEXFOLD_BLOCK_ROTATE_FIRST: i32 = 277;
+/// 2 (cos(pi / 8) + cos(3 pi / 8)) in 1/256.
+pub const TEXFOLD_BLOCK_ROTATE_SECOND: i32 = 669;
+
+// What the shader has as plain numbers is what the decoder has.
+const _: () = assert!(
+    TEXFOLD_BLOCK_SET_TABLES as usize == SET_TABLES
+        && TEXFOLD_BLOCK_ZONE_TABLES as usize == LEVELS
+        && TEXFOLD_BLOCK_FIRST_LAST as usize == FIRST_LAST
+        && TEXFOLD_BLOCK_FIRST_END as usize == FIRST_END
+        && TEXFOLD_BLOCK_ESCAPE as usize == ESCAPE
+        && TEXFOLD_BLOCK_ESCAPE_BITS == ESCAPE_BITS
+        && TEXFOLD_BLOCK_PROBABILITY_BITS == PROBABILITY_BITS
+        && TEXFOLD_BLOCK_NOTES == BLOCK_NOTES
+        && TEXFOLD_BLOCK_WORDS == BLOCK_WORDS
+        && SIGNS == 16
+        && TEXFOLD_BLOCK_MAX_ROUNDS as usize == 64 * 33 * MAX_CHANNELS
+);
+
+/// What a pass of the shader has bound.
+#[derive(Debug)]
+pub struct BlockView<'a> {
+    /// The uniform block.
+    pub pass: &'a BlockPass,
+    /// Constants, tables, steps, index.
+    pub words: &'a [u32],
+    /// The streams' bytes, the lowest of a word first, and a word behind them.
+    pub streams: &'a [u32],
+    /// Coefficients and samples.
+    pub scratch: &'a mut [i32],
+}
+
+/// A stream that is being read.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct TexfoldBlockStream {
+    state: u32,
+    /// First byte that is not read.
+    next: u32,
+    /// First byte behind it.
+    end: u32,
+}
+
+/// What the contexts of a block's axis look at, as places in scratch memory; 0 for what is not there.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct TexfoldBlockAround {
+    /// Its own coefficients.
+    own: u32,
+    left: u32,
+    above: u32,
+    /// The axis before of the same block.
+    cross: u32,
+    /// What is noted of it.
+    notes: u32,
+    /// Weight of its own template in halves.
+    gain: u32,
+    /// First table of its set.
+    tables: u32,
+    /// Table of its number of coefficients.
+    end_table: u32,
+}
+
+/// How far a superblock is read.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct TexfoldBlockProgress {
+    /// What the contexts of the item look at.
+    around: TexfoldBlockAround,
+    /// The block's axis that is read: blocks row by row, all axes of each.
+    item: u32,
+    /// Coefficients of the item that are still to be read; 0 where their number is.
+    left: u32,
+    /// 1 where the next one is the first to be read, which is not 0.
+    is_last: u32,
+    /// The coefficients of the item that are not zero, by their numbers in coding order.
+    nonzero: UVec2,
+}
+
+/// The signs of a block's axis.
+#[derive(Debug, Clone, Copy)]
+pub struct TexfoldBlockSigns {
+    /// The coefficients that are not zero, by their numbers in coding order.
+    nonzero: UVec2,
+    /// Their signs, that of the last one first.
+    signs: UVec2,
+}
+
+/// Texels of a rectangle as a GPU's passes give them: `rect.level` counts the planes, 0 for the image.
+///
+/// # Errors
+/// [`RegionError`] where there is no such plane, or the rectangle is empty or leaves it.
+pub fn decode(blocks: &GpuBlocks<'_>, rect: Rect) -> Result<Vec<u16>, RegionError> {
+    let layout = &blocks.layout;
+    let BlockPlan { passes, words, origin } = layout.plan(rect)?;
+    let streams = stream_words(blocks.streams);
+    let mut scratch = vec![0; words as usize];
+    for pass in &passes {
+        let view = &mut BlockView { pass, words: &blocks.words, streams: &streams, scratch: &mut scratch };
+        let [columns, rows] = pass.count;
+        for number in 0..columns * rows {
+            texfold_block_superblock(view, UVec2::new(number % columns, number / columns));
+        }
+        for slot in 0..pass.held[0] * pass.held[1] * pass.axes {
+            texfold_block_samples(view, slot);
+        }
+    }
+    let Some(pass) = passes.last() else { return Ok(Vec::new()) };
+    let view = &BlockView { pass, words: &blocks.words, streams: &streams, scratch: &mut scratch };
+    let largest = (1i32 << layout.depth) - 1;
+    let texels = (0..rect.height).flat_map(|y| (0..rect.width).map(move |x| UVec2::new(x, y)));
+    let channels = texels.flat_map(|at| layout.channels.iter().map(move |channel| (at, channel)));
+    let value = |(at, channel): (UVec2, &GpuChannel)| {
+        let (held, weights) = (at + UVec2::from(origin), IVec4::from(channel.weights));
+        let GpuChannel { mean, first_axis, .. } = *channel;
+        texfold_block_channel(view, held, mean, first_axis, weights, layout.shift, largest) as u16
+    };
+    Ok(channels.map(value).collect())
+}
+
+/// Bytes as words, the lowest first, and a word of zeros behind them.
+#[must_use]
+pub fn stream_words(bytes: &[u8]) -> Vec<u32> {
+    let word = |chunk: &[u8]| chunk.iter().rev().fold(0, |word, &byte| word << 8 | u32::from(byte));
+    bytes.chunks(4).map(word).chain([0, 0]).collect()
+}
+
+impl BlockView<'_> {
+    fn word(&self, at: u32) -> u32 {
+        self.words[at as usize]
+    }
+
+    fn scratch(&self, at: u32) -> i32 {
+        self.scratch[at as usize]
+    }
+}
+
+/// `otherwise` or `value`, as WGSL has it.
+fn select<T>(otherwise: T, value: T, condition: bool) -> T {
+    if condition { value } else { otherwise }
+}
+
+/// Two bytes of the streams from byte `at` on.
+pub fn texfold_block_pair(view: &BlockView<'_>, at: u32) -> u32 {
+    let low = view.streams[at as usize / 4] >> (8 * (at % 4));
+    let high = (view.streams[at as usize / 4 + 1] << 1) << (31 - 8 * (at % 4));
+    (low | high) & 0xffff
+}
+
+/// Length of a superblock's stream, of that place in the group of the index whose words begin at `group`.
+pub fn texfold_block_length(view: &BlockView<'_>, group: u32, place: u32) -> u32 {
+    let bit = place * view.pass.index_bits;
+    let at = group + 1 + bit / 32;
+    let low = view.word(at) >> (bit % 32);
+    let high = (view.word(at + 1) << 1) << (31 - bit % 32);
+    (low | high) & ((1 << view.pass.index_bits) - 1)
+}
+
+/// The stream of the superblock of that number; empty where it does not lie among the streams' bytes.
+pub fn texfold_block_stream(view: &BlockView<'_>, number: u32) -> TexfoldBlockStream {
+    let group = view.pass.index + number / TEXFOLD_BLOCK_GROUP * (view.pass.index_bits + 1);
+    let place = number % TEXFOLD_BLOCK_GROUP;
+    let first = view.word(group);
+    let mut start = first;
+    for before in 0..place.min(TEXFOLD_BLOCK_GROUP) {
+        start = start.wrapping_add(texfold_block_length(view, group, before));
+    }
+    let mut end = start.wrapping_add(texfold_block_length(view, group, place));
+    if end < first || end > view.pass.stream_bytes {
+        (start, end) = (0, 0);
+    }
+    // The parity of the length says whether the state has 3 or 4 bytes.
+    let length = end - start;
+    let head = select(4 - length % 2, length, length < 4);
+    let bytes = texfold_block_pair(view, start) | texfold_block_pair(view, start + 2) << 16;
+    let mask = (u32::MAX >> (8 * (4 - head.max(1)))) * u32::from(head > 0);
+    TexfoldBlockStream { state: bytes & mask, next: start + head, end }
+}
+
+/// Takes two bytes where the state is low and there are any.
+pub fn texfold_block_refill(view: &BlockView<'_>, stream: &mut TexfoldBlockStream) {
+    if stream.state < TEXFOLD_BLOCK_LOW && stream.next + 2 <= stream.end {
+        stream.state = stream.state << 16 | texfold_block_pair(view, stream.next);
+        stream.next += 2;
+    }
+}
+
+/// The next symbol, by the table of that number.
+pub fn texfold_block_symbol(view: &BlockView<'_>, stream: &mut TexfoldBlockStream, table: u32) -> u32 {
+    let words = TEXFOLD_BLOCK_TABLES + table * TEXFOLD_BLOCK_TABLE_WORDS;
+    let slot = stream.state & ((1 << TEXFOLD_BLOCK_PROBABILITY_BITS) - 1);
+    let mut symbol = select(0, 8, view.word(words + 8) >> 16 <= slot);
+    symbol += select(0, 4, view.word(words + symbol + 4) >> 16 <= slot);
+    symbol += select(0, 2, view.word(words + symbol + 2) >> 16 <= slot);
+    symbol += select(0, 1, view.word(words + symbol + 1) >> 16 <= slot);
+    let range = view.word(words + symbol);
+    let above = stream.state >> TEXFOLD_BLOCK_PROBABILITY_BITS;
+    stream.state = (range & 0xffff).wrapping_mul(above).wrapping_add(slot).wrapping_sub(range >> 16);
+    texfold_block_refill(view, stream);
+    symbol
+}
+
+/// The next number of at most 16 bits.
+pub fn texfold_block_bits(view: &BlockView<'_>, stream: &mut TexfoldBlockStream, count: u32) -> u32 {
+    let value = stream.state & ((1 << count) - 1);
+    stream.state >>= count;
+    texfold_block_refill(view, stream);
+    value
+}
+
+/// A magnitude from 8 on.
+pub fn texfold_block_large(view: &BlockView<'_>, stream: &mut TexfoldBlockStream, symbol: u32) -> u32 {
+    let word = view.word(TEXFOLD_BLOCK_SYMBOLS + symbol);
+    let first = word >> 16 & 0xfff;
+    if symbol < TEXFOLD_BLOCK_ESCAPE {
+        return first + texfold_block_bits(view, stream, word >> 28);
+    }
+    let length = texfold_block_bits(view, stream, 5).min(TEXFOLD_BLOCK_ESCAPE_BITS);
+    let low = texfold_block_bits(view, stream, length.min(12));
+    let high = texfold_block_bits(view, stream, length.max(12) - 12);
+    first + (low | high << 12)
+}
+
+/// Where the contexts of a block's axis look: of the block of that number in its superblock, which has `blocks` columns and
+/// rows and begins at `corner` of the blocks that are held.
+pub fn texfold_block_around(
+    view: &BlockView<'_>,
+    corner: UVec2,
+    blocks: UVec2,
+    block: u32,
+    axis: u32,
+) -> TexfoldBlockAround {
+    let at = UVec2::new(block % blocks.x, block / blocks.x);
+    let [columns, rows] = view.pass.held;
+    let slot = (axis * rows + corner.y + at.y) * columns + corner.x + at.x;
+    let own = view.pass.samples + slot * TEXFOLD_BLOCK_WORDS;
+    let notes = view.pass.notes + slot * TEXFOLD_BLOCK_NOTES;
+    let rank = view.pass.ranks >> (2 * axis) & 3;
+    let (has_left, has_above) = (at.x > 0, at.y > 0);
+    let one = select(0, own.wrapping_sub(TEXFOLD_BLOCK_WORDS), has_left);
+    let other = select(0, own.wrapping_sub(columns * TEXFOLD_BLOCK_WORDS), has_above);
+    let left_end = select(0, notes.wrapping_sub(TEXFOLD_BLOCK_NOTES), has_left);
+    let above_end = select(0, notes.wrapping_sub(columns * TEXFOLD_BLOCK_NOTES), has_above);
+    // Where there is only one neighbour, it counts twice.
+    let left = select(other, one, has_left);
+    let above = select(one, other, has_above);
+    let ends = view.scratch(select(above_end, left_end, has_left)) as u32
+        + view.scratch(select(left_end, above_end, has_above)) as u32;
+    let apart = !has_left && !has_above;
+    let tables = (2 * view.pass.is_base + u32::from(rank > 0)) * TEXFOLD_BLOCK_SET_TABLES;
+    let cross = select(0, own.wrapping_sub(columns * rows * TEXFOLD_BLOCK_WORDS), rank > 1);
+    TexfoldBlockAround {
+        own,
+        left,
+        above,
+        cross,
+        notes,
+        gain: select(4, 5, apart),
+        tables,
+        end_table: tables + TEXFOLD_BLOCK_FIRST_END + select(texfold_block_end_class(ends), 8, apart),
+    }
+}
+
+/// Context by the sum of both neighbours' symbols of the number of coefficients.
+pub fn texfold_block_end_class(sum: u32) -> u32 {
+    select(((sum + 5) / 4).min(7), 0, sum == 0)
+}
+
+/// A coefficient's magnitude as far as contexts tell it apart.
+pub fn texfold_block_magnitude(view: &BlockView<'_>, at: u32) -> u32 {
+    (view.scratch(at) as u32).min(TEXFOLD_BLOCK_LARGEST)
+}
+
+/// Class of the expected magnitude at place `at` of a block, whose coefficients later in the scan are all known.
+pub fn texfold_block_level(view: &BlockView<'_>, around: &TexfoldBlockAround, at: u32) -> u32 {
+    let own = around.own + at;
+    let (right, below) = (at < 56, at % 8 < 7);
+    let magnitude = |at| texfold_block_magnitude(view, at);
+    let later = magnitude(select(0, own + 8, right))
+        + magnitude(select(0, own + 16, at < 48))
+        + magnitude(select(0, own + 1, below))
+        + magnitude(select(0, own + 2, at % 8 < 6))
+        + magnitude(select(0, own + 9, right && below));
+    let expected = ((later * around.gain) >> 1)
+        + magnitude(around.left + at)
+        + magnitude(around.above + at)
+        + magnitude(around.cross + at);
+    let last = expected.min(255);
+    view.word(TEXFOLD_BLOCK_LEVELS + last / 4) >> (8 * (last % 4)) & 255
+}
+
+/// Reads the signs of a block's axis and notes them: up to 16 at once, after all magnitudes.
+pub fn texfold_block_note(
+    view: &mut BlockView<'_>,
+    stream: &mut TexfoldBlockStream,
+    notes: u32,
+    nonzero: UVec2,
+) {
+    let count = nonzero.x.count_ones() + nonzero.y.count_ones();
+    let mut signs = UVec2::new(texfold_block_bits(view, stream, count.min(16)), 0);
+    if count > 16 {
+        signs.x |= texfold_block_bits(view, stream, (count - 16).min(16)) << 16;
+    }
+    if count > 32 {
+        signs.y = texfold_block_bits(view, stream, (count - 32).min(16));
+    }
+    if count > 48 {
+        signs.y |= texfold_block_bits(view, stream, count - 48) << 16;
+    }
+    let words = [nonzero.x, nonzero.y, signs.x, signs.y].map(|word| word as i32);
+    view.scratch[notes as usize + 1..notes as usize + 5].copy_from_slice(&words);
+}
+
+/// Reads a symbol of a superblock of `blocks` columns and rows of blocks, the first of them at `corner` of those that are
+/// held: the number of coefficients of a block's axis or a coefficient's magnitude, which goes to scratch memory.
+pub fn texfold_block_round(
+    view: &mut BlockView<'_>,
+    corner: UVec2,
+    blocks: UVec2,
+    stream: &mut TexfoldBlockStream,
+    progress: &mut TexfoldBlockProgress,
+) {
+    let first = view.pass.has_base;
+    let begins = progress.left == 0;
+    let number = first + progress.left.max(1) - 1;
+    let scan = view.word(TEXFOLD_BLOCK_SCAN + number);
+    let at = scan & 255;
+    let zone = scan >> 8 & 255;
+    let mut table = progress.around.tables + TEXFOLD_BLOCK_FIRST_LAST + zone;
+    if begins {
+        let axes = view.pass.axes;
+        progress.around =
+            texfold_block_around(view, corner, blocks, progress.item / axes, progress.item % axes);
+        table = progress.around.end_table;
+    } else if progress.is_last == 0 {
+        let level = texfold_block_level(view, &progress.around, at);
+        table = progress.around.tables + zone * TEXFOLD_BLOCK_ZONE_TABLES + level;
+    }
+    let symbol = texfold_block_symbol(view, stream, table);
+    if begins {
+        let word = view.word(TEXFOLD_BLOCK_SYMBOLS + symbol);
+        let more = texfold_block_bits(view, stream, word >> 8 & 255);
+        progress.left = ((word & 255) + more).min(TEXFOLD_BLOCK_WORDS - first);
+        progress.is_last = 1;
+        progress.nonzero = UVec2::ZERO;
+        view.scratch[progress.around.notes as usize] = symbol as i32;
+    } else {
+        let mut magnitude = symbol;
+        if symbol > 7 {
+            magnitude = texfold_block_large(view, stream, symbol);
+        }
+        magnitude += progress.is_last;
+        if magnitude > 0 {
+            view.scratch[(progress.around.own + at) as usize] = magnitude as i32;
+            let bit = 1 << (number % 32);
+            progress.nonzero |= select(UVec2::new(bit, 0), UVec2::new(0, bit), number >= 32);
+        }
+        progress.left -= 1;
+        progress.is_last = 0;
+        if progress.left == 0 {
+            texfold_block_note(view, stream, progress.around.notes, progress.nonzero);
+        }
+    }
+    progress.item += u32::from(progress.left == 0);
+}
+
+/// Reads the superblock in that column and row of those to decode.
+pub fn texfold_block_superblock(view: &mut BlockView<'_>, place: UVec2) {
+    let superblock = UVec2::from(view.pass.first) + place;
+    let side = view.pass.side;
+    let blocks = (UVec2::from(view.pass.plane_blocks) - superblock * side).min(UVec2::splat(side));
+    let items = blocks.x * blocks.y * view.pass.axes;
+    let row = view.pass.superblock_start + superblock.y * view.pass.superblock_columns;
+    let mut stream = texfold_block_stream(view, row + superblock.x);
+    let mut progress = TexfoldBlockProgress::default();
+    for _ in 0..(items * 33).min(TEXFOLD_BLOCK_MAX_ROUNDS) {
+        if progress.item >= items {
+            break;
+        }
+        texfold_block_round(view, place * side, blocks, &mut stream, &mut progress);
+        if progress.item < items {
+            texfold_block_round(view, place * side, blocks, &mut stream, &mut progress);
+        }
+    }
+}
+
+/// The base's sample for a block of an axis; beyond a border the nearest one.
+pub fn texfold_block_mean(view: &BlockView<'_>, axis: u32, at: IVec2) -> i32 {
+    let last = UVec2::from(view.pass.plane_blocks).as_ivec2() - 1;
+    let inside = at.clamp(IVec2::ZERO, last).as_uvec2() - UVec2::from(view.pass.base_first);
+    let [columns, rows] = view.pass.base_held;
+    let slot = (axis * rows + inside.y / 8) * columns + inside.x / 8;
+    let place = inside.y % 8 * 8 + inside.x % 8;
+    view.scratch(view.pass.base_samples + slot * TEXFOLD_BLOCK_WORDS + place)
+}
+
+/// A value times a weight in 1/256, rounded.
+pub fn texfold_block_weighted(value: i32, weight: i32) -> i32 {
+    value.wrapping_mul(weight).wrapping_add(128) >> 8
+}
+
+/// What the means around a block say of its coefficients: the columns 0, 1 and 2, three rows each.
+pub fn texfold_block_predict(view: &BlockView<'_>, axis: u32, at: IVec2) -> [IVec4; 3] {
+    let mean = |column, row| texfold_block_mean(view, axis, at + IVec2::new(column, row));
+    let middle = mean(0, 0);
+    let (west, east, north, south) = (mean(-1, 0), mean(1, 0), mean(0, -1), mean(0, 1));
+    let corners = mean(-1, -1).wrapping_sub(mean(1, -1)).wrapping_sub(mean(-1, 1)).wrapping_add(mean(1, 1));
+    let second = |one: i32, other: i32| one.wrapping_add(other).wrapping_sub(middle.wrapping_mul(2));
+    let across = texfold_block_weighted(west.wrapping_sub(east), TEXFOLD_BLOCK_FIRST);
+    let across_second = texfold_block_weighted(second(west, east), TEXFOLD_BLOCK_SECOND);
+    let down = texfold_block_weighted(north.wrapping_sub(south), TEXFOLD_BLOCK_FIRST);
+    let down_second = texfold_block_weighted(second(north, south), TEXFOLD_BLOCK_SECOND);
+    let mixed = texfold_block_weighted(corners, TEXFOLD_BLOCK_MIXED);
+    [
+        IVec4::new(middle, down, down_second, 0),
+        IVec4::new(across, mixed, 0, 0),
+        IVec4::new(across_second, 0, 0, 0),
+    ]
+}
+
+/// What is noted of the signs of the block's axis of that number.
+pub fn texfold_block_signs(view: &BlockView<'_>, slot: u32) -> TexfoldBlockSigns {
+    let notes = view.pass.notes + slot * TEXFOLD_BLOCK_NOTES;
+    let word = |at: u32| view.scratch(notes + at) as u32;
+    TexfoldBlockSigns { nonzero: UVec2::new(word(1), word(2)), signs: UVec2::new(word(3), word(4)) }
+}
+
+/// Whether the coefficient at place `at` is negative.
+pub fn texfold_block_negative(view: &BlockView<'_>, signs: &TexfoldBlockSigns, at: u32) -> bool {
+    let number = view.word(TEXFOLD_BLOCK_SCAN + at) >> 16;
+    let is_high = number >= 32;
+    // Those that were read before it.
+    let before = (select(signs.nonzero.x, signs.nonzero.y, is_high) >> (number % 32)) >> 1;
+    let place = before.count_ones() + select(signs.nonzero.y.count_ones(), 0, is_high);
+    select(signs.signs.x, signs.signs.y, place >= 32) >> (place % 32) & 1 == 1
+}
+
+/// What the magnitude in scratch memory at `own` + `at` stands for, `at` its place in the block.
+pub fn texfold_block_rebuilt(view: &BlockView<'_>, signs: &TexfoldBlockSigns, own: u32, at: u32) -> i32 {
+    let magnitude = view.scratch(own + at) as u32;
+    let offset = view.pass.offsets >> (8 * u32::from(magnitude > 1)) & 255;
+    let finer = (magnitude << 5).wrapping_sub(offset * u32::from(magnitude > 0));
+    let value = (finer.wrapping_mul(view.word(view.pass.steps + at)) >> 9) as i32;
+    select(value, value.wrapping_neg(), texfold_block_negative(view, signs, at))
+}
+
+/// Four of them.
+pub fn texfold_block_four(view: &BlockView<'_>, signs: &TexfoldBlockSigns, own: u32, at: u32) -> IVec4 {
+    IVec4::new(
+        texfold_block_rebuilt(view, signs, own, at),
+        texfold_block_rebuilt(view, signs, own, at + 1),
+        texfold_block_rebuilt(view, signs, own, at + 2),
+        texfold_block_rebuilt(view, signs, own, at + 3),
+    )
+}
+
+/// Times a constant in 1/256, rounded.
+pub fn texfold_block_times(value: IVec4, constant: i32) -> IVec4 {
+    value.wrapping_mul(IVec4::splat(constant)).wrapping_add(IVec4::splat(128)) >> 8
+}
+
+/// Four transforms side by side: the eight values of which `input` has the frequencies.
+pub fn texfold_block_transform(input: [IVec4; 8]) -> [IVec4; 8] {
+    let add = IVec4::wrapping_add;
+    let sub = IVec4::wrapping_sub;
+    let (sum, difference) = (add(input[0], input[4]), sub(input[0], input[4]));
+    let both = add(input[2], input[6]);
+    let turned = sub(texfold_block_times(sub(input[2], input[6]), TEXFOLD_BLOCK_ROOT), both);
+    let (even0, even1) = (add(sum, both), add(difference, turned));
+    let (even2, even3) = (sub(difference, turned), sub(sum, both));
+    let (z13, z10) = (add(input[5], input[3]), sub(input[5], input[3]));
+    let (z11, z12) = (add(input[1], input[7]), sub(input[1], input[7]));
+    let odd0 = add(z11, z13);
+    let z5 = texfold_block_times(add(z10, z12), TEXFOLD_BLOCK_ROTATE_BOTH);
+    let odd1 = sub(sub(z5, texfold_block_times(z10, TEXFOLD_BLOCK_ROTATE_SECOND)), odd0);
+    let odd2 = sub(texfold_block_times(sub(z11, z13), TEXFOLD_BLOCK_ROOT), odd1);
+    let odd3 = add(sub(texfold_block_times(z12, TEXFOLD_BLOCK_ROTATE_FIRST), z5), odd2);
+    [
+        add(even0, odd0),
+        add(even1, odd1),
+        add(even2, odd2),
+        sub(even3, odd3),
+        add(even3, odd3),
+        sub(even2, odd2),
+        sub(even1, odd1),
+        sub(even0, odd0),
+    ]
+}
+
+/// Four columns of four values as rows.
+pub fn texfold_block_square(a: IVec4, b: IVec4, c: IVec4, d: IVec4) -> [IVec4; 4] {
+    [
+        IVec4::new(a.x, b.x, c.x, d.x),
+        IVec4::new(a.y, b.y, c.y, d.y),
+        IVec4::new(a.z, b.z, c.z, d.z),
+        IVec4::new(a.w, b.w, c.w, d.w),
+    ]
+}
+
+/// Four columns of a block's samples from the rows 0 to 3 and 4 to 7 of its coefficients' transform, four columns of them.
+pub fn texfold_block_rows(upper: [IVec4; 4], lower: [IVec4; 4]) -> [IVec4; 8] {
+    let a = texfold_block_square(upper[0], upper[1], upper[2], upper[3]);
+    let b = texfold_block_square(lower[0], lower[1], lower[2], lower[3]);
+    [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]
+}
+
+/// Holds a row of a block's samples.
+pub fn texfold_block_put(view: &mut BlockView<'_>, at: u32, left: IVec4, right: IVec4) {
+    let at = at as usize;
+    view.scratch[at..at + 4].copy_from_slice(&left.to_array());
+    view.scratch[at + 4..at + 8].copy_from_slice(&right.to_array());
+}
+
+/// Half of a block's columns, transformed along its rows: the upper half where `at` is 0, the lower one where it is 4.
+pub fn texfold_block_half(
+    view: &BlockView<'_>,
+    signs: &TexfoldBlockSigns,
+    own: u32,
+    at: u32,
+    predicted: [IVec4; 3],
+) -> [IVec4; 8] {
+    let four = |column: u32| texfold_block_four(view, signs, own, at + 8 * column);
+    texfold_block_transform([
+        four(0).wrapping_add(predicted[0]),
+        four(1).wrapping_add(predicted[1]),
+        four(2).wrapping_add(predicted[2]),
+        four(3),
+        four(4),
+        four(5),
+        four(6),
+        four(7),
+    ])
+}
+
+/// Turns the coefficients of a block's axis, the one of that number of those that are held, into its samples, in their place.
+pub fn texfold_block_samples(view: &mut BlockView<'_>, slot: u32) {
+    let [columns, rows] = view.pass.held;
+    let axis = slot / (columns * rows);
+    let place = UVec2::new(slot % columns, slot / columns % rows);
+    let at = (UVec2::from(view.pass.first) * view.pass.side + place).as_ivec2();
+    let own = view.pass.samples + slot * TEXFOLD_BLOCK_WORDS;
+    let none = [IVec4::ZERO; 3];
+    let predicted = if view.pass.has_base == 1 { texfold_block_predict(view, axis, at) } else { none };
+    let signs = texfold_block_signs(view, slot);
+    let [upper0, upper1, upper2, upper3, upper4, upper5, upper6, upper7] =
+        texfold_block_half(view, &signs, own, 0, predicted);
+    let [lower0, lower1, lower2, lower3, lower4, lower5, lower6, lower7] =
+        texfold_block_half(view, &signs, own, 4, none);
+    let left = texfold_block_transform(texfold_block_rows(
+        [upper0, upper1, upper2, upper3],
+        [lower0, lower1, lower2, lower3],
+    ));
+    let right = texfold_block_transform(texfold_block_rows(
+        [upper4, upper5, upper6, upper7],
+        [lower4, lower5, lower6, lower7],
+    ));
+    for (row, (left, right)) in (0..).zip(left.into_iter().zip(right)) {
+        texfold_block_put(view, own + 8 * row, left, right);
+    }
+}
+
+/// A sample of an axis, of those that are held.
+pub fn texfold_block_sample(view: &BlockView<'_>, axis: u32, at: UVec2) -> i32 {
+    let [columns, rows] = view.pass.held;
+    let slot = (axis.min(view.pass.axes - 1) * rows + at.y / 8) * columns + at.x / 8;
+    let place = at.y % 8 * 8 + at.x % 8;
+    view.scratch(view.pass.samples + slot * TEXFOLD_BLOCK_WORDS + place)
+}
+
+/// A channel of the texel at `at` of those that are held: `mean` and the weighted axes from `first` on, of which `shift` bits
+/// are fractional, between 0 and `largest`.
+pub fn texfold_block_channel(
+    view: &BlockView<'_>,
+    at: UVec2,
+    mean: i32,
+    first: u32,
+    weights: IVec4,
+    shift: u32,
+    largest: i32,
+) -> i32 {
+    let part = |rank: u32, weight: i32| texfold_block_sample(view, first + rank, at).wrapping_mul(weight);
+    let sum = mean
+        .wrapping_add(part(0, weights.x))
+        .wrapping_add(part(1, weights.y))
+        .wrapping_add(part(2, weights.z))
+        .wrapping_add(part(3, weights.w));
+    (sum >> shift).clamp(0, largest)
+}
+
+#[cfg(all(test, feature = "encode"))]
+mod tests {
+    use super::*;
+    use crate::block::BlockTexture;
+    use crate::block::encode::{BlockEncoder, BlockMetric, BlockParams, BlockSource};
+    use texfold_core::container::Reader;
+    use texfold_core::rng::Rng;
+    use texfold_core::{Budget, CancelCheck, String4, SurfaceSize};
+
+    /// A texture of noise on a slope, with superblocks of that side, at that step.
+    fn texture((width, height): (u32, u32), groups: &[u8], depth: u8, log2: u8, step: u16) -> BlockTexture {
+        let mut rng = Rng::new(u64::from(step));
+        let channels: u32 = groups.iter().map(|&channels| u32::from(channels)).sum();
+        let scale = if depth > 8 { 257 } else { 1 };
+        let sample =
+            |at: u32| (at / channels % width / 2 + rng.below(60) + at % channels * 40).min(255) * scale;
+        let samples = (0..width * height * channels).map(sample).map(|sample| sample as u16).collect();
+        let source = BlockSource::new(SurfaceSize { width, height }, groups, depth, samples).unwrap();
+        let params = BlockParams::default().with_superblock_log2(log2).with_metric(BlockMetric::Psnr);
+        BlockEncoder::new(&source, &params, CancelCheck::default()).unwrap().at_step(step).unwrap()
+    }
+
+    /// The decoder's texels of a rectangle, and the twin's.
+    fn both(texture: &BlockTexture, rect: Rect) -> [Vec<u16>; 2] {
+        let mut out = vec![0u16; (rect.width * rect.height) as usize * texture.form().channels()];
+        texture.decode(rect, &mut out).unwrap();
+        [out, decode(&texture.gpu(), rect).unwrap()]
+    }
+
+    fn whole(texture: &BlockTexture) -> Rect {
+        let SurfaceSize { width, height } = texture.form().size;
+        Rect { surface: 0, level: 0, x: 0, y: 0, width, height }
+    }
+
+    #[test]
+    fn images_equal_those_of_the_decoder() {
+        let shapes: [((u32, u32), &[u8], u8, u8, u16); 6] = [
+            ((1, 1), &[3], 8, 4, 2000),
+            ((3, 5), &[1], 8, 5, 1200),
+            ((129, 8), &[3, 1], 8, 4, 1600),
+            ((37, 61), &[4], 16, 5, 3600),
+            ((150, 200), &[2, 3], 8, 6, 800),
+            ((40, 90), &[4, 4, 4, 4], 8, 6, 1800),
+        ];
+        for (size, groups, depth, log2, step) in shapes {
+            let texture = texture(size, groups, depth, log2, step);
+            let [wanted, found] = both(&texture, whole(&texture));
+            assert!(wanted == found, "{size:?} {groups:?}");
+        }
+    }
+
+    #[test]
+    fn rectangles_equal_those_of_the_decoder() {
+        let texture = texture((600, 140), &[3], 8, 4, 1680);
+        let mut rng = Rng::new(1);
+        for _ in 0..30 {
+            let (x, y) = (rng.below(600), rng.below(140));
+            let (width, height) = (1 + rng.below(600 - x), 1 + rng.below(140 - y));
+            let rect = Rect { x, y, width, height, ..whole(&texture) };
+            let [wanted, found] = both(&texture, rect);
+            assert!(wanted == found, "{rect:?}");
+        }
+    }
+
+    #[test]
+    fn forged_streams_and_lengths_decode_alike() {
+        let texture = texture((150, 70), &[3], 8, 5, 1200);
+        let bytes = texture.to_bytes();
+        let streams = texture.gpu().streams.len();
+        let mut rng = Rng::new(7);
+        for round in 0..60 {
+            // The index stands before tables and streams; every other round forges it alone, and never the header.
+            let mut forged = bytes.clone();
+            let first = if round % 2 == 0 { bytes.len() - streams } else { 60 };
+            let last = if round % 2 == 0 { bytes.len() } else { bytes.len() - streams };
+            for _ in 0..1 + rng.below(40) {
+                forged[first + rng.below((last - first) as u32) as usize] = rng.below(256) as u8;
+            }
+            let mut reader = Reader::new(String4(*b"TEST"), &forged);
+            let Ok(texture) = BlockTexture::read(&mut reader, &mut Budget::default()) else { continue };
+            let [wanted, found] = both(&texture, whole(&texture));
+            assert!(wanted == found, "round {round}");
+        }
+    }
+}

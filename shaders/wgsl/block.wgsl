@@ -1,0 +1,588 @@
+// Textures in blocks of variable length, decoded by compute passes: a superblock's stream an invocation, then a block's
+// inverse transform an invocation. CPU twins: crates/residual/src/block/twin.rs.
+//
+// All arithmetic is in 32-bit integers and wraps, so every device gives the texels of the CPU. Any bytes decode: streams end
+// where the index and the length of all streams say, loops are bounded, and whatever a stream holds leads to places inside
+// of the buffers. Coefficients, and later the samples in their place, lie in scratch memory, which is also what contexts
+// look at; its first block stays 0 and stands for what lies beyond a border.
+
+// Words of a block.
+const TEXFOLD_BLOCK_WORDS: u32 = 64u;
+// First word of the coefficients in coding order: place, column by column, subband behind 8 bits; and behind 16 bits the
+// number in coding order of the coefficient at the place of that number.
+const TEXFOLD_BLOCK_SCAN: u32 = 0u;
+// First word of the classes of expected magnitudes, four a word.
+const TEXFOLD_BLOCK_LEVELS: u32 = 64u;
+// First word of the symbols: first number of coefficients, its plain bits behind 8 bits, first magnitude behind 16 bits, its
+// plain bits behind 28.
+const TEXFOLD_BLOCK_SYMBOLS: u32 = 128u;
+// First word of the tables of probabilities: for each of 16 symbols its frequency, and the sum of those before it behind 16 bits.
+const TEXFOLD_BLOCK_TABLES: u32 = 144u;
+// Words that are noted of a block's axis.
+const TEXFOLD_BLOCK_NOTES: u32 = 5u;
+// Words of a table.
+const TEXFOLD_BLOCK_TABLE_WORDS: u32 = 16u;
+// Tables of one kind of plane and axis.
+const TEXFOLD_BLOCK_SET_TABLES: u32 = 111u;
+// Tables of a subband.
+const TEXFOLD_BLOCK_ZONE_TABLES: u32 = 16u;
+// First table of the last coefficient's magnitude in a set.
+const TEXFOLD_BLOCK_FIRST_LAST: u32 = 96u;
+// First table of numbers of coefficients in a set.
+const TEXFOLD_BLOCK_FIRST_END: u32 = 102u;
+// The symbol that an escaped magnitude follows.
+const TEXFOLD_BLOCK_ESCAPE: u32 = 15u;
+// Most bits of an escaped magnitude.
+const TEXFOLD_BLOCK_ESCAPE_BITS: u32 = 24u;
+// Largest magnitude that contexts tell apart.
+const TEXFOLD_BLOCK_LARGEST: u32 = 127u;
+// Superblocks of a group of the index.
+const TEXFOLD_BLOCK_GROUP: u32 = 32u;
+// Most pairs of symbols of a superblock: 64 blocks of 16 axes, a number of coefficients and 64 magnitudes each.
+const TEXFOLD_BLOCK_MAX_ROUNDS: u32 = 33792u;
+// A stream's state below is refilled.
+const TEXFOLD_BLOCK_LOW: u32 = 65536u;
+// Binary logarithm of the sum of a table's frequencies.
+const TEXFOLD_BLOCK_PROBABILITY_BITS: u32 = 13u;
+// Weights of the means around a block in its lowest coefficients, in 1/256: first, second and mixed differences.
+const TEXFOLD_BLOCK_FIRST: i32 = 50;
+const TEXFOLD_BLOCK_SECOND: i32 = 12;
+const TEXFOLD_BLOCK_MIXED: i32 = 10;
+// Constants of the transform in 1/256: the root of 2, 2 cos(pi / 8), 2 (cos(pi / 8) - cos(3 pi / 8)), their sum times 2.
+const TEXFOLD_BLOCK_ROOT: i32 = 362;
+const TEXFOLD_BLOCK_ROTATE_BOTH: i32 = 473;
+const TEXFOLD_BLOCK_ROTATE_FIRST: i32 = 277;
+const TEXFOLD_BLOCK_ROTATE_SECOND: i32 = 669;
+
+// What is decoded of one plane: texfold_core::BlockPass.
+struct TexfoldBlockPass {
+    plane_blocks: vec2<u32>,
+    first: vec2<u32>,
+    count: vec2<u32>,
+    held: vec2<u32>,
+    base_first: vec2<u32>,
+    base_held: vec2<u32>,
+    superblock_columns: u32,
+    superblock_start: u32,
+    side: u32,
+    axes: u32,
+    ranks: u32,
+    is_base: u32,
+    has_base: u32,
+    samples: u32,
+    notes: u32,
+    base_samples: u32,
+    steps: u32,
+    offsets: u32,
+    index: u32,
+    index_bits: u32,
+    stream_bytes: u32,
+    reserved: u32,
+}
+
+@group(0) @binding(0) var<uniform> texfold_block_pass: TexfoldBlockPass;
+// Constants, tables of probabilities, steps, index.
+@group(0) @binding(1) var<storage, read> texfold_block_words: array<u32>;
+// The streams' bytes, and a word behind them.
+@group(0) @binding(2) var<storage, read> texfold_block_streams: array<u32>;
+@group(0) @binding(3) var<storage, read_write> texfold_block_scratch: array<i32>;
+
+// A stream that is being read.
+struct TexfoldBlockStream {
+    state: u32,
+    // First byte that is not read.
+    next: u32,
+    // First byte behind it.
+    end: u32,
+}
+
+// What the contexts of a block's axis look at, as places in scratch memory; 0 for what is not there.
+struct TexfoldBlockAround {
+    // Its own coefficients.
+    own: u32,
+    left: u32,
+    above: u32,
+    // The axis before of the same block.
+    cross: u32,
+    // What is noted of it.
+    notes: u32,
+    // Weight of its own template in halves.
+    gain: u32,
+    // First table of its set.
+    tables: u32,
+    // Table of its number of coefficients.
+    end_table: u32,
+}
+
+// How far a superblock is read.
+struct TexfoldBlockProgress {
+    // What the contexts of the item look at.
+    around: TexfoldBlockAround,
+    // The block's axis that is read: blocks row by row, all axes of each.
+    item: u32,
+    // Coefficients of the item that are still to be read; 0 where their number is.
+    left: u32,
+    // 1 where the next one is the first to be read, which is not 0.
+    is_last: u32,
+    // The coefficients of the item that are not zero, by their numbers in coding order.
+    nonzero: vec2<u32>,
+}
+
+// The signs of a block's axis.
+struct TexfoldBlockSigns {
+    // The coefficients that are not zero, by their numbers in coding order.
+    nonzero: vec2<u32>,
+    // Their signs, that of the last one first.
+    signs: vec2<u32>,
+}
+
+// Two bytes of the streams from byte `at` on.
+fn texfold_block_pair(at: u32) -> u32 {
+    let low = texfold_block_streams[at / 4u] >> (8u * (at % 4u));
+    let high = (texfold_block_streams[at / 4u + 1u] << 1u) << (31u - 8u * (at % 4u));
+    return (low | high) & 0xffffu;
+}
+
+// Length of a superblock's stream, of that place in the group of the index whose words begin at `group`.
+fn texfold_block_length(group: u32, place: u32) -> u32 {
+    let bit = place * texfold_block_pass.index_bits;
+    let at = group + 1u + bit / 32u;
+    let low = texfold_block_words[at] >> (bit % 32u);
+    let high = (texfold_block_words[at + 1u] << 1u) << (31u - bit % 32u);
+    return (low | high) & ((1u << texfold_block_pass.index_bits) - 1u);
+}
+
+// The stream of the superblock of that number; empty where it does not lie among the streams' bytes.
+fn texfold_block_stream(number: u32) -> TexfoldBlockStream {
+    let group = texfold_block_pass.index
+        + number / TEXFOLD_BLOCK_GROUP * (texfold_block_pass.index_bits + 1u);
+    let place = number % TEXFOLD_BLOCK_GROUP;
+    let first = texfold_block_words[group];
+    var start = first;
+    for (var before = 0u; before < min(place, TEXFOLD_BLOCK_GROUP); before += 1u) {
+        start += texfold_block_length(group, before);
+    }
+    var end = start + texfold_block_length(group, place);
+    if end < first || end > texfold_block_pass.stream_bytes {
+        start = 0u;
+        end = 0u;
+    }
+    // The parity of the length says whether the state has 3 or 4 bytes.
+    let length = end - start;
+    let head = select(4u - length % 2u, length, length < 4u);
+    let bytes = texfold_block_pair(start) | (texfold_block_pair(start + 2u) << 16u);
+    let mask = (0xffffffffu >> (8u * (4u - max(head, 1u)))) * u32(head > 0u);
+    return TexfoldBlockStream(bytes & mask, start + head, end);
+}
+
+// Takes two bytes where the state is low and there are any.
+fn texfold_block_refill(stream: ptr<function, TexfoldBlockStream>) {
+    if (*stream).state < TEXFOLD_BLOCK_LOW && (*stream).next + 2u <= (*stream).end {
+        (*stream).state = ((*stream).state << 16u) | texfold_block_pair((*stream).next);
+        (*stream).next += 2u;
+    }
+}
+
+// The next symbol, by the table of that number: halving and not a loop, whose rounds software renderers count.
+fn texfold_block_symbol(stream: ptr<function, TexfoldBlockStream>, table: u32) -> u32 {
+    let words = TEXFOLD_BLOCK_TABLES + table * TEXFOLD_BLOCK_TABLE_WORDS;
+    let slot = (*stream).state & ((1u << TEXFOLD_BLOCK_PROBABILITY_BITS) - 1u);
+    var symbol = select(0u, 8u, texfold_block_words[words + 8u] >> 16u <= slot);
+    symbol += select(0u, 4u, texfold_block_words[words + symbol + 4u] >> 16u <= slot);
+    symbol += select(0u, 2u, texfold_block_words[words + symbol + 2u] >> 16u <= slot);
+    symbol += select(0u, 1u, texfold_block_words[words + symbol + 1u] >> 16u <= slot);
+    let range = texfold_block_words[words + symbol];
+    let above = (*stream).state >> TEXFOLD_BLOCK_PROBABILITY_BITS;
+    (*stream).state = (range & 0xffffu) * above + slot - (range >> 16u);
+    texfold_block_refill(stream);
+    return symbol;
+}
+
+// The next number of at most 16 bits.
+fn texfold_block_bits(stream: ptr<function, TexfoldBlockStream>, count: u32) -> u32 {
+    let value = (*stream).state & ((1u << count) - 1u);
+    (*stream).state >>= count;
+    texfold_block_refill(stream);
+    return value;
+}
+
+// A magnitude from 8 on.
+fn texfold_block_large(stream: ptr<function, TexfoldBlockStream>, symbol: u32) -> u32 {
+    let word = texfold_block_words[TEXFOLD_BLOCK_SYMBOLS + symbol];
+    let first = (word >> 16u) & 0xfffu;
+    if symbol < TEXFOLD_BLOCK_ESCAPE {
+        return first + texfold_block_bits(stream, word >> 28u);
+    }
+    let length = min(texfold_block_bits(stream, 5u), TEXFOLD_BLOCK_ESCAPE_BITS);
+    let low = texfold_block_bits(stream, min(length, 12u));
+    let high = texfold_block_bits(stream, max(length, 12u) - 12u);
+    return first + (low | (high << 12u));
+}
+
+// Where the contexts of a block's axis look: of the block of that number in its superblock, which has `blocks` columns and rows
+// and begins at `corner` of the blocks that are held.
+fn texfold_block_around(corner: vec2<u32>, blocks: vec2<u32>, block: u32, axis: u32) -> TexfoldBlockAround {
+    let at = vec2<u32>(block % blocks.x, block / blocks.x);
+    let held = texfold_block_pass.held;
+    let slot = (axis * held.y + corner.y + at.y) * held.x + corner.x + at.x;
+    let own = texfold_block_pass.samples + slot * TEXFOLD_BLOCK_WORDS;
+    let notes = texfold_block_pass.notes + slot * TEXFOLD_BLOCK_NOTES;
+    let rank = (texfold_block_pass.ranks >> (2u * axis)) & 3u;
+    let has_left = at.x > 0u;
+    let has_above = at.y > 0u;
+    let one = select(0u, own - TEXFOLD_BLOCK_WORDS, has_left);
+    let other = select(0u, own - held.x * TEXFOLD_BLOCK_WORDS, has_above);
+    let left_end = select(0u, notes - TEXFOLD_BLOCK_NOTES, has_left);
+    let above_end = select(0u, notes - held.x * TEXFOLD_BLOCK_NOTES, has_above);
+    // Where there is only one neighbour, it counts twice.
+    let left = select(other, one, has_left);
+    let above = select(one, other, has_above);
+    let ends = u32(texfold_block_scratch[select(above_end, left_end, has_left)])
+        + u32(texfold_block_scratch[select(left_end, above_end, has_above)]);
+    let apart = !has_left && !has_above;
+    let tables = (2u * texfold_block_pass.is_base + u32(rank > 0u)) * TEXFOLD_BLOCK_SET_TABLES;
+    let cross = select(0u, own - held.x * held.y * TEXFOLD_BLOCK_WORDS, rank > 1u);
+    return TexfoldBlockAround(
+        own,
+        left,
+        above,
+        cross,
+        notes,
+        select(4u, 5u, apart),
+        tables,
+        tables + TEXFOLD_BLOCK_FIRST_END + select(texfold_block_end_class(ends), 8u, apart),
+    );
+}
+
+// Context by the sum of both neighbours' symbols of the number of coefficients.
+fn texfold_block_end_class(sum: u32) -> u32 {
+    return select(min((sum + 5u) / 4u, 7u), 0u, sum == 0u);
+}
+
+// A coefficient's magnitude as far as contexts tell it apart.
+fn texfold_block_magnitude(at: u32) -> u32 {
+    return min(u32(texfold_block_scratch[at]), TEXFOLD_BLOCK_LARGEST);
+}
+
+// Class of the expected magnitude at place `at` of a block, whose coefficients later in the scan are all known.
+fn texfold_block_level(around: TexfoldBlockAround, at: u32) -> u32 {
+    let own = around.own + at;
+    let right = at < 56u;
+    let below = at % 8u < 7u;
+    let later = texfold_block_magnitude(select(0u, own + 8u, right))
+        + texfold_block_magnitude(select(0u, own + 16u, at < 48u))
+        + texfold_block_magnitude(select(0u, own + 1u, below))
+        + texfold_block_magnitude(select(0u, own + 2u, at % 8u < 6u))
+        + texfold_block_magnitude(select(0u, own + 9u, right && below));
+    let expected = ((later * around.gain) >> 1u)
+        + texfold_block_magnitude(around.left + at)
+        + texfold_block_magnitude(around.above + at)
+        + texfold_block_magnitude(around.cross + at);
+    let last = min(expected, 255u);
+    return (texfold_block_words[TEXFOLD_BLOCK_LEVELS + last / 4u] >> (8u * (last % 4u))) & 255u;
+}
+
+// Reads the signs of a block's axis and notes them: up to 16 at once, after all magnitudes.
+fn texfold_block_note(stream: ptr<function, TexfoldBlockStream>, notes: u32, nonzero: vec2<u32>) {
+    let count = countOneBits(nonzero.x) + countOneBits(nonzero.y);
+    var signs = vec2<u32>(texfold_block_bits(stream, min(count, 16u)), 0u);
+    if count > 16u {
+        signs.x |= texfold_block_bits(stream, min(count - 16u, 16u)) << 16u;
+    }
+    if count > 32u {
+        signs.y = texfold_block_bits(stream, min(count - 32u, 16u));
+    }
+    if count > 48u {
+        signs.y |= texfold_block_bits(stream, count - 48u) << 16u;
+    }
+    texfold_block_scratch[notes + 1u] = i32(nonzero.x);
+    texfold_block_scratch[notes + 2u] = i32(nonzero.y);
+    texfold_block_scratch[notes + 3u] = i32(signs.x);
+    texfold_block_scratch[notes + 4u] = i32(signs.y);
+}
+
+// Reads a symbol of a superblock of `blocks` columns and rows of blocks, the first of them at `corner` of those that are held:
+// the number of coefficients of a block's axis or a coefficient's magnitude, which goes to scratch memory.
+fn texfold_block_round(
+    corner: vec2<u32>,
+    blocks: vec2<u32>,
+    stream: ptr<function, TexfoldBlockStream>,
+    progress: ptr<function, TexfoldBlockProgress>,
+) {
+    let first = texfold_block_pass.has_base;
+    let begins = (*progress).left == 0u;
+    let number = first + max((*progress).left, 1u) - 1u;
+    let scan = texfold_block_words[TEXFOLD_BLOCK_SCAN + number];
+    let at = scan & 255u;
+    let zone = (scan >> 8u) & 255u;
+    var table = (*progress).around.tables + TEXFOLD_BLOCK_FIRST_LAST + zone;
+    if begins {
+        let axes = texfold_block_pass.axes;
+        (*progress).around =
+            texfold_block_around(corner, blocks, (*progress).item / axes, (*progress).item % axes);
+        table = (*progress).around.end_table;
+    } else if (*progress).is_last == 0u {
+        table = (*progress).around.tables + zone * TEXFOLD_BLOCK_ZONE_TABLES
+            + texfold_block_level((*progress).around, at);
+    }
+    let symbol = texfold_block_symbol(stream, table);
+    if begins {
+        let word = texfold_block_words[TEXFOLD_BLOCK_SYMBOLS + symbol];
+        let more = texfold_block_bits(stream, (word >> 8u) & 255u);
+        (*progress).left = min((word & 255u) + more, TEXFOLD_BLOCK_WORDS - first);
+        (*progress).is_last = 1u;
+        (*progress).nonzero = vec2<u32>(0u);
+        texfold_block_scratch[(*progress).around.notes] = i32(symbol);
+    } else {
+        var magnitude = symbol;
+        if symbol > 7u {
+            magnitude = texfold_block_large(stream, symbol);
+        }
+        magnitude += (*progress).is_last;
+        if magnitude > 0u {
+            texfold_block_scratch[(*progress).around.own + at] = i32(magnitude);
+            let bit = 1u << (number % 32u);
+            (*progress).nonzero |= select(vec2<u32>(bit, 0u), vec2<u32>(0u, bit), number >= 32u);
+        }
+        (*progress).left -= 1u;
+        (*progress).is_last = 0u;
+        if (*progress).left == 0u {
+            texfold_block_note(stream, (*progress).around.notes, (*progress).nonzero);
+        }
+    }
+    (*progress).item += u32((*progress).left == 0u);
+}
+
+// Reads the superblock in that column and row of those to decode. Invocations side by side stay together although their
+// blocks are of different lengths, as each round reads a symbol whatever it is. Two rounds a time: Mesa's software renderer
+// ends all loops of an invocation after 65535 rounds.
+fn texfold_block_superblock(place: vec2<u32>) {
+    let superblock = texfold_block_pass.first + place;
+    let side = texfold_block_pass.side;
+    let blocks = min(texfold_block_pass.plane_blocks - superblock * side, vec2<u32>(side));
+    let items = blocks.x * blocks.y * texfold_block_pass.axes;
+    let row = texfold_block_pass.superblock_start + superblock.y * texfold_block_pass.superblock_columns;
+    var stream = texfold_block_stream(row + superblock.x);
+    var progress: TexfoldBlockProgress;
+    for (var round = 0u; round < min(items * 33u, TEXFOLD_BLOCK_MAX_ROUNDS); round += 1u) {
+        if progress.item >= items {
+            break;
+        }
+        texfold_block_round(place * side, blocks, &stream, &progress);
+        if progress.item < items {
+            texfold_block_round(place * side, blocks, &stream, &progress);
+        }
+    }
+}
+
+// The base's sample for a block of an axis; beyond a border the nearest one.
+fn texfold_block_mean(axis: u32, at: vec2<i32>) -> i32 {
+    let last = vec2<i32>(texfold_block_pass.plane_blocks) - vec2<i32>(1);
+    let inside = vec2<u32>(clamp(at, vec2<i32>(0), last)) - texfold_block_pass.base_first;
+    let held = texfold_block_pass.base_held;
+    let slot = (axis * held.y + inside.y / 8u) * held.x + inside.x / 8u;
+    let place = inside.y % 8u * 8u + inside.x % 8u;
+    return texfold_block_scratch[texfold_block_pass.base_samples + slot * TEXFOLD_BLOCK_WORDS + place];
+}
+
+// A value times a weight in 1/256, rounded.
+fn texfold_block_weighted(value: i32, weight: i32) -> i32 {
+    return (value * weight + 128) >> 8u;
+}
+
+// What the means around a block say of its coefficients: the columns 0, 1 and 2, three rows each.
+fn texfold_block_predict(axis: u32, at: vec2<i32>) -> array<vec4<i32>, 3> {
+    let middle = texfold_block_mean(axis, at);
+    let west = texfold_block_mean(axis, at + vec2<i32>(-1, 0));
+    let east = texfold_block_mean(axis, at + vec2<i32>(1, 0));
+    let north = texfold_block_mean(axis, at + vec2<i32>(0, -1));
+    let south = texfold_block_mean(axis, at + vec2<i32>(0, 1));
+    let corners = texfold_block_mean(axis, at + vec2<i32>(-1, -1))
+        - texfold_block_mean(axis, at + vec2<i32>(1, -1))
+        - texfold_block_mean(axis, at + vec2<i32>(-1, 1))
+        + texfold_block_mean(axis, at + vec2<i32>(1, 1));
+    let across = texfold_block_weighted(west - east, TEXFOLD_BLOCK_FIRST);
+    let across_second = texfold_block_weighted(west + east - middle * 2, TEXFOLD_BLOCK_SECOND);
+    let down = texfold_block_weighted(north - south, TEXFOLD_BLOCK_FIRST);
+    let down_second = texfold_block_weighted(north + south - middle * 2, TEXFOLD_BLOCK_SECOND);
+    let mixed = texfold_block_weighted(corners, TEXFOLD_BLOCK_MIXED);
+    return array<vec4<i32>, 3>(
+        vec4<i32>(middle, down, down_second, 0),
+        vec4<i32>(across, mixed, 0, 0),
+        vec4<i32>(across_second, 0, 0, 0),
+    );
+}
+
+// What is noted of the signs of the block's axis of that number.
+fn texfold_block_signs(slot: u32) -> TexfoldBlockSigns {
+    let notes = texfold_block_pass.notes + slot * TEXFOLD_BLOCK_NOTES;
+    let nonzero = vec2<i32>(texfold_block_scratch[notes + 1u], texfold_block_scratch[notes + 2u]);
+    let signs = vec2<i32>(texfold_block_scratch[notes + 3u], texfold_block_scratch[notes + 4u]);
+    return TexfoldBlockSigns(vec2<u32>(nonzero), vec2<u32>(signs));
+}
+
+// Whether the coefficient at place `at` is negative.
+fn texfold_block_negative(signs: TexfoldBlockSigns, at: u32) -> bool {
+    let number = texfold_block_words[TEXFOLD_BLOCK_SCAN + at] >> 16u;
+    let is_high = number >= 32u;
+    // Those that were read before it.
+    let before = (select(signs.nonzero.x, signs.nonzero.y, is_high) >> (number % 32u)) >> 1u;
+    let place = countOneBits(before) + select(countOneBits(signs.nonzero.y), 0u, is_high);
+    return ((select(signs.signs.x, signs.signs.y, place >= 32u) >> (place % 32u)) & 1u) == 1u;
+}
+
+// What the magnitude in scratch memory at `own` + `at` stands for, `at` its place in the block.
+fn texfold_block_rebuilt(signs: TexfoldBlockSigns, own: u32, at: u32) -> i32 {
+    let magnitude = u32(texfold_block_scratch[own + at]);
+    let offset = (texfold_block_pass.offsets >> (8u * u32(magnitude > 1u))) & 255u;
+    let finer = (magnitude << 5u) - offset * u32(magnitude > 0u);
+    let value = i32((finer * texfold_block_words[texfold_block_pass.steps + at]) >> 9u);
+    return select(value, -value, texfold_block_negative(signs, at));
+}
+
+// Four of them.
+fn texfold_block_four(signs: TexfoldBlockSigns, own: u32, at: u32) -> vec4<i32> {
+    return vec4<i32>(
+        texfold_block_rebuilt(signs, own, at),
+        texfold_block_rebuilt(signs, own, at + 1u),
+        texfold_block_rebuilt(signs, own, at + 2u),
+        texfold_block_rebuilt(signs, own, at + 3u),
+    );
+}
+
+// Times a constant in 1/256, rounded.
+fn texfold_block_times(value: vec4<i32>, constant: i32) -> vec4<i32> {
+    return (value * constant + vec4<i32>(128)) >> vec4<u32>(8u);
+}
+
+// Four transforms side by side: the eight values of which `input` has the frequencies.
+fn texfold_block_transform(input: array<vec4<i32>, 8>) -> array<vec4<i32>, 8> {
+    let sum = input[0] + input[4];
+    let difference = input[0] - input[4];
+    let both = input[2] + input[6];
+    let turned = texfold_block_times(input[2] - input[6], TEXFOLD_BLOCK_ROOT) - both;
+    let even0 = sum + both;
+    let even1 = difference + turned;
+    let even2 = difference - turned;
+    let even3 = sum - both;
+    let z13 = input[5] + input[3];
+    let z10 = input[5] - input[3];
+    let z11 = input[1] + input[7];
+    let z12 = input[1] - input[7];
+    let odd0 = z11 + z13;
+    let z5 = texfold_block_times(z10 + z12, TEXFOLD_BLOCK_ROTATE_BOTH);
+    let odd1 = z5 - texfold_block_times(z10, TEXFOLD_BLOCK_ROTATE_SECOND) - odd0;
+    let odd2 = texfold_block_times(z11 - z13, TEXFOLD_BLOCK_ROOT) - odd1;
+    let odd3 = texfold_block_times(z12, TEXFOLD_BLOCK_ROTATE_FIRST) - z5 + odd2;
+    return array<vec4<i32>, 8>(
+        even0 + odd0,
+        even1 + odd1,
+        even2 + odd2,
+        even3 - odd3,
+        even3 + odd3,
+        even2 - odd2,
+        even1 - odd1,
+        even0 - odd0,
+    );
+}
+
+// Four columns of four values as rows.
+fn texfold_block_square(a: vec4<i32>, b: vec4<i32>, c: vec4<i32>, d: vec4<i32>) -> array<vec4<i32>, 4> {
+    return array<vec4<i32>, 4>(
+        vec4<i32>(a.x, b.x, c.x, d.x),
+        vec4<i32>(a.y, b.y, c.y, d.y),
+        vec4<i32>(a.z, b.z, c.z, d.z),
+        vec4<i32>(a.w, b.w, c.w, d.w),
+    );
+}
+
+// Four columns of a block's samples from the rows 0 to 3 and 4 to 7 of its coefficients' transform, four columns of them.
+fn texfold_block_rows(upper: array<vec4<i32>, 4>, lower: array<vec4<i32>, 4>) -> array<vec4<i32>, 8> {
+    let a = texfold_block_square(upper[0], upper[1], upper[2], upper[3]);
+    let b = texfold_block_square(lower[0], lower[1], lower[2], lower[3]);
+    return array<vec4<i32>, 8>(a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]);
+}
+
+// Holds a row of a block's samples.
+fn texfold_block_put(at: u32, left: vec4<i32>, right: vec4<i32>) {
+    texfold_block_scratch[at] = left.x;
+    texfold_block_scratch[at + 1u] = left.y;
+    texfold_block_scratch[at + 2u] = left.z;
+    texfold_block_scratch[at + 3u] = left.w;
+    texfold_block_scratch[at + 4u] = right.x;
+    texfold_block_scratch[at + 5u] = right.y;
+    texfold_block_scratch[at + 6u] = right.z;
+    texfold_block_scratch[at + 7u] = right.w;
+}
+
+// Half of a block's columns, transformed along its rows: the upper half where `at` is 0, the lower one where it is 4.
+fn texfold_block_half(
+    signs: TexfoldBlockSigns,
+    own: u32,
+    at: u32,
+    predicted: array<vec4<i32>, 3>,
+) -> array<vec4<i32>, 8> {
+    return texfold_block_transform(array<vec4<i32>, 8>(
+        texfold_block_four(signs, own, at) + predicted[0],
+        texfold_block_four(signs, own, at + 8u) + predicted[1],
+        texfold_block_four(signs, own, at + 16u) + predicted[2],
+        texfold_block_four(signs, own, at + 24u),
+        texfold_block_four(signs, own, at + 32u),
+        texfold_block_four(signs, own, at + 40u),
+        texfold_block_four(signs, own, at + 48u),
+        texfold_block_four(signs, own, at + 56u),
+    ));
+}
+
+// Turns the coefficients of a block's axis, the one of that number of those that are held, into its samples, in their place.
+fn texfold_block_samples(slot: u32) {
+    let held = texfold_block_pass.held;
+    let axis = slot / (held.x * held.y);
+    let place = vec2<u32>(slot % held.x, slot / held.x % held.y);
+    let at = vec2<i32>(texfold_block_pass.first * texfold_block_pass.side + place);
+    let own = texfold_block_pass.samples + slot * TEXFOLD_BLOCK_WORDS;
+    let nothing = vec4<i32>(0);
+    var predicted = array<vec4<i32>, 3>(nothing, nothing, nothing);
+    let none = predicted;
+    if texfold_block_pass.has_base == 1u {
+        predicted = texfold_block_predict(axis, at);
+    }
+    let signs = texfold_block_signs(slot);
+    let upper = texfold_block_half(signs, own, 0u, predicted);
+    let lower = texfold_block_half(signs, own, 4u, none);
+    let left = texfold_block_transform(texfold_block_rows(
+        array<vec4<i32>, 4>(upper[0], upper[1], upper[2], upper[3]),
+        array<vec4<i32>, 4>(lower[0], lower[1], lower[2], lower[3]),
+    ));
+    let right = texfold_block_transform(texfold_block_rows(
+        array<vec4<i32>, 4>(upper[4], upper[5], upper[6], upper[7]),
+        array<vec4<i32>, 4>(lower[4], lower[5], lower[6], lower[7]),
+    ));
+    texfold_block_put(own, left[0], right[0]);
+    texfold_block_put(own + 8u, left[1], right[1]);
+    texfold_block_put(own + 16u, left[2], right[2]);
+    texfold_block_put(own + 24u, left[3], right[3]);
+    texfold_block_put(own + 32u, left[4], right[4]);
+    texfold_block_put(own + 40u, left[5], right[5]);
+    texfold_block_put(own + 48u, left[6], right[6]);
+    texfold_block_put(own + 56u, left[7], right[7]);
+}
+
+// A sample of an axis, of those that are held.
+fn texfold_block_sample(axis: u32, at: vec2<u32>) -> i32 {
+    let held = texfold_block_pass.held;
+    let slot = (min(axis, texfold_block_pass.axes - 1u) * held.y + at.y / 8u) * held.x + at.x / 8u;
+    let place = at.y % 8u * 8u + at.x % 8u;
+    return texfold_block_scratch[texfold_block_pass.samples + slot * TEXFOLD_BLOCK_WORDS + place];
+}
+
+// A channel of the texel at `at` of those that are held: `mean` and the weighted axes from `first` on, of which `shift` bits
+// are fractional, between 0 and `largest`.
+fn texfold_block_channel(at: vec2<u32>, mean: i32, first: u32, weights: vec4<i32>, shift: u32, largest: i32) -> i32 {
+    let sum = mean
+        + texfold_block_sample(first, at) * weights.x
+        + texfold_block_sample(first + 1u, at) * weights.y
+        + texfold_block_sample(first + 2u, at) * weights.z
+        + texfold_block_sample(first + 3u, at) * weights.w;
+    return clamp(sum >> shift, 0, largest);
+}

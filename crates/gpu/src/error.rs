@@ -90,6 +90,35 @@ pub enum GpuError {
         /// Levels of the image.
         levels: u32,
     },
+    /// There is no such channel.
+    #[error("there is no channel {channel}; the texture holds {channels}, counted from 0")]
+    NoSuchChannel {
+        /// The requested channel.
+        channel: u8,
+        /// Channels of the texture.
+        channels: usize,
+    },
+    /// The rectangle does not lie in the image, or not in its target.
+    #[error("the rectangle of the texture in blocks cannot be decoded")]
+    Region(#[from] texfold_core::RegionError),
+    /// Blocks cannot be decoded into such a texture.
+    #[error(
+        "blocks of this texture are decoded into {format:?} with the usage STORAGE_BINDING; make such a texture"
+    )]
+    BlockTarget {
+        /// The format that is needed.
+        format: wgpu::TextureFormat,
+    },
+    /// A buffer does not fit the device.
+    #[error(
+        "a buffer of {bytes} bytes exceeds the {limit} that a shader of the device can read; ask for a device with a higher          max_storage_buffer_binding_size, or split the image"
+    )]
+    StorageTooLarge {
+        /// Bytes that are needed.
+        bytes: u64,
+        /// Most bytes of a buffer that a shader reads.
+        limit: u64,
+    },
     /// The mesh has an index without a corner, a number that is not finite, or no triangle.
     #[error(
         "the mesh has no triangle, an index without a corner or a number that is not finite; repair the mesh"

@@ -11,6 +11,7 @@
 //! limit, in several textures; uploads in the background.
 
 mod adapter;
+mod block;
 mod decode;
 mod draw;
 mod error;
@@ -25,6 +26,7 @@ mod update;
 mod upload;
 
 pub use adapter::{Gpu, Policy};
+pub use block::{BlockChannel, BlockDecoder, BlockImage, MAX_SCRATCH};
 pub use decode::{Filter, Lookup, View};
 pub use draw::Lod;
 pub use error::GpuError;

@@ -237,7 +237,8 @@ fn forged_and_truncated_streams_give_what_the_cpu_gives() {
             1 => bytes[first..].iter_mut().for_each(|byte| *byte = rng.below(256) as u8),
             // Noise in the index, behind the header of 45 bytes: streams that overlap, or lie beyond the end.
             _ => {
-                (0..1 + rng.below(30)).for_each(|_| bytes[45 + rng.below(40) as usize] = rng.below(256) as u8)
+                (0..1 + rng.below(30))
+                    .for_each(|_| bytes[45 + rng.below(40) as usize] = rng.below(256) as u8);
             }
         }
         if round % 10 == 0 {

@@ -648,7 +648,8 @@ pub fn texfold_block_channel(
     (sum >> shift).clamp(0, largest)
 }
 
-#[cfg(all(test, feature = "encode"))]
+#[cfg(test)]
+#[cfg(feature = "encode")]
 mod tests {
     use super::*;
     use crate::block::BlockTexture;
@@ -682,9 +683,12 @@ mod tests {
         Rect { surface: 0, level: 0, x: 0, y: 0, width, height }
     }
 
+    /// Columns and rows, channels of each group, bits of a sample, binary logarithm of a superblock's side, step.
+    type Shape = ((u32, u32), &'static [u8], u8, u8, u16);
+
     #[test]
     fn images_equal_those_of_the_decoder() {
-        let shapes: [((u32, u32), &[u8], u8, u8, u16); 6] = [
+        let shapes: [Shape; 6] = [
             ((1, 1), &[3], 8, 4, 2000),
             ((3, 5), &[1], 8, 5, 1200),
             ((129, 8), &[3, 1], 8, 4, 1600),

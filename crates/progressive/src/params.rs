@@ -8,7 +8,7 @@ use texfold_residual::MAX_REDUCE_LOG2;
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 pub struct ProgressiveParams {
-    /// What to reach.
+    /// What to reach. Goals of bits lessen the squared errors of colours and alpha together, goals of quality count colours.
     pub goal: Goal,
     /// How the base is stored; `None` lets the goal decide.
     pub content: Option<Content>,

@@ -1,6 +1,6 @@
 //! What of images is coded: all levels, or only those from a half or a quarter of the width and height on, enlarged for the others.
 //!
-//! Below a bit a texel most of an error map's bits say which blocks have none. An image of half the size at four times the bits
+//! Below a bit per texel most bits of a residual plane say which blocks have none. An image of half the size at four times the bits
 //! has the same memory, and what enlarging loses is then less than what the bits buy. The smaller image is the one whose
 //! enlargement is nearest to the image, not its mean texel by texel, but where it is a mip level too: found by simultaneous iterative reconstruction (Gilbert,
 //! "Iterative methods for the three-dimensional reconstruction of an object from projections", 1972). Cost: a dozen passes over the image.
@@ -20,9 +20,7 @@ use texfold_residual::{APRON, MAX_SHRINK_LOG2, stored_layout};
 
 use crate::ProgressiveParams;
 
-/// Bits a texel below which images of a half and of a quarter of the size are tried.
-const SMALLER: [f64; 2] = [0.9, 0.4];
-/// PSNR in dB below which they are.
+/// PSNR in dB below which goals of quality try smaller images.
 const COARSE: f64 = 34.0;
 /// Least side of an image that is stored smaller.
 const LEAST_SIDE: u32 = 16;
@@ -52,17 +50,18 @@ pub(crate) struct Frame {
     pub(crate) floor: f64,
 }
 
-/// The sizes that are tried, as the goal and the pixels need: the first is the whole.
+/// The sizes that may be tried, as the goal and the pixels need: the first is the whole. Of goals of bits, [`Frame::may_beat`]
+/// leaves out those that cannot be the best.
 pub(crate) fn shrinks(source: &ImageSet, params: &ProgressiveParams) -> Vec<u32> {
     let least = source.images().iter().map(|image| image.size().width.min(image.size().height)).min();
     let possible = |log2: u32| params.reduce_log2.is_none() && least >= Some(LEAST_SIDE << log2);
-    let wanted = |log2: u32| match params.goal {
-        Goal::Bpp(bpp) => bpp < SMALLER[log2 as usize - 1],
+    let wanted = match params.goal {
+        Goal::Bpp(_) => true,
         // Such goals are those of colours: nothing would say how far alpha may be off.
         Goal::Psnr(psnr) => psnr < COARSE && params.effort != Effort::Fast && !source.info().has_alpha(),
         Goal::Tolerance(_) => false,
     };
-    std::iter::once(0).chain((1..=2).filter(|&log2| possible(log2) && wanted(log2))).collect()
+    std::iter::once(0).chain((1..=2).filter(|&log2| wanted && possible(log2))).collect()
 }
 
 impl Frame {
@@ -101,6 +100,11 @@ impl Frame {
     /// The levels that are stored.
     pub(crate) fn stored(&self) -> ImageLayout {
         stored_layout(&self.full, self.shrink_log2)
+    }
+
+    /// Whether a texture of the frame may have less error than one of a PSNR of `psnr` dB: what enlarging loses, no bits buy.
+    pub(crate) fn may_beat(&self, psnr: f64) -> bool {
+        self.floor < FULL / 10f64.powf(psnr / 10.0)
     }
 
     /// The goal for what is stored that serves a goal for the images; `None` where it is out of reach.

@@ -26,6 +26,9 @@ use draft::{Draft, FIRST_LAMBDA, LAMBDAS, lambda_of};
 use frame::{Frame, shrinks};
 use report::notes;
 
+/// PSNR in dB by which the draft of a smaller image with alpha may fall short of the best and still be coded: estimates count
+/// alpha's error in the smaller image, where it weighs more beside that of colours than in the enlarged one.
+const NEAR_DRAFT: f64 = 2.0;
 /// How far, in lambda indices, a quality goal is looked for around the estimate, until it is met.
 const REACHES: [u32; 3] = [24, 240, LAMBDAS];
 /// Lambda indices that need not be told apart by coding: 2%, some 0.02 dB.
@@ -105,14 +108,21 @@ impl Encoding<'_> {
     /// The best of the sizes that are tried.
     fn run(&self, job: &mut Job<'_>) -> Result<ProgressiveTexture, EncodeError> {
         let goal = self.params.goal;
-        let sizes = shrinks(self.source, self.params);
+        let mut sizes = shrinks(self.source, self.params);
+        let by_bits = matches!(goal, Goal::Bpp(_));
+        if !by_bits {
+            // The smallest first: where it answers, codebooks of the whole need not be tried.
+            sizes.reverse();
+        }
         let share = |index: usize| index as f32 / sizes.len() as f32;
         let mut best: Option<(ProgressiveTexture, Measured)> = None;
-        // The smallest first: where it answers, codebooks of the whole need not be tried.
-        for (index, &shrink_log2) in sizes.iter().rev().enumerate() {
+        for (index, &shrink_log2) in sizes.iter().enumerate() {
             let rival = best.as_ref().map(|(_, measured)| *measured);
             let made = job.within(share(index), share(index + 1), |job| {
                 let frame = self.parts.frame(shrink_log2, job)?;
+                if by_bits && rival.is_some_and(|rival| goal.is_met(&rival) && !frame.may_beat(rival.psnr)) {
+                    return Ok(None);
+                }
                 match frame.inner_goal(goal) {
                     Some(inner) => self.frame(&frame, inner, rival, job).map(Some),
                     None => Ok(None),
@@ -143,14 +153,15 @@ impl Encoding<'_> {
         let mut kinds = kinds(self.source.info(), &ProgressiveParams { goal: inner, ..self.params.clone() })?;
         // Codebooks hold detail of one scale.
         kinds.retain(|kind| frame.shrink_log2 == 0 || kind.side_log2.is_none());
-        let Drafted { kind, base, draft } = self.best_base(frame, &kinds, inner, rival, job)?;
+        let mut drafted = self.drafts(frame, &kinds, inner, rival, job)?;
+        if matches!(inner, Goal::Bpp(_)) {
+            return self.best_finished(drafted, inner, job);
+        }
+        let Drafted { kind, base, draft } = drafted.swap_remove(0);
         let check = job.cancel_check();
         let draft = job.install(|| draft.widened(&base, inner, check))?;
         let largest = draft.model.class_bits == CLASS_BITS[1];
         let made = job.within(0.4, 0.7, |job| self.finish(&base, draft, inner, job))?;
-        if matches!(inner, Goal::Bpp(_)) {
-            return Ok(made);
-        }
         // A few blocks may need more bits than the estimates say; for a tolerance then a base that leaves less, and models
         // for finer ones.
         let finest = finest(&kinds, self.source.info());
@@ -183,17 +194,20 @@ impl Encoding<'_> {
         Ok(best.1)
     }
 
-    /// The kind whose draft answers the goal best.
-    fn best_base(
+    /// The drafts that answer the goal best, the best first: one, but where estimates of alpha are of a smaller image those of
+    /// all kinds that are near it.
+    fn drafts(
         &self,
         frame: &Frame,
         kinds: &[Kind],
         inner: Goal,
         rival: Option<Measured>,
         job: &mut Job<'_>,
-    ) -> Result<Drafted, EncodeError> {
+    ) -> Result<Vec<Drafted>, EncodeError> {
         let pixel = self.source.info();
+        let enlarged_alpha = frame.shrink_log2 > 0 && pixel.has_alpha() && matches!(inner, Goal::Bpp(_));
         let mut best: Option<Drafted> = None;
+        let mut others = Vec::new();
         for (index, &kind) in kinds.iter().enumerate() {
             job.stage("trying bases", 0.4 * index as f32 / kinds.len() as f32)?;
             let known = best.as_ref().map(|best| best.draft.estimate);
@@ -206,11 +220,45 @@ impl Encoding<'_> {
                 continue;
             }
             let Some(draft) = best_draft(&base, inner, job)? else { continue };
-            if best.as_ref().is_none_or(|best| inner.prefers(&draft.estimate, &best.draft.estimate)) {
-                best = Some(Drafted { kind, base, draft });
+            let drafted = Drafted { kind, base, draft };
+            let worse = match &best {
+                Some(known) if !inner.prefers(&drafted.draft.estimate, &known.draft.estimate) => {
+                    Some(drafted)
+                }
+                _ => best.replace(drafted),
+            };
+            others.extend(worse.filter(|_| enlarged_alpha));
+        }
+        let best = best.ok_or(TOO_LARGE)?;
+        let least = best.draft.estimate.psnr - NEAR_DRAFT;
+        others.retain(|other| inner.is_met(&other.draft.estimate) && other.draft.estimate.psnr > least);
+        Ok(std::iter::once(best).chain(others).collect())
+    }
+
+    /// Of drafts for a goal of bits, the one that is best once its blocks are coded and it is enlarged.
+    fn best_finished(
+        &self,
+        drafts: Vec<Drafted>,
+        inner: Goal,
+        job: &mut Job<'_>,
+    ) -> Result<ProgressiveTexture, EncodeError> {
+        let (goal, check) = (self.params.goal, job.cancel_check());
+        let count = drafts.len();
+        let share = |index: usize| 0.4 + 0.6 * index as f32 / count as f32;
+        let mut best: Option<(ProgressiveTexture, Measured)> = None;
+        for (index, Drafted { base, draft, .. }) in drafts.into_iter().enumerate() {
+            let draft = job.install(|| draft.widened(&base, inner, check))?;
+            let made =
+                job.within(share(index), share(index + 1), |job| self.finish(&base, draft, inner, job))?;
+            if count == 1 {
+                return Ok(made);
+            }
+            let measured = job.install(|| judged(self.source, &made, goal, check))?;
+            if best.as_ref().is_none_or(|(_, best)| goal.prefers(&measured, best)) {
+                best = Some((made, measured));
             }
         }
-        Ok(best.ok_or(TOO_LARGE)?)
+        best.map(|(made, _)| made).ok_or(TOO_LARGE.into())
     }
 
     /// The base with its blocks coded at the lambda that the goal asks for; `inner` is the goal for what is stored.

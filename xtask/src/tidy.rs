@@ -35,7 +35,7 @@ const ALLOWED: [Allowed; 18] = [
     Allowed { package: "bc", numeric: true, may: &["ctt-astcenc", "dds", "texfold-core", "texpresso"] },
     Allowed { package: "residual", numeric: true, may: &["texfold-bc", "texfold-core"] },
     Allowed { package: "codebook", numeric: true, may: &["ndarray", "texfold-core"] },
-    Allowed { package: "match", numeric: true, may: &["kiddo", "texfold-core"] },
+    Allowed { package: "match", numeric: true, may: &["texfold-core"] },
     Allowed {
         package: "vq",
         numeric: true,

@@ -193,6 +193,20 @@ pub fn quality(source: &ImageSet, encoded: &dyn Encoded<Domain = Image2d>) -> Qu
     quality_of(source, encoded, CancelCheck::default())
 }
 
+/// As [`quality`], with a look at whether to stop every few thousand texels.
+///
+/// # Errors
+/// [`EncodeError::Cancelled`] where the caller asked to stop.
+pub fn quality_cancellable(
+    source: &ImageSet,
+    encoded: &dyn Encoded<Domain = Image2d>,
+    cancel: CancelCheck<'_>,
+) -> Result<Quality, EncodeError> {
+    let quality = quality_of(source, encoded, cancel);
+    cancel.checkpoint()?;
+    Ok(quality)
+}
+
 /// As [`quality`]; of no use once the job is cancelled.
 fn quality_of(
     source: &ImageSet,
@@ -229,8 +243,7 @@ pub fn measure_cancellable(
     encoded: &dyn Encoded<Domain = Image2d>,
     cancel: CancelCheck<'_>,
 ) -> Result<Measured, EncodeError> {
-    let quality = quality_of(source, encoded, cancel);
-    cancel.checkpoint()?;
+    let quality = quality_cancellable(source, encoded, cancel)?;
     Ok(measured(source, encoded, quality))
 }
 

@@ -4,11 +4,16 @@
 //! Here leaves are looked at in the order of their distance (best bin first, Beis and Lowe 1997), and after a number of them
 //! the search ends with what it has: its time grows with the logarithm of the number of points. What is found so may miss a
 //! neighbour; matches are refined and handed on to neighbours afterwards, which makes up for it.
+//!
+//! Without a bound on the leaves the search is exact. It serves rotated patches so, too: with 90,000 descriptors of 14 values from a
+//! Kodak photograph and 16 neighbours, a query takes 0.19 to 0.49 ms, one of the crate kiddo (immutable tree, leaves of 32) 0.67 to
+//! 1.2 ms, with the same neighbours. Building takes 45 to 75 ms instead of 15 to 20, which 100 queries make up for.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use rayon::prelude::*;
+use texfold_core::CancelCheck;
 
 /// Points of a leaf.
 const LEAF: usize = 32;
@@ -85,12 +90,13 @@ impl<const K: usize> Bounds<K> {
 }
 
 impl<const K: usize> BoundedTree<K> {
-    /// The tree of all points, which are named by their places in the list; all of their numbers are finite.
-    pub(crate) fn new(points: &[[f32; K]]) -> Self {
+    /// The tree of all points, which are named by their places in the list; all of their numbers are finite. Of no use once the
+    /// job is cancelled.
+    pub(crate) fn new(points: &[[f32; K]], cancel: CancelCheck<'_>) -> Self {
         let leaves = points.len().div_ceil(LEAF).next_power_of_two();
         let mut numbers: Vec<u32> = (0..points.len() as u32).collect();
         let mut made: Vec<(usize, Bounds<K>, &mut [u32])> = Vec::new();
-        split(points, 1, leaves, &mut numbers, &mut made);
+        split(points, Node { number: 1, leaves }, &mut numbers, &mut made, cancel);
         let none = Bounds { low: [f32::INFINITY; K], high: [f32::INFINITY; K] };
         let mut tree = BoundedTree {
             bounds: vec![none; 2 * leaves],
@@ -98,6 +104,9 @@ impl<const K: usize> BoundedTree<K> {
             numbers: vec![[u32::MAX; LEAF]; leaves],
         };
         for (node, bounds, of_node) in made {
+            if cancel.is_cancelled() {
+                break;
+            }
             tree.bounds[node] = bounds;
             let Some(leaf) = node.checked_sub(leaves) else { continue };
             for (lane, &number) in of_node.iter().enumerate() {
@@ -174,20 +183,36 @@ impl<const K: usize> BoundedTree<K> {
     }
 }
 
-/// Sorts the points of a node, which has room for so many leaves, into its halves, and those into theirs.
+/// A node of a tree that is being built, and how many leaves it has room for.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    number: usize,
+    leaves: usize,
+}
+
+impl Node {
+    fn halves(self) -> [Node; 2] {
+        [0, 1].map(|half| Node { number: 2 * self.number + half, leaves: self.leaves / 2 })
+    }
+}
+
+/// Sorts the points of a node into its halves, and those into theirs, until the job is cancelled.
 fn split<'a, const K: usize>(
     points: &[[f32; K]],
-    node: usize,
-    leaves: usize,
+    node: Node,
     numbers: &'a mut [u32],
     made: &mut Vec<(usize, Bounds<K>, &'a mut [u32])>,
+    cancel: CancelCheck<'_>,
 ) {
-    let bounds = Bounds::around(points, numbers);
-    if leaves == 1 {
-        made.push((node, bounds, numbers));
+    if cancel.is_cancelled() {
         return;
     }
-    made.push((node, bounds, &mut []));
+    let bounds = Bounds::around(points, numbers);
+    if node.leaves == 1 {
+        made.push((node.number, bounds, numbers));
+        return;
+    }
+    made.push((node.number, bounds, &mut []));
     let (axis, middle) = (bounds.longest(), numbers.len() / 2);
     let value = |number: u32| points[number as usize][axis];
     if middle > 0 {
@@ -195,16 +220,17 @@ fn split<'a, const K: usize>(
     }
     let is_large = numbers.len() > SIDE_BY_SIDE;
     let (low, high) = numbers.split_at_mut(middle);
+    let [first, second] = node.halves();
     if !is_large {
-        split(points, 2 * node, leaves / 2, low, made);
-        split(points, 2 * node + 1, leaves / 2, high, made);
+        split(points, first, low, made, cancel);
+        split(points, second, high, made, cancel);
         return;
     }
-    let halves: Vec<Vec<_>> = [(2 * node, low), (2 * node + 1, high)]
+    let halves: Vec<Vec<_>> = [(first, low), (second, high)]
         .into_par_iter()
         .map(|(node, numbers)| {
             let mut made = Vec::new();
-            split(points, node, leaves / 2, numbers, &mut made);
+            split(points, node, numbers, &mut made, cancel);
             made
         })
         .collect();
@@ -242,7 +268,7 @@ mod tests {
             // Whole numbers: distances are exact, and many are equal.
             let points: Vec<[f32; 5]> = points.iter().map(|point| point.map(f32::from)).collect();
             let (query, within) = (query.map(f32::from), f32::from(within));
-            let tree = BoundedTree::new(&points);
+            let tree = BoundedTree::new(&points, CancelCheck::default());
             let found = tree.nearest(&query, within, count, usize::MAX);
             let scanned = scan(&points, &query, within, count);
             let distances = |found: &[(u32, f32)]| found.iter().map(|near| near.1).collect::<Vec<_>>();
@@ -262,7 +288,7 @@ mod tests {
         };
         let point = |i: u32| std::array::from_fn::<f32, 14, _>(|axis| value(i, axis as u32));
         let points: Vec<[f32; 14]> = (0..20_000).map(point).collect();
-        let tree = BoundedTree::new(&points);
+        let tree = BoundedTree::new(&points, CancelCheck::default());
         let queries = 20_000..20_200;
         let found: usize = queries
             .clone()
@@ -278,8 +304,26 @@ mod tests {
 
     #[test]
     fn what_is_not_a_number_finds_nothing() {
-        let tree = BoundedTree::new(&[[1.0f32, 2.0], [3.0, 4.0]]);
+        let tree = BoundedTree::new(&[[1.0f32, 2.0], [3.0, 4.0]], CancelCheck::default());
         assert!(tree.nearest(&[f32::NAN, 0.0], 9.0, 2, 9).is_empty());
-        assert!(BoundedTree::<2>::new(&[]).nearest(&[0.0, 0.0], f32::INFINITY, 2, 9).is_empty());
+        assert!(
+            BoundedTree::<2>::new(&[], CancelCheck::default())
+                .nearest(&[0.0, 0.0], f32::INFINITY, 2, 9)
+                .is_empty()
+        );
+    }
+
+    #[test]
+    fn a_tree_of_a_cancelled_job_is_not_built() {
+        let points: Vec<[f32; 14]> =
+            (0..600_000u32).map(|i| [(i.wrapping_mul(2_654_435_761) >> 8) as f32; 14]).collect();
+        let cancel = texfold_core::Cancel::default();
+        let job = texfold_core::Job::default().with_cancel(&cancel);
+        let tree = |near: [f32; 14]| {
+            BoundedTree::new(&points, job.cancel_check()).nearest(&near, 1.0, 1, usize::MAX)
+        };
+        assert_eq!(tree(points[9]), [(9, 0.0)]);
+        cancel.cancel();
+        assert!(tree(points[9]).is_empty());
     }
 }

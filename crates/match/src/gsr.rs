@@ -368,7 +368,7 @@ fn described<const K: usize>(
         })
         .collect();
     match kind {
-        Kind::Tree => Box::new(OfGrid::<Tree<OrientedPatch, K>, K>(Tree::new(described))),
+        Kind::Tree => Box::new(OfGrid::<Tree<OrientedPatch, K>, K>(Tree::new(described, cancel))),
         Kind::Groups => Box::new(OfGrid::<Groups<OrientedPatch, K>, K>(Groups::new(described))),
     }
 }

@@ -1,10 +1,7 @@
 //! Nearest patches by descriptor.
 
 use std::collections::HashMap;
-use std::num::NonZeroUsize;
 
-use kiddo::SquaredEuclidean;
-use kiddo::immutable::float::kdtree::ImmutableKdTree;
 use rayon::prelude::*;
 
 use texfold_core::CancelCheck;
@@ -19,8 +16,6 @@ const ALIKE: usize = 2;
 /// Leaves that are looked at for a query. An epitome of a megatexel takes 51 CPU seconds with 32 of them, 59 with 128 and 85 with
 /// all; in small images 128 find what all do, 32 do not.
 const LEAVES: usize = 128;
-/// Points of one leaf of the exact tree.
-const BUCKET: usize = 32;
 
 /// Where a patch lies: which field, and its upper left texel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,7 +39,7 @@ pub struct Neighbour {
 
 /// Items found by their descriptors.
 pub(crate) struct Tree<T, const K: usize> {
-    tree: Option<ImmutableKdTree<f32, u32, K, BUCKET>>,
+    tree: BoundedTree<K>,
     items: Vec<T>,
 }
 
@@ -90,7 +85,7 @@ impl PatchIndex {
         let described = if cancel.is_cancelled() { Vec::new() } else { first_of_each(described) };
         let described = if cancel.is_cancelled() { Vec::new() } else { described };
         let (places, points): (Vec<_>, Vec<_>) = described.into_iter().unzip();
-        PatchIndex { tree: BoundedTree::new(&points), places, patch }
+        PatchIndex { tree: BoundedTree::new(&points, cancel), places, patch }
     }
 
     /// Number of patches.
@@ -123,12 +118,10 @@ impl PatchIndex {
 }
 
 impl<T, const K: usize> Tree<T, K> {
-    /// All items but further ones that look the same.
-    pub(crate) fn new(described: Vec<(T, [f32; K])>) -> Self {
+    /// All items but further ones that look the same. Of no use once the job is cancelled.
+    pub(crate) fn new(described: Vec<(T, [f32; K])>, cancel: CancelCheck<'_>) -> Self {
         let (items, points): (Vec<_>, Vec<_>) = first_of_each(described).into_iter().unzip();
-        // The tree's own items are the numbers of the points.
-        let tree = (!points.is_empty()).then(|| ImmutableKdTree::new_from_slice(&points));
-        Tree { tree, items }
+        Tree { tree: BoundedTree::new(&points, cancel), items }
     }
 
     /// Number of items.
@@ -138,13 +131,10 @@ impl<T, const K: usize> Tree<T, K> {
 
     /// At most `count` items nearest to `query` within a squared distance, nearest first, with their distances.
     pub(crate) fn nearest(&self, query: &[f32; K], within: f32, count: usize) -> Vec<(&T, f32)> {
-        let (Some(tree), Some(count)) = (&self.tree, NonZeroUsize::new(count)) else { return Vec::new() };
         if query.iter().any(|value| !value.is_finite()) {
             return Vec::new();
         }
-        let found = tree.nearest_n_within::<SquaredEuclidean>(query, within, count, true);
-        let mut found: Vec<(u32, f32)> = found.iter().map(|near| (near.item, near.distance)).collect();
-        found.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+        let found = self.tree.nearest(query, within, count, usize::MAX);
         found.into_iter().map(|(item, distance)| (&self.items[item as usize], distance)).collect()
     }
 }

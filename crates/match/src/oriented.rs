@@ -59,7 +59,7 @@ impl OrientedIndex {
                 (found >= contrast && keep(&rotated)).then_some((rotated, descriptor))
             })
             .collect();
-        OrientedIndex { tree: Tree::new(if cancel.is_cancelled() { Vec::new() } else { described }) }
+        OrientedIndex { tree: Tree::new(if cancel.is_cancelled() { Vec::new() } else { described }, cancel) }
     }
 
     /// For a patch of a field, at most `count` patches like it and as many like its reflection within the squared distance

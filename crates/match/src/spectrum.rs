@@ -85,7 +85,7 @@ impl SpectrumIndex {
             })
             .collect();
         let points = if cancel.is_cancelled() { Vec::new() } else { points };
-        SpectrumIndex { tree: BoundedTree::new(&points), cosines, kept, count: points.len() }
+        SpectrumIndex { tree: BoundedTree::new(&points, cancel), cosines, kept, count: points.len() }
     }
 
     /// Number of patches.

@@ -12,9 +12,9 @@ mod search;
 use std::sync::Arc;
 
 use texfold_core::image::{ImageSet, PixelInfo};
-use texfold_core::metric::{SquaredError, alpha_error, color_error, decode_surface, measure_cancellable};
+use texfold_core::metric::{Quality, SquaredError, measure_cancellable, quality_cancellable};
 use texfold_core::target::{Measured, search};
-use texfold_core::{CancelCheck, Effort, EncodeError, Goal, Job, Params, SourceError};
+use texfold_core::{CancelCheck, Effort, EncodeError, Encoded, Goal, Job, Params, SourceError};
 use texfold_residual::encode::{CLASS_BITS, Coder, TOO_LARGE};
 
 use crate::{ProgressiveParams, ProgressiveTexture, Shared};
@@ -137,7 +137,8 @@ impl Encoding<'_> {
         }
         let (made, measured) = best.ok_or(SourceError::Empty)?;
         job.checkpoint()?;
-        let notes = notes(self.source, &made, self.params, goal.is_met(&measured));
+        let (met, check) = (goal.is_met(&measured), job.cancel_check());
+        let notes = job.install(|| notes(self.source, &made, self.params, met, check))?;
         job.stage("done", 1.0)?;
         Ok(made.with_notes(notes))
     }
@@ -412,17 +413,15 @@ fn judged(
     goal: Goal,
     check: CancelCheck<'_>,
 ) -> Result<Measured, EncodeError> {
-    let measured = own_measure(source, texture, check)?;
     if !matches!(goal, Goal::Bpp(_)) || !source.info().has_alpha() {
-        return Ok(measured);
+        return own_measure(source, texture, check);
     }
-    let mut sum = SquaredError::default();
-    for (surface, image) in (0..).zip(source.images()) {
-        check.checkpoint()?;
-        let Some(decoded) = decode_surface(texture, surface, 0) else { continue };
-        let alpha = alpha_error(image, &decoded).map_or(0.0, |error| error.sum);
-        sum = sum + color_error(image, &decoded) + SquaredError { sum: alpha, count: 0 };
-    }
-    check.checkpoint()?;
-    Ok(Measured { psnr: sum.psnr(), ..measured })
+    let Quality { color, alpha, worst_block_rms } = quality_cancellable(source, texture, check)?;
+    let alpha = alpha.map_or(0.0, |error| error.sum);
+    let bits = texture.memory().counted - texture.shared_bits();
+    Ok(Measured {
+        psnr: (color + SquaredError { sum: alpha, count: 0 }).psnr(),
+        bpp: bits as f64 / source.texel_count() as f64,
+        worst_block_rms,
+    })
 }

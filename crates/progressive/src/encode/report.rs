@@ -1,8 +1,8 @@
 //! How a texture was made, in words.
 
 use texfold_core::image::ImageSet;
-use texfold_core::metric::quality;
-use texfold_core::{Encoded, Goal, Notes};
+use texfold_core::metric::quality_cancellable;
+use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, Notes};
 use texfold_residual::RESIDUAL_PART;
 
 use crate::codebook::CELL_SIDE;
@@ -15,15 +15,18 @@ pub(crate) fn notes(
     texture: &ProgressiveTexture,
     params: &ProgressiveParams,
     met: bool,
-) -> Notes {
-    let alone = quality(source, &texture.first_layers(1)).color.psnr() as f32;
+    check: CancelCheck<'_>,
+) -> Result<Notes, EncodeError> {
+    let psnr = |texture: &ProgressiveTexture| {
+        quality_cancellable(source, texture, check).map(|quality| quality.color.psnr() as f32)
+    };
+    let alone = psnr(&texture.first_layers(1))?;
     let drawn = texture.layers().total > 1;
     let mut psnr_without = if drawn { vec![(RESIDUAL_PART.to_owned(), alone)] } else { Vec::new() };
     if texture.details().is_some() {
-        let plain = quality(source, &texture.without_details()).color.psnr() as f32;
-        psnr_without.push((MAP_PART.to_owned(), plain));
+        psnr_without.push((MAP_PART.to_owned(), psnr(&texture.without_details())?));
     }
-    Notes { settings: settings(params), verdict: verdict(texture, met), psnr_without }
+    Ok(Notes { settings: settings(params), verdict: verdict(texture, met), psnr_without })
 }
 
 fn settings(params: &ProgressiveParams) -> String {

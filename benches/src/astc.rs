@@ -44,10 +44,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         _ => given,
     };
     println!(
-        "| image | bits a texel | plain ASTC dB | epitome bits a texel | epitome dB | gain dB | gain with error map, dB |"
+        "| image | bits a texel | plain ASTC dB | epitome bits a texel | epitome dB | gain dB | gain with residual plane, dB |"
     );
     println!("|---|---|---|---|---|---|---|");
-    let (mut gains, mut with_error_maps) = (Vec::new(), Vec::new());
+    let (mut gains, mut with_residual_planes) = (Vec::new(), Vec::new());
     for path in &images {
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
         let set = ImageSet::single(middle(texfold_testkit::png(path))?);
@@ -63,7 +63,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             // Content that any GPU can read, once an image.
             let other = if bpp == plain[1].bpp {
                 let gain = with_errors(&set, bpp)?.psnr - theirs;
-                with_error_maps.push(gain);
+                with_residual_planes.push(gain);
                 format!("{gain:+.2}")
             } else {
                 String::new()
@@ -76,11 +76,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let mean = |gains: &[f64]| gains.iter().sum::<f64>() / gains.len().max(1) as f64;
-    println!("| mean | | | | | {:+.2} | {:+.2} |", mean(&gains), mean(&with_error_maps));
+    println!("| mean | | | | | {:+.2} | {:+.2} |", mean(&gains), mean(&with_residual_planes));
     Ok(())
 }
 
-/// An epitome with an error map, of at most so many bits a texel.
+/// An epitome with a residual plane, of at most so many bits a texel.
 fn with_errors(set: &ImageSet, bpp: f64) -> Result<Measured, Box<dyn Error>> {
     let params = EpitomeParams::new(Goal::Bpp(bpp)).with_family(Family::ErrorMap);
     Ok(measure(set, &Epitome::encode(EpitomeSource::new(set), &params, &mut Job::default())?))

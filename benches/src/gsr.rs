@@ -32,7 +32,7 @@ const SIDE: usize = 16;
 const ACCEPTED: f32 = 0.7;
 /// Neighbours by descriptor.
 const NEAREST: usize = 500;
-/// Blocks of an image that are asked for.
+/// Blocks of an image that are searched for.
 const ASKED: usize = 48;
 /// Buckets of a histogram.
 const BUCKETS: usize = 16;
@@ -88,8 +88,8 @@ fn study(image: &Raster) -> Row {
     let histograms: Vec<_> = places.iter().map(|&place| histogram(image, &luma, place)).collect();
     let step = places.len() / ASKED;
     let mut row = Row { blocks: 0, matches: 0.0, ratios: [0.0; 4] };
-    for asked in (step / 2..places.len()).step_by(step) {
-        let accepted = accepted(&luma, width, &places, places[asked], &plane);
+    for wanted in (step / 2..places.len()).step_by(step) {
+        let accepted = accepted(&luma, width, &places, places[wanted], &plane);
         if accepted.is_empty() || accepted.len() > NEAREST {
             continue;
         }
@@ -97,17 +97,17 @@ fn study(image: &Raster) -> Row {
         row.matches += accepted.len() as f64;
         let found = |index: &GsrIndex| {
             let mut found: Vec<glam::Vec2> = Vec::new();
-            for near in index.nearest(&plane, (places[asked], SIDE as f32), 100.0, NEAREST + 1) {
-                if near.patch.centre != places[asked] && !found.contains(&near.patch.centre) {
+            for near in index.nearest(&plane, (places[wanted], SIDE as f32), 100.0, NEAREST + 1) {
+                if near.patch.centre != places[wanted] && !found.contains(&near.patch.centre) {
                     found.push(near.patch.centre);
                 }
             }
             found.truncate(NEAREST);
             accepted.iter().filter(|&&place| found.contains(&places[place])).count()
         };
-        let mut by_histogram: Vec<usize> = (0..places.len()).filter(|&place| place != asked).collect();
+        let mut by_histogram: Vec<usize> = (0..places.len()).filter(|&place| place != wanted).collect();
         let away = |place: usize| -> f32 {
-            histograms[asked].iter().zip(&histograms[place]).map(|(a, b)| (a - b) * (a - b)).sum()
+            histograms[wanted].iter().zip(&histograms[place]).map(|(a, b)| (a - b) * (a - b)).sum()
         };
         by_histogram.sort_by(|&a, &b| away(a).total_cmp(&away(b)));
         let near = &by_histogram[..NEAREST];
@@ -122,24 +122,24 @@ fn study(image: &Raster) -> Row {
     Row { matches: row.matches / blocks, ratios: row.ratios.map(|ratio| ratio / blocks), ..row }
 }
 
-/// The patches that affine refinement brings near enough to the block at `asked`.
+/// The patches that affine refinement brings near enough to the block at `wanted`.
 fn accepted(
     luma: &[f32],
     width: usize,
     places: &[glam::Vec2],
-    asked: glam::Vec2,
+    wanted: glam::Vec2,
     plane: &GrayPlane,
 ) -> Vec<usize> {
     let half = SIDE as f32 / 2.0;
-    let (left, top) = ((asked.x - half) as usize, (asked.y - half) as usize);
+    let (left, top) = ((wanted.x - half) as usize, (wanted.y - half) as usize);
     let target: Vec<f32> =
         (0..SIDE * SIDE).map(|i| luma[(top + i / SIDE) * width + left + i % SIDE]).collect();
     let refiner = Refiner::new(&target, (SIDE, SIDE));
-    let own = plane.direction(asked, SIDE as f32);
+    let own = plane.direction(wanted, SIDE as f32);
     let mean = target.iter().sum::<f32>() / target.len() as f32;
     let squares: f32 = target.iter().map(|value| (value - mean) * (value - mean)).sum();
     let matches = |&(_, &place): &(usize, &glam::Vec2)| {
-        if (place - asked).abs().max_element() < SIDE as f32 {
+        if (place - wanted).abs().max_element() < SIDE as f32 {
             return false;
         }
         let matrix = glam::Mat2::from_angle(plane.direction(place, SIDE as f32) - own);

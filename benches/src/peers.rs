@@ -16,7 +16,7 @@ use texfold::{
 use texfold_benches::report::{Chart, Line, Outcome, Table};
 use texfold_benches::rivals;
 
-/// Bits a texel that our codecs are asked for: those of ASTC in blocks of 12x12, 10x10, 8x8 and 6x6, and half a bit.
+/// Goals of our codecs in bits per texel: those of ASTC in blocks of 12x12, 10x10, 8x8 and 6x6, and half a bit.
 const GOALS: [f64; 5] = [0.5, 0.89, 1.28, 2.0, 3.56];
 /// Sides of ASTC blocks.
 const ASTC: [u32; 4] = [12, 10, 8, 6];

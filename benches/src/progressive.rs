@@ -1,4 +1,4 @@
-//! Base and error map beside plain BC1 at 4 bits a texel, as a table in Markdown.
+//! Base and residual plane beside plain BC1 at 4 bits a texel, as a table in Markdown.
 //!
 //! `cargo run --release -p texfold-benches --bin progressive -- [small] [IMAGE …]`: of images larger than that the middle
 //! 1024 x 1024; without images, six aerial and satellite images where they are. Memory is all that a GPU holds, without mips.
@@ -25,7 +25,7 @@ const IMAGES: [&str; 6] = [
 ];
 /// Bits a texel: those of ASTC in blocks of 12x12, 10x10, 8x8 and 6x6, and two thirds of BC1's.
 const SIZES: [f64; 5] = [0.89, 1.28, 2.0, 2.7, 3.56];
-/// Bits a texel of what stands beside them: ASTC 12x12 of half of the size, BC1 of a quarter, and the paper's 2% without error map.
+/// Bits a texel of what stands beside them: ASTC 12x12 of half of the size, BC1 of a quarter, and the paper's 2% without residual plane.
 const SMALL: [f64; 3] = [0.2222, 0.25, 0.5];
 /// Plain blocks, and halvings of width and height.
 const RIVALS: [(&str, Content, u32); 1] = [("BC1, 4", Content::Bc1, 0)];
@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut given: Vec<PathBuf> = std::env::args().skip(1).map(PathBuf::from).collect();
     let small = given.first().is_some_and(|first| first.as_os_str() == "small");
     given.drain(..usize::from(small));
-    let images = match texfold_testkit::data_dir("base and error map beside BC1") {
+    let images = match texfold_testkit::data_dir("base and residual plane beside BC1") {
         Some(data) if given.is_empty() => IMAGES.map(|name| data.join("remote").join(name)).to_vec(),
         _ => given,
     };

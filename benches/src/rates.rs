@@ -29,8 +29,8 @@ const DECODES: u32 = 20;
 /// Bits a texel, PSNR in dB and SSIMULACRA2.
 type Figures = [f64; 3];
 
-/// What a run is asked for.
-struct Asked {
+/// What a run is to do.
+struct Request {
     check: bool,
     out: Option<PathBuf>,
     effort: Effort,
@@ -38,7 +38,7 @@ struct Asked {
 }
 
 fn main() -> Outcome<()> {
-    let asked = asked()?;
+    let request = request()?;
     let columns = [
         "image",
         "rate",
@@ -58,54 +58,55 @@ fn main() -> Outcome<()> {
     ];
     let mut table = Table::new(&columns);
     let mut sums = vec![[0.0; 13]; RATES.len()];
-    for path in &asked.images {
+    for path in &request.images {
         let image = middle(&texfold_testkit::png(path).with_channels(3), SIDE, SIDE)?;
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        for (rate, (sum, figures)) in RATES.iter().zip(sums.iter_mut().zip(figures(&image, asked.effort)?)) {
+        for (rate, (sum, figures)) in RATES.iter().zip(sums.iter_mut().zip(figures(&image, request.effort)?))
+        {
             table.row(line(&name, rate.0, &figures));
             sum.iter_mut().zip(figures).for_each(|(sum, figure)| *sum += figure);
         }
     }
-    let count = asked.images.len() as f64;
+    let count = request.images.len() as f64;
     let means: Vec<[f64; 13]> = sums.iter().map(|sum| sum.map(|sum| sum / count)).collect();
     for (rate, mean) in RATES.iter().zip(&means) {
         table.row(line("mean", rate.0, mean));
     }
-    if let Some(out) = asked.out {
+    if let Some(out) = request.out {
         std::fs::create_dir_all(&out)?;
         table.write(&out, "rates", "Bits a texel are those of the whole texture, without mips.")?;
     }
     let missed = RATES.iter().zip(&means).find(|((_, _, target), mean)| mean[1] < *target);
     match missed {
-        Some(((rate, _, target), mean)) if asked.check => {
+        Some(((rate, _, target), mean)) if request.check => {
             Err(format!("{:.2} dB at {rate} bits, where {target} must be reached", mean[1]).into())
         }
         _ => Ok(()),
     }
 }
 
-fn asked() -> Outcome<Asked> {
-    let mut asked = Asked { check: false, out: None, effort: Effort::Normal, images: Vec::new() };
+fn request() -> Outcome<Request> {
+    let mut request = Request { check: false, out: None, effort: Effort::Normal, images: Vec::new() };
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
-            "--check" => asked.check = true,
-            "--out" => asked.out = Some(arguments.next().ok_or("name the folder to write to")?.into()),
+            "--check" => request.check = true,
+            "--out" => request.out = Some(arguments.next().ok_or("name the folder to write to")?.into()),
             "--effort" => {
-                asked.effort = match arguments.next().as_deref() {
+                request.effort = match arguments.next().as_deref() {
                     Some("fast") => Effort::Fast,
                     Some("normal") => Effort::Normal,
                     Some("high") => Effort::High,
                     _ => return Err("an effort is fast, normal or high".into()),
                 }
             }
-            path => asked.images.extend(images_of(Path::new(path))?),
+            path => request.images.extend(images_of(Path::new(path))?),
         }
     }
-    if let Some(data) = texfold_testkit::data_dir("rates").filter(|_| asked.images.is_empty()) {
-        asked.images = images_of(&data.join("vq/kodak"))?;
+    if let Some(data) = texfold_testkit::data_dir("rates").filter(|_| request.images.is_empty()) {
+        request.images = images_of(&data.join("vq/kodak"))?;
     }
-    Ok(asked)
+    Ok(request)
 }
 
 /// The image of that name, or all of the folder.

@@ -125,7 +125,7 @@ pub enum Family {
     Bc,
     /// What mobile GPUs draw, and plain bytes; only in builds with the feature `astc`.
     Astc,
-    /// A small base of the formats that desktop GPUs draw, with an error map, in codecs that store content so; others take
+    /// A small base of the formats that desktop GPUs draw, with a residual plane, in codecs that store content so; others take
     /// what desktop GPUs draw.
     ErrorMap,
 }

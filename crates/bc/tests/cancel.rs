@@ -18,7 +18,7 @@ const ENCODED_SIDE: u32 = 512;
 /// Shortest time that a machine which does other work tells apart from none.
 const LEAST: Duration = Duration::from_millis(20);
 
-/// A picture side by side with itself.
+/// An image side by side with itself.
 fn tiled(side: u32) -> Raster {
     let tile = image("terrain");
     let (width, height) = (tile.size().width, tile.size().height);

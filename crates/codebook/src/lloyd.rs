@@ -28,7 +28,7 @@ impl Default for Settings {
 /// A codebook and what it does to the vectors that it was built from.
 #[derive(Debug, Clone)]
 pub struct Codebook {
-    /// One codeword a row; at most as many as asked for, fewer where there are fewer distinct vectors.
+    /// One codeword a row; at most as many as requested, fewer where there are fewer distinct vectors.
     pub codewords: Array2<f32>,
     /// The nearest codeword of each vector.
     pub matches: Vec<Match>,
@@ -59,7 +59,7 @@ pub fn build(vectors: ArrayView2<'_, f32>, weights: &[f32], count: usize, settin
         .unwrap_or_else(|| Codebook::empty(vectors.ncols()))
 }
 
-/// As [`build`], but `None` once `stop` says so. It is asked on all threads, for each vector of a round and for each seed.
+/// As [`build`], but `None` once `stop` says so. It is called on all threads, for each vector of a round and for each seed.
 #[must_use]
 pub fn build_unless(
     vectors: ArrayView2<'_, f32>,
@@ -285,15 +285,15 @@ mod tests {
         use std::sync::atomic::{AtomicUsize, Ordering};
         let vectors = blocks(3000, 12, 8);
         let weights = vec![1.0; 3000];
-        let asked = AtomicUsize::new(0);
+        let calls = AtomicUsize::new(0);
         let after = |limit: usize| {
-            asked.store(0, Ordering::Relaxed);
-            let stop = || asked.fetch_add(1, Ordering::Relaxed) >= limit;
+            calls.store(0, Ordering::Relaxed);
+            let stop = || calls.fetch_add(1, Ordering::Relaxed) >= limit;
             build_unless(vectors.view(), &weights, 100, Settings::default(), &stop)
         };
         let whole = after(usize::MAX).map(|built| built.codewords);
         assert_eq!(whole, Some(build(vectors.view(), &weights, 100, Settings::default()).codewords));
-        let looks = asked.load(Ordering::Relaxed);
+        let looks = calls.load(Ordering::Relaxed);
         // While seeds are drawn, in the first round and in the last one.
         for limit in [0, 50, 2000, looks - 1] {
             assert!(after(limit).is_none(), "{limit} of {looks}");

@@ -32,7 +32,7 @@ impl<'s> EpitomeSource<'s> {
 pub struct Transforms {
     /// Content from other places than the leaf's own. Without it only `scales` and `quadtree` count.
     pub references: bool,
-    /// Positions in quarters of a texel; without them, whole texels, whose content is shown unfiltered at full size.
+    /// Positions in quarters of a texel; without them, whole texels, whose content is read unfiltered at full size.
     pub fractions: bool,
     /// Mirrored content.
     pub mirrors: bool,
@@ -189,11 +189,11 @@ impl Params for EpitomeParams {
             _ if !(1..=MAX_LAYERS).contains(&self.layers) => return layers("1..=8"),
             Goal::Tolerance(_) if self.layers > 1 => return layers("1, for a tolerance"),
             Goal::Tolerance(value) if self.family == Family::ErrorMap && self.content.is_none() => {
-                return Err(ParamError::new("tolerance", value, "none, with an error map"));
+                return Err(ParamError::new("tolerance", value, "none, with a residual plane"));
             }
             // Layers are told apart by cells of 4x4 texels.
             _ if self.layers > 1 && !self.small_cells() => {
-                return layers("1, for ASTC content and error maps");
+                return layers("1, for ASTC content and residual planes");
             }
             _ => {}
         }

@@ -208,12 +208,12 @@ fn the_number_of_threads_does_not_count() {
 
 #[test]
 fn mip_levels_show_the_image() {
-    for (name, asked, is_finer) in
+    for (name, goal_psnr, is_finer) in
         [("facade", 22.0, false), ("facade", 32.0, true), ("text_page", 32.0, false)]
     {
         let original = image(name).tagged(ColorSpace::Linear, texfold_core::image::Alpha::Opaque);
         let set = ImageSet::single(original);
-        let texture = encode(&set, &goal(Goal::Psnr(asked)).with_mips(true));
+        let texture = encode(&set, &goal(Goal::Psnr(goal_psnr)).with_mips(true));
         let form = texture.gpu();
         let coarse = form.planes.iter().find(|plane| plane.part == "mips").unwrap();
         assert_eq!(coarse.format == PlaneFormat::Bc7, is_finer, "{name}: {:?}", coarse.format);
@@ -225,7 +225,7 @@ fn mip_levels_show_the_image() {
             let found = decode_surface(&texture, 0, level).unwrap();
             assert_eq!(found.size(), wanted.size());
             let psnr = texfold_core::metric::color_error(wanted, &found).psnr();
-            let least = if level == 0 { 60.0 } else { asked.min(30.0) };
+            let least = if level == 0 { 60.0 } else { goal_psnr.min(30.0) };
             assert!(psnr >= least, "{name}, level {level}: {psnr}");
         }
     }

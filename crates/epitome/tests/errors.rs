@@ -1,4 +1,4 @@
-//! Content with an error map.
+//! Content with a residual plane.
 #![cfg(feature = "encode")]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 

@@ -29,10 +29,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let path = arguments.next().ok_or("name an image")?;
     let bits: f64 = arguments.next().map_or(Ok(1.28), |bits| bits.parse())?;
     let log2: u8 = arguments.next().map_or(Ok(5), |side| side.parse())?;
-    let picture = image::open(path)?.to_rgb8();
-    let (width, height) = picture.dimensions();
+    let image = image::open(path)?.to_rgb8();
+    let (width, height) = image.dimensions();
     let size = SurfaceSize { width, height };
-    let source = BlockSource::from_u8(size, &[3], picture.as_raw())?;
+    let source = BlockSource::from_u8(size, &[3], image.as_raw())?;
     let params = BlockParams::default().with_goal(Goal::Bpp(bits)).with_superblock_log2(log2);
     let texture = BlockEncoder::new(&source, &params, CancelCheck::default())?.encode()?;
     let megatexels = size.texels() as f64 / 1e6;

@@ -119,12 +119,12 @@ fn images_equal_those_of_the_cpu() {
 #[test]
 fn fixtures_equal_the_cpu_at_every_side_and_quality() {
     let Some((gpu, decoder)) = decoder() else { return };
-    for picture in images().iter().filter(|picture| picture.channels >= 3).take(4) {
-        let size = SurfaceSize { width: picture.width, height: picture.height };
-        let source = BlockSource::from_u8(size, &[picture.channels], &picture.data).unwrap();
+    for image in images().iter().filter(|image| image.channels >= 3).take(4) {
+        let size = SurfaceSize { width: image.width, height: image.height };
+        let source = BlockSource::from_u8(size, &[image.channels], &image.data).unwrap();
         for (log2, step) in [(4, 256), (4, 2400), (5, 1200), (5, 1800), (6, 600), (6, 1520)] {
             let texture = texture(&source, log2, step, BlockMetric::Psnr);
-            check_all(&format!("{} {log2} {step}", picture.name), gpu, &decoder, &texture);
+            check_all(&format!("{} {log2} {step}", image.name), gpu, &decoder, &texture);
         }
     }
 }

@@ -101,7 +101,7 @@ pub fn describe(sums: &LumaSums, x: usize, y: usize, width: usize, height: usize
 /// The low frequencies of 8 x 8 values less their mean, over their length, and that length a texel.
 pub(crate) fn transform(values: &[[f32; SIDE]; SIDE]) -> (Descriptor, f32) {
     let table = cosines();
-    // Rows first: only frequencies up to 4 are asked for.
+    // Rows first: only frequencies up to 4 are needed.
     let mut across = [[0.0f32; 5]; SIDE];
     for (line, row) in across.iter_mut().zip(values) {
         for (u, sum) in line.iter_mut().enumerate() {

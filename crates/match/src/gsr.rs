@@ -172,14 +172,14 @@ trait Search: Send + Sync {
     fn len(&self) -> usize;
 }
 
-/// A patch that looks like the one that was asked for.
+/// A patch that looks like the query.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GsrMatch {
     /// Squared distance of the descriptors.
     pub distance: f32,
     /// The patch.
     pub patch: OrientedPatch,
-    /// What carries places of the patch that was asked for, from its centre, to places of this one.
+    /// What carries places of the query, from its centre, to places of this one.
     pub matrix: Mat2,
     /// Whether it looks alike with its sign changed: only with [`GsrInput::Shape`].
     pub negated: bool,

@@ -1,7 +1,7 @@
 //! Patches found by the low frequencies of their shape, under the eight orientations that map a square's texels to its texels.
 //!
 //! A main direction, as GSR descriptors have it, is unsteady where content looks like noise, and patches that would serve are
-//! missed. Here patches are described by the cosine transform of their values over their length and asked for in all eight
+//! missed. Here patches are described by the cosine transform of their values over their length and looked up in all eight
 //! orientations, which swap frequencies and change their signs. Of the frequencies those are kept that hold most of the patches'
 //! energy, so that the product of two descriptors foretells how far one patch, with a gain, explains the other. Cost: side^2 x 8
 //! for each patch, and 16 queries of bounded effort in a tree.
@@ -38,12 +38,12 @@ impl std::fmt::Debug for SpectrumIndex {
     }
 }
 
-/// A patch that looks like the one that was asked for.
+/// A patch that looks like the query.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpectrumMatch {
     /// Its number.
     pub number: usize,
-    /// What carries places of the patch that was asked for, from its centre, to places of this one: quarter turns,
+    /// What carries places of the query, from its centre, to places of this one: quarter turns,
     /// reflected or not.
     pub matrix: Mat2,
     /// Squared distance of the descriptors, of length 1, of the patches or of one and the other's negative, 0 to 2.
@@ -234,7 +234,7 @@ mod tests {
         let index = index();
         for orientation in 0..8 {
             let (carried, number) = (matrix(orientation), 37 + 211 * orientation as usize);
-            // The asked patch shows at each place what the other has where the place is carried to.
+            // The query has at each place what the other has where the place is carried to.
             let other = noise(number);
             let half = Vec2::splat(SIDE as f32 * 0.5 - 0.5);
             let value = |i: usize| {
@@ -252,7 +252,7 @@ mod tests {
     #[test]
     fn nearer_patches_correlate_more() {
         let index = index();
-        let asked = noise(5000);
+        let query = noise(5000);
         let correlation = |found: &SpectrumMatch| {
             let other = noise(found.number);
             let half = Vec2::splat(SIDE as f32 * 0.5 - 0.5);
@@ -262,10 +262,10 @@ mod tests {
                 other[at.y as usize * SIDE + at.x as usize]
             };
             let dot = |f: &dyn Fn(usize) -> f32| (0..SIDE * SIDE).map(f).sum::<f32>();
-            let both = dot(&|i| asked[i] * carried(i));
-            both * both / (dot(&|i| asked[i] * asked[i]) * dot(&|i| other[i] * other[i]))
+            let both = dot(&|i| query[i] * carried(i));
+            both * both / (dot(&|i| query[i] * query[i]) * dot(&|i| other[i] * other[i]))
         };
-        let found = index.nearest(&asked, 400, 2000);
+        let found = index.nearest(&query, 400, 2000);
         let mean = |found: &[SpectrumMatch]| found.iter().map(correlation).sum::<f32>() / found.len() as f32;
         let (near, far) = (mean(&found[..20]), mean(&found[380..]));
         assert!(near > 1.5 * far, "{near} and {far}");

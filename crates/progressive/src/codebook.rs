@@ -1,4 +1,4 @@
-//! Codebooks and maps as they are shipped: atoms that the blocks of many images show, and for each block which and how.
+//! Codebooks and maps as they are shipped: atoms that the blocks of many images use, and for each block which and how.
 //!
 //! Atoms are residuals of a base, in luma, and of one contrast: brightness and colour come from the base, contrast and sign
 //! from the block's gain. So one atom serves blocks of any colour, and 20 bits of place, rotation and gain a block do what
@@ -31,7 +31,7 @@ pub(crate) const REACH: f32 = 127.0;
 pub(crate) const CODEBOOK_PIXEL: PixelInfo =
     PixelInfo { channels: 1, depth: Depth::Eight, color: ColorSpace::Linear, alpha: Alpha::Opaque };
 
-/// Atoms that blocks show. A clone shares its planes and values.
+/// Atoms that blocks use. A clone shares its planes and values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Codebook {
     planes: Arc<ContentPlanes>,
@@ -170,7 +170,7 @@ impl MapForm {
     }
 }
 
-/// Where and how a block shows the codebook.
+/// Where and how a block reads the codebook.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Entry {
     /// Column of the block's centre in texels.

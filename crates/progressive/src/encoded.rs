@@ -33,7 +33,7 @@ pub struct ProgressiveTexture {
     /// The images, levels that are not stored among them.
     layout: ImageLayout,
     pub(crate) content: ResidualContent,
-    /// Codebooks and maps, where blocks show any.
+    /// Codebooks and maps, where blocks use any.
     details: Option<Details>,
     params: Vec<TexfoldProgressiveParams>,
     pub(crate) notes: Notes,
@@ -63,7 +63,7 @@ impl ProgressiveTexture {
         &self.content
     }
 
-    /// Codebooks and maps, where blocks show any.
+    /// Codebooks and maps, where blocks use any.
     #[must_use]
     pub fn details(&self) -> Option<&Details> {
         self.details.as_ref()
@@ -329,7 +329,7 @@ impl ProgressiveTexture {
     }
 }
 
-/// Adds what codebooks show in `region`.
+/// Adds what codebooks contribute in `region`.
 fn add_details(view: &ProgressiveView<'_>, region: Rect, out: &mut [Texel]) {
     for (y, line) in (region.y..).zip(out.chunks_exact_mut(region.width as usize)) {
         for (x, texel) in (region.x..).zip(line) {

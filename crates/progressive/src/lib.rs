@@ -2,7 +2,7 @@
 //!
 //! An image is [`texfold_residual`] content: a base of half, a quarter or an eighth of the width and height in plain
 //! blocks, drawn with bilinear filtering, and a residual plane of none to some 7 bits a texel. Between base and residual
-//! stand codebooks ([`Codebook`]): blocks of 8x8 or 16x16 texels show an atom of a public codebook, which many textures
+//! stand codebooks ([`Codebook`]): blocks of 8x8 or 16x16 texels use an atom of a public codebook, which many textures
 //! share, or of the texture's own, at a place, rotation and gain that the block's map entry names. Up to about half a bit
 //! a texel that is worth more than its bits; above, residual planes alone are better, and codebooks are not tried.
 //!
@@ -54,7 +54,7 @@ impl TextureCodec for Progressive {
 }
 
 impl Progressive {
-    /// As [`TextureCodec::load`], for a texture that shows a public codebook: the one that it was made with, or one that
+    /// As [`TextureCodec::load`], for a texture that uses a public codebook: the one that it was made with, or one that
     /// grew from it.
     ///
     /// # Errors

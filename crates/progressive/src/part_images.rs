@@ -14,7 +14,7 @@ use crate::encoded::ProgressiveTexture;
 const DARKEST: f32 = 0.2;
 /// Gain below which a block's colour says no more, as a share of the largest.
 const LEAST_SHOWN: f32 = 0.3;
-/// Colours of blocks that show public content, and the texture's own.
+/// Colours of blocks that use public content, and the texture's own.
 const PUBLIC: Vec3 = Vec3::new(0.3, 0.7, 1.0);
 const OWN: Vec3 = Vec3::new(1.0, 0.6, 0.2);
 
@@ -23,10 +23,10 @@ const OWN: Vec3 = Vec3::new(1.0, 0.6, 0.2);
 pub struct PartImages {
     /// The base of each image.
     pub bases: Vec<Raster>,
-    /// For each image the bits of each block of its error map: black none, through red and yellow to white, the most of the
-    /// texture; none where there is no error map.
+    /// For each image the bits of each block of its residual plane: black none, through red and yellow to white, the most of the
+    /// texture; none where there is no residual plane.
     pub bits: Vec<Raster>,
-    /// For each image what each block shows of codebooks: black nothing, blue public content, orange its own, the brighter the
+    /// For each image what each block reads of codebooks: black nothing, blue public content, orange its own, the brighter the
     /// larger the gain; none where there are no codebooks.
     pub sources: Vec<Raster>,
     /// The public and the own codebook, as far as there are any.
@@ -131,8 +131,8 @@ fn count_reads<'e>(
     let mut counts = vec![0u32; width as usize * height as usize];
     for (size, entries) in images {
         let blocks = size.width.div_ceil(side) as usize * size.height.div_ceil(side) as usize;
-        let shown = |entry: &&Entry| entry.gain & MOST_GAIN > 0 && (entry.row >= public_rows) == private;
-        for entry in entries.iter().take(blocks).filter(shown) {
+        let drawn = |entry: &&Entry| entry.gain & MOST_GAIN > 0 && (entry.row >= public_rows) == private;
+        for entry in entries.iter().take(blocks).filter(drawn) {
             let rotation = texfold_progressive_rotation(entry.rotation, form.rotation_bits);
             let centre = Vec2::new(entry.column as f32, (entry.row - first) as f32);
             for (x, y) in (0..side * side).map(|i| (i % side, i / side)) {
@@ -213,7 +213,7 @@ mod tests {
         let reads = |private, (width, height)| {
             count_reads(&details, private, (width, height), [(size, &entries)].into_iter())
         };
-        // Entries 0 and 3 show nothing; 1 lies in the 32 public rows, 2, 4 and 5 behind them.
+        // Entries 0 and 3 add nothing; 1 lies in the 32 public rows, 2, 4 and 5 behind them.
         assert_eq!(reads(false, (64, 32)).iter().sum::<u32>(), 64);
         let own = reads(true, (64, 64));
         assert_eq!(own.iter().sum::<u32>(), 3 * 64);

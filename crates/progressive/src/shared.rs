@@ -8,7 +8,7 @@ use texfold_core::{EncodeError, Encoder, Goal, Job, SharedSearch};
 use crate::codebook::MAX_CODEBOOK_SIDE;
 use crate::{Codebook, Progressive, ProgressiveParams, ProgressiveSearch, ProgressiveTexture, encode};
 
-/// A public codebook that textures show and add to, and what surrounds a tile.
+/// A public codebook that textures use and add to, and what surrounds a tile.
 #[derive(Debug, Clone, Default)]
 pub struct Shared {
     /// What it holds; `None` while that is nothing.
@@ -55,7 +55,7 @@ impl SharedSearch for Progressive {
 
 impl Progressive {
     /// As [`Encoder::encode`], with a public codebook. [`ProgressiveTexture::details`] of the result names the codebook
-    /// that it shows: the same, or one that grew from it. A goal of bits counts the texture's own.
+    /// that it uses: the same, or one that grew from it. A goal of bits counts the texture's own.
     ///
     /// # Errors
     /// [`EncodeError`] as there.

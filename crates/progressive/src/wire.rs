@@ -1,6 +1,6 @@
 //! Sections of a `progressive` file: those of its residual content, whose base is the first layer and whose residual
 //! planes are the second; between them "PRCB" (planes of the texture's own codebook) and "PRMP" (form and entries of the
-//! map), where blocks show codebooks. A public codebook is a file of its own with "PRPB" (size and planes).
+//! map), where blocks use codebooks. A public codebook is a file of its own with "PRPB" (size and planes).
 
 use std::sync::Arc;
 

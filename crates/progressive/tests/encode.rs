@@ -118,7 +118,7 @@ fn a_prefix_is_the_enlarged_base_and_takes_the_errors_as_they_arrive() {
     assert_eq!(decode_surface(&loaded, 0, 0), decode_surface(&texture.first_layers(1), 0, 0));
     let psnr = measure(&set, &loaded).psnr;
     assert!(psnr > 18.0 && psnr < 36.0, "{psnr}");
-    // What the notes say of the whole without its error map is what the prefix shows.
+    // What the notes say of the whole without its residual plane is what the prefix decodes to.
     let noted = f64::from(texture.notes().psnr_without[0].1);
     assert!((noted - psnr).abs() < 1e-3, "{noted} {psnr}");
     assert!(loaded.refine(&part, &mut budget).unwrap().is_empty());
@@ -165,7 +165,7 @@ fn the_base_is_stored_as_asked() {
 }
 
 #[test]
-fn a_image_that_its_base_shows_has_no_error_map() {
+fn an_image_that_its_base_holds_has_no_residual_plane() {
     let set = image("constant");
     let texture = encode(&set, &fast(Goal::Psnr(40.0)));
     assert_eq!(texture.layers(), Layers { loaded: 1, total: 1 });
@@ -346,7 +346,7 @@ fn no_step_is_seen_between_tiles_whose_bases_go_on_beyond_their_borders() {
             ([step(0), if mips { step(1) } else { 0.0 }], bits)
         };
         let ((plain, plain_bits), (goes_on, bits)) = (steps(false), steps(true));
-        // A base that is read at wrong places leaves more to the error map.
+        // A base that is read at wrong places leaves more to the residual plane.
         assert!(bits < 1.2 * plain_bits, "{bits} bits, ending there {plain_bits}");
         assert!(goes_on[0] < 1.5 && goes_on[0] < 0.7 * plain[0], "{goes_on:?}, ending there {plain:?}");
     }

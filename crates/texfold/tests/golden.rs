@@ -57,7 +57,7 @@ fn an_epitome_of_two_formats_decodes_as_ever() {
     assert_level_decodes("epitome", 2, &["epitome-level2.png".to_owned()]);
 }
 
-/// Content with an error map, and mip levels. While the form of the file is not released, it is written anew by
+/// Content with a residual plane, and mip levels. While the form of the file is not released, it is written anew by
 /// `texfold compress fixtures/images/salient.png --codec epitome --content error-map --effort fast --psnr 28 --mips --out .`
 /// and its images by `texfold decompress salient.txf --out .` without and with `--lod 2`.
 #[test]
@@ -100,7 +100,7 @@ fn a_light_field_is_drawn_as_ever() {
     assert!(drawn.as_flattened() == wanted, "the light field is drawn otherwise than before");
 }
 
-/// A base and an error map with mip levels, and what a prefix without the error map shows. While the form of the file is not
+/// A base and a residual plane with mip levels, and what a prefix without the residual plane decodes to. While the form of the file is not
 /// released, it is written anew by
 /// `texfold compress fixtures/images/odd_37x61.png --codec progressive --effort fast --psnr 32 --mips --out .`
 /// and its images by `texfold decompress odd_37x61.txf --out .` without any, with `--lod 2` and with `--layers 1`.
@@ -109,7 +109,7 @@ fn a_base_and_an_error_map_decode_as_ever() {
     assert_decodes("progressive", &["progressive.png".to_owned()]);
     assert_level_decodes("progressive", 2, &["progressive-level2.png".to_owned()]);
     let bytes = std::fs::read(golden("progressive.txf")).unwrap();
-    // The error map is the last section.
+    // The residual plane is the last section.
     let prefix = open_image(&bytes[..bytes.len() - 1], &mut Budget::default()).unwrap();
     assert_eq!(prefix.as_encoded().layers(), Layers { loaded: 1, total: 2 });
     let wanted = texfold_testkit::png(&golden("progressive-base.png"));

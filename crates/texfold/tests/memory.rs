@@ -10,13 +10,16 @@ mod support;
 use std::sync::Mutex;
 
 use peak_alloc::PeakAlloc;
-use support::{epitome, fixture, progressive, small_textures};
+use support::forged::with_changed_section;
+use support::{epitome, fixture, progressive, small_textures, stack};
 use texfold::container::{NOTES_ID, SectionWriter, write_layout};
 use texfold::{
-    Bc, Budget, ENCODINGS, Effort, EncodeSettings, EpitomeParams, Family, Goal, Guidance, ImageAddress,
-    ImageLayout, Job, Limits, Notes, ProgressiveParams, SurfaceSize, TextureCodec, open_image,
+    Bc, Budget, ENCODINGS, Effort, EncodeSettings, Encoder, EpitomeParams, Family, Goal, Guidance,
+    ImageAddress, ImageLayout, Job, Limits, Notes, ProgressiveParams, SurfaceSize, TextureCodec, ZipParams,
+    Zipmap, open_image,
 };
-use texfold_core::image::PixelInfo;
+use texfold_core::image::{PixelInfo, Raster};
+use texfold_core::rng::Rng;
 
 #[global_allocator]
 static ALLOCATOR: PeakAlloc = PeakAlloc;
@@ -29,6 +32,9 @@ static TURN: Mutex<()> = Mutex::new(());
 
 /// What no budget books, in bytes: names, a list of sections, work that threads share out.
 const SLACK: u64 = 64 << 10;
+
+/// Files with a changed section that are loaded under several limits.
+const FORGED: usize = 1500;
 
 /// Textures that allocate more than their limit when they load, are uploaded and sampled. A line here is a defect: the test
 /// fails where one is no longer needed.
@@ -141,4 +147,54 @@ fn no_file_makes_a_reader_allocate_more_than_its_limit() {
         }
     }
     assert_eq!(over, OVER, "see the list OVER");
+}
+
+#[test]
+fn no_forged_file_makes_a_reader_allocate_more_than_its_limit() {
+    let _turn = TURN.lock().unwrap();
+    let mut rng = Rng::new(7);
+    let files: Vec<(String, Vec<u8>)> =
+        small_textures().into_iter().map(|(name, _, texture)| (name, texture.to_bytes())).collect();
+    let mut refused = 0;
+    for round in 0..FORGED {
+        let (name, bytes) = &files[round % files.len()];
+        let forged = with_changed_section(bytes, &mut rng).unwrap();
+        for limit in [1 << 17, 1 << 20, 1 << 24] {
+            let (peak, loaded) = peak(&forged, limit);
+            refused += usize::from(!loaded);
+            assert!(peak <= limit + SLACK, "{name}, round {round}: {peak} bytes under a limit of {limit}");
+        }
+    }
+    assert!((FORGED / 10..3 * FORGED).contains(&refused), "{refused} refused");
+}
+
+#[test]
+fn a_zipmap_is_encoded_within_what_its_job_books() {
+    let _turn = TURN.lock().unwrap();
+    let enlarged = |name: &str, times: u32| {
+        let image = texfold_testkit::image(name);
+        let (width, height) = (times * image.size().width, times * image.size().height);
+        let texels: Vec<_> =
+            (0..width * height).map(|i| image.texel(i % width / times, i / width / times)).collect();
+        Raster::from_texels(width, height, image.info(), &texels).unwrap()
+    };
+    // The root is the largest image, and a patch is.
+    for (root, image) in [(3, 2), (1, 8)] {
+        let stack = stack(&enlarged("terrain", root), enlarged("cutout", image));
+        for goal in [Goal::Psnr(34.0), Goal::Bpp(6.0)] {
+            let params = ZipParams::default().with_goal(goal).with_effort(Effort::Fast);
+            let mut job = Job::default();
+            let before = ALLOCATOR.current_usage();
+            ALLOCATOR.reset_peak_usage();
+            let texture = Zipmap::encode(&stack, &params, &mut job).unwrap();
+            let held = (ALLOCATOR.peak_usage() - before) as u64;
+            drop(texture);
+            let booked = job.budget.peak_bytes();
+            println!("root {root}, image {image}, {goal:?}: {held} bytes held, {booked} booked");
+            assert!(
+                held <= booked + SLACK,
+                "root {root}, image {image}, {goal:?}: {held} held, {booked} booked"
+            );
+        }
+    }
 }

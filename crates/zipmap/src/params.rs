@@ -78,12 +78,12 @@ impl ZipParams {
 
     /// RMS difference in 8-bit units from which on a level is kept.
     pub(crate) fn least_difference(&self) -> f64 {
-        let asked = match self.goal {
+        let of_goal = match self.goal {
             Goal::Psnr(psnr) => 255.0 / 10f64.powf(psnr / 20.0),
             Goal::Tolerance(tolerance) => tolerance,
             Goal::Bpp(_) => f64::INFINITY,
         };
-        asked.min(f64::from(self.drop_rms))
+        of_goal.min(f64::from(self.drop_rms))
     }
 }
 

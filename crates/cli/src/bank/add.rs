@@ -190,7 +190,7 @@ impl BankTask {
         width * u64::from(tiles::MOST_ROWS) * BAND_BYTES + TILE_BYTES
     }
 
-    /// Whether it shows what other images have brought.
+    /// Whether it uses what other images have brought.
     pub(crate) fn depends(&self) -> bool {
         self.params().tries_codebooks()
     }
@@ -317,20 +317,20 @@ impl Making<'_> {
 }
 
 impl Grown {
-    /// Takes over the codebook that a texture shows; rows that it grew by. A grown one is written as a new file.
+    /// Takes over the codebook that a texture uses; rows that it grew by. A grown one is written as a new file.
     fn grow(&mut self, dir: &Path, texture: &ProgressiveTexture, next: &mut u32) -> Result<u32, CliError> {
         self.tiles += 1;
-        let Some(shown) = texture.details().and_then(|details| details.public.clone()) else { return Ok(0) };
-        let rows = shown.size().1;
+        let Some(public) = texture.details().and_then(|details| details.public.clone()) else { return Ok(0) };
+        let rows = public.size().1;
         let grown = rows.saturating_sub(self.book.as_ref().map_or(0, |book| book.size().1));
         if grown > 0 {
             let file = format!("category-{:03}-{next:06}.txf", self.number);
             *next += 1;
             let mut writer = SectionWriter::new(Progressive::ID);
-            Progressive::store_codebook(&shown, &mut writer);
+            Progressive::store_codebook(&public, &mut writer);
             write_whole(&dir.join(&file), &writer.finish().bytes)?;
             self.file = Some((file, rows));
-            self.book = Some(shown);
+            self.book = Some(public);
         }
         Ok(grown)
     }
@@ -402,7 +402,7 @@ fn without_plain_alpha(tile: Raster) -> Raster {
     if opaque { tile.with_channels(tile.info().channels - 1) } else { tile }
 }
 
-/// Blocks that show public content, the texture's own, and all.
+/// Blocks that use public content, the texture's own, and all.
 fn blocks(texture: &ProgressiveTexture) -> [u64; 3] {
     let Some(details) = texture.details() else { return [0; 3] };
     let public_rows = details.public.as_ref().map_or(0, |book| book.size().1);
@@ -426,7 +426,8 @@ impl Sums {
             self.alpha = Some(self.alpha.unwrap_or_default() + alpha);
         }
         self.worst_block_rms = self.worst_block_rms.max(found.worst_block_rms);
-        let similar = decode_surface(texture, 0, 0).map_or(0.0, |shown| ssim(&source.images()[0], &shown));
+        let similar =
+            decode_surface(texture, 0, 0).map_or(0.0, |decoded| ssim(&source.images()[0], &decoded));
         self.ssim += similar * texels as f64;
         self.texels += texels;
         self.channels = self.channels.max(texture.layout().pixel.channels);

@@ -75,7 +75,7 @@ pub(crate) struct Tile {
     pub(crate) grown_rows: u32,
     /// Cells of its own codebook.
     pub(crate) own_cells: u32,
-    /// Blocks that show the public codebook, its own, and all of them.
+    /// Blocks that use the public codebook, its own, and all of them.
     pub(crate) blocks: [u64; 3],
 }
 

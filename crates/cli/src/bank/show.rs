@@ -192,7 +192,7 @@ struct ImageSummary {
     /// Cells that public codebooks grew by.
     public_cells_added: u32,
     own_cells: u32,
-    /// Shares of blocks that show public content, and the image's own.
+    /// Shares of blocks that use public content, and the image's own.
     public_share: f64,
     own_share: f64,
 }
@@ -204,7 +204,7 @@ struct CategorySummary {
     tiles: u32,
     cells: u32,
     file: Option<String>,
-    /// Share of the blocks of its tiles that show the public codebook.
+    /// Share of the blocks of its tiles that use the public codebook.
     public_share: f64,
     /// Cells of the codebook after each image that has tiles of the category.
     growth: Vec<Growth>,
@@ -260,18 +260,18 @@ fn category_of(bank: &Bank, number: u32, category: &Category) -> CategorySummary
         public_share: 0.0,
         growth: Vec::new(),
     };
-    let (mut rows, mut shown, mut all) = (0, 0, 0);
+    let (mut rows, mut used, mut all) = (0, 0, 0);
     for image in &bank.manifest.images {
         let tiles = tiles(image);
         if tiles.is_empty() {
             continue;
         }
         rows += tiles.iter().map(|tile| tile.grown_rows).sum::<u32>();
-        shown += tiles.iter().map(|tile| tile.blocks[0]).sum::<u64>();
+        used += tiles.iter().map(|tile| tile.blocks[0]).sum::<u64>();
         all += tiles.iter().map(|tile| tile.blocks[2]).sum::<u64>();
         summary.growth.push(Growth { image: image.name.clone(), cells: rows / CELL_SIDE * ROW_CELLS });
     }
-    summary.public_share = shown as f64 / all.max(1) as f64;
+    summary.public_share = used as f64 / all.max(1) as f64;
     summary
 }
 

@@ -21,7 +21,7 @@ const CODEBOOKS: [((u32, u32), Content); 4] = [
     ((256, 256), Content::Bc7),
 ];
 
-/// Bits a texel whose settings are drawn, of those that are asked for.
+/// Bits a texel whose settings are drawn, of the requested ones.
 const THUMBNAIL_BPP: [f64; 2] = [1.5, 2.5];
 
 /// Log2 downscale of width and height of plain blocks.
@@ -37,7 +37,7 @@ pub(crate) struct Candidate {
     pub(crate) codec: &'static str,
     /// The settings in words.
     pub(crate) settings: String,
-    /// Whether the report shows an image of it.
+    /// Whether the report has an image of it.
     pub(crate) has_thumbnail: bool,
     /// How it is made.
     pub(crate) way: Way,
@@ -114,7 +114,7 @@ fn within_goals(encoding: &'static Encoding, pixel: PixelInfo, effort: Effort) -
         let word = match family {
             Family::Bc => "",
             Family::Astc => " astc",
-            Family::ErrorMap => " error map",
+            Family::ErrorMap => " residual plane",
         };
         Candidate {
             codec: encoding.id.name,

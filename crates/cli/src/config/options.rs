@@ -202,7 +202,7 @@ impl Options {
         self.category.as_deref()
     }
 
-    /// Whether codec progressive is asked for.
+    /// Whether codec progressive is requested.
     pub(crate) fn is_progressive(&self) -> bool {
         self.codec == Some(CodecName::of::<Progressive>())
     }

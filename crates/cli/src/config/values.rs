@@ -94,7 +94,7 @@ pub enum ContentName {
     Bc7,
     /// The ASTC formats that suit the goal; ASTC needs a build with the feature `astc`.
     Astc,
-    /// A small base with an error map, in epitomes.
+    /// A small base with a residual plane, in epitomes.
     #[serde(rename = "error-map")]
     ErrorMap,
     /// 8 bits a texel.

@@ -156,7 +156,7 @@ fn decompress(
     Ok(())
 }
 
-/// An image decoded on the CPU; epitomes between leaves as they are drawn, where that is asked for.
+/// An image decoded on the CPU; epitomes between leaves as they are drawn, where that is requested.
 fn on_cpu(path: &Path, image: &AnyImage, surface: u32, args: &DecompressArgs) -> Result<Raster, CliError> {
     // Strips are wider than between texels at level 0 alone.
     let blended = image.downcast_ref::<EpitomeTexture>().filter(|_| args.continuous && args.lod == 0);

@@ -194,7 +194,7 @@ impl Sheets<'_> {
         let candidate: Option<&Candidate> =
             choice.leaves[node].and_then(|leaf| plan.options.candidates[node].get(leaf as usize));
         let moved = candidate.and_then(|candidate| self.packing.moved(plan.space, plan.options, candidate));
-        // Leaves outside of the image show nothing; their entry is never read.
+        // Leaves outside of the image are not drawn; their entry is never read.
         let (Some(candidate), Some(((x, y), orientation))) = (candidate, moved) else {
             return Entry {
                 matrix: number_of(&mut palettes.matrices, plan.palettes.matrix(0)),
@@ -308,7 +308,7 @@ fn encode_level(plan: &Plan<'_>, content: Content, level: &Raster) -> Result<Con
     ContentPlanes::encode_cancellable(content, plan.space.pixel, size, &texels, plan.effort, plan.cancel)
 }
 
-/// For each image the levels that are not read from the epitome, finer than it where they would show the images worse
+/// For each image the levels that are not read from the epitome, finer than it where they would reconstruct the images worse
 /// than it does.
 fn coarse(
     plan: &Plan<'_>,
@@ -333,17 +333,17 @@ fn coarse(
     };
     let coarse = encode(false)?;
     let texels: u64 = plan.images.images().iter().map(|image| image.size().texels()).sum();
-    let asked = choices.last().map_or(0.0, |choice| choice.psnr(texels as f64));
-    let shown = chain_psnr(chains.iter().flatten().zip(coarse.iter().flatten()));
-    if content == Content::Bc1 && shown < asked { encode(true) } else { Ok(coarse) }
+    let target = choices.last().map_or(0.0, |choice| choice.psnr(texels as f64));
+    let decoded = chain_psnr(chains.iter().flatten().zip(coarse.iter().flatten()));
+    if content == Content::Bc1 && decoded < target { encode(true) } else { Ok(coarse) }
 }
 
 /// PSNR in dB of red, green and blue of all those levels.
 fn chain_psnr<'a>(levels: impl Iterator<Item = (&'a Raster, &'a ContentPlanes)>) -> f64 {
     let (mut error, mut count) = (0.0, 0);
     for (level, coded) in levels {
-        for (texel, shown) in level.texels().zip(coded.decode()) {
-            error += f64::from((texel - shown).truncate().length_squared());
+        for (texel, decoded) in level.texels().zip(coded.decode()) {
+            error += f64::from((texel - decoded).truncate().length_squared());
             count += 3;
         }
     }

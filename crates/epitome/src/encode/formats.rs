@@ -31,7 +31,7 @@ pub(super) fn storages(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<S
         Goal::Bpp(_) | Goal::Tolerance(_) => f64::from(FIRST_GUESS),
     };
     if !matches!(pixel.channels, 1 | 3) || pixel.color == ColorSpace::Normal {
-        return Err(ParamError::new("channels", pixel.channels, "1 or 3 of colours, with an error map"));
+        return Err(ParamError::new("channels", pixel.channels, "1 or 3 of colours, with a residual plane"));
     }
     // Hard edges between two colours are better off in plain blocks, all else by a residual plane. Both in one
     // texture need the same channels.

@@ -174,8 +174,8 @@ impl Reading {
         let mut blocks = vec![(0.0f32, 0u32); across * down];
         let (gain, offset) = gain_offset::values(gain_offset);
         self.read(field, |index, content| {
-            let shown = (content * gain + offset).clamp(Vec4::ZERO, Vec4::splat(255.0));
-            let step = (shown + 0.5).floor() - (target[index] + 0.5).floor();
+            let decoded = (content * gain + offset).clamp(Vec4::ZERO, Vec4::splat(255.0));
+            let step = (decoded + 0.5).floor() - (target[index] + 0.5).floor();
             let block = &mut blocks[index / columns / 4 * across + index % columns / 4];
             block.0 += step.length_squared();
             block.1 += 1;

@@ -220,8 +220,8 @@ impl<'a> Sheet<'a> {
             let gain = reader.gain * reader.weight;
             let target = reader.node.texels(self.plan.space);
             reader.reading.taps(self.width, |index, at, shares| {
-                let shown = blend(texels, at, shares) * reader.gain + reader.offset;
-                let left = (target[index] - shown) * gain;
+                let decoded = blend(texels, at, shares) * reader.gain + reader.offset;
+                let left = (target[index] - decoded) * gain;
                 for (at, share) in at.into_iter().zip(shares) {
                     slope[at] += left * share;
                     weights[at] += gain * reader.gain * (share * share);
@@ -259,8 +259,8 @@ impl<'a> Sheet<'a> {
         for reader in self.readers.iter().take_while(|_| !self.plan.cancel.is_cancelled()) {
             let gain = reader.gain * reader.gain * reader.weight;
             reader.reading.taps(self.width, |_, at, shares| {
-                let shown = blend(step, at, shares) * gain;
-                at.into_iter().zip(shares).for_each(|(at, share)| applied[at] += shown * share);
+                let change = blend(step, at, shares) * gain;
+                at.into_iter().zip(shares).for_each(|(at, share)| applied[at] += change * share);
             });
         }
         applied

@@ -75,7 +75,7 @@ fn store_layer(parts: &Parts, layering: &Layering, layer: u32, out: &mut Section
 /// The layers that are whole: at least the first.
 pub(super) fn load_layers(file: &Sections<'_>, head: Head, budget: &mut Budget) -> Result<Parts, LoadError> {
     if head.form.errors {
-        let what = "layers of content with an error map";
+        let what = "layers of content with a residual plane";
         return Err(LoadError::Corrupt { section: String4(FORM_ID), offset: 0, what });
     }
     let (total, rows) = read_layers(file, &head.form, budget)?;

@@ -22,7 +22,7 @@ pub(crate) struct Base {
     pub(crate) shrink_log2: u32,
     /// Whether the base goes on beyond the borders.
     pub(crate) beyond: bool,
-    /// Bits of a block of class 1; 0 for no error map.
+    /// Bits of a block of class 1; 0 for no residual plane.
     pub(crate) class_bits: u32,
     /// Codebooks and a map, where there are any: binary logarithm of a block's side, bits of a rotation, and content of a public
     /// codebook of 64x64 texels and a private one of 32x64 behind it.

@@ -253,7 +253,7 @@ impl VertexFit<'_> {
             _ => pattern(index * term) * 2.0 - 1.0,
         };
         let lowest = self.floor;
-        // Patterns of both signs, moved to where none is below 0 where that is asked for.
+        // Patterns of both signs, moved to where none is below 0 where that is requested.
         let from = |value: f32| if lowest.x < 0.0 { value } else { 0.5 + 0.5 * value };
         let surface =
             self.ring.rows.iter().enumerate().map(start).map(|value| Vec3A::splat(from(value))).collect();

@@ -22,7 +22,7 @@ use crate::{ProgressiveParams, ProgressiveTexture, Shared};
 pub(crate) struct Kind {
     pub(crate) content: Content,
     pub(crate) reduce_log2: u32,
-    /// Binary logarithm of the side of the blocks that show a codebook; `None` where none does.
+    /// Binary logarithm of the side of the blocks that use a codebook; `None` where none does.
     pub(crate) side_log2: Option<u32>,
 }
 
@@ -49,7 +49,7 @@ const FINE: (f64, f64) = (42.0, 3.5);
 /// The same above which BC7 of a quarter of the width and height is.
 const MIDDLE: (f64, f64) = (33.0, 1.6);
 
-/// PSNR in dB and bits a texel below which codebooks are tried: above, error maps do the same at fewer bits.
+/// PSNR in dB and bits a texel below which codebooks are tried: above, residual planes do the same at fewer bits.
 const COARSE: (f64, f64) = (33.0, 0.7);
 
 /// Bits a texel that a base of an eighth with entries for blocks of 8x8 takes at least.
@@ -87,7 +87,7 @@ pub(crate) fn kinds(pixel: PixelInfo, params: &ProgressiveParams) -> Result<Vec<
     };
     let usual: &[(Content, u32)] = match pixel.channels {
         1 => &[(Content::Bc4, 2), (Content::Bc4, 3), (Content::Bc4, 1)],
-        // The error map has no alpha: the base shows it, and is as small as that allows.
+        // The residual plane has no alpha: the base holds it, and is as small as that allows.
         2 => &[(Content::Bc5, 1), (Content::Bc5, 2), (Content::Bc5, 3)],
         4 => &[(Content::Bc7, 1), (Content::Bc7, 2), (Content::Bc7, 3)],
         _ => &[
@@ -297,7 +297,7 @@ impl Base {
     }
 
     /// Whether alpha is as good as a goal asks of colours: of goals of bits, the estimates judge.
-    pub(crate) fn shows_alpha(&self, goal: Goal) -> bool {
+    pub(crate) fn holds_alpha(&self, goal: Goal) -> bool {
         let error = SquaredError { sum: self.alpha_error, count: self.texels };
         match goal {
             Goal::Psnr(psnr) => error.psnr() >= psnr,

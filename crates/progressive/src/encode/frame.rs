@@ -46,7 +46,7 @@ pub(crate) struct Frame {
     pub(crate) chains: Vec<Vec<Raster>>,
     /// The largest that is, with what surrounds it: of one tile, where that is known.
     pub(crate) around: Option<PaddedRaster>,
-    /// Mean squared error of what they show enlarged, in 8-bit units.
+    /// Mean squared error of what is stored, upsampled, in 8-bit units.
     pub(crate) floor: f64,
 }
 
@@ -154,7 +154,7 @@ fn fitted(
     let (width, height) = (size.width as usize, size.height as usize);
     let wanted: Vec<Texel> = image.raster.texels().collect();
     let mut small = image.reduced(&image.raster, size, f64::from(beyond));
-    // How much of the enlarged image a column and a row show.
+    // How much of the upsampled image a column and a row contribute to.
     let share = |taps: &[TexfoldTap], count: usize| {
         let mut shares = vec![0.0f32; count];
         for tap in taps {
@@ -186,8 +186,8 @@ fn fitted(
             }
         }
         for (index, (texel, sum)) in small.iter_mut().zip(sums).enumerate() {
-            let shown = (across[index % width] * down[index / width]).max(f32::MIN_POSITIVE);
-            *texel = (*texel + sum / shown).clamp(Texel::ZERO, Texel::ONE);
+            let weight = (across[index % width] * down[index / width]).max(f32::MIN_POSITIVE);
+            *texel = (*texel + sum / weight).clamp(Texel::ZERO, Texel::ONE);
         }
     }
     // As many texels as the size says.
@@ -195,7 +195,7 @@ fn fitted(
     Ok((PaddedRaster { raster: raster.unwrap_or_else(|_| image.raster.clone()), padding: beyond }, squared))
 }
 
-/// What a row of the image has beyond the enlarged one, in the columns that show it, and the squares of those that count.
+/// What a row of the image has beyond the enlarged one, in the columns that contribute to it, and the squares of those that count.
 fn row_residual(
     small: &[Texel],
     width: usize,
@@ -239,7 +239,7 @@ mod tests {
         let (small, squared) =
             fitted(&PaddedRaster::alone(image), 1, PASSES, CancelCheck::default()).unwrap();
         assert!(small.raster.size().width == 128 && squared < 0.9 * of_means, "{squared} {of_means}");
-        // What is left has nothing in common with what a smaller image could show.
+        // What is left has nothing in common with what a smaller image could hold.
         let texels: Vec<Texel> = small.raster.texels().collect();
         let (mut common, mut left) = (0.0, 0.0);
         for y in (0..256).step_by(2) {

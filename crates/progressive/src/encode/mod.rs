@@ -85,7 +85,7 @@ impl Parts for Fresh<'_> {
     }
 }
 
-/// `shared` is a public codebook that may be shown and added to.
+/// `shared` is a public codebook that may be used and added to.
 pub(crate) fn encode(
     source: &ImageSet,
     params: &ProgressiveParams,
@@ -216,8 +216,8 @@ impl Encoding<'_> {
                 continue;
             }
             let Some(base) = self.parts.base(frame, kind, inner, job)? else { continue };
-            // Where none shows alpha as well as it should, the largest does so best.
-            if kind.reduce_log2 > 1 && !base.shows_alpha(inner) {
+            // Where none holds alpha as well as it should, the largest does so best.
+            if kind.reduce_log2 > 1 && !base.holds_alpha(inner) {
                 continue;
             }
             let Some(draft) = best_draft(&base, inner, job)? else { continue };
@@ -282,7 +282,7 @@ impl Encoding<'_> {
             Goal::Bpp(_) => {
                 job.stage("coding blocks", 0.0)?;
                 code_at(&mut coder, draft.index, job)?;
-                // What coding has shown of the blocks moves bits among them.
+                // What coding has measured of the blocks moves bits among them.
                 job.stage("coding blocks", 0.7)?;
                 let index = draft::search_lambda(base, &coder, inner).index;
                 let classes = code_at(&mut coder, index, job)?;

@@ -70,18 +70,18 @@ fn verdict(texture: &ProgressiveTexture, met: bool) -> String {
     )
 }
 
-/// What codebooks a texture shows.
+/// What codebooks a texture uses.
 fn described(details: &Details) -> String {
     let side = 1 << details.form.side_log2;
     let cells = |book: &Option<std::sync::Arc<crate::Codebook>>| {
         book.as_ref().map_or(0, |book| book.size().0 * book.size().1 / (CELL_SIDE * CELL_SIDE))
     };
     let entries = || details.maps.iter().flat_map(|map| map.entries(details.form));
-    let showing = entries().filter(|entry| entry.gain % 16 > 0).count();
+    let used = entries().filter(|entry| entry.gain % 16 > 0).count();
     format!(
         ", with details from {} public and {} own cells of a codebook in {:.0}% of the {side}x{side} blocks",
         cells(&details.public),
         cells(&details.private),
-        100.0 * showing as f64 / entries().count().max(1) as f64
+        100.0 * used as f64 / entries().count().max(1) as f64
     )
 }

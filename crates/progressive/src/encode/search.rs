@@ -1,6 +1,6 @@
 //! One search for several goals: smaller images, bases, content of codebooks and the entries of blocks are made once.
 //!
-//! What goals ask for is made when the first of them does, and kept. A goal of bits may have room for fewer cells of a codebook
+//! What goals need is made when the first of them does, and kept. A goal of bits may have room for fewer cells of a codebook
 //! of its own than another: entries are then looked for anew, among the same pieces. A texture is the same, bit for bit,
 //! as one that is encoded without. Memory: some 12 bytes a texel and base.
 
@@ -23,7 +23,7 @@ pub struct ProgressiveSearch {
     held: Mutex<Held>,
 }
 
-/// What goals have asked for so far.
+/// What goals have needed so far.
 #[derive(Debug, Default)]
 struct Held {
     frames: Vec<Arc<Frame>>,

@@ -6,6 +6,8 @@
     reason = "each test file uses its own part; a test without its texture must fail"
 )]
 
+pub mod forged;
+
 use texfold::image::{ImageSet, Raster};
 use texfold::{
     AnyImage, Bc, BcParams, Content, Effort, Encoder, Epitome, EpitomeParams, EpitomeSource, Family, Goal,
@@ -35,8 +37,13 @@ pub fn progressive(set: &ImageSet, params: &ProgressiveParams) -> AnyImage {
 
 /// A small root with three patches that overlap.
 pub fn zipmap(set: &ImageSet, content: Content) -> AnyImage {
-    let root = set.images()[0].clone();
-    let image = texfold_testkit::image("cutout");
+    let params = ZipParams::default().with_content(content).with_tau(0.05).with_effort(Effort::Fast);
+    let stack = stack(&set.images()[0], texfold_testkit::image("cutout"));
+    AnyImage::new(Zipmap::encode(&stack, &params, &mut Job::default()).unwrap())
+}
+
+/// A root with three patches of one image, which overlap.
+pub fn stack(root: &Raster, image: Raster) -> PatchStack {
     let patch = |(x, y, zoom, turn): (f64, f64, f64, f64)| PatchSource {
         image: 0,
         matrix: texfold_testkit::leaves::close_up((x, y).into(), zoom, turn, (0.1, 0.0).into()),
@@ -44,9 +51,7 @@ pub fn zipmap(set: &ImageSet, content: Content) -> AnyImage {
         parent: None,
     };
     let patches = [(0.5, 0.5, 1.5, 0.3), (0.6, 0.4, 3.0, -0.5), (0.1, 0.9, 2.0, 0.0)].map(patch).to_vec();
-    let params = ZipParams::default().with_content(content).with_tau(0.05).with_effort(Effort::Fast);
-    let stack = PatchStack { root, images: vec![image], patches };
-    AnyImage::new(Zipmap::encode(&stack, &params, &mut Job::default()).unwrap())
+    PatchStack { root: root.clone(), images: vec![image], patches }
 }
 
 /// One texture of each kind, small enough to be damaged ten thousand times.
@@ -67,7 +72,7 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     }
     let params = VqParams::default().with_codebook((64, 32)).with_effort(Effort::Fast);
     textures.push(("vq sequence".to_owned(), ripple.clone(), vq(&ripple, &params)));
-    // BC1 and BC7 side by side, with mip levels; the same in layers; plain bytes; with an error map; two images that share content.
+    // BC1 and BC7 side by side, with mip levels; the same in layers; plain bytes; with a residual plane; two images that share content.
     let fast = EpitomeParams::new(Goal::Psnr(26.0)).with_effort(Effort::Fast);
     let params = fast.clone().with_mips(true);
     textures.push(("epitome mixed".to_owned(), odd.clone(), epitome(&odd, &params)));
@@ -79,7 +84,7 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     textures.push(("epitome errors".to_owned(), odd.clone(), epitome(&odd, &params)));
     let params = fast.with_content(Content::Bc1);
     textures.push(("epitome sequence".to_owned(), ripple.clone(), epitome(&ripple, &params)));
-    // A base and an error map with mip levels; a set; a base alone.
+    // A base and a residual plane with mip levels; a set; a base alone.
     let fast = ProgressiveParams::default().with_goal(Goal::Psnr(32.0)).with_effort(Effort::Fast);
     let params = fast.clone().with_mips(true);
     textures.push(("progressive layers".to_owned(), odd.clone(), progressive(&odd, &params)));

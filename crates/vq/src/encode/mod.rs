@@ -48,7 +48,7 @@ const NUMBERS_PER_CHANNEL: u64 = 3;
 /// at full effort, within the smaller.
 const COARSE_STEP: f64 = 0.1;
 const FINE_STEP: f64 = 0.02;
-/// Full effort needs at least this share of the codewords that the fast search asked for.
+/// Full effort needs at least this share of the codewords that the fast search requested.
 const FINE_RANGE: f64 = 0.8;
 /// What full effort may gain over fast effort, dB: a goal that is missed by more is out of reach.
 const EFFORT_GAIN: f64 = 0.7;
@@ -276,7 +276,7 @@ fn one(
 }
 
 /// The smallest codebook of at most `most` cells that reaches a PSNR: found fast, then refined at full effort just
-/// below what the fast search asked for.
+/// below what the fast search requested.
 fn search_psnr(
     prepared: &Prepared<'_>,
     content: Content,

@@ -135,7 +135,7 @@ impl<'s> Prepared<'s> {
         Ok(SampleSpec { side: settled.side.min(side), ..settled })
     }
 
-    /// What the caller asked for.
+    /// What the caller requested.
     pub(crate) fn chosen_samples(&self) -> Option<SampleSpec> {
         self.params.samples.map(|(count, side)| SampleSpec { count, side })
     }

@@ -132,8 +132,12 @@ pub(crate) fn notes(
         Goal::Bpp(bpp) => format!("--bpp {bpp}"),
         Goal::Tolerance(tolerance) => format!("--tolerance {tolerance}"),
     };
-    let tau =
-        if params.tau == ZipParams::default().tau { String::new() } else { format!(" --tau {}", params.tau) };
+    // The command line has no option for it.
+    let tau = if params.tau == ZipParams::default().tau {
+        String::new()
+    } else {
+        format!(", in the library ZipParams::with_tau({})", params.tau)
+    };
     let content = params.content.map_or(String::new(), |content| format!(" --content {}", content.name()));
     let alone = sum(|fidelity| fidelity.root_alone).psnr() as f32;
     let psnr_without = if texture.patches() > 0 { vec![(PATCH_PART.to_owned(), alone)] } else { Vec::new() };

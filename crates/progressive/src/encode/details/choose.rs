@@ -1,4 +1,4 @@
-//! Which pieces of images become atoms: those that many blocks would show, one after another, the best first.
+//! Which pieces of images become atoms: those that many blocks would use, one after another, the best first.
 
 use std::collections::HashMap;
 
@@ -36,7 +36,7 @@ const BIT_WORTH: f32 = 1.386;
 pub(crate) struct Choice {
     /// Its content.
     pub(crate) cell: Vec<f32>,
-    /// Blocks that would show it, of all.
+    /// Blocks that would use it, of all.
     pub(crate) reuse: u32,
     /// Bits that it saves, about.
     pub(crate) bits: f32,

@@ -1,7 +1,7 @@
 //! What codebooks can reproduce of the residuals of bases: the choice of their content, and an entry for each block.
 //!
 //! Source: "Progressive compression of large-scale remote sensing images with GSR descriptors", 2012, section 4. Pieces
-//! of the image whose patches are like many blocks by GSR descriptors become content, those that the most blocks would show
+//! of the image whose patches are like many blocks by GSR descriptors become content, those that the most blocks would use
 //! public; blocks are matched against the public codebook and what the image brings of its own, there in all orientations by
 //! low frequencies, as main directions of noise are unsteady. Other than there, content is detail without colour, brightness
 //! and contrast (see [`crate::codebook`]), and a block that finds nothing pays for its entry all the same: entries are of one
@@ -130,7 +130,7 @@ pub(crate) fn find(
     Ok(Some(Details { public, private, form, gain_unit: unit, maps }))
 }
 
-/// Content for the residuals of images: the public codebook with what many blocks would show, and pieces that are worth their
+/// Content for the residuals of images: the public codebook with what many blocks would use, and pieces that are worth their
 /// bits in these images alone, the best first.
 #[derive(Debug)]
 pub(crate) struct Candidates {
@@ -188,7 +188,7 @@ impl Candidates {
         cells
     }
 
-    /// The codebooks with so many cells of the images' own; `None` where there is nothing to show.
+    /// The codebooks with so many cells of the images' own; `None` where there is nothing to read.
     pub(crate) fn library(&self, side: usize, own_cells: usize, check: CancelCheck<'_>) -> Option<Library> {
         let log2 = own_cells.max(1).ilog2();
         let private = of_cells(&self.own[..own_cells], CELL_SIDE << log2.div_ceil(2)).map(Arc::new);
@@ -229,7 +229,7 @@ const MOST_CELLS: usize = 256;
 const CELL_BITS: f32 = 4096.0;
 /// Images that are taken to share the bits of public content.
 const SHARING: f32 = 4.0;
-/// Blocks of an image that show a piece of public content at least.
+/// Blocks of an image that use a piece of public content at least.
 const LEAST_REUSE: u32 = 64;
 /// Cells in a row of a public codebook.
 const PUBLIC_CELLS: u32 = 8;

@@ -271,7 +271,7 @@ fn rotated_by(number: u32, by: i32) -> u32 {
     numbered((step as i32 + by).rem_euclid(steps) as u32, number & 1 == 1)
 }
 
-/// What a spot shows, as [`crate::decode::texfold_progressive_content`] reads it texel by texel.
+/// What a spot reads as [`crate::decode::texfold_progressive_content`] reads it texel by texel.
 fn read(values: &[f32], size: UVec2, spot: Spot, rotation: Vec4, side: usize, out: &mut Vec<f32>) {
     out.clear();
     let centre = Vec2::new(spot.column as f32, spot.row as f32);

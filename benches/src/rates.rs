@@ -11,11 +11,11 @@ use std::path::{Path, PathBuf};
 
 use texfold::image::Raster;
 use texfold::metric::color_error;
-use texfold::{CancelCheck, Effort, Goal, Rect};
+use texfold::{CancelCheck, Effort, Goal, Metric, Rect};
 use texfold_benches::report::{Outcome, Table, cpu_seconds, middle};
 use texfold_benches::rivals;
 use texfold_residual::block::BlockTexture;
-use texfold_residual::block::encode::{BlockEncoder, BlockMetric, BlockParams, BlockSource};
+use texfold_residual::block::encode::{BlockEncoder, BlockParams, BlockSource};
 
 /// Bits a texel, the side of the ASTC blocks that take them, and the PSNR in dB that the photographs must reach.
 const RATES: [(f64, u32, f64); 4] = [(0.89, 12, 33.5), (1.28, 10, 36.0), (2.0, 8, 39.4), (3.56, 6, 42.9)];
@@ -131,8 +131,8 @@ fn figures(image: &Raster, effort: Effort) -> Outcome<Vec<[f64; 13]>> {
     let source = BlockSource::from_u8(image.size(), &[3], &image.to_bytes())?;
     let mut all = Vec::new();
     for (rate, side, _) in RATES {
-        let (psnr, seconds, speed) = ours(image, &source, BlockMetric::Psnr, effort, rate)?;
-        let (eye, ..) = ours(image, &source, BlockMetric::Perceptual, effort, rate)?;
+        let (psnr, seconds, speed) = ours(image, &source, Metric::Psnr, effort, rate)?;
+        let (eye, ..) = ours(image, &source, Metric::Perceptual, effort, rate)?;
         let astc = match rivals::astc(image, side)? {
             Some((decoded, bits)) => judged(image, &decoded, bits)?,
             None => [f64::NAN; 3],
@@ -150,7 +150,7 @@ fn figures(image: &Raster, effort: Effort) -> Outcome<Vec<[f64; 13]>> {
 fn ours(
     image: &Raster,
     source: &BlockSource,
-    metric: BlockMetric,
+    metric: Metric,
     effort: Effort,
     rate: f64,
 ) -> Outcome<(Figures, f64, f64)> {

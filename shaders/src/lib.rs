@@ -79,11 +79,13 @@ pub enum BlockTarget {
     Unorm8,
     /// `rgba16uint`.
     Uint16,
+    /// `rgba32float`: samples from 0 to 1.
+    Float32,
 }
 
 impl BlockTarget {
     /// All of them.
-    pub const ALL: [BlockTarget; 2] = [BlockTarget::Unorm8, BlockTarget::Uint16];
+    pub const ALL: [BlockTarget; 3] = [BlockTarget::Unorm8, BlockTarget::Uint16, BlockTarget::Float32];
 }
 
 /// A whole compute shader that decodes textures in blocks of variable length. Group 0: `texfold_core::BlockPass`, words,
@@ -94,6 +96,7 @@ pub fn block(target: BlockTarget) -> String {
     let target = match target {
         BlockTarget::Unorm8 => include_str!("../wgsl/entry/block_unorm.wgsl"),
         BlockTarget::Uint16 => include_str!("../wgsl/entry/block_uint.wgsl"),
+        BlockTarget::Float32 => include_str!("../wgsl/entry/block_float.wgsl"),
     };
     [include_str!("../wgsl/block.wgsl"), include_str!("../wgsl/entry/block.wgsl"), target].join("\n")
 }

@@ -78,12 +78,13 @@ const ALONE: [(&str, &str); 13] = [
     ("texfold_zipmap_sample", "takes derivatives, which a CPU does not have"),
 ];
 
-const ENTRIES: [(&str, &str); 16] = [
+const ENTRIES: [(&str, &str); 17] = [
     ("entry/loads_only", include_str!("../wgsl/entry/loads_only.wgsl")),
     ("entry/bc", include_str!("../wgsl/entry/bc.wgsl")),
     ("entry/block", include_str!("../wgsl/entry/block.wgsl")),
     ("entry/block_unorm", include_str!("../wgsl/entry/block_unorm.wgsl")),
     ("entry/block_uint", include_str!("../wgsl/entry/block_uint.wgsl")),
+    ("entry/block_float", include_str!("../wgsl/entry/block_float.wgsl")),
     ("entry/decode", include_str!("../wgsl/entry/decode.wgsl")),
     ("entry/draw", include_str!("../wgsl/entry/draw.wgsl")),
     ("epitome/errors", include_str!("../wgsl/epitome/errors.wgsl")),

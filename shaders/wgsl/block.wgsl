@@ -586,3 +586,14 @@ fn texfold_block_channel(at: vec2<u32>, mean: i32, first: u32, weights: vec4<i32
         + texfold_block_sample(first + 3u, at) * weights.w;
     return clamp(sum >> shift, 0, largest);
 }
+
+// The square root of a number, rounded.
+fn texfold_block_root(value: u32) -> u32 {
+    var root = min(u32(sqrt(f32(value))), 65535u);
+    if root * root > value {
+        root -= 1u;
+    } else if root < 65535u && (root + 1u) * (root + 1u) <= value {
+        root += 1u;
+    }
+    return root + u32(value - root * root > root);
+}

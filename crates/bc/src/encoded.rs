@@ -125,8 +125,7 @@ impl Encoded for BcTexture {
     }
 
     fn gpu(&self) -> GpuForm<'_> {
-        let mut form =
-            GpuForm { module: "bc", planes: Vec::new(), uniforms: Vec::new(), surfaces: Vec::new() };
+        let mut form = GpuForm::new("bc");
         for surface in 0..self.surfaces.len() {
             let first = form.planes.len();
             form.planes.extend(self.planes_of(surface));

@@ -11,6 +11,8 @@ use texfold_core::{EncodeError, LoadError, RegionError, SourceError};
 pub(crate) enum UsageError {
     #[error("--{option} is for codec {wanted}, not {codec}; leave it out or give --codec {wanted}")]
     NotForCodec { option: &'static str, wanted: &'static str, codec: &'static str },
+    #[error("--{option} says nothing with {other}; leave one of them out")]
+    Excluded { option: &'static str, other: &'static str },
     #[error("--{option} {value} is outside {range}; give a value in that range")]
     Range { option: &'static str, value: String, range: &'static str },
     #[error("{} names more than one goal; give one of psnr, bpp and tolerance", path.display())]

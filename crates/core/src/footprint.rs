@@ -24,7 +24,7 @@ pub struct Footprint {
 }
 
 impl Footprint {
-    /// Counts the planes and uniforms of `gpu` and the sections that `encoded` stores, each under its
+    /// Counts the planes, blocks and uniforms of `gpu` and the sections that `encoded` stores, each under its
     /// part's name. The container's own bytes are the part "container".
     pub fn measure<E: Encoded + ?Sized>(encoded: &E, gpu: &GpuForm<'_>) -> Footprint {
         let mut writer = SectionWriter::new(encoded.codec());
@@ -49,6 +49,9 @@ impl Footprint {
         let mut footprint = Footprint::default();
         for plane in &gpu.planes {
             footprint.part(plane.part).bits_memory += 8 * plane.data.len() as u64;
+        }
+        for (part, bytes) in gpu.block_bytes() {
+            footprint.part(part).bits_memory += 8 * bytes;
         }
         if !gpu.uniforms.is_empty() {
             footprint.part("uniforms").bits_memory += 8 * gpu.uniforms.len() as u64;

@@ -23,10 +23,19 @@ const MAX_AXES: usize = 16;
 pub struct GpuBlocks<'a> {
     /// What the words say, and how the image is cut.
     pub layout: BlockLayout,
-    /// Constants, tables of probabilities, steps, index.
+    /// Constants, tables of probabilities, steps, index: what a decoder works with, 30 kB and the index. They follow from
+    /// `held_bytes` and need not be kept while nothing is decoded.
     pub words: Vec<u32>,
     /// Bytes of all superblocks.
     pub streams: &'a [u8],
+    /// Number of the image that it belongs to.
+    pub image: usize,
+    /// Mip level of that image that it is.
+    pub level: u32,
+    /// Mip levels that are made of it, from that one on: 1 to [`BLOCK_LEVELS`].
+    pub levels: u32,
+    /// What must be held to decode it: for each part of the footprint its bytes, header, index and tables among them.
+    pub held_bytes: Vec<(&'static str, u64)>,
 }
 
 /// How the planes of a texture are cut, and what its words say.
@@ -54,6 +63,17 @@ pub struct BlockLayout {
     pub index_bits: u32,
     /// Bytes of all superblocks.
     pub stream_bytes: u32,
+    /// How texels of further levels are made.
+    pub average: BlockAverage,
+}
+
+/// How texels of smaller mip levels are made of samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct BlockAverage {
+    /// Whether colours are averaged as light, which the squares of sRGB values are nearly proportional to: else as they are.
+    pub is_light: bool,
+    /// Whether colours are weighted by the last channel, which is alpha.
+    pub is_weighted: bool,
 }
 
 /// A channel: the sum of a mean and of up to four weighted axes.
@@ -124,46 +144,75 @@ pub struct BlockPlan {
     pub passes: Vec<BlockPass>,
     /// Words of memory that the decoder needs, all 0 before the first pass.
     pub words: u64,
-    /// Column and row of the rectangle in the samples of the last pass.
+    /// Column and row of the rectangle in the texels of the last pass.
     pub origin: [u32; 2],
+    /// Binary logarithm of the samples along a texel's side, 0 to 2: a texel is their mean.
+    pub reduce_log2: u32,
+}
+
+/// Mip levels that one texture in blocks gives: its own, and two of means of its samples.
+pub const BLOCK_LEVELS: u32 = 3;
+
+/// Sizes of the planes of an image of that size: the image, the means of its 8x8 blocks, their means, to a single block.
+#[must_use]
+pub fn block_planes(size: SurfaceSize) -> Vec<SurfaceSize> {
+    let (mut planes, mut size) = (vec![size], size);
+    while size.width > SIDE || size.height > SIDE {
+        size = SurfaceSize { width: size.width.div_ceil(SIDE), height: size.height.div_ceil(SIDE) };
+        planes.push(size);
+    }
+    planes
 }
 
 /// Columns and rows of superblocks.
 type Superblocks = [Range<u32>; 2];
 
 impl BlockLayout {
-    /// Sizes of the planes, the image first. A plane is mip level 0, 3, 6 and so on of the image.
-    #[must_use]
-    pub fn planes(&self) -> Vec<SurfaceSize> {
-        let mut planes = vec![self.size];
-        let mut size = self.size;
-        while size.width > SIDE || size.height > SIDE {
-            size = SurfaceSize { width: size.width.div_ceil(SIDE), height: size.height.div_ceil(SIDE) };
-            planes.push(size);
-        }
-        planes
-    }
-
-    /// What a rectangle needs; `rect.level` is the number of its plane, 0 for the image, and `rect.surface` is 0.
+    /// What a rectangle of one of the [`BLOCK_LEVELS`] levels needs; `rect.surface` is 0.
     ///
     /// # Errors
-    /// [`RegionError`] where there is no such plane, or the rectangle is empty or leaves it.
+    /// [`RegionError`] where there is no such level, or the rectangle is empty or leaves it.
     pub fn plan(&self, rect: Rect) -> Result<BlockPlan, RegionError> {
-        let planes = self.planes();
-        check(rect, &planes)?;
-        let texels = 1u32 << self.superblock_log2;
+        self.check(rect)?;
+        let reduce_log2 = rect.level;
+        let planes = block_planes(self.size);
+        let texels = self.superblock_texels(reduce_log2);
         let cover = |first: u32, count: u32| first / texels..(first + count).div_ceil(texels);
         let mut superblocks = [cover(rect.x, rect.width), cover(rect.y, rect.height)];
         let origin = [rect.x - superblocks[0].start * texels, rect.y - superblocks[1].start * texels];
         let mut needed = Vec::new();
-        for plane in rect.level as usize..planes.len() {
+        for plane in 0..planes.len() {
             let base = planes.get(plane + 1).copied();
             let wider = base.map(|base| self.base_of(&superblocks, base));
             needed.push((plane, superblocks.clone()));
             superblocks = wider.unwrap_or(superblocks);
         }
         let (passes, words) = self.passes(&planes, &needed);
-        Ok(BlockPlan { passes, words, origin })
+        Ok(BlockPlan { passes, words, origin, reduce_log2 })
+    }
+
+    /// Texels along a superblock's side of a level whose texels are means of so many samples.
+    #[must_use]
+    pub fn superblock_texels(&self, reduce_log2: u32) -> u32 {
+        1 << u32::from(self.superblock_log2).saturating_sub(reduce_log2)
+    }
+
+    fn check(&self, rect: Rect) -> Result<(), RegionError> {
+        if rect.surface != 0 {
+            return Err(RegionError::NoSuchSurface { surface: rect.surface, surfaces: 1 });
+        }
+        let levels = self.size.full_levels().min(BLOCK_LEVELS);
+        if rect.level >= levels {
+            return Err(RegionError::NoSuchLevel { level: rect.level, levels });
+        }
+        let inside = |first: u32, count: u32, all: u32| {
+            count > 0 && first.checked_add(count).is_some_and(|end| end <= all)
+        };
+        let SurfaceSize { width, height } = self.size.at_level(rect.level);
+        if !inside(rect.x, rect.width, width) || !inside(rect.y, rect.height, height) {
+            return Err(RegionError::Outside { width, height });
+        }
+        Ok(())
     }
 
     /// The superblocks of a base that hold the means of blocks of finer superblocks, and those a mean around them.
@@ -237,20 +286,4 @@ impl BlockLayout {
         let texels = 1u32 << self.superblock_log2;
         [size.width.div_ceil(texels), size.height.div_ceil(texels)]
     }
-}
-
-fn check(rect: Rect, planes: &[SurfaceSize]) -> Result<(), RegionError> {
-    if rect.surface != 0 {
-        return Err(RegionError::NoSuchSurface { surface: rect.surface, surfaces: 1 });
-    }
-    let levels = planes.len() as u32;
-    let size = planes.get(rect.level as usize);
-    let size = size.ok_or(RegionError::NoSuchLevel { level: rect.level, levels })?;
-    let inside = |first: u32, count: u32, all: u32| {
-        count > 0 && first.checked_add(count).is_some_and(|end| end <= all)
-    };
-    if !inside(rect.x, rect.width, size.width) || !inside(rect.y, rect.height, size.height) {
-        return Err(RegionError::Outside { width: size.width, height: size.height });
-    }
-    Ok(())
 }

@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
+use crate::GpuBlocks;
+
 /// How the texels of a plane are stored; names as in WebGPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PlaneFormat {
@@ -155,17 +157,41 @@ pub struct SurfaceBinding {
     pub surface: u32,
 }
 
+/// How the texels of a form are reached.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Access {
+    /// In blocks, which a compute pass decodes into plain textures before they are drawn: fewest bits.
+    #[default]
+    Block,
+    /// One by one, straight from the compressed form: for scattered reads.
+    Texel,
+}
+
+impl Access {
+    /// Its name: "block", "texel".
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Access::Block => "block",
+            Access::Texel => "texel",
+        }
+    }
+}
+
 /// Planes and parameters of an encoded texture, and the shader module that reads them.
 #[derive(Debug, Clone)]
 pub struct GpuForm<'a> {
-    /// Name of the WGSL module: "bc", "vq", ...
+    /// Name of the WGSL module: "bc", "vq", ... Where the form is read by block: of the one that reads what is decoded.
     pub module: &'static str,
     /// All textures.
     pub planes: Vec<Plane<'a>>,
     /// Parameters of all images, each range a multiple of 16 bytes.
     pub uniforms: Vec<u8>,
-    /// What to bind for each image of the layout.
+    /// What to bind for each image of the layout. Where the form is read by block, the indices are those of `blocks`: the plain
+    /// textures that these decode to.
     pub surfaces: Vec<SurfaceBinding>,
+    /// Textures in blocks, where the form is read so; there are no `planes` then.
+    pub blocks: Vec<GpuBlocks<'a>>,
 }
 
 /// Bits that a texture takes in GPU memory.
@@ -189,20 +215,39 @@ pub fn parameter_bits(bytes: u64, images: u64) -> u64 {
 }
 
 impl GpuForm<'_> {
+    /// A form of that module without anything.
+    #[must_use]
+    pub fn new(module: &'static str) -> Self {
+        GpuForm { module, planes: Vec::new(), uniforms: Vec::new(), surfaces: Vec::new(), blocks: Vec::new() }
+    }
+
+    /// How its texels are reached.
+    #[must_use]
+    pub fn access(&self) -> Access {
+        if self.blocks.is_empty() { Access::Texel } else { Access::Block }
+    }
+
     /// Bits of all planes and parameters, and those that goals count.
     #[must_use]
     pub fn memory(&self) -> MemoryBits {
         let beyond = parameter_bits(self.uniforms.len() as u64, self.surfaces.len() as u64);
         let texels: u64 =
             self.planes.iter().map(|plane| plane.texel_bits().min(8 * plane.data.len() as u64)).sum();
-        MemoryBits { total: self.bits_memory(), counted: texels + beyond }
+        let blocks = 8 * self.block_bytes().map(|(_, bytes)| bytes).sum::<u64>();
+        MemoryBits { total: self.bits_memory(), counted: texels + blocks + beyond }
     }
 
-    /// Bits of all planes and parameters.
+    /// Bits of all planes, blocks and parameters.
     #[must_use]
     pub fn bits_memory(&self) -> u64 {
-        8 * (self.planes.iter().map(|plane| plane.data.len() as u64).sum::<u64>()
-            + self.uniforms.len() as u64)
+        let planes: u64 = self.planes.iter().map(|plane| plane.data.len() as u64).sum();
+        let blocks: u64 = self.block_bytes().map(|(_, bytes)| bytes).sum();
+        8 * (planes + blocks + self.uniforms.len() as u64)
+    }
+
+    /// Bytes of each part of all textures in blocks.
+    pub fn block_bytes(&self) -> impl Iterator<Item = (&'static str, u64)> + '_ {
+        self.blocks.iter().flat_map(|blocks| blocks.held_bytes.iter().copied())
     }
 }
 
@@ -226,6 +271,7 @@ mod tests {
             planes: vec![plane],
             uniforms: vec![0; headers],
             surfaces: vec![surface.clone()],
+            blocks: Vec::new(),
         };
         let odd = form(plane(PlaneFormat::Bc1, 37, 61), 32).memory();
         assert_eq!(odd, MemoryBits { total: 10 * 16 * 64 + 32 * 8, counted: 37 * 61 * 4 });

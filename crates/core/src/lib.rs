@@ -43,16 +43,19 @@ pub use encoded::{AnyEncoded, Encoded, Layers, Refine};
 pub use encoder::{Encoder, Growable, Params, SharedSearch};
 pub use error::{EncodeError, LoadError, ParamError, ParamValue, RegionError, SourceError};
 pub use footprint::{Footprint, Part};
-pub use gpu_blocks::{BLOCK_NOTES, BLOCK_WORDS, BlockLayout, BlockPass, BlockPlan, GpuBlocks, GpuChannel};
+pub use gpu_blocks::{
+    BLOCK_LEVELS, BLOCK_NOTES, BLOCK_WORDS, BlockAverage, BlockLayout, BlockPass, BlockPlan, GpuBlocks,
+    GpuChannel, block_planes,
+};
 pub use gpu_form::{
-    AstcBlock, GpuForm, HEADER_BYTES, MemoryBits, Plane, PlaneFormat, SurfaceBinding, parameter_bits,
+    Access, AstcBlock, GpuForm, HEADER_BYTES, MemoryBits, Plane, PlaneFormat, SurfaceBinding, parameter_bits,
 };
 pub use id::{CodecId, String4};
 pub use image::{ImageLayout, SurfaceSize};
 #[cfg(feature = "encode")]
 pub use job::{Cancel, CancelCheck, Job, Stage};
 pub use limits::{Budget, LimitError, Limits, MAX_IMAGE_SIDE, MAX_PLANE_SIDE};
-pub use target::{Effort, Goal};
+pub use target::{Effort, Goal, Metric};
 pub use word_plane::{WordRows, word_plane};
 
 /// One colour: red, green, blue, alpha, nominally in [0, 1], as stored (no gamma conversion).

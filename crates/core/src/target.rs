@@ -14,6 +14,27 @@ pub enum Effort {
     High,
 }
 
+/// Which errors an encoder holds against each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+pub enum Metric {
+    /// Squared errors: the highest PSNR.
+    Psnr,
+    /// What the eye sees: errors of fine detail count less. PSNR is 0.5 to 1 dB lower, SSIMULACRA2 higher.
+    #[default]
+    Perceptual,
+}
+
+impl Metric {
+    /// Its name: "psnr", "perceptual".
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Metric::Psnr => "psnr",
+            Metric::Perceptual => "perceptual",
+        }
+    }
+}
+
 /// What a user asks an encoder for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Goal {

@@ -207,8 +207,7 @@ impl Encoded for EpitomeTexture {
     }
 
     fn gpu(&self) -> GpuForm<'_> {
-        let mut form =
-            GpuForm { module: "epitome", planes: Vec::new(), uniforms: Vec::new(), surfaces: Vec::new() };
+        let mut form = GpuForm::new("epitome");
         form.planes.push(self.parts.map.plane());
         for (epitome, name) in PLANE_NAMES.into_iter().enumerate() {
             push_chain(&mut form.planes, name, self.parts.drawn(epitome).collect());

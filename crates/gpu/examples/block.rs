@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use texfold_core::{CancelCheck, Goal, Rect, SurfaceSize};
 use texfold_gpu::{BlockDecoder, Gpu, Policy, wgpu};
+use texfold_residual::block::Stage;
 use texfold_residual::block::encode::{BlockEncoder, BlockParams, BlockSource};
 
 /// How often each decoder runs; the best time counts.
@@ -44,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let gpu = Gpu::new(Policy::from_env())?;
     let decoder = BlockDecoder::new(&gpu)?;
-    let image = decoder.upload(&gpu, &texture.gpu())?;
+    let image = decoder.upload(&gpu, &texture.gpu(Stage::default()))?;
     println!("{}: {} bytes for {} of streams", gpu.info().name, image.bytes(), texture.to_bytes().len());
     let target = decoder.decode(&gpu, &image, rect, image.colours())?;
     let drawn = seconds(|| {

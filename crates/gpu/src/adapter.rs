@@ -1,13 +1,13 @@
 //! Choosing an adapter and opening a device.
 
 use std::collections::HashMap;
-use std::sync::Mutex;
+use std::sync::{Mutex, OnceLock};
 
 use texfold_core::PlaneFormat;
 use wgpu::{Adapter, AdapterInfo, Device, DeviceType, Features, Limits, Queue};
 
 use crate::pipeline::{Layouts, PipelineKey};
-use crate::{GpuError, ModuleInfo};
+use crate::{BlockDecoder, GpuError, ModuleInfo};
 
 /// Formats of content that not every adapter has.
 const BLOCK_FEATURES: Features = Features::TEXTURE_COMPRESSION_BC.union(Features::TEXTURE_COMPRESSION_ASTC);
@@ -43,6 +43,8 @@ pub struct Gpu {
     pub(crate) queue: Queue,
     pub(crate) layouts: Layouts,
     pub(crate) pipelines: Mutex<HashMap<PipelineKey, wgpu::RenderPipeline>>,
+    /// What decodes textures in blocks, made for the first of them.
+    blocks: OnceLock<BlockDecoder>,
 }
 
 impl Gpu {
@@ -76,7 +78,16 @@ impl Gpu {
     #[must_use]
     pub fn from_device(device: Device, queue: Queue) -> Gpu {
         let layouts = Layouts::new(&device);
-        Gpu { device, queue, layouts, pipelines: Mutex::default() }
+        Gpu { device, queue, layouts, pipelines: Mutex::default(), blocks: OnceLock::new() }
+    }
+
+    /// The decoder of textures in blocks.
+    pub(crate) fn block_decoder(&self) -> Result<&BlockDecoder, GpuError> {
+        if let Some(decoder) = self.blocks.get() {
+            return Ok(decoder);
+        }
+        let made = BlockDecoder::new(self)?;
+        Ok(self.blocks.get_or_init(|| made))
     }
 
     /// The device.

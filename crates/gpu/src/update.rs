@@ -1,6 +1,6 @@
 //! Uploading again only what changed: a file that arrives in pieces.
 
-use texfold_core::GpuForm;
+use texfold_core::{Access, GpuForm};
 
 use crate::texture::GpuPlane;
 use crate::upload::{Shape, blocks, describe, module_of, params_of, switches_of};
@@ -39,6 +39,9 @@ impl Gpu {
         if module_of(form)? != texture.module {
             return Err(GpuError::Form { what: "a texture has another module than before" });
         }
+        if form.access() == Access::Block {
+            return self.decode_again(texture, form);
+        }
         for (surface, binding) in form.surfaces.iter().enumerate() {
             describe(texture.module, surface, form, binding)?;
         }
@@ -64,6 +67,14 @@ impl Gpu {
             done.bytes += texture.bound.groups.iter().map(|group| group.params_bytes).sum::<u64>();
             Ok(done)
         })
+    }
+
+    /// Decodes all blocks of `form` anew.
+    fn decode_again(&self, texture: &mut GpuTexture, form: &GpuForm<'_>) -> Result<Updated, GpuError> {
+        let address_mode = texture.address_mode;
+        *texture = GpuTexture { address_mode, ..self.upload(form)? };
+        texture.write_address_mode();
+        Ok(Updated { bytes: form.bits_memory() / 8, rebound: true })
     }
 
     /// The planes of `form`: those of `texture` where they have the same part and shape, new ones elsewhere; and those of the former

@@ -2,26 +2,68 @@
 
 use std::collections::HashMap;
 
-use texfold_core::{AstcBlock, GpuForm, Plane, PlaneFormat, SurfaceBinding, SurfaceSize};
+use texfold_core::{AstcBlock, GpuBlocks, GpuForm, Plane, PlaneFormat, SurfaceBinding, SurfaceSize};
 use texfold_shaders::{Binding, ModuleInfo};
 use wgpu::{BufferUsages, Texture, TextureFormat, TextureUsages};
 
 use crate::texture::{Bound, GpuPlane, Group, Surface, entries};
 use crate::{Gpu, GpuError, GpuTexture};
 
+/// Name of textures that blocks are decoded to.
+const DECODED_PART: &str = "decoded blocks";
+
 impl Gpu {
-    /// Uploads all planes and parameters of an encoded texture.
+    /// Uploads all planes and parameters of an encoded texture. Textures in blocks are decoded, all mip levels of all images, into
+    /// plain textures: `rgba8unorm`, or `rgba32float` for samples of more than 8 bits.
     ///
     /// # Errors
     /// [`GpuError`] where the device cannot hold or sample it.
     pub fn upload(&self, form: &GpuForm<'_>) -> Result<GpuTexture, GpuError> {
         let module = module_of(form)?;
+        let stages = form.blocks.chunk_by(|one, other| one.image == other.image);
+        let decoded =
+            stages.map(|stages| self.decode_blocks(stages)).collect::<Result<Vec<_>, GpuError>>()?;
         self.guarded(|| {
             let planes = form.planes.iter().map(|plane| self.upload_plane(plane));
-            let planes = planes.collect::<Result<Vec<GpuPlane>, GpuError>>()?;
+            let planes = planes.chain(decoded.into_iter().map(Ok)).collect::<Result<Vec<_>, GpuError>>()?;
             let bound = self.bind_all(module, form, &planes)?;
             Ok(GpuTexture { module, planes, bound, address_mode: None, queue: self.queue.clone() })
         })
+    }
+
+    /// The mip levels of an image in blocks, decoded from its stages, of which there is at least one.
+    fn decode_blocks(&self, stages: &[GpuBlocks<'_>]) -> Result<GpuPlane, GpuError> {
+        let decoder = self.block_decoder()?;
+        let [blocks, ..] = stages else { return Err(GpuError::Form { what: "an image has no stage" }) };
+        let SurfaceSize { width, height } = blocks.layout.size;
+        let limit = self.side_limit();
+        if width > limit || height > limit {
+            return Err(GpuError::PlaneTooLarge { width, height, limit });
+        }
+        let (format, texel_bytes) = if blocks.layout.depth > 8 {
+            (TextureFormat::Rgba32Float, 16)
+        } else {
+            (TextureFormat::Rgba8Unorm, 4)
+        };
+        let levels: u32 = stages.iter().map(|stage| stage.levels).sum();
+        let texture = self.guarded(|| {
+            Ok(self.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(DECODED_PART),
+                size: extent(width, height),
+                mip_level_count: levels,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage: TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING,
+                view_formats: &[],
+            }))
+        })?;
+        for stage in stages {
+            let image = decoder.upload(self, stage)?;
+            decoder.decode_levels(self, &image, image.colours(), &texture, (stage.level, stage.levels))?;
+        }
+        let bytes = (0..levels).map(|level| texel_bytes * blocks.layout.size.at_level(level).texels()).sum();
+        Ok(GpuPlane { part: DECODED_PART, texture, bytes })
     }
 
     /// One plane with its mip levels.

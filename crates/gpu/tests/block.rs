@@ -4,14 +4,16 @@
 
 mod support;
 
+use glam::Vec4;
 use support::gpu;
 use texfold_core::container::Reader;
+use texfold_core::image::{Alpha, ColorSpace, Depth, ImageLayout, PixelInfo};
 use texfold_core::rng::Rng;
-use texfold_core::{Budget, CancelCheck, Rect, RegionError, String4, SurfaceSize};
+use texfold_core::{Budget, CancelCheck, Metric, Rect, RegionError, String4, SurfaceSize};
 use texfold_gpu::{BlockChannel, BlockDecoder, BlockImage, Gpu, GpuError, wgpu};
-use texfold_residual::block::BlockTexture;
-use texfold_residual::block::encode::{BlockEncoder, BlockMetric, BlockParams, BlockSource};
+use texfold_residual::block::encode::{BlockEncoder, BlockParams, BlockSource};
 use texfold_residual::block::twin;
+use texfold_residual::block::{BlockContent, BlockTexture, Stage, stage_sizes};
 use texfold_testkit::fixtures::images;
 
 /// Edges of 16x16 texels, a slope and noise: blocks of all lengths.
@@ -33,7 +35,7 @@ fn source(width: u32, height: u32, groups: &[u8], depth: u8) -> BlockSource {
     BlockSource::new(SurfaceSize { width, height }, groups, depth, samples).unwrap()
 }
 
-fn texture(source: &BlockSource, log2: u8, step: u16, metric: BlockMetric) -> BlockTexture {
+fn texture(source: &BlockSource, log2: u8, step: u16, metric: Metric) -> BlockTexture {
     let params = BlockParams::default().with_superblock_log2(log2).with_metric(metric);
     BlockEncoder::new(source, &params, CancelCheck::default()).unwrap().at_step(step).unwrap()
 }
@@ -52,13 +54,8 @@ fn whole(texture: &BlockTexture) -> Rect {
 /// What the CPU decodes, in the channels of a target.
 fn wanted(texture: &BlockTexture, rect: Rect, channels: [BlockChannel; 4]) -> Vec<[u16; 4]> {
     let count = texture.form().channels();
-    let samples = if rect.level == 0 {
-        let mut samples = vec![0u16; (rect.width * rect.height) as usize * count];
-        texture.decode(rect, &mut samples).unwrap();
-        samples
-    } else {
-        twin::decode(&texture.gpu(), rect).unwrap()
-    };
+    let mut samples = vec![0u16; (rect.width * rect.height) as usize * count];
+    texture.decode(rect, &mut samples).unwrap();
     let largest = if texture.form().depth > 8 { u16::MAX } else { 255 };
     let of = |texel: &[u16], channel| match channel {
         BlockChannel::Channel(channel) => texel[usize::from(channel)],
@@ -89,12 +86,60 @@ fn check(
 }
 
 fn check_all(name: &str, gpu: &Gpu, decoder: &BlockDecoder, texture: &BlockTexture) {
-    let image = decoder.upload(gpu, &texture.gpu()).unwrap();
+    let image = decoder.upload(gpu, &texture.gpu(Stage::default())).unwrap();
     check(name, gpu, decoder, texture, &image, whole(texture));
-    for (level, size) in (0..).zip(image.layout().planes()).skip(1) {
-        let SurfaceSize { width, height } = size;
-        let rect = Rect { surface: 0, level, x: 0, y: 0, width, height };
-        check(name, gpu, decoder, texture, &image, rect);
+}
+
+#[test]
+fn mip_levels_equal_those_of_the_cpu() {
+    let Some((gpu, decoder)) = decoder() else { return };
+    let kinds: [(&[u8], u8, ColorSpace); 5] = [
+        (&[3], 8, ColorSpace::Srgb),
+        (&[3, 1], 8, ColorSpace::Srgb),
+        (&[1], 16, ColorSpace::Linear),
+        (&[3, 1], 16, ColorSpace::Srgb),
+        (&[1, 1], 8, ColorSpace::Linear),
+    ];
+    for (number, (groups, depth, color)) in kinds.into_iter().enumerate() {
+        for (width, height) in [(37, 61), (300, 200), (3, 5), (1, 9)] {
+            let channels = groups.iter().sum();
+            let deep = if depth > 8 { Depth::Sixteen } else { Depth::Eight };
+            let alpha = if channels % 2 == 0 { Alpha::Straight } else { Alpha::Opaque };
+            let pixel = PixelInfo { channels, depth: deep, color, alpha };
+            let size = SurfaceSize { width, height };
+            let layout = ImageLayout { surfaces: vec![size], levels: size.full_levels(), pixel };
+            let log2 = 4 + number as u8 % 3;
+            let stage = |size: SurfaceSize| {
+                texture(
+                    &source(size.width, size.height, groups, depth),
+                    log2,
+                    if depth > 8 { 3600 } else { 1520 },
+                    Metric::Psnr,
+                )
+            };
+            let stages = stage_sizes(size, layout.levels).into_iter().map(stage).collect();
+            let content = BlockContent::new(layout, stages).unwrap();
+            check_levels(gpu, &decoder, &content);
+        }
+    }
+}
+
+/// Fails where a level of an image on the GPU differs from the CPU's.
+fn check_levels(gpu: &Gpu, decoder: &BlockDecoder, content: &BlockContent) {
+    for stage in content.gpu() {
+        let image = decoder.upload(gpu, &stage).unwrap();
+        for reduce in 0..stage.levels {
+            let rect = content.layout().whole(0, stage.level + reduce).unwrap();
+            let mut wanted = vec![Vec4::ZERO; (rect.width * rect.height) as usize];
+            content.decode(rect, &mut wanted).unwrap();
+            let largest = if stage.layout.depth > 8 { 65535.0 } else { 255.0 };
+            let wanted =
+                wanted.iter().map(|texel| (*texel * largest).to_array().map(|value| value.round() as u16));
+            let rect = Rect { level: reduce, ..rect };
+            let found = decoder.decode_texels(gpu, &image, rect, image.colours()).unwrap();
+            let pixel = content.layout().pixel;
+            assert!(wanted.eq(found), "{pixel:?}, {rect:?} of level {}", stage.level);
+        }
     }
 }
 
@@ -109,7 +154,7 @@ fn images_equal_those_of_the_cpu() {
             // Every side of superblocks and every quality comes with every size or with every kind of channels.
             let log2 = 4 + ((number + kind) % 3) as u8;
             let step = [1000, 1600, 2240][(number + 2 * kind) % 3];
-            let metric = if kind % 2 == 0 { BlockMetric::Perceptual } else { BlockMetric::Psnr };
+            let metric = if kind % 2 == 0 { Metric::Perceptual } else { Metric::Psnr };
             let texture = texture(&source, log2, step, metric);
             check_all(&format!("{width}x{height} {groups:?} {log2} {step}"), gpu, &decoder, &texture);
         }
@@ -123,7 +168,7 @@ fn fixtures_equal_the_cpu_at_every_side_and_quality() {
         let size = SurfaceSize { width: image.width, height: image.height };
         let source = BlockSource::from_u8(size, &[image.channels], &image.data).unwrap();
         for (log2, step) in [(4, 256), (4, 2400), (5, 1200), (5, 1800), (6, 600), (6, 1520)] {
-            let texture = texture(&source, log2, step, BlockMetric::Psnr);
+            let texture = texture(&source, log2, step, Metric::Psnr);
             check_all(&format!("{} {log2} {step}", image.name), gpu, &decoder, &texture);
         }
     }
@@ -132,10 +177,10 @@ fn fixtures_equal_the_cpu_at_every_side_and_quality() {
 #[test]
 fn deep_samples_and_sixteen_channels_equal_the_cpu() {
     let Some((gpu, decoder)) = decoder() else { return };
-    let deep = texture(&source(150, 70, &[3], 16), 5, 3600, BlockMetric::Psnr);
+    let deep = texture(&source(150, 70, &[3], 16), 5, 3600, Metric::Psnr);
     check_all("16 bits", gpu, &decoder, &deep);
-    let many = texture(&source(90, 130, &[4, 3, 2, 1, 4, 2], 8), 6, 1320, BlockMetric::Psnr);
-    let image = decoder.upload(gpu, &many.gpu()).unwrap();
+    let many = texture(&source(90, 130, &[4, 3, 2, 1, 4, 2], 8), 6, 1320, Metric::Psnr);
+    let image = decoder.upload(gpu, &many.gpu(Stage::default())).unwrap();
     for first in [0, 4, 8, 12] {
         let channels = [first + 3, first, first + 1, first + 2].map(BlockChannel::Channel);
         let found = decoder.decode_texels(gpu, &image, whole(&many), channels).unwrap();
@@ -151,12 +196,11 @@ fn rectangles_equal_those_of_the_cpu() {
     let Some((gpu, decoder)) = decoder() else { return };
     let mut rng = Rng::new(3);
     for log2 in [4, 5, 6] {
-        let texture = texture(&source(700, 190, &[3], 8), log2, 1520, BlockMetric::Psnr);
-        let image = decoder.upload(gpu, &texture.gpu()).unwrap();
-        let planes = image.layout().planes();
-        for round in 0..24 {
-            let level = round % 2;
-            let SurfaceSize { width, height } = planes[level as usize];
+        let texture = texture(&source(700, 190, &[3], 8), log2, 1520, Metric::Psnr);
+        let image = decoder.upload(gpu, &texture.gpu(Stage::default())).unwrap();
+        for _ in 0..24 {
+            let level = 0;
+            let SurfaceSize { width, height } = texture.form().size;
             let (x, y) = (rng.below(width), rng.below(height));
             let (width, height) = (1 + rng.below(width - x), 1 + rng.below(height - y));
             let rect = Rect { surface: 0, level, x, y, width, height };
@@ -169,8 +213,8 @@ fn rectangles_equal_those_of_the_cpu() {
 fn large_images_are_decoded_in_parts() {
     let Some((gpu, decoder)) = decoder() else { return };
     // 2400 x 2400 texels of four axes need 94 MB of scratch memory: two parts.
-    let texture = texture(&source(2400, 2400, &[4], 8), 6, 2400, BlockMetric::Psnr);
-    let image = decoder.upload(gpu, &texture.gpu()).unwrap();
+    let texture = texture(&source(2400, 2400, &[4], 8), 6, 2400, Metric::Psnr);
+    let image = decoder.upload(gpu, &texture.gpu(Stage::default())).unwrap();
     let found = read_back(gpu, &decoder.decode(gpu, &image, whole(&texture), image.colours()).unwrap());
     assert!(found == wanted(&texture, whole(&texture), image.colours()));
 }
@@ -201,8 +245,8 @@ fn read_back(gpu: &Gpu, texture: &wgpu::Texture) -> Vec<[u16; 4]> {
 #[test]
 fn a_place_of_a_larger_texture_is_written_alone() {
     let Some((gpu, decoder)) = decoder() else { return };
-    let texture = texture(&source(120, 90, &[3], 8), 5, 1520, BlockMetric::Psnr);
-    let image = decoder.upload(gpu, &texture.gpu()).unwrap();
+    let texture = texture(&source(120, 90, &[3], 8), 5, 1520, Metric::Psnr);
+    let image = decoder.upload(gpu, &texture.gpu(Stage::default())).unwrap();
     let pool = decoder.decode(gpu, &image, whole(&texture), image.colours()).unwrap();
     let before = wanted(&texture, whole(&texture), image.colours());
     let rect = Rect { surface: 0, level: 0, x: 65, y: 33, width: 30, height: 20 };
@@ -225,9 +269,9 @@ fn forged_and_truncated_streams_give_what_the_cpu_gives() {
     for round in 0..60u32 {
         let log2 = 4 + (round % 3) as u8;
         let depth = if round % 4 == 3 { 16 } else { 8 };
-        let texture = texture(&source(100, 75, &[3], depth), log2, 1520, BlockMetric::Psnr);
+        let texture = texture(&source(100, 75, &[3], depth), log2, 1520, Metric::Psnr);
         let mut bytes = texture.to_bytes();
-        let streams = texture.gpu().streams.len();
+        let streams = texture.gpu(Stage::default()).streams.len();
         let first = bytes.len() - streams;
         match round % 3 {
             // Noise in the streams.
@@ -251,8 +295,8 @@ fn forged_and_truncated_streams_give_what_the_cpu_gives() {
     }
     assert!(read > 50, "only {read} forged textures were read");
     // Streams that end early: the index says what the bytes no longer hold.
-    let texture = texture(&source(100, 75, &[3], 8), 5, 1520, BlockMetric::Psnr);
-    let blocks = texture.gpu();
+    let texture = texture(&source(100, 75, &[3], 8), 5, 1520, Metric::Psnr);
+    let blocks = texture.gpu(Stage::default());
     for kept in [0, 1, 2, 3, 5, blocks.streams.len() / 2, blocks.streams.len() - 1] {
         let mut cut = blocks.clone();
         cut.streams = &blocks.streams[..kept];
@@ -270,14 +314,14 @@ fn forged_and_truncated_streams_give_what_the_cpu_gives() {
 #[test]
 fn what_is_not_there_is_refused() {
     let Some((gpu, decoder)) = decoder() else { return };
-    let texture = texture(&source(40, 30, &[3], 8), 5, 1520, BlockMetric::Psnr);
-    let image = decoder.upload(gpu, &texture.gpu()).unwrap();
+    let texture = texture(&source(40, 30, &[3], 8), 5, 1520, Metric::Psnr);
+    let image = decoder.upload(gpu, &texture.gpu(Stage::default())).unwrap();
     let rect = whole(&texture);
     let colours = image.colours();
     let refused = |rect| decoder.decode_texels(gpu, &image, rect, colours).unwrap_err();
     assert!(matches!(
-        refused(Rect { level: 2, ..rect }),
-        GpuError::Region(RegionError::NoSuchLevel { level: 2, levels: 2 })
+        refused(Rect { level: 3, ..rect }),
+        GpuError::Region(RegionError::NoSuchLevel { level: 3, levels: 3 })
     ));
     assert!(matches!(
         refused(Rect { surface: 1, ..rect }),
@@ -297,8 +341,8 @@ fn what_is_not_there_is_refused() {
     let target = decoder.decode(gpu, &image, rect, colours).unwrap();
     let error = decoder.decode_into(gpu, &image, rect, colours, &target, [1, 0]).unwrap_err();
     assert!(matches!(error, GpuError::Region(RegionError::Outside { width: 40, height: 30 })));
-    let deep = self::texture(&source(40, 30, &[3], 16), 5, 3600, BlockMetric::Psnr);
-    let deep = decoder.upload(gpu, &deep.gpu()).unwrap();
+    let deep = self::texture(&source(40, 30, &[3], 16), 5, 3600, Metric::Psnr);
+    let deep = decoder.upload(gpu, &deep.gpu(Stage::default())).unwrap();
     let error = decoder.decode_into(gpu, &deep, rect, colours, &target, [0, 0]).unwrap_err();
     assert!(matches!(error, GpuError::BlockTarget { format: wgpu::TextureFormat::Rgba16Uint }));
 }

@@ -8,7 +8,9 @@ use glam::{Mat2, Vec2, Vec4};
 use support::{Case, Subject, Twin, assert_close, calls_of, gpu, image, layered_case};
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::ImageSet;
-use texfold_core::{Budget, Effort, Encoded, Encoder, Goal, Image2d, Job, LoadError, Refine, TextureCodec};
+use texfold_core::{
+    Access, Budget, Effort, Encoded, Encoder, Goal, Image2d, Job, LoadError, Refine, TextureCodec,
+};
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource};
 use texfold_gpu::{AddressMode, Gpu, GpuError, GpuTexture, Lookup, Updated, View};
 use texfold_progressive::{Progressive, ProgressiveParams};
@@ -115,8 +117,11 @@ fn a_layered_epitome_is_drawn_after_each_layer() {
 #[test]
 fn a_progressive_file_is_drawn_before_and_after_its_residual() {
     let Some(gpu) = gpu() else { return };
-    let params =
-        ProgressiveParams::default().with_goal(Goal::Psnr(36.0)).with_effort(Effort::Fast).with_mips(true);
+    let params = ProgressiveParams::default()
+        .with_access(Access::Texel)
+        .with_goal(Goal::Psnr(36.0))
+        .with_effort(Effort::Fast)
+        .with_mips(true);
     let set = ImageSet::single(image("facade"));
     let whole = Progressive::encode(&set, &params, &mut Job::default()).unwrap();
     let steps = arrive::<Progressive>(gpu, &file(&whole), 2);
@@ -125,6 +130,43 @@ fn a_progressive_file_is_drawn_before_and_after_its_residual() {
         whole.gpu().planes.iter().filter(|plane| plane.part == "base").map(|plane| plane.data.len()).sum();
     assert!(base > 0);
     assert!(8 * (steps[0].bytes + base as u64) <= whole.gpu().bits_memory(), "{steps:?}");
+}
+
+#[test]
+fn a_file_in_blocks_is_drawn_before_and_after_its_second_layer() {
+    let Some(gpu) = gpu() else { return };
+    let params = ProgressiveParams::default().with_goal(Goal::Bpp(1.0)).with_mips(true);
+    let set = ImageSet::single(image("facade"));
+    let whole = Progressive::encode(&set, &params, &mut Job::default()).unwrap();
+    assert_eq!(whole.access(), Access::Block);
+    let bytes = file(&whole);
+    let mut loaded = load::<Progressive>(&bytes[..prefix::<Progressive>(&bytes, 1)]).unwrap();
+    assert_eq!(loaded.layers().loaded, 1);
+    let mut texture = gpu.upload(&loaded.gpu()).unwrap().with_address_mode(AddressMode::Repeat);
+    compare_levels(gpu, &loaded, &texture);
+    let mut budget = Budget::default();
+    let changed = loaded.refine(&Sections::parse(&bytes, &mut budget).unwrap(), &mut budget).unwrap();
+    assert_eq!(loaded, whole);
+    assert!(gpu.update(&mut texture, &loaded.gpu(), &changed).unwrap().rebound);
+    compare_levels(gpu, &whole, &texture);
+}
+
+/// Compares all texels of all levels, and texels beyond the edges of a texture that repeats.
+fn compare_levels(gpu: &Gpu, texture: &dyn Encoded<Domain = Image2d>, uploaded: &GpuTexture) {
+    let layout = texture.layout();
+    for level in 0..layout.levels {
+        let rect = layout.whole(0, level).unwrap();
+        let mut wanted = vec![Vec4::ZERO; (rect.width * rect.height) as usize];
+        texture.decode(rect, &mut wanted).unwrap();
+        let view = View::whole(0, (rect.width, rect.height), Lookup::Fetch { level });
+        let found = gpu.sample(uploaded, &view).unwrap();
+        assert_close(&format!("level {level}"), &found, &wanted, |_| Vec4::splat(1e-6));
+    }
+    let rect = layout.whole(0, 0).unwrap();
+    let beyond = glam::Affine2::from_translation(Vec2::ONE);
+    let view = View::whole(0, (rect.width, rect.height), Lookup::Nearest { level: 0 });
+    let inside = gpu.sample(uploaded, &view).unwrap();
+    assert_eq!(gpu.sample(uploaded, &View { uv: beyond, ..view }).unwrap(), inside);
 }
 
 #[test]

@@ -288,7 +288,7 @@ impl Encoded for LightTexture {
         }
         let uniforms = bytemuck::bytes_of(&self.params).to_vec();
         let binding = SurfaceBinding { planes: bound, uniforms: 0..uniforms.len(), surface: 0 };
-        GpuForm { module: "lightfield", planes, uniforms, surfaces: vec![binding] }
+        GpuForm { planes, uniforms, surfaces: vec![binding], ..GpuForm::new("lightfield") }
     }
 
     fn notes(&self) -> &Notes {

@@ -1,18 +1,22 @@
-//! Images as residual content with detail from codebooks, drawn at random access; the base is a prefix of the file.
+//! Images that arrive over time: a small base first, then what it leaves. The base is a prefix of the file.
 //!
-//! An image is [`texfold_residual`] content: a base of half, a quarter or an eighth of the width and height in plain
-//! blocks, drawn with bilinear filtering, and a residual plane of none to some 7 bits a texel. Between base and residual
-//! stand codebooks ([`Codebook`]): blocks of 8x8 or 16x16 texels use an atom of a public codebook, which many textures
-//! share, or of the texture's own, at a place, rotation and gain that the block's map entry names. Up to about half a bit
-//! a texel that is worth more than its bits; above, residual planes alone are better, and codebooks are not tried.
+//! There are two forms ([`Access`](texfold_core::Access)). *By block* ([`BlockImages`]): transform-coded blocks of variable length
+//! ([`texfold_residual::block`]), which a compute pass decodes into plain textures before they are drawn. That takes a third
+//! fewer bits, and all mip levels a fiftieth more. *By texel* ([`TexelTexture`]), drawn at random access: [`texfold_residual`] content, a
+//! base of half, a quarter or an eighth of the width and height in plain blocks, drawn with bilinear filtering, and a residual
+//! plane of none to some 7 bits a texel. Between base and residual stand codebooks ([`Codebook`]): blocks of 8x8 or 16x16
+//! texels use an atom of a public codebook, which many textures share, or of the texture's own, at a place, rotation and gain
+//! that the block's map entry names. Up to about half a bit a texel that is worth more than its bits; above, residual planes
+//! alone are better, and codebooks are not tried.
 //!
-//! Source: "Progressive compression of large-scale remote sensing images with GSR descriptors", 2012, sections 4 and 4.3.
+//! Source of the texel form: "Progressive compression of large-scale remote sensing images with GSR descriptors", 2012, sections 4 and 4.3.
 //! Cost: encoding a trellis search a block and class, a k-d tree query and some hundred patches a block where codebooks
 //! are tried; decoding 12 loads a texel, 6 more with codebooks.
 //!
-//! *Not done*: alpha in the residual plane: the base alone holds it, and is reduced no further than alpha allows; colours
+//! *Not done*: banks and tiles by block; alpha in the residual plane: the base alone holds it, and is reduced no further than alpha allows; colours
 //! of texels that are wholly transparent are kept as they are; colour in codebooks.
 
+mod block;
 mod codebook;
 pub mod decode;
 #[cfg(feature = "encode")]
@@ -23,8 +27,10 @@ mod params;
 mod part_images;
 #[cfg(feature = "encode")]
 mod shared;
+mod texel;
 mod wire;
 
+pub use block::BlockImages;
 pub use codebook::{CELL_SIDE, Codebook, Details, Entry, EntryMap, MapForm};
 #[cfg(feature = "encode")]
 pub use encode::ProgressiveSearch;
@@ -34,12 +40,13 @@ pub use params::ProgressiveParams;
 pub use part_images::{PartImages, part_images};
 #[cfg(feature = "encode")]
 pub use shared::Shared;
+pub use texel::TexelTexture;
 pub use texfold_residual::APRON;
 
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::{Budget, CodecId, Image2d, LoadError, TextureCodec};
 
-/// Residual content with details.
+/// Images in blocks of variable length, or residual content with details.
 #[derive(Debug, Clone, Copy)]
 pub enum Progressive {}
 
@@ -49,7 +56,7 @@ impl TextureCodec for Progressive {
     type Encoded = ProgressiveTexture;
 
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ProgressiveTexture, LoadError> {
-        wire::load(file, None, budget)
+        ProgressiveTexture::load(file, budget)
     }
 }
 
@@ -63,8 +70,16 @@ impl Progressive {
         file: &Sections<'_>,
         public: &Codebook,
         budget: &mut Budget,
-    ) -> Result<ProgressiveTexture, LoadError> {
+    ) -> Result<TexelTexture, LoadError> {
         wire::load(file, Some(public), budget)
+    }
+
+    /// As [`TextureCodec::load`], for a file of the form that is read texel by texel.
+    ///
+    /// # Errors
+    /// [`LoadError`] as there, and where the file has the other form.
+    pub fn load_by_texel(file: &Sections<'_>, budget: &mut Budget) -> Result<TexelTexture, LoadError> {
+        wire::load(file, None, budget)
     }
 
     /// Writes a public codebook as a separate file.

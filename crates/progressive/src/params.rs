@@ -1,15 +1,22 @@
 //! Parameters of the progressive codec.
 
 use texfold_bc::Content;
-use texfold_core::{Effort, Goal, ParamError, Params};
+use texfold_core::image::{ColorSpace, PixelInfo};
+use texfold_core::{Access, Effort, Goal, Metric, ParamError, Params};
 use texfold_residual::MAX_REDUCE_LOG2;
 
-/// How images are stored as residual content with details.
+/// How images are stored.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 pub struct ProgressiveParams {
     /// What to reach. Goals of bits lessen the squared errors of colours and alpha together, goals of quality count colours.
     pub goal: Goal,
+    /// How texels are reached. Images are stored by texel, too, where a base's form is asked for (`content`, `reduce_log2`) or
+    /// the goal cannot be met by block.
+    pub access: Access,
+    /// Which errors blocks hold against each other; `None` is [`Metric::Perceptual`] for colours and goals of bits, else
+    /// [`Metric::Psnr`].
+    pub metric: Option<Metric>,
     /// How the base is stored; `None` lets the goal decide.
     pub content: Option<Content>,
     /// Log2 downscale of the base's width and height, 1 to 3; `None` lets the goal decide.
@@ -25,6 +32,18 @@ impl ProgressiveParams {
     #[must_use]
     pub fn with_goal(self, goal: Goal) -> Self {
         ProgressiveParams { goal, ..self }
+    }
+
+    /// With that access.
+    #[must_use]
+    pub fn with_access(self, access: Access) -> Self {
+        ProgressiveParams { access, ..self }
+    }
+
+    /// With that metric; `None` lets pixels and goal decide.
+    #[must_use]
+    pub fn with_metric(self, metric: impl Into<Option<Metric>>) -> Self {
+        ProgressiveParams { metric: metric.into(), ..self }
     }
 
     /// With a base stored like this; `None` lets the goal decide.
@@ -49,6 +68,19 @@ impl ProgressiveParams {
     #[must_use]
     pub fn with_effort(self, effort: Effort) -> Self {
         ProgressiveParams { effort, ..self }
+    }
+
+    /// Whether the form by block is tried: where no base's form is asked for.
+    #[must_use]
+    pub fn tries_blocks(&self) -> bool {
+        self.access == Access::Block && self.content.is_none() && self.reduce_log2.is_none()
+    }
+
+    /// The metric for such pixels.
+    #[must_use]
+    pub fn metric_for(&self, pixel: PixelInfo) -> Metric {
+        let is_seen = pixel.color == ColorSpace::Srgb && matches!(self.goal, Goal::Bpp(_));
+        self.metric.unwrap_or(if is_seen { Metric::Perceptual } else { Metric::Psnr })
     }
 
     /// Whether codebooks are tried: only then does a texture depend on a public one.

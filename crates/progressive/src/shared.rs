@@ -6,7 +6,9 @@ use texfold_core::image::{ImageSet, Raster};
 use texfold_core::{EncodeError, Encoder, Goal, Job, SharedSearch};
 
 use crate::codebook::MAX_CODEBOOK_SIDE;
-use crate::{Codebook, Progressive, ProgressiveParams, ProgressiveSearch, ProgressiveTexture, encode};
+use crate::{
+    Codebook, Progressive, ProgressiveParams, ProgressiveSearch, ProgressiveTexture, TexelTexture, encode,
+};
 
 /// A public codebook that textures use and add to, and what surrounds a tile.
 #[derive(Debug, Clone, Default)]
@@ -29,7 +31,7 @@ impl Encoder for Progressive {
         params: &ProgressiveParams,
         job: &mut Job<'_>,
     ) -> Result<ProgressiveTexture, EncodeError> {
-        encode::encode(source, params, &Shared::default(), job)
+        encode::encode(source, params, job)
     }
 }
 
@@ -54,8 +56,8 @@ impl SharedSearch for Progressive {
 }
 
 impl Progressive {
-    /// As [`Encoder::encode`], with a public codebook. [`ProgressiveTexture::details`] of the result names the codebook
-    /// that it uses: the same, or one that grew from it. A goal of bits counts the texture's own.
+    /// As [`Encoder::encode`] by texel, with a public codebook. [`TexelTexture::details`] of the result names the codebook
+    /// that it shows: the same, or one that grew from it. A goal of bits counts the texture's own.
     ///
     /// # Errors
     /// [`EncodeError`] as there.
@@ -64,8 +66,8 @@ impl Progressive {
         params: &ProgressiveParams,
         shared: &Shared,
         job: &mut Job<'_>,
-    ) -> Result<ProgressiveTexture, EncodeError> {
+    ) -> Result<TexelTexture, EncodeError> {
         let most_rows = shared.most_rows.min(MAX_CODEBOOK_SIDE / 2);
-        encode::encode(source, params, &Shared { most_rows, ..shared.clone() }, job)
+        encode::by_texel(source, params, &Shared { most_rows, ..shared.clone() }, job)
     }
 }

@@ -9,10 +9,10 @@ use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layou
 use texfold_core::{Budget, ImageLayout, LoadError, Plane, String4, SurfaceBinding, Texel, WordRows};
 use texfold_residual::{ContentId, ResidualContent};
 
-use crate::ProgressiveTexture;
+use crate::TexelTexture;
 use crate::codebook::{CODEBOOK_PIXEL, Codebook, Details, EntryMap, MAX_CODEBOOK_SIDE, MapForm};
 use crate::decode::TexfoldProgressiveParams;
-use crate::encoded::{MAP_PART, PRIVATE_PART, PUBLIC_PART};
+use crate::texel::{MAP_PART, PRIVATE_PART, PUBLIC_PART};
 
 /// The residual content of a file.
 pub(crate) const CONTENT: ContentId = ContentId::ONLY;
@@ -28,7 +28,7 @@ const IMAGE_BYTES: u64 = (2 * size_of::<TexfoldProgressiveParams>()
     // Heap blocks of at least 64 bytes: words, indices of bound planes.
     + 2 * 64) as u64;
 
-pub(crate) fn store(texture: &ProgressiveTexture, out: &mut SectionWriter) {
+pub(crate) fn store(texture: &TexelTexture, out: &mut SectionWriter) {
     texture.content().store_base(CONTENT, out);
     if let Some(details) = texture.details() {
         store_details(details, out);
@@ -61,13 +61,13 @@ pub(crate) fn load(
     file: &Sections<'_>,
     public: Option<&Codebook>,
     budget: &mut Budget,
-) -> Result<ProgressiveTexture, LoadError> {
+) -> Result<TexelTexture, LoadError> {
     let notes = Notes::read(file, budget)?;
     let layout = read_layout(file, budget)?;
     budget.take(layout.surfaces.len() as u64 * IMAGE_BYTES)?;
     let content = ResidualContent::load(&layout, CONTENT, file, budget)?;
     let details = read_details(content.layout(), public, file, budget)?;
-    Ok(ProgressiveTexture::new(layout, content, details, notes))
+    Ok(TexelTexture::new(layout, content, details, notes))
 }
 
 /// A codebook of the size that the map names.

@@ -70,6 +70,18 @@ impl ContentId {
         [b'R', b'S', b'B', b'0' + self.0]
     }
 
+    /// Id of the section with what is first of textures in blocks: headers and bases.
+    #[must_use]
+    pub fn block_base(self) -> [u8; 4] {
+        [b'R', b'B', b'B', b'0' + self.0]
+    }
+
+    /// Id of the section with the rest of textures in blocks: the images' own superblocks.
+    #[must_use]
+    pub fn block_detail(self) -> [u8; 4] {
+        [b'R', b'B', b'D', b'0' + self.0]
+    }
+
     /// Id of the residual planes' section.
     #[must_use]
     pub fn planes(self) -> [u8; 4] {

@@ -163,7 +163,7 @@ impl Encoded for VqTexture {
     fn gpu(&self) -> GpuForm<'_> {
         let codebook: Vec<Plane<'_>> = self.codebook.gpu_planes("codebook").collect();
         let last = codebook.len() - 1;
-        let mut form = GpuForm { module: "vq", planes: codebook, uniforms: Vec::new(), surfaces: Vec::new() };
+        let mut form = GpuForm { planes: codebook, ..GpuForm::new("vq") };
         let mut bindings = Vec::new();
         for class in &self.classes {
             let start = form.uniforms.len();

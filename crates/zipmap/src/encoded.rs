@@ -538,7 +538,7 @@ impl Encoded for ZipTexture {
         let uniforms = bytemuck::bytes_of(&self.params).to_vec();
         let surface =
             SurfaceBinding { planes: vec![0, 1, root_b, atlas], uniforms: 0..uniforms.len(), surface: 0 };
-        GpuForm { module: "zipmap", planes, uniforms, surfaces: vec![surface] }
+        GpuForm { planes, uniforms, surfaces: vec![surface], ..GpuForm::new("zipmap") }
     }
 
     fn notes(&self) -> &Notes {

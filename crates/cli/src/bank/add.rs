@@ -12,7 +12,7 @@ use texfold_core::container::SectionWriter;
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::{SquaredError, decode_surface, quality, ssim};
 use texfold_core::{Encoded, Job, Limits, TextureCodec};
-use texfold_progressive::{Codebook, Progressive, ProgressiveParams, ProgressiveTexture, Shared};
+use texfold_progressive::{Codebook, Progressive, ProgressiveParams, Shared, TexelTexture};
 
 use super::manifest::{Image, Manifest, Tile};
 use super::tiles::Cut;
@@ -318,7 +318,7 @@ impl Making<'_> {
 
 impl Grown {
     /// Takes over the codebook that a texture uses; rows that it grew by. A grown one is written as a new file.
-    fn grow(&mut self, dir: &Path, texture: &ProgressiveTexture, next: &mut u32) -> Result<u32, CliError> {
+    fn grow(&mut self, dir: &Path, texture: &TexelTexture, next: &mut u32) -> Result<u32, CliError> {
         self.tiles += 1;
         let Some(public) = texture.details().and_then(|details| details.public.clone()) else { return Ok(0) };
         let rows = public.size().1;
@@ -403,7 +403,7 @@ fn without_plain_alpha(tile: Raster) -> Raster {
 }
 
 /// Blocks that use public content, the texture's own, and all.
-fn blocks(texture: &ProgressiveTexture) -> [u64; 3] {
+fn blocks(texture: &TexelTexture) -> [u64; 3] {
     let Some(details) = texture.details() else { return [0; 3] };
     let public_rows = details.public.as_ref().map_or(0, |book| book.size().1);
     let mut counts = [0; 3];
@@ -418,7 +418,7 @@ fn blocks(texture: &ProgressiveTexture) -> [u64; 3] {
 
 impl Sums {
     /// Takes a tile in. Of the public codebook it counts what the tile added.
-    fn add(&mut self, source: &ImageSet, texture: &ProgressiveTexture, grown_rows: u32) {
+    fn add(&mut self, source: &ImageSet, texture: &TexelTexture, grown_rows: u32) {
         let found = quality(source, texture);
         let texels = source.texel_count();
         self.color = self.color + found.color;

@@ -19,7 +19,7 @@ use std::sync::Arc;
 
 use texfold_core::Budget;
 use texfold_core::container::Sections;
-use texfold_progressive::{Codebook, Progressive, ProgressiveTexture};
+use texfold_progressive::{Codebook, Progressive, TexelTexture};
 
 use crate::error::CliError;
 use crate::output::{make_folder, remove_stale};
@@ -65,7 +65,7 @@ impl Bank {
     }
 
     /// A tile of an image.
-    fn tile(&self, tile: &Tile, book: Option<&Codebook>) -> Result<ProgressiveTexture, CliError> {
+    fn tile(&self, tile: &Tile, book: Option<&Codebook>) -> Result<TexelTexture, CliError> {
         let path = self.dir.join(&tile.file);
         let bytes = std::fs::read(&path).map_err(|source| CliError::Read { path: path.clone(), source })?;
         load(&bytes, book).map_err(|source| CliError::Load { path, source })
@@ -73,13 +73,12 @@ impl Bank {
 }
 
 /// A tile from the bytes of its file.
-fn load(bytes: &[u8], book: Option<&Codebook>) -> Result<ProgressiveTexture, texfold_core::LoadError> {
-    use texfold_core::TextureCodec;
+fn load(bytes: &[u8], book: Option<&Codebook>) -> Result<TexelTexture, texfold_core::LoadError> {
     let mut budget = Budget::default();
     let file = Sections::parse(bytes, &mut budget)?;
     match book {
         Some(book) => Progressive::load_shared(&file, book, &mut budget),
-        None => Progressive::load(&file, &mut budget),
+        None => Progressive::load_by_texel(&file, &mut budget),
     }
 }
 

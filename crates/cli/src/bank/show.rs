@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde::Serialize;
 use texfold_core::image::Raster;
 use texfold_core::{Encoded, RegionError};
-use texfold_progressive::{CELL_SIDE, Codebook, ProgressiveTexture};
+use texfold_progressive::{CELL_SIDE, Codebook, TexelTexture};
 
 use super::Bank;
 use super::manifest::{Category, Image, MANIFEST, Tile};
@@ -34,7 +34,7 @@ pub(crate) struct Choice {
 }
 
 /// Draws one tile at a level.
-pub(crate) type Draw<'d> = dyn Fn(&Path, &ProgressiveTexture, u32) -> Result<Raster, CliError> + 'd;
+pub(crate) type Draw<'d> = dyn Fn(&Path, &TexelTexture, u32) -> Result<Raster, CliError> + 'd;
 
 /// Writes images of a bank as PNG files; the number of those that failed. Each is named with its cause, the others are
 /// written.

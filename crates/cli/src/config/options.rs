@@ -9,7 +9,9 @@ use texfold::{
 };
 use texfold_core::{Goal, Params};
 
-use super::values::{AlphaChoice, CodecName, ColorName, ContentName, EffortName, Samples, Sides};
+use super::values::{
+    AccessName, AlphaChoice, CodecName, ColorName, ContentName, EffortName, MetricName, Samples, Sides,
+};
 use crate::error::{CliError, UsageError};
 use crate::settings::{Kind, LightSettings, Settings, ZoomSettings};
 
@@ -44,6 +46,14 @@ pub struct Options {
     /// Format of the texel data; by default the goal decides.
     #[arg(long, value_enum)]
     pub(super) content: Option<ContentName>,
+    /// progressive: how texels are reached. By block takes fewer bits and is decoded before it is drawn (default); by texel is
+    /// drawn straight from the compressed form.
+    #[arg(long, value_enum)]
+    pub(super) access: Option<AccessName>,
+    /// progressive, by block: which errors count. By default those that the eye sees for colours and goals of bits, else all
+    /// alike.
+    #[arg(long, value_enum)]
+    pub(super) metric: Option<MetricName>,
     /// epitome: a mask of the first image's size; content is taken from where it is bright.
     #[arg(long, value_name = "MASK")]
     pub(super) content_from: Option<PathBuf>,
@@ -163,6 +173,8 @@ impl Options {
             bpp: goals.bpp,
             tolerance: goals.tolerance,
             content: self.content.or(other.content),
+            access: self.access.or(other.access),
+            metric: self.metric.or(other.metric),
             content_from: self.content_from.clone().or_else(|| other.content_from.clone()),
             category: self.category.clone().or_else(|| other.category.clone()),
             layers: self.layers.or(other.layers),
@@ -228,6 +240,12 @@ impl Options {
             let range = "sides that are multiples of 4 in 4..=256";
             in_range("samples", sample_side.filter(|_| count > 0).map(f64::from), side, range)?;
         }
+        if self.metric.is_some() && self.access == Some(AccessName::Texel) {
+            return Err(UsageError::Excluded { option: "metric", other: "--access texel" });
+        }
+        if self.content.is_some() && self.access == Some(AccessName::Block) {
+            return Err(UsageError::Excluded { option: "content", other: "--access block" });
+        }
         self.check_codec()
     }
 
@@ -235,11 +253,13 @@ impl Options {
     fn check_codec(&self) -> Result<(), UsageError> {
         const CHOSEN_VQ: &[&str] = &["vq", "auto"];
         let error_map = self.content == Some(ContentName::ErrorMap);
-        let owned: [(&str, bool, &[&'static str]); 13] = [
+        let owned: [(&str, bool, &[&'static str]); 15] = [
             ("content-from", self.content_from.is_some(), &["epitome"]),
             ("layers", self.layers.is_some(), &["epitome"]),
             ("content error-map", error_map, &["epitome"]),
             ("category", self.category.is_some(), &["progressive"]),
+            ("access", self.access.is_some(), &["progressive", "auto"]),
+            ("metric", self.metric.is_some(), &["progressive", "auto"]),
             ("triangles", self.triangles.is_some(), &["lightfield"]),
             ("terms", self.terms.is_some(), &["lightfield"]),
             ("codewords", self.codewords.is_some(), &["lightfield"]),
@@ -280,6 +300,8 @@ impl Options {
             family,
             mips: self.mips.unwrap_or(false),
             effort: self.effort.unwrap_or_default().effort(),
+            access: self.access.map(AccessName::access),
+            metric: self.metric.map(MetricName::metric),
         };
         Ok(Settings {
             encode,

@@ -6,7 +6,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde::Deserialize;
 use texfold::{CODECS, Choice, Content, Family, Registration};
 use texfold_core::image::{Alpha, ColorSpace};
-use texfold_core::{AstcBlock, CodecId, Effort, TextureCodec};
+use texfold_core::{Access, AstcBlock, CodecId, Effort, Metric, TextureCodec};
 
 /// Alpha at and above which a texel of a cut-out is drawn, where no threshold is given.
 const CUTOUT_THRESHOLD: f32 = 0.5;
@@ -135,6 +135,44 @@ impl ContentName {
             ContentName::Astc => Family::Astc,
             ContentName::ErrorMap => Family::ErrorMap,
             _ => Family::Bc,
+        }
+    }
+}
+
+/// How texels are reached.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum AccessName {
+    /// In blocks that are decoded before they are drawn: fewest bits.
+    Block,
+    /// One by one, straight from the compressed form.
+    Texel,
+}
+
+impl AccessName {
+    pub(crate) fn access(self) -> Access {
+        match self {
+            AccessName::Block => Access::Block,
+            AccessName::Texel => Access::Texel,
+        }
+    }
+}
+
+/// Which errors count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum MetricName {
+    /// All alike: the highest PSNR.
+    Psnr,
+    /// Those of fine detail less: what looks best.
+    Perceptual,
+}
+
+impl MetricName {
+    pub(crate) fn metric(self) -> Metric {
+        match self {
+            MetricName::Psnr => Metric::Psnr,
+            MetricName::Perceptual => Metric::Perceptual,
         }
     }
 }

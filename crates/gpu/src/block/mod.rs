@@ -1,7 +1,7 @@
 //! Textures in blocks of variable length, decoded by compute passes into textures that the hardware samples.
 //!
 //! [`BlockDecoder`] makes its pipelines once; [`BlockDecoder::upload`] takes what an encoded texture hands out
-//! ([`GpuBlocks`]) and [`BlockDecoder::decode_into`] decodes any rectangle of any plane into any place of a texture, so that a
+//! ([`GpuBlocks`]) and [`BlockDecoder::decode_into`] decodes any rectangle, or the same of two smaller mip levels, into any place of a texture, so that a
 //! cache of tiles can be filled with it. For each plane from the coarsest on that the rectangle needs: an invocation a
 //! superblock reads its stream, then an invocation a block and axis makes its samples; last, an invocation a texel makes its
 //! channels. All in integers: the texels are the CPU's.
@@ -18,11 +18,12 @@ mod pipelines;
 
 use std::sync::{Mutex, PoisonError};
 
-use texfold_core::{BlockLayout, BlockPlan, GpuBlocks, GpuChannel, Rect, RegionError};
+use texfold_core::{BlockLayout, BlockPlan, GpuBlocks, GpuChannel, Rect, RegionError, SurfaceSize};
+use texfold_shaders::BlockTarget;
 use wgpu::{BindingResource, Buffer, BufferBinding, BufferUsages, Texture, TextureUsages};
 
 pub use image::{BlockChannel, BlockImage};
-use pipelines::{Pipelines, Target};
+use pipelines::{Pipelines, format_of};
 
 use crate::upload::extent;
 use crate::{Gpu, GpuError};
@@ -41,7 +42,7 @@ const TEXELS: u32 = 8;
 /// Texels along the side of a tile that is read back.
 const TILE_SIDE: u32 = 2048;
 
-/// The shader's parameters of `write_texels`: 32 words.
+/// The shader's parameters of `write_texels`: 36 words.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 struct Output {
@@ -53,6 +54,9 @@ struct Output {
     means: [i32; 4],
     first_axes: [u32; 4],
     weights: [[i32; 4]; 4],
+    last: [u32; 2],
+    reduce_log2: u32,
+    average: u32,
 }
 
 /// Pipelines that decode textures in blocks, and their scratch memory.
@@ -81,11 +85,11 @@ impl BlockDecoder {
         BlockImage::new(gpu, blocks)
     }
 
-    /// A rectangle as a texture of its own, `rgba8unorm` for samples of 8 bits and `rgba16uint` for more. `rect.level` counts the
-    /// planes, which are mip levels 0, 3, 6 and so on; `rect.surface` is 0.
+    /// A rectangle as a texture of its own, `rgba8unorm` for samples of 8 bits and `rgba16uint` for more. `rect.level` is a
+    /// mip level; `rect.surface` is 0.
     ///
     /// # Errors
-    /// [`GpuError`] where there is no such plane or channel, the rectangle is empty, leaves the plane or is larger than a texture
+    /// [`GpuError`] where there is no such level or channel, the rectangle is empty, leaves the level or is larger than a texture
     /// of the device, or the device fails.
     pub fn decode(
         &self,
@@ -105,7 +109,7 @@ impl BlockDecoder {
                 mip_level_count: 1,
                 sample_count: 1,
                 dimension: wgpu::TextureDimension::D2,
-                format: Target::of_depth(image.layout.depth).format(),
+                format: format_of(plain(image.layout.depth)),
                 usage: TextureUsages::STORAGE_BINDING
                     | TextureUsages::TEXTURE_BINDING
                     | TextureUsages::COPY_SRC,
@@ -116,7 +120,7 @@ impl BlockDecoder {
         Ok(texture)
     }
 
-    /// A rectangle into a texture of the format that [`BlockDecoder::decode`] gives, from `place` on. The texture allows
+    /// A rectangle into a texture of the format that [`BlockDecoder::decode`] gives, or `rgba32float`, from `place` on. The texture allows
     /// [`TextureUsages::STORAGE_BINDING`].
     ///
     /// # Errors
@@ -130,26 +134,52 @@ impl BlockDecoder {
         texture: &Texture,
         place: [u32; 2],
     ) -> Result<(), GpuError> {
-        let target = Target::of_depth(image.layout.depth);
         let fits = |place: u32, count: u32, all: u32| place.checked_add(count).is_some_and(|end| end <= all);
         let size = (texture.width(), texture.height());
         if !fits(place[0], rect.width, size.0) || !fits(place[1], rect.height, size.1) {
             return Err(RegionError::Outside { width: size.0, height: size.1 }.into());
         }
-        if texture.format() != target.format() || !texture.usage().contains(TextureUsages::STORAGE_BINDING) {
-            return Err(GpuError::BlockTarget { format: target.format() });
-        }
+        let target = target_of(texture, image.layout.depth)?;
         let channels = image.channels(channels)?;
-        let view = texture.create_view(&wgpu::TextureViewDescriptor {
-            mip_level_count: Some(1),
-            array_layer_count: Some(1),
-            dimension: Some(wgpu::TextureViewDimension::D2),
-            ..Default::default()
-        });
+        let view = view_of(texture, 0);
         for (part, plan) in parts(&image.layout, rect)? {
             let place = [place[0] + part.x - rect.x, place[1] + part.y - rect.y];
             let output = output(&image.layout, part, &plan, &channels, place);
-            gpu.guarded(|| self.submit(gpu, image, &plan, &output, (target, &view)))?;
+            gpu.guarded(|| self.submit(gpu, image, &plan, target, &[(output, &view)]))?;
+        }
+        Ok(())
+    }
+
+    /// An image and the levels that are made of it into those of a texture, from mip level `first` on; its streams are read once.
+    ///
+    /// # Errors
+    /// As [`BlockDecoder::decode_into`].
+    pub fn decode_levels(
+        &self,
+        gpu: &Gpu,
+        image: &BlockImage,
+        channels: [BlockChannel; 4],
+        texture: &Texture,
+        (first, levels): (u32, u32),
+    ) -> Result<(), GpuError> {
+        let size = image.layout.size;
+        let level_size = SurfaceSize { width: texture.width(), height: texture.height() }.at_level(first);
+        if level_size != size || first + levels > texture.mip_level_count() {
+            return Err(RegionError::Outside { width: level_size.width, height: level_size.height }.into());
+        }
+        let target = target_of(texture, image.layout.depth)?;
+        let channels = image.channels(channels)?;
+        let rect = Rect { surface: 0, level: 0, x: 0, y: 0, width: size.width, height: size.height };
+        let views: Vec<_> = (first..first + levels).map(|level| view_of(texture, level)).collect();
+        for (part, plan) in parts(&image.layout, rect)? {
+            let outputs = (0u32..).zip(&views).map(|(reduce_log2, view)| {
+                let part = reduced(part, size, reduce_log2);
+                let origin = plan.origin.map(|origin| origin >> reduce_log2);
+                let plan = BlockPlan { reduce_log2, origin, ..plan.clone() };
+                (output(&image.layout, part, &plan, &channels, [part.x, part.y]), view)
+            });
+            let outputs: Vec<_> = outputs.filter(|(output, _)| !output.size.contains(&0)).collect();
+            gpu.guarded(|| self.submit(gpu, image, &plan, target, &outputs))?;
         }
         Ok(())
     }
@@ -185,14 +215,14 @@ impl BlockDecoder {
         Ok(texels)
     }
 
-    /// Does the passes of a plan.
+    /// Does the passes of a plan and writes the outputs from what they decode.
     fn submit(
         &self,
         gpu: &Gpu,
         image: &BlockImage,
         plan: &BlockPlan,
-        output: &Output,
-        (target, view): (Target, &wgpu::TextureView),
+        target: BlockTarget,
+        outputs: &[(Output, &wgpu::TextureView)],
     ) -> Result<(), GpuError> {
         let scratch = self.scratch(gpu, 4 * plan.words);
         let mut params = vec![0u8; PASS_STRIDE * plan.passes.len()];
@@ -202,8 +232,11 @@ impl BlockDecoder {
         }
         let params = gpu.buffer("passes", &params, BufferUsages::UNIFORM);
         let passes = self.pipelines.pass_group(&gpu.device, &params, image, &scratch);
-        let output_buffer = gpu.buffer("output", bytemuck::bytes_of(output), BufferUsages::UNIFORM);
-        let output_group = self.pipelines.output_group(&gpu.device, target, &output_buffer, view);
+        let groups = outputs.iter().map(|(output, view)| {
+            let buffer = gpu.buffer("output", bytemuck::bytes_of(output), BufferUsages::UNIFORM);
+            self.pipelines.output_group(&gpu.device, target, &buffer, view)
+        });
+        let groups: Vec<_> = groups.collect();
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.clear_buffer(&scratch, 0, Some(4 * plan.words));
         {
@@ -218,11 +251,13 @@ impl BlockDecoder {
                 let blocks = pass.held[0] * pass.held[1] * pass.axes;
                 compute.dispatch_workgroups(blocks.div_ceil(BLOCKS), 1, 1);
             }
-            compute.set_pipeline(self.pipelines.write(target));
+            compute.set_pipeline(self.pipelines.write(&gpu.device, target));
             compute.set_bind_group(0, &passes, &[offset]);
-            compute.set_bind_group(1, &output_group, &[]);
-            let [width, height] = output.size.map(|side| side.div_ceil(TEXELS));
-            compute.dispatch_workgroups(width, height, 1);
+            for ((output, _), group) in outputs.iter().zip(&groups) {
+                compute.set_bind_group(1, group, &[]);
+                let [width, height] = output.size.map(|side| side.div_ceil(TEXELS));
+                compute.dispatch_workgroups(width, height, 1);
+            }
         }
         gpu.queue.submit([encoder.finish()]);
         Ok(())
@@ -246,6 +281,45 @@ impl BlockDecoder {
     }
 }
 
+/// What a texture takes, by its format; it must suit samples of that depth.
+fn target_of(texture: &Texture, depth: u8) -> Result<BlockTarget, GpuError> {
+    let suits = |target: &BlockTarget| {
+        format_of(*target) == texture.format() && (*target == BlockTarget::Float32 || *target == plain(depth))
+    };
+    let found = BlockTarget::ALL.into_iter().find(suits);
+    let found = found.filter(|_| texture.usage().contains(TextureUsages::STORAGE_BINDING));
+    found.ok_or(GpuError::BlockTarget { format: format_of(plain(depth)) })
+}
+
+/// The target that takes samples of that depth as they are.
+fn plain(depth: u8) -> BlockTarget {
+    if depth > 8 { BlockTarget::Uint16 } else { BlockTarget::Unorm8 }
+}
+
+fn view_of(texture: &Texture, level: u32) -> wgpu::TextureView {
+    texture.create_view(&wgpu::TextureViewDescriptor {
+        base_mip_level: level,
+        mip_level_count: Some(1),
+        array_layer_count: Some(1),
+        dimension: Some(wgpu::TextureViewDimension::D2),
+        ..Default::default()
+    })
+}
+
+/// What a part of an image of that size has of a level whose texels are means of squares of its samples. Parts are cut where
+/// superblocks are: at multiples of such squares.
+fn reduced(part: Rect, size: SurfaceSize, reduce_log2: u32) -> Rect {
+    let few = size.at_level(reduce_log2);
+    let cut = |first: u32, count: u32, all: u32, few: u32| {
+        let start = first >> reduce_log2;
+        let end = if first + count >= all { few } else { (first + count) >> reduce_log2 };
+        (start, end.saturating_sub(start))
+    };
+    let (x, width) = cut(part.x, part.width, size.width, few.width);
+    let (y, height) = cut(part.y, part.height, size.height, few.height);
+    Rect { x, y, width, height, ..part }
+}
+
 /// The whole of a buffer, or as much of it as a pass's parameters take.
 fn bound(buffer: &Buffer, size: Option<usize>) -> BindingResource<'_> {
     let size = size.and_then(|size| std::num::NonZeroU64::new(size as u64));
@@ -254,7 +328,7 @@ fn bound(buffer: &Buffer, size: Option<usize>) -> BindingResource<'_> {
 
 /// Parts of a rectangle that need at most [`MAX_SCRATCH`] bytes each, cut where superblocks are.
 fn parts(layout: &BlockLayout, rect: Rect) -> Result<Vec<(Rect, BlockPlan)>, RegionError> {
-    let texels = 1u32 << layout.superblock_log2;
+    let texels = layout.superblock_texels(layout.plan(rect)?.reduce_log2);
     let mut open = vec![rect];
     let mut done = Vec::new();
     while let Some(rect) = open.pop() {
@@ -291,7 +365,17 @@ fn output(
         means: channels.map(|channel| channel.mean),
         first_axes: channels.map(|channel| channel.first_axis),
         weights: channels.map(|channel| channel.weights),
+        last: last_sample(layout, plan),
+        reduce_log2: plan.reduce_log2,
+        average: u32::from(layout.average.is_light) | u32::from(layout.average.is_weighted) << 1,
     }
+}
+
+/// The image's last column and row in the samples that a plan's last pass holds.
+fn last_sample(layout: &BlockLayout, plan: &BlockPlan) -> [u32; 2] {
+    let first = plan.passes.last().map_or([0; 2], |pass| pass.first);
+    let texels = layout.superblock_texels(0);
+    [layout.size.width - 1 - first[0] * texels, layout.size.height - 1 - first[1] * texels]
 }
 
 /// Texels of a row: four bytes or four times two bytes each.

@@ -1,5 +1,7 @@
 //! Bind groups and pipelines of the decoder of blocks.
 
+use std::sync::OnceLock;
+
 use texfold_core::BlockPass;
 use texfold_shaders::BlockTarget;
 use wgpu::{
@@ -9,32 +11,12 @@ use wgpu::{
 
 use super::{BlockImage, bound};
 
-/// What texels are written to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Target {
-    Unorm8,
-    Uint16,
-}
-
-impl Target {
-    /// The target of samples of so many bits.
-    pub(super) fn of_depth(depth: u8) -> Target {
-        if depth > 8 { Target::Uint16 } else { Target::Unorm8 }
-    }
-
-    /// Its format.
-    pub(super) fn format(self) -> TextureFormat {
-        match self {
-            Target::Unorm8 => TextureFormat::Rgba8Unorm,
-            Target::Uint16 => TextureFormat::Rgba16Uint,
-        }
-    }
-
-    fn source(self) -> String {
-        texfold_shaders::block(match self {
-            Target::Unorm8 => BlockTarget::Unorm8,
-            Target::Uint16 => BlockTarget::Uint16,
-        })
+/// Format of a target.
+pub(super) fn format_of(target: BlockTarget) -> TextureFormat {
+    match target {
+        BlockTarget::Unorm8 => TextureFormat::Rgba8Unorm,
+        BlockTarget::Uint16 => TextureFormat::Rgba16Uint,
+        BlockTarget::Float32 => TextureFormat::Rgba32Float,
     }
 }
 
@@ -53,32 +35,28 @@ pub(super) struct Pipelines {
     /// An invocation a block and axis.
     pub(super) transform: ComputePipeline,
     passes: BindGroupLayout,
-    unorm: Writer,
-    uint: Writer,
+    /// For each target what writes to it, made when it is first needed.
+    writers: [OnceLock<Writer>; BlockTarget::ALL.len()],
 }
 
 impl Pipelines {
     pub(super) fn new(device: &Device) -> Pipelines {
         let buffers = [uniform(true), storage(true), storage(true), storage(false)];
         let passes = layout(device, "passes of blocks", &buffers);
-        let module = shader(device, Target::Unorm8);
+        let module = shader(device, BlockTarget::Unorm8);
         let pipeline = |entry: &str| pipeline(device, &module, entry, &[Some(&passes)]);
         let (read, transform) = (pipeline("read_superblocks"), pipeline("transform_blocks"));
-        let unorm = writer(device, &passes, &module, Target::Unorm8);
-        let uint = writer(device, &passes, &shader(device, Target::Uint16), Target::Uint16);
-        Pipelines { read, transform, passes, unorm, uint }
+        Pipelines { read, transform, passes, writers: Default::default() }
     }
 
-    fn writer(&self, target: Target) -> &Writer {
-        match target {
-            Target::Unorm8 => &self.unorm,
-            Target::Uint16 => &self.uint,
-        }
+    fn writer(&self, device: &Device, target: BlockTarget) -> &Writer {
+        let kept = &self.writers[target as usize];
+        kept.get_or_init(|| writer(device, &self.passes, &shader(device, target), target))
     }
 
     /// An invocation a texel.
-    pub(super) fn write(&self, target: Target) -> &ComputePipeline {
-        &self.writer(target).pipeline
+    pub(super) fn write(&self, device: &Device, target: BlockTarget) -> &ComputePipeline {
+        &self.writer(device, target).pipeline
     }
 
     /// What all passes have bound; the offset of a pass's parameters is dynamic.
@@ -102,26 +80,31 @@ impl Pipelines {
     pub(super) fn output_group(
         &self,
         device: &Device,
-        target: Target,
+        target: BlockTarget,
         output: &Buffer,
         view: &TextureView,
     ) -> BindGroup {
         let resources = [bound(output, None), BindingResource::TextureView(view)];
-        group(device, &self.writer(target).layout, resources)
+        group(device, &self.writer(device, target).layout, resources)
     }
 }
 
-fn shader(device: &Device, target: Target) -> wgpu::ShaderModule {
+fn shader(device: &Device, target: BlockTarget) -> wgpu::ShaderModule {
     device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("blocks"),
-        source: wgpu::ShaderSource::Wgsl(target.source().into()),
+        source: wgpu::ShaderSource::Wgsl(texfold_shaders::block(target).into()),
     })
 }
 
-fn writer(device: &Device, passes: &BindGroupLayout, module: &wgpu::ShaderModule, target: Target) -> Writer {
+fn writer(
+    device: &Device,
+    passes: &BindGroupLayout,
+    module: &wgpu::ShaderModule,
+    target: BlockTarget,
+) -> Writer {
     let texture = BindingType::StorageTexture {
         access: wgpu::StorageTextureAccess::WriteOnly,
-        format: target.format(),
+        format: format_of(target),
         view_dimension: wgpu::TextureViewDimension::D2,
     };
     let layout = layout(device, "output of blocks", &[uniform(false), texture]);

@@ -15,7 +15,7 @@ use texfold_residual::{BaseForm, MAX_REDUCE_LOG2};
 
 use super::details::{Candidates, LumaResidual, find};
 use super::frame::Frame;
-use crate::{ProgressiveParams, ProgressiveTexture, Shared};
+use crate::{ProgressiveParams, Shared, TexelTexture};
 
 /// How a base is stored, and how small it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -153,7 +153,7 @@ pub(crate) fn levels(
 /// A base as a texture, and where it is to have codebooks, what they may hold: all that no goal changes.
 #[derive(Debug)]
 pub(crate) struct BaseTexture {
-    plain: ProgressiveTexture,
+    plain: TexelTexture,
     books: Option<Books>,
 }
 
@@ -180,7 +180,7 @@ impl BaseTexture {
             ..BaseForm::new(kind.content, kind.reduce_log2)
         };
         let content = bases(&frame.full, form, &frame.chains, padded, effort, check)?;
-        let plain = ProgressiveTexture::new(frame.full.clone(), content, None, Notes::default());
+        let plain = TexelTexture::new(frame.full.clone(), content, None, Notes::default());
         let books = match kind.side_log2 {
             Some(side_log2) => Some(Books::new(&plain, &frame.chains, side_log2, shared, check)?),
             None => None,
@@ -214,14 +214,14 @@ impl BaseTexture {
         check.checkpoint()?;
         let Some(details) = find(residuals, *side_log2, &library, check)? else { return Ok(None) };
         let (content, notes) = (self.plain.content.clone(), Notes::default());
-        let plain = ProgressiveTexture::new(frame.full.clone(), content, Some(details), notes);
+        let plain = TexelTexture::new(frame.full.clone(), content, Some(details), notes);
         Base::new(&frame.chains, plain, check).map(Some)
     }
 }
 
 impl Books {
     fn new(
-        plain: &ProgressiveTexture,
+        plain: &TexelTexture,
         chains: &[Vec<Raster>],
         side_log2: u32,
         shared: &Shared,
@@ -243,7 +243,7 @@ impl Books {
 
 /// What decodes rows of a stored level.
 fn rows_of(
-    texture: &ProgressiveTexture,
+    texture: &TexelTexture,
     surface: u32,
     level: u32,
     width: u32,
@@ -258,7 +258,7 @@ fn rows_of(
 #[derive(Debug)]
 pub(crate) struct Base {
     /// The texture without a residual plane.
-    plain: ProgressiveTexture,
+    plain: TexelTexture,
     /// The residuals of all blocks, image by image, level by level.
     pub(crate) residuals: Residuals,
     /// Texels of the finest stored level.
@@ -271,11 +271,7 @@ pub(crate) struct Base {
 
 impl Base {
     /// Of a texture without a residual plane.
-    fn new(
-        chains: &[Vec<Raster>],
-        plain: ProgressiveTexture,
-        check: CancelCheck<'_>,
-    ) -> Result<Base, EncodeError> {
+    fn new(chains: &[Vec<Raster>], plain: TexelTexture, check: CancelCheck<'_>) -> Result<Base, EncodeError> {
         let mut residuals = Residuals::default();
         let mut alpha_error = 0.0;
         for (surface, chain) in (0..).zip(chains) {
@@ -312,11 +308,7 @@ impl Base {
     }
 
     /// The texture with blocks of such classes, which are coded.
-    pub(crate) fn assemble(
-        &self,
-        coder: &Coder<'_>,
-        classes: &[u8],
-    ) -> Result<ProgressiveTexture, EncodeError> {
+    pub(crate) fn assemble(&self, coder: &Coder<'_>, classes: &[u8]) -> Result<TexelTexture, EncodeError> {
         let Some(planes) = self.residuals.planes(coder, classes) else { return Ok(self.plain.clone()) };
         let content = self.plain.content.with_planes(coder.model.clone(), &planes);
         Ok(self.plain.with_content(content.ok_or(TOO_LARGE)?))

@@ -1,7 +1,8 @@
-//! The encoder on one page: the images, or smaller ones that are upsampled; bases of several kinds, the residuals that
+//! The encoder on one page: blocks ([`access`]), or to be read by texel the images, or smaller ones that are upsampled; bases of several kinds, the residuals that
 //! each leaves, the rate model and lambda under which a base with its residual plane answers the goal best, and the blocks
 //! coded at that lambda in closed loop on the decoded base.
 
+mod access;
 mod base;
 mod details;
 mod draft;
@@ -17,7 +18,7 @@ use texfold_core::target::{Measured, search};
 use texfold_core::{CancelCheck, Effort, EncodeError, Encoded, Goal, Job, Params, SourceError};
 use texfold_residual::encode::{CLASS_BITS, Coder, TOO_LARGE};
 
-use crate::{ProgressiveParams, ProgressiveTexture, Shared};
+use crate::{ProgressiveParams, ProgressiveTexture, Shared, TexelTexture};
 pub use search::ProgressiveSearch;
 
 pub(crate) use base::tries_codebooks;
@@ -85,13 +86,23 @@ impl Parts for Fresh<'_> {
     }
 }
 
-/// `shared` is a public codebook that may be used and added to.
+/// In the form that the parameters name.
 pub(crate) fn encode(
+    source: &ImageSet,
+    params: &ProgressiveParams,
+    job: &mut Job<'_>,
+) -> Result<ProgressiveTexture, EncodeError> {
+    let shared = &Shared::default();
+    access::encode(source, params, |job| by_texel(source, params, shared, job), job)
+}
+
+/// To be read texel by texel. `shared` is a public codebook that may be used and added to.
+pub(crate) fn by_texel(
     source: &ImageSet,
     params: &ProgressiveParams,
     shared: &Shared,
     job: &mut Job<'_>,
-) -> Result<ProgressiveTexture, EncodeError> {
+) -> Result<TexelTexture, EncodeError> {
     params.check()?;
     source.check_sides()?;
     Encoding { source, params, parts: &Fresh { source, params, shared } }.run(job)
@@ -106,7 +117,7 @@ struct Encoding<'a> {
 
 impl Encoding<'_> {
     /// The best of the sizes that are tried.
-    fn run(&self, job: &mut Job<'_>) -> Result<ProgressiveTexture, EncodeError> {
+    fn run(&self, job: &mut Job<'_>) -> Result<TexelTexture, EncodeError> {
         let goal = self.params.goal;
         let mut sizes = shrinks(self.source, self.params);
         let by_bits = matches!(goal, Goal::Bpp(_));
@@ -115,7 +126,7 @@ impl Encoding<'_> {
             sizes.reverse();
         }
         let share = |index: usize| index as f32 / sizes.len() as f32;
-        let mut best: Option<(ProgressiveTexture, Measured)> = None;
+        let mut best: Option<(TexelTexture, Measured)> = None;
         for (index, &shrink_log2) in sizes.iter().enumerate() {
             let rival = best.as_ref().map(|(_, measured)| *measured);
             let made = job.within(share(index), share(index + 1), |job| {
@@ -150,7 +161,7 @@ impl Encoding<'_> {
         inner: Goal,
         rival: Option<Measured>,
         job: &mut Job<'_>,
-    ) -> Result<ProgressiveTexture, EncodeError> {
+    ) -> Result<TexelTexture, EncodeError> {
         let mut kinds = kinds(self.source.info(), &ProgressiveParams { goal: inner, ..self.params.clone() })?;
         // Codebooks hold detail of one scale.
         kinds.retain(|kind| frame.shrink_log2 == 0 || kind.side_log2.is_none());
@@ -242,11 +253,11 @@ impl Encoding<'_> {
         drafts: Vec<Drafted>,
         inner: Goal,
         job: &mut Job<'_>,
-    ) -> Result<ProgressiveTexture, EncodeError> {
+    ) -> Result<TexelTexture, EncodeError> {
         let (goal, check) = (self.params.goal, job.cancel_check());
         let count = drafts.len();
         let share = |index: usize| 0.4 + 0.6 * index as f32 / count as f32;
-        let mut best: Option<(ProgressiveTexture, Measured)> = None;
+        let mut best: Option<(TexelTexture, Measured)> = None;
         for (index, Drafted { base, draft, .. }) in drafts.into_iter().enumerate() {
             let draft = job.install(|| draft.widened(&base, inner, check))?;
             let made =
@@ -269,7 +280,7 @@ impl Encoding<'_> {
         draft: Draft,
         inner: Goal,
         job: &mut Job<'_>,
-    ) -> Result<ProgressiveTexture, EncodeError> {
+    ) -> Result<TexelTexture, EncodeError> {
         let goal = self.params.goal;
         // One block can miss a tolerance: each is worth a search for its scale.
         let effort = match goal {
@@ -299,7 +310,7 @@ impl Encoding<'_> {
         coder: &mut Coder<'_>,
         guess: u32,
         job: &mut Job<'_>,
-    ) -> Result<ProgressiveTexture, EncodeError> {
+    ) -> Result<TexelTexture, EncodeError> {
         let mut guess = guess;
         let check = job.cancel_check();
         let mut tried = 0u32;
@@ -334,7 +345,7 @@ impl Encoding<'_> {
         coder: &mut Coder<'_>,
         tolerance: f64,
         job: &mut Job<'_>,
-    ) -> Result<ProgressiveTexture, EncodeError> {
+    ) -> Result<TexelTexture, EncodeError> {
         let check = job.cancel_check();
         let found = search(self.params.goal, 1..=SLACKS, 1, 0.0, |slack| {
             job.stage("coding blocks", (slack - 1) as f32 / SLACKS as f32)?;
@@ -398,7 +409,7 @@ fn best_draft(base: &Base, goal: Goal, job: &Job<'_>) -> Result<Option<Draft>, E
 /// Quality and size, without what is shared.
 fn own_measure(
     source: &ImageSet,
-    texture: &ProgressiveTexture,
+    texture: &TexelTexture,
     check: CancelCheck<'_>,
 ) -> Result<Measured, EncodeError> {
     let mut measured = measure_cancellable(source, texture, check)?;
@@ -409,7 +420,7 @@ fn own_measure(
 /// The same, and where bits are given with alpha's error beside that of the colours.
 fn judged(
     source: &ImageSet,
-    texture: &ProgressiveTexture,
+    texture: &TexelTexture,
     goal: Goal,
     check: CancelCheck<'_>,
 ) -> Result<Measured, EncodeError> {

@@ -6,18 +6,18 @@ use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, Notes};
 use texfold_residual::RESIDUAL_PART;
 
 use crate::codebook::CELL_SIDE;
-use crate::encoded::MAP_PART;
-use crate::{Details, ProgressiveParams, ProgressiveTexture};
+use crate::texel::MAP_PART;
+use crate::{Details, ProgressiveParams, TexelTexture};
 
 /// Settings, verdict, and the PSNR of the base alone.
 pub(crate) fn notes(
     source: &ImageSet,
-    texture: &ProgressiveTexture,
+    texture: &TexelTexture,
     params: &ProgressiveParams,
     met: bool,
     check: CancelCheck<'_>,
 ) -> Result<Notes, EncodeError> {
-    let psnr = |texture: &ProgressiveTexture| {
+    let psnr = |texture: &TexelTexture| {
         quality_cancellable(source, texture, check).map(|quality| quality.color.psnr() as f32)
     };
     let alone = psnr(&texture.first_layers(1))?;
@@ -29,7 +29,7 @@ pub(crate) fn notes(
     Ok(Notes { settings: settings(params), verdict: verdict(texture, met), psnr_without })
 }
 
-fn settings(params: &ProgressiveParams) -> String {
+pub(super) fn settings(params: &ProgressiveParams) -> String {
     let goal = match params.goal {
         Goal::Psnr(psnr) => format!("--psnr {psnr}"),
         Goal::Bpp(bpp) => format!("--bpp {bpp}"),
@@ -40,7 +40,7 @@ fn settings(params: &ProgressiveParams) -> String {
     format!("--codec progressive {goal}{content}{mips}")
 }
 
-fn verdict(texture: &ProgressiveTexture, met: bool) -> String {
+fn verdict(texture: &TexelTexture, met: bool) -> String {
     let base = format!(
         "A base of 1/{} of the width and height in {}",
         1 << texture.reduce_log2(),

@@ -11,7 +11,7 @@ use texfold_core::{EncodeError, Goal, Job, Params};
 
 use super::base::{Base, BaseTexture, Kind};
 use super::frame::Frame;
-use super::{Encoding, Parts};
+use super::{Encoding, Parts, access};
 use crate::{ProgressiveParams, ProgressiveTexture, Shared};
 
 /// What has been found in images, for any goal.
@@ -60,14 +60,17 @@ impl ProgressiveSearch {
         source.check_sides()?;
         let (source, params, shared) = (source.clone(), params.clone(), shared.clone());
         let search = ProgressiveSearch { source, params, shared, held: Mutex::default() };
-        search.encode(search.params.goal, job)?;
+        // By block there is nothing to keep.
+        if !search.params.tries_blocks() {
+            search.encode(search.params.goal, job)?;
+        }
         Ok(search)
     }
 
     pub(crate) fn encode(&self, goal: Goal, job: &mut Job<'_>) -> Result<ProgressiveTexture, EncodeError> {
-        let params = ProgressiveParams { goal, ..self.params.clone() };
-        params.check()?;
-        Encoding { source: &self.source, params: &params, parts: self }.run(job)
+        let params = &ProgressiveParams { goal, ..self.params.clone() };
+        let by_texel = |job: &mut Job<'_>| Encoding { source: &self.source, params, parts: self }.run(job);
+        access::encode(&self.source, params, by_texel, job)
     }
 
     fn held(&self) -> MutexGuard<'_, Held> {

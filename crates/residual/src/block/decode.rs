@@ -2,86 +2,118 @@
 
 use std::ops::Range;
 
-use texfold_core::{Rect, RegionError, parallel};
+use texfold_core::{Cached, Rect, RegionError, SurfaceSize, parallel};
 
 use super::Bytes;
+use super::channels::{BlockSample, write_channels};
 use super::context::Around;
-use super::form::{AXIS_BITS, BlockForm, Group, MAX_GROUP, PlaneShape, Steps};
+use super::form::{BlockForm, PlaneShape, Steps};
 use super::index::Index;
 use super::plane::{Patch, PlaneDecoder};
 use super::scan::COEFFICIENTS;
-use super::tables::Table;
-
-/// Most texels along a superblock's side.
-const MAX_SIDE: usize = 64;
-
-/// What samples are decoded to.
-pub trait BlockSample: Copy + Default + Send + Sync + sealed::Sealed {
-    /// The sample of a sum of that many fractional bits, between 0 and the largest one.
-    fn of(sum: i32, shift: u32, largest: i32) -> Self;
-}
-
-mod sealed {
-    pub trait Sealed {}
-    impl Sealed for u8 {}
-    impl Sealed for u16 {}
-}
-
-impl BlockSample for u8 {
-    #[inline(always)]
-    fn of(sum: i32, shift: u32, largest: i32) -> u8 {
-        if shift == 16 {
-            // What is left has 16 bits, which SSE2 can clamp.
-            return ((sum >> 16) as i16).clamp(0, largest as i16) as u8;
-        }
-        (sum >> shift).clamp(0, largest) as u8
-    }
-}
-
-impl BlockSample for u16 {
-    #[inline(always)]
-    fn of(sum: i32, shift: u32, largest: i32) -> u16 {
-        (sum >> shift).clamp(0, largest) as u16
-    }
-}
+use super::tables::{Table, tables_of};
 
 /// A texture in blocks of variable length.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct BlockTexture {
     pub(super) form: BlockForm,
     /// Stopping probabilities of all tables, as stored.
     pub(super) stops: Vec<u8>,
     pub(super) index: Index,
+    /// Bytes of all superblocks that are loaded: of the bases, or of the image, too.
     pub(super) bytes: Bytes,
-    planes: Vec<PlaneShape>,
+    /// Bytes of all superblocks of the whole texture.
+    pub(super) stream_bytes: u32,
+    tools: Cached<Tools>,
+    /// The means of the image's blocks.
+    base: Cached<Option<Patch>>,
+}
+
+/// What superblocks are decoded with.
+#[derive(Debug, Clone)]
+pub(super) struct Tools {
     pub(super) tables: Vec<Table>,
+    /// Steps of each plane.
     pub(super) steps: Vec<Steps>,
-    ranks: Vec<u8>,
+    pub(super) ranks: Vec<u8>,
+    planes: Vec<PlaneShape>,
 }
 
 /// Columns and rows of superblocks.
 type Superblocks = (Range<usize>, Range<usize>);
 
+/// A rectangle, and the superblocks that it needs.
+#[derive(Debug, Clone)]
+struct Region {
+    rect: Rect,
+    columns: Range<usize>,
+    rows: Range<usize>,
+}
+
 impl BlockTexture {
-    /// The texture of such parts.
+    /// The texture of such parts. `bytes` has as many as are loaded of `stream_bytes`.
     pub(super) fn new(
         form: BlockForm,
         stops: Vec<u8>,
-        tables: Vec<Table>,
         index: Index,
         bytes: Bytes,
+        stream_bytes: u32,
     ) -> Self {
-        let planes = form.planes();
-        let steps =
-            (0..planes.len()).map(|plane| Steps::new(&form.quantiser, plane, form.fraction())).collect();
-        let ranks = form.ranks();
-        BlockTexture { form, stops, index, bytes, planes, tables, steps, ranks }
+        let (tools, base) = (Cached::default(), Cached::default());
+        BlockTexture { form, stops, index, bytes, stream_bytes, tools, base }
+    }
+
+    /// The same texture with other superblocks loaded: the bases' at least.
+    pub(super) fn with_bytes(self, bytes: Bytes) -> Self {
+        BlockTexture { bytes, ..self }
     }
 
     /// Header.
     #[must_use]
     pub fn form(&self) -> &BlockForm {
         &self.form
+    }
+
+    /// Whether all superblocks are loaded; without those of the image it is decoded from its bases.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.bytes.len() >= self.stream_bytes as usize
+    }
+
+    /// Whether the image has superblocks of its own, loaded or not.
+    #[must_use]
+    pub fn has_detail(&self) -> bool {
+        self.base_length() < self.stream_bytes as usize
+    }
+
+    /// Columns and rows of the image's superblocks, and the bytes of each, row by row.
+    #[must_use]
+    pub fn superblock_bytes(&self) -> ((u32, u32), Vec<u32>) {
+        let planes = self.form.planes();
+        let first: usize = planes[1..].iter().map(PlaneShape::count).sum();
+        let (columns, rows) = planes[0].superblocks;
+        let length = |number: usize| self.index.of(&self.bytes, number).len() as u32;
+        ((columns as u32, rows as u32), (first..first + columns * rows).map(length).collect())
+    }
+
+    /// Texels along a superblock's side.
+    #[must_use]
+    pub fn superblock_side(&self) -> u32 {
+        1 << self.form.superblock_log2
+    }
+
+    /// The texture as it is before the image's own superblocks are loaded.
+    #[must_use]
+    pub fn base_alone(&self) -> BlockTexture {
+        let bytes = self.bytes[..self.base_length().min(self.bytes.len())].to_vec();
+        BlockTexture { bytes, ..self.clone() }
+    }
+
+    /// Bytes of the superblocks of all bases.
+    pub(super) fn base_length(&self) -> usize {
+        let planes = self.form.planes();
+        let bases = planes[1..].iter().map(PlaneShape::count).sum();
+        (self.index.start(bases) as usize).min(self.stream_bytes as usize)
     }
 
     /// Decodes a rectangle of the image; `out` holds its texels row by row, their channels side by side. `rect.surface` and
@@ -97,18 +129,19 @@ impl BlockTexture {
         let side = 1usize << self.form.superblock_log2;
         let cover = |first: u32, count: u32| first as usize / side..((first + count) as usize).div_ceil(side);
         let (columns, rows) = (cover(rect.x, rect.width), cover(rect.y, rect.height));
-        let base = self.base_of(0, &(columns.clone(), rows.clone()));
+        let region = &Region { rect, columns, rows };
+        let base = self.base.get_or_make(|| self.whole_base()).as_ref();
         let line = rect.width as usize * self.form.channels();
         let skipped = rect.y as usize % side;
         // The first row of superblocks may be cut; the rows that follow begin with whole ones.
         let (head, tail) =
             out.split_at_mut(if skipped == 0 { 0 } else { ((side - skipped) * line).min(out.len()) });
         if !head.is_empty() {
-            self.decode_row(rect, rows.start, &columns, base.as_ref(), &mut Around::default(), head);
+            self.decode_row(region, region.rows.start, base, head);
         }
-        let first = rows.start + usize::from(skipped != 0);
+        let first = region.rows.start + usize::from(skipped != 0);
         parallel::for_each_row(tail, side * line, |row, out| {
-            self.decode_row(rect, first + row, &columns, base.as_ref(), &mut Around::default(), out);
+            self.decode_row(region, first + row, base, out);
         });
         Ok(())
     }
@@ -133,45 +166,17 @@ impl BlockTexture {
         Ok(())
     }
 
-    /// The means of all blocks of the image.
-    pub(super) fn whole_base(&self) -> Option<Patch> {
-        let (columns, rows) = self.planes[0].superblocks;
-        self.base_of(0, &(0..columns, 0..rows))
-    }
-
-    /// Decodes one superblock of the image into as much room as its texels take.
-    pub(super) fn decode_superblock(
-        &self,
-        (column, row): (u32, u32),
-        base: Option<&Patch>,
-        around: &mut Around,
-        out: &mut [u16],
-    ) {
-        let side = 1u32 << self.form.superblock_log2;
-        let (x, y) = (column * side, row * side);
-        let (width, height) = ((self.form.size.width - x).min(side), (self.form.size.height - y).min(side));
-        let rect = Rect { surface: 0, level: 0, x, y, width, height };
-        let column = column as usize;
-        self.decode_row(rect, row as usize, &(column..column + 1), base, around, out);
-    }
-
-    /// Decodes what a row of superblocks has of a rectangle: its texels, row by row.
-    fn decode_row<S: BlockSample>(
-        &self,
-        rect: Rect,
-        row: usize,
-        columns: &Range<usize>,
-        base: Option<&Patch>,
-        around: &mut Around,
-        out: &mut [S],
-    ) {
-        let side = 1usize << self.form.superblock_log2;
+    /// Decodes what a row of superblocks has of a region: its texels, row by row.
+    fn decode_row<S: BlockSample>(&self, region: &Region, row: usize, base: Option<&Patch>, out: &mut [S]) {
+        let Region { rect, columns, .. } = region;
+        let (side, channels) = (1usize << self.form.superblock_log2, self.form.channels());
         let (left, right) = (rect.x as usize, (rect.x + rect.width) as usize);
         let top = (row * side).max(rect.y as usize);
-        let line = rect.width as usize * self.form.channels();
-        let mut samples = vec![0i32; self.ranks.len() * side * side];
+        let line = rect.width as usize * channels;
+        let mut samples = vec![0i32; self.tools().ranks.len() * side * side];
+        let mut around = Around::default();
         for column in columns.clone() {
-            self.superblock(0, (column, row), base, around, |axis, (x, y), block| {
+            self.superblock(0, (column, row), base, &mut around, |axis, (x, y), block| {
                 let first = (axis * side + 8 * y - row * side) * side + 8 * x - column * side;
                 for (line, values) in block.chunks_exact(8).enumerate() {
                     samples[first + line * side..][..8].copy_from_slice(values);
@@ -180,50 +185,32 @@ impl BlockTexture {
             let (start, end) = ((column * side).max(left), ((column + 1) * side).min(right));
             for (number, out) in out.chunks_exact_mut(line).enumerate() {
                 let inside = top + number - row * side;
-                let texels = (start - left) * self.form.channels()..(end - left) * self.form.channels();
-                self.channels(&samples, side, (start - column * side, inside), &mut out[texels]);
+                let texels = &mut out[(start - left) * channels..(end - left) * channels];
+                write_channels(&self.form, &samples, side, (start - column * side, inside), texels);
             }
         }
     }
 
-    /// Channels of texels in a row of a superblock, from a place in it on, from its axes.
-    #[inline(never)]
-    fn channels<S: BlockSample>(
-        &self,
-        samples: &[i32],
-        side: usize,
-        (column, row): (usize, usize),
-        out: &mut [S],
-    ) {
+    /// The image's means, or the image itself where it is a single block: columns and rows, samples texel by texel.
+    pub(super) fn base_samples(&self) -> (SurfaceSize, Vec<u16>) {
         let channels = self.form.channels();
-        let count = out.len() / channels;
-        let (mut axis, shift) = (0, self.form.fraction() + AXIS_BITS);
-        let largest = (1i32 << self.form.depth) - 1;
-        for group in &self.form.groups {
-            let used = usize::from(group.channels);
-            let rows: [&[i32]; MAX_GROUP] = std::array::from_fn(|rank| {
-                let axis = axis + rank.min(used - 1);
-                &samples[(axis * side + row) * side + column..][..count]
-            });
-            let turned = Turn { group, shift, largest };
-            let mut planar = [[S::default(); MAX_SIDE]; MAX_GROUP];
-            for (channel, plane) in planar[..used].iter_mut().enumerate() {
-                turned.channel(channel, &rows, &mut plane[..count]);
+        let Some(base) = self.base.get_or_make(|| self.whole_base()) else {
+            let SurfaceSize { width, height } = self.form.size;
+            let mut out = vec![0; width as usize * height as usize * channels];
+            // The whole image lies inside of itself.
+            let _ = self.decode(Rect { surface: 0, level: 0, x: 0, y: 0, width, height }, &mut out);
+            return (self.form.size, out);
+        };
+        let (width, height) = base.size;
+        let mut out = vec![0; width * height * channels];
+        for (y, line) in out.chunks_exact_mut(width * channels).enumerate() {
+            for (x, texel) in line.chunks_exact_mut(channels).enumerate() {
+                let axes: Vec<i32> =
+                    (0..channels).map(|axis| base.samples[(axis * height + y) * width + x]).collect();
+                write_channels(&self.form, &axes, 1, (0, 0), texel);
             }
-            if used == 3 && channels == 3 {
-                let (texels, _) = out.as_chunks_mut::<3>();
-                let [first, second, third, _] = &planar;
-                for (texel, ((&a, &b), &c)) in texels.iter_mut().zip(first.iter().zip(second).zip(third)) {
-                    *texel = [a, b, c];
-                }
-            } else {
-                for (channel, plane) in planar[..used].iter().enumerate() {
-                    let texels = out[axis + channel..].iter_mut().step_by(channels);
-                    texels.zip(plane).for_each(|(out, &value)| *out = value);
-                }
-            }
-            axis += used;
         }
+        (SurfaceSize { width: width as u32, height: height as u32 }, out)
     }
 
     /// Reads a superblock of a plane.
@@ -235,25 +222,51 @@ impl BlockTexture {
         around: &mut Around,
         put: impl FnMut(usize, (usize, usize), &[i32; COEFFICIENTS]),
     ) {
-        let shape = self.planes[plane];
+        let tools = self.tools();
+        let shape = tools.planes[plane];
         // The coarsest plane comes first.
-        let before: usize = self.planes[plane + 1..].iter().map(PlaneShape::count).sum();
+        let before: usize = tools.planes[plane + 1..].iter().map(PlaneShape::count).sum();
         let number = before + place.1 * shape.superblocks.0 + place.0;
         let decoder = PlaneDecoder {
             shape,
             is_base: plane > 0,
-            tables: &self.tables,
-            steps: &self.steps[plane],
-            ranks: &self.ranks,
+            tables: &tools.tables,
+            steps: &tools.steps[plane],
+            ranks: &tools.ranks,
             base,
         };
         decoder.superblock(place, self.index.of(&self.bytes, number), around, put);
     }
 
+    /// What superblocks are decoded with, made when it is first needed.
+    fn tools(&self) -> &Tools {
+        self.tools.get_or_make(|| self.make_tools())
+    }
+
+    /// What superblocks are decoded with.
+    pub(super) fn make_tools(&self) -> Tools {
+        let planes = self.form.planes();
+        let steps = |plane: usize| Steps::new(&self.form.quantiser, plane, self.form.fraction());
+        Tools {
+            // Readers have checked what is stored.
+            tables: tables_of(&self.stops).unwrap_or_default(),
+            steps: (0..planes.len()).map(steps).collect(),
+            ranks: self.form.ranks(),
+            planes,
+        }
+    }
+
+    /// The means of all blocks of the image.
+    fn whole_base(&self) -> Option<Patch> {
+        let (columns, rows) = self.tools().planes[0].superblocks;
+        self.base_of(0, &(0..columns, 0..rows))
+    }
+
     /// The means that superblocks of a plane need; `None` where it is a single block.
     fn base_of(&self, plane: usize, (columns, rows): &Superblocks) -> Option<Patch> {
-        let base = self.planes.get(plane + 1)?;
-        let side = self.planes[plane].side;
+        let planes = &self.tools().planes;
+        let base = planes.get(plane + 1)?;
+        let side = planes[plane].side;
         let texels = 8 * base.side;
         // With a mean more on each side.
         let cover = |range: &Range<usize>, all: u32| {
@@ -268,14 +281,15 @@ impl BlockTexture {
     /// Superblocks of a base, decoded.
     fn patch(&self, plane: usize, superblocks: &Superblocks) -> Patch {
         let base = self.base_of(plane, superblocks);
-        let shape = self.planes[plane];
+        let tools = self.tools();
+        let shape = tools.planes[plane];
         let size = (shape.size.width as usize, shape.size.height as usize);
         let texels = 8 * shape.side;
         let (columns, rows) = superblocks;
         let origin = (columns.start * texels, rows.start * texels);
         let held =
             ((columns.end * texels).min(size.0) - origin.0, (rows.end * texels).min(size.1) - origin.1);
-        let mut patch = Patch::new(size, origin, held, self.ranks.len());
+        let mut patch = Patch::new(size, origin, held, tools.ranks.len());
         let mut around = Around::default();
         for row in rows.clone() {
             for column in columns.clone() {
@@ -285,52 +299,5 @@ impl BlockTexture {
             }
         }
         patch
-    }
-}
-
-/// What turns axes into the channels of a group.
-#[derive(Clone, Copy)]
-struct Turn<'a> {
-    group: &'a Group,
-    /// Fractional bits of the sums.
-    shift: u32,
-    /// Largest sample.
-    largest: i32,
-}
-
-impl Turn<'_> {
-    /// A channel of a row of texels from the group's axes. The loops are what compilers turn into vectors.
-    fn channel<S: BlockSample>(&self, channel: usize, rows: &[&[i32]; MAX_GROUP], out: &mut [S]) {
-        let weights = self.group.axes[channel].map(i32::from);
-        let mean = i32::from(self.group.means[channel]).wrapping_shl(self.shift);
-        let mean = mean.wrapping_add(1 << (self.shift - 1));
-        let sample = |sum: i32| S::of(sum, self.shift, self.largest);
-        let part = |value: &i32, axis: usize| value.wrapping_mul(weights[axis]);
-        let [first, second, third, fourth] = *rows;
-        match self.group.channels {
-            1 => {
-                for (out, a) in out.iter_mut().zip(first) {
-                    *out = sample(mean.wrapping_add(part(a, 0)));
-                }
-            }
-            2 => {
-                for (out, (a, b)) in out.iter_mut().zip(first.iter().zip(second)) {
-                    *out = sample(mean.wrapping_add(part(a, 0)).wrapping_add(part(b, 1)));
-                }
-            }
-            3 => {
-                for (out, ((a, b), c)) in out.iter_mut().zip(first.iter().zip(second).zip(third)) {
-                    let sum = mean.wrapping_add(part(a, 0)).wrapping_add(part(b, 1));
-                    *out = sample(sum.wrapping_add(part(c, 2)));
-                }
-            }
-            _ => {
-                let axes = first.iter().zip(second).zip(third.iter().zip(fourth));
-                for (out, ((a, b), (c, d))) in out.iter_mut().zip(axes) {
-                    let sum = mean.wrapping_add(part(a, 0)).wrapping_add(part(b, 1));
-                    *out = sample(sum.wrapping_add(part(c, 2)).wrapping_add(part(d, 3)));
-                }
-            }
-        }
     }
 }

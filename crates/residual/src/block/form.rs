@@ -1,6 +1,6 @@
 //! What a texture's header says: sizes, axes, quantiser.
 
-use texfold_core::SurfaceSize;
+use texfold_core::{SurfaceSize, block_planes};
 
 use super::scan::COEFFICIENTS;
 
@@ -165,11 +165,8 @@ impl BlockForm {
 
     /// The planes, from the image itself to the coarsest base.
     pub(super) fn planes(&self) -> Vec<PlaneShape> {
-        let mut planes = vec![PlaneShape::new(self.size, self.superblock_log2)];
-        while let Some(base) = planes[planes.len() - 1].base() {
-            planes.push(PlaneShape::new(base, self.superblock_log2));
-        }
-        planes
+        let shape = |size| PlaneShape::new(size, self.superblock_log2);
+        block_planes(self.size).into_iter().map(shape).collect()
     }
 }
 
@@ -192,12 +189,6 @@ impl PlaneShape {
         let blocks = ((size.width as usize).div_ceil(8), (size.height as usize).div_ceil(8));
         let superblocks = (blocks.0.div_ceil(side), blocks.1.div_ceil(side));
         PlaneShape { size, blocks, superblocks, side }
-    }
-
-    /// Size of the plane of this one's means; `None` for a single block.
-    fn base(&self) -> Option<SurfaceSize> {
-        let (width, height) = (self.blocks.0 as u32, self.blocks.1 as u32);
-        (width > 1 || height > 1).then_some(SurfaceSize { width, height })
     }
 
     /// Superblocks of the plane.

@@ -1,25 +1,49 @@
 //! A texture as the compute shader reads it.
 
-use texfold_core::{BlockLayout, GpuBlocks, GpuChannel};
+use texfold_core::{BlockAverage, BlockLayout, GpuBlocks, GpuChannel};
 
-use super::context::{END_BITS, END_START, LEVEL, MAGNITUDE_BITS, MAGNITUDE_START};
+use super::context::{END_BITS, END_START, LEVEL, MAGNITUDE_BITS, MAGNITUDE_START, SET_TABLES, SETS};
 use super::decode::BlockTexture;
 use super::form::{AXIS_BITS, Group, MAX_GROUP};
-use super::scan::SCAN;
+use super::scan::{COEFFICIENTS, SCAN};
 use super::tables::SYMBOLS;
+use crate::content::{BASE_PART, RESIDUAL_PART};
+
 use super::twin::{TEXFOLD_BLOCK_LEVELS, TEXFOLD_BLOCK_SCAN, TEXFOLD_BLOCK_SYMBOLS, TEXFOLD_BLOCK_TABLES};
 
+/// Which part of an image a texture is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Stage {
+    /// Number of the image.
+    pub image: usize,
+    /// Mip level.
+    pub level: u32,
+    /// Levels that are made of it, 1 to 3.
+    pub levels: u32,
+    /// How.
+    pub average: BlockAverage,
+}
+
+impl Default for Stage {
+    /// An image without further levels.
+    fn default() -> Self {
+        Stage { image: 0, level: 0, levels: 1, average: BlockAverage::default() }
+    }
+}
+
 impl BlockTexture {
-    /// What a GPU needs to decode the texture. The streams are borrowed; tables, steps and index are copied as words, 30 kB
+    /// What a GPU needs to decode the texture, which is that part of an image. The streams are borrowed; tables, steps and index are copied as words, 30 kB
     /// and 4 bytes each word of the index.
     #[must_use]
-    pub fn gpu(&self) -> GpuBlocks<'_> {
+    pub fn gpu(&self, stage: Stage) -> GpuBlocks<'_> {
         let form = self.form();
         let shift = form.fraction() + AXIS_BITS;
+        // A texture that is only uploaded keeps no tables.
+        let tools = self.make_tools();
         let mut words = constants();
-        words.extend(self.tables.iter().flat_map(|table| table.ranges));
+        words.extend(tools.tables.iter().flat_map(|table| table.ranges));
         let steps = words.len() as u32;
-        words.extend(self.steps.iter().flat_map(|steps| steps.words()));
+        words.extend(tools.steps.iter().flat_map(|steps| steps.words()));
         let index = words.len() as u32;
         words.extend(self.index.words());
         // A length is read as part of two words.
@@ -42,9 +66,22 @@ impl BlockTexture {
             index,
             index_bits: self.index.width(),
             stream_bytes: self.bytes.len() as u32,
+            average: stage.average,
         };
-        GpuBlocks { layout, words, streams: &self.bytes }
+        let held = self.bytes_before_streams();
+        let base = self.base_length().min(self.bytes.len());
+        let mut held_bytes = vec![(BASE_PART, (held + base) as u64)];
+        if self.bytes.len() > base {
+            held_bytes.push((RESIDUAL_PART, (self.bytes.len() - base) as u64));
+        }
+        let Stage { image, level, levels, .. } = stage;
+        GpuBlocks { layout, words, streams: &self.bytes, image, level, levels, held_bytes }
     }
+}
+
+/// Words of a texture of so many planes that stand before its index.
+pub(super) fn words_before_index(planes: usize) -> usize {
+    TEXFOLD_BLOCK_TABLES as usize + SETS * SET_TABLES * SYMBOLS + planes * COEFFICIENTS
 }
 
 /// Scan, classes and symbols: what stands before the tables.

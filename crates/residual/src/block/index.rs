@@ -66,12 +66,17 @@ impl Index {
         ((pair >> (bit % 32)) & ((1 << self.width) - 1)) as u32
     }
 
-    /// The bytes of a superblock, of those of all.
-    pub(super) fn of<'a>(&self, bytes: &'a Bytes, number: usize) -> &'a [u8] {
+    /// First byte of a superblock, of those of all.
+    pub(super) fn start(&self, number: usize) -> u64 {
         let first = number / GROUP * GROUP;
         let start = self.words.get(number / GROUP * (self.width as usize + 1)).copied().unwrap_or(0);
         let before: u64 = (first..number).map(|number| u64::from(self.length(number))).sum();
-        let start = u64::from(start) + before;
+        u64::from(start) + before
+    }
+
+    /// The bytes of a superblock, of those of all; none where they are missing.
+    pub(super) fn of<'a>(&self, bytes: &'a Bytes, number: usize) -> &'a [u8] {
+        let start = self.start(number);
         let end = start + u64::from(self.length(number));
         bytes.get(start as usize..end as usize).unwrap_or(&[])
     }

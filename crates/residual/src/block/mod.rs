@@ -8,15 +8,18 @@
 //! *Random access*: a superblock of 16x16, 32x32 or 64x64 texels has a stream of its own, found by an index. It needs the
 //! means of its blocks and of those around them: 1 to 4 superblocks of the base, a 64th of the image, which need as many of
 //! the next base. So an image of 768x512 texels has bases of 6, 1 and 1 superblocks, and a lone texel needs at most 7
-//! superblocks. Planes are at hand as mip levels 3, 6 and so on.
+//! superblocks.
 //!
 //! Entropy decoding, dequantisation and transform are in 32-bit integers and wrap, so that a shader gives the same texels.
 //! Cost of decoding: one table lookup for each coefficient up to a block's last, some 200 additions and 80 multiplications
 //! for a block's axis.
 //!
-//! *Not done*: deblocking, a choice of transforms, mip levels between the planes.
+//! *Not done*: deblocking, a choice of transforms.
 
+mod average;
 mod bits;
+mod channels;
+mod content;
 mod context;
 mod decode;
 #[cfg(feature = "encode")]
@@ -28,7 +31,6 @@ mod plane;
 mod rans;
 #[cfg(feature = "encode")]
 mod rans_encode;
-mod sampler;
 mod scan;
 mod tables;
 #[cfg(test)]
@@ -37,9 +39,11 @@ mod transform;
 pub mod twin;
 mod wire;
 
-pub use decode::{BlockSample, BlockTexture};
+pub use channels::BlockSample;
+pub use content::{BlockContent, stage_sizes};
+pub use decode::BlockTexture;
 pub use form::{BlockForm, Group, MAX_CHANNELS, MAX_GROUP, MAX_STEP, Quantiser};
-pub use sampler::BlockSampler;
+pub use gpu::Stage;
 
 /// Bytes of all superblocks.
 type Bytes = Vec<u8>;

@@ -5,7 +5,8 @@
 //! scale, 0.22 apart, which costs less than 0.001 bits a symbol. All arithmetic is in 32-bit integers, so that a shader can
 //! make the same tables from the same few bytes.
 
-use super::context::{FIRST_END, LEVELS, SET_TABLES, TABLES};
+use super::bits::BitReader;
+use super::context::{FIRST_END, LEVELS, SET_TABLES, SETS, TABLES};
 use super::scan::ZONES;
 
 /// Symbols of a table.
@@ -177,6 +178,34 @@ pub(super) fn predicted(stops: &AllStops, table: usize) -> Stops {
 /// Usual stopping probabilities for all tables.
 pub(super) fn usual() -> AllStops {
     (0..TABLES).map(Stops::usual).collect()
+}
+
+/// Tables, row by row: a flag, set where the row is as predicted; else a flag for each table and the differences.
+pub(super) fn read_stops(bytes: &[u8]) -> Option<AllStops> {
+    let mut reader = BitReader::new(bytes);
+    let mut all = usual();
+    for set in 0..SETS {
+        for row in ROWS.windows(2) {
+            let as_predicted = reader.flag();
+            for table in set * SET_TABLES + row[0]..set * SET_TABLES + row[1] {
+                let mut stops = predicted(&all, table);
+                if !as_predicted && !reader.flag() {
+                    for value in stops.values_mut() {
+                        let read = i32::from(*value) + reader.signed()?;
+                        *value = u8::try_from(read).ok().filter(|&read| usize::from(read) < STOP_VALUES)?;
+                    }
+                }
+                all[table] = stops;
+            }
+        }
+    }
+    Some(all)
+}
+
+/// The tables that such bytes say; `None` where no writer writes them.
+pub(super) fn tables_of(stops: &[u8]) -> Option<Vec<Table>> {
+    let all = read_stops(stops)?;
+    Some(all.iter().map(|stops| Table::new(&stops.frequencies())).collect())
 }
 
 #[cfg(test)]

@@ -1,14 +1,15 @@
 //! The block form as a whole: images in, texels out.
 #![cfg(feature = "encode")]
 
-use texfold_core::container::Reader;
+use texfold_core::container::{Reader, SectionWriter, Sections};
+use texfold_core::image::PixelInfo;
 use texfold_core::rng::Rng;
 use texfold_core::{
-    Budget, Cancel, CancelCheck, Effort, EncodeError, Goal, Job, Limits, LoadError, Rect, RegionError,
-    String4, SurfaceSize,
+    Budget, Cancel, CancelCheck, CodecId, Effort, EncodeError, Goal, ImageAddress, ImageLayout, Job, Limits,
+    LoadError, Metric, Rect, RegionError, String4, SurfaceSize, Texel,
 };
 
-use super::encode::{BlockEncoder, BlockMetric, BlockParams, BlockSource};
+use super::encode::{BlockEncoder, BlockParams, BlockSource};
 use super::*;
 
 const ID: String4 = String4(*b"TEST");
@@ -74,7 +75,7 @@ fn images_of_any_shape_come_back() {
     ];
     for (width, height, groups, depth) in shapes {
         let source = waves(width, height, groups, depth);
-        let params = BlockParams::default().with_goal(Goal::Psnr(48.0)).with_metric(BlockMetric::Psnr);
+        let params = BlockParams::default().with_goal(Goal::Psnr(48.0)).with_metric(Metric::Psnr);
         let texture = encoded(&source, params);
         let reread = read(&texture.to_bytes()).unwrap();
         assert_eq!(reread.form(), texture.form());
@@ -117,19 +118,60 @@ fn regions_equal_the_whole() {
     }
 }
 
+/// Two images as content of a texture, with all mip levels.
+fn content() -> BlockContent {
+    let params = BlockParams::default().with_goal(Goal::Psnr(38.0));
+    let surfaces = vec![SurfaceSize { width: 150, height: 90 }, SurfaceSize { width: 40, height: 70 }];
+    let stages = surfaces.iter().flat_map(|&size| stage_sizes(size, 8));
+    let stages: Vec<BlockTexture> =
+        stages.map(|size| encoded(&waves(size.width, size.height, &[3, 1], 8), params)).collect();
+    assert_eq!(stages.len(), 6);
+    let pixel = PixelInfo { channels: 4, ..PixelInfo::default() };
+    BlockContent::new(ImageLayout { surfaces, levels: 8, pixel }, stages).unwrap()
+}
+
 #[test]
 fn lone_texels_equal_the_whole() {
-    let source = waves(150, 90, &[3, 1], 8);
-    let texture = encoded(&source, BlockParams::default().with_goal(Goal::Psnr(36.0)));
-    let whole = decoded(&texture, all_of(&texture));
-    let mut sampler = BlockSampler::new(&texture, 3);
-    let mut rng = Rng::new(6);
-    for _ in 0..3000 {
-        let (x, y) = (rng.below(150), rng.below(90));
-        let first = 4 * (y * 150 + x) as usize;
-        assert_eq!(sampler.texel(x, y), Some(&whole[first..first + 4]));
+    let content = content();
+    for surface in 0..2 {
+        for level in 0..8 {
+            let rect = content.layout().whole(surface, level).unwrap();
+            let mut whole = vec![Texel::ZERO; (rect.width * rect.height) as usize];
+            content.decode(rect, &mut whole).unwrap();
+            let mut rng = Rng::new(6);
+            for _ in 0..300 {
+                let (x, y) = (rng.below(rect.width), rng.below(rect.height));
+                let found = content.sample(ImageAddress { surface, level, x, y });
+                assert_eq!(found, whole[(y * rect.width + x) as usize], "{surface} {level} {x} {y}");
+            }
+            let last = content.sample(ImageAddress { surface, level, x: u32::MAX, y: u32::MAX });
+            assert_eq!(last, whole[whole.len() - 1]);
+        }
     }
-    assert_eq!(sampler.texel(150, 0), None);
+}
+
+#[test]
+fn content_comes_back_whole_and_as_a_prefix() {
+    let content = content();
+    let written = |content: &BlockContent| {
+        let mut out = SectionWriter::new(CodecId { number: 4, name: "progressive" });
+        content.store(crate::ContentId::ONLY, &mut out);
+        out.finish().bytes
+    };
+    let loaded = |bytes: &[u8]| {
+        let budget = &mut Budget::default();
+        let file = Sections::parse(bytes, budget).unwrap();
+        BlockContent::load(content.layout(), crate::ContentId::ONLY, &file, budget).unwrap()
+    };
+    let bytes = written(&content);
+    assert!(loaded(&bytes) == content);
+    let prefix = loaded(&bytes[..bytes.len() - 1]);
+    assert!(prefix == content.base_alone() && prefix.layers().loaded == 1 && prefix.layers().total == 2);
+    let budget = &mut Budget::default();
+    let file = Sections::parse(&bytes, budget).unwrap();
+    let refined = prefix.with_rest(crate::ContentId::ONLY, &file, budget).unwrap().unwrap();
+    assert!(refined == content);
+    assert_eq!(refined.with_rest(crate::ContentId::ONLY, &file, budget).unwrap(), None);
 }
 
 #[test]
@@ -159,7 +201,7 @@ fn bytes_are_the_same_for_any_number_of_threads() {
 fn goals_are_met_and_more_bits_are_never_worse() {
     let source = waves(192, 128, &[3], 8);
     for effort in [Effort::Fast, Effort::Normal] {
-        let params = BlockParams::default().with_effort(effort).with_metric(BlockMetric::Psnr);
+        let params = BlockParams::default().with_effort(effort).with_metric(Metric::Psnr);
         let encoder = BlockEncoder::new(&source, &params, CancelCheck::default()).unwrap();
         let mut before = 0.0;
         for bits in [0.4, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0] {

@@ -147,13 +147,13 @@ pub struct TexfoldBlockSigns {
     signs: UVec2,
 }
 
-/// Texels of a rectangle as a GPU's passes give them: `rect.level` counts the planes, 0 for the image.
+/// Texels of a rectangle as a GPU's passes give them; `rect.level` is 0.
 ///
 /// # Errors
-/// [`RegionError`] where there is no such plane, or the rectangle is empty or leaves it.
+/// [`RegionError`] where the rectangle is empty or leaves the image.
 pub fn decode(blocks: &GpuBlocks<'_>, rect: Rect) -> Result<Vec<u16>, RegionError> {
     let layout = &blocks.layout;
-    let BlockPlan { passes, words, origin } = layout.plan(rect)?;
+    let BlockPlan { passes, words, origin, .. } = layout.plan(rect)?;
     let streams = stream_words(blocks.streams);
     let mut scratch = vec![0; words as usize];
     for pass in &passes {
@@ -648,15 +648,26 @@ pub fn texfold_block_channel(
     (sum >> shift).clamp(0, largest)
 }
 
+/// The square root of a number, rounded.
+pub fn texfold_block_root(value: u32) -> u32 {
+    let mut root = ((value as f32).sqrt() as u32).min(65535);
+    if root * root > value {
+        root -= 1;
+    } else if root < 65535 && (root + 1) * (root + 1) <= value {
+        root += 1;
+    }
+    root + u32::from(value - root * root > root)
+}
+
 #[cfg(test)]
 #[cfg(feature = "encode")]
 mod tests {
     use super::*;
-    use crate::block::BlockTexture;
-    use crate::block::encode::{BlockEncoder, BlockMetric, BlockParams, BlockSource};
+    use crate::block::encode::{BlockEncoder, BlockParams, BlockSource};
+    use crate::block::{BlockTexture, Stage};
     use texfold_core::container::Reader;
     use texfold_core::rng::Rng;
-    use texfold_core::{Budget, CancelCheck, String4, SurfaceSize};
+    use texfold_core::{Budget, CancelCheck, Metric, String4, SurfaceSize};
 
     /// A texture of noise on a slope, with superblocks of that side, at that step.
     fn texture((width, height): (u32, u32), groups: &[u8], depth: u8, log2: u8, step: u16) -> BlockTexture {
@@ -667,7 +678,7 @@ mod tests {
             |at: u32| (at / channels % width / 2 + rng.below(60) + at % channels * 40).min(255) * scale;
         let samples = (0..width * height * channels).map(sample).map(|sample| sample as u16).collect();
         let source = BlockSource::new(SurfaceSize { width, height }, groups, depth, samples).unwrap();
-        let params = BlockParams::default().with_superblock_log2(log2).with_metric(BlockMetric::Psnr);
+        let params = BlockParams::default().with_superblock_log2(log2).with_metric(Metric::Psnr);
         BlockEncoder::new(&source, &params, CancelCheck::default()).unwrap().at_step(step).unwrap()
     }
 
@@ -675,7 +686,7 @@ mod tests {
     fn both(texture: &BlockTexture, rect: Rect) -> [Vec<u16>; 2] {
         let mut out = vec![0u16; (rect.width * rect.height) as usize * texture.form().channels()];
         texture.decode(rect, &mut out).unwrap();
-        [out, decode(&texture.gpu(), rect).unwrap()]
+        [out, decode(&texture.gpu(Stage::default()), rect).unwrap()]
     }
 
     fn whole(texture: &BlockTexture) -> Rect {
@@ -717,10 +728,20 @@ mod tests {
     }
 
     #[test]
+    fn roots_are_rounded() {
+        let near = |value: u32| [value.saturating_sub(1), value, value.saturating_add(1)];
+        let squares =
+            (0..=65535u32).flat_map(|root| near(root * root).into_iter().chain(near(root * root + root)));
+        for value in squares.chain([u32::MAX, u32::MAX - 1, 1 << 31]) {
+            assert_eq!(texfold_block_root(value), f64::from(value).sqrt().round() as u32, "{value}");
+        }
+    }
+
+    #[test]
     fn forged_streams_and_lengths_decode_alike() {
         let texture = texture((150, 70), &[3], 8, 5, 1200);
         let bytes = texture.to_bytes();
-        let streams = texture.gpu().streams.len();
+        let streams = texture.gpu(Stage::default()).streams.len();
         let mut rng = Rng::new(7);
         for round in 0..60 {
             // The index stands before tables and streams; every other round forges it alone, and never the header.

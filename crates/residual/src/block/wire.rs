@@ -15,12 +15,12 @@
 use texfold_core::container::Reader;
 use texfold_core::{Budget, LoadError, SurfaceSize};
 
-use super::bits::BitReader;
 use super::context::{SET_TABLES, SETS};
 use super::decode::BlockTexture;
 use super::form::{AXIS_BITS, BlockForm, Group, MAX_CHANNELS, MAX_GROUP, MAX_OFFSET, MAX_STEP, Quantiser};
+use super::gpu::words_before_index;
 use super::index::Index;
-use super::tables::{AllStops, ROWS, STOP_VALUES, Table, predicted, usual};
+use super::tables::{Table, read_stops};
 
 /// Version of the layout.
 const VERSION: u8 = 1;
@@ -30,9 +30,43 @@ const MAX_WIDTH: u8 = 24;
 const MAX_WEIGHT: i16 = 1 << AXIS_BITS;
 
 impl BlockTexture {
-    /// The bytes that [`BlockTexture::read`] reads.
+    /// All bytes of the texture: those that [`BlockTexture::read`] reads.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
+        let mut out = self.base_bytes();
+        out.extend(self.detail_bytes());
+        out
+    }
+
+    /// Header, index, tables and the bases' superblocks: what [`BlockTexture::read_base`] reads.
+    #[must_use]
+    pub fn base_bytes(&self) -> Vec<u8> {
+        let mut out = self.header();
+        out.extend(self.index.words().iter().flat_map(|word| word.to_le_bytes()));
+        out.extend(&self.stops);
+        out.extend(&self.bytes[..self.base_length().min(self.bytes.len())]);
+        out
+    }
+
+    /// The image's own superblocks: what [`BlockTexture::with_detail`] takes. Nothing where they are not loaded.
+    #[must_use]
+    pub fn detail_bytes(&self) -> &[u8] {
+        &self.bytes[self.base_length().min(self.bytes.len())..]
+    }
+
+    /// Bytes of header, index, tables and the superblocks that are loaded: the length of [`BlockTexture::to_bytes`].
+    #[must_use]
+    pub fn held_bytes(&self) -> u64 {
+        (self.bytes_before_streams() + self.bytes.len()) as u64
+    }
+
+    /// Bytes of header, index and tables.
+    pub(super) fn bytes_before_streams(&self) -> usize {
+        self.header().len() + 4 * self.index.words().len() + self.stops.len()
+    }
+
+    /// Header: sizes, axes, quantiser, lengths.
+    fn header(&self) -> Vec<u8> {
         let form = self.form();
         let mut out = vec![VERSION];
         out.extend(((form.size.width - 1) as u16).to_le_bytes());
@@ -50,10 +84,7 @@ impl BlockTexture {
         }
         out.push(self.index.width() as u8);
         out.extend((self.stops.len() as u16).to_le_bytes());
-        out.extend((self.bytes.len() as u32).to_le_bytes());
-        out.extend(self.index.words().iter().flat_map(|word| word.to_le_bytes()));
-        out.extend(&self.stops);
-        out.extend(&self.bytes);
+        out.extend(self.stream_bytes.to_le_bytes());
         out
     }
 
@@ -62,6 +93,14 @@ impl BlockTexture {
     /// # Errors
     /// [`LoadError`] where the header says what no writer says, or the budget does not allow what decoding holds.
     pub fn read(reader: &mut Reader<'_>, budget: &mut Budget) -> Result<Self, LoadError> {
+        Self::read_base(reader, budget)?.with_detail(reader, budget)
+    }
+
+    /// Reads a texture without the superblocks of the image: it decodes to what its bases say.
+    ///
+    /// # Errors
+    /// As [`BlockTexture::read`].
+    pub fn read_base(reader: &mut Reader<'_>, budget: &mut Budget) -> Result<Self, LoadError> {
         let form = read_form(reader)?;
         budget.check_texels(form.size.texels())?;
         let width = reader.u8()?;
@@ -69,24 +108,39 @@ impl BlockTexture {
             return Err(reader.corrupt("lengths of more than 24 bits"));
         }
         let table_bytes = usize::from(reader.u16()?);
-        let stream_bytes = reader.u32()? as usize;
+        let stream_bytes = reader.u32()?;
         let planes = form.planes();
         let superblocks = planes.iter().map(|plane| plane.count()).sum();
         let words = Index::words_of(superblocks, u32::from(width));
         // The bases as they are decoded with the whole image: 4 bytes a sample.
         let bases: u64 = planes[1..].iter().map(|plane| plane.size.texels()).sum();
         budget.take(4 * bases * form.channels() as u64 + 4 * words as u64)?;
+        // Tables, and the words that a GPU decodes with.
         budget.take((SETS * SET_TABLES * size_of::<Table>()) as u64)?;
+        budget.take(4 * (words_before_index(planes.len()) + words) as u64)?;
         let index = reader.bytes(4 * words)?;
         let index =
             index.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
         let index = Index::new(u32::from(width), index.collect());
         let stops = reader.bytes(table_bytes)?;
-        let all = read_stops(stops).ok_or(reader.corrupt("tables of probabilities that no writer writes"))?;
-        let tables = all.iter().map(|stops| Table::new(&stops.frequencies())).collect();
-        let bytes = reader.bytes(stream_bytes)?;
+        if read_stops(stops).is_none() {
+            return Err(reader.corrupt("tables of probabilities that no writer writes"));
+        }
+        let texture = BlockTexture::new(form, stops.to_vec(), index, Vec::new(), stream_bytes);
+        let bytes = reader.bytes(texture.base_length())?;
         budget.take((stops.len() + bytes.len()) as u64)?;
-        Ok(BlockTexture::new(form, stops.to_vec(), tables, index, bytes.to_vec()))
+        Ok(texture.with_bytes(bytes.to_vec()))
+    }
+
+    /// The texture with the image's own superblocks.
+    ///
+    /// # Errors
+    /// [`LoadError`] where there are too few bytes or the budget does not allow them.
+    pub fn with_detail(self, reader: &mut Reader<'_>, budget: &mut Budget) -> Result<Self, LoadError> {
+        let bytes = reader.bytes(self.stream_bytes as usize - self.base_length())?;
+        budget.take(bytes.len() as u64)?;
+        let all = [self.bytes.as_slice(), bytes].concat();
+        Ok(self.with_bytes(all))
     }
 }
 
@@ -141,26 +195,4 @@ fn read_group(reader: &mut Reader<'_>) -> Result<Group, LoadError> {
         }
     }
     Ok(group)
-}
-
-/// Tables, row by row: a flag, set where the row is as predicted; else a flag for each table and the differences.
-pub(super) fn read_stops(bytes: &[u8]) -> Option<AllStops> {
-    let mut reader = BitReader::new(bytes);
-    let mut all = usual();
-    for set in 0..SETS {
-        for row in ROWS.windows(2) {
-            let as_predicted = reader.flag();
-            for table in set * SET_TABLES + row[0]..set * SET_TABLES + row[1] {
-                let mut stops = predicted(&all, table);
-                if !as_predicted && !reader.flag() {
-                    for value in stops.values_mut() {
-                        let read = i32::from(*value) + reader.signed()?;
-                        *value = u8::try_from(read).ok().filter(|&read| usize::from(read) < STOP_VALUES)?;
-                    }
-                }
-                all[table] = stops;
-            }
-        }
-    }
-    Some(all)
 }

@@ -227,6 +227,8 @@ impl ImageEncoder for Progressive {
     fn with_settings(mut own: ProgressiveParams, settings: &EncodeSettings) -> ProgressiveParams {
         (own.goal, own.content) = (settings.goal, settings.content);
         (own.mips, own.effort) = (settings.mips, settings.effort);
+        own.access = settings.access.unwrap_or(own.access);
+        own.metric = settings.metric.or(own.metric);
         own
     }
 

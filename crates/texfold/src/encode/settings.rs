@@ -7,7 +7,7 @@ use std::sync::Arc;
 use texfold_bc::{Bc1Blocks, Content, Family};
 use texfold_core::image::Raster;
 use texfold_core::mesh::UvMesh;
-use texfold_core::{CodecId, Effort, Goal, TextureCodec};
+use texfold_core::{Access, CodecId, Effort, Goal, Metric, TextureCodec};
 
 use super::{ENCODINGS, Encoding, ImageEncoder};
 
@@ -26,6 +26,10 @@ pub struct EncodeSettings {
     pub mips: bool,
     /// How long to search.
     pub effort: Effort,
+    /// How texels are reached, where a codec has both ways; `None` is the codec's own usual way.
+    pub access: Option<Access>,
+    /// Which errors count, where a codec can weigh them; `None` lets pixels and goal decide.
+    pub metric: Option<Metric>,
 }
 
 impl EncodeSettings {

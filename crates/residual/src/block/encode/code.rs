@@ -82,7 +82,9 @@ fn written(
     let lengths: Vec<usize> = streams.iter().map(Vec::len).collect();
     let index = Index::of_lengths(&lengths).filter(|_| lengths.iter().all(|&length| length <= MAX_STREAM));
     let index = index.ok_or(SourceError::Full { what: "the index of superblocks" })?;
-    Ok(BlockTexture::new(form, stops, tables, index, streams.concat()))
+    let bytes = streams.concat();
+    let length = bytes.len() as u32;
+    Ok(BlockTexture::new(form, stops, index, bytes, length))
 }
 
 /// Quantises all planes.

@@ -1,12 +1,10 @@
 //! Errors of a texture against its source, over all channels together, in 8-bit units.
 
+use texfold_core::metric::SquaredError;
 use texfold_core::{Rect, parallel};
 
 use super::source::BlockSource;
 use crate::block::decode::BlockTexture;
-
-/// PSNR of an error too small to tell.
-const MAX_PSNR: f64 = 120.0;
 
 /// Squared errors of the texels of a row of 4x4 blocks, a sum for each block with its number of samples.
 fn block_errors(source: &BlockSource, texture: &BlockTexture) -> Vec<(f64, u32)> {
@@ -42,8 +40,7 @@ fn unit(source: &BlockSource) -> f64 {
 /// PSNR in dB.
 pub(super) fn psnr(source: &BlockSource, texture: &BlockTexture) -> f64 {
     let sum: f64 = block_errors(source, texture).iter().map(|(sum, _)| sum).sum();
-    let mean = sum / source.samples.len() as f64 / (unit(source) * unit(source));
-    (20.0 * 255f64.log10() - 10.0 * mean.log10()).min(MAX_PSNR)
+    SquaredError { sum: sum / (unit(source) * unit(source)), count: source.samples.len() as u64 }.psnr()
 }
 
 /// RMS error of the worst block of 4x4 texels.

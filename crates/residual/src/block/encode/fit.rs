@@ -120,7 +120,7 @@ mod tests {
 
     use super::*;
     use crate::block::context::TABLES;
-    use crate::block::wire::read_stops;
+    use crate::block::tables::read_stops;
 
     #[test]
     fn written_tables_are_read_as_fitted() {

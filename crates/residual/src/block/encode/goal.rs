@@ -1,6 +1,7 @@
 //! The step that meets a goal.
 
-use texfold_core::{CancelCheck, Effort, EncodeError, Goal, ParamError, SourceError};
+use texfold_core::target::Measured;
+use texfold_core::{CancelCheck, Effort, EncodeError, Goal, Metric, ParamError, SourceError};
 
 use super::code::{Looks, code};
 use super::error::{psnr, worst_block_rms};
@@ -14,24 +15,11 @@ use crate::block::form::{BlockForm, MAX_STEP, Quantiser};
 /// at 20 (0.6 to 0.7 dB less); 67.7, 76.6, 84.8 at 28 (0.8 to 0.9 dB less).
 const SLOPE: u8 = 20;
 
-/// What a texture is judged by.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[non_exhaustive]
-pub enum BlockMetric {
-    /// Squared errors.
-    Psnr,
-    /// The eye: errors count less the finer they are.
-    #[default]
-    Perceptual,
-}
-
-impl BlockMetric {
-    /// Slope of the quantiser's weights.
-    fn slope(self) -> u8 {
-        match self {
-            BlockMetric::Psnr => 0,
-            BlockMetric::Perceptual => SLOPE,
-        }
+/// Slope of the quantiser's weights.
+fn slope(metric: Metric) -> u8 {
+    match metric {
+        Metric::Psnr => 0,
+        Metric::Perceptual => SLOPE,
     }
 }
 
@@ -44,7 +32,7 @@ pub struct BlockParams {
     /// How long to look.
     pub effort: Effort,
     /// What errors count.
-    pub metric: BlockMetric,
+    pub metric: Metric,
     /// Binary logarithm of a superblock's side, 4 to 6.
     pub superblock_log2: u8,
 }
@@ -54,7 +42,7 @@ impl Default for BlockParams {
         BlockParams {
             goal: Goal::default(),
             effort: Effort::default(),
-            metric: BlockMetric::default(),
+            metric: Metric::default(),
             superblock_log2: 5,
         }
     }
@@ -75,7 +63,7 @@ impl BlockParams {
 
     /// Judged by that metric.
     #[must_use]
-    pub fn with_metric(self, metric: BlockMetric) -> Self {
+    pub fn with_metric(self, metric: Metric) -> Self {
         BlockParams { metric, ..self }
     }
 
@@ -119,7 +107,7 @@ impl<'a> BlockEncoder<'a> {
             size: source.size,
             depth: source.depth,
             superblock_log2: params.superblock_log2,
-            quantiser: Quantiser { step: 0, slope: params.metric.slope(), offsets: [0; 2] },
+            quantiser: Quantiser { step: 0, slope: slope(params.metric), offsets: [0; 2] },
             groups: Vec::new(),
         };
         let planes = coefficients(source, &mut form, check)?;
@@ -154,41 +142,88 @@ impl<'a> BlockEncoder<'a> {
     /// As there.
     pub fn encode_for(&self, goal: Goal) -> Result<BlockTexture, EncodeError> {
         goal.check()?;
-        let mut search = Search::new(goal);
-        let mut best = None;
-        let mut step = Quantiser::nearest_step(FIRST_STEP * self.unit());
-        while let Some(at) = search.checked(step) {
-            let texture = self.at_step(at)?;
-            let excess = self.excess(&texture, goal);
-            if search.note(at, excess) {
-                best = Some(texture);
-            }
-            step = search.next();
-        }
-        best.ok_or(EncodeError::Source(SourceError::OutOfReach {
-            what: "no step meets the goal: header, index and tables take more bits, or rounding more error",
-        }))
+        let first = Quantiser::nearest_step(FIRST_STEP * self.unit());
+        let found = search_step(goal, first, |step| {
+            let texture = self.at_step(step)?;
+            let by = self.excess(&texture, goal);
+            Ok::<_, EncodeError>((texture, by))
+        })?;
+        found.filter(|found| found.met).map(|found| found.value).ok_or(EncodeError::Source(
+            SourceError::OutOfReach {
+                what: "no step meets the goal: header, index and tables take more bits, or rounding more error",
+            },
+        ))
     }
 
     /// A unit of 8-bit samples in those of the source.
-    fn unit(&self) -> f64 {
+    pub(super) fn unit(&self) -> f64 {
         if self.source.depth > 8 { 257.0 } else { 1.0 }
     }
 
     /// By how many octaves a texture misses the goal; at most 0 where it meets it.
     fn excess(&self, texture: &BlockTexture, goal: Goal) -> f64 {
-        match goal {
-            Goal::Bpp(bits) => {
-                (8.0 * texture.to_bytes().len() as f64 / (bits * self.source.size.texels() as f64)).log2()
-            }
-            Goal::Psnr(db) => (db - psnr(self.source, texture)) / DECIBELS_PER_OCTAVE,
-            Goal::Tolerance(rms) => (worst_block_rms(self.source, texture) / rms).max(SMALLEST_RATIO).log2(),
-        }
+        let nothing = Measured { psnr: 0.0, bpp: 0.0, worst_block_rms: 0.0 };
+        let bits = || 8.0 * texture.to_bytes().len() as f64 / self.source.size.texels() as f64;
+        excess(
+            goal,
+            &match goal {
+                Goal::Bpp(_) => Measured { bpp: bits(), ..nothing },
+                Goal::Psnr(_) => Measured { psnr: psnr(self.source, texture), ..nothing },
+                Goal::Tolerance(_) => {
+                    Measured { worst_block_rms: worst_block_rms(self.source, texture), ..nothing }
+                }
+            },
+        )
     }
 }
 
+/// By how many octaves of bits or of error what was measured misses the goal; at most 0 where it meets it.
+#[must_use]
+pub fn excess(goal: Goal, measured: &Measured) -> f64 {
+    match goal {
+        Goal::Bpp(bits) => (measured.bpp / bits).log2(),
+        Goal::Psnr(db) => (db - measured.psnr) / DECIBELS_PER_OCTAVE,
+        Goal::Tolerance(rms) => (measured.worst_block_rms / rms).max(SMALLEST_RATIO).log2(),
+    }
+}
+
+/// What a search for a step found.
+#[derive(Debug, Clone)]
+pub struct FoundStep<T> {
+    /// What the step made.
+    pub value: T,
+    /// Whether it meets the goal; if not, no step does that was tried, and this one comes nearest.
+    pub met: bool,
+}
+
+/// Searches the step that just meets a goal, from a guess on. `at_step` makes something with a step and says by how many
+/// octaves it misses the goal ([`excess`]); what misses it least of all that meet it is found. `None` where nothing is tried.
+///
+/// # Errors
+/// Whatever `at_step` returns, at once.
+pub fn search_step<T, E>(
+    goal: Goal,
+    first: u16,
+    mut at_step: impl FnMut(u16) -> Result<(T, f64), E>,
+) -> Result<Option<FoundStep<T>>, E> {
+    let mut search = Search::new(goal);
+    let mut best: Option<FoundStep<T>> = None;
+    let mut least = f64::INFINITY;
+    let mut step = first;
+    while let Some(at) = search.checked(step) {
+        let (value, by) = at_step(at)?;
+        let met = search.note(at, by);
+        if met || by < least && best.as_ref().is_none_or(|best| !best.met) {
+            best = Some(FoundStep { value, met });
+            least = by;
+        }
+        step = search.next();
+    }
+    Ok(best)
+}
+
 /// First step of a search, in 8-bit units.
-const FIRST_STEP: f64 = 24.0;
+pub(super) const FIRST_STEP: f64 = 24.0;
 /// Steps of an octave.
 const OCTAVE: f64 = 256.0;
 /// PSNR of an octave of error.

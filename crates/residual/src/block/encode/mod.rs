@@ -8,8 +8,10 @@ mod forward;
 mod goal;
 mod hidden;
 mod quantise;
+mod set;
 mod source;
 mod symbols;
 
-pub use goal::{BlockEncoder, BlockMetric, BlockParams};
+pub use goal::{BlockEncoder, BlockParams, FoundStep, excess, search_step};
+pub use set::BlockSetEncoder;
 pub use source::BlockSource;

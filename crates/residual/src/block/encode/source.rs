@@ -1,5 +1,6 @@
 //! What is encoded.
 
+use texfold_core::image::{Depth, Raster};
 use texfold_core::{MAX_IMAGE_SIDE, SourceError, SurfaceSize};
 
 use super::hidden::fill;
@@ -49,6 +50,26 @@ impl BlockSource {
     /// As [`BlockSource::new`].
     pub fn from_u8(size: SurfaceSize, groups: &[u8], samples: &[u8]) -> Result<Self, SourceError> {
         Self::new(size, groups, 8, samples.iter().map(|&sample| u16::from(sample)).collect())
+    }
+
+    /// An image of values from 0 to 1, which are rounded to samples of that depth: gray or colours, and alpha in a group of its
+    /// own.
+    ///
+    /// # Errors
+    /// As [`BlockSource::new`].
+    pub fn from_raster(image: &Raster, depth: Depth) -> Result<Self, SourceError> {
+        let groups: &[u8] = match image.info().channels {
+            1 => &[1],
+            2 => &[1, 1],
+            3 => &[3],
+            _ => &[3, 1],
+        };
+        let (bits, largest) = match depth {
+            Depth::Eight => (8, f32::from(u8::MAX)),
+            Depth::Sixteen => (16, f32::from(u16::MAX)),
+        };
+        let sample = |value: &f32| (value.clamp(0.0, 1.0) * largest + 0.5) as u16;
+        Self::new(image.size(), groups, bits, image.data().iter().map(sample).collect())
     }
 
     /// With colours that cost next to nothing where channel `alpha` is 0, and so hides them; all channels but `alpha` change

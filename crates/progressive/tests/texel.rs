@@ -1,4 +1,4 @@
-//! What the encoder promises: goals, fewer bits than plain blocks, mip levels, layers, every kind of pixel.
+//! What the encoder promises of the form that is read texel by texel: goals, fewer bits than plain blocks, mip levels, layers, every kind of pixel.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -8,24 +8,28 @@ use texfold_core::image::{Alpha, ColorSpace, ImageSet, MipFilter, PixelInfo, Ras
 use texfold_core::metric::{alpha_error, color_error, decode_surface, measure, quality};
 use texfold_core::target::Measured;
 use texfold_core::{
-    Budget, Domain, Effort, EncodeError, Encoded, Encoder, Goal, Image2d, ImageAddress, Job, Layers, Rect,
-    Refine, SharedSearch, SurfaceSize, Texel, TextureCodec,
+    Access, Budget, Domain, Effort, EncodeError, Encoded, Encoder, Goal, Image2d, ImageAddress, Job, Layers,
+    LoadError, Rect, Refine, SharedSearch, SurfaceSize, Texel, TextureCodec,
 };
-use texfold_progressive::{APRON, Progressive, ProgressiveParams, ProgressiveTexture, Shared};
+use texfold_progressive::{APRON, Progressive, ProgressiveParams, Shared, TexelTexture};
 
 fn image(name: &str) -> ImageSet {
     ImageSet::single(texfold_testkit::image(name))
 }
 
-fn encode(set: &ImageSet, params: &ProgressiveParams) -> ProgressiveTexture {
-    Progressive::encode(set, params, &mut Job::default()).unwrap()
+fn encode(set: &ImageSet, params: &ProgressiveParams) -> TexelTexture {
+    Progressive::encode_shared(set, params, &Shared::default(), &mut Job::default()).unwrap()
+}
+
+fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<TexelTexture, LoadError> {
+    Progressive::load_by_texel(file, budget)
 }
 
 fn fast(goal: Goal) -> ProgressiveParams {
     ProgressiveParams::default().with_goal(goal).with_effort(Effort::Fast)
 }
 
-fn bytes(texture: &ProgressiveTexture) -> Vec<u8> {
+fn bytes(texture: &TexelTexture) -> Vec<u8> {
     let mut writer = SectionWriter::new(Progressive::ID);
     texture.store(&mut writer);
     writer.finish().bytes
@@ -113,7 +117,7 @@ fn a_prefix_is_the_enlarged_base_and_takes_the_errors_as_they_arrive() {
     let end = (0..file.len()).find(has_base).unwrap();
     let mut budget = Budget::default();
     let part = Sections::parse(&file[..end], &mut budget).unwrap();
-    let mut loaded = Progressive::load(&part, &mut budget).unwrap();
+    let mut loaded = load(&part, &mut budget).unwrap();
     assert_eq!(loaded.layers(), Layers { loaded: 1, total: 2 });
     assert_eq!(decode_surface(&loaded, 0, 0), decode_surface(&texture.first_layers(1), 0, 0));
     let psnr = measure(&set, &loaded).psnr;
@@ -218,7 +222,7 @@ fn damaged_maps_load_or_are_named(file: &Sections<'_>, budget: &mut Budget) {
         let bytes = writer.finish().bytes;
         let mut budget = Budget::default();
         let sections = Sections::parse(&bytes, &mut budget).unwrap();
-        match Progressive::load(&sections, &mut budget) {
+        match load(&sections, &mut budget) {
             Ok(texture) => {
                 for (x, y) in [(0, 0), (511, 511), (300, 77)] {
                     let texel = texture.sample(ImageAddress { surface: 0, level: 0, x, y });
@@ -244,7 +248,7 @@ fn what_recurs_is_shown_from_a_codebook() {
     let stored = bytes(&texture);
     let mut budget = Budget::default();
     let file = Sections::parse(&stored, &mut budget).unwrap();
-    let loaded = Progressive::load(&file, &mut budget).unwrap();
+    let loaded = load(&file, &mut budget).unwrap();
     assert_eq!(loaded, texture);
     damaged_maps_load_or_are_named(&file, &mut budget);
     let whole = decode_surface(&loaded, 0, 0).unwrap();
@@ -276,7 +280,7 @@ fn a_public_codebook_grows_and_earlier_images_stay_as_they_are() {
         let texture = Progressive::load_shared(&file, &public, &mut budget).unwrap();
         assert!(decode_surface(&texture, 0, 0).unwrap() == *shown);
         if texture.details().is_some_and(|details| details.public.is_some()) {
-            let alone = Progressive::load(&file, &mut budget).unwrap_err().to_string();
+            let alone = load(&file, &mut budget).unwrap_err().to_string();
             assert!(alone.contains("bank"), "{alone}");
         }
     }
@@ -314,7 +318,7 @@ fn no_step_is_seen_between_tiles_whose_bases_go_on_beyond_their_borders() {
                 let shared = Shared { apron: goes_on.then_some(around), ..Shared::default() };
                 let made = Progressive::encode_shared(&set, &params, &shared, &mut Job::default()).unwrap();
                 let (file, mut budget) = (bytes(&made), Budget::default());
-                let loaded = Progressive::load(&Sections::parse(&file, &mut budget).unwrap(), &mut budget);
+                let loaded = load(&Sections::parse(&file, &mut budget).unwrap(), &mut budget);
                 assert_eq!(loaded.unwrap(), made);
                 assert_eq!(made.shrink_log2() > 0, enlarged);
                 made
@@ -355,13 +359,13 @@ fn no_step_is_seen_between_tiles_whose_bases_go_on_beyond_their_borders() {
 #[test]
 fn one_search_serves_goals_of_every_kind() {
     let set = ImageSet::single(texfold_testkit::image("terrain"));
-    let params = ProgressiveParams::default().with_goal(Goal::Bpp(0.6));
+    let params = ProgressiveParams::default().with_goal(Goal::Bpp(0.6)).with_access(Access::Texel);
     let search = Progressive::search(&set, &params, &mut Job::default()).unwrap();
     // With room for codebooks of several sizes, and without; the last goal asks again for the bases of the first.
     for goal in [Goal::Bpp(0.45), Goal::Psnr(36.0), Goal::Tolerance(9.0), Goal::Bpp(0.6)] {
         let found = Progressive::encode_from(&search, goal, &mut Job::default()).unwrap();
         let alone = encode(&set, &params.clone().with_goal(goal));
-        assert!(bytes(&found) == bytes(&alone), "{goal:?}");
+        assert!(bytes(found.texel().unwrap()) == bytes(&alone), "{goal:?}");
     }
 }
 
@@ -395,7 +399,7 @@ fn few_bits_are_spent_on_a_smaller_image_that_is_enlarged() {
     assert!(texture.shrink_log2() > 0, "{}", texture.notes().verdict);
     let loaded = {
         let (file, mut budget) = (bytes(&texture), Budget::default());
-        Progressive::load(&Sections::parse(&file, &mut budget).unwrap(), &mut budget).unwrap()
+        load(&Sections::parse(&file, &mut budget).unwrap(), &mut budget).unwrap()
     };
     assert_eq!(loaded, texture);
     assert_eq!(loaded.layout(), &set.layout(set.full_levels()));
@@ -449,7 +453,7 @@ fn a_collar_costs_few_bits_and_alpha_is_as_good_as_colours() {
     let info = PixelInfo { channels: 4, alpha: Alpha::Straight, ..image.info() };
     let texels: Vec<Texel> = image.texels().enumerate().map(texel).collect();
     let set = ImageSet::single(Raster::from_texels(256, 256, info, &texels).unwrap());
-    let alpha = |texture: &ProgressiveTexture| quality(&set, texture).alpha.unwrap().psnr();
+    let alpha = |texture: &TexelTexture| quality(&set, texture).alpha.unwrap().psnr();
     let few = encode(&set, &fast(Goal::Bpp(1.0)));
     assert!(measure(&set, &few).bpp <= 1.0 && alpha(&few) > 24.0, "{}", alpha(&few));
     let good = encode(&set, &fast(Goal::Psnr(27.0)));

@@ -1,0 +1,147 @@
+//! The form that is read by block: [`texfold_residual::block`] content.
+
+use texfold_bc::Content;
+use texfold_bc::decode::TexfoldBcParams;
+use texfold_core::address::TEXFOLD_CLAMP;
+use texfold_core::container::{SectionWriter, Sections, read_layout, write_layout};
+use texfold_core::image::PixelInfo;
+use texfold_core::{
+    Budget, CodecId, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Layers, LoadError,
+    MemoryBits, Notes, Rect, Refine, RegionError, SurfaceBinding, Texel, TextureCodec,
+};
+use texfold_residual::block::BlockContent;
+use texfold_residual::{BASE_PART, RESIDUAL_PART};
+
+use crate::{Progressive, wire};
+
+/// Channels of the textures that blocks decode to for drawing.
+const DRAWN: PixelInfo = PixelInfo {
+    channels: 4,
+    depth: texfold_core::image::Depth::Eight,
+    color: texfold_core::image::ColorSpace::Srgb,
+    alpha: texfold_core::image::Alpha::Straight,
+};
+
+/// Images in blocks of variable length, which are decoded before they are drawn.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BlockImages {
+    content: BlockContent,
+    notes: Notes,
+}
+
+impl BlockImages {
+    /// Such content, without notes.
+    #[must_use]
+    pub fn new(content: BlockContent) -> Self {
+        BlockImages { content, notes: Notes::default() }
+    }
+
+    /// The images.
+    #[must_use]
+    pub fn content(&self) -> &BlockContent {
+        &self.content
+    }
+
+    /// The texture as it is with the first `count` layers of its file, at least one.
+    #[must_use]
+    pub fn first_layers(&self, count: u32) -> Self {
+        if count > 1 {
+            return self.clone();
+        }
+        BlockImages { content: self.content.base_alone(), notes: self.notes.clone() }
+    }
+
+    /// Replaces the notes.
+    #[must_use]
+    pub fn with_notes(self, notes: Notes) -> Self {
+        BlockImages { notes, ..self }
+    }
+
+    /// Whether a file has this form.
+    pub(crate) fn is_in(file: &Sections<'_>) -> bool {
+        BlockContent::is_in(wire::CONTENT, file)
+    }
+
+    pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<Self, LoadError> {
+        let notes = Notes::read(file, budget)?;
+        let layout = read_layout(file, budget)?;
+        let content = BlockContent::load(&layout, wire::CONTENT, file, budget)?;
+        Ok(BlockImages { content, notes })
+    }
+}
+
+impl Encoded for BlockImages {
+    type Domain = Image2d;
+
+    fn codec(&self) -> CodecId {
+        Progressive::ID
+    }
+
+    fn layout(&self) -> &ImageLayout {
+        self.content.layout()
+    }
+
+    fn layers(&self) -> Layers {
+        self.content.layers()
+    }
+
+    fn sample(&self, at: ImageAddress) -> Texel {
+        self.content.sample(at)
+    }
+
+    fn decode(&self, region: Rect, out: &mut [Texel]) -> Result<(), RegionError> {
+        self.content.decode(region, out)
+    }
+
+    fn store(&self, out: &mut SectionWriter) {
+        self.notes.write(out);
+        write_layout(self.layout(), out);
+        self.content.store(wire::CONTENT, out);
+    }
+
+    fn footprint(&self) -> Footprint {
+        Footprint::measure(self, &self.gpu())
+    }
+
+    /// Textures in blocks; what they decode to is drawn by the module "bc", as plain texels.
+    fn gpu(&self) -> GpuForm<'_> {
+        let mut form = GpuForm::new("bc");
+        form.blocks = self.content.gpu().collect();
+        let layout = self.layout();
+        for (surface, size) in layout.surfaces.iter().enumerate() {
+            let params = TexfoldBcParams {
+                size: [size.width, size.height],
+                plane_size: [size.width, size.height],
+                levels: layout.levels,
+                address_mode: TEXFOLD_CLAMP,
+                swizzle: Content::Raw.formats(DRAWN).1.0,
+                reduced: 0,
+            };
+            let start = form.uniforms.len();
+            form.uniforms.extend(bytemuck::bytes_of(&params));
+            let uniforms = start..form.uniforms.len();
+            form.surfaces.push(SurfaceBinding { planes: vec![surface; 2], uniforms, surface: 0 });
+        }
+        form
+    }
+
+    fn memory(&self) -> MemoryBits {
+        let blocks = 8 * self.content.held_bytes();
+        let params = 8 * (self.layout().surfaces.len() * size_of::<TexfoldBcParams>()) as u64;
+        MemoryBits { total: blocks + params, counted: blocks }
+    }
+
+    fn notes(&self) -> &Notes {
+        &self.notes
+    }
+}
+
+impl Refine for BlockImages {
+    fn refine(&mut self, file: &Sections<'_>, budget: &mut Budget) -> Result<Vec<&'static str>, LoadError> {
+        let Some(content) = self.content.with_rest(wire::CONTENT, file, budget)? else {
+            return Ok(Vec::new());
+        };
+        self.content = content;
+        Ok(vec![BASE_PART, RESIDUAL_PART])
+    }
+}

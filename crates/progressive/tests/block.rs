@@ -1,0 +1,265 @@
+//! What the encoder promises of the form that is read by block: goals, mip levels, layers, sets, every kind of pixel, forged files.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use texfold_core::container::{SectionWriter, Sections};
+use texfold_core::image::{Alpha, ColorSpace, Depth, ImageSet, MipFilter, PixelInfo, Raster, mip_chain};
+use texfold_core::metric::{alpha_error, color_error, decode_surface, measure, quality};
+use texfold_core::rng::Rng;
+use texfold_core::{
+    Access, Budget, Domain, Effort, Encoded, Encoder, Goal, Image2d, Job, Layers, Metric, Rect, Refine,
+    SharedSearch, Texel, TextureCodec,
+};
+use texfold_progressive::{Progressive, ProgressiveParams, ProgressiveTexture};
+
+fn image(name: &str) -> ImageSet {
+    ImageSet::single(texfold_testkit::image(name))
+}
+
+fn encode(set: &ImageSet, params: &ProgressiveParams) -> ProgressiveTexture {
+    Progressive::encode(set, params, &mut Job::default()).unwrap()
+}
+
+fn to(goal: Goal) -> ProgressiveParams {
+    ProgressiveParams::default().with_goal(goal)
+}
+
+fn bytes(texture: &ProgressiveTexture) -> Vec<u8> {
+    let mut writer = SectionWriter::new(Progressive::ID);
+    texture.store(&mut writer);
+    writer.finish().bytes
+}
+
+fn load(bytes: &[u8]) -> ProgressiveTexture {
+    let mut budget = Budget::default();
+    Progressive::load(&Sections::parse(bytes, &mut budget).unwrap(), &mut budget).unwrap()
+}
+
+#[test]
+fn goals_are_met_and_little_more() {
+    let set = image("terrain");
+    for psnr in [28.0, 34.0, 40.0] {
+        let texture = encode(&set, &to(Goal::Psnr(psnr)));
+        let found = measure(&set, &texture);
+        assert_eq!(texture.access(), Access::Block);
+        assert!((0.0..0.1).contains(&(found.psnr - psnr)), "{psnr}: {found:?}");
+    }
+    for bpp in [0.5, 1.0, 2.0, 4.0, 6.0] {
+        let texture = encode(&set, &to(Goal::Bpp(bpp)));
+        let found = measure(&set, &texture);
+        assert_eq!(texture.access(), Access::Block);
+        assert!(found.bpp <= bpp && found.bpp > 0.97 * bpp, "{bpp}: {found:?}");
+        // What is counted is what is held, and what the file has beside its notes and sections.
+        let held = texture.gpu().bits_memory();
+        assert_eq!(held, texture.memory().total);
+        let file = 8.0 * bytes(&texture).len() as f64 / set.texel_count() as f64;
+        assert!(file > found.bpp && file < found.bpp + 0.1, "{file} {found:?}");
+    }
+    for tolerance in [24.0, 8.0] {
+        let found = measure(&set, &encode(&set, &to(Goal::Tolerance(tolerance))));
+        assert!(found.worst_block_rms <= tolerance, "{tolerance}: {found:?}");
+    }
+}
+
+#[test]
+fn blocks_are_better_than_texels_at_equal_bits() {
+    for name in ["terrain", "facade", "salient"] {
+        let set = image(name);
+        for bpp in [0.5, 1.0, 2.0] {
+            let goal = to(Goal::Bpp(bpp)).with_effort(Effort::Fast);
+            let psnr = |params: &ProgressiveParams| measure(&set, &encode(&set, params)).psnr;
+            let by_block = psnr(&goal.clone().with_metric(Metric::Psnr));
+            let by_texel = psnr(&goal.with_access(Access::Texel));
+            assert!(by_block > by_texel + 0.5, "{name} at {bpp} bits: {by_block} {by_texel}");
+        }
+    }
+}
+
+#[test]
+fn by_texel_serves_where_it_answers_the_goal_better() {
+    let set = image("terrain");
+    // One hard block: by block all others would have to be as good.
+    let spot = |(i, texel): (usize, Texel)| {
+        if i % 256 < 16 && i < 4096 && i % 2 == 0 { Texel::ONE } else { 0.1 * texel }
+    };
+    let texels: Vec<Texel> = set.images()[0].texels().enumerate().map(spot).collect();
+    let set = ImageSet::single(Raster::from_texels(256, 256, set.info(), &texels).unwrap());
+    let texture = encode(&set, &to(Goal::Tolerance(10.0)));
+    let verdict = &texture.notes().verdict;
+    assert!(texture.access() == Access::Texel && verdict.contains("than by block"), "{verdict}");
+    assert!(measure(&set, &texture).worst_block_rms <= 10.0);
+    // Nothing can.
+    let tiny = ImageSet::single(texfold_testkit::image("odd_37x61"));
+    let texture = encode(&tiny, &to(Goal::Psnr(200.0)));
+    assert!(texture.notes().verdict.contains("out of reach"), "{}", texture.notes().verdict);
+}
+
+#[test]
+fn every_level_is_as_good_as_the_goal_asks_and_all_cost_little() {
+    for name in ["terrain", "facade", "salient"] {
+        let set = image(name);
+        let texture = encode(&set, &to(Goal::Psnr(36.0)).with_mips(true));
+        let levels = set.full_levels();
+        assert_eq!(texture.layout().levels, levels);
+        let chain = mip_chain(&set.images()[0], levels, MipFilter::Box);
+        for (level, wanted) in chain.iter().enumerate() {
+            let decoded = decode_surface(&texture, 0, level as u32).unwrap();
+            let psnr = color_error(wanted, &decoded).psnr();
+            assert!(psnr > 33.0, "{name}, level {level}: {psnr}");
+        }
+        let alone = encode(&set, &to(Goal::Psnr(36.0)));
+        let ratio = measure(&set, &texture).bpp / measure(&set, &alone).bpp;
+        assert!(ratio < 1.1, "{name}: {ratio}");
+    }
+}
+
+#[test]
+fn a_prefix_is_a_soft_image_and_takes_the_rest_as_it_arrives() {
+    let set = image("terrain");
+    let texture = encode(&set, &to(Goal::Psnr(36.0)).with_mips(true));
+    let file = bytes(&texture);
+    let has_base = |length: &usize| {
+        Sections::parse(&file[..*length], &mut Budget::default()).is_ok_and(|part| part.has(*b"RBB0"))
+    };
+    let end = (0..file.len()).find(has_base).unwrap();
+    assert!(end < file.len() / 8, "{end} of {}", file.len());
+    let mut loaded = load(&file[..end]);
+    assert_eq!(loaded.layers(), Layers { loaded: 1, total: 2 });
+    assert!(loaded == texture.first_layers(1));
+    let psnr = measure(&set, &loaded).psnr;
+    assert!(psnr > 18.0 && psnr < 30.0, "{psnr}");
+    let noted = f64::from(texture.notes().psnr_without[0].1);
+    assert!((noted - psnr).abs() < 1e-3, "{noted} {psnr}");
+    let mut budget = Budget::default();
+    let whole = Sections::parse(&file, &mut budget).unwrap();
+    assert_eq!(loaded.refine(&whole, &mut budget).unwrap(), ["base", "residual plane"]);
+    assert!(loaded == texture && loaded.refine(&whole, &mut budget).unwrap().is_empty());
+}
+
+#[test]
+fn every_kind_of_pixel_is_stored() {
+    let size = (45u32, 30u32);
+    for channels in 1..=4u8 {
+        for depth in [Depth::Eight, Depth::Sixteen] {
+            let count = size.0 * size.1 * u32::from(channels);
+            let value =
+                |i: u32| (0.5 + 0.4 * (i as f32 / 37.0).sin() * (i as f32 / 911.0).cos()).clamp(0.0, 1.0);
+            let alpha = if channels % 2 == 0 { Alpha::Straight } else { Alpha::Opaque };
+            let info = PixelInfo { channels, depth, color: ColorSpace::Srgb, alpha };
+            let raster = Raster::new(size.0, size.1, info, (0..count).map(value).collect()).unwrap();
+            let set = ImageSet::single(raster);
+            let texture = encode(&set, &to(Goal::Psnr(38.0)));
+            assert!(measure(&set, &texture).psnr >= 38.0, "{channels} {depth:?}");
+            let loaded = load(&bytes(&texture));
+            assert!(loaded == texture && loaded.layout().pixel == info);
+            let rect = Rect { surface: 0, level: 0, x: 5, y: 3, width: 21, height: 18 };
+            let mut part = vec![Texel::ZERO; 21 * 18];
+            loaded.decode(rect, &mut part).unwrap();
+            for (index, texel) in part.into_iter().enumerate() {
+                assert_eq!(texel, loaded.sample(<Image2d as Domain>::address(rect, index)));
+            }
+        }
+    }
+}
+
+#[test]
+fn gradients_of_16_bits_have_more_steps_than_8_bits_have() {
+    let info = PixelInfo { channels: 1, depth: Depth::Sixteen, ..PixelInfo::default() };
+    let data: Vec<f32> = (0..128 * 128).map(|i| 0.5 + (i % 128) as f32 / 128.0 / 64.0).collect();
+    let set = ImageSet::single(Raster::new(128, 128, info, data).unwrap());
+    let texture = encode(&set, &to(Goal::Bpp(4.0)));
+    let decoded = decode_surface(&texture, 0, 0).unwrap();
+    let steps: std::collections::BTreeSet<u32> = decoded.data().iter().map(|value| value.to_bits()).collect();
+    assert!(steps.len() > 60, "{} steps of 4 that 8 bits have", steps.len());
+}
+
+#[test]
+fn images_of_a_set_share_a_step() {
+    let names = ["terrain", "facade", "odd_37x61"];
+    let set = ImageSet::new(names.map(texfold_testkit::image).to_vec()).unwrap();
+    let texture = encode(&set, &to(Goal::Bpp(1.5)).with_mips(true));
+    let found = measure(&set, &texture);
+    assert!(texture.access() == Access::Block && found.bpp <= 1.5 && found.bpp > 1.47, "{found:?}");
+    let images = texture.block().unwrap().content().stages();
+    assert!(images.iter().all(|image| image.form().quantiser.step == images[0].form().quantiser.step));
+    assert!(load(&bytes(&texture)) == texture);
+}
+
+#[test]
+fn a_search_for_several_goals_finds_what_each_does_alone() {
+    let set = image("facade");
+    let search = Progressive::search(&set, &to(Goal::Bpp(1.0)), &mut Job::default()).unwrap();
+    for goal in [Goal::Bpp(1.0), Goal::Bpp(3.0), Goal::Psnr(33.0)] {
+        let found = Progressive::encode_from(&search, goal, &mut Job::default()).unwrap();
+        assert!(found == encode(&set, &to(goal)), "{goal:?}");
+    }
+}
+
+#[test]
+fn alpha_is_coded_like_a_channel() {
+    let opaque = texfold_testkit::image("terrain").with_channels(4);
+    let texel = |(i, texel): (usize, Texel)| texel.truncate().extend((i % 256) as f32 / 255.0);
+    let info = PixelInfo { channels: 4, alpha: Alpha::Straight, ..opaque.info() };
+    let texels: Vec<Texel> = opaque.texels().enumerate().map(texel).collect();
+    let set = ImageSet::single(Raster::from_texels(256, 256, info, &texels).unwrap());
+    let texture = encode(&set, &to(Goal::Bpp(1.0)));
+    let quality = quality(&set, &texture);
+    assert!(quality.alpha.unwrap().psnr() > 40.0, "{quality:?}");
+    let decoded = decode_surface(&texture, 0, 0).unwrap();
+    assert!(alpha_error(&set.images()[0], &decoded).is_some());
+}
+
+#[test]
+fn more_bits_are_never_worse() {
+    for name in ["terrain", "salient", "noise"] {
+        let set = image(name);
+        let mut before = 0.0;
+        for step in 0..12 {
+            let bpp = 0.2 * 1.3f64.powi(step);
+            let found = measure(&set, &encode(&set, &to(Goal::Bpp(bpp)).with_effort(Effort::Fast)));
+            assert!(found.psnr > before, "{name} at {bpp}: {found:?} after {before}");
+            before = found.psnr;
+        }
+    }
+}
+
+#[test]
+fn forged_files_decode_or_are_refused() {
+    let set = image("odd_37x61");
+    let texture = encode(&set, &to(Goal::Bpp(2.0)).with_mips(true));
+    let block = texture.block().unwrap();
+    let mut rng = Rng::new(11);
+    let (mut opened, mut refused) = (0, 0);
+    for _ in 0..300 {
+        // Past the checksums: sections are written again with damaged bytes.
+        let mut out = SectionWriter::new(Progressive::ID);
+        texture.notes().write(&mut out);
+        texfold_core::container::write_layout(texture.layout(), &mut out);
+        let mut parts: Vec<Vec<u8>> = vec![Vec::new(), Vec::new()];
+        for image in block.content().stages() {
+            parts[0].extend(image.base_bytes());
+            parts[1].extend(image.detail_bytes());
+        }
+        for _ in 0..1 + rng.below(6) {
+            let part = &mut parts[rng.below(2) as usize];
+            let at = rng.below(part.len() as u32) as usize;
+            part[at] = rng.below(256) as u8;
+        }
+        out.section("base", *b"RBB0", &parts[0]);
+        out.section("residual plane", *b"RBD0", &parts[1]);
+        let bytes = out.finish().bytes;
+        let mut budget = Budget::default();
+        let file = Sections::parse(&bytes, &mut budget).unwrap();
+        match Progressive::load(&file, &mut budget) {
+            Ok(forged) => {
+                opened += 1;
+                for level in 0..forged.layout().levels {
+                    let _ = decode_surface(&forged, 0, level).unwrap();
+                }
+                let _ = (forged.gpu(), forged.footprint());
+            }
+            Err(_) => refused += 1,
+        }
+    }
+    assert!(opened > 30 && refused > 30, "{opened} {refused}");
+}

@@ -1,0 +1,51 @@
+//! Images and their stages that share a step, so that errors are alike in all of them.
+
+use texfold_core::{CancelCheck, EncodeError, ImageLayout, SourceError};
+
+use super::goal::{BlockEncoder, BlockParams, FIRST_STEP};
+use super::source::BlockSource;
+use crate::block::content::BlockContent;
+use crate::block::form::Quantiser;
+
+/// The coefficients of the stages of several images, from which content for any goal is made.
+#[derive(Debug)]
+pub struct BlockSetEncoder<'a> {
+    layout: ImageLayout,
+    stages: Vec<BlockEncoder<'a>>,
+}
+
+impl<'a> BlockSetEncoder<'a> {
+    /// Transforms the stages ([`crate::block::stage_sizes`]) of the images of that layout, one image after the other.
+    ///
+    /// # Errors
+    /// [`EncodeError`] where there is no image, for a parameter out of range, and where the job was cancelled.
+    pub fn new(
+        layout: ImageLayout,
+        sources: &'a [BlockSource],
+        params: &BlockParams,
+        check: CancelCheck<'a>,
+    ) -> Result<Self, EncodeError> {
+        if sources.is_empty() {
+            return Err(SourceError::Empty.into());
+        }
+        let stages = sources.iter().map(|source| BlockEncoder::new(source, params, check));
+        Ok(BlockSetEncoder { layout, stages: stages.collect::<Result<Vec<_>, EncodeError>>()? })
+    }
+
+    /// All stages with that step, a number up to [`crate::block::MAX_STEP`].
+    ///
+    /// # Errors
+    /// [`EncodeError`] where the job was cancelled, or images do not fit the layout.
+    pub fn at_step(&self, step: u16) -> Result<BlockContent, EncodeError> {
+        let stages = self.stages.iter().map(|stage| stage.at_step(step));
+        let stages = stages.collect::<Result<Vec<_>, EncodeError>>()?;
+        let unlike = SourceError::Unlike { index: 0, what: "its size or channels" };
+        BlockContent::new(self.layout.clone(), stages).ok_or(unlike.into())
+    }
+
+    /// The step to begin a search with.
+    #[must_use]
+    pub fn first_step(&self) -> u16 {
+        Quantiser::nearest_step(FIRST_STEP * self.stages.first().map_or(1.0, BlockEncoder::unit))
+    }
+}

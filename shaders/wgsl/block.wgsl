@@ -460,10 +460,10 @@ fn texfold_block_transform(input: array<vec4<i32>, 8>) -> array<vec4<i32>, 8> {
     let sum = input[0] + input[4];
     let difference = input[0] - input[4];
     let both = input[2] + input[6];
-    let turned = texfold_block_times(input[2] - input[6], TEXFOLD_BLOCK_ROOT) - both;
+    let rotated = texfold_block_times(input[2] - input[6], TEXFOLD_BLOCK_ROOT) - both;
     let even0 = sum + both;
-    let even1 = difference + turned;
-    let even2 = difference - turned;
+    let even1 = difference + rotated;
+    let even2 = difference - rotated;
     let even3 = sum - both;
     let z13 = input[5] + input[3];
     let z10 = input[5] - input[3];

@@ -1,7 +1,8 @@
-//! Principal axes by the cyclic Jacobi method, and rotation of vectors to them.
+//! Principal axes of vectors, and rotation of vectors to them.
 
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
+use texfold_core::principal_axes;
 
 /// Sweeps of the Jacobi method; it converges quadratically, 3 or 4 are the rule at this accuracy.
 const MAX_SWEEPS: u32 = 6;
@@ -21,20 +22,8 @@ impl Rotation {
     pub(crate) fn principal(vectors: ArrayView2<'_, f32>) -> Self {
         let dims = vectors.ncols();
         let mut matrix = second_moments(vectors);
-        let mut axes: Array2<f64> = Array2::eye(dims);
-        for _ in 0..MAX_SWEEPS {
-            if off_diagonal_share(&matrix) < OFF_DIAGONAL {
-                break;
-            }
-            for p in 0..dims {
-                for q in p + 1..dims {
-                    rotate_pair(&mut matrix, &mut axes, p, q);
-                }
-            }
-        }
-        let mut order: Vec<usize> = (0..dims).collect();
-        order.sort_by(|&a, &b| matrix[[b, b]].total_cmp(&matrix[[a, a]]).then(a.cmp(&b)));
-        let sorted = Array2::from_shape_fn((dims, dims), |(row, column)| axes[[order[row], column]] as f32);
+        let axes = principal_axes(matrix.as_mut_slice(), dims, MAX_SWEEPS, OFF_DIAGONAL);
+        let sorted = Array2::from_shape_fn((dims, dims), |(row, column)| axes[row * dims + column] as f32);
         Rotation { axes: sorted }
     }
 
@@ -63,7 +52,7 @@ impl Rotation {
 }
 
 /// Covariance matrix of a regular subset of the rows.
-fn second_moments(vectors: ArrayView2<'_, f32>) -> Array2<f64> {
+fn second_moments(vectors: ArrayView2<'_, f32>) -> Vec<f64> {
     let dims = vectors.ncols();
     let stride = vectors.nrows().div_ceil(MAX_SAMPLES).max(1);
     let rows = || vectors.rows().into_iter().step_by(stride);
@@ -72,54 +61,22 @@ fn second_moments(vectors: ArrayView2<'_, f32>) -> Array2<f64> {
     for row in rows() {
         mean.iter_mut().zip(row).for_each(|(sum, &value)| *sum += f64::from(value) / count);
     }
-    let mut matrix = Array2::zeros((dims, dims));
+    let mut matrix = vec![0.0; dims * dims];
     let mut centred = vec![0f64; dims];
     for row in rows() {
         centred.iter_mut().zip(row).zip(&mean).for_each(|((c, &value), m)| *c = f64::from(value) - m);
         for p in 0..dims {
             for q in p..dims {
-                matrix[[p, q]] += centred[p] * centred[q];
+                matrix[p * dims + q] += centred[p] * centred[q];
             }
         }
     }
     for p in 0..dims {
         for q in 0..p {
-            matrix[[p, q]] = matrix[[q, p]];
+            matrix[p * dims + q] = matrix[q * dims + p];
         }
     }
     matrix
-}
-
-fn off_diagonal_share(matrix: &Array2<f64>) -> f64 {
-    let total: f64 = matrix.iter().map(|value| value * value).sum();
-    let diagonal: f64 = matrix.diag().iter().map(|value| value * value).sum();
-    if total > 0.0 { 1.0 - diagonal / total } else { 0.0 }
-}
-
-/// Turns the plane of axes `p` and `q` so that their covariance vanishes.
-fn rotate_pair(matrix: &mut Array2<f64>, axes: &mut Array2<f64>, p: usize, q: usize) {
-    let off = matrix[[p, q]];
-    if off == 0.0 {
-        return;
-    }
-    let theta = (matrix[[q, q]] - matrix[[p, p]]) / (2.0 * off);
-    let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
-    let cos = 1.0 / (t * t + 1.0).sqrt();
-    let sin = t * cos;
-    let dims = matrix.nrows();
-    for k in 0..dims {
-        let (a, b) = (matrix[[k, p]], matrix[[k, q]]);
-        matrix[[k, p]] = cos * a - sin * b;
-        matrix[[k, q]] = sin * a + cos * b;
-    }
-    for k in 0..dims {
-        let (a, b) = (matrix[[p, k]], matrix[[q, k]]);
-        matrix[[p, k]] = cos * a - sin * b;
-        matrix[[q, k]] = sin * a + cos * b;
-        let (a, b) = (axes[[p, k]], axes[[q, k]]);
-        axes[[p, k]] = cos * a - sin * b;
-        axes[[q, k]] = sin * a + cos * b;
-    }
 }
 
 #[cfg(test)]

@@ -29,6 +29,8 @@ pub mod mesh;
 #[cfg(feature = "encode")]
 pub mod metric;
 pub mod parallel;
+#[cfg(feature = "encode")]
+mod principal;
 pub mod rng;
 pub mod sample;
 pub mod target;
@@ -55,6 +57,8 @@ pub use image::{ImageLayout, SurfaceSize};
 #[cfg(feature = "encode")]
 pub use job::{Cancel, CancelCheck, Job, Stage};
 pub use limits::{Budget, LimitError, Limits, MAX_IMAGE_SIDE, MAX_PLANE_SIDE};
+#[cfg(feature = "encode")]
+pub use principal::principal_axes;
 pub use target::{Effort, Goal, Metric};
 pub use word_plane::{WordRows, word_plane};
 

@@ -1,6 +1,6 @@
 //! Images in blocks of variable length: a transform coder that is read by superblock.
 //!
-//! An image is turned into axes learned from its gradients, cut into 8x8 blocks and transformed by a DCT. The blocks' means are
+//! An image is rotated to axes learned from its gradients, cut into 8x8 blocks and transformed by a DCT. The blocks' means are
 //! an image of an eighth of the size, which is coded in the same way, down to a single block; a block's lowest coefficients
 //! are predicted from the means around it (JPEG, T.81, K.8). Coefficients are quantised by one step a texture and coded by
 //! rANS with static tables, which are chosen by what is decoded of the block and of its superblock.

@@ -33,10 +33,10 @@ fn times(value: i32, constant: i32) -> i32 {
 fn transform(input: [i32; 8]) -> [i32; 8] {
     let (sum, difference) = (input[0].wrapping_add(input[4]), input[0].wrapping_sub(input[4]));
     let both = input[2].wrapping_add(input[6]);
-    let turned = times(input[2].wrapping_sub(input[6]), ROOT).wrapping_sub(both);
+    let rotated = times(input[2].wrapping_sub(input[6]), ROOT).wrapping_sub(both);
     let even0 = sum.wrapping_add(both);
-    let even1 = difference.wrapping_add(turned);
-    let even2 = difference.wrapping_sub(turned);
+    let even1 = difference.wrapping_add(rotated);
+    let even2 = difference.wrapping_sub(rotated);
     let even3 = sum.wrapping_sub(both);
 
     let (z13, z10) = (input[5].wrapping_add(input[3]), input[5].wrapping_sub(input[3]));

@@ -526,9 +526,9 @@ pub fn texfold_block_transform(input: [IVec4; 8]) -> [IVec4; 8] {
     let sub = IVec4::wrapping_sub;
     let (sum, difference) = (add(input[0], input[4]), sub(input[0], input[4]));
     let both = add(input[2], input[6]);
-    let turned = sub(texfold_block_times(sub(input[2], input[6]), TEXFOLD_BLOCK_ROOT), both);
-    let (even0, even1) = (add(sum, both), add(difference, turned));
-    let (even2, even3) = (sub(difference, turned), sub(sum, both));
+    let rotated = sub(texfold_block_times(sub(input[2], input[6]), TEXFOLD_BLOCK_ROOT), both);
+    let (even0, even1) = (add(sum, both), add(difference, rotated));
+    let (even2, even3) = (sub(difference, rotated), sub(sum, both));
     let (z13, z10) = (add(input[5], input[3]), sub(input[5], input[3]));
     let (z11, z12) = (add(input[1], input[7]), sub(input[1], input[7]));
     let odd0 = add(z11, z13);

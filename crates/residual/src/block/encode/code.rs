@@ -4,8 +4,8 @@ use texfold_core::{CancelCheck, EncodeError, SourceError, parallel};
 
 use super::fit::fit;
 use super::forward::Coefficients;
-use super::quantise::Quantising;
-use super::symbols::{Collector, Counter, Counts, Prices, Superblock, coded, end_symbol, magnitudes_of};
+use super::quantise::{Quantising, residuals_of};
+use super::symbols::{Collector, Counter, Counts, SymbolBits, Superblock, coded, end_symbol, magnitudes_of};
 use crate::block::context::{Around, set_of};
 use crate::block::decode::BlockTexture;
 use crate::block::form::{BlockForm, PlaneShape, Steps};
@@ -25,7 +25,7 @@ const OFFSETS: usize = 2;
 /// How long the encoder looks.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Looks {
-    /// Times that all planes are quantised, each time with the prices of the time before.
+    /// Times that all planes are quantised, each time with the bits of symbols that the time before gave.
     pub passes: usize,
     /// Times that a block's coefficients are lowered.
     pub rounds: usize,
@@ -47,15 +47,15 @@ pub(super) fn code(
     check: CancelCheck<'_>,
 ) -> Result<BlockTexture, EncodeError> {
     let mut form = form.clone();
-    let mut prices = None;
+    let mut symbol_bits = None;
     for _ in 1..looks.passes {
-        let quantised = quantise(planes, &form, prices.as_ref(), looks.rounds, check)?;
+        let quantised = quantise(planes, &form, symbol_bits.as_ref(), looks.rounds, check)?;
         let (stops, _) = fit(&quantised.counts);
         let tables: Vec<Table> = stops.iter().map(|stops| Table::new(&stops.frequencies())).collect();
-        prices = Some(Prices::new(&tables));
+        symbol_bits = Some(SymbolBits::new(&tables));
         form.quantiser.offsets = quantised.offsets;
     }
-    let quantised = quantise(planes, &form, prices.as_ref(), looks.rounds, check)?;
+    let quantised = quantise(planes, &form, symbol_bits.as_ref(), looks.rounds, check)?;
     let (stops, bytes) = fit(&quantised.counts);
     let tables = stops.iter().map(|stops| Table::new(&stops.frequencies())).collect();
     written(form, &quantised.planes, bytes, tables)
@@ -91,7 +91,7 @@ fn written(
 fn quantise(
     planes: &[Coefficients],
     form: &BlockForm,
-    prices: Option<&Prices>,
+    symbol_bits: Option<&SymbolBits>,
     rounds: usize,
     check: CancelCheck<'_>,
 ) -> Result<Quantised, EncodeError> {
@@ -109,7 +109,7 @@ fn quantise(
             steps,
             ranks: &ranks,
             base: base.as_ref(),
-            prices,
+            symbol_bits,
             rounds,
         };
         let coded = quantiser.superblocks(check)?;
@@ -160,7 +160,7 @@ struct PlaneQuantiser<'a> {
     steps: Steps,
     ranks: &'a [u8],
     base: Option<&'a Patch>,
-    prices: Option<&'a Prices>,
+    symbol_bits: Option<&'a SymbolBits>,
     rounds: usize,
 }
 
@@ -207,7 +207,7 @@ impl PlaneQuantiser<'_> {
                     first: self.first(),
                     lambda: LAMBDA,
                     rounds: self.rounds,
-                    prices: self.prices.map(|prices| prices.of_set(set)),
+                    symbol_bits: self.symbol_bits.map(|symbol_bits| symbol_bits.of_set(set)),
                 };
                 let coefficients =
                     &self.coefficients.blocks[(row * shape.blocks.0 + column) * self.ranks.len() + axis];
@@ -260,10 +260,7 @@ impl Quantising<'_> {
         levels: &[i32; COEFFICIENTS],
         moments: &mut [Moment; OFFSETS],
     ) {
-        let mut residuals = *block;
-        if let Some(predicted) = predicted {
-            PREDICTED.iter().zip(predicted).for_each(|(&at, value)| residuals[at] -= value as f32);
-        }
+        let residuals = residuals_of(block, predicted);
         for (at, &level) in levels.iter().enumerate().filter(|(_, level)| **level != 0) {
             let below = level.unsigned_abs() as f32 - residuals[at].abs() / self.steps.size(at);
             let moment = &mut moments[usize::from(level.unsigned_abs() > 1)];

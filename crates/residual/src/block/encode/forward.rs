@@ -2,7 +2,7 @@
 
 use texfold_core::{CancelCheck, EncodeError, parallel};
 
-use super::axes::{Turned, axes, inverted};
+use super::axes::{GroupAxes, axes, inverted};
 use super::source::BlockSource;
 use crate::block::form::{BlockForm, PlaneShape};
 use crate::block::scan::COEFFICIENTS;
@@ -25,8 +25,8 @@ pub(super) fn coefficients(
     form: &mut BlockForm,
     check: CancelCheck<'_>,
 ) -> Result<Vec<Coefficients>, EncodeError> {
-    let turned = axes(source);
-    form.groups = turned.iter().map(|turned| turned.group).collect();
+    let groups = axes(source, check)?;
+    form.groups = groups.iter().map(|group| group.group).collect();
     let count = source.channels();
     let forward = Forward::new();
     let scale = f64::from(1u32 << form.fraction());
@@ -39,7 +39,7 @@ pub(super) fn coefficients(
             for column in (0..blocks.0).filter(|_| !check.is_cancelled()) {
                 let mut samples = vec![[0.0; COEFFICIENTS]; count];
                 match finer {
-                    None => image_block(source, &turned, scale, (column, row), &mut samples),
+                    None => image_block(source, &groups, scale, (column, row), &mut samples),
                     Some(finer) => means_block(finer, shape, (column, row), &mut samples),
                 }
                 out.extend(samples.iter().map(|samples| forward.transform(samples)));
@@ -55,7 +55,7 @@ pub(super) fn coefficients(
 /// Axes of the texels of a block; texels outside of the image repeat those at its border.
 fn image_block(
     source: &BlockSource,
-    turned: &[Turned],
+    groups: &[GroupAxes],
     scale: f64,
     (column, row): (usize, usize),
     out: &mut [Block],
@@ -65,7 +65,7 @@ fn image_block(
     for at in 0..COEFFICIENTS {
         let (x, y) = ((8 * column + at % 8).min(width - 1), (8 * row + at / 8).min(height - 1));
         let texel = &source.samples[(y * width + x) * count..][..count];
-        for Turned { group, first, forward } in turned {
+        for GroupAxes { group, first, forward } in groups {
             let channels = usize::from(group.channels);
             let texel = &texel[*first..first + channels];
             for axis in 0..channels {

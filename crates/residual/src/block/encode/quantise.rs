@@ -1,12 +1,12 @@
 //! Numbers of a block's coefficients with the least squared error + lambda x bits.
 //!
 //! Errors are in squared steps, in which all coefficients count alike. A coefficient is first rounded; then, from the last
-//! one to the first, its magnitude is lowered by one or to zero where that costs less, with the prices of its own symbol
+//! one to the first, its magnitude is lowered by one or to zero where that costs less, with the bits of its own symbol
 //! and of the five symbols whose contexts look at it; at last the end of the block is set where it costs least.
-//! *Not done*: prices of the blocks to the right and below, whose contexts change, too.
+//! *Not done*: bits of the blocks to the right and below, whose contexts change, too.
 
 use super::forward::Block;
-use super::symbols::{Levels, end_symbol, price};
+use super::symbols::{Levels, end_symbol, magnitude_bits};
 use crate::block::context::{FIRST_END, FIRST_LAST, LEVELS, Magnitudes, Neighbours, held};
 use crate::block::form::Steps;
 use crate::block::plane::PREDICTED;
@@ -17,7 +17,7 @@ use crate::block::tables::SYMBOLS;
 const MAX_MAGNITUDE: f32 = 16_000_000.0;
 /// How far above its magnitude a value may lie for a lower magnitude to be tried.
 const TRIED: f32 = 0.35;
-/// Rounding where there are no prices yet.
+/// Rounding where bits of symbols are not known yet.
 const PLAIN_ROUNDING: f32 = 0.38;
 
 /// What quantises the blocks of an axis of a plane.
@@ -31,8 +31,17 @@ pub(super) struct Quantising<'a> {
     pub lambda: f32,
     /// Times that coefficients are lowered.
     pub rounds: usize,
-    /// Prices of the axis' set of tables; none for plain rounding.
-    pub prices: Option<&'a [[f32; SYMBOLS]]>,
+    /// Bits of symbols in the axis' set of tables; none for plain rounding.
+    pub symbol_bits: Option<&'a [[f32; SYMBOLS]]>,
+}
+
+/// What is left of a block's coefficients beyond what is predicted of them.
+pub(super) fn residuals_of(block: &Block, predicted: Option<[i32; 6]>) -> Block {
+    let mut residuals = *block;
+    if let Some(predicted) = predicted {
+        PREDICTED.iter().zip(predicted).for_each(|(&at, value)| residuals[at] -= value as f32);
+    }
+    residuals
 }
 
 /// A block on its way.
@@ -43,7 +52,7 @@ struct Trial<'a> {
     levels: [u32; COEFFICIENTS],
     /// The same, padded.
     magnitudes: Magnitudes,
-    prices: &'a [[f32; SYMBOLS]],
+    symbol_bits: &'a [[f32; SYMBOLS]],
     neighbours: &'a Neighbours<'a>,
 }
 
@@ -55,11 +64,8 @@ impl Quantising<'_> {
         predicted: Option<[i32; 6]>,
         neighbours: &Neighbours<'_>,
     ) -> Levels {
-        let mut residuals = *block;
-        if let Some(predicted) = predicted {
-            PREDICTED.iter().zip(predicted).for_each(|(&at, value)| residuals[at] -= value as f32);
-        }
-        let rounding = if self.prices.is_some() { 0.5 } else { PLAIN_ROUNDING };
+        let residuals = residuals_of(block, predicted);
+        let rounding = if self.symbol_bits.is_some() { 0.5 } else { PLAIN_ROUNDING };
         let mut values = [0.0; COEFFICIENTS];
         let mut levels = [0; COEFFICIENTS];
         for number in self.first..COEFFICIENTS {
@@ -67,9 +73,9 @@ impl Quantising<'_> {
             values[number] = (residuals[raster].abs() / self.steps.size(raster)).min(MAX_MAGNITUDE);
             levels[number] = (values[number] + rounding) as u32;
         }
-        if let Some(prices) = self.prices {
+        if let Some(symbol_bits) = self.symbol_bits {
             let padded = padded(&levels);
-            let mut trial = Trial { values, levels, magnitudes: padded, prices, neighbours };
+            let mut trial = Trial { values, levels, magnitudes: padded, symbol_bits, neighbours };
             (0..self.rounds).for_each(|_| self.lower(&mut trial));
             self.cut(&mut trial);
             levels = trial.levels;
@@ -101,7 +107,7 @@ impl Quantising<'_> {
                 continue;
             }
             let cost = |trial: &mut Trial<'_>, level: u32| {
-                self.error(value, level) + self.lambda * trial.price_with(self.first, number, level, last)
+                self.error(value, level) + self.lambda * trial.bits_with(self.first, number, level, last)
             };
             let (now, below) = (cost(trial, level), level - 1);
             // The last coefficient's magnitude is above zero; the cut decides on it.
@@ -126,7 +132,7 @@ impl Quantising<'_> {
         let mut kept = trial.levels;
         let mut end = last + 1;
         loop {
-            let cost = beyond + self.lambda * trial.price(self.first, end) + self.inside(trial, end);
+            let cost = beyond + self.lambda * trial.bits(self.first, end) + self.inside(trial, end);
             best = lesser(best, (cost, end));
             if end == self.first || beyond > best.0 {
                 break;
@@ -158,26 +164,26 @@ impl Trial<'_> {
 
     /// Bits of the symbol of a coefficient.
     #[inline(always)]
-    fn price_of(&self, number: usize, last: usize) -> f32 {
+    fn bits_of(&self, number: usize, last: usize) -> f32 {
         let place = SCAN[number];
         let zone = usize::from(place.zone);
         if number == last {
-            return price(&self.prices[FIRST_LAST + zone], self.levels[number] - 1);
+            return magnitude_bits(&self.symbol_bits[FIRST_LAST + zone], self.levels[number] - 1);
         }
         let class = self.neighbours.level(&self.magnitudes, usize::from(place.padded));
-        price(&self.prices[zone * LEVELS + class], self.levels[number])
+        magnitude_bits(&self.symbol_bits[zone * LEVELS + class], self.levels[number])
     }
 
     /// Bits of a coefficient of that level and of those whose contexts look at it.
-    fn price_with(&mut self, first: usize, number: usize, level: u32, last: usize) -> f32 {
+    fn bits_with(&mut self, first: usize, number: usize, level: u32, last: usize) -> f32 {
         self.set(number, level);
         let (column, row) = (SCAN[number].raster as usize / 8, SCAN[number].raster as usize % 8);
-        let mut bits = self.price_of(number, last);
+        let mut bits = self.bits_of(number, last);
         for (left, up) in [(1, 0), (0, 1), (1, 1), (2, 0), (0, 2)] {
             if column >= left && row >= up {
                 let dependent = usize::from(NUMBERS[(column - left) * 8 + row - up]);
                 if dependent >= first {
-                    bits += self.price_of(dependent, last);
+                    bits += self.bits_of(dependent, last);
                 }
             }
         }
@@ -185,10 +191,10 @@ impl Trial<'_> {
     }
 
     /// Bits of the block that ends there.
-    fn price(&self, first: usize, end: usize) -> f32 {
+    fn bits(&self, first: usize, end: usize) -> f32 {
         let count = end - first;
-        let ends = self.prices[FIRST_END + self.neighbours.end][end_symbol(count)];
-        (first..end).map(|number| self.price_of(number, end - 1)).sum::<f32>() + ends
+        let ends = self.symbol_bits[FIRST_END + self.neighbours.end][end_symbol(count)];
+        (first..end).map(|number| self.bits_of(number, end - 1)).sum::<f32>() + ends
     }
 }
 

@@ -1,4 +1,4 @@
-//! The symbols of quantised blocks: one walk for counting, for prices and for the stream.
+//! The symbols of quantised blocks: one walk for counting, for bits and for the stream.
 
 use crate::block::context::{
     Around, END_BITS, END_START, ESCAPE, FIRST_END, FIRST_LAST, LEVELS, MAGNITUDE_BITS, MAGNITUDE_START,
@@ -14,14 +14,14 @@ pub(super) type Levels = [i32; COEFFICIENTS];
 /// Occurrences of each symbol in each table.
 pub(super) type Counts = Vec<[u32; SYMBOLS]>;
 
-/// Prices of each symbol in each table, in bits, with those of the plain bits behind it and of the sign.
+/// Bits of each symbol in each table, in bits, with those of the plain bits behind it and of the sign.
 #[derive(Debug, Clone)]
-pub(super) struct Prices(Vec<[f32; SYMBOLS]>);
+pub(super) struct SymbolBits(Vec<[f32; SYMBOLS]>);
 
-impl Prices {
-    /// Prices under such tables.
-    pub(super) fn new(tables: &[Table]) -> Prices {
-        let price = |table: &Table, number: usize| {
+impl SymbolBits {
+    /// Bits under such tables.
+    pub(super) fn new(tables: &[Table]) -> SymbolBits {
+        let bits = |table: &Table, number: usize| {
             let within = number % SET_TABLES;
             std::array::from_fn(|symbol| {
                 let frequency = (table.ranges[symbol] & 0xffff) as f32;
@@ -35,21 +35,21 @@ impl Prices {
                 PROBABILITY_BITS as f32 - frequency.log2() + plain
             })
         };
-        Prices(tables.iter().enumerate().map(|(number, table)| price(table, number)).collect())
+        SymbolBits(tables.iter().enumerate().map(|(number, table)| bits(table, number)).collect())
     }
 
-    /// Prices of a set's tables.
+    /// Those of a set's tables.
     pub(super) fn of_set(&self, set: usize) -> &[[f32; SYMBOLS]] {
         &self.0[set * SET_TABLES..(set + 1) * SET_TABLES]
     }
 }
 
-/// Price of a magnitude in a table.
+/// Bits of a magnitude in a table.
 #[inline(always)]
-pub(super) fn price(prices: &[f32; SYMBOLS], magnitude: u32) -> f32 {
+pub(super) fn magnitude_bits(symbol_bits: &[f32; SYMBOLS], magnitude: u32) -> f32 {
     let symbol = magnitude_symbol(magnitude);
     let escaped = if symbol == ESCAPE { 5.0 + escape_length(magnitude) as f32 } else { 0.0 };
-    prices[symbol] + escaped
+    symbol_bits[symbol] + escaped
 }
 
 /// Symbol of a magnitude.

@@ -1,0 +1,88 @@
+//! A sheet to look at: parts of images as ASTC, JPEG and our blocks decode them at equal bits.
+//!
+//! `cargo run --release -p texfold-benches --bin sheet -- OUT.png IMAGE X Y [IMAGE X Y …]`. A part is 192x192 texels from column X
+//! and row Y on. For each part a row of the sheet for each rate (0.89, 1.28 and 2 bits a texel); from left to right the source,
+//! ASTC (`astcenc -thorough`; the source again where it is not installed), JPEG with 0.17 bits a texel for an index, at the
+//! highest quality within the rate, and `progressive` by block, coded for the eye. Whole images are coded.
+
+use std::path::Path;
+
+use texfold::image::{ImageSet, Raster};
+use texfold::metric::decode_surface;
+use texfold::{Encoder, Goal, Job, Progressive, ProgressiveParams};
+use texfold_benches::report::Outcome;
+use texfold_benches::rivals;
+
+/// Bits a texel, and the side of the ASTC blocks that take them.
+const RATES: [(f64, u32); 3] = [(0.89, 12), (1.28, 10), (2.0, 8)];
+/// Texels along the side of a part.
+const SIDE: u32 = 192;
+/// Columns of the sheet.
+const COLUMNS: u32 = 4;
+/// Texels between parts.
+const GAP: u32 = 4;
+
+/// A sheet of white.
+struct Sheet {
+    width: u32,
+    bytes: Vec<u8>,
+}
+
+impl Sheet {
+    fn new(rows: u32) -> Sheet {
+        let (width, height) = (COLUMNS * (SIDE + GAP) - GAP, rows * (SIDE + GAP) - GAP);
+        Sheet { width, bytes: vec![255; 3 * width as usize * height as usize] }
+    }
+
+    /// Puts the part of an image from (`x`, `y`) on into a cell.
+    fn put(&mut self, image: &Raster, (x, y): (u32, u32), (column, row): (u32, u32)) {
+        let (left, top) = (column * (SIDE + GAP), row * (SIDE + GAP));
+        for (line, at) in (0..SIDE).flat_map(|line| (0..SIDE).map(move |at| (line, at))) {
+            let texel = image.texel(x + at, y + line).truncate().to_array();
+            let start = 3 * ((top + line) * self.width + left + at) as usize;
+            self.bytes[start..start + 3].copy_from_slice(&texel.map(texfold::image::to_u8));
+        }
+    }
+}
+
+/// The best JPEG within so many bits, or the smallest.
+fn jpeg(image: &Raster, rate: f64) -> Outcome<Raster> {
+    let mut best = rivals::jpeg(image, 1)?.0;
+    for quality in (4..=98).step_by(2) {
+        let (decoded, bits) = rivals::jpeg(image, quality)?;
+        if bits > rate {
+            break;
+        }
+        best = decoded;
+    }
+    Ok(best)
+}
+
+fn ours(image: &Raster, rate: f64) -> Outcome<Raster> {
+    let params = ProgressiveParams::default().with_goal(Goal::Bpp(rate));
+    let texture = Progressive::encode(&ImageSet::single(image.clone()), &params, &mut Job::default())?;
+    decode_surface(&texture, 0, 0).ok_or("an image does not decode".into())
+}
+
+fn main() -> Outcome<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let (out, parts) = arguments.split_first().ok_or("name the sheet's file, then images with X and Y")?;
+    let (parts, rest) = parts.as_chunks::<3>();
+    if parts.is_empty() || !rest.is_empty() {
+        return Err("name X and Y behind each image".into());
+    }
+    let mut sheet = Sheet::new((parts.len() * RATES.len()) as u32);
+    for (number, [path, x, y]) in (0..).zip(parts) {
+        let image = texfold_testkit::png(Path::new(path)).with_channels(3);
+        let at = (x.parse()?, y.parse()?);
+        for (line, (rate, side)) in (0..).zip(RATES) {
+            let row = number * RATES.len() as u32 + line;
+            let astc = rivals::astc(&image, side)?.map_or_else(|| image.clone(), |(decoded, _)| decoded);
+            let cells = [image.clone(), astc, jpeg(&image, rate)?, ours(&image, rate)?];
+            (0..).zip(&cells).for_each(|(column, cell)| sheet.put(cell, at, (column, row)));
+        }
+    }
+    let height = sheet.bytes.len() as u32 / 3 / sheet.width;
+    image::save_buffer(out, &sheet.bytes, sheet.width, height, image::ExtendedColorType::Rgb8)?;
+    Ok(())
+}

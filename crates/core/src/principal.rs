@@ -69,7 +69,10 @@ mod tests {
             let axes = principal_axes(&mut matrix, dims, 20, 1e-20);
             let row = |axis: usize| &axes[axis * dims..(axis + 1) * dims];
             let times = |vector: &[f64]| -> Vec<f64> {
-                before.chunks_exact(dims).map(|line| line.iter().zip(vector).map(|(a, b)| a * b).sum()).collect()
+                before
+                    .chunks_exact(dims)
+                    .map(|line| line.iter().zip(vector).map(|(a, b)| a * b).sum())
+                    .collect()
             };
             let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
             let values: Vec<f64> = (0..dims).map(|axis| dot(row(axis), &times(row(axis)))).collect();

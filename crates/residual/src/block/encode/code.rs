@@ -5,7 +5,7 @@ use texfold_core::{CancelCheck, EncodeError, SourceError, parallel};
 use super::fit::fit;
 use super::forward::Coefficients;
 use super::quantise::{Quantising, residuals_of};
-use super::symbols::{Collector, Counter, Counts, SymbolBits, Superblock, coded, end_symbol, magnitudes_of};
+use super::symbols::{Collector, Counter, Counts, Superblock, SymbolBits, coded, end_symbol, magnitudes_of};
 use crate::block::context::{Around, set_of};
 use crate::block::decode::BlockTexture;
 use crate::block::form::{BlockForm, PlaneShape, Steps};

@@ -60,6 +60,6 @@ fn notes_name_what_is_not_usual() {
     let settings = |params: &ZipParams| {
         Zipmap::encode(&stack, params, &mut Job::default()).unwrap().notes().settings.clone()
     };
-    assert!(!settings(&ZipParams::default()).contains("--tau"));
-    assert!(settings(&ZipParams::default().with_tau(0.25)).ends_with("--tau 0.25"));
+    assert!(!settings(&ZipParams::default()).contains("tau"));
+    assert!(settings(&ZipParams::default().with_tau(0.25)).ends_with("ZipParams::with_tau(0.25)"));
 }

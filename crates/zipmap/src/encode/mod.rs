@@ -128,8 +128,8 @@ impl Encoder for Zipmap {
     }
 }
 
-/// What encoding a stack holds at a time, in bytes, as an upper bound, which `texfold/tests/memory.rs` holds to the allocator: for each texel of root and images, and for each of
-/// the largest of them while its patch is laid.
+/// What encoding a stack holds at a time, in bytes, as an upper bound: for each texel of root and images, and for each of
+/// the largest of them while its patch is laid. `texfold/tests/memory.rs` holds it to what the allocator counts.
 fn held_bytes(stack: &PatchStack) -> u64 {
     let texels = || stack.images.iter().chain([&stack.root]).map(|image| image.size().texels());
     let largest = texels().max().unwrap_or(0);

@@ -3,16 +3,21 @@
 //!
 //! `cargo run -p texfold-gpu --example draw -- [texture.txf [image.png]]`; without a file it encodes a test image.
 
+#[path = "support/offscreen.rs"]
+mod offscreen;
+
 use std::error::Error;
 
 use glam::Vec3;
 use glam::camera::rh::proj::directx::perspective;
 use glam::camera::rh::view::look_at_mat4;
+use offscreen::{read_back, target, view_of};
 use texfold::{Bc, BcParams, Budget, Encoder, Goal, Job, Limits};
 use texfold_core::image::{ColorSpace, ImageSet, Raster};
 use texfold_gpu::{AddressMode, Gpu, GpuTexture, Policy, wgpu};
 use texfold_shaders::{Slot, paste};
 
+/// Columns and rows of the image; rows of 4 * 960 bytes need no padding when they are read back.
 const SIZE: (u32, u32) = (960, 640);
 const COLOUR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
@@ -84,7 +89,7 @@ fn render(gpu: &Gpu, texture: &GpuTexture) -> Result<Vec<u8>, Box<dyn Error>> {
     let count = indices.len() as u32;
     let vertices = buffer(gpu, bytemuck::cast_slice(&vertices), wgpu::BufferUsages::VERTEX);
     let indices = buffer(gpu, bytemuck::cast_slice(&indices), wgpu::BufferUsages::INDEX);
-    let (colour, depth) = (target(device, COLOUR), target(device, DEPTH));
+    let (colour, depth) = (target(gpu, SIZE, COLOUR), target(gpu, SIZE, DEPTH));
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     {
         let (colour, depth) = (view_of(&colour), view_of(&depth));
@@ -210,23 +215,6 @@ fn begin<'e>(
     })
 }
 
-fn target(device: &wgpu::Device, format: wgpu::TextureFormat) -> wgpu::Texture {
-    device.create_texture(&wgpu::TextureDescriptor {
-        label: None,
-        size: wgpu::Extent3d { width: SIZE.0, height: SIZE.1, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format,
-        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-        view_formats: &[],
-    })
-}
-
-fn view_of(texture: &wgpu::Texture) -> wgpu::TextureView {
-    texture.create_view(&wgpu::TextureViewDescriptor::default())
-}
-
 fn buffer(gpu: &Gpu, bytes: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
     let buffer = gpu.device().create_buffer(&wgpu::BufferDescriptor {
         label: None,
@@ -236,29 +224,4 @@ fn buffer(gpu: &Gpu, bytes: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
     });
     gpu.queue().write_buffer(&buffer, 0, bytes);
     buffer
-}
-
-/// The image's bytes; its rows need no padding, as 4 times its width is a multiple of 256.
-fn read_back(
-    gpu: &Gpu,
-    mut encoder: wgpu::CommandEncoder,
-    colour: &wgpu::Texture,
-) -> Result<Vec<u8>, Box<dyn Error>> {
-    let buffer = gpu.device().create_buffer(&wgpu::BufferDescriptor {
-        label: None,
-        size: u64::from(4 * SIZE.0 * SIZE.1),
-        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-        mapped_at_creation: false,
-    });
-    let layout =
-        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * SIZE.0), rows_per_image: None };
-    encoder.copy_texture_to_buffer(
-        colour.as_image_copy(),
-        wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
-        colour.size(),
-    );
-    gpu.queue().submit([encoder.finish()]);
-    buffer.map_async(wgpu::MapMode::Read, .., |_| ());
-    gpu.device().poll(wgpu::PollType::wait_indefinitely())?;
-    Ok(buffer.get_mapped_range(..)?.to_vec())
 }

@@ -3,6 +3,9 @@
 //! `cargo run -p texfold-gpu --example material -- [image.png]` encodes fixtures and draws them on a lit quad. [`check`] is the test:
 //! what the pipeline draws of each texture is what that texture alone draws.
 
+#[path = "support/offscreen.rs"]
+mod offscreen;
+
 use std::error::Error;
 
 use texfold::container::SectionWriter;
@@ -154,91 +157,11 @@ fn bytes(texture: &dyn Encoded<Domain = Image2d>) -> Vec<u8> {
 
 /// The image that the pipeline of all textures draws: texture `drawn` alone, or all of them.
 fn draw(gpu: &Gpu, material: &Material, drawn: usize) -> Result<Pixels, Box<dyn Error>> {
-    let device = gpu.device();
-    let pipeline = pipeline(gpu, material, drawn);
-    let target = device.create_texture(&wgpu::TextureDescriptor {
-        label: None,
-        size: wgpu::Extent3d { width: SIZE.0, height: SIZE.1, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: COLOUR,
-        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-        view_formats: &[],
-    });
-    let view = target.create_view(&wgpu::TextureViewDescriptor::default());
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    {
-        let ops =
-            wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store };
-        let attachment =
-            wgpu::RenderPassColorAttachment { view: &view, depth_slice: None, resolve_target: None, ops };
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            color_attachments: &[Some(attachment)],
-            ..Default::default()
-        });
-        pass.set_pipeline(&pipeline);
-        pass.set_bind_group(0, material.bind_group(), &[]);
-        pass.draw(0..3, 0..1);
-    }
-    read_back(gpu, encoder, &target)
-}
-
-fn pipeline(gpu: &Gpu, material: &Material, drawn: usize) -> wgpu::RenderPipeline {
-    let shader = shader(gpu, material, SHADER);
-    let layout = gpu.device().create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: None,
-        bind_group_layouts: &[Some(material.layout())],
-        immediate_size: 0,
-    });
     let mut constants = material.constants();
     constants.push(("DRAWN", drawn as f64));
-    gpu.device().create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: None,
-        layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module: &shader,
-            entry_point: Some("vs"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: None,
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &shader,
-            entry_point: Some("fs"),
-            compilation_options: wgpu::PipelineCompilationOptions {
-                constants: &constants,
-                ..Default::default()
-            },
-            targets: &[Some(COLOUR.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
-}
-
-fn read_back(
-    gpu: &Gpu,
-    mut encoder: wgpu::CommandEncoder,
-    target: &wgpu::Texture,
-) -> Result<Pixels, Box<dyn Error>> {
-    let buffer = gpu.device().create_buffer(&wgpu::BufferDescriptor {
-        label: None,
-        size: u64::from(4 * SIZE.0 * SIZE.1),
-        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-        mapped_at_creation: false,
-    });
-    let layout =
-        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * SIZE.0), rows_per_image: None };
-    encoder.copy_texture_to_buffer(
-        target.as_image_copy(),
-        wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
-        target.size(),
-    );
-    gpu.queue().submit([encoder.finish()]);
-    buffer.map_async(wgpu::MapMode::Read, .., |_| ());
-    gpu.device().poll(wgpu::PollType::wait_indefinitely())?;
-    Ok(bytemuck::cast_slice(&buffer.get_mapped_range(..)?).to_vec())
+    let shader = shader(gpu, material, SHADER);
+    let pipeline = offscreen::pipeline(gpu, &shader, &[Some(material.layout())], &constants, COLOUR);
+    let target = offscreen::target(gpu, SIZE, COLOUR);
+    let texels = offscreen::draw(gpu, &pipeline, &[material.bind_group()], &target)?;
+    Ok(bytemuck::cast_slice(&texels).to_vec())
 }

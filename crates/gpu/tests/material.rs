@@ -1,6 +1,10 @@
 //! Textures of several codecs in one pipeline show what each shows alone.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+#![expect(
+    clippy::duplicate_mod,
+    reason = "the example and the other tests' support each draw without a window"
+)]
 
 #[path = "../examples/material.rs"]
 #[expect(dead_code, reason = "the example draws to a file, the test compares")]

@@ -4,6 +4,9 @@
 //! Arguments come from a texture of floats and not from interpolation or arithmetic in a shader, so that both sides start from the
 //! same bits: texel edges, infinities and derivatives can be given as they are.
 
+#[path = "../../examples/support/offscreen.rs"]
+mod offscreen;
+
 use std::collections::HashMap;
 use std::sync::{Mutex, OnceLock};
 
@@ -87,53 +90,30 @@ pub(crate) fn run(
     let rows = (arguments.len() as u32).div_ceil(ROW);
     let mut texels = arguments.to_vec();
     texels.resize((rows * ROW) as usize, [[0.0; 4]; ARGUMENTS]);
-    let texture = |width, usage| {
-        device.create_texture(&wgpu::TextureDescriptor {
-            label: None,
-            size: wgpu::Extent3d { width, height: rows, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: TextureFormat::Rgba32Float,
-            usage,
-            view_formats: &[],
-        })
-    };
-    let source = texture(ROW * ARGUMENTS as u32, TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST);
+    let source = device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d { width: ROW * ARGUMENTS as u32, height: rows, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: TextureFormat::Rgba32Float,
+        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
     let row_bytes = Some(16 * ROW * ARGUMENTS as u32);
     let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: row_bytes, rows_per_image: None };
     gpu.queue().write_texture(source.as_image_copy(), bytemuck::cast_slice(&texels), layout, source.size());
-    let target = texture(ROW, TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC);
     let inputs = device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: None,
         layout: inputs_layout(gpu),
         entries: &[wgpu::BindGroupEntry {
             binding: 0,
-            resource: wgpu::BindingResource::TextureView(
-                &source.create_view(&wgpu::TextureViewDescriptor::default()),
-            ),
+            resource: wgpu::BindingResource::TextureView(&offscreen::view_of(&source)),
         }],
     });
-    let pipeline = pipeline(gpu, function);
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let view = target.create_view(&wgpu::TextureViewDescriptor::default());
-    {
-        let ops =
-            wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store };
-        let attachment =
-            wgpu::RenderPassColorAttachment { view: &view, depth_slice: None, resolve_target: None, ops };
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            color_attachments: &[Some(attachment)],
-            ..Default::default()
-        });
-        pass.set_pipeline(&pipeline);
-        pass.set_bind_group(0, bind_group, &[]);
-        pass.set_bind_group(1, &inputs, &[]);
-        pass.draw(0..3, 0..1);
-    }
-    let mut found = read_back(gpu, encoder, &target);
-    found.truncate(arguments.len());
-    found
+    let target = offscreen::target(gpu, (ROW, rows), TextureFormat::Rgba32Float);
+    let found = offscreen::draw(gpu, &pipeline(gpu, function), &[bind_group, &inputs], &target).unwrap();
+    bytemuck::cast_slice(&found)[..arguments.len()].to_vec()
 }
 
 fn inputs_layout(gpu: &Gpu) -> &'static BindGroupLayout {
@@ -163,60 +143,10 @@ fn pipeline(gpu: &Gpu, function: &Function) -> RenderPipeline {
 }
 
 fn make(gpu: &Gpu, function: &Function) -> RenderPipeline {
-    let device = gpu.device();
     let own = SHADER.replace("CALL", &format!("{}({})", function.name, function.arguments));
-    let source = paste(&[Slot::new(function.module, 0, 0)]).unwrap() + &own;
-    let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl(source.into()),
-    });
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: None,
-        bind_group_layouts: &[Some(gpu.bind_group_layout(function.module)), Some(inputs_layout(gpu))],
-        immediate_size: 0,
-    });
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: None,
-        layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module: &shader,
-            entry_point: Some("vs"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: None,
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &shader,
-            entry_point: Some("fs"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(TextureFormat::Rgba32Float.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
-}
-
-fn read_back(gpu: &Gpu, mut encoder: wgpu::CommandEncoder, target: &wgpu::Texture) -> Vec<[f32; 4]> {
-    let buffer = gpu.device().create_buffer(&wgpu::BufferDescriptor {
-        label: None,
-        size: u64::from(16 * target.width() * target.height()),
-        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-        mapped_at_creation: false,
-    });
-    let layout = wgpu::TexelCopyBufferLayout {
-        offset: 0,
-        bytes_per_row: Some(16 * target.width()),
-        rows_per_image: None,
-    };
-    encoder.copy_texture_to_buffer(
-        target.as_image_copy(),
-        wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
-        target.size(),
-    );
-    gpu.queue().submit([encoder.finish()]);
-    buffer.map_async(wgpu::MapMode::Read, .., |_| ());
-    gpu.device().poll(wgpu::PollType::wait_indefinitely()).unwrap();
-    bytemuck::cast_slice(&buffer.get_mapped_range(..).unwrap()).to_vec()
+    let source =
+        wgpu::ShaderSource::Wgsl((paste(&[Slot::new(function.module, 0, 0)]).unwrap() + &own).into());
+    let shader = gpu.device().create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
+    let groups = [Some(gpu.bind_group_layout(function.module)), Some(inputs_layout(gpu))];
+    offscreen::pipeline(gpu, &shader, &groups, &[], TextureFormat::Rgba32Float)
 }

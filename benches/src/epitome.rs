@@ -138,19 +138,16 @@ fn points(set: &ImageSet, block: u32, tolerances: &[f64]) -> Outcome<Vec<Point>>
     let point = |&tolerance: &f64| {
         let texture = Epitome::encode_from(&search, Goal::Tolerance(tolerance), &mut Job::default())?;
         let measured = measure(set, &texture);
-        let footprint = texture.footprint();
+        // What a footprint counts of the file would be compressed for nothing.
+        let form = texture.gpu();
         let part = |name: &str| {
-            footprint
-                .parts
-                .iter()
-                .filter(|part| part.name == name)
-                .map(|part| part.bits_memory as f64 / raw)
-                .sum()
+            let planes = form.planes.iter().filter(|plane| plane.part == name);
+            planes.map(|plane| 8.0 * plane.data.len() as f64 / raw).sum()
         };
         Ok(Point {
             block,
             tolerance,
-            share: footprint.bits_memory() as f64 / raw,
+            share: form.bits_memory() as f64 / raw,
             epitome: part("epitome"),
             map: part("map"),
             rms: rms_percent(measured.psnr),

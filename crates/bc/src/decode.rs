@@ -1,4 +1,7 @@
 //! CPU reference of `shaders/wgsl/bc.wgsl`, function for function.
+//!
+//! Public for the tests that hold the WGSL to it and for what fills its uniform buffers: names follow the shaders and may change
+//! with them.
 
 use std::ops::Range;
 

@@ -58,6 +58,9 @@ pub trait SharedSearch: Encoder {
 }
 
 /// A codec whose encoded form accepts further sources without changing a texel that was valid before.
+///
+/// Banks do not grow by it: their tiles are separate files that are never changed, and what grows is the public codebook beside
+/// them, which `Progressive::encode_shared` takes and returns with each new tile.
 pub trait Growable: Encoder {
     /// Adds `source`; on an error `encoded` is as it was.
     ///

@@ -4,6 +4,9 @@
 //! map: where in an epitome its centre lies, by which 2x2 matrix its texels are laid around that place, and which
 //! pair of gain and offset its content gets. The map is one plane of 32-bit words: the blocks of all images, the 2x2
 //! matrices, the gain-offset pairs, the entries.
+//!
+//! Public for the tests that hold the WGSL to it and for what fills its uniform buffers: names follow the shaders and may change
+//! with them.
 
 use glam::{IVec2, UVec2, Vec2, Vec4};
 use texfold_core::Texel;

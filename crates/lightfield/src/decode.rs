@@ -8,6 +8,9 @@
 //! A patch of side `n` holds the triangle's lattice of `(n + 1)(n + 2) / 2` texels; texel (i, j), i + j <= n, is the
 //! place with weights i / n and j / n of the second and third corner. Two patches share a rectangle of n + 1 columns and
 //! n + 2 rows, the second turned by half. Places between are blended from the three texels around them.
+//!
+//! Public for the tests that hold the WGSL to it and for what fills its uniform buffers: names follow the shaders and may change
+//! with them.
 
 use glam::{UVec2, Vec2, Vec3};
 use texfold_core::Texel;

@@ -2,6 +2,9 @@
 //!
 //! A texel is one of residual content (see `texfold_residual::decode`), to whose base detail from codebooks is added
 //! before the residual. Where the finest levels are not stored it is filtered from the finest stored one.
+//!
+//! Public for the tests that hold the WGSL to it and for what fills its uniform buffers: names follow the shaders and may change
+//! with them.
 
 use glam::{IVec2, UVec2, Vec2, Vec4};
 use texfold_core::Texel;

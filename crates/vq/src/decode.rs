@@ -6,6 +6,9 @@
 //!
 //! `surface` is what [`VqTexture::view`](crate::VqTexture::view) gives beside the view: the row and 8192 times the
 //! column where the image begins in the index plane.
+//!
+//! Public for the tests that hold the WGSL to it and for what fills its uniform buffers: names follow the shaders and may change
+//! with them.
 
 use glam::{IVec2, UVec2, Vec2};
 use texfold_core::Texel;

@@ -5,6 +5,9 @@
 //! has no colour where its own texture coordinates leave 0 to 1, and fades out behind its last mip level. Texels are
 //! those of [`ZipmapView`], with all of their channels, where the shader reads planes and puts channels in their place
 //! at the end.
+//!
+//! Public for the tests that hold the WGSL to it and for what fills its uniform buffers: names follow the shaders and may change
+//! with them.
 
 use glam::{IVec2, UVec2, UVec4, Vec2, Vec3, Vec4};
 use texfold_core::Texel;

@@ -8,6 +8,9 @@
 //! fixed pseudo-random table.
 //!
 //! Cost: 12 loads of words a texel. `fast.rs` decodes whole blocks with the same arithmetic.
+//!
+//! Public for the tests that hold the WGSL to it and for what fills its uniform buffers: names follow the shaders and may change
+//! with them.
 
 pub(crate) mod fast;
 

@@ -40,6 +40,11 @@ const fn twin(file: &'static str, function: &'static str) -> Test {
     Test { package: "texfold-gpu", file, function, says: "GPU [" }
 }
 
+/// A test of `texfold-gpu` that compares blocks decoded on a GPU with the CPU's.
+const fn blocks(function: &'static str) -> Test {
+    Test { package: "texfold-gpu", file: "block", function, says: "texels differ" }
+}
+
 const MUTATIONS: &[Mutation] = &[
     Mutation {
         name: "derivatives measured in texels of the stored size",
@@ -90,6 +95,20 @@ const MUTATIONS: &[Mutation] = &[
         find: "let normal = smooth_normal / max(length(smooth_normal), 0.000001);",
         replace: "let normal = smooth_normal;",
         test: twin("light", "the_shader_gives_what_the_cpu_gives_for_the_same_arguments"),
+    },
+    Mutation {
+        name: "mip levels of blocks are means of values and not of light",
+        file: "shaders/wgsl/entry/block.wgsl",
+        find: "let is_light = (entry_output.average & 1u) == 1u;",
+        replace: "let is_light = false;",
+        test: blocks("mip_levels_equal_those_of_the_cpu"),
+    },
+    Mutation {
+        name: "products of means around a block are not rounded",
+        file: "shaders/wgsl/block.wgsl",
+        find: "    return (value * weight + 128) >> 8u;",
+        replace: "    return (value * weight) >> 8u;",
+        test: blocks("images_equal_those_of_the_cpu"),
     },
 ];
 

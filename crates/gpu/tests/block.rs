@@ -80,7 +80,7 @@ fn check(
     let first = found.iter().zip(&wanted).position(|(found, wanted)| found != wanted);
     let different = found.iter().zip(&wanted).filter(|(found, wanted)| found != wanted).count();
     if let Some(at) = first {
-        panic!("{name}, {rect:?}: texel {at} is {:?}, not {:?}; {different} differ", found[at], wanted[at]);
+        panic!("{name}, {rect:?}: texel {at} is {:?}, not {:?}; {different} texels differ", found[at], wanted[at]);
     }
     assert_eq!(found.len(), wanted.len(), "{name}");
 }
@@ -138,7 +138,7 @@ fn check_levels(gpu: &Gpu, decoder: &BlockDecoder, content: &BlockContent) {
             let rect = Rect { level: reduce, ..rect };
             let found = decoder.decode_texels(gpu, &image, rect, image.colours()).unwrap();
             let pixel = content.layout().pixel;
-            assert!(wanted.eq(found), "{pixel:?}, {rect:?} of level {}", stage.level);
+            assert!(wanted.eq(found), "{pixel:?}, {rect:?} of level {}: texels differ", stage.level);
         }
     }
 }

@@ -55,6 +55,26 @@
 //! # let _ = named;
 //! ```
 //!
+//! `progressive` stores images by block, which takes fewest bits and is decoded before it is drawn, or to be read texel by
+//! texel; by block errors count as the eye sees them, or alike. [`GpuForm::access`](crate::GpuForm::access) says which way a
+//! texture is read:
+//!
+//! ```
+//! use texfold::{Access, Choice, EncodeSettings, Encoded, Goal, Guidance, ImageSet, Job, Metric, Progressive, encode_images};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let set = ImageSet::single(texfold_testkit::image("facade"));
+//! let settings = EncodeSettings { codec: Choice::of::<Progressive>(), goal: Goal::Bpp(1.0), ..EncodeSettings::default() };
+//! let exact = EncodeSettings { metric: Some(Metric::Psnr), ..settings.clone() };
+//! let scattered = EncodeSettings { access: Some(Access::Texel), ..settings.clone() };
+//! for (settings, access) in [(settings, Access::Block), (exact, Access::Block), (scattered, Access::Texel)] {
+//!     let texture = encode_images(&set, Guidance::default(), &settings, &mut Job::default())?;
+//!     assert_eq!(texture.as_encoded().gpu().access(), access);
+//! }
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! What a file came to is measured from the file itself:
 //!
 //! ```

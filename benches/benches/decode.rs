@@ -4,7 +4,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::Vec2;
-use texfold::{AnyImage, Content, Effort, EpitomeTexture, ImageAddress, Texel};
+use texfold::{Access, AnyImage, Content, Effort, EpitomeTexture, ImageAddress, Texel};
 use texfold_benches::{bc, epitome, epitome_params, image_of, paper_params, progressive, vq};
 use texfold_epitome::decode::texfold_epitome_bilinear;
 
@@ -21,8 +21,11 @@ fn textures() -> Vec<(String, AnyImage)> {
         textures.extend(texture.map(|texture| (name.to_owned(), texture)));
     }
     for bpp in [1.3, 2.7] {
-        let texture = progressive(&set, bpp, Effort::Fast);
-        textures.extend(texture.map(|texture| (format!("progressive {bpp} bpp"), texture)));
+        for access in [Access::Texel, Access::Block] {
+            let texture = progressive(&set, bpp, Effort::Fast, access);
+            let name = format!("progressive by {} {bpp} bpp", access.name());
+            textures.extend(texture.map(|texture| (name, texture)));
+        }
     }
     for content in [Content::Bc1, Content::Bc7] {
         textures.extend(bc(&set, content).map(|texture| (format!("plain {}", content.name()), texture)));

@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use texfold::image::{ImageSet, Raster};
 use texfold::metric::{color_error, decode_surface, measure};
 use texfold::{
-    Bc, BcParams, Content, Effort, Encoded, Encoder, Epitome, EpitomeParams, EpitomeSource, Family, Goal,
-    Image2d, Job, Progressive, ProgressiveParams, SharedSearch,
+    Access, Bc, BcParams, Content, Effort, Encoded, Encoder, Epitome, EpitomeParams, EpitomeSource, Family,
+    Goal, Image2d, Job, Metric, Progressive, ProgressiveParams, SharedSearch,
 };
 use texfold_benches::report::{Chart, Line, Outcome, Table};
 use texfold_benches::rivals;
@@ -54,11 +54,15 @@ fn main() -> Outcome<()> {
     write(&out, &points, images.len())
 }
 
+/// What errors count in `progressive` by block.
+const BLOCKS: [(&str, Metric); 2] =
+    [("by block, for the eye", Metric::Perceptual), ("by block, for PSNR", Metric::Psnr)];
+
 /// Our codecs at [`GOALS`].
 fn ours(image: &Raster) -> Outcome<Vec<Point>> {
     let set = ImageSet::single(image.clone());
     let first = Goal::Bpp(GOALS[0]);
-    let progressive = ProgressiveParams::default().with_goal(first);
+    let progressive = ProgressiveParams::default().with_goal(first).with_access(Access::Texel);
     let progressive = Progressive::search(&set, &progressive, &mut Job::default())?;
     let epitome = EpitomeParams::new(first).with_family(Family::ErrorMap);
     let epitome = Epitome::search(EpitomeSource::new(&set), &epitome, &mut Job::default())?;
@@ -66,7 +70,12 @@ fn ours(image: &Raster) -> Outcome<Vec<Point>> {
     for goal in GOALS {
         let setting = format!("{goal}");
         let texture = Progressive::encode_from(&progressive, Goal::Bpp(goal), &mut Job::default())?;
-        points.push(judge("progressive", setting.clone(), image, &texture)?);
+        points.push(judge("progressive by texel", setting.clone(), image, &texture)?);
+        for (form, metric) in BLOCKS {
+            let params = ProgressiveParams::default().with_goal(Goal::Bpp(goal)).with_metric(metric);
+            let texture = Progressive::encode(&set, &params, &mut Job::default())?;
+            points.push(judge(form, setting.clone(), image, &texture)?);
+        }
         let texture = Epitome::encode_from(&epitome, Goal::Bpp(goal), &mut Job::default())?;
         points.push(judge("epitome", setting, image, &texture)?);
     }

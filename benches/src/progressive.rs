@@ -11,7 +11,8 @@ use std::path::PathBuf;
 use texfold::image::{ImageSet, Raster};
 use texfold::metric::measure;
 use texfold::{
-    AstcBlock, Bc, BcParams, Content, Encoder, Goal, Job, Progressive, ProgressiveParams, SharedSearch,
+    Access, AstcBlock, Bc, BcParams, Content, Encoder, Goal, Job, Progressive, ProgressiveParams,
+    SharedSearch,
 };
 
 /// Images in the folder `remote` of the data.
@@ -63,7 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 .with_reduce_log2(reduce_log2);
             row.push(measure(&set, &Bc::encode(&set, &params, &mut Job::default())?).psnr);
         }
-        let params = ProgressiveParams::default().with_goal(Goal::Bpp(sizes[0]));
+        let params = ProgressiveParams::default().with_goal(Goal::Bpp(sizes[0])).with_access(Access::Texel);
         let search = Progressive::search(&set, &params, &mut Job::default())?;
         for &size in sizes {
             let texture = Progressive::encode_from(&search, Goal::Bpp(size), &mut Job::default())?;

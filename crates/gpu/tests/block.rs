@@ -80,7 +80,10 @@ fn check(
     let first = found.iter().zip(&wanted).position(|(found, wanted)| found != wanted);
     let different = found.iter().zip(&wanted).filter(|(found, wanted)| found != wanted).count();
     if let Some(at) = first {
-        panic!("{name}, {rect:?}: texel {at} is {:?}, not {:?}; {different} texels differ", found[at], wanted[at]);
+        panic!(
+            "{name}, {rect:?}: texel {at} is {:?}, not {:?}; {different} texels differ",
+            found[at], wanted[at]
+        );
     }
     assert_eq!(found.len(), wanted.len(), "{name}");
 }

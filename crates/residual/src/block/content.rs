@@ -23,7 +23,7 @@ use crate::content::{BASE_PART, RESIDUAL_PART};
 use crate::wire::ContentId;
 
 /// Superblocks that lone texels keep decoded.
-const KEPT: usize = 16;
+const KEPT: usize = 4;
 /// Bytes of memory that every image costs beside its streams and tables, loaded and as a GPU form.
 const IMAGE_BYTES: u64 = (size_of::<BlockTexture>() + size_of::<GpuBlocks<'_>>()
     // Lists of groups, channels, ranks and held parts: heap blocks of at most 512 bytes.
@@ -164,6 +164,7 @@ impl BlockContent {
         };
         let stages = sizes.iter().map(&mut read).collect::<Result<Vec<_>, LoadError>>()?;
         reader.end()?;
+        budget.take(stages.iter().map(working_bytes).max().unwrap_or(0))?;
         budget.release(raw.len() as u64);
         let content = BlockContent::of(layout.clone(), stages);
         Ok(content.with_rest(id, file, budget)?.unwrap_or(content))
@@ -345,6 +346,16 @@ fn texel_of<S: Copy + Into<u16>>(samples: &[S], largest: f32) -> Texel {
         [red, green, blue, alpha, ..] => Texel::new(value(red), value(green), value(blue), value(alpha)),
         [] => Texel::ZERO,
     }
+}
+
+/// Bytes that lone texels of a stage take: superblocks that are kept, and what one is decoded with.
+fn working_bytes(stage: &BlockTexture) -> u64 {
+    let (form, side) = (stage.form(), u64::from(stage.superblock_side()));
+    let texels = side.min(form.size.width.into()) * side.min(form.size.height.into());
+    let channels = form.channels() as u64;
+    let kept = (KEPT as u64 + 1) * texels * size_of::<Texel>() as u64;
+    // Samples of axes, of channels, and what contexts look at: 129 bytes of a block's axis.
+    kept + 4 * channels * side * side + 2 * channels * texels + 129 * channels * (side / 8) * (side / 8)
 }
 
 /// Sizes of the stages of all images.

@@ -41,6 +41,10 @@ impl BlockTexture {
         // A texture that is only uploaded keeps no tables.
         let tools = self.make_tools();
         let mut words = constants();
+        // All at once: a vector that grows holds up to three times as much.
+        words.reserve_exact(
+            words_before_index(tools.steps.len()) + self.index.words().len() + 2 - words.len(),
+        );
         words.extend(tools.tables.iter().flat_map(|table| table.ranges));
         let steps = words.len() as u32;
         words.extend(tools.steps.iter().flat_map(|steps| steps.words()));

@@ -10,9 +10,9 @@ pub mod forged;
 
 use texfold::image::{ImageSet, Raster};
 use texfold::{
-    AnyImage, Bc, BcParams, Content, Effort, Encoder, Epitome, EpitomeParams, EpitomeSource, Family, Goal,
-    Job, PatchSource, PatchStack, Progressive, ProgressiveParams, Shared, Vq, VqParams, VqSource, ZipParams,
-    Zipmap,
+    Access, AnyImage, Bc, BcParams, Content, Effort, Encoder, Epitome, EpitomeParams, EpitomeSource, Family,
+    Goal, Job, PatchSource, PatchStack, Progressive, ProgressiveParams, Shared, Vq, VqParams, VqSource,
+    ZipParams, Zipmap,
 };
 
 pub fn fixture(name: &str) -> ImageSet {
@@ -86,6 +86,11 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     textures.push(("epitome sequence".to_owned(), ripple.clone(), epitome(&ripple, &params)));
     // A base and a residual plane with mip levels; a set; a base alone.
     let fast = ProgressiveParams::default().with_goal(Goal::Psnr(32.0)).with_effort(Effort::Fast);
+    for (name, set, mips) in [("mips", &odd, true), ("sequence", &ripple, false)] {
+        let made = progressive(set, &fast.clone().with_mips(mips));
+        textures.push((format!("progressive blocks, {name}"), set.clone(), made));
+    }
+    let fast = fast.with_access(Access::Texel);
     let params = fast.clone().with_mips(true);
     textures.push(("progressive layers".to_owned(), odd.clone(), progressive(&odd, &params)));
     let params = fast.clone().with_content(Content::Raw);

@@ -140,7 +140,10 @@ impl Chart<'_> {
             draw_lines(&mut chart, lines, SeriesLabelPosition::LowerRight)?;
         } else {
             // Room at the right for the names.
-            let mut chart = builder.build_cartesian_2d(0.0..right * 1.4, 0.0..(high * 1.08).max(1e-9))?;
+            // From zero, unless all values lie far above: decibels.
+            let floor = if low > 0.4 * high { low - 0.1 * (high - low) } else { low.min(0.0) };
+            let mut chart =
+                builder.build_cartesian_2d(0.0..right * 1.4, floor..(high * 1.08).max(floor + 1e-9))?;
             let mut mesh = chart.configure_mesh();
             mesh.light_line_style(WHITE).x_desc(self.across).y_desc(self.up).draw()?;
             draw_lines(&mut chart, lines, SeriesLabelPosition::UpperRight)?;

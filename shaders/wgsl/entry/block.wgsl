@@ -68,7 +68,7 @@ fn entry_texel(at: vec2<u32>) -> vec4<i32> {
     let side = 1u << reduce;
     var sums = vec4<u32>(0u);
     var weights = 0u;
-    for (var place = 0u; place < side * side; place += 1u) {
+    for (var place = 0u; place < min(side * side, TEXFOLD_BLOCK_WORDS); place += 1u) {
         let offset = vec2<u32>(place % side, place / side);
         let sample = vec4<u32>(entry_sample(min(first + offset, entry_output.last)));
         let squares = (sample.xyz * sample.xyz) >> vec3<u32>(select(0u, 12u, is_deep));

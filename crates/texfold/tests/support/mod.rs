@@ -88,7 +88,7 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     let fast = ProgressiveParams::default().with_goal(Goal::Psnr(32.0)).with_effort(Effort::Fast);
     for (name, set, mips) in [("mips", &odd, true), ("sequence", &ripple, false)] {
         let made = progressive(set, &fast.clone().with_mips(mips));
-        textures.push((format!("progressive blocks, {name}"), set.clone(), made));
+        textures.push((format!("progressive layers, blocks, {name}"), set.clone(), made));
     }
     let fast = fast.with_access(Access::Texel);
     let params = fast.clone().with_mips(true);

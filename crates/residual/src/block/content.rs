@@ -52,8 +52,12 @@ struct Tile {
 /// Sizes of the stages of an image of a layout with so many levels.
 #[must_use]
 pub fn stage_sizes(size: SurfaceSize, levels: u32) -> Vec<SurfaceSize> {
-    let levels = levels.clamp(1, size.full_levels());
-    (0..levels).step_by(BLOCK_LEVELS as usize).map(|level| size.at_level(level)).collect()
+    let count = stage_count(size, levels) as u32;
+    (0..count).map(|stage| size.at_level(BLOCK_LEVELS * stage)).collect()
+}
+
+fn stage_count(size: SurfaceSize, levels: u32) -> u64 {
+    u64::from(levels.clamp(1, size.full_levels()).div_ceil(BLOCK_LEVELS))
 }
 
 impl Clone for BlockContent {
@@ -153,8 +157,9 @@ impl BlockContent {
     ) -> Result<Self, LoadError> {
         let raw = file.read(id.block_base(), budget)?;
         let mut reader = Reader::new(String4(id.block_base()), &raw);
+        let count: u64 = layout.surfaces.iter().map(|&size| stage_count(size, layout.levels)).sum();
+        budget.take(count * IMAGE_BYTES)?;
         let sizes = all_sizes(layout);
-        budget.take(sizes.len() as u64 * IMAGE_BYTES)?;
         let mut read = |&size: &SurfaceSize| {
             let image = BlockTexture::read_base(&mut reader, budget)?;
             if !fits(&image, size, layout.pixel) {

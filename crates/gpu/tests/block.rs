@@ -12,7 +12,7 @@ use texfold_core::rng::Rng;
 use texfold_core::{Budget, CancelCheck, Metric, Rect, RegionError, String4, SurfaceSize};
 use texfold_gpu::{BlockChannel, BlockDecoder, BlockImage, Gpu, GpuError, wgpu};
 use texfold_residual::block::encode::{BlockEncoder, BlockParams, BlockSource};
-use texfold_residual::block::twin;
+use texfold_residual::block::passes;
 use texfold_residual::block::{BlockContent, BlockTexture, Stage, stage_sizes};
 use texfold_testkit::fixtures::images;
 
@@ -307,7 +307,7 @@ fn forged_and_truncated_streams_give_what_the_cpu_gives() {
         let image = decoder.upload(gpu, &cut).unwrap();
         let channels = [0, 1, 2, 2].map(BlockChannel::Channel);
         let found = decoder.decode_texels(gpu, &image, whole(&texture), channels).unwrap();
-        let wanted = twin::decode(&cut, whole(&texture)).unwrap();
+        let wanted = passes::decode(&cut, whole(&texture)).unwrap();
         let wanted: Vec<[u16; 4]> =
             wanted.chunks_exact(3).map(|texel| [texel[0], texel[1], texel[2], texel[2]]).collect();
         assert!(found == wanted, "{kept} bytes");

@@ -27,6 +27,7 @@ pub mod encode;
 mod form;
 mod gpu;
 mod index;
+pub mod passes;
 mod plane;
 mod rans;
 #[cfg(feature = "encode")]

@@ -1,13 +1,11 @@
 //! CPU reference of `shaders/wgsl/block.wgsl`, function for function.
 //!
-//! It decodes what [`GpuBlocks`] hands to a GPU, in the order of the compute passes: all streams of a plane, then the inverse
-//! transforms of its blocks, then channels. `decode.rs` gives the same texels, faster: one superblock at a time, 8-bit
+//! [`super::passes`] decodes with it what [`texfold_core::GpuBlocks`] hands to a GPU, in the order of the compute passes: all
+//! streams of a plane, then the inverse transforms of its blocks, then channels. `decode.rs` gives the same texels, faster: one superblock at a time, 8-bit
 //! magnitudes, loops over lanes.
 
 use glam::{IVec2, IVec4, UVec2};
-use texfold_core::{
-    BLOCK_NOTES, BLOCK_WORDS, BlockPass, BlockPlan, GpuBlocks, GpuChannel, Rect, RegionError,
-};
+use texfold_core::{BLOCK_NOTES, BLOCK_WORDS, BlockPass};
 
 use super::context::{ESCAPE, ESCAPE_BITS, FIRST_END, FIRST_LAST, LEVELS, SET_TABLES, SIGNS};
 use super::form::MAX_CHANNELS;
@@ -145,45 +143,6 @@ pub struct TexfoldBlockSigns {
     nonzero: UVec2,
     /// Their signs, that of the last one first.
     signs: UVec2,
-}
-
-/// Texels of a rectangle as a GPU's passes give them; `rect.level` is 0.
-///
-/// # Errors
-/// [`RegionError`] where the rectangle is empty or leaves the image.
-pub fn decode(blocks: &GpuBlocks<'_>, rect: Rect) -> Result<Vec<u16>, RegionError> {
-    let layout = &blocks.layout;
-    let BlockPlan { passes, words, origin, .. } = layout.plan(rect)?;
-    let streams = stream_words(blocks.streams);
-    let mut scratch = vec![0; words as usize];
-    for pass in &passes {
-        let view = &mut BlockView { pass, words: &blocks.words, streams: &streams, scratch: &mut scratch };
-        let [columns, rows] = pass.count;
-        for number in 0..columns * rows {
-            texfold_block_superblock(view, UVec2::new(number % columns, number / columns));
-        }
-        for slot in 0..pass.held[0] * pass.held[1] * pass.axes {
-            texfold_block_samples(view, slot);
-        }
-    }
-    let Some(pass) = passes.last() else { return Ok(Vec::new()) };
-    let view = &BlockView { pass, words: &blocks.words, streams: &streams, scratch: &mut scratch };
-    let largest = (1i32 << layout.depth) - 1;
-    let texels = (0..rect.height).flat_map(|y| (0..rect.width).map(move |x| UVec2::new(x, y)));
-    let channels = texels.flat_map(|at| layout.channels.iter().map(move |channel| (at, channel)));
-    let value = |(at, channel): (UVec2, &GpuChannel)| {
-        let (held, weights) = (at + UVec2::from(origin), IVec4::from(channel.weights));
-        let GpuChannel { mean, first_axis, .. } = *channel;
-        texfold_block_channel(view, held, mean, first_axis, weights, layout.shift, largest) as u16
-    };
-    Ok(channels.map(value).collect())
-}
-
-/// Bytes as words, the lowest first, and a word of zeros behind them.
-#[must_use]
-pub fn stream_words(bytes: &[u8]) -> Vec<u32> {
-    let word = |chunk: &[u8]| chunk.iter().rev().fold(0, |word, &byte| word << 8 | u32::from(byte));
-    bytes.chunks(4).map(word).chain([0, 0]).collect()
 }
 
 impl BlockView<'_> {
@@ -664,10 +623,11 @@ pub fn texfold_block_root(value: u32) -> u32 {
 mod tests {
     use super::*;
     use crate::block::encode::{BlockEncoder, BlockParams, BlockSource};
+    use crate::block::passes::decode;
     use crate::block::{BlockTexture, Stage};
     use texfold_core::container::Reader;
     use texfold_core::rng::Rng;
-    use texfold_core::{Budget, CancelCheck, Metric, String4, SurfaceSize};
+    use texfold_core::{Budget, CancelCheck, Metric, Rect, String4, SurfaceSize};
 
     /// A texture of noise on a slope, with superblocks of that side, at that step.
     fn texture((width, height): (u32, u32), groups: &[u8], depth: u8, log2: u8, step: u16) -> BlockTexture {

@@ -58,7 +58,7 @@ pub(super) struct Case {
 }
 
 /// A codec, its settings, and the images that it can encode quickly enough.
-const SETTINGS: [(&str, &str, &[&str]); 12] = [
+const SETTINGS: [(&str, &str, &[&str]); 14] = [
     ("bc", "--content bc1", &IMAGES),
     ("bc", "--content bc7 --mips", &IMAGES),
     ("bc", "--psnr 36", &IMAGES),
@@ -70,6 +70,8 @@ const SETTINGS: [(&str, &str, &[&str]); 12] = [
     ("epitome", "--tolerance 12 --effort fast", &FEW_IMAGES),
     ("progressive", "--bpp 1 --effort fast", &FEW_IMAGES),
     ("progressive", "--psnr 34 --effort fast", &FEW_IMAGES),
+    ("progressive", "--access texel --bpp 1 --effort fast", &FEW_IMAGES),
+    ("progressive", "--access texel --psnr 34 --effort fast", &FEW_IMAGES),
     ("auto", "--psnr 32 --effort fast", &FEW_IMAGES),
 ];
 

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use texfold::image::Raster;
 use texfold::metric::color_error;
 use texfold::{CancelCheck, Effort, Goal, Metric, Rect};
-use texfold_benches::report::{Outcome, Table, cpu_seconds, middle};
+use texfold_benches::report::{Chart, Line, Outcome, Table, cpu_seconds, middle};
 use texfold_benches::rivals;
 use texfold_residual::block::BlockTexture;
 use texfold_residual::block::encode::{BlockEncoder, BlockParams, BlockSource};
@@ -75,6 +75,7 @@ fn main() -> Outcome<()> {
     if let Some(out) = request.out {
         std::fs::create_dir_all(&out)?;
         table.write(&out, "rates", "Bits a texel are those of the whole texture, without mips.")?;
+        charts(&out, &means)?;
     }
     let missed = RATES.iter().zip(&means).find(|((_, _, target), mean)| mean[1] < *target);
     match missed {
@@ -119,6 +120,27 @@ fn images_of(path: &Path) -> Outcome<Vec<PathBuf>> {
     let mut images: Vec<PathBuf> = entries.iter().map(|entry| entry.path()).filter(is_image).collect();
     images.sort();
     Ok(images)
+}
+
+/// Means over the images against bits a texel, PSNR and SSIMULACRA2.
+fn charts(out: &Path, means: &[[f64; 13]]) -> Outcome<()> {
+    let forms = [("by block, for PSNR", 0), ("by block, for the eye", 3), ("ASTC", 6)];
+    let rate = |number: usize| RATES[number].0;
+    for (figure, up, file) in
+        [(1, "PSNR in dB", "rates-psnr.svg"), (2, "SSIMULACRA2", "rates-ssimulacra2.svg")]
+    {
+        let mut lines: Vec<Line> = Vec::new();
+        for (form, first) in forms {
+            let points = means.iter().map(|mean| (mean[first], mean[first + figure]));
+            lines.push((form.to_owned(), points.filter(|point| !point.1.is_nan()).collect()));
+        }
+        let jpeg = means.iter().enumerate().map(|(number, mean)| (rate(number), mean[8 + figure]));
+        lines.push(("JPEG texture".to_owned(), jpeg.filter(|point| !point.1.is_nan()).collect()));
+        lines.retain(|(_, points)| !points.is_empty());
+        let chart = Chart { caption: up, across: "bits a texel", up, logarithmic: false };
+        chart.draw(&lines, &out.join(file))?;
+    }
+    Ok(())
 }
 
 /// All figures of an image, rate by rate; NaN where there are none.

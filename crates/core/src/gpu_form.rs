@@ -187,8 +187,8 @@ pub struct GpuForm<'a> {
     pub planes: Vec<Plane<'a>>,
     /// Parameters of all images, each range a multiple of 16 bytes.
     pub uniforms: Vec<u8>,
-    /// What to bind for each image of the layout. Where the form is read by block, the indices are those of `blocks`: the plain
-    /// textures that these decode to.
+    /// What to bind for each image of the layout. Where the form is read by block, they are numbers of images
+    /// ([`GpuBlocks::image`]): of the plain textures that these decode to.
     pub surfaces: Vec<SurfaceBinding>,
     /// Textures in blocks, where the form is read so; there are no `planes` then.
     pub blocks: Vec<GpuBlocks<'a>>,

@@ -201,7 +201,7 @@ fn texfold_progressive_filtered(uv: vec2<f32>, stored: u32, address_mode: u32) -
 }
 
 // The texel at `at` of level `level`, which lies inside: as it is stored, or between four of those.
-fn texfold_progressive_shown(at: vec2<u32>, level: u32) -> vec4<f32> {
+fn texfold_progressive_texel(at: vec2<u32>, level: u32) -> vec4<f32> {
     let shrink = texfold_progressive_params.shrink_log2;
     if TEXFOLD_PROGRESSIVE_SHRUNK {
         if level < shrink {
@@ -216,14 +216,14 @@ fn texfold_progressive_shown(at: vec2<u32>, level: u32) -> vec4<f32> {
 // The texel at column `at.x` and row `at.y` of level `level`, clamped to it.
 fn texfold_progressive_fetch(at: vec2<i32>, level: u32) -> vec4<f32> {
     let size = texfold_level_size(texfold_progressive_params.size, level);
-    return texfold_progressive_shown(texfold_inside(at, size), level);
+    return texfold_progressive_texel(texfold_inside(at, size), level);
 }
 
 // The texel of level `level` that `uv` lies in, without filtering; uv is 0 to 1 from the top left, and beyond by the address
 // mode.
 fn texfold_progressive_nearest(uv: vec2<f32>, level: u32) -> vec4<f32> {
     let size = texfold_level_size(texfold_progressive_params.size, level);
-    return texfold_progressive_shown(texfold_nearest(uv, size, texfold_progressive_params.address_mode), level);
+    return texfold_progressive_texel(texfold_nearest(uv, size, texfold_progressive_params.address_mode), level);
 }
 
 // Bilinear filtering at `uv` within level `level`; where that is not stored, of the largest that is.

@@ -131,10 +131,10 @@ fn texfold_zipmap_blend(origin: vec2<i32>, size: vec2<i32>, at: vec2<f32>) -> ve
     );
 }
 
-// Colour and alpha of a texel of a patch; transparent where it is not `seen`.
-fn texfold_zipmap_shown(texel: vec4<f32>, seen: bool) -> vec4<f32> {
+// Colour and alpha of a texel of a patch; transparent where it is not `inside`.
+fn texfold_zipmap_visible(texel: vec4<f32>, inside: bool) -> vec4<f32> {
     let alpha = select(texel.w, texel.y, texfold_zipmap_params.patch_swizzle == TEXFOLD_GRAY_ALPHA);
-    return vec4<f32>(texel.xyz, select(0.0, alpha, seen));
+    return vec4<f32>(texel.xyz, select(0.0, alpha, inside));
 }
 
 // Colour and alpha of a patch at `uv` of the root, where no pixel is larger than its texels.
@@ -144,7 +144,7 @@ fn texfold_zipmap_near(index: u32, uv: vec2<f32>) -> vec4<f32> {
     let at = place.xy / place.z;
     let inside = all(at >= vec2<f32>(0.0)) & all(at <= vec2<f32>(layer.size));
     let texel = texfold_zipmap_blend(layer.origin, layer.size, at);
-    return texfold_zipmap_shown(texel, inside & (place.z >= TEXFOLD_ZIPMAP_HORIZON));
+    return texfold_zipmap_visible(texel, inside & (place.z >= TEXFOLD_ZIPMAP_HORIZON));
 }
 
 // Four texels of level `level` of a patch around `share` of its sides, blended.
@@ -181,8 +181,8 @@ fn texfold_zipmap_layer(index: u32, uv: vec2<f32>, dx: vec2<f32>, dy: vec2<f32>)
             break;
         }
     }
-    let shown = texfold_zipmap_shown(texel, true);
-    return vec4<f32>(shown.xyz, shown.w * select(1.0, 1.0 - (lod - low), last));
+    let visible = texfold_zipmap_visible(texel, true);
+    return vec4<f32>(visible.xyz, visible.w * select(1.0, 1.0 - (lod - low), last));
 }
 
 // Four texels of level `level` of the root around `uv`, blended.
@@ -230,10 +230,10 @@ fn texfold_zipmap_name(list: u32, k: u32) -> u32 {
     return (texfold_zipmap_entry(list + at / 8u)[at / 2u % 4u] >> (16u * (at % 2u))) & 0xffffu;
 }
 
-// Composited colour and remaining transmittance `seen`, with a further patch below.
-fn texfold_zipmap_under(seen: vec4<f32>, shown: vec4<f32>) -> vec4<f32> {
-    let share = seen.w * shown.w;
-    return vec4<f32>(seen.xyz + shown.xyz * share, seen.w - share);
+// Composited colour and remaining transmittance of `front`, with a further patch below.
+fn texfold_zipmap_under(front: vec4<f32>, back: vec4<f32>) -> vec4<f32> {
+    let share = front.w * back.w;
+    return vec4<f32>(front.xyz + back.xyz * share, front.w - share);
 }
 
 // The colour at `uv`, which moves by `dx` and `dy` to the pixels right and below, of a pixel that is about as long as wide.

@@ -4,39 +4,41 @@ use std::borrow::Cow;
 
 use glam::{IVec2, UVec2, Vec2};
 use texfold_core::address::{TEXFOLD_CLAMP, texfold_level_size, texfold_tap};
-use texfold_core::container::{SectionWriter, write_layout};
+use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::sample::{TEXFOLD_NORMAL, texfold_bilinear, texfold_swizzle};
 use texfold_core::{
-    CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, MemoryBits, Notes,
-    Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
+    Budget, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, LoadError,
+    MemoryBits, Notes, Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel,
+    TextureCodec,
 };
 
 use crate::decode::{BcView, TexfoldBcParams, expand, texfold_bc_fetch};
+use crate::parts::Parts;
 use crate::{Bc, Content, ContentPlanes, wire};
 
 /// Images stored as plain blocks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BcTexture {
-    pub(crate) layout: ImageLayout,
-    pub(crate) content: Content,
-    /// Log2 downscale of width and height before compression.
-    pub(crate) reduce_log2: u32,
-    /// For each image the planes of its levels.
-    pub(crate) surfaces: Vec<Vec<ContentPlanes>>,
+    pub(crate) parts: Parts,
     pub(crate) notes: Notes,
 }
 
 impl BcTexture {
+    pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<Self, LoadError> {
+        let notes = Notes::read(file, budget)?;
+        Ok(BcTexture { parts: wire::load(file, budget)?, notes })
+    }
+
     /// How the blocks are stored.
     #[must_use]
     pub fn content(&self) -> Content {
-        self.content
+        self.parts.content
     }
 
     /// Log2 downscale of width and height before compression.
     #[must_use]
     pub fn reduce_log2(&self) -> u32 {
-        self.reduce_log2
+        self.parts.reduce_log2
     }
 
     /// Replaces the notes, as a caller does that chose this codec over another.
@@ -49,8 +51,8 @@ impl BcTexture {
     /// One image as the shader sees it; the last where there is no such image.
     #[must_use]
     pub fn view(&self, surface: u32) -> BcView<'_> {
-        let index = (surface as usize).min(self.surfaces.len() - 1);
-        let (size, levels) = (self.layout.surfaces[index], &self.surfaces[index]);
+        let index = (surface as usize).min(self.parts.surfaces.len() - 1);
+        let (size, levels) = (self.parts.layout.surfaces[index], &self.parts.surfaces[index]);
         let plane = levels[0].size();
         let params = TexfoldBcParams {
             size: [size.width, size.height],
@@ -58,7 +60,7 @@ impl BcTexture {
             levels: levels.len() as u32,
             address_mode: TEXFOLD_CLAMP,
             swizzle: levels[0].swizzle().0,
-            reduced: u32::from(self.reduce_log2 > 0),
+            reduced: u32::from(self.parts.reduce_log2 > 0),
         };
         BcView { params, levels }
     }
@@ -66,7 +68,7 @@ impl BcTexture {
     /// The levels of one image that a GPU holds: those beyond 1 x 1 repeat the last, a texture cannot hold them, and the
     /// shader does not read them.
     fn held(&self, surface: usize) -> &[ContentPlanes] {
-        let levels = &self.surfaces[surface];
+        let levels = &self.parts.surfaces[surface];
         let (width, height) = levels[0].size();
         &levels[..levels.len().min(SurfaceSize { width, height }.full_levels() as usize)]
     }
@@ -91,17 +93,17 @@ impl Encoded for BcTexture {
     }
 
     fn layout(&self) -> &ImageLayout {
-        &self.layout
+        &self.parts.layout
     }
 
     fn sample(&self, at: ImageAddress) -> Texel {
         let clamp = |value: u32| i32::try_from(value).unwrap_or(i32::MAX);
-        let level = at.level.min(self.layout.levels - 1);
+        let level = at.level.min(self.parts.layout.levels - 1);
         texfold_bc_fetch(&self.view(at.surface), IVec2::new(clamp(at.x), clamp(at.y)), level)
     }
 
     fn decode(&self, region: Rect, out: &mut [Texel]) -> Result<(), RegionError> {
-        self.layout.check(region)?;
+        self.parts.layout.check(region)?;
         if out.len() != Image2d::len(region) {
             return Err(RegionError::OutputLength { found: out.len(), needed: Image2d::len(region) });
         }
@@ -116,8 +118,8 @@ impl Encoded for BcTexture {
 
     fn store(&self, out: &mut SectionWriter) {
         self.notes.write(out);
-        write_layout(&self.layout, out);
-        wire::store(self, out);
+        write_layout(&self.parts.layout, out);
+        wire::store(&self.parts, out);
     }
 
     fn footprint(&self) -> Footprint {
@@ -126,7 +128,7 @@ impl Encoded for BcTexture {
 
     fn gpu(&self) -> GpuForm<'_> {
         let mut form = GpuForm::new("bc");
-        for surface in 0..self.surfaces.len() {
+        for surface in 0..self.parts.surfaces.len() {
             let first = form.planes.len();
             form.planes.extend(self.planes_of(surface));
             let start = form.uniforms.len();
@@ -140,7 +142,7 @@ impl Encoded for BcTexture {
     }
 
     fn memory(&self) -> MemoryBits {
-        let planes = (0..self.surfaces.len()).flat_map(|surface| self.held(surface).iter());
+        let planes = (0..self.parts.surfaces.len()).flat_map(|surface| self.held(surface).iter());
         let bits = |level: &ContentPlanes| {
             let (width, height) = level.size();
             let texels = u64::from(width) * u64::from(height);
@@ -151,7 +153,7 @@ impl Encoded for BcTexture {
             level.planes().iter().map(of).fold((0, 0), |sum, bits| (sum.0 + bits.0, sum.1 + bits.1))
         };
         let (stored, counted) = planes.map(bits).fold((0, 0), |sum, bits| (sum.0 + bits.0, sum.1 + bits.1));
-        let headers = 8 * (self.surfaces.len() * size_of::<TexfoldBcParams>()) as u64;
+        let headers = 8 * (self.parts.surfaces.len() * size_of::<TexfoldBcParams>()) as u64;
         MemoryBits { total: stored + headers, counted }
     }
 
@@ -191,11 +193,4 @@ fn enlarge(view: &BcView<'_>, region: Rect, out: &mut [Texel]) {
             }
         }
     }
-}
-
-/// Bytes that [`Encoded::gpu`] takes for each image of `planes` planes, beside the texels: descriptions of planes and of what to
-/// bind, and parameters. Vectors that grow hold up to three times their values for a moment.
-pub(crate) fn gpu_bytes(planes: usize) -> u64 {
-    let bound = size_of::<SurfaceBinding>() + 2 * planes.max(2) * size_of::<usize>();
-    3 * (2 * planes * size_of::<Plane<'_>>() + bound + size_of::<TexfoldBcParams>()) as u64
 }

@@ -19,6 +19,7 @@ pub mod decode;
 #[cfg(feature = "encode")]
 mod encode;
 mod encoded;
+mod parts;
 mod wire;
 
 pub use blocks::{BlockTexels, decode_block};
@@ -40,6 +41,6 @@ impl TextureCodec for Bc {
     type Encoded = BcTexture;
 
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<BcTexture, LoadError> {
-        wire::load(file, budget)
+        BcTexture::load(file, budget)
     }
 }

@@ -1,10 +1,11 @@
 //! Sections of a `bc` file: "BCFM" (content, reduction) and "BLKS" (all planes of all levels of all images).
 
-use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
-use texfold_core::{Budget, LoadError, PlaneFormat, String4};
+use texfold_core::container::{Reader, SectionWriter, Sections, read_layout};
+use texfold_core::{Budget, LoadError, Plane, PlaneFormat, String4, SurfaceBinding};
 
-use crate::encoded::gpu_bytes;
-use crate::{BcTexture, Content, ContentPlanes};
+use crate::decode::TexfoldBcParams;
+use crate::parts::Parts;
+use crate::{Content, ContentPlanes};
 
 const FORM_ID: [u8; 4] = *b"BCFM";
 const BLOCKS_ID: [u8; 4] = *b"BLKS";
@@ -12,15 +13,14 @@ const BLOCKS_ID: [u8; 4] = *b"BLKS";
 /// Largest log2 downscale of width and height.
 pub(crate) const MAX_REDUCE_LOG2: u32 = 3;
 
-pub(crate) fn store(texture: &BcTexture, out: &mut SectionWriter) {
-    out.section("container", FORM_ID, &[texture.content.number(), texture.reduce_log2 as u8]);
-    let planes = texture.surfaces.iter().flatten().flat_map(ContentPlanes::planes);
+pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
+    out.section("container", FORM_ID, &[parts.content.number(), parts.reduce_log2 as u8]);
+    let planes = parts.surfaces.iter().flatten().flat_map(ContentPlanes::planes);
     let raw: Vec<u8> = planes.flat_map(|(_, bytes)| bytes).copied().collect();
     out.section("blocks", BLOCKS_ID, &raw);
 }
 
-pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<BcTexture, LoadError> {
-    let notes = Notes::read(file, budget)?;
+pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<Parts, LoadError> {
     let layout = read_layout(file, budget)?;
     let form = file.read(FORM_ID, budget)?;
     let mut reader = Reader::new(String4(FORM_ID), &form);
@@ -55,5 +55,12 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<BcTexture
         surfaces.push(levels);
     }
     blocks.end()?;
-    Ok(BcTexture { layout, content, reduce_log2, surfaces, notes })
+    Ok(Parts { layout, content, reduce_log2, surfaces })
+}
+
+/// Bytes that [`texfold_core::Encoded::gpu`] takes for each image of `planes` planes, beside the texels: descriptions of planes and of what to
+/// bind, and parameters. Vectors that grow hold up to three times their values for a moment.
+fn gpu_bytes(planes: usize) -> u64 {
+    let bound = size_of::<SurfaceBinding>() + 2 * planes.max(2) * size_of::<usize>();
+    3 * (2 * planes * size_of::<Plane<'_>>() + bound + size_of::<TexfoldBcParams>()) as u64
 }

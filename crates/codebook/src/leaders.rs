@@ -8,7 +8,7 @@ use ndarray::{Array2, ArrayView2};
 use crate::rotation::Rotation;
 use crate::search::{padded_dims, within_reach};
 
-/// A codebook that grows by what it cannot show.
+/// A codebook that grows by the vectors that it does not hold.
 #[derive(Debug, Clone)]
 pub struct Leaders {
     rotation: Rotation,

@@ -3,9 +3,9 @@
 /// Number and name of a codec in files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct CodecId {
-    /// What is stored.
+    /// The number in files.
     pub number: u16,
-    /// What is shown.
+    /// The name that users read and write.
     pub name: &'static str,
 }
 

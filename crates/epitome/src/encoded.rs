@@ -16,7 +16,8 @@ use texfold_residual::{BASE_PART, RESIDUAL_PART, ResidualContent};
 use crate::decode::{EpitomeView, TexfoldEpitomeParams, texfold_epitome_fetch};
 use crate::fast::{decode_leaf, leaves};
 use crate::format::{Entry, GainOffset, MapFormat, Matrix};
-use crate::parts::{DrawnLevel, Layering, Parts};
+use crate::layers::Layering;
+use crate::parts::{DrawnLevel, Parts};
 use crate::{Epitome, wire};
 
 /// Images stored as a map into an epitome.

@@ -6,8 +6,10 @@
 use texfold_bc::ContentPlanes;
 use texfold_core::PlaneFormat;
 
-use crate::map::MapPlane;
-use crate::parts::{Layering, MAX_LAYERS, Parts};
+use crate::map::CoarserMap;
+
+/// Most layers of a file.
+pub const MAX_LAYERS: u32 = 8;
 
 /// Texels a side of a cell.
 const CELL: u32 = 4;
@@ -29,36 +31,23 @@ pub(crate) fn layer_names(layer: u32) -> (&'static str, &'static str) {
     NAMES[(layer as usize).min(NAMES.len() - 1)]
 }
 
-impl Parts {
-    /// The parts with the first `count` layers, at least one; `None` where no more are there.
-    pub(crate) fn first_layers(&self, count: u32) -> Option<Parts> {
-        let layering = self.layering.as_ref()?;
-        let count = count.max(1);
-        if count >= layering.loaded() {
-            return None;
-        }
-        let mut parts = self.clone();
-        parts.map = MapPlane::new(&self.format, &self.palettes, &self.map_of(count - 1));
-        for (levels, cells) in parts.epitomes.iter_mut().zip(&layering.cells) {
-            let columns = columns_of(levels);
-            let cells = cells.unpacked();
-            for (level, planes) in (0u32..).zip(levels.iter_mut()) {
-                let layers = layers_at(&cells, columns, level);
-                let gone = numbers(&layers, |layer| u32::from(layer) >= count);
-                *planes = edited(planes, &gone, |place, _| place.fill(0));
-            }
-        }
-        let cells = |cells: &CellLayers| {
-            let cells: Vec<u8> = cells.unpacked().into_iter().map(|layer| layer.min(count as u8)).collect();
-            CellLayers::new(&cells, layering.total)
-        };
-        parts.layering = Some(Box::new(Layering {
-            total: layering.total,
-            rows: layering.rows.clone(),
-            coarser: layering.coarser[..count as usize - 1].to_vec(),
-            cells: layering.cells.iter().map(cells).collect(),
-        }));
-        Some(parts)
+/// Which layers of a file are there.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Layering {
+    /// Layers of the whole file.
+    pub(crate) total: u32,
+    /// For each epitome how many rows of texels the finest layer of the file reads.
+    pub(crate) rows: Vec<u32>,
+    /// Maps of the layers that are there but the finest, coarse to fine, each as what differs from the next finer one.
+    pub(crate) coarser: Vec<CoarserMap>,
+    /// For each epitome the layer that brings each cell; cells that are not there have the next layer.
+    pub(crate) cells: Vec<CellLayers>,
+}
+
+impl Layering {
+    /// Layers that are there.
+    pub(crate) fn loaded(&self) -> u32 {
+        self.coarser.len() as u32 + 1
     }
 }
 
@@ -170,7 +159,8 @@ pub(crate) fn edited(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::same_leaves;
+    use crate::map::{MapPlane, same_leaves};
+    use crate::parts::Parts;
     use crate::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
     use texfold_core::image::ImageSet;
     use texfold_core::metric::decode_surface;

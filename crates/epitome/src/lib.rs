@@ -29,10 +29,10 @@ mod wire;
 pub use encode::EpitomeSearch;
 pub use encoded::EpitomeTexture;
 pub use format::{Entry, GainOffset, IDENTITY, MapFormat, Matrix, NEUTRAL};
+pub use layers::MAX_LAYERS;
 #[cfg(feature = "encode")]
 pub use params::{EpitomeParams, EpitomeSource, Transforms};
 pub use part_images::{PartImages, part_images};
-pub use parts::MAX_LAYERS;
 
 use texfold_core::container::Sections;
 use texfold_core::{Budget, CodecId, Image2d, LoadError, Notes, TextureCodec};

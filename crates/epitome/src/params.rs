@@ -4,7 +4,7 @@ use texfold_bc::{Bc1Blocks, Content, Family};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::{Effort, Goal, ParamError, Params};
 
-use crate::parts::MAX_LAYERS;
+use crate::layers::MAX_LAYERS;
 
 /// What is factored.
 #[derive(Debug, Clone, Copy)]

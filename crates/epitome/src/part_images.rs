@@ -88,16 +88,16 @@ fn rgb([width, height]: [u32; 2], texels: &[Texel]) -> Option<Raster> {
 }
 
 /// A leaf of an image, and where its content comes from.
-struct Shown<'a> {
+struct DrawnLeaf<'a> {
     view: EpitomeView<'a>,
     leaf: TexfoldEpitomeLeaf,
     source: TexfoldEpitomeSource,
 }
 
 /// Colour of a leaf's texel, whose centre lies at that place of the image.
-type Color = fn(&Shown<'_>, Vec2) -> Vec3;
+type Color = fn(&DrawnLeaf<'_>, Vec2) -> Vec3;
 
-impl Shown<'_> {
+impl DrawnLeaf<'_> {
     /// The place in the epitome that the texel around `at` is read at, in texels.
     fn place(&self, at: Vec2) -> Vec2 {
         let level = texfold_epitome_plane_level(&self.view, self.source.matrix, 0);
@@ -113,15 +113,15 @@ impl Shown<'_> {
 }
 
 /// Calls `visit` for each texel of an image with its leaf.
-fn for_each_texel(texture: &EpitomeTexture, surface: u32, mut visit: impl FnMut(&Shown<'_>, UVec2)) {
+fn for_each_texel(texture: &EpitomeTexture, surface: u32, mut visit: impl FnMut(&DrawnLeaf<'_>, UVec2)) {
     let Some(whole) = texture.layout().whole(surface, 0) else { return };
     let view = texture.view(surface);
     for leaf in leaves(&view, whole) {
-        let shown = Shown { view, leaf, source: texfold_epitome_source(&view, leaf.entry) };
+        let drawn = DrawnLeaf { view, leaf, source: texfold_epitome_source(&view, leaf.entry) };
         let end = (leaf.corner + leaf.side).min(UVec2::new(whole.width, whole.height));
         for y in leaf.corner.y..end.y {
             for x in leaf.corner.x..end.x {
-                visit(&shown, UVec2::new(x, y));
+                visit(&drawn, UVec2::new(x, y));
             }
         }
     }
@@ -130,10 +130,10 @@ fn for_each_texel(texture: &EpitomeTexture, surface: u32, mut visit: impl FnMut(
 fn draw_leaves(texture: &EpitomeTexture, surface: u32, color: Color) -> Option<Raster> {
     let [width, height] = texture.view(surface).params.size;
     let mut texels = vec![Texel::ONE; width as usize * height as usize];
-    for_each_texel(texture, surface, |shown, at| {
-        let edge = at.x == shown.leaf.corner.x || at.y == shown.leaf.corner.y;
+    for_each_texel(texture, surface, |drawn, at| {
+        let edge = at.x == drawn.leaf.corner.x || at.y == drawn.leaf.corner.y;
         let shade = if edge { OUTLINE } else { 1.0 };
-        let color = shade * color(shown, at.as_vec2() + Vec2::splat(0.5));
+        let color = shade * color(drawn, at.as_vec2() + Vec2::splat(0.5));
         texels[at.y as usize * width as usize + at.x as usize] = color.extend(1.0);
     });
     rgb([width, height], &texels)
@@ -151,14 +151,14 @@ fn draw_charts(
     texture.decode(whole, &mut image).ok()?;
     let width = whole.width as usize;
     let mut texels: Vec<Texel> = image.iter().map(|texel| (CHART_GROUND * *texel).with_w(1.0)).collect();
-    for_each_texel(texture, surface, |shown, at| {
-        let TexfoldEpitomeSource { matrix, gain, offset, plane, .. } = shown.source;
+    for_each_texel(texture, surface, |drawn, at| {
+        let TexfoldEpitomeSource { matrix, gain, offset, plane, .. } = drawn.source;
         let is_upright = matrix.y == 0.0 && matrix.z == 0.0 && matrix.x > 0.0 && matrix.w > 0.0;
         if !is_upright || gain != Vec4::ONE || offset != Vec4::ZERO {
             return;
         }
-        let cell = shown.place(at.as_vec2() + Vec2::splat(0.5)).max(Vec2::ZERO).as_uvec2() / CELL;
-        let own = (surface, shown.leaf.entry);
+        let cell = drawn.place(at.as_vec2() + Vec2::splat(0.5)).max(Vec2::ZERO).as_uvec2() / CELL;
+        let own = (surface, drawn.leaf.entry);
         if *owners[plane as usize].entry(cell).or_insert(own) == own {
             let at = at.y as usize * width + at.x as usize;
             texels[at] = image[at];
@@ -167,19 +167,19 @@ fn draw_charts(
     rgb([whole.width, whole.height], &texels)
 }
 
-fn position_color(shown: &Shown<'_>, at: Vec2) -> Vec3 {
-    let place = shown.place(at) / shown.plane_size();
-    place.clamp(Vec2::ZERO, Vec2::ONE).extend(shown.source.plane as f32)
+fn position_color(drawn: &DrawnLeaf<'_>, at: Vec2) -> Vec3 {
+    let place = drawn.place(at) / drawn.plane_size();
+    place.clamp(Vec2::ZERO, Vec2::ONE).extend(drawn.source.plane as f32)
 }
 
-fn offset_color(shown: &Shown<'_>, _: Vec2) -> Vec3 {
-    let matrix = shown.source.matrix;
-    let centre = shown.leaf.corner.as_vec2() + Vec2::splat(0.5 * shown.leaf.side as f32);
+fn offset_color(drawn: &DrawnLeaf<'_>, _: Vec2) -> Vec3 {
+    let matrix = drawn.source.matrix;
+    let centre = drawn.leaf.corner.as_vec2() + Vec2::splat(0.5 * drawn.leaf.side as f32);
     let laid =
         Vec2::new(matrix.x * centre.x + matrix.y * centre.y, matrix.z * centre.x + matrix.w * centre.y);
-    let offset = shown.source.position - laid;
-    let size = UVec2::from(shown.view.params.size).as_vec2();
-    let far = size.max(shown.plane_size()).max_element();
+    let offset = drawn.source.position - laid;
+    let size = UVec2::from(drawn.view.params.size).as_vec2();
+    let far = size.max(drawn.plane_size()).max_element();
     // A root, so that short distances are told apart.
     let saturation = (offset.length() / far).min(1.0).sqrt();
     Vec3::ONE.lerp(hue(offset), saturation)
@@ -192,14 +192,14 @@ fn hue(direction: Vec2) -> Vec3 {
     Vec3::new(ramp(0.0), ramp(2.0 / 3.0), ramp(1.0 / 3.0)).clamp(Vec3::ZERO, Vec3::ONE)
 }
 
-fn side_color(shown: &Shown<'_>, _: Vec2) -> Vec3 {
+fn side_color(drawn: &DrawnLeaf<'_>, _: Vec2) -> Vec3 {
     // A block is split twice at most: two octaves.
-    let octaves = (shown.view.params.block / shown.leaf.side).ilog2() as f32;
+    let octaves = (drawn.view.params.block / drawn.leaf.side).ilog2() as f32;
     Vec3::splat(DARKEST + (1.0 - DARKEST) * octaves / 2.0)
 }
 
-fn scale_color(shown: &Shown<'_>, _: Vec2) -> Vec3 {
-    let matrix = shown.source.matrix;
+fn scale_color(drawn: &DrawnLeaf<'_>, _: Vec2) -> Vec3 {
+    let matrix = drawn.source.matrix;
     let share = (matrix.x * matrix.w - matrix.y * matrix.z).abs();
     let octaves = share.log2().clamp(LEAST_SHARE_LOG2, 0.0);
     Vec3::splat(1.0 - (1.0 - DARKEST) * octaves / LEAST_SHARE_LOG2)
@@ -210,11 +210,11 @@ fn count_reads(texture: &EpitomeTexture, plane: u32, [width, height]: [u32; 2]) 
     let (columns, rows) = (width.div_ceil(CELL), height.div_ceil(CELL));
     let mut counts = vec![0u32; columns as usize * rows as usize];
     for surface in 0..texture.layout().surfaces.len() as u32 {
-        for_each_texel(texture, surface, |shown, at| {
-            if shown.source.plane != plane {
+        for_each_texel(texture, surface, |drawn, at| {
+            if drawn.source.plane != plane {
                 return;
             }
-            let place = shown.place(at.as_vec2() + Vec2::splat(0.5)).max(Vec2::ZERO);
+            let place = drawn.place(at.as_vec2() + Vec2::splat(0.5)).max(Vec2::ZERO);
             let cell = (place.as_uvec2() / CELL).min(UVec2::new(columns - 1, rows - 1));
             counts[cell.y as usize * columns as usize + cell.x as usize] += 1;
         });
@@ -286,12 +286,12 @@ mod tests {
         let at = UVec2::new(101, 59);
         let leaf = texfold_epitome_leaf(&view, at);
         let source = texfold_epitome_source(&view, leaf.entry);
-        let shown = Shown { view, leaf, source };
-        let wanted = position_color(&shown, at.as_vec2() + Vec2::splat(0.5));
+        let drawn = DrawnLeaf { view, leaf, source };
+        let wanted = position_color(&drawn, at.as_vec2() + Vec2::splat(0.5));
         assert!(at.x > leaf.corner.x && at.y > leaf.corner.y, "an edge is drawn darker");
         let found = parts.positions[0].texel(at.x, at.y).truncate();
         assert!((found - wanted).abs().max_element() < 1e-6, "{found} {wanted}");
-        let place = shown.place(at.as_vec2() + Vec2::splat(0.5));
+        let place = drawn.place(at.as_vec2() + Vec2::splat(0.5));
         let usage = &parts.usage[source.plane as usize];
         assert!(usage.texel(place.x as u32, place.y as u32).x >= DARKEST, "the cell is read");
     }

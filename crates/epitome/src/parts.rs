@@ -8,8 +8,8 @@ use texfold_residual::ResidualContent;
 
 use crate::decode::TEXFOLD_EPITOME_FINE_LEVELS;
 use crate::format::{LayerMap, MapFormat, Palettes};
-use crate::layers::CellLayers;
-use crate::map::{CoarserMap, MapPlane};
+use crate::layers::{CellLayers, Layering, columns_of, edited, layers_at, numbers};
+use crate::map::MapPlane;
 
 /// Mip levels that an epitome has beside its full size, where there are any: one less than the image has that are
 /// read from it, as blending four texels halves once more.
@@ -17,9 +17,6 @@ pub(crate) const PLANE_MIPS: u32 = 1;
 /// Most entries and most blocks: the map plane, with up to one and a half words an entry, has at most 8192 x 8192
 /// words.
 pub(crate) const MAX_ENTRIES: u64 = 1 << 25;
-/// Most layers of a file.
-pub const MAX_LAYERS: u32 = 8;
-
 /// All that a file holds, before it is laid out for sampling.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Parts {
@@ -45,6 +42,37 @@ impl Parts {
         let Some(layering) = &self.layering else { return finest };
         let coarser = layering.coarser.iter().skip(layer as usize).rev();
         coarser.fold(finest, |finer, map| map.unpacked(&self.format, &finer))
+    }
+
+    /// The parts with the first `count` layers, at least one; `None` where no more are there.
+    pub(crate) fn first_layers(&self, count: u32) -> Option<Parts> {
+        let layering = self.layering.as_ref()?;
+        let count = count.max(1);
+        if count >= layering.loaded() {
+            return None;
+        }
+        let mut parts = self.clone();
+        parts.map = MapPlane::new(&self.format, &self.palettes, &self.map_of(count - 1));
+        for (levels, cells) in parts.epitomes.iter_mut().zip(&layering.cells) {
+            let columns = columns_of(levels);
+            let cells = cells.unpacked();
+            for (level, planes) in (0u32..).zip(levels.iter_mut()) {
+                let layers = layers_at(&cells, columns, level);
+                let gone = numbers(&layers, |layer| u32::from(layer) >= count);
+                *planes = edited(planes, &gone, |place, _| place.fill(0));
+            }
+        }
+        let cells = |cells: &CellLayers| {
+            let cells: Vec<u8> = cells.unpacked().into_iter().map(|layer| layer.min(count as u8)).collect();
+            CellLayers::new(&cells, layering.total)
+        };
+        parts.layering = Some(Box::new(Layering {
+            total: layering.total,
+            rows: layering.rows.clone(),
+            coarser: layering.coarser[..count as usize - 1].to_vec(),
+            cells: layering.cells.iter().map(cells).collect(),
+        }));
+        Some(parts)
     }
 
     /// Columns and rows of an epitome without a residual plane as it is drawn: with all layers there, rows below
@@ -101,26 +129,6 @@ impl<'a> DrawnLevel<'a> {
     /// Whether a GPU holds the same of both.
     pub(crate) fn is_drawn_as(self, other: DrawnLevel<'_>) -> bool {
         self.size == other.size && self.planes().eq(other.planes())
-    }
-}
-
-/// Which layers of a file are there.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Layering {
-    /// Layers of the whole file.
-    pub(crate) total: u32,
-    /// For each epitome how many rows of texels the finest layer of the file reads.
-    pub(crate) rows: Vec<u32>,
-    /// Maps of the layers that are there but the finest, coarse to fine, each as what differs from the next finer one.
-    pub(crate) coarser: Vec<CoarserMap>,
-    /// For each epitome the layer that brings each cell; cells that are not there have the next layer.
-    pub(crate) cells: Vec<CellLayers>,
-}
-
-impl Layering {
-    /// Layers that are there.
-    pub(crate) fn loaded(&self) -> u32 {
-        self.coarser.len() as u32 + 1
     }
 }
 

@@ -67,7 +67,7 @@ fn content_of_its_own_place_and_size_is_plain_content() {
     let texture = encode("odd_37x61", plain, None);
     assert_eq!((texture.matrices(), texture.gain_offsets()), (&[IDENTITY][..], &[NEUTRAL][..]));
     let verdict = &texture.notes().verdict;
-    assert!(verdict.contains("0% of the texels are shown by content from elsewhere, 0% by"), "{verdict}");
+    assert!(verdict.contains("0% of the texels are drawn from content elsewhere, 0% from"), "{verdict}");
     assert!(texture.notes().settings.ends_with("without references, without scales"));
 }
 

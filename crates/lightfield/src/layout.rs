@@ -1,6 +1,6 @@
 //! Where maps lie in their atlases: a function of which maps there are, so no place is stored.
 //!
-//! A layer is the mean or a term. It holds patches of several sides and, of a term, view maps; what shows which of them is
+//! A layer is the mean or a term. It holds patches of several sides and, of a term, view maps; which triangle or vertex uses which of them is
 //! [`Sharing`]. All layers of one atlas have its width and lie one below the other.
 
 use texfold_core::MAX_PLANE_SIDE;
@@ -19,10 +19,10 @@ pub(crate) fn reduced(sides_log2: &[u8], reduce_log2: u8) -> Vec<u8> {
     sides_log2.iter().map(|log2| log2.saturating_sub(reduce_log2)).collect()
 }
 
-/// Which of a layer's maps shows what.
+/// Which of a layer's maps is used where.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Sharing {
-    /// Whether maps are codewords that several may show; otherwise each has its own, in order.
+    /// Whether maps are codewords that several may use; otherwise each has its own, in order.
     pub(crate) shared: bool,
     /// Patches by binary logarithm of their side.
     pub(crate) patches: [u32; SIDES],

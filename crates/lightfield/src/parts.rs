@@ -37,7 +37,7 @@ pub(crate) struct Parts {
     pub(crate) terms: u32,
     /// Scales of the terms that are there: term by term, vertex by vertex, red, green and blue.
     pub(crate) scales: Vec<u8>,
-    /// Which maps show what: of the mean, then of the terms that are there.
+    /// Which maps are used where: of the mean, then of the terms that are there.
     pub(crate) layers: Vec<Sharing>,
     pub(crate) widths: Widths,
     pub(crate) mean: ContentPlanes,

@@ -1,5 +1,5 @@
 //! Sections of a `lightfield` file: "LFFM" (counts and settings), "LFME" (mesh and sides of patches), "LFMN" (the mean's planes), then
-//! for each term "LFQ0" (scales and which maps are shown), "LFG0" (surface maps) and "LFH0" (view maps), with the term's number as last letter.
+//! for each term "LFQ0" (scales and which maps are used), "LFG0" (surface maps) and "LFH0" (view maps), with the term's number as last letter.
 //! A file that ends after a term is a light field of fewer terms.
 
 use glam::Vec3;
@@ -59,7 +59,7 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
 }
 
 /// Whether maps are shared; where they are, how many there are of each side and of view maps, and the numbers of those that are
-/// shown: all lowest bytes, all middle ones, all highest ones.
+/// used: all lowest bytes, all middle ones, all highest ones.
 fn push_sharing(raw: &mut Vec<u8>, sharing: &Sharing) {
     raw.push(u8::from(sharing.shared));
     if !sharing.shared {
@@ -67,14 +67,14 @@ fn push_sharing(raw: &mut Vec<u8>, sharing: &Sharing) {
     }
     raw.extend(sharing.patches.iter().chain([&sharing.views]).flat_map(|count| count.to_le_bytes()));
     for numbers in [&sharing.patch_of, &sharing.view_of] {
-        let shown: Vec<[u8; 4]> =
+        let used: Vec<[u8; 4]> =
             numbers.iter().filter(|&&number| number != NONE).map(|number| number.to_le_bytes()).collect();
-        (0..3).for_each(|byte| raw.extend(shown.iter().map(|number| number[byte])));
+        (0..3).for_each(|byte| raw.extend(used.iter().map(|number| number[byte])));
     }
 }
 
 /// Places byte by byte (all lowest bytes of x, then the next, so that alike bytes stand together), indices as the difference
-/// to the index before, byte by byte, then the sides and which patches of the mean are shown.
+/// to the index before, byte by byte, then the sides and which patches of the mean are used.
 fn mesh_bytes(parts: &Parts) -> Vec<u8> {
     let mut raw = Vec::new();
     for axis in 0..3 {
@@ -130,7 +130,7 @@ struct Form {
 struct MeshSection {
     mesh: Mesh,
     sides_log2: Vec<u8>,
-    /// Which patches of the mean are shown.
+    /// Which patches of the mean are used.
     mean: Sharing,
 }
 
@@ -199,7 +199,7 @@ fn take_tables(form: &Form, terms: u32, budget: &mut Budget) -> Result<(), LoadE
     Ok(budget.take(layouts + normals + 2 * 4 * words(vertices, triangles, terms))?)
 }
 
-/// Which maps of a term are shown: by vertices with a scale that is not 0.
+/// Which maps of a term are used: by vertices with a scale that is not 0.
 fn read_term(
     reader: &mut Reader<'_>,
     mesh: &Mesh,
@@ -218,7 +218,7 @@ fn read_term(
     Ok(sharing)
 }
 
-/// Numbers of the maps that are shown, where `own` says which are; and those where they are shared.
+/// Numbers of the maps that are used, where `own` says which are; and those where they are shared.
 fn read_sharing(
     reader: &mut Reader<'_>,
     mut own: Sharing,
@@ -233,7 +233,7 @@ fn read_sharing(
     for count in own.patches.iter_mut().chain([&mut own.views]) {
         let stored = reader.u32()?;
         if stored > *count {
-            return Err(reader.corrupt("more maps than are shown"));
+            return Err(reader.corrupt("more maps than are used"));
         }
         *count = stored;
     }
@@ -251,8 +251,8 @@ fn read_numbers(
 ) -> Result<(), LoadError> {
     let count = numbers.iter().filter(|&&number| number != NONE).count();
     let planes = [reader.bytes(count)?, reader.bytes(count)?, reader.bytes(count)?];
-    let shown = numbers.iter_mut().enumerate().filter(|(_, number)| **number != NONE);
-    for (next, (at, number)) in shown.enumerate() {
+    let used = numbers.iter_mut().enumerate().filter(|(_, number)| **number != NONE);
+    for (next, (at, number)) in used.enumerate() {
         *number = u32::from_le_bytes([planes[0][next], planes[1][next], planes[2][next], 0]);
         if *number >= end(at) {
             return Err(reader.corrupt("a map that does not exist"));

@@ -14,6 +14,12 @@ use texfold_bc::ContentPlanes;
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
 use texfold_core::{Cached, SurfaceSize, Texel, WordRows};
 
+/// Name of the map in a footprint.
+pub(crate) const MAP_PART: &str = "map";
+/// Name of a codebook that is kept elsewhere.
+pub(crate) const PUBLIC_PART: &str = "public codebook";
+/// Name of a texture's own codebook.
+pub(crate) const PRIVATE_PART: &str = "codebook";
 /// Texels a side of the pieces that codebooks are made of.
 pub const CELL_SIDE: u32 = 32;
 /// Longest side of a codebook in texels; public and private rows together are no more.

@@ -221,7 +221,7 @@ pub fn texfold_progressive_filtered(
 
 /// The texel at `at` of level `level`, which lies inside: as it is stored, or between four of those.
 #[must_use]
-pub fn texfold_progressive_shown(view: &ProgressiveView<'_>, at: UVec2, level: u32) -> Texel {
+pub fn texfold_progressive_texel(view: &ProgressiveView<'_>, at: UVec2, level: u32) -> Texel {
     if level >= view.params.shrink_log2 {
         return texfold_progressive_load(view, at.as_ivec2(), level - view.params.shrink_log2);
     }
@@ -234,14 +234,14 @@ pub fn texfold_progressive_shown(view: &ProgressiveView<'_>, at: UVec2, level: u
 #[must_use]
 pub fn texfold_progressive_fetch(view: &ProgressiveView<'_>, at: IVec2, level: u32) -> Texel {
     let size = texfold_level_size(UVec2::from(view.params.size), level);
-    texfold_progressive_shown(view, texfold_inside(at, size), level)
+    texfold_progressive_texel(view, texfold_inside(at, size), level)
 }
 
 /// The texel that `uv` lies in, without filtering.
 #[must_use]
 pub fn texfold_progressive_nearest(view: &ProgressiveView<'_>, uv: Vec2, level: u32) -> Texel {
     let size = texfold_level_size(UVec2::from(view.params.size), level);
-    texfold_progressive_shown(view, texfold_nearest(uv, size, view.params.address_mode), level)
+    texfold_progressive_texel(view, texfold_nearest(uv, size, view.params.address_mode), level)
 }
 
 /// Bilinear filtering within one level; where that is not stored, of the largest that is.

@@ -6,7 +6,7 @@ use texfold_core::{
     LoadError, MemoryBits, Notes, Rect, Refine, RegionError, Texel,
 };
 
-use crate::{BlockImages, TexelTexture, wire};
+use crate::{BlockImages, TexelTexture};
 
 /// Images that arrive over time.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,7 +23,7 @@ impl ProgressiveTexture {
         if BlockImages::is_in(file) {
             return BlockImages::load(file, budget).map(ProgressiveTexture::Block);
         }
-        wire::load(file, None, budget).map(ProgressiveTexture::from)
+        TexelTexture::load(file, None, budget).map(ProgressiveTexture::from)
     }
 
     /// How its texels are reached.

@@ -71,7 +71,7 @@ impl Progressive {
         public: &Codebook,
         budget: &mut Budget,
     ) -> Result<TexelTexture, LoadError> {
-        wire::load(file, Some(public), budget)
+        TexelTexture::load(file, Some(public), budget)
     }
 
     /// As [`TextureCodec::load`], for a file of the form that is read texel by texel.
@@ -79,7 +79,7 @@ impl Progressive {
     /// # Errors
     /// [`LoadError`] as there, and where the file has the other form.
     pub fn load_by_texel(file: &Sections<'_>, budget: &mut Budget) -> Result<TexelTexture, LoadError> {
-        wire::load(file, None, budget)
+        TexelTexture::load(file, None, budget)
     }
 
     /// Writes a public codebook as a separate file.

@@ -57,7 +57,7 @@ impl SharedSearch for Progressive {
 
 impl Progressive {
     /// As [`Encoder::encode`] by texel, with a public codebook. [`TexelTexture::details`] of the result names the codebook
-    /// that it shows: the same, or one that grew from it. A goal of bits counts the texture's own.
+    /// that it uses: the same, or one that grew from it. A goal of bits counts the texture's own.
     ///
     /// # Errors
     /// [`EncodeError`] as there.

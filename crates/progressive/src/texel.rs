@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{IVec2, UVec2, Vec2, Vec4};
 use texfold_bc::Content;
 use texfold_core::address::{TEXFOLD_CLAMP, texfold_inside, texfold_level_size};
-use texfold_core::container::{SectionWriter, Sections, write_layout};
+use texfold_core::container::{SectionWriter, Sections, read_layout, write_layout};
 use texfold_core::sample::texfold_bilinear;
 use texfold_core::{
     Budget, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Layers,
@@ -13,19 +13,12 @@ use texfold_core::{
 };
 use texfold_residual::{RESIDUAL_PART, RateModel, ResidualContent};
 
-use crate::codebook::{Codebook, Details};
+use crate::codebook::{Codebook, Details, MAP_PART, PRIVATE_PART, PUBLIC_PART};
 use crate::decode::{
     ProgressiveView, TexfoldProgressiveParams, texfold_progressive_detail, texfold_progressive_fetch,
     texfold_progressive_load, texfold_progressive_taps,
 };
 use crate::{Progressive, wire};
-
-/// Name of the map in a footprint.
-pub(crate) const MAP_PART: &str = "map";
-/// Name of a codebook that is kept elsewhere.
-pub(crate) const PUBLIC_PART: &str = "public codebook";
-/// Name of a texture's own codebook.
-pub(crate) const PRIVATE_PART: &str = "codebook";
 
 /// Images stored as residual content with details, read texel by texel.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,6 +33,18 @@ pub struct TexelTexture {
 }
 
 impl TexelTexture {
+    /// Loads a texture; `public` is the codebook that it shares with others, or one that grew from it.
+    pub(crate) fn load(
+        file: &Sections<'_>,
+        public: Option<&Codebook>,
+        budget: &mut Budget,
+    ) -> Result<Self, LoadError> {
+        let notes = Notes::read(file, budget)?;
+        let layout = read_layout(file, budget)?;
+        let (content, details) = wire::load(&layout, file, public, budget)?;
+        Ok(TexelTexture::new(layout, content, details, notes))
+    }
+
     /// Of images of that layout, whose stored levels are those of `content`.
     pub(crate) fn new(
         layout: ImageLayout,
@@ -213,7 +218,7 @@ impl Encoded for TexelTexture {
     fn store(&self, out: &mut SectionWriter) {
         self.notes.write(out);
         write_layout(&self.layout, out);
-        wire::store(self, out);
+        wire::store(&self.content, self.details(), out);
     }
 
     fn footprint(&self) -> Footprint {
@@ -268,7 +273,7 @@ impl TexelTexture {
     }
 
     /// The texels of a region of a level that is not stored, equal to
-    /// [`crate::decode::texfold_progressive_shown`] texel by texel.
+    /// [`crate::decode::texfold_progressive_texel`] texel by texel.
     fn decode_upsampled(&self, region: Rect, out: &mut [Texel]) {
         let view = self.view(region.surface);
         let full = texfold_level_size(UVec2::from(view.params.size), region.level).as_vec2();

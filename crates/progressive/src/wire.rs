@@ -5,14 +5,15 @@
 use std::sync::Arc;
 
 use texfold_bc::{Content, ContentPlanes};
-use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
+use texfold_core::container::{Reader, SectionWriter, Sections};
 use texfold_core::{Budget, ImageLayout, LoadError, Plane, String4, SurfaceBinding, Texel, WordRows};
 use texfold_residual::{ContentId, ResidualContent};
 
-use crate::TexelTexture;
-use crate::codebook::{CODEBOOK_PIXEL, Codebook, Details, EntryMap, MAX_CODEBOOK_SIDE, MapForm};
+use crate::codebook::{
+    CODEBOOK_PIXEL, Codebook, Details, EntryMap, MAP_PART, MAX_CODEBOOK_SIDE, MapForm, PRIVATE_PART,
+    PUBLIC_PART,
+};
 use crate::decode::TexfoldProgressiveParams;
-use crate::texel::{MAP_PART, PRIVATE_PART, PUBLIC_PART};
 
 /// The residual content of a file.
 pub(crate) const CONTENT: ContentId = ContentId::ONLY;
@@ -28,12 +29,12 @@ const IMAGE_BYTES: u64 = (2 * size_of::<TexfoldProgressiveParams>()
     // Heap blocks of at least 64 bytes: words, indices of bound planes.
     + 2 * 64) as u64;
 
-pub(crate) fn store(texture: &TexelTexture, out: &mut SectionWriter) {
-    texture.content().store_base(CONTENT, out);
-    if let Some(details) = texture.details() {
+pub(crate) fn store(content: &ResidualContent, details: Option<&Details>, out: &mut SectionWriter) {
+    content.store_base(CONTENT, out);
+    if let Some(details) = details {
         store_details(details, out);
     }
-    texture.content().store_planes(CONTENT, out);
+    content.store_planes(CONTENT, out);
 }
 
 /// Rows and columns of both codebooks, the layout of entries, the least gain; the texture's own codebook; the entries of all
@@ -56,18 +57,18 @@ fn store_details(details: &Details, out: &mut SectionWriter) {
     out.section(MAP_PART, MAP_ID, &raw);
 }
 
-/// Loads a texture; `public` is the codebook that it shares with others, or one that grew from it.
+/// Loads what a texture of images of that layout is made of; `public` is the codebook that it shares with others, or one that
+/// grew from it.
 pub(crate) fn load(
+    layout: &ImageLayout,
     file: &Sections<'_>,
     public: Option<&Codebook>,
     budget: &mut Budget,
-) -> Result<TexelTexture, LoadError> {
-    let notes = Notes::read(file, budget)?;
-    let layout = read_layout(file, budget)?;
+) -> Result<(ResidualContent, Option<Details>), LoadError> {
     budget.take(layout.surfaces.len() as u64 * IMAGE_BYTES)?;
-    let content = ResidualContent::load(&layout, CONTENT, file, budget)?;
+    let content = ResidualContent::load(layout, CONTENT, file, budget)?;
     let details = read_details(content.layout(), public, file, budget)?;
-    Ok(TexelTexture::new(layout, content, details, notes))
+    Ok((content, details))
 }
 
 /// A codebook of the size that the map names.

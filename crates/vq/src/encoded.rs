@@ -3,77 +3,62 @@
 use std::borrow::Cow;
 
 use glam::{IVec2, UVec2};
-use texfold_bc::ContentPlanes;
 use texfold_core::address::texfold_level_size;
-use texfold_core::container::{SectionWriter, write_layout};
+use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::{
-    Cached, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, MAX_PLANE_SIDE,
-    Notes, Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, Texel, TextureCodec,
+    Budget, Cached, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout,
+    LoadError, MAX_PLANE_SIDE, Notes, Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, Texel,
+    TextureCodec,
 };
 
-use crate::classes::{Place, SizeClass};
+use crate::classes::Place;
 use crate::decode::{VqView, texfold_vq_fetch};
+use crate::grid::CodebookPart;
+use crate::parts::Parts;
 use crate::{Vq, wire};
-
-/// A rectangle of the codebook that holds one image sample.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct CodebookPart {
-    /// Column of its upper left texel in the codebook.
-    pub x: u32,
-    /// Row of its upper left texel in the codebook.
-    pub y: u32,
-    /// Columns and rows.
-    pub side: u32,
-    /// Which image it was cut from.
-    pub surface: u32,
-    /// Column in that image.
-    pub source_x: u32,
-    /// Row in that image.
-    pub source_y: u32,
-}
 
 /// Images stored as indices into a codebook.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VqTexture {
-    pub(crate) layout: ImageLayout,
-    pub(crate) codebook: ContentPlanes,
+    pub(crate) parts: Parts,
     /// The codebook's texels: what the CPU reads, and a GPU does not need.
     pub(crate) texels: Cached<Vec<Texel>>,
-    pub(crate) classes: Vec<SizeClass>,
-    /// For each image its class and its number in it.
-    pub(crate) places: Vec<Place>,
-    pub(crate) samples: Vec<CodebookPart>,
-    /// Free 4x4 cells at the end of the codebook, for further images.
-    pub(crate) free_cells: u32,
-    /// RMS error in 8-bit units within which blocks of further images join what is there.
-    pub(crate) join_rms: f32,
     pub(crate) notes: Notes,
 }
 
 impl VqTexture {
+    pub(crate) fn new(parts: Parts, notes: Notes) -> Self {
+        VqTexture { parts, texels: Cached::default(), notes }
+    }
+
+    pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<Self, LoadError> {
+        let notes = Notes::read(file, budget)?;
+        Ok(VqTexture::new(wire::load(file, budget)?, notes))
+    }
+
     /// Columns and rows of the codebook in texels.
     #[must_use]
     pub fn codebook_size(&self) -> (u32, u32) {
-        self.codebook.size()
+        self.parts.codebook.size()
     }
 
     /// How the codebook is stored.
     #[must_use]
     pub fn content(&self) -> texfold_bc::Content {
-        self.codebook.content()
+        self.parts.codebook.content()
     }
 
     /// The codebook's texels, row by row; decoded when first asked for.
     #[must_use]
     #[inline]
     pub fn codebook_texels(&self) -> &[Texel] {
-        self.texels.get_or_make(|| self.codebook.decode())
+        self.texels.get_or_make(|| self.parts.codebook.decode())
     }
 
     /// The image samples in the codebook.
     #[must_use]
     pub fn samples(&self) -> &[CodebookPart] {
-        &self.samples
+        &self.parts.samples
     }
 
     /// Replaces the notes.
@@ -88,14 +73,14 @@ impl VqTexture {
     #[must_use]
     #[inline]
     pub fn view(&self, surface: u32) -> (VqView<'_>, u32) {
-        let place = self.places[(surface as usize).min(self.places.len() - 1)];
-        let class = &self.classes[place.class];
+        let place = self.parts.places[(surface as usize).min(self.parts.places.len() - 1)];
+        let class = &self.parts.classes[place.class];
         let view = VqView {
             params: class.params,
             index: &class.index,
             index_width: class.index_width,
             codebook: self.codebook_texels(),
-            codebook_width: self.codebook.size().0,
+            codebook_width: self.parts.codebook.size().0,
         };
         (view, class.argument(place.number))
     }
@@ -109,18 +94,18 @@ impl Encoded for VqTexture {
     }
 
     fn layout(&self) -> &ImageLayout {
-        &self.layout
+        &self.parts.layout
     }
 
     fn sample(&self, at: ImageAddress) -> Texel {
         let clamp = |value: u32| i32::try_from(value).unwrap_or(i32::MAX);
         let (view, surface) = self.view(at.surface);
-        let level = at.level.min(self.layout.levels - 1);
+        let level = at.level.min(self.parts.layout.levels - 1);
         texfold_vq_fetch(&view, surface, IVec2::new(clamp(at.x), clamp(at.y)), level)
     }
 
     fn decode(&self, region: Rect, out: &mut [Texel]) -> Result<(), RegionError> {
-        self.layout.check(region)?;
+        self.parts.layout.check(region)?;
         if out.len() != Image2d::len(region) {
             return Err(RegionError::OutputLength { found: out.len(), needed: Image2d::len(region) });
         }
@@ -135,8 +120,8 @@ impl Encoded for VqTexture {
 
     fn store(&self, out: &mut SectionWriter) {
         self.notes.write(out);
-        write_layout(&self.layout, out);
-        wire::store(self, out);
+        write_layout(&self.parts.layout, out);
+        wire::store(&self.parts, out);
     }
 
     /// As measured, with the codebook told apart into samples and codewords by their texels.
@@ -146,8 +131,8 @@ impl Encoded for VqTexture {
             return footprint;
         };
         let codebook = footprint.parts.remove(at);
-        let (width, height) = self.codebook.size();
-        let sampled: u64 = self.samples.iter().map(|part| u64::from(part.side * part.side)).sum();
+        let (width, height) = self.parts.codebook.size();
+        let sampled: u64 = self.parts.samples.iter().map(|part| u64::from(part.side * part.side)).sum();
         let share = |bits: u64| bits * sampled / u64::from(width * height);
         let (memory, disk) = (share(codebook.bits_memory), share(codebook.bits_disk));
         if sampled > 0 {
@@ -161,11 +146,11 @@ impl Encoded for VqTexture {
     }
 
     fn gpu(&self) -> GpuForm<'_> {
-        let codebook: Vec<Plane<'_>> = self.codebook.gpu_planes("codebook").collect();
+        let codebook: Vec<Plane<'_>> = self.parts.codebook.gpu_planes("codebook").collect();
         let last = codebook.len() - 1;
         let mut form = GpuForm { planes: codebook, ..GpuForm::new("vq") };
         let mut bindings = Vec::new();
-        for class in &self.classes {
+        for class in &self.parts.classes {
             let start = form.uniforms.len();
             form.uniforms.extend(bytemuck::bytes_of(&class.params));
             bindings.push((vec![form.planes.len(), 0, last], start..form.uniforms.len()));
@@ -180,9 +165,13 @@ impl Encoded for VqTexture {
         }
         let binding = |place: &Place| {
             let (planes, uniforms) = bindings[place.class].clone();
-            SurfaceBinding { planes, uniforms, surface: self.classes[place.class].argument(place.number) }
+            SurfaceBinding {
+                planes,
+                uniforms,
+                surface: self.parts.classes[place.class].argument(place.number),
+            }
         };
-        form.surfaces = self.places.iter().map(binding).collect();
+        form.surfaces = self.parts.places.iter().map(binding).collect();
         form
     }
 
@@ -227,14 +216,16 @@ mod tests {
     use texfold_core::image::ImageSet;
     use texfold_core::{Budget, Encoder, Goal, Job};
 
+    use crate::classes::SizeClass;
     use crate::{VqParams, VqSource};
 
     /// Bytes of everything in a texture whose size depends on the images.
     fn held_bytes(texture: &VqTexture) -> usize {
-        let codebook: usize = texture.codebook.planes().iter().map(|(_, bytes)| bytes.len()).sum();
-        let index: usize = texture.classes.iter().map(|class| 2 * class.index.len()).sum();
-        let images = texture.places.len() * (size_of::<Place>() + size_of::<texfold_core::SurfaceSize>());
-        let classes = texture.classes.len() * size_of::<SizeClass>();
+        let codebook: usize = texture.parts.codebook.planes().iter().map(|(_, bytes)| bytes.len()).sum();
+        let index: usize = texture.parts.classes.iter().map(|class| 2 * class.index.len()).sum();
+        let images =
+            texture.parts.places.len() * (size_of::<Place>() + size_of::<texfold_core::SurfaceSize>());
+        let classes = texture.parts.classes.len() * size_of::<SizeClass>();
         let table = if texture.texels.is_made() { size_of_val(texture.codebook_texels()) } else { 0 };
         codebook + index + images + classes + table + size_of_val(texture.samples())
     }

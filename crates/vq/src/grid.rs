@@ -1,11 +1,26 @@
-//! The cells of a codebook: squares of 4x4 texels; codewords fill those that no sample covers.
-
-use crate::encoded::CodebookPart;
+//! The cells of a codebook, squares of 4x4 texels, and the samples in it: codewords fill the cells that no sample covers.
 
 /// Longest side of a codebook in texels: the index plane has one byte a coordinate.
 pub(crate) const MAX_CODEBOOK_SIDE: u32 = 256;
 /// Most image samples of a codebook.
 pub(crate) const MAX_SAMPLES: u32 = 64;
+
+/// A rectangle of the codebook that holds one image sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct CodebookPart {
+    /// Column of its upper left texel in the codebook.
+    pub x: u32,
+    /// Row of its upper left texel in the codebook.
+    pub y: u32,
+    /// Columns and rows.
+    pub side: u32,
+    /// Which image it was cut from.
+    pub surface: u32,
+    /// Column in that image.
+    pub source_x: u32,
+    /// Row in that image.
+    pub source_y: u32,
+}
 
 /// Size of a codebook in cells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 //!
 //! An image is cut into 4x4 blocks; each block is two bytes that point at a 4x4 window of a codebook texture. The
 //! codebook holds rectangular *samples* cut from the image, addressable at every texel, and codewords from
-//! vector quantisation for what no sample shows. What the samples are is decided by how often they can be
+//! vector quantisation for blocks that no sample holds. What the samples are is decided by how often they can be
 //! reused and by how much the eye cares: saliency, distortion of the parameterisation, or a painted map.
 //!
 //! Source: Tang, Zhang, Wang, Bao, "Importance-driven texture encoding based on samples", 2005. Beyond the
@@ -19,11 +19,13 @@ mod grid;
 mod guidance;
 #[cfg(feature = "encode")]
 mod params;
+mod parts;
 mod wire;
 
 #[cfg(feature = "encode")]
 pub use encode::{PartImages, part_images};
-pub use encoded::{CodebookPart, VqTexture};
+pub use encoded::VqTexture;
+pub use grid::CodebookPart;
 #[cfg(feature = "encode")]
 pub use guidance::{Map, distortion_map, painted_map, saliency_map};
 #[cfg(feature = "encode")]
@@ -42,6 +44,6 @@ impl TextureCodec for Vq {
     type Encoded = VqTexture;
 
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<VqTexture, LoadError> {
-        wire::load(file, budget)
+        VqTexture::load(file, budget)
     }
 }

@@ -2,12 +2,12 @@
 //! image by image: columns first, then rows, each as the difference to the block before, which compresses better).
 
 use texfold_bc::{Content, ContentPlanes};
-use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
-use texfold_core::{Budget, Cached, ImageLayout, LoadError, MAX_PLANE_SIDE, String4, Texel};
+use texfold_core::container::{Reader, SectionWriter, Sections, read_layout};
+use texfold_core::{Budget, ImageLayout, LoadError, MAX_PLANE_SIDE, String4, Texel};
 
 use crate::classes::{Groups, Place, SizeClass, blocks_of, rows_of};
-use crate::encoded::{CodebookPart, VqTexture};
-use crate::grid::{Grid, MAX_CODEBOOK_SIDE, MAX_SAMPLES};
+use crate::grid::{CodebookPart, Grid, MAX_CODEBOOK_SIDE, MAX_SAMPLES};
+use crate::parts::Parts;
 
 const FORM_ID: [u8; 4] = *b"VQFM";
 const CODE_ID: [u8; 4] = *b"CODE";
@@ -19,24 +19,22 @@ const IMAGE_BYTES: u64 = 256;
 /// Bytes that a size takes beside its index plane: its class, parameters, plane and binding.
 const CLASS_BYTES: u64 = 1024;
 
-pub(crate) fn store(texture: &VqTexture, out: &mut SectionWriter) {
-    let (width, height) = texture.codebook.size();
-    let number = texture.codebook.content().number();
+pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
+    let (width, height) = parts.codebook.size();
+    let number = parts.codebook.content().number();
     let mut form = vec![number];
-    form.extend(
-        [width, height, texture.free_cells, texture.samples.len() as u32].map(u32::to_le_bytes).concat(),
-    );
-    form.extend(texture.join_rms.to_le_bytes());
-    for part in &texture.samples {
+    form.extend([width, height, parts.free_cells, parts.samples.len() as u32].map(u32::to_le_bytes).concat());
+    form.extend(parts.join_rms.to_le_bytes());
+    for part in &parts.samples {
         let fields = [part.x, part.y, part.side, part.surface, part.source_x, part.source_y];
         form.extend(fields.map(u32::to_le_bytes).concat());
     }
     out.section("container", FORM_ID, &form);
-    let planes: Vec<u8> = texture.codebook.planes().iter().flat_map(|(_, bytes)| bytes).copied().collect();
+    let planes: Vec<u8> = parts.codebook.planes().iter().flat_map(|(_, bytes)| bytes).copied().collect();
     out.section("codebook", CODE_ID, &planes);
     let mut index = Vec::new();
-    for place in &texture.places {
-        let class = &texture.classes[place.class];
+    for place in &parts.places {
+        let class = &parts.classes[place.class];
         for axis in 0..2 {
             let mut before = 0u8;
             index.extend((0..class.blocks()).map(|block| {
@@ -50,8 +48,7 @@ pub(crate) fn store(texture: &VqTexture, out: &mut SectionWriter) {
     out.section("index", INDEX_ID, &index);
 }
 
-pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<VqTexture, LoadError> {
-    let notes = Notes::read(file, budget)?;
+pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<Parts, LoadError> {
     let layout = read_layout(file, budget)?;
     let form = file.read(FORM_ID, budget)?;
     let form = read_form(&mut Reader::new(String4(FORM_ID), &form), &layout, budget)?;
@@ -71,16 +68,14 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<VqTexture
     budget.take(u64::from(form.width) * u64::from(form.height) * 3 * size_of::<Texel>() as u64)?;
     let index = file.read(INDEX_ID, budget)?;
     let (classes, places) = read_index(&index, &layout, &codebook, budget)?;
-    Ok(VqTexture {
+    Ok(Parts {
         layout,
         codebook,
-        texels: Cached::default(),
         classes,
         places,
         samples: form.samples,
         free_cells: form.free_cells,
         join_rms: form.join_rms,
-        notes,
     })
 }
 

@@ -29,7 +29,7 @@ pub const TEXFOLD_ZIPMAP_LEAST: f32 = 0.0009765625;
 pub const TEXFOLD_ZIPMAP_BLENDED: u32 = 2;
 /// Most lookups for one pixel that is longer than wide.
 pub const TEXFOLD_ZIPMAP_LONG: u32 = 8;
-/// Least third coordinate of a place that a patch shows: nearer to its horizon, or behind it, it shows nothing.
+/// Least third coordinate of a place inside a patch: nearer to its horizon, or behind it, the patch is transparent.
 pub const TEXFOLD_ZIPMAP_HORIZON: f32 = 0.0001;
 
 /// The parameters of a texture, as the shader's uniform block holds them: 16 32-bit numbers.
@@ -69,7 +69,7 @@ pub struct ZipmapView<'a> {
     pub table: &'a [UVec4],
     /// The texels of each level of the root, row by row.
     pub root: &'a [Vec<[u8; 4]>],
-    /// The texels of each level of what patches show, row by row: the shader finds them in one plane.
+    /// The texels of each level of the patch images, row by row: the shader finds them in one plane.
     pub patches: &'a [Vec<Vec<[u8; 4]>>],
 }
 
@@ -86,7 +86,7 @@ pub struct TexfoldZipmapPatch {
     pub size: IVec2,
     /// Mip levels.
     pub levels: u32,
-    /// What it shows, by number: the shader has places in the plane instead.
+    /// Number of its patch image: the shader has places in the plane instead.
     pub content: u32,
 }
 
@@ -150,14 +150,14 @@ pub fn texfold_zipmap_blend(texels: &[[u8; 4]], size: IVec2, at: Vec2) -> Vec4 {
     texfold_bilinear(around, place - low.as_vec2())
 }
 
-/// What a patch shows of a texel: nothing where it is not `seen`.
+/// Colour and alpha of a texel of a patch: transparent where it is not `inside`.
 #[must_use]
 #[inline]
-pub fn texfold_zipmap_shown(texel: Vec4, seen: bool) -> Vec4 {
-    texel.truncate().extend(if seen { texel.w } else { 0.0 })
+pub fn texfold_zipmap_visible(texel: Vec4, inside: bool) -> Vec4 {
+    texel.truncate().extend(if inside { texel.w } else { 0.0 })
 }
 
-/// What a patch shows at `uv` of the root where no pixel is larger than its texels: its colour and how much of it.
+/// Colour and alpha of a patch at `uv` of the root, where no pixel is larger than its texels.
 #[must_use]
 #[inline]
 pub fn texfold_zipmap_near(view: &ZipmapView<'_>, index: u32, uv: Vec2) -> Vec4 {
@@ -168,7 +168,7 @@ pub fn texfold_zipmap_near(view: &ZipmapView<'_>, index: u32, uv: Vec2) -> Vec4 
     let texels = view.patches.get(layer.content as usize).and_then(|levels| levels.first());
     let Some(texels) = texels else { return Vec4::ZERO };
     let texel = texfold_zipmap_blend(texels, layer.size, at);
-    texfold_zipmap_shown(texel, inside && place.z >= TEXFOLD_ZIPMAP_HORIZON)
+    texfold_zipmap_visible(texel, inside && place.z >= TEXFOLD_ZIPMAP_HORIZON)
 }
 
 /// Four texels of level `level` of a patch around `share` of its sides, blended.
@@ -186,8 +186,7 @@ pub fn texfold_zipmap_level(
     texfold_zipmap_blend(texels, size, share * size.as_vec2())
 }
 
-/// What a patch shows at `uv` of the root, which moves by `dx` and `dy` to the pixels right and below: its colour and
-/// how much of it.
+/// Colour and alpha of a patch at `uv` of the root, which moves by `dx` and `dy` to the pixels right and below.
 #[must_use]
 #[inline]
 pub fn texfold_zipmap_layer(view: &ZipmapView<'_>, index: u32, uv: Vec2, dx: Vec2, dy: Vec2) -> Vec4 {
@@ -214,8 +213,8 @@ pub fn texfold_zipmap_layer(view: &ZipmapView<'_>, index: u32, uv: Vec2, dx: Vec
     // Behind its last level a patch fades out.
     let last = low as u32 + 1 >= layer.levels;
     let texel = texfold_mix(fine, coarse, lod - low);
-    let shown = texfold_zipmap_shown(texel, true);
-    shown.truncate().extend(shown.w * if last { 1.0 - (lod - low) } else { 1.0 })
+    let visible = texfold_zipmap_visible(texel, true);
+    visible.truncate().extend(visible.w * if last { 1.0 - (lod - low) } else { 1.0 })
 }
 
 /// Four texels of level `level` of the root around `uv`, blended.
@@ -271,9 +270,9 @@ pub fn texfold_zipmap_name(view: &ZipmapView<'_>, list: u32, k: u32) -> u32 {
 /// What is seen of all so far, sums of colours and what is left to be seen of those below, with a further patch below.
 #[must_use]
 #[inline]
-pub fn texfold_zipmap_under(seen: Vec4, shown: Vec4) -> Vec4 {
-    let share = seen.w * shown.w;
-    (seen.truncate() + shown.truncate() * share).extend(seen.w - share)
+pub fn texfold_zipmap_under(front: Vec4, back: Vec4) -> Vec4 {
+    let share = front.w * back.w;
+    (front.truncate() + back.truncate() * share).extend(front.w - share)
 }
 
 /// The colour at `uv`, which moves by `dx` and `dy` to the pixels right and below, of a pixel that is about as long as
@@ -289,12 +288,12 @@ pub fn texfold_zipmap_pixel(view: &ZipmapView<'_>, uv: Vec2, dx: Vec2, dy: Vec2)
     let mut seen = Vec4::W;
     for k in 0..found.x.min(TEXFOLD_ZIPMAP_MOST) {
         let index = texfold_zipmap_name(view, found.y, k);
-        let shown = if is_near {
+        let layer = if is_near {
             texfold_zipmap_near(view, index, at)
         } else {
             texfold_zipmap_layer(view, index, at, dx, dy)
         };
-        seen = texfold_zipmap_under(seen, shown);
+        seen = texfold_zipmap_under(seen, layer);
         if seen.w <= TEXFOLD_ZIPMAP_LEAST {
             break;
         }

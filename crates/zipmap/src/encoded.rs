@@ -1,74 +1,31 @@
 //! The shipped form: a root, patches with their matrices, and what a shader needs to find them.
 
 use std::borrow::Cow;
-use std::collections::HashMap;
 
-use glam::{DMat3, DVec2, IVec2, UVec2, UVec4, Vec2};
+use glam::{DMat3, IVec2, UVec2, UVec4, Vec2};
 use texfold_bc::ContentPlanes;
 use texfold_core::address::TEXFOLD_CLAMP;
-use texfold_core::container::{SectionWriter, write_layout};
+use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::image::{PixelInfo, to_u8};
 use texfold_core::parallel::{for_each_row, map};
 use texfold_core::{
-    Cached, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, MAX_PLANE_SIDE,
-    Notes, Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
+    Budget, Cached, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout,
+    LoadError, Notes, Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel,
+    TextureCodec,
 };
 
+use crate::atlas::pack;
 use crate::decode::{
     TEXFOLD_ZIPMAP_RECORD, TexfoldZipmapParams, ZipmapView, texfold_zipmap_fetch, texfold_zipmap_sample_grad,
 };
-use crate::geometry::{normalised, seen_in};
-use crate::wire::patch_pixel;
+use crate::parts::{PATCH_PART, Parts, PatchForm, ROOT_PART, TABLE_PART, patch_pixel};
+use crate::table::{directory, matrix_of, most_table_bytes, record, tiles_a_side};
 use crate::{Zipmap, wire};
 
-/// Most patches of a texture.
-pub(crate) const MAX_PATCHES: usize = crate::decode::TEXFOLD_ZIPMAP_MOST as usize;
-/// Most mip levels of a patch: down to where all of its texels are its border.
-pub(crate) const MAX_PATCH_LEVELS: u32 = 12;
-/// Tiles for each patch: few enough to be small, many enough that a tile names few patches beyond those that a pixel
-/// shows.
-const TILES_PER_PATCH: f64 = 64.0;
-/// Most tiles a side.
-const MAX_TILES: u32 = 128;
-/// Most tiles times patches, so that the longest lists fit 20 bits.
-const MAX_NAMES: usize = 1 << 22;
 /// Texels in a row of the table, as a binary logarithm.
 const ROW_LOG2: u32 = 8;
-/// By how much of a tile a patch may miss it and is yet named, against rounding.
-const TILE_MARGIN: f64 = 0.01;
 /// Rows of texels that are decoded at a time.
 const DECODED_ROWS: u32 = 16;
-
-/// Names of the parts in the footprint.
-pub(crate) const ROOT_PART: &str = "root";
-/// As above.
-pub(crate) const PATCH_PART: &str = "patches";
-/// As above.
-pub(crate) const TABLE_PART: &str = "tiles";
-
-/// One patch.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct PatchForm {
-    /// From the root's texture coordinates to its own, row by row.
-    pub(crate) matrix: [f32; 9],
-    /// What it shows, by number.
-    pub(crate) content: usize,
-}
-
-/// What is stored of a texture.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Parts {
-    /// One image, as fine as the finest patch.
-    pub(crate) layout: ImageLayout,
-    /// How many of its levels are finer than the root.
-    pub(crate) deep: u32,
-    /// The planes of the root's levels.
-    pub(crate) root: Vec<ContentPlanes>,
-    /// What patches show: the planes of its mip levels, at least one, each half of the sides of the one before.
-    pub(crate) contents: Vec<Vec<ContentPlanes>>,
-    /// In the order in which they lie over each other.
-    pub(crate) patches: Vec<PatchForm>,
-}
 
 /// A root with patches of higher resolution.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,7 +33,7 @@ pub struct ZipTexture {
     pub(crate) parts: Parts,
     params: TexfoldZipmapParams,
     table: Vec<UVec4>,
-    /// Where each level of what patches show lies in their plane.
+    /// Where each level of the patch images lies in their plane.
     origins: Vec<Vec<(u32, u32)>>,
     atlas: (u32, u32),
     /// What the CPU reads, and a GPU does not need.
@@ -102,10 +59,6 @@ pub struct PatchInfo {
     pub levels: u32,
 }
 
-pub(crate) fn matrix_of(rows: &[f32; 9]) -> DMat3 {
-    DMat3::from_cols_array(&rows.map(f64::from)).transpose()
-}
-
 /// The texels of planes that hold `pixel`, 8 bits a channel, row by row. A band of rows is decoded at a time, so that
 /// no more is held than the result.
 pub(crate) fn bytes_of(planes: &ContentPlanes, pixel: PixelInfo) -> Vec<[u8; 4]> {
@@ -127,6 +80,15 @@ pub(crate) fn bytes_of(planes: &ContentPlanes, pixel: PixelInfo) -> Vec<[u8; 4]>
 }
 
 impl ZipTexture {
+    pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<Self, LoadError> {
+        let notes = Notes::read(file, budget)?;
+        let parts = wire::load(file, budget)?;
+        budget.take(most_table_bytes(parts.patches.len()))?;
+        let texture = ZipTexture::new(parts, notes).ok_or(wire::too_large())?;
+        budget.take(texture.copied_bytes())?;
+        Ok(texture)
+    }
+
     /// Lays the parts out for sampling; `None` where the patches do not fit a plane.
     pub(crate) fn new(parts: Parts, notes: Notes) -> Option<ZipTexture> {
         let (origins, atlas) = pack(&parts.contents)?;
@@ -201,7 +163,7 @@ impl ZipTexture {
         Some(PatchInfo { matrix: matrix_of(&patch.matrix), size, levels: levels.len() as u32 })
     }
 
-    /// How many images the patches show: fewer than patches where one lies at several places.
+    /// Number of patch images: fewer than patches where one lies at several places.
     #[must_use]
     pub fn contents(&self) -> usize {
         self.parts.contents.len()
@@ -291,186 +253,6 @@ impl ZipTexture {
     }
 }
 
-fn tiles_a_side(patches: usize) -> u32 {
-    let wanted = (TILES_PER_PATCH * patches as f64).sqrt().ceil() as u32;
-    let most = (MAX_NAMES / patches.max(1)).isqrt() as u32;
-    let power = |side: u32| 1 << side.max(1).ilog2();
-    wanted.max(1).next_power_of_two().min(power(most)).min(MAX_TILES)
-}
-
-/// Bytes of a list of patches beside its names, and of its entry among those that are known.
-const LIST_BYTES: u64 = 48;
-/// Bytes of a patch as seen from the root: its polygon has up to nine corners.
-const OUTLINE_BYTES: u64 = 512;
-
-/// Most bytes that the tiles and lists of so many patches take, while they are made too.
-pub(crate) fn most_table_bytes(patches: usize) -> u64 {
-    let (tiles, patches) = (u64::from(tiles_a_side(patches)).pow(2), patches as u64);
-    let table = 16 * (tiles * (patches / 8 + 3) + u64::from(TEXFOLD_ZIPMAP_RECORD) * patches);
-    // The lists, two bytes a name, stand beside the table while it is made, and the table may grow to twice its length.
-    2 * table + tiles * (2 * patches + 2 * LIST_BYTES) + OUTLINE_BYTES * patches
-}
-
-/// A patch as seen from the root.
-struct Outline {
-    /// In the root's texture coordinates.
-    polygon: Vec<DVec2>,
-    low: DVec2,
-    high: DVec2,
-    /// From texels of the root to texels of the patch.
-    texels: DMat3,
-}
-
-impl Outline {
-    fn of(patch: &PatchForm, (width, height): (u32, u32), root: DVec2) -> Outline {
-        let matrix = matrix_of(&patch.matrix);
-        let inverse = matrix.inverse();
-        let polygon = if inverse.is_finite() {
-            seen_in(&normalised(inverse), DVec2::ONE, DVec2::ONE)
-        } else {
-            Vec::new()
-        };
-        let (low, high) =
-            polygon.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), &point| {
-                (low.min(point), high.max(point))
-            });
-        let own = DVec2::new(f64::from(width), f64::from(height));
-        Outline {
-            polygon,
-            low,
-            high,
-            texels: DMat3::from_scale(own) * matrix * DMat3::from_scale(root.recip()),
-        }
-    }
-
-    /// The square of the most texels of the patch along a texel of the root, where it shares the square from `corner`
-    /// on; `None` where it shares none. Told at the corners of what is shared: a homography has its largest scale at
-    /// one of them, or very near.
-    fn fineness(&self, corner: DVec2, side: f64, root: DVec2) -> Option<f64> {
-        if self.low.cmpgt(corner + side).any() || self.high.cmplt(corner).any() {
-            return None;
-        }
-        let polygon: Vec<DVec2> = self.polygon.iter().map(|&point| point - corner).collect();
-        let shared = crate::geometry::cut(&polygon, DVec2::splat(side));
-        let of = |point: &glam::DVec3| {
-            let (across, down) = crate::geometry::slope(&self.texels, (point.truncate() + corner) * root);
-            // The larger of the two eigenvalues of the product with the transpose.
-            let (trace, det) = (across.length_squared() + down.length_squared(), across.perp_dot(down));
-            0.5 * (trace + (trace * trace - 4.0 * det * det).max(0.0).sqrt())
-        };
-        shared.iter().map(of).reduce(f64::max)
-    }
-}
-
-/// For each tile how many patches touch it and where its list begins, then the lists, each once: the uppermost patch
-/// first.
-fn directory(parts: &Parts, tiles: u32) -> Vec<UVec4> {
-    let (width, height) = parts.root[0].size();
-    let root = DVec2::new(f64::from(width), f64::from(height));
-    let outline = |patch: &PatchForm| Outline::of(patch, parts.contents[patch.content][0].size(), root);
-    let outlines: Vec<Outline> = parts.patches.iter().map(outline).collect();
-    let lists: Vec<(Vec<u16>, f32)> = map((tiles * tiles) as usize, |tile| {
-        let tile = tile as u32;
-        let corner = DVec2::new(f64::from(tile % tiles), f64::from(tile / tiles)) - TILE_MARGIN;
-        let corner = corner / f64::from(tiles);
-        let side = (1.0 + 2.0 * TILE_MARGIN) / f64::from(tiles);
-        let found: Vec<(u16, f64)> = (0u16..)
-            .zip(&outlines)
-            .filter_map(|(index, outline)| Some((index, outline.fineness(corner, side, root)?)))
-            .collect();
-        let finest = found.iter().map(|(_, fineness)| *fineness).fold(1.0, f64::max);
-        (found.into_iter().rev().map(|(index, _)| index).collect(), step_above(finest))
-    });
-    let mut known: HashMap<(&[u16], u32), u32> = HashMap::new();
-    let mut texels = vec![UVec4::ZERO; lists.len().div_ceil(4)];
-    for (tile, (list, finest)) in lists.iter().enumerate() {
-        let start = *known.entry((list, finest.to_bits())).or_insert_with(|| {
-            let start = texels.len() as u32;
-            texels.extend(list_texels(list, *finest));
-            start
-        });
-        texels[tile / 4][tile % 4] = (list.len() as u32) << 20 | start;
-    }
-    texels
-}
-
-/// The next of the powers of the fourth root of two, so that tiles share lists; a little less, so that pixels as large
-/// as texels count as such however numbers are rounded.
-fn step_above(fineness: f64) -> f32 {
-    ((((4.0 * fineness.log2()) - 1e-3).ceil() / 4.0).exp2() * (1.0 - 1e-5)) as f32
-}
-
-/// How fine the patches of a list are, then their numbers, eight of 16 bits a texel.
-pub(crate) fn list_texels(list: &[u16], finest: f32) -> Vec<UVec4> {
-    let bits = finest.to_bits();
-    let numbers: Vec<u16> =
-        [bits as u16, (bits >> 16) as u16].into_iter().chain(list.iter().copied()).collect();
-    let texel = |eight: &[u16]| {
-        let number = |k: usize| u32::from(eight.get(k).copied().unwrap_or(0));
-        UVec4::from_array([0, 2, 4, 6].map(|k| number(k) | number(k + 1) << 16))
-    };
-    numbers.chunks(8).map(texel).collect()
-}
-
-/// A patch as the table holds it.
-pub(crate) fn record(
-    matrix: &[f32; 9],
-    (width, height): (u32, u32),
-    (levels, content): (usize, usize),
-    origins: &[(u32, u32)],
-) -> [UVec4; TEXFOLD_ZIPMAP_RECORD as usize] {
-    let first = origins.first().map_or(0, |&(x, y)| x | y << 16);
-    let extra = [width | height << 16, first, levels as u32 | (content as u32) << 8];
-    let mut texels = [UVec4::ZERO; TEXFOLD_ZIPMAP_RECORD as usize];
-    for (column, texel) in texels[..3].iter_mut().enumerate() {
-        let [x, y, z] = [(0, width as f32), (1, height as f32), (2, 1.0)]
-            .map(|(row, scale)| (matrix[3 * row + column] * scale).to_bits());
-        *texel = UVec4::new(x, y, z, extra[column]);
-    }
-    for (level, &(x, y)) in origins.iter().enumerate() {
-        texels[3 + level / 4][level % 4] = x | y << 16;
-    }
-    texels
-}
-
-/// The origin of each level of what patches show in one plane, and the plane's size.
-type Packing = (Vec<Vec<(u32, u32)>>, (u32, u32));
-
-/// The origin of each level of what patches show in one plane, and the plane's size: rows of rectangles of falling
-/// height. `None` where it would be too large.
-fn pack(contents: &[Vec<ContentPlanes>]) -> Option<Packing> {
-    let whole = |side: u32| side.next_multiple_of(4);
-    let mut all: Vec<(usize, usize, u32, u32)> = Vec::new();
-    for (index, levels) in contents.iter().enumerate() {
-        for (level, planes) in levels.iter().enumerate() {
-            let (width, height) = planes.size();
-            all.push((index, level, whole(width), whole(height)));
-        }
-    }
-    all.sort_by_key(|&(index, level, _, height)| (std::cmp::Reverse(height), index, level));
-    let area: u64 = all.iter().map(|&(_, _, width, height)| u64::from(width) * u64::from(height)).sum();
-    let widest = all.iter().map(|rect| rect.2).max().unwrap_or(4);
-    let square = whole((area as f64).sqrt().ceil() as u32);
-    // The least plane among those of some widths.
-    let widths = (0..8).map(|step| whole(square + square * step / 16)).chain([MAX_PLANE_SIDE]);
-    let tried = widths.filter(|&width| width >= widest && width <= MAX_PLANE_SIDE).filter_map(|width| {
-        let mut origins: Vec<Vec<(u32, u32)>> =
-            contents.iter().map(|levels| vec![(0, 0); levels.len()]).collect();
-        let (mut x, mut y, mut row, mut used) = (0, 0, 0, 4);
-        for &(index, level, wide, high) in &all {
-            if x + wide > width {
-                (x, y, row) = (0, y + row, 0);
-            }
-            origins[index][level] = (x, y);
-            (x, row) = (x + wide, high.max(row));
-            used = x.max(used);
-        }
-        let height = (y + row).max(4);
-        (height <= MAX_PLANE_SIDE).then_some((origins, (used, height)))
-    });
-    tried.min_by_key(|(_, (width, height))| u64::from(*width) * u64::from(*height))
-}
-
 impl Encoded for ZipTexture {
     type Domain = Image2d;
 
@@ -549,6 +331,7 @@ impl Encoded for ZipTexture {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec2;
     use texfold_core::container::Sections;
     use texfold_core::{Budget, Effort, Encoder, Job, Limits, LoadError};
 

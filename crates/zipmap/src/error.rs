@@ -26,7 +26,7 @@ pub enum ZipError {
         /// Which patch.
         patch: usize,
     },
-    /// A patch that the root does not show.
+    /// A patch outside of the root.
     #[error("patch {patch} lies outside of the root; its matrix must lead some of 0 to 1 into 0 to 1")]
     Outside {
         /// Which patch.

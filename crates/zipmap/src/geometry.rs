@@ -1,4 +1,4 @@
-//! Homographies as matrices, and what of a rectangle they show: what decoding needs of them.
+//! Homographies as matrices, and which part of a rectangle they cover: what decoding needs of them.
 
 use glam::{DMat3, DVec2, DVec3};
 

@@ -1,16 +1,17 @@
 //! Zoom-into-parts texture maps: photographs of one surface at several scales as one texture that can be zoomed into.
 //!
-//! A root shows all of the surface; patches show parts of it in more detail, each by a matrix from the root's texture
+//! The root covers all of the surface; patches cover parts of it in more detail, each by a matrix from the root's texture
 //! coordinates to its own and by its alpha. A lookup reads the root and blends over it, in order, the patches that the
 //! root's tile names; so any number of patches takes one pass. [`register`] finds root and matrices of an unordered
 //! folder of photographs; colours of patches are fitted to those below them, and alpha follows edges of the image.
 //!
 //! Source: Eisemann and Magnor, "ZIPMAPS: zoom-into-parts texture maps", 2010. Beyond the paper: per-tile lists of
 //! patches, exposure and refinement in registration, checks that leave out photographs that do not agree, mip levels
-//! left out where what lies below shows the same, content in blocks, lookups of several places for pixels that are
-//! longer than wide. An image that several patches show is stored once, and its colours are fitted to none of the
+//! left out where what lies below decodes to the same, content in blocks, lookups of several places for pixels that are
+//! longer than wide. An image of several patches is stored once, and its colours are fitted to none of the
 //! places.
 
+mod atlas;
 pub mod decode;
 #[cfg(feature = "encode")]
 mod encode;
@@ -22,10 +23,12 @@ mod geometry;
 mod linear;
 #[cfg(feature = "encode")]
 mod params;
+mod parts;
 #[cfg(feature = "encode")]
 mod register;
 #[cfg(feature = "encode")]
 mod stack;
+mod table;
 mod wire;
 
 #[cfg(feature = "encode")]
@@ -53,6 +56,6 @@ impl TextureCodec for Zipmap {
     type Encoded = ZipTexture;
 
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ZipTexture, LoadError> {
-        wire::load(file, budget)
+        ZipTexture::load(file, budget)
     }
 }

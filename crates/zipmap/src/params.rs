@@ -19,7 +19,7 @@ pub struct ZipParams {
     pub tau: f32,
     /// Whether colours are fitted to those of the parents.
     pub merge: bool,
-    /// RMS difference in 8-bit units below which what lies under a mip level shows the same, so that it is left out;
+    /// RMS difference in 8-bit units below which a mip level counts as equal to what lies under it, and is left out;
     /// the goal may ask for less.
     pub drop_rms: f32,
     /// How long blocks are searched.

@@ -13,7 +13,7 @@ pub struct PatchSource {
     pub image: usize,
     /// From the root's texture coordinates to the image's, 0 to 1 each.
     pub matrix: DMat3,
-    /// How much of each texel is shown, bright for all; by the image's gradients alone where there is none.
+    /// Opacity of each texel, white where opaque; by the image's gradients alone where there is none.
     pub mask: Option<Raster>,
     /// The patch that it lies on; the root where there is none.
     pub parent: Option<usize>,
@@ -50,7 +50,7 @@ impl PatchStack {
     }
 
     /// Maps of another kind, such as normals or heights, at the places of these patches: a root, a map for each patch,
-    /// and how much each is shown, from [`crate::masks`] of the colours. Encode them with [`crate::ZipParams::merge`]
+    /// and the opacity of each, from [`crate::masks`] of the colours. Encode them with [`crate::ZipParams::merge`]
     /// off, as they have no exposure.
     ///
     /// # Errors

@@ -1,36 +1,23 @@
-//! Sections of a `zipmap` file: "ZMFM" (contents, depth, size and levels of what patches show, and their matrices),
-//! "ZMRT" (planes of the root), "ZMPA" (planes of what patches show).
+//! Sections of a `zipmap` file: "ZMFM" (contents, depth, size and levels of patch images, and the patches' matrices),
+//! "ZMRT" (planes of the root), "ZMPA" (planes of patch images).
 
 use texfold_bc::{Content, ContentPlanes};
-use texfold_core::container::{Notes, Reader, SectionWriter, Sections, read_layout};
-use texfold_core::image::{Alpha, PixelInfo};
+use texfold_core::container::{Reader, SectionWriter, Sections, read_layout};
+use texfold_core::image::PixelInfo;
 use texfold_core::sample::TEXFOLD_NORMAL;
 use texfold_core::{Budget, LoadError, MAX_PLANE_SIDE, String4, SurfaceSize};
 
-use crate::ZipTexture;
-use crate::encoded::{
-    MAX_PATCH_LEVELS, MAX_PATCHES, PATCH_PART, Parts, PatchForm, ROOT_PART, most_table_bytes,
+use crate::parts::{
+    MAX_PATCH_LEVELS, MAX_PATCHES, PATCH_PART, Parts, PatchForm, ROOT_PART, patch_pixel, suits_patches,
 };
 
 const FORM_ID: [u8; 4] = *b"ZMFM";
 const ROOT_ID: [u8; 4] = *b"ZMRT";
 const PATCH_ID: [u8; 4] = *b"ZMPA";
 
-/// Bytes of what is known of an image that patches show, beside its planes: size and levels, a plane's place, and a
+/// Bytes of what is known of a patch image beside its planes: size and levels, a plane's place, and a
 /// rectangle of the shared plane for each level while that is arranged.
 const IMAGE_BYTES: u64 = 2048;
-
-/// Pixels of patches: those of the root, with alpha.
-pub(crate) fn patch_pixel(root: PixelInfo) -> PixelInfo {
-    PixelInfo { channels: if root.channels < 3 { 2 } else { 4 }, alpha: Alpha::Straight, ..root }
-}
-
-/// Whether patches can be stored so: one plane, with alpha.
-pub(crate) fn suits_patches(content: Content, pixel: PixelInfo) -> bool {
-    let soft = matches!(content, Content::Raw | Content::Bc3 | Content::Bc5 | Content::Bc7);
-    // BC3 and BC7 of gray and alpha take more bits than BC5.
-    soft && content.fits(pixel) && (pixel.channels == 4 || matches!(content, Content::Raw | Content::Bc5))
-}
 
 pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     let patch_content = parts.contents.first().map_or(Content::Raw, |levels| levels[0].content());
@@ -58,13 +45,12 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
 
 /// What stands before the planes.
 struct Header {
-    /// Sizes and levels of what patches show.
+    /// Sizes and levels of patch images.
     contents: Vec<(SurfaceSize, u32)>,
     patches: Vec<PatchForm>,
 }
 
-pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ZipTexture, LoadError> {
-    let notes = Notes::read(file, budget)?;
+pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<Parts, LoadError> {
     let layout = read_layout(file, budget)?;
     let form = file.read(FORM_ID, budget)?;
     let mut reader = Reader::new(String4(FORM_ID), &form);
@@ -100,28 +86,26 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ZipTextur
         }
         planes.end()?;
     }
-    budget.take(most_table_bytes(patches.len()))?;
-    let too_large = LoadError::Corrupt {
-        section: String4(PATCH_ID),
-        offset: 0,
-        what: "patches that fill more than a plane",
-    };
-    let texture = ZipTexture::new(Parts { layout, deep, root, contents, patches }, notes).ok_or(too_large)?;
-    budget.take(texture.copied_bytes())?;
-    Ok(texture)
+    Ok(Parts { layout, deep, root, contents, patches })
+}
+
+/// What is said of patches that no plane holds.
+pub(crate) fn too_large() -> LoadError {
+    let what = "patches that fill more than a plane";
+    LoadError::Corrupt { section: String4(PATCH_ID), offset: 0, what }
 }
 
 fn read_patches(reader: &mut Reader<'_>, budget: &mut Budget) -> Result<Header, LoadError> {
-    let [shown, count] = [usize::from(reader.u16()?), usize::from(reader.u16()?)];
+    let [images, count] = [usize::from(reader.u16()?), usize::from(reader.u16()?)];
     if count > MAX_PATCHES {
         return Err(reader.corrupt("more than 2048 patches"));
     }
-    if shown > count {
+    if images > count {
         return Err(reader.corrupt("more contents than patches"));
     }
-    budget.take(IMAGE_BYTES * shown as u64 + size_of::<PatchForm>() as u64 * count as u64)?;
+    budget.take(IMAGE_BYTES * images as u64 + size_of::<PatchForm>() as u64 * count as u64)?;
     let mut contents = Vec::new();
-    for _ in 0..shown {
+    for _ in 0..images {
         let size = SurfaceSize { width: u32::from(reader.u16()?), height: u32::from(reader.u16()?) };
         let levels = u32::from(reader.u8()?);
         let sides = 1..=MAX_PLANE_SIDE;
@@ -136,7 +120,7 @@ fn read_patches(reader: &mut Reader<'_>, budget: &mut Budget) -> Result<Header, 
     let mut patches = Vec::new();
     for _ in 0..count {
         let content = usize::from(reader.u16()?);
-        if content >= shown {
+        if content >= images {
             return Err(reader.corrupt("a patch of a content that is not there"));
         }
         let mut matrix = [0.0; 9];

@@ -23,6 +23,7 @@ use texfold_core::{
     SourceError, SurfaceSize, Texel,
 };
 
+use crate::parts::Parts;
 use crate::wire::MAX_REDUCE_LOG2;
 use crate::{Bc, BcTexture, Content, ContentPlanes, Family};
 
@@ -147,13 +148,13 @@ fn compress(
             .map(|level| encode_level(level, candidate, params, cancel))
             .collect()
     };
-    Ok(BcTexture {
+    let parts = Parts {
         layout: source.layout(stored_levels),
         content: candidate.content,
         reduce_log2: candidate.reduce_log2,
         surfaces: source.images().iter().map(surface).collect::<Result<_, _>>()?,
-        notes: Notes::default(),
-    })
+    };
+    Ok(BcTexture { parts, notes: Notes::default() })
 }
 
 fn encode_level(
@@ -184,7 +185,7 @@ fn settings(params: &BcParams) -> String {
 }
 
 fn verdict(texture: &BcTexture, goal: Goal, met: bool) -> String {
-    let size = match texture.reduce_log2 {
+    let size = match texture.parts.reduce_log2 {
         0 => "at full size".to_owned(),
         log2 => format!("at 1/{} of width and height", 1 << log2),
     };
@@ -193,7 +194,10 @@ fn verdict(texture: &BcTexture, goal: Goal, met: bool) -> String {
         (_, true) => "the smallest plain form that reaches the goal",
         (_, false) => "the nearest plain form to a goal that none reaches",
     };
-    format!("Plain {} {size}: {outcome}; no repetition is modelled.", texture.content.name().to_uppercase())
+    format!(
+        "Plain {} {size}: {outcome}; no repetition is modelled.",
+        texture.parts.content.name().to_uppercase()
+    )
 }
 
 /// An image that is BC1 already, as DDS and KTX2 files hold it.
@@ -227,11 +231,9 @@ impl BcTexture {
             planes.push(vec![content.ok_or(SourceError::Length { found, needed })?]);
         }
         let verdict = "The input is BC1 already: its blocks are kept as they are.".to_owned();
+        let layout = ImageLayout { surfaces, levels: 1, pixel };
         Ok(BcTexture {
-            layout: ImageLayout { surfaces, levels: 1, pixel },
-            content: Content::Bc1,
-            reduce_log2: 0,
-            surfaces: planes,
+            parts: Parts { layout, content: Content::Bc1, reduce_log2: 0, surfaces: planes },
             notes: Notes { settings: "--codec bc".to_owned(), verdict, ..Notes::default() },
         })
     }

@@ -6,10 +6,9 @@
 //! join it.
 
 use ndarray::Array2;
+use serde::{Deserialize, Serialize};
 use texfold_codebook::{Settings, build};
 use texfold_core::image::Raster;
-
-use super::manifest::Category;
 
 /// Ranges of a channel.
 const RANGES: usize = 4;
@@ -22,6 +21,22 @@ const FAR: f32 = 1.2;
 
 /// Most categories that a user may name.
 pub(crate) const MOST_NAMED: usize = 64;
+
+/// Images that look alike share a public codebook.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Category {
+    /// What the user calls it; `None` where colours alone made it.
+    #[serde(default)]
+    pub(crate) name: Option<String>,
+    /// Shares of colours, as [`colours`] counts them.
+    pub(crate) colours: Vec<f32>,
+    /// Tiles that joined it.
+    pub(crate) tiles: u32,
+    /// File of its codebook; `None` while nothing recurs.
+    pub(crate) file: Option<String>,
+    /// Rows of texels of the codebook.
+    pub(crate) rows: u32,
+}
 
 impl Category {
     fn of(name: Option<String>, colours: Vec<f32>) -> Category {

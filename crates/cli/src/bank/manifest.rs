@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use texfold_core::MAX_IMAGE_SIDE;
 
+use super::category::Category;
 use crate::error::CliError;
 use crate::output::write_whole;
 use crate::report::Row;
@@ -28,22 +29,6 @@ impl Default for Manifest {
     fn default() -> Self {
         Manifest { version: VERSION, next: 0, categories: Vec::new(), images: Vec::new() }
     }
-}
-
-/// Images that look alike share a public codebook.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Category {
-    /// What the user calls it; `None` where colours alone made it.
-    #[serde(default)]
-    pub(crate) name: Option<String>,
-    /// Shares of colours, see [`super::category`].
-    pub(crate) colours: Vec<f32>,
-    /// Tiles that joined it.
-    pub(crate) tiles: u32,
-    /// File of its codebook; `None` while nothing recurs.
-    pub(crate) file: Option<String>,
-    /// Rows of texels of the codebook.
-    pub(crate) rows: u32,
 }
 
 /// One image.

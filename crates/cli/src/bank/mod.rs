@@ -24,7 +24,8 @@ use texfold_progressive::{Codebook, Progressive, TexelTexture};
 use crate::error::CliError;
 use crate::output::{make_folder, remove_stale};
 pub(crate) use add::{BankTask, Books, Made, Slot, Step, plan};
-use manifest::{Category, MANIFEST, Manifest, Tile};
+use category::Category;
+use manifest::{MANIFEST, Manifest, Tile};
 pub(crate) use show::{Choice, decompress, describe, is_bank};
 
 /// Name of the file that is locked while images are added.

@@ -10,7 +10,8 @@ use texfold_core::{Encoded, RegionError};
 use texfold_progressive::{CELL_SIDE, Codebook, TexelTexture};
 
 use super::Bank;
-use super::manifest::{Category, Image, MANIFEST, Tile};
+use super::category::Category;
+use super::manifest::{Image, MANIFEST, Tile};
 use crate::console::{complain, say};
 use crate::error::{CliError, explain, guarded};
 use crate::png;

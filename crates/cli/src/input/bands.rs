@@ -12,7 +12,7 @@ use texfold_core::{SourceError, SurfaceSize};
 use tiff::decoder::{ChunkType, Decoder as TiffDecoder, DecodingResult};
 use tiff::tags::{PlanarConfiguration, Tag};
 
-use super::pixels;
+use super::pixels::{self, no_alpha};
 use crate::error::CliError;
 use crate::settings::Settings;
 
@@ -212,19 +212,6 @@ fn png_rows(
 
 fn tiff_fault(path: &Path, error: tiff::TiffError) -> CliError {
     CliError::Rows { path: path.to_owned(), source: Box::new(error) }
-}
-
-/// Whether a TIFF file says that what it has beside gray or RGB is no alpha, as aerial photographs with infrared do.
-/// Many writers of alpha say nothing. `None` where it cannot be told.
-fn no_alpha(decoder: &mut TiffDecoder<BufReader<File>>) -> Option<bool> {
-    let extra = decoder.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).ok()?;
-    Some(extra.is_some_and(|extra| !extra.contains(&1) && !extra.contains(&2)))
-}
-
-/// Whether the last channel of a file is a band of its own, and no alpha.
-pub(super) fn ends_with_band(path: &Path) -> bool {
-    let decoder = File::open(path).ok().and_then(|file| TiffDecoder::new(BufReader::new(file)).ok());
-    decoder.and_then(|mut decoder| no_alpha(&mut decoder)).unwrap_or(false)
 }
 
 impl Tiff {

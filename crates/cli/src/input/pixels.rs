@@ -1,16 +1,19 @@
 //! PNG, JPEG, TIFF, BMP, TGA and PNM, by the `image` crate within limits.
 
+use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
 use image::{DynamicImage, ImageError, ImageReader};
 use texfold_core::image::{Alpha, ColorSpace, Raster};
 use texfold_core::{MAX_IMAGE_SIDE, SurfaceSize};
+use tiff::decoder::Decoder as TiffDecoder;
+use tiff::tags::Tag;
 
 use super::check_side;
 use crate::error::CliError;
 
-type Reader = ImageReader<BufReader<std::fs::File>>;
+type Reader = ImageReader<BufReader<File>>;
 
 fn open(path: &Path) -> Result<Reader, CliError> {
     let failed = |source| CliError::Read { path: path.to_owned(), source };
@@ -37,11 +40,24 @@ pub(crate) fn read(
 ) -> Result<Raster, CliError> {
     let mut raster = raster(path, decode(path, limit_bytes)?, color)?;
     // Near infrared, as in aerial photographs.
-    if raster.info().has_alpha() && super::bands::ends_with_band(path) {
+    if raster.info().has_alpha() && ends_with_band(path) {
         raster = raster.with_channels(raster.info().channels - 1);
     }
     let alpha = alpha.unwrap_or(raster.info().alpha);
     Ok(raster.tagged(color, alpha))
+}
+
+/// Whether a TIFF file says that what it has beside gray or RGB is no alpha, as aerial photographs with infrared do.
+/// Many writers of alpha say nothing. `None` where it cannot be told.
+pub(super) fn no_alpha(decoder: &mut TiffDecoder<BufReader<File>>) -> Option<bool> {
+    let extra = decoder.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).ok()?;
+    Some(extra.is_some_and(|extra| !extra.contains(&1) && !extra.contains(&2)))
+}
+
+/// Whether the last channel of a file is a band of its own, and no alpha.
+fn ends_with_band(path: &Path) -> bool {
+    let decoder = File::open(path).ok().and_then(|file| TiffDecoder::new(BufReader::new(file)).ok());
+    decoder.and_then(|mut decoder| no_alpha(&mut decoder)).unwrap_or(false)
 }
 
 /// The file's pixels as they are stored.

@@ -17,8 +17,9 @@ use super::state::Choice;
 use crate::EpitomeTexture;
 use crate::format::{Entry, LEAST_SEAM_WIDTH, LayerMap, MapFormat, Matrix, Palettes};
 use crate::layers::CellLayers;
+use crate::layers::Layering;
 use crate::map::{CoarserMap, MapPlane};
-use crate::parts::{Layering, PLANE_MIPS, Parts, coarse_content, coarse_levels};
+use crate::parts::{PLANE_MIPS, Parts, coarse_content, coarse_levels};
 
 /// 2x2 matrices that a map can name.
 const MOST_LINEARS: usize = 256;

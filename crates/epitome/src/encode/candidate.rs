@@ -9,7 +9,7 @@ use super::pyramid::{LEAST_SIDE, SCALES, Space};
 use super::reading::{FRACTION_BITS, Reading};
 use crate::format::{GainOffset, LINEAR_ONE, Matrix, NEUTRAL};
 
-/// One way to show a leaf.
+/// One way to draw a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Candidate {
     /// Squared error over all channels, 8-bit units.
@@ -48,7 +48,7 @@ pub(crate) struct Match {
     pub(crate) error: f32,
 }
 
-/// Whether a 2x2 matrix shows content as it stands or mirrored, not rotated or sheared. Refinement never leaves it
+/// Whether a 2x2 matrix draws content as it stands or mirrored, not rotated or sheared. Refinement never leaves it
 /// so, unless positions alone are refined.
 pub(crate) fn is_upright(matrix: Mat2) -> bool {
     matrix.x_axis.y == 0.0 && matrix.y_axis.x == 0.0

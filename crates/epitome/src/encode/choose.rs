@@ -1,4 +1,4 @@
-//! Which leaves, and what each shows: the least error + lambda x bits.
+//! Which leaves, and which content each reads: the least error + lambda x bits.
 //!
 //! A cell is paid for once, however many leaves read it. Its cost for one more reader is its bits shared among its
 //! readers at first, and what it would really add (nothing where somebody else reads it) at the end; in between the

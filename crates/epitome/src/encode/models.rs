@@ -29,7 +29,7 @@ pub(super) enum Matrices {
     Fitted(usize),
     /// Those of content as it stands, plain and mirrored.
     Upright,
-    /// Leaves show their own content alone.
+    /// Leaves read their own content alone.
     Own,
 }
 
@@ -103,7 +103,7 @@ impl EpitomeSearch {
             Matrices::Own => matrix::upright(scales, false),
         };
         if self.allowed.is_some() {
-            // Leaves that look like nothing that is allowed show one colour.
+            // Leaves that look like nothing that is allowed get one colour.
             palette.truncate(MOST_LINEARS - 1);
             palette.push([0; 4]);
         }

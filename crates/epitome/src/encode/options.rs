@@ -398,7 +398,7 @@ impl Borrow<'_> {
     }
 
     /// The leaf in one colour, that of the middle of a cell which is allowed, given gain and offset to fit best: for
-    /// leaves that must not show their own content and look like nothing else.
+    /// leaves that must not read their own content and look like nothing else.
     fn flat(&self, node: Node, cells: &mut Vec<u32>) -> Option<Candidate> {
         let number = self.matrices.iter().position(|matrix| *matrix == [0; 4])?;
         let allowed = self.rules.cells?;

@@ -26,7 +26,7 @@ pub(crate) struct Scale {
 }
 
 impl Scale {
-    /// How much an error of content counts that is shown once: the squares of the shares that interpolation gives to
+    /// How much an error of content counts that is drawn once: the squares of the shares that interpolation gives to
     /// a texel.
     fn weight(self) -> f32 {
         let along = |log2: u32| {
@@ -518,13 +518,13 @@ mod tests {
     fn what_interpolation_can_show_is_found_exactly() {
         for factor in [2usize, 4] {
             let content: Vec<f32> = (0..8).map(|i| 20.0 + (i * i * 37 % 200) as f32).collect();
-            let show = |index: usize| {
+            let drawn = |index: usize| {
                 let at = ((index as f32 + 0.5) / factor as f32 - 0.5).clamp(0.0, 7.0);
                 let left = (at as usize).min(6);
                 let weight = at - left as f32;
                 Vec4::splat(content[left] * (1.0 - weight) + content[left + 1] * weight)
             };
-            let found = Interpolation::new(8, factor).fit(show);
+            let found = Interpolation::new(8, factor).fit(drawn);
             for (found, wanted) in found.iter().zip(&content) {
                 assert!((found.x - wanted).abs() < 0.01, "factor {factor}: {} {wanted}", found.x);
             }

@@ -2,7 +2,7 @@
 //!
 //! What is stored first is the image at one place, or what linear interpolation makes it of where nothing ends. But
 //! many leaves read the same content, each laid and given gain and offset in its own way, and none reads beyond its
-//! own. The content that shows all of them with the least squared error is found by conjugate gradients, and stored
+//! own. The content that reconstructs all of them with the least squared error is found by conjugate gradients, and stored
 //! where it is better than what was there. The paper takes content as it is (section 4); at equal quality fitted
 //! content is 4 to 7 % smaller.
 
@@ -98,8 +98,8 @@ struct Fitted<'a> {
     weights: &'a [Vec4],
 }
 
-/// The texels (8-bit units) that an epitome of that size with a residual plane should show, and for each of its
-/// blocks, row by row, how much an error there counts: by how many leaves show it how large.
+/// The texels (8-bit units) that an epitome of that size with a residual plane should hold, and for each of its
+/// blocks, row by row, how much an error there counts: by how many leaves draw it how large.
 pub(crate) fn fitted(
     plan: &Plan<'_>,
     packing: &Packing,
@@ -125,13 +125,13 @@ pub(crate) fn fitted(
 /// Which leaves are looked at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Readers {
-    /// Those of content that several leaves show, or one otherwise than as it is.
+    /// Those of content that several leaves draw, or one otherwise than as it is.
     OfFree,
     /// All of them, and all content is looked at.
     All,
 }
 
-/// Texels of an epitome that no leaf shows.
+/// Texels of an epitome that no leaf draws.
 const UNUSED: f32 = 128.0;
 
 /// All texels in 8-bit units.
@@ -139,7 +139,7 @@ fn to_8_bits(planes: &ContentPlanes) -> Vec<Vec4> {
     planes.decode().into_iter().map(|texel| texel * 255.0).collect()
 }
 
-/// Whether a leaf shows content at full size as it lies in its own place.
+/// Whether a leaf draws content at full size as it lies in its own place.
 fn is_plain(node: &Node, candidate: &Candidate) -> bool {
     let centre = (node.corner * 2 + node.side) << (FRACTION_BITS - 1);
     let is_there = (candidate.x, candidate.y) == (centre.x as i32, centre.y as i32);

@@ -56,8 +56,8 @@ pub(crate) fn verdict(grid: &Grid, options: &Options, choice: &Choice, met: bool
     let percent = |texels: u64| 100.0 * texels as f64 / shares.all.max(1) as f64;
     let missed = if met { "" } else { " The goal is out of reach; this comes nearest." };
     format!(
-        "{:.0}% of the texels are shown by content from elsewhere, {:.0}% by their own content at a smaller scale, the \
-         rest by their own at full size.{missed}",
+        "{:.0}% of the texels are drawn from content elsewhere, {:.0}% from their own content at a smaller scale, the \
+         rest from their own at full size.{missed}",
         percent(shares.borrowed),
         percent(shares.reduced)
     )

@@ -18,7 +18,7 @@ use super::leaf::{Grid, Node};
 use super::pyramid::{CellRows, LEAST_SIDE, SCALES, Space};
 use crate::{EpitomeParams, Transforms};
 
-/// Contrast in 8-bit steps below which a leaf is not searched for: plain content at a quarter of the size shows it.
+/// Contrast in 8-bit steps below which a leaf is not searched for: plain content at a quarter of the size suffices.
 const LEAST_CONTRAST: f32 = 1.0;
 /// Squared distance of descriptors beyond which nothing is alike.
 const WITHIN: f32 = 0.4;

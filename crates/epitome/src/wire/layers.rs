@@ -10,8 +10,9 @@ use super::map::{Leaves, count_leaves, entry_bytes, laid_out, read_bits, read_en
 use super::planes::{blank_planes, read_coarse, store_coarse};
 use crate::format::LayerMap;
 use crate::layers::{CellLayers, cell_bytes, columns_of, edited, gather, layer_names, layers_at, numbers};
+use crate::layers::{Layering, MAX_LAYERS};
 use crate::map::{CoarserMap, MapPlane, pack_bits, same_leaves};
-use crate::parts::{Layering, MAX_LAYERS, Parts};
+use crate::parts::Parts;
 
 const LAYERS_ID: [u8; 4] = *b"EPLA";
 

@@ -205,7 +205,7 @@ impl Maps {
         share(&maps, sides, books, texel_bits(params.storage.content), cancel)
     }
 
-    /// The view maps of each term that codebooks keep and which of them each vertex shows; and the bits that there is room for.
+    /// The view maps of each term that codebooks keep and which of them each vertex uses; and the bits that there is room for.
     pub(super) fn codewords(
         &self,
         scene: &Scene,

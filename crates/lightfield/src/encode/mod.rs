@@ -253,7 +253,7 @@ fn settle(
     let steps: Vec<String> = quality.psnr_of_terms.iter().map(|psnr| format!("{psnr:.2}")).collect();
     let unseen = quality.samples - quality.samples_seen;
     let verdict = format!(
-        "{} samples of the surface in {} observations are shown by a mean and {terms} terms around each of {} vertices; \
+        "{} samples of the surface in {} observations are reconstructed from a mean and {terms} terms around each of {} vertices; \
          dB of the matrices by terms from 0: {}; of colours {:.2}. Resampled as finely as the \
          photographs resolve it, in 32x32 directions, that would be {} MB. {unseen} samples are seen by no photograph and take after their neighbours.",
         quality.samples,

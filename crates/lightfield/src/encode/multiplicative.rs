@@ -30,22 +30,22 @@ struct Factored<'r> {
     mean: Vec<Vec3A>,
     terms: Vec<TermFit>,
     /// The model's value of each observation.
-    shown: Vec<Vec3A>,
+    decoded: Vec<Vec3A>,
 }
 
 /// Fits `terms` terms around one vertex.
 pub(super) fn fit(ring: &Ring, params: &LightParams, terms: u32, cancel: CancelCheck<'_>) -> VertexMaps {
     let mut factored = Factored::new(ring, params, terms as usize);
     for _ in 0..if terms > 0 { ROUNDS } else { 1 } {
-        factored.show();
+        factored.reconstruct();
         factored.improve_mean();
         for term in 0..terms as usize {
             if cancel.is_cancelled() {
                 return factored.finish();
             }
-            factored.show();
+            factored.reconstruct();
             factored.improve_surface(term);
-            factored.show();
+            factored.reconstruct();
             factored.improve_view(term);
         }
     }
@@ -77,7 +77,7 @@ impl Factored<'_> {
                     view: start(term + terms, texels, of_term),
                 })
                 .collect(),
-            shown: vec![Vec3A::ZERO; ring.observations.len()],
+            decoded: vec![Vec3A::ZERO; ring.observations.len()],
         }
     }
 
@@ -85,16 +85,16 @@ impl Factored<'_> {
         tap.read(&self.terms[term].view, self.grid)
     }
 
-    fn show(&mut self) {
-        let mut shown = std::mem::take(&mut self.shown);
+    fn reconstruct(&mut self) {
+        let mut decoded = std::mem::take(&mut self.decoded);
         for (row, (_, range)) in self.ring.of_rows().enumerate() {
             for at in range {
                 let terms = (0..self.terms.len())
                     .map(|term| self.terms[term].surface[row] * self.seen(term, &self.taps[at]));
-                shown[at] = self.mean[row] + terms.sum::<Vec3A>();
+                decoded[at] = self.mean[row] + terms.sum::<Vec3A>();
             }
         }
-        self.shown = shown;
+        self.decoded = decoded;
     }
 
     /// What the observations and what the model put into one value of each row, by `factor`.
@@ -104,7 +104,7 @@ impl Factored<'_> {
             for at in range {
                 let weighted = factor(&self.taps[at]) * self.taps[at].weight;
                 wanted += weighted * Vec3A::from(self.ring.observations[at].colour);
-                found += weighted * self.shown[at];
+                found += weighted * self.decoded[at];
             }
             (wanted + LEAST) / (found + LEAST)
         };
@@ -130,11 +130,11 @@ impl Factored<'_> {
                 let tap = &self.taps[at];
                 let weighted = surface * tap.weight;
                 let colour = weighted * Vec3A::from(self.ring.observations[at].colour);
-                let shown = weighted * self.shown[at];
+                let decoded = weighted * self.decoded[at];
                 for (step, weight) in [0, 1, grid, grid + 1].into_iter().zip(tap.weights) {
                     let texel = tap.low as usize + step;
                     wanted[texel] += colour * weight;
-                    found[texel] += shown * weight;
+                    found[texel] += decoded * weight;
                     reached[texel] += tap.weight * weight;
                 }
             }

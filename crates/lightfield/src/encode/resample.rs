@@ -102,8 +102,8 @@ pub(super) fn error(scene: &Scene, texture: &LightTexture, vertex: u32, cancel: 
                 let colour =
                     |at: usize| Vec3::from(whole[blend.views[at] as usize].colours[sample].map(f32::from));
                 let wanted = (0..3).map(|at| colour(at) * blend.weights[at]).sum::<Vec3>() / 255.0;
-                let shown = own.value(&view, texel % grid, texel / grid);
-                squares.add(f64::from(((wanted - own.mean) * hat - shown).length_squared()), 3);
+                let decoded = own.value(&view, texel % grid, texel / grid);
+                squares.add(f64::from(((wanted - own.mean) * hat - decoded).length_squared()), 3);
             }
         }
     }

@@ -1,4 +1,4 @@
-//! Codebooks of maps: what several triangles or vertices may show (paper section 4, vector quantisation).
+//! Codebooks of maps: maps that several triangles or vertices may use (paper section 4, vector quantisation).
 //!
 //! Patches of one side and the view maps, layer by layer, are groups of vectors. For each group codebooks of several sizes are built
 //! (generalised Lloyd), each map weighted by the error in the colours that an error in it makes. Bits, those of the numbers of codewords
@@ -86,7 +86,7 @@ struct Size {
 
 /// A codebook for a group.
 struct Book {
-    /// Weighted means of the maps that show them.
+    /// Weighted means of the maps that use them.
     codewords: Array2<f32>,
     /// The codeword of each map.
     numbers: Vec<u32>,

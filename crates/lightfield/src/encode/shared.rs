@@ -1,5 +1,5 @@
 //! One view map a term for all vertices of a region, over directions in space: where light comes from far away, a highlight is where its
-//! reflection points, whichever vertex shows it. Regions are needed where it comes from near by, or from the object itself.
+//! reflection points, whichever vertex uses it. Regions are needed where it comes from near by, or from the object itself.
 //!
 //! The same alternation as that of one vertex, with one system of equations for a view map that all vertices of its region add to. Surface
 //! maps stay each vertex's own, and are found again in each round, so no vertex's observations are kept.
@@ -44,7 +44,7 @@ pub(super) struct Shared {
     vertices: Vec<Known>,
 }
 
-/// Which vertices show the same view map.
+/// Which vertices use the same view map.
 #[derive(Debug, Clone)]
 struct Regions {
     /// The region of each vertex; none where it does not have the term.
@@ -111,8 +111,7 @@ pub(super) fn fit(
     Ok(shared)
 }
 
-/// View maps of codebooks, a term each, fitted to all vertices that show them: means of alike maps suit those maps, not what the vertices
-/// show.
+/// View maps of codebooks, a term each, fitted to the observations of all vertices that use them, not to means of maps that are alike.
 pub(super) fn refit(
     scene: &Scene,
     params: &LightParams,

@@ -2,12 +2,12 @@
 
 use texfold_core::image::{ImageSet, MipFilter, mip_chain_cancellable};
 use texfold_core::metric::{measure_cancellable, quality_cancellable};
-use texfold_core::target::Measured;
+use texfold_core::target::{Measured, excess, search_step};
 use texfold_core::{
     Access, BLOCK_LEVELS, CancelCheck, EncodeError, Encoded, Goal, Job, Metric, Notes, Params, SourceError,
 };
 use texfold_residual::RESIDUAL_PART;
-use texfold_residual::block::encode::{BlockParams, BlockSetEncoder, BlockSource, excess, search_step};
+use texfold_residual::block::encode::{BlockParams, BlockSetEncoder, BlockSource, STEPS};
 
 use super::report::settings;
 use crate::{BlockImages, ProgressiveParams, ProgressiveTexture, TexelTexture};
@@ -62,7 +62,7 @@ fn by_block(
     let sources = job.install(|| stages(source, layout.levels, check))?;
     let encoder = job.install(|| BlockSetEncoder::new(layout, &sources, &block_params, check))?;
     let mut tried = 0u32;
-    let found = search_step(goal, encoder.first_step(), |step| {
+    let found = search_step(goal, STEPS, encoder.first_step(), |step| {
         tried += 1;
         job.stage("coding blocks", tried as f32 / (tried as f32 + 4.0))?;
         let images = BlockImages::new(job.install(|| encoder.at_step(step))?);

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use texfold_bc::Content;
-use texfold_core::image::{ImageSet, MipFilter, PixelInfo, Raster, mip_chain_cancellable};
+use texfold_core::image::{PixelInfo, Raster};
 use texfold_core::metric::SquaredError;
 use texfold_core::sample::TEXFOLD_NORMAL;
 use texfold_core::target::Measured;
@@ -137,17 +137,6 @@ pub(crate) fn kinds(pixel: PixelInfo, params: &ProgressiveParams) -> Result<Vec<
         return Err(ParamError::new("channels", pixel.channels, range));
     }
     Ok(list)
-}
-
-/// The levels of each image that are stored.
-pub(crate) fn levels(
-    source: &ImageSet,
-    mips: bool,
-    check: CancelCheck<'_>,
-) -> Result<Vec<Vec<Raster>>, EncodeError> {
-    let count = if mips { source.full_levels().min(16) } else { 1 };
-    let chain = |image| mip_chain_cancellable(image, count, MipFilter::Box, check);
-    source.images().iter().map(chain).collect()
 }
 
 /// A base as a texture, and where it is to have codebooks, what they may hold: all that no goal changes.

@@ -10,11 +10,10 @@ use std::ops::Range;
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 use texfold_core::address::TexfoldTap;
-use texfold_core::image::{ImageSet, Raster};
+use texfold_core::image::{ImageSet, MipFilter, Raster, mip_chain_cancellable};
 use texfold_core::sample::texfold_bilinear;
 use texfold_core::{CancelCheck, Effort, EncodeError, Goal, ImageLayout, SurfaceSize, Texel};
 
-use super::base::levels;
 use texfold_residual::encode::PaddedRaster;
 use texfold_residual::{APRON, MAX_SHRINK_LOG2, stored_layout};
 
@@ -48,6 +47,13 @@ pub(crate) struct Frame {
     pub(crate) around: Option<PaddedRaster>,
     /// Mean squared error of what is stored, upsampled, in 8-bit units.
     pub(crate) floor: f64,
+}
+
+/// The levels of each image that are stored.
+fn levels(source: &ImageSet, mips: bool, check: CancelCheck<'_>) -> Result<Vec<Vec<Raster>>, EncodeError> {
+    let count = if mips { source.full_levels().min(16) } else { 1 };
+    let chain = |image| mip_chain_cancellable(image, count, MipFilter::Box, check);
+    source.images().iter().map(chain).collect()
 }
 
 /// The sizes that may be tried, as the goal and the pixels need: the first is the whole. Of goals of bits, [`Frame::may_beat`]

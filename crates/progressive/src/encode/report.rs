@@ -6,7 +6,7 @@ use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, Notes};
 use texfold_residual::RESIDUAL_PART;
 
 use crate::codebook::CELL_SIDE;
-use crate::texel::MAP_PART;
+use crate::codebook::MAP_PART;
 use crate::{Details, ProgressiveParams, TexelTexture};
 
 /// Settings, verdict, and the PSNR of the base alone.

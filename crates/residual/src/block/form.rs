@@ -17,7 +17,7 @@ const OFFSET_BITS: u32 = 5;
 /// Largest reconstruction offset: half a step.
 pub(super) const MAX_OFFSET: u8 = 1 << (OFFSET_BITS - 1);
 /// Steps in an octave, evenly spaced.
-const OCTAVE_STEPS: u16 = 256;
+pub(crate) const OCTAVE_STEPS: u16 = 256;
 /// Fractional bits of a step's size.
 const SIZE_BITS: u32 = 10;
 /// The same as a factor.

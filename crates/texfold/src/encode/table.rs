@@ -195,7 +195,7 @@ fn add<C: ImageEncoder + Growable>(
     }
 }
 
-/// Images of the parts of a texture, for a person to look at; none where its codec has no parts to show.
+/// Images of the parts of a texture, for a person to look at; none where its codec has no parts.
 #[must_use]
 pub fn parts_of(image: &AnyImage) -> Vec<PartImages> {
     let id = image.codec();

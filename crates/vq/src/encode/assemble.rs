@@ -9,8 +9,7 @@ use texfold_core::{CancelCheck, Effort, EncodeError, Texel};
 
 use super::blocks::{Blocks, channels_of, texel_of};
 use crate::VqTexture;
-use crate::encoded::CodebookPart;
-use crate::grid::Grid;
+use crate::grid::{CodebookPart, Grid};
 
 /// A codebook before it is stored.
 #[derive(Debug, Clone)]
@@ -153,7 +152,7 @@ fn sample_corners(part: &CodebookPart) -> impl Iterator<Item = [u8; 2]> + use<> 
 /// Corners of all windows of a texture's codebook that blocks may point at: those in samples, and the codewords'.
 pub(crate) fn corners_of(texture: &VqTexture) -> (Vec<[u8; 2]>, Vec<[u8; 2]>) {
     let cells = Grid::of_texels(texture.codebook_size()).free_cells(texture.samples());
-    let used = cells.len() - texture.free_cells as usize;
+    let used = cells.len() - texture.parts.free_cells as usize;
     let codewords = cells.iter().take(used).map(|&(x, y)| [x as u8, y as u8]);
     (texture.samples().iter().flat_map(sample_corners).collect(), codewords.collect())
 }

@@ -1,7 +1,7 @@
 //! Images cut into 4x4 blocks: vectors of 16 texels, channel by channel within a texel.
 //!
 //! Order: image by image, level by level, row by row. Blocks that hang over an edge repeat it and weigh as much as
-//! they show.
+//! the texels that lie inside.
 
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
@@ -96,9 +96,9 @@ fn cut_level(level: &Raster, values: &mut Vec<f32>, inside: &mut Vec<f32>, cance
             window(level, column as u32 * 4, row as u32 * 4, block);
         }
     });
-    let shown = |at: u32, end: u32| (end - at).min(4);
+    let inside_of = |at: u32, end: u32| (end - at).min(4);
     for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
-        inside.push((shown(column * 4, width) * shown(row * 4, height)) as f32 / BLOCK_TEXELS as f32);
+        inside.push((inside_of(column * 4, width) * inside_of(row * 4, height)) as f32 / BLOCK_TEXELS as f32);
     }
 }
 

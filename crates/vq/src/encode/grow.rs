@@ -1,8 +1,8 @@
-//! Adding images to a texture (paper section 4.2): what the codebook shows within the join threshold uses it, the
+//! Adding images to a texture (paper section 4.2): blocks that the codebook holds within the join threshold use it, the
 //! rest becomes new codewords in free cells or in rows added below. No texel that was valid before changes.
 //!
 //! Cost: one exact search for each block, and an incremental codeword for each that is not within the threshold. *Not
-//! done*: moving codewords that are there, as they are what other images show.
+//! done*: moving codewords that are there, as other images use them.
 
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
@@ -25,13 +25,13 @@ pub(crate) fn add(
     source: VqSource<'_>,
     job: &mut Job<'_>,
 ) -> Result<(), EncodeError> {
-    let index: u64 = texture.classes.iter().map(|class| 2 * class.index.len() as u64).sum();
+    let index: u64 = texture.parts.classes.iter().map(|class| 2 * class.index.len() as u64).sum();
     // The grown texture stands beside the old one until it is whole.
     let bytes = held_bytes(source.images) + 2 * index;
     let grown = job.holding(bytes, |job| {
         job.stage("matching", 0.0)?;
         // A set that is stored as gray takes further colour images as gray.
-        let gray = (texture.layout.pixel.channels == 1 && source.images.info().channels == 3)
+        let gray = (texture.parts.layout.pixel.channels == 1 && source.images.info().channels == 3)
             .then(|| source.images.to_gray());
         let source = VqSource { images: gray.as_ref().unwrap_or(source.images), ..source };
         check(texture, &source)?;
@@ -44,14 +44,14 @@ pub(crate) fn add(
 }
 
 fn check(texture: &VqTexture, source: &VqSource<'_>) -> Result<(), SourceError> {
-    let (pixel, known) = (source.images.info(), texture.layout.pixel);
+    let (pixel, known) = (source.images.info(), texture.parts.layout.pixel);
     if pixel.channels != known.channels {
         return Err(SourceError::Unlike { index: 0, what: "its number of channels" });
     }
     if pixel.color != known.color {
         return Err(SourceError::Unlike { index: 0, what: "its colour space" });
     }
-    check_sizes(source.images, texture.layout.levels)
+    check_sizes(source.images, texture.parts.layout.levels)
 }
 
 fn grow(
@@ -59,25 +59,25 @@ fn grow(
     source: &VqSource<'_>,
     cancel: CancelCheck<'_>,
 ) -> Result<VqTexture, EncodeError> {
-    let blocks = Blocks::cut(source.images, texture.layout.levels, cancel)?;
+    let blocks = Blocks::cut(source.images, texture.parts.layout.levels, cancel)?;
     let channels = blocks.channels;
-    let (width, _) = texture.codebook.size();
-    let grid = Grid::of_texels(texture.codebook.size());
+    let (width, _) = texture.parts.codebook.size();
+    let grid = Grid::of_texels(texture.parts.codebook.size());
     let (mut corners, codewords) = corners_of(texture);
     corners.extend(codewords);
     let windows = windows_at(texture.codebook_texels(), width, &corners, channels);
-    let codewords = new_codewords(&blocks, windows.view(), f64::from(texture.join_rms), cancel)?;
+    let codewords = new_codewords(&blocks, windows.view(), f64::from(texture.parts.join_rms), cancel)?;
     let Room { cells, height } = room_for(texture, grid, codewords.nrows())?;
     let filled: Vec<(u32, u32, [Texel; 16])> = cells
         .iter()
         .zip(codewords.rows())
         .map(|(&(x, y), codeword)| (x, y, cell_texels(&codeword.to_vec(), channels)))
         .collect();
-    let codebook = texture.codebook.with_cells(&filled, height);
+    let codebook = texture.parts.codebook.with_cells(&filled, height);
     let mut grown = texture.clone();
     grown.texels = Cached::from(codebook.decode());
-    grown.codebook = codebook;
-    grown.free_cells = (cells.len() - codewords.nrows()) as u32;
+    grown.parts.codebook = codebook;
+    grown.parts.free_cells = (cells.len() - codewords.nrows()) as u32;
     corners.extend(cells.iter().take(codewords.nrows()).map(|&(x, y)| [x as u8, y as u8]));
     append_images(&mut grown, &blocks, &corners, cancel)?;
     grown.notes.verdict = report::verdict(&grown, true) + GROWN;
@@ -85,7 +85,7 @@ fn grow(
     Ok(grown)
 }
 
-/// Codewords for the blocks that no window shows within the threshold.
+/// Codewords for the blocks that no window matches within the threshold.
 fn new_codewords(
     blocks: &Blocks,
     windows: ArrayView2<'_, f32>,
@@ -116,13 +116,13 @@ struct Room {
 }
 
 fn room_for(texture: &VqTexture, grid: Grid, count: usize) -> Result<Room, SourceError> {
-    let used = grid.free_cells(&texture.samples).len() - texture.free_cells as usize;
-    let missing = (count as u32).saturating_sub(texture.free_cells);
+    let used = grid.free_cells(&texture.parts.samples).len() - texture.parts.free_cells as usize;
+    let missing = (count as u32).saturating_sub(texture.parts.free_cells);
     let rows = grid.rows + missing.div_ceil(grid.columns);
     if rows > MAX_CODEBOOK_SIDE / 4 {
         return Err(SourceError::Full { what: "the codebook of 256 rows" });
     }
-    let cells = Grid { rows, ..grid }.free_cells(&texture.samples);
+    let cells = Grid { rows, ..grid }.free_cells(&texture.parts.samples);
     Ok(Room { cells: cells[used..].to_vec(), height: rows * 4 })
 }
 
@@ -137,13 +137,15 @@ fn append_images(
     corners: &[[u8; 2]],
     cancel: CancelCheck<'_>,
 ) -> Result<(), EncodeError> {
-    let windows = windows_at(grown.codebook_texels(), grown.codebook.size().0, corners, blocks.channels);
+    let windows =
+        windows_at(grown.codebook_texels(), grown.parts.codebook.size().0, corners, blocks.channels);
     let all: Vec<usize> = (0..blocks.len()).collect();
     let matches = assign(blocks, &all, windows.view(), cancel)?;
-    let (old_classes, old_places) = (std::mem::take(&mut grown.classes), std::mem::take(&mut grown.places));
-    grown.layout.surfaces.extend(&blocks.sizes);
-    let groups = Groups::of(&grown.layout);
-    let mut classes = groups.classes(grown.codebook.swizzle().0);
+    let (old_classes, old_places) =
+        (std::mem::take(&mut grown.parts.classes), std::mem::take(&mut grown.parts.places));
+    grown.parts.layout.surfaces.extend(&blocks.sizes);
+    let groups = Groups::of(&grown.parts.layout);
+    let mut classes = groups.classes(grown.parts.codebook.swizzle().0);
     for (surface, place) in groups.places.iter().enumerate() {
         let class = &mut classes[place.class];
         for block in 0..class.blocks() {
@@ -158,8 +160,8 @@ fn append_images(
             class.index[position] = value;
         }
     }
-    grown.classes = classes;
-    grown.places = groups.places;
+    grown.parts.classes = classes;
+    grown.parts.places = groups.places;
     Ok(())
 }
 
@@ -189,7 +191,11 @@ mod tests {
             assert_eq!(texture.layout().surfaces.len(), 5);
             let decoded = decode_surface(&texture, 4, 0).unwrap();
             let rms = texfold_core::metric::color_error(&last.images()[0], &decoded).rms();
-            assert!(rms <= f64::from(texture.join_rms) + 4.0, "{content:?}: {rms} {}", texture.join_rms);
+            assert!(
+                rms <= f64::from(texture.parts.join_rms) + 4.0,
+                "{content:?}: {rms} {}",
+                texture.parts.join_rms
+            );
         }
     }
 
@@ -246,7 +252,7 @@ mod tests {
         let set = frames("caustics");
         let params = VqParams { codebook: Some((16, 16)), ..VqParams::default() };
         let mut texture = Vq::encode(VqSource::new(&set), &params, &mut Job::default()).unwrap();
-        texture.join_rms = 0.1;
+        texture.parts.join_rms = 0.1;
         let copy = texture.clone();
         let noise: Vec<u8> =
             (0..256 * 256 * 3u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 17) as u8).collect();

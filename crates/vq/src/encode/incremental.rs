@@ -11,8 +11,7 @@ use super::plan::MAX_CELLS;
 use super::samples::{SampleSpec, sample_windows};
 use super::single::{Prepared, by_brightness, usual_side};
 use crate::VqTexture;
-use crate::encoded::CodebookPart;
-use crate::grid::Grid;
+use crate::grid::{CodebookPart, Grid};
 
 /// Rounding of a codeword to 8 bits moves a texel by at most half a step; sources of 8 bits are not moved at all.
 const ROUNDING_RMS: f64 = 0.5;
@@ -63,8 +62,8 @@ fn draft(prepared: &Prepared<'_>, samples: &[CodebookPart], rms: f64) -> Result<
     let side = samples.iter().map(|part| part.side).max().unwrap_or(0);
     let sample_cells: u32 = samples.iter().map(|part| part.side * part.side / 16).sum();
     let mut leaders = Leaders::new(prepared.blocks.view());
-    let shown = sample_windows(prepared.images(), samples);
-    let search = (!samples.is_empty()).then(|| texfold_codebook::Search::new(shown.view()));
+    let windows = sample_windows(prepared.images(), samples);
+    let search = (!samples.is_empty()).then(|| texfold_codebook::Search::new(windows.view()));
     for row in 0..prepared.blocks.len() {
         if row.is_multiple_of(ROWS_A_LOOK) {
             prepared.cancel.checkpoint()?;

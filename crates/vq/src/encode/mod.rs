@@ -1,7 +1,7 @@
 //! The encoder: guidance, samples, codewords, codebook, index.
 //!
 //! The paper's steps in order: blocks, usability, saliency and distortion, guidance, samples, then vector quantisation
-//! of what they do not show. Beyond the paper: codewords are weighted by importance, and everything is decided on the
+//! of what they do not hold. Beyond the paper: codewords are weighted by importance, and everything is decided on the
 //! stored (8-bit or block-compressed) codebook, with rounds that move the codewords to what really uses them; blocks
 //! may point across codewords; and images that are nearly gray are stored as gray. A tolerance goal uses the paper's
 //! incremental codewords instead, which bound every block's error.

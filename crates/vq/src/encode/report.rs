@@ -37,8 +37,8 @@ pub(crate) fn settings(params: &VqParams) -> String {
 /// What was modelled and what was left out, in a sentence.
 pub(crate) fn verdict(texture: &VqTexture, met: bool) -> String {
     let (width, height) = texture.codebook_size();
-    let cells =
-        Grid::of_texels((width, height)).free_cells(texture.samples()).len() - texture.free_cells as usize;
+    let cells = Grid::of_texels((width, height)).free_cells(texture.samples()).len()
+        - texture.parts.free_cells as usize;
     let content = texture.content().name().to_uppercase();
     let samples = match texture.samples() {
         [] => "no sample (none lowered the weighted error)".to_owned(),
@@ -75,8 +75,8 @@ fn psnr_with(prepared: &Prepared<'_>, texture: &VqTexture, corners: &[[u8; 2]]) 
     let matches = assign(&prepared.blocks, &rows, windows.view(), prepared.cancel)?;
     let mut other = texture.clone();
     let mut next = matches.iter();
-    for place in &texture.places {
-        let class = &mut other.classes[place.class];
+    for place in &texture.parts.places {
+        let class = &mut other.parts.classes[place.class];
         let size = SurfaceSize { width: class.params.size[0], height: class.params.size[1] };
         for block in 0..blocks_of(size, 1) {
             let position = class.position(place.number, block);
@@ -154,8 +154,8 @@ fn place_color(texture: &VqTexture, [x, y]: [u8; 2]) -> Texel {
 
 fn use_counts(texture: &VqTexture) -> Vec<u32> {
     let mut counts = vec![0u32; 256 * 256];
-    for place in &texture.places {
-        let class = &texture.classes[place.class];
+    for place in &texture.parts.places {
+        let class = &texture.parts.classes[place.class];
         for block in 0..class.blocks() {
             let [x, y] = class.index[class.position(place.number, block)];
             counts[usize::from(y) * 256 + usize::from(x)] += 1;
@@ -166,8 +166,8 @@ fn use_counts(texture: &VqTexture) -> Vec<u32> {
 
 /// One texel a block of level 0.
 fn draw_blocks(texture: &VqTexture, surface: u32, color: &dyn Fn([u8; 2]) -> Texel) -> Option<Raster> {
-    let place = texture.places.get(surface as usize)?;
-    let class = &texture.classes[place.class];
+    let place = texture.parts.places.get(surface as usize)?;
+    let class = &texture.parts.classes[place.class];
     let (columns, rows) = texture.layout().surfaces[surface as usize].blocks();
     let texels: Vec<Texel> =
         (0..columns * rows).map(|block| color(class.index[class.position(place.number, block)])).collect();

@@ -12,8 +12,7 @@ use super::blocks::Blocks;
 use super::importance::Integral;
 use super::usability::Words;
 use crate::GuidanceWeights;
-use crate::encoded::CodebookPart;
-use crate::grid::Grid;
+use crate::grid::{CodebookPart, Grid};
 use crate::guidance::Map;
 
 /// Step of sample positions in texels: that of the image's own blocks, so that a sample's cells are blocks
@@ -114,7 +113,7 @@ impl Choice<'_> {
             .collect()
     }
 
-    /// Sets the weight of blocks that the samples show within tolerance to 0.
+    /// Sets the weight of blocks that the samples match within tolerance to 0.
     fn strike_out(&self, samples: &[CodebookPart], left: &mut [f32]) {
         let windows = sample_windows(self.images, samples);
         let search = Search::new(windows.view());

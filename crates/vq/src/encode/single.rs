@@ -17,9 +17,11 @@ use super::samples::{Choice, SampleSpec, sample_windows};
 use super::usability::Words;
 use crate::classes::Groups;
 use crate::decode::TEXFOLD_VQ_LEVELS;
-use crate::encoded::{CodebookPart, VqTexture};
+use crate::encoded::VqTexture;
+use crate::grid::CodebookPart;
 use crate::grid::Grid;
 use crate::guidance::Map;
+use crate::parts::Parts;
 use crate::{VqParams, VqSource};
 
 /// Blocks that codewords are learnt from: 32 for each of the most codewords there can be.
@@ -207,7 +209,7 @@ impl<'s> Prepared<'s> {
         Ok((self.texture(&draft, stored, &matches), error))
     }
 
-    /// Codewords for the blocks that the samples do not show as well as a codeword would.
+    /// Codewords for the blocks that the samples do not match as well as a codeword would.
     fn learn(&self, request: &Request, samples: Vec<CodebookPart>) -> Result<Draft, EncodeError> {
         let cells = request.grid.free_cells(&samples).len();
         let left: Vec<usize> = if samples.is_empty() {
@@ -242,17 +244,16 @@ impl<'s> Prepared<'s> {
             }
         }
         let cells = draft.grid.free_cells(&draft.samples).len();
-        VqTexture {
+        let parts = Parts {
             layout: self.layout.clone(),
             codebook: stored.planes,
-            texels: Cached::from(stored.texels),
             classes,
             places: groups.places,
             samples: draft.samples.clone(),
             free_cells: (cells - draft.codewords.nrows()) as u32,
             join_rms: join_rms(matches, self.blocks.vectors.ncols()),
-            notes: Notes::default(),
-        }
+        };
+        VqTexture { parts, texels: Cached::from(stored.texels), notes: Notes::default() }
     }
 }
 

@@ -8,9 +8,9 @@ use texfold_core::sample::TEXFOLD_RGBA;
 use crate::decode::{
     TEXFOLD_ZIPMAP_RECORD, TexfoldZipmapParams, ZipmapView, texfold_zipmap_layer, texfold_zipmap_pixel,
 };
-use crate::encoded::{list_texels, record};
 use crate::geometry::{normalised, seen_in, slope};
 use crate::linear::{area, project};
+use crate::table::{list_texels, record};
 
 /// A patch as it is laid.
 #[derive(Debug, Clone)]
@@ -24,7 +24,7 @@ pub(crate) struct Laid {
     pub(crate) corner: (u32, u32),
     /// Texels to a texel of the root.
     pub(crate) zoom: f64,
-    /// Which of the canvas's levels it shows.
+    /// Which of the canvas's images it has.
     pub(crate) content: usize,
 }
 
@@ -60,7 +60,7 @@ pub(crate) struct Canvas {
     pub(crate) root_size: (u32, u32),
     pub(crate) root: Vec<Vec<[u8; 4]>>,
     pub(crate) laid: Vec<Laid>,
-    /// What patches show: one for each patch, but one for all that show the same.
+    /// Patch images: one for each patch, but one for all patches that share it.
     pub(crate) levels: Vec<Vec<Vec<[u8; 4]>>>,
 }
 
@@ -110,7 +110,7 @@ pub(crate) fn colour(view: &ZipmapView<'_>, at: &Footprint) -> Texel {
     texfold_zipmap_pixel(view, at.uv, at.dx, at.dy)
 }
 
-/// How much of patch `index` is shown there, were it alone.
+/// Opacity of patch `index` there, were it alone.
 pub(crate) fn cover(view: &ZipmapView<'_>, index: u16, at: &Footprint) -> f32 {
     texfold_zipmap_layer(view, u32::from(index), at.uv, at.dx, at.dy).w
 }

@@ -1,4 +1,4 @@
-//! What an image loses when a coarser one of its mip levels is shown in its place, enlarged.
+//! What an image loses when a coarser one of its mip levels stands for it, upsampled.
 
 use rayon::prelude::*;
 use texfold_core::CancelCheck;
@@ -6,7 +6,7 @@ use texfold_core::CancelCheck;
 /// Texels a side of a block that errors are told of.
 const BLOCK: u32 = 4;
 
-/// How far an image is from what is shown of it, as far as it is seen: errors are weighted by alpha, and those of alpha
+/// How far an image is from its upsampled level, as far as it is visible: errors are weighted by alpha, and those of alpha
 /// by how much the image differs from what lies under it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Change {
@@ -27,13 +27,13 @@ fn taps(count: u32, of: u32) -> Vec<(usize, usize, f32)> {
     (0..count).map(tap).collect()
 }
 
-/// The change from an image of `size` to `shown`, one of its levels that has its sides halved `level` times. It differs
+/// The change from an image of `size` to `coarse`, one of its levels that has its sides halved `level` times. It differs
 /// by
 /// `contrast` from what lies under it, RMS in 8-bit units. Of no use once the job is cancelled.
 pub(crate) fn change(
     source: &[[u8; 4]],
     size: (u32, u32),
-    (shown, level): (&[[u8; 4]], usize),
+    (coarse, level): (&[[u8; 4]], usize),
     contrast: f64,
     cancel: CancelCheck<'_>,
 ) -> Change {
@@ -45,7 +45,7 @@ pub(crate) fn change(
         let bottom = if cancel.is_cancelled() { top } else { (top + BLOCK).min(size.1) };
         for y in top..bottom {
             let (low, high, down) = rows[y as usize];
-            let lines = [low, high].map(|row| &shown[row * of.0 as usize..(row + 1) * of.0 as usize]);
+            let lines = [low, high].map(|row| &coarse[row * of.0 as usize..(row + 1) * of.0 as usize]);
             let texels = &source[(y * size.0) as usize..((y + 1) * size.0) as usize];
             for (x, (texel, &(left, right, across))) in texels.iter().zip(&columns).enumerate() {
                 let block = &mut blocks[x / BLOCK as usize];

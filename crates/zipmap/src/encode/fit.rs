@@ -1,4 +1,4 @@
-//! How finely each image is stored: from the first of its mip levels that the goal needs, the rest shows enlarged; and
+//! How finely each image is stored: from the first of its mip levels that the goal needs, upsampled for those that are not stored; and
 //! in which content.
 
 use std::collections::HashMap;
@@ -12,10 +12,11 @@ use texfold_core::target::{Measured, search};
 use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, ImageLayout, Job, Notes, SurfaceSize, Texel};
 
 use super::canvas::{Canvas, Laid};
+use super::compare::compare;
 use super::enlarge::{Change, change};
-use super::{fault, report, trim};
-use crate::encoded::{Parts, PatchForm, bytes_of};
-use crate::wire::{patch_pixel, suits_patches};
+use super::{fault, trim};
+use crate::encoded::bytes_of;
+use crate::parts::{Parts, PatchForm, patch_pixel, suits_patches};
 use crate::{ZipError, ZipParams, ZipTexture};
 
 /// What was made of a canvas.
@@ -208,7 +209,7 @@ pub(crate) struct Maker<'a> {
     /// Levels finer than the root.
     pub(crate) deep: u32,
     pub(crate) params: &'a ZipParams,
-    /// Levels of the root, where `None`, and of what patches show.
+    /// Levels of the root, where `None`, and of patch images.
     pub(crate) encoded: HashMap<LevelKey, ContentPlanes>,
     pub(crate) cancel: CancelCheck<'a>,
 }
@@ -216,7 +217,7 @@ pub(crate) struct Maker<'a> {
 /// A level that is encoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct LevelKey {
-    /// Which of the images that patches show; the root where there is none.
+    /// Which of the patch images; the root where there is none.
     image: Option<usize>,
     level: usize,
     content: Content,
@@ -315,16 +316,16 @@ impl Maker<'_> {
         ContentPlanes::encode_cancellable(content, pixel, size, &texels, effort, self.cancel)
     }
 
-    /// Size of the root, or of what patches show.
+    /// Size of the root, or of a patch image.
     fn size_of(&self, index: Option<usize>) -> (u32, u32) {
-        let shows = |laid: &&Laid| Some(laid.content) == index;
+        let has = |laid: &&Laid| Some(laid.content) == index;
         match index {
             None => self.canvas.root_size,
-            Some(_) => self.canvas.laid.iter().find(shows).map_or((1, 1), |laid| laid.size),
+            Some(_) => self.canvas.laid.iter().find(has).map_or((1, 1), |laid| laid.size),
         }
     }
 
-    /// RMS error of the worst 4x4 block of the root and of all that patches show, in 8-bit units, from the finest level
+    /// RMS error of the worst 4x4 block of the root and of all patch images, in 8-bit units, from the finest level
     /// of each that is among `stored`.
     fn worst_block(&self, stored: &[LevelKey]) -> f64 {
         let is_finest = |at: &usize| *at == 0 || stored[*at].image != stored[at - 1].image;
@@ -333,8 +334,8 @@ impl Maker<'_> {
             let source = index.map_or(&self.canvas.root[0], |index| &self.canvas.levels[index][0]);
             let Some(planes) = self.encoded.get(&stored[at]) else { return 0.0 };
             let pixel = if index.is_some() { patch_pixel(self.pixel) } else { self.pixel };
-            let shown = bytes_of(planes, pixel);
-            change(source, self.size_of(index), (&shown, level), 0.0, self.cancel).worst_block
+            let decoded = bytes_of(planes, pixel);
+            change(source, self.size_of(index), (&decoded, level), 0.0, self.cancel).worst_block
         };
         (0..stored.len()).into_par_iter().filter(is_finest).map(worst).reduce(|| 0.0, f64::max)
     }
@@ -344,7 +345,7 @@ impl Maker<'_> {
 fn losses(canvas: &Canvas, texture: &ZipTexture, cancel: CancelCheck<'_>) -> Vec<SquaredError> {
     let of = |names: &[u16], matrix: DMat3, size: (u32, u32)| {
         let table = canvas.table(names);
-        report::compare(&canvas.view(&table), &texture.view(), &matrix.inverse(), size, cancel)
+        compare(&canvas.view(&table), &texture.view(), &matrix.inverse(), size, cancel)
     };
     let all: Vec<u16> = (0..canvas.laid.len() as u16).collect();
     let root = of(&all, DMat3::IDENTITY, canvas.root_size);

@@ -1,13 +1,13 @@
 //! Mip levels of root and patches.
 //!
-//! A patch keeps its colours where it is not shown: they are blended with those beside them. Alpha is averaged by
+//! A patch keeps its colours where it is transparent: they are blended with those beside them. Alpha is averaged by
 //! itself, and is 0 on the border texels of every level (paper section 3), so that no seam shows and what is smaller
 //! than a pixel vanishes.
 
 use texfold_core::image::{Alpha, ColorSpace, MipFilter, PixelInfo, Raster, mip_chain_cancellable, to_u8};
 use texfold_core::{CancelCheck, EncodeError, Texel};
 
-use crate::encoded::MAX_PATCH_LEVELS;
+use crate::parts::MAX_PATCH_LEVELS;
 
 /// Sides up to which all texels are border.
 const ALL_BORDER: u32 = 2;
@@ -25,12 +25,12 @@ fn bytes_of(
     let width = image.size().width.max(1);
     let mut all = Vec::new();
     all.reserve_exact(image.texels().len());
-    for (index, shown) in image.texels().enumerate() {
+    for (index, colour) in image.texels().enumerate() {
         let (x, y) = (index as u32 % width, index as u32 / width);
         if x == 0 {
             cancel.checkpoint()?;
         }
-        all.push(bytes(texel(shown, index, x, y)));
+        all.push(bytes(texel(colour, index, x, y)));
     }
     Ok(all)
 }

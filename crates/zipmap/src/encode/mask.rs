@@ -1,7 +1,7 @@
-//! How much of a patch is shown: by the cost of the cheapest path to its border, where gradients are dear (Eisemann and
+//! Opacity of a patch: by the cost of the cheapest path to its border, where gradients are dear (Eisemann and
 //! others 2010; paper section 4, equations 2 and 3).
 //!
-//! The edge of what is shown thus runs along edges of the image, and where these lack, alpha rises slowly. Deviation:
+//! The edge of what is visible thus runs along edges of the image, and where these lack, alpha rises slowly. Deviation:
 //! one path for all channels, with the largest gradient of any, where the paper takes the dearest of a path for each.
 //! Cost: one pass of Dijkstra's algorithm over whole numbers, linear in the texels (Dial 1969).
 
@@ -9,7 +9,7 @@ use texfold_core::{CancelCheck, Texel};
 
 /// Steps of cost for a change by the whole range.
 const UNITS: f32 = 255.0;
-/// Least cost of a texel, so that flat parts are shown too, if far from the border.
+/// Least cost of a texel, so that flat parts become opaque too, if far from the border.
 const LEAST: u32 = 1;
 /// Largest cost of a texel: a change by the whole range on both axes.
 const MOST: u32 = 2 * UNITS as u32;

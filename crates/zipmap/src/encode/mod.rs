@@ -2,6 +2,7 @@
 //! out what is hidden, store as finely and in the content that the goal asks for.
 
 mod canvas;
+mod compare;
 mod enlarge;
 mod fit;
 mod levels;
@@ -20,8 +21,8 @@ use texfold_core::{
     TextureCodec,
 };
 
-use crate::encoded::MAX_PATCHES;
 use crate::geometry::{normalised, seen_in};
+use crate::parts::MAX_PATCHES;
 use crate::{PatchSource, PatchStack, ZipError, ZipParams, ZipTexture, Zipmap};
 use canvas::{Canvas, Laid};
 use fit::Maker;
@@ -36,7 +37,7 @@ const BYTES_PER_TEXEL: u64 = 24;
 /// Bytes that are held for each texel of the largest image while its patch is cut out, masked and reduced: colours and
 /// alpha (20), the same as images (16) with their mip levels (22), in linear light (20 for each chain), levels twice (11).
 const BYTES_PER_LARGEST: u64 = 112;
-/// Least share of a patch that the root shows.
+/// Least share of a patch that lies on the root.
 const LEAST_SHARE: f64 = 1e-6;
 
 /// What was left out, for the report.
@@ -80,7 +81,7 @@ impl Dropped {
     }
 }
 
-/// Patches that show one image with one mask: it is stored once, so its colours are not fitted to any of the places.
+/// Patches of one image with one mask: it is stored once, so its colours are not fitted to any of the places.
 struct Stamp {
     patches: Vec<usize>,
     /// All levels, once the first of them is laid.
@@ -89,7 +90,7 @@ struct Stamp {
     content: Option<usize>,
 }
 
-/// The images that several patches show.
+/// The images that several patches share.
 fn stamps(stack: &PatchStack) -> Vec<Stamp> {
     let mut found: Vec<Stamp> = Vec::new();
     for (index, patch) in stack.patches.iter().enumerate() {
@@ -162,8 +163,8 @@ fn encode_checked(
     Ok(fitted.texture.with_notes(notes))
 }
 
-/// How much of each image every patch shows, 0 to 1, one channel: what its borders, its mask and the edges in its image
-/// leave; and where it shows nothing new, or others hide it, nothing. Maps of another kind that are laid by these masks
+/// Opacity of every patch, 0 to 1, one channel: what its borders, its mask and the edges in its image leave; 0 where it adds
+/// nothing new, or others hide it. Maps of another kind that are laid by these masks
 /// (see [`PatchStack::riding`]) appear just where the colours of the patches do, as finely as the goal stores either.
 ///
 /// # Errors
@@ -314,7 +315,7 @@ impl Layer<'_> {
         Ok(())
     }
 
-    /// Lays one of the places of an image that several patches show. All have the levels that one of them needs.
+    /// Lays one of the places of an image that several patches share. All have the levels that one of them needs.
     fn lay_stamp(&mut self, index: usize, stamp: &mut Stamp) -> Result<(), EncodeError> {
         let source = &self.stack.patches[index];
         let image = &self.stack.images[source.image];
@@ -356,13 +357,13 @@ impl Layer<'_> {
 /// The part of an image that is laid.
 struct Cropped {
     patch: PatchTexels,
-    /// How much of each texel is shown; by the image's gradients alone where there is none.
+    /// Opacity of each texel; by the image's gradients alone where there is none.
     mask: Option<Vec<f32>>,
     /// Texels that were cut off.
     cut: u64,
 }
 
-/// The part of an image that its mask shows and, where that counts, the root.
+/// The part of an image that its mask leaves opaque and, where that counts, the root.
 fn cropped(
     image: &Raster,
     source: &PatchSource,
@@ -381,14 +382,14 @@ fn cropped(
         (high.y.ceil() as u32).clamp(top + 1, size.height.max(top + 1)),
     );
     if let Some(mask) = &source.mask {
-        let shown = |x: u32, y: u32| !cancel.is_cancelled() && mask.texel(x, y).x > 0.0;
-        let columns = (left..right).filter(|&x| (top..bottom).any(|y| shown(x, y)));
-        let rows = (top..bottom).filter(|&y| (left..right).any(|x| shown(x, y)));
+        let opaque = |x: u32, y: u32| !cancel.is_cancelled() && mask.texel(x, y).x > 0.0;
+        let columns = (left..right).filter(|&x| (top..bottom).any(|y| opaque(x, y)));
+        let rows = (top..bottom).filter(|&y| (left..right).any(|x| opaque(x, y)));
         let (columns, rows): (Vec<u32>, Vec<u32>) = (columns.collect(), rows.collect());
         if let (Some(x), Some(y), Some(r), Some(b)) =
             (columns.first(), rows.first(), columns.last(), rows.last())
         {
-            // A texel more on each side: the border is not shown.
+            // A texel more on each side: the border is transparent.
             (left, top) = (x.saturating_sub(1).max(left), y.saturating_sub(1).max(top));
             (right, bottom) = ((r + 2).min(right), (b + 2).min(bottom));
         }
@@ -408,11 +409,11 @@ fn cropped(
         None if !own => None,
         mask => {
             let painted = |x: u32, y: u32| mask.as_ref().map_or(1.0, |mask| mask.texel(x, y).x);
-            let shown = |index: u32| {
+            let opacity = |index: u32| {
                 let (x, y) = at(index);
                 if cancel.is_cancelled() { 0.0 } else { painted(x, y) * image.texel(x, y).w }
             };
-            Some((0..width * height).into_par_iter().map(shown).collect())
+            Some((0..width * height).into_par_iter().map(opacity).collect())
         }
     };
     let corner = DVec2::new(f64::from(left), f64::from(top)) / extent;
@@ -432,7 +433,7 @@ fn remove_hidden(canvas: &mut Canvas, cancel: CancelCheck<'_>) -> Vec<usize> {
     for &index in hidden.iter().rev() {
         canvas.laid.remove(index);
     }
-    // What no patch shows any more.
+    // Images that no patch has any more.
     for content in (0..canvas.levels.len()).rev() {
         if canvas.laid.iter().all(|laid| laid.content != content) {
             canvas.levels.remove(content);

@@ -1,26 +1,24 @@
 //! How a texture was made and how good it is, in words and numbers, from its shipped form.
 
-use glam::{DMat3, DVec2, Vec2, Vec4};
+use glam::{DMat3, Vec2, Vec4};
 use rayon::prelude::*;
-use texfold_core::image::{Raster, to_u8};
+use texfold_core::image::Raster;
 use texfold_core::metric::SquaredError;
-use texfold_core::{CancelCheck, Encoded, Goal, Notes, Texel};
+use texfold_core::{CancelCheck, Encoded, Goal, Notes};
 
 use super::Dropped;
-use super::canvas::{Footprint, colour};
+use super::canvas::colour;
+use super::compare::{footprint, places, step};
 use super::fit::Fitted;
 use crate::decode::ZipmapView;
-use crate::encoded::PATCH_PART;
-use crate::wire::patch_pixel;
+use crate::parts::{PATCH_PART, patch_pixel};
 use crate::{PatchStack, ZipParams, ZipTexture};
 
-/// Most texels of an image that are compared: beyond, every n-th row and column.
-const SAMPLES: f64 = 262_144.0;
 /// Variance, in a range of 1, that is added on both sides of a gain, so that flat images divide by no zero: a quarter
 /// of a step of 8 bits.
 const FLAT_VARIANCE: f32 = 1e-6;
 
-/// How well a texture shows one image of its stack.
+/// How well a texture reconstructs one image of its stack.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fidelity {
     /// Which patch of the stack; the root where there is none.
@@ -31,45 +29,7 @@ pub struct Fidelity {
     pub root_alone: SquaredError,
 }
 
-fn places((width, height): (u32, u32)) -> Vec<(u32, u32)> {
-    let stride = (f64::from(width) * f64::from(height) / SAMPLES).sqrt().ceil().max(1.0) as usize;
-    let rows = (0..height).step_by(stride);
-    rows.flat_map(|y| (0..width).step_by(stride).map(move |x| (x, y))).collect()
-}
-
-fn footprint(inverse: &DMat3, (x, y): (u32, u32), (width, height): (u32, u32)) -> Footprint {
-    let texel = DVec2::new(1.0 / f64::from(width), 1.0 / f64::from(height));
-    Footprint::of(inverse, (DVec2::new(f64::from(x), f64::from(y)) + 0.5) * texel, texel)
-}
-
-fn step(a: Texel, b: Texel) -> f64 {
-    (0..3).map(|k| f64::from(to_u8(a[k]).abs_diff(to_u8(b[k]))).powi(2)).sum()
-}
-
-/// What two textures differ by at the texels of an image that `inverse` leads onto the root. Of no use once the job is
-/// cancelled.
-pub(crate) fn compare(
-    a: &ZipmapView<'_>,
-    b: &ZipmapView<'_>,
-    inverse: &DMat3,
-    size: (u32, u32),
-    cancel: CancelCheck<'_>,
-) -> SquaredError {
-    let places = places(size);
-    let errors: Vec<f64> = places
-        .par_iter()
-        .map(|&place| {
-            if cancel.is_cancelled() {
-                return 0.0;
-            }
-            let at = footprint(inverse, place, size);
-            step(colour(a, &at), colour(b, &at))
-        })
-        .collect();
-    SquaredError { sum: errors.iter().sum(), count: 3 * places.len() as u64 }
-}
-
-/// How well a texture shows the images that it was made of.
+/// How well a texture reconstructs the images that it was made of.
 #[must_use]
 pub fn fidelity(stack: &PatchStack, texture: &ZipTexture) -> Vec<Fidelity> {
     fidelity_of(stack, texture, CancelCheck::default())
@@ -106,11 +66,11 @@ fn against(view: &ZipmapView<'_>, image: &Raster, inverse: &DMat3, cancel: Cance
     let sum = |value: &dyn Fn(&(Vec4, Vec4)) -> Vec4| {
         pairs.iter().map(|pair| value(pair).as_dvec4()).sum::<glam::DVec4>().as_vec4() / count
     };
-    let (own, shown) = (sum(&|pair| pair.0), sum(&|pair| pair.1));
+    let (own, decoded) = (sum(&|pair| pair.0), sum(&|pair| pair.1));
     let variance = sum(&|pair| (pair.0 - own) * (pair.0 - own));
-    let covariance = sum(&|pair| (pair.0 - own) * (pair.1 - shown));
+    let covariance = sum(&|pair| (pair.0 - own) * (pair.1 - decoded));
     let gain = (covariance + FLAT_VARIANCE) / (variance + FLAT_VARIANCE);
-    let fitted = |colour: Vec4| (colour - own) * gain + shown;
+    let fitted = |colour: Vec4| (colour - own) * gain + decoded;
     let total = pairs.iter().map(|pair| step(fitted(pair.0), pair.1)).sum();
     SquaredError { sum: total, count: 3 * pairs.len() as u64 }
 }
@@ -185,7 +145,7 @@ fn verdict(fitted: &Fitted, dropped: &Dropped, psnr: f64) -> String {
     if dropped.levels > 0 {
         let share = dropped.level_texels;
         text += &format!(
-            "; {} mip levels ({share} texels) show what lies under them and are left out",
+            "; {} mip levels ({share} texels) equal what lies under them and are left out",
             dropped.levels
         );
     }
@@ -193,7 +153,7 @@ fn verdict(fitted: &Fitted, dropped: &Dropped, psnr: f64) -> String {
         text += &format!("; {} texels outside of the root or their mask are cut off", dropped.cropped_texels);
     }
     if !dropped.nothing_new.is_empty() {
-        text += &format!("; patches {:?} show nothing new", dropped.nothing_new);
+        text += &format!("; patches {:?} add nothing new", dropped.nothing_new);
     }
     if !dropped.hidden.is_empty() {
         text += &format!("; patches {:?} are hidden by others", dropped.hidden);

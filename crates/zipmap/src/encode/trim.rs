@@ -1,4 +1,4 @@
-//! No more than needed: mip levels that show what lies under them, patches that show nothing or that others hide.
+//! No more than needed: mip levels equal to what lies under them, patches that are transparent or that others hide.
 
 use glam::{DVec2, IVec2};
 use rayon::prelude::*;
@@ -26,7 +26,7 @@ fn places((width, height): (u32, u32), most: u32) -> Vec<(u32, u32)> {
     rows.flat_map(|y| (stride / 2..width).step_by(stride as usize).map(move |x| (x, y))).collect()
 }
 
-/// RMS difference in 8-bit units, where the level is shown, between it and what lies under it, both as means over its
+/// RMS difference in 8-bit units, where the level is opaque, between it and what lies under it, both as means over its
 /// texels: a single lookup of what lies under, between its own levels, would be blurred otherwise and differ by that.
 /// What lies under in texels as large is blurred by that mean as the level itself would be, so the level counts as it
 /// is and blurred, whichever differs less.
@@ -86,7 +86,7 @@ fn stored(light: Texel, color: ColorSpace) -> Texel {
     glam::Vec3::from(light.truncate().to_array().map(linear_to_srgb)).extend(light.w)
 }
 
-/// Leaves out coarse levels that show what the canvas shows, from the coarsest on; all of them where the patch adds
+/// Leaves out coarse levels that equal the canvas, from the coarsest on; all of them where the patch adds
 /// nothing.
 pub(crate) fn drop_levels(
     laid: &Laid,

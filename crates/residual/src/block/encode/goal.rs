@@ -1,6 +1,6 @@
 //! The step that meets a goal.
 
-use texfold_core::target::Measured;
+use texfold_core::target::{Measured, StepScale, excess, search_step};
 use texfold_core::{CancelCheck, Effort, EncodeError, Goal, Metric, ParamError, SourceError};
 
 use super::code::{Looks, code};
@@ -8,7 +8,7 @@ use super::error::{psnr, worst_block_rms};
 use super::forward::{Coefficients, coefficients};
 use super::source::BlockSource;
 use crate::block::decode::BlockTexture;
-use crate::block::form::{BlockForm, MAX_STEP, Quantiser};
+use crate::block::form::{BlockForm, MAX_STEP, OCTAVE_STEPS, Quantiser};
 
 /// Slope of the weights for the eye, in 1/64: 0.31 a unit of frequency. SSIMULACRA2 at 0.89, 1.28 and 2 bits, mean of four
 /// photographs: 59.8, 71.4, 82.2 without (34.0, 36.5, 40.1 dB); 66.4, 75.9, 84.5 at 13 (0.3 to 0.5 dB less); 67.2, 76.5, 84.8
@@ -143,7 +143,7 @@ impl<'a> BlockEncoder<'a> {
     pub fn encode_for(&self, goal: Goal) -> Result<BlockTexture, EncodeError> {
         goal.check()?;
         let first = Quantiser::nearest_step(FIRST_STEP * self.unit());
-        let found = search_step(goal, first, |step| {
+        let found = search_step(goal, STEPS, first, |step| {
             let texture = self.at_step(step)?;
             let by = self.excess(&texture, goal);
             Ok::<_, EncodeError>((texture, by))
@@ -177,117 +177,8 @@ impl<'a> BlockEncoder<'a> {
     }
 }
 
-/// By how many octaves of bits or of error what was measured misses the goal; at most 0 where it meets it.
-#[must_use]
-pub fn excess(goal: Goal, measured: &Measured) -> f64 {
-    match goal {
-        Goal::Bpp(bits) => (measured.bpp / bits).log2(),
-        Goal::Psnr(db) => (db - measured.psnr) / DECIBELS_PER_OCTAVE,
-        Goal::Tolerance(rms) => (measured.worst_block_rms / rms).max(SMALLEST_RATIO).log2(),
-    }
-}
-
-/// What a search for a step found.
-#[derive(Debug, Clone)]
-pub struct FoundStep<T> {
-    /// What the step made.
-    pub value: T,
-    /// Whether it meets the goal; if not, no step does that was tried, and this one comes nearest.
-    pub met: bool,
-}
-
-/// Searches the step that just meets a goal, from a guess on. `at_step` makes something with a step and says by how many
-/// octaves it misses the goal ([`excess`]); what misses it least of all that meet it is found. `None` where nothing is tried.
-///
-/// # Errors
-/// Whatever `at_step` returns, at once.
-pub fn search_step<T, E>(
-    goal: Goal,
-    first: u16,
-    mut at_step: impl FnMut(u16) -> Result<(T, f64), E>,
-) -> Result<Option<FoundStep<T>>, E> {
-    let mut search = Search::new(goal);
-    let mut best: Option<FoundStep<T>> = None;
-    let mut least = f64::INFINITY;
-    let mut step = first;
-    while let Some(at) = search.checked(step) {
-        let (value, by) = at_step(at)?;
-        let met = search.note(at, by);
-        if met || by < least && best.as_ref().is_none_or(|best| !best.met) {
-            best = Some(FoundStep { value, met });
-            least = by;
-        }
-        step = search.next();
-    }
-    Ok(best)
-}
-
 /// First step of a search, in 8-bit units.
 pub(super) const FIRST_STEP: f64 = 24.0;
-/// Steps of an octave.
-const OCTAVE: f64 = 256.0;
-/// PSNR of an octave of error.
-const DECIBELS_PER_OCTAVE: f64 = 6.02;
-/// Least ratio of errors that a search tells apart.
-const SMALLEST_RATIO: f64 = 1e-3;
-/// How far below the goal a search ends, in octaves: 0.2 % of the bits, 0.02 dB.
-const NEAR: f64 = 0.003;
-/// Most textures that a search makes.
-const MAX_TRIALS: usize = 16;
 
-/// A search for the step that just meets a goal.
-struct Search {
-    /// Whether coarser steps meet the goal: where it is bits.
-    coarser_meets: bool,
-    /// The step nearest to the goal among those that meet it, and among those that miss it, with their excess.
-    met: Option<(u16, f64)>,
-    missed: Option<(u16, f64)>,
-    trials: usize,
-    /// How far beyond where the goal should be the next step goes while all are on one side of it.
-    reach: f64,
-}
-
-impl Search {
-    fn new(goal: Goal) -> Search {
-        Search { coarser_meets: matches!(goal, Goal::Bpp(_)), met: None, missed: None, trials: 0, reach: 1.2 }
-    }
-
-    /// The step, where it is worth trying.
-    fn checked(&self, step: u16) -> Option<u16> {
-        let known = |side: Option<(u16, f64)>| side.is_some_and(|(at, _)| at == step);
-        let near = self.met.is_some_and(|(_, excess)| excess > -NEAR);
-        (!near && self.trials < MAX_TRIALS && !known(self.met) && !known(self.missed)).then_some(step)
-    }
-
-    /// Takes a step's excess; whether it is the best that meets the goal.
-    fn note(&mut self, step: u16, excess: f64) -> bool {
-        self.trials += 1;
-        self.reach *= 2.0;
-        let meets = excess <= 0.0;
-        *(if meets { &mut self.met } else { &mut self.missed }) = Some((step, excess));
-        meets
-    }
-
-    /// The next step to try: where the line through both sides meets the goal, inside of them.
-    fn next(&self) -> u16 {
-        let sign = if self.coarser_meets { 1.0 } else { -1.0 };
-        match (self.met, self.missed) {
-            (Some((met, below)), Some((missed, above))) => {
-                // Every third one is half way, as lines alone may close in from one side only.
-                let share = if self.trials.is_multiple_of(3) { 0.5 } else { above / (above - below) };
-                let (low, high) = (met.min(missed), met.max(missed));
-                if high - low <= 1 {
-                    return met;
-                }
-                let line = f64::from(missed) + share * (f64::from(met) - f64::from(missed));
-                (line.round() as u16).clamp(low + 1, high - 1)
-            }
-            (Some((only, excess)), None) | (None, Some((only, excess))) => {
-                // Bits and errors double or halve about once an octave of steps.
-                let line = f64::from(only) + sign * self.reach * (OCTAVE * excess + excess.signum());
-                line.clamp(0.0, f64::from(MAX_STEP)) as u16
-            }
-            (None, None) => 0,
-        }
-    }
-}
+/// The numbers of steps, for a search.
+pub const STEPS: StepScale = StepScale { octave: OCTAVE_STEPS, most: MAX_STEP };

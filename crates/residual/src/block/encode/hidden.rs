@@ -3,7 +3,7 @@
 //! Source: push-pull interpolation (Gortler and others, "The lumigraph", 1996, section 3.4.2): visible texels are averaged
 //! down to smaller and smaller images, and hidden ones are filled from the smaller image, by bilinear interpolation.
 
-use super::source::BlockSource;
+use texfold_core::SurfaceSize;
 
 /// Sums of visible values, channel by channel, and how many there are.
 struct Level {
@@ -14,26 +14,21 @@ struct Level {
     weights: Vec<f32>,
 }
 
-/// Replaces all channels but `alpha` where that is 0.
-pub(super) fn fill(source: &mut BlockSource, alpha: usize) {
-    let channels = source.channels();
+/// Replaces all channels but `alpha` where that is 0, of samples of `channels` channels.
+pub(super) fn fill(samples: &mut [u16], size: SurfaceSize, channels: usize, alpha: usize) {
     let visible = |texel: &[u16]| texel[alpha] > 0;
-    let count = source.samples.chunks_exact(channels).filter(|texel| visible(texel)).count();
-    if count == 0 || count * channels == source.samples.len() {
+    let count = samples.chunks_exact(channels).filter(|texel| visible(texel)).count();
+    if count == 0 || count * channels == samples.len() {
         return;
     }
     let first = Level {
-        width: source.size.width as usize,
-        height: source.size.height as usize,
-        values: source.samples.iter().map(|&sample| f32::from(sample)).collect(),
-        weights: source
-            .samples
-            .chunks_exact(channels)
-            .map(|texel| f32::from(u8::from(visible(texel))))
-            .collect(),
+        width: size.width as usize,
+        height: size.height as usize,
+        values: samples.iter().map(|&sample| f32::from(sample)).collect(),
+        weights: samples.chunks_exact(channels).map(|texel| f32::from(u8::from(visible(texel)))).collect(),
     };
     let filled = filled(first, channels);
-    let texels = source.samples.chunks_exact_mut(channels).zip(filled.chunks_exact(channels));
+    let texels = samples.chunks_exact_mut(channels).zip(filled.chunks_exact(channels));
     for (texel, filled) in texels.filter(|(texel, _)| !visible(texel)) {
         for channel in (0..channels).filter(|&channel| channel != alpha) {
             texel[channel] = filled[channel].round() as u16;
@@ -104,7 +99,7 @@ mod tests {
     use texfold_core::SurfaceSize;
     use texfold_core::rng::Rng;
 
-    use super::*;
+    use crate::block::encode::BlockSource;
 
     #[test]
     fn hidden_colours_become_smooth_and_visible_ones_stay() {

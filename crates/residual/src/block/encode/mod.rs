@@ -12,6 +12,6 @@ mod set;
 mod source;
 mod symbols;
 
-pub use goal::{BlockEncoder, BlockParams, FoundStep, excess, search_step};
+pub use goal::{BlockEncoder, BlockParams, STEPS};
 pub use set::BlockSetEncoder;
 pub use source::BlockSource;

@@ -77,7 +77,8 @@ impl BlockSource {
     #[must_use]
     pub fn with_free_colours(mut self, alpha: usize) -> Self {
         if alpha < self.channels() {
-            fill(&mut self, alpha);
+            let channels = self.channels();
+            fill(&mut self.samples, self.size, channels, alpha);
         }
         self
     }

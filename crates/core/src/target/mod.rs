@@ -1,0 +1,125 @@
+//! Goals, and the searches for what meets one: [`search`] among settings in order, [`search_step`] along a quantiser's step.
+
+mod search;
+mod step;
+
+pub use search::{Found, search};
+pub use step::{FoundStep, StepScale, excess, search_step};
+
+/// How long an encoder may look for a better result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, PartialOrd, Ord)]
+pub enum Effort {
+    /// Previews: the first acceptable result.
+    Fast,
+    /// The usual trade.
+    #[default]
+    Normal,
+    /// Several times slower for a few tenths of a dB.
+    High,
+}
+
+/// Which errors an encoder holds against each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+pub enum Metric {
+    /// Squared errors: the highest PSNR.
+    Psnr,
+    /// What the eye sees: errors of fine detail count less. PSNR is 0.5 to 1 dB lower, SSIMULACRA2 higher.
+    #[default]
+    Perceptual,
+}
+
+impl Metric {
+    /// Its name: "psnr", "perceptual".
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Metric::Psnr => "psnr",
+            Metric::Perceptual => "perceptual",
+        }
+    }
+}
+
+/// What a user asks an encoder for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Goal {
+    /// The smallest result of at least this PSNR in dB.
+    Psnr(f64),
+    /// The best result within this many bits of GPU memory per source texel, as [`crate::MemoryBits::counted`] counts them.
+    Bpp(f64),
+    /// The smallest result whose every block has at most this RMS error, in 8-bit units.
+    Tolerance(f64),
+}
+
+impl Default for Goal {
+    fn default() -> Self {
+        Goal::Psnr(34.0)
+    }
+}
+
+impl Goal {
+    /// Checks the number.
+    ///
+    /// # Errors
+    /// [`crate::ParamError`] where it is not a positive finite number.
+    pub fn check(self) -> Result<(), crate::ParamError> {
+        let (field, value) = match self {
+            Goal::Psnr(value) => ("psnr", value),
+            Goal::Bpp(value) => ("bpp", value),
+            Goal::Tolerance(value) => ("tolerance", value),
+        };
+        if value.is_finite() && value > 0.0 {
+            return Ok(());
+        }
+        Err(crate::ParamError::new(field, value, "positive finite numbers"))
+    }
+
+    /// Whether a result meets the goal.
+    #[must_use]
+    pub fn is_met(self, by: &Measured) -> bool {
+        match self {
+            Goal::Psnr(psnr) => by.psnr >= psnr,
+            Goal::Bpp(bpp) => by.bpp <= bpp,
+            Goal::Tolerance(tolerance) => by.worst_block_rms <= tolerance,
+        }
+    }
+
+    /// Whether `a` is the better answer to the goal than `b`: met before missed, then the smaller or, for bits
+    /// per texel, the finer one; among misses the one that comes nearer.
+    #[must_use]
+    pub fn prefers(self, a: &Measured, b: &Measured) -> bool {
+        let (met_a, met_b) = (self.is_met(a), self.is_met(b));
+        if met_a != met_b {
+            return met_a;
+        }
+        match self {
+            Goal::Bpp(_) if met_a => a.psnr > b.psnr,
+            Goal::Bpp(_) => a.bpp < b.bpp,
+            _ if met_a => a.bpp < b.bpp,
+            Goal::Psnr(_) => a.psnr > b.psnr,
+            Goal::Tolerance(_) => a.worst_block_rms < b.worst_block_rms,
+        }
+    }
+}
+
+/// What a candidate turned out to be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measured {
+    /// PSNR in dB of the decoded form.
+    pub psnr: f64,
+    /// Bits of GPU memory per source texel, as [`crate::MemoryBits::counted`] counts them.
+    pub bpp: f64,
+    /// RMS error of the worst 4x4 block, 8-bit units.
+    pub worst_block_rms: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bad_goals_are_named() {
+        assert_eq!(Goal::Bpp(f64::NAN).check().map_err(|e| e.field), Err("bpp"));
+        assert_eq!(Goal::Psnr(-1.0).check().map_err(|e| e.field), Err("psnr"));
+        assert!(Goal::Tolerance(2.0).check().is_ok());
+    }
+}

@@ -1,0 +1,174 @@
+//! Steps of a quantiser: from a guess along the line between one that meets the goal and one that misses it.
+
+use super::{Goal, Measured};
+
+/// By how many octaves of bits or of error what was measured misses the goal; at most 0 where it meets it.
+#[must_use]
+pub fn excess(goal: Goal, measured: &Measured) -> f64 {
+    match goal {
+        Goal::Bpp(bits) => (measured.bpp / bits).log2(),
+        Goal::Psnr(db) => (db - measured.psnr) / DECIBELS_PER_OCTAVE,
+        Goal::Tolerance(rms) => (measured.worst_block_rms / rms).max(SMALLEST_RATIO).log2(),
+    }
+}
+
+/// What a search for a step found.
+#[derive(Debug, Clone)]
+pub struct FoundStep<T> {
+    /// What the step made.
+    pub value: T,
+    /// Whether it meets the goal; if not, no step does that was tried, and this one comes nearest.
+    pub met: bool,
+}
+
+/// Searches the step that just meets a goal, from a guess on: along the line between what is known, as bits and errors are
+/// nearly even in octaves of the step. `at_step` makes something with a step and says by how many
+/// octaves it misses the goal ([`excess`]); what misses it least of all that meet it is found. `None` where nothing is tried.
+///
+/// # Errors
+/// Whatever `at_step` returns, at once.
+pub fn search_step<T, E>(
+    goal: Goal,
+    scale: StepScale,
+    first: u16,
+    mut at_step: impl FnMut(u16) -> Result<(T, f64), E>,
+) -> Result<Option<FoundStep<T>>, E> {
+    let mut search = Search::new(goal, scale);
+    let mut best: Option<FoundStep<T>> = None;
+    let mut least = f64::INFINITY;
+    let mut step = first;
+    while let Some(at) = search.checked(step) {
+        let (value, by) = at_step(at)?;
+        let met = search.note(at, by);
+        if met || by < least && best.as_ref().is_none_or(|best| !best.met) {
+            best = Some(FoundStep { value, met });
+            least = by;
+        }
+        step = search.next();
+    }
+    Ok(best)
+}
+
+/// The numbers of a quantiser's steps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StepScale {
+    /// Numbers in which a step doubles.
+    pub octave: u16,
+    /// The coarsest.
+    pub most: u16,
+}
+
+/// PSNR of an octave of error.
+const DECIBELS_PER_OCTAVE: f64 = 6.02;
+/// Least ratio of errors that a search tells apart.
+const SMALLEST_RATIO: f64 = 1e-3;
+/// How far below the goal a search ends, in octaves: 0.2 % of the bits, 0.02 dB.
+const NEAR: f64 = 0.003;
+/// Most textures that a search makes.
+const MAX_TRIALS: usize = 16;
+
+/// A search for the step that just meets a goal.
+struct Search {
+    scale: StepScale,
+    /// Whether coarser steps meet the goal: where it is bits.
+    coarser_meets: bool,
+    /// The step nearest to the goal among those that meet it, and among those that miss it, with their excess.
+    met: Option<(u16, f64)>,
+    missed: Option<(u16, f64)>,
+    trials: usize,
+    /// How far beyond where the goal should be the next step goes while all are on one side of it.
+    reach: f64,
+}
+
+impl Search {
+    fn new(goal: Goal, scale: StepScale) -> Search {
+        let coarser_meets = matches!(goal, Goal::Bpp(_));
+        Search { scale, coarser_meets, met: None, missed: None, trials: 0, reach: 1.2 }
+    }
+
+    /// The step, where it is worth trying.
+    fn checked(&self, step: u16) -> Option<u16> {
+        let known = |side: Option<(u16, f64)>| side.is_some_and(|(at, _)| at == step);
+        let near = self.met.is_some_and(|(_, excess)| excess > -NEAR);
+        (!near && self.trials < MAX_TRIALS && !known(self.met) && !known(self.missed)).then_some(step)
+    }
+
+    /// Takes a step's excess; whether it is the best that meets the goal.
+    fn note(&mut self, step: u16, excess: f64) -> bool {
+        self.trials += 1;
+        self.reach *= 2.0;
+        let meets = excess <= 0.0;
+        *(if meets { &mut self.met } else { &mut self.missed }) = Some((step, excess));
+        meets
+    }
+
+    /// The next step to try: where the line through both sides meets the goal, inside of them.
+    fn next(&self) -> u16 {
+        let sign = if self.coarser_meets { 1.0 } else { -1.0 };
+        match (self.met, self.missed) {
+            (Some((met, below)), Some((missed, above))) => {
+                // Every third one is half way, as lines alone may close in from one side only.
+                let share = if self.trials.is_multiple_of(3) { 0.5 } else { above / (above - below) };
+                let (low, high) = (met.min(missed), met.max(missed));
+                if high - low <= 1 {
+                    return met;
+                }
+                let line = f64::from(missed) + share * (f64::from(met) - f64::from(missed));
+                (line.round() as u16).clamp(low + 1, high - 1)
+            }
+            (Some((only, excess)), None) | (None, Some((only, excess))) => {
+                // Bits and errors double or halve about once an octave of steps.
+                let line = f64::from(only)
+                    + sign * self.reach * (f64::from(self.scale.octave) * excess + excess.signum());
+                line.clamp(0.0, f64::from(self.scale.most)) as u16
+            }
+            (None, None) => 0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::convert::Infallible;
+
+    use super::*;
+
+    const SCALE: StepScale = StepScale { octave: 256, most: 5119 };
+
+    /// Bits that halve, and errors that double, every 300 steps; counts what is tried.
+    fn along(goal: Goal, first: u16) -> (u16, bool, u32) {
+        let mut tried = 0;
+        let found = search_step(goal, SCALE, first, |step| {
+            tried += 1;
+            let octaves = f64::from(step) / 300.0;
+            let measured = Measured {
+                psnr: 80.0 - 6.02 * octaves,
+                bpp: 16.0 * (-octaves).exp2(),
+                worst_block_rms: 0.1 * octaves.exp2(),
+            };
+            Ok::<_, Infallible>((step, excess(goal, &measured)))
+        });
+        let found = found.unwrap().unwrap();
+        (found.value, found.met, tried)
+    }
+
+    #[test]
+    fn the_coarsest_step_within_an_error_and_the_finest_within_bits_are_found() {
+        for first in [0, 900, 5119] {
+            // 4 bits at 600; 60.002 dB at 996.5; an error of 0.8 at 900.
+            for (goal, exact) in
+                [(Goal::Bpp(4.0), 600.0), (Goal::Psnr(60.002), 996.5), (Goal::Tolerance(0.8), 900.0)]
+            {
+                let (step, met, tried) = along(goal, first);
+                assert!(met && (f64::from(step) - exact).abs() <= 1.5, "{goal:?} from {first}: {step}");
+                assert!(tried <= 9, "{goal:?} from {first}: {tried} tried");
+            }
+        }
+    }
+
+    #[test]
+    fn a_goal_out_of_reach_ends_at_the_nearest_step() {
+        assert_eq!(along(Goal::Psnr(90.0), 900), (0, false, along(Goal::Psnr(90.0), 900).2));
+        assert_eq!(along(Goal::Bpp(1e-9), 900).0, SCALE.most);
+    }
+}

@@ -56,7 +56,7 @@ const ALLOWED: [Allowed; 18] = [
         numeric: true,
         may: &["delaunator", "ndarray", "texfold-bc", "texfold-codebook", "texfold-core"],
     },
-    Allowed { package: "zipmap", numeric: true, may: &["texfold-bc", "texfold-core"] },
+    Allowed { package: "zipmap", numeric: true, may: &["texfold-bc", "texfold-core", "texfold-residual"] },
     Allowed {
         package: "texfold",
         numeric: false,

@@ -149,7 +149,8 @@ impl Plane<'_> {
 /// What to bind to draw one image.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SurfaceBinding {
-    /// Indices into [`GpuForm::planes`], in the order of the shader's texture bindings.
+    /// Numbers of textures, in the order of the shader's texture bindings: [`GpuForm::planes`], then what [`GpuForm::blocks`] decode
+    /// to.
     pub planes: Vec<usize>,
     /// Bytes of [`GpuForm::uniforms`] that hold the shader's parameters for this image.
     pub uniforms: Range<usize>,
@@ -187,10 +188,10 @@ pub struct GpuForm<'a> {
     pub planes: Vec<Plane<'a>>,
     /// Parameters of all images, each range a multiple of 16 bytes.
     pub uniforms: Vec<u8>,
-    /// What to bind for each image of the layout. Where the form is read by block, they are numbers of images
-    /// ([`GpuBlocks::image`]): of the plain textures that these decode to.
+    /// What to bind for each image of the layout. Numbers from that of `planes` on are the plain textures that `blocks` decode to:
+    /// number of planes + [`GpuBlocks::image`].
     pub surfaces: Vec<SurfaceBinding>,
-    /// Textures in blocks, where the form is read so; there are no `planes` then.
+    /// Textures in blocks, where texels are read so.
     pub blocks: Vec<GpuBlocks<'a>>,
 }
 

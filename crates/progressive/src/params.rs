@@ -79,8 +79,7 @@ impl ProgressiveParams {
     /// The metric for such pixels.
     #[must_use]
     pub fn metric_for(&self, pixel: PixelInfo) -> Metric {
-        let is_seen = pixel.color == ColorSpace::Srgb && matches!(self.goal, Goal::Bpp(_));
-        self.metric.unwrap_or(if is_seen { Metric::Perceptual } else { Metric::Psnr })
+        self.metric.unwrap_or(Metric::for_goal(self.goal, pixel.color))
     }
 
     /// Whether codebooks are tried: only then does a texture depend on a public one.

@@ -51,6 +51,8 @@ pub struct ContentId(u8);
 impl ContentId {
     /// The only content of a file.
     pub const ONLY: ContentId = ContentId(0);
+    /// The second content of a file.
+    pub const SECOND: ContentId = ContentId(1);
 
     /// That number; `None` above 9.
     #[must_use]

@@ -266,6 +266,31 @@ fn a_forged_model_is_refused_or_harmless() {
 }
 
 #[test]
+fn a_forged_zipmap_in_blocks_is_refused_or_harmless() {
+    let (_, _, texture) = small_textures().into_iter().find(|(name, ..)| name == "zipmap, blocks").unwrap();
+    let bytes = texture.to_bytes();
+    let open = |forged: &[u8]| open_image(forged, &mut Budget::new(LIMITS));
+    exercise(open(&bytes).unwrap().as_encoded());
+    // One content in blocks and one not, no images, other sides of the first image, other levels.
+    for (at, value) in [(0, 0), (1, 0), (3, 0), (7, 1), (9, 1), (11, 1), (2, 9)] {
+        let forged = rewritten(&bytes, *b"ZMFM", |raw| raw[at] = value).unwrap();
+        assert!(open(&forged).is_err(), "byte {at} is {value}");
+    }
+    for change in [|raw: &mut Vec<u8>| raw.push(0), |raw: &mut Vec<u8>| _ = raw.pop()] {
+        for id in [*b"ZMFM", *b"RBB0", *b"RBD0", *b"RBB1", *b"RBD1"] {
+            assert!(open(&rewritten(&bytes, id, change).unwrap()).is_err(), "{id:?}");
+        }
+    }
+    // Streams of noise decode to something.
+    let noise =
+        |raw: &mut Vec<u8>| raw.iter_mut().zip(0u32..).for_each(|(byte, i)| *byte = (i * 40_503 >> 7) as u8);
+    exercise(open(&rewritten(&bytes, *b"RBD1", noise).unwrap()).unwrap().as_encoded());
+    // A stack has no layers: a part of the file is refused by name.
+    let cut = open(&bytes[..bytes.len() - 1]);
+    assert!(matches!(cut, Err(LoadError::Truncated { .. })), "{cut:?}");
+}
+
+#[test]
 fn a_forged_zipmap_is_refused_or_harmless() {
     let (_, _, texture) = small_textures().into_iter().find(|(name, ..)| name == "zipmap raw").unwrap();
     let bytes = texture.to_bytes();

@@ -9,23 +9,26 @@ use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::image::{PixelInfo, to_u8};
 use texfold_core::parallel::{for_each_row, map};
 use texfold_core::{
-    Budget, Cached, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout,
-    LoadError, Notes, Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel,
+    Access, Budget, Cached, CodecId, Domain, Encoded, Footprint, GpuBlocks, GpuForm, Image2d, ImageAddress,
+    ImageLayout, LoadError, Notes, Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel,
     TextureCodec,
 };
+use texfold_residual::block::BlockContent;
 
 use crate::atlas::pack;
 use crate::decode::{
     TEXFOLD_ZIPMAP_RECORD, TexfoldZipmapParams, ZipmapView, texfold_zipmap_fetch, texfold_zipmap_sample_grad,
 };
-use crate::parts::{PATCH_PART, Parts, PatchForm, ROOT_PART, TABLE_PART, patch_pixel};
+use crate::parts::{ImageForm, PATCH_PART, Parts, Payload, ROOT_PART, TABLE_PART, patch_pixel};
 use crate::table::{directory, matrix_of, most_table_bytes, record, tiles_a_side};
 use crate::{Zipmap, wire};
 
 /// Texels in a row of the table, as a binary logarithm.
 const ROW_LOG2: u32 = 8;
-/// Rows of texels that are decoded at a time.
+/// Rows of texels in planes that are decoded at a time.
 const DECODED_ROWS: u32 = 16;
+/// The same of blocks: the tallest superblock.
+const BLOCK_ROWS: u32 = 64;
 
 /// A root with patches of higher resolution.
 #[derive(Debug, Clone, PartialEq)]
@@ -91,31 +94,33 @@ impl ZipTexture {
 
     /// Lays the parts out for sampling; `None` where the patches do not fit a plane.
     pub(crate) fn new(parts: Parts, notes: Notes) -> Option<ZipTexture> {
-        let (origins, atlas) = pack(&parts.contents)?;
+        let (origins, atlas) = pack(&parts.images, parts.granularity())?;
         let tiles = tiles_a_side(parts.patches.len());
         let mut table = directory(&parts, tiles);
         // A row holds whole records.
         table.resize(table.len().next_multiple_of(TEXFOLD_ZIPMAP_RECORD as usize), UVec4::ZERO);
         let record_start = table.len() as u32;
         for patch in &parts.patches {
-            let (levels, origins) = (&parts.contents[patch.content], &origins[patch.content]);
-            let numbers = (levels.len(), patch.content);
-            table.extend(record(&patch.matrix, levels[0].size(), numbers, origins));
+            let (ImageForm { size, levels }, origins) =
+                (parts.images[patch.content], &origins[patch.content]);
+            let numbers = (levels as usize, patch.content);
+            table.extend(record(&patch.matrix, (size.width, size.height), numbers, origins));
         }
         let columns = (table.len()).min(1 << ROW_LOG2);
         table.resize(table.len().next_multiple_of(columns), UVec4::ZERO);
         let size = parts.layout.surfaces[0];
-        let root_size = parts.root[0].size();
+        let root_size = parts.root_size();
+        let [root_swizzle, patch_swizzle] = parts.swizzles();
         let params = TexfoldZipmapParams {
             size: [size.width, size.height],
             levels: parts.layout.levels,
             address_mode: TEXFOLD_CLAMP,
-            root_size: [root_size.0, root_size.1],
-            root_levels: parts.root.len() as u32,
-            root_swizzle: parts.root[0].swizzle().0,
+            root_size: [root_size.width, root_size.height],
+            root_levels: parts.root_levels(),
+            root_swizzle,
             tiles: [tiles; 2],
             record_start,
-            patch_swizzle: parts.contents.first().map_or(0, |levels| levels[0].swizzle().0),
+            patch_swizzle,
             row_log2: ROW_LOG2,
             reserved: [0; 3],
         };
@@ -131,18 +136,43 @@ impl ZipTexture {
     }
 
     fn decoded(&self) -> Texels {
-        let (root, patch) = (self.parts.layout.pixel, patch_pixel(self.parts.layout.pixel));
-        let levels =
-            |levels: &[ContentPlanes], pixel| levels.iter().map(|level| bytes_of(level, pixel)).collect();
-        Texels {
-            root: levels(&self.parts.root, root),
-            contents: map(self.parts.contents.len(), |content| levels(&self.parts.contents[content], patch)),
+        let (root_pixel, pixel) = (self.parts.layout.pixel, patch_pixel(self.parts.layout.pixel));
+        match &self.parts.payload {
+            Payload::Planes { root, images } => {
+                let levels = |levels: &[ContentPlanes], pixel| {
+                    levels.iter().map(|level| bytes_of(level, pixel)).collect()
+                };
+                Texels {
+                    root: levels(root, root_pixel),
+                    contents: map(images.len(), |image| levels(&images[image], pixel)),
+                }
+            }
+            Payload::Blocks { root, atlas } => {
+                let atlas = atlas.as_ref().map(|atlas| level_bytes(atlas, 0)).unwrap_or_default();
+                Texels {
+                    root: (0..self.parts.root_levels()).map(|level| level_bytes(root, level)).collect(),
+                    contents: map(self.parts.images.len(), |image| self.cut(&atlas, image)),
+                }
+            }
         }
     }
 
-    /// Bytes that [`Encoded::gpu`] copies: the root, whose levels become one plane, and the plane of all patches.
+    /// The levels of a patch image from the texels of the atlas.
+    fn cut(&self, atlas: &[[u8; 4]], image: usize) -> Vec<Vec<[u8; 4]>> {
+        let (form, across) = (self.parts.images[image], self.atlas.0 as usize);
+        let level = |(level, &(x, y)): (u32, &(u32, u32))| {
+            let size = form.size.at_level(level);
+            let rows = y as usize..(y + size.height) as usize;
+            let row = |row: usize| &atlas[row * across + x as usize..][..size.width as usize];
+            rows.flat_map(row).copied().collect()
+        };
+        (0..).zip(&self.origins[image]).map(level).collect()
+    }
+
+    /// Bytes that [`Encoded::gpu`] copies of planes: the root, whose levels become one plane, and the plane of all patches.
     pub(crate) fn copied_bytes(&self) -> u64 {
-        let planes = self.parts.root.iter().flat_map(ContentPlanes::planes);
+        let Payload::Planes { root, .. } = &self.parts.payload else { return 0 };
+        let planes = root.iter().flat_map(ContentPlanes::planes);
         let root: u64 = planes.map(|(_, bytes)| bytes.len() as u64).sum();
         root + self.atlas_format().bytes(self.atlas.0, self.atlas.1)
     }
@@ -157,23 +187,20 @@ impl ZipTexture {
     #[must_use]
     pub fn patch(&self, index: usize) -> Option<PatchInfo> {
         let patch = self.parts.patches.get(index)?;
-        let levels = &self.parts.contents[patch.content];
-        let (width, height) = levels[0].size();
-        let size = SurfaceSize { width, height };
-        Some(PatchInfo { matrix: matrix_of(&patch.matrix), size, levels: levels.len() as u32 })
+        let ImageForm { size, levels } = self.parts.images[patch.content];
+        Some(PatchInfo { matrix: matrix_of(&patch.matrix), size, levels })
     }
 
     /// Number of patch images: fewer than patches where one lies at several places.
     #[must_use]
     pub fn contents(&self) -> usize {
-        self.parts.contents.len()
+        self.parts.images.len()
     }
 
     /// Columns and rows of the root.
     #[must_use]
     pub fn root_size(&self) -> SurfaceSize {
-        let (width, height) = self.parts.root[0].size();
-        SurfaceSize { width, height }
+        self.parts.root_size()
     }
 
     /// How many levels are finer than the root.
@@ -200,14 +227,33 @@ impl ZipTexture {
         map(width as usize * height as usize, pixel)
     }
 
-    /// The same texture without its patches from `count` on: the root alone where that is 0.
+    /// How its texels are stored, and so how a GPU reaches them.
+    #[must_use]
+    pub fn access(&self) -> Access {
+        match self.parts.payload {
+            Payload::Planes { .. } => Access::Texel,
+            Payload::Blocks { .. } => Access::Block,
+        }
+    }
+
+    /// The same texture without its patches from `count` on: the root alone where that is 0. Blocks hold all patch images
+    /// together, so that these stay as long as there is a patch.
     #[must_use]
     pub fn first_patches(&self, count: usize) -> ZipTexture {
-        let patches: Vec<PatchForm> = self.parts.patches.iter().take(count).cloned().collect();
-        let contents = patches.iter().map(|patch| patch.content + 1).max().unwrap_or(0);
-        let contents = self.parts.contents[..contents].to_vec();
-        let Parts { layout, deep, root, .. } = &self.parts;
-        let parts = Parts { layout: layout.clone(), deep: *deep, root: root.clone(), contents, patches };
+        let mut parts = self.parts.clone();
+        parts.patches.truncate(count);
+        let used = parts.patches.iter().map(|patch| patch.content + 1).max().unwrap_or(0);
+        match &mut parts.payload {
+            Payload::Planes { images, .. } => {
+                images.truncate(used);
+                parts.images.truncate(used);
+            }
+            Payload::Blocks { atlas, .. } if used == 0 => {
+                *atlas = None;
+                parts.images.clear();
+            }
+            Payload::Blocks { .. } => {}
+        }
         // Fewer patches fit where all did.
         ZipTexture::new(parts, self.notes.clone()).unwrap_or_else(|| self.clone())
     }
@@ -227,9 +273,17 @@ impl ZipTexture {
         self.table.iter().flat_map(|texel| texel.to_array()).flat_map(u32::to_le_bytes).collect()
     }
 
+    /// The planes of each patch image; none where they are in blocks.
+    fn image_planes(&self) -> &[Vec<ContentPlanes>] {
+        match &self.parts.payload {
+            Payload::Planes { images, .. } => images,
+            Payload::Blocks { .. } => &[],
+        }
+    }
+
     /// Format of the plane of all patches.
     fn atlas_format(&self) -> PlaneFormat {
-        self.parts.contents.first().map_or(PlaneFormat::Rgba8Unorm, |levels| levels[0].planes()[0].0)
+        self.image_planes().first().map_or(PlaneFormat::Rgba8Unorm, |levels| levels[0].planes()[0].0)
     }
 
     /// The plane of all patches.
@@ -239,7 +293,7 @@ impl ZipTexture {
         let mut data = vec![0; format.bytes(width, height) as usize];
         let (side, block) = (format.block_side(), format.block_bytes() as usize);
         let row_bytes = width.div_ceil(side) as usize * block;
-        for (levels, origins) in self.parts.contents.iter().zip(&self.origins) {
+        for (levels, origins) in self.image_planes().iter().zip(&self.origins) {
             for (level, &(x, y)) in levels.iter().zip(origins) {
                 let bytes = &level.planes()[0].1;
                 let run = level.size().0.div_ceil(side) as usize * block;
@@ -251,6 +305,55 @@ impl ZipTexture {
         }
         Plane { part: PATCH_PART, format, width, height, levels: 1, data: Cow::Owned(data) }
     }
+
+    /// Planes of the root, each with all levels, and of the patches; which of them the shader's two for the root and the one for
+    /// patches are.
+    fn push_planes<'a>(&'a self, root: &'a [ContentPlanes], form: &mut GpuForm<'a>) -> [usize; 3] {
+        let first = form.planes.len();
+        form.planes.extend(root[0].gpu_planes(ROOT_PART));
+        for (index, plane) in form.planes[first..].iter_mut().enumerate() {
+            plane.levels = root.len() as u32;
+            plane.data =
+                Cow::Owned(root.iter().flat_map(|level| level.planes()[index].1.iter().copied()).collect());
+        }
+        let second = form.planes.len() - 1;
+        form.planes.push(self.atlas_plane());
+        [first, second, form.planes.len() - 1]
+    }
+}
+
+/// Blocks of the root and of the patches as a GPU needs them; which of the textures behind all planes the shader's two for the root
+/// and the one for patches are.
+fn push_blocks<'a>(
+    root: &'a BlockContent,
+    atlas: Option<&'a BlockContent>,
+    form: &mut GpuForm<'a>,
+) -> [usize; 3] {
+    let first = form.planes.len();
+    let contents = [(ROOT_PART, Some(root)), (PATCH_PART, atlas)];
+    for (image, (part, content)) in contents.into_iter().enumerate() {
+        for blocks in content.into_iter().flat_map(BlockContent::gpu) {
+            let bytes = blocks.held_bytes.iter().map(|(_, bytes)| bytes).sum();
+            form.blocks.push(GpuBlocks { image, held_bytes: vec![(part, bytes)], ..blocks });
+        }
+    }
+    // Without patches nothing is read there.
+    [first, first, first + usize::from(atlas.is_some())]
+}
+
+/// The texels of a level of the only image, 8 bits a channel, row by row.
+fn level_bytes(content: &BlockContent, level: u32) -> Vec<[u8; 4]> {
+    let size = content.layout().surfaces[0].at_level(level);
+    let width = size.width as usize;
+    let mut out = vec![[0; 4]; width * size.height as usize];
+    for_each_row(&mut out, width * BLOCK_ROWS as usize, |band, bytes| {
+        let (y, height) = (band as u32 * BLOCK_ROWS, (bytes.len() / width) as u32);
+        let mut texels = vec![Texel::ZERO; bytes.len()];
+        // A band of a level lies inside of it.
+        let _ = content.decode(Rect { surface: 0, level, x: 0, y, width: size.width, height }, &mut texels);
+        bytes.iter_mut().zip(texels).for_each(|(bytes, texel)| *bytes = texel.to_array().map(to_u8));
+    });
+    out
 }
 
 impl Encoded for ZipTexture {
@@ -298,29 +401,23 @@ impl Encoded for ZipTexture {
 
     fn gpu(&self) -> GpuForm<'_> {
         let columns = self.table.len().min(1 << ROW_LOG2);
-        let table = Plane {
+        let mut form = GpuForm::new("zipmap");
+        form.planes.push(Plane {
             part: TABLE_PART,
             format: PlaneFormat::Rgba32Uint,
             width: columns as u32,
             height: (self.table.len() / columns) as u32,
             levels: 1,
             data: self.table_bytes(),
+        });
+        let [first, second, patches] = match &self.parts.payload {
+            Payload::Planes { root, .. } => self.push_planes(root, &mut form),
+            Payload::Blocks { root, atlas } => push_blocks(root, atlas.as_ref(), &mut form),
         };
-        let mut planes = vec![table];
-        let levels = &self.parts.root;
-        planes.extend(levels[0].gpu_planes(ROOT_PART));
-        for (index, plane) in planes[1..].iter_mut().enumerate() {
-            plane.levels = levels.len() as u32;
-            plane.data =
-                Cow::Owned(levels.iter().flat_map(|level| level.planes()[index].1.iter().copied()).collect());
-        }
-        let root_b = planes.len() - 1;
-        planes.push(self.atlas_plane());
-        let atlas = planes.len() - 1;
-        let uniforms = bytemuck::bytes_of(&self.params).to_vec();
-        let surface =
-            SurfaceBinding { planes: vec![0, 1, root_b, atlas], uniforms: 0..uniforms.len(), surface: 0 };
-        GpuForm { planes, uniforms, surfaces: vec![surface], ..GpuForm::new("zipmap") }
+        form.uniforms = bytemuck::bytes_of(&self.params).to_vec();
+        let planes = vec![0, first, second, patches];
+        form.surfaces = vec![SurfaceBinding { planes, uniforms: 0..form.uniforms.len(), surface: 0 }];
+        form
     }
 
     fn notes(&self) -> &Notes {
@@ -345,7 +442,7 @@ mod tests {
         };
         let patch = |zoom: f64| PatchSource { image: 0, matrix: matrix(zoom), mask: None, parent: None };
         let stack = PatchStack { root, images: vec![image], patches: vec![patch(2.0), patch(5.0)] };
-        let params = ZipParams::default().with_effort(Effort::Fast).with_tau(0.05);
+        let params = ZipParams::default().with_access(Access::Texel).with_effort(Effort::Fast).with_tau(0.05);
         let encoded = Zipmap::encode(&stack, &params, &mut Job::default()).unwrap();
         let mut writer = SectionWriter::new(Zipmap::ID);
         encoded.store(&mut writer);
@@ -362,7 +459,10 @@ mod tests {
         let mut budget = Budget::default();
         let texture = open(&file, &mut budget).unwrap();
         let gpu = texture.gpu();
-        let levels = texture.parts.contents.iter().chain([&texture.parts.root]).flatten();
+        let Payload::Planes { root, images } = &texture.parts.payload else {
+            panic!("planes were asked for")
+        };
+        let levels = images.iter().chain([root]).flatten();
         let planes: usize = levels.flat_map(ContentPlanes::planes).map(|(_, bytes)| bytes.len()).sum();
         let places: usize = texture.origins.iter().map(|levels| size_of_val(levels.as_slice())).sum();
         let held = (planes + places + size_of_val(texture.table.as_slice())) as f64;

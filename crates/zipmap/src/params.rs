@@ -1,7 +1,8 @@
 //! Parameters of the zipmap codec.
 
 use texfold_bc::Content;
-use texfold_core::{Effort, Goal, ParamError, Params};
+use texfold_core::image::PixelInfo;
+use texfold_core::{Access, Effort, Goal, Metric, ParamError, Params};
 
 /// How a stack of patches is encoded.
 #[derive(Debug, Clone, PartialEq)]
@@ -12,7 +13,14 @@ pub struct ZipParams {
     /// 4x4 block of every stored image. [`Goal::Bpp`]: bits of GPU memory per texel of the root and of all images of
     /// the stack.
     pub goal: Goal,
-    /// How the root is stored; patches are stored alike, with soft alpha. `None` lets the goal decide.
+    /// How texels are reached: in blocks of variable length, which are decoded before they are drawn, or in planes that shaders
+    /// read. Where blocks miss the goal, or take more bits for a tolerance, the texture is in planes all the same.
+    pub access: Access,
+    /// What errors count in blocks; `None` for [`Metric::Perceptual`] where colours are sRGB and the goal is bits, else
+    /// [`Metric::Psnr`].
+    pub metric: Option<Metric>,
+    /// How the root is stored in planes; patches are stored alike, with soft alpha. `None` lets the goal decide. With a content,
+    /// the texture is in planes.
     pub content: Option<Content>,
     /// Cost of a path to the border, as the sum of gradients of a range of 1, from which on a patch covers all below
     /// it.
@@ -30,6 +38,8 @@ impl Default for ZipParams {
     fn default() -> Self {
         ZipParams {
             goal: Goal::default(),
+            access: Access::default(),
+            metric: None,
             content: None,
             tau: 0.5,
             merge: true,
@@ -44,6 +54,18 @@ impl ZipParams {
     #[must_use]
     pub fn with_goal(self, goal: Goal) -> Self {
         ZipParams { goal, ..self }
+    }
+
+    /// With texels that are reached so.
+    #[must_use]
+    pub fn with_access(self, access: Access) -> Self {
+        ZipParams { access, ..self }
+    }
+
+    /// With errors that count so, or, for `None`, as goal and colours decide.
+    #[must_use]
+    pub fn with_metric(self, metric: impl Into<Option<Metric>>) -> Self {
+        ZipParams { metric: metric.into(), ..self }
     }
 
     /// With a root stored so, or, for `None`, as the goal decides.
@@ -74,6 +96,11 @@ impl ZipParams {
     #[must_use]
     pub fn with_effort(self, effort: Effort) -> Self {
         ZipParams { effort, ..self }
+    }
+
+    /// What errors count in blocks of such pixels.
+    pub(crate) fn metric_for(&self, pixel: PixelInfo) -> Metric {
+        self.metric.unwrap_or(Metric::for_goal(self.goal, pixel.color))
     }
 
     /// RMS difference in 8-bit units from which on a level is kept.

@@ -1,13 +1,18 @@
 //! What a file holds: a root, patch images, and where patches lie.
 
 use texfold_bc::{Content, ContentPlanes};
-use texfold_core::ImageLayout;
 use texfold_core::image::{Alpha, PixelInfo};
+use texfold_core::sample::TEXFOLD_RGBA;
+use texfold_core::{ImageLayout, SurfaceSize};
+use texfold_residual::block::BlockContent;
 
 /// Most patches of a texture.
 pub(crate) const MAX_PATCHES: usize = crate::decode::TEXFOLD_ZIPMAP_MOST as usize;
 /// Most mip levels of a patch: down to where all of its texels are its border.
 pub(crate) const MAX_PATCH_LEVELS: u32 = 12;
+
+/// Texels along a side of what is transformed at a time.
+pub(crate) const BLOCK_SIDE: u32 = 8;
 
 /// Names of the parts in the footprint.
 pub(crate) const ROOT_PART: &str = "root";
@@ -25,6 +30,32 @@ pub(crate) struct PatchForm {
     pub(crate) content: usize,
 }
 
+/// A patch image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct ImageForm {
+    /// Columns and rows of its finest level.
+    pub(crate) size: SurfaceSize,
+    /// Mip levels that are stored, at least one, each half of the sides of the one before.
+    pub(crate) levels: u32,
+}
+
+impl ImageForm {
+    /// Texels of all levels.
+    pub(crate) fn texels(&self) -> u64 {
+        (0..self.levels).map(|level| self.size.at_level(level).texels()).sum()
+    }
+}
+
+/// The texels of the root and of the patch images.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Payload {
+    /// In planes that shaders read: the root's levels, and those of each patch image.
+    Planes { root: Vec<ContentPlanes>, images: Vec<Vec<ContentPlanes>> },
+    /// In blocks of variable length, which are decoded before they are drawn: the root, and where there are patch images,
+    /// one image that holds all of their levels ([`crate::atlas::pack`] says where).
+    Blocks { root: BlockContent, atlas: Option<BlockContent> },
+}
+
 /// What is stored of a texture.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Parts {
@@ -32,12 +63,52 @@ pub(crate) struct Parts {
     pub(crate) layout: ImageLayout,
     /// How many of its levels are finer than the root.
     pub(crate) deep: u32,
-    /// The planes of the root's levels.
-    pub(crate) root: Vec<ContentPlanes>,
-    /// Patch images: the planes of each one's mip levels, at least one, each half of the sides of the one before.
-    pub(crate) contents: Vec<Vec<ContentPlanes>>,
+    pub(crate) payload: Payload,
+    pub(crate) images: Vec<ImageForm>,
     /// In the order in which they lie over each other.
     pub(crate) patches: Vec<PatchForm>,
+}
+
+impl Parts {
+    /// Columns and rows of the root.
+    pub(crate) fn root_size(&self) -> SurfaceSize {
+        self.layout.surfaces[0].at_level(self.deep)
+    }
+
+    /// Levels of the root.
+    pub(crate) fn root_levels(&self) -> u32 {
+        self.layout.levels - self.deep
+    }
+
+    /// How the texels of the root and of patch images are read.
+    pub(crate) fn swizzles(&self) -> [u32; 2] {
+        match &self.payload {
+            Payload::Planes { root, images } => {
+                let images = images.first().map_or(0, |levels| levels[0].swizzle().0);
+                [root[0].swizzle().0, images]
+            }
+            // Blocks are decoded to four channels.
+            Payload::Blocks { .. } => [TEXFOLD_RGBA; 2],
+        }
+    }
+
+    /// Texels that the sides of each level are padded to in the plane of all patch images: blocks of one level only.
+    pub(crate) fn granularity(&self) -> u32 {
+        match self.payload {
+            Payload::Planes { .. } => 4,
+            Payload::Blocks { .. } => BLOCK_SIDE,
+        }
+    }
+}
+
+/// Layout of the image that holds all levels of patch images.
+pub(crate) fn atlas_layout((width, height): (u32, u32), root: PixelInfo) -> ImageLayout {
+    ImageLayout { surfaces: vec![SurfaceSize { width, height }], levels: 1, pixel: patch_pixel(root) }
+}
+
+/// Layout of a root of so many levels.
+pub(crate) fn root_layout(size: SurfaceSize, levels: u32, pixel: PixelInfo) -> ImageLayout {
+    ImageLayout { surfaces: vec![size], levels, pixel }
 }
 
 /// Pixels of patches: those of the root, with alpha.

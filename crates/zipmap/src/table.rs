@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use glam::{DMat3, DVec2, UVec4};
+use texfold_core::SurfaceSize;
 use texfold_core::parallel::map;
 
 use crate::decode::TEXFOLD_ZIPMAP_RECORD;
@@ -54,7 +55,7 @@ struct Outline {
 }
 
 impl Outline {
-    fn of(patch: &PatchForm, (width, height): (u32, u32), root: DVec2) -> Outline {
+    fn of(patch: &PatchForm, SurfaceSize { width, height }: SurfaceSize, root: DVec2) -> Outline {
         let matrix = matrix_of(&patch.matrix);
         let inverse = matrix.inverse();
         let polygon = if inverse.is_finite() {
@@ -97,9 +98,9 @@ impl Outline {
 /// For each tile how many patches touch it and where its list begins, then the lists, each once: the uppermost patch
 /// first.
 pub(crate) fn directory(parts: &Parts, tiles: u32) -> Vec<UVec4> {
-    let (width, height) = parts.root[0].size();
-    let root = DVec2::new(f64::from(width), f64::from(height));
-    let outline = |patch: &PatchForm| Outline::of(patch, parts.contents[patch.content][0].size(), root);
+    let size = parts.root_size();
+    let root = DVec2::new(f64::from(size.width), f64::from(size.height));
+    let outline = |patch: &PatchForm| Outline::of(patch, parts.images[patch.content].size, root);
     let outlines: Vec<Outline> = parts.patches.iter().map(outline).collect();
     let lists: Vec<(Vec<u16>, f32)> = map((tiles * tiles) as usize, |tile| {
         let tile = tile as u32;

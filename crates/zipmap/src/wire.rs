@@ -1,60 +1,106 @@
 //! Sections of a `zipmap` file: "ZMFM" (contents, depth, size and levels of patch images, and the patches' matrices),
-//! "ZMRT" (planes of the root), "ZMPA" (planes of patch images).
+//! "ZMRT" (planes of the root), "ZMPA" (planes of patch images). In blocks, instead of the last two: sections of block content 0, the root,
+//! and where there are patch images, of block content 1, the image of all of their levels.
 
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::{Reader, SectionWriter, Sections, read_layout};
 use texfold_core::image::PixelInfo;
 use texfold_core::sample::TEXFOLD_NORMAL;
-use texfold_core::{Budget, LoadError, MAX_PLANE_SIDE, String4, SurfaceSize};
+use texfold_core::{Budget, ImageLayout, LoadError, MAX_PLANE_SIDE, String4, SurfaceSize};
+use texfold_residual::ContentId;
+use texfold_residual::block::BlockContent;
 
+use crate::atlas::pack;
 use crate::parts::{
-    MAX_PATCH_LEVELS, MAX_PATCHES, PATCH_PART, Parts, PatchForm, ROOT_PART, patch_pixel, suits_patches,
+    BLOCK_SIDE, ImageForm, MAX_PATCH_LEVELS, MAX_PATCHES, PATCH_PART, Parts, PatchForm, Payload, ROOT_PART,
+    atlas_layout, patch_pixel, root_layout, suits_patches,
 };
 
 const FORM_ID: [u8; 4] = *b"ZMFM";
 const ROOT_ID: [u8; 4] = *b"ZMRT";
 const PATCH_ID: [u8; 4] = *b"ZMPA";
+const ROOT_BLOCKS: ContentId = ContentId::ONLY;
+const PATCH_BLOCKS: ContentId = ContentId::SECOND;
 
 /// Bytes of what is known of a patch image beside its planes: size and levels, a plane's place, and a
 /// rectangle of the shared plane for each level while that is arranged.
 const IMAGE_BYTES: u64 = 2048;
 
+/// Stands for a content where texels are in blocks of variable length.
+const IN_BLOCKS: u8 = u8::MAX;
+
 pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
-    let patch_content = parts.contents.first().map_or(Content::Raw, |levels| levels[0].content());
-    let mut form = vec![parts.root[0].content().number(), patch_content.number(), parts.deep as u8];
-    form.extend((parts.contents.len() as u16).to_le_bytes());
+    let numbers = match &parts.payload {
+        Payload::Planes { root, images } => {
+            let images = images.first().map_or(Content::Raw, |levels| levels[0].content());
+            [root[0].content().number(), images.number()]
+        }
+        Payload::Blocks { .. } => [IN_BLOCKS; 2],
+    };
+    let mut form = vec![numbers[0], numbers[1], parts.deep as u8];
+    form.extend((parts.images.len() as u16).to_le_bytes());
     form.extend((parts.patches.len() as u16).to_le_bytes());
-    for levels in &parts.contents {
-        let (width, height) = levels[0].size();
-        form.extend((width as u16).to_le_bytes());
-        form.extend((height as u16).to_le_bytes());
-        form.push(levels.len() as u8);
+    for ImageForm { size, levels } in &parts.images {
+        form.extend((size.width as u16).to_le_bytes());
+        form.extend((size.height as u16).to_le_bytes());
+        form.push(*levels as u8);
     }
     for patch in &parts.patches {
         form.extend((patch.content as u16).to_le_bytes());
         form.extend(patch.matrix.iter().flat_map(|value| value.to_le_bytes()));
     }
     out.section("container", FORM_ID, &form);
-    let planes = parts.root.iter().flat_map(ContentPlanes::planes);
-    out.section(ROOT_PART, ROOT_ID, &planes.flat_map(|(_, bytes)| bytes).copied().collect::<Vec<u8>>());
-    if !parts.contents.is_empty() {
-        let planes = parts.contents.iter().flatten().flat_map(ContentPlanes::planes);
-        out.section(PATCH_PART, PATCH_ID, &planes.flat_map(|(_, bytes)| bytes).copied().collect::<Vec<u8>>());
+    match &parts.payload {
+        Payload::Planes { root, images } => {
+            store_planes(ROOT_PART, ROOT_ID, root.iter(), out);
+            if !images.is_empty() {
+                store_planes(PATCH_PART, PATCH_ID, images.iter().flatten(), out);
+            }
+        }
+        Payload::Blocks { root, atlas } => {
+            root.store_as(ROOT_PART, ROOT_BLOCKS, out);
+            if let Some(atlas) = atlas {
+                atlas.store_as(PATCH_PART, PATCH_BLOCKS, out);
+            }
+        }
     }
 }
 
-/// What stands before the planes.
+fn store_planes<'a>(
+    part: &'static str,
+    id: [u8; 4],
+    levels: impl Iterator<Item = &'a ContentPlanes>,
+    out: &mut SectionWriter,
+) {
+    let planes = levels.flat_map(ContentPlanes::planes);
+    out.section(part, id, &planes.flat_map(|(_, bytes)| bytes).copied().collect::<Vec<u8>>());
+}
+
+/// What stands before the texels.
 struct Header {
-    /// Sizes and levels of patch images.
-    contents: Vec<(SurfaceSize, u32)>,
+    /// Contents of the root and of patch images; `None` where they are in blocks.
+    contents: Option<[Content; 2]>,
+    layout: ImageLayout,
+    deep: u32,
+    images: Vec<ImageForm>,
     patches: Vec<PatchForm>,
 }
 
 pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<Parts, LoadError> {
+    let header = read_header(file, budget)?;
+    let payload = match header.contents {
+        Some(contents) => load_planes(&header, contents, file, budget)?,
+        None => load_blocks(&header, file, budget)?,
+    };
+    let Header { layout, deep, images, patches, .. } = header;
+    Ok(Parts { layout, deep, payload, images, patches })
+}
+
+fn read_header(file: &Sections<'_>, budget: &mut Budget) -> Result<Header, LoadError> {
     let layout = read_layout(file, budget)?;
     let form = file.read(FORM_ID, budget)?;
     let mut reader = Reader::new(String4(FORM_ID), &form);
-    let (root_content, patch_content) = (Content::read(&mut reader)?, Content::read(&mut reader)?);
+    let contents = read_contents(&form, &mut reader)?;
     let deep = u32::from(reader.u8()?);
     let [size] = layout.surfaces[..] else { return Err(reader.corrupt("more than one image")) };
     let exact = deep < 16 && [size.width, size.height].iter().all(|side| side % (1 << deep) == 0);
@@ -62,50 +108,109 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<Parts, Lo
         return Err(reader.corrupt("levels that do not lead to a root"));
     }
     let root_size = size.at_level(deep);
-    let root_levels = layout.levels - deep;
-    let normal = root_content.formats(layout.pixel).1.0 == TEXFOLD_NORMAL;
     let wide = root_size.width.max(root_size.height) > MAX_PLANE_SIDE;
-    if !root_content.fits(layout.pixel) || normal || root_levels > root_size.full_levels() || wide {
+    if layout.levels - deep > root_size.full_levels() || wide {
         return Err(reader.corrupt("a root that cannot be stored so"));
     }
-    let pixel = patch_pixel(layout.pixel);
-    let Header { contents: sizes, patches } = read_patches(&mut reader, budget)?;
-    if !sizes.is_empty() && !suits_patches(patch_content, pixel) {
-        return Err(reader.corrupt("content without soft alpha for patches"));
+    let (images, patches) = read_patches(&mut reader, budget)?;
+    if let Some([root, of_images]) = contents {
+        let normal = root.formats(layout.pixel).1.0 == TEXFOLD_NORMAL;
+        if !root.fits(layout.pixel) || normal {
+            return Err(reader.corrupt("a root that cannot be stored so"));
+        }
+        if !images.is_empty() && !suits_patches(of_images, patch_pixel(layout.pixel)) {
+            return Err(reader.corrupt("content without soft alpha for patches"));
+        }
     }
+    Ok(Header { contents, layout, deep, images, patches })
+}
+
+/// Contents of the root and of patch images; `None` where they are in blocks.
+fn read_contents(form: &[u8], reader: &mut Reader<'_>) -> Result<Option<[Content; 2]>, LoadError> {
+    if form.starts_with(&[IN_BLOCKS; 2]) {
+        reader.bytes(2)?;
+        return Ok(None);
+    }
+    Ok(Some([Content::read(reader)?, Content::read(reader)?]))
+}
+
+fn load_planes(
+    header: &Header,
+    [content, of_images]: [Content; 2],
+    file: &Sections<'_>,
+    budget: &mut Budget,
+) -> Result<Payload, LoadError> {
+    let Header { layout, deep, .. } = header;
     let raw = file.read(ROOT_ID, budget)?;
     let mut planes = Reader::new(String4(ROOT_ID), &raw);
-    let root = read_levels(&mut planes, budget, (root_content, layout.pixel), root_size, root_levels)?;
+    let root = ImageForm { size: layout.surfaces[0].at_level(*deep), levels: layout.levels - deep };
+    let root = read_levels(&mut planes, budget, (content, layout.pixel), root)?;
     planes.end()?;
-    let mut contents = Vec::new();
-    if !sizes.is_empty() {
+    let mut images = Vec::new();
+    if !header.images.is_empty() {
         let raw = file.read(PATCH_ID, budget)?;
         let mut planes = Reader::new(String4(PATCH_ID), &raw);
-        for (size, levels) in sizes {
-            contents.push(read_levels(&mut planes, budget, (patch_content, pixel), size, levels)?);
+        for &image in &header.images {
+            images.push(read_levels(&mut planes, budget, (of_images, patch_pixel(layout.pixel)), image)?);
         }
         planes.end()?;
     }
-    Ok(Parts { layout, deep, root, contents, patches })
+    Ok(Payload::Planes { root, images })
+}
+
+fn load_blocks(header: &Header, file: &Sections<'_>, budget: &mut Budget) -> Result<Payload, LoadError> {
+    let Header { layout, deep, images, .. } = header;
+    let size = layout.surfaces[0].at_level(*deep);
+    let root =
+        load_content(&root_layout(size, layout.levels - deep, layout.pixel), ROOT_BLOCKS, file, budget)?;
+    let mut atlas = None;
+    if !images.is_empty() {
+        let (_, size) = pack(images, BLOCK_SIDE).ok_or(too_large())?;
+        atlas = Some(load_content(&atlas_layout(size, layout.pixel), PATCH_BLOCKS, file, budget)?);
+        // The levels of patch images, which the CPU cuts from it.
+        budget.take(4 * u64::from(size.0) * u64::from(size.1))?;
+    }
+    Ok(Payload::Blocks { root, atlas })
+}
+
+/// Content of an image; all of it, as a zoom stack has no layers.
+fn load_content(
+    layout: &ImageLayout,
+    id: ContentId,
+    file: &Sections<'_>,
+    budget: &mut Budget,
+) -> Result<BlockContent, LoadError> {
+    let content = BlockContent::load(layout, id, file, budget)?;
+    let layers = content.layers();
+    if layers.loaded < layers.total {
+        return Err(LoadError::Truncated { section: String4(id.block_detail()) });
+    }
+    // The texels that the CPU reads, when they are made.
+    budget.take(4 * layout.texels())?;
+    Ok(content)
 }
 
 /// What is said of patches that no plane holds.
 pub(crate) fn too_large() -> LoadError {
     let what = "patches that fill more than a plane";
-    LoadError::Corrupt { section: String4(PATCH_ID), offset: 0, what }
+    LoadError::Corrupt { section: String4(FORM_ID), offset: 0, what }
 }
 
-fn read_patches(reader: &mut Reader<'_>, budget: &mut Budget) -> Result<Header, LoadError> {
-    let [images, count] = [usize::from(reader.u16()?), usize::from(reader.u16()?)];
+/// Sizes and levels of patch images, and the patches.
+fn read_patches(
+    reader: &mut Reader<'_>,
+    budget: &mut Budget,
+) -> Result<(Vec<ImageForm>, Vec<PatchForm>), LoadError> {
+    let [image_count, count] = [usize::from(reader.u16()?), usize::from(reader.u16()?)];
     if count > MAX_PATCHES {
         return Err(reader.corrupt("more than 2048 patches"));
     }
-    if images > count {
+    if image_count > count {
         return Err(reader.corrupt("more contents than patches"));
     }
-    budget.take(IMAGE_BYTES * images as u64 + size_of::<PatchForm>() as u64 * count as u64)?;
-    let mut contents = Vec::new();
-    for _ in 0..images {
+    budget.take(IMAGE_BYTES * image_count as u64 + size_of::<PatchForm>() as u64 * count as u64)?;
+    let mut images = Vec::new();
+    for _ in 0..image_count {
         let size = SurfaceSize { width: u32::from(reader.u16()?), height: u32::from(reader.u16()?) };
         let levels = u32::from(reader.u8()?);
         let sides = 1..=MAX_PLANE_SIDE;
@@ -115,12 +220,12 @@ fn read_patches(reader: &mut Reader<'_>, budget: &mut Budget) -> Result<Header, 
         if !(1..=MAX_PATCH_LEVELS.min(size.full_levels())).contains(&levels) {
             return Err(reader.corrupt("a patch with too many levels or none"));
         }
-        contents.push((size, levels));
+        images.push(ImageForm { size, levels });
     }
     let mut patches = Vec::new();
     for _ in 0..count {
         let content = usize::from(reader.u16()?);
-        if content >= images {
+        if content >= image_count {
             return Err(reader.corrupt("a patch of a content that is not there"));
         }
         let mut matrix = [0.0; 9];
@@ -130,15 +235,14 @@ fn read_patches(reader: &mut Reader<'_>, budget: &mut Budget) -> Result<Header, 
         patches.push(PatchForm { matrix, content });
     }
     reader.end()?;
-    Ok(Header { contents, patches })
+    Ok((images, patches))
 }
 
 fn read_levels(
     reader: &mut Reader<'_>,
     budget: &mut Budget,
     (content, pixel): (Content, PixelInfo),
-    size: SurfaceSize,
-    levels: u32,
+    ImageForm { size, levels }: ImageForm,
 ) -> Result<Vec<ContentPlanes>, LoadError> {
     let (formats, _) = content.formats(pixel);
     let mut found = Vec::new();

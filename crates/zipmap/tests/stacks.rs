@@ -5,7 +5,7 @@
 use glam::{DMat3, DVec2, Vec2};
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{ColorSpace, Raster};
-use texfold_core::{Budget, EncodeError, Encoded, Encoder, Goal, Job, Texel, TextureCodec};
+use texfold_core::{Access, Budget, EncodeError, Encoded, Encoder, Goal, Job, Texel, TextureCodec};
 use texfold_testkit::leaves::{Leaves, Lens, close_up, photograph};
 use texfold_zipmap::decode::{texfold_zipmap_pixel, texfold_zipmap_sample_grad};
 use texfold_zipmap::{
@@ -386,24 +386,26 @@ fn a_patch_that_shows_nothing_new_or_that_others_hide_is_left_out() {
     let verdict = &texture.notes().verdict;
     assert_eq!(texture.patches(), 1, "{verdict}");
     assert!(
-        verdict.contains("patches [0] show nothing new") && verdict.contains("patches [1] are hidden"),
+        verdict.contains("patches [0] add nothing new") && verdict.contains("patches [1] are hidden"),
         "{verdict}"
     );
 }
 
-/// What a texture takes, its worst PSNR against the images, and texels of what its patches show.
-fn figures(stack: &PatchStack, goal: Goal) -> (f64, f64, u64) {
-    let texture = encode(stack, &ZipParams::default().with_goal(goal).with_merge(false)).unwrap();
+/// What a texture takes, its worst PSNR against the images, and texels of its patches' finest levels.
+fn figures(stack: &PatchStack, access: Access, goal: Goal) -> (f64, f64, u64) {
+    let params = ZipParams::default().with_goal(goal).with_access(access).with_merge(false);
+    let texture = encode(stack, &params).unwrap();
+    assert_eq!(texture.access(), access);
     let texels: u64 = stack.images.iter().chain([&stack.root]).map(|image| image.size().texels()).sum();
     let worst =
-        fidelity(stack, &texture).iter().map(|shown| shown.error.psnr()).fold(f64::INFINITY, f64::min);
-    let shown = (0..texture.patches()).filter_map(|index| texture.patch(index));
+        fidelity(stack, &texture).iter().map(|found| found.error.psnr()).fold(f64::INFINITY, f64::min);
+    let patches = (0..texture.patches()).filter_map(|index| texture.patch(index));
     let bits = texture.gpu().bits_memory() as f64 / texels as f64;
-    (bits, worst, shown.map(|patch| patch.size.texels()).sum())
+    (bits, worst, patches.map(|patch| patch.size.texels()).sum())
 }
 
-#[test]
-fn patches_are_stored_as_finely_as_the_goal_asks() {
+/// A root and two close-ups of it that hide what lies under them.
+fn hiding_stack() -> PatchStack {
     let leaves = leaves();
     let root = shot(&leaves, &DMat3::IDENTITY, PLAIN);
     let close =
@@ -411,14 +413,37 @@ fn patches_are_stored_as_finely_as_the_goal_asks() {
     let white = vec![255; (SIZE.0 * SIZE.1) as usize];
     let white = Raster::from_u8(SIZE.0, SIZE.1, 1, ColorSpace::Linear, &white).unwrap();
     let patch = |image| PatchSource { image, matrix: close[image], mask: Some(white.clone()), parent: None };
-    let stack = PatchStack {
-        root,
-        images: close.iter().map(|matrix| shot(&leaves, matrix, PLAIN)).collect(),
-        patches: vec![patch(0), patch(1)],
-    };
+    let images = close.iter().map(|matrix| shot(&leaves, matrix, PLAIN)).collect();
+    PatchStack { root, images, patches: vec![patch(0), patch(1)] }
+}
+
+#[test]
+fn blocks_take_fewer_bits_than_planes_and_more_bits_are_never_worse() {
+    let stack = hiding_stack();
+    let mut before = (0.0, 0.0);
+    for psnr in [26.0, 30.0, 34.0] {
+        let [blocks, planes] =
+            [Access::Block, Access::Texel].map(|access| figures(&stack, access, Goal::Psnr(psnr)));
+        println!("{psnr} dB: {blocks:?} by block, {planes:?} by texel");
+        assert!(blocks.0 < 0.5 * planes.0 && blocks.0 > before.0, "{blocks:?} {planes:?}");
+        before = (blocks.0, blocks.1);
+    }
+    let mut before = 0.0;
+    for bpp in [0.5, 1.0, 2.0, 4.0] {
+        let (bits, worst, _) = figures(&stack, Access::Block, Goal::Bpp(bpp));
+        println!("{bpp} bits: {bits} {worst}");
+        // The table and the parameters of a small stack are counted in `bits`, too.
+        assert!(bits <= bpp + 0.01 && bits > 0.97 * bpp && worst > before, "{bits} {worst} for {bpp}");
+        before = worst;
+    }
+}
+
+#[test]
+fn patches_are_stored_as_finely_as_the_goal_asks() {
+    let stack = hiding_stack();
     let mut before = (0.0, 0.0, 0);
     for psnr in [12.0, 20.0, 26.0, 34.0] {
-        let found = figures(&stack, Goal::Psnr(psnr));
+        let found = figures(&stack, Access::Texel, Goal::Psnr(psnr));
         println!("{psnr} dB: {found:?}");
         // The border's texels, alpha 0, and what lies under them are not compression's.
         assert!(found.1 > psnr.min(25.0), "{found:?} for {psnr} dB");
@@ -426,15 +451,18 @@ fn patches_are_stored_as_finely_as_the_goal_asks() {
         before = found;
     }
     assert_eq!(before.2, 2 * u64::from(SIZE.0 * SIZE.1));
-    assert_eq!(figures(&stack, Goal::Psnr(12.0)).2, 0);
+    assert_eq!(figures(&stack, Access::Texel, Goal::Psnr(12.0)).2, 0);
     let mut quality = 0.0;
     for bpp in [2.0, 4.0, 7.0, 12.0] {
-        let found = figures(&stack, Goal::Bpp(bpp));
+        let found = figures(&stack, Access::Texel, Goal::Bpp(bpp));
         println!("{bpp} bits: {found:?}");
         assert!(found.0 <= bpp && found.1 >= quality, "{found:?} for {bpp} bits after {quality} dB");
         quality = found.1;
     }
-    let (fine, coarse) = (figures(&stack, Goal::Tolerance(6.0)), figures(&stack, Goal::Tolerance(60.0)));
+    let (fine, coarse) = (
+        figures(&stack, Access::Texel, Goal::Tolerance(6.0)),
+        figures(&stack, Access::Texel, Goal::Tolerance(60.0)),
+    );
     assert!(coarse.0 < fine.0 && coarse.1 < fine.1, "{fine:?} {coarse:?}");
 }
 

@@ -131,7 +131,12 @@ fn fixtures(work: &Path) -> io::Result<Vec<Case>> {
         cases.push(Case::new("lightfield", setting, ball.clone()));
     }
     let stack = vec![sources::zoom_stack(&work.join("stack"))?];
-    for setting in ["--as zoom --bpp 4 --effort fast", "--as zoom --psnr 34 --effort fast"] {
+    for setting in [
+        "--as zoom --bpp 4 --effort fast",
+        "--as zoom --psnr 34 --effort fast",
+        "--as zoom --access texel --bpp 4 --effort fast",
+        "--as zoom --access texel --psnr 34 --effort fast",
+    ] {
         cases.push(Case::new("zipmap", setting, stack.clone()));
     }
     Ok(cases)
@@ -151,7 +156,8 @@ fn photographs(data: &Path, work: &Path) -> io::Result<Vec<Case>> {
         case.arguments.extend(mesh.split_whitespace().map(str::to_owned));
         cases.push(case);
     }
-    let setting = "--as zoom --psnr 34 --effort fast";
-    cases.push(Case::new("zipmap", setting, vec![data.join("zipmap/vlfeat_river")]));
+    for setting in ["--as zoom --psnr 34 --effort fast", "--as zoom --access texel --psnr 34 --effort fast"] {
+        cases.push(Case::new("zipmap", setting, vec![data.join("zipmap/vlfeat_river")]));
+    }
     Ok(cases)
 }

@@ -258,8 +258,8 @@ impl Options {
             ("layers", self.layers.is_some(), &["epitome"]),
             ("content error-map", error_map, &["epitome"]),
             ("category", self.category.is_some(), &["progressive"]),
-            ("access", self.access.is_some(), &["progressive", "auto"]),
-            ("metric", self.metric.is_some(), &["progressive", "auto"]),
+            ("access", self.access.is_some(), &["progressive", "zipmap", "auto"]),
+            ("metric", self.metric.is_some(), &["progressive", "zipmap", "auto"]),
             ("triangles", self.triangles.is_some(), &["lightfield"]),
             ("terms", self.terms.is_some(), &["lightfield"]),
             ("codewords", self.codewords.is_some(), &["lightfield"]),
@@ -373,6 +373,8 @@ impl Options {
         }
         let params = ZipParams::default()
             .with_goal(self.goal())
+            .with_access(self.access.map(AccessName::access).unwrap_or_default())
+            .with_metric(self.metric.map(MetricName::metric))
             .with_content(self.content.and_then(ContentName::content))
             .with_effort(self.effort.unwrap_or_default().effort());
         let fault = |source: texfold_core::ParamError| CliError::Encode {

@@ -3,6 +3,8 @@
 mod search;
 mod step;
 
+use crate::image::ColorSpace;
+
 pub use search::{Found, search};
 pub use step::{FoundStep, StepScale, excess, search_step};
 
@@ -29,6 +31,13 @@ pub enum Metric {
 }
 
 impl Metric {
+    /// What counts where nobody says: the eye where colours are sRGB and bits are the goal, else PSNR.
+    #[must_use]
+    pub fn for_goal(goal: Goal, color: ColorSpace) -> Self {
+        let is_seen = color == ColorSpace::Srgb && matches!(goal, Goal::Bpp(_));
+        if is_seen { Metric::Perceptual } else { Metric::Psnr }
+    }
+
     /// Its name: "psnr", "perceptual".
     #[must_use]
     pub fn name(self) -> &'static str {

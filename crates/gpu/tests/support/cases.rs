@@ -14,7 +14,9 @@ use texfold_epitome::decode::{TEXFOLD_EPITOME_FINE_LEVELS, TEXFOLD_EPITOME_GAIN_
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
 use texfold_gpu::AddressMode;
 
-use super::{Base, Call, Edge, Forge, Residual, Subject, bc, epitome, image, progressive, vq, zipmap};
+use super::{
+    Base, Call, Edge, Forge, Residual, Subject, bc, epitome, image, progressive, vq, zipmap, zipmap_blocks,
+};
 
 /// Plain bytes and BC7 decode to the same bytes everywhere; what remains is the division by 255.
 pub(crate) const STORED: f32 = 1e-6;
@@ -345,6 +347,14 @@ fn progressive_cases() -> Vec<Case> {
     bases.into_iter().map(progressive_case).collect()
 }
 
+/// Patches in blocks, which the GPU decodes before it draws them.
+fn zipmap_block_case((channels, patches): (u8, usize)) -> Case {
+    let bounds = Bounds { nearest: STORED + PATCHED, blended: STORED + PATCHED };
+    let name = format!("zipmap {channels} channels in blocks, {patches} patches");
+    let subject = Subject::new(zipmap_blocks("odd_37x61", channels, patches));
+    Case { name, subject, bounds, coarse: bounds, normals: Normals::No }
+}
+
 fn zipmap_case(channels: u8, content: Content, patches: usize, subject: Subject) -> Case {
     // The CPU keeps blocks of BC1 to BC5 in 8 bits.
     let exact = matches!((content, channels), (Content::Raw, _) | (Content::Bc7, 3 | 4));
@@ -370,7 +380,8 @@ fn zipmap_cases() -> Vec<Case> {
     let case = |(channels, content, patches)| {
         zipmap_case(channels, content, patches, Subject::new(zipmap("odd_37x61", channels, content, patches)))
     };
-    kinds.into_iter().map(case).collect()
+    let blocks = [(3, 5), (4, 4), (1, 3), (3, 0)].into_iter().map(zipmap_block_case);
+    kinds.into_iter().map(case).chain(blocks).collect()
 }
 
 /// All cases, each made once.

@@ -35,7 +35,7 @@ pub(crate) use host::{Function, answers, run};
 pub(crate) use progressive::{Base, progressive};
 pub(crate) use residual::{Edge, Residual};
 pub(crate) use twin::{Call, Twin};
-pub(crate) use zipmap::zipmap;
+pub(crate) use zipmap::{zipmap, zipmap_blocks};
 
 /// The adapter, or `None` with a printed line where there is none and none is required.
 pub(crate) fn gpu() -> Option<&'static Gpu> {

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec2};
 use texfold_bc::Content;
-use texfold_core::{Effort, Encoder, Job};
+use texfold_core::{Access, Effort, Encoder, Goal, Job};
 use texfold_zipmap::{PatchSource, PatchStack, ZipParams, ZipTexture, Zipmap};
 
 use super::image;
@@ -19,6 +19,17 @@ pub(crate) fn matrix(middle: (f64, f64), zoom: f64, turn: f64, slant: f64) -> DM
 
 /// Patches in colour or gray over a small root.
 pub(crate) fn zipmap(root: &str, channels: u8, content: Content, patches: usize) -> ZipTexture {
+    with_params(root, channels, patches, ZipParams::default().with_content(content))
+}
+
+/// The same in blocks.
+pub(crate) fn zipmap_blocks(root: &str, channels: u8, patches: usize) -> ZipTexture {
+    let texture = with_params(root, channels, patches, ZipParams::default().with_goal(Goal::Bpp(3.0)));
+    assert_eq!(texture.access(), Access::Block);
+    texture
+}
+
+fn with_params(root: &str, channels: u8, patches: usize, params: ZipParams) -> ZipTexture {
     let root = image(root).with_channels(channels);
     let images = ["odd_37x61", "gray", "cutout"].map(|name| image(name).with_channels(channels)).to_vec();
     let mut mirrored = matrix((0.3, 0.7), 2.0, 2.0, 0.0);
@@ -37,11 +48,7 @@ pub(crate) fn zipmap(root: &str, channels: u8, content: Content, patches: usize)
         parent: None,
     };
     let patches = matrices.iter().cycle().take(patches).enumerate().map(source).collect();
-    let params = ZipParams::default()
-        .with_content(content)
-        .with_tau(0.05)
-        .with_drop_rms(0.0)
-        .with_effort(Effort::Fast);
+    let params = params.with_tau(0.05).with_drop_rms(0.0).with_effort(Effort::Fast);
     let stack = PatchStack { root, images, patches };
     Zipmap::encode(&stack, &params, &mut Job::default()).unwrap()
 }

@@ -130,12 +130,21 @@ impl BlockContent {
 
     /// Writes the bases, and the images' own superblocks where they are loaded.
     pub fn store(&self, id: ContentId, out: &mut SectionWriter) {
+        self.store_parts([BASE_PART, RESIDUAL_PART], id, out);
+    }
+
+    /// As [`BlockContent::store`], as one part of a footprint.
+    pub fn store_as(&self, part: &'static str, id: ContentId, out: &mut SectionWriter) {
+        self.store_parts([part; 2], id, out);
+    }
+
+    fn store_parts(&self, [base, detail]: [&'static str; 2], id: ContentId, out: &mut SectionWriter) {
         let bases: Vec<u8> = self.stages.iter().flat_map(BlockTexture::base_bytes).collect();
-        out.section(BASE_PART, id.block_base(), &bases);
+        out.section(base, id.block_base(), &bases);
         let layers = self.layers();
         if layers.loaded == layers.total && layers.total > 1 {
-            let detail: Vec<u8> = self.stages.iter().flat_map(BlockTexture::detail_bytes).copied().collect();
-            out.section(RESIDUAL_PART, id.block_detail(), &detail);
+            let bytes: Vec<u8> = self.stages.iter().flat_map(BlockTexture::detail_bytes).copied().collect();
+            out.section(detail, id.block_detail(), &bytes);
         }
     }
 

@@ -37,7 +37,16 @@ pub fn progressive(set: &ImageSet, params: &ProgressiveParams) -> AnyImage {
 
 /// A small root with three patches that overlap.
 pub fn zipmap(set: &ImageSet, content: Content) -> AnyImage {
-    let params = ZipParams::default().with_content(content).with_tau(0.05).with_effort(Effort::Fast);
+    zipmap_with(set, &ZipParams::default().with_content(content))
+}
+
+/// The same in blocks.
+pub fn zipmap_blocks(set: &ImageSet) -> AnyImage {
+    zipmap_with(set, &ZipParams::default().with_goal(Goal::Psnr(30.0)))
+}
+
+fn zipmap_with(set: &ImageSet, params: &ZipParams) -> AnyImage {
+    let params = params.clone().with_tau(0.05).with_effort(Effort::Fast);
     let stack = stack(&set.images()[0], texfold_testkit::image("cutout"));
     AnyImage::new(Zipmap::encode(&stack, &params, &mut Job::default()).unwrap())
 }
@@ -116,5 +125,6 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     for content in [Content::Raw, Content::Bc7] {
         textures.push((format!("zipmap {}", content.name()), odd.clone(), zipmap(&odd, content)));
     }
+    textures.push(("zipmap, blocks".to_owned(), odd.clone(), zipmap_blocks(&odd)));
     textures
 }

@@ -16,7 +16,7 @@ use super::compare::compare;
 use super::enlarge::{Change, change};
 use super::{fault, trim};
 use crate::encoded::bytes_of;
-use crate::parts::{Parts, PatchForm, patch_pixel, suits_patches};
+use crate::parts::{ImageForm, Parts, PatchForm, Payload, patch_pixel, suits_patches};
 use crate::{ZipError, ZipParams, ZipTexture};
 
 /// What was made of a canvas.
@@ -30,14 +30,14 @@ pub(crate) struct Fitted {
     pub(crate) zooms: Vec<f64>,
 }
 
-/// The texture that meets the goal best: images without the levels that it does not need, contents from the smallest
-/// on.
+/// The texture in planes that meets the goal best: images without the levels that it does not need, contents from the
+/// smallest on.
 pub(crate) fn fit(
     maker: &mut Maker<'_>,
     contents: &[Content],
     source_texels: f64,
     job: &mut Job<'_>,
-) -> Result<Fitted, EncodeError> {
+) -> Result<(Measured, Fitted), EncodeError> {
     let goal = maker.params.goal;
     let plans = job.install(|| Plans::of(maker.canvas, goal, maker.pixel.color, maker.cancel));
     job.checkpoint()?;
@@ -66,7 +66,7 @@ pub(crate) fn fit(
             break;
         }
     }
-    best.map(|(_, fitted)| fitted).ok_or(fault(ZipError::Full))
+    best.ok_or(fault(ZipError::Full))
 }
 
 /// Ways to leave out fine levels, from the coarsest image of all contents to the finest, the best step first.
@@ -251,20 +251,30 @@ impl Maker<'_> {
             missing.map(|&key| Ok((key, self.encode(key)?))).collect::<Result<Vec<_>, EncodeError>>()?;
         self.encoded.extend(made);
         let texture = self.assemble(&wanted, cuts).ok_or(fault(ZipError::Full))?;
-        let losses = losses(self.canvas, &texture, self.cancel);
+        let worst_block = || self.worst_block(&wanted);
+        let (measured, losses) = self.measured(&texture, source_texels, worst_block)?;
+        Ok(Made { measured, losses, texture })
+    }
+
+    /// What a texture measures, and what compression changes at the texels of the root and of each patch. The worst block is
+    /// looked for where the goal is a tolerance.
+    pub(crate) fn measured(
+        &self,
+        texture: &ZipTexture,
+        source_texels: f64,
+        worst_block: impl FnOnce() -> f64,
+    ) -> Result<(Measured, Vec<SquaredError>), EncodeError> {
+        let losses = losses(self.canvas, texture, self.cancel);
         self.cancel.checkpoint()?;
         let total = losses.iter().fold(SquaredError::default(), |sum, &loss| sum + loss);
         let worst = losses.iter().map(|loss| loss.psnr()).fold(f64::INFINITY, f64::min);
         let measured = Measured {
             psnr: if matches!(self.params.goal, Goal::Psnr(_)) { worst } else { total.psnr() },
             bpp: texture.memory().counted as f64 / source_texels,
-            worst_block_rms: match self.params.goal {
-                Goal::Tolerance(_) => self.worst_block(&wanted),
-                _ => 0.0,
-            },
+            worst_block_rms: if matches!(self.params.goal, Goal::Tolerance(_)) { worst_block() } else { 0.0 },
         };
         self.cancel.checkpoint()?;
-        Ok(Made { measured, losses, texture })
+        Ok((measured, losses))
     }
 
     /// The levels of the root, then those of each image behind its cut.
@@ -283,23 +293,41 @@ impl Maker<'_> {
         let root = planes.by_ref().take(self.canvas.root.len()).collect();
         // Numbers of the images of which something is left.
         let mut numbers = vec![None; cuts.len()];
-        let mut contents: Vec<Vec<ContentPlanes>> = Vec::new();
+        let mut images: Vec<Vec<ContentPlanes>> = Vec::new();
         for (number, (levels, &cut)) in numbers.iter_mut().zip(self.canvas.levels.iter().zip(cuts)) {
             if cut < levels.len() {
-                *number = Some(contents.len());
-                contents.push(planes.by_ref().take(levels.len() - cut).collect());
+                *number = Some(images.len());
+                images.push(planes.by_ref().take(levels.len() - cut).collect());
             }
         }
-        let form = |laid: &Laid| Some(PatchForm { matrix: laid.rows(), content: numbers[laid.content]? });
+        let image_of = |levels: &Vec<ContentPlanes>| {
+            let (width, height) = levels[0].size();
+            ImageForm { size: SurfaceSize { width, height }, levels: levels.len() as u32 }
+        };
+        let parts = Parts {
+            layout: self.layout(),
+            deep: self.deep,
+            images: images.iter().map(image_of).collect(),
+            patches: self.patches(&numbers),
+            payload: Payload::Planes { root, images },
+        };
+        ZipTexture::new(parts, Notes::default())
+    }
+
+    /// Layout of the texture: one image, as fine as the finest patch.
+    pub(crate) fn layout(&self) -> ImageLayout {
         let (width, height) = self.canvas.root_size;
-        let layout = ImageLayout {
+        ImageLayout {
             surfaces: vec![SurfaceSize { width: width << self.deep, height: height << self.deep }],
             levels: self.deep + self.canvas.root.len() as u32,
             pixel: self.pixel,
-        };
-        let patches = self.canvas.laid.iter().filter_map(form).collect();
-        let parts = Parts { layout, deep: self.deep, root, contents, patches };
-        ZipTexture::new(parts, Notes::default())
+        }
+    }
+
+    /// The patches whose image is stored, where `numbers` has the number of each that is.
+    pub(crate) fn patches(&self, numbers: &[Option<usize>]) -> Vec<PatchForm> {
+        let form = |laid: &Laid| Some(PatchForm { matrix: laid.rows(), content: numbers[laid.content]? });
+        self.canvas.laid.iter().filter_map(form).collect()
     }
 
     fn encode(&self, LevelKey { image, level, content }: LevelKey) -> Result<ContentPlanes, EncodeError> {
@@ -317,7 +345,7 @@ impl Maker<'_> {
     }
 
     /// Size of the root, or of a patch image.
-    fn size_of(&self, index: Option<usize>) -> (u32, u32) {
+    pub(crate) fn size_of(&self, index: Option<usize>) -> (u32, u32) {
         let has = |laid: &&Laid| Some(laid.content) == index;
         match index {
             None => self.canvas.root_size,

@@ -1,6 +1,7 @@
 //! The method on one screen: check, lay patch by patch on a canvas (crop, fit colours, mask, mip levels, trim), leave
 //! out what is hidden, store as finely and in the content that the goal asks for.
 
+mod blocks;
 mod canvas;
 mod compare;
 mod enlarge;
@@ -154,7 +155,7 @@ fn encode_checked(
         stack.images.iter().chain([&stack.root]).map(|image| image.size().texels()).sum();
     let (cancel, encoded) = (job.cancel_check(), std::collections::HashMap::new());
     let mut maker = Maker { canvas: &canvas, pixel, deep, params, encoded, cancel };
-    let fitted = fit::fit(&mut maker, &contents(pixel, params), source_texels as f64, job)?;
+    let fitted = blocks::choose(&mut maker, &contents(pixel, params), source_texels as f64, job)?;
     drop(maker);
     dropped.note_cuts(&canvas, &fitted.cuts);
     job.stage("measuring", 0.95)?;

@@ -2,16 +2,18 @@
 
 use glam::{DMat3, Vec2, Vec4};
 use rayon::prelude::*;
+use texfold_bc::ContentPlanes;
 use texfold_core::image::Raster;
 use texfold_core::metric::SquaredError;
-use texfold_core::{CancelCheck, Encoded, Goal, Notes};
+use texfold_core::{Access, CancelCheck, Encoded, Goal, Notes};
+use texfold_residual::block::BlockContent;
 
 use super::Dropped;
 use super::canvas::colour;
 use super::compare::{footprint, places, step};
 use super::fit::Fitted;
 use crate::decode::ZipmapView;
-use crate::parts::{PATCH_PART, patch_pixel};
+use crate::parts::{ImageForm, PATCH_PART, Payload, patch_pixel};
 use crate::{PatchStack, ZipParams, ZipTexture};
 
 /// Variance, in a range of 1, that is added on both sides of a gain, so that flat images divide by no zero: a quarter
@@ -98,13 +100,40 @@ pub(crate) fn notes(
     } else {
         format!(", in the library ZipParams::with_tau({})", params.tau)
     };
+    let access = match texture.access() {
+        Access::Block => {
+            format!(" --access block --metric {}", params.metric_for(texture.layout().pixel).name())
+        }
+        Access::Texel => " --access texel".to_owned(),
+    };
     let content = params.content.map_or(String::new(), |content| format!(" --content {}", content.name()));
     let alone = sum(|fidelity| fidelity.root_alone).psnr() as f32;
     let psnr_without = if texture.patches() > 0 { vec![(PATCH_PART.to_owned(), alone)] } else { Vec::new() };
     Notes {
-        settings: format!("--codec zipmap {goal}{content}{tau}"),
+        settings: format!("--codec zipmap {goal}{access}{content}{tau}"),
         verdict: verdict(fitted, dropped, sum(|fidelity| fidelity.error).psnr()),
         psnr_without,
+    }
+}
+
+/// Bits a texel of the root and of patch images.
+fn bits_per_texel(texture: &ZipTexture) -> [f64; 2] {
+    let pixel = texture.layout().pixel;
+    match &texture.parts.payload {
+        Payload::Planes { root, images } => {
+            let root = root[0].content().bits_per_texel(pixel);
+            let of_image =
+                |levels: &Vec<ContentPlanes>| levels[0].content().bits_per_texel(patch_pixel(pixel));
+            [root, images.first().map_or(root, of_image)]
+        }
+        Payload::Blocks { root, atlas } => {
+            let bits = |content: &BlockContent, texels: u64| {
+                8.0 * content.held_bytes() as f64 / texels.max(1) as f64
+            };
+            let texels = texture.parts.images.iter().map(ImageForm::texels).sum();
+            let root = bits(root, root.layout().texels());
+            [root, atlas.as_ref().map_or(root, |atlas| bits(atlas, texels))]
+        }
     }
 }
 
@@ -117,11 +146,15 @@ fn verdict(fitted: &Fitted, dropped: &Dropped, psnr: f64) -> String {
     let worst = losses().map(|loss| loss.psnr()).fold(f64::INFINITY, f64::min);
     let plain = root.texels() as f64 * zoom * zoom * 4.0 / 3.0;
     let bits = texture.gpu().bits_memory() as f64;
-    let bits_per_texel = texture.parts.root[0].content().bits_per_texel(texture.layout().pixel);
+    let [bits_per_texel, of_patches] = bits_per_texel(texture);
     let mut text = format!(
-        "{} patches on a root of {}x{}, zoom up to {zoom:.2}; {psnr:.2} dB against the photographs after fitting \
+        "{}{} patches on a root of {}x{}, zoom up to {zoom:.2}; {psnr:.2} dB against the photographs after fitting \
          their exposure; {loss:.2} dB against the merged images, {worst:.2} dB for the worst of them; {:.0}% of the \
          memory of a plain texture as fine throughout",
+        match texture.access() {
+            Access::Block => "By block: ",
+            Access::Texel => "",
+        },
         texture.patches(),
         root.width,
         root.height,
@@ -160,9 +193,6 @@ fn verdict(fitted: &Fitted, dropped: &Dropped, psnr: f64) -> String {
     }
     let left_out = dropped.level_texels + dropped.patch_texels + dropped.cropped_texels + dropped.fine_texels;
     if left_out > 0 {
-        let of_patches = texture.parts.contents.first().map_or(bits_per_texel, |levels| {
-            levels[0].content().bits_per_texel(patch_pixel(texture.layout().pixel))
-        });
         let saved = left_out as f64 * of_patches;
         text += &format!("; all that is left out would take {:.0}% more memory", 100.0 * saved / bits);
     }

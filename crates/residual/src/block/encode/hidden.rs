@@ -14,22 +14,26 @@ struct Level {
     weights: Vec<f32>,
 }
 
-/// Replaces all channels but `alpha` where that is 0, of samples of `channels` channels.
-pub(super) fn fill(samples: &mut [u16], size: SurfaceSize, channels: usize, alpha: usize) {
-    let visible = |texel: &[u16]| texel[alpha] > 0;
-    let count = samples.chunks_exact(channels).filter(|texel| visible(texel)).count();
-    if count == 0 || count * channels == samples.len() {
+/// Replaces all channels but `alpha`, of samples of `channels` channels, in texels that do not count.
+pub(super) fn fill(
+    samples: &mut [u16],
+    size: SurfaceSize,
+    (channels, alpha): (usize, usize),
+    counts: &[bool],
+) {
+    let count = counts.iter().filter(|&&counts| counts).count();
+    if count == 0 || count == counts.len() {
         return;
     }
     let first = Level {
         width: size.width as usize,
         height: size.height as usize,
         values: samples.iter().map(|&sample| f32::from(sample)).collect(),
-        weights: samples.chunks_exact(channels).map(|texel| f32::from(u8::from(visible(texel)))).collect(),
+        weights: counts.iter().map(|&counts| f32::from(u8::from(counts))).collect(),
     };
     let filled = filled(first, channels);
     let texels = samples.chunks_exact_mut(channels).zip(filled.chunks_exact(channels));
-    for (texel, filled) in texels.filter(|(texel, _)| !visible(texel)) {
+    for ((texel, filled), _) in texels.zip(counts).filter(|(_, counts)| !**counts) {
         for channel in (0..channels).filter(|&channel| channel != alpha) {
             texel[channel] = filled[channel].round() as u16;
         }

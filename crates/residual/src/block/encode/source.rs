@@ -75,10 +75,22 @@ impl BlockSource {
     /// With colours that cost next to nothing where channel `alpha` is 0, and so hides them; all channels but `alpha` change
     /// there. Nothing changes where there is no such channel.
     #[must_use]
-    pub fn with_free_colours(mut self, alpha: usize) -> Self {
-        if alpha < self.channels() {
-            let channels = self.channels();
-            fill(&mut self.samples, self.size, channels, alpha);
+    pub fn with_free_colours(self, alpha: usize) -> Self {
+        let channels = self.channels();
+        if alpha >= channels {
+            return self;
+        }
+        let visible: Vec<bool> = self.samples.chunks_exact(channels).map(|texel| texel[alpha] > 0).collect();
+        self.with_free_colours_but(alpha, &visible)
+    }
+
+    /// With colours that cost next to nothing in all texels but those that count: all channels but `alpha` change there. Nothing
+    /// changes where `counts` has not a value for each texel.
+    #[must_use]
+    pub fn with_free_colours_but(mut self, alpha: usize, counts: &[bool]) -> Self {
+        let channels = self.channels();
+        if counts.len() * channels == self.samples.len() {
+            fill(&mut self.samples, self.size, (channels, alpha), counts);
         }
         self
     }

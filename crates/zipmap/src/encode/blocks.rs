@@ -1,0 +1,205 @@
+//! Root and patch images in blocks of variable length: one step for all of them, which the goal decides. Every level is stored, as
+//! fine detail that a step does not reach costs next to nothing.
+
+use texfold_core::metric::SquaredError;
+use texfold_core::target::{Measured, excess, search_step};
+use texfold_core::{
+    Access, BLOCK_LEVELS, CancelCheck, EncodeError, Encoded, Goal, ImageLayout, Job, Notes, SourceError,
+    SurfaceSize,
+};
+use texfold_residual::block::encode::{BlockParams, BlockSetEncoder, BlockSource, STEPS};
+
+use super::enlarge::change;
+use super::fault;
+use super::fit::{Fitted, Maker, fit};
+use crate::atlas::{Packing, pack};
+use crate::parts::{BLOCK_SIDE, ImageForm, Parts, Payload, atlas_layout, patch_pixel, root_layout};
+use crate::{ZipError, ZipTexture};
+
+/// The texture in the form that the parameters name, or in planes where these answer the goal better.
+pub(crate) fn choose(
+    maker: &mut Maker<'_>,
+    contents: &[texfold_bc::Content],
+    source_texels: f64,
+    job: &mut Job<'_>,
+) -> Result<Fitted, EncodeError> {
+    let goal = maker.params.goal;
+    if maker.params.access == Access::Texel || maker.params.content.is_some() {
+        return fit(maker, contents, source_texels, job).map(|(_, fitted)| fitted);
+    }
+    let (measured, fitted) = by_block(maker, source_texels, job)?;
+    // A tolerance is that of the worst block, which may be worth bits that all others would have to take, too.
+    if goal.is_met(&measured) && !matches!(goal, Goal::Tolerance(_)) {
+        return Ok(fitted);
+    }
+    let (other, planes) = fit(maker, contents, source_texels, job)?;
+    Ok(if goal.prefers(&other, &measured) { planes } else { fitted })
+}
+
+/// The texture in blocks with the step that answers the goal best.
+fn by_block(
+    maker: &Maker<'_>,
+    source_texels: f64,
+    job: &mut Job<'_>,
+) -> Result<(Measured, Fitted), EncodeError> {
+    let (goal, check) = (maker.params.goal, maker.cancel);
+    job.stage("transforming", 0.65)?;
+    let sources = job.install(|| Sources::of(maker))?;
+    let encoders = job.install(|| sources.encoders(maker, check))?;
+    let mut tried = 0u32;
+    let found = search_step(goal, STEPS, encoders[0].first_step(), |step| {
+        tried += 1;
+        job.stage("coding blocks", 0.65 + 0.3 * tried as f32 / (tried as f32 + 4.0))?;
+        let texture = job.install(|| sources.texture(maker, &encoders, step))?;
+        let measured = match goal {
+            // Bits need no decoding.
+            Goal::Bpp(_) => {
+                let bpp = texture.memory().counted as f64 / source_texels;
+                Measured { psnr: 0.0, bpp, worst_block_rms: 0.0 }
+            }
+            _ => job.install(|| measured(maker, &texture, source_texels))?.0,
+        };
+        Ok::<_, EncodeError>((texture, excess(goal, &measured)))
+    })?;
+    let texture = found.ok_or(SourceError::Empty)?.value;
+    let (measured, losses) = job.install(|| measured(maker, &texture, source_texels))?;
+    let cuts = vec![0; maker.canvas.levels.len()];
+    let zooms = maker.canvas.laid.iter().map(|laid| laid.zoom).collect();
+    Ok((measured, Fitted { texture, losses, cuts, zooms }))
+}
+
+/// What is coded: the stages of the root, and the image of all patch images.
+struct Sources {
+    root: (ImageLayout, Vec<BlockSource>),
+    atlas: Option<(ImageLayout, Vec<BlockSource>)>,
+    images: Vec<ImageForm>,
+}
+
+impl Sources {
+    fn of(maker: &Maker<'_>) -> Result<Sources, EncodeError> {
+        let canvas = maker.canvas;
+        let of_image = |(index, levels): (usize, &Vec<Vec<[u8; 4]>>)| {
+            let (width, height) = maker.size_of(Some(index));
+            ImageForm { size: SurfaceSize { width, height }, levels: levels.len() as u32 }
+        };
+        let images: Vec<ImageForm> = canvas.levels.iter().enumerate().map(of_image).collect();
+        let packing = pack(&images, BLOCK_SIDE).ok_or(fault(ZipError::Full))?;
+        let (width, height) = canvas.root_size;
+        let size = SurfaceSize { width, height };
+        let layout = root_layout(size, canvas.root.len() as u32, maker.pixel);
+        let stages = (0u32..).zip(&canvas.root).step_by(BLOCK_LEVELS as usize);
+        let root = stages
+            .map(|(level, texels)| source(size.at_level(level), maker.pixel.channels, texels))
+            .collect::<Result<Vec<_>, SourceError>>()?;
+        let atlas = if images.is_empty() {
+            None
+        } else {
+            let layout = atlas_layout(packing.1, maker.pixel);
+            let channels = patch_pixel(maker.pixel).channels;
+            Some((layout, vec![atlas_source(canvas, &images, &packing, channels)?]))
+        };
+        Ok(Sources { root: (layout, root), atlas, images })
+    }
+
+    /// Of the root, and of the patch images where there are any.
+    fn encoders<'a>(
+        &'a self,
+        maker: &Maker<'_>,
+        check: CancelCheck<'a>,
+    ) -> Result<Vec<BlockSetEncoder<'a>>, EncodeError> {
+        let params = BlockParams::default()
+            .with_goal(maker.params.goal)
+            .with_effort(maker.params.effort)
+            .with_metric(maker.params.metric_for(maker.pixel));
+        let sources = [Some(&self.root), self.atlas.as_ref()].into_iter().flatten();
+        sources
+            .map(|(layout, sources)| BlockSetEncoder::new(layout.clone(), sources, &params, check))
+            .collect()
+    }
+
+    /// The texture of that step.
+    fn texture(
+        &self,
+        maker: &Maker<'_>,
+        encoders: &[BlockSetEncoder<'_>],
+        step: u16,
+    ) -> Result<ZipTexture, EncodeError> {
+        let contents = encoders.iter().map(|encoder| encoder.at_step(step));
+        let mut contents = contents.collect::<Result<Vec<_>, EncodeError>>()?.into_iter();
+        let root = contents.next().ok_or(SourceError::Empty)?;
+        let numbers: Vec<Option<usize>> = (0..self.images.len()).map(Some).collect();
+        let parts = Parts {
+            layout: maker.layout(),
+            deep: maker.deep,
+            payload: Payload::Blocks { root, atlas: contents.next() },
+            images: self.images.clone(),
+            patches: maker.patches(&numbers),
+        };
+        ZipTexture::new(parts, Notes::default()).ok_or(fault(ZipError::Full))
+    }
+}
+
+/// What a texture measures, and what compression changes at the texels of the root and of each patch.
+fn measured(
+    maker: &Maker<'_>,
+    texture: &ZipTexture,
+    source_texels: f64,
+) -> Result<(Measured, Vec<SquaredError>), EncodeError> {
+    maker.measured(texture, source_texels, || worst_block(maker, texture))
+}
+
+/// RMS error of the worst 4x4 block of the root and of all patch images, in 8-bit units, of the finest level of each.
+fn worst_block(maker: &Maker<'_>, texture: &ZipTexture) -> f64 {
+    let view = texture.view();
+    let of = |index, source: &[Vec<[u8; 4]>], decoded: &[Vec<[u8; 4]>]| {
+        let (Some(source), Some(decoded)) = (source.first(), decoded.first()) else { return 0.0 };
+        change(source, maker.size_of(index), (decoded, 0), 0.0, maker.cancel).worst_block
+    };
+    let images = maker.canvas.levels.iter().zip(view.patches).enumerate();
+    let images = images.map(|(index, (source, decoded))| of(Some(index), source, decoded));
+    images.fold(of(None, &maker.canvas.root, view.root), f64::max)
+}
+
+/// Texels of that many channels.
+fn source(size: SurfaceSize, channels: u8, texels: &[[u8; 4]]) -> Result<BlockSource, SourceError> {
+    let (groups, places): (&[u8], &[usize]) = match channels {
+        1 => (&[1], &[0]),
+        2 => (&[1, 1], &[0, 3]),
+        3 => (&[3], &[0, 1, 2]),
+        _ => (&[3, 1], &[0, 1, 2, 3]),
+    };
+    let samples: Vec<u8> =
+        texels.iter().flat_map(|texel| places.iter().map(move |&place| texel[place])).collect();
+    BlockSource::from_u8(size, groups, &samples)
+}
+
+/// All levels of all patch images in one image, transparent between them. Colours are free where filtering reads no visible texel.
+fn atlas_source(
+    canvas: &super::canvas::Canvas,
+    images: &[ImageForm],
+    (origins, (width, height)): &Packing,
+    channels: u8,
+) -> Result<BlockSource, SourceError> {
+    let (width, height) = (*width as usize, *height as usize);
+    let mut texels = vec![[0u8; 4]; width * height];
+    let mut is_read = vec![false; width * height];
+    for ((levels, image), origins) in canvas.levels.iter().zip(images).zip(origins) {
+        for (level, (from, &(left, top))) in (0..).zip(levels.iter().zip(origins)) {
+            let size = image.size.at_level(level);
+            let across = size.width as usize;
+            for (row, line) in from.chunks_exact(across).enumerate() {
+                let start = (top as usize + row) * width + left as usize;
+                texels[start..start + across].copy_from_slice(line);
+                for (x, _) in line.iter().enumerate().filter(|(_, texel)| texel[3] > 0) {
+                    // Bilinear filtering reads a visible texel together with those around it.
+                    for y in row.saturating_sub(1)..=(row + 1).min(size.height as usize - 1) {
+                        let start = (top as usize + y) * width + left as usize;
+                        is_read[start + x.saturating_sub(1)..=start + (x + 1).min(across - 1)].fill(true);
+                    }
+                }
+            }
+        }
+    }
+    let size = SurfaceSize { width: width as u32, height: height as u32 };
+    Ok(source(size, channels, &texels)?.with_free_colours_but(usize::from(channels) - 1, &is_read))
+}

@@ -1,7 +1,7 @@
 //! Parameters of the progressive codec.
 
 use texfold_bc::Content;
-use texfold_core::image::{ColorSpace, PixelInfo};
+use texfold_core::image::PixelInfo;
 use texfold_core::{Access, Effort, Goal, Metric, ParamError, Params};
 use texfold_residual::MAX_REDUCE_LOG2;
 

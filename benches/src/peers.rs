@@ -15,6 +15,7 @@ use texfold::{
 };
 use texfold_benches::report::{Chart, Line, Outcome, Table};
 use texfold_benches::rivals;
+use texfold_cli::ssimulacra2;
 
 /// Goals of our codecs in bits per texel: those of ASTC in blocks of 12x12, 10x10, 8x8 and 6x6, and half a bit.
 const GOALS: [f64; 5] = [0.5, 0.89, 1.28, 2.0, 3.56];
@@ -143,7 +144,8 @@ fn compare(
     decoded: &Raster,
     bpp: f64,
 ) -> Outcome<Point> {
-    let ssimulacra2 = rivals::ssimulacra2(image, decoded)?;
+    let ssimulacra2 =
+        ssimulacra2(image, decoded).ok_or("SSIMULACRA2 needs sRGB images of at least 8 texels a side")?;
     Ok(Point { form, setting, bpp, psnr: color_error(image, decoded).psnr(), ssimulacra2 })
 }
 

@@ -14,6 +14,7 @@ use texfold::metric::color_error;
 use texfold::{CancelCheck, Effort, Goal, Metric, Rect};
 use texfold_benches::report::{Chart, Line, Outcome, Table, cpu_seconds, middle};
 use texfold_benches::rivals;
+use texfold_cli::ssimulacra2;
 use texfold_residual::block::BlockTexture;
 use texfold_residual::block::encode::{BlockEncoder, BlockParams, BlockSource};
 
@@ -202,7 +203,11 @@ fn decoded_texels(texture: &BlockTexture) -> Outcome<Vec<u8>> {
 }
 
 fn judged(image: &Raster, decoded: &Raster, bits: f64) -> Outcome<Figures> {
-    Ok([bits, color_error(image, decoded).psnr(), rivals::ssimulacra2(image, decoded)?])
+    Ok([
+        bits,
+        color_error(image, decoded).psnr(),
+        ssimulacra2(image, decoded).ok_or("SSIMULACRA2 needs sRGB images of at least 8 texels a side")?,
+    ])
 }
 
 /// PSNR and SSIMULACRA2 at a rate, between the nearest of `points`; NaN outside of them.

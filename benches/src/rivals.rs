@@ -1,27 +1,13 @@
-//! Texture formats that others ship, and what an image is judged by.
+//! Texture formats that others ship.
 
 use std::process::{Command, Stdio};
 
-use ssimulacra2::{ColorPrimaries, Rgb, TransferCharacteristic, compute_frame_ssimulacra2};
 use texfold::image::{ColorSpace, Raster};
 
 use crate::report::Outcome;
 
 /// Bits a texel of the index of a JPEG texture (Kristmann, Wimmer and Schuetz 2026).
 pub const JPEG_INDEX: f64 = 0.17;
-
-/// SSIMULACRA2 of a decoded image: 100 for the source itself, 90 where no difference is seen, 70 for high quality.
-///
-/// # Errors
-/// Where the images differ in size or are too small to be judged.
-pub fn ssimulacra2(image: &Raster, decoded: &Raster) -> Outcome<f64> {
-    let frame = |raster: &Raster| {
-        let pixels = raster.texels().map(|texel| texel.truncate().to_array()).collect();
-        let (width, height) = (image.size().width as usize, image.size().height as usize);
-        Rgb::new(pixels, width, height, TransferCharacteristic::SRGB, ColorPrimaries::BT709)
-    };
-    Ok(compute_frame_ssimulacra2(frame(image)?, frame(decoded)?)?)
-}
 
 /// A baseline JPEG, 4:2:0, decoded, and its bits a texel with those of an index.
 ///

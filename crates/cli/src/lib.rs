@@ -16,6 +16,7 @@ mod error;
 mod info;
 mod input;
 mod output;
+mod perceptual;
 mod png;
 mod progress;
 mod render;
@@ -32,6 +33,7 @@ pub use config::{
 pub use decompress::DecompressArgs;
 pub use info::InfoArgs;
 pub use input::capture::{read_capture, read_views};
+pub use perceptual::ssimulacra2;
 pub use render::RenderArgs;
 pub use run::{Command, main, run};
 pub use settings::Kind;

@@ -4,9 +4,11 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use texfold::AnyImage;
-use texfold_core::image::ImageSet;
+use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::{decode_surface, quality, ssim};
 use texfold_core::{Budget, Footprint, Goal, LoadError};
+
+use crate::perceptual::{mean, ssimulacra2};
 
 /// A part of the ledger.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -38,6 +40,15 @@ pub(crate) struct Row {
     pub(crate) rms: f64,
     pub(crate) worst_block_rms: f64,
     pub(crate) ssim: f64,
+    /// [`crate::ssimulacra2`], where it is defined.
+    #[serde(default)]
+    pub(crate) ssimulacra2: Option<f64>,
+    /// How texels are reached: "block" or "texel".
+    #[serde(default)]
+    pub(crate) access: String,
+    /// Whether the goal is met, where there is one.
+    #[serde(default)]
+    pub(crate) goal_met: Option<bool>,
     pub(crate) encode_seconds: f64,
     pub(crate) encode_texels_per_second: f64,
     /// Most memory that the whole process has held so far, where the system tells.
@@ -74,6 +85,7 @@ pub(crate) struct Figures {
     pub(crate) rms: f64,
     pub(crate) worst_block_rms: f64,
     pub(crate) ssim: f64,
+    pub(crate) ssimulacra2: Option<f64>,
     pub(crate) bpp_memory: f64,
     pub(crate) bpp_disk: f64,
 }
@@ -84,17 +96,20 @@ impl Figures {
         let image = texfold::open_image(bytes, &mut Budget::default())?;
         let encoded = image.as_encoded();
         let quality = quality(source, encoded);
-        let similarity = |(surface, raster): (usize, &texfold_core::image::Raster)| {
-            decode_surface(encoded, surface as u32, 0).map_or(0.0, |decoded| ssim(raster, &decoded))
+        let similarity = |(surface, raster): (usize, &Raster)| {
+            let decoded = decode_surface(encoded, surface as u32, 0);
+            decoded.map_or((0.0, None), |decoded| (ssim(raster, &decoded), ssimulacra2(raster, &decoded)))
         };
         let images = source.images();
+        let similar: Vec<(f64, Option<f64>)> = images.iter().enumerate().map(similarity).collect();
         let texels = source.texel_count() as f64;
         let figures = Figures {
             psnr: quality.color.psnr(),
             psnr_alpha: quality.alpha.map(|error| error.psnr()),
             rms: quality.color.rms(),
             worst_block_rms: quality.worst_block_rms,
-            ssim: images.iter().enumerate().map(similarity).sum::<f64>() / images.len() as f64,
+            ssim: similar.iter().map(|(ssim, _)| ssim).sum::<f64>() / images.len() as f64,
+            ssimulacra2: mean(similar.iter().map(|&(_, figure)| (figure, 1.0))),
             bpp_memory: encoded.gpu().bits_memory() as f64 / texels,
             bpp_disk: 8.0 * bytes.len() as f64 / texels,
         };
@@ -148,7 +163,9 @@ impl Row {
         let footprint = encoded.footprint();
         let (size, texels) = (source.images()[0].size(), source.texel_count());
         let mut warnings = how.warnings;
-        warnings.extend(figures.missed(how.goal));
+        let missed = figures.missed(how.goal);
+        let goal_met = Some(missed.is_none());
+        warnings.extend(missed);
         Ok(Row {
             input: how.input.display().to_string(),
             output: how.output.display().to_string(),
@@ -167,6 +184,9 @@ impl Row {
             rms: figures.rms,
             worst_block_rms: figures.worst_block_rms,
             ssim: figures.ssim,
+            ssimulacra2: figures.ssimulacra2,
+            access: encoded.gpu().access().name().to_owned(),
+            goal_met,
             encode_seconds: how.encode_seconds,
             encode_texels_per_second: texels as f64 / how.encode_seconds.max(1e-9),
             peak_bytes: peak_bytes(),

@@ -11,7 +11,7 @@ use std::time::Instant;
 use texfold_core::container::SectionWriter;
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::{SquaredError, decode_surface, quality, ssim};
-use texfold_core::{Encoded, Job, Limits, TextureCodec};
+use texfold_core::{Access, Encoded, Job, Limits, TextureCodec};
 use texfold_progressive::{Codebook, Progressive, ProgressiveParams, Shared, TexelTexture};
 
 use super::manifest::{Image, Manifest, Tile};
@@ -20,6 +20,7 @@ use super::{Bank, Open, category, tiles};
 use crate::compress::add_file;
 use crate::error::{CliError, guarded};
 use crate::output::write_whole;
+use crate::perceptual::{mean, ssimulacra2};
 use crate::progress::Share;
 use crate::report::{PartRow, Row, peak_bytes};
 use crate::settings::Settings;
@@ -53,6 +54,8 @@ struct Sums {
     alpha: Option<SquaredError>,
     worst_block_rms: f64,
     ssim: f64,
+    /// SSIMULACRA2 and texels of each tile.
+    ssimulacra2: Vec<(Option<f64>, f64)>,
     texels: u64,
     parts: Vec<PartRow>,
     channels: u8,
@@ -373,12 +376,16 @@ impl BankTask {
             rms: sums.color.rms(),
             worst_block_rms: sums.worst_block_rms,
             ssim: sums.ssim / texels,
+            ssimulacra2: mean(sums.ssimulacra2.iter().copied()),
+            access: Access::Texel.name().to_owned(),
+            // Tiles are coded for the goal one by one.
+            goal_met: None,
             encode_seconds: seconds,
             encode_texels_per_second: texels / seconds.max(1e-9),
             peak_bytes: peak_bytes(),
             parts: sums.parts.clone(),
             verdict: format!(
-                "{} tiles; {:.0}% of the blocks show public content and {:.0}% the tiles' own; the public codebooks grew by {rows} rows.",
+                "{} tiles; {:.0}% of the blocks use public content and {:.0}% the tiles' own; the public codebooks grew by {rows} rows.",
                 sums.tiles.len(),
                 100.0 * count(0) as f64 / all,
                 100.0 * count(1) as f64 / all
@@ -426,9 +433,10 @@ impl Sums {
             self.alpha = Some(self.alpha.unwrap_or_default() + alpha);
         }
         self.worst_block_rms = self.worst_block_rms.max(found.worst_block_rms);
-        let similar =
-            decode_surface(texture, 0, 0).map_or(0.0, |decoded| ssim(&source.images()[0], &decoded));
+        let (decoded, image) = (decode_surface(texture, 0, 0), &source.images()[0]);
+        let similar = decoded.as_ref().map_or(0.0, |decoded| ssim(image, decoded));
         self.ssim += similar * texels as f64;
+        self.ssimulacra2.push((decoded.and_then(|decoded| ssimulacra2(image, &decoded)), texels as f64));
         self.texels += texels;
         self.channels = self.channels.max(texture.layout().pixel.channels);
         self.levels = self.levels.max(texture.layout().levels);

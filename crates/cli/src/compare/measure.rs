@@ -14,6 +14,7 @@ use super::rival::Astcenc;
 use super::table::Row;
 use crate::config::EffortName;
 use crate::error::CliError;
+use crate::perceptual::{mean, ssimulacra2};
 use crate::report::Figures;
 
 /// Whole decodes on the CPU that the median is taken of.
@@ -143,6 +144,7 @@ impl Bench {
             bpp_disk: figures.bpp_disk,
             psnr: figures.psnr,
             ssim: figures.ssim,
+            ssimulacra2: figures.ssimulacra2,
             encode_seconds,
             texels: images.texel_count() as f64,
             decode_cpu_texels_per_second: Some(self.cpu_speed(encoded)),
@@ -201,11 +203,12 @@ impl Bench {
             return Err(CliError::NoAstc { path: path.to_owned() });
         };
         let (mut error, mut similarity, mut seconds, mut bits) = (SquaredError::default(), 0.0, 0.0, 0u64);
-        let mut first = None;
+        let (mut first, mut perceived) = (None, Vec::new());
         for image in images.images() {
             let coded = astcenc.code(image, block, path)?;
             error = error + color_error(image, &coded.decoded);
             similarity += ssim(image, &coded.decoded);
+            perceived.push((ssimulacra2(image, &coded.decoded), 1.0));
             seconds += coded.seconds;
             bits += coded.bits;
             first.get_or_insert(coded.decoded);
@@ -219,6 +222,7 @@ impl Bench {
             bpp_disk: bits as f64 / texels,
             psnr: error.psnr(),
             ssim: similarity / images.images().len() as f64,
+            ssimulacra2: mean(perceived.into_iter()),
             encode_seconds: seconds,
             texels,
             decode_cpu_texels_per_second: None,

@@ -9,7 +9,7 @@ use texfold_core::image::Raster;
 use super::candidate::{Candidate, has_astc};
 use super::chart::{self, AXES};
 use super::measure::Bench;
-use super::table::{Row, means};
+use super::table::{Row, means, score};
 use crate::{png, thumbnail};
 
 /// Side in texels of the images: the middle of each input.
@@ -106,14 +106,14 @@ fn circumstances(bench: &Bench) -> String {
 
 fn table(rows: &[Row]) -> String {
     let mut text = String::from(
-        "<div class=\"wide\"><table><tr><th>input<th>codec<th>settings<th>bits memory<th>bits disk<th>PSNR dB<th>SSIM\
+        "<div class=\"wide\"><table><tr><th>input<th>codec<th>settings<th>bits memory<th>bits disk<th>PSNR dB<th>SSIM<th>SSIMULACRA2\
          <th>encode s<th>CPU Mtexel/s<th>GPU Mtexel/s",
     );
     let speed = |speed: Option<f64>| speed.map_or("-".to_owned(), |speed| format!("{:.1}", speed / 1e6));
     for row in rows {
         let _ = write!(
             text,
-            "<tr><td>{}<td>{}<td>{}<td>{:.3}<td>{:.3}<td>{:.2}<td>{:.4}<td>{:.2}<td>{}<td>{}",
+            "<tr><td>{}<td>{}<td>{}<td>{:.3}<td>{:.3}<td>{:.2}<td>{:.4}<td>{}<td>{:.2}<td>{}<td>{}",
             escape(&row.input),
             row.codec,
             escape(&row.settings),
@@ -121,6 +121,7 @@ fn table(rows: &[Row]) -> String {
             row.bpp_disk,
             row.psnr,
             row.ssim,
+            score(row.ssimulacra2),
             row.encode_seconds,
             speed(row.decode_cpu_texels_per_second),
             speed(row.decode_gpu_texels_per_second)

@@ -12,6 +12,8 @@ pub(crate) struct Row {
     pub(crate) bpp_disk: f64,
     pub(crate) psnr: f64,
     pub(crate) ssim: f64,
+    /// Where it is defined ([`crate::ssimulacra2`]).
+    pub(crate) ssimulacra2: Option<f64>,
     pub(crate) encode_seconds: f64,
     /// Texels of all images, for speeds.
     #[serde(skip)]
@@ -24,13 +26,13 @@ pub(crate) struct Row {
 }
 
 const HEADER: &str = "input,codec,settings,bpp_memory,bpp_disk,psnr,ssim,encode_seconds,\
-                      decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access";
+                      decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2";
 
 impl Row {
     /// The row for a terminal.
     pub(crate) fn line(&self) -> String {
         format!(
-            "{:32} {:7} {:12} {:7.3} bpp memory {:7.3} bpp disk {:7.2} dB {:7.4} ssim {:7.2} s",
+            "{:32} {:7} {:12} {:7.3} bpp memory {:7.3} bpp disk {:7.2} dB {:7.4} ssim {:>6} ssimulacra2 {:7.2} s",
             self.input,
             self.codec,
             self.settings,
@@ -38,6 +40,7 @@ impl Row {
             self.bpp_disk,
             self.psnr,
             self.ssim,
+            score(self.ssimulacra2),
             self.encode_seconds
         )
     }
@@ -45,6 +48,11 @@ impl Row {
     pub(crate) fn encode_texels_per_second(&self) -> f64 {
         self.texels / self.encode_seconds.max(1e-9)
     }
+}
+
+/// SSIMULACRA2 for readers.
+pub(crate) fn score(figure: Option<f64>) -> String {
+    figure.map_or("-".to_owned(), |figure| format!("{figure:.1}"))
 }
 
 /// All rows as CSV (RFC 4180).
@@ -64,6 +72,7 @@ pub(crate) fn csv(rows: &[Row]) -> String {
             optional(row.decode_cpu_texels_per_second),
             optional(row.decode_gpu_texels_per_second),
             row.random_access.to_string(),
+            row.ssimulacra2.map_or(String::new(), |figure| format!("{figure:.4}")),
         ];
         text.push_str(&fields.join(","));
         text.push('\n');
@@ -105,6 +114,7 @@ fn mean(group: &[&Row]) -> Row {
         bpp_disk: figure(|row| row.bpp_disk),
         psnr: figure(|row| row.psnr),
         ssim: figure(|row| row.ssim),
+        ssimulacra2: mean_of(&|row| row.ssimulacra2),
         encode_seconds: figure(|row| row.encode_seconds),
         texels: figure(|row| row.texels),
         decode_cpu_texels_per_second: mean_of(&|row| row.decode_cpu_texels_per_second),
@@ -142,6 +152,7 @@ mod tests {
             bpp_disk: 3.0,
             psnr,
             ssim: 0.9,
+            ssimulacra2: Some(70.0),
             encode_seconds: 0.5,
             texels: 100.0,
             decode_cpu_texels_per_second: Some(1e6),

@@ -11,6 +11,7 @@ use texfold_core::{Budget, Encoded, Goal, Job, Limits, LoadError};
 use super::folder::{Folder, FolderTask, Made};
 use crate::error::CliError;
 use crate::input::capture;
+use crate::perceptual::{mean, ssimulacra2};
 use crate::progress::Share;
 use crate::report::{Row, missed, part_rows, peak_bytes};
 use crate::settings::LightSettings;
@@ -60,14 +61,15 @@ impl FolderTask<LightSettings> {
         seconds: f64,
     ) -> Result<Row, LoadError> {
         let texture = texfold::open_light(bytes, &mut Budget::default())?;
-        let shown = source.views.iter().flat_map(|view| &view.pixels).filter(|pixel| pixel[3] > 127).count();
-        let texels = shown.max(1) as f64;
+        let inside = source.views.iter().flat_map(|view| &view.pixels).filter(|pixel| pixel[3] > 127).count();
+        let texels = inside.max(1) as f64;
         let terms = texture.layout().terms as usize;
         let psnr = quality.psnr_of_terms.get(terms).copied().unwrap_or(quality.psnr);
         let bits_memory = texture.gpu().bits_memory();
         let bits_disk = 8 * bytes.len() as u64;
         let goal = self.settings.params.psnr.map(Goal::Psnr);
         let camera = source.views[0].camera;
+        let (similar, perceived) = similarity(source, &texture);
         Ok(Row {
             input: self.found.path.display().to_string(),
             output: self.output.display().to_string(),
@@ -76,7 +78,7 @@ impl FolderTask<LightSettings> {
             width: camera.width,
             height: camera.height,
             images: source.views.len(),
-            source_texels: shown as u64,
+            source_texels: inside as u64,
             bits_memory,
             bits_disk,
             bpp_memory: bits_memory as f64 / texels,
@@ -85,7 +87,10 @@ impl FolderTask<LightSettings> {
             psnr_alpha: None,
             rms: 255.0 * 10f64.powf(-psnr / 20.0),
             worst_block_rms: quality.worst_patch_rms,
-            ssim: similarity(source, &texture),
+            ssim: similar,
+            ssimulacra2: perceived,
+            access: texture.gpu().access().name().to_owned(),
+            goal_met: goal.map(|goal| missed(goal, psnr).is_none()),
             encode_seconds: seconds,
             encode_texels_per_second: texels / seconds.max(1e-9),
             peak_bytes: peak_bytes(),
@@ -96,12 +101,12 @@ impl FolderTask<LightSettings> {
     }
 }
 
-/// Mean structural similarity of some photographs, spread over the capture, with the same views drawn again; what the
-/// mask leaves out is black in both.
-fn similarity(source: &Capture, texture: &LightTexture) -> f64 {
+/// Mean structural similarity, and SSIMULACRA2, of some photographs, spread over the capture, with the same views drawn again;
+/// what the mask leaves out is black in both.
+fn similarity(source: &Capture, texture: &LightTexture) -> (f64, Option<f64>) {
     let renderer = Renderer::new(texture);
     let step = source.views.len().div_ceil(SIMILAR_VIEWS).max(1);
-    let mut sum = (0.0, 0);
+    let (mut sum, mut perceived) = ((0.0, 0), Vec::new());
     for view in source.views.iter().step_by(step) {
         let masked = |pixels: &[[u8; 4]]| -> Vec<u8> {
             let keep = |(pixel, mask): (&[u8; 4], &[u8; 4])| {
@@ -116,7 +121,8 @@ fn similarity(source: &Capture, texture: &LightTexture) -> f64 {
         };
         if let (Ok(wanted), Ok(found)) = (raster(&view.pixels), raster(&drawn)) {
             sum = (sum.0 + ssim(&wanted, &found), sum.1 + 1);
+            perceived.push((ssimulacra2(&wanted, &found), 1.0));
         }
     }
-    sum.0 / f64::from(sum.1.max(1))
+    (sum.0 / f64::from(sum.1.max(1)), mean(perceived.into_iter()))
 }

@@ -10,6 +10,7 @@ use texfold_core::{Budget, Encoded, Job, Limits, LoadError};
 use super::folder::{Folder, FolderTask, Made};
 use crate::error::CliError;
 use crate::input::stack;
+use crate::perceptual::ssimulacra2;
 use crate::progress::Share;
 use crate::report::{Row, part_rows, peak_bytes};
 use crate::settings::ZoomSettings;
@@ -46,7 +47,7 @@ impl Folder for ZoomSettings {
 
 impl FolderTask<ZoomSettings> {
     /// The row of the report, of `bytes`, loaded again. Errors are against the photographs after their exposure was
-    /// fitted; similarity and the worst block are those of the root's image at its own size.
+    /// fitted; similarity, SSIMULACRA2 and the worst block are those of the root's image at its own size.
     fn row(&self, loaded: &stack::Loaded, bytes: &[u8], seconds: f64) -> Result<Row, LoadError> {
         let PatchStack { root, images, .. } = &loaded.stack;
         let image = texfold::open_image(bytes, &mut Budget::default())?;
@@ -58,7 +59,7 @@ impl FolderTask<ZoomSettings> {
         let texels: u64 = images.iter().chain([root]).map(|image| image.size().texels()).sum();
         let drawn = decode_surface(&texture, 0, texture.deep_levels());
         let (similar, worst) =
-            drawn.map_or((0.0, 0.0), |drawn| (ssim(root, &drawn), worst_block_rms(root, &drawn)));
+            drawn.as_ref().map_or((0.0, 0.0), |drawn| (ssim(root, drawn), worst_block_rms(root, drawn)));
         let (bits_memory, bits_disk) = (texture.gpu().bits_memory(), 8 * bytes.len() as u64);
         Ok(Row {
             input: self.found.path.display().to_string(),
@@ -78,6 +79,10 @@ impl FolderTask<ZoomSettings> {
             rms: error.rms(),
             worst_block_rms: worst,
             ssim: similar,
+            ssimulacra2: drawn.and_then(|drawn| ssimulacra2(root, &drawn)),
+            access: texture.access().name().to_owned(),
+            // Its PSNR is against images that are merged, which nothing keeps.
+            goal_met: None,
             encode_seconds: seconds,
             encode_texels_per_second: texels as f64 / seconds.max(1e-9),
             peak_bytes: peak_bytes(),

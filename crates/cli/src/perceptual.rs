@@ -1,0 +1,92 @@
+//! SSIMULACRA2: how alike two images are to the eye.
+//!
+//! Source: Sneyers, "SSIMULACRA 2 - Structural SIMilarity Unveiling Local And Compression Related Artifacts", 2022; computed by the
+//! crate `ssimulacra2`. 100 is identical, 90 not to be told apart at a usual distance, 70 high, 50 medium and 30 low quality.
+
+use ssimulacra2::{ColorPrimaries, Rgb, TransferCharacteristic, compute_frame_ssimulacra2};
+use texfold_core::image::{ColorSpace, Raster};
+use texfold_core::{SurfaceSize, Texel};
+
+/// Longest side of what is compared at a time: the crate holds many planes of it in floats.
+const TILE: u32 = 1024;
+/// Least side that the figure is defined for.
+const LEAST_SIDE: u32 = 8;
+
+/// SSIMULACRA2 of `decoded` against `image`, of the same size; colours with alpha count as over black. Larger images than
+/// 1024 x 1024 are cut into equal tiles, whose mean counts, each weighted by its texels. `None` for images that are no sRGB
+/// colours, have a side below 8 texels, or differ in size.
+#[must_use]
+pub fn ssimulacra2(image: &Raster, decoded: &Raster) -> Option<f64> {
+    let size = image.size();
+    let small = size.width.min(size.height) < LEAST_SIDE;
+    if image.info().color != ColorSpace::Srgb || small || decoded.size() != size {
+        return None;
+    }
+    let (mut sum, mut texels) = (0.0, 0.0);
+    for (y, height) in parts(size.height) {
+        for (x, width) in parts(size.width) {
+            let tile = |raster: &Raster| frame(raster, (x, y), SurfaceSize { width, height });
+            let count = f64::from(width) * f64::from(height);
+            sum += count * compute_frame_ssimulacra2(tile(image)?, tile(decoded)?).ok()?;
+            texels += count;
+        }
+    }
+    Some(sum / texels)
+}
+
+/// First texel and length of each of the nearly equal parts of a side.
+fn parts(side: u32) -> impl Iterator<Item = (u32, u32)> {
+    let count = side.div_ceil(TILE);
+    let start = move |part: u32| (u64::from(side) * u64::from(part) / u64::from(count)) as u32;
+    (0..count).map(move |part| (start(part), start(part + 1) - start(part)))
+}
+
+fn frame(raster: &Raster, (x, y): (u32, u32), size: SurfaceSize) -> Option<Rgb> {
+    let over_black = |texel: Texel| (texel.truncate() * texel.w).to_array();
+    let row = |y: u32| (x..x + size.width).map(move |x| over_black(raster.texel(x, y)));
+    let texels = (y..y + size.height).flat_map(row).collect();
+    let (width, height) = (size.width as usize, size.height as usize);
+    Rgb::new(texels, width, height, TransferCharacteristic::SRGB, ColorPrimaries::BT709).ok()
+}
+
+/// The mean of figures, each with its weight; `None` where one is missing or there are none.
+pub(crate) fn mean(figures: impl Iterator<Item = (Option<f64>, f64)>) -> Option<f64> {
+    let mut sums = (0.0, 0.0);
+    for (figure, weight) in figures {
+        sums = (sums.0 + figure? * weight, sums.1 + weight);
+    }
+    (sums.1 > 0.0).then(|| sums.0 / sums.1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_images_have_100_and_blurred_ones_less() {
+        let image = texfold_testkit::image("facade");
+        assert!(ssimulacra2(&image, &image).is_some_and(|found| (found - 100.0).abs() < 1e-6));
+        let size = image.size();
+        let blurred: Vec<Texel> = (0..size.width * size.height)
+            .map(|at| image.texel(at % size.width / 4 * 4, at / size.width / 4 * 4))
+            .collect();
+        let blurred = Raster::from_texels(size.width, size.height, image.info(), &blurred).unwrap();
+        assert!(ssimulacra2(&image, &blurred).is_some_and(|found| found < 40.0));
+        let [small, other] = ["odd_37x61", "facade"].map(texfold_testkit::image);
+        assert_eq!(ssimulacra2(&small, &other), None);
+        let normals = image.clone().tagged(ColorSpace::Linear, image.info().alpha);
+        assert_eq!(ssimulacra2(&normals, &normals), None);
+    }
+
+    #[test]
+    fn parts_of_a_side_are_nearly_equal_and_cover_it() {
+        for side in [8, 1024, 1025, 3000, 16_384] {
+            let parts: Vec<(u32, u32)> = parts(side).collect();
+            assert_eq!(parts.iter().map(|part| part.1).sum::<u32>(), side);
+            assert!(parts.windows(2).all(|pair| pair[0].0 + pair[0].1 == pair[1].0));
+            assert!(parts.iter().all(|part| part.1 <= TILE && part.1 > TILE.min(side) / 2));
+        }
+        assert_eq!(mean([(Some(80.0), 1.0), (Some(60.0), 3.0)].into_iter()), Some(65.0));
+        assert_eq!(mean([(Some(80.0), 1.0), (None, 3.0)].into_iter()), None);
+    }
+}

@@ -33,7 +33,7 @@ const NUMERIC: [&str; 4] = ["bytemuck", "glam", "rayon", "thiserror"];
 const ALLOWED: [Allowed; 18] = [
     Allowed { package: "core", numeric: true, may: &["blake3", "ruzstd", "zstd"] },
     Allowed { package: "bc", numeric: true, may: &["ctt-astcenc", "dds", "texfold-core", "texpresso"] },
-    Allowed { package: "residual", numeric: true, may: &["texfold-bc", "texfold-core"] },
+    Allowed { package: "residual", numeric: true, may: &["pulp", "texfold-bc", "texfold-core"] },
     Allowed { package: "codebook", numeric: true, may: &["ndarray", "texfold-core"] },
     Allowed { package: "match", numeric: true, may: &["texfold-core"] },
     Allowed {

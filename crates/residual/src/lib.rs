@@ -25,6 +25,7 @@ pub mod decode;
 pub mod encode;
 mod plane;
 mod rates;
+mod vectors;
 mod wire;
 
 pub use content::{

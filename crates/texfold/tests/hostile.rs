@@ -283,7 +283,7 @@ fn a_forged_zipmap_in_blocks_is_refused_or_harmless() {
     }
     // Streams of noise decode to something.
     let noise = |raw: &mut Vec<u8>| {
-        raw.iter_mut().zip(0u32..).for_each(|(byte, i)| *byte = ((i * 40_503) >> 7) as u8)
+        raw.iter_mut().zip(0u32..).for_each(|(byte, i)| *byte = ((i * 40_503) >> 7) as u8);
     };
     exercise(open(&rewritten(&bytes, *b"RBD1", noise).unwrap()).unwrap().as_encoded());
     // A stack has no layers: a part of the file is refused by name.

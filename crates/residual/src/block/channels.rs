@@ -1,6 +1,7 @@
 //! From axes to the channels of texels.
 
 use super::form::{AXIS_BITS, BlockForm, Group, MAX_GROUP};
+use crate::vectors::vectorised;
 
 /// Most texels along a superblock's side.
 const MAX_SIDE: usize = 64;
@@ -38,6 +39,20 @@ impl BlockSample for u16 {
 /// Channels of texels in a row of a superblock, from a place in it on, from its axes.
 #[inline(never)]
 pub(super) fn write_channels<S: BlockSample>(
+    form: &BlockForm,
+    samples: &[i32],
+    side: usize,
+    place: (usize, usize),
+    out: &mut [S],
+) {
+    vectorised(
+        #[inline(always)]
+        move || write_row(form, samples, side, place, out),
+    );
+}
+
+#[inline(always)]
+fn write_row<S: BlockSample>(
     form: &BlockForm,
     samples: &[i32],
     side: usize,
@@ -85,39 +100,49 @@ struct Weighting<'a> {
     largest: i32,
 }
 
+/// Texels that are computed side by side.
+const LANES: usize = 16;
+
 impl Weighting<'_> {
-    /// A channel of a row of texels from the group's axes. The loops are what compilers turn into vectors.
+    /// A channel of a row of texels from the group's axes, of which each row has at least as many samples.
+    #[inline(always)]
     fn channel<S: BlockSample>(&self, channel: usize, rows: &[&[i32]; MAX_GROUP], out: &mut [S]) {
+        match self.group.channels {
+            1 => self.weighted::<1, S>(channel, rows, out),
+            2 => self.weighted::<2, S>(channel, rows, out),
+            3 => self.weighted::<3, S>(channel, rows, out),
+            _ => self.weighted::<4, S>(channel, rows, out),
+        }
+    }
+
+    /// The same from that many axes.
+    #[inline(always)]
+    fn weighted<const AXES: usize, S: BlockSample>(
+        &self,
+        channel: usize,
+        rows: &[&[i32]; MAX_GROUP],
+        out: &mut [S],
+    ) {
         let weights = self.group.axes[channel].map(i32::from);
         let mean = i32::from(self.group.means[channel]).wrapping_shl(self.shift);
         let mean = mean.wrapping_add(1 << (self.shift - 1));
-        let sample = |sum: i32| S::of(sum, self.shift, self.largest);
-        let part = |value: &i32, axis: usize| value.wrapping_mul(weights[axis]);
-        let [first, second, third, fourth] = *rows;
-        match self.group.channels {
-            1 => {
-                for (out, a) in out.iter_mut().zip(first) {
-                    *out = sample(mean.wrapping_add(part(a, 0)));
+        let (lanes, rest) = out.as_chunks_mut::<LANES>();
+        // Loops over arrays of a fixed length are what compilers turn into vectors.
+        for (number, lanes) in lanes.iter_mut().enumerate() {
+            let mut sums = [mean; LANES];
+            for (row, weight) in rows.iter().zip(weights).take(AXES) {
+                let Some(values) = row[LANES * number..].first_chunk::<LANES>() else { continue };
+                for (sum, value) in sums.iter_mut().zip(values) {
+                    *sum = sum.wrapping_add(value.wrapping_mul(weight));
                 }
             }
-            2 => {
-                for (out, (a, b)) in out.iter_mut().zip(first.iter().zip(second)) {
-                    *out = sample(mean.wrapping_add(part(a, 0)).wrapping_add(part(b, 1)));
-                }
-            }
-            3 => {
-                for (out, ((a, b), c)) in out.iter_mut().zip(first.iter().zip(second).zip(third)) {
-                    let sum = mean.wrapping_add(part(a, 0)).wrapping_add(part(b, 1));
-                    *out = sample(sum.wrapping_add(part(c, 2)));
-                }
-            }
-            _ => {
-                let axes = first.iter().zip(second).zip(third.iter().zip(fourth));
-                for (out, ((a, b), (c, d))) in out.iter_mut().zip(axes) {
-                    let sum = mean.wrapping_add(part(a, 0)).wrapping_add(part(b, 1));
-                    *out = sample(sum.wrapping_add(part(c, 2)).wrapping_add(part(d, 3)));
-                }
-            }
+            *lanes = sums.map(|sum| S::of(sum, self.shift, self.largest));
+        }
+        let first = LANES * lanes.len();
+        for (at, out) in (first..).zip(rest) {
+            let part = |(row, weight): (&&[i32], i32)| row[at].wrapping_mul(weight);
+            let parts = rows.iter().zip(weights).take(AXES).map(part);
+            *out = S::of(parts.fold(mean, i32::wrapping_add), self.shift, self.largest);
         }
     }
 }

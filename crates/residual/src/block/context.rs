@@ -114,7 +114,7 @@ impl Around {
     }
 
     /// What stands around a block's axis; `cross` says that the axis before belongs to the same group and is not its first.
-    #[inline]
+    #[inline(always)]
     pub(super) fn of(&self, block: usize, axis: usize, cross: bool) -> Neighbours<'_> {
         let at = block * self.axes + axis;
         let left = (!block.is_multiple_of(self.columns)).then(|| at - self.axes);
@@ -141,7 +141,7 @@ impl Around {
     }
 
     /// Keeps what was decoded of a block's axis.
-    #[inline]
+    #[inline(always)]
     pub(super) fn keep(&mut self, block: usize, axis: usize, magnitudes: &Magnitudes, end_symbol: usize) {
         let at = block * self.axes + axis;
         self.magnitudes[at] = *magnitudes;

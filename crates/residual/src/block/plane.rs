@@ -9,6 +9,7 @@ use super::rans::Rans;
 use super::scan::{COEFFICIENTS, PADDED, SCAN};
 use super::tables::Table;
 use super::transform::inverse;
+use crate::vectors::vectorised;
 
 /// Weights of the means around a block in its lowest coefficients, in 1/256: those of JPEG (T.81, K.8) in the transform's scales.
 const FIRST_WEIGHT: i32 = 50;
@@ -46,13 +47,14 @@ impl Patch {
     }
 
     /// The sample nearest to a place, which may lie a sample outside of the plane.
-    #[inline]
+    #[inline(always)]
     fn at(&self, axis: usize, column: usize, row: usize) -> i32 {
         let (column, row) = (column - self.origin.0, row - self.origin.1);
         self.samples[(axis * self.size.1 + row) * self.size.0 + column]
     }
 
     /// What the means around a block say of its coefficients at [`PREDICTED`].
+    #[inline(always)]
     pub(super) fn predict(&self, axis: usize, column: usize, row: usize) -> [i32; 6] {
         let (left, right) = (column.saturating_sub(1), (column + 1).min(self.plane.0 - 1));
         let (above, below) = (row.saturating_sub(1), (row + 1).min(self.plane.1 - 1));
@@ -76,6 +78,7 @@ impl Patch {
     }
 
     /// Takes a block's samples, as far as they lie in the patch.
+    #[inline(always)]
     pub(super) fn put(&mut self, axis: usize, column: usize, row: usize, block: &[i32; COEFFICIENTS]) {
         let (left, top) = (8 * column - self.origin.0, 8 * row - self.origin.1);
         let (columns, rows) =
@@ -112,7 +115,22 @@ struct Read {
 
 impl PlaneDecoder<'_> {
     /// Reads a superblock and gives each block's samples: axis, column and row of the block in the plane, samples.
+    #[inline(never)]
     pub(super) fn superblock(
+        &self,
+        place: (usize, usize),
+        bytes: &[u8],
+        around: &mut Around,
+        put: impl FnMut(usize, (usize, usize), &[i32; COEFFICIENTS]),
+    ) {
+        vectorised(
+            #[inline(always)]
+            move || self.read_superblock(place, bytes, around, put),
+        );
+    }
+
+    #[inline(always)]
+    fn read_superblock(
         &self,
         (column, row): (usize, usize),
         bytes: &[u8],
@@ -143,6 +161,20 @@ impl PlaneDecoder<'_> {
     /// Reads a block's axis and adds what it says to `coefficients`.
     #[inline(never)]
     fn block(
+        &self,
+        shared: &mut Rans<'_>,
+        tables: &[Table],
+        neighbours: &Neighbours<'_>,
+        coefficients: &mut [i32; COEFFICIENTS],
+    ) -> Read {
+        vectorised(
+            #[inline(always)]
+            move || self.read_block(shared, tables, neighbours, coefficients),
+        )
+    }
+
+    #[inline(always)]
+    fn read_block(
         &self,
         shared: &mut Rans<'_>,
         tables: &[Table],

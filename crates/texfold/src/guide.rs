@@ -128,7 +128,8 @@
 //! # Build a zoom stack
 //!
 //! A zoom stack is one image of a whole surface and close-ups of parts of it. A folder of photographs is put in order
-//! by itself with `--as zoom`; a `zipmap.toml` in it says the places by hand:
+//! by itself with `--as zoom`; a `zipmap.toml` in it says the places by hand. Root and patches are stored by block, or with
+//! `--access texel` in planes that are drawn as they are:
 //!
 //! ```sh
 //! texfold compress photos/wall --as zoom --out packed
@@ -140,7 +141,7 @@
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let (root, close_up) = (texfold_testkit::image("odd_37x61"), texfold_testkit::image("cutout"));
-//! // From the root's texture coordinates to the patch's: the patch shows the middle third.
+//! // From the root's texture coordinates to the patch's: the patch covers the middle third.
 //! let matrix = glam::DMat3::from_cols_array(&[3.0, 0.0, 0.0, 0.0, 3.0, 0.0, -1.0, -1.0, 1.0]);
 //! let patch = PatchSource { image: 0, matrix, mask: None, parent: None };
 //! let stack = PatchStack { root, images: vec![close_up], patches: vec![patch] };

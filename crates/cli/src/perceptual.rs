@@ -84,7 +84,7 @@ mod tests {
             let parts: Vec<(u32, u32)> = parts(side).collect();
             assert_eq!(parts.iter().map(|part| part.1).sum::<u32>(), side);
             assert!(parts.windows(2).all(|pair| pair[0].0 + pair[0].1 == pair[1].0));
-            assert!(parts.iter().all(|part| part.1 <= TILE && part.1 > TILE.min(side) / 2));
+            assert!(parts.iter().all(|part| part.1 <= TILE && part.1 >= TILE.min(side) / 2));
         }
         assert_eq!(mean([(Some(80.0), 1.0), (Some(60.0), 3.0)].into_iter()), Some(65.0));
         assert_eq!(mean([(Some(80.0), 1.0), (None, 3.0)].into_iter()), None);

@@ -187,6 +187,6 @@ mod tests {
             text.lines().nth(1),
             Some("\"a,\"\"b\"\".png\",bc,x,4.000000,3.000000,30.0000,0.900000,0.500000,1000000,,1,70.0000")
         );
-        assert_eq!(text.lines().next().map(|header| header.split(',').count()), Some(11));
+        assert_eq!(text.lines().next().map(|header| header.split(',').count()), Some(12));
     }
 }

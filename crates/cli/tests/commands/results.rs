@@ -53,6 +53,9 @@ fn a_row_has_every_field_and_its_parts_sum_to_the_totals() {
         "rms",
         "worst_block_rms",
         "ssim",
+        "ssimulacra2",
+        "access",
+        "goal_met",
         "encode_seconds",
         "encode_texels_per_second",
         "peak_bytes",
@@ -78,6 +81,7 @@ fn a_missed_goal_is_a_warning() {
     place.image("a.png", 64, 64, 3);
     let (run, report) = place.compress("a.png --out out --codec bc --content bc1 --psnr 90");
     assert_eq!(run.code, Some(0));
+    assert_eq!((&report[0]["goal_met"], &report[0]["access"]), (&false.into(), &"texel".into()));
     assert!(report[0]["warnings"][0].as_str().unwrap().contains("90 dB"), "{report:?}");
 }
 
@@ -257,7 +261,7 @@ fn a_comparison_has_a_row_for_each_setting_and_a_page_of_its_own() {
     let csv = fs::read_to_string(place.at("out/results.csv")).unwrap();
     assert_eq!(csv.lines().count(), rows.len() + 1);
     let header = "input,codec,settings,bpp_memory,bpp_disk,psnr,ssim,encode_seconds,\
-                  decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access";
+                  decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2";
     assert_eq!(csv.lines().next(), Some(header));
     for name in header.split(',') {
         assert!(rows.iter().all(|row| row.get(name).is_some()), "{name}");
@@ -265,6 +269,7 @@ fn a_comparison_has_a_row_for_each_setting_and_a_page_of_its_own() {
     let bc1 = rows.iter().find(|row| row["settings"] == "bc1").unwrap();
     let bc7 = rows.iter().find(|row| row["settings"] == "bc7").unwrap();
     assert!(bc7["psnr"].as_f64() > bc1["psnr"].as_f64());
+    assert!(bc7["ssimulacra2"].as_f64() > bc1["ssimulacra2"].as_f64() && bc1["ssimulacra2"].is_number());
     assert!(bc1["decode_cpu_texels_per_second"].as_f64().unwrap() > 0.0);
     for codec in ["vq", "epitome", "progressive"] {
         assert!(rows.iter().any(|row| row["codec"] == codec), "{codec}");

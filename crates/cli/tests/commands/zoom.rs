@@ -110,7 +110,7 @@ fn maps_ride_along_with_a_stack_and_a_registration_can_be_written_by_hand() {
     let (run, report) = place.compress("heights --color linear --psnr 40 --out out");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     let verdict = report[0]["verdict"].as_str().unwrap();
-    assert!(verdict.starts_with("1 patches on a root of 240x200, zoom up to 3.0"), "{verdict}");
+    assert!(verdict.starts_with("By block: 1 patches on a root of 240x200, zoom up to 3.0"), "{verdict}");
     let up_to_date = place.run("compress heights --color linear --psnr 40 --out out");
     assert!(up_to_date.stdout.contains("1 up to date"), "{}", up_to_date.stdout);
     for (change, what) in [

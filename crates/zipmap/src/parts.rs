@@ -41,6 +41,7 @@ pub(crate) struct ImageForm {
 
 impl ImageForm {
     /// Texels of all levels.
+    #[cfg(feature = "encode")]
     pub(crate) fn texels(&self) -> u64 {
         (0..self.levels).map(|level| self.size.at_level(level).texels()).sum()
     }

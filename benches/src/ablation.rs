@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use texfold::image::{ImageSet, Raster};
 use texfold::metric::measure;
 use texfold::target::Measured;
-use texfold::{Effort, EpitomeParams, Goal, Transforms};
+use texfold::{Access, Effort, EpitomeParams, Goal, Transforms};
 use texfold_benches::report::{Outcome, Table, cpu_seconds, middle};
 
 /// What all are encoded for.
@@ -79,6 +79,7 @@ fn least(set: &ImageSet, transforms: Transforms) -> Option<Measured> {
     let mut best: Option<Measured> = None;
     for block in sides {
         let params = EpitomeParams::new(goal)
+            .with_access(Access::Texel)
             .with_block(block)
             .with_transforms(transforms)
             .with_effort(Effort::Normal);

@@ -58,7 +58,8 @@ const EPITOME_PSNR: f64 = 32.0;
 /// Settings of epitome at effort `fast`: `content`, or BC1 and BC7 side by side.
 #[must_use]
 pub fn epitome_params(content: Option<Content>) -> EpitomeParams {
-    EpitomeParams::new(Goal::Psnr(EPITOME_PSNR)).with_content(content).with_effort(Effort::Fast)
+    let params = EpitomeParams::new(Goal::Psnr(EPITOME_PSNR)).with_access(Access::Texel);
+    params.with_content(content).with_effort(Effort::Fast)
 }
 
 /// `set` by epitome; `None` where it cannot be encoded.

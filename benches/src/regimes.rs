@@ -10,8 +10,8 @@ use glam::Vec2;
 use texfold::image::{ImageSet, MipFilter, Raster, mip_chain};
 use texfold::metric::{color_error, decode_surface, measure};
 use texfold::{
-    Choice, EncodeSettings, Encoder, Epitome, EpitomeParams, EpitomeSource, Goal, Guidance, Job, Texel,
-    encode_images,
+    Access, Choice, EncodeSettings, Encoder, Epitome, EpitomeParams, EpitomeSource, Goal, Guidance, Job,
+    Texel, encode_images,
 };
 use texfold_benches::report::{Chart, Outcome, Table, cpu_seconds, middle, reduced};
 use texfold_epitome::EpitomeTexture;
@@ -70,7 +70,7 @@ fn images(photographs: &[&str], fixtures: &[&str]) -> Vec<(String, Raster)> {
 }
 
 fn encode(set: &ImageSet, mips: bool) -> Outcome<EpitomeTexture> {
-    let params = EpitomeParams::new(Goal::Psnr(PSNR)).with_mips(mips);
+    let params = EpitomeParams::new(Goal::Psnr(PSNR)).with_access(Access::Texel).with_mips(mips);
     Ok(Epitome::encode(EpitomeSource::new(set), &params, &mut Job::default())?)
 }
 
@@ -105,7 +105,7 @@ fn sets(out: &Path) -> Outcome<()> {
 fn set_rows(table: &mut Table, photographs: &[Raster], goal: Goal) -> Outcome<()> {
     let bits = |images: &[Raster]| -> Outcome<f64> {
         let set = ImageSet::new(images.to_vec())?;
-        let params = EpitomeParams::new(goal);
+        let params = EpitomeParams::new(goal).with_access(Access::Texel);
         let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default())?;
         Ok(measure(&set, &texture).bpp * set.texel_count() as f64)
     };

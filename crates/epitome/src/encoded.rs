@@ -6,18 +6,19 @@ use glam::IVec2;
 use texfold_bc::ContentPlanes;
 use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::{
-    Budget, Cached, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Layers,
-    LoadError, Notes, Plane, Rect, Refine, RegionError, SurfaceBinding, SurfaceSize, Texel, TextureCodec,
-    parallel,
+    Budget, Cached, CodecId, Domain, Encoded, Footprint, GpuBlocks, GpuForm, Image2d, ImageAddress,
+    ImageLayout, Layers, LoadError, Notes, Plane, Rect, Refine, RegionError, SurfaceBinding, SurfaceSize,
+    Texel, TextureCodec, parallel,
 };
 
+use texfold_residual::block::BlockContent;
 use texfold_residual::{BASE_PART, RESIDUAL_PART, ResidualContent};
 
 use crate::decode::{EpitomeView, TexfoldEpitomeParams, texfold_epitome_fetch};
 use crate::fast::{decode_leaf, leaves};
 use crate::format::{Entry, GainOffset, MapFormat, Matrix};
 use crate::layers::Layering;
-use crate::parts::{DrawnLevel, Parts};
+use crate::parts::{BlockParts, DrawnLevel, Parts};
 use crate::{Epitome, wire};
 
 /// Images stored as a map into an epitome.
@@ -42,6 +43,17 @@ struct Texels {
 
 impl Texels {
     fn of(parts: &Parts) -> Self {
+        if let Some(blocks) = &parts.blocks {
+            let images = |content: &BlockContent| {
+                (0..content.layout().surfaces.len() as u32)
+                    .map(|surface| block_levels(content, surface))
+                    .collect()
+            };
+            return Texels {
+                epitomes: images(&blocks.epitome),
+                coarse: blocks.coarse.as_ref().map(images).unwrap_or_default(),
+            };
+        }
         let decode = |epitome: usize| parts.drawn(epitome).map(DrawnLevel::decode).collect();
         let errors = parts.errors.iter().map(|errors| decode_levels(errors));
         let levels = |levels: usize| parts.coarse[levels].iter().map(ContentPlanes::decode).collect();
@@ -68,6 +80,12 @@ impl EpitomeTexture {
     #[must_use]
     pub fn errors(&self) -> Option<&ResidualContent> {
         self.parts.errors.as_deref()
+    }
+
+    /// The epitome and its mip level where they are in blocks of variable length: the only one then.
+    #[must_use]
+    pub fn blocks(&self) -> Option<&BlockContent> {
+        self.parts.blocks.as_ref().map(|blocks| &blocks.epitome)
     }
 
     /// The epitomes without a residual plane at full size: one, or one of each content format. Where all layers are
@@ -127,6 +145,30 @@ impl EpitomeTexture {
     }
 }
 
+impl EpitomeTexture {
+    /// The form with the epitome and coarse mip levels in blocks, which are decoded before drawing.
+    fn with_blocks<'a>(&'a self, blocks: &'a BlockParts, mut form: GpuForm<'a>) -> GpuForm<'a> {
+        let epitome = form.planes.len();
+        let contents = [(EPITOME_PART, 0, Some(&blocks.epitome)), (MIPS_PART, 1, blocks.coarse.as_ref())];
+        for (part, first, content) in contents {
+            for stage in content.into_iter().flat_map(BlockContent::gpu) {
+                let bytes = stage.held_bytes.iter().map(|(_, bytes)| bytes).sum();
+                let image = first + stage.image;
+                form.blocks.push(GpuBlocks { image, held_bytes: vec![(part, bytes)], ..stage });
+            }
+        }
+        for (surface, params) in self.params.iter().enumerate() {
+            let start = form.uniforms.len();
+            form.uniforms.extend(bytemuck::bytes_of(params));
+            // Without coarse levels nothing is read there.
+            let coarse = if blocks.coarse.is_some() { epitome + 1 + surface } else { epitome };
+            let planes = vec![0, epitome, epitome, coarse];
+            form.surfaces.push(SurfaceBinding { planes, uniforms: start..form.uniforms.len(), surface: 0 });
+        }
+        form
+    }
+}
+
 /// All levels of an epitome with a residual plane.
 fn decode_levels(errors: &ResidualContent) -> Vec<Vec<Texel>> {
     let decode = |level: u32| {
@@ -136,6 +178,23 @@ fn decode_levels(errors: &ResidualContent) -> Vec<Vec<Texel>> {
         Some(texels)
     };
     (0..errors.layout().levels).filter_map(decode).collect()
+}
+
+/// All levels of an image in blocks of variable length.
+fn block_levels(content: &BlockContent, surface: u32) -> Vec<Vec<Texel>> {
+    let layout = content.layout();
+    let level = |level: u32| {
+        let rect = layout.whole(surface, level)?;
+        let mut texels = vec![Texel::ZERO; Image2d::len(rect)];
+        let width = rect.width.max(1) as usize;
+        parallel::for_each_row(&mut texels, width * BAND as usize, |band, out| {
+            let (y, height) = (band as u32 * BAND, (out.len() / width) as u32);
+            // A band of a level lies inside of it.
+            let _ = content.decode(Rect { y, height, ..rect }, out);
+        });
+        Some(texels)
+    };
+    (0..layout.levels).filter_map(level).collect()
 }
 
 impl Encoded for EpitomeTexture {
@@ -210,6 +269,9 @@ impl Encoded for EpitomeTexture {
     fn gpu(&self) -> GpuForm<'_> {
         let mut form = GpuForm::new("epitome");
         form.planes.push(self.parts.map.plane());
+        if let Some(blocks) = &self.parts.blocks {
+            return self.with_blocks(blocks, form);
+        }
         for (epitome, name) in PLANE_NAMES.into_iter().enumerate() {
             push_chain(&mut form.planes, name, self.parts.drawn(epitome).collect());
         }
@@ -266,7 +328,11 @@ impl Refine for EpitomeTexture {
 }
 
 /// Parts that the planes of the epitomes count for.
-const PLANE_NAMES: [&str; 2] = ["epitome", "fine epitome"];
+const PLANE_NAMES: [&str; 2] = [EPITOME_PART, "fine epitome"];
+const EPITOME_PART: &str = "epitome";
+const MIPS_PART: &str = "mips";
+/// Rows of texels that are decoded at a time: whole superblocks.
+const BAND: u32 = 64;
 
 /// The planes of a mip chain, without the levels that repeat the one of 1 x 1.
 fn push_chain<'a>(planes: &mut Vec<Plane<'a>>, part: &'static str, mut levels: Vec<DrawnLevel<'a>>) {

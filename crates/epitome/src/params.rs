@@ -2,7 +2,7 @@
 
 use texfold_bc::{Bc1Blocks, Content, Family};
 use texfold_core::image::{ImageSet, Raster};
-use texfold_core::{Effort, Goal, ParamError, Params};
+use texfold_core::{Access, Effort, Goal, Metric, ParamError, Params};
 
 use crate::layers::MAX_LAYERS;
 
@@ -90,6 +90,12 @@ pub struct EpitomeParams {
     pub content: Option<Content>,
     /// Formats that the goal may decide among.
     pub family: Family,
+    /// How texels are to be reached. By block, which is for goals of quality and size, content is stored in blocks of variable
+    /// length, at a fraction of the bits; planes for reading by texel where a content or a family is named, for tolerances,
+    /// several layers, and blocks that are taken over.
+    pub access: Access,
+    /// What errors count by block; `None` lets goal and colours decide.
+    pub metric: Option<Metric>,
     /// Side of a block in texels for tolerance goals and where there is no quadtree, a multiple of 4 in 8..=32;
     /// `None` is 12 and 16.
     pub block: Option<u32>,
@@ -110,6 +116,8 @@ impl Default for EpitomeParams {
             goal: Goal::default(),
             content: None,
             family: Family::default(),
+            access: Access::default(),
+            metric: None,
             block: None,
             mips: false,
             layers: 1,
@@ -144,6 +152,18 @@ impl EpitomeParams {
         EpitomeParams { family, ..self }
     }
 
+    /// With texels reached so.
+    #[must_use]
+    pub fn with_access(self, access: Access) -> Self {
+        EpitomeParams { access, ..self }
+    }
+
+    /// Judged by that metric; `None` lets goal and colours decide.
+    #[must_use]
+    pub fn with_metric(self, metric: impl Into<Option<Metric>>) -> Self {
+        EpitomeParams { metric: metric.into(), ..self }
+    }
+
     /// With blocks of that side, where there is no quadtree; `None` is what is usual.
     #[must_use]
     pub fn with_block(self, block: impl Into<Option<u32>>) -> Self {
@@ -172,6 +192,12 @@ impl EpitomeParams {
     #[must_use]
     pub fn with_transforms(self, transforms: Transforms) -> Self {
         EpitomeParams { transforms, ..self }
+    }
+
+    /// Whether content is stored in blocks of variable length.
+    pub(crate) fn is_by_block(&self) -> bool {
+        let is_plain = self.content.is_none() && self.family == Family::Bc && self.layers == 1;
+        self.access == Access::Block && is_plain && !matches!(self.goal, Goal::Tolerance(_))
     }
 
     /// Whether all content that may be chosen has cells of 4x4 texels.

@@ -245,12 +245,12 @@ mod tests {
     use crate::{Epitome, EpitomeParams, EpitomeSource};
     use texfold_core::image::ImageSet;
     use texfold_core::metric::decode_surface;
-    use texfold_core::{Effort, Encoder, Goal, Job};
+    use texfold_core::{Access, Effort, Encoder, Goal, Job};
 
     fn texture() -> EpitomeTexture {
         let set = ImageSet::single(texfold_testkit::image("facade"));
         let params =
-            EpitomeParams { goal: Goal::Psnr(28.0), effort: Effort::Fast, ..EpitomeParams::default() };
+            EpitomeParams::new(Goal::Psnr(28.0)).with_access(Access::Texel).with_effort(Effort::Fast);
         Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap()
     }
 

@@ -3,8 +3,9 @@
 
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::image::PixelInfo;
-use texfold_core::{ImageLayout, PlaneFormat, Texel};
+use texfold_core::{ImageLayout, PlaneFormat, SurfaceSize, Texel};
 use texfold_residual::ResidualContent;
+use texfold_residual::block::BlockContent;
 
 use crate::decode::TEXFOLD_EPITOME_FINE_LEVELS;
 use crate::format::{LayerMap, MapFormat, Palettes};
@@ -14,6 +15,8 @@ use crate::map::MapPlane;
 /// Mip levels that an epitome has beside its full size, where there are any: one less than the image has that are
 /// read from it, as blending four texels halves once more.
 pub(crate) const PLANE_MIPS: u32 = 1;
+/// Texels along a side of what is transformed at a time in blocks of variable length.
+pub(crate) const TRANSFORM_SIDE: u32 = 8;
 /// Most entries and most blocks: the map plane, with up to one and a half words an entry, has at most 8192 x 8192
 /// words.
 pub(crate) const MAX_ENTRIES: u64 = 1 << 25;
@@ -31,8 +34,26 @@ pub(crate) struct Parts {
     pub(crate) errors: Option<Box<ResidualContent>>,
     /// For each image the levels that are not read from the epitome.
     pub(crate) coarse: Vec<Vec<ContentPlanes>>,
+    /// The only epitome and those levels where they are in blocks of variable length, instead of all that is above.
+    pub(crate) blocks: Option<Box<BlockParts>>,
     /// Where the file has several layers: what the map above and the epitomes are made of.
     pub(crate) layering: Option<Box<Layering>>,
+}
+
+/// Texels in blocks of variable length.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct BlockParts {
+    /// The epitome, with its mip level where there are any.
+    pub(crate) epitome: BlockContent,
+    /// The levels of all images that are not read from the epitome, where there are any.
+    pub(crate) coarse: Option<BlockContent>,
+}
+
+impl BlockParts {
+    /// Columns and rows of the epitome.
+    pub(crate) fn size(&self) -> SurfaceSize {
+        self.epitome.layout().surfaces.first().copied().unwrap_or(SurfaceSize { width: 0, height: 0 })
+    }
 }
 
 impl Parts {
@@ -153,4 +174,17 @@ pub(crate) fn epitome_size(errors: &ResidualContent) -> [u32; 2] {
 /// Mip levels that come from the coarse chain, for an image of `levels` levels.
 pub(crate) fn coarse_levels(levels: u32) -> std::ops::Range<u32> {
     TEXFOLD_EPITOME_FINE_LEVELS.min(levels)..levels
+}
+
+/// The layout of an epitome in blocks of that size.
+pub(crate) fn epitome_layout(size: SurfaceSize, images: &ImageLayout) -> ImageLayout {
+    let levels = if images.levels > 1 { 1 + PLANE_MIPS } else { 1 };
+    ImageLayout { surfaces: vec![size], levels, pixel: images.pixel }
+}
+
+/// The layout of what comes from the coarse chain of images of that layout, if anything does.
+pub(crate) fn coarse_layout(images: &ImageLayout) -> Option<ImageLayout> {
+    let range = coarse_levels(images.levels);
+    let surfaces = images.surfaces.iter().map(|size| size.at_level(range.start)).collect();
+    (!range.is_empty()).then(|| ImageLayout { surfaces, levels: range.len() as u32, pixel: images.pixel })
 }

@@ -1,7 +1,9 @@
 //! What each image's shader needs to know: the uniform blocks.
 
+use texfold_bc::ContentPlanes;
 use texfold_core::SurfaceSize;
 use texfold_core::address::TEXFOLD_CLAMP;
+use texfold_core::sample::TEXFOLD_RGBA;
 
 use crate::decode::TexfoldEpitomeParams;
 use crate::format::blocks_of;
@@ -14,11 +16,19 @@ impl Parts {
         let plain = (0..self.epitomes.len()).map(|epitome| self.drawn_size(epitome).into());
         let sizes: Vec<[u32; 2]> =
             plain.chain(self.errors.iter().map(|errors| epitome_size(errors))).collect();
+        let sizes = match &self.blocks {
+            Some(blocks) => vec![[blocks.size().width, blocks.size().height]],
+            None => sizes,
+        };
         let plane_size = |index: usize| sizes.get(index).or(sizes.first()).copied().unwrap_or([4, 4]);
         let plane_levels = self.errors.as_ref().map(|errors| errors.layout().levels);
+        let plane_levels = plane_levels.or(self.blocks.as_ref().map(|blocks| blocks.epitome.layout().levels));
         let plane_levels = plane_levels.or_else(|| self.epitomes.first().map(|levels| levels.len() as u32));
-        let swizzle =
-            self.epitomes.first().and_then(|levels| levels.first()).map_or(0, |plane| plane.swizzle().0);
+        // Blocks are decoded to four channels.
+        let swizzles = |planes: Option<&ContentPlanes>| match self.blocks {
+            Some(_) => TEXFOLD_RGBA,
+            None => planes.map_or(0, |planes| planes.swizzle().0),
+        };
         let mut tree_start = 0;
         let image = |(index, &size): (usize, &SurfaceSize)| {
             let (columns, rows) = blocks_of(size, format.block);
@@ -26,7 +36,7 @@ impl Parts {
                 size: [size.width, size.height],
                 levels: self.layout.levels,
                 address_mode: TEXFOLD_CLAMP,
-                swizzle,
+                swizzle: swizzles(self.epitomes.first().and_then(|levels| levels.first())),
                 mixed: u32::from(format.mixed),
                 block: format.block,
                 split: u32::from(format.split),
@@ -45,7 +55,7 @@ impl Parts {
                 plane_a: plane_size(0),
                 plane_b: plane_size(1),
                 plane_levels: plane_levels.unwrap_or(1),
-                coarse_swizzle: self.coarse.get(index).and_then(|c| c.first()).map_or(0, |c| c.swizzle().0),
+                coarse_swizzle: swizzles(self.coarse.get(index).and_then(|levels| levels.first())),
                 cell: format.cell(),
                 seam_width: format.seam_width,
             };

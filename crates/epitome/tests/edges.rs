@@ -5,14 +5,17 @@
 
 use glam::{IVec2, Vec2};
 use texfold_core::image::ImageSet;
-use texfold_core::{Effort, Encoder, Goal, Job};
+use texfold_core::{Access, Effort, Encoder, Goal, Job};
 use texfold_epitome::decode::{texfold_epitome_bilinear, texfold_epitome_fetch};
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource};
 
 #[test]
 fn clamped_edges_are_drawn_as_their_texels() {
     let set = ImageSet::single(texfold_testkit::image("facade"));
-    let params = EpitomeParams::new(Goal::Psnr(28.0)).with_mips(true).with_effort(Effort::Fast);
+    let params = EpitomeParams::new(Goal::Psnr(28.0))
+        .with_access(Access::Texel)
+        .with_mips(true)
+        .with_effort(Effort::Fast);
     let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
     let view = texture.view(0);
     for level in 0..5 {

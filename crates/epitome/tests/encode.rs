@@ -9,8 +9,8 @@ use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{ColorSpace, ImageSet, PixelInfo, Raster};
 use texfold_core::metric::{decode_surface, measure};
 use texfold_core::{
-    AstcBlock, Budget, Domain, Effort, EncodeError, Encoded, Encoder, Footprint, Goal, Image2d, Job, Limits,
-    PlaneFormat, Rect, SharedSearch, SourceError, SurfaceSize, Texel, TextureCodec,
+    Access, AstcBlock, Budget, Domain, Effort, EncodeError, Encoded, Encoder, Footprint, Goal, Image2d, Job,
+    Limits, PlaneFormat, Rect, SharedSearch, SourceError, SurfaceSize, Texel, TextureCodec,
 };
 use texfold_epitome::decode::texfold_epitome_bilinear;
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
@@ -21,7 +21,7 @@ fn encode(images: &ImageSet, params: &EpitomeParams) -> EpitomeTexture {
 }
 
 fn goal(goal: Goal) -> EpitomeParams {
-    EpitomeParams::new(goal).with_effort(Effort::Fast)
+    EpitomeParams::new(goal).with_access(Access::Texel).with_effort(Effort::Fast)
 }
 
 fn file(texture: &EpitomeTexture) -> Vec<u8> {

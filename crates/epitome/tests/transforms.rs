@@ -7,7 +7,7 @@
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::ImageSet;
 use texfold_core::metric::measure;
-use texfold_core::{Budget, Effort, Encoded, Encoder, Goal, Job, TextureCodec};
+use texfold_core::{Access, Budget, Effort, Encoded, Encoder, Goal, Job, TextureCodec};
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture, IDENTITY, NEUTRAL, Transforms};
 use texfold_testkit::image;
 
@@ -18,8 +18,11 @@ const PSNR: f64 = 30.0;
 fn encode(name: &str, transforms: Transforms, block: Option<u32>) -> EpitomeTexture {
     let set = ImageSet::single(image(name));
     let goal = Goal::Psnr(PSNR);
-    let params =
-        EpitomeParams::new(goal).with_block(block).with_transforms(transforms).with_effort(Effort::Fast);
+    let params = EpitomeParams::new(goal)
+        .with_access(Access::Texel)
+        .with_block(block)
+        .with_transforms(transforms)
+        .with_effort(Effort::Fast);
     let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
     let psnr = measure(&set, &texture).psnr;
     assert!(psnr >= PSNR, "{name} {transforms:?}: {psnr}");

@@ -58,7 +58,7 @@ pub(super) struct Case {
 }
 
 /// A codec, its settings, and the images that it can encode quickly enough.
-const SETTINGS: [(&str, &str, &[&str]); 14] = [
+const SETTINGS: [(&str, &str, &[&str]); 15] = [
     ("bc", "--content bc1", &IMAGES),
     ("bc", "--content bc7 --mips", &IMAGES),
     ("bc", "--psnr 36", &IMAGES),
@@ -66,6 +66,7 @@ const SETTINGS: [(&str, &str, &[&str]); 14] = [
     ("vq", "--psnr 30 --effort fast", &FEW_IMAGES),
     ("vq", "--codebook 64x64 --samples 1x32 --content raw --mips", &IMAGES),
     ("epitome", "--psnr 32 --effort fast", &FEW_IMAGES),
+    ("epitome", "--psnr 32 --effort fast --access texel", &FEW_IMAGES),
     ("epitome", "--bpp 2 --effort fast --content error-map", &OPAQUE_IMAGES),
     ("epitome", "--tolerance 12 --effort fast", &FEW_IMAGES),
     ("progressive", "--bpp 1 --effort fast", &FEW_IMAGES),

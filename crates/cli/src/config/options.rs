@@ -246,6 +246,16 @@ impl Options {
         if self.content.is_some() && self.access == Some(AccessName::Block) {
             return Err(UsageError::Excluded { option: "content", other: "--access block" });
         }
+        let by_block = self.access == Some(AccessName::Block);
+        if by_block && self.layers.is_some_and(|layers| layers > 1) {
+            return Err(UsageError::Excluded { option: "layers", other: "--access block" });
+        }
+        if by_block && self.tolerance.is_some() && self.codec.is_some_and(CodecName::is::<Epitome>) {
+            return Err(UsageError::Excluded {
+                option: "tolerance",
+                other: "--access block with --codec epitome",
+            });
+        }
         self.check_codec()
     }
 
@@ -258,8 +268,8 @@ impl Options {
             ("layers", self.layers.is_some(), &["epitome"]),
             ("content error-map", error_map, &["epitome"]),
             ("category", self.category.is_some(), &["progressive"]),
-            ("access", self.access.is_some(), &["progressive", "zipmap", "auto"]),
-            ("metric", self.metric.is_some(), &["progressive", "zipmap", "auto"]),
+            ("access", self.access.is_some(), &["progressive", "epitome", "zipmap", "auto"]),
+            ("metric", self.metric.is_some(), &["progressive", "epitome", "zipmap", "auto"]),
             ("triangles", self.triangles.is_some(), &["lightfield"]),
             ("terms", self.terms.is_some(), &["lightfield"]),
             ("codewords", self.codewords.is_some(), &["lightfield"]),

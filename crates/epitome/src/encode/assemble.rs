@@ -3,14 +3,15 @@
 use rayon::prelude::*;
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::image::{MipFilter, Raster, mip_chain_cancellable};
-use texfold_core::{EncodeError, MAX_PLANE_SIDE, Notes, SourceError};
+use texfold_core::{EncodeError, MAX_PLANE_SIDE, Notes, SourceError, Texel};
 use texfold_residual::ResidualContent;
 
 use super::candidate::Candidate;
+use super::in_blocks;
 use super::leaf::Grid;
 use super::pack::{Packing, Sides, pack};
 use super::plan::Plan;
-use super::pyramid::{Space, Stored};
+use super::pyramid::{Coder, Space, Stored};
 use super::reading::FRACTION_BITS;
 use super::refit::{self, refit};
 use super::state::Choice;
@@ -19,7 +20,7 @@ use crate::format::{Entry, LEAST_SEAM_WIDTH, LayerMap, MapFormat, Matrix, Palett
 use crate::layers::CellLayers;
 use crate::layers::Layering;
 use crate::map::{CoarserMap, MapPlane};
-use crate::parts::{PLANE_MIPS, Parts, coarse_content, coarse_levels};
+use crate::parts::{BlockParts, PLANE_MIPS, Parts, coarse_content, coarse_levels};
 
 /// 2x2 matrices that a map can name.
 const MOST_LINEARS: usize = 256;
@@ -68,7 +69,8 @@ pub(crate) fn assemble(
         palettes,
         epitomes: sheets.epitomes(levels > 1)?,
         errors: sheets.with_errors(levels > 1, lambda)?,
-        coarse: coarse(plan, levels, plan.space.stored[sheets.used[0]].content, choices)?,
+        coarse: sheets.coarse(levels)?,
+        blocks: sheets.in_blocks(levels, lambda)?,
         layering: (!maps.is_empty()).then(|| Box::new(sheets.layering(&format, &maps, &finest))),
     };
     Ok(EpitomeTexture::new(parts, Notes::default()))
@@ -237,7 +239,7 @@ impl Sheets<'_> {
 
     /// Epitomes without a residual plane.
     fn epitomes(&self, mips: bool) -> Result<Vec<Vec<ContentPlanes>>, EncodeError> {
-        let is_plain = |format: &&usize| self.plan.space.stored[**format].form.is_none();
+        let is_plain = |format: &&usize| self.plan.space.stored[**format].coder.is_none();
         let plain: Vec<usize> = self.used.iter().filter(is_plain).copied().collect();
         plain.par_iter().map(|&format| self.epitome(format, mips)).collect()
     }
@@ -277,17 +279,43 @@ impl Sheets<'_> {
     /// The epitome with a residual plane, if any, and its mip levels.
     fn with_errors(&self, mips: bool, lambda: f32) -> Result<Option<Box<ResidualContent>>, EncodeError> {
         let Sheets { plan, packing, choices, .. } = *self;
-        let coded = |format: &usize| Some((*format, plan.space.stored[*format].form.as_ref()?));
+        let coded = |format: &usize| match plan.space.stored[*format].coder.as_ref()? {
+            Coder::ErrorMap(form) => Some((*format, form)),
+            Coder::Blocks(_) => None,
+        };
         let Some((format, form)) = self.used.iter().find_map(coded) else { return Ok(None) };
         let (width, height) = self.size(format);
-        let (mut texels, weights) = refit::fitted(plan, packing, choices, format, (width, height));
+        let drawn = refit::fitted(plan, packing, choices, format, (width, height));
         plan.cancel.checkpoint()?;
-        texels.iter_mut().for_each(|texel| *texel /= 255.0);
+        let weights = drawn.block_weights(plan.space.stored[format].cell as usize);
+        let texels: Vec<Texel> = drawn.texels.into_iter().map(|texel| texel / 255.0).collect();
         let image = Raster::from_texels(width, height, plan.space.pixel, &texels)?;
         let levels = if mips { 1 + PLANE_MIPS } else { 1 };
         let chain = mip_chain_cancellable(&image, levels, MipFilter::Box, plan.cancel)?;
         let coded = form.encode(&chain, lambda, &weights, plan.effort, plan.cancel)?;
         Ok(Some(Box::new(coded)))
+    }
+
+    /// The epitome in blocks of variable length, if any, and the mip levels.
+    fn in_blocks(&self, levels: u32, lambda: f32) -> Result<Option<Box<BlockParts>>, EncodeError> {
+        let Sheets { plan, packing, choices, .. } = *self;
+        let Some(Coder::Blocks(metric)) = plan.space.stored[0].coder else { return Ok(None) };
+        let mut drawn = refit::fitted(plan, packing, choices, 0, self.size(0));
+        plan.cancel.checkpoint()?;
+        if levels > 1 {
+            // Mip levels read what lies beside a leaf, too.
+            drawn.count_whole_cells(plan.space.stored[0].cell as usize);
+        }
+        in_blocks::coded(plan, metric, &drawn, levels, lambda).map(|parts| Some(Box::new(parts)))
+    }
+
+    /// In planes, for each image the levels that are not read from the epitome.
+    fn coarse(&self, levels: u32) -> Result<Vec<Vec<ContentPlanes>>, EncodeError> {
+        let stored = &self.plan.space.stored[self.used[0]];
+        if matches!(stored.coder, Some(Coder::Blocks(_))) {
+            return Ok(Vec::new());
+        }
+        coarse(self.plan, levels, stored.content, self.choices)
     }
 
     /// Columns and rows in texels of the epitome of that format.

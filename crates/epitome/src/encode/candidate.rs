@@ -102,6 +102,8 @@ pub(crate) struct Rules<'a> {
     pub(crate) tolerance: Option<f32>,
     /// Whether content will be fitted to all who read it.
     pub(crate) refits: bool,
+    /// Whether content of a fraction of its size is left out.
+    pub(crate) full_size: bool,
 }
 
 impl Rules<'_> {
@@ -143,7 +145,8 @@ pub(crate) fn direct(
     let target = node.texels(space);
     let centre = node.corner.as_vec2() + node.side as f32 * 0.5;
     let mut found: Vec<(f32, Candidate, Vec<u32>)> = Vec::new();
-    for scale in 0..space.scales() {
+    let scales = if rules.full_size { 1 } else { space.scales() };
+    for scale in 0..scales {
         let reduced = SCALES[scale];
         if node.side >> reduced.across.max(reduced.down) < LEAST_SIDE {
             continue;

@@ -5,6 +5,7 @@ use texfold_bc::Family;
 use texfold_core::image::{ColorSpace, PixelInfo};
 use texfold_core::{AstcBlock, Goal, ParamError};
 
+use super::in_blocks::metric_of;
 use super::pyramid::Storage;
 use crate::EpitomeParams;
 
@@ -15,14 +16,15 @@ const BLOCKS: [u32; 3] = [64, 48, 32];
 /// much as 0.8 dB where little does. *Not taken*: 8x8 and 4x4 side by side, which is within 0.2 dB of 8x8 alone up to
 /// 1.3 bits, and at 1.7 bits 0.8 dB below 6x6 where that is better.
 pub(super) const ASTC: [AstcBlock; 2] = [AstcBlock::B8, AstcBlock::B6];
-/// Lambda that content with a residual plane is first made for, in mean squared errors of a texel.
+/// Lambda that content with a residual plane or in blocks is first made for, in mean squared errors of a texel.
 const FIRST_PRICE: f64 = 0.9;
-/// Lambda that content with a residual plane is first made for where a size is requested.
+/// The same where a size is requested.
 const FIRST_GUESS: f32 = 40.0;
 
 /// How content is stored.
 pub(super) fn storages(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<Storage>, ParamError> {
-    if params.family != Family::ErrorMap || params.content.is_some() {
+    let with_blocks = params.is_by_block();
+    if !with_blocks && (params.family != Family::ErrorMap || params.content.is_some()) {
         return Ok(contents(pixel, params)?.into_iter().map(Storage::Planes).collect());
     }
     let lambda = match params.goal {
@@ -30,6 +32,9 @@ pub(super) fn storages(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<S
         // Tolerances have no residual plane.
         Goal::Bpp(_) | Goal::Tolerance(_) => f64::from(FIRST_GUESS),
     };
+    if with_blocks {
+        return Ok(vec![Storage::Blocks(lambda as f32, metric_of(params, pixel.color))]);
+    }
     if !matches!(pixel.channels, 1 | 3) || pixel.color == ColorSpace::Normal {
         return Err(ParamError::new("channels", pixel.channels, "1 or 3 of colours, with a residual plane"));
     }
@@ -57,11 +62,7 @@ fn contents(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<Content>, Pa
 
 /// Side of a block for such content.
 pub(super) fn block_of(storages: &[Storage]) -> u32 {
-    let side = |storage: &Storage| match storage {
-        Storage::Planes(content) => content.cell_side(),
-        Storage::ErrorMap(_) => 4,
-    };
-    let whole = |block: u32| storages.iter().all(|storage| (block / 4).is_multiple_of(side(storage)));
-    let large = storages.iter().any(|storage| side(storage) > 4);
+    let whole = |block: u32| storages.iter().all(|storage| (block / 4).is_multiple_of(storage.cell()));
+    let large = storages.iter().any(|storage| storage.cell() > 4);
     BLOCKS.into_iter().find(|&block| large && whole(block)).unwrap_or(BLOCKS[2])
 }

@@ -1,8 +1,9 @@
 //! Lambda, the error that a bit may cost, and the setting of it that reaches a goal.
 
 use texfold_core::metric::measure_cancellable;
-use texfold_core::target::{Measured, search as find};
-use texfold_core::{EncodeError, Goal, Job};
+use texfold_core::target::{Measured, excess, search as find, search_step};
+use texfold_core::{EncodeError, Goal, Job, SourceError};
+use texfold_residual::block::encode::{STEPS, lambda_of, step_of};
 
 use super::assemble::assemble;
 use super::choose::{choose, choose_well};
@@ -18,7 +19,7 @@ const FINER: [u32; 4] = [6, 16, 40, 90];
 /// worse by so many dB: four crops came out the same without them.
 const FAR_FACTOR: f64 = 1.03;
 const FAR_DB: f64 = 0.3;
-/// Steps where content has a residual plane: it is coded anew at each setting.
+/// Steps where cells of content differ in bits: it is coded anew at each setting.
 const FINER_WITH_ERRORS: [u32; 1] = [12];
 /// A setting, what it measures and what it makes.
 pub(super) struct Made {
@@ -30,7 +31,7 @@ pub(super) struct Made {
 impl EpitomeSearch {
     /// The lambda index that should reach a goal.
     pub(super) fn likely_lambda_index(&self, goal: Goal, mut choose: impl FnMut(u32) -> Choice) -> u32 {
-        if let Some(lambda) = self.residual_lambda {
+        if let Some(lambda) = self.coded_lambda {
             return lambda_index_of(lambda);
         }
         let texels = self.images.texel_count() as f64;
@@ -55,6 +56,9 @@ impl EpitomeSearch {
         beaten: Option<&Made>,
         job: &mut Job<'_>,
     ) -> Result<Made, EncodeError> {
+        if self.params.is_by_block() {
+            return self.setting_in_blocks(goal, plan, job);
+        }
         let cancel = plan.cancel;
         let problem =
             |lambda_index: u32| self.problem(plan.options, self.costs(plan.entry_bits, lambda_index), cancel);
@@ -78,7 +82,7 @@ impl EpitomeSearch {
             return Ok(best);
         }
         // What repeats is sometimes gathered better at a finer setting, and is smaller there.
-        for &step in if self.residual_lambda.is_some() { &FINER_WITH_ERRORS[..] } else { &FINER } {
+        for &step in if self.coded_lambda.is_some() { &FINER_WITH_ERRORS[..] } else { &FINER } {
             job.checkpoint()?;
             let lambda_index = (found.index + step).min(*LAMBDA_INDICES.end());
             let texture = job.install(|| make(lambda_index))?;
@@ -88,6 +92,31 @@ impl EpitomeSearch {
             }
         }
         Ok(best)
+    }
+}
+
+impl EpitomeSearch {
+    /// As [`EpitomeSearch::setting`] where content is in blocks of variable length: leaves are chosen at the lambda that content was
+    /// searched at, and then the step is found that answers the goal.
+    fn setting_in_blocks(&self, goal: Goal, plan: &Plan<'_>, job: &mut Job<'_>) -> Result<Made, EncodeError> {
+        let cancel = plan.cancel;
+        let problem =
+            |lambda_index: u32| self.problem(plan.options, self.costs(plan.entry_bits, lambda_index), cancel);
+        let lambda_index = self.likely_lambda_index(goal, |lambda_index| choose(problem(lambda_index)));
+        let choices = [job.install(|| choose_well(problem(lambda_index)))];
+        job.checkpoint()?;
+        let first = step_of(f64::from(lambda(lambda_index)), 1.0);
+        let mut tried = 0u16;
+        let found = search_step(goal, STEPS, first, |step| {
+            job.stage("packing", (0.5 + 0.05 * f32::from(tried)).min(0.95))?;
+            tried += 1;
+            let made = job.install(|| assemble(plan, &choices, lambda_of(step) as f32))?;
+            let measured = measure_cancellable(&self.images, &made, cancel)?;
+            let by = excess(goal, &measured);
+            Ok::<_, EncodeError>(((measured, made), by))
+        })?;
+        let (measured, texture) = found.ok_or(SourceError::Empty)?.value;
+        Ok(Made { lambda_index, measured, texture })
     }
 }
 

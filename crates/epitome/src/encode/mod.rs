@@ -10,6 +10,7 @@ mod formats;
 mod gain_offset;
 mod goal;
 mod growth;
+mod in_blocks;
 mod ladder;
 mod lambda;
 mod lambda_index;
@@ -35,7 +36,7 @@ mod tolerance;
 
 use texfold_bc::{Content, Family};
 use texfold_core::metric::measure_cancellable;
-use texfold_core::{EncodeError, Encoder, Goal, Job, Params, SharedSearch};
+use texfold_core::{Access, EncodeError, Encoder, Goal, Job, Params, SharedSearch};
 
 use searched::Shape;
 
@@ -86,6 +87,9 @@ fn search_all(
     job: &mut Job<'_>,
 ) -> Result<EpitomeSearch, EncodeError> {
     params.check()?;
+    // Blocks that are taken over stay planes.
+    let texel = source.blocks.map(|_| params.clone().with_access(Access::Texel));
+    let params = texel.as_ref().unwrap_or(params);
     let alone = params.content.is_some() || matches!(params.goal, Goal::Tolerance(_));
     if params.family != Family::Astc || alone {
         return search_one(source, params, job);

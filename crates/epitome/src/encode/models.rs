@@ -14,10 +14,17 @@ pub(super) const MOST_LINEARS: usize = 256;
 const MOST_TONES: usize = 64;
 /// Models that are tried for goals of quality and size. Small palettes are upright: fitted ones of 32 2x2 matrices
 /// were never smaller on five photographs, and of 8, 16 and 32 gain-offset pairs 16 were best on the whole.
-const WHOLE: Form =
-    Form { matrices: Matrices::Fitted(MOST_LINEARS), gain_offsets: MOST_TONES, entry_bits: ENTRY_BITS };
-const UPRIGHT: Form = Form { matrices: Matrices::Upright, gain_offsets: 16, entry_bits: 32.0 };
-const OWN: Form = Form { matrices: Matrices::Own, gain_offsets: 1, entry_bits: 24.0 };
+const WHOLE: Form = Form {
+    matrices: Matrices::Fitted(MOST_LINEARS),
+    gain_offsets: MOST_TONES,
+    scales: true,
+    entry_bits: ENTRY_BITS,
+};
+const UPRIGHT: Form = Form { matrices: Matrices::Upright, gain_offsets: 16, scales: true, entry_bits: 32.0 };
+const OWN: Form = Form { matrices: Matrices::Own, gain_offsets: 1, scales: true, entry_bits: 24.0 };
+/// In blocks of variable length what is smooth costs little at full size, too, and better so where it stays with what is around it.
+const FULL_SIZE: Form = Form { scales: false, ..WHOLE };
+const OWN_FULL_SIZE: Form = Form { scales: false, ..OWN };
 /// Nodes for each number of a palette at least.
 const NODES_A_NUMBER: usize = 16;
 /// The same for tolerances, where content is raw and a number that saves a block saves far more.
@@ -39,6 +46,8 @@ pub(super) struct Form {
     matrices: Matrices,
     /// Most gain-offset pairs.
     gain_offsets: usize,
+    /// Whether content at a fraction of its size may be used.
+    scales: bool,
     /// Bits of an entry as estimated in the rate-distortion cost, which are fewer with smaller palettes.
     pub(super) entry_bits: f32,
 }
@@ -55,10 +64,12 @@ impl EpitomeSearch {
     /// The models that make sense, the first and the others.
     pub(super) fn models(&self) -> (Form, &'static [Form]) {
         if !self.params.transforms.references {
-            (OWN, &[])
+            (OWN, if self.params.is_by_block() { &[OWN_FULL_SIZE] } else { &[] })
         } else if self.allowed.is_some() {
             // Most leaves have no content of their own.
             (WHOLE, &[])
+        } else if self.params.is_by_block() {
+            (WHOLE, &[FULL_SIZE, OWN_FULL_SIZE])
         } else {
             (WHOLE, &[UPRIGHT, OWN])
         }
@@ -66,10 +77,17 @@ impl EpitomeSearch {
 
     /// What leaves may be in a model.
     pub(super) fn model(&self, model: Form, cancel: CancelCheck<'_>) -> Model {
-        let none = vec![Vec::new(); self.grid.nodes()];
-        let matches = if model.matrices == Matrices::Own { &none } else { &self.matches };
+        let none = || vec![Vec::new(); self.grid.nodes()];
+        let of_full_size =
+            |matches: &Vec<Match>| matches.iter().filter(|found| found.scale == 0).copied().collect();
+        let matches = match model {
+            Form { matrices: Matrices::Own, .. } => &none(),
+            Form { scales: true, .. } => &self.matches,
+            Form { scales: false, .. } => &self.matches.iter().map(of_full_size).collect(),
+        };
         let fitted = self.fitted(matches, model.matrices, model.gain_offsets, cancel);
-        let options = self.options(matches, &fitted, &self.rules(None), cancel);
+        let rules = Rules { full_size: !model.scales, ..self.rules(None) };
+        let options = self.options(matches, &fitted, &rules, cancel);
         Model { options, palettes: fitted.palettes, entry_bits: model.entry_bits }
     }
 

@@ -99,9 +99,9 @@ impl EpitomeSearch {
         job.checkpoint()
     }
 
-    /// Where content has a residual plane: codes it anew at the lambda that the goal seems to ask for.
+    /// Where cells of content differ in bits: codes it anew at the lambda that the goal seems to ask for.
     fn retune(&mut self, cancel: CancelCheck<'_>) -> Result<(), EncodeError> {
-        let Some(lambda) = self.residual_lambda else { return Ok(()) };
+        let Some(lambda) = self.coded_lambda else { return Ok(()) };
         let texels = self.images.texel_count() as f64;
         let whole = self.whole(MOST_LINEARS, &self.rules(None), cancel).options;
         let choice = self.choose(&whole, lambda_index_of(lambda), cancel);
@@ -115,7 +115,7 @@ impl EpitomeSearch {
         if factor.max(1.0 / factor) >= LEAST_RETUNED && self.space.store_again(lambda * factor, cancel)? {
             self.cell_bits = self.space.cell_bits();
             self.shares = self.space.shares();
-            self.residual_lambda = Some(lambda * factor);
+            self.coded_lambda = Some(lambda * factor);
         }
         Ok(())
     }

@@ -7,10 +7,14 @@ use glam::Vec4;
 use rayon::prelude::*;
 use texfold_bc::{Bc1Blocks, Content, ContentPlanes};
 use texfold_core::image::{ImageSet, PixelInfo, Raster};
-use texfold_core::{CancelCheck, Domain, Effort, EncodeError, Image2d, SourceError, SurfaceSize, Texel};
+use texfold_core::{
+    CancelCheck, Domain, Effort, EncodeError, Image2d, Metric, SourceError, SurfaceSize, Texel,
+};
 use texfold_match::Field;
 use texfold_residual::encode::PlaneForm;
 use texfold_residual::{BLOCK_SIDE, ResidualContent};
+
+use crate::parts::TRANSFORM_SIDE;
 
 /// Bytes of a BC1 block.
 const BC1_BYTES: u32 = 8;
@@ -28,7 +32,7 @@ pub(crate) struct Scale {
 impl Scale {
     /// How much an error of content counts that is drawn once: the squares of the shares that interpolation gives to
     /// a texel.
-    fn weight(self) -> f32 {
+    pub(super) fn weight(self) -> f32 {
         let along = |log2: u32| {
             let factor = 1 << log2;
             let share = |k: u32| (k as f32 + 0.5) / factor as f32;
@@ -71,6 +75,36 @@ pub(crate) enum Storage {
     Planes(Content),
     /// As a base with a residual plane, each block as finely as its bits are worth at that lambda.
     ErrorMap(f32),
+    /// In blocks of variable length, where a bit is worth that lambda, judged by that metric.
+    Blocks(f32, Metric),
+}
+
+impl Storage {
+    /// Texels a side of a cell.
+    pub(crate) fn cell(self) -> u32 {
+        match self {
+            Storage::Planes(content) => content.cell_side(),
+            Storage::ErrorMap(_) => BLOCK_SIDE,
+            Storage::Blocks(..) => TRANSFORM_SIDE,
+        }
+    }
+
+    /// The lambda that it is coded at, where each cell is coded as finely as its bits are worth.
+    pub(crate) fn lambda(self) -> Option<f32> {
+        match self {
+            Storage::Planes(_) => None,
+            Storage::ErrorMap(lambda) | Storage::Blocks(lambda, _) => Some(lambda),
+        }
+    }
+}
+
+/// What codes content whose cells differ in bits.
+#[derive(Debug)]
+pub(crate) enum Coder {
+    /// A base with a residual plane of that form.
+    ErrorMap(PlaneForm),
+    /// Blocks of variable length, judged by that metric.
+    Blocks(Metric),
 }
 
 /// At which scales images are stored.
@@ -102,19 +136,19 @@ fn no_room() -> EncodeError {
 pub(crate) struct Stored {
     /// Format of the planes, or of the base.
     pub(crate) content: Content,
-    /// Where there is a residual plane: its form.
-    pub(crate) form: Option<PlaneForm>,
+    /// Where cells differ in bits: what codes them.
+    pub(crate) coder: Option<Coder>,
     /// Texels a side of a cell, the unit of content; the last of a row may hang over the field's edge.
     pub(crate) cell: u32,
-    /// Bits of a cell; of one as coarse as can be where there is a residual plane.
+    /// Bits of a cell; of one as coarse as can be where there is a residual plane; 1 where cells are blocks of variable length.
     pub(crate) cell_bits: f32,
     /// Where cells differ in bits: those of each, in `cell_bits`.
     pub(crate) shares: Vec<f32>,
     /// First cell of each image and scale, among those of all formats.
-    bases: Vec<u32>,
+    pub(super) bases: Vec<u32>,
     /// Number of cells.
     pub(crate) cells: u32,
-    /// By image and scale; none where there is a residual plane.
+    /// By image and scale; none where there is a coder.
     pub(crate) planes: Vec<Vec<ContentPlanes>>,
     /// The same, decoded.
     pub(crate) decoded: Vec<Vec<Field>>,
@@ -182,6 +216,7 @@ impl Space {
                 Storage::ErrorMap(lambda) => {
                     space.store_with_errors(lambda, first, cancel)?.ok_or_else(no_room)?
                 }
+                Storage::Blocks(lambda, metric) => space.store_in_blocks(lambda, metric, first, cancel)?,
             };
             cancel.checkpoint()?;
             space.stored.push(stored);
@@ -211,7 +246,17 @@ impl Space {
         let cell = content.cell_side();
         let (bases, cells) = self.number_cells(cell, first);
         let cell_bits = content.cell_bits(self.pixel) as f32;
-        Ok(Stored { content, form: None, cell, cell_bits, shares: Vec::new(), bases, cells, planes, decoded })
+        Ok(Stored {
+            content,
+            coder: None,
+            cell,
+            cell_bits,
+            shares: Vec::new(),
+            bases,
+            cells,
+            planes,
+            decoded,
+        })
     }
 
     /// All content with residual planes, where a bit is worth `lambda`; `None` where such pixels have no residual plane.
@@ -254,19 +299,23 @@ impl Space {
             decoded.push(levels);
         }
         let content = form.content();
-        let (form, cell, planes) = (Some(form), BLOCK_SIDE, Vec::new());
-        Ok(Some(Stored { content, form, cell, cell_bits, shares, bases, cells, planes, decoded }))
+        let (coder, cell, planes) = (Some(Coder::ErrorMap(form)), BLOCK_SIDE, Vec::new());
+        Ok(Some(Stored { content, coder, cell, cell_bits, shares, bases, cells, planes, decoded }))
     }
 
-    /// Stores the content with residual planes anew, where a bit is worth `lambda`; returns whether it has any.
+    /// Stores the content whose cells differ in bits anew, where a bit is worth `lambda`; returns whether there is any.
     ///
     /// # Errors
     /// [`EncodeError::Cancelled`] where the job was cancelled.
     pub(crate) fn store_again(&mut self, lambda: f32, cancel: CancelCheck<'_>) -> Result<bool, EncodeError> {
-        let Some(index) = self.stored.iter().position(|stored| stored.form.is_some()) else {
+        let Some(index) = self.stored.iter().position(|stored| stored.coder.is_some()) else {
             return Ok(false);
         };
-        let again = self.store_with_errors(lambda, self.stored[index].bases[0], cancel)?;
+        let first = self.stored[index].bases[0];
+        let again = match self.stored[index].coder {
+            Some(Coder::Blocks(metric)) => Some(self.store_in_blocks(lambda, metric, first, cancel)?),
+            _ => self.store_with_errors(lambda, first, cancel)?,
+        };
         let is_stored = again.is_some();
         if let Some(again) = again {
             self.stored[index] = again;
@@ -292,7 +341,7 @@ impl Space {
     }
 
     /// First cell of each image and scale where cells have that side, and how many there are.
-    fn number_cells(&self, cell: u32, first: u32) -> (Vec<u32>, u32) {
+    pub(super) fn number_cells(&self, cell: u32, first: u32) -> (Vec<u32>, u32) {
         let (mut bases, mut next) = (Vec::new(), first);
         for field in self.pyramids.iter().flat_map(|pyramid| &pyramid.source) {
             bases.push(next);
@@ -360,7 +409,7 @@ impl Pyramid {
     }
 
     /// All scales as images.
-    fn rasters(&self, pixel: PixelInfo) -> Option<Vec<Raster>> {
+    pub(super) fn rasters(&self, pixel: PixelInfo) -> Option<Vec<Raster>> {
         let raster = |field: &Field| {
             let texels: Vec<Texel> = field.texels.iter().map(|texel| *texel / 255.0).collect();
             Raster::from_texels(field.width as u32, field.height as u32, pixel, &texels).ok()

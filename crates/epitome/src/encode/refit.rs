@@ -98,28 +98,61 @@ struct Fitted<'a> {
     weights: &'a [Vec4],
 }
 
-/// The texels (8-bit units) that an epitome of that size with a residual plane should hold, and for each of its
-/// blocks, row by row, how much an error there counts: by how many leaves draw it how large.
+/// An epitome as it should be.
+pub(crate) struct Drawn {
+    /// Columns and rows.
+    pub(crate) size: (u32, u32),
+    /// Its texels in 8-bit units.
+    pub(crate) texels: Vec<Vec4>,
+    /// How much an error of each counts: by how many leaves draw it how large.
+    weights: Vec<Vec4>,
+    /// Whether any leaf draws it.
+    pub(crate) counts: Vec<bool>,
+}
+
+impl Drawn {
+    /// Mean weight of each block of that side, row by row.
+    pub(crate) fn block_weights(&self, side: usize) -> Vec<f32> {
+        let (width, height) = (self.size.0 as usize, self.size.1 as usize);
+        let columns = width / side;
+        let of_block = |block: usize| {
+            let start = block / columns * side * width + block % columns * side;
+            let sum: Vec4 = (0..side * side).map(|n| self.weights[start + n / side * width + n % side]).sum();
+            sum.truncate().element_sum() / (3 * side * side) as f32
+        };
+        (0..columns * (height / side)).into_par_iter().map(of_block).collect()
+    }
+}
+
+impl Drawn {
+    /// Takes all texels of cells for drawn of which any is.
+    pub(crate) fn count_whole_cells(&mut self, side: usize) {
+        let width = self.size.0 as usize;
+        for row in (0..self.size.1 as usize).step_by(side) {
+            for column in (0..width).step_by(side) {
+                let cell = (0..side * side).map(move |n| (row + n / side) * width + column + n % side);
+                if cell.clone().any(|at| self.counts[at]) {
+                    cell.for_each(|at| self.counts[at] = true);
+                }
+            }
+        }
+    }
+}
+
+/// What an epitome of that size whose cells differ in bits should hold.
 pub(crate) fn fitted(
     plan: &Plan<'_>,
     packing: &Packing,
     choices: &[Choice],
     format: usize,
     (width, height): (u32, u32),
-) -> (Vec<Vec4>, Vec<f32>) {
+) -> Drawn {
     let sheet = Sheet::new(plan, packing, choices, SheetForm { format, width, readers: Readers::All });
     let mut texels = vec![Vec4::splat(UNUSED); width as usize * height as usize];
     sheet.start(&mut texels);
     let weights = sheet.solve(&mut texels);
-    let (side, columns) = (sheet.side, width as usize / sheet.side);
-    let of_block = |block: usize| {
-        let start = block / columns * side * sheet.width + block % columns * side;
-        let texels = (0..side * side).map(|n| weights[start + n / side * sheet.width + n % side]);
-        let sum: Vec4 = texels.sum();
-        sum.truncate().element_sum() / (3 * side * side) as f32
-    };
-    let blocks = columns * (height as usize / side);
-    (texels, (0..blocks).into_par_iter().map(of_block).collect())
+    let counts = weights.iter().map(|weight| weight.x > FIRST).collect();
+    Drawn { size: (width, height), texels, weights, counts }
 }
 
 /// Which leaves are looked at.

@@ -1,7 +1,7 @@
 //! What was modelled, in a sentence.
 
 use texfold_bc::Family;
-use texfold_core::{Goal, Notes};
+use texfold_core::{Access, Goal, Notes};
 
 use super::candidate::Candidate;
 use super::leaf::{Grid, Node};
@@ -81,6 +81,11 @@ fn settings(params: &EpitomeParams) -> String {
         (None, Family::ErrorMap) => words.push("--content error-map".to_owned()),
         (None, Family::Astc) => words.push("--content astc".to_owned()),
         (None, Family::Bc) => {}
+    }
+    if params.is_by_block() {
+        words.extend(params.metric.map(|metric| format!("--metric {}", metric.name())));
+    } else if params.access == Access::Texel {
+        words.push("--access texel".to_owned());
     }
     if params.layers > 1 {
         words.push(format!("--layers {}", params.layers));

@@ -43,8 +43,8 @@ pub struct EpitomeSearch {
     cells: Vec<u32>,
     /// Where cells differ in bits: those of each, in bits of a cell of its format.
     pub(super) shares: Vec<f32>,
-    /// Where content has a residual plane: the lambda that it was coded at.
-    pub(super) residual_lambda: Option<f32>,
+    /// Where cells of content differ in bits: the lambda that it was coded at.
+    pub(super) coded_lambda: Option<f32>,
     /// As [`Shape::bytes`].
     pub(super) bytes: u64,
     /// The same images with other content, of which the goal will choose.
@@ -116,10 +116,7 @@ impl EpitomeSearch {
             job.install(|| Space::new(&images, source.blocks, &storages, scales, params.effort, cancel))?;
         let allowed = source.content_from.map(|mask| mask::allowed_cells(&space, mask)).transpose()?;
         let matches = vec![Vec::new(); grid.nodes()];
-        let residual_lambda = storages.iter().find_map(|storage| match storage {
-            Storage::ErrorMap(lambda) => Some(*lambda),
-            Storage::Planes(_) => None,
-        });
+        let coded_lambda = storages.iter().find_map(|storage| storage.lambda());
         let cells = space.stored.iter().map(|stored| stored.cells).collect();
         let is_free = source.content_from.is_none() && source.blocks.is_none();
         let refit = (is_free && !matches!(params.goal, Goal::Tolerance(_))).then(CellCache::default);
@@ -135,7 +132,7 @@ impl EpitomeSearch {
             matches,
             cells,
             bytes,
-            residual_lambda,
+            coded_lambda,
             other: None,
         })
     }
@@ -176,6 +173,7 @@ impl EpitomeSearch {
             cells: self.allowed.as_deref(),
             tolerance,
             refits: self.refit.is_some() && self.params.layers <= 1,
+            full_size: false,
         }
     }
 

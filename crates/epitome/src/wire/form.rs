@@ -3,12 +3,12 @@
 
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::{Reader, SectionWriter, Sections, read_layout};
-use texfold_core::{Budget, ImageLayout, LoadError, MAX_PLANE_SIDE, String4};
+use texfold_core::{Budget, ImageLayout, LoadError, MAX_PLANE_SIDE, String4, SurfaceSize};
 use texfold_residual::BLOCK_SIDE;
 
 use crate::decode::TexfoldEpitomeParams;
 use crate::format::{Entry, LEAST_SEAM_WIDTH, MAX_BLOCK, MapFormat, Matrix, Palettes};
-use crate::parts::{PLANE_MIPS, Parts, coarse_levels, epitome_size};
+use crate::parts::{PLANE_MIPS, Parts, TRANSFORM_SIDE, coarse_levels, epitome_size};
 
 pub(super) const FORM_ID: [u8; 4] = *b"EPFM";
 const PALETTE_ID: [u8; 4] = *b"EPPL";
@@ -21,6 +21,8 @@ const ERRORS_FLAG: u32 = 2;
 const SEAM_FLAG: u32 = 4;
 /// Flag of coarse mip levels in BC7 beside an epitome in BC1.
 const COARSE_FLAG: u32 = 8;
+/// Flag of an epitome and coarse mip levels in blocks of variable length.
+const BLOCKS_FLAG: u32 = 16;
 /// Bytes that a texture holds for each image, whatever its size: its uniform block, twice where it is lent to a GPU,
 /// and lists of its planes and levels.
 const IMAGE_BYTES: u64 = 2 * size_of::<TexfoldEpitomeParams>() as u64 + 256;
@@ -38,7 +40,9 @@ pub(super) fn store_head(parts: &Parts, out: &mut SectionWriter) {
     let flags = if mips { MIPS_FLAG } else { 0 }
         | if parts.errors.is_some() { ERRORS_FLAG } else { 0 }
         | if is_wide { SEAM_FLAG } else { 0 }
-        | if parts.has_finer_coarse() { COARSE_FLAG } else { 0 };
+        | if parts.has_finer_coarse() { COARSE_FLAG } else { 0 }
+        | if parts.blocks.is_some() { BLOCKS_FLAG } else { 0 };
+    let coded = usize::from(parts.errors.is_some()) + usize::from(parts.blocks.is_some());
     let mut form: Vec<u8> = [
         format.block,
         u32::from(format.split),
@@ -48,7 +52,7 @@ pub(super) fn store_head(parts: &Parts, out: &mut SectionWriter) {
         format.gain_offset_bits,
         format.matrix_bits,
         flags,
-        (parts.epitomes.len() + usize::from(parts.errors.is_some())) as u32,
+        (parts.epitomes.len() + coded) as u32,
     ]
     .map(|value| value as u8)
     .to_vec();
@@ -62,6 +66,11 @@ pub(super) fn store_head(parts: &Parts, out: &mut SectionWriter) {
     if let Some(errors) = &parts.errors {
         form.push(errors.form().content.number());
         form.extend(epitome_size(errors).iter().flat_map(|side| side.to_le_bytes()));
+    }
+    if let Some(blocks) = &parts.blocks {
+        let SurfaceSize { width, height } = blocks.size();
+        form.push(Content::Raw.number());
+        form.extend([width, height].iter().flat_map(|side| side.to_le_bytes()));
     }
     form.extend((parts.palettes.matrices.len() as u32).to_le_bytes());
     form.extend((parts.palettes.gain_offsets.len() as u32).to_le_bytes());
@@ -114,6 +123,8 @@ pub(super) struct Form {
     pub(super) mips: bool,
     /// Whether the epitome has a residual plane.
     pub(super) errors: bool,
+    /// Whether the epitome is in blocks of variable length.
+    pub(super) in_blocks: bool,
     /// Whether the coarse mip levels are in BC7, the epitome in BC1.
     pub(super) finer: bool,
     pub(super) epitomes: Vec<EpitomeForm>,
@@ -124,7 +135,7 @@ pub(super) struct Form {
 impl Form {
     /// The epitomes without a residual plane.
     pub(super) fn plain(&self) -> &[EpitomeForm] {
-        &self.epitomes[..self.epitomes.len() - usize::from(self.errors)]
+        &self.epitomes[..self.epitomes.len() - usize::from(self.errors || self.in_blocks)]
     }
 
     /// Sizes of an epitome's levels.
@@ -154,14 +165,19 @@ impl Form {
 fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, LoadError> {
     let mut format = read_fields(reader)?;
     let flags = u32::from(reader.u8()?);
-    if flags > 15 {
-        return Err(reader.corrupt("a flag above 15"));
+    if flags > 31 {
+        return Err(reader.corrupt("a flag above 31"));
     }
-    let (mips, errors, finer) = (flags & MIPS_FLAG != 0, flags & ERRORS_FLAG != 0, flags & COARSE_FLAG != 0);
+    let has = |flag: u32| flags & flag != 0;
+    let (mips, errors, finer, in_blocks) =
+        (has(MIPS_FLAG), has(ERRORS_FLAG), has(COARSE_FLAG), has(BLOCKS_FLAG));
     let count = reader.u8()?;
     format.mixed = count == 2;
     if !(1..=2).contains(&count) {
         return Err(reader.corrupt("not one or two epitomes"));
+    }
+    if in_blocks && (count == 2 || errors || finer) {
+        return Err(reader.corrupt("planes beside an epitome in blocks"));
     }
     if !BLOCK_SIDES.contains(&format.block)
         || !format.block.is_multiple_of(4)
@@ -171,7 +187,7 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
     }
     let mut epitomes = Vec::new();
     for index in 1..=count {
-        epitomes.push(read_epitome(reader, layout, mips, errors && index == count)?);
+        epitomes.push(read_epitome(reader, layout, mips, (errors && index == count, in_blocks))?);
     }
     check_pair(reader, layout, &epitomes)?;
     let (matrices, gain_offsets) = (reader.u32()?, reader.u32()?);
@@ -196,7 +212,7 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout) -> Result<Form, Load
             reader.corrupt("mip levels of the epitome without mip levels of the images, or the other way")
         );
     }
-    Ok(Form { format, mips, errors, finer, epitomes, matrices, gain_offsets })
+    Ok(Form { format, mips, errors, in_blocks, finer, epitomes, matrices, gain_offsets })
 }
 
 /// The map's fields; whether there are two epitomes follows.
@@ -218,16 +234,23 @@ fn read_fields(reader: &mut Reader<'_>) -> Result<MapFormat, LoadError> {
     })
 }
 
-/// How one epitome is stored, the one with a residual plane where `errors` says so.
+/// How one epitome is stored, the one with a residual plane where `errors` says so, or in blocks.
 fn read_epitome(
     reader: &mut Reader<'_>,
     layout: &ImageLayout,
     mips: bool,
-    errors: bool,
+    (errors, in_blocks): (bool, bool),
 ) -> Result<EpitomeForm, LoadError> {
     let content = Content::read(reader)?;
     let (width, height) = (reader.u32()?, reader.u32()?);
-    let side = if errors { BLOCK_SIDE } else { content.cell_side() };
+    let side = match (errors, in_blocks) {
+        (_, true) => TRANSFORM_SIDE,
+        (true, _) => BLOCK_SIDE,
+        _ => content.cell_side(),
+    };
+    if in_blocks && content != Content::Raw {
+        return Err(reader.corrupt("a format of planes for an epitome in blocks"));
+    }
     let step = side << if mips { PLANE_MIPS } else { 0 };
     let fits = |side: u32| side.is_multiple_of(step) && (step..=MAX_PLANE_SIDE).contains(&side);
     if !fits(width) || !fits(height) || !content.fits(layout.pixel) {

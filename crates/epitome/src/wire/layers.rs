@@ -75,7 +75,7 @@ fn store_layer(parts: &Parts, layering: &Layering, layer: u32, out: &mut Section
 
 /// The layers that are whole: at least the first.
 pub(super) fn load_layers(file: &Sections<'_>, head: Head, budget: &mut Budget) -> Result<Parts, LoadError> {
-    if head.form.errors {
+    if head.form.errors || head.form.in_blocks {
         let what = "layers of content with a residual plane";
         return Err(LoadError::Corrupt { section: String4(FORM_ID), offset: 0, what });
     }
@@ -91,8 +91,17 @@ pub(super) fn load_layers(file: &Sections<'_>, head: Head, budget: &mut Budget) 
     }
     let layering = Some(Box::new(Layering { total, rows, coarser: Vec::new(), cells }));
     let map = MapPlane::new(&form.format, &palettes, &LayerMap::default());
-    let mut parts =
-        Parts { layout, format: form.format, palettes, map, epitomes, errors: None, coarse, layering };
+    let mut parts = Parts {
+        layout,
+        format: form.format,
+        palettes,
+        map,
+        epitomes,
+        errors: None,
+        coarse,
+        blocks: None,
+        layering,
+    };
     for layer in 0..total {
         // A file may end between layers; a later layer without one before it is of no use.
         if layer > 0 && !layer_ids(layer, total).all(|id| file.has(id)) {

@@ -2,8 +2,9 @@
 //! pairs), "EPTR" (how blocks are split), "EPEN" (entries, field by field, positions as what differs from the leaf
 //! before), "EPAT" (planes of the epitomes), "EPMC" (coarse mip levels). A layered file has "EPLA" (number of layers)
 //! and, instead of "EPTR", "EPEN" and "EPAT", for each layer "EPT0", "EPE0", "EPC0" (cells that it brings), "EPA0"
-//! and so on.
+//! and so on. In blocks of variable length, instead of "EPAT" and "EPMC": sections of block contents.
 
+mod blocks;
 mod form;
 mod layers;
 mod map;

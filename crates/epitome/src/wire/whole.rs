@@ -4,6 +4,7 @@ use texfold_core::container::{Reader, SectionWriter, Sections};
 use texfold_core::{Budget, ImageLayout, LoadError, String4, SurfaceSize};
 use texfold_residual::{ContentId, ResidualContent};
 
+use super::blocks::{read_blocks, store_blocks};
 use super::form::{EpitomeForm, Form, Head};
 use super::map::{Leaves, count_leaves, entry_bytes, laid_out, read_entries};
 use super::planes::{plane_bytes, read_coarse, read_planes, store_coarse};
@@ -26,6 +27,9 @@ pub(super) fn store_whole(parts: &Parts, out: &mut SectionWriter) {
     if let Some(errors) = &parts.errors {
         errors.store_base(CONTENT, out);
         errors.store_planes(CONTENT, out);
+    }
+    if let Some(blocks) = &parts.blocks {
+        store_blocks(blocks, out);
     }
     store_coarse(parts, out);
 }
@@ -50,8 +54,9 @@ pub(super) fn load_whole(file: &Sections<'_>, head: Head, budget: &mut Budget) -
         reader.end()?;
     }
     let errors = read_errors(file, &form, &layout, budget)?.map(Box::new);
-    let coarse = read_coarse(file, &form, &layout, budget)?;
-    Ok(Parts { layout, format: form.format, palettes, map, epitomes, errors, coarse, layering: None })
+    let blocks = read_blocks(file, &form, &layout, budget)?.map(Box::new);
+    let coarse = if form.in_blocks { Vec::new() } else { read_coarse(file, &form, &layout, budget)? };
+    Ok(Parts { layout, format: form.format, palettes, map, epitomes, errors, coarse, blocks, layering: None })
 }
 
 /// The epitome with a residual plane, where there is one.

@@ -288,6 +288,19 @@ pub(crate) fn error_mapped(source: &str, mips: bool, psnr: f64) -> (Case, bool) 
     (Case { name, subject: Subject::new(texture), bounds, coarse, normals: Normals::No }, mixed)
 }
 
+/// Epitomes in blocks, which the GPU decodes before it draws them: exact texels, blended as the map says.
+fn epitome_block_case((source, mips): (&str, bool)) -> Case {
+    let params = EpitomeParams::new(Goal::Psnr(30.0)).with_mips(mips).with_effort(Effort::Fast);
+    let set = ImageSet::single(image(source));
+    let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
+    assert!(texture.blocks().is_some(), "{source}");
+    let stored = gain_of(&texture) * STORED;
+    let bounds = Bounds { nearest: stored + PLACED, blended: stored + PLACED + BLENDED };
+    let coarse = Bounds { nearest: STORED, blended: STORED + BLENDED };
+    let name = format!("epitome of {source} in blocks, mips {mips}");
+    Case { name, subject: Subject::new(texture), bounds, coarse, normals: Normals::No }
+}
+
 fn progressive_case(base: Base) -> Case {
     let Base { sizes, channels, content, reduce_log2, shrink_log2, beyond, class_bits, books, .. } = base;
     let name = format!(
@@ -388,6 +401,7 @@ fn zipmap_cases() -> Vec<Case> {
 pub(crate) fn cases() -> &'static [Case] {
     static CASES: OnceLock<Vec<Case>> = OnceLock::new();
     CASES.get_or_init(|| {
+        let blocks = [("odd_37x61", true), ("tile_repeat", false), ("gray", true)].map(epitome_block_case);
         let mixed = [error_mapped("odd_37x61", true, 30.0).0, error_mapped("odd_37x61", false, 30.0).0];
         let first = bc_cases().into_iter().chain(vq_cases()).chain(epitome_cases()).chain(mixed);
         first.chain(progressive_cases()).chain(zipmap_cases()).collect()

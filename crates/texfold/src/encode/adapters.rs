@@ -183,6 +183,8 @@ impl ImageEncoder for Epitome {
     fn with_settings(mut own: EpitomeParams, settings: &EncodeSettings) -> EpitomeParams {
         (own.goal, own.content, own.family) = (settings.goal, settings.content, settings.family);
         (own.mips, own.effort) = (settings.mips, settings.effort);
+        own.access = settings.access.unwrap_or(own.access);
+        own.metric = settings.metric.or(own.metric);
         own
     }
 

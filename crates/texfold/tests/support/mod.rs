@@ -83,6 +83,8 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     textures.push(("vq sequence".to_owned(), ripple.clone(), vq(&ripple, &params)));
     // BC1 and BC7 side by side, with mip levels; the same in layers; plain bytes; with a residual plane; two images that share content.
     let fast = EpitomeParams::new(Goal::Psnr(26.0)).with_effort(Effort::Fast);
+    textures.push(("epitome, blocks".to_owned(), odd.clone(), epitome(&odd, &fast.clone().with_mips(true))));
+    let fast = fast.with_access(Access::Texel);
     let params = fast.clone().with_mips(true);
     textures.push(("epitome mixed".to_owned(), odd.clone(), epitome(&odd, &params)));
     let params = params.with_layers(3);

@@ -5,7 +5,9 @@ use texfold_core::{CancelCheck, EncodeError, SourceError, parallel};
 use super::fit::fit;
 use super::forward::Coefficients;
 use super::quantise::{Quantising, residuals_of};
-use super::symbols::{Collector, Counter, Counts, Superblock, SymbolBits, coded, end_symbol, magnitudes_of};
+use super::symbols::{
+    BlockBits, Collector, Counter, Counts, Sink, Superblock, SymbolBits, coded, end_symbol, magnitudes_of,
+};
 use crate::block::context::{Around, set_of};
 use crate::block::decode::BlockTexture;
 use crate::block::form::{BlockForm, PlaneShape, Steps};
@@ -18,7 +20,7 @@ use crate::block::transform::inverse;
 
 /// Squared steps that a bit is worth. At high rates an optimal quantiser has 0.1155 (6.02 dB a bit); of 0.08 to 0.2, this
 /// is the best at 0.9 to 2 bits a texel on seven photographs.
-const LAMBDA: f32 = 0.12;
+pub(super) const LAMBDA: f32 = 0.12;
 /// Magnitudes whose reconstruction is measured: of 1, and of more.
 const OFFSETS: usize = 2;
 
@@ -46,6 +48,39 @@ pub(super) fn code(
     looks: Looks,
     check: CancelCheck<'_>,
 ) -> Result<BlockTexture, EncodeError> {
+    settled(planes, form, looks, check)?.written()
+}
+
+/// As [`code`], with the bits of each 8x8 block, row by row: those of its own symbols, and an equal share of the bits of all means.
+pub(super) fn code_with_bits(
+    planes: &[Coefficients],
+    form: &BlockForm,
+    looks: Looks,
+    check: CancelCheck<'_>,
+) -> Result<(BlockTexture, Vec<f32>), EncodeError> {
+    let settled = settled(planes, form, looks, check)?;
+    let finest = planes.first().map(|plane| plane.shape);
+    let bits = finest.map(|shape| settled.block_bits(shape)).unwrap_or_default();
+    Ok((settled.written()?, bits))
+}
+
+/// All that a texture is written of.
+struct Settled {
+    form: BlockForm,
+    /// Superblocks, plane by plane.
+    planes: Vec<Vec<Superblock>>,
+    /// Bytes of the tables, and the tables.
+    stops: Vec<u8>,
+    tables: Vec<Table>,
+}
+
+/// Numbers and tables at that header's step.
+fn settled(
+    planes: &[Coefficients],
+    form: &BlockForm,
+    looks: Looks,
+    check: CancelCheck<'_>,
+) -> Result<Settled, EncodeError> {
     let mut form = form.clone();
     let mut symbol_bits = None;
     for _ in 1..looks.passes {
@@ -58,33 +93,62 @@ pub(super) fn code(
     let quantised = quantise(planes, &form, symbol_bits.as_ref(), looks.rounds, check)?;
     let (stops, bytes) = fit(&quantised.counts);
     let tables = stops.iter().map(|stops| Table::new(&stops.frequencies())).collect();
-    written(form, &quantised.planes, bytes, tables)
+    Ok(Settled { form, planes: quantised.planes, stops: bytes, tables })
 }
 
-/// Streams and index of quantised planes.
-fn written(
-    form: BlockForm,
-    planes: &[Vec<Superblock>],
-    stops: Vec<u8>,
-    tables: Vec<Table>,
-) -> Result<BlockTexture, EncodeError> {
-    let ranks = form.ranks();
-    let last = planes.len() - 1;
-    let streams = planes.iter().enumerate().rev().flat_map(|(plane, superblocks)| {
-        let first = usize::from(plane < last);
-        parallel::map(superblocks.len(), |number| {
-            let mut collector = Collector { tables: &tables, ops: Vec::new() };
-            superblocks[number].walk(plane > 0, first, &ranks, &mut collector);
-            stream(&collector.ops)
-        })
-    });
-    let streams: Vec<Vec<u8>> = streams.collect();
-    let lengths: Vec<usize> = streams.iter().map(Vec::len).collect();
-    let index = Index::of_lengths(&lengths).filter(|_| lengths.iter().all(|&length| length <= MAX_STREAM));
-    let index = index.ok_or(SourceError::Full { what: "the index of superblocks" })?;
-    let bytes = streams.concat();
-    let length = bytes.len() as u32;
-    Ok(BlockTexture::new(form, stops, index, bytes, length))
+impl Settled {
+    /// Gives the symbols of a plane's superblock to `sink`.
+    fn walk(&self, plane: usize, superblock: &Superblock, sink: &mut impl Sink) {
+        let first = usize::from(plane + 1 < self.planes.len());
+        superblock.walk(plane > 0, first, &self.form.ranks(), sink);
+    }
+
+    /// Bits of each block of the image, row by row, with their share of those of all means.
+    fn block_bits(&self, shape: PlaneShape) -> Vec<f32> {
+        let of = |plane: usize, superblock: &Superblock| {
+            let mut sink = BlockBits { tables: &self.tables, blocks: Vec::new() };
+            self.walk(plane, superblock, &mut sink);
+            sink.blocks
+        };
+        let means: f32 = (1..self.planes.len())
+            .flat_map(|plane| self.planes[plane].iter().flat_map(move |s| of(plane, s)))
+            .sum();
+        let mut bits =
+            vec![means / (shape.blocks.0 * shape.blocks.1) as f32; shape.blocks.0 * shape.blocks.1];
+        for (number, superblock) in self.planes.first().into_iter().flatten().enumerate() {
+            let place = (number % shape.superblocks.0, number / shape.superblocks.0);
+            for ((column, row), own) in places(shape, place).zip(of(0, superblock)) {
+                bits[row * shape.blocks.0 + column] += own;
+            }
+        }
+        bits
+    }
+
+    /// Streams and index.
+    fn written(self) -> Result<BlockTexture, EncodeError> {
+        let streams = self.planes.iter().enumerate().rev().flat_map(|(plane, superblocks)| {
+            parallel::map(superblocks.len(), |number| {
+                let mut collector = Collector { tables: &self.tables, ops: Vec::new() };
+                self.walk(plane, &superblocks[number], &mut collector);
+                stream(&collector.ops)
+            })
+        });
+        let streams: Vec<Vec<u8>> = streams.collect();
+        let lengths: Vec<usize> = streams.iter().map(Vec::len).collect();
+        let index =
+            Index::of_lengths(&lengths).filter(|_| lengths.iter().all(|&length| length <= MAX_STREAM));
+        let index = index.ok_or(SourceError::Full { what: "the index of superblocks" })?;
+        let bytes = streams.concat();
+        let length = bytes.len() as u32;
+        Ok(BlockTexture::new(self.form, self.stops, index, bytes, length))
+    }
+}
+
+/// Columns and rows of a superblock's blocks in a plane, in the order of coding.
+fn places(shape: PlaneShape, (column, row): (usize, usize)) -> impl Iterator<Item = (usize, usize)> {
+    let (columns, rows) = shape.blocks_in(column, row);
+    (0..columns * rows)
+        .map(move |block| (column * shape.side + block % columns, row * shape.side + block / columns))
 }
 
 /// Quantises all planes.
@@ -183,14 +247,6 @@ impl PlaneQuantiser<'_> {
         coded.into_iter().collect::<Option<Vec<Coded>>>().ok_or(EncodeError::Cancelled)
     }
 
-    /// Columns and rows of a superblock's blocks in the plane, in the order of coding.
-    fn places(&self, (column, row): (usize, usize)) -> impl Iterator<Item = (usize, usize)> {
-        let shape = self.shape();
-        let (columns, rows) = shape.blocks_in(column, row);
-        (0..columns * rows)
-            .map(move |block| (column * shape.side + block % columns, row * shape.side + block / columns))
-    }
-
     fn superblock(&self, place: (usize, usize)) -> Coded {
         let shape = self.shape();
         let blocks = shape.blocks_in(place.0, place.1);
@@ -198,7 +254,7 @@ impl PlaneQuantiser<'_> {
         around.reset(blocks.0, blocks.1, self.ranks.len());
         let mut moments = [Moment::default(); OFFSETS];
         let mut all = Vec::new();
-        for (block, (column, row)) in self.places(place).enumerate() {
+        for (block, (column, row)) in places(shape, place).enumerate() {
             for (axis, &rank) in self.ranks.iter().enumerate() {
                 let set = set_of(self.plane > 0, rank == 0);
                 let quantising = Quantising {
@@ -231,7 +287,7 @@ impl PlaneQuantiser<'_> {
         for (number, superblock) in superblocks.iter().enumerate() {
             let place = (number % shape.superblocks.0, number / shape.superblocks.0);
             let levels = superblock.levels.chunks_exact(self.ranks.len());
-            for ((column, row), levels) in self.places(place).zip(levels) {
+            for ((column, row), levels) in places(shape, place).zip(levels) {
                 for (axis, levels) in levels.iter().enumerate() {
                     let mut coefficients = [0; COEFFICIENTS];
                     if let Some(base) = self.base {

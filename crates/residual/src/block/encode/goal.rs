@@ -3,7 +3,7 @@
 use texfold_core::target::{Measured, StepScale, excess, search_step};
 use texfold_core::{CancelCheck, Effort, EncodeError, Goal, Metric, ParamError, SourceError};
 
-use super::code::{Looks, code};
+use super::code::{LAMBDA, Looks, code, code_with_bits};
 use super::error::{psnr, worst_block_rms};
 use super::forward::{Coefficients, coefficients};
 use super::source::BlockSource;
@@ -119,13 +119,36 @@ impl<'a> BlockEncoder<'a> {
     /// # Errors
     /// [`EncodeError`] where the job was cancelled.
     pub fn at_step(&self, step: u16) -> Result<BlockTexture, EncodeError> {
+        code(&self.planes, &self.form_at(step), self.looks(), self.check)
+    }
+
+    /// As [`BlockEncoder::at_step`], with the bits of each 8x8 block, row by row: those of its own symbols, and an equal share of
+    /// those of all means; what is beside them, header, tables and index, is left out.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn at_step_with_bits(&self, step: u16) -> Result<(BlockTexture, Vec<f32>), EncodeError> {
+        code_with_bits(&self.planes, &self.form_at(step), self.looks(), self.check)
+    }
+
+    /// The step at which the encoder takes a bit to be worth a squared error of `lambda`, summed over the channels, in 8-bit units.
+    #[must_use]
+    pub fn step_of(&self, lambda: f64) -> u16 {
+        step_of(lambda, self.unit())
+    }
+
+    fn form_at(&self, step: u16) -> BlockForm {
         let mut form = self.form.clone();
         form.quantiser.step = step.min(MAX_STEP);
+        form
+    }
+
+    fn looks(&self) -> Looks {
         // Each further pass lowers more coefficients, as zeros have become cheaper: a third one is worse by 0.02 dB, a fourth
         // by 0.08.
         let passes = if self.params.effort == Effort::Fast { 1 } else { 2 };
         let rounds = if self.params.effort == Effort::High { 3 } else { 1 };
-        code(&self.planes, &form, Looks { passes, rounds }, self.check)
+        Looks { passes, rounds }
     }
 
     /// The texture that meets the goal: the best one within its bits, or the smallest one within its error.
@@ -175,6 +198,21 @@ impl<'a> BlockEncoder<'a> {
             },
         )
     }
+}
+
+/// The step at which a bit is worth a squared error of `lambda`, summed over the channels, in 8-bit units, of which a sample has
+/// `unit`.
+#[must_use]
+pub fn step_of(lambda: f64, unit: f64) -> u16 {
+    Quantiser::nearest_step((lambda / f64::from(LAMBDA)).sqrt() * unit)
+}
+
+/// The squared error that a bit is worth at that step, in units of the samples: the inverse of [`BlockEncoder::step_of`] for samples
+/// of 8 bits.
+#[must_use]
+pub fn lambda_of(step: u16) -> f64 {
+    let size = Quantiser { step, slope: 0, offsets: [0; 2] }.step_size();
+    f64::from(LAMBDA) * size * size
 }
 
 /// First step of a search, in 8-bit units.

@@ -50,6 +50,12 @@ impl<'a> BlockSetEncoder<'a> {
         BlockContent::new(self.layout.clone(), stages).ok_or(unlike.into())
     }
 
+    /// As [`BlockEncoder::step_of`].
+    #[must_use]
+    pub fn step_of(&self, lambda: f64) -> u16 {
+        self.stages.first().map_or(0, |stage| stage.step_of(lambda))
+    }
+
     /// The step to begin a search with.
     #[must_use]
     pub fn first_step(&self) -> u16 {

@@ -77,6 +77,8 @@ pub(super) trait Sink {
     fn symbol(&mut self, table: usize, symbol: usize);
     /// Plain bits.
     fn bits(&mut self, value: u32, count: u32);
+    /// What follows belongs to the next block.
+    fn next_block(&mut self) {}
 }
 
 /// Counts symbols.
@@ -116,6 +118,34 @@ impl Sink for Collector<'_> {
     }
 }
 
+/// Sums up the bits of each block.
+#[derive(Debug)]
+pub(super) struct BlockBits<'a> {
+    pub tables: &'a [Table],
+    pub blocks: Vec<f32>,
+}
+
+impl BlockBits<'_> {
+    fn add(&mut self, bits: f32) {
+        self.blocks.last_mut().into_iter().for_each(|sum| *sum += bits);
+    }
+}
+
+impl Sink for BlockBits<'_> {
+    fn symbol(&mut self, table: usize, symbol: usize) {
+        let frequency = self.tables[table].ranges[symbol] & 0xffff;
+        self.add(PROBABILITY_BITS as f32 - (frequency as f32).log2());
+    }
+
+    fn bits(&mut self, _value: u32, count: u32) {
+        self.add(count as f32);
+    }
+
+    fn next_block(&mut self) {
+        self.blocks.push(0.0);
+    }
+}
+
 /// A superblock's quantised blocks: columns and rows of blocks, levels block by block, axis by axis.
 #[derive(Debug, Clone)]
 pub(super) struct Superblock {
@@ -130,6 +160,9 @@ impl Superblock {
         around.reset(self.blocks.0, self.blocks.1, ranks.len());
         for (number, levels) in self.levels.iter().enumerate() {
             let (block, axis) = (number / ranks.len(), number % ranks.len());
+            if axis == 0 {
+                sink.next_block();
+            }
             let set = set_of(is_base, ranks[axis] == 0) * SET_TABLES;
             let neighbours = around.of(block, axis, ranks[axis] > 1);
             let (magnitudes, end) = walk_block(levels, first, set, &neighbours, sink);

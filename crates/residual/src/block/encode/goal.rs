@@ -7,6 +7,7 @@ use super::code::{Looks, code};
 use super::error::{psnr, worst_block_rms};
 use super::forward::{Coefficients, coefficients};
 use super::source::BlockSource;
+use super::strength::{deblocked, strongest};
 use crate::block::decode::BlockTexture;
 use crate::block::form::{BlockForm, MAX_STEP, OCTAVE_STEPS, Quantiser};
 
@@ -108,13 +109,14 @@ impl<'a> BlockEncoder<'a> {
             depth: source.depth,
             superblock_log2: params.superblock_log2,
             quantiser: Quantiser { step: 0, slope: slope(params.metric), offsets: [0; 2] },
+            deblocking: 0,
             groups: Vec::new(),
         };
         let planes = coefficients(source, &mut form, check)?;
         Ok(BlockEncoder { source, params: *params, form, planes, check })
     }
 
-    /// The texture of that step, a number up to [`MAX_STEP`].
+    /// The texture of that step, a number up to [`MAX_STEP`], deblocked as it is best.
     ///
     /// # Errors
     /// [`EncodeError`] where the job was cancelled.
@@ -125,7 +127,12 @@ impl<'a> BlockEncoder<'a> {
         // by 0.08.
         let passes = if self.params.effort == Effort::Fast { 1 } else { 2 };
         let rounds = if self.params.effort == Effort::High { 3 } else { 1 };
-        code(&self.planes, &form, Looks { passes, rounds }, self.check)
+        let texture = code(&self.planes, &form, Looks { passes, rounds }, self.check)?;
+        // The first plane is the image.
+        match self.planes.first() {
+            Some(image) => deblocked(texture, image, strongest(self.params.metric), self.check),
+            None => Ok(texture),
+        }
     }
 
     /// The texture that meets the goal: the best one within its bits, or the smallest one within its error.

@@ -14,51 +14,66 @@ use crate::vectors::vectorised;
 
 /// Largest strength.
 pub const MAX_DEBLOCKING: u8 = 3;
-/// Lines that are filtered side by side.
-const LANES: usize = 8;
+/// Most texels along a superblock's side.
+const MAX_SIDE: usize = 64;
 /// Eighths of a jump that are added to p0 and to p1 of a group's first axis.
 pub(super) const FIRST_TAPS: [i32; 2] = [6, -2];
 /// The same of its other axes.
 pub(super) const OTHER_TAPS: [i32; 2] = [8, 3];
 
-/// What an axis is filtered with.
+/// What an axis is filtered with: eighths of a jump that are added to p0 and to p1. They are constants, as shifts are faster than
+/// products.
 #[derive(Clone, Copy)]
-struct Filter {
-    taps: [i32; 2],
+struct Filter<const NEAR: i32, const FAR: i32> {
     /// Largest jump, in samples' units with their fractional bits.
     limit: i32,
 }
 
-impl Filter {
-    /// Filters lines across a border: their samples p1, p0, q0 and q1.
+impl<const NEAR: i32, const FAR: i32> Filter<NEAR, FAR> {
+    /// Filters lines across a border: as many samples p1, p0, q0 and q1.
     #[inline(always)]
-    fn lines(self, [p1, p0, q0, q1]: [&mut [i32; LANES]; 4]) {
-        for lane in 0..LANES {
-            let step = q0[lane].wrapping_sub(p0[lane]).wrapping_mul(9);
-            let slopes = q1[lane].wrapping_sub(p1[lane]).wrapping_mul(3);
+    fn lines(self, [p1, p0, q0, q1]: [&mut [i32]; 4]) {
+        // A loop over slices is what compilers turn into vectors.
+        for (((p1, p0), q0), q1) in p1.iter_mut().zip(p0).zip(q0).zip(q1) {
+            let step = q0.wrapping_sub(*p0).wrapping_mul(9);
+            let slopes = q1.wrapping_sub(*p1).wrapping_mul(3);
             let jump = step.wrapping_sub(slopes).wrapping_add(8) >> 4;
-            let jump = jump.clamp(-self.limit, self.limit);
-            let [near, far] = self.taps.map(|tap| jump.wrapping_mul(tap).wrapping_add(4) >> 3);
-            p1[lane] = p1[lane].wrapping_add(far);
-            p0[lane] = p0[lane].wrapping_add(near);
-            q0[lane] = q0[lane].wrapping_sub(near);
-            q1[lane] = q1[lane].wrapping_sub(far);
+            let jump = jump.max(-self.limit).min(self.limit);
+            let near = jump.wrapping_mul(NEAR).wrapping_add(4) >> 3;
+            let far = jump.wrapping_mul(FAR).wrapping_add(4) >> 3;
+            *p1 = p1.wrapping_add(far);
+            *p0 = p0.wrapping_add(near);
+            *q0 = q0.wrapping_sub(near);
+            *q1 = q1.wrapping_sub(far);
         }
+    }
+
+    /// Filters an axis.
+    #[inline(always)]
+    fn plane(self, plane: &mut [i32], side: usize, blocks: (usize, usize)) {
+        self.columns(plane, side, blocks);
+        self.rows(plane, side, blocks);
     }
 
     /// Filters the borders between the columns of blocks of an axis.
     #[inline(always)]
     fn columns(self, plane: &mut [i32], side: usize, (columns, rows): (usize, usize)) {
-        for lines in plane.chunks_exact_mut(LANES * side).take(rows) {
-            for first in (1..columns).map(|column| 8 * column - 2) {
-                // Constant places, so that compilers turn both transpositions into shuffles.
-                let samples: [[i32; 4]; LANES] = std::array::from_fn(|lane| four(lines, lane * side + first));
-                let [mut p1, mut p0, mut q0, mut q1] =
-                    std::array::from_fn(|tap| std::array::from_fn(|lane| samples[lane][tap]));
-                self.lines([&mut p1, &mut p0, &mut q0, &mut q1]);
-                for lane in 0..LANES {
-                    let filtered = [p1[lane], p0[lane], q0[lane], q1[lane]];
-                    lines[lane * side + first..][..4].copy_from_slice(&filtered);
+        let count = (8 * rows).min(MAX_SIDE);
+        // Transposed, so that lines lie side by side.
+        let mut taps = [[0i32; MAX_SIDE]; 4];
+        for first in (1..columns).map(|column| 8 * column - 2) {
+            for (at, line) in plane.chunks_exact(side).take(count).enumerate() {
+                let Some(samples) = line[first..].first_chunk::<4>() else { continue };
+                for tap in 0..4 {
+                    taps[tap][at % MAX_SIDE] = samples[tap];
+                }
+            }
+            let [p1, p0, q0, q1] = &mut taps;
+            self.lines([&mut p1[..count], &mut p0[..count], &mut q0[..count], &mut q1[..count]]);
+            for (at, line) in plane.chunks_exact_mut(side).take(count).enumerate() {
+                let Some(samples) = line[first..].first_chunk_mut::<4>() else { continue };
+                for tap in 0..4 {
+                    samples[tap] = taps[tap][at % MAX_SIDE];
                 }
             }
         }
@@ -67,22 +82,14 @@ impl Filter {
     /// Filters the borders between the rows of blocks of an axis.
     #[inline(always)]
     fn rows(self, plane: &mut [i32], side: usize, (columns, rows): (usize, usize)) {
+        let count = (8 * columns).min(side);
         for row in 1..rows {
             let lines = &mut plane[(8 * row - 2) * side..(8 * row + 2) * side];
             let (above, below) = lines.split_at_mut(2 * side);
             let ((p1, p0), (q0, q1)) = (above.split_at_mut(side), below.split_at_mut(side));
-            let lanes = [p1, p0, q0, q1].map(|line| line.as_chunks_mut::<LANES>().0);
-            let [p1, p0, q0, q1] = lanes;
-            let inner = p1.iter_mut().zip(p0).zip(q0).zip(q1).take(columns);
-            inner.for_each(|(((p1, p0), q0), q1)| self.lines([p1, p0, q0, q1]));
+            self.lines([&mut p1[..count], &mut p0[..count], &mut q0[..count], &mut q1[..count]]);
         }
     }
-}
-
-/// Four samples.
-#[inline(always)]
-fn four(samples: &[i32], at: usize) -> [i32; 4] {
-    samples[at..].first_chunk().copied().unwrap_or_default()
 }
 
 /// Filters a superblock: for each axis, of that place in its group, `side` x `side` samples, of which so many columns and rows
@@ -96,13 +103,12 @@ pub(super) fn deblock(samples: &mut [i32], side: usize, blocks: (usize, usize), 
         #[inline(always)]
         move || {
             for (plane, &rank) in samples.chunks_exact_mut(side * side).zip(ranks) {
-                let filter = if rank == 0 {
-                    Filter { taps: FIRST_TAPS, limit }
+                if rank == 0 {
+                    Filter::<{ FIRST_TAPS[0] }, { FIRST_TAPS[1] }> { limit }.plane(plane, side, blocks);
                 } else {
-                    Filter { taps: OTHER_TAPS, limit: 2 * limit }
-                };
-                filter.columns(plane, side, blocks);
-                filter.rows(plane, side, blocks);
+                    let limit = 2 * limit;
+                    Filter::<{ OTHER_TAPS[0] }, { OTHER_TAPS[1] }> { limit }.plane(plane, side, blocks);
+                }
             }
         },
     );

@@ -115,6 +115,16 @@ fn strengths_of_deblocking_are_stored_and_others_refused() {
     }
 }
 
+/// A texture as `to_bytes` gave it of the fixture `cutout.png` at step 1700, without mip levels, and its texels then.
+#[test]
+fn a_deblocked_texture_decodes_as_ever() {
+    let golden = |name: &str| texfold_testkit::fixtures_dir().join("golden").join(name);
+    let texture = read(&std::fs::read(golden("block_deblocked.bin")).unwrap()).unwrap();
+    assert!(texture.form().deblocking > 0);
+    let found: Vec<u8> = decoded(&texture, all_of(&texture)).iter().map(|&sample| sample as u8).collect();
+    assert!(found == texfold_testkit::png(&golden("block_deblocked.png")).to_bytes());
+}
+
 #[test]
 fn deblocking_leaves_the_borders_of_superblocks() {
     let source = waves(96, 64, &[1], 8);

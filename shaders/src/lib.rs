@@ -90,7 +90,8 @@ impl BlockTarget {
 
 /// A whole compute shader that decodes textures in blocks of variable length. Group 0: `texfold_core::BlockPass`, words,
 /// streams and scratch memory; group 1, of `write_texels` alone: where texels go, and the target. Its functions, in their order, are
-/// `read_superblocks` and `transform_blocks` for each plane, then `write_texels`.
+/// `read_superblocks` and `transform_blocks` for each plane, `deblock_columns` and `deblock_rows` for the last one where it is
+/// deblocked, then `write_texels`.
 #[must_use]
 pub fn block(target: BlockTarget) -> String {
     let target = match target {

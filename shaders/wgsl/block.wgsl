@@ -53,6 +53,13 @@ const TEXFOLD_BLOCK_ROOT: i32 = 362;
 const TEXFOLD_BLOCK_ROTATE_BOTH: i32 = 473;
 const TEXFOLD_BLOCK_ROTATE_FIRST: i32 = 277;
 const TEXFOLD_BLOCK_ROTATE_SECOND: i32 = 669;
+// Lines across a border of a block.
+const TEXFOLD_BLOCK_LINES: u32 = 8u;
+// Eighths of a jump that are added to the samples next to a border, and to those behind them: of first axes and of others.
+const TEXFOLD_BLOCK_FIRST_NEAR: i32 = 6;
+const TEXFOLD_BLOCK_FIRST_FAR: i32 = -2;
+const TEXFOLD_BLOCK_OTHER_NEAR: i32 = 8;
+const TEXFOLD_BLOCK_OTHER_FAR: i32 = 3;
 
 // What is decoded of one plane: texfold_core::BlockPass.
 struct TexfoldBlockPass {
@@ -77,7 +84,8 @@ struct TexfoldBlockPass {
     index: u32,
     index_bits: u32,
     stream_bytes: u32,
-    reserved: u32,
+    // Largest jump across a border of blocks that is taken away from first axes; 0 where nothing is filtered.
+    deblocking: i32,
 }
 
 @group(0) @binding(0) var<uniform> texfold_block_pass: TexfoldBlockPass;
@@ -566,6 +574,44 @@ fn texfold_block_samples(slot: u32) {
     texfold_block_put(own + 40u, left[5], right[5]);
     texfold_block_put(own + 48u, left[6], right[6]);
     texfold_block_put(own + 56u, left[7], right[7]);
+}
+
+// Filters a line across a border: the samples of both blocks next to it lie at `before` and `own`, those behind them `across`
+// words before and after.
+fn texfold_block_smooth(before: u32, own: u32, across: u32, limit: i32, near: i32, far: i32) {
+    let p1 = texfold_block_scratch[before - across];
+    let p0 = texfold_block_scratch[before];
+    let q0 = texfold_block_scratch[own];
+    let q1 = texfold_block_scratch[own + across];
+    let jump = clamp(((q0 - p0) * 9 - (q1 - p1) * 3 + 8) >> 4u, -limit, limit);
+    let by_near = (jump * near + 4) >> 3u;
+    let by_far = (jump * far + 4) >> 3u;
+    texfold_block_scratch[before - across] = p1 + by_far;
+    texfold_block_scratch[before] = p0 + by_near;
+    texfold_block_scratch[own] = q0 - by_near;
+    texfold_block_scratch[own + across] = q1 - by_far;
+}
+
+// Filters the border between a block's axis, the one of that number of those that are held, and the block to its left, or the
+// one above where `is_above` is 1; not where a superblock ends.
+fn texfold_block_deblock(slot: u32, is_above: u32) {
+    let held = texfold_block_pass.held;
+    let axis = slot / (held.x * held.y);
+    let place = select(slot % held.x, slot / held.x % held.y, is_above == 1u);
+    if place % texfold_block_pass.side == 0u {
+        return;
+    }
+    let across = select(1u, 8u, is_above == 1u);
+    let along = select(8u, 1u, is_above == 1u);
+    let own = texfold_block_pass.samples + slot * TEXFOLD_BLOCK_WORDS;
+    let before = own - select(1u, held.x, is_above == 1u) * TEXFOLD_BLOCK_WORDS + 7u * across;
+    let is_first = ((texfold_block_pass.ranks >> (2u * axis)) & 3u) == 0u;
+    let limit = texfold_block_pass.deblocking * select(2, 1, is_first);
+    let near = select(TEXFOLD_BLOCK_OTHER_NEAR, TEXFOLD_BLOCK_FIRST_NEAR, is_first);
+    let far = select(TEXFOLD_BLOCK_OTHER_FAR, TEXFOLD_BLOCK_FIRST_FAR, is_first);
+    for (var line = 0u; line < min(8u, TEXFOLD_BLOCK_LINES); line += 1u) {
+        texfold_block_smooth(before + line * along, own + line * along, across, limit, near, far);
+    }
 }
 
 // A sample of an axis, of those that are held.

@@ -65,6 +65,8 @@ pub struct BlockLayout {
     pub stream_bytes: u32,
     /// How texels of further levels are made.
     pub average: BlockAverage,
+    /// Largest jump across a border of blocks that deblocking takes away from first axes; 0 for none.
+    pub deblocking: i32,
 }
 
 /// How texels of smaller mip levels are made of samples.
@@ -133,8 +135,8 @@ pub struct BlockPass {
     pub index_bits: u32,
     /// Bytes of all superblocks.
     pub stream_bytes: u32,
-    /// Always 0.
-    pub reserved: u32,
+    /// Largest jump across a border of blocks that is taken away from first axes; 0 where nothing is filtered.
+    pub deblocking: i32,
 }
 
 /// What a rectangle needs.
@@ -239,6 +241,7 @@ impl BlockLayout {
             // The coarsest plane's superblocks come first.
             pass.superblock_start = counts[*plane + 1..].iter().sum();
             pass.is_base = u32::from(*plane > 0);
+            pass.deblocking = if *plane > 0 { 0 } else { self.deblocking };
             pass.steps = self.steps + BLOCK_WORDS * *plane as u32;
             pass.samples = next as u32;
             if let Some(base) = passes.last() {

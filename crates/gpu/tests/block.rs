@@ -177,6 +177,37 @@ fn fixtures_equal_the_cpu_at_every_side_and_quality() {
     }
 }
 
+/// The texture at that strength of deblocking, which its bytes say.
+fn deblocked(texture: &BlockTexture, strength: u8) -> BlockTexture {
+    let mut bytes = texture.to_bytes();
+    // The strength stands behind version, sizes, depth, superblock and quantiser, where there is one.
+    if bytes[0] == 2 {
+        bytes.remove(12);
+    }
+    bytes[0] = 1 + u8::from(strength > 0);
+    if strength > 0 {
+        bytes.insert(12, strength);
+    }
+    BlockTexture::read(&mut Reader::new(String4(*b"TEST"), &bytes), &mut Budget::default()).unwrap()
+}
+
+#[test]
+fn deblocked_images_equal_those_of_the_cpu() {
+    let Some((gpu, decoder)) = decoder() else { return };
+    let red = [BlockChannel::Channel(0), BlockChannel::Channel(1), BlockChannel::Zero, BlockChannel::One];
+    for (log2, depth, step, strength) in [(4, 8, 1600, 3), (5, 8, 1900, 1), (5, 16, 3900, 2), (6, 8, 1500, 2)]
+    {
+        let texture = texture(&source(131, 77, &[2, 1], depth), log2, step, Metric::Psnr);
+        let [plain, texture] = [0, strength].map(|strength| deblocked(&texture, strength));
+        let image = decoder.upload(gpu, &texture.gpu(Stage::default())).unwrap();
+        for rect in [whole(&texture), Rect { x: 37, y: 21, width: 70, height: 50, ..whole(&texture) }] {
+            let found = decoder.decode_texels(gpu, &image, rect, red).unwrap();
+            assert!(found == wanted(&texture, rect, red), "{log2} {depth} {strength} {rect:?}");
+            assert!(wanted(&plain, rect, red) != found, "nothing is deblocked");
+        }
+    }
+}
+
 #[test]
 fn deep_samples_and_sixteen_channels_equal_the_cpu() {
     let Some((gpu, decoder)) = decoder() else { return };

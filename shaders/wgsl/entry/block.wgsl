@@ -1,4 +1,5 @@
-// The passes that decode a plane in blocks of variable length: first all its superblocks' streams, then all its blocks.
+// The passes that decode a plane in blocks of variable length: first all its superblocks' streams, then all its blocks; then,
+// where the image is deblocked, the borders between columns of blocks and those between rows.
 
 @compute @workgroup_size(32)
 fn read_superblocks(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -12,6 +13,20 @@ fn read_superblocks(@builtin(global_invocation_id) id: vec3<u32>) {
 fn transform_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x < texfold_block_pass.held.x * texfold_block_pass.held.y * texfold_block_pass.axes {
         texfold_block_samples(id.x);
+    }
+}
+
+@compute @workgroup_size(64)
+fn deblock_columns(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x < texfold_block_pass.held.x * texfold_block_pass.held.y * texfold_block_pass.axes {
+        texfold_block_deblock(id.x, 0u);
+    }
+}
+
+@compute @workgroup_size(64)
+fn deblock_rows(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x < texfold_block_pass.held.x * texfold_block_pass.held.y * texfold_block_pass.axes {
+        texfold_block_deblock(id.x, 1u);
     }
 }
 

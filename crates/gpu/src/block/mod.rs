@@ -3,7 +3,8 @@
 //! [`BlockDecoder`] makes its pipelines once; [`BlockDecoder::upload`] takes what an encoded texture hands out
 //! ([`GpuBlocks`]) and [`BlockDecoder::decode_into`] decodes any rectangle, or the same of two smaller mip levels, into any place of a texture, so that a
 //! cache of tiles can be filled with it. For each plane from the coarsest on that the rectangle needs: an invocation a
-//! superblock reads its stream, then an invocation a block and axis makes its samples; last, an invocation a texel makes its
+//! superblock reads its stream, then an invocation a block and axis makes its samples, and where the image is deblocked two more
+//! filter its borders to the left and above; last, an invocation a texel makes its
 //! channels. All in integers: the texels are the CPU's.
 //!
 //! Cost: 4.3 bytes of scratch memory a texel and axis, [`MAX_SCRATCH`] at most, kept by the decoder for all textures.
@@ -250,6 +251,10 @@ impl BlockDecoder {
                 compute.set_pipeline(&self.pipelines.transform);
                 let blocks = pass.held[0] * pass.held[1] * pass.axes;
                 compute.dispatch_workgroups(blocks.div_ceil(BLOCKS), 1, 1);
+                for pipeline in self.pipelines.deblock.iter().filter(|_| pass.deblocking > 0) {
+                    compute.set_pipeline(pipeline);
+                    compute.dispatch_workgroups(blocks.div_ceil(BLOCKS), 1, 1);
+                }
             }
             compute.set_pipeline(self.pipelines.write(&gpu.device, target));
             compute.set_bind_group(0, &passes, &[offset]);

@@ -34,6 +34,8 @@ pub(super) struct Pipelines {
     pub(super) read: ComputePipeline,
     /// An invocation a block and axis.
     pub(super) transform: ComputePipeline,
+    /// An invocation a block and axis: borders between columns of blocks, then between rows.
+    pub(super) deblock: [ComputePipeline; 2],
     passes: BindGroupLayout,
     /// For each target what writes to it, made when it is first needed.
     writers: [OnceLock<Writer>; BlockTarget::ALL.len()],
@@ -46,7 +48,8 @@ impl Pipelines {
         let module = shader(device, BlockTarget::Unorm8);
         let pipeline = |entry: &str| pipeline(device, &module, entry, &[Some(&passes)]);
         let (read, transform) = (pipeline("read_superblocks"), pipeline("transform_blocks"));
-        Pipelines { read, transform, passes, writers: Default::default() }
+        let deblock = [pipeline("deblock_columns"), pipeline("deblock_rows")];
+        Pipelines { read, transform, deblock, passes, writers: Default::default() }
     }
 
     fn writer(&self, device: &Device, target: BlockTarget) -> &Writer {

@@ -7,6 +7,7 @@ use texfold_core::{Cached, Rect, RegionError, SurfaceSize, parallel};
 use super::Bytes;
 use super::channels::{BlockSample, write_channels};
 use super::context::Around;
+use super::deblock::deblock;
 use super::form::{BlockForm, PlaneShape, Steps};
 use super::index::Index;
 use super::plane::{Patch, PlaneDecoder};
@@ -66,6 +67,23 @@ impl BlockTexture {
     /// The same texture with other superblocks loaded: the bases' at least.
     pub(super) fn with_bytes(self, bytes: Bytes) -> Self {
         BlockTexture { bytes, ..self }
+    }
+
+    /// The same texture, deblocked at another strength.
+    #[cfg(feature = "encode")]
+    pub(super) fn with_deblocking(mut self, strength: u8) -> Self {
+        self.form.deblocking = strength;
+        self
+    }
+
+    /// A superblock of the image before it is deblocked, as [`BlockTexture::read_image`] gives it.
+    #[cfg(feature = "encode")]
+    pub(super) fn image_superblock(&self, place: (usize, usize)) -> Vec<i32> {
+        let base = self.base.get_or_make(|| self.whole_base()).as_ref();
+        let side = 1usize << self.form.superblock_log2;
+        let mut samples = vec![0; self.tools().ranks.len() * side * side];
+        self.read_image(place, base, &mut Around::default(), &mut samples);
+        samples
     }
 
     /// Header.
@@ -175,13 +193,11 @@ impl BlockTexture {
         let line = rect.width as usize * channels;
         let mut samples = vec![0i32; self.tools().ranks.len() * side * side];
         let mut around = Around::default();
+        let limit = self.form.deblocking_limit(self.form.deblocking);
         for column in columns.clone() {
-            self.superblock(0, (column, row), base, &mut around, |axis, (x, y), block| {
-                let first = (axis * side + 8 * y - row * side) * side + 8 * x - column * side;
-                for (line, values) in block.chunks_exact(8).enumerate() {
-                    samples[first + line * side..][..8].copy_from_slice(values);
-                }
-            });
+            self.read_image((column, row), base, &mut around, &mut samples);
+            let blocks = self.tools().planes[0].blocks_in(column, row);
+            deblock(&mut samples, side, blocks, &self.tools().ranks, limit);
             let (start, end) = ((column * side).max(left), ((column + 1) * side).min(right));
             for (number, out) in out.chunks_exact_mut(line).enumerate() {
                 let inside = top + number - row * side;
@@ -189,6 +205,24 @@ impl BlockTexture {
                 write_channels(&self.form, &samples, side, (start - column * side, inside), texels);
             }
         }
+    }
+
+    /// Reads a superblock of the image before it is deblocked: for each axis as many samples a side as a superblock has, of which
+    /// those of blocks of the image are set.
+    fn read_image(
+        &self,
+        (column, row): (usize, usize),
+        base: Option<&Patch>,
+        around: &mut Around,
+        samples: &mut [i32],
+    ) {
+        let side = 1usize << self.form.superblock_log2;
+        self.superblock(0, (column, row), base, around, |axis, (x, y), block| {
+            let first = (axis * side + 8 * y - row * side) * side + 8 * x - column * side;
+            for (line, values) in block.chunks_exact(8).enumerate() {
+                samples[first + line * side..][..8].copy_from_slice(values);
+            }
+        });
     }
 
     /// The image's means, or the image itself where it is a single block: columns and rows, samples texel by texel.

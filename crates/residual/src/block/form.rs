@@ -70,11 +70,15 @@ pub struct Quantiser {
 }
 
 impl Quantiser {
+    /// The step in 1/1024 of a unit of the samples.
+    fn step_units(&self) -> u64 {
+        u64::from(OCTAVE_STEPS + self.step % OCTAVE_STEPS) << (self.step / OCTAVE_STEPS)
+    }
+
     /// The step in units of the samples.
     #[must_use]
     pub fn step_size(&self) -> f64 {
-        f64::from(OCTAVE_STEPS + self.step % OCTAVE_STEPS) * f64::from(self.step / OCTAVE_STEPS).exp2()
-            / STEP_UNITS
+        self.step_units() as f64 / STEP_UNITS
     }
 
     /// Number of the step nearest to that size.
@@ -100,7 +104,7 @@ impl Steps {
     /// Steps of the plane of that number, where samples have so many fractional bits.
     pub(super) fn new(quantiser: &Quantiser, plane: usize, fraction: u32) -> Steps {
         let slope = if plane == 0 { u64::from(quantiser.slope) } else { 0 };
-        let size = u64::from(OCTAVE_STEPS + quantiser.step % OCTAVE_STEPS) << (quantiser.step / OCTAVE_STEPS);
+        let size = quantiser.step_units();
         let steps = std::array::from_fn(|at| {
             // 10 fractional bits of the size, 12 of slope and radius, twice 12 of the scales, 3 for the transform's scale of 8.
             let weight = (1u64 << 12) + slope * u64::from(RADII[at]);
@@ -142,6 +146,8 @@ pub struct BlockForm {
     pub superblock_log2: u8,
     /// How coefficients became numbers.
     pub quantiser: Quantiser,
+    /// Strength of deblocking, 0 (none) to [`super::MAX_DEBLOCKING`].
+    pub deblocking: u8,
     /// Groups of channels, in their order; at most [`MAX_CHANNELS`] channels together.
     pub groups: Vec<Group>,
 }
@@ -156,6 +162,13 @@ impl BlockForm {
     /// Fractional bits of samples inside the decoder.
     pub(super) fn fraction(&self) -> u32 {
         if self.depth > 8 { 2 } else { 6 }
+    }
+
+    /// Largest jump across a border of blocks that deblocking of that strength takes away from first axes: a sixteenth of the
+    /// step for each unit of it, in samples' units with their fractional bits.
+    pub(super) fn deblocking_limit(&self, strength: u8) -> i32 {
+        // Less than 2^22.
+        ((u64::from(strength) * (self.quantiser.step_units() << self.fraction())) >> (SIZE_BITS + 4)) as i32
     }
 
     /// For each axis, its place in its group.
@@ -222,6 +235,7 @@ mod tests {
             depth: 8,
             superblock_log2: 5,
             quantiser: Quantiser { step: 0, slope: 0, offsets: [0; 2] },
+            deblocking: 0,
             groups: vec![Group::plain(3)],
         };
         let sizes = |width, height| -> Vec<(u32, u32)> {

@@ -71,6 +71,7 @@ impl BlockTexture {
             index_bits: self.index.width(),
             stream_bytes: self.bytes.len() as u32,
             average: stage.average,
+            deblocking: form.deblocking_limit(form.deblocking),
         };
         let held = self.bytes_before_streams();
         let base = self.base_length().min(self.bytes.len());

@@ -14,13 +14,16 @@
 //! Cost of decoding: one table lookup for each coefficient up to a block's last, some 200 additions and 80 multiplications
 //! for a block's axis.
 //!
-//! *Not done*: deblocking, a choice of transforms.
+//! Borders between the blocks of a superblock are filtered, as strongly as the encoder has found best.
+//!
+//! *Not done*: a choice of transforms, filters across the borders of superblocks.
 
 mod average;
 mod bits;
 mod channels;
 mod content;
 mod context;
+mod deblock;
 mod decode;
 #[cfg(feature = "encode")]
 pub mod encode;
@@ -42,6 +45,7 @@ mod wire;
 
 pub use channels::BlockSample;
 pub use content::{BlockContent, stage_sizes};
+pub use deblock::MAX_DEBLOCKING;
 pub use decode::BlockTexture;
 pub use form::{BlockForm, Group, MAX_CHANNELS, MAX_GROUP, MAX_STEP, Quantiser};
 pub use gpu::Stage;

@@ -3,7 +3,9 @@
 use glam::{IVec4, UVec2};
 use texfold_core::{BlockPlan, GpuBlocks, GpuChannel, Rect, RegionError};
 
-use super::twin::{BlockView, texfold_block_channel, texfold_block_samples, texfold_block_superblock};
+use super::twin::{
+    BlockView, texfold_block_channel, texfold_block_deblock, texfold_block_samples, texfold_block_superblock,
+};
 
 /// Texels of a rectangle as a GPU's passes give them; `rect.level` is 0.
 ///
@@ -20,8 +22,11 @@ pub fn decode(blocks: &GpuBlocks<'_>, rect: Rect) -> Result<Vec<u16>, RegionErro
         for number in 0..columns * rows {
             texfold_block_superblock(view, UVec2::new(number % columns, number / columns));
         }
-        for slot in 0..pass.held[0] * pass.held[1] * pass.axes {
-            texfold_block_samples(view, slot);
+        let slots = pass.held[0] * pass.held[1] * pass.axes;
+        (0..slots).for_each(|slot| texfold_block_samples(view, slot));
+        if pass.deblocking > 0 {
+            (0..slots).for_each(|slot| texfold_block_deblock(view, slot, 0));
+            (0..slots).for_each(|slot| texfold_block_deblock(view, slot, 1));
         }
     }
     let Some(pass) = passes.last() else { return Ok(Vec::new()) };

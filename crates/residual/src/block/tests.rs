@@ -85,13 +85,73 @@ fn images_of_any_shape_come_back() {
     }
 }
 
+/// The texture with another strength of deblocking, as a file says it.
+fn with_strength(texture: &BlockTexture, strength: u8) -> Result<BlockTexture, LoadError> {
+    let mut bytes = texture.clone().with_deblocking(1).to_bytes();
+    // Behind version, sizes, depth, superblock and quantiser.
+    assert_eq!((bytes[0], bytes[12]), (2, 1));
+    bytes[12] = strength;
+    read(&bytes)
+}
+
+#[test]
+fn strengths_of_deblocking_are_stored_and_others_refused() {
+    let source = waves(70, 50, &[3, 1], 8);
+    let params = BlockParams::default().with_metric(Metric::Psnr);
+    let encoder = BlockEncoder::new(&source, &params, CancelCheck::default()).unwrap();
+    let texture = encoder.at_step(1600).unwrap();
+    let plain = texture.clone().with_deblocking(0);
+    assert_eq!(plain.to_bytes()[0], 1, "files without deblocking are as they were");
+    assert_eq!(read(&plain.to_bytes()).unwrap().form().deblocking, 0);
+    let mut all = vec![decoded(&plain, all_of(&plain))];
+    for strength in 1..=MAX_DEBLOCKING {
+        let read = with_strength(&texture, strength).unwrap();
+        assert_eq!(read.form().deblocking, strength);
+        all.push(decoded(&read, all_of(&read)));
+    }
+    assert!(all.windows(2).all(|pair| pair[0] != pair[1]));
+    for strength in [0, MAX_DEBLOCKING + 1, 255] {
+        assert!(matches!(with_strength(&texture, strength), Err(LoadError::Corrupt { .. })), "{strength}");
+    }
+}
+
+/// A texture as `to_bytes` gave it of the fixture `cutout.png` at step 1700, without mip levels, and its texels then.
+#[test]
+fn a_deblocked_texture_decodes_as_ever() {
+    let golden = |name: &str| texfold_testkit::fixtures_dir().join("golden").join(name);
+    let texture = read(&std::fs::read(golden("block_deblocked.bin")).unwrap()).unwrap();
+    assert!(texture.form().deblocking > 0);
+    let found: Vec<u8> = decoded(&texture, all_of(&texture)).iter().map(|&sample| sample as u8).collect();
+    assert!(found == texfold_testkit::png(&golden("block_deblocked.png")).to_bytes());
+}
+
+#[test]
+fn deblocking_leaves_the_borders_of_superblocks() {
+    let source = waves(96, 64, &[1], 8);
+    let params = BlockParams::default().with_metric(Metric::Psnr);
+    let encoder = BlockEncoder::new(&source, &params, CancelCheck::default()).unwrap();
+    let texture = encoder.at_step(1800).unwrap();
+    let plain = decoded(&texture.clone().with_deblocking(0), all_of(&texture));
+    let filtered = decoded(&texture.clone().with_deblocking(3), all_of(&texture));
+    let changed = |x: usize| (0..64).any(|y| plain[y * 96 + x] != filtered[y * 96 + x]);
+    // Rows are filtered, too, but those far from borders of rows of blocks change by columns alone.
+    let by_columns = |x: usize| {
+        (0..64).filter(|y| (2..6).contains(&(y % 8))).any(|y| plain[y * 96 + x] != filtered[y * 96 + x])
+    };
+    assert!((0..96).any(changed));
+    for x in (0..96).filter(|&x| by_columns(x)) {
+        let border = (x + 2) / 8 * 8;
+        assert!(border.abs_diff(x) <= 2 && border % 32 != 0, "column {x}");
+    }
+}
+
 #[test]
 fn regions_equal_the_whole() {
     let mut rng = Rng::new(9);
     for (log2, groups) in [(4, &[3u8, 1] as &[u8]), (5, &[3]), (6, &[1])] {
         let source = waves(300, 170, groups, 8);
         let params = BlockParams::default().with_goal(Goal::Psnr(40.0)).with_superblock_log2(log2);
-        let texture = encoded(&source, params);
+        let texture = encoded(&source, params).with_deblocking(3);
         let (whole, channels) = (decoded(&texture, all_of(&texture)), source.channels());
         for _ in 0..60 {
             let (x, y) = (rng.below(300), rng.below(170));

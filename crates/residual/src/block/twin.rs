@@ -8,6 +8,7 @@ use glam::{IVec2, IVec4, UVec2};
 use texfold_core::{BLOCK_NOTES, BLOCK_WORDS, BlockPass};
 
 use super::context::{ESCAPE, ESCAPE_BITS, FIRST_END, FIRST_LAST, LEVELS, SET_TABLES, SIGNS};
+use super::deblock::{FIRST_TAPS, OTHER_TAPS};
 use super::form::MAX_CHANNELS;
 use super::tables::PROBABILITY_BITS;
 
@@ -63,6 +64,16 @@ pub const TEXFOLD_BLOCK_ROTATE_BOTH: i32 = 473;
 pub const TEXFOLD_BLOCK_ROTATE_FIRST: i32 = 277;
 /// 2 (cos(pi / 8) + cos(3 pi / 8)) in 1/256.
 pub const TEXFOLD_BLOCK_ROTATE_SECOND: i32 = 669;
+/// Lines across a border of a block.
+pub const TEXFOLD_BLOCK_LINES: u32 = 8;
+/// Eighths of a jump that are added to the samples next to a border, of first axes.
+pub const TEXFOLD_BLOCK_FIRST_NEAR: i32 = 6;
+/// Eighths of a jump that are added to those behind them, of first axes.
+pub const TEXFOLD_BLOCK_FIRST_FAR: i32 = -2;
+/// As [`TEXFOLD_BLOCK_FIRST_NEAR`], of other axes.
+pub const TEXFOLD_BLOCK_OTHER_NEAR: i32 = 8;
+/// As [`TEXFOLD_BLOCK_FIRST_FAR`], of other axes.
+pub const TEXFOLD_BLOCK_OTHER_FAR: i32 = 3;
 
 // What the shader has as plain numbers is what the decoder has.
 const _: () = assert!(
@@ -75,6 +86,10 @@ const _: () = assert!(
         && TEXFOLD_BLOCK_PROBABILITY_BITS == PROBABILITY_BITS
         && TEXFOLD_BLOCK_NOTES == BLOCK_NOTES
         && TEXFOLD_BLOCK_WORDS == BLOCK_WORDS
+        && FIRST_TAPS[0] == TEXFOLD_BLOCK_FIRST_NEAR
+        && FIRST_TAPS[1] == TEXFOLD_BLOCK_FIRST_FAR
+        && OTHER_TAPS[0] == TEXFOLD_BLOCK_OTHER_NEAR
+        && OTHER_TAPS[1] == TEXFOLD_BLOCK_OTHER_FAR
         && SIGNS == 16
         && TEXFOLD_BLOCK_MAX_ROUNDS as usize == 64 * 33 * MAX_CHANNELS
 );
@@ -579,6 +594,54 @@ pub fn texfold_block_samples(view: &mut BlockView<'_>, slot: u32) {
     }
 }
 
+/// Filters a line across a border: the samples of both blocks next to it lie at `before` and `own`, those behind them `across`
+/// words before and after.
+pub fn texfold_block_smooth(
+    view: &mut BlockView<'_>,
+    before: u32,
+    own: u32,
+    across: u32,
+    limit: i32,
+    near: i32,
+    far: i32,
+) {
+    let p1 = view.scratch(before - across);
+    let p0 = view.scratch(before);
+    let q0 = view.scratch(own);
+    let q1 = view.scratch(own + across);
+    let step = q0.wrapping_sub(p0).wrapping_mul(9);
+    let slopes = q1.wrapping_sub(p1).wrapping_mul(3);
+    let jump = (step.wrapping_sub(slopes).wrapping_add(8) >> 4).clamp(-limit, limit);
+    let by_near = jump.wrapping_mul(near).wrapping_add(4) >> 3;
+    let by_far = jump.wrapping_mul(far).wrapping_add(4) >> 3;
+    view.scratch[(before - across) as usize] = p1.wrapping_add(by_far);
+    view.scratch[before as usize] = p0.wrapping_add(by_near);
+    view.scratch[own as usize] = q0.wrapping_sub(by_near);
+    view.scratch[(own + across) as usize] = q1.wrapping_sub(by_far);
+}
+
+/// Filters the border between a block's axis, the one of that number of those that are held, and the block to its left, or the
+/// one above where `is_above` is 1; not where a superblock ends.
+pub fn texfold_block_deblock(view: &mut BlockView<'_>, slot: u32, is_above: u32) {
+    let [columns, rows] = view.pass.held;
+    let axis = slot / (columns * rows);
+    let place = select(slot % columns, slot / columns % rows, is_above == 1);
+    if place.is_multiple_of(view.pass.side) {
+        return;
+    }
+    let across = select(1, 8, is_above == 1);
+    let along = select(8, 1, is_above == 1);
+    let own = view.pass.samples + slot * TEXFOLD_BLOCK_WORDS;
+    let before = own - select(1, columns, is_above == 1) * TEXFOLD_BLOCK_WORDS + 7 * across;
+    let is_first = view.pass.ranks >> (2 * axis) & 3 == 0;
+    let limit = view.pass.deblocking.wrapping_mul(select(2, 1, is_first));
+    let near = select(TEXFOLD_BLOCK_OTHER_NEAR, TEXFOLD_BLOCK_FIRST_NEAR, is_first);
+    let far = select(TEXFOLD_BLOCK_OTHER_FAR, TEXFOLD_BLOCK_FIRST_FAR, is_first);
+    for line in 0..8.min(TEXFOLD_BLOCK_LINES) {
+        texfold_block_smooth(view, before + line * along, own + line * along, across, limit, near, far);
+    }
+}
+
 /// A sample of an axis, of those that are held.
 pub fn texfold_block_sample(view: &BlockView<'_>, axis: u32, at: UVec2) -> i32 {
     let [columns, rows] = view.pass.held;
@@ -668,15 +731,17 @@ mod tests {
             ((40, 90), &[4, 4, 4, 4], 8, 6, 1800),
         ];
         for (size, groups, depth, log2, step) in shapes {
-            let texture = texture(size, groups, depth, log2, step);
-            let [wanted, found] = both(&texture, whole(&texture));
-            assert!(wanted == found, "{size:?} {groups:?}");
+            for strength in [0, 1, 3] {
+                let texture = texture(size, groups, depth, log2, step).with_deblocking(strength);
+                let [wanted, found] = both(&texture, whole(&texture));
+                assert!(wanted == found, "{size:?} {groups:?} {strength}");
+            }
         }
     }
 
     #[test]
     fn rectangles_equal_those_of_the_decoder() {
-        let texture = texture((600, 140), &[3], 8, 4, 1680);
+        let texture = texture((600, 140), &[3], 8, 4, 1680).with_deblocking(2);
         let mut rng = Rng::new(1);
         for _ in 0..30 {
             let (x, y) = (rng.below(600), rng.below(140));
@@ -699,7 +764,7 @@ mod tests {
 
     #[test]
     fn forged_streams_and_lengths_decode_alike() {
-        let texture = texture((150, 70), &[3], 8, 5, 1200);
+        let texture = texture((150, 70), &[3], 8, 5, 1200).with_deblocking(3);
         let bytes = texture.to_bytes();
         let streams = texture.gpu(Stage::default()).streams.len();
         let mut rng = Rng::new(7);

@@ -2,10 +2,11 @@
 //!
 //! | bytes | what |
 //! |---|---|
-//! | 1 | version, 1 |
+//! | 1 | version: 1, or 2 with deblocking |
 //! | 2, 2 | columns and rows, less one |
 //! | 1, 1 | bits of a sample, binary logarithm of a superblock's side |
 //! | 2, 1, 2 | step, slope, two offsets |
+//! | 1 | strength of deblocking, in version 2 alone |
 //! | 1 | groups; for each: 1 channels, then 2 for each mean, 2 for each of channels x channels weights of axes |
 //! | 1, 2, 4 | bits of a length in the index, bytes of the tables, bytes of the superblocks |
 //! | | words of the index, tables, superblocks: those of the coarsest base first, each plane row by row |
@@ -16,14 +17,17 @@ use texfold_core::container::Reader;
 use texfold_core::{Budget, LoadError, SurfaceSize};
 
 use super::context::{SET_TABLES, SETS};
+use super::deblock::MAX_DEBLOCKING;
 use super::decode::BlockTexture;
 use super::form::{AXIS_BITS, BlockForm, Group, MAX_CHANNELS, MAX_GROUP, MAX_OFFSET, MAX_STEP, Quantiser};
 use super::gpu::words_before_index;
 use super::index::Index;
 use super::tables::{Table, read_stops};
 
-/// Version of the layout.
-const VERSION: u8 = 1;
+/// Version of the layout without deblocking.
+const PLAIN: u8 = 1;
+/// Version of the layout with deblocking.
+const DEBLOCKED: u8 = 2;
 /// Most bits of a length in the index.
 const MAX_WIDTH: u8 = 24;
 /// Largest weight of an axis: an orthonormal one.
@@ -68,12 +72,13 @@ impl BlockTexture {
     /// Header: sizes, axes, quantiser, lengths.
     fn header(&self) -> Vec<u8> {
         let form = self.form();
-        let mut out = vec![VERSION];
+        let mut out = vec![if form.deblocking > 0 { DEBLOCKED } else { PLAIN }];
         out.extend(((form.size.width - 1) as u16).to_le_bytes());
         out.extend(((form.size.height - 1) as u16).to_le_bytes());
         out.extend([form.depth, form.superblock_log2]);
         out.extend(form.quantiser.step.to_le_bytes());
         out.extend([form.quantiser.slope, form.quantiser.offsets[0], form.quantiser.offsets[1]]);
+        out.extend((form.deblocking > 0).then_some(form.deblocking));
         out.push(form.groups.len() as u8);
         for group in &form.groups {
             let count = usize::from(group.channels);
@@ -145,7 +150,8 @@ impl BlockTexture {
 }
 
 fn read_form(reader: &mut Reader<'_>) -> Result<BlockForm, LoadError> {
-    if reader.u8()? != VERSION {
+    let version = reader.u8()?;
+    if version != PLAIN && version != DEBLOCKED {
         return Err(reader.corrupt("a layout of blocks that this reader does not know"));
     }
     let (width, height) = (u32::from(reader.u16()?) + 1, u32::from(reader.u16()?) + 1);
@@ -161,6 +167,10 @@ fn read_form(reader: &mut Reader<'_>) -> Result<BlockForm, LoadError> {
         return Err(reader.corrupt("a quantiser beyond the largest"));
     }
     let quantiser = Quantiser { step, slope, offsets };
+    let deblocking = if version == DEBLOCKED { reader.u8()? } else { 0 };
+    if version == DEBLOCKED && !(1..=MAX_DEBLOCKING).contains(&deblocking) {
+        return Err(reader.corrupt("a strength of deblocking that no writer writes"));
+    }
     let mut groups = Vec::new();
     let mut channels = 0;
     for _ in 0..reader.u8()? {
@@ -174,7 +184,8 @@ fn read_form(reader: &mut Reader<'_>) -> Result<BlockForm, LoadError> {
     if groups.is_empty() {
         return Err(reader.corrupt("no channels"));
     }
-    Ok(BlockForm { size: SurfaceSize { width, height }, depth, superblock_log2, quantiser, groups })
+    let size = SurfaceSize { width, height };
+    Ok(BlockForm { size, depth, superblock_log2, quantiser, deblocking, groups })
 }
 
 fn read_group(reader: &mut Reader<'_>) -> Result<Group, LoadError> {

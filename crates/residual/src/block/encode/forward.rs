@@ -91,10 +91,10 @@ fn means_block(finer: &Coefficients, shape: PlaneShape, (column, row): (usize, u
 }
 
 /// The inverse of the inverse transform.
-struct Forward([[f32; 8]; 8]);
+pub(super) struct Forward([[f32; 8]; 8]);
 
 impl Forward {
-    fn new() -> Forward {
+    pub(super) fn new() -> Forward {
         // The inverse transform's answer to each frequency, large enough for its rounding not to count.
         const ONE: i32 = 1 << 20;
         let mut basis = [[0.0; 8]; 8];
@@ -107,7 +107,8 @@ impl Forward {
         Forward(inverted(basis, 8).map(|row| row.map(|weight| weight as f32)))
     }
 
-    fn transform(&self, samples: &Block) -> Block {
+    /// A block's coefficients.
+    pub(super) fn transform(&self, samples: &Block) -> Block {
         let mut half = [0.0; COEFFICIENTS];
         for (samples, half) in samples.chunks_exact(8).zip(half.chunks_exact_mut(8)) {
             for (out, weights) in half.iter_mut().zip(&self.0) {

@@ -7,6 +7,7 @@ use super::code::{LAMBDA, Looks, code, code_with_bits};
 use super::error::{psnr, worst_block_rms};
 use super::forward::{Coefficients, coefficients};
 use super::source::BlockSource;
+use super::strength::{Tried, deblocked, strongest};
 use crate::block::decode::BlockTexture;
 use crate::block::form::{BlockForm, MAX_STEP, OCTAVE_STEPS, Quantiser};
 
@@ -108,18 +109,20 @@ impl<'a> BlockEncoder<'a> {
             depth: source.depth,
             superblock_log2: params.superblock_log2,
             quantiser: Quantiser { step: 0, slope: slope(params.metric), offsets: [0; 2] },
+            deblocking: 0,
             groups: Vec::new(),
         };
         let planes = coefficients(source, &mut form, check)?;
         Ok(BlockEncoder { source, params: *params, form, planes, check })
     }
 
-    /// The texture of that step, a number up to [`MAX_STEP`].
+    /// The texture of that step, a number up to [`MAX_STEP`], deblocked as it is best.
     ///
     /// # Errors
     /// [`EncodeError`] where the job was cancelled.
     pub fn at_step(&self, step: u16) -> Result<BlockTexture, EncodeError> {
-        code(&self.planes, &self.form_at(step), self.looks(), self.check)
+        let texture = code(&self.planes, &self.form_at(step), self.looks(), self.check)?;
+        self.deblocked(texture)
     }
 
     /// As [`BlockEncoder::at_step`], with the bits of each 8x8 block, row by row: those of its own symbols, and an equal share of
@@ -128,7 +131,16 @@ impl<'a> BlockEncoder<'a> {
     /// # Errors
     /// As there.
     pub fn at_step_with_bits(&self, step: u16) -> Result<(BlockTexture, Vec<f32>), EncodeError> {
-        code_with_bits(&self.planes, &self.form_at(step), self.looks(), self.check)
+        let (texture, bits) = code_with_bits(&self.planes, &self.form_at(step), self.looks(), self.check)?;
+        Ok((self.deblocked(texture)?, bits))
+    }
+
+    /// The texture deblocked as it is best.
+    fn deblocked(&self, texture: BlockTexture) -> Result<BlockTexture, EncodeError> {
+        // The first plane is the image.
+        let Some(image) = self.planes.first() else { return Ok(texture) };
+        let stride = if self.params.effort == Effort::Fast { FAST_STRIDE } else { 1 };
+        deblocked(texture, image, Tried { most: strongest(self.params.metric), stride }, self.check)
     }
 
     /// The step at which the encoder takes a bit to be worth a squared error of `lambda`, summed over the channels, in 8-bit units.
@@ -214,6 +226,9 @@ pub fn lambda_of(step: u16) -> f64 {
     let size = Quantiser { step, slope: 0, offsets: [0; 2] }.step_size();
     f64::from(LAMBDA) * size * size
 }
+
+/// Of so many superblocks one says how strongly all are deblocked where time is short.
+const FAST_STRIDE: usize = 4;
 
 /// First step of a search, in 8-bit units.
 pub(super) const FIRST_STEP: f64 = 24.0;

@@ -10,6 +10,7 @@ mod hidden;
 mod quantise;
 mod set;
 mod source;
+mod strength;
 mod symbols;
 
 pub use goal::{BlockEncoder, BlockParams, STEPS, lambda_of, step_of};

@@ -142,8 +142,7 @@ impl<'a> BlockEncoder<'a> {
     /// As there.
     pub fn encode_for(&self, goal: Goal) -> Result<BlockTexture, EncodeError> {
         goal.check()?;
-        let first = Quantiser::nearest_step(FIRST_STEP * self.unit());
-        let found = search_step(goal, STEPS, first, |step| {
+        let found = search_step(goal, STEPS, first_step(self.source.depth), |step| {
             let texture = self.at_step(step)?;
             let by = self.excess(&texture, goal);
             Ok::<_, EncodeError>((texture, by))
@@ -155,9 +154,9 @@ impl<'a> BlockEncoder<'a> {
         ))
     }
 
-    /// A unit of 8-bit samples in those of the source.
-    pub(super) fn unit(&self) -> f64 {
-        if self.source.depth > 8 { 257.0 } else { 1.0 }
+    /// The step to begin a search with.
+    pub(super) fn first_step(&self) -> u16 {
+        first_step(self.source.depth)
     }
 
     /// By how many octaves a texture misses the goal; at most 0 where it meets it.
@@ -178,7 +177,14 @@ impl<'a> BlockEncoder<'a> {
 }
 
 /// First step of a search, in 8-bit units.
-pub(super) const FIRST_STEP: f64 = 24.0;
+const FIRST_STEP: f64 = 24.0;
+
+/// The number of the step to begin a search with, for samples of so many bits.
+#[must_use]
+pub fn first_step(depth: u8) -> u16 {
+    let unit = if depth > 8 { 257.0 } else { 1.0 };
+    Quantiser::nearest_step(FIRST_STEP * unit)
+}
 
 /// The numbers of steps, for a search.
 pub const STEPS: StepScale = StepScale { octave: OCTAVE_STEPS, most: MAX_STEP };

@@ -12,6 +12,6 @@ mod set;
 mod source;
 mod symbols;
 
-pub use goal::{BlockEncoder, BlockParams, STEPS};
+pub use goal::{BlockEncoder, BlockParams, STEPS, first_step};
 pub use set::BlockSetEncoder;
 pub use source::BlockSource;

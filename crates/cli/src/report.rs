@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use texfold::AnyImage;
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::{decode_surface, quality, ssim};
+use texfold_core::target::Measured;
 use texfold_core::{Budget, Footprint, Goal, LoadError};
 
 use crate::perceptual::{mean, ssimulacra2};
@@ -118,29 +119,33 @@ impl Figures {
 
     /// A sentence where the goal is missed.
     fn missed(&self, goal: Goal) -> Option<String> {
-        // Texels per block do not divide every image: a size goal may be passed by rounding alone.
-        const ROUNDING: f64 = 1e-9;
-        let (missed, wanted, reached) = match goal {
-            Goal::Psnr(psnr) => {
-                (self.psnr < psnr - ROUNDING, format!("{psnr} dB"), format!("{:.2} dB", self.psnr))
-            }
-            Goal::Bpp(bpp) => (
-                self.bpp_memory > bpp + ROUNDING,
-                format!("{bpp} bits per texel"),
-                format!("{:.3}", self.bpp_memory),
-            ),
-            Goal::Tolerance(rms) => (
-                self.worst_block_rms > rms + ROUNDING,
-                format!("a block error of {rms}"),
-                format!("{:.2}", self.worst_block_rms),
-            ),
-        };
-        missed.then(|| format!("the goal of {wanted} was missed: {reached}"))
+        let Figures { psnr, bpp_memory: bpp, worst_block_rms, .. } = *self;
+        missed(goal, &Measured { psnr, bpp, worst_block_rms })
     }
 }
 
+/// A sentence where what was measured misses the goal.
+pub(crate) fn missed(goal: Goal, found: &Measured) -> Option<String> {
+    // Texels per block do not divide every image: a size goal may be passed by rounding alone.
+    const ROUNDING: f64 = 1e-9;
+    let (missed, wanted, reached) = match goal {
+        Goal::Psnr(psnr) => {
+            (found.psnr < psnr - ROUNDING, format!("{psnr} dB"), format!("{:.2} dB", found.psnr))
+        }
+        Goal::Bpp(bpp) => {
+            (found.bpp > bpp + ROUNDING, format!("{bpp} bits per texel"), format!("{:.3}", found.bpp))
+        }
+        Goal::Tolerance(rms) => (
+            found.worst_block_rms > rms + ROUNDING,
+            format!("a block error of {rms}"),
+            format!("{:.2}", found.worst_block_rms),
+        ),
+    };
+    missed.then(|| format!("the goal of {wanted} was missed: {reached}"))
+}
+
 /// A sentence where a light field of that PSNR misses its goal.
-pub(crate) fn missed(goal: Goal, psnr: f64) -> Option<String> {
+pub(crate) fn light_missed(goal: Goal, psnr: f64) -> Option<String> {
     let Goal::Psnr(wanted) = goal else { return None };
     (psnr < wanted).then(|| format!("the goal of {wanted} dB was missed: {psnr:.2} dB"))
 }

@@ -6,7 +6,7 @@ use texfold_core::{
     LoadError, MemoryBits, Notes, Rect, Refine, RegionError, Texel,
 };
 
-use crate::{BlockImages, TexelTexture};
+use crate::{BlockImages, Codebook, TexelTexture};
 
 /// Images that arrive over time.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,12 +18,16 @@ pub enum ProgressiveTexture {
 }
 
 impl ProgressiveTexture {
-    /// Loads either form.
-    pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<Self, LoadError> {
+    /// Loads either form; one that is read by texel may use a public codebook.
+    pub(crate) fn load(
+        file: &Sections<'_>,
+        public: Option<&Codebook>,
+        budget: &mut Budget,
+    ) -> Result<Self, LoadError> {
         if BlockImages::is_in(file) {
             return BlockImages::load(file, budget).map(ProgressiveTexture::Block);
         }
-        TexelTexture::load(file, None, budget).map(ProgressiveTexture::from)
+        TexelTexture::load(file, public, budget).map(ProgressiveTexture::from)
     }
 
     /// How its texels are reached.

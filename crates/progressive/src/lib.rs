@@ -13,8 +13,9 @@
 //! Cost: encoding a trellis search a block and class, a k-d tree query and some hundred patches a block where codebooks
 //! are tried; decoding 12 loads a texel, 6 more with codebooks.
 //!
-//! *Not done*: banks and tiles by block; alpha in the residual plane: the base alone holds it, and is reduced no further than alpha allows; colours
-//! of texels that are wholly transparent are kept as they are; colour in codebooks.
+//! *Not done*: content that images by block share; alpha in the residual plane: the base alone holds it, and is reduced no further than alpha allows; colours
+//! of texels that are wholly transparent are kept as they are, but by block for goals of bits where
+//! `ProgressiveParams::free_hidden` says so; colour in codebooks.
 
 mod block;
 mod codebook;
@@ -56,7 +57,7 @@ impl TextureCodec for Progressive {
     type Encoded = ProgressiveTexture;
 
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ProgressiveTexture, LoadError> {
-        ProgressiveTexture::load(file, budget)
+        ProgressiveTexture::load(file, None, budget)
     }
 }
 
@@ -80,6 +81,18 @@ impl Progressive {
     /// [`LoadError`] as there, and where the file has the other form.
     pub fn load_by_texel(file: &Sections<'_>, budget: &mut Budget) -> Result<TexelTexture, LoadError> {
         TexelTexture::load(file, None, budget)
+    }
+
+    /// Loads a file of either form; one that is read by texel may use a public codebook.
+    ///
+    /// # Errors
+    /// [`LoadError`] as of [`TextureCodec::load`], and where the codebook is another.
+    pub fn load_tile(
+        file: &Sections<'_>,
+        public: Option<&Codebook>,
+        budget: &mut Budget,
+    ) -> Result<ProgressiveTexture, LoadError> {
+        ProgressiveTexture::load(file, public, budget)
     }
 
     /// Writes a public codebook as a separate file.

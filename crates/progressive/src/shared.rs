@@ -1,13 +1,16 @@
-//! How textures are made: alone, or with a public codebook and with what surrounds a tile.
+//! How textures are made: alone, with a public codebook and with what surrounds a tile, or as tiles that share a step.
 
 use std::sync::Arc;
 
-use texfold_core::image::{ImageSet, Raster};
+use texfold_core::image::{Depth, ImageSet, Raster};
+use texfold_core::target::{FoundStep, Measured, excess, search_step};
 use texfold_core::{EncodeError, Encoder, Goal, Job, SharedSearch};
+use texfold_residual::block::encode::{STEPS, first_step};
 
 use crate::codebook::MAX_CODEBOOK_SIDE;
 use crate::{
-    Codebook, Progressive, ProgressiveParams, ProgressiveSearch, ProgressiveTexture, TexelTexture, encode,
+    BlockImages, Codebook, Progressive, ProgressiveParams, ProgressiveSearch, ProgressiveTexture,
+    TexelTexture, encode,
 };
 
 /// A public codebook that textures use and add to, and what surrounds a tile.
@@ -69,5 +72,53 @@ impl Progressive {
     ) -> Result<TexelTexture, EncodeError> {
         let most_rows = shared.most_rows.min(MAX_CODEBOOK_SIDE / 2);
         encode::by_texel(source, params, &Shared { most_rows, ..shared.clone() }, job)
+    }
+    /// As [`Encoder::encode`] by block, with a step that the caller names instead of a goal: tiles of an image that share
+    /// one have errors alike. The result has no notes; [`BlockImages::described`] gives it some.
+    ///
+    /// # Errors
+    /// [`EncodeError`] as there.
+    pub fn encode_at_step(
+        source: &ImageSet,
+        params: &ProgressiveParams,
+        step: u16,
+        job: &mut Job<'_>,
+    ) -> Result<BlockImages, EncodeError> {
+        encode::blocks::at_step(source, params, step, job)
+    }
+
+    /// Searches the step for [`Progressive::encode_at_step`] with which several tiles together just meet a goal. `at_step`
+    /// makes something of them with a step, and measures them together; of what meets the goal, what it made with the
+    /// fewest bits, or with the most for a goal of bits. `None` where nothing is tried.
+    ///
+    /// # Errors
+    /// Whatever `at_step` returns, at once.
+    pub fn search_step<T, E>(
+        goal: Goal,
+        depth: Depth,
+        mut at_step: impl FnMut(u16) -> Result<(T, Measured), E>,
+    ) -> Result<Option<FoundStep<T>>, E> {
+        let first = first_step(if depth == Depth::Eight { 8 } else { 16 });
+        search_step(goal, STEPS, first, |step| {
+            let (made, measured) = at_step(step)?;
+            Ok((made, excess(goal, &measured)))
+        })
+    }
+}
+
+impl BlockImages {
+    /// With notes of how they were made, and of what they show without their second layer.
+    ///
+    /// # Errors
+    /// [`EncodeError::Cancelled`] where the caller asked to stop.
+    pub fn described(
+        self,
+        source: &ImageSet,
+        params: &ProgressiveParams,
+        met: bool,
+        job: &Job<'_>,
+    ) -> Result<BlockImages, EncodeError> {
+        let notes = encode::blocks::notes(source, &self, params, met, job)?;
+        Ok(self.with_notes(notes))
     }
 }

@@ -153,16 +153,18 @@
 //!
 //! # Share codebooks in a bank
 //!
-//! A bank is a folder of images that share codebooks; images are added to it over time, and none that is there changes:
+//! A bank is a folder of large images in tiles; images are added to it over time, and none that is there changes. Tiles are by
+//! block, or with `--access texel` to be read texel by texel, and then share codebooks by category. Blocks are better at any
+//! number of bits. A bank keeps the form that it was begun with:
 //!
 //! ```sh
-//! texfold compress photos/2024 --codec progressive --as set --category forest --bpp 0.5 --out bank
+//! texfold compress photos/2024 --codec progressive --as set --access texel --category forest --bpp 0.5 --out bank
 //! texfold compress photos/2025 --codec progressive --as set --category forest --bpp 0.5 --out bank
 //! texfold info bank
 //! texfold decompress bank --image oak --tile 0,1 --out check
 //! ```
 //!
-//! In code, an image is encoded against a public codebook and gives back the codebook as it has grown:
+//! In code, tiles by block share a step ([`Progressive::encode_at_step`](crate::Progressive::encode_at_step)). By texel an image is encoded against a public codebook and gives back the codebook as it has grown:
 //!
 //! ```
 //! use texfold::{Goal, ImageSet, Job, Progressive, ProgressiveParams, Shared};

@@ -4,8 +4,9 @@
 
 mod support;
 
+use rayon::prelude::*;
 use support::forged::{rewritten, with_changed_section};
-use support::small_textures;
+use support::{small_textures, target};
 use texfold::container::{SectionWriter, Sections};
 use texfold::{
     AstcBlock, Bc, BcParams, Budget, Content, Domain, EncodeError, Encoded, Encoder, Family, Image2d,
@@ -152,6 +153,38 @@ fn ten_thousand_forged_files_give_an_error_or_a_texture_that_decodes() {
     }
     // Both happen: indices and notes may change within their ranges, sizes may not.
     assert!(refused > MUTATIONS / 10 && accepted > MUTATIONS / 100, "{refused} refused, {accepted} accepted");
+}
+
+/// An instruction for [`target::open_forged_blocks`]: headers, which come first, as often as all else.
+fn instruction(rng: &mut Rng) -> Vec<u8> {
+    let reach = if rng.below(2) == 0 { 80 } else { 1 << 16 };
+    let place = rng.below(reach) as u16;
+    let most = if rng.below(8) == 0 { 300 } else { 12 };
+    let length = rng.index(most);
+    let head = [rng.below(256) as u8, rng.below(256) as u8, rng.below(256) as u8];
+    let rest = |_| match rng.below(20) {
+        edge @ 0..5 => [0, 1, 127, 128, 255][edge as usize],
+        _ => rng.below(256) as u8,
+    };
+    let rest: Vec<u8> = (0..length).map(rest).collect();
+    [head.as_slice(), &place.to_le_bytes(), &rest].concat()
+}
+
+/// `TEXFOLD_FORGED=1000000` makes as many files instead.
+#[test]
+fn ten_thousand_forged_contents_in_blocks_give_an_error_or_a_texture_that_decodes() {
+    let runs = std::env::var("TEXFOLD_FORGED").map_or(MUTATIONS as u64, |runs| runs.parse().unwrap());
+    let run = |number: u64| {
+        let data = instruction(&mut Rng::new(number));
+        let loaded = std::panic::catch_unwind(|| target::open_forged_blocks(&data).unwrap());
+        loaded.map_err(|_| number)
+    };
+    let results: Vec<Result<bool, u64>> = (0..runs).into_par_iter().map(run).collect();
+    let failed: Vec<&u64> = results.iter().filter_map(|result| result.as_ref().err()).take(9).collect();
+    assert!(failed.is_empty(), "instructions {failed:?} panic");
+    let accepted = results.iter().filter(|result| **result == Ok(true)).count() as u64;
+    // Both happen: streams may hold anything, headers may not.
+    assert!(accepted > runs / 10 && accepted < runs - runs / 10, "{accepted} of {runs} accepted");
 }
 
 #[test]

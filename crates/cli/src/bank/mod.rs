@@ -1,4 +1,5 @@
-//! Banks: folders of many images that share public codebooks and grow by further ones.
+//! Banks: folders of many images that grow by further ones. Images are cut into tiles, which are stored by block, with
+//! one step for all tiles of an image, or by texel, with public codebooks that images share.
 //!
 //! `bank.json` says which files count; all others are leftovers. An image is added by writing files of new names, each
 //! whole and on the disk, and then renaming a new `bank.json` over the old: a crash at any time leaves the bank as it
@@ -7,9 +8,12 @@
 //! gives back when the process ends, however it ends.
 
 mod add;
+mod blocks;
 mod category;
 mod manifest;
 mod show;
+mod sums;
+mod texel;
 mod tiles;
 
 use std::collections::HashSet;
@@ -19,11 +23,11 @@ use std::sync::Arc;
 
 use texfold_core::Budget;
 use texfold_core::container::Sections;
-use texfold_progressive::{Codebook, Progressive, TexelTexture};
+use texfold_progressive::{Codebook, Progressive, ProgressiveTexture};
 
 use crate::error::CliError;
 use crate::output::{make_folder, remove_stale};
-pub(crate) use add::{BankTask, Books, Made, Slot, Step, plan};
+pub(crate) use add::{Add, BankTask, Books, Made, Step, plan};
 use category::Category;
 use manifest::{MANIFEST, Manifest, Tile};
 pub(crate) use show::{Choice, decompress, describe, is_bank};
@@ -66,7 +70,7 @@ impl Bank {
     }
 
     /// A tile of an image.
-    fn tile(&self, tile: &Tile, book: Option<&Codebook>) -> Result<TexelTexture, CliError> {
+    fn tile(&self, tile: &Tile, book: Option<&Codebook>) -> Result<ProgressiveTexture, CliError> {
         let path = self.dir.join(&tile.file);
         let bytes = std::fs::read(&path).map_err(|source| CliError::Read { path: path.clone(), source })?;
         load(&bytes, book).map_err(|source| CliError::Load { path, source })
@@ -74,13 +78,10 @@ impl Bank {
 }
 
 /// A tile from the bytes of its file.
-fn load(bytes: &[u8], book: Option<&Codebook>) -> Result<TexelTexture, texfold_core::LoadError> {
+fn load(bytes: &[u8], book: Option<&Codebook>) -> Result<ProgressiveTexture, texfold_core::LoadError> {
     let mut budget = Budget::default();
     let file = Sections::parse(bytes, &mut budget)?;
-    match book {
-        Some(book) => Progressive::load_shared(&file, book, &mut budget),
-        None => Progressive::load_by_texel(&file, &mut budget),
-    }
+    Progressive::load_tile(&file, book, &mut budget)
 }
 
 impl Open {
@@ -120,8 +121,9 @@ impl Open {
         &self.bank
     }
 
-    /// The public codebooks of such categories.
-    pub(crate) fn books_of(&mut self, categories: &[usize]) -> Result<Books, CliError> {
+    /// The public codebooks that an image may use: none by block.
+    pub(crate) fn books_for(&mut self, add: &Add) -> Result<Books, CliError> {
+        let categories = if add.uses_codebooks() { add.categories.as_slice() } else { &[] };
         categories.iter().map(|&number| Ok((number, self.book(number)?))).collect()
     }
 

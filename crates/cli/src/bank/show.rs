@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde::Serialize;
 use texfold_core::image::Raster;
 use texfold_core::{Encoded, RegionError};
-use texfold_progressive::{CELL_SIDE, Codebook, TexelTexture};
+use texfold_progressive::{CELL_SIDE, Codebook, ProgressiveTexture};
 
 use super::Bank;
 use super::category::Category;
@@ -35,7 +35,7 @@ pub(crate) struct Choice {
 }
 
 /// Draws one tile at a level.
-pub(crate) type Draw<'d> = dyn Fn(&Path, &TexelTexture, u32) -> Result<Raster, CliError> + 'd;
+pub(crate) type Draw<'d> = dyn Fn(&Path, &ProgressiveTexture, u32) -> Result<Raster, CliError> + 'd;
 
 /// Writes images of a bank as PNG files; the number of those that failed. Each is named with its cause, the others are
 /// written.
@@ -183,6 +183,8 @@ struct Summary {
 #[derive(Debug, Serialize)]
 struct ImageSummary {
     name: String,
+    /// "block" or "texel".
+    access: &'static str,
     width: u32,
     height: u32,
     tiles: usize,
@@ -284,6 +286,7 @@ fn summary_of(image: &Image) -> ImageSummary {
     categories.dedup();
     ImageSummary {
         name: image.name.clone(),
+        access: image.access().name(),
         width: image.width,
         height: image.height,
         tiles: image.tiles.len(),
@@ -302,23 +305,26 @@ fn lines(summary: &Summary) -> String {
     let mut lines = vec![format!("{}: a bank of {} images", summary.bank, summary.images.len())];
     for (number, category) in summary.categories.iter().enumerate() {
         let name = category.name.as_ref().map_or(String::new(), |name| format!(" ({name})"));
-        lines.push(format!(
-            "  category {number}{name}: {} tiles, {} public cells, shown by {:.0}% of the blocks with a map",
-            category.tiles,
-            category.cells,
-            100.0 * category.public_share
-        ));
+        let cells = match category.cells {
+            0 => String::new(),
+            cells => {
+                let share = 100.0 * category.public_share;
+                format!(", {cells} public cells, shown by {share:.0}% of the blocks with a map")
+            }
+        };
+        lines.push(format!("  category {number}{name}: {} tiles{cells}", category.tiles));
     }
     lines.push(format!(
-        "  {:28} {:>11} {:>5} {:>8} {:>7} {:>6} {:>6} {:>7} {:>5}",
-        "image", "size", "tiles", "dB", "bpp", "added", "own", "public", "own"
+        "  {:28} {:>11} {:>5} {:>6} {:>8} {:>7} {:>6} {:>6} {:>7} {:>5}",
+        "image", "size", "tiles", "by", "dB", "bpp", "added", "own", "public", "own"
     ));
     for image in &summary.images {
         lines.push(format!(
-            "  {:28} {:>11} {:>5} {:>8.2} {:>7.3} {:>6} {:>6} {:>6.0}% {:>4.0}%",
+            "  {:28} {:>11} {:>5} {:>6} {:>8.2} {:>7.3} {:>6} {:>6} {:>6.0}% {:>4.0}%",
             image.name,
             format!("{}x{}", image.width, image.height),
             image.tiles,
+            image.access,
             image.psnr,
             image.bpp_memory,
             image.public_cells_added,

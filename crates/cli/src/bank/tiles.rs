@@ -63,6 +63,12 @@ fn cuts(length: u32) -> impl Iterator<Item = (u32, u32)> {
     })
 }
 
+/// The tile without alpha where all of it is opaque: it would have to be stored.
+pub(crate) fn without_plain_alpha(tile: Raster) -> Raster {
+    let opaque = tile.info().has_alpha() && tile.texels().all(|texel| texel.w >= 1.0);
+    if opaque { tile.with_channels(tile.info().channels - 1) } else { tile }
+}
+
 /// Hands the tiles of the image at `path` to `take`, row by row.
 pub(crate) fn each(
     path: &Path,

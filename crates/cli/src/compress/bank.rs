@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::task::{Finished, Workplace};
 use super::{Work, schedule, settle};
-use crate::bank::{BankTask, Books, Made, Open, Slot, Step, plan};
+use crate::bank::{Add, BankTask, Books, Made, Open, Step, plan};
 use crate::error::{CliError, guarded};
 use crate::report::Entry;
 
@@ -16,7 +16,7 @@ const MOST_BYTES: u64 = 1 << 30;
 /// An image that is to be encoded, with all that it takes.
 struct Ready<'r> {
     task: &'r BankTask,
-    slot: Slot<'r>,
+    add: &'r Add,
     books: Result<Books, CliError>,
 }
 
@@ -36,7 +36,7 @@ pub(super) fn add_all(
     let mut entries = Vec::new();
     let mut rest = tasks;
     while steps.peek().is_some() {
-        let wave = next_wave(&mut steps, rest, jobs);
+        let wave = next_wave(&mut steps, jobs);
         let (now, later) = rest.split_at(wave.len());
         rest = later;
         let made = make(&mut open, now, &wave, jobs, place);
@@ -61,25 +61,19 @@ pub(super) fn add_all(
 
 /// The next images of which none depends on another; as many as are encoded at a time, for all of them are listed when
 /// they are done.
-fn next_wave(
-    steps: &mut std::iter::Peekable<impl Iterator<Item = Step>>,
-    tasks: &[&Work],
-    jobs: usize,
-) -> Vec<Step> {
+fn next_wave(steps: &mut std::iter::Peekable<impl Iterator<Item = Step>>, jobs: usize) -> Vec<Step> {
     let mut wave = Vec::new();
     let (mut shared, mut encoded) = (HashSet::new(), 0);
-    for task in tasks {
-        let depends = task.for_bank().is_some_and(BankTask::depends);
-        let fits = |step: &Step| match step {
-            Step::Add { categories, .. } => {
-                let apart = !depends || categories.iter().all(|number| !shared.contains(number));
-                encoded == 0 || apart && encoded < jobs
-            }
-            _ => true,
-        };
-        let Some(step) = steps.next_if(fits) else { break };
-        if let Step::Add { categories, .. } = &step {
-            shared.extend(categories.iter().copied());
+    let fits = |step: &Step, shared: &HashSet<usize>, encoded: usize| match step {
+        Step::Add(add) => {
+            let apart = !add.depends || add.categories.iter().all(|number| !shared.contains(number));
+            encoded == 0 || apart && encoded < jobs
+        }
+        _ => true,
+    };
+    while let Some(step) = steps.next_if(|step| fits(step, &shared, encoded)) {
+        if let Step::Add(add) = &step {
+            shared.extend(add.categories.iter().copied());
             encoded += 1;
         }
         wave.push(step);
@@ -97,28 +91,27 @@ fn make(
 ) -> Vec<Option<Result<Made, CliError>>> {
     let mut ready = Vec::new();
     for (task, step) in tasks.iter().zip(wave) {
-        if let (Some(task), Step::Add { key, first, categories }) = (task.for_bank(), step) {
-            let books = open.books_of(categories);
-            ready.push(Ready { task, slot: Slot { key, first: *first, categories }, books });
+        if let (Some(task), Step::Add(add)) = (task.for_bank(), step) {
+            ready.push(Ready { task, add, books: open.books_for(add) });
         }
     }
     let bank = open.bank();
     let work = |ready: &Ready<'_>| {
-        let Ready { task, slot, books } = ready;
+        let Ready { task, add, books } = ready;
         guarded(&task.path, || {
             let books = books.as_ref().map_err(|error| CliError::BankBook {
                 path: task.path.clone(),
                 cause: crate::error::explain(error),
             })?;
             let share = place.progress.share(task.name.clone());
-            task.make(bank, books, *slot, place.limit_bytes, &share)
+            task.make(bank, books, add, place.limit_bytes, &share)
         })
     };
     let limit = place.limit_bytes.min(MOST_BYTES);
     let made = schedule::run(&ready, jobs, limit, |ready| ready.task.cost_bytes(), work);
     let mut made = made.into_iter();
     let of_step = |step: &Step| match step {
-        Step::Add { .. } => made.next().flatten(),
+        Step::Add(_) => made.next().flatten(),
         _ => None,
     };
     wave.iter().map(of_step).collect()

@@ -13,7 +13,7 @@ use crate::error::CliError;
 use crate::input::capture;
 use crate::perceptual::{mean, ssimulacra2};
 use crate::progress::Share;
-use crate::report::{Row, missed, part_rows, peak_bytes};
+use crate::report::{Row, light_missed, part_rows, peak_bytes};
 use crate::settings::LightSettings;
 
 /// Photographs that are drawn again to measure their similarity.
@@ -90,13 +90,13 @@ impl FolderTask<LightSettings> {
             ssim: similar,
             ssimulacra2: perceived,
             access: texture.gpu().access().name().to_owned(),
-            goal_met: goal.map(|goal| missed(goal, psnr).is_none()),
+            goal_met: goal.map(|goal| light_missed(goal, psnr).is_none()),
             encode_seconds: seconds,
             encode_texels_per_second: texels / seconds.max(1e-9),
             peak_bytes: peak_bytes(),
             parts: part_rows(&texture.footprint()),
             verdict: texture.notes().verdict.clone(),
-            warnings: goal.and_then(|goal| missed(goal, psnr)).into_iter().collect(),
+            warnings: goal.and_then(|goal| light_missed(goal, psnr)).into_iter().collect(),
         })
     }
 }

@@ -3,7 +3,7 @@
 use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use texfold::{CODECS, Choice, Content, Family, Registration};
 use texfold_core::image::{Alpha, ColorSpace};
 use texfold_core::{Access, AstcBlock, CodecId, Effort, Metric, TextureCodec};
@@ -140,7 +140,7 @@ impl ContentName {
 }
 
 /// How texels are reached.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum AccessName {
     /// In blocks that are decoded before they are drawn: fewest bits.
@@ -154,6 +154,13 @@ impl AccessName {
         match self {
             AccessName::Block => Access::Block,
             AccessName::Texel => Access::Texel,
+        }
+    }
+
+    pub(crate) fn of(access: Access) -> Self {
+        match access {
+            Access::Block => AccessName::Block,
+            Access::Texel => AccessName::Texel,
         }
     }
 }

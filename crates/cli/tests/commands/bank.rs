@@ -219,20 +219,125 @@ fn a_bank_is_the_same_however_many_images_are_encoded_at_a_time() {
         place.image(&format!("in/{name}.png"), 90 + 8 * number as u32, 80, 3);
     }
     fs::write(place.at("in/bad.png"), b"\x89PNG\r\n\x1a\nnothing").unwrap();
-    // Few enough bits that codebooks are tried, so that images of a category wait for one another.
+    // Few enough bits that codebooks are tried by texel, so that images of a category wait for one another.
     fs::write(
         place.at("banks.toml"),
         "[[rule]]\nglob = \"**/[ac].png\"\ncategory = \"first\"\n[[rule]]\nglob = \"**/b*.png\"\ncategory = \"second\"\n",
     )
     .unwrap();
-    for jobs in ["1", "2", "4"] {
-        let arguments = "compress in --codec progressive --bpp 0.6 --config banks.toml";
-        let run = place.run(&format!("{arguments} --jobs {jobs} --out bank{jobs}"));
-        assert!(run.code == Some(1) && run.stderr.contains("bad.png"), "{}", run.stderr);
+    for access in ["texel", "block"] {
+        for jobs in ["1", "2", "4"] {
+            let arguments = "compress in --codec progressive --bpp 0.6 --config banks.toml --access";
+            let run = place.run(&format!("{arguments} {access} --jobs {jobs} --out {access}{jobs}"));
+            assert!(run.code == Some(1) && run.stderr.contains("bad.png"), "{}", run.stderr);
+        }
+        let files = |jobs: u32| bank_files(&place, &format!("{access}{jobs}"));
+        let alone = files(1);
+        assert_eq!(alone.len(), 6, "four images, a list and a lock");
+        assert!(alone == files(2) && alone == files(4), "{access}");
     }
-    let alone = bank_files(&place, "bank1");
-    assert_eq!(alone.len(), 6, "four images, a list and a lock");
-    assert!(alone == bank_files(&place, "bank2") && alone == bank_files(&place, "bank4"));
+}
+
+/// `bank.json` as it is.
+fn manifest(place: &Place, bank: &str) -> Value {
+    serde_json::from_slice(&fs::read(place.at(bank).join("bank.json")).unwrap()).unwrap()
+}
+
+/// How each image of the bank is read, in the order that they were added.
+fn forms(place: &Place) -> Vec<String> {
+    let images = info(place)["images"].as_array().unwrap().clone();
+    images.iter().map(|image| image["access"].as_str().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn a_new_bank_is_by_block_and_an_old_one_keeps_its_form() {
+    let place = Place::new();
+    place.image("in/a.png", 80, 60, 3);
+    let (_, report) = place.compress(&format!("{ADD} --access texel"));
+    assert_eq!((&report[0]["access"], &report[0]["goal_met"]), (&"texel".into(), &Value::Null));
+    // A bank from before there were blocks says nothing of them.
+    let mut old = manifest(&place, "bank");
+    assert_eq!(old["version"], 1);
+    assert_eq!(old.as_object_mut().unwrap().remove("access"), Some("texel".into()));
+    fs::write(place.at("bank/bank.json"), serde_json::to_vec(&old).unwrap()).unwrap();
+    assert_eq!(place.run("decompress bank --out before").code, Some(0));
+    place.image("in/b.png", 70, 50, 3);
+    let run = place.run(&format!("compress in/b.png --as set {}", ADD.trim_start_matches("in ")));
+    assert_eq!((run.code, forms(&place)), (Some(0), vec!["texel".to_owned(); 2]), "{}", run.stderr);
+    assert_eq!(manifest(&place, "bank")["version"], 1);
+    // Who asks for the other form gets it, beside what is there.
+    place.image("in/c.png", 60, 50, 3);
+    let run =
+        place.run(&format!("compress in/c.png --as set --access block {}", ADD.trim_start_matches("in ")));
+    assert_eq!((run.code, forms(&place)[2].as_str()), (Some(0), "block"), "{}", run.stderr);
+    assert_eq!(manifest(&place, "bank")["version"], 2);
+    assert_eq!(place.run("decompress bank --out after").code, Some(0));
+    assert_eq!(names(&place.at("after")), ["a.png", "b.png", "c.png"]);
+    let read = |dir: &str| fs::read(place.at(dir).join("a.png")).unwrap();
+    assert!(read("before") == read("after"));
+    let (run, report) = place.compress(&ADD.replace("--out bank", "--out new"));
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(report.iter().all(|row| row["access"] == "block" && row["goal_met"] == true), "{report:?}");
+    assert_eq!(
+        (&manifest(&place, "new")["version"], &manifest(&place, "new")["access"]),
+        (&2.into(), &"block".into())
+    );
+}
+
+#[test]
+fn content_that_blocks_cannot_have_makes_a_bank_by_texel() {
+    let place = Place::new();
+    place.image("in/a.png", 80, 60, 3);
+    let (run, report) = place.compress(&format!("{ADD} --content bc1"));
+    assert_eq!((run.code, &report[0]["access"]), (Some(0), &"texel".into()), "{}", run.stderr);
+    place.image("in/b.png", 80, 62, 3);
+    assert_eq!(place.run(&format!("compress {ADD} --content bc1")).code, Some(0));
+    assert_eq!(forms(&place), ["texel", "texel"]);
+}
+
+/// Steps of the first image of a bank, tile by tile.
+fn steps(place: &Place, bank: &str) -> Vec<u16> {
+    let tiles = manifest(place, bank)["images"][0]["tiles"].as_array().unwrap().clone();
+    let step = |tile: &Value| {
+        let bytes = fs::read(place.at(bank).join(tile["file"].as_str().unwrap())).unwrap();
+        let image = texfold::open_image(&bytes, &mut texfold::Budget::default()).unwrap();
+        let texture = image.downcast_ref::<texfold::ProgressiveTexture>().unwrap();
+        texture.block().unwrap().content().stages()[0].form().quantiser.step
+    };
+    tiles.iter().map(step).collect()
+}
+
+#[test]
+fn tiles_of_an_image_share_a_step_and_the_image_meets_the_goal() {
+    let place = Place::new();
+    let (width, height) = (1400u32, 48u32);
+    // Smooth in the first tile, rough in the second.
+    let texel = |i: u32| {
+        let (x, y) = (i % width, i / width);
+        let rough = i.wrapping_mul(2_654_435_761) >> if x < 1024 { 30 } else { 25 };
+        [x / 8 + rough, y + rough, 60 + rough].map(|value| value.min(255) as u8)
+    };
+    let data: Vec<u8> = (0..width * height).flat_map(texel).collect();
+    fs::create_dir_all(place.at("in")).unwrap();
+    image::save_buffer(place.at("in/a.png"), &data, width, height, ExtendedColorType::Rgb8).unwrap();
+    for (goal, name) in [("--psnr 34", "psnr"), ("--bpp 1", "bpp"), ("--tolerance 16", "tolerance")] {
+        let (run, report) =
+            place.compress(&format!("in --codec progressive {goal} --effort fast --out {name}"));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let steps = steps(&place, name);
+        assert!(steps.len() == 2 && steps[0] == steps[1], "{goal}: {steps:?}");
+        let (row, figure) = (&report[0], |field: &str| report[0][field].as_f64().unwrap());
+        assert_eq!((&row["access"], &row["goal_met"]), (&"block".into(), &true.into()));
+        match name {
+            "psnr" => assert!((34.0..34.1).contains(&figure("psnr")), "{row}"),
+            "bpp" => assert!((0.97..1.01).contains(&figure("bpp_memory")), "{row}"),
+            _ => assert!((14.0..=16.0).contains(&figure("worst_block_rms")), "{row}"),
+        }
+    }
+    // What no step reaches is said to be missed.
+    let (run, report) = place.compress("in --codec progressive --bpp 0.001 --effort fast --out less");
+    assert_eq!((run.code, &report[0]["goal_met"]), (Some(0), &false.into()), "{}", run.stderr);
+    assert!(report[0]["warnings"][0].as_str().unwrap().contains("missed"), "{report:?}");
 }
 
 #[test]

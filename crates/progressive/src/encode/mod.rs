@@ -4,6 +4,7 @@
 
 mod access;
 mod base;
+pub(crate) mod blocks;
 mod details;
 mod draft;
 mod frame;

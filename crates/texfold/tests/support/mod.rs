@@ -2,11 +2,13 @@
 #![allow(
     dead_code,
     unreachable_pub,
+    clippy::expect_used,
     clippy::unwrap_used,
     reason = "each test file uses its own part; a test without its texture must fail"
 )]
 
 pub mod forged;
+pub mod target;
 
 use texfold::image::{ImageSet, Raster};
 use texfold::{

@@ -146,7 +146,7 @@ impl<'a> BlockEncoder<'a> {
     /// The step at which the encoder takes a bit to be worth a squared error of `lambda`, summed over the channels, in 8-bit units.
     #[must_use]
     pub fn step_of(&self, lambda: f64) -> u16 {
-        step_of(lambda, self.unit())
+        step_of(lambda, unit_of(self.source.depth))
     }
 
     fn form_at(&self, step: u16) -> BlockForm {
@@ -177,8 +177,7 @@ impl<'a> BlockEncoder<'a> {
     /// As there.
     pub fn encode_for(&self, goal: Goal) -> Result<BlockTexture, EncodeError> {
         goal.check()?;
-        let first = Quantiser::nearest_step(FIRST_STEP * self.unit());
-        let found = search_step(goal, STEPS, first, |step| {
+        let found = search_step(goal, STEPS, first_step(self.source.depth), |step| {
             let texture = self.at_step(step)?;
             let by = self.excess(&texture, goal);
             Ok::<_, EncodeError>((texture, by))
@@ -190,9 +189,9 @@ impl<'a> BlockEncoder<'a> {
         ))
     }
 
-    /// A unit of 8-bit samples in those of the source.
-    pub(super) fn unit(&self) -> f64 {
-        if self.source.depth > 8 { 257.0 } else { 1.0 }
+    /// The step to begin a search with.
+    pub(super) fn first_step(&self) -> u16 {
+        first_step(self.source.depth)
     }
 
     /// By how many octaves a texture misses the goal; at most 0 where it meets it.
@@ -231,7 +230,18 @@ pub fn lambda_of(step: u16) -> f64 {
 const FAST_STRIDE: usize = 4;
 
 /// First step of a search, in 8-bit units.
-pub(super) const FIRST_STEP: f64 = 24.0;
+const FIRST_STEP: f64 = 24.0;
+
+/// A unit of 8-bit samples in those of that depth.
+fn unit_of(depth: u8) -> f64 {
+    if depth > 8 { 257.0 } else { 1.0 }
+}
+
+/// The number of the step to begin a search with, for samples of so many bits.
+#[must_use]
+pub fn first_step(depth: u8) -> u16 {
+    Quantiser::nearest_step(FIRST_STEP * unit_of(depth))
+}
 
 /// The numbers of steps, for a search.
 pub const STEPS: StepScale = StepScale { octave: OCTAVE_STEPS, most: MAX_STEP };

@@ -13,6 +13,6 @@ mod source;
 mod strength;
 mod symbols;
 
-pub use goal::{BlockEncoder, BlockParams, STEPS, lambda_of, step_of};
+pub use goal::{BlockEncoder, BlockParams, STEPS, first_step, lambda_of, step_of};
 pub use set::BlockSetEncoder;
 pub use source::BlockSource;

@@ -2,10 +2,9 @@
 
 use texfold_core::{CancelCheck, EncodeError, ImageLayout, SourceError};
 
-use super::goal::{BlockEncoder, BlockParams, FIRST_STEP};
+use super::goal::{BlockEncoder, BlockParams, first_step};
 use super::source::BlockSource;
 use crate::block::content::{BlockContent, stage_sizes};
-use crate::block::form::Quantiser;
 
 /// How much finer each stage is coded than the one before, in steps (256 an octave): 4.5 dB, for a 64th of the texels. With few
 /// texels, errors of single ones show.
@@ -59,6 +58,6 @@ impl<'a> BlockSetEncoder<'a> {
     /// The step to begin a search with.
     #[must_use]
     pub fn first_step(&self) -> u16 {
-        Quantiser::nearest_step(FIRST_STEP * self.stages.first().map_or(1.0, BlockEncoder::unit))
+        self.stages.first().map_or(first_step(8), BlockEncoder::first_step)
     }
 }

@@ -1,0 +1,144 @@
+//! What the tiles of an image come to together: the image's row in the report.
+
+use std::path::Path;
+
+use texfold_core::image::ImageSet;
+use texfold_core::metric::{SquaredError, decode_surface, quality, ssim};
+use texfold_core::target::Measured;
+use texfold_core::{Access, Encoded, Image2d, SurfaceSize, TextureCodec};
+use texfold_progressive::Progressive;
+
+use super::add::BankTask;
+use super::manifest::Tile;
+use crate::perceptual::{mean, ssimulacra2};
+use crate::report::{PartRow, Row, peak_bytes};
+
+/// Name of the part that tiles share.
+const PUBLIC: &str = "public codebook";
+
+/// What is known of the tiles of an image so far.
+#[derive(Debug, Default)]
+pub(super) struct Sums {
+    pub(super) tiles: Vec<Tile>,
+    color: SquaredError,
+    alpha: Option<SquaredError>,
+    worst_block_rms: f64,
+    ssim: f64,
+    /// SSIMULACRA2 and texels of each tile.
+    ssimulacra2: Vec<(Option<f64>, f64)>,
+    texels: u64,
+    /// Bits that goals count.
+    counted: u64,
+    parts: Vec<PartRow>,
+    pub(super) channels: u8,
+    pub(super) levels: u32,
+}
+
+impl Sums {
+    /// Takes a tile in. Of the public codebook it counts `grown`, the bits that the tile added.
+    pub(super) fn add(
+        &mut self,
+        tile: Tile,
+        source: &ImageSet,
+        texture: &dyn Encoded<Domain = Image2d>,
+        grown: u64,
+    ) {
+        self.tiles.push(tile);
+        let found = quality(source, texture);
+        let texels = source.texel_count();
+        self.color = self.color + found.color;
+        if let Some(alpha) = found.alpha {
+            self.alpha = Some(self.alpha.unwrap_or_default() + alpha);
+        }
+        self.worst_block_rms = self.worst_block_rms.max(found.worst_block_rms);
+        let (decoded, image) = (decode_surface(texture, 0, 0), &source.images()[0]);
+        let similar = decoded.as_ref().map_or(0.0, |decoded| ssim(image, decoded));
+        self.ssim += similar * texels as f64;
+        self.ssimulacra2.push((decoded.and_then(|decoded| ssimulacra2(image, &decoded)), texels as f64));
+        self.texels += texels;
+        self.counted += texture.memory().counted;
+        self.channels = self.channels.max(texture.layout().pixel.channels);
+        self.levels = self.levels.max(texture.layout().levels);
+        self.add_parts(texture, grown);
+    }
+
+    fn add_parts(&mut self, texture: &dyn Encoded<Domain = Image2d>, grown: u64) {
+        for part in texture.footprint().parts {
+            let is_shared = part.name == PUBLIC;
+            let (memory, disk) = if is_shared { (grown, grown) } else { (part.bits_memory, part.bits_disk) };
+            match self.parts.iter_mut().find(|known| known.name == part.name) {
+                Some(known) => {
+                    known.bits_memory += memory;
+                    known.bits_disk += disk;
+                    known.psnr_without = None;
+                }
+                None => self.parts.push(PartRow {
+                    name: part.name.to_owned(),
+                    bits_memory: memory,
+                    bits_disk: disk,
+                    psnr_without: part.psnr_without,
+                }),
+            }
+        }
+    }
+
+    /// What a goal is held against.
+    pub(super) fn measured(&self) -> Measured {
+        Measured {
+            psnr: self.color.psnr(),
+            bpp: self.counted as f64 / self.texels.max(1) as f64,
+            worst_block_rms: self.worst_block_rms,
+        }
+    }
+
+    /// The row of an image of that size.
+    pub(super) fn row(
+        &self,
+        task: &BankTask,
+        dir: &Path,
+        size: SurfaceSize,
+        (made, seconds): (&Making, f64),
+    ) -> Row {
+        let texels = self.texels as f64;
+        let bits = |of: fn(&PartRow) -> u64| self.parts.iter().map(of).sum::<u64>();
+        let (memory, disk) = (bits(|part| part.bits_memory), bits(|part| part.bits_disk));
+        Row {
+            input: task.path.display().to_string(),
+            output: dir.display().to_string(),
+            codec: Progressive::ID.name.to_owned(),
+            settings: format!("{:?}", task.settings.encode.goal),
+            width: size.width,
+            height: size.height,
+            images: 1,
+            source_texels: self.texels,
+            bits_memory: memory,
+            bits_disk: disk,
+            bpp_memory: memory as f64 / texels,
+            bpp_disk: disk as f64 / texels,
+            psnr: self.color.psnr(),
+            psnr_alpha: self.alpha.map(|error| error.psnr()),
+            rms: self.color.rms(),
+            worst_block_rms: self.worst_block_rms,
+            ssim: self.ssim / texels,
+            ssimulacra2: mean(self.ssimulacra2.iter().copied()),
+            access: made.access.name().to_owned(),
+            goal_met: made.goal_met,
+            encode_seconds: seconds,
+            encode_texels_per_second: texels / seconds.max(1e-9),
+            peak_bytes: peak_bytes(),
+            parts: self.parts.clone(),
+            verdict: made.verdict.clone(),
+            warnings: made.warning.iter().cloned().collect(),
+        }
+    }
+}
+
+/// How an image was made.
+#[derive(Debug)]
+pub(super) struct Making {
+    pub(super) access: Access,
+    /// Whether the image meets its goal, where that is of the image and not of its tiles.
+    pub(super) goal_met: Option<bool>,
+    pub(super) verdict: String,
+    pub(super) warning: Option<String>,
+}

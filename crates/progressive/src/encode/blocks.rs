@@ -1,0 +1,191 @@
+//! Images by block: with the step that answers a goal, or with one that the caller names.
+
+use texfold_core::image::{ImageSet, MipFilter, Raster, mip_chain_cancellable};
+use texfold_core::metric::{measure_cancellable, quality_cancellable};
+use texfold_core::target::{Measured, excess, search_step};
+use texfold_core::{
+    Access, BLOCK_LEVELS, CancelCheck, EncodeError, Encoded, Goal, ImageLayout, Job, Metric, Notes, Params,
+    SourceError, SurfaceSize,
+};
+use texfold_residual::RESIDUAL_PART;
+use texfold_residual::block::encode::{BlockParams, BlockSetEncoder, BlockSource, STEPS};
+
+use super::report::settings;
+use crate::{BlockImages, ProgressiveParams};
+
+/// The images in blocks with the step that answers the goal best.
+pub(super) fn by_block(
+    source: &ImageSet,
+    params: &ProgressiveParams,
+    job: &mut Job<'_>,
+) -> Result<(BlockImages, Measured), EncodeError> {
+    let goal = params.goal;
+    job.stage("transforming", 0.0)?;
+    let check = job.cancel_check();
+    let layout = layout_of(source, params);
+    let frees_hidden = params.frees_hidden(source.info());
+    let sources = job.install(|| stages(source, layout.levels, frees_hidden, check))?;
+    let encoder =
+        job.install(|| BlockSetEncoder::new(layout, &sources, &block_params(source, params), check))?;
+    let mut tried = 0u32;
+    let found = search_step(goal, STEPS, encoder.first_step(), |step| {
+        tried += 1;
+        job.stage("coding blocks", tried as f32 / (tried as f32 + 4.0))?;
+        let images = BlockImages::new(job.install(|| encoder.at_step(step))?);
+        let measured = match goal {
+            // Bits need no decoding.
+            Goal::Bpp(_) => Measured { bpp: bits(source, &images), psnr: 0.0, worst_block_rms: 0.0 },
+            _ => job.install(|| measure_cancellable(source, &images, check))?,
+        };
+        let by = excess(goal, &measured);
+        Ok::<_, EncodeError>(((images, measured), by))
+    })?;
+    let (images, measured) = found.ok_or(SourceError::Empty)?.value;
+    match goal {
+        Goal::Bpp(_) => {
+            let measured = job.install(|| measure_cancellable(source, &images, check))?;
+            Ok((images, measured))
+        }
+        _ => Ok((images, measured)),
+    }
+}
+
+/// The images in blocks with that step, whatever the goal; without notes.
+pub(crate) fn at_step(
+    source: &ImageSet,
+    params: &ProgressiveParams,
+    step: u16,
+    job: &mut Job<'_>,
+) -> Result<BlockImages, EncodeError> {
+    params.check()?;
+    source.check_sides()?;
+    job.stage("transforming", 0.0)?;
+    let check = job.cancel_check();
+    let layout = layout_of(source, params);
+    // Tiles keep what is hidden at their borders, where other tiles are read beside it, and so all of it.
+    let sources = job.install(|| stages(source, layout.levels, false, check))?;
+    let encoder =
+        job.install(|| BlockSetEncoder::new(layout, &sources, &block_params(source, params), check))?;
+    job.stage("coding blocks", 0.3)?;
+    let images = BlockImages::new(job.install(|| encoder.at_step(step))?);
+    job.stage("done", 1.0)?;
+    Ok(images)
+}
+
+fn layout_of(source: &ImageSet, params: &ProgressiveParams) -> ImageLayout {
+    source.layout(if params.mips { source.full_levels() } else { 1 })
+}
+
+fn block_params(source: &ImageSet, params: &ProgressiveParams) -> BlockParams {
+    BlockParams::default()
+        .with_goal(params.goal)
+        .with_effort(params.effort)
+        .with_metric(params.metric_for(source.info()))
+}
+
+/// The stages of all images: mip levels 0, 3, 6 and so on; with hidden colours that cost next to nothing where they may change.
+fn stages(
+    source: &ImageSet,
+    levels: u32,
+    frees_hidden: bool,
+    check: CancelCheck<'_>,
+) -> Result<Vec<BlockSource>, EncodeError> {
+    let depth = source.info().depth;
+    let mut stages = Vec::new();
+    for image in source.images() {
+        let levels = levels.min(image.size().full_levels());
+        let chain = mip_chain_cancellable(image, levels, MipFilter::Box, check)?;
+        for (first, level) in (0..levels).zip(&chain).step_by(BLOCK_LEVELS as usize) {
+            let stage = BlockSource::from_raster(level, depth)?;
+            let cell_log2 = (levels - first).min(BLOCK_LEVELS) - 1;
+            stages.push(if frees_hidden {
+                let alpha = usize::from(level.info().channels) - 1;
+                stage.with_free_colours_but(alpha, &is_read(level, 1 << cell_log2))
+            } else {
+                stage
+            });
+        }
+    }
+    Ok(stages)
+}
+
+/// Which texels of a stage a bilinear filter reads together with visible ones, also across opposite edges, at any level that is
+/// made of the stage: the coarsest has means of squares of `cell` texels a side.
+fn is_read(stage: &Raster, cell: u32) -> Vec<bool> {
+    let SurfaceSize { width, height } = stage.size();
+    let (columns, rows) = (width.div_ceil(cell) as usize, height.div_ceil(cell) as usize);
+    let cell_of = |x: u32, y: u32| (y / cell) as usize * columns + (x / cell) as usize;
+    let mut visible = vec![false; columns * rows];
+    for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+        visible[cell_of(x, y)] |= stage.texel(x, y).w > 0.0;
+    }
+    let around = |at: usize, count: usize| [(at + count - 1) % count, at, (at + 1) % count];
+    let reads = |at: usize| {
+        let rows = around(at / columns, rows);
+        rows.iter()
+            .any(|row| around(at % columns, columns).iter().any(|column| visible[row * columns + column]))
+    };
+    let read: Vec<bool> = (0..columns * rows).map(reads).collect();
+    (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| read[cell_of(x, y)]).collect()
+}
+
+fn bits(source: &ImageSet, images: &BlockImages) -> f64 {
+    images.memory().counted as f64 / source.texel_count() as f64
+}
+
+/// Settings, verdict, and the PSNR of the bases alone.
+pub(crate) fn notes(
+    source: &ImageSet,
+    images: &BlockImages,
+    params: &ProgressiveParams,
+    met: bool,
+    job: &Job<'_>,
+) -> Result<Notes, EncodeError> {
+    let layers = images.layers();
+    let mut psnr_without = Vec::new();
+    let base_alone = images.first_layers(1);
+    if layers.total > 1 {
+        let check = job.cancel_check();
+        let alone = job.install(|| quality_cancellable(source, &base_alone, check))?;
+        psnr_without.push((RESIDUAL_PART.to_owned(), alone.color.psnr() as f32));
+    }
+    let metric = params.metric_for(source.info());
+    let weighted = match metric {
+        Metric::Psnr => "errors count alike",
+        Metric::Perceptual => "errors count less the finer they are",
+    };
+    let base = 8.0 * base_alone.content().held_bytes() as f64 / source.texel_count() as f64;
+    let missed = if met { "" } else { " The goal is out of reach; this comes nearest." };
+    let freed = if params.frees_hidden(source.info()) { "; colours that alpha hides may differ" } else { "" };
+    let verdict = format!(
+        "By block: {:.3} bits a texel, {base:.3} of them in headers and bases of 1/8 of the width and height; {weighted}{freed}.{missed}",
+        bits(source, images),
+    );
+    let access = format!(" --access {} --metric {}", Access::Block.name(), metric.name());
+    Ok(Notes { settings: settings(params) + &access, verdict, psnr_without })
+}
+
+#[cfg(test)]
+mod tests {
+    use texfold_core::Texel;
+    use texfold_core::image::{Alpha, ColorSpace};
+
+    use super::*;
+
+    #[test]
+    fn what_filters_read_beside_a_visible_texel_is_found_at_every_level() {
+        let clear = Raster::from_u8(20, 16, 4, ColorSpace::Srgb, &[0; 20 * 16 * 4]).unwrap();
+        let mut texels: Vec<Texel> = clear.texels().collect();
+        texels[20 * 7 + 19] = Texel::ONE;
+        let info = clear.tagged(ColorSpace::Srgb, Alpha::Straight).info();
+        let stage = Raster::from_texels(20, 16, info, &texels).unwrap();
+        // The texel lies at the right edge, across which a repeated image is read, too.
+        for (cell, columns, rows) in [(1, [18, 19, 0], 6..9), (2, [8, 9, 0], 4..10), (4, [3, 4, 0], 0..12)] {
+            let read = is_read(&stage, cell);
+            for (x, y) in (0..16).flat_map(|y| (0..20).map(move |x| (x, y))) {
+                let wanted = columns.contains(&(x / cell)) && rows.contains(&y);
+                assert_eq!(read[(y * 20 + x) as usize], wanted, "{x} {y} by {cell}");
+            }
+        }
+    }
+}

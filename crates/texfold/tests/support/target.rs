@@ -1,0 +1,161 @@
+//! What is done with files that anybody may have written: by the tests here, and by the fuzz targets in `fuzz/`.
+
+use glam::Vec3;
+use texfold::container::{CodecId, SectionWriter, Sections};
+use texfold::{
+    AnyImage, AnyTexture, Budget, Domain, Encoded, Image2d, ImageAddress, LightAddress, LightTexture, Limits,
+    ProgressiveTexture, Rect, SurfaceSize, Texel, open,
+};
+use texfold_residual::block::passes;
+
+/// More than any of the seeds needs, far less than a hostile size would take.
+const LIMITS: Limits = Limits { texels: 1 << 18, bytes: 16 << 20, sections: 64 };
+/// Longest side of a region that is decoded.
+const REGION_SIDE: u32 = 40;
+/// The same, for compute passes on the CPU.
+const PASSES_SIDE: u32 = 16;
+/// Most images that are looked at, and levels of each: the first level of the second stage is among them.
+const MOST_IMAGES: u32 = 2;
+const MOST_LEVELS: u32 = 4;
+/// Files with content in blocks: images with mip levels, images with alpha, a zoom stack.
+const SEEDS: [&[u8]; 3] = [
+    include_bytes!("../../../../fixtures/golden/progressive_block.txf"),
+    include_bytes!("../../../../fixtures/golden/progressive_block_alpha.txf"),
+    include_bytes!("../../../../fixtures/golden/zipmap_block.txf"),
+];
+
+/// Loads a file of any codec, within small limits; whatever loads is decoded, drawn from, handed to a GPU and stored, and what is
+/// stored loads again. Whether it loads.
+pub fn open_any(bytes: &[u8]) -> bool {
+    let Ok(texture) = open(bytes, &mut Budget::new(LIMITS)) else { return false };
+    match &texture {
+        AnyTexture::Image(image) => {
+            exercise_image(image.as_encoded());
+            exercise_passes(image);
+        }
+        AnyTexture::Light(light) => exercise_light(light),
+    }
+    let stored = texture.to_bytes();
+    // Within the usual limits: the file itself is held, too.
+    let again = open(&stored, &mut Budget::default()).expect("what is stored loads");
+    assert_eq!(again.to_bytes(), stored, "what is stored is stored alike");
+    true
+}
+
+fn exercise_image(image: &dyn Encoded<Domain = Image2d>) {
+    let layout = image.layout();
+    for surface in 0..(layout.surfaces.len() as u32).min(MOST_IMAGES) {
+        for level in (0..layout.levels).take(MOST_LEVELS as usize) {
+            let Some(whole) = layout.whole(surface, level) else { continue };
+            let (right, bottom) = (whole.width - 1, whole.height - 1);
+            for (x, y) in [(0, 0), (right, bottom), (right / 2, bottom / 3), (u32::MAX, u32::MAX)] {
+                assert!(image.sample(ImageAddress { surface, level, x, y }).is_finite());
+            }
+            let region = corner(whole, REGION_SIDE);
+            let mut texels = vec![Texel::ZERO; Image2d::len(region)];
+            image.decode(region, &mut texels).expect("the region lies inside");
+            assert!(texels.iter().all(|texel| texel.is_finite()));
+        }
+    }
+    let _ = (image.gpu().bits_memory(), image.footprint());
+}
+
+/// What the compute passes of blocks give, on the CPU, is what decoding gives, whatever the streams hold.
+fn exercise_passes(image: &AnyImage) {
+    let form = image.as_encoded().gpu();
+    let images = image.downcast_ref::<ProgressiveTexture>().and_then(ProgressiveTexture::block);
+    for (number, blocks) in form.blocks.iter().enumerate().take(MOST_LEVELS as usize) {
+        let region = corner(whole_of(blocks.layout.size), PASSES_SIDE);
+        let drawn = passes::decode(blocks, region).expect("the region lies inside");
+        if let Some(stage) = images.and_then(|images| images.content().stages().get(number)) {
+            let mut texels = vec![0; drawn.len()];
+            stage.decode(region, &mut texels).expect("the region lies inside");
+            assert!(drawn == texels, "passes and decoding differ");
+        }
+    }
+}
+
+fn whole_of(size: SurfaceSize) -> Rect {
+    Rect { surface: 0, level: 0, x: 0, y: 0, width: size.width, height: size.height }
+}
+
+/// The last texels of a level, whose blocks may be cut.
+fn corner(whole: Rect, side: u32) -> Rect {
+    let (width, height) = (whole.width.min(side), whole.height.min(side));
+    Rect { x: whole.width - width, y: whole.height - height, width, height, ..whole }
+}
+
+fn exercise_light(light: &LightTexture) {
+    let triangles = light.layout().triangles;
+    for triangle in [0, triangles / 2, triangles.saturating_sub(1), u32::MAX] {
+        let barycentric = Vec3::new(0.2, 0.3, 0.5);
+        let at = LightAddress { triangle, barycentric, direction: Vec3::Z };
+        assert!(light.sample(at).is_finite());
+    }
+    let _ = (light.gpu().bits_memory(), light.footprint());
+}
+
+/// A file as its sections.
+type Parts = (u16, Vec<([u8; 4], Vec<u8>)>);
+
+/// Reads `data` as an instruction to forge a file with content in blocks, of a correct container, and opens that. The first
+/// bytes name a seed, a section of block content, what is done with it (`data[2]`) and where; the rest is what is put there.
+/// Whether it loads; `None` where `data` is too short.
+pub fn open_forged_blocks(data: &[u8]) -> Option<bool> {
+    let (&[seed, section, what, low, high], rest) = data.split_first_chunk()?;
+    let (codec, mut sections) = parts_of(SEEDS[usize::from(seed) % SEEDS.len()]);
+    let forgeable: Vec<usize> = (0..sections.len()).filter(|&at| is_forgeable(sections[at].0)).collect();
+    let target = forgeable[usize::from(section) % forgeable.len()];
+    let other = parts_of(SEEDS[usize::from(seed / 16) % SEEDS.len()]).1;
+    let other = &other[usize::from(section / 16) % other.len()].1;
+    let raw = &mut sections[target].1;
+    let at = usize::from(u16::from_le_bytes([low, high])) % (raw.len() + 1);
+    change(raw, (what, at), rest, other);
+    let mut writer = SectionWriter::new(CodecId { number: codec, name: "" });
+    sections.iter().for_each(|(id, raw)| writer.section("", *id, raw));
+    Some(open_any(&writer.finish().bytes))
+}
+
+/// Sections of block content, and what says how large images are and where they lie.
+fn is_forgeable(id: [u8; 4]) -> bool {
+    matches!(&id, [b'R', b'B', b'B' | b'D', _] | b"ZMFM" | b"LAYO")
+}
+
+fn parts_of(file: &[u8]) -> Parts {
+    let mut budget = Budget::default();
+    let sections = Sections::parse(file, &mut budget).expect("seeds are files");
+    let ids: Vec<[u8; 4]> = sections.ids().map(|(id, _)| id).collect();
+    let raw = |id: [u8; 4]| (id, sections.read(id, &mut Budget::default()).expect("seeds are whole"));
+    (sections.codec(), ids.into_iter().map(raw).collect())
+}
+
+/// Changes a section from `at` on.
+fn change(raw: &mut Vec<u8>, (what, at): (u8, usize), rest: &[u8], other: &[u8]) {
+    match what % 8 {
+        // Other bytes, one here and one there: pairs of how far on and what.
+        0..=2 => {
+            let mut place = at;
+            for pair in rest.chunks_exact(2) {
+                if let Some(byte) = raw.get_mut(place) {
+                    *byte = pair[1];
+                }
+                place += 1 + usize::from(pair[0] % 32);
+            }
+        }
+        3 => {
+            let end = (at + rest.len()).min(raw.len());
+            raw[at..end].copy_from_slice(&rest[..end - at]);
+        }
+        4 => {
+            raw.truncate(at);
+            raw.extend(rest);
+        }
+        5 => drop(raw.splice(at..at, rest.iter().copied())),
+        6 => drop(raw.drain(at..(at + rest.len()).min(raw.len()))),
+        // The end of another section.
+        _ => {
+            raw.truncate(at);
+            raw.extend(&other[at.min(other.len())..]);
+        }
+    }
+}

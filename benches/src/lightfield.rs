@@ -3,7 +3,8 @@
 //!
 //! `cargo run --release -p texfold-benches --bin lightfield -- [OUT] [CAPTURE] [TABLE]`: a capture's folder with `transforms_test.json`;
 //! `slf/spot_gloss` of the shared data where none is named. Tables are `meshes` (quality against size by triangles and terms, with a
-//! chart), `stored` (raw maps, block compression and codebooks), `model` (parts of the model left out or done otherwise), `speed` (of encodes) and
+//! chart), `stored` (raw maps, block compression and codebooks), `blocks` (blocks of variable length beside planes; a test view of each is
+//! drawn into OUT), `model` (parts of the model left out or done otherwise), `speed` (of encodes) and
 //! `frames` (of drawing); all where none is named. PSNR counts pixels of the object alone; those that a mesh does not cover count as black.
 
 #[path = "lightfield/chart.rs"]
@@ -18,8 +19,8 @@ use std::time::Instant;
 
 use chart::Curve;
 use texfold::{
-    Capture, Content, Directions, Encoded, Factors, FitMethod, Job, LightModel, LightParams, LightQuality,
-    LightTexture, Lightfield, MapStorage, Photograph, Renderer,
+    Access, Capture, Content, Directions, Encoded, Factors, FitMethod, Job, LightModel, LightParams,
+    LightQuality, LightTexture, Lightfield, MapStorage, Photograph, Renderer,
 };
 use texfold_benches::report::{Outcome, Table, cpu_seconds};
 use texfold_gpu::{Gpu, Policy};
@@ -61,6 +62,7 @@ fn main() -> Outcome<()> {
     for (name, table) in [
         ("meshes", Bench::meshes as fn(&Bench) -> Outcome<()>),
         ("stored", Bench::stored),
+        ("blocks", Bench::blocks),
         ("model", Bench::model),
         ("speed", Bench::speed),
         ("frames", Bench::frames),
@@ -73,7 +75,7 @@ fn main() -> Outcome<()> {
 }
 
 fn usual() -> LightParams {
-    LightParams::default().with_terms(3)
+    LightParams::default().with_terms(3).with_access(Access::Texel)
 }
 
 /// One term whose view maps are shared: small files.
@@ -248,6 +250,34 @@ impl Bench {
         table.write(&self.out, "stored", "Fits, each stored in several ways.")
     }
 
+    /// Blocks of variable length at several losses beside planes, of fits of the two meshes that nothing was chosen by and of the one
+    /// that [`LOSSES`] were.
+    fn blocks(&self) -> Outcome<()> {
+        let mut table = columns();
+        for (name, triangles, params) in blocks_fits() {
+            let capture = self.capture(triangles)?;
+            let before = cpu_seconds();
+            let fitted = Lightfield::fit(&capture, &params, &mut Job::default())?;
+            let fitting = cpu_seconds() - before;
+            let plane =
+                |content: Content| (content.name().to_owned(), MapStorage::default().with_content(content));
+            let block = |loss| (format!("blocks, loss {loss}"), MapStorage::default().with_loss(loss));
+            let planes = [Content::Raw, Content::Bc7, Content::Bc1].map(plane);
+            for (form, storage) in planes.into_iter().chain(LOSSES.map(block)) {
+                let before = cpu_seconds();
+                let (texture, quality) = fitted.store(storage, &mut Job::default())?;
+                let seconds = fitting + cpu_seconds() - before;
+                let name = format!("{name}, {form}");
+                self.row(&mut table, &name, &capture, (&texture, &quality), seconds);
+                let camera = self.tests[0].camera;
+                let pixels = Renderer::new(&texture).render(&camera).into_flattened();
+                let image = image::RgbaImage::from_raw(camera.width, camera.height, pixels);
+                image.ok_or("a view of another size")?.save(self.out.join(format!("{name}.png")))?;
+            }
+        }
+        table.write(&self.out, "blocks", "Blocks of variable length beside planes.")
+    }
+
     /// Time by vertices and by views, stage by stage.
     fn speed(&self) -> Outcome<()> {
         let mut table = Table::new(&["triangles", "vertices", "views", "stages, CPU s", "all, CPU s"]);
@@ -370,6 +400,21 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 /// A fit's name, triangles and parameters, and how it is stored: content and the share that codebooks keep.
 type Stored = (&'static str, Option<u32>, LightParams, &'static [(Content, f32)]);
+
+/// Losses against raw maps at which blocks are measured, in dB of the matrices.
+const LOSSES: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
+
+/// Fits that are stored in blocks and in planes.
+fn blocks_fits() -> Vec<(&'static str, Option<u32>, LightParams)> {
+    let one = usual().with_terms(1);
+    vec![
+        ("3 terms", Some(1500), usual()),
+        ("3 terms", USUAL_MESH, usual()),
+        ("1 term", None, one.clone()),
+        ("1 term, coarser maps", None, one.with_surface_reduce_log2(SMALL_REDUCE_LOG2)),
+        ("110 regions, coarser maps", None, of_regions(110)),
+    ]
+}
 
 /// Fits that are stored in several ways.
 fn fits() -> Vec<Stored> {

@@ -54,7 +54,7 @@ const ALLOWED: [Allowed; 18] = [
     Allowed {
         package: "lightfield",
         numeric: true,
-        may: &["delaunator", "ndarray", "texfold-bc", "texfold-codebook", "texfold-core"],
+        may: &["delaunator", "ndarray", "texfold-bc", "texfold-codebook", "texfold-core", "texfold-residual"],
     },
     Allowed { package: "zipmap", numeric: true, may: &["texfold-bc", "texfold-core", "texfold-residual"] },
     Allowed {

@@ -34,6 +34,9 @@ pub struct GpuBlocks<'a> {
     pub level: u32,
     /// Mip levels that are made of it, from that one on: 1 to [`BLOCK_LEVELS`].
     pub levels: u32,
+    /// First row of the image's level that it holds. Where an image without further levels is put together of several textures of
+    /// its width, one below the other, these follow one another.
+    pub row: u32,
     /// What must be held to decode it: for each part of the footprint its bytes, header, index and tables among them.
     pub held_bytes: Vec<(&'static str, u64)>,
 }

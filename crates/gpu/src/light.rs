@@ -34,7 +34,7 @@ pub struct GpuLight {
 }
 
 impl GpuLight {
-    /// Bytes of texels and parameters that were uploaded.
+    /// Bytes of texels and parameters that were uploaded, or decoded from blocks.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         self.bytes
@@ -62,7 +62,7 @@ impl GpuLight {
 }
 
 impl Gpu {
-    /// Uploads all planes and parameters of an encoded light field.
+    /// Uploads all planes and parameters of an encoded light field. Maps in blocks are decoded into plain textures.
     ///
     /// # Errors
     /// [`GpuError`] where it is none, or the device cannot hold or sample it.
@@ -72,9 +72,9 @@ impl Gpu {
         let [surface] = &form.surfaces[..] else {
             return Err(GpuError::Form { what: "a light field has another number of surfaces than one" });
         };
+        let decoded = self.decode_images(form)?;
         self.guarded(|| {
-            let planes = form.planes.iter().map(|plane| self.upload_plane(plane));
-            let planes = planes.collect::<Result<Vec<_>, GpuError>>()?;
+            let planes = self.upload_planes(form, decoded)?;
             let group = self.bind(module, form, surface, &planes)?;
             let params = group.params.into_iter().next();
             let number = |offset| number(&form.uniforms[surface.uniforms.clone()], offset);

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use texfold_core::{AstcBlock, GpuBlocks, GpuForm, Plane, PlaneFormat, SurfaceBinding, SurfaceSize};
+use texfold_core::{AstcBlock, GpuBlocks, GpuForm, Plane, PlaneFormat, Rect, SurfaceBinding, SurfaceSize};
 use texfold_shaders::{Binding, ModuleInfo};
 use wgpu::{BufferUsages, Texture, TextureFormat, TextureUsages};
 
@@ -20,22 +20,40 @@ impl Gpu {
     /// [`GpuError`] where the device cannot hold or sample it.
     pub fn upload(&self, form: &GpuForm<'_>) -> Result<GpuTexture, GpuError> {
         let module = module_of(form)?;
-        let stages = form.blocks.chunk_by(|one, other| one.image == other.image);
-        let decoded =
-            stages.map(|stages| self.decode_blocks(stages)).collect::<Result<Vec<_>, GpuError>>()?;
+        let decoded = self.decode_images(form)?;
         self.guarded(|| {
-            let planes = form.planes.iter().map(|plane| self.upload_plane(plane));
-            let planes = planes.chain(decoded.into_iter().map(Ok)).collect::<Result<Vec<_>, GpuError>>()?;
+            let planes = self.upload_planes(form, decoded)?;
             let bound = self.bind_all(module, form, &planes)?;
             Ok(GpuTexture { module, planes, bound, address_mode: None, queue: self.queue.clone() })
         })
     }
 
-    /// The mip levels of an image in blocks, decoded from its stages, of which there is at least one.
+    /// The images of a form that are in blocks, decoded.
+    pub(crate) fn decode_images(&self, form: &GpuForm<'_>) -> Result<Vec<GpuPlane>, GpuError> {
+        let stages = form.blocks.chunk_by(|one, other| one.image == other.image);
+        stages.map(|stages| self.decode_blocks(stages)).collect()
+    }
+
+    /// All planes of a form, and behind them the images that were decoded.
+    pub(crate) fn upload_planes(
+        &self,
+        form: &GpuForm<'_>,
+        decoded: Vec<GpuPlane>,
+    ) -> Result<Vec<GpuPlane>, GpuError> {
+        let planes = form.planes.iter().map(|plane| self.upload_plane(plane));
+        planes.chain(decoded.into_iter().map(Ok)).collect()
+    }
+
+    /// The mip levels of an image in blocks, decoded from its stages, of which there is at least one; or its only level from
+    /// textures one below the other.
     fn decode_blocks(&self, stages: &[GpuBlocks<'_>]) -> Result<GpuPlane, GpuError> {
         let decoder = self.block_decoder()?;
         let [blocks, ..] = stages else { return Err(GpuError::Form { what: "an image has no stage" }) };
+        let rows = stages.iter().map(|stage| stage.row.saturating_add(stage.layout.size.height));
         let SurfaceSize { width, height } = blocks.layout.size;
+        let height =
+            if stages.iter().all(|stage| stage.level == 0) { rows.max().unwrap_or(height) } else { height };
+        let size = SurfaceSize { width, height };
         let limit = self.side_limit();
         if width > limit || height > limit {
             return Err(GpuError::PlaneTooLarge { width, height, limit });
@@ -45,7 +63,8 @@ impl Gpu {
         } else {
             (TextureFormat::Rgba8Unorm, 4)
         };
-        let levels: u32 = stages.iter().map(|stage| stage.levels).sum();
+        let is_stacked = size != blocks.layout.size;
+        let levels: u32 = if is_stacked { 1 } else { stages.iter().map(|stage| stage.levels).sum() };
         let texture = self.guarded(|| {
             Ok(self.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(DECODED_PART),
@@ -60,9 +79,15 @@ impl Gpu {
         })?;
         for stage in stages {
             let image = decoder.upload(self, stage)?;
+            if is_stacked {
+                let SurfaceSize { width, height } = stage.layout.size;
+                let rect = Rect { surface: 0, level: 0, x: 0, y: 0, width, height };
+                decoder.decode_into(self, &image, rect, image.colours(), &texture, [0, stage.row])?;
+                continue;
+            }
             decoder.decode_levels(self, &image, image.colours(), &texture, (stage.level, stage.levels))?;
         }
-        let bytes = (0..levels).map(|level| texel_bytes * blocks.layout.size.at_level(level).texels()).sum();
+        let bytes = (0..levels).map(|level| texel_bytes * size.at_level(level).texels()).sum();
         Ok(GpuPlane { part: DECODED_PART, texture, bytes })
     }
 

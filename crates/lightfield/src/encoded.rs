@@ -10,15 +10,18 @@ use glam::Vec3;
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::SectionWriter;
 use texfold_core::{
-    CodecId, Domain, Encoded, Footprint, GpuForm, Layers, LightAddress, LightLayout, Notes, Plane,
-    PlaneFormat, RegionError, SurfaceBinding, SurfaceLight, Texel, TextureCodec,
+    Access, CodecId, Domain, Encoded, Footprint, GpuBlocks, GpuForm, Layers, LightAddress, LightLayout,
+    Notes, Plane, PlaneFormat, RegionError, SurfaceBinding, SurfaceLight, Texel, TextureCodec,
 };
+use texfold_residual::block::BlockContent;
 
 use crate::decode::{
     LightfieldView, TEXFOLD_LIGHTFIELD_ROW, TexfoldLightfieldParams, texfold_lightfield_sample,
 };
 use crate::kinds::{Directions, Factors};
-use crate::parts::{PIXEL, Parts, surface_size, view_size, zero_and_range};
+use crate::parts::{
+    Atlas, MAPS_PART, MEAN_PART, PIXEL, Parts, Payload, SURFACE_PART, VIEW_PART, zero_and_range,
+};
 use crate::{Lightfield, Mesh, wire};
 
 /// An encoded surface light field.
@@ -45,6 +48,7 @@ impl LightTexture {
     /// From parts that fit each other: lengths and sizes as [`Parts::layout`] has them.
     pub(crate) fn new(parts: Parts, notes: Notes) -> LightTexture {
         let (vertices, triangles) = (parts.mesh.positions.len() as u32, parts.mesh.triangles.len() as u32);
+        let [mean_swizzle, map_swizzle] = parts.swizzles();
         let params = TexfoldLightfieldParams {
             vertices,
             triangles,
@@ -52,8 +56,8 @@ impl LightTexture {
             stored_terms: parts.terms,
             directions: parts.directions.number(),
             grid: parts.grid,
-            mean_swizzle: parts.mean.swizzle().0,
-            map_swizzle: parts.surface.swizzle().0,
+            mean_swizzle,
+            map_swizzle,
             map_zero: zero_and_range(parts.factors).0,
             map_range: zero_and_range(parts.factors).1,
             reduce_log2: u32::from(parts.surface_reduce_log2),
@@ -71,9 +75,9 @@ impl LightTexture {
     fn tables(&self) -> &Tables {
         self.tables.get_or_init(|| Tables {
             words: words(&self.parts),
-            mean: self.parts.mean.decode(),
-            surface: self.parts.surface.decode(),
-            view: self.parts.view.decode(),
+            mean: self.parts.texels(Atlas::Mean),
+            surface: self.parts.texels(Atlas::Surface),
+            view: self.parts.texels(Atlas::View),
         })
     }
 
@@ -101,10 +105,19 @@ impl LightTexture {
         self.parts.grid
     }
 
-    /// How the maps are stored.
+    /// How the maps are stored in planes; `None` where they are in blocks of variable length.
     #[must_use]
-    pub fn content(&self) -> Content {
-        self.parts.surface.content()
+    pub fn content(&self) -> Option<Content> {
+        match &self.parts.payload {
+            Payload::Planes { surface, .. } => Some(surface.content()),
+            Payload::Blocks { .. } => None,
+        }
+    }
+
+    /// How the maps are stored, and so how a GPU reaches their texels.
+    #[must_use]
+    pub fn access(&self) -> Access {
+        if self.content().is_some() { Access::Texel } else { Access::Block }
     }
 
     /// How many terms each vertex has.
@@ -137,8 +150,14 @@ impl LightTexture {
         parts.scales.truncate(3 * (terms * self.params.vertices) as usize);
         (parts.terms, parts.total_terms) = (terms, terms);
         let layout = parts.layout();
-        parts.surface = first_rows(&parts.surface, surface_size(&layout, parts.widths, terms));
-        parts.view = first_rows(&parts.view, view_size(&layout, parts.widths, terms));
+        let sizes = [Atlas::Surface, Atlas::View].map(|atlas| parts.size_of(&layout, atlas));
+        match &mut parts.payload {
+            Payload::Planes { surface, view, .. } => {
+                *surface = first_rows(surface, sizes[0]);
+                *view = first_rows(view, sizes[1]);
+            }
+            Payload::Blocks { terms: contents, .. } => contents.truncate(terms as usize),
+        }
         LightTexture::new(parts, self.notes)
     }
 
@@ -163,6 +182,32 @@ impl LightTexture {
             view,
             view_width: self.parts.widths.view,
         }
+    }
+
+    /// Blocks of all atlases as a GPU needs them; which of the decoded textures the shader's six are.
+    fn push_blocks<'a>(
+        &'a self,
+        contents: (&'a BlockContent, &'a [Option<BlockContent>]),
+        blocks: &mut Vec<GpuBlocks<'a>>,
+    ) -> [usize; 6] {
+        let layout = self.parts.layout();
+        let atlases = [(Atlas::Mean, MEAN_PART), (Atlas::Surface, MAPS_PART), (Atlas::View, MAPS_PART)];
+        let mut next = 0;
+        let images = atlases.map(|(atlas, part)| {
+            let bands = self.parts.bands(&layout, contents, atlas);
+            // Without maps nothing is read there.
+            let image = if bands.is_empty() { 0 } else { next };
+            next += usize::from(!bands.is_empty());
+            for (row, content, surface) in bands {
+                let of_band = content.gpu().filter(|blocks| blocks.image == surface as usize);
+                blocks.extend(of_band.map(|blocks| {
+                    let bytes = blocks.held_bytes.iter().map(|(_, bytes)| bytes).sum();
+                    GpuBlocks { image, row, held_bytes: vec![(part, bytes)], ..blocks }
+                }));
+            }
+            image
+        });
+        [images[0], images[0], images[1], images[1], images[2], images[2]]
     }
 
     /// As [`LightTexture::view`], with at most `terms` terms beside the mean.
@@ -276,19 +321,23 @@ impl Encoded for LightTexture {
             data: bytes_of(words),
         }];
         let mut bound = vec![0];
-        for (part, content) in [
-            ("mean", &self.parts.mean),
-            ("surface maps", &self.parts.surface),
-            ("view maps", &self.parts.view),
-        ] {
-            let first = planes.len();
-            planes.extend(content.gpu_planes(part));
-            // Where there is one plane, both bindings read it.
-            bound.extend([first, planes.len() - 1]);
+        let mut blocks = Vec::new();
+        match &self.parts.payload {
+            Payload::Planes { mean, surface, view } => {
+                for (part, content) in [(MEAN_PART, mean), (SURFACE_PART, surface), (VIEW_PART, view)] {
+                    let first = planes.len();
+                    planes.extend(content.gpu_planes(part));
+                    // Where there is one plane, both bindings read it.
+                    bound.extend([first, planes.len() - 1]);
+                }
+            }
+            Payload::Blocks { mean, terms } => {
+                bound.extend(self.push_blocks((mean, terms), &mut blocks).map(|image| planes.len() + image));
+            }
         }
         let uniforms = bytemuck::bytes_of(&self.params).to_vec();
         let binding = SurfaceBinding { planes: bound, uniforms: 0..uniforms.len(), surface: 0 };
-        GpuForm { planes, uniforms, surfaces: vec![binding], ..GpuForm::new("lightfield") }
+        GpuForm { planes, uniforms, surfaces: vec![binding], blocks, ..GpuForm::new("lightfield") }
     }
 
     fn notes(&self) -> &Notes {

@@ -1,7 +1,7 @@
 //! Parameters of the light-field codec.
 
 use texfold_bc::Content;
-use texfold_core::{ParamError, ParamValue, Params};
+use texfold_core::{Access, ParamError, ParamValue, Params};
 
 use crate::kinds::{Directions, Factors, MAX_TERMS};
 
@@ -118,12 +118,20 @@ impl Default for MapSizes {
     }
 }
 
+/// Loss of maps in blocks against raw ones, in dB of the matrices.
+const LOSS: f64 = 0.5;
+
 /// How maps are stored once they are found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct MapStorage {
-    /// How texels are stored: raw, BC1 or BC7.
-    pub content: Content,
+    /// How texels are reached: in blocks of variable length, which are decoded before they are drawn, or in planes that shaders read.
+    /// Where planes of a content reach the same PSNR with fewer bits, maps are in planes all the same.
+    pub access: Access,
+    /// How texels are stored in planes: raw, BC1 or BC7; `None` for raw ones. With a content, maps are in planes.
+    pub content: Option<Content>,
+    /// By how many dB maps in blocks may be below raw maps, against the photographs, where no PSNR is asked for: above 0 to 10.
+    pub loss: f64,
     /// Fraction of the maps' bits to keep, above 0 to 1: below 1 maps are codewords that several triangles or vertices share. View
     /// maps that regions share count once.
     pub codewords: f32,
@@ -131,15 +139,27 @@ pub struct MapStorage {
 
 impl Default for MapStorage {
     fn default() -> Self {
-        MapStorage { content: Content::Raw, codewords: 1.0 }
+        MapStorage { access: Access::default(), content: None, loss: LOSS, codewords: 1.0 }
     }
 }
 
 impl MapStorage {
-    /// With texels stored in this way.
+    /// With texels that are reached so.
     #[must_use]
-    pub fn with_content(self, content: Content) -> Self {
-        MapStorage { content, ..self }
+    pub fn with_access(self, access: Access) -> Self {
+        MapStorage { access, ..self }
+    }
+
+    /// With texels stored in this way, in planes; `None` for blocks or raw planes, as `access` says.
+    #[must_use]
+    pub fn with_content(self, content: impl Into<Option<Content>>) -> Self {
+        MapStorage { content: content.into(), ..self }
+    }
+
+    /// With blocks that are by at most so many dB below raw maps.
+    #[must_use]
+    pub fn with_loss(self, loss: f64) -> Self {
+        MapStorage { loss, ..self }
     }
 
     /// With this fraction of the maps' bits.
@@ -148,13 +168,17 @@ impl MapStorage {
         MapStorage { codewords, ..self }
     }
 
-    /// Checks both fields.
+    /// Checks all fields.
     pub(crate) fn check(&self) -> Result<(), ParamError> {
         if !(self.codewords > 0.0 && self.codewords <= 1.0) {
             return error("codewords", self.codewords, "above 0 to 1");
         }
-        if !matches!(self.content, Content::Raw | Content::Bc1 | Content::Bc7) {
-            return error("content", self.content.name(), "raw, bc1 and bc7 for light-field maps");
+        if !(self.loss > 0.0 && self.loss <= 10.0) {
+            return error("loss", self.loss, "above 0 to 10");
+        }
+        let holds = |content| matches!(content, Content::Raw | Content::Bc1 | Content::Bc7);
+        if let Some(content) = self.content.filter(|&content| !holds(content)) {
+            return error("content", content.name(), "raw, bc1 and bc7 for light-field maps");
         }
         Ok(())
     }
@@ -240,10 +264,17 @@ impl LightParams {
         LightParams { storage, ..self }
     }
 
-    /// With texels stored in this way.
+    /// With texels that are reached so.
     #[must_use]
-    pub fn with_content(mut self, content: Content) -> Self {
-        self.storage.content = content;
+    pub fn with_access(mut self, access: Access) -> Self {
+        self.storage.access = access;
+        self
+    }
+
+    /// With texels stored in this way, in planes; `None` for blocks or raw planes, as the access says.
+    #[must_use]
+    pub fn with_content(mut self, content: impl Into<Option<Content>>) -> Self {
+        self.storage.content = content.into();
         self
     }
 

@@ -4,7 +4,7 @@ use glam::{Mat4, Vec2, Vec3};
 use texfold_core::image::Raster;
 use texfold_core::{Encoded, SourceError, Texel};
 
-use crate::parts::PIXEL;
+use crate::parts::{Atlas, PIXEL};
 use crate::{Camera, LightTexture, Renderer};
 
 /// Pixels a side of the drawn mesh.
@@ -19,11 +19,12 @@ impl LightTexture {
     pub fn part_images(&self) -> Result<Vec<(&'static str, Raster)>, SourceError> {
         let mut images = Vec::new();
         let parts = &self.parts;
-        for (name, planes) in
-            [("mean", &parts.mean), ("surface-maps", &parts.surface), ("view-maps", &parts.view)]
+        let layout = parts.layout();
+        for (name, atlas) in
+            [("mean", Atlas::Mean), ("surface-maps", Atlas::Surface), ("view-maps", Atlas::View)]
         {
-            let (width, height) = planes.size();
-            images.push((name, Raster::from_texels(width, height, PIXEL, &planes.decode())?));
+            let (width, height) = parts.size_of(&layout, atlas);
+            images.push((name, Raster::from_texels(width, height, PIXEL, &parts.texels(atlas))?));
         }
         let drawn = self.drawn_terms();
         images.push(("terms", Raster::from_texels(2 * SIDE, SIDE, PIXEL, &drawn)?));

@@ -1,21 +1,30 @@
 //! Sections of a `lightfield` file: "LFFM" (counts and settings), "LFME" (mesh and sides of patches), "LFMN" (the mean's planes), then
 //! for each term "LFQ0" (scales and which maps are used), "LFG0" (surface maps) and "LFH0" (view maps), with the term's number as last letter.
+//! In blocks, instead of the planes: sections of block content 0, the mean, and for each term that has maps, after its "LFQ0", of a
+//! block content with the number after the term's, which holds its surface maps and its view maps.
 //! A file that ends after a term is a light field of fewer terms.
 
 use glam::Vec3;
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::{Notes, Reader, SectionWriter, Sections};
-use texfold_core::{Budget, LoadError, String4, Texel};
+use texfold_core::{Budget, ImageLayout, LoadError, String4, SurfaceSize, Texel};
+use texfold_residual::ContentId;
+use texfold_residual::block::BlockContent;
 
 use crate::Mesh;
 use crate::kinds::{Directions, Factors, MAX_TERMS};
 use crate::layout::{Layout, MAX_SIDE_LOG2, NONE, SIDES, Sharing, Widths, reduced};
 use crate::mesh::{MAX_TRIANGLES, MAX_VERTICES};
-use crate::parts::{PIXEL, Parts, mean_size, surface_size, view_size, words};
+use crate::parts::{
+    MAPS_PART, MEAN_PART, PIXEL, Parts, Payload, SURFACE_PART, TermRows, VIEW_PART, atlas_layout, mean_size,
+    surface_size, view_size, words,
+};
 
 const FORM_ID: [u8; 4] = *b"LFFM";
 const MESH_ID: [u8; 4] = *b"LFME";
 const MEAN_ID: [u8; 4] = *b"LFMN";
+/// Stands for a content where maps are in blocks of variable length.
+const IN_BLOCKS: u8 = u8::MAX;
 
 /// Coordinates beyond this are taken for damage: squares of their differences must stay finite.
 const MAX_COORDINATE: f32 = 1e9;
@@ -27,6 +36,12 @@ fn term_id(kind: u8, term: u32) -> [u8; 4] {
     [b'L', b'F', kind, b'0' + term as u8]
 }
 
+/// The block content of a term's maps; the mean's is the first of the file.
+fn maps_id(term: u32) -> ContentId {
+    // Terms are fewer than the numbers of contents.
+    ContentId::new(term as u8 + 1).unwrap_or(ContentId::SECOND)
+}
+
 /// Writes all sections.
 pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     let (vertices, triangles) = (parts.mesh.positions.len(), parts.mesh.triangles.len());
@@ -34,18 +49,22 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     let mut form = Vec::new();
     form.extend([vertices as u32, triangles as u32].map(u32::to_le_bytes).concat());
     form.extend([parts.total_terms as u8, parts.grid as u8, directions, factors]);
-    form.extend([parts.mean.content().number(), parts.surface.content().number()]);
+    form.extend(match &parts.payload {
+        Payload::Planes { mean, surface, .. } => [mean.content().number(), surface.content().number()],
+        Payload::Blocks { .. } => [IN_BLOCKS; 2],
+    });
     let Widths { mean, surface, view } = parts.widths;
     form.extend([mean, surface, view].map(|width| (width as u16).to_le_bytes()).concat());
     form.push(parts.surface_reduce_log2);
     out.section("container", FORM_ID, &form);
     out.section("mesh", MESH_ID, &mesh_bytes(parts));
     let layout = parts.layout();
-    let rows = |planes: &ContentPlanes, first: u32, end: u32| {
-        // An atlas without maps has a block all the same, which no section holds.
-        rows_of(planes, if end > first { first..end } else { 0..0 })
-    };
-    out.section("mean", MEAN_ID, &rows(&parts.mean, 0, layout.mean_rows()));
+    match &parts.payload {
+        Payload::Planes { mean, .. } => {
+            out.section(MEAN_PART, MEAN_ID, &rows(mean, 0, layout.mean_rows()));
+        }
+        Payload::Blocks { mean, .. } => mean.store_as(MEAN_PART, ContentId::ONLY, out),
+    }
     for term in 0..parts.terms {
         let scales = 3 * vertices;
         let first = term as usize * scales;
@@ -53,9 +72,24 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
         push_sharing(&mut maps, &parts.layers[term as usize + 1]);
         let (begin, end) = (layout.rows(term), layout.rows(term + 1));
         out.section("scales and indices", term_id(b'Q', term), &maps);
-        out.section("surface maps", term_id(b'G', term), &rows(&parts.surface, begin.surface, end.surface));
-        out.section("view maps", term_id(b'H', term), &rows(&parts.view, begin.view, end.view));
+        match &parts.payload {
+            Payload::Planes { surface, view, .. } => {
+                let surface = rows(surface, begin.surface, end.surface);
+                out.section(SURFACE_PART, term_id(b'G', term), &surface);
+                out.section(VIEW_PART, term_id(b'H', term), &rows(view, begin.view, end.view));
+            }
+            Payload::Blocks { terms, .. } => {
+                if let Some(Some(maps)) = terms.get(term as usize) {
+                    maps.store_as(MAPS_PART, maps_id(term), out);
+                }
+            }
+        }
     }
+}
+
+/// The rows of a plane from `first` to `end`. An atlas without maps has a block all the same, which no section holds.
+fn rows(planes: &ContentPlanes, first: u32, end: u32) -> Vec<u8> {
+    rows_of(planes, if end > first { first..end } else { 0..0 })
 }
 
 /// Whether maps are shared; where they are, how many there are of each side and of view maps, and the numbers of those that are
@@ -120,8 +154,8 @@ struct Form {
     grid: u32,
     directions: Directions,
     factors: Factors,
-    mean: Content,
-    maps: Content,
+    /// Contents of the mean and of the maps; `None` where they are in blocks.
+    contents: Option<[Content; 2]>,
     widths: Widths,
     surface_reduce_log2: u8,
 }
@@ -142,8 +176,7 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<(Parts, N
     let raw = file.read(MESH_ID, budget)?;
     let mut reader = Reader::new(String4(MESH_ID), &raw);
     let MeshSection { mesh, sides_log2, mean } = read_mesh(&mut reader, &form, budget)?;
-    let is_whole = |&term: &u32| [b'Q', b'G', b'H'].iter().all(|&kind| file.has(term_id(kind, term)));
-    let terms = (0..form.terms).take_while(is_whole).count() as u32;
+    let terms = (0..form.terms).take_while(|&term| is_whole(&form, file, term)).count() as u32;
     budget.take(u64::from(form.triangles))?;
     let coarse = reduced(&sides_log2, form.surface_reduce_log2);
     let per_term = 3 * mesh.positions.len();
@@ -159,15 +192,10 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<(Parts, N
     take_tables(&form, terms, budget)?;
     let layout = Layout::new([&sides_log2, &coarse], &layers, form.widths, form.grid)
         .ok_or(reader.corrupt("maps that do not fit a texture"))?;
-    let mut mean = Bands::new(form.mean, mean_size(&layout, form.widths), budget)?;
-    mean.read(file, MEAN_ID, layout.mean_rows(), budget)?;
-    let mut surface = Bands::new(form.maps, surface_size(&layout, form.widths, terms), budget)?;
-    let mut view = Bands::new(form.maps, view_size(&layout, form.widths, terms), budget)?;
-    for term in 0..terms {
-        let (begin, end) = (layout.rows(term), layout.rows(term + 1));
-        surface.read(file, term_id(b'G', term), end.surface - begin.surface, budget)?;
-        view.read(file, term_id(b'H', term), end.view - begin.view, budget)?;
-    }
+    let payload = match form.contents {
+        Some(contents) => load_planes((&form, contents), &layout, terms, file, budget)?,
+        None => load_blocks(&form, &layout, terms, file, budget)?,
+    };
     let parts = Parts {
         mesh,
         sides_log2,
@@ -180,11 +208,88 @@ pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<(Parts, N
         scales,
         layers,
         widths: form.widths,
-        mean: mean.planes()?,
-        surface: surface.planes()?,
-        view: view.planes()?,
+        payload,
     };
     Ok((parts, notes))
+}
+
+/// Whether all sections of a term have come.
+fn is_whole(form: &Form, file: &Sections<'_>, term: u32) -> bool {
+    if form.contents.is_some() {
+        return [b'Q', b'G', b'H'].iter().all(|&kind| file.has(term_id(kind, term)));
+    }
+    // A term without maps has no blocks, and blocks may be all base.
+    let blocks = [maps_id(term).block_base(), maps_id(term).block_detail()];
+    let is_missing = |id: [u8; 4]| file.ids().any(|(found, _)| found == id) && !file.has(id);
+    file.has(term_id(b'Q', term)) && !blocks.into_iter().any(is_missing)
+}
+
+fn load_planes(
+    (form, [mean, maps]): (&Form, [Content; 2]),
+    layout: &Layout,
+    terms: u32,
+    file: &Sections<'_>,
+    budget: &mut Budget,
+) -> Result<Payload, LoadError> {
+    let mut mean = Bands::new(mean, mean_size(layout, form.widths), budget)?;
+    mean.read(file, MEAN_ID, layout.mean_rows(), budget)?;
+    let mut surface = Bands::new(maps, surface_size(layout, form.widths, terms), budget)?;
+    let mut view = Bands::new(maps, view_size(layout, form.widths, terms), budget)?;
+    for term in 0..terms {
+        let (begin, end) = (layout.rows(term), layout.rows(term + 1));
+        surface.read(file, term_id(b'G', term), end.surface - begin.surface, budget)?;
+        view.read(file, term_id(b'H', term), end.view - begin.view, budget)?;
+    }
+    Ok(Payload::Planes { mean: mean.planes()?, surface: surface.planes()?, view: view.planes()? })
+}
+
+fn load_blocks(
+    form: &Form,
+    layout: &Layout,
+    terms: u32,
+    file: &Sections<'_>,
+    budget: &mut Budget,
+) -> Result<Payload, LoadError> {
+    let sizes = [
+        mean_size(layout, form.widths),
+        surface_size(layout, form.widths, terms),
+        view_size(layout, form.widths, terms),
+    ];
+    for size in sizes {
+        take_texels(size, budget)?;
+    }
+    let (width, height) = sizes[0];
+    let of_mean = atlas_layout(vec![SurfaceSize { width, height }]);
+    let mean = load_content(&of_mean, ContentId::ONLY, file, budget)?;
+    let mut contents = Vec::new();
+    for term in 0..terms {
+        let maps = TermRows::of(layout, form.widths, term).layout();
+        let maps = maps.map(|maps| load_content(&maps, maps_id(term), file, budget));
+        contents.push(maps.transpose()?);
+    }
+    Ok(Payload::Blocks { mean, terms: contents })
+}
+
+/// Content of atlases; all of it, as layers of light fields are terms.
+fn load_content(
+    layout: &ImageLayout,
+    id: ContentId,
+    file: &Sections<'_>,
+    budget: &mut Budget,
+) -> Result<BlockContent, LoadError> {
+    let content = BlockContent::load(layout, id, file, budget)?;
+    let layers = content.layers();
+    if layers.loaded < layers.total {
+        return Err(LoadError::Truncated { section: String4(id.block_detail()) });
+    }
+    Ok(content)
+}
+
+/// Books the texels that the CPU decoder makes of an atlas.
+fn take_texels((width, height): (u32, u32), budget: &mut Budget) -> Result<(), LoadError> {
+    let texels = u64::from(width) * u64::from(height);
+    budget.check_texels(texels)?;
+    Ok(budget.take(texels * size_of::<Texel>() as u64)?)
 }
 
 /// Books what is made of the mesh and of the numbers of maps: where maps lie, smooth normals, and the shader's words as the CPU's table and as the
@@ -264,7 +369,7 @@ fn read_numbers(
 fn read_form(reader: &mut Reader<'_>) -> Result<Form, LoadError> {
     let (vertices, triangles) = (reader.u32()?, reader.u32()?);
     let [terms, grid, directions, factors] = reader.array()?.map(u32::from);
-    let (mean, maps) = (Content::read(reader)?, Content::read(reader)?);
+    let contents = read_contents(reader)?;
     let [mean_width, surface_width, view_width] = reader
         .array::<6>()
         .map(|bytes| [0, 2, 4].map(|at| u32::from(u16::from_le_bytes([bytes[at], bytes[at + 1]]))))?;
@@ -284,24 +389,26 @@ fn read_form(reader: &mut Reader<'_>) -> Result<Form, LoadError> {
             "view maps of a side that is no multiple of 4 in 4..=64",
         ),
         (surface_reduce_log2 > 3, "surface maps halved more than three times"),
-        (!holds(mean) || !holds(maps), "content that holds no light-field maps"),
+        (
+            !contents.is_none_or(|contents| contents.into_iter().all(holds)),
+            "content that holds no light-field maps",
+        ),
     ] {
         if is_wrong {
             return Err(reader.corrupt(what));
         }
     }
-    Ok(Form {
-        vertices,
-        triangles,
-        terms,
-        grid,
-        directions,
-        factors,
-        mean,
-        maps,
-        widths,
-        surface_reduce_log2,
-    })
+    Ok(Form { vertices, triangles, terms, grid, directions, factors, contents, widths, surface_reduce_log2 })
+}
+
+/// Contents of the mean and of the maps; `None` where they are in blocks.
+fn read_contents(reader: &mut Reader<'_>) -> Result<Option<[Content; 2]>, LoadError> {
+    let mut numbers = reader.clone();
+    if numbers.array::<2>()? == [IN_BLOCKS; 2] {
+        *reader = numbers;
+        return Ok(None);
+    }
+    Ok(Some([Content::read(reader)?, Content::read(reader)?]))
 }
 
 fn read_mesh(reader: &mut Reader<'_>, form: &Form, budget: &mut Budget) -> Result<MeshSection, LoadError> {
@@ -361,9 +468,7 @@ struct Bands {
 impl Bands {
     /// Books the planes and the texels that the CPU decoder makes of them.
     fn new(content: Content, size: (u32, u32), budget: &mut Budget) -> Result<Bands, LoadError> {
-        let texels = u64::from(size.0) * u64::from(size.1);
-        budget.check_texels(texels)?;
-        budget.take(texels * size_of::<Texel>() as u64)?;
+        take_texels(size, budget)?;
         let mut planes = Vec::new();
         for format in content.formats(PIXEL).0 {
             planes.push(budget.zeroed(format.bytes(size.0, size.1))?);

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests fail as tests do")]
 
 use glam::{Vec2, Vec3};
-use texfold_core::{Encoded, Job, LightAddress};
+use texfold_core::{Access, Encoded, Job, LightAddress};
 use texfold_lightfield::{
     Capture, Factors, FitMethod, LightModel, LightParams, LightQuality, LightTexture, Lightfield, Mesh,
     Photograph,
@@ -11,7 +11,7 @@ use texfold_lightfield::{
 use texfold_testkit::capture::{Look, camera, eyes, sphere};
 
 fn params(terms: u32) -> LightParams {
-    LightParams::default().with_terms(terms)
+    LightParams::default().with_terms(terms).with_access(Access::Texel)
 }
 
 fn encode(capture: &Capture, params: &LightParams) -> (LightTexture, LightQuality) {

@@ -5,16 +5,27 @@
 use glam::Vec3;
 use texfold_core::container::{CodecId, SectionWriter, Sections};
 use texfold_core::rng::Rng;
-use texfold_core::{Budget, Encoded, Encoder, Job, LightAddress, Limits, LoadError, TextureCodec};
+use texfold_core::{Access, Budget, Encoded, Encoder, Job, LightAddress, Limits, LoadError, TextureCodec};
 use texfold_lightfield::{LightParams, LightTexture, Lightfield};
 use texfold_testkit::capture::{Look, eyes, sphere};
 
 const LIMITS: Limits = Limits { texels: 1 << 24, bytes: 256 << 20, sections: 64 };
 
 fn file(content: texfold_bc::Content, codewords: f32) -> Vec<u8> {
-    let params =
-        LightParams::default().with_terms(2).with_grid(8).with_content(content).with_codewords(codewords);
-    let texture = Lightfield::encode(&sphere(Look::Glossy, 6, 16), &params, &mut Job::default()).unwrap();
+    let params = LightParams::default().with_terms(2).with_grid(8);
+    stored(&params.with_content(content).with_codewords(codewords), 6, 16)
+}
+
+/// A file in blocks.
+fn blocks() -> Vec<u8> {
+    let bytes = stored(&LightParams::default().with_terms(2), 12, 32);
+    assert_eq!(open(&bytes, &mut Budget::new(LIMITS)).unwrap().access(), Access::Block);
+    bytes
+}
+
+fn stored(params: &LightParams, views: u32, side: u32) -> Vec<u8> {
+    let texture =
+        Lightfield::encode(&sphere(Look::Glossy, views, side), params, &mut Job::default()).unwrap();
     let mut writer = SectionWriter::new(Lightfield::ID);
     texture.store(&mut writer);
     writer.finish().bytes
@@ -41,26 +52,31 @@ fn exercise(texture: &LightTexture) {
 
 #[test]
 fn every_cut_names_what_is_missing_or_leaves_whole_terms() {
-    let bytes = file(texfold_bc::Content::Raw, 1.0);
-    for length in 0..bytes.len() {
-        match open(&bytes[..length], &mut Budget::new(LIMITS)) {
-            Err(LoadError::Truncated { .. }) => {}
-            Err(LoadError::NotTexfold) => assert_eq!(length, 0),
-            Ok(texture) => assert!(texture.layers().loaded < 3),
-            other => panic!("cut to {length} of {}: {other:?}", bytes.len()),
+    for bytes in [file(texfold_bc::Content::Raw, 1.0), blocks()] {
+        let mut seen = Vec::new();
+        for length in 0..bytes.len() {
+            match open(&bytes[..length], &mut Budget::new(LIMITS)) {
+                Err(LoadError::Truncated { .. }) => {}
+                Err(LoadError::NotTexfold) => assert_eq!(length, 0),
+                Ok(texture) => seen.push(texture.layers().loaded),
+                other => panic!("cut to {length} of {}: {other:?}", bytes.len()),
+            }
         }
+        seen.dedup();
+        assert_eq!(seen, [1, 2]);
     }
 }
 
 #[test]
 fn flipped_bytes_are_noticed() {
-    let bytes = file(texfold_bc::Content::Bc1, 0.3);
     let mut rng = Rng::new(11);
-    for _ in 0..300 {
-        let mut damaged = bytes.clone();
-        let at = rng.index(bytes.len());
-        damaged[at] ^= 1 << rng.index(8);
-        assert!(open(&damaged, &mut Budget::new(LIMITS)).is_err(), "byte {at} changed unnoticed");
+    for bytes in [file(texfold_bc::Content::Bc1, 0.3), blocks()] {
+        for _ in 0..300 {
+            let mut damaged = bytes.clone();
+            let at = rng.index(bytes.len());
+            damaged[at] ^= 1 << rng.index(8);
+            assert!(open(&damaged, &mut Budget::new(LIMITS)).is_err(), "byte {at} changed unnoticed");
+        }
     }
 }
 
@@ -101,8 +117,8 @@ fn rewritten(bytes: &[u8], target: [u8; 4], change: impl Fn(&mut Vec<u8>)) -> Ve
 fn forged_files_give_an_error_or_a_light_field_that_decodes() {
     let mut rng = Rng::new(5);
     let (mut refused, mut accepted) = (0, 0);
-    for (content, codewords) in [(texfold_bc::Content::Raw, 1.0), (texfold_bc::Content::Bc7, 0.3)] {
-        let bytes = file(content, codewords);
+    let files = [file(texfold_bc::Content::Raw, 1.0), file(texfold_bc::Content::Bc7, 0.3), blocks()];
+    for bytes in files {
         let ids: Vec<[u8; 4]> =
             Sections::parse(&bytes, &mut Budget::default()).unwrap().ids().map(|(id, _)| id).collect();
         for _ in 0..300 {
@@ -128,6 +144,33 @@ fn forged_files_give_an_error_or_a_light_field_that_decodes() {
         }
     }
     assert!(refused > 100 && accepted > 50, "{refused} refused, {accepted} accepted");
+}
+
+#[test]
+fn maps_half_in_blocks_and_blocks_that_are_missing_are_named() {
+    let (bytes, planes) = (blocks(), file(texfold_bc::Content::Raw, 1.0));
+    let refused = |forged: &[u8]| open(forged, &mut Budget::new(LIMITS)).is_err();
+    // Contents of the mean and of the maps.
+    for (bytes, at, value) in [(&bytes, 12, 0), (&bytes, 13, 0), (&planes, 12, 255), (&planes, 13, 255)] {
+        assert!(refused(&rewritten(bytes, *b"LFFM", |raw| raw[at] = value)), "byte {at} is {value}");
+    }
+    for section in [*b"RBB0", *b"RBD0", *b"RBB1", *b"RBD1"] {
+        assert!(refused(&rewritten(&bytes, section, |raw| raw.truncate(raw.len() - 1))));
+        assert!(refused(&without(&bytes, section)), "{}", String::from_utf8_lossy(&section));
+    }
+    // An atlas that is wider than the images of its blocks.
+    assert!(refused(&rewritten(&bytes, *b"LFFM", |raw| raw[14] += 8)));
+}
+
+/// The same file without the section `target`.
+fn without(bytes: &[u8], target: [u8; 4]) -> Vec<u8> {
+    let mut budget = Budget::default();
+    let sections = Sections::parse(bytes, &mut budget).unwrap();
+    let mut writer = SectionWriter::new(CodecId { number: sections.codec(), name: "" });
+    for (id, _) in sections.ids().filter(|(id, _)| *id != target) {
+        writer.section("", id, &sections.read(id, &mut budget).unwrap());
+    }
+    writer.finish().bytes
 }
 
 #[test]

@@ -5,7 +5,7 @@
 use glam::{Mat4, Vec3};
 use texfold_bc::Content;
 use texfold_core::container::{SectionWriter, Sections};
-use texfold_core::{Budget, EncodeError, Encoded, Encoder, Job, LightAddress, TextureCodec};
+use texfold_core::{Access, Budget, EncodeError, Encoded, Encoder, Job, LightAddress, TextureCodec};
 use texfold_lightfield::{
     Camera, Capture, CaptureError, Directions, Factors, FitMethod, LightModel, LightParams, LightTexture,
     Lightfield, MapStorage, Mesh, Photograph, Renderer, Updates,
@@ -13,7 +13,8 @@ use texfold_lightfield::{
 use texfold_testkit::capture::{Look, camera, eyes, icosphere, photograph, sphere};
 
 fn params(terms: u32) -> LightParams {
-    LightParams::default().with_terms(terms)
+    // Of the fits themselves: raw maps.
+    LightParams::default().with_terms(terms).with_access(Access::Texel)
 }
 
 fn of_directions(directions: Directions) -> LightParams {

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use texfold::container::Sections;
 use texfold::metric::decode_surface;
-use texfold::{Budget, Encoded, Layers, Renderer, open_image, open_light};
+use texfold::{Access, Budget, Encoded, Layers, Renderer, open_image, open_light};
 use texfold_testkit::capture::{Look, sphere};
 
 fn golden(name: &str) -> PathBuf {
@@ -86,8 +86,21 @@ fn a_progressive_epitome_decodes_as_ever() {
     assert!(decode_surface(prefix.as_encoded(), 0, 0).unwrap().to_bytes() == wanted.to_bytes());
 }
 
-/// A light field of the capture fixture, as its eighth camera sees it. While the form of the file is not released, it is written
-/// anew by `texfold compress fixtures/captures/ball --codec lightfield --out .` and its image by
+/// The same capture in blocks: written by `texfold compress fixtures/captures/ball --codec lightfield --out .`, and its image as that of
+/// [`a_light_field_is_drawn_as_ever`].
+#[test]
+fn a_light_field_in_blocks_is_drawn_as_ever() {
+    let bytes = std::fs::read(golden("lightfield_block.txf")).unwrap();
+    let texture = open_light(&bytes, &mut Budget::default()).unwrap();
+    assert_eq!((texture.layers(), texture.access()), (Layers { loaded: 2, total: 2 }, Access::Block));
+    let camera = sphere(Look::Glossy, 20, 40).views[7].camera;
+    let drawn = Renderer::new(&texture).render(&camera);
+    let wanted = texfold_testkit::png(&golden("lightfield_block.png")).to_bytes();
+    assert!(drawn.as_flattened() == wanted, "the light field is drawn otherwise than before");
+}
+
+/// A light field of the capture fixture in planes, as its eighth camera sees it. While the form of the file is not released, it is written
+/// anew by `texfold compress fixtures/captures/ball --codec lightfield --access texel --out .` and its image by
 /// `texfold render ball.txf --camera fixtures/captures/ball/transforms.json --out . --cpu`, which is `007.png`.
 #[test]
 fn a_light_field_is_drawn_as_ever() {

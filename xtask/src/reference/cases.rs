@@ -128,7 +128,9 @@ fn fixtures(work: &Path) -> io::Result<Vec<Case>> {
         cases.push(Case::new(codec, setting, frames.clone()));
     }
     let ball = vec![root().join("fixtures/captures/ball")];
-    for setting in ["--terms 2", "--terms 1 --content bc1 --codewords 0.5", "--regions 4 --content bc7"] {
+    for setting in
+        ["--terms 2 --access texel", "--terms 1 --content bc1 --codewords 0.5", "--regions 4 --content bc7"]
+    {
         cases.push(Case::new("lightfield", setting, ball.clone()));
     }
     let stack = vec![sources::zoom_stack(&work.join("stack"))?];
@@ -151,7 +153,7 @@ fn photographs(data: &Path, work: &Path) -> io::Result<Vec<Case>> {
     let mut cases: Vec<Case> = SETTINGS.iter().map(case).collect();
     let spot = data.join("slf/spot_gloss");
     let mesh = format!("--mesh {} --triangles 600", spot.join("mesh_600.obj").display());
-    for setting in ["--terms 2", "--content bc1 --codewords 0.5"] {
+    for setting in ["--terms 2 --access texel", "--content bc1 --codewords 0.5"] {
         // The path of the mesh is no part of the name: references are the same wherever the data lies.
         let mut case = Case::new("lightfield", setting, vec![spot.clone()]);
         case.arguments.extend(mesh.split_whitespace().map(str::to_owned));

@@ -46,7 +46,7 @@ pub struct Options {
     /// Format of the texel data; by default the goal decides.
     #[arg(long, value_enum)]
     pub(super) content: Option<ContentName>,
-    /// progressive: how texels are reached. By block takes fewer bits and is decoded before it is drawn (default); by texel is
+    /// progressive, zipmap, lightfield: how texels are reached. By block takes fewer bits and is decoded before it is drawn (default); by texel is
     /// drawn straight from the compressed form.
     #[arg(long, value_enum)]
     pub(super) access: Option<AccessName>,
@@ -268,7 +268,7 @@ impl Options {
             ("layers", self.layers.is_some(), &["epitome"]),
             ("content error-map", error_map, &["epitome"]),
             ("category", self.category.is_some(), &["progressive"]),
-            ("access", self.access.is_some(), &["progressive", "epitome", "zipmap", "auto"]),
+            ("access", self.access.is_some(), &["progressive", "epitome", "zipmap", "lightfield", "auto"]),
             ("metric", self.metric.is_some(), &["progressive", "epitome", "zipmap", "auto"]),
             ("triangles", self.triangles.is_some(), &["lightfield"]),
             ("terms", self.terms.is_some(), &["lightfield"]),
@@ -358,14 +358,15 @@ impl Options {
         };
         let reduce_log2 = self.codewords.map_or(usual.maps.surface_reduce_log2, |_| SMALL_REDUCE_LOG2);
         let terms = if self.psnr.is_some() { MOST_TERMS_FOR_GOAL } else { usual.terms };
-        let (content, codewords) = (usual.storage.content, usual.storage.codewords);
+        let codewords = usual.storage.codewords;
         let params = usual
             .with_terms(self.terms.unwrap_or(terms))
             .with_psnr(self.psnr)
             .with_model(model)
             .with_grid(grid)
             .with_surface_reduce_log2(reduce_log2)
-            .with_content(self.content.and_then(ContentName::content).unwrap_or(content))
+            .with_access(self.access.map(AccessName::access).unwrap_or_default())
+            .with_content(self.content.and_then(ContentName::content))
             .with_codewords(self.codewords.unwrap_or(codewords));
         let fault = |source: texfold_core::ParamError| CliError::Encode {
             path: path.to_owned(),

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use serde::Serialize;
-use texfold::{Directions, LightTexture, Photograph, Renderer};
+use texfold::{Content, Directions, LightTexture, Photograph, Renderer};
 use texfold_core::Encoded;
 use texfold_core::image::{ColorSpace, Raster};
 
@@ -125,7 +125,7 @@ fn summarise(args: &InfoArgs, texture: &LightTexture) -> Summary {
             Directions::Reflected => "reflected",
             Directions::World => "reflected, in space,",
         },
-        content: texture.content().name(),
+        content: texture.content().map_or("blocks of variable length", Content::name),
         bits_memory: footprint.bits_memory(),
         bits_disk: footprint.bits_disk(),
         settings: texture.notes().settings.clone(),

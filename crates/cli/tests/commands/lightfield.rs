@@ -106,8 +106,8 @@ fn meshes_are_simplified_and_maps_shared_where_that_is_asked_for() {
     let place = Place::new();
     write_capture(&place, "ball");
     let size = |arguments: &str, triangles: usize| {
-        let (run, report) =
-            place.compress(&format!("ball --codec lightfield --terms 1 {arguments} --out out"));
+        let (run, report) = place
+            .compress(&format!("ball --codec lightfield --terms 1 --access texel {arguments} --out out"));
         assert_eq!(run.code, Some(0), "{}", run.stderr);
         let summary = place.run("info out/ball.txf --json").stdout;
         let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();

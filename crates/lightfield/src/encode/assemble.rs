@@ -6,9 +6,11 @@
 
 use std::collections::BTreeMap;
 
-use glam::{UVec2, Vec3, Vec3A};
-use texfold_bc::{Content, ContentPlanes};
-use texfold_core::{CancelCheck, Effort, EncodeError, Texel};
+use glam::{Vec3, Vec3A};
+use texfold_bc::Content;
+use texfold_core::{CancelCheck, EncodeError};
+
+use super::atlases::{Canvas, Drawn};
 
 use super::maps::{Term, VertexMaps};
 use super::scene::{Scene, fault};
@@ -16,11 +18,11 @@ use super::share::{Books, Codebooks, LayerMaps, Map, Rgb, Room, Stored, share};
 use super::shared::Codewords;
 use super::surface::{Blend, Lattice};
 use crate::CaptureError;
-use crate::decode::{texfold_lightfield_scale, texfold_lightfield_texel};
+use crate::decode::texfold_lightfield_scale;
 use crate::kinds::Factors;
 use crate::layout::{Layout, NONE, Sharing, Widths, reduced};
 use crate::params::LightParams;
-use crate::parts::{PIXEL, Parts, mean_size, surface_size, view_size, zero_and_range};
+use crate::parts::{PIXEL, mean_size, surface_size, view_size, zero_and_range};
 
 /// The scale that a byte stands for; 0 stands for 0.
 fn scale_of(byte: u8) -> f32 {
@@ -88,16 +90,20 @@ struct SurfaceMap {
     term: usize,
     /// Its values by sample, at most 1 in magnitude.
     values: BTreeMap<u32, Vec3>,
-    /// How much an error of one step in all of its texels counts.
+    /// How much an error of one step in all of its texels counts, channel by channel and in all.
+    gains: Vec3,
     weight: f32,
 }
+
+/// How much an error of one step in all texels of the mean counts, in each of three channels.
+pub(super) const MEAN_GAIN: f32 = 1.0 / 3.0;
 
 /// The maps of all vertices as they come.
 #[derive(Debug, Clone)]
 pub(crate) struct Maps {
-    mean: Vec<Vec3>,
-    scales: Vec<u8>,
-    terms: Vec<LayerMaps>,
+    pub(super) mean: Vec<Vec3>,
+    pub(super) scales: Vec<u8>,
+    pub(super) terms: Vec<LayerMaps>,
 }
 
 impl Maps {
@@ -149,14 +155,16 @@ impl Maps {
                 (squares * mean_square(&scaled.surface)).element_sum() * scaled.surface.len() as f32 / texels;
             self.terms[number].views[vertex as usize] = Map {
                 texels: scaled.view.iter().map(|&value| stored(value, factors)).collect(),
+                gains: squares * mean_square(&scaled.surface) * (scaled.surface.len() as f32 / texels),
                 weight: of_view.max(f32::MIN_POSITIVE),
             };
             // A texel of a coarser map stands for several samples.
             let samples = (1u32 << (2 * params.maps.surface_reduce_log2)) as f32;
-            let of_surface = (squares * mean_square(&scaled.view)).element_sum() * samples;
-            let of_surface = of_surface.max(f32::MIN_POSITIVE);
+            let gains = squares * mean_square(&scaled.view);
+            let of_surface = (gains.element_sum() * samples).max(f32::MIN_POSITIVE);
             let values: BTreeMap<u32, Vec3> = maps.rows.iter().copied().zip(scaled.surface).collect();
-            let surface = SurfaceMap { vertex, term: number, values, weight: of_surface };
+            let gains = gains * samples;
+            let surface = SurfaceMap { vertex, term: number, values, gains, weight: of_surface };
             self.put_surface(scene, params, &surface);
         }
     }
@@ -171,7 +179,7 @@ impl Maps {
                 texels.push(stored(value, params.model.factors));
             });
             for corner in (0..3).filter(|&corner| corners[corner] == map.vertex) {
-                let patch = Map { texels: texels.clone(), weight: map.weight };
+                let patch = Map { texels: texels.clone(), gains: map.gains, weight: map.weight };
                 self.terms[map.term].patches[3 * triangle as usize + corner] = patch;
             }
         }
@@ -185,7 +193,7 @@ impl Maps {
             scene.each_texel(triangle, 0, |Blend { samples, part }| {
                 texels.push(byte(value(samples[0]).lerp(value(samples[1]), part)));
             });
-            Map { texels, weight: 1.0 }
+            Map { texels, gains: Vec3::splat(MEAN_GAIN), weight: 1.0 }
         };
         let patches = (0..scene.mesh.triangles.len() as u32).map(patch).collect();
         LayerMaps { patches, views: Vec::new() }
@@ -202,7 +210,7 @@ impl Maps {
         let mean = self.mean_maps(scene);
         let maps: Vec<&LayerMaps> = std::iter::once(&mean).chain(&self.terms).collect();
         let sides = [&scene.sides_log2[..], &reduced(&scene.sides_log2, params.maps.surface_reduce_log2)];
-        share(&maps, sides, books, texel_bits(params.storage.content), cancel)
+        share(&maps, sides, books, texel_bits(params.storage.content.unwrap_or(Content::Raw)), cancel)
     }
 
     /// The view maps of each term that codebooks keep and which of them each vertex uses; and the bits that there is room for.
@@ -225,14 +233,14 @@ impl Maps {
         (layers.iter().skip(1).map(term).collect(), bits)
     }
 
-    /// All parts of the shipped form.
-    pub(crate) fn parts(
+    /// All maps in their atlases.
+    pub(crate) fn drawn(
         &self,
         scene: &Scene,
         params: &LightParams,
         books: Codebooks,
         cancel: CancelCheck<'_>,
-    ) -> Result<Parts, EncodeError> {
+    ) -> Result<Drawn, EncodeError> {
         let sides_log2 = &scene.sides_log2;
         let coarse = reduced(sides_log2, params.maps.surface_reduce_log2);
         let layers = self.stored(scene, params, books, cancel).0;
@@ -243,84 +251,30 @@ impl Maps {
         let sides = [&sides_log2[..], &coarse];
         let layout = Layout::new(sides, &sharing, widths, params.maps.grid)
             .ok_or_else(|| fault(CaptureError::Atlas))?;
-        let content = params.storage.content;
-        let planes = |size, texels: &[Texel]| {
-            ContentPlanes::encode_cancellable(content, PIXEL, size, texels, Effort::Normal, cancel)
-        };
-        let canvas = |size, nothing| Canvas::new(size, nothing);
         let zero = stored(Vec3::ZERO, params.model.factors);
-        let mut mean = canvas(mean_size(&layout, widths), [0; 3]);
-        let mut surface = canvas(surface_size(&layout, widths, params.terms), zero);
-        let mut view = canvas(view_size(&layout, widths, params.terms), zero);
-        for (number, layer) in layers.iter().enumerate() {
-            let (atlas, sides) = if number == 0 { (&mut mean, sides_log2) } else { (&mut surface, &coarse) };
-            atlas.put_patches(sides, layer, &layout.patches[number]);
-            view.put_views(params.maps.grid, layer, &layout.views[number]);
-        }
-        Ok(Parts {
-            mesh: scene.mesh.clone(),
-            sides_log2: sides_log2.clone(),
-            surface_reduce_log2: params.maps.surface_reduce_log2,
-            directions: params.model.directions,
-            factors: params.model.factors,
-            grid: params.maps.grid,
-            total_terms: params.terms,
-            terms: params.terms,
-            scales: self.scales.clone(),
+        let mut drawn = Drawn {
+            mean: Canvas::new(mean_size(&layout, widths), [0; 3]),
+            surface: Canvas::new(surface_size(&layout, widths, params.terms), zero),
+            view: Canvas::new(view_size(&layout, widths, params.terms), zero),
             layers: sharing,
             widths,
-            mean: planes(mean.size, &mean.texels)?,
-            surface: planes(surface.size, &surface.texels)?,
-            view: planes(view.size, &view.texels)?,
-        })
-    }
-}
-
-/// An atlas as it is drawn.
-struct Canvas {
-    size: (u32, u32),
-    texels: Vec<Texel>,
-}
-
-impl Canvas {
-    fn new(size: (u32, u32), nothing: Rgb) -> Canvas {
-        Canvas { size, texels: vec![texel(nothing); size.0 as usize * size.1 as usize] }
-    }
-
-    fn put_patches(&mut self, sides_log2: &[u8], layer: &Stored, places: &[u32]) {
-        let corners = places.len() / sides_log2.len().max(1);
-        for (at, (&place, &number)) in places.iter().zip(&layer.sharing.patch_of).enumerate() {
-            if number == NONE {
-                continue;
-            }
-            let log2 = sides_log2[at / corners];
-            let texels = &layer.patches[usize::from(log2)][number as usize];
-            for ((i, j), &value) in lattice(1 << log2).zip(texels) {
-                let at = texfold_lightfield_texel(place, 1 << log2, UVec2::new(i, j));
-                self.texels[(at.y * self.size.0 + at.x) as usize] = texel(value);
-            }
+            scales: self.scales.clone(),
+            weights: self.weights(),
+            layout,
+        };
+        let places = &drawn.layout;
+        for (number, layer) in layers.iter().enumerate() {
+            let (atlas, sides) =
+                if number == 0 { (&mut drawn.mean, sides_log2) } else { (&mut drawn.surface, &coarse) };
+            atlas.put_patches(sides, layer, &places.patches[number]);
+            drawn.view.put_views(params.maps.grid, params.model.directions, layer, &places.views[number]);
         }
+        Ok(drawn)
     }
-
-    fn put_views(&mut self, grid: u32, layer: &Stored, places: &[u32]) {
-        for (&place, &number) in
-            places.iter().zip(&layer.sharing.view_of).filter(|&(_, &number)| number != NONE)
-        {
-            let (x, y) = (place & 0x3fff, place >> 14);
-            for (index, &value) in (0..).zip(&layer.views[number as usize]) {
-                let (column, row) = (x + index % grid, y + index / grid);
-                self.texels[(row * self.size.0 + column) as usize] = texel(value);
-            }
-        }
-    }
-}
-
-fn texel(value: Rgb) -> Texel {
-    Vec3::from(value.map(f32::from)).extend(255.0) / 255.0
 }
 
 /// Places of a patch of side `n`, in the order in which its texels are kept.
-fn lattice(n: u32) -> impl Iterator<Item = (u32, u32)> {
+pub(super) fn lattice(n: u32) -> impl Iterator<Item = (u32, u32)> {
     (0..=n).flat_map(move |i| (0..=n - i).map(move |j| (i, j)))
 }
 

@@ -3,7 +3,10 @@
 
 mod als;
 mod assemble;
+mod atlases;
+mod blocks;
 mod coarsen;
+mod level;
 mod maps;
 mod multiplicative;
 mod observe;
@@ -26,13 +29,15 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 use rayon::prelude::*;
-use texfold_core::{CancelCheck, EncodeError, Encoder, Job, Notes, Params};
+use texfold_bc::Content;
+use texfold_core::{Access, CancelCheck, EncodeError, Encoder, Job, Notes, Params};
 
 use crate::encoded::LightTexture;
 use crate::kinds::{Directions, Factors};
 use crate::params::{FitMethod, LightParams, MapStorage, Updates};
 use crate::{Capture, Lightfield};
 use assemble::Maps;
+use blocks::Store;
 use maps::VertexMaps;
 pub use quality::LightQuality;
 use ring::Ring;
@@ -170,15 +175,21 @@ impl FittedMaps {
         let (maps, books) = self.shared_maps(&params, job)?;
         job.stage("atlases", 0.88)?;
         let cancel = job.cancel_check();
-        let parts = job.install(|| maps.parts(&self.scene, &params, books, cancel))?;
+        let store = Store { scene: &self.scene, params: &params, maps: &maps, books, cancel };
+        let ((texture, quality), remark) = match storage.content {
+            None if storage.access == Access::Block => store.choose(job)?,
+            content => {
+                let texture = job.install(|| store.planes(content.unwrap_or(Content::Raw)))?;
+                job.stage("quality", 0.9)?;
+                let quality = job.install(|| quality::measure(&self.scene, &texture, cancel));
+                job.checkpoint()?;
+                ((texture, quality), String::new())
+            }
+        };
         if let Cow::Owned(_) = maps {
             job.budget.release(Maps::bytes(&self.scene, &params));
         }
-        let texture = LightTexture::new(parts, Notes::default());
-        job.stage("quality", 0.9)?;
-        let quality = job.install(|| quality::measure(&self.scene, &texture, cancel));
-        job.checkpoint()?;
-        Ok(settle(texture, quality, &params))
+        Ok(settle(texture, quality, &remark, &params))
     }
 
     /// Bytes that are booked in the job's budget while this is held.
@@ -216,8 +227,10 @@ impl FittedMaps {
 }
 
 /// The settings in the words of the command line, with the terms that were kept; then what it has no words for.
-fn settings(params: &LightParams, terms: usize) -> String {
-    let mut words = format!("--codec lightfield --terms {terms} --content {}", params.storage.content.name());
+fn settings(texture: &LightTexture, params: &LightParams, terms: usize) -> String {
+    let stored =
+        texture.content().map_or("access block".to_owned(), |content| format!("content {}", content.name()));
+    let mut words = format!("--codec lightfield --terms {terms} --{stored}");
     if let Some(psnr) = params.psnr {
         words += &format!(" --psnr {psnr}");
     }
@@ -244,6 +257,7 @@ fn settings(params: &LightParams, terms: usize) -> String {
 fn settle(
     texture: LightTexture,
     quality: LightQuality,
+    remark: &str,
     params: &LightParams,
 ) -> (LightTexture, LightQuality) {
     let reaches = |goal: f64| quality.psnr_of_terms.iter().position(|&psnr| psnr >= goal);
@@ -263,8 +277,7 @@ fn settle(
         quality.psnr_of_colours,
         quality.resampled_bytes / 1_000_000,
     );
-    (
-        texture.with_notes(Notes { settings: settings(params, terms), verdict, psnr_without: Vec::new() }),
-        quality,
-    )
+    let verdict = [verdict.as_str(), remark].join(" ").trim_end().to_owned();
+    let settings = settings(&texture, params, terms);
+    (texture.with_notes(Notes { settings, verdict, psnr_without: Vec::new() }), quality)
 }

@@ -95,6 +95,16 @@ pub(super) fn measure(scene: &Scene, texture: &LightTexture, cancel: CancelCheck
     }
 }
 
+/// PSNR in dB of the matrices, of a share of the observations: those that fewer terms are measured at.
+pub(super) fn sampled(scene: &Scene, texture: &LightTexture, cancel: CancelCheck<'_>) -> f64 {
+    let compared = Compared { scene, whole: texture.view(), fewer: &[], cancel };
+    let elements = (0..scene.surface.elements.len()).into_par_iter();
+    let of_elements: Vec<Squares> = elements.map(|element| compared.matrices(element)).collect();
+    let mut all = Squares::default();
+    of_elements.into_iter().for_each(|squares| all.join(squares));
+    all.psnr()
+}
+
 /// What the shipped form decodes to at one place and direction: the mean, and what each vertex adds.
 struct Decoded {
     mean: Vec3,
@@ -131,6 +141,30 @@ struct Compared<'c> {
 }
 
 impl Compared<'_> {
+    /// Errors of the matrices of the element `number` at one of [`SHARE`] observations.
+    fn matrices(&self, number: usize) -> Squares {
+        let Compared { scene, whole, cancel, .. } = self;
+        let element = &scene.surface.elements[number];
+        let mut squares = Squares::default();
+        let Some(&triangle) = element.triangles.first() else { return squares };
+        let corners = scene.mesh.triangles[triangle as usize];
+        for SeenBy { view, colours, weights } in
+            scene.seen[number].iter().take_while(|_| !cancel.is_cancelled())
+        {
+            let counts = |sample: &usize| {
+                weights[*sample] > 0 && (number + sample + usize::from(view)).is_multiple_of(SHARE)
+            };
+            for sample in (0..element.weights.len()).filter(counts) {
+                let barycentric = Vec3::from(corners.map(|vertex| element.hat(vertex, sample)));
+                let direction = scene.eyes[usize::from(view)] - element.position(&scene.mesh, sample);
+                let wanted = Vec3::from(colours[sample].map(f32::from)) / 255.0;
+                let decoded = Decoded::new(whole, triangle, barycentric, direction.normalize_or_zero());
+                squares.join(decoded.error(wanted, barycentric));
+            }
+        }
+        squares
+    }
+
     /// Errors of the element `number`.
     fn element(&self, number: usize) -> Sums {
         let Compared { scene, whole, fewer, cancel } = self;

@@ -9,6 +9,7 @@
 
 use std::collections::BTreeMap;
 
+use glam::Vec3;
 use ndarray::{Array2, ArrayView1};
 use texfold_codebook::{Settings, build};
 use texfold_core::CancelCheck;
@@ -31,6 +32,9 @@ const ROUNDS: u32 = 8;
 pub(crate) struct Map {
     /// Its texels; none where there is no map.
     pub(crate) texels: Vec<Rgb>,
+    /// In each channel.
+    pub(crate) gains: Vec3,
+    /// In all, not 0.
     pub(crate) weight: f32,
 }
 
@@ -332,6 +336,7 @@ mod tests {
     fn layer(count: usize, kinds: usize) -> LayerMaps {
         let map = |at: usize| Map {
             texels: (0..6).map(|texel| [(at % kinds * 40) as u8, (texel * 9) as u8, 7]).collect(),
+            gains: Vec3::ZERO,
             weight: 1.0 + at as f32,
         };
         let empty = Map::default();

@@ -80,7 +80,7 @@ impl BlockTexture {
             held_bytes.push((RESIDUAL_PART, (self.bytes.len() - base) as u64));
         }
         let Stage { image, level, levels, .. } = stage;
-        GpuBlocks { layout, words, streams: &self.bytes, image, level, levels, held_bytes }
+        GpuBlocks { layout, words, streams: &self.bytes, image, level, levels, row: 0, held_bytes }
     }
 }
 

@@ -14,8 +14,7 @@
 //! are tried; decoding 12 loads a texel, 6 more with codebooks.
 //!
 //! *Not done*: content that images by block share; alpha in the residual plane: the base alone holds it, and is reduced no further than alpha allows; colours
-//! of texels that are wholly transparent are kept as they are, but by block for goals of bits where
-//! `ProgressiveParams::free_hidden` says so; colour in codebooks.
+//! of texels that are wholly transparent are kept as they are; colour in codebooks.
 
 mod block;
 mod codebook;

@@ -1,7 +1,7 @@
 //! Parameters of the progressive codec.
 
 use texfold_bc::Content;
-use texfold_core::image::{Alpha, PixelInfo};
+use texfold_core::image::PixelInfo;
 use texfold_core::{Access, Effort, Goal, Metric, ParamError, Params};
 use texfold_residual::MAX_REDUCE_LOG2;
 
@@ -25,10 +25,6 @@ pub struct ProgressiveParams {
     pub mips: bool,
     /// How long to search.
     pub effort: Effort,
-    /// Whether colours that alpha hides may change by block, for goals of bits: those of texels whose alpha is 0 and that no
-    /// filter reads beside others, at any stored level. PSNR counts hidden colours like all others and falls where they
-    /// change; so goals of quality keep them.
-    pub free_hidden: bool,
 }
 
 impl ProgressiveParams {
@@ -72,19 +68,6 @@ impl ProgressiveParams {
     #[must_use]
     pub fn with_effort(self, effort: Effort) -> Self {
         ProgressiveParams { effort, ..self }
-    }
-
-    /// With hidden colours that may change, or not.
-    #[must_use]
-    pub fn with_free_hidden(self, free_hidden: bool) -> Self {
-        ProgressiveParams { free_hidden, ..self }
-    }
-
-    /// Whether hidden colours of such pixels may change.
-    #[must_use]
-    pub fn frees_hidden(&self, pixel: PixelInfo) -> bool {
-        let hides = pixel.has_alpha() && pixel.alpha != Alpha::Opaque;
-        self.free_hidden && hides && matches!(self.goal, Goal::Bpp(_))
     }
 
     /// Whether the form by block is tried: where no base's form is asked for.

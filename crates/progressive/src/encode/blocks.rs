@@ -1,11 +1,11 @@
 //! Images by block: with the step that answers a goal, or with one that the caller names.
 
-use texfold_core::image::{ImageSet, MipFilter, Raster, mip_chain_cancellable};
+use texfold_core::image::{ImageSet, MipFilter, mip_chain_cancellable};
 use texfold_core::metric::{measure_cancellable, quality_cancellable};
 use texfold_core::target::{Measured, excess, search_step};
 use texfold_core::{
     Access, BLOCK_LEVELS, CancelCheck, EncodeError, Encoded, Goal, ImageLayout, Job, Metric, Notes, Params,
-    SourceError, SurfaceSize,
+    SourceError,
 };
 use texfold_residual::RESIDUAL_PART;
 use texfold_residual::block::encode::{BlockParams, BlockSetEncoder, BlockSource, STEPS};
@@ -23,8 +23,7 @@ pub(super) fn by_block(
     job.stage("transforming", 0.0)?;
     let check = job.cancel_check();
     let layout = layout_of(source, params);
-    let frees_hidden = params.frees_hidden(source.info());
-    let sources = job.install(|| stages(source, layout.levels, frees_hidden, check))?;
+    let sources = job.install(|| stages(source, layout.levels, check))?;
     let encoder =
         job.install(|| BlockSetEncoder::new(layout, &sources, &block_params(source, params), check))?;
     let mut tried = 0u32;
@@ -62,8 +61,7 @@ pub(crate) fn at_step(
     job.stage("transforming", 0.0)?;
     let check = job.cancel_check();
     let layout = layout_of(source, params);
-    // Tiles keep what is hidden at their borders, where other tiles are read beside it, and so all of it.
-    let sources = job.install(|| stages(source, layout.levels, false, check))?;
+    let sources = job.install(|| stages(source, layout.levels, check))?;
     let encoder =
         job.install(|| BlockSetEncoder::new(layout, &sources, &block_params(source, params), check))?;
     job.stage("coding blocks", 0.3)?;
@@ -83,50 +81,18 @@ fn block_params(source: &ImageSet, params: &ProgressiveParams) -> BlockParams {
         .with_metric(params.metric_for(source.info()))
 }
 
-/// The stages of all images: mip levels 0, 3, 6 and so on; with hidden colours that cost next to nothing where they may change.
-fn stages(
-    source: &ImageSet,
-    levels: u32,
-    frees_hidden: bool,
-    check: CancelCheck<'_>,
-) -> Result<Vec<BlockSource>, EncodeError> {
+/// The stages of all images: mip levels 0, 3, 6 and so on.
+fn stages(source: &ImageSet, levels: u32, check: CancelCheck<'_>) -> Result<Vec<BlockSource>, EncodeError> {
     let depth = source.info().depth;
     let mut stages = Vec::new();
     for image in source.images() {
         let levels = levels.min(image.size().full_levels());
         let chain = mip_chain_cancellable(image, levels, MipFilter::Box, check)?;
-        for (first, level) in (0..levels).zip(&chain).step_by(BLOCK_LEVELS as usize) {
-            let stage = BlockSource::from_raster(level, depth)?;
-            let cell_log2 = (levels - first).min(BLOCK_LEVELS) - 1;
-            stages.push(if frees_hidden {
-                let alpha = usize::from(level.info().channels) - 1;
-                stage.with_free_colours_but(alpha, &is_read(level, 1 << cell_log2))
-            } else {
-                stage
-            });
-        }
+        let samples =
+            chain.iter().step_by(BLOCK_LEVELS as usize).map(|level| BlockSource::from_raster(level, depth));
+        stages.extend(samples.collect::<Result<Vec<_>, SourceError>>()?);
     }
     Ok(stages)
-}
-
-/// Which texels of a stage a bilinear filter reads together with visible ones, also across opposite edges, at any level that is
-/// made of the stage: the coarsest has means of squares of `cell` texels a side.
-fn is_read(stage: &Raster, cell: u32) -> Vec<bool> {
-    let SurfaceSize { width, height } = stage.size();
-    let (columns, rows) = (width.div_ceil(cell) as usize, height.div_ceil(cell) as usize);
-    let cell_of = |x: u32, y: u32| (y / cell) as usize * columns + (x / cell) as usize;
-    let mut visible = vec![false; columns * rows];
-    for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
-        visible[cell_of(x, y)] |= stage.texel(x, y).w > 0.0;
-    }
-    let around = |at: usize, count: usize| [(at + count - 1) % count, at, (at + 1) % count];
-    let reads = |at: usize| {
-        let rows = around(at / columns, rows);
-        rows.iter()
-            .any(|row| around(at % columns, columns).iter().any(|column| visible[row * columns + column]))
-    };
-    let read: Vec<bool> = (0..columns * rows).map(reads).collect();
-    (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| read[cell_of(x, y)]).collect()
 }
 
 fn bits(source: &ImageSet, images: &BlockImages) -> f64 {
@@ -156,36 +122,10 @@ pub(crate) fn notes(
     };
     let base = 8.0 * base_alone.content().held_bytes() as f64 / source.texel_count() as f64;
     let missed = if met { "" } else { " The goal is out of reach; this comes nearest." };
-    let freed = if params.frees_hidden(source.info()) { "; colours that alpha hides may differ" } else { "" };
     let verdict = format!(
-        "By block: {:.3} bits a texel, {base:.3} of them in headers and bases of 1/8 of the width and height; {weighted}{freed}.{missed}",
+        "By block: {:.3} bits a texel, {base:.3} of them in headers and bases of 1/8 of the width and height; {weighted}.{missed}",
         bits(source, images),
     );
     let access = format!(" --access {} --metric {}", Access::Block.name(), metric.name());
     Ok(Notes { settings: settings(params) + &access, verdict, psnr_without })
-}
-
-#[cfg(test)]
-mod tests {
-    use texfold_core::Texel;
-    use texfold_core::image::{Alpha, ColorSpace};
-
-    use super::*;
-
-    #[test]
-    fn what_filters_read_beside_a_visible_texel_is_found_at_every_level() {
-        let clear = Raster::from_u8(20, 16, 4, ColorSpace::Srgb, &[0; 20 * 16 * 4]).unwrap();
-        let mut texels: Vec<Texel> = clear.texels().collect();
-        texels[20 * 7 + 19] = Texel::ONE;
-        let info = clear.tagged(ColorSpace::Srgb, Alpha::Straight).info();
-        let stage = Raster::from_texels(20, 16, info, &texels).unwrap();
-        // The texel lies at the right edge, across which a repeated image is read, too.
-        for (cell, columns, rows) in [(1, [18, 19, 0], 6..9), (2, [8, 9, 0], 4..10), (4, [3, 4, 0], 0..12)] {
-            let read = is_read(&stage, cell);
-            for (x, y) in (0..16).flat_map(|y| (0..20).map(move |x| (x, y))) {
-                let wanted = columns.contains(&(x / cell)) && rows.contains(&y);
-                assert_eq!(read[(y * 20 + x) as usize], wanted, "{x} {y} by {cell}");
-            }
-        }
-    }
 }

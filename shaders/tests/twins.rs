@@ -47,7 +47,10 @@ const TWINS: [Twin; 10] = [
     Twin {
         name: "block",
         wgsl: &[include_str!("../wgsl/block.wgsl")],
-        rust: include_str!("../../crates/residual/src/block/twin.rs"),
+        rust: concat!(
+            include_str!("../../crates/residual/src/block/twin/mod.rs"),
+            include_str!("../../crates/residual/src/block/twin/samples.rs")
+        ),
     },
     Twin {
         name: "progressive",

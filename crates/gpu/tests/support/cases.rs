@@ -404,7 +404,7 @@ pub(crate) fn cases() -> &'static [Case] {
         let blocks = [("odd_37x61", true), ("tile_repeat", false), ("gray", true)].map(epitome_block_case);
         let mixed = [error_mapped("odd_37x61", true, 30.0).0, error_mapped("odd_37x61", false, 30.0).0];
         let first = bc_cases().into_iter().chain(vq_cases()).chain(epitome_cases()).chain(mixed);
-        first.chain(progressive_cases()).chain(zipmap_cases()).collect()
+        first.chain(blocks).chain(progressive_cases()).chain(zipmap_cases()).collect()
     })
 }
 

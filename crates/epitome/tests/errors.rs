@@ -7,13 +7,14 @@ use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::measure;
 use texfold_core::{
-    Budget, Domain, Effort, EncodeError, Encoded, Encoder, Footprint, Goal, Image2d, Job, Texel, TextureCodec,
+    Access, Budget, Domain, Effort, EncodeError, Encoded, Encoder, Footprint, Goal, Image2d, Job, Texel,
+    TextureCodec,
 };
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
 use texfold_testkit::image;
 
 fn params(goal: Goal, family: Family) -> EpitomeParams {
-    EpitomeParams::new(goal).with_family(family).with_effort(Effort::Fast)
+    EpitomeParams::new(goal).with_access(Access::Texel).with_family(family).with_effort(Effort::Fast)
 }
 
 fn encode(set: &ImageSet, params: &EpitomeParams) -> EpitomeTexture {

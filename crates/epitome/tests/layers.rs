@@ -8,13 +8,14 @@ use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::ImageSet;
 use texfold_core::metric::{decode_surface, measure};
 use texfold_core::{
-    Budget, Effort, EncodeError, Encoded, Encoder, Goal, Job, Layers, LoadError, Refine, TextureCodec,
+    Access, Budget, Effort, EncodeError, Encoded, Encoder, Goal, Job, Layers, LoadError, Refine, TextureCodec,
 };
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
 use texfold_testkit::image;
 
 fn params(layers: u32) -> EpitomeParams {
-    EpitomeParams::new(Goal::Psnr(32.0)).with_effort(Effort::Fast).with_layers(layers)
+    let params = EpitomeParams::new(Goal::Psnr(32.0)).with_access(Access::Texel);
+    params.with_effort(Effort::Fast).with_layers(layers)
 }
 
 fn facade() -> ImageSet {

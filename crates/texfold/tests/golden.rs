@@ -49,12 +49,22 @@ fn a_vq_sequence_decodes_as_ever() {
 
 /// Two epitomes, leaves of two sizes, 2x2 matrices, tones and mip levels. While the form of the file is not released,
 /// it is written anew by
-/// `texfold compress fixtures/images/tile_repeat.png --codec epitome --effort fast --psnr 30 --mips --out .`
+/// `texfold compress fixtures/images/tile_repeat.png --codec epitome --access texel --effort fast --psnr 30 --mips --out .`
 /// and its images by `texfold decompress tile_repeat.txf --out .` without and with `--lod 2`.
 #[test]
 fn an_epitome_of_two_formats_decodes_as_ever() {
     assert_decodes("epitome", &["epitome.png".to_owned()]);
     assert_level_decodes("epitome", 2, &["epitome-level2.png".to_owned()]);
+}
+
+/// An epitome and coarse mip levels in blocks of variable length, written by
+/// `texfold compress fixtures/images/tile_repeat.png --codec epitome --effort fast --psnr 30 --mips --out .`
+/// and its images by `texfold decompress tile_repeat.txf --out .` without and with `--lod LEVEL`.
+#[test]
+fn an_epitome_in_blocks_decodes_as_ever() {
+    assert_decodes("epitome_block", &["epitome_block.png".to_owned()]);
+    assert_level_decodes("epitome_block", 2, &["epitome_block-level2.png".to_owned()]);
+    assert_level_decodes("epitome_block", 4, &["epitome_block-level4.png".to_owned()]);
 }
 
 /// Content with a residual plane, and mip levels. While the form of the file is not released, it is written anew by

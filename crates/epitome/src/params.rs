@@ -91,8 +91,8 @@ pub struct EpitomeParams {
     /// Formats that the goal may decide among.
     pub family: Family,
     /// How texels are to be reached. By block, which is for goals of quality and size, content is stored in blocks of variable
-    /// length, at a fraction of the bits; planes for reading by texel where a content or a family is named, for tolerances,
-    /// several layers, and blocks that are taken over.
+    /// length, at a fraction of the bits; at high effort in planes where these are smaller. Planes for reading by texel where a
+    /// content or a family is named, for tolerances, several layers, and blocks that are taken over.
     pub access: Access,
     /// What errors count by block; `None` lets goal and colours decide.
     pub metric: Option<Metric>,

@@ -141,6 +141,18 @@ fn planes_where_blocks_cannot_be() {
 }
 
 #[test]
+fn high_effort_takes_planes_where_they_are_smaller() {
+    let set = single(image("odd_37x61"));
+    let goal = Goal::Psnr(28.0);
+    let high = params(goal).with_effort(Effort::High);
+    let measured = |params: &EpitomeParams| measure(&set, &encode(&set, params));
+    let [best, block, texel] =
+        [high.clone(), params(goal), high.clone().with_access(Access::Texel)].map(|params| measured(&params));
+    assert!(goal.is_met(&best));
+    assert!(best.bpp <= block.bpp * 1.05 && best.bpp <= texel.bpp, "{best:?} {block:?} {texel:?}");
+}
+
+#[test]
 fn metrics_spread_errors_otherwise() {
     let set = single(image("facade"));
     let made = |metric: Metric| encode(&set, &params(Goal::Bpp(1.0)).with_metric(metric));

@@ -62,7 +62,7 @@ fn contents(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<Content>, Pa
 
 /// Side of a block for such content.
 pub(super) fn block_of(storages: &[Storage]) -> u32 {
-    let whole = |block: u32| storages.iter().all(|storage| (block / 4).is_multiple_of(storage.cell()));
-    let large = storages.iter().any(|storage| storage.cell() > 4);
+    let whole = |block: u32| storages.iter().all(|storage| (block / 4).is_multiple_of(storage.granularity()));
+    let large = storages.iter().any(|storage| storage.granularity() > 4);
     BLOCKS.into_iter().find(|&block| large && whole(block)).unwrap_or(BLOCKS[2])
 }

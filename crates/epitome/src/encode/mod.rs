@@ -36,7 +36,7 @@ mod tolerance;
 
 use texfold_bc::{Content, Family};
 use texfold_core::metric::measure_cancellable;
-use texfold_core::{Access, EncodeError, Encoder, Goal, Job, Params, SharedSearch};
+use texfold_core::{Access, Effort, EncodeError, Encoder, Goal, Job, Params, SharedSearch};
 
 use searched::Shape;
 
@@ -90,13 +90,28 @@ fn search_all(
     // Blocks that are taken over stay planes.
     let texel = source.blocks.map(|_| params.clone().with_access(Access::Texel));
     let params = texel.as_ref().unwrap_or(params);
+    if params.is_by_block() && params.effort == Effort::High {
+        // Where edges are hard, plain blocks that several leaves read may be smaller.
+        let planes = params.clone().with_access(Access::Texel);
+        return search_both(source, params, &planes, job);
+    }
     let alone = params.content.is_some() || matches!(params.goal, Goal::Tolerance(_));
     if params.family != Family::Astc || alone {
         return search_one(source, params, job);
     }
     let [first, second] = formats::ASTC.map(|block| params.clone().with_content(Content::Astc(block)));
-    let mut searched = job.within(0.0, 0.5, |job| search_one(source, &first, job))?;
-    let other = job.within(0.5, 1.0, |job| search_one(source, &second, job))?;
+    search_both(source, &first, &second, job)
+}
+
+/// Searches for both settings, of which the goal will choose.
+fn search_both(
+    source: EpitomeSource<'_>,
+    first: &EpitomeParams,
+    second: &EpitomeParams,
+    job: &mut Job<'_>,
+) -> Result<EpitomeSearch, EncodeError> {
+    let mut searched = job.within(0.0, 0.5, |job| search_one(source, first, job))?;
+    let other = job.within(0.5, 1.0, |job| search_one(source, second, job))?;
     searched.other = Some(Box::new(other));
     Ok(searched)
 }

@@ -80,11 +80,11 @@ pub(crate) enum Storage {
 }
 
 impl Storage {
-    /// Texels a side of a cell.
-    pub(crate) fn cell(self) -> u32 {
+    /// Texels a side that the smallest leaf is a multiple of.
+    pub(crate) fn granularity(self) -> u32 {
         match self {
             Storage::Planes(content) => content.cell_side(),
-            Storage::ErrorMap(_) => BLOCK_SIDE,
+            Storage::ErrorMap(_) => LEAST_SIDE,
             Storage::Blocks(..) => TRANSFORM_SIDE,
         }
     }

@@ -46,11 +46,11 @@ pub struct Options {
     /// Format of the texel data; by default the goal decides.
     #[arg(long, value_enum)]
     pub(super) content: Option<ContentName>,
-    /// progressive, zipmap, lightfield: how texels are reached. By block takes fewer bits and is decoded before it is drawn (default); by texel is
-    /// drawn straight from the compressed form.
+    /// progressive, epitome, zipmap, lightfield: how texels are reached. By block takes fewer bits and is decoded before it is
+    /// drawn (default); by texel is drawn straight from the compressed form.
     #[arg(long, value_enum)]
     pub(super) access: Option<AccessName>,
-    /// progressive, by block: which errors count. By default those that the eye sees for colours and goals of bits, else all
+    /// progressive, epitome, zipmap, by block: which errors count. By default those that the eye sees for colours and goals of bits, else all
     /// alike.
     #[arg(long, value_enum)]
     pub(super) metric: Option<MetricName>,

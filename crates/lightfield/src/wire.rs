@@ -7,7 +7,7 @@
 use glam::Vec3;
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::{Notes, Reader, SectionWriter, Sections};
-use texfold_core::{Budget, ImageLayout, LoadError, String4, SurfaceSize, Texel};
+use texfold_core::{Budget, LoadError, String4, SurfaceSize, Texel};
 use texfold_residual::ContentId;
 use texfold_residual::block::BlockContent;
 
@@ -260,29 +260,14 @@ fn load_blocks(
     }
     let (width, height) = sizes[0];
     let of_mean = atlas_layout(vec![SurfaceSize { width, height }]);
-    let mean = load_content(&of_mean, ContentId::ONLY, file, budget)?;
+    let mean = BlockContent::load_whole(&of_mean, ContentId::ONLY, file, budget)?;
     let mut contents = Vec::new();
     for term in 0..terms {
         let maps = TermRows::of(layout, form.widths, term).layout();
-        let maps = maps.map(|maps| load_content(&maps, maps_id(term), file, budget));
+        let maps = maps.map(|maps| BlockContent::load_whole(&maps, maps_id(term), file, budget));
         contents.push(maps.transpose()?);
     }
     Ok(Payload::Blocks { mean, terms: contents })
-}
-
-/// Content of atlases; all of it, as layers of light fields are terms.
-fn load_content(
-    layout: &ImageLayout,
-    id: ContentId,
-    file: &Sections<'_>,
-    budget: &mut Budget,
-) -> Result<BlockContent, LoadError> {
-    let content = BlockContent::load(layout, id, file, budget)?;
-    let layers = content.layers();
-    if layers.loaded < layers.total {
-        return Err(LoadError::Truncated { section: String4(id.block_detail()) });
-    }
-    Ok(content)
 }
 
 /// Books the texels that the CPU decoder makes of an atlas.

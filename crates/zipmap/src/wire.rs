@@ -180,11 +180,7 @@ fn load_content(
     file: &Sections<'_>,
     budget: &mut Budget,
 ) -> Result<BlockContent, LoadError> {
-    let content = BlockContent::load(layout, id, file, budget)?;
-    let layers = content.layers();
-    if layers.loaded < layers.total {
-        return Err(LoadError::Truncated { section: String4(id.block_detail()) });
-    }
+    let content = BlockContent::load_whole(layout, id, file, budget)?;
     // The texels that the CPU reads, when they are made.
     budget.take(4 * layout.texels())?;
     Ok(content)

@@ -7,16 +7,13 @@ use texfold_core::{
     Texel, parallel,
 };
 use texfold_match::Field;
-use texfold_residual::block::encode::{BlockEncoder, BlockParams, BlockSetEncoder, BlockSource};
+use texfold_residual::block::encode::{BlockEncoder, BlockParams, BlockSetEncoder, BlockSource, STAGE_FINER};
 use texfold_residual::block::{BlockContent, BlockTexture};
 
 use super::plan::Plan;
 use super::pyramid::{Coder, SCALES, Space, Stored};
 use super::refit::Drawn;
 use crate::parts::{BlockParts, TRANSFORM_SIDE, coarse_layout, coarse_levels, epitome_layout};
-
-/// How much finer coarse mip levels are coded than the epitome, in steps (256 an octave), as each further stage of an image is.
-const FINER: u16 = 192;
 
 /// An image's content at a scale: its decoded texels, and the bits of each of its cells.
 struct Coded {
@@ -123,7 +120,8 @@ pub(super) fn coded(
     let encoder = BlockSetEncoder::new(layout, &source, &params, cancel)?;
     let step = encoder.step_of(f64::from(lambda) / space.repeated());
     let epitome = encoder.at_step(step)?;
-    let coarse = coarse(plan, &params, levels, step.saturating_sub(FINER))?;
+    // Coarse levels are coded finer, as each further stage of an image is.
+    let coarse = coarse(plan, &params, levels, step.saturating_sub(STAGE_FINER))?;
     Ok(BlockParts { epitome, coarse })
 }
 
@@ -149,7 +147,7 @@ fn coarse(
     encoder.at_step(step).map(Some)
 }
 
-/// What colours of that space are judged by where nobody says.
+/// What content of colours of that space is judged by.
 pub(super) fn metric_of(params: &crate::EpitomeParams, color: ColorSpace) -> Metric {
     params.metric.unwrap_or(Metric::for_goal(params.goal, color))
 }

@@ -409,7 +409,7 @@ impl Pyramid {
     }
 
     /// All scales as images.
-    pub(super) fn rasters(&self, pixel: PixelInfo) -> Option<Vec<Raster>> {
+    fn rasters(&self, pixel: PixelInfo) -> Option<Vec<Raster>> {
         let raster = |field: &Field| {
             let texels: Vec<Texel> = field.texels.iter().map(|texel| *texel / 255.0).collect();
             Raster::from_texels(field.width as u32, field.height as u32, pixel, &texels).ok()

@@ -98,7 +98,7 @@ struct Fitted<'a> {
     weights: &'a [Vec4],
 }
 
-/// An epitome as it should be.
+/// What an epitome whose cells differ in bits should hold.
 pub(crate) struct Drawn {
     /// Columns and rows.
     pub(crate) size: (u32, u32),
@@ -122,9 +122,7 @@ impl Drawn {
         };
         (0..columns * (height / side)).into_par_iter().map(of_block).collect()
     }
-}
 
-impl Drawn {
     /// Takes all texels of cells for drawn of which any is.
     pub(crate) fn count_whole_cells(&mut self, side: usize) {
         let width = self.size.0 as usize;
@@ -139,7 +137,7 @@ impl Drawn {
     }
 }
 
-/// What an epitome of that size whose cells differ in bits should hold.
+/// The epitome of that size and `format`, fitted to the leaves that draw it.
 pub(crate) fn fitted(
     plan: &Plan<'_>,
     packing: &Packing,

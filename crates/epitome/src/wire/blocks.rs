@@ -2,7 +2,7 @@
 //! coarse levels, of block content 1.
 
 use texfold_core::container::{SectionWriter, Sections};
-use texfold_core::{Budget, ImageLayout, LoadError, String4, SurfaceSize, Texel};
+use texfold_core::{Budget, ImageLayout, LoadError, SurfaceSize, Texel};
 use texfold_residual::ContentId;
 use texfold_residual::block::BlockContent;
 
@@ -43,11 +43,7 @@ fn load_content(
     file: &Sections<'_>,
     budget: &mut Budget,
 ) -> Result<BlockContent, LoadError> {
-    let content = BlockContent::load(layout, id, file, budget)?;
-    let layers = content.layers();
-    if layers.loaded < layers.total {
-        return Err(LoadError::Truncated { section: String4(id.block_detail()) });
-    }
+    let content = BlockContent::load_whole(layout, id, file, budget)?;
     // The texels that the CPU reads, when they are made, and as many while they are.
     budget.take(2 * layout.texels() * size_of::<Texel>() as u64)?;
     Ok(content)

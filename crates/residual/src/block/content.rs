@@ -184,6 +184,24 @@ impl BlockContent {
         Ok(content.with_rest(id, file, budget)?.unwrap_or(content))
     }
 
+    /// As [`BlockContent::load`], for codecs without layers of their content: both of its layers must be there.
+    ///
+    /// # Errors
+    /// As there, and [`LoadError::Truncated`] where the file has not brought the second layer.
+    pub fn load_whole(
+        layout: &ImageLayout,
+        id: ContentId,
+        file: &Sections<'_>,
+        budget: &mut Budget,
+    ) -> Result<Self, LoadError> {
+        let content = BlockContent::load(layout, id, file, budget)?;
+        let layers = content.layers();
+        if layers.loaded < layers.total {
+            return Err(LoadError::Truncated { section: String4(id.block_detail()) });
+        }
+        Ok(content)
+    }
+
     /// The content with its second layer from a longer prefix of the file; `None` where it has that already or the file has
     /// not brought it.
     ///

@@ -14,5 +14,5 @@ mod strength;
 mod symbols;
 
 pub use goal::{BlockEncoder, BlockParams, STEPS, first_step, lambda_of, step_of};
-pub use set::BlockSetEncoder;
+pub use set::{BlockSetEncoder, STAGE_FINER};
 pub use source::BlockSource;

@@ -8,7 +8,7 @@ use crate::block::content::{BlockContent, stage_sizes};
 
 /// How much finer each stage is coded than the one before, in steps (256 an octave): 4.5 dB, for a 64th of the texels. With few
 /// texels, errors of single ones show.
-const FINER: u16 = 192;
+pub const STAGE_FINER: u16 = 192;
 
 /// The coefficients of the stages of several images, from which content for any goal is made.
 #[derive(Debug)]
@@ -42,7 +42,7 @@ impl<'a> BlockSetEncoder<'a> {
     pub fn at_step(&self, step: u16) -> Result<BlockContent, EncodeError> {
         let counts = self.layout.surfaces.iter().map(|&size| stage_sizes(size, self.layout.levels).len());
         let numbers = counts.flat_map(|count| 0..count);
-        let of_stage = |number: usize| step.saturating_sub(FINER * number as u16);
+        let of_stage = |number: usize| step.saturating_sub(STAGE_FINER * number as u16);
         let stages = self.stages.iter().zip(numbers).map(|(stage, number)| stage.at_step(of_stage(number)));
         let stages = stages.collect::<Result<Vec<_>, EncodeError>>()?;
         let unlike = SourceError::Unlike { index: 0, what: "its size or channels" };

@@ -117,7 +117,7 @@ fn jpeg(image: &Raster) -> Outcome<Vec<Point>> {
 fn astc(image: &Raster) -> Outcome<Vec<Point>> {
     let mut points = Vec::new();
     for side in ASTC {
-        let Some((decoded, bpp)) = rivals::astc(image, side)? else {
+        let Some((decoded, bpp)) = rivals::astc(image, (side, side))? else {
             eprintln!("astcenc is not installed: no ASTC in the chart");
             return Ok(Vec::new());
         };

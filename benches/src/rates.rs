@@ -156,7 +156,7 @@ fn figures(image: &Raster, effort: Effort) -> Outcome<Vec<[f64; 13]>> {
     for (rate, side, _) in RATES {
         let (psnr, seconds, speed) = ours(image, &source, Metric::Psnr, effort, rate)?;
         let (eye, ..) = ours(image, &source, Metric::Perceptual, effort, rate)?;
-        let astc = match rivals::astc(image, side)? {
+        let astc = match rivals::astc(image, (side, side))? {
             Some((decoded, bits)) => judged(image, &decoded, bits)?,
             None => [f64::NAN; 3],
         };

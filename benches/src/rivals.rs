@@ -31,11 +31,32 @@ pub fn jpeg(image: &Raster, quality: u8) -> Outcome<(Raster, f64)> {
     Ok((decoded, 8.0 * counted.len() as f64 / size.texels() as f64 + JPEG_INDEX))
 }
 
-/// ASTC in blocks of that side by `astcenc -thorough`, decoded, and its bits a texel; `None` where it is not installed.
+/// ASTC of half the width and height in blocks of that size, drawn enlarged with bilinear filtering: the decoded image, and bits a texel of
+/// the large one; `None` where the program is not installed.
 ///
 /// # Errors
 /// Where the program fails.
-pub fn astc(image: &Raster, side: u32) -> Outcome<Option<(Raster, f64)>> {
+pub fn halved_astc(image: &Raster, block: (u32, u32)) -> Outcome<Option<(Raster, f64)>> {
+    use image::imageops::{FilterType, resize};
+    let size = image.size();
+    let resized = |image: &Raster, width: u32, height: u32, filter: FilterType| {
+        let size = image.size();
+        let buffer = image::RgbImage::from_raw(size.width, size.height, image.to_bytes());
+        let buffer = buffer.ok_or("an image of three channels is needed")?;
+        let resized = resize(&buffer, width, height, filter);
+        Outcome::Ok(Raster::from_u8(width, height, 3, image.info().color, resized.as_raw())?)
+    };
+    let half = resized(image, size.width.div_ceil(2), size.height.div_ceil(2), FilterType::Lanczos3)?;
+    let Some((decoded, bits)) = astc(&half, block)? else { return Ok(None) };
+    let share = half.size().texels() as f64 / size.texels() as f64;
+    Ok(Some((resized(&decoded, size.width, size.height, FilterType::Triangle)?, share * bits)))
+}
+
+/// ASTC in blocks of that size by `astcenc -thorough`, decoded, and its bits a texel; `None` where it is not installed.
+///
+/// # Errors
+/// Where the program fails.
+pub fn astc(image: &Raster, (width, height): (u32, u32)) -> Outcome<Option<(Raster, f64)>> {
     let dir = tempfile::tempdir()?;
     let (input, output) = (dir.path().join("in.png"), dir.path().join("out.png"));
     let size = image.size();
@@ -44,7 +65,7 @@ pub fn astc(image: &Raster, side: u32) -> Outcome<Option<(Raster, f64)>> {
     program
         .arg("-tl")
         .args([&input, &output])
-        .args([&format!("{side}x{side}"), "-thorough", "-silent"])
+        .args([&format!("{width}x{height}"), "-thorough", "-silent"])
         .stdout(Stdio::null());
     match program.status() {
         Ok(status) if status.success() => {}
@@ -52,6 +73,6 @@ pub fn astc(image: &Raster, side: u32) -> Outcome<Option<(Raster, f64)>> {
         Err(_) => return Ok(None),
     }
     let decoded = texfold_testkit::png(&output).with_channels(3);
-    let blocks = size.width.div_ceil(side) * size.height.div_ceil(side);
+    let blocks = size.width.div_ceil(width) * size.height.div_ceil(height);
     Ok(Some((decoded, 128.0 * f64::from(blocks) / size.texels() as f64)))
 }

@@ -1,20 +1,31 @@
 //! A sheet to look at: parts of images as ASTC, JPEG and our blocks decode them at equal bits.
 //!
 //! `cargo run --release -p texfold-benches --bin sheet -- OUT.png IMAGE X Y [IMAGE X Y …]`. A part is 192x192 texels from column X
-//! and row Y on. For each part a row of the sheet for each rate (0.89, 1.28 and 2 bits a texel); from left to right the source,
-//! ASTC (`astcenc -thorough`; the source again where it is not installed), JPEG with 0.17 bits a texel for an index, at the
-//! highest quality within the rate, and `progressive` by block, coded for the eye. Whole images are coded.
+//! and row Y on. For each part a row of the sheet for each rate (0.5, 1 and 2 bits a texel); from left to right the source,
+//! ASTC (`astcenc -thorough`: 8x8 of half the width and height, 12x10 with 1.07 bits, 8x8; the source again where it is not
+//! installed), JPEG with 0.17 bits a texel for an index, at the highest quality within the rate (the lowest where none is), and
+//! `progressive` by block, coded for the eye. Of each image the 1024x1024 texels around the part are coded.
 
 use std::path::Path;
 
 use texfold::image::{ImageSet, Raster};
 use texfold::metric::decode_surface;
 use texfold::{Encoder, Goal, Job, Progressive, ProgressiveParams};
-use texfold_benches::report::Outcome;
+use texfold_benches::report::{Outcome, part};
 use texfold_benches::rivals;
 
-/// Bits a texel, and the side of the ASTC blocks that take them.
-const RATES: [(f64, u32); 3] = [(0.89, 12), (1.28, 10), (2.0, 8)];
+/// ASTC in blocks of that size, of the image or of one of half its width and height.
+#[derive(Debug, Clone, Copy)]
+enum Astc {
+    Whole(u32, u32),
+    Halved(u32, u32),
+}
+
+/// Bits a texel, and the ASTC that takes about as many.
+const RATES: [(f64, Astc); 3] =
+    [(0.5, Astc::Halved(8, 8)), (1.0, Astc::Whole(12, 10)), (2.0, Astc::Whole(8, 8))];
+/// Texels along the side of what is coded.
+const CODED: u32 = 1024;
 /// Texels along the side of a part.
 const SIDE: u32 = 192;
 /// Columns of the sheet.
@@ -43,6 +54,23 @@ impl Sheet {
             self.bytes[start..start + 3].copy_from_slice(&texel.map(texfold::image::to_u8));
         }
     }
+}
+
+/// What is coded of an image for the part at `x`, `y`, and where the part begins in it.
+fn coded(image: &Raster, (x, y): (u32, u32)) -> Outcome<(Raster, (u32, u32))> {
+    let size = image.size();
+    let first = |at: u32, all: u32| (at + SIDE / 2).saturating_sub(CODED / 2).min(all.saturating_sub(CODED));
+    let (left, top) = (first(x, size.width), first(y, size.height));
+    let part = part(image, (left, top), (size.width.min(CODED), size.height.min(CODED)))?;
+    Ok((part, (x - left, y - top)))
+}
+
+fn astc(image: &Raster, form: Astc) -> Outcome<Raster> {
+    let decoded = match form {
+        Astc::Whole(width, height) => rivals::astc(image, (width, height))?,
+        Astc::Halved(width, height) => rivals::halved_astc(image, (width, height))?,
+    };
+    Ok(decoded.map_or_else(|| image.clone(), |(decoded, _)| decoded))
 }
 
 /// The best JPEG within so many bits, or the smallest.
@@ -74,11 +102,10 @@ fn main() -> Outcome<()> {
     let mut sheet = Sheet::new((parts.len() * RATES.len()) as u32);
     for (number, [path, x, y]) in (0..).zip(parts) {
         let image = texfold_testkit::png(Path::new(path)).with_channels(3);
-        let at = (x.parse()?, y.parse()?);
-        for (line, (rate, side)) in (0..).zip(RATES) {
+        let (image, at) = coded(&image, (x.parse()?, y.parse()?))?;
+        for (line, (rate, form)) in (0..).zip(RATES) {
             let row = number * RATES.len() as u32 + line;
-            let astc = rivals::astc(&image, side)?.map_or_else(|| image.clone(), |(decoded, _)| decoded);
-            let cells = [image.clone(), astc, jpeg(&image, rate)?, ours(&image, rate)?];
+            let cells = [image.clone(), astc(&image, form)?, jpeg(&image, rate)?, ours(&image, rate)?];
             (0..).zip(&cells).for_each(|(column, cell)| sheet.put(cell, at, (column, row)));
         }
     }

@@ -197,7 +197,7 @@ pub(super) struct PlaneShape {
 }
 
 impl PlaneShape {
-    fn new(size: SurfaceSize, superblock_log2: u8) -> PlaneShape {
+    pub(super) fn new(size: SurfaceSize, superblock_log2: u8) -> PlaneShape {
         let side = 1usize << (superblock_log2 - 3);
         let blocks = ((size.width as usize).div_ceil(8), (size.height as usize).div_ceil(8));
         let superblocks = (blocks.0.div_ceil(side), blocks.1.div_ceil(side));

@@ -1,9 +1,10 @@
 //! A texture at a step: planes from the coarsest on, each against the decoded one above it.
 
-use texfold_core::{CancelCheck, EncodeError, SourceError, parallel};
+use texfold_core::{CancelCheck, EncodeError, Metric, SourceError, parallel};
 
 use super::fit::fit;
 use super::forward::Coefficients;
+use super::masking::masking;
 use super::quantise::{Quantising, residuals_of};
 use super::symbols::{
     BlockBits, Collector, Counter, Counts, Sink, Superblock, SymbolBits, coded, end_symbol, magnitudes_of,
@@ -31,6 +32,8 @@ pub(super) struct Looks {
     pub passes: usize,
     /// Times that a block's coefficients are lowered.
     pub rounds: usize,
+    /// What errors count.
+    pub metric: Metric,
 }
 
 /// Quantised planes, and what they say of tables and offsets.
@@ -84,13 +87,13 @@ fn settled(
     let mut form = form.clone();
     let mut symbol_bits = None;
     for _ in 1..looks.passes {
-        let quantised = quantise(planes, &form, symbol_bits.as_ref(), looks.rounds, check)?;
+        let quantised = quantise(planes, &form, symbol_bits.as_ref(), looks, check)?;
         let (stops, _) = fit(&quantised.counts);
         let tables: Vec<Table> = stops.iter().map(|stops| Table::new(&stops.frequencies())).collect();
         symbol_bits = Some(SymbolBits::new(&tables));
         form.quantiser.offsets = quantised.offsets;
     }
-    let quantised = quantise(planes, &form, symbol_bits.as_ref(), looks.rounds, check)?;
+    let quantised = quantise(planes, &form, symbol_bits.as_ref(), looks, check)?;
     let (stops, bytes) = fit(&quantised.counts);
     let tables = stops.iter().map(|stops| Table::new(&stops.frequencies())).collect();
     Ok(Settled { form, planes: quantised.planes, stops: bytes, tables })
@@ -156,7 +159,7 @@ fn quantise(
     planes: &[Coefficients],
     form: &BlockForm,
     symbol_bits: Option<&SymbolBits>,
-    rounds: usize,
+    looks: Looks,
     check: CancelCheck<'_>,
 ) -> Result<Quantised, EncodeError> {
     let ranks = form.ranks();
@@ -166,15 +169,17 @@ fn quantise(
     let mut all = Vec::new();
     for (plane, coefficients) in planes.iter().enumerate().rev() {
         let steps = Steps::new(&form.quantiser, plane, form.fraction());
+        let is_masked = plane == 0 && looks.metric == Metric::Perceptual;
         let quantiser = PlaneQuantiser {
             form,
             plane,
             coefficients,
+            masking: is_masked.then(|| masking(coefficients, ranks.len(), steps.size(0))),
             steps,
             ranks: &ranks,
             base: base.as_ref(),
             symbol_bits,
-            rounds,
+            rounds: looks.rounds,
         };
         let coded = quantiser.superblocks(check)?;
         for superblock in &coded {
@@ -221,6 +226,8 @@ struct PlaneQuantiser<'a> {
     form: &'a BlockForm,
     plane: usize,
     coefficients: &'a Coefficients,
+    /// For each block, how much more squared error a bit is worth; alike where there are none.
+    masking: Option<Vec<f32>>,
     steps: Steps,
     ranks: &'a [u8],
     base: Option<&'a Patch>,
@@ -255,18 +262,19 @@ impl PlaneQuantiser<'_> {
         let mut moments = [Moment::default(); OFFSETS];
         let mut all = Vec::new();
         for (block, (column, row)) in places(shape, place).enumerate() {
+            let at = row * shape.blocks.0 + column;
+            let masking = self.masking.as_ref().map_or(1.0, |masking| masking[at]);
             for (axis, &rank) in self.ranks.iter().enumerate() {
                 let set = set_of(self.plane > 0, rank == 0);
                 let quantising = Quantising {
                     steps: &self.steps,
                     offsets: self.form.quantiser.offsets.map(|offset| f32::from(offset) / 32.0),
                     first: self.first(),
-                    lambda: LAMBDA,
+                    lambda: LAMBDA * masking,
                     rounds: self.rounds,
                     symbol_bits: self.symbol_bits.map(|symbol_bits| symbol_bits.of_set(set)),
                 };
-                let coefficients =
-                    &self.coefficients.blocks[(row * shape.blocks.0 + column) * self.ranks.len() + axis];
+                let coefficients = &self.coefficients.blocks[at * self.ranks.len() + axis];
                 let predicted = self.base.map(|base| base.predict(axis, column, row));
                 let neighbours = around.of(block, axis, rank > 1);
                 let levels = quantising.block(coefficients, predicted, &neighbours);

@@ -2,7 +2,7 @@
 // crates/residual/src/decode/mod.rs.
 //
 // A texel is a place of the base, blended from four base texels, plus a residual. A block's residuals are coefficients of
-// a two-level Haar transform in cells of 4x4 texels, of luma and two axes of chroma. The last TEXFOLD_RESIDUAL_STATE_BITS
+// a two-level Haar transform in cells of 4x4 texels, of luma and two axes of chroma, or of these turned. The last TEXFOLD_RESIDUAL_STATE_BITS
 // bits up to a coefficient's own last bit, around the block, name its value. Colours are as stored: no gamma conversion
 // (see texfold_linear). Every function works in any control flow.
 
@@ -12,6 +12,9 @@ const TEXFOLD_RESIDUAL_STATE_BITS: u32 = 10u;
 const TEXFOLD_RESIDUAL_UNIT: f32 = 0.00003177627;
 // Words of a group of blocks: where its bits begin, classes, scales.
 const TEXFOLD_RESIDUAL_GROUP_WORDS: u32 = 5u;
+// Bits of each of the three numbers that say how luma and chroma are turned, and the number of 1 there.
+const TEXFOLD_RESIDUAL_AXES_BITS: u32 = 10u;
+const TEXFOLD_RESIDUAL_AXES_ONE: f32 = 511.0;
 
 // Whether the base may have two planes, or be block-isolated. Pipelines that draw images without need not do what it
 // takes: software renderers run all branches.
@@ -38,8 +41,8 @@ struct TexfoldResidualParams {
     base_block: u32,
     // Texels of level 0 of the base beyond each border of the image.
     base_padding: u32,
-    // Always 0.
-    reserved: u32,
+    // How luma and chroma are turned: see texfold_residual_axes. 0: not at all.
+    axes: u32,
     // For each level the number of blocks of the finer levels, four levels a vector.
     level_start: array<vec4<u32>, 4>,
     // For each rate class the bits of a coefficient of each subband, 4 bits each, four classes a vector. Subbands: mean of
@@ -173,6 +176,19 @@ fn texfold_residual_three(chunk: u32, ends: vec3<u32>, flips: vec3<u32>) -> f32 
     return texfold_residual_value(pairs, 3);
 }
 
+// The rotation of luma and both axes of chroma that the parameters say: axis times the tangent of half the angle.
+fn texfold_residual_axes(word: u32) -> vec3<f32> {
+    let top = vec3<u32>(word) << vec3<u32>(22u, 12u, 2u);
+    let parts = bitcast<vec3<i32>>(top) >> vec3<u32>(32u - TEXFOLD_RESIDUAL_AXES_BITS);
+    return vec3<f32>(parts) * (1.0 / TEXFOLD_RESIDUAL_AXES_ONE);
+}
+
+// Luma and both axes of chroma, turned by `axes`.
+fn texfold_residual_turned(parts: vec3<f32>, axes: vec3<f32>) -> vec3<f32> {
+    let once = cross(axes, parts);
+    return parts + (once + cross(axes, once)) * (2.0 / (1.0 + dot(axes, axes)));
+}
+
 // The residual of the texel at `at` of level `level`, which lies inside: red, green, blue and 0.
 fn texfold_residual_error(at: vec2<u32>, level: u32) -> vec4<f32> {
     let block = texfold_residual_block(at, level);
@@ -229,9 +245,12 @@ fn texfold_residual_error(at: vec2<u32>, level: u32) -> vec4<f32> {
         texfold_residual_three(fine_chroma_chunk, fine_ends, fine_flips),
         texfold_residual_three(fine_chroma_chunk, fine_ends + vec3<u32>(chroma_rates.z), fine_flips),
     );
-    let gray = (luma + detail) * 0.57735026;
-    let colour = chroma + both_fine * (chroma_scale.z * 0.5);
-    let shift = colour * vec2<f32>(0.70710677, 0.40824828);
+    var parts = vec3<f32>(luma + detail, chroma + both_fine * (chroma_scale.z * 0.5));
+    if texfold_residual_params.axes != 0u {
+        parts = texfold_residual_turned(parts, texfold_residual_axes(texfold_residual_params.axes));
+    }
+    let gray = parts.x * 0.57735026;
+    let shift = parts.yz * vec2<f32>(0.70710677, 0.40824828);
     return vec4<f32>(gray + shift.x + shift.y, gray - 2.0 * shift.y, gray - shift.x + shift.y, 0.0);
 }
 

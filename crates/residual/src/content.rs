@@ -352,7 +352,7 @@ impl ResidualContent {
             base_levels: base.levels,
             base_block: if form.isolated { BLOCK_SIDE >> form.reduce_log2 } else { 0 },
             base_padding: form.padding(),
-            reserved: 0,
+            axes: self.model.axes.packed(),
             level_start,
             classes: self.model.classes.map(Rates::packed),
             weights: self.model.scales(),

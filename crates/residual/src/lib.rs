@@ -18,6 +18,7 @@
 //! [`ResidualContent`] is what a codec embeds: it stores itself in sections of its own ([`ContentId`]), pushes its planes
 //! and parameters into a GPU form, and decodes regions. Its WGSL is `residual.wgsl`; the CPU twins are in [`decode`].
 
+mod axes;
 pub mod block;
 mod content;
 pub mod decode;
@@ -28,6 +29,7 @@ mod rates;
 mod vectors;
 mod wire;
 
+pub use axes::Axes;
 pub use content::{
     APRON, BASE_PART, BaseForm, MAX_REDUCE_LOG2, MAX_SHRINK_LOG2, PADDING, RESIDUAL_PART, ResidualContent,
 };

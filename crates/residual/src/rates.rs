@@ -1,5 +1,7 @@
 //! How many bits the coefficients of a block get, by rate class and subband.
 
+use crate::axes::Axes;
+
 /// Coefficients of each subband in a cell of 4x4 texels: mean of luma; its coarse horizontal, vertical and diagonal
 /// ones; horizontal and vertical ones of each 2x2; diagonal ones of each 2x2; means of both chroma axes; their coarse
 /// ones; and those of each 2x2 of chroma.
@@ -53,9 +55,17 @@ pub struct RateModel {
     pub classes: [Rates; RATE_CLASSES],
     /// Weight of each subband in units of 1/1024.
     pub weights: [u16; SUBBANDS],
+    /// How luma and chroma are turned.
+    pub axes: Axes,
 }
 
 impl RateModel {
+    /// With residuals along such axes.
+    #[must_use]
+    pub fn with_axes(self, axes: Axes) -> Self {
+        RateModel { axes, ..self }
+    }
+
     /// The weights as the shader reads them.
     #[must_use]
     pub fn scales(&self) -> [f32; 8] {

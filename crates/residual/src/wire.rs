@@ -12,6 +12,7 @@ use texfold_core::{
     Budget, ImageLayout, LoadError, Plane, PlaneFormat, String4, SurfaceBinding, SurfaceSize, Texel,
 };
 
+use crate::axes::Axes;
 use crate::content::{
     BASE_PART, BaseForm, BaseImage, Bases, MAX_REDUCE_LOG2, MAX_SHRINK_LOG2, RESIDUAL_PART, ResidualContent,
     stored_by,
@@ -28,6 +29,8 @@ const PADDED_FLAG: u8 = 32;
 const LOG2_BITS: u8 = 2;
 /// Most bits of a block of class 1.
 const MOST_CLASS_BITS: u32 = 32;
+/// Coding of residual planes along axes of their own; 0: along luma and chroma.
+const TURNED: u8 = 1;
 /// Largest number of 4 bits.
 const MAX_NIBBLE: u8 = 15;
 /// Where the number of the residual plane's coding stands beside the bits of class 1.
@@ -95,16 +98,20 @@ impl ResidualContent {
     /// Writes form and bases.
     pub fn store_base(&self, id: ContentId, out: &mut SectionWriter) {
         let (form, model) = (self.form(), self.model());
+        let turned = model.axes != Axes::default();
         let mut raw = vec![
             form.content.number(),
             form.reduce_log2 as u8
                 | (form.shrink_log2 as u8) << LOG2_BITS
                 | if form.isolated { ISOLATED_FLAG } else { 0 }
                 | if form.padded { PADDED_FLAG } else { 0 },
-            (model.class_bits / 16) as u8,
+            (model.class_bits / 16) as u8 | if turned { TURNED << CODING_SHIFT } else { 0 },
         ];
         raw.extend(model.weights.iter().flat_map(|weight| weight.to_le_bytes()));
         raw.extend(model.classes.iter().flat_map(|rates| rates.packed().to_le_bytes()));
+        if turned {
+            raw.extend(model.axes.packed().to_le_bytes());
+        }
         out.section("container", id.form(), &raw);
         let mut raw = Vec::new();
         for image in &self.bases().images {
@@ -229,7 +236,8 @@ fn read_form(full: &ImageLayout, reader: &mut Reader<'_>) -> Result<BaseForm, Lo
 
 fn read_model(reader: &mut Reader<'_>) -> Result<RateModel, LoadError> {
     let coding = reader.u8()?;
-    if coding >> CODING_SHIFT != 0 {
+    let (coding, kind) = (coding & MAX_NIBBLE, coding >> CODING_SHIFT);
+    if kind > TURNED {
         return Err(reader.corrupt("a coding of the residual plane that this reader does not know"));
     }
     let class_bits = 16 * u32::from(coding);
@@ -247,6 +255,10 @@ fn read_model(reader: &mut Reader<'_>) -> Result<RateModel, LoadError> {
             return Err(reader.corrupt("a class of another number of bits"));
         }
         model.classes[class] = rates;
+    }
+    if kind == TURNED {
+        let axes = Axes::unpacked(reader.u32()?).ok_or(reader.corrupt("axes with bits that mean nothing"))?;
+        model = model.with_axes(axes);
     }
     reader.end()?;
     Ok(model)

@@ -139,6 +139,19 @@ fn a_base_and_an_error_map_decode_as_ever() {
     assert!(decode_surface(prefix.as_encoded(), 0, 0).unwrap().to_bytes() == wanted.to_bytes());
 }
 
+/// A residual plane along axes of its own. It was written by
+/// `texfold compress fixtures/images/stripes.png --codec progressive --access texel --metric psnr --bpp 2 --mips --out .`, its images by
+/// `texfold decompress stripes.txf --out .` without and with `--lod 2`.
+#[test]
+fn a_residual_along_axes_of_its_own_decodes_as_ever() {
+    assert_decodes("progressive_turned", &["progressive_turned.png".to_owned()]);
+    assert_level_decodes("progressive_turned", 2, &["progressive_turned-level2.png".to_owned()]);
+    let bytes = std::fs::read(golden("progressive_turned.txf")).unwrap();
+    let file = Sections::parse(&bytes, &mut Budget::default()).unwrap();
+    let form = file.read(*b"RSF0", &mut Budget::default()).unwrap();
+    assert_eq!((form[2] >> 4, form.len()), (1, 3 + 14 + 64 + 4));
+}
+
 /// Blocks of variable length with mip levels of two stages, and what a prefix without the images' own superblocks shows; and
 /// blocks with alpha. They were written by `texfold compress fixtures/images/NAME.png --codec progressive --bpp 2 --mips --out .` of
 /// `odd_37x61` and `cutout`, and their images by `texfold decompress NAME.txf --out .` without any, with `--lod LEVEL` and with

@@ -27,7 +27,7 @@ pub(crate) struct Residual {
     /// Levels that are not stored.
     pub(crate) shrink_log2: u32,
     pub(crate) edge: Edge,
-    /// Bits of a block of class 1; 0 for no residual plane.
+    /// Bits of a block of class 1; 0 for no residual plane, 32 also for luma and chroma that are turned.
     pub(crate) class_bits: u32,
 }
 
@@ -42,6 +42,9 @@ const WIDE_CLASSES: [u32; 11] = [
     0x300_0022,
 ];
 
+/// How luma and chroma are turned: 300, -200 and -511 times 1/511.
+const AXES: u32 = 300 | (1024 - 200) << 10 | (1024 - 511) << 20;
+
 impl Residual {
     fn form(&self, classes: &[u32]) -> Vec<u8> {
         let flags = match self.edge {
@@ -52,12 +55,19 @@ impl Residual {
         let mut form = vec![
             self.content.number(),
             (self.reduce_log2 | self.shrink_log2 << 2) as u8 | flags,
-            (self.class_bits / 16) as u8,
+            (self.class_bits / 16) as u8 | if self.is_turned() { 16 } else { 0 },
         ];
         form.extend([300u16, 250, 180, 120, 200, 90, 70].into_iter().flat_map(u16::to_le_bytes));
         let classes = (0..16).map(|number| classes.get(number).copied().unwrap_or(0));
         form.extend(classes.flat_map(u32::to_le_bytes));
+        if self.is_turned() {
+            form.extend(AXES.to_le_bytes());
+        }
         form
+    }
+
+    fn is_turned(&self) -> bool {
+        self.class_bits == 32
     }
 
     /// Writes the sections of `levels` levels of images of those sizes, base and residual plane.

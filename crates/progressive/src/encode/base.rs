@@ -276,6 +276,7 @@ impl Base {
                 }
             }
         }
+        residuals.turn(residuals.suited_axes());
         let bits = plain.memory().counted - plain.shared_bits() - plain.content.plane_bits();
         let texels = plain.stored().texels();
         Ok(Base { plain, residuals, texels, alpha_error, bits })
@@ -299,7 +300,8 @@ impl Base {
     /// The texture with blocks of such classes, which are coded.
     pub(crate) fn assemble(&self, coder: &Coder<'_>, classes: &[u8]) -> Result<TexelTexture, EncodeError> {
         let Some(planes) = self.residuals.planes(coder, classes) else { return Ok(self.plain.clone()) };
-        let content = self.plain.content.with_planes(coder.model.clone(), &planes);
+        let content =
+            self.plain.content.with_planes(coder.model.clone().with_axes(self.residuals.axes), &planes);
         Ok(self.plain.with_content(content.ok_or(TOO_LARGE)?))
     }
 }

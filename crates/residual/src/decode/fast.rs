@@ -4,14 +4,15 @@
 //!
 //! Cost: the coefficients of a cell are looked up once for its 16 texels, in a table instead of by the hash.
 
-use glam::{UVec2, Vec2, Vec4};
+use glam::{UVec2, Vec2, Vec3, Vec4};
 use texfold_core::address::texfold_level_size;
 use texfold_core::sample::texfold_bilinear;
 use texfold_core::{Rect, Texel};
 
 use super::{
     HASH_FACTOR, HASH_OFFSET, ResidualView, TEXFOLD_RESIDUAL_STATE_BITS, TexfoldResidualBlock, padding_of,
-    rgb_of, texfold_residual_behind, texfold_residual_block, texfold_residual_chunk, texfold_residual_tap,
+    rgb_of, texfold_residual_axes, texfold_residual_behind, texfold_residual_block, texfold_residual_chunk,
+    texfold_residual_tap, texfold_residual_turned,
 };
 use crate::plane::BLOCK_SIDE;
 use crate::rates::{BLOCK_CELLS, SUBBANDS};
@@ -114,6 +115,8 @@ struct Form {
     rates: [u32; SUBBANDS],
     /// What coefficients of a subband are multiplied by: one without bits is 0.
     scales: [f32; SUBBANDS],
+    axes: Vec3,
+    is_turned: bool,
 }
 
 /// The coarser coefficients of a cell.
@@ -131,7 +134,8 @@ impl Form {
         let rates: [u32; SUBBANDS] = std::array::from_fn(|subband| block.rates >> (4 * subband) & 15);
         let weight = |subband: usize| view.params.weights[subband] * block.scale;
         let scales = std::array::from_fn(|subband| if rates[subband] > 0 { weight(subband) } else { 0.0 });
-        Form { block, rates, scales }
+        let axes = texfold_residual_axes(view.params.axes);
+        Form { block, rates, scales, axes, is_turned: view.params.axes != 0 }
     }
 
     #[inline]
@@ -198,7 +202,9 @@ impl Form {
         let detail = (edges * self.scales[2] + across * down * diagonal * self.scales[3]) * 0.5;
         let both = Vec2::new(signed_sum(fine[1], texel), signed_sum(fine[2], texel));
         let chroma = Vec2::new(coarse[1], coarse[2]);
-        rgb_of(coarse[0] + detail, chroma + both * (self.scales[6] * 0.5))
+        let chroma = chroma + both * (self.scales[6] * 0.5);
+        let parts = Vec3::new(coarse[0] + detail, chroma.x, chroma.y);
+        rgb_of(if self.is_turned { texfold_residual_turned(parts, self.axes) } else { parts })
     }
 }
 
@@ -228,7 +234,7 @@ mod tests {
         TEXFOLD_RESIDUAL_UNIT, texfold_residual_coefficient, texfold_residual_error, texfold_residual_load,
     };
     use crate::rates::{RATE_CLASSES, Rates};
-    use crate::{RateModel, ResidualPlane};
+    use crate::{Axes, RateModel, ResidualPlane};
 
     #[test]
     fn the_table_is_that_of_the_function_and_has_the_stated_rms() {
@@ -256,7 +262,12 @@ mod tests {
             let rates = Rates(rates);
             classes[(rates.bits() / 16) as usize] = rates;
         }
-        RateModel { class_bits: 16, classes, weights: [1024, 700, 500, 300, 800, 400, 200] }
+        RateModel {
+            class_bits: 16,
+            classes,
+            weights: [1024, 700, 500, 300, 800, 400, 200],
+            axes: Axes::nearest(Vec3::new(0.4, -0.9, 0.1)).unwrap(),
+        }
     }
 
     #[test]
@@ -288,6 +299,7 @@ mod tests {
             base_levels: 1,
             classes: model.classes.map(Rates::packed),
             weights: model.scales(),
+            axes: model.axes.packed(),
             ..Default::default()
         };
         for base_block in [0, 4] {

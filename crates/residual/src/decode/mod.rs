@@ -14,7 +14,7 @@
 
 pub(crate) mod fast;
 
-use glam::{IVec2, UVec2, UVec3, Vec2, Vec4};
+use glam::{IVec2, UVec2, UVec3, Vec2, Vec3, Vec4};
 use texfold_core::Texel;
 use texfold_core::address::{TexfoldTap, texfold_inside, texfold_level_size};
 use texfold_core::sample::texfold_bilinear;
@@ -25,6 +25,10 @@ use crate::rates::SUBBANDS;
 pub const TEXFOLD_RESIDUAL_STATE_BITS: u32 = 10;
 /// What a value of the table is worth at scale 1 and weight 1: 1 / (255 x the table's RMS).
 pub const TEXFOLD_RESIDUAL_UNIT: f32 = 0.00003177627;
+/// Bits of each of the three numbers that say how luma and chroma are turned.
+pub const TEXFOLD_RESIDUAL_AXES_BITS: u32 = 10;
+/// Number of 1 there, the largest: the smallest rotation to given axes, the last two swapped as one likes, has no part above 1.
+pub const TEXFOLD_RESIDUAL_AXES_ONE: f32 = 511.0;
 /// Words of a group of blocks: where its bits begin, classes, scales.
 pub const TEXFOLD_RESIDUAL_GROUP_WORDS: u32 = 5;
 
@@ -50,8 +54,8 @@ pub struct TexfoldResidualParams {
     pub base_block: u32,
     /// Texels of level 0 of the base beyond each border of the image.
     pub base_padding: u32,
-    /// Always 0.
-    pub reserved: u32,
+    /// How luma and chroma are turned: see [`crate::Axes`].
+    pub axes: u32,
     /// For each level the number of blocks of the finer levels.
     pub level_start: [u32; 16],
     /// For each rate class the bits of a coefficient of each subband, 4 bits each: see [`crate::Rates`].
@@ -258,7 +262,9 @@ pub fn texfold_residual_error(view: &ResidualView<'_>, at: UVec2, level: u32) ->
         texfold_residual_three(fine_chroma_chunk, fine_ends, fine_flips),
         texfold_residual_three(fine_chroma_chunk, fine_ends + UVec3::splat(rates[6]), fine_flips),
     );
-    rgb_of(luma + detail, chroma + both_fine * (scales[6] * 0.5))
+    let colour = chroma + both_fine * (scales[6] * 0.5);
+    let parts = Vec3::new(luma + detail, colour.x, colour.y);
+    rgb_of(texfold_residual_turned(parts, texfold_residual_axes(view.params.axes)))
 }
 
 /// All ones for the right half, for the lower half, and where just one of both is: there horizontal, vertical and
@@ -270,11 +276,27 @@ fn flips_of(half: UVec2) -> UVec3 {
     UVec3::new(x, y, x ^ y)
 }
 
+/// The rotation that a word of [`crate::Axes`] says.
+#[must_use]
+#[inline]
+pub fn texfold_residual_axes(word: u32) -> Vec3 {
+    let part = |shift: u32| (word << shift) as i32 >> (32 - TEXFOLD_RESIDUAL_AXES_BITS);
+    Vec3::new(part(22) as f32, part(12) as f32, part(2) as f32) * (1.0 / TEXFOLD_RESIDUAL_AXES_ONE)
+}
+
+/// Luma and both axes of chroma, turned by `axes`.
+#[must_use]
+#[inline]
+pub fn texfold_residual_turned(parts: Vec3, axes: Vec3) -> Vec3 {
+    let once = axes.cross(parts);
+    parts + (once + axes.cross(once)) * (2.0 / (1.0 + axes.dot(axes)))
+}
+
 /// Red, green, blue and 0 of luma and both axes of chroma, by an orthonormal matrix.
 #[inline]
-fn rgb_of(luma: f32, chroma: Vec2) -> Vec4 {
-    let gray = luma * INV_SQRT_3;
-    let shift = chroma * Vec2::new(INV_SQRT_2, INV_SQRT_6);
+fn rgb_of(parts: Vec3) -> Vec4 {
+    let gray = parts.x * INV_SQRT_3;
+    let shift = Vec2::new(parts.y, parts.z) * Vec2::new(INV_SQRT_2, INV_SQRT_6);
     Vec4::new(gray + shift.x + shift.y, gray - 2.0 * shift.y, gray - shift.x + shift.y, 0.0)
 }
 

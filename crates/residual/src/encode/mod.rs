@@ -4,6 +4,7 @@
 //! a [`RateModel`](crate::RateModel) and lets a [`Coder`] choose a rate class for each block. [`PlaneForm`] does all of it
 //! for a single image.
 
+mod axes;
 mod base;
 mod coder;
 mod model;

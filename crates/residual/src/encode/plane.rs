@@ -37,10 +37,12 @@ impl PlaneForm {
     ) -> Result<Option<PlaneForm>, EncodeError> {
         let mut best: Option<(f64, PlaneForm)> = None;
         for base in base_forms(image.info()) {
-            let (content, residuals) = against(std::slice::from_ref(image), base, effort, check)?;
+            let (content, mut residuals) = against(std::slice::from_ref(image), base, effort, check)?;
+            residuals.turn(residuals.suited_axes());
             for class_bits in CLASS_BITS {
                 check.checkpoint()?;
-                let model = train(&residuals.blocks, class_bits, lambda, Reach::Far);
+                let model =
+                    train(&residuals.blocks, class_bits, lambda, Reach::Far).with_axes(residuals.axes);
                 let coder = Coder::new(&residuals.blocks, model, Effort::Fast);
                 let classes = coder.choose(lambda);
                 let bits = content.base_bits() + residuals.plane_bits(class_bits, &classes);
@@ -86,7 +88,8 @@ impl PlaneForm {
         effort: Effort,
         check: CancelCheck<'_>,
     ) -> Result<ResidualContent, EncodeError> {
-        let (content, residuals) = against(levels, self.base, effort, check)?;
+        let (content, mut residuals) = against(levels, self.base, effort, check)?;
+        residuals.turn(self.model.axes);
         let mut coder = Coder::new(&residuals.blocks, self.model.clone(), effort);
         let mut all = weights.to_vec();
         all.resize(residuals.blocks.len(), 1.0);

@@ -6,8 +6,10 @@ use texfold_core::SurfaceSize;
 use texfold_core::image::Raster;
 use texfold_core::{CancelCheck, EncodeError, Texel};
 
+use super::axes::{suited, turn};
 use super::coder::Coder;
 use super::transform::{ResidualBlock, blocks};
+use crate::axes::Axes;
 use crate::plane::{BLOCK_SIDE, ResidualPlane, plane_words};
 use crate::rates::RATE_CLASSES;
 
@@ -29,6 +31,8 @@ pub struct Residuals {
     pub counted: Vec<bool>,
     /// Blocks of each image.
     counts: Vec<usize>,
+    /// Along which axes the blocks' coefficients are.
+    pub axes: Axes,
 }
 
 impl Residuals {
@@ -58,6 +62,18 @@ impl Residuals {
         self.blocks.extend(found);
         check.checkpoint()?;
         Ok(decoded)
+    }
+
+    /// Turns luma and chroma of all blocks, which are along [`Axes::default`] so far, to such axes.
+    pub fn turn(&mut self, axes: Axes) {
+        turn(&mut self.blocks, axes);
+        self.axes = axes;
+    }
+
+    /// The axes that suit the residuals of level 0: their principal components, or luma and chroma where these are about as good.
+    #[must_use]
+    pub fn suited_axes(&self) -> Axes {
+        suited(&self.blocks, &self.counted)
     }
 
     /// Bits in memory of the residual planes where class 1 has `class_bits` and blocks have such classes.

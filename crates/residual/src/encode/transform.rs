@@ -38,6 +38,16 @@ pub struct ResidualBlock {
     pub(crate) energy: [f32; SUBBANDS],
 }
 
+impl ResidualBlock {
+    /// Sums the energy of each subband.
+    pub(crate) fn measure(&mut self) {
+        self.energy = [0.0; SUBBANDS];
+        for (value, subband) in self.cells.as_flattened().iter().zip(SUBBAND_OF.into_iter().cycle()) {
+            self.energy[usize::from(subband)] += value * value;
+        }
+    }
+}
+
 /// The residuals of all blocks of one level of an image: `source` less `base`, which has as many texels. Texels beyond the
 /// edge repeat it.
 pub(crate) fn blocks(source: &Raster, base: &[Texel]) -> Vec<ResidualBlock> {
@@ -78,11 +88,9 @@ fn block(at: impl Fn(u32, u32) -> [f32; 3]) -> ResidualBlock {
                 cell[to + 4 + 2 * n] = second[from + n];
             }
         }
-        for (value, subband) in cell.iter().zip(SUBBAND_OF) {
-            block.energy[usize::from(subband)] += value * value;
-        }
         block.cells[number as usize] = cell;
     }
+    block.measure();
     block
 }
 

@@ -1,17 +1,19 @@
-//! The block form of the residual plane at given rates, image by image, beside JPEG and ASTC of equal bits.
+//! Base and residual, by block or by texel, at given rates, image by image, beside JPEG and ASTC of equal bits.
 //!
-//! `cargo run --release -p texfold-benches --bin rates -- [--check] [--out DIR] [--effort fast|normal|high] [FOLDER_OR_IMAGE …]`;
+//! `cargo run --release -p texfold-benches --bin rates -- [--check] [--out DIR] [--effort fast|normal|high] [--access block|texel] [FOLDER_OR_IMAGE …]`;
 //! without images, the Kodak photographs of the data folder. Images are cut to their middle 1024x1024 texels. Bits a texel
 //! are those of the whole texture: header, index, tables, padding. JPEG stands for textures that are decoded by block on the
 //! GPU: 4:2:0, with 0.17 bits a texel for the index; its figures are interpolated between qualities over the logarithm of
 //! the bits. ASTC is encoded by the program `astcenc` (`-thorough`), where it is installed. With `--check` the run fails
-//! where the means over the images miss what the 14 photographs must reach.
+//! where the means over the images miss what the 14 photographs must reach by block.
 
 use std::path::{Path, PathBuf};
 
-use texfold::image::Raster;
-use texfold::metric::color_error;
-use texfold::{CancelCheck, Effort, Goal, Metric, Rect};
+use texfold::image::{ImageSet, Raster};
+use texfold::metric::{color_error, decode_surface};
+use texfold::{
+    Access, CancelCheck, Effort, Encoded, Encoder, Goal, Job, Metric, Progressive, ProgressiveParams, Rect,
+};
 use texfold_benches::report::{Chart, Line, Outcome, Table, cpu_seconds, middle};
 use texfold_benches::rivals;
 use texfold_cli::ssimulacra2;
@@ -35,6 +37,7 @@ struct Request {
     check: bool,
     out: Option<PathBuf>,
     effort: Effort,
+    access: Access,
     images: Vec<PathBuf>,
 }
 
@@ -62,8 +65,7 @@ fn main() -> Outcome<()> {
     for path in &request.images {
         let image = middle(&texfold_testkit::png(path).with_channels(3), SIDE, SIDE)?;
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        for (rate, (sum, figures)) in RATES.iter().zip(sums.iter_mut().zip(figures(&image, request.effort)?))
-        {
+        for (rate, (sum, figures)) in RATES.iter().zip(sums.iter_mut().zip(figures(&image, &request)?)) {
             table.row(line(&name, rate.0, &figures));
             sum.iter_mut().zip(figures).for_each(|(sum, figure)| *sum += figure);
         }
@@ -76,7 +78,7 @@ fn main() -> Outcome<()> {
     if let Some(out) = request.out {
         std::fs::create_dir_all(&out)?;
         table.write(&out, "rates", "Bits a texel are those of the whole texture, without mips.")?;
-        charts(&out, &means)?;
+        charts(&out, &means, request.access)?;
     }
     let missed = RATES.iter().zip(&means).find(|((_, _, target), mean)| mean[1] < *target);
     match missed {
@@ -88,7 +90,13 @@ fn main() -> Outcome<()> {
 }
 
 fn request() -> Outcome<Request> {
-    let mut request = Request { check: false, out: None, effort: Effort::Normal, images: Vec::new() };
+    let mut request = Request {
+        check: false,
+        out: None,
+        effort: Effort::Normal,
+        access: Access::Block,
+        images: Vec::new(),
+    };
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
@@ -100,6 +108,13 @@ fn request() -> Outcome<Request> {
                     Some("normal") => Effort::Normal,
                     Some("high") => Effort::High,
                     _ => return Err("an effort is fast, normal or high".into()),
+                }
+            }
+            "--access" => {
+                request.access = match arguments.next().as_deref() {
+                    Some("block") => Access::Block,
+                    Some("texel") => Access::Texel,
+                    _ => return Err("an access is block or texel".into()),
                 }
             }
             path => request.images.extend(images_of(Path::new(path))?),
@@ -124,16 +139,18 @@ fn images_of(path: &Path) -> Outcome<Vec<PathBuf>> {
 }
 
 /// Means over the images against bits a texel, PSNR and SSIMULACRA2.
-fn charts(out: &Path, means: &[[f64; 13]]) -> Outcome<()> {
-    let forms = [("by block, for PSNR", 0), ("by block, for the eye", 3), ("ASTC", 6)];
+fn charts(out: &Path, means: &[[f64; 13]], access: Access) -> Outcome<()> {
+    let form = access.name();
+    let forms =
+        [(format!("by {form}, for PSNR"), 0), (format!("by {form}, for the eye"), 3), ("ASTC".to_owned(), 6)];
     let rate = |number: usize| RATES[number].0;
     for (figure, up, file) in
         [(1, "PSNR in dB", "rates-psnr.svg"), (2, "SSIMULACRA2", "rates-ssimulacra2.svg")]
     {
         let mut lines: Vec<Line> = Vec::new();
-        for (form, first) in forms {
-            let points = means.iter().map(|mean| (mean[first], mean[first + figure]));
-            lines.push((form.to_owned(), points.filter(|point| !point.1.is_nan()).collect()));
+        for (form, first) in &forms {
+            let points = means.iter().map(|mean| (mean[*first], mean[first + figure]));
+            lines.push((form.clone(), points.filter(|point| !point.1.is_nan()).collect()));
         }
         let jpeg = means.iter().enumerate().map(|(number, mean)| (rate(number), mean[8 + figure]));
         lines.push(("JPEG texture".to_owned(), jpeg.filter(|point| !point.1.is_nan()).collect()));
@@ -145,7 +162,7 @@ fn charts(out: &Path, means: &[[f64; 13]]) -> Outcome<()> {
 }
 
 /// All figures of an image, rate by rate; NaN where there are none.
-fn figures(image: &Raster, effort: Effort) -> Outcome<Vec<[f64; 13]>> {
+fn figures(image: &Raster, request: &Request) -> Outcome<Vec<[f64; 13]>> {
     let mut jpegs = Vec::new();
     for quality in JPEG {
         let (decoded, bits) = rivals::jpeg(image, quality)?;
@@ -154,8 +171,12 @@ fn figures(image: &Raster, effort: Effort) -> Outcome<Vec<[f64; 13]>> {
     let source = BlockSource::from_u8(image.size(), &[3], &image.to_bytes())?;
     let mut all = Vec::new();
     for (rate, side, _) in RATES {
-        let (psnr, seconds, speed) = ours(image, &source, Metric::Psnr, effort, rate)?;
-        let (eye, ..) = ours(image, &source, Metric::Perceptual, effort, rate)?;
+        let ours = |metric| match request.access {
+            Access::Block => by_block(image, &source, metric, request.effort, rate),
+            Access::Texel => by_texel(image, metric, request.effort, rate),
+        };
+        let (psnr, seconds, speed) = ours(Metric::Psnr)?;
+        let (eye, ..) = ours(Metric::Perceptual)?;
         let astc = match rivals::astc(image, (side, side))? {
             Some((decoded, bits)) => judged(image, &decoded, bits)?,
             None => [f64::NAN; 3],
@@ -170,7 +191,7 @@ fn figures(image: &Raster, effort: Effort) -> Outcome<Vec<[f64; 13]>> {
 }
 
 /// A texture of that rate: its figures, CPU seconds a megatexel of encoding, megatexels a CPU second of decoding.
-fn ours(
+fn by_block(
     image: &Raster,
     source: &BlockSource,
     metric: Metric,
@@ -191,6 +212,29 @@ fn ours(
     let speed = megatexels * f64::from(DECODES) / (cpu_seconds() - start);
     let decoded = Raster::from_u8(size.width, size.height, 3, image.info().color, &decoded)?;
     let bits = 8.0 * texture.to_bytes().len() as f64 / size.texels() as f64;
+    Ok((judged(image, &decoded, bits)?, encoded, speed))
+}
+
+/// The same by texel.
+fn by_texel(image: &Raster, metric: Metric, effort: Effort, rate: f64) -> Outcome<(Figures, f64, f64)> {
+    let size = image.size();
+    let megatexels = size.texels() as f64 / 1e6;
+    let start = cpu_seconds();
+    let params = ProgressiveParams::default()
+        .with_goal(Goal::Bpp(rate))
+        .with_access(Access::Texel)
+        .with_metric(metric)
+        .with_effort(effort);
+    let texture = Progressive::encode(&ImageSet::single(image.clone()), &params, &mut Job::default())?;
+    let encoded = (cpu_seconds() - start) / megatexels;
+    let mut decoded = decode_surface(&texture, 0, 0);
+    let start = cpu_seconds();
+    for _ in 0..DECODES {
+        decoded = decode_surface(&texture, 0, 0);
+    }
+    let speed = megatexels * f64::from(DECODES) / (cpu_seconds() - start);
+    let decoded = decoded.ok_or("an image does not decode")?;
+    let bits = texture.memory().counted as f64 / size.texels() as f64;
     Ok((judged(image, &decoded, bits)?, encoded, speed))
 }
 

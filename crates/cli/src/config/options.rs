@@ -50,7 +50,7 @@ pub struct Options {
     /// drawn (default); by texel is drawn straight from the compressed form.
     #[arg(long, value_enum)]
     pub(super) access: Option<AccessName>,
-    /// progressive, epitome, zipmap, by block: which errors count. By default those that the eye sees for colours and goals of bits, else all
+    /// progressive, and by block epitome and zipmap: which errors count. By default those that the eye sees for colours and goals of bits, else all
     /// alike.
     #[arg(long, value_enum)]
     pub(super) metric: Option<MetricName>,
@@ -240,7 +240,10 @@ impl Options {
             let range = "sides that are multiples of 4 in 4..=256";
             in_range("samples", sample_side.filter(|_| count > 0).map(f64::from), side, range)?;
         }
-        if self.metric.is_some() && self.access == Some(AccessName::Texel) {
+        // By texel errors count by a metric in `progressive` alone, and not where a tolerance bounds them.
+        let counts_squares =
+            !self.codec.is_some_and(CodecName::is::<Progressive>) || self.tolerance.is_some();
+        if self.metric.is_some() && self.access == Some(AccessName::Texel) && counts_squares {
             return Err(UsageError::Excluded { option: "metric", other: "--access texel" });
         }
         if self.content.is_some() && self.access == Some(AccessName::Block) {

@@ -8,7 +8,7 @@ use texfold_core::metric::SquaredError;
 use texfold_core::sample::TEXFOLD_NORMAL;
 use texfold_core::target::Measured;
 use texfold_core::{
-    CancelCheck, Effort, EncodeError, Encoded, Goal, Notes, ParamError, Rect, SurfaceSize, Texel,
+    CancelCheck, Effort, EncodeError, Encoded, Goal, Metric, Notes, ParamError, Rect, SurfaceSize, Texel,
 };
 use texfold_residual::encode::{Coder, Residuals, TOO_LARGE, bases, decode_strips};
 use texfold_residual::{BaseForm, MAX_REDUCE_LOG2};
@@ -194,17 +194,18 @@ impl BaseTexture {
         &self,
         frame: &Frame,
         own_cells: usize,
+        metric: Metric,
         check: CancelCheck<'_>,
     ) -> Result<Option<Base>, EncodeError> {
         let Some(Books { side_log2, residuals, candidates }) = &self.books else {
-            return Base::new(&frame.chains, self.plain.clone(), check).map(Some);
+            return Base::new(&frame.chains, self.plain.clone(), metric, check).map(Some);
         };
         let Some(library) = candidates.library(1 << side_log2, own_cells, check) else { return Ok(None) };
         check.checkpoint()?;
         let Some(details) = find(residuals, *side_log2, &library, check)? else { return Ok(None) };
         let (content, notes) = (self.plain.content.clone(), Notes::default());
         let plain = TexelTexture::new(frame.full.clone(), content, Some(details), notes);
-        Base::new(&frame.chains, plain, check).map(Some)
+        Base::new(&frame.chains, plain, metric, check).map(Some)
     }
 }
 
@@ -260,7 +261,12 @@ pub(crate) struct Base {
 
 impl Base {
     /// Of a texture without a residual plane.
-    fn new(chains: &[Vec<Raster>], plain: TexelTexture, check: CancelCheck<'_>) -> Result<Base, EncodeError> {
+    fn new(
+        chains: &[Vec<Raster>],
+        plain: TexelTexture,
+        metric: Metric,
+        check: CancelCheck<'_>,
+    ) -> Result<Base, EncodeError> {
         let mut residuals = Residuals::default();
         let mut alpha_error = 0.0;
         for (surface, chain) in (0..).zip(chains) {
@@ -277,6 +283,7 @@ impl Base {
             }
         }
         residuals.turn(residuals.suited_axes());
+        residuals.judge_by(metric);
         let bits = plain.memory().counted - plain.shared_bits() - plain.content.plane_bits();
         let texels = plain.stored().texels();
         Ok(Base { plain, residuals, texels, alpha_error, bits })
@@ -300,8 +307,7 @@ impl Base {
     /// The texture with blocks of such classes, which are coded.
     pub(crate) fn assemble(&self, coder: &Coder<'_>, classes: &[u8]) -> Result<TexelTexture, EncodeError> {
         let Some(planes) = self.residuals.planes(coder, classes) else { return Ok(self.plain.clone()) };
-        let content =
-            self.plain.content.with_planes(coder.model.clone().with_axes(self.residuals.axes), &planes);
+        let content = self.plain.content.with_planes(self.residuals.stored_model(&coder.model), &planes);
         Ok(self.plain.with_content(content.ok_or(TOO_LARGE)?))
     }
 }

@@ -103,11 +103,8 @@ impl Draft {
         check: CancelCheck<'_>,
     ) -> Result<Draft, EncodeError> {
         check.checkpoint()?;
-        let coder = Coder::new(
-            &base.residuals.blocks,
-            train(&base.residuals.blocks, class_bits, lambda, reach),
-            Effort::Fast,
-        );
+        let model = train(&base.residuals.blocks, class_bits, lambda, reach);
+        let coder = base.residuals.coder(model, Effort::Fast);
         let (index, estimate, classes) = match goal {
             Goal::Tolerance(tolerance) => {
                 let classes = coder.likely(cell_limit(tolerance) * 4.0 / WORST_TO_MEAN);

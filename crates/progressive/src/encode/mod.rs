@@ -82,7 +82,8 @@ impl Parts for Fresh<'_> {
         let check = job.cancel_check();
         job.install(|| {
             let base_texture = BaseTexture::new(frame, kind, self.params.effort, self.shared, check)?;
-            Ok(base_texture.base(frame, base_texture.own_cells(goal), check)?.map(Arc::new))
+            let metric = self.params.texel_metric(self.source.info(), goal);
+            Ok(base_texture.base(frame, base_texture.own_cells(goal), metric, check)?.map(Arc::new))
         })
     }
 }
@@ -288,7 +289,7 @@ impl Encoding<'_> {
             Goal::Tolerance(_) => self.params.effort.max(Effort::Normal),
             _ => self.params.effort,
         };
-        let mut coder = Coder::new(&base.residuals.blocks, draft.model, effort);
+        let mut coder = base.residuals.coder(draft.model, effort);
         match goal {
             Goal::Psnr(_) => self.by_quality(base, &mut coder, draft.index, job),
             Goal::Bpp(_) => {

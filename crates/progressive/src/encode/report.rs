@@ -2,7 +2,7 @@
 
 use texfold_core::image::ImageSet;
 use texfold_core::metric::quality_cancellable;
-use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, Notes};
+use texfold_core::{Access, CancelCheck, EncodeError, Encoded, Goal, Notes};
 use texfold_residual::RESIDUAL_PART;
 
 use crate::codebook::CELL_SIDE;
@@ -26,7 +26,9 @@ pub(crate) fn notes(
     if texture.details().is_some() {
         psnr_without.push((MAP_PART.to_owned(), psnr(&texture.without_details())?));
     }
-    Ok(Notes { settings: settings(params), verdict: verdict(texture, met), psnr_without })
+    let metric = params.texel_metric(source.info(), params.goal);
+    let form = format!(" --access {} --metric {}", Access::Texel.name(), metric.name());
+    Ok(Notes { settings: settings(params) + &form, verdict: verdict(texture, met), psnr_without })
 }
 
 pub(super) fn settings(params: &ProgressiveParams) -> String {

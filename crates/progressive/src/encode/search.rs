@@ -7,7 +7,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use texfold_core::image::ImageSet;
-use texfold_core::{EncodeError, Goal, Job, Params};
+use texfold_core::{EncodeError, Goal, Job, Metric, Params};
 
 use super::base::{Base, BaseTexture, Kind};
 use super::frame::Frame;
@@ -44,6 +44,7 @@ struct HeldBase {
     kind: Kind,
     /// Cells of a codebook of its own.
     own_cells: usize,
+    metric: Metric,
     /// `None` where no content is worth its bits.
     base: Option<Arc<Base>>,
 }
@@ -113,14 +114,16 @@ impl Parts for ProgressiveSearch {
             }
         };
         let own_cells = base_texture.own_cells(goal);
+        let metric = self.params.texel_metric(self.source.info(), goal);
         let is_same = |held: &&HeldBase| {
-            held.shrink_log2 == shrink_log2 && held.kind == kind && held.own_cells == own_cells
+            (held.shrink_log2, held.kind, held.own_cells, held.metric)
+                == (shrink_log2, kind, own_cells, metric)
         };
         if let Some(known) = held.bases.iter().find(is_same) {
             return Ok(known.base.clone());
         }
-        let made = job.install(|| base_texture.base(frame, own_cells, check))?.map(Arc::new);
-        held.bases.push(HeldBase { shrink_log2, kind, own_cells, base: made.clone() });
+        let made = job.install(|| base_texture.base(frame, own_cells, metric, check))?.map(Arc::new);
+        held.bases.push(HeldBase { shrink_log2, kind, own_cells, metric, base: made.clone() });
         Ok(made)
     }
 }

@@ -49,6 +49,8 @@ pub struct Coder<'b> {
     /// Squared error of each block by class, estimated or known; infinite where there is no such class.
     errors: Vec<[f32; RATE_CLASSES]>,
     coded: Vec<Vec<Coded>>,
+    /// How errors of each block count when classes are chosen; alike where there are none.
+    importance: &'b [f32],
 }
 
 impl<'b> Coder<'b> {
@@ -63,12 +65,22 @@ impl<'b> Coder<'b> {
         };
         let errors = blocks.par_iter().map(estimate).collect();
         let weights = model.weights.map(|weight| f32::from(weight) / WEIGHT_ONE);
-        Coder { blocks, model, effort, weights, errors, coded: vec![Vec::new(); blocks.len()] }
+        let coded = vec![Vec::new(); blocks.len()];
+        Coder { blocks, model, effort, weights, errors, coded, importance: &[] }
+    }
+
+    /// The same where errors of each block count by its importance; alike where there are none.
+    #[must_use]
+    pub fn with_importance(self, importance: &'b [f32]) -> Self {
+        Coder { importance, ..self }
     }
 
     /// The class of each block where a bit is worth `lambda`.
     #[must_use]
     pub fn choose(&self, lambda: f32) -> Vec<u8> {
+        if !self.importance.is_empty() {
+            return self.choose_weighted(lambda, self.importance);
+        }
         self.errors.par_iter().map(|errors| self.cheapest(errors, lambda)).collect()
     }
 
@@ -106,7 +118,7 @@ impl<'b> Coder<'b> {
     /// # Errors
     /// [`EncodeError::Cancelled`] within a few blocks of the caller's wish.
     pub fn code(&mut self, classes: &[u8], check: CancelCheck<'_>) -> Result<(), EncodeError> {
-        let Coder { blocks, model, effort, weights, errors, coded } = self;
+        let Coder { blocks, model, effort, weights, errors, coded, .. } = self;
         let (blocks, model, effort, weights) = (*blocks, &*model, *effort, &*weights);
         let tasks = coded
             .par_chunks_mut(TASK_BLOCKS)

@@ -7,6 +7,7 @@
 mod axes;
 mod base;
 mod coder;
+mod eye;
 mod model;
 mod padded;
 mod plane;

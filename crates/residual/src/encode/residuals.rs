@@ -4,14 +4,15 @@ use std::ops::Range;
 
 use texfold_core::SurfaceSize;
 use texfold_core::image::Raster;
-use texfold_core::{CancelCheck, EncodeError, Texel};
+use texfold_core::{CancelCheck, Effort, EncodeError, Metric, Texel};
 
 use super::axes::{suited, turn};
 use super::coder::Coder;
+use super::eye::{factors, importance, scale};
 use super::transform::{ResidualBlock, blocks};
 use crate::axes::Axes;
 use crate::plane::{BLOCK_SIDE, ResidualPlane, plane_words};
-use crate::rates::RATE_CLASSES;
+use crate::rates::{RATE_CLASSES, RateModel};
 
 /// Bits of the plane that stands for a residual plane where there is none.
 const EMPTY_PLANE_BITS: u64 = 32;
@@ -33,6 +34,10 @@ pub struct Residuals {
     counts: Vec<usize>,
     /// Along which axes the blocks' coefficients are.
     pub axes: Axes,
+    /// What errors count.
+    metric: Metric,
+    /// How errors of each block count; alike where there are none.
+    importance: Vec<f32>,
 }
 
 impl Residuals {
@@ -74,6 +79,31 @@ impl Residuals {
     #[must_use]
     pub fn suited_axes(&self) -> Axes {
         suited(&self.blocks, &self.counted)
+    }
+
+    /// Lets errors of all blocks, which count as squares so far, count by a metric.
+    pub fn judge_by(&mut self, metric: Metric) {
+        self.metric = metric;
+        if metric == Metric::Perceptual {
+            scale(&mut self.blocks, &factors(metric));
+            self.importance = importance(&self.blocks);
+        }
+    }
+
+    /// All blocks with a model that was trained on them.
+    #[must_use]
+    pub fn coder(&self, model: RateModel, effort: Effort) -> Coder<'_> {
+        Coder::new(&self.blocks, model, effort).with_importance(&self.importance)
+    }
+
+    /// That model as it is stored: with the axes, and weights for coefficients as they are.
+    #[must_use]
+    pub fn stored_model(&self, model: &RateModel) -> RateModel {
+        let mut stored = model.clone().with_axes(self.axes);
+        for (weight, factor) in stored.weights.iter_mut().zip(factors(self.metric)) {
+            *weight = (f32::from(*weight) / factor).round().min(f32::from(u16::MAX)) as u16;
+        }
+        stored
     }
 
     /// Bits in memory of the residual planes where class 1 has `class_bits` and blocks have such classes.

@@ -12,7 +12,7 @@ use std::path::Path;
 
 use texfold::image::{ColorSpace, ImageSet, Raster};
 use texfold::metric::quality;
-use texfold::{Encoded, Goal, Job, Progressive, ProgressiveParams, Shared};
+use texfold::{Encoded, Goal, Job, Metric, Progressive, ProgressiveParams, Shared};
 use texfold_benches::over;
 use texfold_benches::report::{Chart, Line, Outcome, Table, cpu_seconds};
 use texfold_testkit::fixtures::land::land;
@@ -96,7 +96,8 @@ fn tiles(image: &Raster) -> Outcome<Vec<Raster>> {
 
 /// Adds tiles; cells of the codebook after each.
 fn add(name: &str, tiles: Vec<Raster>, table: &mut Table) -> Outcome<Line> {
-    let params = ProgressiveParams::default().with_goal(Goal::Bpp(BPP)).with_reduce_log2(3);
+    let params =
+        ProgressiveParams::default().with_goal(Goal::Bpp(BPP)).with_metric(Metric::Psnr).with_reduce_log2(3);
     let mut shared = Shared { public: None, most_rows: MOST_ROWS, apron: None };
     let (mut line, mut before) = (Vec::new(), 0);
     for (number, tile) in (1..).zip(tiles) {

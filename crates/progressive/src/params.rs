@@ -14,7 +14,7 @@ pub struct ProgressiveParams {
     /// How texels are reached. Images are stored by texel, too, where a base's form is asked for (`content`, `reduce_log2`) or
     /// the goal cannot be met by block.
     pub access: Access,
-    /// Which errors count, by block and by texel (there a tolerance bounds squared errors whatever is said here); `None` is [`Metric::Perceptual`] for colours and goals of bits, else
+    /// Which errors count, by block and by texel (there squares count for tolerances and with alpha, whatever is said here); `None` is [`Metric::Perceptual`] for colours and goals of bits, else
     /// [`Metric::Psnr`].
     pub metric: Option<Metric>,
     /// How the base is stored; `None` lets the goal decide.
@@ -82,10 +82,12 @@ impl ProgressiveParams {
         self.metric.unwrap_or(Metric::for_goal(self.goal, pixel.color))
     }
 
-    /// The metric by texel for such pixels and a goal: a tolerance bounds squared errors.
+    /// The metric by texel for such pixels and a goal. A tolerance bounds squared errors, and with alpha squares count, too: colours that it hides
+    /// would seem to be where much goes on.
     pub(crate) fn texel_metric(&self, pixel: PixelInfo, goal: Goal) -> Metric {
         match goal {
             Goal::Tolerance(_) => Metric::Psnr,
+            _ if pixel.has_alpha() => Metric::Psnr,
             _ => self.metric.unwrap_or(Metric::for_goal(goal, pixel.color)),
         }
     }

@@ -69,7 +69,7 @@ fn blocks_are_better_than_texels_at_equal_bits() {
             let goal = to(Goal::Bpp(bpp)).with_effort(Effort::Fast);
             let psnr = |params: &ProgressiveParams| measure(&set, &encode(&set, params)).psnr;
             let by_block = psnr(&goal.clone().with_metric(Metric::Psnr));
-            let by_texel = psnr(&goal.with_access(Access::Texel));
+            let by_texel = psnr(&goal.with_metric(Metric::Psnr).with_access(Access::Texel));
             assert!(by_block > by_texel + 0.5, "{name} at {bpp} bits: {by_block} {by_texel}");
         }
     }

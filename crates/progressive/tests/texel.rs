@@ -9,9 +9,10 @@ use texfold_core::metric::{alpha_error, color_error, decode_surface, measure, qu
 use texfold_core::target::Measured;
 use texfold_core::{
     Access, Budget, Domain, Effort, EncodeError, Encoded, Encoder, Goal, Image2d, ImageAddress, Job, Layers,
-    LoadError, Rect, Refine, SharedSearch, SurfaceSize, Texel, TextureCodec,
+    LoadError, Metric, Rect, Refine, SharedSearch, SurfaceSize, Texel, TextureCodec,
 };
 use texfold_progressive::{APRON, Progressive, ProgressiveParams, Shared, TexelTexture};
+use texfold_residual::encode::counted_error;
 
 fn image(name: &str) -> ImageSet {
     ImageSet::single(texfold_testkit::image(name))
@@ -53,8 +54,27 @@ fn as_many_bits_as_bc1_are_better_than_bc1() {
 fn half_the_bits_of_bc1_are_better_than_bc1_in_a_photograph() {
     let Some(data) = texfold_testkit::data_dir("a photograph beside BC1") else { return };
     let set = ImageSet::single(texfold_testkit::png(&data.join("vq/kodak/kodim19.png")));
-    let (plain, ours) = (bc1(&set), measure(&set, &encode(&set, &fast(Goal::Bpp(2.0)))));
+    let params = fast(Goal::Bpp(2.0)).with_metric(Metric::Psnr);
+    let (plain, ours) = (bc1(&set), measure(&set, &encode(&set, &params)));
     assert!(ours.bpp <= 2.0 && ours.psnr > plain.psnr + 0.5, "{ours:?} {plain:?}");
+}
+
+#[test]
+fn each_metric_is_best_by_its_own_count() {
+    for name in ["terrain", "cloth", "salient"] {
+        let set = image(name);
+        for bpp in [0.5, 1.0, 2.0] {
+            let made = [Metric::Psnr, Metric::Perceptual].map(|metric| {
+                let texture = encode(&set, &fast(Goal::Bpp(bpp)).with_metric(metric));
+                let decoded: Vec<Texel> = decode_surface(&texture, 0, 0).unwrap().texels().collect();
+                [Metric::Psnr, Metric::Perceptual].map(|by| counted_error(&set.images()[0], &decoded, by))
+            });
+            let [squares, eye] = made;
+            // At half a bit estimates of squares are so far off that either may have fewer.
+            assert!(squares[0] < eye[0] || bpp < 1.0, "{name} at {bpp} bits: {made:?}");
+            assert!(eye[1] < squares[1], "{name} at {bpp} bits: {made:?}");
+        }
+    }
 }
 
 #[test]
@@ -97,8 +117,9 @@ fn every_level_is_as_good_as_the_goal_asks() {
     for (level, wanted) in chain.iter().enumerate() {
         let decoded = decode_surface(&texture, 0, level as u32).unwrap();
         let psnr = color_error(wanted, &decoded).psnr();
-        // The same price of a bit everywhere: a level of few texels may be a little worse than the first.
-        assert!(psnr > 33.0, "level {level}: {psnr}");
+        // The same price of a bit everywhere: a level of few texels may be a little worse than the first, one of less than a block more.
+        let least = if wanted.size().width < 8 { 32.0 } else { 33.0 };
+        assert!(psnr > least, "level {level}: {psnr}");
     }
     // A third of the texels more, and as many bits for each.
     let alone = encode(&set, &fast(Goal::Psnr(36.0)));

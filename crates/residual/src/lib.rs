@@ -2,7 +2,7 @@
 //!
 //! The base is a reduced image of half, a quarter or an eighth of the width and height in plain blocks, drawn with
 //! bilinear filtering. Its residual is coded in blocks of 8x8 texels, none to some 7 bits a texel each. A block's texels
-//! are turned into luma and chroma and transformed by a two-level Haar transform in cells of 4x4; subbands get bits by the
+//! are turned into luma and chroma, or axes of a texture's own ([`Axes`]), and transformed by a two-level Haar transform in cells of 4x4; subbands get bits by the
 //! block's rate class and are coded by a trellis: of the bit string around the block, a window of ten bits that ends with
 //! a coefficient's own bits names its value. So any coefficient is read with two loads, and yet two bits a coefficient
 //! come within 1.1 dB of what any code of two bits can do, where four levels stay 2.7 dB below.

@@ -12,15 +12,13 @@ use rayon::prelude::*;
 use texfold_core::address::TexfoldTap;
 use texfold_core::image::{ImageSet, MipFilter, Raster, mip_chain_cancellable};
 use texfold_core::sample::texfold_bilinear;
-use texfold_core::{CancelCheck, Effort, EncodeError, Goal, ImageLayout, SurfaceSize, Texel};
+use texfold_core::{CancelCheck, Effort, EncodeError, Goal, ImageLayout, Metric, SurfaceSize, Texel};
 
-use texfold_residual::encode::PaddedRaster;
+use texfold_residual::encode::{PaddedRaster, least_share};
 use texfold_residual::{APRON, MAX_SHRINK_LOG2, stored_layout};
 
 use crate::ProgressiveParams;
 
-/// PSNR in dB below which goals of quality try smaller images.
-const COARSE: f64 = 34.0;
 /// Least side of an image that is stored smaller.
 const LEAST_SIDE: u32 = 16;
 /// Passes of the fit: of 12 the last changes the PSNR of the terrain by 0.006 dB, and 24 leave it 0.02 dB better.
@@ -64,7 +62,7 @@ pub(crate) fn shrinks(source: &ImageSet, params: &ProgressiveParams) -> Vec<u32>
     let wanted = match params.goal {
         Goal::Bpp(_) => true,
         // Such goals are those of colours: nothing would say how far alpha may be off.
-        Goal::Psnr(psnr) => psnr < COARSE && params.effort != Effort::Fast && !source.info().has_alpha(),
+        Goal::Psnr(_) => params.effort != Effort::Fast && !source.info().has_alpha(),
         Goal::Tolerance(_) => false,
     };
     std::iter::once(0).chain((1..=2).filter(|&log2| wanted && possible(log2))).collect()
@@ -108,9 +106,10 @@ impl Frame {
         stored_layout(&self.full, self.shrink_log2)
     }
 
-    /// Whether a texture of the frame may have less error than one of a PSNR of `psnr` dB: what enlarging loses, no bits buy.
-    pub(crate) fn may_beat(&self, psnr: f64) -> bool {
-        self.floor < FULL / 10f64.powf(psnr / 10.0)
+    /// Whether a texture of the frame may have less error, as the metric counts it, than one of a PSNR of `psnr` dB: what enlarging loses, no
+    /// bits buy.
+    pub(crate) fn may_beat(&self, psnr: f64, metric: Metric) -> bool {
+        least_share(metric) * self.floor < FULL / 10f64.powf(psnr / 10.0)
     }
 
     /// The goal for what is stored that serves a goal for the images; `None` where it is out of reach.

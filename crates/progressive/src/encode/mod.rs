@@ -14,10 +14,12 @@ mod search;
 use std::sync::Arc;
 
 use texfold_core::image::{ImageSet, PixelInfo};
-use texfold_core::metric::{Quality, SquaredError, measure_cancellable, quality_cancellable};
+use texfold_core::metric::{Quality, SquaredError, decode_surface, measure_cancellable, quality_cancellable};
 use texfold_core::target::{Measured, search};
-use texfold_core::{CancelCheck, Effort, EncodeError, Encoded, Goal, Job, Params, SourceError};
-use texfold_residual::encode::{CLASS_BITS, Coder, TOO_LARGE};
+use texfold_core::{
+    CancelCheck, Effort, EncodeError, Encoded, Goal, Job, Metric, Params, SourceError, Texel,
+};
+use texfold_residual::encode::{CLASS_BITS, Coder, TOO_LARGE, counted_error};
 
 use crate::{ProgressiveParams, ProgressiveTexture, Shared, TexelTexture};
 pub use search::ProgressiveSearch;
@@ -123,6 +125,7 @@ impl Encoding<'_> {
         let goal = self.params.goal;
         let mut sizes = shrinks(self.source, self.params);
         let by_bits = matches!(goal, Goal::Bpp(_));
+        let metric = self.params.texel_metric(self.source.info(), goal);
         if !by_bits {
             // The smallest first: where it answers, codebooks of the whole need not be tried.
             sizes.reverse();
@@ -133,7 +136,9 @@ impl Encoding<'_> {
             let rival = best.as_ref().map(|(_, measured)| *measured);
             let made = job.within(share(index), share(index + 1), |job| {
                 let frame = self.parts.frame(shrink_log2, job)?;
-                if by_bits && rival.is_some_and(|rival| goal.is_met(&rival) && !frame.may_beat(rival.psnr)) {
+                if by_bits
+                    && rival.is_some_and(|rival| goal.is_met(&rival) && !frame.may_beat(rival.psnr, metric))
+                {
                     return Ok(None);
                 }
                 match frame.inner_goal(goal) {
@@ -143,7 +148,7 @@ impl Encoding<'_> {
             })?;
             let Some(made) = made else { continue };
             let check = job.cancel_check();
-            let measured = job.install(|| judged(self.source, &made, goal, check))?;
+            let measured = job.install(|| judged(self.source, &made, (goal, metric), check))?;
             if best.as_ref().is_none_or(|(_, best)| goal.prefers(&measured, best)) {
                 best = Some((made, measured));
             }
@@ -257,6 +262,7 @@ impl Encoding<'_> {
         job: &mut Job<'_>,
     ) -> Result<TexelTexture, EncodeError> {
         let (goal, check) = (self.params.goal, job.cancel_check());
+        let metric = self.params.texel_metric(self.source.info(), goal);
         let count = drafts.len();
         let share = |index: usize| 0.4 + 0.6 * index as f32 / count as f32;
         let mut best: Option<(TexelTexture, Measured)> = None;
@@ -267,7 +273,7 @@ impl Encoding<'_> {
             if count == 1 {
                 return Ok(made);
             }
-            let measured = job.install(|| judged(self.source, &made, goal, check))?;
+            let measured = job.install(|| judged(self.source, &made, (goal, metric), check))?;
             if best.as_ref().is_none_or(|(_, best)| goal.prefers(&measured, best)) {
                 best = Some((made, measured));
             }
@@ -419,22 +425,39 @@ fn own_measure(
     Ok(measured)
 }
 
-/// The same, and where bits are given with alpha's error beside that of the colours.
+/// The same, and where bits are given with alpha's error beside that of the colours, which counts by the metric.
 fn judged(
     source: &ImageSet,
     texture: &TexelTexture,
-    goal: Goal,
+    (goal, metric): (Goal, Metric),
     check: CancelCheck<'_>,
 ) -> Result<Measured, EncodeError> {
-    if !matches!(goal, Goal::Bpp(_)) || !source.info().has_alpha() {
+    let (by_bits, has_alpha) = (matches!(goal, Goal::Bpp(_)), source.info().has_alpha());
+    if !by_bits || metric == Metric::Psnr && !has_alpha {
         return own_measure(source, texture, check);
     }
     let Quality { color, alpha, worst_block_rms } = quality_cancellable(source, texture, check)?;
-    let alpha = alpha.map_or(0.0, |error| error.sum);
+    let counted = match metric {
+        Metric::Perceptual => error_for_the_eye(source, texture, check)?,
+        Metric::Psnr => color.sum,
+    };
+    let error = SquaredError { sum: counted + alpha.map_or(0.0, |error| error.sum), count: color.count };
     let bits = texture.memory().counted - texture.shared_bits();
-    Ok(Measured {
-        psnr: (color + SquaredError { sum: alpha, count: 0 }).psnr(),
-        bpp: bits as f64 / source.texel_count() as f64,
-        worst_block_rms,
-    })
+    Ok(Measured { psnr: error.psnr(), bpp: bits as f64 / source.texel_count() as f64, worst_block_rms })
+}
+
+/// Squared error of the colours of all images as it counts for the eye.
+fn error_for_the_eye(
+    source: &ImageSet,
+    texture: &TexelTexture,
+    check: CancelCheck<'_>,
+) -> Result<f64, EncodeError> {
+    let mut sum = 0.0;
+    for (surface, image) in (0..).zip(source.images()) {
+        check.checkpoint()?;
+        let decoded = decode_surface(texture, surface, 0).ok_or(SourceError::Empty)?;
+        let decoded: Vec<Texel> = decoded.texels().collect();
+        sum += counted_error(image, &decoded, Metric::Perceptual);
+    }
+    Ok(sum)
 }

@@ -6,9 +6,10 @@
 //! 33.2 dB); 51.1, 72.9 with both (28.6, 33.1 dB); 53.6, 73.9 with a slope of 1 and a power of 0.3 (28.4, 32.6 dB).
 
 use rayon::prelude::*;
-use texfold_core::Metric;
+use texfold_core::image::Raster;
+use texfold_core::{Metric, Texel};
 
-use super::transform::{ResidualBlock, SUBBAND_OF};
+use super::transform::{ResidualBlock, SUBBAND_OF, blocks};
 use crate::rates::SUBBANDS;
 
 /// Frequencies of the subbands, those of a cell's coarse coefficients being 1.
@@ -28,6 +29,21 @@ pub(crate) fn factors(metric: Metric) -> [f32; SUBBANDS] {
         Metric::Psnr => [1.0; SUBBANDS],
         Metric::Perceptual => FREQUENCIES.map(|frequency| 1.0 / (1.0 + SLOPE * frequency)),
     }
+}
+
+/// Squared error of an image, in 8-bit units, as a metric counts it: by frequency alone, so that it says the same of any two ways to store it.
+/// `decoded` has as many texels as `source`.
+#[must_use]
+pub fn counted_error(source: &Raster, decoded: &[Texel], metric: Metric) -> f64 {
+    let mut found = blocks(source, decoded);
+    scale(&mut found, &factors(metric));
+    found.iter().map(|block| f64::from(block.energy.iter().sum::<f32>())).sum()
+}
+
+/// The least share that a metric counts of any squared error.
+#[must_use]
+pub fn least_share(metric: Metric) -> f64 {
+    f64::from(factors(metric).into_iter().fold(1.0, f32::min)).powi(2)
 }
 
 /// Blocks with their coefficients times such factors.

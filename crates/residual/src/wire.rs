@@ -192,9 +192,10 @@ impl ResidualContent {
             return Ok(None);
         }
         let named = file.ids().any(|(found, _)| found == id.planes());
-        if named != self.has_planes() {
+        // What a prefix has loaded is stored without.
+        if named && !self.has_planes() {
             let section = String4(id.planes());
-            return Err(LoadError::Corrupt { section, offset: 0, what: "missing, or one too many" });
+            return Err(LoadError::Corrupt { section, offset: 0, what: "a residual plane that the form does not name" });
         }
         if !file.has(id.planes()) {
             return Ok(None);

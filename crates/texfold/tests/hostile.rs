@@ -8,9 +8,10 @@ use rayon::prelude::*;
 use support::forged::{rewritten, with_changed_section};
 use support::{small_textures, target};
 use texfold::container::{SectionWriter, Sections};
+use texfold::metric::decode_surface;
 use texfold::{
-    AstcBlock, Bc, BcParams, Budget, Content, Domain, EncodeError, Encoded, Encoder, Family, Image2d,
-    ImageAddress, ImageLayout, Limits, LoadError, PlaneFormat, Texel, TextureCodec, open_image,
+    AnyImage, AstcBlock, Bc, BcParams, Budget, Content, Domain, EncodeError, Encoded, Encoder, Family,
+    Image2d, ImageAddress, ImageLayout, Limits, LoadError, PlaneFormat, Texel, TextureCodec, open_image,
 };
 use texfold_core::rng::Rng;
 
@@ -116,6 +117,23 @@ fn every_truncation_names_what_is_missing() {
             }
         }
     }
+}
+
+#[test]
+fn what_a_prefix_shows_is_stored_and_loads_again() {
+    let mut prefixes = 0;
+    for (name, _, texture) in small_textures() {
+        let bytes = texture.to_bytes();
+        let Ok(prefix) = open_image(&bytes[..bytes.len() - 1], &mut Budget::new(LIMITS)) else { continue };
+        let stored = prefix.to_bytes();
+        let again =
+            open_image(&stored, &mut Budget::new(LIMITS)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!(again.to_bytes(), stored, "{name}");
+        let shown = |texture: &AnyImage| decode_surface(texture.as_encoded(), 0, 0).unwrap().to_bytes();
+        assert!(shown(&again) == shown(&prefix), "{name} shows something else");
+        prefixes += 1;
+    }
+    assert!(prefixes > 3, "{prefixes} textures with layers");
 }
 
 #[test]

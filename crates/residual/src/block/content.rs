@@ -215,9 +215,10 @@ impl BlockContent {
     ) -> Result<Option<Self>, LoadError> {
         let layers = self.layers();
         let named = file.ids().any(|(found, _)| found == id.block_detail());
-        if named != (layers.total > 1) {
+        // What a prefix has loaded is stored without.
+        if named && layers.total == 1 {
             let section = String4(id.block_detail());
-            return Err(LoadError::Corrupt { section, offset: 0, what: "missing, or one too many" });
+            return Err(LoadError::Corrupt { section, offset: 0, what: "superblocks of an image that has none" });
         }
         if layers.loaded == layers.total || !file.has(id.block_detail()) {
             return Ok(None);

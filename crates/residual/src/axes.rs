@@ -3,7 +3,9 @@
 #[cfg(feature = "encode")]
 use glam::Vec3;
 
-use crate::decode::{TEXFOLD_RESIDUAL_AXES_BITS, TEXFOLD_RESIDUAL_AXES_ONE};
+use crate::decode::TEXFOLD_RESIDUAL_AXES_BITS;
+#[cfg(feature = "encode")]
+use crate::decode::TEXFOLD_RESIDUAL_AXES_ONE;
 
 /// A rotation of luma and both axes of chroma: three numbers of 10 bits in a word, the first in the lowest bits. In 1/511 they are
 /// the axis of the rotation times the tangent of half its angle (Rodrigues). 0 turns nothing.

@@ -195,7 +195,11 @@ impl ResidualContent {
         // What a prefix has loaded is stored without.
         if named && !self.has_planes() {
             let section = String4(id.planes());
-            return Err(LoadError::Corrupt { section, offset: 0, what: "a residual plane that the form does not name" });
+            return Err(LoadError::Corrupt {
+                section,
+                offset: 0,
+                what: "a residual plane that the form does not name",
+            });
         }
         if !file.has(id.planes()) {
             return Ok(None);

@@ -218,7 +218,11 @@ impl BlockContent {
         // What a prefix has loaded is stored without.
         if named && layers.total == 1 {
             let section = String4(id.block_detail());
-            return Err(LoadError::Corrupt { section, offset: 0, what: "superblocks of an image that has none" });
+            return Err(LoadError::Corrupt {
+                section,
+                offset: 0,
+                what: "superblocks of an image that has none",
+            });
         }
         if layers.loaded == layers.total || !file.has(id.block_detail()) {
             return Ok(None);

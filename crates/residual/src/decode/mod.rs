@@ -207,6 +207,22 @@ pub fn texfold_residual_three(chunk: u32, ends: UVec3, flips: UVec3) -> f32 {
     texfold_residual_value(sum, 3)
 }
 
+/// The rotation that a word of [`crate::Axes`] says.
+#[must_use]
+#[inline]
+pub fn texfold_residual_axes(word: u32) -> Vec3 {
+    let part = |shift: u32| (word << shift) as i32 >> (32 - TEXFOLD_RESIDUAL_AXES_BITS);
+    Vec3::new(part(22) as f32, part(12) as f32, part(2) as f32) * (1.0 / TEXFOLD_RESIDUAL_AXES_ONE)
+}
+
+/// Luma and both axes of chroma, turned by `axes`.
+#[must_use]
+#[inline]
+pub fn texfold_residual_turned(parts: Vec3, axes: Vec3) -> Vec3 {
+    let once = axes.cross(parts);
+    parts + (once + axes.cross(once)) * (2.0 / (1.0 + axes.dot(axes)))
+}
+
 /// The residual of the texel at `at` of level `level`, which lies inside: red, green, blue and 0.
 #[must_use]
 pub fn texfold_residual_error(view: &ResidualView<'_>, at: UVec2, level: u32) -> Vec4 {
@@ -274,22 +290,6 @@ fn flips_of(half: UVec2) -> UVec3 {
     let x = 0u32.wrapping_sub(half.x & 1);
     let y = 0u32.wrapping_sub(half.y & 1);
     UVec3::new(x, y, x ^ y)
-}
-
-/// The rotation that a word of [`crate::Axes`] says.
-#[must_use]
-#[inline]
-pub fn texfold_residual_axes(word: u32) -> Vec3 {
-    let part = |shift: u32| (word << shift) as i32 >> (32 - TEXFOLD_RESIDUAL_AXES_BITS);
-    Vec3::new(part(22) as f32, part(12) as f32, part(2) as f32) * (1.0 / TEXFOLD_RESIDUAL_AXES_ONE)
-}
-
-/// Luma and both axes of chroma, turned by `axes`.
-#[must_use]
-#[inline]
-pub fn texfold_residual_turned(parts: Vec3, axes: Vec3) -> Vec3 {
-    let once = axes.cross(parts);
-    parts + (once + axes.cross(once)) * (2.0 / (1.0 + axes.dot(axes)))
 }
 
 /// Red, green, blue and 0 of luma and both axes of chroma, by an orthonormal matrix.

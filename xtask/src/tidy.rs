@@ -66,6 +66,7 @@ const ALLOWED: [Allowed; 18] = [
             "texfold-epitome",
             "texfold-lightfield",
             "texfold-progressive",
+            "texfold-residual",
             "texfold-vq",
             "texfold-zipmap",
             "thiserror",

@@ -41,6 +41,12 @@ impl BcTexture {
         self.parts.reduce_log2
     }
 
+    /// The notes, for a caller that has more to say.
+    #[must_use]
+    pub fn notes_mut(&mut self) -> &mut Notes {
+        &mut self.notes
+    }
+
     /// Replaces the notes, as a caller does that chose this codec over another.
     #[must_use]
     pub fn with_notes(mut self, notes: Notes) -> Self {

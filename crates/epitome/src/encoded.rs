@@ -122,6 +122,12 @@ impl EpitomeTexture {
         self.parts.map.unpacked(&self.parts.format).entries
     }
 
+    /// The notes, for a caller that has more to say.
+    #[must_use]
+    pub fn notes_mut(&mut self) -> &mut Notes {
+        &mut self.notes
+    }
+
     /// Replaces the notes.
     #[must_use]
     pub fn with_notes(mut self, notes: Notes) -> Self {

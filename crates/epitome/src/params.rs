@@ -94,7 +94,7 @@ pub struct EpitomeParams {
     /// length, at a fraction of the bits; at high effort in planes where these are smaller. Planes for reading by texel where a
     /// content or a family is named, for tolerances, several layers, and blocks that are taken over.
     pub access: Access,
-    /// What errors count by block; `None` lets goal and colours decide.
+    /// What errors count by block and in residual planes; `None` lets goal and colours decide.
     pub metric: Option<Metric>,
     /// Side of a block in texels for tolerance goals and where there is no quadtree, a multiple of 4 in 8..=32;
     /// `None` is 12 and 16.

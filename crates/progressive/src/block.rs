@@ -51,6 +51,12 @@ impl BlockImages {
         BlockImages { content: self.content.base_alone(), notes: self.notes.clone() }
     }
 
+    /// The notes, for a caller that has more to say.
+    #[must_use]
+    pub fn notes_mut(&mut self) -> &mut Notes {
+        &mut self.notes
+    }
+
     /// Replaces the notes.
     #[must_use]
     pub fn with_notes(self, notes: Notes) -> Self {

@@ -66,6 +66,15 @@ impl ProgressiveTexture {
         }
     }
 
+    /// The notes, for a caller that has more to say.
+    #[must_use]
+    pub fn notes_mut(&mut self) -> &mut Notes {
+        match self {
+            ProgressiveTexture::Block(images) => images.notes_mut(),
+            ProgressiveTexture::Texel(texture) => texture.notes_mut(),
+        }
+    }
+
     /// Replaces the notes.
     #[must_use]
     pub fn with_notes(self, notes: Notes) -> Self {

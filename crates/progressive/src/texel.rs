@@ -129,6 +129,12 @@ impl TexelTexture {
         if count < 2 { self.with_content(self.content.base_alone()) } else { self.clone() }
     }
 
+    /// The notes, for a caller that has more to say.
+    #[must_use]
+    pub fn notes_mut(&mut self) -> &mut Notes {
+        &mut self.notes
+    }
+
     /// Replaces the notes.
     #[must_use]
     pub fn with_notes(mut self, notes: Notes) -> Self {

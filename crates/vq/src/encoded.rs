@@ -61,6 +61,12 @@ impl VqTexture {
         &self.parts.samples
     }
 
+    /// The notes, for a caller that has more to say.
+    #[must_use]
+    pub fn notes_mut(&mut self) -> &mut Notes {
+        &mut self.notes
+    }
+
     /// Replaces the notes.
     #[must_use]
     pub fn with_notes(mut self, notes: Notes) -> Self {

@@ -240,9 +240,10 @@ impl Options {
             let range = "sides that are multiples of 4 in 4..=256";
             in_range("samples", sample_side.filter(|_| count > 0).map(f64::from), side, range)?;
         }
-        // By texel errors count by a metric in `progressive` alone, and not where a tolerance bounds them.
-        let counts_squares =
-            !self.codec.is_some_and(CodecName::is::<Progressive>) || self.tolerance.is_some();
+        // By texel errors count by a metric in residual planes alone, and not where a tolerance bounds them.
+        let has_residuals = self.codec.is_some_and(CodecName::is::<Progressive>)
+            || self.content == Some(ContentName::ErrorMap);
+        let counts_squares = !has_residuals || self.tolerance.is_some();
         if self.metric.is_some() && self.access == Some(AccessName::Texel) && counts_squares {
             return Err(UsageError::Excluded { option: "metric", other: "--access texel" });
         }

@@ -32,8 +32,9 @@ pub(super) fn storages(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<S
         // Tolerances have no residual plane.
         Goal::Bpp(_) | Goal::Tolerance(_) => f64::from(FIRST_GUESS),
     };
+    let metric = metric_of(params, pixel.color);
     if with_blocks {
-        return Ok(vec![Storage::Blocks(lambda as f32, metric_of(params, pixel.color))]);
+        return Ok(vec![Storage::Blocks(lambda as f32, metric)]);
     }
     if !matches!(pixel.channels, 1 | 3) || pixel.color == ColorSpace::Normal {
         return Err(ParamError::new("channels", pixel.channels, "1 or 3 of colours, with a residual plane"));
@@ -41,7 +42,7 @@ pub(super) fn storages(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<S
     // Hard edges between two colours are better off in plain blocks, all else by a residual plane. Both in one
     // texture need the same channels.
     let plain = (pixel.channels == 3).then_some(Storage::Planes(Content::Bc1));
-    Ok(plain.into_iter().chain([Storage::ErrorMap(lambda as f32)]).collect())
+    Ok(plain.into_iter().chain([Storage::ErrorMap(lambda as f32, metric)]).collect())
 }
 
 /// Formats that content is stored in.

@@ -20,6 +20,7 @@ mod matrix;
 mod models;
 mod options;
 mod orientation;
+mod outlook;
 mod pack;
 mod passes;
 mod plan;

@@ -73,8 +73,8 @@ pub(crate) struct Pyramid {
 pub(crate) enum Storage {
     /// As planes of one format, at one lambda for all cells.
     Planes(Content),
-    /// As a base with a residual plane, each block as finely as its bits are worth at that lambda.
-    ErrorMap(f32),
+    /// As a base with a residual plane, each block as finely as its bits are worth at that lambda, judged by that metric.
+    ErrorMap(f32, Metric),
     /// In blocks of variable length, where a bit is worth that lambda, judged by that metric.
     Blocks(f32, Metric),
 }
@@ -84,7 +84,7 @@ impl Storage {
     pub(crate) fn granularity(self) -> u32 {
         match self {
             Storage::Planes(content) => content.cell_side(),
-            Storage::ErrorMap(_) => LEAST_SIDE,
+            Storage::ErrorMap(..) => LEAST_SIDE,
             Storage::Blocks(..) => TRANSFORM_SIDE,
         }
     }
@@ -93,7 +93,7 @@ impl Storage {
     pub(crate) fn lambda(self) -> Option<f32> {
         match self {
             Storage::Planes(_) => None,
-            Storage::ErrorMap(lambda) | Storage::Blocks(lambda, _) => Some(lambda),
+            Storage::ErrorMap(lambda, _) | Storage::Blocks(lambda, _) => Some(lambda),
         }
     }
 }
@@ -105,6 +105,16 @@ pub(crate) enum Coder {
     ErrorMap(PlaneForm),
     /// Blocks of variable length, judged by that metric.
     Blocks(Metric),
+}
+
+impl Coder {
+    /// What its errors are judged by.
+    fn metric(&self) -> Metric {
+        match self {
+            Coder::ErrorMap(form) => form.metric(),
+            Coder::Blocks(metric) => *metric,
+        }
+    }
 }
 
 /// At which scales images are stored.
@@ -213,8 +223,8 @@ impl Space {
             let first = space.cells() as u32;
             let stored = match storage {
                 Storage::Planes(content) => space.store(content, blocks, first, effort, cancel)?,
-                Storage::ErrorMap(lambda) => {
-                    space.store_with_errors(lambda, first, cancel)?.ok_or_else(no_room)?
+                Storage::ErrorMap(lambda, metric) => {
+                    space.store_with_errors(lambda, metric, first, cancel)?.ok_or_else(no_room)?
                 }
                 Storage::Blocks(lambda, metric) => space.store_in_blocks(lambda, metric, first, cancel)?,
             };
@@ -266,6 +276,7 @@ impl Space {
     fn store_with_errors(
         &self,
         lambda: f32,
+        metric: Metric,
         first: u32,
         cancel: CancelCheck<'_>,
     ) -> Result<Option<Stored>, EncodeError> {
@@ -274,7 +285,9 @@ impl Space {
         let Some(rasters) = rasters else { return Ok(None) };
         let first_scales = rasters.iter().flat_map(|scales| scales.first());
         let Some(largest) = first_scales.max_by_key(|raster| raster.size().texels()) else { return Ok(None) };
-        let Some(form) = PlaneForm::suited(largest, lambda, Effort::Fast, cancel)? else { return Ok(None) };
+        let Some(form) = PlaneForm::suited(largest, lambda, metric, Effort::Fast, cancel)? else {
+            return Ok(None);
+        };
         let encode = |(raster, scale): (&Raster, &Scale)| {
             let (levels, lambda) = (std::slice::from_ref(raster), lambda / scale.weight());
             form.encode(levels, lambda, &[], Effort::Fast, cancel)
@@ -308,13 +321,12 @@ impl Space {
     /// # Errors
     /// [`EncodeError::Cancelled`] where the job was cancelled.
     pub(crate) fn store_again(&mut self, lambda: f32, cancel: CancelCheck<'_>) -> Result<bool, EncodeError> {
-        let Some(index) = self.stored.iter().position(|stored| stored.coder.is_some()) else {
-            return Ok(false);
-        };
-        let first = self.stored[index].bases[0];
+        let coded = |stored: &Stored| Some((stored.coder.as_ref()?.metric(), stored.bases[0]));
+        let found = self.stored.iter().enumerate().find_map(|(index, stored)| Some((index, coded(stored)?)));
+        let Some((index, (metric, first))) = found else { return Ok(false) };
         let again = match self.stored[index].coder {
-            Some(Coder::Blocks(metric)) => Some(self.store_in_blocks(lambda, metric, first, cancel)?),
-            _ => self.store_with_errors(lambda, first, cancel)?,
+            Some(Coder::Blocks(_)) => Some(self.store_in_blocks(lambda, metric, first, cancel)?),
+            _ => self.store_with_errors(lambda, metric, first, cancel)?,
         };
         let is_stored = again.is_some();
         if let Some(again) = again {

@@ -44,12 +44,13 @@ impl Kind {
 /// Bits of an entry for the smallest codebook: column, row, rotation, gain.
 const LEAST_ENTRY_BITS: f64 = 20.0;
 
-/// PSNR in dB and bits a texel above which a base of many bits is tried.
+/// PSNR in dB and bits a texel above which a base of many bits is tried at normal effort; at high effort all are.
 const FINE: (f64, f64) = (42.0, 3.5);
-/// The same above which BC7 of a quarter of the width and height is.
+/// The same above which, at normal effort, BC7 of a quarter of the width and height is.
 const MIDDLE: (f64, f64) = (33.0, 1.6);
 
-/// PSNR in dB and bits a texel below which codebooks are tried: above, residual planes do the same at fewer bits.
+/// PSNR in dB and bits a texel below which codebooks are tried at normal effort: above, residual planes do the same at fewer bits. At
+/// high effort they are tried at any.
 const COARSE: (f64, f64) = (33.0, 0.7);
 
 /// Bits a texel that a base of an eighth with entries for blocks of 8x8 takes at least.
@@ -66,7 +67,11 @@ fn sides(goal: Goal) -> &'static [u32] {
 
 /// Whether codebooks are tried for images of any kind of pixel.
 pub(crate) fn tries_codebooks(params: &ProgressiveParams) -> bool {
-    params.effort != Effort::Fast && below(COARSE, params.goal)
+    match params.effort {
+        Effort::Fast => false,
+        Effort::Normal => below(COARSE, params.goal),
+        Effort::High => !matches!(params.goal, Goal::Tolerance(_)),
+    }
 }
 
 /// Whether a goal is coarser than such.
@@ -100,7 +105,7 @@ pub(crate) fn kinds(pixel: PixelInfo, params: &ProgressiveParams) -> Result<Vec<
         ],
     };
     let tried = |&(content, reduce_log2): &(Content, u32)| match (content, reduce_log2) {
-        _ if pixel.channels != 3 => true,
+        _ if pixel.channels != 3 || params.effort == Effort::High => true,
         (Content::Bc1, 2) => true,
         (Content::Bc7, 1) => above(FINE),
         (Content::Bc7, 2) => above(MIDDLE) && (params.effort != Effort::Fast || above(FINE)),

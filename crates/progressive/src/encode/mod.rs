@@ -14,12 +14,10 @@ mod search;
 use std::sync::Arc;
 
 use texfold_core::image::{ImageSet, PixelInfo};
-use texfold_core::metric::{Quality, SquaredError, decode_surface, measure_cancellable, quality_cancellable};
+use texfold_core::metric::{Quality, SquaredError, measure_cancellable, quality_cancellable};
 use texfold_core::target::{Measured, search};
-use texfold_core::{
-    CancelCheck, Effort, EncodeError, Encoded, Goal, Job, Metric, Params, SourceError, Texel,
-};
-use texfold_residual::encode::{CLASS_BITS, Coder, TOO_LARGE, counted_error};
+use texfold_core::{CancelCheck, Effort, EncodeError, Encoded, Goal, Job, Metric, Params, SourceError};
+use texfold_residual::encode::{CLASS_BITS, Coder, TOO_LARGE, counted_error_of};
 
 use crate::{ProgressiveParams, ProgressiveTexture, Shared, TexelTexture};
 pub use search::ProgressiveSearch;
@@ -438,26 +436,10 @@ fn judged(
     }
     let Quality { color, alpha, worst_block_rms } = quality_cancellable(source, texture, check)?;
     let counted = match metric {
-        Metric::Perceptual => error_for_the_eye(source, texture, check)?,
+        Metric::Perceptual => counted_error_of(source, texture, metric, check)?,
         Metric::Psnr => color.sum,
     };
     let error = SquaredError { sum: counted + alpha.map_or(0.0, |error| error.sum), count: color.count };
     let bits = texture.memory().counted - texture.shared_bits();
     Ok(Measured { psnr: error.psnr(), bpp: bits as f64 / source.texel_count() as f64, worst_block_rms })
-}
-
-/// Squared error of the colours of all images as it counts for the eye.
-fn error_for_the_eye(
-    source: &ImageSet,
-    texture: &TexelTexture,
-    check: CancelCheck<'_>,
-) -> Result<f64, EncodeError> {
-    let mut sum = 0.0;
-    for (surface, image) in (0..).zip(source.images()) {
-        check.checkpoint()?;
-        let decoded = decode_surface(texture, surface, 0).ok_or(SourceError::Empty)?;
-        let decoded: Vec<Texel> = decoded.texels().collect();
-        sum += counted_error(image, &decoded, Metric::Perceptual);
-    }
-    Ok(sum)
 }

@@ -78,17 +78,17 @@ impl<'b> Coder<'b> {
     /// The class of each block where a bit is worth `lambda`.
     #[must_use]
     pub fn choose(&self, lambda: f32) -> Vec<u8> {
-        if !self.importance.is_empty() {
-            return self.choose_weighted(lambda, self.importance);
-        }
-        self.errors.par_iter().map(|errors| self.cheapest(errors, lambda)).collect()
+        self.choose_weighted(lambda, &[])
     }
 
-    /// The same where the errors of each block count by its weight.
+    /// The same where the errors of each block count by its weight, too; alike where there are none.
     #[must_use]
     pub fn choose_weighted(&self, lambda: f32, weights: &[f32]) -> Vec<u8> {
-        let best = |(errors, weight): (_, &f32)| self.cheapest(errors, lambda / weight.max(LEAST_WEIGHT));
-        self.errors.par_iter().zip(weights).map(best).collect()
+        let counts = |of: &[f32], index: usize| of.get(index).map_or(1.0, |count| count.max(LEAST_WEIGHT));
+        let best = |(index, errors): (usize, _)| {
+            self.cheapest(errors, lambda / (counts(weights, index) * counts(self.importance, index)))
+        };
+        self.errors.par_iter().enumerate().map(best).collect()
     }
 
     fn cheapest(&self, errors: &[f32; RATE_CLASSES], lambda: f32) -> u8 {

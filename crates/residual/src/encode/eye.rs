@@ -6,8 +6,9 @@
 //! 33.2 dB); 51.1, 72.9 with both (28.6, 33.1 dB); 53.6, 73.9 with a slope of 1 and a power of 0.3 (28.4, 32.6 dB).
 
 use rayon::prelude::*;
-use texfold_core::image::Raster;
-use texfold_core::{Metric, Texel};
+use texfold_core::image::{ImageSet, Raster};
+use texfold_core::metric::decode_surface;
+use texfold_core::{CancelCheck, EncodeError, Encoded, Image2d, Metric, SourceError, Texel};
 
 use super::transform::{ResidualBlock, SUBBAND_OF, blocks};
 use crate::rates::SUBBANDS;
@@ -38,6 +39,26 @@ pub fn counted_error(source: &Raster, decoded: &[Texel], metric: Metric) -> f64 
     let mut found = blocks(source, decoded);
     scale(&mut found, &factors(metric));
     found.iter().map(|block| f64::from(block.energy.iter().sum::<f32>())).sum()
+}
+
+/// The same of the colours of all images of a texture, finest levels.
+///
+/// # Errors
+/// [`EncodeError::Cancelled`]; [`SourceError::Empty`] where the texture has fewer images.
+pub fn counted_error_of(
+    source: &ImageSet,
+    texture: &dyn Encoded<Domain = Image2d>,
+    metric: Metric,
+    check: CancelCheck<'_>,
+) -> Result<f64, EncodeError> {
+    let mut sum = 0.0;
+    for (surface, image) in (0..).zip(source.images()) {
+        check.checkpoint()?;
+        let decoded = decode_surface(texture, surface, 0).ok_or(SourceError::Empty)?;
+        let decoded: Vec<Texel> = decoded.texels().collect();
+        sum += counted_error(image, &decoded, metric);
+    }
+    Ok(sum)
 }
 
 /// The least share that a metric counts of any squared error.

@@ -6,10 +6,9 @@ use std::ops::Range;
 use texfold_bc::Content;
 use texfold_core::image::{PixelInfo, Raster};
 use texfold_core::sample::TEXFOLD_NORMAL;
-use texfold_core::{CancelCheck, Effort, EncodeError, ImageLayout, Rect, SourceError, Texel};
+use texfold_core::{CancelCheck, Effort, EncodeError, ImageLayout, Metric, Rect, SourceError, Texel};
 
 use super::base::bases;
-use super::coder::Coder;
 use super::model::{Reach, train};
 use super::residuals::{CLASS_BITS, CROWDED, Residuals, share_of_largest};
 use crate::plane::GROUP_BLOCKS;
@@ -21,17 +20,19 @@ use crate::{BLOCK_SIDE, BaseForm, ResidualContent};
 pub struct PlaneForm {
     base: BaseForm,
     model: RateModel,
+    metric: Metric,
 }
 
 impl PlaneForm {
     /// What stores `image` with the least error + `lambda` x bits, where errors are squared ones in 8-bit units over all
-    /// channels; `None` where its pixels have alpha or are normals.
+    /// channels, as `metric` counts them; `None` where its pixels have alpha or are normals.
     ///
     /// # Errors
     /// [`EncodeError::Cancelled`].
     pub fn suited(
         image: &Raster,
         lambda: f32,
+        metric: Metric,
         effort: Effort,
         check: CancelCheck<'_>,
     ) -> Result<Option<PlaneForm>, EncodeError> {
@@ -39,16 +40,17 @@ impl PlaneForm {
         for base in base_forms(image.info()) {
             let (content, mut residuals) = against(std::slice::from_ref(image), base, effort, check)?;
             residuals.turn(residuals.suited_axes());
+            residuals.judge_by(metric);
             for class_bits in CLASS_BITS {
                 check.checkpoint()?;
                 let model =
                     train(&residuals.blocks, class_bits, lambda, Reach::Far).with_axes(residuals.axes);
-                let coder = Coder::new(&residuals.blocks, model, Effort::Fast);
+                let coder = residuals.coder(model, Effort::Fast);
                 let classes = coder.choose(lambda);
                 let bits = content.base_bits() + residuals.plane_bits(class_bits, &classes);
                 let cost = coder.error_of(&classes, &residuals.counted) + f64::from(lambda) * bits as f64;
                 if best.as_ref().is_none_or(|(least, _)| cost < *least) {
-                    best = Some((cost, PlaneForm { base, model: coder.model }));
+                    best = Some((cost, PlaneForm { base, model: coder.model, metric }));
                 }
                 if share_of_largest(&classes) <= CROWDED {
                     break;
@@ -62,6 +64,12 @@ impl PlaneForm {
     #[must_use]
     pub fn content(&self) -> Content {
         self.base.content
+    }
+
+    /// What errors count.
+    #[must_use]
+    pub fn metric(&self) -> Metric {
+        self.metric
     }
 
     /// Bits in memory that a block of 8x8 texels of that class takes, with its share of the base.
@@ -90,7 +98,8 @@ impl PlaneForm {
     ) -> Result<ResidualContent, EncodeError> {
         let (content, mut residuals) = against(levels, self.base, effort, check)?;
         residuals.turn(self.model.axes);
-        let mut coder = Coder::new(&residuals.blocks, self.model.clone(), effort);
+        residuals.judge_by(self.metric);
+        let mut coder = residuals.coder(self.model.clone(), effort);
         let mut all = weights.to_vec();
         all.resize(residuals.blocks.len(), 1.0);
         let classes = coder.choose_weighted(lambda, &all);
@@ -99,7 +108,7 @@ impl PlaneForm {
         let classes = coder.choose_weighted(lambda, &all);
         coder.code(&classes, check)?;
         let Some(planes) = residuals.planes(&coder, &classes) else { return Ok(content) };
-        Ok(content.with_planes(coder.model, &planes).ok_or(TOO_LARGE)?)
+        Ok(content.with_planes(residuals.stored_model(&coder.model), &planes).ok_or(TOO_LARGE)?)
     }
 }
 

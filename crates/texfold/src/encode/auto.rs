@@ -1,11 +1,12 @@
-//! Choosing a codec for images.
+//! Choosing a codec for images: the one that usually answers best is encoded, and of the others those that a look at the images
+//! gives a chance against it.
 
 use texfold_bc::Bc;
 use texfold_core::image::ImageSet;
-use texfold_core::metric::measure;
 use texfold_core::target::Measured;
-use texfold_core::{EncodeError, Job};
+use texfold_core::{EncodeError, Goal, Job, SourceError};
 
+use super::judge::judged;
 use super::{ENCODINGS, EncodeSettings, Encoding, Guidance};
 use crate::AnyImage;
 
@@ -13,6 +14,7 @@ use crate::AnyImage;
 ///
 /// A codec that cannot reach the goal where plain block compression can, or that is larger at the same quality,
 /// gives way to it; the notes' verdict says so. A codebook of a given size is not held against plain blocks.
+/// Where no codec is named, the verdict says what was tried, what was not and why.
 ///
 /// # Errors
 /// As [`texfold_core::Encoder::encode`].
@@ -26,34 +28,117 @@ pub fn encode_images(
         return encoding.or_plain(images, guidance, settings, job);
     }
     let suits = |encoding: &&Encoding| encoding.suits(images, &guidance, settings);
-    let tried: Vec<&Encoding> = ENCODINGS.iter().filter(suits).collect();
-    let share = |index: usize| index as f32 / tried.len() as f32;
-    let mut best: Option<(AnyImage, Option<Measured>)> = None;
-    for (index, encoding) in tried.iter().enumerate() {
-        let made = job.within(share(index), share(index + 1), |job| {
-            encoding.or_plain(images, guidance, settings, job)
-        })?;
-        // What is alone need not be measured.
-        let measured = (tried.len() > 1).then(|| measure(images, made.as_encoded()));
-        let better = match (&best, measured) {
-            (Some((_, Some(known))), Some(found)) => settings.goal.prefers(&found, known),
-            _ => true,
-        };
-        if better {
-            best = Some((made, measured));
-        }
-    }
-    match best {
-        Some((image, _)) => Ok(image),
+    let mut suited = ENCODINGS.iter().rev().filter(suits);
+    let Some(first) = suited.next() else {
         // No method suits such settings: plain blocks name what is wrong with them, or serve.
-        None => Encoding::of::<Bc>().encode(images, guidance, settings, job),
+        return Encoding::of::<Bc>().encode(images, guidance, settings, job);
+    };
+    let others: Vec<&Encoding> = suited.collect();
+    let count = 1 + others.len();
+    let share = |index: usize| index as f32 / count as f32;
+    let made = job.within(0.0, share(1), |job| first.or_plain(images, guidance, settings, job))?;
+    if others.is_empty() {
+        return Ok(made);
+    }
+    let mut contest = Contest::new(images, guidance, settings, made, job)?;
+    for (index, other) in (1..).zip(others) {
+        job.within(share(index), share(index + 1), |job| contest.hear(other, job))?;
+    }
+    job.stage("done", 1.0)?;
+    Ok(contest.settled())
+}
+
+/// Codecs that compete for a goal.
+struct Contest<'a> {
+    images: &'a ImageSet,
+    guidance: Guidance<'a>,
+    settings: &'a EncodeSettings,
+    best: AnyImage,
+    of_best: Measured,
+    /// What others came to, and why some were not tried.
+    heard: Vec<String>,
+}
+
+impl<'a> Contest<'a> {
+    fn new(
+        images: &'a ImageSet,
+        guidance: Guidance<'a>,
+        settings: &'a EncodeSettings,
+        made: AnyImage,
+        job: &Job<'_>,
+    ) -> Result<Contest<'a>, EncodeError> {
+        let of_best = judged(images, made.as_encoded(), settings, job)?;
+        Ok(Contest { images, guidance, settings, best: made, of_best, heard: Vec::new() })
+    }
+
+    /// Tries a codec where it may win.
+    fn hear(&mut self, other: &Encoding, job: &mut Job<'_>) -> Result<(), EncodeError> {
+        let name = other.id.name;
+        if let Some(why) = other.hopeless(self.images, self.settings, &self.of_best, job)? {
+            self.heard.push(format!("{name} was not tried: {why}"));
+            return Ok(());
+        }
+        let made = other.within(self.images, self.guidance, self.settings, self.room(), job);
+        let made = match made {
+            Ok(made) => made,
+            Err(EncodeError::Cancelled) => return Err(EncodeError::Cancelled),
+            Err(EncodeError::Source(SourceError::OutOfReach { what } | SourceError::Full { what })) => {
+                self.heard.push(format!("{name} was tried and does not suit: {what}"));
+                return Ok(());
+            }
+            // The one that is there serves.
+            Err(error) => {
+                self.heard.push(format!("{name} was not tried: {error}"));
+                return Ok(());
+            }
+        };
+        let found = judged(self.images, made.as_encoded(), self.settings, job)?;
+        let wins = self.settings.goal.prefers(&found, &self.of_best);
+        let (lost, of_lost) = if wins {
+            let lost = std::mem::replace(&mut self.best, made);
+            (lost, std::mem::replace(&mut self.of_best, found))
+        } else {
+            (made, found)
+        };
+        self.heard.push(format!("{} came to {}", lost.codec().name, figures(self.settings.goal, &of_lost)));
+        Ok(())
+    }
+
+    /// Bits a texel beyond which another answer is no better.
+    fn room(&self) -> f64 {
+        let goal = self.settings.goal;
+        let by_bits = matches!(goal, Goal::Bpp(_));
+        if !by_bits && goal.is_met(&self.of_best) { self.of_best.bpp } else { f64::INFINITY }
+    }
+
+    /// The best, whose verdict says of all others what they came to.
+    fn settled(mut self) -> AnyImage {
+        if let Some(notes) = Encoding::notes_of(&mut self.best) {
+            notes.verdict = format!("{} Chosen among all methods: {}.", notes.verdict, self.heard.join("; "));
+        }
+        self.best
+    }
+}
+
+/// What a codec came to, in the figure that decides.
+fn figures(goal: Goal, found: &Measured) -> String {
+    match goal {
+        Goal::Bpp(_) if goal.is_met(found) => {
+            format!("{:.2} dB in as many bits, as errors count here", found.psnr)
+        }
+        _ if goal.is_met(found) => format!("{:.2} bits a texel", found.bpp),
+        Goal::Bpp(_) => format!("{:.2} bits a texel at least", found.bpp),
+        Goal::Psnr(_) => format!("{:.1} dB at most", found.psnr),
+        Goal::Tolerance(_) => format!("an error of {:.1} in its worst block", found.worst_block_rms),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use texfold_bc::BcTexture;
-    use texfold_core::{Effort, Goal};
+    use texfold_core::Effort;
+    use texfold_core::metric::measure;
+    use texfold_epitome::EpitomeTexture;
     use texfold_progressive::ProgressiveTexture;
     use texfold_vq::{Vq, VqParams, VqTexture};
 
@@ -95,10 +180,46 @@ mod tests {
     fn exact_repetition_is_cheaper_than_plain_blocks() {
         let settings = EncodeSettings { goal: Goal::Psnr(34.0), ..EncodeSettings::default() };
         let (set, encoded) = encode("tile_repeat", &settings);
-        assert!(encoded.downcast_ref::<VqTexture>().is_some(), "{}", verdict(&encoded));
+        assert!(encoded.downcast_ref::<EpitomeTexture>().is_some(), "{}", verdict(&encoded));
+        assert!(verdict(&encoded).contains("progressive came to"), "{}", verdict(&encoded));
         let plain = encode("tile_repeat", &EncodeSettings { codec: Choice::of::<Bc>(), ..settings }).1;
         let (ours, plain) = (measure(&set, encoded.as_encoded()), measure(&set, plain.as_encoded()));
-        assert!(ours.psnr >= 34.0 && ours.bpp < 0.6 * plain.bpp, "{ours:?} {plain:?}");
+        assert!(ours.psnr >= 34.0 && ours.bpp < 0.15 * plain.bpp, "{ours:?} {plain:?}");
+    }
+
+    #[test]
+    fn what_cannot_win_is_not_tried_and_the_verdict_says_why() {
+        let settings = EncodeSettings { goal: Goal::Psnr(34.0), ..EncodeSettings::default() };
+        let encoded = encode("salient", &settings).1;
+        assert!(verdict(&encoded).contains("epitome was not tried"), "{}", verdict(&encoded));
+        assert!(
+            verdict(&encoded).contains("vq was not tried: its index alone takes 1.0"),
+            "{}",
+            verdict(&encoded)
+        );
+        let encoded = encode("noise", &settings).1;
+        assert!(verdict(&encoded).contains("vq was not tried: a codebook of"), "{}", verdict(&encoded));
+    }
+
+    #[test]
+    fn alpha_and_tolerances_have_the_choice_of_all_methods() {
+        for (name, goal) in [("cutout", Goal::Bpp(2.0)), ("terrain", Goal::Tolerance(10.0))] {
+            let settings = EncodeSettings { goal, ..EncodeSettings::default() };
+            let (set, chosen) = encode(name, &settings);
+            let of = |image: &AnyImage| judged(&set, image.as_encoded(), &settings, &Job::default()).unwrap();
+            let ours = of(&chosen);
+            assert!(goal.is_met(&ours), "{name}: {ours:?}");
+            for encoding in &ENCODINGS {
+                let other = encoding.encode(&set, Guidance::default(), &settings, &mut Job::default());
+                let Ok(other) = other else { continue };
+                let other = of(&other);
+                let near = match goal {
+                    Goal::Bpp(_) => ours.psnr > other.psnr - 0.3,
+                    _ => ours.bpp < 1.05 * other.bpp,
+                };
+                assert!(near || !goal.is_met(&other), "{name} {encoding:?}: {ours:?} {other:?}");
+            }
+        }
     }
 
     #[test]

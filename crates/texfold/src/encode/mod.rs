@@ -3,6 +3,7 @@
 mod adapters;
 mod add;
 mod auto;
+mod judge;
 mod plain;
 mod search;
 mod settings;

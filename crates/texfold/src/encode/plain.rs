@@ -95,11 +95,16 @@ fn plain_after<C: ImageEncoder>(
     let mut quick = plain.clone();
     quick.effort = Effort::Fast;
     let quick = job.within(quick_from, plain_from, |job| Bc::encode(images, &quick, job))?;
-    let far = measure(images, &quick).psnr + EFFORT_GAIN < of_method.psnr;
+    let needed = match settings.goal {
+        Goal::Psnr(psnr) if met => psnr,
+        _ => of_method.psnr,
+    };
+    let far = measure(images, &quick).psnr + EFFORT_GAIN < needed;
     if far && met && !matches!(settings.goal, Goal::Tolerance(_)) {
         job.stage("done", 1.0)?;
         return Ok(method);
     }
+    plain.goal = settings.goal;
     let plain = job.within(plain_from, 1.0, |job| Bc::encode(images, &plain, job))?;
     Plain::of(images, plain).unless(images, settings.goal, C::ID.name, Ok(method))
 }

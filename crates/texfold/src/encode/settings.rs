@@ -45,12 +45,20 @@ impl EncodeSettings {
         matches!((self.content, self.family), (Some(Content::Astc(_)), _) | (None, Family::Astc))
     }
 
-    /// About how many bytes for each texel of the source encoding takes at its peak, the source included.
+    /// About how many bytes for each texel of the source encoding takes at its peak, the source included. What a choice among all
+    /// codecs seldom tries counts only where nothing else suits.
     #[must_use]
     pub fn bytes_per_texel(&self) -> u64 {
-        let of_chosen = self.codec.encoding().map(|chosen| chosen.bytes_per_texel);
-        let tried = || ENCODINGS.iter().filter(|encoding| encoding.suits_settings(self));
-        of_chosen.or_else(|| tried().map(|encoding| encoding.bytes_per_texel).max()).unwrap_or(0)
+        if let Some(chosen) = self.codec.encoding() {
+            return chosen.bytes_per_texel;
+        }
+        let suited: Vec<&Encoding> =
+            ENCODINGS.iter().filter(|encoding| encoding.suits_settings(self)).collect();
+        let most = |seldom: bool| {
+            let counted = suited.iter().filter(|encoding| encoding.is_seldom_tried == seldom);
+            counted.map(|encoding| encoding.bytes_per_texel).max()
+        };
+        most(false).or(most(true)).unwrap_or(0)
     }
 }
 

@@ -5,7 +5,8 @@ use std::fmt;
 use texfold_bc::{Bc, Family};
 use texfold_core::image::ImageSet;
 use texfold_core::image::PixelInfo;
-use texfold_core::{CodecId, EncodeError, Growable, Job, SharedSearch};
+use texfold_core::target::Measured;
+use texfold_core::{CodecId, EncodeError, Growable, Job, Notes, SharedSearch};
 use texfold_epitome::Epitome;
 use texfold_progressive::Progressive;
 use texfold_vq::Vq;
@@ -16,7 +17,7 @@ use super::search::{GoalSearch, Searched};
 use super::{EncodeSettings, Guidance};
 use crate::AnyImage;
 
-/// The codecs that encode images, in the order in which a choice among all tries them.
+/// The codecs that encode images; a choice among all tries the last first.
 pub static ENCODINGS: [Encoding; 4] = [
     Encoding::of::<Bc>(),
     Encoding::of::<Vq>().growing::<Vq>(),
@@ -28,6 +29,9 @@ pub static ENCODINGS: [Encoding; 4] = [
 type Encode = fn(&ImageSet, Guidance<'_>, &EncodeSettings, &mut Job<'_>) -> Result<AnyImage, EncodeError>;
 type Search =
     fn(&ImageSet, Guidance<'_>, &EncodeSettings, &mut Job<'_>) -> Result<Box<dyn GoalSearch>, EncodeError>;
+type Hopeless = fn(&ImageSet, &EncodeSettings, &Measured, &Job<'_>) -> Result<Option<String>, EncodeError>;
+type Within =
+    fn(&ImageSet, Guidance<'_>, &EncodeSettings, f64, &mut Job<'_>) -> Result<AnyImage, EncodeError>;
 type Add = fn(&mut AnyImage, &ImageSet, Guidance<'_>, &mut Job<'_>) -> Result<(), EncodeError>;
 
 /// One row of [`ENCODINGS`].
@@ -37,6 +41,8 @@ pub struct Encoding {
     pub id: CodecId,
     /// About how many bytes for each texel of the source encoding takes at its peak, the source included.
     pub bytes_per_texel: u64,
+    /// Whether a choice among all codecs tries it only where a look at the images gives it a chance and its memory is to be had.
+    pub is_seldom_tried: bool,
     /// Whether it follows [`Guidance::painted`] and [`Guidance::mesh`].
     pub follows_importance: bool,
     /// Whether it follows [`Guidance::content_from`].
@@ -48,6 +54,9 @@ pub struct Encoding {
     suits: fn(&ImageSet, &Guidance<'_>) -> bool,
     encode: Encode,
     or_plain: Encode,
+    hopeless: Hopeless,
+    within: Within,
+    notes: fn(&mut AnyImage) -> Option<&mut Notes>,
     search: Option<Search>,
     add: Option<Add>,
     parts: fn(&AnyImage) -> Vec<PartImages>,
@@ -65,6 +74,7 @@ impl Encoding {
         Encoding {
             id: C::ID,
             bytes_per_texel: C::BYTES_PER_TEXEL,
+            is_seldom_tried: C::IS_SELDOM_TRIED,
             follows_importance: C::FOLLOWS_IMPORTANCE,
             follows_content_mask: C::FOLLOWS_CONTENT_MASK,
             compared_bpp: C::COMPARED_BPP,
@@ -73,6 +83,9 @@ impl Encoding {
             suits: C::suits,
             encode: encode::<C>,
             or_plain: or_plain::<C>,
+            hopeless: C::hopeless,
+            within: within::<C>,
+            notes: notes::<C>,
             search: None,
             add: None,
             parts: parts::<C>,
@@ -124,6 +137,36 @@ impl Encoding {
         (self.or_plain)(images, guidance, settings, job)
     }
 
+    /// As [`ImageEncoder::hopeless`].
+    pub(crate) fn hopeless(
+        &self,
+        images: &ImageSet,
+        settings: &EncodeSettings,
+        known: &Measured,
+        job: &Job<'_>,
+    ) -> Result<Option<String>, EncodeError> {
+        (self.hopeless)(images, settings, known, job)
+    }
+
+    /// As [`ImageEncoder::encode_within`].
+    pub(crate) fn within(
+        &self,
+        images: &ImageSet,
+        guidance: Guidance<'_>,
+        settings: &EncodeSettings,
+        most_bpp: f64,
+        job: &mut Job<'_>,
+    ) -> Result<AnyImage, EncodeError> {
+        (self.within)(images, guidance, settings, most_bpp, job)
+    }
+
+    /// The notes of a texture of any of the codecs; `None` where the codec is not one of Texfold's.
+    pub(crate) fn notes_of(image: &mut AnyImage) -> Option<&mut Notes> {
+        let id = image.codec();
+        let encoding = ENCODINGS.iter().find(|encoding| encoding.id == id)?;
+        (encoding.notes)(image)
+    }
+
     /// Families of formats that a comparison tries for such pixels.
     #[must_use]
     pub fn families(&self, pixel: PixelInfo) -> Vec<Family> {
@@ -170,6 +213,22 @@ fn encode<C: ImageEncoder>(
 ) -> Result<AnyImage, EncodeError> {
     C::check(settings)?;
     C::encode(C::source(images, guidance), &settings.params::<C>(), job).map(AnyImage::new)
+}
+
+fn within<C: ImageEncoder>(
+    images: &ImageSet,
+    guidance: Guidance<'_>,
+    settings: &EncodeSettings,
+    most_bpp: f64,
+    job: &mut Job<'_>,
+) -> Result<AnyImage, EncodeError> {
+    C::check(settings)?;
+    let (source, params) = (C::source(images, guidance), settings.params::<C>());
+    C::encode_within(source, &params, most_bpp, job).map(AnyImage::new)
+}
+
+fn notes<C: ImageEncoder>(image: &mut AnyImage) -> Option<&mut Notes> {
+    image.downcast_mut::<C::Encoded>().map(C::notes_mut)
 }
 
 fn search<C: ImageEncoder + SharedSearch<Search: Send + 'static>>(

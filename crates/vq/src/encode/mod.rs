@@ -14,6 +14,7 @@ mod blocks;
 mod grow;
 mod importance;
 mod incremental;
+mod outlook;
 mod plan;
 mod report;
 mod samples;
@@ -73,6 +74,13 @@ impl Growable for Vq {
 }
 
 impl Vq {
+    /// Bits of GPU memory a texel that images take at least, whatever the codebook: those of the index.
+    #[must_use]
+    pub fn least_bpp(images: &ImageSet, params: &VqParams) -> f64 {
+        let layout = images.layout(single::levels(images, params));
+        fixed_bits(&layout) as f64 / images.texel_count() as f64
+    }
+
     /// As [`Encoder::encode`] for a quality goal, but gives up once `most_bpp` bits of GPU memory a texel do not reach
     /// it: for callers that hold a plain form of that size.
     ///

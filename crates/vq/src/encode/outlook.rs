@@ -1,0 +1,185 @@
+//! What error a codebook of some size leaves at least, from a look at some blocks: for callers that choose among methods.
+
+use std::collections::HashMap;
+
+use rayon::prelude::*;
+use texfold_core::image::{ImageSet, Raster};
+use texfold_core::{EncodeError, Job, SurfaceSize};
+
+use super::blocks::BLOCK_TEXELS;
+use super::plan::MAX_CELLS;
+use crate::{Vq, VqParams};
+
+/// Blocks that are looked at.
+const LOOKED_AT: usize = 512;
+/// Blocks that those which stand for codewords are chosen from, at most.
+const CANDIDATES: usize = 1 << 15;
+/// Blocks whose values are of the same steps of so many 8-bit units are alike.
+const ALIKE: f32 = 8.0;
+/// Bits of a codeword as BC1 or BC4, whose texels lie on a line, and as BC7, with what share of the former's error is left.
+const COMPRESSED: [(f64, f64); 2] = [(64.0, 1.0), (128.0, 0.25)];
+/// Steps towards a block's line.
+const TURNS: usize = 4;
+/// How much less squared error codewords that are learnt leave than as many blocks of the images.
+const LEARNT: f64 = 0.4;
+
+/// A block's number and values.
+type Numbered = (usize, Vec<f32>);
+
+impl Vq {
+    /// Mean squared error, in 8-bit units, that images keep about at least within so many bits of GPU memory a texel: each of some
+    /// blocks beside the nearest of as many others as there can be codewords. Takes a tenth of a second, whatever the images.
+    ///
+    /// # Errors
+    /// [`EncodeError::Cancelled`].
+    pub fn least_error(
+        images: &ImageSet,
+        params: &VqParams,
+        bpp: f64,
+        job: &Job<'_>,
+    ) -> Result<f64, EncodeError> {
+        let (texels, room) = (images.texel_count() as f64, bpp - Vq::least_bpp(images, params));
+        let all = Corners::of(images);
+        let check = job.cancel_check();
+        let channels = usize::from(images.info().channels);
+        let found = job.install(|| {
+            let looked_at = all.chosen(LOOKED_AT, all.count / (2 * LOOKED_AT));
+            let of = |bits: f64| {
+                let words = (room * texels / bits).clamp(1.0, f64::from(MAX_CELLS));
+                let stand_ins = frequent(all.chosen(CANDIDATES, 0), words as usize);
+                let error = |(number, block): &Numbered| nearest(*number, block, &stand_ins);
+                let errors = looked_at.par_iter().filter(|_| !check.is_cancelled()).map(error).collect();
+                // What is a codeword itself has no error: those that nothing else serves.
+                LEARNT * left_by(errors, (1.0 - words / all.count as f64).max(0.0))
+            };
+            let on_lines = looked_at.par_iter().map(|(_, block)| f64::from(off_line(block, channels)));
+            let on_lines = on_lines.sum::<f64>() / looked_at.len().max(1) as f64;
+            let raw = of((8 * BLOCK_TEXELS * channels) as f64);
+            COMPRESSED.iter().map(|&(bits, left)| of(bits) + left * on_lines).fold(raw, f64::min)
+        });
+        job.checkpoint()?;
+        Ok(found / (BLOCK_TEXELS * channels) as f64)
+    }
+}
+
+/// Squared error of a block whose texels are moved to a few steps of the line along which they differ most.
+fn off_line(block: &[f32], channels: usize) -> f32 {
+    let texels = || block.chunks_exact(channels);
+    let mean: Vec<f32> = (0..channels)
+        .map(|channel| texels().map(|texel| texel[channel]).sum::<f32>() / BLOCK_TEXELS as f32)
+        .collect();
+    let away =
+        |texel: &[f32]| -> Vec<f32> { texel.iter().zip(&mean).map(|(value, mean)| value - mean).collect() };
+    let along = |axis: &[f32], away: &[f32]| axis.iter().zip(away).map(|(a, b)| a * b).sum::<f32>();
+    let mut axis = vec![1.0f32; channels];
+    for _ in 0..TURNS {
+        let mut next = vec![0.0f32; channels];
+        for away in texels().map(away) {
+            let length = along(&axis, &away);
+            next.iter_mut().zip(&away).for_each(|(next, value)| *next += length * value);
+        }
+        let length = next.iter().map(|value| value * value).sum::<f32>().sqrt();
+        if length < 1e-6 {
+            break;
+        }
+        axis = next.iter().map(|value| value / length).collect();
+    }
+    let places: Vec<f32> = texels().map(|texel| along(&axis, &away(texel))).collect();
+    let (low, high) = places.iter().fold((0.0f32, 0.0f32), |(low, high), &at| (low.min(at), high.max(at)));
+    let step = (high - low) / if channels == 1 { 7.0 } else { 3.0 };
+    let rounded = |at: f32| if step > 0.0 { low + ((at - low) / step).round() * step } else { 0.0 };
+    let left = |(texel, &at): (&[f32], &f32)| {
+        let away = away(texel);
+        let off: f32 = away.iter().map(|value| value * value).sum::<f32>() - at * at;
+        off.max(0.0) + (at - rounded(at)).powi(2)
+    };
+    texels().zip(&places).map(left).sum()
+}
+
+/// Mean error where those of the worst blocks are gone but for a share of all.
+fn left_by(mut errors: Vec<f32>, share: f64) -> f64 {
+    errors.sort_by(f32::total_cmp);
+    let left = (share * errors.len() as f64).ceil() as usize;
+    errors.iter().take(left).map(|&error| f64::from(error)).sum::<f64>() / errors.len().max(1) as f64
+}
+
+/// One each of blocks that are alike, those of which there are most first, `count` at most.
+fn frequent(blocks: Vec<Numbered>, count: usize) -> Vec<Numbered> {
+    let mut groups: HashMap<Vec<u8>, (usize, Numbered)> = HashMap::new();
+    for (number, block) in blocks {
+        let rough = block.iter().map(|value| (value / ALIKE) as u8).collect();
+        groups.entry(rough).or_insert((0, (number, block))).0 += 1;
+    }
+    let mut groups: Vec<(usize, Numbered)> = groups.into_values().collect();
+    groups.sort_by_key(|(copies, (number, _))| (std::cmp::Reverse(*copies), *number));
+    groups.into_iter().take(count).map(|(_, block)| block).collect()
+}
+
+/// Squared distance of a block to the nearest of those of other numbers.
+fn nearest(number: usize, block: &[f32], others: &[Numbered]) -> f32 {
+    let distance = |other: &[f32]| block.iter().zip(other).map(|(a, b)| (a - b) * (a - b)).sum::<f32>();
+    let apart = others.iter().filter(|(other, _)| *other != number);
+    apart.map(|(_, other)| distance(other)).fold(f32::INFINITY, f32::min)
+}
+
+/// The blocks of all images by number.
+struct Corners<'a> {
+    images: &'a [Raster],
+    /// First block of each image.
+    starts: Vec<usize>,
+    count: usize,
+}
+
+impl<'a> Corners<'a> {
+    fn of(images: &'a ImageSet) -> Corners<'a> {
+        let (mut starts, mut count) = (Vec::new(), 0);
+        for image in images.images() {
+            starts.push(count);
+            let (columns, rows) = image.size().blocks();
+            count += columns as usize * rows as usize;
+        }
+        Corners { images: images.images(), starts, count }
+    }
+
+    /// An even choice of at most `count` blocks.
+    fn chosen(&self, count: usize, first: usize) -> Vec<Numbered> {
+        let step = self.count.div_ceil(count).max(1);
+        (first..self.count).step_by(step).map(|number| (number, self.block(number))).collect()
+    }
+
+    /// The values of a block in 8-bit units; blocks that hang over an edge repeat it.
+    fn block(&self, number: usize) -> Vec<f32> {
+        let index = self.starts.partition_point(|&start| start <= number) - 1;
+        let (image, within) = (&self.images[index], number - self.starts[index]);
+        let SurfaceSize { width, height } = image.size();
+        let columns = image.size().blocks().0 as usize;
+        let (left, top) = (4 * (within % columns) as u32, 4 * (within / columns) as u32);
+        let channels = usize::from(image.info().channels);
+        let texels = (0..4).flat_map(|y| (0..4).map(move |x| (left + x, top + y)));
+        texels
+            .flat_map(|(x, y)| {
+                let texel = image.texel(x.min(width - 1), y.min(height - 1)) * 255.0;
+                texel.to_array().into_iter().take(channels)
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error_at(name: &str, bpp: f64) -> f64 {
+        let set = ImageSet::single(texfold_testkit::image(name));
+        Vq::least_error(&set, &VqParams::default(), bpp, &Job::default()).unwrap()
+    }
+
+    #[test]
+    fn more_codewords_leave_less_and_what_repeats_leaves_nothing() {
+        assert!(error_at("tile_repeat", 2.0) < 40.0);
+        assert!(error_at("noise", 2.0) > 1000.0);
+        let ladder: Vec<f64> = [1.2, 1.8, 2.4, 3.6].map(|bpp| error_at("terrain", bpp)).to_vec();
+        assert!(ladder.is_sorted_by(|a, b| a >= b), "{ladder:?}");
+        assert!(error_at("terrain", 8.0) < 1.0);
+    }
+}

@@ -57,7 +57,6 @@ fn main() -> Outcome<()> {
         let image = middle(&texfold_testkit::png(path), SIDE, SIDE)?;
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let (row, is_far) = compared(&name, image, &request)?;
-        println!("{}", row.join("\t"));
         table.row(row);
         far += usize::from(is_far);
     }

@@ -7,10 +7,11 @@ use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::measure;
 use texfold_core::{
-    Access, Budget, Domain, Effort, EncodeError, Encoded, Encoder, Footprint, Goal, Image2d, Job, Texel,
-    TextureCodec,
+    Access, Budget, CancelCheck, Domain, Effort, EncodeError, Encoded, Encoder, Footprint, Goal, Image2d,
+    Job, Metric, Texel, TextureCodec,
 };
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
+use texfold_residual::encode::counted_error_of;
 use texfold_testkit::image;
 
 fn params(goal: Goal, family: Family) -> EpitomeParams {
@@ -50,6 +51,23 @@ fn images_without_hard_edges_need_fewer_bits_than_with_plain_content() {
     assert!(texture.errors().is_some());
     assert!(plain.psnr >= 34.0 && found.psnr >= 34.0, "{plain:?} {found:?}");
     assert!(found.bpp < plain.bpp, "{} of {}", found.bpp, plain.bpp);
+}
+
+#[test]
+fn errors_count_for_the_eye_where_bits_are_the_goal() {
+    for name in ["terrain", "facade"] {
+        let set = ImageSet::single(corner(name, 128));
+        let params = params(Goal::Bpp(1.5), Family::ErrorMap);
+        let usual = encode(&set, &params);
+        assert!(usual == encode(&set, &params.clone().with_metric(Metric::Perceptual)));
+        let squares = encode(&set, &params.with_metric(Metric::Psnr));
+        let counted =
+            |texture, metric| counted_error_of(&set, texture, metric, CancelCheck::default()).unwrap();
+        let by = |metric| (counted(&usual, metric), counted(&squares, metric));
+        let (eye, plain) = (by(Metric::Perceptual), by(Metric::Psnr));
+        assert!(eye.0 < 0.95 * eye.1, "{name}: {eye:?}");
+        assert!(plain.0 > plain.1 && plain.0 < 1.25 * plain.1, "{name}: {plain:?}");
+    }
 }
 
 #[test]

@@ -93,7 +93,7 @@ impl Goal {
     }
 
     /// Whether `a` is the better answer to the goal than `b`: met before missed, then the smaller or, for bits
-    /// per texel, the finer one; among misses the one that comes nearer.
+    /// per texel, the finer one, the smaller of equals; among misses the one that comes nearer.
     #[must_use]
     pub fn prefers(self, a: &Measured, b: &Measured) -> bool {
         let (met_a, met_b) = (self.is_met(a), self.is_met(b));
@@ -101,7 +101,7 @@ impl Goal {
             return met_a;
         }
         match self {
-            Goal::Bpp(_) if met_a => a.psnr > b.psnr,
+            Goal::Bpp(_) if met_a => a.psnr > b.psnr || a.psnr >= b.psnr && a.bpp < b.bpp,
             Goal::Bpp(_) => a.bpp < b.bpp,
             _ if met_a => a.bpp < b.bpp,
             Goal::Psnr(_) => a.psnr > b.psnr,
@@ -124,6 +124,19 @@ pub struct Measured {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn of_equal_quality_the_smaller_one_is_better() {
+        let of = |psnr, bpp| Measured { psnr, bpp, worst_block_rms: 0.0 };
+        let goal = Goal::Bpp(1.0);
+        assert!(
+            goal.prefers(&of(40.0, 0.2), &of(40.0, 0.9)) && !goal.prefers(&of(40.0, 0.9), &of(40.0, 0.2))
+        );
+        assert!(
+            goal.prefers(&of(40.1, 0.9), &of(40.0, 0.2)) && !goal.prefers(&of(40.0, 0.9), &of(40.0, 0.9))
+        );
+        assert!(goal.prefers(&of(9.0, 1.0), &of(40.0, 1.1)));
+    }
 
     #[test]
     fn bad_goals_are_named() {

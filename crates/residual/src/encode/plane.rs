@@ -40,7 +40,7 @@ impl PlaneForm {
         for base in base_forms(image.info()) {
             let (content, mut residuals) = against(std::slice::from_ref(image), base, effort, check)?;
             residuals.turn(residuals.suited_axes());
-            residuals.judge_by(metric);
+            let lambda = lambda * residuals.judge_by(metric);
             for class_bits in CLASS_BITS {
                 check.checkpoint()?;
                 let model =
@@ -98,7 +98,7 @@ impl PlaneForm {
     ) -> Result<ResidualContent, EncodeError> {
         let (content, mut residuals) = against(levels, self.base, effort, check)?;
         residuals.turn(self.model.axes);
-        residuals.judge_by(self.metric);
+        let lambda = lambda * residuals.judge_by(self.metric);
         let mut coder = residuals.coder(self.model.clone(), effort);
         let mut all = weights.to_vec();
         all.resize(residuals.blocks.len(), 1.0);

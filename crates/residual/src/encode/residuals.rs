@@ -81,13 +81,19 @@ impl Residuals {
         suited(&self.blocks, &self.counted)
     }
 
-    /// Lets errors of all blocks, which count as squares so far, count by a metric.
-    pub fn judge_by(&mut self, metric: Metric) {
+    /// Lets errors of all blocks, which count as squares so far, count by a metric. Returns what share of the squares counts.
+    pub fn judge_by(&mut self, metric: Metric) -> f32 {
         self.metric = metric;
-        if metric == Metric::Perceptual {
-            scale(&mut self.blocks, &factors(metric));
-            self.importance = importance(&self.blocks);
+        if metric == Metric::Psnr {
+            return 1.0;
         }
+        let energy = |blocks: &[ResidualBlock]| {
+            blocks.iter().map(|block| f64::from(block.energy.iter().sum::<f32>())).sum::<f64>()
+        };
+        let before = energy(&self.blocks);
+        scale(&mut self.blocks, &factors(metric));
+        self.importance = importance(&self.blocks);
+        if before > 0.0 { (energy(&self.blocks) / before) as f32 } else { 1.0 }
     }
 
     /// All blocks with a model that was trained on them.

@@ -6,7 +6,7 @@ use texfold_core::image::ImageSet;
 use texfold_core::target::Measured;
 use texfold_core::{EncodeError, Goal, Job, SourceError};
 
-use super::judge::judged;
+use super::judge::{Judged, judged};
 use super::{ENCODINGS, EncodeSettings, Encoding, Guidance};
 use crate::AnyImage;
 
@@ -54,7 +54,7 @@ struct Contest<'a> {
     guidance: Guidance<'a>,
     settings: &'a EncodeSettings,
     best: AnyImage,
-    of_best: Measured,
+    of_best: Judged,
     /// What others came to, and why some were not tried.
     heard: Vec<String>,
 }
@@ -74,7 +74,7 @@ impl<'a> Contest<'a> {
     /// Tries a codec where it may win.
     fn hear(&mut self, other: &Encoding, job: &mut Job<'_>) -> Result<(), EncodeError> {
         let name = other.id.name;
-        if let Some(why) = other.hopeless(self.images, self.settings, &self.of_best, job)? {
+        if let Some(why) = other.hopeless(self.images, self.settings, &self.of_best.squares, job)? {
             self.heard.push(format!("{name} was not tried: {why}"));
             return Ok(());
         }
@@ -93,14 +93,18 @@ impl<'a> Contest<'a> {
             }
         };
         let found = judged(self.images, made.as_encoded(), self.settings, job)?;
-        let wins = self.settings.goal.prefers(&found, &self.of_best);
+        let wins = self.settings.goal.prefers(&found.by_goal, &self.of_best.by_goal);
         let (lost, of_lost) = if wins {
             let lost = std::mem::replace(&mut self.best, made);
             (lost, std::mem::replace(&mut self.of_best, found))
         } else {
             (made, found)
         };
-        self.heard.push(format!("{} came to {}", lost.codec().name, figures(self.settings.goal, &of_lost)));
+        self.heard.push(format!(
+            "{} came to {}",
+            lost.codec().name,
+            figures(self.settings.goal, &of_lost.by_goal)
+        ));
         Ok(())
     }
 
@@ -108,7 +112,7 @@ impl<'a> Contest<'a> {
     fn room(&self) -> f64 {
         let goal = self.settings.goal;
         let by_bits = matches!(goal, Goal::Bpp(_));
-        if !by_bits && goal.is_met(&self.of_best) { self.of_best.bpp } else { f64::INFINITY }
+        if !by_bits && goal.is_met(&self.of_best.by_goal) { self.of_best.by_goal.bpp } else { f64::INFINITY }
     }
 
     /// The best, whose verdict says of all others what they came to.
@@ -206,7 +210,9 @@ mod tests {
         for (name, goal) in [("cutout", Goal::Bpp(2.0)), ("terrain", Goal::Tolerance(10.0))] {
             let settings = EncodeSettings { goal, ..EncodeSettings::default() };
             let (set, chosen) = encode(name, &settings);
-            let of = |image: &AnyImage| judged(&set, image.as_encoded(), &settings, &Job::default()).unwrap();
+            let of = |image: &AnyImage| {
+                judged(&set, image.as_encoded(), &settings, &Job::default()).unwrap().by_goal
+            };
             let ours = of(&chosen);
             assert!(goal.is_met(&ours), "{name}: {ours:?}");
             for encoding in &ENCODINGS {

@@ -50,8 +50,8 @@ pub struct Options {
     /// drawn (default); by texel is drawn straight from the compressed form.
     #[arg(long, value_enum)]
     pub(super) access: Option<AccessName>,
-    /// progressive, and by block epitome and zipmap: which errors count. By default those that the eye sees for colours and goals of bits, else all
-    /// alike.
+    /// progressive; epitome by block and with --content error-map; zipmap by block: which errors count. By default those that the
+    /// eye sees for colours and goals of bits, else all alike.
     #[arg(long, value_enum)]
     pub(super) metric: Option<MetricName>,
     /// epitome: a mask of the first image's size; content is taken from where it is bright.

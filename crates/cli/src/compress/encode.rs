@@ -8,6 +8,7 @@ use texfold_core::image::{ImageSet, Raster};
 use texfold_core::mesh::UvMesh;
 use texfold_core::{EncodeError, Goal, Job, Limits, SourceError, Stage};
 
+use super::memory;
 use crate::error::CliError;
 use crate::input::{self, bc1, pixels};
 use crate::settings::Settings;
@@ -113,7 +114,7 @@ pub(crate) fn encode(
         content_from: loaded.content_from.as_ref(),
         blocks: loaded.blocks.as_deref(),
     };
-    let limits = Limits { bytes: limit_bytes, ..Limits::default() };
+    let limits = Limits { bytes: limit_bytes.max(memory::ALWAYS_ALLOWED), ..Limits::default() };
     let mut job = Job::new(limits).with_progress(progress);
     texfold::encode_images(&loaded.images, guidance, &settings.encode, &mut job).map_err(Fault::Encode)
 }

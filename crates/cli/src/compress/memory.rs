@@ -6,6 +6,9 @@ use sysinfo::System;
 /// decoded from it.
 pub(crate) const LEAST_BYTES_PER_TEXEL: u64 = 40;
 
+/// Bytes that an input may take whatever is allowed: so the methods that a choice can try on a small image do not depend on the limit.
+pub(crate) const ALWAYS_ALLOWED: u64 = 64 << 20;
+
 /// Share of the machine's memory that is used where nothing else is said.
 const USUAL_SHARE: f64 = 0.75;
 

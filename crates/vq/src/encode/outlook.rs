@@ -17,7 +17,7 @@ const CANDIDATES: usize = 1 << 15;
 /// Blocks whose values are of the same steps of so many 8-bit units are alike.
 const ALIKE: f32 = 8.0;
 /// Bits of a codeword as BC1 or BC4, whose texels lie on a line, and as BC7, with what share of the former's error is left.
-const COMPRESSED: [(f64, f64); 2] = [(64.0, 1.0), (128.0, 0.25)];
+const COMPRESSED: [(f64, f64); 2] = [(64.0, 1.0), (128.0, 0.1)];
 /// Steps towards a block's line.
 const TURNS: usize = 4;
 /// How much less squared error codewords that are learnt leave than as many blocks of the images.

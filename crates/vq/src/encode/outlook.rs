@@ -180,6 +180,6 @@ mod tests {
         assert!(error_at("noise", 2.0) > 1000.0);
         let ladder: Vec<f64> = [1.2, 1.8, 2.4, 3.6].map(|bpp| error_at("terrain", bpp)).to_vec();
         assert!(ladder.is_sorted_by(|a, b| a >= b), "{ladder:?}");
-        assert!(error_at("terrain", 8.0) < 1.0);
+        assert!(error_at("terrain", 32.0) < 1.0);
     }
 }

@@ -11,7 +11,7 @@ use texfold::image::{ImageSet, Raster};
 use texfold::metric::measure;
 use texfold::target::Measured;
 use texfold::{ENCODINGS, Effort, EncodeSettings, Epitome, Goal, Guidance, Job, encode_images};
-use texfold_benches::report::{Outcome, Table, cpu_seconds, middle};
+use texfold_benches::report::{Outcome, Table, cpu_seconds, images_of, middle};
 
 /// Longest side of an image.
 const SIDE: u32 = 512;
@@ -106,7 +106,7 @@ fn compared(name: &str, image: Raster, request: &Request) -> Outcome<(Vec<String
     let excess =
         if by_bits { best.measured.psnr - chosen.psnr } else { chosen.bpp / best.measured.bpp - 1.0 };
     let is_far = excess > if by_bits { WITHIN.1 } else { WITHIN.0 };
-    let reuse = Epitome::reuse(&set, &chosen, &Job::default())?;
+    let reuse = Epitome::estimated_reuse(&set, &chosen, &Job::default())?;
     let row = vec![
         name.to_owned(),
         format!("{reuse:.3}"),
@@ -154,16 +154,4 @@ fn request() -> Outcome<Request> {
         request.images = images_of(Path::new("fixtures/images"))?;
     }
     Ok(request)
-}
-
-/// The image of that name, or all of the folder.
-fn images_of(path: &Path) -> Outcome<Vec<PathBuf>> {
-    if !path.is_dir() {
-        return Ok(vec![path.to_owned()]);
-    }
-    let entries = std::fs::read_dir(path)?.collect::<Result<Vec<_>, _>>()?;
-    let is_image = |path: &PathBuf| path.extension().is_some_and(|name| name == "png" || name == "jpg");
-    let mut images: Vec<PathBuf> = entries.iter().map(|entry| entry.path()).filter(is_image).collect();
-    images.sort();
-    Ok(images)
 }

@@ -14,7 +14,7 @@ use texfold::metric::{color_error, decode_surface};
 use texfold::{
     Access, CancelCheck, Effort, Encoded, Encoder, Goal, Job, Metric, Progressive, ProgressiveParams, Rect,
 };
-use texfold_benches::report::{Chart, Line, Outcome, Table, cpu_seconds, middle};
+use texfold_benches::report::{Chart, Line, Outcome, Table, cpu_seconds, images_of, middle};
 use texfold_benches::rivals;
 use texfold_cli::ssimulacra2;
 use texfold_residual::block::BlockTexture;
@@ -124,18 +124,6 @@ fn request() -> Outcome<Request> {
         request.images = images_of(&data.join("vq/kodak"))?;
     }
     Ok(request)
-}
-
-/// The image of that name, or all of the folder.
-fn images_of(path: &Path) -> Outcome<Vec<PathBuf>> {
-    if !path.is_dir() {
-        return Ok(vec![path.to_owned()]);
-    }
-    let entries = std::fs::read_dir(path)?.collect::<Result<Vec<_>, _>>()?;
-    let is_image = |path: &PathBuf| path.extension().is_some_and(|name| name == "png" || name == "jpg");
-    let mut images: Vec<PathBuf> = entries.iter().map(|entry| entry.path()).filter(is_image).collect();
-    images.sort();
-    Ok(images)
 }
 
 /// Means over the images against bits a texel, PSNR and SSIMULACRA2.

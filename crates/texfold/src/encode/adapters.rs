@@ -86,7 +86,7 @@ pub trait ImageEncoder:
     ///
     /// # Errors
     /// [`EncodeError::Cancelled`].
-    fn hopeless(
+    fn why_not(
         _images: &ImageSet,
         _settings: &EncodeSettings,
         _known: &Measured,
@@ -184,7 +184,7 @@ impl ImageEncoder for Vq {
     }
 
     /// Its index alone takes a bit a texel, and blocks must be alike for a codebook of what is left to serve them.
-    fn hopeless(
+    fn why_not(
         images: &ImageSet,
         settings: &EncodeSettings,
         known: &Measured,
@@ -265,13 +265,13 @@ impl ImageEncoder for Epitome {
     }
 
     /// Where hardly anything repeats it comes to what [`Progressive`] comes to.
-    fn hopeless(
+    fn why_not(
         images: &ImageSet,
         _settings: &EncodeSettings,
         known: &Measured,
         job: &Job<'_>,
     ) -> Result<Option<String>, EncodeError> {
-        let share = Epitome::reuse(images, known, job)?;
+        let share = Epitome::estimated_reuse(images, known, job)?;
         let why = || format!("content that repeats would save about {:.0} % of the bits", 100.0 * share);
         Ok((share < LEAST_REUSE).then(why))
     }

@@ -29,7 +29,7 @@ pub static ENCODINGS: [Encoding; 4] = [
 type Encode = fn(&ImageSet, Guidance<'_>, &EncodeSettings, &mut Job<'_>) -> Result<AnyImage, EncodeError>;
 type Search =
     fn(&ImageSet, Guidance<'_>, &EncodeSettings, &mut Job<'_>) -> Result<Box<dyn GoalSearch>, EncodeError>;
-type Hopeless = fn(&ImageSet, &EncodeSettings, &Measured, &Job<'_>) -> Result<Option<String>, EncodeError>;
+type WhyNot = fn(&ImageSet, &EncodeSettings, &Measured, &Job<'_>) -> Result<Option<String>, EncodeError>;
 type Within =
     fn(&ImageSet, Guidance<'_>, &EncodeSettings, f64, &mut Job<'_>) -> Result<AnyImage, EncodeError>;
 type Add = fn(&mut AnyImage, &ImageSet, Guidance<'_>, &mut Job<'_>) -> Result<(), EncodeError>;
@@ -54,8 +54,10 @@ pub struct Encoding {
     suits: fn(&ImageSet, &Guidance<'_>) -> bool,
     encode: Encode,
     or_plain: Encode,
-    hopeless: Hopeless,
-    within: Within,
+    /// [`ImageEncoder::why_not`].
+    pub(super) why_not: WhyNot,
+    /// [`ImageEncoder::encode_within`].
+    pub(super) within: Within,
     notes: fn(&mut AnyImage) -> Option<&mut Notes>,
     search: Option<Search>,
     add: Option<Add>,
@@ -83,7 +85,7 @@ impl Encoding {
             suits: C::suits,
             encode: encode::<C>,
             or_plain: or_plain::<C>,
-            hopeless: C::hopeless,
+            why_not: C::why_not,
             within: within::<C>,
             notes: notes::<C>,
             search: None,
@@ -135,29 +137,6 @@ impl Encoding {
         job: &mut Job<'_>,
     ) -> Result<AnyImage, EncodeError> {
         (self.or_plain)(images, guidance, settings, job)
-    }
-
-    /// As [`ImageEncoder::hopeless`].
-    pub(crate) fn hopeless(
-        &self,
-        images: &ImageSet,
-        settings: &EncodeSettings,
-        known: &Measured,
-        job: &Job<'_>,
-    ) -> Result<Option<String>, EncodeError> {
-        (self.hopeless)(images, settings, known, job)
-    }
-
-    /// As [`ImageEncoder::encode_within`].
-    pub(crate) fn within(
-        &self,
-        images: &ImageSet,
-        guidance: Guidance<'_>,
-        settings: &EncodeSettings,
-        most_bpp: f64,
-        job: &mut Job<'_>,
-    ) -> Result<AnyImage, EncodeError> {
-        (self.within)(images, guidance, settings, most_bpp, job)
     }
 
     /// The notes of a texture of any of the codecs; `None` where the codec is not one of Texfold's.

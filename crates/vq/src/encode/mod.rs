@@ -11,10 +11,11 @@
 
 mod assemble;
 mod blocks;
+mod estimate;
 mod grow;
 mod importance;
 mod incremental;
-mod outlook;
+
 mod plan;
 mod report;
 mod samples;

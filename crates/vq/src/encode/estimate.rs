@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 use texfold_core::image::{ImageSet, Raster};
+use texfold_core::principal_axes;
 use texfold_core::{EncodeError, Job, SurfaceSize};
 
 use super::blocks::BLOCK_TEXELS;
@@ -18,8 +19,9 @@ const CANDIDATES: usize = 1 << 15;
 const ALIKE: f32 = 8.0;
 /// Bits of a codeword as BC1 or BC4, whose texels lie on a line, and as BC7, with what share of the former's error is left.
 const COMPRESSED: [(f64, f64); 2] = [(64.0, 1.0), (128.0, 0.1)];
-/// Steps towards a block's line.
-const TURNS: usize = 4;
+/// Most sweeps for the line of a block, and the share of its energy off the diagonal at which they end.
+const MAX_SWEEPS: u32 = 10;
+const OFF_DIAGONAL: f64 = 1e-12;
 /// How much less squared error codewords that are learnt leave than as many blocks of the images.
 const LEARNT: f64 = 0.4;
 
@@ -28,7 +30,7 @@ type Numbered = (usize, Vec<f32>);
 
 impl Vq {
     /// Mean squared error, in 8-bit units, that images keep about at least within so many bits of GPU memory a texel: each of some
-    /// blocks beside the nearest of as many others as there can be codewords. Takes a tenth of a second, whatever the images.
+    /// blocks beside the nearest of as many others as there can be codewords. The time hardly depends on the images' size.
     ///
     /// # Errors
     /// [`EncodeError::Cancelled`].
@@ -44,10 +46,11 @@ impl Vq {
         let channels = usize::from(images.info().channels);
         let found = job.install(|| {
             let looked_at = all.chosen(LOOKED_AT, all.count / (2 * LOOKED_AT));
+            let stand_ins = most_frequent(all.chosen(CANDIDATES, 0));
             let of = |bits: f64| {
                 let words = (room * texels / bits).clamp(1.0, f64::from(MAX_CELLS));
-                let stand_ins = frequent(all.chosen(CANDIDATES, 0), words as usize);
-                let error = |(number, block): &Numbered| nearest(*number, block, &stand_ins);
+                let stand_ins = &stand_ins[..stand_ins.len().min(words as usize)];
+                let error = |(number, block): &Numbered| nearest(*number, block, stand_ins);
                 let errors = looked_at.par_iter().filter(|_| !check.is_cancelled()).map(error).collect();
                 // What is a codeword itself has no error: those that nothing else serves.
                 LEARNT * left_by(errors, (1.0 - words / all.count as f64).max(0.0))
@@ -70,21 +73,15 @@ fn off_line(block: &[f32], channels: usize) -> f32 {
         .collect();
     let away =
         |texel: &[f32]| -> Vec<f32> { texel.iter().zip(&mean).map(|(value, mean)| value - mean).collect() };
-    let along = |axis: &[f32], away: &[f32]| axis.iter().zip(away).map(|(a, b)| a * b).sum::<f32>();
-    let mut axis = vec![1.0f32; channels];
-    for _ in 0..TURNS {
-        let mut next = vec![0.0f32; channels];
-        for away in texels().map(away) {
-            let length = along(&axis, &away);
-            next.iter_mut().zip(&away).for_each(|(next, value)| *next += length * value);
+    let mut products = vec![0.0f64; channels * channels];
+    for away in texels().map(away) {
+        for (row, first) in products.chunks_exact_mut(channels).zip(&away) {
+            row.iter_mut().zip(&away).for_each(|(sum, second)| *sum += f64::from(first * second));
         }
-        let length = next.iter().map(|value| value * value).sum::<f32>().sqrt();
-        if length < 1e-6 {
-            break;
-        }
-        axis = next.iter().map(|value| value / length).collect();
     }
-    let places: Vec<f32> = texels().map(|texel| along(&axis, &away(texel))).collect();
+    let axes = principal_axes(&mut products, channels, MAX_SWEEPS, OFF_DIAGONAL);
+    let along = |away: &[f32]| axes.iter().zip(away).map(|(a, &b)| *a as f32 * b).sum::<f32>();
+    let places: Vec<f32> = texels().map(|texel| along(&away(texel))).collect();
     let (low, high) = places.iter().fold((0.0f32, 0.0f32), |(low, high), &at| (low.min(at), high.max(at)));
     let step = (high - low) / if channels == 1 { 7.0 } else { 3.0 };
     let rounded = |at: f32| if step > 0.0 { low + ((at - low) / step).round() * step } else { 0.0 };
@@ -103,8 +100,8 @@ fn left_by(mut errors: Vec<f32>, share: f64) -> f64 {
     errors.iter().take(left).map(|&error| f64::from(error)).sum::<f64>() / errors.len().max(1) as f64
 }
 
-/// One each of blocks that are alike, those of which there are most first, `count` at most.
-fn frequent(blocks: Vec<Numbered>, count: usize) -> Vec<Numbered> {
+/// One each of blocks that are alike, those of which there are most first.
+fn most_frequent(blocks: Vec<Numbered>) -> Vec<Numbered> {
     let mut groups: HashMap<Vec<u8>, (usize, Numbered)> = HashMap::new();
     for (number, block) in blocks {
         let rough = block.iter().map(|value| (value / ALIKE) as u8).collect();
@@ -112,7 +109,7 @@ fn frequent(blocks: Vec<Numbered>, count: usize) -> Vec<Numbered> {
     }
     let mut groups: Vec<(usize, Numbered)> = groups.into_values().collect();
     groups.sort_by_key(|(copies, (number, _))| (std::cmp::Reverse(*copies), *number));
-    groups.into_iter().take(count).map(|(_, block)| block).collect()
+    groups.into_iter().map(|(_, block)| block).collect()
 }
 
 /// Squared distance of a block to the nearest of those of other numbers.
@@ -172,6 +169,18 @@ mod tests {
     fn error_at(name: &str, bpp: f64) -> f64 {
         let set = ImageSet::single(texfold_testkit::image(name));
         Vq::least_error(&set, &VqParams::default(), bpp, &Job::default()).unwrap()
+    }
+
+    #[test]
+    fn texels_on_a_line_are_kept_in_any_direction() {
+        // Two colours of equal luma.
+        let red_and_green = [[90.0, 10.0, 40.0], [10.0, 90.0, 40.0]];
+        let block: Vec<f32> = (0..BLOCK_TEXELS).flat_map(|i| red_and_green[i % 2]).collect();
+        assert!(off_line(&block, 3) < 1e-3, "{}", off_line(&block, 3));
+        assert_eq!(off_line(&[7.0; 3 * BLOCK_TEXELS], 3), 0.0);
+        let corners = [[0.0, 0.0, 0.0], [90.0, 0.0, 0.0], [0.0, 90.0, 0.0], [0.0, 0.0, 90.0]];
+        let block: Vec<f32> = (0..BLOCK_TEXELS).flat_map(|i| corners[i % 4]).collect();
+        assert!(off_line(&block, 3) > 1000.0);
     }
 
     #[test]

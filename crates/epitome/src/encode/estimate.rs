@@ -37,12 +37,12 @@ const MAP_BITS: f32 = 40.0;
 
 impl Epitome {
     /// Share of a texture's bits, 0 to 1, that showing content in several places may save, where `known` is what its images
-    /// come to without. An estimate from leaves of 16x16 texels at full size, upright or mirrored: a tenth of a second
-    /// for each of at most four parts of 1024x1024 texels.
+    /// come to without. An estimate from some leaves of 16x16 texels at full size, upright or mirrored, in at most four
+    /// parts of 1024x1024 texels: the time does not grow beyond.
     ///
     /// # Errors
     /// [`EncodeError::Cancelled`].
-    pub fn reuse(images: &ImageSet, known: &Measured, job: &Job<'_>) -> Result<f32, EncodeError> {
+    pub fn estimated_reuse(images: &ImageSet, known: &Measured, job: &Job<'_>) -> Result<f32, EncodeError> {
         let check = job.cancel_check();
         let mse = (255.0f64.powi(2) / 10f64.powf(known.psnr / 10.0)) as f32;
         let parts = parts(images);
@@ -63,7 +63,7 @@ struct Rate {
     bpp: f32,
 }
 
-/// The middle parts of large images, evenly chosen among all; small images as they are.
+/// Parts of large images, evenly chosen among all; small images as they are.
 fn parts(images: &ImageSet) -> Vec<(Field, Vec<f32>)> {
     let cut = |(image, x, y): &(&Raster, u32, u32)| {
         let size = image.size();
@@ -232,7 +232,8 @@ mod tests {
 
     fn reuse_of(images: Vec<Raster>, psnr: f64, bpp: f64) -> f32 {
         let set = ImageSet::new(images).unwrap();
-        Epitome::reuse(&set, &Measured { psnr, bpp, worst_block_rms: 0.0 }, &Job::default()).unwrap()
+        Epitome::estimated_reuse(&set, &Measured { psnr, bpp, worst_block_rms: 0.0 }, &Job::default())
+            .unwrap()
     }
 
     fn mirrored(image: &Raster) -> Raster {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use texfold::AnyImage;
+use texfold::{AnyImage, Attempt};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::{decode_surface, quality, ssim};
 use texfold_core::target::Measured;
@@ -56,7 +56,31 @@ pub(crate) struct Row {
     pub(crate) peak_bytes: Option<u64>,
     pub(crate) parts: Vec<PartRow>,
     pub(crate) verdict: String,
+    /// What became of each codec that a choice among all considered.
+    #[serde(default)]
+    pub(crate) tried: Vec<TriedRow>,
     pub(crate) warnings: Vec<String>,
+}
+
+/// A codec that a choice among all considered.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct TriedRow {
+    pub(crate) codec: String,
+    /// PSNR of colours and bits a texel as goals count them, where it was encoded.
+    pub(crate) psnr: Option<f64>,
+    pub(crate) bpp: Option<f64>,
+    pub(crate) outcome: String,
+}
+
+impl From<&Attempt> for TriedRow {
+    fn from(attempt: &Attempt) -> TriedRow {
+        TriedRow {
+            codec: attempt.codec.to_owned(),
+            psnr: attempt.measured.map(|measured| measured.psnr),
+            bpp: attempt.measured.map(|measured| measured.bpp),
+            outcome: attempt.outcome.clone(),
+        }
+    }
 }
 
 /// One input of the report.
@@ -160,6 +184,7 @@ pub(crate) struct Circumstances<'a> {
     pub(crate) output: &'a Path,
     pub(crate) encode_seconds: f64,
     pub(crate) goal: Goal,
+    pub(crate) attempts: Vec<Attempt>,
     pub(crate) warnings: Vec<String>,
 }
 
@@ -200,6 +225,7 @@ impl Row {
             peak_bytes: peak_bytes(),
             parts: part_rows(&footprint),
             verdict: encoded.notes().verdict.clone(),
+            tried: how.attempts.iter().map(TriedRow::from).collect(),
             warnings,
         })
     }

@@ -128,6 +128,7 @@ impl Sums {
             peak_bytes: peak_bytes(),
             parts: self.parts.clone(),
             verdict: made.verdict.clone(),
+            tried: Vec::new(),
             warnings: made.warning.iter().cloned().collect(),
         }
     }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use texfold::{AnyImage, Content, EncodeSettings, Epitome, Family, Guidance, Vq};
+use texfold::{AnyImage, Chosen, Content, EncodeSettings, Epitome, Family, Guidance, Vq};
 use texfold_bc::{Bc1Blocks, BcTexture};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::mesh::UvMesh;
@@ -101,12 +101,13 @@ pub(crate) fn encode(
     mesh: Option<&UvMesh>,
     limit_bytes: u64,
     progress: &mut (dyn FnMut(Stage) + Send),
-) -> Result<AnyImage, Fault> {
+) -> Result<Chosen, Fault> {
     if let Some(blocks) = &loaded.blocks
         && !settings.encode.codec.is::<Epitome>()
     {
         let texture = BcTexture::from_bc1(blocks.clone(), loaded.images.info());
-        return texture.map(AnyImage::new).map_err(Fault::Source);
+        let texture = texture.map_err(Fault::Source)?;
+        return Ok(Chosen { image: AnyImage::new(texture), attempts: Vec::new() });
     }
     let guidance = Guidance {
         painted: loaded.painted.as_ref(),
@@ -116,5 +117,5 @@ pub(crate) fn encode(
     };
     let limits = Limits { bytes: limit_bytes.max(memory::ALWAYS_ALLOWED), ..Limits::default() };
     let mut job = Job::new(limits).with_progress(progress);
-    texfold::encode_images(&loaded.images, guidance, &settings.encode, &mut job).map_err(Fault::Encode)
+    texfold::choose_images(&loaded.images, guidance, &settings.encode, &mut job).map_err(Fault::Encode)
 }

@@ -96,6 +96,7 @@ impl FolderTask<LightSettings> {
             peak_bytes: peak_bytes(),
             parts: part_rows(&texture.footprint()),
             verdict: texture.notes().verdict.clone(),
+            tried: Vec::new(),
             warnings: goal.and_then(|goal| light_missed(goal, psnr)).into_iter().collect(),
         })
     }

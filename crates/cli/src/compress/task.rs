@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
+use texfold::Chosen;
 use texfold_core::mesh::UvMesh;
 
 use super::cache::{Cache, add_file, program};
@@ -86,15 +87,17 @@ impl Task {
         }
         warnings.extend(loaded.warning.map(str::to_owned));
         let start = Instant::now();
-        let image = encode::encode(&loaded, &self.settings, mesh, place.limit_bytes, &mut |stage| {
-            share.report(stage);
-        })
-        .map_err(|fault| fault.of(path))?;
+        let Chosen { image, attempts } =
+            encode::encode(&loaded, &self.settings, mesh, place.limit_bytes, &mut |stage| {
+                share.report(stage);
+            })
+            .map_err(|fault| fault.of(path))?;
         let bytes = image.to_bytes();
         let encode_seconds = start.elapsed().as_secs_f64();
         drop(image);
         let goal = self.settings.encode.goal;
-        let how = Circumstances { input: path, output: &self.output, encode_seconds, goal, warnings };
+        let how =
+            Circumstances { input: path, output: &self.output, encode_seconds, goal, attempts, warnings };
         let row = Row::of(&loaded.images, &bytes, how)
             .map_err(|source| CliError::Load { path: self.output.clone(), source })?;
         Ok((bytes, row))

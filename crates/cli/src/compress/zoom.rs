@@ -88,6 +88,7 @@ impl FolderTask<ZoomSettings> {
             peak_bytes: peak_bytes(),
             parts: part_rows(&texture.footprint()),
             verdict: texture.notes().verdict.clone(),
+            tried: Vec::new(),
             warnings: self.warnings(&texture, loaded),
         })
     }

@@ -61,6 +61,7 @@ fn a_row_has_every_field_and_its_parts_sum_to_the_totals() {
         "peak_bytes",
         "parts",
         "verdict",
+        "tried",
         "warnings",
     ] {
         assert!(row.contains_key(field), "{field}");
@@ -83,6 +84,24 @@ fn a_missed_goal_is_a_warning() {
     assert_eq!(run.code, Some(0));
     assert_eq!((&report[0]["goal_met"], &report[0]["access"]), (&false.into(), &"texel".into()));
     assert!(report[0]["warnings"][0].as_str().unwrap().contains("90 dB"), "{report:?}");
+}
+
+#[test]
+fn a_choice_reports_what_became_of_each_codec() {
+    let place = Place::new();
+    place.image("a.png", 64, 64, 3);
+    let (run, report) = place.compress("a.png --out out --psnr 30");
+    assert_eq!(run.code, Some(0));
+    let row = &report[0];
+    let tried = row["tried"].as_array().unwrap();
+    let of = |codec: &str| tried.iter().find(|tried| tried["codec"] == codec).unwrap();
+    assert_eq!(of(row["codec"].as_str().unwrap())["psnr"], row["psnr"], "{row:?}");
+    for codec in ["progressive", "epitome", "vq"] {
+        let was_encoded = of(codec)["outcome"].as_str().unwrap().starts_with("came to");
+        assert_eq!(of(codec)["bpp"].is_number(), was_encoded, "{row:?}");
+    }
+    let (_, report) = place.compress("a.png --out named --codec bc --psnr 30");
+    assert_eq!(report[0]["tried"].as_array().map(Vec::len), Some(0));
 }
 
 #[test]

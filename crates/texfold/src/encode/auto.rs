@@ -10,6 +10,27 @@ use super::judge::{Judged, judged};
 use super::{ENCODINGS, EncodeSettings, Encoding, Guidance};
 use crate::AnyImage;
 
+/// A texture, and what was made of the codecs that it was chosen from.
+#[derive(Debug)]
+pub struct Chosen {
+    /// The texture.
+    pub image: AnyImage,
+    /// One for each codec that was encoded or considered; empty where there was nothing to choose from.
+    pub attempts: Vec<Attempt>,
+}
+
+/// What a choice among all codecs made of one of them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Attempt {
+    /// Name of the codec.
+    pub codec: &'static str,
+    /// What it came to, in PSNR of colours, bits a texel as goals count them and the error of its worst block; `None` where
+    /// it was not encoded to the end.
+    pub measured: Option<Measured>,
+    /// What became of it, a part of a sentence whose subject is the codec.
+    pub outcome: String,
+}
+
 /// Encodes images with the codec that the settings name, or with the one that answers the goal best.
 ///
 /// A codec that cannot reach the goal where plain block compression can, or that is larger at the same quality,
@@ -24,23 +45,37 @@ pub fn encode_images(
     settings: &EncodeSettings,
     job: &mut Job<'_>,
 ) -> Result<AnyImage, EncodeError> {
+    choose_images(images, guidance, settings, job).map(|chosen| chosen.image)
+}
+
+/// As [`encode_images`], and says what each codec came to.
+///
+/// # Errors
+/// As [`texfold_core::Encoder::encode`].
+pub fn choose_images(
+    images: &ImageSet,
+    guidance: Guidance<'_>,
+    settings: &EncodeSettings,
+    job: &mut Job<'_>,
+) -> Result<Chosen, EncodeError> {
+    let without_choice = |image| Chosen { image, attempts: Vec::new() };
     if let Some(encoding) = settings.codec.encoding() {
-        return encoding.or_plain(images, guidance, settings, job);
+        return encoding.or_plain(images, guidance, settings, job).map(without_choice);
     }
     let suits = |encoding: &&Encoding| encoding.suits(images, &guidance, settings);
     let mut suited = ENCODINGS.iter().rev().filter(suits);
     let Some(first) = suited.next() else {
         // No method suits such settings: plain blocks name what is wrong with them, or serve.
-        return Encoding::of::<Bc>().encode(images, guidance, settings, job);
+        return Encoding::of::<Bc>().encode(images, guidance, settings, job).map(without_choice);
     };
     let others: Vec<&Encoding> = suited.collect();
     let count = 1 + others.len();
     let share = |index: usize| index as f32 / count as f32;
     let made = job.within(0.0, share(1), |job| first.or_plain(images, guidance, settings, job))?;
     if others.is_empty() {
-        return Ok(made);
+        return Ok(without_choice(made));
     }
-    let mut contest = Contest::new(images, guidance, settings, made, job)?;
+    let mut contest = Contest::new(images, guidance, settings, (first, made), job)?;
     for (index, other) in (1..).zip(others) {
         job.within(share(index), share(index + 1), |job| contest.try_out(other, job))?;
     }
@@ -55,27 +90,42 @@ struct Contest<'a> {
     settings: &'a EncodeSettings,
     best: AnyImage,
     of_best: Judged,
-    /// What others came to, and why some were not tried.
-    others: Vec<String>,
+    /// Which attempt made the best.
+    best_attempt: usize,
+    attempts: Vec<Attempt>,
 }
 
 impl<'a> Contest<'a> {
+    /// Of a first codec's texture, which may be of plain blocks instead.
     fn new(
         images: &'a ImageSet,
         guidance: Guidance<'a>,
         settings: &'a EncodeSettings,
-        made: AnyImage,
+        (first, made): (&Encoding, AnyImage),
         job: &Job<'_>,
     ) -> Result<Contest<'a>, EncodeError> {
         let of_best = judged(images, made.as_encoded(), settings, job)?;
-        Ok(Contest { images, guidance, settings, best: made, of_best, others: Vec::new() })
+        let mut contest = Contest {
+            images,
+            guidance,
+            settings,
+            best: made,
+            of_best,
+            best_attempt: 0,
+            attempts: Vec::new(),
+        };
+        if contest.best.codec() != first.id {
+            contest.note(first.id.name, "was tried and gave way to plain blocks".to_owned());
+        }
+        contest.best_attempt = contest.note_encoded(contest.best.codec().name, &of_best);
+        Ok(contest)
     }
 
     /// Tries a codec where it may win.
     fn try_out(&mut self, other: &Encoding, job: &mut Job<'_>) -> Result<(), EncodeError> {
         let name = other.id.name;
         if let Some(why) = (other.why_not)(self.images, self.settings, &self.of_best.squares, job)? {
-            self.others.push(format!("{name} was not tried: {why}"));
+            self.note(name, format!("was not tried: {why}"));
             return Ok(());
         }
         let made = (other.within)(self.images, self.guidance, self.settings, self.room(), job);
@@ -83,29 +133,33 @@ impl<'a> Contest<'a> {
             Ok(made) => made,
             Err(EncodeError::Cancelled) => return Err(EncodeError::Cancelled),
             Err(EncodeError::Source(SourceError::OutOfReach { what } | SourceError::Full { what })) => {
-                self.others.push(format!("{name} was tried and does not suit: {what}"));
+                self.note(name, format!("was tried and does not suit: {what}"));
                 return Ok(());
             }
             // The one that is there serves.
             Err(error) => {
-                self.others.push(format!("{name} was not tried: {error}"));
+                self.note(name, format!("was not tried: {error}"));
                 return Ok(());
             }
         };
         let found = judged(self.images, made.as_encoded(), self.settings, job)?;
-        let wins = self.settings.goal.prefers(&found.by_goal, &self.of_best.by_goal);
-        let (lost, of_lost) = if wins {
-            let lost = std::mem::replace(&mut self.best, made);
-            (lost, std::mem::replace(&mut self.of_best, found))
-        } else {
-            (made, found)
-        };
-        self.others.push(format!(
-            "{} came to {}",
-            lost.codec().name,
-            figures(self.settings.goal, &of_lost.by_goal)
-        ));
+        let attempt = self.note_encoded(name, &found);
+        if self.settings.goal.prefers(&found.by_goal, &self.of_best.by_goal) {
+            (self.best, self.of_best, self.best_attempt) = (made, found, attempt);
+        }
         Ok(())
+    }
+
+    /// Notes a codec that was not encoded to the end.
+    fn note(&mut self, codec: &'static str, outcome: String) {
+        self.attempts.push(Attempt { codec, measured: None, outcome });
+    }
+
+    /// Notes what a codec came to; the attempt's index.
+    fn note_encoded(&mut self, codec: &'static str, found: &Judged) -> usize {
+        let outcome = format!("came to {}", figures(self.settings.goal, &found.by_goal));
+        self.attempts.push(Attempt { codec, measured: Some(found.squares), outcome });
+        self.attempts.len() - 1
     }
 
     /// Bits a texel beyond which another answer is no better.
@@ -116,12 +170,14 @@ impl<'a> Contest<'a> {
     }
 
     /// The best, whose verdict says of all others what they came to.
-    fn settled(mut self) -> AnyImage {
+    fn settled(mut self) -> Chosen {
+        let others = self.attempts.iter().enumerate().filter(|(index, _)| *index != self.best_attempt);
+        let others: Vec<String> =
+            others.map(|(_, attempt)| format!("{} {}", attempt.codec, attempt.outcome)).collect();
         if let Some(notes) = Encoding::notes_of(&mut self.best) {
-            notes.verdict =
-                format!("{} Chosen among all methods: {}.", notes.verdict, self.others.join("; "));
+            notes.verdict = format!("{} Chosen among all methods: {}.", notes.verdict, others.join("; "));
         }
-        self.best
+        Chosen { image: self.best, attempts: self.attempts }
     }
 }
 
@@ -204,6 +260,28 @@ mod tests {
         );
         let encoded = encode("noise", &settings).1;
         assert!(verdict(&encoded).contains("vq was not tried: a codebook of"), "{}", verdict(&encoded));
+    }
+
+    #[test]
+    fn every_codec_that_was_considered_is_an_attempt_with_what_it_came_to() {
+        for (name, goal) in
+            [("tile_repeat", Goal::Psnr(34.0)), ("salient", Goal::Bpp(1.0)), ("constant", Goal::Psnr(34.0))]
+        {
+            let set = ImageSet::single(texfold_testkit::image(name));
+            let settings = EncodeSettings { goal, ..EncodeSettings::default() };
+            let Chosen { image, attempts } =
+                choose_images(&set, Guidance::default(), &settings, &mut Job::default()).unwrap();
+            let of = |codec: &str| attempts.iter().find(|attempt| attempt.codec == codec);
+            let chosen = of(image.codec().name).unwrap().measured.unwrap();
+            assert_eq!(chosen.psnr, measure(&set, image.as_encoded()).psnr, "{name}");
+            for codec in ["progressive", "epitome", "vq"] {
+                let attempt = of(codec).unwrap();
+                let was_encoded = attempt.outcome.starts_with("came to");
+                assert_eq!(attempt.measured.is_some(), was_encoded, "{name}: {attempt:?}");
+                let is_told = verdict(&image).contains(&format!("{codec} {}", attempt.outcome));
+                assert_eq!(is_told, codec != image.codec().name, "{name}: {}", verdict(&image));
+            }
+        }
     }
 
     #[test]

@@ -11,7 +11,7 @@ mod table;
 
 pub use adapters::{ImageEncoder, PartImages, PlainOrder};
 pub use add::add_images;
-pub use auto::encode_images;
+pub use auto::{Attempt, Chosen, choose_images, encode_images};
 pub use search::{ImageSearch, search_images};
 pub use settings::{Choice, EncodeSettings, Guidance, OwnParams};
 pub use table::{ENCODINGS, Encoding, parts_of};

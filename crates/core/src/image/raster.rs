@@ -5,6 +5,9 @@ use glam::Vec4;
 use super::{Alpha, ColorSpace, Depth, ImageLayout, PixelInfo, SurfaceSize};
 use crate::{MAX_IMAGE_SIDE, SourceError, Texel};
 
+/// The largest value of the deepest source.
+const DEEPEST: f32 = u16::MAX as f32;
+
 /// An image: `height` rows of `width` texels of 1 to 4 interleaved channels, values nominally in [0, 1].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Raster {
@@ -144,6 +147,14 @@ impl Raster {
         Raster { size: self.size, info: PixelInfo { channels: 1 + u8::from(alpha), ..self.info }, data }
     }
 
+    /// The same image with its values rounded to 16 bits; those of sources of 8 and 16 bits are so already.
+    fn settled(mut self) -> Raster {
+        for value in &mut self.data {
+            *value = (*value * DEEPEST).round() / DEEPEST;
+        }
+        self
+    }
+
     /// All values, channels interleaved.
     #[must_use]
     pub fn data(&self) -> &[f32] {
@@ -221,7 +232,8 @@ pub struct ImageSet {
 
 impl ImageSet {
     /// A set of at least one image. Images that differ in channels are all given the channels that hold every
-    /// one of them; colour space and alpha are those of the first.
+    /// one of them; colour space and alpha are those of the first. Values are rounded to 16 bits, the most that a source has: what
+    /// arithmetic before left below, such as 1e-7 of a resampled image, would else decide between equal matches and codewords.
     ///
     /// # Errors
     /// [`SourceError::Empty`].
@@ -235,13 +247,13 @@ impl ImageSet {
             let alpha = if first.has_alpha() { first.alpha } else { Alpha::Straight };
             image.tagged(first.color, alpha)
         };
-        Ok(ImageSet { images: images.into_iter().map(unify).collect() })
+        Ok(ImageSet { images: images.into_iter().map(unify).map(Raster::settled).collect() })
     }
 
-    /// A set of one.
+    /// A set of one, its values as [`ImageSet::new`] leaves them.
     #[must_use]
     pub fn single(image: Raster) -> Self {
-        ImageSet { images: vec![image] }
+        ImageSet { images: vec![image.settled()] }
     }
 
     /// The images.
@@ -303,6 +315,19 @@ impl ImageSet {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sets_round_what_arithmetic_left_and_nothing_else() {
+        let info = PixelInfo { channels: 1, ..PixelInfo::default() };
+        for (most, stored) in [(255u32, 256), (65_535, 65_536)] {
+            let exact: Vec<f32> = (0..stored).map(|value| value as f32 / most as f32).collect();
+            for off in [0.0, 1e-7, -1e-7] {
+                let moved = exact.iter().map(|value| value + off).collect();
+                let set = ImageSet::single(Raster::new(stored, 1, info, moved).unwrap());
+                assert_eq!(set.images()[0].data(), exact, "{most} {off}");
+            }
+        }
+    }
 
     #[test]
     fn opaque_alpha_is_dropped_and_real_alpha_kept() {

@@ -15,6 +15,9 @@ const LATTICE: f64 = 8192.0;
 /// And along an edge of mean length, so that triangles of fine meshes keep their shape.
 const EDGE_STEPS: f64 = 64.0;
 
+/// Meshes are often scaled to a size of 1 or 2: the step is to be the same where rounding leaves such a size a little short.
+const ROUNDED_SIZE: f64 = 1.0 + 1.0 / 1024.0;
+
 /// Stands for a vertex without a number.
 const NONE: u32 = u32::MAX;
 
@@ -30,7 +33,7 @@ impl Mesh {
         });
         let edge = edges.sum::<f64>() / (3 * self.triangles.len()).max(1) as f64;
         let step = f64::min(f64::from((high - low).max_element()) / LATTICE, edge / EDGE_STEPS);
-        let step = step.log2().floor().exp2() as f32;
+        let step = (step * ROUNDED_SIZE).log2().floor().exp2() as f32;
         if !step.is_normal() {
             return self.clone();
         }
@@ -103,6 +106,19 @@ fn turned([a, b, c]: [u32; 3], edge: (u32, u32)) -> [u32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_size_that_rounding_leaves_a_little_short_has_the_same_lattice() {
+        let mesh = |size: f32| Mesh {
+            positions: vec![Vec3::ZERO, Vec3::new(size, 0.0, 0.0), Vec3::new(0.0, 0.333, 0.0)],
+            triangles: vec![[0, 1, 2]],
+        };
+        for size in [1.0f32, 2.0, 64.0] {
+            let short = size * (1.0 - 1e-7);
+            assert!(short < size);
+            assert_eq!(mesh(short).snapped(), mesh(size).snapped(), "{size}");
+        }
+    }
 
     #[test]
     fn a_walk_keeps_triangles_and_their_sides_and_goes_to_neighbours() {

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use texfold_bc::{Bc, BcParams, Content};
 use texfold_core::image::{ImageSet, MipFilter, Raster, mip_chain_cancellable};
-use texfold_core::metric::measure_cancellable;
+use texfold_core::metric::measure_for;
 use texfold_core::{EncodeError, Encoder, Goal, Job, Texel};
 use texfold_testkit::cancel::{stops_soon, stops_within};
 use texfold_testkit::image;
@@ -44,7 +44,7 @@ fn mip_levels_measures_and_encoding_stop_soon() {
     let set = ImageSet::single(image);
     let params = BcParams::default().with_goal(Goal::Psnr(20.0)).with_content(Content::Raw);
     let texture = Bc::encode(&set, &params, &mut Job::default()).unwrap();
-    looks_often("quality", |job| measure_cancellable(&set, &texture, job.cancel_check()).map(drop));
+    looks_often("quality", |job| measure_for(Goal::default(), &set, &texture, job.cancel_check()).map(drop));
     // Behind the others, not beside them: their shares are those of a machine that does nothing else.
     let set = ImageSet::single(tiled(ENCODED_SIDE));
     let params = BcParams::default().with_goal(Goal::Psnr(30.0)).with_mips(true);

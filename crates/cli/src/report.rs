@@ -146,7 +146,8 @@ impl Figures {
 
     /// A sentence where the goal is missed.
     fn missed(&self, goal: Goal) -> Option<String> {
-        let Figures { psnr, counted_bpp: bpp, worst_block_rms, .. } = *self;
+        let Figures { psnr, psnr_alpha, counted_bpp: bpp, worst_block_rms, .. } = *self;
+        let psnr = psnr_alpha.map_or(psnr, |alpha| alpha.min(psnr));
         missed(goal, &Measured { psnr, bpp, worst_block_rms })
     }
 }

@@ -10,7 +10,7 @@
 use rayon::prelude::*;
 
 use crate::image::{ImageSet, Raster, to_u8};
-use crate::target::Measured;
+use crate::target::{Goal, Measured};
 use crate::{CancelCheck, EncodeError, Encoded, Image2d, Rect, Texel};
 
 /// MSE below which a result counts as lossless: no 8-bit image can have a smaller one that is not 0.
@@ -187,6 +187,22 @@ pub struct Quality {
     pub worst_block_rms: f64,
 }
 
+impl Quality {
+    /// What a goal of quality is held against, in dB: the worse of colours and alpha.
+    #[must_use]
+    pub fn psnr(&self) -> f64 {
+        let color = self.color.psnr();
+        self.alpha.map_or(color, |alpha| alpha.psnr().min(color))
+    }
+
+    /// As that goal judges a texture of this quality: of a goal of quality PSNR is [`Quality::psnr`], of others that of colours.
+    #[must_use]
+    pub fn judged(&self, goal: Goal, source: &ImageSet, encoded: &dyn Encoded<Domain = Image2d>) -> Measured {
+        let psnr = if matches!(goal, Goal::Psnr(_)) { self.psnr() } else { self.color.psnr() };
+        Measured { psnr, ..measured(source, encoded, *self) }
+    }
+}
+
 /// Decodes level 0 of every image and compares it with the source.
 #[must_use]
 pub fn quality(source: &ImageSet, encoded: &dyn Encoded<Domain = Image2d>) -> Quality {
@@ -225,7 +241,7 @@ fn quality_of(
     quality
 }
 
-/// What a goal is held against: [`quality`], and the bits a source texel that [`MemoryBits::counted`] defines.
+/// [`quality`], and the bits a source texel that [`MemoryBits::counted`] defines; PSNR is that of colours.
 ///
 /// [`MemoryBits::counted`]: crate::MemoryBits::counted
 #[must_use]
@@ -233,18 +249,18 @@ pub fn measure(source: &ImageSet, encoded: &dyn Encoded<Domain = Image2d>) -> Me
     measured(source, encoded, quality(source, encoded))
 }
 
-/// As [`measure`], with a look before every 64 rows that are decoded and every few thousand texels that are compared at
-/// whether to stop.
+/// As [`Quality::judged`] says, with a look before every 64 rows
+/// that are decoded and every few thousand texels that are compared at whether to stop.
 ///
 /// # Errors
 /// [`EncodeError::Cancelled`] where the caller asked to stop.
-pub fn measure_cancellable(
+pub fn measure_for(
+    goal: Goal,
     source: &ImageSet,
     encoded: &dyn Encoded<Domain = Image2d>,
     cancel: CancelCheck<'_>,
 ) -> Result<Measured, EncodeError> {
-    let quality = quality_cancellable(source, encoded, cancel)?;
-    Ok(measured(source, encoded, quality))
+    Ok(quality_cancellable(source, encoded, cancel)?.judged(goal, source, encoded))
 }
 
 fn measured(source: &ImageSet, encoded: &dyn Encoded<Domain = Image2d>, quality: Quality) -> Measured {

@@ -15,10 +15,10 @@ use proptest::prelude::*;
 use support::{fixture, zipmap};
 use texfold::container::{CodecId, SectionWriter, Sections};
 use texfold::image::ImageSet;
-use texfold::metric::{decode_surface, measure};
+use texfold::metric::{decode_surface, measure, quality};
 use texfold::target::Measured;
 use texfold::{
-    AnyImage, AnyTexture, Arrived, Arriving, Bc, Budget, BytesError, CODECS, Cancel, Choice, Content,
+    Access, AnyImage, AnyTexture, Arrived, Arriving, Bc, Budget, BytesError, CODECS, Cancel, Choice, Content,
     ENCODINGS, Effort, EncodeError, EncodeSettings, Encoded, Encoding, Epitome, Goal, Guidance, Image2d,
     ImageAddress, ImageEncoder, Input, Job, LightAddress, LightParams, Lightfield, Limits, LoadError,
     Progressive, Rect, Registration, Texel, Vq, add_images, encode_images, file_of, open, open_from,
@@ -430,4 +430,19 @@ fn images() -> Vec<(String, AnyImage)> {
         Some((name.clone(), open(bytes, &mut Budget::default()).unwrap().into_image()?))
     };
     files().iter().filter_map(image).collect()
+}
+
+#[test]
+fn goals_of_quality_hold_for_alpha_as_for_colours() {
+    // Hard borders of alpha: by colours alone progressive by texel left it at 18 dB.
+    let set = fixture("cutout");
+    for encoding in &ENCODINGS {
+        for access in [Access::Block, Access::Texel] {
+            let codec = Choice::named(encoding.id.name).unwrap();
+            let settings = EncodeSettings { codec, access: Some(access), ..settings(Goal::Psnr(30.0)) };
+            let made = encode_images(&set, Guidance::default(), &settings, &mut Job::default()).unwrap();
+            let alpha = quality(&set, made.as_encoded()).alpha.map(|alpha| alpha.psnr());
+            assert!(alpha >= Some(30.0), "{} {access:?}: {alpha:?}", encoding.id.name);
+        }
+    }
 }

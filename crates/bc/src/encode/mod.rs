@@ -16,7 +16,7 @@ pub use blocks::encode_plane;
 pub use params::BcParams;
 
 use texfold_core::image::{ColorSpace, ImageSet, MipFilter, PixelInfo, Raster, mip_chain_cancellable};
-use texfold_core::metric::measure_cancellable;
+use texfold_core::metric::measure_for;
 use texfold_core::target::search;
 use texfold_core::{
     AstcBlock, CancelCheck, EncodeError, Encoder, Goal, ImageLayout, Job, Notes, ParamError, Params,
@@ -66,7 +66,7 @@ fn encode(source: &ImageSet, params: &BcParams, job: &mut Job<'_>) -> Result<BcT
             let cancel = job.cancel_check();
             job.install(|| {
                 let texture = compress(source, candidate, params, cancel)?;
-                Ok((measure_cancellable(source, &texture, cancel)?, texture))
+                Ok((measure_for(params.goal, source, &texture, cancel)?, texture))
             })
         })
     })?;

@@ -13,7 +13,7 @@
 
 use rayon::prelude::*;
 use texfold_core::container::SectionWriter;
-use texfold_core::metric::measure_cancellable;
+use texfold_core::metric::measure_for;
 use texfold_core::target::Measured;
 use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, Job, Notes};
 
@@ -168,7 +168,7 @@ impl EpitomeSearch {
             })?;
             let share = stored_bytes(&made) as f64 / bytes_alone - 1.0;
             if share <= MOST_EXTRA || tries == EXTRA_TRIES {
-                let measured = measure_cancellable(&self.images, &made, plan.cancel)?;
+                let measured = measure_for(self.params.goal, &self.images, &made, plan.cancel)?;
                 return Ok((made, measured));
             }
             // Bits that are reckoned with are not those that zstd leaves.
@@ -205,7 +205,7 @@ impl EpitomeSearch {
         cancel: CancelCheck<'_>,
     ) -> Result<(String, Vec<(String, f32)>), EncodeError> {
         let measure = |layer: u32| {
-            let measured = measure_cancellable(&self.images, &made.first_layers(layer), cancel)?;
+            let measured = measure_for(self.params.goal, &self.images, &made.first_layers(layer), cancel)?;
             Ok(measured.psnr)
         };
         let reached = (1..self.params.layers).map(measure).collect::<Result<Vec<f64>, EncodeError>>()?;

@@ -1,6 +1,6 @@
 //! Lambda, the error that a bit may cost, and the setting of it that reaches a goal.
 
-use texfold_core::metric::measure_cancellable;
+use texfold_core::metric::measure_for;
 use texfold_core::target::{Measured, excess, search as find, search_step};
 use texfold_core::{EncodeError, Goal, Job, SourceError};
 use texfold_residual::block::encode::{STEPS, lambda_of, step_of};
@@ -75,7 +75,7 @@ impl EpitomeSearch {
             job.stage("packing", (0.5 + 0.05 * f32::from(tried)).min(0.95))?;
             tried += 1;
             let made = job.install(|| make(lambda_index))?;
-            Ok::<_, EncodeError>((measure_cancellable(&self.images, &made, cancel)?, made))
+            Ok::<_, EncodeError>((measure_for(goal, &self.images, &made, cancel)?, made))
         })?;
         let mut best = Made { lambda_index: found.index, measured: found.measured, texture: found.value };
         if beaten.is_some_and(|before| is_far(goal, &best.measured, &before.measured)) {
@@ -86,7 +86,7 @@ impl EpitomeSearch {
             job.checkpoint()?;
             let lambda_index = (found.index + step).min(*LAMBDA_INDICES.end());
             let texture = job.install(|| make(lambda_index))?;
-            let measured = measure_cancellable(&self.images, &texture, cancel)?;
+            let measured = measure_for(goal, &self.images, &texture, cancel)?;
             if goal.prefers(&measured, &best.measured) {
                 best = Made { lambda_index, measured, texture };
             }
@@ -111,7 +111,7 @@ impl EpitomeSearch {
             job.stage("packing", (0.5 + 0.05 * f32::from(tried)).min(0.95))?;
             tried += 1;
             let made = job.install(|| assemble(plan, &choices, lambda_of(step) as f32))?;
-            let measured = measure_cancellable(&self.images, &made, cancel)?;
+            let measured = measure_for(goal, &self.images, &made, cancel)?;
             let by = excess(goal, &measured);
             Ok::<_, EncodeError>(((measured, made), by))
         })?;

@@ -36,7 +36,7 @@ mod state;
 mod tolerance;
 
 use texfold_bc::{Content, Family};
-use texfold_core::metric::measure_cancellable;
+use texfold_core::metric::measure_for;
 use texfold_core::{Access, Effort, EncodeError, Encoder, Goal, Job, Params, SharedSearch};
 
 use searched::Shape;
@@ -143,8 +143,8 @@ fn encode_from(
     let Some(other) = &searched.other else { return encode_one(searched, goal, job) };
     let first = job.within(0.0, 0.5, |job| encode_one(searched, goal, job))?;
     let second = job.within(0.5, 1.0, |job| encode_one(other, goal, job))?;
-    let of_first = measure_cancellable(&searched.images, &first, job.cancel_check())?;
-    let of_second = measure_cancellable(&searched.images, &second, job.cancel_check())?;
+    let of_first = measure_for(goal, &searched.images, &first, job.cancel_check())?;
+    let of_second = measure_for(goal, &searched.images, &second, job.cancel_check())?;
     Ok(if goal.prefers(&of_second, &of_first) { second } else { first })
 }
 

@@ -1,7 +1,7 @@
 //! The smallest form whose every block is within a tolerance (paper section 4).
 
 use texfold_bc::Content;
-use texfold_core::metric::measure_cancellable;
+use texfold_core::metric::measure_for;
 use texfold_core::target::Measured;
 use texfold_core::{CancelCheck, EncodeError, Goal, Job};
 
@@ -107,7 +107,10 @@ impl EpitomeSearch {
         let verdict = report::verdict(&self.grid, plan.options, &choice, true);
         let texture = assemble(plan, &[choice], 0.0)?;
         let texture = texture.with_notes(report::notes(&self.params, Goal::Tolerance(tolerance), verdict));
-        Ok(Candidate { measured: measure_cancellable(&self.images, &texture, plan.cancel)?, texture })
+        Ok(Candidate {
+            measured: measure_for(Goal::Tolerance(tolerance), &self.images, &texture, plan.cancel)?,
+            texture,
+        })
     }
 
     /// Few cells that cover every block: chosen by costs, and, where blocks have one side, grown greedily and

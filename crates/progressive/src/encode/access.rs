@@ -1,7 +1,7 @@
 //! By block or by texel: blocks first, and the other form where they miss the goal.
 
 use texfold_core::image::ImageSet;
-use texfold_core::metric::measure_cancellable;
+use texfold_core::metric::measure_for;
 use texfold_core::{EncodeError, Encoded, Goal, Job, Params};
 
 use super::blocks::{by_block, notes};
@@ -29,7 +29,7 @@ pub(crate) fn encode(
     }
     let texture = job.within(0.5, 1.0, by_texel)?;
     let check = job.cancel_check();
-    let other = job.install(|| measure_cancellable(source, &texture, check))?;
+    let other = job.install(|| measure_for(params.goal, source, &texture, check))?;
     if !params.goal.prefers(&other, &measured) {
         let notes = notes(source, &images, params, met, job)?;
         return Ok(ProgressiveTexture::Block(images.with_notes(notes)));

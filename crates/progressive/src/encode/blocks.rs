@@ -1,7 +1,7 @@
 //! Images by block: with the step that answers a goal, or with one that the caller names.
 
 use texfold_core::image::{ImageSet, MipFilter, mip_chain_cancellable};
-use texfold_core::metric::{measure_cancellable, quality_cancellable};
+use texfold_core::metric::{measure_for, quality_cancellable};
 use texfold_core::target::{Measured, excess, search_step};
 use texfold_core::{
     Access, BLOCK_LEVELS, CancelCheck, EncodeError, Encoded, Goal, ImageLayout, Job, Metric, Notes, Params,
@@ -34,7 +34,7 @@ pub(super) fn by_block(
         let measured = match goal {
             // Bits need no decoding.
             Goal::Bpp(_) => Measured { bpp: bits(source, &images), psnr: 0.0, worst_block_rms: 0.0 },
-            _ => job.install(|| measure_cancellable(source, &images, check))?,
+            _ => job.install(|| measure_for(params.goal, source, &images, check))?,
         };
         let by = excess(goal, &measured);
         Ok::<_, EncodeError>(((images, measured), by))
@@ -42,7 +42,7 @@ pub(super) fn by_block(
     let (images, measured) = found.ok_or(SourceError::Empty)?.value;
     match goal {
         Goal::Bpp(_) => {
-            let measured = job.install(|| measure_cancellable(source, &images, check))?;
+            let measured = job.install(|| measure_for(params.goal, source, &images, check))?;
             Ok((images, measured))
         }
         _ => Ok((images, measured)),

@@ -14,7 +14,7 @@ mod search;
 use std::sync::Arc;
 
 use texfold_core::image::{ImageSet, PixelInfo};
-use texfold_core::metric::{Quality, SquaredError, measure_cancellable, quality_cancellable};
+use texfold_core::metric::{Quality, SquaredError, measure_for, quality_cancellable};
 use texfold_core::target::{Measured, search};
 use texfold_core::{CancelCheck, Effort, EncodeError, Encoded, Goal, Job, Metric, Params, SourceError};
 use texfold_residual::encode::{CLASS_BITS, Coder, TOO_LARGE, counted_error_of};
@@ -187,7 +187,7 @@ impl Encoding<'_> {
         let attempts = [Some(kind), other, finest, finest].into_iter().zip(FINER_SHARES);
         let count = if matches!(inner, Goal::Tolerance(_)) { FINER_SHARES.len() } else { 1 };
         let goal = self.params.goal;
-        let mut best = (own_measure(self.source, &made, check)?, made);
+        let mut best = (own_measure(goal, self.source, &made, check)?, made);
         for (number, (attempt, share)) in (0u8..).zip(attempts).take(count).skip(usize::from(largest)) {
             if goal.is_met(&best.0) {
                 break;
@@ -203,7 +203,7 @@ impl Encoding<'_> {
                 job.install(|| Draft::new(&base, CLASS_BITS[1], finer, check)?.widened(&base, finer, check))?;
             let start = 0.7 + 0.075 * f32::from(number);
             let made = job.within(start, start + 0.075, |job| self.finish(&base, draft, inner, job))?;
-            let measured = own_measure(self.source, &made, check)?;
+            let measured = own_measure(goal, self.source, &made, check)?;
             if goal.prefers(&measured, &best.0) {
                 best = (measured, made);
             }
@@ -225,6 +225,7 @@ impl Encoding<'_> {
         let enlarged_alpha = frame.shrink_log2 > 0 && pixel.has_alpha() && matches!(inner, Goal::Bpp(_));
         let mut best: Option<Drafted> = None;
         let mut others = Vec::new();
+        let mut best_holds_alpha = false;
         for (index, &kind) in kinds.iter().enumerate() {
             job.stage("trying bases", 0.4 * index as f32 / kinds.len() as f32)?;
             let known = best.as_ref().map(|best| best.draft.estimate);
@@ -233,11 +234,15 @@ impl Encoding<'_> {
             }
             let Some(base) = self.parts.base(frame, kind, inner, job)? else { continue };
             // Where none holds alpha as well as it should, the largest does so best.
-            if kind.reduce_log2 > 1 && !base.holds_alpha(inner) {
+            let holds_alpha = base.holds_alpha(inner);
+            if !holds_alpha && (kind.reduce_log2 > 1 || best_holds_alpha) {
                 continue;
             }
             let Some(draft) = best_draft(&base, inner, job)? else { continue };
             let drafted = Drafted { kind, base, draft };
+            if holds_alpha && !best_holds_alpha {
+                (best, best_holds_alpha) = (None, true);
+            }
             let worse = match &best {
                 Some(known) if !inner.prefers(&drafted.draft.estimate, &known.draft.estimate) => {
                     Some(drafted)
@@ -329,7 +334,7 @@ impl Encoding<'_> {
                 tried += 1;
                 let classes = code_at(coder, index, job)?;
                 let made = base.assemble(coder, &classes)?;
-                let measured = job.install(|| own_measure(self.source, &made, check))?;
+                let measured = job.install(|| own_measure(self.params.goal, self.source, &made, check))?;
                 Ok::<_, EncodeError>((measured, made))
             })?;
             // The best lambda of a range lies inside it.
@@ -358,7 +363,7 @@ impl Encoding<'_> {
             let limit = draft::cell_limit(tolerance) * (1.0 - SLACK_SHARE * slack as f32);
             let classes = job.install(|| coder.within(limit, check))?;
             let made = base.assemble(coder, &classes)?;
-            let measured = job.install(|| own_measure(self.source, &made, check))?;
+            let measured = job.install(|| own_measure(self.params.goal, self.source, &made, check))?;
             Ok::<_, EncodeError>((measured, made))
         })?;
         Ok(found.value)
@@ -412,13 +417,14 @@ fn best_draft(base: &Base, goal: Goal, job: &Job<'_>) -> Result<Option<Draft>, E
     Ok(drafts.into_iter().reduce(|a, b| if better(&b, &a) { b } else { a }))
 }
 
-/// Quality and size, without what is shared.
+/// Quality as the goal judges it, and size without what is shared.
 fn own_measure(
+    goal: Goal,
     source: &ImageSet,
     texture: &TexelTexture,
     check: CancelCheck<'_>,
 ) -> Result<Measured, EncodeError> {
-    let mut measured = measure_cancellable(source, texture, check)?;
+    let mut measured = measure_for(goal, source, texture, check)?;
     measured.bpp -= texture.shared_bits() as f64 / source.texel_count() as f64;
     Ok(measured)
 }
@@ -432,7 +438,7 @@ fn judged(
 ) -> Result<Measured, EncodeError> {
     let (by_bits, has_alpha) = (matches!(goal, Goal::Bpp(_)), source.info().has_alpha());
     if !by_bits || metric == Metric::Psnr && !has_alpha {
-        return own_measure(source, texture, check);
+        return own_measure(goal, source, texture, check);
     }
     let Quality { color, alpha, worst_block_rms } = quality_cancellable(source, texture, check)?;
     let counted = match metric {

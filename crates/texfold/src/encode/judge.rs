@@ -43,7 +43,7 @@ pub(super) fn judged(
                 let sum = counted + quality.alpha.map_or(0.0, |alpha| alpha.sum);
                 SquaredError { sum, count: quality.color.count }.psnr()
             }
-            _ => quality.alpha.map_or(squares.psnr, |alpha| alpha.psnr().min(squares.psnr)),
+            _ => quality.psnr(),
         };
         Ok(Judged { by_goal: Measured { psnr, ..squares }, squares })
     })

@@ -2,9 +2,9 @@
 
 use texfold_bc::{Bc, BcParams, BcTexture};
 use texfold_core::image::ImageSet;
-use texfold_core::metric::measure;
+use texfold_core::metric::quality;
 use texfold_core::target::Measured;
-use texfold_core::{Effort, EncodeError, Encoded, Encoder, Goal, Job, SourceError};
+use texfold_core::{Effort, EncodeError, Encoded, Encoder, Goal, Image2d, Job, SourceError};
 
 use super::adapters::{ImageEncoder, PlainOrder};
 use super::{EncodeSettings, Guidance};
@@ -19,6 +19,11 @@ const EFFORT_GAIN: f64 = 1.5;
 
 /// Shares of a job after which plain blocks are tried quickly, and as well as they can be, behind a method.
 const AFTER: [f32; 2] = [0.9, 0.95];
+
+/// How a texture answers a goal, with no look at whether to stop.
+fn measure(images: &ImageSet, texture: &dyn Encoded<Domain = Image2d>, goal: Goal) -> Measured {
+    quality(images, texture).judged(goal, images, texture)
+}
 
 /// Plain blocks, and how they answer the goal.
 struct Plain {
@@ -62,7 +67,7 @@ fn plain_first<C: ImageEncoder>(
     let plain = match plain {
         // Content that only the method or only this image's channels can have is no reason to stop.
         Err(EncodeError::Params(_)) => return C::encode(source, &params, job).map(AnyImage::new),
-        plain => Plain::of(images, plain?),
+        plain => Plain::of(images, plain?, settings.goal),
     };
     let method = job.within(share, 1.0, |job| match settings.goal {
         Goal::Psnr(_) if settings.goal.is_met(&plain.measured) => {
@@ -82,7 +87,7 @@ fn plain_after<C: ImageEncoder>(
     let [quick_from, plain_from] = AFTER;
     let method = job.within(0.0, quick_from, |job| C::encode(C::source(images, guidance), &params, job))?;
     let method = AnyImage::new(method);
-    let of_method = measure(images, method.as_encoded());
+    let of_method = measure(images, method.as_encoded(), settings.goal);
     let met = settings.goal.is_met(&of_method);
     // Blocks of more bits are no better answer to a goal that is met, and need not be made.
     let goal = match settings.goal {
@@ -99,14 +104,14 @@ fn plain_after<C: ImageEncoder>(
         Goal::Psnr(psnr) if met => psnr,
         _ => of_method.psnr,
     };
-    let far = measure(images, &quick).psnr + EFFORT_GAIN < needed;
+    let far = measure(images, &quick, settings.goal).psnr + EFFORT_GAIN < needed;
     if far && met && !matches!(settings.goal, Goal::Tolerance(_)) {
         job.stage("done", 1.0)?;
         return Ok(method);
     }
     plain.goal = settings.goal;
     let plain = job.within(plain_from, 1.0, |job| Bc::encode(images, &plain, job))?;
-    Plain::of(images, plain).unless(images, settings.goal, C::ID.name, Ok(method))
+    Plain::of(images, plain, settings.goal).unless(images, settings.goal, C::ID.name, Ok(method))
 }
 
 /// Whether blocks that are BC1 already can be the plain answer.
@@ -115,8 +120,8 @@ fn bc1_answers(settings: &EncodeSettings) -> bool {
 }
 
 impl Plain {
-    fn of(images: &ImageSet, texture: BcTexture) -> Plain {
-        let measured = measure(images, &texture);
+    fn of(images: &ImageSet, texture: BcTexture, goal: Goal) -> Plain {
+        let measured = measure(images, &texture, goal);
         Plain { texture, measured }
     }
 
@@ -139,7 +144,7 @@ impl Plain {
             }
             Err(error) => return Err(error),
         };
-        let (found, plain) = (measure(images, method.as_encoded()), self.measured);
+        let (found, plain) = (measure(images, method.as_encoded(), goal), self.measured);
         if goal.prefers(&found, &plain) {
             return Ok(method);
         }

@@ -24,7 +24,7 @@ mod usability;
 
 use texfold_bc::Content;
 use texfold_core::image::{ColorSpace, ImageSet, PixelInfo};
-use texfold_core::metric::{SquaredError, color_error, measure};
+use texfold_core::metric::{SquaredError, color_error, quality};
 use texfold_core::target::{Found, Measured, search};
 use texfold_core::{
     Effort, EncodeError, Encoder, Goal, Growable, Job, MAX_PLANE_SIDE, Notes, ParamError, Params, SourceError,
@@ -259,7 +259,10 @@ fn with_content(
         Goal::Bpp(bpp) => full(grid_for_bpp(prepared, content, bpp), job),
         Goal::Tolerance(tolerance) => {
             let texture = job.install(|| incremental::encode(prepared, content, tolerance))?;
-            Ok(single((measure(prepared.reference, &texture), texture)))
+            Ok(single((
+                quality(prepared.reference, &texture).judged(params.goal, prepared.reference, &texture),
+                texture,
+            )))
         }
         Goal::Psnr(psnr) => {
             let most = most_bpp.map_or(MAX_CELLS, |bpp| grid_for_bpp(prepared, content, bpp).cells());
@@ -281,7 +284,8 @@ fn one(
     let request = Request { grid, content, effort, seed: job.seed };
     let texture = job.install(|| prepared.encode(&request))?;
     job.checkpoint()?;
-    Ok((measure(prepared.reference, &texture), texture))
+    let quality = job.install(|| quality(prepared.reference, &texture));
+    Ok((quality.judged(prepared.params.goal, prepared.reference, &texture), texture))
 }
 
 /// The smallest codebook of at most `most` cells that reaches a PSNR: found fast, then refined at full effort just

@@ -14,7 +14,7 @@ mod search;
 use std::sync::Arc;
 
 use texfold_core::image::{ImageSet, PixelInfo};
-use texfold_core::metric::{Quality, SquaredError, measure_for, quality_cancellable};
+use texfold_core::metric::{Quality, SquaredError, quality_cancellable};
 use texfold_core::target::{Measured, search};
 use texfold_core::{CancelCheck, Effort, EncodeError, Encoded, Goal, Job, Metric, Params, SourceError};
 use texfold_residual::encode::{CLASS_BITS, Coder, TOO_LARGE, counted_error_of};
@@ -187,7 +187,7 @@ impl Encoding<'_> {
         let attempts = [Some(kind), other, finest, finest].into_iter().zip(FINER_SHARES);
         let count = if matches!(inner, Goal::Tolerance(_)) { FINER_SHARES.len() } else { 1 };
         let goal = self.params.goal;
-        let mut best = (own_measure(goal, self.source, &made, check)?, made);
+        let mut best = (own_measure(self.source, &made, check)?, made);
         for (number, (attempt, share)) in (0u8..).zip(attempts).take(count).skip(usize::from(largest)) {
             if goal.is_met(&best.0) {
                 break;
@@ -203,7 +203,7 @@ impl Encoding<'_> {
                 job.install(|| Draft::new(&base, CLASS_BITS[1], finer, check)?.widened(&base, finer, check))?;
             let start = 0.7 + 0.075 * f32::from(number);
             let made = job.within(start, start + 0.075, |job| self.finish(&base, draft, inner, job))?;
-            let measured = own_measure(goal, self.source, &made, check)?;
+            let measured = own_measure(self.source, &made, check)?;
             if goal.prefers(&measured, &best.0) {
                 best = (measured, made);
             }
@@ -334,7 +334,7 @@ impl Encoding<'_> {
                 tried += 1;
                 let classes = code_at(coder, index, job)?;
                 let made = base.assemble(coder, &classes)?;
-                let measured = job.install(|| own_measure(self.params.goal, self.source, &made, check))?;
+                let measured = job.install(|| own_measure(self.source, &made, check))?;
                 Ok::<_, EncodeError>((measured, made))
             })?;
             // The best lambda of a range lies inside it.
@@ -363,7 +363,7 @@ impl Encoding<'_> {
             let limit = draft::cell_limit(tolerance) * (1.0 - SLACK_SHARE * slack as f32);
             let classes = job.install(|| coder.within(limit, check))?;
             let made = base.assemble(coder, &classes)?;
-            let measured = job.install(|| own_measure(self.params.goal, self.source, &made, check))?;
+            let measured = job.install(|| own_measure(self.source, &made, check))?;
             Ok::<_, EncodeError>((measured, made))
         })?;
         Ok(found.value)
@@ -417,35 +417,40 @@ fn best_draft(base: &Base, goal: Goal, job: &Job<'_>) -> Result<Option<Draft>, E
     Ok(drafts.into_iter().reduce(|a, b| if better(&b, &a) { b } else { a }))
 }
 
-/// Quality as the goal judges it, and size without what is shared.
+/// Quality of colours, and size without what is shared: alpha is that of the base, however blocks are coded.
 fn own_measure(
-    goal: Goal,
     source: &ImageSet,
     texture: &TexelTexture,
     check: CancelCheck<'_>,
 ) -> Result<Measured, EncodeError> {
-    let mut measured = measure_for(goal, source, texture, check)?;
-    measured.bpp -= texture.shared_bits() as f64 / source.texel_count() as f64;
-    Ok(measured)
+    let Quality { color, worst_block_rms, .. } = quality_cancellable(source, texture, check)?;
+    Ok(Measured { psnr: color.psnr(), bpp: own_bpp(source, texture), worst_block_rms })
 }
 
-/// The same, and where bits are given with alpha's error beside that of the colours, which counts by the metric.
+/// Bits a texel of the source, without what is shared.
+fn own_bpp(source: &ImageSet, texture: &TexelTexture) -> f64 {
+    (texture.memory().counted - texture.shared_bits()) as f64 / source.texel_count() as f64
+}
+
+/// As the goal judges it: a quality holds for the worse of colours and alpha; where bits are given alpha's error counts beside that of
+/// the colours, which counts by the metric.
 fn judged(
     source: &ImageSet,
     texture: &TexelTexture,
     (goal, metric): (Goal, Metric),
     check: CancelCheck<'_>,
 ) -> Result<Measured, EncodeError> {
-    let (by_bits, has_alpha) = (matches!(goal, Goal::Bpp(_)), source.info().has_alpha());
-    if !by_bits || metric == Metric::Psnr && !has_alpha {
-        return own_measure(goal, source, texture, check);
-    }
-    let Quality { color, alpha, worst_block_rms } = quality_cancellable(source, texture, check)?;
-    let counted = match metric {
-        Metric::Perceptual => counted_error_of(source, texture, metric, check)?,
-        Metric::Psnr => color.sum,
+    let quality = quality_cancellable(source, texture, check)?;
+    let Quality { color, alpha, worst_block_rms } = quality;
+    let by_eye = metric == Metric::Perceptual;
+    let psnr = match goal {
+        Goal::Bpp(_) if by_eye || alpha.is_some() => {
+            let counted = if by_eye { counted_error_of(source, texture, metric, check)? } else { color.sum };
+            let sum = counted + alpha.map_or(0.0, |error| error.sum);
+            SquaredError { sum, count: color.count }.psnr()
+        }
+        Goal::Psnr(_) => quality.psnr(),
+        _ => color.psnr(),
     };
-    let error = SquaredError { sum: counted + alpha.map_or(0.0, |error| error.sum), count: color.count };
-    let bits = texture.memory().counted - texture.shared_bits();
-    Ok(Measured { psnr: error.psnr(), bpp: bits as f64 / source.texel_count() as f64, worst_block_rms })
+    Ok(Measured { psnr, bpp: own_bpp(source, texture), worst_block_rms })
 }

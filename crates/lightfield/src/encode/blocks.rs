@@ -15,7 +15,7 @@ use super::scene::Scene;
 use super::share::Codebooks;
 use crate::LightTexture;
 use crate::params::LightParams;
-use crate::parts::{Atlas, PIXEL, Payload, TermRows, atlas_layout};
+use crate::parts::{Atlas, PIXEL, Parts, Payload, TermRows, atlas_layout};
 
 /// Steps' numbers by which a step of half the size differs: errors of maps that count four times.
 const OCTAVE: f64 = STEPS.octave as f64;
@@ -27,6 +27,8 @@ const LEAST_PART: f64 = 1.0 / 4096.0;
 const MARGIN: f64 = 0.005;
 /// PSNR in dB from which on errors count as none: a share of few samples may be exact.
 const EXACT: f64 = 120.0;
+/// By how many numbers a step is made finer where searches end just short of a goal; twice as many each time. A 64th of an octave.
+const FIRST_STRIDE: u16 = STEPS.octave / 64;
 /// Searches for a goal, each by as much above it as the one before was below.
 const SEARCHES: usize = 3;
 /// Bytes a texel of the atlases while steps are searched: texels twice, samples, coefficients, their numbers, and what the CPU draws from.
@@ -260,7 +262,34 @@ impl Search<'_> {
             }
             (wanted, first) = (wanted + missing + MARGIN, step);
         }
-        Ok(best.ok_or(SourceError::Empty)?)
+        let best = best.ok_or(SourceError::Empty)?;
+        self.finer(
+            best,
+            first,
+            |step| encoders.at_step(step).map(|payload| drawn.parts(scene, params, terms, payload)),
+            job,
+        )
+    }
+
+    /// What was found where it reaches the goal over all samples, else finer and finer steps from `step` on until one does.
+    fn finer(
+        &self,
+        found: Measurement,
+        step: u16,
+        at_step: impl Fn(u16) -> Result<Parts, EncodeError> + Sync,
+        job: &mut Job<'_>,
+    ) -> Result<Measurement, EncodeError> {
+        let Store { scene, cancel, .. } = *self.store;
+        let (mut found, mut step, mut stride) = (found, step, FIRST_STRIDE);
+        while found.1.psnr < self.goal && step > 0 {
+            step = step.saturating_sub(stride);
+            stride *= 2;
+            let texture = LightTexture::new(job.install(|| at_step(step))?, Notes::default());
+            let measured = job.install(|| quality::measure(scene, &texture, cancel));
+            job.checkpoint()?;
+            found = (texture, measured);
+        }
+        Ok(found)
     }
 
     /// Maps as they are coded with a step of about that size.

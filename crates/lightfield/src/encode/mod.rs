@@ -35,6 +35,7 @@ use texfold_core::{Access, CancelCheck, EncodeError, Encoder, Job, Notes, Params
 use crate::encoded::LightTexture;
 use crate::kinds::{Directions, Factors};
 use crate::params::{FitMethod, LightParams, MapStorage, Updates};
+use crate::parts::{MAPS_PART, SURFACE_PART, VIEW_PART};
 use crate::{Capture, Lightfield};
 use assemble::Maps;
 use blocks::Store;
@@ -253,6 +254,17 @@ fn settings(texture: &LightTexture, params: &LightParams, terms: usize) -> Strin
     format!("{words} ({factors}, view maps of {grid}x{grid} over the {directions}, sampling {sampling})")
 }
 
+/// The parts that hold terms, and the PSNR without them: that of the mean alone.
+fn ledger(texture: &LightTexture, quality: &LightQuality, terms: usize) -> Vec<(String, f32)> {
+    let parts: &[&str] = match texture.access() {
+        _ if terms == 0 => &[],
+        Access::Block => &[MAPS_PART],
+        Access::Texel => &[SURFACE_PART, VIEW_PART],
+    };
+    let of_mean = quality.psnr_of_terms.first().copied().unwrap_or(quality.psnr);
+    parts.iter().map(|&part| (part.to_owned(), of_mean as f32)).collect()
+}
+
 /// As many terms as the goal needs, and what is to be said of them.
 fn settle(
     texture: LightTexture,
@@ -279,5 +291,6 @@ fn settle(
     );
     let verdict = [verdict.as_str(), remark].join(" ").trim_end().to_owned();
     let settings = settings(&texture, params, terms);
-    (texture.with_notes(Notes { settings, verdict, psnr_without: Vec::new() }), quality)
+    let psnr_without = ledger(&texture, &quality, terms);
+    (texture.with_notes(Notes { settings, verdict, psnr_without }), quality)
 }

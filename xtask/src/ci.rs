@@ -15,7 +15,7 @@ const TRIAL: &str = "target/ci";
 /// A name, and what is done; whether it passed.
 type Step = (&'static str, fn() -> io::Result<bool>);
 
-const STEPS: [Step; 11] = [
+const STEPS: [Step; 12] = [
     ("fmt", || cargo(&["fmt", "--all", "--check"], &[])),
     ("tidy", || tidy::check(&root())),
     ("clippy", || cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"], &[])),
@@ -26,6 +26,7 @@ const STEPS: [Step; 11] = [
     ("compress and decompress", compress_and_decompress),
     ("compress and render", compress_and_render),
     ("compare", compare),
+    ("stability", stability),
     ("reference", reference::check),
 ];
 
@@ -159,6 +160,12 @@ fn compare() -> io::Result<bool> {
     let written =
         ["results.csv", "results.json", "report.html"].map(|name| root().join(&out).join(name).is_file());
     Ok(done && written == [true; 3])
+}
+
+/// The quick form: bounds of all regimes, and charts of few values.
+fn stability() -> io::Result<bool> {
+    let out = format!("{TRIAL}/stability");
+    start(env::current_exe()?.as_os_str(), &["stability", "--out", &out], &[("TEXFOLD_GPU", "require")])
 }
 
 #[cfg(test)]

@@ -1,11 +1,12 @@
 //! Project automation: `cargo xtask COMMAND`.
 //!
-//! compress, decompress, info and compare are those of the `texfold` program; fixtures and ci are the project's own.
+//! compress, decompress, info, render and compare are those of the `texfold` program; the others are the project's own.
 
 mod ci;
 mod fixtures;
 mod mutate;
 mod reference;
+mod stability;
 mod tidy;
 
 use std::path::{Path, PathBuf};
@@ -29,6 +30,8 @@ enum Task {
     Fixtures(fixtures::FixturesArgs),
     /// Compare quality and size of every codec with the figures in benches/reference.
     Reference(reference::ReferenceArgs),
+    /// Every codec on inputs that methods do not suit, held to bounds, and where each stops working.
+    Stability(stability::StabilityArgs),
     /// Check the invariants that can be seen in manifests and source text.
     Tidy,
     /// Break the code in known ways and expect a test to fail for each.
@@ -42,6 +45,7 @@ fn main() -> ExitCode {
         Task::Texfold(command) => texfold_cli::run(command),
         Task::Fixtures(args) => fixtures::run(&args),
         Task::Reference(args) => reference::run(&args),
+        Task::Stability(args) => stability::run(&args),
         Task::Tidy => tidy::run(),
         Task::Mutate(args) => mutate::run(&args),
         Task::Ci => ci::run(),

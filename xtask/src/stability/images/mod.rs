@@ -1,0 +1,285 @@
+//! Regimes of images, each for every codec that encodes images and for the choice among them, by block and by texel.
+//!
+//! The bounds are those of invariant 6 and 8 of ARCHITECTURE.md, held against plain blocks made for the same goal.
+
+mod regimes;
+mod sweeps;
+
+use std::time::Instant;
+
+use rayon::ThreadPool;
+use texfold::image::{ColorSpace, ImageSet, Raster};
+use texfold::metric::{decode_surface, quality};
+use texfold::{
+    Access, AnyImage, Bc, Budget, Cancel, Choice, ENCODINGS, Effort, EncodeError, EncodeSettings, Goal,
+    GpuForm, Guidance, Job, PlaneFormat, Texel, TextureCodec, encode_images, open_image,
+};
+use texfold_gpu::{Filter, Gpu};
+
+use super::guard::guarded;
+use super::page::png;
+use super::record::{self, Check, Row};
+use super::{Outcome, Tools};
+use regimes::{REGIMES, Regime};
+pub(super) use sweeps::curves;
+
+/// What images are encoded for.
+const GOAL_DB: f64 = 30.0;
+/// By how much a result may be below plain blocks, in dB: decoded figures are rounded.
+const SLACK_DB: f64 = 0.1;
+/// Room for what a file says beside its content: header, table of sections, parameters, notes.
+const HEADER_BYTES: usize = 1024;
+/// What is added to values, and by how much PSNR may change for it.
+const NUDGE: f32 = 1e-7;
+const NUDGE_DB: f64 = 0.01;
+/// PSNR above which results are alike: errors of single 8-bit steps in a few texels.
+const EXACT_DB: f64 = 80.0;
+/// What processors of BC1 to BC5 may round differently (Direct3D 11.3 specification, 19.5), and the largest gain of an epitome.
+const ROUNDED: f32 = 2.0 / 255.0;
+const LARGEST_GAIN: f32 = 2.0;
+/// What places that are computed in single precision, and blends, leave.
+const COMPUTED: f32 = 4e-4;
+
+/// A codec, or the choice among all, with a way to reach texels.
+struct Way {
+    name: String,
+    choice: Choice,
+    access: Access,
+}
+
+/// All codecs by block and by texel, and last the choice among them.
+fn ways() -> Vec<Way> {
+    let named = ENCODINGS.iter().filter_map(|encoding| {
+        let name = encoding.id.name;
+        Some((name, Choice::named(name)?))
+    });
+    let all = named.chain([("auto", Choice::auto())]);
+    all.flat_map(|(name, choice)| {
+        [Access::Block, Access::Texel].map(|access| Way {
+            name: format!("{name} by {}", access.name()),
+            choice: choice.clone(),
+            access,
+        })
+    })
+    .collect()
+}
+
+/// Every regime for every way.
+///
+/// # Errors
+/// Where an image of a regime cannot be made.
+pub(super) fn rows(tools: &Tools, say: &mut dyn FnMut(Row)) -> Outcome<()> {
+    for regime in &REGIMES {
+        let images = (regime.images)()?;
+        let plains = [Access::Block, Access::Texel].map(|access| plain(&images, access, tools));
+        let mut by_block: Option<Vec<u8>> = None;
+        for way in ways() {
+            let [block, texel] = &plains;
+            let plain = if way.access == Access::Block { block } else { texel };
+            let start = Instant::now();
+            let made = guarded(|cancel| encode(&images, &way, &tools.single, cancel));
+            // Where a codec has one way only, it is told once.
+            if let Ok(Ok(made)) = &made {
+                let bytes = made.to_bytes();
+                if way.access == Access::Texel && by_block.as_ref() == Some(&bytes) {
+                    continue;
+                }
+                by_block = Some(bytes);
+            }
+            let outcome = match made {
+                Err(fault) => record::Outcome::Broken(fault),
+                Ok(Err(EncodeError::Cancelled)) => record::Outcome::Broken("does not end in time".to_owned()),
+                Ok(Err(error)) => record::Outcome::Refused(record::words(&error)),
+                Ok(Ok(made)) => held(&images, &made, &way, plain.as_ref(), tools),
+            };
+            let pictures = pictures(&images, by_block.as_deref())?;
+            let seconds = start.elapsed().as_secs_f64();
+            say(Row { regime: regime.name, codec: way.name, outcome, seconds, pictures });
+        }
+    }
+    Ok(())
+}
+
+/// What each regime is about.
+pub(super) fn about() -> Vec<(&'static str, &'static str)> {
+    REGIMES.iter().map(|Regime { name, about, .. }| (*name, *about)).collect()
+}
+
+fn settings(choice: &Choice, access: Access, goal: Goal) -> EncodeSettings {
+    EncodeSettings {
+        codec: choice.clone(),
+        goal,
+        effort: Effort::Fast,
+        access: Some(access),
+        ..EncodeSettings::default()
+    }
+}
+
+fn encode(images: &ImageSet, way: &Way, pool: &ThreadPool, cancel: &Cancel) -> Result<AnyImage, EncodeError> {
+    let mut job = Job::default().with_pool(pool).with_cancel(cancel);
+    let settings = settings(&way.choice, way.access, Goal::Psnr(GOAL_DB));
+    encode_images(images, Guidance::default(), &settings, &mut job)
+}
+
+/// Plain blocks for the same goal.
+fn plain(images: &ImageSet, access: Access, tools: &Tools) -> Option<AnyImage> {
+    let way = Way { name: Bc::ID.name.to_owned(), choice: Choice::of::<Bc>(), access };
+    guarded(|cancel| encode(images, &way, &tools.single, cancel)).ok()?.ok()
+}
+
+/// A texture held to all bounds; what breaks on the way is a fault.
+fn held(
+    images: &ImageSet,
+    made: &AnyImage,
+    way: &Way,
+    plain: Option<&AnyImage>,
+    tools: &Tools,
+) -> record::Outcome {
+    let checked = guarded(|cancel| {
+        let mut checks = vec![decoded(images, made)];
+        checks.extend(plain.map(|plain| beside_plain(images, made, plain)).unwrap_or_default());
+        checks.extend(again(images, made, way, tools, cancel));
+        checks.extend(tools.gpu.as_ref().and_then(|gpu| twin(gpu, made)));
+        checks
+    });
+    match checked {
+        Err(fault) => record::Outcome::Broken(fault),
+        Ok(checks) => record::Outcome::Made {
+            verdict: made.as_encoded().notes().verdict.clone(),
+            psnr: quality(images, made.as_encoded()).color.psnr(),
+            bpp: made.as_encoded().gpu().bits_memory() as f64 / images.texel_count() as f64,
+            checks,
+        },
+    }
+}
+
+/// The file opens again and every texel of it is a number.
+fn decoded(images: &ImageSet, made: &AnyImage) -> Check {
+    let loaded = open_image(&made.to_bytes(), &mut Budget::default());
+    let wrong = loaded.map_or(f64::INFINITY, |loaded| {
+        let decoded = |(surface, image): (u32, &Raster)| {
+            let found = decode_surface(loaded.as_encoded(), surface, 0);
+            let found = found.filter(|found| found.size() == image.size());
+            found.map_or(image.size().texels(), |found| {
+                found.texels().filter(|texel| !texel.is_finite()).count() as u64
+            })
+        };
+        (0u32..).zip(images.images()).map(decoded).sum::<u64>() as f64
+    });
+    Check::most("texels of the stored file that are no numbers", wrong, 0.0)
+}
+
+/// Quality, memory and length beside plain blocks.
+fn beside_plain(images: &ImageSet, made: &AnyImage, plain: &AnyImage) -> Vec<Check> {
+    let (found, least) = (quality(images, made.as_encoded()), quality(images, plain.as_encoded()));
+    let wanted = |psnr: f64| psnr.min(GOAL_DB) - SLACK_DB;
+    let mut checks =
+        vec![Check::least("PSNR of colours, dB", found.color.psnr(), wanted(least.color.psnr()))];
+    if let (Some(alpha), Some(least)) = (found.alpha, least.alpha) {
+        checks.push(Check::least("PSNR of alpha, dB", alpha.psnr(), wanted(least.psnr())));
+    }
+    let bits = |image: &AnyImage| image.as_encoded().gpu().bits_memory();
+    if least.color.psnr() >= GOAL_DB {
+        checks.push(Check::most("bits of memory", bits(made) as f64, bits(plain) as f64));
+    }
+    // Coded blocks are as small as they get, where plain blocks of a pattern shrink in a file.
+    let of_plain = plain.to_bytes().len().max(bits(plain).div_ceil(8) as usize);
+    let limit = (of_plain + HEADER_BYTES) as f64;
+    checks.push(Check::most("bytes of the file", made.to_bytes().len() as f64, limit));
+    checks
+}
+
+/// Encoded again by two threads, and with values that differ by what rounding leaves.
+fn again(images: &ImageSet, made: &AnyImage, way: &Way, tools: &Tools, cancel: &Cancel) -> Vec<Check> {
+    let by_two = encode(images, way, &tools.double, cancel);
+    let same = by_two.is_ok_and(|other| other.to_bytes() == made.to_bytes());
+    let mut checks =
+        vec![Check::most("files that differ with the number of threads", f64::from(u8::from(!same)), 0.0)];
+    let nudged = nudged(images).and_then(|nudged| Ok(encode(&nudged, way, &tools.single, cancel)?));
+    let psnr = |image: &AnyImage| quality(images, image.as_encoded()).color.psnr().min(EXACT_DB);
+    let change = nudged.map_or(f64::INFINITY, |nudged| (psnr(&nudged) - psnr(made)).abs());
+    checks.push(Check::most("change of PSNR by 1e-7 of the values, dB", change, NUDGE_DB));
+    checks
+}
+
+/// Each value a little larger or smaller.
+fn nudged(images: &ImageSet) -> Outcome<ImageSet> {
+    let nudged = |image: &Raster| {
+        let value = |(index, &value): (usize, &f32)| {
+            let up = (index as u32).wrapping_mul(0x9e37_79b9) >> 31 == 0;
+            (value + if up { NUDGE } else { -NUDGE }).clamp(0.0, 1.0)
+        };
+        let data = image.data().iter().enumerate().map(value).collect();
+        Ok(Raster::new(image.size().width, image.size().height, image.info(), data)?)
+    };
+    Ok(ImageSet::new(images.images().iter().map(nudged).collect::<Outcome<_>>()?)?)
+}
+
+/// The same texels by the shader; `None` where the adapter cannot hold the texture.
+fn twin(gpu: &Gpu, made: &AnyImage) -> Option<Check> {
+    let encoded = made.as_encoded();
+    let form = encoded.gpu();
+    let texture = gpu.upload(&form).ok()?;
+    let layout = encoded.layout();
+    // The third channel of normals follows from the others, steeply near the horizon.
+    let channels = if layout.pixel.color == ColorSpace::Normal { 2 } else { 4 };
+    let mut most = 0f32;
+    for (surface, size) in (0u32..).zip(&layout.surfaces) {
+        let drawn = gpu.decode(&texture, surface, 0, (size.width, size.height), Filter::Nearest).ok()?;
+        let wanted = decode_surface(encoded, surface, 0)?;
+        let apart = |(a, b): ([f32; 4], Texel)| {
+            let differences = a.into_iter().zip(b.to_array()).take(channels).map(|(a, b)| (a - b).abs());
+            // Not a number, it would be overlooked by a maximum.
+            differences.fold(0f32, |most, apart| if apart <= most { most } else { apart })
+        };
+        let of_image = drawn.into_iter().zip(wanted.texels()).map(apart);
+        most = of_image.fold(most, |most, apart| if apart <= most { most } else { apart });
+    }
+    Some(Check::most(
+        "difference of the shader, of a range of 1",
+        f64::from(most),
+        f64::from(twin_limit(&form)),
+    ))
+}
+
+/// What a GPU may differ by on a form.
+fn twin_limit(form: &GpuForm<'_>) -> f32 {
+    let rounds = |format: PlaneFormat| {
+        matches!(format, PlaneFormat::Bc1 | PlaneFormat::Bc3 | PlaneFormat::Bc4 | PlaneFormat::Bc5)
+    };
+    let rounded = form.planes.iter().any(|plane| rounds(plane.format));
+    COMPUTED + if rounded { LARGEST_GAIN * ROUNDED } else { 0.0 }
+}
+
+/// The middle of the first image, and of what was made of it.
+fn pictures(images: &ImageSet, bytes: Option<&[u8]>) -> Outcome<Vec<Vec<u8>>> {
+    let first = &images.images()[0];
+    let loaded = bytes.and_then(|bytes| open_image(bytes, &mut Budget::default()).ok());
+    let decoded = loaded.and_then(|loaded| decode_surface(loaded.as_encoded(), 0, 0));
+    [Some(first), decoded.as_ref()].into_iter().flatten().map(png).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_regimes_are_unique() {
+        let mut names: Vec<&str> = REGIMES.iter().map(|regime| regime.name).collect();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), REGIMES.len());
+    }
+
+    #[test]
+    fn a_result_worse_than_plain_blocks_is_found_out() {
+        let images = (REGIMES[1].images)().unwrap();
+        let tools = Tools::open().unwrap();
+        let bright = (REGIMES[18].images)().unwrap();
+        let way = &ways()[0];
+        let wrong = guarded(|cancel| encode(&bright, way, &tools.single, cancel)).unwrap().unwrap();
+        let plain = plain(&images, Access::Block, &tools).unwrap();
+        let checks = beside_plain(&images, &wrong, &plain);
+        assert!(checks.iter().any(|check| !check.holds()), "{checks:?}");
+    }
+}

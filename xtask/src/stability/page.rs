@@ -1,0 +1,204 @@
+//! The report: one HTML file that needs nothing else.
+
+use std::fmt::Write;
+use std::io::Cursor;
+
+use base64::prelude::{BASE64_STANDARD, Engine};
+use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use texfold::image::Raster;
+
+use super::chart::{short, svg};
+use super::record::{Bound, Check, Curve, Outcome as Result, Row};
+use super::{Outcome, Tools};
+
+/// Texels a side of a picture at most: the middle of an image.
+const PICTURE: u32 = 64;
+
+const STYLE: &str = "\
+:root{color-scheme:light dark;--ink:#222;--paper:#fff;--rule:#ddd;--bad:#b00020;--good:#1b6e3c;\
+--c0:#b34700;--c1:#005fa8;--c2:#8e248a;--c3:#00756f;--c4:#7a6500;--c5:#b3182b}\
+@media(prefers-color-scheme:dark){:root{--ink:#ddd;--paper:#161616;--rule:#3a3a3a;--bad:#ff8a93;--good:#7fd6a0;\
+--c0:#ffa263;--c1:#7dbdf5;--c2:#dc9bdb;--c3:#62d1c9;--c4:#d9c35c;--c5:#ff8f9b}}\
+body{font:16px/1.5 system-ui,sans-serif;max-width:76rem;margin:2rem auto;padding:0 1rem;color:var(--ink);background:var(--paper)}\
+table{border-collapse:collapse;font-size:14px}td,th{padding:.2rem .6rem;border-bottom:1px solid var(--rule);text-align:left;vertical-align:top}\
+.wide{overflow-x:auto}.bad{color:var(--bad);font-weight:600}.good{color:var(--good)}\
+img{image-rendering:pixelated;width:96px;margin-right:4px}summary{cursor:pointer}\
+.charts{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,24rem),1fr));gap:1rem}figure{margin:0}\
+svg{width:100%;height:auto;font:12px system-ui,sans-serif}figcaption{font-weight:600;font-size:14px}\
+.grid{stroke:var(--rule)}svg text{fill:var(--ink)}.axis{text-anchor:middle}.up{text-anchor:end}\
+polyline{fill:none;stroke-width:2}circle{stroke-width:2}";
+
+/// Colours of a page's lines, for lines and for names.
+fn line_styles() -> String {
+    (0..6).fold(String::new(), |mut text, i| {
+        let _ = write!(
+            text,
+            "polyline.line{i},circle.line{i}{{stroke:var(--c{i})}}circle.line{i},svg text.line{i}{{fill:var(--c{i})}}"
+        );
+        text
+    }) + "circle.hollow{fill:var(--paper)}"
+}
+
+/// The whole page.
+pub(super) fn html(tools: &Tools, rows: &[Row], curves: &[Curve], about: &[(&str, &str)]) -> String {
+    let broken = rows.iter().filter(|row| !row.holds()).count();
+    let mut page = format!(
+        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Texfold: stability</title>\
+         <meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}{}</style><h1>Texfold: stability</h1>",
+        line_styles()
+    );
+    let gpu = match (&tools.gpu, &tools.no_gpu) {
+        (Some(gpu), _) => format!("Shaders ran on {}.", escaped(&gpu.info().name)),
+        (None, why) => format!("No shader ran: {}.", escaped(why.as_deref().unwrap_or("no adapter"))),
+    };
+    let _ = write!(
+        page,
+        "<p>{} results over {} regimes; <b class=\"{}\">{broken} break a bound</b>. {gpu} A regime is an input that some method does not \
+         suit. A result is correct within its bounds, or a refusal that says what to do.</p>{}",
+        rows.len(),
+        about.len(),
+        if broken == 0 { "good" } else { "bad" },
+        overview(rows, about)
+    );
+    if !curves.is_empty() {
+        page.push_str("<h2>Where methods stop working</h2><p>Hollow points: the method had given way to a plainer form.</p><div class=\"charts\">");
+        for curve in curves {
+            let _ = write!(
+                page,
+                "<figure><figcaption>{}</figcaption>{}</figure>",
+                escaped(&curve.title),
+                svg(curve)
+            );
+        }
+        page.push_str("</div>");
+    }
+    page.push_str("<h2>Regimes</h2>");
+    for &(regime, what) in about {
+        let of_regime: Vec<&Row> = rows.iter().filter(|row| row.regime == regime).collect();
+        page.push_str(&details(regime, what, &of_regime));
+    }
+    page.push_str("</html>\n");
+    page
+}
+
+/// Regimes by codecs: one word each.
+fn overview(rows: &[Row], about: &[(&str, &str)]) -> String {
+    let mut text = String::from(
+        "<div class=\"wide\"><table><tr><th>regime<th>what is hard<th>results<th>closest to a bound",
+    );
+    for &(regime, what) in about {
+        let of_regime = || rows.iter().filter(move |row| row.regime == regime);
+        let broken: Vec<&str> =
+            of_regime().filter(|row| !row.holds()).map(|row| row.codec.as_str()).collect();
+        let refused = of_regime().filter(|row| matches!(row.outcome, Result::Refused(_))).count();
+        let made = of_regime().count() - refused - broken.len();
+        let state = if broken.is_empty() {
+            format!(
+                "<span class=\"good\">{made} within bounds</span>{}",
+                if refused > 0 { format!(", {refused} refused") } else { String::new() }
+            )
+        } else {
+            format!("<span class=\"bad\">broken: {}</span>", escaped(&broken.join(", ")))
+        };
+        let _ = write!(
+            text,
+            "<tr><td>{}<td>{}<td>{state}<td>{}",
+            escaped(regime),
+            escaped(what),
+            closest(&of_regime().collect::<Vec<_>>())
+        );
+    }
+    text + "</table></div>"
+}
+
+/// The check of a regime that is nearest to its bound, of those whose bound is above zero.
+fn closest(rows: &[&Row]) -> String {
+    let checks = rows.iter().filter_map(|row| match &row.outcome {
+        Result::Made { checks, .. } => Some(checks.iter().map(move |check| (row, check))),
+        _ => None,
+    });
+    let share = |check: &Check| match check.bound {
+        Bound::Most(limit) if limit > 0.0 => check.measured / limit,
+        Bound::Least(limit) if limit > 0.0 => limit / check.measured,
+        _ => 0.0,
+    };
+    let nearest = checks.flatten().max_by(|a, b| share(a.1).total_cmp(&share(b.1)));
+    nearest.map_or(String::new(), |(row, check)| format!("{}: {}", escaped(&row.codec), sentence(check)))
+}
+
+fn sentence(check: &Check) -> String {
+    let (side, limit) = match check.bound {
+        Bound::Most(limit) => ("at most", limit),
+        Bound::Least(limit) => ("at least", limit),
+    };
+    format!("{} {}, {side} {}", check.what, exact(check.measured), exact(limit))
+}
+
+/// A figure whose small values are told, too.
+fn exact(value: f64) -> String {
+    if value != 0.0 && value.abs() < 0.01 { format!("{value:.1e}") } else { short(value) }
+}
+
+fn details(regime: &str, what: &str, rows: &[&Row]) -> String {
+    let mut text = format!(
+        "<details><summary><b>{}</b>: {}</summary><div class=\"wide\"><table><tr><th>codec<th>bits a texel<th>PSNR dB<th>s<th>result<th>in, out",
+        escaped(regime),
+        escaped(what)
+    );
+    for row in rows {
+        let (bits, psnr, result) = match &row.outcome {
+            Result::Made { verdict, psnr, bpp, checks } => {
+                let line = |check: &Check| {
+                    let class = if check.holds() { "good" } else { "bad" };
+                    format!("<span class=\"{class}\">{}</span><br>", escaped(&sentence(check)))
+                };
+                (short(*bpp), short(*psnr), checks.iter().map(line).collect::<String>() + &escaped(verdict))
+            }
+            Result::Refused(error) => (String::new(), String::new(), format!("refused: {}", escaped(error))),
+            Result::Broken(fault) => {
+                (String::new(), String::new(), format!("<span class=\"bad\">{}</span>", escaped(fault)))
+            }
+        };
+        let picture = |png: &Vec<u8>| {
+            format!("<img alt=\"\" src=\"data:image/png;base64,{}\">", BASE64_STANDARD.encode(png))
+        };
+        let pictures: String = row.pictures.iter().map(picture).collect();
+        let _ = write!(
+            text,
+            "<tr><td>{}<td>{bits}<td>{psnr}<td>{:.2}<td>{result}<td>{pictures}",
+            escaped(&row.codec),
+            row.seconds
+        );
+    }
+    text + "</table></div></details>"
+}
+
+/// Text as HTML.
+pub(super) fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// The middle of an image as a PNG file in RGBA.
+///
+/// # Errors
+/// Where it cannot be written.
+pub(super) fn png(image: &Raster) -> Outcome<Vec<u8>> {
+    let size = image.size();
+    let (width, height) = (size.width.min(PICTURE), size.height.min(PICTURE));
+    let (left, top) = ((size.width - width) / 2, (size.height - height) / 2);
+    let texel = |i: u32| {
+        let texel = image.texel(left + i % width, top + i / width);
+        texel.to_array().map(texfold::image::to_u8)
+    };
+    png_of_pixels(&(0..width * height).map(texel).collect::<Vec<_>>(), (width, height))
+}
+
+/// Pixels as a PNG file.
+///
+/// # Errors
+/// Where it cannot be written.
+pub(super) fn png_of_pixels(pixels: &[[u8; 4]], (width, height): (u32, u32)) -> Outcome<Vec<u8>> {
+    let mut file = Cursor::new(Vec::new());
+    PngEncoder::new(&mut file).write_image(pixels.as_flattened(), width, height, ExtendedColorType::Rgba8)?;
+    Ok(file.into_inner())
+}

@@ -20,7 +20,8 @@ pub struct Notes {
     pub settings: String,
     /// One sentence: what was modelled, what was left out and why.
     pub verdict: String,
-    /// PSNR in dB of the whole with a part left out, by the part's name.
+    /// PSNR in dB of the whole with a part left out, by the part's name. What is not finite, as where nothing changes without it, is
+    /// not written.
     pub psnr_without: Vec<(String, f32)>,
 }
 
@@ -38,7 +39,8 @@ impl Notes {
         };
         text(&self.settings);
         text(&self.verdict);
-        for (name, psnr) in self.psnr_without.iter().take(MAX_PARTS) {
+        let known = self.psnr_without.iter().filter(|(_, psnr)| psnr.is_finite());
+        for (name, psnr) in known.take(MAX_PARTS) {
             text(name);
             text(&psnr.to_bits().to_string());
         }
@@ -91,6 +93,19 @@ fn text(reader: &mut Reader<'_>) -> Result<String, LoadError> {
 mod tests {
     use super::*;
     use crate::container::CodecId;
+
+    #[test]
+    fn notes_of_a_part_without_which_nothing_changes_can_be_read() {
+        let psnr_without =
+            vec![("exact".into(), f32::INFINITY), ("maps".into(), 30.0), ("none".into(), f32::NAN)];
+        let notes = Notes { psnr_without, ..Notes::default() };
+        let mut writer = SectionWriter::new(CodecId { number: 1, name: "test" });
+        notes.write(&mut writer);
+        let file = writer.finish().bytes;
+        let mut budget = Budget::default();
+        let read = Notes::read(&Sections::parse(&file, &mut budget).unwrap(), &mut budget).unwrap();
+        assert_eq!(read.psnr_without, [("maps".to_owned(), 30.0)]);
+    }
 
     #[test]
     fn notes_survive() {

@@ -24,6 +24,6 @@ pub use texfold_lightfield::{
 pub use texfold_progressive::{ProgressiveParams, Shared};
 pub use texfold_vq::{GuidanceWeights, VqParams, VqSource};
 pub use texfold_zipmap::{
-    Fidelity, LeftOut, PatchSource, PatchStack, Registration as StackRegistration, ZipError, ZipParams,
-    fidelity, masks as zip_masks, register,
+    Fault, Fidelity, LeftOut, PatchSource, PatchStack, Registration as StackRegistration, ZipError,
+    ZipParams, fidelity, masks as zip_masks, register,
 };

@@ -1,22 +1,24 @@
 //! Project automation: `cargo xtask COMMAND`.
 //!
-//! compress, decompress, info, render and compare are those of the `texfold` program; the others are the project's own.
+//! This program depends on no codec, so that it is built in seconds. Commands that need codecs are those of the package
+//! `texfold-checks` and of the program `texfold`, which are built for release and started.
 
 mod ci;
-mod fixtures;
 mod mutate;
-mod reference;
-mod stability;
+mod quick;
+mod run;
 mod tidy;
+mod timed;
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
 
-/// Texfold, and the chores of its repository.
+/// Chores of Texfold's repository.
 #[derive(Debug, Parser)]
-#[command(name = "cargo xtask")]
+#[command(name = "cargo xtask", after_help = run::OTHERS)]
 struct Tasks {
     #[command(subcommand)]
     task: Task,
@@ -24,31 +26,29 @@ struct Tasks {
 
 #[derive(Debug, clap::Subcommand)]
 enum Task {
-    #[command(flatten)]
-    Texfold(texfold_cli::Command),
-    /// Rebuild fixtures/ from code.
-    Fixtures(fixtures::FixturesArgs),
-    /// Compare quality and size of every codec with the figures in benches/reference.
-    Reference(reference::ReferenceArgs),
-    /// Every codec on inputs that methods do not suit, held to bounds, and where each stops working.
-    Stability(stability::StabilityArgs),
     /// Check the invariants that can be seen in manifests and source text.
     Tidy,
     /// Break the code in known ways and expect a test to fail for each.
     Mutate(mutate::MutateArgs),
+    /// Lint and test the packages that changed, and what holds for every codec.
+    Quick(quick::QuickArgs),
     /// Run all that continuous integration runs; stops at the first failure.
-    Ci,
+    Ci(ci::CiArgs),
+    /// Run a test program for cargo and note the time of each test.
+    #[command(hide = true)]
+    TimeTests { program: PathBuf, arguments: Vec<OsString> },
+    #[command(external_subcommand)]
+    Other(Vec<OsString>),
 }
 
 fn main() -> ExitCode {
     match Tasks::parse().task {
-        Task::Texfold(command) => texfold_cli::run(command),
-        Task::Fixtures(args) => fixtures::run(&args),
-        Task::Reference(args) => reference::run(&args),
-        Task::Stability(args) => stability::run(&args),
         Task::Tidy => tidy::run(),
         Task::Mutate(args) => mutate::run(&args),
-        Task::Ci => ci::run(),
+        Task::Quick(args) => quick::run(&args),
+        Task::Ci(args) => ci::run(&args),
+        Task::TimeTests { program, arguments } => timed::run(&program, &arguments),
+        Task::Other(arguments) => run::other(&arguments),
     }
 }
 

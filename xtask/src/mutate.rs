@@ -12,6 +12,7 @@ use std::time::Instant;
 use std::{env, fs};
 
 use crate::root;
+use crate::timed::VULKAN;
 
 /// One way to break the code.
 struct Mutation {
@@ -25,24 +26,24 @@ struct Mutation {
     test: Test,
 }
 
-/// One test function of an integration test.
+/// One test function of a package's tests.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 struct Test {
     package: &'static str,
-    file: &'static str,
+    /// With the module that it stands in.
     function: &'static str,
     /// What the test prints when it fails for the right reason, and not because a shader does not compile.
     says: &'static str,
 }
 
 /// A test of `texfold-gpu` that compares a GPU's pixels with the CPU's.
-const fn twin(file: &'static str, function: &'static str) -> Test {
-    Test { package: "texfold-gpu", file, function, says: "GPU [" }
+const fn twin(function: &'static str) -> Test {
+    Test { package: "texfold-gpu", function, says: "GPU [" }
 }
 
 /// A test of `texfold-gpu` that compares blocks decoded on a GPU with the CPU's.
 const fn blocks(function: &'static str) -> Test {
-    Test { package: "texfold-gpu", file: "block", function, says: "texels differ" }
+    Test { package: "texfold-gpu", function, says: "texels differ" }
 }
 
 const MUTATIONS: &[Mutation] = &[
@@ -51,14 +52,14 @@ const MUTATIONS: &[Mutation] = &[
         file: "shaders/wgsl/progressive.wgsl",
         find: "texfold_level(dx, dy, texfold_progressive_params.size)",
         replace: "texfold_level(dx, dy, texfold_residual_params.size)",
-        test: twin("twins", "derivatives_choose_the_level_that_the_cpu_computes"),
+        test: twin("twins::derivatives_choose_the_level_that_the_cpu_computes"),
     },
     Mutation {
         name: "every base goes on beyond the border",
         file: "shaders/wgsl/progressive.wgsl",
         find: "if texfold_residual_params.base_padding > 0u && address_mode == TEXFOLD_CLAMP {",
         replace: "if address_mode == TEXFOLD_CLAMP {",
-        test: twin("twins", "pasted_shaders_draw_with_every_switch_on"),
+        test: twin("twins::pasted_shaders_give_the_texels_of_the_cpu"),
     },
     Mutation {
         // Not here: `if true`. With a side of 0 the last texel wraps around to that of the whole base, which is right.
@@ -66,49 +67,49 @@ const MUTATIONS: &[Mutation] = &[
         file: "shaders/wgsl/residual.wgsl",
         find: "        if block > 0u {",
         replace: "        if false {",
-        test: twin("twins", "blended_texels_are_those_of_the_cpu"),
+        test: twin("twins::pasted_shaders_give_the_texels_of_the_cpu"),
     },
     Mutation {
         name: "bilinear places off by 0.003 texels",
         file: "shaders/wgsl/shared/address.wgsl",
         find: "* vec2<f32>(vec2<i32>(size)) - vec2<f32>(0.5);",
         replace: "* vec2<f32>(vec2<i32>(size)) - vec2<f32>(0.503);",
-        test: twin("twins", "blended_texels_are_those_of_the_cpu"),
+        test: twin("twins::pasted_shaders_give_the_texels_of_the_cpu"),
     },
     Mutation {
         name: "bilinear weights of 8 bits",
         file: "shaders/wgsl/shared/sample.wgsl",
         find: "    return texfold_mix(upper, lower, weight.y);",
         replace: "    return texfold_mix(upper, lower, round(weight.y * 256.0) / 256.0);",
-        test: twin("twins", "blended_texels_are_those_of_the_cpu"),
+        test: twin("twins::pasted_shaders_give_the_texels_of_the_cpu"),
     },
     Mutation {
         name: "an epitome with a residual plane alone is read as planes",
         file: "shaders/wgsl/epitome/errors.wgsl",
         find: "let plain = mixed & (plane == 0u);",
         replace: "let plain = plane == 0u;",
-        test: twin("twins", "blended_texels_are_those_of_the_cpu"),
+        test: twin("twins::pasted_shaders_give_the_texels_of_the_cpu"),
     },
     Mutation {
         name: "interpolated normals are not normalised",
         file: "shaders/wgsl/lightfield.wgsl",
         find: "let normal = smooth_normal / max(length(smooth_normal), 0.000001);",
         replace: "let normal = smooth_normal;",
-        test: twin("light", "the_shader_gives_what_the_cpu_gives_for_the_same_arguments"),
+        test: twin("light::the_shader_gives_what_the_cpu_gives_for_the_same_arguments"),
     },
     Mutation {
         name: "mip levels of blocks are means of values and not of light",
         file: "shaders/wgsl/entry/block.wgsl",
         find: "let is_light = (entry_output.average & 1u) == 1u;",
         replace: "let is_light = false;",
-        test: blocks("mip_levels_equal_those_of_the_cpu"),
+        test: blocks("block::mip_levels_equal_those_of_the_cpu"),
     },
     Mutation {
         name: "products of means around a block are not rounded",
         file: "shaders/wgsl/block.wgsl",
         find: "    return (value * weight + 128) >> 8u;",
         replace: "    return (value * weight) >> 8u;",
-        test: blocks("images_equal_those_of_the_cpu"),
+        test: blocks("block::images_equal_those_of_the_cpu"),
     },
 ];
 
@@ -229,21 +230,21 @@ impl Tree {
         let cargo = |rest: &[&str]| {
             let program = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
             Command::new(program)
-                .args(["test", "--quiet", "--package", test.package, "--test", test.file])
+                .args(["test", "--quiet", "--package", test.package, "--test", "main"])
                 .args(rest)
                 .env("CARGO_TARGET_DIR", &self.target)
-                .env("TEXFOLD_GPU", "require")
+                .envs(VULKAN)
                 .current_dir(&self.path)
                 .output()
         };
         let built = cargo(&["--no-run"])?;
         if !built.status.success() {
             eprint!("{}", String::from_utf8_lossy(&built.stderr));
-            return Err(io::Error::other(format!("{} does not compile", test.file)));
+            return Err(io::Error::other(format!("tests of {} do not compile", test.package)));
         }
         let output = cargo(&["--", "--exact", test.function])?;
         if String::from_utf8_lossy(&output.stdout).contains("running 0 tests") {
-            return Err(io::Error::other(format!("there is no test {} in {}", test.function, test.file)));
+            return Err(io::Error::other(format!("there is no test {} in {}", test.function, test.package)));
         }
         Ok(output)
     }

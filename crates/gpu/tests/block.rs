@@ -2,10 +2,8 @@
 
 #![allow(clippy::panic, clippy::unwrap_used, reason = "a test fails by panicking")]
 
-mod support;
-
+use crate::support::gpu;
 use glam::Vec4;
-use support::gpu;
 use texfold_core::container::Reader;
 use texfold_core::image::{Alpha, ColorSpace, Depth, ImageLayout, PixelInfo};
 use texfold_core::rng::Rng;

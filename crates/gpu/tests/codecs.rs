@@ -2,10 +2,8 @@
 
 #![allow(clippy::panic, clippy::unwrap_used, reason = "a test fails by panicking")]
 
-mod support;
-
+use crate::support::{PLACED, assert_close, gpu, image, plane_bound, zipmap};
 use glam::Vec4;
-use support::{PLACED, assert_close, gpu, image, plane_bound, zipmap};
 use texfold::image::ImageSet;
 use texfold::{
     Access, AnyImage, CODECS, ENCODINGS, Effort, EncodeSettings, Encoded, Goal, Guidance, Image2d,

@@ -1,9 +1,7 @@
 //! Images of any size, meshes, and what is refused.
 
-mod support;
-
+use crate::support::{Base, Forge, Subject, assert_close, bc, epitome, gpu, image, progressive, vq, zipmap};
 use glam::{Affine2, Mat4, Vec2, Vec3};
-use support::{Base, Forge, Subject, assert_close, bc, epitome, gpu, image, progressive, vq, zipmap};
 use texfold_bc::Content;
 use texfold_core::mesh::UvMesh;
 use texfold_gpu::{AddressMode, Filter, Gpu, GpuError, Lod, Lookup, Policy, Probe, View};

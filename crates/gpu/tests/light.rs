@@ -2,10 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests fail as tests do")]
 
-mod support;
-
+use crate::support::{BLENDED, Function, assert_close, gpu, run};
 use glam::{Mat4, Vec3, Vec4};
-use support::{BLENDED, Function, assert_close, gpu, run};
 use texfold_bc::Content;
 use texfold_core::{Access, Encoded, Encoder, Job};
 use texfold_gpu::GpuError;
@@ -109,8 +107,8 @@ fn the_shader_gives_what_the_cpu_gives_for_the_same_arguments() {
         let calls = arguments(view.params.triangles);
         let function = Function {
             module: texfold_shaders::module(whole.gpu().module).unwrap(),
-            name: "texfold_lightfield_sample".to_owned(),
-            arguments: "u32(a.x), a.yzw, b.xyz".to_owned(),
+            body: "return texfold_lightfield_sample(u32(a.x), a.yzw, b.xyz);".to_owned(),
+            off: Vec::new(),
         };
         let inputs: Vec<_> = calls
             .iter()

@@ -8,18 +8,16 @@
 
 #[path = "../examples/material.rs"]
 #[expect(dead_code, reason = "the example draws to a file, the test compares")]
-mod material;
+mod example;
 
-mod support;
-
-use support::{bc, gpu, image, vq};
+use crate::support::{bc, gpu, image, vq};
 use texfold_bc::Content;
 use texfold_gpu::{GpuError, Layer};
 
 #[test]
 fn six_textures_of_four_codecs_share_one_pipeline() {
     let Some(gpu) = gpu() else { return };
-    let (largest, images) = material::differences(gpu).unwrap();
+    let (largest, images) = example::differences(gpu).unwrap();
     // The same arithmetic, perhaps in another order of instructions: a value between two bytes may be rounded the other way.
     assert!(largest <= 1, "{largest} of 255");
     assert_eq!(images.len(), 7);

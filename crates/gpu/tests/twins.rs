@@ -2,18 +2,19 @@
 
 #![allow(clippy::panic, clippy::unwrap_used, reason = "a test fails by panicking")]
 
-mod support;
+use std::collections::HashSet;
+use std::sync::Mutex;
 
-use glam::{Affine2, IVec2, Mat2, Vec2, Vec4};
-use support::{
-    BLENDED, Call, Case, Forge, STORED, answers, assert_close, bc, calls_of, cases, epitome_case, gpu, vq,
-    wide_cases,
+use crate::support::{
+    BLENDED, Call, Case, Forge, STORED, Switches, answers, assert_close, bc, calls_of, cases, epitome_case,
+    gpu, on_two_devices, vq, wide_cases,
 };
+use glam::{Affine2, IVec2, Mat2, Vec2, Vec4};
 use texfold_bc::Content;
-use texfold_core::AstcBlock;
 use texfold_core::image::{ColorSpace, Raster};
+use texfold_core::{AstcBlock, SurfaceSize};
 use texfold_gpu::{AddressMode, Filter, Gpu, GpuError, GpuTexture, Lookup, View};
-use texfold_shaders::image_modules;
+use texfold_shaders::{Slot, image_modules};
 
 const MODES: [AddressMode; 2] = [AddressMode::Repeat, AddressMode::Clamp];
 
@@ -49,10 +50,30 @@ fn draw(gpu: &Gpu, case: &Case, texture: &GpuTexture, mode: AddressMode, view: &
     check(case, &name, view.surface, mode, &calls_of(view), &found)
 }
 
-/// Calls functions as a renderer pastes them, with every switch on, and compares what they give.
-fn call(gpu: &Gpu, case: &Case, texture: &GpuTexture, surface: u32, mode: AddressMode, calls: &[Call]) {
-    let found = answers(gpu, texture, surface, calls);
-    check(case, &format!("pasted {}", calls[0].function()), surface, mode, calls, &found);
+/// Calls functions as a renderer pastes them, and compares the results.
+fn call(
+    (gpu, switches): (&Gpu, Switches),
+    case: &Case,
+    texture: &GpuTexture,
+    surface: u32,
+    mode: AddressMode,
+    calls: &[Call],
+) {
+    let found = answers(gpu, texture, surface, switches, calls);
+    check(case, &format!("pasted, switches {switches:?}"), surface, mode, calls, &found);
+}
+
+/// The cases that this crate's own pipelines draw: all in full runs, otherwise the first of each module and set of switches, which
+/// is the first of each pipeline. The functions that these pipelines call are compared for every case as a renderer pastes them, and
+/// for these cases with every switch on.
+fn drawn_cases(gpu: &Gpu) -> Vec<&'static Case> {
+    let mut known = HashSet::new();
+    let mut is_new = |case: &&Case| {
+        let texture = case.subject.upload(gpu);
+        let constants = texture.constants(&Slot::new(texture.module(), 0, 0));
+        known.insert(format!("{} {constants:?}", texture.module().name)) || texfold_testkit::full()
+    };
+    cases().iter().filter(|case| is_new(case)).collect()
 }
 
 /// Draws every lookup of every image with both address modes.
@@ -95,9 +116,9 @@ fn every_module_of_images_has_a_case() {
 }
 
 #[test]
-fn every_texel_of_every_level_is_fetched_as_on_the_cpu() {
+fn own_pipelines_fetch_the_texels_of_the_cpu() {
     let Some(gpu) = gpu() else { return };
-    for case in cases() {
+    for case in drawn_cases(gpu) {
         let texture = case.subject.upload(gpu);
         let layout = case.subject.layout();
         for (surface, size) in (0..).zip(&layout.surfaces) {
@@ -116,33 +137,28 @@ fn every_texel_of_every_level_is_fetched_as_on_the_cpu() {
 }
 
 #[test]
-fn nearest_texels_wrap_and_clamp_as_on_the_cpu() {
-    for case in cases() {
+fn own_pipelines_wrap_clamp_and_blend_as_the_cpu() {
+    let Some(gpu) = gpu() else { return };
+    for case in drawn_cases(gpu) {
         let levels = case.subject.layout().levels;
         draw_all(case, &(0..levels).map(|level| Lookup::Nearest { level }).collect::<Vec<_>>());
-    }
-}
-
-#[test]
-fn blended_texels_are_those_of_the_cpu() {
-    for case in cases() {
-        let levels = case.subject.layout().levels;
         draw_all(case, &(0..levels).map(|level| Lookup::Bilinear { level }).collect::<Vec<_>>());
     }
 }
 
 #[test]
-fn trilinear_blends_are_those_of_the_cpu() {
-    let lookups = [-1.5, 0.0, 0.3, 1.0, 2.75, 4.999, 40.0].map(|lod| Lookup::Level { lod });
-    for case in cases() {
-        draw_all(case, &lookups);
+fn own_pipelines_blend_levels_as_the_cpu() {
+    let Some(gpu) = gpu() else { return };
+    let lods = [-1.5, 0.0, 0.3, 1.0, 2.75, 4.999, 40.0, 1e30, -1e30, f32::MAX, -0.0];
+    for case in drawn_cases(gpu) {
+        draw_all(case, &lods.map(|lod| Lookup::Level { lod }));
     }
 }
 
 #[test]
 fn derivatives_choose_the_level_that_the_cpu_computes() {
     let Some(gpu) = gpu() else { return };
-    let mut drawn = std::collections::HashSet::new();
+    let mut drawn = HashSet::new();
     for case in cases() {
         let form = case.subject.form();
         // A case with mip levels of each module, and one that is stored smaller than it is.
@@ -172,100 +188,91 @@ fn derivatives_choose_the_level_that_the_cpu_computes() {
     }
 }
 
-/// Calls of the functions that read a level, at some places. Those that blend two levels call these twice, and this crate's pipelines draw
-/// them: with every switch on a software renderer compiles them for a minute.
-fn calls_at(places: &[Vec2], levels: u32) -> [Vec<Call>; 2] {
-    let all = |call: &dyn Fn(Vec2, u32) -> Call| {
-        let of = |&uv: &Vec2| (0..levels.min(3)).map(move |level| (uv, level));
-        places.iter().flat_map(of).map(|(uv, level)| call(uv, level)).collect::<Vec<_>>()
+/// Calls of the functions that take coordinates and read one level, at some places. Those that blend two levels call these twice, and
+/// this crate's pipelines draw them: with every switch on a software renderer compiles them for a minute.
+fn calls_at(places: &[Vec2], levels: u32) -> Vec<Call> {
+    let of = |&uv: &Vec2| {
+        (0..levels.min(3)).flat_map(move |level| [Call::Nearest { uv, level }, Call::Bilinear { uv, level }])
     };
-    [all(&|uv, level| Call::Nearest { uv, level }), all(&|uv, level| Call::Bilinear { uv, level })]
+    places.iter().flat_map(of).collect()
+}
+
+/// Every texel of every level, and some around it: what lies outside is the nearest texel inside.
+fn fetches(case: &Case, surface: u32) -> Vec<Call> {
+    let layout = case.subject.layout();
+    let of = |level: u32| {
+        let size = layout.surfaces[surface as usize].at_level(level);
+        calls_of(&View::whole(surface, (size.width + 3, size.height + 2), Lookup::Fetch { level }))
+    };
+    (0..layout.levels).flat_map(of).collect()
+}
+
+/// Quarters of texels from one texel before the image to one behind it, along both diagonals; none where sides are no powers of two:
+/// edges and centres of texels are then no exact coordinates.
+fn edges(size: SurfaceSize) -> Vec<Vec2> {
+    if !(size.width.is_power_of_two() && size.height.is_power_of_two() && size.width * size.height > 64) {
+        return Vec::new();
+    }
+    let side = Vec2::new(size.width as f32, size.height as f32);
+    let place = |k: i32| {
+        let at = |side: u32| (k % (4 * side as i32 + 8)) as f32 * 0.25;
+        let at = Vec2::new(at(size.width), at(size.height));
+        [at / side, Vec2::new(at.x, size.height as f32 - at.y) / side]
+    };
+    (-4..=(4 * size.width.max(size.height) as i32 + 4)).flat_map(place).collect()
+}
+
+/// Coordinates of any size.
+fn any_numbers() -> Vec<Vec2> {
+    let numbers = [1e9, -1e9, 1e30, -1e30, 3e9, 0.3, -1e-30, f32::MAX, 0.0, 1.0];
+    numbers.iter().flat_map(|&x| numbers.iter().map(move |&y| Vec2::new(x, y))).collect()
 }
 
 #[test]
-fn pasted_shaders_draw_with_every_switch_on() {
+fn pasted_shaders_give_the_texels_of_the_cpu() {
     let Some(gpu) = gpu() else { return };
-    let view = View { surface: 0, size: (16, 8), uv: askew(), lookup: Lookup::Bilinear { level: 0 } };
+    let view = View { surface: 0, size: SIZE, uv: askew(), lookup: Lookup::Bilinear { level: 0 } };
     let place = |call: &Call| if let Call::Bilinear { uv, .. } = call { *uv } else { Vec2::ZERO };
-    let places: Vec<Vec2> = calls_of(&view).iter().map(place).collect();
-    for case in cases() {
+    let inside: Vec<Vec2> = calls_of(&view).iter().map(place).chain(any_numbers()).collect();
+    let with_all: Vec<&Case> = drawn_cases(gpu);
+    let with_edges = Mutex::new(HashSet::new());
+    on_two_devices(cases(), |gpu, case| {
+        let is_one = with_all.iter().any(|one| std::ptr::eq(*one, case));
+        let switches = if is_one { Switches::On } else { Switches::Needed };
+        let layout = case.subject.layout();
         for mode in MODES {
             let texture = case.subject.upload(gpu).with_address_mode(mode);
-            for surface in 0..texture.surfaces().min(3) as u32 {
-                for calls in calls_at(&places, case.subject.layout().levels) {
-                    call(gpu, case, &texture, surface, mode, &calls);
+            for (surface, &size) in (0..).zip(&layout.surfaces) {
+                let edges = edges(size);
+                if !edges.is_empty() {
+                    with_edges.lock().unwrap().insert(case.subject.form().module);
                 }
+                let mut calls = calls_at(&[inside.as_slice(), &edges].concat(), layout.levels);
+                if mode == AddressMode::Clamp {
+                    calls.extend(fetches(case, surface));
+                }
+                call((gpu, switches), case, &texture, surface, mode, &calls);
             }
         }
-    }
-}
-
-#[test]
-fn coordinates_may_lie_on_texel_edges() {
-    let Some(gpu) = gpu() else { return };
-    let mut found = std::collections::HashSet::new();
-    for case in cases() {
-        for (surface, size) in (0..).zip(&case.subject.layout().surfaces) {
-            // Where sides are powers of two, edges and centres of texels are exact coordinates.
-            if !(size.width.is_power_of_two()
-                && size.height.is_power_of_two()
-                && size.width * size.height > 64)
-            {
-                continue;
-            }
-            found.insert(case.subject.form().module);
-            let side = Vec2::new(size.width as f32, size.height as f32);
-            // Quarters of texels from one texel before the image to one behind it, along both diagonals.
-            let quarters = -4..=(4 * size.width.max(size.height) as i32 + 4);
-            let place = |k: i32| {
-                let at = Vec2::new(
-                    (k % (4 * size.width as i32 + 8)) as f32,
-                    (k % (4 * size.height as i32 + 8)) as f32,
-                ) * 0.25;
-                [at / side, Vec2::new(at.x, size.height as f32 - at.y) / side]
-            };
-            let places: Vec<Vec2> = quarters.flat_map(place).collect();
-            for mode in MODES {
-                let texture = case.subject.upload(gpu).with_address_mode(mode);
-                for calls in calls_at(&places, case.subject.layout().levels) {
-                    call(gpu, case, &texture, surface, mode, &calls);
-                }
-            }
-        }
-    }
+    });
     for module in ["bc", "vq", "epitome", "progressive"] {
-        assert!(found.contains(module), "no texture of {module} has sides that are powers of two");
+        let found = with_edges.lock().unwrap().contains(module);
+        assert!(found, "no texture of {module} has sides that are powers of two");
     }
 }
 
 #[test]
-fn any_number_may_be_a_coordinate_or_a_level() {
-    let numbers = [1e9, -1e9, 1e30, -1e30, 3e9, 0.3, -1e-30, f32::MAX, 0.0, 1.0];
-    let places: Vec<Vec2> =
-        numbers.iter().flat_map(|&x| numbers.iter().map(move |&y| Vec2::new(x, y))).collect();
+fn the_cpu_gives_a_colour_for_any_coordinate_and_level() {
+    // Shaders may do as they like with these; the CPU gives some colour of the image.
+    let odd = [f32::INFINITY, f32::NEG_INFINITY, f32::NAN];
     for case in cases() {
-        for mode in MODES {
-            if let Some(gpu) = gpu() {
-                let texture = case.subject.upload(gpu).with_address_mode(mode);
-                let levels = case.subject.layout().levels;
-                for calls in calls_at(&places, levels) {
-                    call(gpu, case, &texture, 0, mode, &calls);
-                }
-                for lod in [1e30, -1e30, f32::MAX, -0.0] {
-                    let view = View { surface: 0, size: (4, 4), uv: askew(), lookup: Lookup::Level { lod } };
-                    draw(gpu, case, &texture, mode, &view);
-                }
-            }
-            // Shaders may do as they like with these; the CPU gives some colour of the image.
-            let odd = [f32::INFINITY, f32::NEG_INFINITY, f32::NAN];
-            for (x, lod) in odd.into_iter().flat_map(|x| odd.map(|lod| (x, lod))) {
-                let uv = Vec2::new(x, -x);
-                for call in
-                    [Call::Nearest { uv, level: 0 }, Call::Bilinear { uv, level: 0 }, Call::Level { uv, lod }]
-                {
-                    let found = case.subject.call(0, mode, call);
-                    assert!(found.is_finite(), "{}, {call:?}", case.name);
-                }
+        for (x, lod) in odd.into_iter().flat_map(|x| odd.map(|lod| (x, lod))) {
+            let uv = Vec2::new(x, -x);
+            for call in
+                [Call::Nearest { uv, level: 0 }, Call::Bilinear { uv, level: 0 }, Call::Level { uv, lod }]
+            {
+                let found = case.subject.call(0, AddressMode::Repeat, call);
+                assert!(found.is_finite(), "{}, {call:?}", case.name);
             }
         }
     }
@@ -284,14 +291,13 @@ fn textures_of_8192_texels_a_side_are_drawn_as_on_the_cpu() {
         let places: Vec<Vec2> = near.into_iter().flatten().flat_map(place).collect();
         for mode in MODES {
             let texture = case.subject.upload(gpu).with_address_mode(mode);
-            let [nearest, bilinear] = calls_at(&places, case.subject.layout().levels);
             let columns = [0, 1, 4095, 4096, 8184, 8191, 9000];
             let fetch = columns
                 .iter()
                 .flat_map(|&x| (0..8).map(move |y| Call::Fetch { at: IVec2::new(x, y), level: 0 }));
-            for calls in [fetch.collect(), nearest, bilinear] {
-                call(gpu, &case, &texture, 0, mode, &calls);
-            }
+            let calls: Vec<Call> =
+                calls_at(&places, case.subject.layout().levels).into_iter().chain(fetch).collect();
+            call((gpu, Switches::On), &case, &texture, 0, mode, &calls);
         }
     }
 }
@@ -317,7 +323,7 @@ fn astc_is_sampled_as_on_the_cpu() {
         println!("skipped: ASTC on the GPU needs the feature texfold-bc/astc");
         return;
     }
-    for case in support::astc_cases() {
+    for case in crate::support::astc_cases() {
         if !gpu.has_astc() {
             let refused = gpu.upload(&case.subject.form());
             assert!(matches!(refused, Err(GpuError::NoBlockCompression { .. })), "{}", case.name);

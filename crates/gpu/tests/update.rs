@@ -2,10 +2,8 @@
 
 #![allow(clippy::panic, clippy::unwrap_used, reason = "a test fails by panicking")]
 
-mod support;
-
+use crate::support::{Case, Subject, Twin, assert_close, calls_of, gpu, image, layered_case};
 use glam::{Mat2, Vec2, Vec4};
-use support::{Case, Subject, Twin, assert_close, calls_of, gpu, image, layered_case};
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::ImageSet;
 use texfold_core::{
@@ -172,7 +170,7 @@ fn compare_levels(gpu: &Gpu, texture: &dyn Encoded<Domain = Image2d>, uploaded: 
 #[test]
 fn planes_of_the_same_size_are_written_in_place() {
     let Some(gpu) = gpu() else { return };
-    let first = support::vq(&[(37, 61)], 2, 3, texfold_bc::Content::Raw);
+    let first = crate::support::vq(&[(37, 61)], 2, 3, texfold_bc::Content::Raw);
     let form = first.form();
     let mut texture = gpu.upload(&form).unwrap();
     let size = (37, 61);

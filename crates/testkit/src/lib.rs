@@ -9,3 +9,9 @@ mod load;
 pub use load::{data_dir, fixtures_dir, frames, image, png};
 
 pub use texfold_core::rng;
+
+/// Whether the long form of tests is to run: where the environment variable `TEXFOLD_FULL` is set.
+#[must_use]
+pub fn full() -> bool {
+    std::env::var_os("TEXFOLD_FULL").is_some()
+}

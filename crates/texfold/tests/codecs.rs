@@ -6,13 +6,11 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may fail as tests do")]
 
-mod support;
-
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
+use crate::support::{fixture, zipmap};
 use proptest::prelude::*;
-use support::{fixture, zipmap};
 use texfold::container::{CodecId, SectionWriter, Sections};
 use texfold::image::ImageSet;
 use texfold::metric::{decode_surface, measure, quality};

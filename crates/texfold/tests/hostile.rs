@@ -2,11 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
 
-mod support;
-
+use crate::support::forged::{rewritten, with_changed_section};
+use crate::support::{small_textures, target};
 use rayon::prelude::*;
-use support::forged::{rewritten, with_changed_section};
-use support::{small_textures, target};
 use texfold::container::{SectionWriter, Sections};
 use texfold::metric::decode_surface;
 use texfold::{
@@ -83,7 +81,7 @@ fn astc_content_loads_or_names_the_feature_that_it_needs() {
 
 #[test]
 fn astc_content_is_not_asked_for_without_its_feature() {
-    let set = support::fixture("odd_37x61");
+    let set = crate::support::fixture("odd_37x61");
     let plain = BcParams::default().with_family(Family::Astc);
     let encoded = Bc::encode(&set, &plain, &mut texfold::Job::default());
     let available = Content::Astc(AstcBlock::B8).is_available();

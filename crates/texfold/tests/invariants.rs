@@ -2,10 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
 
-mod support;
-
+use crate::support::{bc, epitome, fixture, small_textures, vq};
 use proptest::prelude::*;
-use support::{bc, epitome, fixture, small_textures, vq};
 use texfold::image::{ColorSpace, ImageSet, Raster};
 use texfold::metric::{decode_surface, quality};
 use texfold::{

@@ -35,35 +35,61 @@ fn fs(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let pixel = vec2<i32>(position.xy);
     let a = textureLoad(arguments, vec2<i32>(2 * pixel.x, pixel.y), 0);
     let b = textureLoad(arguments, vec2<i32>(2 * pixel.x + 1, pixel.y), 0);
-    return CALL;
+    BODY
 }
 ";
 
-/// What a pasted function is called with: its name, and its arguments in WGSL from the texels `a` and `b`.
+/// The functions that read one level, chosen by the last number of `a`: one pipeline, as software renderers compile each for every
+/// texture anew, which takes most of the time of these tests.
+const LEVEL_FUNCTIONS: &str = "
+    let level = u32(a.z);
+    switch u32(a.w) {
+        case 0u: { return NAME_fetch(SURFACEvec2<i32>(a.xy), level); }
+        case 1u: { return NAME_nearest(SURFACEa.xy, level); }
+        default: { return NAME_bilinear(SURFACEa.xy, level); }
+    }
+";
+
+/// What a pixel does: statements in WGSL that return a colour made of the texels `a` and `b` of arguments.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(crate) struct Function {
     pub(crate) module: &'static ModuleInfo,
-    pub(crate) name: String,
-    pub(crate) arguments: String,
+    pub(crate) body: String,
+    /// Switches of the module that are off, by their names.
+    pub(crate) off: Vec<String>,
 }
 
-/// The GPU's answers to calls of one function for image `surface`.
-pub(crate) fn answers(gpu: &Gpu, texture: &GpuTexture, surface: u32, calls: &[Call]) -> Vec<[f32; 4]> {
+/// Switches of a module in a pipeline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Switches {
+    /// All on, as a shader is pasted.
+    On,
+    /// Those that the texture needs, as `GpuTexture::constants` gives them.
+    Needed,
+}
+
+/// The GPU's answers to calls for image `surface`: of the functions that read one level, or all of one function.
+pub(crate) fn answers(
+    gpu: &Gpu,
+    texture: &GpuTexture,
+    surface: u32,
+    switches: Switches,
+    calls: &[Call],
+) -> Vec<[f32; 4]> {
     let slot = Slot::new(texture.module(), 0, 0);
     let (bind_group, place) = texture.bind_group(surface).unwrap();
-    let function = calls[0].function();
-    let rest = match calls[0] {
-        Call::Fetch { .. } => "vec2<i32>(a.xy), u32(a.z)",
-        Call::Nearest { .. } | Call::Bilinear { .. } => "a.xy, u32(a.z)",
-        Call::Level { .. } => "a.xy, a.z",
-        Call::Grad { .. } => "a.xy, b.xy, b.zw",
-    };
+    let name = slot.sample_function().replace("_sample", "");
     let surface = if texture.module().has_surface { format!("{place}u, ") } else { String::new() };
-    let function = Function {
-        module: texture.module(),
-        name: slot.sample_function().replace("_sample", &format!("_{function}")),
-        arguments: format!("{surface}{rest}"),
+    let body = match calls[0] {
+        Call::Fetch { .. } | Call::Nearest { .. } | Call::Bilinear { .. } => {
+            LEVEL_FUNCTIONS.replace("NAME", &name).replace("SURFACE", &surface)
+        }
+        Call::Level { .. } => format!("return {name}_sample_level({surface}a.xy, a.z);"),
+        Call::Grad { .. } => format!("return {name}_sample_grad({surface}a.xy, b.xy, b.zw);"),
     };
+    let is_off = |constant: &(String, f64)| switches == Switches::Needed && constant.1 == 0.0;
+    let off = texture.constants(&slot).into_iter().filter(is_off).map(|constant| constant.0).collect();
+    let function = Function { module: texture.module(), body, off };
     let arguments: Vec<[[f32; 4]; ARGUMENTS]> = calls.iter().map(|&call| arguments(call)).collect();
     run(gpu, &function, bind_group, &arguments)
 }
@@ -71,9 +97,8 @@ pub(crate) fn answers(gpu: &Gpu, texture: &GpuTexture, surface: u32, calls: &[Ca
 fn arguments(call: Call) -> [[f32; 4]; ARGUMENTS] {
     match call {
         Call::Fetch { at, level } => [[at.x as f32, at.y as f32, level as f32, 0.0], [0.0; 4]],
-        Call::Nearest { uv, level } | Call::Bilinear { uv, level } => {
-            [[uv.x, uv.y, level as f32, 0.0], [0.0; 4]]
-        }
+        Call::Nearest { uv, level } => [[uv.x, uv.y, level as f32, 1.0], [0.0; 4]],
+        Call::Bilinear { uv, level } => [[uv.x, uv.y, level as f32, 2.0], [0.0; 4]],
         Call::Level { uv, lod } => [[uv.x, uv.y, lod, 0.0], [0.0; 4]],
         Call::Grad { uv, dx, dy } => [[uv.x, uv.y, 0.0, 0.0], [dx.x, dx.y, dy.x, dy.y]],
     }
@@ -105,7 +130,7 @@ pub(crate) fn run(
     gpu.queue().write_texture(source.as_image_copy(), bytemuck::cast_slice(&texels), layout, source.size());
     let inputs = device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: None,
-        layout: inputs_layout(gpu),
+        layout: &inputs_layout(gpu),
         entries: &[wgpu::BindGroupEntry {
             binding: 0,
             resource: wgpu::BindingResource::TextureView(&offscreen::view_of(&source)),
@@ -116,37 +141,37 @@ pub(crate) fn run(
     bytemuck::cast_slice(&found)[..arguments.len()].to_vec()
 }
 
-fn inputs_layout(gpu: &Gpu) -> &'static BindGroupLayout {
-    static LAYOUT: OnceLock<BindGroupLayout> = OnceLock::new();
-    LAYOUT.get_or_init(|| {
-        gpu.device().create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: None,
-            entries: &[wgpu::BindGroupLayoutEntry {
-                binding: 0,
-                visibility: wgpu::ShaderStages::FRAGMENT,
-                ty: wgpu::BindingType::Texture {
-                    sample_type: wgpu::TextureSampleType::Float { filterable: false },
-                    view_dimension: wgpu::TextureViewDimension::D2,
-                    multisampled: false,
-                },
-                count: None,
-            }],
-        })
+fn inputs_layout(gpu: &Gpu) -> BindGroupLayout {
+    gpu.device().create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: None,
+        entries: &[wgpu::BindGroupLayoutEntry {
+            binding: 0,
+            visibility: wgpu::ShaderStages::FRAGMENT,
+            ty: wgpu::BindingType::Texture {
+                sample_type: wgpu::TextureSampleType::Float { filterable: false },
+                view_dimension: wgpu::TextureViewDimension::D2,
+                multisampled: false,
+            },
+            count: None,
+        }],
     })
 }
 
 /// The pipeline of a function, made on first use: software renderers take seconds for long ones.
 fn pipeline(gpu: &Gpu, function: &Function) -> RenderPipeline {
-    static PIPELINES: OnceLock<Mutex<HashMap<Function, RenderPipeline>>> = OnceLock::new();
+    static PIPELINES: OnceLock<Mutex<HashMap<(usize, Function), RenderPipeline>>> = OnceLock::new();
     let mut known = PIPELINES.get_or_init(Mutex::default).lock().unwrap();
-    known.entry(function.clone()).or_insert_with(|| make(gpu, function)).clone()
+    // Devices of several instances compare equal; those of the tests stay where they are.
+    let key = (std::ptr::from_ref(gpu).addr(), function.clone());
+    known.entry(key).or_insert_with(|| make(gpu, function)).clone()
 }
 
 fn make(gpu: &Gpu, function: &Function) -> RenderPipeline {
-    let own = SHADER.replace("CALL", &format!("{}({})", function.name, function.arguments));
+    let own = SHADER.replace("BODY", &function.body);
     let source =
         wgpu::ShaderSource::Wgsl((paste(&[Slot::new(function.module, 0, 0)]).unwrap() + &own).into());
     let shader = gpu.device().create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
-    let groups = [Some(gpu.bind_group_layout(function.module)), Some(inputs_layout(gpu))];
-    offscreen::pipeline(gpu, &shader, &groups, &[], TextureFormat::Rgba32Float)
+    let groups = [Some(gpu.bind_group_layout(function.module)), Some(&inputs_layout(gpu))];
+    let off: Vec<(&str, f64)> = function.off.iter().map(|name| (name.as_str(), 0.0)).collect();
+    offscreen::pipeline(gpu, &shader, &groups, &off, TextureFormat::Rgba32Float)
 }

@@ -12,6 +12,7 @@ mod twin;
 mod zipmap;
 
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::{IVec2, Vec2, Vec4};
 use texfold_bc::{Bc, BcParams, Content};
@@ -31,17 +32,21 @@ pub(crate) use cases::{
     wide_cases,
 };
 pub(crate) use epitome::{Forge, epitome};
-pub(crate) use host::{Function, answers, run};
+pub(crate) use host::{Function, Switches, answers, run};
 pub(crate) use progressive::{Base, progressive};
 pub(crate) use residual::{Edge, Residual};
 pub(crate) use twin::{Call, Twin};
 pub(crate) use zipmap::{zipmap, zipmap_blocks};
 
 /// The adapter, or `None` with a printed line where there is none and none is required.
+///
+/// Tests take turns on two devices: software Vulkan compiles the shaders of one device on one core.
 pub(crate) fn gpu() -> Option<&'static Gpu> {
-    static GPU: OnceLock<Result<Gpu, GpuError>> = OnceLock::new();
+    static GPUS: [OnceLock<Result<Gpu, GpuError>>; 2] = [const { OnceLock::new() }; 2];
+    static NEXT: AtomicUsize = AtomicUsize::new(0);
+    thread_local! { static TURN: usize = NEXT.fetch_add(1, Ordering::Relaxed) % GPUS.len(); }
     let policy = Policy::from_env();
-    match GPU.get_or_init(|| Gpu::new(policy)) {
+    match GPUS[TURN.with(|turn| *turn)].get_or_init(|| Gpu::new(policy)) {
         Ok(gpu) => Some(gpu),
         Err(error) if policy == Policy::Require => panic!("TEXFOLD_GPU=require, but: {error}"),
         Err(error) => {
@@ -49,6 +54,19 @@ pub(crate) fn gpu() -> Option<&'static Gpu> {
             None
         }
     }
+}
+
+/// Does `work` for each of `cases`, on two devices at a time.
+pub(crate) fn on_two_devices(cases: &[Case], work: impl Fn(&Gpu, &Case) + Sync) {
+    std::thread::scope(|scope| {
+        for first in 0..2 {
+            let work = &work;
+            scope.spawn(move || {
+                let Some(gpu) = gpu() else { return };
+                cases.iter().skip(first).step_by(2).for_each(|case| work(gpu, case));
+            });
+        }
+    });
 }
 
 /// An encoded texture with the CPU functions that its shader must equal.

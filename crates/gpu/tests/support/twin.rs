@@ -19,19 +19,6 @@ pub(crate) enum Call {
     Grad { uv: Vec2, dx: Vec2, dy: Vec2 },
 }
 
-impl Call {
-    /// The end of the function's name.
-    pub(crate) fn function(self) -> &'static str {
-        match self {
-            Call::Fetch { .. } => "fetch",
-            Call::Nearest { .. } => "nearest",
-            Call::Bilinear { .. } => "bilinear",
-            Call::Level { .. } => "sample_level",
-            Call::Grad { .. } => "sample_grad",
-        }
-    }
-}
-
 /// An encoded texture with the CPU functions that its shader must equal.
 pub(crate) trait Twin: Send + Sync {
     /// The texture.

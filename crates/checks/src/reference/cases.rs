@@ -87,6 +87,11 @@ impl Case {
         format!("{} {}", self.codec, self.setting).trim_end().to_owned()
     }
 
+    /// Whether `image` is the file name of an input.
+    pub(super) fn reads(&self, image: &str) -> bool {
+        self.inputs.iter().any(|input| input.file_name().is_some_and(|name| name == image))
+    }
+
     /// A folder's name.
     pub(super) fn folder(&self) -> String {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
@@ -103,19 +108,24 @@ impl Suite {
         }
     }
 
-    /// Its cases; what has to be made first is made in `work`. None where there is no data.
-    pub(super) fn cases(self, work: &Path) -> io::Result<Vec<Case>> {
+    /// Its cases, in quick runs of few images; inputs that have to be made first are made in `work`. None where there is no data.
+    pub(super) fn cases(self, work: &Path, quick: bool) -> io::Result<Vec<Case>> {
         match self {
-            Suite::Fixtures => fixtures(work),
+            Suite::Fixtures => fixtures(work, quick),
             Suite::Data => texfold_testkit::data_dir("the reference of photographs")
                 .map_or(Ok(Vec::new()), |data| photographs(&data, work)),
         }
     }
 }
 
-fn fixtures(work: &Path) -> io::Result<Vec<Case>> {
+fn fixtures(work: &Path, quick: bool) -> io::Result<Vec<Case>> {
+    let is_wanted = |name: &&&str| !quick || FEW_IMAGES.contains(name);
     let paths = |names: &[&str]| -> Vec<PathBuf> {
-        names.iter().map(|name| root().join(format!("fixtures/images/{name}.png"))).collect()
+        names
+            .iter()
+            .filter(is_wanted)
+            .map(|name| root().join(format!("fixtures/images/{name}.png")))
+            .collect()
     };
     let case = |&(codec, setting, images)| Case::new(codec, setting, paths(images));
     let mut cases: Vec<Case> = SETTINGS.iter().map(case).collect();

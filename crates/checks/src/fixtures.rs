@@ -40,7 +40,7 @@ fn write() -> io::Result<bool> {
 }
 
 /// Whether all files are as the code gives them; names those that are not.
-pub(crate) fn check() -> io::Result<bool> {
+fn check() -> io::Result<bool> {
     let odd = check_all(&folder())?;
     for path in &odd {
         eprintln!("error: fixtures/{} is not what the code gives; run cargo xtask fixtures", path.display());

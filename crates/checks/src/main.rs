@@ -1,0 +1,46 @@
+//! Checks of all codecs: `cargo xtask fixtures`, `reference` and `stability`. The commands of the `texfold` program are here too, as
+//! `reference` compares their reports.
+
+mod fixtures;
+mod reference;
+mod stability;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::Parser;
+
+/// Checks of all codecs.
+#[derive(Debug, Parser)]
+#[command(name = "cargo xtask")]
+struct Checks {
+    #[command(subcommand)]
+    check: Check,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Check {
+    #[command(flatten)]
+    Texfold(texfold_cli::Command),
+    /// Rebuild fixtures/ from code.
+    Fixtures(fixtures::FixturesArgs),
+    /// Compare quality and size of every codec with the figures in benches/reference.
+    Reference(reference::ReferenceArgs),
+    /// Hold every codec to bounds on inputs that methods do not suit, and chart where each stops working.
+    Stability(stability::StabilityArgs),
+}
+
+fn main() -> ExitCode {
+    match Checks::parse().check {
+        Check::Texfold(command) => texfold_cli::run(command),
+        Check::Fixtures(args) => fixtures::run(&args),
+        Check::Reference(args) => reference::run(&args),
+        Check::Stability(args) => stability::run(&args),
+    }
+}
+
+/// The workspace's root: two folders above this package's.
+fn root() -> PathBuf {
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    package.ancestors().nth(2).unwrap_or(package).to_owned()
+}

@@ -1,0 +1,11 @@
+//! Tests of GPU textures, drawn on a GPU or software Vulkan, as one program: what they share is compiled, linked and made once.
+
+mod block;
+mod codecs;
+mod drawing;
+mod layout;
+mod light;
+mod material;
+mod support;
+mod twins;
+mod update;

@@ -107,11 +107,7 @@ const ALLOWED: [Allowed; 19] = [
             "toml",
         ],
     },
-    Allowed {
-        package: "testkit",
-        numeric: true,
-        may: &["image", "png", "proptest", "texfold", "texfold-bc", "texfold-core", "texfold-lightfield"],
-    },
+    Allowed { package: "testkit", numeric: true, may: &["image", "texfold-core"] },
     Allowed {
         package: "benches",
         numeric: true,

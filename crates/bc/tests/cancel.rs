@@ -3,20 +3,16 @@
 #![cfg(feature = "encode")]
 #![allow(clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
 
-use std::time::{Duration, Instant};
-
 use texfold_bc::{Bc, BcParams, Content};
 use texfold_core::image::{ImageSet, MipFilter, Raster, mip_chain_cancellable};
 use texfold_core::metric::measure_for;
-use texfold_core::{EncodeError, Encoder, Goal, Job, Texel};
-use texfold_testkit::cancel::{stops_soon, stops_within};
+use texfold_core::{Encoder, Goal, Job, Texel};
+use texfold_testkit::cancel::{looks_often, stops_soon};
 use texfold_testkit::image;
 
 /// Texels a side of the image whose levels are made and measured: four megatexels; and of the one that is encoded.
 const SIDE: u32 = 2048;
 const ENCODED_SIDE: u32 = 512;
-/// Shortest time that a machine which does other work tells apart from none.
-const LEAST: Duration = Duration::from_millis(20);
 
 /// An image side by side with itself.
 fn tiled(side: u32) -> Raster {
@@ -25,13 +21,6 @@ fn tiled(side: u32) -> Raster {
     let texels: Vec<Texel> =
         (0..side * side).map(|i| tile.texel(i % side % width, i / side % height)).collect();
     Raster::from_texels(side, side, tile.info(), &texels).unwrap()
-}
-
-/// Fails where `work` has a part without a look that takes longer than a quarter of the whole.
-fn looks_often(name: &str, work: impl Fn(&mut Job<'_>) -> Result<(), EncodeError>) {
-    let start = Instant::now();
-    work(&mut Job::default()).unwrap();
-    stops_within(name, (start.elapsed() / 4).max(LEAST), work);
 }
 
 #[test]
@@ -45,7 +34,6 @@ fn mip_levels_measures_and_encoding_stop_soon() {
     let params = BcParams::default().with_goal(Goal::Psnr(20.0)).with_content(Content::Raw);
     let texture = Bc::encode(&set, &params, &mut Job::default()).unwrap();
     looks_often("quality", |job| measure_for(Goal::default(), &set, &texture, job.cancel_check()).map(drop));
-    // Behind the others, not beside them: their shares are those of a machine that does nothing else.
     let set = ImageSet::single(tiled(ENCODED_SIDE));
     let params = BcParams::default().with_goal(Goal::Psnr(30.0)).with_mips(true);
     stops_soon("encoding", |job| Bc::encode(&set, &params, job).map(drop));

@@ -1,29 +1,50 @@
 //! Progress, cancellation, threads, seed and memory budget as one argument.
 
+use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::{Budget, EncodeError, Limits};
 
-/// Asks a job to stop; it does so at its next checkpoint.
-#[derive(Debug, Default)]
-pub struct Cancel(AtomicBool);
+/// Stops a job: by [`Cancel::cancel`] from another thread, or where a function says so.
+#[derive(Default)]
+pub struct Cancel {
+    asked: AtomicBool,
+    when: Option<Box<dyn Fn() -> bool + Send + Sync>>,
+}
+
+impl fmt::Debug for Cancel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Cancel").field("asked", &self.asked).finish_non_exhaustive()
+    }
+}
 
 impl Cancel {
-    /// Asks the job to stop.
-    pub fn cancel(&self) {
-        self.0.store(true, Ordering::Relaxed);
+    /// Stops a job when `when` returns `true`: for callers with a signal of their own. It is called at each look, from any of the job's
+    /// threads, up to once for each block of a texture.
+    pub fn when(when: impl Fn() -> bool + Send + Sync + 'static) -> Self {
+        Cancel { asked: AtomicBool::new(false), when: Some(Box::new(when)) }
     }
 
-    /// Whether it was asked to.
+    /// Asks the job to stop.
+    pub fn cancel(&self) {
+        self.asked.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the job is to stop.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        let is_asked = self.asked.load(Ordering::Relaxed);
+        if !is_asked && self.when.as_ref().is_some_and(|when| when()) {
+            self.cancel();
+            return true;
+        }
+        is_asked
     }
 }
 
 /// A look at whether a job was asked to stop, for loops that run on several threads or have no [`Job`] at hand.
 ///
-/// One look is one relaxed load of an atomic: cheap enough for every block of a texture.
+/// One look is one relaxed load of an atomic, and the caller's function where there is one: cheap enough for every block of a texture.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct CancelCheck<'a>(Option<&'a Cancel>);
 
@@ -65,8 +86,8 @@ pub struct Job<'a> {
     pub budget: Budget,
 }
 
-impl std::fmt::Debug for Job<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl fmt::Debug for Job<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Job").field("stage", &self.stage).field("seed", &self.seed).finish_non_exhaustive()
     }
 }
@@ -180,6 +201,14 @@ impl<'a> Job<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_function_stops_a_job() {
+        let looks = std::sync::atomic::AtomicU32::new(0);
+        let cancel = Cancel::when(move || looks.fetch_add(1, Ordering::Relaxed) == 2);
+        let job = Job::default().with_cancel(&cancel);
+        assert_eq!([0; 3].map(|_| job.cancel_check().checkpoint().is_ok()), [true, true, false]);
+    }
 
     #[test]
     fn a_job_moves_to_another_thread() {

@@ -10,6 +10,7 @@
 
 pub mod address;
 mod cached;
+pub mod capture;
 mod codec;
 pub mod container;
 mod domain;
@@ -37,6 +38,7 @@ pub mod target;
 mod word_plane;
 
 pub use cached::Cached;
+pub use capture::{Camera, Capture, Mesh, Photograph};
 pub use codec::TextureCodec;
 pub use container::Notes;
 pub use domain::{Domain, Image2d, ImageAddress, LightAddress, LightLayout, Rect, SurfaceLight};

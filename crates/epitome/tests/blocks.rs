@@ -3,32 +3,15 @@
 #![cfg(feature = "encode")]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use texfold_core::container::{SectionWriter, Sections};
+use crate::support::{encode, file, load};
 use texfold_core::image::{Alpha, ColorSpace, Depth, ImageSet, PixelInfo, Raster};
 use texfold_core::metric::{decode_surface, measure};
-use texfold_core::{
-    Access, Budget, Domain, Effort, Encoded, Encoder, Goal, Image2d, Job, Metric, Rect, Texel, TextureCodec,
-};
-use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
+use texfold_core::{Access, Domain, Effort, Encoded, Goal, Image2d, Metric, Rect, Texel};
+use texfold_epitome::EpitomeParams;
 use texfold_testkit::image;
-
-fn encode(images: &ImageSet, params: &EpitomeParams) -> EpitomeTexture {
-    Epitome::encode(EpitomeSource::new(images), params, &mut Job::default()).unwrap()
-}
 
 fn params(goal: Goal) -> EpitomeParams {
     EpitomeParams::new(goal).with_effort(Effort::Fast)
-}
-
-fn file(texture: &EpitomeTexture) -> Vec<u8> {
-    let mut writer = SectionWriter::new(Epitome::ID);
-    texture.store(&mut writer);
-    writer.finish().bytes
-}
-
-fn load(bytes: &[u8]) -> EpitomeTexture {
-    let mut budget = Budget::default();
-    Epitome::load(&Sections::parse(bytes, &mut budget).unwrap(), &mut budget).unwrap()
 }
 
 fn single(raster: Raster) -> ImageSet {
@@ -47,7 +30,7 @@ fn goals_are_met_and_files_come_back() {
             measure(&set, &texture)
         );
         let bytes = file(&texture);
-        let loaded = load(&bytes);
+        let loaded = load(&bytes).unwrap();
         assert!(loaded == texture && file(&loaded) == bytes);
         assert_eq!(loaded.footprint().bits_disk(), 8 * bytes.len() as u64);
         assert_eq!(loaded.footprint().bits_memory(), loaded.gpu().bits_memory());
@@ -123,7 +106,7 @@ fn edges_of_what_there_can_be() {
         let set = single(Raster::from_texels(width, height, image("facade").info(), &texels).unwrap());
         let texture = encode(&set, &params(Goal::Psnr(30.0)).with_mips(true));
         assert!(measure(&set, &texture).psnr >= 30.0, "{width}x{height}");
-        assert!(load(&file(&texture)) == texture);
+        assert!(load(&file(&texture)).unwrap() == texture);
     }
 }
 

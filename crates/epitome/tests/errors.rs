@@ -2,13 +2,13 @@
 #![cfg(feature = "encode")]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use crate::support::{encode, file, load};
 use texfold_bc::Family;
-use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::measure;
 use texfold_core::{
-    Access, Budget, CancelCheck, Domain, Effort, EncodeError, Encoded, Encoder, Footprint, Goal, Image2d,
-    Job, Metric, Texel, TextureCodec,
+    Access, CancelCheck, Domain, Effort, EncodeError, Encoded, Encoder, Footprint, Goal, Image2d, Job,
+    Metric, Texel,
 };
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
 use texfold_residual::encode::counted_error_of;
@@ -16,22 +16,6 @@ use texfold_testkit::image;
 
 fn params(goal: Goal, family: Family) -> EpitomeParams {
     EpitomeParams::new(goal).with_access(Access::Texel).with_family(family).with_effort(Effort::Fast)
-}
-
-fn encode(set: &ImageSet, params: &EpitomeParams) -> EpitomeTexture {
-    Epitome::encode(EpitomeSource::new(set), params, &mut Job::default()).unwrap()
-}
-
-fn file(texture: &EpitomeTexture) -> Vec<u8> {
-    let mut writer = SectionWriter::new(texture.codec());
-    texture.store(&mut writer);
-    writer.finish().bytes
-}
-
-fn load(bytes: &[u8]) -> EpitomeTexture {
-    let mut budget = Budget::default();
-    let sections = Sections::parse(bytes, &mut budget).unwrap();
-    Epitome::load(&sections, &mut budget).unwrap()
 }
 
 /// The upper left of an image.
@@ -78,7 +62,7 @@ fn a_file_comes_back_as_it_was_on_any_number_of_threads() {
         let texture = encode(&set, &params);
         assert!(measure(&set, &texture).psnr >= 30.0);
         let bytes = file(&texture);
-        let loaded = load(&bytes);
+        let loaded = load(&bytes).unwrap();
         assert!(loaded == texture);
         assert_eq!(file(&loaded), bytes);
         let footprint = Footprint::measure(&loaded, &loaded.gpu());

@@ -6,4 +6,5 @@ mod edges;
 mod encode;
 mod errors;
 mod layers;
+mod support;
 mod transforms;

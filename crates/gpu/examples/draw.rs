@@ -13,7 +13,7 @@ use glam::camera::rh::proj::directx::perspective;
 use glam::camera::rh::view::look_at_mat4;
 use offscreen::{read_back, target, view_of};
 use texfold::{Bc, BcParams, Budget, Encoder, Goal, Job, Limits};
-use texfold_core::image::{ColorSpace, ImageSet, Raster};
+use texfold_core::image::ImageSet;
 use texfold_gpu::{AddressMode, Gpu, GpuTexture, Policy, wgpu};
 use texfold_shaders::{Slot, paste};
 
@@ -66,8 +66,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn encode_test_image() -> Result<Box<dyn texfold::Encoded<Domain = texfold::Image2d>>, Box<dyn Error>> {
-    let image = texfold_testkit::fixtures::images().into_iter().next().ok_or("no test image")?;
-    let image = Raster::from_u8(image.width, image.height, image.channels, ColorSpace::Srgb, &image.data)?;
+    let image = texfold_testkit::image("facade");
     let params = BcParams::default().with_goal(Goal::Bpp(6.0)).with_mips(true);
     let encoded = Bc::encode(&ImageSet::single(image), &params, &mut Job::new(Limits::default()))?;
     println!("{}", texfold::Encoded::notes(&encoded).verdict);

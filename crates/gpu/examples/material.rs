@@ -9,7 +9,7 @@ mod offscreen;
 use std::error::Error;
 
 use texfold::container::SectionWriter;
-use texfold::image::{ColorSpace, ImageSet, Raster};
+use texfold::image::{Alpha, ColorSpace, ImageSet};
 use texfold::{
     Bc, BcParams, Budget, Encoded, Encoder, Epitome, EpitomeParams, EpitomeSource, Image2d, Job, Progressive,
     ProgressiveParams, Vq, VqParams, VqSource,
@@ -136,10 +136,9 @@ fn files() -> Result<Vec<TextureFile>, Box<dyn Error>> {
 }
 
 fn encode(codec: &str, fixture: &str) -> Result<Vec<u8>, Box<dyn Error>> {
-    let images = texfold_testkit::fixtures::images();
-    let image = images.into_iter().find(|image| image.name == fixture).ok_or("no such fixture")?;
+    let image = texfold_testkit::image(fixture);
     let color = if fixture == "normal_map" { ColorSpace::Normal } else { ColorSpace::Srgb };
-    let image = Raster::from_u8(image.width, image.height, image.channels, color, &image.data)?;
+    let image = image.tagged(color, Alpha::Straight);
     let (set, mut job) = (ImageSet::single(image), Job::default());
     Ok(match codec {
         "vq" => bytes(&Vq::encode(VqSource::new(&set), &VqParams::default(), &mut job)?),

@@ -5,6 +5,10 @@
 
 use texfold_core::MAX_PLANE_SIDE;
 
+/// Most vertices: with [`MAX_TRIANGLES`], atlases fit a texture of 8192 texels a side, with any number of terms.
+pub(crate) const MAX_VERTICES: usize = 1 << 18;
+/// Most triangles.
+pub(crate) const MAX_TRIANGLES: usize = 1 << 19;
 /// Largest binary logarithm of a patch's side.
 pub(crate) const MAX_SIDE_LOG2: u8 = 6;
 /// Sides that patches may have.

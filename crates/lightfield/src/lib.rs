@@ -15,12 +15,10 @@
 //! shared by the triangles, so maps are continuous to the bit; view maps may be laid over the reflected direction.
 
 mod bvh;
-mod camera;
 pub mod decode;
 mod encoded;
 mod kinds;
 mod layout;
-mod mesh;
 mod part_images;
 mod parts;
 mod render;
@@ -35,19 +33,16 @@ mod error;
 #[cfg(feature = "encode")]
 mod params;
 
-pub use camera::Camera;
 #[cfg(feature = "encode")]
-pub use capture::{Capture, Photograph};
-#[cfg(feature = "encode")]
-pub use encode::{FittedMaps, LightQuality};
+pub use encode::{FittedMaps, LightQuality, simplify_mesh};
 pub use encoded::LightTexture;
 #[cfg(feature = "encode")]
 pub use error::CaptureError;
 pub use kinds::{Directions, Factors, MAX_TERMS};
-pub use mesh::Mesh;
 #[cfg(feature = "encode")]
 pub use params::{FitMethod, LightModel, LightParams, MapSizes, MapStorage, Updates};
 pub use render::Renderer;
+pub use texfold_core::{Camera, Capture, Mesh, Photograph};
 
 use texfold_core::container::Sections;
 use texfold_core::{Budget, CodecId, LoadError, SurfaceLight, TextureCodec};

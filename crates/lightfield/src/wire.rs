@@ -14,7 +14,7 @@ use texfold_residual::block::BlockContent;
 use crate::Mesh;
 use crate::kinds::{Directions, Factors, MAX_TERMS};
 use crate::layout::{Layout, MAX_SIDE_LOG2, NONE, SIDES, Sharing, Widths, reduced};
-use crate::mesh::{MAX_TRIANGLES, MAX_VERTICES};
+use crate::layout::{MAX_TRIANGLES, MAX_VERTICES};
 use crate::parts::{
     MAPS_PART, MEAN_PART, PIXEL, Parts, Payload, SURFACE_PART, TermRows, VIEW_PART, atlas_layout, mean_size,
     surface_size, view_size, words,

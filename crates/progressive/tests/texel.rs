@@ -13,13 +13,18 @@ use texfold_core::{
 };
 use texfold_progressive::{APRON, Progressive, ProgressiveParams, Shared, TexelTexture};
 use texfold_residual::encode::counted_error;
+use texfold_testkit::once;
 
 fn image(name: &str) -> ImageSet {
     ImageSet::single(texfold_testkit::image(name))
 }
 
+/// The texture of these images, made once for all tests.
 fn encode(set: &ImageSet, params: &ProgressiveParams) -> TexelTexture {
-    Progressive::encode_shared(set, params, &Shared::default(), &mut Job::default()).unwrap()
+    static KNOWN: once::Encoded<TexelTexture> = once::Encoded::new();
+    KNOWN.get(set, params, || {
+        Progressive::encode_shared(set, params, &Shared::default(), &mut Job::default()).unwrap()
+    })
 }
 
 fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<TexelTexture, LoadError> {

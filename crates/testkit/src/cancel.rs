@@ -1,79 +1,108 @@
-//! Cancelling at random moments: work stops soon, wherever it is.
+//! Cancelling: work looks often whether it is to stop, and stops at the look that says so.
 
 #![allow(clippy::panic, clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
 
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use texfold_core::{Cancel, EncodeError, Job};
 
-/// Work between two looks at whether to go on.
+use crate::full;
+
+/// Time that is not told from none where a machine does other work.
+const LEAST: Duration = Duration::from_millis(20);
+/// Longest work between two looks that encoders promise.
 const MOST_WORK: Duration = Duration::from_millis(200);
 /// How much slower a machine may be that does other work too.
 const NOISE: u32 = 5;
-/// Moments at which each encode is cancelled.
+/// Runs before the longest pause counts: other work on the machine may stop any one of them for a while.
+const TRIES: u32 = 3;
+/// Moments at which work is cancelled: one, and in full runs all.
 const MOMENTS: u32 = 6;
 
-/// Time up to which work is run several times to know how long it takes.
-const SHORT: Duration = Duration::from_secs(5);
-/// Runs at a moment before it counts as slow: a machine that does other work may stop any one of them for a while.
-const TRIES: u32 = 3;
-
-/// How long `work` goes on when it is cancelled after `after`; `None` where it ends before.
-fn goes_on(work: &impl Fn(&mut Job<'_>) -> Result<(), EncodeError>, after: Duration) -> Option<Duration> {
-    let cancel = Cancel::default();
-    let (outcome, ended, asked) = std::thread::scope(|scope| {
-        let asked = scope.spawn(|| {
-            std::thread::sleep(after);
-            cancel.cancel();
-            Instant::now()
-        });
-        let outcome = work(&mut Job::default().with_cancel(&cancel));
-        (outcome, Instant::now(), asked.join().unwrap())
-    });
-    match outcome {
-        Err(EncodeError::Cancelled) => Some(ended.saturating_duration_since(asked)),
-        Ok(()) => None,
-        Err(error) => panic!("{error}"),
-    }
+/// How often a run looks whether it is to stop.
+#[derive(Debug, Clone, Copy)]
+struct Looks {
+    count: u64,
+    /// Time between two looks, or between a look and the start or the end, at most.
+    longest: Duration,
+    whole: Duration,
 }
 
-/// Cancels `work` at moments spread over the time that it takes, none of them at a regular distance, and fails where it
-/// goes on for more than 0.2 s, which encoders promise, times what a machine may be slower that does other work too.
+/// Runs `work` whole, on one thread: what passes between two looks is then work.
+fn looks(work: &(impl Fn(&mut Job<'_>) -> Result<(), EncodeError> + Sync)) -> Looks {
+    let start = Instant::now();
+    let last =
+        Arc::new(Mutex::new((start, Looks { count: 0, longest: Duration::ZERO, whole: Duration::ZERO })));
+    let look = |last: &Mutex<(Instant, Looks)>| {
+        let mut last = last.lock().unwrap();
+        let (before, now) = (last.0, Instant::now());
+        last.1.longest = last.1.longest.max(now - before);
+        last.1.count += 1;
+        last.0 = now;
+    };
+    let seen = Arc::clone(&last);
+    let cancel = Cancel::when(move || {
+        look(&seen);
+        false
+    });
+    alone(&cancel, work).unwrap();
+    look(&last);
+    let found = last.lock().unwrap().1;
+    Looks { whole: start.elapsed(), ..found }
+}
+
+/// Runs `work` on one thread.
+fn alone(
+    cancel: &Cancel,
+    work: &(impl Fn(&mut Job<'_>) -> Result<(), EncodeError> + Sync),
+) -> Result<(), EncodeError> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    pool.install(|| work(&mut Job::default().with_pool(&pool).with_cancel(cancel)))
+}
+
+/// Fails where `work` does not look for longer than the 0.2 s that encoders promise, times the slowness of a machine that does other
+/// work too, or where it does not end with [`EncodeError::Cancelled`] when a look tells it to stop.
 ///
 /// # Panics
-/// Where the work goes on for longer, fails, or hardly takes long enough to be cancelled.
-pub fn stops_soon(name: &str, work: impl Fn(&mut Job<'_>) -> Result<(), EncodeError>) {
-    stops_within(name, NOISE * MOST_WORK, work);
+/// As above, and where the work fails.
+pub fn stops_soon(name: &str, work: impl Fn(&mut Job<'_>) -> Result<(), EncodeError> + Sync) {
+    stops_within(name, |_| NOISE * MOST_WORK, &work);
 }
 
-/// As [`stops_soon`] with another time that the work may go on for.
+/// As [`stops_soon`], for work without a look for longer than a quarter of its time.
 ///
 /// # Panics
 /// As there.
-pub fn stops_within(name: &str, most: Duration, work: impl Fn(&mut Job<'_>) -> Result<(), EncodeError>) {
-    let run = || {
-        let start = Instant::now();
-        work(&mut Job::default()).unwrap();
-        start.elapsed()
-    };
-    // Of work that is soon done the shortest run tells how long it takes.
-    let first = run();
-    let whole = if first < SHORT { (1..TRIES).map(|_| run()).fold(first, Duration::min) } else { first };
-    let mut cancelled = 0;
-    for moment in 0..MOMENTS {
-        // The golden ratio's multiples lie evenly and never meet.
-        let after = whole.mul_f64((0.37 + f64::from(moment) * 0.618_033_988_75).fract());
-        let mut least = None;
-        for _ in 0..TRIES {
-            let Some(waited) = goes_on(&work, after) else { continue };
-            least = Some(least.map_or(waited, |least: Duration| least.min(waited)));
-            if waited < most {
-                break;
-            }
+pub fn looks_often(name: &str, work: impl Fn(&mut Job<'_>) -> Result<(), EncodeError> + Sync) {
+    stops_within(name, |whole| (whole / 4).max(LEAST), &work);
+}
+
+fn stops_within(
+    name: &str,
+    most: impl Fn(Duration) -> Duration,
+    work: &(impl Fn(&mut Job<'_>) -> Result<(), EncodeError> + Sync),
+) {
+    let mut found = looks(work);
+    let most = most(found.whole);
+    for _ in 1..TRIES {
+        if found.longest > most {
+            found.longest = found.longest.min(looks(work).longest);
         }
-        println!("{name}: cancelled after {after:.2?} of {whole:.2?}, ended {least:.2?} later");
-        assert!(least.is_none_or(|least| least < most), "{name}: {least:?} after {after:?}");
-        cancelled += u32::from(least.is_some());
     }
-    assert!(cancelled >= MOMENTS / 2, "{name}: cancelled {cancelled} times of {MOMENTS}");
+    assert!(found.longest <= most, "{name} works for {:?} without a look, {most:?} allowed", found.longest);
+    assert!(found.count >= 4, "{name} looks {} times", found.count);
+    for moment in 0..if full() { MOMENTS } else { 1 } {
+        // Multiples of the golden ratio lie evenly and never meet.
+        let share = (0.37 + f64::from(moment) * 0.618_033_988_75).fract();
+        let left = AtomicU64::new((found.count as f64 * share) as u64);
+        let stop =
+            move || left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| n.checked_sub(1)).is_err();
+        let outcome = alone(&Cancel::when(stop), work);
+        assert!(
+            matches!(outcome, Err(EncodeError::Cancelled)),
+            "{name} at {share:.2} of its looks: {outcome:?}"
+        );
+    }
 }

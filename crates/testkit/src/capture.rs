@@ -1,7 +1,7 @@
 //! Captures made by code: an object whose colour is known in closed form, photographed from all around.
 
 use glam::{Mat4, Quat, Vec2, Vec3};
-use texfold_lightfield::{Camera, Capture, Mesh, Photograph};
+use texfold_core::{Camera, Capture, Mesh, Photograph};
 
 use crate::fixtures::sin_turns;
 

@@ -5,6 +5,7 @@ pub mod capture;
 pub mod fixtures;
 pub mod leaves;
 mod load;
+pub mod once;
 
 pub use load::{data_dir, fixtures_dir, frames, image, png};
 

@@ -7,30 +7,28 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests may fail as tests do")]
 
 use std::sync::OnceLock;
-use std::time::{Duration, Instant};
 
-use crate::support::{fixture, zipmap};
+use crate::support::{fixture, ways, zipmap};
 use proptest::prelude::*;
 use texfold::container::{CodecId, SectionWriter, Sections};
 use texfold::image::ImageSet;
 use texfold::metric::{decode_surface, measure, quality};
 use texfold::target::Measured;
 use texfold::{
-    Access, AnyImage, AnyTexture, Arrived, Arriving, Bc, Budget, BytesError, CODECS, Cancel, Choice, Content,
+    Access, AnyImage, AnyTexture, Arrived, Arriving, Bc, Budget, BytesError, CODECS, Choice, Content,
     ENCODINGS, Effort, EncodeError, EncodeSettings, Encoded, Encoding, Epitome, Goal, Guidance, Image2d,
     ImageAddress, ImageEncoder, Input, Job, LightAddress, LightParams, Lightfield, Limits, LoadError,
     Progressive, Rect, Registration, Texel, Vq, add_images, encode_images, file_of, open, open_from,
     open_image, search_images,
 };
+use texfold_testkit::cancel::stops_soon;
 use texfold_testkit::capture::{Look, sphere};
+use texfold_testkit::full;
 
 /// More than any of these textures needs, far less than a forged size would take.
 const LIMITS: Limits = Limits { texels: 1 << 20, bytes: 64 << 20, sections: 64 };
 /// Goals that every codec of images is tried with.
 const GOALS: [Goal; 2] = [Goal::Psnr(26.0), Goal::Bpp(2.5)];
-/// The longest that an encoder may work on after it was asked to stop: 0.2 s of work between two looks, and what a
-/// machine with other work to do adds to that.
-const LONGEST_STOP: Duration = Duration::from_millis(2000);
 
 fn settings(goal: Goal) -> EncodeSettings {
     EncodeSettings { goal, effort: Effort::Fast, ..EncodeSettings::default() }
@@ -227,50 +225,30 @@ fn a_budget_that_is_too_small_is_named_before_anything_is_decoded() {
 
 #[test]
 fn bytes_do_not_depend_on_the_number_of_threads() {
-    let set = fixture("odd_37x61");
-    for (encoding, goal) in ENCODINGS.iter().flat_map(|encoding| GOALS.map(|goal| (encoding, goal))) {
+    let set = fixture(if full() { "facade" } else { "odd_37x61" });
+    let goals = [GOALS[0], GOALS[1], Goal::Tolerance(12.0)];
+    for ((encoding, access), goal) in ways().flat_map(|way| goals.map(|goal| (way, goal))) {
+        let effort = if full() { Effort::Normal } else { Effort::Fast };
+        let settings = EncodeSettings { mips: true, effort, access: Some(access), ..settings(goal) };
         let with = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let mut job = Job::default().with_pool(&pool);
-            let settings = EncodeSettings { mips: true, ..settings(goal) };
-            encoding.encode(&set, Guidance::default(), &settings, &mut job).unwrap().to_bytes()
+            let made = encoding.encode(&set, Guidance::default(), &settings, &mut job);
+            made.map(|image| image.to_bytes()).map_err(|error| error.to_string())
         };
         let one = with(1);
-        assert!(with(2) == one && with(3) == one, "{} {goal:?}", encoding.id);
+        assert!(with(2) == one && with(3) == one, "{} {access:?} {goal:?}", encoding.id);
+        assert!(one.is_ok(), "{} {access:?} {goal:?}: {:?}", encoding.id, one.err());
     }
 }
 
 #[test]
-fn a_job_that_is_cancelled_at_any_moment_stops_soon() {
+fn a_job_looks_often_whether_it_is_to_stop() {
     let set = fixture("facade");
-    for encoding in &ENCODINGS {
-        let start = Instant::now();
-        let settings = settings(Goal::Psnr(32.0));
-        encoding.encode(&set, Guidance::default(), &settings, &mut Job::default()).unwrap();
-        let whole = start.elapsed();
-        for share in [0.03, 0.17, 0.41, 0.73] {
-            let cancel = Cancel::default();
-            let (result, late) = std::thread::scope(|scope| {
-                let work = scope.spawn(|| {
-                    let mut job = Job::default().with_cancel(&cancel);
-                    let made = encoding.encode(&set, Guidance::default(), &settings, &mut job);
-                    (made.map(|image| image.codec()), Instant::now())
-                });
-                std::thread::sleep(whole.mul_f64(share));
-                let asked = Instant::now();
-                cancel.cancel();
-                let (result, ended) = work.join().unwrap();
-                (result, ended.saturating_duration_since(asked))
-            });
-            match result {
-                Err(EncodeError::Cancelled) => {
-                    assert!(late < LONGEST_STOP, "{} at {share}: stopped after {late:?}", encoding.id);
-                }
-                // It was done before it was asked, or in the last moment.
-                Ok(_) => assert!(late < LONGEST_STOP, "{} at {share}: went on for {late:?}", encoding.id),
-                Err(other) => panic!("{} at {share}: {other}", encoding.id),
-            }
-        }
+    for (encoding, access) in ways() {
+        let settings = EncodeSettings { access: Some(access), ..settings(Goal::Psnr(32.0)) };
+        let name = format!("{} {access:?}", encoding.id);
+        stops_soon(&name, |job| encoding.encode(&set, Guidance::default(), &settings, job).map(drop));
     }
 }
 

@@ -6,14 +6,16 @@
 use texfold::image::ImageSet;
 use texfold::metric::measure;
 use texfold::{
-    Access, AnyImage, Choice, ENCODINGS, Effort, EncodeSettings, Encoded, Footprint, Goal, Guidance, Job,
-    LightParams, Lightfield, Metric, encode_images,
+    Access, AnyImage, Choice, Effort, EncodeSettings, Encoded, Footprint, Goal, Guidance, Job, LightParams,
+    Lightfield, Metric, encode_images,
 };
 use texfold_testkit::capture::{Look, sphere};
-use texfold_testkit::image;
+use texfold_testkit::{full, image};
 
-/// Images that some method suits: repetition, text, alpha, one channel.
-const IMAGES: [&str; 4] = ["facade", "text_page", "cutout", "gray"];
+use crate::support::ways;
+
+/// Images that some method suits: alpha, one channel, repetition, text. Quick runs take the first two.
+const IMAGES: [&str; 4] = ["cutout", "gray", "facade", "text_page"];
 /// A goal, and one nearby of less quality: the slope between them is what a bit is worth.
 const GOALS: [[Goal; 2]; 3] = [
     [Goal::Psnr(32.0), Goal::Psnr(31.0)],
@@ -69,11 +71,10 @@ fn point(set: &ImageSet, made: &AnyImage) -> Point {
 #[test]
 fn every_part_of_an_image_that_is_kept_pays_for_its_bits() {
     let mut held_parts = std::collections::BTreeMap::<String, usize>::new();
-    for name in IMAGES {
+    let images = if full() { &IMAGES[..] } else { &IMAGES[..2] };
+    for name in images {
         let set = ImageSet::single(image(name));
-        for (encoding, access) in
-            ENCODINGS.iter().flat_map(|row| [Access::Block, Access::Texel].map(|way| (row, way)))
-        {
+        for (encoding, access) in ways() {
             for goals in GOALS {
                 let [at, below] = goals.map(|goal| {
                     let settings = EncodeSettings {
@@ -93,7 +94,8 @@ fn every_part_of_an_image_that_is_kept_pays_for_its_bits() {
         }
     }
     println!("{held_parts:?}");
-    assert!(held_parts["vq"] > 0 && held_parts["progressive"] > 12, "{held_parts:?}");
+    let of_progressive = 4 * images.len();
+    assert!(held_parts["vq"] > 0 && held_parts["progressive"] >= of_progressive, "{held_parts:?}");
 }
 
 #[test]

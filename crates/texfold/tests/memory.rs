@@ -154,7 +154,7 @@ fn no_forged_file_makes_a_reader_allocate_more_than_its_limit() {
     let _turn = TURN.lock().unwrap();
     let mut rng = Rng::new(7);
     let files: Vec<(String, Vec<u8>)> =
-        small_textures().into_iter().map(|(name, _, texture)| (name, texture.to_bytes())).collect();
+        small_textures().iter().map(|(name, _, texture)| (name.clone(), texture.to_bytes())).collect();
     let mut refused = 0;
     for round in 0..FORGED {
         let (name, bytes) = &files[round % files.len()];

@@ -87,9 +87,10 @@ impl Case {
         format!("{} {}", self.codec, self.setting).trim_end().to_owned()
     }
 
-    /// Whether `image` is the file name of an input.
+    /// Whether `image` is the file name of an input, or of a file in one.
     pub(super) fn reads(&self, image: &str) -> bool {
-        self.inputs.iter().any(|input| input.file_name().is_some_and(|name| name == image))
+        let is_named = |input: &PathBuf| input.file_name().is_some_and(|name| name == image);
+        self.inputs.iter().any(|input| is_named(input) || input.join(image).is_file())
     }
 
     /// A folder's name.

@@ -218,9 +218,8 @@ fn held(
             given_bytes(capture) + HEADER_BYTES,
         ));
     }
-    let by_two = encode(capture, goal, &tools.double, cancel);
-    let same = by_two.is_ok_and(|other| file_of(&other.texture) == bytes);
-    checks.push(Check::most("files that differ with the number of threads", f64::from(u8::from(!same)), 0.0));
+    let by_two = |pool: &ThreadPool| encode(capture, goal, pool, cancel);
+    checks.extend(tools.is_independent_of_threads(&bytes, by_two, |other| file_of(&other.texture)));
     let change = encode(&nudged(capture), goal, &tools.single, cancel)
         .map_or(f64::INFINITY, |other| (other.psnr.min(EXACT_DB) - made.psnr.min(EXACT_DB)).abs());
     checks.push(Check::most("change of PSNR by 1e-7 of the vertices, dB", change, NUDGE_DB));

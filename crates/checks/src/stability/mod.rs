@@ -20,9 +20,10 @@ use std::process::ExitCode;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde_json::json;
+use texfold::EncodeError;
 use texfold_gpu::{Gpu, Policy};
 
-use record::{Curve, Row};
+use record::{Check, Curve, Row};
 
 /// What may go wrong before anything is measured.
 pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -36,7 +37,7 @@ pub(crate) struct StabilityArgs {
     /// More values of each chart, and more forged files.
     #[arg(long)]
     full: bool,
-    /// Bounds alone: no charts.
+    /// Bounds alone: no charts, one thread, without a GPU.
     #[arg(long, conflicts_with = "full")]
     bounds: bool,
 }
@@ -55,19 +56,37 @@ struct Tools {
     /// Why there is none.
     no_gpu: Option<String>,
     single: ThreadPool,
-    double: ThreadPool,
+    /// Two threads, to compare the files of one with; `None` for bounds alone.
+    double: Option<ThreadPool>,
 }
 
 impl Tools {
-    fn open() -> Outcome<Tools> {
+    /// For bounds alone without GPU and without a second pool: the tests of the codecs and of their shaders cover both on other images.
+    fn open(extent: Extent) -> Outcome<Tools> {
         let pool = |threads| ThreadPoolBuilder::new().num_threads(threads).build();
+        let single = pool(1)?;
+        if extent == Extent::Bounds {
+            let no_gpu = Some("bounds alone are checked on the CPU".to_owned());
+            return Ok(Tools { gpu: None, no_gpu, single, double: None });
+        }
         let policy = Policy::from_env();
         let (gpu, no_gpu) = match Gpu::new(policy) {
             Ok(gpu) => (Some(gpu), None),
             Err(error) if policy == Policy::Require => return Err(error.into()),
             Err(error) => (None, Some(error.to_string())),
         };
-        Ok(Tools { gpu, no_gpu, single: pool(1)?, double: pool(2)? })
+        Ok(Tools { gpu, no_gpu, single, double: Some(pool(2)?) })
+    }
+
+    /// Whether `encode` gives the same file on two threads; `None` where this is not checked.
+    fn is_independent_of_threads<T>(
+        &self,
+        bytes: &[u8],
+        encode: impl FnOnce(&ThreadPool) -> Result<T, EncodeError>,
+        file: impl FnOnce(&T) -> Vec<u8>,
+    ) -> Option<Check> {
+        let same = encode(self.double.as_ref()?).is_ok_and(|other| file(&other) == bytes);
+        Some(Check::most("files that differ with the number of threads", f64::from(u8::from(!same)), 0.0))
     }
 }
 
@@ -97,7 +116,7 @@ fn measured(args: &StabilityArgs) -> Outcome<usize> {
         _ => Extent::Quick,
     };
     fs::create_dir_all(&args.out)?;
-    let tools = Tools::open()?;
+    let tools = Tools::open(extent)?;
     let mut rows: Vec<Row> = Vec::new();
     // What is expected to panic says so in the report, not on stderr.
     let hook = std::panic::take_hook();

@@ -251,9 +251,8 @@ fn held(scene: &Scene, made: &Made, tools: &Tools, cancel: &Cancel) -> record::O
     let texels: u64 = scene.photos.iter().map(|photo| photo.size().texels()).sum();
     let limit = texels as f64 * PLAIN_BPP / 8.0 + HEADER_BYTES;
     checks.push(Check::most("bytes of the file", bytes.len() as f64, limit));
-    let again = self::made(scene, &tools.double, cancel);
-    let same = again.is_ok_and(|other| file_of(&other.texture) == bytes);
-    checks.push(Check::most("files that differ with the number of threads", f64::from(u8::from(!same)), 0.0));
+    let by_two = |pool: &ThreadPool| self::made(scene, pool, cancel);
+    checks.extend(tools.is_independent_of_threads(&bytes, by_two, |other| file_of(&other.texture)));
     record::Outcome::Made {
         verdict: format!("{}{}", made.words, texture.notes().verdict),
         psnr: worst,

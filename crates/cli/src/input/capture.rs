@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use glam::{Mat4, Vec2, Vec4};
 use rayon::prelude::*;
 use serde::Deserialize;
-use texfold::{Camera, Capture, Mesh, Photograph};
+use texfold::{Camera, Capture, Mesh, Photograph, simplify_mesh};
 use texfold_core::image::ColorSpace;
 
 use super::{pixels, shape};
@@ -193,7 +193,7 @@ pub(crate) fn read(
     let shots = read_cameras(&file)?;
     let mesh: Mesh = shape::read(&mesh_file(dir, mesh)?)?;
     let mesh = match triangles {
-        Some(count) => mesh.simplified(count as usize),
+        Some(count) => simplify_mesh(&mesh, count as usize),
         None => mesh,
     };
     let views: Result<Vec<Photograph>, CliError> =

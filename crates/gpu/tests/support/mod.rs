@@ -24,7 +24,6 @@ use texfold_core::{
     Budget, Effort, Encoder, GpuForm, ImageLayout, Job, Limits, Notes, SurfaceSize, TextureCodec,
 };
 use texfold_gpu::{AddressMode, Gpu, GpuError, GpuTexture, Lookup, Policy, View};
-use texfold_testkit::fixtures::{Fixture, images};
 use texfold_vq::Vq;
 
 pub(crate) use cases::{
@@ -137,10 +136,8 @@ fn linear_light(texel: Vec4) -> Vec4 {
 
 /// The fixture of that name.
 pub(crate) fn image(name: &str) -> Raster {
-    static IMAGES: OnceLock<Vec<Fixture>> = OnceLock::new();
-    let image = IMAGES.get_or_init(images).iter().find(|image| image.name == name).unwrap();
     let color = if name == "normal_map" { ColorSpace::Normal } else { ColorSpace::Srgb };
-    Raster::from_u8(image.width, image.height, image.channels, color, &image.data).unwrap()
+    texfold_testkit::image(name).tagged(color, Alpha::Straight)
 }
 
 /// Images through the plain codec with all mip levels.

@@ -4,6 +4,7 @@
 use rayon::prelude::*;
 use texfold_core::{CancelCheck, EncodeError, Encoded, Job, Notes};
 
+use super::simplify::simplified_unless;
 use super::squares::Squares;
 use super::{LightQuality, encode};
 use crate::params::LightParams;
@@ -46,7 +47,7 @@ fn encode_simplified(
     let mut tried: Option<Capture> = None;
     for halvings in (1..).take_while(|&halvings| all >> halvings >= LEAST) {
         let tried = tried.get_or_insert_with(|| capture.clone());
-        tried.mesh = capture.mesh.simplified_unless(all >> halvings, cancel);
+        tried.mesh = simplified_unless(&capture.mesh, all >> halvings, cancel);
         job.checkpoint()?;
         let share = |halvings: u32| 1.0 - 0.5f32.powi(halvings as i32);
         let made = job.within(share(halvings), share(halvings + 1), |job| encode(tried, params, job));

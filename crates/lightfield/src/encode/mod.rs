@@ -32,6 +32,7 @@ use rayon::prelude::*;
 use texfold_bc::Content;
 use texfold_core::{Access, CancelCheck, EncodeError, Encoder, Job, Notes, Params};
 
+use crate::capture::check;
 use crate::encoded::LightTexture;
 use crate::kinds::{Directions, Factors};
 use crate::params::{FitMethod, LightParams, MapStorage, Updates};
@@ -45,6 +46,7 @@ use ring::Ring;
 use scene::{Scene, fault};
 use share::{Books, Codebooks, Room};
 use shared::Shared;
+pub use simplify::simplify_mesh;
 
 /// Vertices fitted in parallel before progress is told.
 const BATCH: u32 = 64;
@@ -106,7 +108,7 @@ fn encode(
 /// The first half of an encode.
 fn fit(capture: &Capture, params: &LightParams, job: &mut Job<'_>) -> Result<FittedMaps, EncodeError> {
     params.check()?;
-    capture.check().map_err(fault)?;
+    check(capture).map_err(fault)?;
     let scene = Scene::new(capture, params, job)?;
     let shared = match params.model.fit {
         FitMethod::Shared { regions } => Some(shared::fit(&scene, params, regions, job)?),

@@ -21,71 +21,69 @@ const ROUNDED_SIZE: f64 = 1.0 + 1.0 / 1024.0;
 /// Stands for a vertex without a number.
 const NONE: u32 = u32::MAX;
 
-impl Mesh {
-    /// With places on a lattice, so that they take half of the bytes: a power of two of at most [`LATTICE`] parts of its size
-    /// and [`EDGE_STEPS`] of its edges' mean length.
-    pub(crate) fn snapped(&self) -> Mesh {
-        let low = self.positions.iter().fold(Vec3::INFINITY, |low, &place| low.min(place));
-        let high = self.positions.iter().fold(Vec3::NEG_INFINITY, |high, &place| high.max(place));
-        let edges = self.triangles.iter().map(|&triangle| {
-            let [a, b, c] = self.corners(triangle);
-            f64::from(a.distance(b) + b.distance(c) + c.distance(a))
-        });
-        let edge = edges.sum::<f64>() / (3 * self.triangles.len()).max(1) as f64;
-        let step = f64::min(f64::from((high - low).max_element()) / LATTICE, edge / EDGE_STEPS);
-        let step = (step * ROUNDED_SIZE).log2().floor().exp2() as f32;
-        if !step.is_normal() {
-            return self.clone();
-        }
-        let snap = |place: &Vec3| (*place / step).round() * step;
-        let is_exact = |place: &Vec3| (*place / step).is_finite();
-        if !self.positions.iter().all(is_exact) {
-            return self.clone();
-        }
-        Mesh { positions: self.positions.iter().map(snap).collect(), triangles: self.triangles.clone() }
+/// With places on a lattice, so that they take half of the bytes: a power of two of at most [`LATTICE`] parts of its size
+/// and [`EDGE_STEPS`] of its edges' mean length.
+pub(crate) fn snapped(mesh: &Mesh) -> Mesh {
+    let low = mesh.positions.iter().fold(Vec3::INFINITY, |low, &place| low.min(place));
+    let high = mesh.positions.iter().fold(Vec3::NEG_INFINITY, |high, &place| high.max(place));
+    let edges = mesh.triangles.iter().map(|&triangle| {
+        let [a, b, c] = mesh.corners(triangle);
+        f64::from(a.distance(b) + b.distance(c) + c.distance(a))
+    });
+    let edge = edges.sum::<f64>() / (3 * mesh.triangles.len()).max(1) as f64;
+    let step = f64::min(f64::from((high - low).max_element()) / LATTICE, edge / EDGE_STEPS);
+    let step = (step * ROUNDED_SIZE).log2().floor().exp2() as f32;
+    if !step.is_normal() {
+        return mesh.clone();
     }
+    let snap = |place: &Vec3| (*place / step).round() * step;
+    let is_exact = |place: &Vec3| (*place / step).is_finite();
+    if !mesh.positions.iter().all(is_exact) {
+        return mesh.clone();
+    }
+    Mesh { positions: mesh.positions.iter().map(snap).collect(), triangles: mesh.triangles.clone() }
+}
 
-    /// The same triangles in such an order; vertices of none go.
-    pub(crate) fn walked(&self) -> Mesh {
-        let mut beside: BTreeMap<(u32, u32), Vec<u32>> = BTreeMap::new();
-        for (number, &triangle) in (0..).zip(&self.triangles) {
-            edges(triangle).into_iter().for_each(|edge| beside.entry(key(edge)).or_default().push(number));
+/// The same triangles in such an order; vertices of none go.
+pub(crate) fn walked(mesh: &Mesh) -> Mesh {
+    let mut beside: BTreeMap<(u32, u32), Vec<u32>> = BTreeMap::new();
+    for (number, &triangle) in (0..).zip(&mesh.triangles) {
+        edges(triangle).into_iter().for_each(|edge| beside.entry(key(edge)).or_default().push(number));
+    }
+    let mut is_done = vec![false; mesh.triangles.len()];
+    let mut walked = Mesh::default();
+    let mut numbers = vec![NONE; mesh.positions.len()];
+    let mut next_seed = 0;
+    // Edges that were passed by, the last on top.
+    let mut open: Vec<(u32, u32)> = Vec::new();
+    loop {
+        let across = open.pop().map(|edge| (edge, beside.get(&key(edge))));
+        let found = across.and_then(|(edge, sides)| {
+            let side = sides?.iter().copied().find(|&side| !is_done[side as usize])?;
+            Some((side, edge))
+        });
+        if found.is_none() && !open.is_empty() {
+            continue;
         }
-        let mut is_done = vec![false; self.triangles.len()];
-        let mut walked = Mesh::default();
-        let mut numbers = vec![NONE; self.positions.len()];
-        let mut next_seed = 0;
-        // Edges that were passed by, the last on top.
-        let mut open: Vec<(u32, u32)> = Vec::new();
-        loop {
-            let across = open.pop().map(|edge| (edge, beside.get(&key(edge))));
-            let found = across.and_then(|(edge, sides)| {
-                let side = sides?.iter().copied().find(|&side| !is_done[side as usize])?;
-                Some((side, edge))
-            });
-            if found.is_none() && !open.is_empty() {
-                continue;
+        let (number, triangle) = match found {
+            Some((number, edge)) => (number, turned(mesh.triangles[number as usize], edge)),
+            None => match (next_seed..mesh.triangles.len()).find(|&seed| !is_done[seed]) {
+                Some(seed) => (seed as u32, mesh.triangles[seed]),
+                None => return walked,
+            },
+        };
+        next_seed += usize::from(found.is_none());
+        is_done[number as usize] = true;
+        walked.triangles.push(triangle.map(|vertex| {
+            let number = &mut numbers[vertex as usize];
+            if *number == NONE {
+                *number = walked.positions.len() as u32;
+                walked.positions.push(mesh.positions[vertex as usize]);
             }
-            let (number, triangle) = match found {
-                Some((number, edge)) => (number, turned(self.triangles[number as usize], edge)),
-                None => match (next_seed..self.triangles.len()).find(|&seed| !is_done[seed]) {
-                    Some(seed) => (seed as u32, self.triangles[seed]),
-                    None => return walked,
-                },
-            };
-            next_seed += usize::from(found.is_none());
-            is_done[number as usize] = true;
-            walked.triangles.push(triangle.map(|vertex| {
-                let number = &mut numbers[vertex as usize];
-                if *number == NONE {
-                    *number = walked.positions.len() as u32;
-                    walked.positions.push(self.positions[vertex as usize]);
-                }
-                *number
-            }));
-            let [a, b, c] = triangle;
-            open.extend([(a, b), (c, a), (b, c)]);
-        }
+            *number
+        }));
+        let [a, b, c] = triangle;
+        open.extend([(a, b), (c, a), (b, c)]);
     }
 }
 
@@ -116,7 +114,7 @@ mod tests {
         for size in [1.0f32, 2.0, 64.0] {
             let short = size * (1.0 - 1e-7);
             assert!(short < size);
-            assert_eq!(mesh(short).snapped(), mesh(size).snapped(), "{size}");
+            assert_eq!(snapped(&mesh(short)), snapped(&mesh(size)), "{size}");
         }
     }
 
@@ -132,7 +130,7 @@ mod tests {
                 mesh.triangles.extend([[at, at + 1, at + side], [at + 1, at + side + 1, at + side]]);
             }
         }
-        let walked = mesh.walked();
+        let walked = walked(&mesh);
         let sorted = |mesh: &Mesh| {
             let least_first = |&triangle: &[u32; 3]| {
                 let corners = mesh.corners(triangle).map(|place| place.to_array().map(f32::to_bits));

@@ -4,6 +4,7 @@ use glam::Vec3;
 use texfold_core::{EncodeError, Job, TextureCodec};
 
 use super::observe::{self, Seen};
+use super::order::{snapped, walked};
 use super::surface::{self, Surface};
 use crate::bvh::Bvh;
 use crate::layout::{Layout, Sharing, Widths, reduced};
@@ -45,7 +46,7 @@ impl Scene {
         params: &LightParams,
         job: &mut Job<'_>,
     ) -> Result<Scene, EncodeError> {
-        let mesh = capture.mesh.snapped().welded().walked();
+        let mesh = walked(&snapped(&capture.mesh).welded());
         job.checkpoint()?;
         if mesh.triangles.is_empty() {
             return Err(fault(CaptureError::NoTriangles));

@@ -85,49 +85,46 @@ struct Candidate {
     changes: (u32, u32),
 }
 
-impl Mesh {
-    /// The mesh with at most `triangles` triangles, or as few as can be reached; itself where it has no more.
-    #[must_use]
-    pub fn simplified(&self, triangles: usize) -> Mesh {
-        self.simplified_unless(triangles, CancelCheck::default())
-    }
+/// The mesh with at most `triangles` triangles, or as few as can be reached; itself where it has no more.
+#[must_use]
+pub fn simplify_mesh(mesh: &Mesh, triangles: usize) -> Mesh {
+    simplified_unless(mesh, triangles, CancelCheck::default())
+}
 
-    /// As [`Mesh::simplified`]; any mesh once the job is cancelled.
-    pub(super) fn simplified_unless(&self, triangles: usize, cancel: CancelCheck<'_>) -> Mesh {
-        let whole = self.welded();
-        if whole.triangles.len() <= triangles || !whole.is_valid() {
-            return whole;
-        }
-        let mut collapser = Collapser::new(&whole);
-        collapser.run(triangles, cancel);
-        let mut mesh = collapser.mesh();
-        let bvh =
-            Bvh::new(&whole.triangles.iter().map(|&triangle| whole.corners(triangle)).collect::<Vec<_>>());
-        (0..ROUNDS).for_each(|_| mesh.centre(&bvh, cancel));
-        mesh
+/// As [`simplify_mesh`]; any mesh once the job is cancelled.
+pub(super) fn simplified_unless(mesh: &Mesh, triangles: usize, cancel: CancelCheck<'_>) -> Mesh {
+    let whole = mesh.welded();
+    if whole.triangles.len() <= triangles || !whole.is_valid() {
+        return whole;
     }
+    let mut collapser = Collapser::new(&whole);
+    collapser.run(triangles, cancel);
+    let mut mesh = collapser.mesh();
+    let bvh = Bvh::new(&whole.triangles.iter().map(|&triangle| whole.corners(triangle)).collect::<Vec<_>>());
+    (0..ROUNDS).for_each(|_| centre(&mut mesh, &bvh, cancel));
+    mesh
+}
 
-    /// Moves every vertex along its normal by the mean distance of the places around it from the surface.
-    fn centre(&mut self, surface: &Bvh, cancel: CancelCheck<'_>) {
-        let normals = self.normals();
-        let mut sums = vec![(0.0, 0.0); self.positions.len()];
-        for &corners in self.triangles.iter().take_while(|_| !cancel.is_cancelled()) {
-            let [a, b, c] = self.corners(corners);
-            let weighted = (b - a).cross(c - a);
-            let (area, normal) = (weighted.length(), weighted.normalize_or_zero());
-            let reach = REACH * (b - a).length().max((c - b).length()).max((a - c).length());
-            for hats in places() {
-                let place = a * hats.x + b * hats.y + c * hats.z;
-                let Some(distance) = surface.along(place, normal, reach) else { continue };
-                for (corner, hat) in corners.into_iter().zip(hats.to_array()) {
-                    let sum = &mut sums[corner as usize];
-                    *sum = (sum.0 + distance * hat * area, sum.1 + hat * area);
-                }
+/// Moves every vertex along its normal by the mean distance of the places around it from the surface.
+fn centre(mesh: &mut Mesh, surface: &Bvh, cancel: CancelCheck<'_>) {
+    let normals = mesh.normals();
+    let mut sums = vec![(0.0, 0.0); mesh.positions.len()];
+    for &corners in mesh.triangles.iter().take_while(|_| !cancel.is_cancelled()) {
+        let [a, b, c] = mesh.corners(corners);
+        let weighted = (b - a).cross(c - a);
+        let (area, normal) = (weighted.length(), weighted.normalize_or_zero());
+        let reach = REACH * (b - a).length().max((c - b).length()).max((a - c).length());
+        for hats in places() {
+            let place = a * hats.x + b * hats.y + c * hats.z;
+            let Some(distance) = surface.along(place, normal, reach) else { continue };
+            for (corner, hat) in corners.into_iter().zip(hats.to_array()) {
+                let sum = &mut sums[corner as usize];
+                *sum = (sum.0 + distance * hat * area, sum.1 + hat * area);
             }
         }
-        for ((place, normal), (sum, weight)) in self.positions.iter_mut().zip(normals).zip(sums) {
-            *place += normal * (sum / f32::max(weight, f32::MIN_POSITIVE));
-        }
+    }
+    for ((place, normal), (sum, weight)) in mesh.positions.iter_mut().zip(normals).zip(sums) {
+        *place += normal * (sum / f32::max(weight, f32::MIN_POSITIVE));
     }
 }
 
@@ -349,7 +346,7 @@ mod tests {
     fn a_simplified_sphere_is_closed_and_as_large_as_before() {
         let whole = sphere(24);
         for count in [600, 200, 60] {
-            let mesh = whole.simplified(count);
+            let mesh = simplify_mesh(&whole, count);
             assert!(
                 mesh.triangles.len() <= count && mesh.triangles.len() + 2 > count,
                 "{}",
@@ -359,14 +356,14 @@ mod tests {
             let (found, wanted) = (volume(&mesh), volume(&whole));
             assert!((found / wanted - 1.0).abs() < 0.03, "{count}: {found} of {wanted}");
         }
-        assert_eq!(whole.simplified(100_000), whole);
+        assert_eq!(simplify_mesh(&whole, 100_000), whole);
     }
 
     #[test]
     fn open_boundaries_and_odd_edges_stay() {
         let mut open = sphere(16);
         open.triangles.retain(|&corners| open.positions[corners[0] as usize].z > 0.0);
-        let mesh = open.simplified(100);
+        let mesh = simplify_mesh(&open, 100);
         assert!(mesh.triangles.len() <= 100);
         let rim = |mesh: &Mesh| {
             let lowest = mesh.positions.iter().map(|place| place.z).fold(f32::INFINITY, f32::min);
@@ -379,7 +376,7 @@ mod tests {
         let [a, b, _] = odd.triangles[9];
         odd.positions.push(Vec3::splat(2.0));
         odd.triangles.push([a, b, odd.positions.len() as u32 - 1]);
-        assert!(odd.simplified(60).triangles.len() <= 60);
-        assert!(odd.simplified(0).is_valid());
+        assert!(simplify_mesh(&odd, 60).triangles.len() <= 60);
+        assert!(simplify_mesh(&odd, 0).is_valid());
     }
 }

@@ -19,7 +19,7 @@ pub use texfold_bc::{Bc1Blocks, BcParams};
 pub use texfold_epitome::{EpitomeParams, EpitomeSource, Transforms};
 pub use texfold_lightfield::{
     Capture, CaptureError, FitMethod, FittedMaps, LightModel, LightParams, LightQuality, MapSizes,
-    MapStorage, Photograph, Updates,
+    MapStorage, Photograph, Updates, simplify_mesh,
 };
 pub use texfold_progressive::{ProgressiveParams, Shared};
 pub use texfold_vq::{GuidanceWeights, VqParams, VqSource};

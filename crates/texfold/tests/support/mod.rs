@@ -10,11 +10,13 @@
 pub mod forged;
 pub mod target;
 
+use std::sync::OnceLock;
+
 use texfold::image::{ImageSet, Raster};
 use texfold::{
-    Access, AnyImage, Bc, BcParams, Content, Effort, Encoder, Epitome, EpitomeParams, EpitomeSource, Family,
-    Goal, Job, PatchSource, PatchStack, Progressive, ProgressiveParams, Shared, Vq, VqParams, VqSource,
-    ZipParams, Zipmap,
+    Access, AnyImage, Bc, BcParams, Content, ENCODINGS, Effort, EncodeSettings, Encoder, Encoding, Epitome,
+    EpitomeParams, EpitomeSource, Family, Goal, Guidance, Job, PatchSource, PatchStack, Progressive,
+    ProgressiveParams, Shared, Vq, VqParams, VqSource, ZipParams, Zipmap,
 };
 
 pub fn fixture(name: &str) -> ImageSet {
@@ -65,8 +67,18 @@ pub fn stack(root: &Raster, image: Raster) -> PatchStack {
     PatchStack { root: root.clone(), images: vec![image], patches }
 }
 
-/// One texture of each kind, small enough to be damaged ten thousand times.
-pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
+/// One texture of each kind, small enough to be damaged ten thousand times, each made once.
+pub fn small_textures() -> &'static [(String, ImageSet, AnyImage)] {
+    static TEXTURES: OnceLock<Vec<(String, ImageSet, AnyImage)>> = OnceLock::new();
+    TEXTURES.get_or_init(make_small_textures)
+}
+
+/// The small texture of that name.
+pub fn small_texture(name: &str) -> &'static AnyImage {
+    &small_textures().iter().find(|texture| texture.0 == name).expect("a small texture").2
+}
+
+fn make_small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     let odd = fixture("odd_37x61");
     let ripple = texfold_testkit::frames("ripple");
     let mut textures = Vec::new();
@@ -131,4 +143,26 @@ pub fn small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     }
     textures.push(("zipmap, blocks".to_owned(), odd.clone(), zipmap_blocks(&odd)));
     textures
+}
+
+/// Every codec of images with each of its ways to reach texels; those that have one only are named once.
+pub fn ways() -> impl Iterator<Item = (&'static Encoding, Access)> {
+    static WAYS: OnceLock<Vec<(&Encoding, Access)>> = OnceLock::new();
+    let find = || {
+        let set = fixture("odd_37x61");
+        let bytes = |encoding: &Encoding, access| {
+            let (goal, effort) = (Goal::Psnr(26.0), Effort::Fast);
+            let settings = EncodeSettings { access: Some(access), goal, effort, ..EncodeSettings::default() };
+            let made = encoding.encode(&set, Guidance::default(), &settings, &mut Job::default());
+            made.unwrap().to_bytes()
+        };
+        let of = |encoding: &'static Encoding| {
+            let has_two = bytes(encoding, Access::Block) != bytes(encoding, Access::Texel);
+            [Access::Block, Access::Texel][..1 + usize::from(has_two)]
+                .iter()
+                .map(move |&access| (encoding, access))
+        };
+        ENCODINGS.iter().flat_map(of).collect()
+    };
+    WAYS.get_or_init(find).iter().copied()
 }

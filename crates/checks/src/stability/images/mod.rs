@@ -191,10 +191,9 @@ fn beside_plain(images: &ImageSet, made: &AnyImage, plain: &AnyImage) -> Vec<Che
 
 /// Encoded again by two threads, and with values that differ by what rounding leaves.
 fn again(images: &ImageSet, made: &AnyImage, way: &Way, tools: &Tools, cancel: &Cancel) -> Vec<Check> {
-    let by_two = encode(images, way, &tools.double, cancel);
-    let same = by_two.is_ok_and(|other| other.to_bytes() == made.to_bytes());
-    let mut checks =
-        vec![Check::most("files that differ with the number of threads", f64::from(u8::from(!same)), 0.0)];
+    let by_two = |pool: &ThreadPool| encode(images, way, pool, cancel);
+    let threads = tools.is_independent_of_threads(&made.to_bytes(), by_two, AnyImage::to_bytes);
+    let mut checks: Vec<Check> = threads.into_iter().collect();
     let nudged = nudged(images).and_then(|nudged| Ok(encode(&nudged, way, &tools.single, cancel)?));
     let psnr = |image: &AnyImage| quality(images, image.as_encoded()).color.psnr().min(EXACT_DB);
     let change = nudged.map_or(f64::INFINITY, |nudged| (psnr(&nudged) - psnr(made)).abs());
@@ -262,6 +261,7 @@ fn pictures(images: &ImageSet, bytes: Option<&[u8]>) -> Outcome<Vec<Vec<u8>>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stability::Extent;
 
     #[test]
     fn names_of_regimes_are_unique() {
@@ -274,7 +274,7 @@ mod tests {
     #[test]
     fn a_result_worse_than_plain_blocks_is_found_out() {
         let images = (REGIMES[1].images)().unwrap();
-        let tools = Tools::open().unwrap();
+        let tools = Tools::open(Extent::Bounds).unwrap();
         let bright = (REGIMES[18].images)().unwrap();
         let way = &ways()[0];
         let wrong = guarded(|cancel| encode(&bright, way, &tools.single, cancel)).unwrap().unwrap();

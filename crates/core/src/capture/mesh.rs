@@ -1,13 +1,8 @@
-//! A triangle mesh: what a light field lies on.
+//! Triangle meshes without texture coordinates.
 
 use glam::Vec3;
 
-use crate::Camera;
-
-/// Most vertices and triangles: atlases then fit a texture of 8192 texels a side, with any number of terms.
-pub(crate) const MAX_VERTICES: usize = 1 << 18;
-/// As above.
-pub(crate) const MAX_TRIANGLES: usize = 1 << 19;
+use super::Camera;
 
 /// A triangle mesh.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -53,7 +48,7 @@ impl Mesh {
     }
 
     /// Twice the area of a triangle; 0 where it has none or the number is not finite.
-    pub(crate) fn doubled_area(&self, triangle: [u32; 3]) -> f32 {
+    fn doubled_area(&self, triangle: [u32; 3]) -> f32 {
         let [a, b, c] = self.corners(triangle);
         let area = (b - a).cross(c - a).length();
         if area.is_finite() { area } else { 0.0 }

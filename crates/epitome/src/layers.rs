@@ -158,6 +158,8 @@ pub(crate) fn edited(
 #[cfg(feature = "encode")]
 #[cfg(test)]
 mod tests {
+    use std::sync::OnceLock;
+
     use super::*;
     use crate::map::{MapPlane, same_leaves};
     use crate::parts::Parts;
@@ -166,7 +168,13 @@ mod tests {
     use texfold_core::metric::decode_surface;
     use texfold_core::{Effort, Encoded, Encoder, Goal, Job};
 
-    fn texture() -> EpitomeTexture {
+    /// A texture in layers, made once.
+    fn texture() -> &'static EpitomeTexture {
+        static TEXTURE: OnceLock<EpitomeTexture> = OnceLock::new();
+        TEXTURE.get_or_init(make)
+    }
+
+    fn make() -> EpitomeTexture {
         let set = ImageSet::single(texfold_testkit::image("facade"));
         let params = EpitomeParams {
             goal: Goal::Psnr(30.0),
@@ -205,9 +213,9 @@ mod tests {
         let rows = |texture: &EpitomeTexture| -> u32 {
             (0..texture.parts.epitomes.len()).map(|epitome| texture.parts.drawn_size(epitome).1).sum()
         };
-        assert!(rows(&texture) <= rows(&all));
+        assert!(rows(texture) <= rows(&all));
         for level in 0..texture.layout().levels {
-            assert!(decode_surface(&all, 0, level) == decode_surface(&texture, 0, level), "level {level}");
+            assert!(decode_surface(&all, 0, level) == decode_surface(texture, 0, level), "level {level}");
         }
     }
 

@@ -63,12 +63,6 @@ impl MapPlane {
         &self.words
     }
 
-    /// Bytes that it holds.
-    #[cfg(test)]
-    pub(crate) fn held_bytes(&self) -> usize {
-        4 * self.words.capacity()
-    }
-
     /// What a GPU takes.
     pub(crate) fn plane(&self) -> Plane<'_> {
         word_plane("map", &self.words, self.row_log2)
@@ -111,12 +105,6 @@ impl CoarserMap {
         let mut same = pack_bits(same.into_iter());
         same.shrink_to_fit();
         CoarserMap { trees: map.trees.clone(), same, entries, count: map.entries.len() }
-    }
-
-    /// Bytes that it holds.
-    #[cfg(test)]
-    pub(crate) fn held_bytes(&self) -> usize {
-        self.trees.capacity() + self.same.capacity() + self.entries.capacity()
     }
 
     /// The whole map; `finer` is the one that it was made with.

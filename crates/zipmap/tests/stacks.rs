@@ -5,7 +5,7 @@
 use glam::{DMat3, DVec2, Vec2};
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{ColorSpace, Raster};
-use texfold_core::{Access, Budget, EncodeError, Encoded, Encoder, Goal, Job, Texel, TextureCodec};
+use texfold_core::{Access, Budget, Effort, EncodeError, Encoded, Encoder, Goal, Job, Texel, TextureCodec};
 use texfold_testkit::leaves::{Leaves, Lens, close_up, photograph};
 use texfold_zipmap::decode::{texfold_zipmap_pixel, texfold_zipmap_sample_grad};
 use texfold_zipmap::{
@@ -269,7 +269,7 @@ fn stacks_of_none_and_of_five_hundred_patches_are_drawn() {
         stack.images.push(photograph(&leaves.view(&matrix, small, 2), small, PLAIN));
         stack.patches.push(PatchSource { image: index as usize, matrix, mask: None, parent: None });
     }
-    let params = ZipParams::default().with_tau(0.05);
+    let params = ZipParams::default().with_tau(0.05).with_effort(Effort::Fast);
     let many = encode(&stack, &params).unwrap();
     assert!(many.patches() > 400, "{}", many.patches());
     let file = bytes(&many);

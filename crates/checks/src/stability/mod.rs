@@ -142,7 +142,7 @@ fn measured(args: &StabilityArgs) -> Outcome<usize> {
 }
 
 fn all_rows(tools: &Tools, extent: Extent, say: &mut dyn FnMut(Row)) -> Outcome<()> {
-    images::rows(tools, say)?;
+    images::rows(tools, extent, say)?;
     light::rows(tools, say)?;
     zoom::rows(tools, say)?;
     files::rows(extent, say)

@@ -5,6 +5,8 @@
 mod regimes;
 mod sweeps;
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
 use std::time::Instant;
 
 use rayon::ThreadPool;
@@ -19,7 +21,7 @@ use texfold_gpu::{Filter, Gpu};
 use super::guard::guarded;
 use super::page::png;
 use super::record::{self, Check, Row};
-use super::{Outcome, Tools};
+use super::{Extent, Outcome, Tools};
 use regimes::{REGIMES, Regime};
 pub(super) use sweeps::curves;
 
@@ -64,38 +66,62 @@ fn ways() -> Vec<Way> {
     .collect()
 }
 
-/// Every regime for every way.
+/// Every regime for every way: of bounds alone two regimes at a time.
 ///
 /// # Errors
 /// Where an image of a regime cannot be made.
-pub(super) fn rows(tools: &Tools, say: &mut dyn FnMut(Row)) -> Outcome<()> {
-    for regime in &REGIMES {
-        let images = (regime.images)()?;
-        let plains = [Access::Block, Access::Texel].map(|access| plain(&images, access, tools));
-        let mut by_block: Option<Vec<u8>> = None;
-        for way in ways() {
-            let [block, texel] = &plains;
-            let plain = if way.access == Access::Block { block } else { texel };
-            let start = Instant::now();
-            let made = guarded(|cancel| encode(&images, &way, &tools.single, cancel));
-            // Where a codec has one way only, it is told once.
-            if let Ok(Ok(made)) = &made {
-                let bytes = made.to_bytes();
-                if way.access == Access::Texel && by_block.as_ref() == Some(&bytes) {
-                    continue;
-                }
-                by_block = Some(bytes);
-            }
-            let outcome = match made {
-                Err(fault) => record::Outcome::Broken(fault),
-                Ok(Err(EncodeError::Cancelled)) => record::Outcome::Broken("does not end in time".to_owned()),
-                Ok(Err(error)) => record::Outcome::Refused(record::words(&error)),
-                Ok(Ok(made)) => held(&images, &made, &way, plain.as_ref(), tools),
-            };
-            let pictures = pictures(&images, by_block.as_deref())?;
-            let seconds = start.elapsed().as_secs_f64();
-            say(Row { regime: regime.name, codec: way.name, outcome, seconds, pictures });
+pub(super) fn rows(tools: &Tools, extent: Extent, say: &mut dyn FnMut(Row)) -> Outcome<()> {
+    if extent != Extent::Bounds {
+        return REGIMES.iter().try_for_each(|regime| rows_of(regime, tools, say));
+    }
+    let next = AtomicUsize::new(0);
+    let some = || -> Result<Vec<(usize, Row)>, String> {
+        let tools = Tools::open(extent).map_err(|error| error.to_string())?;
+        let mut rows = Vec::new();
+        loop {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            let Some(regime) = REGIMES.get(number) else { return Ok(rows) };
+            rows_of(regime, &tools, &mut |row| rows.push((number, row)))
+                .map_err(|error| error.to_string())?;
         }
+    };
+    let (first, second) = thread::scope(|scope| {
+        let other = scope.spawn(some);
+        (some(), other.join())
+    });
+    let mut rows = first?;
+    rows.extend(second.map_err(|_| "a thread of stability panicked")??);
+    rows.sort_by_key(|(number, _)| *number);
+    rows.into_iter().for_each(|(_, row)| say(row));
+    Ok(())
+}
+
+fn rows_of(regime: &Regime, tools: &Tools, say: &mut dyn FnMut(Row)) -> Outcome<()> {
+    let images = (regime.images)()?;
+    let plains = [Access::Block, Access::Texel].map(|access| plain(&images, access, tools));
+    let mut by_block: Option<Vec<u8>> = None;
+    for way in ways() {
+        let [block, texel] = &plains;
+        let plain = if way.access == Access::Block { block } else { texel };
+        let start = Instant::now();
+        let made = guarded(|cancel| encode(&images, &way, &tools.single, cancel));
+        // Where a codec has one way only, it is told once.
+        if let Ok(Ok(made)) = &made {
+            let bytes = made.to_bytes();
+            if way.access == Access::Texel && by_block.as_ref() == Some(&bytes) {
+                continue;
+            }
+            by_block = Some(bytes);
+        }
+        let outcome = match made {
+            Err(fault) => record::Outcome::Broken(fault),
+            Ok(Err(EncodeError::Cancelled)) => record::Outcome::Broken("does not end in time".to_owned()),
+            Ok(Err(error)) => record::Outcome::Refused(record::words(&error)),
+            Ok(Ok(made)) => held(&images, &made, &way, plain.as_ref(), tools),
+        };
+        let pictures = pictures(&images, by_block.as_deref())?;
+        let seconds = start.elapsed().as_secs_f64();
+        say(Row { regime: regime.name, codec: way.name, outcome, seconds, pictures });
     }
     Ok(())
 }
@@ -261,7 +287,6 @@ fn pictures(images: &ImageSet, bytes: Option<&[u8]>) -> Outcome<Vec<Vec<u8>>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stability::Extent;
 
     #[test]
     fn names_of_regimes_are_unique() {

@@ -3,7 +3,7 @@
 #![cfg(feature = "encode")]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use crate::support::{encode, file, load};
+use crate::support::{encode, facade, file, load};
 use glam::Vec2;
 use texfold_bc::{Bc, Bc1Blocks, BcParams, Content, ContentPlanes, Family};
 use texfold_core::image::{ColorSpace, ImageSet, PixelInfo, Raster};
@@ -169,7 +169,7 @@ fn plain_psnr(set: &ImageSet) -> f64 {
 
 #[test]
 fn bits_within_a_budget() {
-    let set = ImageSet::single(image("facade"));
+    let set = facade();
     let mut before = 0.0;
     for bpp in [1.0, 2.0, 3.0] {
         let measured = measure(&set, &encode(&set, &goal(Goal::Bpp(bpp))));
@@ -219,7 +219,7 @@ fn every_block_is_within_the_tolerance() {
 
 #[test]
 fn blocks_of_every_side_cover_the_image() {
-    let set = ImageSet::single(image("facade"));
+    let set = facade();
     for block in [8, 12, 16, 20, 28] {
         let params = goal(Goal::Tolerance(8.0)).with_block(block);
         let texture = encode(&set, &params);
@@ -231,7 +231,7 @@ fn blocks_of_every_side_cover_the_image() {
 
 #[test]
 fn one_search_serves_several_goals() {
-    let set = ImageSet::single(image("facade"));
+    let set = facade();
     let params = goal(Goal::Psnr(32.0));
     let search = Epitome::search(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
     let mut before = 0.0;

@@ -3,7 +3,7 @@
 #![cfg(feature = "encode")]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use crate::support::{encode, file, load};
+use crate::support::{encode, facade, file, load};
 use texfold_bc::Content;
 use texfold_core::container::Sections;
 use texfold_core::image::ImageSet;
@@ -17,10 +17,6 @@ use texfold_testkit::{full, image};
 fn params(layers: u32) -> EpitomeParams {
     let params = EpitomeParams::new(Goal::Psnr(32.0)).with_access(Access::Texel);
     params.with_effort(Effort::Fast).with_layers(layers)
-}
-
-fn facade() -> ImageSet {
-    ImageSet::single(image("facade"))
 }
 
 /// Bytes of the shortest prefix with each number of layers.
@@ -69,10 +65,10 @@ fn prefixes_are_finer_the_longer_they_are() {
 
 #[test]
 fn layers_cost_little_and_the_finest_is_the_one_of_its_own() {
-    let set = facade();
+    // A table of sections for each layer weighs in a small file.
+    let set = ImageSet::single(image("facade"));
     let (alone, layered) = (encode(&set, &params(1)), encode(&set, &params(3)));
     let share = file(&layered).len() as f64 / file(&alone).len() as f64;
-    // A table of sections for each layer weighs in so small a file.
     assert!(share <= 1.2, "{share}");
     let (alone, layered) = (measure(&set, &alone), measure(&set, &layered));
     assert!(layered.psnr >= 32.0 && layered.bpp <= 1.05 * alone.bpp, "{layered:?} {alone:?}");

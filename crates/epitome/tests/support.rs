@@ -6,7 +6,7 @@ use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::ImageSet;
 use texfold_core::{Budget, Encoded, Encoder, Job, LoadError, TextureCodec};
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
-use texfold_testkit::once;
+use texfold_testkit::{crop, full, image, once};
 
 /// The texture of these images, made once for all tests.
 pub(crate) fn encode(images: &ImageSet, params: &EpitomeParams) -> EpitomeTexture {
@@ -25,4 +25,10 @@ pub(crate) fn file(texture: &EpitomeTexture) -> Vec<u8> {
 pub(crate) fn load(bytes: &[u8]) -> Result<EpitomeTexture, LoadError> {
     let mut budget = Budget::default();
     Epitome::load(&Sections::parse(bytes, &mut budget)?, &mut budget)
+}
+
+/// A facade whose windows repeat: a part of it, and in full runs all.
+pub(crate) fn facade() -> ImageSet {
+    let whole = image("facade");
+    ImageSet::single(if full() { whole } else { crop(&whole, (40, 40), (128, 128)) })
 }

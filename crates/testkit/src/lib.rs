@@ -7,7 +7,7 @@ pub mod leaves;
 mod load;
 pub mod once;
 
-pub use load::{data_dir, fixtures_dir, frames, image, png};
+pub use load::{crop, data_dir, fixtures_dir, frames, image, png};
 
 pub use texfold_core::rng;
 

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use texfold_core::Texel;
 use texfold_core::image::{ColorSpace, ImageSet, Raster};
 
 /// The folder `fixtures` of the workspace.
@@ -45,6 +46,20 @@ pub fn png(path: &Path) -> Raster {
 #[must_use]
 pub fn image(name: &str) -> Raster {
     png(&fixtures_dir().join(format!("images/{name}.png")))
+}
+
+/// The part of an image of `width` x `height` texels whose upper left texel is at (`x`, `y`).
+///
+/// # Panics
+/// Where the part reaches beyond the image.
+#[must_use]
+#[expect(clippy::panic, reason = "a test without its image must fail, and say why")]
+pub fn crop(image: &Raster, (x, y): (u32, u32), (width, height): (u32, u32)) -> Raster {
+    let texels: Vec<Texel> = (0..width * height).map(|i| image.texel(x + i % width, y + i / width)).collect();
+    match Raster::from_texels(width, height, image.info(), &texels) {
+        Ok(part) => part,
+        Err(error) => panic!("{width}x{height} texels at ({x}, {y}): {error}"),
+    }
 }
 
 /// The frames `images/<name>/*.png` in order.

@@ -122,7 +122,7 @@ fn equal_blocks() -> Outcome<ImageSet> {
     let shade = |x: u32, y: u32| {
         if (x, y) == (100, 100) { [255, 0, 0] } else { [(x % 8 * 30) as u8, (y % 8 * 30) as u8, 128] }
     };
-    single(drawn(256, 256, shade))
+    single(drawn(192, 192, shade))
 }
 
 fn two_blocks() -> Outcome<ImageSet> {

@@ -1,6 +1,6 @@
 //! How well a choice among all codecs does: what it returns beside the best of all, and what it costs.
 //!
-//! `cargo run --release -p texfold-benches --bin choices -- [--check] [--out DIR] [--psnr DB | --bpp BITS] [--effort fast|normal|high] [IMAGE_OR_FOLDER …]`;
+//! `cargo run --release -p texfold-benches --bin choices -- [--check] [--out DIR] [--psnr DB | --bpp BITS] [--effort fast|normal|high] [--budget MINUTES] [IMAGE_OR_FOLDER …]`;
 //! without images, the fixtures. Images are cut to their middle 512x512 texels. Every codec encodes every image by itself, and so
 //! does the choice; `excess` is how many more bits than the best the choice takes, for goals of bits how many dB it stays below. With
 //! `--check` the run fails where the choice is beyond 5 % (0.3 dB) on more than one image of twenty.
@@ -11,6 +11,7 @@ use texfold::image::{ImageSet, Raster};
 use texfold::metric::measure;
 use texfold::target::Measured;
 use texfold::{ENCODINGS, Effort, EncodeSettings, Epitome, Goal, Guidance, Job, encode_images};
+use texfold_benches::budget::Run;
 use texfold_benches::report::{Outcome, Table, cpu_seconds, images_of, middle};
 
 /// Longest side of an image.
@@ -37,7 +38,9 @@ struct Found {
 }
 
 fn main() -> Outcome<()> {
-    let request = request()?;
+    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
+    let run = Run::new("choices", 20.0, &mut arguments)?;
+    let request = request(arguments)?;
     let columns = [
         "image",
         "reuse",
@@ -53,12 +56,16 @@ fn main() -> Outcome<()> {
     ];
     let mut table = Table::new(&columns);
     let mut far = 0;
-    for path in &request.images {
+    let measure = |path: &Path| {
         let image = middle(&texfold_testkit::png(path), SIDE, SIDE)?;
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let (row, is_far) = compared(&name, image, &request)?;
+        let (mut row, is_far) = compared(&name, image, &request)?;
+        row.push(is_far.to_string());
+        Ok(vec![row])
+    };
+    for mut row in run.rows(&request.images, measure)?.into_iter().flatten() {
+        far += usize::from(row.pop().as_deref() == Some("true"));
         table.row(row);
-        far += usize::from(is_far);
     }
     if let Some(out) = &request.out {
         std::fs::create_dir_all(out)?;
@@ -123,7 +130,7 @@ fn compared(name: &str, image: Raster, request: &Request) -> Outcome<(Vec<String
     Ok((row, is_far))
 }
 
-fn request() -> Outcome<Request> {
+fn request(arguments: Vec<String>) -> Outcome<Request> {
     let mut request = Request {
         check: false,
         out: None,
@@ -131,7 +138,7 @@ fn request() -> Outcome<Request> {
         effort: Effort::Normal,
         images: Vec::new(),
     };
-    let mut arguments = std::env::args().skip(1);
+    let mut arguments = arguments.into_iter();
     while let Some(argument) = arguments.next() {
         let mut next = |what: &str| arguments.next().ok_or_else(|| what.to_owned());
         match argument.as_str() {

@@ -1,5 +1,6 @@
 //! Images and settings that the benches share.
 
+pub mod budget;
 pub mod report;
 pub mod rivals;
 

@@ -1,6 +1,6 @@
 //! Our codecs beside the texture formats that engines ship: PSNR and SSIMULACRA2 against bits a texel.
 //!
-//! `cargo run --release -p texfold-benches --bin peers -- OUT [IMAGE …]`; without images, the Kodak photographs of the data folder.
+//! `cargo run --release -p texfold-benches --bin peers -- OUT [--budget MINUTES] [IMAGE …]`; without images, the Kodak photographs of the data folder.
 //! Bits are what a GPU holds, everything counted, without mips. ASTC is encoded by the program `astcenc` (`-thorough`), where it
 //! is installed. JPEG stands for textures that are decoded by block on the GPU: 4:2:0, with 0.17 bits a texel for the index that
 //! such a texture needs. A curve is the mean over the images of PSNR (or SSIMULACRA2) at each setting, at the mean of its bits.
@@ -13,6 +13,7 @@ use texfold::{
     Access, Bc, BcParams, Content, Effort, Encoded, Encoder, Epitome, EpitomeParams, EpitomeSource, Family,
     Goal, Image2d, Job, Metric, Progressive, ProgressiveParams, SharedSearch,
 };
+use texfold_benches::budget::Run;
 use texfold_benches::report::{Chart, Line, Outcome, Table};
 use texfold_benches::rivals;
 use texfold_cli::ssimulacra2;
@@ -25,16 +26,35 @@ const ASTC: [u32; 4] = [12, 10, 8, 6];
 const JPEG: [u8; 7] = [15, 25, 40, 60, 75, 85, 92];
 
 /// What one setting of one form reaches on one image.
+#[derive(Debug, Clone)]
 struct Point {
-    form: &'static str,
+    form: String,
     setting: String,
     bpp: f64,
     psnr: f64,
     ssimulacra2: f64,
 }
 
+impl Point {
+    /// As a run notes it.
+    fn cells(&self) -> Vec<String> {
+        let Point { form, setting, bpp, psnr, ssimulacra2 } = self;
+        vec![form.clone(), setting.clone(), bpp.to_string(), psnr.to_string(), ssimulacra2.to_string()]
+    }
+
+    fn from_cells(row: &[String]) -> Outcome<Point> {
+        let [form, setting, bpp, psnr, ssimulacra2] = row else {
+            return Err("a note of another form".into());
+        };
+        let (form, setting) = (form.clone(), setting.clone());
+        Ok(Point { form, setting, bpp: bpp.parse()?, psnr: psnr.parse()?, ssimulacra2: ssimulacra2.parse()? })
+    }
+}
+
 fn main() -> Outcome<()> {
-    let mut arguments = std::env::args().skip(1).map(PathBuf::from);
+    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
+    let run = Run::new("peers", 240.0, &mut arguments)?;
+    let mut arguments = arguments.into_iter().map(PathBuf::from);
     let out = arguments.next().ok_or("name the folder to write to")?;
     std::fs::create_dir_all(&out)?;
     let mut images: Vec<PathBuf> = arguments.collect();
@@ -43,15 +63,13 @@ fn main() -> Outcome<()> {
         images = folder.map(|entry| entry.map(|entry| entry.path())).collect::<Result<_, _>>()?;
         images.sort();
     }
-    let mut points = Vec::new();
-    for path in &images {
-        eprintln!("{}", path.display());
+    let measure = |path: &Path| {
         let image = texfold_testkit::png(path).with_channels(3);
-        points.extend(ours(&image)?);
-        points.extend(plain(&image)?);
-        points.extend(jpeg(&image)?);
-        points.extend(astc(&image)?);
-    }
+        let points = [ours(&image)?, plain(&image)?, jpeg(&image)?, astc(&image)?].concat();
+        Ok(points.iter().map(Point::cells).collect())
+    };
+    let rows = run.rows(&images, measure)?.concat();
+    let points: Vec<Point> = rows.iter().map(|row| Point::from_cells(row)).collect::<Outcome<_>>()?;
     write(&out, &points, images.len())
 }
 
@@ -154,6 +172,7 @@ fn compare(
 ) -> Outcome<Point> {
     let ssimulacra2 =
         ssimulacra2(image, decoded).ok_or("SSIMULACRA2 needs sRGB images of at least 8 texels a side")?;
+    let form = form.to_owned();
     Ok(Point { form, setting, bpp, psnr: color_error(image, decoded).psnr(), ssimulacra2 })
 }
 
@@ -163,27 +182,27 @@ fn write(out: &Path, points: &[Point], images: usize) -> Outcome<()> {
     let (mut psnr, mut eye): (Vec<Line>, Vec<Line>) = (Vec::new(), Vec::new());
     let mut done: Vec<(&str, &str)> = Vec::new();
     for point in points {
-        let key = (point.form, point.setting.as_str());
+        let key = (point.form.as_str(), point.setting.as_str());
         if done.contains(&key) {
             continue;
         }
         done.push(key);
         let same: Vec<&Point> =
-            points.iter().filter(|other| (other.form, other.setting.as_str()) == key).collect();
+            points.iter().filter(|other| (other.form.as_str(), other.setting.as_str()) == key).collect();
         let mean =
             |of: fn(&Point) -> f64| same.iter().map(|point| of(point)).sum::<f64>() / same.len() as f64;
         let (bpp, db, score) = (mean(|p| p.bpp), mean(|p| p.psnr), mean(|p| p.ssimulacra2));
         table.row(vec![
-            point.form.to_owned(),
+            point.form.clone(),
             point.setting.clone(),
             format!("{bpp:.2}"),
             format!("{db:.2}"),
             format!("{score:.1}"),
         ]);
         for (lines, value) in [(&mut psnr, db), (&mut eye, score)] {
-            match lines.iter_mut().find(|(form, _)| form == point.form) {
+            match lines.iter_mut().find(|(form, _)| *form == point.form) {
                 Some((_, line)) => line.push((bpp, value)),
-                None => lines.push((point.form.to_owned(), vec![(bpp, value)])),
+                None => lines.push((point.form.clone(), vec![(bpp, value)])),
             }
         }
     }

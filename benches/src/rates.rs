@@ -1,6 +1,6 @@
 //! Base and residual, by block or by texel, at given rates, image by image, beside JPEG and ASTC of equal bits.
 //!
-//! `cargo run --release -p texfold-benches --bin rates -- [--check] [--out DIR] [--effort fast|normal|high] [--access block|texel] [FOLDER_OR_IMAGE …]`;
+//! `cargo run --release -p texfold-benches --bin rates -- [--check] [--out DIR] [--effort fast|normal|high] [--access block|texel] [--budget MINUTES] [FOLDER_OR_IMAGE …]`;
 //! without images, the Kodak photographs of the data folder. Images are cut to their middle 1024x1024 texels. Bits a texel
 //! are those of the whole texture: header, index, tables, padding. JPEG stands for textures that are decoded by block on the
 //! GPU: 4:2:0, with 0.17 bits a texel for the index; its figures are interpolated between qualities over the logarithm of
@@ -14,6 +14,7 @@ use texfold::metric::{color_error, decode_surface};
 use texfold::{
     Access, CancelCheck, Effort, Encoded, Encoder, Goal, Job, Metric, Progressive, ProgressiveParams, Rect,
 };
+use texfold_benches::budget::Run;
 use texfold_benches::report::{Chart, Line, Outcome, Table, cpu_seconds, images_of, middle};
 use texfold_benches::rivals;
 use texfold_cli::ssimulacra2;
@@ -42,7 +43,9 @@ struct Request {
 }
 
 fn main() -> Outcome<()> {
-    let request = request()?;
+    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
+    let run = Run::new("rates", 60.0, &mut arguments)?;
+    let request = request(arguments)?;
     let columns = [
         "image",
         "rate",
@@ -62,10 +65,15 @@ fn main() -> Outcome<()> {
     ];
     let mut table = Table::new(&columns);
     let mut sums = vec![[0.0; 13]; RATES.len()];
-    for path in &request.images {
+    let measure = |path: &Path| {
         let image = middle(&texfold_testkit::png(path).with_channels(3), SIDE, SIDE)?;
+        let figures = figures(&image, &request)?;
+        Ok(figures.iter().map(|figures| figures.map(|figure| figure.to_string()).to_vec()).collect())
+    };
+    for (path, rows) in request.images.iter().zip(run.rows(&request.images, measure)?) {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        for (rate, (sum, figures)) in RATES.iter().zip(sums.iter_mut().zip(figures(&image, &request)?)) {
+        for ((rate, sum), row) in RATES.iter().zip(&mut sums).zip(rows) {
+            let figures: Vec<f64> = row.iter().map(|cell| cell.parse()).collect::<Result<_, _>>()?;
             table.row(line(&name, rate.0, &figures));
             sum.iter_mut().zip(figures).for_each(|(sum, figure)| *sum += figure);
         }
@@ -89,7 +97,7 @@ fn main() -> Outcome<()> {
     }
 }
 
-fn request() -> Outcome<Request> {
+fn request(arguments: Vec<String>) -> Outcome<Request> {
     let mut request = Request {
         check: false,
         out: None,
@@ -97,7 +105,7 @@ fn request() -> Outcome<Request> {
         access: Access::Block,
         images: Vec::new(),
     };
-    let mut arguments = std::env::args().skip(1);
+    let mut arguments = arguments.into_iter();
     while let Some(argument) = arguments.next() {
         match argument.as_str() {
             "--check" => request.check = true,
@@ -251,7 +259,7 @@ fn interpolated(points: &[Figures], rate: f64) -> [f64; 2] {
     })
 }
 
-fn line(name: &str, rate: f64, figures: &[f64; 13]) -> Vec<String> {
+fn line(name: &str, rate: f64, figures: &[f64]) -> Vec<String> {
     let head = [name.to_owned(), rate.to_string()];
     head.into_iter().chain(figures.iter().map(|figure| format!("{figure:.2}"))).collect()
 }

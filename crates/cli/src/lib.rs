@@ -15,6 +15,7 @@ mod decompress;
 mod error;
 mod info;
 mod input;
+mod memory;
 mod output;
 mod perceptual;
 mod png;

@@ -18,6 +18,12 @@ pub(crate) const NONE: u32 = u32::MAX;
 /// Rows of an atlas from one term to the next are multiples of a block's side, so that no block belongs to two terms.
 const BLOCK: u32 = 4;
 
+/// Places of a patch of side `n`, in the order in which its texels are stored.
+#[cfg(feature = "encode")]
+pub(crate) fn lattice(n: u32) -> impl Iterator<Item = (u32, u32)> {
+    (0..=n).flat_map(move |i| (0..=n - i).map(move |j| (i, j)))
+}
+
 /// The sides of terms' patches, where those of the mean are downscaled by `reduce_log2`.
 pub(crate) fn reduced(sides_log2: &[u8], reduce_log2: u8) -> Vec<u8> {
     sides_log2.iter().map(|log2| log2.saturating_sub(reduce_log2)).collect()

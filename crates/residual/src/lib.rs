@@ -33,8 +33,7 @@ pub use axes::Axes;
 pub use content::{
     APRON, BASE_PART, BaseForm, MAX_REDUCE_LOG2, MAX_SHRINK_LOG2, PADDING, RESIDUAL_PART, ResidualContent,
 };
+pub use decode::{BLOCK_CELLS, SUBBANDS};
 pub use plane::{BLOCK_SIDE, PlaneWords, ResidualPlane, blocks_of, level_blocks, plane_words, stored_layout};
-pub use rates::{
-    BLOCK_CELLS, MAX_RATES, RATE_CLASSES, RateModel, Rates, SUBBAND_COUNTS, SUBBANDS, WEIGHT_ONE,
-};
+pub use rates::{MAX_RATES, RATE_CLASSES, RateModel, Rates, SUBBAND_COUNTS, WEIGHT_ONE};
 pub use wire::ContentId;

@@ -1,21 +1,18 @@
 //! How many bits the coefficients of a block get, by rate class and subband.
 
 use crate::axes::Axes;
+use crate::decode::{BLOCK_CELLS, SUBBANDS};
 
 /// Coefficients of each subband in a cell of 4x4 texels: mean of luma; its coarse horizontal, vertical and diagonal
 /// ones; horizontal and vertical ones of each 2x2; diagonal ones of each 2x2; means of both chroma axes; their coarse
 /// ones; and those of each 2x2 of chroma.
 pub const SUBBAND_COUNTS: [u32; SUBBANDS] = [1, 3, 8, 4, 2, 6, 24];
-/// Subbands.
-pub const SUBBANDS: usize = 7;
 /// Most bits of a coefficient by subband. The coefficients of a cell's means and coarse subbands, and those of a 2x2,
 /// are read at once from 64 bits and taken apart 32 bits at a time, luma's, then chroma's, with
 /// [`crate::decode::TEXFOLD_RESIDUAL_STATE_BITS`] bits before their own.
 pub const MAX_RATES: [u32; SUBBANDS] = [5, 5, 5, 5, 5, 2, 3];
 /// Rate classes.
 pub const RATE_CLASSES: usize = 16;
-/// Cells of a block.
-pub const BLOCK_CELLS: u32 = 4;
 /// Number that stands for a subband's weight of 1.
 pub const WEIGHT_ONE: f32 = 1024.0;
 

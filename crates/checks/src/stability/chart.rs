@@ -4,6 +4,11 @@ use std::fmt::Write;
 
 use super::record::{Curve, Point};
 
+/// Text as HTML.
+pub(super) fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
 /// Size of a chart, and of the room around its points, in SVG units.
 const SIZE: (f64, f64) = (560.0, 300.0);
 const LEFT: f64 = 52.0;
@@ -24,7 +29,7 @@ pub(super) fn svg(curve: &Curve) -> String {
         "<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{}\">",
         SIZE.0,
         SIZE.1,
-        super::page::escaped(&curve.title)
+        escaped(&curve.title)
     );
     grid(&mut text, &across, &up);
     let mut names: Vec<(f64, usize)> = Vec::new();
@@ -45,7 +50,7 @@ pub(super) fn svg(curve: &Curve) -> String {
             text,
             "<text class=\"line{index}\" x=\"{x}\" y=\"{:.1}\">{}</text>",
             y + 4.0,
-            super::page::escaped(&curve.lines[index].0)
+            escaped(&curve.lines[index].0)
         );
     }
     let middle = 0.5 * (LEFT + SIZE.0 - RIGHT);
@@ -70,7 +75,7 @@ fn draw(text: &mut String, index: usize, line: &[Point], (across, up): (&Axis, &
         let _ = write!(
             text,
             "<circle class=\"line{index} {kind}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\"><title>{}: {} at {}{word}</title></circle>",
-            super::page::escaped(name),
+            escaped(name),
             short(point.y),
             short(point.x)
         );

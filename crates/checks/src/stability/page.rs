@@ -7,7 +7,7 @@ use base64::prelude::{BASE64_STANDARD, Engine};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use texfold::image::Raster;
 
-use super::chart::{short, svg};
+use super::chart::{escaped, short, svg};
 use super::record::{Bound, Check, Curve, Outcome as Result, Row};
 use super::{Outcome, Tools};
 
@@ -171,11 +171,6 @@ fn details(regime: &str, what: &str, rows: &[&Row]) -> String {
         );
     }
     text + "</table></div></details>"
-}
-
-/// Text as HTML.
-pub(super) fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 /// The middle of an image as a PNG file in RGBA.

@@ -3,25 +3,19 @@
 //! do not depend on one another and are encoded at a time. Last, each is listed in `bank.json`, in order. What a bank comes
 //! to does not depend on how many are encoded at a time.
 
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Instant;
 
-use texfold_core::container::SectionWriter;
 use texfold_core::image::Depth;
-use texfold_core::{Access, Encoded, Image2d, SurfaceSize, TextureCodec};
-use texfold_progressive::{Codebook, Progressive, ProgressiveParams};
+use texfold_core::{Access, SurfaceSize};
+use texfold_progressive::{Progressive, ProgressiveParams};
 
 use super::manifest::{Image, Manifest};
 use super::sums::Sums;
+use super::task::{BankTask, Books, Grown, Place};
 use super::{Bank, Open, blocks, category, texel, tiles};
-use crate::compress::add_file;
 use crate::error::{CliError, guarded};
-use crate::output::write_whole;
 use crate::progress::Share;
 use crate::report::Row;
-use crate::settings::Settings;
 
 /// Where k-means starts from.
 const SEED: u64 = 0x7e8f_01d5;
@@ -31,16 +25,6 @@ const BAND_BYTES: u64 = 12;
 /// Bytes that encoding a tile takes: 160 MB for one of 1279 x 1279 texels, as measured, 210 MB with codebooks, and what
 /// allocators keep.
 const TILE_BYTES: u64 = 280 << 20;
-
-/// An image that is to be in a bank.
-#[derive(Debug)]
-pub(crate) struct BankTask {
-    pub(crate) path: PathBuf,
-    pub(crate) name: String,
-    /// The category that it is of, where that is said.
-    pub(crate) category: Option<String>,
-    pub(crate) settings: Settings,
-}
 
 /// What is to be done with an image.
 #[derive(Debug)]
@@ -76,18 +60,6 @@ impl Add {
     }
 }
 
-/// Where an image comes to lie in a bank.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Place<'p> {
-    /// The bank's folder.
-    pub(super) dir: &'p Path,
-    /// Number of its first file.
-    pub(super) first: u32,
-    /// Categories of its tiles, row by row.
-    pub(super) categories: &'p [usize],
-    pub(super) limit_bytes: u64,
-}
-
 /// An image that has been encoded, all but listed.
 #[derive(Debug)]
 pub(crate) struct Made {
@@ -95,16 +67,6 @@ pub(crate) struct Made {
     grown: Vec<Grown>,
     /// Number of the first file that is not its own.
     end: u32,
-}
-
-/// A category with the codebook that an image leaves it with.
-#[derive(Debug)]
-pub(super) struct Grown {
-    pub(super) number: usize,
-    pub(super) tiles: u32,
-    pub(super) book: Option<Arc<Codebook>>,
-    /// File and rows, where it has grown.
-    pub(super) file: Option<(String, u32)>,
 }
 
 /// What is seen of an image before it is added.
@@ -261,20 +223,6 @@ impl BankTask {
     }
 }
 
-/// Writes the file of a tile; its name.
-pub(super) fn write_tile(
-    texture: &dyn Encoded<Domain = Image2d>,
-    dir: &Path,
-    next: &mut u32,
-) -> Result<String, CliError> {
-    let file = format!("image-{next:06}.txf");
-    *next += 1;
-    let mut writer = SectionWriter::new(Progressive::ID);
-    texture.store(&mut writer);
-    write_whole(&dir.join(&file), &writer.finish().bytes)?;
-    Ok(file)
-}
-
 impl Open {
     /// Lists an image that has been made: from then on it counts.
     pub(crate) fn commit(&mut self, made: Made) -> Result<Row, CliError> {
@@ -296,19 +244,5 @@ impl Open {
         }
         self.bank.manifest = manifest;
         Ok(row)
-    }
-}
-
-/// Public codebooks by category.
-pub(crate) type Books = HashMap<usize, Option<Arc<Codebook>>>;
-
-impl BankTask {
-    /// Hash of all that the stored form depends on, but the bank's codebooks.
-    fn key(&self) -> Result<String, CliError> {
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(format!("{:?}", self.settings).as_bytes());
-        add_file(&mut hasher, &self.path)
-            .map_err(|source| CliError::Read { path: self.path.clone(), source })?;
-        Ok(hasher.finalize().to_hex().to_string())
     }
 }

@@ -10,9 +10,9 @@ use texfold_core::target::Measured;
 use texfold_core::{Access, EncodeError, Encoded, Goal, Job, Limits, SurfaceSize};
 use texfold_progressive::{BlockImages, Progressive, ProgressiveParams};
 
-use super::add::{BankTask, Grown, Place, write_tile};
 use super::manifest::Tile;
 use super::sums::{Making, Sums};
+use super::task::{BankTask, Grown, Place, write_tile};
 use super::tiles::{self, Cut, without_plain_alpha};
 use crate::error::CliError;
 use crate::progress::Share;

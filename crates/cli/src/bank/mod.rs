@@ -13,6 +13,7 @@ mod category;
 mod manifest;
 mod show;
 mod sums;
+mod task;
 mod texel;
 mod tiles;
 
@@ -27,10 +28,11 @@ use texfold_progressive::{Codebook, Progressive, ProgressiveTexture};
 
 use crate::error::CliError;
 use crate::output::{make_folder, remove_stale};
-pub(crate) use add::{Add, BankTask, Books, Made, Step, plan};
+pub(crate) use add::{Add, Made, Step, plan};
 use category::Category;
 use manifest::{MANIFEST, Manifest, Tile};
 pub(crate) use show::{Choice, decompress, describe, is_bank};
+pub(crate) use task::{BankTask, Books};
 
 /// Name of the file that is locked while images are added.
 const LOCK: &str = "bank.lock";

@@ -8,8 +8,8 @@ use texfold_core::target::Measured;
 use texfold_core::{Access, Encoded, Image2d, SurfaceSize, TextureCodec};
 use texfold_progressive::Progressive;
 
-use super::add::BankTask;
 use super::manifest::Tile;
+use super::task::BankTask;
 use crate::perceptual::{mean, ssimulacra2};
 use crate::report::{PartRow, Row, peak_bytes};
 

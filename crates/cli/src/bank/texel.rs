@@ -7,9 +7,9 @@ use texfold_core::image::ImageSet;
 use texfold_core::{Access, Job, Limits, SurfaceSize, TextureCodec};
 use texfold_progressive::{Progressive, Shared, TexelTexture};
 
-use super::add::{BankTask, Books, Grown, Place, write_tile};
 use super::manifest::Tile;
 use super::sums::{Making, Sums};
+use super::task::{BankTask, Books, Grown, Place, write_tile};
 use super::tiles::{self, Cut, without_plain_alpha};
 use crate::error::CliError;
 use crate::output::write_whole;

@@ -13,11 +13,11 @@ mod table;
 
 use std::path::PathBuf;
 
-use crate::compress::usual_limit;
 use crate::config::{AlphaChoice, ColorName, EffortName, Options};
 use crate::console::{complain, say};
 use crate::error::{CliError, explain, guarded};
 use crate::input::{Found, find, read_set};
+use crate::memory::usual_limit;
 use crate::output::{make_folder, remove_stale, write_whole};
 use crate::progress::Progress;
 use crate::settings::Kind;

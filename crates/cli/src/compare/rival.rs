@@ -7,9 +7,9 @@ use std::time::Instant;
 use texfold_core::AstcBlock;
 use texfold_core::image::Raster;
 
-use crate::compress::usual_limit;
 use crate::error::CliError;
 use crate::input::pixels;
+use crate::memory::usual_limit;
 use crate::png;
 
 /// Bits of an ASTC block of any side.

@@ -8,9 +8,9 @@ use texfold_core::image::{ImageSet, Raster};
 use texfold_core::mesh::UvMesh;
 use texfold_core::{EncodeError, Goal, Job, Limits, SourceError, Stage};
 
-use super::memory;
 use crate::error::CliError;
 use crate::input::{self, bc1, pixels};
+use crate::memory;
 use crate::settings::Settings;
 
 /// Bits a texel of BC1: what blocks that are taken over cost.

@@ -8,7 +8,6 @@ mod cache;
 mod encode;
 mod folder;
 mod light;
-mod memory;
 mod schedule;
 mod task;
 mod zoom;
@@ -23,11 +22,11 @@ use crate::config::{Config, Options, RunOptions};
 use crate::console::say;
 use crate::error::{CliError, explain};
 use crate::input::{Found, find};
+use crate::memory;
 use crate::output::{make_folder, remove_stale, write_whole};
 use crate::progress::Progress;
 use crate::report::{Entry, Row};
 use crate::settings::{Kind, LightSettings, ZoomSettings};
-pub(crate) use memory::usual_limit;
 
 use cache::Cache;
 pub(crate) use cache::add_file;
@@ -228,7 +227,7 @@ fn work(
             progress.complain(&format!("error: {}", explain(error)));
         }
     }
-    let limit_bytes = run.memory.map_or_else(usual_limit, memory::from_gib);
+    let limit_bytes = run.memory.map_or_else(memory::usual_limit, memory::from_gib);
     let force = run.force.unwrap_or(false);
     let place = Workplace { cache, limit_bytes, force, progress: &progress };
     let jobs = run.jobs.map_or_else(schedule::cores, |jobs| jobs as usize);

@@ -7,9 +7,10 @@ use texfold::Chosen;
 use texfold_core::mesh::UvMesh;
 
 use super::cache::{Cache, add_file, program};
-use super::{encode, memory};
+use super::encode;
 use crate::error::{CliError, guarded};
 use crate::input::{Found, mesh, size_of};
+use crate::memory;
 use crate::output::write_whole;
 use crate::progress::Progress;
 use crate::report::{Circumstances, Row};

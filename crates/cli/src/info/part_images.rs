@@ -11,7 +11,7 @@ use crate::decompress::{decode, name};
 use crate::error::CliError;
 use crate::input::{find, read_set};
 use crate::output::make_folder;
-use crate::{compress, png, thumbnail};
+use crate::{memory, png, thumbnail};
 
 /// Writes `<stem>-<part>.png` for each part to `dir`, and says what was written.
 pub(crate) fn write(
@@ -57,5 +57,5 @@ fn read_original(original: &Path, surfaces: usize) -> Result<Vec<Raster>, CliErr
         files.extend(found.map_err(|unusable| *unusable.error)?.files);
     }
     files.truncate(surfaces);
-    Ok(read_set(&files, &settings, compress::usual_limit())?.images().to_vec())
+    Ok(read_set(&files, &settings, memory::usual_limit())?.images().to_vec())
 }

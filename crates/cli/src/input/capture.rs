@@ -14,8 +14,8 @@ use texfold::{Camera, Capture, Mesh, Photograph, simplify_mesh};
 use texfold_core::image::ColorSpace;
 
 use super::{pixels, shape};
-use crate::compress::usual_limit;
 use crate::error::CliError;
+use crate::memory::usual_limit;
 
 /// Name of the file that makes a folder a capture.
 pub(crate) const CAMERAS_NAME: &str = "transforms.json";

@@ -20,7 +20,7 @@ use super::surface::{Blend, Lattice};
 use crate::CaptureError;
 use crate::decode::texfold_lightfield_scale;
 use crate::kinds::Factors;
-use crate::layout::{Layout, NONE, Sharing, Widths, reduced};
+use crate::layout::{Layout, NONE, Sharing, Widths, lattice, reduced};
 use crate::params::LightParams;
 use crate::parts::{PIXEL, mean_size, surface_size, view_size, zero_and_range};
 
@@ -271,11 +271,6 @@ impl Maps {
         }
         Ok(drawn)
     }
-}
-
-/// Places of a patch of side `n`, in the order in which its texels are kept.
-pub(super) fn lattice(n: u32) -> impl Iterator<Item = (u32, u32)> {
-    (0..=n).flat_map(move |i| (0..=n - i).map(move |j| (i, j)))
 }
 
 impl Scene {

@@ -4,12 +4,11 @@ use glam::{UVec2, Vec2, Vec3};
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::{CancelCheck, Effort, EncodeError, Texel};
 
-use super::assemble::lattice;
 use super::scene::Scene;
 use super::share::{Rgb, Stored};
 use crate::decode::texfold_lightfield_texel;
 use crate::kinds::Directions;
-use crate::layout::{Layout, NONE, Sharing, Widths};
+use crate::layout::{Layout, NONE, Sharing, Widths, lattice};
 use crate::params::LightParams;
 use crate::parts::{PIXEL, Parts, Payload};
 

@@ -9,13 +9,13 @@ use texfold_core::address::texfold_level_size;
 use texfold_core::sample::texfold_bilinear;
 use texfold_core::{Rect, Texel};
 
+use super::{BLOCK_CELLS, SUBBANDS};
 use super::{
     HASH_FACTOR, HASH_OFFSET, ResidualView, TEXFOLD_RESIDUAL_STATE_BITS, TexfoldResidualBlock, padding_of,
     rgb_of, texfold_residual_axes, texfold_residual_behind, texfold_residual_block, texfold_residual_chunk,
     texfold_residual_tap, texfold_residual_turned,
 };
 use crate::plane::BLOCK_SIDE;
-use crate::rates::{BLOCK_CELLS, SUBBANDS};
 
 /// Number of states.
 pub(crate) const STATES: usize = 1 << TEXFOLD_RESIDUAL_STATE_BITS;

@@ -19,8 +19,10 @@ use texfold_core::Texel;
 use texfold_core::address::{TexfoldTap, texfold_inside, texfold_level_size};
 use texfold_core::sample::texfold_bilinear;
 
-use crate::rates::SUBBANDS;
-
+/// Subbands of a block's coefficients.
+pub const SUBBANDS: usize = 7;
+/// Cells of a block.
+pub const BLOCK_CELLS: u32 = 4;
 /// Bits that a coefficient's value follows from, its own among them.
 pub const TEXFOLD_RESIDUAL_STATE_BITS: u32 = 10;
 /// What a value of the table is worth at scale 1 and weight 1: 1 / (255 x the table's RMS).

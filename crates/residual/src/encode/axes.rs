@@ -6,8 +6,9 @@ use texfold_core::principal_axes;
 
 use super::transform::{CELL_STEPS, ResidualBlock};
 use crate::axes::Axes;
+use crate::decode::BLOCK_CELLS;
 use crate::decode::{texfold_residual_axes, texfold_residual_turned};
-use crate::rates::{BLOCK_CELLS, SUBBAND_COUNTS};
+use crate::rates::SUBBAND_COUNTS;
 
 /// Most sweeps of the Jacobi method; 3x3 matrices converge in 5.
 const MAX_SWEEPS: u32 = 10;
@@ -133,7 +134,7 @@ pub(crate) fn turn(blocks: &mut [ResidualBlock], axes: Axes) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rates::SUBBANDS;
+    use crate::decode::SUBBANDS;
 
     fn block(parts: impl Fn(usize) -> Vec3) -> ResidualBlock {
         let mut block =

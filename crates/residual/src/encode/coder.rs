@@ -12,7 +12,8 @@ use super::model::{left, scale_of};
 use super::transform::{ResidualBlock, SUBBAND_OF};
 use super::trellis::{Step, Trellis, pack};
 use crate::decode::fast::VALUES;
-use crate::rates::{BLOCK_CELLS, RATE_CLASSES, RateModel, Rates, SUBBAND_COUNTS, SUBBANDS, WEIGHT_ONE};
+use crate::decode::{BLOCK_CELLS, SUBBANDS};
+use crate::rates::{RATE_CLASSES, RateModel, Rates, SUBBAND_COUNTS, WEIGHT_ONE};
 
 /// Largest number of a scale.
 const MOST_SCALE: f32 = 15.0;

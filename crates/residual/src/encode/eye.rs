@@ -11,7 +11,7 @@ use texfold_core::metric::decode_surface;
 use texfold_core::{CancelCheck, EncodeError, Encoded, Image2d, Metric, SourceError, Texel};
 
 use super::transform::{ResidualBlock, SUBBAND_OF, blocks};
-use crate::rates::SUBBANDS;
+use crate::decode::SUBBANDS;
 
 /// Frequencies of the subbands, those of a cell's coarse coefficients being 1.
 const FREQUENCIES: [f32; SUBBANDS] = [0.0, 1.0, 2.5, 3.5, 0.0, 1.0, 2.5];
@@ -89,8 +89,8 @@ pub(crate) fn importance(blocks: &[ResidualBlock]) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::decode::BLOCK_CELLS;
     use crate::encode::transform::CELL_STEPS;
-    use crate::rates::BLOCK_CELLS;
 
     fn block(value: f32) -> ResidualBlock {
         let mut block =

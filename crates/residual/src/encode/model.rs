@@ -8,9 +8,8 @@ use std::sync::LazyLock;
 use rayon::prelude::*;
 
 use super::transform::ResidualBlock;
-use crate::rates::{
-    BLOCK_CELLS, MAX_RATES, RATE_CLASSES, RateModel, Rates, SUBBAND_COUNTS, SUBBANDS, WEIGHT_ONE,
-};
+use crate::decode::{BLOCK_CELLS, SUBBANDS};
+use crate::rates::{MAX_RATES, RATE_CLASSES, RateModel, Rates, SUBBAND_COUNTS, WEIGHT_ONE};
 
 /// What remains of a coefficient's squared error by its bits: measured on normal numbers of mixed scales, coded by the
 /// trellis.

@@ -4,8 +4,8 @@ use rayon::prelude::*;
 use texfold_core::Texel;
 use texfold_core::image::Raster;
 
+use crate::decode::{BLOCK_CELLS, SUBBANDS};
 use crate::plane::{BLOCK_SIDE, blocks_of};
-use crate::rates::{BLOCK_CELLS, SUBBANDS};
 
 /// Coded coefficients of a cell: in the order of their bits.
 pub(crate) const CELL_STEPS: usize = 48;

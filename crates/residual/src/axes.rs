@@ -1,4 +1,4 @@
-//! Axes of residuals: luma and chroma, turned as a texture's residuals want it.
+//! Axes of residuals: luma and chroma, rotated to what a texture's residuals need.
 
 #[cfg(feature = "encode")]
 use glam::Vec3;

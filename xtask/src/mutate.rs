@@ -12,7 +12,6 @@ use std::time::Instant;
 use std::{env, fs};
 
 use crate::root;
-use crate::timed::VULKAN;
 
 /// One way to break the code.
 struct Mutation {
@@ -233,7 +232,7 @@ impl Tree {
                 .args(["test", "--quiet", "--package", test.package, "--test", "main"])
                 .args(rest)
                 .env("CARGO_TARGET_DIR", &self.target)
-                .envs(VULKAN)
+                .env("TEXFOLD_GPU", "require")
                 .current_dir(&self.path)
                 .output()
         };

@@ -13,11 +13,6 @@ use crate::run::cargo;
 /// Where times are noted, below the workspace's root: a line of seconds and name for each test.
 const TIMES: &str = "target/ci/tests";
 
-/// Settings for software Vulkan, which compiles shaders for most of the time of tests: half as wide, and without optimisation. Other
-/// drivers do not read them. 32 s instead of 47 s for the tests of texfold-gpu by Mesa 22.3.
-pub(crate) const VULKAN: [(&str, &str); 3] =
-    [("LP_NATIVE_VECTOR_WIDTH", "128"), ("GALLIVM_PERF", "nopt"), ("TEXFOLD_GPU", "require")];
-
 /// The time of a test, in seconds.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Timed {
@@ -40,7 +35,7 @@ pub(crate) fn test(arguments: &[String], full: bool) -> io::Result<bool> {
         "target.\"cfg(all())\".runner=[{:?},\"time-tests\"]",
         env::current_exe()?.display().to_string()
     );
-    command.args(["--config", &runner, "test"]).args(arguments).envs(VULKAN);
+    command.args(["--config", &runner, "test"]).args(arguments).env("TEXFOLD_GPU", "require");
     if full {
         command.env("TEXFOLD_FULL", "1");
     }

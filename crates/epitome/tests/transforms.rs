@@ -4,33 +4,29 @@
 #![cfg(feature = "encode")]
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::ImageSet;
 use texfold_core::metric::measure;
-use texfold_core::{Access, Budget, Effort, Encoded, Encoder, Goal, Job, TextureCodec};
-use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture, IDENTITY, NEUTRAL, Transforms};
+use texfold_core::{Access, Effort, Encoded, Goal};
+use texfold_epitome::{EpitomeParams, EpitomeTexture, IDENTITY, NEUTRAL, Transforms};
 use texfold_testkit::image;
+
+use crate::support;
 
 const ALL: Transforms = Transforms::ALL;
 const PSNR: f64 = 30.0;
 
-/// An image encoded without some parts; it comes back from its file as it was.
+/// An image, of the facade a part, encoded without some parts; it comes back from its file as it was.
 fn encode(name: &str, transforms: Transforms, block: Option<u32>) -> EpitomeTexture {
-    let set = ImageSet::single(image(name));
-    let goal = Goal::Psnr(PSNR);
-    let params = EpitomeParams::new(goal)
+    let set = if name == "facade" { support::facade() } else { ImageSet::single(image(name)) };
+    let params = EpitomeParams::new(Goal::Psnr(PSNR))
         .with_access(Access::Texel)
         .with_block(block)
         .with_transforms(transforms)
         .with_effort(Effort::Fast);
-    let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
+    let texture = support::encode(&set, &params);
     let psnr = measure(&set, &texture).psnr;
     assert!(psnr >= PSNR, "{name} {transforms:?}: {psnr}");
-    let mut writer = SectionWriter::new(Epitome::ID);
-    texture.store(&mut writer);
-    let (bytes, mut budget) = (writer.finish().bytes, Budget::default());
-    let sections = Sections::parse(&bytes, &mut budget).unwrap();
-    assert!(Epitome::load(&sections, &mut budget).unwrap() == texture);
+    assert!(support::load(&support::file(&texture)).unwrap() == texture);
     texture
 }
 

@@ -141,7 +141,10 @@ fn own_pipelines_wrap_clamp_and_blend_as_the_cpu() {
     let Some(gpu) = gpu() else { return };
     for case in drawn_cases(gpu) {
         let levels = case.subject.layout().levels;
-        draw_all(case, &(0..levels).map(|level| Lookup::Nearest { level }).collect::<Vec<_>>());
+        // Single texels are fetched by another test, and each lookup is a pipeline.
+        if texfold_testkit::full() {
+            draw_all(case, &(0..levels).map(|level| Lookup::Nearest { level }).collect::<Vec<_>>());
+        }
         draw_all(case, &(0..levels).map(|level| Lookup::Bilinear { level }).collect::<Vec<_>>());
     }
 }

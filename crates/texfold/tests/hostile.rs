@@ -101,7 +101,9 @@ fn astc_content_is_not_asked_for_without_its_feature() {
 fn every_truncation_names_what_is_missing() {
     for (name, _, texture) in small_textures() {
         let bytes = texture.to_bytes();
-        for length in 0..bytes.len() {
+        // Every length of the first kilobyte, where the table of sections is, and of the last; between them some.
+        let is_inner = |length: usize| length > 1024 && length + 64 < bytes.len();
+        for length in (0..bytes.len()).filter(|&length| full() || !is_inner(length) || length % 7 == 0) {
             match open_image(&bytes[..length], &mut Budget::new(LIMITS)) {
                 Err(LoadError::Truncated { .. }) => {}
                 Err(LoadError::NotTexfold) => assert_eq!(length, 0, "{name}"),

@@ -49,8 +49,8 @@ struct Way {
     access: Access,
 }
 
-/// All codecs by block and by texel, and last the choice among them.
-fn ways() -> Vec<Way> {
+/// All codecs by block and by texel, and last the choice among them, for bounds alone by block, as it is by default.
+fn ways(extent: Extent) -> Vec<Way> {
     let named = ENCODINGS.iter().filter_map(|encoding| {
         let name = encoding.id.name;
         Some((name, Choice::named(name)?))
@@ -63,6 +63,7 @@ fn ways() -> Vec<Way> {
             access,
         })
     })
+    .filter(|way| extent != Extent::Bounds || way.name != "auto by texel")
     .collect()
 }
 
@@ -72,7 +73,7 @@ fn ways() -> Vec<Way> {
 /// Where an image of a regime cannot be made.
 pub(super) fn rows(tools: &Tools, extent: Extent, say: &mut dyn FnMut(Row)) -> Outcome<()> {
     if extent != Extent::Bounds {
-        return REGIMES.iter().try_for_each(|regime| rows_of(regime, tools, say));
+        return REGIMES.iter().try_for_each(|regime| rows_of(regime, tools, extent, say));
     }
     let next = AtomicUsize::new(0);
     let some = || -> Result<Vec<(usize, Row)>, String> {
@@ -81,7 +82,7 @@ pub(super) fn rows(tools: &Tools, extent: Extent, say: &mut dyn FnMut(Row)) -> O
         loop {
             let number = next.fetch_add(1, Ordering::Relaxed);
             let Some(regime) = REGIMES.get(number) else { return Ok(rows) };
-            rows_of(regime, &tools, &mut |row| rows.push((number, row)))
+            rows_of(regime, &tools, extent, &mut |row| rows.push((number, row)))
                 .map_err(|error| error.to_string())?;
         }
     };
@@ -96,11 +97,11 @@ pub(super) fn rows(tools: &Tools, extent: Extent, say: &mut dyn FnMut(Row)) -> O
     Ok(())
 }
 
-fn rows_of(regime: &Regime, tools: &Tools, say: &mut dyn FnMut(Row)) -> Outcome<()> {
+fn rows_of(regime: &Regime, tools: &Tools, extent: Extent, say: &mut dyn FnMut(Row)) -> Outcome<()> {
     let images = (regime.images)()?;
     let plains = [Access::Block, Access::Texel].map(|access| plain(&images, access, tools));
     let mut by_block: Option<Vec<u8>> = None;
-    for way in ways() {
+    for way in ways(extent) {
         let [block, texel] = &plains;
         let plain = if way.access == Access::Block { block } else { texel };
         let start = Instant::now();
@@ -301,7 +302,7 @@ mod tests {
         let images = (REGIMES[1].images)().unwrap();
         let tools = Tools::open(Extent::Bounds).unwrap();
         let bright = (REGIMES[18].images)().unwrap();
-        let way = &ways()[0];
+        let way = &ways(Extent::Bounds)[0];
         let wrong = guarded(|cancel| encode(&bright, way, &tools.single, cancel)).unwrap().unwrap();
         let plain = plain(&images, Access::Block, &tools).unwrap();
         let checks = beside_plain(&images, &wrong, &plain);

@@ -43,13 +43,13 @@ fn matrices_are_scales_and_mirrors_at_most() {
         |texture: &EpitomeTexture| texture.matrices().iter().all(|matrix| matrix[1] == 0 && matrix[2] == 0);
     let mirrored =
         |texture: &EpitomeTexture| texture.matrices().iter().any(|matrix| matrix[0] < 0 || matrix[3] < 0);
-    let texture = encode("facade", Transforms { affine: false, ..ALL }, None);
+    let texture = encode("text_page", Transforms { affine: false, ..ALL }, None);
     assert!(upright(&texture) && mirrored(&texture), "{:?}", texture.matrices());
     let exact = |&value: &i16| [0, 8192, 4096, 2048].contains(&value.abs());
     assert!(texture.matrices().iter().flatten().all(exact), "{:?}", texture.matrices());
-    let texture = encode("facade", Transforms { affine: false, mirrors: false, ..ALL }, None);
+    let texture = encode("text_page", Transforms { affine: false, mirrors: false, ..ALL }, None);
     assert!(upright(&texture) && !mirrored(&texture), "{:?}", texture.matrices());
-    assert!(!upright(&encode("facade", ALL, None)), "everything is upright with everything allowed");
+    assert!(!upright(&encode("text_page", ALL, None)), "everything is upright with everything allowed");
 }
 
 #[test]

@@ -114,7 +114,7 @@ fn add(name: &str, tiles: Vec<Raster>, table: &mut Table) -> Outcome<Line> {
         let cells = |book: &texfold_progressive::Codebook| book.size().0 * book.size().1 / 1024;
         let public = shared.public.as_ref().map_or(0, |book| cells(book));
         let own = details.and_then(|details| details.private.as_ref()).map_or(0, |book| cells(book));
-        let bits = texture.memory().total - texture.shared_bits();
+        let bits = texture.memory().compressed - texture.shared_bits();
         table.row(vec![
             name.to_owned(),
             format!("{number}"),

@@ -147,7 +147,7 @@ fn points(set: &ImageSet, block: u32, tolerances: &[f64]) -> Outcome<Vec<Point>>
         Ok(Point {
             block,
             tolerance,
-            share: form.bits_memory() as f64 / raw,
+            share: form.memory().compressed as f64 / raw,
             epitome: part("epitome"),
             map: part("map"),
             rms: rms_percent(measured.psnr),

@@ -230,7 +230,7 @@ fn by_texel(image: &Raster, metric: Metric, effort: Effort, rate: f64) -> Outcom
     }
     let speed = megatexels * f64::from(DECODES) / (cpu_seconds() - start);
     let decoded = decoded.ok_or("an image does not decode")?;
-    let bits = texture.memory().counted as f64 / size.texels() as f64;
+    let bits = texture.memory().goal as f64 / size.texels() as f64;
     Ok((judged(image, &decoded, bits)?, encoded, speed))
 }
 

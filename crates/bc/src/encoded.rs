@@ -160,7 +160,7 @@ impl Encoded for BcTexture {
         };
         let (stored, counted) = planes.map(bits).fold((0, 0), |sum, bits| (sum.0 + bits.0, sum.1 + bits.1));
         let headers = 8 * (self.parts.surfaces.len() * size_of::<TexfoldBcParams>()) as u64;
-        MemoryBits { total: stored + headers, counted }
+        MemoryBits { compressed: stored + headers, resident: stored + headers, goal: counted }
     }
 
     fn notes(&self) -> &Notes {

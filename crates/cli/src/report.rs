@@ -7,7 +7,7 @@ use texfold::{AnyImage, Attempt};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::{decode_surface, quality, ssim};
 use texfold_core::target::Measured;
-use texfold_core::{Budget, Footprint, Goal, LoadError};
+use texfold_core::{Budget, Footprint, Goal, LoadError, MemoryBits};
 
 use crate::perceptual::{mean, ssimulacra2};
 
@@ -18,6 +18,55 @@ pub(crate) struct PartRow {
     pub(crate) bits_memory: u64,
     pub(crate) bits_disk: u64,
     pub(crate) psnr_without: Option<f64>,
+}
+
+/// Sizes of an encoded texture in bits, in all and per source texel.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub(crate) struct Sizes {
+    /// Compressed form in memory: its parts add up to it.
+    pub(crate) bits_memory: u64,
+    /// GPU memory while it is drawn.
+    pub(crate) bits_resident: u64,
+    /// File.
+    pub(crate) bits_disk: u64,
+    pub(crate) bpp_memory: f64,
+    pub(crate) bpp_resident: f64,
+    pub(crate) bpp_disk: f64,
+}
+
+impl Sizes {
+    /// Of a texture that takes `memory`, whose file is `bytes`, of so many source texels.
+    pub(crate) fn of(memory: MemoryBits, bytes: &[u8], texels: u64) -> Sizes {
+        Sizes::new(memory.compressed, memory.resident, 8 * bytes.len() as u64, texels)
+    }
+
+    pub(crate) fn new(bits_memory: u64, bits_resident: u64, bits_disk: u64, texels: u64) -> Sizes {
+        let per_texel = |bits: u64| bits as f64 / texels.max(1) as f64;
+        let [bpp_memory, bpp_resident, bpp_disk] = [bits_memory, bits_resident, bits_disk].map(per_texel);
+        Sizes { bits_memory, bits_resident, bits_disk, bpp_memory, bpp_resident, bpp_disk }
+    }
+
+    /// Of several textures of so many source texels in all.
+    pub(crate) fn sum(all: impl Iterator<Item = Sizes>, texels: u64) -> Sizes {
+        let add = |sum: [u64; 3], one: Sizes| {
+            [sum[0] + one.bits_memory, sum[1] + one.bits_resident, sum[2] + one.bits_disk]
+        };
+        let [memory, resident, disk] = all.fold([0; 3], add);
+        Sizes::new(memory, resident, disk, texels)
+    }
+
+    /// The last two lines of a table of parts.
+    pub(crate) fn lines(&self) -> [String; 3] {
+        let line = |name: &str, memory: String, disk: String| format!("  {name:12} {memory:>14} {disk:>14}");
+        [
+            line("all", self.bits_memory.to_string(), self.bits_disk.to_string()),
+            line("bits a texel", format!("{:.4}", self.bpp_memory), format!("{:.4}", self.bpp_disk)),
+            format!(
+                "  while drawn  {:>14} bits of GPU memory, {:.4} a texel",
+                self.bits_resident, self.bpp_resident
+            ),
+        ]
+    }
 }
 
 /// One output.
@@ -31,10 +80,8 @@ pub(crate) struct Row {
     pub(crate) height: u32,
     pub(crate) images: usize,
     pub(crate) source_texels: u64,
-    pub(crate) bits_memory: u64,
-    pub(crate) bits_disk: u64,
-    pub(crate) bpp_memory: f64,
-    pub(crate) bpp_disk: f64,
+    #[serde(flatten)]
+    pub(crate) sizes: Sizes,
     pub(crate) psnr: f64,
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) psnr_alpha: Option<f64>,
@@ -111,10 +158,9 @@ pub(crate) struct Figures {
     pub(crate) worst_block_rms: f64,
     pub(crate) ssim: f64,
     pub(crate) ssimulacra2: Option<f64>,
-    pub(crate) bpp_memory: f64,
-    /// What goals count of it.
-    counted_bpp: f64,
-    pub(crate) bpp_disk: f64,
+    pub(crate) sizes: Sizes,
+    /// Bits a texel that goals count.
+    goal_bpp: f64,
 }
 
 impl Figures {
@@ -129,7 +175,6 @@ impl Figures {
         };
         let images = source.images();
         let similar: Vec<(f64, Option<f64>)> = images.iter().enumerate().map(similarity).collect();
-        let texels = source.texel_count() as f64;
         let figures = Figures {
             psnr: quality.color.psnr(),
             psnr_alpha: quality.alpha.map(|error| error.psnr()),
@@ -137,16 +182,15 @@ impl Figures {
             worst_block_rms: quality.worst_block_rms,
             ssim: similar.iter().map(|(ssim, _)| ssim).sum::<f64>() / images.len() as f64,
             ssimulacra2: mean(similar.iter().map(|&(_, figure)| (figure, 1.0))),
-            bpp_memory: encoded.gpu().bits_memory() as f64 / texels,
-            counted_bpp: encoded.memory().counted as f64 / texels,
-            bpp_disk: 8.0 * bytes.len() as f64 / texels,
+            sizes: Sizes::of(encoded.memory(), bytes, source.texel_count()),
+            goal_bpp: encoded.memory().goal as f64 / source.texel_count() as f64,
         };
         Ok((figures, image))
     }
 
     /// A sentence where the goal is missed.
     fn missed(&self, goal: Goal) -> Option<String> {
-        let Figures { psnr, psnr_alpha, counted_bpp: bpp, worst_block_rms, .. } = *self;
+        let Figures { psnr, psnr_alpha, goal_bpp: bpp, worst_block_rms, .. } = *self;
         let psnr = psnr_alpha.map_or(psnr, |alpha| alpha.min(psnr));
         missed(goal, &Measured { psnr, bpp, worst_block_rms })
     }
@@ -209,10 +253,7 @@ impl Row {
             height: size.height,
             images: source.images().len(),
             source_texels: texels,
-            bits_memory: encoded.gpu().bits_memory(),
-            bits_disk: 8 * bytes.len() as u64,
-            bpp_memory: figures.bpp_memory,
-            bpp_disk: figures.bpp_disk,
+            sizes: figures.sizes,
             psnr: figures.psnr,
             psnr_alpha: figures.psnr_alpha,
             rms: figures.rms,

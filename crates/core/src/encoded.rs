@@ -30,11 +30,11 @@ pub trait Encoded: Send + Sync {
     ) -> Result<(), RegionError>;
     /// Writes the sections of a file, coarse layers first.
     fn store(&self, out: &mut SectionWriter);
-    /// Every bit by named part: stored bits add up to the file's length, resident bits to what a GPU holds.
+    /// Bits by named part: those of the file add up to its length, those in memory to [`MemoryBits::compressed`].
     fn footprint(&self) -> Footprint;
     /// What a GPU needs to draw it.
     fn gpu(&self) -> GpuForm<'_>;
-    /// Bits that it takes in GPU memory. A codec whose [`Encoded::gpu`] has to be built says it without building it.
+    /// Memory on a GPU, compressed and as drawn. Codecs whose [`Encoded::gpu`] is slow compute it without that.
     fn memory(&self) -> MemoryBits {
         self.gpu().memory()
     }

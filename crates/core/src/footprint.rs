@@ -8,7 +8,7 @@ use crate::{Encoded, GpuForm};
 pub struct Part {
     /// Name from the codec's vocabulary: "index", "codebook", "blocks", ...
     pub name: &'static str,
-    /// Bits that must sit in GPU memory.
+    /// Bits of the compressed form in GPU memory.
     pub bits_memory: u64,
     /// Bits of the file.
     pub bits_disk: u64,
@@ -21,6 +21,8 @@ pub struct Part {
 pub struct Footprint {
     /// The parts; their sums are the totals.
     pub parts: Vec<Part>,
+    /// Bits allocated while it is drawn ([`crate::MemoryBits::resident`]).
+    pub bits_resident: u64,
 }
 
 impl Footprint {
@@ -46,7 +48,7 @@ impl Footprint {
     /// As [`Footprint::measure`], for a file that is already written.
     #[must_use]
     pub fn of(gpu: &GpuForm<'_>, file: &Written) -> Footprint {
-        let mut footprint = Footprint::default();
+        let mut footprint = Footprint { parts: Vec::new(), bits_resident: gpu.memory().resident };
         for plane in &gpu.planes {
             footprint.part(plane.part).bits_memory += 8 * plane.data.len() as u64;
         }
@@ -74,7 +76,7 @@ impl Footprint {
         &mut self.parts[index]
     }
 
-    /// Bits in GPU memory.
+    /// Bits of the compressed form in GPU memory ([`crate::MemoryBits::compressed`]).
     #[must_use]
     pub fn bits_memory(&self) -> u64 {
         self.parts.iter().map(|part| part.bits_memory).sum()

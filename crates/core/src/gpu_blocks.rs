@@ -41,6 +41,44 @@ pub struct GpuBlocks<'a> {
     pub held_bytes: Vec<(&'static str, u64)>,
 }
 
+/// A plain texture with mip levels that the textures in blocks of one image are decoded to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DecodedImage {
+    /// Columns and rows of level 0, in texels.
+    pub size: SurfaceSize,
+    /// Mip levels.
+    pub levels: u32,
+    /// Bits of a sample, 8 or 16: decoded to four channels of 8 or of 32 bits.
+    pub depth: u8,
+    /// Whether its only level is put together of several textures, one below the other ([`GpuBlocks::row`]).
+    pub is_stacked: bool,
+}
+
+impl DecodedImage {
+    /// The image that `stages`, all of one image, are decoded to; `None` where there is none.
+    #[must_use]
+    pub fn of(stages: &[GpuBlocks<'_>]) -> Option<DecodedImage> {
+        let BlockLayout { size, depth, .. } = stages.first()?.layout;
+        let last_row = stages.iter().map(|stage| stage.row.saturating_add(stage.layout.size.height)).max()?;
+        let is_stacked = last_row != size.height && stages.iter().all(|stage| stage.level == 0);
+        let height = if is_stacked { last_row } else { size.height };
+        let levels = if is_stacked { 1 } else { stages.iter().map(|stage| stage.levels).sum() };
+        Some(DecodedImage { size: SurfaceSize { height, ..size }, levels, depth, is_stacked })
+    }
+
+    /// Bits of a decoded texel: 32 (four bytes), or 128 (four floats) for samples of more than 8 bits.
+    #[must_use]
+    pub fn texel_bits(&self) -> u64 {
+        if self.depth > 8 { 128 } else { 32 }
+    }
+
+    /// Bits of all mip levels.
+    #[must_use]
+    pub fn bits(&self) -> u64 {
+        (0..self.levels).map(|level| self.texel_bits() * self.size.at_level(level).texels()).sum()
+    }
+}
+
 /// How the planes of a texture are cut, and what its words say.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BlockLayout {

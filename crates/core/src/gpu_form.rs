@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use crate::GpuBlocks;
+use crate::{DecodedImage, GpuBlocks};
 
 /// How the texels of a plane are stored; names as in WebGPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -195,15 +195,18 @@ pub struct GpuForm<'a> {
     pub blocks: Vec<GpuBlocks<'a>>,
 }
 
-/// Bits that a texture takes in GPU memory.
+/// Memory that a texture takes on a GPU, in bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct MemoryBits {
-    /// All planes and parameters: what reports say.
-    pub total: u64,
-    /// What goals count: the texels of all planes and levels. Two things are left out, as they would make a goal of 4 bits
-    /// a texel miss BC1: the padding of blocks that hang over the edge of an image, and up to [`HEADER_BYTES`] of
+    /// Compressed form: all planes, textures in blocks and parameters.
+    pub compressed: u64,
+    /// Allocation while it is drawn: planes, parameters, and in place of textures in blocks the plain texels of all mip levels that
+    /// they are decoded to ([`DecodedImage`]). Without textures in blocks it equals `compressed`.
+    pub resident: u64,
+    /// Part of `compressed` that goals count: texels of all planes and levels, and blocks. Two things are left out, as they would
+    /// make a goal of 4 bits a texel miss BC1: the padding of 4x4 blocks beyond the edge of an image, and up to [`HEADER_BYTES`] of
     /// parameters for each image.
-    pub counted: u64,
+    pub goal: u64,
 }
 
 /// Parameters of an image that goals do not count, in bytes: those of plain blocks. What a codec needs beyond them counts.
@@ -228,22 +231,23 @@ impl GpuForm<'_> {
         if self.blocks.is_empty() { Access::Texel } else { Access::Block }
     }
 
-    /// Bits of all planes and parameters, and those that goals count.
+    /// Memory of all planes, blocks and parameters.
     #[must_use]
     pub fn memory(&self) -> MemoryBits {
         let beyond = parameter_bits(self.uniforms.len() as u64, self.surfaces.len() as u64);
         let texels: u64 =
             self.planes.iter().map(|plane| plane.texel_bits().min(8 * plane.data.len() as u64)).sum();
         let blocks = 8 * self.block_bytes().map(|(_, bytes)| bytes).sum::<u64>();
-        MemoryBits { total: self.bits_memory(), counted: texels + blocks + beyond }
+        let planes: u64 = self.planes.iter().map(|plane| plane.data.len() as u64).sum();
+        let drawn = 8 * (planes + self.uniforms.len() as u64);
+        let decoded: u64 = self.decoded_images().map(|image| image.bits()).sum();
+        MemoryBits { compressed: drawn + blocks, resident: drawn + decoded, goal: texels + blocks + beyond }
     }
 
-    /// Bits of all planes, blocks and parameters.
-    #[must_use]
-    pub fn bits_memory(&self) -> u64 {
-        let planes: u64 = self.planes.iter().map(|plane| plane.data.len() as u64).sum();
-        let blocks: u64 = self.block_bytes().map(|(_, bytes)| bytes).sum();
-        8 * (planes + blocks + self.uniforms.len() as u64)
+    /// Plain textures that the textures in blocks are decoded to, one for each image that has any, in the order of
+    /// [`GpuBlocks::image`].
+    pub fn decoded_images(&self) -> impl Iterator<Item = DecodedImage> + '_ {
+        self.blocks.chunk_by(|one, other| one.image == other.image).filter_map(DecodedImage::of)
     }
 
     /// Bytes of each part of all textures in blocks.
@@ -274,9 +278,10 @@ mod tests {
             surfaces: vec![surface.clone()],
             blocks: Vec::new(),
         };
+        let memory = |all, goal| MemoryBits { compressed: all, resident: all, goal };
         let odd = form(plane(PlaneFormat::Bc1, 37, 61), 32).memory();
-        assert_eq!(odd, MemoryBits { total: 10 * 16 * 64 + 32 * 8, counted: 37 * 61 * 4 });
+        assert_eq!(odd, memory(10 * 16 * 64 + 32 * 8, 37 * 61 * 4));
         let words = form(plane(PlaneFormat::R32Uint, 8, 8), 32 + 16).memory();
-        assert_eq!(words, MemoryBits { total: 64 * 32 + 48 * 8, counted: 64 * 32 + 16 * 8 });
+        assert_eq!(words, memory(64 * 32 + 48 * 8, 64 * 32 + 16 * 8));
     }
 }

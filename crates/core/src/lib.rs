@@ -48,8 +48,8 @@ pub use encoder::{Encoder, Growable, Params, SharedSearch};
 pub use error::{EncodeError, LoadError, ParamError, ParamValue, RegionError, SourceError};
 pub use footprint::{Footprint, Part};
 pub use gpu_blocks::{
-    BLOCK_LEVELS, BLOCK_NOTES, BLOCK_WORDS, BlockAverage, BlockLayout, BlockPass, BlockPlan, GpuBlocks,
-    GpuChannel, block_planes,
+    BLOCK_LEVELS, BLOCK_NOTES, BLOCK_WORDS, BlockAverage, BlockLayout, BlockPass, BlockPlan, DecodedImage,
+    GpuBlocks, GpuChannel, block_planes,
 };
 pub use gpu_form::{
     Access, AstcBlock, GpuForm, HEADER_BYTES, MemoryBits, Plane, PlaneFormat, SurfaceBinding, parameter_bits,

@@ -241,9 +241,9 @@ fn quality_of(
     quality
 }
 
-/// [`quality`], and the bits a source texel that [`MemoryBits::counted`] defines; PSNR is that of colours.
+/// [`quality`], and the bits a source texel that [`MemoryBits::goal`] defines; PSNR is that of colours.
 ///
-/// [`MemoryBits::counted`]: crate::MemoryBits::counted
+/// [`MemoryBits::goal`]: crate::MemoryBits::goal
 #[must_use]
 pub fn measure(source: &ImageSet, encoded: &dyn Encoded<Domain = Image2d>) -> Measured {
     measured(source, encoded, quality(source, encoded))
@@ -266,7 +266,7 @@ pub fn measure_for(
 fn measured(source: &ImageSet, encoded: &dyn Encoded<Domain = Image2d>, quality: Quality) -> Measured {
     Measured {
         psnr: quality.color.psnr(),
-        bpp: encoded.memory().counted as f64 / source.texel_count() as f64,
+        bpp: encoded.memory().goal as f64 / source.texel_count() as f64,
         worst_block_rms: quality.worst_block_rms,
     }
 }

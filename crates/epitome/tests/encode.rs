@@ -40,7 +40,7 @@ fn a_file_comes_back_as_it_was() {
         assert!(measure(&set, &loaded).psnr >= 32.0);
         let footprint = Footprint::measure(&loaded, &loaded.gpu());
         assert_eq!(footprint.bits_disk(), 8 * bytes.len() as u64);
-        assert_eq!(loaded.footprint().bits_memory(), loaded.gpu().bits_memory());
+        assert_eq!(loaded.footprint().bits_memory(), loaded.memory().compressed);
     }
 }
 
@@ -302,7 +302,7 @@ fn blocks_that_are_bc1_already_are_taken_over() {
     assert!(psnr > 120.0, "{psnr}");
     let whole = EpitomeSource::new(&set);
     let anew = Epitome::encode(whole, &goal(Goal::Psnr(60.0)), &mut Job::default()).unwrap();
-    assert!(texture.gpu().bits_memory() <= anew.gpu().bits_memory());
+    assert!(texture.memory().compressed <= anew.memory().compressed);
     let short = vec![Bc1Blocks { size: image.size(), blocks: vec![0; 8] }];
     let source = EpitomeSource { blocks: Some(&short), ..EpitomeSource::new(&set) };
     let error = Epitome::encode(source, &goal(Goal::Psnr(60.0)), &mut Job::default()).unwrap_err();
@@ -351,7 +351,7 @@ fn a_set_of_one_scene_costs_less_than_its_images() {
     let params = goal(Goal::Psnr(32.0)).with_effort(Effort::Normal);
     let bits = |images: Vec<Raster>| {
         let set = ImageSet::new(images).unwrap();
-        encode(&set, &params).gpu().bits_memory() as f64
+        encode(&set, &params).memory().compressed as f64
     };
     let alone = bits(vec![part(0)]) + bits(vec![part(37)]);
     let together = bits(vec![part(0), part(37)]);
@@ -381,7 +381,7 @@ fn what_is_rotated_is_stored_once_within_a_tolerance() {
     let params = goal(Goal::Tolerance(6.0)).with_effort(Effort::Normal);
     let texture = encode(&set, &params);
     assert!(measure(&set, &texture).worst_block_rms <= 6.0);
-    let share = texture.gpu().bits_memory() as f64 / (24.0 * f64::from(192 * 192));
+    let share = texture.memory().compressed as f64 / (24.0 * f64::from(192 * 192));
     assert!(share < 0.45, "{share}");
 }
 

@@ -59,7 +59,7 @@ fn prefixes_are_finer_the_longer_they_are() {
         let prefix = load(&bytes[..ends[1]]).unwrap();
         assert!(load(&file(&prefix)).unwrap() == prefix);
         assert_eq!(prefix.footprint().bits_disk(), 8 * file(&prefix).len() as u64);
-        assert_eq!(prefix.footprint().bits_memory(), prefix.gpu().bits_memory());
+        assert_eq!(prefix.footprint().bits_memory(), prefix.memory().compressed);
     }
 }
 

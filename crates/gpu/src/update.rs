@@ -74,7 +74,7 @@ impl Gpu {
         let address_mode = texture.address_mode;
         *texture = GpuTexture { address_mode, ..self.upload(form)? };
         texture.write_address_mode();
-        Ok(Updated { bytes: form.bits_memory() / 8, rebound: true })
+        Ok(Updated { bytes: form.memory().compressed / 8, rebound: true })
     }
 
     /// The planes of `form`: those of `texture` where they have the same part and shape, new ones elsewhere; and those of the former

@@ -2,7 +2,9 @@
 
 use std::collections::HashMap;
 
-use texfold_core::{AstcBlock, GpuBlocks, GpuForm, Plane, PlaneFormat, Rect, SurfaceBinding, SurfaceSize};
+use texfold_core::{
+    AstcBlock, DecodedImage, GpuBlocks, GpuForm, Plane, PlaneFormat, Rect, SurfaceBinding, SurfaceSize,
+};
 use texfold_shaders::{Binding, ModuleInfo};
 use wgpu::{BufferUsages, Texture, TextureFormat, TextureUsages};
 
@@ -48,28 +50,20 @@ impl Gpu {
     /// textures one below the other.
     fn decode_blocks(&self, stages: &[GpuBlocks<'_>]) -> Result<GpuPlane, GpuError> {
         let decoder = self.block_decoder()?;
-        let [blocks, ..] = stages else { return Err(GpuError::Form { what: "an image has no stage" }) };
-        let rows = stages.iter().map(|stage| stage.row.saturating_add(stage.layout.size.height));
-        let SurfaceSize { width, height } = blocks.layout.size;
-        let height =
-            if stages.iter().all(|stage| stage.level == 0) { rows.max().unwrap_or(height) } else { height };
-        let size = SurfaceSize { width, height };
+        let Some(decoded) = DecodedImage::of(stages) else {
+            return Err(GpuError::Form { what: "an image has no stage" });
+        };
+        let SurfaceSize { width, height } = decoded.size;
         let limit = self.side_limit();
         if width > limit || height > limit {
             return Err(GpuError::PlaneTooLarge { width, height, limit });
         }
-        let (format, texel_bytes) = if blocks.layout.depth > 8 {
-            (TextureFormat::Rgba32Float, 16)
-        } else {
-            (TextureFormat::Rgba8Unorm, 4)
-        };
-        let is_stacked = size != blocks.layout.size;
-        let levels: u32 = if is_stacked { 1 } else { stages.iter().map(|stage| stage.levels).sum() };
+        let format = if decoded.depth > 8 { TextureFormat::Rgba32Float } else { TextureFormat::Rgba8Unorm };
         let texture = self.guarded(|| {
             Ok(self.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(DECODED_PART),
                 size: extent(width, height),
-                mip_level_count: levels,
+                mip_level_count: decoded.levels,
                 sample_count: 1,
                 dimension: wgpu::TextureDimension::D2,
                 format,
@@ -79,7 +73,7 @@ impl Gpu {
         })?;
         for stage in stages {
             let image = decoder.upload(self, stage)?;
-            if is_stacked {
+            if decoded.is_stacked {
                 let SurfaceSize { width, height } = stage.layout.size;
                 let rect = Rect { surface: 0, level: 0, x: 0, y: 0, width, height };
                 decoder.decode_into(self, &image, rect, image.colours(), &texture, [0, stage.row])?;
@@ -87,8 +81,7 @@ impl Gpu {
             }
             decoder.decode_levels(self, &image, image.colours(), &texture, (stage.level, stage.levels))?;
         }
-        let bytes = (0..levels).map(|level| texel_bytes * size.at_level(level).texels()).sum();
-        Ok(GpuPlane { part: DECODED_PART, texture, bytes })
+        Ok(GpuPlane { part: DECODED_PART, texture, bytes: decoded.bits() / 8 })
     }
 
     /// One plane with its mip levels.

@@ -83,7 +83,7 @@ where
         let changed = loaded.refine(&sections, &mut budget).unwrap();
         let updated = gpu.update(&mut texture, &loaded.gpu(), &changed).unwrap();
         compare(gpu, &layered_case(&format!("{layer} layers"), Subject::new(loaded.clone())), &texture);
-        assert_eq!(8 * texture.bytes(), loaded.gpu().bits_memory());
+        assert_eq!(8 * texture.bytes(), loaded.memory().compressed);
         assert!(updated.bytes <= texture.bytes(), "{updated:?}");
         steps.push(updated);
     }
@@ -108,7 +108,7 @@ fn a_layered_epitome_is_drawn_after_each_layer() {
         form.planes.iter().filter(|plane| plane.part == "mips").map(|plane| plane.data.len()).sum();
     assert!(mips > 0);
     for step in &steps {
-        assert!(step.rebound && 8 * (step.bytes + mips as u64) <= form.bits_memory(), "{step:?}");
+        assert!(step.rebound && 8 * (step.bytes + mips as u64) <= form.memory().compressed, "{step:?}");
     }
 }
 
@@ -127,7 +127,7 @@ fn a_progressive_file_is_drawn_before_and_after_its_residual() {
     let base: usize =
         whole.gpu().planes.iter().filter(|plane| plane.part == "base").map(|plane| plane.data.len()).sum();
     assert!(base > 0);
-    assert!(8 * (steps[0].bytes + base as u64) <= whole.gpu().bits_memory(), "{steps:?}");
+    assert!(8 * (steps[0].bytes + base as u64) <= whole.memory().compressed, "{steps:?}");
 }
 
 #[test]

@@ -61,7 +61,7 @@ fn blocks_take_fewer_bits_than_raw_planes_at_no_less_than_the_quality_that_is_as
         let of = |storage: MapStorage| {
             let (texture, quality) =
                 fitted.store(storage.with_codewords(codewords), &mut Job::default()).unwrap();
-            (texture.gpu().bits_memory(), quality.psnr, texture.access())
+            (texture.memory().compressed, quality.psnr, texture.access())
         };
         let raw = of(MapStorage::default().with_content(Content::Raw));
         for loss in [1.0, 3.0] {
@@ -83,7 +83,7 @@ fn a_file_in_blocks_comes_back_and_its_prefixes_have_fewer_terms() {
     assert!(bytes(&whole) == file && colours(&whole) == colours(&texture));
     let footprint = whole.footprint();
     assert_eq!(footprint.bits_disk(), 8 * file.len() as u64);
-    assert_eq!(footprint.bits_memory(), whole.gpu().bits_memory());
+    assert_eq!(footprint.bits_memory(), whole.memory().compressed);
     let mut seen = Vec::new();
     for length in (0..file.len()).step_by(61).chain([file.len() - 1]) {
         let Some(prefix) = load(&file[..length]) else { continue };
@@ -91,7 +91,7 @@ fn a_file_in_blocks_comes_back_and_its_prefixes_have_fewer_terms() {
         let fewer = texture.clone().truncated(terms);
         assert!(colours(&prefix) == colours(&texture.clone().first_terms(terms)));
         assert!(colours(&prefix) == colours(&fewer));
-        assert!(fewer.gpu().bits_memory() < texture.gpu().bits_memory());
+        assert!(fewer.memory().compressed < texture.memory().compressed);
         seen.push(terms);
     }
     seen.dedup();
@@ -107,12 +107,12 @@ fn a_goal_of_quality_decides_terms_and_step() {
     let of = |goal: f64| {
         let (texture, quality) = encode(&capture, &params(3).with_psnr(goal));
         assert!(quality.psnr >= goal, "{} for {goal}", quality.psnr);
-        (texture.gpu().bits_memory(), texture.layout().terms)
+        (texture.memory().compressed, texture.layout().terms)
     };
     let goals = [0.25, 0.5, 0.9].map(|part| steps[0] + part * (steps[3] - steps[0]));
     let found = goals.map(of);
     assert!(found.windows(2).all(|pair| pair[0].0 <= pair[1].0 && pair[0].1 <= pair[1].1), "{found:?}");
-    assert!(found[2].0 < raw.gpu().bits_memory() / 2, "{found:?}");
+    assert!(found[2].0 < raw.memory().compressed / 2, "{found:?}");
     // Out of reach: as close as raw maps but for the loss.
     let (_, best) = encode(&capture, &params(3).with_psnr(99.0));
     assert!(best.psnr > steps[3] - 0.5, "{} {steps:?}", best.psnr);

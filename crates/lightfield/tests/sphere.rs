@@ -126,7 +126,7 @@ fn figures_add_up() {
         let texture = encode(&sphere(Look::Glossy, 6, 24), &params(terms));
         let footprint = texture.footprint();
         assert_eq!(footprint.bits_disk(), 8 * bytes(&texture).len() as u64);
-        assert_eq!(footprint.bits_memory(), texture.gpu().bits_memory());
+        assert_eq!(footprint.bits_memory(), texture.memory().compressed);
     }
 }
 

@@ -4,10 +4,10 @@ use texfold_bc::Content;
 use texfold_bc::decode::TexfoldBcParams;
 use texfold_core::address::TEXFOLD_CLAMP;
 use texfold_core::container::{SectionWriter, Sections, read_layout, write_layout};
-use texfold_core::image::PixelInfo;
+use texfold_core::image::{Depth, PixelInfo};
 use texfold_core::{
-    Budget, CodecId, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Layers, LoadError,
-    MemoryBits, Notes, Rect, Refine, RegionError, SurfaceBinding, Texel, TextureCodec,
+    Budget, CodecId, DecodedImage, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Layers,
+    LoadError, MemoryBits, Notes, Rect, Refine, RegionError, SurfaceBinding, Texel, TextureCodec,
 };
 use texfold_residual::block::BlockContent;
 use texfold_residual::{BASE_PART, RESIDUAL_PART};
@@ -17,7 +17,7 @@ use crate::{Progressive, wire};
 /// Channels of the textures that blocks decode to for drawing.
 const DRAWN: PixelInfo = PixelInfo {
     channels: 4,
-    depth: texfold_core::image::Depth::Eight,
+    depth: Depth::Eight,
     color: texfold_core::image::ColorSpace::Srgb,
     alpha: texfold_core::image::Alpha::Straight,
 };
@@ -134,7 +134,11 @@ impl Encoded for BlockImages {
     fn memory(&self) -> MemoryBits {
         let blocks = 8 * self.content.held_bytes();
         let params = 8 * (self.layout().surfaces.len() * size_of::<TexfoldBcParams>()) as u64;
-        MemoryBits { total: blocks + params, counted: blocks }
+        let ImageLayout { surfaces, levels, pixel } = self.layout();
+        let depth = if pixel.depth == Depth::Eight { 8 } else { 16 };
+        let decoded = |&size| DecodedImage { size, levels: *levels, depth, is_stacked: false }.bits();
+        let resident = params + surfaces.iter().map(decoded).sum::<u64>();
+        MemoryBits { compressed: blocks + params, resident, goal: blocks }
     }
 
     fn notes(&self) -> &Notes {

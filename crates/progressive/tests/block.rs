@@ -50,8 +50,7 @@ fn goals_are_met_and_little_more() {
         assert_eq!(texture.access(), Access::Block);
         assert!(found.bpp <= bpp && found.bpp > 0.97 * bpp, "{bpp}: {found:?}");
         // What is counted is what is held, and what the file has beside its notes and sections.
-        let held = texture.gpu().bits_memory();
-        assert_eq!(held, texture.memory().total);
+        assert_eq!(texture.memory(), texture.gpu().memory());
         let file = 8.0 * bytes(&texture).len() as f64 / set.texel_count() as f64;
         assert!(file > found.bpp && file < found.bpp + 0.1, "{file} {found:?}");
     }

@@ -372,7 +372,7 @@ fn no_step_is_seen_between_tiles_whose_bases_go_on_beyond_their_borders() {
                     .sum();
                 3.0 * across / within
             };
-            let bits = tiles.iter().map(|tile| tile.gpu().bits_memory()).sum::<u64>() as f64;
+            let bits = tiles.iter().map(|tile| tile.memory().compressed).sum::<u64>() as f64;
             ([step(0), if mips { step(1) } else { 0.0 }], bits)
         };
         let ((plain, plain_bits), (goes_on, bits)) = (steps(false), steps(true));

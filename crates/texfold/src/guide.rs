@@ -38,7 +38,7 @@
 //! # Pick a goal
 //!
 //! A [`Goal`](crate::Goal) is one of three: at least so many dB ([`Goal::Psnr`](crate::Goal::Psnr), 34 by default), at
-//! most so many bits of GPU memory per texel ([`Goal::Bpp`](crate::Goal::Bpp)), or a bound for the error of every 4x4
+//! most so many compressed bits per texel ([`Goal::Bpp`](crate::Goal::Bpp)), or a bound for the error of every 4x4
 //! block ([`Goal::Tolerance`](crate::Goal::Tolerance)). Without a codec's name the codec is chosen that answers the
 //! goal best. Settings of one codec enter as its own parameters:
 //!

@@ -107,7 +107,7 @@ fn the_terms_of_a_light_field_pay_for_their_bits() {
             params.storage = params.storage.with_loss(loss);
             let (texture, quality) =
                 Lightfield::encode_measured(&capture, &params, &mut Job::default()).unwrap();
-            let bits = texture.gpu().bits_memory() as f64;
+            let bits = texture.memory().compressed as f64;
             Point { error: error_of(quality.psnr), bits, parts: parts(&texture.footprint(), 1.0) }
         });
         assert!(held(&format!("{access:?}"), &at, &below) > 0);

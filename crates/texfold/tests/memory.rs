@@ -90,7 +90,7 @@ fn excess(bytes: &[u8]) -> (u64, u64) {
 fn held(bytes: &[u8]) -> f64 {
     let before = ALLOCATOR.current_usage();
     let texture = open_image(bytes, &mut Budget::default()).unwrap();
-    let on_gpu = texture.as_encoded().gpu().bits_memory() / 8;
+    let on_gpu = texture.as_encoded().memory().compressed / 8;
     (ALLOCATOR.current_usage() - before) as f64 / on_gpu as f64
 }
 

@@ -23,7 +23,7 @@ fn encode(set: &ImageSet) -> AnyImage {
 }
 
 fn bpp(image: &AnyImage, set: &ImageSet) -> f64 {
-    image.as_encoded().gpu().bits_memory() as f64 / set.texel_count() as f64
+    image.as_encoded().memory().compressed as f64 / set.texel_count() as f64
 }
 
 /// An image whose texel at (x, y) is `shade`.

@@ -248,7 +248,7 @@ mod tests {
             let texture = Vq::load(&Sections::parse(&file, &mut budget).unwrap(), &mut budget).unwrap();
             let gpu = texture.gpu();
             assert!(gpu.planes.iter().all(|plane| matches!(plane.data, Cow::Borrowed(_))));
-            let (held, uploaded) = (held_bytes(&texture) as f64, gpu.bits_memory() as f64 / 8.0);
+            let (held, uploaded) = (held_bytes(&texture) as f64, gpu.memory().compressed as f64 / 8.0);
             assert!(held <= 1.3 * uploaded, "{goal:?}: {held} {uploaded}");
             let first = ImageAddress { surface: 0, level: 0, x: 0, y: 0 };
             assert_eq!(texture.sample(first), encoded.sample(first));

@@ -10,7 +10,7 @@ use texfold_core::{Access, Effort, Goal, Metric, ParamError, Params};
 pub struct ZipParams {
     /// What to reach. [`Goal::Psnr`]: the PSNR of every image, as compression and images stored below their full size
     /// leave it, against the merged image before; the worst image counts. [`Goal::Tolerance`]: the RMS error of every
-    /// 4x4 block of every stored image. [`Goal::Bpp`]: bits of GPU memory per texel of the root and of all images of
+    /// 4x4 block of every stored image. [`Goal::Bpp`]: compressed bits per texel of the root and of all images of
     /// the stack.
     pub goal: Goal,
     /// How texels are reached: in blocks of variable length, which are decoded before they are drawn, or in planes that shaders

@@ -400,7 +400,7 @@ fn figures(stack: &PatchStack, access: Access, goal: Goal) -> (f64, f64, u64) {
     let worst =
         fidelity(stack, &texture).iter().map(|found| found.error.psnr()).fold(f64::INFINITY, f64::min);
     let patches = (0..texture.patches()).filter_map(|index| texture.patch(index));
-    let bits = texture.gpu().bits_memory() as f64 / texels as f64;
+    let bits = texture.memory().compressed as f64 / texels as f64;
     (bits, worst, patches.map(|patch| patch.size.texels()).sum())
 }
 

@@ -147,7 +147,7 @@ fn worse(old: &Figures, new: &Figures) -> Vec<What> {
         }
     }
     for (name, before, now) in
-        [("GPU memory", old.bits_memory, new.bits_memory), ("the file", old.bits_disk, new.bits_disk)]
+        [("memory", old.bits_memory, new.bits_memory), ("the file", old.bits_disk, new.bits_disk)]
     {
         if now as f64 > before as f64 * (1.0 + MORE_BITS) + MORE_BITS_AT_LEAST as f64 {
             worse.push(What::Bits(name, before, now));
@@ -193,7 +193,7 @@ mod tests {
         assert_eq!(of(|b| b.psnr -= 0.03), ["vq --bpp 2, b.png: PSNR is 31.220 dB, its reference 31.250"]);
         assert!(of(|b| b.psnr_alpha = Some(30.0))[0].contains("PSNR of alpha"));
         assert!(of(|b| b.bits_disk += 1500)[0].contains("the file takes 81500 bits"));
-        assert!(of(|b| b.bits_memory += 1600)[0].contains("GPU memory"));
+        assert!(of(|b| b.bits_memory += 1600)[0].contains("memory"));
         let renamed = of(|b| b.image = "c.png".into());
         assert!(renamed[0].contains("was not measured") && renamed[1].contains("has no reference"));
     }

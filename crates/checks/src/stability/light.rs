@@ -227,7 +227,7 @@ fn held(
     record::Outcome::Made {
         verdict: made.texture.notes().verdict.clone(),
         psnr: made.psnr,
-        bpp: made.texture.gpu().bits_memory() as f64 / texels,
+        bpp: made.texture.memory().compressed as f64 / texels,
         checks,
     }
 }

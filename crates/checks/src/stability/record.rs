@@ -76,7 +76,7 @@ pub(super) enum Outcome {
         verdict: String,
         /// PSNR of its colours in dB.
         psnr: f64,
-        /// Bits of GPU memory a texel.
+        /// Bits a texel, compressed.
         bpp: f64,
         checks: Vec<Check>,
     },

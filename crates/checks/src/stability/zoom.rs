@@ -256,7 +256,7 @@ fn held(scene: &Scene, made: &Made, tools: &Tools, cancel: &Cancel) -> record::O
     record::Outcome::Made {
         verdict: format!("{}{}", made.words, texture.notes().verdict),
         psnr: worst,
-        bpp: texture.gpu().bits_memory() as f64 / texels as f64,
+        bpp: texture.memory().compressed as f64 / texels as f64,
         checks,
     }
 }

@@ -80,7 +80,7 @@ impl Encoding<'_> {
         let (mut bits, mut texels) = (0, 0);
         self.each(|set, _| {
             let images = self.tile(&set, step)?;
-            bits += images.memory().counted;
+            bits += images.memory().goal;
             texels += set.texel_count();
             // Bits need no decoding.
             if !matches!(self.params.goal, Goal::Bpp(_)) {

@@ -15,6 +15,7 @@ use super::manifest::{Image, MANIFEST, Tile};
 use crate::console::{complain, say};
 use crate::error::{CliError, explain, guarded};
 use crate::png;
+use crate::report::Sizes;
 
 /// Whether a path is the folder of a bank.
 pub(crate) fn is_bank(path: &Path) -> bool {
@@ -173,10 +174,8 @@ struct Summary {
     images: Vec<ImageSummary>,
     categories: Vec<CategorySummary>,
     source_texels: u64,
-    bits_memory: u64,
-    bits_disk: u64,
-    bpp_memory: f64,
-    bpp_disk: f64,
+    #[serde(flatten)]
+    sizes: Sizes,
 }
 
 /// An image in figures; of public codebooks it counts what it added to them.
@@ -190,8 +189,8 @@ struct ImageSummary {
     tiles: usize,
     categories: Vec<u32>,
     psnr: f64,
-    bpp_memory: f64,
-    bpp_disk: f64,
+    #[serde(flatten)]
+    sizes: Sizes,
     /// Cells that public codebooks grew by.
     public_cells_added: u32,
     own_cells: u32,
@@ -231,16 +230,12 @@ pub(crate) fn describe(dir: &Path, json: bool) -> Result<(), CliError> {
         (0..).zip(&bank.manifest.categories).map(|(number, category)| category_of(&bank, number, category));
     let sum = |figure: fn(&Image) -> u64| bank.manifest.images.iter().map(figure).sum::<u64>();
     let texels = sum(|image| image.row.source_texels);
-    let (memory, disk) = (sum(|image| image.row.bits_memory), sum(|image| image.row.bits_disk));
     let summary = Summary {
         bank: dir.display().to_string(),
         images,
         categories: categories.collect(),
         source_texels: texels,
-        bits_memory: memory,
-        bits_disk: disk,
-        bpp_memory: memory as f64 / texels.max(1) as f64,
-        bpp_disk: disk as f64 / texels.max(1) as f64,
+        sizes: Sizes::sum(bank.manifest.images.iter().map(|image| image.row.sizes), texels),
     };
     if json {
         let text = serde_json::to_string_pretty(&summary);
@@ -292,8 +287,7 @@ fn summary_of(image: &Image) -> ImageSummary {
         tiles: image.tiles.len(),
         categories,
         psnr: image.row.psnr,
-        bpp_memory: image.row.bpp_memory,
-        bpp_disk: image.row.bpp_disk,
+        sizes: image.row.sizes,
         public_cells_added: sum(|tile| tile.grown_rows) / CELL_SIDE * ROW_CELLS,
         own_cells: sum(|tile| tile.own_cells),
         public_share: blocks(0) / blocks(2).max(1.0),
@@ -326,13 +320,16 @@ fn lines(summary: &Summary) -> String {
             image.tiles,
             image.access,
             image.psnr,
-            image.bpp_memory,
+            image.sizes.bpp_memory,
             image.public_cells_added,
             image.own_cells,
             100.0 * image.public_share,
             100.0 * image.own_share
         ));
     }
-    lines.push(format!("  bits a texel: {:.4} memory, {:.4} disk", summary.bpp_memory, summary.bpp_disk));
+    let Sizes { bpp_memory, bpp_resident, bpp_disk, .. } = summary.sizes;
+    lines.push(format!(
+        "  bits a texel: {bpp_memory:.4} memory, {bpp_disk:.4} disk, {bpp_resident:.4} while drawn"
+    ));
     lines.join("\n")
 }

@@ -11,7 +11,7 @@ use texfold_progressive::Progressive;
 use super::manifest::Tile;
 use super::task::BankTask;
 use crate::perceptual::{mean, ssimulacra2};
-use crate::report::{PartRow, Row, peak_bytes};
+use crate::report::{PartRow, Row, Sizes, peak_bytes};
 
 /// Name of the part that tiles share.
 const PUBLIC: &str = "public codebook";
@@ -29,6 +29,7 @@ pub(super) struct Sums {
     texels: u64,
     /// Bits that goals count.
     counted: u64,
+    resident: u64,
     parts: Vec<PartRow>,
     pub(super) channels: u8,
     pub(super) levels: u32,
@@ -56,7 +57,9 @@ impl Sums {
         self.ssim += similar * texels as f64;
         self.ssimulacra2.push((decoded.and_then(|decoded| ssimulacra2(image, &decoded)), texels as f64));
         self.texels += texels;
-        self.counted += texture.memory().counted;
+        let memory = texture.memory();
+        self.counted += memory.goal;
+        self.resident += memory.resident;
         self.channels = self.channels.max(texture.layout().pixel.channels);
         self.levels = self.levels.max(texture.layout().levels);
         self.add_parts(texture, grown);
@@ -111,10 +114,7 @@ impl Sums {
             height: size.height,
             images: 1,
             source_texels: self.texels,
-            bits_memory: memory,
-            bits_disk: disk,
-            bpp_memory: memory as f64 / texels,
-            bpp_disk: disk as f64 / texels,
+            sizes: Sizes::new(memory, self.resident, disk, self.texels),
             psnr: self.color.psnr(),
             psnr_alpha: self.alpha.map(|error| error.psnr()),
             rms: self.color.rms(),

@@ -41,11 +41,18 @@ pub(crate) struct Axis {
 }
 
 /// The charts of a report.
-pub(crate) const AXES: [Axis; 4] = [
+pub(crate) const AXES: [Axis; 5] = [
     Axis {
-        title: "Size in GPU memory and quality",
-        label: "bits of GPU memory per texel",
+        title: "Compressed size and quality",
+        label: "bits per texel, compressed",
         value: |row| Some(row.bpp_memory),
+        unit: 1.0,
+        smaller_is_better: true,
+    },
+    Axis {
+        title: "GPU memory while drawn and quality",
+        label: "bits of GPU memory per texel while drawn",
+        value: |row| Some(row.bpp_resident),
         unit: 1.0,
         smaller_is_better: true,
     },

@@ -98,7 +98,8 @@ fn circumstances(bench: &Bench) -> String {
         "The external program astcenc was not found: ASTC is left out."
     };
     format!(
-        "<p>Quality is taken from the bytes of the file that ships; size counts all that a GPU holds. Encoding uses all \
+        "<p>Quality is taken from the bytes of the file that ships. Compressed bits count all planes, blocks and parameters; \
+         resident bits are those of GPU memory while it is drawn, where textures in blocks are decoded to plain texels. Encoding uses all \
          cores at effort {}; CPU decoding one thread, the median of several whole decodes. {gpu} {rival}</p>",
         bench.effort().name()
     )
@@ -106,18 +107,19 @@ fn circumstances(bench: &Bench) -> String {
 
 fn table(rows: &[Row]) -> String {
     let mut text = String::from(
-        "<div class=\"wide\"><table><tr><th>input<th>codec<th>settings<th>bits memory<th>bits disk<th>PSNR dB<th>SSIM<th>SSIMULACRA2\
+        "<div class=\"wide\"><table><tr><th>input<th>codec<th>settings<th>bits compressed<th>bits resident<th>bits disk<th>PSNR dB<th>SSIM<th>SSIMULACRA2\
          <th>encode s<th>CPU Mtexel/s<th>GPU Mtexel/s",
     );
     let speed = |speed: Option<f64>| speed.map_or("-".to_owned(), |speed| format!("{:.1}", speed / 1e6));
     for row in rows {
         let _ = write!(
             text,
-            "<tr><td>{}<td>{}<td>{}<td>{:.3}<td>{:.3}<td>{:.2}<td>{:.4}<td>{}<td>{:.2}<td>{}<td>{}",
+            "<tr><td>{}<td>{}<td>{}<td>{:.3}<td>{:.3}<td>{:.3}<td>{:.2}<td>{:.4}<td>{}<td>{:.2}<td>{}<td>{}",
             escape(&row.input),
             row.codec,
             escape(&row.settings),
             row.bpp_memory,
+            row.bpp_resident,
             row.bpp_disk,
             row.psnr,
             row.ssim,

@@ -23,10 +23,12 @@ pub(crate) struct Row {
     /// Nothing without an adapter.
     pub(crate) decode_gpu_texels_per_second: Option<f64>,
     pub(crate) random_access: u8,
+    /// GPU memory while it is drawn.
+    pub(crate) bpp_resident: f64,
 }
 
 const HEADER: &str = "input,codec,settings,bpp_memory,bpp_disk,psnr,ssim,encode_seconds,\
-                      decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2";
+                      decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident";
 
 impl Row {
     /// The row for a terminal.
@@ -73,6 +75,7 @@ pub(crate) fn csv(rows: &[Row]) -> String {
             optional(row.decode_gpu_texels_per_second),
             row.random_access.to_string(),
             row.ssimulacra2.map_or(String::new(), |figure| format!("{figure:.4}")),
+            format!("{:.6}", row.bpp_resident),
         ];
         text.push_str(&fields.join(","));
         text.push('\n');
@@ -120,6 +123,7 @@ fn mean(group: &[&Row]) -> Row {
         decode_cpu_texels_per_second: mean_of(&|row| row.decode_cpu_texels_per_second),
         decode_gpu_texels_per_second: mean_of(&|row| row.decode_gpu_texels_per_second),
         random_access: group[0].random_access,
+        bpp_resident: figure(|row| row.bpp_resident),
     }
 }
 
@@ -149,6 +153,7 @@ mod tests {
             codec: "bc",
             settings: settings.to_owned(),
             bpp_memory: 4.0,
+            bpp_resident: 4.0,
             bpp_disk: 3.0,
             psnr,
             ssim: 0.9,
@@ -185,8 +190,10 @@ mod tests {
         let text = csv(&[row("a,\"b\".png", "x", 30.0, None)]);
         assert_eq!(
             text.lines().nth(1),
-            Some("\"a,\"\"b\"\".png\",bc,x,4.000000,3.000000,30.0000,0.900000,0.500000,1000000,,1,70.0000")
+            Some(
+                "\"a,\"\"b\"\".png\",bc,x,4.000000,3.000000,30.0000,0.900000,0.500000,1000000,,1,70.0000,4.000000"
+            )
         );
-        assert_eq!(text.lines().next().map(|header| header.split(',').count()), Some(12));
+        assert_eq!(text.lines().next().map(|header| header.split(',').count()), Some(13));
     }
 }

@@ -13,7 +13,7 @@ use crate::error::CliError;
 use crate::input::capture;
 use crate::perceptual::{mean, ssimulacra2};
 use crate::progress::Share;
-use crate::report::{Row, light_missed, part_rows, peak_bytes};
+use crate::report::{Row, Sizes, light_missed, part_rows, peak_bytes};
 use crate::settings::LightSettings;
 
 /// Photographs that are drawn again to measure their similarity.
@@ -65,8 +65,6 @@ impl FolderTask<LightSettings> {
         let texels = inside.max(1) as f64;
         let terms = texture.layout().terms as usize;
         let psnr = quality.psnr_of_terms.get(terms).copied().unwrap_or(quality.psnr);
-        let bits_memory = texture.gpu().bits_memory();
-        let bits_disk = 8 * bytes.len() as u64;
         let goal = self.settings.params.psnr.map(Goal::Psnr);
         let camera = source.views[0].camera;
         let (similar, perceived) = similarity(source, &texture);
@@ -79,10 +77,7 @@ impl FolderTask<LightSettings> {
             height: camera.height,
             images: source.views.len(),
             source_texels: inside as u64,
-            bits_memory,
-            bits_disk,
-            bpp_memory: bits_memory as f64 / texels,
-            bpp_disk: bits_disk as f64 / texels,
+            sizes: Sizes::of(texture.memory(), bytes, inside as u64),
             psnr,
             psnr_alpha: None,
             rms: 255.0 * 10f64.powf(-psnr / 20.0),

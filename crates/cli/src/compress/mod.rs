@@ -277,7 +277,7 @@ fn line(task: &Work, row: &Row, skipped: bool) -> String {
     let note = if skipped { "  (up to date)" } else { "" };
     format!(
         "{stem:24} {:4} {:7.2} dB  {:7.3} bpp memory  {:7.3} bpp disk  {:7.2} s{note}",
-        row.codec, row.psnr, row.bpp_memory, row.bpp_disk, row.encode_seconds
+        row.codec, row.psnr, row.sizes.bpp_memory, row.sizes.bpp_disk, row.encode_seconds
     )
 }
 
@@ -310,7 +310,7 @@ fn summary(entries: &[(Entry, bool)], seconds: f64) -> String {
     format!(
         "{counts}; mean {:.2} dB at {:.3} bpp memory, {:.3} bpp disk",
         mean(|row| row.psnr),
-        mean(|row| row.bpp_memory),
-        mean(|row| row.bpp_disk)
+        mean(|row| row.sizes.bpp_memory),
+        mean(|row| row.sizes.bpp_disk)
     )
 }

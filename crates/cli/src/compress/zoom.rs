@@ -12,7 +12,7 @@ use crate::error::CliError;
 use crate::input::stack;
 use crate::perceptual::ssimulacra2;
 use crate::progress::Share;
-use crate::report::{Row, part_rows, peak_bytes};
+use crate::report::{Row, Sizes, part_rows, peak_bytes};
 use crate::settings::ZoomSettings;
 
 impl Folder for ZoomSettings {
@@ -60,7 +60,6 @@ impl FolderTask<ZoomSettings> {
         let drawn = decode_surface(&texture, 0, texture.deep_levels());
         let (similar, worst) =
             drawn.as_ref().map_or((0.0, 0.0), |drawn| (ssim(root, drawn), worst_block_rms(root, drawn)));
-        let (bits_memory, bits_disk) = (texture.gpu().bits_memory(), 8 * bytes.len() as u64);
         Ok(Row {
             input: self.found.path.display().to_string(),
             output: self.output.display().to_string(),
@@ -70,10 +69,7 @@ impl FolderTask<ZoomSettings> {
             height: root.size().height,
             images: self.found.files.len(),
             source_texels: texels,
-            bits_memory,
-            bits_disk,
-            bpp_memory: bits_memory as f64 / texels as f64,
-            bpp_disk: bits_disk as f64 / texels as f64,
+            sizes: Sizes::of(texture.memory(), bytes, texels),
             psnr: error.psnr(),
             psnr_alpha: None,
             rms: error.rms(),

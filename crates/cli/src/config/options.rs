@@ -37,7 +37,7 @@ pub struct Options {
     /// Goal: the smallest file with at least this PSNR in dB (default goal: 34).
     #[arg(long, value_name = "DB", group = "goal")]
     pub(super) psnr: Option<f64>,
-    /// Goal: the best quality within this many bits of GPU memory per texel.
+    /// Goal: the best quality within this many bits per texel, compressed; what blocks are decoded to while drawn does not count.
     #[arg(long, value_name = "B", group = "goal")]
     pub(super) bpp: Option<f64>,
     /// Goal: the smallest file whose 4x4 blocks each have at most this RMS error in 8-bit units.

@@ -28,6 +28,7 @@ struct Summary {
     directions: &'static str,
     content: &'static str,
     bits_memory: u64,
+    bits_resident: u64,
     bits_disk: u64,
     settings: String,
     verdict: String,
@@ -127,6 +128,7 @@ fn summarise(args: &InfoArgs, texture: &LightTexture) -> Summary {
         },
         content: texture.content().map_or("blocks of variable length", Content::name),
         bits_memory: footprint.bits_memory(),
+        bits_resident: footprint.bits_resident,
         bits_disk: footprint.bits_disk(),
         settings: texture.notes().settings.clone(),
         verdict: texture.notes().verdict.clone(),
@@ -154,6 +156,7 @@ fn describe(summary: &Summary) -> String {
     ];
     lines.extend(summary.parts.iter().map(part_line));
     lines.push(format!("  {:12} {:>14} {:>14}", "all", summary.bits_memory, summary.bits_disk));
+    lines.push(format!("  while drawn  {:>14} bits of GPU memory", summary.bits_resident));
     lines.extend(
         summary.views.iter().enumerate().map(|(number, psnr)| format!("  view {number:<7} {psnr:>14.2} dB")),
     );

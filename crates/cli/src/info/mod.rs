@@ -12,7 +12,7 @@ use texfold_core::{Encoded, Image2d};
 use crate::console::say;
 use crate::decompress::load;
 use crate::error::{CliError, guarded};
-use crate::report::{PartRow, part_rows};
+use crate::report::{PartRow, Sizes, part_rows};
 
 /// Sizes of images that are listed before the rest is counted.
 const LISTED_SIZES: usize = 8;
@@ -52,10 +52,8 @@ struct Summary {
     layers_loaded: u32,
     layers_total: u32,
     source_texels: u64,
-    bits_memory: u64,
-    bits_disk: u64,
-    bpp_memory: f64,
-    bpp_disk: f64,
+    #[serde(flatten)]
+    bits: Sizes,
     settings: String,
     verdict: String,
     parts: Vec<PartRow>,
@@ -114,10 +112,7 @@ fn summarise(path: &Path, encoded: &dyn Encoded<Domain = Image2d>) -> Summary {
         layers_loaded: layers.loaded,
         layers_total: layers.total,
         source_texels: texels,
-        bits_memory: footprint.bits_memory(),
-        bits_disk: footprint.bits_disk(),
-        bpp_memory: footprint.bits_memory() as f64 / texels as f64,
-        bpp_disk: footprint.bits_disk() as f64 / texels as f64,
+        bits: Sizes::new(footprint.bits_memory(), footprint.bits_resident, footprint.bits_disk(), texels),
         settings: encoded.notes().settings.clone(),
         verdict: encoded.notes().verdict.clone(),
         parts: part_rows(&footprint),
@@ -151,7 +146,6 @@ fn describe(summary: &Summary) -> String {
         lines.insert(3, format!("  layers    {} of {}", summary.layers_loaded, summary.layers_total));
     }
     lines.extend(summary.parts.iter().map(part_line));
-    lines.push(format!("  {:12} {:>14} {:>14}", "all", summary.bits_memory, summary.bits_disk));
-    lines.push(format!("  {:12} {:>14.4} {:>14.4}", "bits a texel", summary.bpp_memory, summary.bpp_disk));
+    lines.extend(summary.bits.lines());
     lines.join("\n")
 }

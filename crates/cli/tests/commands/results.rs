@@ -45,8 +45,10 @@ fn a_row_has_every_field_and_its_parts_sum_to_the_totals() {
         "images",
         "source_texels",
         "bits_memory",
+        "bits_resident",
         "bits_disk",
         "bpp_memory",
+        "bpp_resident",
         "bpp_disk",
         "psnr",
         "psnr_alpha",
@@ -280,10 +282,18 @@ fn a_comparison_has_a_row_for_each_setting_and_a_page_of_its_own() {
     let csv = fs::read_to_string(place.at("out/results.csv")).unwrap();
     assert_eq!(csv.lines().count(), rows.len() + 1);
     let header = "input,codec,settings,bpp_memory,bpp_disk,psnr,ssim,encode_seconds,\
-                  decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2";
+                  decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident";
     assert_eq!(csv.lines().next(), Some(header));
     for name in header.split(',') {
         assert!(rows.iter().all(|row| row.get(name).is_some()), "{name}");
+    }
+    for row in &rows {
+        let [held, drawn] = ["bpp_memory", "bpp_resident"].map(|name| row[name].as_f64().unwrap());
+        match row["codec"].as_str() {
+            Some("progressive") => assert!(drawn > 32.0 && held < 8.0, "{row}"),
+            Some("bc" | "vq" | "astc") => assert!(drawn == held, "{row}"),
+            _ => assert!(drawn >= held, "{row}"),
+        }
     }
     let bc1 = rows.iter().find(|row| row["settings"] == "bc1").unwrap();
     let bc7 = rows.iter().find(|row| row["settings"] == "bc7").unwrap();

@@ -53,7 +53,8 @@ impl Metric {
 pub enum Goal {
     /// The smallest result of at least this PSNR in dB.
     Psnr(f64),
-    /// The best result within this many bits of GPU memory per source texel, as [`crate::MemoryBits::counted`] counts them.
+    /// The best result within this many bits of compressed form per source texel ([`crate::MemoryBits::goal`]); what textures in
+    /// blocks are decoded to does not count.
     Bpp(f64),
     /// The smallest result whose every block has at most this RMS error, in 8-bit units.
     Tolerance(f64),
@@ -115,7 +116,7 @@ impl Goal {
 pub struct Measured {
     /// PSNR in dB of the decoded form.
     pub psnr: f64,
-    /// Bits of GPU memory per source texel, as [`crate::MemoryBits::counted`] counts them.
+    /// Bits of compressed form per source texel ([`crate::MemoryBits::goal`]).
     pub bpp: f64,
     /// RMS error of the worst 4x4 block, 8-bit units.
     pub worst_block_rms: f64,

@@ -209,7 +209,7 @@ impl Search<'_> {
             if found.1.psnr < self.goal {
                 continue;
             }
-            let bits = found.0.gpu().bits_memory();
+            let bits = found.0.memory().compressed;
             if best.as_ref().is_some_and(|(least, _)| bits >= *least) {
                 break;
             }

@@ -187,7 +187,7 @@ impl BaseTexture {
         let Some(Books { side_log2, residuals, candidates }) = &self.books else { return 0 };
         let plain = &self.plain;
         let most_bits = match goal {
-            Goal::Bpp(bpp) => Some(bpp * plain.stored().texels() as f64 - plain.memory().counted as f64),
+            Goal::Bpp(bpp) => Some(bpp * plain.stored().texels() as f64 - plain.memory().goal as f64),
             _ => None,
         };
         candidates.own_cells(residuals, 1 << side_log2, most_bits)
@@ -289,7 +289,7 @@ impl Base {
         }
         residuals.turn(residuals.suited_axes());
         residuals.judge_by(metric);
-        let bits = plain.memory().counted - plain.shared_bits() - plain.content.plane_bits();
+        let bits = plain.memory().goal - plain.shared_bits() - plain.content.plane_bits();
         let texels = plain.stored().texels();
         Ok(Base { plain, residuals, texels, alpha_error, bits })
     }

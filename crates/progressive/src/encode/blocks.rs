@@ -96,7 +96,7 @@ fn stages(source: &ImageSet, levels: u32, check: CancelCheck<'_>) -> Result<Vec<
 }
 
 fn bits(source: &ImageSet, images: &BlockImages) -> f64 {
-    images.memory().counted as f64 / source.texel_count() as f64
+    images.memory().goal as f64 / source.texel_count() as f64
 }
 
 /// Settings, verdict, and the PSNR of the bases alone.

@@ -429,7 +429,7 @@ fn own_measure(
 
 /// Bits a texel of the source, without what is shared.
 fn own_bpp(source: &ImageSet, texture: &TexelTexture) -> f64 {
-    (texture.memory().counted - texture.shared_bits()) as f64 / source.texel_count() as f64
+    (texture.memory().goal - texture.shared_bits()) as f64 / source.texel_count() as f64
 }
 
 /// As the goal judges it: a quality holds for the worse of colours and alpha; where bits are given alpha's error counts beside that of

@@ -47,7 +47,7 @@ pub trait ImageEncoder:
     const FOLLOWS_IMPORTANCE: bool = false;
     /// Whether it follows [`Guidance::content_from`].
     const FOLLOWS_CONTENT_MASK: bool = false;
-    /// Bits of GPU memory a texel that a comparison asks it for; none where its formats are compared one by one.
+    /// Bits a texel, compressed that a comparison asks it for; none where its formats are compared one by one.
     const COMPARED_BPP: &'static [f64] = &[1.0, 1.5, 2.5];
     /// When plain blocks are encoded to be compared with.
     const PLAIN: PlainOrder = PlainOrder::First(0.2);
@@ -95,7 +95,7 @@ pub trait ImageEncoder:
         Ok(None)
     }
 
-    /// As [`Encoder::encode`]; may give up where more than `most_bpp` bits of GPU memory a texel are needed.
+    /// As [`Encoder::encode`]; may give up where more than `most_bpp` bits a texel, compressed are needed.
     ///
     /// # Errors
     /// As [`Encoder::encode`].

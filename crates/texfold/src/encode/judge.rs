@@ -32,7 +32,7 @@ pub(super) fn judged(
     let metric = settings.metric.unwrap_or(Metric::for_goal(settings.goal, images.info().color));
     job.install(|| {
         let quality = quality_cancellable(images, texture, check)?;
-        let bpp = texture.memory().counted as f64 / images.texel_count() as f64;
+        let bpp = texture.memory().goal as f64 / images.texel_count() as f64;
         let squares = Measured { psnr: quality.color.psnr(), bpp, worst_block_rms: quality.worst_block_rms };
         let psnr = match settings.goal {
             Goal::Bpp(_) => {

@@ -47,7 +47,7 @@ pub struct Encoding {
     pub follows_importance: bool,
     /// Whether it follows [`Guidance::content_from`].
     pub follows_content_mask: bool,
-    /// Bits of GPU memory a texel that a comparison asks it for.
+    /// Bits a texel, compressed that a comparison asks it for.
     pub compared_bpp: &'static [f64],
     families: fn(PixelInfo) -> Vec<Family>,
     suits_settings: fn(&EncodeSettings) -> bool,

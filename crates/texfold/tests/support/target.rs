@@ -57,7 +57,7 @@ fn exercise_image(image: &dyn Encoded<Domain = Image2d>) {
             assert!(texels.iter().all(|texel| texel.is_finite()));
         }
     }
-    let _ = (image.gpu().bits_memory(), image.footprint());
+    let _ = (image.memory().compressed, image.footprint());
 }
 
 /// What the compute passes of blocks give, on the CPU, is what decoding gives, whatever the streams hold.
@@ -92,7 +92,7 @@ fn exercise_light(light: &LightTexture) {
         let at = LightAddress { triangle, barycentric, direction: Vec3::Z };
         assert!(light.sample(at).is_finite());
     }
-    let _ = (light.gpu().bits_memory(), light.footprint());
+    let _ = (light.memory().compressed, light.footprint());
 }
 
 /// A file as its sections.

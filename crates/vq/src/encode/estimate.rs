@@ -29,7 +29,7 @@ const LEARNT: f64 = 0.4;
 type Numbered = (usize, Vec<f32>);
 
 impl Vq {
-    /// Mean squared error, in 8-bit units, that images keep about at least within so many bits of GPU memory a texel: each of some
+    /// Mean squared error, in 8-bit units, that images keep about at least within so many bits a texel, compressed: each of some
     /// blocks beside the nearest of as many others as there can be codewords. The time hardly depends on the images' size.
     ///
     /// # Errors

@@ -75,14 +75,14 @@ impl Growable for Vq {
 }
 
 impl Vq {
-    /// Bits of GPU memory a texel that images take at least, whatever the codebook: those of the index.
+    /// Bits a texel, compressed, that images take at least, whatever the codebook: those of the index.
     #[must_use]
     pub fn least_bpp(images: &ImageSet, params: &VqParams) -> f64 {
         let layout = images.layout(single::levels(images, params));
         fixed_bits(&layout) as f64 / images.texel_count() as f64
     }
 
-    /// As [`Encoder::encode`] for a quality goal, but gives up once `most_bpp` bits of GPU memory a texel do not reach
+    /// As [`Encoder::encode`] for a quality goal, but gives up once `most_bpp` bits a texel, compressed, do not reach
     /// it: for callers that hold a plain form of that size.
     ///
     /// # Errors

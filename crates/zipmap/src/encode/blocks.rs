@@ -54,7 +54,7 @@ fn by_block(
         let measured = match goal {
             // Bits need no decoding.
             Goal::Bpp(_) => {
-                let bpp = texture.memory().counted as f64 / source_texels;
+                let bpp = texture.memory().goal as f64 / source_texels;
                 Measured { psnr: 0.0, bpp, worst_block_rms: 0.0 }
             }
             _ => job.install(|| measured(maker, &texture, source_texels))?.0,

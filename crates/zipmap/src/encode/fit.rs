@@ -270,7 +270,7 @@ impl Maker<'_> {
         let worst = losses.iter().map(|loss| loss.psnr()).fold(f64::INFINITY, f64::min);
         let measured = Measured {
             psnr: if matches!(self.params.goal, Goal::Psnr(_)) { worst } else { total.psnr() },
-            bpp: texture.memory().counted as f64 / source_texels,
+            bpp: texture.memory().goal as f64 / source_texels,
             worst_block_rms: if matches!(self.params.goal, Goal::Tolerance(_)) { worst_block() } else { 0.0 },
         };
         self.cancel.checkpoint()?;

@@ -145,7 +145,7 @@ fn verdict(fitted: &Fitted, dropped: &Dropped, psnr: f64) -> String {
     let loss = losses().fold(SquaredError::default(), |sum, &loss| sum + loss).psnr();
     let worst = losses().map(|loss| loss.psnr()).fold(f64::INFINITY, f64::min);
     let plain = root.texels() as f64 * zoom * zoom * 4.0 / 3.0;
-    let bits = texture.gpu().bits_memory() as f64;
+    let bits = texture.memory().compressed as f64;
     let [bits_per_texel, of_patches] = bits_per_texel(texture);
     let mut text = format!(
         "{}{} patches on a root of {}x{}, zoom up to {zoom:.2}; {psnr:.2} dB against the photographs after fitting \

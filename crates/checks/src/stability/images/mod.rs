@@ -174,7 +174,7 @@ fn held(
         Ok(checks) => record::Outcome::Made {
             verdict: made.as_encoded().notes().verdict.clone(),
             psnr: quality(images, made.as_encoded()).color.psnr(),
-            bpp: made.as_encoded().gpu().bits_memory() as f64 / images.texel_count() as f64,
+            bpp: made.as_encoded().memory().compressed as f64 / images.texel_count() as f64,
             checks,
         },
     }
@@ -205,7 +205,7 @@ fn beside_plain(images: &ImageSet, made: &AnyImage, plain: &AnyImage) -> Vec<Che
     if let (Some(alpha), Some(least)) = (found.alpha, least.alpha) {
         checks.push(Check::least("PSNR of alpha, dB", alpha.psnr(), wanted(least.psnr())));
     }
-    let bits = |image: &AnyImage| image.as_encoded().gpu().bits_memory();
+    let bits = |image: &AnyImage| image.as_encoded().memory().compressed;
     if least.color.psnr() >= GOAL_DB {
         checks.push(Check::most("bits of memory", bits(made) as f64, bits(plain) as f64));
     }

@@ -1,12 +1,13 @@
 //! Choosing an adapter and opening a device.
 
-use std::collections::HashMap;
-use std::sync::{Mutex, OnceLock};
+use std::sync::OnceLock;
 
 use texfold_core::PlaneFormat;
 use wgpu::{Adapter, AdapterInfo, Device, DeviceType, Features, Limits, Queue};
 
-use crate::pipeline::{Layouts, PipelineKey};
+use crate::layouts::Layouts;
+#[cfg(feature = "offscreen")]
+use crate::offscreen::Pipelines;
 use crate::{BlockDecoder, GpuError, ModuleInfo};
 
 /// Formats of content that not every adapter has.
@@ -36,13 +37,14 @@ impl Policy {
     }
 }
 
-/// A device, and the pipelines made for it so far.
+/// A device, and what was made for it so far: bind group layouts, the decoder of textures in blocks.
 #[derive(Debug)]
 pub struct Gpu {
     pub(crate) device: Device,
     pub(crate) queue: Queue,
     pub(crate) layouts: Layouts,
-    pub(crate) pipelines: Mutex<HashMap<PipelineKey, wgpu::RenderPipeline>>,
+    #[cfg(feature = "offscreen")]
+    pub(crate) offscreen: Pipelines,
     /// What decodes textures in blocks, made for the first of them.
     blocks: OnceLock<BlockDecoder>,
 }
@@ -77,8 +79,14 @@ impl Gpu {
     /// [`Features::TEXTURE_COMPRESSION_ASTC`] for those with ASTC content.
     #[must_use]
     pub fn from_device(device: Device, queue: Queue) -> Gpu {
-        let layouts = Layouts::new(&device);
-        Gpu { device, queue, layouts, pipelines: Mutex::default(), blocks: OnceLock::new() }
+        Gpu {
+            layouts: Layouts::new(&device),
+            #[cfg(feature = "offscreen")]
+            offscreen: Pipelines::new(&device),
+            blocks: OnceLock::new(),
+            device,
+            queue,
+        }
     }
 
     /// The decoder of textures in blocks.
@@ -137,6 +145,18 @@ impl Gpu {
     /// Most texels a side of a texture on this device.
     pub(crate) fn side_limit(&self) -> u32 {
         self.device.limits().max_texture_dimension_2d
+    }
+
+    /// A buffer that holds `bytes`.
+    pub(crate) fn buffer(&self, label: &str, bytes: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size: bytes.len() as u64,
+            usage: usage | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.queue.write_buffer(&buffer, 0, bytes);
+        buffer
     }
 
     /// Does `work` and turns what the device reports meanwhile into an error.

@@ -74,6 +74,17 @@ pub enum GpuError {
         /// Most pixels a side.
         limit: u32,
     },
+    /// There are no plain texels of an image.
+    #[error(
+        "image {surface} has no plain texels of that kind: sample it with the WGSL of the module {module:?}, encode it for access by \
+         block, or, for more than 8 bits a sample, ask for a view without sRGB"
+    )]
+    NotDecoded {
+        /// The requested image.
+        surface: u32,
+        /// The module that samples it.
+        module: &'static str,
+    },
     /// There is no such image.
     #[error("there is no image {surface}; the texture holds {surfaces}, counted from 0")]
     NoSuchSurface {

@@ -1,39 +1,40 @@
-//! Upload, draw and read back Texfold textures on any wgpu adapter.
+//! Texfold textures in wgpu renderers.
 //!
-//! [`Gpu::upload`] takes the planes that an encoded texture hands out ([`texfold_core::Encoded::gpu`]);
-//! [`Gpu::decode`], [`Gpu::draw_quad`], [`Gpu::draw_mesh`] and, for light fields ([`Gpu::upload_light`]), [`Gpu::draw_light`] draw off screen and read the pixels back. An
-//! application with a renderer of its own passes its device to [`Gpu::from_device`], binds [`GpuTexture::bind_group`]
-//! and pastes the module's WGSL ([`texfold_shaders::paste`]) into its shaders: see `examples/draw.rs`. [`Gpu::material`] binds several
-//! textures, of one codec or of several, in one group of one shader: see `examples/material.rs`. [`Gpu::update`] uploads again what
-//! changed of a file that arrives in pieces.
+//! A renderer passes its device to [`Gpu::from_device`] and uploads the planes of an encoded texture
+//! ([`texfold_core::Encoded::gpu`]) with [`Gpu::upload`], those of a light field with [`Gpu::upload_light`]. Then there are two ways:
+//!
+//! - *Plain texels, hardware sampler*: [`GpuTexture::decoded_view`], for textures in blocks; anisotropic, filtered in linear light, no
+//!   WGSL of ours: `examples/hardware.rs`.
+//! - *Compressed texels, our WGSL*: the renderer binds [`GpuTexture::bind_group`] and pastes the module
+//!   ([`texfold_shaders::paste`]) into its shader: `examples/draw.rs`. [`Gpu::material`] binds several textures, of one codec or of
+//!   several, in one group of one shader: `examples/material.rs`.
+//!
+//! [`Gpu::update`] uploads again what changed of a file that arrives in pieces. With the feature `offscreen`, `Gpu` also draws without a
+//! window, reads pixels back (`Gpu::read_view`, `draw_quad`, `draw_mesh`, `draw_light`) and measures times.
 //!
 //! Software Vulkan (Mesa's lavapipe) serves where there is no GPU. *Not done*: planes larger than the device's texture
 //! limit, in several textures; uploads in the background.
 
 mod adapter;
 mod block;
-mod decode;
-mod draw;
 mod error;
+mod layouts;
 mod light;
 mod material;
-mod mesh;
-mod pipeline;
-mod readback;
+#[cfg(feature = "offscreen")]
+mod offscreen;
 mod texture;
-mod timing;
 mod update;
 mod upload;
 
 pub use adapter::{Gpu, Policy};
 pub use block::{BlockChannel, BlockDecoder, BlockImage, MAX_SCRATCH};
-pub use decode::{Filter, Lookup, View};
-pub use draw::Lod;
 pub use error::GpuError;
 pub use light::GpuLight;
 pub use material::{Layer, Material};
+#[cfg(feature = "offscreen")]
+pub use offscreen::{Filter, Lod, Lookup, Probe, View};
 pub use texfold_shaders::ModuleInfo;
 pub use texture::{AddressMode, GpuTexture};
-pub use timing::Probe;
 pub use update::Updated;
 pub use wgpu;

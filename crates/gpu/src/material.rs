@@ -3,7 +3,7 @@
 use texfold_shaders::{Slot, paste};
 use wgpu::{BindGroup, BindGroupLayout};
 
-use crate::pipeline::layout_of;
+use crate::layouts::layout_of;
 use crate::{Gpu, GpuError, GpuTexture};
 
 /// One texture of a material.

@@ -4,7 +4,12 @@ use texfold_core::{SurfaceBinding, SurfaceSize};
 use texfold_shaders::{Binding, ModuleInfo, Slot};
 use wgpu::{BindGroup, BindGroupEntry, BindingResource, Buffer, Queue, Texture, TextureView};
 
+#[cfg(doc)]
+use crate::Gpu;
 use crate::GpuError;
+
+/// Format of textures that blocks are decoded to; `rgba32float` for samples of more than 8 bits.
+pub(crate) const DECODED_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 
 /// What lies outside of [0, 1) in texture coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -77,6 +82,8 @@ pub(crate) struct Surface {
     pub(crate) place: u32,
     pub(crate) size: SurfaceSize,
     pub(crate) levels: u32,
+    /// The plane that holds the image's own texels, decoded.
+    pub(crate) decoded: Option<usize>,
 }
 
 /// The entries of a bind group for one texture, numbered from `first` on.
@@ -104,11 +111,6 @@ impl GpuTexture {
         self.module
     }
 
-    /// A bit for each of the module's switches that an image needs.
-    pub(crate) fn switches(&self) -> u32 {
-        self.bound.switches
-    }
-
     /// The module's switches as they are named in `slot`, each with 1 where an image of this texture needs it and 0 elsewhere: for
     /// `PipelineCompilationOptions::constants` of pipelines that draw this texture. Without them a pipeline draws the same, and
     /// more slowly on software renderers.
@@ -118,11 +120,6 @@ impl GpuTexture {
             (slot.name(switch.constant), f64::from(self.bound.switches >> bit & 1))
         };
         (0..).zip(self.module.switches).map(of).collect()
-    }
-
-    /// Whether a plane may be smaller than its source.
-    pub(crate) fn reduced(&self) -> bool {
-        self.module.may_be_reduced && self.bound.switches & 1 != 0
     }
 
     /// Number of images.
@@ -154,6 +151,27 @@ impl GpuTexture {
     pub fn bind_entries(&self, surface: u32, slot: &Slot<'_>) -> Result<Vec<BindGroupEntry<'_>>, GpuError> {
         let group = &self.bound.groups[self.surface(surface)?.group];
         Ok(entries(self.module, &group.params, &group.views, slot.bindings().start))
+    }
+
+    /// Plain texels of image `surface`, which [`Gpu::upload`] has decoded from blocks, with its mip levels: a view for samplers of any
+    /// kind, anisotropic ones among them, and for WGSL of the renderer's own (`textureSample`). With `srgb` the sampler converts colours
+    /// to linear light before it filters; normals and other data take `false`. Filterable; images of more than 8 bits a
+    /// sample are `rgba32float`, which samplers filter on devices with [`wgpu::Features::FLOAT32_FILTERABLE`], and have no sRGB view.
+    ///
+    /// # Errors
+    /// [`GpuError::NoSuchSurface`]; [`GpuError::NotDecoded`] where texels are read from the compressed form, and for sRGB views of
+    /// more than 8 bits.
+    pub fn decoded_view(&self, surface: u32, srgb: bool) -> Result<TextureView, GpuError> {
+        let plane = self.surface(surface)?.decoded.and_then(|plane| self.planes.get(plane));
+        let texture = &plane.ok_or(GpuError::NotDecoded { surface, module: self.module.name })?.texture;
+        if srgb && texture.format() != DECODED_FORMAT {
+            return Err(GpuError::NotDecoded { surface, module: self.module.name });
+        }
+        Ok(texture.create_view(&wgpu::TextureViewDescriptor {
+            format: Some(if srgb { DECODED_FORMAT.add_srgb_suffix() } else { texture.format() }),
+            usage: Some(wgpu::TextureUsages::TEXTURE_BINDING),
+            ..Default::default()
+        }))
     }
 
     /// Columns and rows of image `surface`, level 0.

@@ -8,9 +8,11 @@ use texfold_core::{
 use texfold_shaders::{Binding, ModuleInfo};
 use wgpu::{BufferUsages, Texture, TextureFormat, TextureUsages};
 
-use crate::texture::{Bound, GpuPlane, Group, Surface, entries};
+use crate::texture::{Bound, DECODED_FORMAT, GpuPlane, Group, Surface, entries};
 use crate::{Gpu, GpuError, GpuTexture};
 
+/// The module that reads plain texels.
+const PLAIN_MODULE: &str = "bc";
 /// Name of textures that blocks are decoded to.
 const DECODED_PART: &str = "decoded blocks";
 
@@ -58,7 +60,8 @@ impl Gpu {
         if width > limit || height > limit {
             return Err(GpuError::PlaneTooLarge { width, height, limit });
         }
-        let format = if decoded.depth > 8 { TextureFormat::Rgba32Float } else { TextureFormat::Rgba8Unorm };
+        let format = if decoded.depth > 8 { TextureFormat::Rgba32Float } else { DECODED_FORMAT };
+        let srgb = (format == DECODED_FORMAT).then(|| format.add_srgb_suffix());
         let texture = self.guarded(|| {
             Ok(self.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(DECODED_PART),
@@ -68,7 +71,7 @@ impl Gpu {
                 dimension: wgpu::TextureDimension::D2,
                 format,
                 usage: TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING,
-                view_formats: &[],
+                view_formats: srgb.as_slice(),
             }))
         })?;
         for stage in stages {
@@ -271,7 +274,10 @@ pub(crate) fn describe(
     let params = params_of(module, form, binding)?;
     let size = SurfaceSize { width: number(params, 0), height: number(params, 4) };
     let offsets = module.image().ok_or(GpuError::Form { what: "a light field is no image" })?;
-    Ok(Surface { group, place: binding.surface, size, levels: number(params, offsets.levels) })
+    // The module of plain texels reads such a texture as it is; others read content from it.
+    let decoded = binding.planes.iter().copied().find(|&plane| plane >= form.planes.len());
+    let decoded = decoded.filter(|_| module.name == PLAIN_MODULE);
+    Ok(Surface { group, place: binding.surface, size, levels: number(params, offsets.levels), decoded })
 }
 
 /// The 32-bit number at `offset` of the parameters.

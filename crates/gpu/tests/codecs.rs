@@ -38,7 +38,7 @@ fn compare(gpu: &Gpu, name: &str, texture: &dyn Encoded<Domain = Image2d>) {
             let places = (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y)));
             let wanted: Vec<Vec4> =
                 places.map(|(x, y)| texture.sample(ImageAddress { surface, level, x, y })).collect();
-            let found = gpu.sample(&uploaded, &view).unwrap();
+            let found = gpu.read_view(&uploaded, &view).unwrap();
             assert_close(&format!("{name}, image {surface}, level {level}"), &found, &wanted, |_| bound);
         }
     }

@@ -3,6 +3,7 @@
 mod block;
 mod codecs;
 mod drawing;
+mod hardware;
 mod layout;
 mod light;
 mod material;

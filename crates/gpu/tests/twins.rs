@@ -45,7 +45,7 @@ fn check(
 
 /// Draws a view through this crate's pipelines and compares it.
 fn draw(gpu: &Gpu, case: &Case, texture: &GpuTexture, mode: AddressMode, view: &View) -> f32 {
-    let found = gpu.sample(texture, view).unwrap();
+    let found = gpu.read_view(texture, view).unwrap();
     let name = format!("{:?} {:?}", view.uv, view.lookup);
     check(case, &name, view.surface, mode, &calls_of(view), &found)
 }
@@ -314,7 +314,7 @@ fn srgb_becomes_linear_as_on_the_cpu() {
     let texture = subject.upload(gpu);
     let view = View::whole(0, (256, 1), Lookup::NearestLinear { level: 0 });
     let wanted = subject.view(&view, AddressMode::Clamp);
-    let found = gpu.sample(&texture, &view).unwrap();
+    let found = gpu.read_view(&texture, &view).unwrap();
     // A power is a logarithm good to 2^-21, times 2.4, and what raising 2 to it adds.
     assert_close("ramp", &found, &wanted, |_| Vec4::splat(BLENDED));
 }
@@ -348,7 +348,7 @@ fn a_long_sequence_fills_several_columns_of_the_index_plane() {
     for surface in [0, 1, 2, 818, 819, 999] {
         let view = View::whole(surface, (40, 40), Lookup::Nearest { level: 0 });
         let wanted = subject.view(&view, AddressMode::Clamp);
-        let found = gpu.sample(&texture, &view).unwrap();
+        let found = gpu.read_view(&texture, &view).unwrap();
         assert_close(&format!("frame {surface}"), &found, &wanted, |_| Vec4::splat(STORED));
     }
 }

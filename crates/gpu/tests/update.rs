@@ -59,7 +59,7 @@ fn compare(gpu: &Gpu, case: &Case, texture: &GpuTexture) {
             let wanted: Vec<Vec4> =
                 calls.iter().map(|&call| case.subject.call(surface, mode, call)).collect();
             let name = format!("{}, {:?}", case.name, view.lookup);
-            let found = gpu.sample(texture, &view).unwrap();
+            let found = gpu.read_view(texture, &view).unwrap();
             assert_close(&name, &found, &wanted, |index| {
                 case.bound(surface, mode, calls[index], wanted[index])
             });
@@ -157,14 +157,14 @@ fn compare_levels(gpu: &Gpu, texture: &dyn Encoded<Domain = Image2d>, uploaded: 
         let mut wanted = vec![Vec4::ZERO; (rect.width * rect.height) as usize];
         texture.decode(rect, &mut wanted).unwrap();
         let view = View::whole(0, (rect.width, rect.height), Lookup::Fetch { level });
-        let found = gpu.sample(uploaded, &view).unwrap();
+        let found = gpu.read_view(uploaded, &view).unwrap();
         assert_close(&format!("level {level}"), &found, &wanted, |_| Vec4::splat(1e-6));
     }
     let rect = layout.whole(0, 0).unwrap();
     let beyond = glam::Affine2::from_translation(Vec2::ONE);
     let view = View::whole(0, (rect.width, rect.height), Lookup::Nearest { level: 0 });
-    let inside = gpu.sample(uploaded, &view).unwrap();
-    assert_eq!(gpu.sample(uploaded, &View { uv: beyond, ..view }).unwrap(), inside);
+    let inside = gpu.read_view(uploaded, &view).unwrap();
+    assert_eq!(gpu.read_view(uploaded, &View { uv: beyond, ..view }).unwrap(), inside);
 }
 
 #[test]

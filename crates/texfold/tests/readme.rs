@@ -16,14 +16,18 @@ fn root() -> PathBuf {
 fn its_code_stands_in_examples() {
     let readme = fs::read_to_string(root().join("README.md")).unwrap();
     let embed = fs::read_to_string(root().join("crates/texfold/examples/embed.rs")).unwrap();
-    let material = fs::read_to_string(root().join("crates/gpu/examples/material.rs")).unwrap();
-    let snippet = material.split("// README: from here\n").nth(1).unwrap();
-    let snippet = snippet.split("// README: to here").next().unwrap();
+    let snippet = |name: &str| {
+        let example = fs::read_to_string(root().join("crates/gpu/examples").join(name)).unwrap();
+        let rest = example.split("// README: from here\n").nth(1).unwrap();
+        rest.split("// README: to here").next().unwrap().to_owned()
+    };
     let code: Vec<&str> =
         readme.split("```rust\n").skip(1).map(|rest| rest.split("```").next().unwrap()).collect();
-    assert_eq!(code.len(), 2);
+    assert_eq!(code.len(), 3);
     assert!(embed.ends_with(code[0]), "differs from crates/texfold/examples/embed.rs");
-    assert_eq!(code[1], snippet, "differs from crates/gpu/examples/material.rs");
+    for (code, name) in code[1..].iter().zip(["hardware.rs", "material.rs"]) {
+        assert_eq!(*code, snippet(name), "differs from crates/gpu/examples/{name}");
+    }
 }
 
 #[test]

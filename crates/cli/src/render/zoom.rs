@@ -97,7 +97,7 @@ fn artist<'t>(args: &'t RenderArgs, image: &'t AnyImage, size: (u32, u32)) -> Re
     Ok(Box::new(move |shot| {
         let uv = Affine2 { matrix2: Mat2::from_diagonal(shot.extent), translation: shot.corner };
         let view = View { surface: 0, size, uv, lookup: Lookup::Derivative };
-        let pixels = device.sample(&texture, &view).map_err(failed)?;
+        let pixels = device.read_view(&texture, &view).map_err(failed)?;
         let texels: Vec<Texel> = pixels.into_iter().map(Texel::from_array).collect();
         raster(args, info, size, &texels)
     }))

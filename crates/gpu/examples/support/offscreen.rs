@@ -33,14 +33,12 @@ pub(crate) fn pipeline(
     format: wgpu::TextureFormat,
 ) -> wgpu::RenderPipeline {
     let device = gpu.device();
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: None,
-        bind_group_layouts: groups,
-        immediate_size: 0,
-    });
+    let described = wgpu::PipelineLayoutDescriptor { bind_group_layouts: groups, ..Default::default() };
+    // Without groups the layout follows from the shader.
+    let layout = (!groups.is_empty()).then(|| device.create_pipeline_layout(&described));
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: None,
-        layout: Some(&layout),
+        layout: layout.as_ref(),
         vertex: wgpu::VertexState {
             module: shader,
             entry_point: Some("vs"),

@@ -40,8 +40,6 @@ const STREAMS: u32 = 32;
 const BLOCKS: u32 = 64;
 /// Texels along the side of what a workgroup writes.
 const TEXELS: u32 = 8;
-/// Texels along the side of a tile that is read back.
-const TILE_SIDE: u32 = 2048;
 
 /// The shader's parameters of `write_texels`: 36 words.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
@@ -183,37 +181,6 @@ impl BlockDecoder {
             gpu.guarded(|| self.submit(gpu, image, &plan, target, &outputs))?;
         }
         Ok(())
-    }
-
-    /// The texels of a rectangle, read back row by row: the samples as they are, whole numbers.
-    ///
-    /// # Errors
-    /// As [`BlockDecoder::decode`]; rectangles may be of any size.
-    pub fn decode_texels(
-        &self,
-        gpu: &Gpu,
-        image: &BlockImage,
-        rect: Rect,
-        channels: [BlockChannel; 4],
-    ) -> Result<Vec<[u16; 4]>, GpuError> {
-        image.layout.plan(rect)?;
-        let mut texels = vec![[0; 4]; rect.width as usize * rect.height as usize];
-        for top in (0..rect.height).step_by(TILE_SIDE as usize) {
-            for left in (0..rect.width).step_by(TILE_SIDE as usize) {
-                let (width, height) =
-                    ((rect.width - left).min(TILE_SIDE), (rect.height - top).min(TILE_SIDE));
-                let tile = Rect { x: rect.x + left, y: rect.y + top, width, height, ..rect };
-                let texture = self.decode(gpu, image, tile, channels)?;
-                let encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-                gpu.guarded(|| {
-                    gpu.read_rows(encoder, &texture, |y, line| {
-                        let start = (top + y) as usize * rect.width as usize + left as usize;
-                        read_line(line, &mut texels[start..start + width as usize]);
-                    })
-                })?;
-            }
-        }
-        Ok(texels)
     }
 
     /// Does the passes of a plan and writes the outputs from what they decode.
@@ -381,16 +348,4 @@ fn last_sample(layout: &BlockLayout, plan: &BlockPlan) -> [u32; 2] {
     let first = plan.passes.last().map_or([0; 2], |pass| pass.first);
     let texels = layout.superblock_texels(0);
     [layout.size.width - 1 - first[0] * texels, layout.size.height - 1 - first[1] * texels]
-}
-
-/// Texels of a row: four bytes or four times two bytes each.
-fn read_line(line: &[u8], texels: &mut [[u16; 4]]) {
-    let wide = line.len() >= 8 * texels.len();
-    for (number, sample) in texels.as_flattened_mut().iter_mut().enumerate() {
-        *sample = if wide {
-            u16::from_le_bytes([line[2 * number], line[2 * number + 1]])
-        } else {
-            u16::from(line[number])
-        };
-    }
 }

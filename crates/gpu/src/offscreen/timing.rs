@@ -6,8 +6,8 @@ use texfold_core::SurfaceSize;
 use texfold_shaders::Entry;
 use wgpu::{BindGroup, RenderPipeline, TextureFormat};
 
-use crate::decode::{check, cover};
-use crate::pipeline::{PipelineKey, Shader};
+use super::pipeline::{PipelineKey, Shader};
+use super::view::{check, cover};
 use crate::{Filter, Gpu, GpuError, GpuTexture, Lookup, View};
 
 /// Which shader is timed.
@@ -107,7 +107,7 @@ impl Gpu {
             let view = plain.create_view(&wgpu::TextureViewDescriptor::default());
             Ok(self.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("plain"),
-                layout: &self.layouts.plain,
+                layout: &self.offscreen.plain,
                 entries: &[
                     wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) },
                     wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },

@@ -6,7 +6,7 @@ use glam::{Affine2, Vec2};
 use texfold_shaders::Entry;
 use wgpu::{BindGroup, CommandEncoder, RenderPipeline, TextureFormat, TextureView};
 
-use crate::pipeline::{PipelineKey, Shader};
+use super::pipeline::{PipelineKey, Shader};
 use crate::{Gpu, GpuError, GpuTexture};
 
 /// Pixels a side of a tile: 64 MiB of four floats each.
@@ -126,6 +126,18 @@ impl View {
     }
 }
 
+impl GpuTexture {
+    /// A bit for each of the module's switches that an image needs.
+    pub(super) fn switches(&self) -> u32 {
+        self.bound.switches
+    }
+
+    /// Whether a plane may be smaller than its source.
+    pub(super) fn reduced(&self) -> bool {
+        self.module.may_be_reduced && self.bound.switches & 1 != 0
+    }
+}
+
 impl Gpu {
     /// Mip level `level` of image `surface`, scaled to `size` pixels: the level's own size gives its texels.
     ///
@@ -139,7 +151,7 @@ impl Gpu {
         size: (u32, u32),
         filter: Filter,
     ) -> Result<Vec<[f32; 4]>, GpuError> {
-        self.sample(texture, &View::whole(surface, size, lookup(filter, level)))
+        self.read_view(texture, &View::whole(surface, size, lookup(filter, level)))
     }
 
     /// As [`Gpu::decode`], rounded to bytes.
@@ -154,22 +166,22 @@ impl Gpu {
         size: (u32, u32),
         filter: Filter,
     ) -> Result<Vec<[u8; 4]>, GpuError> {
-        self.sample_rgba8(texture, &View::whole(surface, size, lookup(filter, level)))
+        self.read_view_rgba8(texture, &View::whole(surface, size, lookup(filter, level)))
     }
 
     /// The pixels of a view, row by row, as computed.
     ///
     /// # Errors
     /// [`GpuError`] where there is no such image or level, or the device fails.
-    pub fn sample(&self, texture: &GpuTexture, view: &View) -> Result<Vec<[f32; 4]>, GpuError> {
+    pub fn read_view(&self, texture: &GpuTexture, view: &View) -> Result<Vec<[f32; 4]>, GpuError> {
         self.tiles(texture, view, TextureFormat::Rgba32Float)
     }
 
     /// The pixels of a view, row by row, rounded to bytes.
     ///
     /// # Errors
-    /// As [`Gpu::sample`].
-    pub fn sample_rgba8(&self, texture: &GpuTexture, view: &View) -> Result<Vec<[u8; 4]>, GpuError> {
+    /// As [`Gpu::read_view`].
+    pub fn read_view_rgba8(&self, texture: &GpuTexture, view: &View) -> Result<Vec<[u8; 4]>, GpuError> {
         self.tiles(texture, view, TextureFormat::Rgba8Unorm)
     }
 

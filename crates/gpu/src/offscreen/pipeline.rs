@@ -1,13 +1,15 @@
-//! Bind group layouts and pipelines, each made once.
+//! Pipelines of off-screen drawing, each made once.
 
-use std::sync::PoisonError;
+use std::collections::HashMap;
+use std::sync::{Mutex, PoisonError};
 
-use texfold_shaders::{Binding, Entry, MODULES, ModuleInfo, Switch};
+use texfold_shaders::{Entry, ModuleInfo, Switch};
 use wgpu::{
-    BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType, BufferBindingType, Device,
-    RenderPipeline, SamplerBindingType, ShaderStages, TextureFormat, TextureSampleType, TextureViewDimension,
+    BindGroupLayout, BindingType, Device, RenderPipeline, SamplerBindingType, TextureFormat,
+    TextureSampleType,
 };
 
+use crate::layouts::{layout, texture, uniform};
 use crate::{Gpu, GpuError};
 
 /// Depth buffer of meshes.
@@ -47,31 +49,23 @@ pub(crate) struct PipelineKey {
     pub(crate) target: TextureFormat,
 }
 
-/// Layouts of all bind groups.
+/// Pipelines made so far, and the layouts of their bind groups beside those of modules.
 #[derive(Debug)]
-pub(crate) struct Layouts {
-    /// One for each row of [`MODULES`].
-    modules: Vec<BindGroupLayout>,
+pub(crate) struct Pipelines {
+    known: Mutex<HashMap<PipelineKey, RenderPipeline>>,
     /// A plain texture and a sampler.
     pub(crate) plain: BindGroupLayout,
     /// The parameters of an entry point.
-    pub(crate) job: BindGroupLayout,
+    job: BindGroupLayout,
 }
 
-impl Layouts {
+impl Pipelines {
     pub(crate) fn new(device: &Device) -> Self {
-        let modules = MODULES.iter().map(|module| module_layout(device, module)).collect();
         let float = TextureSampleType::Float { filterable: true };
         let plain = [texture(float), BindingType::Sampler(SamplerBindingType::Filtering)];
         let plain = layout(device, "plain", plain.into_iter());
         let job = layout(device, "job", [uniform(None)].into_iter());
-        Layouts { modules, plain, job }
-    }
-
-    pub(crate) fn of(&self, module: &'static ModuleInfo) -> &BindGroupLayout {
-        // Every module there is is a row of the table.
-        let row = MODULES.iter().position(|row| row == module).unwrap_or_default();
-        &self.modules[row]
+        Pipelines { known: Mutex::default(), plain, job }
     }
 }
 
@@ -85,50 +79,10 @@ fn nearest_in_front() -> wgpu::DepthStencilState {
     }
 }
 
-fn module_layout(device: &Device, module: &ModuleInfo) -> BindGroupLayout {
-    layout(device, module.name, module.bindings.iter().map(binding_type))
-}
-
-/// What a layout says of a binding.
-fn binding_type(binding: &Binding) -> BindingType {
-    match binding {
-        Binding::Params { bytes } => uniform(std::num::NonZeroU64::new(*bytes)),
-        Binding::Uint => texture(TextureSampleType::Uint),
-        Binding::Float => texture(TextureSampleType::Float { filterable: false }),
-    }
-}
-
-/// A layout of bindings of these modules, one module behind the other.
-pub(crate) fn layout_of<'m>(
-    device: &Device,
-    modules: impl Iterator<Item = &'m ModuleInfo>,
-) -> BindGroupLayout {
-    layout(device, "material", modules.flat_map(|module| module.bindings).map(binding_type))
-}
-
-fn layout(device: &Device, label: &str, types: impl Iterator<Item = BindingType>) -> BindGroupLayout {
-    let entry = |(binding, ty)| BindGroupLayoutEntry {
-        binding,
-        visibility: ShaderStages::VERTEX_FRAGMENT | ShaderStages::COMPUTE,
-        ty,
-        count: None,
-    };
-    let entries: Vec<_> = (0..).zip(types).map(entry).collect();
-    device.create_bind_group_layout(&BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
-}
-
-fn uniform(min_binding_size: Option<std::num::NonZeroU64>) -> BindingType {
-    BindingType::Buffer { ty: BufferBindingType::Uniform, has_dynamic_offset: false, min_binding_size }
-}
-
-fn texture(sample_type: TextureSampleType) -> BindingType {
-    BindingType::Texture { sample_type, view_dimension: TextureViewDimension::D2, multisampled: false }
-}
-
 impl Gpu {
     /// The pipeline of `key`, made on first use.
     pub(crate) fn pipeline(&self, key: PipelineKey) -> Result<RenderPipeline, GpuError> {
-        let mut known = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = self.offscreen.known.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(pipeline) = known.get(&key) {
             return Ok(pipeline.clone());
         }
@@ -144,7 +98,7 @@ impl Gpu {
             }
             Shader::Mesh(module) => (texfold_shaders::entry(module, Entry::Mesh), self.layouts.of(module)),
             Shader::Light(module) => (texfold_shaders::light(module), self.layouts.of(module)),
-            Shader::Plain => (texfold_shaders::plain(), &self.layouts.plain),
+            Shader::Plain => (texfold_shaders::plain(), &self.offscreen.plain),
         };
         let is_mesh = matches!(shader, Shader::Mesh(_));
         let has_depth = is_mesh || matches!(shader, Shader::Light(_));
@@ -162,7 +116,7 @@ impl Gpu {
         });
         let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("texfold"),
-            bind_group_layouts: &[Some(textures), Some(&self.layouts.job)],
+            bind_group_layouts: &[Some(textures), Some(&self.offscreen.job)],
             immediate_size: 0,
         });
         let corners = [Some(CORNER_LAYOUT)];
@@ -197,20 +151,8 @@ impl Gpu {
         let buffer = self.buffer("job", params, wgpu::BufferUsages::UNIFORM);
         self.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("job"),
-            layout: &self.layouts.job,
+            layout: &self.offscreen.job,
             entries: &[wgpu::BindGroupEntry { binding: 0, resource: buffer.as_entire_binding() }],
         })
-    }
-
-    /// A buffer that holds `bytes`.
-    pub(crate) fn buffer(&self, label: &str, bytes: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
-        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some(label),
-            size: bytes.len() as u64,
-            usage: usage | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        self.queue.write_buffer(&buffer, 0, bytes);
-        buffer
     }
 }

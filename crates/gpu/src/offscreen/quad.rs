@@ -32,6 +32,6 @@ impl Gpu {
             Lod::Derivative => Lookup::Derivative,
             Lod::Explicit(lod) => Lookup::Level { lod },
         };
-        self.sample_rgba8(texture, &View { surface, size, uv, lookup })
+        self.read_view_rgba8(texture, &View { surface, size, uv, lookup })
     }
 }

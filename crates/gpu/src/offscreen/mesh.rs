@@ -4,8 +4,8 @@ use glam::{Mat4, Vec2, Vec3};
 use texfold_core::mesh::UvMesh;
 use wgpu::{Buffer, BufferUsages, TextureFormat};
 
-use crate::decode::clear;
-use crate::pipeline::{DEPTH_FORMAT, PipelineKey, Shader};
+use super::pipeline::{DEPTH_FORMAT, PipelineKey, Shader};
+use super::view::clear;
 use crate::{Gpu, GpuError, GpuTexture};
 
 /// The shader's parameters.

@@ -18,8 +18,8 @@ use texfold_benches::budget::Run;
 use texfold_benches::report::{Chart, Line, Outcome, Table, cpu_seconds, images_of, middle};
 use texfold_benches::rivals;
 use texfold_cli::ssimulacra2;
-use texfold_residual::block::BlockTexture;
-use texfold_residual::block::encode::{BlockEncoder, BlockParams, BlockSource};
+use texfold_dct::DctTexture;
+use texfold_dct::encode::{DctEncoder, DctSettings, DctSource};
 
 /// Bits a texel, the side of the ASTC blocks that take them, and the PSNR in dB that the photographs must reach.
 const RATES: [(f64, u32, f64); 4] = [(0.89, 12, 33.5), (1.28, 10, 36.0), (2.0, 8, 39.4), (3.56, 6, 42.9)];
@@ -164,7 +164,7 @@ fn figures(image: &Raster, request: &Request) -> Outcome<Vec<[f64; 13]>> {
         let (decoded, bits) = rivals::jpeg(image, quality)?;
         jpegs.push(judged(image, &decoded, bits)?);
     }
-    let source = BlockSource::from_u8(image.size(), &[3], &image.to_bytes())?;
+    let source = DctSource::from_u8(image.size(), &[3], &image.to_bytes())?;
     let mut all = Vec::new();
     for (rate, side, _) in RATES {
         let ours = |metric| match request.access {
@@ -189,7 +189,7 @@ fn figures(image: &Raster, request: &Request) -> Outcome<Vec<[f64; 13]>> {
 /// A texture of that rate: its figures, CPU seconds a megatexel of encoding, megatexels a CPU second of decoding.
 fn by_block(
     image: &Raster,
-    source: &BlockSource,
+    source: &DctSource,
     metric: Metric,
     effort: Effort,
     rate: f64,
@@ -197,8 +197,8 @@ fn by_block(
     let size = image.size();
     let megatexels = size.texels() as f64 / 1e6;
     let start = cpu_seconds();
-    let params = BlockParams::default().with_goal(Goal::Bpp(rate)).with_metric(metric).with_effort(effort);
-    let texture = BlockEncoder::new(source, &params, CancelCheck::default())?.encode()?;
+    let params = DctSettings::default().with_goal(Goal::Bpp(rate)).with_metric(metric).with_effort(effort);
+    let texture = DctEncoder::new(source, &params, CancelCheck::default())?.encode()?;
     let encoded = (cpu_seconds() - start) / megatexels;
     let start = cpu_seconds();
     let mut decoded = Vec::new();
@@ -234,7 +234,7 @@ fn by_texel(image: &Raster, metric: Metric, effort: Effort, rate: f64) -> Outcom
     Ok((judged(image, &decoded, bits)?, encoded, speed))
 }
 
-fn decoded_texels(texture: &BlockTexture) -> Outcome<Vec<u8>> {
+fn decoded_texels(texture: &DctTexture) -> Outcome<Vec<u8>> {
     let size = texture.form().size;
     let mut out = vec![0; size.texels() as usize * texture.form().channels()];
     let rect = Rect { surface: 0, level: 0, x: 0, y: 0, width: size.width, height: size.height };

@@ -11,10 +11,12 @@
 //! and read by the WGSL of the same version.
 
 mod module;
+mod plan;
 mod slot;
 mod table;
 
 pub use module::{Binding, ImageOffsets, LightOffsets, ModuleInfo, Offsets, Switch};
+pub use plan::{BLOCK_NOTES, BLOCK_WORDS, DctPass, DctPlan};
 pub use slot::{PasteError, Slot, paste};
 pub use table::{MODULES, image_modules, module};
 
@@ -74,7 +76,7 @@ pub fn plain() -> String {
 
 /// Samples of the texture that [`block`] writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum BlockTarget {
+pub enum DctTarget {
     /// `rgba8unorm`.
     Unorm8,
     /// `rgba16uint`.
@@ -83,21 +85,21 @@ pub enum BlockTarget {
     Float32,
 }
 
-impl BlockTarget {
+impl DctTarget {
     /// All of them.
-    pub const ALL: [BlockTarget; 3] = [BlockTarget::Unorm8, BlockTarget::Uint16, BlockTarget::Float32];
+    pub const ALL: [DctTarget; 3] = [DctTarget::Unorm8, DctTarget::Uint16, DctTarget::Float32];
 }
 
-/// A whole compute shader that decodes textures in blocks of variable length. Group 0: `texfold_core::BlockPass`, words,
+/// A whole compute shader that decodes textures in blocks of variable length. Group 0: [`DctPass`], words,
 /// streams and scratch memory; group 1, of `write_texels` alone: where texels go, and the target. Its functions, in their order, are
 /// `read_superblocks` and `transform_blocks` for each plane, `deblock_columns` and `deblock_rows` for the last one where it is
 /// deblocked, then `write_texels`.
 #[must_use]
-pub fn block(target: BlockTarget) -> String {
+pub fn block(target: DctTarget) -> String {
     let target = match target {
-        BlockTarget::Unorm8 => include_str!("../wgsl/entry/block_unorm.wgsl"),
-        BlockTarget::Uint16 => include_str!("../wgsl/entry/block_uint.wgsl"),
-        BlockTarget::Float32 => include_str!("../wgsl/entry/block_float.wgsl"),
+        DctTarget::Unorm8 => include_str!("../wgsl/entry/block_unorm.wgsl"),
+        DctTarget::Uint16 => include_str!("../wgsl/entry/block_uint.wgsl"),
+        DctTarget::Float32 => include_str!("../wgsl/entry/block_float.wgsl"),
     };
     [include_str!("../wgsl/block.wgsl"), include_str!("../wgsl/entry/block.wgsl"), target].join("\n")
 }

@@ -48,8 +48,8 @@ const TWINS: [Twin; 10] = [
         name: "block",
         wgsl: &[include_str!("../wgsl/block.wgsl")],
         rust: concat!(
-            include_str!("../../crates/residual/src/block/twin/mod.rs"),
-            include_str!("../../crates/residual/src/block/twin/samples.rs")
+            include_str!("../../crates/testkit/src/dct/mod.rs"),
+            include_str!("../../crates/testkit/src/dct/samples.rs")
         ),
     },
     Twin {

@@ -4,7 +4,7 @@
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use texfold_shaders::{
-    Binding, BlockTarget, Entry, MODULES, ModuleInfo, Offsets, PasteError, Slot, block, entry, image_modules,
+    Binding, DctTarget, Entry, MODULES, ModuleInfo, Offsets, PasteError, Slot, block, entry, image_modules,
     light, paste, plain,
 };
 
@@ -61,7 +61,7 @@ fn every_entry_point_of_every_module_is_valid() {
 
 #[test]
 fn block_decoders_are_valid_and_bind_little() {
-    for target in BlockTarget::ALL {
+    for target in DctTarget::ALL {
         let composed = validate(&format!("block {target:?}"), &block(target));
         let names: Vec<&str> = composed.entry_points.iter().map(|entry| entry.name.as_str()).collect();
         assert_eq!(

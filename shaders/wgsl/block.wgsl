@@ -1,5 +1,5 @@
 // Textures in blocks of variable length, decoded by compute passes: a superblock's stream an invocation, then a block's
-// inverse transform an invocation. CPU twins: crates/residual/src/block/twin.rs.
+// inverse transform an invocation. CPU twins: crates/dct/src/twin.rs.
 //
 // All arithmetic is in 32-bit integers and wraps, so every device gives the texels of the CPU. Any bytes decode: streams end
 // where the index and the length of all streams say, loops are bounded, and whatever a stream holds leads to places inside

@@ -30,10 +30,11 @@ struct Allowed {
 const NUMERIC: [&str; 4] = ["bytemuck", "glam", "rayon", "thiserror"];
 
 /// Everything that packages may depend on. A codec knows core, bc and the crates of methods, never another codec.
-const ALLOWED: [Allowed; 19] = [
+const ALLOWED: [Allowed; 20] = [
     Allowed { package: "core", numeric: true, may: &["blake3", "ruzstd", "zstd"] },
     Allowed { package: "bc", numeric: true, may: &["ctt-astcenc", "dds", "texfold-core", "texpresso"] },
-    Allowed { package: "residual", numeric: true, may: &["pulp", "texfold-bc", "texfold-core"] },
+    Allowed { package: "dct", numeric: true, may: &["pulp", "texfold-core"] },
+    Allowed { package: "residual", numeric: true, may: &["texfold-bc", "texfold-core"] },
     Allowed { package: "codebook", numeric: true, may: &["ndarray", "texfold-core"] },
     Allowed { package: "match", numeric: true, may: &["texfold-core"] },
     Allowed {
@@ -44,19 +45,19 @@ const ALLOWED: [Allowed; 19] = [
     Allowed {
         package: "epitome",
         numeric: true,
-        may: &["texfold-bc", "texfold-core", "texfold-match", "texfold-residual"],
+        may: &["texfold-bc", "texfold-core", "texfold-dct", "texfold-match", "texfold-residual"],
     },
     Allowed {
         package: "progressive",
         numeric: true,
-        may: &["texfold-bc", "texfold-core", "texfold-match", "texfold-residual"],
+        may: &["texfold-bc", "texfold-core", "texfold-dct", "texfold-match", "texfold-residual"],
     },
     Allowed {
         package: "lightfield",
         numeric: true,
-        may: &["delaunator", "ndarray", "texfold-bc", "texfold-codebook", "texfold-core", "texfold-residual"],
+        may: &["delaunator", "ndarray", "texfold-bc", "texfold-codebook", "texfold-core", "texfold-dct"],
     },
-    Allowed { package: "zipmap", numeric: true, may: &["texfold-bc", "texfold-core", "texfold-residual"] },
+    Allowed { package: "zipmap", numeric: true, may: &["texfold-bc", "texfold-core", "texfold-dct"] },
     Allowed {
         package: "texfold",
         numeric: false,
@@ -72,7 +73,7 @@ const ALLOWED: [Allowed; 19] = [
             "thiserror",
         ],
     },
-    Allowed { package: "shaders", numeric: false, may: &[] },
+    Allowed { package: "shaders", numeric: true, may: &["texfold-core"] },
     Allowed { package: "gpu", numeric: true, may: &["pollster", "texfold-core", "texfold-shaders", "wgpu"] },
     Allowed {
         package: "cli",
@@ -107,7 +108,7 @@ const ALLOWED: [Allowed; 19] = [
             "toml",
         ],
     },
-    Allowed { package: "testkit", numeric: true, may: &["image", "texfold-core"] },
+    Allowed { package: "testkit", numeric: true, may: &["image", "texfold-core", "texfold-shaders"] },
     Allowed {
         package: "benches",
         numeric: true,
@@ -120,11 +121,11 @@ const ALLOWED: [Allowed; 19] = [
             "texfold-bc",
             "texfold-cli",
             "texfold-core",
+            "texfold-dct",
             "texfold-epitome",
             "texfold-gpu",
             "texfold-match",
             "texfold-progressive",
-            "texfold-residual",
             "texfold-testkit",
             "texfold-vq",
             "tiff",

@@ -3,6 +3,11 @@
 use crate::container::{Notes, SectionWriter, Written};
 use crate::{Encoded, GpuForm};
 
+/// Part of content that is drawn alone, and coarser, until the rest of a file is there.
+pub const BASE_PART: &str = "base";
+/// Part of content that refines the base.
+pub const RESIDUAL_PART: &str = "residual plane";
+
 /// One named part of an encoded texture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use crate::{DecodedImage, GpuBlocks};
+use crate::{DecodedImage, GpuDct};
 
 /// How the texels of a plane are stored; names as in WebGPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -189,10 +189,10 @@ pub struct GpuForm<'a> {
     /// Parameters of all images, each range a multiple of 16 bytes.
     pub uniforms: Vec<u8>,
     /// What to bind for each image of the layout. Numbers from that of `planes` on are the plain textures that `blocks` decode to:
-    /// number of planes + [`GpuBlocks::image`].
+    /// number of planes + [`GpuDct::image`].
     pub surfaces: Vec<SurfaceBinding>,
     /// Textures in blocks, where texels are read so.
-    pub blocks: Vec<GpuBlocks<'a>>,
+    pub blocks: Vec<GpuDct<'a>>,
 }
 
 /// Memory that a texture takes on a GPU, in bits.
@@ -245,7 +245,7 @@ impl GpuForm<'_> {
     }
 
     /// Plain textures that the textures in blocks are decoded to, one for each image that has any, in the order of
-    /// [`GpuBlocks::image`].
+    /// [`GpuDct::image`].
     pub fn decoded_images(&self) -> impl Iterator<Item = DecodedImage> + '_ {
         self.blocks.chunk_by(|one, other| one.image == other.image).filter_map(DecodedImage::of)
     }

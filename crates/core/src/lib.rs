@@ -19,7 +19,7 @@ mod encoded;
 mod encoder;
 mod error;
 mod footprint;
-mod gpu_blocks;
+mod gpu_dct;
 mod gpu_form;
 mod id;
 pub mod image;
@@ -46,11 +46,8 @@ pub use encoded::{AnyEncoded, Encoded, Layers, Refine};
 #[cfg(feature = "encode")]
 pub use encoder::{Encoder, Growable, Params, SharedSearch};
 pub use error::{EncodeError, LoadError, ParamError, ParamValue, RegionError, SourceError};
-pub use footprint::{Footprint, Part};
-pub use gpu_blocks::{
-    BLOCK_LEVELS, BLOCK_NOTES, BLOCK_WORDS, BlockAverage, BlockLayout, BlockPass, BlockPlan, DecodedImage,
-    GpuBlocks, GpuChannel, block_planes,
-};
+pub use footprint::{BASE_PART, Footprint, Part, RESIDUAL_PART};
+pub use gpu_dct::{DCT_LEVELS, DctLayout, DecodedImage, GpuChannel, GpuDct, MipAverage, dct_planes};
 pub use gpu_form::{
     Access, AstcBlock, GpuForm, HEADER_BYTES, MemoryBits, Plane, PlaneFormat, SurfaceBinding, parameter_bits,
 };

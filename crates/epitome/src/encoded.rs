@@ -6,13 +6,14 @@ use glam::IVec2;
 use texfold_bc::ContentPlanes;
 use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::{
-    Budget, Cached, CodecId, Domain, Encoded, Footprint, GpuBlocks, GpuForm, Image2d, ImageAddress,
-    ImageLayout, Layers, LoadError, Notes, Plane, Rect, Refine, RegionError, SurfaceBinding, SurfaceSize,
-    Texel, TextureCodec, parallel,
+    Budget, Cached, CodecId, Domain, Encoded, Footprint, GpuDct, GpuForm, Image2d, ImageAddress, ImageLayout,
+    Layers, LoadError, Notes, Plane, Rect, Refine, RegionError, SurfaceBinding, SurfaceSize, Texel,
+    TextureCodec, parallel,
 };
 
-use texfold_residual::block::BlockContent;
-use texfold_residual::{BASE_PART, RESIDUAL_PART, ResidualContent};
+use texfold_core::{BASE_PART, RESIDUAL_PART};
+use texfold_dct::DctContent;
+use texfold_residual::ResidualContent;
 
 use crate::decode::{EpitomeView, TexfoldEpitomeParams, texfold_epitome_fetch};
 use crate::fast::{decode_leaf, leaves};
@@ -44,7 +45,7 @@ struct Texels {
 impl Texels {
     fn of(parts: &Parts) -> Self {
         if let Some(blocks) = &parts.blocks {
-            let images = |content: &BlockContent| {
+            let images = |content: &DctContent| {
                 (0..content.layout().surfaces.len() as u32)
                     .map(|surface| block_levels(content, surface))
                     .collect()
@@ -84,7 +85,7 @@ impl EpitomeTexture {
 
     /// The epitome and its mip level where they are in blocks of variable length: the only one then.
     #[must_use]
-    pub fn blocks(&self) -> Option<&BlockContent> {
+    pub fn blocks(&self) -> Option<&DctContent> {
         self.parts.blocks.as_ref().map(|blocks| &blocks.epitome)
     }
 
@@ -157,10 +158,10 @@ impl EpitomeTexture {
         let epitome = form.planes.len();
         let contents = [(EPITOME_PART, 0, Some(&blocks.epitome)), (MIPS_PART, 1, blocks.coarse.as_ref())];
         for (part, first, content) in contents {
-            for stage in content.into_iter().flat_map(BlockContent::gpu) {
+            for stage in content.into_iter().flat_map(DctContent::gpu) {
                 let bytes = stage.held_bytes.iter().map(|(_, bytes)| bytes).sum();
                 let image = first + stage.image;
-                form.blocks.push(GpuBlocks { image, held_bytes: vec![(part, bytes)], ..stage });
+                form.blocks.push(GpuDct { image, held_bytes: vec![(part, bytes)], ..stage });
             }
         }
         for (surface, params) in self.params.iter().enumerate() {
@@ -187,7 +188,7 @@ fn decode_levels(errors: &ResidualContent) -> Vec<Vec<Texel>> {
 }
 
 /// All levels of an image in blocks of variable length.
-fn block_levels(content: &BlockContent, surface: u32) -> Vec<Vec<Texel>> {
+fn block_levels(content: &DctContent, surface: u32) -> Vec<Vec<Texel>> {
     let layout = content.layout();
     let level = |level: u32| {
         let rect = layout.whole(surface, level)?;

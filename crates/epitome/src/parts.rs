@@ -4,8 +4,8 @@
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::image::PixelInfo;
 use texfold_core::{ImageLayout, PlaneFormat, SurfaceSize, Texel};
+use texfold_dct::DctContent;
 use texfold_residual::ResidualContent;
-use texfold_residual::block::BlockContent;
 
 use crate::decode::TEXFOLD_EPITOME_FINE_LEVELS;
 use crate::format::{LayerMap, MapFormat, Palettes};
@@ -44,9 +44,9 @@ pub(crate) struct Parts {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct BlockParts {
     /// The epitome, with its mip level where there are any.
-    pub(crate) epitome: BlockContent,
+    pub(crate) epitome: DctContent,
     /// The levels of all images that are not read from the epitome, where there are any.
-    pub(crate) coarse: Option<BlockContent>,
+    pub(crate) coarse: Option<DctContent>,
 }
 
 impl BlockParts {

@@ -8,7 +8,7 @@ use wgpu::{Adapter, AdapterInfo, Device, DeviceType, Features, Limits, Queue};
 use crate::layouts::Layouts;
 #[cfg(feature = "offscreen")]
 use crate::offscreen::Pipelines;
-use crate::{BlockDecoder, GpuError, ModuleInfo};
+use crate::{DctDecoder, GpuError, ModuleInfo};
 
 /// Formats of content that not every adapter has.
 const BLOCK_FEATURES: Features = Features::TEXTURE_COMPRESSION_BC.union(Features::TEXTURE_COMPRESSION_ASTC);
@@ -46,7 +46,7 @@ pub struct Gpu {
     #[cfg(feature = "offscreen")]
     pub(crate) offscreen: Pipelines,
     /// What decodes textures in blocks, made for the first of them.
-    blocks: OnceLock<BlockDecoder>,
+    blocks: OnceLock<DctDecoder>,
 }
 
 impl Gpu {
@@ -90,11 +90,11 @@ impl Gpu {
     }
 
     /// The decoder of textures in blocks.
-    pub(crate) fn block_decoder(&self) -> Result<&BlockDecoder, GpuError> {
+    pub(crate) fn block_decoder(&self) -> Result<&DctDecoder, GpuError> {
         if let Some(decoder) = self.blocks.get() {
             return Ok(decoder);
         }
-        let made = BlockDecoder::new(self)?;
+        let made = DctDecoder::new(self)?;
         Ok(self.blocks.get_or_init(|| made))
     }
 

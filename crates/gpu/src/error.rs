@@ -116,7 +116,7 @@ pub enum GpuError {
     #[error(
         "blocks of this texture are decoded into {format:?} with the usage STORAGE_BINDING; make such a texture"
     )]
-    BlockTarget {
+    DctTarget {
         /// The format that is needed.
         format: wgpu::TextureFormat,
     },

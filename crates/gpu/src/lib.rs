@@ -16,7 +16,7 @@
 //! limit, in several textures; uploads in the background.
 
 mod adapter;
-mod block;
+mod dct;
 mod error;
 mod layouts;
 mod light;
@@ -28,7 +28,7 @@ mod update;
 mod upload;
 
 pub use adapter::{Gpu, Policy};
-pub use block::{BlockChannel, BlockDecoder, BlockImage, MAX_SCRATCH};
+pub use dct::{DctChannel, DctDecoder, DctImage, MAX_SCRATCH};
 pub use error::GpuError;
 pub use light::GpuLight;
 pub use material::{Layer, Material};

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use texfold_core::{
-    AstcBlock, DecodedImage, GpuBlocks, GpuForm, Plane, PlaneFormat, Rect, SurfaceBinding, SurfaceSize,
+    AstcBlock, DecodedImage, GpuDct, GpuForm, Plane, PlaneFormat, Rect, SurfaceBinding, SurfaceSize,
 };
 use texfold_shaders::{Binding, ModuleInfo};
 use wgpu::{BufferUsages, Texture, TextureFormat, TextureUsages};
@@ -50,7 +50,7 @@ impl Gpu {
 
     /// The mip levels of an image in blocks, decoded from its stages, of which there is at least one; or its only level from
     /// textures one below the other.
-    fn decode_blocks(&self, stages: &[GpuBlocks<'_>]) -> Result<GpuPlane, GpuError> {
+    fn decode_blocks(&self, stages: &[GpuDct<'_>]) -> Result<GpuPlane, GpuError> {
         let decoder = self.block_decoder()?;
         let Some(decoded) = DecodedImage::of(stages) else {
             return Err(GpuError::Form { what: "an image has no stage" });

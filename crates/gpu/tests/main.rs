@@ -1,7 +1,7 @@
 //! Tests of GPU textures, drawn on a GPU or software Vulkan, as one program: what they share is compiled, linked and made once.
 
-mod block;
 mod codecs;
+mod dct;
 mod drawing;
 mod hardware;
 mod layout;

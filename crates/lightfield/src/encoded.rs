@@ -10,10 +10,10 @@ use glam::Vec3;
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::SectionWriter;
 use texfold_core::{
-    Access, CodecId, Domain, Encoded, Footprint, GpuBlocks, GpuForm, Layers, LightAddress, LightLayout,
-    Notes, Plane, PlaneFormat, RegionError, SurfaceBinding, SurfaceLight, Texel, TextureCodec,
+    Access, CodecId, Domain, Encoded, Footprint, GpuDct, GpuForm, Layers, LightAddress, LightLayout, Notes,
+    Plane, PlaneFormat, RegionError, SurfaceBinding, SurfaceLight, Texel, TextureCodec,
 };
-use texfold_residual::block::BlockContent;
+use texfold_dct::DctContent;
 
 use crate::decode::{
     LightfieldView, TEXFOLD_LIGHTFIELD_ROW, TexfoldLightfieldParams, texfold_lightfield_sample,
@@ -187,8 +187,8 @@ impl LightTexture {
     /// Blocks of all atlases as a GPU needs them; which of the decoded textures the shader's six are.
     fn push_blocks<'a>(
         &'a self,
-        contents: (&'a BlockContent, &'a [Option<BlockContent>]),
-        blocks: &mut Vec<GpuBlocks<'a>>,
+        contents: (&'a DctContent, &'a [Option<DctContent>]),
+        blocks: &mut Vec<GpuDct<'a>>,
     ) -> [usize; 6] {
         let layout = self.parts.layout();
         let atlases = [(Atlas::Mean, MEAN_PART), (Atlas::Surface, MAPS_PART), (Atlas::View, MAPS_PART)];
@@ -202,7 +202,7 @@ impl LightTexture {
                 let of_band = content.gpu().filter(|blocks| blocks.image == surface as usize);
                 blocks.extend(of_band.map(|blocks| {
                     let bytes = blocks.held_bytes.iter().map(|(_, bytes)| bytes).sum();
-                    GpuBlocks { image, row, held_bytes: vec![(part, bytes)], ..blocks }
+                    GpuDct { image, row, held_bytes: vec![(part, bytes)], ..blocks }
                 }));
             }
             image

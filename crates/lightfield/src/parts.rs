@@ -4,7 +4,7 @@ use texfold_bc::ContentPlanes;
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
 use texfold_core::sample::TEXFOLD_RGBA;
 use texfold_core::{ImageLayout, Rect, SurfaceSize, Texel};
-use texfold_residual::block::BlockContent;
+use texfold_dct::DctContent;
 
 use crate::Mesh;
 use crate::decode::TEXFOLD_LIGHTFIELD_ROW;
@@ -50,7 +50,7 @@ pub(crate) enum Payload {
     Planes { mean: ContentPlanes, surface: ContentPlanes, view: ContentPlanes },
     /// In blocks of variable length, which are decoded before they are drawn: the mean's atlas, and of each term its rows of
     /// the other two, as [`TermRows::layout`] has them.
-    Blocks { mean: BlockContent, terms: Vec<Option<BlockContent>> },
+    Blocks { mean: DctContent, terms: Vec<Option<DctContent>> },
 }
 
 /// The rows of a term in the atlases of surface maps and of view maps.
@@ -144,13 +144,13 @@ impl Parts {
     pub(crate) fn bands<'p>(
         &self,
         layout: &Layout,
-        (mean, terms): (&'p BlockContent, &'p [Option<BlockContent>]),
+        (mean, terms): (&'p DctContent, &'p [Option<DctContent>]),
         atlas: Atlas,
-    ) -> Vec<(u32, &'p BlockContent, u32)> {
+    ) -> Vec<(u32, &'p DctContent, u32)> {
         if atlas == Atlas::Mean {
             return vec![(0, mean, 0)];
         }
-        let of_term = |(term, content): (u32, &'p Option<BlockContent>)| {
+        let of_term = |(term, content): (u32, &'p Option<DctContent>)| {
             let content = content.as_ref()?;
             let mut images = (0..).zip(TermRows::of(layout, self.widths, term).images());
             let (number, (_, row, _)) = images.find(|(_, (found, _, _))| *found == atlas)?;
@@ -184,7 +184,7 @@ impl Parts {
 }
 
 /// Decodes an image to the texels that begin at its first row.
-fn decode_band(content: &BlockContent, surface: u32, out: &mut [Texel]) {
+fn decode_band(content: &DctContent, surface: u32, out: &mut [Texel]) {
     let Some(&SurfaceSize { width, height }) = content.layout().surfaces.get(surface as usize) else {
         return;
     };

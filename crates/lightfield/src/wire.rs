@@ -6,10 +6,10 @@
 
 use glam::Vec3;
 use texfold_bc::{Content, ContentPlanes};
+use texfold_core::container::ContentId;
 use texfold_core::container::{Notes, Reader, SectionWriter, Sections};
 use texfold_core::{Budget, LoadError, String4, SurfaceSize, Texel};
-use texfold_residual::ContentId;
-use texfold_residual::block::BlockContent;
+use texfold_dct::DctContent;
 
 use crate::Mesh;
 use crate::kinds::{Directions, Factors, MAX_TERMS};
@@ -219,7 +219,7 @@ fn is_whole(form: &Form, file: &Sections<'_>, term: u32) -> bool {
         return [b'Q', b'G', b'H'].iter().all(|&kind| file.has(term_id(kind, term)));
     }
     // A term without maps has no blocks, and blocks may be all base.
-    let blocks = [maps_id(term).block_base(), maps_id(term).block_detail()];
+    let blocks = DctContent::sections(maps_id(term));
     let is_missing = |id: [u8; 4]| file.ids().any(|(found, _)| found == id) && !file.has(id);
     file.has(term_id(b'Q', term)) && !blocks.into_iter().any(is_missing)
 }
@@ -260,11 +260,11 @@ fn load_blocks(
     }
     let (width, height) = sizes[0];
     let of_mean = atlas_layout(vec![SurfaceSize { width, height }]);
-    let mean = BlockContent::load_whole(&of_mean, ContentId::ONLY, file, budget)?;
+    let mean = DctContent::load_whole(&of_mean, ContentId::ONLY, file, budget)?;
     let mut contents = Vec::new();
     for term in 0..terms {
         let maps = TermRows::of(layout, form.widths, term).layout();
-        let maps = maps.map(|maps| BlockContent::load_whole(&maps, maps_id(term), file, budget));
+        let maps = maps.map(|maps| DctContent::load_whole(&maps, maps_id(term), file, budget));
         contents.push(maps.transpose()?);
     }
     Ok(Payload::Blocks { mean, terms: contents })

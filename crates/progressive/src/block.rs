@@ -1,16 +1,16 @@
-//! The form that is read by block: [`texfold_residual::block`] content.
+//! The form that is read by block: [`texfold_dct`] content.
 
 use texfold_bc::Content;
 use texfold_bc::decode::TexfoldBcParams;
 use texfold_core::address::TEXFOLD_CLAMP;
 use texfold_core::container::{SectionWriter, Sections, read_layout, write_layout};
 use texfold_core::image::{Depth, PixelInfo};
+use texfold_core::{BASE_PART, RESIDUAL_PART};
 use texfold_core::{
     Budget, CodecId, DecodedImage, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Layers,
     LoadError, MemoryBits, Notes, Rect, Refine, RegionError, SurfaceBinding, Texel, TextureCodec,
 };
-use texfold_residual::block::BlockContent;
-use texfold_residual::{BASE_PART, RESIDUAL_PART};
+use texfold_dct::DctContent;
 
 use crate::{Progressive, wire};
 
@@ -24,21 +24,21 @@ const DRAWN: PixelInfo = PixelInfo {
 
 /// Images in blocks of variable length, which are decoded before they are drawn.
 #[derive(Debug, Clone, PartialEq)]
-pub struct BlockImages {
-    content: BlockContent,
+pub struct DctImages {
+    content: DctContent,
     notes: Notes,
 }
 
-impl BlockImages {
+impl DctImages {
     /// Such content, without notes.
     #[must_use]
-    pub fn new(content: BlockContent) -> Self {
-        BlockImages { content, notes: Notes::default() }
+    pub fn new(content: DctContent) -> Self {
+        DctImages { content, notes: Notes::default() }
     }
 
     /// The images.
     #[must_use]
-    pub fn content(&self) -> &BlockContent {
+    pub fn content(&self) -> &DctContent {
         &self.content
     }
 
@@ -48,7 +48,7 @@ impl BlockImages {
         if count > 1 {
             return self.clone();
         }
-        BlockImages { content: self.content.base_alone(), notes: self.notes.clone() }
+        DctImages { content: self.content.base_alone(), notes: self.notes.clone() }
     }
 
     /// The notes, for a caller that has more to say.
@@ -60,23 +60,23 @@ impl BlockImages {
     /// Replaces the notes.
     #[must_use]
     pub fn with_notes(self, notes: Notes) -> Self {
-        BlockImages { notes, ..self }
+        DctImages { notes, ..self }
     }
 
     /// Whether a file has this form.
     pub(crate) fn is_in(file: &Sections<'_>) -> bool {
-        BlockContent::is_in(wire::CONTENT, file)
+        DctContent::is_in(wire::CONTENT, file)
     }
 
     pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<Self, LoadError> {
         let notes = Notes::read(file, budget)?;
         let layout = read_layout(file, budget)?;
-        let content = BlockContent::load(&layout, wire::CONTENT, file, budget)?;
-        Ok(BlockImages { content, notes })
+        let content = DctContent::load(&layout, wire::CONTENT, file, budget)?;
+        Ok(DctImages { content, notes })
     }
 }
 
-impl Encoded for BlockImages {
+impl Encoded for DctImages {
     type Domain = Image2d;
 
     fn codec(&self) -> CodecId {
@@ -146,7 +146,7 @@ impl Encoded for BlockImages {
     }
 }
 
-impl Refine for BlockImages {
+impl Refine for DctImages {
     fn refine(&mut self, file: &Sections<'_>, budget: &mut Budget) -> Result<Vec<&'static str>, LoadError> {
         let Some(content) = self.content.with_rest(wire::CONTENT, file, budget)? else {
             return Ok(Vec::new());

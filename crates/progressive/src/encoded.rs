@@ -6,13 +6,13 @@ use texfold_core::{
     LoadError, MemoryBits, Notes, Rect, Refine, RegionError, Texel,
 };
 
-use crate::{BlockImages, Codebook, TexelTexture};
+use crate::{Codebook, DctImages, TexelTexture};
 
 /// Images that arrive over time.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ProgressiveTexture {
     /// In blocks of variable length, which are decoded before they are drawn.
-    Block(BlockImages),
+    Block(DctImages),
     /// As residual content with details, read texel by texel.
     Texel(Box<TexelTexture>),
 }
@@ -24,8 +24,8 @@ impl ProgressiveTexture {
         public: Option<&Codebook>,
         budget: &mut Budget,
     ) -> Result<Self, LoadError> {
-        if BlockImages::is_in(file) {
-            return BlockImages::load(file, budget).map(ProgressiveTexture::Block);
+        if DctImages::is_in(file) {
+            return DctImages::load(file, budget).map(ProgressiveTexture::Block);
         }
         TexelTexture::load(file, public, budget).map(ProgressiveTexture::from)
     }
@@ -41,7 +41,7 @@ impl ProgressiveTexture {
 
     /// The images in blocks, where they are stored so.
     #[must_use]
-    pub fn block(&self) -> Option<&BlockImages> {
+    pub fn block(&self) -> Option<&DctImages> {
         match self {
             ProgressiveTexture::Block(images) => Some(images),
             ProgressiveTexture::Texel(_) => None,

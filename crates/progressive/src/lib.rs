@@ -1,7 +1,7 @@
 //! Images that arrive over time: a small base first, then what it leaves. The base is a prefix of the file.
 //!
-//! There are two forms ([`Access`](texfold_core::Access)). *By block* ([`BlockImages`]): transform-coded blocks of variable length
-//! ([`texfold_residual::block`]), which a compute pass decodes into plain textures before they are drawn. That takes 45 %
+//! There are two forms ([`Access`](texfold_core::Access)). *By block* ([`DctImages`]): transform-coded blocks of variable length
+//! ([`texfold_dct`]), which a compute pass decodes into plain textures before they are drawn. That takes 45 %
 //! fewer bits (34 dB, 14 Kodak photographs); all mip levels take 5 to 14 % more (kodim05 and kodim23 at 36 dB). *By texel* ([`TexelTexture`]), drawn at random access: [`texfold_residual`] content, a
 //! base of half, a quarter or an eighth of the width and height in plain blocks, drawn with bilinear filtering, and a residual
 //! plane of none to some 7 bits a texel. Between base and residual stand codebooks ([`Codebook`]): blocks of 8x8 or 16x16
@@ -30,7 +30,7 @@ mod shared;
 mod texel;
 mod wire;
 
-pub use block::BlockImages;
+pub use block::DctImages;
 pub use codebook::{CELL_SIDE, Codebook, Details, Entry, EntryMap, MapForm};
 #[cfg(feature = "encode")]
 pub use encode::ProgressiveSearch;

@@ -8,7 +8,7 @@ use texfold_residual::{BLOCK_SIDE, blocks_of};
 
 use crate::codebook::{Codebook, Details, Entry, MOST_GAIN};
 use crate::decode::texfold_progressive_rotation;
-use crate::{BlockImages, ProgressiveTexture, TexelTexture};
+use crate::{DctImages, ProgressiveTexture, TexelTexture};
 
 /// Gray of what is read once; black is not read at all.
 const DARKEST: f32 = 0.2;
@@ -45,7 +45,7 @@ pub fn part_images(texture: &ProgressiveTexture) -> Option<PartImages> {
 }
 
 /// Bases, and the bits of superblocks.
-fn block_parts(images: &BlockImages) -> Option<PartImages> {
+fn block_parts(images: &DctImages) -> Option<PartImages> {
     let mut parts = PartImages::default();
     let content = images.content();
     for surface in 0..content.layout().surfaces.len() as u32 {

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use texfold_core::image::{Depth, ImageSet, Raster};
 use texfold_core::target::{FoundStep, Measured, excess, search_step};
 use texfold_core::{EncodeError, Encoder, Goal, Job, SharedSearch};
-use texfold_residual::block::encode::{STEPS, first_step};
+use texfold_dct::encode::{STEPS, first_step};
 
 use crate::codebook::MAX_CODEBOOK_SIDE;
 use crate::{
-    BlockImages, Codebook, Progressive, ProgressiveParams, ProgressiveSearch, ProgressiveTexture,
-    TexelTexture, encode,
+    Codebook, DctImages, Progressive, ProgressiveParams, ProgressiveSearch, ProgressiveTexture, TexelTexture,
+    encode,
 };
 
 /// A public codebook that textures use and add to, and what surrounds a tile.
@@ -74,7 +74,7 @@ impl Progressive {
         encode::by_texel(source, params, &Shared { most_rows, ..shared.clone() }, job)
     }
     /// As [`Encoder::encode`] by block, with a step that the caller names instead of a goal: tiles of an image that share
-    /// one have errors alike. The result has no notes; [`BlockImages::described`] gives it some.
+    /// one have errors alike. The result has no notes; [`DctImages::described`] gives it some.
     ///
     /// # Errors
     /// [`EncodeError`] as there.
@@ -83,7 +83,7 @@ impl Progressive {
         params: &ProgressiveParams,
         step: u16,
         job: &mut Job<'_>,
-    ) -> Result<BlockImages, EncodeError> {
+    ) -> Result<DctImages, EncodeError> {
         encode::blocks::at_step(source, params, step, job)
     }
 
@@ -106,7 +106,7 @@ impl Progressive {
     }
 }
 
-impl BlockImages {
+impl DctImages {
     /// With notes of how they were made, and of what they show without their second layer.
     ///
     /// # Errors
@@ -117,7 +117,7 @@ impl BlockImages {
         params: &ProgressiveParams,
         met: bool,
         job: &Job<'_>,
-    ) -> Result<BlockImages, EncodeError> {
+    ) -> Result<DctImages, EncodeError> {
         let notes = encode::blocks::notes(source, &self, params, met, job)?;
         Ok(self.with_notes(notes))
     }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::{IVec2, UVec2, Vec2, Vec4};
 use texfold_bc::Content;
+use texfold_core::RESIDUAL_PART;
 use texfold_core::address::{TEXFOLD_CLAMP, texfold_inside, texfold_level_size};
 use texfold_core::container::{SectionWriter, Sections, read_layout, write_layout};
 use texfold_core::sample::texfold_bilinear;
@@ -11,7 +12,7 @@ use texfold_core::{
     Budget, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Layers,
     LoadError, Notes, Plane, Rect, Refine, RegionError, SurfaceBinding, Texel, TextureCodec, word_plane,
 };
-use texfold_residual::{RESIDUAL_PART, RateModel, ResidualContent};
+use texfold_residual::{RateModel, ResidualContent};
 
 use crate::codebook::{Codebook, Details, MAP_PART, PRIVATE_PART, PUBLIC_PART};
 use crate::decode::{

@@ -5,9 +5,10 @@
 use std::sync::Arc;
 
 use texfold_bc::{Content, ContentPlanes};
+use texfold_core::container::ContentId;
 use texfold_core::container::{Reader, SectionWriter, Sections};
 use texfold_core::{Budget, ImageLayout, LoadError, Plane, String4, SurfaceBinding, Texel, WordRows};
-use texfold_residual::{ContentId, ResidualContent};
+use texfold_residual::ResidualContent;
 
 use crate::codebook::{
     CODEBOOK_PIXEL, Codebook, Details, EntryMap, MAP_PART, MAX_CODEBOOK_SIDE, MapForm, PRIVATE_PART,

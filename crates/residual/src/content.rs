@@ -8,7 +8,9 @@ use std::sync::Arc;
 
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::image::PixelInfo;
-use texfold_core::{Cached, ImageLayout, Plane, PlaneFormat, Rect, SurfaceSize, Texel, word_plane};
+use texfold_core::{
+    BASE_PART, Cached, ImageLayout, Plane, PlaneFormat, RESIDUAL_PART, Rect, SurfaceSize, Texel, word_plane,
+};
 
 use crate::decode::fast::{add_residual, fill_base};
 use crate::decode::{ResidualView, TEXFOLD_RESIDUAL_GROUP_WORDS, TexfoldResidualParams};
@@ -16,11 +18,6 @@ use crate::plane::{
     BLOCK_SIDE, GROUP_BLOCKS, PlaneWords, ResidualPlane, blocks_of, level_blocks, stored_layout,
 };
 use crate::rates::{RateModel, Rates};
-
-/// Name of the base in a footprint.
-pub const BASE_PART: &str = "base";
-/// Name of the residual plane in a footprint.
-pub const RESIDUAL_PART: &str = "residual plane";
 
 /// Most that the base's width and height are reduced by, as a binary logarithm.
 pub const MAX_REDUCE_LOG2: u32 = 3;

@@ -15,25 +15,20 @@
 //!
 //! *Not done*: alpha in the residual plane. The base alone holds it, and is reduced no further than alpha allows.
 //!
-//! [`ResidualContent`] is what a codec embeds: it stores itself in sections of its own ([`ContentId`]), pushes its planes
+//! [`ResidualContent`] is what a codec embeds: it stores itself in sections of its own ([`texfold_core::container::ContentId`]), pushes its planes
 //! and parameters into a GPU form, and decodes regions. Its WGSL is `residual.wgsl`; the CPU twins are in [`decode`].
 
 mod axes;
-pub mod block;
 mod content;
 pub mod decode;
 #[cfg(feature = "encode")]
 pub mod encode;
 mod plane;
 mod rates;
-mod vectors;
 mod wire;
 
 pub use axes::Axes;
-pub use content::{
-    APRON, BASE_PART, BaseForm, MAX_REDUCE_LOG2, MAX_SHRINK_LOG2, PADDING, RESIDUAL_PART, ResidualContent,
-};
+pub use content::{APRON, BaseForm, MAX_REDUCE_LOG2, MAX_SHRINK_LOG2, PADDING, ResidualContent};
 pub use decode::{BLOCK_CELLS, SUBBANDS};
 pub use plane::{BLOCK_SIDE, PlaneWords, ResidualPlane, blocks_of, level_blocks, plane_words, stored_layout};
 pub use rates::{MAX_RATES, RATE_CLASSES, RateModel, Rates, SUBBAND_COUNTS, WEIGHT_ONE};
-pub use wire::ContentId;

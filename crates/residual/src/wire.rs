@@ -6,16 +6,16 @@
 use std::sync::Arc;
 
 use texfold_bc::Content;
-use texfold_core::container::{Reader, SectionWriter, Sections};
+use texfold_core::container::{ContentId, Reader, SectionWriter, Sections};
 use texfold_core::sample::TEXFOLD_NORMAL;
 use texfold_core::{
-    Budget, ImageLayout, LoadError, Plane, PlaneFormat, String4, SurfaceBinding, SurfaceSize, Texel,
+    BASE_PART, Budget, ImageLayout, LoadError, Plane, PlaneFormat, RESIDUAL_PART, String4, SurfaceBinding,
+    SurfaceSize, Texel,
 };
 
 use crate::axes::Axes;
 use crate::content::{
-    BASE_PART, BaseForm, BaseImage, Bases, MAX_REDUCE_LOG2, MAX_SHRINK_LOG2, RESIDUAL_PART, ResidualContent,
-    stored_by,
+    BaseForm, BaseImage, Bases, MAX_REDUCE_LOG2, MAX_SHRINK_LOG2, ResidualContent, stored_by,
 };
 use crate::decode::TexfoldResidualParams;
 use crate::plane::{PlaneWords, ResidualPlane, level_blocks, plane_words};
@@ -35,8 +35,10 @@ const TURNED: u8 = 1;
 const MAX_NIBBLE: u8 = 15;
 /// Where the number of the residual plane's coding stands beside the bits of class 1.
 const CODING_SHIFT: u8 = 4;
-/// Largest number of a content in a file.
-const MAX_NUMBER: u8 = 9;
+/// Sections of the form, the bases and the residual planes.
+const FORM: [u8; 3] = *b"RSF";
+const BASE: [u8; 3] = *b"RSB";
+const PLANES: [u8; 3] = *b"RSP";
 
 /// Bytes of memory that every image costs beside its texel data, loaded and as a GPU form.
 const IMAGE_BYTES: u64 = (size_of::<BaseImage>()
@@ -47,54 +49,13 @@ const IMAGE_BYTES: u64 = (size_of::<BaseImage>()
     // Heap blocks of at least 64 bytes: bytes of both base planes and their list, words, indices of bound planes.
     + 5 * 64) as u64;
 
-/// The content of that number, 0 to 9, in a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ContentId(u8);
-
-impl ContentId {
-    /// The only content of a file.
-    pub const ONLY: ContentId = ContentId(0);
-    /// The second content of a file.
-    pub const SECOND: ContentId = ContentId(1);
-
-    /// That number; `None` above 9.
-    #[must_use]
-    pub fn new(number: u8) -> Option<Self> {
-        (number <= MAX_NUMBER).then_some(ContentId(number))
-    }
-
-    /// Id of the form's section.
-    #[must_use]
-    pub fn form(self) -> [u8; 4] {
-        [b'R', b'S', b'F', b'0' + self.0]
-    }
-
-    /// Id of the bases' section.
-    #[must_use]
-    pub fn base(self) -> [u8; 4] {
-        [b'R', b'S', b'B', b'0' + self.0]
-    }
-
-    /// Id of the section with what is first of textures in blocks: headers and bases.
-    #[must_use]
-    pub fn block_base(self) -> [u8; 4] {
-        [b'R', b'B', b'B', b'0' + self.0]
-    }
-
-    /// Id of the section with the rest of textures in blocks: the images' own superblocks.
-    #[must_use]
-    pub fn block_detail(self) -> [u8; 4] {
-        [b'R', b'B', b'D', b'0' + self.0]
-    }
-
-    /// Id of the residual planes' section.
-    #[must_use]
-    pub fn planes(self) -> [u8; 4] {
-        [b'R', b'S', b'P', b'0' + self.0]
-    }
-}
-
 impl ResidualContent {
+    /// Id of the section with the form of content of that number.
+    #[must_use]
+    pub fn form_section(id: ContentId) -> [u8; 4] {
+        id.section(FORM)
+    }
+
     /// Writes form and bases.
     pub fn store_base(&self, id: ContentId, out: &mut SectionWriter) {
         let (form, model) = (self.form(), self.model());
@@ -112,14 +73,14 @@ impl ResidualContent {
         if turned {
             raw.extend(model.axes.packed().to_le_bytes());
         }
-        out.section("container", id.form(), &raw);
+        out.section("container", id.section(FORM), &raw);
         let mut raw = Vec::new();
         for image in &self.bases().images {
             for level in 0..image.levels {
                 (0..image.planes.len()).for_each(|plane| raw.extend(image.level_bytes(plane, level)));
             }
         }
-        out.section(BASE_PART, id.base(), &raw);
+        out.section(BASE_PART, id.section(BASE), &raw);
     }
 
     /// Writes the residual planes, where they are loaded.
@@ -133,7 +94,7 @@ impl ResidualContent {
             raw.extend(pack(plane.scales()));
             raw.extend(plane.halves(self.model().class_bits).flat_map(u16::to_le_bytes));
         }
-        out.section(RESIDUAL_PART, id.planes(), &raw);
+        out.section(RESIDUAL_PART, id.section(PLANES), &raw);
     }
 
     /// Reads what [`ResidualContent::store_base`] and, where the file has brought it,
@@ -147,8 +108,8 @@ impl ResidualContent {
         file: &Sections<'_>,
         budget: &mut Budget,
     ) -> Result<Self, LoadError> {
-        let raw = file.read(id.form(), budget)?;
-        let mut reader = Reader::new(String4(id.form()), &raw);
+        let raw = file.read(id.section(FORM), budget)?;
+        let mut reader = Reader::new(String4(id.section(FORM)), &raw);
         let form = read_form(full, &mut reader)?;
         let model = read_model(&mut reader)?;
         budget.release(raw.len() as u64);
@@ -172,7 +133,7 @@ impl ResidualContent {
         let content = Self::load(full, id, file, budget)?;
         if !content.is_whole() {
             // Re-read to report the precise truncation error.
-            file.read(id.planes(), budget)?;
+            file.read(id.section(PLANES), budget)?;
         }
         Ok(content)
     }
@@ -191,21 +152,21 @@ impl ResidualContent {
         if !self.planes().is_empty() {
             return Ok(None);
         }
-        let named = file.ids().any(|(found, _)| found == id.planes());
+        let named = file.ids().any(|(found, _)| found == id.section(PLANES));
         // What a prefix has loaded is stored without.
         if named && !self.has_planes() {
-            let section = String4(id.planes());
+            let section = String4(id.section(PLANES));
             return Err(LoadError::Corrupt {
                 section,
                 offset: 0,
                 what: "a residual plane that the form does not name",
             });
         }
-        if !file.has(id.planes()) {
+        if !file.has(id.section(PLANES)) {
             return Ok(None);
         }
-        let raw = file.read(id.planes(), budget)?;
-        let mut reader = Reader::new(String4(id.planes()), &raw);
+        let raw = file.read(id.section(PLANES), budget)?;
+        let mut reader = Reader::new(String4(id.section(PLANES)), &raw);
         let mut planes = Vec::new();
         for size in &self.layout().surfaces {
             let blocks = level_blocks(*size, self.layout().levels);
@@ -277,9 +238,9 @@ fn read_bases(
     budget: &mut Budget,
 ) -> Result<Bases, LoadError> {
     let (formats, _) = form.content.formats(layout.pixel);
-    let raw = file.read(id.base(), budget)?;
+    let raw = file.read(id.section(BASE), budget)?;
     budget.take(raw.len() as u64)?;
-    let mut reader = Reader::new(String4(id.base()), &raw);
+    let mut reader = Reader::new(String4(id.section(BASE)), &raw);
     let mut images = Vec::new();
     for &size in &layout.surfaces {
         let (base, levels) = (form.base_size(size), form.levels(size, layout.levels));

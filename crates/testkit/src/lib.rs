@@ -2,6 +2,7 @@
 
 pub mod cancel;
 pub mod capture;
+pub mod dct;
 pub mod fixtures;
 pub mod leaves;
 mod load;

@@ -9,11 +9,11 @@ use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::image::{PixelInfo, to_u8};
 use texfold_core::parallel::{for_each_row, map};
 use texfold_core::{
-    Access, Budget, Cached, CodecId, Domain, Encoded, Footprint, GpuBlocks, GpuForm, Image2d, ImageAddress,
+    Access, Budget, Cached, CodecId, Domain, Encoded, Footprint, GpuDct, GpuForm, Image2d, ImageAddress,
     ImageLayout, LoadError, Notes, Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel,
     TextureCodec,
 };
-use texfold_residual::block::BlockContent;
+use texfold_dct::DctContent;
 
 use crate::atlas::pack;
 use crate::decode::{
@@ -325,16 +325,16 @@ impl ZipTexture {
 /// Blocks of the root and of the patches as a GPU needs them; which of the textures behind all planes the shader's two for the root
 /// and the one for patches are.
 fn push_blocks<'a>(
-    root: &'a BlockContent,
-    atlas: Option<&'a BlockContent>,
+    root: &'a DctContent,
+    atlas: Option<&'a DctContent>,
     form: &mut GpuForm<'a>,
 ) -> [usize; 3] {
     let first = form.planes.len();
     let contents = [(ROOT_PART, Some(root)), (PATCH_PART, atlas)];
     for (image, (part, content)) in contents.into_iter().enumerate() {
-        for blocks in content.into_iter().flat_map(BlockContent::gpu) {
+        for blocks in content.into_iter().flat_map(DctContent::gpu) {
             let bytes = blocks.held_bytes.iter().map(|(_, bytes)| bytes).sum();
-            form.blocks.push(GpuBlocks { image, held_bytes: vec![(part, bytes)], ..blocks });
+            form.blocks.push(GpuDct { image, held_bytes: vec![(part, bytes)], ..blocks });
         }
     }
     // Without patches nothing is read there.
@@ -342,7 +342,7 @@ fn push_blocks<'a>(
 }
 
 /// The texels of a level of the only image, 8 bits a channel, row by row.
-fn level_bytes(content: &BlockContent, level: u32) -> Vec<[u8; 4]> {
+fn level_bytes(content: &DctContent, level: u32) -> Vec<[u8; 4]> {
     let size = content.layout().surfaces[0].at_level(level);
     let width = size.width as usize;
     let mut out = vec![[0; 4]; width * size.height as usize];

@@ -4,7 +4,7 @@ use texfold_bc::{Content, ContentPlanes};
 use texfold_core::image::{Alpha, PixelInfo};
 use texfold_core::sample::TEXFOLD_RGBA;
 use texfold_core::{ImageLayout, SurfaceSize};
-use texfold_residual::block::BlockContent;
+use texfold_dct::DctContent;
 
 /// Most patches of a texture.
 pub(crate) const MAX_PATCHES: usize = crate::decode::TEXFOLD_ZIPMAP_MOST as usize;
@@ -54,7 +54,7 @@ pub(crate) enum Payload {
     Planes { root: Vec<ContentPlanes>, images: Vec<Vec<ContentPlanes>> },
     /// In blocks of variable length, which are decoded before they are drawn: the root, and where there are patch images,
     /// one image that holds all of their levels ([`crate::atlas::pack`] says where).
-    Blocks { root: BlockContent, atlas: Option<BlockContent> },
+    Blocks { root: DctContent, atlas: Option<DctContent> },
 }
 
 /// What is stored of a texture.

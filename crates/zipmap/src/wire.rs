@@ -3,12 +3,12 @@
 //! and where there are patch images, of block content 1, the image of all of their levels.
 
 use texfold_bc::{Content, ContentPlanes};
+use texfold_core::container::ContentId;
 use texfold_core::container::{Reader, SectionWriter, Sections, read_layout};
 use texfold_core::image::PixelInfo;
 use texfold_core::sample::TEXFOLD_NORMAL;
 use texfold_core::{Budget, ImageLayout, LoadError, MAX_PLANE_SIDE, String4, SurfaceSize};
-use texfold_residual::ContentId;
-use texfold_residual::block::BlockContent;
+use texfold_dct::DctContent;
 
 use crate::atlas::pack;
 use crate::parts::{
@@ -179,8 +179,8 @@ fn load_content(
     id: ContentId,
     file: &Sections<'_>,
     budget: &mut Budget,
-) -> Result<BlockContent, LoadError> {
-    let content = BlockContent::load_whole(layout, id, file, budget)?;
+) -> Result<DctContent, LoadError> {
+    let content = DctContent::load_whole(layout, id, file, budget)?;
     // The texels that the CPU reads, when they are made.
     budget.take(4 * layout.texels())?;
     Ok(content)

@@ -8,7 +8,7 @@ use texfold_core::image::{Depth, ImageSet};
 use texfold_core::metric::{SquaredError, quality};
 use texfold_core::target::Measured;
 use texfold_core::{Access, EncodeError, Encoded, Goal, Job, Limits, SurfaceSize};
-use texfold_progressive::{BlockImages, Progressive, ProgressiveParams};
+use texfold_progressive::{DctImages, Progressive, ProgressiveParams};
 
 use super::manifest::Tile;
 use super::sums::{Making, Sums};
@@ -64,7 +64,7 @@ impl Encoding<'_> {
     }
 
     /// A tile with that step.
-    fn tile(&self, set: &ImageSet, step: u16) -> Result<BlockImages, CliError> {
+    fn tile(&self, set: &ImageSet, step: u16) -> Result<DctImages, CliError> {
         let mut progress = |stage| self.share.report(stage);
         let mut job = Job::new(Limits::default()).with_progress(&mut progress);
         Progressive::encode_at_step(set, self.params, step, &mut job).map_err(|source| self.fault(source))

@@ -3,6 +3,7 @@
 //! FORMAT.md describes the bytes. Sections follow one another in the order of the table, coarse to fine, so
 //! that a prefix of a file is a file: the sections that are whole can be read.
 
+mod content;
 mod layout;
 mod notes;
 mod read;
@@ -11,6 +12,7 @@ mod write;
 mod zstd;
 
 pub use crate::id::CodecId;
+pub use content::ContentId;
 pub use layout::{LAYOUT_ID, read_layout, write_layout};
 pub use notes::{NOTES_ID, Notes};
 pub use read::Sections;

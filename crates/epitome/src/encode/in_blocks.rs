@@ -3,12 +3,12 @@
 use texfold_bc::Content;
 use texfold_core::image::{ColorSpace, MipFilter, Raster, mip_chain_cancellable};
 use texfold_core::{
-    BLOCK_LEVELS, CancelCheck, Effort, EncodeError, ImageLayout, Metric, Rect, SourceError, SurfaceSize,
-    Texel, parallel,
+    CancelCheck, DCT_LEVELS, Effort, EncodeError, ImageLayout, Metric, Rect, SourceError, SurfaceSize, Texel,
+    parallel,
 };
+use texfold_dct::encode::{DctEncoder, DctSetEncoder, DctSettings, DctSource, STAGE_FINER};
+use texfold_dct::{DctContent, DctTexture};
 use texfold_match::Field;
-use texfold_residual::block::encode::{BlockEncoder, BlockParams, BlockSetEncoder, BlockSource, STAGE_FINER};
-use texfold_residual::block::{BlockContent, BlockTexture};
 
 use super::plan::Plan;
 use super::pyramid::{Coder, SCALES, Space, Stored};
@@ -70,8 +70,8 @@ impl Space {
     ) -> Result<Coded, EncodeError> {
         let texels: Vec<Texel> = field.texels.iter().map(|texel| *texel / 255.0).collect();
         let raster = Raster::from_texels(field.width as u32, field.height as u32, self.pixel, &texels)?;
-        let source = BlockSource::from_raster(&raster, self.pixel.depth)?;
-        let encoder = BlockEncoder::new(&source, &params(metric, Effort::Fast), cancel)?;
+        let source = DctSource::from_raster(&raster, self.pixel.depth)?;
+        let encoder = DctEncoder::new(&source, &params(metric, Effort::Fast), cancel)?;
         let (texture, bits) = encoder.at_step_with_bits(encoder.step_of(lambda / self.repeated()))?;
         Ok(Coded { field: decoded(texture, &raster)?, bits })
     }
@@ -82,16 +82,16 @@ impl Space {
     }
 }
 
-fn params(metric: Metric, effort: Effort) -> BlockParams {
-    BlockParams::default().with_metric(metric).with_effort(effort)
+fn params(metric: Metric, effort: Effort) -> DctSettings {
+    DctSettings::default().with_metric(metric).with_effort(effort)
 }
 
 /// All texels of a texture of that image's size, in 8-bit units.
-fn decoded(texture: BlockTexture, image: &Raster) -> Result<Field, EncodeError> {
+fn decoded(texture: DctTexture, image: &Raster) -> Result<Field, EncodeError> {
     let SurfaceSize { width, height } = image.size();
     let layout = ImageLayout { surfaces: vec![image.size()], levels: 1, pixel: image.info() };
     let unlike = SourceError::Unlike { index: 0, what: "its size or channels" };
-    let content = BlockContent::new(layout, vec![texture]).ok_or(unlike)?;
+    let content = DctContent::new(layout, vec![texture]).ok_or(unlike)?;
     let mut texels = vec![Texel::ZERO; width as usize * height as usize];
     // The region is the whole image.
     let _ = content.decode(Rect { surface: 0, level: 0, x: 0, y: 0, width, height }, &mut texels);
@@ -113,11 +113,11 @@ pub(super) fn coded(
     let (space, cancel) = (plan.space, plan.cancel);
     let texels: Vec<Texel> = drawn.texels.iter().map(|texel| *texel / 255.0).collect();
     let image = Raster::from_texels(drawn.size.0, drawn.size.1, space.pixel, &texels)?;
-    let source = BlockSource::from_raster(&image, space.pixel.depth)?;
+    let source = DctSource::from_raster(&image, space.pixel.depth)?;
     let source = [source.with_free_colours_but(usize::from(space.pixel.channels), &drawn.counts)];
     let layout = epitome_layout(image.size(), &plan.images.layout(levels));
     let params = params(metric, plan.effort);
-    let encoder = BlockSetEncoder::new(layout, &source, &params, cancel)?;
+    let encoder = DctSetEncoder::new(layout, &source, &params, cancel)?;
     let step = encoder.step_of(f64::from(lambda) / space.repeated());
     let epitome = encoder.at_step(step)?;
     // Coarse levels are coded finer, as each further stage of an image is.
@@ -128,10 +128,10 @@ pub(super) fn coded(
 /// The levels that are not read from the epitome, of all images.
 fn coarse(
     plan: &Plan<'_>,
-    params: &BlockParams,
+    params: &DctSettings,
     levels: u32,
     step: u16,
-) -> Result<Option<BlockContent>, EncodeError> {
+) -> Result<Option<DctContent>, EncodeError> {
     let layout = plan.images.layout(levels);
     let Some(layout) = coarse_layout(&layout) else { return Ok(None) };
     let first = coarse_levels(levels).start as usize;
@@ -139,11 +139,11 @@ fn coarse(
     for (image, size) in plan.images.images().iter().zip(&layout.surfaces) {
         let chain = mip_chain_cancellable(image, levels, MipFilter::Box, plan.cancel)?;
         let count = layout.levels.min(size.full_levels()) as usize;
-        for level in chain.iter().skip(first).take(count).step_by(BLOCK_LEVELS as usize) {
-            sources.push(BlockSource::from_raster(level, layout.pixel.depth)?);
+        for level in chain.iter().skip(first).take(count).step_by(DCT_LEVELS as usize) {
+            sources.push(DctSource::from_raster(level, layout.pixel.depth)?);
         }
     }
-    let encoder = BlockSetEncoder::new(layout, &sources, params, plan.cancel)?;
+    let encoder = DctSetEncoder::new(layout, &sources, params, plan.cancel)?;
     encoder.at_step(step).map(Some)
 }
 

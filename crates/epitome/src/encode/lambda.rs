@@ -3,7 +3,7 @@
 use texfold_core::metric::measure_for;
 use texfold_core::target::{Measured, excess, search as find, search_step};
 use texfold_core::{EncodeError, Goal, Job, SourceError};
-use texfold_residual::block::encode::{STEPS, lambda_of, step_of};
+use texfold_dct::encode::{STEPS, lambda_of, step_of};
 
 use super::assemble::assemble;
 use super::choose::{choose, choose_well};

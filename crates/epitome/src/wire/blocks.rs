@@ -1,10 +1,10 @@
 //! An epitome and coarse mip levels in blocks of variable length: sections of block content 0, the epitome, and where there are
 //! coarse levels, of block content 1.
 
+use texfold_core::container::ContentId;
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::{Budget, ImageLayout, LoadError, SurfaceSize, Texel};
-use texfold_residual::ContentId;
-use texfold_residual::block::BlockContent;
+use texfold_dct::DctContent;
 
 use super::form::{EpitomeForm, Form};
 use crate::parts::{BlockParts, coarse_layout, epitome_layout};
@@ -42,8 +42,8 @@ fn load_content(
     id: ContentId,
     file: &Sections<'_>,
     budget: &mut Budget,
-) -> Result<BlockContent, LoadError> {
-    let content = BlockContent::load_whole(layout, id, file, budget)?;
+) -> Result<DctContent, LoadError> {
+    let content = DctContent::load_whole(layout, id, file, budget)?;
     // The texels that the CPU reads, when they are made, and as many while they are.
     budget.take(2 * layout.texels() * size_of::<Texel>() as u64)?;
     Ok(content)

@@ -1,8 +1,9 @@
 //! A file of one layer: how blocks are split ("EPTR"), entries ("EPEN"), planes of the epitomes ("EPAT").
 
+use texfold_core::container::ContentId;
 use texfold_core::container::{Reader, SectionWriter, Sections};
 use texfold_core::{Budget, ImageLayout, LoadError, String4, SurfaceSize};
-use texfold_residual::{ContentId, ResidualContent};
+use texfold_residual::ResidualContent;
 
 use super::blocks::{read_blocks, store_blocks};
 use super::form::{EpitomeForm, Form, Head};
@@ -77,7 +78,11 @@ fn read_errors(
     let content = ResidualContent::load_whole(&layout, CONTENT, file, budget)?;
     if content.form().shrink_log2 > 0 {
         let what = "residual content whose levels are not all stored";
-        return Err(LoadError::Corrupt { section: String4(CONTENT.form()), offset: 0, what });
+        return Err(LoadError::Corrupt {
+            section: String4(ResidualContent::form_section(CONTENT)),
+            offset: 0,
+            what,
+        });
     }
     Ok(Some(content))
 }

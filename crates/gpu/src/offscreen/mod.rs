@@ -1,6 +1,6 @@
 //! Drawing off screen, reading back, timing: what tests, benches and command lines need, and renderers do not.
 
-mod blocks;
+mod dct;
 mod light;
 mod mesh;
 mod pipeline;

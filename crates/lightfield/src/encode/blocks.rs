@@ -5,8 +5,8 @@ use std::ops::RangeInclusive;
 use texfold_bc::Content;
 use texfold_core::target::{Measured, excess, search_step};
 use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, Job, Metric, Notes, SourceError, SurfaceSize};
-use texfold_residual::block::encode::{BlockEncoder, BlockParams, BlockSource, STEPS};
-use texfold_residual::block::{BlockContent, Quantiser};
+use texfold_dct::encode::{DctEncoder, DctSettings, DctSource, STEPS};
+use texfold_dct::{DctContent, Quantiser};
 
 use super::assemble::Maps;
 use super::atlases::{Canvas, Drawn};
@@ -113,14 +113,14 @@ fn plane_bytes(drawn: &Drawn, content: Content, terms: u32) -> u64 {
 
 /// What is coded: the mean, and each term's rows of the other atlases.
 struct Sources {
-    mean: BlockSource,
+    mean: DctSource,
     terms: Vec<TermSources>,
 }
 
 /// A term's images, and by how much their steps' numbers differ from the mean's.
 struct TermSources {
     rows: TermRows,
-    images: Vec<(BlockSource, f64)>,
+    images: Vec<(DctSource, f64)>,
 }
 
 impl Sources {
@@ -146,8 +146,8 @@ impl Sources {
     }
 
     fn encoders<'a>(&'a self, cancel: CancelCheck<'a>) -> Result<Encoders<'a>, EncodeError> {
-        let params = BlockParams::default().with_metric(Metric::Psnr);
-        let encoder = |source: &'a BlockSource| BlockEncoder::new(source, &params, cancel);
+        let params = DctSettings::default().with_metric(Metric::Psnr);
+        let encoder = |source: &'a DctSource| DctEncoder::new(source, &params, cancel);
         let term = |term: &'a TermSources| {
             let images = term.images.iter().map(|(source, finer)| Ok((encoder(source)?, *finer)));
             Ok((term.rows, images.collect::<Result<Vec<_>, EncodeError>>()?))
@@ -160,11 +160,11 @@ impl Sources {
 }
 
 /// A term's rows, and the encoders of its images.
-type TermEncoders<'a> = (TermRows, Vec<(BlockEncoder<'a>, f64)>);
+type TermEncoders<'a> = (TermRows, Vec<(DctEncoder<'a>, f64)>);
 
 /// Coefficients of all images.
 struct Encoders<'a> {
-    mean: BlockEncoder<'a>,
+    mean: DctEncoder<'a>,
     terms: Vec<TermEncoders<'a>>,
 }
 
@@ -173,14 +173,14 @@ impl Encoders<'_> {
     fn at_step(&self, step: u16) -> Result<Payload, EncodeError> {
         let unlike = SourceError::Unlike { index: 0, what: "its size or channels" };
         let mean = self.mean.at_step(step)?;
-        let mean = BlockContent::new(atlas_layout(vec![mean.form().size]), vec![mean]);
+        let mean = DctContent::new(atlas_layout(vec![mean.form().size]), vec![mean]);
         let term = |(rows, images): &TermEncoders<'_>| {
             let Some(layout) = rows.layout() else { return Ok(None) };
-            let at = |(encoder, finer): &(BlockEncoder<'_>, f64)| {
+            let at = |(encoder, finer): &(DctEncoder<'_>, f64)| {
                 encoder.at_step((f64::from(step) + finer).round().clamp(0.0, f64::from(STEPS.most)) as u16)
             };
             let stages = images.iter().map(at).collect::<Result<Vec<_>, EncodeError>>()?;
-            Ok(Some(BlockContent::new(layout, stages).ok_or(unlike.clone())?))
+            Ok(Some(DctContent::new(layout, stages).ok_or(unlike.clone())?))
         };
         let terms = self.terms.iter().map(term).collect::<Result<Vec<_>, EncodeError>>()?;
         Ok(Payload::Blocks { mean: mean.ok_or(unlike.clone())?, terms })
@@ -303,10 +303,10 @@ impl Search<'_> {
 }
 
 /// Some rows of an atlas; texels that no map reads cost next to nothing.
-fn source(canvas: &Canvas, first: u32, size: SurfaceSize) -> Result<BlockSource, SourceError> {
+fn source(canvas: &Canvas, first: u32, size: SurfaceSize) -> Result<DctSource, SourceError> {
     let texels = size.width as usize * size.height as usize;
     let start = first as usize * size.width as usize;
     let part = start..start + texels;
-    let source = BlockSource::from_u8(size, &[3], canvas.texels[part.clone()].as_flattened())?;
+    let source = DctSource::from_u8(size, &[3], canvas.texels[part.clone()].as_flattened())?;
     Ok(source.with_free_colours_but(usize::from(PIXEL.channels), &canvas.is_read[part]))
 }

@@ -1,36 +1,36 @@
 //! Images by block: with the step that answers a goal, or with one that the caller names.
 
+use texfold_core::RESIDUAL_PART;
 use texfold_core::image::{ImageSet, MipFilter, mip_chain_cancellable};
 use texfold_core::metric::{measure_for, quality_cancellable};
 use texfold_core::target::{Measured, excess, search_step};
 use texfold_core::{
-    Access, BLOCK_LEVELS, CancelCheck, EncodeError, Encoded, Goal, ImageLayout, Job, Metric, Notes, Params,
+    Access, CancelCheck, DCT_LEVELS, EncodeError, Encoded, Goal, ImageLayout, Job, Metric, Notes, Params,
     SourceError,
 };
-use texfold_residual::RESIDUAL_PART;
-use texfold_residual::block::encode::{BlockParams, BlockSetEncoder, BlockSource, STEPS};
+use texfold_dct::encode::{DctSetEncoder, DctSettings, DctSource, STEPS};
 
 use super::report::settings;
-use crate::{BlockImages, ProgressiveParams};
+use crate::{DctImages, ProgressiveParams};
 
 /// The images in blocks with the step that answers the goal best.
 pub(super) fn by_block(
     source: &ImageSet,
     params: &ProgressiveParams,
     job: &mut Job<'_>,
-) -> Result<(BlockImages, Measured), EncodeError> {
+) -> Result<(DctImages, Measured), EncodeError> {
     let goal = params.goal;
     job.stage("transforming", 0.0)?;
     let check = job.cancel_check();
     let layout = layout_of(source, params);
     let sources = job.install(|| stages(source, layout.levels, check))?;
     let encoder =
-        job.install(|| BlockSetEncoder::new(layout, &sources, &block_params(source, params), check))?;
+        job.install(|| DctSetEncoder::new(layout, &sources, &block_params(source, params), check))?;
     let mut tried = 0u32;
     let found = search_step(goal, STEPS, encoder.first_step(), |step| {
         tried += 1;
         job.stage("coding blocks", tried as f32 / (tried as f32 + 4.0))?;
-        let images = BlockImages::new(job.install(|| encoder.at_step(step))?);
+        let images = DctImages::new(job.install(|| encoder.at_step(step))?);
         let measured = match goal {
             // Bits need no decoding.
             Goal::Bpp(_) => Measured { bpp: bits(source, &images), psnr: 0.0, worst_block_rms: 0.0 },
@@ -55,7 +55,7 @@ pub(crate) fn at_step(
     params: &ProgressiveParams,
     step: u16,
     job: &mut Job<'_>,
-) -> Result<BlockImages, EncodeError> {
+) -> Result<DctImages, EncodeError> {
     params.check()?;
     source.check_sides()?;
     job.stage("transforming", 0.0)?;
@@ -63,9 +63,9 @@ pub(crate) fn at_step(
     let layout = layout_of(source, params);
     let sources = job.install(|| stages(source, layout.levels, check))?;
     let encoder =
-        job.install(|| BlockSetEncoder::new(layout, &sources, &block_params(source, params), check))?;
+        job.install(|| DctSetEncoder::new(layout, &sources, &block_params(source, params), check))?;
     job.stage("coding blocks", 0.3)?;
-    let images = BlockImages::new(job.install(|| encoder.at_step(step))?);
+    let images = DctImages::new(job.install(|| encoder.at_step(step))?);
     job.stage("done", 1.0)?;
     Ok(images)
 }
@@ -74,35 +74,35 @@ fn layout_of(source: &ImageSet, params: &ProgressiveParams) -> ImageLayout {
     source.layout(if params.mips { source.full_levels() } else { 1 })
 }
 
-fn block_params(source: &ImageSet, params: &ProgressiveParams) -> BlockParams {
-    BlockParams::default()
+fn block_params(source: &ImageSet, params: &ProgressiveParams) -> DctSettings {
+    DctSettings::default()
         .with_goal(params.goal)
         .with_effort(params.effort)
         .with_metric(params.metric_for(source.info()))
 }
 
 /// The stages of all images: mip levels 0, 3, 6 and so on.
-fn stages(source: &ImageSet, levels: u32, check: CancelCheck<'_>) -> Result<Vec<BlockSource>, EncodeError> {
+fn stages(source: &ImageSet, levels: u32, check: CancelCheck<'_>) -> Result<Vec<DctSource>, EncodeError> {
     let depth = source.info().depth;
     let mut stages = Vec::new();
     for image in source.images() {
         let levels = levels.min(image.size().full_levels());
         let chain = mip_chain_cancellable(image, levels, MipFilter::Box, check)?;
         let samples =
-            chain.iter().step_by(BLOCK_LEVELS as usize).map(|level| BlockSource::from_raster(level, depth));
+            chain.iter().step_by(DCT_LEVELS as usize).map(|level| DctSource::from_raster(level, depth));
         stages.extend(samples.collect::<Result<Vec<_>, SourceError>>()?);
     }
     Ok(stages)
 }
 
-fn bits(source: &ImageSet, images: &BlockImages) -> f64 {
+fn bits(source: &ImageSet, images: &DctImages) -> f64 {
     images.memory().goal as f64 / source.texel_count() as f64
 }
 
 /// Settings, verdict, and the PSNR of the bases alone.
 pub(crate) fn notes(
     source: &ImageSet,
-    images: &BlockImages,
+    images: &DctImages,
     params: &ProgressiveParams,
     met: bool,
     job: &Job<'_>,

@@ -1,9 +1,9 @@
 //! How a texture was made, in words.
 
+use texfold_core::RESIDUAL_PART;
 use texfold_core::image::ImageSet;
 use texfold_core::metric::quality_cancellable;
 use texfold_core::{Access, CancelCheck, EncodeError, Encoded, Goal, Notes};
-use texfold_residual::RESIDUAL_PART;
 
 use crate::codebook::CELL_SIDE;
 use crate::codebook::MAP_PART;

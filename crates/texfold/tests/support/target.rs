@@ -6,7 +6,7 @@ use texfold::{
     AnyImage, AnyTexture, Budget, Domain, Encoded, Image2d, ImageAddress, LightAddress, LightTexture, Limits,
     ProgressiveTexture, Rect, SurfaceSize, Texel, open,
 };
-use texfold_residual::block::passes;
+use texfold_testkit::dct;
 
 /// More than any of the seeds needs, far less than a hostile size would take.
 const LIMITS: Limits = Limits { texels: 1 << 18, bytes: 16 << 20, sections: 64 };
@@ -66,7 +66,7 @@ fn exercise_passes(image: &AnyImage) {
     let images = image.downcast_ref::<ProgressiveTexture>().and_then(ProgressiveTexture::block);
     for (number, blocks) in form.blocks.iter().enumerate().take(MOST_LEVELS as usize) {
         let region = corner(whole_of(blocks.layout.size), PASSES_SIDE);
-        let drawn = passes::decode(blocks, region).expect("the region lies inside");
+        let drawn = dct::decode(blocks, region).expect("the region lies inside");
         if let Some(stage) = images.and_then(|images| images.content().stages().get(number)) {
             let mut texels = vec![0; drawn.len()];
             stage.decode(region, &mut texels).expect("the region lies inside");

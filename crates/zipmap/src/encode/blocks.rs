@@ -4,10 +4,10 @@
 use texfold_core::metric::SquaredError;
 use texfold_core::target::{Measured, excess, search_step};
 use texfold_core::{
-    Access, BLOCK_LEVELS, CancelCheck, EncodeError, Encoded, Goal, ImageLayout, Job, Notes, SourceError,
+    Access, CancelCheck, DCT_LEVELS, EncodeError, Encoded, Goal, ImageLayout, Job, Notes, SourceError,
     SurfaceSize,
 };
-use texfold_residual::block::encode::{BlockParams, BlockSetEncoder, BlockSource, STEPS};
+use texfold_dct::encode::{DctSetEncoder, DctSettings, DctSource, STEPS};
 
 use super::enlarge::change;
 use super::fault;
@@ -70,8 +70,8 @@ fn by_block(
 
 /// What is coded: the stages of the root, and the image of all patch images.
 struct Sources {
-    root: (ImageLayout, Vec<BlockSource>),
-    atlas: Option<(ImageLayout, Vec<BlockSource>)>,
+    root: (ImageLayout, Vec<DctSource>),
+    atlas: Option<(ImageLayout, Vec<DctSource>)>,
     images: Vec<ImageForm>,
 }
 
@@ -87,7 +87,7 @@ impl Sources {
         let (width, height) = canvas.root_size;
         let size = SurfaceSize { width, height };
         let layout = root_layout(size, canvas.root.len() as u32, maker.pixel);
-        let stages = (0u32..).zip(&canvas.root).step_by(BLOCK_LEVELS as usize);
+        let stages = (0u32..).zip(&canvas.root).step_by(DCT_LEVELS as usize);
         let root = stages
             .map(|(level, texels)| source(size.at_level(level), maker.pixel.channels, texels))
             .collect::<Result<Vec<_>, SourceError>>()?;
@@ -106,22 +106,20 @@ impl Sources {
         &'a self,
         maker: &Maker<'_>,
         check: CancelCheck<'a>,
-    ) -> Result<Vec<BlockSetEncoder<'a>>, EncodeError> {
-        let params = BlockParams::default()
+    ) -> Result<Vec<DctSetEncoder<'a>>, EncodeError> {
+        let params = DctSettings::default()
             .with_goal(maker.params.goal)
             .with_effort(maker.params.effort)
             .with_metric(maker.params.metric_for(maker.pixel));
         let sources = [Some(&self.root), self.atlas.as_ref()].into_iter().flatten();
-        sources
-            .map(|(layout, sources)| BlockSetEncoder::new(layout.clone(), sources, &params, check))
-            .collect()
+        sources.map(|(layout, sources)| DctSetEncoder::new(layout.clone(), sources, &params, check)).collect()
     }
 
     /// The texture of that step.
     fn texture(
         &self,
         maker: &Maker<'_>,
-        encoders: &[BlockSetEncoder<'_>],
+        encoders: &[DctSetEncoder<'_>],
         step: u16,
     ) -> Result<ZipTexture, EncodeError> {
         let contents = encoders.iter().map(|encoder| encoder.at_step(step));
@@ -161,7 +159,7 @@ fn worst_block(maker: &Maker<'_>, texture: &ZipTexture) -> f64 {
 }
 
 /// Texels of that many channels.
-fn source(size: SurfaceSize, channels: u8, texels: &[[u8; 4]]) -> Result<BlockSource, SourceError> {
+fn source(size: SurfaceSize, channels: u8, texels: &[[u8; 4]]) -> Result<DctSource, SourceError> {
     let (groups, places): (&[u8], &[usize]) = match channels {
         1 => (&[1], &[0]),
         2 => (&[1, 1], &[0, 3]),
@@ -170,7 +168,7 @@ fn source(size: SurfaceSize, channels: u8, texels: &[[u8; 4]]) -> Result<BlockSo
     };
     let samples: Vec<u8> =
         texels.iter().flat_map(|texel| places.iter().map(move |&place| texel[place])).collect();
-    BlockSource::from_u8(size, groups, &samples)
+    DctSource::from_u8(size, groups, &samples)
 }
 
 /// All levels of all patch images in one image, transparent between them. Colours are free where filtering reads no visible texel.
@@ -179,7 +177,7 @@ fn atlas_source(
     images: &[ImageForm],
     (origins, (width, height)): &Packing,
     channels: u8,
-) -> Result<BlockSource, SourceError> {
+) -> Result<DctSource, SourceError> {
     let (width, height) = (*width as usize, *height as usize);
     let mut texels = vec![[0u8; 4]; width * height];
     let mut is_read = vec![false; width * height];

@@ -6,7 +6,7 @@ use texfold_bc::ContentPlanes;
 use texfold_core::image::Raster;
 use texfold_core::metric::SquaredError;
 use texfold_core::{Access, CancelCheck, Encoded, Goal, Notes};
-use texfold_residual::block::BlockContent;
+use texfold_dct::DctContent;
 
 use super::Dropped;
 use super::canvas::colour;
@@ -127,9 +127,8 @@ fn bits_per_texel(texture: &ZipTexture) -> [f64; 2] {
             [root, images.first().map_or(root, of_image)]
         }
         Payload::Blocks { root, atlas } => {
-            let bits = |content: &BlockContent, texels: u64| {
-                8.0 * content.held_bytes() as f64 / texels.max(1) as f64
-            };
+            let bits =
+                |content: &DctContent, texels: u64| 8.0 * content.held_bytes() as f64 / texels.max(1) as f64;
             let texels = texture.parts.images.iter().map(ImageForm::texels).sum();
             let root = bits(root, root.layout().texels());
             [root, atlas.as_ref().map_or(root, |atlas| bits(atlas, texels))]

@@ -1,0 +1,19 @@
+//! The encoder: coefficients of all planes once, then numbers, tables and streams for a step, as often as the goal needs.
+
+mod axes;
+mod code;
+mod error;
+mod fit;
+mod forward;
+mod goal;
+mod hidden;
+mod masking;
+mod quantise;
+mod set;
+mod source;
+mod strength;
+mod symbols;
+
+pub use goal::{DctEncoder, DctSettings, STEPS, first_step, lambda_of, step_of};
+pub use set::{DctSetEncoder, STAGE_FINER};
+pub use source::DctSource;

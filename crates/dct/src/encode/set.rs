@@ -1,0 +1,63 @@
+//! Images and their stages that share a step, so that errors are alike in all of them.
+
+use texfold_core::{CancelCheck, EncodeError, ImageLayout, SourceError};
+
+use super::goal::{DctEncoder, DctSettings, first_step};
+use super::source::DctSource;
+use crate::content::{DctContent, stage_sizes};
+
+/// How much finer each stage is coded than the one before, in steps (256 an octave): 4.5 dB, for a 64th of the texels. With few
+/// texels, errors of single ones show.
+pub const STAGE_FINER: u16 = 192;
+
+/// The coefficients of the stages of several images, from which content for any goal is made.
+#[derive(Debug)]
+pub struct DctSetEncoder<'a> {
+    layout: ImageLayout,
+    stages: Vec<DctEncoder<'a>>,
+}
+
+impl<'a> DctSetEncoder<'a> {
+    /// Transforms the stages ([`crate::stage_sizes`]) of the images of that layout, one image after the other.
+    ///
+    /// # Errors
+    /// [`EncodeError`] where there is no image, for a parameter out of range, and where the job was cancelled.
+    pub fn new(
+        layout: ImageLayout,
+        sources: &'a [DctSource],
+        params: &DctSettings,
+        check: CancelCheck<'a>,
+    ) -> Result<Self, EncodeError> {
+        if sources.is_empty() {
+            return Err(SourceError::Empty.into());
+        }
+        let stages = sources.iter().map(|source| DctEncoder::new(source, params, check));
+        Ok(DctSetEncoder { layout, stages: stages.collect::<Result<Vec<_>, EncodeError>>()? })
+    }
+
+    /// All images with that step, a number up to [`crate::MAX_STEP`], and each further stage three quarters of an octave finer.
+    ///
+    /// # Errors
+    /// [`EncodeError`] where the job was cancelled, or images do not fit the layout.
+    pub fn at_step(&self, step: u16) -> Result<DctContent, EncodeError> {
+        let counts = self.layout.surfaces.iter().map(|&size| stage_sizes(size, self.layout.levels).len());
+        let numbers = counts.flat_map(|count| 0..count);
+        let of_stage = |number: usize| step.saturating_sub(STAGE_FINER * number as u16);
+        let stages = self.stages.iter().zip(numbers).map(|(stage, number)| stage.at_step(of_stage(number)));
+        let stages = stages.collect::<Result<Vec<_>, EncodeError>>()?;
+        let unlike = SourceError::Unlike { index: 0, what: "its size or channels" };
+        DctContent::new(self.layout.clone(), stages).ok_or(unlike.into())
+    }
+
+    /// As [`DctEncoder::step_of`].
+    #[must_use]
+    pub fn step_of(&self, lambda: f64) -> u16 {
+        self.stages.first().map_or(0, |stage| stage.step_of(lambda))
+    }
+
+    /// The step to begin a search with.
+    #[must_use]
+    pub fn first_step(&self) -> u16 {
+        self.stages.first().map_or(first_step(8), DctEncoder::first_step)
+    }
+}

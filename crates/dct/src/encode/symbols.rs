@@ -1,0 +1,248 @@
+//! The symbols of quantised blocks: one walk for counting, for bits and for the stream.
+
+use crate::context::{
+    Around, END_BITS, END_START, ESCAPE, FIRST_END, FIRST_LAST, LEVELS, MAGNITUDE_BITS, MAGNITUDE_START,
+    Magnitudes, Neighbours, SET_TABLES, SIGNS, TABLES, held, set_of,
+};
+use crate::rans_encode::Op;
+use crate::scan::{COEFFICIENTS, PADDED, SCAN};
+use crate::tables::{PROBABILITY_BITS, SYMBOLS, Table};
+
+/// Numbers of a block's coefficients, row by row.
+pub(super) type Levels = [i32; COEFFICIENTS];
+
+/// Occurrences of each symbol in each table.
+pub(super) type Counts = Vec<[u32; SYMBOLS]>;
+
+/// Bits of each symbol in each table, in bits, with those of the plain bits behind it and of the sign.
+#[derive(Debug, Clone)]
+pub(super) struct SymbolBits(Vec<[f32; SYMBOLS]>);
+
+impl SymbolBits {
+    /// Bits under such tables.
+    pub(super) fn new(tables: &[Table]) -> SymbolBits {
+        let bits = |table: &Table, number: usize| {
+            let within = number % SET_TABLES;
+            std::array::from_fn(|symbol| {
+                let frequency = (table.ranges[symbol] & 0xffff) as f32;
+                let plain = if within >= FIRST_END {
+                    f32::from(END_BITS[symbol])
+                } else {
+                    // The last magnitude is coded less one and always has a sign.
+                    let signed = symbol > 0 || within >= FIRST_LAST;
+                    f32::from(MAGNITUDE_BITS[symbol]) + f32::from(u8::from(signed))
+                };
+                PROBABILITY_BITS as f32 - frequency.log2() + plain
+            })
+        };
+        SymbolBits(tables.iter().enumerate().map(|(number, table)| bits(table, number)).collect())
+    }
+
+    /// Those of a set's tables.
+    pub(super) fn of_set(&self, set: usize) -> &[[f32; SYMBOLS]] {
+        &self.0[set * SET_TABLES..(set + 1) * SET_TABLES]
+    }
+}
+
+/// Bits of a magnitude in a table.
+#[inline(always)]
+pub(super) fn magnitude_bits(symbol_bits: &[f32; SYMBOLS], magnitude: u32) -> f32 {
+    let symbol = magnitude_symbol(magnitude);
+    let escaped = if symbol == ESCAPE { 5.0 + escape_length(magnitude) as f32 } else { 0.0 };
+    symbol_bits[symbol] + escaped
+}
+
+/// Symbol of a magnitude.
+#[inline(always)]
+pub(super) fn magnitude_symbol(magnitude: u32) -> usize {
+    match magnitude {
+        0..=7 => magnitude as usize,
+        _ => (7 + (magnitude - 6).ilog2() as usize).min(ESCAPE),
+    }
+}
+
+/// Symbol of a number of coefficients.
+#[inline]
+pub(super) fn end_symbol(count: usize) -> usize {
+    END_START.iter().rposition(|&start| usize::from(start) <= count).unwrap_or(0)
+}
+
+fn escape_length(magnitude: u32) -> u32 {
+    32 - (magnitude - MAGNITUDE_START[ESCAPE]).leading_zeros()
+}
+
+/// Takes the symbols of a stream in their order.
+pub(super) trait Sink {
+    /// A symbol of the table of that number.
+    fn symbol(&mut self, table: usize, symbol: usize);
+    /// Plain bits.
+    fn bits(&mut self, value: u32, count: u32);
+    /// What follows belongs to the next block.
+    fn next_block(&mut self) {}
+}
+
+/// Counts symbols.
+#[derive(Debug)]
+pub(super) struct Counter(pub Counts);
+
+impl Default for Counter {
+    fn default() -> Self {
+        Counter(vec![[0; SYMBOLS]; TABLES])
+    }
+}
+
+impl Sink for Counter {
+    fn symbol(&mut self, table: usize, symbol: usize) {
+        self.0[table][symbol] += 1;
+    }
+
+    fn bits(&mut self, _value: u32, _count: u32) {}
+}
+
+/// Collects what the stream is made of.
+#[derive(Debug)]
+pub(super) struct Collector<'a> {
+    pub tables: &'a [Table],
+    pub ops: Vec<Op>,
+}
+
+impl Sink for Collector<'_> {
+    fn symbol(&mut self, table: usize, symbol: usize) {
+        self.ops.push(Op::symbol(&self.tables[table], symbol));
+    }
+
+    fn bits(&mut self, value: u32, count: u32) {
+        if count > 0 {
+            self.ops.push(Op::bits(value, count));
+        }
+    }
+}
+
+/// Sums up the bits of each block.
+#[derive(Debug)]
+pub(super) struct BlockBits<'a> {
+    pub tables: &'a [Table],
+    pub blocks: Vec<f32>,
+}
+
+impl BlockBits<'_> {
+    fn add(&mut self, bits: f32) {
+        self.blocks.last_mut().into_iter().for_each(|sum| *sum += bits);
+    }
+}
+
+impl Sink for BlockBits<'_> {
+    fn symbol(&mut self, table: usize, symbol: usize) {
+        let frequency = self.tables[table].ranges[symbol] & 0xffff;
+        self.add(PROBABILITY_BITS as f32 - (frequency as f32).log2());
+    }
+
+    fn bits(&mut self, _value: u32, count: u32) {
+        self.add(count as f32);
+    }
+
+    fn next_block(&mut self) {
+        self.blocks.push(0.0);
+    }
+}
+
+/// A superblock's quantised blocks: columns and rows of blocks, levels block by block, axis by axis.
+#[derive(Debug, Clone)]
+pub(super) struct Superblock {
+    pub blocks: (usize, usize),
+    pub levels: Vec<Levels>,
+}
+
+impl Superblock {
+    /// Gives all symbols of the superblock to `sink`.
+    pub(super) fn walk(&self, is_base: bool, first: usize, ranks: &[u8], sink: &mut impl Sink) {
+        let mut around = Around::default();
+        around.reset(self.blocks.0, self.blocks.1, ranks.len());
+        for (number, levels) in self.levels.iter().enumerate() {
+            let (block, axis) = (number / ranks.len(), number % ranks.len());
+            if axis == 0 {
+                sink.next_block();
+            }
+            let set = set_of(is_base, ranks[axis] == 0) * SET_TABLES;
+            let neighbours = around.of(block, axis, ranks[axis] > 1);
+            let (magnitudes, end) = walk_block(levels, first, set, &neighbours, sink);
+            around.keep(block, axis, &magnitudes, end);
+        }
+    }
+}
+
+/// Number of coded coefficients: those from `first` to the last that is not 0.
+pub(super) fn coded(levels: &Levels, first: usize) -> usize {
+    let last = (first..COEFFICIENTS).rev().find(|&number| levels[usize::from(SCAN[number].raster)] != 0);
+    last.map_or(0, |last| last + 1 - first)
+}
+
+/// Magnitudes of levels, padded.
+pub(super) fn magnitudes_of(levels: &Levels) -> Magnitudes {
+    let mut magnitudes = [0; PADDED];
+    for place in SCAN {
+        magnitudes[usize::from(place.padded)] = held(levels[usize::from(place.raster)].unsigned_abs());
+    }
+    magnitudes
+}
+
+fn walk_block(
+    levels: &Levels,
+    first: usize,
+    set: usize,
+    neighbours: &Neighbours<'_>,
+    sink: &mut impl Sink,
+) -> (Magnitudes, usize) {
+    let count = coded(levels, first);
+    let end = end_symbol(count);
+    sink.symbol(set + FIRST_END + neighbours.end, end);
+    sink.bits((count - usize::from(END_START[end])) as u32, u32::from(END_BITS[end]));
+    // Contexts look only at what is decoded before, so all magnitudes may be there.
+    let magnitudes = magnitudes_of(levels);
+    for number in (first..first + count).rev() {
+        let place = SCAN[number];
+        let (at, zone) = (usize::from(place.padded), usize::from(place.zone));
+        let level = levels[usize::from(place.raster)];
+        let last = number == first + count - 1;
+        let table = if last { FIRST_LAST + zone } else { zone * LEVELS + neighbours.level(&magnitudes, at) };
+        let magnitude = level.unsigned_abs() - u32::from(last);
+        let symbol = magnitude_symbol(magnitude);
+        sink.symbol(set + table, symbol);
+        walk_rest(magnitude, symbol, sink);
+    }
+    let coded = (first..first + count).rev().map(|number| levels[usize::from(SCAN[number].raster)]);
+    let negative: Vec<bool> = coded.filter(|&level| level != 0).map(|level| level < 0).collect();
+    for signs in negative.chunks(SIGNS) {
+        let bits = signs.iter().rev().fold(0, |bits, &sign| bits << 1 | u32::from(sign));
+        sink.bits(bits, signs.len() as u32);
+    }
+    (magnitudes, end)
+}
+
+/// The plain bits behind a magnitude's symbol.
+fn walk_rest(magnitude: u32, symbol: usize, sink: &mut impl Sink) {
+    let rest = magnitude - MAGNITUDE_START[symbol];
+    if symbol < ESCAPE {
+        return sink.bits(rest, u32::from(MAGNITUDE_BITS[symbol]));
+    }
+    let length = escape_length(magnitude);
+    sink.bits(length, 5);
+    sink.bits(rest & 0xfff, length.min(12));
+    sink.bits(rest >> 12, length.saturating_sub(12));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn symbols_are_those_of_their_ranges() {
+        for magnitude in 0..1000u32 {
+            let naive = (0..SYMBOLS).rev().find(|&symbol| MAGNITUDE_START[symbol] <= magnitude).unwrap();
+            assert_eq!(magnitude_symbol(magnitude), naive, "{magnitude}");
+        }
+        assert_eq!(end_symbol(0), 0);
+        assert_eq!(end_symbol(6), 5);
+        assert_eq!(end_symbol(64), 15);
+    }
+}

@@ -4,8 +4,8 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::Vec2;
-use texfold::{Access, AnyImage, Content, Effort, EpitomeTexture, ImageAddress, Texel};
-use texfold_benches::{bc, epitome, epitome_params, image_of, paper_params, progressive, vq};
+use texfold::{AnyImage, Content, Effort, EpitomeTexture, ImageAddress, Texel};
+use texfold_benches::{bc, dct, epitome, epitome_params, image_of, paper_params, progressive, vq};
 use texfold_epitome::decode::texfold_epitome_bilinear;
 
 const SIDE: u32 = 1024;
@@ -21,10 +21,10 @@ fn textures() -> Vec<(String, AnyImage)> {
         textures.extend(texture.map(|texture| (name.to_owned(), texture)));
     }
     for bpp in [1.3, 2.7] {
-        for access in [Access::Texel, Access::Block] {
-            let texture = progressive(&set, bpp, Effort::Fast, access);
-            let name = format!("progressive by {} {bpp} bpp", access.name());
-            textures.extend(texture.map(|texture| (name, texture)));
+        let of =
+            [("progressive", progressive(&set, bpp, Effort::Fast)), ("dct", dct(&set, bpp, Effort::Fast))];
+        for (name, texture) in of {
+            textures.extend(texture.map(|texture| (format!("{name} {bpp} bpp"), texture)));
         }
     }
     for content in [Content::Bc1, Content::Bc7] {

@@ -1,8 +1,8 @@
 //! Encoding: time of a whole encode of a 512x512 image.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use texfold::{Access, Content, Effort, Goal, VqParams};
-use texfold_benches::{bc, epitome, epitome_params, image_512, paper_params, progressive, vq};
+use texfold::{Content, Effort, Goal, VqParams};
+use texfold_benches::{bc, dct, epitome, epitome_params, image_512, paper_params, progressive, vq};
 
 fn encode(c: &mut Criterion) {
     let set = image_512();
@@ -14,10 +14,10 @@ fn encode(c: &mut Criterion) {
     let goal = VqParams::default().with_goal(Goal::Bpp(2.5));
     group.bench_function("vq, 2.5 bits a texel", |b| b.iter(|| vq(&set, &goal)));
     for effort in [Effort::Fast, Effort::Normal] {
-        for access in [Access::Texel, Access::Block] {
-            let name = format!("progressive by {}, 2.7 bpp, {effort:?}", access.name());
-            group.bench_function(name, |b| b.iter(|| progressive(&set, 2.7, effort, access)));
-        }
+        group.bench_function(format!("progressive, 2.7 bpp, {effort:?}"), |b| {
+            b.iter(|| progressive(&set, 2.7, effort));
+        });
+        group.bench_function(format!("dct, 2.7 bpp, {effort:?}"), |b| b.iter(|| dct(&set, 2.7, effort)));
     }
     let fast = epitome_params(None);
     group.bench_function("epitome, 32 dB, fast", |b| b.iter(|| epitome(&set, &fast)));

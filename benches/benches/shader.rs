@@ -3,8 +3,8 @@
 //! `cargo bench -p texfold-benches --bench shader`. Needs an adapter; software Vulkan serves. With a word behind `--`
 //! only the textures whose names hold it are drawn.
 
+use texfold::Effort;
 use texfold::image::ImageSet;
-use texfold::{Access, Effort};
 use texfold::{AnyImage, Content};
 use texfold_benches::{bc, epitome, epitome_params, image_of, paper_params, progressive, vq};
 use texfold_gpu::{Gpu, GpuError, Lookup, Policy, Probe, View};
@@ -24,7 +24,7 @@ const TEXTURES: [(&str, Make); 8] = [
     ("epitome raw", |set| epitome(set, &epitome_params(Some(Content::Raw)))),
     ("epitome bc1", |set| epitome(set, &epitome_params(Some(Content::Bc1)))),
     ("epitome bc1+bc7", |set| epitome(set, &epitome_params(None))),
-    ("progressive", |set| progressive(set, 2.7, Effort::Fast, Access::Texel)),
+    ("progressive", |set| progressive(set, 2.7, Effort::Fast)),
     ("plain raw", |set| bc(set, Content::Raw)),
     ("plain bc1", |set| bc(set, Content::Bc1)),
 ];

@@ -7,8 +7,8 @@ pub mod rivals;
 use rayon::prelude::*;
 use texfold::image::{ColorSpace, ImageSet, Raster};
 use texfold::{
-    Access, AnyImage, Bc, BcParams, Content, Effort, Encoder, Epitome, EpitomeParams, EpitomeSource, Goal,
-    Job, Progressive, ProgressiveParams, Vq, VqParams, VqSource,
+    Access, AnyImage, Bc, BcParams, Content, Dct, DctParams, Effort, Encoder, Epitome, EpitomeParams,
+    EpitomeSource, Goal, Job, Progressive, ProgressiveParams, Vq, VqParams, VqSource,
 };
 
 /// A 512x512 image: the facade four times, each turned another way so that blocks do not repeat exactly.
@@ -69,12 +69,18 @@ pub fn epitome(set: &ImageSet, params: &EpitomeParams) -> Option<AnyImage> {
     Epitome::encode(EpitomeSource::new(set), params, &mut Job::default()).ok().map(AnyImage::new)
 }
 
-/// `set` by progressive within `bpp` bits a texel, to be read that way; `None` where it cannot be encoded.
+/// `set` by progressive within `bpp` bits a texel; `None` where it cannot be encoded.
 #[must_use]
-pub fn progressive(set: &ImageSet, bpp: f64, effort: Effort, access: Access) -> Option<AnyImage> {
-    let params =
-        ProgressiveParams::default().with_goal(Goal::Bpp(bpp)).with_effort(effort).with_access(access);
+pub fn progressive(set: &ImageSet, bpp: f64, effort: Effort) -> Option<AnyImage> {
+    let params = ProgressiveParams::default().with_goal(Goal::Bpp(bpp)).with_effort(effort);
     Progressive::encode(set, &params, &mut Job::default()).ok().map(AnyImage::new)
+}
+
+/// `set` by dct within `bpp` bits a texel; `None` where it cannot be encoded.
+#[must_use]
+pub fn dct(set: &ImageSet, bpp: f64, effort: Effort) -> Option<AnyImage> {
+    let params = DctParams::default().with_goal(Goal::Bpp(bpp)).with_effort(effort);
+    Dct::encode(set, &params, &mut Job::default()).ok().map(AnyImage::new)
 }
 
 /// `set` as plain blocks at full size; `None` where it cannot be encoded.

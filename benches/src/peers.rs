@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use texfold::image::{ImageSet, Raster};
 use texfold::metric::{color_error, decode_surface, measure};
 use texfold::{
-    Access, Bc, BcParams, Content, Effort, Encoded, Encoder, Epitome, EpitomeParams, EpitomeSource, Family,
-    Goal, Image2d, Job, Metric, Progressive, ProgressiveParams, SharedSearch,
+    Bc, BcParams, Content, Dct, DctParams, Effort, Encoded, Encoder, Epitome, EpitomeParams, EpitomeSource,
+    Family, Goal, Image2d, Job, Metric, Progressive, ProgressiveParams, SharedSearch,
 };
 use texfold_benches::budget::Run;
 use texfold_benches::report::{Chart, Line, Outcome, Table};
@@ -73,12 +73,12 @@ fn main() -> Outcome<()> {
     write(&out, &points, images.len())
 }
 
-/// What errors count in `progressive` by block.
+/// Metrics of `dct`.
 const BLOCKS: [(&str, Metric); 2] =
-    [("by block, for the eye", Metric::Perceptual), ("by block, for PSNR", Metric::Psnr)];
-/// And by texel.
+    [("dct, for the eye", Metric::Perceptual), ("dct, for PSNR", Metric::Psnr)];
+/// And of `progressive`.
 const TEXELS: [(&str, Metric); 2] =
-    [("by texel, for the eye", Metric::Perceptual), ("by texel, for PSNR", Metric::Psnr)];
+    [("progressive, for the eye", Metric::Perceptual), ("progressive, for PSNR", Metric::Psnr)];
 
 /// Our codecs at [`GOALS`].
 fn ours(image: &Raster) -> Outcome<Vec<Point>> {
@@ -88,8 +88,7 @@ fn ours(image: &Raster) -> Outcome<Vec<Point>> {
     let epitome = Epitome::search(EpitomeSource::new(&set), &epitome, &mut Job::default())?;
     let mut points = Vec::new();
     for (form, metric) in TEXELS {
-        let params =
-            ProgressiveParams::default().with_goal(first).with_access(Access::Texel).with_metric(metric);
+        let params = ProgressiveParams::default().with_goal(first).with_metric(metric);
         let search = Progressive::search(&set, &params, &mut Job::default())?;
         for goal in GOALS {
             let texture = Progressive::encode_from(&search, Goal::Bpp(goal), &mut Job::default())?;
@@ -99,8 +98,8 @@ fn ours(image: &Raster) -> Outcome<Vec<Point>> {
     for goal in GOALS {
         let setting = format!("{goal}");
         for (form, metric) in BLOCKS {
-            let params = ProgressiveParams::default().with_goal(Goal::Bpp(goal)).with_metric(metric);
-            let texture = Progressive::encode(&set, &params, &mut Job::default())?;
+            let params = DctParams::default().with_goal(Goal::Bpp(goal)).with_metric(metric);
+            let texture = Dct::encode(&set, &params, &mut Job::default())?;
             points.push(judge(form, setting.clone(), image, &texture)?);
         }
         let texture = Epitome::encode_from(&epitome, Goal::Bpp(goal), &mut Job::default())?;

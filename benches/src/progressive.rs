@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use texfold::image::{ImageSet, Raster};
 use texfold::metric::measure;
 use texfold::{
-    Access, AstcBlock, Bc, BcParams, Content, Encoder, Goal, Job, Metric, Progressive, ProgressiveParams,
+    AstcBlock, Bc, BcParams, Content, Encoder, Goal, Job, Metric, Progressive, ProgressiveParams,
     SharedSearch,
 };
 
@@ -64,10 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 .with_reduce_log2(reduce_log2);
             row.push(measure(&set, &Bc::encode(&set, &params, &mut Job::default())?).psnr);
         }
-        let params = ProgressiveParams::default()
-            .with_goal(Goal::Bpp(sizes[0]))
-            .with_access(Access::Texel)
-            .with_metric(Metric::Psnr);
+        let params = ProgressiveParams::default().with_goal(Goal::Bpp(sizes[0])).with_metric(Metric::Psnr);
         let search = Progressive::search(&set, &params, &mut Job::default())?;
         for &size in sizes {
             let texture = Progressive::encode_from(&search, Goal::Bpp(size), &mut Job::default())?;

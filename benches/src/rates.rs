@@ -216,11 +216,8 @@ fn by_texel(image: &Raster, metric: Metric, effort: Effort, rate: f64) -> Outcom
     let size = image.size();
     let megatexels = size.texels() as f64 / 1e6;
     let start = cpu_seconds();
-    let params = ProgressiveParams::default()
-        .with_goal(Goal::Bpp(rate))
-        .with_access(Access::Texel)
-        .with_metric(metric)
-        .with_effort(effort);
+    let params =
+        ProgressiveParams::default().with_goal(Goal::Bpp(rate)).with_metric(metric).with_effort(effort);
     let texture = Progressive::encode(&ImageSet::single(image.clone()), &params, &mut Job::default())?;
     let encoded = (cpu_seconds() - start) / megatexels;
     let mut decoded = decode_surface(&texture, 0, 0);

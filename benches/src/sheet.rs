@@ -4,13 +4,13 @@
 //! and row Y on. For each part a row of the sheet for each rate (0.5, 1 and 2 bits a texel); from left to right the source,
 //! ASTC (`astcenc -thorough`: 8x8 of half the width and height, 12x10 with 1.07 bits, 8x8; the source again where it is not
 //! installed), JPEG with 0.17 bits a texel for an index, at the highest quality within the rate (the lowest where none is), and
-//! `progressive` by block, coded for the eye. Of each image the 1024x1024 texels around the part are coded.
+//! `dct`, coded for the eye. Of each image the 1024x1024 texels around the part are coded.
 
 use std::path::Path;
 
 use texfold::image::{ImageSet, Raster};
 use texfold::metric::decode_surface;
-use texfold::{Encoder, Goal, Job, Progressive, ProgressiveParams};
+use texfold::{Dct, DctParams, Encoder, Goal, Job};
 use texfold_benches::report::{Outcome, part};
 use texfold_benches::rivals;
 
@@ -87,8 +87,8 @@ fn jpeg(image: &Raster, rate: f64) -> Outcome<Raster> {
 }
 
 fn ours(image: &Raster, rate: f64) -> Outcome<Raster> {
-    let params = ProgressiveParams::default().with_goal(Goal::Bpp(rate));
-    let texture = Progressive::encode(&ImageSet::single(image.clone()), &params, &mut Job::default())?;
+    let params = DctParams::default().with_goal(Goal::Bpp(rate));
+    let texture = Dct::encode(&ImageSet::single(image.clone()), &params, &mut Job::default())?;
     decode_surface(&texture, 0, 0).ok_or("an image does not decode".into())
 }
 

@@ -33,7 +33,7 @@ const NUMERIC: [&str; 4] = ["bytemuck", "glam", "rayon", "thiserror"];
 const ALLOWED: [Allowed; 20] = [
     Allowed { package: "core", numeric: true, may: &["blake3", "ruzstd", "zstd"] },
     Allowed { package: "bc", numeric: true, may: &["ctt-astcenc", "dds", "texfold-core", "texpresso"] },
-    Allowed { package: "dct", numeric: true, may: &["pulp", "texfold-core"] },
+    Allowed { package: "dct", numeric: true, may: &["pulp", "texfold-bc", "texfold-core"] },
     Allowed { package: "residual", numeric: true, may: &["texfold-bc", "texfold-core"] },
     Allowed { package: "codebook", numeric: true, may: &["ndarray", "texfold-core"] },
     Allowed { package: "match", numeric: true, may: &["texfold-core"] },
@@ -50,7 +50,7 @@ const ALLOWED: [Allowed; 20] = [
     Allowed {
         package: "progressive",
         numeric: true,
-        may: &["texfold-bc", "texfold-core", "texfold-dct", "texfold-match", "texfold-residual"],
+        may: &["texfold-bc", "texfold-core", "texfold-match", "texfold-residual"],
     },
     Allowed {
         package: "lightfield",
@@ -64,6 +64,7 @@ const ALLOWED: [Allowed; 20] = [
         may: &[
             "texfold-bc",
             "texfold-core",
+            "texfold-dct",
             "texfold-epitome",
             "texfold-lightfield",
             "texfold-progressive",
@@ -100,8 +101,9 @@ const ALLOWED: [Allowed; 20] = [
             "texfold-bc",
             "texfold-codebook",
             "texfold-core",
+            "texfold-dct",
             "texfold-gpu",
-            // The bank is built of this codec's parts.
+            // The bank is built of the parts of this codec and of dct.
             "texfold-progressive",
             "tiff",
             "tobj",

@@ -60,7 +60,7 @@ fn files_of_every_codec_are_decoded_alike_on_both_sides() {
     let out = tempfile::tempdir().unwrap();
     let images = fixtures_dir().join("images");
     let (facade, ripple) = (images.join("facade.png"), images.join("ripple"));
-    let few = ["auto", "bc", "vq", "epitome", "progressive"].map(|codec| (codec, facade.clone()));
+    let few = ["auto", "bc", "vq", "epitome", "progressive", "dct"].map(|codec| (codec, facade.clone()));
     let set = ("auto", ripple);
     let all = fs::read_dir(&images).unwrap().map(|entry| entry.unwrap().path());
     let all = all.filter(|path| full() && path.is_file()).map(|path| ("auto", path));

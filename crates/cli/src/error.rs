@@ -13,6 +13,8 @@ pub(crate) enum UsageError {
     NotForCodec { option: &'static str, wanted: &'static str, codec: &'static str },
     #[error("--{option} says nothing with {other}; leave one of them out")]
     Excluded { option: &'static str, other: &'static str },
+    #[error("--{} is {}; allowed: {}", source.field, source.value, source.range)]
+    Setting { source: texfold_core::ParamError },
     #[error("--{option} {value} is outside {range}; give a value in that range")]
     Range { option: &'static str, value: String, range: &'static str },
     #[error("{} names more than one goal; give one of psnr, bpp and tolerance", path.display())]

@@ -1,4 +1,5 @@
-//! Images in blocks of variable length: a transform coder that is read by superblock.
+//! Images in DCT superblocks: a transform coder that is read at random, as a codec ([`Dct`]) and as content of other codecs
+//! ([`DctContent`]).
 //!
 //! An image is rotated to axes learned from its gradients, cut into 8x8 blocks and transformed by a DCT. The blocks' means are
 //! an image of an eighth of the size, which is coded in the same way, down to a single block; a block's lowest coefficients
@@ -29,7 +30,11 @@ mod decode;
 pub mod encode;
 mod form;
 mod gpu;
+mod images;
 mod index;
+#[cfg(feature = "encode")]
+mod params;
+mod part_images;
 mod plane;
 mod rans;
 #[cfg(feature = "encode")]
@@ -50,6 +55,10 @@ pub use deblock::MAX_DEBLOCKING;
 pub use decode::DctTexture;
 pub use form::{DctForm, Group, MAX_CHANNELS, MAX_GROUP, MAX_STEP, Quantiser};
 pub use gpu::Stage;
+pub use images::{Dct, DctImages};
+#[cfg(feature = "encode")]
+pub use params::DctParams;
+pub use part_images::part_images;
 
 /// Bytes of all superblocks.
 type Bytes = Vec<u8>;

@@ -35,7 +35,7 @@ fn fs(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
 /// An image with mip levels in blocks.
 fn encode(image: Raster) -> AnyImage {
     let settings = EncodeSettings {
-        codec: Choice::named("progressive").unwrap(),
+        codec: Choice::named("dct").unwrap(),
         goal: Goal::Bpp(2.0),
         mips: true,
         ..EncodeSettings::default()

@@ -6,9 +6,8 @@ use crate::support::{Case, Subject, Twin, assert_close, calls_of, gpu, image, la
 use glam::{Mat2, Vec2, Vec4};
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::ImageSet;
-use texfold_core::{
-    Access, Budget, Effort, Encoded, Encoder, Goal, Image2d, Job, LoadError, Refine, TextureCodec,
-};
+use texfold_core::{Budget, Effort, Encoded, Encoder, Goal, Image2d, Job, LoadError, Refine, TextureCodec};
+use texfold_dct::{Dct, DctParams};
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource};
 use texfold_gpu::{AddressMode, Gpu, GpuError, GpuTexture, Lookup, Updated, View};
 use texfold_progressive::{Progressive, ProgressiveParams};
@@ -115,11 +114,8 @@ fn a_layered_epitome_is_drawn_after_each_layer() {
 #[test]
 fn a_progressive_file_is_drawn_before_and_after_its_residual() {
     let Some(gpu) = gpu() else { return };
-    let params = ProgressiveParams::default()
-        .with_access(Access::Texel)
-        .with_goal(Goal::Psnr(36.0))
-        .with_effort(Effort::Fast)
-        .with_mips(true);
+    let params =
+        ProgressiveParams::default().with_goal(Goal::Psnr(36.0)).with_effort(Effort::Fast).with_mips(true);
     let set = ImageSet::single(image("facade"));
     let whole = Progressive::encode(&set, &params, &mut Job::default()).unwrap();
     let steps = arrive::<Progressive>(gpu, &file(&whole), 2);
@@ -133,12 +129,11 @@ fn a_progressive_file_is_drawn_before_and_after_its_residual() {
 #[test]
 fn a_file_in_blocks_is_drawn_before_and_after_its_second_layer() {
     let Some(gpu) = gpu() else { return };
-    let params = ProgressiveParams::default().with_goal(Goal::Bpp(1.0)).with_mips(true);
+    let params = DctParams::default().with_goal(Goal::Bpp(1.0)).with_mips(true);
     let set = ImageSet::single(image("facade"));
-    let whole = Progressive::encode(&set, &params, &mut Job::default()).unwrap();
-    assert_eq!(whole.access(), Access::Block);
+    let whole = Dct::encode(&set, &params, &mut Job::default()).unwrap();
     let bytes = file(&whole);
-    let mut loaded = load::<Progressive>(&bytes[..prefix::<Progressive>(&bytes, 1)]).unwrap();
+    let mut loaded = load::<Dct>(&bytes[..prefix::<Dct>(&bytes, 1)]).unwrap();
     assert_eq!(loaded.layers().loaded, 1);
     let mut texture = gpu.upload(&loaded.gpu()).unwrap().with_address_mode(AddressMode::Repeat);
     compare_levels(gpu, &loaded, &texture);

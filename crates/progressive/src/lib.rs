@@ -1,27 +1,23 @@
 //! Images that arrive over time: a small base first, then what it leaves. The base is a prefix of the file.
 //!
-//! There are two forms ([`Access`](texfold_core::Access)). *By block* ([`DctImages`]): transform-coded blocks of variable length
-//! ([`texfold_dct`]), which a compute pass decodes into plain textures before they are drawn. That takes 45 %
-//! fewer bits (34 dB, 14 Kodak photographs); all mip levels take 5 to 14 % more (kodim05 and kodim23 at 36 dB). *By texel* ([`TexelTexture`]), drawn at random access: [`texfold_residual`] content, a
+//! [`texfold_residual`] content, drawn texel by texel at random access: a
 //! base of half, a quarter or an eighth of the width and height in plain blocks, drawn with bilinear filtering, and a residual
 //! plane of none to some 7 bits a texel. Between base and residual stand codebooks ([`Codebook`]): blocks of 8x8 or 16x16
 //! texels use an atom of a public codebook, which many textures share, or of the texture's own, at a place, rotation and gain
 //! that the block's map entry names. Up to about half a bit a texel that is worth more than its bits; above, residual planes
 //! alone are better, and codebooks are not tried.
 //!
-//! Source of the texel form: "Progressive compression of large-scale remote sensing images with GSR descriptors", 2012, sections 4 and 4.3.
+//! Source: "Progressive compression of large-scale remote sensing images with GSR descriptors", 2012, sections 4 and 4.3.
 //! Cost: encoding a trellis search a block and class, a k-d tree query and some hundred patches a block where codebooks
 //! are tried; decoding 12 loads a texel, 6 more with codebooks.
 //!
-//! *Not done*: content that images by block share; alpha in the residual plane: the base alone holds it, and is reduced no further than alpha allows; colours
+//! *Not done*: alpha in the residual plane: the base alone holds it, and is reduced no further than alpha allows; colours
 //! of texels that are wholly transparent are kept as they are; colour in codebooks.
 
-mod block;
 mod codebook;
 pub mod decode;
 #[cfg(feature = "encode")]
 mod encode;
-mod encoded;
 #[cfg(feature = "encode")]
 mod params;
 mod part_images;
@@ -30,23 +26,21 @@ mod shared;
 mod texel;
 mod wire;
 
-pub use block::DctImages;
 pub use codebook::{CELL_SIDE, Codebook, Details, Entry, EntryMap, MapForm};
 #[cfg(feature = "encode")]
 pub use encode::ProgressiveSearch;
-pub use encoded::ProgressiveTexture;
 #[cfg(feature = "encode")]
 pub use params::ProgressiveParams;
 pub use part_images::{PartImages, part_images};
 #[cfg(feature = "encode")]
 pub use shared::Shared;
-pub use texel::TexelTexture;
+pub use texel::ProgressiveTexture;
 pub use texfold_residual::APRON;
 
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::{Budget, CodecId, Image2d, LoadError, TextureCodec};
 
-/// Images in blocks of variable length, or residual content with details.
+/// Residual content with details from codebooks.
 #[derive(Debug, Clone, Copy)]
 pub enum Progressive {}
 
@@ -61,32 +55,12 @@ impl TextureCodec for Progressive {
 }
 
 impl Progressive {
-    /// As [`TextureCodec::load`], for a texture that uses a public codebook: the one that it was made with, or one that
+    /// As [`TextureCodec::load`], for a texture that may use a public codebook: the one that it was made with, or one that
     /// grew from it.
     ///
     /// # Errors
     /// [`LoadError`] as there, and where the codebook is another.
     pub fn load_shared(
-        file: &Sections<'_>,
-        public: &Codebook,
-        budget: &mut Budget,
-    ) -> Result<TexelTexture, LoadError> {
-        TexelTexture::load(file, Some(public), budget)
-    }
-
-    /// As [`TextureCodec::load`], for a file of the form that is read texel by texel.
-    ///
-    /// # Errors
-    /// [`LoadError`] as there, and where the file has the other form.
-    pub fn load_by_texel(file: &Sections<'_>, budget: &mut Budget) -> Result<TexelTexture, LoadError> {
-        TexelTexture::load(file, None, budget)
-    }
-
-    /// Loads a file of either form; one that is read by texel may use a public codebook.
-    ///
-    /// # Errors
-    /// [`LoadError`] as of [`TextureCodec::load`], and where the codebook is another.
-    pub fn load_tile(
         file: &Sections<'_>,
         public: Option<&Codebook>,
         budget: &mut Budget,

@@ -2,7 +2,7 @@
 
 use texfold_bc::Content;
 use texfold_core::image::PixelInfo;
-use texfold_core::{Access, Effort, Goal, Metric, ParamError, Params};
+use texfold_core::{Effort, Goal, Metric, ParamError, Params};
 use texfold_residual::MAX_REDUCE_LOG2;
 
 /// How images are stored.
@@ -11,10 +11,7 @@ use texfold_residual::MAX_REDUCE_LOG2;
 pub struct ProgressiveParams {
     /// What to reach. Goals of bits lessen the squared errors of colours and alpha together, goals of quality count colours.
     pub goal: Goal,
-    /// How texels are reached. Images are stored by texel, too, where a base's form is asked for (`content`, `reduce_log2`) or
-    /// the goal cannot be met by block.
-    pub access: Access,
-    /// Which errors count, by block and by texel (there squares count for tolerances and with alpha, whatever is said here); `None` is [`Metric::Perceptual`] for colours and goals of bits, else
+    /// Which errors count in residual planes, but for tolerances and with alpha, where squares count; `None` is [`Metric::Perceptual`] for colours and goals of bits, else
     /// [`Metric::Psnr`].
     pub metric: Option<Metric>,
     /// How the base is stored; `None` lets the goal decide.
@@ -32,12 +29,6 @@ impl ProgressiveParams {
     #[must_use]
     pub fn with_goal(self, goal: Goal) -> Self {
         ProgressiveParams { goal, ..self }
-    }
-
-    /// With that access.
-    #[must_use]
-    pub fn with_access(self, access: Access) -> Self {
-        ProgressiveParams { access, ..self }
     }
 
     /// With that metric; `None` lets pixels and goal decide.
@@ -70,21 +61,9 @@ impl ProgressiveParams {
         ProgressiveParams { effort, ..self }
     }
 
-    /// Whether the form by block is tried: where no base's form is asked for.
-    #[must_use]
-    pub fn tries_blocks(&self) -> bool {
-        self.access == Access::Block && self.content.is_none() && self.reduce_log2.is_none()
-    }
-
-    /// The metric for such pixels.
-    #[must_use]
-    pub fn metric_for(&self, pixel: PixelInfo) -> Metric {
-        self.metric.unwrap_or(Metric::for_goal(self.goal, pixel.color))
-    }
-
-    /// The metric by texel for such pixels and a goal. A tolerance bounds squared errors, and with alpha squares count, too: colours that it hides
+    /// The metric for such pixels and a goal. A tolerance bounds squared errors, and with alpha squares count, too: colours that it hides
     /// would seem to be where much goes on.
-    pub(crate) fn texel_metric(&self, pixel: PixelInfo, goal: Goal) -> Metric {
+    pub(crate) fn metric_for(&self, pixel: PixelInfo, goal: Goal) -> Metric {
         match goal {
             Goal::Tolerance(_) => Metric::Psnr,
             _ if pixel.has_alpha() => Metric::Psnr,

@@ -6,9 +6,9 @@ use texfold_core::{SurfaceSize, Texel};
 
 use texfold_residual::{BLOCK_SIDE, blocks_of};
 
+use crate::ProgressiveTexture;
 use crate::codebook::{Codebook, Details, Entry, MOST_GAIN};
 use crate::decode::texfold_progressive_rotation;
-use crate::{DctImages, ProgressiveTexture, TexelTexture};
 
 /// Gray of what is read once; black is not read at all.
 const DARKEST: f32 = 0.2;
@@ -23,7 +23,7 @@ const OWN: Vec3 = Vec3::new(1.0, 0.6, 0.2);
 pub struct PartImages {
     /// The base of each image.
     pub bases: Vec<Raster>,
-    /// For each image the bits of each block of its residual plane, or of each superblock: black none, through red and yellow to
+    /// For each image the bits of each block of its residual plane: black none, through red and yellow to
     /// white, the most of the texture; none where there is no residual plane.
     pub bits: Vec<Raster>,
     /// For each image what each block reads of codebooks: black nothing, blue public content, orange its own, the brighter the
@@ -38,30 +38,6 @@ pub struct PartImages {
 /// Draws the parts of `texture`; `None` only where an image cannot be made at all.
 #[must_use]
 pub fn part_images(texture: &ProgressiveTexture) -> Option<PartImages> {
-    match texture {
-        ProgressiveTexture::Block(images) => block_parts(images),
-        ProgressiveTexture::Texel(texture) => texel_parts(texture),
-    }
-}
-
-/// Bases, and the bits of superblocks.
-fn block_parts(images: &DctImages) -> Option<PartImages> {
-    let mut parts = PartImages::default();
-    let content = images.content();
-    for surface in 0..content.layout().surfaces.len() as u32 {
-        let image = content.stages_of(surface).first()?;
-        let (SurfaceSize { width, height }, texels) = content.base_texels(surface)?;
-        parts.bases.push(Raster::from_texels(width, height, content.layout().pixel, &texels).ok()?);
-        let ((columns, _), bytes) = image.superblock_bytes();
-        let side = image.superblock_side();
-        let most = bytes.iter().copied().max().unwrap_or(0).max(1) as f32;
-        let share = |x: u32, y: u32| bytes[(y / side * columns + x / side) as usize] as f32 / most;
-        parts.bits.push(draw(image.form().size, |x, y| heat(share(x, y)))?);
-    }
-    Some(parts)
-}
-
-fn texel_parts(texture: &TexelTexture) -> Option<PartImages> {
     let mut parts = PartImages::default();
     let surfaces = &texture.stored().surfaces;
     for (surface, &size) in surfaces.iter().enumerate() {
@@ -100,19 +76,13 @@ fn draw(size: SurfaceSize, color: impl Fn(u32, u32) -> Vec3) -> Option<Raster> {
     Raster::from_texels(size.width, size.height, info, &texels).ok()
 }
 
-/// Black, red, yellow and white for 0, 1/3, 2/3 and 1.
-fn heat(value: f32) -> Vec3 {
-    let ramp = |from: f32| (3.0 * value - from).clamp(0.0, 1.0);
-    Vec3::new(ramp(0.0), ramp(1.0), ramp(2.0))
-}
-
-fn draw_bits(texture: &TexelTexture, surface: u32, size: SurfaceSize) -> Option<Raster> {
+fn draw_bits(texture: &ProgressiveTexture, surface: u32, size: SurfaceSize) -> Option<Raster> {
     let (columns, rows) = blocks_of(size);
     let classes = texture.classes(surface);
     let classes = classes.get(..(columns * rows) as usize)?;
     let most = classes.iter().copied().max().unwrap_or(0).max(1);
     let class = |x: u32, y: u32| classes[(y / BLOCK_SIDE * columns + x / BLOCK_SIDE) as usize];
-    draw(size, |x, y| heat(f32::from(class(x, y)) / f32::from(most)))
+    Raster::heat_map(size, |x, y| f32::from(class(x, y)) / f32::from(most)).ok()
 }
 
 fn draw_sources(details: &Details, entries: &[Entry], size: SurfaceSize) -> Option<Raster> {
@@ -180,11 +150,11 @@ mod tests {
     use super::*;
     use crate::{Progressive, ProgressiveParams};
     use texfold_core::image::ImageSet;
-    use texfold_core::{Access, Encoder, Goal, Job};
+    use texfold_core::{Encoder, Goal, Job};
 
-    fn texture(bpp: f64, access: Access) -> ProgressiveTexture {
+    fn texture(bpp: f64) -> ProgressiveTexture {
         let set = ImageSet::single(texfold_testkit::image("terrain"));
-        let params = ProgressiveParams::default().with_goal(Goal::Bpp(bpp)).with_access(access);
+        let params = ProgressiveParams::default().with_goal(Goal::Bpp(bpp));
         Progressive::encode(&set, &params, &mut Job::default()).unwrap()
     }
 
@@ -194,9 +164,8 @@ mod tests {
 
     #[test]
     fn blocks_are_as_bright_as_they_have_bits() {
-        let texture = texture(2.0, Access::Texel);
+        let texture = texture(2.0);
         let parts = part_images(&texture).unwrap();
-        let texture = texture.texel().unwrap();
         assert_eq!(sizes(&parts.bits), [(256, 256)]);
         let side = 256 >> texture.reduce_log2();
         assert_eq!(sizes(&parts.bases), [(side, side)]);
@@ -208,22 +177,6 @@ mod tests {
             assert!((heat - 3.0 * f32::from(class) / f32::from(most)).abs() < 1e-5, "{block}");
         }
         assert!(parts.codebooks.is_empty() && parts.sources.is_empty());
-    }
-
-    #[test]
-    fn superblocks_are_as_bright_as_they_have_bytes() {
-        let texture = texture(1.0, Access::Block);
-        let parts = part_images(&texture).unwrap();
-        assert_eq!((sizes(&parts.bits), sizes(&parts.bases)), (vec![(256, 256)], vec![(32, 32)]));
-        let image = &texture.block().unwrap().content().stages()[0];
-        let ((columns, rows), bytes) = image.superblock_bytes();
-        assert_eq!((columns, rows), (8, 8));
-        let most = bytes.iter().copied().max().unwrap() as f32;
-        for (number, &bytes) in (0..).zip(&bytes) {
-            let texel = parts.bits[0].texel(number % 8 * 32 + 31, number / 8 * 32);
-            let heat = texel.x + texel.y + texel.z;
-            assert!((heat - 3.0 * bytes as f32 / most).abs() < 1e-5, "{number}");
-        }
     }
 
     #[test]

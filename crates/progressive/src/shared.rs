@@ -1,17 +1,12 @@
-//! How textures are made: alone, with a public codebook and with what surrounds a tile, or as tiles that share a step.
+//! How textures are made: alone, or with a public codebook and with what surrounds a tile.
 
 use std::sync::Arc;
 
-use texfold_core::image::{Depth, ImageSet, Raster};
-use texfold_core::target::{FoundStep, Measured, excess, search_step};
+use texfold_core::image::{ImageSet, Raster};
 use texfold_core::{EncodeError, Encoder, Goal, Job, SharedSearch};
-use texfold_dct::encode::{STEPS, first_step};
 
 use crate::codebook::MAX_CODEBOOK_SIDE;
-use crate::{
-    Codebook, DctImages, Progressive, ProgressiveParams, ProgressiveSearch, ProgressiveTexture, TexelTexture,
-    encode,
-};
+use crate::{Codebook, Progressive, ProgressiveParams, ProgressiveSearch, ProgressiveTexture, encode};
 
 /// A public codebook that textures use and add to, and what surrounds a tile.
 #[derive(Debug, Clone, Default)]
@@ -34,7 +29,7 @@ impl Encoder for Progressive {
         params: &ProgressiveParams,
         job: &mut Job<'_>,
     ) -> Result<ProgressiveTexture, EncodeError> {
-        encode::encode(source, params, job)
+        encode::encode(source, params, &Shared::default(), job)
     }
 }
 
@@ -59,7 +54,7 @@ impl SharedSearch for Progressive {
 }
 
 impl Progressive {
-    /// As [`Encoder::encode`] by texel, with a public codebook. [`TexelTexture::details`] of the result names the codebook
+    /// As [`Encoder::encode`], with a public codebook. [`ProgressiveTexture::details`] of the result names the codebook
     /// that it uses: the same, or one that grew from it. A goal of bits counts the texture's own.
     ///
     /// # Errors
@@ -69,56 +64,8 @@ impl Progressive {
         params: &ProgressiveParams,
         shared: &Shared,
         job: &mut Job<'_>,
-    ) -> Result<TexelTexture, EncodeError> {
+    ) -> Result<ProgressiveTexture, EncodeError> {
         let most_rows = shared.most_rows.min(MAX_CODEBOOK_SIDE / 2);
-        encode::by_texel(source, params, &Shared { most_rows, ..shared.clone() }, job)
-    }
-    /// As [`Encoder::encode`] by block, with a step that the caller names instead of a goal: tiles of an image that share
-    /// one have errors alike. The result has no notes; [`DctImages::described`] gives it some.
-    ///
-    /// # Errors
-    /// [`EncodeError`] as there.
-    pub fn encode_at_step(
-        source: &ImageSet,
-        params: &ProgressiveParams,
-        step: u16,
-        job: &mut Job<'_>,
-    ) -> Result<DctImages, EncodeError> {
-        encode::blocks::at_step(source, params, step, job)
-    }
-
-    /// Searches the step for [`Progressive::encode_at_step`] with which several tiles together just meet a goal. `at_step`
-    /// makes something of them with a step, and measures them together; of what meets the goal, what it made with the
-    /// fewest bits, or with the most for a goal of bits. `None` where nothing is tried.
-    ///
-    /// # Errors
-    /// Whatever `at_step` returns, at once.
-    pub fn search_step<T, E>(
-        goal: Goal,
-        depth: Depth,
-        mut at_step: impl FnMut(u16) -> Result<(T, Measured), E>,
-    ) -> Result<Option<FoundStep<T>>, E> {
-        let first = first_step(if depth == Depth::Eight { 8 } else { 16 });
-        search_step(goal, STEPS, first, |step| {
-            let (made, measured) = at_step(step)?;
-            Ok((made, excess(goal, &measured)))
-        })
-    }
-}
-
-impl DctImages {
-    /// With notes of how they were made, and of what they show without their second layer.
-    ///
-    /// # Errors
-    /// [`EncodeError::Cancelled`] where the caller asked to stop.
-    pub fn described(
-        self,
-        source: &ImageSet,
-        params: &ProgressiveParams,
-        met: bool,
-        job: &Job<'_>,
-    ) -> Result<DctImages, EncodeError> {
-        let notes = encode::blocks::notes(source, &self, params, met, job)?;
-        Ok(self.with_notes(notes))
+        encode::encode(source, params, &Shared { most_rows, ..shared.clone() }, job)
     }
 }

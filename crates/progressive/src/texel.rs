@@ -23,7 +23,7 @@ use crate::{Progressive, wire};
 
 /// Images stored as residual content with details, read texel by texel.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TexelTexture {
+pub struct ProgressiveTexture {
     /// The images, levels that are not stored among them.
     layout: ImageLayout,
     pub(crate) content: ResidualContent,
@@ -33,7 +33,7 @@ pub struct TexelTexture {
     pub(crate) notes: Notes,
 }
 
-impl TexelTexture {
+impl ProgressiveTexture {
     /// Loads a texture; `public` is the codebook that it shares with others, or one that grew from it.
     pub(crate) fn load(
         file: &Sections<'_>,
@@ -43,7 +43,7 @@ impl TexelTexture {
         let notes = Notes::read(file, budget)?;
         let layout = read_layout(file, budget)?;
         let (content, details) = wire::load(&layout, file, public, budget)?;
-        Ok(TexelTexture::new(layout, content, details, notes))
+        Ok(ProgressiveTexture::new(layout, content, details, notes))
     }
 
     /// Of images of that layout, whose stored levels are those of `content`.
@@ -55,12 +55,12 @@ impl TexelTexture {
     ) -> Self {
         let params = |surface: usize| params_of(&layout, &content, details.as_ref(), surface);
         let params = (0..layout.surfaces.len()).map(params).collect();
-        TexelTexture { layout, content, details, params, notes }
+        ProgressiveTexture { layout, content, details, params, notes }
     }
 
     /// The same images and details with other residual content of the same layout.
     pub(crate) fn with_content(&self, content: ResidualContent) -> Self {
-        TexelTexture { content, ..self.clone() }
+        ProgressiveTexture { content, ..self.clone() }
     }
 
     /// Base and residual plane.
@@ -120,13 +120,13 @@ impl TexelTexture {
 
     /// The texture without codebooks and maps: what its residual plane adds is the same.
     #[must_use]
-    pub fn without_details(&self) -> TexelTexture {
-        TexelTexture::new(self.layout.clone(), self.content.clone(), None, self.notes.clone())
+    pub fn without_details(&self) -> ProgressiveTexture {
+        ProgressiveTexture::new(self.layout.clone(), self.content.clone(), None, self.notes.clone())
     }
 
     /// The texture as it is with the first `count` layers of its file, at least one.
     #[must_use]
-    pub fn first_layers(&self, count: u32) -> TexelTexture {
+    pub fn first_layers(&self, count: u32) -> ProgressiveTexture {
         if count < 2 { self.with_content(self.content.base_alone()) } else { self.clone() }
     }
 
@@ -185,7 +185,7 @@ fn params_of(
     }
 }
 
-impl Encoded for TexelTexture {
+impl Encoded for ProgressiveTexture {
     type Domain = Image2d;
 
     fn codec(&self) -> CodecId {
@@ -259,7 +259,7 @@ impl Encoded for TexelTexture {
     }
 }
 
-impl Refine for TexelTexture {
+impl Refine for ProgressiveTexture {
     fn refine(&mut self, file: &Sections<'_>, budget: &mut Budget) -> Result<Vec<&'static str>, LoadError> {
         let Some(content) = self.content.with_rest(wire::CONTENT, file, budget)? else {
             return Ok(Vec::new());
@@ -269,7 +269,7 @@ impl Refine for TexelTexture {
     }
 }
 
-impl TexelTexture {
+impl ProgressiveTexture {
     /// The texels of a region of a stored level, which lies inside.
     pub(crate) fn decode_stored(&self, region: Rect, out: &mut [Texel]) {
         self.content.decode_base(region, out);

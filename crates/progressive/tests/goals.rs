@@ -4,7 +4,7 @@
 
 use texfold_core::image::{Alpha, ImageSet, PixelInfo, Raster};
 use texfold_core::metric::{SquaredError, quality};
-use texfold_core::{Access, Effort, Encoder, Goal, Job, Texel};
+use texfold_core::{Effort, Encoder, Goal, Job, Texel};
 use texfold_progressive::{Progressive, ProgressiveParams};
 use texfold_testkit::full;
 
@@ -30,10 +30,7 @@ fn terrain(channels: u8, collar: bool) -> ImageSet {
 
 /// PSNR of colours and alpha by the sum of their squared errors, which is what goals of bits lessen.
 fn reached(set: &ImageSet, bpp: f64) -> f64 {
-    let params = ProgressiveParams::default()
-        .with_access(Access::Texel)
-        .with_goal(Goal::Bpp(bpp))
-        .with_effort(Effort::Fast);
+    let params = ProgressiveParams::default().with_goal(Goal::Bpp(bpp)).with_effort(Effort::Fast);
     let texture = Progressive::encode(set, &params, &mut Job::default()).unwrap();
     let found = quality(set, &texture);
     let alpha = found.alpha.map_or(0.0, |alpha| alpha.sum);

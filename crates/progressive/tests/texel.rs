@@ -8,10 +8,10 @@ use texfold_core::image::{Alpha, ColorSpace, ImageSet, MipFilter, PixelInfo, Ras
 use texfold_core::metric::{alpha_error, color_error, decode_surface, measure, quality};
 use texfold_core::target::Measured;
 use texfold_core::{
-    Access, Budget, Domain, Effort, EncodeError, Encoded, Encoder, Goal, Image2d, ImageAddress, Job, Layers,
+    Budget, Domain, Effort, EncodeError, Encoded, Encoder, Goal, Image2d, ImageAddress, Job, Layers,
     LoadError, Metric, Rect, Refine, SharedSearch, SurfaceSize, Texel, TextureCodec,
 };
-use texfold_progressive::{APRON, Progressive, ProgressiveParams, Shared, TexelTexture};
+use texfold_progressive::{APRON, Progressive, ProgressiveParams, ProgressiveTexture, Shared};
 use texfold_residual::encode::counted_error;
 use texfold_testkit::once;
 
@@ -20,22 +20,22 @@ fn image(name: &str) -> ImageSet {
 }
 
 /// The texture of these images, made once for all tests.
-fn encode(set: &ImageSet, params: &ProgressiveParams) -> TexelTexture {
-    static KNOWN: once::Encoded<TexelTexture> = once::Encoded::new();
+fn encode(set: &ImageSet, params: &ProgressiveParams) -> ProgressiveTexture {
+    static KNOWN: once::Encoded<ProgressiveTexture> = once::Encoded::new();
     KNOWN.get(set, params, || {
         Progressive::encode_shared(set, params, &Shared::default(), &mut Job::default()).unwrap()
     })
 }
 
-fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<TexelTexture, LoadError> {
-    Progressive::load_by_texel(file, budget)
+fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<ProgressiveTexture, LoadError> {
+    Progressive::load(file, budget)
 }
 
 fn fast(goal: Goal) -> ProgressiveParams {
     ProgressiveParams::default().with_goal(goal).with_effort(Effort::Fast)
 }
 
-fn bytes(texture: &TexelTexture) -> Vec<u8> {
+fn bytes(texture: &ProgressiveTexture) -> Vec<u8> {
     let mut writer = SectionWriter::new(Progressive::ID);
     texture.store(&mut writer);
     writer.finish().bytes
@@ -303,7 +303,7 @@ fn a_public_codebook_grows_and_earlier_images_stay_as_they_are() {
     for (stored, shown) in &made {
         let mut budget = Budget::default();
         let file = Sections::parse(stored, &mut budget).unwrap();
-        let texture = Progressive::load_shared(&file, &public, &mut budget).unwrap();
+        let texture = Progressive::load_shared(&file, Some(&public), &mut budget).unwrap();
         assert!(decode_surface(&texture, 0, 0).unwrap() == *shown);
         if texture.details().is_some_and(|details| details.public.is_some()) {
             let alone = load(&file, &mut budget).unwrap_err().to_string();
@@ -385,13 +385,13 @@ fn no_step_is_seen_between_tiles_whose_bases_go_on_beyond_their_borders() {
 #[test]
 fn one_search_serves_goals_of_every_kind() {
     let set = ImageSet::single(texfold_testkit::image("terrain"));
-    let params = ProgressiveParams::default().with_goal(Goal::Bpp(0.6)).with_access(Access::Texel);
+    let params = ProgressiveParams::default().with_goal(Goal::Bpp(0.6));
     let search = Progressive::search(&set, &params, &mut Job::default()).unwrap();
     // With room for codebooks of several sizes, and without; the last goal asks again for the bases of the first.
     for goal in [Goal::Bpp(0.45), Goal::Psnr(36.0), Goal::Tolerance(9.0), Goal::Bpp(0.6)] {
         let found = Progressive::encode_from(&search, goal, &mut Job::default()).unwrap();
         let alone = encode(&set, &params.clone().with_goal(goal));
-        assert!(bytes(found.texel().unwrap()) == bytes(&alone), "{goal:?}");
+        assert!(bytes(&found) == bytes(&alone), "{goal:?}");
     }
 }
 
@@ -479,7 +479,7 @@ fn a_collar_costs_few_bits_and_alpha_is_as_good_as_colours() {
     let info = PixelInfo { channels: 4, alpha: Alpha::Straight, ..image.info() };
     let texels: Vec<Texel> = image.texels().enumerate().map(texel).collect();
     let set = ImageSet::single(Raster::from_texels(256, 256, info, &texels).unwrap());
-    let alpha = |texture: &TexelTexture| quality(&set, texture).alpha.unwrap().psnr();
+    let alpha = |texture: &ProgressiveTexture| quality(&set, texture).alpha.unwrap().psnr();
     let few = encode(&set, &fast(Goal::Bpp(1.0)));
     assert!(measure(&set, &few).bpp <= 1.0 && alpha(&few) > 24.0, "{}", alpha(&few));
     let good = encode(&set, &fast(Goal::Psnr(27.0)));

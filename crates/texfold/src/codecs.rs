@@ -3,6 +3,7 @@
 use texfold_bc::Bc;
 use texfold_core::container::Sections;
 use texfold_core::{Budget, CodecId, Image2d, LoadError, Refine, TextureCodec};
+use texfold_dct::Dct;
 use texfold_epitome::Epitome;
 use texfold_lightfield::Lightfield;
 use texfold_progressive::Progressive;
@@ -12,7 +13,7 @@ use texfold_zipmap::Zipmap;
 use crate::{AnyImage, AnyTexture};
 
 /// Every codec, in the order of the numbers in files.
-pub static CODECS: [Registration; 6] = [
+pub static CODECS: [Registration; 7] = [
     Registration::of_images::<Bc>("Plain block compression", Input::Images),
     Registration::of_images::<Vq>("Importance-driven vector quantisation", Input::Images),
     Registration::of_images::<Epitome>("Epitome factoring", Input::Images).refining::<Epitome>(),
@@ -31,6 +32,7 @@ pub static CODECS: [Registration; 6] = [
         "A root and patches of higher resolution, for zoom stacks",
         Input::Stack,
     ),
+    Registration::of_images::<Dct>("DCT superblocks", Input::Images).refining::<Dct>(),
 ];
 
 /// What a codec encodes.

@@ -55,18 +55,18 @@
 //! # let _ = named;
 //! ```
 //!
-//! `progressive` stores images by block, which takes fewest bits and is decoded before it is drawn, or to be read texel by
-//! texel; by block errors count as the eye sees them, or alike. [`GpuForm::access`](crate::GpuForm::access) says which way a
+//! `dct` takes fewest bits and is decoded before it is drawn, `progressive` is read texel by texel; errors count as the eye sees
+//! them, or alike. [`GpuForm::access`](crate::GpuForm::access) says which way a
 //! texture is read:
 //!
 //! ```
-//! use texfold::{Access, Choice, EncodeSettings, Encoded, Goal, Guidance, ImageSet, Job, Metric, Progressive, encode_images};
+//! use texfold::{Access, Choice, Dct, EncodeSettings, Encoded, Goal, Guidance, ImageSet, Job, Metric, Progressive, encode_images};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let set = ImageSet::single(texfold_testkit::image("facade"));
-//! let settings = EncodeSettings { codec: Choice::of::<Progressive>(), goal: Goal::Bpp(1.0), ..EncodeSettings::default() };
+//! let settings = EncodeSettings { codec: Choice::of::<Dct>(), goal: Goal::Bpp(1.0), ..EncodeSettings::default() };
 //! let exact = EncodeSettings { metric: Some(Metric::Psnr), ..settings.clone() };
-//! let scattered = EncodeSettings { access: Some(Access::Texel), ..settings.clone() };
+//! let scattered = EncodeSettings { codec: Choice::of::<Progressive>(), ..settings.clone() };
 //! for (settings, access) in [(settings, Access::Block), (exact, Access::Block), (scattered, Access::Texel)] {
 //!     let texture = encode_images(&set, Guidance::default(), &settings, &mut Job::default())?;
 //!     assert_eq!(texture.as_encoded().gpu().access(), access);
@@ -153,18 +153,17 @@
 //!
 //! # Share codebooks in a bank
 //!
-//! A bank is a folder of large images in tiles; images are added to it over time, and none that is there changes. Tiles are by
-//! block, or with `--access texel` to be read texel by texel, and then share codebooks by category. Blocks are better at any
-//! number of bits. A bank keeps the form that it was begun with:
+//! A bank is a folder of large images in tiles; images are added to it over time, and none that is there changes. Tiles of codec
+//! `dct` are better at any number of bits; those of codec `progressive` are read texel by texel and share codebooks by category:
 //!
 //! ```sh
-//! texfold compress photos/2024 --codec progressive --as set --access texel --category forest --bpp 0.5 --out bank
+//! texfold compress photos/2024 --codec progressive --as set --category forest --bpp 0.5 --out bank
 //! texfold compress photos/2025 --codec progressive --as set --category forest --bpp 0.5 --out bank
 //! texfold info bank
 //! texfold decompress bank --image oak --tile 0,1 --out check
 //! ```
 //!
-//! In code, tiles by block share a step ([`Progressive::encode_at_step`](crate::Progressive::encode_at_step)). By texel an image is encoded against a public codebook and gives back the codebook as it has grown:
+//! In code, tiles of `dct` share a step ([`Dct::encode_at_step`](crate::Dct::encode_at_step)). With `progressive` an image is encoded against a public codebook and gives back the codebook as it has grown:
 //!
 //! ```
 //! use texfold::{Goal, ImageSet, Job, Progressive, ProgressiveParams, Shared};

@@ -49,6 +49,7 @@ pub use open::{OpenError, open, open_from, open_image, open_light};
 pub use texfold_bc::{Bc, BcTexture, Content, Family};
 pub use texfold_core::image::{Alpha, ColorSpace, Depth, ImageSet, PixelInfo, Raster};
 pub use texfold_core::*;
+pub use texfold_dct::{Dct, DctImages};
 pub use texfold_epitome::{Epitome, EpitomeTexture, MAX_LAYERS};
 pub use texfold_lightfield::{
     Camera, Directions, Factors, LightTexture, Lightfield, MAX_TERMS, Mesh, Renderer,

@@ -15,9 +15,9 @@ use texfold::image::ImageSet;
 use texfold::metric::{decode_surface, measure, quality};
 use texfold::target::Measured;
 use texfold::{
-    Access, AnyImage, AnyTexture, Arrived, Arriving, Bc, Budget, BytesError, CODECS, Choice, Content,
+    Access, AnyImage, AnyTexture, Arrived, Arriving, Bc, Budget, BytesError, CODECS, Choice, Content, Dct,
     ENCODINGS, Effort, EncodeError, EncodeSettings, Encoded, Encoding, Epitome, Goal, Guidance, Image2d,
-    ImageAddress, ImageEncoder, Input, Job, LightAddress, LightParams, Lightfield, Limits, LoadError,
+    ImageAddress, ImageEncoder, Input, Job, LightAddress, LightParams, Lightfield, Limits, LoadError, Metric,
     Progressive, Rect, Registration, Texel, Vq, add_images, encode_images, file_of, open, open_from,
     open_image, search_images,
 };
@@ -148,6 +148,7 @@ fn what_is_made_is_what_is_loaded_and_meets_its_goal() {
             encoded_and_measured::<Vq>(&set, goal),
             encoded_and_measured::<Epitome>(&set, goal),
             encoded_and_measured::<Progressive>(&set, goal),
+            encoded_and_measured::<Dct>(&set, goal),
         ];
         assert_eq!(measured.len(), ENCODINGS.len(), "a codec is left out");
         for (encoding, measured) in ENCODINGS.iter().zip(measured) {
@@ -230,6 +231,9 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
     for ((encoding, access), goal) in ways().flat_map(|way| goals.map(|goal| (way, goal))) {
         let effort = if full() { Effort::Normal } else { Effort::Fast };
         let settings = EncodeSettings { mips: true, effort, access: Some(access), ..settings(goal) };
+        if encoding.check(&settings).is_err() {
+            continue;
+        }
         let with = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let mut job = Job::default().with_pool(&pool);
@@ -409,16 +413,58 @@ fn images() -> Vec<(String, AnyImage)> {
 }
 
 #[test]
-fn goals_of_quality_hold_for_alpha_as_for_colours() {
-    // Hard borders of alpha: by colours alone progressive by texel left it at 18 dB.
-    let set = fixture("cutout");
-    for encoding in &ENCODINGS {
-        for access in [Access::Block, Access::Texel] {
-            let codec = Choice::named(encoding.id.name).unwrap();
-            let settings = EncodeSettings { codec, access: Some(access), ..settings(Goal::Psnr(30.0)) };
-            let made = encode_images(&set, Guidance::default(), &settings, &mut Job::default()).unwrap();
-            let alpha = quality(&set, made.as_encoded()).alpha.map(|alpha| alpha.psnr());
-            assert!(alpha >= Some(30.0), "{} {access:?}: {alpha:?}", encoding.id.name);
+fn settings_that_a_codec_does_not_follow_are_refused() {
+    let set = fixture("odd_3x5");
+    let refused = |codec: &str, settings: EncodeSettings| {
+        let settings = EncodeSettings { codec: Choice::named(codec).unwrap(), ..settings };
+        let made = encode_images(&set, Guidance::default(), &settings, &mut Job::default());
+        match made.map(|made| made.codec()) {
+            Err(EncodeError::Params(error)) => Some(error.field),
+            _ => None,
         }
+    };
+    let usual = EncodeSettings::default;
+    for (encoding, access) in
+        ENCODINGS.iter().flat_map(|row| [Access::Block, Access::Texel].map(|way| (row, way)))
+    {
+        let is_refused = refused(encoding.id.name, EncodeSettings { access: Some(access), ..usual() });
+        assert_eq!(is_refused.is_none(), encoding.accesses.contains(&access), "{encoding:?} {access:?}");
+    }
+    for encoding in &ENCODINGS {
+        let is_refused = refused(encoding.id.name, EncodeSettings { metric: Some(Metric::Psnr), ..usual() });
+        assert_eq!(is_refused.is_none(), encoding.has_metric, "{encoding:?}");
+    }
+    let bound = || EncodeSettings { goal: Goal::Tolerance(9.0), ..usual() };
+    let by_block = || EncodeSettings { access: Some(Access::Block), ..bound() };
+    for (codec, settings, field) in [
+        ("dct", EncodeSettings { content: Some(Content::Bc1), ..usual() }, "content"),
+        ("progressive", EncodeSettings { metric: Some(Metric::Psnr), ..bound() }, "metric"),
+        ("epitome", by_block(), "access"),
+        (
+            "epitome",
+            EncodeSettings { content: Some(Content::Bc1), goal: Goal::default(), ..by_block() },
+            "access",
+        ),
+        (
+            "epitome",
+            EncodeSettings { access: Some(Access::Texel), metric: Some(Metric::Psnr), ..usual() },
+            "metric",
+        ),
+        ("bc", EncodeSettings { goal: Goal::Bpp(-1.0), ..usual() }, "bpp"),
+    ] {
+        assert_eq!(refused(codec, settings.clone()), Some(field), "{codec} {settings:?}");
+    }
+}
+
+#[test]
+fn goals_of_quality_hold_for_alpha_as_for_colours() {
+    // Hard borders of alpha: by colours alone progressive left it at 18 dB.
+    let set = fixture("cutout");
+    for (encoding, access) in ways() {
+        let codec = Choice::named(encoding.id.name).unwrap();
+        let settings = EncodeSettings { codec, access: Some(access), ..settings(Goal::Psnr(30.0)) };
+        let made = encode_images(&set, Guidance::default(), &settings, &mut Job::default()).unwrap();
+        let alpha = quality(&set, made.as_encoded()).alpha.map(|alpha| alpha.psnr());
+        assert!(alpha >= Some(30.0), "{} {access:?}: {alpha:?}", encoding.id.name);
     }
 }

@@ -125,7 +125,7 @@ fn a_light_field_is_drawn_as_ever() {
 
 /// A base and a residual plane with mip levels, and what a prefix without the residual plane decodes to. While the form of the file is not
 /// released, it is written anew by
-/// `texfold compress fixtures/images/odd_37x61.png --codec progressive --access texel --effort fast --psnr 32 --mips --out .`
+/// `texfold compress fixtures/images/odd_37x61.png --codec progressive --effort fast --psnr 32 --mips --out .`
 /// and its images by `texfold decompress odd_37x61.txf --out .` without any, with `--lod 2` and with `--layers 1`.
 #[test]
 fn a_base_and_an_error_map_decode_as_ever() {
@@ -140,7 +140,7 @@ fn a_base_and_an_error_map_decode_as_ever() {
 }
 
 /// A residual plane along axes of its own. It was written by
-/// `texfold compress fixtures/images/stripes.png --codec progressive --access texel --metric psnr --bpp 2 --mips --out .`, its images by
+/// `texfold compress fixtures/images/stripes.png --codec progressive --metric psnr --bpp 2 --mips --out .`, its images by
 /// `texfold decompress stripes.txf --out .` without and with `--lod 2`.
 #[test]
 fn a_residual_along_axes_of_its_own_decodes_as_ever() {
@@ -152,22 +152,22 @@ fn a_residual_along_axes_of_its_own_decodes_as_ever() {
     assert_eq!((form[2] >> 4, form.len()), (1, 3 + 14 + 64 + 4));
 }
 
-/// Blocks of variable length with mip levels of two stages, and what a prefix without the images' own superblocks shows; and
-/// blocks with alpha. They were written by `texfold compress fixtures/images/NAME.png --codec progressive --bpp 2 --mips --out .` of
+/// DCT superblocks with mip levels of two stages, and what a prefix without the images' own superblocks shows; and
+/// blocks with alpha. They were written by `texfold compress fixtures/images/NAME.png --codec dct --bpp 2 --mips --out .` of
 /// `odd_37x61` and `cutout`, and their images by `texfold decompress NAME.txf --out .` without any, with `--lod LEVEL` and with
 /// `--layers 1`.
 #[test]
 fn blocks_of_variable_length_decode_as_ever() {
-    assert_decodes("progressive_block", &["progressive_block.png".to_owned()]);
-    assert_level_decodes("progressive_block", 2, &["progressive_block-level2.png".to_owned()]);
-    assert_level_decodes("progressive_block", 4, &["progressive_block-level4.png".to_owned()]);
-    let bytes = std::fs::read(golden("progressive_block.txf")).unwrap();
+    assert_decodes("dct", &["dct.png".to_owned()]);
+    assert_level_decodes("dct", 2, &["dct-level2.png".to_owned()]);
+    assert_level_decodes("dct", 4, &["dct-level4.png".to_owned()]);
+    let bytes = std::fs::read(golden("dct.txf")).unwrap();
     let prefix = open_image(&bytes[..bytes.len() - 1], &mut Budget::default()).unwrap();
     assert_eq!(prefix.as_encoded().layers(), Layers { loaded: 1, total: 2 });
-    let wanted = texfold_testkit::png(&golden("progressive_block-base.png"));
+    let wanted = texfold_testkit::png(&golden("dct-base.png"));
     assert!(decode_surface(prefix.as_encoded(), 0, 0).unwrap().to_bytes() == wanted.to_bytes());
-    assert_decodes("progressive_block_alpha", &["progressive_block_alpha.png".to_owned()]);
-    assert_level_decodes("progressive_block_alpha", 1, &["progressive_block_alpha-level1.png".to_owned()]);
+    assert_decodes("dct_alpha", &["dct_alpha.png".to_owned()]);
+    assert_level_decodes("dct_alpha", 1, &["dct_alpha-level1.png".to_owned()]);
 }
 
 /// A root in two planes with two patches in one, by hand. While the form of the file is not released, it is written anew by

@@ -11,12 +11,11 @@ use std::sync::Mutex;
 
 use peak_alloc::PeakAlloc;
 use support::forged::with_changed_section;
-use support::{epitome, fixture, progressive, small_textures, stack};
+use support::{dct, epitome, fixture, small_textures, stack};
 use texfold::container::{NOTES_ID, SectionWriter, write_layout};
 use texfold::{
-    Bc, Budget, ENCODINGS, Effort, EncodeSettings, Encoder, EpitomeParams, Family, Goal, Guidance,
-    ImageAddress, ImageLayout, Job, Limits, Notes, ProgressiveParams, SurfaceSize, TextureCodec, ZipParams,
-    Zipmap, open_image,
+    Bc, Budget, DctParams, ENCODINGS, Effort, EncodeSettings, Encoder, EpitomeParams, Family, Goal, Guidance,
+    ImageAddress, ImageLayout, Job, Limits, Notes, SurfaceSize, TextureCodec, ZipParams, Zipmap, open_image,
 };
 use texfold_core::image::{PixelInfo, Raster};
 use texfold_core::rng::Rng;
@@ -104,10 +103,7 @@ fn opening_for_a_gpu_decodes_nothing() {
     let mut textures = vec![
         ("layered epitome".to_owned(), epitome(&facade, &layered)),
         ("epitome with a residual plane".to_owned(), epitome(&facade, &coded)),
-        (
-            "progressive".to_owned(),
-            progressive(&facade, &ProgressiveParams::default().with_goal(goal).with_mips(true)),
-        ),
+        ("dct".to_owned(), dct(&facade, &DctParams::default().with_goal(goal).with_mips(true))),
     ];
     let settings = EncodeSettings { goal, mips: true, effort: Effort::Fast, ..EncodeSettings::default() };
     for encoding in &ENCODINGS {

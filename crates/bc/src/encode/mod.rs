@@ -170,11 +170,7 @@ fn encode_level(
 }
 
 fn settings(params: &BcParams) -> String {
-    let goal = match params.goal {
-        Goal::Psnr(psnr) => format!("--psnr {psnr}"),
-        Goal::Bpp(bpp) => format!("--bpp {bpp}"),
-        Goal::Tolerance(tolerance) => format!("--tolerance {tolerance}"),
-    };
+    let goal = params.goal.option();
     let content = match (params.content, params.family) {
         (Some(content), _) => format!(" --content {}", content.name()),
         (None, Family::Astc) => " --content astc".to_owned(),

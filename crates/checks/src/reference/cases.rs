@@ -69,10 +69,10 @@ const SETTINGS: [(&str, &str, &[&str]); 15] = [
     ("epitome", "--psnr 32 --effort fast --access texel", &FEW_IMAGES),
     ("epitome", "--bpp 2 --effort fast --content error-map", &OPAQUE_IMAGES),
     ("epitome", "--tolerance 12 --effort fast", &FEW_IMAGES),
+    ("dct", "--bpp 1 --effort fast", &FEW_IMAGES),
+    ("dct", "--psnr 34 --effort fast", &FEW_IMAGES),
     ("progressive", "--bpp 1 --effort fast", &FEW_IMAGES),
     ("progressive", "--psnr 34 --effort fast", &FEW_IMAGES),
-    ("progressive", "--access texel --bpp 1 --effort fast", &FEW_IMAGES),
-    ("progressive", "--access texel --psnr 34 --effort fast", &FEW_IMAGES),
     ("auto", "--psnr 32 --effort fast", &FEW_IMAGES),
 ];
 
@@ -134,7 +134,7 @@ fn fixtures(work: &Path, quick: bool) -> io::Result<Vec<Case>> {
     for (codec, setting) in [
         ("vq", "--as sequence --bpp 2"),
         ("epitome", "--as set --psnr 32 --effort fast"),
-        ("progressive", "--as set --bpp 1 --effort fast"),
+        ("dct", "--as set --bpp 1 --effort fast"),
     ] {
         cases.push(Case::new(codec, setting, frames.clone()));
     }

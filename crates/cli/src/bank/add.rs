@@ -139,10 +139,9 @@ impl BankTask {
         Step::Add(Add { key, first, categories, access, depth, depends })
     }
 
-    /// The form that the user asks for; `None` where that is up to the bank.
+    /// How the codec that the user names reaches texels; `None` where that is up to the bank.
     fn asked_access(&self) -> Option<Access> {
-        let by_texel = !self.params().tries_blocks();
-        self.settings.encode.access.or(by_texel.then_some(Access::Texel))
+        self.settings.encode.codec.encoding()?.accesses.first().copied()
     }
 
     fn seen(&self, limit_bytes: u64) -> Result<Seen, CliError> {

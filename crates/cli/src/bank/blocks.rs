@@ -8,7 +8,7 @@ use texfold_core::image::{Depth, ImageSet};
 use texfold_core::metric::{SquaredError, quality};
 use texfold_core::target::Measured;
 use texfold_core::{Access, EncodeError, Encoded, Goal, Job, Limits, SurfaceSize};
-use texfold_progressive::{DctImages, Progressive, ProgressiveParams};
+use texfold_dct::{Dct, DctImages, DctParams};
 
 use super::manifest::Tile;
 use super::sums::{Making, Sums};
@@ -25,9 +25,9 @@ pub(super) fn encode(
     place: Place<'_>,
     share: &Share<'_>,
 ) -> Result<(Sums, SurfaceSize, Vec<Grown>), CliError> {
-    let params = task.params();
+    let params = task.settings.encode.params::<Dct>();
     let encoding = Encoding { task, params: &params, place, share };
-    let found = Progressive::search_step(params.goal, depth, |step| {
+    let found = Dct::search_step(params.goal, depth, |step| {
         encoding.measured(step).map(|measured| (step, measured))
     })?;
     let found = found.ok_or_else(|| task.has_changed())?;
@@ -46,7 +46,7 @@ pub(super) fn making(sums: &Sums, goal: Goal) -> Making {
 /// An image that is being encoded.
 struct Encoding<'e> {
     task: &'e BankTask,
-    params: &'e ProgressiveParams,
+    params: &'e DctParams,
     place: Place<'e>,
     share: &'e Share<'e>,
 }
@@ -67,7 +67,7 @@ impl Encoding<'_> {
     fn tile(&self, set: &ImageSet, step: u16) -> Result<DctImages, CliError> {
         let mut progress = |stage| self.share.report(stage);
         let mut job = Job::new(Limits::default()).with_progress(&mut progress);
-        Progressive::encode_at_step(set, self.params, step, &mut job).map_err(|source| self.fault(source))
+        Dct::encode_at_step(set, self.params, step, &mut job).map_err(|source| self.fault(source))
     }
 
     fn fault(&self, source: EncodeError) -> CliError {

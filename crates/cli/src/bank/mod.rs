@@ -22,9 +22,10 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use texfold_core::Budget;
+use texfold::{AnyImage, AnyTexture, Registration};
 use texfold_core::container::Sections;
-use texfold_progressive::{Codebook, Progressive, ProgressiveTexture};
+use texfold_core::{Budget, TextureCodec};
+use texfold_progressive::{Codebook, Progressive};
 
 use crate::error::CliError;
 use crate::output::{make_folder, remove_stale};
@@ -72,7 +73,7 @@ impl Bank {
     }
 
     /// A tile of an image.
-    fn tile(&self, tile: &Tile, book: Option<&Codebook>) -> Result<ProgressiveTexture, CliError> {
+    fn tile(&self, tile: &Tile, book: Option<&Codebook>) -> Result<AnyImage, CliError> {
         let path = self.dir.join(&tile.file);
         let bytes = std::fs::read(&path).map_err(|source| CliError::Read { path: path.clone(), source })?;
         load(&bytes, book).map_err(|source| CliError::Load { path, source })
@@ -80,10 +81,17 @@ impl Bank {
 }
 
 /// A tile from the bytes of its file.
-fn load(bytes: &[u8], book: Option<&Codebook>) -> Result<ProgressiveTexture, texfold_core::LoadError> {
+fn load(bytes: &[u8], book: Option<&Codebook>) -> Result<AnyImage, texfold_core::LoadError> {
     let mut budget = Budget::default();
     let file = Sections::parse(bytes, &mut budget)?;
-    Progressive::load_tile(&file, book, &mut budget)
+    if file.codec() == Progressive::ID.number {
+        return Progressive::load_shared(&file, book, &mut budget).map(AnyImage::new);
+    }
+    let texture =
+        Registration::by_number(file.codec()).map(|codec| codec.load(&file, &mut budget)).transpose()?;
+    texture
+        .and_then(AnyTexture::into_image)
+        .ok_or(texfold_core::LoadError::NotThisCodec { found: file.codec() })
 }
 
 impl Open {

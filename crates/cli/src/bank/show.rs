@@ -5,9 +5,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use serde::Serialize;
+use texfold::{AnyImage, DctImages, ProgressiveTexture};
+use texfold_core::RegionError;
 use texfold_core::image::Raster;
-use texfold_core::{Encoded, RegionError};
-use texfold_progressive::{CELL_SIDE, Codebook, ProgressiveTexture};
+use texfold_progressive::{CELL_SIDE, Codebook};
 
 use super::Bank;
 use super::category::Category;
@@ -36,7 +37,7 @@ pub(crate) struct Choice {
 }
 
 /// Draws one tile at a level.
-pub(crate) type Draw<'d> = dyn Fn(&Path, &ProgressiveTexture, u32) -> Result<Raster, CliError> + 'd;
+pub(crate) type Draw<'d> = dyn Fn(&Path, &AnyImage, u32) -> Result<Raster, CliError> + 'd;
 
 /// Writes images of a bank as PNG files; the number of those that failed. Each is named with its cause, the others are
 /// written.
@@ -104,13 +105,13 @@ impl Bank {
                 }
             };
             let texture = self.tile(tile, book.as_deref())?;
-            let size = texture.layout().surfaces[0];
+            let size = texture.as_encoded().layout().surfaces[0];
             if (size.width, size.height) != (tile.width, tile.height) {
                 let what = format!("{} is not the tile that is listed", tile.file);
                 return Err(CliError::BankManifest { path: self.dir.join(MANIFEST), what });
             }
             let texture = match choice.layers {
-                Some(layers) => texture.first_layers(layers),
+                Some(layers) => first_layers(&texture, layers).unwrap_or(texture),
                 None => texture,
             };
             canvas.place(tile, &draw(&self.dir.join(&tile.file), &texture, choice.level)?);
@@ -118,6 +119,13 @@ impl Bank {
         let suffix = choice.tile.map_or(String::new(), |(x, y)| format!("-{x}-{y}"));
         canvas.write(&out.join(format!("{}{suffix}.png", image.name)))
     }
+}
+
+/// A tile as it is with the first layers of its file.
+fn first_layers(tile: &AnyImage, layers: u32) -> Option<AnyImage> {
+    let by_block = tile.downcast_ref::<DctImages>().map(|tile| AnyImage::new(tile.first_layers(layers)));
+    let by_texel = tile.downcast_ref::<ProgressiveTexture>();
+    by_block.or_else(|| by_texel.map(|tile| AnyImage::new(tile.first_layers(layers))))
 }
 
 /// An image that tiles are placed in, 8 bits a channel.

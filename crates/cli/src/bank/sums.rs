@@ -5,8 +5,7 @@ use std::path::Path;
 use texfold_core::image::ImageSet;
 use texfold_core::metric::{SquaredError, decode_surface, quality, ssim};
 use texfold_core::target::Measured;
-use texfold_core::{Access, Encoded, Image2d, SurfaceSize, TextureCodec};
-use texfold_progressive::Progressive;
+use texfold_core::{Access, Encoded, Image2d, SurfaceSize};
 
 use super::manifest::Tile;
 use super::task::BankTask;
@@ -20,6 +19,8 @@ const PUBLIC: &str = "public codebook";
 #[derive(Debug, Default)]
 pub(super) struct Sums {
     pub(super) tiles: Vec<Tile>,
+    /// Name of the tiles' codec.
+    codec: &'static str,
     color: SquaredError,
     alpha: Option<SquaredError>,
     worst_block_rms: f64,
@@ -45,6 +46,7 @@ impl Sums {
         grown: u64,
     ) {
         self.tiles.push(tile);
+        self.codec = texture.codec().name;
         let found = quality(source, texture);
         let texels = source.texel_count();
         self.color = self.color + found.color;
@@ -108,7 +110,7 @@ impl Sums {
         Row {
             input: task.path.display().to_string(),
             output: dir.display().to_string(),
-            codec: Progressive::ID.name.to_owned(),
+            codec: self.codec.to_owned(),
             settings: format!("{:?}", task.settings.encode.goal),
             width: size.width,
             height: size.height,

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use texfold_core::container::SectionWriter;
-use texfold_core::{Encoded, Image2d, TextureCodec};
-use texfold_progressive::{Codebook, Progressive};
+use texfold_core::{Encoded, Image2d};
+use texfold_progressive::Codebook;
 
 use crate::compress::add_file;
 use crate::error::CliError;
@@ -53,7 +53,7 @@ pub(super) fn write_tile(
 ) -> Result<String, CliError> {
     let file = format!("image-{next:06}.txf");
     *next += 1;
-    let mut writer = SectionWriter::new(Progressive::ID);
+    let mut writer = SectionWriter::new(texture.codec());
     texture.store(&mut writer);
     write_whole(&dir.join(&file), &writer.finish().bytes)?;
     Ok(file)

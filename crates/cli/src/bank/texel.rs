@@ -5,7 +5,7 @@ use std::path::Path;
 use texfold_core::container::SectionWriter;
 use texfold_core::image::ImageSet;
 use texfold_core::{Access, Job, Limits, SurfaceSize, TextureCodec};
-use texfold_progressive::{Progressive, Shared, TexelTexture};
+use texfold_progressive::{Progressive, ProgressiveTexture, Shared};
 
 use super::manifest::Tile;
 use super::sums::{Making, Sums};
@@ -105,7 +105,7 @@ impl Encoding<'_> {
 
 impl Grown {
     /// Takes over the codebook that a texture uses; rows that it grew by. A grown one is written as a new file.
-    fn grow(&mut self, dir: &Path, texture: &TexelTexture, next: &mut u32) -> Result<u32, CliError> {
+    fn grow(&mut self, dir: &Path, texture: &ProgressiveTexture, next: &mut u32) -> Result<u32, CliError> {
         self.tiles += 1;
         let Some(public) = texture.details().and_then(|details| details.public.clone()) else { return Ok(0) };
         let rows = public.size().1;
@@ -124,14 +124,14 @@ impl Grown {
 }
 
 /// Bits of the rows that a public codebook grew by.
-fn grown_bits(texture: &TexelTexture, grown_rows: u32) -> u64 {
+fn grown_bits(texture: &ProgressiveTexture, grown_rows: u32) -> u64 {
     let public = texture.details().and_then(|details| details.public.as_ref());
     let share = public.map_or(0.0, |book| f64::from(grown_rows) / f64::from(book.size().1));
     (texture.shared_bits() as f64 * share).round() as u64
 }
 
 /// Blocks that use public content, the texture's own, and all.
-fn blocks(texture: &TexelTexture) -> [u64; 3] {
+fn blocks(texture: &ProgressiveTexture) -> [u64; 3] {
     let Some(details) = texture.details() else { return [0; 3] };
     let public_rows = details.public.as_ref().map_or(0, |book| book.size().1);
     let mut counts = [0; 3];

@@ -144,12 +144,9 @@ fn plan(
         };
         let options = of_path(&found.path);
         options.check()?;
-        // A set of codec progressive is a bank: a file an image, and codebooks that they share.
-        let parts = if found.kind == Kind::Set && options.is_progressive() {
-            one_by_one(&found)
-        } else {
-            vec![found]
-        };
+        // A set of codec dct or progressive is a bank: a file a tile, and codebooks that tiles share.
+        let parts =
+            if found.kind == Kind::Set && options.is_of_bank() { one_by_one(&found) } else { vec![found] };
         for part in parts {
             let path = part.path.clone();
             // Images of a bank may have rules of their own.
@@ -190,7 +187,7 @@ fn plan_one(
     let work = if found.kind == Kind::Lightfield {
         let settings = options.resolve_light(&found.path)?;
         Work::Light(Box::new(FolderTask { found, settings, output }))
-    } else if found.kind == Kind::Set && options.is_progressive() {
+    } else if found.kind == Kind::Set && options.is_of_bank() {
         let settings = options.resolve(&found.path)?;
         let name = found.stem.to_string_lossy().into_owned();
         let category = options.category().map(str::to_owned);

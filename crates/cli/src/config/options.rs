@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use texfold::{
-    Choice, Directions, EncodeSettings, Epitome, EpitomeParams, FitMethod, LightParams, Lightfield,
-    Progressive, Vq, VqParams, ZipParams, Zipmap,
+    Choice, Content, Dct, Directions, EncodeSettings, Epitome, EpitomeParams, Family, FitMethod, LightParams,
+    Lightfield, Progressive, Vq, VqParams, ZipParams, Zipmap,
 };
 use texfold_core::{Goal, Params};
 
@@ -46,18 +46,18 @@ pub struct Options {
     /// Format of the texel data; by default the goal decides.
     #[arg(long, value_enum)]
     pub(super) content: Option<ContentName>,
-    /// progressive, epitome, zipmap, lightfield: how texels are reached. By block takes fewer bits and is decoded before it is
-    /// drawn (default); by texel is drawn straight from the compressed form.
+    /// epitome, zipmap, lightfield, auto: access to texels. By block takes fewer bits and is decoded before it is drawn (default);
+    /// by texel is drawn straight from the compressed form. Of the other codecs, dct is by block, bc, vq and progressive by texel.
     #[arg(long, value_enum)]
     pub(super) access: Option<AccessName>,
-    /// progressive; epitome by block and with --content error-map; zipmap by block: which errors count. By default those that the
+    /// dct; progressive; epitome by block and with --content error-map; zipmap by block: which errors count. By default those that the
     /// eye sees for colours and goals of bits, else all alike.
     #[arg(long, value_enum)]
     pub(super) metric: Option<MetricName>,
     /// epitome: a mask of the first image's size; content is taken from where it is bright.
     #[arg(long, value_name = "MASK")]
     pub(super) content_from: Option<PathBuf>,
-    /// progressive, sets: category of the images. Images of one category share a codebook; without this option each
+    /// dct and progressive, sets: category of the images. Images of one category share a codebook; without this option each
     /// tile joins the category with the nearest colours.
     #[arg(long, value_name = "NAME")]
     pub(super) category: Option<String>,
@@ -214,9 +214,9 @@ impl Options {
         self.category.as_deref()
     }
 
-    /// Whether codec progressive is requested.
-    pub(crate) fn is_progressive(&self) -> bool {
-        self.codec == Some(CodecName::of::<Progressive>())
+    /// Whether a codec is requested whose sets are banks: dct or progressive.
+    pub(crate) fn is_of_bank(&self) -> bool {
+        self.codec.is_some_and(|codec| codec.is::<Dct>() || codec.is::<Progressive>())
     }
 
     /// Checks what can be checked without an input.
@@ -240,25 +240,21 @@ impl Options {
             let range = "sides that are multiples of 4 in 4..=256";
             in_range("samples", sample_side.filter(|_| count > 0).map(f64::from), side, range)?;
         }
-        // By texel errors count by a metric in residual planes alone, and not where a tolerance bounds them.
-        let has_residuals = self.codec.is_some_and(CodecName::is::<Progressive>)
-            || self.content == Some(ContentName::ErrorMap);
-        let counts_squares = !has_residuals || self.tolerance.is_some();
-        if self.metric.is_some() && self.access == Some(AccessName::Texel) && counts_squares {
-            return Err(UsageError::Excluded { option: "metric", other: "--access texel" });
-        }
         if self.content.is_some() && self.access == Some(AccessName::Block) {
             return Err(UsageError::Excluded { option: "content", other: "--access block" });
         }
-        let by_block = self.access == Some(AccessName::Block);
-        if by_block && self.layers.is_some_and(|layers| layers > 1) {
-            return Err(UsageError::Excluded { option: "layers", other: "--access block" });
-        }
-        if by_block && self.tolerance.is_some() && self.codec.is_some_and(CodecName::is::<Epitome>) {
-            return Err(UsageError::Excluded {
-                option: "tolerance",
-                other: "--access block with --codec epitome",
-            });
+        if let Some(choice) = self.codec.unwrap_or_default().choice() {
+            let (content, family) = self.content();
+            let asked = EncodeSettings {
+                codec: self.with_own(choice),
+                goal: self.goal(),
+                content,
+                family,
+                access: self.access.map(AccessName::access),
+                metric: self.metric.map(MetricName::metric),
+                ..EncodeSettings::default()
+            };
+            asked.check().map_err(|source| UsageError::Setting { source })?;
         }
         self.check_codec()
     }
@@ -267,13 +263,12 @@ impl Options {
     fn check_codec(&self) -> Result<(), UsageError> {
         const CHOSEN_VQ: &[&str] = &["vq", "auto"];
         let error_map = self.content == Some(ContentName::ErrorMap);
-        let owned: [(&str, bool, &[&'static str]); 15] = [
+        let owned: [(&str, bool, &[&'static str]); 14] = [
             ("content-from", self.content_from.is_some(), &["epitome"]),
             ("layers", self.layers.is_some(), &["epitome"]),
             ("content error-map", error_map, &["epitome"]),
-            ("category", self.category.is_some(), &["progressive"]),
-            ("access", self.access.is_some(), &["progressive", "epitome", "zipmap", "lightfield", "auto"]),
-            ("metric", self.metric.is_some(), &["progressive", "epitome", "zipmap", "auto"]),
+            ("category", self.category.is_some(), &["dct", "progressive"]),
+            ("metric", self.metric.is_some(), &["dct", "progressive", "epitome", "zipmap", "auto"]),
             ("triangles", self.triangles.is_some(), &["lightfield"]),
             ("terms", self.terms.is_some(), &["lightfield"]),
             ("codewords", self.codewords.is_some(), &["lightfield"]),
@@ -301,9 +296,7 @@ impl Options {
         let Some(choice) = codec.choice() else {
             return Err(CliError::NotStack { path: path() });
         };
-        let (content, family) =
-            (self.content.and_then(ContentName::content), self.content.map(ContentName::family));
-        let family = family.unwrap_or_default();
+        let (content, family) = self.content();
         if family.check_available(content).is_err() {
             return Err(CliError::NoAstc { path: path() });
         }
@@ -325,6 +318,12 @@ impl Options {
             importance_map: self.importance_map.clone(),
             mesh: self.mesh.clone(),
         })
+    }
+
+    /// Format of content planes, and the family that the goal chooses from without one.
+    fn content(&self) -> (Option<Content>, Family) {
+        let family = self.content.map(ContentName::family).unwrap_or_default();
+        (self.content.and_then(ContentName::content), family)
     }
 
     /// The choice with the options that only its codec has.

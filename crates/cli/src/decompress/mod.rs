@@ -70,8 +70,11 @@ pub(crate) fn run(args: &DecompressArgs) -> Result<usize, CliError> {
         args.files.iter().partition(|path| bank::is_bank(path));
     for bank in banks {
         failed += bank::decompress(bank, &args.out, &choice(args), &|path, texture, level| match &device {
-            Some(device) => device.upload(path, texture)?.decode(path, texture, 0, level, args.continuous),
-            None => decode(path, texture, 0, level),
+            Some(device) => {
+                let texture = texture.as_encoded();
+                device.upload(path, texture)?.decode(path, texture, 0, level, args.continuous)
+            }
+            None => decode(path, texture.as_encoded(), 0, level),
         })?;
     }
     let files: Vec<PathBuf> = files.into_iter().cloned().collect();

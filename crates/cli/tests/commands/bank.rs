@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use crate::support::{Place, names, psnr};
 
-const ADD: &str = "in --codec progressive --psnr 28 --effort fast --out bank";
+const ADD: &str = "in --codec dct --psnr 28 --effort fast --out bank";
 
 fn info(place: &Place) -> Value {
     let run = place.run("info bank --json");
@@ -184,7 +184,7 @@ fn palettes_and_interlacing_are_read() {
     encoder.write_header().unwrap().write_image_data(&indices).unwrap();
     DynamicImage::from(original.to_luma8()).save(place.at("in/gray.tif")).unwrap();
     original.save(place.at("in/photo.tif")).unwrap();
-    let arguments = "in --codec progressive --psnr 40 --effort fast --out bank";
+    let arguments = "in --codec dct --psnr 40 --effort fast --out bank";
     let (run, report) = place.compress(arguments);
     assert_eq!((run.code, report.len()), (Some(0), 3), "{}", run.stderr);
     assert_eq!(place.run("decompress bank --out png").code, Some(0));
@@ -225,16 +225,16 @@ fn a_bank_is_the_same_however_many_images_are_encoded_at_a_time() {
         "[[rule]]\nglob = \"**/[ac].png\"\ncategory = \"first\"\n[[rule]]\nglob = \"**/b*.png\"\ncategory = \"second\"\n",
     )
     .unwrap();
-    for access in ["texel", "block"] {
+    for codec in ["progressive", "dct"] {
         for jobs in ["1", "2", "4"] {
-            let arguments = "compress in --codec progressive --bpp 0.6 --config banks.toml --access";
-            let run = place.run(&format!("{arguments} {access} --jobs {jobs} --out {access}{jobs}"));
+            let arguments = "compress in --bpp 0.6 --config banks.toml --codec";
+            let run = place.run(&format!("{arguments} {codec} --jobs {jobs} --out {codec}{jobs}"));
             assert!(run.code == Some(1) && run.stderr.contains("bad.png"), "{}", run.stderr);
         }
-        let files = |jobs: u32| bank_files(&place, &format!("{access}{jobs}"));
+        let files = |jobs: u32| bank_files(&place, &format!("{codec}{jobs}"));
         let alone = files(1);
         assert_eq!(alone.len(), 6, "four images, a list and a lock");
-        assert!(alone == files(2) && alone == files(4), "{access}");
+        assert!(alone == files(2) && alone == files(4), "{codec}");
     }
 }
 
@@ -250,49 +250,27 @@ fn forms(place: &Place) -> Vec<String> {
 }
 
 #[test]
-fn a_new_bank_is_by_block_and_an_old_one_keeps_its_form() {
+fn images_of_a_bank_have_the_codec_that_each_was_added_with() {
     let place = Place::new();
+    let texel = ADD.replace("--codec dct", "--codec progressive");
     place.image("in/a.png", 80, 60, 3);
-    let (_, report) = place.compress(&format!("{ADD} --access texel"));
+    let (_, report) = place.compress(&texel);
     assert_eq!((&report[0]["access"], &report[0]["goal_met"]), (&"texel".into(), &Value::Null));
-    // A bank from before there were blocks says nothing of them.
-    let mut old = manifest(&place, "bank");
-    assert_eq!(old["version"], 1);
-    assert_eq!(old.as_object_mut().unwrap().remove("access"), Some("texel".into()));
-    fs::write(place.at("bank/bank.json"), serde_json::to_vec(&old).unwrap()).unwrap();
+    assert_eq!(report[0]["codec"], "progressive");
+    assert_eq!(manifest(&place, "bank")["version"], 1);
     assert_eq!(place.run("decompress bank --out before").code, Some(0));
     place.image("in/b.png", 70, 50, 3);
     let run = place.run(&format!("compress in/b.png --as set {}", ADD.trim_start_matches("in ")));
-    assert_eq!((run.code, forms(&place)), (Some(0), vec!["texel".to_owned(); 2]), "{}", run.stderr);
-    assert_eq!(manifest(&place, "bank")["version"], 1);
-    // Who asks for the other form gets it, beside what is there.
-    place.image("in/c.png", 60, 50, 3);
-    let run =
-        place.run(&format!("compress in/c.png --as set --access block {}", ADD.trim_start_matches("in ")));
-    assert_eq!((run.code, forms(&place)[2].as_str()), (Some(0), "block"), "{}", run.stderr);
+    assert_eq!((run.code, forms(&place)), (Some(0), vec!["texel".to_owned(), "block".to_owned()]));
     assert_eq!(manifest(&place, "bank")["version"], 2);
     assert_eq!(place.run("decompress bank --out after").code, Some(0));
-    assert_eq!(names(&place.at("after")), ["a.png", "b.png", "c.png"]);
+    assert_eq!(names(&place.at("after")), ["a.png", "b.png"]);
     let read = |dir: &str| fs::read(place.at(dir).join("a.png")).unwrap();
     assert!(read("before") == read("after"));
     let (run, report) = place.compress(&ADD.replace("--out bank", "--out new"));
     assert_eq!(run.code, Some(0), "{}", run.stderr);
-    assert!(report.iter().all(|row| row["access"] == "block" && row["goal_met"] == true), "{report:?}");
-    assert_eq!(
-        (&manifest(&place, "new")["version"], &manifest(&place, "new")["access"]),
-        (&2.into(), &"block".into())
-    );
-}
-
-#[test]
-fn content_that_blocks_cannot_have_makes_a_bank_by_texel() {
-    let place = Place::new();
-    place.image("in/a.png", 80, 60, 3);
-    let (run, report) = place.compress(&format!("{ADD} --content bc1"));
-    assert_eq!((run.code, &report[0]["access"]), (Some(0), &"texel".into()), "{}", run.stderr);
-    place.image("in/b.png", 80, 62, 3);
-    assert_eq!(place.run(&format!("compress {ADD} --content bc1")).code, Some(0));
-    assert_eq!(forms(&place), ["texel", "texel"]);
+    let is_dct = |row: &Value| row["codec"] == "dct" && row["access"] == "block" && row["goal_met"] == true;
+    assert!(report.iter().all(is_dct), "{report:?}");
 }
 
 /// Steps of the first image of a bank, tile by tile.
@@ -301,8 +279,8 @@ fn steps(place: &Place, bank: &str) -> Vec<u16> {
     let step = |tile: &Value| {
         let bytes = fs::read(place.at(bank).join(tile["file"].as_str().unwrap())).unwrap();
         let image = texfold::open_image(&bytes, &mut texfold::Budget::default()).unwrap();
-        let texture = image.downcast_ref::<texfold::ProgressiveTexture>().unwrap();
-        texture.block().unwrap().content().stages()[0].form().quantiser.step
+        let texture = image.downcast_ref::<texfold::DctImages>().unwrap();
+        texture.content().stages()[0].form().quantiser.step
     };
     tiles.iter().map(step).collect()
 }
@@ -321,8 +299,7 @@ fn tiles_of_an_image_share_a_step_and_the_image_meets_the_goal() {
     fs::create_dir_all(place.at("in")).unwrap();
     image::save_buffer(place.at("in/a.png"), &data, width, height, ExtendedColorType::Rgb8).unwrap();
     for (goal, name) in [("--psnr 34", "psnr"), ("--bpp 1", "bpp"), ("--tolerance 16", "tolerance")] {
-        let (run, report) =
-            place.compress(&format!("in --codec progressive {goal} --effort fast --out {name}"));
+        let (run, report) = place.compress(&format!("in --codec dct {goal} --effort fast --out {name}"));
         assert_eq!(run.code, Some(0), "{}", run.stderr);
         let steps = steps(&place, name);
         assert!(steps.len() == 2 && steps[0] == steps[1], "{goal}: {steps:?}");
@@ -335,7 +312,7 @@ fn tiles_of_an_image_share_a_step_and_the_image_meets_the_goal() {
         }
     }
     // What no step reaches is said to be missed.
-    let (run, report) = place.compress("in --codec progressive --bpp 0.001 --effort fast --out less");
+    let (run, report) = place.compress("in --codec dct --bpp 0.001 --effort fast --out less");
     assert_eq!((run.code, &report[0]["goal_met"]), (Some(0), &false.into()), "{}", run.stderr);
     assert!(report[0]["warnings"][0].as_str().unwrap().contains("missed"), "{report:?}");
 }
@@ -350,8 +327,9 @@ fn users_name_categories_and_others_join_the_nearest() {
     };
     plain("in/sea.png", [20, 40, 150]);
     plain("in/wood.png", [30, 80, 20]);
-    let add = "compress in --codec progressive --psnr 30 --effort fast --out bank";
-    let run = place.run("compress in/sea.png --as set --codec progressive --category water --psnr 30 --effort fast --out bank");
+    let add = "compress in --codec dct --psnr 30 --effort fast --out bank";
+    let run = place
+        .run("compress in/sea.png --as set --codec dct --category water --psnr 30 --effort fast --out bank");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert_eq!(place.run(add).code, Some(0));
     plain("in/bay.png", [25, 45, 140]);
@@ -363,5 +341,5 @@ fn users_name_categories_and_others_join_the_nearest() {
     assert_eq!((of(0), of(1), of(2)), (0, 1, 0));
     assert_eq!(found["categories"][0]["tiles"], 2);
     let run = place.run("compress in/sea.png --codec vq --category water --out out");
-    assert!(run.code == Some(2) && run.stderr.contains("progressive"), "{}", run.stderr);
+    assert!(run.code == Some(2) && run.stderr.contains("--codec dct"), "{}", run.stderr);
 }

@@ -86,6 +86,21 @@ impl Raster {
         Raster { size: self.size, info, data }
     }
 
+    /// A map in RGB of values from 0 to 1: black, red, yellow and white for 0, 1/3, 2/3 and 1.
+    ///
+    /// # Errors
+    /// [`SourceError`] for a size of 0 or beyond the limits.
+    pub fn heat_map(size: SurfaceSize, value: impl Fn(u32, u32) -> f32) -> Result<Raster, SourceError> {
+        let info = PixelInfo { channels: 3, color: ColorSpace::Srgb, ..PixelInfo::default() };
+        let texel = |at: u32| {
+            let value = value(at % size.width, at / size.width);
+            let ramp = |from: f32| (3.0 * value - from).clamp(0.0, 1.0);
+            Texel::new(ramp(0.0), ramp(1.0), ramp(2.0), 1.0)
+        };
+        let texels: Vec<Texel> = (0..size.width * size.height).map(texel).collect();
+        Raster::from_texels(size.width, size.height, info, &texels)
+    }
+
     /// From texels, keeping the channels that `info` names.
     ///
     /// # Errors

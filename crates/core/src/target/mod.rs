@@ -67,6 +67,16 @@ impl Default for Goal {
 }
 
 impl Goal {
+    /// The command line's option for it: "--psnr 34".
+    #[must_use]
+    pub fn option(&self) -> String {
+        match self {
+            Goal::Psnr(psnr) => format!("--psnr {psnr}"),
+            Goal::Bpp(bpp) => format!("--bpp {bpp}"),
+            Goal::Tolerance(tolerance) => format!("--tolerance {tolerance}"),
+        }
+    }
+
     /// Checks the number.
     ///
     /// # Errors

@@ -7,6 +7,7 @@ mod fit;
 mod forward;
 mod goal;
 mod hidden;
+mod images;
 mod masking;
 mod quantise;
 mod set;

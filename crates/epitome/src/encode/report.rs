@@ -71,11 +71,7 @@ pub(super) fn notes(params: &EpitomeParams, goal: Goal, verdict: String) -> Note
 /// The settings in the words of the command line; behind a semicolon what it has no word for.
 fn settings(params: &EpitomeParams) -> String {
     let mut words = vec!["--codec epitome".to_owned()];
-    words.push(match params.goal {
-        Goal::Psnr(psnr) => format!("--psnr {psnr}"),
-        Goal::Bpp(bpp) => format!("--bpp {bpp}"),
-        Goal::Tolerance(tolerance) => format!("--tolerance {tolerance}"),
-    });
+    words.push(params.goal.option());
     match (params.content, params.family) {
         (Some(content), _) => words.push(format!("--content {}", content.name())),
         (None, Family::ErrorMap) => words.push("--content error-map".to_owned()),

@@ -7,7 +7,7 @@ use texfold_core::rng::Rng;
 use texfold_core::{Budget, ImageLayout, Notes, SurfaceSize, TextureCodec};
 
 use super::residual::{Edge, Residual};
-use texfold_progressive::{Codebook, Progressive, TexelTexture};
+use texfold_progressive::{Codebook, Progressive, ProgressiveTexture};
 
 /// What a texture is like.
 #[derive(Debug, Clone, Copy)]
@@ -76,7 +76,7 @@ fn store_books(
 }
 
 /// The texture of that kind.
-pub(crate) fn progressive(base: &Base) -> TexelTexture {
+pub(crate) fn progressive(base: &Base) -> ProgressiveTexture {
     let Base { sizes, levels, channels, content, reduce_log2, shrink_log2, beyond, class_bits, books } =
         *base;
     let mut rng = Rng::new(u64::from(channels) + 10 * u64::from(class_bits + reduce_log2));
@@ -101,8 +101,5 @@ pub(crate) fn progressive(base: &Base) -> TexelTexture {
     let bytes = out.finish().bytes;
     let mut budget = Budget::default();
     let file = Sections::parse(&bytes, &mut budget).unwrap();
-    match public {
-        Some(public) => Progressive::load_shared(&file, &public, &mut budget).unwrap(),
-        None => Progressive::load_by_texel(&file, &mut budget).unwrap(),
-    }
+    Progressive::load_shared(&file, public.as_ref(), &mut budget).unwrap()
 }

@@ -5,7 +5,7 @@ use texfold_bc::BcTexture;
 use texfold_core::address::texfold_level;
 use texfold_core::{Encoded, Image2d};
 use texfold_epitome::EpitomeTexture;
-use texfold_progressive::{ProgressiveTexture, TexelTexture};
+use texfold_progressive::ProgressiveTexture;
 use texfold_vq::VqTexture;
 use texfold_zipmap::ZipTexture;
 
@@ -101,18 +101,7 @@ impl Twin for EpitomeTexture {
     }
 }
 
-/// By texel; blocks have no function of their own that samples.
 impl Twin for ProgressiveTexture {
-    fn encoded(&self) -> &dyn Encoded<Domain = Image2d> {
-        self
-    }
-
-    fn call(&self, surface: u32, mode: u32, call: Call) -> Vec4 {
-        self.texel().unwrap().call(surface, mode, call)
-    }
-}
-
-impl Twin for TexelTexture {
     fn encoded(&self) -> &dyn Encoded<Domain = Image2d> {
         self
     }

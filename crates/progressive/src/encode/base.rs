@@ -15,7 +15,7 @@ use texfold_residual::{BaseForm, MAX_REDUCE_LOG2};
 
 use super::details::{Candidates, LumaResidual, find};
 use super::frame::Frame;
-use crate::{ProgressiveParams, Shared, TexelTexture};
+use crate::{ProgressiveParams, ProgressiveTexture, Shared};
 
 /// How a base is stored, and how small it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -147,7 +147,7 @@ pub(crate) fn kinds(pixel: PixelInfo, params: &ProgressiveParams) -> Result<Vec<
 /// A base as a texture, and where it is to have codebooks, what they may hold: all that no goal changes.
 #[derive(Debug)]
 pub(crate) struct BaseTexture {
-    plain: TexelTexture,
+    plain: ProgressiveTexture,
     books: Option<Books>,
 }
 
@@ -174,7 +174,7 @@ impl BaseTexture {
             ..BaseForm::new(kind.content, kind.reduce_log2)
         };
         let content = bases(&frame.full, form, &frame.chains, padded, effort, check)?;
-        let plain = TexelTexture::new(frame.full.clone(), content, None, Notes::default());
+        let plain = ProgressiveTexture::new(frame.full.clone(), content, None, Notes::default());
         let books = match kind.side_log2 {
             Some(side_log2) => Some(Books::new(&plain, &frame.chains, side_log2, shared, check)?),
             None => None,
@@ -209,14 +209,14 @@ impl BaseTexture {
         check.checkpoint()?;
         let Some(details) = find(residuals, *side_log2, &library, check)? else { return Ok(None) };
         let (content, notes) = (self.plain.content.clone(), Notes::default());
-        let plain = TexelTexture::new(frame.full.clone(), content, Some(details), notes);
+        let plain = ProgressiveTexture::new(frame.full.clone(), content, Some(details), notes);
         Base::new(&frame.chains, plain, metric, check).map(Some)
     }
 }
 
 impl Books {
     fn new(
-        plain: &TexelTexture,
+        plain: &ProgressiveTexture,
         chains: &[Vec<Raster>],
         side_log2: u32,
         shared: &Shared,
@@ -238,7 +238,7 @@ impl Books {
 
 /// What decodes rows of a stored level.
 fn rows_of(
-    texture: &TexelTexture,
+    texture: &ProgressiveTexture,
     surface: u32,
     level: u32,
     width: u32,
@@ -253,7 +253,7 @@ fn rows_of(
 #[derive(Debug)]
 pub(crate) struct Base {
     /// The texture without a residual plane.
-    plain: TexelTexture,
+    plain: ProgressiveTexture,
     /// The residuals of all blocks, image by image, level by level.
     pub(crate) residuals: Residuals,
     /// Texels of the finest stored level.
@@ -268,7 +268,7 @@ impl Base {
     /// Of a texture without a residual plane.
     fn new(
         chains: &[Vec<Raster>],
-        plain: TexelTexture,
+        plain: ProgressiveTexture,
         metric: Metric,
         check: CancelCheck<'_>,
     ) -> Result<Base, EncodeError> {
@@ -310,7 +310,11 @@ impl Base {
     }
 
     /// The texture with blocks of such classes, which are coded.
-    pub(crate) fn assemble(&self, coder: &Coder<'_>, classes: &[u8]) -> Result<TexelTexture, EncodeError> {
+    pub(crate) fn assemble(
+        &self,
+        coder: &Coder<'_>,
+        classes: &[u8],
+    ) -> Result<ProgressiveTexture, EncodeError> {
         let Some(planes) = self.residuals.planes(coder, classes) else { return Ok(self.plain.clone()) };
         let content = self.plain.content.with_planes(self.residuals.stored_model(&coder.model), &planes);
         Ok(self.plain.with_content(content.ok_or(TOO_LARGE)?))

@@ -1,10 +1,7 @@
-//! The encoder on one page: blocks ([`access`]), or to be read by texel the images, or smaller ones that are upsampled; bases of several kinds, the residuals that
-//! each leaves, the rate model and lambda under which a base with its residual plane answers the goal best, and the blocks
+//! The encoder on one page: the images, or smaller ones that are upsampled; bases of several kinds, the residuals that each leaves, the rate model and lambda under which a base with its residual plane answers the goal best, and the blocks
 //! coded at that lambda in closed loop on the decoded base.
 
-mod access;
 mod base;
-pub(crate) mod blocks;
 mod details;
 mod draft;
 mod frame;
@@ -19,7 +16,7 @@ use texfold_core::target::{Measured, search};
 use texfold_core::{CancelCheck, Effort, EncodeError, Encoded, Goal, Job, Metric, Params, SourceError};
 use texfold_residual::encode::{CLASS_BITS, Coder, TOO_LARGE, counted_error_of};
 
-use crate::{ProgressiveParams, ProgressiveTexture, Shared, TexelTexture};
+use crate::{ProgressiveParams, ProgressiveTexture, Shared};
 pub use search::ProgressiveSearch;
 
 pub(crate) use base::tries_codebooks;
@@ -82,29 +79,19 @@ impl Parts for Fresh<'_> {
         let check = job.cancel_check();
         job.install(|| {
             let base_texture = BaseTexture::new(frame, kind, self.params.effort, self.shared, check)?;
-            let metric = self.params.texel_metric(self.source.info(), goal);
+            let metric = self.params.metric_for(self.source.info(), goal);
             Ok(base_texture.base(frame, base_texture.own_cells(goal), metric, check)?.map(Arc::new))
         })
     }
 }
 
-/// In the form that the parameters name.
+/// `shared` is a public codebook that may be used and added to.
 pub(crate) fn encode(
-    source: &ImageSet,
-    params: &ProgressiveParams,
-    job: &mut Job<'_>,
-) -> Result<ProgressiveTexture, EncodeError> {
-    let shared = &Shared::default();
-    access::encode(source, params, |job| by_texel(source, params, shared, job), job)
-}
-
-/// To be read texel by texel. `shared` is a public codebook that may be used and added to.
-pub(crate) fn by_texel(
     source: &ImageSet,
     params: &ProgressiveParams,
     shared: &Shared,
     job: &mut Job<'_>,
-) -> Result<TexelTexture, EncodeError> {
+) -> Result<ProgressiveTexture, EncodeError> {
     params.check()?;
     source.check_sides()?;
     Encoding { source, params, parts: &Fresh { source, params, shared } }.run(job)
@@ -119,17 +106,17 @@ struct Encoding<'a> {
 
 impl Encoding<'_> {
     /// The best of the sizes that are tried.
-    fn run(&self, job: &mut Job<'_>) -> Result<TexelTexture, EncodeError> {
+    fn run(&self, job: &mut Job<'_>) -> Result<ProgressiveTexture, EncodeError> {
         let goal = self.params.goal;
         let mut sizes = shrinks(self.source, self.params);
         let by_bits = matches!(goal, Goal::Bpp(_));
-        let metric = self.params.texel_metric(self.source.info(), goal);
+        let metric = self.params.metric_for(self.source.info(), goal);
         if !by_bits {
             // The smallest first: where it answers, codebooks of the whole need not be tried.
             sizes.reverse();
         }
         let share = |index: usize| index as f32 / sizes.len() as f32;
-        let mut best: Option<(TexelTexture, Measured)> = None;
+        let mut best: Option<(ProgressiveTexture, Measured)> = None;
         for (index, &shrink_log2) in sizes.iter().enumerate() {
             let rival = best.as_ref().map(|(_, measured)| *measured);
             let made = job.within(share(index), share(index + 1), |job| {
@@ -166,7 +153,7 @@ impl Encoding<'_> {
         inner: Goal,
         rival: Option<Measured>,
         job: &mut Job<'_>,
-    ) -> Result<TexelTexture, EncodeError> {
+    ) -> Result<ProgressiveTexture, EncodeError> {
         let mut kinds = kinds(self.source.info(), &ProgressiveParams { goal: inner, ..self.params.clone() })?;
         // Codebooks hold detail of one scale.
         kinds.retain(|kind| frame.shrink_log2 == 0 || kind.side_log2.is_none());
@@ -263,12 +250,12 @@ impl Encoding<'_> {
         drafts: Vec<Drafted>,
         inner: Goal,
         job: &mut Job<'_>,
-    ) -> Result<TexelTexture, EncodeError> {
+    ) -> Result<ProgressiveTexture, EncodeError> {
         let (goal, check) = (self.params.goal, job.cancel_check());
-        let metric = self.params.texel_metric(self.source.info(), goal);
+        let metric = self.params.metric_for(self.source.info(), goal);
         let count = drafts.len();
         let share = |index: usize| 0.4 + 0.6 * index as f32 / count as f32;
-        let mut best: Option<(TexelTexture, Measured)> = None;
+        let mut best: Option<(ProgressiveTexture, Measured)> = None;
         for (index, Drafted { base, draft, .. }) in drafts.into_iter().enumerate() {
             let draft = job.install(|| draft.widened(&base, inner, check))?;
             let made =
@@ -291,7 +278,7 @@ impl Encoding<'_> {
         draft: Draft,
         inner: Goal,
         job: &mut Job<'_>,
-    ) -> Result<TexelTexture, EncodeError> {
+    ) -> Result<ProgressiveTexture, EncodeError> {
         let goal = self.params.goal;
         // One block can miss a tolerance: each is worth a search for its scale.
         let effort = match goal {
@@ -321,7 +308,7 @@ impl Encoding<'_> {
         coder: &mut Coder<'_>,
         guess: u32,
         job: &mut Job<'_>,
-    ) -> Result<TexelTexture, EncodeError> {
+    ) -> Result<ProgressiveTexture, EncodeError> {
         let mut guess = guess;
         let check = job.cancel_check();
         let mut tried = 0u32;
@@ -356,7 +343,7 @@ impl Encoding<'_> {
         coder: &mut Coder<'_>,
         tolerance: f64,
         job: &mut Job<'_>,
-    ) -> Result<TexelTexture, EncodeError> {
+    ) -> Result<ProgressiveTexture, EncodeError> {
         let check = job.cancel_check();
         let found = search(self.params.goal, 1..=SLACKS, 1, 0.0, |slack| {
             job.stage("coding blocks", (slack - 1) as f32 / SLACKS as f32)?;
@@ -420,7 +407,7 @@ fn best_draft(base: &Base, goal: Goal, job: &Job<'_>) -> Result<Option<Draft>, E
 /// Quality of colours, and size without what is shared: alpha is that of the base, however blocks are coded.
 fn own_measure(
     source: &ImageSet,
-    texture: &TexelTexture,
+    texture: &ProgressiveTexture,
     check: CancelCheck<'_>,
 ) -> Result<Measured, EncodeError> {
     let Quality { color, worst_block_rms, .. } = quality_cancellable(source, texture, check)?;
@@ -428,7 +415,7 @@ fn own_measure(
 }
 
 /// Bits a texel of the source, without what is shared.
-fn own_bpp(source: &ImageSet, texture: &TexelTexture) -> f64 {
+fn own_bpp(source: &ImageSet, texture: &ProgressiveTexture) -> f64 {
     (texture.memory().goal - texture.shared_bits()) as f64 / source.texel_count() as f64
 }
 
@@ -436,7 +423,7 @@ fn own_bpp(source: &ImageSet, texture: &TexelTexture) -> f64 {
 /// the colours, which counts by the metric.
 fn judged(
     source: &ImageSet,
-    texture: &TexelTexture,
+    texture: &ProgressiveTexture,
     (goal, metric): (Goal, Metric),
     check: CancelCheck<'_>,
 ) -> Result<Measured, EncodeError> {

@@ -3,21 +3,21 @@
 use texfold_core::RESIDUAL_PART;
 use texfold_core::image::ImageSet;
 use texfold_core::metric::quality_cancellable;
-use texfold_core::{Access, CancelCheck, EncodeError, Encoded, Goal, Notes};
+use texfold_core::{CancelCheck, EncodeError, Encoded, Metric, Notes};
 
 use crate::codebook::CELL_SIDE;
 use crate::codebook::MAP_PART;
-use crate::{Details, ProgressiveParams, TexelTexture};
+use crate::{Details, ProgressiveParams, ProgressiveTexture};
 
 /// Settings, verdict, and the PSNR of the base alone.
 pub(crate) fn notes(
     source: &ImageSet,
-    texture: &TexelTexture,
+    texture: &ProgressiveTexture,
     params: &ProgressiveParams,
     met: bool,
     check: CancelCheck<'_>,
 ) -> Result<Notes, EncodeError> {
-    let psnr = |texture: &TexelTexture| {
+    let psnr = |texture: &ProgressiveTexture| {
         quality_cancellable(source, texture, check).map(|quality| quality.color.psnr() as f32)
     };
     let alone = psnr(&texture.first_layers(1))?;
@@ -26,23 +26,17 @@ pub(crate) fn notes(
     if texture.details().is_some() {
         psnr_without.push((MAP_PART.to_owned(), psnr(&texture.without_details())?));
     }
-    let metric = params.texel_metric(source.info(), params.goal);
-    let form = format!(" --access {} --metric {}", Access::Texel.name(), metric.name());
-    Ok(Notes { settings: settings(params) + &form, verdict: verdict(texture, met), psnr_without })
+    let metric = params.metric_for(source.info(), params.goal);
+    Ok(Notes { settings: settings(params, metric), verdict: verdict(texture, met), psnr_without })
 }
 
-pub(super) fn settings(params: &ProgressiveParams) -> String {
-    let goal = match params.goal {
-        Goal::Psnr(psnr) => format!("--psnr {psnr}"),
-        Goal::Bpp(bpp) => format!("--bpp {bpp}"),
-        Goal::Tolerance(tolerance) => format!("--tolerance {tolerance}"),
-    };
+fn settings(params: &ProgressiveParams, metric: Metric) -> String {
     let content = params.content.map_or(String::new(), |content| format!(" --content {}", content.name()));
     let mips = if params.mips { " --mips" } else { "" };
-    format!("--codec progressive {goal}{content}{mips}")
+    format!("--codec progressive {}{content}{mips} --metric {}", params.goal.option(), metric.name())
 }
 
-fn verdict(texture: &TexelTexture, met: bool) -> String {
+fn verdict(texture: &ProgressiveTexture, met: bool) -> String {
     let base = format!(
         "A base of 1/{} of the width and height in {}",
         1 << texture.reduce_log2(),

@@ -11,7 +11,7 @@ use texfold_core::{EncodeError, Goal, Job, Metric, Params};
 
 use super::base::{Base, BaseTexture, Kind};
 use super::frame::Frame;
-use super::{Encoding, Parts, access};
+use super::{Encoding, Parts};
 use crate::{ProgressiveParams, ProgressiveTexture, Shared};
 
 /// What has been found in images, for any goal.
@@ -61,17 +61,14 @@ impl ProgressiveSearch {
         source.check_sides()?;
         let (source, params, shared) = (source.clone(), params.clone(), shared.clone());
         let search = ProgressiveSearch { source, params, shared, held: Mutex::default() };
-        // By block there is nothing to keep.
-        if !search.params.tries_blocks() {
-            search.encode(search.params.goal, job)?;
-        }
+        search.encode(search.params.goal, job)?;
         Ok(search)
     }
 
     pub(crate) fn encode(&self, goal: Goal, job: &mut Job<'_>) -> Result<ProgressiveTexture, EncodeError> {
         let params = &ProgressiveParams { goal, ..self.params.clone() };
-        let by_texel = |job: &mut Job<'_>| Encoding { source: &self.source, params, parts: self }.run(job);
-        access::encode(&self.source, params, by_texel, job)
+        params.check()?;
+        Encoding { source: &self.source, params, parts: self }.run(job)
     }
 
     fn held(&self) -> MutexGuard<'_, Held> {
@@ -114,7 +111,7 @@ impl Parts for ProgressiveSearch {
             }
         };
         let own_cells = base_texture.own_cells(goal);
-        let metric = self.params.texel_metric(self.source.info(), goal);
+        let metric = self.params.metric_for(self.source.info(), goal);
         let is_same = |held: &&HeldBase| {
             (held.shrink_log2, held.kind, held.own_cells, held.metric)
                 == (shrink_log2, kind, own_cells, metric)

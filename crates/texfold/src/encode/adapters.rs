@@ -3,7 +3,8 @@
 use texfold_bc::{Bc, BcParams, BcTexture, Content, Family};
 use texfold_core::image::{ColorSpace, ImageSet, PixelInfo, Raster};
 use texfold_core::target::Measured;
-use texfold_core::{EncodeError, Encoder, Goal, Image2d, Job, Notes, ParamError, Params};
+use texfold_core::{Access, EncodeError, Encoder, Goal, Image2d, Job, Notes, ParamError, Params};
+use texfold_dct::{Dct, DctImages, DctParams};
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
 use texfold_progressive::{Progressive, ProgressiveParams, ProgressiveTexture};
 use texfold_vq::{Vq, VqParams, VqSource, VqTexture};
@@ -49,6 +50,10 @@ pub trait ImageEncoder:
     const FOLLOWS_CONTENT_MASK: bool = false;
     /// Bits a texel, compressed that a comparison asks it for; none where its formats are compared one by one.
     const COMPARED_BPP: &'static [f64] = &[1.0, 1.5, 2.5];
+    /// How its texels are reached, its usual way first.
+    const ACCESS: &'static [Access] = &[Access::Texel];
+    /// Whether it follows [`EncodeSettings::metric`].
+    const HAS_METRIC: bool = false;
     /// When plain blocks are encoded to be compared with.
     const PLAIN: PlainOrder = PlainOrder::First(0.2);
 
@@ -235,6 +240,8 @@ impl ImageEncoder for Epitome {
     const BYTES_PER_TEXEL: u64 = 450;
     const IS_SELDOM_TRIED: bool = true;
     const FOLLOWS_CONTENT_MASK: bool = true;
+    const ACCESS: &'static [Access] = &[Access::Block, Access::Texel];
+    const HAS_METRIC: bool = true;
     const PLAIN: PlainOrder = PlainOrder::First(0.05);
 
     fn source<'s>(images: &'s ImageSet, guidance: Guidance<'s>) -> EpitomeSource<'s> {
@@ -252,6 +259,30 @@ impl ImageEncoder for Epitome {
         own.access = settings.access.unwrap_or(own.access);
         own.metric = settings.metric.or(own.metric);
         own
+    }
+
+    /// Content planes, layers and bounds of blocks are read by texel; there errors count by a metric in residual planes alone.
+    fn check(settings: &EncodeSettings) -> Result<(), ParamError> {
+        let planes = settings.content.is_some() || settings.family != Family::default();
+        let is_bound = matches!(settings.goal, Goal::Tolerance(_));
+        let layers = settings.codec.own::<Epitome>().is_some_and(|own| own.layers > 1);
+        let by_block = settings.access == Some(Access::Block);
+        if by_block && (planes || is_bound || layers) {
+            return Err(ParamError::new(
+                "access",
+                "block",
+                "texel, with content planes, layers or a tolerance",
+            ));
+        }
+        let has_residuals = settings.family == Family::ErrorMap && !is_bound;
+        if settings.metric.is_some() && settings.access == Some(Access::Texel) && !has_residuals {
+            return Err(ParamError::new(
+                "metric",
+                "set",
+                "none by texel, but for error-map content without a tolerance",
+            ));
+        }
+        Ok(())
     }
 
     /// Of the codecs that choose by themselves it alone has ASTC content.
@@ -302,7 +333,9 @@ impl ImageEncoder for Epitome {
 impl ImageEncoder for Progressive {
     // The coefficients of two bases, and a candidate or two for each block.
     const BYTES_PER_TEXEL: u64 = 160;
+    const IS_SELDOM_TRIED: bool = true;
     const COMPARED_BPP: &'static [f64] = &[1.0, 1.5, 2.5, 4.0];
+    const HAS_METRIC: bool = true;
     const PLAIN: PlainOrder = PlainOrder::After;
 
     fn source<'s>(images: &'s ImageSet, _guidance: Guidance<'s>) -> &'s ImageSet {
@@ -316,14 +349,35 @@ impl ImageEncoder for Progressive {
     fn with_settings(mut own: ProgressiveParams, settings: &EncodeSettings) -> ProgressiveParams {
         (own.goal, own.content) = (settings.goal, settings.content);
         (own.mips, own.effort) = (settings.mips, settings.effort);
-        own.access = settings.access.unwrap_or(own.access);
         own.metric = settings.metric.or(own.metric);
         own
     }
 
+    /// Tolerances bound squares.
+    fn check(settings: &EncodeSettings) -> Result<(), ParamError> {
+        let is_bound = matches!(settings.goal, Goal::Tolerance(_));
+        if settings.metric.is_some() && is_bound {
+            return Err(ParamError::new("metric", "set", "none with a tolerance"));
+        }
+        Ok(())
+    }
+
     /// Not where content is chosen.
     fn suits_settings(settings: &EncodeSettings) -> bool {
-        settings.content.is_none() && !settings.is_astc()
+        settings.content.is_none() && !settings.is_astc() && settings.access != Some(Access::Block)
+    }
+
+    /// At random access a texel takes about twice the bits that it takes in superblocks; only a bound of every block may be worth them.
+    fn why_not(
+        _images: &ImageSet,
+        settings: &EncodeSettings,
+        known: &Measured,
+        _job: &Job<'_>,
+    ) -> Result<Option<String>, EncodeError> {
+        let is_bound = matches!(settings.goal, Goal::Tolerance(_));
+        let is_met = settings.goal.is_met(known) && settings.access != Some(Access::Texel);
+        let why = || "what is read texel by texel takes about twice the bits".to_owned();
+        Ok((is_met && !is_bound).then(why))
     }
 
     /// Not where importance is to be followed.
@@ -341,5 +395,53 @@ impl ImageEncoder for Progressive {
                 part("usage", parts.usage),
             ]
         })
+    }
+}
+
+impl ImageEncoder for Dct {
+    // The coefficients of all axes and stages, as they are and quantised.
+    const BYTES_PER_TEXEL: u64 = 160;
+    const COMPARED_BPP: &'static [f64] = &[1.0, 1.5, 2.5, 4.0];
+    const ACCESS: &'static [Access] = &[Access::Block];
+    const HAS_METRIC: bool = true;
+    const PLAIN: PlainOrder = PlainOrder::After;
+
+    fn source<'s>(images: &'s ImageSet, _guidance: Guidance<'s>) -> &'s ImageSet {
+        images
+    }
+
+    fn notes_mut(texture: &mut DctImages) -> &mut Notes {
+        texture.notes_mut()
+    }
+
+    fn with_settings(mut own: DctParams, settings: &EncodeSettings) -> DctParams {
+        (own.goal, own.mips, own.effort) = (settings.goal, settings.mips, settings.effort);
+        own.metric = settings.metric.or(own.metric);
+        own
+    }
+
+    /// It has no content planes.
+    fn check(settings: &EncodeSettings) -> Result<(), ParamError> {
+        match settings.content.map(Content::name) {
+            Some(content) => Err(ParamError::new("content", content, "none; dct has no content planes")),
+            None if settings.is_astc() => {
+                Err(ParamError::new("content", "astc", "none; dct has no content planes"))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn suits_settings(settings: &EncodeSettings) -> bool {
+        settings.content.is_none() && !settings.is_astc() && settings.access != Some(Access::Texel)
+    }
+
+    /// Not where importance is to be followed.
+    fn suits(_images: &ImageSet, guidance: &Guidance<'_>) -> bool {
+        guidance.painted.is_none() && guidance.mesh.is_none()
+    }
+
+    fn parts(texture: &DctImages) -> Vec<PartImages> {
+        texfold_dct::part_images(texture)
+            .map_or(Vec::new(), |[bases, bits]| vec![part("base", bases), part("bits", bits)])
     }
 }

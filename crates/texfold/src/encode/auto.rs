@@ -59,6 +59,7 @@ pub fn choose_images(
     job: &mut Job<'_>,
 ) -> Result<Chosen, EncodeError> {
     let without_choice = |image| Chosen { image, attempts: Vec::new() };
+    settings.check()?;
     if let Some(encoding) = settings.codec.encoding() {
         return encoding.or_plain(images, guidance, settings, job).map(without_choice);
     }
@@ -199,8 +200,8 @@ mod tests {
     use texfold_bc::BcTexture;
     use texfold_core::Effort;
     use texfold_core::metric::measure;
+    use texfold_dct::DctImages;
     use texfold_epitome::EpitomeTexture;
-    use texfold_progressive::ProgressiveTexture;
     use texfold_vq::{Vq, VqParams, VqTexture};
 
     use super::*;
@@ -227,14 +228,14 @@ mod tests {
     }
 
     #[test]
-    fn a_photograph_is_a_base_and_a_residual_unless_importance_is_to_be_followed() {
+    fn a_photograph_is_transformed_unless_importance_is_to_be_followed() {
         let settings = EncodeSettings { goal: Goal::Bpp(2.5), ..EncodeSettings::default() };
         let (set, encoded) = encode("terrain", &settings);
-        assert!(encoded.downcast_ref::<ProgressiveTexture>().is_some(), "{}", verdict(&encoded));
+        assert!(encoded.downcast_ref::<DctImages>().is_some(), "{}", verdict(&encoded));
         assert!(measure(&set, encoded.as_encoded()).bpp <= 2.5);
         let codec = Choice::auto().with::<Vq>(VqParams::default());
         let weighed = encode("terrain", &EncodeSettings { codec, ..settings }).1;
-        assert!(weighed.downcast_ref::<ProgressiveTexture>().is_none());
+        assert!(weighed.downcast_ref::<DctImages>().is_none());
     }
 
     #[test]
@@ -242,7 +243,7 @@ mod tests {
         let settings = EncodeSettings { goal: Goal::Psnr(34.0), ..EncodeSettings::default() };
         let (set, encoded) = encode("tile_repeat", &settings);
         assert!(encoded.downcast_ref::<EpitomeTexture>().is_some(), "{}", verdict(&encoded));
-        assert!(verdict(&encoded).contains("progressive came to"), "{}", verdict(&encoded));
+        assert!(verdict(&encoded).contains("dct came to"), "{}", verdict(&encoded));
         let plain = encode("tile_repeat", &EncodeSettings { codec: Choice::of::<Bc>(), ..settings }).1;
         let (ours, plain) = (measure(&set, encoded.as_encoded()), measure(&set, plain.as_encoded()));
         assert!(ours.psnr >= 34.0 && ours.bpp < 0.15 * plain.bpp, "{ours:?} {plain:?}");
@@ -274,7 +275,7 @@ mod tests {
             let of = |codec: &str| attempts.iter().find(|attempt| attempt.codec == codec);
             let chosen = of(image.codec().name).unwrap().measured.unwrap();
             assert_eq!(chosen.psnr, measure(&set, image.as_encoded()).psnr, "{name}");
-            for codec in ["progressive", "epitome", "vq"] {
+            for codec in ["dct", "progressive", "epitome", "vq"] {
                 let attempt = of(codec).unwrap();
                 let was_encoded = attempt.outcome.starts_with("came to");
                 assert_eq!(attempt.measured.is_some(), was_encoded, "{name}: {attempt:?}");

@@ -16,6 +16,7 @@ pub use search::{ImageSearch, search_images};
 pub use settings::{Choice, EncodeSettings, Guidance, OwnParams};
 pub use table::{ENCODINGS, Encoding, parts_of};
 pub use texfold_bc::{Bc1Blocks, BcParams};
+pub use texfold_dct::DctParams;
 pub use texfold_epitome::{EpitomeParams, EpitomeSource, Transforms};
 pub use texfold_lightfield::{
     Capture, CaptureError, FitMethod, FittedMaps, LightModel, LightParams, LightQuality, MapSizes,

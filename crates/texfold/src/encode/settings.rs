@@ -7,7 +7,7 @@ use std::sync::Arc;
 use texfold_bc::{Bc1Blocks, Content, Family};
 use texfold_core::image::Raster;
 use texfold_core::mesh::UvMesh;
-use texfold_core::{Access, CodecId, Effort, Goal, Metric, TextureCodec};
+use texfold_core::{Access, CodecId, Effort, Goal, Metric, ParamError, TextureCodec};
 
 use super::{ENCODINGS, Encoding, ImageEncoder};
 
@@ -37,6 +37,14 @@ impl EncodeSettings {
     #[must_use]
     pub fn params<C: ImageEncoder>(&self) -> C::Params {
         C::with_settings(self.codec.own::<C>().unwrap_or_default(), self)
+    }
+
+    /// Checks the settings for the codec that they name ([`Encoding::check`]); a choice among all codecs takes those that suit.
+    ///
+    /// # Errors
+    /// [`ParamError`] names the setting, and what it may be.
+    pub fn check(&self) -> Result<(), ParamError> {
+        self.codec.encoding().map_or_else(|| self.goal.check(), |encoding| encoding.check(self))
     }
 
     /// Whether content is to be ASTC.
@@ -118,7 +126,7 @@ impl Choice {
         self.own.as_ref().map(|(id, _)| *id)
     }
 
-    fn own<C: ImageEncoder>(&self) -> Option<C::Params> {
+    pub(super) fn own<C: ImageEncoder>(&self) -> Option<C::Params> {
         let (_, own) = self.own.as_ref()?;
         let own: &dyn Any = &**own;
         own.downcast_ref::<C::Params>().cloned()

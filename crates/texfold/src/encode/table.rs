@@ -6,7 +6,8 @@ use texfold_bc::{Bc, Family};
 use texfold_core::image::ImageSet;
 use texfold_core::image::PixelInfo;
 use texfold_core::target::Measured;
-use texfold_core::{CodecId, EncodeError, Growable, Job, Notes, SharedSearch};
+use texfold_core::{Access, CodecId, EncodeError, Growable, Job, Notes, ParamError, SharedSearch};
+use texfold_dct::Dct;
 use texfold_epitome::Epitome;
 use texfold_progressive::Progressive;
 use texfold_vq::Vq;
@@ -18,12 +19,13 @@ use super::{EncodeSettings, Guidance};
 use crate::AnyImage;
 
 /// The codecs that encode images; a choice among all tries the last first.
-pub static ENCODINGS: [Encoding; 4] = [
+pub static ENCODINGS: [Encoding; 5] = [
     Encoding::of::<Bc>(),
     Encoding::of::<Vq>().growing::<Vq>(),
     // Not searching: what its search finds for 1.5 bits per texel gives 30.8 dB at 2.5, where a search for 2.5 gives 32.2.
     Encoding::of::<Epitome>(),
     Encoding::of::<Progressive>().searching::<Progressive>(),
+    Encoding::of::<Dct>(),
 ];
 
 type Encode = fn(&ImageSet, Guidance<'_>, &EncodeSettings, &mut Job<'_>) -> Result<AnyImage, EncodeError>;
@@ -49,6 +51,11 @@ pub struct Encoding {
     pub follows_content_mask: bool,
     /// Bits a texel, compressed that a comparison asks it for.
     pub compared_bpp: &'static [f64],
+    /// How its texels are reached, its usual way first.
+    pub accesses: &'static [Access],
+    /// Whether it follows [`EncodeSettings::metric`].
+    pub has_metric: bool,
+    check: fn(&EncodeSettings) -> Result<(), ParamError>,
     families: fn(PixelInfo) -> Vec<Family>,
     suits_settings: fn(&EncodeSettings) -> bool,
     suits: fn(&ImageSet, &Guidance<'_>) -> bool,
@@ -80,6 +87,9 @@ impl Encoding {
             follows_importance: C::FOLLOWS_IMPORTANCE,
             follows_content_mask: C::FOLLOWS_CONTENT_MASK,
             compared_bpp: C::COMPARED_BPP,
+            accesses: C::ACCESS,
+            has_metric: C::HAS_METRIC,
+            check: C::check,
             families: C::families,
             suits_settings: C::suits_settings,
             suits: C::suits,
@@ -100,6 +110,29 @@ impl Encoding {
 
     const fn growing<C: ImageEncoder + Growable>(self) -> Encoding {
         Encoding { add: Some(add::<C>), ..self }
+    }
+
+    /// Checks settings for this codec: what it does not follow is refused and not ignored.
+    ///
+    /// # Errors
+    /// [`ParamError`] names the setting, and what it may be.
+    pub fn check(&self, settings: &EncodeSettings) -> Result<(), ParamError> {
+        settings.goal.check()?;
+        if let Some(access) = settings.access.filter(|access| !self.accesses.contains(access)) {
+            let may_be = match access {
+                Access::Block => "texel; of images, dct and epitome are read by block",
+                Access::Texel => "block; of images, bc, vq, epitome and progressive are read by texel",
+            };
+            return Err(ParamError::new("access", access.name(), may_be));
+        }
+        if let Some(metric) = settings.metric.filter(|_| !self.has_metric) {
+            return Err(ParamError::new(
+                "metric",
+                metric.name(),
+                "none; dct, epitome and progressive have one",
+            ));
+        }
+        (self.check)(settings)
     }
 
     /// Whether one search serves several goals.

@@ -14,9 +14,9 @@ use std::sync::OnceLock;
 
 use texfold::image::{ImageSet, Raster};
 use texfold::{
-    Access, AnyImage, Bc, BcParams, Content, ENCODINGS, Effort, EncodeSettings, Encoder, Encoding, Epitome,
-    EpitomeParams, EpitomeSource, Family, Goal, Guidance, Job, PatchSource, PatchStack, Progressive,
-    ProgressiveParams, Shared, Vq, VqParams, VqSource, ZipParams, Zipmap,
+    Access, AnyImage, Bc, BcParams, Content, Dct, DctParams, ENCODINGS, Effort, Encoder, Encoding, Epitome,
+    EpitomeParams, EpitomeSource, Family, Goal, Job, PatchSource, PatchStack, Progressive, ProgressiveParams,
+    Shared, Vq, VqParams, VqSource, ZipParams, Zipmap,
 };
 
 pub fn fixture(name: &str) -> ImageSet {
@@ -33,6 +33,10 @@ pub fn bc(set: &ImageSet, params: &BcParams) -> AnyImage {
 
 pub fn epitome(set: &ImageSet, params: &EpitomeParams) -> AnyImage {
     AnyImage::new(Epitome::encode(EpitomeSource::new(set), params, &mut Job::default()).unwrap())
+}
+
+pub fn dct(set: &ImageSet, params: &DctParams) -> AnyImage {
+    AnyImage::new(Dct::encode(set, params, &mut Job::default()).unwrap())
 }
 
 pub fn progressive(set: &ImageSet, params: &ProgressiveParams) -> AnyImage {
@@ -110,12 +114,12 @@ fn make_small_textures() -> Vec<(String, ImageSet, AnyImage)> {
     let params = fast.with_content(Content::Bc1);
     textures.push(("epitome sequence".to_owned(), ripple.clone(), epitome(&ripple, &params)));
     // A base and a residual plane with mip levels; a set; a base alone.
-    let fast = ProgressiveParams::default().with_goal(Goal::Psnr(32.0)).with_effort(Effort::Fast);
+    let fast = DctParams::default().with_goal(Goal::Psnr(32.0)).with_effort(Effort::Fast);
     for (name, set, mips) in [("mips", &odd, true), ("sequence", &ripple, false)] {
-        let made = progressive(set, &fast.clone().with_mips(mips));
-        textures.push((format!("progressive layers, blocks, {name}"), set.clone(), made));
+        let made = dct(set, &fast.clone().with_mips(mips));
+        textures.push((format!("dct layers, {name}"), set.clone(), made));
     }
-    let fast = fast.with_access(Access::Texel);
+    let fast = ProgressiveParams::default().with_goal(Goal::Psnr(32.0)).with_effort(Effort::Fast);
     let params = fast.clone().with_mips(true);
     textures.push(("progressive layers".to_owned(), odd.clone(), progressive(&odd, &params)));
     let params = fast.clone().with_content(Content::Raw);
@@ -147,22 +151,5 @@ fn make_small_textures() -> Vec<(String, ImageSet, AnyImage)> {
 
 /// Every codec of images with each of its ways to reach texels; those that have one only are named once.
 pub fn ways() -> impl Iterator<Item = (&'static Encoding, Access)> {
-    static WAYS: OnceLock<Vec<(&Encoding, Access)>> = OnceLock::new();
-    let find = || {
-        let set = fixture("odd_37x61");
-        let bytes = |encoding: &Encoding, access| {
-            let (goal, effort) = (Goal::Psnr(26.0), Effort::Fast);
-            let settings = EncodeSettings { access: Some(access), goal, effort, ..EncodeSettings::default() };
-            let made = encoding.encode(&set, Guidance::default(), &settings, &mut Job::default());
-            made.unwrap().to_bytes()
-        };
-        let of = |encoding: &'static Encoding| {
-            let has_two = bytes(encoding, Access::Block) != bytes(encoding, Access::Texel);
-            [Access::Block, Access::Texel][..1 + usize::from(has_two)]
-                .iter()
-                .map(move |&access| (encoding, access))
-        };
-        ENCODINGS.iter().flat_map(of).collect()
-    };
-    WAYS.get_or_init(find).iter().copied()
+    ENCODINGS.iter().flat_map(|encoding| encoding.accesses.iter().map(move |&access| (encoding, access)))
 }

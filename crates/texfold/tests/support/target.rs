@@ -3,8 +3,8 @@
 use glam::Vec3;
 use texfold::container::{CodecId, SectionWriter, Sections};
 use texfold::{
-    AnyImage, AnyTexture, Budget, Domain, Encoded, Image2d, ImageAddress, LightAddress, LightTexture, Limits,
-    ProgressiveTexture, Rect, SurfaceSize, Texel, open,
+    AnyImage, AnyTexture, Budget, DctImages, Domain, Encoded, Image2d, ImageAddress, LightAddress,
+    LightTexture, Limits, Rect, SurfaceSize, Texel, open,
 };
 use texfold_testkit::dct;
 
@@ -19,8 +19,8 @@ const MOST_IMAGES: u32 = 2;
 const MOST_LEVELS: u32 = 4;
 /// Files with content in blocks: images with mip levels, images with alpha, a zoom stack.
 const SEEDS: [&[u8]; 3] = [
-    include_bytes!("../../../../fixtures/golden/progressive_block.txf"),
-    include_bytes!("../../../../fixtures/golden/progressive_block_alpha.txf"),
+    include_bytes!("../../../../fixtures/golden/dct.txf"),
+    include_bytes!("../../../../fixtures/golden/dct_alpha.txf"),
     include_bytes!("../../../../fixtures/golden/zipmap_block.txf"),
 ];
 
@@ -63,7 +63,7 @@ fn exercise_image(image: &dyn Encoded<Domain = Image2d>) {
 /// What the compute passes of blocks give, on the CPU, is what decoding gives, whatever the streams hold.
 fn exercise_passes(image: &AnyImage) {
     let form = image.as_encoded().gpu();
-    let images = image.downcast_ref::<ProgressiveTexture>().and_then(ProgressiveTexture::block);
+    let images = image.downcast_ref::<DctImages>();
     for (number, blocks) in form.blocks.iter().enumerate().take(MOST_LEVELS as usize) {
         let region = corner(whole_of(blocks.layout.size), PASSES_SIDE);
         let drawn = dct::decode(blocks, region).expect("the region lies inside");

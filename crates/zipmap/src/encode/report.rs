@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use texfold_bc::ContentPlanes;
 use texfold_core::image::Raster;
 use texfold_core::metric::SquaredError;
-use texfold_core::{Access, CancelCheck, Encoded, Goal, Notes};
+use texfold_core::{Access, CancelCheck, Encoded, Notes};
 use texfold_dct::DctContent;
 
 use super::Dropped;
@@ -89,11 +89,7 @@ pub(crate) fn notes(
     let sum = |error: fn(&Fidelity) -> SquaredError| {
         found.iter().map(error).fold(SquaredError::default(), |a, b| a + b)
     };
-    let goal = match params.goal {
-        Goal::Psnr(psnr) => format!("--psnr {psnr}"),
-        Goal::Bpp(bpp) => format!("--bpp {bpp}"),
-        Goal::Tolerance(tolerance) => format!("--tolerance {tolerance}"),
-    };
+    let goal = params.goal.option();
     // The command line has no option for it.
     let tau = if params.tau == ZipParams::default().tau {
         String::new()

@@ -49,21 +49,23 @@ struct Way {
     access: Access,
 }
 
-/// All codecs by block and by texel, and last the choice among them, for bounds alone by block, as it is by default.
+/// All codecs by each of their ways to reach texels, and last the choice among them, for bounds alone by block, as it is by default.
 fn ways(extent: Extent) -> Vec<Way> {
     let named = ENCODINGS.iter().filter_map(|encoding| {
         let name = encoding.id.name;
-        Some((name, Choice::named(name)?))
+        Some((name, Choice::named(name)?, encoding.accesses))
     });
-    let all = named.chain([("auto", Choice::auto())]);
-    all.flat_map(|(name, choice)| {
-        [Access::Block, Access::Texel].map(|access| Way {
-            name: format!("{name} by {}", access.name()),
-            choice: choice.clone(),
-            access,
-        })
+    let of_auto: &[Access] =
+        if extent == Extent::Bounds { &[Access::Block] } else { &[Access::Block, Access::Texel] };
+    let all = named.chain([("auto", Choice::auto(), of_auto)]);
+    let way = |name: &str, choice: &Choice, access: Access| Way {
+        name: format!("{name} by {}", access.name()),
+        choice: choice.clone(),
+        access,
+    };
+    all.flat_map(|(name, choice, accesses)| {
+        accesses.iter().map(|&access| way(name, &choice, access)).collect::<Vec<Way>>()
     })
-    .filter(|way| extent != Extent::Bounds || way.name != "auto by texel")
     .collect()
 }
 
@@ -99,28 +101,18 @@ pub(super) fn rows(tools: &Tools, extent: Extent, say: &mut dyn FnMut(Row)) -> O
 
 fn rows_of(regime: &Regime, tools: &Tools, extent: Extent, say: &mut dyn FnMut(Row)) -> Outcome<()> {
     let images = (regime.images)()?;
-    let plains = [Access::Block, Access::Texel].map(|access| plain(&images, access, tools));
-    let mut by_block: Option<Vec<u8>> = None;
+    let plain = plain(&images, tools);
     for way in ways(extent) {
-        let [block, texel] = &plains;
-        let plain = if way.access == Access::Block { block } else { texel };
         let start = Instant::now();
         let made = guarded(|cancel| encode(&images, &way, &tools.single, cancel));
-        // Where a codec has one way only, it is told once.
-        if let Ok(Ok(made)) = &made {
-            let bytes = made.to_bytes();
-            if way.access == Access::Texel && by_block.as_ref() == Some(&bytes) {
-                continue;
-            }
-            by_block = Some(bytes);
-        }
+        let bytes = made.as_ref().ok().and_then(|made| made.as_ref().ok()).map(AnyImage::to_bytes);
         let outcome = match made {
             Err(fault) => record::Outcome::Broken(fault),
             Ok(Err(EncodeError::Cancelled)) => record::Outcome::Broken("does not end in time".to_owned()),
             Ok(Err(error)) => record::Outcome::Refused(record::words(&error)),
             Ok(Ok(made)) => held(&images, &made, &way, plain.as_ref(), tools),
         };
-        let pictures = pictures(&images, by_block.as_deref())?;
+        let pictures = pictures(&images, bytes.as_deref())?;
         let seconds = start.elapsed().as_secs_f64();
         say(Row { regime: regime.name, codec: way.name, outcome, seconds, pictures });
     }
@@ -149,8 +141,8 @@ fn encode(images: &ImageSet, way: &Way, pool: &ThreadPool, cancel: &Cancel) -> R
 }
 
 /// Plain blocks for the same goal.
-fn plain(images: &ImageSet, access: Access, tools: &Tools) -> Option<AnyImage> {
-    let way = Way { name: Bc::ID.name.to_owned(), choice: Choice::of::<Bc>(), access };
+fn plain(images: &ImageSet, tools: &Tools) -> Option<AnyImage> {
+    let way = Way { name: Bc::ID.name.to_owned(), choice: Choice::of::<Bc>(), access: Access::Texel };
     guarded(|cancel| encode(images, &way, &tools.single, cancel)).ok()?.ok()
 }
 
@@ -304,7 +296,7 @@ mod tests {
         let bright = (REGIMES[18].images)().unwrap();
         let way = &ways(Extent::Bounds)[0];
         let wrong = guarded(|cancel| encode(&bright, way, &tools.single, cancel)).unwrap().unwrap();
-        let plain = plain(&images, Access::Block, &tools).unwrap();
+        let plain = plain(&images, &tools).unwrap();
         let checks = beside_plain(&images, &wrong, &plain);
         assert!(checks.iter().any(|check| !check.holds()), "{checks:?}");
     }

@@ -1,18 +1,19 @@
-//! The form that is read by block: [`texfold_dct`] content.
+//! The codec: images that are decoded before they are drawn.
 
+use crate::DctContent;
 use texfold_bc::Content;
 use texfold_bc::decode::TexfoldBcParams;
 use texfold_core::address::TEXFOLD_CLAMP;
-use texfold_core::container::{SectionWriter, Sections, read_layout, write_layout};
+use texfold_core::container::{ContentId, SectionWriter, Sections, read_layout, write_layout};
 use texfold_core::image::{Depth, PixelInfo};
-use texfold_core::{BASE_PART, RESIDUAL_PART};
 use texfold_core::{
-    Budget, CodecId, DecodedImage, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Layers,
-    LoadError, MemoryBits, Notes, Rect, Refine, RegionError, SurfaceBinding, Texel, TextureCodec,
+    BASE_PART, Budget, CodecId, DecodedImage, Encoded, Footprint, GpuForm, Image2d, ImageAddress,
+    ImageLayout, Layers, LoadError, MemoryBits, Notes, RESIDUAL_PART, Rect, Refine, RegionError,
+    SurfaceBinding, Texel, TextureCodec,
 };
-use texfold_dct::DctContent;
 
-use crate::{Progressive, wire};
+/// The only content of a file.
+const CONTENT: ContentId = ContentId::ONLY;
 
 /// Channels of the textures that blocks decode to for drawing.
 const DRAWN: PixelInfo = PixelInfo {
@@ -22,7 +23,24 @@ const DRAWN: PixelInfo = PixelInfo {
     alpha: texfold_core::image::Alpha::Straight,
 };
 
-/// Images in blocks of variable length, which are decoded before they are drawn.
+/// Images in DCT superblocks.
+#[derive(Debug, Clone, Copy)]
+pub enum Dct {}
+
+impl TextureCodec for Dct {
+    const ID: CodecId = CodecId { number: 7, name: "dct" };
+    type Domain = Image2d;
+    type Encoded = DctImages;
+
+    fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<DctImages, LoadError> {
+        let notes = Notes::read(file, budget)?;
+        let layout = read_layout(file, budget)?;
+        let content = DctContent::load(&layout, CONTENT, file, budget)?;
+        Ok(DctImages { content, notes })
+    }
+}
+
+/// Images in DCT superblocks, which are decoded before they are drawn. The second of two layers refines a soft image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DctImages {
     content: DctContent,
@@ -62,25 +80,13 @@ impl DctImages {
     pub fn with_notes(self, notes: Notes) -> Self {
         DctImages { notes, ..self }
     }
-
-    /// Whether a file has this form.
-    pub(crate) fn is_in(file: &Sections<'_>) -> bool {
-        DctContent::is_in(wire::CONTENT, file)
-    }
-
-    pub(crate) fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<Self, LoadError> {
-        let notes = Notes::read(file, budget)?;
-        let layout = read_layout(file, budget)?;
-        let content = DctContent::load(&layout, wire::CONTENT, file, budget)?;
-        Ok(DctImages { content, notes })
-    }
 }
 
 impl Encoded for DctImages {
     type Domain = Image2d;
 
     fn codec(&self) -> CodecId {
-        Progressive::ID
+        Dct::ID
     }
 
     fn layout(&self) -> &ImageLayout {
@@ -102,7 +108,7 @@ impl Encoded for DctImages {
     fn store(&self, out: &mut SectionWriter) {
         self.notes.write(out);
         write_layout(self.layout(), out);
-        self.content.store(wire::CONTENT, out);
+        self.content.store(CONTENT, out);
     }
 
     fn footprint(&self) -> Footprint {
@@ -148,7 +154,7 @@ impl Encoded for DctImages {
 
 impl Refine for DctImages {
     fn refine(&mut self, file: &Sections<'_>, budget: &mut Budget) -> Result<Vec<&'static str>, LoadError> {
-        let Some(content) = self.content.with_rest(wire::CONTENT, file, budget)? else {
+        let Some(content) = self.content.with_rest(CONTENT, file, budget)? else {
             return Ok(Vec::new());
         };
         self.content = content;

@@ -1,4 +1,4 @@
-//! What the encoder promises of the form that is read by block: goals, mip levels, layers, sets, every kind of pixel, forged files.
+//! What the codec promises: goals, mip levels, layers, sets, every kind of pixel, forged files.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -7,32 +7,31 @@ use texfold_core::image::{Alpha, ColorSpace, Depth, ImageSet, MipFilter, PixelIn
 use texfold_core::metric::{alpha_error, color_error, decode_surface, measure, quality};
 use texfold_core::rng::Rng;
 use texfold_core::{
-    Access, Budget, Domain, Effort, Encoded, Encoder, Goal, Image2d, Job, Layers, Metric, Rect, Refine,
-    SharedSearch, Texel, TextureCodec,
+    Budget, Domain, Effort, Encoded, Encoder, Goal, Image2d, Job, Layers, Rect, Refine, Texel, TextureCodec,
 };
-use texfold_progressive::{Progressive, ProgressiveParams, ProgressiveTexture};
+use texfold_dct::{Dct, DctImages, DctParams};
 
 fn image(name: &str) -> ImageSet {
     ImageSet::single(texfold_testkit::image(name))
 }
 
-fn encode(set: &ImageSet, params: &ProgressiveParams) -> ProgressiveTexture {
-    Progressive::encode(set, params, &mut Job::default()).unwrap()
+fn encode(set: &ImageSet, params: &DctParams) -> DctImages {
+    Dct::encode(set, params, &mut Job::default()).unwrap()
 }
 
-fn to(goal: Goal) -> ProgressiveParams {
-    ProgressiveParams::default().with_goal(goal)
+fn to(goal: Goal) -> DctParams {
+    DctParams::default().with_goal(goal)
 }
 
-fn bytes(texture: &ProgressiveTexture) -> Vec<u8> {
-    let mut writer = SectionWriter::new(Progressive::ID);
+fn bytes(texture: &DctImages) -> Vec<u8> {
+    let mut writer = SectionWriter::new(Dct::ID);
     texture.store(&mut writer);
     writer.finish().bytes
 }
 
-fn load(bytes: &[u8]) -> ProgressiveTexture {
+fn load(bytes: &[u8]) -> DctImages {
     let mut budget = Budget::default();
-    Progressive::load(&Sections::parse(bytes, &mut budget).unwrap(), &mut budget).unwrap()
+    Dct::load(&Sections::parse(bytes, &mut budget).unwrap(), &mut budget).unwrap()
 }
 
 #[test]
@@ -41,13 +40,11 @@ fn goals_are_met_and_little_more() {
     for psnr in [28.0, 34.0, 40.0] {
         let texture = encode(&set, &to(Goal::Psnr(psnr)));
         let found = measure(&set, &texture);
-        assert_eq!(texture.access(), Access::Block);
         assert!((0.0..0.1).contains(&(found.psnr - psnr)), "{psnr}: {found:?}");
     }
     for bpp in [0.5, 1.0, 2.0, 4.0, 6.0] {
         let texture = encode(&set, &to(Goal::Bpp(bpp)));
         let found = measure(&set, &texture);
-        assert_eq!(texture.access(), Access::Block);
         assert!(found.bpp <= bpp && found.bpp > 0.97 * bpp, "{bpp}: {found:?}");
         // What is counted is what is held, and what the file has beside its notes and sections.
         assert_eq!(texture.memory(), texture.gpu().memory());
@@ -61,29 +58,7 @@ fn goals_are_met_and_little_more() {
 }
 
 #[test]
-fn blocks_are_better_than_texels_at_equal_bits() {
-    for name in ["terrain", "facade", "salient"] {
-        let set = image(name);
-        for bpp in [0.5, 1.0, 2.0] {
-            let goal = to(Goal::Bpp(bpp)).with_effort(Effort::Fast);
-            let psnr = |params: &ProgressiveParams| measure(&set, &encode(&set, params)).psnr;
-            let by_block = psnr(&goal.clone().with_metric(Metric::Psnr));
-            let by_texel = psnr(&goal.with_metric(Metric::Psnr).with_access(Access::Texel));
-            assert!(by_block > by_texel + 0.5, "{name} at {bpp} bits: {by_block} {by_texel}");
-        }
-    }
-}
-
-#[test]
-fn by_texel_serves_where_it_answers_the_goal_better() {
-    let set = image("terrain");
-    for tolerance in [20.0, 6.0] {
-        let goal = to(Goal::Tolerance(tolerance)).with_effort(Effort::Fast);
-        let found = measure(&set, &encode(&set, &goal));
-        let by_texel = measure(&set, &encode(&set, &goal.with_access(Access::Texel)));
-        assert!(found.worst_block_rms <= tolerance && found.bpp <= by_texel.bpp, "{found:?} {by_texel:?}");
-    }
-    // Nothing can.
+fn the_nearest_is_given_where_no_step_meets_the_goal() {
     let tiny = ImageSet::single(texfold_testkit::image("odd_37x61"));
     let texture = encode(&tiny, &to(Goal::Psnr(200.0)));
     assert!(texture.notes().verdict.contains("out of reach"), "{}", texture.notes().verdict);
@@ -174,23 +149,13 @@ fn images_of_a_set_share_a_step() {
     let set = ImageSet::new(names.map(texfold_testkit::image).to_vec()).unwrap();
     let texture = encode(&set, &to(Goal::Bpp(1.5)).with_mips(true));
     let found = measure(&set, &texture);
-    assert!(texture.access() == Access::Block && found.bpp <= 1.5 && found.bpp > 1.47, "{found:?}");
-    let images = texture.block().unwrap().content().stages();
+    assert!(found.bpp <= 1.5 && found.bpp > 1.47, "{found:?}");
+    let images = texture.content().stages();
     let steps: Vec<u16> = images.iter().map(|image| image.form().quantiser.step).collect();
     // Stages of two images of 256x256 texels, and of one of 37x61: each is finer than the one before.
     let (first, second, third) = (steps[0], steps[1], steps[2]);
     assert_eq!(steps, [first, second, third, first, second, third, first, second]);
     assert!(third < second && second < first);
-}
-
-#[test]
-fn a_search_for_several_goals_finds_what_each_does_alone() {
-    let set = image("facade");
-    let search = Progressive::search(&set, &to(Goal::Bpp(1.0)), &mut Job::default()).unwrap();
-    for goal in [Goal::Bpp(1.0), Goal::Bpp(3.0), Goal::Psnr(33.0)] {
-        let found = Progressive::encode_from(&search, goal, &mut Job::default()).unwrap();
-        assert!(found == encode(&set, &to(goal)), "{goal:?}");
-    }
 }
 
 #[test]
@@ -225,16 +190,15 @@ fn more_bits_are_never_worse() {
 fn forged_files_decode_or_are_refused() {
     let set = image("odd_37x61");
     let texture = encode(&set, &to(Goal::Bpp(2.0)).with_mips(true));
-    let block = texture.block().unwrap();
     let mut rng = Rng::new(11);
     let (mut opened, mut refused) = (0, 0);
     for _ in 0..300 {
         // Past the checksums: sections are written again with damaged bytes.
-        let mut out = SectionWriter::new(Progressive::ID);
+        let mut out = SectionWriter::new(Dct::ID);
         texture.notes().write(&mut out);
         texfold_core::container::write_layout(texture.layout(), &mut out);
         let mut parts: Vec<Vec<u8>> = vec![Vec::new(), Vec::new()];
-        for image in block.content().stages() {
+        for image in texture.content().stages() {
             parts[0].extend(image.base_bytes());
             parts[1].extend(image.detail_bytes());
         }
@@ -248,7 +212,7 @@ fn forged_files_decode_or_are_refused() {
         let bytes = out.finish().bytes;
         let mut budget = Budget::default();
         let file = Sections::parse(&bytes, &mut budget).unwrap();
-        match Progressive::load(&file, &mut budget) {
+        match Dct::load(&file, &mut budget) {
             Ok(forged) => {
                 opened += 1;
                 for level in 0..forged.layout().levels {

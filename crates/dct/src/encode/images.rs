@@ -1,0 +1,187 @@
+//! Sets of images: with the step that answers a goal, or with one that the caller names.
+
+use super::goal::{DctSettings, STEPS, first_step};
+use super::set::DctSetEncoder;
+use super::source::DctSource;
+use crate::{Dct, DctImages, DctParams};
+use texfold_core::RESIDUAL_PART;
+use texfold_core::image::{Depth, ImageSet, MipFilter, mip_chain_cancellable};
+use texfold_core::metric::{measure_for, quality_cancellable};
+use texfold_core::target::{FoundStep, Measured, excess, search_step};
+use texfold_core::{
+    CancelCheck, DCT_LEVELS, EncodeError, Encoded, Encoder, Goal, ImageLayout, Job, Metric, Notes, Params,
+    SourceError,
+};
+
+impl Encoder for Dct {
+    type Source<'s> = &'s ImageSet;
+    type Params = DctParams;
+
+    fn encode(source: &ImageSet, params: &DctParams, job: &mut Job<'_>) -> Result<DctImages, EncodeError> {
+        params.check()?;
+        source.check_sides()?;
+        let (images, measured) = best(source, params, job)?;
+        let notes = notes(source, &images, params, params.goal.is_met(&measured), job)?;
+        job.stage("done", 1.0)?;
+        Ok(images.with_notes(notes))
+    }
+}
+
+impl Dct {
+    /// As [`Encoder::encode`], with a step that the caller names instead of a goal: tiles of an image that share one have errors
+    /// alike. The result has no notes; [`DctImages::described`] gives it some.
+    ///
+    /// # Errors
+    /// [`EncodeError`] as there.
+    pub fn encode_at_step(
+        source: &ImageSet,
+        params: &DctParams,
+        step: u16,
+        job: &mut Job<'_>,
+    ) -> Result<DctImages, EncodeError> {
+        params.check()?;
+        source.check_sides()?;
+        job.stage("transforming", 0.0)?;
+        let check = job.cancel_check();
+        let layout = layout_of(source, params);
+        let sources = job.install(|| stages(source, layout.levels, check))?;
+        let encoder =
+            job.install(|| DctSetEncoder::new(layout, &sources, &coder_settings(source, params), check))?;
+        job.stage("coding blocks", 0.3)?;
+        let images = DctImages::new(job.install(|| encoder.at_step(step))?);
+        job.stage("done", 1.0)?;
+        Ok(images)
+    }
+
+    /// Searches the step for [`Dct::encode_at_step`] with which several tiles together just meet a goal. `at_step` makes
+    /// something of them with a step, and measures them together; of what meets the goal, what it made with the fewest bits, or
+    /// with the most for a goal of bits. `None` where nothing is tried.
+    ///
+    /// # Errors
+    /// Whatever `at_step` returns, at once.
+    pub fn search_step<T, E>(
+        goal: Goal,
+        depth: Depth,
+        mut at_step: impl FnMut(u16) -> Result<(T, Measured), E>,
+    ) -> Result<Option<FoundStep<T>>, E> {
+        let first = first_step(if depth == Depth::Eight { 8 } else { 16 });
+        search_step(goal, STEPS, first, |step| {
+            let (made, measured) = at_step(step)?;
+            Ok((made, excess(goal, &measured)))
+        })
+    }
+}
+
+impl DctImages {
+    /// With notes of how they were made, and of what they show without their second layer.
+    ///
+    /// # Errors
+    /// [`EncodeError::Cancelled`] where the caller asked to stop.
+    pub fn described(
+        self,
+        source: &ImageSet,
+        params: &DctParams,
+        met: bool,
+        job: &Job<'_>,
+    ) -> Result<DctImages, EncodeError> {
+        let notes = notes(source, &self, params, met, job)?;
+        Ok(self.with_notes(notes))
+    }
+}
+
+/// The images with the step that answers the goal best.
+fn best(
+    source: &ImageSet,
+    params: &DctParams,
+    job: &mut Job<'_>,
+) -> Result<(DctImages, Measured), EncodeError> {
+    let goal = params.goal;
+    job.stage("transforming", 0.0)?;
+    let check = job.cancel_check();
+    let layout = layout_of(source, params);
+    let sources = job.install(|| stages(source, layout.levels, check))?;
+    let encoder =
+        job.install(|| DctSetEncoder::new(layout, &sources, &coder_settings(source, params), check))?;
+    let mut tried = 0u32;
+    let found = search_step(goal, STEPS, encoder.first_step(), |step| {
+        tried += 1;
+        job.stage("coding blocks", tried as f32 / (tried as f32 + 4.0))?;
+        let images = DctImages::new(job.install(|| encoder.at_step(step))?);
+        let measured = match goal {
+            // Bits need no decoding.
+            Goal::Bpp(_) => Measured { bpp: bits(source, &images), psnr: 0.0, worst_block_rms: 0.0 },
+            _ => job.install(|| measure_for(params.goal, source, &images, check))?,
+        };
+        let by = excess(goal, &measured);
+        Ok::<_, EncodeError>(((images, measured), by))
+    })?;
+    let (images, measured) = found.ok_or(SourceError::Empty)?.value;
+    match goal {
+        Goal::Bpp(_) => {
+            let measured = job.install(|| measure_for(params.goal, source, &images, check))?;
+            Ok((images, measured))
+        }
+        _ => Ok((images, measured)),
+    }
+}
+
+fn layout_of(source: &ImageSet, params: &DctParams) -> ImageLayout {
+    source.layout(if params.mips { source.full_levels() } else { 1 })
+}
+
+fn coder_settings(source: &ImageSet, params: &DctParams) -> DctSettings {
+    DctSettings::default()
+        .with_goal(params.goal)
+        .with_effort(params.effort)
+        .with_metric(params.metric_for(source.info()))
+}
+
+/// The stages of all images: mip levels 0, 3, 6 and so on.
+fn stages(source: &ImageSet, levels: u32, check: CancelCheck<'_>) -> Result<Vec<DctSource>, EncodeError> {
+    let depth = source.info().depth;
+    let mut stages = Vec::new();
+    for image in source.images() {
+        let levels = levels.min(image.size().full_levels());
+        let chain = mip_chain_cancellable(image, levels, MipFilter::Box, check)?;
+        let samples =
+            chain.iter().step_by(DCT_LEVELS as usize).map(|level| DctSource::from_raster(level, depth));
+        stages.extend(samples.collect::<Result<Vec<_>, SourceError>>()?);
+    }
+    Ok(stages)
+}
+
+fn bits(source: &ImageSet, images: &DctImages) -> f64 {
+    images.memory().goal as f64 / source.texel_count() as f64
+}
+
+/// Settings, verdict, and the PSNR of the bases alone.
+fn notes(
+    source: &ImageSet,
+    images: &DctImages,
+    params: &DctParams,
+    met: bool,
+    job: &Job<'_>,
+) -> Result<Notes, EncodeError> {
+    let layers = images.layers();
+    let mut psnr_without = Vec::new();
+    let base_alone = images.first_layers(1);
+    if layers.total > 1 {
+        let check = job.cancel_check();
+        let alone = job.install(|| quality_cancellable(source, &base_alone, check))?;
+        psnr_without.push((RESIDUAL_PART.to_owned(), alone.color.psnr() as f32));
+    }
+    let metric = params.metric_for(source.info());
+    let weighted = match metric {
+        Metric::Psnr => "errors count alike",
+        Metric::Perceptual => "errors count less the finer they are",
+    };
+    let base = 8.0 * base_alone.content().held_bytes() as f64 / source.texel_count() as f64;
+    let missed = if met { "" } else { " The goal is out of reach; this comes nearest." };
+    let verdict = format!(
+        "{:.3} bits a texel, {base:.3} of them in headers and bases of 1/8 of the width and height; {weighted}.{missed}",
+        bits(source, images),
+    );
+    let mips = if params.mips { " --mips" } else { "" };
+    let settings = format!("--codec dct {}{mips} --metric {}", params.goal.option(), metric.name());
+    Ok(Notes { settings, verdict, psnr_without })
+}

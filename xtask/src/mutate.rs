@@ -101,14 +101,14 @@ const MUTATIONS: &[Mutation] = &[
         file: "shaders/wgsl/entry/block.wgsl",
         find: "let is_light = (entry_output.average & 1u) == 1u;",
         replace: "let is_light = false;",
-        test: blocks("block::mip_levels_equal_those_of_the_cpu"),
+        test: blocks("dct::mip_levels_equal_those_of_the_cpu"),
     },
     Mutation {
         name: "products of means around a block are not rounded",
         file: "shaders/wgsl/block.wgsl",
         find: "    return (value * weight + 128) >> 8u;",
         replace: "    return (value * weight) >> 8u;",
-        test: blocks("block::images_equal_those_of_the_cpu"),
+        test: blocks("dct::images_equal_those_of_the_cpu"),
     },
 ];
 

@@ -4,7 +4,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::Vec2;
-use texfold::{AnyImage, Content, Effort, EpitomeTexture, ImageAddress, Texel};
+use texfold::{AnyImage, Content, Effort, ImageAddress, Texel, epitome::EpitomeTexture};
 use texfold_benches::{bc, dct, epitome, epitome_params, image_of, paper_params, progressive, vq};
 use texfold_epitome::decode::texfold_epitome_bilinear;
 
@@ -73,7 +73,7 @@ fn decode(c: &mut Criterion) {
                 for _ in 0..PLACES {
                     state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                     let (x, y) = (state >> 22, (state >> 12) & (SIDE - 1));
-                    sum += texture.sample(ImageAddress { surface: 0, level: 0, x, y });
+                    sum += texture.texel(ImageAddress { surface: 0, level: 0, x, y });
                 }
                 black_box(sum)
             });

@@ -1,7 +1,7 @@
 //! Encoding: time of a whole encode of a 512x512 image.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use texfold::{Content, Effort, Goal, VqParams};
+use texfold::{Content, Effort, Goal, vq::VqParams};
 use texfold_benches::{bc, dct, epitome, epitome_params, image_512, paper_params, progressive, vq};
 
 fn encode(c: &mut Criterion) {

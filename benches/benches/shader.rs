@@ -4,7 +4,7 @@
 //! only the textures whose names hold it are drawn.
 
 use texfold::Effort;
-use texfold::image::ImageSet;
+use texfold::core::image::ImageSet;
 use texfold::{AnyImage, Content};
 use texfold_benches::{bc, epitome, epitome_params, image_of, paper_params, progressive, vq};
 use texfold_gpu::{Gpu, GpuError, Lookup, Policy, Probe, View};

@@ -5,10 +5,13 @@
 
 use std::path::PathBuf;
 
-use texfold::image::{ImageSet, Raster};
-use texfold::metric::measure;
-use texfold::target::Measured;
-use texfold::{Access, Effort, EpitomeParams, Goal, Transforms};
+use texfold::core::image::{ImageSet, Raster};
+use texfold::core::metric::measure;
+use texfold::core::target::Measured;
+use texfold::{
+    Access, Effort, Goal,
+    epitome::{EpitomeParams, Transforms},
+};
 use texfold_benches::report::{Outcome, Table, cpu_seconds, middle};
 
 /// What all are encoded for.

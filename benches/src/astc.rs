@@ -8,12 +8,14 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-use texfold::image::{ImageSet, Raster};
-use texfold::metric::measure;
-use texfold::target::Measured;
+use texfold::core::image::{ImageSet, Raster};
+use texfold::core::metric::measure;
+use texfold::core::target::Measured;
 use texfold::{
-    AstcBlock, Bc, BcParams, Content, Encoder, Epitome, EpitomeParams, EpitomeSource, Family, Goal, Job,
-    SharedSearch,
+    Content, Family, Goal, Job,
+    bc::{Bc, BcParams},
+    core::{AstcBlock, Encoder, SharedSearch},
+    epitome::{Epitome, EpitomeParams, EpitomeSource},
 };
 
 /// Photographs of structure, in the folder `epitome` of the data.

@@ -10,9 +10,12 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
 
-use texfold::image::{ColorSpace, ImageSet, Raster};
-use texfold::metric::quality;
-use texfold::{Encoded, Goal, Job, Metric, Progressive, ProgressiveParams, Shared};
+use texfold::core::image::{ColorSpace, ImageSet, Raster};
+use texfold::core::metric::quality;
+use texfold::{
+    Encoded, Goal, Job, Metric,
+    progressive::{Progressive, ProgressiveParams, Shared},
+};
 use texfold_benches::over;
 use texfold_benches::report::{Chart, Line, Outcome, Table, cpu_seconds};
 use texfold_testkit::fixtures::land::land;

@@ -7,10 +7,12 @@
 
 use std::path::{Path, PathBuf};
 
-use texfold::image::{ImageSet, Raster};
-use texfold::metric::measure;
-use texfold::target::Measured;
-use texfold::{ENCODINGS, Effort, EncodeSettings, Epitome, Goal, Guidance, Job, encode_images};
+use texfold::core::image::{ImageSet, Raster};
+use texfold::core::metric::measure;
+use texfold::core::target::Measured;
+use texfold::{
+    Effort, EncodeSettings, Goal, Guidance, Job, encode_images, encoding::ENCODINGS, epitome::Epitome,
+};
 use texfold_benches::budget::Run;
 use texfold_benches::report::{Outcome, Table, cpu_seconds, images_of, middle};
 

@@ -7,9 +7,13 @@
 
 use std::path::{Path, PathBuf};
 
-use texfold::image::ImageSet;
-use texfold::metric::measure;
-use texfold::{Content, Encoded, Epitome, EpitomeParams, EpitomeSource, Goal, Job, SharedSearch};
+use texfold::core::image::ImageSet;
+use texfold::core::metric::measure;
+use texfold::{
+    Content, Encoded, Goal, Job,
+    core::SharedSearch,
+    epitome::{Epitome, EpitomeParams, EpitomeSource},
+};
 use texfold_benches::report::{Chart, Line, Outcome, Table, cpu_seconds, middle, rms_percent};
 
 /// Sides of blocks that are charted.

@@ -12,8 +12,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use plotters::prelude::*;
-use texfold::CancelCheck;
-use texfold::image::Raster;
+use texfold::core::CancelCheck;
+use texfold::core::image::Raster;
 use texfold_benches::report::cpu_seconds;
 use texfold_match::{Freedom, GrayPlane, GsrIndex, GsrInput, Refiner, Transform};
 

@@ -7,9 +7,9 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use plotters::prelude::*;
-use texfold::image::{ImageSet, Raster, to_u8};
-use texfold::metric::decode_surface;
-use texfold::{Content, VqParams};
+use texfold::core::image::{ImageSet, Raster, to_u8};
+use texfold::core::metric::decode_surface;
+use texfold::{Content, vq::VqParams};
 
 /// Weights of importance that are charted; 1 is the default.
 const WEIGHTS: [f32; 6] = [0.0, 0.25, 0.5, 1.0, 2.0, 4.0];

@@ -5,10 +5,15 @@ pub mod report;
 pub mod rivals;
 
 use rayon::prelude::*;
-use texfold::image::{ColorSpace, ImageSet, Raster};
+use texfold::core::image::{ColorSpace, ImageSet, Raster};
 use texfold::{
-    Access, AnyImage, Bc, BcParams, Content, Dct, DctParams, Effort, Encoder, Epitome, EpitomeParams,
-    EpitomeSource, Goal, Job, Progressive, ProgressiveParams, Vq, VqParams, VqSource,
+    Access, AnyImage, Content, Effort, Goal, Job,
+    bc::{Bc, BcParams},
+    core::Encoder,
+    dct::{Dct, DctParams},
+    epitome::{Epitome, EpitomeParams, EpitomeSource},
+    progressive::{Progressive, ProgressiveParams},
+    vq::{Vq, VqParams, VqSource},
 };
 
 /// A 512x512 image: the facade four times, each turned another way so that blocks do not repeat exactly.
@@ -32,7 +37,7 @@ pub fn image_of(source: &Raster, side: u32) -> ImageSet {
             v = size.height - 1 - v;
         }
         let dim = 1.0 - 0.03 * ((column * 7 + row * 13) % 11) as f32;
-        (source.texel(u, v).truncate() * dim).to_array().map(texfold::image::to_u8)
+        (source.texel(u, v).truncate() * dim).to_array().map(texfold::core::image::to_u8)
     };
     let bytes: Vec<u8> = (0..side).flat_map(|y| (0..side).flat_map(move |x| texel(x, y))).collect();
     match Raster::from_u8(side, side, 3, ColorSpace::Srgb, &bytes) {

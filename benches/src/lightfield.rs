@@ -19,8 +19,12 @@ use std::time::Instant;
 
 use chart::Curve;
 use texfold::{
-    Access, Capture, Content, Directions, Encoded, Factors, FitMethod, Job, LightModel, LightParams,
-    LightQuality, LightTexture, Lightfield, MapStorage, Photograph, Renderer,
+    Access, Content, Encoded, Job,
+    core::{Capture, Photograph},
+    lightfield::{
+        Directions, Factors, FitMethod, LightModel, LightParams, LightQuality, LightTexture, Lightfield,
+        MapStorage, Renderer,
+    },
 };
 use texfold_benches::report::{Outcome, Table, cpu_seconds};
 use texfold_gpu::{Gpu, Policy};
@@ -383,7 +387,7 @@ impl Bench {
 /// CPU seconds of each stage of an encode.
 fn stages(capture: &Capture, params: &LightParams) -> Outcome<Vec<(&'static str, f64)>> {
     let mut begun: Vec<(&'static str, f64)> = Vec::new();
-    let mut progress = |stage: texfold::Stage| {
+    let mut progress = |stage: texfold::core::Stage| {
         if begun.last().is_none_or(|last| last.0 != stage.name) {
             begun.push((stage.name, cpu_seconds()));
         }

@@ -7,11 +7,15 @@
 
 use std::path::{Path, PathBuf};
 
-use texfold::image::{ImageSet, Raster};
-use texfold::metric::{color_error, decode_surface, measure};
+use texfold::core::image::{ImageSet, Raster};
+use texfold::core::metric::{color_error, decode_surface, measure};
 use texfold::{
-    Bc, BcParams, Content, Dct, DctParams, Effort, Encoded, Encoder, Epitome, EpitomeParams, EpitomeSource,
-    Family, Goal, Image2d, Job, Metric, Progressive, ProgressiveParams, SharedSearch,
+    Content, Effort, Encoded, Family, Goal, Job, Metric,
+    bc::{Bc, BcParams},
+    core::{Encoder, Image2d, SharedSearch},
+    dct::{Dct, DctParams},
+    epitome::{Epitome, EpitomeParams, EpitomeSource},
+    progressive::{Progressive, ProgressiveParams},
 };
 use texfold_benches::budget::Run;
 use texfold_benches::report::{Chart, Line, Outcome, Table};

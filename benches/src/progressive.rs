@@ -8,11 +8,13 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-use texfold::image::{ImageSet, Raster};
-use texfold::metric::measure;
+use texfold::core::image::{ImageSet, Raster};
+use texfold::core::metric::measure;
 use texfold::{
-    AstcBlock, Bc, BcParams, Content, Encoder, Goal, Job, Metric, Progressive, ProgressiveParams,
-    SharedSearch,
+    Content, Goal, Job, Metric,
+    bc::{Bc, BcParams},
+    core::{AstcBlock, Encoder, SharedSearch},
+    progressive::{Progressive, ProgressiveParams},
 };
 
 /// Images in the folder `remote` of the data.

@@ -9,10 +9,12 @@
 
 use std::path::{Path, PathBuf};
 
-use texfold::image::{ImageSet, Raster};
-use texfold::metric::{color_error, decode_surface};
+use texfold::core::image::{ImageSet, Raster};
+use texfold::core::metric::{color_error, decode_surface};
 use texfold::{
-    Access, CancelCheck, Effort, Encoded, Encoder, Goal, Job, Metric, Progressive, ProgressiveParams, Rect,
+    Access, Effort, Encoded, Goal, Job, Metric, Rect,
+    core::{CancelCheck, Encoder},
+    progressive::{Progressive, ProgressiveParams},
 };
 use texfold_benches::budget::Run;
 use texfold_benches::report::{Chart, Line, Outcome, Table, cpu_seconds, images_of, middle};

@@ -7,11 +7,13 @@
 use std::path::{Path, PathBuf};
 
 use glam::Vec2;
-use texfold::image::{ImageSet, MipFilter, Raster, mip_chain};
-use texfold::metric::{color_error, decode_surface, measure};
+use texfold::core::image::{ImageSet, MipFilter, Raster, mip_chain};
+use texfold::core::metric::{color_error, decode_surface, measure};
 use texfold::{
-    Access, Choice, EncodeSettings, Encoder, Epitome, EpitomeParams, EpitomeSource, Goal, Guidance, Job,
-    Texel, encode_images,
+    Access, Choice, EncodeSettings, Goal, Guidance, Job, Texel,
+    core::Encoder,
+    encode_images,
+    epitome::{Epitome, EpitomeParams, EpitomeSource},
 };
 use texfold_benches::report::{Chart, Outcome, Table, cpu_seconds, middle, reduced};
 use texfold_epitome::EpitomeTexture;
@@ -146,8 +148,8 @@ fn unlike(out: &Path) -> Outcome<()> {
     let mut table = Table::new(&["image", "plain dB", "plain bits", "dB", "bits", "what it is"]);
     for (name, image) in all {
         let set = ImageSet::single(middle(&image, UNLIKE_SIDE, UNLIKE_SIDE)?);
-        let plain = texfold::BcParams::default().with_goal(Goal::Bpp(4.0)).with_reduce_log2(0);
-        let plain = measure(&set, &texfold::Bc::encode(&set, &plain, &mut Job::default())?);
+        let plain = texfold::bc::BcParams::default().with_goal(Goal::Bpp(4.0)).with_reduce_log2(0);
+        let plain = measure(&set, &texfold::bc::Bc::encode(&set, &plain, &mut Job::default())?);
         let settings = EncodeSettings {
             codec: Choice::of::<Epitome>(),
             goal: Goal::Psnr(plain.psnr),

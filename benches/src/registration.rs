@@ -16,7 +16,10 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec2};
-use texfold::{Fault, Job, LeftOut, register};
+use texfold::{
+    Job,
+    zipmap::{Fault, LeftOut, register},
+};
 use texfold_benches::report::{Outcome, Table, cpu_seconds};
 
 use pairs::{EACH, EACH_FALSE, FALSE, Kind, Pair, TRUE};

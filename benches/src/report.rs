@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use plotters::prelude::*;
-use texfold::image::Raster;
+use texfold::core::image::Raster;
 
 /// What a bench may fail with.
 pub type Outcome<T> = Result<T, Box<dyn Error>>;

@@ -2,7 +2,7 @@
 
 use std::process::{Command, Stdio};
 
-use texfold::image::{ColorSpace, Raster};
+use texfold::core::image::{ColorSpace, Raster};
 
 use crate::report::Outcome;
 

@@ -8,9 +8,13 @@
 
 use std::path::Path;
 
-use texfold::image::{ImageSet, Raster};
-use texfold::metric::decode_surface;
-use texfold::{Dct, DctParams, Encoder, Goal, Job};
+use texfold::core::image::{ImageSet, Raster};
+use texfold::core::metric::decode_surface;
+use texfold::{
+    Goal, Job,
+    core::Encoder,
+    dct::{Dct, DctParams},
+};
 use texfold_benches::report::{Outcome, part};
 use texfold_benches::rivals;
 
@@ -51,7 +55,7 @@ impl Sheet {
         for (line, at) in (0..SIDE).flat_map(|line| (0..SIDE).map(move |at| (line, at))) {
             let texel = image.texel(x + at, y + line).truncate().to_array();
             let start = 3 * ((top + line) * self.width + left + at) as usize;
-            self.bytes[start..start + 3].copy_from_slice(&texel.map(texfold::image::to_u8));
+            self.bytes[start..start + 3].copy_from_slice(&texel.map(texfold::core::image::to_u8));
         }
     }
 }

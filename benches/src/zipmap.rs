@@ -4,10 +4,11 @@
 //! `cargo run --release -p texfold-benches --bin zipmap [register|reject|draw]`.
 
 use glam::{Affine2, DMat3, DVec2};
-use texfold::image::Raster;
+use texfold::core::image::Raster;
 use texfold::{
-    AnyImage, Content, Effort, Encoder, Goal, Job, PatchSource, PatchStack, Texel, ZipParams, Zipmap,
-    register,
+    AnyImage, Content, Effort, Goal, Job, Texel,
+    core::Encoder,
+    zipmap::{PatchSource, PatchStack, ZipParams, Zipmap, register},
 };
 
 use texfold_gpu::{Gpu, Lookup, Policy, Probe, View};

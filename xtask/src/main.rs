@@ -3,6 +3,7 @@
 //! This program depends on no codec, so that it is built in seconds. Commands that need codecs are those of the package
 //! `texfold-checks` and of the program `texfold`, which are built for release and started.
 
+mod api;
 mod ci;
 mod mutate;
 mod quick;

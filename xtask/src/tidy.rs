@@ -2,6 +2,7 @@
 //!
 //! * each package depends on what [`ALLOWED`] lists for it and on nothing else: so the core knows no codec, codecs know neither
 //!   each other (but content planes of bc) nor wgpu nor image formats, and only texfold-gpu links wgpu;
+//! * the facade exports the names that `crates/texfold/api.txt` lists ([`crate::api`]);
 //! * no function is longer than 80 lines, no file longer than 600 without documentation and tests, in Rust and in WGSL.
 //!
 //! Lines of functions are counted from signature to closing brace, found by braces outside of strings and comments;
@@ -168,6 +169,7 @@ pub(crate) fn run() -> ExitCode {
 pub(crate) fn check(root: &Path) -> io::Result<bool> {
     let mut faults = Vec::new();
     check_manifests(root, &mut faults)?;
+    crate::api::check(root, &mut faults)?;
     for path in sources(root)? {
         let text = fs::read_to_string(&path)?;
         let name = path.strip_prefix(root).unwrap_or(&path).display().to_string();

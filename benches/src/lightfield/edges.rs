@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::Vec3;
-use texfold::{Encoded, LightAddress, LightTexture};
+use texfold::{Encoded, core::LightAddress, lightfield::LightTexture};
 
 /// Places along an edge, and directions at each.
 const PLACES: u32 = 5;
@@ -35,7 +35,7 @@ pub(crate) fn steps(texture: &LightTexture) -> Steps {
                         _ => 0.0,
                     };
                     let barycentric = Vec3::from(corners.map(weight));
-                    texture.sample(LightAddress { triangle, barycentric, direction }).truncate()
+                    texture.texel(LightAddress { triangle, barycentric, direction }).truncate()
                 };
                 let step = (colour(number) - colour(other)).abs() * 255.0;
                 sum += f64::from(step.element_sum());

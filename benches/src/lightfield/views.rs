@@ -1,6 +1,9 @@
 //! How close drawn views come to photographs.
 
-use texfold::{Camera, Capture, Photograph, Renderer};
+use texfold::{
+    core::{Camera, Capture, Photograph},
+    lightfield::Renderer,
+};
 
 /// Share of the object's pixels that are called brightest.
 const BRIGHTEST: f64 = 0.1;

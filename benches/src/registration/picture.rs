@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec2, Vec3};
 use rayon::prelude::*;
-use texfold::image::{ColorSpace, Raster, to_u8};
+use texfold::core::image::{ColorSpace, Raster, to_u8};
 use texfold_benches::report::Outcome;
 use texfold_testkit::rng::Rng;
 

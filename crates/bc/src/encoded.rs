@@ -102,7 +102,7 @@ impl Encoded for BcTexture {
         &self.parts.layout
     }
 
-    fn sample(&self, at: ImageAddress) -> Texel {
+    fn texel(&self, at: ImageAddress) -> Texel {
         let clamp = |value: u32| i32::try_from(value).unwrap_or(i32::MAX);
         let level = at.level.min(self.parts.layout.levels - 1);
         texfold_bc_fetch(&self.view(at.surface), IVec2::new(clamp(at.x), clamp(at.y)), level)

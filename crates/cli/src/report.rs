@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use texfold::{AnyImage, Attempt};
+use texfold::{AnyImage, encoding::Attempt};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::{decode_surface, quality, ssim};
 use texfold_core::target::Measured;
-use texfold_core::{Budget, Footprint, Goal, LoadError, MemoryBits};
+use texfold_core::{Footprint, Goal, LoadError, MemoryBits};
 
 use crate::perceptual::{mean, ssimulacra2};
 
@@ -166,7 +166,7 @@ pub(crate) struct Figures {
 impl Figures {
     /// Loads `bytes` and measures what they hold against `source`.
     pub(crate) fn of(source: &ImageSet, bytes: &[u8]) -> Result<(Figures, AnyImage), LoadError> {
-        let image = texfold::open_image(bytes, &mut Budget::default())?;
+        let image = texfold::open(bytes)?.into_image()?;
         let encoded = image.as_encoded();
         let quality = quality(source, encoded);
         let similarity = |(surface, raster): (usize, &Raster)| {

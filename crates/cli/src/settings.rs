@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
-use texfold::{EncodeSettings, LightParams, ZipParams};
+use texfold::{EncodeSettings, lightfield::LightParams, zipmap::ZipParams};
 use texfold_core::image::{Alpha, ColorSpace};
 
 /// What an input is taken for.

@@ -18,8 +18,8 @@ pub trait Encoded: Send + Sync {
         Layers { loaded: 1, total: 1 }
     }
     /// One texel. Total, as in a shader: an address outside is clamped to the nearest inside.
-    fn sample(&self, at: <Self::Domain as Domain>::Address) -> Texel;
-    /// All texels of `region` into `out`, in the region's order; equal to [`Encoded::sample`] texel by texel.
+    fn texel(&self, at: <Self::Domain as Domain>::Address) -> Texel;
+    /// All texels of `region` into `out`, in the region's order; equal to [`Encoded::texel`] texel by texel.
     ///
     /// # Errors
     /// [`RegionError`] where `region` leaves the texture or `out` has another length.

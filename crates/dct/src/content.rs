@@ -310,7 +310,7 @@ impl DctContent {
 
     /// One texel; the nearest inside where the address lies outside. The last superblocks are kept.
     #[must_use]
-    pub fn sample(&self, at: ImageAddress) -> Texel {
+    pub fn texel(&self, at: ImageAddress) -> Texel {
         let surface = at.surface.min(self.layout.surfaces.len().saturating_sub(1) as u32);
         let Some(&size) = self.layout.surfaces.get(surface as usize) else { return Texel::ZERO };
         let level = level_of(size, at.level.min(self.layout.levels - 1));

@@ -97,8 +97,8 @@ impl Encoded for DctImages {
         self.content.layers()
     }
 
-    fn sample(&self, at: ImageAddress) -> Texel {
-        self.content.sample(at)
+    fn texel(&self, at: ImageAddress) -> Texel {
+        self.content.texel(at)
     }
 
     fn decode(&self, region: Rect, out: &mut [Texel]) -> Result<(), RegionError> {

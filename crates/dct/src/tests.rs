@@ -203,10 +203,10 @@ fn lone_texels_equal_the_whole() {
             let mut rng = Rng::new(6);
             for _ in 0..300 {
                 let (x, y) = (rng.below(rect.width), rng.below(rect.height));
-                let found = content.sample(ImageAddress { surface, level, x, y });
+                let found = content.texel(ImageAddress { surface, level, x, y });
                 assert_eq!(found, whole[(y * rect.width + x) as usize], "{surface} {level} {x} {y}");
             }
-            let last = content.sample(ImageAddress { surface, level, x: u32::MAX, y: u32::MAX });
+            let last = content.texel(ImageAddress { surface, level, x: u32::MAX, y: u32::MAX });
             assert_eq!(last, whole[whole.len() - 1]);
         }
     }

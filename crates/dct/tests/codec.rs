@@ -126,7 +126,7 @@ fn every_kind_of_pixel_is_stored() {
             let mut part = vec![Texel::ZERO; 21 * 18];
             loaded.decode(rect, &mut part).unwrap();
             for (index, texel) in part.into_iter().enumerate() {
-                assert_eq!(texel, loaded.sample(<Image2d as Domain>::address(rect, index)));
+                assert_eq!(texel, loaded.texel(<Image2d as Domain>::address(rect, index)));
             }
         }
     }

@@ -220,7 +220,7 @@ impl Encoded for EpitomeTexture {
         self.parts.layering.as_deref().map_or(Layers { loaded: 1, total: 1 }, of)
     }
 
-    fn sample(&self, at: ImageAddress) -> Texel {
+    fn texel(&self, at: ImageAddress) -> Texel {
         let clamp = |value: u32| i32::try_from(value).unwrap_or(i32::MAX);
         let level = at.level.min(self.parts.layout.levels - 1);
         texfold_epitome_fetch(&self.view(at.surface), IVec2::new(clamp(at.x), clamp(at.y)), level)

@@ -12,7 +12,11 @@ use glam::Vec3;
 use glam::camera::rh::proj::directx::perspective;
 use glam::camera::rh::view::look_at_mat4;
 use offscreen::{read_back, target, view_of};
-use texfold::{Bc, BcParams, Budget, Encoder, Goal, Job, Limits};
+use texfold::{
+    Goal, Job, Limits,
+    bc::{Bc, BcParams},
+    core::Encoder,
+};
 use texfold_core::image::ImageSet;
 use texfold_gpu::{AddressMode, Gpu, GpuTexture, Policy, wgpu};
 use texfold_shaders::{Slot, paste};
@@ -51,7 +55,7 @@ fn fs(in: Varying) -> @location(0) vec4<f32> {
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let texture = match arguments.next() {
-        Some(path) => texfold::open_image(&std::fs::read(path)?, &mut Budget::default())?.into_encoded(),
+        Some(path) => texfold::open(&std::fs::read(path)?)?.into_image()?.into_encoded(),
         None => encode_test_image()?,
     };
     let output = arguments.next().unwrap_or_else(|| "draw.png".to_owned());
@@ -65,7 +69,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn encode_test_image() -> Result<Box<dyn texfold::Encoded<Domain = texfold::Image2d>>, Box<dyn Error>> {
+fn encode_test_image() -> Result<Box<dyn texfold::Encoded<Domain = texfold::core::Image2d>>, Box<dyn Error>> {
     let image = texfold_testkit::image("facade");
     let params = BcParams::default().with_goal(Goal::Bpp(6.0)).with_mips(true);
     let encoded = Bc::encode(&ImageSet::single(image), &params, &mut Job::new(Limits::default()))?;

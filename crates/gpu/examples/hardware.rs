@@ -7,7 +7,7 @@ mod offscreen;
 
 use std::error::Error;
 
-use texfold::{Budget, EncodeSettings, Goal, Guidance, ImageSet, Job};
+use texfold::{EncodeSettings, Goal, Guidance, ImageSet, Job};
 use texfold_gpu::{Gpu, Policy, wgpu};
 
 /// Columns and rows of the image; rows of 4 * 960 bytes need no padding when they are read back.
@@ -57,7 +57,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Decodes a file into plain texels on the GPU and binds them with an anisotropic sampler, for WGSL of the renderer's own that has
 /// `@group(0) @binding(0) var colour: texture_2d<f32>` and `@group(0) @binding(1) var filtered: sampler`.
 fn bind(gpu: &Gpu, file: &[u8], layout: &wgpu::BindGroupLayout) -> Result<wgpu::BindGroup, Box<dyn Error>> {
-    let texture = texfold::open_image(file, &mut Budget::default())?;
+    let texture = texfold::open(file)?.into_image()?;
     let uploaded = gpu.upload(&texture.as_encoded().gpu())?;
     // Image 0 with its mip levels; the sampler converts sRGB to linear light before it filters.
     let view = uploaded.decoded_view(0, true)?;

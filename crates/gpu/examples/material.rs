@@ -8,11 +8,15 @@ mod offscreen;
 
 use std::error::Error;
 
-use texfold::container::SectionWriter;
-use texfold::image::{Alpha, ColorSpace, ImageSet};
+use texfold::core::container::SectionWriter;
+use texfold::core::image::{Alpha, ColorSpace, ImageSet};
 use texfold::{
-    Bc, BcParams, Budget, Encoded, Encoder, Epitome, EpitomeParams, EpitomeSource, Image2d, Job, Progressive,
-    ProgressiveParams, Vq, VqParams, VqSource,
+    Encoded, Job,
+    bc::{Bc, BcParams},
+    core::{Encoder, Image2d},
+    epitome::{Epitome, EpitomeParams, EpitomeSource},
+    progressive::{Progressive, ProgressiveParams},
+    vq::{Vq, VqParams, VqSource},
 };
 use texfold_gpu::{AddressMode, Gpu, GpuTexture, Layer, Lod, Material, Policy, wgpu};
 
@@ -81,7 +85,7 @@ type Pixels = Vec<[u8; 4]>;
 fn bind(gpu: &Gpu, files: &[TextureFile]) -> Result<(Vec<GpuTexture>, Material), Box<dyn Error>> {
     let mut textures = Vec::new();
     for file in files {
-        let texture = texfold::open_image(&file.bytes, &mut Budget::default())?;
+        let texture = texfold::open(&file.bytes)?.into_image()?;
         textures.push(gpu.upload(&texture.as_encoded().gpu())?.with_address_mode(AddressMode::Repeat));
     }
     let named = files.iter().zip(&textures);

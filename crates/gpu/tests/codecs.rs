@@ -4,10 +4,10 @@
 
 use crate::support::{PLACED, assert_close, gpu, image, plane_bound, zipmap};
 use glam::Vec4;
-use texfold::image::ImageSet;
+use texfold::core::image::ImageSet;
 use texfold::{
-    Access, AnyImage, CODECS, ENCODINGS, Effort, EncodeSettings, Encoded, Goal, Guidance, Image2d,
-    ImageAddress, Input, Job,
+    Access, AnyImage, CODECS, Effort, EncodeSettings, Encoded, Goal, Guidance, ImageAddress, Input, Job,
+    core::Image2d, encoding::ENCODINGS,
 };
 use texfold_bc::Content;
 use texfold_gpu::{Gpu, Lookup, View};
@@ -15,7 +15,7 @@ use texfold_gpu::{Gpu, Lookup, View};
 /// Goals that choose unlike content of most codecs.
 const GOALS: [Goal; 2] = [Goal::Psnr(30.0), Goal::Bpp(2.0)];
 
-/// Draws every texel of every level and compares it with [`Encoded::sample`].
+/// Draws every texel of every level and compares it with [`Encoded::texel`].
 fn compare(gpu: &Gpu, name: &str, texture: &dyn Encoded<Domain = Image2d>) {
     let form = texture.gpu();
     let uploaded = gpu.upload(&form).unwrap();
@@ -37,7 +37,7 @@ fn compare(gpu: &Gpu, name: &str, texture: &dyn Encoded<Domain = Image2d>) {
             let view = View::whole(surface, (size.width, size.height), Lookup::Fetch { level });
             let places = (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y)));
             let wanted: Vec<Vec4> =
-                places.map(|(x, y)| texture.sample(ImageAddress { surface, level, x, y })).collect();
+                places.map(|(x, y)| texture.texel(ImageAddress { surface, level, x, y })).collect();
             let found = gpu.read_view(&uploaded, &view).unwrap();
             assert_close(&format!("{name}, image {surface}, level {level}"), &found, &wanted, |_| bound);
         }

@@ -10,7 +10,7 @@
 mod offscreen;
 
 use crate::support::{bc, gpu, image};
-use texfold::image::{ImageSet, Raster};
+use texfold::core::image::{ImageSet, Raster};
 use texfold::{AnyImage, Choice, EncodeSettings, Goal, Guidance, ImageAddress, Job};
 use texfold_bc::Content;
 use texfold_gpu::{Gpu, GpuError, wgpu};
@@ -89,7 +89,7 @@ fn samplers_see_the_texels_of_every_level_as_values_or_as_light() {
             let found = texels(gpu, &view, level, (size.width, size.height));
             let row = size.width.next_multiple_of(16) as usize;
             for (y, x) in (0..size.height).flat_map(|y| (0..size.width).map(move |x| (y, x))) {
-                let wanted = texture.sample(ImageAddress { surface: 0, level, x, y }).to_array();
+                let wanted = texture.texel(ImageAddress { surface: 0, level, x, y }).to_array();
                 let wanted = wanted.map(|value| if srgb { linear(value) } else { value });
                 let found = found[y as usize * row + x as usize];
                 // Samplers place texels in 1/256 of a texel and convert by tables: two steps of 255 at most.

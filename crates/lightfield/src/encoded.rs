@@ -280,7 +280,7 @@ impl Encoded for LightTexture {
         Layers { loaded: self.params.terms + 1, total: self.parts.total_terms + 1 }
     }
 
-    fn sample(&self, at: LightAddress) -> Texel {
+    fn texel(&self, at: LightAddress) -> Texel {
         let triangle = at.triangle.min(self.layout.triangles - 1);
         let barycentric = if at.barycentric.is_finite() { at.barycentric } else { Vec3::X };
         let barycentric = barycentric.clamp(Vec3::ZERO, Vec3::ONE);
@@ -293,7 +293,7 @@ impl Encoded for LightTexture {
             return Err(RegionError::OutputLength { found: out.len(), needed: region.len() });
         }
         for (texel, &address) in out.iter_mut().zip(region) {
-            *texel = self.sample(address);
+            *texel = self.texel(address);
         }
         Ok(())
     }

@@ -51,6 +51,6 @@ impl<'t> Renderer<'t> {
     fn pixel(&self, camera: &Camera, place: Vec2) -> [u8; 4] {
         let ray = camera.ray(place);
         self.meet(camera.eye(), ray)
-            .map_or([0; 4], |(_, address)| self.texture.sample(address).to_array().map(to_u8))
+            .map_or([0; 4], |(_, address)| self.texture.texel(address).to_array().map(to_u8))
     }
 }

@@ -37,7 +37,7 @@ fn colours(texture: &LightTexture) -> Vec<[u32; 4]> {
     let places = (0..texture.layout().triangles).map(at);
     let seen = places
         .flat_map(|at| eyes(7, 1.0, 0.3).into_iter().map(move |direction| LightAddress { direction, ..at }));
-    seen.map(|at| texture.sample(at).to_array().map(f32::to_bits)).collect()
+    seen.map(|at| texture.texel(at).to_array().map(f32::to_bits)).collect()
 }
 
 /// Models of every kind of directions, signs and sharing.

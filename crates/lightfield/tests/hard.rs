@@ -26,7 +26,7 @@ fn colours(texture: &LightTexture) -> impl Iterator<Item = Vec3> {
         let directions = eyes(5, 1.0, 0.3).into_iter();
         directions
             .map(move |direction| LightAddress { triangle, barycentric, direction })
-            .map(|at| texture.sample(at).truncate())
+            .map(|at| texture.texel(at).truncate())
     })
 }
 

@@ -102,7 +102,7 @@ fn what_is_stored_comes_back_and_a_prefix_has_fewer_terms() {
     assert_eq!(bytes(&whole), file);
     let places = addresses(&texture);
     let colours = |texture: &LightTexture| -> Vec<_> {
-        places.iter().map(|&at| texture.sample(at).to_array().map(f32::to_bits)).collect()
+        places.iter().map(|&at| texture.texel(at).to_array().map(f32::to_bits)).collect()
     };
     assert_eq!(colours(&whole), colours(&texture));
     let mut seen = Vec::new();
@@ -203,7 +203,7 @@ fn colours_agree_along_shared_edges() {
                 for direction in eyes(5, 1.0, 0.1) {
                     let colour = |triangle: usize, corners: &[u32; 3]| {
                         let barycentric = weights(corners);
-                        texture.sample(LightAddress { triangle: triangle as u32, barycentric, direction })
+                        texture.texel(LightAddress { triangle: triangle as u32, barycentric, direction })
                     };
                     worst = worst.max((colour(first, a) - colour(second, b)).abs().max_element());
                 }
@@ -270,7 +270,7 @@ fn view_maps_that_vertices_share_show_distant_light_in_few_bytes() {
             LightModel::default().with_fit(FitMethod::Shared { regions }).with_directions(Directions::World);
         let texture = encode(&capture, &params(1).with_model(model).with_grid(16));
         let at = addresses(&texture)[9];
-        assert_eq!(load(&bytes(&texture)).sample(at), texture.sample(at));
+        assert_eq!(load(&bytes(&texture)).texel(at), texture.texel(at));
         (bits(&texture), psnr_of_new_views(&texture, &capture.mesh, Look::Glossy))
     };
     let own = bits(&encode(&capture, &params(1).with_grid(16)));
@@ -320,7 +320,7 @@ fn hard_captures_are_encoded_within_their_bounds() {
         let (texture, quality) =
             Lightfield::encode_measured(capture, &params(2), &mut Job::default()).unwrap();
         assert!(quality.psnr_of_colours > least, "{name}: {:.2} dB", quality.psnr_of_colours);
-        assert!(addresses(&texture).iter().all(|&at| texture.sample(at).is_finite()), "{name}");
+        assert!(addresses(&texture).iter().all(|&at| texture.texel(at).is_finite()), "{name}");
         texture
     };
     let part = |views: &[Photograph]| Capture { views: views.to_vec(), ..glossy.clone() };

@@ -201,7 +201,7 @@ impl Encoded for ProgressiveTexture {
         Layers { loaded: if self.content.is_whole() { total } else { 1 }, total }
     }
 
-    fn sample(&self, at: ImageAddress) -> Texel {
+    fn texel(&self, at: ImageAddress) -> Texel {
         let clamp = |value: u32| i32::try_from(value).unwrap_or(i32::MAX);
         let level = at.level.min(self.layout.levels - 1);
         texfold_progressive_fetch(&self.view(at.surface), IVec2::new(clamp(at.x), clamp(at.y)), level)

@@ -200,7 +200,7 @@ fn an_image_that_its_base_holds_has_no_residual_plane() {
     let texture = encode(&set, &fast(Goal::Psnr(40.0)));
     assert_eq!(texture.layers(), Layers { loaded: 1, total: 1 });
     assert!(texture.notes().verdict.contains("alone"), "{}", texture.notes().verdict);
-    let at = |x, y| texture.sample(ImageAddress { surface: 0, level: 0, x, y });
+    let at = |x, y| texture.texel(ImageAddress { surface: 0, level: 0, x, y });
     assert_eq!(at(0, 0), at(17, 5));
 }
 
@@ -251,7 +251,7 @@ fn damaged_maps_load_or_are_named(file: &Sections<'_>, budget: &mut Budget) {
         match load(&sections, &mut budget) {
             Ok(texture) => {
                 for (x, y) in [(0, 0), (511, 511), (300, 77)] {
-                    let texel = texture.sample(ImageAddress { surface: 0, level: 0, x, y });
+                    let texel = texture.texel(ImageAddress { surface: 0, level: 0, x, y });
                     assert!(texel.is_finite());
                 }
             }
@@ -279,7 +279,7 @@ fn what_recurs_is_shown_from_a_codebook() {
     damaged_maps_load_or_are_named(&file, &mut budget);
     let whole = decode_surface(&loaded, 0, 0).unwrap();
     for (x, y) in [(0, 0), (511, 511), (77, 300)] {
-        let texel = loaded.sample(ImageAddress { surface: 0, level: 0, x, y });
+        let texel = loaded.texel(ImageAddress { surface: 0, level: 0, x, y });
         assert!((texel - whole.texel(x, y)).abs().max_element() < 1.0 / 255.0, "{x} {y}");
     }
 }
@@ -353,7 +353,7 @@ fn no_step_is_seen_between_tiles_whose_bases_go_on_beyond_their_borders() {
                 let shown = decode_surface(tile, 0, 0).unwrap();
                 let (right, bottom) = (shown.size().width - 1, shown.size().height - 1);
                 for (x, y) in [(0, 0), (0, bottom), (right, 0), (right, bottom), (right, 77), (50, bottom)] {
-                    let texel = tile.sample(ImageAddress { surface: 0, level: 0, x, y });
+                    let texel = tile.texel(ImageAddress { surface: 0, level: 0, x, y });
                     assert!((texel - shown.texel(x, y)).abs().max_element() < 1e-5, "{x} {y}");
                 }
             }
@@ -436,7 +436,7 @@ fn few_bits_are_spent_on_a_smaller_image_that_is_enlarged() {
         loaded.decode(rect, &mut part).unwrap();
         for (index, texel) in part.into_iter().enumerate() {
             let address = <Image2d as Domain>::address(rect, index);
-            assert_eq!(texel, loaded.sample(address), "level {level}: {address:?}");
+            assert_eq!(texel, loaded.texel(address), "level {level}: {address:?}");
         }
     }
     // A level that is stored is as good as it is for itself, and one that is not no worse than the enlarged one.

@@ -5,7 +5,7 @@ use std::io::{self, Write};
 
 use texfold_core::container::SectionWriter;
 use texfold_core::image::to_u8;
-use texfold_core::{CodecId, Encoded, Image2d, Rect, RegionError, Texel};
+use texfold_core::{CodecId, Encoded, Image2d, LoadError, Rect, RegionError, Texel};
 use texfold_lightfield::LightTexture;
 
 use crate::Registration;
@@ -176,21 +176,25 @@ impl AnyTexture {
         }
     }
 
-    /// The images; `None` where it is a light field.
-    #[must_use]
-    pub fn into_image(self) -> Option<AnyImage> {
+    /// The images.
+    ///
+    /// # Errors
+    /// [`LoadError::NotThisCodec`] where it is a light field.
+    pub fn into_image(self) -> Result<AnyImage, LoadError> {
         match self {
-            AnyTexture::Image(image) => Some(image),
-            AnyTexture::Light(_) => None,
+            AnyTexture::Image(image) => Ok(image),
+            AnyTexture::Light(light) => Err(LoadError::NotThisCodec { found: light.codec().number }),
         }
     }
 
-    /// The light field; `None` where it is of images.
-    #[must_use]
-    pub fn into_light(self) -> Option<LightTexture> {
+    /// The light field.
+    ///
+    /// # Errors
+    /// [`LoadError::NotThisCodec`] where it is of images.
+    pub fn into_light(self) -> Result<LightTexture, LoadError> {
         match self {
-            AnyTexture::Image(_) => None,
-            AnyTexture::Light(light) => Some(*light),
+            AnyTexture::Image(image) => Err(LoadError::NotThisCodec { found: image.codec().number }),
+            AnyTexture::Light(light) => Ok(*light),
         }
     }
 

@@ -81,7 +81,7 @@ impl Arriving {
         match codec.load(&file, &mut budget) {
             Ok(texture) => {
                 self.budget = budget;
-                self.texture = Some(texture.into_image().ok_or(LoadError::NotThisCodec { found })?);
+                self.texture = Some(texture.into_image()?);
                 Ok(Arrived::Texture)
             }
             Err(LoadError::Truncated { .. }) => Ok(Arrived::Nothing),

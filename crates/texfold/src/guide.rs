@@ -43,7 +43,7 @@
 //! goal best. Settings of one codec enter as its own parameters:
 //!
 //! ```
-//! use texfold::{Choice, Effort, EncodeSettings, Goal, Vq, VqParams};
+//! use texfold::{Choice, Effort, EncodeSettings, Goal, vq::{Vq, VqParams}};
 //!
 //! let small = EncodeSettings { goal: Goal::Bpp(1.5), effort: Effort::High, ..EncodeSettings::default() };
 //! let named = EncodeSettings { codec: Choice::of::<Vq>(), ..small.clone() };
@@ -60,7 +60,7 @@
 //! texture is read:
 //!
 //! ```
-//! use texfold::{Access, Choice, Dct, EncodeSettings, Encoded, Goal, Guidance, ImageSet, Job, Metric, Progressive, encode_images};
+//! use texfold::{Access, Choice, EncodeSettings, Encoded, Goal, Guidance, ImageSet, Job, Metric, encode_images, dct::Dct, progressive::Progressive};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let set = ImageSet::single(texfold_testkit::image("facade"));
@@ -78,14 +78,14 @@
 //! What a file came to is measured from the file itself:
 //!
 //! ```
-//! use texfold::{Budget, EncodeSettings, Goal, Guidance, ImageSet, Job, encode_images, metric::measure, open_image};
+//! use texfold::{Encode, Goal, ImageSet, core::metric::measure, open};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let set = ImageSet::single(texfold_testkit::image("odd_37x61"));
-//! let settings = EncodeSettings { goal: Goal::Psnr(30.0), ..EncodeSettings::default() };
-//! let bytes = encode_images(&set, Guidance::default(), &settings, &mut Job::default())?.to_bytes();
-//! let measured = measure(&set, open_image(&bytes, &mut Budget::default())?.as_encoded());
-//! assert!(settings.goal.is_met(&measured), "{measured:?}");
+//! let goal = Goal::Psnr(30.0);
+//! let bytes = Encode::new(&set).goal(goal).run()?.to_bytes();
+//! let measured = measure(&set, open(&bytes)?.into_image()?.as_encoded());
+//! assert!(goal.is_met(&measured), "{measured:?}");
 //! # Ok(())
 //! # }
 //! ```
@@ -111,14 +111,14 @@
 //! ```
 //!
 //! ```
-//! use texfold::{Budget, Encoder, Job, LightParams, Lightfield, Renderer, file_of, open_light};
+//! use texfold::{Job, file_of, open, core::Encoder, lightfield::{LightParams, Lightfield, Renderer}};
 //! # use texfold_testkit::capture::{Look, sphere};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let capture = sphere(Look::Glossy, 8, 24);
 //! // let capture = Capture { mesh, views }
 //! let texture = Lightfield::encode(&capture, &LightParams::default(), &mut Job::default())?;
-//! let texture = open_light(&file_of(&texture), &mut Budget::default())?;
+//! let texture = open(&file_of(&texture))?.into_light()?;
 //! let pixels = Renderer::new(&texture).render(&capture.views[0].camera);
 //! assert_eq!(pixels.len(), 24 * 24);
 //! # Ok(())
@@ -137,7 +137,7 @@
 //! ```
 //!
 //! ```
-//! use texfold::{AnyImage, Encoder, Job, PatchSource, PatchStack, ZipParams, Zipmap};
+//! use texfold::{AnyImage, Job, core::Encoder, zipmap::{PatchSource, PatchStack, ZipParams, Zipmap}};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let (root, close_up) = (texfold_testkit::image("odd_37x61"), texfold_testkit::image("cutout"));
@@ -166,7 +166,7 @@
 //! In code, tiles of `dct` share a step ([`Dct::encode_at_step`](crate::Dct::encode_at_step)). With `progressive` an image is encoded against a public codebook and gives back the codebook as it has grown:
 //!
 //! ```
-//! use texfold::{Goal, ImageSet, Job, Progressive, ProgressiveParams, Shared};
+//! use texfold::{Goal, ImageSet, Job, progressive::{Progressive, ProgressiveParams, Shared}};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let mut params = ProgressiveParams::default();

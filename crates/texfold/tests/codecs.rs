@@ -10,16 +10,28 @@ use std::sync::OnceLock;
 
 use crate::support::{fixture, ways, zipmap};
 use proptest::prelude::*;
-use texfold::container::{CodecId, SectionWriter, Sections};
-use texfold::image::ImageSet;
-use texfold::metric::{decode_surface, measure, quality};
-use texfold::target::Measured;
+use texfold::core::image::ImageSet;
+use texfold::core::metric::{decode_surface, measure, quality};
+use texfold::core::target::Measured;
 use texfold::{
-    Access, AnyImage, AnyTexture, Arrived, Arriving, Bc, Budget, BytesError, CODECS, Choice, Content, Dct,
-    ENCODINGS, Effort, EncodeError, EncodeSettings, Encoded, Encoding, Epitome, Goal, Guidance, Image2d,
-    ImageAddress, ImageEncoder, Input, Job, LightAddress, LightParams, Lightfield, Limits, LoadError, Metric,
-    Progressive, Rect, Registration, Texel, Vq, add_images, encode_images, file_of, open, open_from,
-    open_image, search_images,
+    Access, AnyImage, AnyTexture, Arrived, Arriving, BytesError, CODECS, Choice, Content, Effort,
+    EncodeError, EncodeSettings, Encoded, Goal, Guidance, ImageAddress, Input, Job, Limits, LoadError,
+    Metric, Rect, Registration, Texel, add_images,
+    bc::Bc,
+    core::{Budget, Image2d, LightAddress},
+    dct::Dct,
+    encode_images,
+    encoding::{ENCODINGS, Encoding, ImageEncoder, search_images},
+    epitome::Epitome,
+    file_of,
+    lightfield::{LightParams, Lightfield},
+    open, open_from,
+    progressive::Progressive,
+    vq::Vq,
+};
+use texfold::{
+    core::container::{CodecId, SectionWriter, Sections},
+    open_with,
 };
 use texfold_testkit::cancel::stops_soon;
 use texfold_testkit::capture::{Look, sphere};
@@ -44,7 +56,7 @@ fn file_of_other(codec: &Registration) -> Vec<u8> {
         Input::Images => panic!("{} takes images", codec.id),
         Input::Stack => zipmap(&fixture("odd_37x61"), Content::Bc1).to_bytes(),
         Input::Capture => {
-            use texfold::Encoder;
+            use texfold::core::Encoder;
             let capture = sphere(Look::Glossy, 6, 24);
             let params = LightParams::default();
             file_of(&Lightfield::encode(&capture, &params, &mut Job::default()).unwrap())
@@ -73,7 +85,7 @@ fn exercise(texture: &AnyTexture) {
             for triangle in [0, light.layout().triangles / 2, u32::MAX] {
                 let barycentric = glam::Vec3::new(0.2, 0.3, 0.5);
                 let at = LightAddress { triangle, barycentric, direction: glam::Vec3::Z };
-                assert!(light.sample(at).is_finite());
+                assert!(light.texel(at).is_finite());
             }
             let _ = (light.gpu(), light.footprint());
         }
@@ -86,7 +98,7 @@ fn exercise_image(texture: &dyn Encoded<Domain = Image2d>) {
         (0..layout.surfaces.len().min(4) as u32).flat_map(|s| (0..layout.levels).map(move |l| (s, l)))
     {
         for (x, y) in [(0, 0), (7, 3), (u32::MAX, u32::MAX)] {
-            assert!(texture.sample(ImageAddress { surface, level, x, y }).is_finite());
+            assert!(texture.texel(ImageAddress { surface, level, x, y }).is_finite());
         }
     }
     if let Some(whole) =
@@ -102,10 +114,10 @@ fn exercise_image(texture: &dyn Encoded<Domain = Image2d>) {
 #[test]
 fn files_name_their_codec_and_come_back_as_they_were_written() {
     for (name, bytes) in files() {
-        let texture = open(bytes, &mut Budget::default()).unwrap();
+        let texture = open(bytes).unwrap();
         assert!(name.starts_with(texture.codec().name), "{name}");
         assert!(texture.to_bytes() == *bytes, "{name} is written otherwise than it was read");
-        let read = open_from(bytes.as_slice(), Limits::default()).unwrap();
+        let read = open_from(bytes.as_slice(), &Limits::default()).unwrap();
         assert!(read.to_bytes() == *bytes, "{name} from a reader");
         let mut written = Vec::new();
         if let AnyTexture::Image(image) = read {
@@ -120,7 +132,7 @@ fn a_reader_is_read_no_further_than_the_limits_allow() {
     let (_, bytes) = &files()[0];
     let few = Limits { bytes: bytes.len() as u64 / 2, ..Limits::default() };
     let endless = std::io::repeat(0x89);
-    for error in [open_from(bytes.as_slice(), few).unwrap_err(), open_from(endless, few).unwrap_err()] {
+    for error in [open_from(bytes.as_slice(), &few).unwrap_err(), open_from(endless, &few).unwrap_err()] {
         assert!(matches!(error, texfold::OpenError::Load(LoadError::Limit(_))), "{error}");
     }
 }
@@ -131,7 +143,7 @@ fn what_is_made_is_what_is_loaded_and_meets_its_goal() {
     fn encoded_and_measured<C: ImageEncoder>(set: &ImageSet, goal: Goal) -> Measured {
         let params = settings(goal).params::<C>();
         let made = C::encode(C::source(set, Guidance::default()), &params, &mut Job::default()).unwrap();
-        let loaded = open_image(&file_of(&made), &mut Budget::default()).unwrap();
+        let loaded = open(&file_of(&made)).unwrap().into_image().unwrap();
         assert!(
             decode_surface(&made, 0, 0) == decode_surface(loaded.as_encoded(), 0, 0),
             "{} {goal:?}",
@@ -164,7 +176,7 @@ fn every_cut_names_what_is_missing_or_leaves_fewer_layers() {
         let ends: Vec<u64> = Sections::parse(bytes, &mut Budget::default()).unwrap().ends().collect();
         let cuts = ends.iter().flat_map(|&end| [end - 1, end, end + 1]).chain([0, 1, 8, 30]);
         for length in cuts.filter(|&length| length < bytes.len() as u64) {
-            match open(&bytes[..length as usize], &mut Budget::new(LIMITS)) {
+            match open_with(&bytes[..length as usize], &LIMITS) {
                 Err(LoadError::Truncated { .. }) => {}
                 Err(LoadError::NotTexfold) => assert_eq!(length, 0, "{name}"),
                 Ok(texture) => {
@@ -184,7 +196,7 @@ fn every_cut_names_what_is_missing_or_leaves_fewer_layers() {
 #[test]
 fn pieces_of_a_file_come_to_the_whole_in_layers() {
     for (name, bytes) in files() {
-        let AnyTexture::Image(whole) = open(bytes, &mut Budget::default()).unwrap() else { continue };
+        let AnyTexture::Image(whole) = open(bytes).unwrap() else { continue };
         let codec = whole.registration().unwrap();
         for piece in [bytes.len(), 1000, 97] {
             let mut arriving = Arriving::new(LIMITS);
@@ -212,14 +224,13 @@ fn a_budget_that_is_too_small_is_named_before_anything_is_decoded() {
     for (name, bytes) in files() {
         for bytes_allowed in [0, 64] {
             let limits = Limits { bytes: bytes_allowed, ..LIMITS };
-            let refused = open(bytes, &mut Budget::new(limits)).map(|texture| texture.codec());
+            let refused = open_with(bytes, &limits).map(|texture| texture.codec());
             assert!(
                 matches!(refused, Err(LoadError::Limit(_))),
                 "{name} in {bytes_allowed} bytes: {refused:?}"
             );
         }
-        let few =
-            open(bytes, &mut Budget::new(Limits { sections: 1, ..LIMITS })).map(|texture| texture.codec());
+        let few = open_with(bytes, &Limits { sections: 1, ..LIMITS }).map(|texture| texture.codec());
         assert!(matches!(few, Err(LoadError::Limit(_))), "{name}: {few:?}");
     }
 }
@@ -311,7 +322,7 @@ fn names_choose_their_codec_and_no_other_makes_the_file_but_plain_blocks() {
 #[test]
 fn bytes_are_the_texels_rounded_and_bytes_between_rows_are_left() {
     for (name, bytes) in files() {
-        let AnyTexture::Image(image) = open(bytes, &mut Budget::default()).unwrap() else { continue };
+        let AnyTexture::Image(image) = open(bytes).unwrap() else { continue };
         let whole = image.as_encoded().layout().whole(0, 0).unwrap();
         let rect = Rect { x: 3, y: 1, width: whole.width.min(30), height: whole.height.min(50), ..whole };
         let rect = Rect { width: rect.width - 3, height: rect.height - 1, ..rect };
@@ -323,7 +334,7 @@ fn bytes_are_the_texels_rounded_and_bytes_between_rows_are_left() {
                 let at = ImageAddress { surface: 0, level: 0, x: rect.x + x, y: rect.y + y };
                 assert_eq!(
                     pixel,
-                    image.as_encoded().sample(at).to_array().map(texfold::image::to_u8),
+                    image.as_encoded().texel(at).to_array().map(texfold::core::image::to_u8),
                     "{name} {at:?}"
                 );
             }
@@ -376,7 +387,7 @@ proptest! {
                 _ => raw.push(value),
             }
         });
-        if let Ok(texture) = open(&forged, &mut Budget::new(LIMITS)) {
+        if let Ok(texture) = open_with(&forged, &LIMITS) {
             exercise(&texture);
         }
     }
@@ -398,7 +409,7 @@ proptest! {
             texture.decode(rect, &mut out).unwrap();
             for (index, texel) in (0..).zip(&out) {
                 let at = ImageAddress { surface: 0, level, x: x + index % width, y: y + index / width };
-                assert_eq!(*texel, texture.sample(at), "{name} {at:?}");
+                assert_eq!(*texel, texture.texel(at), "{name} {at:?}");
             }
         });
     }
@@ -406,9 +417,8 @@ proptest! {
 
 /// The files that hold images, loaded.
 fn images() -> Vec<(String, AnyImage)> {
-    let image = |(name, bytes): &(String, Vec<u8>)| {
-        Some((name.clone(), open(bytes, &mut Budget::default()).unwrap().into_image()?))
-    };
+    let image =
+        |(name, bytes): &(String, Vec<u8>)| Some((name.clone(), open(bytes).unwrap().into_image().ok()?));
     files().iter().filter_map(image).collect()
 }
 

@@ -4,9 +4,13 @@
 
 use std::path::PathBuf;
 
-use texfold::container::Sections;
-use texfold::metric::decode_surface;
-use texfold::{Access, Budget, Encoded, Layers, Renderer, open_image, open_light};
+use texfold::core::metric::decode_surface;
+use texfold::{
+    Access, Encoded,
+    core::{Budget, Layers},
+    lightfield::Renderer,
+};
+use texfold::{core::container::Sections, open};
 use texfold_testkit::capture::{Look, sphere};
 
 fn golden(name: &str) -> PathBuf {
@@ -21,7 +25,7 @@ fn assert_decodes(name: &str, images: &[String]) {
 /// As [`assert_decodes`], for level `level`.
 fn assert_level_decodes(name: &str, level: u32, images: &[String]) {
     let bytes = std::fs::read(golden(&format!("{name}.txf"))).unwrap();
-    let texture = open_image(&bytes, &mut Budget::default()).unwrap();
+    let texture = open(&bytes).unwrap().into_image().unwrap();
     assert_eq!(texture.as_encoded().layout().surfaces.len(), images.len(), "{name}");
     for (surface, image) in images.iter().enumerate() {
         let wanted = texfold_testkit::png(&golden(image));
@@ -90,7 +94,7 @@ fn a_progressive_epitome_decodes_as_ever() {
         Sections::parse(&bytes[..*length], &mut Budget::default()).is_ok_and(|part| part.has(*b"EPA0"))
     };
     let end = (0..bytes.len()).find(ends_first).unwrap();
-    let prefix = open_image(&bytes[..end], &mut Budget::default()).unwrap();
+    let prefix = open(&bytes[..end]).unwrap().into_image().unwrap();
     assert_eq!(prefix.as_encoded().layers(), Layers { loaded: 1, total: 3 });
     let wanted = texfold_testkit::png(&golden("epitome_layers-layer1.png"));
     assert!(decode_surface(prefix.as_encoded(), 0, 0).unwrap().to_bytes() == wanted.to_bytes());
@@ -101,7 +105,7 @@ fn a_progressive_epitome_decodes_as_ever() {
 #[test]
 fn a_light_field_in_blocks_is_drawn_as_ever() {
     let bytes = std::fs::read(golden("lightfield_block.txf")).unwrap();
-    let texture = open_light(&bytes, &mut Budget::default()).unwrap();
+    let texture = open(&bytes).unwrap().into_light().unwrap();
     assert_eq!((texture.layers(), texture.access()), (Layers { loaded: 2, total: 2 }, Access::Block));
     let camera = sphere(Look::Glossy, 20, 40).views[7].camera;
     let drawn = Renderer::new(&texture).render(&camera);
@@ -115,7 +119,7 @@ fn a_light_field_in_blocks_is_drawn_as_ever() {
 #[test]
 fn a_light_field_is_drawn_as_ever() {
     let bytes = std::fs::read(golden("lightfield.txf")).unwrap();
-    let texture = open_light(&bytes, &mut Budget::default()).unwrap();
+    let texture = open(&bytes).unwrap().into_light().unwrap();
     assert_eq!(texture.layers(), Layers { loaded: 2, total: 2 });
     let camera = sphere(Look::Glossy, 20, 40).views[7].camera;
     let drawn = Renderer::new(&texture).render(&camera);
@@ -133,7 +137,7 @@ fn a_base_and_an_error_map_decode_as_ever() {
     assert_level_decodes("progressive", 2, &["progressive-level2.png".to_owned()]);
     let bytes = std::fs::read(golden("progressive.txf")).unwrap();
     // The residual plane is the last section.
-    let prefix = open_image(&bytes[..bytes.len() - 1], &mut Budget::default()).unwrap();
+    let prefix = open(&bytes[..bytes.len() - 1]).unwrap().into_image().unwrap();
     assert_eq!(prefix.as_encoded().layers(), Layers { loaded: 1, total: 2 });
     let wanted = texfold_testkit::png(&golden("progressive-base.png"));
     assert!(decode_surface(prefix.as_encoded(), 0, 0).unwrap().to_bytes() == wanted.to_bytes());
@@ -162,7 +166,7 @@ fn blocks_of_variable_length_decode_as_ever() {
     assert_level_decodes("dct", 2, &["dct-level2.png".to_owned()]);
     assert_level_decodes("dct", 4, &["dct-level4.png".to_owned()]);
     let bytes = std::fs::read(golden("dct.txf")).unwrap();
-    let prefix = open_image(&bytes[..bytes.len() - 1], &mut Budget::default()).unwrap();
+    let prefix = open(&bytes[..bytes.len() - 1]).unwrap().into_image().unwrap();
     assert_eq!(prefix.as_encoded().layers(), Layers { loaded: 1, total: 2 });
     let wanted = texfold_testkit::png(&golden("dct-base.png"));
     assert!(decode_surface(prefix.as_encoded(), 0, 0).unwrap().to_bytes() == wanted.to_bytes());

@@ -5,11 +5,16 @@
 use crate::support::forged::{rewritten, with_changed_section};
 use crate::support::{small_texture, small_textures, target};
 use rayon::prelude::*;
-use texfold::container::{SectionWriter, Sections};
-use texfold::metric::decode_surface;
+use texfold::core::metric::decode_surface;
 use texfold::{
-    AnyImage, AstcBlock, Bc, BcParams, Budget, Content, Domain, EncodeError, Encoded, Encoder, Family,
-    Image2d, ImageAddress, ImageLayout, Limits, LoadError, PlaneFormat, Texel, TextureCodec, open_image,
+    AnyImage, Content, EncodeError, Encoded, Family, ImageAddress, Limits, LoadError, Texel,
+    bc::{Bc, BcParams},
+    core::{AstcBlock, Budget, Domain, Encoder, Image2d, ImageLayout, PlaneFormat, TextureCodec},
+};
+use texfold::{
+    AnyTexture,
+    core::container::{SectionWriter, Sections},
+    open_with,
 };
 use texfold_core::rng::Rng;
 use texfold_testkit::full;
@@ -34,7 +39,7 @@ fn exercise(texture: &dyn Encoded<Domain = Image2d>) {
             for (x, y) in
                 [(0, 0), (rect.width - 1, rect.height - 1), (rect.width / 2, 0), (u32::MAX, u32::MAX)]
             {
-                let texel = texture.sample(ImageAddress { surface, level, x, y });
+                let texel = texture.texel(ImageAddress { surface, level, x, y });
                 assert!(texel.is_finite());
             }
         }
@@ -51,10 +56,10 @@ fn exercise(texture: &dyn Encoded<Domain = Image2d>) {
 /// A plain file of one image in content of that number, its blocks all zeros.
 fn plain_file(number: u8, length: usize) -> Vec<u8> {
     let layout = small_textures()[0].2.as_encoded().layout().clone();
-    let surfaces = vec![texfold::SurfaceSize { width: 37, height: 61 }];
+    let surfaces = vec![texfold::core::SurfaceSize { width: 37, height: 61 }];
     let mut out = SectionWriter::new(Bc::ID);
-    texfold::Notes::default().write(&mut out);
-    texfold::container::write_layout(&ImageLayout { surfaces, levels: 1, ..layout }, &mut out);
+    texfold::core::Notes::default().write(&mut out);
+    texfold::core::container::write_layout(&ImageLayout { surfaces, levels: 1, ..layout }, &mut out);
     out.section("container", *b"BCFM", &[number, 0]);
     out.section("blocks", *b"BLKS", &vec![0; length]);
     out.finish().bytes
@@ -65,12 +70,13 @@ fn astc_content_loads_or_names_the_feature_that_it_needs() {
     for block in AstcBlock::ALL {
         let content = Content::Astc(block);
         let length = PlaneFormat::Astc(block).bytes(37, 61) as usize;
-        let opened = open_image(&plain_file(content.number(), length), &mut Budget::new(LIMITS));
+        let opened =
+            open_with(&plain_file(content.number(), length), &LIMITS).and_then(AnyTexture::into_image);
         if content.is_available() {
             // Blocks of zeros are illegal and show as such.
             let texture = opened.unwrap();
             exercise(texture.as_encoded());
-            let texel = texture.as_encoded().sample(ImageAddress { surface: 0, level: 0, x: 36, y: 60 });
+            let texel = texture.as_encoded().texel(ImageAddress { surface: 0, level: 0, x: 36, y: 60 });
             assert_eq!(texel.to_array(), [1.0, 0.0, 1.0, 1.0], "{block:?}");
         } else {
             assert!(
@@ -79,7 +85,8 @@ fn astc_content_loads_or_names_the_feature_that_it_needs() {
             );
         }
     }
-    let beyond = open_image(&plain_file(Content::ALL.len() as u8, 0), &mut Budget::new(LIMITS));
+    let beyond =
+        open_with(&plain_file(Content::ALL.len() as u8, 0), &LIMITS).and_then(AnyTexture::into_image);
     assert!(matches!(beyond, Err(LoadError::Corrupt { .. })), "{beyond:?}");
 }
 
@@ -104,7 +111,7 @@ fn every_truncation_names_what_is_missing() {
         // Every length of the first kilobyte, where the table of sections is, and of the last; between them some.
         let is_inner = |length: usize| length > 1024 && length + 64 < bytes.len();
         for length in (0..bytes.len()).filter(|&length| full() || !is_inner(length) || length % 7 == 0) {
-            match open_image(&bytes[..length], &mut Budget::new(LIMITS)) {
+            match open_with(&bytes[..length], &LIMITS).and_then(AnyTexture::into_image) {
                 Err(LoadError::Truncated { .. }) => {}
                 Err(LoadError::NotTexfold) => assert_eq!(length, 0, "{name}"),
                 // A file of layers may end after any of its layers.
@@ -114,7 +121,7 @@ fn every_truncation_names_what_is_missing() {
                     exercise(texture.as_encoded());
                 }
                 Ok(texture) if name.starts_with("progressive layers") || name.starts_with("dct layers") => {
-                    assert_eq!(texture.as_encoded().layers(), texfold::Layers { loaded: 1, total: 2 });
+                    assert_eq!(texture.as_encoded().layers(), texfold::core::Layers { loaded: 1, total: 2 });
                     exercise(texture.as_encoded());
                 }
                 other => panic!("{name} cut to {length} of {}: {other:?}", bytes.len()),
@@ -128,10 +135,14 @@ fn what_a_prefix_shows_is_stored_and_loads_again() {
     let mut prefixes = 0;
     for (name, _, texture) in small_textures() {
         let bytes = texture.to_bytes();
-        let Ok(prefix) = open_image(&bytes[..bytes.len() - 1], &mut Budget::new(LIMITS)) else { continue };
+        let Ok(prefix) = open_with(&bytes[..bytes.len() - 1], &LIMITS).and_then(AnyTexture::into_image)
+        else {
+            continue;
+        };
         let stored = prefix.to_bytes();
-        let again =
-            open_image(&stored, &mut Budget::new(LIMITS)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let again = open_with(&stored, &LIMITS)
+            .and_then(AnyTexture::into_image)
+            .unwrap_or_else(|error| panic!("{name}: {error}"));
         assert_eq!(again.to_bytes(), stored, "{name}");
         let shown = |texture: &AnyImage| decode_surface(texture.as_encoded(), 0, 0).unwrap().to_bytes();
         assert!(shown(&again) == shown(&prefix), "{name} shows something else");
@@ -149,7 +160,7 @@ fn flipped_bytes_are_noticed() {
             let mut damaged = bytes.clone();
             let at = rng.index(bytes.len());
             damaged[at] ^= 1 << rng.index(8);
-            let opened = open_image(&damaged, &mut Budget::new(LIMITS));
+            let opened = open_with(&damaged, &LIMITS).and_then(AnyTexture::into_image);
             assert!(opened.is_err(), "{name}: byte {at} changed unnoticed");
         }
     }
@@ -165,7 +176,7 @@ fn forged_files_give_an_error_or_a_texture_that_decodes() {
     for round in 0..mutations() {
         let (name, bytes) = &files[round % files.len()];
         let Some(forged) = with_changed_section(bytes, &mut rng) else { panic!("{name} cannot be read") };
-        match open_image(&forged, &mut Budget::new(LIMITS)) {
+        match open_with(&forged, &LIMITS).and_then(AnyTexture::into_image) {
             Ok(texture) => {
                 accepted += 1;
                 exercise(texture.as_encoded());
@@ -218,7 +229,7 @@ fn an_epitome_map_may_point_anywhere() {
     for (name, _, texture) in small_textures().iter().filter(|(name, ..)| alone(name)) {
         let bytes = texture.to_bytes();
         let accept = |forged: &[u8], what: &str| {
-            let texture = open_image(forged, &mut Budget::new(LIMITS));
+            let texture = open_with(forged, &LIMITS).and_then(AnyTexture::into_image);
             exercise(texture.unwrap_or_else(|error| panic!("{name}, {what}: {error}")).as_encoded());
         };
         // Any 2x2 matrix and any gain and offset may stand in a palette, also those that flatten or enlarge most.
@@ -249,7 +260,7 @@ fn an_epitome_map_may_point_anywhere() {
 fn forged_layers_are_refused_or_harmless() {
     let texture = small_texture("epitome layers");
     let bytes = texture.to_bytes();
-    let open = |forged: &[u8]| open_image(forged, &mut Budget::new(LIMITS));
+    let open = |forged: &[u8]| open_with(forged, &LIMITS).and_then(AnyTexture::into_image);
     // A number of layers that no file has, or rows that the epitome has not.
     for (at, value) in [(0, 0), (0, 1), (0, 9), (0, 255), (1, 0), (1, 2), (2, 0xff), (4, 0xff)] {
         let forged = rewritten(&bytes, *b"EPLA", |raw| raw[at] = value).unwrap();
@@ -257,7 +268,7 @@ fn forged_layers_are_refused_or_harmless() {
     }
     // Of five layers the third has a list of cells, which this file has not: two have arrived. Of two the last brings all.
     let more = open(&rewritten(&bytes, *b"EPLA", |raw| raw[0] = 5).unwrap()).unwrap();
-    assert_eq!(more.as_encoded().layers(), texfold::Layers { loaded: 2, total: 5 });
+    assert_eq!(more.as_encoded().layers(), texfold::core::Layers { loaded: 2, total: 5 });
     exercise(more.as_encoded());
     assert!(open(&rewritten(&bytes, *b"EPLA", |raw| raw[0] = 2).unwrap()).is_err());
     // Lists of cells of another length, or with bits after the last.
@@ -292,7 +303,7 @@ fn forged_layers_are_refused_or_harmless() {
 fn a_forged_model_is_refused_or_harmless() {
     let texture = small_texture("progressive layers");
     let bytes = texture.to_bytes();
-    let open = |forged: &[u8]| open_image(forged, &mut Budget::new(LIMITS));
+    let open = |forged: &[u8]| open_with(forged, &LIMITS).and_then(AnyTexture::into_image);
     // Content that there is not, halvings, bits of the first class, and bits of classes beyond what a file may have.
     for (at, value) in [(0, 12), (1, 0), (1, 4), (2, 3), (2, 255), (17, 1), (21, 6), (24, 1)] {
         let forged = rewritten(&bytes, *b"RSF0", |raw| raw[at] = value).unwrap();
@@ -326,7 +337,7 @@ fn a_forged_model_is_refused_or_harmless() {
 fn a_forged_zipmap_in_blocks_is_refused_or_harmless() {
     let texture = small_texture("zipmap, blocks");
     let bytes = texture.to_bytes();
-    let open = |forged: &[u8]| open_image(forged, &mut Budget::new(LIMITS));
+    let open = |forged: &[u8]| open_with(forged, &LIMITS).and_then(AnyTexture::into_image);
     exercise(open(&bytes).unwrap().as_encoded());
     // One content in blocks and one not, no images, other sides of the first image, other levels.
     for (at, value) in [(0, 0), (1, 0), (3, 0), (7, 1), (9, 1), (11, 1), (2, 9)] {
@@ -352,7 +363,7 @@ fn a_forged_zipmap_in_blocks_is_refused_or_harmless() {
 fn a_forged_zipmap_is_refused_or_harmless() {
     let texture = small_texture("zipmap raw");
     let bytes = texture.to_bytes();
-    let open = |forged: &[u8]| open_image(forged, &mut Budget::new(LIMITS));
+    let open = |forged: &[u8]| open_with(forged, &LIMITS).and_then(AnyTexture::into_image);
     let form = |at: usize, value: u8| rewritten(&bytes, *b"ZMFM", |raw| raw[at] = value).unwrap();
     // Three patches show one image. Contents that there are not or that have no soft alpha, another depth, sides and levels that a
     // image cannot have, and images that are not there.
@@ -409,8 +420,8 @@ fn a_forged_zipmap_is_refused_or_harmless() {
         }
     });
     let many = rewritten(&many.unwrap(), *b"ZMPA", |raw| *raw = vec![128; 4 * 2048]).unwrap();
-    let texture = open_image(&many, &mut Budget::new(LIMITS)).unwrap();
-    let texel = texture.as_encoded().sample(ImageAddress { surface: 0, level: 0, x: 5, y: 5 });
+    let texture = open_with(&many, &LIMITS).unwrap().into_image().unwrap();
+    let texel = texture.as_encoded().texel(ImageAddress { surface: 0, level: 0, x: 5, y: 5 });
     assert!(texel.is_finite());
 }
 
@@ -419,7 +430,7 @@ fn a_file_larger_than_the_limits_is_refused() {
     let (_, _, texture) = &small_textures()[0];
     let bytes = texture.to_bytes();
     let tight = Limits { texels: 10, ..LIMITS };
-    assert!(matches!(open_image(&bytes, &mut Budget::new(tight)), Err(LoadError::Limit(_))));
+    assert!(matches!(open_with(&bytes, &tight).and_then(AnyTexture::into_image), Err(LoadError::Limit(_))));
     let tight = Limits { bytes: 300, ..LIMITS };
-    assert!(matches!(open_image(&bytes, &mut Budget::new(tight)), Err(LoadError::Limit(_))));
+    assert!(matches!(open_with(&bytes, &tight).and_then(AnyTexture::into_image), Err(LoadError::Limit(_))));
 }

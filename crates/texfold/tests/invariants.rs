@@ -4,12 +4,19 @@
 
 use crate::support::{bc, epitome, fixture, small_textures, vq};
 use proptest::prelude::*;
-use texfold::image::{ColorSpace, ImageSet, Raster};
-use texfold::metric::{decode_surface, quality};
+use texfold::core::metric::{decode_surface, quality};
 use texfold::{
-    BcParams, Budget, Choice, Content, Effort, EncodeError, EncodeSettings, Encoded, Encoder, Epitome,
-    EpitomeParams, EpitomeSource, Goal, Guidance, ImageAddress, Job, Rect, RegionError, Stage, Texel, Vq,
-    VqParams, VqSource, encode_images, open_image,
+    Choice, Content, Effort, EncodeError, EncodeSettings, Encoded, Goal, Guidance, ImageAddress, Job, Rect,
+    RegionError, Texel,
+    bc::BcParams,
+    core::{Encoder, Stage},
+    encode_images,
+    epitome::{Epitome, EpitomeParams, EpitomeSource},
+    vq::{Vq, VqParams, VqSource},
+};
+use texfold::{
+    core::image::{ColorSpace, ImageSet, Raster},
+    open,
 };
 use texfold_testkit::frames;
 
@@ -17,7 +24,7 @@ use texfold_testkit::frames;
 fn a_file_gives_back_the_texture_that_was_stored() {
     for (name, _, texture) in small_textures() {
         let bytes = texture.to_bytes();
-        let loaded = open_image(&bytes, &mut Budget::default()).unwrap();
+        let loaded = open(&bytes).unwrap().into_image().unwrap();
         assert_eq!(loaded.to_bytes(), bytes, "{name}");
         for level in 0..texture.as_encoded().layout().levels {
             let (made, read) = (
@@ -50,7 +57,7 @@ fn a_sample_is_exact_where_content_is_raw() {
     let part = texture.samples()[0];
     for (y, x) in (0..part.side).flat_map(|y| (0..part.side).map(move |x| (y, x))) {
         let at = ImageAddress { surface: 0, level: 0, x: part.source_x + x, y: part.source_y + y };
-        let (source, decoded) = (set.images()[0].texel(at.x, at.y), texture.sample(at));
+        let (source, decoded) = (set.images()[0].texel(at.x, at.y), texture.texel(at));
         assert!((source - decoded).abs().max_element() < 1e-6, "{at:?}: {source} {decoded}");
     }
 }
@@ -73,7 +80,8 @@ fn a_painted_map_moves_the_sample() {
         (0..256 * 256u32).map(|i| if i % 256 < 64 && i / 256 >= 192 { 255 } else { 0 }).collect();
     let painted = Raster::from_u8(256, 256, 1, ColorSpace::Linear, &painted).unwrap();
     let params = VqParams::default().with_codebook((128, 64)).with_samples((1, 64));
-    let weights = texfold::GuidanceWeights { usability: 0.1, saliency: 0.1, distortion: 0.0, painted: 10.0 };
+    let weights =
+        texfold::vq::GuidanceWeights { usability: 0.1, saliency: 0.1, distortion: 0.0, painted: 10.0 };
     let source = VqSource { painted: Some(&painted), weights, ..VqSource::new(&set) };
     let texture = Vq::encode(source, &params, &mut Job::default()).unwrap();
     let part = texture.samples()[0];
@@ -176,13 +184,13 @@ fn mip_levels_are_those_of_the_source() {
         bc(&set, &BcParams::default().with_goal(Goal::Bpp(6.0)).with_mips(true)),
         epitome(&set, &factored),
     ];
-    let chain = texfold::image::mip_chain(&set.images()[0], 9, texfold::image::MipFilter::Box);
+    let chain = texfold::core::image::mip_chain(&set.images()[0], 9, texfold::core::image::MipFilter::Box);
     for texture in textures {
         let name = texture.as_encoded().codec().name;
         assert_eq!(texture.as_encoded().layout().levels, 9);
         for (level, source) in chain.iter().enumerate().take(6) {
             let decoded = decode_surface(texture.as_encoded(), 0, level as u32).unwrap();
-            let psnr = texfold::metric::color_error(source, &decoded).psnr();
+            let psnr = texfold::core::metric::color_error(source, &decoded).psnr();
             assert!(psnr > 22.0, "{name} level {level}: {psnr}");
         }
     }
@@ -263,7 +271,7 @@ proptest! {
                 texture.decode(rect, &mut out).unwrap();
                 for (index, texel) in out.iter().enumerate() {
                     let at = ImageAddress { surface: 0, level, x: x + index as u32 % rect.width, y: y + index as u32 / rect.width };
-                    assert_eq!(*texel, texture.sample(at), "{name} {at:?}");
+                    assert_eq!(*texel, texture.texel(at), "{name} {at:?}");
                 }
             }
         }

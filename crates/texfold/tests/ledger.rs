@@ -3,11 +3,13 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
 
-use texfold::image::ImageSet;
-use texfold::metric::measure;
+use texfold::core::image::ImageSet;
+use texfold::core::metric::measure;
 use texfold::{
-    Access, AnyImage, Choice, Effort, EncodeSettings, Encoded, Footprint, Goal, Guidance, Job, LightParams,
-    Lightfield, Metric, encode_images,
+    Access, AnyImage, Choice, Effort, EncodeSettings, Encoded, Goal, Guidance, Job, Metric,
+    core::Footprint,
+    encode_images,
+    lightfield::{LightParams, Lightfield},
 };
 use texfold_testkit::capture::{Look, sphere};
 use texfold_testkit::{full, image};

@@ -12,10 +12,19 @@ use std::sync::Mutex;
 use peak_alloc::PeakAlloc;
 use support::forged::with_changed_section;
 use support::{dct, epitome, fixture, small_textures, stack};
-use texfold::container::{NOTES_ID, SectionWriter, write_layout};
 use texfold::{
-    Bc, Budget, DctParams, ENCODINGS, Effort, EncodeSettings, Encoder, EpitomeParams, Family, Goal, Guidance,
-    ImageAddress, ImageLayout, Job, Limits, Notes, SurfaceSize, TextureCodec, ZipParams, Zipmap, open_image,
+    AnyTexture,
+    core::container::{NOTES_ID, SectionWriter, write_layout},
+    open, open_with,
+};
+use texfold::{
+    Effort, EncodeSettings, Family, Goal, Guidance, ImageAddress, Job, Limits,
+    bc::Bc,
+    core::{Encoder, ImageLayout, Notes, SurfaceSize, TextureCodec},
+    dct::DctParams,
+    encoding::ENCODINGS,
+    epitome::EpitomeParams,
+    zipmap::{ZipParams, Zipmap},
 };
 use texfold_core::image::{PixelInfo, Raster};
 use texfold_core::rng::Rng;
@@ -44,14 +53,14 @@ const OVER: [&str; 0] = [];
 fn peak(bytes: &[u8], limit: u64) -> (u64, bool) {
     let before = ALLOCATOR.current_usage();
     ALLOCATOR.reset_peak_usage();
-    let mut budget = Budget::new(Limits { bytes: limit, ..Limits::default() });
-    let opened = open_image(bytes, &mut budget);
+    let opened =
+        open_with(bytes, &Limits { bytes: limit, ..Limits::default() }).and_then(AnyTexture::into_image);
     if let Ok(texture) = &opened {
         let texture = texture.as_encoded();
         let form = texture.gpu();
         assert!(!form.surfaces.is_empty());
         drop(form);
-        let _ = texture.sample(ImageAddress::default());
+        let _ = texture.texel(ImageAddress::default());
     }
     (ALLOCATOR.peak_usage().saturating_sub(before) as u64, opened.is_ok())
 }
@@ -88,7 +97,7 @@ fn excess(bytes: &[u8]) -> (u64, u64) {
 /// Bytes held of the texture in `bytes` after it was loaded and handed to a GPU, for each byte that the GPU holds.
 fn held(bytes: &[u8]) -> f64 {
     let before = ALLOCATOR.current_usage();
-    let texture = open_image(bytes, &mut Budget::default()).unwrap();
+    let texture = open(bytes).unwrap().into_image().unwrap();
     let on_gpu = texture.as_encoded().memory().compressed / 8;
     (ALLOCATOR.current_usage() - before) as f64 / on_gpu as f64
 }

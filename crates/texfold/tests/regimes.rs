@@ -3,11 +3,11 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
 
-use texfold::image::{ColorSpace, ImageSet, Raster};
-use texfold::metric::decode_surface;
+use texfold::core::image::{ColorSpace, ImageSet, Raster};
+use texfold::core::metric::decode_surface;
 use texfold::{
-    Access, AnyImage, BcTexture, Choice, Effort, EncodeError, EncodeSettings, Epitome, Goal, Guidance, Job,
-    SourceError, encode_images,
+    Access, AnyImage, Choice, Effort, EncodeError, EncodeSettings, Goal, Guidance, Job, bc::BcTexture,
+    core::SourceError, encode_images, epitome::Epitome,
 };
 use texfold_testkit::image;
 

@@ -103,7 +103,7 @@ impl Encoded for VqTexture {
         &self.parts.layout
     }
 
-    fn sample(&self, at: ImageAddress) -> Texel {
+    fn texel(&self, at: ImageAddress) -> Texel {
         let clamp = |value: u32| i32::try_from(value).unwrap_or(i32::MAX);
         let (view, surface) = self.view(at.surface);
         let level = at.level.min(self.parts.layout.levels - 1);
@@ -251,7 +251,7 @@ mod tests {
             let (held, uploaded) = (held_bytes(&texture) as f64, gpu.memory().compressed as f64 / 8.0);
             assert!(held <= 1.3 * uploaded, "{goal:?}: {held} {uploaded}");
             let first = ImageAddress { surface: 0, level: 0, x: 0, y: 0 };
-            assert_eq!(texture.sample(first), encoded.sample(first));
+            assert_eq!(texture.texel(first), encoded.texel(first));
             assert!(texture.texels.is_made() && texture == encoded);
         }
     }

@@ -367,7 +367,7 @@ impl Encoded for ZipTexture {
         &self.parts.layout
     }
 
-    fn sample(&self, at: ImageAddress) -> Texel {
+    fn texel(&self, at: ImageAddress) -> Texel {
         let clamp = |value: u32| i32::try_from(value).unwrap_or(i32::MAX);
         let level = at.level.min(self.parts.layout.levels - 1);
         texfold_zipmap_fetch(&self.view(), IVec2::new(clamp(at.x), clamp(at.y)), level)

@@ -2,9 +2,12 @@
 
 use std::time::Instant;
 
-use texfold::container::{CodecId, SectionWriter, Sections};
-use texfold::metric::decode_surface;
-use texfold::{AnyTexture, Budget, Limits, open};
+use texfold::core::metric::decode_surface;
+use texfold::{AnyTexture, Limits, core::Budget};
+use texfold::{
+    core::container::{CodecId, SectionWriter, Sections},
+    open_with,
+};
 use texfold_testkit::fixtures_dir;
 use texfold_testkit::rng::Rng;
 
@@ -128,7 +131,7 @@ fn damaged(bytes: &[u8], regime: &Regime, files: u32) -> record::Outcome {
 
 /// Whether a file opens; what opens is decoded and stored again.
 fn shown(bytes: &[u8]) -> bool {
-    let Ok(texture) = open(bytes, &mut Budget::new(LIMITS)) else { return false };
+    let Ok(texture) = open_with(bytes, &LIMITS) else { return false };
     if let AnyTexture::Image(image) = &texture {
         let surfaces = image.as_encoded().layout().surfaces.len().min(2);
         for surface in 0..surfaces as u32 {

@@ -5,10 +5,12 @@ use std::time::Instant;
 use glam::Vec3;
 use rayon::ThreadPool;
 use rayon::prelude::*;
-use texfold::metric::SquaredError;
+use texfold::{AnyTexture, core::metric::SquaredError, open};
 use texfold::{
-    Budget, Cancel, Capture, EncodeError, Encoded, Job, LightParams, LightTexture, Lightfield, Mesh,
-    Photograph, Renderer, file_of, open_light,
+    Cancel, EncodeError, Encoded, Job,
+    core::{Capture, Mesh, Photograph},
+    file_of,
+    lightfield::{LightParams, LightTexture, Lightfield, Renderer},
 };
 use texfold_testkit::capture::{Look, camera, eyes, icosphere, photograph, sphere};
 use texfold_testkit::rng::Rng;
@@ -245,19 +247,19 @@ fn given_bytes(capture: &Capture) -> f64 {
 
 /// The file opens and every pixel drawn of it from around is a number; bytes always are, so what is counted is what cannot be drawn.
 fn decoded(bytes: &[u8]) -> Check {
-    let strange = open_light(bytes, &mut Budget::default()).map_or(f64::INFINITY, |texture| {
+    let strange = open(bytes).and_then(AnyTexture::into_light).map_or(f64::INFINITY, |texture| {
         let directions = eyes(5, 1.0, 0.3);
         let places = [Vec3::X, Vec3::new(0.5, 0.25, 0.25), Vec3::new(0.1, 0.0, 0.9)];
         let samples =
             (0..texture.layout().triangles).flat_map(|triangle| places.map(|place| (triangle, place)));
         let colours = samples.flat_map(|(triangle, barycentric)| {
-            directions.iter().map(move |&direction| texfold::LightAddress {
+            directions.iter().map(move |&direction| texfold::core::LightAddress {
                 triangle,
                 barycentric,
                 direction,
             })
         });
-        colours.filter(|&at| !texture.sample(at).is_finite()).count() as f64
+        colours.filter(|&at| !texture.texel(at).is_finite()).count() as f64
     });
     Check::most("samples of the stored file that are no numbers", strange, 0.0)
 }

@@ -5,7 +5,7 @@ use std::io::Cursor;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-use texfold::image::Raster;
+use texfold::core::image::Raster;
 
 use super::chart::{escaped, short, svg};
 use super::record::{Bound, Check, Curve, Outcome as Result, Row};
@@ -183,7 +183,7 @@ pub(super) fn png(image: &Raster) -> Outcome<Vec<u8>> {
     let (left, top) = ((size.width - width) / 2, (size.height - height) / 2);
     let texel = |i: u32| {
         let texel = image.texel(left + i % width, top + i / width);
-        texel.to_array().map(texfold::image::to_u8)
+        texel.to_array().map(texfold::core::image::to_u8)
     };
     png_of_pixels(&(0..width * height).map(texel).collect::<Vec<_>>(), (width, height))
 }

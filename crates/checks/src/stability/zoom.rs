@@ -5,11 +5,13 @@ use std::time::Instant;
 use glam::{DMat3, DVec2};
 use rayon::ThreadPool;
 use rayon::prelude::*;
-use texfold::image::{Raster, SurfaceSize};
-use texfold::metric::{SquaredError, decode_surface};
+use texfold::core::image::{Raster, SurfaceSize};
+use texfold::core::metric::{SquaredError, decode_surface};
 use texfold::{
-    Cancel, EncodeError, Encoded, Encoder, Goal, Job, PatchSource, PatchStack, Texel, ZipParams, ZipTexture,
-    Zipmap, fidelity, file_of, register,
+    Cancel, EncodeError, Encoded, Goal, Job, Texel,
+    core::Encoder,
+    file_of,
+    zipmap::{PatchSource, PatchStack, ZipParams, ZipTexture, Zipmap, fidelity, register},
 };
 use texfold_testkit::leaves::{Leaves, Lens, close_up, photograph};
 use texfold_testkit::rng::Rng;

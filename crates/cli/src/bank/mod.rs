@@ -22,7 +22,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use texfold::{AnyImage, AnyTexture, Registration};
+use texfold::{AnyImage, Registration};
 use texfold_core::container::Sections;
 use texfold_core::{Budget, TextureCodec};
 use texfold_progressive::{Codebook, Progressive};
@@ -87,11 +87,11 @@ fn load(bytes: &[u8], book: Option<&Codebook>) -> Result<AnyImage, texfold_core:
     if file.codec() == Progressive::ID.number {
         return Progressive::load_shared(&file, book, &mut budget).map(AnyImage::new);
     }
-    let texture =
-        Registration::by_number(file.codec()).map(|codec| codec.load(&file, &mut budget)).transpose()?;
-    texture
-        .and_then(AnyTexture::into_image)
-        .ok_or(texfold_core::LoadError::NotThisCodec { found: file.codec() })
+    let codec = Registration::by_number(file.codec());
+    codec
+        .ok_or(texfold_core::LoadError::NotThisCodec { found: file.codec() })?
+        .load(&file, &mut budget)?
+        .into_image()
 }
 
 impl Open {

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use serde::Serialize;
-use texfold::{AnyImage, DctImages, ProgressiveTexture};
+use texfold::{AnyImage, dct::DctImages, progressive::ProgressiveTexture};
 use texfold_core::RegionError;
 use texfold_core::image::Raster;
 use texfold_progressive::{CELL_SIDE, Codebook};

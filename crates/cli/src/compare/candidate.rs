@@ -1,8 +1,11 @@
 //! Which settings are compared.
 
 use texfold::{
-    Bc, BcParams, Choice, Content, ENCODINGS, EncodeSettings, Encoding, Family, Goal, TextureCodec, Vq,
-    VqParams,
+    Choice, Content, EncodeSettings, Family, Goal,
+    bc::{Bc, BcParams},
+    core::TextureCodec,
+    encoding::{ENCODINGS, Encoding},
+    vq::{Vq, VqParams},
 };
 use texfold_core::image::{ColorSpace, PixelInfo};
 use texfold_core::{AstcBlock, Effort};

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
-use texfold::ENCODINGS;
+use texfold::encoding::ENCODINGS;
 
 use super::candidate::RIVAL;
 use super::names;

@@ -3,7 +3,10 @@
 use std::path::Path;
 use std::time::Instant;
 
-use texfold::{AnyImage, EncodeSettings, Encoding, Family, Guidance, ImageSearch, search_images};
+use texfold::{
+    AnyImage, EncodeSettings, Family, Guidance,
+    encoding::{Encoding, ImageSearch, search_images},
+};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::{SquaredError, color_error, ssim};
 use texfold_core::{AstcBlock, CodecId, Domain, EncodeError, Encoded, Image2d, Job, Rect, Texel};

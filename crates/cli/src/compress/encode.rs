@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use texfold::{AnyImage, Chosen, Content, EncodeSettings, Epitome, Family, Guidance, Vq};
+use texfold::{
+    AnyImage, Content, EncodeSettings, Family, Guidance, encoding::Chosen, epitome::Epitome, vq::Vq,
+};
 use texfold_bc::{Bc1Blocks, BcTexture};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::mesh::UvMesh;
@@ -117,5 +119,6 @@ pub(crate) fn encode(
     };
     let limits = Limits { bytes: limit_bytes.max(memory::ALWAYS_ALLOWED), ..Limits::default() };
     let mut job = Job::new(limits).with_progress(progress);
-    texfold::choose_images(&loaded.images, guidance, &settings.encode, &mut job).map_err(Fault::Encode)
+    texfold::encoding::choose_images(&loaded.images, guidance, &settings.encode, &mut job)
+        .map_err(Fault::Encode)
 }

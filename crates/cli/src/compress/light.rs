@@ -3,10 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use texfold::{Capture, LightQuality, LightTexture, Lightfield, Renderer, file_of};
+use texfold::{
+    core::Capture,
+    file_of,
+    lightfield::{LightQuality, LightTexture, Lightfield, Renderer},
+};
 use texfold_core::image::{ColorSpace, Raster};
 use texfold_core::metric::ssim;
-use texfold_core::{Budget, Encoded, Goal, Job, Limits, LoadError};
+use texfold_core::{Encoded, Goal, Job, Limits, LoadError};
 
 use super::folder::{Folder, FolderTask, Made};
 use crate::error::CliError;
@@ -60,7 +64,7 @@ impl FolderTask<LightSettings> {
         bytes: &[u8],
         seconds: f64,
     ) -> Result<Row, LoadError> {
-        let texture = texfold::open_light(bytes, &mut Budget::default())?;
+        let texture = texfold::open(bytes)?.into_light()?;
         let inside = source.views.iter().flat_map(|view| &view.pixels).filter(|pixel| pixel[3] > 127).count();
         let texels = inside.max(1) as f64;
         let terms = texture.layout().terms as usize;

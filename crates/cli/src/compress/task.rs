@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use texfold::Chosen;
+use texfold::encoding::Chosen;
 use texfold_core::mesh::UvMesh;
 
 use super::cache::{Cache, add_file, program};

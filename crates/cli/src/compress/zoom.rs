@@ -3,9 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use texfold::{Encoder, PatchStack, ZipTexture, Zipmap, fidelity, file_of};
+use texfold::{
+    core::Encoder,
+    file_of,
+    zipmap::{PatchStack, ZipTexture, Zipmap, fidelity},
+};
 use texfold_core::metric::{SquaredError, decode_surface, ssim, worst_block_rms};
-use texfold_core::{Budget, Encoded, Job, Limits, LoadError};
+use texfold_core::{Encoded, Job, Limits, LoadError};
 
 use super::folder::{Folder, FolderTask, Made};
 use crate::error::CliError;
@@ -50,7 +54,7 @@ impl FolderTask<ZoomSettings> {
     /// fitted; similarity, SSIMULACRA2 and the worst block are those of the root's image at its own size.
     fn row(&self, loaded: &stack::Loaded, bytes: &[u8], seconds: f64) -> Result<Row, LoadError> {
         let PatchStack { root, images, .. } = &loaded.stack;
-        let image = texfold::open_image(bytes, &mut Budget::default())?;
+        let image = texfold::open(bytes)?.into_image()?;
         let found = image.codec().number;
         let texture: ZipTexture = image.downcast().ok_or(LoadError::NotThisCodec { found })?;
         let error = fidelity(&loaded.stack, &texture)

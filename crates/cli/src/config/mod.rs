@@ -36,7 +36,7 @@ mod tests {
         let wall = config.options(Path::new("in/wall.png"));
         assert_eq!(
             (wall.codec, wall.bpp, wall.psnr),
-            (Some(CodecName::of::<texfold::Bc>()), Some(2.0), None)
+            (Some(CodecName::of::<texfold::bc::Bc>()), Some(2.0), None)
         );
         assert_eq!((wall.effort, wall.mesh.clone()), (Some(EffortName::Fast), Some("etc/wall.obj".into())));
         let photo = config.options(Path::new("in/photo.jpg"));
@@ -45,7 +45,7 @@ mod tests {
         let both = given.or(&wall);
         assert_eq!(
             (both.bpp, both.tolerance, both.codec),
-            (None, Some(5.0), Some(CodecName::of::<texfold::Bc>()))
+            (None, Some(5.0), Some(CodecName::of::<texfold::bc::Bc>()))
         );
     }
 
@@ -63,22 +63,22 @@ mod tests {
     fn options_of_other_codecs_are_refused() {
         let terms = Options { terms: Some(3), ..Options::default() };
         assert!(matches!(terms.check(), Err(UsageError::NotForCodec { option: "terms", .. })));
-        let later = Options { codec: Some(CodecName::of::<texfold::Lightfield>()), ..terms };
+        let later = Options { codec: Some(CodecName::of::<texfold::lightfield::Lightfield>()), ..terms };
         assert!(later.check().is_ok());
         assert!(matches!(later.resolve(Path::new("a.png")), Err(CliError::NotCapture { .. })));
         let bc = Options {
-            codec: Some(CodecName::of::<texfold::Bc>()),
+            codec: Some(CodecName::of::<texfold::bc::Bc>()),
             samples: Some(Samples(3, None)),
             ..Options::default()
         };
         assert!(matches!(bc.check(), Err(UsageError::NotForCodec { option: "samples", .. })));
         let masked = Options { content_from: Some("mask.png".into()), ..Options::default() };
         assert!(matches!(masked.check(), Err(UsageError::NotForCodec { option: "content-from", .. })));
-        let masked = Options { codec: Some(CodecName::of::<texfold::Epitome>()), ..masked };
+        let masked = Options { codec: Some(CodecName::of::<texfold::epitome::Epitome>()), ..masked };
         assert!(masked.check().is_ok());
         let settings = masked.resolve(Path::new("a.png")).unwrap();
         assert_eq!(settings.content_from.as_deref(), Some(Path::new("mask.png")));
-        let sampled = Options { codec: Some(CodecName::of::<texfold::Epitome>()), ..bc };
+        let sampled = Options { codec: Some(CodecName::of::<texfold::epitome::Epitome>()), ..bc };
         assert!(matches!(sampled.check(), Err(UsageError::NotForCodec { option: "samples", .. })));
         let odd = Options { codebook: Some(Sides(130, 128)), ..Options::default() };
         assert!(matches!(odd.check(), Err(UsageError::Range { option: "codebook", .. })));

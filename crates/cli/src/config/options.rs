@@ -4,8 +4,13 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use texfold::{
-    Choice, Content, Dct, Directions, EncodeSettings, Epitome, EpitomeParams, Family, FitMethod, LightParams,
-    Lightfield, Progressive, Vq, VqParams, ZipParams, Zipmap,
+    Choice, Content, EncodeSettings, Family,
+    dct::Dct,
+    epitome::{Epitome, EpitomeParams},
+    lightfield::{Directions, FitMethod, LightParams, Lightfield},
+    progressive::Progressive,
+    vq::{Vq, VqParams},
+    zipmap::{ZipParams, Zipmap},
 };
 use texfold_core::{Goal, Params};
 
@@ -226,7 +231,7 @@ impl Options {
         in_range("bpp", self.bpp, positive, "finite numbers above 0")?;
         in_range("tolerance", self.tolerance, positive, "finite numbers above 0")?;
         in_range("importance", self.importance.map(f64::from), |x| (0.0..=4.0).contains(&x), "0..=4")?;
-        let most = f64::from(texfold::MAX_LAYERS);
+        let most = f64::from(texfold::epitome::MAX_LAYERS);
         in_range("layers", self.layers.map(f64::from), |layers| (1.0..=most).contains(&layers), "1..=8")?;
         if self.tolerance.is_some() {
             in_range("layers", self.layers.map(f64::from), |layers| layers == 1.0, "1, for a tolerance")?;

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use glam::Vec2;
-use texfold::{AnyImage, Arriving, EpitomeTexture};
+use texfold::{AnyImage, Arriving, epitome::EpitomeTexture};
 use texfold_core::container::Sections;
 use texfold_core::image::Raster;
 use texfold_core::metric::decode_surface;
@@ -108,9 +108,8 @@ fn tile(text: &str) -> Result<(u32, u32), String> {
 /// Loads a `.txf` file.
 pub(crate) fn load(path: &Path) -> Result<AnyImage, CliError> {
     let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
-    let texture = texfold::open(&bytes, &mut Budget::default())
-        .map_err(|source| CliError::Load { path: path.to_owned(), source })?;
-    texture.into_image().ok_or_else(|| CliError::NotImages { path: path.to_owned() })
+    let texture = texfold::open(&bytes).map_err(|source| CliError::Load { path: path.to_owned(), source })?;
+    texture.into_image().map_err(|_| CliError::NotImages { path: path.to_owned() })
 }
 
 /// Loads no more of a `.txf` file than its first layers, as if the rest had not arrived yet.

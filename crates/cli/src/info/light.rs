@@ -3,7 +3,11 @@
 use std::path::Path;
 
 use serde::Serialize;
-use texfold::{Content, Directions, LightTexture, Photograph, Renderer};
+use texfold::{
+    Content,
+    core::Photograph,
+    lightfield::{Directions, LightTexture, Renderer},
+};
 use texfold_core::Encoded;
 use texfold_core::image::{ColorSpace, Raster};
 

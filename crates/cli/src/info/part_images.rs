@@ -2,7 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use texfold::{AnyImage, PartImages, parts_of};
+use texfold::{
+    AnyImage,
+    encoding::{PartImages, parts_of},
+};
 use texfold_core::image::Raster;
 
 use crate::config::Options;

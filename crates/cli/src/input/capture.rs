@@ -10,7 +10,10 @@ use std::path::{Path, PathBuf};
 use glam::{Mat4, Vec2, Vec4};
 use rayon::prelude::*;
 use serde::Deserialize;
-use texfold::{Camera, Capture, Mesh, Photograph, simplify_mesh};
+use texfold::{
+    core::{Camera, Capture, Mesh, Photograph},
+    lightfield::simplify_mesh,
+};
 use texfold_core::image::ColorSpace;
 
 use super::{pixels, shape};

@@ -4,7 +4,7 @@ use std::io::BufReader;
 use std::path::Path;
 
 use glam::Vec3;
-use texfold::Mesh;
+use texfold::core::Mesh;
 
 use super::mesh::read_gltf_shape;
 use crate::error::CliError;

@@ -5,7 +5,10 @@ use std::path::{Path, PathBuf};
 
 use glam::DMat3;
 use serde::{Deserialize, Serialize};
-use texfold::{LeftOut, PatchSource, PatchStack, TextureCodec, Zipmap, register, zip_masks};
+use texfold::{
+    core::TextureCodec,
+    zipmap::{LeftOut, PatchSource, PatchStack, Zipmap, masks as zip_masks, register},
+};
 use texfold_core::image::{Alpha, ColorSpace, Raster};
 use texfold_core::{EncodeError, Job};
 

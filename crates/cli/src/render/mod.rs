@@ -4,9 +4,12 @@ mod zoom;
 
 use std::path::{Path, PathBuf};
 
-use texfold::{Camera, LightTexture, Renderer};
+use texfold::{
+    core::Camera,
+    lightfield::{LightTexture, Renderer},
+};
+use texfold_core::Encoded;
 use texfold_core::image::{Alpha, ColorSpace, Raster};
-use texfold_core::{Budget, Encoded};
 use texfold_gpu::{Gpu, GpuError, Policy};
 
 use crate::config::Sides;
@@ -113,9 +116,9 @@ fn artist<'t>(args: &'t RenderArgs, texture: &'t LightTexture) -> Result<Artist<
 pub(crate) fn load(path: &Path) -> Result<LightTexture, CliError> {
     let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
     let failed = |source| CliError::Load { path: path.to_owned(), source };
-    let texture = texfold::open(&bytes, &mut Budget::default()).map_err(failed)?;
+    let texture = texfold::open(&bytes).map_err(failed)?;
     let codec = texture.codec().name;
-    texture.into_light().ok_or_else(|| CliError::NotLight { path: path.to_owned(), codec })
+    texture.into_light().map_err(|_| CliError::NotLight { path: path.to_owned(), codec })
 }
 
 /// The cameras of a file, for images of `size` pixels where that is given.

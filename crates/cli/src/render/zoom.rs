@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::{Affine2, Mat2, Vec2};
-use texfold::{AnyImage, ZipTexture};
+use texfold::{AnyImage, zipmap::ZipTexture};
 use texfold_core::image::{Alpha, MipFilter, PixelInfo, Raster, mip_chain};
 use texfold_core::{SurfaceSize, Texel};
 use texfold_gpu::{Gpu, GpuError, Lookup, Policy, View};

@@ -278,8 +278,8 @@ fn steps(place: &Place, bank: &str) -> Vec<u16> {
     let tiles = manifest(place, bank)["images"][0]["tiles"].as_array().unwrap().clone();
     let step = |tile: &Value| {
         let bytes = fs::read(place.at(bank).join(tile["file"].as_str().unwrap())).unwrap();
-        let image = texfold::open_image(&bytes, &mut texfold::Budget::default()).unwrap();
-        let texture = image.downcast_ref::<texfold::DctImages>().unwrap();
+        let image = texfold::open(&bytes).unwrap().into_image().unwrap();
+        let texture = image.downcast_ref::<texfold::dct::DctImages>().unwrap();
         texture.content().stages()[0].form().quantiser.step
     };
     tiles.iter().map(step).collect()

@@ -43,7 +43,7 @@ fn write_cameras(place: &Place, name: &str) -> Vec<Vec<[u8; 4]>> {
     let mesh = sphere(Look::Glossy, 0, 1).mesh;
     let views: Vec<_> =
         eyes(2, 4.0, 2.0).into_iter().map(|eye| photograph(&mesh, Look::Glossy, camera(eye, SIZE))).collect();
-    let frame = |view: &texfold::Photograph| json!({ "file_path": "none.png", "transform_matrix": rows(view.camera.to_world) });
+    let frame = |view: &texfold::core::Photograph| json!({ "file_path": "none.png", "transform_matrix": rows(view.camera.to_world) });
     let frames: Vec<_> = views.iter().map(frame).collect();
     let focal = views[0].camera.focal.x;
     let cameras = json!({ "fl_x": focal, "w": SIZE, "h": SIZE, "frames": frames });

@@ -1,7 +1,7 @@
 //! Files that an attacker may write.
 
-use texfold::Budget;
-use texfold::container::{CodecId, SectionWriter, Sections};
+use texfold::core::Budget;
+use texfold::core::container::{CodecId, SectionWriter, Sections};
 use texfold_core::rng::Rng;
 
 /// The same file with the bytes of one section changed and every checksum made right again, as an attacker would.

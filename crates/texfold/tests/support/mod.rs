@@ -12,11 +12,17 @@ pub mod target;
 
 use std::sync::OnceLock;
 
-use texfold::image::{ImageSet, Raster};
+use texfold::core::image::{ImageSet, Raster};
 use texfold::{
-    Access, AnyImage, Bc, BcParams, Content, Dct, DctParams, ENCODINGS, Effort, Encoder, Encoding, Epitome,
-    EpitomeParams, EpitomeSource, Family, Goal, Job, PatchSource, PatchStack, Progressive, ProgressiveParams,
-    Shared, Vq, VqParams, VqSource, ZipParams, Zipmap,
+    Access, AnyImage, Content, Effort, Family, Goal, Job,
+    bc::{Bc, BcParams},
+    core::Encoder,
+    dct::{Dct, DctParams},
+    encoding::{ENCODINGS, Encoding},
+    epitome::{Epitome, EpitomeParams, EpitomeSource},
+    progressive::{Progressive, ProgressiveParams, Shared},
+    vq::{Vq, VqParams, VqSource},
+    zipmap::{PatchSource, PatchStack, ZipParams, Zipmap},
 };
 
 pub fn fixture(name: &str) -> ImageSet {

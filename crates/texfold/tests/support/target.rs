@@ -1,10 +1,16 @@
 //! What is done with files that anybody may have written: by the tests here, and by the fuzz targets in `fuzz/`.
 
 use glam::Vec3;
-use texfold::container::{CodecId, SectionWriter, Sections};
 use texfold::{
-    AnyImage, AnyTexture, Budget, DctImages, Domain, Encoded, Image2d, ImageAddress, LightAddress,
-    LightTexture, Limits, Rect, SurfaceSize, Texel, open,
+    AnyImage, AnyTexture, Encoded, ImageAddress, Limits, Rect, Texel,
+    core::{Budget, Domain, Image2d, LightAddress, SurfaceSize},
+    dct::DctImages,
+    lightfield::LightTexture,
+    open,
+};
+use texfold::{
+    core::container::{CodecId, SectionWriter, Sections},
+    open_with,
 };
 use texfold_testkit::dct;
 
@@ -27,7 +33,7 @@ const SEEDS: [&[u8]; 3] = [
 /// Loads a file of any codec, within small limits; whatever loads is decoded, drawn from, handed to a GPU and stored, and what is
 /// stored loads again. Whether it loads.
 pub fn open_any(bytes: &[u8]) -> bool {
-    let Ok(texture) = open(bytes, &mut Budget::new(LIMITS)) else { return false };
+    let Ok(texture) = open_with(bytes, &LIMITS) else { return false };
     match &texture {
         AnyTexture::Image(image) => {
             exercise_image(image.as_encoded());
@@ -37,7 +43,7 @@ pub fn open_any(bytes: &[u8]) -> bool {
     }
     let stored = texture.to_bytes();
     // Within the usual limits: the file itself is held, too.
-    let again = open(&stored, &mut Budget::default()).expect("what is stored loads");
+    let again = open(&stored).expect("what is stored loads");
     assert_eq!(again.to_bytes(), stored, "what is stored is stored alike");
     true
 }
@@ -49,7 +55,7 @@ fn exercise_image(image: &dyn Encoded<Domain = Image2d>) {
             let Some(whole) = layout.whole(surface, level) else { continue };
             let (right, bottom) = (whole.width - 1, whole.height - 1);
             for (x, y) in [(0, 0), (right, bottom), (right / 2, bottom / 3), (u32::MAX, u32::MAX)] {
-                assert!(image.sample(ImageAddress { surface, level, x, y }).is_finite());
+                assert!(image.texel(ImageAddress { surface, level, x, y }).is_finite());
             }
             let region = corner(whole, REGION_SIDE);
             let mut texels = vec![Texel::ZERO; Image2d::len(region)];
@@ -90,7 +96,7 @@ fn exercise_light(light: &LightTexture) {
     for triangle in [0, triangles / 2, triangles.saturating_sub(1), u32::MAX] {
         let barycentric = Vec3::new(0.2, 0.3, 0.5);
         let at = LightAddress { triangle, barycentric, direction: Vec3::Z };
-        assert!(light.sample(at).is_finite());
+        assert!(light.texel(at).is_finite());
     }
     let _ = (light.memory().compressed, light.footprint());
 }

@@ -10,11 +10,18 @@ use std::thread;
 use std::time::Instant;
 
 use rayon::ThreadPool;
-use texfold::image::{ColorSpace, ImageSet, Raster};
-use texfold::metric::{decode_surface, quality};
+use texfold::core::metric::{decode_surface, quality};
 use texfold::{
-    Access, AnyImage, Bc, Budget, Cancel, Choice, ENCODINGS, Effort, EncodeError, EncodeSettings, Goal,
-    GpuForm, Guidance, Job, PlaneFormat, Texel, TextureCodec, encode_images, open_image,
+    Access, AnyImage, Cancel, Choice, Effort, EncodeError, EncodeSettings, Goal, Guidance, Job, Texel,
+    bc::Bc,
+    core::{GpuForm, PlaneFormat, TextureCodec},
+    encode_images,
+    encoding::ENCODINGS,
+};
+use texfold::{
+    AnyTexture,
+    core::image::{ColorSpace, ImageSet, Raster},
+    open,
 };
 use texfold_gpu::{Filter, Gpu};
 
@@ -174,7 +181,7 @@ fn held(
 
 /// The file opens again and every texel of it is a number.
 fn decoded(images: &ImageSet, made: &AnyImage) -> Check {
-    let loaded = open_image(&made.to_bytes(), &mut Budget::default());
+    let loaded = open(&made.to_bytes()).and_then(AnyTexture::into_image);
     let wrong = loaded.map_or(f64::INFINITY, |loaded| {
         let decoded = |(surface, image): (u32, &Raster)| {
             let found = decode_surface(loaded.as_encoded(), surface, 0);
@@ -272,7 +279,7 @@ fn twin_limit(form: &GpuForm<'_>) -> f32 {
 /// The middle of the first image, and of what was made of it.
 fn pictures(images: &ImageSet, bytes: Option<&[u8]>) -> Outcome<Vec<Vec<u8>>> {
     let first = &images.images()[0];
-    let loaded = bytes.and_then(|bytes| open_image(bytes, &mut Budget::default()).ok());
+    let loaded = bytes.and_then(|bytes| open(bytes).and_then(AnyTexture::into_image).ok());
     let decoded = loaded.and_then(|loaded| decode_surface(loaded.as_encoded(), 0, 0));
     [Some(first), decoded.as_ref()].into_iter().flatten().map(png).collect()
 }

@@ -1,7 +1,7 @@
 //! Images that methods built on repetition, on codebooks or on transforms do not suit.
 
 use texfold::Texel;
-use texfold::image::{Alpha, ColorSpace, ImageSet, Raster};
+use texfold::core::image::{Alpha, ColorSpace, ImageSet, Raster};
 use texfold_testkit::image;
 
 use crate::stability::Outcome;

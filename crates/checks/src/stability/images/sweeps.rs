@@ -5,9 +5,11 @@
 
 use glam::DVec2;
 use rayon::prelude::*;
-use texfold::image::{ImageSet, Raster};
-use texfold::metric::measure;
-use texfold::{Access, Choice, ENCODINGS, EncodeSettings, Goal, Guidance, Job, Texel, encode_images};
+use texfold::core::image::{ImageSet, Raster};
+use texfold::core::metric::measure;
+use texfold::{
+    Access, Choice, EncodeSettings, Goal, Guidance, Job, Texel, encode_images, encoding::ENCODINGS,
+};
 use texfold_testkit::leaves::{Leaves, Lens, photograph};
 
 use super::settings;
@@ -173,7 +175,7 @@ fn lines_of<'i>(
             encoded(ENCODINGS[codec].id.name, images, goal)
         })
         .collect();
-    let of_codec = |(encoding, found): (&texfold::Encoding, &[Option<Found>])| {
+    let of_codec = |(encoding, found): (&texfold::encoding::Encoding, &[Option<Found>])| {
         (encoding.id.name.to_owned(), found.to_vec())
     };
     ENCODINGS.iter().zip(found.chunks(values.len())).map(of_codec).collect()

@@ -56,7 +56,7 @@
 //! ```
 //!
 //! `dct` takes fewest bits and is decoded before it is drawn, `progressive` is read texel by texel; errors count as the eye sees
-//! them, or alike. [`GpuForm::access`](crate::GpuForm::access) says which way a
+//! them, or alike. [`GpuForm::access`](crate::core::GpuForm::access) says which way a
 //! texture is read:
 //!
 //! ```
@@ -163,7 +163,7 @@
 //! texfold decompress bank --image oak --tile 0,1 --out check
 //! ```
 //!
-//! In code, tiles of `dct` share a step ([`Dct::encode_at_step`](crate::Dct::encode_at_step)). With `progressive` an image is encoded against a public codebook and gives back the codebook as it has grown:
+//! In code, tiles of `dct` share a step ([`Dct::encode_at_step`](crate::dct::Dct::encode_at_step)). With `progressive` an image is encoded against a public codebook and gives back the codebook as it has grown:
 //!
 //! ```
 //! use texfold::{Goal, ImageSet, Job, progressive::{Progressive, ProgressiveParams, Shared}};

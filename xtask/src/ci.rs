@@ -106,8 +106,8 @@ fn calibration() -> f64 {
 }
 
 /// Packages that only encoders need, threads among them, and those that need a C compiler.
-const NOT_FOR_DECODING: [&str; 7] =
-    ["delaunator", "ndarray", "rayon", "texfold-codebook", "texfold-match", "texpresso", "zstd-sys"];
+const NOT_FOR_DECODING: [&str; 8] =
+    ["delaunator", "kiddo", "ndarray", "rayon", "texfold-codebook", "texfold-match", "texpresso", "zstd-sys"];
 
 /// The facade without encoders: it compiles without warnings, and depends on nothing that only encoders need.
 fn decode_only() -> io::Result<bool> {

@@ -1,9 +1,10 @@
 //! Nearest patches by descriptor.
 
 use std::collections::HashMap;
+use std::num::NonZero;
 
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
-
 use texfold_core::CancelCheck;
 
 use crate::bounded::BoundedTree;
@@ -39,7 +40,7 @@ pub struct Neighbour {
 
 /// Items found by their descriptors.
 pub(crate) struct Tree<T, const K: usize> {
-    tree: BoundedTree<K>,
+    tree: Option<ImmutableKdTree<f32, K>>,
     items: Vec<T>,
 }
 
@@ -120,8 +121,10 @@ impl PatchIndex {
 impl<T, const K: usize> Tree<T, K> {
     /// All items but further ones that look the same. Of no use once the job is cancelled.
     pub(crate) fn new(described: Vec<(T, [f32; K])>, cancel: CancelCheck<'_>) -> Self {
+        let described = if cancel.is_cancelled() { Vec::new() } else { described };
         let (items, points): (Vec<_>, Vec<_>) = first_of_each(described).into_iter().unzip();
-        Tree { tree: BoundedTree::new(&points, cancel), items }
+        // Building fails for more items than 32 bits count alone.
+        Tree { tree: ImmutableKdTree::new_from_slice(&points).ok().filter(|tree| tree.size() > 0), items }
     }
 
     /// Number of items.
@@ -131,10 +134,16 @@ impl<T, const K: usize> Tree<T, K> {
 
     /// At most `count` items nearest to `query` within a squared distance, nearest first, with their distances.
     pub(crate) fn nearest(&self, query: &[f32; K], within: f32, count: usize) -> Vec<(&T, f32)> {
+        let (Some(tree), Some(count)) = (&self.tree, NonZero::new(count)) else { return Vec::new() };
         if query.iter().any(|value| !value.is_finite()) {
             return Vec::new();
         }
-        let found = self.tree.nearest(query, within, count, usize::MAX);
+        let near =
+            tree.query(query).nearest_n::<SquaredEuclidean<f32>>(count).within(within).exclusive_boundaries();
+        let mut found: Vec<(u32, f32)> =
+            near.execute().into_iter().map(|near| (near.item, near.distance)).collect();
+        // Items of equal distance in the order that they were given.
+        found.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
         found.into_iter().map(|(item, distance)| (&self.items[item as usize], distance)).collect()
     }
 }

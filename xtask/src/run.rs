@@ -13,7 +13,8 @@ const CHECKS: [&str; 3] = ["fixtures", "reference", "stability"];
 pub(crate) const OTHERS: &str = "\
 Further commands, built for release on first use:
   fixtures, reference, stability              checks of all codecs
-  compress, decompress, info, render, compare those of the program texfold
+  compress, decompress, info, render, compare,
+  bank                                        those of the program texfold
 
 Each has its own --help.";
 

@@ -13,6 +13,10 @@ pub(crate) enum UsageError {
     NotForCodec { option: &'static str, wanted: &'static str, codec: &'static str },
     #[error("--{option} says nothing with {other}; leave one of them out")]
     Excluded { option: &'static str, other: &'static str },
+    #[error("a bank has images of the codecs dct and progressive, not {codec}; give one of these")]
+    BankCodec { codec: &'static str },
+    #[error("--category is for images of a bank; leave it out, or use `texfold bank add`")]
+    Category,
     #[error("--{} is {}; allowed: {}", source.field, source.value, source.range)]
     Setting { source: texfold_core::ParamError },
     #[error("--{option} {value} is outside {range}; give a value in that range")]
@@ -54,13 +58,19 @@ pub(crate) enum CliError {
     BankLocked { path: PathBuf },
     #[error("{}: the bank's list of images cannot be read ({what}); restore it from a copy, or create the bank again", path.display())]
     BankManifest { path: PathBuf, what: String },
+    #[error("{}: this is a bank; list it with `texfold bank list`, decode its images with `texfold bank extract`", path.display())]
+    IsBank { path: PathBuf },
+    #[error("{}: this is no bank; give the folder that `texfold bank add` has written", path.display())]
+    NoBank { path: PathBuf },
+    #[error("{}: this cannot be in a bank; give images, or folders of images", path.display())]
+    NotForBank { path: PathBuf },
     #[error("{}: the bank has an image of that name from another file; rename one of them", path.display())]
     BankName { path: PathBuf },
     #[error("{}: a codebook of the bank cannot be used: {cause}", path.display())]
     BankBook { path: PathBuf, cause: String },
-    #[error("{}: the bank has {most} categories already; give one of those that info lists", path.display())]
+    #[error("{}: the bank has {most} categories already; give one of those that `texfold bank list` shows", path.display())]
     BankCategories { path: PathBuf, most: usize },
-    #[error("{}: the bank holds no image {name}; give the name of one that info lists", path.display())]
+    #[error("{}: the bank holds no image {name}; give the name of one that `texfold bank list` shows", path.display())]
     NoSuchImage { path: PathBuf, name: String },
     #[error("{}: the image needs more than the limits allow; scale it down, split it, or raise --memory", path.display())]
     ImageLimits { path: PathBuf, source: Box<image::ImageError> },

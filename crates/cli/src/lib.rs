@@ -1,12 +1,13 @@
 //! Texfold's command line as a library: files, batches, reports.
 //!
-//! The binary `texfold` and `cargo xtask` run the same four commands: compress, decompress, info and compare.
+//! The binary `texfold` and `cargo xtask` run the same commands: compress, decompress, info, render, compare and bank.
 //! Each has a folder of its own; what they share lies beside: finding and reading inputs, writing files whole or not
 //! at all, reports, and exit codes.
 //!
 //! Exit codes: 0 all done, 1 some inputs failed and the others are written, 2 usage.
 
 mod bank;
+mod bank_command;
 mod compare;
 mod compress;
 mod config;
@@ -26,6 +27,7 @@ mod run;
 mod settings;
 mod thumbnail;
 
+pub use bank_command::{BankCommand, ExtractArgs, ListArgs};
 pub use compare::CompareArgs;
 pub use compress::CompressArgs;
 pub use config::{

@@ -7,8 +7,8 @@ use clap::Parser;
 use crate::console::complain;
 use crate::error::{CliError, explain};
 use crate::{
-    CompareArgs, CompressArgs, DecompressArgs, InfoArgs, RenderArgs, compare, compress, decompress, info,
-    render,
+    BankCommand, CompareArgs, CompressArgs, DecompressArgs, InfoArgs, RenderArgs, bank_command, compare,
+    compress, decompress, info, render,
 };
 
 /// Exit code: some inputs failed, the others are written.
@@ -28,6 +28,9 @@ pub enum Command {
     Info(InfoArgs),
     /// Draw a light field as cameras see it, or a zoom into an image.
     Render(RenderArgs),
+    /// Keep large images in tiles that share codebooks, and add to them over time.
+    #[command(subcommand)]
+    Bank(BankCommand),
     /// Set every codec that fits beside plain block compression.
     Compare(CompareArgs),
 }
@@ -54,6 +57,7 @@ pub fn run(command: Command) -> ExitCode {
         Command::Decompress(args) => decompress::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Render(args) => render::run(&args),
+        Command::Bank(command) => bank_command::run(command),
         Command::Compare(args) => compare::run(&args),
     };
     match outcome {

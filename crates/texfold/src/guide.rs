@@ -157,10 +157,10 @@
 //! `dct` are better at any number of bits; those of codec `progressive` are read texel by texel and share codebooks by category:
 //!
 //! ```sh
-//! texfold compress photos/2024 --codec progressive --as set --category forest --bpp 0.5 --out bank
-//! texfold compress photos/2025 --codec progressive --as set --category forest --bpp 0.5 --out bank
-//! texfold info bank
-//! texfold decompress bank --image oak --tile 0,1 --out check
+//! texfold bank add photos/2024 --codec progressive --category forest --bpp 0.5 --out bank
+//! texfold bank add photos/2025 --codec progressive --category forest --bpp 0.5 --out bank
+//! texfold bank list bank
+//! texfold bank extract bank --image oak --tile 0,1 --out check
 //! ```
 //!
 //! In code, tiles of `dct` share a step ([`Dct::encode_at_step`](crate::dct::Dct::encode_at_step)). With `progressive` an image is encoded against a public codebook and gives back the codebook as it has grown:

@@ -47,10 +47,12 @@ pub(super) enum Suite {
     Data,
 }
 
-/// One `compress` command.
+/// One `compress` command, or `bank add`.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Case {
     pub(super) codec: &'static str,
+    /// Whether the images are added to a bank.
+    pub(super) is_bank: bool,
     /// What tells it from others of the codec.
     setting: String,
     pub(super) arguments: Vec<String>,
@@ -79,12 +81,14 @@ const SETTINGS: [(&str, &str, &[&str]); 15] = [
 impl Case {
     fn new(codec: &'static str, setting: &str, inputs: Vec<PathBuf>) -> Case {
         let arguments = ["--codec", codec].into_iter().chain(setting.split_whitespace());
-        Case { codec, setting: setting.to_owned(), arguments: arguments.map(str::to_owned).collect(), inputs }
+        let arguments = arguments.map(str::to_owned).collect();
+        Case { codec, is_bank: false, setting: setting.to_owned(), arguments, inputs }
     }
 
     /// As users would write it.
     pub(super) fn name(&self) -> String {
-        format!("{} {}", self.codec, self.setting).trim_end().to_owned()
+        let bank = if self.is_bank { " in a bank" } else { "" };
+        format!("{}{bank} {}", self.codec, self.setting).trim_end().to_owned()
     }
 
     /// Whether `image` is the file name of an input, or of a file in one.
@@ -131,13 +135,11 @@ fn fixtures(work: &Path, quick: bool) -> io::Result<Vec<Case>> {
     let case = |&(codec, setting, images)| Case::new(codec, setting, paths(images));
     let mut cases: Vec<Case> = SETTINGS.iter().map(case).collect();
     let frames = vec![root().join("fixtures/images/ripple")];
-    for (codec, setting) in [
-        ("vq", "--as sequence --bpp 2"),
-        ("epitome", "--as set --psnr 32 --effort fast"),
-        ("dct", "--as set --bpp 1 --effort fast"),
-    ] {
+    for (codec, setting) in [("vq", "--as sequence --bpp 2"), ("epitome", "--as set --psnr 32 --effort fast")]
+    {
         cases.push(Case::new(codec, setting, frames.clone()));
     }
+    cases.push(Case { is_bank: true, ..Case::new("dct", "--bpp 1 --effort fast", frames) });
     let ball = vec![root().join("fixtures/captures/ball")];
     for setting in
         ["--terms 2 --access texel", "--terms 1 --content bc1 --codewords 0.5", "--regions 4 --content bc7"]

@@ -101,7 +101,8 @@ fn measure(case: &Case, work: &Path, program: Option<&Path>) -> io::Result<Vec<F
     let report = out.with_extension("json");
     let program = program.map_or_else(env::current_exe, |program| Ok(program.to_owned()))?;
     let mut command = Command::new(program);
-    command.arg("compress").args(&case.inputs).arg("--out").arg(&out).arg("--report").arg(&report);
+    let name: &[&str] = if case.is_bank { &["bank", "add"] } else { &["compress"] };
+    command.args(name).args(&case.inputs).arg("--out").arg(&out).arg("--report").arg(&report);
     let output = command.args(&case.arguments).current_dir(root()).output()?;
     if !report.is_file() {
         let text = String::from_utf8_lossy(&output.stderr);

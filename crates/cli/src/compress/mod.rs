@@ -20,7 +20,7 @@ use std::time::Instant;
 use crate::bank::BankTask;
 use crate::config::{Config, Options, RunOptions};
 use crate::console::say;
-use crate::error::{CliError, explain};
+use crate::error::{CliError, UsageError, explain};
 use crate::input::{Found, find};
 use crate::memory;
 use crate::output::{make_folder, remove_stale, write_whole};
@@ -108,12 +108,34 @@ impl Work {
 
 /// Runs the command; gives the number of inputs that failed.
 pub(crate) fn run(args: CompressArgs) -> Result<usize, CliError> {
+    if args.options.category().is_some() {
+        return Err(UsageError::Category.into());
+    }
+    let planned = |args: &CompressArgs, of_path: &dyn Fn(&std::path::Path) -> Options| {
+        args.options.check()?;
+        plan(&args.inputs, &args.out, of_path)
+    };
+    run_planned(args, planned)
+}
+
+/// Runs `bank add`: all images into the bank that the output folder is.
+pub(crate) fn add(args: CompressArgs) -> Result<usize, CliError> {
+    let planned = |args: &CompressArgs, of_path: &dyn Fn(&std::path::Path) -> Options| {
+        args.options.of_bank()?.check()?;
+        plan_bank(&args.inputs, of_path)
+    };
+    run_planned(args, planned)
+}
+
+fn run_planned(
+    args: CompressArgs,
+    planned: impl Fn(&CompressArgs, &dyn Fn(&std::path::Path) -> Options) -> Result<Vec<Planned>, CliError>,
+) -> Result<usize, CliError> {
     let start = Instant::now();
     let config = args.config.as_deref().map(Config::read).transpose()?.unwrap_or_default();
-    let run = args.run.or(config.run.clone());
+    let run = args.run.clone().or(config.run.clone());
     run.check()?;
-    args.options.check()?;
-    let planned = plan(&args.inputs, &args.out, |path| args.options.or(&config.options(path)))?;
+    let planned = planned(&args, &|path| args.options.or(&config.options(path)))?;
     make_folder(&args.out)?;
     remove_stale(&args.out);
     let cache = Cache::open(&args.out);
@@ -130,7 +152,7 @@ pub(crate) fn run(args: CompressArgs) -> Result<usize, CliError> {
 fn plan(
     inputs: &[PathBuf],
     out: &std::path::Path,
-    of_path: impl Fn(&std::path::Path) -> Options,
+    of_path: &dyn Fn(&std::path::Path) -> Options,
 ) -> Result<Vec<Planned>, CliError> {
     let mut writers: HashMap<OsString, PathBuf> = HashMap::new();
     let mut planned = Vec::new();
@@ -144,17 +166,55 @@ fn plan(
         };
         let options = of_path(&found.path);
         options.check()?;
-        // A set of codec dct or progressive is a bank: a file a tile, and codebooks that tiles share.
-        let parts =
-            if found.kind == Kind::Set && options.is_of_bank() { one_by_one(&found) } else { vec![found] };
-        for part in parts {
+        let path = found.path.clone();
+        planned.push(match plan_one(found, &options, out, &mut writers) {
+            Ok(task) => Planned::Task(task),
+            Err(error) => Planned::Failed(path, error),
+        });
+    }
+    Ok(planned)
+}
+
+/// Finds the images of a bank, each with its own settings.
+fn plan_bank(
+    inputs: &[PathBuf],
+    of_path: &dyn Fn(&std::path::Path) -> Options,
+) -> Result<Vec<Planned>, CliError> {
+    let mut names: HashMap<OsString, PathBuf> = HashMap::new();
+    let mut planned = Vec::new();
+    for found in find(inputs, |path| of_path(path).kind()) {
+        let found = match found {
+            Ok(found) if matches!(found.kind, Kind::Image | Kind::Set | Kind::Sequence) => found,
+            Ok(found) => {
+                let error = CliError::NotForBank { path: found.path.clone() };
+                planned.push(Planned::Failed(found.path, error));
+                continue;
+            }
+            Err(unusable) => {
+                planned.push(Planned::Failed(unusable.path, *unusable.error));
+                continue;
+            }
+        };
+        for part in one_by_one(&found) {
+            let options = of_path(&part.path).of_bank()?;
+            options.check()?;
             let path = part.path.clone();
-            // Images of a bank may have rules of their own.
-            let of_part = of_path(&path);
-            of_part.check()?;
-            planned.push(match plan_one(part, &of_part, out, &mut writers) {
-                Ok(task) => Planned::Task(task),
-                Err(error) => Planned::Failed(path, error),
+            let first = names.get(&part.stem).cloned();
+            planned.push(match (first, options.resolve(&path)) {
+                (Some(first), _) => {
+                    let output = PathBuf::from(&part.stem);
+                    Planned::Failed(path.clone(), CliError::Collision { path, output, first })
+                }
+                (None, Err(error)) => Planned::Failed(path, error),
+                (None, Ok(settings)) => {
+                    names.insert(part.stem.clone(), path.clone());
+                    let name = part.stem.to_string_lossy().into_owned();
+                    let category = options.category().map(str::to_owned);
+                    Planned::Task(Work::Bank(
+                        Box::new(part),
+                        Box::new(BankTask { path, name, category, settings }),
+                    ))
+                }
             });
         }
     }
@@ -187,12 +247,6 @@ fn plan_one(
     let work = if found.kind == Kind::Lightfield {
         let settings = options.resolve_light(&found.path)?;
         Work::Light(Box::new(FolderTask { found, settings, output }))
-    } else if found.kind == Kind::Set && options.is_of_bank() {
-        let settings = options.resolve(&found.path)?;
-        let name = found.stem.to_string_lossy().into_owned();
-        let category = options.category().map(str::to_owned);
-        let task = BankTask { path: found.path.clone(), name, category, settings };
-        Work::Bank(Box::new(found), Box::new(task))
     } else if found.kind == Kind::Zoom {
         let settings = options.resolve_zoom(&found.path)?;
         Work::Zoom(Box::new(FolderTask { found, settings, output }))

@@ -62,7 +62,7 @@ pub struct Options {
     /// epitome: a mask of the first image's size; content is taken from where it is bright.
     #[arg(long, value_name = "MASK")]
     pub(super) content_from: Option<PathBuf>,
-    /// dct and progressive, sets: category of the images. Images of one category share a codebook; without this option each
+    /// Banks: category of the images. Images of one category share a codebook; without this option each
     /// tile joins the category with the nearest colours.
     #[arg(long, value_name = "NAME")]
     pub(super) category: Option<String>,
@@ -219,9 +219,16 @@ impl Options {
         self.category.as_deref()
     }
 
-    /// Whether a codec is requested whose sets are banks: dct or progressive.
-    pub(crate) fn is_of_bank(&self) -> bool {
-        self.codec.is_some_and(|codec| codec.is::<Dct>() || codec.is::<Progressive>())
+    /// The options for an image of a bank: codec dct where none is named.
+    ///
+    /// # Errors
+    /// [`UsageError::BankCodec`] for codecs other than dct and progressive.
+    pub(crate) fn of_bank(&self) -> Result<Options, UsageError> {
+        match self.codec {
+            Some(codec) if codec.is::<Dct>() || codec.is::<Progressive>() => Ok(self.clone()),
+            Some(codec) if !codec.is_auto() => Err(UsageError::BankCodec { codec: codec.name() }),
+            _ => Ok(Options { codec: Some(CodecName::of::<Dct>()), ..self.clone() }),
+        }
     }
 
     /// Checks what can be checked without an input.
@@ -268,11 +275,10 @@ impl Options {
     fn check_codec(&self) -> Result<(), UsageError> {
         const CHOSEN_VQ: &[&str] = &["vq", "auto"];
         let error_map = self.content == Some(ContentName::ErrorMap);
-        let owned: [(&str, bool, &[&'static str]); 14] = [
+        let owned: [(&str, bool, &[&'static str]); 13] = [
             ("content-from", self.content_from.is_some(), &["epitome"]),
             ("layers", self.layers.is_some(), &["epitome"]),
             ("content error-map", error_map, &["epitome"]),
-            ("category", self.category.is_some(), &["dct", "progressive"]),
             ("metric", self.metric.is_some(), &["dct", "progressive", "epitome", "zipmap", "auto"]),
             ("triangles", self.triangles.is_some(), &["lightfield"]),
             ("terms", self.terms.is_some(), &["lightfield"]),

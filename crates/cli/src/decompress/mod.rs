@@ -18,7 +18,7 @@ use crate::console::complain;
 use crate::error::{CliError, explain, guarded};
 use crate::output::{make_folder, remove_stale};
 use crate::{bank, input, png};
-use gpu::Device;
+pub(crate) use gpu::Device;
 
 /// Digits of the number in the name of one image of several; more where there are more than a thousand.
 const NUMBER_DIGITS: usize = 3;
@@ -26,7 +26,7 @@ const NUMBER_DIGITS: usize = 3;
 /// Arguments of `decompress`.
 #[derive(Debug, clap::Args)]
 pub struct DecompressArgs {
-    /// .txf files, and folders of banks.
+    /// .txf files.
     #[arg(required = true, value_name = "FILE.txf")]
     files: Vec<PathBuf>,
     /// Folder that the PNG files are written to.
@@ -45,12 +45,6 @@ pub struct DecompressArgs {
     /// Load only this many layers of a layered file.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     layers: Option<u32>,
-    /// Of a bank: only the image of that name.
-    #[arg(long, value_name = "NAME")]
-    image: Option<String>,
-    /// Of a bank: only the tile of 1024x1024 texels in that column and row.
-    #[arg(long, value_name = "X,Y", value_parser = tile)]
-    tile: Option<(u32, u32)>,
     /// Not for images: number of terms of a light field, which the command render draws.
     #[arg(long, value_name = "K")]
     terms: Option<u32>,
@@ -66,19 +60,10 @@ pub(crate) fn run(args: &DecompressArgs) -> Result<usize, CliError> {
     };
     let mut writers = HashMap::new();
     let mut failed = 0;
-    let (banks, files): (Vec<&PathBuf>, Vec<&PathBuf>) =
-        args.files.iter().partition(|path| bank::is_bank(path));
-    for bank in banks {
-        failed += bank::decompress(bank, &args.out, &choice(args), &|path, texture, level| match &device {
-            Some(device) => {
-                let texture = texture.as_encoded();
-                device.upload(path, texture)?.decode(path, texture, 0, level, args.continuous)
-            }
-            None => decode(path, texture.as_encoded(), 0, level),
-        })?;
+    if let Some(path) = args.files.iter().find(|path| bank::is_bank(path)) {
+        return Err(CliError::IsBank { path: path.clone() });
     }
-    let files: Vec<PathBuf> = files.into_iter().cloned().collect();
-    for path in input::find::expand_all(&files) {
+    for path in input::find::expand_all(&args.files) {
         let outcome =
             path.and_then(|path| guarded(&path, || decompress(&path, args, device.as_ref(), &mut writers)));
         if let Err(error) = outcome {
@@ -89,13 +74,8 @@ pub(crate) fn run(args: &DecompressArgs) -> Result<usize, CliError> {
     Ok(failed)
 }
 
-/// What of a bank is decoded.
-fn choice(args: &DecompressArgs) -> bank::Choice {
-    bank::Choice { image: args.image.clone(), tile: args.tile, level: args.lod, layers: args.layers }
-}
-
 /// Column and row of a tile.
-fn tile(text: &str) -> Result<(u32, u32), String> {
+pub(crate) fn tile(text: &str) -> Result<(u32, u32), String> {
     let parse = || {
         let (x, y) = text.split_once(',')?;
         Some((x.trim().parse().ok()?, y.trim().parse().ok()?))

@@ -20,7 +20,7 @@ const LISTED_SIZES: usize = 8;
 /// Arguments of `info`.
 #[derive(Debug, clap::Args)]
 pub struct InfoArgs {
-    /// A .txf file, or the folder of a bank.
+    /// A .txf file.
     #[arg(value_name = "FILE.txf")]
     file: PathBuf,
     /// Print JSON.
@@ -63,7 +63,7 @@ struct Summary {
 pub(crate) fn run(args: &InfoArgs) -> Result<usize, CliError> {
     guarded(&args.file, || {
         if crate::bank::is_bank(&args.file) {
-            return crate::bank::describe(&args.file, args.json).map(|()| 0);
+            return Err(CliError::IsBank { path: args.file.clone() });
         }
         let image = match load(&args.file) {
             Err(CliError::NotImages { .. }) => return light::run(args),

@@ -7,12 +7,19 @@ use std::time::{Duration, Instant};
 use image::{DynamicImage, ExtendedColorType};
 use serde_json::Value;
 
-use crate::support::{Place, names, psnr};
+use crate::support::{Place, Run, names, psnr};
 
 const ADD: &str = "in --codec dct --psnr 28 --effort fast --out bank";
 
+/// Runs `bank add` and reads its report.
+fn add(place: &Place, arguments: &str) -> (Run, Vec<Value>) {
+    let run = place.run(&format!("bank add {arguments} --report report.json"));
+    let report = fs::read(place.at("report.json")).unwrap_or_else(|_| panic!("{}", run.stderr));
+    (run, serde_json::from_slice(&report).unwrap())
+}
+
 fn info(place: &Place) -> Value {
-    let run = place.run("info bank --json");
+    let run = place.run("bank list bank --json");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     serde_json::from_str(&run.stdout).unwrap()
 }
@@ -33,7 +40,7 @@ fn every_kind_of_image_is_added_and_bad_ones_are_named() {
     place.image("whole.tif", 64, 64, 3);
     let whole = fs::read(place.at("whole.tif")).unwrap();
     fs::write(place.at("in/cut.tif"), &whole[..whole.len() / 2]).unwrap();
-    let (run, report) = place.compress(ADD);
+    let (run, report) = add(&place, ADD);
     assert_eq!(run.code, Some(1), "{}", run.stderr);
     assert!(run.stderr.contains("cut.tif"), "{}", run.stderr);
     assert_eq!(image_names(&place), ["collar", "deep", "gray", "photo", "tiny"]);
@@ -44,7 +51,7 @@ fn every_kind_of_image_is_added_and_bad_ones_are_named() {
         let sum: u64 = parts.iter().map(|part| part["bits_memory"].as_u64().unwrap()).sum();
         assert_eq!(Some(sum), row["bits_memory"].as_u64());
     }
-    assert_eq!(place.run("decompress bank --out png").code, Some(0));
+    assert_eq!(place.run("bank extract bank --out png").code, Some(0));
     assert_eq!(names(&place.at("png")), ["collar.png", "deep.png", "gray.png", "photo.png", "tiny.png"]);
     let (width, height, shown) = place.samples("png/photo.png");
     assert_eq!((width, height), (200, 120));
@@ -58,22 +65,22 @@ fn tiles_levels_and_single_images_are_decoded_alone() {
     let place = Place::new();
     place.image("in/wide.png", 1300, 40, 3);
     place.image("in/other.png", 32, 32, 3);
-    assert_eq!(place.run(&format!("compress {ADD} --mips")).code, Some(0));
+    assert_eq!(place.run(&format!("bank add {ADD} --mips")).code, Some(0));
     assert_eq!(info(&place)["images"][1]["tiles"], 2);
-    let run = place.run("decompress bank --out png --image wide --tile 1,0");
+    let run = place.run("bank extract bank --out png --image wide --tile 1,0");
     assert_eq!((run.code, names(&place.at("png"))), (Some(0), vec!["wide-1-0.png".to_owned()]));
-    assert_eq!(place.run("decompress bank --out whole").code, Some(0));
+    assert_eq!(place.run("bank extract bank --out whole").code, Some(0));
     let (width, height, tile) = place.samples("png/wide-1-0.png");
     assert_eq!((width, height), (276, 40));
     let whole = place.samples("whole/wide.png").2;
     let row = |y: usize| &whole[(y * 1300 + 1024) * 3..(y * 1300 + 1300) * 3];
     assert!((0..40).all(|y| tile[y * 276 * 3..(y + 1) * 276 * 3] == *row(y)));
-    assert_eq!(place.run("decompress bank --out half --image wide --lod 1").code, Some(0));
+    assert_eq!(place.run("bank extract bank --out half --image wide --lod 1").code, Some(0));
     let (width, height, _) = place.samples("half/wide.png");
     assert_eq!((width, height), (650, 20));
-    let run = place.run("decompress bank --out none --image nobody");
+    let run = place.run("bank extract bank --out none --image nobody");
     assert!(run.code == Some(1) && run.stderr.contains("nobody"), "{}", run.stderr);
-    let run = place.run("decompress bank --out none --image wide --tile 7,7");
+    let run = place.run("bank extract bank --out none --image wide --tile 7,7");
     assert_eq!(run.code, Some(1), "{}", run.stderr);
 }
 
@@ -83,7 +90,7 @@ fn a_damaged_or_missing_file_is_named_and_the_rest_is_decoded() {
     for name in ["a", "b", "c"] {
         place.image(&format!("in/{name}.png"), 40, 40, 3);
     }
-    assert_eq!(place.run(&format!("compress {ADD}")).code, Some(0));
+    assert_eq!(place.run(&format!("bank add {ADD}")).code, Some(0));
     let manifest: Value = serde_json::from_slice(&fs::read(place.at("bank/bank.json")).unwrap()).unwrap();
     let file = |index: usize| manifest["images"][index]["tiles"][0]["file"].as_str().unwrap().to_owned();
     fs::remove_file(place.at("bank").join(file(0))).unwrap();
@@ -92,11 +99,11 @@ fn a_damaged_or_missing_file_is_named_and_the_rest_is_decoded() {
     let last = bytes.len() - 1;
     bytes[last] ^= 0x55;
     fs::write(&path, bytes).unwrap();
-    let run = place.run("decompress bank --out png");
+    let run = place.run("bank extract bank --out png");
     assert_eq!((run.code, names(&place.at("png"))), (Some(1), vec!["c.png".to_owned()]));
     assert!(run.stderr.contains(&file(0)) && run.stderr.contains(&file(1)), "{}", run.stderr);
     fs::write(place.at("bank/bank.json"), b"{\"version\": 1").unwrap();
-    let run = place.run("info bank");
+    let run = place.run("bank list bank");
     assert!(run.code == Some(1) && run.stderr.contains("bank.json"), "{}", run.stderr);
 }
 
@@ -107,7 +114,7 @@ fn a_killed_run_leaves_a_bank_that_opens_and_goes_on() {
         place.image(&format!("in/{number}.png"), 200 + number, 180, 3);
     }
     let mut child = Command::new(env!("CARGO_BIN_EXE_texfold"))
-        .args(format!("compress {ADD}").split_whitespace())
+        .args(format!("bank add {ADD}").split_whitespace())
         .current_dir(place.at("."))
         .stdout(Stdio::null())
         .stderr(Stdio::null())
@@ -122,10 +129,10 @@ fn a_killed_run_leaves_a_bank_that_opens_and_goes_on() {
     child.wait().unwrap();
     let before = image_names(&place);
     assert!(!before.is_empty());
-    assert_eq!(place.run("decompress bank --out before").code, Some(0));
-    assert_eq!(place.run(&format!("compress {ADD}")).code, Some(0));
+    assert_eq!(place.run("bank extract bank --out before").code, Some(0));
+    assert_eq!(place.run(&format!("bank add {ADD}")).code, Some(0));
     assert_eq!(image_names(&place), ["0", "1", "2", "3", "4", "5"]);
-    assert_eq!(place.run("decompress bank --out after").code, Some(0));
+    assert_eq!(place.run("bank extract bank --out after").code, Some(0));
     for name in before {
         let read = |dir: &str| fs::read(place.at(dir).join(format!("{name}.png"))).unwrap();
         assert!(read("before") == read("after"), "{name}");
@@ -141,18 +148,18 @@ fn a_killed_run_leaves_a_bank_that_opens_and_goes_on() {
 fn a_full_disk_leaves_the_bank_as_it_was() {
     let place = Place::new();
     place.image("in/a.png", 60, 60, 3);
-    assert_eq!(place.run(&format!("compress {ADD}")).code, Some(0));
+    assert_eq!(place.run(&format!("bank add {ADD}")).code, Some(0));
     let before = fs::read(place.at("bank/bank.json")).unwrap();
     let noise: Vec<u8> = (0..200 * 200 * 3u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
     image::save_buffer(place.at("in/b.png"), &noise, 200, 200, ExtendedColorType::Rgb8).unwrap();
     // Files of at most 8 blocks of 512 bytes, as if there were no more space.
     let script =
-        format!("trap '' XFSZ; ulimit -f 8; exec '{}' compress {ADD}", env!("CARGO_BIN_EXE_texfold"));
+        format!("trap '' XFSZ; ulimit -f 8; exec '{}' bank add {ADD}", env!("CARGO_BIN_EXE_texfold"));
     let output = Command::new("sh").args(["-c", &script]).current_dir(place.at(".")).output().unwrap();
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.code() == Some(1) && stderr.contains("cannot be written"), "{stderr}");
     assert_eq!(fs::read(place.at("bank/bank.json")).unwrap(), before);
-    assert_eq!(place.run(&format!("compress {ADD}")).code, Some(0));
+    assert_eq!(place.run(&format!("bank add {ADD}")).code, Some(0));
     assert_eq!(image_names(&place), ["a", "b"]);
 }
 
@@ -160,11 +167,11 @@ fn a_full_disk_leaves_the_bank_as_it_was() {
 fn another_file_of_a_known_name_is_refused() {
     let place = Place::new();
     place.image("in/a.png", 40, 40, 3);
-    assert_eq!(place.run(&format!("compress {ADD}")).code, Some(0));
-    let run = place.run(&format!("compress {ADD}"));
+    assert_eq!(place.run(&format!("bank add {ADD}")).code, Some(0));
+    let run = place.run(&format!("bank add {ADD}"));
     assert!(run.stdout.contains("1 up to date"), "{}", run.stdout);
     place.image("in/a.png", 44, 40, 3);
-    let run = place.run(&format!("compress {ADD}"));
+    let run = place.run(&format!("bank add {ADD}"));
     assert!(run.code == Some(1) && run.stderr.contains("rename"), "{}", run.stderr);
 }
 
@@ -185,9 +192,9 @@ fn palettes_and_interlacing_are_read() {
     DynamicImage::from(original.to_luma8()).save(place.at("in/gray.tif")).unwrap();
     original.save(place.at("in/photo.tif")).unwrap();
     let arguments = "in --codec dct --psnr 40 --effort fast --out bank";
-    let (run, report) = place.compress(arguments);
+    let (run, report) = add(&place, arguments);
     assert_eq!((run.code, report.len()), (Some(0), 3), "{}", run.stderr);
-    assert_eq!(place.run("decompress bank --out png").code, Some(0));
+    assert_eq!(place.run("bank extract bank --out png").code, Some(0));
     let wanted = image::open(place.at("in/palette.png")).unwrap().to_rgb8();
     let found = psnr(&place.samples("png/palette.png").2, &wanted);
     let told = report.iter().find(|row| row["input"] == "in/palette.png").unwrap()["psnr"].as_f64().unwrap();
@@ -227,7 +234,7 @@ fn a_bank_is_the_same_however_many_images_are_encoded_at_a_time() {
     .unwrap();
     for codec in ["progressive", "dct"] {
         for jobs in ["1", "2", "4"] {
-            let arguments = "compress in --bpp 0.6 --config banks.toml --codec";
+            let arguments = "bank add in --bpp 0.6 --config banks.toml --codec";
             let run = place.run(&format!("{arguments} {codec} --jobs {jobs} --out {codec}{jobs}"));
             assert!(run.code == Some(1) && run.stderr.contains("bad.png"), "{}", run.stderr);
         }
@@ -254,20 +261,20 @@ fn images_of_a_bank_have_the_codec_that_each_was_added_with() {
     let place = Place::new();
     let texel = ADD.replace("--codec dct", "--codec progressive");
     place.image("in/a.png", 80, 60, 3);
-    let (_, report) = place.compress(&texel);
+    let (_, report) = add(&place, &texel);
     assert_eq!((&report[0]["access"], &report[0]["goal_met"]), (&"texel".into(), &Value::Null));
     assert_eq!(report[0]["codec"], "progressive");
     assert_eq!(manifest(&place, "bank")["version"], 1);
-    assert_eq!(place.run("decompress bank --out before").code, Some(0));
+    assert_eq!(place.run("bank extract bank --out before").code, Some(0));
     place.image("in/b.png", 70, 50, 3);
-    let run = place.run(&format!("compress in/b.png --as set {}", ADD.trim_start_matches("in ")));
+    let run = place.run(&format!("bank add in/b.png {}", ADD.trim_start_matches("in ")));
     assert_eq!((run.code, forms(&place)), (Some(0), vec!["texel".to_owned(), "block".to_owned()]));
     assert_eq!(manifest(&place, "bank")["version"], 2);
-    assert_eq!(place.run("decompress bank --out after").code, Some(0));
+    assert_eq!(place.run("bank extract bank --out after").code, Some(0));
     assert_eq!(names(&place.at("after")), ["a.png", "b.png"]);
     let read = |dir: &str| fs::read(place.at(dir).join("a.png")).unwrap();
     assert!(read("before") == read("after"));
-    let (run, report) = place.compress(&ADD.replace("--out bank", "--out new"));
+    let (run, report) = add(&place, &ADD.replace("--out bank", "--out new"));
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     let is_dct = |row: &Value| row["codec"] == "dct" && row["access"] == "block" && row["goal_met"] == true;
     assert!(report.iter().all(is_dct), "{report:?}");
@@ -299,7 +306,7 @@ fn tiles_of_an_image_share_a_step_and_the_image_meets_the_goal() {
     fs::create_dir_all(place.at("in")).unwrap();
     image::save_buffer(place.at("in/a.png"), &data, width, height, ExtendedColorType::Rgb8).unwrap();
     for (goal, name) in [("--psnr 34", "psnr"), ("--bpp 1", "bpp"), ("--tolerance 16", "tolerance")] {
-        let (run, report) = place.compress(&format!("in --codec dct {goal} --effort fast --out {name}"));
+        let (run, report) = add(&place, &format!("in --codec dct {goal} --effort fast --out {name}"));
         assert_eq!(run.code, Some(0), "{}", run.stderr);
         let steps = steps(&place, name);
         assert!(steps.len() == 2 && steps[0] == steps[1], "{goal}: {steps:?}");
@@ -312,7 +319,7 @@ fn tiles_of_an_image_share_a_step_and_the_image_meets_the_goal() {
         }
     }
     // What no step reaches is said to be missed.
-    let (run, report) = place.compress("in --codec dct --bpp 0.001 --effort fast --out less");
+    let (run, report) = add(&place, "in --codec dct --bpp 0.001 --effort fast --out less");
     assert_eq!((run.code, &report[0]["goal_met"]), (Some(0), &false.into()), "{}", run.stderr);
     assert!(report[0]["warnings"][0].as_str().unwrap().contains("missed"), "{report:?}");
 }
@@ -327,13 +334,13 @@ fn users_name_categories_and_others_join_the_nearest() {
     };
     plain("in/sea.png", [20, 40, 150]);
     plain("in/wood.png", [30, 80, 20]);
-    let add = "compress in --codec dct --psnr 30 --effort fast --out bank";
-    let run = place
-        .run("compress in/sea.png --as set --codec dct --category water --psnr 30 --effort fast --out bank");
+    let more = "bank add in --codec dct --psnr 30 --effort fast --out bank";
+    let run =
+        place.run("bank add in/sea.png --codec dct --category water --psnr 30 --effort fast --out bank");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
-    assert_eq!(place.run(add).code, Some(0));
+    assert_eq!(place.run(more).code, Some(0));
     plain("in/bay.png", [25, 45, 140]);
-    assert_eq!(place.run(add).code, Some(0));
+    assert_eq!(place.run(more).code, Some(0));
     let found = info(&place);
     assert_eq!(found["categories"][0]["name"], "water");
     let of = |image: usize| found["images"][image]["categories"][0].as_u64().unwrap();
@@ -341,5 +348,11 @@ fn users_name_categories_and_others_join_the_nearest() {
     assert_eq!((of(0), of(1), of(2)), (0, 1, 0));
     assert_eq!(found["categories"][0]["tiles"], 2);
     let run = place.run("compress in/sea.png --codec vq --category water --out out");
-    assert!(run.code == Some(2) && run.stderr.contains("--codec dct"), "{}", run.stderr);
+    assert!(run.code == Some(2) && run.stderr.contains("bank add"), "{}", run.stderr);
+    let run = place.run("bank add in/sea.png --codec vq --out bank");
+    assert!(run.code == Some(2) && run.stderr.contains("dct and progressive"), "{}", run.stderr);
+    for command in ["info bank", "decompress bank --out png"] {
+        let run = place.run(command);
+        assert!(run.code == Some(1) && run.stderr.contains("texfold bank"), "{}", run.stderr);
+    }
 }

@@ -4,7 +4,7 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
-/// Where the names are, and where they are listed.
+/// File of the exports, and the list that they are held to.
 const FACADE: &str = "crates/texfold/src/lib.rs";
 const LIST: &str = "crates/texfold/api.txt";
 

@@ -8,7 +8,7 @@ use crate::decompress::{Device, decode, tile};
 use crate::error::CliError;
 use crate::output::{make_folder, remove_stale};
 
-/// What is done with a bank.
+/// Commands of `texfold bank`.
 #[derive(Debug, clap::Subcommand)]
 pub enum BankCommand {
     /// Add images to the bank in the folder --out, which is made where there is none: those that are there stay as they are.

@@ -55,7 +55,7 @@ impl Sizes {
         Sizes::new(memory, resident, disk, texels)
     }
 
-    /// The last two lines of a table of parts.
+    /// The last three lines of a table of parts: sums, sums per texel, GPU memory.
     pub(crate) fn lines(&self) -> [String; 3] {
         let line = |name: &str, memory: String, disk: String| format!("  {name:12} {memory:>14} {disk:>14}");
         [

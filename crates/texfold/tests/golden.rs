@@ -1,4 +1,4 @@
-//! Files of format version 2, which must open and decode to the same images for ever.
+//! Files of format version 2, which decode to the same images; from release 0.1 on for ever.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
 

@@ -89,8 +89,6 @@ pub(crate) fn plan(open: &mut Open, tasks: &[&BankTask], limit_bytes: u64) -> Ve
     };
     let found: Vec<New> = tasks.iter().zip(keys).map(found).collect();
     let manifest = &mut open.bank.manifest;
-    let asked = tasks.first().and_then(|task| task.asked_access());
-    manifest.begin(asked.unwrap_or_default());
     let known = || {
         tasks.iter().zip(&found).filter_map(|(task, found)| Some((*task, &found.as_ref().ok()?.1.colours)))
     };
@@ -134,14 +132,15 @@ impl BankTask {
                 colours.into_iter().map(join).collect()
             }
         };
-        let access = self.asked_access().unwrap_or(manifest.access());
+        let access = self.access();
         let depends = access == Access::Texel && self.params().tries_codebooks();
         Step::Add(Add { key, first, categories, access, depth, depends })
     }
 
-    /// How the codec that the user names reaches texels; `None` where that is up to the bank.
-    fn asked_access(&self) -> Option<Access> {
-        self.settings.encode.codec.encoding()?.accesses.first().copied()
+    /// Access to texels: that of the codec, which is dct or progressive.
+    fn access(&self) -> Access {
+        let encoding = self.settings.encode.codec.encoding();
+        encoding.and_then(|encoding| encoding.accesses.first().copied()).unwrap_or_default()
     }
 
     fn seen(&self, limit_bytes: u64) -> Result<Seen, CliError> {

@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 use texfold_core::{Access, MAX_IMAGE_SIDE};
 
 use super::category::Category;
-use crate::config::AccessName;
 use crate::error::CliError;
 use crate::output::write_whole;
 use crate::report::Row;
@@ -15,16 +14,13 @@ use crate::report::Row;
 pub(crate) const MANIFEST: &str = "bank.json";
 /// The version of a manifest whose images are all read by texel.
 const BY_TEXEL: u32 = 1;
-/// The version of one that has, or is to have, images by block.
+/// The version of one that has images by block.
 const WITH_BLOCKS: u32 = 2;
 
 /// What a bank holds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Manifest {
     version: u32,
-    /// The form of images for which none is asked; `None` by texel, in banks from before there were others.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    access: Option<AccessName>,
     /// Number of the next file, so that no name is used twice.
     pub(crate) next: u32,
     pub(crate) categories: Vec<Category>,
@@ -33,7 +29,7 @@ pub(crate) struct Manifest {
 
 impl Default for Manifest {
     fn default() -> Self {
-        Manifest { version: BY_TEXEL, access: None, next: 0, categories: Vec::new(), images: Vec::new() }
+        Manifest { version: BY_TEXEL, next: 0, categories: Vec::new(), images: Vec::new() }
     }
 }
 
@@ -112,24 +108,11 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// Says which form a new bank has; one that has images keeps its own.
-    pub(crate) fn begin(&mut self, access: Access) {
-        if self.images.is_empty() {
-            self.access = Some(AccessName::of(access));
-        }
-    }
-
-    /// The form of images for which none is asked.
-    pub(crate) fn access(&self) -> Access {
-        self.access.map_or(Access::Texel, AccessName::access)
-    }
-
     /// Makes this the manifest of the bank in `dir`: from then on it counts.
     pub(crate) fn commit(&mut self, dir: &Path) -> Result<(), CliError> {
         let path = dir.join(MANIFEST);
         let by_block = |image: &Image| image.access() == Access::Block;
-        let with_blocks = self.access() == Access::Block || self.images.iter().any(by_block);
-        self.version = if with_blocks { WITH_BLOCKS } else { BY_TEXEL };
+        self.version = if self.images.iter().any(by_block) { WITH_BLOCKS } else { BY_TEXEL };
         let text = serde_json::to_vec(self)
             .map_err(|source| CliError::Write { path: path.clone(), source: source.into() })?;
         write_whole(&path, &text)?;

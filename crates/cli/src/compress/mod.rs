@@ -108,9 +108,6 @@ impl Work {
 
 /// Runs the command; gives the number of inputs that failed.
 pub(crate) fn run(args: CompressArgs) -> Result<usize, CliError> {
-    if args.options.category().is_some() {
-        return Err(UsageError::Category.into());
-    }
     let planned = |args: &CompressArgs, of_path: &dyn Fn(&std::path::Path) -> Options| {
         args.options.check()?;
         plan(&args.inputs, &args.out, of_path)
@@ -166,6 +163,9 @@ fn plan(
         };
         let options = of_path(&found.path);
         options.check()?;
+        if options.category().is_some() {
+            return Err(UsageError::Category.into());
+        }
         let path = found.path.clone();
         planned.push(match plan_one(found, &options, out, &mut writers) {
             Ok(task) => Planned::Task(task),

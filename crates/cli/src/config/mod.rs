@@ -10,7 +10,6 @@ mod values;
 
 pub(crate) use file::Config;
 pub use options::{Options, RunOptions};
-pub(crate) use values::AccessName;
 pub use values::{AlphaChoice, CodecName, ColorName, ContentName, EffortName, Samples, Sides};
 
 #[cfg(test)]

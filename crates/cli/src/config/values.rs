@@ -156,13 +156,6 @@ impl AccessName {
             AccessName::Texel => Access::Texel,
         }
     }
-
-    pub(crate) fn of(access: Access) -> Self {
-        match access {
-            Access::Block => AccessName::Block,
-            Access::Texel => AccessName::Texel,
-        }
-    }
 }
 
 /// Which errors count.

@@ -349,6 +349,9 @@ fn users_name_categories_and_others_join_the_nearest() {
     assert_eq!(found["categories"][0]["tiles"], 2);
     let run = place.run("compress in/sea.png --codec vq --category water --out out");
     assert!(run.code == Some(2) && run.stderr.contains("bank add"), "{}", run.stderr);
+    fs::write(place.at("rules.toml"), "category = \"water\"\n").unwrap();
+    let run = place.run("compress in/sea.png --config rules.toml --out out");
+    assert!(run.code == Some(2) && run.stderr.contains("bank add"), "{}", run.stderr);
     let run = place.run("bank add in/sea.png --codec vq --out bank");
     assert!(run.code == Some(2) && run.stderr.contains("dct and progressive"), "{}", run.stderr);
     for command in ["info bank", "decompress bank --out png"] {

@@ -21,7 +21,7 @@ pub use write::{SectionWriter, Written};
 
 /// First bytes of every file. The high byte and the line ends show damage by text transfers, as in PNG.
 pub const MAGIC: [u8; 8] = *b"\x89TXF\r\n\x1a\n";
-/// Format version that is written and read. Files of this version open in every later one.
+/// Format version that is written and read. From release 0.1 on, files of this version open in every later one.
 pub const VERSION: u16 = 2;
 /// Bytes of the header before the table.
 pub const HEADER_BYTES: usize = 32;

@@ -32,37 +32,37 @@ impl<'s> Encode<'s> {
         Encode { images, guidance: Guidance::default(), settings: EncodeSettings::default() }
     }
 
-    /// What to reach.
+    /// The goal; 34 dB by default.
     pub fn goal(mut self, goal: Goal) -> Self {
         self.settings.goal = goal;
         self
     }
 
-    /// Which codec, by default the one that answers the goal best.
+    /// The codec; by default the one that answers the goal best.
     pub fn codec(mut self, codec: Choice) -> Self {
         self.settings.codec = codec;
         self
     }
 
-    /// Whether a full mip chain is stored.
+    /// A full mip chain, or level 0 alone (default).
     pub fn mips(mut self, mips: bool) -> Self {
         self.settings.mips = mips;
         self
     }
 
-    /// How long to search.
+    /// The search effort.
     pub fn effort(mut self, effort: Effort) -> Self {
         self.settings.effort = effort;
         self
     }
 
-    /// How texels are reached: by block (fewest bits, decoded before it is drawn) or by texel.
+    /// Access to texels: by block (fewest bits, decoded before it is drawn) or by texel.
     pub fn access(mut self, access: Access) -> Self {
         self.settings.access = Some(access);
         self
     }
 
-    /// Which errors count.
+    /// The distortion measure that the encoder minimises.
     pub fn metric(mut self, metric: Metric) -> Self {
         self.settings.metric = Some(metric);
         self

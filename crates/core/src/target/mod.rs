@@ -6,7 +6,7 @@ mod step;
 use crate::image::ColorSpace;
 
 pub use search::{Found, search};
-pub use step::{FoundStep, StepScale, excess, search_step};
+pub use step::{FoundStep, StepScale, search_step};
 
 /// How long an encoder may look for a better result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, PartialOrd, Ord)]
@@ -122,7 +122,7 @@ impl Goal {
 }
 
 /// What a candidate turned out to be.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Measured {
     /// PSNR in dB of the decoded form.
     pub psnr: f64,

@@ -4,7 +4,7 @@ use super::{Goal, Measured};
 
 /// By how many octaves of bits or of error what was measured misses the goal; at most 0 where it meets it.
 #[must_use]
-pub fn excess(goal: Goal, measured: &Measured) -> f64 {
+fn excess(goal: Goal, measured: &Measured) -> f64 {
     match goal {
         Goal::Bpp(bits) => (measured.bpp / bits).log2(),
         Goal::Psnr(db) => (db - measured.psnr) / DECIBELS_PER_OCTAVE,
@@ -17,13 +17,15 @@ pub fn excess(goal: Goal, measured: &Measured) -> f64 {
 pub struct FoundStep<T> {
     /// What the step made.
     pub value: T,
+    /// Its measurements, as `at_step` returned them.
+    pub measured: Measured,
     /// Whether it meets the goal; if not, no step does that was tried, and this one comes nearest.
     pub met: bool,
 }
 
 /// Searches the step that just meets a goal, from a guess on: along the line between what is known, as bits and errors are
-/// nearly even in octaves of the step. `at_step` makes something with a step and says by how many
-/// octaves it misses the goal ([`excess`]); what misses it least of all that meet it is found. `None` where nothing is tried.
+/// nearly even in octaves of the step. `at_step` makes something with a step and measures it, at least in the unit of the goal;
+/// of all that meet the goal the nearest to it is found. `None` where nothing is tried.
 ///
 /// # Errors
 /// Whatever `at_step` returns, at once.
@@ -31,17 +33,18 @@ pub fn search_step<T, E>(
     goal: Goal,
     scale: StepScale,
     first: u16,
-    mut at_step: impl FnMut(u16) -> Result<(T, f64), E>,
+    mut at_step: impl FnMut(u16) -> Result<(T, Measured), E>,
 ) -> Result<Option<FoundStep<T>>, E> {
     let mut search = Search::new(goal, scale);
     let mut best: Option<FoundStep<T>> = None;
     let mut least = f64::INFINITY;
     let mut step = first;
     while let Some(at) = search.checked(step) {
-        let (value, by) = at_step(at)?;
+        let (value, measured) = at_step(at)?;
+        let by = excess(goal, &measured);
         let met = search.note(at, by);
         if met || by < least && best.as_ref().is_none_or(|best| !best.met) {
-            best = Some(FoundStep { value, met });
+            best = Some(FoundStep { value, measured, met });
             least = by;
         }
         step = search.next();
@@ -146,7 +149,7 @@ mod tests {
                 bpp: 16.0 * (-octaves).exp2(),
                 worst_block_rms: 0.1 * octaves.exp2(),
             };
-            Ok::<_, Infallible>((step, excess(goal, &measured)))
+            Ok::<_, Infallible>((step, measured))
         });
         let found = found.unwrap().unwrap();
         (found.value, found.met, tried)

@@ -1,6 +1,6 @@
 //! The step that meets a goal.
 
-use texfold_core::target::{Measured, StepScale, excess, search_step};
+use texfold_core::target::{Measured, StepScale, search_step};
 use texfold_core::{CancelCheck, Effort, EncodeError, Goal, Metric, ParamError, SourceError};
 
 use super::code::{LAMBDA, Looks, code, code_with_bits};
@@ -179,8 +179,8 @@ impl<'a> DctEncoder<'a> {
         goal.check()?;
         let found = search_step(goal, STEPS, first_step(self.source.depth), |step| {
             let texture = self.at_step(step)?;
-            let by = self.excess(&texture, goal);
-            Ok::<_, EncodeError>((texture, by))
+            let measured = self.measured(&texture, goal);
+            Ok::<_, EncodeError>((texture, measured))
         })?;
         found.filter(|found| found.met).map(|found| found.value).ok_or(EncodeError::Source(
             SourceError::OutOfReach {
@@ -194,20 +194,17 @@ impl<'a> DctEncoder<'a> {
         first_step(self.source.depth)
     }
 
-    /// By how many octaves a texture misses the goal; at most 0 where it meets it.
-    fn excess(&self, texture: &DctTexture, goal: Goal) -> f64 {
-        let nothing = Measured { psnr: 0.0, bpp: 0.0, worst_block_rms: 0.0 };
-        let bits = || 8.0 * texture.to_bytes().len() as f64 / self.source.size.texels() as f64;
-        excess(
-            goal,
-            &match goal {
-                Goal::Bpp(_) => Measured { bpp: bits(), ..nothing },
-                Goal::Psnr(_) => Measured { psnr: psnr(self.source, texture), ..nothing },
-                Goal::Tolerance(_) => {
-                    Measured { worst_block_rms: worst_block_rms(self.source, texture), ..nothing }
-                }
-            },
-        )
+    /// A texture's measurement in the unit of the goal; the others are 0.
+    fn measured(&self, texture: &DctTexture, goal: Goal) -> Measured {
+        let mut measured = Measured::default();
+        match goal {
+            Goal::Bpp(_) => {
+                measured.bpp = 8.0 * texture.to_bytes().len() as f64 / self.source.size.texels() as f64;
+            }
+            Goal::Psnr(_) => measured.psnr = psnr(self.source, texture),
+            Goal::Tolerance(_) => measured.worst_block_rms = worst_block_rms(self.source, texture),
+        }
+        measured
     }
 }
 

@@ -7,7 +7,7 @@ use crate::{Dct, DctImages, DctParams};
 use texfold_core::RESIDUAL_PART;
 use texfold_core::image::{Depth, ImageSet, MipFilter, mip_chain_cancellable};
 use texfold_core::metric::{measure_for, quality_cancellable};
-use texfold_core::target::{FoundStep, Measured, excess, search_step};
+use texfold_core::target::{FoundStep, Measured, search_step};
 use texfold_core::{
     CancelCheck, DCT_LEVELS, EncodeError, Encoded, Encoder, Goal, ImageLayout, Job, Metric, Notes, Params,
     SourceError,
@@ -62,13 +62,10 @@ impl Dct {
     pub fn search_step<T, E>(
         goal: Goal,
         depth: Depth,
-        mut at_step: impl FnMut(u16) -> Result<(T, Measured), E>,
+        at_step: impl FnMut(u16) -> Result<(T, Measured), E>,
     ) -> Result<Option<FoundStep<T>>, E> {
         let first = first_step(if depth == Depth::Eight { 8 } else { 16 });
-        search_step(goal, STEPS, first, |step| {
-            let (made, measured) = at_step(step)?;
-            Ok((made, excess(goal, &measured)))
-        })
+        search_step(goal, STEPS, first, at_step)
     }
 }
 
@@ -109,20 +106,17 @@ fn best(
         let images = DctImages::new(job.install(|| encoder.at_step(step))?);
         let measured = match goal {
             // Bits need no decoding.
-            Goal::Bpp(_) => Measured { bpp: bits(source, &images), psnr: 0.0, worst_block_rms: 0.0 },
-            _ => job.install(|| measure_for(params.goal, source, &images, check))?,
+            Goal::Bpp(_) => Measured { bpp: bits(source, &images), ..Measured::default() },
+            _ => job.install(|| measure_for(goal, source, &images, check))?,
         };
-        let by = excess(goal, &measured);
-        Ok::<_, EncodeError>(((images, measured), by))
+        Ok::<_, EncodeError>((images, measured))
     })?;
-    let (images, measured) = found.ok_or(SourceError::Empty)?.value;
-    match goal {
-        Goal::Bpp(_) => {
-            let measured = job.install(|| measure_for(params.goal, source, &images, check))?;
-            Ok((images, measured))
-        }
-        _ => Ok((images, measured)),
-    }
+    let found = found.ok_or(SourceError::Empty)?;
+    let measured = match goal {
+        Goal::Bpp(_) => job.install(|| measure_for(goal, source, &found.value, check))?,
+        _ => found.measured,
+    };
+    Ok((found.value, measured))
 }
 
 fn layout_of(source: &ImageSet, params: &DctParams) -> ImageLayout {

@@ -1,7 +1,7 @@
 //! Lambda, the error that a bit may cost, and the setting of it that reaches a goal.
 
 use texfold_core::metric::measure_for;
-use texfold_core::target::{Measured, excess, search as find, search_step};
+use texfold_core::target::{Measured, search as find, search_step};
 use texfold_core::{EncodeError, Goal, Job, SourceError};
 use texfold_dct::encode::{STEPS, lambda_of, step_of};
 
@@ -112,11 +112,10 @@ impl EpitomeSearch {
             tried += 1;
             let made = job.install(|| assemble(plan, &choices, lambda_of(step) as f32))?;
             let measured = measure_for(goal, &self.images, &made, cancel)?;
-            let by = excess(goal, &measured);
-            Ok::<_, EncodeError>(((measured, made), by))
+            Ok::<_, EncodeError>((made, measured))
         })?;
-        let (measured, texture) = found.ok_or(SourceError::Empty)?.value;
-        Ok(Made { lambda_index, measured, texture })
+        let found = found.ok_or(SourceError::Empty)?;
+        Ok(Made { lambda_index, measured: found.measured, texture: found.value })
     }
 }
 

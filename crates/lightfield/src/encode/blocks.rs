@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use texfold_bc::Content;
-use texfold_core::target::{Measured, excess, search_step};
+use texfold_core::target::{Measured, search_step};
 use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, Job, Metric, Notes, SourceError, SurfaceSize};
 use texfold_dct::encode::{DctEncoder, DctSettings, DctSource, STEPS};
 use texfold_dct::{DctContent, Quantiser};
@@ -249,8 +249,7 @@ impl Search<'_> {
                 let texture = LightTexture::new(drawn.parts(scene, params, terms, payload), Notes::default());
                 let psnr = job.install(|| sampled(&texture));
                 job.checkpoint()?;
-                let measured = Measured { psnr, bpp: 0.0, worst_block_rms: 0.0 };
-                Ok::<_, EncodeError>(((texture, step), excess(Goal::Psnr(wanted), &measured)))
+                Ok::<_, EncodeError>(((texture, step), Measured { psnr, ..Measured::default() }))
             })?;
             let (texture, step) = found.ok_or(SourceError::Empty)?.value;
             let measured = job.install(|| quality::measure(scene, &texture, cancel));

@@ -11,10 +11,10 @@ mod search;
 use std::sync::Arc;
 
 use texfold_core::image::{ImageSet, PixelInfo};
-use texfold_core::metric::{Quality, SquaredError, quality_cancellable};
+use texfold_core::metric::{Quality, quality_cancellable};
 use texfold_core::target::{Measured, search};
 use texfold_core::{CancelCheck, Effort, EncodeError, Encoded, Goal, Job, Metric, Params, SourceError};
-use texfold_residual::encode::{CLASS_BITS, Coder, TOO_LARGE, counted_error_of};
+use texfold_residual::encode::{CLASS_BITS, Coder, TOO_LARGE, score};
 
 use crate::{ProgressiveParams, ProgressiveTexture, Shared};
 pub use search::ProgressiveSearch;
@@ -133,7 +133,7 @@ impl Encoding<'_> {
             })?;
             let Some(made) = made else { continue };
             let check = job.cancel_check();
-            let measured = job.install(|| judged(self.source, &made, (goal, metric), check))?;
+            let measured = job.install(|| own_score(self.source, &made, (goal, metric), check))?;
             if best.as_ref().is_none_or(|(_, best)| goal.prefers(&measured, best)) {
                 best = Some((made, measured));
             }
@@ -263,7 +263,7 @@ impl Encoding<'_> {
             if count == 1 {
                 return Ok(made);
             }
-            let measured = job.install(|| judged(self.source, &made, (goal, metric), check))?;
+            let measured = job.install(|| own_score(self.source, &made, (goal, metric), check))?;
             if best.as_ref().is_none_or(|(_, best)| goal.prefers(&measured, best)) {
                 best = Some((made, measured));
             }
@@ -419,25 +419,12 @@ fn own_bpp(source: &ImageSet, texture: &ProgressiveTexture) -> f64 {
     (texture.memory().goal - texture.shared_bits()) as f64 / source.texel_count() as f64
 }
 
-/// As the goal judges it: a quality holds for the worse of colours and alpha; where bits are given alpha's error counts beside that of
-/// the colours, which counts by the metric.
-fn judged(
+/// Measurements for the goal, with the bits of [`own_bpp`].
+fn own_score(
     source: &ImageSet,
     texture: &ProgressiveTexture,
-    (goal, metric): (Goal, Metric),
+    by: (Goal, Metric),
     check: CancelCheck<'_>,
 ) -> Result<Measured, EncodeError> {
-    let quality = quality_cancellable(source, texture, check)?;
-    let Quality { color, alpha, worst_block_rms } = quality;
-    let by_eye = metric == Metric::Perceptual;
-    let psnr = match goal {
-        Goal::Bpp(_) if by_eye || alpha.is_some() => {
-            let counted = if by_eye { counted_error_of(source, texture, metric, check)? } else { color.sum };
-            let sum = counted + alpha.map_or(0.0, |error| error.sum);
-            SquaredError { sum, count: color.count }.psnr()
-        }
-        Goal::Psnr(_) => quality.psnr(),
-        _ => color.psnr(),
-    };
-    Ok(Measured { psnr, bpp: own_bpp(source, texture), worst_block_rms })
+    Ok(Measured { bpp: own_bpp(source, texture), ..score(source, texture, by, check)?.by_goal })
 }

@@ -7,8 +7,9 @@
 
 use rayon::prelude::*;
 use texfold_core::image::{ImageSet, Raster};
-use texfold_core::metric::decode_surface;
-use texfold_core::{CancelCheck, EncodeError, Encoded, Image2d, Metric, SourceError, Texel};
+use texfold_core::metric::{SquaredError, decode_surface, quality_cancellable};
+use texfold_core::target::Measured;
+use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, Image2d, Metric, SourceError, Texel};
 
 use super::transform::{ResidualBlock, SUBBAND_OF, blocks};
 use crate::decode::SUBBANDS;
@@ -59,6 +60,46 @@ pub fn counted_error_of(
         sum += counted_error(image, &decoded, metric);
     }
     Ok(sum)
+}
+
+/// Measurements of a texture, by which it is compared with others.
+#[derive(Debug, Clone, Copy)]
+pub struct Score {
+    /// In the units of the goal.
+    pub by_goal: Measured,
+    /// The same with the PSNR of colours alone, errors counting as squares.
+    pub squares: Measured,
+}
+
+/// Measures a texture for a goal. PSNR of `by_goal` is, for goals of bits, that of the errors of colours as the metric counts them and of
+/// alpha together; for others the lower one of colours and alpha.
+///
+/// # Errors
+/// [`EncodeError::Cancelled`]; [`SourceError::Empty`] where the texture has fewer images.
+pub fn score(
+    source: &ImageSet,
+    texture: &dyn Encoded<Domain = Image2d>,
+    (goal, metric): (Goal, Metric),
+    check: CancelCheck<'_>,
+) -> Result<Score, EncodeError> {
+    let quality = quality_cancellable(source, texture, check)?;
+    let squares = Measured {
+        psnr: quality.color.psnr(),
+        bpp: texture.memory().goal as f64 / source.texel_count() as f64,
+        worst_block_rms: quality.worst_block_rms,
+    };
+    let psnr = match goal {
+        Goal::Bpp(_) => {
+            let counted = match metric {
+                Metric::Psnr => quality.color.sum,
+                Metric::Perceptual => counted_error_of(source, texture, metric, check)?,
+            };
+            let sum = counted + quality.alpha.map_or(0.0, |alpha| alpha.sum);
+            SquaredError { sum, count: quality.color.count }.psnr()
+        }
+        Goal::Psnr(_) | Goal::Tolerance(_) => quality.psnr(),
+    };
+    Ok(Score { by_goal: Measured { psnr, ..squares }, squares })
 }
 
 /// The least share that a metric counts of any squared error.

@@ -17,7 +17,7 @@ mod trellis;
 
 pub use base::bases;
 pub use coder::Coder;
-pub use eye::{counted_error, counted_error_of, least_share};
+pub use eye::{Score, counted_error, counted_error_of, least_share, score};
 pub use model::{Reach, train};
 pub use padded::PaddedRaster;
 pub use plane::{PlaneForm, TOO_LARGE};

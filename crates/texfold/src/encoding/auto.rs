@@ -4,9 +4,9 @@
 use texfold_bc::Bc;
 use texfold_core::image::ImageSet;
 use texfold_core::target::Measured;
-use texfold_core::{EncodeError, Goal, Job, SourceError};
+use texfold_core::{EncodeError, Encoded, Goal, Image2d, Job, Metric, SourceError};
+use texfold_residual::encode::{Score, score};
 
-use super::judge::{Judged, judged};
 use super::{ENCODINGS, EncodeSettings, Encoding, Guidance};
 use crate::AnyImage;
 
@@ -90,7 +90,7 @@ struct Contest<'a> {
     guidance: Guidance<'a>,
     settings: &'a EncodeSettings,
     best: AnyImage,
-    of_best: Judged,
+    of_best: Score,
     /// Which attempt made the best.
     best_attempt: usize,
     attempts: Vec<Attempt>,
@@ -105,7 +105,7 @@ impl<'a> Contest<'a> {
         (first, made): (&Encoding, AnyImage),
         job: &Job<'_>,
     ) -> Result<Contest<'a>, EncodeError> {
-        let of_best = judged(images, made.as_encoded(), settings, job)?;
+        let of_best = scored(images, made.as_encoded(), settings, job)?;
         let mut contest = Contest {
             images,
             guidance,
@@ -143,7 +143,7 @@ impl<'a> Contest<'a> {
                 return Ok(());
             }
         };
-        let found = judged(self.images, made.as_encoded(), self.settings, job)?;
+        let found = scored(self.images, made.as_encoded(), self.settings, job)?;
         let attempt = self.note_encoded(name, &found);
         if self.settings.goal.prefers(&found.by_goal, &self.of_best.by_goal) {
             (self.best, self.of_best, self.best_attempt) = (made, found, attempt);
@@ -157,7 +157,7 @@ impl<'a> Contest<'a> {
     }
 
     /// Notes what a codec came to; the attempt's index.
-    fn note_encoded(&mut self, codec: &'static str, found: &Judged) -> usize {
+    fn note_encoded(&mut self, codec: &'static str, found: &Score) -> usize {
         let outcome = format!("came to {}", figures(self.settings.goal, &found.by_goal));
         self.attempts.push(Attempt { codec, measured: Some(found.squares), outcome });
         self.attempts.len() - 1
@@ -180,6 +180,18 @@ impl<'a> Contest<'a> {
         }
         Chosen { image: self.best, attempts: self.attempts }
     }
+}
+
+/// Measurements of a texture for the goal and metric of the settings.
+fn scored(
+    images: &ImageSet,
+    texture: &dyn Encoded<Domain = Image2d>,
+    settings: &EncodeSettings,
+    job: &Job<'_>,
+) -> Result<Score, EncodeError> {
+    let metric = settings.metric.unwrap_or(Metric::for_goal(settings.goal, images.info().color));
+    let check = job.cancel_check();
+    job.install(|| score(images, texture, (settings.goal, metric), check))
 }
 
 /// What a codec came to, in the figure that decides.
@@ -302,7 +314,7 @@ mod tests {
             let settings = EncodeSettings { goal, ..EncodeSettings::default() };
             let (set, chosen) = encode(name, &settings);
             let of = |image: &AnyImage| {
-                judged(&set, image.as_encoded(), &settings, &Job::default()).unwrap().by_goal
+                scored(&set, image.as_encoded(), &settings, &Job::default()).unwrap().by_goal
             };
             let ours = of(&chosen);
             assert!(goal.is_met(&ours), "{name}: {ours:?}");

@@ -4,7 +4,6 @@ mod adapters;
 mod add;
 mod auto;
 mod builder;
-mod judge;
 mod plain;
 mod search;
 mod settings;

@@ -2,7 +2,7 @@
 //! fine detail that a step does not reach costs next to nothing.
 
 use texfold_core::metric::SquaredError;
-use texfold_core::target::{Measured, excess, search_step};
+use texfold_core::target::{Measured, search_step};
 use texfold_core::{
     Access, CancelCheck, DCT_LEVELS, EncodeError, Encoded, Goal, ImageLayout, Job, Notes, SourceError,
     SurfaceSize,
@@ -55,11 +55,11 @@ fn by_block(
             // Bits need no decoding.
             Goal::Bpp(_) => {
                 let bpp = texture.memory().goal as f64 / source_texels;
-                Measured { psnr: 0.0, bpp, worst_block_rms: 0.0 }
+                Measured { bpp, ..Measured::default() }
             }
             _ => job.install(|| measured(maker, &texture, source_texels))?.0,
         };
-        Ok::<_, EncodeError>((texture, excess(goal, &measured)))
+        Ok::<_, EncodeError>((texture, measured))
     })?;
     let texture = found.ok_or(SourceError::Empty)?.value;
     let (measured, losses) = job.install(|| measured(maker, &texture, source_texels))?;

@@ -14,11 +14,13 @@ mod module;
 mod plan;
 mod slot;
 mod table;
+mod tiles;
 
 pub use module::{Binding, ImageOffsets, LightOffsets, ModuleInfo, Offsets, Switch};
-pub use plan::{BLOCK_NOTES, BLOCK_WORDS, DctPass, DctPlan};
+pub use plan::{BLOCK_NOTES, BLOCK_WORDS, DCT_TABLES, DctPass, DctPlan};
 pub use slot::{PasteError, Slot, paste};
 pub use table::{MODULES, image_modules, module};
+pub use tiles::{tile_passes, tile_plan, tiles};
 
 /// A shader that this project draws with, around a module's functions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -40,6 +42,9 @@ impl Entry {
 
 const ADDRESS: &str = include_str!("../wgsl/shared/address.wgsl");
 const SAMPLE: &str = include_str!("../wgsl/shared/sample.wgsl");
+const BLOCK_PASS: &str = include_str!("../wgsl/block_pass.wgsl");
+const BLOCK: &str = include_str!("../wgsl/block.wgsl");
+const BLOCK_TEXEL: &str = include_str!("../wgsl/entry/block_texel.wgsl");
 const VIEW: &str = include_str!("../wgsl/entry/view.wgsl");
 
 /// The functions that all modules share: [`paste`] includes them once.
@@ -101,7 +106,7 @@ pub fn block(target: DctTarget) -> String {
         DctTarget::Uint16 => include_str!("../wgsl/entry/block_uint.wgsl"),
         DctTarget::Float32 => include_str!("../wgsl/entry/block_float.wgsl"),
     };
-    [include_str!("../wgsl/block.wgsl"), include_str!("../wgsl/entry/block.wgsl"), target].join("\n")
+    [BLOCK_PASS, BLOCK, BLOCK_TEXEL, include_str!("../wgsl/entry/block.wgsl"), target].join("\n")
 }
 
 /// The module in group 0 by its own names, and what entry points call.

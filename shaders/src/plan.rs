@@ -11,10 +11,12 @@ pub const BLOCK_WORDS: u32 = 64;
 /// Words that the decoder keeps of a block's axis beside its coefficients: the symbol of their number, then in two words each
 /// which of them are not zero and what signs those have.
 pub const BLOCK_NOTES: u32 = 5;
+/// First word of the tables of probabilities of a texture whose words begin at 0: behind what all textures share.
+pub const DCT_TABLES: u32 = 144;
 /// Most axes of a texture: their places in their groups take two bits each of a word.
 const MAX_AXES: usize = 16;
 
-/// What the decoder does of one plane, as the shader's uniform block holds it: 28 words.
+/// What the decoder does of one plane, as the shader's uniform block holds it: 34 words.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct DctPass {
@@ -30,6 +32,10 @@ pub struct DctPass {
     pub base_first: [u32; 2],
     /// Columns and rows of blocks that are held of the base.
     pub base_held: [u32; 2],
+    /// Columns and rows of blocks of all superblocks of the plane.
+    pub wrap: [u32; 2],
+    /// Columns and rows of samples of all superblocks of the base.
+    pub base_wrap: [u32; 2],
     /// Superblocks in a row of the plane.
     pub superblock_columns: u32,
     /// Number of the plane's first superblock in the index.
@@ -62,6 +68,10 @@ pub struct DctPass {
     pub stream_bytes: u32,
     /// Largest jump across a border of blocks that is taken away from first axes; 0 where nothing is filtered.
     pub deblocking: i32,
+    /// First word of the tables of probabilities.
+    pub tables: u32,
+    /// First byte of the streams.
+    pub streams: u32,
 }
 
 /// What a rectangle needs.
@@ -71,8 +81,6 @@ pub struct DctPlan {
     pub passes: Vec<DctPass>,
     /// Words of memory that the decoder needs, all 0 before the first pass.
     pub words: u64,
-    /// Column and row of the rectangle in the texels of the last pass.
-    pub origin: [u32; 2],
     /// Binary logarithm of the samples along a texel's side, 0 to 2: a texel is their mean.
     pub reduce_log2: u32,
 }
@@ -92,7 +100,6 @@ impl DctPlan {
         let texels = layout.superblock_texels(reduce_log2);
         let cover = |first: u32, count: u32| first / texels..(first + count).div_ceil(texels);
         let mut superblocks = [cover(rect.x, rect.width), cover(rect.y, rect.height)];
-        let origin = [rect.x - superblocks[0].start * texels, rect.y - superblocks[1].start * texels];
         let mut needed = Vec::new();
         for plane in 0..planes.len() {
             let base = planes.get(plane + 1).copied();
@@ -101,7 +108,7 @@ impl DctPlan {
             superblocks = wider.unwrap_or(superblocks);
         }
         let (passes, words) = passes(layout, &planes, &needed);
-        Ok(DctPlan { passes, words, origin, reduce_log2 })
+        Ok(DctPlan { passes, words, reduce_log2 })
     }
 }
 
@@ -158,6 +165,7 @@ fn passes(
             pass.has_base = 1;
             pass.base_first = base.first.map(|first| first * base.side * SIDE);
             (pass.base_held, pass.base_samples) = (base.held, base.samples);
+            pass.base_wrap = base.wrap.map(|blocks| blocks * SIDE);
         }
         let blocks = u64::from(pass.held[0]) * u64::from(pass.held[1]) * u64::from(pass.axes);
         next += u64::from(BLOCK_WORDS) * blocks;
@@ -182,6 +190,7 @@ fn pass(layout: &DctLayout, size: SurfaceSize, superblocks: &Superblocks) -> Dct
         first: [superblocks[0].start, superblocks[1].start],
         count: [superblocks[0].len() as u32, superblocks[1].len() as u32],
         held: [held(0), held(1)],
+        wrap: superblock_count(layout, size).map(|count| count * side),
         superblock_columns: superblock_count(layout, size)[0],
         side,
         axes: layout.ranks.len().min(MAX_AXES) as u32,
@@ -190,6 +199,7 @@ fn pass(layout: &DctLayout, size: SurfaceSize, superblocks: &Superblocks) -> Dct
         index: layout.index,
         index_bits: layout.index_bits,
         stream_bytes: layout.stream_bytes,
+        tables: DCT_TABLES,
         ..DctPass::default()
     }
 }

@@ -46,7 +46,7 @@ const TWINS: [Twin; 10] = [
     },
     Twin {
         name: "block",
-        wgsl: &[include_str!("../wgsl/block.wgsl")],
+        wgsl: &[include_str!("../wgsl/block_pass.wgsl"), include_str!("../wgsl/block.wgsl")],
         rust: concat!(
             include_str!("../../crates/testkit/src/dct/mod.rs"),
             include_str!("../../crates/testkit/src/dct/samples.rs")
@@ -81,10 +81,11 @@ const ALONE: [(&str, &str); 13] = [
     ("texfold_zipmap_sample", "takes derivatives, which a CPU does not have"),
 ];
 
-const ENTRIES: [(&str, &str); 17] = [
+const ENTRIES: [(&str, &str); 18] = [
     ("entry/loads_only", include_str!("../wgsl/entry/loads_only.wgsl")),
     ("entry/bc", include_str!("../wgsl/entry/bc.wgsl")),
     ("entry/block", include_str!("../wgsl/entry/block.wgsl")),
+    ("entry/block_texel", include_str!("../wgsl/entry/block_texel.wgsl")),
     ("entry/block_unorm", include_str!("../wgsl/entry/block_unorm.wgsl")),
     ("entry/block_uint", include_str!("../wgsl/entry/block_uint.wgsl")),
     ("entry/block_float", include_str!("../wgsl/entry/block_float.wgsl")),

@@ -5,7 +5,7 @@
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use texfold_shaders::{
     Binding, DctTarget, Entry, MODULES, ModuleInfo, Offsets, PasteError, Slot, block, entry, image_modules,
-    light, paste, plain,
+    light, paste, plain, tile_passes, tile_plan, tiles,
 };
 
 fn validate(name: &str, source: &str) -> naga::Module {
@@ -57,6 +57,18 @@ fn every_entry_point_of_every_module_is_valid() {
         }
     }
     validate("plain", &plain());
+}
+
+#[test]
+fn the_shaders_of_the_cache_of_tiles_are_valid() {
+    let drawn = "@fragment fn host(@location(0) uv: vec2<f32>) -> @location(0) vec4<f32> {
+        return texfold_tile_sample(3u, uv) + texfold_tile_sample_level(4u, uv, 1.5);
+    }";
+    for (name, source) in
+        [("plan", tile_plan()), ("passes", tile_passes()), ("draw", [&tiles(2, 7, 8), drawn].concat())]
+    {
+        validate(name, &source);
+    }
 }
 
 #[test]

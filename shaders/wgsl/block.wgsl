@@ -1,13 +1,11 @@
 // Textures in blocks of variable length, decoded by compute passes: a superblock's stream an invocation, then a block's
-// inverse transform an invocation. CPU twins: crates/dct/src/twin.rs.
+// inverse transform an invocation. CPU twins: crates/testkit/src/dct.
 //
 // All arithmetic is in 32-bit integers and wraps, so every device gives the texels of the CPU. Any bytes decode: streams end
 // where the index and the length of all streams say, loops are bounded, and whatever a stream holds leads to places inside
 // of the buffers. Coefficients, and later the samples in their place, lie in scratch memory, which is also what contexts
 // look at; its first block stays 0 and stands for what lies beyond a border.
 
-// Words of a block.
-const TEXFOLD_BLOCK_WORDS: u32 = 64u;
 // First word of the coefficients in coding order: place, column by column, subband behind 8 bits; and behind 16 bits the
 // number in coding order of the coefficient at the place of that number.
 const TEXFOLD_BLOCK_SCAN: u32 = 0u;
@@ -16,10 +14,6 @@ const TEXFOLD_BLOCK_LEVELS: u32 = 64u;
 // First word of the symbols: first number of coefficients, its plain bits behind 8 bits, first magnitude behind 16 bits, its
 // plain bits behind 28.
 const TEXFOLD_BLOCK_SYMBOLS: u32 = 128u;
-// First word of the tables of probabilities: for each of 16 symbols its frequency, and the sum of those before it behind 16 bits.
-const TEXFOLD_BLOCK_TABLES: u32 = 144u;
-// Words that are noted of a block's axis.
-const TEXFOLD_BLOCK_NOTES: u32 = 5u;
 // Words of a table.
 const TEXFOLD_BLOCK_TABLE_WORDS: u32 = 16u;
 // Tables of one kind of plane and axis.
@@ -60,40 +54,6 @@ const TEXFOLD_BLOCK_FIRST_NEAR: i32 = 6;
 const TEXFOLD_BLOCK_FIRST_FAR: i32 = -2;
 const TEXFOLD_BLOCK_OTHER_NEAR: i32 = 8;
 const TEXFOLD_BLOCK_OTHER_FAR: i32 = 3;
-
-// What is decoded of one plane: texfold_core::BlockPass.
-struct TexfoldBlockPass {
-    plane_blocks: vec2<u32>,
-    first: vec2<u32>,
-    count: vec2<u32>,
-    held: vec2<u32>,
-    base_first: vec2<u32>,
-    base_held: vec2<u32>,
-    superblock_columns: u32,
-    superblock_start: u32,
-    side: u32,
-    axes: u32,
-    ranks: u32,
-    is_base: u32,
-    has_base: u32,
-    samples: u32,
-    notes: u32,
-    base_samples: u32,
-    steps: u32,
-    offsets: u32,
-    index: u32,
-    index_bits: u32,
-    stream_bytes: u32,
-    // Largest jump across a border of blocks that is taken away from first axes; 0 where nothing is filtered.
-    deblocking: i32,
-}
-
-@group(0) @binding(0) var<uniform> texfold_block_pass: TexfoldBlockPass;
-// Constants, tables of probabilities, steps, index.
-@group(0) @binding(1) var<storage, read> texfold_block_words: array<u32>;
-// The streams' bytes, and a word behind them.
-@group(0) @binding(2) var<storage, read> texfold_block_streams: array<u32>;
-@group(0) @binding(3) var<storage, read_write> texfold_block_scratch: array<i32>;
 
 // A stream that is being read.
 struct TexfoldBlockStream {
@@ -175,6 +135,8 @@ fn texfold_block_stream(number: u32) -> TexfoldBlockStream {
         start = 0u;
         end = 0u;
     }
+    start += texfold_block_pass.streams;
+    end += texfold_block_pass.streams;
     // The parity of the length says whether the state has 3 or 4 bytes.
     let length = end - start;
     let head = select(4u - length % 2u, length, length < 4u);
@@ -193,7 +155,7 @@ fn texfold_block_refill(stream: ptr<function, TexfoldBlockStream>) {
 
 // The next symbol, by the table of that number: halving and not a loop, whose rounds software renderers count.
 fn texfold_block_symbol(stream: ptr<function, TexfoldBlockStream>, table: u32) -> u32 {
-    let words = TEXFOLD_BLOCK_TABLES + table * TEXFOLD_BLOCK_TABLE_WORDS;
+    let words = texfold_block_pass.tables + table * TEXFOLD_BLOCK_TABLE_WORDS;
     let slot = (*stream).state & ((1u << TEXFOLD_BLOCK_PROBABILITY_BITS) - 1u);
     var symbol = select(0u, 8u, texfold_block_words[words + 8u] >> 16u <= slot);
     symbol += select(0u, 4u, texfold_block_words[words + symbol + 4u] >> 16u <= slot);
@@ -365,8 +327,8 @@ fn texfold_block_round(
 // blocks are of different lengths, as each round reads a symbol whatever it is. Two rounds a time: Mesa's software renderer
 // ends all loops of an invocation after 65535 rounds.
 fn texfold_block_superblock(place: vec2<u32>) {
-    let superblock = texfold_block_pass.first + place;
     let side = texfold_block_pass.side;
+    let superblock = texfold_block_wrapped(texfold_block_pass.first + place, texfold_block_pass.wrap / side);
     let blocks = min(texfold_block_pass.plane_blocks - superblock * side, vec2<u32>(side));
     let items = blocks.x * blocks.y * texfold_block_pass.axes;
     let row = texfold_block_pass.superblock_start + superblock.y * texfold_block_pass.superblock_columns;
@@ -383,10 +345,17 @@ fn texfold_block_superblock(place: vec2<u32>) {
     }
 }
 
+// Places behind the last column or row are those of the first ones; `at` is less than twice `all`.
+fn texfold_block_wrapped(at: vec2<u32>, all: vec2<u32>) -> vec2<u32> {
+    return at - select(vec2<u32>(0u), all, at >= all);
+}
+
 // The base's sample for a block of an axis; beyond a border the nearest one.
 fn texfold_block_mean(axis: u32, at: vec2<i32>) -> i32 {
     let last = vec2<i32>(texfold_block_pass.plane_blocks) - vec2<i32>(1);
-    let inside = vec2<u32>(clamp(at, vec2<i32>(0), last)) - texfold_block_pass.base_first;
+    let first = texfold_block_pass.base_first;
+    let all = texfold_block_pass.base_wrap;
+    let inside = texfold_block_wrapped(vec2<u32>(clamp(at, vec2<i32>(0), last)) + all - first, all);
     let held = texfold_block_pass.base_held;
     let slot = (axis * held.y + inside.y / 8u) * held.x + inside.x / 8u;
     let place = inside.y % 8u * 8u + inside.x % 8u;
@@ -542,12 +511,18 @@ fn texfold_block_half(
     ));
 }
 
+// Column and row in the plane of the block of that number of those that are held.
+fn texfold_block_place(slot: u32) -> vec2<u32> {
+    let held = texfold_block_pass.held;
+    let place = vec2<u32>(slot % held.x, slot / held.x % held.y);
+    return texfold_block_wrapped(texfold_block_pass.first * texfold_block_pass.side + place, texfold_block_pass.wrap);
+}
+
 // Turns the coefficients of a block's axis, the one of that number of those that are held, into its samples, in their place.
 fn texfold_block_samples(slot: u32) {
     let held = texfold_block_pass.held;
     let axis = slot / (held.x * held.y);
-    let place = vec2<u32>(slot % held.x, slot / held.x % held.y);
-    let at = vec2<i32>(texfold_block_pass.first * texfold_block_pass.side + place);
+    let at = vec2<i32>(texfold_block_place(slot));
     let own = texfold_block_pass.samples + slot * TEXFOLD_BLOCK_WORDS;
     let nothing = vec4<i32>(0);
     var predicted = array<vec4<i32>, 3>(nothing, nothing, nothing);
@@ -598,7 +573,7 @@ fn texfold_block_deblock(slot: u32, is_above: u32) {
     let held = texfold_block_pass.held;
     let axis = slot / (held.x * held.y);
     let place = select(slot % held.x, slot / held.x % held.y, is_above == 1u);
-    if place % texfold_block_pass.side == 0u {
+    if place % texfold_block_pass.side == 0u || any(texfold_block_place(slot) >= texfold_block_pass.plane_blocks) {
         return;
     }
     let across = select(1u, 8u, is_above == 1u);

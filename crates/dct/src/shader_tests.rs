@@ -109,7 +109,7 @@ fn plain_numbers_of_the_shader_are_those_of_the_decoder() {
         (TEXFOLD_BLOCK_SCAN, SCAN_WORDS),
         (TEXFOLD_BLOCK_LEVELS, LEVEL_WORDS),
         (TEXFOLD_BLOCK_SYMBOLS, SYMBOL_WORDS),
-        (TEXFOLD_BLOCK_TABLES, TABLE_WORDS),
+        (texfold_shaders::DCT_TABLES, TABLE_WORDS),
         (TEXFOLD_BLOCK_SET_TABLES, SET_TABLES),
         (TEXFOLD_BLOCK_ZONE_TABLES, LEVELS),
         (TEXFOLD_BLOCK_FIRST_LAST, FIRST_LAST),

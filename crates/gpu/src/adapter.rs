@@ -67,6 +67,13 @@ impl Gpu {
             required_limits: Limits {
                 // For materials: a texture has up to 11 planes, and WebGPU guarantees 16 a shader.
                 max_sampled_textures_per_shader_stage: adapter.limits().max_sampled_textures_per_shader_stage,
+                // For caches of tiles: 8 is what WebGPU guarantees; large ones take larger buffers.
+                max_storage_buffers_per_shader_stage: adapter
+                    .limits()
+                    .max_storage_buffers_per_shader_stage
+                    .min(8),
+                max_storage_buffer_binding_size: adapter.limits().max_storage_buffer_binding_size,
+                max_buffer_size: adapter.limits().max_buffer_size,
                 ..Limits::downlevel_defaults().using_resolution(adapter.limits())
             },
             ..Default::default()

@@ -130,6 +130,28 @@ pub enum GpuError {
         /// Most bytes of a buffer that a shader reads.
         limit: u64,
     },
+    /// A cache of tiles has no room for a further texture.
+    #[error(
+        "the cache of tiles has no room: {what}; remove textures, or make the cache with a larger {option}"
+    )]
+    TilesFull {
+        /// What is used up.
+        what: &'static str,
+        /// The member of `TileOptions` that bounds it.
+        option: &'static str,
+    },
+    /// The device cannot hold a cache of tiles.
+    #[error(
+        "a cache of tiles needs {limit} of {needed}, and the device was made with {given}; ask for a device with more"
+    )]
+    TileLimit {
+        /// The device limit.
+        limit: &'static str,
+        /// What is needed.
+        needed: u64,
+        /// The device's.
+        given: u64,
+    },
     /// The mesh has an index without a corner, a number that is not finite, or no triangle.
     #[error(
         "the mesh has no triangle, an index without a corner or a number that is not finite; repair the mesh"

@@ -16,6 +16,7 @@
 //! limit, in several textures; uploads in the background.
 
 mod adapter;
+mod compute;
 mod dct;
 mod error;
 mod layouts;
@@ -24,6 +25,7 @@ mod material;
 #[cfg(feature = "offscreen")]
 mod offscreen;
 mod texture;
+mod tiles;
 mod update;
 mod upload;
 
@@ -36,5 +38,6 @@ pub use material::{Layer, Material};
 pub use offscreen::{Filter, Lod, Lookup, Probe, View};
 pub use texfold_shaders::ModuleInfo;
 pub use texture::{AddressMode, GpuTexture};
+pub use tiles::{TileCache, TileLook, TileOptions, TileReport, TileTexture};
 pub use update::Updated;
 pub use wgpu;

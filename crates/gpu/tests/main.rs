@@ -8,5 +8,6 @@ mod layout;
 mod light;
 mod material;
 mod support;
+mod tiles;
 mod twins;
 mod update;

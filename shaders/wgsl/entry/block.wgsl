@@ -1,3 +1,14 @@
+// Bindings of the passes.
+
+@group(0) @binding(0) var<uniform> texfold_block_pass: TexfoldBlockPass;
+// Constants, tables of probabilities, steps, index.
+@group(0) @binding(1) var<storage, read> texfold_block_words: array<u32>;
+// The streams' bytes, and a word behind them.
+@group(0) @binding(2) var<storage, read> texfold_block_streams: array<u32>;
+@group(0) @binding(3) var<storage, read_write> texfold_block_scratch: array<i32>;
+
+@group(1) @binding(0) var<uniform> entry_output: EntryOutput;
+
 // The passes that decode a plane in blocks of variable length: first all its superblocks' streams, then all its blocks; then,
 // where the image is deblocked, the borders between columns of blocks and those between rows.
 
@@ -28,74 +39,4 @@ fn deblock_rows(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x < texfold_block_pass.held.x * texfold_block_pass.held.y * texfold_block_pass.axes {
         texfold_block_deblock(id.x, 1u);
     }
-}
-
-// Where a rectangle's texels go.
-struct EntryOutput {
-    // Columns and rows of the rectangle.
-    size: vec2<u32>,
-    // Its first column and row in the texels that are held.
-    origin: vec2<u32>,
-    // Its first column and row in the target.
-    place: vec2<u32>,
-    // Fractional bits of channels' sums.
-    shift: u32,
-    // Largest sample.
-    largest: i32,
-    // For each of the target's channels: mean, first axis, weights.
-    means: vec4<i32>,
-    first_axes: vec4<u32>,
-    weights: array<vec4<i32>, 4>,
-    // Last column and row of samples of the image, in those that are held.
-    last: vec2<u32>,
-    // Binary logarithm of the samples along a texel's side, 0 to 2.
-    reduce_log2: u32,
-    // Bit 0: colours are averaged as light, by their squares; bit 1: weighted by the target's last channel.
-    average: u32,
-}
-
-@group(1) @binding(0) var<uniform> entry_output: EntryOutput;
-
-// The target's channels of the sample at `at` of those that are held.
-fn entry_sample(at: vec2<u32>) -> vec4<i32> {
-    let shift = entry_output.shift;
-    let largest = entry_output.largest;
-    let means = entry_output.means;
-    let first = entry_output.first_axes;
-    return vec4<i32>(
-        texfold_block_channel(at, means.x, first.x, entry_output.weights[0], shift, largest),
-        texfold_block_channel(at, means.y, first.y, entry_output.weights[1], shift, largest),
-        texfold_block_channel(at, means.z, first.z, entry_output.weights[2], shift, largest),
-        texfold_block_channel(at, means.w, first.w, entry_output.weights[3], shift, largest),
-    );
-}
-
-// The target's channels of the rectangle's texel at `at`: a sample, or the mean of a square of samples.
-fn entry_texel(at: vec2<u32>) -> vec4<i32> {
-    let reduce = min(entry_output.reduce_log2, 2u);
-    let first = (entry_output.origin + at) << vec2<u32>(reduce);
-    if reduce == 0u {
-        return entry_sample(first);
-    }
-    let is_light = (entry_output.average & 1u) == 1u;
-    let is_weighted = (entry_output.average & 2u) == 2u;
-    let is_deep = entry_output.largest > 255;
-    let side = 1u << reduce;
-    var sums = vec4<u32>(0u);
-    var weights = 0u;
-    for (var place = 0u; place < min(side * side, TEXFOLD_BLOCK_WORDS); place += 1u) {
-        let offset = vec2<u32>(place % side, place / side);
-        let sample = vec4<u32>(entry_sample(min(first + offset, entry_output.last)));
-        let squares = (sample.xyz * sample.xyz) >> vec3<u32>(select(0u, 12u, is_deep));
-        let weight = select(1u, (sample.w >> select(0u, 8u, is_deep)) + 1u, is_weighted);
-        sums += vec4<u32>(select(sample.xyz, squares, is_light) * weight, sample.w);
-        weights += weight;
-    }
-    var means = (sums.xyz + vec3<u32>(weights / 2u)) / vec3<u32>(weights);
-    if is_light {
-        means = means << vec3<u32>(select(0u, 12u, is_deep));
-        means = vec3<u32>(texfold_block_root(means.x), texfold_block_root(means.y), texfold_block_root(means.z));
-    }
-    let last = (sums.w + ((side * side) >> 1u)) >> (2u * reduce);
-    return vec4<i32>(vec4<u32>(means, last));
 }

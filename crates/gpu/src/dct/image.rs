@@ -68,31 +68,38 @@ impl DctImage {
     /// The channels as an image shows them: gray or colours, and alpha where there are two or four.
     #[must_use]
     pub fn colours(&self) -> [DctChannel; 4] {
-        use DctChannel::{Channel, One};
-        match self.layout.channels.len() {
-            1 => [Channel(0), Channel(0), Channel(0), One],
-            2 => [Channel(0), Channel(0), Channel(0), Channel(1)],
-            3 => [Channel(0), Channel(1), Channel(2), One],
-            _ => [Channel(0), Channel(1), Channel(2), Channel(3)],
-        }
+        colours(&self.layout)
     }
+}
 
-    /// What the shader needs of those channels.
-    pub(super) fn channels(&self, channels: [DctChannel; 4]) -> Result<[GpuChannel; 4], GpuError> {
-        let constant =
-            |value: i32| GpuChannel { mean: value << self.layout.shift, first_axis: 0, weights: [0; 4] };
-        let mut found = [constant(0); 4];
-        for (found, channel) in found.iter_mut().zip(channels) {
-            *found = match channel {
-                DctChannel::Zero => constant(0),
-                DctChannel::One => constant((1 << self.layout.depth) - 1),
-                DctChannel::Channel(channel) => {
-                    let channels = self.layout.channels.len();
-                    let known = self.layout.channels.get(usize::from(channel)).copied();
-                    known.ok_or(GpuError::NoSuchChannel { channel, channels })?
-                }
-            };
-        }
-        Ok(found)
+/// The channels of a texture as an image shows them.
+pub(crate) fn colours(layout: &DctLayout) -> [DctChannel; 4] {
+    use DctChannel::{Channel, One};
+    match layout.channels.len() {
+        1 => [Channel(0), Channel(0), Channel(0), One],
+        2 => [Channel(0), Channel(0), Channel(0), Channel(1)],
+        3 => [Channel(0), Channel(1), Channel(2), One],
+        _ => [Channel(0), Channel(1), Channel(2), Channel(3)],
     }
+}
+
+/// The shader's parameters of those channels.
+pub(crate) fn channels_of(
+    layout: &DctLayout,
+    channels: [DctChannel; 4],
+) -> Result<[GpuChannel; 4], GpuError> {
+    let constant = |value: i32| GpuChannel { mean: value << layout.shift, first_axis: 0, weights: [0; 4] };
+    let mut found = [constant(0); 4];
+    for (found, channel) in found.iter_mut().zip(channels) {
+        *found = match channel {
+            DctChannel::Zero => constant(0),
+            DctChannel::One => constant((1 << layout.depth) - 1),
+            DctChannel::Channel(channel) => {
+                let channels = layout.channels.len();
+                let known = layout.channels.get(usize::from(channel)).copied();
+                known.ok_or(GpuError::NoSuchChannel { channel, channels })?
+            }
+        };
+    }
+    Ok(found)
 }

@@ -24,6 +24,7 @@ use texfold_shaders::{DctPlan, DctTarget};
 use wgpu::{BindingResource, Buffer, BufferBinding, BufferUsages, Texture, TextureUsages};
 
 pub use image::{DctChannel, DctImage};
+pub(crate) use image::{channels_of, colours};
 use pipelines::{Pipelines, format_of};
 
 use crate::upload::extent;
@@ -139,11 +140,11 @@ impl DctDecoder {
             return Err(RegionError::Outside { width: size.0, height: size.1 }.into());
         }
         let target = target_of(texture, image.layout.depth)?;
-        let channels = image.channels(channels)?;
+        let channels = channels_of(&image.layout, channels)?;
         let view = view_of(texture, 0);
         for (part, plan) in parts(&image.layout, rect)? {
             let place = [place[0] + part.x - rect.x, place[1] + part.y - rect.y];
-            let output = output(&image.layout, part, &plan, &channels, place);
+            let output = output(&image.layout, part, plan.reduce_log2, &channels, place);
             gpu.guarded(|| self.submit(gpu, image, &plan, target, &[(output, &view)]))?;
         }
         Ok(())
@@ -167,15 +168,13 @@ impl DctDecoder {
             return Err(RegionError::Outside { width: level_size.width, height: level_size.height }.into());
         }
         let target = target_of(texture, image.layout.depth)?;
-        let channels = image.channels(channels)?;
+        let channels = channels_of(&image.layout, channels)?;
         let rect = Rect { surface: 0, level: 0, x: 0, y: 0, width: size.width, height: size.height };
         let views: Vec<_> = (first..first + levels).map(|level| view_of(texture, level)).collect();
         for (part, plan) in parts(&image.layout, rect)? {
             let outputs = (0u32..).zip(&views).map(|(reduce_log2, view)| {
                 let part = reduced(part, size, reduce_log2);
-                let origin = plan.origin.map(|origin| origin >> reduce_log2);
-                let plan = DctPlan { reduce_log2, origin, ..plan.clone() };
-                (output(&image.layout, part, &plan, &channels, [part.x, part.y]), view)
+                (output(&image.layout, part, reduce_log2, &channels, [part.x, part.y]), view)
             });
             let outputs: Vec<_> = outputs.filter(|(output, _)| !output.size.contains(&0)).collect();
             gpu.guarded(|| self.submit(gpu, image, &plan, target, &outputs))?;
@@ -324,28 +323,21 @@ fn parts(layout: &DctLayout, rect: Rect) -> Result<Vec<(Rect, DctPlan)>, RegionE
 fn output(
     layout: &DctLayout,
     rect: Rect,
-    plan: &DctPlan,
+    reduce_log2: u32,
     channels: &[GpuChannel; 4],
     place: [u32; 2],
 ) -> Output {
     Output {
         size: [rect.width, rect.height],
-        origin: plan.origin,
+        origin: [rect.x, rect.y],
         place,
         shift: layout.shift,
         largest: (1 << layout.depth) - 1,
         means: channels.map(|channel| channel.mean),
         first_axes: channels.map(|channel| channel.first_axis),
         weights: channels.map(|channel| channel.weights),
-        last: last_sample(layout, plan),
-        reduce_log2: plan.reduce_log2,
+        last: [layout.size.width - 1, layout.size.height - 1],
+        reduce_log2,
         average: u32::from(layout.average.is_light) | u32::from(layout.average.is_weighted) << 1,
     }
-}
-
-/// The image's last column and row in the samples that a plan's last pass holds.
-fn last_sample(layout: &DctLayout, plan: &DctPlan) -> [u32; 2] {
-    let first = plan.passes.last().map_or([0; 2], |pass| pass.first);
-    let texels = layout.superblock_texels(0);
-    [layout.size.width - 1 - first[0] * texels, layout.size.height - 1 - first[1] * texels]
 }

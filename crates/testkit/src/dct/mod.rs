@@ -23,8 +23,6 @@ pub const TEXFOLD_BLOCK_LEVELS: u32 = 64;
 /// First word of the symbols: first number of coefficients, its plain bits behind 8 bits, first magnitude behind 16 bits, its
 /// plain bits behind 28.
 pub const TEXFOLD_BLOCK_SYMBOLS: u32 = 128;
-/// First word of the tables of probabilities: for each of 16 symbols its frequency, and the sum of those before it behind 16 bits.
-pub const TEXFOLD_BLOCK_TABLES: u32 = 144;
 /// Words that are noted of a block's axis.
 pub const TEXFOLD_BLOCK_NOTES: u32 = 5;
 /// Words of a table.
@@ -186,6 +184,8 @@ pub fn texfold_block_stream(view: &DctView<'_>, number: u32) -> TexfoldBlockStre
     if end < first || end > view.pass.stream_bytes {
         (start, end) = (0, 0);
     }
+    start += view.pass.streams;
+    end += view.pass.streams;
     // The parity of the length says whether the state has 3 or 4 bytes.
     let length = end - start;
     let head = select(4 - length % 2, length, length < 4);
@@ -204,7 +204,7 @@ pub fn texfold_block_refill(view: &DctView<'_>, stream: &mut TexfoldBlockStream)
 
 /// The next symbol, by the table of that number.
 pub fn texfold_block_symbol(view: &DctView<'_>, stream: &mut TexfoldBlockStream, table: u32) -> u32 {
-    let words = TEXFOLD_BLOCK_TABLES + table * TEXFOLD_BLOCK_TABLE_WORDS;
+    let words = view.pass.tables + table * TEXFOLD_BLOCK_TABLE_WORDS;
     let slot = stream.state & ((1 << TEXFOLD_BLOCK_PROBABILITY_BITS) - 1);
     let mut symbol = select(0, 8, view.word(words + 8) >> 16 <= slot);
     symbol += select(0, 4, view.word(words + symbol + 4) >> 16 <= slot);
@@ -383,8 +383,9 @@ pub fn texfold_block_round(
 
 /// Reads the superblock in that column and row of those to decode.
 pub fn texfold_block_superblock(view: &mut DctView<'_>, place: UVec2) {
-    let superblock = UVec2::from(view.pass.first) + place;
     let side = view.pass.side;
+    let superblock =
+        texfold_block_wrapped(UVec2::from(view.pass.first) + place, UVec2::from(view.pass.wrap) / side);
     let blocks = (UVec2::from(view.pass.plane_blocks) - superblock * side).min(UVec2::splat(side));
     let items = blocks.x * blocks.y * view.pass.axes;
     let row = view.pass.superblock_start + superblock.y * view.pass.superblock_columns;

@@ -14,7 +14,7 @@ use super::{
 /// [`RegionError`] where the rectangle is empty or leaves the image.
 pub fn decode(blocks: &GpuDct<'_>, rect: Rect) -> Result<Vec<u16>, RegionError> {
     let layout = &blocks.layout;
-    let DctPlan { passes, words, origin, .. } = DctPlan::new(layout, rect)?;
+    let DctPlan { passes, words, .. } = DctPlan::new(layout, rect)?;
     let streams = stream_words(blocks.streams);
     let mut scratch = vec![0; words as usize];
     for pass in &passes {
@@ -32,11 +32,12 @@ pub fn decode(blocks: &GpuDct<'_>, rect: Rect) -> Result<Vec<u16>, RegionError> 
     }
     let Some(pass) = passes.last() else { return Ok(Vec::new()) };
     let view = &DctView { pass, words: &blocks.words, streams: &streams, scratch: &mut scratch };
+    let first = UVec2::from(pass.first) * pass.side * 8;
     let largest = (1i32 << layout.depth) - 1;
     let texels = (0..rect.height).flat_map(|y| (0..rect.width).map(move |x| UVec2::new(x, y)));
     let channels = texels.flat_map(|at| layout.channels.iter().map(move |channel| (at, channel)));
     let value = |(at, channel): (UVec2, &GpuChannel)| {
-        let (held, weights) = (at + UVec2::from(origin), IVec4::from(channel.weights));
+        let (held, weights) = (at + UVec2::new(rect.x, rect.y) - first, IVec4::from(channel.weights));
         let GpuChannel { mean, first_axis, .. } = *channel;
         texfold_block_channel(view, held, mean, first_axis, weights, layout.shift, largest) as u16
     };

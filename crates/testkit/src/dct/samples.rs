@@ -4,10 +4,16 @@ use glam::{IVec2, IVec4, UVec2};
 
 use super::*;
 
+/// Places behind the last column or row are those of the first ones; `at` is less than twice `all`.
+pub fn texfold_block_wrapped(at: UVec2, all: UVec2) -> UVec2 {
+    at - UVec2::select(at.cmpge(all), all, UVec2::ZERO)
+}
+
 /// The base's sample for a block of an axis; beyond a border the nearest one.
 pub fn texfold_block_mean(view: &DctView<'_>, axis: u32, at: IVec2) -> i32 {
     let last = UVec2::from(view.pass.plane_blocks).as_ivec2() - 1;
-    let inside = at.clamp(IVec2::ZERO, last).as_uvec2() - UVec2::from(view.pass.base_first);
+    let (first, all) = (UVec2::from(view.pass.base_first), UVec2::from(view.pass.base_wrap));
+    let inside = texfold_block_wrapped(at.clamp(IVec2::ZERO, last).as_uvec2() + all - first, all);
     let [columns, rows] = view.pass.base_held;
     let slot = (axis * rows + inside.y / 8) * columns + inside.x / 8;
     let place = inside.y % 8 * 8 + inside.x % 8;
@@ -152,12 +158,18 @@ pub fn texfold_block_half(
     ])
 }
 
+/// Column and row in the plane of the block of that number of those that are held.
+pub fn texfold_block_place(view: &DctView<'_>, slot: u32) -> UVec2 {
+    let [columns, rows] = view.pass.held;
+    let place = UVec2::new(slot % columns, slot / columns % rows);
+    texfold_block_wrapped(UVec2::from(view.pass.first) * view.pass.side + place, UVec2::from(view.pass.wrap))
+}
+
 /// Turns the coefficients of a block's axis, the one of that number of those that are held, into its samples, in their place.
 pub fn texfold_block_samples(view: &mut DctView<'_>, slot: u32) {
     let [columns, rows] = view.pass.held;
     let axis = slot / (columns * rows);
-    let place = UVec2::new(slot % columns, slot / columns % rows);
-    let at = (UVec2::from(view.pass.first) * view.pass.side + place).as_ivec2();
+    let at = texfold_block_place(view, slot).as_ivec2();
     let own = view.pass.samples + slot * TEXFOLD_BLOCK_WORDS;
     let none = [IVec4::ZERO; 3];
     let predicted = if view.pass.has_base == 1 { texfold_block_predict(view, axis, at) } else { none };
@@ -211,7 +223,8 @@ pub fn texfold_block_deblock(view: &mut DctView<'_>, slot: u32, is_above: u32) {
     let [columns, rows] = view.pass.held;
     let axis = slot / (columns * rows);
     let place = select(slot % columns, slot / columns % rows, is_above == 1);
-    if place.is_multiple_of(view.pass.side) {
+    let is_beyond = texfold_block_place(view, slot).cmpge(UVec2::from(view.pass.plane_blocks)).any();
+    if place.is_multiple_of(view.pass.side) || is_beyond {
         return;
     }
     let across = select(1, 8, is_above == 1);

@@ -1,0 +1,593 @@
+//! A cache of decoded tiles for any number of textures in superblocks, filled by the GPU alone.
+//!
+//! Compressed streams of all textures lie in one buffer. Decoded texels lie in a pool of tiles of 128 texels a side, 4 of which
+//! are border, so that the hardware filters inside of a tile; a table of pages says where each tile lies, if anywhere. Shaders that draw
+//! call `texfold_tile_sample` ([`TileCache::wgsl`]), which marks the tiles it looks at. [`TileCache::update`], once a frame,
+//! records compute passes that choose among the marked tiles that are missing, the coarsest first, give them the places that were not
+//! looked at for longest, and decode them. Nothing is read back. Until a tile is there the nearest coarser one shows; the levels of at most 32 texels
+//! a side, decoded by the CPU when a texture is added, are always there.
+//!
+//! One bind group serves all textures, of any size: within WebGPU's default limits, with 8192 texels a side and 256 layers of the pool.
+//! Where the pool is too small for what is seen, a mip bias rises until it fits.
+//!
+//! *Not done*: textures of other codecs than superblocks; pools of more than 8 bits a sample (16-bit samples are rounded to 8); more than one buffer
+//! of streams: textures must fit one binding of the device, 128 MiB where it was made with WebGPU's defaults.
+
+mod pipelines;
+mod rows;
+
+use std::ops::Range;
+
+use range_alloc::RangeAllocator;
+use texfold_core::{Encoded, GpuDct, Image2d, ImageAddress, SurfaceSize, Texel};
+use wgpu::{Buffer, BufferUsages, CommandEncoder, Texture, TextureUsages};
+
+use crate::dct::{channels_of, colours};
+use crate::{AddressMode, Gpu, GpuError};
+use pipelines::{Pipelines, Resources, STEP_STRIDE};
+use rows::{
+    CLAMP, FEEDBACK_BYTES, INNER, MOST_LEVELS, MOST_TILES, PLAN_BYTES, PLANES, SIDE, SRGB, StageRow,
+    TextureRow, tail_of, tail_place,
+};
+
+/// Format of the pool.
+const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+/// Texels along a side of a quarter of a tile, which holds a tail.
+const QUARTER: u32 = SIDE / 2;
+/// Stages that have tiles of a texture of [`MOST_LEVELS`] levels.
+const MOST_STAGES: u32 = (MOST_LEVELS as u32).div_ceil(3);
+/// A place of the pool that holds tails.
+const KEPT: u32 = u32::MAX;
+/// Columns of texels that sampling on one side of a tile's border may reach.
+const MOST_ANISOTROPY: u16 = 2 * rows::BORDER as u16 - 1;
+
+/// Sizes of a cache.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TileOptions {
+    /// Bytes of decoded tiles, 64 KiB each. Rounded down to whole layers, of 1, 4 or 16 MiB.
+    pub pool_bytes: u64,
+    /// Bytes of compressed streams and of what decodes them, 30 kB a stage of three mip levels.
+    pub stream_bytes: u64,
+    /// Most textures at a time.
+    pub textures: u32,
+    /// Most tiles of all textures and levels, decoded or not: of a texture of 4096 texels a side 1593.
+    pub pages: u32,
+    /// Most tiles that an update decodes, 1 to 64.
+    pub tiles_per_update: u32,
+    /// Bytes of scratch memory of an update: a tile takes 0.4 MB, one of two levels below a stage 4 MB.
+    pub scratch_bytes: u64,
+    /// Texels that the sampler reads along the longer axis of a pixel's footprint, 1 to 7.
+    pub anisotropy: u16,
+    /// Of a square of so many pixels a side one marks, in each frame, the tiles that it reads: 1, 2, 4 or 8. Where fewer pixels of a tile
+    /// are seen it may be marked `stride` * `stride` frames later.
+    pub stride: u32,
+}
+
+impl Default for TileOptions {
+    fn default() -> Self {
+        TileOptions {
+            pool_bytes: 64 << 20,
+            stream_bytes: 64 << 20,
+            textures: 256,
+            pages: 1 << 17,
+            tiles_per_update: MOST_TILES,
+            scratch_bytes: 32 << 20,
+            anisotropy: 4,
+            stride: 8,
+        }
+    }
+}
+
+/// How a texture is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TileLook {
+    /// Texture coordinates outside of [0, 1).
+    pub address: AddressMode,
+    /// Whether colours are sRGB and become linear light before they are filtered; not for normals and other data.
+    pub srgb: bool,
+}
+
+impl Default for TileLook {
+    fn default() -> Self {
+        TileLook { address: AddressMode::Repeat, srgb: true }
+    }
+}
+
+/// A texture of a cache.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct TileTexture(u32);
+
+impl TileTexture {
+    /// The `texture` argument of the WGSL functions.
+    #[must_use]
+    pub fn index(self) -> u32 {
+        self.0
+    }
+}
+
+/// The outcome of the last update.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TileReport {
+    /// Tiles that it decoded.
+    pub decoded: u32,
+    /// Tiles that were looked at, and that it left for later.
+    pub missing: u32,
+    /// Mip levels that lookups add so that the pool suffices.
+    pub bias: f32,
+}
+
+/// What a texture takes of the cache.
+#[derive(Debug)]
+struct Held {
+    pages: Range<u32>,
+    stages: Range<u32>,
+    /// Words and streams of each stage, in words of the data.
+    data: Vec<Range<u32>>,
+}
+
+/// A cache of decoded tiles.
+#[derive(Debug)]
+pub struct TileCache {
+    options: TileOptions,
+    pipelines: Pipelines,
+    pool: Texture,
+    textures: Buffer,
+    page_table: Buffer,
+    feedback: Buffer,
+    stage_table: Buffer,
+    data: Buffer,
+    workgroups: Buffer,
+    scratch_words: u64,
+    bytes: u64,
+    held: Vec<Option<Held>>,
+    pages: RangeAllocator<u32>,
+    stages: RangeAllocator<u32>,
+    free_data: RangeAllocator<u32>,
+}
+
+impl TileCache {
+    /// Makes the pool, buffers and pipelines.
+    ///
+    /// # Errors
+    /// [`GpuError::TileLimit`] where the device was made with lower limits than the options need, [`GpuError`] where it refuses.
+    pub fn new(gpu: &Gpu, options: &TileOptions) -> Result<TileCache, GpuError> {
+        let options = TileOptions {
+            textures: options.textures.clamp(1, 1 << 20),
+            pages: options.pages.max(1),
+            tiles_per_update: options.tiles_per_update.clamp(1, MOST_TILES),
+            anisotropy: options.anisotropy.clamp(1, MOST_ANISOTROPY),
+            stride: 1 << options.stride.clamp(1, 8).ilog2(),
+            ..*options
+        };
+        let limits = gpu.device.limits();
+        let [side, layers] = pool_size(&options, limits.max_texture_array_layers);
+        for (limit, needed, given) in [
+            (
+                "max_storage_buffers_per_shader_stage",
+                7,
+                u64::from(limits.max_storage_buffers_per_shader_stage),
+            ),
+            ("max_storage_buffer_binding_size", options.stream_bytes, limits.max_storage_buffer_binding_size),
+            (
+                "max_storage_buffer_binding_size",
+                options.scratch_bytes,
+                limits.max_storage_buffer_binding_size,
+            ),
+            ("max_texture_dimension_2d", u64::from(side), u64::from(limits.max_texture_dimension_2d)),
+        ] {
+            if needed > given {
+                return Err(GpuError::TileLimit { limit, needed, given });
+            }
+        }
+        gpu.guarded(|| Ok(TileCache::made(gpu, options, [side, layers])))
+    }
+
+    fn made(gpu: &Gpu, options: TileOptions, [side, layers]: [u32; 2]) -> TileCache {
+        let device = &gpu.device;
+        let pool = device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("tiles"),
+            size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: layers },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: FORMAT,
+            usage: TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+            view_formats: &[FORMAT.add_srgb_suffix()],
+        });
+        let view = |format: wgpu::TextureFormat, usage: TextureUsages| {
+            pool.create_view(&wgpu::TextureViewDescriptor {
+                format: Some(format),
+                usage: Some(usage),
+                dimension: Some(wgpu::TextureViewDimension::D2Array),
+                ..Default::default()
+            })
+        };
+        let mut bytes = 4 * u64::from(side) * u64::from(side) * u64::from(layers);
+        let mut buffer = |label: &str, size: u64, usage: BufferUsages| {
+            let size = size.max(4).next_multiple_of(4);
+            bytes += size;
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size,
+                usage: usage | BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        };
+        let slots = (side / SIDE).pow(2) * layers;
+        let tails = options.textures.div_ceil(4).min(slots);
+        let stages = options.textures.saturating_mul(MOST_STAGES);
+        let scratch_words = options.scratch_bytes / 4;
+        let table = BufferUsages::STORAGE;
+        let textures = buffer("textures of tiles", row_bytes::<TextureRow>(options.textures), table);
+        let page_table = buffer("pages of tiles", 4 * u64::from(options.pages), table);
+        let feedback = buffer(
+            "feedback of tiles",
+            FEEDBACK_BYTES + 4 * u64::from(options.pages),
+            table | BufferUsages::COPY_SRC,
+        );
+        let slot_table = buffer("places of tiles", 4 * u64::from(slots), table);
+        let stage_table = buffer("stages of tiles", row_bytes::<StageRow>(stages), table);
+        let plan = buffer("plan of tiles", PLAN_BYTES, table);
+        let workgroups =
+            buffer("workgroups of tiles", 12 * u64::from(2 + 2 * PLANES), table | BufferUsages::INDIRECT);
+        let data = buffer("streams of tiles", options.stream_bytes, table);
+        let scratch = buffer("scratch of tiles", 4 * scratch_words, table);
+        let settings = [slots, options.tiles_per_update, scratch_words as u32, 0];
+        let settings = gpu.buffer("options of tiles", bytemuck::cast_slice(&settings), BufferUsages::UNIFORM);
+        let mut steps = vec![0u8; (STEP_STRIDE * u64::from(PLANES)) as usize];
+        for (step, bytes) in (0u32..).zip(steps.chunks_mut(STEP_STRIDE as usize)) {
+            bytes[..4].copy_from_slice(&step.to_le_bytes());
+        }
+        let steps = gpu.buffer("planes of tiles", &steps, BufferUsages::UNIFORM);
+        // The first frame has the number 1: pages that were never looked at have the mark 0.
+        gpu.queue.write_buffer(&feedback, 0, &1u32.to_le_bytes());
+        gpu.queue.write_buffer(&slot_table, 0, bytemuck::cast_slice(&vec![KEPT; tails as usize]));
+        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("tiles"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            mipmap_filter: wgpu::MipmapFilterMode::Linear,
+            anisotropy_clamp: options.anisotropy,
+            ..Default::default()
+        });
+        let pipelines = Pipelines::new(
+            device,
+            &Resources {
+                textures: &textures,
+                pages: &page_table,
+                feedback: &feedback,
+                slots: &slot_table,
+                stages: &stage_table,
+                plan: &plan,
+                workgroups: &workgroups,
+                options: &settings,
+                steps: &steps,
+                data: &data,
+                scratch: &scratch,
+                stored: &view(FORMAT, TextureUsages::STORAGE_BINDING),
+                plain: &view(FORMAT, TextureUsages::TEXTURE_BINDING),
+                srgb: &view(FORMAT.add_srgb_suffix(), TextureUsages::TEXTURE_BINDING),
+                sampler: &sampler,
+            },
+        );
+        // What all stages share comes first.
+        let shared = texfold_shaders::DCT_TABLES;
+        let words = u32::try_from(options.stream_bytes / 4).unwrap_or(u32::MAX).max(shared);
+        TileCache {
+            held: (0..options.textures.min(4 * tails)).map(|_| None).collect(),
+            pages: RangeAllocator::new(0..options.pages),
+            stages: RangeAllocator::new(0..stages),
+            free_data: RangeAllocator::new(shared..words),
+            options,
+            pipelines,
+            pool,
+            textures,
+            page_table,
+            feedback,
+            stage_table,
+            data,
+            workgroups,
+            scratch_words,
+            bytes,
+        }
+    }
+
+    /// The WGSL to paste into shaders that draw, with [`TileCache::bind_group`] bound to `group`: `texfold_tile_sample(texture: u32, uv:
+    /// vec2<f32>) -> vec4<f32>` in uniform control flow, `texfold_tile_sample_grad(texture, uv, dpdx, dpdy)` and
+    /// `texfold_tile_sample_level(texture, uv, lod)` in any. Pipelines that draw colours alone may set the constant `TEXFOLD_TILE_COLOURS` to
+    /// 1, those that draw other data alone to 0.
+    #[must_use]
+    pub fn wgsl(&self, group: u32) -> String {
+        texfold_shaders::tiles(group, self.options.anisotropy, self.options.stride)
+    }
+
+    /// The layout of [`TileCache::bind_group`].
+    #[must_use]
+    pub fn bind_group_layout(&self) -> &wgpu::BindGroupLayout {
+        &self.pipelines.draw_layout
+    }
+
+    /// All textures: what a fragment shader binds. It stays the same as textures come and go.
+    #[must_use]
+    pub fn bind_group(&self) -> &wgpu::BindGroup {
+        &self.pipelines.draw
+    }
+
+    /// Bytes of GPU memory of the whole cache: pool, streams, tables and scratch memory.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Adds image `image` of a texture in superblocks: uploads its streams and decodes its smallest levels. A texture without mip levels is
+    /// drawn from its only one.
+    ///
+    /// # Errors
+    /// [`GpuError::NoSuchSurface`]; [`GpuError::Form`] for textures of other codecs; [`GpuError::TilesFull`].
+    pub fn add(
+        &mut self,
+        gpu: &Gpu,
+        texture: &dyn Encoded<Domain = Image2d>,
+        image: u32,
+        look: TileLook,
+    ) -> Result<TileTexture, GpuError> {
+        let layout = texture.layout();
+        let Some(&size) = layout.surfaces.get(image as usize) else {
+            return Err(GpuError::NoSuchSurface { surface: image, surfaces: layout.surfaces.len() });
+        };
+        let form = texture.gpu();
+        let stages: Vec<&GpuDct<'_>> =
+            form.blocks.iter().filter(|stage| stage.image == image as usize).collect();
+        if stages.is_empty() || form.module != "bc" {
+            return Err(GpuError::Form { what: "a cache of tiles takes images in superblocks alone" });
+        }
+        let tail = tail_of(size);
+        let levels = layout.levels.min(size.full_levels());
+        let own = levels.min(tail);
+        let drawn: Vec<&GpuDct<'_>> = stages.into_iter().filter(|stage| stage.level < own).collect();
+        if own as usize > MOST_LEVELS || (0..).zip(&drawn).any(|(number, stage)| stage.level != 3 * number) {
+            return Err(GpuError::Form { what: "an image is larger, or cut otherwise, than tiles expect" });
+        }
+        let words =
+            drawn.iter().map(|stage| StageRow::most_words(stage, stage.levels - 1)).max().unwrap_or(0);
+        if words + u64::from(texfold_shaders::BLOCK_WORDS) > self.scratch_words {
+            return Err(GpuError::TilesFull {
+                what: "a tile of this texture needs more scratch memory",
+                option: "scratch_bytes",
+            });
+        }
+        let free = self.held.iter().position(Option::is_none);
+        let index =
+            free.ok_or(GpuError::TilesFull { what: "all textures are in use", option: "textures" })?;
+        let (row, held) = self.reserve(size, (levels, tail), &drawn)?;
+        let flags = u32::from(look.srgb) * SRGB | u32::from(look.address == AddressMode::Clamp) * CLAMP;
+        let row = TextureRow { quarter: index as u32, flags, ..row };
+        let write = gpu.guarded(|| {
+            self.write_stages(gpu, &drawn, &held)?;
+            self.write_tail(gpu, texture, image, &row);
+            self.write_row(gpu, index, &row);
+            Ok(())
+        });
+        if let Err(error) = write {
+            self.free(held);
+            return Err(error);
+        }
+        self.held[index] = Some(held);
+        Ok(TileTexture(index as u32))
+    }
+
+    /// Removes a texture; lookups of it give transparent black until another one takes its number. Tiles that are being decoded do no harm.
+    pub fn remove(&mut self, gpu: &Gpu, texture: TileTexture) {
+        let Some(held) = self.held.get_mut(texture.0 as usize).and_then(Option::take) else { return };
+        self.write_row(gpu, texture.0 as usize, &TextureRow::default());
+        // Places of the pool that still name its pages are free as soon as these name no place.
+        self.clear_pages(gpu, &held);
+        self.free(held);
+    }
+
+    /// Records the passes that decode what draws before it have looked at and not found: once a frame, after these.
+    pub fn update(&self, encoder: &mut CommandEncoder) {
+        self.pipelines.record(encoder, &self.workgroups);
+    }
+
+    /// The outcome of the last update; waits for the GPU. For tests and displays of statistics: nothing depends on it.
+    ///
+    /// # Errors
+    /// [`GpuError::Lost`], [`GpuError::Readback`].
+    pub fn report(&self, gpu: &Gpu) -> Result<TileReport, GpuError> {
+        let copy = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("report of tiles"),
+            size: 16,
+            usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(&self.feedback, 0, &copy, 0, Some(16));
+        gpu.queue.submit([encoder.finish()]);
+        copy.map_async(wgpu::MapMode::Read, .., |_| ());
+        gpu.device.poll(wgpu::PollType::wait_indefinitely())?;
+        let bytes = copy.get_mapped_range(..).map_err(|_| GpuError::Readback)?.to_vec();
+        let words: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
+        let &[_, bias, decoded, missing] = words.as_slice() else { return Err(GpuError::Readback) };
+        Ok(TileReport { decoded, missing, bias: f32::from_bits(bias) })
+    }
+
+    /// Room for a texture: its row but for what its number and look decide.
+    fn reserve(
+        &mut self,
+        size: SurfaceSize,
+        (levels, tail): (u32, u32),
+        stages: &[&GpuDct<'_>],
+    ) -> Result<(TextureRow, Held), GpuError> {
+        let mut row = TextureRow { size: [size.width, size.height], levels, tail, ..TextureRow::default() };
+        let mut count = 0u32;
+        for (level, first) in (0..levels.min(tail)).zip(&mut row.pages) {
+            let SurfaceSize { width, height } = size.at_level(level);
+            *first = count;
+            count = width.div_ceil(INNER).saturating_mul(height.div_ceil(INNER)).saturating_add(count);
+        }
+        let mut held = Held { pages: 0..0, stages: 0..0, data: Vec::new() };
+        let done = self.allocate(count, stages, &mut held);
+        if let Err(error) = done {
+            self.free(held);
+            return Err(error);
+        }
+        row.pages.iter_mut().for_each(|first| *first += held.pages.start);
+        row.stages = held.stages.start;
+        Ok((row, held))
+    }
+
+    fn allocate(&mut self, pages: u32, stages: &[&GpuDct<'_>], held: &mut Held) -> Result<(), GpuError> {
+        let full = |what, option| move |_| GpuError::TilesFull { what, option };
+        if pages > 0 {
+            let range = self.pages.allocate_range(pages);
+            held.pages = range.map_err(full("all pages are in use", "pages"))?;
+        }
+        if !stages.is_empty() {
+            let range = self.stages.allocate_range(stages.len() as u32);
+            held.stages = range.map_err(full("all stages are in use", "textures"))?;
+        }
+        for stage in stages {
+            // The shader reads bytes as parts of two words.
+            let streams = stage.streams.len().div_ceil(4) + 2;
+            for words in [stage.words.len() - texfold_shaders::DCT_TABLES as usize, streams] {
+                let range = self.free_data.allocate_range(u32::try_from(words).unwrap_or(u32::MAX));
+                held.data.push(range.map_err(full("streams do not fit", "stream_bytes"))?);
+            }
+        }
+        Ok(())
+    }
+
+    fn free(&mut self, held: Held) {
+        let some = |range: &Range<u32>| !range.is_empty();
+        held.data.into_iter().filter(some).for_each(|range| self.free_data.free_range(range));
+        Some(held.stages).into_iter().filter(some).for_each(|range| self.stages.free_range(range));
+        Some(held.pages).into_iter().filter(some).for_each(|range| self.pages.free_range(range));
+    }
+
+    fn write_row(&self, gpu: &Gpu, index: usize, row: &TextureRow) {
+        let offset = row_bytes::<TextureRow>(index as u32);
+        gpu.queue.write_buffer(&self.textures, offset, bytemuck::bytes_of(row));
+    }
+
+    /// Writes all stages of a texture, and that none of its tiles is there.
+    fn write_stages(&self, gpu: &Gpu, stages: &[&GpuDct<'_>], held: &Held) -> Result<(), GpuError> {
+        for ((stage, data), number) in stages.iter().zip(held.data.chunks(2)).zip(held.stages.clone()) {
+            self.write_stage(gpu, stage, data, number)?;
+        }
+        self.clear_pages(gpu, held);
+        Ok(())
+    }
+
+    fn clear_pages(&self, gpu: &Gpu, held: &Held) {
+        let zeros = vec![0u8; 4 * held.pages.len()];
+        gpu.queue.write_buffer(&self.page_table, 4 * u64::from(held.pages.start), &zeros);
+    }
+
+    /// Writes words and streams of a stage to their places, and its row.
+    fn write_stage(
+        &self,
+        gpu: &Gpu,
+        stage: &GpuDct<'_>,
+        data: &[Range<u32>],
+        number: u32,
+    ) -> Result<(), GpuError> {
+        let [words, streams] = data else { return Err(GpuError::Form { what: "a stage has no place" }) };
+        let (shared, own) = stage.words.split_at(texfold_shaders::DCT_TABLES as usize);
+        gpu.queue.write_buffer(&self.data, 0, bytemuck::cast_slice(shared));
+        gpu.queue.write_buffer(&self.data, 4 * u64::from(words.start), bytemuck::cast_slice(own));
+        let (whole, rest) = stage.streams.split_at(stage.streams.len() / 4 * 4);
+        let mut last = [0; 8];
+        last[..rest.len()].copy_from_slice(rest);
+        let start = 4 * u64::from(streams.start);
+        gpu.queue.write_buffer(&self.data, start, whole);
+        gpu.queue.write_buffer(&self.data, start + whole.len() as u64, &last);
+        let row = StageRow::new(
+            stage,
+            channels_of(&stage.layout, colours(&stage.layout))?,
+            (words.start, 4 * streams.start),
+        );
+        gpu.queue.write_buffer(&self.stage_table, row_bytes::<StageRow>(number), bytemuck::bytes_of(&row));
+        Ok(())
+    }
+
+    /// Writes the levels that are always there: those that the texture has, else a coarse sample of its only one.
+    fn write_tail(&self, gpu: &Gpu, texture: &dyn Encoded<Domain = Image2d>, image: u32, row: &TextureRow) {
+        let size = SurfaceSize { width: row.size[0], height: row.size[1] };
+        let mut texels = vec![[0u8; 4]; (QUARTER * QUARTER) as usize];
+        let levels = row.levels.max(row.tail + 1).min(size.full_levels());
+        for level in row.tail..levels {
+            let SurfaceSize { width, height } = size.at_level(level);
+            let [left, top] = tail_place(level - row.tail);
+            let border = rows::BORDER as i32;
+            for y in -border..height as i32 + border {
+                for x in -border..width as i32 + border {
+                    let at = [addressed(x, width, row.flags), addressed(y, height, row.flags)];
+                    let place = (top as i32 + y) * QUARTER as i32 + left as i32 + x;
+                    texels[place as usize] = texel_of(texture, image, (level, row.levels), size, at);
+                }
+            }
+        }
+        let side = self.pool.width() / SIDE;
+        let slot = row.quarter / 4;
+        let place = |number: u32, quarter: u32| number * SIDE + quarter * QUARTER;
+        let origin = wgpu::Origin3d {
+            x: place(slot % side, row.quarter % 2),
+            y: place(slot / side % side, row.quarter / 2 % 2),
+            z: slot / (side * side),
+        };
+        gpu.queue.write_texture(
+            wgpu::TexelCopyTextureInfo { origin, ..self.pool.as_image_copy() },
+            texels.as_flattened(),
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * QUARTER), rows_per_image: None },
+            wgpu::Extent3d { width: QUARTER, height: QUARTER, depth_or_array_layers: 1 },
+        );
+    }
+}
+
+/// Texels a side and layers of the pool.
+fn pool_size(options: &TileOptions, most_layers: u32) -> [u32; 2] {
+    // Few small layers, or many large ones.
+    let side: u32 = match options.pool_bytes >> 20 {
+        0..4 => 512,
+        4..64 => 1024,
+        _ => 2048,
+    };
+    let layers = options.pool_bytes / (4 * u64::from(side) * u64::from(side));
+    [side, (layers.min(u64::from(most_layers)) as u32).max(1)]
+}
+
+/// Bytes of so many rows.
+fn row_bytes<Row>(rows: u32) -> u64 {
+    size_of::<Row>() as u64 * u64::from(rows)
+}
+
+/// The column or row of an image of `size` of them that one outside of it repeats.
+fn addressed(at: i32, size: u32, flags: u32) -> u32 {
+    let size = size as i32;
+    (if flags & CLAMP != 0 { at.clamp(0, size - 1) } else { at.rem_euclid(size) }) as u32
+}
+
+/// A texel of a level; of levels that the texture does not have, the one in the middle of what it stands for.
+fn texel_of(
+    texture: &dyn Encoded<Domain = Image2d>,
+    image: u32,
+    (level, levels): (u32, u32),
+    size: SurfaceSize,
+    [x, y]: [u32; 2],
+) -> [u8; 4] {
+    let (x, y, level) = if level < levels {
+        (x, y, level)
+    } else {
+        let few = size.at_level(level);
+        let middle = |at: u32, few: u32, all: u32| {
+            ((2 * u64::from(at) + 1) * u64::from(all) / (2 * u64::from(few))) as u32
+        };
+        (middle(x, few.width, size.width), middle(y, few.height, size.height), 0)
+    };
+    bytes_of(texture.texel(ImageAddress { surface: image, level, x, y }))
+}
+
+fn bytes_of(texel: Texel) -> [u8; 4] {
+    texel.to_array().map(|value| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
+}

@@ -1,0 +1,183 @@
+//! Pipelines and bind groups of an update, and what drawing binds.
+
+use wgpu::{
+    BindGroup, BindGroupLayout, BindingResource, BindingType, Buffer, ComputePipeline, Device, Sampler,
+    ShaderStages, TextureView, TextureViewDimension,
+};
+
+use super::rows::PLANES;
+use crate::compute::{group, layout, pipeline, shader, storage, uniform};
+
+/// Distance of the numbers of planes in their buffer: what every device allows for dynamic offsets.
+pub(super) const STEP_STRIDE: u64 = 256;
+
+/// Buffers and views of a cache.
+pub(super) struct Resources<'r> {
+    pub(super) textures: &'r Buffer,
+    pub(super) pages: &'r Buffer,
+    pub(super) feedback: &'r Buffer,
+    pub(super) slots: &'r Buffer,
+    pub(super) stages: &'r Buffer,
+    pub(super) plan: &'r Buffer,
+    pub(super) workgroups: &'r Buffer,
+    pub(super) options: &'r Buffer,
+    pub(super) steps: &'r Buffer,
+    pub(super) data: &'r Buffer,
+    pub(super) scratch: &'r Buffer,
+    pub(super) stored: &'r TextureView,
+    pub(super) plain: &'r TextureView,
+    pub(super) srgb: &'r TextureView,
+    pub(super) sampler: &'r Sampler,
+}
+
+/// All that an update dispatches.
+#[derive(Debug)]
+pub(super) struct Pipelines {
+    plan: (ComputePipeline, BindGroup),
+    clear: ComputePipeline,
+    read: ComputePipeline,
+    transform: ComputePipeline,
+    deblock: [ComputePipeline; 2],
+    write: ComputePipeline,
+    decode: BindGroup,
+    output: BindGroup,
+    pub(super) draw_layout: BindGroupLayout,
+    pub(super) draw: BindGroup,
+}
+
+impl Pipelines {
+    pub(super) fn new(device: &Device, with: &Resources<'_>) -> Pipelines {
+        let plan_layout = layout(
+            device,
+            "plan of tiles",
+            ShaderStages::COMPUTE,
+            &[
+                storage(true),
+                storage(false),
+                storage(false),
+                storage(false),
+                storage(true),
+                storage(false),
+                storage(false),
+                uniform(None),
+            ],
+        );
+        let plan_group = group(
+            device,
+            &plan_layout,
+            &[
+                with.textures.as_entire_binding(),
+                with.pages.as_entire_binding(),
+                with.feedback.as_entire_binding(),
+                with.slots.as_entire_binding(),
+                with.stages.as_entire_binding(),
+                with.plan.as_entire_binding(),
+                with.workgroups.as_entire_binding(),
+                with.options.as_entire_binding(),
+            ],
+        );
+        let module = shader(device, "plan of tiles", texfold_shaders::tile_plan());
+        let plan = pipeline(device, &module, "plan_tiles", &[Some(&plan_layout)]);
+
+        let decode_layout = layout(
+            device,
+            "passes of tiles",
+            ShaderStages::COMPUTE,
+            &[storage(true), storage(true), storage(true), storage(false), uniform(Some(4))],
+        );
+        let step = wgpu::BufferBinding { buffer: with.steps, offset: 0, size: std::num::NonZeroU64::new(4) };
+        let decode = group(
+            device,
+            &decode_layout,
+            &[
+                with.plan.as_entire_binding(),
+                with.data.as_entire_binding(),
+                with.data.as_entire_binding(),
+                with.scratch.as_entire_binding(),
+                BindingResource::Buffer(step),
+            ],
+        );
+        let target = BindingType::StorageTexture {
+            access: wgpu::StorageTextureAccess::WriteOnly,
+            format: super::FORMAT,
+            view_dimension: TextureViewDimension::D2Array,
+        };
+        let output_layout =
+            layout(device, "output of tiles", ShaderStages::COMPUTE, &[storage(true), storage(true), target]);
+        let output = group(
+            device,
+            &output_layout,
+            &[
+                with.textures.as_entire_binding(),
+                with.stages.as_entire_binding(),
+                BindingResource::TextureView(with.stored),
+            ],
+        );
+        let module = shader(device, "passes of tiles", texfold_shaders::tile_passes());
+        let pass = |entry: &str| pipeline(device, &module, entry, &[Some(&decode_layout)]);
+        let texture = BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Float { filterable: true },
+            view_dimension: TextureViewDimension::D2Array,
+            multisampled: false,
+        };
+        let filtering = BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
+        let draw_layout = layout(
+            device,
+            "tiles",
+            ShaderStages::FRAGMENT,
+            &[storage(true), storage(true), storage(false), texture, texture, filtering],
+        );
+        let draw = group(
+            device,
+            &draw_layout,
+            &[
+                with.textures.as_entire_binding(),
+                with.pages.as_entire_binding(),
+                with.feedback.as_entire_binding(),
+                BindingResource::TextureView(with.plain),
+                BindingResource::TextureView(with.srgb),
+                BindingResource::Sampler(with.sampler),
+            ],
+        );
+        Pipelines {
+            plan: (plan, plan_group),
+            clear: pass("clear_scratch"),
+            read: pass("read_superblocks"),
+            transform: pass("transform_blocks"),
+            deblock: [pass("deblock_columns"), pass("deblock_rows")],
+            write: pipeline(device, &module, "write_tiles", &[Some(&decode_layout), Some(&output_layout)]),
+            decode,
+            output,
+            draw_layout,
+            draw,
+        }
+    }
+
+    /// Records an update, whose sizes the plan writes to `workgroups`.
+    pub(super) fn record(&self, encoder: &mut wgpu::CommandEncoder, workgroups: &Buffer) {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("update of tiles"),
+            timestamp_writes: None,
+        });
+        let (plan, plan_group) = &self.plan;
+        pass.set_pipeline(plan);
+        pass.set_bind_group(0, plan_group, &[]);
+        pass.dispatch_workgroups(1, 1, 1);
+        let mut dispatch = |pipeline: &ComputePipeline, step: u32, number: u32| {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &self.decode, &[step * STEP_STRIDE as u32]);
+            pass.dispatch_workgroups_indirect(workgroups, u64::from(12 * number));
+        };
+        dispatch(&self.clear, 0, 0);
+        for plane in 0..PLANES {
+            dispatch(&self.read, plane, 1 + plane);
+            dispatch(&self.transform, plane, 1 + PLANES + plane);
+        }
+        for pipeline in &self.deblock {
+            dispatch(pipeline, PLANES - 1, 2 * PLANES);
+        }
+        pass.set_bind_group(1, &self.output, &[]);
+        pass.set_pipeline(&self.write);
+        pass.dispatch_workgroups_indirect(workgroups, u64::from(12 * (1 + 2 * PLANES)));
+    }
+}

@@ -1,0 +1,134 @@
+//! Rows of the tables that `shaders/wgsl/tiles` reads.
+
+use texfold_core::{GpuChannel, GpuDct, SurfaceSize};
+
+/// Texels along a tile's side, border included.
+pub(super) const SIDE: u32 = 128;
+/// Texels of the border.
+pub(super) const BORDER: u32 = 4;
+/// Texels along a tile's side without its border.
+pub(super) const INNER: u32 = SIDE - 2 * BORDER;
+/// Texels along a side of the largest level of a tail.
+const TAIL_SIDE: u32 = 32;
+/// Most mip levels in tiles of their own.
+pub(super) const MOST_LEVELS: usize = 12;
+/// Most tiles of an update.
+pub(super) const MOST_TILES: u32 = 64;
+/// Most planes of a stage.
+pub(super) const PLANES: u32 = 6;
+/// Bytes of the feedback before the pages' marks: eight words, and the tiles that are wanted.
+pub(super) const FEEDBACK_BYTES: u64 = 32 + 8 * 4096;
+/// Bytes of the plan of an update: two counts, sums, requests, passes.
+pub(super) const PLAN_BYTES: u64 = 4 * (2 + 2 * 65 * PLANES as u64)
+    + (24 + size_of::<texfold_shaders::DctPass>() as u64 * PLANES as u64) * MOST_TILES as u64;
+
+/// Where the levels of a tail lie in its quarter of a tile.
+const TAIL_PLACES: [[u32; 2]; 6] = [[0, 0], [40, 0], [40, 24], [40, 40], [40, 52], [0, 40]];
+
+/// Flags of a texture.
+pub(super) const SRGB: u32 = 1;
+pub(super) const CLAMP: u32 = 2;
+
+/// A texture; all zeros for none.
+#[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct TextureRow {
+    pub(super) size: [u32; 2],
+    pub(super) levels: u32,
+    pub(super) tail: u32,
+    pub(super) quarter: u32,
+    pub(super) flags: u32,
+    pub(super) stages: u32,
+    pub(super) source: u32,
+    pub(super) pages: [u32; MOST_LEVELS],
+}
+
+/// A stage in superblocks.
+#[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct StageRow {
+    means: [i32; 4],
+    first_axes: [u32; 4],
+    weights: [[i32; 4]; 4],
+    size: [u32; 2],
+    tables: u32,
+    steps: u32,
+    index: u32,
+    index_bits: u32,
+    streams: u32,
+    stream_bytes: u32,
+    superblock_log2: u32,
+    axes: u32,
+    ranks: u32,
+    offsets: u32,
+    deblocking: i32,
+    shift: u32,
+    largest: i32,
+    average: u32,
+}
+
+impl StageRow {
+    /// A stage whose words without those that all textures share begin at word `words` of the data, and its streams at byte `streams`.
+    pub(super) fn new(
+        stage: &GpuDct<'_>,
+        channels: [GpuChannel; 4],
+        (words, streams): (u32, u32),
+    ) -> StageRow {
+        let layout = &stage.layout;
+        let ranks = layout.ranks.iter().take(16).rev();
+        let moved = |word: u32| word - texfold_shaders::DCT_TABLES + words;
+        StageRow {
+            means: channels.map(|channel| channel.mean),
+            first_axes: channels.map(|channel| channel.first_axis),
+            weights: channels.map(|channel| channel.weights),
+            size: [layout.size.width, layout.size.height],
+            tables: words,
+            steps: moved(layout.steps),
+            index: moved(layout.index),
+            index_bits: layout.index_bits,
+            streams,
+            stream_bytes: layout.stream_bytes,
+            superblock_log2: u32::from(layout.superblock_log2),
+            axes: layout.ranks.len().min(16) as u32,
+            ranks: ranks.fold(0, |all, &rank| all << 2 | u32::from(rank & 3)),
+            offsets: u32::from(layout.offsets[0]) | u32::from(layout.offsets[1]) << 8,
+            deblocking: layout.deblocking,
+            shift: layout.shift,
+            largest: (1 << layout.depth) - 1,
+            average: u32::from(layout.average.is_light) | u32::from(layout.average.is_weighted) << 1,
+        }
+    }
+
+    /// Most words of scratch memory that a tile of such a stage takes, of texels that are means of 2^`reduce_log2` samples a side.
+    pub(super) fn most_words(stage: &GpuDct<'_>, reduce_log2: u32) -> u64 {
+        let log2 = u32::from(stage.layout.superblock_log2);
+        let words = u64::from(texfold_shaders::BLOCK_WORDS + texfold_shaders::BLOCK_NOTES);
+        let mut count = [SIDE << reduce_log2; 2];
+        let mut sum = 0;
+        for plane in texfold_core::dct_planes(stage.layout.size) {
+            let blocks = |texels: u32, all: u32| {
+                let superblocks = (texels.div_ceil(1 << log2) + 1).min(all.div_ceil(1 << log2));
+                superblocks << (log2 - 3)
+            };
+            count = [blocks(count[0], plane.width), blocks(count[1], plane.height)];
+            sum += u64::from(count[0]) * u64::from(count[1]) * stage.layout.ranks.len() as u64 * words;
+            // The means of these blocks and of those around them.
+            count = count.map(|blocks| blocks + 2);
+        }
+        sum
+    }
+}
+
+/// The first level of an image of that size that lies in its tail.
+pub(super) fn tail_of(size: SurfaceSize) -> u32 {
+    let is_small = |level: &u32| {
+        let SurfaceSize { width, height } = size.at_level(*level);
+        width.max(height) <= TAIL_SIDE
+    };
+    (0..32).find(is_small).unwrap_or_default()
+}
+
+/// Column and row of a level of a tail in its quarter of a tile, behind its border.
+pub(super) fn tail_place(number: u32) -> [u32; 2] {
+    TAIL_PLACES[(number as usize).min(5)].map(|place| place + BORDER)
+}

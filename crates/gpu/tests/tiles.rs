@@ -1,0 +1,264 @@
+//! The cache of tiles against filtering on the CPU.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(
+    clippy::duplicate_mod,
+    reason = "the examples and the other tests' support each draw without a window"
+)]
+
+#[path = "../examples/support/offscreen.rs"]
+mod offscreen;
+
+use glam::{DVec2, DVec4, Vec4};
+use texfold::core::image::{ImageSet, Raster, srgb_to_linear};
+use texfold::core::rng::Rng;
+use texfold::core::{Encoded, Image2d, Rect, SurfaceSize, Texel};
+use texfold::{AnyImage, Choice, EncodeSettings, Goal, Guidance, Job};
+use texfold_gpu::{AddressMode, Gpu, TileCache, TileLook, TileOptions, TileTexture, wgpu};
+use texfold_testkit::{crop, full};
+
+use crate::support::{gpu, image};
+
+/// Pixels along a side of a view; its rows need no padding.
+const VIEW: u32 = 64;
+const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+/// Updates within which all tiles of a view are there.
+const UPDATES: u32 = 3;
+
+const SHADER: &str = "
+struct View { origin: vec2<f32>, across: vec2<f32>, down: vec2<f32>, texture: u32, reserved: u32 }
+@group(1) @binding(0) var<uniform> view: View;
+
+@vertex
+fn vs(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
+    return vec4<f32>(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 0.0, 1.0);
+}
+
+@fragment
+fn fs(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
+    let uv = view.origin + view.across * at.x + view.down * at.y;
+    return texfold_tile_sample_grad(view.texture, uv, view.across, view.down);
+}
+";
+
+/// A flat view of a texture.
+#[derive(Debug, Clone, Copy)]
+struct View {
+    origin: DVec2,
+    across: DVec2,
+    down: DVec2,
+    texture: u32,
+}
+
+impl View {
+    /// As the shader has it; single precision, so that the CPU starts from the same numbers.
+    fn bytes(&self) -> Vec<u8> {
+        let numbers = [self.origin, self.across, self.down];
+        let mut bytes: Vec<u8> =
+            numbers.iter().flat_map(|pair| pair.to_array()).flat_map(|v| (v as f32).to_le_bytes()).collect();
+        bytes.extend(self.texture.to_le_bytes());
+        bytes.extend([0; 4]);
+        bytes
+    }
+
+    fn rounded(self) -> View {
+        let single = |pair: DVec2| pair.as_vec2().as_dvec2();
+        View { origin: single(self.origin), across: single(self.across), down: single(self.down), ..self }
+    }
+}
+
+/// A renderer that draws views from a cache.
+struct Renderer<'g> {
+    gpu: &'g Gpu,
+    cache: TileCache,
+    pipeline: wgpu::RenderPipeline,
+    target: wgpu::Texture,
+}
+
+impl<'g> Renderer<'g> {
+    fn new(gpu: &'g Gpu, options: &TileOptions) -> Self {
+        let cache = TileCache::new(gpu, options).unwrap();
+        let device = gpu.device();
+        let source = wgpu::ShaderSource::Wgsl([&cache.wgsl(0), SHADER].concat().into());
+        let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
+        let uniform = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: None,
+            entries: &[wgpu::BindGroupLayoutEntry {
+                binding: 0,
+                visibility: wgpu::ShaderStages::FRAGMENT,
+                ty: wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Uniform,
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
+                count: None,
+            }],
+        });
+        let groups = [Some(cache.bind_group_layout()), Some(&uniform)];
+        let pipeline = offscreen::pipeline(gpu, &shader, &groups, &[], FORMAT);
+        let target = offscreen::target(gpu, (VIEW, VIEW), FORMAT);
+        Renderer { gpu, cache, pipeline, target }
+    }
+
+    /// Draws a view, and records an update behind it.
+    fn frame(&self, view: &View) -> Vec<Vec4> {
+        let device = self.gpu.device();
+        let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: 32,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.gpu.queue().write_buffer(&buffer, 0, &view.bytes());
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &self.pipeline.get_bind_group_layout(1),
+            entries: &[wgpu::BindGroupEntry { binding: 0, resource: buffer.as_entire_binding() }],
+        });
+        let groups = [self.cache.bind_group(), &group];
+        let bytes = offscreen::draw(self.gpu, &self.pipeline, &groups, &self.target).unwrap();
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        self.cache.update(&mut encoder);
+        self.gpu.queue().submit([encoder.finish()]);
+        bytemuck::pod_collect_to_vec::<u8, Vec4>(&bytes)
+    }
+
+    /// Draws a view until all of its tiles are there.
+    fn settled(&self, view: &View) -> Vec<Vec4> {
+        for _ in 0..UPDATES {
+            self.frame(view);
+        }
+        let report = self.cache.report(self.gpu).unwrap();
+        assert!(report.missing == 0 && report.bias == 0.0, "{view:?}: {report:?}");
+        self.frame(view)
+    }
+}
+
+/// A texture as the CPU filters it.
+struct Reference {
+    levels: Vec<(SurfaceSize, Vec<DVec4>)>,
+    look: TileLook,
+}
+
+impl Reference {
+    fn new(texture: &dyn Encoded<Domain = Image2d>, look: TileLook) -> Self {
+        let layout = texture.layout();
+        let level = |level: u32| {
+            let size = layout.surfaces[0].at_level(level);
+            let SurfaceSize { width, height } = size;
+            let mut texels = vec![Texel::ZERO; (width * height) as usize];
+            let rect = Rect { surface: 0, level, x: 0, y: 0, width, height };
+            texture.decode(rect, &mut texels).unwrap();
+            let value = |texel: &Texel| {
+                // The pool has 8 bits a sample.
+                let [r, g, b, a] = texel.to_array().map(|v| (f64::from(v) * 255.0).round() / 255.0);
+                let light = |v: f64| if look.srgb { f64::from(srgb_to_linear(v as f32)) } else { v };
+                DVec4::new(light(r), light(g), light(b), a)
+            };
+            (size, texels.iter().map(value).collect())
+        };
+        Reference { levels: (0..layout.levels).map(level).collect(), look }
+    }
+
+    fn bilinear(&self, level: usize, uv: DVec2) -> DVec4 {
+        let (SurfaceSize { width, height }, texels) = &self.levels[level];
+        let clamped = self.look.address == AddressMode::Clamp;
+        let uv = if clamped { uv.clamp(DVec2::ZERO, DVec2::ONE) } else { uv };
+        let at = uv * DVec2::new(f64::from(*width), f64::from(*height)) - 0.5;
+        let texel = |x: f64, y: f64| {
+            let place = |at: f64, size: u32| {
+                let (at, size) = (at as i64, i64::from(size));
+                (if clamped { at.clamp(0, size - 1) } else { at.rem_euclid(size) }) as usize
+            };
+            texels[place(y, *height) * *width as usize + place(x, *width)]
+        };
+        let (low, share) = (at.floor(), at - at.floor());
+        let row = |y: f64| texel(low.x, y).lerp(texel(low.x + 1.0, y), share.x);
+        row(low.y).lerp(row(low.y + 1.0), share.y)
+    }
+
+    fn trilinear(&self, uv: DVec2, view: &View) -> DVec4 {
+        let SurfaceSize { width, height } = self.levels[0].0;
+        let size = DVec2::new(f64::from(width), f64::from(height));
+        let extent = (view.across * size).length().max((view.down * size).length());
+        let lod = extent.log2().clamp(0.0, (self.levels.len() - 1) as f64);
+        let level = lod as usize;
+        let fine = self.bilinear(level, uv);
+        if lod.fract() == 0.0 { fine } else { fine.lerp(self.bilinear(level + 1, uv), lod.fract()) }
+    }
+}
+
+/// An image in superblocks, with mip levels or without.
+fn encode(image: Raster, mips: bool) -> AnyImage {
+    let settings = EncodeSettings {
+        codec: Choice::named("dct").unwrap(),
+        goal: Goal::Bpp(2.0),
+        mips,
+        ..EncodeSettings::default()
+    };
+    texfold::encode_images(&ImageSet::single(image), Guidance::default(), &settings, &mut Job::default())
+        .unwrap()
+}
+
+/// Small pools and few tiles: what a test needs.
+fn options() -> TileOptions {
+    TileOptions {
+        pool_bytes: 8 << 20,
+        stream_bytes: 2 << 20,
+        textures: 16,
+        pages: 1024,
+        anisotropy: 1,
+        stride: 1,
+        ..TileOptions::default()
+    }
+}
+
+/// A view of a random place, scale and direction.
+fn random_view(rng: &mut Rng, size: SurfaceSize, levels: u32, texture: TileTexture) -> View {
+    let mut unit = || f64::from(rng.below(1 << 20)) / f64::from(1 << 20);
+    let scale = (unit() * (f64::from(levels) + 1.0) - 1.5).exp2();
+    let angle = unit() * std::f64::consts::TAU;
+    let across = DVec2::from_angle(angle) * scale;
+    let down = DVec2::from_angle(angle + 1.2 + 0.7 * unit()) * scale * (0.5 + 0.5 * unit());
+    let texels = DVec2::new(f64::from(size.width), f64::from(size.height));
+    let origin = DVec2::new(unit() * 3.0 - 1.0, unit() * 3.0 - 1.0);
+    View { origin, across: across / texels, down: down / texels, texture: texture.index() }.rounded()
+}
+
+#[test]
+fn views_equal_filtering_of_decoded_texels_on_the_cpu() {
+    let Some(gpu) = gpu() else { return };
+    let mut renderer = Renderer::new(gpu, &options());
+    let repeat = TileLook { address: AddressMode::Repeat, srgb: false };
+    let clamp = TileLook { address: AddressMode::Clamp, srgb: false };
+    let facade = encode(crop(&image("facade"), (3, 5), (251, 247)), true);
+    let small = encode(image("odd_37x61"), true);
+    let cases = [
+        (&facade, repeat),
+        (&facade, clamp),
+        (&facade, TileLook { srgb: true, ..repeat }),
+        (&small, repeat),
+        (&encode(crop(&image("terrain"), (0, 0), (130, 200)), false), clamp),
+    ];
+    let mut rng = Rng::new(7);
+    for (number, (texture, look)) in cases.into_iter().enumerate() {
+        let texture = texture.as_encoded();
+        let added = renderer.cache.add(gpu, texture, 0, look).unwrap();
+        let reference = Reference::new(texture, look);
+        let (size, levels) = (texture.layout().surfaces[0], texture.layout().levels);
+        for round in 0..if full() { 200 } else { 12 } {
+            let view = random_view(&mut rng, size, levels, added);
+            let found = renderer.settled(&view);
+            for (place, found) in (0u32..).zip(&found) {
+                let at = DVec2::new(f64::from(place % VIEW) + 0.5, f64::from(place / VIEW) + 0.5);
+                let uv = view.origin + view.across * at.x + view.down * at.y;
+                let wanted = reference.trilinear(uv, &view);
+                let off = (found.as_dvec4() - wanted).abs().max_element();
+                assert!(
+                    off <= 2.0 / 255.0,
+                    "case {number}, view {round} {view:?}, pixel {at}: {found}, not {wanted}"
+                );
+            }
+        }
+    }
+}

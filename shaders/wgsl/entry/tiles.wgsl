@@ -1,0 +1,125 @@
+// The update of a cache of tiles, its further passes: superblocks of all tiles at once, plane by plane, and texels into the pool.
+
+struct EntryStep {
+    // The plane that is decoded, the coarsest first.
+    plane: u32,
+}
+
+@group(0) @binding(0) var<storage, read> entry_plan: TexfoldTilePlan;
+@group(0) @binding(1) var<storage, read> texfold_block_words: array<u32>;
+@group(0) @binding(2) var<storage, read> texfold_block_streams: array<u32>;
+@group(0) @binding(3) var<storage, read_write> texfold_block_scratch: array<i32>;
+@group(0) @binding(4) var<uniform> entry_step: EntryStep;
+
+var<private> texfold_block_pass: TexfoldBlockPass;
+
+// Words that an invocation clears.
+const ENTRY_CLEARED: u32 = 64u;
+
+@compute @workgroup_size(64)
+fn clear_scratch(@builtin(local_invocation_index) thread: u32, @builtin(workgroup_id) group: vec3<u32>) {
+    for (var row = 0u; row < ENTRY_CLEARED; row += 1u) {
+        let word = (group.x * ENTRY_CLEARED + row) * 64u + thread;
+        if word < entry_plan.words {
+            texfold_block_scratch[word] = 0;
+        }
+    }
+}
+
+// The tile of the superblock of that number of a plane, and the superblock's number among those of the tile; the number of tiles where
+// there are fewer.
+fn entry_superblock(number: u32) -> vec2<u32> {
+    let sums = entry_step.plane * TEXFOLD_TILE_SUMS;
+    if number >= entry_plan.superblocks[sums + entry_plan.count] {
+        return vec2<u32>(entry_plan.count, 0u);
+    }
+    var tile = 0u;
+    for (var step = TEXFOLD_TILE_MOST / 2u; step > 0u; step /= 2u) {
+        if tile + step < entry_plan.count && entry_plan.superblocks[sums + tile + step] <= number {
+            tile += step;
+        }
+    }
+    return vec2<u32>(tile, number - entry_plan.superblocks[sums + tile]);
+}
+
+// The same of a block's axis.
+fn entry_block(number: u32) -> vec2<u32> {
+    let sums = entry_step.plane * TEXFOLD_TILE_SUMS;
+    if number >= entry_plan.blocks[sums + entry_plan.count] {
+        return vec2<u32>(entry_plan.count, 0u);
+    }
+    var tile = 0u;
+    for (var step = TEXFOLD_TILE_MOST / 2u; step > 0u; step /= 2u) {
+        if tile + step < entry_plan.count && entry_plan.blocks[sums + tile + step] <= number {
+            tile += step;
+        }
+    }
+    return vec2<u32>(tile, number - entry_plan.blocks[sums + tile]);
+}
+
+@compute @workgroup_size(64)
+fn read_superblocks(@builtin(global_invocation_id) id: vec3<u32>) {
+    let found = entry_superblock(id.x);
+    if found.x < entry_plan.count {
+        texfold_block_pass = entry_plan.passes[found.x * TEXFOLD_TILE_PLANES + entry_step.plane];
+        let columns = texfold_block_pass.count.x;
+        texfold_block_superblock(vec2<u32>(found.y % columns, found.y / columns));
+    }
+}
+
+@compute @workgroup_size(64)
+fn transform_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
+    let found = entry_block(id.x);
+    if found.x < entry_plan.count {
+        texfold_block_pass = entry_plan.passes[found.x * TEXFOLD_TILE_PLANES + entry_step.plane];
+        texfold_block_samples(found.y);
+    }
+}
+
+fn entry_deblock(number: u32, is_above: u32) {
+    let found = entry_block(number);
+    if found.x < entry_plan.count {
+        texfold_block_pass = entry_plan.passes[found.x * TEXFOLD_TILE_PLANES + entry_step.plane];
+        if texfold_block_pass.deblocking > 0 {
+            texfold_block_deblock(found.y, is_above);
+        }
+    }
+}
+
+@compute @workgroup_size(64)
+fn deblock_columns(@builtin(global_invocation_id) id: vec3<u32>) {
+    entry_deblock(id.x, 0u);
+}
+
+@compute @workgroup_size(64)
+fn deblock_rows(@builtin(global_invocation_id) id: vec3<u32>) {
+    entry_deblock(id.x, 1u);
+}
+
+@group(1) @binding(0) var<storage, read> texfold_tile_textures: array<TexfoldTileTexture>;
+@group(1) @binding(1) var<storage, read> entry_stages: array<TexfoldTileStage>;
+@group(1) @binding(2) var entry_pool: texture_storage_2d_array<rgba8unorm, write>;
+
+var<private> entry_output: EntryOutput;
+
+@compute @workgroup_size(8, 8)
+fn write_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.z >= entry_plan.count || entry_plan.requests[id.z].stage >= 0x80000000u {
+        return;
+    }
+    let request = entry_plan.requests[id.z];
+    let flags = texfold_tile_textures[request.texture].flags;
+    let size = texfold_tile_level_size(texfold_tile_textures[request.texture].size, request.level);
+    texfold_block_pass = entry_plan.passes[(id.z + 1u) * TEXFOLD_TILE_PLANES - 1u];
+    entry_output.shift = entry_stages[request.stage].shift;
+    entry_output.largest = entry_stages[request.stage].largest;
+    entry_output.means = entry_stages[request.stage].means;
+    entry_output.first_axes = entry_stages[request.stage].first_axes;
+    entry_output.weights = entry_stages[request.stage].weights;
+    entry_output.last = entry_stages[request.stage].size - vec2<u32>(1u);
+    entry_output.reduce_log2 = request.level % 3u;
+    entry_output.average = entry_stages[request.stage].average;
+    let texel = vec4<f32>(entry_texel(texfold_tile_source(request.tile, size, flags, id.xy)));
+    let target_texel = texfold_tile_place(request.slot, textureDimensions(entry_pool).x);
+    textureStore(entry_pool, target_texel.xy + id.xy, target_texel.z, texel / f32(entry_output.largest));
+}

@@ -1,0 +1,381 @@
+// The update of a cache of tiles, first pass: which of the tiles that are wanted are decoded, into which places of the pool, and how.
+// One workgroup.
+
+struct EntryOptions {
+    // Places in the pool.
+    slots: u32,
+    // Most tiles to decode.
+    tiles: u32,
+    // Words of scratch memory.
+    words: u32,
+    // Passes that draw tiles.
+    sources: u32,
+}
+
+@group(0) @binding(0) var<storage, read> texfold_tile_textures: array<TexfoldTileTexture>;
+@group(0) @binding(1) var<storage, read_write> texfold_tile_pages: array<u32>;
+@group(0) @binding(2) var<storage, read_write> texfold_tile_feedback: TexfoldTileFeedback;
+// For each place in the pool the number of its page, counted from 1; 0 where it is free.
+@group(0) @binding(3) var<storage, read_write> entry_slots: array<u32>;
+@group(0) @binding(4) var<storage, read> entry_stages: array<TexfoldTileStage>;
+@group(0) @binding(5) var<storage, read_write> entry_plan: TexfoldTilePlan;
+// Numbers of workgroups: of the clearing pass, of reading and of transforming each plane, of writing, then of each pass that draws.
+@group(0) @binding(6) var<storage, read_write> entry_workgroups: array<u32>;
+@group(0) @binding(7) var<uniform> entry_options: EntryOptions;
+
+// A place that is never given away.
+const ENTRY_KEPT: u32 = 0xffffffffu;
+const ENTRY_THREADS: u32 = 256u;
+// Ages of places in frames: the last one is that of free ones, the one before stands for all that are older.
+const ENTRY_AGES: u32 = 256u;
+// From this age on a place may be given away.
+const ENTRY_LEAST_AGE: u32 = 2u;
+// In so many frames every pixel has marked what it reads.
+const ENTRY_CYCLE: u32 = 64u;
+const ENTRY_WORKGROUP: u32 = 64u;
+const ENTRY_CLEARED: u32 = 64u;
+// Of each kind of request.
+const ENTRY_DRAWN: u32 = 0x80000000u;
+
+var<workgroup> entry_ages: array<atomic<u32>, ENTRY_AGES>;
+// Wanted tiles of each level, then the next rank of each.
+var<workgroup> entry_levels: array<atomic<u32>, TEXFOLD_TILE_LEVELS>;
+var<workgroup> entry_chosen: array<u32, TEXFOLD_TILE_MOST>;
+var<workgroup> entry_words: array<u32, TEXFOLD_TILE_MOST>;
+var<workgroup> entry_places: array<u32, TEXFOLD_TILE_MOST>;
+var<workgroup> entry_count: u32;
+var<workgroup> entry_oldest: u32;
+var<workgroup> entry_rest: atomic<u32>;
+var<workgroup> entry_next: atomic<u32>;
+
+// A wanted tile.
+struct EntryTile {
+    texture: u32,
+    level: u32,
+    tile: vec2<u32>,
+    page: u32,
+    // Whether there is such a tile and it is still missing.
+    is_wanted: bool,
+}
+
+fn entry_wanted(number: u32) -> EntryTile {
+    let words = texfold_tile_feedback.tiles[number];
+    var tile: EntryTile;
+    tile.texture = words.x & 0xffffffu;
+    tile.level = words.x >> 24u;
+    tile.tile = vec2<u32>(words.y & 0xffffu, words.y >> 16u);
+    if tile.texture >= arrayLength(&texfold_tile_textures) {
+        return tile;
+    }
+    let levels = min(texfold_tile_textures[tile.texture].levels, texfold_tile_textures[tile.texture].tail);
+    if tile.level >= min(levels, TEXFOLD_TILE_LEVELS) {
+        return tile;
+    }
+    let size = texfold_tile_level_size(texfold_tile_textures[tile.texture].size, tile.level);
+    let count = texfold_tile_count(size);
+    if any(tile.tile >= count) {
+        return tile;
+    }
+    tile.page = texfold_tile_textures[tile.texture].pages[tile.level] + tile.tile.y * count.x + tile.tile.x;
+    tile.is_wanted = texfold_tile_pages[tile.page] == 0u;
+    return tile;
+}
+
+// Frames since a place was last looked at.
+fn entry_age(slot: u32) -> u32 {
+    let entry = entry_slots[slot];
+    if entry == ENTRY_KEPT {
+        return 0u;
+    }
+    if entry == 0u || texfold_tile_pages[entry - 1u] != slot + 1u {
+        return ENTRY_AGES - 1u;
+    }
+    let seen = atomicLoad(&texfold_tile_feedback.marks[entry - 1u]);
+    return min(texfold_tile_feedback.frame - seen, ENTRY_AGES - 2u);
+}
+
+// Columns or rows of superblocks that a tile needs, the first and how many: of a level of `level` texels, each 2^`reduce` samples of
+// `size`, from the tile's texel `begin` on. Behind the last one the first ones follow.
+fn entry_superblocks(begin: i32, level: i32, size: u32, reduce: u32, log2: u32, is_clamped: bool) -> vec2<u32> {
+    let all = (size + (1u << log2) - 1u) >> log2;
+    var start = begin;
+    var end = min(begin + i32(TEXFOLD_TILE_SIDE), level + i32(TEXFOLD_TILE_BORDER));
+    if is_clamped {
+        start = max(start, 0);
+        end = min(end, level);
+    }
+    if end - start >= level {
+        return vec2<u32>(0u, all);
+    }
+    let first = u32((start + level) % level);
+    let last = u32((end - 1) % level);
+    let one = (first << reduce) >> log2;
+    let other = min(((last + 1u) << reduce) - 1u, size - 1u) >> log2;
+    return vec2<u32>(one, select(min(all - one + other + 1u, all), other - one + 1u, last >= first));
+}
+
+// The same of the base, whose samples are the means of `blocks` blocks: those of the superblocks in `range`, and one around them.
+fn entry_base(range: vec2<u32>, side: u32, blocks: u32, log2: u32) -> vec2<u32> {
+    let all = (blocks + side - 1u) / side;
+    let base = (blocks + (1u << log2) - 1u) >> log2;
+    if range.y >= all {
+        return vec2<u32>(0u, base);
+    }
+    let first = (max(range.x * side, 1u) - 1u) >> log2;
+    let end = range.x + range.y;
+    if end <= all {
+        return vec2<u32>(first, (min(end * side, blocks - 1u) >> log2) - first + 1u);
+    }
+    let last = min((end - all) * side, blocks - 1u) >> log2;
+    return vec2<u32>(first, min(base - first + last + 1u, base));
+}
+
+// Plans the planes of a tile, as tile `number` of the update; returns the words that they take.
+fn entry_planes(number: u32, tile: EntryTile) -> u32 {
+    let texture = tile.texture;
+    let is_clamped = (texfold_tile_textures[texture].flags & TEXFOLD_TILE_CLAMP) != 0u;
+    let stage = texfold_tile_textures[texture].stages + tile.level / 3u;
+    let reduce = tile.level % 3u;
+    let log2 = entry_stages[stage].superblock_log2;
+    let side = (1u << log2) / 8u;
+    let level = vec2<i32>(texfold_tile_level_size(texfold_tile_textures[texture].size, tile.level));
+    let begin = vec2<i32>(tile.tile * TEXFOLD_TILE_INNER) - vec2<i32>(i32(TEXFOLD_TILE_BORDER));
+    var size = entry_stages[stage].size;
+    var columns = entry_superblocks(begin.x, level.x, size.x, reduce, log2, is_clamped);
+    var rows = entry_superblocks(begin.y, level.y, size.y, reduce, log2, is_clamped);
+    var words = 0u;
+    var plane = 0u;
+    for (; plane < TEXFOLD_TILE_PLANES; plane += 1u) {
+        let place = number * TEXFOLD_TILE_PLANES + TEXFOLD_TILE_PLANES - 1u - plane;
+        let all = (size + vec2<u32>((1u << log2) - 1u)) >> vec2<u32>(log2);
+        let is_last = size.x <= 8u && size.y <= 8u;
+        var planned: TexfoldBlockPass;
+        planned.plane_blocks = (size + vec2<u32>(7u)) / 8u;
+        planned.first = vec2<u32>(columns.x, rows.x);
+        planned.count = vec2<u32>(columns.y, rows.y);
+        planned.held = planned.count * side;
+        planned.wrap = all * side;
+        planned.superblock_columns = all.x;
+        planned.side = side;
+        planned.axes = entry_stages[stage].axes;
+        planned.ranks = entry_stages[stage].ranks;
+        planned.is_base = u32(plane > 0u);
+        planned.has_base = u32(!is_last);
+        planned.steps = entry_stages[stage].steps + TEXFOLD_BLOCK_WORDS * plane;
+        planned.offsets = entry_stages[stage].offsets;
+        planned.index = entry_stages[stage].index;
+        planned.index_bits = entry_stages[stage].index_bits;
+        planned.stream_bytes = entry_stages[stage].stream_bytes;
+        planned.deblocking = select(0, entry_stages[stage].deblocking, plane == 0u);
+        planned.tables = entry_stages[stage].tables;
+        planned.streams = entry_stages[stage].streams;
+        let blocks = planned.held.x * planned.held.y * planned.axes;
+        planned.samples = words;
+        planned.notes = words + blocks * TEXFOLD_BLOCK_WORDS;
+        words += blocks * (TEXFOLD_BLOCK_WORDS + TEXFOLD_BLOCK_NOTES);
+        if plane > 0u {
+            // What the finer plane takes from this one.
+            entry_plan.passes[place + 1u].base_first = planned.first * side * 8u;
+            entry_plan.passes[place + 1u].base_held = planned.held;
+            entry_plan.passes[place + 1u].base_wrap = planned.wrap * 8u;
+            entry_plan.passes[place + 1u].base_samples = planned.samples;
+        }
+        entry_plan.passes[place] = planned;
+        if is_last {
+            break;
+        }
+        columns = entry_base(columns, side, planned.plane_blocks.x, log2);
+        rows = entry_base(rows, side, planned.plane_blocks.y, log2);
+        size = planned.plane_blocks;
+    }
+    // The coarsest plane's superblocks come first in the index; there are none of planes that the stage does not have.
+    var before = 0u;
+    for (var place = number * TEXFOLD_TILE_PLANES; place < (number + 1u) * TEXFOLD_TILE_PLANES; place += 1u) {
+        if place + min(plane, TEXFOLD_TILE_PLANES - 1u) + 1u < (number + 1u) * TEXFOLD_TILE_PLANES {
+            entry_plan.passes[place].count = vec2<u32>(0u);
+            entry_plan.passes[place].held = vec2<u32>(0u);
+            continue;
+        }
+        entry_plan.passes[place].superblock_start = before;
+        let all = entry_plan.passes[place].wrap / side;
+        before += all.x * all.y;
+    }
+    return words;
+}
+
+// Raises the bias where there is no room for what is wanted, and lowers it where much is not looked at.
+fn entry_adjust_bias(wanted: u32, unused: u32) {
+    let bias = texfold_tile_feedback.bias;
+    if wanted > unused {
+        texfold_tile_feedback.bias = min(bias + 0.0625, 8.0);
+    } else if unused - wanted > entry_options.slots / 4u {
+        texfold_tile_feedback.bias = max(bias - 0.015625, 0.0);
+    }
+}
+
+@compute @workgroup_size(ENTRY_THREADS)
+fn plan_tiles(@builtin(local_invocation_index) thread: u32) {
+    // Ages of all places, levels of all tiles that are wanted.
+    for (var slot = thread; slot < entry_options.slots; slot += ENTRY_THREADS) {
+        atomicAdd(&entry_ages[entry_age(slot)], 1u);
+    }
+    let entries = min(atomicLoad(&texfold_tile_feedback.wanted), TEXFOLD_TILE_MOST_WANTED);
+    for (var number = thread; number < entries; number += ENTRY_THREADS) {
+        let tile = entry_wanted(number);
+        if tile.is_wanted {
+            atomicAdd(&entry_levels[tile.level], 1u);
+        }
+    }
+    workgroupBarrier();
+    if thread == 0u {
+        var wanted = 0u;
+        for (var level = 0u; level < TEXFOLD_TILE_LEVELS; level += 1u) {
+            // The first rank of each level, the coarsest first.
+            let coarse = TEXFOLD_TILE_LEVELS - 1u - level;
+            wanted += atomicExchange(&entry_levels[coarse], wanted);
+        }
+        var unused = 0u;
+        for (var age = ENTRY_CYCLE; age < ENTRY_AGES; age += 1u) {
+            unused += atomicLoad(&entry_ages[age]);
+        }
+        entry_adjust_bias(wanted, unused);
+        // The oldest places, and of the youngest age among them as many as are needed.
+        let most = min(min(wanted, entry_options.tiles), TEXFOLD_TILE_MOST);
+        var oldest = ENTRY_AGES - 1u;
+        var found = atomicLoad(&entry_ages[oldest]);
+        while found < most && oldest > ENTRY_LEAST_AGE {
+            oldest -= 1u;
+            found += atomicLoad(&entry_ages[oldest]);
+        }
+        let count = min(most, found);
+        entry_count = count;
+        entry_oldest = oldest;
+        atomicStore(&entry_rest, count - min(count, found - atomicLoad(&entry_ages[oldest])));
+        texfold_tile_feedback.missing = wanted;
+    }
+    let most = workgroupUniformLoad(&entry_count);
+    for (var number = thread; number < entries; number += ENTRY_THREADS) {
+        let tile = entry_wanted(number);
+        if tile.is_wanted {
+            let rank = atomicAdd(&entry_levels[tile.level], 1u);
+            if rank < most {
+                entry_chosen[rank] = number;
+            }
+        }
+    }
+    for (var slot = thread; slot < entry_options.slots; slot += ENTRY_THREADS) {
+        let age = entry_age(slot);
+        var is_given = age > entry_oldest;
+        if age == entry_oldest && most > 0u {
+            // As many as are left to be found.
+            is_given = atomicSub(&entry_rest, 1u) - 1u < most;
+        }
+        if is_given && age >= ENTRY_LEAST_AGE {
+            let place = atomicAdd(&entry_next, 1u);
+            if place < most {
+                entry_places[place] = slot;
+            }
+        }
+    }
+    workgroupBarrier();
+    var mine: EntryTile;
+    if thread < most {
+        mine = entry_wanted(entry_chosen[thread]);
+        entry_words[thread] = 0u;
+        if texfold_tile_textures[mine.texture].source == 0u {
+            entry_words[thread] = entry_planes(thread, mine);
+        } else {
+            for (var plane = 0u; plane < TEXFOLD_TILE_PLANES; plane += 1u) {
+                entry_plan.passes[thread * TEXFOLD_TILE_PLANES + plane].count = vec2<u32>(0u);
+                entry_plan.passes[thread * TEXFOLD_TILE_PLANES + plane].held = vec2<u32>(0u);
+            }
+        }
+    }
+    storageBarrier();
+    workgroupBarrier();
+    if thread == 0u {
+        // The first block of scratch memory stays 0.
+        var words = TEXFOLD_BLOCK_WORDS;
+        var count = 0u;
+        for (; count < most; count += 1u) {
+            let next = words + entry_words[count];
+            if next > entry_options.words {
+                break;
+            }
+            entry_words[count] = words;
+            words = next;
+        }
+        entry_count = count;
+        entry_plan.count = count;
+        entry_plan.words = words;
+        entry_workgroups[0] = select(0u, (words + ENTRY_WORKGROUP * ENTRY_CLEARED - 1u) / (ENTRY_WORKGROUP * ENTRY_CLEARED), count > 0u);
+        entry_workgroups[1] = 1u;
+        entry_workgroups[2] = 1u;
+        texfold_tile_feedback.decoded = count;
+        texfold_tile_feedback.missing -= count;
+        texfold_tile_feedback.frame += 1u;
+        atomicStore(&texfold_tile_feedback.wanted, 0u);
+    }
+    let count = workgroupUniformLoad(&entry_count);
+    if thread < count {
+        let slot = entry_places[thread];
+        let before = entry_slots[slot];
+        if before != 0u && texfold_tile_pages[before - 1u] == slot + 1u {
+            texfold_tile_pages[before - 1u] = 0u;
+        }
+        entry_slots[slot] = mine.page + 1u;
+        texfold_tile_pages[mine.page] = slot + 1u;
+        let source = texfold_tile_textures[mine.texture].source;
+        let stage = texfold_tile_textures[mine.texture].stages + mine.level / 3u;
+        entry_plan.requests[thread] = TexfoldTileRequest(
+            mine.texture,
+            mine.level,
+            mine.tile,
+            slot,
+            select(ENTRY_DRAWN | source, stage, source == 0u),
+        );
+        for (var plane = 0u; plane < TEXFOLD_TILE_PLANES; plane += 1u) {
+            let place = thread * TEXFOLD_TILE_PLANES + plane;
+            entry_plan.passes[place].samples += entry_words[thread];
+            entry_plan.passes[place].notes += entry_words[thread];
+            entry_plan.passes[place].base_samples += entry_words[thread];
+        }
+    }
+    storageBarrier();
+    workgroupBarrier();
+    // Sums over the tiles: a thread a plane.
+    if thread < TEXFOLD_TILE_PLANES {
+        var superblocks = 0u;
+        var blocks = 0u;
+        for (var number = 0u; number < count; number += 1u) {
+            let planned = entry_plan.passes[number * TEXFOLD_TILE_PLANES + thread];
+            entry_plan.superblocks[thread * TEXFOLD_TILE_SUMS + number] = superblocks;
+            entry_plan.blocks[thread * TEXFOLD_TILE_SUMS + number] = blocks;
+            superblocks += planned.count.x * planned.count.y;
+            blocks += planned.held.x * planned.held.y * planned.axes;
+        }
+        entry_plan.superblocks[thread * TEXFOLD_TILE_SUMS + count] = superblocks;
+        entry_plan.blocks[thread * TEXFOLD_TILE_SUMS + count] = blocks;
+        let read = 3u * (1u + thread);
+        entry_workgroups[read] = (superblocks + ENTRY_WORKGROUP - 1u) / ENTRY_WORKGROUP;
+        entry_workgroups[read + 1u] = 1u;
+        entry_workgroups[read + 2u] = 1u;
+        let transform = read + 3u * TEXFOLD_TILE_PLANES;
+        entry_workgroups[transform] = (blocks + ENTRY_WORKGROUP - 1u) / ENTRY_WORKGROUP;
+        entry_workgroups[transform + 1u] = 1u;
+        entry_workgroups[transform + 2u] = 1u;
+    }
+    // Tiles of superblocks, then those of each pass that draws.
+    for (var source = thread; source <= entry_options.sources; source += ENTRY_THREADS) {
+        var tiles = 0u;
+        for (var number = 0u; number < count; number += 1u) {
+            let stage = entry_plan.requests[number].stage;
+            tiles += u32(stage == (ENTRY_DRAWN | source) || source == 0u && stage < ENTRY_DRAWN);
+        }
+        let write = 3u * (1u + 2u * TEXFOLD_TILE_PLANES + source);
+        entry_workgroups[write] = TEXFOLD_TILE_SIDE / 8u;
+        entry_workgroups[write + 1u] = TEXFOLD_TILE_SIDE / 8u;
+        // A pass looks for its tiles among all of them.
+        entry_workgroups[write + 2u] = select(0u, count, tiles > 0u);
+    }
+}

@@ -1,0 +1,23 @@
+// Texels of a tile, and where they lie.
+
+// The texel of a level of that size that texel `at` of a tile repeats, border included.
+fn texfold_tile_source(tile: vec2<u32>, size: vec2<u32>, flags: u32, at: vec2<u32>) -> vec2<u32> {
+    let whole = vec2<i32>(size);
+    let border = vec2<i32>(i32(TEXFOLD_TILE_BORDER));
+    let place = vec2<i32>(tile * TEXFOLD_TILE_INNER + at) - border;
+    if (flags & TEXFOLD_TILE_CLAMP) != 0u {
+        return vec2<u32>(clamp(place, vec2<i32>(0), whole - vec2<i32>(1)));
+    }
+    // Further behind the edge nothing is read.
+    let wrapped = min(place, whole + border - vec2<i32>(1)) % whole;
+    return vec2<u32>((wrapped + whole) % whole);
+}
+
+// Column and row of a place's first texel, and its layer, in a pool of layers of `side` texels.
+fn texfold_tile_place(slot: u32, side: u32) -> vec3<u32> {
+    let row = side / TEXFOLD_TILE_SIDE;
+    return vec3<u32>(
+        vec2<u32>(slot % row, slot / row % row) * TEXFOLD_TILE_SIDE,
+        slot / (row * row),
+    );
+}

@@ -1,0 +1,55 @@
+// What an update of a cache of tiles decodes.
+
+// Most tiles of an update.
+const TEXFOLD_TILE_MOST: u32 = 64u;
+// Most planes of a stage: those of 262144 texels a side.
+const TEXFOLD_TILE_PLANES: u32 = 6u;
+// Numbers of a plane's sums: one for each tile, and the sum of all.
+const TEXFOLD_TILE_SUMS: u32 = 65u;
+
+// A stage of a texture in superblocks: texfold_gpu::tiles::StageRow.
+struct TexfoldTileStage {
+    means: vec4<i32>,
+    first_axes: vec4<u32>,
+    weights: array<vec4<i32>, 4>,
+    size: vec2<u32>,
+    tables: u32,
+    steps: u32,
+    index: u32,
+    index_bits: u32,
+    streams: u32,
+    stream_bytes: u32,
+    superblock_log2: u32,
+    axes: u32,
+    ranks: u32,
+    offsets: u32,
+    deblocking: i32,
+    shift: u32,
+    largest: i32,
+    average: u32,
+}
+
+// A tile to decode.
+struct TexfoldTileRequest {
+    texture: u32,
+    level: u32,
+    tile: vec2<u32>,
+    // Its place in the pool.
+    slot: u32,
+    // Its stage, or behind 31 bits 1 where another pass draws it.
+    stage: u32,
+}
+
+// All tiles of an update.
+struct TexfoldTilePlan {
+    count: u32,
+    // Words of scratch memory that they take.
+    words: u32,
+    // For each plane, the coarsest first, and each tile: superblocks of the tiles before it.
+    superblocks: array<u32, 390>,
+    // The same of blocks and axes.
+    blocks: array<u32, 390>,
+    requests: array<TexfoldTileRequest, 64>,
+    // For each tile its planes, the finest last.
+    passes: array<TexfoldBlockPass, 384>,
+}

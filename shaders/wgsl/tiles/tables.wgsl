@@ -1,0 +1,75 @@
+// Tables of a cache of tiles, as the passes that fill it and the shaders that draw from it read them.
+
+// Texels along a tile's side, border included.
+const TEXFOLD_TILE_SIDE: u32 = 128u;
+// Texels of the border, which repeat those of the tiles around.
+const TEXFOLD_TILE_BORDER: u32 = 4u;
+// Texels along a tile's side without its border.
+const TEXFOLD_TILE_INNER: u32 = 120u;
+// Most mip levels in tiles of their own.
+const TEXFOLD_TILE_LEVELS: u32 = 12u;
+// Most tiles that wait for a place.
+const TEXFOLD_TILE_MOST_WANTED: u32 = 4096u;
+// Flags of a texture.
+const TEXFOLD_TILE_SRGB: u32 = 1u;
+const TEXFOLD_TILE_CLAMP: u32 = 2u;
+
+// A texture: texfold_gpu::tiles::TextureRow.
+struct TexfoldTileTexture {
+    // Columns and rows of level 0.
+    size: vec2<u32>,
+    // Mip levels; 0 where there is no texture.
+    levels: u32,
+    // The first level whose texels lie in the tail, a quarter of a tile that is always there.
+    tail: u32,
+    // Number of that quarter.
+    quarter: u32,
+    flags: u32,
+    // Number of the first of its decoded stages, each of three levels.
+    stages: u32,
+    // 0 for superblocks; from 1 on the number of the pass that draws its tiles.
+    source: u32,
+    // For each level the number of the page of its first tile; pages are row by row.
+    pages: array<u32, 12>,
+}
+
+// What shaders that draw report of the frame, and what the passes that fill the cache answer.
+struct TexfoldTileFeedback {
+    // Number of the frame.
+    frame: u32,
+    // Mip levels that are added, so that all tiles find a place.
+    bias: f32,
+    // Tiles that the last update decoded.
+    decoded: u32,
+    // Tiles that it left for later.
+    missing: u32,
+    // Entries of `tiles`; larger where there was no place for more.
+    wanted: atomic<u32>,
+    reserved: array<u32, 3>,
+    // Tiles that are to be decoded: texture and level behind 24 bits, column and row behind 16.
+    tiles: array<vec2<u32>, 4096>,
+    // For each page the frame in which it was last looked at.
+    marks: array<atomic<u32>>,
+}
+
+// Columns and rows of a level.
+fn texfold_tile_level_size(size: vec2<u32>, level: u32) -> vec2<u32> {
+    return max(size >> vec2<u32>(level), vec2<u32>(1u));
+}
+
+// Columns and rows of tiles of a level of that size.
+fn texfold_tile_count(size: vec2<u32>) -> vec2<u32> {
+    return (size + vec2<u32>(TEXFOLD_TILE_INNER - 1u)) / TEXFOLD_TILE_INNER;
+}
+
+// Where a level of the tail lies in its quarter, with its border: the level of that number, the largest of 32 texels a side at most.
+fn texfold_tile_tail_place(number: u32) -> vec2<u32> {
+    switch number {
+        case 0u: { return vec2<u32>(0u, 0u); }
+        case 1u: { return vec2<u32>(40u, 0u); }
+        case 2u: { return vec2<u32>(40u, 24u); }
+        case 3u: { return vec2<u32>(40u, 40u); }
+        case 4u: { return vec2<u32>(40u, 52u); }
+        default: { return vec2<u32>(0u, 40u); }
+    }
+}

@@ -20,7 +20,7 @@ pub use module::{Binding, ImageOffsets, LightOffsets, ModuleInfo, Offsets, Switc
 pub use plan::{BLOCK_NOTES, BLOCK_WORDS, DCT_TABLES, DctPass, DctPlan};
 pub use slot::{PasteError, Slot, paste};
 pub use table::{MODULES, image_modules, module};
-pub use tiles::{tile_passes, tile_plan, tiles};
+pub use tiles::{tile_drawing, tile_passes, tile_plan, tiles};
 
 /// A shader that this project draws with, around a module's functions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -63,14 +63,14 @@ pub fn entry(module: &'static ModuleInfo, entry: Entry) -> String {
         Entry::Mesh => include_str!("../wgsl/entry/mesh.wgsl").to_owned(),
         Entry::LoadsOnly => [VIEW, include_str!("../wgsl/entry/loads_only.wgsl")].join("\n"),
     };
-    [whole(module), body].join("\n")
+    [whole(module, 0), body].join("\n")
 }
 
 /// A whole shader that draws a light field on its mesh: `module` in group 0, the camera in group 1; its functions are
 /// `vertex_main` and `fragment_main`.
 #[must_use]
 pub fn light(module: &'static ModuleInfo) -> String {
-    whole(module)
+    whole(module, 0)
 }
 
 /// A whole shader that draws a plain texture (group 0: texture, sampler) with the parameters of [`Entry::Draw`].
@@ -109,7 +109,7 @@ pub fn block(target: DctTarget) -> String {
     [BLOCK_PASS, BLOCK, BLOCK_TEXEL, include_str!("../wgsl/entry/block.wgsl"), target].join("\n")
 }
 
-/// The module in group 0 by its own names, and what entry points call.
-fn whole(module: &'static ModuleInfo) -> String {
-    [shared(), Slot::new(module, 0, 0).source(), module.entry_source.to_owned()].join("\n")
+/// The module in a group by its own names, and what entry points call.
+fn whole(module: &'static ModuleInfo, group: u32) -> String {
+    [shared(), Slot::new(module, group, 0).source(), module.entry_source.to_owned()].join("\n")
 }

@@ -1,6 +1,6 @@
 //! WGSL of the cache of tiles: what a renderer pastes to draw from it, and the passes that fill it.
 
-use crate::{BLOCK, BLOCK_PASS, BLOCK_TEXEL};
+use crate::{BLOCK, BLOCK_PASS, BLOCK_TEXEL, ModuleInfo, whole};
 
 const TABLES: &str = include_str!("../wgsl/tiles/tables.wgsl");
 const PLACE: &str = include_str!("../wgsl/tiles/place.wgsl");
@@ -29,4 +29,12 @@ pub fn tile_plan() -> String {
 pub fn tile_passes() -> String {
     [TABLES, PLACE, BLOCK_PASS, BLOCK, BLOCK_TEXEL, REQUEST, include_str!("../wgsl/entry/tiles.wgsl")]
         .join("\n")
+}
+
+/// A whole compute shader that draws tiles of a texture that is not in superblocks, one of [`crate::image_modules`], with its bindings in
+/// group 1: `draw_tiles`.
+#[must_use]
+pub fn tile_drawing(module: &'static ModuleInfo) -> String {
+    let entry = include_str!("../wgsl/entry/tiles_draw.wgsl");
+    [&whole(module, 1), TABLES, PLACE, BLOCK_PASS, REQUEST, entry].join("\n")
 }

@@ -5,7 +5,7 @@
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use texfold_shaders::{
     Binding, DctTarget, Entry, MODULES, ModuleInfo, Offsets, PasteError, Slot, block, entry, image_modules,
-    light, paste, plain, tile_passes, tile_plan, tiles,
+    light, paste, plain, tile_drawing, tile_passes, tile_plan, tiles,
 };
 
 fn validate(name: &str, source: &str) -> naga::Module {
@@ -69,6 +69,7 @@ fn the_shaders_of_the_cache_of_tiles_are_valid() {
     {
         validate(name, &source);
     }
+    image_modules().for_each(|module| drop(validate(module.name, &tile_drawing(module))));
 }
 
 #[test]

@@ -12,7 +12,7 @@ use crate::texture::{Bound, DECODED_FORMAT, GpuPlane, Group, Surface, entries};
 use crate::{Gpu, GpuError, GpuTexture};
 
 /// The module that reads plain texels.
-const PLAIN_MODULE: &str = "bc";
+pub(crate) const PLAIN_MODULE: &str = "bc";
 /// Name of textures that blocks are decoded to.
 const DECODED_PART: &str = "decoded blocks";
 

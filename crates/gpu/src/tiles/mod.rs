@@ -10,21 +10,26 @@
 //! One bind group serves all textures, of any size: within WebGPU's default limits, with 8192 texels a side and 256 layers of the pool.
 //! Where the pool is too small for what is seen, a mip bias rises until it fits.
 //!
-//! *Not done*: textures of other codecs than superblocks; pools of more than 8 bits a sample (16-bit samples are rounded to 8); more than one buffer
+//! Textures of other codecs are uploaded as [`Gpu::upload`] does, and their tiles are drawn from that.
+//!
+//! *Not done*: pools of more than 8 bits a sample (16-bit samples are rounded to 8); more than one buffer
 //! of streams: textures must fit one binding of the device, 128 MiB where it was made with WebGPU's defaults.
 
 mod pipelines;
 mod rows;
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use range_alloc::RangeAllocator;
 use texfold_core::{Encoded, GpuDct, Image2d, ImageAddress, SurfaceSize, Texel};
-use wgpu::{Buffer, BufferUsages, CommandEncoder, Texture, TextureUsages};
+use texfold_shaders::ModuleInfo;
+use wgpu::{BindingResource, Buffer, BufferUsages, CommandEncoder, Texture, TextureUsages};
 
 use crate::dct::{channels_of, colours};
-use crate::{AddressMode, Gpu, GpuError};
-use pipelines::{Pipelines, Resources, STEP_STRIDE};
+use crate::upload::PLAIN_MODULE;
+use crate::{AddressMode, Gpu, GpuError, GpuTexture, compute};
+use pipelines::{Pipelines, Resources, STEP_STRIDE, Source};
 use rows::{
     CLAMP, FEEDBACK_BYTES, INNER, MOST_LEVELS, MOST_TILES, PLAN_BYTES, PLANES, SIDE, SRGB, StageRow,
     TextureRow, tail_of, tail_place,
@@ -103,6 +108,12 @@ impl TileTexture {
     pub fn index(self) -> u32 {
         self.0
     }
+
+    /// The texture of that number.
+    #[must_use]
+    pub fn from_index(index: u32) -> Self {
+        TileTexture(index)
+    }
 }
 
 /// The outcome of the last update.
@@ -117,8 +128,10 @@ pub struct TileReport {
 }
 
 /// What a texture takes of the cache.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Held {
+    /// Where it is not in superblocks.
+    source: Option<Source>,
     pages: Range<u32>,
     stages: Range<u32>,
     /// Words and streams of each stage, in words of the data.
@@ -137,6 +150,10 @@ pub struct TileCache {
     stage_table: Buffer,
     data: Buffer,
     workgroups: Buffer,
+    plan: Buffer,
+    stored: wgpu::TextureView,
+    /// Pipelines that draw tiles of textures of a module.
+    drawing: Vec<(&'static ModuleInfo, wgpu::ComputePipeline)>,
     scratch_words: u64,
     bytes: u64,
     held: Vec<Option<Held>>,
@@ -228,11 +245,11 @@ impl TileCache {
         let slot_table = buffer("places of tiles", 4 * u64::from(slots), table);
         let stage_table = buffer("stages of tiles", row_bytes::<StageRow>(stages), table);
         let plan = buffer("plan of tiles", PLAN_BYTES, table);
-        let workgroups =
-            buffer("workgroups of tiles", 12 * u64::from(2 + 2 * PLANES), table | BufferUsages::INDIRECT);
+        let dispatches = 12 * u64::from(2 + 2 * PLANES + options.textures);
+        let workgroups = buffer("workgroups of tiles", dispatches, table | BufferUsages::INDIRECT);
         let data = buffer("streams of tiles", options.stream_bytes, table);
         let scratch = buffer("scratch of tiles", 4 * scratch_words, table);
-        let settings = [slots, options.tiles_per_update, scratch_words as u32, 0];
+        let settings = [slots, options.tiles_per_update, scratch_words as u32, options.textures];
         let settings = gpu.buffer("options of tiles", bytemuck::cast_slice(&settings), BufferUsages::UNIFORM);
         let mut steps = vec![0u8; (STEP_STRIDE * u64::from(PLANES)) as usize];
         for (step, bytes) in (0u32..).zip(steps.chunks_mut(STEP_STRIDE as usize)) {
@@ -250,6 +267,7 @@ impl TileCache {
             anisotropy_clamp: options.anisotropy,
             ..Default::default()
         });
+        let stored = view(FORMAT, TextureUsages::STORAGE_BINDING);
         let pipelines = Pipelines::new(
             device,
             &Resources {
@@ -264,7 +282,7 @@ impl TileCache {
                 steps: &steps,
                 data: &data,
                 scratch: &scratch,
-                stored: &view(FORMAT, TextureUsages::STORAGE_BINDING),
+                stored: &stored,
                 plain: &view(FORMAT, TextureUsages::TEXTURE_BINDING),
                 srgb: &view(FORMAT.add_srgb_suffix(), TextureUsages::TEXTURE_BINDING),
                 sampler: &sampler,
@@ -287,6 +305,9 @@ impl TileCache {
             stage_table,
             data,
             workgroups,
+            plan,
+            stored,
+            drawing: Vec::new(),
             scratch_words,
             bytes,
         }
@@ -319,28 +340,49 @@ impl TileCache {
         self.bytes
     }
 
-    /// Adds image `image` of a texture in superblocks: uploads its streams and decodes its smallest levels. A texture without mip levels is
-    /// drawn from its only one.
+    /// Adds all images of a texture, and returns their numbers in the order of its layout: uploads what its tiles are decoded from, and
+    /// decodes the smallest levels on the CPU. Images without mip levels are drawn from their only one.
     ///
     /// # Errors
-    /// [`GpuError::NoSuchSurface`]; [`GpuError::Form`] for textures of other codecs; [`GpuError::TilesFull`].
+    /// [`GpuError::TilesFull`], and [`GpuError`] as [`Gpu::upload`]; nothing is added then.
     pub fn add(
         &mut self,
         gpu: &Gpu,
         texture: &dyn Encoded<Domain = Image2d>,
-        image: u32,
         look: TileLook,
+    ) -> Result<Vec<TileTexture>, GpuError> {
+        let form = texture.gpu();
+        let is_in_superblocks = !form.blocks.is_empty() && form.module == PLAIN_MODULE;
+        let uploaded = if is_in_superblocks { None } else { Some(Arc::new(gpu.upload(&texture.gpu())?)) };
+        let mut added = Vec::new();
+        for image in 0..texture.layout().surfaces.len() as u32 {
+            let stages: Vec<&GpuDct<'_>> = form
+                .blocks
+                .iter()
+                .filter(|stage| is_in_superblocks && stage.image == image as usize)
+                .collect();
+            match self.add_image(gpu, (texture, image), look, stages, uploaded.as_ref()) {
+                Ok(texture) => added.push(texture),
+                Err(error) => {
+                    added.into_iter().for_each(|texture| self.remove(gpu, texture));
+                    return Err(error);
+                }
+            }
+        }
+        Ok(added)
+    }
+
+    /// Adds an image in superblocks, or one that is uploaded.
+    fn add_image(
+        &mut self,
+        gpu: &Gpu,
+        (texture, image): (&dyn Encoded<Domain = Image2d>, u32),
+        look: TileLook,
+        stages: Vec<&GpuDct<'_>>,
+        uploaded: Option<&Arc<GpuTexture>>,
     ) -> Result<TileTexture, GpuError> {
         let layout = texture.layout();
-        let Some(&size) = layout.surfaces.get(image as usize) else {
-            return Err(GpuError::NoSuchSurface { surface: image, surfaces: layout.surfaces.len() });
-        };
-        let form = texture.gpu();
-        let stages: Vec<&GpuDct<'_>> =
-            form.blocks.iter().filter(|stage| stage.image == image as usize).collect();
-        if stages.is_empty() || form.module != "bc" {
-            return Err(GpuError::Form { what: "a cache of tiles takes images in superblocks alone" });
-        }
+        let size = layout.surfaces[image as usize];
         let tail = tail_of(size);
         let levels = layout.levels.min(size.full_levels());
         let own = levels.min(tail);
@@ -351,29 +393,62 @@ impl TileCache {
         let words =
             drawn.iter().map(|stage| StageRow::most_words(stage, stage.levels - 1)).max().unwrap_or(0);
         if words + u64::from(texfold_shaders::BLOCK_WORDS) > self.scratch_words {
-            return Err(GpuError::TilesFull {
-                what: "a tile of this texture needs more scratch memory",
-                option: "scratch_bytes",
-            });
+            let what = "a tile of this texture needs more scratch memory";
+            return Err(GpuError::TilesFull { what, option: "scratch_bytes" });
         }
         let free = self.held.iter().position(Option::is_none);
         let index =
             free.ok_or(GpuError::TilesFull { what: "all textures are in use", option: "textures" })?;
-        let (row, held) = self.reserve(size, (levels, tail), &drawn)?;
+        let (row, mut held) = self.reserve(size, (levels, tail), &drawn)?;
+        let number = index as u32 + 1;
         let flags = u32::from(look.srgb) * SRGB | u32::from(look.address == AddressMode::Clamp) * CLAMP;
-        let row = TextureRow { quarter: index as u32, flags, ..row };
-        let write = gpu.guarded(|| {
+        let source = if uploaded.is_some() { number } else { 0 };
+        let row = TextureRow { quarter: index as u32, flags, source, ..row };
+        let written = gpu.guarded(|| {
+            held.source = uploaded.map(|texture| self.source(gpu, texture, image, number)).transpose()?;
             self.write_stages(gpu, &drawn, &held)?;
             self.write_tail(gpu, texture, image, &row);
             self.write_row(gpu, index, &row);
             Ok(())
         });
-        if let Err(error) = write {
+        if let Err(error) = written {
             self.free(held);
             return Err(error);
         }
         self.held[index] = Some(held);
         Ok(TileTexture(index as u32))
+    }
+
+    /// The pass that draws tiles of an uploaded image.
+    fn source(
+        &mut self,
+        gpu: &Gpu,
+        texture: &Arc<GpuTexture>,
+        image: u32,
+        number: u32,
+    ) -> Result<Source, GpuError> {
+        let module = texture.module();
+        let known = self.drawing.iter().find(|(known, _)| *known == module);
+        let pipeline = if let Some((_, pipeline)) = known {
+            pipeline.clone()
+        } else {
+            let shader = compute::shader(&gpu.device, module.name, texfold_shaders::tile_drawing(module));
+            let layouts = [Some(&self.pipelines.source_layout), Some(gpu.layouts.of(module))];
+            let made = compute::pipeline(&gpu.device, &shader, "draw_tiles", &layouts);
+            self.drawing.push((module, made.clone()));
+            made
+        };
+        let (_, place) = texture.bind_group(image)?;
+        let params =
+            gpu.buffer("source", bytemuck::cast_slice(&[number, place, 0, 0]), BufferUsages::UNIFORM);
+        let resources = [
+            self.plan.as_entire_binding(),
+            self.textures.as_entire_binding(),
+            BindingResource::TextureView(&self.stored),
+            params.as_entire_binding(),
+        ];
+        let group = compute::group(&gpu.device, &self.pipelines.source_layout, &resources);
+        Ok(Source { number, texture: Arc::clone(texture), image, pipeline, group })
     }
 
     /// Removes a texture; lookups of it give transparent black until another one takes its number. Tiles that are being decoded do no harm.
@@ -387,7 +462,8 @@ impl TileCache {
 
     /// Records the passes that decode what draws before it have looked at and not found: once a frame, after these.
     pub fn update(&self, encoder: &mut CommandEncoder) {
-        self.pipelines.record(encoder, &self.workgroups);
+        let sources = self.held.iter().flatten().filter_map(|held| held.source.as_ref());
+        self.pipelines.record(encoder, &self.workgroups, sources);
     }
 
     /// The outcome of the last update; waits for the GPU. For tests and displays of statistics: nothing depends on it.
@@ -426,7 +502,7 @@ impl TileCache {
             *first = count;
             count = width.div_ceil(INNER).saturating_mul(height.div_ceil(INNER)).saturating_add(count);
         }
-        let mut held = Held { pages: 0..0, stages: 0..0, data: Vec::new() };
+        let mut held = Held::default();
         let done = self.allocate(count, stages, &mut held);
         if let Err(error) = done {
             self.free(held);

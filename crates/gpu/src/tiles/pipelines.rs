@@ -5,7 +5,10 @@ use wgpu::{
     ShaderStages, TextureView, TextureViewDimension,
 };
 
+use std::sync::Arc;
+
 use super::rows::PLANES;
+use crate::GpuTexture;
 use crate::compute::{group, layout, pipeline, shader, storage, uniform};
 
 /// Distance of the numbers of planes in their buffer: what every device allows for dynamic offsets.
@@ -41,6 +44,8 @@ pub(super) struct Pipelines {
     write: ComputePipeline,
     decode: BindGroup,
     output: BindGroup,
+    /// What passes that draw tiles bind, beside the texture itself.
+    pub(super) source_layout: BindGroupLayout,
     pub(super) draw_layout: BindGroupLayout,
     pub(super) draw: BindGroup,
 }
@@ -115,6 +120,12 @@ impl Pipelines {
         );
         let module = shader(device, "passes of tiles", texfold_shaders::tile_passes());
         let pass = |entry: &str| pipeline(device, &module, entry, &[Some(&decode_layout)]);
+        let source_layout = layout(
+            device,
+            "source of tiles",
+            ShaderStages::COMPUTE,
+            &[storage(true), storage(true), target, uniform(None)],
+        );
         let texture = BindingType::Texture {
             sample_type: wgpu::TextureSampleType::Float { filterable: true },
             view_dimension: TextureViewDimension::D2Array,
@@ -148,13 +159,19 @@ impl Pipelines {
             write: pipeline(device, &module, "write_tiles", &[Some(&decode_layout), Some(&output_layout)]),
             decode,
             output,
+            source_layout,
             draw_layout,
             draw,
         }
     }
 
     /// Records an update, whose sizes the plan writes to `workgroups`.
-    pub(super) fn record(&self, encoder: &mut wgpu::CommandEncoder, workgroups: &Buffer) {
+    pub(super) fn record<'s>(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        workgroups: &Buffer,
+        sources: impl Iterator<Item = &'s Source>,
+    ) {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
             label: Some("update of tiles"),
             timestamp_writes: None,
@@ -179,5 +196,23 @@ impl Pipelines {
         pass.set_bind_group(1, &self.output, &[]);
         pass.set_pipeline(&self.write);
         pass.dispatch_workgroups_indirect(workgroups, u64::from(12 * (1 + 2 * PLANES)));
+        for source in sources {
+            let Ok((texture, _)) = source.texture.bind_group(source.image) else { continue };
+            pass.set_pipeline(&source.pipeline);
+            pass.set_bind_group(0, &source.group, &[]);
+            pass.set_bind_group(1, texture, &[]);
+            pass.dispatch_workgroups_indirect(workgroups, u64::from(12 * (1 + 2 * PLANES + source.number)));
+        }
     }
+}
+
+/// An image that is not in superblocks, and the pass that draws its tiles.
+#[derive(Debug)]
+pub(super) struct Source {
+    /// Counted from 1.
+    pub(super) number: u32,
+    pub(super) texture: Arc<GpuTexture>,
+    pub(super) image: u32,
+    pub(super) pipeline: ComputePipeline,
+    pub(super) group: BindGroup,
 }

@@ -108,7 +108,7 @@ fn write_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let request = entry_plan.requests[id.z];
-    let flags = texfold_tile_textures[request.texture].flags;
+    let flags = texfold_tile_flags(texfold_tile_textures[request.texture].shape);
     let size = texfold_tile_level_size(texfold_tile_textures[request.texture].size, request.level);
     texfold_block_pass = entry_plan.passes[(id.z + 1u) * TEXFOLD_TILE_PLANES - 1u];
     entry_output.shift = entry_stages[request.stage].shift;

@@ -19,7 +19,7 @@ fn draw_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let request = entry_plan.requests[id.z];
-    let flags = texfold_tile_textures[request.texture].flags;
+    let flags = texfold_tile_flags(texfold_tile_textures[request.texture].shape);
     let size = texfold_tile_level_size(texfold_tile_textures[request.texture].size, request.level);
     let at = texfold_tile_source(request.tile, size, flags, id.xy);
     let target_texel = texfold_tile_place(request.slot, textureDimensions(entry_pool).x);

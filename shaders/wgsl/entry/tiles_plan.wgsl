@@ -10,6 +10,9 @@ struct EntryOptions {
     words: u32,
     // Passes that draw tiles.
     sources: u32,
+    // Tiles along a side of a layer of the pool.
+    columns: u32,
+    reserved: vec3<u32>,
 }
 
 @group(0) @binding(0) var<storage, read> texfold_tile_textures: array<TexfoldTileTexture>;
@@ -67,8 +70,8 @@ fn entry_wanted(number: u32) -> EntryTile {
     if tile.texture >= arrayLength(&texfold_tile_textures) {
         return tile;
     }
-    let levels = min(texfold_tile_textures[tile.texture].levels, texfold_tile_textures[tile.texture].tail);
-    if tile.level >= min(levels, TEXFOLD_TILE_LEVELS) {
+    let shape = texfold_tile_textures[tile.texture].shape;
+    if tile.level >= min(min(texfold_tile_levels(shape), texfold_tile_tail(shape)), TEXFOLD_TILE_LEVELS) {
         return tile;
     }
     let size = texfold_tile_level_size(texfold_tile_textures[tile.texture].size, tile.level);
@@ -76,9 +79,16 @@ fn entry_wanted(number: u32) -> EntryTile {
     if any(tile.tile >= count) {
         return tile;
     }
-    tile.page = texfold_tile_textures[tile.texture].pages[tile.level] + tile.tile.y * count.x + tile.tile.x;
+    tile.page = texfold_tile_textures[tile.texture].levels[tile.level].x + tile.tile.y * count.x + tile.tile.x;
     tile.is_wanted = texfold_tile_pages[tile.page] == 0u;
     return tile;
+}
+
+// What a page says of a place.
+fn entry_there(slot: u32) -> u32 {
+    let columns = entry_options.columns;
+    let layer = slot / (columns * columns);
+    return TEXFOLD_TILE_THERE | (layer << 16u) | (slot / columns % columns << 8u) | slot % columns;
 }
 
 // Frames since a place was last looked at.
@@ -87,7 +97,7 @@ fn entry_age(slot: u32) -> u32 {
     if entry == ENTRY_KEPT {
         return 0u;
     }
-    if entry == 0u || texfold_tile_pages[entry - 1u] != slot + 1u {
+    if entry == 0u || texfold_tile_pages[entry - 1u] != entry_there(slot) {
         return ENTRY_AGES - 1u;
     }
     let seen = atomicLoad(&texfold_tile_feedback.marks[entry - 1u]);
@@ -133,7 +143,8 @@ fn entry_base(range: vec2<u32>, side: u32, blocks: u32, log2: u32) -> vec2<u32> 
 // Plans the planes of a tile, as tile `number` of the update; returns the words that they take.
 fn entry_planes(number: u32, tile: EntryTile) -> u32 {
     let texture = tile.texture;
-    let is_clamped = (texfold_tile_textures[texture].flags & TEXFOLD_TILE_CLAMP) != 0u;
+    let flags = texfold_tile_flags(texfold_tile_textures[texture].shape);
+    let is_clamped = (flags & TEXFOLD_TILE_CLAMP) != 0u;
     let stage = texfold_tile_textures[texture].stages + tile.level / 3u;
     let reduce = tile.level % 3u;
     let log2 = entry_stages[stage].superblock_log2;
@@ -320,11 +331,11 @@ fn plan_tiles(@builtin(local_invocation_index) thread: u32) {
     if thread < count {
         let slot = entry_places[thread];
         let before = entry_slots[slot];
-        if before != 0u && texfold_tile_pages[before - 1u] == slot + 1u {
+        if before != 0u && texfold_tile_pages[before - 1u] == entry_there(slot) {
             texfold_tile_pages[before - 1u] = 0u;
         }
         entry_slots[slot] = mine.page + 1u;
-        texfold_tile_pages[mine.page] = slot + 1u;
+        texfold_tile_pages[mine.page] = entry_there(slot);
         let source = texfold_tile_textures[mine.texture].source;
         let stage = texfold_tile_textures[mine.texture].stages + mine.level / 3u;
         entry_plan.requests[thread] = TexfoldTileRequest(

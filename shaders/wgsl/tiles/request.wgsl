@@ -53,3 +53,8 @@ struct TexfoldTilePlan {
     // For each tile its planes, the finest last.
     passes: array<TexfoldBlockPass, 384>,
 }
+
+// Columns and rows of tiles of a level of that size.
+fn texfold_tile_count(size: vec2<u32>) -> vec2<u32> {
+    return (size + vec2<u32>(TEXFOLD_TILE_INNER - 1u)) / TEXFOLD_TILE_INNER;
+}

@@ -4,7 +4,7 @@
 // level shows. Functions without `level` or `grad` take derivatives: they are called from uniform control flow.
 
 @group(TEXFOLD_GROUP) @binding(0) var<storage, read> texfold_tile_textures: array<TexfoldTileTexture>;
-// For each tile its place in the pool, counted from 1; 0 where it is not there.
+// For each tile its place in the pool, or 0.
 @group(TEXFOLD_GROUP) @binding(1) var<storage, read> texfold_tile_pages: array<u32>;
 @group(TEXFOLD_GROUP) @binding(2) var<storage, read_write> texfold_tile_feedback: TexfoldTileFeedback;
 @group(TEXFOLD_GROUP) @binding(3) var texfold_tile_pool: texture_2d_array<f32>;
@@ -22,6 +22,12 @@ override TEXFOLD_TILE_COLOURS: u32 = 2u;
 // A lookup of one texture.
 struct TexfoldTileLookup {
     texture: u32,
+    // Columns and rows of level 0.
+    size: vec2<u32>,
+    // The first level of the tail, and the levels that have tiles of their own.
+    tail: u32,
+    own: u32,
+    flags: u32,
     // Texture coordinates, in [0, 1].
     at: vec2<f32>,
     // Their changes across a pixel.
@@ -32,9 +38,9 @@ struct TexfoldTileLookup {
 }
 
 // Marks a tile as looked at, and asks for it where it is missing.
-fn texfold_tile_mark(texture: u32, level: u32, tile: vec2<u32>, page: u32, slot: u32) {
+fn texfold_tile_mark(texture: u32, level: u32, tile: vec2<u32>, page: u32, place: u32) {
     let frame = texfold_tile_feedback.frame;
-    if atomicExchange(&texfold_tile_feedback.marks[page], frame) == frame || slot != 0u {
+    if atomicExchange(&texfold_tile_feedback.marks[page], frame) == frame || place != 0u {
         return;
     }
     let number = atomicAdd(&texfold_tile_feedback.wanted, 1u);
@@ -43,60 +49,58 @@ fn texfold_tile_mark(texture: u32, level: u32, tile: vec2<u32>, page: u32, slot:
     }
 }
 
-// The pool's texel at `at` of the tile in place `slot`, filtered by the sampler.
-fn texfold_tile_pooled(lookup: TexfoldTileLookup, size: vec2<f32>, slot: u32, at: vec2<f32>) -> vec4<f32> {
-    let side = textureDimensions(texfold_tile_pool).x;
-    let row = side / TEXFOLD_TILE_SIDE;
-    let place = vec2<u32>(slot % row, slot / row % row) * TEXFOLD_TILE_SIDE;
-    let uv = (vec2<f32>(place) + at) / f32(side);
-    let layer = slot / (row * row);
-    let across = lookup.across * size / f32(side);
-    let down = lookup.down * size / f32(side);
-    let is_srgb = (texfold_tile_textures[lookup.texture].flags & TEXFOLD_TILE_SRGB) != 0u;
+// A level's colour, or that of the finest coarser one that is there.
+fn texfold_tile_filtered(lookup: TexfoldTileLookup, level: u32) -> vec4<f32> {
+    // The loop looks for a place alone: software renderers run what stands in a loop once more than it takes. Integers are not divided, which
+    // these do lane by lane.
+    var place = 0u;
+    var inner = vec2<f32>(0.0);
+    var size = vec2<f32>(0.0);
+    var found = level;
+    for (var step = 0u; step < TEXFOLD_TILE_LEVELS; step += 1u) {
+        let is_own = found < lookup.own;
+        size = vec2<f32>(texfold_tile_level_size(lookup.size, found));
+        let at = lookup.at * size;
+        // A tile's border serves where rounding takes the one before or behind.
+        let tile = vec2<u32>(min(at, size - vec2<f32>(0.01)) / f32(TEXFOLD_TILE_INNER));
+        let pages = texfold_tile_textures[lookup.texture].levels[found];
+        let page = pages.x + tile.y * pages.y + tile.x;
+        place = select(0u, texfold_tile_pages[page], is_own);
+        inner = at - vec2<f32>(tile * TEXFOLD_TILE_INNER) + f32(TEXFOLD_TILE_BORDER);
+        if lookup.is_marked && is_own && (found == level || place != 0u) {
+            texfold_tile_mark(lookup.texture, found, tile, page, place);
+        }
+        if place != 0u || !is_own {
+            break;
+        }
+        found += 1u;
+    }
+    var corner = vec2<u32>(place & 255u, (place >> 8u) & 255u) * TEXFOLD_TILE_SIDE;
+    if place == 0u {
+        place = texfold_tile_textures[lookup.texture].tail;
+        found = max(found, lookup.tail);
+        size = vec2<f32>(texfold_tile_level_size(lookup.size, found));
+        inner = lookup.at * size + f32(TEXFOLD_TILE_BORDER);
+        corner = vec2<u32>(place & 255u, (place >> 8u) & 255u) * (TEXFOLD_TILE_SIDE / 2u)
+            + texfold_tile_tail_place(found - lookup.tail);
+    }
+    let side = f32(textureDimensions(texfold_tile_pool).x);
+    let uv = (vec2<f32>(corner) + inner) / side;
+    let layer = (place >> 16u) & 0x7fffu;
+    let is_srgb = TEXFOLD_TILE_COLOURS == 1u
+        || TEXFOLD_TILE_COLOURS == 2u && (lookup.flags & TEXFOLD_TILE_SRGB) != 0u;
     if TEXFOLD_TILE_ANISOTROPY > 1.0 {
-        if TEXFOLD_TILE_COLOURS == 1u || TEXFOLD_TILE_COLOURS == 2u && is_srgb {
+        let across = lookup.across * size / side;
+        let down = lookup.down * size / side;
+        if is_srgb {
             return textureSampleGrad(texfold_tile_pool_srgb, texfold_tile_sampler, uv, layer, across, down);
         }
         return textureSampleGrad(texfold_tile_pool, texfold_tile_sampler, uv, layer, across, down);
     }
-    if TEXFOLD_TILE_COLOURS == 1u || TEXFOLD_TILE_COLOURS == 2u && is_srgb {
+    if is_srgb {
         return textureSampleLevel(texfold_tile_pool_srgb, texfold_tile_sampler, uv, layer, 0.0);
     }
     return textureSampleLevel(texfold_tile_pool, texfold_tile_sampler, uv, layer, 0.0);
-}
-
-// A level's colour, or that of the finest coarser one that is there.
-fn texfold_tile_filtered(lookup: TexfoldTileLookup, level: u32) -> vec4<f32> {
-    let tail = texfold_tile_textures[lookup.texture].tail;
-    let own = min(texfold_tile_textures[lookup.texture].levels, tail);
-    let whole = texfold_tile_textures[lookup.texture].size;
-    var found = level;
-    for (var step = 0u; step < TEXFOLD_TILE_LEVELS; step += 1u) {
-        if found >= own {
-            found = max(found, tail);
-            break;
-        }
-        let size = texfold_tile_level_size(whole, found);
-        let count = texfold_tile_count(size);
-        let at = lookup.at * vec2<f32>(size);
-        let tile = min(vec2<u32>(at) / TEXFOLD_TILE_INNER, count - vec2<u32>(1u));
-        let page = texfold_tile_textures[lookup.texture].pages[found] + tile.y * count.x + tile.x;
-        let slot = texfold_tile_pages[page];
-        if lookup.is_marked && (found == level || slot != 0u) {
-            texfold_tile_mark(lookup.texture, found, tile, page, slot);
-        }
-        if slot != 0u {
-            let inner = at - vec2<f32>(tile * TEXFOLD_TILE_INNER) + f32(TEXFOLD_TILE_BORDER);
-            return texfold_tile_pooled(lookup, vec2<f32>(size), slot - 1u, inner);
-        }
-        found += 1u;
-    }
-    let quarter = texfold_tile_textures[lookup.texture].quarter;
-    let size = texfold_tile_level_size(whole, found);
-    let place = texfold_tile_tail_place(found - tail)
-        + vec2<u32>(quarter % 2u, quarter / 2u % 2u) * (TEXFOLD_TILE_SIDE / 2u)
-        + vec2<u32>(TEXFOLD_TILE_BORDER);
-    return texfold_tile_pooled(lookup, vec2<f32>(size), quarter / 4u, vec2<f32>(place) + lookup.at * vec2<f32>(size));
 }
 
 // Whether a pixel marks what it reads: about one of each square does, another one in each frame. Pixels are told apart by the texels
@@ -110,23 +114,30 @@ fn texfold_tile_marks(size: vec2<f32>, at: vec2<f32>, lod: f32) -> bool {
 
 // The colour at texture coordinates on a level with a fraction, of a footprint with these changes across a pixel.
 fn texfold_tile_lookup(texture: u32, uv: vec2<f32>, lod: f32, across: vec2<f32>, down: vec2<f32>) -> vec4<f32> {
-    let levels = texfold_tile_textures[texture].levels;
+    let shape = texfold_tile_textures[texture].shape;
+    let levels = texfold_tile_levels(shape);
     if levels == 0u {
         return vec4<f32>(0.0);
     }
-    let is_clamped = (texfold_tile_textures[texture].flags & TEXFOLD_TILE_CLAMP) != 0u;
-    let at = select(fract(uv), clamp(uv, vec2<f32>(0.0), vec2<f32>(1.0)), is_clamped);
-    let last = f32(levels - 1u);
-    let biased = clamp(lod + texfold_tile_feedback.bias, 0.0, last);
-    let is_marked = texfold_tile_marks(vec2<f32>(texfold_tile_textures[texture].size), at, lod);
-    let lookup = TexfoldTileLookup(texture, at, across, down, is_marked);
-    let level = u32(biased);
-    let share = fract(biased);
-    let fine = texfold_tile_filtered(lookup, level);
+    var lookup: TexfoldTileLookup;
+    lookup.texture = texture;
+    lookup.size = texfold_tile_textures[texture].size;
+    lookup.tail = texfold_tile_tail(shape);
+    lookup.own = min(levels, lookup.tail);
+    lookup.flags = texfold_tile_flags(shape);
+    let is_clamped = (lookup.flags & TEXFOLD_TILE_CLAMP) != 0u;
+    lookup.at = select(fract(uv), clamp(uv, vec2<f32>(0.0), vec2<f32>(1.0)), is_clamped);
+    lookup.across = across;
+    lookup.down = down;
+    lookup.is_marked = texfold_tile_marks(vec2<f32>(lookup.size), lookup.at, lod);
+    let fine = clamp(lod + texfold_tile_feedback.bias, 0.0, f32(levels - 1u));
+    let level = u32(fine);
+    let share = fract(fine);
+    let colour = texfold_tile_filtered(lookup, level);
     if share == 0.0 {
-        return fine;
+        return colour;
     }
-    return mix(fine, texfold_tile_filtered(lookup, level + 1u), share);
+    return mix(colour, texfold_tile_filtered(lookup, level + 1u), share);
 }
 
 // The colour at texture coordinates on a level with a fraction, without anisotropy.

@@ -10,6 +10,8 @@ const TEXFOLD_TILE_INNER: u32 = 120u;
 const TEXFOLD_TILE_LEVELS: u32 = 12u;
 // Most tiles that wait for a place.
 const TEXFOLD_TILE_MOST_WANTED: u32 = 4096u;
+// The bit of a page whose tile is there, beside its column, its row behind 8 bits and its layer behind 16, in tiles.
+const TEXFOLD_TILE_THERE: u32 = 0x80000000u;
 // Flags of a texture.
 const TEXFOLD_TILE_SRGB: u32 = 1u;
 const TEXFOLD_TILE_CLAMP: u32 = 2u;
@@ -18,19 +20,18 @@ const TEXFOLD_TILE_CLAMP: u32 = 2u;
 struct TexfoldTileTexture {
     // Columns and rows of level 0.
     size: vec2<u32>,
-    // Mip levels; 0 where there is no texture.
-    levels: u32,
-    // The first level whose texels lie in the tail, a quarter of a tile that is always there.
+    // Mip levels, 0 where there is no texture; behind 8 bits the first level whose texels lie in the tail, a quarter of a tile that is
+    // always there; behind 16 bits flags.
+    shape: u32,
+    // Where the tail lies in the pool, in quarters of tiles: column, row behind 8 bits, layer behind 16.
     tail: u32,
-    // Number of that quarter.
-    quarter: u32,
-    flags: u32,
     // Number of the first of its decoded stages, each of three levels.
     stages: u32,
     // 0 for superblocks; from 1 on the number of the pass that draws its tiles.
     source: u32,
-    // For each level the number of the page of its first tile; pages are row by row.
-    pages: array<u32, 12>,
+    reserved: vec2<u32>,
+    // For each level the number of the page of its first tile, and columns of tiles; pages are row by row.
+    levels: array<vec2<u32>, 12>,
 }
 
 // What shaders that draw report of the frame, and what the passes that fill the cache answer.
@@ -52,14 +53,24 @@ struct TexfoldTileFeedback {
     marks: array<atomic<u32>>,
 }
 
+// Mip levels of a texture.
+fn texfold_tile_levels(shape: u32) -> u32 {
+    return shape & 255u;
+}
+
+// The first level of its tail.
+fn texfold_tile_tail(shape: u32) -> u32 {
+    return (shape >> 8u) & 255u;
+}
+
+// Its flags.
+fn texfold_tile_flags(shape: u32) -> u32 {
+    return shape >> 16u;
+}
+
 // Columns and rows of a level.
 fn texfold_tile_level_size(size: vec2<u32>, level: u32) -> vec2<u32> {
     return max(size >> vec2<u32>(level), vec2<u32>(1u));
-}
-
-// Columns and rows of tiles of a level of that size.
-fn texfold_tile_count(size: vec2<u32>) -> vec2<u32> {
-    return (size + vec2<u32>(TEXFOLD_TILE_INNER - 1u)) / TEXFOLD_TILE_INNER;
 }
 
 // Where a level of the tail lies in its quarter, with its border: the level of that number, the largest of 32 texels a side at most.

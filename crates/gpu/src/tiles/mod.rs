@@ -138,6 +138,16 @@ struct Held {
     data: Vec<Range<u32>>,
 }
 
+/// The levels of a texture that are always there.
+#[derive(Debug, Clone, Copy)]
+struct Tail {
+    /// Column and row in quarters of tiles, and layer.
+    place: [u32; 3],
+    /// The first one, and the one behind the last.
+    first: u32,
+    levels: u32,
+}
+
 /// A cache of decoded tiles.
 #[derive(Debug)]
 pub struct TileCache {
@@ -249,7 +259,20 @@ impl TileCache {
         let workgroups = buffer("workgroups of tiles", dispatches, table | BufferUsages::INDIRECT);
         let data = buffer("streams of tiles", options.stream_bytes, table);
         let scratch = buffer("scratch of tiles", 4 * scratch_words, table);
-        let settings = [slots, options.tiles_per_update, scratch_words as u32, options.textures];
+        let settings = [
+            slots,
+            options.tiles_per_update,
+            scratch_words as u32,
+            options.textures,
+            side / SIDE,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+        ];
         let settings = gpu.buffer("options of tiles", bytemuck::cast_slice(&settings), BufferUsages::UNIFORM);
         let mut steps = vec![0u8; (STEP_STRIDE * u64::from(PLANES)) as usize];
         for (step, bytes) in (0u32..).zip(steps.chunks_mut(STEP_STRIDE as usize)) {
@@ -399,15 +422,21 @@ impl TileCache {
         let free = self.held.iter().position(Option::is_none);
         let index =
             free.ok_or(GpuError::TilesFull { what: "all textures are in use", option: "textures" })?;
-        let (row, mut held) = self.reserve(size, (levels, tail), &drawn)?;
+        let (row, mut held) = self.reserve(size, own, &drawn)?;
         let number = index as u32 + 1;
         let flags = u32::from(look.srgb) * SRGB | u32::from(look.address == AddressMode::Clamp) * CLAMP;
         let source = if uploaded.is_some() { number } else { 0 };
-        let row = TextureRow { quarter: index as u32, flags, source, ..row };
+        let tail = self.tail_of(index as u32, levels.max(tail + 1).min(size.full_levels()), tail);
+        let row = TextureRow {
+            shape: levels | tail.first << 8 | flags << 16,
+            tail: tail.place[0] | tail.place[1] << 8 | tail.place[2] << 16,
+            source,
+            ..row
+        };
         let written = gpu.guarded(|| {
             held.source = uploaded.map(|texture| self.source(gpu, texture, image, number)).transpose()?;
             self.write_stages(gpu, &drawn, &held)?;
-            self.write_tail(gpu, texture, image, &row);
+            self.write_tail(gpu, (texture, image), &tail, (levels, flags));
             self.write_row(gpu, index, &row);
             Ok(())
         });
@@ -492,15 +521,15 @@ impl TileCache {
     fn reserve(
         &mut self,
         size: SurfaceSize,
-        (levels, tail): (u32, u32),
+        own: u32,
         stages: &[&GpuDct<'_>],
     ) -> Result<(TextureRow, Held), GpuError> {
-        let mut row = TextureRow { size: [size.width, size.height], levels, tail, ..TextureRow::default() };
+        let mut row = TextureRow { size: [size.width, size.height], ..TextureRow::default() };
         let mut count = 0u32;
-        for (level, first) in (0..levels.min(tail)).zip(&mut row.pages) {
+        for (level, pages) in (0..own).zip(&mut row.levels) {
             let SurfaceSize { width, height } = size.at_level(level);
-            *first = count;
-            count = width.div_ceil(INNER).saturating_mul(height.div_ceil(INNER)).saturating_add(count);
+            *pages = [count, width.div_ceil(INNER)];
+            count = pages[1].saturating_mul(height.div_ceil(INNER)).saturating_add(count);
         }
         let mut held = Held::default();
         let done = self.allocate(count, stages, &mut held);
@@ -508,7 +537,7 @@ impl TileCache {
             self.free(held);
             return Err(error);
         }
-        row.pages.iter_mut().for_each(|first| *first += held.pages.start);
+        row.levels.iter_mut().for_each(|pages| pages[0] += held.pages.start);
         row.stages = held.stages.start;
         Ok((row, held))
     }
@@ -587,31 +616,39 @@ impl TileCache {
         Ok(())
     }
 
+    /// The tail of a texture of that number.
+    fn tail_of(&self, index: u32, levels: u32, first: u32) -> Tail {
+        let side = self.pool.width() / SIDE;
+        let slot = index / 4;
+        let place =
+            [2 * (slot % side) + index % 2, 2 * (slot / side % side) + index / 2 % 2, slot / (side * side)];
+        Tail { place, first, levels }
+    }
+
     /// Writes the levels that are always there: those that the texture has, else a coarse sample of its only one.
-    fn write_tail(&self, gpu: &Gpu, texture: &dyn Encoded<Domain = Image2d>, image: u32, row: &TextureRow) {
-        let size = SurfaceSize { width: row.size[0], height: row.size[1] };
+    fn write_tail(
+        &self,
+        gpu: &Gpu,
+        (texture, image): (&dyn Encoded<Domain = Image2d>, u32),
+        tail: &Tail,
+        (levels, flags): (u32, u32),
+    ) {
+        let size = texture.layout().surfaces[image as usize];
         let mut texels = vec![[0u8; 4]; (QUARTER * QUARTER) as usize];
-        let levels = row.levels.max(row.tail + 1).min(size.full_levels());
-        for level in row.tail..levels {
+        for level in tail.first..tail.levels {
             let SurfaceSize { width, height } = size.at_level(level);
-            let [left, top] = tail_place(level - row.tail);
+            let [left, top] = tail_place(level - tail.first);
             let border = rows::BORDER as i32;
             for y in -border..height as i32 + border {
                 for x in -border..width as i32 + border {
-                    let at = [addressed(x, width, row.flags), addressed(y, height, row.flags)];
+                    let at = [addressed(x, width, flags), addressed(y, height, flags)];
                     let place = (top as i32 + y) * QUARTER as i32 + left as i32 + x;
-                    texels[place as usize] = texel_of(texture, image, (level, row.levels), size, at);
+                    texels[place as usize] = texel_of(texture, image, (level, levels), size, at);
                 }
             }
         }
-        let side = self.pool.width() / SIDE;
-        let slot = row.quarter / 4;
-        let place = |number: u32, quarter: u32| number * SIDE + quarter * QUARTER;
-        let origin = wgpu::Origin3d {
-            x: place(slot % side, row.quarter % 2),
-            y: place(slot / side % side, row.quarter / 2 % 2),
-            z: slot / (side * side),
-        };
+        let [column, row, layer] = tail.place;
+        let origin = wgpu::Origin3d { x: column * QUARTER, y: row * QUARTER, z: layer };
         gpu.queue.write_texture(
             wgpu::TexelCopyTextureInfo { origin, ..self.pool.as_image_copy() },
             texels.as_flattened(),

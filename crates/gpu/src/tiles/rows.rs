@@ -34,13 +34,15 @@ pub(super) const CLAMP: u32 = 2;
 #[repr(C)]
 pub(super) struct TextureRow {
     pub(super) size: [u32; 2],
-    pub(super) levels: u32,
+    /// Mip levels, first level of the tail, flags: 8, 8 and 16 bits from the lowest on.
+    pub(super) shape: u32,
+    /// Place of the tail in quarters of tiles: column, row, layer, likewise.
     pub(super) tail: u32,
-    pub(super) quarter: u32,
-    pub(super) flags: u32,
     pub(super) stages: u32,
     pub(super) source: u32,
-    pub(super) pages: [u32; MOST_LEVELS],
+    pub(super) reserved: [u32; 2],
+    /// First page and columns of tiles of each level.
+    pub(super) levels: [[u32; 2]; MOST_LEVELS],
 }
 
 /// A stage in superblocks.

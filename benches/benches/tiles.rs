@@ -1,0 +1,264 @@
+//! The cache of tiles beside plain textures, in one run on one adapter: `cargo bench -p texfold-benches --bench tiles`.
+//!
+//! Sixteen textures of 2048 texels a side on the walls of a room are drawn at 1920x1080: from plain RGBA8 and BC7 textures with trilinear
+//! hardware filtering, and from the cache with all tiles there, with 5 % of them new in each frame, and with all of them new. Times
+//! are wall clock of a frame from its submission to the device's answer, medians. The program needs nothing beside it where it
+//! runs: textures are drawn and encoded when it starts.
+
+#[path = "../../crates/gpu/examples/support/scene.rs"]
+mod scene;
+
+use std::error::Error;
+use std::time::{Duration, Instant};
+
+use glam::{Mat4, Vec3};
+use scene::{Quad, Scene, camera};
+use texfold::core::image::{ColorSpace, ImageSet, Raster};
+use texfold::core::{PlaneFormat, SurfaceSize};
+use texfold::{AnyImage, Choice, Effort, EncodeSettings, Goal, Guidance, Job};
+use texfold_gpu::{Gpu, Policy, TileCache, TileLook, TileOptions, TileReport, wgpu};
+
+const SIZE: (u32, u32) = (1920, 1080);
+/// Textures, of which some are drawn and encoded and the others are the same again.
+const TEXTURES: u32 = 16;
+const DRAWN: u32 = 2;
+const SIDE: u32 = 2048;
+/// A median is taken of so many frames, or of those within a time.
+const FRAMES: usize = 30;
+const SECONDS: f64 = 20.0;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let gpu = Gpu::new(Policy::from_env())?;
+    let info = gpu.info();
+    println!("{} ({:?}, {})", info.name, info.device_type, info.driver_info);
+    let images = (0..DRAWN).map(land).collect::<Result<Vec<_>, _>>()?;
+    let encode = |codec: &str, image: &Raster| -> Result<AnyImage, Box<dyn Error>> {
+        let settings = EncodeSettings {
+            codec: Choice::named(codec).ok_or("no such codec")?,
+            goal: if codec == "bc" { Goal::Bpp(11.0) } else { Goal::Bpp(1.0) },
+            effort: Effort::Fast,
+            mips: true,
+            ..EncodeSettings::default()
+        };
+        let set = ImageSet::single(image.clone());
+        Ok(texfold::encode_images(&set, Guidance::default(), &settings, &mut Job::default())?)
+    };
+    let superblocks = images.iter().map(|image| encode("dct", image)).collect::<Result<Vec<_>, _>>()?;
+    let bc7 = images.iter().map(|image| encode("bc", image)).collect::<Result<Vec<_>, _>>()?;
+
+    println!("| drawn from | ms a frame | tiles a frame | MB resident |\n|---|---|---|---|");
+    let plain = plain_frames(&gpu, &superblocks, false)?;
+    println!("| plain RGBA8, trilinear | {:.2} | | {:.1} |", plain.0, plain.1);
+    let blocks = plain_frames(&gpu, &bc7, true)?;
+    println!("| BC7, trilinear | {:.2} | | {:.1} |", blocks.0, blocks.1);
+
+    let options = TileOptions {
+        pool_bytes: 64 << 20,
+        stream_bytes: 32 << 20,
+        textures: TEXTURES,
+        anisotropy: 1,
+        ..TileOptions::default()
+    };
+    let mut cache = TileCache::new(&gpu, &options)?;
+    let textures = fill(&gpu, &mut cache, &superblocks)?;
+    let scene = Scene::tiled(&gpu, &cache, &quads(&textures), SIZE);
+    let megabytes = cache.bytes() as f64 / 1e6;
+    let groups = [cache.bind_group().clone()];
+    let frame = |view: Mat4| {
+        let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        scene.draw(&gpu, &mut encoder, view, &groups);
+        cache.update(&mut encoder);
+        timed(&gpu, encoder)
+    };
+    // First everything is new: from the first frame to the one that misses nothing.
+    let (mut first, mut tiles, mut frames) = (Duration::ZERO, 0, 0u32);
+    loop {
+        first += frame(still())?;
+        let TileReport { decoded, missing, bias } = cache.report(&gpu)?;
+        tiles += decoded;
+        frames += 1;
+        if decoded == 0 && missing == 0 && frames > 2 || frames == 400 {
+            println!(
+                "all new: {tiles} tiles in {frames} frames and {:.0} ms, bias {bias}",
+                1e3 * first.as_secs_f64()
+            );
+            break;
+        }
+    }
+    let drawing = median(|_| {
+        let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        scene.draw(&gpu, &mut encoder, still(), &groups);
+        timed(&gpu, encoder)
+    })?;
+    println!("| tiles, all there, no update | {drawing:.2} | 0 | {megabytes:.1} |");
+    let warm = median(|_| frame(still()))?;
+    println!("| tiles, all there | {:.2} | 0 | {megabytes:.1} |", warm);
+    let mut decoded = 0;
+    let some = median(|number| {
+        let time = frame(turned(number))?;
+        decoded += cache.report(&gpu)?.decoded;
+        Ok(time)
+    })?;
+    println!(
+        "| tiles, camera turning | {some:.2} | {:.1} | {megabytes:.1} |",
+        f64::from(decoded) / FRAMES as f64
+    );
+    println!(
+        "of the plain trilinear draw's speed: {:.2} warm, {:.2} turning",
+        plain.0 / warm,
+        plain.0 / some
+    );
+
+    let texels = f64::from(tiles) * 120.0 * 120.0;
+    let seconds = (first.as_secs_f64() - f64::from(frames) * drawing / 1e3).max(1e-9);
+    println!(
+        "decoding: {:.0} tiles/s, {:.1} megatexels/s",
+        f64::from(tiles) / seconds,
+        texels / seconds / 1e6
+    );
+    Ok(())
+}
+
+/// Land that no other number has.
+fn land(number: u32) -> Result<Raster, Box<dyn Error>> {
+    let samples = texfold_testkit::fixtures::land::land((number * SIDE, 0), (SIDE, SIDE));
+    Ok(Raster::from_u8(SIDE, SIDE, 3, ColorSpace::Srgb, &samples)?)
+}
+
+fn fill(gpu: &Gpu, cache: &mut TileCache, textures: &[AnyImage]) -> Result<Vec<u32>, Box<dyn Error>> {
+    let mut numbers = Vec::new();
+    for number in 0..TEXTURES as usize {
+        let texture = &textures[number % textures.len()];
+        numbers.extend(cache.add(gpu, texture.as_encoded(), TileLook::default())?.iter().map(|t| t.index()));
+    }
+    Ok(numbers)
+}
+
+/// Panels on the floor around the camera, up to the horizon.
+fn quads(textures: &[u32]) -> Vec<Quad> {
+    let panel = |(number, &texture): (u32, &u32)| {
+        let (column, row) = ((number % 4) as f32, (number / 4) as f32);
+        Quad {
+            corner: Vec3::new(4.0 * column - 8.0, 0.0, 4.0 * row - 8.0),
+            across: Vec3::new(4.0, 0.0, 0.0),
+            down: Vec3::new(0.0, 0.0, 4.0),
+            repeats: [1.0, 1.0],
+            texture,
+        }
+    };
+    (0..).zip(textures).map(panel).collect()
+}
+
+fn still() -> Mat4 {
+    turned(0)
+}
+
+/// The camera of a frame, which turns so that about one tile in twenty is new.
+fn turned(number: usize) -> Mat4 {
+    let angle = 0.03 * number as f32;
+    let ahead = Vec3::new(angle.sin(), -0.75, angle.cos());
+    camera(Vec3::new(0.0, 1.6, 0.0), Vec3::new(0.0, 1.6, 0.0) + ahead, SIZE)
+}
+
+/// Milliseconds of a frame of plain textures with mip levels, and their megabytes.
+fn plain_frames(gpu: &Gpu, textures: &[AnyImage], is_bc7: bool) -> Result<(f64, f64), Box<dyn Error>> {
+    let numbers: Vec<u32> = (0..TEXTURES).collect();
+    let scene = Scene::plain(gpu, &quads(&numbers), SIZE);
+    let sampler = gpu.device().create_sampler(&wgpu::SamplerDescriptor {
+        mag_filter: wgpu::FilterMode::Linear,
+        min_filter: wgpu::FilterMode::Linear,
+        mipmap_filter: wgpu::MipmapFilterMode::Linear,
+        ..Default::default()
+    });
+    let mut views = Vec::new();
+    let mut kept = Vec::new();
+    for texture in textures {
+        if is_bc7 {
+            views.push(bc7_view(gpu, texture)?);
+        } else {
+            let uploaded = gpu.upload(&texture.as_encoded().gpu())?;
+            views.push(uploaded.decoded_view(0, true)?);
+            kept.push(uploaded);
+        }
+    }
+    let layout = scene.layout();
+    let group = |number: &u32| {
+        gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &layout,
+            entries: &[
+                wgpu::BindGroupEntry {
+                    binding: 0,
+                    resource: wgpu::BindingResource::TextureView(&views[*number as usize % views.len()]),
+                },
+                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
+            ],
+        })
+    };
+    let groups: Vec<_> = numbers.iter().map(group).collect();
+    let time = median(|_| {
+        let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        scene.draw(gpu, &mut encoder, still(), &groups);
+        timed(gpu, encoder)
+    })?;
+    let bits = if is_bc7 { 8 } else { 32 };
+    let size = SurfaceSize { width: SIDE, height: SIDE };
+    let texels: u64 = (0..size.full_levels()).map(|level| size.at_level(level).texels()).sum();
+    Ok((time, (u64::from(TEXTURES) * texels * bits / 8) as f64 / 1e6))
+}
+
+/// A texture of BC7 blocks with its mip levels.
+fn bc7_view(gpu: &Gpu, texture: &AnyImage) -> Result<wgpu::TextureView, Box<dyn Error>> {
+    let form = texture.as_encoded().gpu();
+    let plane = form.planes.first().filter(|plane| plane.format == PlaneFormat::Bc7);
+    let plane = plane.ok_or("8 bits a texel are not BC7")?;
+    let made = gpu.device().create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d { width: plane.width, height: plane.height, depth_or_array_layers: 1 },
+        mip_level_count: plane.levels,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::Bc7RgbaUnormSrgb,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    let mut rest = &plane.data[..];
+    for (level, (width, height, bytes)) in (0..).zip(plane.level_sizes()) {
+        let (data, behind) = rest.split_at(bytes as usize);
+        rest = behind;
+        gpu.queue().write_texture(
+            wgpu::TexelCopyTextureInfo { mip_level: level, ..made.as_image_copy() },
+            data,
+            wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(width.div_ceil(4) * 16),
+                rows_per_image: None,
+            },
+            wgpu::Extent3d {
+                width: width.next_multiple_of(4),
+                height: height.next_multiple_of(4),
+                depth_or_array_layers: 1,
+            },
+        );
+    }
+    Ok(made.create_view(&wgpu::TextureViewDescriptor::default()))
+}
+
+/// Time from a submission to its end.
+fn timed(gpu: &Gpu, encoder: wgpu::CommandEncoder) -> Result<Duration, Box<dyn Error>> {
+    let start = Instant::now();
+    gpu.queue().submit([encoder.finish()]);
+    gpu.device().poll(wgpu::PollType::wait_indefinitely())?;
+    Ok(start.elapsed())
+}
+
+/// Median of some frames in milliseconds, after one to warm up.
+fn median(mut frame: impl FnMut(usize) -> Result<Duration, Box<dyn Error>>) -> Result<f64, Box<dyn Error>> {
+    frame(0)?;
+    let (start, mut times) = (Instant::now(), Vec::new());
+    while times.len() < FRAMES && (times.len() < 3 || start.elapsed().as_secs_f64() < SECONDS) {
+        times.push(frame(times.len())?.as_secs_f64() * 1e3);
+    }
+    times.sort_by(f64::total_cmp);
+    Ok(times[times.len() / 2])
+}

@@ -1,0 +1,267 @@
+//! A scene of textured rectangles, drawn from a cache of tiles in one draw or from plain textures in one for each.
+#![allow(dead_code, reason = "each renderer uses its own part")]
+
+use bytemuck::{Pod, Zeroable};
+use glam::camera::rh::proj::directx::perspective;
+use glam::camera::rh::view::look_at_mat4;
+use glam::{Mat4, Vec3};
+use texfold_gpu::{Gpu, TileCache, wgpu};
+
+/// Format of what is drawn into.
+pub(crate) const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
+const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+/// A rectangle: its corner at texture coordinates (0, 0) and its sides, along which coordinates grow to `repeats`.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct Quad {
+    pub(crate) corner: Vec3,
+    pub(crate) across: Vec3,
+    pub(crate) down: Vec3,
+    pub(crate) repeats: [f32; 2],
+    pub(crate) texture: u32,
+}
+
+const ATTRIBUTES: [wgpu::VertexAttribute; 5] =
+    wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x3, 3 => Float32x2, 4 => Uint32];
+
+const VERTICES: &str = "
+struct Varying { @builtin(position) clip: vec4<f32>, @location(0) uv: vec2<f32>, @location(1) @interpolate(flat) texture: u32 }
+
+@group(1) @binding(0) var<uniform> camera: mat4x4<f32>;
+
+@vertex
+fn vs(
+    @builtin(vertex_index) index: u32,
+    @location(0) corner: vec3<f32>,
+    @location(1) across: vec3<f32>,
+    @location(2) down: vec3<f32>,
+    @location(3) repeats: vec2<f32>,
+    @location(4) texture: u32,
+) -> Varying {
+    let at = vec2<f32>(f32(index & 1u), f32(index >> 1u));
+    let place = corner + across * at.x + down * at.y;
+    return Varying(camera * vec4<f32>(place, 1.0), at * repeats, texture);
+}
+";
+
+const TILED: &str = "
+@fragment
+fn fs(in: Varying) -> @location(0) vec4<f32> {
+    return texfold_tile_sample(in.texture, in.uv);
+}
+";
+
+const PLAIN: &str = "
+@group(0) @binding(0) var colour: texture_2d<f32>;
+@group(0) @binding(1) var filtered: sampler;
+
+@fragment
+fn fs(in: Varying) -> @location(0) vec4<f32> {
+    return textureSample(colour, filtered, in.uv);
+}
+";
+
+/// Rectangles and what draws them.
+pub(crate) struct Scene {
+    pipeline: wgpu::RenderPipeline,
+    quads: wgpu::Buffer,
+    count: u32,
+    camera: wgpu::Buffer,
+    camera_group: wgpu::BindGroup,
+    target: wgpu::Texture,
+    depth: wgpu::TextureView,
+}
+
+impl Scene {
+    /// A scene whose rectangles are drawn from a cache of tiles.
+    pub(crate) fn tiled(gpu: &Gpu, cache: &TileCache, quads: &[Quad], size: (u32, u32)) -> Scene {
+        let shader = [&cache.wgsl(0), VERTICES, TILED].concat();
+        // All of them are colours: the other half of each lookup is left out.
+        let constants = [("TEXFOLD_TILE_COLOURS", 1.0)];
+        Scene::new(gpu, &shader, Some(cache.bind_group_layout()), &constants, quads, size)
+    }
+
+    /// A scene whose rectangles are each drawn from a texture and a sampler.
+    pub(crate) fn plain(gpu: &Gpu, quads: &[Quad], size: (u32, u32)) -> Scene {
+        Scene::new(gpu, &[VERTICES, PLAIN].concat(), None, &[], quads, size)
+    }
+
+    fn new(
+        gpu: &Gpu,
+        shader: &str,
+        textures: Option<&wgpu::BindGroupLayout>,
+        constants: &[(&str, f64)],
+        quads: &[Quad],
+        (width, height): (u32, u32),
+    ) -> Scene {
+        let device = gpu.device();
+        let source = wgpu::ShaderSource::Wgsl(shader.into());
+        let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
+        let buffer = |bytes: &[u8], usage| {
+            let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+                label: None,
+                size: bytes.len() as u64,
+                usage: usage | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            });
+            gpu.queue().write_buffer(&buffer, 0, bytes);
+            buffer
+        };
+        let uniform = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: None,
+            entries: &[wgpu::BindGroupLayoutEntry {
+                binding: 0,
+                visibility: wgpu::ShaderStages::VERTEX,
+                ty: wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Uniform,
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
+                count: None,
+            }],
+        });
+        let plain = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: None,
+            entries: &[0, 1].map(|binding| wgpu::BindGroupLayoutEntry {
+                binding,
+                visibility: wgpu::ShaderStages::FRAGMENT,
+                ty: if binding == 0 {
+                    wgpu::BindingType::Texture {
+                        sample_type: wgpu::TextureSampleType::Float { filterable: true },
+                        view_dimension: wgpu::TextureViewDimension::D2,
+                        multisampled: false,
+                    }
+                } else {
+                    wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)
+                },
+                count: None,
+            }),
+        });
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            bind_group_layouts: &[Some(textures.unwrap_or(&plain)), Some(&uniform)],
+            ..Default::default()
+        });
+        let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: None,
+            layout: Some(&layout),
+            vertex: wgpu::VertexState {
+                module: &shader,
+                entry_point: Some("vs"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers: &[Some(wgpu::VertexBufferLayout {
+                    array_stride: size_of::<Quad>() as u64,
+                    step_mode: wgpu::VertexStepMode::Instance,
+                    attributes: &ATTRIBUTES,
+                })],
+            },
+            primitive: wgpu::PrimitiveState {
+                topology: wgpu::PrimitiveTopology::TriangleStrip,
+                ..Default::default()
+            },
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: DEPTH,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(wgpu::CompareFunction::Less),
+                stencil: wgpu::StencilState::default(),
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &shader,
+                entry_point: Some("fs"),
+                compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
+                targets: &[Some(FORMAT.into())],
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        let camera = buffer(bytemuck::bytes_of(&Mat4::IDENTITY), wgpu::BufferUsages::UNIFORM);
+        let camera_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &uniform,
+            entries: &[wgpu::BindGroupEntry { binding: 0, resource: camera.as_entire_binding() }],
+        });
+        let texture = |format, usage| {
+            device.create_texture(&wgpu::TextureDescriptor {
+                label: None,
+                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage,
+                view_formats: &[],
+            })
+        };
+        let attached = wgpu::TextureUsages::RENDER_ATTACHMENT;
+        let depth = texture(DEPTH, attached).create_view(&wgpu::TextureViewDescriptor::default());
+        Scene {
+            pipeline,
+            quads: buffer(bytemuck::cast_slice(quads), wgpu::BufferUsages::VERTEX),
+            count: quads.len() as u32,
+            camera,
+            camera_group,
+            target: texture(FORMAT, attached | wgpu::TextureUsages::COPY_SRC),
+            depth,
+        }
+    }
+
+    /// What was drawn.
+    pub(crate) fn target(&self) -> &wgpu::Texture {
+        &self.target
+    }
+
+    /// The layout of a texture and a sampler, for a scene of plain textures.
+    pub(crate) fn layout(&self) -> wgpu::BindGroupLayout {
+        self.pipeline.get_bind_group_layout(0)
+    }
+
+    /// Records a frame: all rectangles with one group, or each with its own.
+    pub(crate) fn draw(
+        &self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        camera: Mat4,
+        groups: &[wgpu::BindGroup],
+    ) {
+        gpu.queue().write_buffer(&self.camera, 0, bytemuck::bytes_of(&camera));
+        let view = self.target.create_view(&wgpu::TextureViewDescriptor::default());
+        let sky = wgpu::Color { r: 0.3, g: 0.45, b: 0.7, a: 1.0 };
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &view,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(sky), store: wgpu::StoreOp::Store },
+            })],
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &self.depth,
+                depth_ops: Some(wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(1.0),
+                    store: wgpu::StoreOp::Discard,
+                }),
+                stencil_ops: None,
+            }),
+            ..Default::default()
+        });
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(1, &self.camera_group, &[]);
+        pass.set_vertex_buffer(0, self.quads.slice(..));
+        if let [all] = groups {
+            pass.set_bind_group(0, all, &[]);
+            pass.draw(0..4, 0..self.count);
+            return;
+        }
+        for (number, group) in (0..self.count).zip(groups) {
+            pass.set_bind_group(0, group, &[]);
+            pass.draw(0..4, number..number + 1);
+        }
+    }
+}
+
+/// A camera at `eye` that looks at `at`, 60 degrees from top to bottom.
+pub(crate) fn camera(eye: Vec3, at: Vec3, (width, height): (u32, u32)) -> Mat4 {
+    perspective(60f32.to_radians(), width as f32 / height as f32, 0.05, 500.0)
+        * look_at_mat4(eye, at, Vec3::Y)
+}

@@ -2,49 +2,16 @@
 //!
 //! Decoding follows the Direct3D definitions without intermediate rounding: BC1 and BC3 colours are 565 values
 //! scaled to [0, 1] and interpolated, BC4 and BC5 interpolate in [0, 1]. Hardware decoders round differently by up
-//! to 2/255; BC7 is exact by definition. ASTC is in `astc.rs`.
-
-use std::ops::Deref;
+//! to 2/255; BC7 is exact by definition.
 
 use dds::{ColorFormat, ImageViewMut, Size};
 use glam::Vec4;
 use texfold_core::PlaneFormat;
 
-use crate::astc;
-
-/// The texels of one block, row by row.
-#[derive(Debug, Clone, PartialEq)]
-#[expect(clippy::large_enum_variant, reason = "BC blocks decode without an allocation")]
-pub enum BlockTexels {
-    /// Of a BC block, or a single texel repeated.
-    Sixteen([Vec4; 16]),
-    /// Of a block of another side.
-    Other(Vec<Vec4>),
-}
-
-impl Deref for BlockTexels {
-    type Target = [Vec4];
-
-    #[inline]
-    fn deref(&self) -> &[Vec4] {
-        match self {
-            BlockTexels::Sixteen(texels) => texels,
-            BlockTexels::Other(texels) => texels,
-        }
-    }
-}
-
-/// The texels of one stored block, row by row: as many as its format's side squared, and at least 16. Missing channels are
-/// 0, missing alpha is 1. Bytes missing from `block` count as 0.
+/// The texels of one stored block, row by row; a single texel is repeated. Missing channels are 0, missing alpha is 1. Bytes
+/// missing from `block` count as 0.
 #[must_use]
-pub fn decode_block(format: PlaneFormat, block: &[u8]) -> BlockTexels {
-    match format {
-        PlaneFormat::Astc(side) => BlockTexels::Other(astc::decode(side, block)),
-        _ => BlockTexels::Sixteen(decode_sixteen(format, block)),
-    }
-}
-
-fn decode_sixteen(format: PlaneFormat, block: &[u8]) -> [Vec4; 16] {
+pub fn decode_block(format: PlaneFormat, block: &[u8]) -> [Vec4; 16] {
     let byte = |index: usize| f32::from(block.get(index).copied().unwrap_or(0));
     match format {
         PlaneFormat::R8Unorm => [Vec4::new(byte(0) / 255.0, 0.0, 0.0, 1.0); 16],

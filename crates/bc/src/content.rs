@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use glam::Vec4;
 use texfold_core::container::Reader;
 use texfold_core::image::PixelInfo;
-use texfold_core::{AstcBlock, LoadError, ParamError, Plane, PlaneFormat, Texel};
+use texfold_core::{LoadError, Plane, PlaneFormat, Texel};
 
 use crate::decode_block;
 
@@ -24,26 +24,15 @@ pub enum Content {
     Bc5,
     /// RGB and alpha in 8 bits a texel, close to the source.
     Bc7,
-    /// RGB and alpha in blocks of 16 bytes; only in builds with the feature `astc`.
-    Astc(AstcBlock),
 }
 
 impl Content {
     /// All kinds, in the order of their numbers in files.
-    pub const ALL: [Content; 12] = [
-        Content::Raw,
-        Content::Bc1,
-        Content::Bc3,
-        Content::Bc4,
-        Content::Bc5,
-        Content::Bc7,
-        Content::Astc(AstcBlock::B4),
-        Content::Astc(AstcBlock::B5),
-        Content::Astc(AstcBlock::B6),
-        Content::Astc(AstcBlock::B8),
-        Content::Astc(AstcBlock::B10),
-        Content::Astc(AstcBlock::B12),
-    ];
+    pub const ALL: [Content; 6] =
+        [Content::Raw, Content::Bc1, Content::Bc3, Content::Bc4, Content::Bc5, Content::Bc7];
+
+    /// Texels a side of the smallest part that can be copied whole: a block, also of plain bytes.
+    pub const CELL_SIDE: u32 = 4;
 
     /// Name on the command line and in reports.
     #[must_use]
@@ -55,29 +44,7 @@ impl Content {
             Content::Bc4 => "bc4",
             Content::Bc5 => "bc5",
             Content::Bc7 => "bc7",
-            Content::Astc(AstcBlock::B4) => "astc4",
-            Content::Astc(AstcBlock::B5) => "astc5",
-            Content::Astc(AstcBlock::B6) => "astc6",
-            Content::Astc(AstcBlock::B8) => "astc8",
-            Content::Astc(AstcBlock::B10) => "astc10",
-            Content::Astc(AstcBlock::B12) => "astc12",
         }
-    }
-
-    /// Whether this build can encode and decode it.
-    #[must_use]
-    pub fn is_available(self) -> bool {
-        !matches!(self, Content::Astc(_)) || crate::astc::AVAILABLE
-    }
-
-    /// Fails where this build cannot encode it.
-    ///
-    /// # Errors
-    /// [`ParamError`] names the feature to build with.
-    pub fn check_available(self) -> Result<(), ParamError> {
-        let range = "the formats of this build, as ASTC content needs the cargo feature `astc`";
-        let error = ParamError::new("content", self.name(), range);
-        if self.is_available() { Ok(()) } else { Err(error) }
     }
 
     /// Its number in files.
@@ -89,30 +56,16 @@ impl Content {
     /// The content of that number in a file.
     ///
     /// # Errors
-    /// [`LoadError`] where there is none, or this build cannot decode it.
+    /// [`LoadError`] where there is none.
     pub fn read(reader: &mut Reader<'_>) -> Result<Content, LoadError> {
         let number = reader.u8()?;
-        let content = *Content::ALL.get(usize::from(number)).ok_or(reader.corrupt("unknown content"))?;
-        if content.is_available() {
-            Ok(content)
-        } else {
-            Err(LoadError::Feature { format: content.name(), feature: "astc" })
-        }
+        Content::ALL.get(usize::from(number)).copied().ok_or(reader.corrupt("unknown content"))
     }
 
-    /// Texels a side of the least part that can be copied whole: a block, or 4 for plain bytes.
-    #[must_use]
-    pub fn cell_side(self) -> u32 {
-        match self {
-            Content::Astc(block) => block.side(),
-            _ => 4,
-        }
-    }
-
-    /// Bits of such a part, of all planes together.
+    /// Bits of a cell, of all planes together.
     #[must_use]
     pub fn cell_bits(self, pixel: PixelInfo) -> u32 {
-        let side = self.cell_side();
+        let side = Content::CELL_SIDE;
         self.formats(pixel).0.iter().map(|format| 8 * format.bytes(side, side) as u32).sum()
     }
 }
@@ -123,25 +76,9 @@ pub enum Family {
     /// What desktop GPUs draw, and plain bytes.
     #[default]
     Bc,
-    /// What mobile GPUs draw, and plain bytes; only in builds with the feature `astc`.
-    Astc,
     /// A small base of the formats that desktop GPUs draw, with a residual plane, in codecs that store content so; others take
     /// what desktop GPUs draw.
     ErrorMap,
-}
-
-impl Family {
-    /// Fails where this build cannot encode `content` or, where there is none, the family.
-    ///
-    /// # Errors
-    /// As [`Content::check_available`].
-    pub fn check_available(self, content: Option<Content>) -> Result<(), ParamError> {
-        match (content, self) {
-            (Some(content), _) => content.check_available(),
-            (None, Family::Astc) => Content::Astc(AstcBlock::B4).check_available(),
-            (None, Family::Bc | Family::ErrorMap) => Ok(()),
-        }
-    }
 }
 
 /// How a texel's channels come out of the planes; the numbers are those of
@@ -164,7 +101,7 @@ impl Content {
     #[must_use]
     pub fn fits(self, pixel: PixelInfo) -> bool {
         match self {
-            Content::Raw | Content::Bc7 | Content::Bc1 | Content::Astc(_) => true,
+            Content::Raw | Content::Bc7 | Content::Bc1 => true,
             Content::Bc3 => pixel.has_alpha(),
             Content::Bc4 => pixel.channels == 1,
             Content::Bc5 => {
@@ -191,7 +128,6 @@ impl Content {
             (Content::Bc5, 2) => (vec![P::Bc5], s::TEXFOLD_GRAY_ALPHA),
             (Content::Bc5, _) => (vec![P::Bc5], s::TEXFOLD_NORMAL),
             (Content::Bc7, _) => (vec![P::Bc7], alpha),
-            (Content::Astc(block), _) => (vec![P::Astc(block)], alpha),
         };
         (formats, Swizzle(swizzle))
     }
@@ -199,7 +135,7 @@ impl Content {
     /// Bits a texel of all planes together.
     #[must_use]
     pub fn bits_per_texel(self, pixel: PixelInfo) -> f64 {
-        f64::from(self.cell_bits(pixel)) / f64::from(self.cell_side().pow(2))
+        f64::from(self.cell_bits(pixel)) / f64::from(Content::CELL_SIDE.pow(2))
     }
 }
 
@@ -263,7 +199,7 @@ impl ContentPlanes {
         })
     }
 
-    /// Copies cells ([`Content::cell_side`]) from planes of the same content, each from a column and row to a column and row in
+    /// Copies cells ([`Content::CELL_SIDE`]) from planes of the same content, each from a column and row to a column and row in
     /// cells; those outside of either are left out.
     pub fn copy_cells(
         &mut self,
@@ -271,7 +207,7 @@ impl ContentPlanes {
         cells: impl IntoIterator<Item = ((u32, u32), (u32, u32))> + Clone,
     ) {
         if from.content == self.content {
-            self.copy(from, self.content.cell_side(), cells);
+            self.copy(from, Content::CELL_SIDE, cells);
         }
     }
 

@@ -100,8 +100,6 @@ pub(crate) enum CliError {
     StackHost { path: PathBuf, host: PathBuf },
     #[error("{}: {given}; give --camera for a light field, --zoom-to and --steps for images", path.display())]
     RenderWhat { path: PathBuf, given: &'static str },
-    #[error("{}: content astc is not in this build; give raw, bc1 or bc7, or build with the cargo feature `astc`", path.display())]
-    NoAstc { path: PathBuf },
     #[error("{}: frame {index} is not of the first frame's size; crop the frames alike or give --as set", path.display())]
     FrameSize { path: PathBuf, index: usize },
     #[error("{}: the mesh cannot be read; export it as OBJ, glTF or GLB again", path.display())]

@@ -227,16 +227,6 @@ pub enum LoadError {
         /// What is wrong.
         what: &'static str,
     },
-    /// Content in a format that this build leaves out.
-    #[error(
-        "the file's content is {format}, which this build cannot decode; build Texfold with the cargo feature `{feature}`"
-    )]
-    Feature {
-        /// The format's name.
-        format: &'static str,
-        /// What brings it.
-        feature: &'static str,
-    },
     /// A limit reached.
     #[error(transparent)]
     Limit(#[from] LimitError),

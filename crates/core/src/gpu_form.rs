@@ -30,44 +30,6 @@ pub enum PlaneFormat {
     Bc5,
     /// 4x4 blocks of 16 bytes: RGB and alpha.
     Bc7,
-    /// Blocks of 16 bytes, whatever their side: RGB and alpha, LDR, read as [0, 1].
-    Astc(AstcBlock),
-}
-
-/// Sides of an ASTC block in texels: the square ones, at 8, 5.12, 3.56, 2, 1.28 and 0.89 bits a texel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum AstcBlock {
-    /// 4x4.
-    B4,
-    /// 5x5.
-    B5,
-    /// 6x6.
-    B6,
-    /// 8x8.
-    B8,
-    /// 10x10.
-    B10,
-    /// 12x12.
-    B12,
-}
-
-impl AstcBlock {
-    /// All of them, by rising side.
-    pub const ALL: [AstcBlock; 6] =
-        [AstcBlock::B4, AstcBlock::B5, AstcBlock::B6, AstcBlock::B8, AstcBlock::B10, AstcBlock::B12];
-
-    /// Texels a side.
-    #[must_use]
-    pub fn side(self) -> u32 {
-        match self {
-            AstcBlock::B4 => 4,
-            AstcBlock::B5 => 5,
-            AstcBlock::B6 => 6,
-            AstcBlock::B8 => 8,
-            AstcBlock::B10 => 10,
-            AstcBlock::B12 => 12,
-        }
-    }
 }
 
 impl PlaneFormat {
@@ -81,7 +43,6 @@ impl PlaneFormat {
             | PlaneFormat::R8Unorm
             | PlaneFormat::Rg8Unorm
             | PlaneFormat::Rgba8Unorm => 1,
-            PlaneFormat::Astc(block) => block.side(),
             _ => 4,
         }
     }
@@ -94,11 +55,7 @@ impl PlaneFormat {
             PlaneFormat::Rg8Uint | PlaneFormat::Rg8Unorm => 2,
             PlaneFormat::R32Uint | PlaneFormat::Rgba8Unorm => 4,
             PlaneFormat::Bc1 | PlaneFormat::Bc4 => 8,
-            PlaneFormat::Rgba32Uint
-            | PlaneFormat::Bc3
-            | PlaneFormat::Bc5
-            | PlaneFormat::Bc7
-            | PlaneFormat::Astc(_) => 16,
+            PlaneFormat::Rgba32Uint | PlaneFormat::Bc3 | PlaneFormat::Bc5 | PlaneFormat::Bc7 => 16,
         }
     }
 

@@ -49,7 +49,7 @@ pub use error::{EncodeError, LoadError, ParamError, ParamValue, RegionError, Sou
 pub use footprint::{BASE_PART, Footprint, Part, RESIDUAL_PART};
 pub use gpu_dct::{DCT_LEVELS, DctLayout, DecodedImage, GpuChannel, GpuDct, MipAverage, dct_planes};
 pub use gpu_form::{
-    Access, AstcBlock, GpuForm, HEADER_BYTES, MemoryBits, Plane, PlaneFormat, SurfaceBinding, parameter_bits,
+    Access, GpuForm, HEADER_BYTES, MemoryBits, Plane, PlaneFormat, SurfaceBinding, parameter_bits,
 };
 pub use id::{CodecId, String4};
 pub use image::{ImageLayout, SurfaceSize};

@@ -199,17 +199,11 @@ impl EpitomeParams {
         let is_plain = self.content.is_none() && self.family == Family::Bc && self.layers == 1;
         self.access == Access::Block && is_plain && !matches!(self.goal, Goal::Tolerance(_))
     }
-
-    /// Whether all content that may be chosen has cells of 4x4 texels.
-    fn small_cells(&self) -> bool {
-        self.content.map_or(self.family == Family::Bc, |content| content.cell_side() == 4)
-    }
 }
 
 impl Params for EpitomeParams {
     fn check(&self) -> Result<(), ParamError> {
         self.goal.check()?;
-        self.family.check_available(self.content)?;
         let layers = |range| Err(ParamError::new("layers", self.layers, range));
         match self.goal {
             _ if !(1..=MAX_LAYERS).contains(&self.layers) => return layers("1..=8"),
@@ -218,8 +212,8 @@ impl Params for EpitomeParams {
                 return Err(ParamError::new("tolerance", value, "none, with a residual plane"));
             }
             // Layers are told apart by cells of 4x4 texels.
-            _ if self.layers > 1 && !self.small_cells() => {
-                return layers("1, for ASTC content and residual planes");
+            _ if self.layers > 1 && self.family == Family::ErrorMap && self.content.is_none() => {
+                return layers("1, for residual planes");
             }
             _ => {}
         }

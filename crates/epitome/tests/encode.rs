@@ -5,11 +5,11 @@
 
 use crate::support::{encode, facade, file, load};
 use glam::Vec2;
-use texfold_bc::{Bc, Bc1Blocks, BcParams, Content, ContentPlanes, Family};
+use texfold_bc::{Bc, Bc1Blocks, BcParams, Content, ContentPlanes};
 use texfold_core::image::{ColorSpace, ImageSet, PixelInfo, Raster};
 use texfold_core::metric::{decode_surface, measure};
 use texfold_core::{
-    Access, AstcBlock, Domain, Effort, EncodeError, Encoded, Encoder, Footprint, Goal, Image2d, Job, Limits,
+    Access, Domain, Effort, EncodeError, Encoded, Encoder, Footprint, Goal, Image2d, Job, Limits,
     PlaneFormat, Rect, SharedSearch, SourceError, SurfaceSize, Texel,
 };
 use texfold_epitome::decode::texfold_epitome_bilinear;
@@ -41,48 +41,6 @@ fn a_file_comes_back_as_it_was() {
         let footprint = Footprint::measure(&loaded, &loaded.gpu());
         assert_eq!(footprint.bits_disk(), 8 * bytes.len() as u64);
         assert_eq!(loaded.footprint().bits_memory(), loaded.memory().compressed);
-    }
-}
-
-#[test]
-fn astc_content_is_copied_in_blocks_of_its_own_side() {
-    if !Content::Astc(AstcBlock::B8).is_available() {
-        println!("skipped: ASTC content needs the feature `astc`");
-        return;
-    }
-    let set = ImageSet::new(vec![image("odd_37x61"), image("cutout").with_channels(3)]).unwrap();
-    let choices = [None, Some(AstcBlock::B5), Some(AstcBlock::B6)];
-    for (content, mips) in choices.into_iter().zip([true, false, true]) {
-        let params = goal(Goal::Bpp(2.0))
-            .with_content(content.map(Content::Astc))
-            .with_family(Family::Astc)
-            .with_mips(mips);
-        let texture = encode(&set, &params);
-        for epitome in texture.epitomes() {
-            let (side, (width, height)) = (epitome.content().cell_side(), epitome.size());
-            assert!(
-                width.is_multiple_of(side) && height.is_multiple_of(side),
-                "{content:?}: {width}x{height}"
-            );
-        }
-        let bytes = file(&texture);
-        assert!(load(&bytes).unwrap() == texture);
-        // A block copied to a wrong place would cost far more.
-        let measured = measure(&set, &texture);
-        assert!(
-            measured.bpp <= 2.0 + 2.0 * f64::from(u8::from(mips)) && measured.psnr > 19.0,
-            "{measured:?}"
-        );
-        let whole = texture.layout().whole(0, 0).unwrap();
-        let mut texels = vec![Texel::ZERO; Image2d::len(whole)];
-        texture.decode(whole, &mut texels).unwrap();
-        for (index, texel) in texels.iter().enumerate() {
-            assert_eq!(*texel, texture.texel(Image2d::address(whole, index)));
-        }
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        let mut single = Job::default().with_pool(&pool);
-        let again = Epitome::encode(EpitomeSource::new(&set), &params, &mut single).unwrap();
-        assert!(file(&again) == bytes, "{content:?}: another file on one thread");
     }
 }
 

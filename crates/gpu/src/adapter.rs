@@ -11,7 +11,7 @@ use crate::offscreen::Pipelines;
 use crate::{DctDecoder, GpuError, ModuleInfo};
 
 /// Formats of content that not every adapter has.
-const BLOCK_FEATURES: Features = Features::TEXTURE_COMPRESSION_BC.union(Features::TEXTURE_COMPRESSION_ASTC);
+const BLOCK_FEATURES: Features = Features::TEXTURE_COMPRESSION_BC;
 
 /// Whether a GPU may be used, and whether work may be left out without one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -82,8 +82,7 @@ impl Gpu {
         Ok(Gpu::from_device(device, queue))
     }
 
-    /// Uses a renderer's own device. Give it [`Features::TEXTURE_COMPRESSION_BC`] for textures with BC content, and
-    /// [`Features::TEXTURE_COMPRESSION_ASTC`] for those with ASTC content.
+    /// Uses a renderer's own device. Give it [`Features::TEXTURE_COMPRESSION_BC`] for textures with BC content.
     #[must_use]
     pub fn from_device(device: Device, queue: Queue) -> Gpu {
         Gpu {
@@ -129,18 +128,9 @@ impl Gpu {
         self.device.features().contains(Features::TEXTURE_COMPRESSION_BC)
     }
 
-    /// Whether textures with ASTC content can be uploaded.
-    #[must_use]
-    pub fn has_astc(&self) -> bool {
-        self.device.features().contains(Features::TEXTURE_COMPRESSION_ASTC)
-    }
-
     /// Whether planes of that format can be uploaded.
     pub(crate) fn can_sample(&self, format: PlaneFormat) -> bool {
-        match format {
-            PlaneFormat::Astc(_) => self.has_astc(),
-            _ => format.block_side() == 1 || self.has_block_compression(),
-        }
+        format.block_side() == 1 || self.has_block_compression()
     }
 
     /// The bind group layout of a module's textures, for pipeline layouts of a renderer's own.

@@ -18,7 +18,7 @@ pub enum GpuError {
     /// The adapter gives no device.
     #[error("the adapter gave no device; update its driver or choose another adapter")]
     Device(#[from] wgpu::RequestDeviceError),
-    /// The adapter cannot sample BC or ASTC formats.
+    /// The adapter cannot sample BC formats.
     #[error(
         "the adapter cannot sample {format:?} blocks; encode with content that it has, or raw (--content raw)"
     )]

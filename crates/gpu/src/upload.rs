@@ -2,9 +2,7 @@
 
 use std::collections::HashMap;
 
-use texfold_core::{
-    AstcBlock, DecodedImage, GpuDct, GpuForm, Plane, PlaneFormat, Rect, SurfaceBinding, SurfaceSize,
-};
+use texfold_core::{DecodedImage, GpuDct, GpuForm, Plane, PlaneFormat, Rect, SurfaceBinding, SurfaceSize};
 use texfold_shaders::{Binding, ModuleInfo};
 use wgpu::{BufferUsages, Texture, TextureFormat, TextureUsages};
 
@@ -303,16 +301,5 @@ fn texture_format(format: PlaneFormat) -> TextureFormat {
         PlaneFormat::Bc4 => TextureFormat::Bc4RUnorm,
         PlaneFormat::Bc5 => TextureFormat::Bc5RgUnorm,
         PlaneFormat::Bc7 => TextureFormat::Bc7RgbaUnorm,
-        PlaneFormat::Astc(block) => {
-            let block = match block {
-                AstcBlock::B4 => wgpu::AstcBlock::B4x4,
-                AstcBlock::B5 => wgpu::AstcBlock::B5x5,
-                AstcBlock::B6 => wgpu::AstcBlock::B6x6,
-                AstcBlock::B8 => wgpu::AstcBlock::B8x8,
-                AstcBlock::B10 => wgpu::AstcBlock::B10x10,
-                AstcBlock::B12 => wgpu::AstcBlock::B12x12,
-            };
-            TextureFormat::Astc { block, channel: wgpu::AstcChannel::Unorm }
-        }
     }
 }

@@ -11,9 +11,9 @@ use crate::support::{
 };
 use glam::{Affine2, IVec2, Mat2, Vec2, Vec4};
 use texfold_bc::Content;
+use texfold_core::SurfaceSize;
 use texfold_core::image::{ColorSpace, Raster};
-use texfold_core::{AstcBlock, SurfaceSize};
-use texfold_gpu::{AddressMode, Filter, Gpu, GpuError, GpuTexture, Lookup, View};
+use texfold_gpu::{AddressMode, Filter, Gpu, GpuTexture, Lookup, View};
 use texfold_shaders::{Slot, image_modules};
 
 const MODES: [AddressMode; 2] = [AddressMode::Repeat, AddressMode::Clamp];
@@ -317,26 +317,6 @@ fn srgb_becomes_linear_as_on_the_cpu() {
     let found = gpu.read_view(&texture, &view).unwrap();
     // A power is a logarithm good to 2^-21, times 2.4, and what raising 2 to it adds.
     assert_close("ramp", &found, &wanted, |_| Vec4::splat(BLENDED));
-}
-
-#[test]
-fn astc_is_sampled_as_on_the_cpu() {
-    let Some(gpu) = gpu() else { return };
-    if !Content::Astc(AstcBlock::B8).is_available() {
-        println!("skipped: ASTC on the GPU needs the feature texfold-bc/astc");
-        return;
-    }
-    for case in crate::support::astc_cases() {
-        if !gpu.has_astc() {
-            let refused = gpu.upload(&case.subject.form());
-            assert!(matches!(refused, Err(GpuError::NoBlockCompression { .. })), "{}", case.name);
-            println!("skipped: {} has no ASTC", gpu.info().name);
-            return;
-        }
-        let levels = case.subject.layout().levels;
-        draw_all(&case, &(0..levels).map(|level| Lookup::Nearest { level }).collect::<Vec<_>>());
-        draw_all(&case, &(0..levels).map(|level| Lookup::Bilinear { level }).collect::<Vec<_>>());
-    }
 }
 
 #[test]

@@ -81,9 +81,6 @@ impl ProgressiveParams {
 impl Params for ProgressiveParams {
     fn check(&self) -> Result<(), ParamError> {
         self.goal.check()?;
-        if let Some(content) = self.content {
-            content.check_available()?;
-        }
         match self.reduce_log2 {
             Some(value) if !(1..=MAX_REDUCE_LOG2).contains(&value) => {
                 Err(ParamError { field: "reduce_log2", value: value.into(), range: "1..=3" })

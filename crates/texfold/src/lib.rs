@@ -19,7 +19,6 @@
 //! | feature | brings |
 //! |---|---|
 //! | `encode` (default) | encoders, goals and metrics |
-//! | `astc` | ASTC content; needs a C++ compiler |
 //!
 //! # Addresses, colour and alpha
 //!

@@ -154,7 +154,7 @@ impl Params for VqParams {
         }
         match self.content {
             None | Some(Content::Raw | Content::Bc1 | Content::Bc7) => Ok(()),
-            Some(content @ (Content::Bc3 | Content::Bc4 | Content::Bc5 | Content::Astc(_))) => {
+            Some(content @ (Content::Bc3 | Content::Bc4 | Content::Bc5)) => {
                 error("content", content.name().into(), "raw, bc1 and bc7 for a vq codebook")
             }
         }

@@ -90,7 +90,7 @@ struct Form {
 
 fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout, budget: &mut Budget) -> Result<Form, LoadError> {
     let content = Content::read(reader)?;
-    if !content.fits(layout.pixel) || matches!(content, Content::Astc(_)) {
+    if !content.fits(layout.pixel) {
         return Err(reader.corrupt("content that cannot hold the channels"));
     }
     let (width, height, free_cells) = (reader.u32()?, reader.u32()?, reader.u32()?);

@@ -121,13 +121,7 @@ impl Params for ZipParams {
         match self {
             _ if !(1e-3..=100.0).contains(&self.tau) => error("tau", self.tau.into(), "0.001..=100"),
             _ if !(0.0..=64.0).contains(&self.drop_rms) => error("drop_rms", self.drop_rms.into(), "0..=64"),
-            _ => match self.content {
-                None
-                | Some(
-                    Content::Raw | Content::Bc1 | Content::Bc3 | Content::Bc4 | Content::Bc5 | Content::Bc7,
-                ) => Ok(()),
-                Some(content) => error("content", content.name().into(), "raw, bc1 and bc7 for a zipmap"),
-            },
+            _ => Ok(()),
         }
     }
 }

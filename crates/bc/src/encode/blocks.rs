@@ -31,7 +31,6 @@ pub(super) fn encode_cancellable(
         PlaneFormat::R8Unorm => keep(1),
         PlaneFormat::Rg8Unorm | PlaneFormat::Rg8Uint => keep(2),
         PlaneFormat::R32Uint | PlaneFormat::Rgba32Uint | PlaneFormat::Rgba8Unorm => rgba.to_vec(),
-        PlaneFormat::Astc(block) => super::astc::encode(block, width, height, rgba, effort),
         _ => encode_blocks(format, (width as usize, height as usize), rgba, effort, cancel),
     }
 }

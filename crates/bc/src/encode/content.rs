@@ -7,8 +7,7 @@ use super::blocks::{encode_cancellable, encode_plane};
 use crate::{Content, ContentPlanes, Swizzle};
 
 impl ContentPlanes {
-    /// Stores `texels` (`width` x `height`, row by row) as `content`, which this build has
-    /// ([`Content::check_available`]); of what it has not, all blocks are 0 and none decodes.
+    /// Stores `texels` (`width` x `height`, row by row) as `content`.
     #[must_use]
     pub fn encode(
         content: Content,

@@ -3,11 +3,6 @@
 //! The list runs from one eighth of the width and height in BC1 to plain bytes, in the order of its bits. Cost: one block
 //! compression for each entry that the search tries, at most five.
 
-#[cfg(feature = "astc")]
-mod astc;
-#[cfg(not(feature = "astc"))]
-#[path = "no_astc.rs"]
-mod astc;
 mod blocks;
 mod content;
 mod params;
@@ -19,13 +14,13 @@ use texfold_core::image::{ColorSpace, ImageSet, MipFilter, PixelInfo, Raster, mi
 use texfold_core::metric::measure_for;
 use texfold_core::target::search;
 use texfold_core::{
-    AstcBlock, CancelCheck, EncodeError, Encoder, Goal, ImageLayout, Job, Notes, ParamError, Params,
-    SourceError, SurfaceSize, Texel,
+    CancelCheck, EncodeError, Encoder, Goal, ImageLayout, Job, Notes, ParamError, Params, SourceError,
+    SurfaceSize, Texel,
 };
 
 use crate::parts::Parts;
 use crate::wire::MAX_REDUCE_LOG2;
-use crate::{Bc, BcTexture, Content, ContentPlanes, Family};
+use crate::{Bc, BcTexture, Content, ContentPlanes};
 
 /// Bytes a source texel that one candidate takes at most: a mip chain of values (4 bytes a channel), the texels of a level
 /// (16), bytes to be compressed (2 times 4), and planes.
@@ -84,7 +79,7 @@ fn encode(source: &ImageSet, params: &BcParams, job: &mut Job<'_>) -> Result<BcT
 fn candidates(pixel: PixelInfo, params: &BcParams) -> Result<Vec<Candidate>, ParamError> {
     let suits = |content: Content| match params.content {
         Some(chosen) => content == chosen,
-        None => usual(content, pixel, params.family),
+        None => usual(content, pixel),
     };
     let mut list: Vec<Candidate> = Content::ALL
         .into_iter()
@@ -95,7 +90,7 @@ fn candidates(pixel: PixelInfo, params: &BcParams) -> Result<Vec<Candidate>, Par
             let bpp = content.bits_per_texel(pixel) / f64::from(1u32 << (2 * reduce_log2));
             Candidate { content, reduce_log2, bpp }
         })
-        .filter(|candidate| candidate.reduce_log2 == 0 || worth_reducing(candidate.content, params))
+        .filter(|candidate| candidate.reduce_log2 == 0 || candidate.content != Content::Raw)
         .collect();
     list.sort_by(|a, b| a.bpp.total_cmp(&b.bpp).then(a.reduce_log2.cmp(&b.reduce_log2)));
     // Equal bits: the one that keeps the full size.
@@ -106,21 +101,8 @@ fn candidates(pixel: PixelInfo, params: &BcParams) -> Result<Vec<Candidate>, Par
     Ok(list)
 }
 
-/// Whether a smaller image in that content is better than the image in another.
-fn worth_reducing(content: Content, params: &BcParams) -> bool {
-    match content {
-        Content::Raw => false,
-        // Larger blocks need as many bits as smaller images.
-        Content::Astc(block) => params.content.is_some() || block == AstcBlock::B12,
-        _ => true,
-    }
-}
-
 /// Formats worth trying without a choice of the caller's.
-fn usual(content: Content, pixel: PixelInfo, family: Family) -> bool {
-    if family == Family::Astc {
-        return matches!(content, Content::Raw | Content::Astc(_));
-    }
+fn usual(content: Content, pixel: PixelInfo) -> bool {
     match content {
         Content::Raw => true,
         Content::Bc1 => pixel.channels == 3 && pixel.color != ColorSpace::Normal,
@@ -128,7 +110,6 @@ fn usual(content: Content, pixel: PixelInfo, family: Family) -> bool {
         Content::Bc4 => pixel.channels == 1,
         Content::Bc5 => pixel.channels == 2 || pixel.color == ColorSpace::Normal,
         Content::Bc7 => pixel.channels >= 3,
-        Content::Astc(_) => false,
     }
 }
 
@@ -171,11 +152,7 @@ fn encode_level(
 
 fn settings(params: &BcParams) -> String {
     let goal = params.goal.option();
-    let content = match (params.content, params.family) {
-        (Some(content), _) => format!(" --content {}", content.name()),
-        (None, Family::Astc) => " --content astc".to_owned(),
-        (None, Family::Bc | Family::ErrorMap) => String::new(),
-    };
+    let content = params.content.map_or(String::new(), |content| format!(" --content {}", content.name()));
     let mips = if params.mips { " --mips" } else { "" };
     format!("--codec bc {goal}{content}{mips}")
 }

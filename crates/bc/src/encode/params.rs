@@ -2,7 +2,7 @@
 
 use texfold_core::{Effort, Goal, ParamError, Params};
 
-use crate::{Content, Family};
+use crate::Content;
 
 /// How plain block compression is done.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -12,8 +12,6 @@ pub struct BcParams {
     pub goal: Goal,
     /// Block format; `None` lets the goal decide.
     pub content: Option<Content>,
-    /// Formats that the goal may decide among.
-    pub family: Family,
     /// Log2 downscale of width and height before compression (0 to 3); `None` lets the goal decide.
     pub reduce_log2: Option<u32>,
     /// Whether a full mip chain is stored.
@@ -33,12 +31,6 @@ impl BcParams {
     #[must_use]
     pub fn with_content(self, content: Content) -> Self {
         BcParams { content: Some(content), ..self }
-    }
-
-    /// Lets the goal decide among the formats of `family`.
-    #[must_use]
-    pub fn with_family(self, family: Family) -> Self {
-        BcParams { family, ..self }
     }
 
     /// Halves width and height `reduce_log2` times (0 to 3) before compression.
@@ -63,7 +55,6 @@ impl BcParams {
 impl Params for BcParams {
     fn check(&self) -> Result<(), ParamError> {
         self.goal.check()?;
-        self.family.check_available(self.content)?;
         match self.reduce_log2 {
             Some(value) if value > 3 => Err(ParamError::new("reduce_log2", value, "0..=3")),
             _ => Ok(()),

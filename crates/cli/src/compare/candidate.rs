@@ -7,8 +7,10 @@ use texfold::{
     encoding::{ENCODINGS, Encoding},
     vq::{Vq, VqParams},
 };
+use texfold_core::Effort;
 use texfold_core::image::{ColorSpace, PixelInfo};
-use texfold_core::{AstcBlock, Effort};
+
+use super::rival::Astcenc;
 
 /// Name of the external encoder's codec.
 pub(crate) const RIVAL: &str = "astc";
@@ -30,8 +32,10 @@ const THUMBNAIL_BPP: [f64; 2] = [1.5, 2.5];
 /// Log2 downscale of width and height of plain blocks.
 const HALVINGS: std::ops::RangeInclusive<u32> = 0..=2;
 
-/// Blocks of the rival ASTC, with their bits a texel from low to high.
-const ASTC_BLOCKS: [AstcBlock; 4] = [AstcBlock::B12, AstcBlock::B8, AstcBlock::B6, AstcBlock::B4];
+/// Sides of the rival's blocks, from low to high bits a texel.
+const ASTC_SIDES: [u32; 4] = [12, 8, 6, 4];
+/// Side of the rival's blocks whose image is drawn.
+const THUMBNAIL_SIDE: u32 = 8;
 
 /// One setting of one codec.
 #[derive(Debug, Clone)]
@@ -53,17 +57,12 @@ pub(crate) enum Way {
     Fixed(&'static Encoding, Box<EncodeSettings>),
     /// By a codec within a goal; neighbours of one codec and family may share a search.
     Goal(&'static Encoding, Box<EncodeSettings>),
-    /// By the external encoder of ASTC.
-    Rival(AstcBlock),
+    /// By the external encoder of ASTC, in blocks of that side.
+    Rival(Astcenc, u32),
 }
 
-/// Whether this build has ASTC itself.
-pub(crate) fn has_astc() -> bool {
-    Content::Astc(AstcBlock::B4).is_available()
-}
-
-/// Settings that suit such pixels; ASTC where this build has it, else the rival's where that is there.
-pub(crate) fn candidates(pixel: PixelInfo, effort: Effort, rival: bool) -> Vec<Candidate> {
+/// Settings that suit such pixels, and the rival's where it is installed.
+pub(crate) fn candidates(pixel: PixelInfo, effort: Effort, astcenc: Option<&Astcenc>) -> Vec<Candidate> {
     let blocks: &[Content] = match (pixel.channels, pixel.color) {
         (1, _) => &[Content::Bc4, Content::Bc7],
         (2, _) => &[Content::Bc5, Content::Bc7],
@@ -75,10 +74,7 @@ pub(crate) fn candidates(pixel: PixelInfo, effort: Effort, rival: bool) -> Vec<C
     let mut found: Vec<Candidate> = blocks.iter().flat_map(|&content| plain(content)).flatten().collect();
     found.extend(CODEBOOKS.into_iter().filter_map(|(size, content)| codebook(size, content, effort)));
     found.extend(ENCODINGS.iter().flat_map(|encoding| within_goals(encoding, pixel, effort)));
-    let astc = ASTC_BLOCKS.into_iter().filter(|_| rival || has_astc());
-    found.extend(
-        astc.filter_map(|block| if has_astc() { astc_here(block, effort) } else { astc_there(block) }),
-    );
+    found.extend(astcenc.into_iter().flat_map(|astcenc| ASTC_SIDES.map(|side| rival(astcenc, side))));
     found
 }
 
@@ -116,7 +112,6 @@ fn within_goals(encoding: &'static Encoding, pixel: PixelInfo, effort: Effort) -
         let settings = EncodeSettings { goal: Goal::Bpp(bpp), family, effort, ..EncodeSettings::default() };
         let word = match family {
             Family::Bc => "",
-            Family::Astc => " astc",
             Family::ErrorMap => " residual plane",
         };
         Candidate {
@@ -130,15 +125,12 @@ fn within_goals(encoding: &'static Encoding, pixel: PixelInfo, effort: Effort) -
     encoding.families(pixel).into_iter().flat_map(of_family).collect()
 }
 
-/// ASTC by this build's encoder.
-fn astc_here(block: AstcBlock, effort: Effort) -> Option<Candidate> {
-    let candidate = plain(Content::Astc(block), 0, effort)?;
-    Some(Candidate { has_thumbnail: block == AstcBlock::B8, ..candidate })
-}
-
 /// ASTC by the external encoder.
-fn astc_there(block: AstcBlock) -> Option<Candidate> {
-    let settings = format!("{0}x{0}", block.side());
-    let has_thumbnail = block == AstcBlock::B8;
-    Some(Candidate { codec: RIVAL, settings, has_thumbnail, way: Way::Rival(block) })
+fn rival(astcenc: &Astcenc, side: u32) -> Candidate {
+    Candidate {
+        codec: RIVAL,
+        settings: format!("{side}x{side}"),
+        has_thumbnail: side == THUMBNAIL_SIDE,
+        way: Way::Rival(astcenc.clone(), side),
+    }
 }

@@ -9,7 +9,7 @@ use texfold::{
 };
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::{SquaredError, color_error, ssim};
-use texfold_core::{AstcBlock, CodecId, Domain, EncodeError, Encoded, Image2d, Job, Rect, Texel};
+use texfold_core::{CodecId, Domain, EncodeError, Encoded, Image2d, Job, Rect, Texel};
 use texfold_gpu::{Gpu, Lookup, Policy, Probe, View};
 
 use super::candidate::{Candidate, Way};
@@ -101,9 +101,9 @@ impl Bench {
         }
     }
 
-    /// Whether the rival is there.
-    pub(crate) fn rival(&self) -> bool {
-        self.astcenc.is_some()
+    /// The rival, where it is installed.
+    pub(crate) fn rival(&self) -> Option<&Astcenc> {
+        self.astcenc.as_ref()
     }
 
     /// How long each codec searches.
@@ -132,7 +132,7 @@ impl Bench {
                 (made.map_err(fault)?, 0.0)
             }
             Way::Goal(encoding, settings) => searches.encode(encoding, settings).map_err(fault)?,
-            Way::Rival(block) => return self.astc(images, *block, candidate, path),
+            Way::Rival(astcenc, side) => return astc(images, astcenc, *side, candidate, path),
         };
         let bytes = image.to_bytes();
         let encode_seconds = search_seconds + start.elapsed().as_secs_f64();
@@ -194,46 +194,43 @@ impl Bench {
         let seconds = gpu.time(&texture, &view, Probe::Lookup, drawings).ok()?;
         (seconds > 0.0).then(|| size.texels() as f64 / seconds)
     }
+}
 
-    /// The rival: its own program encodes and decodes, our figures judge.
-    fn astc(
-        &self,
-        images: &ImageSet,
-        block: AstcBlock,
-        candidate: &Candidate,
-        path: &Path,
-    ) -> Result<Measured, CliError> {
-        let Some(astcenc) = &self.astcenc else {
-            return Err(CliError::NoAstc { path: path.to_owned() });
-        };
-        let (mut error, mut similarity, mut seconds, mut bits) = (SquaredError::default(), 0.0, 0.0, 0u64);
-        let (mut first, mut perceived) = (None, Vec::new());
-        for image in images.images() {
-            let coded = astcenc.code(image, block, path)?;
-            error = error + color_error(image, &coded.decoded);
-            similarity += ssim(image, &coded.decoded);
-            perceived.push((ssimulacra2(image, &coded.decoded), 1.0));
-            seconds += coded.seconds;
-            bits += coded.bits;
-            first.get_or_insert(coded.decoded);
-        }
-        let texels = images.texel_count() as f64;
-        let row = Row {
-            input: String::new(),
-            codec: candidate.codec,
-            settings: candidate.settings.clone(),
-            bpp_memory: bits as f64 / texels,
-            bpp_resident: bits as f64 / texels,
-            bpp_disk: bits as f64 / texels,
-            psnr: error.psnr(),
-            ssim: similarity / images.images().len() as f64,
-            ssimulacra2: mean(perceived.into_iter()),
-            encode_seconds: seconds,
-            texels,
-            decode_cpu_texels_per_second: None,
-            decode_gpu_texels_per_second: None,
-            random_access: 1,
-        };
-        Ok(Measured { row, decoded: first.unwrap_or_else(|| images.images()[0].clone()) })
+/// The rival: its own program encodes and decodes, our figures judge.
+fn astc(
+    images: &ImageSet,
+    astcenc: &Astcenc,
+    side: u32,
+    candidate: &Candidate,
+    path: &Path,
+) -> Result<Measured, CliError> {
+    let (mut error, mut similarity, mut seconds, mut bits) = (SquaredError::default(), 0.0, 0.0, 0u64);
+    let (mut first, mut perceived) = (None, Vec::new());
+    for image in images.images() {
+        let coded = astcenc.code(image, side, path)?;
+        error = error + color_error(image, &coded.decoded);
+        similarity += ssim(image, &coded.decoded);
+        perceived.push((ssimulacra2(image, &coded.decoded), 1.0));
+        seconds += coded.seconds;
+        bits += coded.bits;
+        first.get_or_insert(coded.decoded);
     }
+    let texels = images.texel_count() as f64;
+    let row = Row {
+        input: String::new(),
+        codec: candidate.codec,
+        settings: candidate.settings.clone(),
+        bpp_memory: bits as f64 / texels,
+        bpp_resident: bits as f64 / texels,
+        bpp_disk: bits as f64 / texels,
+        psnr: error.psnr(),
+        ssim: similarity / images.images().len() as f64,
+        ssimulacra2: mean(perceived.into_iter()),
+        encode_seconds: seconds,
+        texels,
+        decode_cpu_texels_per_second: None,
+        decode_gpu_texels_per_second: None,
+        random_access: 1,
+    };
+    Ok(Measured { row, decoded: first.unwrap_or_else(|| images.images()[0].clone()) })
 }

@@ -6,7 +6,7 @@ use std::fmt::Write;
 use base64::prelude::{BASE64_STANDARD, Engine};
 use texfold_core::image::Raster;
 
-use super::candidate::{Candidate, has_astc};
+use super::candidate::Candidate;
 use super::chart::{self, AXES};
 use super::measure::Bench;
 use super::table::{Row, means, score};
@@ -90,9 +90,7 @@ fn circumstances(bench: &Bench) -> String {
         Some(name) => format!("GPU speeds are of {}: the first image drawn at its own size.", escape(&name)),
         None => "No GPU adapter was found: GPU speeds are left out.".to_owned(),
     };
-    let rival = if has_astc() {
-        "ASTC is by Arm's encoder, which this build has."
-    } else if bench.rival() {
+    let rival = if bench.rival().is_some() {
         "ASTC is by the external program astcenc at its medium preset, its time with decoding."
     } else {
         "The external program astcenc was not found: ASTC is left out."

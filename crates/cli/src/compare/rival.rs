@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
-use texfold_core::AstcBlock;
 use texfold_core::image::Raster;
 
 use crate::error::CliError;
@@ -22,7 +21,7 @@ const PRESET: &str = "-medium";
 const NAMES: [&str; 4] = ["astcenc", "astcenc-avx2", "astcenc-sse2", "astcenc-neon"];
 
 /// The external encoder.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Astcenc(PathBuf);
 
 /// What it made of an image.
@@ -42,14 +41,13 @@ impl Astcenc {
         places.into_iter().find(|place| place.is_file()).map(Astcenc)
     }
 
-    /// Encodes and decodes `image` with blocks of that size.
-    pub(crate) fn code(&self, image: &Raster, block: AstcBlock, path: &Path) -> Result<Coded, CliError> {
+    /// Encodes and decodes `image` with blocks of that side.
+    pub(crate) fn code(&self, image: &Raster, side: u32, path: &Path) -> Result<Coded, CliError> {
         let failed = |source| CliError::Rival { path: path.to_owned(), program: self.0.clone(), source };
         let dir = tempfile::tempdir().map_err(failed)?;
         let (input, output) = (dir.path().join("in.png"), dir.path().join("out.png"));
         png::write(&input, image)?;
         let start = Instant::now();
-        let side = block.side();
         let status = Command::new(&self.0)
             .arg("-tl")
             .args([&input, &output])

@@ -308,9 +308,6 @@ impl Options {
             return Err(CliError::NotStack { path: path() });
         };
         let (content, family) = self.content();
-        if family.check_available(content).is_err() {
-            return Err(CliError::NoAstc { path: path() });
-        }
         let encode = EncodeSettings {
             codec: self.with_own(choice),
             goal: self.goal(),

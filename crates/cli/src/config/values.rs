@@ -6,7 +6,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde::{Deserialize, Serialize};
 use texfold::{CODECS, Choice, Content, Family, Registration};
 use texfold_core::image::{Alpha, ColorSpace};
-use texfold_core::{Access, AstcBlock, CodecId, Effort, Metric, TextureCodec};
+use texfold_core::{Access, CodecId, Effort, Metric, TextureCodec};
 
 /// Alpha at and above which a texel of a cut-out is drawn, where no threshold is given.
 const CUTOUT_THRESHOLD: f32 = 0.5;
@@ -92,23 +92,9 @@ pub enum ContentName {
     Bc5,
     /// 8 bits a texel, close to the source.
     Bc7,
-    /// The ASTC formats that suit the goal; ASTC needs a build with the feature `astc`.
-    Astc,
     /// A small base with a residual plane, in epitomes.
     #[serde(rename = "error-map")]
     ErrorMap,
-    /// 8 bits a texel.
-    Astc4,
-    /// 5.12 bits a texel.
-    Astc5,
-    /// 3.56 bits a texel.
-    Astc6,
-    /// 2 bits a texel.
-    Astc8,
-    /// 1.28 bits a texel.
-    Astc10,
-    /// 0.89 bits a texel.
-    Astc12,
 }
 
 impl ContentName {
@@ -120,19 +106,12 @@ impl ContentName {
             ContentName::Bc4 => Some(Content::Bc4),
             ContentName::Bc5 => Some(Content::Bc5),
             ContentName::Bc7 => Some(Content::Bc7),
-            ContentName::Astc | ContentName::ErrorMap => None,
-            ContentName::Astc4 => Some(Content::Astc(AstcBlock::B4)),
-            ContentName::Astc5 => Some(Content::Astc(AstcBlock::B5)),
-            ContentName::Astc6 => Some(Content::Astc(AstcBlock::B6)),
-            ContentName::Astc8 => Some(Content::Astc(AstcBlock::B8)),
-            ContentName::Astc10 => Some(Content::Astc(AstcBlock::B10)),
-            ContentName::Astc12 => Some(Content::Astc(AstcBlock::B12)),
+            ContentName::ErrorMap => None,
         }
     }
 
     pub(crate) fn family(self) -> Family {
         match self {
-            ContentName::Astc => Family::Astc,
             ContentName::ErrorMap => Family::ErrorMap,
             _ => Family::Bc,
         }

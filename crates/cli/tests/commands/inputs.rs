@@ -93,7 +93,6 @@ fn what_cannot_be_made_of_a_file_is_said() {
     for (arguments, what) in [
         ("a.png --codec zipmap", "is not a folder of photographs"),
         ("a.png --as zoom", "is not a folder of photographs"),
-        ("a.png --content astc", "not in this build"),
     ] {
         let (run, report) = place.compress(&format!("{arguments} --out out"));
         assert_eq!((run.code, report.len()), (Some(1), 1), "{arguments}");

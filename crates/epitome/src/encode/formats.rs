@@ -3,19 +3,16 @@
 use texfold_bc::Content;
 use texfold_bc::Family;
 use texfold_core::image::{ColorSpace, PixelInfo};
-use texfold_core::{AstcBlock, Goal, ParamError};
+use texfold_core::{Goal, ParamError};
 
 use super::in_blocks::metric_of;
 use super::pyramid::Storage;
 use crate::EpitomeParams;
 
-/// Side of a block whose leaves are chosen by rate and distortion: the first whose smallest leaves are whole cells of
-/// all formats, where cells are larger than 4x4 texels; else the last.
-const BLOCKS: [u32; 3] = [64, 48, 32];
-/// ASTC content that is tried: at 1.7 bits a texel 6x6 is better than 8x8 by 2 dB where much repeats, and worse by as
-/// much as 0.8 dB where little does. *Not taken*: 8x8 and 4x4 side by side, which is within 0.2 dB of 8x8 alone up to
-/// 1.3 bits, and at 1.7 bits 0.8 dB below 6x6 where that is better.
-pub(super) const ASTC: [AstcBlock; 2] = [AstcBlock::B8, AstcBlock::B6];
+/// Side of a block whose leaves are chosen by rate and distortion, for content in planes.
+const PLANE_BLOCK: u32 = 32;
+/// The same for content in superblocks, whose cells have twice the side.
+const SUPERBLOCK_BLOCK: u32 = 64;
 /// Lambda that content with a residual plane or in blocks is first made for, in mean squared errors of a texel.
 const FIRST_PRICE: f64 = 0.9;
 /// The same where a size is requested.
@@ -63,7 +60,6 @@ fn contents(pixel: PixelInfo, params: &EpitomeParams) -> Result<Vec<Content>, Pa
 
 /// Side of a block for such content.
 pub(super) fn block_of(storages: &[Storage]) -> u32 {
-    let whole = |block: u32| storages.iter().all(|storage| (block / 4).is_multiple_of(storage.granularity()));
-    let large = storages.iter().any(|storage| storage.granularity() > 4);
-    BLOCKS.into_iter().find(|&block| large && whole(block)).unwrap_or(BLOCKS[2])
+    let in_superblocks = storages.iter().any(|storage| matches!(storage, Storage::Blocks(..)));
+    if in_superblocks { SUPERBLOCK_BLOCK } else { PLANE_BLOCK }
 }

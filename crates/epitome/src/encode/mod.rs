@@ -35,7 +35,6 @@ mod searched;
 mod state;
 mod tolerance;
 
-use texfold_bc::{Content, Family};
 use texfold_core::metric::measure_for;
 use texfold_core::{Access, Effort, EncodeError, Encoder, Goal, Job, Params, SharedSearch};
 
@@ -96,12 +95,7 @@ fn search_all(
         let planes = params.clone().with_access(Access::Texel);
         return search_both(source, params, &planes, job);
     }
-    let alone = params.content.is_some() || matches!(params.goal, Goal::Tolerance(_));
-    if params.family != Family::Astc || alone {
-        return search_one(source, params, job);
-    }
-    let [first, second] = formats::ASTC.map(|block| params.clone().with_content(Content::Astc(block)));
-    search_both(source, &first, &second, job)
+    search_one(source, params, job)
 }
 
 /// Searches for both settings, of which the goal will choose.

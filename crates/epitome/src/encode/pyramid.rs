@@ -14,8 +14,6 @@ use texfold_match::Field;
 use texfold_residual::encode::PlaneForm;
 use texfold_residual::{BLOCK_SIDE, ResidualContent};
 
-use crate::parts::TRANSFORM_SIDE;
-
 /// Bytes of a BC1 block.
 const BC1_BYTES: u32 = 8;
 
@@ -80,15 +78,6 @@ pub(crate) enum Storage {
 }
 
 impl Storage {
-    /// Texels a side that the smallest leaf is a multiple of.
-    pub(crate) fn granularity(self) -> u32 {
-        match self {
-            Storage::Planes(content) => content.cell_side(),
-            Storage::ErrorMap(..) => LEAST_SIDE,
-            Storage::Blocks(..) => TRANSFORM_SIDE,
-        }
-    }
-
     /// The lambda that it is coded at, where each cell is coded as finely as its bits are worth.
     pub(crate) fn lambda(self) -> Option<f32> {
         match self {
@@ -253,7 +242,7 @@ impl Space {
         }
         let decode = |planes: &ContentPlanes| field(planes.size(), planes.decode());
         let decoded = planes.par_iter().map(|scales| scales.par_iter().map(decode).collect()).collect();
-        let cell = content.cell_side();
+        let cell = Content::CELL_SIDE;
         let (bases, cells) = self.number_cells(cell, first);
         let cell_bits = content.cell_bits(self.pixel) as f32;
         Ok(Stored {
@@ -470,7 +459,7 @@ fn with_blocks(full: &ContentPlanes, pixel: PixelInfo, image: &Bc1Blocks) -> Opt
         return None;
     }
     let (_, bytes) = full.planes().first()?;
-    let row = |width: u32| (width.div_ceil(Content::Bc1.cell_side()) * BC1_BYTES) as usize;
+    let row = |width: u32| (width.div_ceil(Content::CELL_SIDE) * BC1_BYTES) as usize;
     let mut bytes = bytes.clone();
     let own = image.blocks.chunks_exact(row(image.size.width));
     for (to, from) in bytes.chunks_exact_mut(row(full.size().0)).zip(own) {

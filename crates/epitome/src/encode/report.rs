@@ -75,7 +75,6 @@ fn settings(params: &EpitomeParams) -> String {
     match (params.content, params.family) {
         (Some(content), _) => words.push(format!("--content {}", content.name())),
         (None, Family::ErrorMap) => words.push("--content error-map".to_owned()),
-        (None, Family::Astc) => words.push("--content astc".to_owned()),
         (None, Family::Bc) => {}
     }
     if params.is_by_block() {

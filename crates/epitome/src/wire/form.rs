@@ -246,7 +246,7 @@ fn read_epitome(
     let side = match (errors, in_blocks) {
         (_, true) => TRANSFORM_SIDE,
         (true, _) => BLOCK_SIDE,
-        _ => content.cell_side(),
+        _ => Content::CELL_SIDE,
     };
     if in_blocks && content != Content::Raw {
         return Err(reader.corrupt("a format of planes for an epitome in blocks"));

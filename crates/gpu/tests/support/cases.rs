@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 use glam::Vec4;
 use texfold_bc::{Content, Family};
 use texfold_core::image::{ColorSpace, ImageSet, Raster};
-use texfold_core::{AstcBlock, Effort, Encoder, Goal, Job, PlaneFormat};
+use texfold_core::{Effort, Encoder, Goal, Job, PlaneFormat};
 use texfold_epitome::decode::{TEXFOLD_EPITOME_FINE_LEVELS, TEXFOLD_EPITOME_GAIN_ONE};
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
 use texfold_gpu::AddressMode;
@@ -25,8 +25,6 @@ pub(crate) const STORED: f32 = 1e-6;
 pub(crate) const BLENDED: f32 = 1e-5;
 /// Decoders of BC1 to BC5 may round differently by this much (Direct3D 11.3 specification, 19.5).
 const ROUNDED: f32 = 2.0 / 255.0 + 1e-6;
-/// ASTC is decoded in half precision, rounded to 8 bits on the CPU; GPUs may cut to 8 bits instead.
-const CUT: f32 = 1.0 / 255.0 + 1e-6;
 /// Places in an epitome, below 256 texels, are rounded three times on each axis by 2^-16 at most, and a step of one texel changes a value
 /// by 1 at most, or 2 where the gain is largest.
 pub(crate) const PLACED: f32 = 6.0 * 2.0 / 65536.0;
@@ -116,7 +114,6 @@ fn worst_z(most: f32) -> f32 {
 fn decoded(content: Content) -> f32 {
     match content {
         Content::Raw | Content::Bc7 => STORED,
-        Content::Astc(_) => CUT,
         _ => ROUNDED,
     }
 }
@@ -125,7 +122,6 @@ fn decoded(content: Content) -> f32 {
 pub(crate) fn plane_bound(format: PlaneFormat) -> f32 {
     match format {
         PlaneFormat::Bc1 | PlaneFormat::Bc3 | PlaneFormat::Bc4 | PlaneFormat::Bc5 => ROUNDED,
-        PlaneFormat::Astc(_) => CUT,
         _ => STORED,
     }
 }
@@ -434,29 +430,6 @@ pub(crate) fn wide_cases() -> Vec<Case> {
         progressive_case(base),
         progressive_case(Base { shrink_log2: 1, books: None, ..base }),
     ]
-}
-
-/// ASTC content: plain at every block size, and in epitomes.
-pub(crate) fn astc_cases() -> Vec<Case> {
-    let plain = |(name, block)| bc_case(name, image(name), Content::Astc(block), 0);
-    let images = ["odd_37x61", "cutout", "one_texel"];
-    let plains = images.iter().flat_map(|&name| AstcBlock::ALL.map(|block| (name, block))).map(plain);
-    let epitomes = [None, Some(Content::Astc(AstcBlock::B5)), Some(Content::Astc(AstcBlock::B8))];
-    plains.chain(epitomes.into_iter().map(astc_epitome)).collect()
-}
-
-/// Epitomes with ASTC content, encoded: random blocks are mostly illegal, or HDR, which each decoder shows in its own way.
-fn astc_epitome(content: Option<Content>) -> Case {
-    let params = EpitomeParams::new(Goal::Psnr(26.0)).with_content(content).with_family(Family::Astc);
-    let params = params.with_mips(true).with_effort(Effort::Fast);
-    let set = ImageSet::single(image("facade"));
-    let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
-    let stored = gain_of(&texture) * CUT;
-    // Epitomes of this image are below 256 texels a side.
-    let bounds = Bounds { nearest: stored + PLACED, blended: stored + PLACED + BLENDED };
-    let coarse = Bounds { nearest: CUT, blended: CUT + BLENDED };
-    let name = format!("epitome {content:?}");
-    Case { name, subject: Subject::new(texture), bounds, coarse, normals: Normals::No }
 }
 
 /// An encoded texture of any content: gains up to 2, places in planes below 256 texels a side, residuals.

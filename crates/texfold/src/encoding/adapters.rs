@@ -143,7 +143,7 @@ impl ImageEncoder for Bc {
     }
 
     fn with_settings(mut own: BcParams, settings: &EncodeSettings) -> BcParams {
-        (own.goal, own.content, own.family) = (settings.goal, settings.content, settings.family);
+        (own.goal, own.content) = (settings.goal, settings.content);
         (own.mips, own.effort) = (settings.mips, settings.effort);
         own
     }
@@ -172,20 +172,13 @@ impl ImageEncoder for Vq {
         own
     }
 
-    /// Codebooks are never ASTC.
-    fn check(settings: &EncodeSettings) -> Result<(), ParamError> {
-        let content = settings.content.map_or("astc", Content::name);
-        let error = ParamError::new("content", content, "raw, bc1 and bc7 for a vq codebook");
-        if settings.is_astc() { Err(error) } else { Ok(()) }
-    }
-
     /// A codebook whose size is given is made so.
     fn is_fixed(params: &VqParams) -> bool {
         params.codebook.is_some()
     }
 
-    fn suits_settings(settings: &EncodeSettings) -> bool {
-        !settings.is_astc()
+    fn suits_settings(_settings: &EncodeSettings) -> bool {
+        true
     }
 
     /// Its index alone takes a bit a texel, and blocks must be alike for a codebook of what is left to serve them.
@@ -285,9 +278,9 @@ impl ImageEncoder for Epitome {
         Ok(())
     }
 
-    /// Of the codecs that choose by themselves it alone has ASTC content.
+    /// A choice among all codecs leaves named content to `bc` and `vq`.
     fn suits_settings(settings: &EncodeSettings) -> bool {
-        settings.is_astc() || settings.codec.owner().is_some() || settings.content.is_none()
+        settings.codec.owner().is_some() || settings.content.is_none()
     }
 
     /// Not where importance is to be followed.
@@ -310,8 +303,7 @@ impl ImageEncoder for Epitome {
     /// A residual plane holds one or three channels of colours.
     fn families(pixel: PixelInfo) -> Vec<Family> {
         let has_residuals = matches!(pixel.channels, 1 | 3) && pixel.color != ColorSpace::Normal;
-        let has_astc = Family::Astc.check_available(None).is_ok();
-        let families = [(Family::Bc, true), (Family::Astc, has_astc), (Family::ErrorMap, has_residuals)];
+        let families = [(Family::Bc, true), (Family::ErrorMap, has_residuals)];
         families.into_iter().filter_map(|(family, fits)| fits.then_some(family)).collect()
     }
 
@@ -364,7 +356,7 @@ impl ImageEncoder for Progressive {
 
     /// Not where content is chosen.
     fn suits_settings(settings: &EncodeSettings) -> bool {
-        settings.content.is_none() && !settings.is_astc() && settings.access != Some(Access::Block)
+        settings.content.is_none() && settings.access != Some(Access::Block)
     }
 
     /// At random access a texel takes about twice the bits that it takes in superblocks; only a bound of every block may be worth them.
@@ -424,15 +416,12 @@ impl ImageEncoder for Dct {
     fn check(settings: &EncodeSettings) -> Result<(), ParamError> {
         match settings.content.map(Content::name) {
             Some(content) => Err(ParamError::new("content", content, "none; dct has no content planes")),
-            None if settings.is_astc() => {
-                Err(ParamError::new("content", "astc", "none; dct has no content planes"))
-            }
             None => Ok(()),
         }
     }
 
     fn suits_settings(settings: &EncodeSettings) -> bool {
-        settings.content.is_none() && !settings.is_astc() && settings.access != Some(Access::Texel)
+        settings.content.is_none() && settings.access != Some(Access::Texel)
     }
 
     /// Not where importance is to be followed.

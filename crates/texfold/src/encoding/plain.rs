@@ -116,7 +116,7 @@ fn plain_after<C: ImageEncoder>(
 
 /// Whether blocks that are BC1 already can be the plain answer.
 fn bc1_answers(settings: &EncodeSettings) -> bool {
-    !settings.mips && !settings.is_astc() && !matches!(settings.goal, Goal::Bpp(bpp) if bpp < BC1_BPP)
+    !settings.mips && !matches!(settings.goal, Goal::Bpp(bpp) if bpp < BC1_BPP)
 }
 
 impl Plain {

@@ -47,12 +47,6 @@ impl EncodeSettings {
         self.codec.encoding().map_or_else(|| self.goal.check(), |encoding| encoding.check(self))
     }
 
-    /// Whether content is to be ASTC.
-    #[must_use]
-    pub fn is_astc(&self) -> bool {
-        matches!((self.content, self.family), (Some(Content::Astc(_)), _) | (None, Family::Astc))
-    }
-
     /// About how many bytes for each texel of the source encoding takes at its peak, the source included. What a choice among all
     /// codecs seldom tries counts only where nothing else suits.
     #[must_use]

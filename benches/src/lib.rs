@@ -1,8 +1,6 @@
 //! Images and settings that the benches share.
 
-pub mod budget;
 pub mod report;
-pub mod rivals;
 
 use rayon::prelude::*;
 use texfold::core::image::{ColorSpace, ImageSet, Raster};

@@ -16,14 +16,7 @@ pub type Outcome<T> = Result<T, Box<dyn Error>>;
 pub fn middle(image: &Raster, width: u32, height: u32) -> Outcome<Raster> {
     let size = image.size();
     let (width, height) = (size.width.min(width), size.height.min(height));
-    part(image, ((size.width - width) / 2, (size.height - height) / 2), (width, height))
-}
-
-/// So many columns and rows of an image, from a column and a row on.
-///
-/// # Errors
-/// Where none are left.
-pub fn part(image: &Raster, (left, top): (u32, u32), (width, height): (u32, u32)) -> Outcome<Raster> {
+    let (left, top) = ((size.width - width) / 2, (size.height - height) / 2);
     let texel = |i: u32| image.texel(left + i % width, top + i / width);
     let texels: Vec<_> = (0..width * height).map(texel).collect();
     Ok(Raster::from_texels(width, height, image.info(), &texels)?)

@@ -28,7 +28,7 @@ mod settings;
 mod thumbnail;
 
 pub use bank_command::{BankCommand, ExtractArgs, ListArgs};
-pub use compare::CompareArgs;
+pub use compare::{CompareArgs, astc_by_astcenc};
 pub use compress::CompressArgs;
 pub use config::{
     AlphaChoice, CodecName, ColorName, ContentName, EffortName, Options, RunOptions, Samples, Sides,

@@ -27,6 +27,9 @@ const GPU_SECONDS: f64 = 0.1;
 /// Most drawings on the GPU.
 const GPU_DRAWINGS: f64 = 200.0;
 
+/// The preset of `astcenc` between speed and quality.
+const ASTC_PRESET: &str = "-medium";
+
 /// What measuring needs.
 #[derive(Debug)]
 pub(crate) struct Bench {
@@ -207,7 +210,7 @@ fn astc(
     let (mut error, mut similarity, mut seconds, mut bits) = (SquaredError::default(), 0.0, 0.0, 0u64);
     let (mut first, mut perceived) = (None, Vec::new());
     for image in images.images() {
-        let coded = astcenc.code(image, side, path)?;
+        let coded = astcenc.code(image, side, ASTC_PRESET, path)?;
         error = error + color_error(image, &coded.decoded);
         similarity += ssim(image, &coded.decoded);
         perceived.push((ssimulacra2(image, &coded.decoded), 1.0));

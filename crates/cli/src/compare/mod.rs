@@ -26,6 +26,8 @@ use measure::{Bench, Measured, Searches};
 use page::Subject;
 use table::Row;
 
+pub use rival::astc_by_astcenc;
+
 /// Inputs that the report shows images of; further ones are in the table alone.
 const THUMBNAIL_INPUTS: usize = 24;
 

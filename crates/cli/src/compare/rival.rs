@@ -1,5 +1,6 @@
 //! The rival ASTC, by the external program `astcenc` where it is installed.
 
+use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
@@ -14,11 +15,23 @@ use crate::png;
 /// Bits of an ASTC block of any side.
 const BLOCK_BITS: u64 = 128;
 
-/// The program's own preset between speed and quality.
-const PRESET: &str = "-medium";
-
 /// Names that the program is installed under.
 const NAMES: [&str; 4] = ["astcenc", "astcenc-avx2", "astcenc-sse2", "astcenc-neon"];
+
+/// `image` in ASTC blocks of that side by a preset of the external program `astcenc`, decoded, and its bits; `None` where the
+/// program is not installed.
+///
+/// # Errors
+/// Where the program fails.
+pub fn astc_by_astcenc(
+    image: &Raster,
+    side: u32,
+    preset: &str,
+) -> Result<Option<(Raster, u64)>, Box<dyn Error + Send + Sync>> {
+    let Some(astcenc) = Astcenc::find() else { return Ok(None) };
+    let coded = astcenc.code(image, side, preset, Path::new("the image"))?;
+    Ok(Some((coded.decoded, coded.bits)))
+}
 
 /// The external encoder.
 #[derive(Debug, Clone)]
@@ -41,8 +54,14 @@ impl Astcenc {
         places.into_iter().find(|place| place.is_file()).map(Astcenc)
     }
 
-    /// Encodes and decodes `image` with blocks of that side.
-    pub(crate) fn code(&self, image: &Raster, side: u32, path: &Path) -> Result<Coded, CliError> {
+    /// Encodes `image` of the file at `path` with blocks of that side by a preset of the program's own, and decodes it.
+    pub(crate) fn code(
+        &self,
+        image: &Raster,
+        side: u32,
+        preset: &str,
+        path: &Path,
+    ) -> Result<Coded, CliError> {
         let failed = |source| CliError::Rival { path: path.to_owned(), program: self.0.clone(), source };
         let dir = tempfile::tempdir().map_err(failed)?;
         let (input, output) = (dir.path().join("in.png"), dir.path().join("out.png"));
@@ -51,7 +70,7 @@ impl Astcenc {
         let status = Command::new(&self.0)
             .arg("-tl")
             .args([&input, &output])
-            .args([&format!("{side}x{side}"), PRESET, "-silent"])
+            .args([&format!("{side}x{side}"), preset, "-silent"])
             .stdout(Stdio::null())
             .status()
             .map_err(failed)?;

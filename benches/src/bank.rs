@@ -17,7 +17,8 @@ use texfold::{
     progressive::{Progressive, ProgressiveParams, Shared},
 };
 use texfold_benches::over;
-use texfold_benches::report::{Chart, Line, Outcome, Table, cpu_seconds};
+use texfold_benches::report::{Line, Outcome, Table, chart, cpu_seconds};
+use texfold_chart::Scale;
 use texfold_testkit::fixtures::land::land;
 use tiff::encoder::{TiffEncoder, colortype::RGB8};
 
@@ -79,9 +80,8 @@ fn growth(out: &Path) -> Outcome<()> {
     }
     let text = "Tiles of 512 x 512 texels, each added to the public codebook that those before it have left.";
     table.write(out, "growth", text)?;
-    let chart =
-        Chart { caption: "Cells of the public codebook", across: "tiles", up: "cells", logarithmic: false };
-    chart.draw(&lines, &out.join("growth.svg"))
+    let axes = [("tiles", Scale::Linear), ("cells", Scale::Linear)];
+    chart(&out.join("growth.svg"), "Cells of the public codebook", axes, &lines)
 }
 
 /// The whole tiles of an image.

@@ -5,7 +5,7 @@
 //! texels at most; without images, photographs where they are, and fixtures. Writes epitome.csv, epitome.md, block.csv,
 //! block.svg, tolerance.csv and tolerance.svg.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use texfold::core::image::ImageSet;
 use texfold::core::metric::measure;
@@ -14,7 +14,8 @@ use texfold::{
     core::SharedSearch,
     epitome::{Epitome, EpitomeParams, EpitomeSource},
 };
-use texfold_benches::report::{Chart, Line, Outcome, Table, cpu_seconds, middle, rms_percent};
+use texfold_benches::report::{Line, Outcome, Table, chart, cpu_seconds, middle, rms_percent};
+use texfold_chart::Scale;
 
 /// Sides of blocks that are charted.
 const BLOCKS: [u32; 7] = [8, 12, 16, 20, 24, 28, 32];
@@ -107,9 +108,16 @@ fn main() -> Outcome<()> {
     savings.write(&out, "epitome", &text)?;
     blocks.write(&out, "block", "Memory against the side of blocks, at the tolerances of epitome.md.")?;
     tolerances.write(&out, "tolerance", "Memory against the tolerance, blocks of 12 texels.")?;
-    chart(&by_block, "Memory against the side of blocks", "texels a side", &out.join("block.svg"))?;
+    let up = ("share of raw memory", Scale::Linear);
+    let axes = [("texels a side", Scale::Linear), up];
+    chart(&out.join("block.svg"), "Memory against the side of blocks", axes, &by_block)?;
     let across = "RMS error of the worst 4x4 block, 8-bit units";
-    chart(&by_tolerance, "Memory against tolerance", across, &out.join("tolerance.svg"))
+    chart(
+        &out.join("tolerance.svg"),
+        "Memory against tolerance",
+        [(across, Scale::Linear), up],
+        &by_tolerance,
+    )
 }
 
 /// Total memory by side of blocks, and what of it is map and epitome where `parts` are wanted.
@@ -173,8 +181,4 @@ impl Point {
             format!("{:.2} %", self.rms),
         ]
     }
-}
-
-fn chart(lines: &[Line], caption: &str, across: &str, path: &Path) -> Outcome<()> {
-    Chart { caption, across, up: "share of raw memory", logarithmic: false }.draw(lines, path)
 }

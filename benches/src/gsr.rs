@@ -1,6 +1,6 @@
 //! How well descriptors foresee what affine matching accepts, and how long a search takes.
 //!
-//! `cargo run --release -p texfold-benches --bin gsr -- OUT`: the accuracy factor IR of "Progressive compression of large-scale
+//! `cargo run --release -p texfold-benches --bin gsr`: the accuracy factor IR of "Progressive compression of large-scale
 //! remote sensing images with GSR descriptors", 2012, section 6.1.2: of the patches that affine refinement, gain and offset bring
 //! within an RMS of 0.7 of a block's contrast, the share among the block's 500 nearest by descriptor. Six aerial images,
 //! middle 512 x 512, blocks of 16 x 16 every 8 texels; blocks that nothing or more than 500 patches match are left out. Against it
@@ -8,10 +8,8 @@
 //! texels for 250 neighbours of each of 4096 blocks among patches every 4 and every 8 texels.
 
 use std::error::Error;
-use std::path::Path;
 use std::time::Instant;
 
-use plotters::prelude::*;
 use texfold::core::CancelCheck;
 use texfold::core::image::Raster;
 use texfold_benches::report::cpu_seconds;
@@ -38,8 +36,6 @@ const ASKED: usize = 48;
 const BUCKETS: usize = 16;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let out = std::env::args().nth(1).unwrap_or_else(|| "target/gsr".to_owned());
-    std::fs::create_dir_all(&out)?;
     let Some(data) = texfold_testkit::data_dir("accuracy of descriptors") else { return Ok(()) };
     let mut rows = Vec::new();
     println!("| image | blocks | matches a block | GSR, gray | GSR, shape | histograms | by chance |");
@@ -56,7 +52,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let mean = |index: usize| rows.iter().map(|(_, row)| row.ratios[index]).sum::<f64>() / rows.len() as f64;
     println!("| mean | | | {:.3} | {:.3} | {:.3} | {:.3} |", mean(0), mean(1), mean(2), mean(3));
-    chart(&rows, &Path::new(&out).join("gsr.svg"))?;
     let original = texfold_testkit::png(&data.join("remote").join(IMAGES[4])).with_channels(3);
     for stride in [4, 8] {
         time(&middle(&original, 1024)?, stride);
@@ -213,31 +208,4 @@ fn middle(image: &Raster, side: u32) -> Result<Raster, Box<dyn Error>> {
     let (left, top) = ((size.width - side) / 2, (size.height - side) / 2);
     let texels: Vec<_> = (0..side * side).map(|i| image.texel(left + i % side, top + i / side)).collect();
     Ok(Raster::from_texels(side, side, image.info(), &texels)?)
-}
-
-fn chart(rows: &[(&str, Row)], path: &Path) -> Result<(), Box<dyn Error>> {
-    let root = SVGBackend::new(path, (720, 420)).into_drawing_area();
-    root.fill(&WHITE)?;
-    let mut chart = ChartBuilder::on(&root)
-        .caption("Accuracy factor IR: matches among the 500 nearest by descriptor", ("sans-serif", 18))
-        .margin(12)
-        .x_label_area_size(28)
-        .y_label_area_size(44)
-        .build_cartesian_2d(0f64..rows.len() as f64, 0f64..1f64)?;
-    let label = |x: &f64| rows.get(*x as usize).map_or("", |(name, _)| name).chars().take(10).collect();
-    chart.configure_mesh().disable_x_mesh().x_labels(rows.len()).x_label_formatter(&label).draw()?;
-    let kinds = [("GSR, gray", BLUE), ("GSR, shape", GREEN), ("colour and orientation", RED)];
-    for (kind, (name, color)) in kinds.into_iter().enumerate() {
-        let bar = |(index, (_, row)): (usize, &(&str, Row))| {
-            let left = index as f64 + 0.12 + 0.25 * kind as f64;
-            Rectangle::new([(left, 0.0), (left + 0.22, row.ratios[kind])], color.mix(0.8).filled())
-        };
-        chart
-            .draw_series(rows.iter().enumerate().map(bar))?
-            .label(name)
-            .legend(move |(x, y)| Rectangle::new([(x, y - 5), (x + 12, y + 5)], color.mix(0.8).filled()));
-    }
-    chart.configure_series_labels().background_style(WHITE).border_style(BLACK).draw()?;
-    root.present()?;
-    Ok(())
 }

@@ -4,12 +4,13 @@
 //! Kodak photographs where they are, else fixtures. Writes importance.csv and importance.svg.
 
 use std::error::Error;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use plotters::prelude::*;
 use texfold::core::image::{ImageSet, Raster, to_u8};
 use texfold::core::metric::decode_surface;
 use texfold::{Content, vq::VqParams};
+use texfold_benches::report::chart;
+use texfold_chart::Scale;
 
 /// Weights of importance that are charted; 1 is the default.
 const WEIGHTS: [f32; 6] = [0.0, 0.25, 0.5, 1.0, 2.0, 4.0];
@@ -36,7 +37,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     print!("{} images at 9.6:1, raw codebook\n{csv}", images.len());
     std::fs::write(out.join("importance.csv"), csv)?;
-    chart(&rows, &out.join("importance.svg"))
+    let line = |name: &str, value: fn(&Row) -> f64| {
+        (name.to_owned(), rows.iter().map(|row| (f64::from(row.weight), value(row))).collect())
+    };
+    let lines = [line("whole image", |row| row.whole), line("most salient quarter", |row| row.salient)];
+    let axes = [("weight of importance", Scale::Linear), ("PSNR in dB", Scale::Linear)];
+    chart(&out.join("importance.svg"), "Importance: what the salient quarter gains", axes, &lines)
 }
 
 fn usual_images() -> Result<Vec<PathBuf>, Box<dyn Error>> {
@@ -88,32 +94,4 @@ fn psnrs(source: &Raster, decoded: &Raster) -> (f64, f64) {
     }
     let psnr = |(sum, count): (f64, f64)| 10.0 * (65025.0 * count / sum.max(1e-9)).log10();
     (psnr(whole), psnr(salient))
-}
-
-fn chart(rows: &[Row], path: &Path) -> Result<(), Box<dyn Error>> {
-    let values = || rows.iter().flat_map(|row| [row.whole, row.salient]);
-    let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max));
-    let root = SVGBackend::new(path, (720, 480)).into_drawing_area();
-    root.fill(&WHITE)?;
-    let mut chart = ChartBuilder::on(&root)
-        .caption("Importance: what the salient quarter gains", ("sans-serif", 20))
-        .margin(12)
-        .x_label_area_size(44)
-        .y_label_area_size(56)
-        .build_cartesian_2d(0f32..4f32, low - 0.2..high + 0.2)?;
-    chart.configure_mesh().x_desc("weight of importance").y_desc("PSNR in dB").draw()?;
-    for (name, color, value) in [
-        ("whole image", BLUE, (|row: &Row| row.whole) as fn(&Row) -> f64),
-        ("most salient quarter", RED, |row| row.salient),
-    ] {
-        let points: Vec<(f32, f64)> = rows.iter().map(|row| (row.weight, value(row))).collect();
-        chart
-            .draw_series(LineSeries::new(points.clone(), color.stroke_width(2)))?
-            .label(name)
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
-        chart.draw_series(points.into_iter().map(|point| Circle::new(point, 4, color.filled())))?;
-    }
-    chart.configure_series_labels().background_style(WHITE).border_style(BLACK).draw()?;
-    root.present()?;
-    Ok(())
 }

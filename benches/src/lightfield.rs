@@ -7,8 +7,6 @@
 //! drawn into OUT), `model` (parts of the model left out or done otherwise), `speed` (of encodes) and
 //! `frames` (of drawing); all where none is named. PSNR counts pixels of the object alone; those that a mesh does not cover count as black.
 
-#[path = "lightfield/chart.rs"]
-mod chart;
 #[path = "lightfield/edges.rs"]
 mod edges;
 #[path = "lightfield/views.rs"]
@@ -17,7 +15,6 @@ mod views;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use chart::Curve;
 use texfold::{
     Access, Content, Encoded, Job,
     core::{Capture, Photograph},
@@ -27,6 +24,7 @@ use texfold::{
     },
 };
 use texfold_benches::report::{Outcome, Table, cpu_seconds};
+use texfold_chart::{Axis, Chart, Kind, LARGE, Point, Scale, Series};
 use texfold_gpu::{Gpu, Policy};
 use views::{Closeness, closeness, nearest_photograph};
 
@@ -45,6 +43,9 @@ const FRAME_TERMS: [u32; 4] = [0, 1, 2, 3];
 const SMALL_REDUCE_LOG2: u8 = 2;
 /// Regions and shares of codewords of small files.
 const SMALL: [(u32, f32); 5] = [(24, 0.4), (50, 0.5), (110, 0.6), (250, 0.7), (500, 0.8)];
+
+/// The size from which the marks of the chart's axis double, in kB.
+const LEAST_KILOBYTES: f64 = 62.5;
 
 struct Bench {
     dir: PathBuf,
@@ -198,7 +199,7 @@ impl Bench {
     /// Quality against size, as in Figure 8 of the paper: prefixes of one file of six terms.
     fn meshes(&self) -> Outcome<()> {
         let mut table = columns();
-        let mut curves: Vec<Curve> = Vec::new();
+        let mut series = Vec::new();
         for (factors, kind) in [(Factors::Signed, "PCA"), (Factors::NonNegative, "NMF")] {
             for (colour, triangles) in MESHES.into_iter().enumerate() {
                 let capture = self.capture(triangles)?;
@@ -215,16 +216,33 @@ impl Bench {
                 }
                 let count = whole.mesh().triangles.len();
                 let name = format!("{kind}, {count} triangles");
-                curves.push(Curve { colour, full: factors == Factors::Signed, name, points });
+                series.push(line(name, colour, factors == Factors::NonNegative, points));
             }
         }
         let name = format!(
             "1 term, regions, BC1, codewords, {} triangles",
             self.capture(None)?.mesh.triangles.len()
         );
-        curves.push(Curve { colour: MESHES.len(), full: true, name, points: self.small(&mut table)? });
+        series.push(line(name, MESHES.len(), false, self.small(&mut table)?));
         let nearest = self.baselines(&mut table)?;
-        chart::draw(&curves, ("nearest photograph", nearest), &self.out.join("lightfield.svg"))?;
+        let sizes = series.iter().flat_map(|series: &Series| series.points.iter().map(|point| point.x));
+        let (least, most) =
+            sizes.fold((f64::INFINITY, 0.0), |(least, most): (f64, f64), x| (least.min(x), most.max(x)));
+        series.push(Series {
+            name: "nearest photograph".to_owned(),
+            colour: None,
+            kind: Kind::Line,
+            points: vec![(least, nearest).into(), (most, nearest).into()],
+        });
+        let chart = Chart {
+            title: "New views by size of the file",
+            across: Axis { label: "kB", scale: Scale::Doublings(LEAST_KILOBYTES) },
+            up: Axis { label: "dB", scale: Scale::Linear },
+            size: LARGE,
+            names_below: false,
+            series,
+        };
+        std::fs::write(self.out.join("lightfield.svg"), chart.svg())?;
         table.write(
             &self.out,
             "lightfield",
@@ -466,4 +484,9 @@ fn variants() -> Vec<(&'static str, LightParams)> {
         ("maps of 12x12", usual().with_grid(12)),
         ("half the samples a side", usual().with_sampling(0.5)),
     ]
+}
+
+fn line(name: String, colour: usize, hollow: bool, points: Vec<(f64, f64)>) -> Series {
+    let points = points.into_iter().map(|point| Point { hollow, ..point.into() }).collect();
+    Series { name, colour: Some(colour), kind: Kind::Both, points }
 }

@@ -17,7 +17,8 @@ use texfold::{
     epitome::{Epitome, EpitomeParams, EpitomeSource},
     progressive::{Progressive, ProgressiveParams},
 };
-use texfold_benches::report::{Chart, Line, Outcome, Table, images_of};
+use texfold_benches::report::{Line, Outcome, Table, chart, images_of};
+use texfold_chart::Scale;
 use texfold_cli::{astc_by_astcenc, ssimulacra2};
 
 /// Goals of our codecs in bits per texel: those of ASTC in blocks of 12x12, 10x10, 8x8 and 6x6, and half a bit.
@@ -206,13 +207,15 @@ fn write(out: &Path, points: &[Point], images: usize) -> Outcome<()> {
     }
     let text = format!("Means over {images} images; bits a texel are what a GPU holds, without mips.");
     table.write(out, "peers", &text)?;
-    let charts =
-        [("PSNR in dB", &mut psnr, "peers-psnr.svg"), ("SSIMULACRA2", &mut eye, "peers-ssimulacra2.svg")];
-    for (up, lines, name) in charts {
+    let charts = [
+        ("PSNR against bits a texel", "dB", &mut psnr, "peers-psnr.svg"),
+        ("SSIMULACRA2 against bits a texel", "points", &mut eye, "peers-ssimulacra2.svg"),
+    ];
+    for (title, up, lines, name) in charts {
         lines.iter_mut().for_each(|(_, line)| line.sort_by(|a, b| a.0.total_cmp(&b.0)));
         lines.iter_mut().for_each(|(_, line)| line.retain(|point| point.0 <= 4.5));
-        let chart = Chart { caption: up, across: "bits a texel in GPU memory", up, logarithmic: false };
-        chart.draw(lines, &out.join(name))?;
+        let axes = [("bits a texel, compressed", Scale::Linear), (up, Scale::Linear)];
+        chart(&out.join(name), title, axes, lines)?;
     }
     Ok(())
 }

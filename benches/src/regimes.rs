@@ -15,7 +15,8 @@ use texfold::{
     encode_images,
     epitome::{Epitome, EpitomeParams, EpitomeSource},
 };
-use texfold_benches::report::{Chart, Outcome, Table, cpu_seconds, middle, reduced};
+use texfold_benches::report::{Outcome, Table, chart, cpu_seconds, middle, reduced};
+use texfold_chart::Scale;
 use texfold_epitome::EpitomeTexture;
 use texfold_epitome::decode::{texfold_epitome_bilinear, texfold_epitome_nearest};
 
@@ -208,9 +209,8 @@ fn time(out: &Path) -> Outcome<()> {
          `cargo run --release -p texfold-benches --bin regimes -- target/epitome time`"
     );
     table.write(out, "time", &text)?;
-    let chart =
-        Chart { caption: "Time against texels", across: "megatexels", up: "CPU seconds", logarithmic: true };
-    chart.draw(&lines, &out.join("time.svg"))
+    let axes = [("megatexels", Scale::Doublings(1.0)), ("CPU seconds", Scale::Doublings(1.0))];
+    chart(&out.join("time.svg"), "Time against texels", axes, &lines)
 }
 
 /// Slope of the line of least squares through logarithms.

@@ -3,8 +3,8 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
-use plotters::prelude::*;
 use texfold::core::image::Raster;
+use texfold_chart::{Axis, Chart, Kind, SMALL, Scale, Series};
 
 /// What a bench may fail with.
 pub type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -114,82 +114,19 @@ impl Table {
 /// A line of a chart: its name and points.
 pub type Line = (String, Vec<(f64, f64)>);
 
-/// What a chart of lines says beside its lines.
-#[derive(Debug, Clone, Copy)]
-pub struct Chart<'c> {
-    /// Above it.
-    pub caption: &'c str,
-    /// Below it.
-    pub across: &'c str,
-    /// At its left.
-    pub up: &'c str,
-    /// Whether both axes are logarithmic.
-    pub logarithmic: bool,
-}
-
-impl Chart<'_> {
-    /// Draws lines with a mark at each point, as SVG.
-    ///
-    /// # Errors
-    /// Where the file cannot be written.
-    pub fn draw(&self, lines: &[Line], path: &Path) -> Outcome<()> {
-        let points = || lines.iter().flat_map(|(_, line)| line);
-        let least = |of: fn(&(f64, f64)) -> f64| points().map(of).fold(f64::INFINITY, f64::min);
-        let most = |of: fn(&(f64, f64)) -> f64| points().map(of).fold(0.0, f64::max);
-        let (left, right) = (least(|p| p.0), most(|p| p.0));
-        let (low, high) = (least(|p| p.1), most(|p| p.1));
-        let root = SVGBackend::new(path, (720, 480)).into_drawing_area();
-        root.fill(&WHITE)?;
-        let mut builder = ChartBuilder::on(&root);
-        builder
-            .caption(self.caption, ("sans-serif", 20))
-            .margin(12)
-            .x_label_area_size(44)
-            .y_label_area_size(56);
-        if self.logarithmic {
-            let across = (left * 0.9..right * 1.1).log_scale();
-            let mut chart = builder.build_cartesian_2d(across, (low * 0.8..high * 1.25).log_scale())?;
-            let mut mesh = chart.configure_mesh();
-            // More labels run into each other where the axis is narrow.
-            mesh.x_labels(4).light_line_style(WHITE).x_desc(self.across).y_desc(self.up).draw()?;
-            draw_lines(&mut chart, lines, SeriesLabelPosition::LowerRight)?;
-        } else {
-            // Room at the right for the names.
-            // From zero, unless all values lie far above: decibels.
-            let floor = if low > 0.4 * high { low - 0.1 * (high - low) } else { low.min(0.0) };
-            let mut chart =
-                builder.build_cartesian_2d(0.0..right * 1.4, floor..(high * 1.08).max(floor + 1e-9))?;
-            let mut mesh = chart.configure_mesh();
-            mesh.light_line_style(WHITE).x_desc(self.across).y_desc(self.up).draw()?;
-            draw_lines(&mut chart, lines, SeriesLabelPosition::UpperRight)?;
-        }
-        root.present()?;
-        Ok(())
-    }
-}
-
-fn draw_lines<'a, X, Y>(
-    chart: &mut ChartContext<'a, SVGBackend<'a>, Cartesian2d<X, Y>>,
-    lines: &[Line],
-    names: SeriesLabelPosition,
-) -> Outcome<()>
-where
-    X: Ranged<ValueType = f64>,
-    Y: Ranged<ValueType = f64>,
-{
-    for (index, (name, line)) in lines.iter().enumerate() {
-        let color = Palette99::pick(index).to_rgba();
-        chart
-            .draw_series(LineSeries::new(line.iter().copied(), color.stroke_width(2)))?
-            .label(name)
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
-        chart.draw_series(line.iter().map(|&point| Circle::new(point, 4, color.filled())))?;
-    }
-    chart
-        .configure_series_labels()
-        .position(names)
-        .background_style(WHITE.mix(0.8))
-        .border_style(BLACK)
-        .draw()?;
-    Ok(())
+/// Draws lines with a mark at each point as SVG, over a lower and a left axis.
+///
+/// # Errors
+/// Where the file cannot be written.
+pub fn chart(path: &Path, title: &str, [across, up]: [(&str, Scale); 2], lines: &[Line]) -> Outcome<()> {
+    let axis = |(label, scale)| Axis { label, scale };
+    let series = lines.iter().enumerate().map(|(index, (name, points))| Series {
+        name: name.clone(),
+        colour: Some(index),
+        kind: Kind::Both,
+        points: points.iter().map(|&point| point.into()).collect(),
+    });
+    let series = series.collect();
+    let chart = Chart { title, across: axis(across), up: axis(up), size: SMALL, names_below: false, series };
+    Ok(std::fs::write(path, chart.svg())?)
 }

@@ -35,7 +35,7 @@ const NAMED: [&str; 8] = ["criterion", "glam", "image", "kiddo", "ndarray", "ray
 const NUMERIC: [&str; 4] = ["bytemuck", "glam", "rayon", "thiserror"];
 
 /// Everything that packages may depend on. A codec knows core, bc and the crates of methods, never another codec.
-const ALLOWED: [Allowed; 20] = [
+const ALLOWED: [Allowed; 21] = [
     Allowed { package: "core", numeric: true, may: &["blake3", "ruzstd", "zstd"] },
     Allowed { package: "bc", numeric: true, may: &["dds", "texfold-core", "texpresso"] },
     Allowed { package: "dct", numeric: true, may: &["pulp", "texfold-bc", "texfold-core"] },
@@ -79,6 +79,7 @@ const ALLOWED: [Allowed; 20] = [
             "thiserror",
         ],
     },
+    Allowed { package: "chart", numeric: false, may: &[] },
     Allowed { package: "shaders", numeric: true, may: &["texfold-core"] },
     Allowed { package: "gpu", numeric: true, may: &["pollster", "texfold-core", "texfold-shaders", "wgpu"] },
     Allowed {
@@ -95,7 +96,6 @@ const ALLOWED: [Allowed; 20] = [
             "indicatif",
             "ktx2",
             "ndarray",
-            "plotters",
             "png",
             "serde",
             "serde_json",
@@ -104,6 +104,7 @@ const ALLOWED: [Allowed; 20] = [
             "tempfile",
             "texfold",
             "texfold-bc",
+            "texfold-chart",
             "texfold-codebook",
             "texfold-core",
             "texfold-dct",
@@ -122,8 +123,8 @@ const ALLOWED: [Allowed; 20] = [
         may: &[
             "image",
             "jpeg-encoder",
-            "plotters",
             "texfold",
+            "texfold-chart",
             "texfold-cli",
             "texfold-core",
             "texfold-epitome",
@@ -144,6 +145,7 @@ const ALLOWED: [Allowed; 20] = [
             "image",
             "serde_json",
             "texfold",
+            "texfold-chart",
             "texfold-cli",
             "texfold-gpu",
             "texfold-testkit",

@@ -4,7 +4,6 @@
 //! a typed error; never a panic, a hang, a value that is no number, or more bytes than the plain form and its header. Beside it charts of where each
 //! method stops working. `--full` takes more values of each chart and more forged files.
 
-mod chart;
 mod files;
 mod guard;
 mod images;

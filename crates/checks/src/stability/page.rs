@@ -6,8 +6,8 @@ use std::io::Cursor;
 use base64::prelude::{BASE64_STANDARD, Engine};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use texfold::core::image::Raster;
+use texfold_chart::{Axis, Chart, Kind, Point, SMALL, Scale, Series, escaped, short};
 
-use super::chart::{escaped, short, svg};
 use super::record::{Bound, Check, Curve, Outcome as Result, Row};
 use super::{Outcome, Tools};
 
@@ -15,37 +15,20 @@ use super::{Outcome, Tools};
 const PICTURE: u32 = 64;
 
 const STYLE: &str = "\
-:root{color-scheme:light dark;--ink:#222;--paper:#fff;--rule:#ddd;--bad:#b00020;--good:#1b6e3c;\
---c0:#b34700;--c1:#005fa8;--c2:#8e248a;--c3:#00756f;--c4:#7a6500;--c5:#b3182b}\
-@media(prefers-color-scheme:dark){:root{--ink:#ddd;--paper:#161616;--rule:#3a3a3a;--bad:#ff8a93;--good:#7fd6a0;\
---c0:#ffa263;--c1:#7dbdf5;--c2:#dc9bdb;--c3:#62d1c9;--c4:#d9c35c;--c5:#ff8f9b}}\
+:root{color-scheme:light dark;--ink:#222;--paper:#fff;--rule:#ddd;--bad:#b00020;--good:#1b6e3c}\
+@media(prefers-color-scheme:dark){:root{--ink:#ddd;--paper:#161616;--rule:#3a3a3a;--bad:#ff8a93;--good:#7fd6a0}}\
 body{font:16px/1.5 system-ui,sans-serif;max-width:76rem;margin:2rem auto;padding:0 1rem;color:var(--ink);background:var(--paper)}\
 table{border-collapse:collapse;font-size:14px}td,th{padding:.2rem .6rem;border-bottom:1px solid var(--rule);text-align:left;vertical-align:top}\
 .wide{overflow-x:auto}.bad{color:var(--bad);font-weight:600}.good{color:var(--good)}\
 img{image-rendering:pixelated;width:96px;margin-right:4px}summary{cursor:pointer}\
-.charts{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,24rem),1fr));gap:1rem}figure{margin:0}\
-svg{width:100%;height:auto;font:12px system-ui,sans-serif}figcaption{font-weight:600;font-size:14px}\
-.grid{stroke:var(--rule)}svg text{fill:var(--ink)}.axis{text-anchor:middle}.up{text-anchor:end}\
-polyline{fill:none;stroke-width:2}circle{stroke-width:2}";
-
-/// Colours of a page's lines, for lines and for names.
-fn line_styles() -> String {
-    (0..6).fold(String::new(), |mut text, i| {
-        let _ = write!(
-            text,
-            "polyline.line{i},circle.line{i}{{stroke:var(--c{i})}}circle.line{i},svg text.line{i}{{fill:var(--c{i})}}"
-        );
-        text
-    }) + "circle.hollow{fill:var(--paper)}"
-}
+.charts{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,24rem),1fr));gap:1rem}svg{width:100%;height:auto}";
 
 /// The whole page.
 pub(super) fn html(tools: &Tools, rows: &[Row], curves: &[Curve], about: &[(&str, &str)]) -> String {
     let broken = rows.iter().filter(|row| !row.holds()).count();
     let mut page = format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Texfold: stability</title>\
-         <meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}{}</style><h1>Texfold: stability</h1>",
-        line_styles()
+         <meta name=\"viewport\" content=\"width=device-width\"><style>{STYLE}</style><h1>Texfold: stability</h1>"
     );
     let gpu = match (&tools.gpu, &tools.no_gpu) {
         (Some(gpu), _) => format!("Shaders ran on {}.", escaped(&gpu.info().name)),
@@ -63,12 +46,7 @@ pub(super) fn html(tools: &Tools, rows: &[Row], curves: &[Curve], about: &[(&str
     if !curves.is_empty() {
         page.push_str("<h2>Where methods stop working</h2><p>Hollow points: the method had given way to a plainer form.</p><div class=\"charts\">");
         for curve in curves {
-            let _ = write!(
-                page,
-                "<figure><figcaption>{}</figcaption>{}</figure>",
-                escaped(&curve.title),
-                svg(curve)
-            );
+            page.push_str(&svg(curve));
         }
         page.push_str("</div>");
     }
@@ -79,6 +57,24 @@ pub(super) fn html(tools: &Tools, rows: &[Row], curves: &[Curve], about: &[(&str
     }
     page.push_str("</html>\n");
     page
+}
+
+fn svg(curve: &Curve) -> String {
+    let axis = |label| Axis { label, scale: Scale::Linear };
+    let lines = curve.lines.iter().enumerate();
+    let series = lines.map(|(index, (name, points))| {
+        let point =
+            |point: &super::record::Point| Point { hollow: point.gave_way, ..(point.x, point.y).into() };
+        Series {
+            name: name.clone(),
+            colour: Some(index),
+            kind: Kind::Both,
+            points: points.iter().map(point).collect(),
+        }
+    });
+    let series = series.collect();
+    let (across, up) = (axis(curve.across), axis(curve.up));
+    Chart { title: &curve.title, across, up, size: SMALL, names_below: false, series }.svg()
 }
 
 /// Regimes by codecs: one word each.
@@ -134,9 +130,13 @@ fn sentence(check: &Check) -> String {
     format!("{} {}, {side} {}", check.what, exact(check.measured), exact(limit))
 }
 
-/// A figure whose small values are told, too.
+/// A figure, small and large ones without a unit.
 fn exact(value: f64) -> String {
-    if value != 0.0 && value.abs() < 0.01 { format!("{value:.1e}") } else { short(value) }
+    match value.abs() {
+        size if size > 0.0 && size < 0.01 => format!("{value:.1e}"),
+        size if size >= 100.0 => format!("{value:.0}"),
+        _ => short(value),
+    }
 }
 
 fn details(regime: &str, what: &str, rows: &[&Row]) -> String {

@@ -6,7 +6,6 @@
 mod candidate;
 mod chart;
 mod measure;
-mod names;
 mod page;
 mod rival;
 mod table;

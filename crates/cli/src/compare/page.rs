@@ -4,6 +4,7 @@ use std::error::Error;
 use std::fmt::Write;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
+use texfold_chart::escaped;
 use texfold_core::image::Raster;
 
 use super::candidate::Candidate;
@@ -47,11 +48,11 @@ impl Subject {
     }
 }
 
-const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem;color:#222}\
-table{border-collapse:collapse;font-size:14px}td,th{padding:.2rem .6rem;border-bottom:1px solid #ddd;text-align:right}\
+const STYLE: &str = ":root{color-scheme:light dark}body{font:16px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem}\
+table{border-collapse:collapse;font-size:14px}td,th{padding:.2rem .6rem;border-bottom:1px solid #8884;text-align:right}\
 td:nth-child(-n+3),th:nth-child(-n+3){text-align:left}figure{display:inline-block;margin:.3rem}\
 figcaption{font-size:13px;max-width:22rem}img{image-rendering:pixelated;margin-right:3px;vertical-align:top}\
-svg{max-width:100%;height:auto}.wide{overflow-x:auto}";
+svg{width:100%;height:auto}.wide{overflow-x:auto}";
 
 type Fault = Box<dyn Error + Send + Sync>;
 
@@ -66,8 +67,8 @@ pub(crate) fn html(rows: &[Row], subjects: &[Subject], bench: &Bench) -> Result<
     );
     page.push_str(&circumstances(bench));
     for axis in AXES {
-        if let Some(svg) = chart::svg(&means, axis)? {
-            write!(page, "<figure>{svg}</figure>")?;
+        if let Some(svg) = chart::svg(&means, axis) {
+            page.push_str(&svg);
         }
     }
     write!(page, "<h2>Means over the inputs</h2>{}", table(&means))?;
@@ -87,7 +88,7 @@ pub(crate) fn html(rows: &[Row], subjects: &[Subject], bench: &Bench) -> Result<
 /// What was measured how, and what was not there.
 fn circumstances(bench: &Bench) -> String {
     let gpu = match bench.adapter() {
-        Some(name) => format!("GPU speeds are of {}: the first image drawn at its own size.", escape(&name)),
+        Some(name) => format!("GPU speeds are of {}: the first image drawn at its own size.", escaped(&name)),
         None => "No GPU adapter was found: GPU speeds are left out.".to_owned(),
     };
     let rival = if bench.rival().is_some() {
@@ -113,9 +114,9 @@ fn table(rows: &[Row]) -> String {
         let _ = write!(
             text,
             "<tr><td>{}<td>{}<td>{}<td>{:.3}<td>{:.3}<td>{:.3}<td>{:.2}<td>{:.4}<td>{}<td>{:.2}<td>{}<td>{}",
-            escape(&row.input),
+            escaped(&row.input),
             row.codec,
-            escape(&row.settings),
+            escaped(&row.settings),
             row.bpp_memory,
             row.bpp_resident,
             row.bpp_disk,
@@ -135,7 +136,7 @@ fn images(subject: &Subject) -> Result<String, Fault> {
     let Some(original) = &subject.original else { return Ok(String::new()) };
     let mut text = format!(
         "<h3>{}</h3><figure>{}<figcaption>original</figcaption></figure>",
-        escape(&subject.input),
+        escaped(&subject.input),
         data_image(original, "original")?
     );
     for Shown { title, decoded, error } in &subject.shown {
@@ -144,7 +145,7 @@ fn images(subject: &Subject) -> Result<String, Fault> {
             "<figure>{}{}<figcaption>{}</figcaption></figure>",
             data_image(decoded, "decoded")?,
             data_image(error, "error")?,
-            escape(title)
+            escaped(title)
         )?;
     }
     Ok(text)
@@ -157,8 +158,4 @@ fn data_image(raster: &Raster, alt: &str) -> Result<String, Fault> {
         "<img alt=\"{alt}\" width=\"{}\" height=\"{}\" src=\"data:image/png;base64,{data}\">",
         size.width, size.height
     ))
-}
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -30,9 +30,14 @@ impl Area {
     }
 }
 
-/// Upper left corners of the names of points, in the same order; `below` where a line rises through the points, so
-/// that names stand under it.
-pub(crate) fn place(points: &[(i32, i32)], names: &[&str], below: bool) -> Vec<(i32, i32)> {
+/// Upper left corners of the names of points, in the same order, right of `left_end` and above `bottom_end` where there is room;
+/// `below` where a line rises through the points, so that names stand under it.
+pub(crate) fn place(
+    points: &[(i32, i32)],
+    names: &[&str],
+    below: bool,
+    (left_end, bottom_end): (i32, i32),
+) -> Vec<(i32, i32)> {
     let dot = |&(x, y): &(i32, i32)| Area { left: x - DOT, top: y - DOT, right: x + DOT, bottom: y + DOT };
     let mut taken: Vec<Area> = points.iter().map(dot).collect();
     let mut corners = Vec::new();
@@ -45,7 +50,11 @@ pub(crate) fn place(points: &[(i32, i32)], names: &[&str], below: bool) -> Vec<(
         let rows = if below { [under, over] } else { [over, under] };
         let rows: Vec<i32> = rows.into_iter().flatten().map(|row| y + row).collect();
         let mut places = rows.iter().flat_map(|&top| sides.map(|left| (left, top)));
-        let free = places.find(|&corner| !taken.iter().any(|other| other.meets(&area(corner))));
+        let free = places.find(|&corner| {
+            let area = area(corner);
+            let is_inside = area.left >= left_end && area.bottom <= bottom_end;
+            is_inside && !taken.iter().any(|other| other.meets(&area))
+        });
         let corner = free.unwrap_or((sides[0], rows[0]));
         taken.push(area(corner));
         corners.push(corner);
@@ -61,7 +70,7 @@ mod tests {
     fn names_of_points_at_one_place_do_not_meet() {
         let points = [(100, 100), (101, 100), (100, 102), (300, 100)];
         let names = ["256x256 bc7", "2.5 bpp", "256x128 bc7", "bc1"];
-        let corners = place(&points, &names, true);
+        let corners = place(&points, &names, true, (0, 500));
         assert_eq!(corners[3], (308, 102));
         let width = |index: usize| LETTER * names[index].len() as i32;
         for (a, b) in [(0, 1), (0, 2), (1, 2)] {

@@ -98,6 +98,7 @@ const ALLOWED: [Allowed; 21] = [
             "ndarray",
             "png",
             "serde",
+            "serde-ply",
             "serde_json",
             "ssimulacra2",
             "sysinfo",

@@ -1,15 +1,20 @@
-//! Meshes without texture coordinates: OBJ by `tobj`, glTF and GLB by `gltf`, PLY (text and little-endian) read here.
+//! Meshes without texture coordinates: OBJ by `tobj`, glTF and GLB by `gltf`, PLY by `serde-ply`.
+//!
+//! *Not taken*: `ply-rs-bw`, which keeps a map from names to values for each vertex.
 
 use std::io::BufReader;
 use std::path::Path;
 
 use glam::Vec3;
+use serde::Deserialize;
+use serde::de::DeserializeSeed;
+use serde_ply::{DeserializeError, PlyChunkedReader, PlyFormat, RowVisitor};
 use texfold::core::Mesh;
 
 use super::mesh::read_gltf_shape;
 use crate::error::CliError;
 
-/// Most vertices or faces of a PLY file, so that a header cannot ask for more memory than there is.
+/// Most vertices or faces of a PLY file: rows without properties take no bytes of it.
 const MAX_ELEMENTS: usize = 1 << 24;
 
 /// Reads a mesh by its extension.
@@ -21,7 +26,10 @@ pub(crate) fn read(path: &Path) -> Result<Mesh, CliError> {
         "ply" => {
             let bytes =
                 std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
-            read_ply(&bytes).map_err(fault)?
+            read_ply(bytes).map_err(|error| match error {
+                PlyError::Content(what) => fault(what),
+                PlyError::Read(source) => CliError::Mesh { path: path.to_owned(), source: source.into() },
+            })?
         }
         "gltf" | "glb" => {
             let (positions, triangles) = read_gltf_shape(path)?;
@@ -56,182 +64,65 @@ fn read_obj(path: &Path) -> Result<Mesh, CliError> {
     Ok(whole)
 }
 
-/// A type of numbers in a PLY file, by its bytes.
-#[derive(Debug, Clone, Copy)]
-enum Number {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
-
-/// A property of an element: the type of a list's length where it is a list, the type of its values, and its name.
+/// Why a PLY file is no mesh.
 #[derive(Debug)]
-struct Property<'t> {
-    length: Option<Number>,
-    value: Number,
-    name: &'t str,
+enum PlyError {
+    Content(&'static str),
+    Read(DeserializeError),
 }
 
-#[derive(Debug)]
-struct Element<'t> {
-    name: &'t str,
-    count: usize,
-    properties: Vec<Property<'t>>,
+#[derive(Deserialize)]
+struct Vertex {
+    x: f32,
+    y: f32,
+    z: f32,
 }
 
-fn number(name: &str) -> Option<Number> {
-    Some(match name {
-        "char" | "int8" => Number::I8,
-        "uchar" | "uint8" => Number::U8,
-        "short" | "int16" => Number::I16,
-        "ushort" | "uint16" => Number::U16,
-        "int" | "int32" => Number::I32,
-        "uint" | "uint32" => Number::U32,
-        "float" | "float32" => Number::F32,
-        "double" | "float64" => Number::F64,
-        _ => return None,
-    })
+#[derive(Deserialize)]
+struct Face {
+    #[serde(alias = "vertex_index")]
+    vertex_indices: Vec<u32>,
 }
 
-/// Values of a PLY file in their order, from text or from bytes.
-enum Values<'t> {
-    Text(std::str::SplitAsciiWhitespace<'t>),
-    Bytes(&'t [u8]),
-}
+/// A row of an element that is no part of a mesh.
+#[derive(Deserialize)]
+struct Skipped {}
 
-impl Values<'_> {
-    fn next(&mut self, kind: Number) -> Result<f64, &'static str> {
-        match self {
-            Values::Text(words) => {
-                let word = words.next().ok_or("ends early")?;
-                word.parse().map_err(|_| "has a word that is no number")
-            }
-            Values::Bytes(bytes) => {
-                let mut take = |count: usize| {
-                    let (head, tail) = bytes.split_at_checked(count)?;
-                    *bytes = tail;
-                    let mut word = [0; 8];
-                    word[..count].copy_from_slice(head);
-                    Some(word)
-                };
-                let low = |word: [u8; 8]| [word[0], word[1], word[2], word[3]];
-                let value = match kind {
-                    Number::I8 => take(1).map(|word| f64::from(word[0] as i8)),
-                    Number::U8 => take(1).map(|word| f64::from(word[0])),
-                    Number::I16 => take(2).map(|word| f64::from(i16::from_le_bytes([word[0], word[1]]))),
-                    Number::U16 => take(2).map(|word| f64::from(u16::from_le_bytes([word[0], word[1]]))),
-                    Number::I32 => take(4).map(|word| f64::from(i32::from_le_bytes(low(word)))),
-                    Number::U32 => take(4).map(|word| f64::from(u32::from_le_bytes(low(word)))),
-                    Number::F32 => take(4).map(|word| f64::from(f32::from_le_bytes(low(word)))),
-                    Number::F64 => take(8).map(f64::from_le_bytes),
-                };
-                value.ok_or("ends early")
-            }
-        }
+fn read_ply(bytes: Vec<u8>) -> Result<Mesh, PlyError> {
+    let mut file = PlyChunkedReader::new();
+    *file.buffer_mut() = bytes;
+    let header = file.header().ok_or(PlyError::Content("has no PLY header"))?.clone();
+    if header.format == PlyFormat::Ascii {
+        // The last word may lack the space or line that ends a word.
+        file.buffer_mut().push(b'\n');
     }
-}
-
-fn read_ply(bytes: &[u8]) -> Result<Mesh, &'static str> {
-    let marker = b"end_header";
-    let end = bytes.windows(marker.len()).position(|window| window == marker).ok_or("has no PLY header")?;
-    let body = bytes[end..].iter().position(|&byte| byte == b'\n').ok_or("has no PLY body")? + end + 1;
-    let head = std::str::from_utf8(&bytes[..end]).map_err(|_| "has a header that is no text")?;
-    let (elements, is_text) = read_header(head)?;
-    let mut values = if is_text {
-        let text = std::str::from_utf8(&bytes[body..]).map_err(|_| "has a body that is no text")?;
-        Values::Text(text.split_ascii_whitespace())
-    } else {
-        Values::Bytes(&bytes[body..])
-    };
     let mut mesh = Mesh::default();
-    for element in &elements {
-        for _ in 0..element.count {
-            read_element(element, &mut values, &mut mesh)?;
+    for element in header.elem_defs {
+        if element.count > MAX_ELEMENTS {
+            return Err(PlyError::Content("has more than 16 million vertices or faces"));
+        }
+        let mut rows = 0;
+        let read = match element.name.as_str() {
+            "vertex" => RowVisitor::new(|Vertex { x, y, z }| {
+                rows += 1;
+                mesh.positions.push(Vec3::new(x, y, z));
+            })
+            .deserialize(&mut file),
+            "face" => RowVisitor::new(|Face { vertex_indices: corners }| {
+                rows += 1;
+                if let [first, rest @ ..] = corners.as_slice() {
+                    mesh.triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
+                }
+            })
+            .deserialize(&mut file),
+            _ => RowVisitor::new(|Skipped {}| rows += 1).deserialize(&mut file),
+        };
+        read.map_err(PlyError::Read)?;
+        if rows < element.count {
+            return Err(PlyError::Content("ends early"));
         }
     }
     Ok(mesh)
-}
-
-fn read_header(head: &str) -> Result<(Vec<Element<'_>>, bool), &'static str> {
-    let mut elements: Vec<Element<'_>> = Vec::new();
-    let mut is_text = true;
-    for (index, line) in head.lines().enumerate() {
-        let words: Vec<&str> = line.split_ascii_whitespace().collect();
-        match words[..] {
-            ["ply"] if index == 0 => {}
-            _ if index == 0 => return Err("has no PLY header"),
-            ["format", "ascii", _] => is_text = true,
-            ["format", "binary_little_endian", _] => is_text = false,
-            ["format", ..] => return Err("is PLY in an order of bytes that is not read"),
-            ["element", name, count] => {
-                let count = count.parse().map_err(|_| "has an element without a count")?;
-                if count > MAX_ELEMENTS {
-                    return Err("has more than 16 million vertices or faces");
-                }
-                elements.push(Element { name, count, properties: Vec::new() });
-            }
-            ["property", ref rest @ ..] => {
-                let unknown = "has a property of an unknown type";
-                let property = match *rest {
-                    ["list", length, value, name] => Property {
-                        length: Some(number(length).ok_or(unknown)?),
-                        value: number(value).ok_or(unknown)?,
-                        name,
-                    },
-                    [value, name] => Property { length: None, value: number(value).ok_or(unknown)?, name },
-                    _ => return Err(unknown),
-                };
-                elements.last_mut().ok_or("has a property before its element")?.properties.push(property);
-            }
-            _ => {}
-        }
-    }
-    Ok((elements, is_text))
-}
-
-fn read_element(element: &Element<'_>, values: &mut Values<'_>, mesh: &mut Mesh) -> Result<(), &'static str> {
-    let mut place = Vec3::ZERO;
-    for property in &element.properties {
-        let Some(length) = property.length else {
-            let value = values.next(property.value)? as f32;
-            match property.name {
-                "x" => place.x = value,
-                "y" => place.y = value,
-                "z" => place.z = value,
-                _ => {}
-            }
-            continue;
-        };
-        let length = values.next(length)?;
-        let is_face = element.name == "face" && matches!(property.name, "vertex_indices" | "vertex_index");
-        let mut fan: Option<(u32, u32)> = None;
-        let mut first = 0;
-        for corner in 0..length as u64 {
-            // Negative and fractional numbers name no vertex and are reported as such.
-            let value = values.next(property.value)?;
-            let index = if value >= 0.0 && value.fract() == 0.0 { value as u32 } else { u32::MAX };
-            if !is_face {
-                continue;
-            }
-            match (corner, fan) {
-                (0, _) => first = index,
-                (_, None) => fan = Some((first, index)),
-                (_, Some((first, last))) => {
-                    mesh.triangles.push([first, last, index]);
-                    fan = Some((first, index));
-                }
-            }
-        }
-    }
-    if element.name == "vertex" {
-        mesh.positions.push(place);
-    }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -241,24 +132,34 @@ mod tests {
     use super::*;
 
     const HEAD: &str = "element vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\n\
-        element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+        element edge 1\nproperty uchar from\nproperty uchar to\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
 
     #[test]
     fn text_and_bytes_give_the_same_mesh() {
-        let text = format!("ply\nformat ascii 1.0\n{HEAD}0 0 0 9\n1 0 0 9\n1 1.5 0 9\n0 1 -2 9\n4 0 1 2 3\n");
-        let mesh = read_ply(text.as_bytes()).unwrap();
+        let text =
+            format!("ply\nformat ascii 1.0\n{HEAD}0 0 0 9\n1 0 0 9\n1 1.5 0 9\n0 1 -2 9\n7 8\n4 0 1 2 3");
+        let mesh = read_ply(text.into_bytes()).unwrap();
         assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
         assert_eq!(mesh.positions[2], Vec3::new(1.0, 1.5, 0.0));
-        let mut bytes = format!("ply\nformat binary_little_endian 1.0\n{HEAD}").into_bytes();
-        for position in &mesh.positions {
-            bytes.extend(position.to_array().map(f32::to_le_bytes).concat());
-            bytes.push(9);
+        for order in ["little", "big"] {
+            let turned = |mut word: [u8; 4]| {
+                if order == "big" {
+                    word.reverse();
+                }
+                word
+            };
+            let mut bytes = format!("ply\nformat binary_{order}_endian 1.0\n{HEAD}").into_bytes();
+            for position in &mesh.positions {
+                bytes.extend(position.to_array().map(|value| turned(value.to_le_bytes())).concat());
+                bytes.push(9);
+            }
+            bytes.extend([7, 8, 4]);
+            bytes.extend([0i32, 1, 2, 3].map(|index| turned(index.to_le_bytes())).concat());
+            assert_eq!(read_ply(bytes.clone()).unwrap(), mesh);
+            for length in 0..bytes.len() {
+                assert!(read_ply(bytes[..length].to_vec()).is_err(), "{length} bytes");
+            }
         }
-        bytes.push(4);
-        bytes.extend([0i32, 1, 2, 3].map(i32::to_le_bytes).concat());
-        assert_eq!(read_ply(&bytes), Ok(mesh));
-        bytes.pop();
-        assert_eq!(read_ply(&bytes), Err("ends early"));
     }
 
     #[test]
@@ -296,13 +197,15 @@ mod tests {
 
     #[test]
     fn damaged_files_are_named() {
-        assert_eq!(read_ply(b"obj"), Err("has no PLY header"));
-        assert_eq!(
-            read_ply(b"ply\nformat binary_big_endian 1.0\nend_header\n").map(|_| ()),
-            Err("is PLY in an order of bytes that is not read")
-        );
-        assert!(read_ply(b"ply\nformat ascii 1.0\nelement vertex 99999999999\nend_header\n").is_err());
-        let bad = "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n3 0 -1 7\n";
-        assert!(!read_ply(bad.as_bytes()).unwrap().is_valid());
+        let fails = |text: &str| read_ply(text.as_bytes().to_vec()).unwrap_err();
+        assert!(matches!(fails("obj"), PlyError::Content("has no PLY header")));
+        let many = "ply\nformat ascii 1.0\nelement vertex 99999999999\nend_header\n";
+        assert!(matches!(fails(many), PlyError::Content(_)));
+        let face =
+            "ply\nformat ascii 1.0\nelement face 1\nproperty list uint int vertex_indices\nend_header\n";
+        assert!(matches!(fails(&format!("{face}3 0 -1 7\n")), PlyError::Read(_)));
+        assert!(matches!(fails(&format!("{face}4294967295 0\n")), PlyError::Content("ends early")));
+        let seed = "ply\nformat binary_little_endian 1.0\nelement vertex 9\nproperty list char float x\nend_header\n";
+        assert!(matches!(fails(&format!("{seed}\u{1}aaaa")), PlyError::Read(_)));
     }
 }

@@ -32,17 +32,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     let info = gpu.info();
     println!("{} ({:?}, {})", info.name, info.device_type, info.driver_info);
     let images = (0..DRAWN).map(land).collect::<Result<Vec<_>, _>>()?;
-    let encode = |codec: &str, image: &Raster| -> Result<AnyImage, Box<dyn Error>> {
-        let settings = EncodeSettings {
-            codec: Choice::named(codec).ok_or("no such codec")?,
-            goal: if codec == "bc" { Goal::Bpp(11.0) } else { Goal::Bpp(1.0) },
-            effort: Effort::Fast,
-            mips: true,
-            ..EncodeSettings::default()
-        };
-        let set = ImageSet::single(image.clone());
-        Ok(texfold::encode_images(&set, Guidance::default(), &settings, &mut Job::default())?)
-    };
     let superblocks = images.iter().map(|image| encode("dct", image)).collect::<Result<Vec<_>, _>>()?;
     let bc7 = images.iter().map(|image| encode("bc", image)).collect::<Result<Vec<_>, _>>()?;
 
@@ -52,6 +41,25 @@ fn main() -> Result<(), Box<dyn Error>> {
     let blocks = plain_frames(&gpu, &bc7, true)?;
     println!("| BC7, trilinear | {:.2} | | {:.1} |", blocks.0, blocks.1);
 
+    tiled_frames(&gpu, &superblocks, plain.0)
+}
+
+/// An image by a codec, with mip levels.
+fn encode(codec: &str, image: &Raster) -> Result<AnyImage, Box<dyn Error>> {
+    let settings = EncodeSettings {
+        codec: Choice::named(codec).ok_or("no such codec")?,
+        // BC7 with mip levels, or a bit a texel.
+        goal: Goal::Bpp(if codec == "bc" { 11.0 } else { 1.0 }),
+        effort: Effort::Fast,
+        mips: true,
+        ..EncodeSettings::default()
+    };
+    let set = ImageSet::single(image.clone());
+    Ok(texfold::encode_images(&set, Guidance::default(), &settings, &mut Job::default())?)
+}
+
+/// Prints times of frames from the cache, beside that of plain textures in milliseconds.
+fn tiled_frames(gpu: &Gpu, superblocks: &[AnyImage], plain: f64) -> Result<(), Box<dyn Error>> {
     let options = TileOptions {
         pool_bytes: 64 << 20,
         stream_bytes: 32 << 20,
@@ -59,22 +67,22 @@ fn main() -> Result<(), Box<dyn Error>> {
         anisotropy: 1,
         ..TileOptions::default()
     };
-    let mut cache = TileCache::new(&gpu, &options)?;
-    let textures = fill(&gpu, &mut cache, &superblocks)?;
-    let scene = Scene::tiled(&gpu, &cache, &quads(&textures), SIZE);
+    let mut cache = TileCache::new(gpu, &options)?;
+    let textures = fill(gpu, &mut cache, superblocks)?;
+    let scene = Scene::tiled(gpu, &cache, &quads(&textures), SIZE);
     let megabytes = cache.bytes() as f64 / 1e6;
     let groups = [cache.bind_group().clone()];
     let frame = |view: Mat4| {
         let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        scene.draw(&gpu, &mut encoder, view, &groups);
+        scene.draw(gpu, &mut encoder, view, &groups);
         cache.update(&mut encoder);
-        timed(&gpu, encoder)
+        timed(gpu, encoder)
     };
     // First everything is new: from the first frame to the one that misses nothing.
     let (mut first, mut tiles, mut frames) = (Duration::ZERO, 0, 0u32);
     loop {
         first += frame(still())?;
-        let TileReport { decoded, missing, bias } = cache.report(&gpu)?;
+        let TileReport { decoded, missing, bias } = cache.report(gpu)?;
         tiles += decoded;
         frames += 1;
         if decoded == 0 && missing == 0 && frames > 2 || frames == 400 {
@@ -87,27 +95,23 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let drawing = median(|_| {
         let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        scene.draw(&gpu, &mut encoder, still(), &groups);
-        timed(&gpu, encoder)
+        scene.draw(gpu, &mut encoder, still(), &groups);
+        timed(gpu, encoder)
     })?;
     println!("| tiles, all there, no update | {drawing:.2} | 0 | {megabytes:.1} |");
     let warm = median(|_| frame(still()))?;
-    println!("| tiles, all there | {:.2} | 0 | {megabytes:.1} |", warm);
+    println!("| tiles, all there | {warm:.2} | 0 | {megabytes:.1} |");
     let mut decoded = 0;
     let some = median(|number| {
         let time = frame(turned(number))?;
-        decoded += cache.report(&gpu)?.decoded;
+        decoded += cache.report(gpu)?.decoded;
         Ok(time)
     })?;
     println!(
         "| tiles, camera turning | {some:.2} | {:.1} | {megabytes:.1} |",
         f64::from(decoded) / FRAMES as f64
     );
-    println!(
-        "of the plain trilinear draw's speed: {:.2} warm, {:.2} turning",
-        plain.0 / warm,
-        plain.0 / some
-    );
+    println!("of the plain trilinear draw's speed: {:.2} warm, {:.2} turning", plain / warm, plain / some);
 
     let texels = f64::from(tiles) * 120.0 * 120.0;
     let seconds = (first.as_secs_f64() - f64::from(frames) * drawing / 1e3).max(1e-9);

@@ -81,7 +81,11 @@ const ALLOWED: [Allowed; 21] = [
     },
     Allowed { package: "chart", numeric: false, may: &[] },
     Allowed { package: "shaders", numeric: true, may: &["texfold-core"] },
-    Allowed { package: "gpu", numeric: true, may: &["pollster", "texfold-core", "texfold-shaders", "wgpu"] },
+    Allowed {
+        package: "gpu",
+        numeric: true,
+        may: &["pollster", "range-alloc", "texfold-core", "texfold-shaders", "wgpu"],
+    },
     Allowed {
         package: "cli",
         numeric: true,

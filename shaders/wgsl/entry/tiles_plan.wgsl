@@ -224,47 +224,49 @@ fn entry_adjust_bias(wanted: u32, unused: u32) {
     }
 }
 
-@compute @workgroup_size(ENTRY_THREADS)
-fn plan_tiles(@builtin(local_invocation_index) thread: u32) {
-    // Ages of all places, levels of all tiles that are wanted.
+// Ages of all places, and levels of all tiles that are wanted.
+fn entry_survey(thread: u32, entries: u32) {
     for (var slot = thread; slot < entry_options.slots; slot += ENTRY_THREADS) {
         atomicAdd(&entry_ages[entry_age(slot)], 1u);
     }
-    let entries = min(atomicLoad(&texfold_tile_feedback.wanted), TEXFOLD_TILE_MOST_WANTED);
     for (var number = thread; number < entries; number += ENTRY_THREADS) {
         let tile = entry_wanted(number);
         if tile.is_wanted {
             atomicAdd(&entry_levels[tile.level], 1u);
         }
     }
-    workgroupBarrier();
-    if thread == 0u {
-        var wanted = 0u;
-        for (var level = 0u; level < TEXFOLD_TILE_LEVELS; level += 1u) {
-            // The first rank of each level, the coarsest first.
-            let coarse = TEXFOLD_TILE_LEVELS - 1u - level;
-            wanted += atomicExchange(&entry_levels[coarse], wanted);
-        }
-        var unused = 0u;
-        for (var age = ENTRY_CYCLE; age < ENTRY_AGES; age += 1u) {
-            unused += atomicLoad(&entry_ages[age]);
-        }
-        entry_adjust_bias(wanted, unused);
-        // The oldest places, and of the youngest age among them as many as are needed.
-        let most = min(min(wanted, entry_options.tiles), TEXFOLD_TILE_MOST);
-        var oldest = ENTRY_AGES - 1u;
-        var found = atomicLoad(&entry_ages[oldest]);
-        while found < most && oldest > ENTRY_LEAST_AGE {
-            oldest -= 1u;
-            found += atomicLoad(&entry_ages[oldest]);
-        }
-        let count = min(most, found);
-        entry_count = count;
-        entry_oldest = oldest;
-        atomicStore(&entry_rest, count - min(count, found - atomicLoad(&entry_ages[oldest])));
-        texfold_tile_feedback.missing = wanted;
+}
+
+// How many tiles are decoded, the first rank of each level, and from which age on places are given away.
+fn entry_decide() {
+    var wanted = 0u;
+    for (var level = 0u; level < TEXFOLD_TILE_LEVELS; level += 1u) {
+        // The coarsest first.
+        let coarse = TEXFOLD_TILE_LEVELS - 1u - level;
+        wanted += atomicExchange(&entry_levels[coarse], wanted);
     }
-    let most = workgroupUniformLoad(&entry_count);
+    var unused = 0u;
+    for (var age = ENTRY_CYCLE; age < ENTRY_AGES; age += 1u) {
+        unused += atomicLoad(&entry_ages[age]);
+    }
+    entry_adjust_bias(wanted, unused);
+    // The oldest places, and of the youngest age among them as many as are needed.
+    let most = min(min(wanted, entry_options.tiles), TEXFOLD_TILE_MOST);
+    var oldest = ENTRY_AGES - 1u;
+    var found = atomicLoad(&entry_ages[oldest]);
+    while found < most && oldest > ENTRY_LEAST_AGE {
+        oldest -= 1u;
+        found += atomicLoad(&entry_ages[oldest]);
+    }
+    let count = min(most, found);
+    entry_count = count;
+    entry_oldest = oldest;
+    atomicStore(&entry_rest, count - min(count, found - atomicLoad(&entry_ages[oldest])));
+    texfold_tile_feedback.missing = wanted;
+}
+
+// The tiles of the first `most` ranks, and as many places for them.
+fn entry_choose(thread: u32, entries: u32, most: u32) {
     for (var number = thread; number < entries; number += ENTRY_THREADS) {
         let tile = entry_wanted(number);
         if tile.is_wanted {
@@ -288,105 +290,139 @@ fn plan_tiles(@builtin(local_invocation_index) thread: u32) {
             }
         }
     }
+}
+
+// Plans a tile; returns the words of scratch memory that it takes.
+fn entry_planned(number: u32, tile: EntryTile) -> u32 {
+    if texfold_tile_textures[tile.texture].source == 0u {
+        return entry_planes(number, tile);
+    }
+    for (var plane = 0u; plane < TEXFOLD_TILE_PLANES; plane += 1u) {
+        entry_plan.passes[number * TEXFOLD_TILE_PLANES + plane].count = vec2<u32>(0u);
+        entry_plan.passes[number * TEXFOLD_TILE_PLANES + plane].held = vec2<u32>(0u);
+    }
+    return 0u;
+}
+
+// Where each tile's words begin, for as many tiles as there are words.
+fn entry_share_words(most: u32) {
+    // The first block of scratch memory stays 0.
+    var words = TEXFOLD_BLOCK_WORDS;
+    var count = 0u;
+    for (; count < most; count += 1u) {
+        let next = words + entry_words[count];
+        if next > entry_options.words {
+            break;
+        }
+        entry_words[count] = words;
+        words = next;
+    }
+    entry_count = count;
+    entry_plan.count = count;
+    entry_plan.words = words;
+    let cleared = ENTRY_WORKGROUP * ENTRY_CLEARED;
+    entry_dispatch(0u, select(0u, (words + cleared - 1u) / cleared, count > 0u));
+    texfold_tile_feedback.decoded = count;
+    texfold_tile_feedback.missing -= count;
+    texfold_tile_feedback.frame += 1u;
+    atomicStore(&texfold_tile_feedback.wanted, 0u);
+}
+
+// Workgroups of the dispatch of that number.
+fn entry_dispatch(number: u32, groups: u32) {
+    entry_workgroups[3u * number] = groups;
+    entry_workgroups[3u * number + 1u] = 1u;
+    entry_workgroups[3u * number + 2u] = 1u;
+}
+
+// Gives a tile its place, and takes that from the one that had it.
+fn entry_place(number: u32, tile: EntryTile) {
+    let slot = entry_places[number];
+    let before = entry_slots[slot];
+    if before != 0u && texfold_tile_pages[before - 1u] == entry_there(slot) {
+        texfold_tile_pages[before - 1u] = 0u;
+    }
+    entry_slots[slot] = tile.page + 1u;
+    texfold_tile_pages[tile.page] = entry_there(slot);
+    let source = texfold_tile_textures[tile.texture].source;
+    let stage = texfold_tile_textures[tile.texture].stages + tile.level / 3u;
+    entry_plan.requests[number] = TexfoldTileRequest(
+        tile.texture,
+        tile.level,
+        tile.tile,
+        slot,
+        select(ENTRY_DRAWN | source, stage, source == 0u),
+    );
+    for (var plane = 0u; plane < TEXFOLD_TILE_PLANES; plane += 1u) {
+        let place = number * TEXFOLD_TILE_PLANES + plane;
+        entry_plan.passes[place].samples += entry_words[number];
+        entry_plan.passes[place].notes += entry_words[number];
+        entry_plan.passes[place].base_samples += entry_words[number];
+    }
+}
+
+// Sums of a plane over all tiles.
+fn entry_sum(plane: u32, count: u32) {
+    var superblocks = 0u;
+    var blocks = 0u;
+    for (var number = 0u; number < count; number += 1u) {
+        let planned = entry_plan.passes[number * TEXFOLD_TILE_PLANES + plane];
+        entry_plan.superblocks[plane * TEXFOLD_TILE_SUMS + number] = superblocks;
+        entry_plan.blocks[plane * TEXFOLD_TILE_SUMS + number] = blocks;
+        superblocks += planned.count.x * planned.count.y;
+        blocks += planned.held.x * planned.held.y * planned.axes;
+    }
+    entry_plan.superblocks[plane * TEXFOLD_TILE_SUMS + count] = superblocks;
+    entry_plan.blocks[plane * TEXFOLD_TILE_SUMS + count] = blocks;
+    entry_dispatch(1u + plane, (superblocks + ENTRY_WORKGROUP - 1u) / ENTRY_WORKGROUP);
+    entry_dispatch(1u + TEXFOLD_TILE_PLANES + plane, (blocks + ENTRY_WORKGROUP - 1u) / ENTRY_WORKGROUP);
+}
+
+// Workgroups that write tiles of superblocks, where `source` is 0, or those of a pass that draws.
+fn entry_write(source: u32, count: u32) {
+    var tiles = 0u;
+    for (var number = 0u; number < count; number += 1u) {
+        let stage = entry_plan.requests[number].stage;
+        tiles += u32(stage == (ENTRY_DRAWN | source) || source == 0u && stage < ENTRY_DRAWN);
+    }
+    let write = 3u * (1u + 2u * TEXFOLD_TILE_PLANES + source);
+    entry_workgroups[write] = TEXFOLD_TILE_SIDE / 8u;
+    entry_workgroups[write + 1u] = TEXFOLD_TILE_SIDE / 8u;
+    // A pass looks for its tiles among all of them.
+    entry_workgroups[write + 2u] = select(0u, count, tiles > 0u);
+}
+
+@compute @workgroup_size(ENTRY_THREADS)
+fn plan_tiles(@builtin(local_invocation_index) thread: u32) {
+    let entries = min(atomicLoad(&texfold_tile_feedback.wanted), TEXFOLD_TILE_MOST_WANTED);
+    entry_survey(thread, entries);
+    workgroupBarrier();
+    if thread == 0u {
+        entry_decide();
+    }
+    let most = workgroupUniformLoad(&entry_count);
+    entry_choose(thread, entries, most);
     workgroupBarrier();
     var mine: EntryTile;
     if thread < most {
         mine = entry_wanted(entry_chosen[thread]);
-        entry_words[thread] = 0u;
-        if texfold_tile_textures[mine.texture].source == 0u {
-            entry_words[thread] = entry_planes(thread, mine);
-        } else {
-            for (var plane = 0u; plane < TEXFOLD_TILE_PLANES; plane += 1u) {
-                entry_plan.passes[thread * TEXFOLD_TILE_PLANES + plane].count = vec2<u32>(0u);
-                entry_plan.passes[thread * TEXFOLD_TILE_PLANES + plane].held = vec2<u32>(0u);
-            }
-        }
+        entry_words[thread] = entry_planned(thread, mine);
     }
     storageBarrier();
     workgroupBarrier();
     if thread == 0u {
-        // The first block of scratch memory stays 0.
-        var words = TEXFOLD_BLOCK_WORDS;
-        var count = 0u;
-        for (; count < most; count += 1u) {
-            let next = words + entry_words[count];
-            if next > entry_options.words {
-                break;
-            }
-            entry_words[count] = words;
-            words = next;
-        }
-        entry_count = count;
-        entry_plan.count = count;
-        entry_plan.words = words;
-        entry_workgroups[0] = select(0u, (words + ENTRY_WORKGROUP * ENTRY_CLEARED - 1u) / (ENTRY_WORKGROUP * ENTRY_CLEARED), count > 0u);
-        entry_workgroups[1] = 1u;
-        entry_workgroups[2] = 1u;
-        texfold_tile_feedback.decoded = count;
-        texfold_tile_feedback.missing -= count;
-        texfold_tile_feedback.frame += 1u;
-        atomicStore(&texfold_tile_feedback.wanted, 0u);
+        entry_share_words(most);
     }
     let count = workgroupUniformLoad(&entry_count);
     if thread < count {
-        let slot = entry_places[thread];
-        let before = entry_slots[slot];
-        if before != 0u && texfold_tile_pages[before - 1u] == entry_there(slot) {
-            texfold_tile_pages[before - 1u] = 0u;
-        }
-        entry_slots[slot] = mine.page + 1u;
-        texfold_tile_pages[mine.page] = entry_there(slot);
-        let source = texfold_tile_textures[mine.texture].source;
-        let stage = texfold_tile_textures[mine.texture].stages + mine.level / 3u;
-        entry_plan.requests[thread] = TexfoldTileRequest(
-            mine.texture,
-            mine.level,
-            mine.tile,
-            slot,
-            select(ENTRY_DRAWN | source, stage, source == 0u),
-        );
-        for (var plane = 0u; plane < TEXFOLD_TILE_PLANES; plane += 1u) {
-            let place = thread * TEXFOLD_TILE_PLANES + plane;
-            entry_plan.passes[place].samples += entry_words[thread];
-            entry_plan.passes[place].notes += entry_words[thread];
-            entry_plan.passes[place].base_samples += entry_words[thread];
-        }
+        entry_place(thread, mine);
     }
     storageBarrier();
     workgroupBarrier();
-    // Sums over the tiles: a thread a plane.
     if thread < TEXFOLD_TILE_PLANES {
-        var superblocks = 0u;
-        var blocks = 0u;
-        for (var number = 0u; number < count; number += 1u) {
-            let planned = entry_plan.passes[number * TEXFOLD_TILE_PLANES + thread];
-            entry_plan.superblocks[thread * TEXFOLD_TILE_SUMS + number] = superblocks;
-            entry_plan.blocks[thread * TEXFOLD_TILE_SUMS + number] = blocks;
-            superblocks += planned.count.x * planned.count.y;
-            blocks += planned.held.x * planned.held.y * planned.axes;
-        }
-        entry_plan.superblocks[thread * TEXFOLD_TILE_SUMS + count] = superblocks;
-        entry_plan.blocks[thread * TEXFOLD_TILE_SUMS + count] = blocks;
-        let read = 3u * (1u + thread);
-        entry_workgroups[read] = (superblocks + ENTRY_WORKGROUP - 1u) / ENTRY_WORKGROUP;
-        entry_workgroups[read + 1u] = 1u;
-        entry_workgroups[read + 2u] = 1u;
-        let transform = read + 3u * TEXFOLD_TILE_PLANES;
-        entry_workgroups[transform] = (blocks + ENTRY_WORKGROUP - 1u) / ENTRY_WORKGROUP;
-        entry_workgroups[transform + 1u] = 1u;
-        entry_workgroups[transform + 2u] = 1u;
+        entry_sum(thread, count);
     }
-    // Tiles of superblocks, then those of each pass that draws.
     for (var source = thread; source <= entry_options.sources; source += ENTRY_THREADS) {
-        var tiles = 0u;
-        for (var number = 0u; number < count; number += 1u) {
-            let stage = entry_plan.requests[number].stage;
-            tiles += u32(stage == (ENTRY_DRAWN | source) || source == 0u && stage < ENTRY_DRAWN);
-        }
-        let write = 3u * (1u + 2u * TEXFOLD_TILE_PLANES + source);
-        entry_workgroups[write] = TEXFOLD_TILE_SIDE / 8u;
-        entry_workgroups[write + 1u] = TEXFOLD_TILE_SIDE / 8u;
-        // A pass looks for its tiles among all of them.
-        entry_workgroups[write + 2u] = select(0u, count, tiles > 0u);
+        entry_write(source, count);
     }
 }

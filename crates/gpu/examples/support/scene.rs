@@ -96,8 +96,6 @@ impl Scene {
         (width, height): (u32, u32),
     ) -> Scene {
         let device = gpu.device();
-        let source = wgpu::ShaderSource::Wgsl(shader.into());
-        let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
         let buffer = |bytes: &[u8], usage| {
             let buffer = device.create_buffer(&wgpu::BufferDescriptor {
                 label: None,
@@ -108,74 +106,10 @@ impl Scene {
             gpu.queue().write_buffer(&buffer, 0, bytes);
             buffer
         };
-        let uniform = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: None,
-            entries: &[wgpu::BindGroupLayoutEntry {
-                binding: 0,
-                visibility: wgpu::ShaderStages::VERTEX,
-                ty: wgpu::BindingType::Buffer {
-                    ty: wgpu::BufferBindingType::Uniform,
-                    has_dynamic_offset: false,
-                    min_binding_size: None,
-                },
-                count: None,
-            }],
-        });
-        let plain = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: None,
-            entries: &[0, 1].map(|binding| wgpu::BindGroupLayoutEntry {
-                binding,
-                visibility: wgpu::ShaderStages::FRAGMENT,
-                ty: if binding == 0 {
-                    wgpu::BindingType::Texture {
-                        sample_type: wgpu::TextureSampleType::Float { filterable: true },
-                        view_dimension: wgpu::TextureViewDimension::D2,
-                        multisampled: false,
-                    }
-                } else {
-                    wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)
-                },
-                count: None,
-            }),
-        });
-        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            bind_group_layouts: &[Some(textures.unwrap_or(&plain)), Some(&uniform)],
-            ..Default::default()
-        });
-        let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: None,
-            layout: Some(&layout),
-            vertex: wgpu::VertexState {
-                module: &shader,
-                entry_point: Some("vs"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[Some(wgpu::VertexBufferLayout {
-                    array_stride: size_of::<Quad>() as u64,
-                    step_mode: wgpu::VertexStepMode::Instance,
-                    attributes: &ATTRIBUTES,
-                })],
-            },
-            primitive: wgpu::PrimitiveState {
-                topology: wgpu::PrimitiveTopology::TriangleStrip,
-                ..Default::default()
-            },
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format: DEPTH,
-                depth_write_enabled: Some(true),
-                depth_compare: Some(wgpu::CompareFunction::Less),
-                stencil: wgpu::StencilState::default(),
-                bias: wgpu::DepthBiasState::default(),
-            }),
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &shader,
-                entry_point: Some("fs"),
-                compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
-                targets: &[Some(FORMAT.into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
+        let uniform = layout(device, wgpu::ShaderStages::VERTEX, &[uniform()]);
+        let sampled = layout(device, wgpu::ShaderStages::FRAGMENT, &sampled());
+        let groups = [Some(textures.unwrap_or(&sampled)), Some(&uniform)];
+        let pipeline = pipeline(device, shader, &groups, constants);
         let camera = buffer(bytemuck::bytes_of(&Mat4::IDENTITY), wgpu::BufferUsages::UNIFORM);
         let camera_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
@@ -258,6 +192,76 @@ impl Scene {
             pass.draw(0..4, number..number + 1);
         }
     }
+}
+
+fn layout(
+    device: &wgpu::Device,
+    visibility: wgpu::ShaderStages,
+    types: &[wgpu::BindingType],
+) -> wgpu::BindGroupLayout {
+    let entry = |(binding, &ty)| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
+    let entries: Vec<_> = (0..).zip(types).map(entry).collect();
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
+}
+
+fn uniform() -> wgpu::BindingType {
+    let ty = wgpu::BufferBindingType::Uniform;
+    wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
+}
+
+/// A texture and a sampler.
+fn sampled() -> [wgpu::BindingType; 2] {
+    let texture = wgpu::BindingType::Texture {
+        sample_type: wgpu::TextureSampleType::Float { filterable: true },
+        view_dimension: wgpu::TextureViewDimension::D2,
+        multisampled: false,
+    };
+    [texture, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)]
+}
+
+fn pipeline(
+    device: &wgpu::Device,
+    shader: &str,
+    groups: &[Option<&wgpu::BindGroupLayout>],
+    constants: &[(&str, f64)],
+) -> wgpu::RenderPipeline {
+    let source = wgpu::ShaderSource::Wgsl(shader.into());
+    let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
+    let described = wgpu::PipelineLayoutDescriptor { bind_group_layouts: groups, ..Default::default() };
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: None,
+        layout: Some(&device.create_pipeline_layout(&described)),
+        vertex: wgpu::VertexState {
+            module: &shader,
+            entry_point: Some("vs"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[Some(wgpu::VertexBufferLayout {
+                array_stride: size_of::<Quad>() as u64,
+                step_mode: wgpu::VertexStepMode::Instance,
+                attributes: &ATTRIBUTES,
+            })],
+        },
+        primitive: wgpu::PrimitiveState {
+            topology: wgpu::PrimitiveTopology::TriangleStrip,
+            ..Default::default()
+        },
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: DEPTH,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(wgpu::CompareFunction::Less),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &shader,
+            entry_point: Some("fs"),
+            compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
+            targets: &[Some(FORMAT.into())],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
 }
 
 /// A camera at `eye` that looks at `at`, 60 degrees from top to bottom.

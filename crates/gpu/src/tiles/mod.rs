@@ -22,9 +22,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use range_alloc::RangeAllocator;
-use texfold_core::{Encoded, GpuDct, Image2d, ImageAddress, SurfaceSize, Texel};
+use texfold_core::{Encoded, GpuDct, Image2d, ImageAddress, Rect, SurfaceSize, Texel};
 use texfold_shaders::ModuleInfo;
-use wgpu::{BindingResource, Buffer, BufferUsages, CommandEncoder, Texture, TextureUsages};
+use wgpu::{BindingResource, Buffer, BufferUsages, CommandEncoder, Extent3d, Texture, TextureUsages};
 
 use crate::dct::{channels_of, colours};
 use crate::upload::PLAIN_MODULE;
@@ -154,22 +154,65 @@ pub struct TileCache {
     options: TileOptions,
     pipelines: Pipelines,
     pool: Texture,
-    textures: Buffer,
-    page_table: Buffer,
-    feedback: Buffer,
-    stage_table: Buffer,
-    data: Buffer,
-    workgroups: Buffer,
-    plan: Buffer,
     stored: wgpu::TextureView,
+    buffers: Buffers,
     /// Pipelines that draw tiles of textures of a module.
     drawing: Vec<(&'static ModuleInfo, wgpu::ComputePipeline)>,
     scratch_words: u64,
-    bytes: u64,
     held: Vec<Option<Held>>,
+    /// What is free of the tables and of the data.
     pages: RangeAllocator<u32>,
     stages: RangeAllocator<u32>,
-    free_data: RangeAllocator<u32>,
+    data: RangeAllocator<u32>,
+}
+
+/// Buffers of a cache.
+#[derive(Debug)]
+struct Buffers {
+    textures: Buffer,
+    pages: Buffer,
+    feedback: Buffer,
+    slots: Buffer,
+    stages: Buffer,
+    plan: Buffer,
+    workgroups: Buffer,
+    data: Buffer,
+    scratch: Buffer,
+}
+
+impl Buffers {
+    /// Buffers for a pool of so many places.
+    fn new(gpu: &Gpu, options: &TileOptions, slots: u32) -> Buffers {
+        let buffer = |label: &str, size: u64, usage: BufferUsages| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size: size.max(4).next_multiple_of(4),
+                usage: usage | BufferUsages::STORAGE | BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        };
+        let none = BufferUsages::empty();
+        let pages = 4 * u64::from(options.pages);
+        let stages = options.textures.saturating_mul(MOST_STAGES);
+        let dispatches = 12 * u64::from(2 + 2 * PLANES + options.textures);
+        Buffers {
+            textures: buffer("textures of tiles", row_bytes::<TextureRow>(options.textures), none),
+            pages: buffer("pages of tiles", pages, none),
+            feedback: buffer("feedback of tiles", FEEDBACK_BYTES + pages, BufferUsages::COPY_SRC),
+            slots: buffer("places of tiles", 4 * u64::from(slots), none),
+            stages: buffer("stages of tiles", row_bytes::<StageRow>(stages), none),
+            plan: buffer("plan of tiles", PLAN_BYTES, none),
+            workgroups: buffer("workgroups of tiles", dispatches, BufferUsages::INDIRECT),
+            data: buffer("streams of tiles", options.stream_bytes, none),
+            scratch: buffer("scratch of tiles", options.scratch_bytes, none),
+        }
+    }
+
+    fn bytes(&self) -> u64 {
+        let Buffers { textures, pages, feedback, slots, stages, plan, workgroups, data, scratch } = self;
+        let all = [textures, pages, feedback, slots, stages, plan, workgroups, data, scratch];
+        all.into_iter().map(Buffer::size).sum()
+    }
 }
 
 impl TileCache {
@@ -210,69 +253,15 @@ impl TileCache {
     }
 
     fn made(gpu: &Gpu, options: TileOptions, [side, layers]: [u32; 2]) -> TileCache {
-        let device = &gpu.device;
-        let pool = device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("tiles"),
-            size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: layers },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: FORMAT,
-            usage: TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
-            view_formats: &[FORMAT.add_srgb_suffix()],
-        });
-        let view = |format: wgpu::TextureFormat, usage: TextureUsages| {
-            pool.create_view(&wgpu::TextureViewDescriptor {
-                format: Some(format),
-                usage: Some(usage),
-                dimension: Some(wgpu::TextureViewDimension::D2Array),
-                ..Default::default()
-            })
-        };
-        let mut bytes = 4 * u64::from(side) * u64::from(side) * u64::from(layers);
-        let mut buffer = |label: &str, size: u64, usage: BufferUsages| {
-            let size = size.max(4).next_multiple_of(4);
-            bytes += size;
-            device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size,
-                usage: usage | BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        };
+        let pool = pool(&gpu.device, [side, layers]);
         let slots = (side / SIDE).pow(2) * layers;
         let tails = options.textures.div_ceil(4).min(slots);
-        let stages = options.textures.saturating_mul(MOST_STAGES);
+        let buffers = Buffers::new(gpu, &options, slots);
         let scratch_words = options.scratch_bytes / 4;
-        let table = BufferUsages::STORAGE;
-        let textures = buffer("textures of tiles", row_bytes::<TextureRow>(options.textures), table);
-        let page_table = buffer("pages of tiles", 4 * u64::from(options.pages), table);
-        let feedback = buffer(
-            "feedback of tiles",
-            FEEDBACK_BYTES + 4 * u64::from(options.pages),
-            table | BufferUsages::COPY_SRC,
-        );
-        let slot_table = buffer("places of tiles", 4 * u64::from(slots), table);
-        let stage_table = buffer("stages of tiles", row_bytes::<StageRow>(stages), table);
-        let plan = buffer("plan of tiles", PLAN_BYTES, table);
-        let dispatches = 12 * u64::from(2 + 2 * PLANES + options.textures);
-        let workgroups = buffer("workgroups of tiles", dispatches, table | BufferUsages::INDIRECT);
-        let data = buffer("streams of tiles", options.stream_bytes, table);
-        let scratch = buffer("scratch of tiles", 4 * scratch_words, table);
-        let settings = [
-            slots,
-            options.tiles_per_update,
-            scratch_words as u32,
-            options.textures,
-            side / SIDE,
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-        ];
+        let sources = options.textures;
+        // Behind four numbers that WGSL aligns to the next: columns, and what fills the block.
+        let settings = [slots, options.tiles_per_update, scratch_words as u32, sources, side / SIDE];
+        let settings: Vec<u32> = settings.into_iter().chain([0; 7]).collect();
         let settings = gpu.buffer("options of tiles", bytemuck::cast_slice(&settings), BufferUsages::UNIFORM);
         let mut steps = vec![0u8; (STEP_STRIDE * u64::from(PLANES)) as usize];
         for (step, bytes) in (0u32..).zip(steps.chunks_mut(STEP_STRIDE as usize)) {
@@ -280,9 +269,9 @@ impl TileCache {
         }
         let steps = gpu.buffer("planes of tiles", &steps, BufferUsages::UNIFORM);
         // The first frame has the number 1: pages that were never looked at have the mark 0.
-        gpu.queue.write_buffer(&feedback, 0, &1u32.to_le_bytes());
-        gpu.queue.write_buffer(&slot_table, 0, bytemuck::cast_slice(&vec![KEPT; tails as usize]));
-        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+        gpu.queue.write_buffer(&buffers.feedback, 0, &1u32.to_le_bytes());
+        gpu.queue.write_buffer(&buffers.slots, 0, bytemuck::cast_slice(&vec![KEPT; tails as usize]));
+        let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("tiles"),
             mag_filter: wgpu::FilterMode::Linear,
             min_filter: wgpu::FilterMode::Linear,
@@ -290,24 +279,24 @@ impl TileCache {
             anisotropy_clamp: options.anisotropy,
             ..Default::default()
         });
-        let stored = view(FORMAT, TextureUsages::STORAGE_BINDING);
+        let stored = view_of(&pool, FORMAT, TextureUsages::STORAGE_BINDING);
         let pipelines = Pipelines::new(
-            device,
+            &gpu.device,
             &Resources {
-                textures: &textures,
-                pages: &page_table,
-                feedback: &feedback,
-                slots: &slot_table,
-                stages: &stage_table,
-                plan: &plan,
-                workgroups: &workgroups,
+                textures: &buffers.textures,
+                pages: &buffers.pages,
+                feedback: &buffers.feedback,
+                slots: &buffers.slots,
+                stages: &buffers.stages,
+                plan: &buffers.plan,
+                workgroups: &buffers.workgroups,
                 options: &settings,
                 steps: &steps,
-                data: &data,
-                scratch: &scratch,
+                data: &buffers.data,
+                scratch: &buffers.scratch,
                 stored: &stored,
-                plain: &view(FORMAT, TextureUsages::TEXTURE_BINDING),
-                srgb: &view(FORMAT.add_srgb_suffix(), TextureUsages::TEXTURE_BINDING),
+                plain: &view_of(&pool, FORMAT, TextureUsages::TEXTURE_BINDING),
+                srgb: &view_of(&pool, FORMAT.add_srgb_suffix(), TextureUsages::TEXTURE_BINDING),
                 sampler: &sampler,
             },
         );
@@ -317,22 +306,15 @@ impl TileCache {
         TileCache {
             held: (0..options.textures.min(4 * tails)).map(|_| None).collect(),
             pages: RangeAllocator::new(0..options.pages),
-            stages: RangeAllocator::new(0..stages),
-            free_data: RangeAllocator::new(shared..words),
+            stages: RangeAllocator::new(0..options.textures.saturating_mul(MOST_STAGES)),
+            data: RangeAllocator::new(shared..words),
             options,
             pipelines,
             pool,
-            textures,
-            page_table,
-            feedback,
-            stage_table,
-            data,
-            workgroups,
-            plan,
             stored,
+            buffers,
             drawing: Vec::new(),
             scratch_words,
-            bytes,
         }
     }
 
@@ -360,7 +342,8 @@ impl TileCache {
     /// Bytes of GPU memory of the whole cache: pool, streams, tables and scratch memory.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        self.bytes
+        let Extent3d { width, height, depth_or_array_layers } = self.pool.size();
+        4 * u64::from(width) * u64::from(height) * u64::from(depth_or_array_layers) + self.buffers.bytes()
     }
 
     /// Adds all images of a texture, and returns their numbers in the order of its layout: uploads what its tiles are decoded from, and
@@ -424,12 +407,13 @@ impl TileCache {
             free.ok_or(GpuError::TilesFull { what: "all textures are in use", option: "textures" })?;
         let (row, mut held) = self.reserve(size, own, &drawn)?;
         let number = index as u32 + 1;
-        let flags = u32::from(look.srgb) * SRGB | u32::from(look.address == AddressMode::Clamp) * CLAMP;
+        let clamp = look.address == AddressMode::Clamp;
+        let flags = if look.srgb { SRGB } else { 0 } | if clamp { CLAMP } else { 0 };
         let source = if uploaded.is_some() { number } else { 0 };
         let tail = self.tail_of(index as u32, levels.max(tail + 1).min(size.full_levels()), tail);
         let row = TextureRow {
-            shape: levels | tail.first << 8 | flags << 16,
-            tail: tail.place[0] | tail.place[1] << 8 | tail.place[2] << 16,
+            shape: bytes_and_half([levels, tail.first, flags]),
+            tail: bytes_and_half(tail.place),
             source,
             ..row
         };
@@ -471,8 +455,8 @@ impl TileCache {
         let params =
             gpu.buffer("source", bytemuck::cast_slice(&[number, place, 0, 0]), BufferUsages::UNIFORM);
         let resources = [
-            self.plan.as_entire_binding(),
-            self.textures.as_entire_binding(),
+            self.buffers.plan.as_entire_binding(),
+            self.buffers.textures.as_entire_binding(),
             BindingResource::TextureView(&self.stored),
             params.as_entire_binding(),
         ];
@@ -492,7 +476,7 @@ impl TileCache {
     /// Records the passes that decode what draws before it have looked at and not found: once a frame, after these.
     pub fn update(&self, encoder: &mut CommandEncoder) {
         let sources = self.held.iter().flatten().filter_map(|held| held.source.as_ref());
-        self.pipelines.record(encoder, &self.workgroups, sources);
+        self.pipelines.record(encoder, &self.buffers.workgroups, sources);
     }
 
     /// The outcome of the last update; waits for the GPU. For tests and displays of statistics: nothing depends on it.
@@ -507,7 +491,7 @@ impl TileCache {
             mapped_at_creation: false,
         });
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encoder.copy_buffer_to_buffer(&self.feedback, 0, &copy, 0, Some(16));
+        encoder.copy_buffer_to_buffer(&self.buffers.feedback, 0, &copy, 0, Some(16));
         gpu.queue.submit([encoder.finish()]);
         copy.map_async(wgpu::MapMode::Read, .., |_| ());
         gpu.device.poll(wgpu::PollType::wait_indefinitely())?;
@@ -556,7 +540,7 @@ impl TileCache {
             // The shader reads bytes as parts of two words.
             let streams = stage.streams.len().div_ceil(4) + 2;
             for words in [stage.words.len() - texfold_shaders::DCT_TABLES as usize, streams] {
-                let range = self.free_data.allocate_range(u32::try_from(words).unwrap_or(u32::MAX));
+                let range = self.data.allocate_range(u32::try_from(words).unwrap_or(u32::MAX));
                 held.data.push(range.map_err(full("streams do not fit", "stream_bytes"))?);
             }
         }
@@ -565,14 +549,14 @@ impl TileCache {
 
     fn free(&mut self, held: Held) {
         let some = |range: &Range<u32>| !range.is_empty();
-        held.data.into_iter().filter(some).for_each(|range| self.free_data.free_range(range));
+        held.data.into_iter().filter(some).for_each(|range| self.data.free_range(range));
         Some(held.stages).into_iter().filter(some).for_each(|range| self.stages.free_range(range));
         Some(held.pages).into_iter().filter(some).for_each(|range| self.pages.free_range(range));
     }
 
     fn write_row(&self, gpu: &Gpu, index: usize, row: &TextureRow) {
         let offset = row_bytes::<TextureRow>(index as u32);
-        gpu.queue.write_buffer(&self.textures, offset, bytemuck::bytes_of(row));
+        gpu.queue.write_buffer(&self.buffers.textures, offset, bytemuck::bytes_of(row));
     }
 
     /// Writes all stages of a texture, and that none of its tiles is there.
@@ -586,7 +570,7 @@ impl TileCache {
 
     fn clear_pages(&self, gpu: &Gpu, held: &Held) {
         let zeros = vec![0u8; 4 * held.pages.len()];
-        gpu.queue.write_buffer(&self.page_table, 4 * u64::from(held.pages.start), &zeros);
+        gpu.queue.write_buffer(&self.buffers.pages, 4 * u64::from(held.pages.start), &zeros);
     }
 
     /// Writes words and streams of a stage to their places, and its row.
@@ -599,20 +583,20 @@ impl TileCache {
     ) -> Result<(), GpuError> {
         let [words, streams] = data else { return Err(GpuError::Form { what: "a stage has no place" }) };
         let (shared, own) = stage.words.split_at(texfold_shaders::DCT_TABLES as usize);
-        gpu.queue.write_buffer(&self.data, 0, bytemuck::cast_slice(shared));
-        gpu.queue.write_buffer(&self.data, 4 * u64::from(words.start), bytemuck::cast_slice(own));
+        gpu.queue.write_buffer(&self.buffers.data, 0, bytemuck::cast_slice(shared));
+        gpu.queue.write_buffer(&self.buffers.data, 4 * u64::from(words.start), bytemuck::cast_slice(own));
         let (whole, rest) = stage.streams.split_at(stage.streams.len() / 4 * 4);
         let mut last = [0; 8];
         last[..rest.len()].copy_from_slice(rest);
         let start = 4 * u64::from(streams.start);
-        gpu.queue.write_buffer(&self.data, start, whole);
-        gpu.queue.write_buffer(&self.data, start + whole.len() as u64, &last);
+        gpu.queue.write_buffer(&self.buffers.data, start, whole);
+        gpu.queue.write_buffer(&self.buffers.data, start + whole.len() as u64, &last);
         let row = StageRow::new(
             stage,
             channels_of(&stage.layout, colours(&stage.layout))?,
             (words.start, 4 * streams.start),
         );
-        gpu.queue.write_buffer(&self.stage_table, row_bytes::<StageRow>(number), bytemuck::bytes_of(&row));
+        gpu.queue.write_buffer(&self.buffers.stages, row_bytes::<StageRow>(number), bytemuck::bytes_of(&row));
         Ok(())
     }
 
@@ -637,13 +621,14 @@ impl TileCache {
         let mut texels = vec![[0u8; 4]; (QUARTER * QUARTER) as usize];
         for level in tail.first..tail.levels {
             let SurfaceSize { width, height } = size.at_level(level);
+            let decoded = decoded(texture, image, (level, levels), size);
             let [left, top] = tail_place(level - tail.first);
             let border = rows::BORDER as i32;
             for y in -border..height as i32 + border {
                 for x in -border..width as i32 + border {
-                    let at = [addressed(x, width, flags), addressed(y, height, flags)];
+                    let [column, row] = [addressed(x, width, flags), addressed(y, height, flags)];
                     let place = (top as i32 + y) * QUARTER as i32 + left as i32 + x;
-                    texels[place as usize] = texel_of(texture, image, (level, levels), size, at);
+                    texels[place as usize] = decoded[(row * width + column) as usize];
                 }
             }
         }
@@ -653,9 +638,37 @@ impl TileCache {
             wgpu::TexelCopyTextureInfo { origin, ..self.pool.as_image_copy() },
             texels.as_flattened(),
             wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * QUARTER), rows_per_image: None },
-            wgpu::Extent3d { width: QUARTER, height: QUARTER, depth_or_array_layers: 1 },
+            Extent3d { width: QUARTER, height: QUARTER, depth_or_array_layers: 1 },
         );
     }
+}
+
+/// Two numbers of 8 bits and one of 16 in a word, the lowest first.
+fn bytes_and_half([one, two, three]: [u32; 3]) -> u32 {
+    one | (two << 8) | (three << 16)
+}
+
+/// A pool of that many texels a side and layers.
+fn pool(device: &wgpu::Device, [side, layers]: [u32; 2]) -> Texture {
+    device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("tiles"),
+        size: Extent3d { width: side, height: side, depth_or_array_layers: layers },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: FORMAT,
+        usage: TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+        view_formats: &[FORMAT.add_srgb_suffix()],
+    })
+}
+
+fn view_of(pool: &Texture, format: wgpu::TextureFormat, usage: TextureUsages) -> wgpu::TextureView {
+    pool.create_view(&wgpu::TextureViewDescriptor {
+        format: Some(format),
+        usage: Some(usage),
+        dimension: Some(wgpu::TextureViewDimension::D2Array),
+        ..Default::default()
+    })
 }
 
 /// Texels a side and layers of the pool.
@@ -681,24 +694,28 @@ fn addressed(at: i32, size: u32, flags: u32) -> u32 {
     (if flags & CLAMP != 0 { at.clamp(0, size - 1) } else { at.rem_euclid(size) }) as u32
 }
 
-/// A texel of a level; of levels that the texture does not have, the one in the middle of what it stands for.
-fn texel_of(
+/// The texels of a level; of levels that the texture does not have, those in the middle of what each stands for.
+fn decoded(
     texture: &dyn Encoded<Domain = Image2d>,
     image: u32,
     (level, levels): (u32, u32),
     size: SurfaceSize,
-    [x, y]: [u32; 2],
-) -> [u8; 4] {
-    let (x, y, level) = if level < levels {
-        (x, y, level)
-    } else {
-        let few = size.at_level(level);
+) -> Vec<[u8; 4]> {
+    let few = size.at_level(level);
+    let SurfaceSize { width, height } = few;
+    let mut texels = vec![Texel::ZERO; (width * height) as usize];
+    let rect = Rect { surface: image, level, x: 0, y: 0, width, height };
+    if level >= levels || texture.decode(rect, &mut texels).is_err() {
         let middle = |at: u32, few: u32, all: u32| {
             ((2 * u64::from(at) + 1) * u64::from(all) / (2 * u64::from(few))) as u32
         };
-        (middle(x, few.width, size.width), middle(y, few.height, size.height), 0)
-    };
-    bytes_of(texture.texel(ImageAddress { surface: image, level, x, y }))
+        for (place, texel) in (0..).zip(&mut texels) {
+            let (x, y) =
+                (middle(place % width, width, size.width), middle(place / width, height, size.height));
+            *texel = texture.texel(ImageAddress { surface: image, level: 0, x, y });
+        }
+    }
+    texels.into_iter().map(bytes_of).collect()
 }
 
 fn bytes_of(texel: Texel) -> [u8; 4] {

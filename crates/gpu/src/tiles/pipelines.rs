@@ -33,6 +33,65 @@ pub(super) struct Resources<'r> {
     pub(super) sampler: &'r Sampler,
 }
 
+impl Resources<'_> {
+    /// The pass that chooses tiles.
+    fn plan(&self, device: &Device) -> (ComputePipeline, BindGroup) {
+        let buffers = [
+            (self.textures, storage(true)),
+            (self.pages, storage(false)),
+            (self.feedback, storage(false)),
+            (self.slots, storage(false)),
+            (self.stages, storage(true)),
+            (self.plan, storage(false)),
+            (self.workgroups, storage(false)),
+            (self.options, uniform(None)),
+        ];
+        let layout = layout(device, "plan of tiles", ShaderStages::COMPUTE, &buffers.map(|(_, ty)| ty));
+        let group = group(device, &layout, &buffers.map(|(buffer, _)| buffer.as_entire_binding()));
+        let module = shader(device, "plan of tiles", texfold_shaders::tile_plan());
+        (pipeline(device, &module, "plan_tiles", &[Some(&layout)]), group)
+    }
+
+    /// What the passes bind that decode tiles; the offset of a plane's number is dynamic.
+    fn passes(&self, device: &Device) -> (BindGroupLayout, BindGroup) {
+        let types = [storage(true), storage(true), storage(true), storage(false), uniform(Some(4))];
+        let layout = layout(device, "passes of tiles", ShaderStages::COMPUTE, &types);
+        let size = std::num::NonZeroU64::new(4);
+        let step = wgpu::BufferBinding { buffer: self.steps, offset: 0, size };
+        let resources = [
+            self.plan.as_entire_binding(),
+            self.data.as_entire_binding(),
+            self.data.as_entire_binding(),
+            self.scratch.as_entire_binding(),
+            BindingResource::Buffer(step),
+        ];
+        let group = group(device, &layout, &resources);
+        (layout, group)
+    }
+
+    /// What shaders bind that draw from the cache.
+    fn drawn(&self, device: &Device) -> (BindGroupLayout, BindGroup) {
+        let texture = BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Float { filterable: true },
+            view_dimension: TextureViewDimension::D2Array,
+            multisampled: false,
+        };
+        let filtering = BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
+        let types = [storage(true), storage(true), storage(false), texture, texture, filtering];
+        let layout = layout(device, "tiles", ShaderStages::FRAGMENT, &types);
+        let resources = [
+            self.textures.as_entire_binding(),
+            self.pages.as_entire_binding(),
+            self.feedback.as_entire_binding(),
+            BindingResource::TextureView(self.plain),
+            BindingResource::TextureView(self.srgb),
+            BindingResource::Sampler(self.sampler),
+        ];
+        let group = group(device, &layout, &resources);
+        (layout, group)
+    }
+}
+
 /// All that an update dispatches.
 #[derive(Debug)]
 pub(super) struct Pipelines {
@@ -52,63 +111,15 @@ pub(super) struct Pipelines {
 
 impl Pipelines {
     pub(super) fn new(device: &Device, with: &Resources<'_>) -> Pipelines {
-        let plan_layout = layout(
-            device,
-            "plan of tiles",
-            ShaderStages::COMPUTE,
-            &[
-                storage(true),
-                storage(false),
-                storage(false),
-                storage(false),
-                storage(true),
-                storage(false),
-                storage(false),
-                uniform(None),
-            ],
-        );
-        let plan_group = group(
-            device,
-            &plan_layout,
-            &[
-                with.textures.as_entire_binding(),
-                with.pages.as_entire_binding(),
-                with.feedback.as_entire_binding(),
-                with.slots.as_entire_binding(),
-                with.stages.as_entire_binding(),
-                with.plan.as_entire_binding(),
-                with.workgroups.as_entire_binding(),
-                with.options.as_entire_binding(),
-            ],
-        );
-        let module = shader(device, "plan of tiles", texfold_shaders::tile_plan());
-        let plan = pipeline(device, &module, "plan_tiles", &[Some(&plan_layout)]);
-
-        let decode_layout = layout(
-            device,
-            "passes of tiles",
-            ShaderStages::COMPUTE,
-            &[storage(true), storage(true), storage(true), storage(false), uniform(Some(4))],
-        );
-        let step = wgpu::BufferBinding { buffer: with.steps, offset: 0, size: std::num::NonZeroU64::new(4) };
-        let decode = group(
-            device,
-            &decode_layout,
-            &[
-                with.plan.as_entire_binding(),
-                with.data.as_entire_binding(),
-                with.data.as_entire_binding(),
-                with.scratch.as_entire_binding(),
-                BindingResource::Buffer(step),
-            ],
-        );
+        let (decode_layout, decode) = with.passes(device);
         let target = BindingType::StorageTexture {
             access: wgpu::StorageTextureAccess::WriteOnly,
             format: super::FORMAT,
             view_dimension: TextureViewDimension::D2Array,
         };
+        let compute = ShaderStages::COMPUTE;
         let output_layout =
-            layout(device, "output of tiles", ShaderStages::COMPUTE, &[storage(true), storage(true), target]);
+            layout(device, "output of tiles", compute, &[storage(true), storage(true), target]);
         let output = group(
             device,
             &output_layout,
@@ -120,38 +131,11 @@ impl Pipelines {
         );
         let module = shader(device, "passes of tiles", texfold_shaders::tile_passes());
         let pass = |entry: &str| pipeline(device, &module, entry, &[Some(&decode_layout)]);
-        let source_layout = layout(
-            device,
-            "source of tiles",
-            ShaderStages::COMPUTE,
-            &[storage(true), storage(true), target, uniform(None)],
-        );
-        let texture = BindingType::Texture {
-            sample_type: wgpu::TextureSampleType::Float { filterable: true },
-            view_dimension: TextureViewDimension::D2Array,
-            multisampled: false,
-        };
-        let filtering = BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
-        let draw_layout = layout(
-            device,
-            "tiles",
-            ShaderStages::FRAGMENT,
-            &[storage(true), storage(true), storage(false), texture, texture, filtering],
-        );
-        let draw = group(
-            device,
-            &draw_layout,
-            &[
-                with.textures.as_entire_binding(),
-                with.pages.as_entire_binding(),
-                with.feedback.as_entire_binding(),
-                BindingResource::TextureView(with.plain),
-                BindingResource::TextureView(with.srgb),
-                BindingResource::Sampler(with.sampler),
-            ],
-        );
+        let source = [storage(true), storage(true), target, uniform(None)];
+        let source_layout = layout(device, "source of tiles", compute, &source);
+        let (draw_layout, draw) = with.drawn(device);
         Pipelines {
-            plan: (plan, plan_group),
+            plan: with.plan(device),
             clear: pass("clear_scratch"),
             read: pass("read_superblocks"),
             transform: pass("transform_blocks"),

@@ -37,6 +37,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             scratch_bytes: 8 << 20,
             textures: 20,
             pages: 1 << 15,
+            anisotropy: scene::anisotropy(&gpu),
             ..TileOptions::default()
         },
     )?;

@@ -36,6 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         scratch_bytes: 64 << 20,
         textures: TEXTURES as u32,
         pages: 450 * TEXTURES as u32,
+        anisotropy: scene::anisotropy(&gpu),
         ..TileOptions::default()
     };
     let mut cache = TileCache::new(&gpu, &options)?;

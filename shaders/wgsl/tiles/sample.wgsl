@@ -33,6 +33,8 @@ struct TexfoldTileLookup {
     // Their changes across a pixel.
     across: vec2<f32>,
     down: vec2<f32>,
+    // Whether the sampler is to look along them.
+    is_stretched: bool,
     // Whether this lookup marks the tiles that it reads.
     is_marked: bool,
 }
@@ -89,7 +91,7 @@ fn texfold_tile_filtered(lookup: TexfoldTileLookup, level: u32) -> vec4<f32> {
     let layer = (place >> 16u) & 0x7fffu;
     let is_srgb = TEXFOLD_TILE_COLOURS == 1u
         || TEXFOLD_TILE_COLOURS == 2u && (lookup.flags & TEXFOLD_TILE_SRGB) != 0u;
-    if TEXFOLD_TILE_ANISOTROPY > 1.0 {
+    if TEXFOLD_TILE_ANISOTROPY > 1.0 && lookup.is_stretched {
         let across = lookup.across * size / side;
         let down = lookup.down * size / side;
         if is_srgb {
@@ -129,6 +131,7 @@ fn texfold_tile_lookup(texture: u32, uv: vec2<f32>, lod: f32, across: vec2<f32>,
     lookup.at = select(fract(uv), clamp(uv, vec2<f32>(0.0), vec2<f32>(1.0)), is_clamped);
     lookup.across = across;
     lookup.down = down;
+    lookup.is_stretched = any(across != vec2<f32>(0.0));
     lookup.is_marked = texfold_tile_marks(vec2<f32>(lookup.size), lookup.at, lod);
     let fine = clamp(lod + texfold_tile_feedback.bias, 0.0, f32(levels - 1u));
     let level = u32(fine);

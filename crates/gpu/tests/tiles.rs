@@ -13,7 +13,7 @@ use glam::{DVec2, DVec4, Vec4};
 use texfold::core::image::{ImageSet, Raster, srgb_to_linear};
 use texfold::core::rng::Rng;
 use texfold::core::{Encoded, Image2d, Rect, SurfaceSize, Texel};
-use texfold::{AnyImage, Choice, Effort, EncodeSettings, Goal, Guidance, Job};
+use texfold::{AnyImage, Arrived, Arriving, Choice, Effort, EncodeSettings, Goal, Guidance, Job, Limits};
 use texfold_gpu::{AddressMode, Gpu, GpuError, TileCache, TileLook, TileOptions, TileTexture, wgpu};
 use texfold_testkit::{crop, full};
 
@@ -232,16 +232,21 @@ fn random_view(rng: &mut Rng, size: SurfaceSize, levels: u32, texture: TileTextu
         .rounded()
 }
 
-/// Holds some views of a texture to filtering on the CPU.
-fn hold(
-    renderer: &mut Renderer<'_>,
+/// Adds a texture and compares some views of it.
+fn hold(renderer: &mut Renderer<'_>, texture: &AnyImage, look: TileLook, bounds: (u32, f64), rng: &mut Rng) {
+    let added = renderer.cache.add(renderer.gpu, texture.as_encoded(), look).unwrap()[0];
+    compare(renderer, texture, (added, look), bounds, rng);
+}
+
+/// Compares some views of a texture with filtering on the CPU; they differ by at most so many steps of 255.
+fn compare(
+    renderer: &Renderer<'_>,
     texture: &AnyImage,
-    look: TileLook,
+    (added, look): (TileTexture, TileLook),
     (views, most): (u32, f64),
     rng: &mut Rng,
 ) {
     let texture = texture.as_encoded();
-    let added = renderer.cache.add(renderer.gpu, texture, look).unwrap()[0];
     let reference = Reference::new(texture, look);
     let (size, levels) = (texture.layout().surfaces[0], texture.layout().levels);
     for number in 0..views {
@@ -331,6 +336,34 @@ fn textures_come_and_go_and_take_nothing_with_them() {
         let view = random_view(&mut rng, SurfaceSize { width: 64, height: 64 }, 1, first[0]);
         assert!(renderer.frame(&view).iter().all(|colour| *colour == Vec4::ZERO));
     }
+}
+
+#[test]
+fn a_file_that_arrives_in_pieces_shows_what_is_there() {
+    let Some(gpu) = gpu() else { return };
+    let mut renderer = Renderer::new(gpu, &options());
+    let look = TileLook { address: AddressMode::Clamp, srgb: false };
+    let whole = encode("dct", crop(&image("facade"), (0, 0), (200, 180)), true);
+    let mut arriving = Arriving::new(Limits::default());
+    let mut rng = Rng::new(9);
+    let mut added = Vec::new();
+    let mut shown = Vec::new();
+    for piece in whole.to_bytes().chunks(64) {
+        if matches!(arriving.push(piece).unwrap(), Arrived::Nothing) {
+            continue;
+        }
+        let Some(texture) = arriving.texture() else { continue };
+        match added.is_empty() {
+            true => added = renderer.cache.add(gpu, texture.as_encoded(), look).unwrap(),
+            false => renderer.cache.replace(gpu, &added, texture.as_encoded()).unwrap(),
+        }
+        compare(&renderer, texture, (added[0], look), (2, 2.0), &mut rng);
+        shown.push(texture.as_encoded().layers().loaded);
+    }
+    assert!(shown.len() > 1 && shown.is_sorted(), "{shown:?}");
+    renderer.cache.remove(gpu, added[0]);
+    let gone = renderer.cache.replace(gpu, &added, whole.as_encoded());
+    assert!(matches!(gone, Err(GpuError::NoSuchSurface { surface: 0, .. })), "{gone:?}");
 }
 
 #[test]

@@ -6,6 +6,7 @@
 //! 4. [Capture a light field](#capture-a-light-field)
 //! 5. [Build a zoom stack](#build-a-zoom-stack)
 //! 6. [Share codebooks in a bank](#share-codebooks-in-a-bank)
+//! 7. [Draw from a cache of tiles](#draw-from-a-cache-of-tiles)
 //!
 //! # Compress a folder
 //!
@@ -184,3 +185,26 @@
 //! # Ok(())
 //! # }
 //! ```
+//!
+//! # Draw from a cache of tiles
+//!
+//! `texfold_gpu::TileCache` holds the compressed streams of all textures and a pool of decoded tiles of 128 texels a side. A renderer takes it in
+//! at four places:
+//!
+//! 1. *Once*: `TileCache::new(&gpu, &options)` on a device with seven storage buffers a shader stage. `pool_bytes` is what the view needs: a tile has 64 kB
+//!    and covers 120 x 120 pixels at best, so that 1920 x 1080 pixels with overlaps and mip levels take about 32 MB, with reserve 64.
+//!    `stream_bytes` holds all textures: WebGPU's default devices bind 128 MiB.
+//! 2. *For each texture*: `cache.add` returns a number for each image, which the renderer stores with its materials; `remove` frees it;
+//!    `replace` takes a file of which more has arrived.
+//! 3. *In the shader*: `cache.wgsl(group)` before the renderer's own text, `cache.bind_group()` bound there, and
+//!    `texfold_tile_sample(number, uv)` in uniform control flow; `_grad` and `_level` in any.
+//! 4. *Each frame*: `cache.update(&mut encoder)` behind the passes that draw.
+//!
+//! Lookups mark tiles; the update decodes those that are missing, the coarsest first and 64 at most, into the places that were not looked at for longest. A
+//! tile that is missing shows the nearest coarser one. Where the pool is too small, lookups add a mip bias until it suffices;
+//! `TileCache::report` has its value. A tile of one or two levels below a stored stage (levels 1, 2, 4, 5, ...) is the mean of 4 or 16 times as
+//! many samples, which are decoded for it: `scratch_bytes` bounds how many of these an update takes.
+//!
+//! After the device is lost, make a new one, a new cache, and add all textures again. Textures that are not in superblocks (`bc`,
+//! `vq`, `epitome`, `progressive`) are uploaded whole, and the cache draws their tiles from that: it adds hardware filtering and one binding for all, and
+//! takes no memory away.

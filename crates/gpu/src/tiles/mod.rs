@@ -130,12 +130,31 @@ pub struct TileReport {
 /// What a texture takes of the cache.
 #[derive(Debug, Default)]
 struct Held {
+    look: TileLook,
     /// Where it is not in superblocks.
     source: Option<Source>,
     pages: Range<u32>,
     stages: Range<u32>,
     /// Words and streams of each stage, in words of the data.
     data: Vec<Range<u32>>,
+}
+
+/// A texture to add: its stages where it is in superblocks, or as it is drawn.
+struct TileSource<'t> {
+    texture: &'t dyn Encoded<Domain = Image2d>,
+    stages: Vec<GpuDct<'t>>,
+    uploaded: Option<Arc<GpuTexture>>,
+}
+
+impl<'t> TileSource<'t> {
+    fn new(gpu: &Gpu, texture: &'t dyn Encoded<Domain = Image2d>) -> Result<Self, GpuError> {
+        let form = texture.gpu();
+        if !form.blocks.is_empty() && form.module == PLAIN_MODULE {
+            return Ok(TileSource { texture, stages: form.blocks, uploaded: None });
+        }
+        let uploaded = Some(Arc::new(gpu.upload(&form)?));
+        Ok(TileSource { texture, stages: Vec::new(), uploaded })
+    }
 }
 
 /// The levels of a texture that are always there.
@@ -357,17 +376,13 @@ impl TileCache {
         texture: &dyn Encoded<Domain = Image2d>,
         look: TileLook,
     ) -> Result<Vec<TileTexture>, GpuError> {
-        let form = texture.gpu();
-        let is_in_superblocks = !form.blocks.is_empty() && form.module == PLAIN_MODULE;
-        let uploaded = if is_in_superblocks { None } else { Some(Arc::new(gpu.upload(&texture.gpu())?)) };
+        let source = TileSource::new(gpu, texture)?;
         let mut added = Vec::new();
         for image in 0..texture.layout().surfaces.len() as u32 {
-            let stages: Vec<&GpuDct<'_>> = form
-                .blocks
-                .iter()
-                .filter(|stage| is_in_superblocks && stage.image == image as usize)
-                .collect();
-            match self.add_image(gpu, (texture, image), look, stages, uploaded.as_ref()) {
+            let free = self.held.iter().position(Option::is_none);
+            let full = GpuError::TilesFull { what: "all textures are in use", option: "textures" };
+            let put = free.ok_or(full).and_then(|index| self.put(gpu, &source, image, (index, look)));
+            match put {
                 Ok(texture) => added.push(texture),
                 Err(error) => {
                     added.into_iter().for_each(|texture| self.remove(gpu, texture));
@@ -378,21 +393,45 @@ impl TileCache {
         Ok(added)
     }
 
-    /// Adds an image in superblocks, or one that is uploaded.
-    fn add_image(
+    /// Puts another texture in the place of one that [`TileCache::add`] returned as `textures`, under the same numbers: a file of which more
+    /// has arrived. Its tiles are decoded anew; the smallest levels show until then.
+    ///
+    /// # Errors
+    /// [`GpuError`] as [`TileCache::add`], where there is no room for both at once, too: the image at which that happens and those behind
+    /// it stay as they were. [`GpuError::NoSuchSurface`] where the texture has fewer images, or one was removed.
+    pub fn replace(
         &mut self,
         gpu: &Gpu,
-        (texture, image): (&dyn Encoded<Domain = Image2d>, u32),
-        look: TileLook,
-        stages: Vec<&GpuDct<'_>>,
-        uploaded: Option<&Arc<GpuTexture>>,
+        textures: &[TileTexture],
+        texture: &dyn Encoded<Domain = Image2d>,
+    ) -> Result<(), GpuError> {
+        let source = TileSource::new(gpu, texture)?;
+        let surfaces = texture.layout().surfaces.len();
+        for (image, replaced) in (0..).zip(textures) {
+            let held = self.held.get(replaced.0 as usize).and_then(Option::as_ref);
+            let look = held.filter(|_| (image as usize) < surfaces).map(|held| held.look);
+            let look = look.ok_or(GpuError::NoSuchSurface { surface: image, surfaces })?;
+            self.put(gpu, &source, image, (replaced.0 as usize, look))?;
+        }
+        Ok(())
+    }
+
+    /// Puts an image under a number, in place of the one that has it.
+    fn put(
+        &mut self,
+        gpu: &Gpu,
+        source: &TileSource<'_>,
+        image: u32,
+        (index, look): (usize, TileLook),
     ) -> Result<TileTexture, GpuError> {
+        let TileSource { texture, stages, uploaded } = source;
         let layout = texture.layout();
         let size = layout.surfaces[image as usize];
         let tail = tail_of(size);
         let levels = layout.levels.min(size.full_levels());
         let own = levels.min(tail);
-        let drawn: Vec<&GpuDct<'_>> = stages.into_iter().filter(|stage| stage.level < own).collect();
+        let is_drawn = |stage: &&GpuDct<'_>| stage.image == image as usize && stage.level < own;
+        let drawn: Vec<&GpuDct<'_>> = stages.iter().filter(is_drawn).collect();
         if own as usize > MOST_LEVELS || (0..).zip(&drawn).any(|(number, stage)| stage.level != 3 * number) {
             return Err(GpuError::Form { what: "an image is larger, or cut otherwise, than tiles expect" });
         }
@@ -402,10 +441,8 @@ impl TileCache {
             let what = "a tile of this texture needs more scratch memory";
             return Err(GpuError::TilesFull { what, option: "scratch_bytes" });
         }
-        let free = self.held.iter().position(Option::is_none);
-        let index =
-            free.ok_or(GpuError::TilesFull { what: "all textures are in use", option: "textures" })?;
         let (row, mut held) = self.reserve(size, own, &drawn)?;
+        held.look = look;
         let number = index as u32 + 1;
         let clamp = look.address == AddressMode::Clamp;
         let flags = if look.srgb { SRGB } else { 0 } | if clamp { CLAMP } else { 0 };
@@ -418,9 +455,10 @@ impl TileCache {
             ..row
         };
         let written = gpu.guarded(|| {
-            held.source = uploaded.map(|texture| self.source(gpu, texture, image, number)).transpose()?;
+            held.source =
+                uploaded.as_ref().map(|texture| self.source(gpu, texture, image, number)).transpose()?;
             self.write_stages(gpu, &drawn, &held)?;
-            self.write_tail(gpu, (texture, image), &tail, (levels, flags));
+            self.write_tail(gpu, (*texture, image), &tail, (levels, flags));
             self.write_row(gpu, index, &row);
             Ok(())
         });
@@ -428,7 +466,9 @@ impl TileCache {
             self.free(held);
             return Err(error);
         }
-        self.held[index] = Some(held);
+        if let Some(before) = self.held[index].replace(held) {
+            self.free(before);
+        }
         Ok(TileTexture(index as u32))
     }
 

@@ -78,6 +78,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+// README: from here
+/// Adds the first image of a file to a cache of tiles, which is made once with `TileCache::new(&gpu, &TileOptions::default())`. The
+/// returned number stands for it in shaders: they have `cache.wgsl(0)` before their own text, `cache.bind_group()` in group 0, and call
+/// `texfold_tile_sample(number, uv)`. Behind the passes that draw, each frame records `cache.update(&mut encoder)`, which decodes what
+/// they looked at and did not find.
+fn add(gpu: &Gpu, cache: &mut TileCache, file: &[u8]) -> Result<u32, Box<dyn Error>> {
+    let texture = texfold::open(file)?.into_image()?;
+    let images = cache.add(gpu, texture.as_encoded(), TileLook::default())?;
+    Ok(images.first().ok_or("a file without an image")?.index())
+}
+// README: to here
+
 /// Memory of the textures.
 #[derive(Default)]
 struct Bytes {
@@ -90,25 +102,27 @@ struct Bytes {
 /// Adds twelve large textures, of which some are the same, and two of each further codec.
 fn fill(gpu: &Gpu, cache: &mut TileCache) -> Result<(Vec<u32>, Bytes), Box<dyn Error>> {
     let (mut numbers, mut bytes) = (Vec::new(), Bytes::default());
-    let mut add = |texture: &AnyImage, is_large: bool| -> Result<(), Box<dyn Error>> {
+    let mut count = |texture: &AnyImage, file: &[u8], is_large: bool| -> Result<(), Box<dyn Error>> {
         let texture = texture.as_encoded();
         let size = texture.layout().surfaces[0];
         let levels = (0..size.full_levels()).map(|level| size.at_level(level));
         let block_bytes = |side: u32| u64::from(side.div_ceil(4));
         bytes.bc7 += levels.map(|size| 16 * block_bytes(size.width) * block_bytes(size.height)).sum::<u64>();
         bytes.held += if is_large { 0 } else { texture.memory().resident / 8 };
-        numbers.extend(cache.add(gpu, texture, TileLook::default())?.iter().map(|texture| texture.index()));
+        numbers.push(add(gpu, cache, file)?);
         Ok(())
     };
     for number in 0..3 {
         let samples = texfold_testkit::fixtures::land::land((SIDE * number, 7 * SIDE), (SIDE, SIDE));
         let image = Raster::from_u8(SIDE, SIDE, 3, ColorSpace::Srgb, &samples)?;
         let texture = encode("dct", image, 0.5)?;
-        (0..4).try_for_each(|_| add(&texture, true))?;
+        let file = texture.to_bytes();
+        (0..4).try_for_each(|_| count(&texture, &file, true))?;
     }
     for (codec, bits) in [("bc", 11.0), ("vq", 4.0), ("epitome", 2.0), ("progressive", 4.0)] {
         for name in ["facade", "cloth"] {
-            add(&encode(codec, texfold_testkit::image(name), bits)?, false)?;
+            let texture = encode(codec, texfold_testkit::image(name), bits)?;
+            count(&texture, &texture.to_bytes(), false)?;
         }
     }
     Ok((numbers, bytes))

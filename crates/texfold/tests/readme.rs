@@ -23,9 +23,9 @@ fn its_code_stands_in_examples() {
     };
     let code: Vec<&str> =
         readme.split("```rust\n").skip(1).map(|rest| rest.split("```").next().unwrap()).collect();
-    assert_eq!(code.len(), 3);
+    assert_eq!(code.len(), 4);
     assert!(embed.ends_with(code[0]), "differs from crates/texfold/examples/embed.rs");
-    for (code, name) in code[1..].iter().zip(["hardware.rs", "material.rs"]) {
+    for (code, name) in code[1..].iter().zip(["hardware.rs", "room.rs", "material.rs"]) {
         assert_eq!(*code, snippet(name), "differs from crates/gpu/examples/{name}");
     }
 }

@@ -15,25 +15,25 @@
 //! *Not done*: pools of more than 8 bits a sample (16-bit samples are rounded to 8); more than one buffer
 //! of streams: textures must fit one binding of the device, 128 MiB where it was made with WebGPU's defaults.
 
+mod buffers;
 mod pipelines;
 mod rows;
+mod tail;
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use range_alloc::RangeAllocator;
-use texfold_core::{Encoded, GpuDct, Image2d, ImageAddress, Rect, SurfaceSize, Texel};
+use texfold_core::{Encoded, GpuDct, Image2d, SurfaceSize};
 use texfold_shaders::ModuleInfo;
-use wgpu::{BindingResource, Buffer, BufferUsages, CommandEncoder, Extent3d, Texture, TextureUsages};
+use wgpu::{BindingResource, BufferUsages, CommandEncoder, Extent3d, Texture, TextureUsages};
 
 use crate::dct::{channels_of, colours};
 use crate::upload::PLAIN_MODULE;
 use crate::{AddressMode, Gpu, GpuError, GpuTexture, compute};
+use buffers::Buffers;
 use pipelines::{Pipelines, Resources, STEP_STRIDE, Source};
-use rows::{
-    CLAMP, FEEDBACK_BYTES, INNER, MOST_LEVELS, MOST_TILES, PLAN_BYTES, PLANES, SIDE, SRGB, StageRow,
-    TextureRow, tail_of, tail_place,
-};
+use rows::{CLAMP, INNER, MOST_LEVELS, MOST_TILES, PLANES, SIDE, SRGB, StageRow, TextureRow, tail_of};
 
 /// Format of the pool.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -157,16 +157,6 @@ impl<'t> TileSource<'t> {
     }
 }
 
-/// The levels of a texture that are always there.
-#[derive(Debug, Clone, Copy)]
-struct Tail {
-    /// Column and row in quarters of tiles, and layer.
-    place: [u32; 3],
-    /// The first one, and the one behind the last.
-    first: u32,
-    levels: u32,
-}
-
 /// A cache of decoded tiles.
 #[derive(Debug)]
 pub struct TileCache {
@@ -183,55 +173,6 @@ pub struct TileCache {
     pages: RangeAllocator<u32>,
     stages: RangeAllocator<u32>,
     data: RangeAllocator<u32>,
-}
-
-/// Buffers of a cache.
-#[derive(Debug)]
-struct Buffers {
-    textures: Buffer,
-    pages: Buffer,
-    feedback: Buffer,
-    slots: Buffer,
-    stages: Buffer,
-    plan: Buffer,
-    workgroups: Buffer,
-    data: Buffer,
-    scratch: Buffer,
-}
-
-impl Buffers {
-    /// Buffers for a pool of so many places.
-    fn new(gpu: &Gpu, options: &TileOptions, slots: u32) -> Buffers {
-        let buffer = |label: &str, size: u64, usage: BufferUsages| {
-            gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size: size.max(4).next_multiple_of(4),
-                usage: usage | BufferUsages::STORAGE | BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        };
-        let none = BufferUsages::empty();
-        let pages = 4 * u64::from(options.pages);
-        let stages = options.textures.saturating_mul(MOST_STAGES);
-        let dispatches = 12 * u64::from(2 + 2 * PLANES + options.textures);
-        Buffers {
-            textures: buffer("textures of tiles", row_bytes::<TextureRow>(options.textures), none),
-            pages: buffer("pages of tiles", pages, none),
-            feedback: buffer("feedback of tiles", FEEDBACK_BYTES + pages, BufferUsages::COPY_SRC),
-            slots: buffer("places of tiles", 4 * u64::from(slots), none),
-            stages: buffer("stages of tiles", row_bytes::<StageRow>(stages), none),
-            plan: buffer("plan of tiles", PLAN_BYTES, none),
-            workgroups: buffer("workgroups of tiles", dispatches, BufferUsages::INDIRECT),
-            data: buffer("streams of tiles", options.stream_bytes, none),
-            scratch: buffer("scratch of tiles", options.scratch_bytes, none),
-        }
-    }
-
-    fn bytes(&self) -> u64 {
-        let Buffers { textures, pages, feedback, slots, stages, plan, workgroups, data, scratch } = self;
-        let all = [textures, pages, feedback, slots, stages, plan, workgroups, data, scratch];
-        all.into_iter().map(Buffer::size).sum()
-    }
 }
 
 impl TileCache {
@@ -639,48 +580,6 @@ impl TileCache {
         gpu.queue.write_buffer(&self.buffers.stages, row_bytes::<StageRow>(number), bytemuck::bytes_of(&row));
         Ok(())
     }
-
-    /// The tail of a texture of that number.
-    fn tail_of(&self, index: u32, levels: u32, first: u32) -> Tail {
-        let side = self.pool.width() / SIDE;
-        let slot = index / 4;
-        let place =
-            [2 * (slot % side) + index % 2, 2 * (slot / side % side) + index / 2 % 2, slot / (side * side)];
-        Tail { place, first, levels }
-    }
-
-    /// Writes the levels that are always there: those that the texture has, else a coarse sample of its only one.
-    fn write_tail(
-        &self,
-        gpu: &Gpu,
-        (texture, image): (&dyn Encoded<Domain = Image2d>, u32),
-        tail: &Tail,
-        (levels, flags): (u32, u32),
-    ) {
-        let size = texture.layout().surfaces[image as usize];
-        let mut texels = vec![[0u8; 4]; (QUARTER * QUARTER) as usize];
-        for level in tail.first..tail.levels {
-            let SurfaceSize { width, height } = size.at_level(level);
-            let decoded = decoded(texture, image, (level, levels), size);
-            let [left, top] = tail_place(level - tail.first);
-            let border = rows::BORDER as i32;
-            for y in -border..height as i32 + border {
-                for x in -border..width as i32 + border {
-                    let [column, row] = [addressed(x, width, flags), addressed(y, height, flags)];
-                    let place = (top as i32 + y) * QUARTER as i32 + left as i32 + x;
-                    texels[place as usize] = decoded[(row * width + column) as usize];
-                }
-            }
-        }
-        let [column, row, layer] = tail.place;
-        let origin = wgpu::Origin3d { x: column * QUARTER, y: row * QUARTER, z: layer };
-        gpu.queue.write_texture(
-            wgpu::TexelCopyTextureInfo { origin, ..self.pool.as_image_copy() },
-            texels.as_flattened(),
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * QUARTER), rows_per_image: None },
-            Extent3d { width: QUARTER, height: QUARTER, depth_or_array_layers: 1 },
-        );
-    }
 }
 
 /// Two numbers of 8 bits and one of 16 in a word, the lowest first.
@@ -726,38 +625,4 @@ fn pool_size(options: &TileOptions, most_layers: u32) -> [u32; 2] {
 /// Bytes of so many rows.
 fn row_bytes<Row>(rows: u32) -> u64 {
     size_of::<Row>() as u64 * u64::from(rows)
-}
-
-/// The column or row of an image of `size` of them that one outside of it repeats.
-fn addressed(at: i32, size: u32, flags: u32) -> u32 {
-    let size = size as i32;
-    (if flags & CLAMP != 0 { at.clamp(0, size - 1) } else { at.rem_euclid(size) }) as u32
-}
-
-/// The texels of a level; of levels that the texture does not have, those in the middle of what each stands for.
-fn decoded(
-    texture: &dyn Encoded<Domain = Image2d>,
-    image: u32,
-    (level, levels): (u32, u32),
-    size: SurfaceSize,
-) -> Vec<[u8; 4]> {
-    let few = size.at_level(level);
-    let SurfaceSize { width, height } = few;
-    let mut texels = vec![Texel::ZERO; (width * height) as usize];
-    let rect = Rect { surface: image, level, x: 0, y: 0, width, height };
-    if level >= levels || texture.decode(rect, &mut texels).is_err() {
-        let middle = |at: u32, few: u32, all: u32| {
-            ((2 * u64::from(at) + 1) * u64::from(all) / (2 * u64::from(few))) as u32
-        };
-        for (place, texel) in (0..).zip(&mut texels) {
-            let (x, y) =
-                (middle(place % width, width, size.width), middle(place / width, height, size.height));
-            *texel = texture.texel(ImageAddress { surface: image, level: 0, x, y });
-        }
-    }
-    texels.into_iter().map(bytes_of).collect()
-}
-
-fn bytes_of(texel: Texel) -> [u8; 4] {
-    texel.to_array().map(|value| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
 }

@@ -73,7 +73,7 @@ fn decode(c: &mut Criterion) {
                 for _ in 0..PLACES {
                     state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                     let (x, y) = (state >> 22, (state >> 12) & (SIDE - 1));
-                    sum += texture.texel(ImageAddress { surface: 0, level: 0, x, y });
+                    sum += texture.texel(ImageAddress { image: 0, level: 0, x, y });
                 }
                 black_box(sum)
             });

@@ -50,7 +50,7 @@ fn main() -> Result<(), GpuError> {
         for (lookup_name, lookup) in
             [("nearest", Lookup::Nearest { level: 0 }), ("bilinear", Lookup::Bilinear { level: 0 })]
         {
-            let view = View { surface: 0, size: (SIDE, SIDE), uv: glam::Affine2::IDENTITY, lookup };
+            let view = View { image: 0, size: (SIDE, SIDE), uv: glam::Affine2::IDENTITY, lookup };
             let mut speeds = [Vec::new(), Vec::new(), Vec::new()];
             for _ in 0..ROUNDS {
                 for (speed, probe) in speeds.iter_mut().zip([Probe::Lookup, Probe::LoadsOnly, Probe::Plain]) {

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use glam::{Mat4, Vec3};
 use scene::{Quad, Scene, camera};
 use texfold::core::image::{ColorSpace, ImageSet, Raster};
-use texfold::core::{PlaneFormat, SurfaceSize};
+use texfold::core::{ImageSize, PlaneFormat};
 use texfold::{AnyImage, Choice, Effort, EncodeSettings, Goal, Guidance, Job};
 use texfold_gpu::{Gpu, Policy, TileCache, TileLook, TileOptions, TileReport, wgpu};
 
@@ -206,7 +206,7 @@ fn plain_frames(gpu: &Gpu, textures: &[AnyImage], is_bc7: bool) -> Result<(f64, 
         timed(gpu, encoder)
     })?;
     let bits = if is_bc7 { 8 } else { 32 };
-    let size = SurfaceSize { width: SIDE, height: SIDE };
+    let size = ImageSize { width: SIDE, height: SIDE };
     let texels: u64 = (0..size.full_levels()).map(|level| size.at_level(level).texels()).sum();
     Ok((time, (u64::from(TEXTURES) * texels * bits / 8) as f64 / 1e6))
 }

@@ -7,7 +7,7 @@ use std::error::Error;
 use std::path::PathBuf;
 
 use texfold::core::image::{ImageSet, Raster, to_u8};
-use texfold::core::metric::decode_surface;
+use texfold::core::metric::decode_image;
 use texfold::{Content, vq::VqParams};
 use texfold_benches::report::chart;
 use texfold_chart::Scale;
@@ -70,7 +70,7 @@ fn measure(images: &[Raster], weight: f32) -> Option<Row> {
             .with_importance(weight)
             .with_content(Content::Raw);
         let texture = texfold_benches::vq(&set, &params)?;
-        let decoded = decode_surface(texture.as_encoded(), 0, 0)?;
+        let decoded = decode_image(texture.as_encoded(), 0, 0)?;
         let (whole, salient) = psnrs(image, &decoded);
         row.whole += whole / images.len() as f64;
         row.salient += salient / images.len() as f64;

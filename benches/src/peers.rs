@@ -8,7 +8,7 @@
 use std::path::{Path, PathBuf};
 
 use texfold::core::image::{ColorSpace, ImageSet, Raster};
-use texfold::core::metric::{color_error, decode_surface, measure};
+use texfold::core::metric::{color_error, decode_image, measure};
 use texfold::{
     Content, Effort, Encoded, Family, Goal, Job, Metric,
     bc::{Bc, BcParams},
@@ -159,7 +159,7 @@ fn judge(
     texture: &dyn Encoded<Domain = Image2d>,
 ) -> Outcome<Point> {
     let bpp = measure(&ImageSet::single(image.clone()), texture).bpp;
-    let decoded = decode_surface(texture, 0, 0).ok_or("an encoded image has no level 0")?;
+    let decoded = decode_image(texture, 0, 0).ok_or("an encoded image has no level 0")?;
     compare(form, setting, image, &decoded, bpp)
 }
 

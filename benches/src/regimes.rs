@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec2;
 use texfold::core::image::{ImageSet, MipFilter, Raster, mip_chain};
-use texfold::core::metric::{color_error, decode_surface, measure};
+use texfold::core::metric::{color_error, decode_image, measure};
 use texfold::{
     Access, Choice, EncodeSettings, Goal, Guidance, Job, Texel,
     core::Encoder,
@@ -260,10 +260,10 @@ fn drawing(out: &Path) -> Outcome<()> {
         let mut row = vec![name, format!("{:.3}", measured.bpp), format!("{:.2}", measured.psnr)];
         row.push(format!("{:.2}", texture.map_format().seam_width as f32 / 4.0));
         row.extend([original, linear, nearest].map(|ratio| format!("{ratio:.3}")));
-        let decoded = decode_surface(&texture, 0, 0).ok_or("no surface")?;
+        let decoded = decode_image(&texture, 0, 0).ok_or("no index")?;
         let chain = mip_chain(&decoded, 4, MipFilter::Box);
         for (level, wanted) in (0u32..).zip(&chain).skip(1) {
-            let found = decode_surface(&texture, 0, level).ok_or("no level")?;
+            let found = decode_image(&texture, 0, level).ok_or("no level")?;
             row.push(format!("{:.2}", color_error(wanted, &found).psnr()));
         }
         table.row(row);

@@ -60,7 +60,7 @@ fn main() {
         let Some(texture) = texture(count) else { continue };
         let Ok(uploaded) = gpu.upload(&texture.as_encoded().gpu()) else { continue };
         for (name, lookup) in LOOKUPS {
-            let view = View { surface: 0, size: (DRAWN, DRAWN), uv: Affine2::IDENTITY, lookup };
+            let view = View { image: 0, size: (DRAWN, DRAWN), uv: Affine2::IDENTITY, lookup };
             let speed = |probe| {
                 let mut times: Vec<f64> =
                     (0..5).filter_map(|_| gpu.time(&uploaded, &view, probe, 4).ok()).collect();

@@ -6,7 +6,7 @@
 //! control flow (those that take derivatives say so).
 //!
 //! What is public and stable: [`MODULES`], which says what to bind, [`paste`] with [`Slot`], and the functions of each module whose
-//! names end in `_fetch`, `_nearest`, `_bilinear`, `_sample_level`, `_sample_grad`, `_sample` and `_sample_surface`. Members of
+//! names end in `_fetch`, `_nearest`, `_bilinear`, `_sample_level`, `_sample_grad`, `_sample` and `_sample_image`. Members of
 //! parameter blocks, further functions and what planes hold may change with any version: they are written by the encoded texture
 //! and read by the WGSL of the same version.
 

@@ -10,7 +10,7 @@ use std::hash::{Hash, Hasher};
 pub struct ModuleInfo {
     /// The name that an encoded texture gives in `GpuForm::module`: "bc", "vq", ...
     pub name: &'static str,
-    /// What to bind, in order: parameters, then planes in the order of the texture's `SurfaceBinding::planes`. A module with two
+    /// What to bind, in order: parameters, then planes in the order of the texture's `ImageBinding::planes`. A module with two
     /// blocks of parameters takes both from the bytes of one surface, one behind the other.
     pub bindings: &'static [Binding],
     /// What it samples, and where the numbers that every such texture has lie in its parameters.
@@ -20,8 +20,8 @@ pub struct ModuleInfo {
     /// Whether the first switch stands for planes that are smaller than their sources.
     pub may_be_reduced: bool,
     /// Whether its functions take, as their first argument, which of several images of one size is read:
-    /// `SurfaceBinding::surface`. `_sample` without one reads the first.
-    pub has_surface: bool,
+    /// `ImageBinding::image`. `_sample` without one reads the first.
+    pub has_image: bool,
     /// What names of its WGSL begin with, without `texfold_`: first the module's own, then those of fragments that it shares with
     /// other modules.
     pub(crate) namespaces: &'static [&'static str],

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use texfold_core::{DCT_LEVELS, DctLayout, Rect, RegionError, SurfaceSize, dct_planes};
+use texfold_core::{DCT_LEVELS, DctLayout, ImageSize, Rect, RegionError, dct_planes};
 
 /// Texels along a block's side.
 const SIDE: u32 = 8;
@@ -89,7 +89,7 @@ pub struct DctPlan {
 type Superblocks = [Range<u32>; 2];
 
 impl DctPlan {
-    /// What a rectangle of one of the [`DCT_LEVELS`] levels needs; `rect.surface` is 0.
+    /// What a rectangle of one of the [`DCT_LEVELS`] levels needs; `rect.image` is 0.
     ///
     /// # Errors
     /// [`RegionError`] where there is no such level, or the rectangle is empty or leaves it.
@@ -113,8 +113,8 @@ impl DctPlan {
 }
 
 fn check(layout: &DctLayout, rect: Rect) -> Result<(), RegionError> {
-    if rect.surface != 0 {
-        return Err(RegionError::NoSuchSurface { surface: rect.surface, surfaces: 1 });
+    if rect.image != 0 {
+        return Err(RegionError::NoSuchImage { image: rect.image, images: 1 });
     }
     let levels = layout.size.full_levels().min(DCT_LEVELS);
     if rect.level >= levels {
@@ -123,7 +123,7 @@ fn check(layout: &DctLayout, rect: Rect) -> Result<(), RegionError> {
     let inside = |first: u32, count: u32, all: u32| {
         count > 0 && first.checked_add(count).is_some_and(|end| end <= all)
     };
-    let SurfaceSize { width, height } = layout.size.at_level(rect.level);
+    let ImageSize { width, height } = layout.size.at_level(rect.level);
     if !inside(rect.x, rect.width, width) || !inside(rect.y, rect.height, height) {
         return Err(RegionError::Outside { width, height });
     }
@@ -131,7 +131,7 @@ fn check(layout: &DctLayout, rect: Rect) -> Result<(), RegionError> {
 }
 
 /// The superblocks of a base that hold the means of blocks of finer superblocks, and those a mean around them.
-fn base_of(layout: &DctLayout, superblocks: &Superblocks, base: SurfaceSize) -> Superblocks {
+fn base_of(layout: &DctLayout, superblocks: &Superblocks, base: ImageSize) -> Superblocks {
     let texels = 1u32 << layout.superblock_log2;
     let side = texels / SIDE;
     let cover = |range: &Range<u32>, all: u32| {
@@ -143,11 +143,7 @@ fn base_of(layout: &DctLayout, superblocks: &Superblocks, base: SurfaceSize) -> 
 }
 
 /// The passes from the coarsest plane on, and the words that they need.
-fn passes(
-    layout: &DctLayout,
-    planes: &[SurfaceSize],
-    needed: &[(usize, Superblocks)],
-) -> (Vec<DctPass>, u64) {
+fn passes(layout: &DctLayout, planes: &[ImageSize], needed: &[(usize, Superblocks)]) -> (Vec<DctPass>, u64) {
     let counts: Vec<u32> =
         planes.iter().map(|&plane| superblock_count(layout, plane)).map(|[c, r]| c * r).collect();
     // The first block's words stay 0: what lies beyond a border is read there.
@@ -177,7 +173,7 @@ fn passes(
 }
 
 /// A pass but for what depends on other planes.
-fn pass(layout: &DctLayout, size: SurfaceSize, superblocks: &Superblocks) -> DctPass {
+fn pass(layout: &DctLayout, size: ImageSize, superblocks: &Superblocks) -> DctPass {
     let side = (1u32 << layout.superblock_log2) / SIDE;
     let plane_blocks = [size.width.div_ceil(SIDE), size.height.div_ceil(SIDE)];
     let held = |axis: usize| {
@@ -205,7 +201,7 @@ fn pass(layout: &DctLayout, size: SurfaceSize, superblocks: &Superblocks) -> Dct
 }
 
 /// Columns and rows of superblocks of a plane.
-fn superblock_count(layout: &DctLayout, size: SurfaceSize) -> [u32; 2] {
+fn superblock_count(layout: &DctLayout, size: ImageSize) -> [u32; 2] {
     let texels = 1u32 << layout.superblock_log2;
     [size.width.div_ceil(texels), size.height.div_ceil(texels)]
 }

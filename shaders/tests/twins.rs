@@ -72,7 +72,7 @@ const ALONE: [(&str, &str); 13] = [
     ("texfold_bc_sample_grad", "texfold_level, then texfold_bc_sample_level"),
     ("texfold_bc_sample", "takes derivatives, which a CPU does not have"),
     ("texfold_vq_sample_grad", "texfold_level, then texfold_vq_sample_level"),
-    ("texfold_vq_sample_surface", "takes derivatives, which a CPU does not have"),
+    ("texfold_vq_sample_image", "takes derivatives, which a CPU does not have"),
     ("texfold_vq_sample", "takes derivatives, which a CPU does not have"),
     ("texfold_epitome_sample_grad", "texfold_level, then texfold_epitome_sample_level"),
     ("texfold_epitome_sample", "takes derivatives, which a CPU does not have"),

@@ -257,9 +257,9 @@ fn texfold_lightfield_corner(
         if scales == 0u {
             continue;
         }
-        let surface = texfold_lightfield_surface(read, texfold_lightfield_word(first + 4u + 3u * term + corner));
+        let image = texfold_lightfield_surface(read, texfold_lightfield_word(first + 4u + 3u * term + corner));
         let seen = texfold_lightfield_view(tap, texfold_lightfield_word(own + 2u * term + 1u));
-        sum += texfold_lightfield_scales(scales) * surface * seen;
+        sum += texfold_lightfield_scales(scales) * image * seen;
     }
     return sum;
 }

@@ -7,9 +7,8 @@ use texfold_core::address::{TEXFOLD_CLAMP, texfold_level_size, texfold_tap};
 use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::sample::{TEXFOLD_NORMAL, texfold_bilinear, texfold_swizzle};
 use texfold_core::{
-    Budget, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, LoadError,
-    MemoryBits, Notes, Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel,
-    TextureCodec,
+    Budget, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageBinding, ImageLayout,
+    ImageSize, LoadError, MemoryBits, Notes, Plane, PlaneFormat, Rect, RegionError, Texel, TextureCodec,
 };
 
 use crate::decode::{BcView, TexfoldBcParams, expand, texfold_bc_fetch};
@@ -56,9 +55,9 @@ impl BcTexture {
 
     /// One image as the shader sees it; the last where there is no such image.
     #[must_use]
-    pub fn view(&self, surface: u32) -> BcView<'_> {
-        let index = (surface as usize).min(self.parts.surfaces.len() - 1);
-        let (size, levels) = (self.parts.layout.surfaces[index], &self.parts.surfaces[index]);
+    pub fn view(&self, image: u32) -> BcView<'_> {
+        let index = (image as usize).min(self.parts.images.len() - 1);
+        let (size, levels) = (self.parts.layout.images[index], &self.parts.images[index]);
         let plane = levels[0].size();
         let params = TexfoldBcParams {
             size: [size.width, size.height],
@@ -73,14 +72,14 @@ impl BcTexture {
 
     /// The levels of one image that a GPU holds: those beyond 1 x 1 repeat the last, a texture cannot hold them, and the
     /// shader does not read them.
-    fn held(&self, surface: usize) -> &[ContentPlanes] {
-        let levels = &self.parts.surfaces[surface];
+    fn held(&self, image: usize) -> &[ContentPlanes] {
+        let levels = &self.parts.images[image];
         let (width, height) = levels[0].size();
-        &levels[..levels.len().min(SurfaceSize { width, height }.full_levels() as usize)]
+        &levels[..levels.len().min(ImageSize { width, height }.full_levels() as usize)]
     }
 
-    fn planes_of(&self, surface: usize) -> Vec<Plane<'_>> {
-        let levels = self.held(surface);
+    fn planes_of(&self, image: usize) -> Vec<Plane<'_>> {
+        let levels = self.held(image);
         let mut planes: Vec<Plane<'_>> = levels[0].gpu_planes("blocks").collect();
         for (index, plane) in planes.iter_mut().enumerate().filter(|_| levels.len() > 1) {
             plane.levels = levels.len() as u32;
@@ -105,7 +104,7 @@ impl Encoded for BcTexture {
     fn texel(&self, at: ImageAddress) -> Texel {
         let clamp = |value: u32| i32::try_from(value).unwrap_or(i32::MAX);
         let level = at.level.min(self.parts.layout.levels - 1);
-        texfold_bc_fetch(&self.view(at.surface), IVec2::new(clamp(at.x), clamp(at.y)), level)
+        texfold_bc_fetch(&self.view(at.image), IVec2::new(clamp(at.x), clamp(at.y)), level)
     }
 
     fn decode(&self, region: Rect, out: &mut [Texel]) -> Result<(), RegionError> {
@@ -113,7 +112,7 @@ impl Encoded for BcTexture {
         if out.len() != Image2d::len(region) {
             return Err(RegionError::OutputLength { found: out.len(), needed: Image2d::len(region) });
         }
-        let view = self.view(region.surface);
+        let view = self.view(region.image);
         if view.params.reduced == 0 {
             expand(&view, region.level, UVec2::new(region.x, region.y), region.width, out);
         } else {
@@ -134,21 +133,21 @@ impl Encoded for BcTexture {
 
     fn gpu(&self) -> GpuForm<'_> {
         let mut form = GpuForm::new("bc");
-        for surface in 0..self.parts.surfaces.len() {
+        for image in 0..self.parts.images.len() {
             let first = form.planes.len();
-            form.planes.extend(self.planes_of(surface));
+            form.planes.extend(self.planes_of(image));
             let start = form.uniforms.len();
-            form.uniforms.extend(bytemuck::bytes_of(&self.view(surface as u32).params));
+            form.uniforms.extend(bytemuck::bytes_of(&self.view(image as u32).params));
             let mut planes: Vec<usize> = (first..form.planes.len()).collect();
             // The shader binds two planes; where there is one it is bound twice.
             planes.resize(2, first);
-            form.surfaces.push(SurfaceBinding { planes, uniforms: start..form.uniforms.len(), surface: 0 });
+            form.images.push(ImageBinding { planes, uniforms: start..form.uniforms.len(), image: 0 });
         }
         form
     }
 
     fn memory(&self) -> MemoryBits {
-        let planes = (0..self.parts.surfaces.len()).flat_map(|surface| self.held(surface).iter());
+        let planes = (0..self.parts.images.len()).flat_map(|image| self.held(image).iter());
         let bits = |level: &ContentPlanes| {
             let (width, height) = level.size();
             let texels = u64::from(width) * u64::from(height);
@@ -159,7 +158,7 @@ impl Encoded for BcTexture {
             level.planes().iter().map(of).fold((0, 0), |sum, bits| (sum.0 + bits.0, sum.1 + bits.1))
         };
         let (stored, counted) = planes.map(bits).fold((0, 0), |sum, bits| (sum.0 + bits.0, sum.1 + bits.1));
-        let headers = 8 * (self.parts.surfaces.len() * size_of::<TexfoldBcParams>()) as u64;
+        let headers = 8 * (self.parts.images.len() * size_of::<TexfoldBcParams>()) as u64;
         MemoryBits { compressed: stored + headers, resident: stored + headers, goal: counted }
     }
 

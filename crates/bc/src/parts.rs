@@ -12,5 +12,5 @@ pub(crate) struct Parts {
     /// Log2 downscale of width and height before compression.
     pub(crate) reduce_log2: u32,
     /// For each image the planes of its levels.
-    pub(crate) surfaces: Vec<Vec<ContentPlanes>>,
+    pub(crate) images: Vec<Vec<ContentPlanes>>,
 }

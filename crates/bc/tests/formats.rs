@@ -111,7 +111,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
     fn a_region_is_its_samples(
-        place in (0u32..64, 0u32..64, 1u32..64, 1u32..64), surface in 0u32..2, level in 0u32..6,
+        place in (0u32..64, 0u32..64, 1u32..64, 1u32..64), image in 0u32..2, level in 0u32..6,
     ) {
         thread_local! {
             static TEXTURES: Vec<BcTexture> = CASES
@@ -127,14 +127,14 @@ proptest! {
         TEXTURES.with(|textures| {
             for texture in textures {
                 let level = level % texture.layout().levels;
-                let whole = texture.layout().whole(surface, level).unwrap();
+                let whole = texture.layout().whole(image, level).unwrap();
                 let (x, y) = (place.0 % whole.width, place.1 % whole.height);
                 let (width, height) = (place.2.min(whole.width - x), place.3.min(whole.height - y));
                 let mut out = vec![Texel::ZERO; (width * height) as usize];
-                texture.decode(Rect { surface, level, x, y, width, height }, &mut out).unwrap();
+                texture.decode(Rect { image, level, x, y, width, height }, &mut out).unwrap();
                 for (index, texel) in out.iter().enumerate() {
                     let (x, y) = (x + index as u32 % width, y + index as u32 / width);
-                    assert_eq!(*texel, texture.texel(ImageAddress { surface, level, x, y }), "{:?}", texture.content());
+                    assert_eq!(*texel, texture.texel(ImageAddress { image, level, x, y }), "{:?}", texture.content());
                 }
             }
         });

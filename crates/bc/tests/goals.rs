@@ -6,7 +6,7 @@ use texfold_bc::{Bc, BcParams, BcTexture, Content};
 use texfold_core::image::{ColorSpace, ImageSet, Raster};
 use texfold_core::metric::measure;
 use texfold_core::rng::Rng;
-use texfold_core::{Encoded, Encoder, Goal, Job, SurfaceSize};
+use texfold_core::{Encoded, Encoder, Goal, ImageSize, Job};
 
 /// Smooth colours with some noise, so that finer formats are better.
 fn image(width: u32, height: u32) -> Raster {
@@ -63,13 +63,13 @@ fn mip_levels_count() {
 
 #[test]
 fn memory_is_what_the_form_for_gpus_takes() {
-    let size = |width, height| SurfaceSize { width, height };
+    let size = |width, height| ImageSize { width, height };
     for mips in [false, true] {
         for content in [Content::Raw, Content::Bc1, Content::Bc7] {
             let set = ImageSet::new(vec![image(37, 61), image(3, 1), image(64, 8)]).unwrap();
             let params = BcParams::default().with_goal(Goal::Bpp(99.0)).with_content(content).with_mips(mips);
             let texture = encode(&set, &params);
-            assert_eq!(texture.layout().surfaces, [size(37, 61), size(3, 1), size(64, 8)]);
+            assert_eq!(texture.layout().images, [size(37, 61), size(3, 1), size(64, 8)]);
             assert_eq!(texture.memory(), texture.gpu().memory(), "{content:?} {mips}");
             assert_eq!(texture.memory().compressed, texture.footprint().bits_memory());
         }

@@ -5,7 +5,7 @@
 
 use ssimulacra2::{ColorPrimaries, Rgb, TransferCharacteristic, compute_frame_ssimulacra2};
 use texfold_core::image::{ColorSpace, Raster};
-use texfold_core::{SurfaceSize, Texel};
+use texfold_core::{ImageSize, Texel};
 
 /// Longest side of what is compared at a time: the crate holds many planes of it in floats.
 const TILE: u32 = 1024;
@@ -25,7 +25,7 @@ pub fn ssimulacra2(image: &Raster, decoded: &Raster) -> Option<f64> {
     let (mut sum, mut texels) = (0.0, 0.0);
     for (y, height) in parts(size.height) {
         for (x, width) in parts(size.width) {
-            let tile = |raster: &Raster| frame(raster, (x, y), SurfaceSize { width, height });
+            let tile = |raster: &Raster| frame(raster, (x, y), ImageSize { width, height });
             let count = f64::from(width) * f64::from(height);
             sum += count * compute_frame_ssimulacra2(tile(image)?, tile(decoded)?).ok()?;
             texels += count;
@@ -41,7 +41,7 @@ fn parts(side: u32) -> impl Iterator<Item = (u32, u32)> {
     (0..count).map(move |part| (start(part), start(part + 1) - start(part)))
 }
 
-fn frame(raster: &Raster, (x, y): (u32, u32), size: SurfaceSize) -> Option<Rgb> {
+fn frame(raster: &Raster, (x, y): (u32, u32), size: ImageSize) -> Option<Rgb> {
     let over_black = |texel: Texel| (texel.truncate() * texel.w).to_array();
     let row = |y: u32| (x..x + size.width).map(move |x| over_black(raster.texel(x, y)));
     let texels = (y..y + size.height).flat_map(row).collect();

@@ -32,7 +32,7 @@ pub enum Image2d {}
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ImageAddress {
     /// Which image of the set, or frame of the sequence.
-    pub surface: u32,
+    pub image: u32,
     /// Mip level; 0 is the full size.
     pub level: u32,
     /// Column in texels of that level.
@@ -45,7 +45,7 @@ pub struct ImageAddress {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rect {
     /// Which image of the set, or frame of the sequence.
-    pub surface: u32,
+    pub image: u32,
     /// Mip level; 0 is the full size.
     pub level: u32,
     /// Leftmost column in texels.
@@ -70,7 +70,7 @@ impl Domain for Image2d {
     fn address(region: Rect, index: usize) -> ImageAddress {
         let width = region.width.max(1) as usize;
         ImageAddress {
-            surface: region.surface,
+            image: region.image,
             level: region.level,
             x: region.x + (index % width) as u32,
             y: region.y + (index / width) as u32,
@@ -79,12 +79,12 @@ impl Domain for Image2d {
 }
 
 impl ImageLayout {
-    /// The whole of `level` of image `surface`; `None` where there is no such image or level.
+    /// The whole of `level` of image `image`; `None` where there is no such image or level.
     #[must_use]
-    pub fn whole(&self, surface: u32, level: u32) -> Option<Rect> {
-        let size = self.surfaces.get(surface as usize)?.at_level(level);
+    pub fn whole(&self, image: u32, level: u32) -> Option<Rect> {
+        let size = self.images.get(image as usize)?.at_level(level);
         (level < self.levels).then_some(Rect {
-            surface,
+            image,
             level,
             x: 0,
             y: 0,
@@ -98,10 +98,10 @@ impl ImageLayout {
     /// # Errors
     /// [`crate::RegionError`] names what lies outside.
     pub fn check(&self, rect: Rect) -> Result<(), crate::RegionError> {
-        let size = self.surfaces.get(rect.surface as usize).ok_or(crate::RegionError::NoSuchSurface {
-            surface: rect.surface,
-            surfaces: self.surfaces.len(),
-        })?;
+        let size = self
+            .images
+            .get(rect.image as usize)
+            .ok_or(crate::RegionError::NoSuchImage { image: rect.image, images: self.images.len() })?;
         if rect.level >= self.levels {
             return Err(crate::RegionError::NoSuchLevel { level: rect.level, levels: self.levels });
         }
@@ -159,8 +159,8 @@ mod tests {
 
     #[test]
     fn rect_addresses_run_row_by_row() {
-        let rect = Rect { surface: 2, level: 1, x: 5, y: 7, width: 3, height: 2 };
+        let rect = Rect { image: 2, level: 1, x: 5, y: 7, width: 3, height: 2 };
         assert_eq!(Image2d::len(rect), 6);
-        assert_eq!(Image2d::address(rect, 4), ImageAddress { surface: 2, level: 1, x: 6, y: 8 });
+        assert_eq!(Image2d::address(rect, 4), ImageAddress { image: 2, level: 1, x: 6, y: 8 });
     }
 }

@@ -237,12 +237,12 @@ pub enum LoadError {
 #[non_exhaustive]
 pub enum RegionError {
     /// No such image.
-    #[error("surface {surface} of {surfaces}; ask for one below that number")]
-    NoSuchSurface {
+    #[error("image {image} of {images}; ask for one below that number")]
+    NoSuchImage {
         /// Asked for.
-        surface: u32,
+        image: u32,
         /// How many there are.
-        surfaces: usize,
+        images: usize,
     },
     /// No such mip level.
     #[error("level {level} of {levels}; ask for one below that number")]

@@ -3,7 +3,7 @@
 //! Such a texture is a pyramid of planes, each the means of the 8x8 blocks of the finer one. A superblock of 2x2, 4x4 or 8x8
 //! blocks has a stream of its own and needs the means of its blocks and of those around them.
 
-use crate::SurfaceSize;
+use crate::ImageSize;
 
 /// Texels along a block's side.
 const SIDE: u32 = 8;
@@ -35,7 +35,7 @@ pub struct GpuDct<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DecodedImage {
     /// Columns and rows of level 0, in texels.
-    pub size: SurfaceSize,
+    pub size: ImageSize,
     /// Mip levels.
     pub levels: u32,
     /// Bits of a sample, 8 or 16: decoded to four channels of 8 or of 32 bits.
@@ -53,7 +53,7 @@ impl DecodedImage {
         let is_stacked = last_row != size.height && stages.iter().all(|stage| stage.level == 0);
         let height = if is_stacked { last_row } else { size.height };
         let levels = if is_stacked { 1 } else { stages.iter().map(|stage| stage.levels).sum() };
-        Some(DecodedImage { size: SurfaceSize { height, ..size }, levels, depth, is_stacked })
+        Some(DecodedImage { size: ImageSize { height, ..size }, levels, depth, is_stacked })
     }
 
     /// Bits of a decoded texel: 32 (four bytes), or 128 (four floats) for samples of more than 8 bits.
@@ -73,7 +73,7 @@ impl DecodedImage {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DctLayout {
     /// Columns and rows of the image.
-    pub size: SurfaceSize,
+    pub size: ImageSize,
     /// Bits of a sample, 8 or 16.
     pub depth: u8,
     /// Binary logarithm of a superblock's side in texels, 4 to 6.
@@ -125,10 +125,10 @@ pub const DCT_LEVELS: u32 = 3;
 
 /// Sizes of the planes of an image of that size: the image, the means of its 8x8 blocks, their means, to a single block.
 #[must_use]
-pub fn dct_planes(size: SurfaceSize) -> Vec<SurfaceSize> {
+pub fn dct_planes(size: ImageSize) -> Vec<ImageSize> {
     let (mut planes, mut size) = (vec![size], size);
     while size.width > SIDE || size.height > SIDE {
-        size = SurfaceSize { width: size.width.div_ceil(SIDE), height: size.height.div_ceil(SIDE) };
+        size = ImageSize { width: size.width.div_ceil(SIDE), height: size.height.div_ceil(SIDE) };
         planes.push(size);
     }
     planes

@@ -105,14 +105,14 @@ impl Plane<'_> {
 
 /// What to bind to draw one image.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct SurfaceBinding {
+pub struct ImageBinding {
     /// Numbers of textures, in the order of the shader's texture bindings: [`GpuForm::planes`], then what [`GpuForm::blocks`] decode
     /// to.
     pub planes: Vec<usize>,
     /// Bytes of [`GpuForm::uniforms`] that hold the shader's parameters for this image.
     pub uniforms: Range<usize>,
-    /// The `surface` argument of the shader's functions for this image.
-    pub surface: u32,
+    /// The `image` argument of the shader's functions for this image.
+    pub image: u32,
 }
 
 /// How the texels of a form are reached.
@@ -147,7 +147,7 @@ pub struct GpuForm<'a> {
     pub uniforms: Vec<u8>,
     /// What to bind for each image of the layout. Numbers from that of `planes` on are the plain textures that `blocks` decode to:
     /// number of planes + [`GpuDct::image`].
-    pub surfaces: Vec<SurfaceBinding>,
+    pub images: Vec<ImageBinding>,
     /// Textures in blocks, where texels are read so.
     pub blocks: Vec<GpuDct<'a>>,
 }
@@ -179,7 +179,7 @@ impl GpuForm<'_> {
     /// A form of that module without anything.
     #[must_use]
     pub fn new(module: &'static str) -> Self {
-        GpuForm { module, planes: Vec::new(), uniforms: Vec::new(), surfaces: Vec::new(), blocks: Vec::new() }
+        GpuForm { module, planes: Vec::new(), uniforms: Vec::new(), images: Vec::new(), blocks: Vec::new() }
     }
 
     /// How its texels are reached.
@@ -191,7 +191,7 @@ impl GpuForm<'_> {
     /// Memory of all planes, blocks and parameters.
     #[must_use]
     pub fn memory(&self) -> MemoryBits {
-        let beyond = parameter_bits(self.uniforms.len() as u64, self.surfaces.len() as u64);
+        let beyond = parameter_bits(self.uniforms.len() as u64, self.images.len() as u64);
         let texels: u64 =
             self.planes.iter().map(|plane| plane.texel_bits().min(8 * plane.data.len() as u64)).sum();
         let blocks = 8 * self.block_bytes().map(|(_, bytes)| bytes).sum::<u64>();
@@ -227,12 +227,12 @@ mod tests {
             levels: 1,
             data: Cow::Owned(vec![0; format.bytes(width, height) as usize]),
         };
-        let surface = SurfaceBinding { planes: vec![0], uniforms: 0..0, surface: 0 };
+        let image = ImageBinding { planes: vec![0], uniforms: 0..0, image: 0 };
         let form = |plane, headers: usize| GpuForm {
             module: "bc",
             planes: vec![plane],
             uniforms: vec![0; headers],
-            surfaces: vec![surface.clone()],
+            images: vec![image.clone()],
             blocks: Vec::new(),
         };
         let memory = |all, goal| MemoryBits { compressed: all, resident: all, goal };

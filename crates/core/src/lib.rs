@@ -49,10 +49,10 @@ pub use error::{EncodeError, LoadError, ParamError, ParamValue, RegionError, Sou
 pub use footprint::{BASE_PART, Footprint, Part, RESIDUAL_PART};
 pub use gpu_dct::{DCT_LEVELS, DctLayout, DecodedImage, GpuChannel, GpuDct, MipAverage, dct_planes};
 pub use gpu_form::{
-    Access, GpuForm, HEADER_BYTES, MemoryBits, Plane, PlaneFormat, SurfaceBinding, parameter_bits,
+    Access, GpuForm, HEADER_BYTES, ImageBinding, MemoryBits, Plane, PlaneFormat, parameter_bits,
 };
 pub use id::{CodecId, String4};
-pub use image::{ImageLayout, SurfaceSize};
+pub use image::{ImageLayout, ImageSize};
 #[cfg(feature = "encode")]
 pub use job::{Cancel, CancelCheck, Job, Stage};
 pub use limits::{Budget, LimitError, Limits, MAX_IMAGE_SIDE, MAX_PLANE_SIDE};

@@ -144,22 +144,22 @@ fn worst_block_rms_of(source: &Raster, decoded: &Raster, cancel: CancelCheck<'_>
 /// Rows of texels that one thread decodes: a multiple of every codec's blocks, so that none is decoded twice.
 const BAND_ROWS: u32 = 64;
 
-/// Level `level` of image `surface` of an encoded texture, decoded on several threads; `None` where there is no such image
+/// Level `level` of image `image` of an encoded texture, decoded on several threads; `None` where there is no such image
 /// or level.
 #[must_use]
-pub fn decode_surface(encoded: &dyn Encoded<Domain = Image2d>, surface: u32, level: u32) -> Option<Raster> {
-    decode_surface_of(encoded, surface, level, CancelCheck::default())
+pub fn decode_image(encoded: &dyn Encoded<Domain = Image2d>, image: u32, level: u32) -> Option<Raster> {
+    decode_image_of(encoded, image, level, CancelCheck::default())
 }
 
-/// As [`decode_surface`]; of no use once the job is cancelled.
-fn decode_surface_of(
+/// As [`decode_image`]; of no use once the job is cancelled.
+fn decode_image_of(
     encoded: &dyn Encoded<Domain = Image2d>,
-    surface: u32,
+    image: u32,
     level: u32,
     cancel: CancelCheck<'_>,
 ) -> Option<Raster> {
     let layout = encoded.layout();
-    let rect = layout.whole(surface, level)?;
+    let rect = layout.whole(image, level)?;
     let mut texels = vec![Texel::ZERO; rect.width as usize * rect.height as usize];
     let bands = texels.par_chunks_mut(rect.width as usize * BAND_ROWS as usize).enumerate();
     let decode = |(band, out): (usize, &mut [Texel])| {
@@ -230,8 +230,8 @@ fn quality_of(
     cancel: CancelCheck<'_>,
 ) -> Quality {
     let mut quality = Quality::default();
-    for (surface, image) in source.images().iter().enumerate() {
-        let Some(decoded) = decode_surface_of(encoded, surface as u32, 0, cancel) else { continue };
+    for (index, image) in source.images().iter().enumerate() {
+        let Some(decoded) = decode_image_of(encoded, index as u32, 0, cancel) else { continue };
         quality.color = quality.color + color_error_of(image, &decoded, cancel);
         if let Some(alpha) = alpha_error_of(image, &decoded, cancel) {
             quality.alpha = Some(quality.alpha.unwrap_or_default() + alpha);

@@ -4,7 +4,7 @@
 //! that a shader gives the same), and colours are weighted by alpha, so that hidden ones do not show.
 
 use texfold_core::image::{ColorSpace, PixelInfo};
-use texfold_core::{MipAverage, SurfaceSize};
+use texfold_core::{ImageSize, MipAverage};
 
 use crate::form::MAX_CHANNELS;
 
@@ -17,7 +17,7 @@ pub(super) fn average_of(pixel: PixelInfo) -> MipAverage {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Samples<'a> {
     /// Columns and rows.
-    pub size: SurfaceSize,
+    pub size: ImageSize,
     /// Channels; the last is alpha where colours are weighted.
     pub channels: usize,
     /// Largest sample.
@@ -28,7 +28,7 @@ pub(super) struct Samples<'a> {
 
 impl Samples<'_> {
     /// The means of squares of 2^`reduce_log2` (1 or 2) texels a side; beyond an edge the nearest texel counts again.
-    pub(super) fn reduced(&self, reduce_log2: u32, size: SurfaceSize, average: MipAverage) -> Vec<u16> {
+    pub(super) fn reduced(&self, reduce_log2: u32, size: ImageSize, average: MipAverage) -> Vec<u16> {
         let mut out = Vec::new();
         for y in 0..size.height {
             for x in 0..size.width {

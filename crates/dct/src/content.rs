@@ -11,8 +11,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use texfold_core::container::{ContentId, Reader, SectionWriter, Sections};
 use texfold_core::image::{Depth, PixelInfo};
 use texfold_core::{
-    BASE_PART, Budget, DCT_LEVELS, GpuDct, ImageAddress, ImageLayout, Layers, LoadError, RESIDUAL_PART, Rect,
-    RegionError, String4, SurfaceSize, Texel,
+    BASE_PART, Budget, DCT_LEVELS, GpuDct, ImageAddress, ImageLayout, ImageSize, Layers, LoadError,
+    RESIDUAL_PART, Rect, RegionError, String4, Texel,
 };
 
 use crate::average::{Samples, average_of};
@@ -53,12 +53,12 @@ struct Tile {
 
 /// Sizes of the stages of an image of a layout with so many levels.
 #[must_use]
-pub fn stage_sizes(size: SurfaceSize, levels: u32) -> Vec<SurfaceSize> {
+pub fn stage_sizes(size: ImageSize, levels: u32) -> Vec<ImageSize> {
     let count = stage_count(size, levels) as u32;
     (0..count).map(|stage| size.at_level(DCT_LEVELS * stage)).collect()
 }
 
-fn stage_count(size: SurfaceSize, levels: u32) -> u64 {
+fn stage_count(size: ImageSize, levels: u32) -> u64 {
     u64::from(levels.clamp(1, size.full_levels()).div_ceil(DCT_LEVELS))
 }
 
@@ -76,7 +76,7 @@ impl PartialEq for DctContent {
 
 impl DctContent {
     fn of(layout: ImageLayout, stages: Vec<DctTexture>) -> Self {
-        let counts = layout.surfaces.iter().map(|&size| stage_sizes(size, layout.levels).len() as u32);
+        let counts = layout.images.iter().map(|&size| stage_sizes(size, layout.levels).len() as u32);
         let firsts = counts.scan(0, |next, count| {
             *next += count;
             Some(*next)
@@ -90,7 +90,7 @@ impl DctContent {
     #[must_use]
     pub fn new(layout: ImageLayout, stages: Vec<DctTexture>) -> Option<Self> {
         let sizes = all_sizes(&layout);
-        let fits = |(size, stage): (&SurfaceSize, &DctTexture)| fits(stage, *size, layout.pixel);
+        let fits = |(size, stage): (&ImageSize, &DctTexture)| fits(stage, *size, layout.pixel);
         let all = sizes.len() == stages.len() && sizes.iter().zip(&stages).all(fits);
         all.then(|| DctContent::of(layout, stages))
     }
@@ -109,9 +109,9 @@ impl DctContent {
 
     /// The stages of an image; none where there is no such image.
     #[must_use]
-    pub fn stages_of(&self, surface: u32) -> &[DctTexture] {
-        let first = |surface: usize| self.firsts.get(surface).map_or(usize::MAX, |&first| first as usize);
-        self.stages.get(first(surface as usize)..first(surface as usize + 1)).unwrap_or_default()
+    pub fn stages_of(&self, image: u32) -> &[DctTexture] {
+        let first = |image: usize| self.firsts.get(image).map_or(usize::MAX, |&first| first as usize);
+        self.stages.get(first(image as usize)..first(image as usize + 1)).unwrap_or_default()
     }
 
     /// Loaded of total layers: the bases, and the images' own superblocks.
@@ -174,10 +174,10 @@ impl DctContent {
     ) -> Result<Self, LoadError> {
         let raw = file.read(id.section(BASE), budget)?;
         let mut reader = Reader::new(String4(id.section(BASE)), &raw);
-        let count: u64 = layout.surfaces.iter().map(|&size| stage_count(size, layout.levels)).sum();
+        let count: u64 = layout.images.iter().map(|&size| stage_count(size, layout.levels)).sum();
         budget.take(count * IMAGE_BYTES)?;
         let sizes = all_sizes(layout);
-        let mut read = |&size: &SurfaceSize| {
+        let mut read = |&size: &ImageSize| {
             let image = DctTexture::read_base(&mut reader, budget)?;
             if !fits(&image, size, layout.pixel) {
                 return Err(reader.corrupt("an image of another size, depth or number of channels"));
@@ -254,14 +254,14 @@ impl DctContent {
         if out.len() != needed {
             return Err(RegionError::OutputLength { found: out.len(), needed });
         }
-        let size = self.layout.surfaces[region.surface as usize];
+        let size = self.layout.images[region.image as usize];
         let level = level_of(size, region.level);
-        let stage = &self.stages_of(region.surface)[(level / DCT_LEVELS) as usize];
+        let stage = &self.stages_of(region.image)[(level / DCT_LEVELS) as usize];
         let reduce_log2 = level % DCT_LEVELS;
         if reduce_log2 > 0 {
-            return self.decode_reduced(stage, Rect { surface: 0, level: 0, ..region }, reduce_log2, out);
+            return self.decode_reduced(stage, Rect { image: 0, level: 0, ..region }, reduce_log2, out);
         }
-        let rect = Rect { surface: 0, level: 0, ..region };
+        let rect = Rect { image: 0, level: 0, ..region };
         if stage.form().depth > 8 {
             decode_as::<u16>(stage, rect, out)
         } else {
@@ -288,8 +288,8 @@ impl DctContent {
         let mut values = vec![0u16; width as usize * height as usize * channels];
         stage.decode(Rect { x, y, width, height, ..region }, &mut values)?;
         let largest = if form.depth > 8 { u16::MAX } else { u16::from(u8::MAX) };
-        let samples = Samples { size: SurfaceSize { width, height }, channels, largest, values: &values };
-        let size = SurfaceSize { width: region.width, height: region.height };
+        let samples = Samples { size: ImageSize { width, height }, channels, largest, values: &values };
+        let size = ImageSize { width: region.width, height: region.height };
         let means = samples.reduced(reduce_log2, size, average_of(self.layout.pixel));
         for (texel, means) in out.iter_mut().zip(means.chunks_exact(channels)) {
             *texel = texel_of(means, f32::from(largest));
@@ -300,8 +300,8 @@ impl DctContent {
     /// Columns, rows and texels of the means of an image's 8x8 blocks, each averaged as it is stored; nothing where there is no
     /// such image.
     #[must_use]
-    pub fn base_texels(&self, surface: u32) -> Option<(SurfaceSize, Vec<Texel>)> {
-        let stage = self.stages_of(surface).first()?;
+    pub fn base_texels(&self, image: u32) -> Option<(ImageSize, Vec<Texel>)> {
+        let stage = self.stages_of(image).first()?;
         let (size, values) = stage.base_samples();
         let largest = if stage.form().depth > 8 { f32::from(u16::MAX) } else { f32::from(u8::MAX) };
         let texels = values.chunks_exact(stage.form().channels()).map(|texel| texel_of(texel, largest));
@@ -311,10 +311,10 @@ impl DctContent {
     /// One texel; the nearest inside where the address lies outside. The last superblocks are kept.
     #[must_use]
     pub fn texel(&self, at: ImageAddress) -> Texel {
-        let surface = at.surface.min(self.layout.surfaces.len().saturating_sub(1) as u32);
-        let Some(&size) = self.layout.surfaces.get(surface as usize) else { return Texel::ZERO };
+        let image = at.image.min(self.layout.images.len().saturating_sub(1) as u32);
+        let Some(&size) = self.layout.images.get(image as usize) else { return Texel::ZERO };
         let level = level_of(size, at.level.min(self.layout.levels - 1));
-        let Some(stage) = self.stages_of(surface).get((level / DCT_LEVELS) as usize) else {
+        let Some(stage) = self.stages_of(image).get((level / DCT_LEVELS) as usize) else {
             return Texel::ZERO;
         };
         let size = size.at_level(level);
@@ -322,7 +322,7 @@ impl DctContent {
         let side = stage.superblock_side() >> (level % DCT_LEVELS);
         let (left, top) = (x / side * side, y / side * side);
         let (width, height) = (side.min(size.width - left), side.min(size.height - top));
-        let rect = Rect { surface, level, x: left, y: top, width, height };
+        let rect = Rect { image, level, x: left, y: top, width, height };
         self.tile(rect).get(((y - top) * width + x - left) as usize).copied().unwrap_or(Texel::ZERO)
     }
 
@@ -356,11 +356,11 @@ impl DctContent {
     /// What a GPU needs of each stage.
     pub fn gpu(&self) -> impl Iterator<Item = GpuDct<'_>> + '_ {
         let average = average_of(self.layout.pixel);
-        (0u32..).zip(&self.layout.surfaces).flat_map(move |(surface, &size)| {
+        (0u32..).zip(&self.layout.images).flat_map(move |(index, &size)| {
             let levels = self.layout.levels.min(size.full_levels());
-            (0u32..).step_by(DCT_LEVELS as usize).zip(self.stages_of(surface)).map(move |(level, stage)| {
+            (0u32..).step_by(DCT_LEVELS as usize).zip(self.stages_of(index)).map(move |(level, stage)| {
                 let levels = (levels - level).min(DCT_LEVELS);
-                stage.gpu(Stage { image: surface as usize, level, levels, average })
+                stage.gpu(Stage { image: index as usize, level, levels, average })
             })
         })
     }
@@ -404,16 +404,16 @@ fn working_bytes(stage: &DctTexture) -> u64 {
 }
 
 /// Sizes of the stages of all images.
-fn all_sizes(layout: &ImageLayout) -> Vec<SurfaceSize> {
-    layout.surfaces.iter().flat_map(|&size| stage_sizes(size, layout.levels)).collect()
+fn all_sizes(layout: &ImageLayout) -> Vec<ImageSize> {
+    layout.images.iter().flat_map(|&size| stage_sizes(size, layout.levels)).collect()
 }
 
 /// Level of an image of that size that stands for a level of a set: the last where it has fewer.
-fn level_of(size: SurfaceSize, level: u32) -> u32 {
+fn level_of(size: ImageSize, level: u32) -> u32 {
     level.min(size.full_levels() - 1)
 }
 
-fn fits(image: &DctTexture, size: SurfaceSize, pixel: PixelInfo) -> bool {
+fn fits(image: &DctTexture, size: ImageSize, pixel: PixelInfo) -> bool {
     let form = image.form();
     let depth = if pixel.depth == Depth::Eight { 8 } else { 16 };
     form.size == size && form.depth == depth && form.channels() == usize::from(pixel.channels)

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use texfold_core::{Cached, Rect, RegionError, SurfaceSize, parallel};
+use texfold_core::{Cached, ImageSize, Rect, RegionError, parallel};
 
 use crate::Bytes;
 use crate::channels::{DctSample, write_channels};
@@ -128,7 +128,7 @@ impl DctTexture {
         (self.index.start(bases) as usize).min(self.stream_bytes as usize)
     }
 
-    /// Decodes a rectangle of the image; `out` holds its texels row by row, their channels side by side. `rect.surface` and
+    /// Decodes a rectangle of the image; `out` holds its texels row by row, their channels side by side. `rect.image` and
     /// `rect.level` are 0.
     ///
     /// # Errors
@@ -162,8 +162,8 @@ impl DctTexture {
         let size = self.form.size;
         let inside =
             |first: u32, count: u32, all: u32| first.checked_add(count).is_some_and(|end| end <= all);
-        if rect.surface != 0 {
-            return Err(RegionError::NoSuchSurface { surface: rect.surface, surfaces: 1 });
+        if rect.image != 0 {
+            return Err(RegionError::NoSuchImage { image: rect.image, images: 1 });
         }
         if rect.level != 0 {
             return Err(RegionError::NoSuchLevel { level: rect.level, levels: 1 });
@@ -220,13 +220,13 @@ impl DctTexture {
     }
 
     /// The image's means, or the image itself where it is a single block: columns and rows, samples texel by texel.
-    pub(super) fn base_samples(&self) -> (SurfaceSize, Vec<u16>) {
+    pub(super) fn base_samples(&self) -> (ImageSize, Vec<u16>) {
         let channels = self.form.channels();
         let Some(base) = self.base.get_or_make(|| self.whole_base()) else {
-            let SurfaceSize { width, height } = self.form.size;
+            let ImageSize { width, height } = self.form.size;
             let mut out = vec![0; width as usize * height as usize * channels];
             // The whole image lies inside of itself.
-            let _ = self.decode(Rect { surface: 0, level: 0, x: 0, y: 0, width, height }, &mut out);
+            let _ = self.decode(Rect { image: 0, level: 0, x: 0, y: 0, width, height }, &mut out);
             return (self.form.size, out);
         };
         let (width, height) = base.size;
@@ -238,7 +238,7 @@ impl DctTexture {
                 write_channels(&self.form, &axes, 1, (0, 0), texel);
             }
         }
-        (SurfaceSize { width: width as u32, height: height as u32 }, out)
+        (ImageSize { width: width as u32, height: height as u32 }, out)
     }
 
     /// Reads a superblock of a plane.

@@ -1,6 +1,6 @@
 //! What a texture's header says: sizes, axes, quantiser.
 
-use texfold_core::{SurfaceSize, dct_planes};
+use texfold_core::{ImageSize, dct_planes};
 
 use crate::scan::COEFFICIENTS;
 
@@ -139,7 +139,7 @@ impl Steps {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DctForm {
     /// Size of the image.
-    pub size: SurfaceSize,
+    pub size: ImageSize,
     /// Bits of a sample, 8 or 16.
     pub depth: u8,
     /// Binary logarithm of a superblock's side, 4 to 6.
@@ -187,7 +187,7 @@ impl DctForm {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct PlaneShape {
     /// Columns and rows of samples.
-    pub size: SurfaceSize,
+    pub size: ImageSize,
     /// Columns and rows of blocks.
     pub blocks: (usize, usize),
     /// Columns and rows of superblocks.
@@ -197,7 +197,7 @@ pub(super) struct PlaneShape {
 }
 
 impl PlaneShape {
-    pub(super) fn new(size: SurfaceSize, superblock_log2: u8) -> PlaneShape {
+    pub(super) fn new(size: ImageSize, superblock_log2: u8) -> PlaneShape {
         let side = 1usize << (superblock_log2 - 3);
         let blocks = ((size.width as usize).div_ceil(8), (size.height as usize).div_ceil(8));
         let superblocks = (blocks.0.div_ceil(side), blocks.1.div_ceil(side));
@@ -231,7 +231,7 @@ mod tests {
     #[test]
     fn planes_end_with_a_single_block() {
         let form = |width, height| DctForm {
-            size: SurfaceSize { width, height },
+            size: ImageSize { width, height },
             depth: 8,
             superblock_log2: 5,
             quantiser: Quantiser { step: 0, slope: 0, offsets: [0; 2] },

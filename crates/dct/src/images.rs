@@ -8,8 +8,8 @@ use texfold_core::container::{ContentId, SectionWriter, Sections, read_layout, w
 use texfold_core::image::{Depth, PixelInfo};
 use texfold_core::{
     BASE_PART, Budget, CodecId, DecodedImage, Encoded, Footprint, GpuForm, Image2d, ImageAddress,
-    ImageLayout, Layers, LoadError, MemoryBits, Notes, RESIDUAL_PART, Rect, Refine, RegionError,
-    SurfaceBinding, Texel, TextureCodec,
+    ImageBinding, ImageLayout, Layers, LoadError, MemoryBits, Notes, RESIDUAL_PART, Rect, Refine,
+    RegionError, Texel, TextureCodec,
 };
 
 /// The only content of a file.
@@ -120,7 +120,7 @@ impl Encoded for DctImages {
         let mut form = GpuForm::new("bc");
         form.blocks = self.content.gpu().collect();
         let layout = self.layout();
-        for (surface, size) in layout.surfaces.iter().enumerate() {
+        for (image, size) in layout.images.iter().enumerate() {
             let params = TexfoldBcParams {
                 size: [size.width, size.height],
                 plane_size: [size.width, size.height],
@@ -132,18 +132,18 @@ impl Encoded for DctImages {
             let start = form.uniforms.len();
             form.uniforms.extend(bytemuck::bytes_of(&params));
             let uniforms = start..form.uniforms.len();
-            form.surfaces.push(SurfaceBinding { planes: vec![surface; 2], uniforms, surface: 0 });
+            form.images.push(ImageBinding { planes: vec![image; 2], uniforms, image: 0 });
         }
         form
     }
 
     fn memory(&self) -> MemoryBits {
         let blocks = 8 * self.content.held_bytes();
-        let params = 8 * (self.layout().surfaces.len() * size_of::<TexfoldBcParams>()) as u64;
-        let ImageLayout { surfaces, levels, pixel } = self.layout();
+        let params = 8 * (self.layout().images.len() * size_of::<TexfoldBcParams>()) as u64;
+        let ImageLayout { images, levels, pixel } = self.layout();
         let depth = if pixel.depth == Depth::Eight { 8 } else { 16 };
         let decoded = |&size| DecodedImage { size, levels: *levels, depth, is_stacked: false }.bits();
-        let resident = params + surfaces.iter().map(decoded).sum::<u64>();
+        let resident = params + images.iter().map(decoded).sum::<u64>();
         MemoryBits { compressed: blocks + params, resident, goal: blocks }
     }
 

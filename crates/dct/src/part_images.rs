@@ -1,6 +1,6 @@
 //! Images of the parts of a texture, for a person to look at.
 
-use texfold_core::SurfaceSize;
+use texfold_core::ImageSize;
 use texfold_core::image::Raster;
 
 use crate::DctImages;
@@ -11,9 +11,9 @@ use crate::DctImages;
 pub fn part_images(images: &DctImages) -> Option<[Vec<Raster>; 2]> {
     let [mut bases, mut maps] = [Vec::new(), Vec::new()];
     let content = images.content();
-    for surface in 0..content.layout().surfaces.len() as u32 {
-        let image = content.stages_of(surface).first()?;
-        let (SurfaceSize { width, height }, texels) = content.base_texels(surface)?;
+    for index in 0..content.layout().images.len() as u32 {
+        let image = content.stages_of(index).first()?;
+        let (ImageSize { width, height }, texels) = content.base_texels(index)?;
         bases.push(Raster::from_texels(width, height, content.layout().pixel, &texels).ok()?);
         let ((columns, _), bytes) = image.superblock_bytes();
         let side = image.superblock_side();

@@ -10,7 +10,7 @@ use crate::tables::PROBABILITY_BITS;
 use crate::{DctTexture, Stage};
 use texfold_core::container::Reader;
 use texfold_core::rng::Rng;
-use texfold_core::{Budget, CancelCheck, Metric, Rect, String4, SurfaceSize};
+use texfold_core::{Budget, CancelCheck, ImageSize, Metric, Rect, String4};
 use texfold_testkit::dct::*;
 
 /// A texture of noise on a slope, with superblocks of that side, at that step.
@@ -20,7 +20,7 @@ fn texture((width, height): (u32, u32), groups: &[u8], depth: u8, log2: u8, step
     let scale = if depth > 8 { 257 } else { 1 };
     let sample = |at: u32| (at / channels % width / 2 + rng.below(60) + at % channels * 40).min(255) * scale;
     let samples = (0..width * height * channels).map(sample).map(|sample| sample as u16).collect();
-    let source = DctSource::new(SurfaceSize { width, height }, groups, depth, samples).unwrap();
+    let source = DctSource::new(ImageSize { width, height }, groups, depth, samples).unwrap();
     let params = DctSettings::default().with_superblock_log2(log2).with_metric(Metric::Psnr);
     DctEncoder::new(&source, &params, CancelCheck::default()).unwrap().at_step(step).unwrap()
 }
@@ -33,8 +33,8 @@ fn both(texture: &DctTexture, rect: Rect) -> [Vec<u16>; 2] {
 }
 
 fn whole(texture: &DctTexture) -> Rect {
-    let SurfaceSize { width, height } = texture.form().size;
-    Rect { surface: 0, level: 0, x: 0, y: 0, width, height }
+    let ImageSize { width, height } = texture.form().size;
+    Rect { image: 0, level: 0, x: 0, y: 0, width, height }
 }
 
 /// Columns and rows, channels of each group, bits of a sample, binary logarithm of a superblock's side, step.

@@ -5,8 +5,8 @@ use texfold_core::container::{Reader, SectionWriter, Sections};
 use texfold_core::image::PixelInfo;
 use texfold_core::rng::Rng;
 use texfold_core::{
-    Budget, Cancel, CancelCheck, CodecId, Effort, EncodeError, Goal, ImageAddress, ImageLayout, Job, Limits,
-    LoadError, Metric, Rect, RegionError, String4, SurfaceSize, Texel,
+    Budget, Cancel, CancelCheck, CodecId, Effort, EncodeError, Goal, ImageAddress, ImageLayout, ImageSize,
+    Job, Limits, LoadError, Metric, Rect, RegionError, String4, Texel,
 };
 
 use super::encode::{DctEncoder, DctSettings, DctSource};
@@ -33,7 +33,7 @@ fn waves(width: u32, height: u32, groups: &[u8], depth: u8) -> DctSource {
             }
         }
     }
-    DctSource::new(SurfaceSize { width, height }, groups, depth, samples).unwrap()
+    DctSource::new(ImageSize { width, height }, groups, depth, samples).unwrap()
 }
 
 fn encoded(source: &DctSource, params: DctSettings) -> DctTexture {
@@ -48,8 +48,8 @@ fn read(bytes: &[u8]) -> Result<DctTexture, LoadError> {
 }
 
 fn all_of(texture: &DctTexture) -> Rect {
-    let SurfaceSize { width, height } = texture.form().size;
-    Rect { surface: 0, level: 0, x: 0, y: 0, width, height }
+    let ImageSize { width, height } = texture.form().size;
+    Rect { image: 0, level: 0, x: 0, y: 0, width, height }
 }
 
 fn decoded(texture: &DctTexture, rect: Rect) -> Vec<u16> {
@@ -158,7 +158,7 @@ fn regions_equal_the_whole() {
         for _ in 0..60 {
             let (x, y) = (rng.below(300), rng.below(170));
             let rect = Rect {
-                surface: 0,
+                image: 0,
                 level: 0,
                 x,
                 y,
@@ -183,30 +183,30 @@ fn regions_equal_the_whole() {
 /// Two images as content of a texture, with all mip levels.
 fn content() -> DctContent {
     let params = DctSettings::default().with_goal(Goal::Psnr(38.0));
-    let surfaces = vec![SurfaceSize { width: 150, height: 90 }, SurfaceSize { width: 40, height: 70 }];
-    let stages = surfaces.iter().flat_map(|&size| stage_sizes(size, 8));
+    let images = vec![ImageSize { width: 150, height: 90 }, ImageSize { width: 40, height: 70 }];
+    let stages = images.iter().flat_map(|&size| stage_sizes(size, 8));
     let stages: Vec<DctTexture> =
         stages.map(|size| encoded(&waves(size.width, size.height, &[3, 1], 8), params)).collect();
     assert_eq!(stages.len(), 6);
     let pixel = PixelInfo { channels: 4, ..PixelInfo::default() };
-    DctContent::new(ImageLayout { surfaces, levels: 8, pixel }, stages).unwrap()
+    DctContent::new(ImageLayout { images, levels: 8, pixel }, stages).unwrap()
 }
 
 #[test]
 fn lone_texels_equal_the_whole() {
     let content = content();
-    for surface in 0..2 {
+    for image in 0..2 {
         for level in 0..8 {
-            let rect = content.layout().whole(surface, level).unwrap();
+            let rect = content.layout().whole(image, level).unwrap();
             let mut whole = vec![Texel::ZERO; (rect.width * rect.height) as usize];
             content.decode(rect, &mut whole).unwrap();
             let mut rng = Rng::new(6);
             for _ in 0..300 {
                 let (x, y) = (rng.below(rect.width), rng.below(rect.height));
-                let found = content.texel(ImageAddress { surface, level, x, y });
-                assert_eq!(found, whole[(y * rect.width + x) as usize], "{surface} {level} {x} {y}");
+                let found = content.texel(ImageAddress { image, level, x, y });
+                assert_eq!(found, whole[(y * rect.width + x) as usize], "{image} {level} {x} {y}");
             }
-            let last = content.texel(ImageAddress { surface, level, x: u32::MAX, y: u32::MAX });
+            let last = content.texel(ImageAddress { image, level, x: u32::MAX, y: u32::MAX });
             assert_eq!(last, whole[whole.len() - 1]);
         }
     }
@@ -300,7 +300,7 @@ fn goals_are_met_and_more_bits_are_never_worse() {
 #[test]
 fn constant_images_take_their_header() {
     let source =
-        DctSource::from_u8(SurfaceSize { width: 512, height: 512 }, &[3], &[77; 512 * 512 * 3]).unwrap();
+        DctSource::from_u8(ImageSize { width: 512, height: 512 }, &[3], &[77; 512 * 512 * 3]).unwrap();
     let texture = encoded(&source, DctSettings::default().with_goal(Goal::Psnr(50.0)));
     assert!(decoded(&texture, all_of(&texture)).iter().all(|&sample| sample == 77));
     let length = texture.to_bytes().len();
@@ -321,7 +321,7 @@ fn unreachable_goals_are_refused() {
 fn gradients_of_16_bits_keep_more_than_8() {
     let samples: Vec<u16> =
         (0..128 * 128u32).map(|at| (at % 128 * 150 + at / 128 * 40 + 9000) as u16).collect();
-    let source = DctSource::new(SurfaceSize { width: 128, height: 128 }, &[1], 16, samples).unwrap();
+    let source = DctSource::new(ImageSize { width: 128, height: 128 }, &[1], 16, samples).unwrap();
     let texture = encoded(&source, DctSettings::default().with_goal(Goal::Psnr(80.0)));
     assert!(psnr(&source, &texture, 65535.0) >= 80.0);
     assert!(texture.to_bytes().len() < 2000, "{} bytes", texture.to_bytes().len());
@@ -333,7 +333,7 @@ fn noise_and_saturated_edges_come_back() {
     let noise = rng.bytes(96 * 80 * 3);
     let edges: Vec<u8> = (0..96 * 80 * 3).map(|at| if at / 3 / 7 % 2 == 0 { 0 } else { 255 }).collect();
     for samples in [noise, edges] {
-        let source = DctSource::from_u8(SurfaceSize { width: 96, height: 80 }, &[3], &samples).unwrap();
+        let source = DctSource::from_u8(ImageSize { width: 96, height: 80 }, &[3], &samples).unwrap();
         let texture = encoded(&source, DctSettings::default().with_goal(Goal::Psnr(45.0)));
         assert!(psnr(&source, &texture, 255.0) >= 45.0);
     }
@@ -381,12 +381,12 @@ fn forged_bytes_decode_or_are_refused() {
 #[test]
 fn wrong_regions_are_named() {
     let texture = encoded(&waves(20, 10, &[1], 8), DctSettings::default());
-    let rect = Rect { surface: 0, level: 0, x: 15, y: 0, width: 6, height: 1 };
+    let rect = Rect { image: 0, level: 0, x: 15, y: 0, width: 6, height: 1 };
     assert_eq!(texture.decode(rect, &mut [0u8; 6]), Err(RegionError::Outside { width: 20, height: 10 }));
     let inside = Rect { x: 14, ..rect };
     assert_eq!(texture.decode(inside, &mut [0u8; 5]), Err(RegionError::OutputLength { found: 5, needed: 6 }));
     assert!(texture.decode(Rect { level: 1, ..inside }, &mut [0u8; 6]).is_err());
-    assert!(texture.decode(Rect { surface: 1, ..inside }, &mut [0u8; 6]).is_err());
+    assert!(texture.decode(Rect { image: 1, ..inside }, &mut [0u8; 6]).is_err());
 }
 
 #[test]

@@ -14,7 +14,7 @@
 //! So bytes that end early still hold the bases: superblocks that are missing decode to what their means predict.
 
 use texfold_core::container::Reader;
-use texfold_core::{Budget, LoadError, SurfaceSize};
+use texfold_core::{Budget, ImageSize, LoadError};
 
 use crate::context::{SET_TABLES, SETS};
 use crate::deblock::MAX_DEBLOCKING;
@@ -184,7 +184,7 @@ fn read_form(reader: &mut Reader<'_>) -> Result<DctForm, LoadError> {
     if groups.is_empty() {
         return Err(reader.corrupt("no channels"));
     }
-    let size = SurfaceSize { width, height };
+    let size = ImageSize { width, height };
     Ok(DctForm { size, depth, superblock_log2, quantiser, deblocking, groups })
 }
 

@@ -4,7 +4,7 @@
 
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{Alpha, ColorSpace, Depth, ImageSet, MipFilter, PixelInfo, Raster, mip_chain};
-use texfold_core::metric::{alpha_error, color_error, decode_surface, measure, quality};
+use texfold_core::metric::{alpha_error, color_error, decode_image, measure, quality};
 use texfold_core::rng::Rng;
 use texfold_core::{
     Budget, Domain, Effort, Encoded, Encoder, Goal, Image2d, Job, Layers, Rect, Refine, Texel, TextureCodec,
@@ -73,7 +73,7 @@ fn every_level_is_as_good_as_the_goal_asks_and_all_cost_little() {
         assert_eq!(texture.layout().levels, levels);
         let chain = mip_chain(&set.images()[0], levels, MipFilter::Box);
         for (level, wanted) in chain.iter().enumerate() {
-            let decoded = decode_surface(&texture, 0, level as u32).unwrap();
+            let decoded = decode_image(&texture, 0, level as u32).unwrap();
             let psnr = color_error(wanted, &decoded).psnr();
             assert!(psnr > 33.0, "{name}, level {level}: {psnr}");
         }
@@ -122,7 +122,7 @@ fn every_kind_of_pixel_is_stored() {
             assert!(measure(&set, &texture).psnr >= 38.0, "{channels} {depth:?}");
             let loaded = load(&bytes(&texture));
             assert!(loaded == texture && loaded.layout().pixel == info);
-            let rect = Rect { surface: 0, level: 0, x: 5, y: 3, width: 21, height: 18 };
+            let rect = Rect { image: 0, level: 0, x: 5, y: 3, width: 21, height: 18 };
             let mut part = vec![Texel::ZERO; 21 * 18];
             loaded.decode(rect, &mut part).unwrap();
             for (index, texel) in part.into_iter().enumerate() {
@@ -138,7 +138,7 @@ fn gradients_of_16_bits_have_more_steps_than_8_bits_have() {
     let data: Vec<f32> = (0..128 * 128).map(|i| 0.5 + (i % 128) as f32 / 128.0 / 64.0).collect();
     let set = ImageSet::single(Raster::new(128, 128, info, data).unwrap());
     let texture = encode(&set, &to(Goal::Bpp(4.0)));
-    let decoded = decode_surface(&texture, 0, 0).unwrap();
+    let decoded = decode_image(&texture, 0, 0).unwrap();
     let steps: std::collections::BTreeSet<u32> = decoded.data().iter().map(|value| value.to_bits()).collect();
     assert!(steps.len() > 60, "{} steps of 4 that 8 bits have", steps.len());
 }
@@ -168,7 +168,7 @@ fn alpha_is_coded_like_a_channel() {
     let texture = encode(&set, &to(Goal::Bpp(1.0)));
     let quality = quality(&set, &texture);
     assert!(quality.alpha.unwrap().psnr() > 40.0, "{quality:?}");
-    let decoded = decode_surface(&texture, 0, 0).unwrap();
+    let decoded = decode_image(&texture, 0, 0).unwrap();
     assert!(alpha_error(&set.images()[0], &decoded).is_some());
 }
 
@@ -216,7 +216,7 @@ fn forged_files_decode_or_are_refused() {
             Ok(forged) => {
                 opened += 1;
                 for level in 0..forged.layout().levels {
-                    let _ = decode_surface(&forged, 0, level).unwrap();
+                    let _ = decode_image(&forged, 0, level).unwrap();
                 }
                 let _ = (forged.gpu(), forged.footprint());
             }

@@ -28,16 +28,16 @@ struct Line {
 }
 
 impl EpitomeTexture {
-    /// An image of `width` x `height` pixels of level 0 of image `surface`, from `corner` on, `extent` wide and high,
+    /// An image of `width` x `height` pixels of level 0 of image `image`, from `corner` on, `extent` wide and high,
     /// both in texture coordinates: continuous reconstruction, at any magnification. All black where there is no such
     /// image.
     #[must_use]
-    pub fn draw(&self, surface: u32, corner: Vec2, extent: Vec2, (width, height): (u32, u32)) -> Vec<Texel> {
+    pub fn draw(&self, image: u32, corner: Vec2, extent: Vec2, (width, height): (u32, u32)) -> Vec<Texel> {
         let mut out = vec![Texel::ZERO; width as usize * height as usize];
-        if out.is_empty() || surface as usize >= self.layout().surfaces.len() {
+        if out.is_empty() || image as usize >= self.layout().images.len() {
             return out;
         }
-        let view = self.view(surface);
+        let view = self.view(image);
         let step = extent / UVec2::new(width, height).as_vec2();
         let columns: Vec<Line> =
             (0..width).map(|x| lines(&view, corner + (x as f32 + 0.5) * step)[0]).collect();

@@ -6,8 +6,8 @@ use glam::IVec2;
 use texfold_bc::ContentPlanes;
 use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::{
-    Budget, Cached, CodecId, Domain, Encoded, Footprint, GpuDct, GpuForm, Image2d, ImageAddress, ImageLayout,
-    Layers, LoadError, Notes, Plane, Rect, Refine, RegionError, SurfaceBinding, SurfaceSize, Texel,
+    Budget, Cached, CodecId, Domain, Encoded, Footprint, GpuDct, GpuForm, Image2d, ImageAddress,
+    ImageBinding, ImageLayout, ImageSize, Layers, LoadError, Notes, Plane, Rect, Refine, RegionError, Texel,
     TextureCodec, parallel,
 };
 
@@ -46,9 +46,7 @@ impl Texels {
     fn of(parts: &Parts) -> Self {
         if let Some(blocks) = &parts.blocks {
             let images = |content: &DctContent| {
-                (0..content.layout().surfaces.len() as u32)
-                    .map(|surface| block_levels(content, surface))
-                    .collect()
+                (0..content.layout().images.len() as u32).map(|image| block_levels(content, image)).collect()
             };
             return Texels {
                 epitomes: images(&blocks.epitome),
@@ -139,15 +137,15 @@ impl EpitomeTexture {
     /// An image as the shader sees it; the last one where there is no such image.
     #[must_use]
     #[inline]
-    pub fn view(&self, surface: u32) -> EpitomeView<'_> {
-        let surface = (surface as usize).min(self.params.len() - 1);
+    pub fn view(&self, image: u32) -> EpitomeView<'_> {
+        let image = (image as usize).min(self.params.len() - 1);
         let Texels { epitomes, coarse } = self.texels.get_or_make(|| Texels::of(&self.parts));
         EpitomeView {
-            params: self.params[surface],
+            params: self.params[image],
             map: self.parts.map.words(),
             plane_a: &epitomes[0],
             plane_b: epitomes.get(1).map(Vec::as_slice).unwrap_or_default(),
-            coarse: coarse.get(surface).map(Vec::as_slice).unwrap_or_default(),
+            coarse: coarse.get(image).map(Vec::as_slice).unwrap_or_default(),
         }
     }
 }
@@ -164,13 +162,13 @@ impl EpitomeTexture {
                 form.blocks.push(GpuDct { image, held_bytes: vec![(part, bytes)], ..stage });
             }
         }
-        for (surface, params) in self.params.iter().enumerate() {
+        for (index, params) in self.params.iter().enumerate() {
             let start = form.uniforms.len();
             form.uniforms.extend(bytemuck::bytes_of(params));
             // Without coarse levels nothing is read there.
-            let coarse = if blocks.coarse.is_some() { epitome + 1 + surface } else { epitome };
+            let coarse = if blocks.coarse.is_some() { epitome + 1 + index } else { epitome };
             let planes = vec![0, epitome, epitome, coarse];
-            form.surfaces.push(SurfaceBinding { planes, uniforms: start..form.uniforms.len(), surface: 0 });
+            form.images.push(ImageBinding { planes, uniforms: start..form.uniforms.len(), image: 0 });
         }
         form
     }
@@ -188,10 +186,10 @@ fn decode_levels(errors: &ResidualContent) -> Vec<Vec<Texel>> {
 }
 
 /// All levels of an image in blocks of variable length.
-fn block_levels(content: &DctContent, surface: u32) -> Vec<Vec<Texel>> {
+fn block_levels(content: &DctContent, image: u32) -> Vec<Vec<Texel>> {
     let layout = content.layout();
     let level = |level: u32| {
-        let rect = layout.whole(surface, level)?;
+        let rect = layout.whole(image, level)?;
         let mut texels = vec![Texel::ZERO; Image2d::len(rect)];
         let width = rect.width.max(1) as usize;
         parallel::for_each_row(&mut texels, width * BAND as usize, |band, out| {
@@ -223,7 +221,7 @@ impl Encoded for EpitomeTexture {
     fn texel(&self, at: ImageAddress) -> Texel {
         let clamp = |value: u32| i32::try_from(value).unwrap_or(i32::MAX);
         let level = at.level.min(self.parts.layout.levels - 1);
-        texfold_epitome_fetch(&self.view(at.surface), IVec2::new(clamp(at.x), clamp(at.y)), level)
+        texfold_epitome_fetch(&self.view(at.image), IVec2::new(clamp(at.x), clamp(at.y)), level)
     }
 
     fn decode(&self, region: Rect, out: &mut [Texel]) -> Result<(), RegionError> {
@@ -231,7 +229,7 @@ impl Encoded for EpitomeTexture {
         if out.len() != Image2d::len(region) {
             return Err(RegionError::OutputLength { found: out.len(), needed: Image2d::len(region) });
         }
-        let view = self.view(region.surface);
+        let view = self.view(region.image);
         if region.level == 0 {
             for leaf in leaves(&view, region) {
                 decode_leaf(&view, leaf, region, out);
@@ -291,11 +289,11 @@ impl Encoded for EpitomeTexture {
             form.module = "epitome-errors";
             uniforms = of_errors.uniforms(0).to_vec();
         }
-        for (surface, params) in self.params.iter().enumerate() {
+        for (image, params) in self.params.iter().enumerate() {
             let start = form.uniforms.len();
             form.uniforms.extend(bytemuck::bytes_of(params));
             form.uniforms.extend(&uniforms);
-            let coarse = match self.parts.coarse.get(surface) {
+            let coarse = match self.parts.coarse.get(image) {
                 Some(levels) if !levels.is_empty() => {
                     push_chain(&mut form.planes, "mips", levels.iter().map(DrawnLevel::whole).collect());
                     form.planes.len() - 1
@@ -303,7 +301,7 @@ impl Encoded for EpitomeTexture {
                 _ => content[0],
             };
             let planes = [&[0], content.as_slice(), &[coarse], errors.as_slice()].concat();
-            form.surfaces.push(SurfaceBinding { planes, uniforms: start..form.uniforms.len(), surface: 0 });
+            form.images.push(ImageBinding { planes, uniforms: start..form.uniforms.len(), image: 0 });
         }
         form
     }
@@ -345,7 +343,7 @@ const BAND: u32 = 64;
 fn push_chain<'a>(planes: &mut Vec<Plane<'a>>, part: &'static str, mut levels: Vec<DrawnLevel<'a>>) {
     let Some(&base) = levels.first() else { return };
     let (width, height) = base.size;
-    levels.truncate(SurfaceSize { width, height }.full_levels() as usize);
+    levels.truncate(ImageSize { width, height }.full_levels() as usize);
     for (index, (format, bytes)) in base.planes().enumerate() {
         let data = if levels.len() == 1 {
             Cow::Borrowed(bytes)

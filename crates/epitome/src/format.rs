@@ -1,6 +1,6 @@
 //! What a map says: its form, entries and palettes, and how blocks are split.
 
-use texfold_core::SurfaceSize;
+use texfold_core::ImageSize;
 
 use crate::decode::{TEXFOLD_EPITOME_GAIN_ONE, TEXFOLD_EPITOME_LINEAR_ONE};
 
@@ -100,7 +100,7 @@ pub(crate) struct Palettes {
 }
 
 /// Columns and rows of blocks that cover an image.
-pub(crate) fn blocks_of(size: SurfaceSize, block: u32) -> (u32, u32) {
+pub(crate) fn blocks_of(size: ImageSize, block: u32) -> (u32, u32) {
     (size.width.div_ceil(block), size.height.div_ceil(block))
 }
 

@@ -165,7 +165,7 @@ mod tests {
     use crate::parts::Parts;
     use crate::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
     use texfold_core::image::ImageSet;
-    use texfold_core::metric::decode_surface;
+    use texfold_core::metric::decode_image;
     use texfold_core::{Effort, Encoded, Encoder, Goal, Job};
 
     /// A texture in layers, made once.
@@ -199,7 +199,7 @@ mod tests {
             // Content narrower than a texel of a coarse level is blended with what lies beside it; levels 0 to 2 have
             // none.
             for level in 0..3 {
-                let (all, first) = (decode_surface(&all, 0, level), decode_surface(&first, 0, level));
+                let (all, first) = (decode_image(&all, 0, level), decode_image(&first, 0, level));
                 assert!(all == first, "layer {layer}, level {level}");
             }
         }
@@ -215,7 +215,7 @@ mod tests {
         };
         assert!(rows(texture) <= rows(&all));
         for level in 0..texture.layout().levels {
-            assert!(decode_surface(&all, 0, level) == decode_surface(texture, 0, level), "level {level}");
+            assert!(decode_image(&all, 0, level) == decode_image(texture, 0, level), "level {level}");
         }
     }
 

@@ -71,13 +71,13 @@ pub fn part_images(texture: &EpitomeTexture) -> Option<PartImages> {
         parts.epitomes.push(rgb(size, texels)?);
         parts.usage.push(draw_usage(size, &count_reads(texture, plane as u32, size))?);
     }
-    for surface in 0..texture.layout().surfaces.len() as u32 {
-        let draw = |color: Color| draw_leaves(texture, surface, color);
+    for image in 0..texture.layout().images.len() as u32 {
+        let draw = |color: Color| draw_leaves(texture, image, color);
         parts.positions.push(draw(position_color)?);
         parts.offsets.push(draw(offset_color)?);
         parts.sides.push(draw(side_color)?);
         parts.scales.push(draw(scale_color)?);
-        parts.charts.push(draw_charts(texture, surface, &mut owners)?);
+        parts.charts.push(draw_charts(texture, image, &mut owners)?);
     }
     Some(parts)
 }
@@ -113,9 +113,9 @@ impl DrawnLeaf<'_> {
 }
 
 /// Calls `visit` for each texel of an image with its leaf.
-fn for_each_texel(texture: &EpitomeTexture, surface: u32, mut visit: impl FnMut(&DrawnLeaf<'_>, UVec2)) {
-    let Some(whole) = texture.layout().whole(surface, 0) else { return };
-    let view = texture.view(surface);
+fn for_each_texel(texture: &EpitomeTexture, image: u32, mut visit: impl FnMut(&DrawnLeaf<'_>, UVec2)) {
+    let Some(whole) = texture.layout().whole(image, 0) else { return };
+    let view = texture.view(image);
     for leaf in leaves(&view, whole) {
         let drawn = DrawnLeaf { view, leaf, source: texfold_epitome_source(&view, leaf.entry) };
         let end = (leaf.corner + leaf.side).min(UVec2::new(whole.width, whole.height));
@@ -127,10 +127,10 @@ fn for_each_texel(texture: &EpitomeTexture, surface: u32, mut visit: impl FnMut(
     }
 }
 
-fn draw_leaves(texture: &EpitomeTexture, surface: u32, color: Color) -> Option<Raster> {
-    let [width, height] = texture.view(surface).params.size;
+fn draw_leaves(texture: &EpitomeTexture, image: u32, color: Color) -> Option<Raster> {
+    let [width, height] = texture.view(image).params.size;
     let mut texels = vec![Texel::ONE; width as usize * height as usize];
-    for_each_texel(texture, surface, |drawn, at| {
+    for_each_texel(texture, image, |drawn, at| {
         let edge = at.x == drawn.leaf.corner.x || at.y == drawn.leaf.corner.y;
         let shade = if edge { OUTLINE } else { 1.0 };
         let color = shade * color(drawn, at.as_vec2() + Vec2::splat(0.5));
@@ -143,22 +143,22 @@ fn draw_leaves(texture: &EpitomeTexture, surface: u32, color: Color) -> Option<R
 /// it is of.
 fn draw_charts(
     texture: &EpitomeTexture,
-    surface: u32,
+    index: u32,
     owners: &mut [HashMap<UVec2, (u32, u32)>],
 ) -> Option<Raster> {
-    let whole = texture.layout().whole(surface, 0)?;
+    let whole = texture.layout().whole(index, 0)?;
     let mut image = vec![Texel::ZERO; Image2d::len(whole)];
     texture.decode(whole, &mut image).ok()?;
     let width = whole.width as usize;
     let mut texels: Vec<Texel> = image.iter().map(|texel| (CHART_GROUND * *texel).with_w(1.0)).collect();
-    for_each_texel(texture, surface, |drawn, at| {
+    for_each_texel(texture, index, |drawn, at| {
         let TexfoldEpitomeSource { matrix, gain, offset, plane, .. } = drawn.source;
         let is_upright = matrix.y == 0.0 && matrix.z == 0.0 && matrix.x > 0.0 && matrix.w > 0.0;
         if !is_upright || gain != Vec4::ONE || offset != Vec4::ZERO {
             return;
         }
         let cell = drawn.place(at.as_vec2() + Vec2::splat(0.5)).max(Vec2::ZERO).as_uvec2() / CELL;
-        let own = (surface, drawn.leaf.entry);
+        let own = (index, drawn.leaf.entry);
         if *owners[plane as usize].entry(cell).or_insert(own) == own {
             let at = at.y as usize * width + at.x as usize;
             texels[at] = image[at];
@@ -209,8 +209,8 @@ fn scale_color(drawn: &DrawnLeaf<'_>, _: Vec2) -> Vec3 {
 fn count_reads(texture: &EpitomeTexture, plane: u32, [width, height]: [u32; 2]) -> Vec<u32> {
     let (columns, rows) = (width.div_ceil(CELL), height.div_ceil(CELL));
     let mut counts = vec![0u32; columns as usize * rows as usize];
-    for surface in 0..texture.layout().surfaces.len() as u32 {
-        for_each_texel(texture, surface, |drawn, at| {
+    for image in 0..texture.layout().images.len() as u32 {
+        for_each_texel(texture, image, |drawn, at| {
             if drawn.source.plane != plane {
                 return;
             }
@@ -244,7 +244,7 @@ mod tests {
     use crate::decode::texfold_epitome_leaf;
     use crate::{Epitome, EpitomeParams, EpitomeSource};
     use texfold_core::image::ImageSet;
-    use texfold_core::metric::decode_surface;
+    use texfold_core::metric::decode_image;
     use texfold_core::{Access, Effort, Encoder, Goal, Job};
 
     fn texture() -> EpitomeTexture {
@@ -304,7 +304,7 @@ mod tests {
         let goal = Goal::Psnr(30.0);
         let params = EpitomeParams { goal, effort: Effort::Fast, ..EpitomeParams::default() };
         let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
-        let drawn = decode_surface(&texture, 0, 0).unwrap();
+        let drawn = decode_image(&texture, 0, 0).unwrap();
         let charts = &part_images(&texture).unwrap().charts[0];
         let is_lent = |at: u32| {
             let (found, whole) = (charts.texel(at % 256, at / 256), drawn.texel(at % 256, at / 256));

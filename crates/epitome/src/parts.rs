@@ -3,7 +3,7 @@
 
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::image::PixelInfo;
-use texfold_core::{ImageLayout, PlaneFormat, SurfaceSize, Texel};
+use texfold_core::{ImageLayout, ImageSize, PlaneFormat, Texel};
 use texfold_dct::DctContent;
 use texfold_residual::ResidualContent;
 
@@ -51,8 +51,8 @@ pub(crate) struct BlockParts {
 
 impl BlockParts {
     /// Columns and rows of the epitome.
-    pub(crate) fn size(&self) -> SurfaceSize {
-        self.epitome.layout().surfaces.first().copied().unwrap_or(SurfaceSize { width: 0, height: 0 })
+    pub(crate) fn size(&self) -> ImageSize {
+        self.epitome.layout().images.first().copied().unwrap_or(ImageSize { width: 0, height: 0 })
     }
 }
 
@@ -177,14 +177,18 @@ pub(crate) fn coarse_levels(levels: u32) -> std::ops::Range<u32> {
 }
 
 /// The layout of an epitome in blocks of that size.
-pub(crate) fn epitome_layout(size: SurfaceSize, images: &ImageLayout) -> ImageLayout {
+pub(crate) fn epitome_layout(size: ImageSize, images: &ImageLayout) -> ImageLayout {
     let levels = if images.levels > 1 { 1 + PLANE_MIPS } else { 1 };
-    ImageLayout { surfaces: vec![size], levels, pixel: images.pixel }
+    ImageLayout { images: vec![size], levels, pixel: images.pixel }
 }
 
 /// The layout of what comes from the coarse chain of images of that layout, if anything does.
 pub(crate) fn coarse_layout(images: &ImageLayout) -> Option<ImageLayout> {
     let range = coarse_levels(images.levels);
-    let surfaces = images.surfaces.iter().map(|size| size.at_level(range.start)).collect();
-    (!range.is_empty()).then(|| ImageLayout { surfaces, levels: range.len() as u32, pixel: images.pixel })
+    let sizes = images.images.iter().map(|size| size.at_level(range.start)).collect();
+    (!range.is_empty()).then(|| ImageLayout {
+        images: sizes,
+        levels: range.len() as u32,
+        pixel: images.pixel,
+    })
 }

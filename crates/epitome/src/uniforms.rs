@@ -1,7 +1,7 @@
 //! What each image's shader needs to know: the uniform blocks.
 
 use texfold_bc::ContentPlanes;
-use texfold_core::SurfaceSize;
+use texfold_core::ImageSize;
 use texfold_core::address::TEXFOLD_CLAMP;
 use texfold_core::sample::TEXFOLD_RGBA;
 
@@ -30,7 +30,7 @@ impl Parts {
             None => planes.map_or(0, |planes| planes.swizzle().0),
         };
         let mut tree_start = 0;
-        let image = |(index, &size): (usize, &SurfaceSize)| {
+        let image = |(index, &size): (usize, &ImageSize)| {
             let (columns, rows) = blocks_of(size, format.block);
             let params = TexfoldEpitomeParams {
                 size: [size.width, size.height],
@@ -62,6 +62,6 @@ impl Parts {
             tree_start += columns * rows;
             params
         };
-        self.layout.surfaces.iter().enumerate().map(image).collect()
+        self.layout.images.iter().enumerate().map(image).collect()
     }
 }

@@ -5,7 +5,7 @@
 
 use crate::support::{encode, file, load};
 use texfold_core::image::{Alpha, ColorSpace, Depth, ImageSet, PixelInfo, Raster};
-use texfold_core::metric::{decode_surface, measure};
+use texfold_core::metric::{decode_image, measure};
 use texfold_core::{Access, Domain, Effort, Encoded, Goal, Image2d, Metric, Rect, Texel};
 use texfold_epitome::EpitomeParams;
 use texfold_testkit::image;
@@ -77,7 +77,7 @@ fn every_kind_of_pixel_is_kept() {
         let texture = encode(&set, &params(Goal::Psnr(36.0)).with_mips(true));
         assert_eq!(texture.gpu().access(), Access::Block, "{info:?}");
         assert!(measure(&set, &texture).psnr >= 36.0, "{info:?}");
-        let drawn = decode_surface(&texture, 0, 0).unwrap();
+        let drawn = decode_image(&texture, 0, 0).unwrap();
         let worst = (0..96 * 70u32).map(|i| (drawn.texel(i % 96, i / 96).w - texels[i as usize].w).abs());
         assert!(worst.fold(0.0, f32::max) < 0.1, "{info:?}: alpha");
     }

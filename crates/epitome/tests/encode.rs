@@ -7,10 +7,10 @@ use crate::support::{encode, facade, file, load};
 use glam::Vec2;
 use texfold_bc::{Bc, Bc1Blocks, BcParams, Content, ContentPlanes};
 use texfold_core::image::{ColorSpace, ImageSet, PixelInfo, Raster};
-use texfold_core::metric::{decode_surface, measure};
+use texfold_core::metric::{decode_image, measure};
 use texfold_core::{
-    Access, Domain, Effort, EncodeError, Encoded, Encoder, Footprint, Goal, Image2d, Job, Limits,
-    PlaneFormat, Rect, SharedSearch, SourceError, SurfaceSize, Texel,
+    Access, Domain, Effort, EncodeError, Encoded, Encoder, Footprint, Goal, Image2d, ImageSize, Job, Limits,
+    PlaneFormat, Rect, SharedSearch, SourceError, Texel,
 };
 use texfold_epitome::decode::texfold_epitome_bilinear;
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource};
@@ -48,9 +48,9 @@ fn a_file_comes_back_as_it_was() {
 fn regions_are_their_samples() {
     let set = ImageSet::new(vec![image("text_page"), image("odd_37x61")]).unwrap();
     let texture = encode(&set, &goal(Goal::Psnr(30.0)).with_mips(true));
-    for surface in 0..2 {
+    for image in 0..2 {
         for level in 0..texture.layout().levels {
-            let whole = texture.layout().whole(surface, level).unwrap();
+            let whole = texture.layout().whole(image, level).unwrap();
             let rect = Rect { x: whole.width / 3, width: whole.width - whole.width / 3, ..whole };
             let mut texels = vec![Texel::ZERO; (rect.width * rect.height) as usize];
             texture.decode(rect, &mut texels).unwrap();
@@ -107,7 +107,7 @@ fn images_that_do_not_suit_are_correct_all_the_same() {
         // A block of random texels is beyond any block format.
         let plain = plain_psnr(&set);
         assert!(measured.psnr >= plain.min(30.0) - 0.1, "{name}: {measured:?}, plain {plain}");
-        let decoded = decode_surface(&texture, 0, 0).unwrap();
+        let decoded = decode_image(&texture, 0, 0).unwrap();
         assert!(decoded.texels().all(Texel::is_finite), "{name}");
         assert_eq!(decoded.size(), image.size(), "{name}");
     }
@@ -149,10 +149,10 @@ fn mip_levels_show_the_image() {
         assert_eq!(coarse.format == PlaneFormat::Bc7, is_finer, "{name}: {:?}", coarse.format);
         assert!(load(&file(&texture)).unwrap() == texture);
         let levels = texture.layout().levels;
-        let decoded = decode_surface(&texture, 0, 0).unwrap();
+        let decoded = decode_image(&texture, 0, 0).unwrap();
         let chain = texfold_core::image::mip_chain(&decoded, levels, texfold_core::image::MipFilter::Box);
         for (level, wanted) in (0..levels).zip(&chain) {
-            let found = decode_surface(&texture, 0, level).unwrap();
+            let found = decode_image(&texture, 0, level).unwrap();
             assert_eq!(found.size(), wanted.size());
             let psnr = texfold_core::metric::color_error(wanted, &found).psnr();
             let least = if level == 0 { 60.0 } else { goal_psnr.min(30.0) };
@@ -217,7 +217,7 @@ fn content_comes_from_the_mask_alone() {
     let cells: u32 = texture.epitomes().map(|epitome| epitome.size().0 * epitome.size().1).sum();
     // At most the mask's content at every scale.
     assert!(cells <= 128 * 128 * 49 / 16, "{cells} texels");
-    let decoded = decode_surface(&texture, 0, 0).unwrap();
+    let decoded = decode_image(&texture, 0, 0).unwrap();
     let part = |raster: &Raster, keep: bool| {
         let texels: Vec<Texel> =
             (0..256 * 256).filter(|&i| inside(i) == keep).map(|i| raster.texel(i % 256, i / 256)).collect();
@@ -247,7 +247,7 @@ fn long_lines_and_unlike_sets() {
 #[test]
 fn blocks_that_are_bc1_already_are_taken_over() {
     let image = image("odd_37x61");
-    let SurfaceSize { width, height } = image.size();
+    let ImageSize { width, height } = image.size();
     let texels: Vec<Texel> = image.texels().collect();
     let planes = ContentPlanes::encode(Content::Bc1, image.info(), (width, height), &texels, Effort::Fast);
     let blocks = vec![Bc1Blocks { size: image.size(), blocks: planes.planes()[0].1.clone() }];
@@ -387,9 +387,9 @@ fn images_are_drawn_as_place_by_place() {
             (0, Vec2::new(0.31, 0.4), Vec2::new(0.1, 0.05), (97, 61)),
             (1, Vec2::new(-0.4, -0.1), Vec2::new(2.0, 1.3), (150, 150)),
         ];
-        for (surface, corner, extent, size) in windows {
-            let drawn = texture.draw(surface, corner, extent, size);
-            let view = texture.view(surface);
+        for (image, corner, extent, size) in windows {
+            let drawn = texture.draw(image, corner, extent, size);
+            let view = texture.view(image);
             for (index, texel) in (0u32..).zip(&drawn) {
                 let at = Vec2::new((index % size.0) as f32, (index / size.0) as f32) + 0.5;
                 let uv = corner + at * extent / Vec2::new(size.0 as f32, size.1 as f32);

@@ -7,7 +7,7 @@ use crate::support::{encode, facade, file, load};
 use texfold_bc::Content;
 use texfold_core::container::Sections;
 use texfold_core::image::ImageSet;
-use texfold_core::metric::{decode_surface, measure};
+use texfold_core::metric::{decode_image, measure};
 use texfold_core::{
     Access, Budget, Effort, EncodeError, Encoded, Encoder, Goal, Job, Layers, LoadError, Refine,
 };
@@ -179,8 +179,8 @@ fn sets_and_images_that_do_not_suit_have_layers_all_the_same() {
         let bytes = file(&texture.first_layers(layers));
         let loaded = load(&bytes).unwrap();
         assert_eq!(loaded.layers().loaded, layers);
-        for surface in 0..3 {
-            let decoded = decode_surface(&loaded, surface, 0).unwrap();
+        for image in 0..3 {
+            let decoded = decode_image(&loaded, image, 0).unwrap();
             assert!(decoded.texels().all(|texel| texel.is_finite()));
         }
     }

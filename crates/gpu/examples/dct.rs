@@ -6,7 +6,7 @@
 use std::error::Error;
 use std::time::Instant;
 
-use texfold_core::{CancelCheck, Goal, Rect, SurfaceSize};
+use texfold_core::{CancelCheck, Goal, ImageSize, Rect};
 use texfold_dct::Stage;
 use texfold_dct::encode::{DctEncoder, DctSettings, DctSource};
 use texfold_gpu::{DctDecoder, Gpu, Policy, wgpu};
@@ -32,13 +32,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let log2: u8 = arguments.next().map_or(Ok(5), |side| side.parse())?;
     let image = image::open(path)?.to_rgb8();
     let (width, height) = image.dimensions();
-    let size = SurfaceSize { width, height };
+    let size = ImageSize { width, height };
     let source = DctSource::from_u8(size, &[3], image.as_raw())?;
     let params = DctSettings::default().with_goal(Goal::Bpp(bits)).with_superblock_log2(log2);
     let texture = DctEncoder::new(&source, &params, CancelCheck::default())?.encode()?;
     let megatexels = size.texels() as f64 / 1e6;
 
-    let rect = Rect { surface: 0, level: 0, x: 0, y: 0, width, height };
+    let rect = Rect { image: 0, level: 0, x: 0, y: 0, width, height };
     let mut samples = vec![0u8; 3 * size.texels() as usize];
     let cpu = seconds(|| Ok(texture.decode(rect, &mut samples)?))?;
     println!("CPU: {:.1} megatexels/s", megatexels / cpu);

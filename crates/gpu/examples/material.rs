@@ -90,7 +90,7 @@ fn bind(gpu: &Gpu, files: &[TextureFile]) -> Result<(Vec<GpuTexture>, Material),
     }
     let named = files.iter().zip(&textures);
     let layers: Vec<_> =
-        named.map(|(file, texture)| Layer { prefix: file.prefix, texture, surface: 0 }).collect();
+        named.map(|(file, texture)| Layer { prefix: file.prefix, texture, image: 0 }).collect();
     let material = gpu.material(0, &layers)?;
     Ok((textures, material))
 }

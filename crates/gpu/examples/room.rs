@@ -104,7 +104,7 @@ fn fill(gpu: &Gpu, cache: &mut TileCache) -> Result<(Vec<u32>, Bytes), Box<dyn E
     let (mut numbers, mut bytes) = (Vec::new(), Bytes::default());
     let mut count = |texture: &AnyImage, file: &[u8], is_large: bool| -> Result<(), Box<dyn Error>> {
         let texture = texture.as_encoded();
-        let size = texture.layout().surfaces[0];
+        let size = texture.layout().images[0];
         let levels = (0..size.full_levels()).map(|level| size.at_level(level));
         let block_bytes = |side: u32| u64::from(side.div_ceil(4));
         bytes.bc7 += levels.map(|size| 16 * block_bytes(size.width) * block_bytes(size.height)).sum::<u64>();

@@ -76,22 +76,22 @@ pub enum GpuError {
     },
     /// There are no plain texels of an image.
     #[error(
-        "image {surface} has no plain texels of that kind: sample it with the WGSL of the module {module:?}, encode it for access by \
+        "image {image} has no plain texels of that kind: sample it with the WGSL of the module {module:?}, encode it for access by \
          block, or, for more than 8 bits a sample, ask for a view without sRGB"
     )]
     NotDecoded {
         /// The requested image.
-        surface: u32,
+        image: u32,
         /// The module that samples it.
         module: &'static str,
     },
     /// There is no such image.
-    #[error("there is no image {surface}; the texture holds {surfaces}, counted from 0")]
-    NoSuchSurface {
+    #[error("there is no image {image}; the texture holds {images}, counted from 0")]
+    NoSuchImage {
         /// The requested image.
-        surface: u32,
+        image: u32,
         /// Images in the texture.
-        surfaces: usize,
+        images: usize,
     },
     /// There is no such mip level.
     #[error("there is no mip level {level}; the image holds {levels}, counted from 0")]

@@ -62,15 +62,15 @@ impl Gpu {
     pub fn upload_light(&self, form: &GpuForm<'_>) -> Result<GpuLight, GpuError> {
         let module = module_of(form)?;
         let offsets = module.light().ok_or(GpuError::Form { what: "an image is no light field" })?;
-        let [surface] = &form.surfaces[..] else {
-            return Err(GpuError::Form { what: "a light field has another number of surfaces than one" });
+        let [index] = &form.images[..] else {
+            return Err(GpuError::Form { what: "a light field has another number of sizes than one" });
         };
         let decoded = self.decode_images(form)?;
         self.guarded(|| {
             let planes = self.upload_planes(form, decoded)?;
-            let group = self.bind(module, form, surface, &planes)?;
+            let group = self.bind(module, form, index, &planes)?;
             let params = group.params.into_iter().next();
-            let number = |offset| number(&form.uniforms[surface.uniforms.clone()], offset);
+            let number = |offset| number(&form.uniforms[index.uniforms.clone()], offset);
             Ok(GpuLight {
                 module,
                 offsets,

@@ -14,7 +14,7 @@ pub struct Layer<'a> {
     /// The texture.
     pub texture: &'a GpuTexture,
     /// Which of its images.
-    pub surface: u32,
+    pub image: u32,
 }
 
 /// Textures of any codecs, bound together.
@@ -53,7 +53,7 @@ impl Material {
         self.constants.iter().map(|(name, value)| (name.as_str(), *value)).collect()
     }
 
-    /// The `surface` argument of the functions of each texture that have one.
+    /// The `image` argument of the functions of each texture that have one.
     #[must_use]
     pub fn places(&self) -> &[u32] {
         &self.places
@@ -71,9 +71,9 @@ impl Gpu {
         let (mut constants, mut places) = (Vec::new(), Vec::new());
         for layer in layers {
             let slot = Slot::new(layer.texture.module, group, first_binding).named(layer.prefix);
-            entries.extend(layer.texture.bind_entries(layer.surface, &slot)?);
+            entries.extend(layer.texture.bind_entries(layer.image, &slot)?);
             constants.extend(layer.texture.constants(&slot));
-            places.push(layer.texture.surface(layer.surface)?.place);
+            places.push(layer.texture.image(layer.image)?.place);
             first_binding = slot.bindings().end;
             slots.push(slot);
         }

@@ -1,6 +1,6 @@
 //! A texture on the GPU: what is bound to draw its images.
 
-use texfold_core::{SurfaceBinding, SurfaceSize};
+use texfold_core::{ImageBinding, ImageSize};
 use texfold_shaders::{Binding, ModuleInfo, Slot};
 use wgpu::{BindGroup, BindGroupEntry, BindingResource, Buffer, Queue, Texture, TextureView};
 
@@ -55,11 +55,11 @@ pub(crate) struct GpuPlane {
 #[derive(Debug, Default)]
 pub(crate) struct Bound {
     pub(crate) groups: Vec<Group>,
-    pub(crate) surfaces: Vec<Surface>,
+    pub(crate) images: Vec<Surface>,
     /// A bit for each of the module's switches that an image needs.
     pub(crate) switches: u32,
     /// The bindings of the form that it was made from.
-    pub(crate) bindings: Vec<SurfaceBinding>,
+    pub(crate) bindings: Vec<ImageBinding>,
 }
 
 /// What is bound to draw some of the images.
@@ -78,9 +78,9 @@ pub(crate) struct Group {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Surface {
     pub(crate) group: usize,
-    /// The shader's `surface` argument.
+    /// The shader's `image` argument.
     pub(crate) place: u32,
-    pub(crate) size: SurfaceSize,
+    pub(crate) size: ImageSize,
     pub(crate) levels: u32,
     /// The plane that holds the image's own texels, decoded.
     pub(crate) decoded: Option<usize>,
@@ -124,8 +124,8 @@ impl GpuTexture {
 
     /// Number of images.
     #[must_use]
-    pub fn surfaces(&self) -> usize {
-        self.bound.surfaces.len()
+    pub fn images(&self) -> usize {
+        self.bound.images.len()
     }
 
     /// Bytes of texels and parameters on the GPU.
@@ -135,37 +135,37 @@ impl GpuTexture {
         planes + self.bound.groups.iter().map(|group| group.params_bytes).sum::<u64>()
     }
 
-    /// What to bind to draw image `surface`, and the `surface` argument of the module's functions for it.
+    /// What to bind to draw image `image`, and the `image` argument of the module's functions for it.
     ///
     /// # Errors
-    /// [`GpuError::NoSuchSurface`].
-    pub fn bind_group(&self, surface: u32) -> Result<(&BindGroup, u32), GpuError> {
-        let found = self.surface(surface)?;
+    /// [`GpuError::NoSuchImage`].
+    pub fn bind_group(&self, image: u32) -> Result<(&BindGroup, u32), GpuError> {
+        let found = self.image(image)?;
         Ok((&self.bound.groups[found.group].bind_group, found.place))
     }
 
-    /// As [`GpuTexture::bind_group`], for a bind group of a renderer's own: the entries of image `surface`, numbered as in `slot`.
+    /// As [`GpuTexture::bind_group`], for a bind group of a renderer's own: the entries of image `image`, numbered as in `slot`.
     ///
     /// # Errors
-    /// [`GpuError::NoSuchSurface`].
-    pub fn bind_entries(&self, surface: u32, slot: &Slot<'_>) -> Result<Vec<BindGroupEntry<'_>>, GpuError> {
-        let group = &self.bound.groups[self.surface(surface)?.group];
+    /// [`GpuError::NoSuchImage`].
+    pub fn bind_entries(&self, image: u32, slot: &Slot<'_>) -> Result<Vec<BindGroupEntry<'_>>, GpuError> {
+        let group = &self.bound.groups[self.image(image)?.group];
         Ok(entries(self.module, &group.params, &group.views, slot.bindings().start))
     }
 
-    /// Plain texels of image `surface`, which [`Gpu::upload`] has decoded from blocks, with its mip levels: a view for samplers of any
+    /// Plain texels of image `image`, which [`Gpu::upload`] has decoded from blocks, with its mip levels: a view for samplers of any
     /// kind, anisotropic ones among them, and for WGSL of the renderer's own (`textureSample`). With `srgb` the sampler converts colours
     /// to linear light before it filters; normals and other data take `false`. Filterable; images of more than 8 bits a
     /// sample are `rgba32float`, which samplers filter on devices with [`wgpu::Features::FLOAT32_FILTERABLE`], and have no sRGB view.
     ///
     /// # Errors
-    /// [`GpuError::NoSuchSurface`]; [`GpuError::NotDecoded`] where texels are read from the compressed form, and for sRGB views of
+    /// [`GpuError::NoSuchImage`]; [`GpuError::NotDecoded`] where texels are read from the compressed form, and for sRGB views of
     /// more than 8 bits.
-    pub fn decoded_view(&self, surface: u32, srgb: bool) -> Result<TextureView, GpuError> {
-        let plane = self.surface(surface)?.decoded.and_then(|plane| self.planes.get(plane));
-        let texture = &plane.ok_or(GpuError::NotDecoded { surface, module: self.module.name })?.texture;
+    pub fn decoded_view(&self, image: u32, srgb: bool) -> Result<TextureView, GpuError> {
+        let plane = self.image(image)?.decoded.and_then(|plane| self.planes.get(plane));
+        let texture = &plane.ok_or(GpuError::NotDecoded { image, module: self.module.name })?.texture;
         if srgb && texture.format() != DECODED_FORMAT {
-            return Err(GpuError::NotDecoded { surface, module: self.module.name });
+            return Err(GpuError::NotDecoded { image, module: self.module.name });
         }
         Ok(texture.create_view(&wgpu::TextureViewDescriptor {
             format: Some(if srgb { DECODED_FORMAT.add_srgb_suffix() } else { texture.format() }),
@@ -174,20 +174,20 @@ impl GpuTexture {
         }))
     }
 
-    /// Columns and rows of image `surface`, level 0.
+    /// Columns and rows of image `image`, level 0.
     ///
     /// # Errors
-    /// [`GpuError::NoSuchSurface`].
-    pub fn size(&self, surface: u32) -> Result<SurfaceSize, GpuError> {
-        Ok(self.surface(surface)?.size)
+    /// [`GpuError::NoSuchImage`].
+    pub fn size(&self, image: u32) -> Result<ImageSize, GpuError> {
+        Ok(self.image(image)?.size)
     }
 
-    /// Mip levels of image `surface`.
+    /// Mip levels of image `image`.
     ///
     /// # Errors
-    /// [`GpuError::NoSuchSurface`].
-    pub fn levels(&self, surface: u32) -> Result<u32, GpuError> {
-        Ok(self.surface(surface)?.levels)
+    /// [`GpuError::NoSuchImage`].
+    pub fn levels(&self, image: u32) -> Result<u32, GpuError> {
+        Ok(self.image(image)?.levels)
     }
 
     /// The same texture with another address mode for all of its images.
@@ -206,8 +206,8 @@ impl GpuTexture {
         }
     }
 
-    pub(crate) fn surface(&self, surface: u32) -> Result<&Surface, GpuError> {
-        let surfaces = self.bound.surfaces.len();
-        self.bound.surfaces.get(surface as usize).ok_or(GpuError::NoSuchSurface { surface, surfaces })
+    pub(crate) fn image(&self, image: u32) -> Result<&Surface, GpuError> {
+        let images = self.bound.images.len();
+        self.bound.images.get(image as usize).ok_or(GpuError::NoSuchImage { image, images })
     }
 }

@@ -42,13 +42,13 @@ impl Gpu {
         if form.access() == Access::Block {
             return self.decode_again(texture, form);
         }
-        for (surface, binding) in form.surfaces.iter().enumerate() {
-            describe(texture.module, surface, form, binding)?;
+        for (image, binding) in form.images.iter().enumerate() {
+            describe(texture.module, image, form, binding)?;
         }
         self.guarded(|| {
             let mut done = Updated::default();
             let (planes, rewrites) = self.new_planes(texture, form, changed, &mut done)?;
-            let bound = if done.rebound || form.surfaces != texture.bound.bindings {
+            let bound = if done.rebound || form.images != texture.bound.bindings {
                 done.rebound = true;
                 Some(self.bind_all(texture.module, form, &planes)?)
             } else {
@@ -115,15 +115,15 @@ impl Gpu {
     /// Writes the parameters of all images into the buffers that there are: `form` binds what `texture` does.
     fn write_params(&self, texture: &mut GpuTexture, form: &GpuForm<'_>) -> Result<(), GpuError> {
         texture.bound.switches = 0;
-        for (number, binding) in form.surfaces.iter().enumerate() {
-            let group = texture.bound.surfaces[number].group;
+        for (number, binding) in form.images.iter().enumerate() {
+            let group = texture.bound.images[number].group;
             let params = params_of(texture.module, form, binding)?;
             for (buffer, block) in
                 texture.bound.groups[group].params.iter().zip(blocks(texture.module, params))
             {
                 self.queue.write_buffer(buffer, 0, block);
             }
-            texture.bound.surfaces[number] = describe(texture.module, group, form, binding)?;
+            texture.bound.images[number] = describe(texture.module, group, form, binding)?;
             texture.bound.switches |= switches_of(texture.module, params);
         }
         Ok(())

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use texfold_core::{DecodedImage, GpuDct, GpuForm, Plane, PlaneFormat, Rect, SurfaceBinding, SurfaceSize};
+use texfold_core::{DecodedImage, GpuDct, GpuForm, ImageBinding, ImageSize, Plane, PlaneFormat, Rect};
 use texfold_shaders::{Binding, ModuleInfo};
 use wgpu::{BufferUsages, Texture, TextureFormat, TextureUsages};
 
@@ -53,7 +53,7 @@ impl Gpu {
         let Some(decoded) = DecodedImage::of(stages) else {
             return Err(GpuError::Form { what: "an image has no stage" });
         };
-        let SurfaceSize { width, height } = decoded.size;
+        let ImageSize { width, height } = decoded.size;
         let limit = self.side_limit();
         if width > limit || height > limit {
             return Err(GpuError::PlaneTooLarge { width, height, limit });
@@ -75,8 +75,8 @@ impl Gpu {
         for stage in stages {
             let image = decoder.upload(self, stage)?;
             if decoded.is_stacked {
-                let SurfaceSize { width, height } = stage.layout.size;
-                let rect = Rect { surface: 0, level: 0, x: 0, y: 0, width, height };
+                let ImageSize { width, height } = stage.layout.size;
+                let rect = Rect { image: 0, level: 0, x: 0, y: 0, width, height };
                 decoder.decode_into(self, &image, rect, image.colours(), &texture, [0, stage.row])?;
                 continue;
             }
@@ -153,15 +153,15 @@ impl Gpu {
         form: &GpuForm<'_>,
         planes: &[GpuPlane],
     ) -> Result<Bound, GpuError> {
-        let mut bound = Bound { bindings: form.surfaces.clone(), ..Bound::default() };
+        let mut bound = Bound { bindings: form.images.clone(), ..Bound::default() };
         let mut known = HashMap::new();
-        for binding in &form.surfaces {
+        for binding in &form.images {
             let key = (binding.uniforms.start, binding.planes.clone());
             let group = *known.entry(key).or_insert(bound.groups.len());
             if group == bound.groups.len() {
                 bound.groups.push(self.bind(module, form, binding, planes)?);
             }
-            bound.surfaces.push(describe(module, group, form, binding)?);
+            bound.images.push(describe(module, group, form, binding)?);
             bound.switches |= switches_of(module, params_of(module, form, binding)?);
         }
         Ok(bound)
@@ -171,7 +171,7 @@ impl Gpu {
         &self,
         module: &'static ModuleInfo,
         form: &GpuForm<'_>,
-        binding: &SurfaceBinding,
+        binding: &ImageBinding,
         planes: &[GpuPlane],
     ) -> Result<Group, GpuError> {
         let bytes = params_of(module, form, binding)?;
@@ -224,7 +224,7 @@ fn whole_blocks(format: PlaneFormat, width: u32, height: u32) -> wgpu::Extent3d 
 /// Levels of the texture of a plane. Levels beyond 1 x 1 repeat the last: a texture cannot hold them, and the shaders do not read
 /// them.
 fn levels_of(plane: &Plane<'_>) -> u32 {
-    plane.levels.clamp(1, SurfaceSize { width: plane.width, height: plane.height }.full_levels())
+    plane.levels.clamp(1, ImageSize { width: plane.width, height: plane.height }.full_levels())
 }
 
 /// The blocks of parameters that the bytes of one image hold, one behind the other.
@@ -253,7 +253,7 @@ pub(crate) fn switches_of(module: &ModuleInfo, params: &[u8]) -> u32 {
 pub(crate) fn params_of<'f>(
     module: &ModuleInfo,
     form: &'f GpuForm<'_>,
-    binding: &SurfaceBinding,
+    binding: &ImageBinding,
 ) -> Result<&'f [u8], GpuError> {
     let params = form.uniforms.get(binding.uniforms.clone());
     let wanted: usize = module.bindings.iter().filter_map(params_bytes).sum();
@@ -267,15 +267,15 @@ pub(crate) fn describe(
     module: &ModuleInfo,
     group: usize,
     form: &GpuForm<'_>,
-    binding: &SurfaceBinding,
+    binding: &ImageBinding,
 ) -> Result<Surface, GpuError> {
     let params = params_of(module, form, binding)?;
-    let size = SurfaceSize { width: number(params, 0), height: number(params, 4) };
+    let size = ImageSize { width: number(params, 0), height: number(params, 4) };
     let offsets = module.image().ok_or(GpuError::Form { what: "a light field is no image" })?;
     // The module of plain texels reads such a texture as it is; others read content from it.
     let decoded = binding.planes.iter().copied().find(|&plane| plane >= form.planes.len());
     let decoded = decoded.filter(|_| module.name == PLAIN_MODULE);
-    Ok(Surface { group, place: binding.surface, size, levels: number(params, offsets.levels), decoded })
+    Ok(Surface { group, place: binding.image, size, levels: number(params, offsets.levels), decoded })
 }
 
 /// The 32-bit number at `offset` of the parameters.

@@ -31,15 +31,15 @@ fn compare(gpu: &Gpu, name: &str, texture: &dyn Encoded<Domain = Image2d>) {
         2.0 * form.planes.iter().map(|plane| plane_bound(plane.format)).fold(0.0, f32::max) + PLACED,
     );
     let layout = texture.layout();
-    for (surface, size) in (0..).zip(&layout.surfaces) {
+    for (index, size) in (0..).zip(&layout.images) {
         for level in 0..layout.levels {
             let size = size.at_level(level);
-            let view = View::whole(surface, (size.width, size.height), Lookup::Fetch { level });
+            let view = View::whole(index, (size.width, size.height), Lookup::Fetch { level });
             let places = (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y)));
             let wanted: Vec<Vec4> =
-                places.map(|(x, y)| texture.texel(ImageAddress { surface, level, x, y })).collect();
+                places.map(|(x, y)| texture.texel(ImageAddress { image: index, level, x, y })).collect();
             let found = gpu.read_view(&uploaded, &view).unwrap();
-            assert_close(&format!("{name}, image {surface}, level {level}"), &found, &wanted, |_| bound);
+            assert_close(&format!("{name}, image {index}, level {level}"), &found, &wanted, |_| bound);
         }
     }
 }

@@ -7,7 +7,7 @@ use glam::Vec4;
 use texfold_core::container::Reader;
 use texfold_core::image::{Alpha, ColorSpace, Depth, ImageLayout, PixelInfo};
 use texfold_core::rng::Rng;
-use texfold_core::{Budget, CancelCheck, Metric, Rect, RegionError, String4, SurfaceSize};
+use texfold_core::{Budget, CancelCheck, ImageSize, Metric, Rect, RegionError, String4};
 use texfold_dct::encode::{DctEncoder, DctSettings, DctSource};
 use texfold_dct::{DctContent, DctTexture, Stage, stage_sizes};
 use texfold_gpu::{DctChannel, DctDecoder, DctImage, Gpu, GpuError, wgpu};
@@ -30,7 +30,7 @@ fn source(width: u32, height: u32, groups: &[u8], depth: u8) -> DctSource {
             }
         }
     }
-    DctSource::new(SurfaceSize { width, height }, groups, depth, samples).unwrap()
+    DctSource::new(ImageSize { width, height }, groups, depth, samples).unwrap()
 }
 
 fn texture(source: &DctSource, log2: u8, step: u16, metric: Metric) -> DctTexture {
@@ -45,8 +45,8 @@ fn decoder() -> Option<(&'static Gpu, DctDecoder)> {
 }
 
 fn whole(texture: &DctTexture) -> Rect {
-    let SurfaceSize { width, height } = texture.form().size;
-    Rect { surface: 0, level: 0, x: 0, y: 0, width, height }
+    let ImageSize { width, height } = texture.form().size;
+    Rect { image: 0, level: 0, x: 0, y: 0, width, height }
 }
 
 /// What the CPU decodes, in the channels of a target.
@@ -100,10 +100,10 @@ fn mip_levels_equal_those_of_the_cpu() {
             let deep = if depth > 8 { Depth::Sixteen } else { Depth::Eight };
             let alpha = if channels % 2 == 0 { Alpha::Straight } else { Alpha::Opaque };
             let pixel = PixelInfo { channels, depth: deep, color, alpha };
-            let size = SurfaceSize { width, height };
-            let layout = ImageLayout { surfaces: vec![size], levels: size.full_levels(), pixel };
+            let size = ImageSize { width, height };
+            let layout = ImageLayout { images: vec![size], levels: size.full_levels(), pixel };
             let log2 = 4 + number as u8 % 3;
-            let stage = |size: SurfaceSize| {
+            let stage = |size: ImageSize| {
                 texture(
                     &source(size.width, size.height, groups, depth),
                     log2,
@@ -226,10 +226,10 @@ fn rectangles_equal_those_of_the_cpu() {
         let image = decoder.upload(gpu, &texture.gpu(Stage::default())).unwrap();
         for _ in 0..24 {
             let level = 0;
-            let SurfaceSize { width, height } = texture.form().size;
+            let ImageSize { width, height } = texture.form().size;
             let (x, y) = (rng.below(width), rng.below(height));
             let (width, height) = (1 + rng.below(width - x), 1 + rng.below(height - y));
-            let rect = Rect { surface: 0, level, x, y, width, height };
+            let rect = Rect { image: 0, level, x, y, width, height };
             check(&format!("side {log2}"), gpu, &decoder, &texture, &image, rect);
         }
     }
@@ -275,7 +275,7 @@ fn a_place_of_a_larger_texture_is_written_alone() {
     let image = decoder.upload(gpu, &texture.gpu(Stage::default())).unwrap();
     let pool = decoder.decode(gpu, &image, whole(&texture), image.colours()).unwrap();
     let before = wanted(&texture, whole(&texture), image.colours());
-    let rect = Rect { surface: 0, level: 0, x: 65, y: 33, width: 30, height: 20 };
+    let rect = Rect { image: 0, level: 0, x: 65, y: 33, width: 30, height: 20 };
     decoder.decode_into(gpu, &image, rect, image.colours(), &pool, [7, 11]).unwrap();
     let tile = wanted(&texture, rect, image.colours());
     let after = read_back(gpu, &pool);
@@ -349,10 +349,7 @@ fn what_is_not_there_is_refused() {
         refused(Rect { level: 3, ..rect }),
         GpuError::Region(RegionError::NoSuchLevel { level: 3, levels: 3 })
     ));
-    assert!(matches!(
-        refused(Rect { surface: 1, ..rect }),
-        GpuError::Region(RegionError::NoSuchSurface { .. })
-    ));
+    assert!(matches!(refused(Rect { image: 1, ..rect }), GpuError::Region(RegionError::NoSuchImage { .. })));
     for outside in [
         Rect { width: 41, ..rect },
         Rect { y: 30, height: 1, ..rect },

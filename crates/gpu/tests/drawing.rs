@@ -44,7 +44,7 @@ fn an_image_larger_than_a_tile_has_no_seams() {
     let place = glam::Vec4::splat(4.0 * (37.0 + 61.0) / (1 << 19) as f32);
     for size in [(2051, 3), (3, 4099)] {
         let uv = Affine2::from_scale(Vec2::new(20.0, 20.0));
-        let view = View { surface: 0, size, uv, lookup: Lookup::Bilinear { level: 0 } };
+        let view = View { image: 0, size, uv, lookup: Lookup::Bilinear { level: 0 } };
         let found = gpu.read_view(&texture, &view).unwrap();
         let wanted = subject.view(&view, AddressMode::Repeat);
         assert_close(&format!("{size:?}"), &found, &wanted, |_| place);
@@ -111,8 +111,8 @@ fn the_nearer_triangle_hides_the_farther_in_either_order() {
 fn what_does_not_exist_is_refused_by_name() {
     let Some(gpu) = gpu() else { return };
     let texture = bc(vec![image("odd_3x5")], Content::Raw, 0).upload(gpu);
-    let decode = |surface, level, size| gpu.decode(&texture, surface, level, size, Filter::Nearest);
-    assert!(matches!(decode(1, 0, (1, 1)), Err(GpuError::NoSuchSurface { surface: 1, surfaces: 1 })));
+    let decode = |image, level, size| gpu.decode(&texture, image, level, size, Filter::Nearest);
+    assert!(matches!(decode(1, 0, (1, 1)), Err(GpuError::NoSuchImage { image: 1, images: 1 })));
     assert!(matches!(decode(0, 3, (1, 1)), Err(GpuError::NoSuchLevel { level: 3, levels: 3 })));
     assert!(matches!(decode(0, 0, (0, 1)), Err(GpuError::ImageSize { width: 0, height: 1, .. })));
     let mut mesh = sheet(0.5, Vec2::ZERO, Vec2::ONE);
@@ -131,10 +131,10 @@ fn a_damaged_form_is_refused_by_name() {
     form.module = "none";
     assert!(matches!(gpu.upload(&form), Err(GpuError::UnknownModule { module: "none" })));
     let mut form = subject.form();
-    form.surfaces[0].planes.pop();
+    form.images[0].planes.pop();
     assert!(matches!(gpu.upload(&form), Err(GpuError::Form { .. })));
     let mut form = subject.form();
-    form.surfaces[0].uniforms.end -= 4;
+    form.images[0].uniforms.end -= 4;
     assert!(matches!(gpu.upload(&form), Err(GpuError::Form { .. })));
     let mut form = subject.form();
     form.planes[0].data.to_mut().pop();

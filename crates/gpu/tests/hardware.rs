@@ -85,11 +85,11 @@ fn samplers_see_the_texels_of_every_level_as_values_or_as_light() {
     for srgb in [false, true] {
         let view = uploaded.decoded_view(0, srgb).unwrap();
         for level in 0..7 {
-            let size = texture.layout().surfaces[0].at_level(level);
+            let size = texture.layout().images[0].at_level(level);
             let found = texels(gpu, &view, level, (size.width, size.height));
             let row = size.width.next_multiple_of(16) as usize;
             for (y, x) in (0..size.height).flat_map(|y| (0..size.width).map(move |x| (y, x))) {
-                let wanted = texture.texel(ImageAddress { surface: 0, level, x, y }).to_array();
+                let wanted = texture.texel(ImageAddress { image: 0, level, x, y }).to_array();
                 let wanted = wanted.map(|value| if srgb { linear(value) } else { value });
                 let found = found[y as usize * row + x as usize];
                 // Samplers place texels in 1/256 of a texel and convert by tables: two steps of 255 at most.
@@ -108,6 +108,6 @@ fn samplers_see_the_texels_of_every_level_as_values_or_as_light() {
 fn textures_without_plain_texels_name_the_module_that_samples_them() {
     let Some(gpu) = gpu() else { return };
     let blocks = bc(vec![image("odd_37x61")], Content::Raw, 0).upload(gpu);
-    assert!(matches!(blocks.decoded_view(0, true), Err(GpuError::NotDecoded { surface: 0, module: "bc" })));
-    assert!(matches!(blocks.decoded_view(1, true), Err(GpuError::NoSuchSurface { surface: 1, surfaces: 1 })));
+    assert!(matches!(blocks.decoded_view(0, true), Err(GpuError::NotDecoded { image: 0, module: "bc" })));
+    assert!(matches!(blocks.decoded_view(1, true), Err(GpuError::NoSuchImage { image: 1, images: 1 })));
 }

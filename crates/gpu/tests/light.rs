@@ -180,7 +180,7 @@ fn what_cannot_be_drawn_is_refused_by_name() {
     assert!(matches!(draw((0, 8)), Err(GpuError::ImageSize { width: 0, .. })));
     let mut form = texture.gpu();
     assert!(matches!(gpu.upload(&form), Err(GpuError::Form { .. })));
-    form.surfaces[0].planes.pop();
+    form.images[0].planes.pop();
     assert!(matches!(gpu.upload_light(&form), Err(GpuError::Form { .. })));
     form.module = "bc";
     assert!(matches!(gpu.upload_light(&form), Err(GpuError::Form { .. })));

@@ -35,13 +35,13 @@ fn what_cannot_be_bound_together_is_refused_by_name() {
     let Some(gpu) = gpu() else { return };
     let first = vq(&[(8, 8)], 1, 3, Content::Raw).upload(gpu);
     let second = bc(vec![image("odd_3x5")], Content::Raw, 0).upload(gpu);
-    let layer = |prefix, texture, surface| Layer { prefix, texture, surface };
+    let layer = |prefix, texture, image| Layer { prefix, texture, image };
     let refused = gpu.material(0, &[layer("a", &first, 0), layer("a", &second, 0)]);
     assert!(matches!(refused, Err(GpuError::Paste(_))));
     let refused = gpu.material(0, &[layer("A", &first, 0)]);
     assert!(matches!(refused, Err(GpuError::Paste(_))));
     let refused = gpu.material(0, &[layer("a", &first, 0), layer("b", &second, 1)]);
-    assert!(matches!(refused, Err(GpuError::NoSuchSurface { surface: 1, surfaces: 1 })));
+    assert!(matches!(refused, Err(GpuError::NoSuchImage { image: 1, images: 1 })));
     let bound = gpu.material(0, &[layer("a", &first, 0), layer("b", &second, 0)]).unwrap();
     assert!(bound.wgsl().contains("fn b_sample(uv: vec2<f32>)"));
     assert_eq!(bound.places(), [0, 0]);

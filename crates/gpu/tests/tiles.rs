@@ -12,7 +12,7 @@ mod offscreen;
 use glam::{DVec2, DVec4, Vec4};
 use texfold::core::image::{ImageSet, Raster, srgb_to_linear};
 use texfold::core::rng::Rng;
-use texfold::core::{Encoded, Image2d, Rect, SurfaceSize, Texel};
+use texfold::core::{Encoded, Image2d, ImageSize, Rect, Texel};
 use texfold::{AnyImage, Arrived, Arriving, Choice, Effort, EncodeSettings, Goal, Guidance, Job, Limits};
 use texfold_gpu::{AddressMode, Gpu, GpuError, TileCache, TileLook, TileOptions, TileTexture, wgpu};
 use texfold_testkit::{crop, full};
@@ -141,7 +141,7 @@ impl<'g> Renderer<'g> {
 
 /// A texture as the CPU filters it.
 struct Reference {
-    levels: Vec<(SurfaceSize, Vec<DVec4>)>,
+    levels: Vec<(ImageSize, Vec<DVec4>)>,
     look: TileLook,
 }
 
@@ -149,10 +149,10 @@ impl Reference {
     fn new(texture: &dyn Encoded<Domain = Image2d>, look: TileLook) -> Self {
         let layout = texture.layout();
         let level = |level: u32| {
-            let size = layout.surfaces[0].at_level(level);
-            let SurfaceSize { width, height } = size;
+            let size = layout.images[0].at_level(level);
+            let ImageSize { width, height } = size;
             let mut texels = vec![Texel::ZERO; (width * height) as usize];
-            let rect = Rect { surface: 0, level, x: 0, y: 0, width, height };
+            let rect = Rect { image: 0, level, x: 0, y: 0, width, height };
             texture.decode(rect, &mut texels).unwrap();
             let value = |texel: &Texel| {
                 // The pool has 8 bits a sample.
@@ -166,7 +166,7 @@ impl Reference {
     }
 
     fn bilinear(&self, level: usize, uv: DVec2) -> DVec4 {
-        let (SurfaceSize { width, height }, texels) = &self.levels[level];
+        let (ImageSize { width, height }, texels) = &self.levels[level];
         let clamped = self.look.address == AddressMode::Clamp;
         let uv = if clamped { uv.clamp(DVec2::ZERO, DVec2::ONE) } else { uv };
         let at = uv * DVec2::new(f64::from(*width), f64::from(*height)) - 0.5;
@@ -183,7 +183,7 @@ impl Reference {
     }
 
     fn trilinear(&self, uv: DVec2, view: &View) -> DVec4 {
-        let SurfaceSize { width, height } = self.levels[0].0;
+        let ImageSize { width, height } = self.levels[0].0;
         let size = DVec2::new(f64::from(width), f64::from(height));
         let extent = (view.across * size).length().max((view.down * size).length());
         let lod = extent.log2().clamp(0.0, (self.levels.len() - 1) as f64);
@@ -220,7 +220,7 @@ fn options() -> TileOptions {
 }
 
 /// A view of a random place, scale and direction.
-fn random_view(rng: &mut Rng, size: SurfaceSize, levels: u32, texture: TileTexture) -> View {
+fn random_view(rng: &mut Rng, size: ImageSize, levels: u32, texture: TileTexture) -> View {
     let mut unit = || f64::from(rng.below(1 << 20)) / f64::from(1 << 20);
     let scale = (unit() * (f64::from(levels) + 1.0) - 1.5).exp2();
     let angle = unit() * std::f64::consts::TAU;
@@ -248,7 +248,7 @@ fn compare(
 ) {
     let texture = texture.as_encoded();
     let reference = Reference::new(texture, look);
-    let (size, levels) = (texture.layout().surfaces[0], texture.layout().levels);
+    let (size, levels) = (texture.layout().images[0], texture.layout().levels);
     for number in 0..views {
         let view = random_view(rng, size, levels, added);
         let found = renderer.settled(&view);
@@ -333,7 +333,7 @@ fn textures_come_and_go_and_take_nothing_with_them() {
         for index in [0, first[0].index()] {
             renderer.cache.remove(gpu, TileTexture::from_index(index));
         }
-        let view = random_view(&mut rng, SurfaceSize { width: 64, height: 64 }, 1, first[0]);
+        let view = random_view(&mut rng, ImageSize { width: 64, height: 64 }, 1, first[0]);
         assert!(renderer.frame(&view).iter().all(|colour| *colour == Vec4::ZERO));
     }
 }
@@ -363,7 +363,7 @@ fn a_file_that_arrives_in_pieces_shows_what_is_there() {
     assert!(shown.len() > 1 && shown.is_sorted(), "{shown:?}");
     renderer.cache.remove(gpu, added[0]);
     let gone = renderer.cache.replace(gpu, &added, whole.as_encoded());
-    assert!(matches!(gone, Err(GpuError::NoSuchSurface { surface: 0, .. })), "{gone:?}");
+    assert!(matches!(gone, Err(GpuError::NoSuchImage { image: 0, .. })), "{gone:?}");
 }
 
 #[test]

@@ -11,7 +11,7 @@ use crate::support::{
 };
 use glam::{Affine2, IVec2, Mat2, Vec2, Vec4};
 use texfold_bc::Content;
-use texfold_core::SurfaceSize;
+use texfold_core::ImageSize;
 use texfold_core::image::{ColorSpace, Raster};
 use texfold_gpu::{AddressMode, Filter, Gpu, GpuTexture, Lookup, View};
 use texfold_shaders::{Slot, image_modules};
@@ -30,24 +30,17 @@ fn askew() -> Affine2 {
 }
 
 /// Fails where a pixel that the GPU found differs from the CPU's by more than the case allows; returns the largest difference.
-fn check(
-    case: &Case,
-    name: &str,
-    surface: u32,
-    mode: AddressMode,
-    calls: &[Call],
-    found: &[[f32; 4]],
-) -> f32 {
-    let wanted: Vec<Vec4> = calls.iter().map(|&call| case.subject.call(surface, mode, call)).collect();
-    let name = format!("{}, surface {surface}, {mode:?}, {name}", case.name);
-    assert_close(&name, found, &wanted, |index| case.bound(surface, mode, calls[index], wanted[index]))
+fn check(case: &Case, name: &str, image: u32, mode: AddressMode, calls: &[Call], found: &[[f32; 4]]) -> f32 {
+    let wanted: Vec<Vec4> = calls.iter().map(|&call| case.subject.call(image, mode, call)).collect();
+    let name = format!("{}, image {image}, {mode:?}, {name}", case.name);
+    assert_close(&name, found, &wanted, |index| case.bound(image, mode, calls[index], wanted[index]))
 }
 
 /// Draws a view through this crate's pipelines and compares it.
 fn draw(gpu: &Gpu, case: &Case, texture: &GpuTexture, mode: AddressMode, view: &View) -> f32 {
     let found = gpu.read_view(texture, view).unwrap();
     let name = format!("{:?} {:?}", view.uv, view.lookup);
-    check(case, &name, view.surface, mode, &calls_of(view), &found)
+    check(case, &name, view.image, mode, &calls_of(view), &found)
 }
 
 /// Calls functions as a renderer pastes them, and compares the results.
@@ -55,12 +48,12 @@ fn call(
     (gpu, switches): (&Gpu, Switches),
     case: &Case,
     texture: &GpuTexture,
-    surface: u32,
+    image: u32,
     mode: AddressMode,
     calls: &[Call],
 ) {
-    let found = answers(gpu, texture, surface, switches, calls);
-    check(case, &format!("pasted, switches {switches:?}"), surface, mode, calls, &found);
+    let found = answers(gpu, texture, image, switches, calls);
+    check(case, &format!("pasted, switches {switches:?}"), image, mode, calls, &found);
 }
 
 /// The cases that this crate's own pipelines draw: all in full runs, otherwise the first of each module and set of switches, which
@@ -82,9 +75,9 @@ fn draw_all(case: &Case, lookups: &[Lookup]) {
     let mut largest = 0f32;
     for mode in MODES {
         let texture = case.subject.upload(gpu).with_address_mode(mode);
-        for surface in 0..texture.surfaces() as u32 {
+        for image in 0..texture.images() as u32 {
             for &lookup in lookups {
-                let view = View { surface, size: SIZE, uv: askew(), lookup };
+                let view = View { image, size: SIZE, uv: askew(), lookup };
                 largest = largest.max(draw(gpu, case, &texture, mode, &view));
             }
         }
@@ -104,9 +97,7 @@ fn every_module_of_images_has_a_case() {
                 let own = texfold_shaders::module(form.module).into_iter().flat_map(|module| module.switches);
                 let own = own.filter(|own| own.constant == switch.constant);
                 let is_on = |own: &texfold_shaders::Switch| {
-                    form.surfaces
-                        .iter()
-                        .any(|surface| own.is_needed(&form.uniforms[surface.uniforms.clone()]))
+                    form.images.iter().any(|image| own.is_needed(&form.uniforms[image.uniforms.clone()]))
                 };
                 own.into_iter().any(is_on)
             };
@@ -121,17 +112,17 @@ fn own_pipelines_fetch_the_texels_of_the_cpu() {
     for case in drawn_cases(gpu) {
         let texture = case.subject.upload(gpu);
         let layout = case.subject.layout();
-        for (surface, size) in (0..).zip(&layout.surfaces) {
+        for (image, size) in (0..).zip(&layout.images) {
             for level in 0..layout.levels {
                 let size = size.at_level(level);
                 // Wider and higher than the level: what lies outside is the nearest texel inside.
-                let fetch = View::whole(surface, (size.width + 3, size.height + 2), Lookup::Fetch { level });
+                let fetch = View::whole(image, (size.width + 3, size.height + 2), Lookup::Fetch { level });
                 draw(gpu, case, &texture, AddressMode::Clamp, &fetch);
             }
             let size = (size.width, size.height);
-            let found = gpu.decode(&texture, surface, 0, size, Filter::Nearest).unwrap();
-            let fetch = View::whole(surface, size, Lookup::Fetch { level: 0 });
-            check(case, "decoded", surface, AddressMode::Clamp, &calls_of(&fetch), &found);
+            let found = gpu.decode(&texture, image, 0, size, Filter::Nearest).unwrap();
+            let fetch = View::whole(image, size, Lookup::Fetch { level: 0 });
+            check(case, "decoded", image, AddressMode::Clamp, &calls_of(&fetch), &found);
         }
     }
 }
@@ -166,7 +157,7 @@ fn derivatives_choose_the_level_that_the_cpu_computes() {
         let form = case.subject.form();
         // A case with mip levels of each module, and one that is stored smaller than it is.
         let reduced = texfold_shaders::module(form.module).is_some_and(|module| {
-            let params = &form.uniforms[form.surfaces[0].uniforms.clone()];
+            let params = &form.uniforms[form.images[0].uniforms.clone()];
             module.may_be_reduced && module.switches[0].is_needed(params)
         });
         if case.subject.layout().levels < 2 || !drawn.insert((form.module, reduced)) {
@@ -174,13 +165,13 @@ fn derivatives_choose_the_level_that_the_cpu_computes() {
         }
         for mode in MODES {
             let texture = case.subject.upload(gpu).with_address_mode(mode);
-            let surface = texture.surfaces() as u32 - 1;
+            let image = texture.images() as u32 - 1;
             // The last of them longer than wide, so that a pixel of a zipmap is the mean of several.
             for zoom in [0.125, 1.0, 8.0].map(Vec2::splat).into_iter().chain([Vec2::new(0.125, 1.0)]) {
                 let scaled = Affine2::from_scale(zoom) * askew();
                 let uv =
                     Affine2 { translation: Vec2::splat(0.5) - scaled.matrix2 * Vec2::splat(0.5), ..scaled };
-                let view = View { surface, size: SIZE, uv, lookup: Lookup::Derivative };
+                let view = View { image, size: SIZE, uv, lookup: Lookup::Derivative };
                 draw(gpu, case, &texture, mode, &view);
             }
         }
@@ -201,18 +192,18 @@ fn calls_at(places: &[Vec2], levels: u32) -> Vec<Call> {
 }
 
 /// Every texel of every level, and some around it: what lies outside is the nearest texel inside.
-fn fetches(case: &Case, surface: u32) -> Vec<Call> {
+fn fetches(case: &Case, image: u32) -> Vec<Call> {
     let layout = case.subject.layout();
     let of = |level: u32| {
-        let size = layout.surfaces[surface as usize].at_level(level);
-        calls_of(&View::whole(surface, (size.width + 3, size.height + 2), Lookup::Fetch { level }))
+        let size = layout.images[image as usize].at_level(level);
+        calls_of(&View::whole(image, (size.width + 3, size.height + 2), Lookup::Fetch { level }))
     };
     (0..layout.levels).flat_map(of).collect()
 }
 
 /// Quarters of texels from one texel before the image to one behind it, along both diagonals; none where sides are no powers of two:
 /// edges and centres of texels are then no exact coordinates.
-fn edges(size: SurfaceSize) -> Vec<Vec2> {
+fn edges(size: ImageSize) -> Vec<Vec2> {
     if !(size.width.is_power_of_two() && size.height.is_power_of_two() && size.width * size.height > 64) {
         return Vec::new();
     }
@@ -234,7 +225,7 @@ fn any_numbers() -> Vec<Vec2> {
 #[test]
 fn pasted_shaders_give_the_texels_of_the_cpu() {
     let Some(gpu) = gpu() else { return };
-    let view = View { surface: 0, size: SIZE, uv: askew(), lookup: Lookup::Bilinear { level: 0 } };
+    let view = View { image: 0, size: SIZE, uv: askew(), lookup: Lookup::Bilinear { level: 0 } };
     let place = |call: &Call| if let Call::Bilinear { uv, .. } = call { *uv } else { Vec2::ZERO };
     let inside: Vec<Vec2> = calls_of(&view).iter().map(place).chain(any_numbers()).collect();
     let with_all: Vec<&Case> = drawn_cases(gpu);
@@ -245,16 +236,16 @@ fn pasted_shaders_give_the_texels_of_the_cpu() {
         let layout = case.subject.layout();
         for mode in MODES {
             let texture = case.subject.upload(gpu).with_address_mode(mode);
-            for (surface, &size) in (0..).zip(&layout.surfaces) {
+            for (image, &size) in (0..).zip(&layout.images) {
                 let edges = edges(size);
                 if !edges.is_empty() {
                     with_edges.lock().unwrap().insert(case.subject.form().module);
                 }
                 let mut calls = calls_at(&[inside.as_slice(), &edges].concat(), layout.levels);
                 if mode == AddressMode::Clamp {
-                    calls.extend(fetches(case, surface));
+                    calls.extend(fetches(case, image));
                 }
-                call((gpu, switches), case, &texture, surface, mode, &calls);
+                call((gpu, switches), case, &texture, image, mode, &calls);
             }
         }
     });
@@ -285,7 +276,7 @@ fn the_cpu_gives_a_colour_for_any_coordinate_and_level() {
 fn textures_of_8192_texels_a_side_are_drawn_as_on_the_cpu() {
     let Some(gpu) = gpu() else { return };
     for case in wide_cases() {
-        let size = case.subject.layout().surfaces[0];
+        let size = case.subject.layout().images[0];
         assert_eq!((size.width, size.height), (8192, 8));
         // Eighths of texels around both ends, the middle, and the borders of blocks.
         let near = [0, 8192, 4096, 8160, 4095]
@@ -325,11 +316,11 @@ fn a_long_sequence_fills_several_columns_of_the_index_plane() {
     let subject = vq(&[(40, 40); 1000], 1, 3, Content::Raw);
     assert!(subject.form().planes.iter().any(|plane| plane.part == "index" && plane.width > 10));
     let texture = subject.upload(gpu);
-    for surface in [0, 1, 2, 818, 819, 999] {
-        let view = View::whole(surface, (40, 40), Lookup::Nearest { level: 0 });
+    for image in [0, 1, 2, 818, 819, 999] {
+        let view = View::whole(image, (40, 40), Lookup::Nearest { level: 0 });
         let wanted = subject.view(&view, AddressMode::Clamp);
         let found = gpu.read_view(&texture, &view).unwrap();
-        assert_close(&format!("frame {surface}"), &found, &wanted, |_| Vec4::splat(STORED));
+        assert_close(&format!("frame {image}"), &found, &wanted, |_| Vec4::splat(STORED));
     }
 }
 
@@ -340,8 +331,8 @@ fn a_long_map_has_longer_rows() {
     let case = epitome_case("long", Forge { split: false, ..forge });
     assert!(case.subject.form().planes[0].width > 64);
     let texture = case.subject.upload(gpu);
-    for surface in [0, 1] {
-        let view = View { surface, size: (61, 67), uv: askew(), lookup: Lookup::Nearest { level: 0 } };
+    for image in [0, 1] {
+        let view = View { image, size: (61, 67), uv: askew(), lookup: Lookup::Nearest { level: 0 } };
         draw(gpu, &case, &texture, AddressMode::Clamp, &view);
     }
 }

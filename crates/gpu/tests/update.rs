@@ -46,21 +46,19 @@ fn compare(gpu: &Gpu, case: &Case, texture: &GpuTexture) {
     };
     let layout = case.subject.layout();
     let mode = AddressMode::Repeat;
-    for (surface, size) in (0..).zip(&layout.surfaces) {
-        let mut views =
-            vec![View { surface, size: (64, 64), uv: askew, lookup: Lookup::Level { lod: 0.75 } }];
+    for (image, size) in (0..).zip(&layout.images) {
+        let mut views = vec![View { image, size: (64, 64), uv: askew, lookup: Lookup::Level { lod: 0.75 } }];
         for level in 0..layout.levels {
             let size = size.at_level(level);
-            views.push(View::whole(surface, (size.width, size.height), Lookup::Fetch { level }));
+            views.push(View::whole(image, (size.width, size.height), Lookup::Fetch { level }));
         }
         for view in views {
             let calls = calls_of(&view);
-            let wanted: Vec<Vec4> =
-                calls.iter().map(|&call| case.subject.call(surface, mode, call)).collect();
+            let wanted: Vec<Vec4> = calls.iter().map(|&call| case.subject.call(image, mode, call)).collect();
             let name = format!("{}, {:?}", case.name, view.lookup);
             let found = gpu.read_view(texture, &view).unwrap();
             assert_close(&name, &found, &wanted, |index| {
-                case.bound(surface, mode, calls[index], wanted[index])
+                case.bound(image, mode, calls[index], wanted[index])
             });
         }
     }

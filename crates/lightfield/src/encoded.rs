@@ -10,8 +10,8 @@ use glam::Vec3;
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::SectionWriter;
 use texfold_core::{
-    Access, CodecId, Domain, Encoded, Footprint, GpuDct, GpuForm, Layers, LightAddress, LightLayout, Notes,
-    Plane, PlaneFormat, RegionError, SurfaceBinding, SurfaceLight, Texel, TextureCodec,
+    Access, CodecId, Domain, Encoded, Footprint, GpuDct, GpuForm, ImageBinding, Layers, LightAddress,
+    LightLayout, Notes, Plane, PlaneFormat, RegionError, SurfaceLight, Texel, TextureCodec,
 };
 use texfold_dct::DctContent;
 
@@ -336,8 +336,8 @@ impl Encoded for LightTexture {
             }
         }
         let uniforms = bytemuck::bytes_of(&self.params).to_vec();
-        let binding = SurfaceBinding { planes: bound, uniforms: 0..uniforms.len(), surface: 0 };
-        GpuForm { planes, uniforms, surfaces: vec![binding], blocks, ..GpuForm::new("lightfield") }
+        let binding = ImageBinding { planes: bound, uniforms: 0..uniforms.len(), image: 0 };
+        GpuForm { planes, uniforms, images: vec![binding], blocks, ..GpuForm::new("lightfield") }
     }
 
     fn notes(&self) -> &Notes {

@@ -3,7 +3,7 @@
 use texfold_bc::ContentPlanes;
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
 use texfold_core::sample::TEXFOLD_RGBA;
-use texfold_core::{ImageLayout, Rect, SurfaceSize, Texel};
+use texfold_core::{ImageLayout, ImageSize, Rect, Texel};
 use texfold_dct::DctContent;
 
 use crate::Mesh;
@@ -73,22 +73,22 @@ impl TermRows {
     }
 
     /// The bands that have rows: which atlas, first row, and size.
-    pub(crate) fn images(&self) -> impl Iterator<Item = (Atlas, u32, SurfaceSize)> + use<> {
+    pub(crate) fn images(&self) -> impl Iterator<Item = (Atlas, u32, ImageSize)> + use<> {
         let bands = [Atlas::Surface, Atlas::View].into_iter().zip(self.bands).zip(self.widths);
-        let image = |((atlas, (row, height)), width)| (atlas, row, SurfaceSize { width, height });
+        let image = |((atlas, (row, height)), width)| (atlas, row, ImageSize { width, height });
         bands.map(image).filter(|(_, _, size)| size.height > 0)
     }
 
     /// The layout of the term's images; `None` where no vertex has the term.
     pub(crate) fn layout(&self) -> Option<ImageLayout> {
-        let surfaces: Vec<SurfaceSize> = self.images().map(|(_, _, size)| size).collect();
-        (!surfaces.is_empty()).then(|| atlas_layout(surfaces))
+        let images: Vec<ImageSize> = self.images().map(|(_, _, size)| size).collect();
+        (!images.is_empty()).then(|| atlas_layout(images))
     }
 }
 
 /// Layout of maps in blocks: no mip levels.
-pub(crate) fn atlas_layout(surfaces: Vec<SurfaceSize>) -> ImageLayout {
-    ImageLayout { surfaces, levels: 1, pixel: PIXEL }
+pub(crate) fn atlas_layout(images: Vec<ImageSize>) -> ImageLayout {
+    ImageLayout { images, levels: 1, pixel: PIXEL }
 }
 
 /// What a light field is put together of.
@@ -184,14 +184,14 @@ impl Parts {
 }
 
 /// Decodes an image to the texels that begin at its first row.
-fn decode_band(content: &DctContent, surface: u32, out: &mut [Texel]) {
-    let Some(&SurfaceSize { width, height }) = content.layout().surfaces.get(surface as usize) else {
+fn decode_band(content: &DctContent, image: u32, out: &mut [Texel]) {
+    let Some(&ImageSize { width, height }) = content.layout().images.get(image as usize) else {
         return;
     };
     let texels = out.len().min(width as usize * height as usize);
     let rows = out[..texels].chunks_mut(width as usize * DECODED_ROWS as usize);
     for (y, out) in (0..height).step_by(DECODED_ROWS as usize).zip(rows) {
-        let rect = Rect { surface, level: 0, x: 0, y, width, height: DECODED_ROWS.min(height - y) };
+        let rect = Rect { image, level: 0, x: 0, y, width, height: DECODED_ROWS.min(height - y) };
         // The rows lie inside of the image.
         let _ = content.decode(rect, out);
     }

@@ -8,7 +8,7 @@ use glam::Vec3;
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::ContentId;
 use texfold_core::container::{Notes, Reader, SectionWriter, Sections};
-use texfold_core::{Budget, LoadError, String4, SurfaceSize, Texel};
+use texfold_core::{Budget, ImageSize, LoadError, String4, Texel};
 use texfold_dct::DctContent;
 
 use crate::Mesh;
@@ -259,7 +259,7 @@ fn load_blocks(
         take_texels(size, budget)?;
     }
     let (width, height) = sizes[0];
-    let of_mean = atlas_layout(vec![SurfaceSize { width, height }]);
+    let of_mean = atlas_layout(vec![ImageSize { width, height }]);
     let mean = DctContent::load_whole(&of_mean, ContentId::ONLY, file, budget)?;
     let mut contents = Vec::new();
     for term in 0..terms {

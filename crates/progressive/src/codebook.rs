@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use texfold_bc::ContentPlanes;
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
-use texfold_core::{Cached, SurfaceSize, Texel, WordRows};
+use texfold_core::{Cached, ImageSize, Texel, WordRows};
 
 /// Name of the map in a footprint.
 pub(crate) const MAP_PART: &str = "map";
@@ -161,13 +161,13 @@ impl MapForm {
     }
 
     /// Columns and rows of blocks that cover a level of that size.
-    pub(crate) fn blocks_of(self, size: SurfaceSize) -> (u32, u32) {
+    pub(crate) fn blocks_of(self, size: ImageSize) -> (u32, u32) {
         let side = 1 << self.side_log2;
         (size.width.div_ceil(side), size.height.div_ceil(side))
     }
 
     /// Blocks of all levels of an image.
-    pub(crate) fn blocks(self, size: SurfaceSize, levels: u32) -> u64 {
+    pub(crate) fn blocks(self, size: ImageSize, levels: u32) -> u64 {
         let of_level = |level| {
             let (columns, rows) = self.blocks_of(size.at_level(level));
             u64::from(columns) * u64::from(rows)

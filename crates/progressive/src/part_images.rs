@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 use texfold_core::image::{ColorSpace, PixelInfo, Raster};
-use texfold_core::{SurfaceSize, Texel};
+use texfold_core::{ImageSize, Texel};
 
 use texfold_residual::{BLOCK_SIDE, blocks_of};
 
@@ -39,27 +39,27 @@ pub struct PartImages {
 #[must_use]
 pub fn part_images(texture: &ProgressiveTexture) -> Option<PartImages> {
     let mut parts = PartImages::default();
-    let surfaces = &texture.stored().surfaces;
-    for (surface, &size) in surfaces.iter().enumerate() {
-        let view = texture.view(surface as u32);
+    let images = &texture.stored().images;
+    for (image, &size) in images.iter().enumerate() {
+        let view = texture.view(image as u32);
         let [width, height] = view.residual.params.base_size;
         parts
             .bases
             .push(Raster::from_texels(width, height, texture.stored().pixel, &view.residual.base[0]).ok()?);
-        if !texture.classes(surface as u32).is_empty() {
-            parts.bits.push(draw_bits(texture, surface as u32, size)?);
+        if !texture.classes(image as u32).is_empty() {
+            parts.bits.push(draw_bits(texture, image as u32, size)?);
         }
     }
     let Some(details) = texture.details() else { return Some(parts) };
     let entries: Vec<Vec<Entry>> =
         details.maps.iter().map(|map| map.entries(details.form).collect()).collect();
-    for (&size, entries) in surfaces.iter().zip(&entries) {
+    for (&size, entries) in images.iter().zip(&entries) {
         parts.sources.push(draw_sources(details, entries, size)?);
     }
     for (private, book) in [(false, &details.public), (true, &details.private)] {
         let Some(book) = book else { continue };
         parts.codebooks.push(draw_codebook(book)?);
-        let sizes = surfaces.iter().copied().zip(&entries);
+        let sizes = images.iter().copied().zip(&entries);
         let counts = count_reads(details, private, book.size(), sizes);
         parts.usage.push(draw_usage(book.size(), &counts)?);
     }
@@ -67,7 +67,7 @@ pub fn part_images(texture: &ProgressiveTexture) -> Option<PartImages> {
 }
 
 /// An image of such colours.
-fn draw(size: SurfaceSize, color: impl Fn(u32, u32) -> Vec3) -> Option<Raster> {
+fn draw(size: ImageSize, color: impl Fn(u32, u32) -> Vec3) -> Option<Raster> {
     let info = PixelInfo { channels: 3, color: ColorSpace::Srgb, ..PixelInfo::default() };
     let texels: Vec<Texel> = (0..size.height)
         .flat_map(|y| (0..size.width).map(move |x| (x, y)))
@@ -76,16 +76,16 @@ fn draw(size: SurfaceSize, color: impl Fn(u32, u32) -> Vec3) -> Option<Raster> {
     Raster::from_texels(size.width, size.height, info, &texels).ok()
 }
 
-fn draw_bits(texture: &ProgressiveTexture, surface: u32, size: SurfaceSize) -> Option<Raster> {
+fn draw_bits(texture: &ProgressiveTexture, image: u32, size: ImageSize) -> Option<Raster> {
     let (columns, rows) = blocks_of(size);
-    let classes = texture.classes(surface);
+    let classes = texture.classes(image);
     let classes = classes.get(..(columns * rows) as usize)?;
     let most = classes.iter().copied().max().unwrap_or(0).max(1);
     let class = |x: u32, y: u32| classes[(y / BLOCK_SIDE * columns + x / BLOCK_SIDE) as usize];
     Raster::heat_map(size, |x, y| f32::from(class(x, y)) / f32::from(most)).ok()
 }
 
-fn draw_sources(details: &Details, entries: &[Entry], size: SurfaceSize) -> Option<Raster> {
+fn draw_sources(details: &Details, entries: &[Entry], size: ImageSize) -> Option<Raster> {
     let side = 1u32 << details.form.side_log2;
     let columns = size.width.div_ceil(side);
     let public_rows = details.public.as_ref().map_or(0, |book| book.size().1);
@@ -100,7 +100,7 @@ fn draw_sources(details: &Details, entries: &[Entry], size: SurfaceSize) -> Opti
 fn draw_codebook(book: &Codebook) -> Option<Raster> {
     let (width, height) = book.size();
     let values = book.values();
-    draw(SurfaceSize { width, height }, |x, y| {
+    draw(ImageSize { width, height }, |x, y| {
         Vec3::splat(0.5 + 0.5 * values[y as usize * width as usize + x as usize])
     })
 }
@@ -110,7 +110,7 @@ fn count_reads<'e>(
     details: &Details,
     private: bool,
     (width, height): (u32, u32),
-    images: impl Iterator<Item = (SurfaceSize, &'e Vec<Entry>)>,
+    images: impl Iterator<Item = (ImageSize, &'e Vec<Entry>)>,
 ) -> Vec<u32> {
     let (form, side) = (details.form, 1u32 << details.form.side_log2);
     let public_rows = details.public.as_ref().map_or(0, |book| book.size().1);
@@ -139,7 +139,7 @@ fn count_reads<'e>(
 
 fn draw_usage((width, height): (u32, u32), counts: &[u32]) -> Option<Raster> {
     let most = counts.iter().copied().max().unwrap_or(0).max(2) as f32;
-    draw(SurfaceSize { width, height }, |x, y| match counts[y as usize * width as usize + x as usize] {
+    draw(ImageSize { width, height }, |x, y| match counts[y as usize * width as usize + x as usize] {
         0 => Vec3::ZERO,
         count => Vec3::splat(DARKEST + (1.0 - DARKEST) * (count as f32).log2() / most.log2()),
     })
@@ -197,7 +197,7 @@ mod tests {
             gain_unit: 9,
             maps: vec![crate::codebook::EntryMap::new(&entries, form)],
         };
-        let size = SurfaceSize { width: 24, height: 16 };
+        let size = ImageSize { width: 24, height: 16 };
         let reads = |private, (width, height)| {
             count_reads(&details, private, (width, height), [(size, &entries)].into_iter())
         };

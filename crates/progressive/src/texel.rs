@@ -9,8 +9,8 @@ use texfold_core::address::{TEXFOLD_CLAMP, texfold_inside, texfold_level_size};
 use texfold_core::container::{SectionWriter, Sections, read_layout, write_layout};
 use texfold_core::sample::texfold_bilinear;
 use texfold_core::{
-    Budget, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout, Layers,
-    LoadError, Notes, Plane, Rect, Refine, RegionError, SurfaceBinding, Texel, TextureCodec, word_plane,
+    Budget, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageBinding, ImageLayout,
+    Layers, LoadError, Notes, Plane, Rect, Refine, RegionError, Texel, TextureCodec, word_plane,
 };
 use texfold_residual::{RateModel, ResidualContent};
 
@@ -53,8 +53,8 @@ impl ProgressiveTexture {
         details: Option<Details>,
         notes: Notes,
     ) -> Self {
-        let params = |surface: usize| params_of(&layout, &content, details.as_ref(), surface);
-        let params = (0..layout.surfaces.len()).map(params).collect();
+        let params = |image: usize| params_of(&layout, &content, details.as_ref(), image);
+        let params = (0..layout.images.len()).map(params).collect();
         ProgressiveTexture { layout, content, details, params, notes }
     }
 
@@ -102,8 +102,8 @@ impl ProgressiveTexture {
     /// Rate class of each block of an image, level after level, each row by row; nothing where no residual plane is
     /// loaded.
     #[must_use]
-    pub fn classes(&self, surface: u32) -> Vec<u8> {
-        self.content.classes(surface)
+    pub fn classes(&self, image: u32) -> Vec<u8> {
+        self.content.classes(image)
     }
 
     /// The levels that are stored.
@@ -146,9 +146,9 @@ impl ProgressiveTexture {
     /// One image as the shader sees it; the last where there is no such image.
     #[must_use]
     #[inline]
-    pub fn view(&self, surface: u32) -> ProgressiveView<'_> {
-        let place = (surface as usize).min(self.params.len().saturating_sub(1));
-        let residual = self.content.view(surface);
+    pub fn view(&self, image: u32) -> ProgressiveView<'_> {
+        let place = (image as usize).min(self.params.len().saturating_sub(1));
+        let residual = self.content.view(image);
         let params = self.params[place];
         let Some(details) = &self.details else {
             return ProgressiveView { params, residual, entries: &[], codebooks: [&[], &[]] };
@@ -170,9 +170,9 @@ fn params_of(
     layout: &ImageLayout,
     content: &ResidualContent,
     details: Option<&Details>,
-    surface: usize,
+    image: usize,
 ) -> TexfoldProgressiveParams {
-    let size = layout.surfaces[surface];
+    let size = layout.images[image];
     TexfoldProgressiveParams {
         size: [size.width, size.height],
         levels: layout.levels,
@@ -180,7 +180,7 @@ fn params_of(
         shrink_log2: content.form().shrink_log2,
         map_form: details.map_or(0, |details| details.form.packed()),
         gain_unit: details.map_or(0.0, Details::unit),
-        entry_row_log2: details.map_or(0, |details| details.maps[surface].row_log2),
+        entry_row_log2: details.map_or(0, |details| details.maps[image].row_log2),
         codebooks: details.map_or([0; 4], Details::sizes),
     }
 }
@@ -204,7 +204,7 @@ impl Encoded for ProgressiveTexture {
     fn texel(&self, at: ImageAddress) -> Texel {
         let clamp = |value: u32| i32::try_from(value).unwrap_or(i32::MAX);
         let level = at.level.min(self.layout.levels - 1);
-        texfold_progressive_fetch(&self.view(at.surface), IVec2::new(clamp(at.x), clamp(at.y)), level)
+        texfold_progressive_fetch(&self.view(at.image), IVec2::new(clamp(at.x), clamp(at.y)), level)
     }
 
     fn decode(&self, region: Rect, out: &mut [Texel]) -> Result<(), RegionError> {
@@ -235,12 +235,12 @@ impl Encoded for ProgressiveTexture {
     fn gpu(&self) -> GpuForm<'_> {
         let mut form = GpuForm::new("progressive");
         let books = self.push_codebooks(&mut form.planes);
-        for (surface, params) in self.params.iter().enumerate() {
-            let residual = self.content.push_planes(surface, &mut form.planes);
+        for (image, params) in self.params.iter().enumerate() {
+            let residual = self.content.push_planes(image, &mut form.planes);
             // Of what there is none, any is bound.
             let mut map = residual[0];
             if let Some(details) = &self.details {
-                let entries = &details.maps[surface];
+                let entries = &details.maps[image];
                 map = form.planes.len();
                 form.planes.push(word_plane(MAP_PART, &entries.words, entries.row_log2));
             }
@@ -248,8 +248,8 @@ impl Encoded for ProgressiveTexture {
             let planes = [&[map, public, private], residual.as_slice()].concat();
             let start = form.uniforms.len();
             form.uniforms.extend(bytemuck::bytes_of(params));
-            form.uniforms.extend(self.content.uniforms(surface));
-            form.surfaces.push(SurfaceBinding { planes, uniforms: start..form.uniforms.len(), surface: 0 });
+            form.uniforms.extend(self.content.uniforms(image));
+            form.images.push(ImageBinding { planes, uniforms: start..form.uniforms.len(), image: 0 });
         }
         form
     }
@@ -274,7 +274,7 @@ impl ProgressiveTexture {
     pub(crate) fn decode_stored(&self, region: Rect, out: &mut [Texel]) {
         self.content.decode_base(region, out);
         if self.details.is_some() {
-            add_details(&self.view(region.surface), region, out);
+            add_details(&self.view(region.image), region, out);
         }
         self.content.add_residual(region, out);
     }
@@ -282,7 +282,7 @@ impl ProgressiveTexture {
     /// The texels of a region of a level that is not stored, equal to
     /// [`crate::decode::texfold_progressive_texel`] texel by texel.
     fn decode_upsampled(&self, region: Rect, out: &mut [Texel]) {
-        let view = self.view(region.surface);
+        let view = self.view(region.image);
         let full = texfold_level_size(UVec2::from(view.params.size), region.level).as_vec2();
         let size = UVec2::from(view.residual.params.size);
         let tap = |x: u32, y: u32| {
@@ -291,7 +291,7 @@ impl ProgressiveTexture {
         };
         let last = (region.x + region.width - 1, region.y + region.height - 1);
         let (low, high) = (tap(region.x, region.y).low, tap(last.0, last.1).high);
-        let texels = self.decode_padded(region.surface, low, high);
+        let texels = self.decode_padded(region.image, low, high);
         let width = (high.x - low.x + 1) as usize;
         let columns: Vec<_> = (region.x..=last.0).map(|x| tap(x, region.y)).collect();
         for (y, line) in (region.y..).zip(out.chunks_exact_mut(region.width as usize)) {
@@ -307,12 +307,12 @@ impl ProgressiveTexture {
     }
 
     /// The texels from `low` to `high` of the finest stored level, row by row. Both lie inside or a texel beyond a border.
-    fn decode_padded(&self, surface: u32, low: IVec2, high: IVec2) -> Vec<Texel> {
-        let view = self.view(surface);
+    fn decode_padded(&self, image: u32, low: IVec2, high: IVec2) -> Vec<Texel> {
+        let view = self.view(image);
         let size = UVec2::from(view.residual.params.size);
         let (first, last) = (texfold_inside(low, size), texfold_inside(high, size));
         let (width, height) = (last.x - first.x + 1, last.y - first.y + 1);
-        let stored = Rect { surface, level: 0, x: first.x, y: first.y, width, height };
+        let stored = Rect { image, level: 0, x: first.x, y: first.y, width, height };
         let mut inside = vec![Texel::ZERO; Image2d::len(stored)];
         self.decode_stored(stored, &mut inside);
         if first.as_ivec2() == low && last.as_ivec2() == high {

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::ContentId;
 use texfold_core::container::{Reader, SectionWriter, Sections};
-use texfold_core::{Budget, ImageLayout, LoadError, Plane, String4, SurfaceBinding, Texel, WordRows};
+use texfold_core::{Budget, ImageBinding, ImageLayout, LoadError, Plane, String4, Texel, WordRows};
 use texfold_residual::ResidualContent;
 
 use crate::codebook::{
@@ -26,7 +26,7 @@ const MAP_ID: [u8; 4] = *b"PRMP";
 const IMAGE_BYTES: u64 = (2 * size_of::<TexfoldProgressiveParams>()
     + size_of::<EntryMap>()
     + size_of::<Plane<'_>>()
-    + size_of::<SurfaceBinding>()
+    + size_of::<ImageBinding>()
     // Heap blocks of at least 64 bytes: words, indices of bound planes.
     + 2 * 64) as u64;
 
@@ -66,7 +66,7 @@ pub(crate) fn load(
     public: Option<&Codebook>,
     budget: &mut Budget,
 ) -> Result<(ResidualContent, Option<Details>), LoadError> {
-    budget.take(layout.surfaces.len() as u64 * IMAGE_BYTES)?;
+    budget.take(layout.images.len() as u64 * IMAGE_BYTES)?;
     let content = ResidualContent::load(layout, CONTENT, file, budget)?;
     let details = read_details(content.layout(), public, file, budget)?;
     Ok((content, details))
@@ -153,7 +153,7 @@ fn read_details(
         height => Some(Arc::new(read_codebook((sizes[2], height), file, budget)?)),
     };
     let mut maps = Vec::new();
-    for &size in &layout.surfaces {
+    for &size in &layout.images {
         let blocks = form.blocks(size, layout.levels);
         let map = read_map(blocks, form, &mut reader, budget)?;
         if map.entries(form).any(|entry| entry.row >= sizes[1] + sizes[3]) {

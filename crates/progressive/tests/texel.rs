@@ -5,11 +5,11 @@
 use texfold_bc::{Bc, BcParams, Content};
 use texfold_core::container::{SectionWriter, Sections};
 use texfold_core::image::{Alpha, ColorSpace, ImageSet, MipFilter, PixelInfo, Raster, mip_chain};
-use texfold_core::metric::{alpha_error, color_error, decode_surface, measure, quality};
+use texfold_core::metric::{alpha_error, color_error, decode_image, measure, quality};
 use texfold_core::target::Measured;
 use texfold_core::{
-    Budget, Domain, Effort, EncodeError, Encoded, Encoder, Goal, Image2d, ImageAddress, Job, Layers,
-    LoadError, Metric, Rect, Refine, SharedSearch, SurfaceSize, Texel, TextureCodec,
+    Budget, Domain, Effort, EncodeError, Encoded, Encoder, Goal, Image2d, ImageAddress, ImageSize, Job,
+    Layers, LoadError, Metric, Rect, Refine, SharedSearch, Texel, TextureCodec,
 };
 use texfold_progressive::{APRON, Progressive, ProgressiveParams, ProgressiveTexture, Shared};
 use texfold_residual::encode::counted_error;
@@ -71,7 +71,7 @@ fn each_metric_is_best_by_its_own_count() {
         for bpp in [0.5, 1.0, 2.0] {
             let made = [Metric::Psnr, Metric::Perceptual].map(|metric| {
                 let texture = encode(&set, &fast(Goal::Bpp(bpp)).with_metric(metric));
-                let decoded: Vec<Texel> = decode_surface(&texture, 0, 0).unwrap().texels().collect();
+                let decoded: Vec<Texel> = decode_image(&texture, 0, 0).unwrap().texels().collect();
                 [Metric::Psnr, Metric::Perceptual].map(|by| counted_error(&set.images()[0], &decoded, by))
             });
             let [squares, eye] = made;
@@ -120,7 +120,7 @@ fn every_level_is_as_good_as_the_goal_asks() {
     assert_eq!(texture.layout().levels, levels);
     let chain = mip_chain(&set.images()[0], levels, MipFilter::Box);
     for (level, wanted) in chain.iter().enumerate() {
-        let decoded = decode_surface(&texture, 0, level as u32).unwrap();
+        let decoded = decode_image(&texture, 0, level as u32).unwrap();
         let psnr = color_error(wanted, &decoded).psnr();
         // The same price of a bit everywhere: a level of few texels may be a little worse than the first, one of less than a block more.
         let least = if wanted.size().width < 8 { 32.0 } else { 33.0 };
@@ -145,7 +145,7 @@ fn a_prefix_is_the_enlarged_base_and_takes_the_errors_as_they_arrive() {
     let part = Sections::parse(&file[..end], &mut budget).unwrap();
     let mut loaded = load(&part, &mut budget).unwrap();
     assert_eq!(loaded.layers(), Layers { loaded: 1, total: 2 });
-    assert_eq!(decode_surface(&loaded, 0, 0), decode_surface(&texture.first_layers(1), 0, 0));
+    assert_eq!(decode_image(&loaded, 0, 0), decode_image(&texture.first_layers(1), 0, 0));
     let psnr = measure(&set, &loaded).psnr;
     assert!(psnr > 18.0 && psnr < 36.0, "{psnr}");
     // What the notes say of the whole without its residual plane is what the prefix decodes to.
@@ -200,7 +200,7 @@ fn an_image_that_its_base_holds_has_no_residual_plane() {
     let texture = encode(&set, &fast(Goal::Psnr(40.0)));
     assert_eq!(texture.layers(), Layers { loaded: 1, total: 1 });
     assert!(texture.notes().verdict.contains("alone"), "{}", texture.notes().verdict);
-    let at = |x, y| texture.texel(ImageAddress { surface: 0, level: 0, x, y });
+    let at = |x, y| texture.texel(ImageAddress { image: 0, level: 0, x, y });
     assert_eq!(at(0, 0), at(17, 5));
 }
 
@@ -251,7 +251,7 @@ fn damaged_maps_load_or_are_named(file: &Sections<'_>, budget: &mut Budget) {
         match load(&sections, &mut budget) {
             Ok(texture) => {
                 for (x, y) in [(0, 0), (511, 511), (300, 77)] {
-                    let texel = texture.texel(ImageAddress { surface: 0, level: 0, x, y });
+                    let texel = texture.texel(ImageAddress { image: 0, level: 0, x, y });
                     assert!(texel.is_finite());
                 }
             }
@@ -277,9 +277,9 @@ fn what_recurs_is_shown_from_a_codebook() {
     let loaded = load(&file, &mut budget).unwrap();
     assert_eq!(loaded, texture);
     damaged_maps_load_or_are_named(&file, &mut budget);
-    let whole = decode_surface(&loaded, 0, 0).unwrap();
+    let whole = decode_image(&loaded, 0, 0).unwrap();
     for (x, y) in [(0, 0), (511, 511), (77, 300)] {
-        let texel = loaded.texel(ImageAddress { surface: 0, level: 0, x, y });
+        let texel = loaded.texel(ImageAddress { image: 0, level: 0, x, y });
         assert!((texel - whole.texel(x, y)).abs().max_element() < 1.0 / 255.0, "{x} {y}");
     }
 }
@@ -296,7 +296,7 @@ fn a_public_codebook_grows_and_earlier_images_stay_as_they_are() {
             shared.public = Some(public);
         }
         rows.push(shared.public.as_ref().map_or(0, |public| public.size().1));
-        made.push((bytes(&texture), decode_surface(&texture, 0, 0).unwrap()));
+        made.push((bytes(&texture), decode_image(&texture, 0, 0).unwrap()));
     }
     let public = shared.public.unwrap();
     assert!(public.size().1 <= 128);
@@ -304,7 +304,7 @@ fn a_public_codebook_grows_and_earlier_images_stay_as_they_are() {
         let mut budget = Budget::default();
         let file = Sections::parse(stored, &mut budget).unwrap();
         let texture = Progressive::load_shared(&file, Some(&public), &mut budget).unwrap();
-        assert!(decode_surface(&texture, 0, 0).unwrap() == *shown);
+        assert!(decode_image(&texture, 0, 0).unwrap() == *shown);
         if texture.details().is_some_and(|details| details.public.is_some()) {
             let alone = load(&file, &mut budget).unwrap_err().to_string();
             assert!(alone.contains("bank"), "{alone}");
@@ -350,15 +350,15 @@ fn no_step_is_seen_between_tiles_whose_bases_go_on_beyond_their_borders() {
                 made
             });
             for tile in &tiles {
-                let shown = decode_surface(tile, 0, 0).unwrap();
+                let shown = decode_image(tile, 0, 0).unwrap();
                 let (right, bottom) = (shown.size().width - 1, shown.size().height - 1);
                 for (x, y) in [(0, 0), (0, bottom), (right, 0), (right, bottom), (right, 77), (50, bottom)] {
-                    let texel = tile.texel(ImageAddress { surface: 0, level: 0, x, y });
+                    let texel = tile.texel(ImageAddress { image: 0, level: 0, x, y });
                     assert!((texel - shown.texel(x, y)).abs().max_element() < 1e-5, "{x} {y}");
                 }
             }
             let step = |level: u32| {
-                let shown = [0, 1].map(|tile: usize| decode_surface(&tiles[tile], 0, level).unwrap());
+                let shown = [0, 1].map(|tile: usize| decode_image(&tiles[tile], 0, level).unwrap());
                 let (last, rows) = (shown[0].size().width - 1, shown[0].size().height);
                 let away = |a: Texel, b: Texel| f64::from((a - b).truncate().abs().element_sum());
                 let across: f64 =
@@ -398,7 +398,7 @@ fn one_search_serves_goals_of_every_kind() {
 #[test]
 fn few_bits_of_an_image_with_alpha_show_its_colours_hidden_ones_too() {
     let opaque = texfold_testkit::image("terrain").with_channels(4);
-    let SurfaceSize { width, height } = opaque.size();
+    let ImageSize { width, height } = opaque.size();
     // A collar of a fifth.
     let seen = |i: u32| if i % width < width / 5 { 0.0 } else { 1.0 };
     let texels: Vec<Texel> =
@@ -410,7 +410,7 @@ fn few_bits_of_an_image_with_alpha_show_its_colours_hidden_ones_too() {
         let texture = encode(&set, &fast(Goal::Bpp(bpp)));
         let measured = measure(&set, &texture);
         assert!(measured.bpp <= bpp && measured.psnr > last.psnr, "{measured:?} after {last:?}");
-        let alpha = alpha_error(&set.images()[0], &decode_surface(&texture, 0, 0).unwrap()).unwrap();
+        let alpha = alpha_error(&set.images()[0], &decode_image(&texture, 0, 0).unwrap()).unwrap();
         assert!(alpha.psnr() > 20.0, "alpha {}", alpha.psnr());
         last = measured;
     }
@@ -431,7 +431,7 @@ fn few_bits_are_spent_on_a_smaller_image_that_is_enlarged() {
     assert_eq!(loaded.layout(), &set.layout(set.full_levels()));
     // A part of any level is what its texels are one by one.
     for level in [0, 1, 3] {
-        let rect = Rect { surface: 0, level, x: 7, y: 3, width: 21, height: 18 };
+        let rect = Rect { image: 0, level, x: 7, y: 3, width: 21, height: 18 };
         let mut part = vec![Texel::ZERO; 21 * 18];
         loaded.decode(rect, &mut part).unwrap();
         for (index, texel) in part.into_iter().enumerate() {
@@ -441,9 +441,8 @@ fn few_bits_are_spent_on_a_smaller_image_that_is_enlarged() {
     }
     // A level that is stored is as good as it is for itself, and one that is not no worse than the enlarged one.
     let levels = mip_chain(&set.images()[0], set.full_levels(), MipFilter::Box);
-    let psnr = |level: u32| {
-        color_error(&levels[level as usize], &decode_surface(&texture, 0, level).unwrap()).psnr()
-    };
+    let psnr =
+        |level: u32| color_error(&levels[level as usize], &decode_image(&texture, 0, level).unwrap()).psnr();
     assert!(psnr(2) > psnr(0) + 3.0, "{} {}", psnr(2), psnr(0));
 }
 

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::image::PixelInfo;
 use texfold_core::{
-    BASE_PART, Cached, ImageLayout, Plane, PlaneFormat, RESIDUAL_PART, Rect, SurfaceSize, Texel, word_plane,
+    BASE_PART, Cached, ImageLayout, ImageSize, Plane, PlaneFormat, RESIDUAL_PART, Rect, Texel, word_plane,
 };
 
 use crate::decode::fast::{add_residual, fill_base};
@@ -60,15 +60,15 @@ impl BaseForm {
 
     /// Levels of the base of an image with `levels` stored ones: down to 1x1, which any further level reads.
     #[must_use]
-    pub fn levels(&self, size: SurfaceSize, levels: u32) -> u32 {
+    pub fn levels(&self, size: ImageSize, levels: u32) -> u32 {
         levels.min(size.at_level(self.reduce_log2).full_levels())
     }
 
     /// Columns and rows of level 0 of the base of an image of that size.
     #[must_use]
-    pub fn base_size(&self, size: SurfaceSize) -> SurfaceSize {
+    pub fn base_size(&self, size: ImageSize) -> ImageSize {
         let more = (2 * self.padding()) << self.reduce_log2;
-        let padded = SurfaceSize { width: size.width + more, height: size.height + more };
+        let padded = ImageSize { width: size.width + more, height: size.height + more };
         padded.at_level(self.reduce_log2)
     }
 
@@ -82,7 +82,7 @@ impl BaseForm {
 /// The base of one image with its mip levels.
 #[derive(Debug, PartialEq)]
 pub(crate) struct BaseImage {
-    pub(crate) size: SurfaceSize,
+    pub(crate) size: ImageSize,
     pub(crate) levels: u32,
     /// Bytes of each plane, level after level, as a GPU takes them.
     pub(crate) planes: Vec<(PlaneFormat, Vec<u8>)>,
@@ -91,7 +91,7 @@ pub(crate) struct BaseImage {
 }
 
 impl BaseImage {
-    pub(crate) fn new(size: SurfaceSize, levels: u32, planes: Vec<(PlaneFormat, Vec<u8>)>) -> Self {
+    pub(crate) fn new(size: ImageSize, levels: u32, planes: Vec<(PlaneFormat, Vec<u8>)>) -> Self {
         BaseImage { size, levels, planes, texels: Cached::default() }
     }
 
@@ -108,7 +108,7 @@ impl BaseImage {
 
     fn decoded(&self, content: Content, pixel: PixelInfo) -> Vec<Vec<Texel>> {
         let decode = |level: u32| {
-            let SurfaceSize { width, height } = self.size.at_level(level);
+            let ImageSize { width, height } = self.size.at_level(level);
             let planes =
                 (0..self.planes.len()).map(|plane| self.level_bytes(plane, level).to_vec()).collect();
             let planes = ContentPlanes::from_planes(content, pixel, (width, height), planes);
@@ -131,8 +131,8 @@ impl Bases {
         Bases { form, pixel, images }
     }
 
-    fn texels(&self, surface: usize) -> &[Vec<Texel>] {
-        let image = &self.images[surface];
+    fn texels(&self, index: usize) -> &[Vec<Texel>] {
+        let image = &self.images[index];
         image.texels.get_or_make(|| image.decoded(self.form.content, self.pixel))
     }
 }
@@ -198,8 +198,8 @@ impl ResidualContent {
 
     /// Columns and rows of the first image's level 0.
     #[must_use]
-    pub fn size(&self) -> SurfaceSize {
-        self.layout.surfaces.first().copied().unwrap_or(SurfaceSize { width: 1, height: 1 })
+    pub fn size(&self) -> ImageSize {
+        self.layout.images.first().copied().unwrap_or(ImageSize { width: 1, height: 1 })
     }
 
     /// What all blocks share.
@@ -223,19 +223,19 @@ impl ResidualContent {
     /// Rate class of each block of an image, level after level, each row by row; nothing where no residual plane is
     /// loaded.
     #[must_use]
-    pub fn classes(&self, surface: u32) -> Vec<u8> {
-        self.planes.get(surface as usize).map_or(Vec::new(), |plane| plane.classes().collect())
+    pub fn classes(&self, image: u32) -> Vec<u8> {
+        self.planes.get(image as usize).map_or(Vec::new(), |plane| plane.classes().collect())
     }
 
     /// One image as the shader sees it; the last where there is no such image.
     #[must_use]
     #[inline]
-    pub fn view(&self, surface: u32) -> ResidualView<'_> {
-        let surface = (surface as usize).min(self.params.len().saturating_sub(1));
+    pub fn view(&self, image: u32) -> ResidualView<'_> {
+        let image = (image as usize).min(self.params.len().saturating_sub(1));
         ResidualView {
-            params: &self.params[surface],
-            plane: &self.plane(surface).words,
-            base: self.bases.texels(surface),
+            params: &self.params[image],
+            plane: &self.plane(image).words,
+            base: self.bases.texels(image),
         }
     }
 
@@ -248,12 +248,12 @@ impl ResidualContent {
 
     /// The base's part of such a region.
     pub fn decode_base(&self, region: Rect, out: &mut [Texel]) {
-        fill_base(&self.view(region.surface), region, out);
+        fill_base(&self.view(region.image), region, out);
     }
 
     /// Adds the residuals of such a region and clamps; nothing where no residual plane is loaded.
     pub fn add_residual(&self, region: Rect, out: &mut [Texel]) {
-        add_residual(&self.view(region.surface), region, out);
+        add_residual(&self.view(region.image), region, out);
     }
 
     /// Bits in memory of the bases and their parameters.
@@ -266,7 +266,7 @@ impl ResidualContent {
     /// Bits in memory of the residual planes, with the word that stands for one where there is none.
     #[must_use]
     pub fn plane_bits(&self) -> u64 {
-        (0..self.params.len()).map(|surface| 32 * self.plane(surface).words.len() as u64).sum()
+        (0..self.params.len()).map(|image| 32 * self.plane(image).words.len() as u64).sum()
     }
 
     /// Bits in memory of all levels but the first: of the base, and of the residual plane.
@@ -279,7 +279,7 @@ impl ResidualContent {
         let base: usize = self.bases.images.iter().map(further).sum();
         let header = u64::from(TEXFOLD_RESIDUAL_GROUP_WORDS) * 32 / GROUP_BLOCKS as u64;
         let mut bits = 0;
-        for (size, plane) in self.layout.surfaces.iter().zip(&self.planes) {
+        for (size, plane) in self.layout.images.iter().zip(&self.planes) {
             let further = plane.classes().skip(level_blocks(*size, 1) as usize);
             bits += further
                 .map(|class| u64::from(class) * u64::from(self.model.class_bits) + header)
@@ -290,11 +290,11 @@ impl ResidualContent {
 
     /// Adds the planes of one image to those of a [`texfold_core::GpuForm`]; returns the indices that the shader's
     /// three textures bind: residual plane, base a, base b.
-    pub fn push_planes<'a>(&'a self, surface: usize, planes: &mut Vec<Plane<'a>>) -> [usize; 3] {
+    pub fn push_planes<'a>(&'a self, index: usize, planes: &mut Vec<Plane<'a>>) -> [usize; 3] {
         let first = planes.len();
-        let words = self.plane(surface);
+        let words = self.plane(index);
         planes.push(word_plane(RESIDUAL_PART, &words.words, words.row_log2));
-        let image = &self.bases.images[surface];
+        let image = &self.bases.images[index];
         planes.extend(image.planes.iter().map(|(format, bytes)| Plane {
             part: BASE_PART,
             format: *format,
@@ -309,8 +309,8 @@ impl ResidualContent {
 
     /// The uniform block of one image.
     #[must_use]
-    pub fn uniforms(&self, surface: usize) -> &[u8] {
-        bytemuck::bytes_of(&self.params[surface])
+    pub fn uniforms(&self, image: usize) -> &[u8] {
+        bytemuck::bytes_of(&self.params[image])
     }
 
     pub(crate) fn bases(&self) -> &Bases {
@@ -321,17 +321,17 @@ impl ResidualContent {
         &self.planes
     }
 
-    fn plane(&self, surface: usize) -> &PlaneWords {
-        self.planes.get(surface).unwrap_or(&self.empty)
+    fn plane(&self, image: usize) -> &PlaneWords {
+        self.planes.get(image).unwrap_or(&self.empty)
     }
 
     fn all_params(&self) -> Vec<TexfoldResidualParams> {
-        (0..self.layout.surfaces.len()).map(|surface| self.params_of(surface)).collect()
+        (0..self.layout.images.len()).map(|image| self.params_of(image)).collect()
     }
 
-    fn params_of(&self, surface: usize) -> TexfoldResidualParams {
-        let (size, base, form) = (self.layout.surfaces[surface], &self.bases.images[surface], self.form());
-        let plane = self.plane(surface);
+    fn params_of(&self, image: usize) -> TexfoldResidualParams {
+        let (size, base, form) = (self.layout.images[image], &self.bases.images[image], self.form());
+        let plane = self.plane(image);
         let mut level_start = [0; 16];
         let mut start = 0;
         for (level, first) in (0..self.layout.levels).zip(&mut level_start) {

@@ -1,6 +1,6 @@
 //! A residual plane: the rate class, scale and bits of each block, and the words that a GPU reads them from.
 
-use texfold_core::{ImageLayout, MAX_PLANE_SIDE, SurfaceSize, WordRows};
+use texfold_core::{ImageLayout, ImageSize, MAX_PLANE_SIDE, WordRows};
 
 use crate::decode::TEXFOLD_RESIDUAL_GROUP_WORDS;
 
@@ -13,13 +13,13 @@ const WORD_BLOCKS: usize = 8;
 
 /// Columns and rows of blocks that cover an image of that size.
 #[must_use]
-pub fn blocks_of(size: SurfaceSize) -> (u32, u32) {
+pub fn blocks_of(size: ImageSize) -> (u32, u32) {
     (size.width.div_ceil(BLOCK_SIDE), size.height.div_ceil(BLOCK_SIDE))
 }
 
 /// Blocks of all levels of an image.
 #[must_use]
-pub fn level_blocks(size: SurfaceSize, levels: u32) -> u64 {
+pub fn level_blocks(size: ImageSize, levels: u32) -> u64 {
     let of_level = |level| {
         let (columns, rows) = blocks_of(size.at_level(level));
         u64::from(columns) * u64::from(rows)
@@ -31,7 +31,7 @@ pub fn level_blocks(size: SurfaceSize, levels: u32) -> u64 {
 #[must_use]
 pub fn stored_layout(full: &ImageLayout, shrink_log2: u32) -> ImageLayout {
     ImageLayout {
-        surfaces: full.surfaces.iter().map(|size| size.at_level(shrink_log2)).collect(),
+        images: full.images.iter().map(|size| size.at_level(shrink_log2)).collect(),
         levels: full.levels.saturating_sub(shrink_log2).max(1),
         pixel: full.pixel,
     }

@@ -9,8 +9,8 @@ use texfold_bc::Content;
 use texfold_core::container::{ContentId, Reader, SectionWriter, Sections};
 use texfold_core::sample::TEXFOLD_NORMAL;
 use texfold_core::{
-    BASE_PART, Budget, ImageLayout, LoadError, Plane, PlaneFormat, RESIDUAL_PART, String4, SurfaceBinding,
-    SurfaceSize, Texel,
+    BASE_PART, Budget, ImageBinding, ImageLayout, ImageSize, LoadError, Plane, PlaneFormat, RESIDUAL_PART,
+    String4, Texel,
 };
 
 use crate::axes::Axes;
@@ -45,7 +45,7 @@ const IMAGE_BYTES: u64 = (size_of::<BaseImage>()
     + size_of::<PlaneWords>()
     + 2 * size_of::<TexfoldResidualParams>()
     + 3 * size_of::<Plane<'_>>()
-    + size_of::<SurfaceBinding>()
+    + size_of::<ImageBinding>()
     // Heap blocks of at least 64 bytes: bytes of both base planes and their list, words, indices of bound planes.
     + 5 * 64) as u64;
 
@@ -114,7 +114,7 @@ impl ResidualContent {
         let model = read_model(&mut reader)?;
         budget.release(raw.len() as u64);
         let layout = stored_by(full, &form);
-        budget.take(layout.surfaces.len() as u64 * IMAGE_BYTES)?;
+        budget.take(layout.images.len() as u64 * IMAGE_BYTES)?;
         let bases = read_bases(&layout, form, id, file, budget)?;
         let content = ResidualContent::of_bases(layout, Arc::new(bases)).with_words(model, Vec::new());
         Ok(content.with_rest(id, file, budget)?.unwrap_or(content))
@@ -168,7 +168,7 @@ impl ResidualContent {
         let raw = file.read(id.section(PLANES), budget)?;
         let mut reader = Reader::new(String4(id.section(PLANES)), &raw);
         let mut planes = Vec::new();
-        for size in &self.layout().surfaces {
+        for size in &self.layout().images {
             let blocks = level_blocks(*size, self.layout().levels);
             planes.push(read_plane(blocks, self.model(), &mut reader, budget)?);
         }
@@ -242,7 +242,7 @@ fn read_bases(
     budget.take(raw.len() as u64)?;
     let mut reader = Reader::new(String4(id.section(BASE)), &raw);
     let mut images = Vec::new();
-    for &size in &layout.surfaces {
+    for &size in &layout.images {
         let (base, levels) = (form.base_size(size), form.levels(size, layout.levels));
         let planes = read_base(&formats, base, levels, &mut reader)?;
         // The CPU decoder's texels, which are decoded when they are first asked for.
@@ -258,13 +258,13 @@ fn read_bases(
 /// The bytes of each plane of one image's base, level after level; a file has them level by level, plane after plane.
 fn read_base(
     formats: &[PlaneFormat],
-    base: SurfaceSize,
+    base: ImageSize,
     levels: u32,
     reader: &mut Reader<'_>,
 ) -> Result<Vec<(PlaneFormat, Vec<u8>)>, LoadError> {
     let mut planes: Vec<_> = formats.iter().map(|&format| (format, Vec::new())).collect();
     for level in 0..levels {
-        let SurfaceSize { width, height } = base.at_level(level);
+        let ImageSize { width, height } = base.at_level(level);
         for (format, pieces) in &mut planes {
             let length = usize::try_from(format.bytes(width, height)).unwrap_or(usize::MAX);
             pieces.push(reader.bytes(length)?);

@@ -13,7 +13,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     texture.write_to(File::create(&path)?)?;
 
     let texture = texfold::open_from(File::open(&path)?, &Limits::default())?.into_image()?;
-    let texel = texture.as_encoded().texel(ImageAddress { surface: 0, level: 0, x: 10, y: 20 });
+    let texel = texture.as_encoded().texel(ImageAddress { image: 0, level: 0, x: 10, y: 20 });
     let whole = texture.as_encoded().layout().whole(0, 0).ok_or("no image")?;
     let mut rgba = vec![0; 4 * 64 * 64];
     texture.decode_rgba8(whole, &mut rgba, 4 * 64)?;

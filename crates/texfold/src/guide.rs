@@ -30,7 +30,7 @@
 //! // let rasters: Vec<Raster> = the decoded files
 //! let set = ImageSet::new(rasters)?;
 //! let texture = encode_images(&set, Guidance::default(), &EncodeSettings::default(), &mut Job::default())?;
-//! assert_eq!(texture.as_encoded().layout().surfaces.len(), 2);
+//! assert_eq!(texture.as_encoded().layout().images.len(), 2);
 //! println!("{}: {}", texture.codec().name, texture.as_encoded().notes().verdict);
 //! # Ok(())
 //! # }
@@ -147,7 +147,7 @@
 //! let patch = PatchSource { image: 0, matrix, mask: None, parent: None };
 //! let stack = PatchStack { root, images: vec![close_up], patches: vec![patch] };
 //! let texture = AnyImage::new(Zipmap::encode(&stack, &ZipParams::default(), &mut Job::default())?);
-//! assert_eq!(texture.as_encoded().layout().surfaces.len(), 1);
+//! assert_eq!(texture.as_encoded().layout().images.len(), 1);
 //! # Ok(())
 //! # }
 //! ```

@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 use crate::support::{fixture, ways, zipmap};
 use proptest::prelude::*;
 use texfold::core::image::ImageSet;
-use texfold::core::metric::{decode_surface, measure, quality};
+use texfold::core::metric::{decode_image, measure, quality};
 use texfold::core::target::Measured;
 use texfold::{
     Access, AnyImage, AnyTexture, Arrived, Arriving, BytesError, CODECS, Choice, Content, Effort,
@@ -94,11 +94,11 @@ fn exercise(texture: &AnyTexture) {
 
 fn exercise_image(texture: &dyn Encoded<Domain = Image2d>) {
     let layout = texture.layout();
-    for (surface, level) in
-        (0..layout.surfaces.len().min(4) as u32).flat_map(|s| (0..layout.levels).map(move |l| (s, l)))
+    for (image, level) in
+        (0..layout.images.len().min(4) as u32).flat_map(|s| (0..layout.levels).map(move |l| (s, l)))
     {
         for (x, y) in [(0, 0), (7, 3), (u32::MAX, u32::MAX)] {
-            assert!(texture.texel(ImageAddress { surface, level, x, y }).is_finite());
+            assert!(texture.texel(ImageAddress { image, level, x, y }).is_finite());
         }
     }
     if let Some(whole) =
@@ -144,11 +144,7 @@ fn what_is_made_is_what_is_loaded_and_meets_its_goal() {
         let params = settings(goal).params::<C>();
         let made = C::encode(C::source(set, Guidance::default()), &params, &mut Job::default()).unwrap();
         let loaded = open(&file_of(&made)).unwrap().into_image().unwrap();
-        assert!(
-            decode_surface(&made, 0, 0) == decode_surface(loaded.as_encoded(), 0, 0),
-            "{} {goal:?}",
-            C::ID
-        );
+        assert!(decode_image(&made, 0, 0) == decode_image(loaded.as_encoded(), 0, 0), "{} {goal:?}", C::ID);
         let (of_made, of_loaded) = (measure(set, &made), measure(set, loaded.as_encoded()));
         assert_eq!(of_made, of_loaded, "{} {goal:?}", C::ID);
         of_loaded
@@ -213,7 +209,7 @@ fn pieces_of_a_file_come_to_the_whole_in_layers() {
             let texture = arriving.into_texture().unwrap();
             assert!(texture.to_bytes() == *bytes, "{name} in pieces of {piece}");
             let (made, wanted) =
-                (decode_surface(texture.as_encoded(), 0, 0), decode_surface(whole.as_encoded(), 0, 0));
+                (decode_image(texture.as_encoded(), 0, 0), decode_image(whole.as_encoded(), 0, 0));
             assert!(made == wanted, "{name} in pieces of {piece} decodes otherwise");
         }
     }
@@ -272,18 +268,18 @@ fn textures_grow_without_a_changed_texel_or_say_which_codec_can() {
     let (set, more) = (fixture("odd_37x61"), fixture("facade"));
     for encoding in &ENCODINGS {
         let mut image = encode(encoding, &set, GOALS[0]);
-        let before = decode_surface(image.as_encoded(), 0, 0);
+        let before = decode_image(image.as_encoded(), 0, 0);
         let added = add_images(&mut image, &more, Guidance::default(), &mut Job::default());
-        assert!(decode_surface(image.as_encoded(), 0, 0) == before, "{}", encoding.id);
-        let surfaces = image.as_encoded().layout().surfaces.len();
+        assert!(decode_image(image.as_encoded(), 0, 0) == before, "{}", encoding.id);
+        let images = image.as_encoded().layout().images.len();
         match added {
-            Ok(()) => assert!(encoding.grows() && surfaces == 2, "{}", encoding.id),
+            Ok(()) => assert!(encoding.grows() && images == 2, "{}", encoding.id),
             Err(EncodeError::CannotGrow { codec, instead }) => {
                 let instead = ENCODINGS.iter().find(|encoding| encoding.id.name == instead).unwrap();
                 assert!(!encoding.grows() && codec == encoding.id && instead.grows());
             }
             // A set that has no room left says so and stays as it is.
-            Err(EncodeError::Source(_)) => assert!(encoding.grows() && surfaces == 1, "{}", encoding.id),
+            Err(EncodeError::Source(_)) => assert!(encoding.grows() && images == 1, "{}", encoding.id),
             Err(other) => panic!("{}: {other}", encoding.id),
         }
     }
@@ -331,7 +327,7 @@ fn bytes_are_the_texels_rounded_and_bytes_between_rows_are_left() {
         image.decode_rgba8(rect, &mut out, stride).unwrap();
         for (y, row) in (0..rect.height).zip(out.chunks(stride)) {
             for (x, pixel) in (0..rect.width).zip(row.chunks(4)) {
-                let at = ImageAddress { surface: 0, level: 0, x: rect.x + x, y: rect.y + y };
+                let at = ImageAddress { image: 0, level: 0, x: rect.x + x, y: rect.y + y };
                 assert_eq!(
                     pixel,
                     image.as_encoded().texel(at).to_array().map(texfold::core::image::to_u8),
@@ -404,11 +400,11 @@ proptest! {
             let whole = texture.layout().whole(0, level).unwrap();
             let (x, y) = (x % whole.width, y % whole.height);
             let (width, height) = (width.min(whole.width - x), height.min(whole.height - y));
-            let rect = Rect { surface: 0, level, x, y, width, height };
+            let rect = Rect { image: 0, level, x, y, width, height };
             let mut out = vec![Texel::ZERO; (width * height) as usize];
             texture.decode(rect, &mut out).unwrap();
             for (index, texel) in (0..).zip(&out) {
-                let at = ImageAddress { surface: 0, level, x: x + index % width, y: y + index / width };
+                let at = ImageAddress { image: 0, level, x: x + index % width, y: y + index / width };
                 assert_eq!(*texel, texture.texel(at), "{name} {at:?}");
             }
         });

@@ -4,7 +4,7 @@
 
 use std::path::PathBuf;
 
-use texfold::core::metric::decode_surface;
+use texfold::core::metric::decode_image;
 use texfold::{
     Access, Encoded,
     core::{Budget, Layers},
@@ -26,10 +26,10 @@ fn assert_decodes(name: &str, images: &[String]) {
 fn assert_level_decodes(name: &str, level: u32, images: &[String]) {
     let bytes = std::fs::read(golden(&format!("{name}.txf"))).unwrap();
     let texture = open(&bytes).unwrap().into_image().unwrap();
-    assert_eq!(texture.as_encoded().layout().surfaces.len(), images.len(), "{name}");
-    for (surface, image) in images.iter().enumerate() {
+    assert_eq!(texture.as_encoded().layout().images.len(), images.len(), "{name}");
+    for (index, image) in images.iter().enumerate() {
         let wanted = texfold_testkit::png(&golden(image));
-        let decoded = decode_surface(texture.as_encoded(), surface as u32, level).unwrap();
+        let decoded = decode_image(texture.as_encoded(), index as u32, level).unwrap();
         assert_eq!(decoded.size(), wanted.size(), "{name}");
         assert!(decoded.to_bytes() == wanted.to_bytes(), "{name}: {image} decodes otherwise than before");
     }
@@ -97,7 +97,7 @@ fn a_progressive_epitome_decodes_as_ever() {
     let prefix = open(&bytes[..end]).unwrap().into_image().unwrap();
     assert_eq!(prefix.as_encoded().layers(), Layers { loaded: 1, total: 3 });
     let wanted = texfold_testkit::png(&golden("epitome_layers-layer1.png"));
-    assert!(decode_surface(prefix.as_encoded(), 0, 0).unwrap().to_bytes() == wanted.to_bytes());
+    assert!(decode_image(prefix.as_encoded(), 0, 0).unwrap().to_bytes() == wanted.to_bytes());
 }
 
 /// The same capture in blocks: written by `texfold compress fixtures/captures/ball --codec lightfield --out .`, and its image as that of
@@ -140,7 +140,7 @@ fn a_base_and_an_error_map_decode_as_ever() {
     let prefix = open(&bytes[..bytes.len() - 1]).unwrap().into_image().unwrap();
     assert_eq!(prefix.as_encoded().layers(), Layers { loaded: 1, total: 2 });
     let wanted = texfold_testkit::png(&golden("progressive-base.png"));
-    assert!(decode_surface(prefix.as_encoded(), 0, 0).unwrap().to_bytes() == wanted.to_bytes());
+    assert!(decode_image(prefix.as_encoded(), 0, 0).unwrap().to_bytes() == wanted.to_bytes());
 }
 
 /// A residual plane along axes of its own. It was written by
@@ -169,7 +169,7 @@ fn blocks_of_variable_length_decode_as_ever() {
     let prefix = open(&bytes[..bytes.len() - 1]).unwrap().into_image().unwrap();
     assert_eq!(prefix.as_encoded().layers(), Layers { loaded: 1, total: 2 });
     let wanted = texfold_testkit::png(&golden("dct-base.png"));
-    assert!(decode_surface(prefix.as_encoded(), 0, 0).unwrap().to_bytes() == wanted.to_bytes());
+    assert!(decode_image(prefix.as_encoded(), 0, 0).unwrap().to_bytes() == wanted.to_bytes());
     assert_decodes("dct_alpha", &["dct_alpha.png".to_owned()]);
     assert_level_decodes("dct_alpha", 1, &["dct_alpha-level1.png".to_owned()]);
 }

@@ -5,7 +5,7 @@
 use crate::support::forged::{rewritten, with_changed_section};
 use crate::support::{small_texture, small_textures, target};
 use rayon::prelude::*;
-use texfold::core::metric::decode_surface;
+use texfold::core::metric::decode_image;
 use texfold::{
     AnyImage, Content, Encoded, ImageAddress, Limits, LoadError, Texel,
     bc::Bc,
@@ -33,13 +33,13 @@ const WHOLE_TEXELS: usize = 1 << 14;
 /// Whatever loads must decode everywhere.
 fn exercise(texture: &dyn Encoded<Domain = Image2d>) {
     let layout = texture.layout().clone();
-    for surface in 0..layout.surfaces.len().min(8) as u32 {
+    for image in 0..layout.images.len().min(8) as u32 {
         for level in 0..layout.levels {
-            let rect = layout.whole(surface, level).unwrap();
+            let rect = layout.whole(image, level).unwrap();
             for (x, y) in
                 [(0, 0), (rect.width - 1, rect.height - 1), (rect.width / 2, 0), (u32::MAX, u32::MAX)]
             {
-                let texel = texture.texel(ImageAddress { surface, level, x, y });
+                let texel = texture.texel(ImageAddress { image, level, x, y });
                 assert!(texel.is_finite());
             }
         }
@@ -56,10 +56,10 @@ fn exercise(texture: &dyn Encoded<Domain = Image2d>) {
 /// A plain file of one image in content of that number, without blocks.
 fn plain_file(number: u8) -> Vec<u8> {
     let layout = small_textures()[0].2.as_encoded().layout().clone();
-    let surfaces = vec![texfold::core::SurfaceSize { width: 37, height: 61 }];
+    let images = vec![texfold::core::ImageSize { width: 37, height: 61 }];
     let mut out = SectionWriter::new(Bc::ID);
     texfold::core::Notes::default().write(&mut out);
-    texfold::core::container::write_layout(&ImageLayout { surfaces, levels: 1, ..layout }, &mut out);
+    texfold::core::container::write_layout(&ImageLayout { images, levels: 1, ..layout }, &mut out);
     out.section("container", *b"BCFM", &[number, 0]);
     out.section("blocks", *b"BLKS", &[]);
     out.finish().bytes
@@ -113,7 +113,7 @@ fn what_a_prefix_shows_is_stored_and_loads_again() {
             .and_then(AnyTexture::into_image)
             .unwrap_or_else(|error| panic!("{name}: {error}"));
         assert_eq!(again.to_bytes(), stored, "{name}");
-        let shown = |texture: &AnyImage| decode_surface(texture.as_encoded(), 0, 0).unwrap().to_bytes();
+        let shown = |texture: &AnyImage| decode_image(texture.as_encoded(), 0, 0).unwrap().to_bytes();
         assert!(shown(&again) == shown(&prefix), "{name} shows something else");
         prefixes += 1;
     }
@@ -390,7 +390,7 @@ fn a_forged_zipmap_is_refused_or_harmless() {
     });
     let many = rewritten(&many.unwrap(), *b"ZMPA", |raw| *raw = vec![128; 4 * 2048]).unwrap();
     let texture = open_with(&many, &LIMITS).unwrap().into_image().unwrap();
-    let texel = texture.as_encoded().texel(ImageAddress { surface: 0, level: 0, x: 5, y: 5 });
+    let texel = texture.as_encoded().texel(ImageAddress { image: 0, level: 0, x: 5, y: 5 });
     assert!(texel.is_finite());
 }
 

@@ -4,7 +4,7 @@
 
 use crate::support::{bc, epitome, fixture, small_textures, vq};
 use proptest::prelude::*;
-use texfold::core::metric::{decode_surface, quality};
+use texfold::core::metric::{decode_image, quality};
 use texfold::{
     Choice, Content, Effort, EncodeError, EncodeSettings, Encoded, Goal, Guidance, ImageAddress, Job, Rect,
     RegionError, Texel,
@@ -27,10 +27,8 @@ fn a_file_gives_back_the_texture_that_was_stored() {
         let loaded = open(&bytes).unwrap().into_image().unwrap();
         assert_eq!(loaded.to_bytes(), bytes, "{name}");
         for level in 0..texture.as_encoded().layout().levels {
-            let (made, read) = (
-                decode_surface(texture.as_encoded(), 0, level),
-                decode_surface(loaded.as_encoded(), 0, level),
-            );
+            let (made, read) =
+                (decode_image(texture.as_encoded(), 0, level), decode_image(loaded.as_encoded(), 0, level));
             assert!(made.is_some() && made == read, "{name} level {level}");
         }
     }
@@ -56,7 +54,7 @@ fn a_sample_is_exact_where_content_is_raw() {
     let texture = Vq::encode(VqSource::new(&set), &params, &mut Job::default()).unwrap();
     let part = texture.samples()[0];
     for (y, x) in (0..part.side).flat_map(|y| (0..part.side).map(move |x| (y, x))) {
-        let at = ImageAddress { surface: 0, level: 0, x: part.source_x + x, y: part.source_y + y };
+        let at = ImageAddress { image: 0, level: 0, x: part.source_x + x, y: part.source_y + y };
         let (source, decoded) = (set.images()[0].texel(at.x, at.y), texture.texel(at));
         assert!((source - decoded).abs().max_element() < 1e-6, "{at:?}: {source} {decoded}");
     }
@@ -98,7 +96,7 @@ fn importance_moves_error_away_from_what_matters() {
             .with_importance(importance)
             .with_content(Content::Raw);
         let texture = Vq::encode(VqSource::new(&set), &params, &mut Job::default()).unwrap();
-        let decoded = decode_surface(&texture, 0, 0).unwrap();
+        let decoded = decode_image(&texture, 0, 0).unwrap();
         let map = texfold_vq_saliency(&set.images()[0]);
         salient_error(&set.images()[0], &decoded, &map)
     };
@@ -169,8 +167,8 @@ fn unlike_images_share_a_codebook() {
     let set =
         ImageSet::new(vec![named("odd_37x61"), named("gray"), named("odd_3x5"), named("odd_37x61")]).unwrap();
     let texture = vq(&set, &VqParams::default().with_goal(Goal::Bpp(6.0)));
-    assert_eq!(texture.as_encoded().layout().surfaces.len(), 4);
-    assert_eq!(decode_surface(texture.as_encoded(), 0, 0), decode_surface(texture.as_encoded(), 3, 0));
+    assert_eq!(texture.as_encoded().layout().images.len(), 4);
+    assert_eq!(decode_image(texture.as_encoded(), 0, 0), decode_image(texture.as_encoded(), 3, 0));
     assert!(quality(&set, texture.as_encoded()).color.psnr() > 24.0);
 }
 
@@ -189,7 +187,7 @@ fn mip_levels_are_those_of_the_source() {
         let name = texture.as_encoded().codec().name;
         assert_eq!(texture.as_encoded().layout().levels, 9);
         for (level, source) in chain.iter().enumerate().take(6) {
-            let decoded = decode_surface(texture.as_encoded(), 0, level as u32).unwrap();
+            let decoded = decode_image(texture.as_encoded(), 0, level as u32).unwrap();
             let psnr = texfold::core::metric::color_error(source, &decoded).psnr();
             assert!(psnr > 22.0, "{name} level {level}: {psnr}");
         }
@@ -244,14 +242,11 @@ fn parameters_out_of_range_are_named() {
 fn regions_outside_are_named() {
     let texture = vq(&frames("ripple"), &VqParams::default().with_codebook((32, 32)));
     let texture = texture.as_encoded();
-    let rect = Rect { surface: 0, level: 0, x: 30, y: 0, width: 20, height: 1 };
+    let rect = Rect { image: 0, level: 0, x: 30, y: 0, width: 20, height: 1 };
     let mut out = [Texel::ZERO; 20];
     assert_eq!(texture.decode(rect, &mut out), Err(RegionError::Outside { width: 40, height: 28 }));
-    let surface = Rect { surface: 9, x: 0, ..rect };
-    assert_eq!(
-        texture.decode(surface, &mut out),
-        Err(RegionError::NoSuchSurface { surface: 9, surfaces: 5 })
-    );
+    let image = Rect { image: 9, x: 0, ..rect };
+    assert_eq!(texture.decode(image, &mut out), Err(RegionError::NoSuchImage { image: 9, images: 5 }));
     let short = texture.decode(Rect { x: 0, ..rect }, &mut out[..3]);
     assert_eq!(short, Err(RegionError::OutputLength { found: 3, needed: 20 }));
 }
@@ -266,11 +261,11 @@ proptest! {
                 let level = level % texture.layout().levels;
                 let whole = texture.layout().whole(0, level).unwrap();
                 let (x, y) = (x % whole.width, y % whole.height);
-                let rect = Rect { surface: 0, level, x, y, width: width.min(whole.width - x), height: height.min(whole.height - y) };
+                let rect = Rect { image: 0, level, x, y, width: width.min(whole.width - x), height: height.min(whole.height - y) };
                 let mut out = vec![Texel::ZERO; (rect.width * rect.height) as usize];
                 texture.decode(rect, &mut out).unwrap();
                 for (index, texel) in out.iter().enumerate() {
-                    let at = ImageAddress { surface: 0, level, x: x + index as u32 % rect.width, y: y + index as u32 / rect.width };
+                    let at = ImageAddress { image: 0, level, x: x + index as u32 % rect.width, y: y + index as u32 / rect.width };
                     assert_eq!(*texel, texture.texel(at), "{name} {at:?}");
                 }
             }

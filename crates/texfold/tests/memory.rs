@@ -20,7 +20,7 @@ use texfold::{
 use texfold::{
     Effort, EncodeSettings, Family, Goal, Guidance, ImageAddress, Job, Limits,
     bc::Bc,
-    core::{Encoder, ImageLayout, Notes, SurfaceSize, TextureCodec},
+    core::{Encoder, ImageLayout, ImageSize, Notes, TextureCodec},
     dct::DctParams,
     encoding::ENCODINGS,
     epitome::EpitomeParams,
@@ -58,7 +58,7 @@ fn peak(bytes: &[u8], limit: u64) -> (u64, bool) {
     if let Ok(texture) = &opened {
         let texture = texture.as_encoded();
         let form = texture.gpu();
-        assert!(!form.surfaces.is_empty());
+        assert!(!form.images.is_empty());
         drop(form);
         let _ = texture.texel(ImageAddress::default());
     }
@@ -67,7 +67,7 @@ fn peak(bytes: &[u8], limit: u64) -> (u64, bool) {
 
 /// A plain file of one run of `images` images of one texel, and notes.
 fn plain_file(images: u32, notes: &[u8]) -> Vec<u8> {
-    let size = SurfaceSize { width: 1, height: 1 };
+    let size = ImageSize { width: 1, height: 1 };
     let pixel = PixelInfo { channels: 3, ..PixelInfo::default() };
     let mut out = SectionWriter::new(Bc::ID);
     if notes.is_empty() {
@@ -75,7 +75,7 @@ fn plain_file(images: u32, notes: &[u8]) -> Vec<u8> {
     } else {
         out.section("container", NOTES_ID, notes);
     }
-    write_layout(&ImageLayout { surfaces: vec![size; images as usize], levels: 1, pixel }, &mut out);
+    write_layout(&ImageLayout { images: vec![size; images as usize], levels: 1, pixel }, &mut out);
     out.section("container", *b"BCFM", &[1, 0]);
     out.section("blocks", *b"BLKS", &vec![0; 8 * images as usize]);
     out.finish().bytes

@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
 
 use texfold::core::image::{ColorSpace, ImageSet, Raster};
-use texfold::core::metric::decode_surface;
+use texfold::core::metric::decode_image;
 use texfold::{
     Access, AnyImage, Choice, Effort, EncodeError, EncodeSettings, Goal, Guidance, Job, bc::BcTexture,
     core::SourceError, encode_images, epitome::Epitome,
@@ -50,14 +50,14 @@ fn a_constant_costs_its_map_alone() {
 #[test]
 fn a_black_image_needs_no_gain_of_nothing_by_nothing() {
     let made = encode(&ImageSet::single(image("black")));
-    let decoded = decode_surface(made.as_encoded(), 0, 0).unwrap();
+    let decoded = decode_image(made.as_encoded(), 0, 0).unwrap();
     assert!(decoded.texels().all(|texel| texel.truncate().max_element() < 1.0 / 255.0));
 }
 
 #[test]
 fn a_fully_transparent_image_stays_transparent() {
     let made = encode(&ImageSet::single(image("transparent")));
-    let decoded = decode_surface(made.as_encoded(), 0, 0).unwrap();
+    let decoded = decode_image(made.as_encoded(), 0, 0).unwrap();
     assert!(decoded.texels().all(|texel| texel.w < 0.5 / 255.0));
 }
 

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use texfold_core::address::TEXFOLD_CLAMP;
-use texfold_core::{ImageLayout, MAX_PLANE_SIDE, PlaneFormat, SurfaceSize};
+use texfold_core::{ImageLayout, ImageSize, MAX_PLANE_SIDE, PlaneFormat};
 
 use crate::decode::{TEXFOLD_VQ_LEVELS, TexfoldVqParams};
 
@@ -45,32 +45,32 @@ pub(crate) struct Place {
 #[derive(Debug)]
 pub(crate) struct Groups {
     /// Size and number of images of each group.
-    sizes: Vec<(SurfaceSize, u32)>,
+    sizes: Vec<(ImageSize, u32)>,
     /// For each image its place.
     pub(crate) places: Vec<Place>,
     levels: u32,
 }
 
 /// Blocks of `levels` levels of an image of `size`.
-pub(crate) fn blocks_of(size: SurfaceSize, levels: u32) -> u32 {
+pub(crate) fn blocks_of(size: ImageSize, levels: u32) -> u32 {
     (0..levels).map(|level| size.at_level(level).blocks()).map(|(columns, rows)| columns * rows).sum()
 }
 
 /// Rows of the index plane that an image of `size` fills; more than [`MAX_PLANE_SIDE`] cannot be stored.
-pub(crate) fn rows_of(size: SurfaceSize, levels: u32) -> u32 {
+pub(crate) fn rows_of(size: ImageSize, levels: u32) -> u32 {
     blocks_of(size, levels).div_ceil(size.blocks().0)
 }
 
 impl Arrangement {
     /// Of `count` images of `size`.
-    fn new(size: SurfaceSize, levels: u32, count: u32) -> Self {
+    fn new(size: ImageSize, levels: u32, count: u32) -> Self {
         let rows = rows_of(size, levels);
         let columns = count.div_ceil((MAX_PLANE_SIDE / rows).max(1)).max(1);
         Arrangement { width: size.blocks().0, rows, columns, lines: count.div_ceil(columns) }
     }
 
     /// Most images of `size` that one plane holds.
-    fn capacity(size: SurfaceSize, levels: u32) -> u32 {
+    fn capacity(size: ImageSize, levels: u32) -> u32 {
         (MAX_PLANE_SIDE / rows_of(size, levels)).max(1) * (MAX_PLANE_SIDE / size.blocks().0).max(1)
     }
 
@@ -92,10 +92,10 @@ impl Arrangement {
 
 impl Groups {
     pub(crate) fn of(layout: &ImageLayout) -> Groups {
-        let mut sizes: Vec<(SurfaceSize, u32)> = Vec::new();
+        let mut sizes: Vec<(ImageSize, u32)> = Vec::new();
         let mut open = HashMap::new();
         let mut places = Vec::new();
-        for &size in &layout.surfaces {
+        for &size in &layout.images {
             let class = open.entry(size).or_insert(usize::MAX);
             let is_open = sizes
                 .get(*class)
@@ -124,7 +124,7 @@ impl Groups {
 
 impl SizeClass {
     /// An empty plane.
-    fn new(size: SurfaceSize, levels: u32, swizzle: u32, arrangement: Arrangement) -> Self {
+    fn new(size: ImageSize, levels: u32, swizzle: u32, arrangement: Arrangement) -> Self {
         let mut level_start = [0; TEXFOLD_VQ_LEVELS];
         let mut blocks = 0;
         for level in 0..levels {
@@ -157,7 +157,7 @@ impl SizeClass {
         (number % columns * width, number / columns * rows)
     }
 
-    /// The shader's `surface` argument for image `number`.
+    /// The shader's `image` argument for image `number`.
     pub(crate) fn argument(&self, number: u32) -> u32 {
         let (x, y) = self.origin(number);
         x * MAX_PLANE_SIDE + y
@@ -181,10 +181,9 @@ mod tests {
     use texfold_core::image::PixelInfo;
 
     fn layout(sizes: &[(u32, u32, usize)], levels: u32) -> ImageLayout {
-        let surface =
-            |&(width, height, count): &(u32, u32, usize)| vec![SurfaceSize { width, height }; count];
-        let surfaces = sizes.iter().flat_map(surface).collect();
-        ImageLayout { surfaces, levels, pixel: PixelInfo::default() }
+        let image = |&(width, height, count): &(u32, u32, usize)| vec![ImageSize { width, height }; count];
+        let images = sizes.iter().flat_map(image).collect();
+        ImageLayout { images, levels, pixel: PixelInfo::default() }
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! texels: level 0 row by row, then the further levels one after the other without gaps. Images stand below one
 //! another, in several columns where one would be too long.
 //!
-//! `surface` is what [`VqTexture::view`](crate::VqTexture::view) gives beside the view: the row and 8192 times the
+//! `image` is what [`VqTexture::view`](crate::VqTexture::view) gives beside the view: the row and 8192 times the
 //! column where the image begins in the index plane.
 //!
 //! Public for the tests that hold the WGSL to it and for what fills its uniform buffers: names follow the shaders and may change
@@ -57,31 +57,31 @@ pub struct VqView<'a> {
 
 /// Where the texel at `at` of level `level`, which lies inside, is in the codebook.
 #[must_use]
-pub fn texfold_vq_place(view: &VqView<'_>, surface: u32, at: UVec2, level: u32) -> UVec2 {
+pub fn texfold_vq_place(view: &VqView<'_>, image: u32, at: UVec2, level: u32) -> UVec2 {
     let width = view.params.size[0].div_ceil(4);
     let level_width = texfold_level_size(UVec2::from(view.params.size), level).x.div_ceil(4);
     let start = view.params.level_start[level as usize];
     let block = texfold_divide(start + at.y / 4 * level_width + at.x / 4, width);
-    let origin = UVec2::new(surface / 8192, surface % 8192);
+    let origin = UVec2::new(image / 8192, image % 8192);
     let block = origin + block;
     UVec2::from(view.index[(block.y * view.index_width + block.x) as usize].map(u32::from)) + at % 4
 }
 
 /// The texel at `at` of level `level`, which lies inside.
 #[must_use]
-pub fn texfold_vq_load(view: &VqView<'_>, surface: u32, at: UVec2, level: u32) -> Texel {
-    let place = texfold_vq_place(view, surface, at, level);
+pub fn texfold_vq_load(view: &VqView<'_>, image: u32, at: UVec2, level: u32) -> Texel {
+    let place = texfold_vq_place(view, image, at, level);
     view.codebook[(place.y * view.codebook_width + place.x) as usize]
 }
 
 /// The four texels of `tap` in level `level`, blended.
 #[must_use]
-pub fn texfold_vq_blend(view: &VqView<'_>, surface: u32, tap: TexfoldTap, level: u32) -> Texel {
+pub fn texfold_vq_blend(view: &VqView<'_>, image: u32, tap: TexfoldTap, level: u32) -> Texel {
     let texels = [
-        texfold_vq_load(view, surface, tap.low, level),
-        texfold_vq_load(view, surface, UVec2::new(tap.high.x, tap.low.y), level),
-        texfold_vq_load(view, surface, UVec2::new(tap.low.x, tap.high.y), level),
-        texfold_vq_load(view, surface, tap.high, level),
+        texfold_vq_load(view, image, tap.low, level),
+        texfold_vq_load(view, image, UVec2::new(tap.high.x, tap.low.y), level),
+        texfold_vq_load(view, image, UVec2::new(tap.low.x, tap.high.y), level),
+        texfold_vq_load(view, image, tap.high, level),
     ];
     let blended = texfold_bilinear(texels, tap.weight);
     // The codebook's texels are swizzled already. The shader swizzles after blending: the same but for normals.
@@ -94,34 +94,34 @@ pub fn texfold_vq_blend(view: &VqView<'_>, surface: u32, tap: TexfoldTap, level:
 
 /// The texel at `at` of level `level`, clamped to it.
 #[must_use]
-pub fn texfold_vq_fetch(view: &VqView<'_>, surface: u32, at: IVec2, level: u32) -> Texel {
+pub fn texfold_vq_fetch(view: &VqView<'_>, image: u32, at: IVec2, level: u32) -> Texel {
     let size = texfold_level_size(UVec2::from(view.params.size), level);
-    texfold_vq_load(view, surface, texfold_inside(at, size), level)
+    texfold_vq_load(view, image, texfold_inside(at, size), level)
 }
 
 /// The texel that `uv` lies in, without filtering.
 #[must_use]
-pub fn texfold_vq_nearest(view: &VqView<'_>, surface: u32, uv: Vec2, level: u32) -> Texel {
+pub fn texfold_vq_nearest(view: &VqView<'_>, image: u32, uv: Vec2, level: u32) -> Texel {
     let size = texfold_level_size(UVec2::from(view.params.size), level);
-    texfold_vq_load(view, surface, texfold_nearest(uv, size, view.params.address_mode), level)
+    texfold_vq_load(view, image, texfold_nearest(uv, size, view.params.address_mode), level)
 }
 
 /// Bilinear filtering within one level, across blocks.
 #[must_use]
-pub fn texfold_vq_bilinear(view: &VqView<'_>, surface: u32, uv: Vec2, level: u32) -> Texel {
+pub fn texfold_vq_bilinear(view: &VqView<'_>, image: u32, uv: Vec2, level: u32) -> Texel {
     let size = texfold_level_size(UVec2::from(view.params.size), level);
-    texfold_vq_blend(view, surface, texfold_tap(uv, size, view.params.address_mode), level)
+    texfold_vq_blend(view, image, texfold_tap(uv, size, view.params.address_mode), level)
 }
 
 /// Trilinear filtering at level `lod`.
 #[must_use]
-pub fn texfold_vq_sample_level(view: &VqView<'_>, surface: u32, uv: Vec2, lod: f32) -> Texel {
+pub fn texfold_vq_sample_level(view: &VqView<'_>, image: u32, uv: Vec2, lod: f32) -> Texel {
     let clamped = texfold_lod(lod, view.params.levels);
     let low = clamped.floor();
-    let fine = texfold_vq_bilinear(view, surface, uv, low as u32);
+    let fine = texfold_vq_bilinear(view, image, uv, low as u32);
     if clamped == low {
         return fine;
     }
-    let coarse = texfold_vq_bilinear(view, surface, uv, low as u32 + 1);
+    let coarse = texfold_vq_bilinear(view, image, uv, low as u32 + 1);
     texfold_mix(fine, coarse, clamped - low)
 }

@@ -6,8 +6,8 @@ use glam::{IVec2, UVec2};
 use texfold_core::address::texfold_level_size;
 use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::{
-    Budget, Cached, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageLayout,
-    LoadError, MAX_PLANE_SIDE, Notes, Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, Texel,
+    Budget, Cached, CodecId, Domain, Encoded, Footprint, GpuForm, Image2d, ImageAddress, ImageBinding,
+    ImageLayout, LoadError, MAX_PLANE_SIDE, Notes, Plane, PlaneFormat, Rect, RegionError, Texel,
     TextureCodec,
 };
 
@@ -74,12 +74,12 @@ impl VqTexture {
         self
     }
 
-    /// The size class of an image as the shader sees it, and the `surface` argument of its functions for the image;
+    /// The size class of an image as the shader sees it, and the `image` argument of its functions for the image;
     /// the last image where there is no such one.
     #[must_use]
     #[inline]
-    pub fn view(&self, surface: u32) -> (VqView<'_>, u32) {
-        let place = self.parts.places[(surface as usize).min(self.parts.places.len() - 1)];
+    pub fn view(&self, image: u32) -> (VqView<'_>, u32) {
+        let place = self.parts.places[(image as usize).min(self.parts.places.len() - 1)];
         let class = &self.parts.classes[place.class];
         let view = VqView {
             params: class.params,
@@ -105,9 +105,9 @@ impl Encoded for VqTexture {
 
     fn texel(&self, at: ImageAddress) -> Texel {
         let clamp = |value: u32| i32::try_from(value).unwrap_or(i32::MAX);
-        let (view, surface) = self.view(at.surface);
+        let (view, image) = self.view(at.image);
         let level = at.level.min(self.parts.layout.levels - 1);
-        texfold_vq_fetch(&view, surface, IVec2::new(clamp(at.x), clamp(at.y)), level)
+        texfold_vq_fetch(&view, image, IVec2::new(clamp(at.x), clamp(at.y)), level)
     }
 
     fn decode(&self, region: Rect, out: &mut [Texel]) -> Result<(), RegionError> {
@@ -115,11 +115,11 @@ impl Encoded for VqTexture {
         if out.len() != Image2d::len(region) {
             return Err(RegionError::OutputLength { found: out.len(), needed: Image2d::len(region) });
         }
-        let (view, surface) = self.view(region.surface);
+        let (view, image) = self.view(region.image);
         let mut lines = out.chunks_exact_mut((region.width as usize).max(1));
         for y in region.y..region.y + region.height {
             let Some(line) = lines.next() else { break };
-            decode_line(&view, surface, region, y, line);
+            decode_line(&view, image, region, y, line);
         }
         Ok(())
     }
@@ -171,13 +171,9 @@ impl Encoded for VqTexture {
         }
         let binding = |place: &Place| {
             let (planes, uniforms) = bindings[place.class].clone();
-            SurfaceBinding {
-                planes,
-                uniforms,
-                surface: self.parts.classes[place.class].argument(place.number),
-            }
+            ImageBinding { planes, uniforms, image: self.parts.classes[place.class].argument(place.number) }
         };
-        form.surfaces = self.parts.places.iter().map(binding).collect();
+        form.images = self.parts.places.iter().map(binding).collect();
         form
     }
 
@@ -187,11 +183,11 @@ impl Encoded for VqTexture {
 }
 
 /// One row of a region: four texels at a time from the codebook, as [`texfold_vq_fetch`] finds them one by one.
-fn decode_line(view: &VqView<'_>, surface: u32, region: Rect, y: u32, line: &mut [Texel]) {
+fn decode_line(view: &VqView<'_>, number: u32, region: Rect, y: u32, line: &mut [Texel]) {
     let width = view.params.size[0].div_ceil(4);
     let level_width = texfold_level_size(UVec2::from(view.params.size), region.level).x.div_ceil(4);
     let first = view.params.level_start[region.level as usize] + y / 4 * level_width;
-    let origin = surface % MAX_PLANE_SIDE * view.index_width + surface / MAX_PLANE_SIDE;
+    let origin = number % MAX_PLANE_SIDE * view.index_width + number / MAX_PLANE_SIDE;
     let mut left = region.x;
     let mut rest = line;
     while !rest.is_empty() {
@@ -229,8 +225,7 @@ mod tests {
     fn held_bytes(texture: &VqTexture) -> usize {
         let codebook: usize = texture.parts.codebook.planes().iter().map(|(_, bytes)| bytes.len()).sum();
         let index: usize = texture.parts.classes.iter().map(|class| 2 * class.index.len()).sum();
-        let images =
-            texture.parts.places.len() * (size_of::<Place>() + size_of::<texfold_core::SurfaceSize>());
+        let images = texture.parts.places.len() * (size_of::<Place>() + size_of::<texfold_core::ImageSize>());
         let classes = texture.parts.classes.len() * size_of::<SizeClass>();
         let table = if texture.texels.is_made() { size_of_val(texture.codebook_texels()) } else { 0 };
         codebook + index + images + classes + table + size_of_val(texture.samples())
@@ -250,7 +245,7 @@ mod tests {
             assert!(gpu.planes.iter().all(|plane| matches!(plane.data, Cow::Borrowed(_))));
             let (held, uploaded) = (held_bytes(&texture) as f64, gpu.memory().compressed as f64 / 8.0);
             assert!(held <= 1.3 * uploaded, "{goal:?}: {held} {uploaded}");
-            let first = ImageAddress { surface: 0, level: 0, x: 0, y: 0 };
+            let first = ImageAddress { image: 0, level: 0, x: 0, y: 0 };
             assert_eq!(texture.texel(first), encoded.texel(first));
             assert!(texture.texels.is_made() && texture == encoded);
         }

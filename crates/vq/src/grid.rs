@@ -15,7 +15,7 @@ pub struct CodebookPart {
     /// Columns and rows.
     pub side: u32,
     /// Which image it was cut from.
-    pub surface: u32,
+    pub image: u32,
     /// Column in that image.
     pub source_x: u32,
     /// Row in that image.

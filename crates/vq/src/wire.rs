@@ -26,7 +26,7 @@ pub(crate) fn store(parts: &Parts, out: &mut SectionWriter) {
     form.extend([width, height, parts.free_cells, parts.samples.len() as u32].map(u32::to_le_bytes).concat());
     form.extend(parts.join_rms.to_le_bytes());
     for part in &parts.samples {
-        let fields = [part.x, part.y, part.side, part.surface, part.source_x, part.source_y];
+        let fields = [part.x, part.y, part.side, part.image, part.source_x, part.source_y];
         form.extend(fields.map(u32::to_le_bytes).concat());
     }
     out.section("container", FORM_ID, &form);
@@ -107,12 +107,12 @@ fn read_form(reader: &mut Reader<'_>, layout: &ImageLayout, budget: &mut Budget)
     let mut samples = Vec::new();
     for _ in 0..count {
         let [x, y, side] = [reader.u32()?, reader.u32()?, reader.u32()?];
-        let [surface, source_x, source_y] = [reader.u32()?, reader.u32()?, reader.u32()?];
+        let [image, source_x, source_y] = [reader.u32()?, reader.u32()?, reader.u32()?];
         let inside = |at: u32, end: u32| u64::from(at) + u64::from(side) <= u64::from(end);
         if side < 4 || !inside(x, width) || !inside(y, height) {
             return Err(reader.corrupt("a sample outside the codebook or smaller than a block"));
         }
-        samples.push(CodebookPart { x, y, side, surface, source_x, source_y });
+        samples.push(CodebookPart { x, y, side, image, source_x, source_y });
     }
     reader.end()?;
     let cells = Grid::of_texels((width, height)).free_cells(&samples).len();
@@ -130,14 +130,14 @@ fn read_index(
     budget: &mut Budget,
 ) -> Result<(Vec<SizeClass>, Vec<Place>), LoadError> {
     let reader = Reader::new(String4(INDEX_ID), raw);
-    let blocks: u64 = layout.surfaces.iter().map(|&size| u64::from(blocks_of(size, layout.levels))).sum();
+    let blocks: u64 = layout.images.iter().map(|&size| u64::from(blocks_of(size, layout.levels))).sum();
     if raw.len() as u64 != 2 * blocks {
         return Err(reader.corrupt("another number of blocks than the layout has"));
     }
-    if layout.surfaces.iter().any(|&size| rows_of(size, layout.levels) > MAX_PLANE_SIDE) {
+    if layout.images.iter().any(|&size| rows_of(size, layout.levels) > MAX_PLANE_SIDE) {
         return Err(reader.corrupt("an image whose index fills more than 8192 rows"));
     }
-    budget.take(IMAGE_BYTES * layout.surfaces.len() as u64)?;
+    budget.take(IMAGE_BYTES * layout.images.len() as u64)?;
     let groups = Groups::of(layout);
     for plane in groups.planes() {
         budget.take(CLASS_BYTES + plane.bytes())?;

@@ -10,7 +10,7 @@ use texfold_core::image::{PixelInfo, to_u8};
 use texfold_core::parallel::{for_each_row, map};
 use texfold_core::{
     Access, Budget, Cached, CodecId, Domain, Encoded, Footprint, GpuDct, GpuForm, Image2d, ImageAddress,
-    ImageLayout, LoadError, Notes, Plane, PlaneFormat, Rect, RegionError, SurfaceBinding, SurfaceSize, Texel,
+    ImageBinding, ImageLayout, ImageSize, LoadError, Notes, Plane, PlaneFormat, Rect, RegionError, Texel,
     TextureCodec,
 };
 use texfold_dct::DctContent;
@@ -57,7 +57,7 @@ pub struct PatchInfo {
     /// From the root's texture coordinates to its own, 0 to 1 each.
     pub matrix: DMat3,
     /// Columns and rows of its finest level.
-    pub size: SurfaceSize,
+    pub size: ImageSize,
     /// Stored mip levels.
     pub levels: u32,
 }
@@ -108,7 +108,7 @@ impl ZipTexture {
         }
         let columns = (table.len()).min(1 << ROW_LOG2);
         table.resize(table.len().next_multiple_of(columns), UVec4::ZERO);
-        let size = parts.layout.surfaces[0];
+        let size = parts.layout.images[0];
         let root_size = parts.root_size();
         let [root_swizzle, patch_swizzle] = parts.swizzles();
         let params = TexfoldZipmapParams {
@@ -199,7 +199,7 @@ impl ZipTexture {
 
     /// Columns and rows of the root.
     #[must_use]
-    pub fn root_size(&self) -> SurfaceSize {
+    pub fn root_size(&self) -> ImageSize {
         self.parts.root_size()
     }
 
@@ -343,14 +343,14 @@ fn push_blocks<'a>(
 
 /// The texels of a level of the only image, 8 bits a channel, row by row.
 fn level_bytes(content: &DctContent, level: u32) -> Vec<[u8; 4]> {
-    let size = content.layout().surfaces[0].at_level(level);
+    let size = content.layout().images[0].at_level(level);
     let width = size.width as usize;
     let mut out = vec![[0; 4]; width * size.height as usize];
     for_each_row(&mut out, width * BLOCK_ROWS as usize, |band, bytes| {
         let (y, height) = (band as u32 * BLOCK_ROWS, (bytes.len() / width) as u32);
         let mut texels = vec![Texel::ZERO; bytes.len()];
         // A band of a level lies inside of it.
-        let _ = content.decode(Rect { surface: 0, level, x: 0, y, width: size.width, height }, &mut texels);
+        let _ = content.decode(Rect { image: 0, level, x: 0, y, width: size.width, height }, &mut texels);
         bytes.iter_mut().zip(texels).for_each(|(bytes, texel)| *bytes = texel.to_array().map(to_u8));
     });
     out
@@ -416,7 +416,7 @@ impl Encoded for ZipTexture {
         };
         form.uniforms = bytemuck::bytes_of(&self.params).to_vec();
         let planes = vec![0, first, second, patches];
-        form.surfaces = vec![SurfaceBinding { planes, uniforms: 0..form.uniforms.len(), surface: 0 }];
+        form.images = vec![ImageBinding { planes, uniforms: 0..form.uniforms.len(), image: 0 }];
         form
     }
 

@@ -3,7 +3,7 @@
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::image::{Alpha, PixelInfo};
 use texfold_core::sample::TEXFOLD_RGBA;
-use texfold_core::{ImageLayout, SurfaceSize};
+use texfold_core::{ImageLayout, ImageSize};
 use texfold_dct::DctContent;
 
 /// Most patches of a texture.
@@ -34,7 +34,7 @@ pub(crate) struct PatchForm {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ImageForm {
     /// Columns and rows of its finest level.
-    pub(crate) size: SurfaceSize,
+    pub(crate) size: ImageSize,
     /// Mip levels that are stored, at least one, each half of the sides of the one before.
     pub(crate) levels: u32,
 }
@@ -72,8 +72,8 @@ pub(crate) struct Parts {
 
 impl Parts {
     /// Columns and rows of the root.
-    pub(crate) fn root_size(&self) -> SurfaceSize {
-        self.layout.surfaces[0].at_level(self.deep)
+    pub(crate) fn root_size(&self) -> ImageSize {
+        self.layout.images[0].at_level(self.deep)
     }
 
     /// Levels of the root.
@@ -104,12 +104,12 @@ impl Parts {
 
 /// Layout of the image that holds all levels of patch images.
 pub(crate) fn atlas_layout((width, height): (u32, u32), root: PixelInfo) -> ImageLayout {
-    ImageLayout { surfaces: vec![SurfaceSize { width, height }], levels: 1, pixel: patch_pixel(root) }
+    ImageLayout { images: vec![ImageSize { width, height }], levels: 1, pixel: patch_pixel(root) }
 }
 
 /// Layout of a root of so many levels.
-pub(crate) fn root_layout(size: SurfaceSize, levels: u32, pixel: PixelInfo) -> ImageLayout {
-    ImageLayout { surfaces: vec![size], levels, pixel }
+pub(crate) fn root_layout(size: ImageSize, levels: u32, pixel: PixelInfo) -> ImageLayout {
+    ImageLayout { images: vec![size], levels, pixel }
 }
 
 /// Pixels of patches: those of the root, with alpha.

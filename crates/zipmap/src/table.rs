@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use glam::{DMat3, DVec2, UVec4};
-use texfold_core::SurfaceSize;
+use texfold_core::ImageSize;
 use texfold_core::parallel::map;
 
 use crate::decode::TEXFOLD_ZIPMAP_RECORD;
@@ -55,7 +55,7 @@ struct Outline {
 }
 
 impl Outline {
-    fn of(patch: &PatchForm, SurfaceSize { width, height }: SurfaceSize, root: DVec2) -> Outline {
+    fn of(patch: &PatchForm, ImageSize { width, height }: ImageSize, root: DVec2) -> Outline {
         let matrix = matrix_of(&patch.matrix);
         let inverse = matrix.inverse();
         let polygon = if inverse.is_finite() {

@@ -7,7 +7,7 @@ use texfold_core::container::ContentId;
 use texfold_core::container::{Reader, SectionWriter, Sections, read_layout};
 use texfold_core::image::PixelInfo;
 use texfold_core::sample::TEXFOLD_NORMAL;
-use texfold_core::{Budget, ImageLayout, LoadError, MAX_PLANE_SIDE, String4, SurfaceSize};
+use texfold_core::{Budget, ImageLayout, ImageSize, LoadError, MAX_PLANE_SIDE, String4};
 use texfold_dct::DctContent;
 
 use crate::atlas::pack;
@@ -102,7 +102,7 @@ fn read_header(file: &Sections<'_>, budget: &mut Budget) -> Result<Header, LoadE
     let mut reader = Reader::new(String4(FORM_ID), &form);
     let contents = read_contents(&form, &mut reader)?;
     let deep = u32::from(reader.u8()?);
-    let [size] = layout.surfaces[..] else { return Err(reader.corrupt("more than one image")) };
+    let [size] = layout.images[..] else { return Err(reader.corrupt("more than one image")) };
     let exact = deep < 16 && [size.width, size.height].iter().all(|side| side % (1 << deep) == 0);
     if !exact || layout.levels <= deep {
         return Err(reader.corrupt("levels that do not lead to a root"));
@@ -143,7 +143,7 @@ fn load_planes(
     let Header { layout, deep, .. } = header;
     let raw = file.read(ROOT_ID, budget)?;
     let mut planes = Reader::new(String4(ROOT_ID), &raw);
-    let root = ImageForm { size: layout.surfaces[0].at_level(*deep), levels: layout.levels - deep };
+    let root = ImageForm { size: layout.images[0].at_level(*deep), levels: layout.levels - deep };
     let root = read_levels(&mut planes, budget, (content, layout.pixel), root)?;
     planes.end()?;
     let mut images = Vec::new();
@@ -160,7 +160,7 @@ fn load_planes(
 
 fn load_blocks(header: &Header, file: &Sections<'_>, budget: &mut Budget) -> Result<Payload, LoadError> {
     let Header { layout, deep, images, .. } = header;
-    let size = layout.surfaces[0].at_level(*deep);
+    let size = layout.images[0].at_level(*deep);
     let root =
         load_content(&root_layout(size, layout.levels - deep, layout.pixel), ROOT_BLOCKS, file, budget)?;
     let mut atlas = None;
@@ -207,7 +207,7 @@ fn read_patches(
     budget.take(IMAGE_BYTES * image_count as u64 + size_of::<PatchForm>() as u64 * count as u64)?;
     let mut images = Vec::new();
     for _ in 0..image_count {
-        let size = SurfaceSize { width: u32::from(reader.u16()?), height: u32::from(reader.u16()?) };
+        let size = ImageSize { width: u32::from(reader.u16()?), height: u32::from(reader.u16()?) };
         let levels = u32::from(reader.u8()?);
         let sides = 1..=MAX_PLANE_SIDE;
         if !sides.contains(&size.width) || !sides.contains(&size.height) {
@@ -243,7 +243,7 @@ fn read_levels(
     let (formats, _) = content.formats(pixel);
     let mut found = Vec::new();
     for level in 0..levels {
-        let SurfaceSize { width, height } = size.at_level(level);
+        let ImageSize { width, height } = size.at_level(level);
         let mut planes = Vec::new();
         for format in &formats {
             let length = format.bytes(width, height);

@@ -13,10 +13,10 @@ fn fragment_main(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f3
     let uv = view_uv(position.xy);
     switch LOOKUP {
         case LOOKUP_FETCH: {
-            return entry_fetch(view.surface, vec2<i32>(floor(position.xy + view.offset)), view.level);
+            return entry_fetch(view.image, vec2<i32>(floor(position.xy + view.offset)), view.level);
         }
-        case LOOKUP_NEAREST: { return entry_nearest(view.surface, uv, view.level); }
-        case LOOKUP_BILINEAR: { return entry_bilinear(view.surface, uv, view.level); }
-        default: { return texfold_linear(entry_nearest(view.surface, uv, view.level)); }
+        case LOOKUP_NEAREST: { return entry_nearest(view.image, uv, view.level); }
+        case LOOKUP_BILINEAR: { return entry_bilinear(view.image, uv, view.level); }
+        default: { return texfold_linear(entry_nearest(view.image, uv, view.level)); }
     }
 }

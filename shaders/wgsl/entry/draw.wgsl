@@ -10,7 +10,7 @@ const LOOKUP_DERIVATIVE: u32 = 0u;
 fn fragment_main(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let uv = view_uv(position.xy);
     if LOOKUP == LOOKUP_DERIVATIVE {
-        return entry_sample(view.surface, uv);
+        return entry_sample(view.image, uv);
     }
-    return entry_sample_level(view.surface, uv, view.lod);
+    return entry_sample_level(view.image, uv, view.lod);
 }

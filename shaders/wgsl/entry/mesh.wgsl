@@ -4,7 +4,7 @@ struct Scene {
     // From the mesh's space to clip space.
     view_projection: mat4x4<f32>,
     // Place of the image in its binding.
-    surface: u32,
+    image: u32,
     reserved: u32,
     reserved_too: vec2<u32>,
 }
@@ -23,5 +23,5 @@ fn vertex_main(@location(0) position: vec3<f32>, @location(1) uv: vec2<f32>) -> 
 
 @fragment
 fn fragment_main(corner: Corner) -> @location(0) vec4<f32> {
-    return entry_sample(scene.surface, corner.uv);
+    return entry_sample(scene.image, corner.uv);
 }

@@ -4,7 +4,7 @@ struct EntrySource {
     // Number of the pass, counted from 1.
     number: u32,
     // Place of the image in its binding.
-    surface: u32,
+    image: u32,
     reserved: vec2<u32>,
 }
 
@@ -23,6 +23,6 @@ fn draw_tiles(@builtin(global_invocation_id) id: vec3<u32>) {
     let size = texfold_tile_level_size(texfold_tile_textures[request.texture].size, request.level);
     let at = texfold_tile_source(request.tile, size, flags, id.xy);
     let target_texel = texfold_tile_place(request.slot, textureDimensions(entry_pool).x);
-    let texel = entry_fetch(entry_source.surface, vec2<i32>(at), request.level);
+    let texel = entry_fetch(entry_source.image, vec2<i32>(at), request.level);
     textureStore(entry_pool, target_texel.xy + id.xy, target_texel.z, texel);
 }

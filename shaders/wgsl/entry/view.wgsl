@@ -14,7 +14,7 @@ struct View {
     // Mip level for lookups within one level.
     level: u32,
     // Place of the image in its binding.
-    surface: u32,
+    image: u32,
     reserved: u32,
 }
 

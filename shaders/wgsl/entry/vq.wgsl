@@ -1,23 +1,23 @@
 // What the entry points call, for module vq.
 
-fn entry_fetch(surface: u32, at: vec2<i32>, level: u32) -> vec4<f32> {
-    return texfold_vq_fetch(surface, at, level);
+fn entry_fetch(image: u32, at: vec2<i32>, level: u32) -> vec4<f32> {
+    return texfold_vq_fetch(image, at, level);
 }
 
-fn entry_nearest(surface: u32, uv: vec2<f32>, level: u32) -> vec4<f32> {
-    return texfold_vq_nearest(surface, uv, level);
+fn entry_nearest(image: u32, uv: vec2<f32>, level: u32) -> vec4<f32> {
+    return texfold_vq_nearest(image, uv, level);
 }
 
-fn entry_bilinear(surface: u32, uv: vec2<f32>, level: u32) -> vec4<f32> {
-    return texfold_vq_bilinear(surface, uv, level);
+fn entry_bilinear(image: u32, uv: vec2<f32>, level: u32) -> vec4<f32> {
+    return texfold_vq_bilinear(image, uv, level);
 }
 
-fn entry_sample_level(surface: u32, uv: vec2<f32>, lod: f32) -> vec4<f32> {
-    return texfold_vq_sample_level(surface, uv, lod);
+fn entry_sample_level(image: u32, uv: vec2<f32>, lod: f32) -> vec4<f32> {
+    return texfold_vq_sample_level(image, uv, lod);
 }
 
-fn entry_sample(surface: u32, uv: vec2<f32>) -> vec4<f32> {
-    return texfold_vq_sample_surface(surface, uv);
+fn entry_sample(image: u32, uv: vec2<f32>) -> vec4<f32> {
+    return texfold_vq_sample_image(image, uv);
 }
 
 fn entry_size() -> vec2<f32> {

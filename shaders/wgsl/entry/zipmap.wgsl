@@ -1,22 +1,22 @@
-// What the entry points call, for module zipmap. It has one image a binding: `surface` is not used.
+// What the entry points call, for module zipmap. It has one image a binding: `image` is not used.
 
-fn entry_fetch(surface: u32, at: vec2<i32>, level: u32) -> vec4<f32> {
+fn entry_fetch(image: u32, at: vec2<i32>, level: u32) -> vec4<f32> {
     return texfold_zipmap_fetch(at, level);
 }
 
-fn entry_nearest(surface: u32, uv: vec2<f32>, level: u32) -> vec4<f32> {
+fn entry_nearest(image: u32, uv: vec2<f32>, level: u32) -> vec4<f32> {
     return texfold_zipmap_nearest(uv, level);
 }
 
-fn entry_bilinear(surface: u32, uv: vec2<f32>, level: u32) -> vec4<f32> {
+fn entry_bilinear(image: u32, uv: vec2<f32>, level: u32) -> vec4<f32> {
     return texfold_zipmap_bilinear(uv, level);
 }
 
-fn entry_sample_level(surface: u32, uv: vec2<f32>, lod: f32) -> vec4<f32> {
+fn entry_sample_level(image: u32, uv: vec2<f32>, lod: f32) -> vec4<f32> {
     return texfold_zipmap_sample_level(uv, lod);
 }
 
-fn entry_sample(surface: u32, uv: vec2<f32>) -> vec4<f32> {
+fn entry_sample(image: u32, uv: vec2<f32>) -> vec4<f32> {
     return texfold_zipmap_sample(uv);
 }
 

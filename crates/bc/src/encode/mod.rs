@@ -14,8 +14,8 @@ use texfold_core::image::{ColorSpace, ImageSet, MipFilter, PixelInfo, Raster, mi
 use texfold_core::metric::measure_for;
 use texfold_core::target::search;
 use texfold_core::{
-    CancelCheck, EncodeError, Encoder, Goal, ImageLayout, Job, Notes, ParamError, Params, SourceError,
-    SurfaceSize, Texel,
+    CancelCheck, EncodeError, Encoder, Goal, ImageLayout, ImageSize, Job, Notes, ParamError, Params,
+    SourceError, Texel,
 };
 
 use crate::parts::Parts;
@@ -120,7 +120,7 @@ fn compress(
     cancel: CancelCheck<'_>,
 ) -> Result<BcTexture, EncodeError> {
     let stored_levels = if params.mips { source.full_levels().min(16) } else { 1 };
-    let surface = |image: &Raster| -> Result<Vec<ContentPlanes>, EncodeError> {
+    let planes = |image: &Raster| -> Result<Vec<ContentPlanes>, EncodeError> {
         cancel.checkpoint()?;
         let levels = candidate.reduce_log2 + stored_levels;
         let chain = mip_chain_cancellable(image, levels, MipFilter::Box, cancel)?;
@@ -133,7 +133,7 @@ fn compress(
         layout: source.layout(stored_levels),
         content: candidate.content,
         reduce_log2: candidate.reduce_log2,
-        surfaces: source.images().iter().map(surface).collect::<Result<_, _>>()?,
+        images: source.images().iter().map(planes).collect::<Result<_, _>>()?,
     };
     Ok(BcTexture { parts, notes: Notes::default() })
 }
@@ -177,7 +177,7 @@ fn verdict(texture: &BcTexture, goal: Goal, met: bool) -> String {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Bc1Blocks {
     /// Columns and rows in texels.
-    pub size: SurfaceSize,
+    pub size: ImageSize,
     /// Blocks row by row, 8 bytes each.
     pub blocks: Vec<u8>,
 }
@@ -188,13 +188,13 @@ impl BcTexture {
     /// # Errors
     /// [`SourceError`] where there is none, or one has another number of bytes than its size asks for.
     pub fn from_bc1(images: Vec<Bc1Blocks>, pixel: PixelInfo) -> Result<BcTexture, SourceError> {
-        let surfaces: Vec<SurfaceSize> = images.iter().map(|image| image.size).collect();
-        if surfaces.is_empty() {
+        let sizes: Vec<ImageSize> = images.iter().map(|image| image.size).collect();
+        if sizes.is_empty() {
             return Err(SourceError::Empty);
         }
         let mut planes = Vec::new();
         for (index, Bc1Blocks { size, blocks }) in images.into_iter().enumerate() {
-            let SurfaceSize { width, height } = size;
+            let ImageSize { width, height } = size;
             if width == 0 || height == 0 {
                 return Err(SourceError::ZeroSize { index, width, height });
             }
@@ -204,9 +204,9 @@ impl BcTexture {
             planes.push(vec![content.ok_or(SourceError::Length { found, needed })?]);
         }
         let verdict = "The input is BC1 already: its blocks are kept as they are.".to_owned();
-        let layout = ImageLayout { surfaces, levels: 1, pixel };
+        let layout = ImageLayout { images: sizes, levels: 1, pixel };
         Ok(BcTexture {
-            parts: Parts { layout, content: Content::Bc1, reduce_log2: 0, surfaces: planes },
+            parts: Parts { layout, content: Content::Bc1, reduce_log2: 0, images: planes },
             notes: Notes { settings: "--codec bc".to_owned(), verdict, ..Notes::default() },
         })
     }

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use texfold::core::metric::decode_surface;
+use texfold::core::metric::decode_image;
 use texfold::{AnyTexture, Limits, core::Budget};
 use texfold::{
     core::container::{CodecId, SectionWriter, Sections},
@@ -133,9 +133,9 @@ fn damaged(bytes: &[u8], regime: &Regime, files: u32) -> record::Outcome {
 fn shown(bytes: &[u8]) -> bool {
     let Ok(texture) = open_with(bytes, &LIMITS) else { return false };
     if let AnyTexture::Image(image) = &texture {
-        let surfaces = image.as_encoded().layout().surfaces.len().min(2);
-        for surface in 0..surfaces as u32 {
-            let _ = decode_surface(image.as_encoded(), surface, 0);
+        let images = image.as_encoded().layout().images.len().min(2);
+        for index in 0..images as u32 {
+            let _ = decode_image(image.as_encoded(), index, 0);
         }
     }
     let _ = texture.to_bytes();

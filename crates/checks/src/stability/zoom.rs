@@ -5,8 +5,8 @@ use std::time::Instant;
 use glam::{DMat3, DVec2};
 use rayon::ThreadPool;
 use rayon::prelude::*;
-use texfold::core::image::{Raster, SurfaceSize};
-use texfold::core::metric::{SquaredError, decode_surface};
+use texfold::core::image::{ImageSize, Raster};
+use texfold::core::metric::{SquaredError, decode_image};
 use texfold::{
     Cancel, EncodeError, Encoded, Goal, Job, Texel,
     core::Encoder,
@@ -267,12 +267,12 @@ fn held(scene: &Scene, made: &Made, tools: &Tools, cancel: &Cancel) -> record::O
 fn strange(texture: &ZipTexture) -> Check {
     let deep = texture.deep_levels();
     let counted = |level: u32| {
-        decode_surface(texture, 0, level).map_or(f64::INFINITY, |decoded| {
+        decode_image(texture, 0, level).map_or(f64::INFINITY, |decoded| {
             decoded.texels().filter(|texel| !texel.is_finite()).count() as f64
         })
     };
     // The finest level of a deep zoom does not fit in memory.
-    let size = texture.layout().surfaces.first().copied().unwrap_or(SurfaceSize { width: 1, height: 1 });
+    let size = texture.layout().images.first().copied().unwrap_or(ImageSize { width: 1, height: 1 });
     let finest = if size.texels() < 1 << 22 { counted(0) } else { 0.0 };
     Check::most("texels that are no numbers", finest + counted(deep), 0.0)
 }

@@ -6,7 +6,7 @@
 use std::time::Instant;
 
 use texfold_core::image::Depth;
-use texfold_core::{Access, SurfaceSize};
+use texfold_core::{Access, ImageSize};
 use texfold_progressive::{Progressive, ProgressiveParams};
 
 use super::manifest::{Image, Manifest};
@@ -207,7 +207,7 @@ impl BankTask {
         Ok(Made { image, grown, end: add.first + 2 * add.categories.len() as u32 })
     }
 
-    fn image(&self, add: &Add, sums: Sums, size: SurfaceSize, row: Row) -> Image {
+    fn image(&self, add: &Add, sums: Sums, size: ImageSize, row: Row) -> Image {
         Image {
             name: self.name.clone(),
             key: add.key.clone(),

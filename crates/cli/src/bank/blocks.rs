@@ -7,7 +7,7 @@
 use texfold_core::image::{Depth, ImageSet};
 use texfold_core::metric::{SquaredError, quality};
 use texfold_core::target::Measured;
-use texfold_core::{Access, EncodeError, Encoded, Goal, Job, Limits, SurfaceSize};
+use texfold_core::{Access, EncodeError, Encoded, Goal, ImageSize, Job, Limits};
 use texfold_dct::{Dct, DctImages, DctParams};
 
 use super::manifest::Tile;
@@ -24,7 +24,7 @@ pub(super) fn encode(
     depth: Depth,
     place: Place<'_>,
     share: &Share<'_>,
-) -> Result<(Sums, SurfaceSize, Vec<Grown>), CliError> {
+) -> Result<(Sums, ImageSize, Vec<Grown>), CliError> {
     let params = task.settings.encode.params::<Dct>();
     let encoding = Encoding { task, params: &params, place, share };
     let found = Dct::search_step(params.goal, depth, |step| {
@@ -56,7 +56,7 @@ impl Encoding<'_> {
     fn each(
         &self,
         mut take: impl FnMut(ImageSet, Cut<'_>) -> Result<(), CliError>,
-    ) -> Result<SurfaceSize, CliError> {
+    ) -> Result<ImageSize, CliError> {
         let BankTask { path, settings, .. } = self.task;
         tiles::each(path, settings, self.place.limit_bytes, |cut| {
             take(ImageSet::single(without_plain_alpha(cut.tile.clone())), cut)
@@ -94,7 +94,7 @@ impl Encoding<'_> {
     }
 
     /// Writes all tiles with that step.
-    fn write(&self, step: u16, met: bool) -> Result<(Sums, SurfaceSize, Vec<Grown>), CliError> {
+    fn write(&self, step: u16, met: bool) -> Result<(Sums, ImageSize, Vec<Grown>), CliError> {
         let Place { dir, first, categories, .. } = self.place;
         let (mut sums, mut next) = (Sums::default(), first);
         let mut of_tile = categories.iter();

@@ -105,7 +105,7 @@ impl Bank {
                 }
             };
             let texture = self.tile(tile, book.as_deref())?;
-            let size = texture.as_encoded().layout().surfaces[0];
+            let size = texture.as_encoded().layout().images[0];
             if (size.width, size.height) != (tile.width, tile.height) {
                 let what = format!("{} is not the tile that is listed", tile.file);
                 return Err(CliError::BankManifest { path: self.dir.join(MANIFEST), what });

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use texfold_core::image::ImageSet;
-use texfold_core::metric::{SquaredError, decode_surface, quality, ssim};
+use texfold_core::metric::{SquaredError, decode_image, quality, ssim};
 use texfold_core::target::Measured;
-use texfold_core::{Access, Encoded, Image2d, SurfaceSize};
+use texfold_core::{Access, Encoded, Image2d, ImageSize};
 
 use super::manifest::Tile;
 use super::task::BankTask;
@@ -54,7 +54,7 @@ impl Sums {
             self.alpha = Some(self.alpha.unwrap_or_default() + alpha);
         }
         self.worst_block_rms = self.worst_block_rms.max(found.worst_block_rms);
-        let (decoded, image) = (decode_surface(texture, 0, 0), &source.images()[0]);
+        let (decoded, image) = (decode_image(texture, 0, 0), &source.images()[0]);
         let similar = decoded.as_ref().map_or(0.0, |decoded| ssim(image, decoded));
         self.ssim += similar * texels as f64;
         self.ssimulacra2.push((decoded.and_then(|decoded| ssimulacra2(image, &decoded)), texels as f64));
@@ -101,7 +101,7 @@ impl Sums {
         &self,
         task: &BankTask,
         dir: &Path,
-        size: SurfaceSize,
+        size: ImageSize,
         (made, seconds): (&Making, f64),
     ) -> Row {
         let texels = self.texels as f64;

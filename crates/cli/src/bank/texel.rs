@@ -4,7 +4,7 @@ use std::path::Path;
 
 use texfold_core::container::SectionWriter;
 use texfold_core::image::ImageSet;
-use texfold_core::{Access, Job, Limits, SurfaceSize, TextureCodec};
+use texfold_core::{Access, ImageSize, Job, Limits, TextureCodec};
 use texfold_progressive::{Progressive, ProgressiveTexture, Shared};
 
 use super::manifest::Tile;
@@ -24,7 +24,7 @@ pub(super) fn encode(
     books: &Books,
     place: Place<'_>,
     share: &Share<'_>,
-) -> Result<(Sums, SurfaceSize, Vec<Grown>), CliError> {
+) -> Result<(Sums, ImageSize, Vec<Grown>), CliError> {
     let Place { dir, first, categories, limit_bytes } = place;
     let mut encoding = Encoding { task, dir, next: first, grown: Vec::new(), sums: Sums::default() };
     let mut of_tile = categories.iter();

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use texfold_core::image::Raster;
-use texfold_core::{SurfaceSize, Texel};
+use texfold_core::{ImageSize, Texel};
 use texfold_progressive::APRON;
 
 use crate::error::CliError;
@@ -29,7 +29,7 @@ pub(crate) struct Cut<'b> {
     pub(crate) tile: Raster,
     /// The rows of the image that hold the tile and what surrounds it, and the tile's first among them.
     band: (&'b Band, u32),
-    image: SurfaceSize,
+    image: ImageSize,
 }
 
 impl Cut<'_> {
@@ -75,7 +75,7 @@ pub(crate) fn each(
     settings: &Settings,
     limit_bytes: u64,
     mut take: impl FnMut(Cut<'_>) -> Result<(), CliError>,
-) -> Result<SurfaceSize, CliError> {
+) -> Result<ImageSize, CliError> {
     let mut bands = Bands::open(path, settings, limit_bytes, || {
         let set = input::read_set(&[path.to_owned()], settings, limit_bytes)?;
         Ok(set.images()[0].clone())
@@ -134,7 +134,7 @@ mod tests {
                 places.push(cut.place);
                 let source =
                     |at: u32, start: u32, count: u32| (start + at).saturating_sub(APRON).min(count - 1);
-                let SurfaceSize { width: across, height: down } = around.size();
+                let ImageSize { width: across, height: down } = around.size();
                 let wanted =
                     |x: u32, y: u32| f32::from(value(source(x, left, width), source(y, top, height)));
                 let equal = |i: u32| {
@@ -149,7 +149,7 @@ mod tests {
                 assert!((0..cut.tile.size().texels() as u32).all(own), "{extension} at {left} {top}");
                 Ok(())
             });
-            assert_eq!(size.unwrap(), SurfaceSize { width, height });
+            assert_eq!(size.unwrap(), ImageSize { width, height });
             assert_eq!(places.len(), 4);
         }
     }

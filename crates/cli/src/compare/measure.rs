@@ -165,7 +165,7 @@ impl Bench {
     fn cpu_speed(&self, encoded: &dyn Encoded<Domain = Image2d>) -> f64 {
         let layout = encoded.layout();
         let wholes: Vec<Rect> =
-            (0..layout.surfaces.len()).filter_map(|surface| layout.whole(surface as u32, 0)).collect();
+            (0..layout.images.len()).filter_map(|image| layout.whole(image as u32, 0)).collect();
         let mut texels =
             vec![Texel::ZERO; wholes.iter().map(|&whole| Image2d::len(whole)).max().unwrap_or(0)];
         let mut once = || {
@@ -190,7 +190,7 @@ impl Bench {
     fn gpu_speed(&self, encoded: &dyn Encoded<Domain = Image2d>) -> Option<f64> {
         let gpu = self.gpu.as_ref()?;
         let texture = gpu.upload(&encoded.gpu()).ok()?;
-        let size = *encoded.layout().surfaces.first()?;
+        let size = *encoded.layout().images.first()?;
         let view = View::whole(0, (size.width, size.height), Lookup::Fetch { level: 0 });
         let first = gpu.time(&texture, &view, Probe::Lookup, 1).ok()?;
         let drawings = (GPU_SECONDS / first.max(1e-9)).clamp(1.0, GPU_DRAWINGS) as u32;

@@ -8,7 +8,7 @@ use texfold::{
     file_of,
     zipmap::{PatchStack, ZipTexture, Zipmap, fidelity},
 };
-use texfold_core::metric::{SquaredError, decode_surface, ssim, worst_block_rms};
+use texfold_core::metric::{SquaredError, decode_image, ssim, worst_block_rms};
 use texfold_core::{Encoded, Job, Limits, LoadError};
 
 use super::folder::{Folder, FolderTask, Made};
@@ -61,7 +61,7 @@ impl FolderTask<ZoomSettings> {
             .iter()
             .fold(SquaredError::default(), |sum, fidelity| sum + fidelity.error);
         let texels: u64 = images.iter().chain([root]).map(|image| image.size().texels()).sum();
-        let drawn = decode_surface(&texture, 0, texture.deep_levels());
+        let drawn = decode_image(&texture, 0, texture.deep_levels());
         let (similar, worst) =
             drawn.as_ref().map_or((0.0, 0.0), |drawn| (ssim(root, drawn), worst_block_rms(root, drawn)));
         Ok(Row {

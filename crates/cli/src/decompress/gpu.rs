@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use texfold_core::image::Raster;
-use texfold_core::{Encoded, Image2d, RegionError, SourceError, SurfaceSize, Texel};
+use texfold_core::{Encoded, Image2d, ImageSize, RegionError, SourceError, Texel};
 use texfold_gpu::{Filter, Gpu, GpuError, GpuTexture, Policy};
 
 use crate::error::CliError;
@@ -44,20 +44,20 @@ impl Fixture<'_> {
         &self,
         path: &Path,
         encoded: &dyn Encoded<Domain = Image2d>,
-        surface: u32,
+        image: u32,
         level: u32,
         continuous: bool,
     ) -> Result<Raster, CliError> {
         let layout = encoded.layout();
         let missing = || CliError::Region {
             path: path.to_owned(),
-            source: RegionError::NoSuchSurface { surface, surfaces: layout.surfaces.len() },
+            source: RegionError::NoSuchImage { image, images: layout.images.len() },
         };
-        let size = layout.surfaces.get(surface as usize).ok_or_else(missing)?.at_level(level);
-        let SurfaceSize { width, height } = size;
+        let size = layout.images.get(image as usize).ok_or_else(missing)?.at_level(level);
+        let ImageSize { width, height } = size;
         let filter = if continuous { Filter::Bilinear } else { Filter::Nearest };
         let decoded =
-            self.gpu.decode(&self.texture, surface, level, (width, height), filter).map_err(fault(path))?;
+            self.gpu.decode(&self.texture, image, level, (width, height), filter).map_err(fault(path))?;
         let texels: Vec<Texel> = decoded.into_iter().map(Texel::from).collect();
         let unsuitable = |source: SourceError| CliError::Source { path: path.to_owned(), source };
         Raster::from_texels(width, height, layout.pixel, &texels).map_err(unsuitable)

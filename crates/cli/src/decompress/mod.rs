@@ -9,9 +9,9 @@ use glam::Vec2;
 use texfold::{AnyImage, Arriving, epitome::EpitomeTexture};
 use texfold_core::container::Sections;
 use texfold_core::image::Raster;
-use texfold_core::metric::decode_surface;
+use texfold_core::metric::decode_image;
 use texfold_core::{
-    Budget, Encoded, Image2d, Layers, Limits, MAX_IMAGE_SIDE, RegionError, SourceError, SurfaceSize,
+    Budget, Encoded, Image2d, ImageSize, Layers, Limits, MAX_IMAGE_SIDE, RegionError, SourceError,
 };
 
 use crate::console::complain;
@@ -122,16 +122,16 @@ fn decompress(
     warn_of_layers(path, args.layers, image.as_encoded().layers());
     let encoded = image.as_encoded();
     let uploaded = device.map(|device| device.upload(path, encoded)).transpose()?;
-    let surfaces = encoded.layout().surfaces.len();
-    for surface in 0..surfaces {
-        let output = args.out.join(name(path, surface, surfaces));
+    let images = encoded.layout().images.len();
+    for index in 0..images {
+        let output = args.out.join(name(path, index, images));
         if let Some(first) = writers.insert(output.clone(), path.to_owned()) {
             writers.insert(output.clone(), first.clone());
             return Err(CliError::Collision { path: path.to_owned(), output, first });
         }
         let raster = match &uploaded {
-            Some(uploaded) => uploaded.decode(path, encoded, surface as u32, args.lod, args.continuous)?,
-            None => on_cpu(path, &image, surface as u32, args)?,
+            Some(uploaded) => uploaded.decode(path, encoded, index as u32, args.lod, args.continuous)?,
+            None => on_cpu(path, &image, index as u32, args)?,
         };
         png::write(&output, &raster)?;
     }
@@ -139,15 +139,15 @@ fn decompress(
 }
 
 /// An image decoded on the CPU; epitomes between leaves as they are drawn, where that is requested.
-fn on_cpu(path: &Path, image: &AnyImage, surface: u32, args: &DecompressArgs) -> Result<Raster, CliError> {
+fn on_cpu(path: &Path, image: &AnyImage, index: u32, args: &DecompressArgs) -> Result<Raster, CliError> {
     // Strips are wider than between texels at level 0 alone.
     let blended = image.downcast_ref::<EpitomeTexture>().filter(|_| args.continuous && args.lod == 0);
     let Some(epitome) = blended else {
-        return decode(path, image.as_encoded(), surface, args.lod);
+        return decode(path, image.as_encoded(), index, args.lod);
     };
     let layout = epitome.layout();
-    let SurfaceSize { width, height } = layout.surfaces[surface as usize];
-    let texels = epitome.draw(surface, Vec2::ZERO, Vec2::ONE, (width, height));
+    let ImageSize { width, height } = layout.images[index as usize];
+    let texels = epitome.draw(index, Vec2::ZERO, Vec2::ONE, (width, height));
     let fault = |source: SourceError| CliError::Encode { path: path.to_owned(), source: source.into() };
     Raster::from_texels(width, height, layout.pixel, &texels).map_err(fault)
 }
@@ -191,23 +191,23 @@ fn check_parts(
 pub(crate) fn decode(
     path: &Path,
     encoded: &dyn Encoded<Domain = Image2d>,
-    surface: u32,
+    image: u32,
     level: u32,
 ) -> Result<Raster, CliError> {
     let layout = encoded.layout();
     let missing = || CliError::Region {
         path: path.to_owned(),
-        source: RegionError::NoSuchSurface { surface, surfaces: layout.surfaces.len() },
+        source: RegionError::NoSuchImage { image, images: layout.images.len() },
     };
-    decode_surface(encoded, surface, level).ok_or_else(missing)
+    decode_image(encoded, image, level).ok_or_else(missing)
 }
 
 /// `<stem>.png`, or `<stem>-000.png` and so on where there are several.
-pub(crate) fn name(path: &Path, surface: usize, surfaces: usize) -> std::ffi::OsString {
+pub(crate) fn name(path: &Path, image: usize, images: usize) -> std::ffi::OsString {
     let mut name = path.file_stem().unwrap_or_default().to_owned();
-    if surfaces > 1 {
-        let digits = NUMBER_DIGITS.max((surfaces - 1).to_string().len());
-        name.push(format!("-{surface:0digits$}"));
+    if images > 1 {
+        let digits = NUMBER_DIGITS.max((images - 1).to_string().len());
+        name.push(format!("-{image:0digits$}"));
     }
     name.push(".png");
     name

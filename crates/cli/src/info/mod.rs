@@ -94,8 +94,8 @@ fn summarise(path: &Path, encoded: &dyn Encoded<Domain = Image2d>) -> Summary {
     Summary {
         file: path.display().to_string(),
         codec: encoded.codec().name,
-        images: layout.surfaces.len(),
-        sizes: layout.surfaces.iter().map(|size| [size.width, size.height]).collect(),
+        images: layout.images.len(),
+        sizes: layout.images.iter().map(|size| [size.width, size.height]).collect(),
         levels: layout.levels,
         channels,
         depth_bits: if depth == Depth::Sixteen { 16 } else { 8 },

@@ -24,26 +24,26 @@ pub(crate) fn write(
     original: Option<&Path>,
 ) -> Result<(), CliError> {
     make_folder(dir)?;
-    let save = |part: &str, surface: usize, surfaces: usize, raster: &Raster| -> Result<(), CliError> {
+    let save = |part: &str, index: usize, images: usize, raster: &Raster| -> Result<(), CliError> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let output = dir.join(name(Path::new(&format!("{stem}-{part}.txf")), surface, surfaces));
+        let output = dir.join(name(Path::new(&format!("{stem}-{part}.txf")), index, images));
         png::write(&output, raster)?;
         say(&format!("wrote {}", output.display()));
         Ok(())
     };
     let encoded = image.as_encoded();
-    let surfaces = encoded.layout().surfaces.len();
+    let images = encoded.layout().images.len();
     for PartImages { name, images } in parts_of(image) {
         for (number, raster) in images.iter().enumerate() {
             save(name, number, images.len(), raster)?;
         }
     }
-    let originals = original.map(|original| read_original(original, surfaces)).transpose()?;
-    for surface in 0..surfaces {
-        let decoded = decode(path, encoded, surface as u32, 0)?;
-        save("decoded", surface, surfaces, &decoded)?;
-        if let Some(source) = originals.as_ref().and_then(|images| images.get(surface)) {
-            save("error", surface, surfaces, &thumbnail::error(source, &decoded))?;
+    let originals = original.map(|original| read_original(original, images)).transpose()?;
+    for index in 0..images {
+        let decoded = decode(path, encoded, index as u32, 0)?;
+        save("decoded", index, images, &decoded)?;
+        if let Some(source) = originals.as_ref().and_then(|images| images.get(index)) {
+            save("error", index, images, &thumbnail::error(source, &decoded))?;
         }
     }
     if originals.is_some() {
@@ -53,12 +53,12 @@ pub(crate) fn write(
 }
 
 /// The images of a file or folder, as `compress` reads them.
-fn read_original(original: &Path, surfaces: usize) -> Result<Vec<Raster>, CliError> {
+fn read_original(original: &Path, images: usize) -> Result<Vec<Raster>, CliError> {
     let settings = Options::default().resolve(original)?;
     let mut files: Vec<PathBuf> = Vec::new();
     for found in find(&[original.to_owned()], |_| None) {
         files.extend(found.map_err(|unusable| *unusable.error)?.files);
     }
-    files.truncate(surfaces);
+    files.truncate(images);
     Ok(read_set(&files, &settings, memory::usual_limit())?.images().to_vec())
 }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use image::DynamicImage;
 use texfold_core::image::{Alpha, ColorSpace, Raster};
-use texfold_core::{SourceError, SurfaceSize};
+use texfold_core::{ImageSize, SourceError};
 use tiff::decoder::{ChunkType, Decoder as TiffDecoder, DecodingResult};
 use tiff::tags::{PlanarConfiguration, Tag};
 
@@ -52,7 +52,7 @@ impl Samples {
 #[derive(Debug)]
 pub(crate) struct Bands {
     path: PathBuf,
-    size: SurfaceSize,
+    size: ImageSize,
     color: ColorSpace,
     alpha: Option<Alpha>,
     next: u32,
@@ -115,7 +115,7 @@ impl Bands {
     }
 
     /// Columns and rows.
-    pub(crate) fn size(&self) -> SurfaceSize {
+    pub(crate) fn size(&self) -> ImageSize {
         self.size
     }
 

@@ -9,8 +9,8 @@ use std::path::Path;
 use dds::header::{Header, ParseOptions};
 use texfold_bc::{Bc1Blocks, BcTexture};
 use texfold_core::image::{Alpha, PixelInfo, Raster};
-use texfold_core::metric::decode_surface;
-use texfold_core::{PlaneFormat, SourceError, SurfaceSize};
+use texfold_core::metric::decode_image;
+use texfold_core::{ImageSize, PlaneFormat, SourceError};
 
 use super::Content;
 use super::check_side;
@@ -58,7 +58,7 @@ impl Container {
 }
 
 /// Columns and rows from the header.
-pub(crate) fn size(path: &Path, container: Container, head: &[u8]) -> Result<SurfaceSize, CliError> {
+pub(crate) fn size(path: &Path, container: Container, head: &[u8]) -> Result<ImageSize, CliError> {
     let (width, height) = match container {
         Container::Dds => {
             let header = dds_header(path, head)?;
@@ -69,7 +69,7 @@ pub(crate) fn size(path: &Path, container: Container, head: &[u8]) -> Result<Sur
             (header.pixel_width, header.pixel_height)
         }
     };
-    check_side(path, SurfaceSize { width, height })
+    check_side(path, ImageSize { width, height })
 }
 
 /// The blocks of the largest level.
@@ -100,7 +100,7 @@ pub(crate) fn decode(
     let meaning = settings.alpha.unwrap_or(Alpha::Straight);
     let pixel = PixelInfo { channels, color: settings.color, alpha: meaning, ..PixelInfo::default() };
     let texture = BcTexture::from_bc1(vec![image], pixel).map_err(fault)?;
-    let decoded = decode_surface(&texture, 0, 0).ok_or(fault(SourceError::Empty))?;
+    let decoded = decode_image(&texture, 0, 0).ok_or(fault(SourceError::Empty))?;
     let bytes = decoded.to_bytes();
     // Reading it back from bytes drops alpha that is opaque throughout.
     let raster = Raster::from_u8(size.width, size.height, channels, settings.color, &bytes).map_err(fault)?;

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use texfold_bc::Bc1Blocks;
 use texfold_core::image::{ImageSet, Raster};
-use texfold_core::{MAX_IMAGE_SIDE, SourceError, SurfaceSize};
+use texfold_core::{ImageSize, MAX_IMAGE_SIDE, SourceError};
 
 use crate::error::CliError;
 use crate::settings::Settings;
@@ -42,7 +42,7 @@ pub(crate) fn head_of(path: &Path) -> Result<Vec<u8>, CliError> {
 }
 
 /// Columns and rows of the image in a file, from its header alone.
-pub(crate) fn size_of(path: &Path) -> Result<SurfaceSize, CliError> {
+pub(crate) fn size_of(path: &Path) -> Result<ImageSize, CliError> {
     let head = head_of(path)?;
     match bc1::Container::of(&head) {
         Some(container) => bc1::size(path, container, &head),
@@ -76,8 +76,8 @@ pub(crate) fn read_set(
 }
 
 /// Refuses images without texels, and sides that no codec takes.
-pub(crate) fn check_side(path: &Path, size: SurfaceSize) -> Result<SurfaceSize, CliError> {
-    let SurfaceSize { width, height } = size;
+pub(crate) fn check_side(path: &Path, size: ImageSize) -> Result<ImageSize, CliError> {
+    let ImageSize { width, height } = size;
     let source = if width == 0 || height == 0 {
         SourceError::ZeroSize { index: 0, width, height }
     } else if width > MAX_IMAGE_SIDE || height > MAX_IMAGE_SIDE {

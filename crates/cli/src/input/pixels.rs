@@ -6,7 +6,7 @@ use std::path::Path;
 
 use image::{DynamicImage, ImageError, ImageReader};
 use texfold_core::image::{Alpha, ColorSpace, Raster};
-use texfold_core::{MAX_IMAGE_SIDE, SurfaceSize};
+use texfold_core::{ImageSize, MAX_IMAGE_SIDE};
 use tiff::decoder::Decoder as TiffDecoder;
 use tiff::tags::Tag;
 
@@ -26,9 +26,9 @@ fn open(path: &Path) -> Result<Reader, CliError> {
 }
 
 /// Columns and rows from the header.
-pub(crate) fn size(path: &Path) -> Result<SurfaceSize, CliError> {
+pub(crate) fn size(path: &Path) -> Result<ImageSize, CliError> {
     let (width, height) = open(path)?.into_dimensions().map_err(|error| fault(path, error))?;
-    check_side(path, SurfaceSize { width, height })
+    check_side(path, ImageSize { width, height })
 }
 
 /// Decodes the file; its decoder may allocate up to `limit_bytes`.

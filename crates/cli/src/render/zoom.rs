@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::{Affine2, Mat2, Vec2};
 use texfold::{AnyImage, zipmap::ZipTexture};
 use texfold_core::image::{Alpha, MipFilter, PixelInfo, Raster, mip_chain};
-use texfold_core::{SurfaceSize, Texel};
+use texfold_core::{ImageSize, Texel};
 use texfold_gpu::{Gpu, GpuError, Lookup, Policy, View};
 
 use super::RenderArgs;
@@ -40,7 +40,7 @@ pub(super) fn run(args: &RenderArgs, target: Vec2) -> Result<usize, CliError> {
     let image = decompress::load(&args.file)?;
     let encoded = image.as_encoded();
     let size = args.size.map_or(SIZE, |Sides(width, height)| (width.clamp(1, 8192), height.clamp(1, 8192)));
-    let shots = shots(encoded.layout().surfaces[0], size, target, args.steps.unwrap_or(STEPS));
+    let shots = shots(encoded.layout().images[0], size, target, args.steps.unwrap_or(STEPS));
     make_folder(&args.out)?;
     remove_stale(&args.out);
     let draw = artist(args, &image, size)?;
@@ -57,7 +57,7 @@ pub(super) fn run(args: &RenderArgs, target: Vec2) -> Result<usize, CliError> {
 
 /// Rectangles of the frames' shape, the first as large as the texture holds, each smaller than the one before by the
 /// same factor.
-fn shots(texture: SurfaceSize, size: (u32, u32), target: Vec2, steps: u32) -> Vec<Shot> {
+fn shots(texture: ImageSize, size: (u32, u32), target: Vec2, steps: u32) -> Vec<Shot> {
     let whole = Vec2::new(texture.width as f32, texture.height as f32);
     let frame = Vec2::new(size.0 as f32, size.1 as f32);
     // Texels a pixel.
@@ -96,7 +96,7 @@ fn artist<'t>(args: &'t RenderArgs, image: &'t AnyImage, size: (u32, u32)) -> Re
     let texture = texture.with_address_mode(texfold_gpu::AddressMode::Clamp);
     Ok(Box::new(move |shot| {
         let uv = Affine2 { matrix2: Mat2::from_diagonal(shot.extent), translation: shot.corner };
-        let view = View { surface: 0, size, uv, lookup: Lookup::Derivative };
+        let view = View { image: 0, size, uv, lookup: Lookup::Derivative };
         let pixels = device.read_view(&texture, &view).map_err(failed)?;
         let texels: Vec<Texel> = pixels.into_iter().map(Texel::from_array).collect();
         raster(args, info, size, &texels)
@@ -117,7 +117,7 @@ fn raster(
 fn strip(path: &Path, frames: &[Raster]) -> Result<Raster, CliError> {
     let small: Vec<Raster> =
         frames.iter().filter_map(|frame| mip_chain(frame, 2, MipFilter::Box).pop()).collect();
-    let size = small.first().map_or(SurfaceSize { width: 1, height: 1 }, Raster::size);
+    let size = small.first().map_or(ImageSize { width: 1, height: 1 }, Raster::size);
     let columns = small.len().clamp(1, COLUMNS);
     let rows = small.len().div_ceil(columns).max(1);
     let (width, height) = (size.width as usize * columns, size.height as usize * rows);
@@ -152,7 +152,7 @@ mod tests {
 
     #[test]
     fn frames_stay_inside_and_end_at_a_texel_a_pixel() {
-        let texture = SurfaceSize { width: 4096, height: 2048 };
+        let texture = ImageSize { width: 4096, height: 2048 };
         let found = shots(texture, (512, 256), Vec2::new(0.0, 0.9), 5);
         assert_eq!(found[0], Shot { corner: Vec2::ZERO, extent: Vec2::ONE });
         let last = found[4].extent * Vec2::new(4096.0, 2048.0);

@@ -3,7 +3,7 @@
 use super::{Reader, SectionWriter, Sections};
 use crate::id::String4;
 use crate::image::{Alpha, ColorSpace, Depth, PixelInfo};
-use crate::{Budget, ImageLayout, LoadError, MAX_IMAGE_SIDE, SurfaceSize};
+use crate::{Budget, ImageLayout, ImageSize, LoadError, MAX_IMAGE_SIDE};
 
 /// Id of the layout section.
 pub const LAYOUT_ID: [u8; 4] = *b"LAYO";
@@ -25,7 +25,7 @@ pub fn write_layout(layout: &ImageLayout, out: &mut SectionWriter) {
     let mut raw = vec![pixel.channels, depth, color, alpha];
     raw.extend(threshold.to_le_bytes());
     raw.extend(layout.levels.to_le_bytes());
-    let runs: Vec<&[SurfaceSize]> = layout.surfaces.chunk_by(|a, b| a == b).collect();
+    let runs: Vec<&[ImageSize]> = layout.images.chunk_by(|a, b| a == b).collect();
     raw.extend((runs.len() as u32).to_le_bytes());
     for run in runs {
         raw.extend((run.len() as u32).to_le_bytes());
@@ -49,13 +49,13 @@ pub fn read_layout(file: &Sections<'_>, budget: &mut Budget) -> Result<ImageLayo
     }
     let runs = reader.u32()?;
     let total = check_runs(reader.clone(), runs, budget)?;
-    let mut surfaces = budget.reserved(total)?;
+    let mut images = budget.reserved(total)?;
     for _ in 0..runs {
         let (count, width, height) = (reader.u32()?, reader.u32()?, reader.u32()?);
-        surfaces.extend(std::iter::repeat_n(SurfaceSize { width, height }, count as usize));
+        images.extend(std::iter::repeat_n(ImageSize { width, height }, count as usize));
     }
     reader.end()?;
-    Ok(ImageLayout { surfaces, levels, pixel })
+    Ok(ImageLayout { images, levels, pixel })
 }
 
 /// The number of images of `runs` runs, at least 1; every one has a size that a file may name, and all together fit the
@@ -67,7 +67,7 @@ fn check_runs(mut reader: Reader<'_>, runs: u32, budget: &Budget) -> Result<u64,
         if count == 0 || !(1..=MAX_IMAGE_SIDE).contains(&width) || !(1..=MAX_IMAGE_SIDE).contains(&height) {
             return Err(reader.corrupt("a side outside 1..=32768 or a run of 0 images"));
         }
-        let size = SurfaceSize { width, height };
+        let size = ImageSize { width, height };
         texels = texels.saturating_add(size.texels().saturating_mul(u64::from(count)));
         budget.check_texels(texels)?;
         total += u64::from(count);
@@ -111,9 +111,9 @@ mod tests {
 
     #[test]
     fn a_layout_survives() {
-        let size = |width, height| SurfaceSize { width, height };
+        let size = |width, height| ImageSize { width, height };
         let layout = ImageLayout {
-            surfaces: vec![size(3, 5), size(3, 5), size(64, 1)],
+            images: vec![size(3, 5), size(3, 5), size(64, 1)],
             levels: 3,
             pixel: PixelInfo {
                 channels: 4,

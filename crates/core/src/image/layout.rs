@@ -4,14 +4,14 @@ use super::PixelInfo;
 
 /// Width and height of one image in texels of level 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct SurfaceSize {
+pub struct ImageSize {
     /// Columns, at least 1.
     pub width: u32,
     /// Rows, at least 1.
     pub height: u32,
 }
 
-impl SurfaceSize {
+impl ImageSize {
     /// Number of texels of level 0.
     #[must_use]
     pub fn texels(self) -> u64 {
@@ -20,9 +20,9 @@ impl SurfaceSize {
 
     /// Size of mip level `level`: halved and rounded down, at least 1.
     #[must_use]
-    pub fn at_level(self, level: u32) -> SurfaceSize {
+    pub fn at_level(self, level: u32) -> ImageSize {
         let halve = |side: u32| side.checked_shr(level).unwrap_or(0).max(1);
-        SurfaceSize { width: halve(self.width), height: halve(self.height) }
+        ImageSize { width: halve(self.width), height: halve(self.height) }
     }
 
     /// Number of levels of a full mip chain, down to 1x1.
@@ -42,7 +42,7 @@ impl SurfaceSize {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImageLayout {
     /// Size of every image, in the order of the source.
-    pub surfaces: Vec<SurfaceSize>,
+    pub images: Vec<ImageSize>,
     /// Mip levels stored for every image; 1 means level 0 alone. An image with a shorter full chain
     /// repeats its last level.
     pub levels: u32,
@@ -54,7 +54,7 @@ impl ImageLayout {
     /// Source texels of all images, level 0.
     #[must_use]
     pub fn texels(&self) -> u64 {
-        self.surfaces.iter().map(|size| size.texels()).sum()
+        self.images.iter().map(|size| size.texels()).sum()
     }
 }
 
@@ -64,10 +64,10 @@ mod tests {
 
     #[test]
     fn levels_halve_down_to_one() {
-        let size = SurfaceSize { width: 13, height: 4 };
+        let size = ImageSize { width: 13, height: 4 };
         assert_eq!(size.full_levels(), 4);
-        assert_eq!(size.at_level(2), SurfaceSize { width: 3, height: 1 });
-        assert_eq!(size.at_level(31), SurfaceSize { width: 1, height: 1 });
-        assert_eq!(size.at_level(40), SurfaceSize { width: 1, height: 1 });
+        assert_eq!(size.at_level(2), ImageSize { width: 3, height: 1 });
+        assert_eq!(size.at_level(31), ImageSize { width: 1, height: 1 });
+        assert_eq!(size.at_level(40), ImageSize { width: 1, height: 1 });
     }
 }

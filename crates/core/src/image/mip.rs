@@ -7,7 +7,7 @@
 
 use glam::{Vec3, Vec4};
 
-use super::{Alpha, ColorSpace, PixelInfo, Raster, SurfaceSize, linear_to_srgb, srgb_to_linear};
+use super::{Alpha, ColorSpace, ImageSize, PixelInfo, Raster, linear_to_srgb, srgb_to_linear};
 use crate::Texel;
 
 /// Steps of the search for the alpha scale: 2^-12 is finer than 8-bit alpha.
@@ -122,12 +122,7 @@ fn spans(from: u32, to: u32) -> Vec<(usize, [f32; 3])> {
     (0..to).map(span).collect()
 }
 
-fn halve(
-    light: &[Vec4],
-    from: SurfaceSize,
-    to: SurfaceSize,
-    goes_on: &dyn Fn() -> bool,
-) -> Option<Vec<Vec4>> {
+fn halve(light: &[Vec4], from: ImageSize, to: ImageSize, goes_on: &dyn Fn() -> bool) -> Option<Vec<Vec4>> {
     let (columns, rows) = (spans(from.width, to.width), spans(from.height, to.height));
     let at = |x: usize, y: usize| {
         light[y.min(from.height as usize - 1) * from.width as usize + x.min(from.width as usize - 1)]

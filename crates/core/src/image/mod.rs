@@ -11,7 +11,7 @@ mod raster;
 #[cfg(feature = "encode")]
 pub use cancel::mip_chain_cancellable;
 pub use colour::{ColorSpace, linear_to_srgb, srgb_to_linear};
-pub use layout::{ImageLayout, SurfaceSize};
+pub use layout::{ImageLayout, ImageSize};
 pub use mip::{MipFilter, mip_chain};
 pub use pixel::{Alpha, Depth, PixelInfo};
 pub use raster::{ImageSet, Raster, to_u8};

@@ -2,7 +2,7 @@
 
 use glam::Vec4;
 
-use super::{Alpha, ColorSpace, Depth, ImageLayout, PixelInfo, SurfaceSize};
+use super::{Alpha, ColorSpace, Depth, ImageLayout, ImageSize, PixelInfo};
 use crate::{MAX_IMAGE_SIDE, SourceError, Texel};
 
 /// The largest value of the deepest source.
@@ -11,7 +11,7 @@ const DEEPEST: f32 = u16::MAX as f32;
 /// An image: `height` rows of `width` texels of 1 to 4 interleaved channels, values nominally in [0, 1].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Raster {
-    size: SurfaceSize,
+    size: ImageSize,
     info: PixelInfo,
     data: Vec<f32>,
 }
@@ -28,7 +28,7 @@ impl Raster {
         if !(1..=4).contains(&info.channels) {
             return Err(SourceError::Channels { channels: info.channels });
         }
-        let size = SurfaceSize { width, height };
+        let size = ImageSize { width, height };
         let needed = usize::try_from(size.texels().saturating_mul(u64::from(info.channels)));
         let needed = needed.unwrap_or(usize::MAX);
         if data.len() != needed {
@@ -90,7 +90,7 @@ impl Raster {
     ///
     /// # Errors
     /// [`SourceError`] for a size of 0 or beyond the limits.
-    pub fn heat_map(size: SurfaceSize, value: impl Fn(u32, u32) -> f32) -> Result<Raster, SourceError> {
+    pub fn heat_map(size: ImageSize, value: impl Fn(u32, u32) -> f32) -> Result<Raster, SourceError> {
         let info = PixelInfo { channels: 3, color: ColorSpace::Srgb, ..PixelInfo::default() };
         let texel = |at: u32| {
             let value = value(at % size.width, at / size.width);
@@ -117,7 +117,7 @@ impl Raster {
 
     /// Columns and rows.
     #[must_use]
-    pub fn size(&self) -> SurfaceSize {
+    pub fn size(&self) -> ImageSize {
         self.size
     }
 
@@ -290,7 +290,7 @@ impl ImageSet {
     pub fn check_sides(&self) -> Result<(), SourceError> {
         let mut sizes = self.images.iter().map(Raster::size).enumerate();
         match sizes.find(|(_, size)| size.width.max(size.height) > MAX_IMAGE_SIDE) {
-            Some((index, SurfaceSize { width, height })) => {
+            Some((index, ImageSize { width, height })) => {
                 Err(SourceError::TooLarge { index, width, height, max: MAX_IMAGE_SIDE })
             }
             None => Ok(()),
@@ -311,7 +311,7 @@ impl ImageSet {
     /// Layout of the set with `levels` mip levels.
     #[must_use]
     pub fn layout(&self, levels: u32) -> ImageLayout {
-        ImageLayout { surfaces: self.images.iter().map(Raster::size).collect(), levels, pixel: self.info() }
+        ImageLayout { images: self.images.iter().map(Raster::size).collect(), levels, pixel: self.info() }
     }
 
     /// Texels of all images.

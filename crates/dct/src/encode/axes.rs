@@ -159,14 +159,14 @@ pub(super) fn inverted<const N: usize>(mut matrix: [[f64; N]; N], count: usize) 
 
 #[cfg(test)]
 mod tests {
-    use texfold_core::SurfaceSize;
+    use texfold_core::ImageSize;
 
     use super::*;
 
     #[test]
     fn channels_that_go_together_share_an_axis() {
         let samples: Vec<u16> = (0..64u16).flat_map(|n| [n * 2, n * 2 + 7, 100, n * 29 % 64]).collect();
-        let size = SurfaceSize { width: 8, height: 8 };
+        let size = ImageSize { width: 8, height: 8 };
         let source = DctSource::new(size, &[3, 1], 8, samples).unwrap();
         let all = axes(&source, CancelCheck::default()).unwrap();
         let first: Vec<i16> = (0..3).map(|channel| all[0].group.axes[channel][0]).collect();

@@ -11,8 +11,7 @@ fn block_errors(source: &DctSource, texture: &DctTexture) -> Vec<(f64, u32)> {
     let (width, height) = (source.size.width as usize, source.size.height as usize);
     let channels = source.channels();
     let mut decoded = vec![0u16; source.samples.len()];
-    let rect =
-        Rect { surface: 0, level: 0, x: 0, y: 0, width: source.size.width, height: source.size.height };
+    let rect = Rect { image: 0, level: 0, x: 0, y: 0, width: source.size.width, height: source.size.height };
     // The texture has the source's size.
     if texture.decode(rect, &mut decoded).is_err() {
         return Vec::new();

@@ -3,7 +3,7 @@
 //! Source: push-pull interpolation (Gortler and others, "The lumigraph", 1996, section 3.4.2): visible texels are averaged
 //! down to smaller and smaller images, and hidden ones are filled from the smaller image, by bilinear interpolation.
 
-use texfold_core::SurfaceSize;
+use texfold_core::ImageSize;
 
 /// Sums of visible values, channel by channel, and how many there are.
 struct Level {
@@ -15,12 +15,7 @@ struct Level {
 }
 
 /// Replaces all channels but `alpha`, of samples of `channels` channels, in texels that do not count.
-pub(super) fn fill(
-    samples: &mut [u16],
-    size: SurfaceSize,
-    (channels, alpha): (usize, usize),
-    counts: &[bool],
-) {
+pub(super) fn fill(samples: &mut [u16], size: ImageSize, (channels, alpha): (usize, usize), counts: &[bool]) {
     let count = counts.iter().filter(|&&counts| counts).count();
     if count == 0 || count == counts.len() {
         return;
@@ -100,7 +95,7 @@ fn halved(level: &Level, channels: usize) -> Level {
 
 #[cfg(test)]
 mod tests {
-    use texfold_core::SurfaceSize;
+    use texfold_core::ImageSize;
     use texfold_core::rng::Rng;
 
     use crate::encode::DctSource;
@@ -108,7 +103,7 @@ mod tests {
     #[test]
     fn hidden_colours_become_smooth_and_visible_ones_stay() {
         let mut rng = Rng::new(2);
-        let size = SurfaceSize { width: 37, height: 20 };
+        let size = ImageSize { width: 37, height: 20 };
         let texel = |at: u32, noise: u16| {
             let inside = at % 37 > 20;
             [

@@ -33,14 +33,14 @@ pub(super) fn masking(image: &Coefficients, axes: usize, step: f32) -> Vec<f32> 
 
 #[cfg(test)]
 mod tests {
-    use texfold_core::SurfaceSize;
+    use texfold_core::ImageSize;
 
     use super::*;
     use crate::form::PlaneShape;
     use crate::scan::COEFFICIENTS;
 
     fn image(amplitudes: &[f32]) -> Coefficients {
-        let size = SurfaceSize { width: 8 * amplitudes.len() as u32, height: 8 };
+        let size = ImageSize { width: 8 * amplitudes.len() as u32, height: 8 };
         let blocks = amplitudes.iter().flat_map(|&amplitude| {
             let mut luma = [0.0; COEFFICIENTS];
             (luma[0], luma[5]) = (1000.0, amplitude);

@@ -40,7 +40,7 @@ impl<'a> DctSetEncoder<'a> {
     /// # Errors
     /// [`EncodeError`] where the job was cancelled, or images do not fit the layout.
     pub fn at_step(&self, step: u16) -> Result<DctContent, EncodeError> {
-        let counts = self.layout.surfaces.iter().map(|&size| stage_sizes(size, self.layout.levels).len());
+        let counts = self.layout.images.iter().map(|&size| stage_sizes(size, self.layout.levels).len());
         let numbers = counts.flat_map(|count| 0..count);
         let of_stage = |number: usize| step.saturating_sub(STAGE_FINER * number as u16);
         let stages = self.stages.iter().zip(numbers).map(|(stage, number)| stage.at_step(of_stage(number)));

@@ -1,7 +1,7 @@
 //! What is encoded.
 
 use texfold_core::image::{Depth, Raster};
-use texfold_core::{MAX_IMAGE_SIDE, SourceError, SurfaceSize};
+use texfold_core::{ImageSize, MAX_IMAGE_SIDE, SourceError};
 
 use super::hidden::fill;
 use crate::form::{MAX_CHANNELS, MAX_GROUP};
@@ -9,7 +9,7 @@ use crate::form::{MAX_CHANNELS, MAX_GROUP};
 /// An image of 1 to 16 channels, in groups that share axes.
 #[derive(Debug, Clone)]
 pub struct DctSource {
-    pub(super) size: SurfaceSize,
+    pub(super) size: ImageSize,
     pub(super) depth: u8,
     pub(super) groups: Vec<u8>,
     pub(super) samples: Vec<u16>,
@@ -20,8 +20,8 @@ impl DctSource {
     ///
     /// # Errors
     /// [`SourceError`] where sizes, groups and samples do not fit.
-    pub fn new(size: SurfaceSize, groups: &[u8], depth: u8, samples: Vec<u16>) -> Result<Self, SourceError> {
-        let SurfaceSize { width, height } = size;
+    pub fn new(size: ImageSize, groups: &[u8], depth: u8, samples: Vec<u16>) -> Result<Self, SourceError> {
+        let ImageSize { width, height } = size;
         if width == 0 || height == 0 {
             return Err(SourceError::ZeroSize { index: 0, width, height });
         }
@@ -48,7 +48,7 @@ impl DctSource {
     ///
     /// # Errors
     /// As [`DctSource::new`].
-    pub fn from_u8(size: SurfaceSize, groups: &[u8], samples: &[u8]) -> Result<Self, SourceError> {
+    pub fn from_u8(size: ImageSize, groups: &[u8], samples: &[u8]) -> Result<Self, SourceError> {
         Self::new(size, groups, 8, samples.iter().map(|&sample| u16::from(sample)).collect())
     }
 

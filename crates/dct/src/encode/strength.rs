@@ -124,12 +124,12 @@ impl<'a> Judge<'a> {
 #[cfg(test)]
 mod tests {
     use texfold_core::rng::Rng;
-    use texfold_core::{CancelCheck, Metric, Rect, SurfaceSize};
+    use texfold_core::{CancelCheck, ImageSize, Metric, Rect};
 
     use crate::DctTexture;
     use crate::encode::{DctEncoder, DctSettings, DctSource};
 
-    const SIZE: SurfaceSize = SurfaceSize { width: 128, height: 96 };
+    const SIZE: ImageSize = ImageSize { width: 128, height: 96 };
 
     fn source(noise: u32) -> DctSource {
         let mut rng = Rng::new(4);
@@ -144,7 +144,7 @@ mod tests {
 
     fn error(source: &DctSource, texture: &DctTexture) -> f64 {
         let mut found = vec![0u16; source.samples().len()];
-        let rect = Rect { surface: 0, level: 0, x: 0, y: 0, width: SIZE.width, height: SIZE.height };
+        let rect = Rect { image: 0, level: 0, x: 0, y: 0, width: SIZE.width, height: SIZE.height };
         texture.decode(rect, &mut found).unwrap();
         found.iter().zip(source.samples()).map(|(&a, &b)| f64::from(a.abs_diff(b)).powi(2)).sum()
     }

@@ -194,12 +194,12 @@ impl<'a> Growth<'a> {
 mod tests {
     use super::super::candidate::Candidate;
     use super::*;
-    use texfold_core::SurfaceSize;
+    use texfold_core::ImageSize;
 
     #[test]
     fn the_shared_place_is_kept_and_the_others_are_not() {
         // Three blocks of four cells; each has its own cells, and all may read those of the second.
-        let grid = Grid::new(&[SurfaceSize { width: 24, height: 8 }], 8, false);
+        let grid = Grid::new(&[ImageSize { width: 24, height: 8 }], 8, false);
         let cells: Vec<u32> = (0..12).collect();
         let at = |block: u32, error: f32| Candidate::of_cells(error, (4 * block, 4 * block + 4));
         let candidates = (0..3).map(|block| vec![at(block, 0.0), at(1, 1.0)]).collect();

@@ -3,7 +3,7 @@
 use texfold_bc::Content;
 use texfold_core::image::{ColorSpace, MipFilter, Raster, mip_chain_cancellable};
 use texfold_core::{
-    CancelCheck, DCT_LEVELS, Effort, EncodeError, ImageLayout, Metric, Rect, SourceError, SurfaceSize, Texel,
+    CancelCheck, DCT_LEVELS, Effort, EncodeError, ImageLayout, ImageSize, Metric, Rect, SourceError, Texel,
     parallel,
 };
 use texfold_dct::encode::{DctEncoder, DctSetEncoder, DctSettings, DctSource, STAGE_FINER};
@@ -88,13 +88,13 @@ fn params(metric: Metric, effort: Effort) -> DctSettings {
 
 /// All texels of a texture of that image's size, in 8-bit units.
 fn decoded(texture: DctTexture, image: &Raster) -> Result<Field, EncodeError> {
-    let SurfaceSize { width, height } = image.size();
-    let layout = ImageLayout { surfaces: vec![image.size()], levels: 1, pixel: image.info() };
+    let ImageSize { width, height } = image.size();
+    let layout = ImageLayout { images: vec![image.size()], levels: 1, pixel: image.info() };
     let unlike = SourceError::Unlike { index: 0, what: "its size or channels" };
     let content = DctContent::new(layout, vec![texture]).ok_or(unlike)?;
     let mut texels = vec![Texel::ZERO; width as usize * height as usize];
     // The region is the whole image.
-    let _ = content.decode(Rect { surface: 0, level: 0, x: 0, y: 0, width, height }, &mut texels);
+    let _ = content.decode(Rect { image: 0, level: 0, x: 0, y: 0, width, height }, &mut texels);
     texels.iter_mut().for_each(|texel| *texel *= 255.0);
     Ok(Field { width: width as usize, height: height as usize, texels })
 }
@@ -136,7 +136,7 @@ fn coarse(
     let Some(layout) = coarse_layout(&layout) else { return Ok(None) };
     let first = coarse_levels(levels).start as usize;
     let mut sources = Vec::new();
-    for (image, size) in plan.images.images().iter().zip(&layout.surfaces) {
+    for (image, size) in plan.images.images().iter().zip(&layout.images) {
         let chain = mip_chain_cancellable(image, levels, MipFilter::Box, plan.cancel)?;
         let count = layout.levels.min(size.full_levels()) as usize;
         for level in chain.iter().skip(first).take(count).step_by(DCT_LEVELS as usize) {

@@ -1,7 +1,7 @@
 //! Blocks, and the squares that may become their leaves.
 
 use glam::{UVec2, Vec4};
-use texfold_core::SurfaceSize;
+use texfold_core::ImageSize;
 
 use super::pyramid::Space;
 use crate::format::blocks_of;
@@ -26,13 +26,13 @@ pub(crate) struct Grid {
     pub(crate) split: bool,
     /// Image, column and row of each block.
     blocks: Vec<(usize, u32, u32)>,
-    sizes: Vec<SurfaceSize>,
+    sizes: Vec<ImageSize>,
     /// First block of each image.
     pub(crate) starts: Vec<usize>,
 }
 
 impl Grid {
-    pub(crate) fn new(sizes: &[SurfaceSize], block: u32, split: bool) -> Self {
+    pub(crate) fn new(sizes: &[ImageSize], block: u32, split: bool) -> Self {
         let mut blocks = Vec::new();
         let mut starts = Vec::new();
         for (image, &size) in sizes.iter().enumerate() {
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn nodes_are_found_by_their_corner() {
-        let sizes = [SurfaceSize { width: 70, height: 33 }, SurfaceSize { width: 5, height: 64 }];
+        let sizes = [ImageSize { width: 70, height: 33 }, ImageSize { width: 5, height: 64 }];
         let grid = Grid::new(&sizes, 32, true);
         assert_eq!(grid.blocks(), 3 * 2 + 2);
         for index in 0..grid.nodes() {

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use texfold_bc::{Bc1Blocks, Content, ContentPlanes};
 use texfold_core::image::{ImageSet, PixelInfo, Raster};
 use texfold_core::{
-    CancelCheck, Domain, Effort, EncodeError, Image2d, Metric, SourceError, SurfaceSize, Texel,
+    CancelCheck, Domain, Effort, EncodeError, Image2d, ImageSize, Metric, SourceError, Texel,
 };
 use texfold_match::Field;
 use texfold_residual::encode::PlaneForm;
@@ -61,7 +61,7 @@ pub(crate) const SCALES: [Scale; 10] = [
 /// One image at all scales.
 #[derive(Debug)]
 pub(crate) struct Pyramid {
-    pub(crate) size: SurfaceSize,
+    pub(crate) size: ImageSize,
     /// By scale; sides are padded to whole blocks by repeating the edge.
     pub(crate) source: Vec<Field>,
 }
@@ -117,7 +117,7 @@ pub(crate) struct ScaleChoice {
 
 impl ScaleChoice {
     /// Bytes of an image's fields at all scales.
-    pub(crate) fn field_bytes(self, size: SurfaceSize) -> u64 {
+    pub(crate) fn field_bytes(self, size: ImageSize) -> u64 {
         let padded = |side: u32| u64::from(side.next_multiple_of(self.padding));
         let texels = padded(size.width) * padded(size.height);
         let of_scale = |scale: &Scale| texels >> (scale.across + scale.down);
@@ -290,7 +290,7 @@ impl Space {
         let mut shares = Vec::new();
         let mut decoded = Vec::new();
         for texture in textures.iter().flatten() {
-            let blocks = texture.layout().surfaces.iter().map(|size| blocks_of(*size)).sum();
+            let blocks = texture.layout().images.iter().map(|size| blocks_of(*size)).sum();
             let mut classes = texture.classes(0);
             classes.resize(blocks, 0);
             shares.extend(classes.iter().map(|&class| form.block_bits(largest, class) / cell_bits));
@@ -449,7 +449,7 @@ fn decode_level(texture: &ResidualContent) -> Option<Field> {
 }
 
 /// Blocks of a residual plane for such an image.
-fn blocks_of(size: SurfaceSize) -> usize {
+fn blocks_of(size: ImageSize) -> usize {
     size.width.div_ceil(BLOCK_SIDE) as usize * size.height.div_ceil(BLOCK_SIDE) as usize
 }
 

@@ -130,7 +130,7 @@ mod tests {
     use super::super::state::{Costs, Options, Problem};
     use super::*;
     use proptest::prelude::*;
-    use texfold_core::{CancelCheck, SurfaceSize};
+    use texfold_core::{CancelCheck, ImageSize};
 
     fn problem<'a>(grid: &'a Grid, options: &'a Options, cells: &'a [u32; 1]) -> Problem<'a> {
         Problem { grid, options, costs: costs(cells), cancel: CancelCheck::default() }
@@ -152,7 +152,7 @@ mod tests {
     fn two_readers_leave_together_for_what_a_third_one_keeps() {
         // Cell 0 is read by the first two blocks, and costs 64; with cell 1, which the third reads, each has an error
         // of 20.
-        let grid = Grid::new(&[SurfaceSize { width: 24, height: 8 }], 8, false);
+        let grid = Grid::new(&[ImageSize { width: 24, height: 8 }], 8, false);
         let mut options = Options::default();
         for block in 0..3 {
             let own = u32::from(block == 2);
@@ -179,7 +179,7 @@ mod tests {
             ),
             start in proptest::collection::vec(0usize..4, 9),
         ) {
-            let size = SurfaceSize { width: 8 * blocks.len() as u32, height: 8 };
+            let size = ImageSize { width: 8 * blocks.len() as u32, height: 8 };
             let grid = Grid::new(&[size], 8, false);
             let mut options = Options::default();
             for block in &blocks {

@@ -45,8 +45,8 @@ pub(crate) fn with_widest_seam(
 fn error(images: &ImageSet, made: &EpitomeTexture, seam_width: u32, cancel: CancelCheck<'_>) -> f64 {
     // An odd number of rows apart, so that all places in a leaf count alike.
     let step = images.texel_count().div_ceil(COMPARED) as u32 | 1;
-    let of_image = |(surface, image): (u32, &Raster)| -> f64 {
-        let view = made.view(surface);
+    let of_image = |(index, image): (u32, &Raster)| -> f64 {
+        let view = made.view(index);
         let view = EpitomeView { params: TexfoldEpitomeParams { seam_width, ..view.params }, ..view };
         let (width, height) = (image.size().width, image.size().height);
         let size = Vec2::new(width as f32, height as f32);

@@ -588,7 +588,7 @@ mod tests {
     use crate::encode::options::direct_options;
     use crate::encode::pyramid::{ScaleChoice, Storage};
     use texfold_bc::Content;
-    use texfold_core::SurfaceSize;
+    use texfold_core::ImageSize;
     use texfold_core::image::ImageSet;
 
     #[test]
@@ -632,7 +632,7 @@ mod tests {
     #[test]
     fn leaves_look_within_their_own_part() {
         let image = texfold_testkit::image("facade");
-        let SurfaceSize { width, height } = image.size();
+        let ImageSize { width, height } = image.size();
         let grid = Grid::new(&[image.size()], 32, true);
         let space = Space::new(
             &ImageSet::single(image),

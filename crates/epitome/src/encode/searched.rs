@@ -3,7 +3,7 @@
 
 use texfold_bc::Bc1Blocks;
 use texfold_core::image::{ImageSet, Raster};
-use texfold_core::{CancelCheck, EncodeError, Goal, Job, ParamError, PlaneFormat, SourceError, SurfaceSize};
+use texfold_core::{CancelCheck, EncodeError, Goal, ImageSize, Job, ParamError, PlaneFormat, SourceError};
 
 use super::candidate::{Match, Rules};
 use super::cell_cache::CellCache;
@@ -55,8 +55,8 @@ pub struct EpitomeSearch {
 fn check_blocks(source: EpitomeSource<'_>) -> Result<(), SourceError> {
     let Some(blocks) = source.blocks else { return Ok(()) };
     let images = source.images.images();
-    let needed = |size: SurfaceSize| PlaneFormat::Bc1.bytes(size.width, size.height) as usize;
-    let sum = |sizes: &mut dyn Iterator<Item = SurfaceSize>| sizes.map(needed).sum::<usize>();
+    let needed = |size: ImageSize| PlaneFormat::Bc1.bytes(size.width, size.height) as usize;
+    let sum = |sizes: &mut dyn Iterator<Item = ImageSize>| sizes.map(needed).sum::<usize>();
     let needed_of = |(blocks, image): (&Bc1Blocks, &Raster)| {
         blocks.size == image.size() && blocks.blocks.len() == needed(blocks.size)
     };
@@ -80,7 +80,7 @@ pub(super) struct Shape {
 impl Shape {
     pub(super) fn of(images: &ImageSet, params: &EpitomeParams) -> Result<Self, ParamError> {
         let storages = storages(images.info(), params)?;
-        let sizes: Vec<SurfaceSize> = images.images().iter().map(|image| image.size()).collect();
+        let sizes: Vec<ImageSize> = images.images().iter().map(|image| image.size()).collect();
         let scales = match params.transforms.scales {
             false => 1,
             true if params.layers > 1 => SCALES.len(),

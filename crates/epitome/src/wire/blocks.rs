@@ -3,7 +3,7 @@
 
 use texfold_core::container::ContentId;
 use texfold_core::container::{SectionWriter, Sections};
-use texfold_core::{Budget, ImageLayout, LoadError, SurfaceSize, Texel};
+use texfold_core::{Budget, ImageLayout, ImageSize, LoadError, Texel};
 use texfold_dct::DctContent;
 
 use super::form::{EpitomeForm, Form};
@@ -29,7 +29,7 @@ pub(super) fn read_blocks(
     let Some(&EpitomeForm { width, height, .. }) = form.epitomes.last().filter(|_| form.in_blocks) else {
         return Ok(None);
     };
-    let layout = epitome_layout(SurfaceSize { width, height }, images);
+    let layout = epitome_layout(ImageSize { width, height }, images);
     let epitome = load_content(&layout, EPITOME, file, budget)?;
     let coarse = coarse_layout(images);
     let coarse = coarse.map(|layout| load_content(&layout, COARSE, file, budget)).transpose()?;

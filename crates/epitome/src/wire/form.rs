@@ -3,7 +3,7 @@
 
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::container::{Reader, SectionWriter, Sections, read_layout};
-use texfold_core::{Budget, ImageLayout, LoadError, MAX_PLANE_SIDE, String4, SurfaceSize};
+use texfold_core::{Budget, ImageLayout, ImageSize, LoadError, MAX_PLANE_SIDE, String4};
 use texfold_residual::BLOCK_SIDE;
 
 use crate::decode::TexfoldEpitomeParams;
@@ -68,7 +68,7 @@ pub(super) fn store_head(parts: &Parts, out: &mut SectionWriter) {
         form.extend(epitome_size(errors).iter().flat_map(|side| side.to_le_bytes()));
     }
     if let Some(blocks) = &parts.blocks {
-        let SurfaceSize { width, height } = blocks.size();
+        let ImageSize { width, height } = blocks.size();
         form.push(Content::Raw.number());
         form.extend([width, height].iter().flat_map(|side| side.to_le_bytes()));
     }
@@ -101,7 +101,7 @@ pub(super) struct Head {
 
 pub(super) fn read_head(file: &Sections<'_>, budget: &mut Budget) -> Result<Head, LoadError> {
     let layout = read_layout(file, budget)?;
-    budget.take(IMAGE_BYTES * layout.surfaces.len() as u64)?;
+    budget.take(IMAGE_BYTES * layout.images.len() as u64)?;
     let raw = file.read(FORM_ID, budget)?;
     let form = read_form(&mut Reader::new(String4(FORM_ID), &raw), &layout)?;
     budget.take(PALETTE_BYTES * u64::from(form.matrices + form.gain_offsets))?;

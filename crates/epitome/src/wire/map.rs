@@ -56,7 +56,7 @@ pub(super) fn count_leaves(
 ) -> Result<u64, LoadError> {
     let reader = Reader::new(String4(id), trees);
     let blocks: u64 = layout
-        .surfaces
+        .images
         .iter()
         .map(|&size| blocks_of(size, format.block))
         .map(|(columns, rows)| u64::from(columns) * u64::from(rows))

@@ -91,7 +91,7 @@ pub(super) fn read_coarse(
     let content = form.epitomes.first().map_or(Content::Raw, |epitome| epitome.content);
     let content = coarse_content(content, layout.pixel, form.finer);
     let mut coarse = Vec::new();
-    for size in &layout.surfaces {
+    for size in &layout.images {
         let sizes = levels.clone().map(|level| size.at_level(level)).map(|size| (size.width, size.height));
         coarse.push(read_planes(&mut reader, content, layout, sizes, budget)?);
     }

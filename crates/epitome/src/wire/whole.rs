@@ -2,7 +2,7 @@
 
 use texfold_core::container::ContentId;
 use texfold_core::container::{Reader, SectionWriter, Sections};
-use texfold_core::{Budget, ImageLayout, LoadError, String4, SurfaceSize};
+use texfold_core::{Budget, ImageLayout, ImageSize, LoadError, String4};
 use texfold_residual::ResidualContent;
 
 use super::blocks::{read_blocks, store_blocks};
@@ -71,8 +71,8 @@ fn read_errors(
         return Ok(None);
     };
     let levels = if form.mips { 1 + PLANE_MIPS } else { 1 };
-    let size = SurfaceSize { width, height };
-    let layout = ImageLayout { surfaces: vec![size], levels, pixel: layout.pixel };
+    let size = ImageSize { width, height };
+    let layout = ImageLayout { images: vec![size], levels, pixel: layout.pixel };
     // Its texels are decoded when the texture is laid out.
     budget.take(2 * size.texels() * size_of::<texfold_core::Texel>() as u64)?;
     let content = ResidualContent::load_whole(&layout, CONTENT, file, budget)?;

@@ -19,7 +19,7 @@ mod pipelines;
 
 use std::sync::{Mutex, PoisonError};
 
-use texfold_core::{DctLayout, GpuChannel, GpuDct, Rect, RegionError, SurfaceSize};
+use texfold_core::{DctLayout, GpuChannel, GpuDct, ImageSize, Rect, RegionError};
 use texfold_shaders::{DctPlan, DctTarget};
 use wgpu::{BindingResource, Buffer, BufferBinding, BufferUsages, Texture, TextureUsages};
 
@@ -86,7 +86,7 @@ impl DctDecoder {
     }
 
     /// A rectangle as a texture of its own, `rgba8unorm` for samples of 8 bits and `rgba16uint` for more. `rect.level` is a
-    /// mip level; `rect.surface` is 0.
+    /// mip level; `rect.image` is 0.
     ///
     /// # Errors
     /// [`GpuError`] where there is no such level or channel, the rectangle is empty, leaves the level or is larger than a texture
@@ -163,13 +163,13 @@ impl DctDecoder {
         (first, levels): (u32, u32),
     ) -> Result<(), GpuError> {
         let size = image.layout.size;
-        let level_size = SurfaceSize { width: texture.width(), height: texture.height() }.at_level(first);
+        let level_size = ImageSize { width: texture.width(), height: texture.height() }.at_level(first);
         if level_size != size || first + levels > texture.mip_level_count() {
             return Err(RegionError::Outside { width: level_size.width, height: level_size.height }.into());
         }
         let target = target_of(texture, image.layout.depth)?;
         let channels = channels_of(&image.layout, channels)?;
-        let rect = Rect { surface: 0, level: 0, x: 0, y: 0, width: size.width, height: size.height };
+        let rect = Rect { image: 0, level: 0, x: 0, y: 0, width: size.width, height: size.height };
         let views: Vec<_> = (first..first + levels).map(|level| view_of(texture, level)).collect();
         for (part, plan) in parts(&image.layout, rect)? {
             let outputs = (0u32..).zip(&views).map(|(reduce_log2, view)| {
@@ -279,7 +279,7 @@ fn view_of(texture: &Texture, level: u32) -> wgpu::TextureView {
 
 /// What a part of an image of that size has of a level whose texels are means of squares of its samples. Parts are cut where
 /// superblocks are: at multiples of such squares.
-fn reduced(part: Rect, size: SurfaceSize, reduce_log2: u32) -> Rect {
+fn reduced(part: Rect, size: ImageSize, reduce_log2: u32) -> Rect {
     let few = size.at_level(reduce_log2);
     let cut = |first: u32, count: u32, all: u32, few: u32| {
         let start = first >> reduce_log2;

@@ -13,7 +13,7 @@ use crate::{Gpu, GpuError, GpuTexture};
 #[repr(C)]
 struct SceneParams {
     view_projection: Mat4,
-    surface: u32,
+    image: u32,
     reserved: [u32; 3],
 }
 
@@ -26,7 +26,7 @@ struct Corner {
 }
 
 impl Gpu {
-    /// `mesh` with image `surface` on it, on transparent black, nearest triangle in front, both sides of a triangle
+    /// `mesh` with image `image` on it, on transparent black, nearest triangle in front, both sides of a triangle
     /// alike. `view_projection` leads to clip space with depths 0 to 1, as the projections of
     /// `glam::camera::rh::proj::directx` do.
     ///
@@ -35,7 +35,7 @@ impl Gpu {
     pub fn draw_mesh(
         &self,
         texture: &GpuTexture,
-        surface: u32,
+        image: u32,
         mesh: &UvMesh,
         view_projection: Mat4,
         (width, height): (u32, u32),
@@ -49,8 +49,8 @@ impl Gpu {
         let mut pixels = vec![[0; 4]; width as usize * height as usize];
         self.guarded(|| {
             let (corners, indices, count) = self.mesh_buffers(mesh)?;
-            let (textures, place) = texture.bind_group(surface)?;
-            let scene = SceneParams { view_projection, surface: place, reserved: [0; 3] };
+            let (textures, place) = texture.bind_group(image)?;
+            let scene = SceneParams { view_projection, image: place, reserved: [0; 3] };
             let job = self.job_group(bytemuck::bytes_of(&scene));
             let colour = self.target(TextureFormat::Rgba8Unorm, (width, height));
             let (view, depth) = (view_of(&colour), view_of(&self.target(DEPTH_FORMAT, (width, height))));

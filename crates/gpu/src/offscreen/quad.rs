@@ -15,7 +15,7 @@ pub enum Lod {
 }
 
 impl Gpu {
-    /// Image `surface` on a rectangle of `size` pixels, trilinear; `uv` leads from the rectangle, (0, 0) its top left
+    /// Image `image` on a rectangle of `size` pixels, trilinear; `uv` leads from the rectangle, (0, 0) its top left
     /// corner and (1, 1) its bottom right one, to texture coordinates.
     ///
     /// # Errors
@@ -23,7 +23,7 @@ impl Gpu {
     pub fn draw_quad(
         &self,
         texture: &GpuTexture,
-        surface: u32,
+        image: u32,
         size: (u32, u32),
         uv: Affine2,
         lod: Lod,
@@ -32,6 +32,6 @@ impl Gpu {
             Lod::Derivative => Lookup::Derivative,
             Lod::Explicit(lod) => Lookup::Level { lod },
         };
-        self.read_view_rgba8(texture, &View { surface, size, uv, lookup })
+        self.read_view_rgba8(texture, &View { image, size, uv, lookup })
     }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use texfold_core::SurfaceSize;
+use texfold_core::ImageSize;
 use texfold_shaders::Entry;
 use wgpu::{BindGroup, RenderPipeline, TextureFormat};
 
@@ -68,7 +68,7 @@ impl Gpu {
     }
 
     fn prepare(&self, texture: &GpuTexture, view: &View, probe: Probe) -> Result<Run, GpuError> {
-        let (textures, place) = texture.bind_group(view.surface)?;
+        let (textures, place) = texture.bind_group(view.image)?;
         let params = view.params(place, (0, 0));
         let (shader, textures) = match probe {
             Probe::Lookup => (view.lookup.shader_of(texture), textures.clone()),
@@ -87,16 +87,16 @@ impl Gpu {
                     textures.clone(),
                 )
             }
-            Probe::Plain => (Shader::Plain, self.plain_group(texture, view.surface)?),
+            Probe::Plain => (Shader::Plain, self.plain_group(texture, view.image)?),
         };
         let pipeline = self.pipeline(PipelineKey { shader, target: TextureFormat::Rgba8Unorm })?;
         Ok(Run { pipeline, textures, job: self.job_group(bytemuck::bytes_of(&params)) })
     }
 
     /// Level 0 of the image as a plain texture with a sampler.
-    fn plain_group(&self, texture: &GpuTexture, surface: u32) -> Result<BindGroup, GpuError> {
-        let SurfaceSize { width, height } = texture.size(surface)?;
-        let pixels = self.decode_rgba8(texture, surface, 0, (width, height), Filter::Nearest)?;
+    fn plain_group(&self, texture: &GpuTexture, image: u32) -> Result<BindGroup, GpuError> {
+        let ImageSize { width, height } = texture.size(image)?;
+        let pixels = self.decode_rgba8(texture, image, 0, (width, height), Filter::Nearest)?;
         self.guarded(|| {
             let plain = self.plain_texture((width, height), pixels.as_flattened());
             let sampler = self.device.create_sampler(&wgpu::SamplerDescriptor {

@@ -58,7 +58,7 @@ pub enum Lookup {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     /// Which image.
-    pub surface: u32,
+    pub image: u32,
     /// Columns and rows of the image.
     pub size: (u32, u32),
     /// From the image, (0, 0) its top left corner and (1, 1) its bottom right one, to texture coordinates.
@@ -78,7 +78,7 @@ pub(crate) struct ViewParams {
     offset: Vec2,
     lod: f32,
     level: u32,
-    surface: u32,
+    image: u32,
     reserved: u32,
 }
 
@@ -105,8 +105,8 @@ impl Lookup {
 impl View {
     /// The whole of an image.
     #[must_use]
-    pub fn whole(surface: u32, size: (u32, u32), lookup: Lookup) -> View {
-        View { surface, size, uv: Affine2::IDENTITY, lookup }
+    pub fn whole(image: u32, size: (u32, u32), lookup: Lookup) -> View {
+        View { image, size, uv: Affine2::IDENTITY, lookup }
     }
 
     /// The shader's parameters for the tile that starts at `offset`.
@@ -120,7 +120,7 @@ impl View {
             offset: Vec2::new(offset.0 as f32, offset.1 as f32),
             lod,
             level,
-            surface: place,
+            image: place,
             reserved: 0,
         }
     }
@@ -139,19 +139,19 @@ impl GpuTexture {
 }
 
 impl Gpu {
-    /// Mip level `level` of image `surface`, scaled to `size` pixels: the level's own size gives its texels.
+    /// Mip level `level` of image `image`, scaled to `size` pixels: the level's own size gives its texels.
     ///
     /// # Errors
     /// [`GpuError`] where there is no such image or level, or the device fails.
     pub fn decode(
         &self,
         texture: &GpuTexture,
-        surface: u32,
+        image: u32,
         level: u32,
         size: (u32, u32),
         filter: Filter,
     ) -> Result<Vec<[f32; 4]>, GpuError> {
-        self.read_view(texture, &View::whole(surface, size, lookup(filter, level)))
+        self.read_view(texture, &View::whole(image, size, lookup(filter, level)))
     }
 
     /// As [`Gpu::decode`], rounded to bytes.
@@ -161,12 +161,12 @@ impl Gpu {
     pub fn decode_rgba8(
         &self,
         texture: &GpuTexture,
-        surface: u32,
+        image: u32,
         level: u32,
         size: (u32, u32),
         filter: Filter,
     ) -> Result<Vec<[u8; 4]>, GpuError> {
-        self.read_view_rgba8(texture, &View::whole(surface, size, lookup(filter, level)))
+        self.read_view_rgba8(texture, &View::whole(image, size, lookup(filter, level)))
     }
 
     /// The pixels of a view, row by row, as computed.
@@ -201,7 +201,7 @@ impl Gpu {
                 let size = ((width - left).min(TILE_SIDE), (height - top).min(TILE_SIDE));
                 self.guarded(|| {
                     let target = self.target(format, size);
-                    let (textures, place) = texture.bind_group(view.surface)?;
+                    let (textures, place) = texture.bind_group(view.image)?;
                     let job = self.job_group(bytemuck::bytes_of(&view.params(place, (left, top))));
                     let mut encoder =
                         self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -235,7 +235,7 @@ fn lookup(filter: Filter, level: u32) -> Lookup {
 
 /// Whether image, level and size exist.
 pub(crate) fn check(texture: &GpuTexture, view: &View) -> Result<(), GpuError> {
-    let levels = texture.levels(view.surface)?;
+    let levels = texture.levels(view.image)?;
     let (_, _, level, _) = view.lookup.shader();
     if level >= levels {
         return Err(GpuError::NoSuchLevel { level, levels });

@@ -24,7 +24,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use range_alloc::RangeAllocator;
-use texfold_core::{Encoded, GpuDct, Image2d, SurfaceSize};
+use texfold_core::{Encoded, GpuDct, Image2d, ImageSize};
 use texfold_shaders::ModuleInfo;
 use wgpu::{BindingResource, BufferUsages, CommandEncoder, Extent3d, Texture, TextureUsages};
 
@@ -319,7 +319,7 @@ impl TileCache {
     ) -> Result<Vec<TileTexture>, GpuError> {
         let source = TileSource::new(gpu, texture)?;
         let mut added = Vec::new();
-        for image in 0..texture.layout().surfaces.len() as u32 {
+        for image in 0..texture.layout().images.len() as u32 {
             let free = self.held.iter().position(Option::is_none);
             let full = GpuError::TilesFull { what: "all textures are in use", option: "textures" };
             let put = free.ok_or(full).and_then(|index| self.put(gpu, &source, image, (index, look)));
@@ -339,7 +339,7 @@ impl TileCache {
     ///
     /// # Errors
     /// [`GpuError`] as [`TileCache::add`], where there is no room for both at once, too: the image at which that happens and those behind
-    /// it stay as they were. [`GpuError::NoSuchSurface`] where the texture has fewer images, or one was removed.
+    /// it stay as they were. [`GpuError::NoSuchImage`] where the texture has fewer images, or one was removed.
     pub fn replace(
         &mut self,
         gpu: &Gpu,
@@ -347,11 +347,11 @@ impl TileCache {
         texture: &dyn Encoded<Domain = Image2d>,
     ) -> Result<(), GpuError> {
         let source = TileSource::new(gpu, texture)?;
-        let surfaces = texture.layout().surfaces.len();
+        let sizes = texture.layout().images.len();
         for (image, replaced) in (0..).zip(textures) {
             let held = self.held.get(replaced.0 as usize).and_then(Option::as_ref);
-            let look = held.filter(|_| (image as usize) < surfaces).map(|held| held.look);
-            let look = look.ok_or(GpuError::NoSuchSurface { surface: image, surfaces })?;
+            let look = held.filter(|_| (image as usize) < sizes).map(|held| held.look);
+            let look = look.ok_or(GpuError::NoSuchImage { image, images: sizes })?;
             self.put(gpu, &source, image, (replaced.0 as usize, look))?;
         }
         Ok(())
@@ -367,7 +367,7 @@ impl TileCache {
     ) -> Result<TileTexture, GpuError> {
         let TileSource { texture, stages, uploaded } = source;
         let layout = texture.layout();
-        let size = layout.surfaces[image as usize];
+        let size = layout.images[image as usize];
         let tail = tail_of(size);
         let levels = layout.levels.min(size.full_levels());
         let own = levels.min(tail);
@@ -485,14 +485,14 @@ impl TileCache {
     /// Room for a texture: its row but for what its number and look decide.
     fn reserve(
         &mut self,
-        size: SurfaceSize,
+        size: ImageSize,
         own: u32,
         stages: &[&GpuDct<'_>],
     ) -> Result<(TextureRow, Held), GpuError> {
         let mut row = TextureRow { size: [size.width, size.height], ..TextureRow::default() };
         let mut count = 0u32;
         for (level, pages) in (0..own).zip(&mut row.levels) {
-            let SurfaceSize { width, height } = size.at_level(level);
+            let ImageSize { width, height } = size.at_level(level);
             *pages = [count, width.div_ceil(INNER)];
             count = pages[1].saturating_mul(height.div_ceil(INNER)).saturating_add(count);
         }

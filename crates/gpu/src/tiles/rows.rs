@@ -1,6 +1,6 @@
 //! Rows of the tables that `shaders/wgsl/tiles` reads.
 
-use texfold_core::{GpuChannel, GpuDct, SurfaceSize};
+use texfold_core::{GpuChannel, GpuDct, ImageSize};
 
 /// Texels along a tile's side, border included.
 pub(super) const SIDE: u32 = 128;
@@ -122,9 +122,9 @@ impl StageRow {
 }
 
 /// The first level of an image of that size that lies in its tail.
-pub(super) fn tail_of(size: SurfaceSize) -> u32 {
+pub(super) fn tail_of(size: ImageSize) -> u32 {
     let is_small = |level: &u32| {
-        let SurfaceSize { width, height } = size.at_level(*level);
+        let ImageSize { width, height } = size.at_level(*level);
         width.max(height) <= TAIL_SIDE
     };
     (0..32).find(is_small).unwrap_or_default()

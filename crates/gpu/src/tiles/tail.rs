@@ -1,6 +1,6 @@
 //! The levels of a texture that are always there: in a quarter of a tile, decoded by the CPU.
 
-use texfold_core::{Encoded, Image2d, ImageAddress, Rect, SurfaceSize, Texel};
+use texfold_core::{Encoded, Image2d, ImageAddress, ImageSize, Rect, Texel};
 use wgpu::Extent3d;
 
 use super::rows::{self, CLAMP, SIDE, tail_place};
@@ -35,10 +35,10 @@ impl TileCache {
         tail: &Tail,
         (levels, flags): (u32, u32),
     ) {
-        let size = texture.layout().surfaces[image as usize];
+        let size = texture.layout().images[image as usize];
         let mut texels = vec![[0u8; 4]; (QUARTER * QUARTER) as usize];
         for level in tail.first..tail.levels {
-            let SurfaceSize { width, height } = size.at_level(level);
+            let ImageSize { width, height } = size.at_level(level);
             let decoded = decoded(texture, image, (level, levels), size);
             let [left, top] = tail_place(level - tail.first);
             let border = rows::BORDER as i32;
@@ -72,12 +72,12 @@ fn decoded(
     texture: &dyn Encoded<Domain = Image2d>,
     image: u32,
     (level, levels): (u32, u32),
-    size: SurfaceSize,
+    size: ImageSize,
 ) -> Vec<[u8; 4]> {
     let few = size.at_level(level);
-    let SurfaceSize { width, height } = few;
+    let ImageSize { width, height } = few;
     let mut texels = vec![Texel::ZERO; (width * height) as usize];
-    let rect = Rect { surface: image, level, x: 0, y: 0, width, height };
+    let rect = Rect { image, level, x: 0, y: 0, width, height };
     if level >= levels || texture.decode(rect, &mut texels).is_err() {
         let middle = |at: u32, few: u32, all: u32| {
             ((2 * u64::from(at) + 1) * u64::from(all) / (2 * u64::from(few))) as u32
@@ -85,7 +85,7 @@ fn decoded(
         for (place, texel) in (0..).zip(&mut texels) {
             let (x, y) =
                 (middle(place % width, width, size.width), middle(place / width, height, size.height));
-            *texel = texture.texel(ImageAddress { surface: image, level: 0, x, y });
+            *texel = texture.texel(ImageAddress { image, level: 0, x, y });
         }
     }
     texels.into_iter().map(bytes_of).collect()

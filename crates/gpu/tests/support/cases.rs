@@ -66,7 +66,7 @@ pub(crate) struct Case {
 
 impl Case {
     /// The bound of each channel where the CPU gives `wanted`.
-    pub(crate) fn bound(&self, surface: u32, mode: AddressMode, call: Call, wanted: Vec4) -> Vec4 {
+    pub(crate) fn bound(&self, image: u32, mode: AddressMode, call: Call, wanted: Vec4) -> Vec4 {
         let at = |level| if level < TEXFOLD_EPITOME_FINE_LEVELS { self.bounds } else { self.coarse };
         let most = match call {
             Call::Fetch { level, .. } | Call::Nearest { level, .. } => at(level).nearest,
@@ -80,7 +80,7 @@ impl Case {
             (Normals::Rebuilt, Call::Level { uv, lod }) => {
                 let levels = self.subject.layout().levels;
                 let low = lod.clamp(0.0, (levels - 1) as f32) as u32;
-                let of = |level| self.subject.call(surface, mode, Call::Bilinear { uv, level });
+                let of = |level| self.subject.call(image, mode, Call::Bilinear { uv, level });
                 let z = [low, (low + 1).min(levels - 1)].map(|level| z_bound(of(level), most));
                 bound.with_z(z[0].max(z[1]))
             }

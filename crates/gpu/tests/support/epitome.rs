@@ -5,7 +5,7 @@ use texfold_bc::Content;
 use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
 use texfold_core::rng::Rng;
-use texfold_core::{Budget, ImageLayout, Notes, SurfaceSize, TextureCodec};
+use texfold_core::{Budget, ImageLayout, ImageSize, Notes, TextureCodec};
 use texfold_epitome::decode::TEXFOLD_EPITOME_FINE_LEVELS;
 use texfold_epitome::{Epitome, EpitomeTexture, GainOffset, IDENTITY, Matrix, NEUTRAL};
 
@@ -128,9 +128,9 @@ impl Forge {
     }
 
     /// How each block is split, and the number of leaves.
-    fn trees(&self, surfaces: &[SurfaceSize], rng: &mut Rng) -> (Vec<u8>, u32) {
+    fn trees(&self, images: &[ImageSize], rng: &mut Rng) -> (Vec<u8>, u32) {
         let across = |side: u32| side.div_ceil(self.block);
-        let blocks = surfaces.iter().map(|size| across(size.width) * across(size.height)).sum();
+        let blocks = images.iter().map(|size| across(size.width) * across(size.height)).sum();
         if !self.split {
             return (Vec::new(), blocks);
         }
@@ -192,10 +192,10 @@ pub(crate) fn epitome(forge: &Forge) -> EpitomeTexture {
     let mut rng = Rng::new(
         u64::from(gain_offset_bits) + 10 * u64::from(forge.block) + 1000 * u64::from(forge.channels),
     );
-    let surfaces: Vec<_> = forge.sizes.iter().map(|&(width, height)| SurfaceSize { width, height }).collect();
+    let images: Vec<_> = forge.sizes.iter().map(|&(width, height)| ImageSize { width, height }).collect();
     let matrices = &MATRICES[..MATRICES.len().min(1 << matrix_bits)];
     let gain_offsets = gain_offsets(1 << gain_offset_bits, &mut rng);
-    let (trees, leaves) = forge.trees(&surfaces, &mut rng);
+    let (trees, leaves) = forge.trees(&images, &mut rng);
     let entries = forge.entries(leaves, [matrices.len(), gain_offsets.len()], &mut rng);
     let plane_levels = if forge.levels > 1 { PLANE_LEVELS } else { 1 };
     let mut planes = Vec::new();
@@ -204,14 +204,14 @@ pub(crate) fn epitome(forge: &Forge) -> EpitomeTexture {
         planes.extend(forge.content(content, sizes, &mut rng));
     }
     let mut coarse = Vec::new();
-    for size in &surfaces {
+    for size in &images {
         let sizes = (TEXFOLD_EPITOME_FINE_LEVELS..forge.levels).map(|level| size.at_level(level));
         let sizes = sizes.map(|size| (size.width, size.height));
         coarse.extend(forge.content(forge.coarse(), sizes, &mut rng));
     }
     let mut out = SectionWriter::new(Epitome::ID);
     Notes::default().write(&mut out);
-    write_layout(&ImageLayout { surfaces, levels: forge.levels, pixel: forge.pixel() }, &mut out);
+    write_layout(&ImageLayout { images, levels: forge.levels, pixel: forge.pixel() }, &mut out);
     out.section("container", *b"EPFM", &forge.form(matrices.len(), gain_offsets.len()));
     let palettes = matrices.as_flattened().iter().flat_map(|value| value.to_le_bytes());
     out.section("map", *b"EPPL", &palettes.chain(gain_offsets.concat()).collect::<Vec<u8>>());
@@ -222,7 +222,7 @@ pub(crate) fn epitome(forge: &Forge) -> EpitomeTexture {
     }
     if let Some(residual) = forge.residual {
         let (width, height) = EPITOMES[forge.contents.len()];
-        let size = SurfaceSize { width, height };
+        let size = ImageSize { width, height };
         residual.store(&[size], plane_levels, forge.pixel(), &mut rng, &mut out);
     }
     if !coarse.is_empty() {

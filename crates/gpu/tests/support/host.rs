@@ -68,24 +68,24 @@ pub(crate) enum Switches {
     Needed,
 }
 
-/// The GPU's answers to calls for image `surface`: of the functions that read one level, or all of one function.
+/// The GPU's answers to calls for image `image`: of the functions that read one level, or all of one function.
 pub(crate) fn answers(
     gpu: &Gpu,
     texture: &GpuTexture,
-    surface: u32,
+    image: u32,
     switches: Switches,
     calls: &[Call],
 ) -> Vec<[f32; 4]> {
     let slot = Slot::new(texture.module(), 0, 0);
-    let (bind_group, place) = texture.bind_group(surface).unwrap();
+    let (bind_group, place) = texture.bind_group(image).unwrap();
     let name = slot.sample_function().replace("_sample", "");
-    let surface = if texture.module().has_surface { format!("{place}u, ") } else { String::new() };
+    let image = if texture.module().has_image { format!("{place}u, ") } else { String::new() };
     let body = match calls[0] {
         Call::Fetch { .. } | Call::Nearest { .. } | Call::Bilinear { .. } => {
-            LEVEL_FUNCTIONS.replace("NAME", &name).replace("SURFACE", &surface)
+            LEVEL_FUNCTIONS.replace("NAME", &name).replace("SURFACE", &image)
         }
-        Call::Level { .. } => format!("return {name}_sample_level({surface}a.xy, a.z);"),
-        Call::Grad { .. } => format!("return {name}_sample_grad({surface}a.xy, b.xy, b.zw);"),
+        Call::Level { .. } => format!("return {name}_sample_level({image}a.xy, a.z);"),
+        Call::Grad { .. } => format!("return {name}_sample_grad({image}a.xy, b.xy, b.zw);"),
     };
     let is_off = |constant: &(String, f64)| switches == Switches::Needed && constant.1 == 0.0;
     let off = texture.constants(&slot).into_iter().filter(is_off).map(|constant| constant.0).collect();

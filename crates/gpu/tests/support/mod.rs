@@ -21,7 +21,7 @@ use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::image::{Alpha, ColorSpace, Depth, ImageSet, PixelInfo, Raster, srgb_to_linear};
 use texfold_core::rng::Rng;
 use texfold_core::{
-    Budget, Effort, Encoder, GpuForm, ImageLayout, Job, Limits, Notes, SurfaceSize, TextureCodec,
+    Budget, Effort, Encoder, GpuForm, ImageLayout, ImageSize, Job, Limits, Notes, TextureCodec,
 };
 use texfold_gpu::{AddressMode, Gpu, GpuError, GpuTexture, Lookup, Policy, View};
 use texfold_vq::Vq;
@@ -88,15 +88,15 @@ impl Subject {
     }
 
     /// What a function gives on the CPU.
-    pub(crate) fn call(&self, surface: u32, mode: AddressMode, call: Call) -> Vec4 {
-        self.0.call(surface, number(mode), call)
+    pub(crate) fn call(&self, image: u32, mode: AddressMode, call: Call) -> Vec4 {
+        self.0.call(image, number(mode), call)
     }
 
     /// Every pixel of a view, by the CPU.
     pub(crate) fn view(&self, view: &View, mode: AddressMode) -> Vec<Vec4> {
         let linear = matches!(view.lookup, Lookup::NearestLinear { .. });
         let pixel = |call| {
-            let texel = self.call(view.surface, mode, call);
+            let texel = self.call(view.image, mode, call);
             if linear { linear_light(texel) } else { texel }
         };
         calls_of(view).into_iter().map(pixel).collect()
@@ -158,7 +158,7 @@ pub(crate) fn vq(sizes: &[(u32, u32)], levels: u32, channels: u8, content: Conte
     // Three channels in BC5 are normals.
     let color = if (channels, content) == (3, Content::Bc5) { ColorSpace::Normal } else { ColorSpace::Srgb };
     let pixel = PixelInfo { channels, depth: Depth::Eight, color, alpha };
-    let surfaces: Vec<_> = sizes.iter().map(|&(width, height)| SurfaceSize { width, height }).collect();
+    let images: Vec<_> = sizes.iter().map(|&(width, height)| ImageSize { width, height }).collect();
     let mut out = SectionWriter::new(Vq::ID);
     Notes::default().write(&mut out);
     let number = Content::ALL.iter().position(|&kind| kind == content).unwrap() as u8;
@@ -168,7 +168,7 @@ pub(crate) fn vq(sizes: &[(u32, u32)], levels: u32, channels: u8, content: Conte
     let codebook: Vec<u8> =
         planes.iter().flat_map(|format| rng.bytes(format.bytes(width, height) as usize)).collect();
     let mut index = Vec::new();
-    for size in &surfaces {
+    for size in &images {
         let blocks: u32 = (0..levels).map(|level| size.at_level(level).blocks()).map(|(x, y)| x * y).sum();
         for side in [width, height] {
             let values: Vec<u8> = (0..blocks).map(|_| rng.below(side - 3) as u8).collect();
@@ -176,7 +176,7 @@ pub(crate) fn vq(sizes: &[(u32, u32)], levels: u32, channels: u8, content: Conte
             index.extend(values.iter().zip(before).map(|(value, before)| value.wrapping_sub(before)));
         }
     }
-    write_layout(&ImageLayout { surfaces, levels, pixel }, &mut out);
+    write_layout(&ImageLayout { images, levels, pixel }, &mut out);
     out.section("container", *b"VQFM", &[vec![number], form].concat());
     out.section("codebook", *b"CODE", &codebook);
     out.section("index", *b"INDX", &index);

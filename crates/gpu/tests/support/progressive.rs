@@ -4,7 +4,7 @@ use texfold_bc::Content;
 use texfold_core::container::{SectionWriter, Sections, write_layout};
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
 use texfold_core::rng::Rng;
-use texfold_core::{Budget, ImageLayout, Notes, SurfaceSize, TextureCodec};
+use texfold_core::{Budget, ImageLayout, ImageSize, Notes, TextureCodec};
 
 use super::residual::{Edge, Residual};
 use texfold_progressive::{Codebook, Progressive, ProgressiveTexture};
@@ -42,7 +42,7 @@ fn codebook(content: Content, width: u32, cells: usize, rng: &mut Rng) -> Codebo
 /// Sections of codebooks and map; the public codebook is returned.
 fn store_books(
     (side_log2, rotation_bits, content): (u32, u32, Content),
-    surfaces: &[SurfaceSize],
+    images: &[ImageSize],
     levels: u32,
     rng: &mut Rng,
     out: &mut SectionWriter,
@@ -58,7 +58,7 @@ fn store_books(
     let form = side_log2 | 6 << 4 | 7 << 8 | rotation_bits << 12;
     raw.extend(form.to_le_bytes());
     raw.extend(70u16.to_le_bytes());
-    for size in surfaces {
+    for size in images {
         let side = 1 << side_log2;
         let blocks_of =
             |level| size.at_level(level).width.div_ceil(side) * size.at_level(level).height.div_ceil(side);
@@ -82,13 +82,13 @@ pub(crate) fn progressive(base: &Base) -> ProgressiveTexture {
     let mut rng = Rng::new(u64::from(channels) + 10 * u64::from(class_bits + reduce_log2));
     let alpha = if matches!(channels, 2 | 4) { Alpha::Straight } else { Alpha::Opaque };
     let pixel = PixelInfo { channels, depth: Depth::Eight, color: ColorSpace::Srgb, alpha };
-    let full: Vec<_> = sizes.iter().map(|&(width, height)| SurfaceSize { width, height }).collect();
+    let full: Vec<_> = sizes.iter().map(|&(width, height)| ImageSize { width, height }).collect();
     let mut out = SectionWriter::new(Progressive::ID);
     Notes::default().write(&mut out);
-    write_layout(&ImageLayout { surfaces: full.clone(), levels, pixel }, &mut out);
+    write_layout(&ImageLayout { images: full.clone(), levels, pixel }, &mut out);
     // What is stored of them.
     let levels = levels.saturating_sub(shrink_log2).max(1);
-    let surfaces: Vec<_> = full.iter().map(|size| size.at_level(shrink_log2)).collect();
+    let images: Vec<_> = full.iter().map(|size| size.at_level(shrink_log2)).collect();
     let residual = Residual {
         content,
         reduce_log2,
@@ -96,8 +96,8 @@ pub(crate) fn progressive(base: &Base) -> ProgressiveTexture {
         edge: if beyond { Edge::Padded } else { Edge::Repeated },
         class_bits,
     };
-    residual.store(&surfaces, levels, pixel, &mut rng, &mut out);
-    let public = books.map(|books| store_books(books, &surfaces, levels, &mut rng, &mut out));
+    residual.store(&images, levels, pixel, &mut rng, &mut out);
+    let public = books.map(|books| store_books(books, &images, levels, &mut rng, &mut out));
     let bytes = out.finish().bytes;
     let mut budget = Budget::default();
     let file = Sections::parse(&bytes, &mut budget).unwrap();

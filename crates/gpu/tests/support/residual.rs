@@ -1,7 +1,7 @@
 //! Residual content with pseudo-random bases, rate models and bits, as sections of any codec's file.
 
 use texfold_bc::Content;
-use texfold_core::SurfaceSize;
+use texfold_core::ImageSize;
 use texfold_core::container::SectionWriter;
 use texfold_core::image::PixelInfo;
 use texfold_core::rng::Rng;
@@ -73,7 +73,7 @@ impl Residual {
     /// Writes the sections of `levels` levels of images of those sizes, base and residual plane.
     pub(crate) fn store(
         &self,
-        surfaces: &[SurfaceSize],
+        images: &[ImageSize],
         levels: u32,
         pixel: PixelInfo,
         rng: &mut Rng,
@@ -85,7 +85,7 @@ impl Residual {
             _ => &[0],
         };
         let (mut planes, mut maps) = (Vec::new(), Vec::new());
-        for size in surfaces {
+        for size in images {
             planes.extend(self.base(*size, levels, pixel, rng));
             let sides =
                 |level| (size.at_level(level).width.div_ceil(8), size.at_level(level).height.div_ceil(8));
@@ -107,10 +107,10 @@ impl Residual {
     }
 
     /// Planes of the base of one image.
-    fn base(&self, size: SurfaceSize, levels: u32, pixel: PixelInfo, rng: &mut Rng) -> Vec<u8> {
+    fn base(&self, size: ImageSize, levels: u32, pixel: PixelInfo, rng: &mut Rng) -> Vec<u8> {
         // Four texels of the base on each side.
         let more = if self.edge == Edge::Padded { 8 << self.reduce_log2 } else { 0 };
-        let whole = SurfaceSize { width: size.width + more, height: size.height + more };
+        let whole = ImageSize { width: size.width + more, height: size.height + more };
         let held = levels.min(size.at_level(self.reduce_log2).full_levels());
         let level = |level| whole.at_level(self.reduce_log2 + level);
         let formats = self.content.formats(pixel).0;

@@ -23,8 +23,8 @@ pub(crate) enum Call {
 pub(crate) trait Twin: Send + Sync {
     /// The texture.
     fn encoded(&self) -> &dyn Encoded<Domain = Image2d>;
-    /// What the function gives for image `surface` under the address mode of that number.
-    fn call(&self, surface: u32, mode: u32, call: Call) -> Vec4;
+    /// What the function gives for image `image` under the address mode of that number.
+    fn call(&self, image: u32, mode: u32, call: Call) -> Vec4;
 }
 
 impl Twin for BcTexture {
@@ -32,11 +32,11 @@ impl Twin for BcTexture {
         self
     }
 
-    fn call(&self, surface: u32, mode: u32, call: Call) -> Vec4 {
+    fn call(&self, image: u32, mode: u32, call: Call) -> Vec4 {
         use texfold_bc::decode::{
             texfold_bc_bilinear, texfold_bc_fetch, texfold_bc_nearest, texfold_bc_sample_level,
         };
-        let mut view = self.view(surface);
+        let mut view = self.view(image);
         view.params.address_mode = mode;
         match call {
             Call::Fetch { at, level } => texfold_bc_fetch(&view, at, level),
@@ -57,11 +57,11 @@ impl Twin for VqTexture {
         self
     }
 
-    fn call(&self, surface: u32, mode: u32, call: Call) -> Vec4 {
+    fn call(&self, image: u32, mode: u32, call: Call) -> Vec4 {
         use texfold_vq::decode::{
             texfold_vq_bilinear, texfold_vq_fetch, texfold_vq_nearest, texfold_vq_sample_level,
         };
-        let (mut view, place) = self.view(surface);
+        let (mut view, place) = self.view(image);
         view.params.address_mode = mode;
         match call {
             Call::Fetch { at, level } => texfold_vq_fetch(&view, place, at, level),
@@ -81,12 +81,12 @@ impl Twin for EpitomeTexture {
         self
     }
 
-    fn call(&self, surface: u32, mode: u32, call: Call) -> Vec4 {
+    fn call(&self, image: u32, mode: u32, call: Call) -> Vec4 {
         use texfold_epitome::decode::{
             texfold_epitome_bilinear, texfold_epitome_fetch, texfold_epitome_nearest,
             texfold_epitome_sample_level,
         };
-        let mut view = self.view(surface);
+        let mut view = self.view(image);
         view.params.address_mode = mode;
         match call {
             Call::Fetch { at, level } => texfold_epitome_fetch(&view, at, level),
@@ -106,12 +106,12 @@ impl Twin for ProgressiveTexture {
         self
     }
 
-    fn call(&self, surface: u32, mode: u32, call: Call) -> Vec4 {
+    fn call(&self, image: u32, mode: u32, call: Call) -> Vec4 {
         use texfold_progressive::decode::{
             texfold_progressive_bilinear, texfold_progressive_fetch, texfold_progressive_nearest,
             texfold_progressive_sample_level,
         };
-        let mut view = self.view(surface);
+        let mut view = self.view(image);
         view.params.address_mode = mode;
         match call {
             Call::Fetch { at, level } => texfold_progressive_fetch(&view, at, level),

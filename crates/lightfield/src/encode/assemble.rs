@@ -76,10 +76,10 @@ fn scale(term: &Term) -> Scaled {
     let inverse = |value: Vec3| Vec3::select(value.cmpgt(Vec3::ZERO), value.recip(), Vec3::ZERO);
     let sum: Vec3 = term.view.iter().sum();
     let sign = Vec3::select(sum.cmplt(Vec3::ZERO), Vec3::NEG_ONE, Vec3::ONE);
-    let (per_surface, per_view) = (sign * view * inverse(scales), sign * inverse(view));
+    let (per_image, per_view) = (sign * view * inverse(scales), sign * inverse(view));
     Scaled {
         bytes,
-        surface: term.surface.iter().map(|&value| value * per_surface).collect(),
+        surface: term.surface.iter().map(|&value| value * per_image).collect(),
         view: term.view.iter().map(|&value| value * per_view).collect(),
     }
 }
@@ -161,10 +161,10 @@ impl Maps {
             // A texel of a coarser map stands for several samples.
             let samples = (1u32 << (2 * params.maps.surface_reduce_log2)) as f32;
             let gains = squares * mean_square(&scaled.view);
-            let of_surface = (gains.element_sum() * samples).max(f32::MIN_POSITIVE);
+            let of_image = (gains.element_sum() * samples).max(f32::MIN_POSITIVE);
             let values: BTreeMap<u32, Vec3> = maps.rows.iter().copied().zip(scaled.surface).collect();
             let gains = gains * samples;
-            let surface = SurfaceMap { vertex, term: number, values, gains, weight: of_surface };
+            let surface = SurfaceMap { vertex, term: number, values, gains, weight: of_image };
             self.put_surface(scene, params, &surface);
         }
     }

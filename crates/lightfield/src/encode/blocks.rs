@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use texfold_bc::Content;
 use texfold_core::target::{Measured, search_step};
-use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, Job, Metric, Notes, SourceError, SurfaceSize};
+use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, ImageSize, Job, Metric, Notes, SourceError};
 use texfold_dct::encode::{DctEncoder, DctSettings, DctSource, STEPS};
 use texfold_dct::{DctContent, Quantiser};
 
@@ -140,7 +140,7 @@ impl Sources {
         };
         let (width, height) = drawn.mean.size;
         Ok(Sources {
-            mean: source(&drawn.mean, 0, SurfaceSize { width, height })?,
+            mean: source(&drawn.mean, 0, ImageSize { width, height })?,
             terms: (0..terms).zip(&drawn.weights).map(term).collect::<Result<Vec<_>, SourceError>>()?,
         })
     }
@@ -302,7 +302,7 @@ impl Search<'_> {
 }
 
 /// Some rows of an atlas; texels that no map reads cost next to nothing.
-fn source(canvas: &Canvas, first: u32, size: SurfaceSize) -> Result<DctSource, SourceError> {
+fn source(canvas: &Canvas, first: u32, size: ImageSize) -> Result<DctSource, SourceError> {
     let texels = size.width as usize * size.height as usize;
     let start = first as usize * size.width as usize;
     let part = start..start + texels;

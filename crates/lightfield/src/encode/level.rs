@@ -35,7 +35,7 @@ impl Maps {
         for (layer, scales) in maps.terms.iter_mut().zip(maps.scales.chunks_exact_mut(count.max(1))) {
             let (scales, _) = scales.as_chunks_mut::<3>();
             level_views(layer, scales, level);
-            level_surfaces(layer, triangles, scales, level, alike);
+            level_images(layer, triangles, scales, level, alike);
         }
         maps
     }
@@ -78,7 +78,7 @@ fn level_views(layer: &mut LayerMaps, scales: &mut [[u8; 3]], level: Level) {
 }
 
 /// Makes the surface maps of each vertex smaller, or all by the same where they are to stay `alike`.
-fn level_surfaces(
+fn level_images(
     layer: &mut LayerMaps,
     triangles: &[[u32; 3]],
     scales: &mut [[u8; 3]],

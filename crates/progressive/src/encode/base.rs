@@ -8,7 +8,7 @@ use texfold_core::metric::SquaredError;
 use texfold_core::sample::TEXFOLD_NORMAL;
 use texfold_core::target::Measured;
 use texfold_core::{
-    CancelCheck, Effort, EncodeError, Encoded, Goal, Metric, Notes, ParamError, Rect, SurfaceSize, Texel,
+    CancelCheck, Effort, EncodeError, Encoded, Goal, ImageSize, Metric, Notes, ParamError, Rect, Texel,
 };
 use texfold_residual::encode::{Coder, Residuals, TOO_LARGE, bases, decode_strips};
 use texfold_residual::{BaseForm, MAX_REDUCE_LOG2};
@@ -223,10 +223,10 @@ impl Books {
         check: CancelCheck<'_>,
     ) -> Result<Books, EncodeError> {
         let mut residuals = Vec::new();
-        for (surface, chain) in (0..).zip(chains) {
+        for (image, chain) in (0..).zip(chains) {
             let mut levels = Vec::new();
             for (level, raster) in (0..).zip(chain) {
-                let decode = rows_of(plain, surface, level, raster.size().width);
+                let decode = rows_of(plain, image, level, raster.size().width);
                 levels.push(LumaResidual::new(raster, &decode_strips(raster.size(), decode, check)?));
             }
             residuals.push(levels);
@@ -239,13 +239,13 @@ impl Books {
 /// What decodes rows of a stored level.
 fn rows_of(
     texture: &ProgressiveTexture,
-    surface: u32,
+    image: u32,
     level: u32,
     width: u32,
 ) -> impl FnMut(Range<u32>, &mut [Texel]) + '_ {
     move |rows, out| {
         let height = rows.len() as u32;
-        texture.decode_stored(Rect { surface, level, x: 0, y: rows.start, width, height }, out);
+        texture.decode_stored(Rect { image, level, x: 0, y: rows.start, width, height }, out);
     }
 }
 
@@ -274,10 +274,10 @@ impl Base {
     ) -> Result<Base, EncodeError> {
         let mut residuals = Residuals::default();
         let mut alpha_error = 0.0;
-        for (surface, chain) in (0..).zip(chains) {
+        for (image, chain) in (0..).zip(chains) {
             residuals.begin_image();
             for (level, raster) in (0..).zip(chain) {
-                let decode = rows_of(&plain, surface, level, raster.size().width);
+                let decode = rows_of(&plain, image, level, raster.size().width);
                 let texels = residuals.push_level(raster, decode, level == 0, check)?;
                 if level == 0 && raster.info().has_alpha() {
                     let away = |(wanted, decoded): (Texel, &Texel)| {
@@ -322,6 +322,6 @@ impl Base {
 }
 
 /// Whether the base of a tile of that size may be padded.
-fn may_be_padded(tile: SurfaceSize, kind: Kind) -> bool {
+fn may_be_padded(tile: ImageSize, kind: Kind) -> bool {
     tile.width.min(tile.height) >> kind.reduce_log2 > 0
 }

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use texfold_core::address::TexfoldTap;
 use texfold_core::image::{ImageSet, MipFilter, Raster, mip_chain_cancellable};
 use texfold_core::sample::texfold_bilinear;
-use texfold_core::{CancelCheck, Effort, EncodeError, Goal, ImageLayout, Metric, SurfaceSize, Texel};
+use texfold_core::{CancelCheck, Effort, EncodeError, Goal, ImageLayout, ImageSize, Metric, Texel};
 
 use texfold_residual::encode::{PaddedRaster, least_share};
 use texfold_residual::{APRON, MAX_SHRINK_LOG2, stored_layout};
@@ -152,8 +152,8 @@ fn fitted(
     check: CancelCheck<'_>,
 ) -> Result<(PaddedRaster, f64), EncodeError> {
     let (inner, beyond) = (image.inner(), image.padding >> shrink_log2);
-    let SurfaceSize { width, height } = inner.at_level(shrink_log2);
-    let size = SurfaceSize { width: width + 2 * beyond, height: height + 2 * beyond };
+    let ImageSize { width, height } = inner.at_level(shrink_log2);
+    let size = ImageSize { width: width + 2 * beyond, height: height + 2 * beyond };
     let columns = taps((inner.width, image.padding), (width, beyond));
     let rows = taps((inner.height, image.padding), (height, beyond));
     let (width, height) = (size.width as usize, size.height as usize);

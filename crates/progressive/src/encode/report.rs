@@ -51,8 +51,8 @@ fn verdict(texture: &ProgressiveTexture, met: bool) -> String {
         None => base,
     };
     let missed = if met { "" } else { " The goal is out of reach; this comes nearest." };
-    let surfaces = texture.layout().surfaces.len() as u32;
-    let classes: Vec<u8> = (0..surfaces).flat_map(|surface| texture.classes(surface)).collect();
+    let images = texture.layout().images.len() as u32;
+    let classes: Vec<u8> = (0..images).flat_map(|index| texture.classes(index)).collect();
     if classes.is_empty() {
         return format!("{base} alone: no error is worth its bits.{missed}");
     }

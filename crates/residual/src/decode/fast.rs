@@ -306,7 +306,7 @@ mod tests {
             let params = super::super::TexfoldResidualParams { base_block, ..params };
             let view =
                 ResidualView { params: &params, plane: &words.words, base: std::slice::from_ref(&base) };
-            let region = Rect { surface: 0, level: 0, x: 3, y: 2, width: 49, height: 35 };
+            let region = Rect { image: 0, level: 0, x: 3, y: 2, width: 49, height: 35 };
             let mut out = vec![Texel::ZERO; 49 * 35];
             fill_base(&view, region, &mut out);
             add_residual(&view, region, &mut out);

@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 use texfold_core::image::{ImageSet, Raster};
-use texfold_core::metric::{SquaredError, decode_surface, quality_cancellable};
+use texfold_core::metric::{SquaredError, decode_image, quality_cancellable};
 use texfold_core::target::Measured;
 use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, Image2d, Metric, SourceError, Texel};
 
@@ -53,9 +53,9 @@ pub fn counted_error_of(
     check: CancelCheck<'_>,
 ) -> Result<f64, EncodeError> {
     let mut sum = 0.0;
-    for (surface, image) in (0..).zip(source.images()) {
+    for (index, image) in (0..).zip(source.images()) {
         check.checkpoint()?;
-        let decoded = decode_surface(texture, surface, 0).ok_or(SourceError::Empty)?;
+        let decoded = decode_image(texture, index, 0).ok_or(SourceError::Empty)?;
         let decoded: Vec<Texel> = decoded.texels().collect();
         sum += counted_error(image, &decoded, metric);
     }

@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 use texfold_core::image::Raster;
-use texfold_core::{SurfaceSize, Texel};
+use texfold_core::{ImageSize, Texel};
 
 use crate::APRON;
 
@@ -20,7 +20,7 @@ impl PaddedRaster {
     /// An image with `padding` texels on each side, at most [`APRON`]. `around` is the image with [`APRON`] of them:
     /// `None` where it is of another size.
     #[must_use]
-    pub fn new(around: &Raster, image: SurfaceSize, padding: u32) -> Option<PaddedRaster> {
+    pub fn new(around: &Raster, image: ImageSize, padding: u32) -> Option<PaddedRaster> {
         let whole = around.size();
         let fits = whole.width == image.width + 2 * APRON && whole.height == image.height + 2 * APRON;
         fits.then(|| PaddedRaster { raster: cut(around, APRON - padding), padding })
@@ -34,9 +34,9 @@ impl PaddedRaster {
 
     /// Columns and rows of the image.
     #[must_use]
-    pub fn inner(&self) -> SurfaceSize {
-        let SurfaceSize { width, height } = self.raster.size();
-        SurfaceSize { width: width - 2 * self.padding, height: height - 2 * self.padding }
+    pub fn inner(&self) -> ImageSize {
+        let ImageSize { width, height } = self.raster.size();
+        ImageSize { width: width - 2 * self.padding, height: height - 2 * self.padding }
     }
 
     /// The same with `padding` texels on each side, or as many as there are.
@@ -50,7 +50,7 @@ impl PaddedRaster {
     /// lie on each side and the others are the image. `level` is a mip level of the raster. Hidden colours count where
     /// nothing else is seen.
     #[must_use]
-    pub fn reduced(&self, level: &Raster, size: SurfaceSize, padding: f64) -> Vec<Texel> {
+    pub fn reduced(&self, level: &Raster, size: ImageSize, padding: f64) -> Vec<Texel> {
         let inner = self.inner();
         let whole = self.raster.size();
         let shares = |count: u32, (inner, whole, held): (u32, u32, u32)| -> Vec<(usize, Vec<f32>)> {
@@ -99,7 +99,7 @@ fn means(
 
 /// A raster without its outermost `away` texels on each side.
 fn cut(raster: &Raster, away: u32) -> Raster {
-    let SurfaceSize { width, height } = raster.size();
+    let ImageSize { width, height } = raster.size();
     let (width, height) = (width - 2 * away, height - 2 * away);
     let texel = |i: u32| raster.texel(away + i % width, away + i / width);
     let texels: Vec<Texel> = (0..width * height).map(texel).collect();
@@ -154,7 +154,7 @@ mod tests {
                 (0..width * width).map(|i| Texel::splat(value(f64::from(i % width) + 0.5))).collect();
             let raster = Raster::from_texels(width, width, info, &texels).unwrap();
             let around = PaddedRaster { raster, padding };
-            let size = SurfaceSize { width: count + 2 * beyond, height: count + 2 * beyond };
+            let size = ImageSize { width: count + 2 * beyond, height: count + 2 * beyond };
             let found = around.reduced(&around.raster, size, f64::from(beyond));
             // Those whose whole place is known.
             for at in beyond..beyond + count {
@@ -168,12 +168,12 @@ mod tests {
     #[test]
     fn the_middle_is_cut_out() {
         let info = texfold_testkit::image("terrain").info();
-        let image = SurfaceSize { width: 10, height: 3 };
+        let image = ImageSize { width: 10, height: 3 };
         let (width, height) = (image.width + 2 * APRON, image.height + 2 * APRON);
         let value = |x: u32, y: u32| Texel::splat((x * 7 + y * 3) as f32 / 4096.0);
         let texels: Vec<Texel> = (0..width * height).map(|i| value(i % width, i / width)).collect();
         let raster = Raster::from_texels(width, height, info, &texels).unwrap();
-        assert!(PaddedRaster::new(&raster, SurfaceSize { width: 11, height: 3 }, 8).is_none());
+        assert!(PaddedRaster::new(&raster, ImageSize { width: 11, height: 3 }, 8).is_none());
         let cut = PaddedRaster::new(&raster, image, 8).unwrap().within(4);
         assert_eq!((cut.inner(), cut.padding), (image, 4));
         assert_eq!(cut.raster.texel(0, 2).x, value(APRON - 4, APRON - 2).x);

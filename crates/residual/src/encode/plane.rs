@@ -123,18 +123,15 @@ fn against(
     check: CancelCheck<'_>,
 ) -> Result<(ResidualContent, Residuals), EncodeError> {
     let first = levels.first().ok_or(SourceError::Empty)?;
-    let layout =
-        ImageLayout { surfaces: vec![first.size()], levels: levels.len() as u32, pixel: first.info() };
+    let layout = ImageLayout { images: vec![first.size()], levels: levels.len() as u32, pixel: first.info() };
     let content = bases(&layout, form, &[levels.to_vec()], None, effort, check)?;
     let mut residuals = Residuals::default();
     residuals.begin_image();
     for (level, raster) in (0..).zip(levels) {
         let width = raster.size().width;
         let decode = |rows: Range<u32>, out: &mut [Texel]| {
-            content.decode(
-                Rect { surface: 0, level, x: 0, y: rows.start, width, height: rows.len() as u32 },
-                out,
-            );
+            content
+                .decode(Rect { image: 0, level, x: 0, y: rows.start, width, height: rows.len() as u32 }, out);
         };
         residuals.push_level(raster, decode, level == 0, check)?;
     }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use texfold_core::SurfaceSize;
+use texfold_core::ImageSize;
 use texfold_core::image::Raster;
 use texfold_core::{CancelCheck, Effort, EncodeError, Metric, Texel};
 
@@ -159,7 +159,7 @@ const STRIP_ROWS: u32 = 8 * BLOCK_SIDE;
 /// # Errors
 /// [`EncodeError::Cancelled`] within a strip of rows of the caller's wish.
 pub fn decode_strips(
-    size: SurfaceSize,
+    size: ImageSize,
     mut decode: impl FnMut(Range<u32>, &mut [Texel]),
     check: CancelCheck<'_>,
 ) -> Result<Vec<Texel>, EncodeError> {

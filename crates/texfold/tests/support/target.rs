@@ -3,7 +3,7 @@
 use glam::Vec3;
 use texfold::{
     AnyImage, AnyTexture, Encoded, ImageAddress, Limits, Rect, Texel,
-    core::{Budget, Domain, Image2d, LightAddress, SurfaceSize},
+    core::{Budget, Domain, Image2d, ImageSize, LightAddress},
     dct::DctImages,
     lightfield::LightTexture,
     open,
@@ -50,12 +50,12 @@ pub fn open_any(bytes: &[u8]) -> bool {
 
 fn exercise_image(image: &dyn Encoded<Domain = Image2d>) {
     let layout = image.layout();
-    for surface in 0..(layout.surfaces.len() as u32).min(MOST_IMAGES) {
+    for index in 0..(layout.images.len() as u32).min(MOST_IMAGES) {
         for level in (0..layout.levels).take(MOST_LEVELS as usize) {
-            let Some(whole) = layout.whole(surface, level) else { continue };
+            let Some(whole) = layout.whole(index, level) else { continue };
             let (right, bottom) = (whole.width - 1, whole.height - 1);
             for (x, y) in [(0, 0), (right, bottom), (right / 2, bottom / 3), (u32::MAX, u32::MAX)] {
-                assert!(image.texel(ImageAddress { surface, level, x, y }).is_finite());
+                assert!(image.texel(ImageAddress { image: index, level, x, y }).is_finite());
             }
             let region = corner(whole, REGION_SIDE);
             let mut texels = vec![Texel::ZERO; Image2d::len(region)];
@@ -81,8 +81,8 @@ fn exercise_passes(image: &AnyImage) {
     }
 }
 
-fn whole_of(size: SurfaceSize) -> Rect {
-    Rect { surface: 0, level: 0, x: 0, y: 0, width: size.width, height: size.height }
+fn whole_of(size: ImageSize) -> Rect {
+    Rect { image: 0, level: 0, x: 0, y: 0, width: size.width, height: size.height }
 }
 
 /// The last texels of a level, whose blocks may be cut.

@@ -48,7 +48,7 @@ impl Draft {
         let (width, height) = self.grid.texels();
         let mut texels = vec![Texel::ZERO; (width * height) as usize];
         for part in &self.samples {
-            let image = &images[part.surface as usize];
+            let image = &images[part.image as usize];
             for (y, x) in (0..part.side).flat_map(|y| (0..part.side).map(move |x| (y, x))) {
                 let texel = image.texel(part.source_x + x, part.source_y + y);
                 texels[((part.y + y) * width + part.x + x) as usize] = texel;

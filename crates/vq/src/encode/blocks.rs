@@ -6,7 +6,7 @@
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
 use texfold_core::image::{ImageSet, MipFilter, Raster, mip_chain};
-use texfold_core::{CancelCheck, EncodeError, SurfaceSize, Texel};
+use texfold_core::{CancelCheck, EncodeError, ImageSize, Texel};
 
 /// Texels of a block.
 pub(crate) const BLOCK_TEXELS: usize = 16;
@@ -23,7 +23,7 @@ pub(crate) struct Blocks {
     /// Blocks of level 0 of each image.
     pub(crate) level0: Vec<usize>,
     /// Size of each image.
-    pub(crate) sizes: Vec<SurfaceSize>,
+    pub(crate) sizes: Vec<ImageSize>,
     pub(crate) channels: usize,
 }
 
@@ -66,9 +66,9 @@ impl Blocks {
         self.vectors.as_slice().and_then(|all| all.get(block * dims..(block + 1) * dims)).unwrap_or_default()
     }
 
-    /// Blocks of level 0 of image `surface`.
-    pub(crate) fn of_level0(&self, surface: usize) -> std::ops::Range<usize> {
-        self.starts[surface]..self.starts[surface] + self.level0[surface]
+    /// Blocks of level 0 of image `image`.
+    pub(crate) fn of_level0(&self, image: usize) -> std::ops::Range<usize> {
+        self.starts[image]..self.starts[image] + self.level0[image]
     }
 
     /// Rows of the blocks that `choose` accepts, and which they are.
@@ -85,7 +85,7 @@ impl Blocks {
 }
 
 fn cut_level(level: &Raster, values: &mut Vec<f32>, inside: &mut Vec<f32>, cancel: CancelCheck<'_>) {
-    let SurfaceSize { width, height } = level.size();
+    let ImageSize { width, height } = level.size();
     let (columns, rows) = level.size().blocks();
     let dims = BLOCK_TEXELS * usize::from(level.info().channels);
     let first = values.len();

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::principal_axes;
-use texfold_core::{EncodeError, Job, SurfaceSize};
+use texfold_core::{EncodeError, ImageSize, Job};
 
 use super::blocks::BLOCK_TEXELS;
 use super::plan::MAX_CELLS;
@@ -148,7 +148,7 @@ impl<'a> Corners<'a> {
     fn block(&self, number: usize) -> Vec<f32> {
         let index = self.starts.partition_point(|&start| start <= number) - 1;
         let (image, within) = (&self.images[index], number - self.starts[index]);
-        let SurfaceSize { width, height } = image.size();
+        let ImageSize { width, height } = image.size();
         let columns = image.size().blocks().0 as usize;
         let (left, top) = (4 * (within % columns) as u32, 4 * (within / columns) as u32);
         let channels = usize::from(image.info().channels);

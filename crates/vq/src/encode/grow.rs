@@ -143,16 +143,16 @@ fn append_images(
     let matches = assign(blocks, &all, windows.view(), cancel)?;
     let (old_classes, old_places) =
         (std::mem::take(&mut grown.parts.classes), std::mem::take(&mut grown.parts.places));
-    grown.parts.layout.surfaces.extend(&blocks.sizes);
+    grown.parts.layout.images.extend(&blocks.sizes);
     let groups = Groups::of(&grown.parts.layout);
     let mut classes = groups.classes(grown.parts.codebook.swizzle().0);
-    for (surface, place) in groups.places.iter().enumerate() {
+    for (which, place) in groups.places.iter().enumerate() {
         let class = &mut classes[place.class];
         for block in 0..class.blocks() {
-            let value = match old_places.get(surface) {
+            let value = match old_places.get(which) {
                 Some(old) => old_classes[old.class].index[old_classes[old.class].position(old.number, block)],
                 None => {
-                    let start = blocks.starts[surface - old_places.len()];
+                    let start = blocks.starts[which - old_places.len()];
                     corners[matches[start + block as usize].index as usize]
                 }
             };
@@ -170,7 +170,7 @@ mod tests {
     use super::*;
     use texfold_core::container::{SectionWriter, Sections};
     use texfold_core::image::{ColorSpace, ImageSet, Raster};
-    use texfold_core::metric::{decode_surface, quality};
+    use texfold_core::metric::{decode_image, quality};
     use texfold_core::{Budget, Cancel, Encoded, Encoder, Goal, Limits, TextureCodec};
     use texfold_testkit::frames;
 
@@ -184,12 +184,12 @@ mod tests {
             let first = ImageSet::new(frames).unwrap();
             let params = VqParams { goal: Goal::Bpp(6.0), content: Some(content), ..VqParams::default() };
             let mut texture = Vq::encode(VqSource::new(&first), &params, &mut Job::default()).unwrap();
-            let before: Vec<_> = (0..4).map(|surface| decode_surface(&texture, surface, 0)).collect();
+            let before: Vec<_> = (0..4).map(|image| decode_image(&texture, image, 0)).collect();
             add(&mut texture, VqSource::new(&last), &mut Job::default()).unwrap();
-            let after: Vec<_> = (0..4).map(|surface| decode_surface(&texture, surface, 0)).collect();
+            let after: Vec<_> = (0..4).map(|image| decode_image(&texture, image, 0)).collect();
             assert!(before == after, "{content:?}");
-            assert_eq!(texture.layout().surfaces.len(), 5);
-            let decoded = decode_surface(&texture, 4, 0).unwrap();
+            assert_eq!(texture.layout().images.len(), 5);
+            let decoded = decode_image(&texture, 4, 0).unwrap();
             let rms = texfold_core::metric::color_error(&last.images()[0], &decoded).rms();
             assert!(
                 rms <= f64::from(texture.parts.join_rms) + 4.0,

@@ -79,11 +79,11 @@ pub(crate) fn importance_ranks(blocks: &Blocks, maps: &[Map]) -> Vec<f32> {
 /// Mean importance of the texels of level 0 that each block of any level shows.
 fn block_importance(blocks: &Blocks, maps: &[Map]) -> Vec<f32> {
     let mut values = Vec::new();
-    for (surface, map) in maps.iter().enumerate() {
-        let end = blocks.starts.get(surface + 1).copied().unwrap_or(blocks.len());
-        let size = blocks.sizes[surface];
+    for (image, map) in maps.iter().enumerate() {
+        let end = blocks.starts.get(image + 1).copied().unwrap_or(blocks.len());
+        let size = blocks.sizes[image];
         let mut level = 0;
-        while blocks.starts[surface] + level_blocks(size, level + 1) <= end && values.len() < end {
+        while blocks.starts[image] + level_blocks(size, level + 1) <= end && values.len() < end {
             let (columns, rows) = size.at_level(level).blocks();
             let side = 4u32 << level;
             for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
@@ -96,7 +96,7 @@ fn block_importance(blocks: &Blocks, maps: &[Map]) -> Vec<f32> {
 }
 
 /// Blocks of the first `levels` levels.
-fn level_blocks(size: texfold_core::SurfaceSize, levels: u32) -> usize {
+fn level_blocks(size: texfold_core::ImageSize, levels: u32) -> usize {
     blocks_of(size, levels) as usize
 }
 

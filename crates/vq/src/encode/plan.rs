@@ -84,7 +84,7 @@ mod tests {
         let grid = Grid { columns: 32, rows: 32 };
         assert_eq!(grid.sample_places(9, 64), [(0, 0), (64, 0), (0, 64)]);
         assert_eq!(grid.sample_places(1, 132), []);
-        let part = CodebookPart { x: 0, y: 0, side: 64, surface: 0, source_x: 0, source_y: 0 };
+        let part = CodebookPart { x: 0, y: 0, side: 64, image: 0, source_x: 0, source_y: 0 };
         let free = grid.free_cells(&[part]);
         assert_eq!((free.len(), free[0]), (32 * 32 - 256, (64, 0)));
     }

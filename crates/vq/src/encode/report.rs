@@ -1,8 +1,8 @@
 //! What an encode says of itself: settings, verdict, ledger, images of the parts.
 
 use texfold_core::image::{ColorSpace, PixelInfo, Raster};
-use texfold_core::metric::{SquaredError, color_error, decode_surface};
-use texfold_core::{EncodeError, Encoded, Goal, SurfaceSize, Texel};
+use texfold_core::metric::{SquaredError, color_error, decode_image};
+use texfold_core::{EncodeError, Encoded, Goal, ImageSize, Texel};
 
 use super::assemble::{assign, corners_of, windows_at};
 use super::single::Prepared;
@@ -71,20 +71,20 @@ fn psnr_with(prepared: &Prepared<'_>, texture: &VqTexture, corners: &[[u8; 2]]) 
     let windows =
         windows_at(texture.codebook_texels(), texture.codebook_size().0, corners, prepared.blocks.channels);
     let rows: Vec<usize> =
-        (0..prepared.images().len()).flat_map(|surface| prepared.blocks.of_level0(surface)).collect();
+        (0..prepared.images().len()).flat_map(|which| prepared.blocks.of_level0(which)).collect();
     let matches = assign(&prepared.blocks, &rows, windows.view(), prepared.cancel)?;
     let mut other = texture.clone();
     let mut next = matches.iter();
     for place in &texture.parts.places {
         let class = &mut other.parts.classes[place.class];
-        let size = SurfaceSize { width: class.params.size[0], height: class.params.size[1] };
+        let size = ImageSize { width: class.params.size[0], height: class.params.size[1] };
         for block in 0..blocks_of(size, 1) {
             let position = class.position(place.number, block);
             class.index[position] = next.next().map_or([0; 2], |found| corners[found.index as usize]);
         }
     }
-    let error = prepared.reference.images().iter().enumerate().filter_map(|(surface, image)| {
-        decode_surface(&other, surface as u32, 0).map(|decoded| color_error(image, &decoded))
+    let error = prepared.reference.images().iter().enumerate().filter_map(|(which, image)| {
+        decode_image(&other, which as u32, 0).map(|decoded| color_error(image, &decoded))
     });
     Ok(error.fold(SquaredError::default(), |sum, error| sum + error).psnr() as f32)
 }
@@ -103,17 +103,17 @@ pub struct PartImages {
 /// Draws the parts of `texture`; `None` only where an image cannot be made at all.
 #[must_use]
 pub fn part_images(texture: &VqTexture) -> Option<PartImages> {
-    let surfaces = 0..texture.layout().surfaces.len() as u32;
+    let images = 0..texture.layout().images.len() as u32;
     let counts = use_counts(texture);
     Some(PartImages {
         codebook: draw_codebook(texture)?,
-        index: surfaces
+        index: images
             .clone()
-            .filter_map(|surface| draw_blocks(texture, surface, &|at| place_color(texture, at)))
+            .filter_map(|image| draw_blocks(texture, image, &|at| place_color(texture, at)))
             .collect(),
-        usage: surfaces
-            .filter_map(|surface| {
-                draw_blocks(texture, surface, &|[x, y]| {
+        usage: images
+            .filter_map(|image| {
+                draw_blocks(texture, image, &|[x, y]| {
                     let count = counts[usize::from(y) * 256 + usize::from(x)];
                     Texel::splat(1.0 / (1.0 + (count.max(1) as f32).log2())).truncate().extend(1.0)
                 })
@@ -165,10 +165,10 @@ fn use_counts(texture: &VqTexture) -> Vec<u32> {
 }
 
 /// One texel a block of level 0.
-fn draw_blocks(texture: &VqTexture, surface: u32, color: &dyn Fn([u8; 2]) -> Texel) -> Option<Raster> {
-    let place = texture.parts.places.get(surface as usize)?;
+fn draw_blocks(texture: &VqTexture, image: u32, color: &dyn Fn([u8; 2]) -> Texel) -> Option<Raster> {
+    let place = texture.parts.places.get(image as usize)?;
     let class = &texture.parts.classes[place.class];
-    let (columns, rows) = texture.layout().surfaces[surface as usize].blocks();
+    let (columns, rows) = texture.layout().images[image as usize].blocks();
     let texels: Vec<Texel> =
         (0..columns * rows).map(|block| color(class.index[class.position(place.number, block)])).collect();
     rgb(columns, rows, &texels)

@@ -43,7 +43,7 @@ pub(crate) struct Choice<'a> {
 
 #[derive(Debug, Clone, Copy)]
 struct Position {
-    surface: usize,
+    image: usize,
     x: u32,
     y: u32,
     usability: f32,
@@ -56,7 +56,7 @@ impl Choice<'_> {
         let SampleSpec { count, side } = spec;
         let mut importance: Vec<Map> = self.importance.to_vec();
         let mut left: Vec<f32> = (0..self.images.len())
-            .flat_map(|surface| self.blocks.of_level0(surface))
+            .flat_map(|image| self.blocks.of_level0(image))
             .map(|row| self.blocks.inside[row])
             .collect();
         let mut samples: Vec<CodebookPart> = Vec::new();
@@ -64,10 +64,10 @@ impl Choice<'_> {
             let best = self.best(&importance, &left, side);
             self.cancel.checkpoint()?;
             let Some(best) = best else { break };
-            let (surface, source_x, source_y) = (best.surface as u32, best.x, best.y);
-            samples.push(CodebookPart { x, y, side, surface, source_x, source_y });
+            let (image, source_x, source_y) = (best.image as u32, best.x, best.y);
+            samples.push(CodebookPart { x, y, side, image, source_x, source_y });
             for row in source_y..source_y + side {
-                let mut line = importance[best.surface].row_mut(row as usize);
+                let mut line = importance[best.image].row_mut(row as usize);
                 (source_x..source_x + side).for_each(|column| line[column as usize] = 0.0);
             }
             self.strike_out(&samples[samples.len() - 1..], &mut left);
@@ -76,9 +76,8 @@ impl Choice<'_> {
     }
 
     fn best(&self, importance: &[Map], left: &[f32], side: u32) -> Option<Position> {
-        let positions: Vec<Position> = (0..self.images.len())
-            .flat_map(|surface| self.positions(surface, importance, left, side))
-            .collect();
+        let positions: Vec<Position> =
+            (0..self.images.len()).flat_map(|image| self.positions(image, importance, left, side)).collect();
         let most =
             |value: fn(&Position) -> f32| positions.iter().map(value).fold(f32::MIN_POSITIVE, f32::max);
         let (most_usable, most_important) = (most(|p| p.usability), most(|p| p.importance));
@@ -90,13 +89,13 @@ impl Choice<'_> {
         positions.into_iter().reduce(|best, p| if guidance(&p) > guidance(&best) { p } else { best })
     }
 
-    fn positions(&self, surface: usize, importance: &[Map], left: &[f32], side: u32) -> Vec<Position> {
-        let size = self.images[surface].size();
+    fn positions(&self, image: usize, importance: &[Map], left: &[f32], side: u32) -> Vec<Position> {
+        let size = self.images[image].size();
         if size.width < side || size.height < side || self.cancel.is_cancelled() {
             return Vec::new();
         }
-        let usability = self.words.usability(surface, side, left);
-        let integral = Integral::new(&importance[surface], self.cancel);
+        let usability = self.words.usability(image, side, left);
+        let integral = Integral::new(&importance[image], self.cancel);
         let step = usability.step.max(POSITION_STEP);
         let stride = (step / usability.step) as usize;
         let (rows, columns) = usability.values.dim();
@@ -108,7 +107,7 @@ impl Choice<'_> {
                 // Windows that are further apart than a square's last ones leave room for squares that hang over.
                 let is_inside = x + side <= size.width && y + side <= size.height;
                 let importance = is_inside.then(|| integral.mean(x, y, side))?;
-                Some(Position { surface, x, y, usability: usability.values[[row, column]], importance })
+                Some(Position { image, x, y, usability: usability.values[[row, column]], importance })
             })
             .collect()
     }
@@ -118,7 +117,7 @@ impl Choice<'_> {
         let windows = sample_windows(self.images, samples);
         let search = Search::new(windows.view());
         let rows: Vec<usize> =
-            (0..self.images.len()).flat_map(|surface| self.blocks.of_level0(surface)).collect();
+            (0..self.images.len()).flat_map(|image| self.blocks.of_level0(image)).collect();
         let reach = self.words.distortion;
         left.par_iter_mut().zip(rows).for_each(|(weight, row)| {
             if *weight > 0.0
@@ -139,7 +138,7 @@ pub(crate) fn sample_windows(images: &[Raster], samples: &[CodebookPart]) -> nda
         for (y, x) in (0..part.side - 3).flat_map(|y| (0..part.side - 3).map(move |x| (y, x))) {
             let start = values.len();
             values.resize(start + dims, 0.0);
-            let image = &images[part.surface as usize];
+            let image = &images[part.image as usize];
             super::blocks::window(image, part.source_x + x, part.source_y + y, &mut values[start..]);
         }
     }

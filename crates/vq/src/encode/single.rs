@@ -235,9 +235,9 @@ impl<'s> Prepared<'s> {
     pub(crate) fn texture(&self, draft: &Draft, stored: Stored, matches: &[Match]) -> VqTexture {
         let groups = Groups::of(&self.layout);
         let mut classes = groups.classes(stored.planes.swizzle().0);
-        for (surface, place) in groups.places.iter().enumerate() {
+        for (image, place) in groups.places.iter().enumerate() {
             let class = &mut classes[place.class];
-            let start = self.blocks.starts[surface];
+            let start = self.blocks.starts[image];
             for block in 0..class.blocks() {
                 let position = class.position(place.number, block);
                 class.index[position] = stored.corners[matches[start + block as usize].index as usize];

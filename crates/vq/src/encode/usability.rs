@@ -10,7 +10,7 @@ use ndarray::Array2;
 use rayon::prelude::*;
 use texfold_codebook::{Search, Settings, build_unless};
 use texfold_core::image::Raster;
-use texfold_core::{CancelCheck, EncodeError, SurfaceSize};
+use texfold_core::{CancelCheck, EncodeError, ImageSize};
 
 use super::blocks::{Blocks, window};
 
@@ -60,7 +60,7 @@ impl Words {
         codewords: usize,
         cancel: CancelCheck<'_>,
     ) -> Result<Self, EncodeError> {
-        let rows: Vec<usize> = (0..images.len()).flat_map(|surface| blocks.of_level0(surface)).collect();
+        let rows: Vec<usize> = (0..images.len()).flat_map(|number| blocks.of_level0(number)).collect();
         let stride = rows.len().div_ceil(TRAINING_BLOCKS).max(1);
         let training: Vec<usize> = rows.iter().copied().step_by(stride).collect();
         let settings = Settings { rounds: ROUNDS, least_gain: LEAST_GAIN, seed: SEED };
@@ -102,14 +102,14 @@ impl Words {
         cancel.checkpoint().map(|()| words)
     }
 
-    /// For every position of a square of `side` texels in image `surface`: how much of the blocks that weigh `weights`
+    /// For every position of a square of `side` texels in image `image`: how much of the blocks that weigh `weights`
     /// (one a block of level 0, all images) it could stand for.
-    pub(crate) fn usability(&self, surface: usize, side: u32, weights: &[f32]) -> UsabilityMap {
+    pub(crate) fn usability(&self, image: usize, side: u32, weights: &[f32]) -> UsabilityMap {
         let mut of_word = vec![0f32; self.count];
         for (&word, &weight) in self.block_word.iter().zip(weights) {
             of_word[word as usize] += weight;
         }
-        let (windows, step) = (&self.windows[surface], self.steps[surface]);
+        let (windows, step) = (&self.windows[image], self.steps[image]);
         // Windows that lie inside a square of that side.
         let span = ((side.max(4) - 4) / step + 1) as usize;
         let (rows, columns) = windows.dim();
@@ -138,7 +138,7 @@ struct Reach<'a> {
 }
 
 fn window_words(image: &Raster, step: u32, reach: &Reach<'_>) -> Array2<u32> {
-    let SurfaceSize { width, height } = image.size();
+    let ImageSize { width, height } = image.size();
     if width < 4 || height < 4 {
         return Array2::from_elem((0, 0), NONE);
     }

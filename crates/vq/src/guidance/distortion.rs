@@ -21,7 +21,7 @@ use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
 use texfold_core::mesh::UvMesh;
-use texfold_core::{CancelCheck, SourceError, SurfaceSize};
+use texfold_core::{CancelCheck, ImageSize, SourceError};
 
 use super::{Map, normalise};
 
@@ -39,13 +39,13 @@ const LEAST_HEIGHT_ULPS: f64 = 4.0;
 /// [`SourceError::Guidance`]: an invalid mesh, one without a triangle that covers any of the texture, or one that
 /// repeats the texture so often that drawing it would not end.
 pub fn distortion_map(mesh: &UvMesh, width: u32, height: u32) -> Result<Map, SourceError> {
-    distortion(mesh, SurfaceSize { width, height }, CancelCheck::default())
+    distortion(mesh, ImageSize { width, height }, CancelCheck::default())
 }
 
 /// As [`distortion_map`]; of no use once the job is cancelled.
 pub(crate) fn distortion(
     mesh: &UvMesh,
-    SurfaceSize { width, height }: SurfaceSize,
+    ImageSize { width, height }: ImageSize,
     cancel: CancelCheck<'_>,
 ) -> Result<Map, SourceError> {
     let error = |what| Err(SourceError::Guidance { map: "mesh", what });

@@ -21,7 +21,7 @@ pub use saliency::saliency_map;
 use ndarray::Array2;
 use rayon::prelude::*;
 use texfold_core::image::{Alpha, Raster};
-use texfold_core::{CancelCheck, SourceError, SurfaceSize};
+use texfold_core::{CancelCheck, ImageSize, SourceError};
 
 /// One value a texel, indexed by row and column.
 pub type Map = Array2<f32>;
@@ -37,13 +37,13 @@ const ASPECT_TOLERANCE: f64 = 0.02;
 /// # Errors
 /// [`SourceError::Guidance`] when the aspects differ by more than 2%.
 pub fn painted_map(raster: &Raster, width: u32, height: u32) -> Result<Map, SourceError> {
-    painted(raster, SurfaceSize { width, height }, CancelCheck::default())
+    painted(raster, ImageSize { width, height }, CancelCheck::default())
 }
 
 /// As [`painted_map`]; of no use once the job is cancelled.
 pub(crate) fn painted(
     raster: &Raster,
-    SurfaceSize { width, height }: SurfaceSize,
+    ImageSize { width, height }: ImageSize,
     cancel: CancelCheck<'_>,
 ) -> Result<Map, SourceError> {
     let (from, to) = (raster.size(), (f64::from(width.max(1)), f64::from(height.max(1))));

@@ -4,8 +4,8 @@
 use texfold_core::metric::SquaredError;
 use texfold_core::target::{Measured, search_step};
 use texfold_core::{
-    Access, CancelCheck, DCT_LEVELS, EncodeError, Encoded, Goal, ImageLayout, Job, Notes, SourceError,
-    SurfaceSize,
+    Access, CancelCheck, DCT_LEVELS, EncodeError, Encoded, Goal, ImageLayout, ImageSize, Job, Notes,
+    SourceError,
 };
 use texfold_dct::encode::{DctSetEncoder, DctSettings, DctSource, STEPS};
 
@@ -80,12 +80,12 @@ impl Sources {
         let canvas = maker.canvas;
         let of_image = |(index, levels): (usize, &Vec<Vec<[u8; 4]>>)| {
             let (width, height) = maker.size_of(Some(index));
-            ImageForm { size: SurfaceSize { width, height }, levels: levels.len() as u32 }
+            ImageForm { size: ImageSize { width, height }, levels: levels.len() as u32 }
         };
         let images: Vec<ImageForm> = canvas.levels.iter().enumerate().map(of_image).collect();
         let packing = pack(&images, BLOCK_SIDE).ok_or(fault(ZipError::Full))?;
         let (width, height) = canvas.root_size;
-        let size = SurfaceSize { width, height };
+        let size = ImageSize { width, height };
         let layout = root_layout(size, canvas.root.len() as u32, maker.pixel);
         let stages = (0u32..).zip(&canvas.root).step_by(DCT_LEVELS as usize);
         let root = stages
@@ -159,7 +159,7 @@ fn worst_block(maker: &Maker<'_>, texture: &ZipTexture) -> f64 {
 }
 
 /// Texels of that many channels.
-fn source(size: SurfaceSize, channels: u8, texels: &[[u8; 4]]) -> Result<DctSource, SourceError> {
+fn source(size: ImageSize, channels: u8, texels: &[[u8; 4]]) -> Result<DctSource, SourceError> {
     let (groups, places): (&[u8], &[usize]) = match channels {
         1 => (&[1], &[0]),
         2 => (&[1, 1], &[0, 3]),
@@ -198,6 +198,6 @@ fn atlas_source(
             }
         }
     }
-    let size = SurfaceSize { width: width as u32, height: height as u32 };
+    let size = ImageSize { width: width as u32, height: height as u32 };
     Ok(source(size, channels, &texels)?.with_free_colours_but(usize::from(channels) - 1, &is_read))
 }

@@ -9,7 +9,7 @@ use texfold_bc::{Content, ContentPlanes};
 use texfold_core::image::{ColorSpace, PixelInfo};
 use texfold_core::metric::SquaredError;
 use texfold_core::target::{Measured, search};
-use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, ImageLayout, Job, Notes, SurfaceSize, Texel};
+use texfold_core::{CancelCheck, EncodeError, Encoded, Goal, ImageLayout, ImageSize, Job, Notes, Texel};
 
 use super::canvas::{Canvas, Laid};
 use super::compare::compare;
@@ -302,7 +302,7 @@ impl Maker<'_> {
         }
         let image_of = |levels: &Vec<ContentPlanes>| {
             let (width, height) = levels[0].size();
-            ImageForm { size: SurfaceSize { width, height }, levels: levels.len() as u32 }
+            ImageForm { size: ImageSize { width, height }, levels: levels.len() as u32 }
         };
         let parts = Parts {
             layout: self.layout(),
@@ -318,7 +318,7 @@ impl Maker<'_> {
     pub(crate) fn layout(&self) -> ImageLayout {
         let (width, height) = self.canvas.root_size;
         ImageLayout {
-            surfaces: vec![SurfaceSize { width: width << self.deep, height: height << self.deep }],
+            images: vec![ImageSize { width: width << self.deep, height: height << self.deep }],
             levels: self.deep + self.canvas.root.len() as u32,
             pixel: self.pixel,
         }

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use texfold_bc::Content;
 use texfold_core::image::{Alpha, ColorSpace, PixelInfo, Raster};
 use texfold_core::{
-    CancelCheck, EncodeError, Encoder, Job, MAX_IMAGE_SIDE, MAX_PLANE_SIDE, Params, SurfaceSize, Texel,
+    CancelCheck, EncodeError, Encoder, ImageSize, Job, MAX_IMAGE_SIDE, MAX_PLANE_SIDE, Params, Texel,
     TextureCodec,
 };
 
@@ -176,7 +176,7 @@ pub fn masks(stack: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Resul
     let canvas = job.holding(held_bytes(stack), |job| lay_all(stack, params, job))?.canvas;
     job.stage("done", 1.0)?;
     let mask = |(index, source): (usize, &PatchSource)| {
-        let SurfaceSize { width, height } = stack.images[source.image].size();
+        let ImageSize { width, height } = stack.images[source.image].size();
         let mut bytes = vec![0; width as usize * height as usize];
         if let Some(laid) = canvas.laid.iter().find(|laid| laid.source == index) {
             let rows = canvas.levels[laid.content][0].chunks_exact(laid.size.0 as usize);
@@ -234,7 +234,7 @@ fn check(stack: &PatchStack) -> Result<(), ZipError> {
         return Err(ZipError::TooMany { patches: stack.patches.len(), max: MAX_PATCHES });
     }
     for image in stack.images.iter().chain([&stack.root]) {
-        let SurfaceSize { width, height } = image.size();
+        let ImageSize { width, height } = image.size();
         if width > MAX_PLANE_SIDE || height > MAX_PLANE_SIDE {
             return Err(ZipError::TooLarge { width, height });
         }

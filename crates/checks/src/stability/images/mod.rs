@@ -10,7 +10,7 @@ use std::thread;
 use std::time::Instant;
 
 use rayon::ThreadPool;
-use texfold::core::metric::{decode_surface, quality};
+use texfold::core::metric::{decode_image, quality};
 use texfold::{
     Access, AnyImage, Cancel, Choice, Effort, EncodeError, EncodeSettings, Goal, Guidance, Job, Texel,
     bc::Bc,
@@ -183,8 +183,8 @@ fn held(
 fn decoded(images: &ImageSet, made: &AnyImage) -> Check {
     let loaded = open(&made.to_bytes()).and_then(AnyTexture::into_image);
     let wrong = loaded.map_or(f64::INFINITY, |loaded| {
-        let decoded = |(surface, image): (u32, &Raster)| {
-            let found = decode_surface(loaded.as_encoded(), surface, 0);
+        let decoded = |(index, image): (u32, &Raster)| {
+            let found = decode_image(loaded.as_encoded(), index, 0);
             let found = found.filter(|found| found.size() == image.size());
             found.map_or(image.size().texels(), |found| {
                 found.texels().filter(|texel| !texel.is_finite()).count() as u64
@@ -249,9 +249,9 @@ fn twin(gpu: &Gpu, made: &AnyImage) -> Option<Check> {
     // The third channel of normals follows from the others, steeply near the horizon.
     let channels = if layout.pixel.color == ColorSpace::Normal { 2 } else { 4 };
     let mut most = 0f32;
-    for (surface, size) in (0u32..).zip(&layout.surfaces) {
-        let drawn = gpu.decode(&texture, surface, 0, (size.width, size.height), Filter::Nearest).ok()?;
-        let wanted = decode_surface(encoded, surface, 0)?;
+    for (image, size) in (0u32..).zip(&layout.images) {
+        let drawn = gpu.decode(&texture, image, 0, (size.width, size.height), Filter::Nearest).ok()?;
+        let wanted = decode_image(encoded, image, 0)?;
         let apart = |(a, b): ([f32; 4], Texel)| {
             let differences = a.into_iter().zip(b.to_array()).take(channels).map(|(a, b)| (a - b).abs());
             // Not a number, it would be overlooked by a maximum.
@@ -280,7 +280,7 @@ fn twin_limit(form: &GpuForm<'_>) -> f32 {
 fn pictures(images: &ImageSet, bytes: Option<&[u8]>) -> Outcome<Vec<Vec<u8>>> {
     let first = &images.images()[0];
     let loaded = bytes.and_then(|bytes| open(bytes).and_then(AnyTexture::into_image).ok());
-    let decoded = loaded.and_then(|loaded| decode_surface(loaded.as_encoded(), 0, 0));
+    let decoded = loaded.and_then(|loaded| decode_image(loaded.as_encoded(), 0, 0));
     [Some(first), decoded.as_ref()].into_iter().flatten().map(png).collect()
 }
 

@@ -37,7 +37,8 @@ pub(crate) fn test(arguments: &[String], full: bool) -> io::Result<bool> {
     );
     command.args(["--config", &runner, "test"]).args(arguments).env("TEXFOLD_GPU", "require");
     if full {
-        command.env("TEXFOLD_FULL", "1");
+        // A run of half an hour tells all that is wrong.
+        command.arg("--no-fail-fast").env("TEXFOLD_FULL", "1");
     }
     Ok(command.status()?.success())
 }

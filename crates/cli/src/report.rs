@@ -25,7 +25,7 @@ pub(crate) struct PartRow {
 pub(crate) struct Sizes {
     /// Compressed form in memory: its parts add up to it.
     pub(crate) bits_memory: u64,
-    /// GPU memory while it is drawn.
+    /// GPU memory where blocks are decoded whole.
     pub(crate) bits_resident: u64,
     /// File.
     pub(crate) bits_disk: u64,
@@ -62,7 +62,7 @@ impl Sizes {
             line("all", self.bits_memory.to_string(), self.bits_disk.to_string()),
             line("bits a texel", format!("{:.4}", self.bpp_memory), format!("{:.4}", self.bpp_disk)),
             format!(
-                "  while drawn  {:>14} bits of GPU memory, {:.4} a texel",
+                "  decoded      {:>14} bits of GPU memory, {:.4} a texel, where blocks are decoded whole",
                 self.bits_resident, self.bpp_resident
             ),
         ]

@@ -26,7 +26,7 @@ pub struct Part {
 pub struct Footprint {
     /// The parts; their sums are the totals.
     pub parts: Vec<Part>,
-    /// Bits allocated while it is drawn ([`crate::MemoryBits::resident`]).
+    /// Bits allocated while it is drawn, decoded whole ([`crate::MemoryBits::resident`]).
     pub bits_resident: u64,
 }
 

@@ -157,7 +157,7 @@ pub struct GpuForm<'a> {
 pub struct MemoryBits {
     /// Compressed form: all planes, textures in blocks and parameters.
     pub compressed: u64,
-    /// Allocation while it is drawn: planes, parameters, and in place of textures in blocks the plain texels of all mip levels that
+    /// Allocation while it is drawn without a cache of tiles: planes, parameters, and in place of textures in blocks the plain texels of all mip levels that
     /// they are decoded to ([`DecodedImage`]). Without textures in blocks it equals `compressed`.
     pub resident: u64,
     /// Part of `compressed` that goals count: texels of all planes and levels, and blocks. Two things are left out, as they would

@@ -337,7 +337,7 @@ fn lines(summary: &Summary) -> String {
     }
     let Sizes { bpp_memory, bpp_resident, bpp_disk, .. } = summary.sizes;
     lines.push(format!(
-        "  bits a texel: {bpp_memory:.4} memory, {bpp_disk:.4} disk, {bpp_resident:.4} while drawn"
+        "  bits a texel: {bpp_memory:.4} memory, {bpp_disk:.4} disk, {bpp_resident:.4} decoded whole"
     ));
     lines.join("\n")
 }

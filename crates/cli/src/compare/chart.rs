@@ -30,8 +30,8 @@ pub(crate) const AXES: [Axis; 5] = [
         smaller_is_better: true,
     },
     Axis {
-        title: "GPU memory while drawn and quality",
-        label: "bits of GPU memory per texel while drawn",
+        title: "GPU memory decoded whole and quality",
+        label: "bits of GPU memory per texel, decoded whole",
         value: |row| Some(row.bpp_resident),
         unit: 1.0,
         smaller_is_better: true,

@@ -98,7 +98,8 @@ fn circumstances(bench: &Bench) -> String {
     };
     format!(
         "<p>Quality is taken from the bytes of the file that ships. Compressed bits count all planes, blocks and parameters; \
-         resident bits are those of GPU memory while it is drawn, where textures in blocks are decoded to plain texels. Encoding uses all \
+         a cache of tiles holds them and a pool for all textures together. Bits decoded whole are those of GPU memory where textures in \
+         blocks are decoded to plain texels. Encoding uses all \
          cores at effort {}; CPU decoding one thread, the median of several whole decodes. {gpu} {rival}</p>",
         bench.effort().name()
     )
@@ -106,7 +107,7 @@ fn circumstances(bench: &Bench) -> String {
 
 fn table(rows: &[Row]) -> String {
     let mut text = String::from(
-        "<div class=\"wide\"><table><tr><th>input<th>codec<th>settings<th>bits compressed<th>bits resident<th>bits disk<th>PSNR dB<th>SSIM<th>SSIMULACRA2\
+        "<div class=\"wide\"><table><tr><th>input<th>codec<th>settings<th>bits compressed<th>bits decoded whole<th>bits disk<th>PSNR dB<th>SSIM<th>SSIMULACRA2\
          <th>encode s<th>CPU Mtexel/s<th>GPU Mtexel/s",
     );
     let speed = |speed: Option<f64>| speed.map_or("-".to_owned(), |speed| format!("{:.1}", speed / 1e6));

@@ -23,7 +23,7 @@ pub(crate) struct Row {
     /// Nothing without an adapter.
     pub(crate) decode_gpu_texels_per_second: Option<f64>,
     pub(crate) random_access: u8,
-    /// GPU memory while it is drawn.
+    /// GPU memory where blocks are decoded whole.
     pub(crate) bpp_resident: f64,
 }
 

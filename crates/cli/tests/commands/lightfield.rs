@@ -90,7 +90,7 @@ fn a_capture_becomes_a_file_and_the_file_new_views() {
     assert_eq!(pictures.code, Some(0), "{}", pictures.stderr);
     assert_eq!(
         names(&place.at("parts")),
-        ["ball-mean.png", "ball-image-maps.png", "ball-terms.png", "ball-view-maps.png"]
+        ["ball-mean.png", "ball-surface-maps.png", "ball-terms.png", "ball-view-maps.png"]
     );
     let seen = place.run("info out/ball.txf --camera ball/transforms.json --pictures parts");
     assert!(seen.code == Some(0) && seen.stdout.contains("view 19"), "{}{}", seen.stdout, seen.stderr);

@@ -98,7 +98,7 @@ pub(crate) enum CliError {
     StackRide { path: PathBuf, patch: usize },
     #[error("{}: goes with {}, which goes with a third stack; name that one", path.display(), host.display())]
     StackHost { path: PathBuf, host: PathBuf },
-    #[error("{}: {given}; give --camera for a light field, --zoom-to and --steps for images", path.display())]
+    #[error("{}: {given}; give --camera for a light field, --mesh or --zoom-to for images", path.display())]
     RenderWhat { path: PathBuf, given: &'static str },
     #[error("{}: frame {index} is not of the first frame's size; crop the frames alike or give --as set", path.display())]
     FrameSize { path: PathBuf, index: usize },

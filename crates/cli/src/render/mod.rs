@@ -1,5 +1,6 @@
-//! `render`: light fields as cameras see them, one PNG a camera, and zooms into flat textures.
+//! `render`: light fields and textured meshes as cameras see them, one PNG a camera, and zooms into flat textures.
 
+mod mesh;
 mod zoom;
 
 use std::path::{Path, PathBuf};
@@ -28,26 +29,35 @@ pub struct RenderArgs {
     /// A .txf file.
     #[arg(value_name = "FILE.txf")]
     file: PathBuf,
-    /// Light fields: the cameras, in a file like a capture's transforms.json.
+    /// Light fields and meshes: the cameras, in a file like a capture's transforms.json.
     #[arg(long, value_name = "CAMERAS.json", conflicts_with = "zoom_to")]
     camera: Option<PathBuf>,
     /// Images: draw a zoom towards this point, and a strip of its frames. 0,0 is the upper left corner, 1,1 the lower
     /// right.
     #[arg(long, value_name = "U,V", value_parser = zoom::target)]
     zoom_to: Option<glam::Vec2>,
+    /// Images: draw this mesh (.obj, .ply, .glb or .gltf) with an image on it, its texture coordinates repeated.
+    #[arg(long, value_name = "MODEL", conflicts_with_all = ["zoom_to", "terms"])]
+    mesh: Option<PathBuf>,
+    /// With --mesh: this many cameras on a circle around the mesh, y up, instead of --camera; 1 by default.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000), requires = "mesh", conflicts_with = "camera")]
+    turntable: Option<u32>,
+    /// With --mesh: which image of the file is drawn.
+    #[arg(long, value_name = "K", default_value_t = 0, requires = "mesh")]
+    image: u32,
     /// Frames of a zoom.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000), requires = "zoom_to")]
     steps: Option<u32>,
     /// Folder for the images: 000.png and so on, in the order of the cameras.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Draw on the CPU by casting rays: the reference.
+    /// Draw on the CPU: the reference.
     #[arg(long)]
     cpu: bool,
     /// Use only this many terms beside the mean.
     #[arg(long, value_name = "K")]
     terms: Option<u32>,
-    /// Width and height in pixels; by default those of the cameras.
+    /// Width and height in pixels; by default those of the cameras, of a turntable 640x480.
     #[arg(long, value_name = "WxH")]
     size: Option<Sides>,
 }
@@ -55,10 +65,11 @@ pub struct RenderArgs {
 /// Runs the command.
 pub(crate) fn run(args: &RenderArgs) -> Result<usize, CliError> {
     guarded(&args.file, || match (args.zoom_to, &args.camera) {
+        _ if args.mesh.is_some() => args.mesh.as_deref().map_or(Ok(0), |path| mesh::run(args, path)),
         (Some(_), _) if args.terms.is_some() => Err(usage(args, "an image has no terms")),
         (Some(target), _) => zoom::run(args, target),
         (None, Some(camera)) => render_light(args, camera),
-        (None, None) => Err(usage(args, "neither cameras nor a zoom target are given")),
+        (None, None) => Err(usage(args, "neither cameras, nor a mesh, nor a zoom target are given")),
     })
 }
 

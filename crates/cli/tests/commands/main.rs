@@ -6,6 +6,7 @@ mod bank;
 mod batch;
 mod inputs;
 mod lightfield;
+mod mesh;
 mod results;
 mod support;
 mod zoom;

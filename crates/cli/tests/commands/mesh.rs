@@ -1,0 +1,90 @@
+//! Textures on meshes, as cameras see them.
+
+use std::fs;
+
+use crate::support::{Place, fixture};
+
+/// A box without top and bottom, and a floor that reaches behind every camera.
+const ROOM: &str = "
+v -1 -1 1
+v 1 -1 1
+v 1 1 1
+v -1 1 1
+v -1 -1 -1
+v 1 -1 -1
+v 1 1 -1
+v -1 1 -1
+v -9 -1.2 9
+v 9 -1.2 9
+v 9 -1.2 -9
+v -9 -1.2 -9
+vt 0 0
+vt 1 0
+vt 1 1
+vt 0 1
+vt 8 0
+vt 8 8
+vt 0 8
+f 1/1 2/2 3/3 4/4
+f 2/1 6/2 7/3 3/4
+f 6/1 5/2 8/3 7/4
+f 5/1 1/2 4/3 8/4
+f 9/1 10/5 11/6 12/7
+";
+
+/// Share of the texels' values in which two images are within `steps` of 255.
+fn alike(one: &image::RgbaImage, other: &image::RgbaImage, steps: u8) -> f64 {
+    assert_eq!(one.dimensions(), other.dimensions());
+    let pairs = one.as_raw().iter().zip(other.as_raw());
+    pairs.filter(|(one, other)| one.abs_diff(**other) <= steps).count() as f64 / one.as_raw().len() as f64
+}
+
+#[test]
+fn a_mesh_is_drawn_alike_by_gpu_and_cpu_with_every_codec_of_images() {
+    let place = Place::new();
+    fs::write(place.at("room.obj"), ROOM).unwrap();
+    fs::copy(fixture("facade.png"), place.at("facade.png")).unwrap();
+    for codec in ["dct", "bc", "vq"] {
+        let (run, _) = place
+            .compress(&format!("facade.png --codec {codec} --bpp 6 --mips --effort fast --out out --force"));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        for (out, option) in [("gpu", ""), ("cpu", "--cpu")] {
+            let run = place.run(&format!(
+                "render out/facade.txf --mesh room.obj --turntable 3 --size 96x72 --out {out} {option}"
+            ));
+            assert_eq!(run.code, Some(0), "{}", run.stderr);
+        }
+        for number in 0..3 {
+            let read =
+                |out: &str| image::open(place.at(&format!("{out}/{number:03}.png"))).unwrap().to_rgba8();
+            let (gpu, cpu) = (read("gpu"), read("cpu"));
+            // Edges of triangles, and derivatives, which a GPU takes of two pixels at a time, differ.
+            assert!(alike(&gpu, &cpu, 12) > 0.97, "{codec} {number}: {}", alike(&gpu, &cpu, 12));
+            assert!(gpu.pixels().any(|pixel| pixel.0[3] == 0) && gpu.pixels().any(|pixel| pixel.0[3] == 255));
+            // Another camera sees something else.
+            let next = image::open(place.at(&format!("gpu/{:03}.png", (number + 1) % 3))).unwrap().to_rgba8();
+            assert!(alike(&gpu, &next, 12) < 0.97);
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_drawn_on_a_mesh_is_named() {
+    let place = Place::new();
+    fs::copy(fixture("odd_3x5.png"), place.at("odd_3x5.png")).unwrap();
+    fs::write(place.at("plain.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    fs::write(place.at("room.obj"), ROOM).unwrap();
+    let (run, _) = place.compress("odd_3x5.png --codec bc --out out");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    for (options, wanted) in [
+        ("--mesh plain.obj", "texture coordinates"),
+        ("--mesh none.obj", "none.obj"),
+        ("--mesh room.obj --image 1", "image 1"),
+        ("--turntable 3", "--mesh"),
+        ("--mesh room.obj --terms 2", "--terms"),
+    ] {
+        let run = place.run(&format!("render out/odd_3x5.txf {options} --out drawn --cpu"));
+        assert_ne!(run.code, Some(0), "{options}");
+        assert!(run.stderr.contains(wanted), "{options}: {}", run.stderr);
+    }
+}

@@ -1,7 +1,7 @@
 //! The cache of tiles beside plain textures, in one run on one adapter: `cargo bench -p texfold-benches --bench tiles`.
 //!
 //! Sixteen textures of 2048 texels a side on the walls of a room are drawn at 1920x1080: from plain RGBA8 and BC7 textures with trilinear
-//! hardware filtering, and from the cache with all tiles there, with 5 % of them new in each frame, and with all of them new. Times
+//! hardware filtering, and from the cache with all tiles there, with some of them new in each frame as the camera turns, and with all of them new. Times
 //! are wall clock of a frame from its submission to the device's answer, medians. The program needs nothing beside it where it
 //! runs: textures are drawn and encoded when it starts.
 
@@ -157,7 +157,7 @@ fn still() -> Mat4 {
     turned(0)
 }
 
-/// The camera of a frame, which turns so that about one tile in twenty is new.
+/// The camera of a frame, which turns: some tiles are new in each.
 fn turned(number: usize) -> Mat4 {
     let angle = 0.03 * number as f32;
     let ahead = Vec3::new(angle.sin(), -0.75, angle.cos());

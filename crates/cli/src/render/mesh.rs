@@ -215,7 +215,7 @@ impl Levels {
 
 /// The part of a triangle that lies before the nearest depth: up to four corners.
 fn before_near(corners: &[Corner; 3]) -> Vec<Corner> {
-    let mut polygon = Vec::with_capacity(4);
+    let mut polygon = Vec::new();
     for (&one, &other) in corners.iter().zip(corners.iter().cycle().skip(1)) {
         if one.0.z >= 0.0 {
             polygon.push(one);

@@ -180,7 +180,6 @@ fn pass(layout: &DctLayout, size: ImageSize, superblocks: &Superblocks) -> DctPa
         let range = &superblocks[axis];
         (range.end * side).min(plane_blocks[axis]) - range.start * side
     };
-    let ranks = layout.ranks.iter().take(MAX_AXES).rev();
     DctPass {
         plane_blocks,
         first: [superblocks[0].start, superblocks[1].start],
@@ -190,8 +189,8 @@ fn pass(layout: &DctLayout, size: ImageSize, superblocks: &Superblocks) -> DctPa
         superblock_columns: superblock_count(layout, size)[0],
         side,
         axes: layout.ranks.len().min(MAX_AXES) as u32,
-        ranks: ranks.fold(0, |all, &rank| all << 2 | u32::from(rank & 3)),
-        offsets: u32::from(layout.offsets[0]) | u32::from(layout.offsets[1]) << 8,
+        ranks: layout.packed_ranks(),
+        offsets: layout.packed_offsets(),
         index: layout.index,
         index_bits: layout.index_bits,
         stream_bytes: layout.stream_bytes,

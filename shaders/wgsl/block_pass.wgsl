@@ -5,7 +5,7 @@ const TEXFOLD_BLOCK_WORDS: u32 = 64u;
 // Words that are noted of a block's axis.
 const TEXFOLD_BLOCK_NOTES: u32 = 5u;
 
-// What is decoded of one plane: texfold_shaders::DctPass.
+// Decoding of one plane: texfold_shaders::DctPass.
 struct TexfoldBlockPass {
     plane_blocks: vec2<u32>,
     first: vec2<u32>,

@@ -45,7 +45,47 @@ const fn blocks(function: &'static str) -> Test {
     Test { package: "texfold-gpu", function, says: "texels differ" }
 }
 
+/// A test of the cache of tiles.
+const fn tiles(function: &'static str, says: &'static str) -> Test {
+    Test { package: "texfold-gpu", function, says }
+}
+
 const MUTATIONS: &[Mutation] = &[
+    Mutation {
+        name: "superblocks behind an edge are not the first ones again",
+        file: "shaders/wgsl/block.wgsl",
+        find: "    return at - select(vec2<u32>(0u), all, at >= all);",
+        replace: "    return at - select(vec2<u32>(0u), vec2<u32>(0u), at >= all);",
+        test: tiles("tiles::views_equal_filtering_of_decoded_texels_on_the_cpu", "pixel ["),
+    },
+    Mutation {
+        name: "borders are filtered behind an edge",
+        file: "shaders/wgsl/block.wgsl",
+        find: " || any(texfold_block_place(slot) >= texfold_block_pass.plane_blocks) {",
+        replace: " {",
+        test: tiles("tiles::views_equal_filtering_of_decoded_texels_on_the_cpu", "pixel ["),
+    },
+    Mutation {
+        name: "borders of tiles repeat their edge",
+        file: "shaders/wgsl/tiles/place.wgsl",
+        find: "tile * TEXFOLD_TILE_INNER + at) - border;",
+        replace: "tile * TEXFOLD_TILE_INNER + clamp(at, vec2<u32>(4u), vec2<u32>(123u))) - border;",
+        test: tiles("tiles::views_equal_filtering_of_decoded_texels_on_the_cpu", "pixel ["),
+    },
+    Mutation {
+        name: "a new texture finds the tiles of the one before it",
+        file: "crates/gpu/src/tiles/mod.rs",
+        find: "        gpu.queue.write_buffer(&self.buffers.pages, 4 * u64::from(held.pages.start), &zeros);\n",
+        replace: "        let _ = (gpu, zeros);\n",
+        test: tiles("tiles::textures_come_and_go_and_take_nothing_with_them", "pixel ["),
+    },
+    Mutation {
+        name: "a pool that is too small keeps its bias",
+        file: "shaders/wgsl/entry/tiles_plan.wgsl",
+        find: "max(bias - 0.015625, 0.0)",
+        replace: "bias",
+        test: tiles("tiles::a_pool_that_is_too_small_shows_coarser_levels_until_it_suffices", "assertion"),
+    },
     Mutation {
         name: "derivatives measured in texels of the stored size",
         file: "shaders/wgsl/progressive.wgsl",
@@ -98,7 +138,7 @@ const MUTATIONS: &[Mutation] = &[
     },
     Mutation {
         name: "mip levels of blocks are means of values and not of light",
-        file: "shaders/wgsl/entry/block.wgsl",
+        file: "shaders/wgsl/entry/block_texel.wgsl",
         find: "let is_light = (entry_output.average & 1u) == 1u;",
         replace: "let is_light = false;",
         test: blocks("dct::mip_levels_equal_those_of_the_cpu"),
@@ -262,4 +302,18 @@ fn remove_others(top: &Path, folder: &Path, names: &HashSet<PathBuf>) -> io::Res
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_mutation_finds_its_text_once() -> io::Result<()> {
+        for mutation in MUTATIONS {
+            let found = fs::read_to_string(root().join(mutation.file))?.matches(mutation.find).count();
+            assert_eq!(found, 1, "{}: {:?} in {}", mutation.name, mutation.find, mutation.file);
+        }
+        Ok(())
+    }
 }

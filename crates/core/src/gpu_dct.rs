@@ -109,6 +109,14 @@ pub struct MipAverage {
     pub is_weighted: bool,
 }
 
+impl MipAverage {
+    /// As the shader reads it: bit 0 for light, bit 1 for weights.
+    #[must_use]
+    pub fn bits(self) -> u32 {
+        u32::from(self.is_light) | u32::from(self.is_weighted) << 1
+    }
+}
+
 /// A channel: the sum of a mean and of up to four weighted axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct GpuChannel {
@@ -135,6 +143,18 @@ pub fn dct_planes(size: ImageSize) -> Vec<ImageSize> {
 }
 
 impl DctLayout {
+    /// Places of the first 16 axes in their groups as the shader reads them: two bits each, the first axis lowest.
+    #[must_use]
+    pub fn packed_ranks(&self) -> u32 {
+        self.ranks.iter().take(16).rev().fold(0, |all, &rank| all << 2 | u32::from(rank & 3))
+    }
+
+    /// Both reconstruction offsets as the shader reads them, 8 bits each.
+    #[must_use]
+    pub fn packed_offsets(&self) -> u32 {
+        u32::from(self.offsets[0]) | u32::from(self.offsets[1]) << 8
+    }
+
     /// Texels along a superblock's side of a level whose texels are means of 2^`reduce_log2` samples a side.
     #[must_use]
     pub fn superblock_texels(&self, reduce_log2: u32) -> u32 {

@@ -135,7 +135,7 @@ pub enum GpuError {
         "the cache of tiles has no room: {what}; remove textures, or make the cache with a larger {option}"
     )]
     TilesFull {
-        /// What is used up.
+        /// The resource that is used up.
         what: &'static str,
         /// The member of `TileOptions` that bounds it.
         option: &'static str,
@@ -147,7 +147,7 @@ pub enum GpuError {
     TileLimit {
         /// The device limit.
         limit: &'static str,
-        /// What is needed.
+        /// The needed value.
         needed: u64,
         /// The device's.
         given: u64,

@@ -1,8 +1,10 @@
 //! Texfold textures in wgpu renderers.
 //!
 //! A renderer passes its device to [`Gpu::from_device`] and uploads the planes of an encoded texture
-//! ([`texfold_core::Encoded::gpu`]) with [`Gpu::upload`], those of a light field with [`Gpu::upload_light`]. Then there are two ways:
+//! ([`texfold_core::Encoded::gpu`]) with [`Gpu::upload`], those of a light field with [`Gpu::upload_light`]. There are three ways to draw:
 //!
+//! - *A cache of decoded tiles, hardware sampler*: [`TileCache`], for any number of textures in one bind group, in the memory of their
+//!   compressed form and of a pool: `examples/room.rs`.
 //! - *Plain texels, hardware sampler*: [`GpuTexture::decoded_view`], for textures in blocks; anisotropic, filtered in linear light, no
 //!   WGSL of ours: `examples/hardware.rs`.
 //! - *Compressed texels, our WGSL*: the renderer binds [`GpuTexture::bind_group`] and pastes the module

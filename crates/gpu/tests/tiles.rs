@@ -56,7 +56,7 @@ struct View {
 }
 
 impl View {
-    /// As the shader has it; single precision, so that the CPU starts from the same numbers.
+    /// The shader's bytes; single precision, so that the CPU starts from the same numbers.
     fn bytes(&self) -> Vec<u8> {
         let numbers = [self.origin, self.across, self.down];
         let mut bytes: Vec<u8> =
@@ -232,10 +232,17 @@ fn random_view(rng: &mut Rng, size: ImageSize, levels: u32, texture: TileTexture
         .rounded()
 }
 
-/// Adds a texture and compares some views of it.
-fn hold(renderer: &mut Renderer<'_>, texture: &AnyImage, look: TileLook, bounds: (u32, f64), rng: &mut Rng) {
+/// Adds a texture, compares some views of it, and returns its number.
+fn hold(
+    renderer: &mut Renderer<'_>,
+    texture: &AnyImage,
+    look: TileLook,
+    bounds: (u32, f64),
+    rng: &mut Rng,
+) -> TileTexture {
     let added = renderer.cache.add(renderer.gpu, texture.as_encoded(), look).unwrap()[0];
     compare(renderer, texture, (added, look), bounds, rng);
+    added
 }
 
 /// Compares some views of a texture with filtering on the CPU; they differ by at most so many steps of 255.
@@ -325,13 +332,13 @@ fn textures_come_and_go_and_take_nothing_with_them() {
     let one = encode("dct", crop(&image("facade"), (0, 0), (251, 247)), true);
     let other = encode("dct", crop(&image("terrain"), (0, 0), (192, 200)), true);
     for texture in [&one, &other, &one] {
-        hold(&mut renderer, texture, look, (2, 2.0), &mut rng);
+        let held = hold(&mut renderer, texture, look, (2, 2.0), &mut rng);
         let first = renderer.cache.add(gpu, other.as_encoded(), look).unwrap();
         let full = renderer.cache.add(gpu, one.as_encoded(), look);
         assert!(matches!(full, Err(GpuError::TilesFull { option: "textures", .. })), "{full:?}");
-        // What the first one held is taken by the next one, while its tiles are still in the pool.
-        for index in [0, first[0].index()] {
-            renderer.cache.remove(gpu, TileTexture::from_index(index));
+        // The next one takes the first one's places, while its tiles are still in the pool.
+        for texture in [held, first[0]] {
+            renderer.cache.remove(gpu, texture);
         }
         let view = random_view(&mut rng, ImageSize { width: 64, height: 64 }, 1, first[0]);
         assert!(renderer.frame(&view).iter().all(|colour| *colour == Vec4::ZERO));
@@ -379,6 +386,8 @@ fn sizes_that_a_device_or_a_cache_does_not_have_are_refused() {
         let found = cache.add(gpu, texture.as_encoded(), TileLook::default());
         assert!(matches!(found, Err(GpuError::TilesFull { option, .. }) if option == wanted), "{found:?}");
     }
+    let small = TileCache::new(gpu, &TileOptions { pool_bytes: 1 << 20, textures: 33, ..options() });
+    assert!(matches!(small, Err(GpuError::TilesFull { option: "pool_bytes", .. })));
     let limit = gpu.device().limits().max_storage_buffer_binding_size;
     let large = TileCache::new(gpu, &TileOptions { stream_bytes: limit + 4, ..options() });
     assert!(matches!(large, Err(GpuError::TileLimit { .. })));

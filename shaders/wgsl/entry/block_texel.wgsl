@@ -1,4 +1,4 @@
-// Where a rectangle's texels go.
+// Output of a rectangle's texels.
 struct EntryOutput {
     // Columns and rows of the rectangle.
     size: vec2<u32>,

@@ -26,40 +26,25 @@ fn clear_scratch(@builtin(local_invocation_index) thread: u32, @builtin(workgrou
     }
 }
 
-// The tile of the superblock of that number of a plane, and the superblock's number among those of the tile; the number of tiles where
-// there are fewer.
-fn entry_superblock(number: u32) -> vec2<u32> {
-    let sums = entry_step.plane * TEXFOLD_TILE_SUMS;
-    if number >= entry_plan.superblocks[sums + entry_plan.count] {
+// The tile that item `number` of the plane belongs to, and the item's number in it: of superblocks where `first` is 0, of blocks where it is
+// TEXFOLD_TILE_BLOCKS. Where there are fewer items, the number of tiles.
+fn entry_item(number: u32, first: u32) -> vec2<u32> {
+    let sums = first + entry_step.plane * TEXFOLD_TILE_SUMS;
+    if number >= entry_plan.sums[sums + entry_plan.count] {
         return vec2<u32>(entry_plan.count, 0u);
     }
     var tile = 0u;
     for (var step = TEXFOLD_TILE_MOST / 2u; step > 0u; step /= 2u) {
-        if tile + step < entry_plan.count && entry_plan.superblocks[sums + tile + step] <= number {
+        if tile + step < entry_plan.count && entry_plan.sums[sums + tile + step] <= number {
             tile += step;
         }
     }
-    return vec2<u32>(tile, number - entry_plan.superblocks[sums + tile]);
-}
-
-// The same of a block's axis.
-fn entry_block(number: u32) -> vec2<u32> {
-    let sums = entry_step.plane * TEXFOLD_TILE_SUMS;
-    if number >= entry_plan.blocks[sums + entry_plan.count] {
-        return vec2<u32>(entry_plan.count, 0u);
-    }
-    var tile = 0u;
-    for (var step = TEXFOLD_TILE_MOST / 2u; step > 0u; step /= 2u) {
-        if tile + step < entry_plan.count && entry_plan.blocks[sums + tile + step] <= number {
-            tile += step;
-        }
-    }
-    return vec2<u32>(tile, number - entry_plan.blocks[sums + tile]);
+    return vec2<u32>(tile, number - entry_plan.sums[sums + tile]);
 }
 
 @compute @workgroup_size(64)
 fn read_superblocks(@builtin(global_invocation_id) id: vec3<u32>) {
-    let found = entry_superblock(id.x);
+    let found = entry_item(id.x, 0u);
     if found.x < entry_plan.count {
         texfold_block_pass = entry_plan.passes[found.x * TEXFOLD_TILE_PLANES + entry_step.plane];
         let columns = texfold_block_pass.count.x;
@@ -69,7 +54,7 @@ fn read_superblocks(@builtin(global_invocation_id) id: vec3<u32>) {
 
 @compute @workgroup_size(64)
 fn transform_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
-    let found = entry_block(id.x);
+    let found = entry_item(id.x, TEXFOLD_TILE_BLOCKS);
     if found.x < entry_plan.count {
         texfold_block_pass = entry_plan.passes[found.x * TEXFOLD_TILE_PLANES + entry_step.plane];
         texfold_block_samples(found.y);
@@ -77,7 +62,7 @@ fn transform_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 
 fn entry_deblock(number: u32, is_above: u32) {
-    let found = entry_block(number);
+    let found = entry_item(number, TEXFOLD_TILE_BLOCKS);
     if found.x < entry_plan.count {
         texfold_block_pass = entry_plan.passes[found.x * TEXFOLD_TILE_PLANES + entry_step.plane];
         if texfold_block_pass.deblocking > 0 {

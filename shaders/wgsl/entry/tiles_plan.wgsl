@@ -1,4 +1,5 @@
-// The update of a cache of tiles, first pass: which of the tiles that are wanted are decoded, into which places of the pool, and how.
+// The update of a cache of tiles, first pass: chooses tiles among those that are wanted and places of the pool for them, and plans their
+// decoding.
 // One workgroup.
 
 struct EntryOptions {
@@ -37,7 +38,7 @@ const ENTRY_LEAST_AGE: u32 = 2u;
 const ENTRY_CYCLE: u32 = 64u;
 const ENTRY_WORKGROUP: u32 = 64u;
 const ENTRY_CLEARED: u32 = 64u;
-// Of each kind of request.
+// The bit of requests that another pass draws.
 const ENTRY_DRAWN: u32 = 0x80000000u;
 
 var<workgroup> entry_ages: array<atomic<u32>, ENTRY_AGES>;
@@ -84,7 +85,7 @@ fn entry_wanted(number: u32) -> EntryTile {
     return tile;
 }
 
-// What a page says of a place.
+// The page of a place.
 fn entry_there(slot: u32) -> u32 {
     let columns = entry_options.columns;
     let layer = slot / (columns * columns);
@@ -185,7 +186,7 @@ fn entry_planes(number: u32, tile: EntryTile) -> u32 {
         planned.notes = words + blocks * TEXFOLD_BLOCK_WORDS;
         words += blocks * (TEXFOLD_BLOCK_WORDS + TEXFOLD_BLOCK_NOTES);
         if plane > 0u {
-            // What the finer plane takes from this one.
+            // The finer plane's means.
             entry_plan.passes[place + 1u].base_first = planned.first * side * 8u;
             entry_plan.passes[place + 1u].base_held = planned.held;
             entry_plan.passes[place + 1u].base_wrap = planned.wrap * 8u;
@@ -237,7 +238,7 @@ fn entry_survey(thread: u32, entries: u32) {
     }
 }
 
-// How many tiles are decoded, the first rank of each level, and from which age on places are given away.
+// The number of tiles to decode, the first rank of each level, and the least age of places that are given away.
 fn entry_decide() {
     var wanted = 0u;
     for (var level = 0u; level < TEXFOLD_TILE_LEVELS; level += 1u) {
@@ -280,7 +281,7 @@ fn entry_choose(thread: u32, entries: u32, most: u32) {
         let age = entry_age(slot);
         var is_given = age > entry_oldest;
         if age == entry_oldest && most > 0u {
-            // As many as are left to be found.
+            // The rest of those that are needed.
             is_given = atomicSub(&entry_rest, 1u) - 1u < most;
         }
         if is_given && age >= ENTRY_LEAST_AGE {
@@ -304,7 +305,7 @@ fn entry_planned(number: u32, tile: EntryTile) -> u32 {
     return 0u;
 }
 
-// Where each tile's words begin, for as many tiles as there are words.
+// First word of each tile, for as many tiles as there are words.
 fn entry_share_words(most: u32) {
     // The first block of scratch memory stays 0.
     var words = TEXFOLD_BLOCK_WORDS;
@@ -363,17 +364,18 @@ fn entry_place(number: u32, tile: EntryTile) {
 
 // Sums of a plane over all tiles.
 fn entry_sum(plane: u32, count: u32) {
+    let first = plane * TEXFOLD_TILE_SUMS;
     var superblocks = 0u;
     var blocks = 0u;
     for (var number = 0u; number < count; number += 1u) {
         let planned = entry_plan.passes[number * TEXFOLD_TILE_PLANES + plane];
-        entry_plan.superblocks[plane * TEXFOLD_TILE_SUMS + number] = superblocks;
-        entry_plan.blocks[plane * TEXFOLD_TILE_SUMS + number] = blocks;
+        entry_plan.sums[first + number] = superblocks;
+        entry_plan.sums[TEXFOLD_TILE_BLOCKS + first + number] = blocks;
         superblocks += planned.count.x * planned.count.y;
         blocks += planned.held.x * planned.held.y * planned.axes;
     }
-    entry_plan.superblocks[plane * TEXFOLD_TILE_SUMS + count] = superblocks;
-    entry_plan.blocks[plane * TEXFOLD_TILE_SUMS + count] = blocks;
+    entry_plan.sums[first + count] = superblocks;
+    entry_plan.sums[TEXFOLD_TILE_BLOCKS + first + count] = blocks;
     entry_dispatch(1u + plane, (superblocks + ENTRY_WORKGROUP - 1u) / ENTRY_WORKGROUP);
     entry_dispatch(1u + TEXFOLD_TILE_PLANES + plane, (blocks + ENTRY_WORKGROUP - 1u) / ENTRY_WORKGROUP);
 }

@@ -1,11 +1,13 @@
-// What an update of a cache of tiles decodes.
+// Tiles that an update of a cache decodes.
 
 // Most tiles of an update.
 const TEXFOLD_TILE_MOST: u32 = 64u;
 // Most planes of a stage: those of 262144 texels a side.
 const TEXFOLD_TILE_PLANES: u32 = 6u;
-// Numbers of a plane's sums: one for each tile, and the sum of all.
+// Sums of a plane: one for each tile, and that of all.
 const TEXFOLD_TILE_SUMS: u32 = 65u;
+// First sum of blocks.
+const TEXFOLD_TILE_BLOCKS: u32 = 390u;
 
 // A stage of a texture in superblocks: texfold_gpu::tiles::StageRow.
 struct TexfoldTileStage {
@@ -36,7 +38,7 @@ struct TexfoldTileRequest {
     tile: vec2<u32>,
     // Its place in the pool.
     slot: u32,
-    // Its stage, or behind 31 bits 1 where another pass draws it.
+    // Number of its stage; with the highest bit, of the pass that draws it.
     stage: u32,
 }
 
@@ -45,10 +47,8 @@ struct TexfoldTilePlan {
     count: u32,
     // Words of scratch memory that they take.
     words: u32,
-    // For each plane, the coarsest first, and each tile: superblocks of the tiles before it.
-    superblocks: array<u32, 390>,
-    // The same of blocks and axes.
-    blocks: array<u32, 390>,
+    // For each plane, the coarsest first, and each tile: superblocks of the tiles before it. Behind these the same of blocks and axes.
+    sums: array<u32, 780>,
     requests: array<TexfoldTileRequest, 64>,
     // For each tile its planes, the finest last.
     passes: array<TexfoldBlockPass, 384>,

@@ -1,7 +1,6 @@
 // Drawing from a cache of tiles: any number of textures of any size in one bind group, filtered by the hardware.
 //
-// What is looked at is marked, and what is missing is decoded by the update after the frame; until then the nearest coarser
-// level shows. Functions without `level` or `grad` take derivatives: they are called from uniform control flow.
+// Lookups mark tiles, and the update after the frame decodes those that are missing; until then the nearest coarser level shows. Functions without `level` or `grad` take derivatives: they are called from uniform control flow.
 
 @group(TEXFOLD_GROUP) @binding(0) var<storage, read> texfold_tile_textures: array<TexfoldTileTexture>;
 // For each tile its place in the pool, or 0.
@@ -33,7 +32,7 @@ struct TexfoldTileLookup {
     // Their changes across a pixel.
     across: vec2<f32>,
     down: vec2<f32>,
-    // Whether the sampler is to look along them.
+    // Whether they are not 0: the sampler may filter along them.
     is_stretched: bool,
     // Whether this lookup marks the tiles that it reads.
     is_marked: bool,
@@ -131,7 +130,7 @@ fn texfold_tile_lookup(texture: u32, uv: vec2<f32>, lod: f32, across: vec2<f32>,
     lookup.at = select(fract(uv), clamp(uv, vec2<f32>(0.0), vec2<f32>(1.0)), is_clamped);
     lookup.across = across;
     lookup.down = down;
-    lookup.is_stretched = any(across != vec2<f32>(0.0));
+    lookup.is_stretched = any(across != vec2<f32>(0.0)) || any(down != vec2<f32>(0.0));
     lookup.is_marked = texfold_tile_marks(vec2<f32>(lookup.size), lookup.at, lod);
     let fine = clamp(lod + texfold_tile_feedback.bias, 0.0, f32(levels - 1u));
     let level = u32(fine);

@@ -23,7 +23,7 @@ struct TexfoldTileTexture {
     // Mip levels, 0 where there is no texture; behind 8 bits the first level whose texels lie in the tail, a quarter of a tile that is
     // always there; behind 16 bits flags.
     shape: u32,
-    // Where the tail lies in the pool, in quarters of tiles: column, row behind 8 bits, layer behind 16.
+    // Place of the tail in the pool, in quarters of tiles: column, row behind 8 bits, layer behind 16.
     tail: u32,
     // Number of the first of its decoded stages, each of three levels.
     stages: u32,
@@ -34,7 +34,7 @@ struct TexfoldTileTexture {
     levels: array<vec2<u32>, 12>,
 }
 
-// What shaders that draw report of the frame, and what the passes that fill the cache answer.
+// Feedback of a frame: written by shaders that draw and by the passes that fill the cache.
 struct TexfoldTileFeedback {
     // Number of the frame.
     frame: u32,
@@ -73,7 +73,7 @@ fn texfold_tile_level_size(size: vec2<u32>, level: u32) -> vec2<u32> {
     return max(size >> vec2<u32>(level), vec2<u32>(1u));
 }
 
-// Where a level of the tail lies in its quarter, with its border: the level of that number, the largest of 32 texels a side at most.
+// Place of a level of the tail in its quarter, with its border; level 0 is the largest, of 32 texels a side at most.
 fn texfold_tile_tail_place(number: u32) -> vec2<u32> {
     switch number {
         case 0u: { return vec2<u32>(0u, 0u); }

@@ -87,7 +87,7 @@ fn turntable(count: u32, (middle, radius): (Vec3, f32), (width, height): (u32, u
 
 type Artist<'t> = Box<dyn FnMut(Mat4, (u32, u32)) -> Result<Vec<[u8; 4]>, CliError> + 't>;
 
-/// What draws: the reference, or a GPU.
+/// The reference, or a GPU.
 fn artist<'t>(args: &'t RenderArgs, texture: &'t AnyImage, mesh: &'t UvMesh) -> Result<Artist<'t>, CliError> {
     let images = texture.as_encoded().layout().images.len();
     if args.image as usize >= images {

@@ -141,7 +141,7 @@ impl Scene {
         }
     }
 
-    /// What was drawn.
+    /// The drawn image.
     pub(crate) fn target(&self) -> &wgpu::Texture {
         &self.target
     }
@@ -264,7 +264,7 @@ fn pipeline(
     })
 }
 
-/// Anisotropy of samplers, without which software renderers draw a hundred times as fast.
+/// Anisotropy of samplers: none in software, where it takes seconds a frame.
 pub(crate) fn anisotropy(gpu: &Gpu) -> u16 {
     if gpu.info().device_type == wgpu::DeviceType::Cpu { 1 } else { 4 }
 }

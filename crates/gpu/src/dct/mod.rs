@@ -338,6 +338,6 @@ fn output(
         weights: channels.map(|channel| channel.weights),
         last: [layout.size.width - 1, layout.size.height - 1],
         reduce_log2,
-        average: u32::from(layout.average.is_light) | u32::from(layout.average.is_weighted) << 1,
+        average: layout.average.bits(),
     }
 }

@@ -8,7 +8,7 @@
 //! a side, decoded by the CPU when a texture is added, are always there.
 //!
 //! One bind group serves all textures, of any size: within WebGPU's default limits, with 8192 texels a side and 256 layers of the pool.
-//! Where the pool is too small for what is seen, a mip bias rises until it fits.
+//! A pool that is too small for the view raises a mip bias until it suffices.
 //!
 //! Textures of other codecs are uploaded as [`Gpu::upload`] does, and their tiles are drawn from that.
 //!
@@ -33,7 +33,9 @@ use crate::upload::PLAIN_MODULE;
 use crate::{AddressMode, Gpu, GpuError, GpuTexture, compute};
 use buffers::Buffers;
 use pipelines::{Pipelines, Resources, STEP_STRIDE, Source};
-use rows::{CLAMP, INNER, MOST_LEVELS, MOST_TILES, PLANES, SIDE, SRGB, StageRow, TextureRow, tail_of};
+use rows::{
+    CLAMP, FEEDBACK_BYTES, INNER, MOST_LEVELS, MOST_TILES, PLANES, SIDE, SRGB, StageRow, TextureRow, tail_of,
+};
 
 /// Format of the pool.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -43,7 +45,7 @@ const QUARTER: u32 = SIDE / 2;
 const MOST_STAGES: u32 = (MOST_LEVELS as u32).div_ceil(3);
 /// A place of the pool that holds tails.
 const KEPT: u32 = u32::MAX;
-/// Columns of texels that sampling on one side of a tile's border may reach.
+/// Largest anisotropy: half of such a footprint, and half a texel of filtering, lie within a tile's border.
 const MOST_ANISOTROPY: u16 = 2 * rows::BORDER as u16 - 1;
 
 /// Sizes of a cache.
@@ -83,7 +85,7 @@ impl Default for TileOptions {
     }
 }
 
-/// How a texture is drawn.
+/// Addressing and colours of a texture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TileLook {
     /// Texture coordinates outside of [0, 1).
@@ -108,12 +110,6 @@ impl TileTexture {
     pub fn index(self) -> u32 {
         self.0
     }
-
-    /// The texture of that number.
-    #[must_use]
-    pub fn from_index(index: u32) -> Self {
-        TileTexture(index)
-    }
 }
 
 /// The outcome of the last update.
@@ -127,11 +123,11 @@ pub struct TileReport {
     pub bias: f32,
 }
 
-/// What a texture takes of the cache.
+/// A texture's share of the cache.
 #[derive(Debug, Default)]
 struct Held {
     look: TileLook,
-    /// Where it is not in superblocks.
+    /// The pass that draws its tiles, for textures that are not in superblocks.
     source: Option<Source>,
     pages: Range<u32>,
     stages: Range<u32>,
@@ -169,7 +165,7 @@ pub struct TileCache {
     drawing: Vec<(&'static ModuleInfo, wgpu::ComputePipeline)>,
     scratch_words: u64,
     held: Vec<Option<Held>>,
-    /// What is free of the tables and of the data.
+    /// Free ranges of the tables and of the data.
     pages: RangeAllocator<u32>,
     stages: RangeAllocator<u32>,
     data: RangeAllocator<u32>,
@@ -179,7 +175,8 @@ impl TileCache {
     /// Makes the pool, buffers and pipelines.
     ///
     /// # Errors
-    /// [`GpuError::TileLimit`] where the device was made with lower limits than the options need, [`GpuError`] where it refuses.
+    /// [`GpuError::TileLimit`] where the device was made with lower limits than the options need, [`GpuError::TilesFull`] where the pool is
+    /// too small for so many textures, [`GpuError`] where the device refuses.
     pub fn new(gpu: &Gpu, options: &TileOptions) -> Result<TileCache, GpuError> {
         let options = TileOptions {
             textures: options.textures.clamp(1, 1 << 20),
@@ -191,6 +188,12 @@ impl TileCache {
         };
         let limits = gpu.device.limits();
         let [side, layers] = pool_size(&options, limits.max_texture_array_layers);
+        let slots = (side / SIDE).pow(2) * layers;
+        if options.textures.div_ceil(4) > slots / 2 {
+            let what = "the smallest levels of so many textures would fill half of the pool";
+            return Err(GpuError::TilesFull { what, option: "pool_bytes" });
+        }
+        let pages = FEEDBACK_BYTES + 4 * u64::from(options.pages);
         for (limit, needed, given) in [
             (
                 "max_storage_buffers_per_shader_stage",
@@ -203,6 +206,7 @@ impl TileCache {
                 options.scratch_bytes,
                 limits.max_storage_buffer_binding_size,
             ),
+            ("max_storage_buffer_binding_size", pages, limits.max_storage_buffer_binding_size),
             ("max_texture_dimension_2d", u64::from(side), u64::from(limits.max_texture_dimension_2d)),
         ] {
             if needed > given {
@@ -215,9 +219,10 @@ impl TileCache {
     fn made(gpu: &Gpu, options: TileOptions, [side, layers]: [u32; 2]) -> TileCache {
         let pool = pool(&gpu.device, [side, layers]);
         let slots = (side / SIDE).pow(2) * layers;
-        let tails = options.textures.div_ceil(4).min(slots);
+        let tails = options.textures.div_ceil(4);
         let buffers = Buffers::new(gpu, &options, slots);
-        let scratch_words = options.scratch_bytes / 4;
+        // Places in buffers are 32 bits.
+        let scratch_words = (options.scratch_bytes / 4).min(u64::from(u32::MAX));
         let sources = options.textures;
         // Behind four numbers that WGSL aligns to the next: columns, and what fills the block.
         let settings = [slots, options.tiles_per_update, scratch_words as u32, sources, side / SIDE];
@@ -260,11 +265,11 @@ impl TileCache {
                 sampler: &sampler,
             },
         );
-        // What all stages share comes first.
+        // The words that all stages share come first; a place in the streams is 32 bits of bytes.
         let shared = texfold_shaders::DCT_TABLES;
-        let words = u32::try_from(options.stream_bytes / 4).unwrap_or(u32::MAX).max(shared);
+        let words = (options.stream_bytes.min(u64::from(u32::MAX)) / 4).max(u64::from(shared)) as u32;
         TileCache {
-            held: (0..options.textures.min(4 * tails)).map(|_| None).collect(),
+            held: (0..options.textures).map(|_| None).collect(),
             pages: RangeAllocator::new(0..options.pages),
             stages: RangeAllocator::new(0..options.textures.saturating_mul(MOST_STAGES)),
             data: RangeAllocator::new(shared..words),
@@ -408,6 +413,7 @@ impl TileCache {
             return Err(error);
         }
         if let Some(before) = self.held[index].replace(held) {
+            self.clear_pages(gpu, &before);
             self.free(before);
         }
         Ok(TileTexture(index as u32))

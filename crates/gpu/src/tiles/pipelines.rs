@@ -52,7 +52,7 @@ impl Resources<'_> {
         (pipeline(device, &module, "plan_tiles", &[Some(&layout)]), group)
     }
 
-    /// What the passes bind that decode tiles; the offset of a plane's number is dynamic.
+    /// Bindings of the passes that decode tiles; the offset of a plane's number is dynamic.
     fn passes(&self, device: &Device) -> (BindGroupLayout, BindGroup) {
         let types = [storage(true), storage(true), storage(true), storage(false), uniform(Some(4))];
         let layout = layout(device, "passes of tiles", ShaderStages::COMPUTE, &types);
@@ -69,7 +69,7 @@ impl Resources<'_> {
         (layout, group)
     }
 
-    /// What shaders bind that draw from the cache.
+    /// Bindings of shaders that draw from the cache.
     fn drawn(&self, device: &Device) -> (BindGroupLayout, BindGroup) {
         let texture = BindingType::Texture {
             sample_type: wgpu::TextureSampleType::Float { filterable: true },
@@ -103,7 +103,7 @@ pub(super) struct Pipelines {
     write: ComputePipeline,
     decode: BindGroup,
     output: BindGroup,
-    /// What passes that draw tiles bind, beside the texture itself.
+    /// Bindings of passes that draw tiles, beside the texture's.
     pub(super) source_layout: BindGroupLayout,
     pub(super) draw_layout: BindGroupLayout,
     pub(super) draw: BindGroup,

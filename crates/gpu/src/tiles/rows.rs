@@ -22,7 +22,7 @@ pub(super) const FEEDBACK_BYTES: u64 = 32 + 8 * 4096;
 pub(super) const PLAN_BYTES: u64 = 4 * (2 + 2 * 65 * PLANES as u64)
     + (24 + size_of::<texfold_shaders::DctPass>() as u64 * PLANES as u64) * MOST_TILES as u64;
 
-/// Where the levels of a tail lie in its quarter of a tile.
+/// Places of a tail's levels in its quarter of a tile.
 const TAIL_PLACES: [[u32; 2]; 6] = [[0, 0], [40, 0], [40, 24], [40, 40], [40, 52], [0, 40]];
 
 /// Flags of a texture.
@@ -77,7 +77,6 @@ impl StageRow {
         (words, streams): (u32, u32),
     ) -> StageRow {
         let layout = &stage.layout;
-        let ranks = layout.ranks.iter().take(16).rev();
         let moved = |word: u32| word - texfold_shaders::DCT_TABLES + words;
         StageRow {
             means: channels.map(|channel| channel.mean),
@@ -92,12 +91,12 @@ impl StageRow {
             stream_bytes: layout.stream_bytes,
             superblock_log2: u32::from(layout.superblock_log2),
             axes: layout.ranks.len().min(16) as u32,
-            ranks: ranks.fold(0, |all, &rank| all << 2 | u32::from(rank & 3)),
-            offsets: u32::from(layout.offsets[0]) | u32::from(layout.offsets[1]) << 8,
+            ranks: layout.packed_ranks(),
+            offsets: layout.packed_offsets(),
             deblocking: layout.deblocking,
             shift: layout.shift,
             largest: (1 << layout.depth) - 1,
-            average: u32::from(layout.average.is_light) | u32::from(layout.average.is_weighted) << 1,
+            average: layout.average.bits(),
         }
     }
 

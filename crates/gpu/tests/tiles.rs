@@ -186,7 +186,8 @@ impl Reference {
         let ImageSize { width, height } = self.levels[0].0;
         let size = DVec2::new(f64::from(width), f64::from(height));
         let extent = (view.across * size).length().max((view.down * size).length());
-        let lod = extent.log2().clamp(0.0, (self.levels.len() - 1) as f64);
+        let lod = if view.lod < 0.0 { extent.log2() } else { f64::from(view.lod) };
+        let lod = lod.clamp(0.0, (self.levels.len() - 1) as f64);
         let level = lod as usize;
         let fine = self.bilinear(level, uv);
         if lod.fract() == 0.0 { fine } else { fine.lerp(self.bilinear(level + 1, uv), lod.fract()) }
@@ -256,21 +257,33 @@ fn compare(
     let texture = texture.as_encoded();
     let reference = Reference::new(texture, look);
     let (size, levels) = (texture.layout().images[0], texture.layout().levels);
-    for number in 0..views {
-        let view = random_view(rng, size, levels, added);
-        let found = renderer.settled(&view);
-        for (place, found) in (0u32..).zip(&found) {
-            let at = DVec2::new(f64::from(place % VIEW) + 0.5, f64::from(place / VIEW) + 0.5);
-            let uv = view.origin + view.across * at.x + view.down * at.y;
-            let wanted = reference.trilinear(uv, &view);
-            let off = (found.as_dvec4() - wanted).abs().max_element();
-            assert!(
-                off <= most / 255.0,
-                "{} {look:?}, view {number} {view:?}, pixel {at}: {found}, not {wanted}",
-                texture.codec().name
-            );
-        }
+    for _ in 0..views {
+        compare_view(renderer, (texture, &reference), &random_view(rng, size, levels, added), most);
     }
+}
+
+fn compare_view(
+    renderer: &Renderer<'_>,
+    (texture, reference): (&dyn Encoded<Domain = Image2d>, &Reference),
+    view: &View,
+    most: f64,
+) {
+    let found = renderer.settled(view);
+    for (place, found) in (0u32..).zip(&found) {
+        let at = DVec2::new(f64::from(place % VIEW) + 0.5, f64::from(place / VIEW) + 0.5);
+        let uv = view.origin + view.across * at.x + view.down * at.y;
+        let wanted = reference.trilinear(uv, view);
+        let off = (found.as_dvec4() - wanted).abs().max_element();
+        let (name, look) = (texture.codec().name, reference.look);
+        assert!(off <= most / 255.0, "{name} {look:?}, {view:?}, pixel {at}: {found}, not {wanted}");
+    }
+}
+
+/// All tiles of level 0.
+fn whole_view(texture: TileTexture) -> View {
+    let step = 1.0 / f64::from(VIEW);
+    let (across, down) = (DVec2::new(step, 0.0), DVec2::new(0.0, step));
+    View { origin: DVec2::ZERO, across, down, texture: texture.index(), lod: 0.0 }
 }
 
 #[test]
@@ -304,9 +317,7 @@ fn a_pool_that_is_too_small_shows_coarser_levels_until_it_suffices() {
     let texture = encode("dct", crop(&image("facade"), (0, 0), (512, 512)), true);
     let added = renderer.cache.add(gpu, texture.as_encoded(), TileLook::default()).unwrap()[0];
     // All tiles of level 0: 25, where the pool has places for 12 beside tails.
-    let step = DVec2::splat(1.0 / f64::from(VIEW));
-    let (across, down) = (DVec2::new(step.x, 0.0), DVec2::new(0.0, step.y));
-    let view = View { origin: DVec2::ZERO, across, down, texture: added.index(), lod: 0.0 };
+    let view = whole_view(added);
     let mut drawn = Vec::new();
     for _ in 0..40 {
         drawn = renderer.frame(&view);
@@ -316,7 +327,7 @@ fn a_pool_that_is_too_small_shows_coarser_levels_until_it_suffices() {
     assert!(report.missing == 0 && (0.5..=2.0).contains(&report.bias), "{report:?}");
     assert_ne!(drawn.first(), drawn.last());
     // Few tiles: the bias falls, and level 0 shows.
-    let view = View { across: across / 16.0, down: down / 16.0, ..view };
+    let view = View { across: view.across / 16.0, down: view.down / 16.0, ..view };
     for _ in 0..200 {
         renderer.frame(&view);
     }
@@ -332,11 +343,13 @@ fn textures_come_and_go_and_take_nothing_with_them() {
     let one = encode("dct", crop(&image("facade"), (0, 0), (251, 247)), true);
     let other = encode("dct", crop(&image("terrain"), (0, 0), (192, 200)), true);
     for texture in [&one, &other, &one] {
-        let held = hold(&mut renderer, texture, look, (2, 2.0), &mut rng);
+        let held = hold(&mut renderer, texture, look, (0, 2.0), &mut rng);
+        // The same places of the table as those of the texture before, whose tiles are all in the pool.
+        let texture = texture.as_encoded();
+        compare_view(&renderer, (texture, &Reference::new(texture, look)), &whole_view(held), 2.0);
         let first = renderer.cache.add(gpu, other.as_encoded(), look).unwrap();
         let full = renderer.cache.add(gpu, one.as_encoded(), look);
         assert!(matches!(full, Err(GpuError::TilesFull { option: "textures", .. })), "{full:?}");
-        // The next one takes the first one's places, while its tiles are still in the pool.
         for texture in [held, first[0]] {
             renderer.cache.remove(gpu, texture);
         }

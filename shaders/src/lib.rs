@@ -11,12 +11,14 @@
 //! and read by the WGSL of the same version.
 
 mod module;
+mod parts;
 mod plan;
 mod slot;
 mod table;
 mod tiles;
 
 pub use module::{Binding, ImageOffsets, LightOffsets, ModuleInfo, Offsets, Switch};
+pub use parts::PARTS;
 pub use plan::{BLOCK_NOTES, BLOCK_WORDS, DCT_TABLES, DctPass, DctPlan};
 pub use slot::{PasteError, Slot, paste};
 pub use table::{MODULES, image_modules, module};

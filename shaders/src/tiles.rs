@@ -2,9 +2,9 @@
 
 use crate::{BLOCK, BLOCK_PASS, BLOCK_TEXEL, ModuleInfo, whole};
 
-const TABLES: &str = include_str!("../wgsl/tiles/tables.wgsl");
-const PLACE: &str = include_str!("../wgsl/tiles/place.wgsl");
-const REQUEST: &str = include_str!("../wgsl/tiles/request.wgsl");
+pub(crate) const TABLES: &str = include_str!("../wgsl/tiles/tables.wgsl");
+pub(crate) const PLACE: &str = include_str!("../wgsl/tiles/place.wgsl");
+pub(crate) const REQUEST: &str = include_str!("../wgsl/tiles/request.wgsl");
 
 /// The functions that draw from a cache of tiles, with its bindings in `group`: `texfold_tile_sample(texture, uv)`,
 /// `texfold_tile_sample_grad` and `texfold_tile_sample_level`. `anisotropy` is that of the bound sampler, 1 for none; of `stride` x

@@ -2,7 +2,7 @@
 
 use std::hint::black_box;
 use std::io;
-use std::process::ExitCode;
+use std::process::{Command, ExitCode};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use crate::run::{cargo, succeeds};
@@ -24,12 +24,13 @@ pub(crate) struct CiArgs {
 /// are half as much again as on two cores with nothing else to do and nothing built before. A step that takes longer is named at the end.
 type Step = (&'static str, f64, fn(full: bool) -> io::Result<bool>);
 
-const STEPS: [Step; 7] = [
+const STEPS: [Step; 8] = [
     ("fmt", 50.0, |_| succeeds(&["fmt", "--all", "--check"])),
     ("tidy", 20.0, |_| tidy::check(&root())),
     ("build", 10_500.0, |_| succeeds(&["test", "--workspace", "--no-run"])),
     ("test", 11_000.0, |full| test(&["--workspace".to_owned()], full)),
     ("clippy", 1500.0, |_| succeeds(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])),
+    ("web", 400.0, |_| web()),
     ("decode only", 650.0, |_| decode_only()),
     ("doc", 500.0, doc),
 ];
@@ -103,6 +104,22 @@ fn calibration() -> f64 {
         start.elapsed().as_secs_f64()
     };
     (0..3).map(|_| once()).fold(f64::INFINITY, f64::min)
+}
+
+/// The browser package: its types, and its tests in Node.js and in headless Chromium.
+fn web() -> io::Result<bool> {
+    let npm = |arguments: &[&str]| -> io::Result<bool> {
+        let status = Command::new("npm").current_dir(root().join("web")).args(arguments).status();
+        let missing = |error: io::Error| {
+            if error.kind() == io::ErrorKind::NotFound {
+                io::Error::other("npm cannot be started; install Node.js 20 or later with npm")
+            } else {
+                error
+            }
+        };
+        Ok(status.map_err(missing)?.success())
+    };
+    Ok(npm(&["ci", "--silent"])? && npm(&["test", "--silent"])?)
 }
 
 /// Packages that only encoders need, threads among them, and those that need a C compiler.

@@ -8,11 +8,11 @@ use std::process::{Command, ExitCode};
 use crate::root;
 
 /// Commands of the package `texfold-checks`.
-const CHECKS: [&str; 3] = ["fixtures", "reference", "stability"];
+const CHECKS: [&str; 4] = ["fixtures", "reference", "stability", "web"];
 /// Help for the commands of other programs.
 pub(crate) const OTHERS: &str = "\
 Further commands, built for release on first use:
-  fixtures, reference, stability              checks of all codecs
+  fixtures, reference, stability, web         checks of all codecs
   compress, decompress, info, render, compare,
   bank                                        those of the program texfold
 

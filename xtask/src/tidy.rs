@@ -146,6 +146,7 @@ const ALLOWED: [Allowed; 21] = [
         numeric: true,
         may: &[
             "base64",
+            "blake3",
             "clap",
             "image",
             "serde_json",
@@ -153,6 +154,7 @@ const ALLOWED: [Allowed; 21] = [
             "texfold-chart",
             "texfold-cli",
             "texfold-gpu",
+            "texfold-shaders",
             "texfold-testkit",
         ],
     },

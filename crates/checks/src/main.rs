@@ -1,9 +1,10 @@
-//! Checks of all codecs: `cargo xtask fixtures`, `reference` and `stability`. The commands of the `texfold` program are here too, as
+//! Checks of all codecs: `cargo xtask fixtures`, `reference`, `stability` and `web`. The commands of the `texfold` program are here too, as
 //! `reference` compares their reports.
 
 mod fixtures;
 mod reference;
 mod stability;
+mod web;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -28,6 +29,8 @@ enum Check {
     Reference(reference::ReferenceArgs),
     /// Hold every codec to bounds on inputs that methods do not suit, and chart where each stops working.
     Stability(stability::StabilityArgs),
+    /// Write what the browser package takes from this code.
+    Web(web::WebArgs),
 }
 
 fn main() -> ExitCode {
@@ -36,6 +39,7 @@ fn main() -> ExitCode {
         Check::Fixtures(args) => fixtures::run(&args),
         Check::Reference(args) => reference::run(&args),
         Check::Stability(args) => stability::run(&args),
+        Check::Web(args) => web::run(&args),
     }
 }
 

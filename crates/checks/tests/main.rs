@@ -42,6 +42,11 @@ fn fixtures_are_those_that_the_code_gives() {
 }
 
 #[test]
+fn the_browser_package_has_what_the_code_gives() {
+    run(&["web", "--check"]);
+}
+
+#[test]
 fn codecs_keep_their_references() {
     let all = ["reference", "--only", "fixtures"];
     if full() { run(&all) } else { run(&[&all[..], &["--quick"]].concat()) }

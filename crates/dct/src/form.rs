@@ -30,7 +30,7 @@ pub(super) const SCALES: [u32; 8] = [4096, 5681, 5352, 4816, 4096, 3218, 2217, 1
 /// Fractional bits of [`SCALES`].
 const SCALE_BITS: u32 = 12;
 /// Distance of each coefficient from the mean, in 1/64 of a frequency.
-const RADII: [u32; COEFFICIENTS] = [
+pub(super) const RADII: [u32; COEFFICIENTS] = [
     0, 64, 128, 192, 256, 320, 384, 448, 64, 91, 143, 202, 264, 326, 389, 453, 128, 143, 181, 231, 286, 345,
     405, 466, 192, 202, 231, 272, 320, 373, 429, 487, 256, 264, 286, 320, 362, 410, 462, 516, 320, 326, 345,
     373, 410, 453, 500, 551, 384, 389, 405, 429, 462, 500, 543, 590, 448, 453, 466, 487, 516, 551, 590, 634,

@@ -4,9 +4,9 @@ use texfold_core::{BASE_PART, DctLayout, GpuChannel, GpuDct, MipAverage, RESIDUA
 
 use crate::context::{END_BITS, END_START, LEVEL, MAGNITUDE_BITS, MAGNITUDE_START, SET_TABLES, SETS};
 use crate::decode::DctTexture;
-use crate::form::{AXIS_BITS, Group, MAX_GROUP};
+use crate::form::{AXIS_BITS, Group, MAX_GROUP, RADII, SCALES};
 use crate::scan::{COEFFICIENTS, SCAN};
-use crate::tables::SYMBOLS;
+use crate::tables::{STOP, STOP_VALUES, SYMBOLS};
 
 /// First words of what `block.wgsl` reads: the scan, classes of expected magnitudes, symbols, tables of probabilities.
 pub(super) const SCAN_WORDS: usize = 0;
@@ -90,6 +90,33 @@ impl DctTexture {
 /// Words of a texture of so many planes that stand before its index.
 pub(super) fn words_before_index(planes: usize) -> usize {
     TABLE_WORDS + SETS * SET_TABLES * SYMBOLS + planes * COEFFICIENTS
+}
+
+/// Numbers that the format fixes (FORMAT.md, "Images in blocks of variable length"), for decoders in other languages.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FormatConstants {
+    /// Stopping probabilities in 1/65536.
+    pub stops: [u16; STOP_VALUES],
+    /// Scale of each frequency in 1/4096.
+    pub scales: [u32; 8],
+    /// Distance of each coefficient from the mean, in 1/64 of a frequency, row by row.
+    pub radii: [u32; COEFFICIENTS],
+    /// The first words of [`GpuDct::words`]: scan, classes and symbols, the same for all textures.
+    pub words: Vec<u32>,
+}
+
+impl FormatConstants {
+    /// The numbers.
+    #[must_use]
+    pub fn new() -> Self {
+        FormatConstants { stops: STOP, scales: SCALES, radii: RADII, words: constants() }
+    }
+}
+
+impl Default for FormatConstants {
+    fn default() -> Self {
+        FormatConstants::new()
+    }
 }
 
 /// Scan, classes and symbols: what stands before the tables.

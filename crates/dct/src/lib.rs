@@ -54,7 +54,7 @@ pub use content::{DctContent, stage_sizes};
 pub use deblock::MAX_DEBLOCKING;
 pub use decode::DctTexture;
 pub use form::{DctForm, Group, MAX_CHANNELS, MAX_GROUP, MAX_STEP, Quantiser};
-pub use gpu::Stage;
+pub use gpu::{FormatConstants, Stage};
 pub use images::{Dct, DctImages};
 #[cfg(feature = "encode")]
 pub use params::DctParams;

@@ -1,0 +1,91 @@
+//! WGSL in few bytes: without comments and blanks, names of the project's own that no caller needs to know shortened.
+
+use std::collections::HashMap;
+
+/// Endings of functions that renderers call.
+const PUBLIC: [&str; 7] =
+    ["_fetch", "_nearest", "_bilinear", "_sample_level", "_sample_grad", "_sample", "_sample_image"];
+
+/// A short name for each name of the project's own, the most frequent first.
+pub(crate) fn short_names<'t>(texts: impl Iterator<Item = &'t str>) -> HashMap<&'t str, String> {
+    let mut counts: HashMap<&str, usize> = HashMap::new();
+    for word in texts.flat_map(words).filter(|word| is_own(word)) {
+        *counts.entry(word).or_default() += 1;
+    }
+    let mut names: Vec<(&str, usize)> = counts.into_iter().collect();
+    names.sort_by_key(|&(name, count)| (std::cmp::Reverse(count * name.len()), name));
+    let short = |number: usize| format!("T{}", base36(number));
+    names.into_iter().enumerate().map(|(number, (name, _))| (name, short(number))).collect()
+}
+
+/// Whether a name is the project's own and none that callers use or that is replaced by a number.
+fn is_own(word: &str) -> bool {
+    let begins = ["texfold_", "TEXFOLD_", "Texfold"].iter().any(|beginning| word.starts_with(beginning));
+    let is_place = ["TEXFOLD_GROUP", "TEXFOLD_ANISOTROPY", "TEXFOLD_STRIDE"].contains(&word)
+        || word.starts_with("TEXFOLD_BINDING_");
+    begins && !is_place && !PUBLIC.iter().any(|ending| word.ends_with(ending))
+}
+
+fn base36(number: usize) -> String {
+    let digit = char::from_digit((number % 36) as u32, 36).unwrap_or('0');
+    if number < 36 { digit.to_string() } else { base36(number / 36) + &digit.to_string() }
+}
+
+/// The text without comments and blanks that separate nothing, with the names of `names`.
+pub(crate) fn short(text: &str, names: &HashMap<&str, String>) -> String {
+    let mut out = String::new();
+    let mut is_apart = false;
+    for line in text.lines() {
+        let code = line.split("//").next().unwrap_or_default();
+        for word in words(code) {
+            if word.trim().is_empty() {
+                is_apart = true;
+                continue;
+            }
+            let between_names = out.ends_with(is_name) && word.starts_with(is_name);
+            // Two signs may be another one without a blank.
+            let between_signs = out.ends_with(['-', '+', '&', '|', '<', '>', '='])
+                && word.starts_with(['-', '+', '&', '|', '<', '>', '=', '*']);
+            if is_apart && (between_names || between_signs) {
+                out.push(' ');
+            }
+            is_apart = false;
+            out += names.get(word).map_or(word, String::as_str);
+        }
+        is_apart = true;
+    }
+    out.push('\n');
+    out.replace(",)", ")").replace(",}", "}")
+}
+
+fn is_name(c: char) -> bool {
+    c.is_ascii_alphanumeric() || c == '_'
+}
+
+/// A text in pieces: names and numbers, blanks, single signs.
+fn words(text: &str) -> impl Iterator<Item = &str> {
+    let mut rest = text;
+    std::iter::from_fn(move || {
+        let first = rest.chars().next()?;
+        let kind = |c: char| (is_name(c), c.is_whitespace());
+        let alike = |c: char| kind(c) == kind(first) && (is_name(c) || c.is_whitespace());
+        let end = rest.find(|c: char| !alike(c)).unwrap_or(rest.len()).max(first.len_utf8());
+        let (word, behind) = rest.split_at(end);
+        rest = behind;
+        Some(word)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn meaning_stays_and_public_names_stay() {
+        let text = "// A comment.\nfn texfold_bc_sample(uv: vec2<f32>) -> u32 {\n    // Another.\n    return texfold_x(a - -b, 1u,\n    );\n}\n";
+        let names = short_names([text].into_iter());
+        assert_eq!(names.len(), 1);
+        let expected = "fn texfold_bc_sample(uv:vec2<f32>)->u32{return T0(a- -b,1u);}\n";
+        assert_eq!(short(text, &names), expected);
+    }
+}

@@ -1,0 +1,290 @@
+// Images in blocks of variable length. FORMAT.md, section of that name; crates/dct.
+
+import { atLevel, fullLevels, type Layout, type Sections, type Size } from "../container.js";
+import { type Budget, corrupt, truncated } from "../errors.js";
+import { type Blocks, type Channel, type Form, Uniforms } from "../form.js";
+import { RADII, SCALES, STOP, WORDS } from "../generated/dct.js";
+import type { Reader } from "../reader.js";
+import { CLAMP, formatsOf } from "./content.js";
+import { type Codec, images } from "./codec.js";
+
+/** Mip levels that one texture in blocks gives: its own, and two of means of its samples. */
+export const STAGE_LEVELS = 3;
+const SIDE = 8;
+const COEFFICIENTS = 64;
+const SYMBOLS = 16;
+const ZONES = 6;
+const CLASSES = 16;
+const FIRST_END = ZONES * CLASSES + ZONES;
+const SET_TABLES = FIRST_END + 9;
+const SETS = 4;
+const MAGNITUDE_STOPS = 5;
+const USUAL_STOP = 31;
+const PROBABILITIES = 1 << 13;
+const AXIS_BITS = 10;
+const MAX_AXES = 16;
+const MAX_GROUP = 4;
+const GROUP = 32;
+const MAX_STEP = 20 * 256 - 1;
+
+/** Sizes of the planes of an image: the image, the means of its 8x8 blocks, their means, to a single block. */
+export function planesOf(size: Size): Size[] {
+  const planes = [size];
+  for (let last = size; last.width > SIDE || last.height > SIDE; planes.push(last)) {
+    last = { width: Math.ceil(last.width / SIDE), height: Math.ceil(last.height / SIDE) };
+  }
+  return planes;
+}
+
+/** Superblocks of a plane. */
+function superblocks(size: Size, log2: number): number {
+  const texels = 1 << log2;
+  return Math.ceil(size.width / texels) * Math.ceil(size.height / texels);
+}
+
+/** First tables of the rows of a set: magnitudes by zone, first magnitudes, numbers of coefficients; then the end of the last. */
+const ROWS = [...Array.from({ length: ZONES + 1 }, (_, zone) => zone * CLASSES), FIRST_END, SET_TABLES];
+
+/** Bits of the probability tables, the lowest first; zeros behind the end. */
+class Bits {
+  private next = 0;
+  constructor(private readonly bytes: Uint8Array) {}
+
+  flag(): number {
+    const bit = ((this.bytes[this.next >> 3] ?? 0) >> (this.next & 7)) & 1;
+    this.next++;
+    return bit;
+  }
+
+  /** A signed Exp-Golomb number; NaN for one that is too long. */
+  signed(): number {
+    let length = 0;
+    while (this.flag() === 0) {
+      if (++length > 7) {
+        return NaN;
+      }
+    }
+    let value = 1;
+    for (; length > 0; length--) {
+      value = (value << 1) | this.flag();
+    }
+    value -= 1;
+    return value % 2 === 0 ? -value / 2 : (value + 1) / 2;
+  }
+}
+
+/** Words of all tables: for each symbol its frequency, and the sum of those before it behind 16 bits. False where no writer writes such bytes. */
+function tablesOf(bytes: Uint8Array, out: Uint32Array): boolean {
+  const bits = new Bits(bytes);
+  const all: Uint8Array[] = [];
+  for (let set = 0; set < SETS; set++) {
+    for (let row = 0; row + 1 < ROWS.length; row++) {
+      const first = set * SET_TABLES + ROWS[row]!, end = set * SET_TABLES + ROWS[row + 1]!;
+      const asPredicted = bits.flag();
+      for (let table = first; table < end; table++) {
+        const stops = table % SET_TABLES >= FIRST_END ? SYMBOLS - 1 : MAGNITUDE_STOPS;
+        const before = table === first ? all[table - SET_TABLES] : all[table - 1];
+        const values = before ?? new Uint8Array(stops).fill(USUAL_STOP);
+        all.push(values);
+        if (asPredicted === 0 && bits.flag() === 0) {
+          const changed = new Uint8Array(stops);
+          for (let i = 0; i < stops; i++) {
+            const value = values[i]! + bits.signed();
+            if (!(value >= 0 && value < STOP.length)) {
+              return false;
+            }
+            changed[i] = value;
+          }
+          all[table] = changed;
+        }
+        writeTable(all[table]!, out.subarray(table * SYMBOLS, (table + 1) * SYMBOLS));
+      }
+    }
+  }
+  return true;
+}
+
+/** Symbols of magnitudes that share a stopping probability with those before: 3 to 7 and 8 to 14. */
+const MAGNITUDE_STOP = [0, 1, 2, 3, 3, 3, 3, 3, 4, 4, 4, 4, 4, 4, 4];
+
+function writeTable(stops: Uint8Array, out: Uint32Array): void {
+  let rest = 65536, sum = 0, largest = 0;
+  for (let symbol = 0; symbol < SYMBOLS; symbol++) {
+    const stop = stops.length > MAGNITUDE_STOPS ? symbol : MAGNITUDE_STOP[symbol]!;
+    const taken = symbol === SYMBOLS - 1 ? rest : Math.floor((rest * STOP[stops[stop]!]!) / 65536);
+    rest -= taken;
+    out[symbol] = 1 + Math.floor((taken * (PROBABILITIES - SYMBOLS)) / 65536);
+    sum += out[symbol]!;
+    largest = out[symbol]! > out[largest]! ? symbol : largest;
+  }
+  out[largest] = out[largest]! + PROBABILITIES - sum;
+  for (let symbol = 0, start = 0; symbol < SYMBOLS; symbol++) {
+    const frequency = out[symbol]!;
+    out[symbol] = frequency + start * 65536;
+    start += frequency;
+  }
+}
+
+/** Steps of the coefficients of a plane. */
+function writeSteps(units: number, slope: number, plane: number, fraction: number, out: Uint32Array): void {
+  const shift = 2 ** (25 - (fraction + 4) + 3 * plane);
+  for (let at = 0; at < COEFFICIENTS; at++) {
+    const weight = 4096 + (plane === 0 ? slope * RADII[at]! : 0);
+    const scale = (SCALES[at % SIDE]! * SCALES[at >> 3]!) >> 12;
+    const scaled = Math.floor((units * weight) / 4096) * scale;
+    out[at] = Math.min(2 ** 24 - 1, Math.max(1, Math.floor((scaled + shift / 2) / shift)));
+  }
+}
+
+/** First byte of the streams of a superblock. */
+function startOf(index: Uint32Array, width: number, number: number): number {
+  const group = Math.floor(number / GROUP) * (width + 1);
+  let start = index[group] ?? 0;
+  for (let bit = 0, end = (number % GROUP) * width; bit < end; bit += width) {
+    const at = group + 1 + (bit >> 5), low = bit & 31;
+    const word = ((index[at] ?? 0) >>> low) | ((index[at + 1] ?? 0) << 1 << (31 - low));
+    start += word & (2 ** width - 1);
+  }
+  return start;
+}
+
+/** A texture that is read but for the streams of its finest plane. */
+interface Stage {
+  blocks: Blocks;
+  /** Streams of the bases. */
+  base: Uint8Array;
+  /** Bytes of the streams of plane 0. */
+  detailBytes: number;
+}
+
+function readGroup(reader: Reader, ranks: number[], channels: Channel[], shift: number): void {
+  const count = reader.u8();
+  reader.check(count >= 1 && count <= MAX_GROUP, "a group of none or more than four channels");
+  const firstAxis = channels.length;
+  const means = Array.from({ length: count }, () => reader.u16());
+  for (let channel = 0; channel < count; channel++) {
+    const weights = [0, 0, 0, 0];
+    for (let axis = 0; axis < count; axis++) {
+      weights[axis] = reader.i16();
+      reader.check(Math.abs(weights[axis]!) <= 1 << AXIS_BITS, "an axis longer than one");
+    }
+    channels.push({ mean: ((means[channel]! << shift) + (1 << (shift - 1))) | 0, firstAxis, weights });
+    ranks.push(channel);
+  }
+}
+
+/** Reads header, index, tables and the streams of the bases; `place` is the part of an image that it is. */
+function readStage(reader: Reader, budget: Budget, place: { image: number; level: number; levels: number }, pixel: Layout): Stage {
+  const first = reader.at;
+  const version = reader.u8();
+  reader.check(version === 1 || version === 2, "a layout of blocks that this reader does not know");
+  const size = { width: reader.u16() + 1, height: reader.u16() + 1 };
+  const depth = reader.u8(), superblockLog2 = reader.u8();
+  reader.check(depth === 8 || depth === 16, "samples of neither 8 nor 16 bits");
+  reader.check(superblockLog2 >= 4 && superblockLog2 <= 6, "superblocks of another side than 16, 32 or 64");
+  const step = reader.u16(), slope = reader.u8();
+  const offsets: [number, number] = [reader.u8(), reader.u8()];
+  reader.check(step <= MAX_STEP && Math.max(...offsets) <= 16, "a quantiser beyond the largest");
+  const strength = version === 2 ? reader.u8() : 0;
+  reader.check(version === 1 || (strength >= 1 && strength <= 3), "a strength of deblocking that no writer writes");
+  const fraction = depth > 8 ? 2 : 6, shift = fraction + AXIS_BITS;
+  const ranks: number[] = [], channels: Channel[] = [];
+  for (let groups = reader.u8(); groups > 0; groups--) {
+    readGroup(reader, ranks, channels, shift);
+    reader.check(ranks.length <= MAX_AXES, "more than 16 channels");
+  }
+  reader.check(ranks.length > 0, "no channels");
+  budget.texels(size.width * size.height);
+  const indexBits = reader.u8();
+  reader.check(indexBits <= 24, "lengths of more than 24 bits");
+  const tableBytes = reader.u16(), streamBytes = reader.u32();
+
+  const planes = planesOf(size);
+  const counts = planes.map((plane) => superblocks(plane, superblockLog2));
+  const total = counts.reduce((sum, count) => sum + count, 0);
+  const indexWords = Math.ceil(total / GROUP) * (indexBits + 1);
+  const steps = WORDS.length + SETS * SET_TABLES * SYMBOLS, index = steps + planes.length * COEFFICIENTS;
+  budget.take(4 * (index + indexWords + 2));
+  const stored = reader.bytes(4 * indexWords);
+  const words = new Uint32Array(index + indexWords + 2);
+  words.set(WORDS);
+  new Uint8Array(words.buffer, 4 * index).set(stored);
+  reader.check(tablesOf(reader.bytes(tableBytes), words.subarray(WORDS.length, steps)), "tables of probabilities that no writer writes");
+  const units = (256 + (step % 256)) * 2 ** Math.floor(step / 256);
+  planes.forEach((_, plane) => {
+    const start = steps + plane * COEFFICIENTS;
+    writeSteps(units, slope, plane, fraction, words.subarray(start, start + COEFFICIENTS));
+  });
+  const headBytes = reader.at - first;
+  const baseBytes = Math.min(startOf(words.subarray(index), indexBits, total - counts[0]!), streamBytes);
+  const base = reader.bytes(baseBytes);
+  const deblocking = Math.floor((strength * units * 2 ** fraction) / 2 ** 14);
+  const layout = {
+    size, depth, superblockLog2, ranks, channels, shift, offsets, steps, index, indexBits, streamBytes: baseBytes, deblocking,
+    isLight: pixel.colour === "srgb",
+    isWeighted: pixel.channels % 2 === 0,
+  };
+  const blocks: Blocks = { layout, words, streams: base, headBytes, ...place, row: 0 };
+  return { blocks, base, detailBytes: streamBytes - baseBytes };
+}
+
+/** Images of a layout in blocks, from the sections of that number: what is loaded, and layers of those that there are. */
+export function readBlocks(file: Sections, number: number, layout: Layout, budget: Budget): { blocks: Blocks[]; layers: [number, number] } {
+  const reader = file.read(`RBB${number}`), detailId = `RBD${number}`;
+  const stages = layout.images.flatMap((size, image) => {
+    const all = Math.min(layout.levels, fullLevels(size));
+    const count = Math.ceil(all / STAGE_LEVELS);
+    return Array.from({ length: count }, (_, stage) => {
+      const level = stage * STAGE_LEVELS, wanted = atLevel(size, level);
+      const levels = Math.min(all - level, STAGE_LEVELS);
+      const found = readStage(reader, budget, { image, level, levels }, layout);
+      const { size: is, depth, ranks } = found.blocks.layout;
+      const fits = is.width === wanted.width && is.height === wanted.height && depth === layout.depth && ranks.length === layout.channels;
+      reader.check(fits, "an image of another size, depth or number of channels");
+      return found;
+    });
+  });
+  reader.end();
+  const hasDetail = stages.some((stage) => stage.detailBytes > 0);
+  const total = hasDetail ? 2 : 1;
+  if (!hasDetail && file.names(detailId)) {
+    throw corrupt(detailId, 0, "superblocks of an image that has none");
+  }
+  const isLoaded = hasDetail && file.has(detailId);
+  if (isLoaded) {
+    const detail = file.read(detailId);
+    for (const { blocks, base, detailBytes } of stages) {
+      const more = detail.bytes(detailBytes);
+      budget.take(base.length + detailBytes);
+      blocks.streams = new Uint8Array(base.length + detailBytes);
+      blocks.streams.set(base);
+      blocks.streams.set(more, base.length);
+      blocks.layout.streamBytes = blocks.streams.length;
+    }
+    detail.end();
+  }
+  return { blocks: stages.map((stage) => stage.blocks), layers: [isLoaded ? total : 1, total] };
+}
+
+/** As `readBlocks` of a codec without layers: the second layer must be there. */
+export function readWholeBlocks(file: Sections, number: number, layout: Layout, budget: Budget): Blocks[] {
+  const { blocks, layers } = readBlocks(file, number, layout, budget);
+  if (layers[0] < layers[1]) {
+    throw truncated(`RBD${number}`);
+  }
+  return blocks;
+}
+
+export const dct: Codec = images((file, layout, budget) => {
+  const { blocks, layers } = readBlocks(file, 0, layout, budget);
+  const uniforms = new Uniforms();
+  // Plain texels of four channels.
+  const { swizzle } = formatsOf("raw", { channels: 4, colour: "srgb" });
+  const form: Form = { module: "bc", planes: [], uniforms: new Uint8Array(0), images: [], blocks };
+  layout.images.forEach(({ width, height }, image) => {
+    const range = uniforms.add(width, height, width, height, layout.levels, CLAMP, swizzle, 0);
+    form.images.push({ planes: [image, image], uniforms: range, image: 0 });
+  });
+  form.uniforms = uniforms.bytes();
+  return { form, layers };
+});

@@ -1,0 +1,112 @@
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { test } from "node:test";
+import { checksum, decompress, load, LoadError } from "../dist/test.js";
+import { described, golden, names, read, resealed } from "./support.mjs";
+
+test("golden files load to what Rust loads them to, whole and cut", () => {
+  assert.deepEqual(names.toSorted(), Object.keys(golden).toSorted());
+  for (const name of names) {
+    const bytes = read(name), expected = golden[name];
+    assert.deepEqual(described(load(bytes)), expected.form, name);
+    for (const { bytes: length, form, error } of expected.prefixes) {
+      const cut = bytes.subarray(0, length);
+      if (error) {
+        assert.throws(() => load(cut), { name: "LoadError", message: error }, `${name}, ${length} bytes`);
+      } else {
+        assert.deepEqual(described(load(cut)), form, `${name}, ${length} bytes`);
+      }
+    }
+  }
+});
+
+test("files that are no .txf, of another version or with a flipped byte are errors that say what to do", () => {
+  const bytes = read("dct.txf");
+  const cases = [
+    [new Uint8Array(0), /not a \.txf file; give a file that Texfold wrote/],
+    [new TextEncoder().encode("PNG"), /not a \.txf file/],
+    [bytes.subarray(0, 20), /the file ends before section 'head' is whole/],
+    [Uint8Array.from(bytes, (byte, at) => (at === 8 ? 9 : byte)), /format version 9, this reader knows 2; update Texfold/],
+    [Uint8Array.from(bytes, (byte, at) => (at === bytes.length - 3 ? byte ^ 1 : byte)), /do not match its checksum; fetch or write the file again/],
+  ];
+  for (const [data, message] of cases) {
+    assert.throws(() => load(data), message);
+  }
+  const other = resealed(Uint8Array.from(bytes, (byte, at) => (at === 10 ? 99 : byte)));
+  assert.throws(() => load(other), /codec number 99; open it with a Texfold that has that codec/);
+  assert.throws(() => load(bytes, { bytes: 100 }), /bytes: \d+ needed, 100 allowed; raise the limit/);
+});
+
+/** A generator of numbers below a limit: every run forges the same files. */
+function numbers(seed) {
+  let state = seed;
+  return (limit) => {
+    state = (Math.imul(state, 1664525) + 1013904223) >>> 0;
+    return Math.floor((state / 2 ** 32) * limit);
+  };
+}
+
+test("10,000 forged files give a texture or an error of ours, none of them slowly", () => {
+  const next = numbers(1);
+  const files = names.map(read);
+  let loaded = 0;
+  for (let round = 0; round < 10_000; round++) {
+    const file = files[round % files.length].slice();
+    const table = 32 + 40 * new DataView(file.buffer).getUint32(12, true);
+    for (let flips = 1 + next(4); flips > 0; flips--) {
+      // In one of four the table is forged, too: lengths and kinds of sections.
+      const first = round % 4 === 0 ? 32 : table;
+      file[first + next(file.length - first)] = next(256);
+    }
+    const start = performance.now();
+    try {
+      load(round % 4 === 0 ? file : resealed(file));
+      loaded++;
+    } catch (error) {
+      assert.ok(error instanceof LoadError, `${names[round % files.length]}, round ${round}: ${error.stack}`);
+    }
+    assert.ok(performance.now() - start < 2000, `${names[round % files.length]}, round ${round}`);
+  }
+  assert.ok(loaded > 500, `${loaded} of 10,000 load`);
+});
+
+test("checksums are those of the BLAKE3 test vectors", () => {
+  // The first 8 bytes of the hash of so many bytes that count up to 250 (test_vectors.json of the reference implementation).
+  const vectors = { 0: "af1349b9f5f9a1a6", 1: "2d3adedff11b61f1", 1023: "10108970eeda3eb9", 1024: "42214739f095a406", 1025: "d00278ae47eb27b3", 2049: "5f4d72f40d7a5f82", 102400: "bc3e3d41a1146b06" };
+  for (const [length, hash] of Object.entries(vectors)) {
+    const bytes = Uint8Array.from({ length: +length }, (_, i) => i % 251);
+    const found = Buffer.alloc(8);
+    found.writeBigUInt64LE(checksum(bytes));
+    assert.equal(found.toString("hex"), hash, `${length} bytes`);
+  }
+});
+
+function zstd(raw, ...options) {
+  try {
+    return new Uint8Array(execFileSync("zstd", ["-q", "-c", "--no-check", `--stream-size=${raw.length}`, ...options], { input: raw, maxBuffer: 1 << 28 }));
+  } catch {
+    return null;
+  }
+}
+
+test("zstd frames of every kind of block are decoded", (context) => {
+  const next = numbers(7);
+  const inputs = [
+    new Uint8Array(100_000).fill(7),
+    Uint8Array.from({ length: 300_000 }, () => next(256)),
+    Uint8Array.from({ length: 300_000 }, (_, i) => (next(10) === 0 ? next(256) : (i * i) >> 7)),
+    new TextEncoder().encode("some words come again and again, and some words do not ".repeat(3000)),
+    Uint8Array.from({ length: 1000 }, () => next(3)),
+  ];
+  if (!zstd(inputs[0])) {
+    return context.skip("no program zstd here");
+  }
+  for (const raw of inputs) {
+    for (const level of ["-1", "-3", "-12", "-19"]) {
+      const frame = zstd(raw, level);
+      assert.deepEqual(decompress(frame, raw.length), raw);
+      assert.throws(() => decompress(frame, raw.length - 1), RangeError);
+      assert.throws(() => decompress(frame.subarray(0, frame.length - 1), raw.length), RangeError);
+    }
+  }
+});

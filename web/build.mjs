@@ -6,6 +6,8 @@ await build({
   entryPoints: ["src/index.ts", ...(process.argv.includes("--test") ? ["src/test.ts"] : [])],
   outdir: "dist",
   bundle: true,
+  splitting: true,
+  chunkNames: "texfold-[name]-[hash]",
   minify: true,
   format: "esm",
   target: "es2022",

@@ -10,6 +10,8 @@ const VERSION = 2;
 const HEADER_BYTES = 32;
 const ENTRY_BYTES = 40;
 const HEAD = "head";
+/** Most bytes of header and table. */
+export const MAX_TABLE = HEADER_BYTES + 4096 * ENTRY_BYTES;
 
 interface Entry {
   id: string;

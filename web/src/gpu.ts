@@ -3,8 +3,8 @@
 import { atLevel, fullLevels, type Size } from "./container.js";
 import { Decoder, targetOf } from "./decoder.js";
 import { type Blocks, type Form, FORMATS, type ImageBinding, type Plane } from "./form.js";
-import type { Module } from "./generated/wgsl.js";
-import { drawing, light, modules } from "./shaders.js";
+import { type Module, modules } from "./generated/modules.js";
+import { drawing, light } from "./shaders.js";
 import type { Texture } from "./texture.js";
 
 /** Why a texture cannot be drawn; the message says what to do. */
@@ -260,8 +260,8 @@ export class Gpu {
 
   private pipeline(drawn: GpuTexture, { entry, lookup }: Lookup, format: GPUTextureFormat, blends: boolean): Promise<GPURenderPipeline> {
     const key = [drawn.texture.form.module, entry, lookup, format, blends, ...Object.entries(drawn.constants)].join();
-    return this.kept(key, () => {
-      const { device } = this, module = device.createShaderModule({ code: drawing(drawn.module, entry) });
+    return this.kept(key, async () => {
+      const { device } = this, module = device.createShaderModule({ code: await drawing(drawn.module, entry) });
       const over: GPUBlendComponent = { srcFactor: "src-alpha", dstFactor: "one-minus-src-alpha" };
       const keep: GPUBlendComponent = { srcFactor: "zero", dstFactor: "one" };
       return device.createRenderPipelineAsync({
@@ -371,8 +371,8 @@ export class Gpu {
     depth.destroy();
   }
 
-  private lightPipeline(info: Module, format: GPUTextureFormat): Promise<GPURenderPipeline> {
-    const { device } = this, module = device.createShaderModule({ code: light(info) });
+  private async lightPipeline(info: Module, format: GPUTextureFormat): Promise<GPURenderPipeline> {
+    const { device } = this, module = device.createShaderModule({ code: await light(info) });
     return device.createRenderPipelineAsync({
       layout: device.createPipelineLayout({ bindGroupLayouts: [this.layoutOf(info), this.viewLayout] }),
       vertex: { module, entryPoint: "vertex_main" },

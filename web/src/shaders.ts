@@ -1,29 +1,26 @@
 // Whole shaders from their parts: the counterpart of `texfold_shaders::entry`, `block` and `light`.
 
-import * as wgsl from "./generated/wgsl.js";
+import type { Module } from "./generated/modules.js";
+import { address, block, blockEntry, blockFloat, blockPass, blockTexel, blockUnorm, decode, draw, sample, view } from "./generated/parts.js";
 
-/** The functions of a module with its bindings in `group`. */
-function sourcesOf(module: wgsl.Module, group: number): string {
-  const sources = module.sources.map(([text, first]) =>
-    text.replaceAll("TEXFOLD_GROUP", `${group}`).replace(/TEXFOLD_BINDING_(\d+)/g, (_, number: string) => `${first + +number}`),
+/** The functions of a module with its bindings in group 0. */
+async function sourcesOf(module: Module): Promise<string> {
+  const files = await Promise.all(module.files.map(async ([load, first]) => ({ ...(await load()), first })));
+  const texts = files.map(({ text, first }) =>
+    text.replaceAll("TEXFOLD_GROUP", "0").replace(/TEXFOLD_BINDING_(\d+)/g, (_, number: string) => `${first + +number}`),
   );
-  return [wgsl.address, wgsl.sample, ...sources, module.entry].join("\n");
+  return [address, sample, ...texts, files[0]!.entry].join("\n");
 }
 
 /** A shader with `vertex_main` and `fragment_main`: `draw` for trilinear lookups, `decode` for lookups within a level; the view is group 1. */
-export function drawing(module: wgsl.Module, entry: "draw" | "decode"): string {
-  return [sourcesOf(module, 0), wgsl.view, wgsl[entry]].join("\n");
+export async function drawing(module: Module, entry: "draw" | "decode"): Promise<string> {
+  return [await sourcesOf(module), view, entry === "draw" ? draw : decode].join("\n");
 }
 
 /** A shader that draws a light field on its mesh; the camera is group 1. */
-export function light(module: wgsl.Module): string {
-  return sourcesOf(module, 0);
-}
+export const light = sourcesOf;
 
 /** The compute shader that decodes blocks to `rgba8unorm` or `rgba32float`. */
 export function blocks(target: "rgba8unorm" | "rgba32float"): string {
-  const store = target === "rgba8unorm" ? wgsl.blockUnorm : wgsl.blockFloat;
-  return [wgsl.blockPass, wgsl.block, wgsl.blockTexel, wgsl.blockEntry, store].join("\n");
+  return [blockPass, block, blockTexel, blockEntry, target === "rgba8unorm" ? blockUnorm : blockFloat].join("\n");
 }
-
-export const modules = wgsl.modules;

@@ -1,48 +1,36 @@
-import { type Codec, type Loaded } from "./codecs/codec.js";
+import type { Codec } from "./codecs/codec.js";
 import { bc } from "./codecs/bc.js";
 import { dct } from "./codecs/dct.js";
-import { epitome } from "./codecs/epitome.js";
-import { lightfield } from "./codecs/lightfield.js";
-import { progressive } from "./codecs/progressive.js";
-import { vq } from "./codecs/vq.js";
-import { zipmap } from "./codecs/zipmap.js";
-import { type Layout, type Notes, readNotes, Sections } from "./container.js";
+import { atLevel, fullLevels, type Layout, MAX_TABLE, type Notes, readNotes, Sections } from "./container.js";
 import { Budget, LIMITS, type Limits, LoadError } from "./errors.js";
 import type { Form } from "./form.js";
 
-/** Codecs by their numbers in files: name, and how files are read. */
-const CODECS: Record<number, [string, Codec]> = {
-  1: ["bc", bc],
-  2: ["vq", vq],
-  3: ["epitome", epitome],
-  4: ["progressive", progressive],
-  5: ["lightfield", lightfield],
-  6: ["zipmap", zipmap],
-  7: ["dct", dct],
+/** Codecs by their numbers in files: name, and how files are read. Those that are used less are fetched when a file needs them. */
+const CODECS: Record<number, [string, () => Promise<Codec>]> = {
+  1: ["bc", async () => bc],
+  2: ["vq", async () => (await import("./codecs/vq.js")).vq],
+  3: ["epitome", async () => (await import("./codecs/epitome.js")).epitome],
+  4: ["progressive", async () => (await import("./codecs/progressive.js")).progressive],
+  5: ["lightfield", async () => (await import("./codecs/lightfield.js")).lightfield],
+  6: ["zipmap", async () => (await import("./codecs/zipmap.js")).zipmap],
+  7: ["dct", async () => dct],
 };
 
 /** A texture that is loaded. */
 export class Texture {
-  /** Name of the codec. */
-  readonly codec: string;
-  readonly notes: Notes;
-  /** Sizes, mip levels and channels of the images; null for a light field. */
-  readonly layout: Layout | null;
-  /** Layers that are loaded, of those that the whole file has. */
-  readonly layers: [number, number];
-  /** Planes and parameters, as a GPU takes them. */
-  readonly form: Form;
-  /** Bytes of the file, or of the part of it that was given. */
-  readonly fileBytes: number;
-
-  constructor(codec: string, notes: Notes, loaded: Loaded, fileBytes: number) {
-    this.codec = codec;
-    this.notes = notes;
-    this.layout = loaded.layout;
-    this.layers = loaded.layers;
-    this.form = loaded.form;
-    this.fileBytes = fileBytes;
-  }
+  constructor(
+    /** Name of the codec. */
+    readonly codec: string,
+    readonly notes: Notes,
+    /** Sizes, mip levels and channels of the images; null for a light field. */
+    readonly layout: Layout | null,
+    /** Planes and parameters, as a GPU takes them. */
+    readonly form: Form,
+    /** Layers that are loaded, of those that the whole file has. */
+    readonly layers: [number, number],
+    /** Bytes of the whole file. */
+    readonly fileBytes: number,
+  ) {}
 
   /** Bytes that a GPU holds: planes, parameters, and blocks as they are stored. */
   get compressedBytes(): number {
@@ -51,13 +39,108 @@ export class Texture {
     const held = blocks.map((block) => block.headBytes + block.streams.length);
     return sum(planes.map((plane) => plane.data.length)) + uniforms.length + sum(held);
   }
+
+  /** Bytes of the texels of all images and mip levels as plain RGBA of 8 bits; 0 for a light field. */
+  get plainBytes(): number {
+    const { images, levels } = this.layout ?? { images: [], levels: 0 };
+    let texels = 0;
+    for (const size of images) {
+      for (let level = 0; level < Math.min(levels, fullLevels(size)); level++) {
+        const { width, height } = atLevel(size, level);
+        texels += width * height;
+      }
+    }
+    return 4 * texels;
+  }
+}
+
+/** Where the bytes of a file come from: bytes themselves, which are kept and must not change, or an address to fetch. */
+export type Source = Uint8Array | ArrayBuffer | Blob | string | URL;
+
+/**
+ * Loads a `.txf` file, or as many layers of one as a prefix of it holds.
+ * @throws LoadError which names what is wrong with the file, or with the answer of the server.
+ */
+export async function open(source: Source, limits: Partial<Limits> = {}): Promise<Texture> {
+  return load(await bytesOf(source), limits);
+}
+
+async function bytesOf(source: Source): Promise<Uint8Array> {
+  if (source instanceof Uint8Array) {
+    return source;
+  }
+  if (source instanceof ArrayBuffer) {
+    return new Uint8Array(source);
+  }
+  const data = source instanceof Blob ? source : await fetched(source);
+  return new Uint8Array(await data.arrayBuffer());
+}
+
+async function fetched(address: string | URL): Promise<Response> {
+  const response = await fetch(address);
+  if (!response.ok) {
+    throw new LoadError(`the server answers ${response.status} to ${address}; check the address`);
+  }
+  return response;
 }
 
 /**
- * Loads a `.txf` file, or as many layers of one as a prefix of it holds. The bytes are kept, not copied: they must not change.
- * @throws LoadError which names what is wrong with the file.
+ * Fetches a `.txf` file and gives the texture again with each layer that arrives, the coarsest first and the whole last.
+ * @throws LoadError as `open`; also where the server's answer ends before the first layer is whole.
  */
-export function load(bytes: Uint8Array, limits: Partial<Limits> = {}): Texture {
+export async function* arriving(address: string | URL, limits: Partial<Limits> = {}): AsyncGenerator<Texture, void> {
+  const body = (await fetched(address)).body?.getReader();
+  let bytes: Uint8Array = new Uint8Array(1 << 16), length = 0, loaded = 0;
+  let next = 0, ends: number[] = [];
+  for (let done = !body; ; ) {
+    // Only where a further section is whole can there be a further layer.
+    if ((length > 0 && length >= next) || done) {
+      const prefix = bytes.subarray(0, length);
+      ends = ends.length > 0 ? ends : endsOf(prefix, limits, done);
+      next = ends.length > 0 ? ends.find((end) => end > length) ?? Infinity : 0;
+      const texture = ends.some((end) => end <= length) ? await load(prefix, limits).catch(unlessMissing(done)) : undefined;
+      if (texture && texture.layers[0] > loaded) {
+        loaded = texture.layers[0];
+        yield texture;
+      }
+    }
+    if (done) {
+      return;
+    }
+    const part = await body!.read();
+    done = part.done;
+    if (part.value) {
+      if (length + part.value.length > bytes.length) {
+        const more = new Uint8Array(Math.max(2 * bytes.length, length + part.value.length));
+        more.set(bytes.subarray(0, length));
+        bytes = more;
+      }
+      bytes.set(part.value, length);
+      length += part.value.length;
+    }
+  }
+}
+
+/** Throws an error but that of a file that ends too early while more of it is to come. */
+function unlessMissing(done: boolean): (error: unknown) => undefined {
+  return (error) => {
+    if (done || !(error instanceof LoadError && error.missing)) {
+      throw error;
+    }
+    return undefined;
+  };
+}
+
+/** Where sections end; nothing while the table has not arrived. */
+function endsOf(prefix: Uint8Array, limits: Partial<Limits>, done: boolean): number[] {
+  try {
+    return new Sections(prefix, new Budget({ ...LIMITS, ...limits })).ends().map(({ end }) => end);
+  } catch (error) {
+    return unlessMissing(done || prefix.length > MAX_TABLE)(error) ?? [];
+  }
+}
+
+async function load(bytes: Uint8Array, limits: Partial<Limits>): Promise<Texture> {
   const budget = new Budget({ ...LIMITS, ...limits });
   const file = new Sections(bytes, budget);
   const found = CODECS[file.codec];
@@ -65,6 +148,7 @@ export function load(bytes: Uint8Array, limits: Partial<Limits> = {}): Texture {
     throw new LoadError(`the file holds codec number ${file.codec}; open it with a Texfold that has that codec`);
   }
   const [name, codec] = found;
-  const notes = readNotes(file);
-  return new Texture(name, notes, codec(file, budget), bytes.length);
+  const read = await codec();
+  const notes = readNotes(file), { layout, form, layers } = read(file, budget);
+  return new Texture(name, notes, layout, form, layers, file.ends().at(-1)?.end ?? bytes.length);
 }

@@ -1,26 +1,27 @@
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
+import { createServer } from "node:http";
 import { test } from "node:test";
-import { checksum, decompress, load, LoadError } from "../dist/test.js";
+import { arriving, checksum, decompress, open, LoadError } from "../dist/test.js";
 import { described, golden, names, read, resealed } from "./support.mjs";
 
-test("golden files load to what Rust loads them to, whole and cut", () => {
+test("golden files load to what Rust loads them to, whole and cut", async () => {
   assert.deepEqual(names.toSorted(), Object.keys(golden).toSorted());
   for (const name of names) {
     const bytes = read(name), expected = golden[name];
-    assert.deepEqual(described(load(bytes)), expected.form, name);
+    assert.deepEqual(described(await open(bytes)), expected.form, name);
     for (const { bytes: length, form, error } of expected.prefixes) {
       const cut = bytes.subarray(0, length);
       if (error) {
-        assert.throws(() => load(cut), { name: "LoadError", message: error }, `${name}, ${length} bytes`);
+        await assert.rejects(open(cut), { name: "LoadError", message: error }, `${name}, ${length} bytes`);
       } else {
-        assert.deepEqual(described(load(cut)), form, `${name}, ${length} bytes`);
+        assert.deepEqual(described(await open(cut)), form, `${name}, ${length} bytes`);
       }
     }
   }
 });
 
-test("files that are no .txf, of another version or with a flipped byte are errors that say what to do", () => {
+test("files that are no .txf, of another version or with a flipped byte are errors that say what to do", async () => {
   const bytes = read("dct.txf");
   const cases = [
     [new Uint8Array(0), /not a \.txf file; give a file that Texfold wrote/],
@@ -30,11 +31,11 @@ test("files that are no .txf, of another version or with a flipped byte are erro
     [Uint8Array.from(bytes, (byte, at) => (at === bytes.length - 3 ? byte ^ 1 : byte)), /do not match its checksum; fetch or write the file again/],
   ];
   for (const [data, message] of cases) {
-    assert.throws(() => load(data), message);
+    await assert.rejects(open(data), message);
   }
   const other = resealed(Uint8Array.from(bytes, (byte, at) => (at === 10 ? 99 : byte)));
-  assert.throws(() => load(other), /codec number 99; open it with a Texfold that has that codec/);
-  assert.throws(() => load(bytes, { bytes: 100 }), /bytes: \d+ needed, 100 allowed; raise the limit/);
+  await assert.rejects(open(other), /codec number 99; open it with a Texfold that has that codec/);
+  await assert.rejects(open(bytes, { bytes: 100 }), /bytes: \d+ needed, 100 allowed; raise the limit/);
 });
 
 /** A generator of numbers below a limit: every run forges the same files. */
@@ -46,7 +47,7 @@ function numbers(seed) {
   };
 }
 
-test("10,000 forged files give a texture or an error of ours, none of them slowly", () => {
+test("10,000 forged files give a texture or an error of ours, none of them slowly", async () => {
   const next = numbers(1);
   const files = names.map(read);
   let loaded = 0;
@@ -60,7 +61,7 @@ test("10,000 forged files give a texture or an error of ours, none of them slowl
     }
     const start = performance.now();
     try {
-      load(round % 4 === 0 ? file : resealed(file));
+      await open(round % 4 === 0 ? file : resealed(file));
       loaded++;
     } catch (error) {
       assert.ok(error instanceof LoadError, `${names[round % files.length]}, round ${round}: ${error.stack}`);
@@ -68,6 +69,36 @@ test("10,000 forged files give a texture or an error of ours, none of them slowl
     assert.ok(performance.now() - start < 2000, `${names[round % files.length]}, round ${round}`);
   }
   assert.ok(loaded > 500, `${loaded} of 10,000 load`);
+});
+
+test("a file that arrives in pieces is given again with each layer", async (context) => {
+  const bytes = read("dct.txf");
+  const server = createServer(async (request, response) => {
+    if (request.url === "/none") {
+      return response.writeHead(404).end();
+    }
+    const end = request.url === "/cut" ? 100 : bytes.length;
+    for (let at = 0; at < end; at += 90) {
+      response.write(bytes.subarray(at, Math.min(at + 90, end)));
+      await new Promise((resolve) => setTimeout(resolve, 5));
+    }
+    response.end();
+  });
+  await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
+  const address = `http://127.0.0.1:${server.address().port}`;
+  const layers = async (path) => {
+    const found = [];
+    for await (const texture of arriving(address + path)) {
+      found.push([texture.layers, texture.form.blocks[0].streams.length]);
+    }
+    return found;
+  };
+  context.after(() => server.close());
+  const base = golden["dct.txf"].prefixes.find(({ form }) => form).form.form.blocks[0].layout.streamBytes;
+  assert.deepEqual(await layers("/whole"), [[[1, 2], base], [[2, 2], golden["dct.txf"].form.form.blocks[0].layout.streamBytes]]);
+  assert.deepEqual(described(await open(`${address}/whole`)), golden["dct.txf"].form);
+  await assert.rejects(layers("/cut"), /the file ends before section '.*' is whole; fetch the rest of it/);
+  await assert.rejects(open(`${address}/none`), /the server answers 404 to .*; check the address/);
 });
 
 test("checksums are those of the BLAKE3 test vectors", () => {

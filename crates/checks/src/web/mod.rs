@@ -4,6 +4,7 @@
 mod golden;
 mod wgsl;
 
+use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::fs;
 use std::io;
@@ -53,77 +54,106 @@ fn write(root: &Path, check: bool) -> io::Result<bool> {
 }
 
 /// All files, by their names under web/.
-fn files(root: &Path) -> io::Result<[(PathBuf, String); 3]> {
-    Ok([
-        ("src/generated/wgsl.ts".into(), shaders()),
-        ("src/generated/dct.ts".into(), dct()),
-        ("test/golden.json".into(), golden::golden(&root.join("fixtures/golden"))?),
-    ])
+fn files(root: &Path) -> io::Result<Vec<(PathBuf, String)>> {
+    let mut files = shaders();
+    files.push(("src/generated/dct.ts".into(), dct()));
+    files.push(("test/golden.json".into(), golden::golden(&root.join("fixtures/golden"))?));
+    Ok(files)
 }
 
 const HEAD: &str = "// Written by `cargo xtask web`; changes are lost.\n\n";
 
+/// What a row of the table of modules has.
+const MODULE: &str = "\
+/** A file of WGSL, and of the first one of a module the functions that entry points call. */
+interface File {
+  text: string;
+  entry?: string;
+}
+
+/** What to bind for a codec, and its WGSL. */
+export interface Module {
+  /** Bytes of a uniform buffer, or the samples of a texture. */
+  bindings: readonly (number | \"uint\" | \"float\")[];
+  /** Bytes of the parameters at which mip levels and address mode lie; none of light fields. */
+  levels?: number;
+  addressMode?: number;
+  /** Bytes of the parameters of a light field. */
+  light?: { triangles: number; terms: number; storedTerms: number };
+  /** Constants that a pipeline may set to 0: name, byte of a member, the value of it that needs the constant (else any but 0). */
+  switches: readonly (readonly [string, number, number?])[];
+  /** Files, with the first binding of each. */
+  files: readonly (readonly [() => Promise<File>, number])[];
+}
+";
+
 /// Parts of shaders, files of modules, bindings.
-fn shaders() -> String {
-    let mut sources: Vec<&'static str> = Vec::new();
-    for (text, _) in MODULES.iter().flat_map(ModuleInfo::sources) {
-        if !sources.contains(&text) {
-            sources.push(text);
+fn shaders() -> Vec<(PathBuf, String)> {
+    let mut sources: Vec<(&'static str, &'static str)> = Vec::new();
+    for module in &MODULES {
+        for (number, (text, _)) in module.sources().enumerate() {
+            if !sources.iter().any(|(other, _)| *other == text) {
+                let entry = if number == 0 { drawing_entry(module.entry_source()) } else { "" };
+                sources.push((text, entry));
+            }
         }
     }
-    let entries = MODULES.iter().map(ModuleInfo::entry_source);
-    let all = PARTS.iter().map(|(_, text)| *text).chain(sources.iter().copied()).chain(entries);
-    let names = wgsl::short_names(all);
+    let of_sources = sources.iter().flat_map(|&(text, entry)| [text, entry]);
+    let names = wgsl::short_names(PARTS.iter().map(|(_, text)| *text).chain(of_sources));
     let text = |text: &str| format!("{:?}", wgsl::short(text, &names));
-    let mut out = HEAD.to_owned();
+    let mut parts = HEAD.to_owned();
     for (name, part) in PARTS {
-        let _ = writeln!(out, "export const {name} = {};", text(part));
+        let _ = writeln!(parts, "export const {name} = {};", text(part));
     }
-    for (number, source) in sources.iter().enumerate() {
-        let _ = writeln!(out, "const source{number} = {};", text(source));
+    let file = |number: usize| PathBuf::from(format!("src/generated/source{number}.ts"));
+    let mut files = vec![("src/generated/parts.ts".into(), parts)];
+    for (number, (source, entry)) in sources.iter().enumerate() {
+        let mut out = format!("{HEAD}export const text = {};\n", text(source));
+        if !entry.is_empty() {
+            let _ = writeln!(out, "export const entry = {};", text(entry));
+        }
+        files.push((file(number), out));
     }
-    out += "\n/** WGSL of a codec: its files with the first binding of each, and what to bind. */\n";
-    out += "export interface Module {\n  /** Bytes of a uniform buffer, or the samples of a texture. */\n";
-    out += "  bindings: readonly (number | \"uint\" | \"float\")[];\n";
-    out +=
-        "  /** Bytes of the parameters at which mip levels and address mode lie; none of light fields. */\n";
-    out += "  levels?: number;\n  addressMode?: number;\n";
-    out += "  /** Bytes of the parameters of a light field. */\n";
-    out += "  light?: { triangles: number; terms: number; storedTerms: number };\n";
-    out += "  /** Constants that a pipeline may set to 0: name, byte of a member, the value of it that needs the constant (else any but 0). */\n";
-    out += "  switches: readonly (readonly [string, number, number?])[];\n";
-    out += "  sources: readonly (readonly [string, number])[];\n";
-    out += "  /** The functions that entry points call. */\n  entry: string;\n}\n\n";
-    out += "export const modules: Record<string, Module> = {\n";
+    let mut table = format!("{HEAD}{MODULE}\nexport const modules: Record<string, Module> = {{\n");
     for module in &MODULES {
-        let _ = writeln!(out, "  {:?}: {{", module.name);
-        let bindings: Vec<String> = module.bindings.iter().map(binding).collect();
-        let _ = writeln!(out, "    bindings: [{}],", bindings.join(", "));
-        let _ = match module.offsets {
-            Offsets::Image(offsets) => {
-                writeln!(out, "    levels: {}, addressMode: {},", offsets.levels, offsets.address_mode)
-            }
-            Offsets::Light(offsets) => {
-                let LightOffsets { triangles, terms, stored_terms } = offsets;
-                writeln!(
-                    out,
-                    "    light: {{ triangles: {triangles}, terms: {terms}, storedTerms: {stored_terms} }},"
-                )
-            }
-        };
-        let switches = module.switches.iter().map(|switch| {
-            let only = switch.only.map(|only| format!(", {only}")).unwrap_or_default();
-            format!("[{:?}, {}{only}]", wgsl::short(switch.constant, &names).trim_end(), switch.offset)
-        });
-        let _ = writeln!(out, "    switches: [{}],", switches.collect::<Vec<_>>().join(", "));
         let sources = module.sources().map(|(text, first)| {
-            let number = sources.iter().position(|source| *source == text).unwrap_or_default();
-            format!("[source{number}, {first}]")
+            let number = sources.iter().position(|(source, _)| *source == text).unwrap_or_default();
+            format!("[() => import(\"./source{number}.js\"), {first}]")
         });
-        let _ = writeln!(out, "    sources: [{}],", sources.collect::<Vec<_>>().join(", "));
-        let _ = writeln!(out, "    entry: {},\n  }},", text(module.entry_source()));
+        table += &row(module, sources.collect(), &names);
     }
-    out + "};\n"
+    files.push(("src/generated/modules.ts".into(), table + "};\n"));
+    files
+}
+
+/// What drawing and decoding call of the functions that entry points call: those before the ones that times are compared with.
+fn drawing_entry(source: &str) -> &str {
+    source.split_once("fn entry_size").map_or(source, |(before, _)| before)
+}
+
+/// A row of the table of modules.
+fn row(module: &ModuleInfo, files: Vec<String>, names: &HashMap<&str, String>) -> String {
+    let mut out = format!("  {:?}: {{\n", module.name);
+    let bindings: Vec<String> = module.bindings.iter().map(binding).collect();
+    let _ = writeln!(out, "    bindings: [{}],", bindings.join(", "));
+    let _ = match module.offsets {
+        Offsets::Image(offsets) => {
+            writeln!(out, "    levels: {}, addressMode: {},", offsets.levels, offsets.address_mode)
+        }
+        Offsets::Light(LightOffsets { triangles, terms, stored_terms }) => {
+            writeln!(
+                out,
+                "    light: {{ triangles: {triangles}, terms: {terms}, storedTerms: {stored_terms} }},"
+            )
+        }
+    };
+    let switches = module.switches.iter().map(|switch| {
+        let only = switch.only.map(|only| format!(", {only}")).unwrap_or_default();
+        format!("[{:?}, {}{only}]", wgsl::short(switch.constant, names).trim_end(), switch.offset)
+    });
+    let _ = writeln!(out, "    switches: [{}],", switches.collect::<Vec<_>>().join(", "));
+    let _ = writeln!(out, "    files: [{}],\n  }},", files.join(", "));
+    out
 }
 
 fn binding(binding: &Binding) -> String {

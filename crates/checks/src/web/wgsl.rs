@@ -1,15 +1,57 @@
 //! WGSL in few bytes: without comments and blanks, names of the project's own that no caller needs to know shortened.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// Endings of functions that renderers call.
 const PUBLIC: [&str; 7] =
     ["_fetch", "_nearest", "_bilinear", "_sample_level", "_sample_grad", "_sample", "_sample_image"];
 
-/// A short name for each name of the project's own, the most frequent first.
-pub(crate) fn short_names<'t>(texts: impl Iterator<Item = &'t str>) -> HashMap<&'t str, String> {
+/// Names of WGSL that texts also declare, and the constant that pipelines set: they stay.
+const KEPT: [&str; 36] = [
+    "LOOKUP",
+    "abs",
+    "all",
+    "any",
+    "clamp",
+    "cross",
+    "distance",
+    "dot",
+    "exp2",
+    "floor",
+    "flat",
+    "fract",
+    "function",
+    "length",
+    "log2",
+    "max",
+    "min",
+    "mix",
+    "normalize",
+    "position",
+    "pow",
+    "private",
+    "read",
+    "reflect",
+    "round",
+    "select",
+    "sign",
+    "sqrt",
+    "step",
+    "storage",
+    "texture",
+    "trunc",
+    "uniform",
+    "vertex",
+    "workgroup",
+    "write",
+];
+
+/// A short name for each name of the texts' own, those that save most first. A name means the same in all texts, so that texts can be put
+/// together.
+pub(crate) fn short_names<'t>(texts: impl Iterator<Item = &'t str> + Clone) -> HashMap<&'t str, String> {
+    let declared: HashSet<&str> = texts.clone().flat_map(declared).collect();
     let mut counts: HashMap<&str, usize> = HashMap::new();
-    for word in texts.flat_map(words).filter(|word| is_own(word)) {
+    for word in texts.flat_map(words).filter(|word| is_own(word) || declared.contains(word)) {
         *counts.entry(word).or_default() += 1;
     }
     let mut names: Vec<(&str, usize)> = counts.into_iter().collect();
@@ -18,12 +60,40 @@ pub(crate) fn short_names<'t>(texts: impl Iterator<Item = &'t str>) -> HashMap<&
     names.into_iter().enumerate().map(|(number, (name, _))| (name, short(number))).collect()
 }
 
+/// Names of variables, constants, members and parameters that a text declares, of more than two letters: shorter ones may be components of
+/// vectors.
+fn declared(text: &str) -> Vec<&str> {
+    let mut found = Vec::new();
+    for line in text.lines() {
+        let code = line.split("//").next().unwrap_or_default();
+        let words: Vec<&str> = words(code).filter(|word| !word.trim().is_empty()).collect();
+        for (number, word) in words.iter().enumerate() {
+            let before = number.checked_sub(1).map(|before| words[before]);
+            let is_value = ["let", "var", "const", ">"].iter().any(|kind| before == Some(kind))
+                && words.get(number + 1) == Some(&"=");
+            let is_typed = words.get(number + 1) == Some(&":");
+            if (is_value || is_typed) && word.starts_with(is_name) {
+                found.push(*word);
+            }
+        }
+    }
+    let stays = |name: &str| {
+        name.len() < 3 || KEPT.contains(&name) || name.starts_with("TEXFOLD_") || is_public(name)
+    };
+    found.retain(|name| !stays(name) && *name != "default");
+    found
+}
+
+fn is_public(name: &str) -> bool {
+    PUBLIC.iter().any(|ending| name.ends_with(ending))
+}
+
 /// Whether a name is the project's own and none that callers use or that is replaced by a number.
 fn is_own(word: &str) -> bool {
     let begins = ["texfold_", "TEXFOLD_", "Texfold"].iter().any(|beginning| word.starts_with(beginning));
     let is_place = ["TEXFOLD_GROUP", "TEXFOLD_ANISOTROPY", "TEXFOLD_STRIDE"].contains(&word)
         || word.starts_with("TEXFOLD_BINDING_");
-    begins && !is_place && !PUBLIC.iter().any(|ending| word.ends_with(ending))
+    begins && !is_place && !is_public(word)
 }
 
 fn base36(number: usize) -> String {
@@ -50,7 +120,9 @@ pub(crate) fn short(text: &str, names: &HashMap<&str, String>) -> String {
                 out.push(' ');
             }
             is_apart = false;
-            out += names.get(word).map_or(word, String::as_str);
+            let is_attribute = ["@", "@builtin(", "@interpolate("].iter().any(|start| out.ends_with(start));
+            let short = names.get(word).filter(|_| !is_attribute);
+            out += short.map_or(word, String::as_str);
         }
         is_apart = true;
     }
@@ -82,10 +154,10 @@ mod tests {
 
     #[test]
     fn meaning_stays_and_public_names_stay() {
-        let text = "// A comment.\nfn texfold_bc_sample(uv: vec2<f32>) -> u32 {\n    // Another.\n    return texfold_x(a - -b, 1u,\n    );\n}\n";
+        let text = "// A comment.\nfn texfold_bc_sample(uv: vec2<f32>) -> u32 {\n    // Another.\n    let length_of = 2u;\n    return texfold_x(a - -b, length_of,\n    );\n}\n";
         let names = short_names([text].into_iter());
-        assert_eq!(names.len(), 1);
-        let expected = "fn texfold_bc_sample(uv:vec2<f32>)->u32{return T0(a- -b,1u);}\n";
+        assert_eq!(names.len(), 2);
+        let expected = "fn texfold_bc_sample(uv:vec2<f32>)->u32{let T1=2u;return T0(a- -b,T1);}\n";
         assert_eq!(short(text, &names), expected);
     }
 }

@@ -1,0 +1,3 @@
+// Written by `cargo xtask web`; changes are lost.
+
+export const text = "const Te1:u32=4u;fn T9c(Th:u32,T3:vec2<f32>,T0:u32)->vec4<f32>{let Tcy=T2.Tcy==1u;let Tha=Tcy&(Th==0u);let T4=Tb(select(T2.Tih,T2.Tig,Tha),T0);let at=T3*(1.0/f32(i32(1u<<T0)))-vec2<f32>(0.5);let Ts=floor(at);let Tq=T21(vec2<i32>(Ts),T4);let T1d=T21(vec2<i32>(Ts)+vec2<i32>(1),T4);if Tha{let T39=T3n(T7p,T4m(Tq,T1d,at-Ts),T0);return T28(T39,T39,T2.T46);}var Ta=array<vec4<f32>,4>();for(var T1m=0u;T1m<min(4u,Te1);T1m+=1u){let T8k=vec2<bool>((T1m&1u)==1u,T1m>=2u);Ta[T1m]=Tdw(vec2<i32>(select(Tq,T1d,T8k)),T0);}return texfold_bilinear(Ta,at-Ts);}\n";

@@ -1,18 +1,27 @@
-// Bundles the package: dist/index.js, one minified ES module, and its types.
+// Bundles the package: dist/ holds minified ES modules and their types, crates/cli/src/view/page.html the page of `texfold view`.
+// With --test also what tests need, and the page is compared, not written.
 import { execFileSync } from "node:child_process";
+import { readFileSync, writeFileSync } from "node:fs";
 import { build } from "esbuild";
 
+const isTest = process.argv.includes("--test");
+const options = { bundle: true, minify: true, format: "esm", target: "es2022", legalComments: "none" };
+
 await build({
-  entryPoints: ["src/index.ts", ...(process.argv.includes("--test") ? ["src/test.ts"] : [])],
+  ...options,
+  entryPoints: ["src/index.ts", ...(isTest ? ["src/test.ts"] : [])],
   outdir: "dist",
-  bundle: true,
   splitting: true,
   chunkNames: "texfold-[name]-[hash]",
-  minify: true,
-  format: "esm",
-  target: "es2022",
-  legalComments: "none",
 });
-if (!process.argv.includes("--test")) {
+
+const made = await build({ ...options, entryPoints: ["src/view/main.ts"], write: false });
+const code = made.outputFiles[0].text.replaceAll("</script", "<\\/script");
+const page = readFileSync("src/view/page.html", "utf8").replace("@CODE@", () => code.trim());
+const place = "../crates/cli/src/view/page.html";
+if (!isTest) {
+  writeFileSync(place, page);
   execFileSync("npx", ["tsc", "--emitDeclarationOnly"], { stdio: "inherit" });
+} else if (readFileSync(place, "utf8") !== page) {
+  throw new Error("crates/cli/src/view/page.html is not what the code gives; run npm run build in web/");
 }

@@ -1,6 +1,7 @@
 // Textures on a GPU: uploaded, decoded where they are in blocks, drawn by the WGSL of their codec, read back.
 
-import { atLevel, fullLevels, type Size } from "./container.js";
+import { plainForm } from "./codecs/dct.js";
+import { atLevel, fullLevels, type Layout, type Size } from "./container.js";
 import { Decoder, targetOf } from "./decoder.js";
 import { type Blocks, type Form, FORMATS, type ImageBinding, type Plane } from "./form.js";
 import { type Module, modules } from "./generated/modules.js";
@@ -27,6 +28,8 @@ export interface View {
   nearest?: boolean;
   /** What shows where the image is not or is transparent: red, green, blue from 0 to 1; black by default. */
   background?: [number, number, number];
+  /** First column of the target that is drawn; what lies to the left stays as it is. 0 by default: the target is cleared. */
+  from?: number;
 }
 
 /** From where a light field is drawn. */
@@ -73,7 +76,9 @@ const ROW_BYTES = 256;
 /** A texture on a GPU. */
 export class GpuTexture {
   constructor(
-    readonly texture: Texture,
+    /** Sizes and mip levels of the images; null for a light field. */
+    readonly layout: Pick<Layout, "images" | "levels"> | null,
+    readonly form: Form,
     readonly module: Module,
     /** Constants of pipelines that draw it. */
     readonly constants: Record<string, number>,
@@ -144,7 +149,20 @@ export class Gpu {
     const bytes = decoded.reduce((sum, made) => sum + made.bytes, form.uniforms.length);
     const resident = form.planes.reduce((sum, plane) => sum + plane.data.length, bytes);
     const owned = [...planes, ...decoded.map(({ texture: made }) => made), ...buffers];
-    return new GpuTexture(texture, module, constantsOf(module, form), groups, resident, buffers, owned);
+    return new GpuTexture(texture.layout, form, module, constantsOf(module, form), groups, resident, buffers, owned);
+  }
+
+  /** A plain image, such as the one that a texture was made from, to be drawn like a texture: without mip levels. */
+  uploadImage(image: ImageBitmap): GpuTexture {
+    const { width, height } = image, format = "rgba8unorm", module = modules.bc!;
+    const usage = GPUTextureUsage.TEXTURE_BINDING | GPUTextureUsage.COPY_DST | GPUTextureUsage.RENDER_ATTACHMENT;
+    const texture = this.device.createTexture({ size: { width, height }, format, usage });
+    this.device.queue.copyExternalImageToTexture({ source: image }, { texture, premultipliedAlpha: false }, { width, height });
+    const form = plainForm({ images: [{ width, height }], levels: 1 }, []);
+    const buffers: GPUBuffer[] = [];
+    const groups = this.groups(module, form, [texture], buffers);
+    const layout = { images: [{ width, height }], levels: 1 };
+    return new GpuTexture(layout, form, module, constantsOf(module, form), groups, 4 * width * height, buffers, [texture, ...buffers]);
   }
 
   private check(form: Form): void {
@@ -259,7 +277,7 @@ export class Gpu {
   }
 
   private pipeline(drawn: GpuTexture, { entry, lookup }: Lookup, format: GPUTextureFormat, blends: boolean): Promise<GPURenderPipeline> {
-    const key = [drawn.texture.form.module, entry, lookup, format, blends, ...Object.entries(drawn.constants)].join();
+    const key = [drawn.form.module, entry, lookup, format, blends, ...Object.entries(drawn.constants)].join();
     return this.kept(key, async () => {
       const { device } = this, module = device.createShaderModule({ code: await drawing(drawn.module, entry) });
       const over: GPUBlendComponent = { srcFactor: "src-alpha", dstFactor: "one-minus-src-alpha" };
@@ -295,10 +313,9 @@ export class Gpu {
     return [this.device.createBindGroup({ layout: this.viewLayout, entries }), buffer];
   }
 
-  private render(pipeline: GPURenderPipeline, groups: GPUBindGroup[], target: GPUTexture, clear: number[], area?: number[]): GPUCommandEncoder {
+  private render(pipeline: GPURenderPipeline, groups: GPUBindGroup[], target: GPUTexture, clear: number[] | null, area?: number[]): GPUCommandEncoder {
     const encoder = this.device.createCommandEncoder();
-    const [r, g, b, a] = clear as [number, number, number, number];
-    const attachment: GPURenderPassColorAttachment = { view: target.createView(), clearValue: { r, g, b, a }, loadOp: "clear", storeOp: "store" };
+    const attachment: GPURenderPassColorAttachment = { view: target.createView(), ...(clear ? { clearValue: clear } : {}), loadOp: clear ? "clear" : "load", storeOp: "store" };
     const pass = encoder.beginRenderPass({ colorAttachments: [attachment] });
     pass.setPipeline(pipeline);
     groups.forEach((group, number) => pass.setBindGroup(number, group));
@@ -322,14 +339,15 @@ export class Gpu {
     const pipeline = await this.pipeline(drawn, lookup, format, true);
     // After waiting: a canvas's texture is of the current frame only.
     const target = targetOfContext(context);
-    const binding = drawn.texture.form.images[image]!;
+    const binding = drawn.form.images[image]!;
     const origin: [number, number] = [x / size.width, y / size.height];
     const [group, buffer] = this.view(origin, 1 / scale / size.width, 1 / scale / size.height, view.level ?? 0, binding.image, [0, 0]);
     const left = Math.max(0, Math.round(-x * scale)), top = Math.max(0, Math.round(-y * scale));
     const right = Math.min(target.width, Math.round((size.width - x) * scale)), bottom = Math.min(target.height, Math.round((size.height - y) * scale));
-    const area = [Math.min(left, target.width), Math.min(top, target.height), Math.max(0, right - left), Math.max(0, bottom - top)];
-    const background = view.background ?? [0, 0, 0];
-    const encoder = this.render(pipeline, [drawn.groups[image]!, group], target, [...background, 1], area);
+    const first = Math.min(Math.max(left, view.from ?? 0), target.width);
+    const area = [first, Math.min(top, target.height), Math.max(0, right - first), Math.max(0, bottom - top)];
+    const clear = view.from ? null : [...(view.background ?? [0, 0, 0]), 1];
+    const encoder = this.render(pipeline, [drawn.groups[image]!, group], target, clear, area);
     this.device.queue.submit([encoder.finish()]);
     buffer.destroy();
   }
@@ -339,14 +357,14 @@ export class Gpu {
    * device or into any texture that can be drawn to. Resolves when the commands are submitted.
    */
   async drawLight(drawn: GpuTexture, context: GPUCanvasContext | GPUTexture, camera: Camera): Promise<void> {
-    const { device } = this, { module, texture } = drawn, places = module.light;
+    const { device } = this, { module, form } = drawn, places = module.light;
     if (!places) {
       throw new GpuError("an image is no light field; draw it with draw()");
     }
     const format = formatOf(context);
     const pipeline = await this.kept(`light,${format}`, () => this.lightPipeline(module, format));
     const target = targetOfContext(context);
-    const params = new DataView(texture.form.uniforms.buffer, texture.form.uniforms.byteOffset);
+    const params = new DataView(form.uniforms.buffer, form.uniforms.byteOffset);
     const stored = params.getUint32(places.storedTerms, true);
     device.queue.writeBuffer(drawn.params[0]!, places.terms, Uint32Array.of(Math.min(camera.terms ?? stored, stored)));
     const scene = device.createBuffer({ size: SCENE_BYTES, usage: GPUBufferUsage.UNIFORM, mappedAtCreation: true });
@@ -388,7 +406,7 @@ export class Gpu {
   async decode(drawn: GpuTexture, region: Region = {}): Promise<Pixels> {
     const image = region.image ?? 0, level = region.level ?? 0, { x = 0, y = 0 } = region;
     const size = atLevel(this.sizeOf(drawn, image), level);
-    const levels = drawn.texture.layout!.levels;
+    const levels = drawn.layout!.levels;
     const { width = size.width - x, height = size.height - y } = region;
     const isWhole = [image, level, x, y, width, height].every((number) => Number.isInteger(number) && number >= 0);
     if (!isWhole || level >= levels || width < 1 || height < 1 || x + width > size.width || y + height > size.height) {
@@ -402,7 +420,7 @@ export class Gpu {
     const pipeline = await this.pipeline(drawn, FETCH, format, false);
     const usage = GPUTextureUsage.RENDER_ATTACHMENT | GPUTextureUsage.COPY_SRC;
     const target = this.device.createTexture({ size: { width, height }, format, usage });
-    const binding = drawn.texture.form.images[image]!;
+    const binding = drawn.form.images[image]!;
     const [group, buffer] = this.view([0, 0], 0, 0, level, binding.image, [x, y]);
     const encoder = this.render(pipeline, [drawn.groups[image]!, group], target, [0, 0, 0, 0]);
     const data = await this.readBack(encoder, target);
@@ -427,9 +445,9 @@ export class Gpu {
   }
 
   private sizeOf(drawn: GpuTexture, image: number): Size {
-    const size = drawn.texture.layout?.images[image];
+    const size = drawn.layout?.images[image];
     if (!size) {
-      throw new GpuError(`no image ${image}; the texture has ${drawn.texture.layout?.images.length ?? 0} images`);
+      throw new GpuError(`no image ${image}; the texture has ${drawn.layout?.images.length ?? 0} images`);
     }
     return size;
   }

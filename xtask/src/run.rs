@@ -13,8 +13,8 @@ const CHECKS: [&str; 4] = ["fixtures", "reference", "stability", "web"];
 pub(crate) const OTHERS: &str = "\
 Further commands, built for release on first use:
   fixtures, reference, stability, web         checks of all codecs
-  compress, decompress, info, render, compare,
-  bank                                        those of the program texfold
+  compress, decompress, info, view, render,
+  compare, bank                               those of the program texfold
 
 Each has its own --help.";
 

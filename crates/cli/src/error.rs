@@ -60,6 +60,8 @@ pub(crate) enum CliError {
     BankManifest { path: PathBuf, what: String },
     #[error("{}: this is a bank; list it with `texfold bank list`, decode its images with `texfold bank extract`", path.display())]
     IsBank { path: PathBuf },
+    #[error("{}: there are more originals than files; give one for each file, in their order", path.display())]
+    OriginalWithoutFile { path: PathBuf },
     #[error("{}: this is no bank; give the folder that `texfold bank add` has written", path.display())]
     NoBank { path: PathBuf },
     #[error("{}: this cannot be in a bank; give images, or folders of images", path.display())]

@@ -1,6 +1,6 @@
 //! Texfold's command line as a library: files, batches, reports.
 //!
-//! The binary `texfold` and `cargo xtask` run the same commands: compress, decompress, info, render, compare and bank.
+//! The binary `texfold` and `cargo xtask` run the same commands: compress, decompress, info, view, render, compare and bank.
 //! Each has a folder of its own; what they share lies beside: finding and reading inputs, writing files whole or not
 //! at all, reports, and exit codes.
 //!
@@ -26,6 +26,7 @@ mod report;
 mod run;
 mod settings;
 mod thumbnail;
+mod view;
 
 pub use bank_command::{BankCommand, ExtractArgs, ListArgs};
 pub use compare::{CompareArgs, astc_by_astcenc};
@@ -40,3 +41,4 @@ pub use perceptual::ssimulacra2;
 pub use render::RenderArgs;
 pub use run::{Command, main, run};
 pub use settings::Kind;
+pub use view::ViewArgs;

@@ -7,8 +7,8 @@ use clap::Parser;
 use crate::console::complain;
 use crate::error::{CliError, explain};
 use crate::{
-    BankCommand, CompareArgs, CompressArgs, DecompressArgs, InfoArgs, RenderArgs, bank_command, compare,
-    compress, decompress, info, render,
+    BankCommand, CompareArgs, CompressArgs, DecompressArgs, InfoArgs, RenderArgs, ViewArgs, bank_command,
+    compare, compress, decompress, info, render, view,
 };
 
 /// Exit code: some inputs failed, the others are written.
@@ -26,6 +26,8 @@ pub enum Command {
     Decompress(DecompressArgs),
     /// Show what a .txf file holds.
     Info(InfoArgs),
+    /// Write a page that shows .txf files in a browser.
+    View(ViewArgs),
     /// Draw a light field as cameras see it, or a zoom into an image.
     Render(RenderArgs),
     /// Keep large images in tiles that share codebooks, and add to them over time.
@@ -56,6 +58,7 @@ pub fn run(command: Command) -> ExitCode {
         Command::Compress(args) => compress::run(*args),
         Command::Decompress(args) => decompress::run(&args),
         Command::Info(args) => info::run(&args),
+        Command::View(args) => view::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Bank(command) => bank_command::run(command),
         Command::Compare(args) => compare::run(&args),

@@ -138,14 +138,20 @@ function writeSteps(units: number, slope: number, plane: number, fraction: numbe
 
 /** First byte of the streams of a superblock. */
 function startOf(index: Uint32Array, width: number, number: number): number {
-  const group = Math.floor(number / GROUP) * (width + 1);
-  let start = index[group] ?? 0;
-  for (let bit = 0, end = (number % GROUP) * width; bit < end; bit += width) {
-    const at = group + 1 + (bit >> 5), low = bit & 31;
-    const word = ((index[at] ?? 0) >>> low) | ((index[at + 1] ?? 0) << 1 << (31 - low));
-    start += word & (2 ** width - 1);
+  const first = Math.floor(number / GROUP);
+  let start = index[first * (width + 1)] ?? 0;
+  for (let before = first * GROUP; before < number; before++) {
+    start += lengthOf(index, width, before);
   }
   return start;
+}
+
+/** Bytes of the stream of a superblock, by an index with lengths of `width` bits. */
+export function lengthOf(index: Uint32Array, width: number, number: number): number {
+  const bit = (number % GROUP) * width, low = bit & 31;
+  const at = Math.floor(number / GROUP) * (width + 1) + 1 + (bit >> 5);
+  const word = ((index[at] ?? 0) >>> low) | ((index[at + 1] ?? 0) << 1 << (31 - low));
+  return word & (2 ** width - 1);
 }
 
 /** A texture that is read but for the streams of its finest plane. */
@@ -275,10 +281,9 @@ export function readWholeBlocks(file: Sections, number: number, layout: Layout, 
   return blocks;
 }
 
-export const dct: Codec = images((file, layout, budget) => {
-  const { blocks, layers } = readBlocks(file, 0, layout, budget);
+/** The form of images whose texels are plain ones of four channels: decoded from blocks, or given as they are. */
+export function plainForm(layout: Pick<Layout, "images" | "levels">, blocks: Blocks[]): Form {
   const uniforms = new Uniforms();
-  // Plain texels of four channels.
   const { swizzle } = formatsOf("raw", { channels: 4, colour: "srgb" });
   const form: Form = { module: "bc", planes: [], uniforms: new Uint8Array(0), images: [], blocks };
   layout.images.forEach(({ width, height }, image) => {
@@ -286,5 +291,10 @@ export const dct: Codec = images((file, layout, budget) => {
     form.images.push({ planes: [image, image], uniforms: range, image: 0 });
   });
   form.uniforms = uniforms.bytes();
-  return { form, layers };
+  return form;
+}
+
+export const dct: Codec = images((file, layout, budget) => {
+  const { blocks, layers } = readBlocks(file, 0, layout, budget);
+  return { form: plainForm(layout, blocks), layers };
 });

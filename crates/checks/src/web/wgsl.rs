@@ -157,7 +157,7 @@ mod tests {
         let text = "// A comment.\nfn texfold_bc_sample(uv: vec2<f32>) -> u32 {\n    // Another.\n    let length_of = 2u;\n    return texfold_x(a - -b, length_of,\n    );\n}\n";
         let names = short_names([text].into_iter());
         assert_eq!(names.len(), 2);
-        let expected = "fn texfold_bc_sample(uv:vec2<f32>)->u32{let T1=2u;return T0(a- -b,T1);}\n";
+        let expected = "fn texfold_bc_sample(uv:vec2<f32>)->u32{let T0=2u;return T1(a- -b,T0);}\n";
         assert_eq!(short(text, &names), expected);
     }
 }

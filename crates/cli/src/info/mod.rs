@@ -5,6 +5,8 @@ mod part_images;
 
 use std::path::{Path, PathBuf};
 
+pub(crate) use part_images::read_original;
+
 use serde::Serialize;
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
 use texfold_core::{Encoded, Image2d};

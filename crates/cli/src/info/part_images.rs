@@ -53,7 +53,7 @@ pub(crate) fn write(
 }
 
 /// The images of a file or folder, as `compress` reads them.
-fn read_original(original: &Path, images: usize) -> Result<Vec<Raster>, CliError> {
+pub(crate) fn read_original(original: &Path, images: usize) -> Result<Vec<Raster>, CliError> {
     let settings = Options::default().resolve(original)?;
     let mut files: Vec<PathBuf> = Vec::new();
     for found in find(&[original.to_owned()], |_| None) {

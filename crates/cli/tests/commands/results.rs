@@ -2,6 +2,8 @@
 
 use std::fs;
 
+use base64::prelude::{BASE64_STANDARD, Engine};
+
 use crate::support::{Place, fixture, names, psnr};
 
 #[test]
@@ -363,4 +365,38 @@ fn a_base_with_errors_is_compressed_told_and_decoded() {
     assert_eq!((whole.0, whole.1), (base.0, base.1));
     assert!(whole.2 != base.2);
     assert_eq!(place.samples("small/a.png").0, whole.0 / 8);
+}
+
+#[test]
+fn a_page_holds_files_their_originals_and_stills() {
+    let place = Place::new();
+    place.image("in/a \"quote\" <b>.png", 40, 30, 4);
+    place.image("in/b.png", 600, 20, 1);
+    place.compress("in --as image --out out --codec dct --bpp 2 --effort fast");
+    let run = place.run("view out/*.txf --out view.html --original in");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let page = fs::read_to_string(place.at("view.html")).unwrap();
+    let (_, rest) = page.split_once("<script type=\"application/json\" id=\"data\">").unwrap();
+    let (data, rest) = rest.split_once("</script>").unwrap();
+    assert!(rest.contains("requestAdapter"), "the page draws by itself");
+    let items: serde_json::Value = serde_json::from_str(data).unwrap();
+    let items = items.as_array().unwrap();
+    assert_eq!(items[0]["name"], "a \"quote\" <b>.txf");
+    let files: Vec<_> = names(&place.at("out")).into_iter().filter(|name| name.ends_with(".txf")).collect();
+    assert_eq!(items.len(), files.len());
+    for (item, name) in items.iter().zip(files) {
+        let bytes = |text: &serde_json::Value| BASE64_STANDARD.decode(text.as_str().unwrap()).unwrap();
+        assert!(bytes(&item["data"]) == fs::read(place.at("out").join(name)).unwrap());
+        let still = image::load_from_memory(&bytes(&item["still"])).unwrap();
+        assert!(still.width() <= 512 && still.height() <= 512);
+    }
+    let first = BASE64_STANDARD.decode(items[0]["originals"][0].as_str().unwrap()).unwrap();
+    assert_eq!(image::load_from_memory(&first).unwrap().to_rgba8().dimensions(), (40, 30));
+    assert_eq!(items[1]["originals"].as_array().map(Vec::len), Some(0));
+    let run = place.run("view out/b.txf --out more.html --original in --original in");
+    assert_eq!(run.code, Some(1));
+    assert!(run.stderr.contains("more originals than files; give one for each file"), "{}", run.stderr);
+    fs::write(place.at("cut.txf"), &fs::read(place.at("out/b.txf")).unwrap()[..100]).unwrap();
+    let run = place.run("view cut.txf --out cut.html");
+    assert_eq!((run.code, place.at("cut.html").exists()), (Some(1), false), "{}", run.stderr);
 }

@@ -1,0 +1,144 @@
+//! `view`: a page that shows `.txf` files in a browser, by the package under web/.
+
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+
+use base64::prelude::{BASE64_STANDARD, Engine};
+use glam::Vec3;
+use serde::Serialize;
+use texfold::AnyTexture;
+use texfold_core::image::Raster;
+use texfold_core::{Encoded, Image2d, Mesh, Rect, Texel};
+
+use crate::console::{complain, say};
+use crate::error::{CliError, explain, guarded};
+use crate::info::read_original;
+use crate::input::find::expand_all;
+use crate::output::write_whole;
+use crate::png;
+
+/// The page; `npm run build` in web/ writes it.
+const PAGE: &str = include_str!("page.html");
+/// What stands in the page for the files.
+const DATA: &str = "@DATA@";
+/// Largest side of a picture for browsers that cannot draw the texture.
+const STILL_SIDE: u32 = 512;
+
+/// Arguments of `view`.
+#[derive(Debug, clap::Args)]
+pub struct ViewArgs {
+    /// .txf files.
+    #[arg(value_name = "FILE.txf", required = true)]
+    files: Vec<PathBuf>,
+    /// The page to write: it holds the files and needs nothing else.
+    #[arg(long, value_name = "PAGE.html")]
+    out: PathBuf,
+    /// The image or folder that a file was made from, once for each file in their order: also show originals and errors.
+    #[arg(long, value_name = "INPUT")]
+    original: Vec<PathBuf>,
+}
+
+/// A file as the page takes it.
+#[derive(Debug, Serialize)]
+struct Item {
+    name: String,
+    /// All in base 64: the file, PNGs of the images that it was made from, a PNG of a part of it.
+    data: String,
+    originals: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    still: Option<String>,
+    /// Of a light field's mesh.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sphere: Option<Sphere>,
+}
+
+/// A sphere around a mesh.
+#[derive(Debug, Serialize)]
+struct Sphere {
+    centre: [f32; 3],
+    radius: f32,
+}
+
+/// Runs the command; the number of files that are not in the page.
+pub(crate) fn run(args: &ViewArgs) -> Result<usize, CliError> {
+    let mut originals: VecDeque<&PathBuf> = args.original.iter().collect();
+    let (mut items, mut failed) = (Vec::new(), 0);
+    for path in expand_all(&args.files) {
+        let original = originals.pop_front();
+        let read = path.and_then(|path| guarded(&path, || item(&path, original.map(PathBuf::as_path))));
+        match read {
+            Ok(item) => items.push(item),
+            Err(error) => {
+                complain(&explain(&error));
+                failed += 1;
+            }
+        }
+    }
+    if let Some(path) = originals.front() {
+        return Err(CliError::OriginalWithoutFile { path: (*path).clone() });
+    }
+    if items.is_empty() {
+        return Ok(failed);
+    }
+    let page = page(&items).map_err(|source| CliError::Write { path: args.out.clone(), source })?;
+    write_whole(&args.out, page.as_bytes())?;
+    say(&format!("wrote {}", args.out.display()));
+    Ok(failed)
+}
+
+/// The page with these files.
+fn page(items: &[Item]) -> std::io::Result<String> {
+    let data = serde_json::to_string(items)?;
+    // Nothing in a name ends the element that holds the data.
+    Ok(PAGE.replace(DATA, &data.replace('<', "\\u003c")))
+}
+
+/// Reads a file and all that the page shows of it.
+fn item(path: &Path, original: Option<&Path>) -> Result<Item, CliError> {
+    if crate::bank::is_bank(path) {
+        return Err(CliError::IsBank { path: path.to_owned() });
+    }
+    let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let texture = texfold::open(&bytes).map_err(|source| CliError::Load { path: path.to_owned(), source })?;
+    let encode = |raster: &Raster| {
+        let fault = |source| CliError::Draw { path: path.to_owned(), source: Box::new(source) };
+        png::encode(raster).map(|png| BASE64_STANDARD.encode(png)).map_err(fault)
+    };
+    let (mut originals, mut picture, mut around) = (Vec::new(), None, None);
+    match &texture {
+        AnyTexture::Image(image) => {
+            let encoded = image.as_encoded();
+            picture = still(encoded).as_ref().map(encode).transpose()?;
+            if let Some(original) = original {
+                let images = read_original(original, encoded.layout().images.len())?;
+                originals = images.iter().map(encode).collect::<Result<_, _>>()?;
+            }
+        }
+        AnyTexture::Light(light) => around = Some(sphere(light.mesh())),
+    }
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    Ok(Item { name, data: BASE64_STANDARD.encode(&bytes), originals, still: picture, sphere: around })
+}
+
+/// The middle of the first image, of the mip level that fits best.
+fn still(encoded: &dyn Encoded<Domain = Image2d>) -> Option<Raster> {
+    let layout = encoded.layout();
+    let size = layout.images.first()?;
+    let fitting = (size.width.max(size.height) / STILL_SIDE).checked_ilog2().unwrap_or(0);
+    let level = fitting.min(layout.levels - 1);
+    let size = size.at_level(level);
+    let (width, height) = (size.width.min(STILL_SIDE), size.height.min(STILL_SIDE));
+    let (x, y) = ((size.width - width) / 2, (size.height - height) / 2);
+    let mut texels = vec![Texel::ZERO; width as usize * height as usize];
+    encoded.decode(Rect { image: 0, level, x, y, width, height }, &mut texels).ok()?;
+    Raster::from_texels(width, height, layout.pixel, &texels).ok()
+}
+
+/// A sphere around the vertices of a mesh: around the middle of the box that holds them.
+fn sphere(mesh: &Mesh) -> Sphere {
+    let low = mesh.positions.iter().copied().reduce(Vec3::min).unwrap_or_default();
+    let high = mesh.positions.iter().copied().reduce(Vec3::max).unwrap_or_default();
+    let centre = (low + high) / 2.0;
+    let radius = mesh.positions.iter().map(|place| place.distance(centre)).fold(0.0, f32::max);
+    Sphere { centre: centre.to_array(), radius: radius.max(f32::MIN_POSITIVE) }
+}

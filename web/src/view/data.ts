@@ -1,0 +1,36 @@
+// What the command `texfold view` writes into the page.
+
+/** One file. */
+export interface Item {
+  name: string;
+  /** The file, in base 64. */
+  data: string;
+  /** The images that it was made from, PNGs in base 64; none where they are not given. */
+  originals: string[];
+  /** A picture of it for browsers without WebGPU, a PNG in base 64. */
+  still?: string;
+  /** Around the mesh of a light field. */
+  sphere?: { centre: [number, number, number]; radius: number };
+}
+
+/** All files. */
+export function readItems(): Item[] {
+  return JSON.parse(document.getElementById("data")!.textContent!) as Item[];
+}
+
+export function bytesOf(base64: string): Uint8Array<ArrayBuffer> {
+  return Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+}
+
+/** An element of the page. */
+export const element = <T extends HTMLElement>(id: string): T => document.getElementById(id) as T;
+
+/** Makes an element with attributes and children. */
+export function make(tag: string, attributes: Record<string, string> = {}, ...children: (Node | string)[]): HTMLElement {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    made.setAttribute(name, value);
+  }
+  made.append(...children);
+  return made;
+}

@@ -1,0 +1,55 @@
+// What the page tells of a file.
+
+import type { Texture } from "../index.js";
+import { element, make } from "./data.js";
+
+/** Bytes as a person reads them. */
+export function sized(bytes: number): string {
+  const units = ["bytes", "kB", "MB", "GB"];
+  const power = bytes < 1000 ? 0 : Math.min(3, Math.floor(Math.log10(bytes) / 3));
+  const value = bytes / 1000 ** power;
+  return `${power === 0 ? value : value.toPrecision(3)} ${units[power]}`;
+}
+
+function table(rows: [string, string][]): HTMLElement {
+  return make("table", {}, ...rows.map(([name, value]) => make("tr", {}, make("td", {}, name), make("td", {}, value))));
+}
+
+/** A size with a bar as long as its share of the largest. */
+function bar(name: string, bytes: number, most: number): HTMLElement[] {
+  const width = `${((100 * bytes) / most).toFixed(2)}%`;
+  return [table([[name, sized(bytes)]]), make("div", { class: "bar", style: `width:${width}` })];
+}
+
+/** Fills the panel. */
+export function showFacts(texture: Texture, residentBytes: number): void {
+  const { layout, notes, form, layers } = texture;
+  const rows: [string, string][] = [["Codec", texture.codec]];
+  let texels = 0;
+  if (layout) {
+    const [first] = layout.images;
+    texels = layout.images.reduce((sum, { width, height }) => sum + width * height, 0);
+    rows.push(["Images", layout.images.length === 1 ? `${first!.width} x ${first!.height}` : `${layout.images.length}`]);
+    rows.push(["Mip levels", `${layout.levels}`], ["Channels", `${layout.channels} of ${layout.depth} bits, ${layout.colour}`]);
+    rows.push(["Bits a texel in memory", ((8 * texture.compressedBytes) / texels).toFixed(2)]);
+  }
+  rows.push(["Read", form.blocks.length > 0 ? "by block" : "by texel"]);
+  if (layers[1] > 1) {
+    rows.push([layout ? "Layers" : "Mean and terms", `${layers[0]} of ${layers[1]}`]);
+  }
+  const sizes: [string, number][] = [["On disk", texture.fileBytes], ["Compressed in memory", texture.compressedBytes], ["As drawn here", residentBytes]];
+  if (texture.plainBytes > 0) {
+    sizes.push(["As plain RGBA with mips", texture.plainBytes]);
+  }
+  const most = Math.max(...sizes.map(([, bytes]) => bytes));
+  const children: (HTMLElement | string)[] = [table(rows), make("h2", {}, "Size"), ...sizes.flatMap(([name, bytes]) => bar(name, bytes, most))];
+  if (notes.settings || notes.verdict) {
+    children.push(make("h2", {}, "Settings"), make("p", {}, notes.settings), make("p", {}, notes.verdict));
+  }
+  if (notes.psnrWithout.length > 0) {
+    const parts = notes.psnrWithout.map(([name, psnr]): [string, string] => [name, `${psnr.toFixed(2)} dB`]);
+    children.push(make("h2", {}, "PSNR without a part"), table(parts));
+  }
+  children.push(make("p", { class: "hint" }, layout ? "Drag, wheel or pinch; arrows, + and -, 0 fits, 1 shows texels as pixels." : "Drag to turn, wheel or pinch to come nearer."));
+  element("facts").replaceChildren(...children);
+}

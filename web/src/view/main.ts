@@ -1,0 +1,307 @@
+// The page that `texfold view` writes: shows textures, their errors, where their bits are.
+
+import { Gpu, GpuError, type GpuTexture, LoadError, open, type Texture, type View } from "../index.js";
+import { superblocksOf } from "../superblocks.js";
+import { Orbit, Window } from "./camera.js";
+import { Difference } from "./compare.js";
+import { bytesOf, element, type Item, make, readItems } from "./data.js";
+import { showFacts } from "./facts.js";
+import { listen } from "./input.js";
+
+type Mode = "decoded" | "original" | "split" | "error";
+const MODES: [Mode, string][] = [["decoded", "Decoded"], ["original", "Original"], ["split", "Side by side"], ["error", "Error x8"]];
+
+/** What is shown of one file. */
+interface Shown {
+  texture: Texture;
+  drawn: GpuTexture;
+  /** One for each image, or none. */
+  originals: GpuTexture[];
+  window: Window;
+  orbit: Orbit | null;
+}
+
+class Page {
+  private readonly canvas = element<HTMLCanvasElement>("view");
+  private readonly map = element<HTMLCanvasElement>("map");
+  private readonly context: GPUCanvasContext;
+  private readonly difference: Difference;
+  private readonly format = navigator.gpu.getPreferredCanvasFormat();
+  private shown: Shown | null = null;
+  private mode: Mode = "decoded";
+  private image = 0;
+  private level = -1;
+  private terms = 8;
+  private bits = false;
+  private split = 0.5;
+  private isWanted = false;
+  private isDrawing = false;
+  /** Frames that were drawn. */
+  frames = 0;
+
+  constructor(private readonly gpu: Gpu, private readonly items: Item[]) {
+    this.context = this.canvas.getContext("webgpu") as GPUCanvasContext;
+    this.context.configure({ device: gpu.device, format: this.format, alphaMode: "opaque", usage: GPUTextureUsage.RENDER_ATTACHMENT | GPUTextureUsage.COPY_DST });
+    this.difference = new Difference(gpu.device, this.format);
+    listen(this.canvas, {
+      move: (across, down) => this.change((shown) => (shown.orbit ?? shown.window).move(across, down)),
+      zoom: (factor, at) => this.change((shown) => (shown.orbit ?? shown.window).zoom(factor, at)),
+      key: (key) => this.key(key),
+    });
+    this.dragSplit();
+    new ResizeObserver(() => this.resize()).observe(element("stage"));
+  }
+
+  private change(change: (shown: Shown) => void): void {
+    if (this.shown) {
+      change(this.shown);
+      this.want();
+    }
+  }
+
+  private key(key: string): boolean {
+    if (key !== "0" && key !== "1") {
+      return false;
+    }
+    this.change(({ window }) => {
+      if (key === "0") {
+        this.fit();
+      } else {
+        window.zoom(1 / window.scale, { x: this.canvas.width / 2, y: this.canvas.height / 2 });
+      }
+    });
+    return true;
+  }
+
+  private dragSplit(): void {
+    const line = element("split");
+    line.addEventListener("pointerdown", (event) => line.setPointerCapture(event.pointerId));
+    line.addEventListener("pointermove", (event) => {
+      if (line.hasPointerCapture(event.pointerId)) {
+        const { left, width } = this.canvas.getBoundingClientRect();
+        this.split = Math.min(1, Math.max(0, (event.clientX - left) / width));
+        this.want();
+      }
+    });
+  }
+
+  private resize(): void {
+    const limit = this.gpu.device.limits.maxTextureDimension2D;
+    for (const canvas of [this.canvas, this.map]) {
+      canvas.width = Math.min(limit, Math.max(1, Math.round(canvas.clientWidth * devicePixelRatio)));
+      canvas.height = Math.min(limit, Math.max(1, Math.round(canvas.clientHeight * devicePixelRatio)));
+    }
+    this.want();
+  }
+
+  /** Loads and shows a file. */
+  async show(item: Item): Promise<void> {
+    const texture = await open(bytesOf(item.data));
+    const drawn = await this.gpu.upload(texture);
+    const originals = await Promise.all(item.originals.map((data) => this.original(data)));
+    this.shown?.drawn.destroy();
+    this.shown?.originals.forEach((original) => original.destroy());
+    const { centre, radius } = item.sphere ?? { centre: [0, 0, 0], radius: 1 };
+    const orbit = texture.layout ? null : new Orbit(centre, radius);
+    this.shown = { texture, drawn, originals, window: new Window(), orbit };
+    [this.mode, this.image, this.level, this.bits] = ["decoded", 0, -1, false];
+    this.terms = texture.layers[0] - 1;
+    element("name").textContent = item.name;
+    document.title = `${item.name} – Texfold`;
+    showFacts(texture, drawn.residentBytes);
+    this.choices(item);
+    this.resize();
+    this.fit();
+    this.want();
+  }
+
+  private async original(data: string): Promise<GpuTexture> {
+    const blob = new Blob([bytesOf(data)], { type: "image/png" });
+    const image = await createImageBitmap(blob, { colorSpaceConversion: "none", premultiplyAlpha: "none" });
+    return this.gpu.uploadImage(image);
+  }
+
+  private fit(): void {
+    const size = this.shown?.texture.layout?.images[this.image];
+    if (size) {
+      this.shown!.window.fit(size.width, size.height, this.canvas);
+    }
+  }
+
+  /** Files, modes, images, mip levels, terms. */
+  private choices(item: Item): void {
+    const { texture, originals } = this.shown!, children: HTMLElement[] = [];
+    const select = (label: string, names: string[], chosen: number, choose: (number: number) => void): void => {
+      const options = names.map((name, number) => make("option", { value: `${number}`, ...(number === chosen ? { selected: "" } : {}) }, name));
+      const box = make("select", {}, ...options) as HTMLSelectElement;
+      box.addEventListener("change", () => choose(Number(box.value)));
+      children.push(make("label", {}, label, box));
+    };
+    if (this.items.length > 1) {
+      select("File", this.items.map(({ name }) => name), this.items.indexOf(item), (number) => void this.tryShow(this.items[number]!));
+    }
+    const modes = MODES.filter(([mode]) => mode === "decoded" || originals.length > 0);
+    if (modes.length > 1) {
+      const buttons = modes.map(([mode, name]) => {
+        const button = make("button", { type: "button", "aria-pressed": `${mode === this.mode}` }, name);
+        button.addEventListener("click", () => {
+          this.mode = mode;
+          buttons.forEach((other) => other.setAttribute("aria-pressed", `${other === button}`));
+          this.want();
+        });
+        return button;
+      });
+      children.push(make("div", { class: "modes" }, ...buttons));
+    }
+    const { layout } = texture;
+    if (layout && layout.images.length > 1) {
+      select("Image", layout.images.map(({ width, height }, number) => `${number}: ${width} x ${height}`), 0, (number) => {
+        this.image = number;
+        this.fit();
+        this.want();
+      });
+    }
+    if (layout && layout.levels > 1) {
+      const names = ["that fits", ...Array.from({ length: layout.levels }, (_, level) => `${level}`)];
+      select("Mip level", names, 0, (number) => {
+        this.level = number - 1;
+        this.want();
+      });
+    }
+    if (!layout && this.terms > 0) {
+      select("Terms", Array.from({ length: this.terms + 1 }, (_, terms) => (terms === 0 ? "mean alone" : `${terms}`)), this.terms, (number) => {
+        this.terms = number;
+        this.want();
+      });
+    }
+    if (texture.codec === "dct") {
+      const box = make("input", { type: "checkbox" }) as HTMLInputElement;
+      box.addEventListener("change", () => {
+        this.bits = box.checked;
+        this.want();
+      });
+      children.push(make("label", {}, "Map of bits", box));
+    }
+    element("choices").replaceChildren(...children);
+  }
+
+  /** Draws in the next frame. */
+  private want(): void {
+    this.isWanted = true;
+    if (!this.isDrawing) {
+      this.isDrawing = true;
+      requestAnimationFrame(() => void this.frame());
+    }
+  }
+
+  private async frame(): Promise<void> {
+    this.isWanted = false;
+    if (this.shown) {
+      await this.draw(this.shown);
+      this.frames++;
+    }
+    this.isDrawing = false;
+    if (this.isWanted) {
+      this.want();
+    }
+  }
+
+  private async draw(shown: Shown): Promise<void> {
+    const { gpu, canvas } = this, { drawn, window, orbit } = shown;
+    const original = shown.originals[this.image];
+    const isSplit = this.mode === "split" && original !== undefined;
+    const line = element("split");
+    line.hidden = !isSplit;
+    line.style.left = `${100 * this.split}%`;
+    const ground = matchMedia("(prefers-color-scheme: dark)").matches ? 0.09 : 0.957;
+    const background: [number, number, number] = [ground, ground, ground];
+    if (orbit) {
+      const viewProjection = orbit.viewProjection(canvas.width, canvas.height);
+      await gpu.drawLight(drawn, this.context, { viewProjection, eye: orbit.eye, terms: this.terms, background });
+      return;
+    }
+    const { x, y, scale } = window;
+    const view: View = { image: this.image, x, y, scale, background };
+    if (this.level >= 0) {
+      view.level = this.level;
+    }
+    if (scale >= 2) {
+      view.nearest = true;
+    }
+    const plain: View = { ...view, image: 0, level: 0 };
+    if (this.mode === "error" && original) {
+      const [one, other] = this.difference.targets(canvas.width, canvas.height);
+      await gpu.draw(drawn, one, view);
+      await gpu.draw(original, other, plain);
+      this.difference.draw(this.context.getCurrentTexture());
+    } else if (this.mode === "original" && original) {
+      await gpu.draw(original, this.context, plain);
+    } else if (isSplit) {
+      // In a picture of its own: a canvas's texture lasts for a frame, pipelines may take longer to be made.
+      const [picture] = this.difference.targets(canvas.width, canvas.height);
+      await gpu.draw(original, picture, plain);
+      await gpu.draw(drawn, picture, { ...view, from: Math.max(1, Math.round(this.split * canvas.width)) });
+      const encoder = gpu.device.createCommandEncoder();
+      encoder.copyTextureToTexture({ texture: picture }, { texture: this.context.getCurrentTexture() }, [canvas.width, canvas.height]);
+      gpu.device.queue.submit([encoder.finish()]);
+    } else {
+      await gpu.draw(drawn, this.context, view);
+    }
+    this.drawMap(shown);
+  }
+
+  /** Superblocks from few bytes (clear) to the most of the image (red). */
+  private drawMap({ texture, window }: Shown): void {
+    const context = this.map.getContext("2d")!;
+    context.clearRect(0, 0, this.map.width, this.map.height);
+    const stage = texture.form.blocks.find(({ image, level }) => image === this.image && level === 0);
+    if (!this.bits || !stage) {
+      return;
+    }
+    const { columns, rows, side, bytes } = superblocksOf(stage), most = Math.max(1, ...bytes), { x, y, scale } = window;
+    const first = (at: number): number => Math.max(0, Math.floor(at / side));
+    for (let row = first(y); row < rows && (row * side - y) * scale < this.map.height; row++) {
+      for (let column = first(x); column < columns && (column * side - x) * scale < this.map.width; column++) {
+        const share = bytes[row * columns + column]! / most;
+        context.fillStyle = `hsl(${60 - 60 * share} 100% 50% / ${0.75 * Math.sqrt(share)})`;
+        context.fillRect((column * side - x) * scale, (row * side - y) * scale, side * scale, side * scale);
+      }
+    }
+  }
+
+  /** Shows a file, or why it cannot be shown. */
+  async tryShow(item: Item): Promise<void> {
+    try {
+      element("still").hidden = true;
+      await this.show(item);
+    } catch (error) {
+      if (!(error instanceof LoadError || error instanceof GpuError)) {
+        throw error;
+      }
+      showStill(item, error.message);
+    }
+  }
+}
+
+/** A picture in the place of the texture, and why. */
+function showStill(item: Item, why: string): void {
+  const picture = item.still ? [make("img", { src: `data:image/png;base64,${item.still}`, alt: item.name })] : [];
+  element("name").textContent = item.name;
+  element("still").replaceChildren(...picture, make("p", {}, why));
+  element("still").hidden = false;
+}
+
+const items = readItems();
+try {
+  const gpu = await Gpu.create();
+  void gpu.device.lost.then(({ message }) => showStill(items[0]!, `the GPU was lost; load the page again. ${message}`));
+  const page = new Page(gpu, items);
+  Object.assign(globalThis, { page });
+  await page.tryShow(items[0]!);
+} catch (error) {
+  if (!(error instanceof GpuError)) {
+    throw error;
+  }
+  showStill(items[0]!, error.message);
+  showFacts(await open(bytesOf(items[0]!.data)), 0);
+}

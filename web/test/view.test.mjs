@@ -1,0 +1,110 @@
+import assert from "node:assert/strict";
+import { createHash } from "node:crypto";
+import { readFileSync } from "node:fs";
+import { createServer } from "node:http";
+import { after, before, test } from "node:test";
+import { launch, open } from "./browser.mjs";
+import { read } from "./support.mjs";
+
+const browser = await launch();
+const options = { skip: browser ? false : "no Chromium here" };
+const base64 = (bytes) => Buffer.from(bytes).toString("base64");
+const image = (name) => base64(readFileSync(new URL(`../../fixtures/golden/${name}`, import.meta.url)));
+const name = "a \"leaf\" </script> é.txf";
+const items = [
+  { name, data: base64(read("dct_alpha.txf")), originals: [image("dct_alpha.png")], still: image("dct_alpha-level1.png") },
+  { name: "ball.txf", data: base64(read("lightfield_block.txf")), originals: [], sphere: { centre: [0, 0, 0], radius: 1 } },
+  { name: "zoom.txf", data: base64(read("zipmap_block.txf")), originals: [] },
+  { name: "broken.txf", data: base64(read("dct.txf").subarray(0, 300)), originals: [], still: image("dct.png") },
+];
+
+/** The page with these files, as the program writes it. */
+function page(files) {
+  const text = readFileSync(new URL("../../crates/cli/src/view/page.html", import.meta.url), "utf8");
+  return text.replace("@DATA@", () => JSON.stringify(files).replaceAll("<", "\\u003c"));
+}
+
+let server, url;
+before(async () => {
+  server = createServer((_, response) => response.writeHead(200, { "content-type": "text/html" }).end(page(items)));
+  await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
+  url = `http://127.0.0.1:${server.address().port}/`;
+});
+after(async () => {
+  await browser?.close();
+  server.close();
+});
+
+/** Waits until something was drawn since `frames`. */
+const drawn = (page, frames) => page.waitForFunction((frames) => globalThis.page?.frames > frames, frames, { timeout: 60_000 });
+const frames = (page) => page.evaluate(() => globalThis.page?.frames ?? 0);
+
+/** Does something and gives the pixels of the stage that come of it. */
+async function shot(page, act) {
+  const before = await frames(page);
+  await act();
+  await drawn(page, before);
+  return picture(page);
+}
+
+/** What the stage shows, as a hash. */
+async function picture(page) {
+  return createHash("sha1").update(await page.locator("#stage").screenshot()).digest("hex");
+}
+
+for (const [width, height, colorScheme] of [[1400, 900, "light"], [400, 800, "dark"]]) {
+  test(`files are shown at ${width} pixels, ${colorScheme}`, options, async () => {
+    const { page, faults } = await open(browser, url, { viewport: { width, height }, colorScheme });
+    await drawn(page, 0);
+    assert.equal(await page.locator("h1").textContent(), name);
+    await page.locator("#view").focus();
+    const pictures = [await picture(page)];
+    for (const mode of ["Side by side", "Error x8"]) {
+      pictures.push(await shot(page, () => page.getByRole("button", { name: mode }).click()));
+    }
+    await shot(page, () => page.getByRole("button", { name: "Decoded" }).click());
+    pictures.push(await shot(page, () => page.getByLabel("Map of bits").check()));
+    await shot(page, () => page.getByLabel("Map of bits").uncheck());
+    await page.locator("#view").press("Shift");
+    pictures.push(await shot(page, () => page.locator("#view").press("+")));
+    pictures.push(await shot(page, () => page.locator("#view").press("ArrowLeft")));
+    assert.equal(await shot(page, () => page.locator("#view").press("0")), pictures[0], "0 shows the whole image again");
+    pictures.push(await shot(page, () => page.getByLabel("Mip level").selectOption("6")));
+    for (const file of ["1", "2"]) {
+      pictures.push(await shot(page, () => page.getByLabel("File").selectOption(file)));
+      pictures.push(await shot(page, async () => {
+        const { x, y } = await page.locator("#view").boundingBox();
+        await page.mouse.move(x + 150, y + 150);
+        await page.mouse.down();
+        await page.mouse.move(x + 220, y + 180);
+        await page.mouse.up();
+      }));
+    }
+    assert.equal(new Set(pictures).size, pictures.length, "pictures that should differ are the same");
+    const sideways = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+    assert.ok(sideways <= 0, "the page is wider than its window");
+    assert.deepEqual(faults, []);
+    await page.close();
+  });
+}
+
+test("a file that cannot be read is told, and shown as a picture", options, async () => {
+  const { page, faults } = await open(browser, url);
+  await drawn(page, 0);
+  await page.getByLabel("File").selectOption("3");
+  await page.getByText("fetch the rest of it").waitFor();
+  assert.equal(await page.locator("#still img").count(), 1);
+  assert.deepEqual(faults, []);
+  await page.close();
+});
+
+test("without WebGPU a picture and the reason are shown", options, async () => {
+  const context = await browser.newContext();
+  await context.addInitScript(() => Object.defineProperty(Navigator.prototype, "gpu", { value: undefined }));
+  const page = await context.newPage();
+  await page.goto(url);
+  await page.getByText("no WebGPU here").waitFor();
+  assert.equal(await page.locator("#still img").count(), 1);
+  assert.match(await page.locator("#facts").textContent(), /Bits a texel in memory/);
+  await context.close();
+});

@@ -1,12 +1,14 @@
 // Textures in blocks of variable length, decoded by compute passes into plain textures: the counterpart of `texfold_gpu::DctDecoder`.
 
 import type { BlockLayout, Blocks, Channel } from "./form.js";
-import { levelsOf, PASS_WORDS, type Plan, plansOf, type Rect, reduced } from "./plan.js";
+import { levelsOf, MAX_SCRATCH, PASS_WORDS, type Plan, plansOf, type Rect, reduced } from "./plan.js";
 import { blocks as blockShader } from "./shaders.js";
 
 /** Distance of the passes' parameters in their buffer: what every device allows. */
 const PASS_STRIDE = 256;
 const OUTPUT_WORDS = 36;
+/** Bytes of scratch memory of a part that is decoded between two frames: some 300,000 texels of three axes. */
+const PART_SCRATCH = 4 << 20;
 const STREAMS = 32;
 const BLOCKS = 64;
 const TEXELS = 8;
@@ -85,15 +87,18 @@ export class Decoder {
     return { layout, pipeline };
   }
 
-  /** Decodes a texture in blocks and the levels that are made of it into `texture`, from its mip level and row on. */
-  async decode(blocks: Blocks, texture: GPUTexture): Promise<void> {
+  /**
+   * Decodes a texture in blocks and the levels that are made of it into `texture`, from its mip level and row on. In parts, each of which is
+   * done before the next begins, frames can be drawn in between.
+   */
+  async decode(blocks: Blocks, texture: GPUTexture, inParts: boolean): Promise<void> {
     const { device } = this, { layout } = blocks;
     const writer = await this.writer(targetOf(layout));
     const words = this.buffer(blocks.words, blocks.words.byteLength, GPUBufferUsage.STORAGE);
     // The shader reads bytes as parts of two words.
     const streams = this.buffer(blocks.streams, 4 * Math.ceil(blocks.streams.length / 4) + 8, GPUBufferUsage.STORAGE);
     const whole = { level: 0, x: 0, y: 0, ...layout.size };
-    for (const plan of plansOf(layout, whole)) {
+    for (const plan of plansOf(layout, whole, inParts ? PART_SCRATCH : MAX_SCRATCH)) {
       const encoder = device.createCommandEncoder();
       const held = this.passes(encoder, plan, words, streams);
       const pass = held.pass;
@@ -112,6 +117,9 @@ export class Decoder {
       pass.end();
       device.queue.submit([encoder.finish()]);
       [held.params, ...outputs].forEach((buffer) => buffer.destroy());
+      if (inParts) {
+        await device.queue.onSubmittedWorkDone();
+      }
     }
     words.destroy();
     streams.destroy();

@@ -75,6 +75,13 @@ const ROW_BYTES = 256;
 
 /** A texture on a GPU. */
 export class GpuTexture {
+  /** Resolves when all mip levels can be drawn. */
+  complete: Promise<void> = Promise.resolve();
+  /** Finest mip level of each image in blocks that can be drawn so far. */
+  readonly finest: number[] = [];
+  /** Whether `destroy` was called. */
+  isDestroyed = false;
+
   constructor(
     /** Sizes and mip levels of the images; null for a light field. */
     readonly layout: Pick<Layout, "images" | "levels"> | null,
@@ -93,8 +100,16 @@ export class GpuTexture {
 
   /** Frees what the GPU holds. */
   destroy(): void {
+    this.isDestroyed = true;
     this.owned.forEach((resource) => resource.destroy());
   }
+}
+
+/** An image in blocks: the stages of its mip levels, and the plain texture that they are decoded to. */
+interface Decoded {
+  stages: Blocks[];
+  texture: GPUTexture;
+  bytes: number;
 }
 
 /** A device, and the pipelines that were made on it. */
@@ -129,16 +144,17 @@ export class Gpu {
   }
 
   /**
-   * Uploads all planes of a texture. Images in blocks are decoded with all mip levels into plain textures.
+   * Uploads all planes of a texture. Images in blocks are decoded with all mip levels into plain textures. With `coarseFirst` the finest levels
+   * follow in parts, while coarser ones are drawn: `complete` tells when all are there.
    * @throws GpuError where the device cannot hold or sample it.
    */
-  async upload(texture: Texture): Promise<GpuTexture> {
+  async upload(texture: Texture, coarseFirst = false): Promise<GpuTexture> {
     const { form } = texture, module = modules[form.module]!;
     this.check(form);
     this.device.pushErrorScope("validation");
     this.device.pushErrorScope("out-of-memory");
     const planes = form.planes.map((plane) => this.plane(plane));
-    const decoded = await this.decodeAll(form.blocks);
+    const decoded = imagesOf(form.blocks).map((stages) => this.decodedOf(stages));
     const buffers: GPUBuffer[] = [];
     const groups = this.groups(module, form, [...planes, ...decoded.map(({ texture: made }) => made)], buffers);
     const faults = await Promise.all([this.device.popErrorScope(), this.device.popErrorScope()]);
@@ -149,7 +165,9 @@ export class Gpu {
     const bytes = decoded.reduce((sum, made) => sum + made.bytes, form.uniforms.length);
     const resident = form.planes.reduce((sum, plane) => sum + plane.data.length, bytes);
     const owned = [...planes, ...decoded.map(({ texture: made }) => made), ...buffers];
-    return new GpuTexture(texture.layout, form, module, constantsOf(module, form), groups, resident, buffers, owned);
+    const made = new GpuTexture(texture.layout, form, module, constantsOf(module, form), groups, resident, buffers, owned);
+    await this.decodeAll(made, decoded, coarseFirst);
+    return made;
   }
 
   /** A plain image, such as the one that a texture was made from, to be drawn like a texture: without mip levels. */
@@ -199,19 +217,30 @@ export class Gpu {
     return texture;
   }
 
-  /** Plain textures of the images in blocks, in the order of their numbers. */
-  private async decodeAll(all: Blocks[]): Promise<{ texture: GPUTexture; bytes: number }[]> {
+  /** Decodes all stages, the coarsest first; with `coarseFirst` those of level 0 in parts, behind the promise `complete`. */
+  private async decodeAll(made: GpuTexture, all: Decoded[], coarseFirst: boolean): Promise<void> {
     if (all.length === 0) {
-      return [];
+      return;
     }
     this.decoder ??= Decoder.create(this.device);
     const decoder = await this.decoder;
-    const images = new Map<number, Blocks[]>();
-    all.forEach((blocks) => images.set(blocks.image, [...(images.get(blocks.image) ?? []), blocks]));
-    return Promise.all([...images.values()].map((stages) => this.decodeImage(decoder, stages)));
+    const isLate = ({ stages }: Decoded, level: number): boolean => coarseFirst && level === 0 && stages.some((stage) => stage.level > 0);
+    const decode = async (late: boolean): Promise<void> => {
+      for (const [image, decoded] of all.entries()) {
+        for (const stage of decoded.stages.toReversed()) {
+          if (isLate(decoded, stage.level) === late && !made.isDestroyed) {
+            await decoder.decode(stage, decoded.texture, late);
+            made.finest[image] = stage.level;
+          }
+        }
+      }
+    };
+    await decode(false);
+    made.complete = decode(true);
   }
 
-  private async decodeImage(decoder: Decoder, stages: Blocks[]): Promise<{ texture: GPUTexture; bytes: number }> {
+  /** An empty texture for the stages of an image. */
+  private decodedOf(stages: Blocks[]): Decoded {
     const [first] = stages, { layout } = first!;
     const height = Math.max(...stages.filter(({ level }) => level === 0).map((stage) => stage.row + stage.layout.size.height));
     const size = { width: layout.size.width, height }, format = targetOf(layout);
@@ -223,15 +252,12 @@ export class Gpu {
       format,
       usage: GPUTextureUsage.TEXTURE_BINDING | GPUTextureUsage.STORAGE_BINDING,
     });
-    for (const stage of stages) {
-      await decoder.decode(stage, texture);
-    }
     let bytes = 0;
     for (let level = 0; level < levels; level++) {
       const { width, height: rows } = atLevel(size, level);
       bytes += width * rows * (format === "rgba8unorm" ? 4 : 16);
     }
-    return { texture, bytes };
+    return { stages, texture, bytes };
   }
 
   private layoutOf(module: Module): GPUBindGroupLayout {
@@ -334,14 +360,17 @@ export class Gpu {
   async draw(drawn: GpuTexture, context: GPUCanvasContext | GPUTexture, view: View = {}): Promise<void> {
     const image = view.image ?? 0, size = this.sizeOf(drawn, image);
     const scale = view.scale ?? 1, { x = 0, y = 0 } = view;
-    const lookup = view.level !== undefined || view.nearest ? (view.nearest ? NEAREST : BILINEAR) : DRAW;
+    // Levels that are still to be decoded are drawn from the finest that is there.
+    const finest = drawn.finest[image] ?? 0;
+    const level = view.level === undefined ? (finest > 0 && -Math.log2(scale) < finest ? finest : undefined) : Math.max(view.level, finest);
+    const lookup = level !== undefined || view.nearest ? (view.nearest ? NEAREST : BILINEAR) : DRAW;
     const format = formatOf(context);
     const pipeline = await this.pipeline(drawn, lookup, format, true);
     // After waiting: a canvas's texture is of the current frame only.
     const target = targetOfContext(context);
     const binding = drawn.form.images[image]!;
     const origin: [number, number] = [x / size.width, y / size.height];
-    const [group, buffer] = this.view(origin, 1 / scale / size.width, 1 / scale / size.height, view.level ?? 0, binding.image, [0, 0]);
+    const [group, buffer] = this.view(origin, 1 / scale / size.width, 1 / scale / size.height, level ?? 0, binding.image, [0, 0]);
     const left = Math.max(0, Math.round(-x * scale)), top = Math.max(0, Math.round(-y * scale));
     const right = Math.min(target.width, Math.round((size.width - x) * scale)), bottom = Math.min(target.height, Math.round((size.height - y) * scale));
     const first = Math.min(Math.max(left, view.from ?? 0), target.width);
@@ -451,6 +480,15 @@ export class Gpu {
     }
     return size;
   }
+}
+
+/** Blocks by image, in the order of their numbers. */
+function imagesOf(all: Blocks[]): Blocks[][] {
+  const images: Blocks[][] = [];
+  for (const blocks of all) {
+    (images[blocks.image] ??= []).push(blocks);
+  }
+  return images;
 }
 
 /** The format that is drawn to. */

@@ -12,7 +12,7 @@ const BLOCK_NOTES = 5;
 /** Words of a pass's parameters. */
 export const PASS_WORDS = 34;
 /** Most bytes of scratch memory that a decoder uses at once: half of what every WebGPU device binds. */
-const MAX_SCRATCH = 64 << 20;
+export const MAX_SCRATCH = 64 << 20;
 
 /** A rectangle of a mip level, in texels. */
 export interface Rect {
@@ -100,23 +100,23 @@ function passesOf(layout: BlockLayout, planes: Size[], needed: [Range, Range][])
   return { passes, words: next };
 }
 
-/** Plans of the parts of a rectangle that need at most `MAX_SCRATCH` bytes each, cut where superblocks are. */
-export function plansOf(layout: BlockLayout, rect: Rect): Plan[] {
+/** Plans of the parts of a rectangle that need at most `most` bytes each, cut where superblocks are. */
+export function plansOf(layout: BlockLayout, rect: Rect, most: number): Plan[] {
   const texels = 1 << (layout.superblockLog2 - rect.level);
   const plan = planOf(layout, rect);
   const count = (first: number, length: number): number => Math.ceil((first + length) / texels) - Math.floor(first / texels);
   const columns = count(rect.x, rect.width), rows = count(rect.y, rect.height);
-  if (4 * plan.words <= MAX_SCRATCH || columns * rows <= 1) {
+  if (4 * plan.words <= most || columns * rows <= 1) {
     return [plan];
   }
   if (rows > 1) {
     const middle = (Math.floor(rect.y / texels) + (rows >> 1)) * texels - rect.y;
     const lower = { ...rect, y: rect.y + middle, height: rect.height - middle };
-    return [...plansOf(layout, { ...rect, height: middle }), ...plansOf(layout, lower)];
+    return [...plansOf(layout, { ...rect, height: middle }, most), ...plansOf(layout, lower, most)];
   }
   const middle = (Math.floor(rect.x / texels) + (columns >> 1)) * texels - rect.x;
   const right = { ...rect, x: rect.x + middle, width: rect.width - middle };
-  return [...plansOf(layout, { ...rect, width: middle }), ...plansOf(layout, right)];
+  return [...plansOf(layout, { ...rect, width: middle }, most), ...plansOf(layout, right, most)];
 }
 
 /** What a part of the finest level has of a level whose texels are means of squares of 2^`level` samples; parts are cut where superblocks are. */

@@ -97,7 +97,8 @@ class Page {
   /** Loads and shows a file. */
   async show(item: Item): Promise<void> {
     const texture = await open(bytesOf(item.data));
-    const drawn = await this.gpu.upload(texture);
+    const drawn = await this.gpu.upload(texture, true);
+    void drawn.complete.then(() => this.want());
     const originals = await Promise.all(item.originals.map((data) => this.original(data)));
     this.shown?.drawn.destroy();
     this.shown?.originals.forEach((original) => original.destroy());
@@ -198,6 +199,7 @@ class Page {
     this.isWanted = false;
     if (this.shown) {
       await this.draw(this.shown);
+      await this.gpu.device.queue.onSubmittedWorkDone();
       this.frames++;
     }
     this.isDrawing = false;

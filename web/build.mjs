@@ -1,9 +1,11 @@
-// Bundles the package: dist/ holds minified ES modules and their types, crates/cli/src/view/page.html the page of `texfold view`.
+// Bundles the package: dist/ holds minified ES modules, their types and conformance.html, crates/cli/src/view/page.html the page of `texfold view`.
 // With --test also what tests need, and the page is compared, not written.
 import { execFileSync } from "node:child_process";
 import { readFileSync, writeFileSync } from "node:fs";
 import { build } from "esbuild";
+import { goldenItems } from "./golden.mjs";
 
+const { version } = JSON.parse(readFileSync("package.json", "utf8"));
 const isTest = process.argv.includes("--test");
 const options = { bundle: true, minify: true, format: "esm", target: "es2022", legalComments: "none" };
 
@@ -15,9 +17,15 @@ await build({
   chunkNames: "texfold-[name]-[hash]",
 });
 
-const made = await build({ ...options, entryPoints: ["src/view/main.ts"], write: false });
-const code = made.outputFiles[0].text.replaceAll("</script", "<\\/script");
-const page = readFileSync("src/view/page.html", "utf8").replace("@CODE@", () => code.trim());
+/** A page with its code in it. */
+async function paged(folder) {
+  const made = await build({ ...options, entryPoints: [`${folder}/main.ts`], write: false });
+  const code = made.outputFiles[0].text.replaceAll("</script", "<\\/script").replace("@VERSION@", version);
+  return readFileSync(`${folder}/page.html`, "utf8").replace("@CODE@", () => code.trim());
+}
+
+writeFileSync("dist/conformance.html", (await paged("src/conformance")).replace("@DATA@", () => JSON.stringify(goldenItems())));
+const page = await paged("src/view");
 const place = "../crates/cli/src/view/page.html";
 if (!isTest) {
   writeFileSync(place, page);

@@ -458,7 +458,8 @@ export class Gpu {
     return { width, height, data };
   }
 
-  private async readBack(encoder: GPUCommandEncoder, texture: GPUTexture): Promise<Uint8ClampedArray<ArrayBuffer>> {
+  /** Submits an encoder's commands; then the texels of an `rgba8unorm` texture. */
+  async readBack(encoder: GPUCommandEncoder, texture: GPUTexture): Promise<Uint8ClampedArray<ArrayBuffer>> {
     const { width, height } = texture, row = Math.ceil((4 * width) / ROW_BYTES) * ROW_BYTES;
     const buffer = this.device.createBuffer({ size: row * height, usage: GPUBufferUsage.MAP_READ | GPUBufferUsage.COPY_DST });
     encoder.copyTextureToBuffer({ texture }, { buffer, bytesPerRow: row }, { width, height });

@@ -26,6 +26,7 @@ async function paged(folder) {
 
 writeFileSync("dist/conformance.html", (await paged("src/conformance")).replace("@DATA@", () => JSON.stringify(goldenItems())));
 const page = await paged("src/view");
+writeFileSync("dist/try.html", page.replace("@DATA@", JSON.stringify({ items: [], isServed: false })));
 const place = "../crates/cli/src/view/page.html";
 if (!isTest) {
   writeFileSync(place, page);

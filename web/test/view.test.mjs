@@ -21,7 +21,7 @@ const items = [
 /** The page with these files, as the program writes it. */
 function page(files) {
   const text = readFileSync(new URL("../../crates/cli/src/view/page.html", import.meta.url), "utf8");
-  return text.replace("@DATA@", () => JSON.stringify(files).replaceAll("<", "\\u003c"));
+  return text.replace("@DATA@", () => JSON.stringify({ items: files, isServed: false }).replaceAll("<", "\\u003c"));
 }
 
 let server, url;
@@ -71,7 +71,7 @@ for (const [width, height, colorScheme] of [[1400, 900, "light"], [400, 800, "da
     assert.equal(await shot(page, () => page.locator("#view").press("0")), pictures[0], "0 shows the whole image again");
     pictures.push(await shot(page, () => page.getByLabel("Mip level").selectOption("6")));
     for (const file of ["1", "2"]) {
-      pictures.push(await shot(page, () => page.getByLabel("File").selectOption(file)));
+      pictures.push(await shot(page, () => page.getByLabel("File", { exact: true }).selectOption(file)));
       pictures.push(await shot(page, async () => {
         const { x, y } = await page.locator("#view").boundingBox();
         await page.mouse.move(x + 150, y + 150);
@@ -91,7 +91,7 @@ for (const [width, height, colorScheme] of [[1400, 900, "light"], [400, 800, "da
 test("a file that cannot be read is told, and shown as a picture", options, async () => {
   const { page, faults } = await open(browser, url);
   await drawn(page, 0);
-  await page.getByLabel("File").selectOption("3");
+  await page.getByLabel("File", { exact: true }).selectOption("3");
   await page.getByText("fetch the rest of it").waitFor();
   assert.equal(await page.locator("#still img").count(), 1);
   assert.deepEqual(faults, []);
@@ -107,4 +107,19 @@ test("without WebGPU a picture and the reason are shown", options, async () => {
   assert.equal(await page.locator("#still img").count(), 1);
   assert.match(await page.locator("#facts").textContent(), /Bits a texel in memory/);
   await context.close();
+});
+
+test("a file that is dropped is shown beside those that are there", options, async () => {
+  const { page, faults } = await open(browser, url);
+  await drawn(page, 0);
+  const before = await frames(page);
+  const chooser = page.getByLabel("Image or .txf file");
+  await chooser.setInputFiles({ name: "mine.txf", mimeType: "", buffer: Buffer.from(read("vq_bc1_mips.txf")) });
+  await drawn(page, before);
+  assert.equal(await page.locator("h1").textContent(), "mine.txf");
+  assert.equal(await page.getByLabel("File", { exact: true }).locator("option").count(), items.length + 1);
+  await chooser.setInputFiles({ name: "photo.png", mimeType: "image/png", buffer: Buffer.from("x") });
+  await page.getByText("start texfold view --serve to encode images").waitFor();
+  assert.deepEqual(faults, []);
+  await page.close();
 });

@@ -117,6 +117,7 @@ const ALLOWED: [Allowed; 21] = [
             // The bank is built of the parts of this codec and of dct.
             "texfold-progressive",
             "tiff",
+            "tiny_http",
             "tobj",
             "toml",
         ],

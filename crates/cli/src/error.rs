@@ -62,6 +62,8 @@ pub(crate) enum CliError {
     IsBank { path: PathBuf },
     #[error("{}: there are more originals than files; give one for each file, in their order", path.display())]
     OriginalWithoutFile { path: PathBuf },
+    #[error("port {port} cannot be served; give another one, or --serve for any that is free")]
+    Serve { port: u16, source: Box<dyn Error + Send + Sync> },
     #[error("{}: this is no bank; give the folder that `texfold bank add` has written", path.display())]
     NoBank { path: PathBuf },
     #[error("{}: this cannot be in a bank; give images, or folders of images", path.display())]

@@ -10,14 +10,14 @@ import { type Codec, images } from "./codec.js";
 
 /** Mip levels that one texture in blocks gives: its own, and two of means of its samples. */
 export const STAGE_LEVELS = 3;
-const SIDE = 8;
-const COEFFICIENTS = 64;
-const SYMBOLS = 16;
+export const SIDE = 8;
+export const COEFFICIENTS = 64;
+export const SYMBOLS = 16;
 const ZONES = 6;
 const CLASSES = 16;
-const FIRST_END = ZONES * CLASSES + ZONES;
-const SET_TABLES = FIRST_END + 9;
-const SETS = 4;
+export const FIRST_END = ZONES * CLASSES + ZONES;
+export const SET_TABLES = FIRST_END + 9;
+export const SETS = 4;
 const MAGNITUDE_STOPS = 5;
 const USUAL_STOP = 31;
 const PROBABILITIES = 1 << 13;
@@ -137,7 +137,7 @@ function writeSteps(units: number, slope: number, plane: number, fraction: numbe
 }
 
 /** First byte of the streams of a superblock. */
-function startOf(index: Uint32Array, width: number, number: number): number {
+export function startOf(index: Uint32Array, width: number, number: number): number {
   const first = Math.floor(number / GROUP);
   let start = index[first * (width + 1)] ?? 0;
   for (let before = first * GROUP; before < number; before++) {
@@ -180,7 +180,7 @@ function readGroup(reader: Reader, ranks: number[], channels: Channel[], shift: 
 }
 
 /** Reads header, index, tables and the streams of the bases; `place` is the part of an image that it is. */
-function readStage(reader: Reader, budget: Budget, place: { image: number; level: number; levels: number }, pixel: Layout): Stage {
+export function readStage(reader: Reader, budget: Budget, place: { image: number; level: number; levels: number }, pixel: Layout): Stage {
   const first = reader.at;
   const version = reader.u8();
   reader.check(version === 1 || version === 2, "a layout of blocks that this reader does not know");

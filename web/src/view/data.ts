@@ -3,8 +3,8 @@
 /** One file. */
 export interface Item {
   name: string;
-  /** The file, in base 64. */
-  data: string;
+  /** The file, in base 64 or as bytes. */
+  data: string | Uint8Array;
   /** The images that it was made from, PNGs in base 64; none where they are not given. */
   originals: string[];
   /** A picture of it for browsers without WebGPU, a PNG in base 64. */
@@ -13,14 +13,17 @@ export interface Item {
   sphere?: { centre: [number, number, number]; radius: number };
 }
 
-/** All files. */
-export function readItems(): Item[] {
-  return JSON.parse(document.getElementById("data")!.textContent!) as Item[];
+/** All files, and whether the program that serves the page encodes images. */
+export function readData(): { items: Item[]; isServed: boolean } {
+  return JSON.parse(document.getElementById("data")!.textContent!) as { items: Item[]; isServed: boolean };
 }
 
 export function bytesOf(base64: string): Uint8Array<ArrayBuffer> {
   return Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
 }
+
+/** The bytes of a file. */
+export const fileOf = (item: Item): Uint8Array => (typeof item.data === "string" ? bytesOf(item.data) : item.data);
 
 /** An element of the page. */
 export const element = <T extends HTMLElement>(id: string): T => document.getElementById(id) as T;

@@ -4,11 +4,12 @@ import { Gpu, GpuError, type GpuTexture, LoadError, open, type Texture, type Vie
 import { superblocksOf } from "../superblocks.js";
 import { Orbit, Window } from "./camera.js";
 import { Difference } from "./compare.js";
-import { bytesOf, element, type Item, make, readItems } from "./data.js";
+import { bytesOf, element, fileOf, type Item, make, readData } from "./data.js";
 import { showFacts } from "./facts.js";
 import { listen } from "./input.js";
+import { listenForFiles, type Rival } from "./try.js";
 
-type Mode = "decoded" | "original" | "split" | "error";
+type Mode = "decoded" | "original" | "split" | "error" | "rival";
 const MODES: [Mode, string][] = [["decoded", "Decoded"], ["original", "Original"], ["split", "Side by side"], ["error", "Error x8"]];
 
 /** What is shown of one file. */
@@ -17,6 +18,8 @@ interface Shown {
   drawn: GpuTexture;
   /** One for each image, or none. */
   originals: GpuTexture[];
+  /** Images by other encoders. */
+  rivals: { name: string; drawn: GpuTexture }[];
   window: Window;
   orbit: Orbit | null;
 }
@@ -29,7 +32,10 @@ class Page {
   private readonly format = navigator.gpu.getPreferredCanvasFormat();
   private shown: Shown | null = null;
   private mode: Mode = "decoded";
+  private rival = 0;
   private image = 0;
+  /** Place of the file that is shown. */
+  private number = -1;
   private level = -1;
   private terms = 8;
   private bits = false;
@@ -94,17 +100,23 @@ class Page {
     this.want();
   }
 
-  /** Loads and shows a file. */
-  async show(item: Item): Promise<void> {
-    const texture = await open(bytesOf(item.data));
+  /** Loads and shows a file; of the image that was shown before, another one, the window stays. */
+  async show(item: Item, rivals: Rival[] = []): Promise<void> {
+    const texture = await open(fileOf(item));
     const drawn = await this.gpu.upload(texture, true);
     void drawn.complete.then(() => this.want());
     const originals = await Promise.all(item.originals.map((data) => this.original(data)));
     this.shown?.drawn.destroy();
     this.shown?.originals.forEach((original) => original.destroy());
+    this.shown?.rivals.forEach((rival) => rival.drawn.destroy());
     const { centre, radius } = item.sphere ?? { centre: [0, 0, 0], radius: 1 };
     const orbit = texture.layout ? null : new Orbit(centre, radius);
-    this.shown = { texture, drawn, originals, window: new Window(), orbit };
+    const others = rivals.map(({ name, image }) => ({ name, drawn: this.gpu.uploadImage(image) }));
+    const before = this.items[this.number];
+    const stays = before?.name === item.name && this.shown !== null;
+    const window = stays ? this.shown!.window : new Window();
+    this.number = this.items.indexOf(item);
+    this.shown = { texture, drawn, originals, rivals: others, window, orbit };
     [this.mode, this.image, this.level, this.bits] = ["decoded", 0, -1, false];
     this.terms = texture.layers[0] - 1;
     element("name").textContent = item.name;
@@ -112,8 +124,21 @@ class Page {
     showFacts(texture, drawn.residentBytes);
     this.choices(item);
     this.resize();
-    this.fit();
+    if (!stays) {
+      this.fit();
+    }
     this.want();
+  }
+
+  /** Adds a file, in the place of one of the same name, and shows it. */
+  async take(item: Item, rivals: Rival[]): Promise<void> {
+    const place = this.items.findIndex(({ name }) => name === item.name);
+    await this.show(place < 0 ? item : Object.assign(this.items[place]!, item), rivals);
+    if (place < 0) {
+      this.number = this.items.push(item) - 1;
+      this.choices(item);
+    }
+    element("still").hidden = true;
   }
 
   private async original(data: string): Promise<GpuTexture> {
@@ -131,22 +156,25 @@ class Page {
 
   /** Files, modes, images, mip levels, terms. */
   private choices(item: Item): void {
-    const { texture, originals } = this.shown!, children: HTMLElement[] = [];
+    const { texture, originals, rivals } = this.shown!, children: HTMLElement[] = [];
     const select = (label: string, names: string[], chosen: number, choose: (number: number) => void): void => {
       const options = names.map((name, number) => make("option", { value: `${number}`, ...(number === chosen ? { selected: "" } : {}) }, name));
-      const box = make("select", {}, ...options) as HTMLSelectElement;
+      const box = make("select", { "aria-label": label }, ...options) as HTMLSelectElement;
       box.addEventListener("change", () => choose(Number(box.value)));
       children.push(make("label", {}, label, box));
     };
     if (this.items.length > 1) {
       select("File", this.items.map(({ name }) => name), this.items.indexOf(item), (number) => void this.tryShow(this.items[number]!));
     }
-    const modes = MODES.filter(([mode]) => mode === "decoded" || originals.length > 0);
+    const modes: [Mode, string, number][] = [
+      ...MODES.filter(([mode]) => mode === "decoded" || originals.length > 0).map(([mode, name]): [Mode, string, number] => [mode, name, 0]),
+      ...rivals.map(({ name }, rival): [Mode, string, number] => ["rival", name, rival]),
+    ];
     if (modes.length > 1) {
-      const buttons = modes.map(([mode, name]) => {
+      const buttons = modes.map(([mode, name, rival]) => {
         const button = make("button", { type: "button", "aria-pressed": `${mode === this.mode}` }, name);
         button.addEventListener("click", () => {
-          this.mode = mode;
+          [this.mode, this.rival] = [mode, rival];
           buttons.forEach((other) => other.setAttribute("aria-pressed", `${other === button}`));
           this.want();
         });
@@ -236,6 +264,8 @@ class Page {
       await gpu.draw(drawn, one, view);
       await gpu.draw(original, other, plain);
       this.difference.draw(this.context.getCurrentTexture());
+    } else if (this.mode === "rival" && shown.rivals[this.rival]) {
+      await gpu.draw(shown.rivals[this.rival]!.drawn, this.context, plain);
     } else if (this.mode === "original" && original) {
       await gpu.draw(original, this.context, plain);
     } else if (isSplit) {
@@ -293,17 +323,26 @@ function showStill(item: Item, why: string): void {
   element("still").hidden = false;
 }
 
-const items = readItems();
+const { items, isServed } = readData();
+/** What stands for a file where there is none. */
+const first: Item = items[0] ?? { name: "Texfold", data: new Uint8Array(0), originals: [] };
 try {
   const gpu = await Gpu.create();
-  void gpu.device.lost.then(({ message }) => showStill(items[0]!, `the GPU was lost; load the page again. ${message}`));
+  void gpu.device.lost.then(({ message }) => showStill(first, `the GPU was lost; load the page again. ${message}`));
   const page = new Page(gpu, items);
   Object.assign(globalThis, { page });
-  await page.tryShow(items[0]!);
+  listenForFiles(isServed, page);
+  if (items.length > 0) {
+    await page.tryShow(first);
+  } else {
+    showStill(first, isServed ? "Drop an image or a .txf file here." : "Drop a .txf file here.");
+  }
 } catch (error) {
   if (!(error instanceof GpuError)) {
     throw error;
   }
-  showStill(items[0]!, error.message);
-  showFacts(await open(bytesOf(items[0]!.data)), 0);
+  showStill(first, error.message);
+  if (items.length > 0) {
+    showFacts(await open(fileOf(first)), 0);
+  }
 }

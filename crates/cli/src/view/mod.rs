@@ -1,11 +1,14 @@
 //! `view`: a page that shows `.txf` files in a browser, by the package under web/.
 
+mod serve;
+
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use glam::Vec3;
 use serde::Serialize;
+use serde_json::json;
 use texfold::AnyTexture;
 use texfold_core::image::Raster;
 use texfold_core::{Encoded, Image2d, Mesh, Rect, Texel};
@@ -28,11 +31,15 @@ const STILL_SIDE: u32 = 512;
 #[derive(Debug, clap::Args)]
 pub struct ViewArgs {
     /// .txf files.
-    #[arg(value_name = "FILE.txf", required = true)]
+    #[arg(value_name = "FILE.txf", required_unless_present = "serve")]
     files: Vec<PathBuf>,
     /// The page to write: it holds the files and needs nothing else.
-    #[arg(long, value_name = "PAGE.html")]
-    out: PathBuf,
+    #[arg(long, value_name = "PAGE.html", required_unless_present = "serve")]
+    out: Option<PathBuf>,
+    /// Serve the page on this machine alone, at http://127.0.0.1:PORT/ (0, the default: any free port). Images that are dropped on it are
+    /// encoded and shown beside what the browser's own encoders make of them at equal bytes.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0", conflicts_with = "out")]
+    serve: Option<u16>,
     /// The image or folder that a file was made from, once for each file in their order: also show originals and errors.
     #[arg(long, value_name = "INPUT")]
     original: Vec<PathBuf>,
@@ -77,20 +84,21 @@ pub(crate) fn run(args: &ViewArgs) -> Result<usize, CliError> {
     if let Some(path) = originals.front() {
         return Err(CliError::OriginalWithoutFile { path: (*path).clone() });
     }
-    if items.is_empty() {
-        return Ok(failed);
+    if let Some(port) = args.serve {
+        return serve::serve(port, &items);
     }
-    let page = page(&items).map_err(|source| CliError::Write { path: args.out.clone(), source })?;
-    write_whole(&args.out, page.as_bytes())?;
-    say(&format!("wrote {}", args.out.display()));
+    if let Some(out) = args.out.as_ref().filter(|_| !items.is_empty()) {
+        write_whole(out, page(&items, false).as_bytes())?;
+        say(&format!("wrote {}", out.display()));
+    }
     Ok(failed)
 }
 
-/// The page with these files.
-fn page(items: &[Item]) -> std::io::Result<String> {
-    let data = serde_json::to_string(items)?;
+/// The page with these files; served pages can have images encoded.
+fn page(items: &[Item], is_served: bool) -> String {
+    let data = json!({ "items": items, "isServed": is_served }).to_string();
     // Nothing in a name ends the element that holds the data.
-    Ok(PAGE.replace(DATA, &data.replace('<', "\\u003c")))
+    PAGE.replace(DATA, &data.replace('<', "\\u003c"))
 }
 
 /// Reads a file and all that the page shows of it.

@@ -1,6 +1,7 @@
 //! What comes out: decoded images, reports, information, comparisons.
 
 use std::fs;
+use std::io::{BufRead, Read, Write};
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 
@@ -380,7 +381,8 @@ fn a_page_holds_files_their_originals_and_stills() {
     let (data, rest) = rest.split_once("</script>").unwrap();
     assert!(rest.contains("requestAdapter"), "the page draws by itself");
     let items: serde_json::Value = serde_json::from_str(data).unwrap();
-    let items = items.as_array().unwrap();
+    assert_eq!(items["isServed"], false);
+    let items = items["items"].as_array().unwrap();
     assert_eq!(items[0]["name"], "a \"quote\" <b>.txf");
     let files: Vec<_> = names(&place.at("out")).into_iter().filter(|name| name.ends_with(".txf")).collect();
     assert_eq!(items.len(), files.len());
@@ -399,4 +401,65 @@ fn a_page_holds_files_their_originals_and_stills() {
     fs::write(place.at("cut.txf"), &fs::read(place.at("out/b.txf")).unwrap()[..100]).unwrap();
     let run = place.run("view cut.txf --out cut.html");
     assert_eq!((run.code, place.at("cut.html").exists()), (Some(1), false), "{}", run.stderr);
+}
+
+/// A program that is killed when a test ends.
+struct Served(std::process::Child);
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        // One that has ended already needs no end.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Status line and body of the answer to a request.
+fn asked(address: &str, head: &str, body: &[u8]) -> (String, String) {
+    let mut stream = std::net::TcpStream::connect(address).unwrap();
+    write!(stream, "{head}\r\nConnection: close\r\nContent-Length: {}\r\n\r\n", body.len()).unwrap();
+    stream.write_all(body).unwrap();
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).unwrap();
+    let answer = String::from_utf8(answer).unwrap();
+    let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+    (head.lines().next().unwrap().to_owned(), body.to_owned())
+}
+
+#[test]
+fn a_served_page_has_images_encoded() {
+    let place = Place::new();
+    place.image("in.png", 48, 32, 3);
+    let mut program = std::process::Command::new(env!("CARGO_BIN_EXE_texfold"));
+    let program = program.args(["view", "--serve"]).stdout(std::process::Stdio::piped());
+    let mut served = Served(program.spawn().unwrap());
+    let mut told = String::new();
+    std::io::BufReader::new(served.0.stdout.take().unwrap()).read_line(&mut told).unwrap();
+    let address = told.trim().strip_prefix("http://").unwrap().trim_end_matches('/').to_owned();
+    let image = fs::read(place.at("in.png")).unwrap();
+    let ask = |line: &str, host: &str, more: &str, body: &[u8]| {
+        asked(&address, &format!("{line} HTTP/1.1\r\nHost: {host}{more}"), body)
+    };
+    let own = "\r\nX-Texfold: 1";
+    let (status, page) = ask("GET /", &address, "", b"");
+    assert!(status.contains("200") && page.contains("\"isServed\":true"), "{status}");
+    let line = "POST /encode?name=a%20b.png&bpp=2&codec=dct&effort=fast";
+    let (status, answer) = ask(line, &address, own, &image);
+    assert!(status.contains("200"), "{status} {answer}");
+    let answer: serde_json::Value = serde_json::from_str(&answer).unwrap();
+    assert_eq!(answer["item"]["name"], "a b.txf");
+    let file = BASE64_STANDARD.decode(answer["item"]["data"].as_str().unwrap()).unwrap();
+    assert_eq!(8 * file.len() as u64, answer["report"]["bits_disk"].as_u64().unwrap());
+    assert!(answer["report"]["psnr"].as_f64().unwrap() > 20.0);
+    assert_eq!(answer["item"]["originals"].as_array().map(Vec::len), Some(1));
+    // Other pages and other names of this machine get nothing.
+    assert!(ask(line, &address, "", &image).0.contains("404"));
+    assert!(ask(line, "example.org", own, &image).0.contains("403"));
+    let (status, answer) = ask(line, &address, own, b"no image");
+    assert!(
+        status.contains("422") && answer.starts_with("a b.png: the image cannot be decoded"),
+        "{status} {answer}"
+    );
+    let (status, answer) = ask("POST /encode?name=../../x.png&bpp=-1", &address, own, &image);
+    assert!(status.contains("422") && answer.contains("bpp"), "{status} {answer}");
 }

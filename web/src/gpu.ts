@@ -339,9 +339,9 @@ export class Gpu {
     return [this.device.createBindGroup({ layout: this.viewLayout, entries }), buffer];
   }
 
-  private render(pipeline: GPURenderPipeline, groups: GPUBindGroup[], target: GPUTexture, clear: number[] | null, area?: number[]): GPUCommandEncoder {
+  private render(pipeline: GPURenderPipeline, groups: GPUBindGroup[], target: GPUTexture, clear: number[] | null, area?: number[], level = 0): GPUCommandEncoder {
     const encoder = this.device.createCommandEncoder();
-    const attachment: GPURenderPassColorAttachment = { view: target.createView(), ...(clear ? { clearValue: clear } : {}), loadOp: clear ? "clear" : "load", storeOp: "store" };
+    const attachment: GPURenderPassColorAttachment = { view: target.createView({ baseMipLevel: level, mipLevelCount: 1 }), ...(clear ? { clearValue: clear } : {}), loadOp: clear ? "clear" : "load", storeOp: "store" };
     const pass = encoder.beginRenderPass({ colorAttachments: [attachment] });
     pass.setPipeline(pipeline);
     groups.forEach((group, number) => pass.setBindGroup(number, group));
@@ -456,6 +456,36 @@ export class Gpu {
     buffer.destroy();
     target.destroy();
     return { width, height, data };
+  }
+
+  /**
+   * Plain texels of an image with its mip levels, as a texture of its own that any engine on this device samples: `rgba8unorm`, or with `srgb`
+   * (for colours that are stored as sRGB) `rgba8unorm-srgb`. The caller destroys it.
+   * @throws GpuError where there is no such image.
+   */
+  async plain(drawn: GpuTexture, image = 0, srgb = false): Promise<GPUTexture> {
+    const size = this.sizeOf(drawn, image);
+    const levels = Math.min(drawn.layout!.levels, fullLevels(size)), format = "rgba8unorm";
+    await drawn.complete;
+    const pipeline = await this.pipeline(drawn, FETCH, format, false);
+    const usage = GPUTextureUsage.RENDER_ATTACHMENT | GPUTextureUsage.COPY_SRC | GPUTextureUsage.COPY_DST | GPUTextureUsage.TEXTURE_BINDING;
+    const descriptor = { size, mipLevelCount: levels, usage };
+    const texture = this.device.createTexture({ ...descriptor, format });
+    const stored = srgb ? this.device.createTexture({ ...descriptor, format: "rgba8unorm-srgb" }) : texture;
+    for (let level = 0; level < levels; level++) {
+      const place = drawn.form.images[image]!.image;
+      const [group, buffer] = this.view([0, 0], 0, 0, level, place, [0, 0]);
+      const encoder = this.render(pipeline, [drawn.groups[image]!, group], texture, [0, 0, 0, 0], undefined, level);
+      if (srgb) {
+        encoder.copyTextureToTexture({ texture, mipLevel: level }, { texture: stored, mipLevel: level }, atLevel(size, level));
+      }
+      this.device.queue.submit([encoder.finish()]);
+      buffer.destroy();
+    }
+    if (srgb) {
+      texture.destroy();
+    }
+    return stored;
   }
 
   /** Submits an encoder's commands; then the texels of an `rgba8unorm` texture. */

@@ -43,6 +43,15 @@ export interface Camera {
   background?: [number, number, number, number?];
 }
 
+/** How images in blocks are decoded. */
+export interface Upload {
+  /** Finest mip levels follow in parts, while coarser ones are drawn: `complete` tells when all are there. */
+  coarseFirst?: boolean;
+  /** By compute passes, by the CPU (8 bits a sample alone), or by what is faster: the CPU for coarse levels that are wanted first, as pipelines
+   * take time to be made, and where the adapter is a software renderer. The texels are the same. */
+  blocks?: "gpu" | "cpu" | "auto";
+}
+
 /** A rectangle of texels of a mip level. */
 export interface Region {
   image?: number;
@@ -69,6 +78,8 @@ type Lookup = typeof DRAW | typeof FETCH | typeof NEAREST | typeof BILINEAR;
 
 const VIEW_BYTES = 64;
 const SCENE_BYTES = 80;
+/** Texels of level 0 that are decoded on the CPU between two frames. */
+const BAND_TEXELS = 1 << 20;
 const DEPTH_FORMAT: GPUTextureFormat = "depth32float";
 /** Rows of a copy begin at multiples of so many bytes. */
 const ROW_BYTES = 256;
@@ -144,11 +155,10 @@ export class Gpu {
   }
 
   /**
-   * Uploads all planes of a texture. Images in blocks are decoded with all mip levels into plain textures. With `coarseFirst` the finest levels
-   * follow in parts, while coarser ones are drawn: `complete` tells when all are there.
+   * Uploads all planes of a texture. Images in blocks are decoded with all mip levels into plain textures.
    * @throws GpuError where the device cannot hold or sample it.
    */
-  async upload(texture: Texture, coarseFirst = false): Promise<GpuTexture> {
+  async upload(texture: Texture, options: Upload = {}): Promise<GpuTexture> {
     const { form } = texture, module = modules[form.module]!;
     this.check(form);
     this.device.pushErrorScope("validation");
@@ -166,7 +176,7 @@ export class Gpu {
     const resident = form.planes.reduce((sum, plane) => sum + plane.data.length, bytes);
     const owned = [...planes, ...decoded.map(({ texture: made }) => made), ...buffers];
     const made = new GpuTexture(texture.layout, form, module, constantsOf(module, form), groups, resident, buffers, owned);
-    await this.decodeAll(made, decoded, coarseFirst);
+    await this.decodeAll(made, decoded, options);
     return made;
   }
 
@@ -217,19 +227,29 @@ export class Gpu {
     return texture;
   }
 
+  /** Whether a stage is decoded on the CPU. */
+  private isForCpu({ layout, level }: Blocks, { coarseFirst, blocks = "auto" }: Upload): boolean {
+    const { isFallbackAdapter, architecture } = this.device.adapterInfo as GPUAdapterInfo & { isFallbackAdapter?: boolean };
+    const isFaster = isFallbackAdapter === true || architecture === "swiftshader" || (coarseFirst === true && level > 0);
+    return layout.depth === 8 && blocks !== "gpu" && (blocks === "cpu" || isFaster);
+  }
+
   /** Decodes all stages, the coarsest first; with `coarseFirst` those of level 0 in parts, behind the promise `complete`. */
-  private async decodeAll(made: GpuTexture, all: Decoded[], coarseFirst: boolean): Promise<void> {
-    if (all.length === 0) {
-      return;
+  private async decodeAll(made: GpuTexture, all: Decoded[], options: Upload): Promise<void> {
+    const { coarseFirst = false } = options, stages = all.flatMap((decoded) => decoded.stages);
+    if (stages.some((stage) => !this.isForCpu(stage, options))) {
+      this.decoder ??= Decoder.create(this.device);
     }
-    this.decoder ??= Decoder.create(this.device);
-    const decoder = await this.decoder;
     const isLate = ({ stages }: Decoded, level: number): boolean => coarseFirst && level === 0 && stages.some((stage) => stage.level > 0);
     const decode = async (late: boolean): Promise<void> => {
       for (const [image, decoded] of all.entries()) {
         for (const stage of decoded.stages.toReversed()) {
           if (isLate(decoded, stage.level) === late && !made.isDestroyed) {
-            await decoder.decode(stage, decoded.texture, late);
+            if (this.isForCpu(stage, options)) {
+              await this.decodeOnCpu(stage, decoded.texture, late ? () => made.isDestroyed : undefined);
+            } else {
+              await (await this.decoder!).decode(stage, decoded.texture, late);
+            }
             made.finest[image] = stage.level;
           }
         }
@@ -237,6 +257,22 @@ export class Gpu {
     };
     await decode(false);
     made.complete = decode(true);
+  }
+
+  /** Decodes a stage on the CPU into its mip levels: whole, or band by band with time for frames in between, until `isOver`. */
+  private async decodeOnCpu(stage: Blocks, texture: GPUTexture, isOver?: () => boolean): Promise<void> {
+    const { decodeBlocks } = await import("./codecs/dct_cpu.js");
+    for (let level = 0; level < stage.levels; level++) {
+      const { width, height } = atLevel(stage.layout.size, level), band = isOver ? Math.ceil(BAND_TEXELS / width / 64) * 64 >> level : height;
+      for (let y = 0; y < height && !isOver?.(); y += band) {
+        const rows = Math.min(band, height - y), mipLevel = stage.level + level;
+        const texels = decodeBlocks(stage, { level, x: 0, y, width, height: rows });
+        this.device.queue.writeTexture({ texture, mipLevel, origin: [0, y + stage.row] }, texels, { bytesPerRow: 4 * width }, [width, rows]);
+        if (isOver) {
+          await new Promise((resolve) => setTimeout(resolve));
+        }
+      }
+    }
   }
 
   /** An empty texture for the stages of an image. */
@@ -250,7 +286,7 @@ export class Gpu {
       size,
       mipLevelCount: levels,
       format,
-      usage: GPUTextureUsage.TEXTURE_BINDING | GPUTextureUsage.STORAGE_BINDING,
+      usage: GPUTextureUsage.TEXTURE_BINDING | GPUTextureUsage.STORAGE_BINDING | GPUTextureUsage.COPY_DST,
     });
     let bytes = 0;
     for (let level = 0; level < levels; level++) {

@@ -3,4 +3,4 @@ export { type Limits, LoadError } from "./errors.js";
 export type { Blocks, Form, ImageBinding, Plane, PlaneFormat } from "./form.js";
 export { tileSource } from "./tile_source.js";
 export { arriving, open, type Source, Texture } from "./texture.js";
-export { type Camera, Gpu, GpuError, type GpuTexture, type Pixels, type Region, type View } from "./gpu.js";
+export { type Camera, Gpu, GpuError, type GpuTexture, type Pixels, type Region, type Upload, type View } from "./gpu.js";

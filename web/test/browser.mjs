@@ -10,6 +10,9 @@ const TYPES = { ".html": "text/html", ".js": "text/javascript", ".json": "applic
 /** A server of a folder on loopback. */
 export async function serve(folder) {
   const server = createServer(async (request, response) => {
+    if (request.url === "/favicon.ico") {
+      return response.writeHead(204).end();
+    }
     const path = normalize(decodeURIComponent(new URL(request.url, "http://host").pathname));
     try {
       const data = await readFile(join(folder, path));

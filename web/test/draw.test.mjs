@@ -49,6 +49,19 @@ test("a light field without terms is its mean", options, async () => {
   assert.deepEqual(faults, []);
 });
 
+test("blocks are decoded on the CPU to the texels of the GPU, whole and in parts", options, async () => {
+  for (const file of ["dct", "dct_alpha", "zipmap_block"]) {
+    const levels = [0, 1, 2, 3, 4].map((level) => ({ level }));
+    const decoded = (options) =>
+      page.evaluate(([file, levels, options]) => window.decoded(`/fixtures/golden/${file}.txf`, levels, options), [file, levels, options]);
+    const wanted = await decoded({ blocks: "gpu" });
+    for (const options of [{ blocks: "cpu" }, { coarseFirst: true }, { coarseFirst: true, blocks: "gpu" }]) {
+      assert.deepEqual(await decoded(options), wanted, `${file} ${JSON.stringify(options)}`);
+    }
+  }
+  assert.deepEqual(faults, []);
+});
+
 test("regions beyond a level are errors that say what to do", options, async () => {
   const message = await page.evaluate(() => window.decoded("/fixtures/golden/dct.txf", [{ x: 30, width: 8 }]).catch((error) => error.message));
   assert.match(message, /no such region; level 0 of \d has 37x61 texels: cut it to them/);

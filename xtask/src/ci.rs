@@ -2,9 +2,10 @@
 
 use std::hint::black_box;
 use std::io;
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use crate::pages::npm;
 use crate::run::{cargo, succeeds};
 use crate::timed::{slowest, test};
 use crate::{root, tidy};
@@ -108,17 +109,6 @@ fn calibration() -> f64 {
 
 /// The browser package: its types, and its tests in Node.js and in headless Chromium.
 fn web() -> io::Result<bool> {
-    let npm = |arguments: &[&str]| -> io::Result<bool> {
-        let status = Command::new("npm").current_dir(root().join("web")).args(arguments).status();
-        let missing = |error: io::Error| {
-            if error.kind() == io::ErrorKind::NotFound {
-                io::Error::other("npm cannot be started; install Node.js 20 or later with npm")
-            } else {
-                error
-            }
-        };
-        Ok(status.map_err(missing)?.success())
-    };
     Ok(npm(&["ci", "--silent"])? && npm(&["test", "--silent"])?)
 }
 

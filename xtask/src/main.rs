@@ -6,6 +6,7 @@
 mod api;
 mod ci;
 mod mutate;
+mod pages;
 mod quick;
 mod run;
 mod tidy;
@@ -33,6 +34,8 @@ enum Task {
     Mutate(mutate::MutateArgs),
     /// Lint and test the packages that changed, and what holds for every codec.
     Quick(quick::QuickArgs),
+    /// Write every page that commands write, and look at them in headless Chromium.
+    Pages,
     /// Run all that continuous integration runs; stops at the first failure.
     Ci(ci::CiArgs),
     /// Run a test program for cargo and note the time of each test.
@@ -47,6 +50,7 @@ fn main() -> ExitCode {
         Task::Tidy => tidy::run(),
         Task::Mutate(args) => mutate::run(&args),
         Task::Quick(args) => quick::run(&args),
+        Task::Pages => pages::run(),
         Task::Ci(args) => ci::run(&args),
         Task::TimeTests { program, arguments } => timed::run(&program, &arguments),
         Task::Other(arguments) => run::other(&arguments),

@@ -45,7 +45,7 @@ function differences(one: Uint8ClampedArray, other: Uint8ClampedArray): Uint8Arr
 }
 
 async function check(gpu: Gpu, item: Item): Promise<{ suffix: string; largest: number; holds: boolean }[]> {
-  const texture = await gpu.upload(await open(bytesOf(item.data)));
+  const texture = await gpu.upload(await open(bytesOf(item.data)), { blocks: "gpu" });
   const found = [];
   for (const { suffix, region, data } of item.pictures) {
     const wanted = await picture(gpu, data);

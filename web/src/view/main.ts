@@ -103,7 +103,7 @@ class Page {
   /** Loads and shows a file; of the image that was shown before, another one, the window stays. */
   async show(item: Item, rivals: Rival[] = []): Promise<void> {
     const texture = await open(fileOf(item));
-    const drawn = await this.gpu.upload(texture, true);
+    const drawn = await this.gpu.upload(texture, { coarseFirst: true });
     void drawn.complete.then(() => this.want());
     const originals = await Promise.all(item.originals.map((data) => this.original(data)));
     this.shown?.drawn.destroy();

@@ -44,7 +44,7 @@ pub(super) fn html(tools: &Tools, rows: &[Row], curves: &[Curve], about: &[(&str
         overview(rows, about)
     );
     if !curves.is_empty() {
-        page.push_str("<h2>Where methods stop working</h2><p>Hollow points: the method had given way to a plainer form.</p><div class=\"charts\">");
+        page.push_str("<h2>Where methods stop working</h2><p>Hollow points: the method fell back to a plainer form.</p><div class=\"charts\">");
         for curve in curves {
             page.push_str(&svg(curve));
         }

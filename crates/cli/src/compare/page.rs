@@ -52,7 +52,7 @@ const STYLE: &str = ":root{color-scheme:light dark}body{font:16px/1.5 system-ui,
 table{border-collapse:collapse;font-size:14px}td,th{padding:.2rem .6rem;border-bottom:1px solid #8884;text-align:right}\
 td:nth-child(-n+3),th:nth-child(-n+3){text-align:left}figure{display:inline-block;margin:.3rem}\
 figcaption{font-size:13px;max-width:22rem}img{image-rendering:pixelated;margin-right:3px;vertical-align:top}\
-svg{width:100%;height:auto}.wide{overflow-x:auto}";
+svg{width:100%;height:auto}.wide{overflow-x:auto}.wide>svg{min-width:44rem}";
 
 type Fault = Box<dyn Error + Send + Sync>;
 
@@ -68,7 +68,7 @@ pub(crate) fn html(rows: &[Row], subjects: &[Subject], bench: &Bench) -> Result<
     page.push_str(&circumstances(bench));
     for axis in AXES {
         if let Some(svg) = chart::svg(&means, axis) {
-            page.push_str(&svg);
+            write!(page, "<div class=\"wide\">{svg}</div>")?;
         }
     }
     write!(page, "<h2>Means over the inputs</h2>{}", table(&means))?;

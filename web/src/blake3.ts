@@ -24,52 +24,84 @@ const SCHEDULE = (() => {
   return new Uint8Array(all);
 })();
 
-/** Columns, then diagonals, of the state. */
-const LANES = new Uint8Array([
-  0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15, 0, 5, 10, 15, 1, 6, 11, 12, 2, 7, 8, 13, 3, 4, 9, 14,
-]);
-
-const state = new Int32Array(16);
-
-/** Compresses a block of 16 words of `message` into the 8 words of `chain`. */
+/** Compresses a block of 16 words of `message` into the 8 words of `chain`. The state is in variables: engines keep them in registers. */
 function compress(chain: Int32Array, message: Int32Array, counter: number, length: number, flags: number): void {
-  const v = state;
-  for (let i = 0; i < 8; i++) {
-    v[i] = chain[i]!;
-  }
-  v[8] = IV[0]!;
-  v[9] = IV[1]!;
-  v[10] = IV[2]!;
-  v[11] = IV[3]!;
-  v[12] = counter;
-  v[13] = counter / 0x100000000;
-  v[14] = length;
-  v[15] = flags;
+  let v0 = chain[0]!, v1 = chain[1]!, v2 = chain[2]!, v3 = chain[3]!, v4 = chain[4]!, v5 = chain[5]!, v6 = chain[6]!, v7 = chain[7]!;
+  let v8 = IV[0]!, v9 = IV[1]!, v10 = IV[2]!, v11 = IV[3]!, v12 = counter | 0, v13 = (counter / 0x100000000) | 0, v14 = length, v15 = flags;
   for (let round = 0; round < 16 * ROUNDS; round += 16) {
-    for (let lane = 0; lane < 8; lane++) {
-      const ia = LANES[4 * lane]!, ib = LANES[4 * lane + 1]!, ic = LANES[4 * lane + 2]!, id = LANES[4 * lane + 3]!;
-      let a = v[ia]!, b = v[ib]!, c = v[ic]!, d = v[id]!;
-      a = (a + b + message[SCHEDULE[round + 2 * lane]!]!) | 0;
-      d ^= a;
-      d = (d >>> 16) | (d << 16);
-      c = (c + d) | 0;
-      b ^= c;
-      b = (b >>> 12) | (b << 20);
-      a = (a + b + message[SCHEDULE[round + 2 * lane + 1]!]!) | 0;
-      d ^= a;
-      d = (d >>> 8) | (d << 24);
-      c = (c + d) | 0;
-      b ^= c;
-      b = (b >>> 7) | (b << 25);
-      v[ia] = a;
-      v[ib] = b;
-      v[ic] = c;
-      v[id] = d;
-    }
+    v0 = (v0 + v4 + message[SCHEDULE[round + 0]!]!) | 0;
+    v12 ^= v0; v12 = (v12 >>> 16) | (v12 << 16);
+    v8 = (v8 + v12) | 0;
+    v4 ^= v8; v4 = (v4 >>> 12) | (v4 << 20);
+    v0 = (v0 + v4 + message[SCHEDULE[round + 1]!]!) | 0;
+    v12 ^= v0; v12 = (v12 >>> 8) | (v12 << 24);
+    v8 = (v8 + v12) | 0;
+    v4 ^= v8; v4 = (v4 >>> 7) | (v4 << 25);
+    v1 = (v1 + v5 + message[SCHEDULE[round + 2]!]!) | 0;
+    v13 ^= v1; v13 = (v13 >>> 16) | (v13 << 16);
+    v9 = (v9 + v13) | 0;
+    v5 ^= v9; v5 = (v5 >>> 12) | (v5 << 20);
+    v1 = (v1 + v5 + message[SCHEDULE[round + 3]!]!) | 0;
+    v13 ^= v1; v13 = (v13 >>> 8) | (v13 << 24);
+    v9 = (v9 + v13) | 0;
+    v5 ^= v9; v5 = (v5 >>> 7) | (v5 << 25);
+    v2 = (v2 + v6 + message[SCHEDULE[round + 4]!]!) | 0;
+    v14 ^= v2; v14 = (v14 >>> 16) | (v14 << 16);
+    v10 = (v10 + v14) | 0;
+    v6 ^= v10; v6 = (v6 >>> 12) | (v6 << 20);
+    v2 = (v2 + v6 + message[SCHEDULE[round + 5]!]!) | 0;
+    v14 ^= v2; v14 = (v14 >>> 8) | (v14 << 24);
+    v10 = (v10 + v14) | 0;
+    v6 ^= v10; v6 = (v6 >>> 7) | (v6 << 25);
+    v3 = (v3 + v7 + message[SCHEDULE[round + 6]!]!) | 0;
+    v15 ^= v3; v15 = (v15 >>> 16) | (v15 << 16);
+    v11 = (v11 + v15) | 0;
+    v7 ^= v11; v7 = (v7 >>> 12) | (v7 << 20);
+    v3 = (v3 + v7 + message[SCHEDULE[round + 7]!]!) | 0;
+    v15 ^= v3; v15 = (v15 >>> 8) | (v15 << 24);
+    v11 = (v11 + v15) | 0;
+    v7 ^= v11; v7 = (v7 >>> 7) | (v7 << 25);
+    v0 = (v0 + v5 + message[SCHEDULE[round + 8]!]!) | 0;
+    v15 ^= v0; v15 = (v15 >>> 16) | (v15 << 16);
+    v10 = (v10 + v15) | 0;
+    v5 ^= v10; v5 = (v5 >>> 12) | (v5 << 20);
+    v0 = (v0 + v5 + message[SCHEDULE[round + 9]!]!) | 0;
+    v15 ^= v0; v15 = (v15 >>> 8) | (v15 << 24);
+    v10 = (v10 + v15) | 0;
+    v5 ^= v10; v5 = (v5 >>> 7) | (v5 << 25);
+    v1 = (v1 + v6 + message[SCHEDULE[round + 10]!]!) | 0;
+    v12 ^= v1; v12 = (v12 >>> 16) | (v12 << 16);
+    v11 = (v11 + v12) | 0;
+    v6 ^= v11; v6 = (v6 >>> 12) | (v6 << 20);
+    v1 = (v1 + v6 + message[SCHEDULE[round + 11]!]!) | 0;
+    v12 ^= v1; v12 = (v12 >>> 8) | (v12 << 24);
+    v11 = (v11 + v12) | 0;
+    v6 ^= v11; v6 = (v6 >>> 7) | (v6 << 25);
+    v2 = (v2 + v7 + message[SCHEDULE[round + 12]!]!) | 0;
+    v13 ^= v2; v13 = (v13 >>> 16) | (v13 << 16);
+    v8 = (v8 + v13) | 0;
+    v7 ^= v8; v7 = (v7 >>> 12) | (v7 << 20);
+    v2 = (v2 + v7 + message[SCHEDULE[round + 13]!]!) | 0;
+    v13 ^= v2; v13 = (v13 >>> 8) | (v13 << 24);
+    v8 = (v8 + v13) | 0;
+    v7 ^= v8; v7 = (v7 >>> 7) | (v7 << 25);
+    v3 = (v3 + v4 + message[SCHEDULE[round + 14]!]!) | 0;
+    v14 ^= v3; v14 = (v14 >>> 16) | (v14 << 16);
+    v9 = (v9 + v14) | 0;
+    v4 ^= v9; v4 = (v4 >>> 12) | (v4 << 20);
+    v3 = (v3 + v4 + message[SCHEDULE[round + 15]!]!) | 0;
+    v14 ^= v3; v14 = (v14 >>> 8) | (v14 << 24);
+    v9 = (v9 + v14) | 0;
+    v4 ^= v9; v4 = (v4 >>> 7) | (v4 << 25);
   }
-  for (let i = 0; i < 8; i++) {
-    chain[i] = v[i]! ^ v[i + 8]!;
-  }
+  chain[0] = v0 ^ v8;
+  chain[1] = v1 ^ v9;
+  chain[2] = v2 ^ v10;
+  chain[3] = v3 ^ v11;
+  chain[4] = v4 ^ v12;
+  chain[5] = v5 ^ v13;
+  chain[6] = v6 ^ v14;
+  chain[7] = v7 ^ v15;
 }
 
 /** The chaining value of a chunk; with `root` the hash of bytes that are one chunk. */

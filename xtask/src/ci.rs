@@ -31,7 +31,7 @@ const STEPS: [Step; 8] = [
     ("build", 10_500.0, |_| succeeds(&["test", "--workspace", "--no-run"])),
     ("test", 11_000.0, |full| test(&["--workspace".to_owned()], full)),
     ("clippy", 1500.0, |_| succeeds(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])),
-    ("web", 400.0, |_| web()),
+    ("web", 1300.0, |_| web()),
     ("decode only", 650.0, |_| decode_only()),
     ("doc", 500.0, doc),
 ];

@@ -98,6 +98,15 @@ test("a file that cannot be read is told, and shown as a picture", options, asyn
   await page.close();
 });
 
+test("a GPU that is lost is told", options, async () => {
+  const { page, faults } = await open(browser, url);
+  await drawn(page, 0);
+  await page.evaluate(() => globalThis.page.gpu.device.destroy());
+  await page.getByText("the GPU was lost; load the page again").waitFor();
+  assert.deepEqual(faults, []);
+  await page.close();
+});
+
 test("without WebGPU a picture and the reason are shown", options, async () => {
   const context = await browser.newContext();
   await context.addInitScript(() => Object.defineProperty(Navigator.prototype, "gpu", { value: undefined }));

@@ -1,6 +1,6 @@
 // Textures on a GPU: uploaded, decoded where they are in blocks, drawn by the WGSL of their codec, read back.
 
-import { plainForm } from "./codecs/dct.js";
+import { plainForm, STAGE_LEVELS } from "./codecs/dct.js";
 import { atLevel, fullLevels, type Layout, type Size } from "./container.js";
 import { Decoder, targetOf } from "./decoder.js";
 import { type Blocks, type Form, FORMATS, type ImageBinding, type Plane } from "./form.js";
@@ -88,13 +88,15 @@ const ROW_BYTES = 256;
 export class GpuTexture {
   /** Resolves when all mip levels can be drawn. */
   complete: Promise<void> = Promise.resolve();
+  /** Finest mip levels of the file that are not there, as the device cannot hold them: its level 0 is the file's level of this number. */
+  skippedLevels = 0;
   /** Finest mip level of each image in blocks that can be drawn so far. */
   readonly finest: number[] = [];
   /** Whether `destroy` was called. */
   isDestroyed = false;
 
   constructor(
-    /** Sizes and mip levels of the images; null for a light field. */
+    /** Sizes and mip levels of the images as they are on the GPU; null for a light field. */
     readonly layout: Pick<Layout, "images" | "levels"> | null,
     readonly form: Form,
     readonly module: Module,
@@ -155,11 +157,12 @@ export class Gpu {
   }
 
   /**
-   * Uploads all planes of a texture. Images in blocks are decoded with all mip levels into plain textures.
+   * Uploads all planes of a texture. Images in blocks are decoded with all mip levels into plain textures, from the finest level on that the
+   * device can hold.
    * @throws GpuError where the device cannot hold or sample it.
    */
   async upload(texture: Texture, options: Upload = {}): Promise<GpuTexture> {
-    const { form } = texture, module = modules[form.module]!;
+    const { form, layout, skipped } = this.fitting(texture), module = modules[form.module]!;
     this.check(form);
     this.device.pushErrorScope("validation");
     this.device.pushErrorScope("out-of-memory");
@@ -175,7 +178,8 @@ export class Gpu {
     const bytes = decoded.reduce((sum, made) => sum + made.bytes, form.uniforms.length);
     const resident = form.planes.reduce((sum, plane) => sum + plane.data.length, bytes);
     const owned = [...planes, ...decoded.map(({ texture: made }) => made), ...buffers];
-    const made = new GpuTexture(texture.layout, form, module, constantsOf(module, form), groups, resident, buffers, owned);
+    const made = new GpuTexture(layout, form, module, constantsOf(module, form), groups, resident, buffers, owned);
+    made.skippedLevels = skipped;
     await this.decodeAll(made, decoded, options);
     return made;
   }
@@ -191,6 +195,19 @@ export class Gpu {
     const groups = this.groups(module, form, [texture], buffers);
     const layout = { images: [{ width, height }], levels: 1 };
     return new GpuTexture(layout, form, module, constantsOf(module, form), groups, 4 * width * height, buffers, [texture, ...buffers]);
+  }
+
+  /** A texture without the stages of images in blocks that are too large for the device, where it has coarser ones. */
+  private fitting({ codec, layout, form }: Texture): { form: Form; layout: GpuTexture["layout"]; skipped: number } {
+    const limit = this.device.limits.maxTextureDimension2D;
+    const side = codec === "dct" && layout ? Math.max(...layout.images.flatMap(({ width, height }) => [width, height])) : 0;
+    const skipped = Math.ceil(Math.max(0, Math.log2(side / limit)) / STAGE_LEVELS) * STAGE_LEVELS;
+    if (!layout || skipped === 0 || skipped >= layout.levels) {
+      return { form, layout, skipped: 0 };
+    }
+    const fewer = { images: layout.images.map((size) => atLevel(size, skipped)), levels: layout.levels - skipped };
+    const blocks = form.blocks.filter(({ level }) => level >= skipped).map((stage) => ({ ...stage, level: stage.level - skipped }));
+    return { form: plainForm(fewer, blocks), layout: fewer, skipped };
   }
 
   private check(form: Form): void {

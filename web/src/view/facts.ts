@@ -1,6 +1,6 @@
 // What the page tells of a file.
 
-import type { Texture } from "../index.js";
+import type { GpuTexture, Texture } from "../index.js";
 import { element, make } from "./data.js";
 
 /** Bytes as a person reads them. */
@@ -22,7 +22,7 @@ function bar(name: string, bytes: number, most: number): HTMLElement[] {
 }
 
 /** Fills the panel. */
-export function showFacts(texture: Texture, residentBytes: number): void {
+export function showFacts(texture: Texture, drawn: GpuTexture | null): void {
   const { layout, notes, form, layers } = texture;
   const rows: [string, string][] = [["Codec", texture.codec]];
   let texels = 0;
@@ -37,7 +37,10 @@ export function showFacts(texture: Texture, residentBytes: number): void {
   if (layers[1] > 1) {
     rows.push([layout ? "Layers" : "Mean and terms", `${layers[0]} of ${layers[1]}`]);
   }
-  const sizes: [string, number][] = [["On disk", texture.fileBytes], ["Compressed in memory", texture.compressedBytes], ["As drawn here", residentBytes]];
+  if (drawn && drawn.skippedLevels > 0) {
+    rows.push(["Shown from mip level", `${drawn.skippedLevels}, the finest that this GPU holds`]);
+  }
+  const sizes: [string, number][] = [["On disk", texture.fileBytes], ["Compressed in memory", texture.compressedBytes], ["As drawn here", drawn?.residentBytes ?? 0]];
   if (texture.plainBytes > 0) {
     sizes.push(["As plain RGBA with mips", texture.plainBytes]);
   }

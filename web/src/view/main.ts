@@ -105,7 +105,8 @@ class Page {
     const texture = await open(fileOf(item));
     const drawn = await this.gpu.upload(texture, { coarseFirst: true });
     void drawn.complete.then(() => this.want());
-    const originals = await Promise.all(item.originals.map((data) => this.original(data)));
+    // Originals of images that the GPU holds from a coarser level on are too large for it.
+    const originals = await Promise.all(drawn.skippedLevels > 0 ? [] : item.originals.map((data) => this.original(data)));
     this.shown?.drawn.destroy();
     this.shown?.originals.forEach((original) => original.destroy());
     this.shown?.rivals.forEach((rival) => rival.drawn.destroy());
@@ -121,7 +122,7 @@ class Page {
     this.terms = texture.layers[0] - 1;
     element("name").textContent = item.name;
     document.title = `${item.name} – Texfold`;
-    showFacts(texture, drawn.residentBytes);
+    showFacts(texture, drawn);
     this.choices(item);
     this.resize();
     if (!stays) {
@@ -148,7 +149,7 @@ class Page {
   }
 
   private fit(): void {
-    const size = this.shown?.texture.layout?.images[this.image];
+    const size = this.shown?.drawn.layout?.images[this.image];
     if (size) {
       this.shown!.window.fit(size.width, size.height, this.canvas);
     }
@@ -156,7 +157,7 @@ class Page {
 
   /** Files, modes, images, mip levels, terms. */
   private choices(item: Item): void {
-    const { texture, originals, rivals } = this.shown!, children: HTMLElement[] = [];
+    const { texture, drawn, originals, rivals } = this.shown!, children: HTMLElement[] = [];
     const select = (label: string, names: string[], chosen: number, choose: (number: number) => void): void => {
       const options = names.map((name, number) => make("option", { value: `${number}`, ...(number === chosen ? { selected: "" } : {}) }, name));
       const box = make("select", { "aria-label": label }, ...options) as HTMLSelectElement;
@@ -182,7 +183,7 @@ class Page {
       });
       children.push(make("div", { class: "modes" }, ...buttons));
     }
-    const { layout } = texture;
+    const { layout } = drawn;
     if (layout && layout.images.length > 1) {
       select("Image", layout.images.map(({ width, height }, number) => `${number}: ${width} x ${height}`), 0, (number) => {
         this.image = number;
@@ -203,7 +204,7 @@ class Page {
         this.want();
       });
     }
-    if (texture.codec === "dct") {
+    if (texture.codec === "dct" && drawn.skippedLevels === 0) {
       const box = make("input", { type: "checkbox" }) as HTMLInputElement;
       box.addEventListener("change", () => {
         this.bits = box.checked;
@@ -343,6 +344,6 @@ try {
   }
   showStill(first, error.message);
   if (items.length > 0) {
-    showFacts(await open(fileOf(first)), 0);
+    showFacts(await open(fileOf(first)), null);
   }
 }

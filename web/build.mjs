@@ -1,7 +1,7 @@
 // Bundles the package: dist/ holds minified ES modules, their types and conformance.html, crates/cli/src/view/page.html the page of `texfold view`.
 // With --test also what tests need, and the page is compared, not written.
 import { execFileSync } from "node:child_process";
-import { readFileSync, writeFileSync } from "node:fs";
+import { mkdirSync, readdirSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { build } from "esbuild";
 import { goldenItems } from "./golden.mjs";
 
@@ -9,9 +9,13 @@ const { version } = JSON.parse(readFileSync("package.json", "utf8"));
 const isTest = process.argv.includes("--test");
 const options = { bundle: true, minify: true, format: "esm", target: "es2022", legalComments: "none" };
 
+// Chunks of former builds.
+mkdirSync("dist", { recursive: true });
+readdirSync("dist").filter((name) => name.startsWith("texfold-")).forEach((name) => rmSync(`dist/${name}`));
+
 await build({
   ...options,
-  entryPoints: ["src/index.ts", ...(isTest ? ["src/test.ts"] : [])],
+  entryPoints: ["src/index.ts", "src/tiles.ts", ...(isTest ? ["src/test.ts"] : [])],
   outdir: "dist",
   splitting: true,
   chunkNames: "texfold-[name]-[hash]",

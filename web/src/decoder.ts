@@ -19,7 +19,7 @@ type Target = "rgba8unorm" | "rgba32float";
 export const targetOf = (layout: BlockLayout): Target => (layout.depth > 8 ? "rgba32float" : "rgba8unorm");
 
 /** The channels as an image shows them: gray or colours, and alpha. */
-function channelsOf({ channels, shift, depth }: BlockLayout): Channel[] {
+export function channelsOf({ channels, shift, depth }: BlockLayout): Channel[] {
   const one: Channel = { mean: (2 ** depth - 1) * 2 ** shift, firstAxis: 0, weights: [0, 0, 0, 0] };
   const of = (number: number): Channel => channels[number] ?? one;
   return channels.length < 3 ? [of(0), of(0), of(0), of(1)] : [of(0), of(1), of(2), of(3)];

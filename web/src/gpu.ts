@@ -164,17 +164,12 @@ export class Gpu {
   async upload(texture: Texture, options: Upload = {}): Promise<GpuTexture> {
     const { form, layout, skipped } = this.fitting(texture), module = modules[form.module]!;
     this.check(form);
-    this.device.pushErrorScope("validation");
-    this.device.pushErrorScope("out-of-memory");
-    const planes = form.planes.map((plane) => this.plane(plane));
-    const decoded = imagesOf(form.blocks).map((stages) => this.decodedOf(stages));
     const buffers: GPUBuffer[] = [];
-    const groups = this.groups(module, form, [...planes, ...decoded.map(({ texture: made }) => made)], buffers);
-    const faults = await Promise.all([this.device.popErrorScope(), this.device.popErrorScope()]);
-    const fault = faults.find((found) => found !== null);
-    if (fault) {
-      throw new GpuError(`the device refuses the texture; free others or take a smaller one: ${fault.message}`);
-    }
+    const { planes, decoded, groups } = await this.guarded(() => {
+      const planes = form.planes.map((plane) => this.plane(plane));
+      const decoded = imagesOf(form.blocks).map((stages) => this.decodedOf(stages));
+      return { planes, decoded, groups: this.groups(module, form, [...planes, ...decoded.map(({ texture: made }) => made)], buffers) };
+    });
     const bytes = decoded.reduce((sum, made) => sum + made.bytes, form.uniforms.length);
     const resident = form.planes.reduce((sum, plane) => sum + plane.data.length, bytes);
     const owned = [...planes, ...decoded.map(({ texture: made }) => made), ...buffers];
@@ -195,6 +190,22 @@ export class Gpu {
     const groups = this.groups(module, form, [texture], buffers);
     const layout = { images: [{ width, height }], levels: 1 };
     return new GpuTexture(layout, form, module, constantsOf(module, form), groups, 4 * width * height, buffers, [texture, ...buffers]);
+  }
+
+  /**
+   * What `make` gives, once the device has taken all that it made.
+   * @throws GpuError where the device refuses.
+   */
+  async guarded<T>(make: () => T): Promise<T> {
+    this.device.pushErrorScope("validation");
+    this.device.pushErrorScope("out-of-memory");
+    const made = make();
+    const faults = await Promise.all([this.device.popErrorScope(), this.device.popErrorScope()]);
+    const fault = faults.find((found) => found !== null);
+    if (fault) {
+      throw new GpuError(`the device refuses so much memory; free other textures or take a smaller one: ${fault.message}`);
+    }
+    return made;
   }
 
   /** A texture without the stages of images in blocks that are too large for the device, where it has coarser ones. */
@@ -313,10 +324,11 @@ export class Gpu {
     return { stages, texture, bytes };
   }
 
-  private layoutOf(module: Module): GPUBindGroupLayout {
+  /** Bindings of a module. */
+  layoutOf(module: Module): GPUBindGroupLayout {
     let layout = this.layouts.get(module);
     if (!layout) {
-      const visibility = GPUShaderStage.VERTEX | GPUShaderStage.FRAGMENT;
+      const visibility = GPUShaderStage.VERTEX | GPUShaderStage.FRAGMENT | GPUShaderStage.COMPUTE;
       const entries = module.bindings.map((kind, binding): GPUBindGroupLayoutEntry => {
         if (typeof kind === "number") {
           return { binding, visibility, buffer: {} };

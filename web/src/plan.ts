@@ -7,8 +7,9 @@ import type { BlockLayout } from "./form.js";
 import { WORDS } from "./generated/dct.js";
 
 const SIDE = 8;
-const BLOCK_WORDS = 64;
-const BLOCK_NOTES = 5;
+/** Words of a block's samples in scratch memory, and of its notes. */
+export const BLOCK_WORDS = 64;
+export const BLOCK_NOTES = 5;
 /** Words of a pass's parameters. */
 export const PASS_WORDS = 34;
 /** Most bytes of scratch memory that a decoder uses at once: half of what every WebGPU device binds. */

@@ -3,11 +3,11 @@
 import type { Module } from "./generated/modules.js";
 import { address, block, blockEntry, blockFloat, blockPass, blockTexel, blockUnorm, decode, draw, sample, view } from "./generated/parts.js";
 
-/** The functions of a module with its bindings in group 0. */
-async function sourcesOf(module: Module): Promise<string> {
+/** The functions of a module with its bindings in `group`. */
+export async function sourcesOf(module: Module, group = 0): Promise<string> {
   const files = await Promise.all(module.files.map(async ([load, first]) => ({ ...(await load()), first })));
   const texts = files.map(({ text, first }) =>
-    text.replaceAll("TEXFOLD_GROUP", "0").replace(/TEXFOLD_BINDING_(\d+)/g, (_, number: string) => `${first + +number}`),
+    text.replaceAll("TEXFOLD_GROUP", `${group}`).replace(/TEXFOLD_BINDING_(\d+)/g, (_, number: string) => `${first + +number}`),
   );
   return [address, sample, ...texts, files[0]!.entry].join("\n");
 }
@@ -18,7 +18,7 @@ export async function drawing(module: Module, entry: "draw" | "decode"): Promise
 }
 
 /** A shader that draws a light field on its mesh; the camera is group 1. */
-export const light = sourcesOf;
+export const light = (module: Module): Promise<string> => sourcesOf(module);
 
 /** The compute shader that decodes blocks to `rgba8unorm` or `rgba32float`. */
 export function blocks(target: "rgba8unorm" | "rgba32float"): string {

@@ -5,4 +5,5 @@ export { decodeBlocks } from "./codecs/dct_cpu.js";
 export { Budget, LIMITS } from "./errors.js";
 export * from "./index.js";
 export { Reader } from "./reader.js";
+export { TileCache } from "./tiles.js";
 export { decompress } from "./zstd.js";

@@ -4,7 +4,7 @@ import { after, before, test } from "node:test";
 import { launch, open, serve } from "./browser.mjs";
 import { goldenItems } from "../golden.mjs";
 import { decodeBlocks, open as openFile } from "../dist/test.js";
-import { golden } from "./support.mjs";
+import { golden, LONG } from "./support.mjs";
 
 const root = fileURLToPath(new URL("../..", import.meta.url));
 const browser = await launch();
@@ -63,19 +63,6 @@ test("blocks are decoded on the CPU to the texels of the GPU, whole and in parts
   }
   assert.deepEqual(faults, []);
 });
-
-/** 32768x8 texels with mip levels, by `texfold compress long.png --codec dct --effort fast --mips`. */
-const LONG =
-  "iVRYRg0KGgoCAAcABAAAALcDAAAAAAAAN2PodBSoEu5OT1RFAQAAAMAAAAAAAAAAlQAAAAAAAAC0AAAAAAAAAKAgRLMg0b0VTEFZTwAAAABVAQAAAAAAABwAAAAAAAAAHAAAAAAAAABg" +
-  "5h262K/OYlJCQjABAAAAcQEAAAAAAAAmAgAAAAAAAIsGAAAAAAAAzPSnYQjAhShSQkQwAQAAAJcDAAAAAAAAIAAAAAAAAAAMDAAAAAAAAB8/ttgPUor8KLUv/SC0ZQQAwokeGWCtDkMM" +
-  "/7TERlAtEAQBVOIC/1iahKQ0aAEPeS1JkKS5BbSFVXqFk6S47wqIfmiFz3aK4vGN7u0reTa058ySUkcKhxvD5dLC49sS9rylh3rmM9Hd0Yj2oXbV+fA40+XHc0RbziO9ubFEIcb+jF+L" +
-  "Jcaeo3xsGUXGlhAFAEGJclQOBMrgTivKKk4DCAAAAAAAABAAAAABAAAAAQAAAACAAAAIAAAAKLUv/WCLBeUQALQYAv9/BwAIBdQIAAAAAQEDgABpAGMABAQFRgByDADR2jLGGGOMMRgA" +
-  "cgCAMZn5WQG5GQJ52TkDmflZBLkZBXnZOQaZ+VkHuRkIedk5CZn5WQq5GQt52TkMDAAB3///X+AHP/h/Az/4wff//x8g8P///zcHNHz/H/iH/wO+f+Af/v97uO8H/MEPfvCDH/w9oPH/" +
-  "A2jYlx6RSqxYsyv+jZ5v++z/81bJxKAegnAt2H+dgo5EElnlPpCQOE72/gRoA9x3Tax8SdJw7FBXHMz/wh9JCBGDKtN3lCUSpgIM2QH/DwAACAUUgQQWADgAc0oAf8D/H/D9A///f/8H" +
-  "5P7/f/s/Ac7/Wt0AZ7wTiOzFh+y/03/4v0fQW8vf/Pif4AtodEdjDry89T8ifj1j+Qm6x5hZxyEw2dP/Af8BVAcNACEQJf8d/z/2/5wB5vxLblVdltM+ZupMix2bZK+suWKWHQPDTTkT" +
-  "tygCPwCUBgIEBAAQKwP/9z8Z1lUj6zgMZQ8BB9QFAwQABwcBABSXAARPqIFcdSZpGSkqLKwBIGkmbcZCORSCGYjAgSCG4KZ4wqQtu24DOHvJCDt/BA/ecUWhbCBW1kruVIGx3RhC5hbp" +
-  "PHtfYF9W6UklYd2i6vEPPAwMqpUWuac1gDCymQrH64hs98V80Q2UQdlDEEgUIrIXjv3CwDxgYZvTrgEonQrOadsVWucWqgomPT+zOX6EHyi1L/1gDAu1AAB49zYfIg/coSrvfwO5ATQA" +
-  "AQD603dD";
 
 test("of images that the device cannot hold coarser levels are drawn", options, async () => {
   const [, stage] = (await openFile(Buffer.from(LONG, "base64"))).form.blocks;

@@ -40,6 +40,8 @@ pub use material::{Layer, Material};
 pub use offscreen::{Filter, Lod, Lookup, Probe, View};
 pub use texfold_shaders::ModuleInfo;
 pub use texture::{AddressMode, GpuTexture};
+#[doc(hidden)]
+pub use tiles::tile_numbers;
 pub use tiles::{TileCache, TileLook, TileOptions, TileReport, TileTexture};
 pub use update::Updated;
 pub use wgpu;

@@ -89,7 +89,7 @@ fn entry_wanted(number: u32) -> EntryTile {
 fn entry_there(slot: u32) -> u32 {
     let columns = entry_options.columns;
     let layer = slot / (columns * columns);
-    return TEXFOLD_TILE_THERE | (layer << 16u) | (slot / columns % columns << 8u) | slot % columns;
+    return TEXFOLD_TILE_THERE | (layer << 16u) | ((slot / columns % columns) << 8u) | (slot % columns);
 }
 
 // Frames since a place was last looked at.
@@ -385,7 +385,7 @@ fn entry_write(source: u32, count: u32) {
     var tiles = 0u;
     for (var number = 0u; number < count; number += 1u) {
         let stage = entry_plan.requests[number].stage;
-        tiles += u32(stage == (ENTRY_DRAWN | source) || source == 0u && stage < ENTRY_DRAWN);
+        tiles += u32(stage == (ENTRY_DRAWN | source) || (source == 0u && stage < ENTRY_DRAWN));
     }
     let write = 3u * (1u + 2u * TEXFOLD_TILE_PLANES + source);
     entry_workgroups[write] = TEXFOLD_TILE_SIDE / 8u;

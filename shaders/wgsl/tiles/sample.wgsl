@@ -89,7 +89,7 @@ fn texfold_tile_filtered(lookup: TexfoldTileLookup, level: u32) -> vec4<f32> {
     let uv = (vec2<f32>(corner) + inner) / side;
     let layer = (place >> 16u) & 0x7fffu;
     let is_srgb = TEXFOLD_TILE_COLOURS == 1u
-        || TEXFOLD_TILE_COLOURS == 2u && (lookup.flags & TEXFOLD_TILE_SRGB) != 0u;
+        || (TEXFOLD_TILE_COLOURS == 2u && (lookup.flags & TEXFOLD_TILE_SRGB) != 0u);
     if TEXFOLD_TILE_ANISOTROPY > 1.0 && lookup.is_stretched {
         let across = lookup.across * size / side;
         let down = lookup.down * size / side;

@@ -101,12 +101,14 @@ fn shaders() -> Vec<(PathBuf, String)> {
     let of_sources = sources.iter().flat_map(|&(text, entry)| [text, entry]);
     let names = wgsl::short_names(PARTS.iter().map(|(_, text)| *text).chain(of_sources));
     let text = |text: &str| format!("{:?}", wgsl::short(text, &names));
-    let mut parts = HEAD.to_owned();
+    let [mut parts, mut tiles] = [HEAD.to_owned(), HEAD.to_owned() + &tile_numbers()];
     for (name, part) in PARTS {
-        let _ = writeln!(parts, "export const {name} = {};", text(part));
+        // Who does not use a cache of tiles does not load its shaders.
+        let file = if name.starts_with("tile") { &mut tiles } else { &mut parts };
+        let _ = writeln!(file, "export const {name} = {};", text(part));
     }
     let file = |number: usize| PathBuf::from(format!("src/generated/source{number}.ts"));
-    let mut files = vec![("src/generated/parts.ts".into(), parts)];
+    let mut files = vec![("src/generated/parts.ts".into(), parts), ("src/generated/tiles.ts".into(), tiles)];
     for (number, (source, entry)) in sources.iter().enumerate() {
         let mut out = format!("{HEAD}export const text = {};\n", text(source));
         if !entry.is_empty() {
@@ -124,6 +126,16 @@ fn shaders() -> Vec<(PathBuf, String)> {
     }
     files.push(("src/generated/modules.ts".into(), table + "};\n"));
     files
+}
+
+/// Sizes and flags of a cache of tiles.
+fn tile_numbers() -> String {
+    let (numbers, tail_places) = texfold_gpu::tile_numbers();
+    let mut out = format!("/** Places of a tail's levels. */\nexport const TAIL_PLACES = {tail_places:?};\n");
+    for (name, value) in numbers {
+        let _ = writeln!(out, "export const {name} = {value};");
+    }
+    out
 }
 
 /// What drawing and decoding call of the functions that entry points call: those before the ones that times are compared with.

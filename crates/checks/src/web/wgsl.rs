@@ -91,7 +91,8 @@ fn is_public(name: &str) -> bool {
 /// Whether a name is the project's own and none that callers use or that is replaced by a number.
 fn is_own(word: &str) -> bool {
     let begins = ["texfold_", "TEXFOLD_", "Texfold"].iter().any(|beginning| word.starts_with(beginning));
-    let is_place = ["TEXFOLD_GROUP", "TEXFOLD_ANISOTROPY", "TEXFOLD_STRIDE"].contains(&word)
+    let is_place = ["TEXFOLD_GROUP", "TEXFOLD_ANISOTROPY", "TEXFOLD_STRIDE", "TEXFOLD_TILE_COLOURS"]
+        .contains(&word)
         || word.starts_with("TEXFOLD_BINDING_");
     begins && !is_place && !is_public(word)
 }

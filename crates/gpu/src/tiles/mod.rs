@@ -588,6 +588,13 @@ impl TileCache {
     }
 }
 
+/// Sizes and flags of the cache, and the places of a tail's levels: for the cache of the browser package.
+#[doc(hidden)]
+#[must_use]
+pub fn tile_numbers() -> (&'static [(&'static str, u64)], &'static [[u32; 2]]) {
+    (&rows::NUMBERS, &rows::TAIL_PLACES)
+}
+
 /// Two numbers of 8 bits and one of 16 in a word, the lowest first.
 fn bytes_and_half([one, two, three]: [u32; 3]) -> u32 {
     one | (two << 8) | (three << 16)

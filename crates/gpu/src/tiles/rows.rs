@@ -23,7 +23,23 @@ pub(super) const PLAN_BYTES: u64 = 4 * (2 + 2 * 65 * PLANES as u64)
     + (24 + size_of::<texfold_shaders::DctPass>() as u64 * PLANES as u64) * MOST_TILES as u64;
 
 /// Places of a tail's levels in its quarter of a tile.
-const TAIL_PLACES: [[u32; 2]; 6] = [[0, 0], [40, 0], [40, 24], [40, 40], [40, 52], [0, 40]];
+pub(super) const TAIL_PLACES: [[u32; 2]; 6] = [[0, 0], [40, 0], [40, 24], [40, 40], [40, 52], [0, 40]];
+
+/// Names and values of what a counterpart in another language shares with this cache.
+pub(super) const NUMBERS: [(&str, u64); 12] = [
+    ("SIDE", SIDE as u64),
+    ("BORDER", BORDER as u64),
+    ("TAIL_SIDE", TAIL_SIDE as u64),
+    ("MOST_LEVELS", MOST_LEVELS as u64),
+    ("MOST_TILES", MOST_TILES as u64),
+    ("PLANES", PLANES as u64),
+    ("FEEDBACK_BYTES", FEEDBACK_BYTES),
+    ("PLAN_BYTES", PLAN_BYTES),
+    ("TEXTURE_ROW_BYTES", size_of::<TextureRow>() as u64),
+    ("STAGE_ROW_BYTES", size_of::<StageRow>() as u64),
+    ("SRGB", SRGB as u64),
+    ("CLAMP", CLAMP as u64),
+];
 
 /// Flags of a texture.
 pub(super) const SRGB: u32 = 1;

@@ -1,0 +1,125 @@
+import assert from "node:assert/strict";
+import { fileURLToPath } from "node:url";
+import { after, before, test } from "node:test";
+import { launch, open, serve } from "./browser.mjs";
+import { LONG } from "./support.mjs";
+
+const root = fileURLToPath(new URL("../..", import.meta.url));
+const browser = await launch();
+const options = { skip: browser ? false : "no Chromium here" };
+/** Columns and rows of a view. */
+const VIEW = 64;
+/** Updates within which all tiles of a view are there. */
+const UPDATES = 3;
+let server, page, faults;
+
+before(async () => {
+  if (browser) {
+    server = await serve(root);
+    ({ page, faults } = await open(browser, `${server.url}web/test/page.html`));
+  }
+});
+
+after(async () => {
+  await browser?.close();
+  server?.close();
+});
+
+const file = (name) => `/fixtures/golden/${name}.txf`;
+const cache = (urls, options = {}) => page.evaluate(([urls, options]) => window.cache(urls, options), [urls, { poolBytes: 1 << 22, stride: 1, textures: 16, ...options }]);
+const frame = async (...view) => {
+  const { data, ...report } = await page.evaluate((view) => window.frame(...view), view);
+  return { ...report, texels: Buffer.from(data, "base64") };
+};
+
+/** A view once all of its tiles are there. */
+async function settled(...view) {
+  for (let update = 0; update < UPDATES; update++) {
+    await frame(...view);
+  }
+  const { missing, bias, texels } = await frame(...view);
+  assert.deepEqual([missing, bias], [0, 0]);
+  return texels;
+}
+
+/** The largest difference between a view of a texture and decoded texels of a region. */
+function difference(view, { width, height, data }) {
+  const texels = Buffer.from(data, "base64");
+  let largest = 0;
+  for (let y = 0; y < height; y++) {
+    for (let at = 0; at < 4 * width; at++) {
+      largest = Math.max(largest, Math.abs(view[4 * VIEW * y + at] - texels[4 * width * y + at]));
+    }
+  }
+  return largest;
+}
+
+/** Levels of the long image that the browser's device cannot hold whole, so that its texels are not decoded to be compared with. */
+const TOO_LONG = 3;
+
+test("tiles of all codecs of images equal decoded texels", options, async () => {
+  const files = ["dct", "dct_alpha", "bc_bc7", "vq_bc1_mips", "epitome_block", "epitome_errors", "progressive", "zipmap_block"].map(file);
+  const urls = [...files, `data:;base64,${LONG}`];
+  const textures = await cache(urls);
+  for (const [number, url] of urls.entries()) {
+    const { images: [size], levels } = await page.evaluate(async (url) => (await window.openFile(url)).layout, url);
+    const skipped = url.startsWith("data") ? TOO_LONG : 0;
+    const views = Array.from({ length: levels - skipped }, (_, number) => {
+      const level = number + skipped, [width, height] = [size.width, size.height].map((side) => Math.max(1, side >> level));
+      // Across a border of tiles where there is one.
+      const [x, y] = [width, height].map((side) => Math.max(0, Math.min(side - VIEW, 90)));
+      const region = { level: number, x, y, width: Math.min(VIEW, width), height: Math.min(VIEW, height) };
+      return { region, view: [level, [x, y], [width, height]] };
+    });
+    const wanted = await page.evaluate(([url, regions]) => window.decoded(url, regions), [url, views.map(({ region }) => region)]);
+    for (const [at, { view }] of views.entries()) {
+      const found = difference(await settled(textures[number], ...view), wanted[at]);
+      assert.ok(found <= 1, `${url.slice(0, 60)}, level ${view[0]}: ${found}`);
+    }
+  }
+  assert.deepEqual(faults, []);
+});
+
+test("a pool that is too small shows coarser levels, and says so", options, async () => {
+  const [texture] = await cache([`data:;base64,${LONG}`], { poolBytes: 1 << 20 });
+  // The view reads 64 of 274 tiles of level 0; 15 fit beside the tails.
+  let report;
+  for (let update = 0; update < 12; update++) {
+    report = await frame(texture, 0, [0, 0], [64, 64]);
+  }
+  assert.ok(report.bias > 0, JSON.stringify(report));
+  assert.ok(report.texels.some((value) => value > 0));
+  assert.deepEqual(faults, []);
+});
+
+test("textures come, are replaced and go, and a full cache is an error that names its option", options, async () => {
+  const [first, second] = await cache([file("dct"), file("vq_bc1_mips")], { textures: 2, streamBytes: 1 << 18 });
+  const view = [[0, 0], [32, 32]];
+  const old = await settled(first, 0, ...view);
+  const run = (action) => page.evaluate(action, [first, second, file("dct_alpha"), file("epitome_block")]);
+  const full = await run(async ([, , url]) => window.tiles.add(await window.openFile(url)).catch((error) => error.message));
+  assert.match(full, /cache of tiles is full: all textures are in use; raise textures or remove textures/);
+  assert.deepEqual(await settled(first, 0, ...view), old);
+  await run(async ([first, , url]) => window.tiles.replace([first], await window.openFile(url)));
+  assert.notDeepEqual(await settled(first, 0, ...view), old);
+  await run(([, second]) => window.tiles.remove(second));
+  assert.ok((await frame(second, 0, ...view)).texels.every((value) => value === 0));
+  // Whatever is removed leaves its room to others.
+  const bytes = await run(async ([, , url, other]) => {
+    for (let turn = 0; turn < 40; turn++) {
+      const [number] = await window.tiles.add(await window.openFile(turn % 2 ? other : url));
+      window.tiles.remove(number);
+    }
+    await window.tiles.add(await window.openFile(other));
+    return window.tiles.bytes;
+  });
+  assert.ok(bytes > 1 << 22);
+  assert.deepEqual(faults, []);
+});
+
+test("sizes that a device does not have are refused with its limit", options, async () => {
+  const refused = (options) => page.evaluate((options) => window.cache([], options).then(() => "made", (error) => error.message), options);
+  assert.match(await refused({ streamBytes: 2 ** 40 }), /maxStorageBufferBindingSize of 1099511627776, the device was made with \d+/);
+  assert.match(await refused({ poolBytes: 1 << 20, textures: 1000 }), /fill half of the pool; raise poolBytes/);
+  assert.deepEqual(faults, []);
+});

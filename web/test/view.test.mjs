@@ -18,15 +18,24 @@ const items = [
   { name: "broken.txf", data: base64(read("dct.txf").subarray(0, 300)), originals: [], still: image("dct.png") },
 ];
 
+/** Encodings of one input, and a smaller image in the place of what another encoder makes of it. */
+const alike = {
+  items: ["dct_alpha", "zipmap_block"].map((file) => ({ name: file, data: base64(read(`${file}.txf`)), originals: [], group: "leaf.png" })),
+  groups: { "leaf.png": { originals: [image("dct_alpha.png")], rivals: [{ name: "astc 8x8", data: image("dct_alpha-level1.png") }] } },
+};
+
 /** The page with these files, as the program writes it. */
-function page(files) {
+function page(files, groups = {}) {
   const text = readFileSync(new URL("../../crates/cli/src/view/page.html", import.meta.url), "utf8");
-  return text.replace("@DATA@", () => JSON.stringify({ items: files, isServed: false }).replaceAll("<", "\\u003c"));
+  return text.replace("@DATA@", () => JSON.stringify({ items: files, groups, isServed: false }).replaceAll("<", "\\u003c"));
 }
 
 let server, url;
 before(async () => {
-  server = createServer((_, response) => response.writeHead(200, { "content-type": "text/html" }).end(page(items)));
+  server = createServer((request, response) => {
+    const text = request.url === "/alike" ? page(alike.items, alike.groups) : page(items);
+    response.writeHead(200, { "content-type": "text/html" }).end(text);
+  });
   await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
   url = `http://127.0.0.1:${server.address().port}/`;
 });
@@ -51,6 +60,21 @@ async function shot(page, act) {
 async function picture(page) {
   return createHash("sha1").update(await page.locator("#stage").screenshot()).digest("hex");
 }
+
+test("between encodings of one input the view stays", options, async () => {
+  const { page, faults } = await open(browser, `${url}alike#1`, { viewport: { width: 1000, height: 800 } });
+  await drawn(page, 0);
+  assert.equal(await page.locator("h1").textContent(), "zipmap_block");
+  await page.locator("#view").focus();
+  await shot(page, () => page.locator("#view").press("+"));
+  await shot(page, () => page.locator("#view").press("ArrowLeft"));
+  const rival = await shot(page, () => page.getByRole("button", { name: "astc 8x8" }).click());
+  const original = await shot(page, () => page.getByRole("button", { name: "Original" }).click());
+  assert.notEqual(rival, original);
+  assert.equal(await shot(page, () => page.getByLabel("File", { exact: true }).selectOption("0")), original);
+  assert.deepEqual(faults, []);
+  await page.close();
+});
 
 for (const [width, height, colorScheme] of [[1400, 900, "light"], [400, 800, "dark"]]) {
   test(`files are shown at ${width} pixels, ${colorScheme}`, options, async () => {

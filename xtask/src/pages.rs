@@ -47,7 +47,8 @@ fn pages() -> io::Result<bool> {
     let web = root().join("web");
     let mut node = Command::new("node");
     node.current_dir(root()).arg(web.join("pages.mjs")).arg(out.join("screenshots"));
-    node.args([at("compare/report.html"), at("stability/report.html"), view]);
+    node.args(["compare/report.html", "compare/images.html", "stability/report.html"].map(at));
+    node.arg(view);
     node.args(["dist/conformance.html", "dist/try.html"].map(|page| web.join(page)));
     Ok(node.status()?.success())
 }

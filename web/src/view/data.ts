@@ -11,11 +11,32 @@ export interface Item {
   still?: string;
   /** Around the mesh of a light field. */
   sphere?: { centre: [number, number, number]; radius: number };
+  /** Name of the group whose originals and other images it has. */
+  group?: string;
 }
 
-/** All files, and whether the program that serves the page encodes images. */
-export function readData(): { items: Item[]; isServed: boolean } {
-  return JSON.parse(document.getElementById("data")!.textContent!) as { items: Item[]; isServed: boolean };
+/** What the encodings of one input share: PNGs in base 64. */
+export interface Group {
+  originals: string[];
+  /** By other encoders, decoded. */
+  rivals: { name: string; data: string }[];
+}
+
+interface Data {
+  items: Item[];
+  groups?: Record<string, Group>;
+  /** Whether the program that serves the page encodes images. */
+  isServed: boolean;
+}
+
+/** What the program wrote into the page. */
+export function readData(): Data {
+  return JSON.parse(document.getElementById("data")!.textContent!) as Data;
+}
+
+/** A PNG in base 64, its values as they are. */
+export function imageOf(data: string): Promise<ImageBitmap> {
+  return createImageBitmap(new Blob([bytesOf(data)], { type: "image/png" }), { colorSpaceConversion: "none", premultiplyAlpha: "none" });
 }
 
 export function bytesOf(base64: string): Uint8Array<ArrayBuffer> {

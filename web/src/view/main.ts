@@ -4,7 +4,7 @@ import { Gpu, GpuError, type GpuTexture, LoadError, open, type Texture, type Vie
 import { superblocksOf } from "../superblocks.js";
 import { Orbit, Window } from "./camera.js";
 import { Difference } from "./compare.js";
-import { bytesOf, element, fileOf, type Item, make, readData } from "./data.js";
+import { element, fileOf, type Group, imageOf, type Item, make, readData } from "./data.js";
 import { showFacts } from "./facts.js";
 import { listen } from "./input.js";
 import { listenForFiles, type Rival } from "./try.js";
@@ -45,7 +45,7 @@ class Page {
   /** Frames that were drawn. */
   frames = 0;
 
-  constructor(private readonly gpu: Gpu, private readonly items: Item[]) {
+  constructor(private readonly gpu: Gpu, private readonly items: Item[], private readonly groups: Record<string, Group>) {
     this.context = this.canvas.getContext("webgpu") as GPUCanvasContext;
     this.context.configure({ device: gpu.device, format: this.format, alphaMode: "opaque", usage: GPUTextureUsage.RENDER_ATTACHMENT | GPUTextureUsage.COPY_DST });
     this.difference = new Difference(gpu.device, this.format);
@@ -101,24 +101,31 @@ class Page {
   }
 
   /** Loads and shows a file; of the image that was shown before, another one, the window stays. */
-  async show(item: Item, rivals: Rival[] = []): Promise<void> {
+  async show(item: Item, rivals: Pick<Rival, "name" | "image">[] = []): Promise<void> {
     const texture = await open(fileOf(item));
     const drawn = await this.gpu.upload(texture, { coarseFirst: true });
     void drawn.complete.then(() => this.want());
+    const group = this.groups[item.group ?? ""] ?? { originals: item.originals, rivals: [] };
+    const uploaded = async (data: string): Promise<GpuTexture> => this.gpu.uploadImage(await imageOf(data));
     // Originals of images that the GPU holds from a coarser level on are too large for it.
-    const originals = await Promise.all(drawn.skippedLevels > 0 ? [] : item.originals.map((data) => this.original(data)));
+    const originals = await Promise.all(drawn.skippedLevels > 0 ? [] : group.originals.map(uploaded));
+    const decoded = await Promise.all(group.rivals.map(async ({ name, data }) => ({ name, drawn: await uploaded(data) })));
     this.shown?.drawn.destroy();
     this.shown?.originals.forEach((original) => original.destroy());
     this.shown?.rivals.forEach((rival) => rival.drawn.destroy());
     const { centre, radius } = item.sphere ?? { centre: [0, 0, 0], radius: 1 };
     const orbit = texture.layout ? null : new Orbit(centre, radius);
-    const others = rivals.map(({ name, image }) => ({ name, drawn: this.gpu.uploadImage(image) }));
+    const others = [...rivals.map(({ name, image }) => ({ name, drawn: this.gpu.uploadImage(image) })), ...decoded];
     const before = this.items[this.number];
-    const stays = before?.name === item.name && this.shown !== null;
+    const isAlike = before?.group !== undefined && before.group === item.group;
+    const stays = (isAlike || before?.name === item.name) && this.shown !== null;
     const window = stays ? this.shown!.window : new Window();
     this.number = this.items.indexOf(item);
     this.shown = { texture, drawn, originals, rivals: others, window, orbit };
-    [this.mode, this.image, this.level, this.bits] = ["decoded", 0, -1, false];
+    [this.image, this.level, this.bits] = [0, -1, false];
+    if (!isAlike || this.mode === "rival") {
+      this.mode = "decoded";
+    }
     this.terms = texture.layers[0] - 1;
     element("name").textContent = item.name;
     document.title = `${item.name} – Texfold`;
@@ -142,12 +149,6 @@ class Page {
     element("still").hidden = true;
   }
 
-  private async original(data: string): Promise<GpuTexture> {
-    const blob = new Blob([bytesOf(data)], { type: "image/png" });
-    const image = await createImageBitmap(blob, { colorSpaceConversion: "none", premultiplyAlpha: "none" });
-    return this.gpu.uploadImage(image);
-  }
-
   private fit(): void {
     const size = this.shown?.drawn.layout?.images[this.image];
     if (size) {
@@ -162,7 +163,7 @@ class Page {
       const options = names.map((name, number) => make("option", { value: `${number}`, ...(number === chosen ? { selected: "" } : {}) }, name));
       const box = make("select", { "aria-label": label }, ...options) as HTMLSelectElement;
       box.addEventListener("change", () => choose(Number(box.value)));
-      children.push(make("label", {}, label, box));
+      children.push(make("label", names.some((name) => name.length > 24) ? { class: "wide" } : {}, label, box));
     };
     if (this.items.length > 1) {
       select("File", this.items.map(({ name }) => name), this.items.indexOf(item), (number) => void this.tryShow(this.items[number]!));
@@ -324,13 +325,13 @@ function showStill(item: Item, why: string): void {
   element("still").hidden = false;
 }
 
-const { items, isServed } = readData();
-/** What stands for a file where there is none. */
-const first: Item = items[0] ?? { name: "Texfold", data: new Uint8Array(0), originals: [] };
+const { items, groups = {}, isServed } = readData();
+/** The file of the address's number; what stands for a file where there is none. */
+const first: Item = items[Number(location.hash.slice(1))] ?? items[0] ?? { name: "Texfold", data: new Uint8Array(0), originals: [] };
 try {
   const gpu = await Gpu.create();
   void gpu.device.lost.then(({ message }) => showStill(first, `the GPU was lost; load the page again. ${message}`));
-  const page = new Page(gpu, items);
+  const page = new Page(gpu, items, groups);
   Object.assign(globalThis, { page });
   listenForFiles(isServed, page);
   if (items.length > 0) {

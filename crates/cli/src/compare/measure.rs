@@ -46,6 +46,8 @@ pub(crate) struct Measured {
     pub(crate) row: Row,
     /// The first image, decoded.
     pub(crate) decoded: Raster,
+    /// The `.txf` file; none of the rival.
+    pub(crate) file: Option<Vec<u8>>,
 }
 
 /// The images of an input, and the search that the last candidate shared with those of its kind.
@@ -158,7 +160,7 @@ impl Bench {
             decode_gpu_texels_per_second: self.gpu_speed(encoded),
             random_access: 1,
         };
-        Ok(Measured { row, decoded: crate::decompress::decode(path, encoded, 0, 0)? })
+        Ok(Measured { row, decoded: crate::decompress::decode(path, encoded, 0, 0)?, file: Some(bytes) })
     }
 
     /// Texels a second of whole decodes on one thread: the median of several.
@@ -235,5 +237,5 @@ fn astc(
         decode_gpu_texels_per_second: None,
         random_access: 1,
     };
-    Ok(Measured { row, decoded: first.unwrap_or_else(|| images.images()[0].clone()) })
+    Ok(Measured { row, decoded: first.unwrap_or_else(|| images.images()[0].clone()), file: None })
 }

@@ -5,6 +5,7 @@
 
 mod candidate;
 mod chart;
+mod images;
 mod measure;
 mod page;
 mod rival;
@@ -21,6 +22,7 @@ use crate::output::{make_folder, remove_stale, write_whole};
 use crate::progress::Progress;
 use crate::settings::Kind;
 use candidate::{Candidate, candidates};
+use images::Pictures;
 use measure::{Bench, Measured, Searches};
 use page::Subject;
 use table::Row;
@@ -36,7 +38,7 @@ pub struct CompareArgs {
     /// Files, folders or globs, as for compress.
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
-    /// Folder that results.csv, results.json and report.html are written to.
+    /// Folder that results.csv, results.json, report.html and images.html, the images to zoom into, are written to.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// What an input is; by default a file is an image and a folder is a set.
@@ -60,12 +62,13 @@ pub(crate) fn run(args: &CompareArgs) -> Result<usize, CliError> {
     let bench = Bench::open(args.effort);
     let inputs = find(&args.inputs, |_| args.kind);
     let progress = Progress::new(inputs.len());
-    let (mut rows, mut subjects, mut failed) = (Vec::new(), Vec::new(), 0);
+    let (mut rows, mut subjects, mut pictures, mut failed) = (Vec::new(), Vec::new(), Pictures::default(), 0);
     for input in inputs {
         let share = progress.share(String::new());
         let outcome = input.map_err(|unusable| *unusable.error).and_then(|found| {
             let path = found.path.clone();
-            guarded(&path, || compare(&found, args, &bench, &progress, subjects.len() < THUMBNAIL_INPUTS))
+            let pictures = (subjects.len() < THUMBNAIL_INPUTS).then_some(&mut pictures);
+            guarded(&path, || compare(&found, args, &bench, &progress, pictures))
         });
         drop(share);
         match outcome {
@@ -81,6 +84,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<usize, CliError> {
     }
     progress.finish();
     write(args, &rows, &subjects, &bench)?;
+    pictures.write(&args.out.join("images.html"))?;
     say(&format!("{} rows in {}", rows.len(), args.out.join("report.html").display()));
     Ok(failed)
 }
@@ -91,20 +95,29 @@ fn compare(
     args: &CompareArgs,
     bench: &Bench,
     progress: &Progress,
-    with_thumbnail: bool,
+    mut pictures: Option<&mut Pictures>,
 ) -> Result<(Vec<Row>, Subject), CliError> {
     let settings = Options::of_pixels(args.color, args.alpha).resolve(&found.path)?;
     let images = read_set(&found.files, &settings, usual_limit())?;
     let input = found.path.display().to_string();
-    let mut subject = Subject::new(&input, with_thumbnail.then(|| &images.images()[0]));
+    let original = pictures.is_some().then(|| &images.images()[0]);
+    let mut subject = Subject::new(&input, original);
+    if let Some(pictures) = &mut pictures {
+        pictures.add_original(&input, &images.images()[0])?;
+    }
     let mut rows = Vec::new();
     let mut searches = Searches::new(&images);
     for candidate in candidates(images.info(), bench.effort().effort(), bench.rival()) {
         // A setting that does not suit an input, such as a codebook larger than its image, is left out.
         let measured = match bench.measure(&mut searches, &candidate, &found.path) {
-            Ok(Measured { row, decoded }) => {
-                subject.add(&candidate, &row, &decoded);
-                Row { input: input.clone(), ..row }
+            Ok(Measured { row, decoded, file }) => {
+                let row = Row { input: input.clone(), ..row };
+                let place = match &mut pictures {
+                    Some(pictures) if candidate.has_thumbnail => pictures.add(&row, &decoded, file)?,
+                    _ => None,
+                };
+                subject.add(&candidate, &row, &decoded, place);
+                row
             }
             Err(error) => {
                 let Candidate { codec, settings, .. } = &candidate;

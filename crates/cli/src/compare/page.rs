@@ -29,6 +29,8 @@ struct Shown {
     title: String,
     decoded: Raster,
     error: Raster,
+    /// Its number in the page of images.
+    place: Option<usize>,
 }
 
 impl Subject {
@@ -39,12 +41,11 @@ impl Subject {
     }
 
     /// Adds what a setting made of it.
-    pub(crate) fn add(&mut self, candidate: &Candidate, row: &Row, decoded: &Raster) {
+    pub(crate) fn add(&mut self, candidate: &Candidate, row: &Row, decoded: &Raster, place: Option<usize>) {
         let Some(original) = self.original.as_ref().filter(|_| candidate.has_thumbnail) else { return };
         let decoded = thumbnail::crop(decoded, THUMBNAIL_SIDE);
-        let title =
-            format!("{} {}: {:.2} dB at {:.2} bits", row.codec, row.settings, row.psnr, row.bpp_memory);
-        self.shown.push(Shown { title, error: thumbnail::error(original, &decoded), decoded });
+        let error = thumbnail::error(original, &decoded);
+        self.shown.push(Shown { title: row.title(), error, decoded, place });
     }
 }
 
@@ -75,7 +76,8 @@ pub(crate) fn html(rows: &[Row], subjects: &[Subject], bench: &Bench) -> Result<
     write!(
         page,
         "<h2>Images</h2><p>The middle {THUMBNAIL_SIDE} texels of each input: the original, then for some settings \
-         the decoded image and its error, scaled by {} around middle gray.</p>",
+         the decoded image and its error, scaled by {} around middle gray. <a href=\"images.html\">All of them to zoom into</a>, \
+         beside the original.</p>",
         thumbnail::ERROR_GAIN
     )?;
     for subject in subjects {
@@ -140,13 +142,17 @@ fn images(subject: &Subject) -> Result<String, Fault> {
         escaped(&subject.input),
         data_image(original, "original")?
     );
-    for Shown { title, decoded, error } in &subject.shown {
+    for Shown { title, decoded, error, place } in &subject.shown {
+        let title = escaped(title);
+        let caption = match place {
+            Some(place) => format!("<a href=\"images.html#{place}\">{title}</a>"),
+            None => title,
+        };
         write!(
             text,
-            "<figure>{}{}<figcaption>{}</figcaption></figure>",
+            "<figure>{}{}<figcaption>{caption}</figcaption></figure>",
             data_image(decoded, "decoded")?,
-            data_image(error, "error")?,
-            escaped(title)
+            data_image(error, "error")?
         )?;
     }
     Ok(text)

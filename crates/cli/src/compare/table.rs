@@ -47,6 +47,11 @@ impl Row {
         )
     }
 
+    /// The setting and what it reaches, for captions.
+    pub(crate) fn title(&self) -> String {
+        format!("{} {}: {:.2} dB at {:.2} bits", self.codec, self.settings, self.psnr, self.bpp_memory)
+    }
+
     pub(crate) fn encode_texels_per_second(&self) -> f64 {
         self.texels / self.encode_seconds.max(1e-9)
     }

@@ -2,7 +2,7 @@
 
 mod serve;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 
 use base64::prelude::{BASE64_STANDARD, Engine};
@@ -47,16 +47,35 @@ pub struct ViewArgs {
 
 /// A file as the page takes it.
 #[derive(Debug, Serialize)]
-struct Item {
+pub(crate) struct Item {
     name: String,
     /// All in base 64: the file, PNGs of the images that it was made from, a PNG of a part of it.
     data: String,
     originals: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     still: Option<String>,
+    /// Name of the group whose originals it has: of other encodings of the same input.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    group: Option<String>,
     /// Of a light field's mesh.
     #[serde(skip_serializing_if = "Option::is_none")]
     sphere: Option<Sphere>,
+}
+
+/// What the encodings of one input share.
+#[derive(Debug, Default, Serialize)]
+pub(crate) struct Group {
+    /// PNGs in base 64.
+    pub(crate) originals: Vec<String>,
+    /// By other encoders, decoded.
+    pub(crate) rivals: Vec<Picture>,
+}
+
+/// An image: its name, a PNG in base 64.
+#[derive(Debug, Serialize)]
+pub(crate) struct Picture {
+    pub(crate) name: String,
+    pub(crate) data: String,
 }
 
 /// A sphere around a mesh.
@@ -88,17 +107,25 @@ pub(crate) fn run(args: &ViewArgs) -> Result<usize, CliError> {
         return serve::serve(port, &items);
     }
     if let Some(out) = args.out.as_ref().filter(|_| !items.is_empty()) {
-        write_whole(out, page(&items, false).as_bytes())?;
+        write_whole(out, page(&items, &BTreeMap::new(), false).as_bytes())?;
         say(&format!("wrote {}", out.display()));
     }
     Ok(failed)
 }
 
-/// The page with these files; served pages can have images encoded.
-fn page(items: &[Item], is_served: bool) -> String {
-    let data = json!({ "items": items, "isServed": is_served }).to_string();
+/// The page with these files, and groups by their names; served pages can have images encoded.
+pub(crate) fn page(items: &[Item], groups: &BTreeMap<String, Group>, is_served: bool) -> String {
+    let data = json!({ "items": items, "groups": groups, "isServed": is_served }).to_string();
     // Nothing in a name ends the element that holds the data.
     PAGE.replace(DATA, &data.replace('<', "\\u003c"))
+}
+
+impl Item {
+    /// An encoding of an input, whose originals the group of that name has.
+    pub(crate) fn of_group(name: String, file: &[u8], group: &str) -> Item {
+        let data = BASE64_STANDARD.encode(file);
+        Item { name, data, originals: Vec::new(), still: None, group: Some(group.to_owned()), sphere: None }
+    }
 }
 
 /// Reads a file and all that the page shows of it.
@@ -125,7 +152,14 @@ fn item(path: &Path, original: Option<&Path>) -> Result<Item, CliError> {
         AnyTexture::Light(light) => around = Some(sphere(light.mesh())),
     }
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    Ok(Item { name, data: BASE64_STANDARD.encode(&bytes), originals, still: picture, sphere: around })
+    Ok(Item {
+        name,
+        data: BASE64_STANDARD.encode(&bytes),
+        originals,
+        still: picture,
+        group: None,
+        sphere: around,
+    })
 }
 
 /// The middle of the first image, of the mip level that fits best.

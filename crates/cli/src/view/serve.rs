@@ -1,6 +1,6 @@
 //! `view --serve`: the page from a server on loopback, which also encodes the images that the page sends.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io::Read;
 use std::path::Path;
 
@@ -35,7 +35,7 @@ pub(super) fn serve(port: u16, items: &[Item]) -> Result<usize, CliError> {
     let fault = |source: Box<dyn std::error::Error + Send + Sync>| CliError::Serve { port, source };
     let server = Server::http(("127.0.0.1", port)).map_err(fault)?;
     let address = server.server_addr().to_string();
-    let page = page(items, true);
+    let page = page(items, &BTreeMap::new(), true);
     say(&format!("http://{address}/"));
     for mut request in server.incoming_requests() {
         let reply = answer(&mut request, &address, &page);

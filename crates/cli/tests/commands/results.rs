@@ -309,6 +309,10 @@ fn a_comparison_has_a_row_for_each_setting_and_a_page_of_its_own() {
     let page = fs::read_to_string(place.at("out/report.html")).unwrap();
     assert!(page.matches("<svg").count() >= 3);
     assert!(!page.contains("src=\"http") && page.contains("data:image/png;base64,"));
+    let images = fs::read_to_string(place.at("out/images.html")).unwrap();
+    let links = page.matches("images.html#").count();
+    assert!(links > 3 && images.matches("\"group\":\"a.png\"").count() == links);
+    assert_eq!(images.matches("\"originals\":[\"").count(), 1, "encodings of an input share its original");
 }
 
 #[test]

@@ -30,6 +30,8 @@ export interface View {
   background?: [number, number, number];
   /** First column of the target that is drawn; what lies to the left stays as it is. 0 by default: the target is cleared. */
   from?: number;
+  /** Leaves what the target shows outside of the image as it is: for images side by side. */
+  keep?: boolean;
 }
 
 /** From where a light field is drawn. */
@@ -50,6 +52,8 @@ export interface Upload {
   /** By compute passes, by the CPU (8 bits a sample alone), or by what is faster: the CPU for coarse levels that are wanted first, as pipelines
    * take time to be made, and where the adapter is a software renderer. The texels are the same. */
   blocks?: "gpu" | "cpu" | "auto";
+  /** Finest mip level that is wanted of images in blocks, 0 by default; rounded down to a multiple of three. */
+  finest?: number;
 }
 
 /** A rectangle of texels of a mip level. */
@@ -162,7 +166,7 @@ export class Gpu {
    * @throws GpuError where the device cannot hold or sample it.
    */
   async upload(texture: Texture, options: Upload = {}): Promise<GpuTexture> {
-    const { form, layout, skipped } = this.fitting(texture), module = modules[form.module]!;
+    const { form, layout, skipped } = this.fitting(texture, options.finest ?? 0), module = modules[form.module]!;
     this.check(form);
     const buffers: GPUBuffer[] = [];
     const { planes, decoded, groups } = await this.guarded(() => {
@@ -208,12 +212,13 @@ export class Gpu {
     return made;
   }
 
-  /** A texture without the stages of images in blocks that are too large for the device, where it has coarser ones. */
-  private fitting({ codec, layout, form }: Texture): { form: Form; layout: GpuTexture["layout"]; skipped: number } {
+  /** A texture without the stages of images in blocks that are too large for the device or finer than wanted, where it has coarser ones. */
+  private fitting({ codec, layout, form }: Texture, finest: number): { form: Form; layout: GpuTexture["layout"]; skipped: number } {
     const limit = this.device.limits.maxTextureDimension2D;
     const side = codec === "dct" && layout ? Math.max(...layout.images.flatMap(({ width, height }) => [width, height])) : 0;
-    const skipped = Math.ceil(Math.max(0, Math.log2(side / limit)) / STAGE_LEVELS) * STAGE_LEVELS;
-    if (!layout || skipped === 0 || skipped >= layout.levels) {
+    const least = Math.ceil(Math.max(0, Math.log2(side / limit)) / STAGE_LEVELS) * STAGE_LEVELS;
+    const skipped = Math.max(least, Math.floor(finest / STAGE_LEVELS) * STAGE_LEVELS);
+    if (!layout || codec !== "dct" || skipped === 0 || skipped >= layout.levels) {
       return { form, layout, skipped: 0 };
     }
     const fewer = { images: layout.images.map((size) => atLevel(size, skipped)), levels: layout.levels - skipped };
@@ -440,7 +445,7 @@ export class Gpu {
     const right = Math.min(target.width, Math.round((size.width - x) * scale)), bottom = Math.min(target.height, Math.round((size.height - y) * scale));
     const first = Math.min(Math.max(left, view.from ?? 0), target.width);
     const area = [first, Math.min(top, target.height), Math.max(0, right - first), Math.max(0, bottom - top)];
-    const clear = view.from ? null : [...(view.background ?? [0, 0, 0]), 1];
+    const clear = view.from || view.keep ? null : [...(view.background ?? [0, 0, 0]), 1];
     const encoder = this.render(pipeline, [drawn.groups[image]!, group], target, clear, area);
     this.device.queue.submit([encoder.finish()]);
     buffer.destroy();

@@ -24,6 +24,10 @@ const alike = {
   groups: { "leaf.png": { originals: [image("dct_alpha.png")], rivals: [{ name: "astc 8x8", data: image("dct_alpha-level1.png") }] } },
 };
 
+/** A bank of two tiles, of which the second is not there. */
+const tile = (file, x) => ({ file, x, y: 0, width: 128, height: 128 });
+const bank = { name: "leaves", width: 256, height: 128, fileBytes: 40000, compressedBytes: 40000, tiles: [tile("a b.txf", 0), tile("gone.txf", 128)] };
+
 /** The page with these files, as the program writes it. */
 function page(files, groups = {}) {
   const text = readFileSync(new URL("../../crates/cli/src/view/page.html", import.meta.url), "utf8");
@@ -33,6 +37,13 @@ function page(files, groups = {}) {
 let server, url;
 before(async () => {
   server = createServer((request, response) => {
+    if (request.url.startsWith("/bank/0/")) {
+      const isThere = request.url === "/bank/0/a%20b.txf";
+      return response.writeHead(isThere ? 200 : 404).end(isThere ? read("dct_alpha.txf") : "");
+    }
+    if (request.url === "/map") {
+      return response.writeHead(200, { "content-type": "text/html" }).end(page([{ name: "a bank", data: "", originals: [], bank: { images: [bank] } }, items[0]]));
+    }
     const text = request.url === "/alike" ? page(alike.items, alike.groups) : page(items);
     response.writeHead(200, { "content-type": "text/html" }).end(text);
   });
@@ -140,6 +151,22 @@ test("without WebGPU a picture and the reason are shown", options, async () => {
   assert.equal(await page.locator("#still img").count(), 1);
   assert.match(await page.locator("#facts").textContent(), /Bits a texel in memory/);
   await context.close();
+});
+
+test("a bank is a map of its tiles, and says which cannot be shown", options, async () => {
+  const { page, faults } = await open(browser, `${url}map`, { viewport: { width: 1000, height: 800 } });
+  await page.getByRole("alert").waitFor();
+  assert.match(await page.getByRole("alert").textContent(), /gone\.txf: the server answers 404/);
+  await page.waitForFunction(() => globalThis.page.bank.held.size === 1);
+  await page.locator("#view").focus();
+  const whole = await picture(page);
+  const pictures = [whole, await shot(page, () => page.locator("#view").press("+")), await shot(page, () => page.locator("#view").press("ArrowRight"))];
+  assert.equal(new Set(pictures).size, 3);
+  assert.equal(await shot(page, () => page.locator("#view").press("0")), whole);
+  await shot(page, () => page.getByLabel("File", { exact: true }).selectOption("1"));
+  assert.equal(await page.locator("h1").textContent(), name);
+  assert.deepEqual(faults.filter((fault) => !fault.includes("404")), []);
+  await page.close();
 });
 
 test("a file that is dropped is shown beside those that are there", options, async () => {

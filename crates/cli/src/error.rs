@@ -58,8 +58,10 @@ pub(crate) enum CliError {
     BankLocked { path: PathBuf },
     #[error("{}: the bank's list of images cannot be read ({what}); restore it from a copy, or create the bank again", path.display())]
     BankManifest { path: PathBuf, what: String },
-    #[error("{}: this is a bank; list it with `texfold bank list`, decode its images with `texfold bank extract`", path.display())]
+    #[error("{}: this is a bank; list it with `texfold bank list`, decode its images with `texfold bank extract`, see it with `texfold view --serve`", path.display())]
     IsBank { path: PathBuf },
+    #[error("{}: no image is stored by block, so that no page can show tiles; add images with --codec dct", path.display())]
+    BankByTexel { path: PathBuf },
     #[error("{}: there are more originals than files; give one for each file, in their order", path.display())]
     OriginalWithoutFile { path: PathBuf },
     #[error("port {port} cannot be served; give another one, or --serve for any that is free")]

@@ -1,5 +1,7 @@
 // What the command `texfold view` writes into the page.
 
+import type { BankImage } from "./bank.js";
+
 /** One file. */
 export interface Item {
   name: string;
@@ -11,6 +13,8 @@ export interface Item {
   still?: string;
   /** Around the mesh of a light field. */
   sphere?: { centre: [number, number, number]; radius: number };
+  /** In the place of a file: a bank, whose tiles the program serves. */
+  bank?: { images: BankImage[] };
   /** Name of the group whose originals and other images it has. */
   group?: string;
 }

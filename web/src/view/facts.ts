@@ -1,6 +1,7 @@
 // What the page tells of a file.
 
 import type { GpuTexture, Texture } from "../index.js";
+import type { BankImage } from "./bank.js";
 import { element, make } from "./data.js";
 
 /** Bytes as a person reads them. */
@@ -19,6 +20,15 @@ function table(rows: [string, string][]): HTMLElement {
 function bar(name: string, bytes: number, most: number): HTMLElement[] {
   const width = `${((100 * bytes) / most).toFixed(2)}%`;
   return [table([[name, sized(bytes)]]), make("div", { class: "bar", style: `width:${width}` })];
+}
+
+/** Fills the panel with what is known of an image of a bank. */
+export function showBankFacts({ name, width, height, tiles, fileBytes, compressedBytes }: BankImage): void {
+  const sizes: [string, number][] = [["On disk", fileBytes], ["Compressed in memory", compressedBytes], ["As plain RGBA", 4 * width * height]];
+  const rows: [string, string][] = [["Image", name], ["Texels", `${width} x ${height}`], ["Tiles", `${tiles.length}`]];
+  const most = Math.max(...sizes.map(([, bytes]) => bytes));
+  const bars = sizes.flatMap(([size, bytes]) => bar(size, bytes, most));
+  element("facts").replaceChildren(table(rows), make("h2", {}, "Size"), ...bars, make("p", { class: "hint" }, "Drag, wheel or pinch; arrows, + and -, 0 fits, 1 shows texels as pixels."));
 }
 
 /** Fills the panel. */

@@ -2,10 +2,11 @@
 
 import { Gpu, GpuError, type GpuTexture, LoadError, open, type Texture, type View } from "../index.js";
 import { superblocksOf } from "../superblocks.js";
+import { BankMap } from "./bank.js";
 import { Orbit, Window } from "./camera.js";
 import { Difference } from "./compare.js";
 import { element, fileOf, type Group, imageOf, type Item, make, readData } from "./data.js";
-import { showFacts } from "./facts.js";
+import { showBankFacts, showFacts } from "./facts.js";
 import { listen } from "./input.js";
 import { listenForFiles, type Rival } from "./try.js";
 
@@ -31,6 +32,9 @@ class Page {
   private readonly difference: Difference;
   private readonly format = navigator.gpu.getPreferredCanvasFormat();
   private shown: Shown | null = null;
+  /** A bank that is shown in the place of a file, and where of it. */
+  private bank: BankMap | null = null;
+  private readonly bankWindow = new Window();
   private mode: Mode = "decoded";
   private rival = 0;
   private image = 0;
@@ -50,17 +54,23 @@ class Page {
     this.context.configure({ device: gpu.device, format: this.format, alphaMode: "opaque", usage: GPUTextureUsage.RENDER_ATTACHMENT | GPUTextureUsage.COPY_DST });
     this.difference = new Difference(gpu.device, this.format);
     listen(this.canvas, {
-      move: (across, down) => this.change((shown) => (shown.orbit ?? shown.window).move(across, down)),
-      zoom: (factor, at) => this.change((shown) => (shown.orbit ?? shown.window).zoom(factor, at)),
+      move: (across, down) => this.change((view) => view.move(across, down)),
+      zoom: (factor, at) => this.change((view) => view.zoom(factor, at)),
       key: (key) => this.key(key),
     });
     this.dragSplit();
     new ResizeObserver(() => this.resize()).observe(element("stage"));
   }
 
-  private change(change: (shown: Shown) => void): void {
-    if (this.shown) {
-      change(this.shown);
+  /** The window, of images alone. */
+  private get window(): Window | undefined {
+    return this.bank ? this.bankWindow : this.shown?.window;
+  }
+
+  private change(change: (view: Window | Orbit) => void): void {
+    const view = this.shown?.orbit ?? this.window;
+    if (view) {
+      change(view);
       this.want();
     }
   }
@@ -69,13 +79,13 @@ class Page {
     if (key !== "0" && key !== "1") {
       return false;
     }
-    this.change(({ window }) => {
-      if (key === "0") {
-        this.fit();
-      } else {
-        window.zoom(1 / window.scale, { x: this.canvas.width / 2, y: this.canvas.height / 2 });
-      }
-    });
+    const { window } = this;
+    if (key === "0") {
+      this.fit();
+    } else {
+      window?.zoom(1 / window.scale, { x: this.canvas.width / 2, y: this.canvas.height / 2 });
+    }
+    this.want();
     return true;
   }
 
@@ -102,6 +112,11 @@ class Page {
 
   /** Loads and shows a file; of the image that was shown before, another one, the window stays. */
   async show(item: Item, rivals: Pick<Rival, "name" | "image">[] = []): Promise<void> {
+    if (item.bank) {
+      const failed = (why: string): void => element("facts").append(make("p", { role: "alert" }, why));
+      this.showBank(item, new BankMap(this.gpu, item.bank.images, `/bank/${this.items.indexOf(item)}/`, () => this.want(), failed));
+      return;
+    }
     const texture = await open(fileOf(item));
     const drawn = await this.gpu.upload(texture, { coarseFirst: true });
     void drawn.complete.then(() => this.want());
@@ -110,9 +125,7 @@ class Page {
     // Originals of images that the GPU holds from a coarser level on are too large for it.
     const originals = await Promise.all(drawn.skippedLevels > 0 ? [] : group.originals.map(uploaded));
     const decoded = await Promise.all(group.rivals.map(async ({ name, data }) => ({ name, drawn: await uploaded(data) })));
-    this.shown?.drawn.destroy();
-    this.shown?.originals.forEach((original) => original.destroy());
-    this.shown?.rivals.forEach((rival) => rival.drawn.destroy());
+    this.forget();
     const { centre, radius } = item.sphere ?? { centre: [0, 0, 0], radius: 1 };
     const orbit = texture.layout ? null : new Orbit(centre, radius);
     const others = [...rivals.map(({ name, image }) => ({ name, drawn: this.gpu.uploadImage(image) })), ...decoded];
@@ -138,6 +151,35 @@ class Page {
     this.want();
   }
 
+  /** Shows a bank, of which the program serves the tiles. */
+  private showBank(item: Item, bank: BankMap): void {
+    this.forget();
+    [this.bank, this.shown] = [bank, null];
+    this.number = this.items.indexOf(item);
+    this.image = 0;
+    element("name").textContent = item.name;
+    document.title = `${item.name} – Texfold`;
+    const choose = (number: number): void => {
+      this.image = number;
+      showBankFacts(bank.images[number]!);
+      this.fit();
+      this.want();
+    };
+    const names = bank.images.map(({ name }) => name);
+    element("choices").replaceChildren(...this.fileChoice(item), ...(names.length > 1 ? [select("Image", names, 0, choose)] : []));
+    this.resize();
+    choose(0);
+  }
+
+  /** Frees what is shown. */
+  private forget(): void {
+    this.shown?.drawn.destroy();
+    this.shown?.originals.forEach((original) => original.destroy());
+    this.shown?.rivals.forEach((rival) => rival.drawn.destroy());
+    this.bank?.destroy();
+    this.bank = null;
+  }
+
   /** Adds a file, in the place of one of the same name, and shows it. */
   async take(item: Item, rivals: Rival[]): Promise<void> {
     const place = this.items.findIndex(({ name }) => name === item.name);
@@ -150,24 +192,20 @@ class Page {
   }
 
   private fit(): void {
-    const size = this.shown?.drawn.layout?.images[this.image];
+    const size = (this.bank ?? this.shown?.drawn.layout)?.images[this.image];
     if (size) {
-      this.shown!.window.fit(size.width, size.height, this.canvas);
+      this.window?.fit(size.width, size.height, this.canvas);
     }
+  }
+
+  private fileChoice(item: Item): HTMLElement[] {
+    const names = this.items.map(({ name }) => name);
+    return names.length > 1 ? [select("File", names, this.items.indexOf(item), (number) => void this.tryShow(this.items[number]!))] : [];
   }
 
   /** Files, modes, images, mip levels, terms. */
   private choices(item: Item): void {
-    const { texture, drawn, originals, rivals } = this.shown!, children: HTMLElement[] = [];
-    const select = (label: string, names: string[], chosen: number, choose: (number: number) => void): void => {
-      const options = names.map((name, number) => make("option", { value: `${number}`, ...(number === chosen ? { selected: "" } : {}) }, name));
-      const box = make("select", { "aria-label": label }, ...options) as HTMLSelectElement;
-      box.addEventListener("change", () => choose(Number(box.value)));
-      children.push(make("label", names.some((name) => name.length > 24) ? { class: "wide" } : {}, label, box));
-    };
-    if (this.items.length > 1) {
-      select("File", this.items.map(({ name }) => name), this.items.indexOf(item), (number) => void this.tryShow(this.items[number]!));
-    }
+    const { texture, drawn, originals, rivals } = this.shown!, children = this.fileChoice(item);
     const modes: [Mode, string, number][] = [
       ...MODES.filter(([mode]) => mode === "decoded" || originals.length > 0).map(([mode, name]): [Mode, string, number] => [mode, name, 0]),
       ...rivals.map(({ name }, rival): [Mode, string, number] => ["rival", name, rival]),
@@ -186,24 +224,24 @@ class Page {
     }
     const { layout } = drawn;
     if (layout && layout.images.length > 1) {
-      select("Image", layout.images.map(({ width, height }, number) => `${number}: ${width} x ${height}`), 0, (number) => {
+      children.push(select("Image", layout.images.map(({ width, height }, number) => `${number}: ${width} x ${height}`), 0, (number) => {
         this.image = number;
         this.fit();
         this.want();
-      });
+      }));
     }
     if (layout && layout.levels > 1) {
       const names = ["that fits", ...Array.from({ length: layout.levels }, (_, level) => `${level}`)];
-      select("Mip level", names, 0, (number) => {
+      children.push(select("Mip level", names, 0, (number) => {
         this.level = number - 1;
         this.want();
-      });
+      }));
     }
     if (!layout && this.terms > 0) {
-      select("Terms", Array.from({ length: this.terms + 1 }, (_, terms) => (terms === 0 ? "mean alone" : `${terms}`)), this.terms, (number) => {
+      children.push(select("Terms", Array.from({ length: this.terms + 1 }, (_, terms) => (terms === 0 ? "mean alone" : `${terms}`)), this.terms, (number) => {
         this.terms = number;
         this.want();
-      });
+      }));
     }
     if (texture.codec === "dct" && drawn.skippedLevels === 0) {
       const box = make("input", { type: "checkbox" }) as HTMLInputElement;
@@ -227,8 +265,8 @@ class Page {
 
   private async frame(): Promise<void> {
     this.isWanted = false;
-    if (this.shown) {
-      await this.draw(this.shown);
+    if (this.shown || this.bank) {
+      await (this.shown ? this.draw(this.shown) : this.drawBank(this.bank!));
       await this.gpu.device.queue.onSubmittedWorkDone();
       this.frames++;
     }
@@ -238,6 +276,21 @@ class Page {
     }
   }
 
+  /** Tiles in a picture of its own, which is copied: a canvas's texture lasts for a frame, pipelines may take longer to be made. */
+  private async drawBank(bank: BankMap): Promise<void> {
+    const [picture] = this.difference.targets(this.canvas.width, this.canvas.height);
+    await bank.draw(picture, this.image, this.bankWindow, ground());
+    this.copy(picture);
+    element("split").hidden = true;
+    this.map.getContext("2d")!.clearRect(0, 0, this.map.width, this.map.height);
+  }
+
+  private copy(picture: GPUTexture): void {
+    const encoder = this.gpu.device.createCommandEncoder();
+    encoder.copyTextureToTexture({ texture: picture }, { texture: this.context.getCurrentTexture() }, [this.canvas.width, this.canvas.height]);
+    this.gpu.device.queue.submit([encoder.finish()]);
+  }
+
   private async draw(shown: Shown): Promise<void> {
     const { gpu, canvas } = this, { drawn, window, orbit } = shown;
     const original = shown.originals[this.image];
@@ -245,8 +298,7 @@ class Page {
     const line = element("split");
     line.hidden = !isSplit;
     line.style.left = `${100 * this.split}%`;
-    const ground = matchMedia("(prefers-color-scheme: dark)").matches ? 0.09 : 0.957;
-    const background: [number, number, number] = [ground, ground, ground];
+    const background = ground();
     if (orbit) {
       const viewProjection = orbit.viewProjection(canvas.width, canvas.height);
       await gpu.drawLight(drawn, this.context, { viewProjection, eye: orbit.eye, terms: this.terms, background });
@@ -275,9 +327,7 @@ class Page {
       const [picture] = this.difference.targets(canvas.width, canvas.height);
       await gpu.draw(original, picture, plain);
       await gpu.draw(drawn, picture, { ...view, from: Math.max(1, Math.round(this.split * canvas.width)) });
-      const encoder = gpu.device.createCommandEncoder();
-      encoder.copyTextureToTexture({ texture: picture }, { texture: this.context.getCurrentTexture() }, [canvas.width, canvas.height]);
-      gpu.device.queue.submit([encoder.finish()]);
+      this.copy(picture);
     } else {
       await gpu.draw(drawn, this.context, view);
     }
@@ -315,6 +365,20 @@ class Page {
       showStill(item, error.message);
     }
   }
+}
+
+/** What shows around images. */
+function ground(): [number, number, number] {
+  const gray = matchMedia("(prefers-color-scheme: dark)").matches ? 0.09 : 0.957;
+  return [gray, gray, gray];
+}
+
+/** A choice among names. */
+function select(label: string, names: string[], chosen: number, choose: (number: number) => void): HTMLElement {
+  const options = names.map((name, number) => make("option", { value: `${number}`, ...(number === chosen ? { selected: "" } : {}) }, name));
+  const box = make("select", { "aria-label": label }, ...options) as HTMLSelectElement;
+  box.addEventListener("change", () => choose(Number(box.value)));
+  return make("label", names.some((name) => name.length > 24) ? { class: "wide" } : {}, label, box);
 }
 
 /** A picture in the place of the texture, and why. */

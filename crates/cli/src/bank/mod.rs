@@ -11,6 +11,7 @@ mod add;
 mod blocks;
 mod category;
 mod manifest;
+mod map;
 mod show;
 mod sums;
 mod task;
@@ -32,6 +33,7 @@ use crate::output::{make_folder, remove_stale};
 pub(crate) use add::{Add, Made, Step, plan};
 use category::Category;
 use manifest::{MANIFEST, Manifest, Tile};
+pub(crate) use map::BankMap;
 pub(crate) use show::{Choice, decompress, describe, is_bank};
 pub(crate) use task::{BankTask, Books};
 

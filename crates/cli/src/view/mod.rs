@@ -13,6 +13,7 @@ use texfold::AnyTexture;
 use texfold_core::image::Raster;
 use texfold_core::{Encoded, Image2d, Mesh, Rect, Texel};
 
+use crate::bank::{BankMap, is_bank};
 use crate::console::{complain, say};
 use crate::error::{CliError, explain, guarded};
 use crate::info::read_original;
@@ -30,7 +31,7 @@ const STILL_SIDE: u32 = 512;
 /// Arguments of `view`.
 #[derive(Debug, clap::Args)]
 pub struct ViewArgs {
-    /// .txf files.
+    /// .txf files; with --serve also folders of banks, shown as maps.
     #[arg(value_name = "FILE.txf", required_unless_present = "serve")]
     files: Vec<PathBuf>,
     /// The page to write: it holds the files and needs nothing else.
@@ -46,7 +47,7 @@ pub struct ViewArgs {
 }
 
 /// A file as the page takes it.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 pub(crate) struct Item {
     name: String,
     /// All in base 64: the file, PNGs of the images that it was made from, a PNG of a part of it.
@@ -60,6 +61,9 @@ pub(crate) struct Item {
     /// Of a light field's mesh.
     #[serde(skip_serializing_if = "Option::is_none")]
     sphere: Option<Sphere>,
+    /// In the place of a file: a bank, whose tiles the page asks for one by one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bank: Option<BankMap>,
 }
 
 /// What the encodings of one input share.
@@ -91,7 +95,14 @@ pub(crate) fn run(args: &ViewArgs) -> Result<usize, CliError> {
     let (mut items, mut failed) = (Vec::new(), 0);
     for path in expand_all(&args.files) {
         let original = originals.pop_front();
-        let read = path.and_then(|path| guarded(&path, || item(&path, original.map(PathBuf::as_path))));
+        let read = path.and_then(|path| {
+            guarded(&path, || {
+                if args.serve.is_some() && is_bank(&path) {
+                    return Ok(Item { bank: Some(BankMap::read(&path)?), ..Item::new(&path, &[]) });
+                }
+                item(&path, original.map(PathBuf::as_path))
+            })
+        });
         match read {
             Ok(item) => items.push(item),
             Err(error) => {
@@ -121,16 +132,21 @@ pub(crate) fn page(items: &[Item], groups: &BTreeMap<String, Group>, is_served: 
 }
 
 impl Item {
+    /// A file and nothing else of it.
+    fn new(path: &Path, file: &[u8]) -> Item {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Item { name, data: BASE64_STANDARD.encode(file), ..Item::default() }
+    }
+
     /// An encoding of an input, whose originals the group of that name has.
     pub(crate) fn of_group(name: String, file: &[u8], group: &str) -> Item {
-        let data = BASE64_STANDARD.encode(file);
-        Item { name, data, originals: Vec::new(), still: None, group: Some(group.to_owned()), sphere: None }
+        Item { group: Some(group.to_owned()), ..Item::new(Path::new(&name), file) }
     }
 }
 
 /// Reads a file and all that the page shows of it.
 fn item(path: &Path, original: Option<&Path>) -> Result<Item, CliError> {
-    if crate::bank::is_bank(path) {
+    if is_bank(path) {
         return Err(CliError::IsBank { path: path.to_owned() });
     }
     let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
@@ -151,15 +167,7 @@ fn item(path: &Path, original: Option<&Path>) -> Result<Item, CliError> {
         }
         AnyTexture::Light(light) => around = Some(sphere(light.mesh())),
     }
-    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    Ok(Item {
-        name,
-        data: BASE64_STANDARD.encode(&bytes),
-        originals,
-        still: picture,
-        group: None,
-        sphere: around,
-    })
+    Ok(Item { originals, still: picture, sphere: around, ..Item::new(path, &bytes) })
 }
 
 /// The middle of the first image, of the mip level that fits best.

@@ -38,7 +38,7 @@ pub(super) fn serve(port: u16, items: &[Item]) -> Result<usize, CliError> {
     let page = page(items, &BTreeMap::new(), true);
     say(&format!("http://{address}/"));
     for mut request in server.incoming_requests() {
-        let reply = answer(&mut request, &address, &page);
+        let reply = answer(&mut request, &address, (&page, items));
         if let Err(error) = request.respond(reply) {
             complain(&format!("an answer could not be sent: {error}"));
         }
@@ -46,7 +46,7 @@ pub(super) fn serve(port: u16, items: &[Item]) -> Result<usize, CliError> {
     Ok(0)
 }
 
-fn answer(request: &mut Request, address: &str, page: &str) -> Reply {
+fn answer(request: &mut Request, address: &str, (page, items): (&str, &[Item])) -> Reply {
     let header = |name: &'static str| {
         let found = request.headers().iter().find(|header| header.field.equiv(name));
         found.map(|header| header.value.as_str().to_owned())
@@ -61,6 +61,7 @@ fn answer(request: &mut Request, address: &str, page: &str) -> Reply {
     let (path, query) = url.split_once('?').unwrap_or((&url, ""));
     match (request.method(), path) {
         (Method::Get, "/") => text(200, "text/html; charset=utf-8", page.to_owned()),
+        (Method::Get, path) if path.starts_with("/bank/") => tile(&path["/bank/".len()..], items),
         (Method::Post, "/encode") if header(OWN_HEADER).is_some() => match encode(request, query) {
             Ok(found) => text(200, "application/json", found.to_string()),
             Err(error) => text(422, "text/plain; charset=utf-8", error),
@@ -69,7 +70,23 @@ fn answer(request: &mut Request, address: &str, page: &str) -> Reply {
     }
 }
 
-fn text(status: u16, kind: &str, body: String) -> Reply {
+/// A tile of a bank, at `NUMBER/FILE`: number of the item, name of the tile's file.
+fn tile(place: &str, items: &[Item]) -> Reply {
+    let path = place.split_once('/').and_then(|(number, file)| {
+        let bank = items.get(number.parse::<usize>().ok()?)?.bank.as_ref()?;
+        bank.tile(&decoded(file))
+    });
+    let Some(path) = path else { return text(404, "text/plain", "no such tile; load the page again") };
+    match std::fs::read(&path) {
+        Ok(bytes) => text(200, "application/octet-stream", bytes),
+        Err(error) => {
+            complain(&format!("{}: the tile cannot be read: {error}", path.display()));
+            text(500, "text/plain; charset=utf-8", format!("the tile cannot be read: {error}"))
+        }
+    }
+}
+
+fn text(status: u16, kind: &str, body: impl Into<Vec<u8>>) -> Reply {
     let reply = Response::from_data(body).with_status_code(status);
     match Header::from_bytes("Content-Type", kind) {
         Ok(header) => reply.with_header(header),

@@ -418,31 +418,40 @@ impl Drop for Served {
     }
 }
 
+impl Served {
+    /// Serves a page, with those arguments behind, and gives its address.
+    fn new(arguments: &[&str], folder: &std::path::Path) -> (Served, String) {
+        let mut program = std::process::Command::new(env!("CARGO_BIN_EXE_texfold"));
+        let program = program.args(["view", "--serve", "0"]).args(arguments).current_dir(folder);
+        let mut served = Served(program.stdout(std::process::Stdio::piped()).spawn().unwrap());
+        let mut told = String::new();
+        std::io::BufReader::new(served.0.stdout.take().unwrap()).read_line(&mut told).unwrap();
+        let address = told.trim().strip_prefix("http://").unwrap().trim_end_matches('/').to_owned();
+        (served, address)
+    }
+}
+
 /// Status line and body of the answer to a request.
-fn asked(address: &str, head: &str, body: &[u8]) -> (String, String) {
+fn asked(address: &str, head: &str, body: &[u8]) -> (String, Vec<u8>) {
     let mut stream = std::net::TcpStream::connect(address).unwrap();
     write!(stream, "{head}\r\nConnection: close\r\nContent-Length: {}\r\n\r\n", body.len()).unwrap();
     stream.write_all(body).unwrap();
     let mut answer = Vec::new();
     stream.read_to_end(&mut answer).unwrap();
-    let answer = String::from_utf8(answer).unwrap();
-    let (head, body) = answer.split_once("\r\n\r\n").unwrap();
-    (head.lines().next().unwrap().to_owned(), body.to_owned())
+    let end = answer.windows(4).position(|bytes| bytes == b"\r\n\r\n").unwrap();
+    let head = str::from_utf8(&answer[..end]).unwrap();
+    (head.lines().next().unwrap().to_owned(), answer[end + 4..].to_vec())
 }
 
 #[test]
 fn a_served_page_has_images_encoded() {
     let place = Place::new();
     place.image("in.png", 48, 32, 3);
-    let mut program = std::process::Command::new(env!("CARGO_BIN_EXE_texfold"));
-    let program = program.args(["view", "--serve"]).stdout(std::process::Stdio::piped());
-    let mut served = Served(program.spawn().unwrap());
-    let mut told = String::new();
-    std::io::BufReader::new(served.0.stdout.take().unwrap()).read_line(&mut told).unwrap();
-    let address = told.trim().strip_prefix("http://").unwrap().trim_end_matches('/').to_owned();
+    let (_served, address) = Served::new(&[], &place.at(""));
     let image = fs::read(place.at("in.png")).unwrap();
     let ask = |line: &str, host: &str, more: &str, body: &[u8]| {
-        asked(&address, &format!("{line} HTTP/1.1\r\nHost: {host}{more}"), body)
+        let (status, answer) = asked(&address, &format!("{line} HTTP/1.1\r\nHost: {host}{more}"), body);
+        (status, String::from_utf8(answer).unwrap())
     };
     let own = "\r\nX-Texfold: 1";
     let (status, page) = ask("GET /", &address, "", b"");
@@ -466,4 +475,41 @@ fn a_served_page_has_images_encoded() {
     );
     let (status, answer) = ask("POST /encode?name=../../x.png&bpp=-1", &address, own, &image);
     assert!(status.contains("422") && answer.contains("bpp"), "{status} {answer}");
+}
+
+#[test]
+fn a_served_page_gets_the_tiles_of_banks_and_nothing_else() {
+    let place = Place::new();
+    place.image("in/wide.png", 1500, 40, 3);
+    let run = place.run("bank add in --codec dct --psnr 28 --effort fast --mips --out bank");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let (_served, address) = Served::new(&["bank"], &place.at(""));
+    let get = |path: &str| asked(&address, &format!("GET {path} HTTP/1.1\r\nHost: {address}"), b"");
+    let (_, page) = get("/");
+    let (_, data) = str::from_utf8(&page).unwrap().split_once("id=\"data\">").unwrap();
+    let data: serde_json::Value =
+        serde_json::from_str(data.split("</script").next().unwrap().trim()).unwrap();
+    let image = &data["items"][0]["bank"]["images"][0];
+    assert_eq!((&image["name"], image["width"].as_u64()), (&"wide".into(), Some(1500)));
+    let tiles = image["tiles"].as_array().unwrap();
+    assert_eq!(tiles.len(), 2);
+    for tile in tiles {
+        let file = tile["file"].as_str().unwrap();
+        let (status, bytes) = get(&format!("/bank/0/{file}"));
+        assert!(
+            status.contains("200") && bytes == fs::read(place.at("bank").join(file)).unwrap(),
+            "{status}"
+        );
+    }
+    for path in
+        ["/bank/0/bank.json", "/bank/0/../in/wide.png", "/bank/1/x", "/bank/", "/bank/0/%2e%2e%2fbank.json"]
+    {
+        assert!(get(path).0.contains("404"), "{path}");
+    }
+    let run = place.run("view bank --out page.html");
+    assert!(
+        run.code == Some(1) && run.stderr.contains("see it with `texfold view --serve`"),
+        "{}",
+        run.stderr
+    );
 }

@@ -76,8 +76,8 @@ async function bytesOf(source: Source): Promise<Uint8Array> {
   return new Uint8Array(await data.arrayBuffer());
 }
 
-async function fetched(address: string | URL): Promise<Response> {
-  const response = await fetch(address);
+async function fetched(address: string | URL, headers: Record<string, string> = {}): Promise<Response> {
+  const response = await fetch(address, { headers });
   if (!response.ok) {
     throw new LoadError(`the server answers ${response.status} to ${address}; check the address`);
   }
@@ -118,6 +118,34 @@ export async function* arriving(address: string | URL, limits: Partial<Limits> =
       bytes.set(part.value, length);
       length += part.value.length;
     }
+  }
+}
+
+/** Bytes of the first request for a part of a file: the table of its sections, and of small files all. */
+const FIRST_BYTES = 4096;
+
+/**
+ * Loads the first layers of a file at an address. Of further layers nothing is fetched from servers that know ranges; from others everything is.
+ * @throws LoadError as `open`.
+ */
+export async function openLayers(address: string | URL, layers: number, limits: Partial<Limits> = {}): Promise<Texture> {
+  let bytes = new Uint8Array(0), isWhole = false;
+  for (let end = FIRST_BYTES; ; ) {
+    const response = await fetched(address, { range: `bytes=${bytes.length}-${end - 1}` });
+    const part = new Uint8Array(await response.arrayBuffer());
+    const total = Number(/\/(\d+)$/.exec(response.headers.get("content-range") ?? "")?.[1] ?? NaN);
+    const before = response.status === 206 ? bytes : new Uint8Array(0);
+    bytes = new Uint8Array(before.length + part.length);
+    bytes.set(before);
+    bytes.set(part, before.length);
+    isWhole = response.status !== 206 || part.length === 0 || bytes.length >= total;
+    const ends = endsOf(bytes, limits, isWhole);
+    const isPlausible = isWhole || ends.some((known) => known <= bytes.length);
+    const texture = isPlausible ? await load(bytes, limits).catch(unlessMissing(isWhole)) : undefined;
+    if (texture && (isWhole || texture.layers[0] >= Math.min(layers, texture.layers[1]))) {
+      return texture;
+    }
+    end = ends.find((known) => known > bytes.length) ?? 2 * bytes.length;
   }
 }
 

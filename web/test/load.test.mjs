@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
 import { createServer } from "node:http";
 import { test } from "node:test";
-import { arriving, checksum, decompress, open, LoadError } from "../dist/test.js";
+import { arriving, checksum, decompress, open, openLayers, LoadError } from "../dist/test.js";
 import { described, golden, names, read, resealed } from "./support.mjs";
 
 test("golden files load to what Rust loads them to, whole and cut", async () => {
@@ -99,6 +99,35 @@ test("a file that arrives in pieces is given again with each layer", async (cont
   assert.deepEqual(described(await open(`${address}/whole`)), golden["dct.txf"].form);
   await assert.rejects(layers("/cut"), /the file ends before section '.*' is whole; fetch the rest of it/);
   await assert.rejects(open(`${address}/none`), /the server answers 404 to .*; check the address/);
+});
+
+test("of a file's first layers nothing behind them is fetched, where the server knows ranges", async (context) => {
+  const bytes = read("lightfield.txf");
+  let sent = 0;
+  const server = createServer((request, response) => {
+    const [, first, last] = /^bytes=(\d+)-(\d+)$/.exec(request.headers.range).map(Number);
+    const end = request.url === "/cut" ? 5000 : bytes.length;
+    const knows = request.url !== "/whole";
+    const part = knows ? bytes.subarray(first, Math.min(last + 1, end)) : bytes;
+    sent += part.length;
+    response.writeHead(knows ? 206 : 200, knows ? { "content-range": `bytes ${first}-${first + part.length - 1}/${end}` } : {}).end(part);
+  });
+  await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
+  context.after(() => server.close());
+  const address = `http://127.0.0.1:${server.address().port}`;
+  const loaded = async (path, layers) => {
+    sent = 0;
+    return { ...described(await openLayers(address + path, layers)), sent };
+  };
+  const prefix = golden["lightfield.txf"].prefixes.find(({ form }) => form);
+  const { sent: ofFirst, ...first } = await loaded("/ranges", 1);
+  assert.deepEqual(first, prefix.form);
+  assert.ok(ofFirst < bytes.length, `${ofFirst} of ${bytes.length} bytes`);
+  for (const path of ["/ranges", "/whole"]) {
+    const { sent: ofAll, ...all } = await loaded(path, 9);
+    assert.deepEqual([all, ofAll], [golden["lightfield.txf"].form, bytes.length], path);
+  }
+  await assert.rejects(openLayers(`${address}/cut`, 9), /the file ends before section '.*' is whole/);
 });
 
 test("checksums are those of the BLAKE3 test vectors", () => {

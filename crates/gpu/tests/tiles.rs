@@ -10,7 +10,7 @@
 mod offscreen;
 
 use glam::{DVec2, DVec4, Vec4};
-use texfold::core::image::{ImageSet, Raster, srgb_to_linear};
+use texfold::core::image::{Alpha, ColorSpace, Depth, ImageSet, PixelInfo, Raster, srgb_to_linear};
 use texfold::core::rng::Rng;
 use texfold::core::{Encoded, Image2d, ImageSize, Rect, Texel};
 use texfold::{AnyImage, Arrived, Arriving, Choice, Effort, EncodeSettings, Goal, Guidance, Job, Limits};
@@ -107,6 +107,16 @@ impl<'g> Renderer<'g> {
 
     /// Draws a view, and records an update behind it.
     fn frame(&self, view: &View) -> Vec<Vec4> {
+        let texels = self.draw(view);
+        let encoder = wgpu::CommandEncoderDescriptor::default();
+        let mut encoder = self.gpu.device().create_command_encoder(&encoder);
+        self.cache.update(&mut encoder);
+        self.gpu.queue().submit([encoder.finish()]);
+        texels
+    }
+
+    /// Draws a view.
+    fn draw(&self, view: &View) -> Vec<Vec4> {
         let device = self.gpu.device();
         let buffer = device.create_buffer(&wgpu::BufferDescriptor {
             label: None,
@@ -122,9 +132,6 @@ impl<'g> Renderer<'g> {
         });
         let groups = [self.cache.bind_group(), &group];
         let bytes = offscreen::draw(self.gpu, &self.pipeline, &groups, &self.target).unwrap();
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.cache.update(&mut encoder);
-        self.gpu.queue().submit([encoder.finish()]);
         bytemuck::pod_collect_to_vec::<u8, Vec4>(&bytes)
     }
 
@@ -306,6 +313,54 @@ fn views_equal_filtering_of_decoded_texels_on_the_cpu() {
         let texture = encode(codec, crop(&image("facade"), (0, 0), (150, 140)), true);
         // Processors round BC1 to BC5 differently, by two steps.
         hold(&mut renderer, &texture, repeat, (3, 4.0), &mut rng);
+    }
+}
+
+/// A photograph of that many channels and that depth; its alpha fades from left to right.
+fn of_pixels(channels: u8, depth: Depth) -> Raster {
+    let source = crop(&image("facade"), (0, 0), (150, 140));
+    let texel = |place: u32| {
+        let (x, y) = (place % 150, place / 150);
+        let colour = source.texel(x, y);
+        Texel::new(colour.x, colour.y, colour.z, x as f32 / 149.0)
+    };
+    let texels: Vec<Texel> = (0..150 * 140).map(texel).collect();
+    let info = PixelInfo { channels, depth, color: ColorSpace::Srgb, alpha: Alpha::Straight };
+    Raster::from_texels(150, 140, info, &texels).unwrap()
+}
+
+#[test]
+fn channels_and_depths_of_all_kinds_are_drawn() {
+    let Some(gpu) = gpu() else { return };
+    let mut renderer = Renderer::new(gpu, &options());
+    let look = TileLook { address: AddressMode::Clamp, srgb: false };
+    let mut rng = Rng::new(17);
+    for (channels, depth) in
+        [(1, Depth::Eight), (2, Depth::Eight), (4, Depth::Eight), (1, Depth::Sixteen), (3, Depth::Sixteen)]
+    {
+        let texture = encode("dct", of_pixels(channels, depth), true);
+        assert_eq!(texture.as_encoded().layout().pixel.channels, channels);
+        hold(&mut renderer, &texture, look, (3, 2.0), &mut rng);
+    }
+}
+
+#[test]
+fn tiles_that_a_removed_texture_asked_for_do_no_harm() {
+    let Some(gpu) = gpu() else { return };
+    let mut renderer = Renderer::new(gpu, &TileOptions { textures: 1, ..options() });
+    let look = TileLook { address: AddressMode::Repeat, srgb: false };
+    let large = encode("dct", crop(&image("facade"), (0, 0), (512, 512)), true);
+    let small = encode("dct", crop(&image("terrain"), (0, 0), (130, 100)), true);
+    let mut rng = Rng::new(23);
+    for next in [&small, &large, &small] {
+        let asked = renderer.cache.add(gpu, large.as_encoded(), look).unwrap()[0];
+        renderer.draw(&whole_view(asked));
+        // The update finds the marks of a texture that is gone, under the number of another.
+        renderer.cache.remove(gpu, asked);
+        let added = renderer.cache.add(gpu, next.as_encoded(), look).unwrap()[0];
+        assert_eq!(added, asked);
+        compare(&renderer, next, (added, look), (4, 2.0), &mut rng);
+        renderer.cache.remove(gpu, added);
     }
 }
 

@@ -7,6 +7,7 @@ mod bank;
 mod cache;
 mod encode;
 mod folder;
+mod grow;
 mod light;
 mod schedule;
 mod task;
@@ -42,6 +43,10 @@ pub struct CompressArgs {
     /// Folder that the .txf files are written to.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Add the inputs' images, in their order, behind those of this file, of a codec that can grow (vq): those that are there keep every
+    /// texel. The result has the file's name in the output folder.
+    #[arg(long, value_name = "FILE.txf", conflicts_with = "report")]
+    add_to: Option<PathBuf>,
     /// A TOML file with the same options, also per glob: [[rule]] with glob = "*.png".
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -108,6 +113,9 @@ impl Work {
 
 /// Runs the command; gives the number of inputs that failed.
 pub(crate) fn run(args: CompressArgs) -> Result<usize, CliError> {
+    if let Some(file) = &args.add_to {
+        return grow::grow(&args, file).map(|()| 0);
+    }
     let planned = |args: &CompressArgs, of_path: &dyn Fn(&std::path::Path) -> Options| {
         args.options.check()?;
         plan(&args.inputs, &args.out, of_path)
@@ -119,6 +127,9 @@ pub(crate) fn run(args: CompressArgs) -> Result<usize, CliError> {
 pub(crate) fn add(args: CompressArgs) -> Result<usize, CliError> {
     let planned = |args: &CompressArgs, of_path: &dyn Fn(&std::path::Path) -> Options| {
         args.options.of_bank()?.check()?;
+        if args.add_to.is_some() {
+            return Err(UsageError::Excluded { option: "add-to", other: "bank add" }.into());
+        }
         plan_bank(&args.inputs, of_path)
     };
     run_planned(args, planned)

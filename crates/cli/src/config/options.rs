@@ -205,6 +205,25 @@ impl Options {
         Options { color: Some(color), alpha, ..Options::default() }
     }
 
+    /// Checks that options say only what images are: of a file that grows all else is settled.
+    pub(crate) fn check_of_pixels(&self) -> Result<(), UsageError> {
+        let given = [
+            ("codec", self.codec.is_some()),
+            ("psnr, --bpp and --tolerance", self.has_goal()),
+            ("content", self.content.is_some()),
+            ("access", self.access.is_some()),
+            ("metric", self.metric.is_some()),
+            ("mips", self.mips.is_some()),
+            ("color", self.color.is_some()),
+            ("codebook", self.codebook.is_some()),
+            ("samples", self.samples.is_some()),
+        ];
+        match given.into_iter().find(|(_, is_given)| *is_given) {
+            Some((option, _)) => Err(UsageError::Excluded { option, other: "--add-to" }),
+            None => Ok(()),
+        }
+    }
+
     fn has_goal(&self) -> bool {
         self.psnr.is_some() || self.bpp.is_some() || self.tolerance.is_some()
     }

@@ -513,3 +513,51 @@ fn a_served_page_gets_the_tiles_of_banks_and_nothing_else() {
         run.stderr
     );
 }
+
+#[test]
+fn frames_are_added_to_a_file_and_those_there_keep_every_texel() {
+    let place = Place::new();
+    place.image("walk/0.png", 64, 48, 3);
+    place.image("walk/1.png", 64, 48, 3);
+    place.image("more/2.png", 64, 48, 3);
+    place.image("other/3.png", 32, 48, 3);
+    place.compress("walk --as sequence --out out --codec vq --bpp 6 --codebook 128x128");
+    place.compress("walk --out plain --codec bc");
+    assert_eq!(place.run("decompress out/walk.txf --out before").code, Some(0));
+    let run = place.run("compress more --add-to out/walk.txf --out grown");
+    assert!(
+        run.code == Some(0) && run.stdout.contains("1 images added to 2, at "),
+        "{} {}",
+        run.stdout,
+        run.stderr
+    );
+    assert_eq!(place.run("decompress grown/walk.txf --out after").code, Some(0));
+    let frames = names(&place.at("after"));
+    assert_eq!(frames.len(), 3);
+    for (frame, before) in frames.iter().zip(names(&place.at("before"))) {
+        let read = |folder: &str, name: &str| place.samples(&format!("{folder}/{name}"));
+        assert!(read("after", frame) == read("before", &before), "{frame}");
+    }
+    let (_, _, added) = place.samples(&format!("after/{}", frames[2]));
+    assert!(psnr(&added, &place.samples("more/2.png").2) > 25.0);
+    for (arguments, code, message) in [
+        ("more --add-to plain/walk.txf --out no", 1, "codec bc cannot take further images; use vq"),
+        ("other --as sequence --add-to out/walk.txf --out no", 1, "3.png"),
+        ("more --color linear --add-to out/walk.txf --out no", 2, "--color says nothing with --add-to"),
+        ("more missing --add-to out/walk.txf --out no", 1, "missing"),
+        (
+            "more --add-to out/walk.txf --out no --bpp 2",
+            2,
+            "--bpp and --tolerance says nothing with --add-to",
+        ),
+    ] {
+        let run = place.run(&format!("compress {arguments}"));
+        assert!(
+            run.code == Some(code) && run.stderr.contains(message),
+            "{arguments}: {:?} {}",
+            run.code,
+            run.stderr
+        );
+        assert!(!place.at("no").exists());
+    }
+}

@@ -15,7 +15,8 @@ use texfold::{
 use texfold_core::{Goal, Params};
 
 use super::values::{
-    AccessName, AlphaChoice, CodecName, ColorName, ContentName, EffortName, MetricName, Samples, Sides,
+    AccessName, AlphaChoice, CodecName, ColorName, ContentName, EffortName, FactorsName, MetricName, Samples,
+    Sides,
 };
 use crate::error::{CliError, UsageError};
 use crate::settings::{Kind, LightSettings, Settings, ZoomSettings};
@@ -81,6 +82,12 @@ pub struct Options {
     /// its own.
     #[arg(long, value_name = "N")]
     pub(super) regions: Option<u32>,
+    /// lightfield: signs of the factors; signed by default.
+    #[arg(long, value_enum)]
+    pub(super) factors: Option<FactorsName>,
+    /// lightfield: texels a side of a view map, a multiple of 4 from 4 to 64; by default 16, with --regions 32.
+    #[arg(long, value_name = "N")]
+    pub(super) grid: Option<u32>,
     /// lightfield: number of terms beside the mean, 0 to 8; by default 1, or up to 4 with a goal.
     #[arg(long, value_name = "K")]
     pub(super) terms: Option<u32>,
@@ -186,6 +193,8 @@ impl Options {
             triangles: self.triangles.or(other.triangles),
             codewords: self.codewords.or(other.codewords),
             regions: self.regions.or(other.regions),
+            factors: self.factors.or(other.factors),
+            grid: self.grid.or(other.grid),
             terms: self.terms.or(other.terms),
             kind: self.kind.or(other.kind),
             mips: self.mips.or(other.mips),
@@ -294,13 +303,15 @@ impl Options {
     fn check_codec(&self) -> Result<(), UsageError> {
         const CHOSEN_VQ: &[&str] = &["vq", "auto"];
         let error_map = self.content == Some(ContentName::ErrorMap);
-        let owned: [(&str, bool, &[&'static str]); 13] = [
+        let owned: [(&str, bool, &[&'static str]); 15] = [
             ("content-from", self.content_from.is_some(), &["epitome"]),
             ("layers", self.layers.is_some(), &["epitome"]),
             ("content error-map", error_map, &["epitome"]),
             ("metric", self.metric.is_some(), &["dct", "progressive", "epitome", "zipmap", "auto"]),
             ("triangles", self.triangles.is_some(), &["lightfield"]),
             ("terms", self.terms.is_some(), &["lightfield"]),
+            ("factors", self.factors.is_some(), &["lightfield"]),
+            ("grid", self.grid.is_some(), &["lightfield"]),
             ("codewords", self.codewords.is_some(), &["lightfield"]),
             ("regions", self.regions.is_some(), &["lightfield"]),
             ("codebook", self.codebook.is_some(), CHOSEN_VQ),
@@ -392,8 +403,8 @@ impl Options {
         let params = usual
             .with_terms(self.terms.unwrap_or(terms))
             .with_psnr(self.psnr)
-            .with_model(model)
-            .with_grid(grid)
+            .with_model(self.factors.map_or(model, |factors| model.with_factors(factors.factors())))
+            .with_grid(self.grid.unwrap_or(grid))
             .with_surface_reduce_log2(reduce_log2)
             .with_access(self.access.map(AccessName::access).unwrap_or_default())
             .with_content(self.content.and_then(ContentName::content))

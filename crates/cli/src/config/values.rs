@@ -4,6 +4,7 @@ use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde::{Deserialize, Serialize};
+use texfold::lightfield::Factors;
 use texfold::{CODECS, Choice, Content, Family, Registration};
 use texfold_core::image::{Alpha, ColorSpace};
 use texfold_core::{Access, CodecId, Effort, Metric, TextureCodec};
@@ -133,6 +134,25 @@ impl AccessName {
         match self {
             AccessName::Block => Access::Block,
             AccessName::Texel => Access::Texel,
+        }
+    }
+}
+
+/// Signs of the factors of a light field.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum FactorsName {
+    /// Any: principal components.
+    Signed,
+    /// None below zero.
+    Nonnegative,
+}
+
+impl FactorsName {
+    pub(crate) fn factors(self) -> Factors {
+        match self {
+            FactorsName::Signed => Factors::Signed,
+            FactorsName::Nonnegative => Factors::NonNegative,
         }
     }
 }

@@ -122,6 +122,15 @@ fn meshes_are_simplified_and_maps_shared_where_that_is_asked_for() {
     );
     let regions = size("--regions 1", 80);
     assert!(regions.0 < whole.0 && regions.1 > 38.0, "{whole:?} {regions:?}");
+    let (only_adding, finer) = (size("--factors nonnegative", 80), size("--grid 32", 80));
+    assert!(only_adding.1 != whole.1 && only_adding.1 > 30.0, "{whole:?} {only_adding:?}");
+    assert!(finer.0 > whole.0, "{whole:?} {finer:?}");
+    let wrong = place.run("compress ball --codec lightfield --grid 6 --out out");
+    assert!(
+        wrong.code == Some(1) && wrong.stderr.contains("grid is 6; allowed: multiples of 4"),
+        "{}",
+        wrong.stderr
+    );
     let wrong = place.run("compress ball --codec lightfield --codewords 1.5 --out out");
     assert!(wrong.code == Some(1) && wrong.stderr.contains("codewords"), "{}", wrong.stderr);
     let misplaced = place.run("compress ball --as set --codec vq --codewords 0.5 --out out");

@@ -102,6 +102,8 @@ pub(crate) enum CliError {
     StackParent { path: PathBuf, patch: usize, parent: String },
     #[error("{}: patch {patch} lies where the stack that it goes with says; leave its matrix, mask and parent out", path.display())]
     StackRide { path: PathBuf, patch: usize },
+    #[error("{}: tau and merge are those of the stack that it goes with; leave them out here", path.display())]
+    StackRideKeys { path: PathBuf },
     #[error("{}: goes with {}, which goes with a third stack; name that one", path.display(), host.display())]
     StackHost { path: PathBuf, host: PathBuf },
     #[error("{}: {given}; give --camera for a light field, --mesh or --zoom-to for images", path.display())]

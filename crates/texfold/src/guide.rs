@@ -129,8 +129,9 @@
 //! # Build a zoom stack
 //!
 //! A zoom stack is one image of a whole surface and close-ups of parts of it. A folder of photographs is put in order
-//! by itself with `--as zoom`; a `zipmap.toml` in it says the places by hand. Root and patches are stored by block, or with
-//! `--access texel` in planes that are drawn as they are:
+//! by itself with `--as zoom`; a `zipmap.toml` in it gives the places by hand, and `tau` (how fast a
+//! close-up fades in from its border: 0.001 to 100, 0.5 by default) and `merge` (whether its colours are fitted to its
+//! parent's). Root and patches are stored by block, or with `--access texel` in planes that are drawn as they are:
 //!
 //! ```sh
 //! texfold compress photos/wall --as zoom --out packed

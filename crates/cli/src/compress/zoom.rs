@@ -34,10 +34,8 @@ impl Folder for ZoomSettings {
         let mut progress = |stage| share.report(stage);
         let mut job = Job::new(limits).with_progress(&mut progress);
         let loaded = stack::read(path, &task.found.files, self, limit_bytes, &mut job)?;
-        let mut params = self.params.clone();
-        params.merge = !loaded.rides;
         let texture = job
-            .within(0.5, 1.0, |job| Zipmap::encode(&loaded.stack, &params, job))
+            .within(0.5, 1.0, |job| Zipmap::encode(&loaded.stack, &loaded.params, job))
             .map_err(|source| CliError::Encode { path: path.clone(), source })?;
         let bytes = file_of(&texture);
         let seconds = start.elapsed().as_secs_f64();

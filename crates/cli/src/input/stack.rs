@@ -7,7 +7,7 @@ use glam::DMat3;
 use serde::{Deserialize, Serialize};
 use texfold::{
     core::TextureCodec,
-    zipmap::{LeftOut, PatchSource, PatchStack, Zipmap, masks as zip_masks, register},
+    zipmap::{LeftOut, PatchSource, PatchStack, ZipParams, Zipmap, masks as zip_masks, register},
 };
 use texfold_core::image::{Alpha, ColorSpace, Raster};
 use texfold_core::{EncodeError, Job};
@@ -16,7 +16,7 @@ use super::pixels;
 use crate::error::CliError;
 use crate::settings::ZoomSettings;
 
-/// Name of the list of patches.
+/// Name of the list of patches and of what the encoder does with them.
 pub(crate) const LIST_NAME: &str = "zipmap.toml";
 
 /// A list of patches as it is written.
@@ -26,6 +26,9 @@ struct List {
     root: PathBuf,
     /// The folder of the stack at whose places these maps lie.
     with: Option<PathBuf>,
+    /// Of the encoder: see [`ZipParams`].
+    tau: Option<f32>,
+    merge: Option<bool>,
     #[serde(default)]
     patch: Vec<Entry>,
 }
@@ -46,6 +49,17 @@ impl Entry {
     /// An image and nothing else.
     fn of(image: &Path) -> Entry {
         Entry { image: image.to_owned(), matrix: Vec::new(), mask: None, parent: None }
+    }
+}
+
+impl List {
+    /// Settings with those of the list. Maps that go with another stack are not merged: their values are no colours of one scene.
+    fn params(&self, settings: &ZipParams) -> ZipParams {
+        let params = settings.clone().with_merge(self.merge.unwrap_or(self.with.is_none()));
+        match self.tau {
+            Some(tau) => params.with_tau(tau),
+            None => params,
+        }
     }
 }
 
@@ -92,8 +106,8 @@ pub(crate) struct Loaded {
     pub(crate) left_out: Vec<String>,
     /// Where registration has put the photographs, as a list to correct by hand.
     pub(crate) list: Option<String>,
-    /// Whether they are maps of another kind than colours, at the places of another stack.
-    pub(crate) rides: bool,
+    /// Settings of the encoder, with those of the list.
+    pub(crate) params: ZipParams,
 }
 
 /// Reads a folder and finds each photograph's place.
@@ -111,7 +125,7 @@ pub(crate) fn read(
             Some(with) => riding(dir, with, &list, settings, limit_bytes, job)?,
             None => by_hand(dir, &list, (color, alpha), limit_bytes)?,
         };
-        return Ok(Loaded { stack, left_out: Vec::new(), list: None, rides: list.with.is_some() });
+        return Ok(Loaded { stack, left_out: Vec::new(), list: None, params: list.params(&settings.params) });
     }
     let photos: Result<Vec<Raster>, CliError> =
         files.iter().map(|file| pixels::read(file, color, alpha, limit_bytes)).collect();
@@ -132,7 +146,7 @@ pub(crate) fn read(
     let no_root = CliError::EmptyFolder { path: dir.to_owned() };
     let stack = PatchStack::registered(&photos, &found).ok_or(no_root)?;
     let list = Some(written(&stack, name(found.root), |index| name(found.placed[index].photo)));
-    Ok(Loaded { stack, left_out, list, rides: false })
+    Ok(Loaded { stack, left_out, list, params: settings.params.clone() })
 }
 
 /// A stack as a list.
@@ -145,7 +159,8 @@ fn written(stack: &PatchStack, root: String, name: impl Fn(usize) -> String) -> 
     };
     let patch = stack.patches.iter().enumerate().map(entry).collect();
     // A list of names and numbers can always be written.
-    toml::to_string(&List { root: root.into(), with: None, patch }).unwrap_or_default()
+    toml::to_string(&List { root: root.into(), with: None, tau: None, merge: None, patch })
+        .unwrap_or_default()
 }
 
 /// Maps of another kind at the places of the stack in folder `with`, shown as far as its colours are.
@@ -161,6 +176,9 @@ fn riding(
     if let Some(patch) = list.patch.iter().position(|entry| *entry != Entry::of(&entry.image)) {
         return Err(CliError::StackRide { path: path(), patch });
     }
+    if list.tau.is_some() || list.merge.is_some() {
+        return Err(CliError::StackRideKeys { path: path() });
+    }
     let host_dir = dir.join(with);
     let host_list = read_list(&host_dir)?;
     if host_list.with.is_some() {
@@ -168,7 +186,7 @@ fn riding(
     }
     let host = by_hand(&host_dir, &host_list, (ColorSpace::Srgb, None), limit_bytes)?;
     let fault = |source| CliError::Encode { path: dir.to_owned(), source };
-    let params = settings.params.clone().with_merge(true);
+    let params = host_list.params(&settings.params);
     let masks = job.within(0.0, 0.4, |job| zip_masks(&host, &params, job)).map_err(fault)?;
     let read = |name: &PathBuf| pixels::read(&dir.join(name), settings.color, settings.alpha, limit_bytes);
     let maps = list.patch.iter().map(|entry| read(&entry.image)).collect::<Result<_, _>>()?;

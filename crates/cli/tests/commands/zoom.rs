@@ -74,7 +74,14 @@ fn a_list_says_where_patches_lie() {
     assert!(
         report[0]["verdict"].as_str().unwrap().starts_with("1 patches on a root of 240x200, zoom up to 3.00")
     );
+    let tuned = format!("tau = 2.5\nmerge = false\n{list}");
+    fs::write(place.at("wall/zipmap.toml"), &tuned).unwrap();
+    let (run, report) = place.compress("wall --content bc7 --out tuned");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(report[0]["settings"].as_str().unwrap().ends_with(", tau = 2.5, merge = false"), "{report:?}");
+    assert!(fs::read(place.at("out/wall.txf")).unwrap() != fs::read(place.at("tuned/wall.txf")).unwrap());
     for (change, what) in [
+        (tuned.replace("2.5", "-1.0"), "tau is -1; allowed: 0.001..=100"),
         (list.replace("matrix = [", "matrix = [1.0, "), "has 10 numbers"),
         (list.replace("parent = 'b.png'", "parent = 'c.png'"), "has parent c.png"),
         (list.replace("a.png", "none.png"), "none.png"),
@@ -117,6 +124,7 @@ fn maps_ride_along_with_a_stack_and_a_registration_can_be_written_by_hand() {
         (format!("{ride}matrix = [1.0]\n"), "leave its matrix, mask and parent out"),
         (ride.replace("[[patch]]\nimage = 'a.png'\n", ""), "0 maps and masks for 1 patches"),
         (ride.replace("../wall", "../heights"), "goes with a third stack"),
+        (format!("tau = 1.0\n{ride}"), "tau and merge are those of the stack that it goes with"),
         (ride.replace("../wall", "../none"), "none"),
     ] {
         fs::write(place.at("heights/zipmap.toml"), change).unwrap();

@@ -90,12 +90,13 @@ pub(crate) fn notes(
         found.iter().map(error).fold(SquaredError::default(), |a, b| a + b)
     };
     let goal = params.goal.option();
-    // The command line has no option for it.
+    // On the command line these stand in the list of patches.
     let tau = if params.tau == ZipParams::default().tau {
         String::new()
     } else {
-        format!(", in the library ZipParams::with_tau({})", params.tau)
+        format!(", tau = {}", params.tau)
     };
+    let merge = if params.merge { "" } else { ", merge = false" };
     let access = match texture.access() {
         Access::Block => {
             format!(" --access block --metric {}", params.metric_for(texture.layout().pixel).name())
@@ -106,7 +107,7 @@ pub(crate) fn notes(
     let alone = sum(|fidelity| fidelity.root_alone).psnr() as f32;
     let psnr_without = if texture.patches() > 0 { vec![(PATCH_PART.to_owned(), alone)] } else { Vec::new() };
     Notes {
-        settings: format!("--codec zipmap {goal}{access}{content}{tau}"),
+        settings: format!("--codec zipmap {goal}{access}{content}{tau}{merge}"),
         verdict: verdict(fitted, dropped, sum(|fidelity| fidelity.error).psnr()),
         psnr_without,
     }

@@ -215,7 +215,7 @@ fn tiff_fault(path: &Path, error: tiff::TiffError) -> CliError {
 }
 
 impl Tiff {
-    /// `None` where the pixels are not gray, RGB or RGBA of 8 or 16 bits, interleaved.
+    /// `None` where the pixels are not gray, RGB or RGBA of 8 or 16 bits, interleaved, and where rows are not stored from the top left.
     fn open(file: BufReader<File>) -> Option<Tiff> {
         let mut decoder = TiffDecoder::new(file).ok()?;
         let channels = match decoder.colortype().ok()? {
@@ -225,6 +225,10 @@ impl Tiff {
             tiff::ColorType::RGBA(8 | 16) => 4,
             _ => return None,
         };
+        let orientation = decoder.find_tag_unsigned::<u16>(Tag::Orientation).ok()?;
+        if orientation.is_some_and(|orientation| orientation > 1) {
+            return None;
+        }
         let planar = decoder.find_tag_unsigned::<u16>(Tag::PlanarConfiguration).ok()?;
         if planar.is_some_and(|planar| planar != PlanarConfiguration::Chunky.to_u16()) {
             return None;

@@ -14,7 +14,6 @@ use texfold::{
     core::{Camera, Capture, Mesh, Photograph},
     lightfield::simplify_mesh,
 };
-use texfold_core::image::ColorSpace;
 
 use super::{pixels, shape};
 use crate::error::CliError;
@@ -205,7 +204,7 @@ pub(crate) fn read(
 }
 
 fn view(file: &Path, shot: &Shot, limit_bytes: u64) -> Result<Photograph, CliError> {
-    let raster = pixels::read(&shot.image, ColorSpace::Srgb, None, limit_bytes)?;
+    let raster = pixels::read_stored(&shot.image, limit_bytes)?;
     let size = raster.size();
     let camera = shot.camera(file, Some((size.width, size.height)))?;
     if (camera.width, camera.height) != (size.width, size.height) {

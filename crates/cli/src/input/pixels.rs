@@ -4,7 +4,8 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-use image::{DynamicImage, ImageError, ImageReader};
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageError, ImageReader};
 use texfold_core::image::{Alpha, ColorSpace, Raster};
 use texfold_core::{ImageSize, MAX_IMAGE_SIDE};
 use tiff::decoder::Decoder as TiffDecoder;
@@ -25,20 +26,43 @@ fn open(path: &Path) -> Result<Reader, CliError> {
     Ok(reader)
 }
 
-/// Columns and rows from the header.
+/// Columns and rows from the header, upright as [`decode`] gives the image.
 pub(crate) fn size(path: &Path) -> Result<ImageSize, CliError> {
-    let (width, height) = open(path)?.into_dimensions().map_err(|error| fault(path, error))?;
+    let fault = |error| fault(path, error);
+    let mut decoder = open(path)?.into_decoder().map_err(fault)?;
+    let (width, height) = decoder.dimensions();
+    let is_turned = matches!(
+        decoder.orientation().map_err(fault)?,
+        Orientation::Rotate90
+            | Orientation::Rotate270
+            | Orientation::Rotate90FlipH
+            | Orientation::Rotate270FlipH
+    );
+    let (width, height) = if is_turned { (height, width) } else { (width, height) };
     check_side(path, ImageSize { width, height })
 }
 
-/// Decodes the file; its decoder may allocate up to `limit_bytes`.
+/// Decodes the file, upright; its decoder may allocate up to `limit_bytes`.
 pub(crate) fn read(
     path: &Path,
     color: ColorSpace,
     alpha: Option<Alpha>,
     limit_bytes: u64,
 ) -> Result<Raster, CliError> {
-    let mut raster = raster(path, decode(path, limit_bytes)?, color)?;
+    tagged(path, decode(path, limit_bytes)?, (color, alpha))
+}
+
+/// As [`read`], but with rows and columns as they are stored: what cameras of a capture are given for.
+pub(crate) fn read_stored(path: &Path, limit_bytes: u64) -> Result<Raster, CliError> {
+    tagged(path, decode_stored(path, limit_bytes)?.0, (ColorSpace::Srgb, None))
+}
+
+fn tagged(
+    path: &Path,
+    decoded: DynamicImage,
+    (color, alpha): (ColorSpace, Option<Alpha>),
+) -> Result<Raster, CliError> {
+    let mut raster = raster(path, decoded, color)?;
     // Near infrared, as in aerial photographs.
     if raster.info().has_alpha() && ends_with_band(path) {
         raster = raster.with_channels(raster.info().channels - 1);
@@ -60,16 +84,29 @@ fn ends_with_band(path: &Path) -> bool {
     decoder.and_then(|mut decoder| no_alpha(&mut decoder)).unwrap_or(false)
 }
 
-/// The file's pixels as they are stored.
+/// The file's pixels, turned and mirrored as its EXIF orientation asks for.
 pub(crate) fn decode(path: &Path, limit_bytes: u64) -> Result<DynamicImage, CliError> {
+    let (mut decoded, orientation) = decode_stored(path, limit_bytes)?;
+    decoded.apply_orientation(orientation);
+    Ok(decoded)
+}
+
+/// The file's pixels as they are stored, and their orientation.
+fn decode_stored(path: &Path, limit_bytes: u64) -> Result<(DynamicImage, Orientation), CliError> {
     size(path)?;
     let mut reader = open(path)?;
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(MAX_IMAGE_SIDE);
     limits.max_image_height = Some(MAX_IMAGE_SIDE);
     limits.max_alloc = Some(limit_bytes);
-    reader.limits(limits);
-    reader.decode().map_err(|error| fault(path, error))
+    reader.limits(limits.clone());
+    let decode = || {
+        let mut decoder = reader.into_decoder()?;
+        let orientation = decoder.orientation()?;
+        limits.reserve(decoder.total_bytes())?;
+        Ok((DynamicImage::from_decoder(decoder)?, orientation))
+    };
+    decode().map_err(|error| fault(path, error))
 }
 
 fn raster(path: &Path, decoded: DynamicImage, color: ColorSpace) -> Result<Raster, CliError> {

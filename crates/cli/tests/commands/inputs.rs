@@ -203,3 +203,58 @@ fn a_fourth_band_of_a_tiff_that_says_so_is_no_alpha() {
     let color = |name: &str| image::open(place.at(name)).unwrap().color().channel_count();
     assert_eq!((color("png/infrared.png"), color("png/alpha.png")), (3, 4));
 }
+
+/// A JPEG of that size, left half bright, to be turned as this EXIF orientation asks for.
+fn turned_jpeg(place: &Place, name: &str, (width, height): (u32, u32), orientation: u8) {
+    let image =
+        image::GrayImage::from_fn(width, height, |x, _| image::Luma([if x < width / 2 { 240 } else { 20 }]));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut bytes, image::ImageFormat::Jpeg).unwrap();
+    // Big-endian TIFF with one directory of one entry: tag 0x0112, a short.
+    let exif =
+        [&b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0"[..], &[orientation, 0, 0, 0, 0, 0, 0]]
+            .concat();
+    let mut bytes = bytes.into_inner();
+    let segment = [&[0xff, 0xe1, 0, exif.len() as u8 + 2], &exif[..]].concat();
+    bytes.splice(2..2, segment);
+    fs::write(place.at(name), bytes).unwrap();
+}
+
+#[test]
+fn images_stand_upright_as_their_exif_orientation_asks_for() {
+    let place = Place::new();
+    fs::create_dir_all(place.at("in")).unwrap();
+    // Where the bright half lies: left, right, top, bottom.
+    for (orientation, bright) in [(1, "left"), (3, "right"), (6, "top"), (8, "bottom")] {
+        turned_jpeg(&place, "in/photo.jpg", (64, 32), orientation);
+        for command in [
+            "compress in/photo.jpg --codec bc --content raw --out out",
+            "bank add in --codec dct --psnr 30 --effort fast --out bank",
+        ] {
+            let run = place.run(command);
+            assert_eq!(run.code, Some(0), "{}", run.stderr);
+        }
+        assert_eq!(place.run("decompress out/photo.txf --out png").code, Some(0));
+        assert_eq!(place.run("bank extract bank --out banked").code, Some(0));
+        for shown in ["png/photo.png", "banked/photo.png"] {
+            let (width, height, samples) = place.samples(shown);
+            assert_eq!((width, height), if orientation > 4 { (32, 64) } else { (64, 32) }, "{shown}");
+            let channels = samples.len() as u32 / (width * height);
+            let at = |x: u32, y: u32| samples[(channels * (y * width + x)) as usize] > 128;
+            let found =
+                [at(2, height / 2), at(width - 3, height / 2), at(width / 2, 2), at(width / 2, height - 3)];
+            let is_there = ["left", "right", "top", "bottom"].iter().zip(found);
+            let alone = |side: &str| bright == side;
+            let opposite = match bright {
+                "left" => "right",
+                "right" => "left",
+                "top" => "bottom",
+                _ => "top",
+            };
+            for (side, found) in is_there.filter(|(side, _)| alone(side) || **side == opposite) {
+                assert_eq!(found, alone(side), "{shown}, orientation {orientation}: {side}");
+            }
+        }
+        fs::remove_dir_all(place.at("bank")).unwrap();
+    }
+}

@@ -6,7 +6,7 @@ use serde::Serialize;
 use texfold_core::Access;
 
 use super::manifest::{MANIFEST, Manifest, Tile};
-use crate::console::complain;
+use crate::console::warn;
 use crate::error::CliError;
 
 /// The images of a bank that are stored by block: their tiles are files of their own.
@@ -53,10 +53,7 @@ impl BankMap {
             return Err(CliError::BankByTexel { path: dir.join(MANIFEST) });
         }
         for image in others {
-            complain(&format!(
-                "{}: not on the map, as it is read by texel; add it with --codec dct",
-                image.name
-            ));
+            warn(&format!("{}: not on the map, as it is read by texel; add it with --codec dct", image.name));
         }
         let tile = |Tile { file, x, y, width, height, .. }| MapTile { file, x, y, width, height };
         let images = by_block.into_iter().map(|image| MapImage {

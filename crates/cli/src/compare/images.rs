@@ -60,7 +60,7 @@ impl Pictures {
     pub(crate) fn write(&self, path: &Path) -> Result<(), CliError> {
         if self.left_out > 0 {
             let most = MOST_BYTES >> 20;
-            crate::console::complain(&format!(
+            crate::console::warn(&format!(
                 "{} of the images are not in {}, which holds {most} MiB; compare fewer inputs at once to see them",
                 self.left_out,
                 path.display()

@@ -111,7 +111,7 @@ impl Work {
     }
 }
 
-/// Runs the command; gives the number of inputs that failed.
+/// Runs the command; gives the number of inputs that failed, and with `--strict` that of warnings.
 pub(crate) fn run(args: CompressArgs) -> Result<usize, CliError> {
     if let Some(file) = &args.add_to {
         return grow::grow(&args, file).map(|()| 0);
@@ -153,7 +153,17 @@ fn run_planned(
         write_report(report, &entries)?;
     }
     say(&summary(&entries, start.elapsed().as_secs_f64()));
-    Ok(entries.iter().filter(|(entry, _)| matches!(entry, Entry::Failed { .. })).count())
+    let failed = entries.iter().filter(|(entry, _)| matches!(entry, Entry::Failed { .. })).count();
+    Ok(if run.strict == Some(true) { failed + warnings_of(&entries) } else { failed })
+}
+
+/// Number of all warnings.
+fn warnings_of(entries: &[(Entry, bool)]) -> usize {
+    let warnings = |(entry, _): &(Entry, bool)| match entry {
+        Entry::Done(row) => row.warnings.len(),
+        Entry::Failed { .. } => 0,
+    };
+    entries.iter().map(warnings).sum()
 }
 
 /// Finds the inputs and gives each its settings and its output.
@@ -321,6 +331,10 @@ fn settle(task: &Work, finished: Result<Finished, CliError>, progress: &Progress
     match finished {
         Ok(Finished { row, skipped }) => {
             progress.say(&line(task, &row, skipped));
+            let stem = task.found().stem.to_string_lossy();
+            for warning in &row.warnings {
+                progress.complain(&format!("warning: {stem}: {warning}"));
+            }
             (Entry::Done(Box::new(row)), skipped)
         }
         Err(error) => {
@@ -364,7 +378,13 @@ fn summary(entries: &[(Entry, bool)], seconds: f64) -> String {
         .collect();
     let skipped = entries.iter().filter(|(_, skipped)| *skipped).count();
     let (written, failed) = (rows.len() - skipped, entries.len() - rows.len());
-    let counts = format!("{written} written, {skipped} up to date, {failed} failed in {seconds:.1} s");
+    let warned = match warnings_of(entries) {
+        0 => String::new(),
+        1 => ", 1 warning".to_owned(),
+        count => format!(", {count} warnings"),
+    };
+    let counts =
+        format!("{written} written, {skipped} up to date, {failed} failed{warned} in {seconds:.1} s");
     if rows.is_empty() {
         return counts;
     }

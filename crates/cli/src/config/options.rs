@@ -141,6 +141,9 @@ pub struct RunOptions {
     /// Encode again what is up to date.
     #[arg(long, num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL")]
     pub(crate) force: Option<bool>,
+    /// Exit with 1 where anything is warned of, such as a goal that is missed.
+    #[arg(long, num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL")]
+    pub(crate) strict: Option<bool>,
 }
 
 impl RunOptions {
@@ -151,6 +154,7 @@ impl RunOptions {
             memory: self.memory.or(other.memory),
             report: self.report.or(other.report),
             force: self.force.or(other.force),
+            strict: self.strict.or(other.strict),
         }
     }
 

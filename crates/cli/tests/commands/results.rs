@@ -89,6 +89,10 @@ fn a_missed_goal_is_a_warning() {
     assert_eq!(run.code, Some(0));
     assert_eq!((&report[0]["goal_met"], &report[0]["access"]), (&false.into(), &"texel".into()));
     assert!(report[0]["warnings"][0].as_str().unwrap().contains("90 dB"), "{report:?}");
+    assert!(run.stderr.contains("warning: ") && run.stderr.contains("90 dB"), "{}", run.stderr);
+    assert!(run.stdout.contains(", 1 warning in "), "{}", run.stdout);
+    let strict = place.run("compress a.png --out out --codec bc --content bc1 --psnr 90 --strict");
+    assert!(strict.code == Some(1) && strict.stdout.contains("1 up to date"), "{}", strict.stdout);
 }
 
 #[test]

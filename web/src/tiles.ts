@@ -112,6 +112,8 @@ interface Source {
   number: number;
   texture: GpuTexture;
   pipeline: GPUComputePipeline;
+  /** Number and place for the shader. */
+  params: GPUBuffer;
   own: GPUBindGroup;
   drawn: GPUBindGroup;
 }
@@ -291,7 +293,7 @@ export class TileCache {
     }
   }
 
-  /** Removes an image; lookups of it give transparent black until another one takes its number. */
+  /** Removes an image, not between `update` and the submission of its encoder; lookups of it give transparent black until another one takes its number. */
   remove(number: number): void {
     const held = this.held[number];
     if (held) {
@@ -349,7 +351,10 @@ export class TileCache {
 
   /** Frees what the GPU holds. */
   destroy(): void {
-    this.held.forEach((held) => held?.source?.texture.destroy());
+    for (const source of this.held.flatMap((held) => held?.source ?? [])) {
+      source.params.destroy();
+      source.texture.destroy();
+    }
     Object.values(this.on).forEach((resource: GPUTexture | GPUBuffer) => resource.destroy());
   }
 
@@ -415,8 +420,7 @@ export class TileCache {
     }
     const held = this.reserve(image, look), before = this.held[number], { uploaded, pipeline } = image;
     if (uploaded && pipeline) {
-      const own = this.sourceGroup(number + 1, uploaded.form.images[image.image]!.image), drawn = uploaded.groups[image.image]!;
-      held.source = { number: number + 1, texture: uploaded, pipeline, own, drawn };
+      held.source = { number: number + 1, texture: uploaded, pipeline, ...this.sourceGroup(number + 1, image.image, uploaded) };
     }
     this.held[number] = held;
     image.stages.forEach((stage, index) => this.writeStage(stage, held.stages[0] + index, held.data[2 * index]![0], held.data[2 * index + 1]![0]));
@@ -463,6 +467,7 @@ export class TileCache {
   private drop(held: Held): void {
     this.write(this.on.pages, 4 * held.pages[0], new Uint8Array(4 * (held.pages[1] - held.pages[0])));
     this.free(held);
+    held.source?.params.destroy();
     const texture = held.source?.texture;
     if (texture && !this.held.some((other) => other?.source?.texture === texture)) {
       texture.destroy();
@@ -538,11 +543,11 @@ export class TileCache {
     return found;
   }
 
-  private sourceGroup(number: number, image: number): GPUBindGroup {
+  private sourceGroup(number: number, image: number, { form, groups }: GpuTexture): Pick<Source, "params" | "own" | "drawn"> {
     const params = this.gpu.device.createBuffer({ size: 16, usage: GPUBufferUsage.UNIFORM | GPUBufferUsage.COPY_DST });
-    this.write(params, 0, Uint32Array.of(number, image, 0, 0));
+    this.write(params, 0, Uint32Array.of(number, form.images[image]!.image, 0, 0));
     const resources = [{ buffer: this.on.plan }, { buffer: this.on.textures }, stored(this.on.pool), { buffer: params }];
-    return grouped(this.gpu.device, this.passes.sourceLayout, resources);
+    return { params, own: grouped(this.gpu.device, this.passes.sourceLayout, resources), drawn: groups[image]! };
   }
 }
 
@@ -562,7 +567,12 @@ const tilesOf = ({ width, height }: Size): number[] => [Math.ceil(width / INNER)
 
 /** The first level of an image that lies in its tail. */
 function tailOf(size: Size): number {
-  return Math.max(0, Math.floor(Math.log2(Math.max(size.width, size.height) / (TAIL_SIDE + 1)) + 1e-9) + 1);
+  const side = Math.max(size.width, size.height);
+  let level = 0;
+  while (side >> level > TAIL_SIDE) {
+    level++;
+  }
+  return level;
 }
 
 /** Most words of scratch memory that a tile of a stage takes, of its coarsest level. */

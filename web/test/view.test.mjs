@@ -153,7 +153,7 @@ test("without WebGPU a picture and the reason are shown", options, async () => {
   await context.close();
 });
 
-test("a bank is a map of its tiles, and says which cannot be shown", options, async () => {
+test("a bank is a map of its tiles; those that cannot be shown are named", options, async () => {
   const { page, faults } = await open(browser, `${url}map`, { viewport: { width: 1000, height: 800 } });
   await page.getByRole("alert").waitFor();
   assert.match(await page.getByRole("alert").textContent(), /gone\.txf: the server answers 404/);

@@ -19,7 +19,7 @@ export interface Item {
   group?: string;
 }
 
-/** What the encodings of one input share: PNGs in base 64. */
+/** Images that the encodings of one input have in common: PNGs in base 64. */
 export interface Group {
   originals: string[];
   /** By other encoders, decoded. */

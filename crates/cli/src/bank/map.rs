@@ -1,4 +1,4 @@
-//! What a page needs to show a bank as a map: its images and their tiles.
+//! Images and tiles of a bank, for a page that shows it as a map.
 
 use std::path::{Path, PathBuf};
 

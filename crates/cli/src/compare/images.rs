@@ -56,7 +56,7 @@ impl Pictures {
         Ok(Some(place))
     }
 
-    /// Writes the page, and says what it lacks.
+    /// Writes the page; warns where images are left out.
     pub(crate) fn write(&self, path: &Path) -> Result<(), CliError> {
         if self.left_out > 0 {
             let most = MOST_BYTES >> 20;

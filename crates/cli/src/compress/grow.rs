@@ -12,7 +12,7 @@ use super::{CompressArgs, encode};
 use crate::config::Config;
 use crate::console::say;
 use crate::decompress;
-use crate::error::CliError;
+use crate::error::{CliError, UsageError};
 use crate::input::find;
 use crate::memory;
 use crate::output::{make_folder, write_whole};
@@ -27,6 +27,9 @@ pub(super) fn grow(args: &CompressArgs, file: &Path) -> Result<(), CliError> {
     args.options.check_of_pixels()?;
     let config = args.config.as_deref().map(Config::read).transpose()?.unwrap_or_default();
     let run = args.run.clone().or(config.run.clone());
+    if run.report.is_some() {
+        return Err(UsageError::Excluded { option: "report", other: "--add-to" }.into());
+    }
     let limit_bytes = run.memory.map_or_else(memory::usual_limit, memory::from_gib);
     let mut files = Vec::new();
     for found in find(&args.inputs, |path| args.options.or(&config.options(path)).kind()) {

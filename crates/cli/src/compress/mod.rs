@@ -21,7 +21,7 @@ use std::time::Instant;
 use crate::bank::BankTask;
 use crate::config::{Config, Options, RunOptions};
 use crate::console::say;
-use crate::error::{CliError, UsageError, explain};
+use crate::error::{CliError, UsageError, explain, guarded};
 use crate::input::{Found, find};
 use crate::memory;
 use crate::output::{make_folder, remove_stale, write_whole};
@@ -45,7 +45,7 @@ pub struct CompressArgs {
     out: PathBuf,
     /// Add the inputs' images, in their order, behind those of this file, of a codec that can grow (vq): those that are there keep every
     /// texel. The result has the file's name in the output folder.
-    #[arg(long, value_name = "FILE.txf", conflicts_with = "report")]
+    #[arg(long, value_name = "FILE.txf")]
     add_to: Option<PathBuf>,
     /// A TOML file with the same options, also per glob: [[rule]] with glob = "*.png".
     #[arg(long, value_name = "FILE")]
@@ -114,7 +114,7 @@ impl Work {
 /// Runs the command; gives the number of inputs that failed, and with `--strict` that of warnings.
 pub(crate) fn run(args: CompressArgs) -> Result<usize, CliError> {
     if let Some(file) = &args.add_to {
-        return grow::grow(&args, file).map(|()| 0);
+        return guarded(file, || grow::grow(&args, file)).map(|()| 0);
     }
     let planned = |args: &CompressArgs, of_path: &dyn Fn(&std::path::Path) -> Options| {
         args.options.check()?;

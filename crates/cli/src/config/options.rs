@@ -218,7 +218,7 @@ impl Options {
         Options { color: Some(color), alpha, ..Options::default() }
     }
 
-    /// Checks that options say only what images are: of a file that grows all else is settled.
+    /// Checks that only options about pixels are given: the file settles all others when images are added to it.
     pub(crate) fn check_of_pixels(&self) -> Result<(), UsageError> {
         let given = [
             ("codec", self.codec.is_some()),
@@ -230,6 +230,10 @@ impl Options {
             ("color", self.color.is_some()),
             ("codebook", self.codebook.is_some()),
             ("samples", self.samples.is_some()),
+            ("effort", self.effort.is_some()),
+            ("importance", self.importance.is_some()),
+            ("mesh", self.mesh.is_some()),
+            ("category", self.category.is_some()),
         ];
         match given.into_iter().find(|(_, is_given)| *is_given) {
             Some((option, _)) => Err(UsageError::Excluded { option, other: "--add-to" }),

@@ -66,7 +66,7 @@ pub(crate) struct Item {
     bank: Option<BankMap>,
 }
 
-/// What the encodings of one input share.
+/// Images that the encodings of one input have in common.
 #[derive(Debug, Default, Serialize)]
 pub(crate) struct Group {
     /// PNGs in base 64.

@@ -60,6 +60,9 @@ fn notes_name_what_is_not_usual() {
     let settings = |params: &ZipParams| {
         Zipmap::encode(&stack, params, &mut Job::default()).unwrap().notes().settings.clone()
     };
-    assert!(!settings(&ZipParams::default()).contains("tau"));
-    assert!(settings(&ZipParams::default().with_tau(0.25)).ends_with("ZipParams::with_tau(0.25)"));
+    // As they stand in a `zipmap.toml`.
+    let usual = settings(&ZipParams::default());
+    assert!(!usual.contains("tau") && !usual.contains("merge"), "{usual}");
+    assert_eq!(settings(&ZipParams::default().with_tau(0.25)), format!("{usual}, tau = 0.25"));
+    assert_eq!(settings(&ZipParams::default().with_merge(false)), format!("{usual}, merge = false"));
 }

@@ -176,7 +176,8 @@ fn riding(
     if let Some(patch) = list.patch.iter().position(|entry| *entry != Entry::of(&entry.image)) {
         return Err(CliError::StackRide { path: path(), patch });
     }
-    if list.tau.is_some() || list.merge.is_some() {
+    // That they are not merged is what their notes name, too.
+    if list.tau.is_some() || list.merge == Some(true) {
         return Err(CliError::StackRideKeys { path: path() });
     }
     let host_dir = dir.join(with);

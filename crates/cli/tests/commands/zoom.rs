@@ -125,6 +125,7 @@ fn maps_ride_along_with_a_stack_and_a_registration_can_be_written_by_hand() {
         (ride.replace("[[patch]]\nimage = 'a.png'\n", ""), "0 maps and masks for 1 patches"),
         (ride.replace("../wall", "../heights"), "goes with a third stack"),
         (format!("tau = 1.0\n{ride}"), "tau and merge are those of the stack that it goes with"),
+        (format!("merge = true\n{ride}"), "tau and merge are those of the stack that it goes with"),
         (ride.replace("../wall", "../none"), "none"),
     ] {
         fs::write(place.at("heights/zipmap.toml"), change).unwrap();

@@ -1,7 +1,7 @@
 //! The shipped form of a texture.
 
 use crate::container::{CodecId, Notes, SectionWriter};
-use crate::{Domain, Footprint, GpuForm, Image2d, MemoryBits, RegionError, SurfaceLight, Texel};
+use crate::{Domain, Footprint, GpuForm, MemoryBits, RegionError, Texel};
 
 /// An encoded texture: what is stored, loaded, sampled, counted and drawn.
 ///
@@ -62,21 +62,4 @@ pub trait Refine: Encoded {
         file: &crate::container::Sections<'_>,
         budget: &mut crate::Budget,
     ) -> Result<Vec<&'static str>, crate::LoadError>;
-}
-
-/// Any encoded texture, by what it is addressed by.
-pub enum AnyEncoded {
-    /// A flat texture, a set or a sequence.
-    Image(Box<dyn Encoded<Domain = Image2d>>),
-    /// A surface light field.
-    Light(Box<dyn Encoded<Domain = SurfaceLight>>),
-}
-
-impl std::fmt::Debug for AnyEncoded {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            AnyEncoded::Image(encoded) => write!(f, "AnyEncoded::Image({:?})", encoded.codec()),
-            AnyEncoded::Light(encoded) => write!(f, "AnyEncoded::Light({:?})", encoded.codec()),
-        }
-    }
 }

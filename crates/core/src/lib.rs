@@ -42,7 +42,7 @@ pub use capture::{Camera, Capture, Mesh, Photograph};
 pub use codec::TextureCodec;
 pub use container::Notes;
 pub use domain::{Domain, Image2d, ImageAddress, LightAddress, LightLayout, Rect, SurfaceLight};
-pub use encoded::{AnyEncoded, Encoded, Layers, Refine};
+pub use encoded::{Encoded, Layers, Refine};
 #[cfg(feature = "encode")]
 pub use encoder::{Encoder, Growable, Params, SharedSearch};
 pub use error::{EncodeError, LoadError, ParamError, ParamValue, RegionError, SourceError};

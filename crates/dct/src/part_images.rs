@@ -1,14 +1,14 @@
 //! Images of the parts of a texture, for a person to look at.
 
 use texfold_core::ImageSize;
-use texfold_core::image::Raster;
+use texfold_core::image::{PartImages, Raster};
 
 use crate::DctImages;
 
-/// Draws the bases of all images, of 1/8 of the width and height, and maps of the bytes of their superblocks: black none, through red
-/// and yellow to white, the most of the image. `None` only where an image cannot be made at all.
+/// Draws the parts of `images`, each with an image for each of theirs: "base", of 1/8 of the width and height, and "bits", the bytes of
+/// superblocks: black none, through red and yellow to white, the most of the image. `None` only where an image cannot be made at all.
 #[must_use]
-pub fn part_images(images: &DctImages) -> Option<[Vec<Raster>; 2]> {
+pub fn part_images(images: &DctImages) -> Option<Vec<PartImages>> {
     let [mut bases, mut maps] = [Vec::new(), Vec::new()];
     let content = images.content();
     for index in 0..content.layout().images.len() as u32 {
@@ -21,7 +21,7 @@ pub fn part_images(images: &DctImages) -> Option<[Vec<Raster>; 2]> {
         let share = |x: u32, y: u32| bytes[(y / side * columns + x / side) as usize] as f32 / most;
         maps.push(Raster::heat_map(image.form().size, share).ok()?);
     }
-    Some([bases, maps])
+    Some(vec![PartImages { name: "base", images: bases }, PartImages { name: "bits", images: maps }])
 }
 
 #[cfg(test)]
@@ -41,8 +41,9 @@ mod tests {
         let set = ImageSet::single(texfold_testkit::image("terrain"));
         let params = DctParams::default().with_goal(Goal::Bpp(1.0));
         let texture = Dct::encode(&set, &params, &mut Job::default()).unwrap();
-        let [bases, maps] = part_images(&texture).unwrap();
-        assert_eq!((sizes(&maps), sizes(&bases)), (vec![(256, 256)], vec![(32, 32)]));
+        let parts = part_images(&texture).unwrap();
+        let maps = PartImages::of(&parts, "bits");
+        assert_eq!((sizes(maps), sizes(PartImages::of(&parts, "base"))), (vec![(256, 256)], vec![(32, 32)]));
         let image = &texture.content().stages()[0];
         let ((columns, rows), bytes) = image.superblock_bytes();
         assert_eq!((columns, rows), (8, 8));

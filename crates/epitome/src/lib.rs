@@ -32,7 +32,7 @@ pub use format::{Entry, GainOffset, IDENTITY, MapFormat, Matrix, NEUTRAL};
 pub use layers::MAX_LAYERS;
 #[cfg(feature = "encode")]
 pub use params::{EpitomeParams, EpitomeSource, Transforms};
-pub use part_images::{PartImages, part_images};
+pub use part_images::part_images;
 
 use texfold_core::container::Sections;
 use texfold_core::{Budget, CodecId, Image2d, LoadError, Notes, TextureCodec};

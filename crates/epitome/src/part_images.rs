@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::f32::consts::TAU;
 
 use glam::{UVec2, Vec2, Vec3, Vec4};
-use texfold_core::image::{ColorSpace, PixelInfo, Raster};
+use texfold_core::image::{ColorSpace, PartImages, PixelInfo, Raster};
 use texfold_core::{Domain, Encoded, Image2d, Texel};
 
 use crate::EpitomeTexture;
@@ -25,61 +25,49 @@ const LEAST_SHARE_LOG2: f32 = -4.0;
 /// Gray of what is darkest but not black, which is for what is not there at all.
 const DARKEST: f32 = 0.2;
 
-/// Images of the parts of an epitome texture. Those of an image have a texel for each of its texels, with leaves
-/// outlined; those of an epitome have one for each of the epitome's texels.
-#[derive(Debug, Clone)]
-pub struct PartImages {
-    /// Each epitome.
-    pub epitomes: Vec<Raster>,
-    /// For each image the place in the epitome that each texel is read at: red is the column, green the row, blue the
-    /// second epitome.
-    pub positions: Vec<Raster>,
-    /// For each image how each leaf's content is shifted once it is rotated and scaled: hue is the direction,
-    /// saturation the distance. Leaves whose content lies in the epitome as it does in the image have one colour.
-    pub offsets: Vec<Raster>,
-    /// For each image the sides of its leaves: the largest dark, the smallest bright.
-    pub sides: Vec<Raster>,
-    /// For each image the share of each leaf's texels that is stored: white all, darker by an octave of either side.
-    pub scales: Vec<Raster>,
-    /// For each image the charts that it lends to the epitomes: the image as it is drawn where it shows their cells
-    /// as they stand in them, only rotated to no side and in no other gain-offset pair, and dark elsewhere. Of
-    /// several leaves that could have lent a cell it is the first, images in their order; cells that all show rotated
-    /// or in other gain-offset pairs are no image's.
-    pub charts: Vec<Raster>,
-    /// For each epitome how many texels of the images are read from each 4 x 4 cell: black none, the most white,
-    /// shades between by the logarithm.
-    pub usage: Vec<Raster>,
-}
-
-/// Draws the parts of `texture`; `None` only where an image cannot be made at all.
+/// Draws the parts of `texture`; `None` only where an image cannot be made at all. Parts of an image have a texel for each of its texels,
+/// with leaves outlined; those of an epitome have one for each of the epitome's texels.
+///
+/// - "epitome": each epitome.
+/// - "position": for each image the place in the epitome that each texel is read at: red is the column, green the row, blue the second
+///   epitome.
+/// - "offset": for each image how each leaf's content is shifted once it is rotated and scaled: hue is the direction, saturation the
+///   distance. Leaves whose content lies in the epitome as it does in the image have one colour.
+/// - "side": for each image the sides of its leaves: the largest dark, the smallest bright.
+/// - "scale": for each image the share of each leaf's texels that is stored: white all, darker by an octave of either side.
+/// - "charts": for each image the charts that it lends to the epitomes: the image as it is drawn where it shows their cells as they stand
+///   in them, only rotated to no side and in no other gain-offset pair, and dark elsewhere. Of several leaves that could have lent a cell
+///   it is the first, images in their order; cells that all show rotated or in other gain-offset pairs are no image's.
+/// - "usage": for each epitome how many texels of the images are read from each 4 x 4 cell: black none, the most white, shades between by
+///   the logarithm.
 #[must_use]
-pub fn part_images(texture: &EpitomeTexture) -> Option<PartImages> {
+pub fn part_images(texture: &EpitomeTexture) -> Option<Vec<PartImages>> {
     let view = texture.view(0);
     let planes = [(view.params.plane_a, view.plane_a), (view.params.plane_b, view.plane_b)];
-    let mut parts = PartImages {
-        epitomes: Vec::new(),
-        positions: Vec::new(),
-        offsets: Vec::new(),
-        sides: Vec::new(),
-        scales: Vec::new(),
-        charts: Vec::new(),
-        usage: Vec::new(),
-    };
     let mut owners = vec![HashMap::new(); planes.len()];
+    let [mut epitomes, mut usage, mut charts] = [Vec::new(), Vec::new(), Vec::new()];
     for (plane, (size, levels)) in planes.into_iter().enumerate() {
         let Some(texels) = levels.first() else { continue };
-        parts.epitomes.push(rgb(size, texels)?);
-        parts.usage.push(draw_usage(size, &count_reads(texture, plane as u32, size))?);
+        epitomes.push(rgb(size, texels)?);
+        usage.push(draw_usage(size, &count_reads(texture, plane as u32, size))?);
     }
-    for image in 0..texture.layout().images.len() as u32 {
-        let draw = |color: Color| draw_leaves(texture, image, color);
-        parts.positions.push(draw(position_color)?);
-        parts.offsets.push(draw(offset_color)?);
-        parts.sides.push(draw(side_color)?);
-        parts.scales.push(draw(scale_color)?);
-        parts.charts.push(draw_charts(texture, image, &mut owners)?);
+    let images = 0..texture.layout().images.len() as u32;
+    for image in images.clone() {
+        charts.push(draw_charts(texture, image, &mut owners)?);
     }
-    Some(parts)
+    let drawn = |name, color: Color| {
+        let images = images.clone().map(|image| draw_leaves(texture, image, color)).collect::<Option<_>>()?;
+        Some(PartImages { name, images })
+    };
+    Some(vec![
+        PartImages { name: "epitome", images: epitomes },
+        drawn("position", position_color)?,
+        drawn("offset", offset_color)?,
+        drawn("side", side_color)?,
+        drawn("scale", scale_color)?,
+        PartImages { name: "charts", images: charts },
+        PartImages { name: "usage", images: usage },
+    ])
 }
 
 fn rgb([width, height]: [u32; 2], texels: &[Texel]) -> Option<Raster> {
@@ -262,9 +250,11 @@ mod tests {
             rasters.iter().map(|raster| (raster.size().width, raster.size().height)).collect()
         };
         let epitomes: Vec<(u32, u32)> = texture.epitomes().map(|epitome| epitome.size()).collect();
-        assert_eq!((sizes(&parts.epitomes), sizes(&parts.usage)), (epitomes.clone(), epitomes));
-        for rasters in [&parts.positions, &parts.offsets, &parts.sides, &parts.scales, &parts.charts] {
-            assert_eq!(sizes(rasters), [(256, 256)]);
+        for part in &parts {
+            match part.name {
+                "epitome" | "usage" => assert_eq!(sizes(&part.images), epitomes, "{}", part.name),
+                name => assert_eq!(sizes(&part.images), [(256, 256)], "{name}"),
+            }
         }
     }
 
@@ -289,10 +279,10 @@ mod tests {
         let drawn = DrawnLeaf { view, leaf, source };
         let wanted = position_color(&drawn, at.as_vec2() + Vec2::splat(0.5));
         assert!(at.x > leaf.corner.x && at.y > leaf.corner.y, "an edge is drawn darker");
-        let found = parts.positions[0].texel(at.x, at.y).truncate();
+        let found = PartImages::of(&parts, "position")[0].texel(at.x, at.y).truncate();
         assert!((found - wanted).abs().max_element() < 1e-6, "{found} {wanted}");
         let place = drawn.place(at.as_vec2() + Vec2::splat(0.5));
-        let usage = &parts.usage[source.plane as usize];
+        let usage = &PartImages::of(&parts, "usage")[source.plane as usize];
         assert!(usage.texel(place.x as u32, place.y as u32).x >= DARKEST, "the cell is read");
     }
 
@@ -305,7 +295,8 @@ mod tests {
         let params = EpitomeParams { goal, effort: Effort::Fast, ..EpitomeParams::default() };
         let texture = Epitome::encode(EpitomeSource::new(&set), &params, &mut Job::default()).unwrap();
         let drawn = decode_image(&texture, 0, 0).unwrap();
-        let charts = &part_images(&texture).unwrap().charts[0];
+        let parts = part_images(&texture).unwrap();
+        let charts = &PartImages::of(&parts, "charts")[0];
         let is_lent = |at: u32| {
             let (found, whole) = (charts.texel(at % 256, at / 256), drawn.texel(at % 256, at / 256));
             (found - whole).truncate().abs().max_element() < 1e-6 && whole.truncate().max_element() > 0.0

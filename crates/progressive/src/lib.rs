@@ -31,7 +31,7 @@ pub use codebook::{CELL_SIDE, Codebook, Details, Entry, EntryMap, MapForm};
 pub use encode::ProgressiveSearch;
 #[cfg(feature = "encode")]
 pub use params::ProgressiveParams;
-pub use part_images::{PartImages, part_images};
+pub use part_images::part_images;
 #[cfg(feature = "encode")]
 pub use shared::Shared;
 pub use texel::ProgressiveTexture;

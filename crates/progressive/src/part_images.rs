@@ -1,7 +1,7 @@
 //! Images of the parts of a texture, for a person to look at.
 
 use glam::{Vec2, Vec3};
-use texfold_core::image::{ColorSpace, PixelInfo, Raster};
+use texfold_core::image::{ColorSpace, PartImages, PixelInfo, Raster};
 use texfold_core::{ImageSize, Texel};
 
 use texfold_residual::{BLOCK_SIDE, blocks_of};
@@ -18,52 +18,44 @@ const LEAST_SHOWN: f32 = 0.3;
 const PUBLIC: Vec3 = Vec3::new(0.3, 0.7, 1.0);
 const OWN: Vec3 = Vec3::new(1.0, 0.6, 0.2);
 
-/// Images of the parts of a texture, of the largest level that is stored.
-#[derive(Debug, Clone, Default)]
-pub struct PartImages {
-    /// The base of each image.
-    pub bases: Vec<Raster>,
-    /// For each image the bits of each block of its residual plane: black none, through red and yellow to
-    /// white, the most of the texture; none where there is no residual plane.
-    pub bits: Vec<Raster>,
-    /// For each image what each block reads of codebooks: black nothing, blue public content, orange its own, the brighter the
-    /// larger the gain; none where there are no codebooks.
-    pub sources: Vec<Raster>,
-    /// The public and the own codebook, as far as there are any.
-    pub codebooks: Vec<Raster>,
-    /// For each codebook how many texels are read from each of its texels: black none, the most white, by the logarithm.
-    pub usage: Vec<Raster>,
-}
-
-/// Draws the parts of `texture`; `None` only where an image cannot be made at all.
+/// Draws the parts of `texture`, of the largest level that is stored; `None` only where an image cannot be made at all.
+///
+/// - "base": the base of each image.
+/// - "bits": for each image the bits of each block of its residual plane: black none, through red and yellow to white, the most of the
+///   texture; no image where there is no residual plane.
+/// - "source": for each image what each block reads of codebooks: black nothing, blue public content, orange its own, the brighter the
+///   larger the gain; no image where there are no codebooks.
+/// - "codebook": the public and the own codebook, as far as there are any.
+/// - "usage": for each codebook how many texels are read from each of its texels: black none, the most white, by the logarithm.
 #[must_use]
-pub fn part_images(texture: &ProgressiveTexture) -> Option<PartImages> {
-    let mut parts = PartImages::default();
+pub fn part_images(texture: &ProgressiveTexture) -> Option<Vec<PartImages>> {
+    let [mut bases, mut bits, mut sources, mut codebooks, mut usage] = [(); 5].map(|()| Vec::new());
     let images = &texture.stored().images;
     for (image, &size) in images.iter().enumerate() {
         let view = texture.view(image as u32);
         let [width, height] = view.residual.params.base_size;
-        parts
-            .bases
-            .push(Raster::from_texels(width, height, texture.stored().pixel, &view.residual.base[0]).ok()?);
+        bases.push(Raster::from_texels(width, height, texture.stored().pixel, &view.residual.base[0]).ok()?);
         if !texture.classes(image as u32).is_empty() {
-            parts.bits.push(draw_bits(texture, image as u32, size)?);
+            bits.push(draw_bits(texture, image as u32, size)?);
         }
     }
-    let Some(details) = texture.details() else { return Some(parts) };
-    let entries: Vec<Vec<Entry>> =
-        details.maps.iter().map(|map| map.entries(details.form).collect()).collect();
-    for (&size, entries) in images.iter().zip(&entries) {
-        parts.sources.push(draw_sources(details, entries, size)?);
+    if let Some(details) = texture.details() {
+        let entries: Vec<Vec<Entry>> =
+            details.maps.iter().map(|map| map.entries(details.form).collect()).collect();
+        for (&size, entries) in images.iter().zip(&entries) {
+            sources.push(draw_sources(details, entries, size)?);
+        }
+        for (private, book) in [(false, &details.public), (true, &details.private)] {
+            let Some(book) = book else { continue };
+            codebooks.push(draw_codebook(book)?);
+            let sizes = images.iter().copied().zip(&entries);
+            let counts = count_reads(details, private, book.size(), sizes);
+            usage.push(draw_usage(book.size(), &counts)?);
+        }
     }
-    for (private, book) in [(false, &details.public), (true, &details.private)] {
-        let Some(book) = book else { continue };
-        parts.codebooks.push(draw_codebook(book)?);
-        let sizes = images.iter().copied().zip(&entries);
-        let counts = count_reads(details, private, book.size(), sizes);
-        parts.usage.push(draw_usage(book.size(), &counts)?);
-    }
-    Some(parts)
+    let named = ["base", "bits", "source", "codebook", "usage"].into_iter();
+    let parts = named.zip([bases, bits, sources, codebooks, usage]);
+    Some(parts.map(|(name, images)| PartImages { name, images }).collect())
 }
 
 /// An image of such colours.
@@ -166,17 +158,18 @@ mod tests {
     fn blocks_are_as_bright_as_they_have_bits() {
         let texture = texture(2.0);
         let parts = part_images(&texture).unwrap();
-        assert_eq!(sizes(&parts.bits), [(256, 256)]);
+        let of = |name: &str| PartImages::of(&parts, name);
+        assert_eq!(sizes(of("bits")), [(256, 256)]);
         let side = 256 >> texture.reduce_log2();
-        assert_eq!(sizes(&parts.bases), [(side, side)]);
+        assert_eq!(sizes(of("base")), [(side, side)]);
         let classes = texture.classes(0);
         let most = classes.iter().copied().max().unwrap();
         for (block, class) in (0..).zip(classes.clone()) {
-            let texel = parts.bits[0].texel(block % 32 * 8 + 5, block / 32 * 8 + 2);
+            let texel = of("bits")[0].texel(block % 32 * 8 + 5, block / 32 * 8 + 2);
             let heat = texel.x + texel.y + texel.z;
             assert!((heat - 3.0 * f32::from(class) / f32::from(most)).abs() < 1e-5, "{block}");
         }
-        assert!(parts.codebooks.is_empty() && parts.sources.is_empty());
+        assert!(of("codebook").is_empty() && of("source").is_empty());
     }
 
     #[test]

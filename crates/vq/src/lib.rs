@@ -23,7 +23,7 @@ mod parts;
 mod wire;
 
 #[cfg(feature = "encode")]
-pub use encode::{PartImages, part_images};
+pub use encode::part_images;
 pub use encoded::VqTexture;
 pub use grid::CodebookPart;
 #[cfg(feature = "encode")]

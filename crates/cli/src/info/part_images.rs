@@ -2,11 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use texfold::{
-    AnyImage,
-    encoding::{PartImages, parts_of},
-};
-use texfold_core::image::Raster;
+use texfold::AnyImage;
+use texfold::encoding::parts_of;
+use texfold_core::image::{PartImages, Raster};
 
 use crate::config::Options;
 use crate::console::say;

@@ -5,6 +5,7 @@ mod cancel;
 mod colour;
 mod layout;
 mod mip;
+mod parts;
 mod pixel;
 mod raster;
 
@@ -13,5 +14,6 @@ pub use cancel::mip_chain_cancellable;
 pub use colour::{ColorSpace, linear_to_srgb, srgb_to_linear};
 pub use layout::{ImageLayout, ImageSize};
 pub use mip::{MipFilter, mip_chain};
+pub use parts::PartImages;
 pub use pixel::{Alpha, Depth, PixelInfo};
 pub use raster::{ImageSet, Raster, to_u8};

@@ -1,7 +1,7 @@
 //! What the facade must know of each codec to encode images with it.
 
 use texfold_bc::{Bc, BcParams, BcTexture, Content, Family};
-use texfold_core::image::{ColorSpace, ImageSet, PixelInfo, Raster};
+use texfold_core::image::{ColorSpace, ImageSet, PartImages, PixelInfo};
 use texfold_core::target::Measured;
 use texfold_core::{Access, EncodeError, Encoder, Goal, Image2d, Job, Notes, ParamError, Params};
 use texfold_dct::{Dct, DctImages, DctParams};
@@ -21,15 +21,6 @@ pub enum PlainOrder {
     First(f32),
     /// After the method: only as well as it takes to be no better.
     After,
-}
-
-/// Images of a codec's part: one for each image, or one for each plane that all share.
-#[derive(Debug, Clone)]
-pub struct PartImages {
-    /// Name of the part, for file names.
-    pub name: &'static str,
-    /// The images.
-    pub images: Vec<Raster>,
 }
 
 /// How many dB a codebook may be better than a look at some blocks tells: 1.8 on a facade, less on five other fixtures.
@@ -127,10 +118,6 @@ pub trait ImageEncoder:
     }
 }
 
-fn part(name: &'static str, images: Vec<Raster>) -> PartImages {
-    PartImages { name, images }
-}
-
 impl ImageEncoder for Bc {
     const COMPARED_BPP: &'static [f64] = &[];
 
@@ -218,13 +205,7 @@ impl ImageEncoder for Vq {
     }
 
     fn parts(texture: &VqTexture) -> Vec<PartImages> {
-        texfold_vq::part_images(texture).map_or(Vec::new(), |parts| {
-            vec![
-                part("codebook", vec![parts.codebook]),
-                part("index", parts.index),
-                part("usage", parts.usage),
-            ]
-        })
+        texfold_vq::part_images(texture).unwrap_or_default()
     }
 }
 
@@ -308,17 +289,7 @@ impl ImageEncoder for Epitome {
     }
 
     fn parts(texture: &EpitomeTexture) -> Vec<PartImages> {
-        texfold_epitome::part_images(texture).map_or(Vec::new(), |parts| {
-            vec![
-                part("epitome", parts.epitomes),
-                part("position", parts.positions),
-                part("offset", parts.offsets),
-                part("side", parts.sides),
-                part("scale", parts.scales),
-                part("charts", parts.charts),
-                part("usage", parts.usage),
-            ]
-        })
+        texfold_epitome::part_images(texture).unwrap_or_default()
     }
 }
 
@@ -378,15 +349,7 @@ impl ImageEncoder for Progressive {
     }
 
     fn parts(texture: &ProgressiveTexture) -> Vec<PartImages> {
-        texfold_progressive::part_images(texture).map_or(Vec::new(), |parts| {
-            vec![
-                part("base", parts.bases),
-                part("bits", parts.bits),
-                part("source", parts.sources),
-                part("codebook", parts.codebooks),
-                part("usage", parts.usage),
-            ]
-        })
+        texfold_progressive::part_images(texture).unwrap_or_default()
     }
 }
 
@@ -430,7 +393,6 @@ impl ImageEncoder for Dct {
     }
 
     fn parts(texture: &DctImages) -> Vec<PartImages> {
-        texfold_dct::part_images(texture)
-            .map_or(Vec::new(), |[bases, bits]| vec![part("base", bases), part("bits", bits)])
+        texfold_dct::part_images(texture).unwrap_or_default()
     }
 }

@@ -9,7 +9,7 @@ mod search;
 mod settings;
 mod table;
 
-pub use adapters::{ImageEncoder, PartImages, PlainOrder};
+pub use adapters::{ImageEncoder, PlainOrder};
 pub use add::add_images;
 pub use auto::{Attempt, Chosen, choose_images, encode_images};
 pub use builder::Encode;

@@ -3,8 +3,7 @@
 use std::fmt;
 
 use texfold_bc::{Bc, Family};
-use texfold_core::image::ImageSet;
-use texfold_core::image::PixelInfo;
+use texfold_core::image::{ImageSet, PartImages, PixelInfo};
 use texfold_core::target::Measured;
 use texfold_core::{Access, CodecId, EncodeError, Growable, Job, Notes, ParamError, SharedSearch};
 use texfold_dct::Dct;
@@ -12,7 +11,7 @@ use texfold_epitome::Epitome;
 use texfold_progressive::Progressive;
 use texfold_vq::Vq;
 
-use super::adapters::{ImageEncoder, PartImages};
+use super::adapters::ImageEncoder;
 use super::plain::or_plain;
 use super::search::{GoalSearch, Searched};
 use super::{EncodeSettings, Guidance};

@@ -36,7 +36,7 @@ use crate::classes::rows_of;
 use crate::grid::Grid;
 use crate::{Vq, VqParams, VqSource, VqTexture};
 
-pub use report::{PartImages, part_images};
+pub use report::part_images;
 
 /// Longest side of an image with mip levels: up to it the index of any image fits a plane, whatever its shape.
 const MAX_SIDE_WITH_MIPS: u32 = 16_000;

@@ -1,6 +1,6 @@
 //! What an encode says of itself: settings, verdict, ledger, images of the parts.
 
-use texfold_core::image::{ColorSpace, PixelInfo, Raster};
+use texfold_core::image::{ColorSpace, PartImages, PixelInfo, Raster};
 use texfold_core::metric::{SquaredError, color_error, decode_image};
 use texfold_core::{EncodeError, Encoded, Goal, ImageSize, Texel};
 
@@ -89,37 +89,29 @@ fn psnr_with(prepared: &Prepared<'_>, texture: &VqTexture, corners: &[[u8; 2]]) 
     Ok(error.fold(SquaredError::default(), |sum, error| sum + error).psnr() as f32)
 }
 
-/// Images of the parts of a vq texture, for a person to look at.
-#[derive(Debug, Clone)]
-pub struct PartImages {
-    /// The codebook, with samples framed in red and unused cells black.
-    pub codebook: Raster,
-    /// For each image the place that every block points at: red is the column, green the row, blue a sample.
-    pub index: Vec<Raster>,
-    /// For each image how often what a block points at is used: white once, darker more often.
-    pub usage: Vec<Raster>,
-}
-
 /// Draws the parts of `texture`; `None` only where an image cannot be made at all.
+///
+/// - "codebook": with samples framed in red and unused cells black.
+/// - "index": for each image the place that every block points at: red is the column, green the row, blue a sample.
+/// - "usage": for each image how often what a block points at is used: white once, darker more often.
 #[must_use]
-pub fn part_images(texture: &VqTexture) -> Option<PartImages> {
+pub fn part_images(texture: &VqTexture) -> Option<Vec<PartImages>> {
     let images = 0..texture.layout().images.len() as u32;
     let counts = use_counts(texture);
-    Some(PartImages {
-        codebook: draw_codebook(texture)?,
-        index: images
-            .clone()
-            .filter_map(|image| draw_blocks(texture, image, &|at| place_color(texture, at)))
-            .collect(),
-        usage: images
-            .filter_map(|image| {
-                draw_blocks(texture, image, &|[x, y]| {
-                    let count = counts[usize::from(y) * 256 + usize::from(x)];
-                    Texel::splat(1.0 / (1.0 + (count.max(1) as f32).log2())).truncate().extend(1.0)
-                })
-            })
-            .collect(),
-    })
+    let index = images
+        .clone()
+        .filter_map(|image| draw_blocks(texture, image, &|at| place_color(texture, at)))
+        .collect();
+    let shade = |[x, y]: [u8; 2]| {
+        let count = counts[usize::from(y) * 256 + usize::from(x)];
+        Texel::splat(1.0 / (1.0 + (count.max(1) as f32).log2())).truncate().extend(1.0)
+    };
+    let usage = images.filter_map(|image| draw_blocks(texture, image, &shade)).collect();
+    Some(vec![
+        PartImages { name: "codebook", images: vec![draw_codebook(texture)?] },
+        PartImages { name: "index", images: index },
+        PartImages { name: "usage", images: usage },
+    ])
 }
 
 fn rgb(width: u32, height: u32, texels: &[Texel]) -> Option<Raster> {

@@ -14,8 +14,8 @@ const TEXFOLD_BLOCK_LEVELS: u32 = 64u;
 // First word of the symbols: first number of coefficients, its plain bits behind 8 bits, first magnitude behind 16 bits, its
 // plain bits behind 28.
 const TEXFOLD_BLOCK_SYMBOLS: u32 = 128u;
-// Words of a table.
-const TEXFOLD_BLOCK_TABLE_WORDS: u32 = 16u;
+// Words of a table: for each pair of symbols the first slots of both, the first in the lower half.
+const TEXFOLD_BLOCK_TABLE_WORDS: u32 = 8u;
 // Tables of one kind of plane and axis.
 const TEXFOLD_BLOCK_SET_TABLES: u32 = 111u;
 // Tables of a subband.
@@ -156,16 +156,20 @@ fn texfold_block_refill(stream: ptr<function, TexfoldBlockStream>) {
 // The next symbol, by the table of that number: halving and not a loop, whose rounds software renderers count.
 fn texfold_block_symbol(stream: ptr<function, TexfoldBlockStream>, table: u32) -> u32 {
     let words = texfold_block_pass.tables + table * TEXFOLD_BLOCK_TABLE_WORDS;
-    let slot = (*stream).state & ((1u << TEXFOLD_BLOCK_PROBABILITY_BITS) - 1u);
-    var symbol = select(0u, 8u, texfold_block_words[words + 8u] >> 16u <= slot);
-    symbol += select(0u, 4u, texfold_block_words[words + symbol + 4u] >> 16u <= slot);
-    symbol += select(0u, 2u, texfold_block_words[words + symbol + 2u] >> 16u <= slot);
-    symbol += select(0u, 1u, texfold_block_words[words + symbol + 1u] >> 16u <= slot);
-    let range = texfold_block_words[words + symbol];
-    let above = (*stream).state >> TEXFOLD_BLOCK_PROBABILITY_BITS;
-    (*stream).state = (range & 0xffffu) * above + slot - (range >> 16u);
+    let slots = 1u << TEXFOLD_BLOCK_PROBABILITY_BITS;
+    let slot = (*stream).state & (slots - 1u);
+    var pair = select(0u, 4u, (texfold_block_words[words + 4u] & 0xffffu) <= slot);
+    pair += select(0u, 2u, (texfold_block_words[words + pair + 2u] & 0xffffu) <= slot);
+    pair += select(0u, 1u, (texfold_block_words[words + pair + 1u] & 0xffffu) <= slot);
+    let both = texfold_block_words[words + pair];
+    let split = both >> 16u;
+    let after = select(texfold_block_words[words + pair + 1u] & 0xffffu, slots, pair == 7u);
+    let is_second = split <= slot;
+    let first = select(both & 0xffffu, split, is_second);
+    let end = select(split, after, is_second);
+    (*stream).state = (end - first) * ((*stream).state >> TEXFOLD_BLOCK_PROBABILITY_BITS) + slot - first;
     texfold_block_refill(stream);
-    return symbol;
+    return 2u * pair + u32(is_second);
 }
 
 // The next number of at most 16 bits.

@@ -13,7 +13,7 @@ const SIDE: u32 = 8;
 pub struct GpuDct<'a> {
     /// What the words say, and how the image is cut.
     pub layout: DctLayout,
-    /// Constants, tables of probabilities, steps, index: what a decoder works with, 30 kB and the index. They follow from
+    /// Constants, tables of probabilities, steps, index: what a decoder works with, 16 kB and the index. They follow from
     /// `held_bytes` and need not be kept while nothing is decoded.
     pub words: Vec<u32>,
     /// Bytes of all superblocks.

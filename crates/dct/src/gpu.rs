@@ -6,7 +6,7 @@ use crate::context::{END_BITS, END_START, LEVEL, MAGNITUDE_BITS, MAGNITUDE_START
 use crate::decode::DctTexture;
 use crate::form::{AXIS_BITS, Group, MAX_GROUP, RADII, SCALES};
 use crate::scan::{COEFFICIENTS, SCAN};
-use crate::tables::{STOP, STOP_VALUES, SYMBOLS};
+use crate::tables::{STOP, STOP_VALUES, SYMBOLS, Table};
 
 /// First words of what `block.wgsl` reads: the scan, classes of expected magnitudes, symbols, tables of probabilities.
 pub(super) const SCAN_WORDS: usize = 0;
@@ -35,7 +35,7 @@ impl Default for Stage {
 }
 
 impl DctTexture {
-    /// What a GPU needs to decode the texture, which is that part of an image. The streams are borrowed; tables, steps and index are copied as words, 30 kB
+    /// What a GPU needs to decode the texture, which is that part of an image. The streams are borrowed; tables, steps and index are copied as words, 16 kB
     /// and 4 bytes each word of the index.
     #[must_use]
     pub fn gpu(&self, stage: Stage) -> GpuDct<'_> {
@@ -48,7 +48,7 @@ impl DctTexture {
         words.reserve_exact(
             words_before_index(tools.steps.len()) + self.index.words().len() + 2 - words.len(),
         );
-        words.extend(tools.tables.iter().flat_map(|table| table.ranges));
+        words.extend(tools.tables.iter().flat_map(Table::starts));
         let steps = words.len() as u32;
         words.extend(tools.steps.iter().flat_map(|steps| steps.words()));
         let index = words.len() as u32;
@@ -89,7 +89,7 @@ impl DctTexture {
 
 /// Words of a texture of so many planes that stand before its index.
 pub(super) fn words_before_index(planes: usize) -> usize {
-    TABLE_WORDS + SETS * SET_TABLES * SYMBOLS + planes * COEFFICIENTS
+    TABLE_WORDS + SETS * SET_TABLES * SYMBOLS / 2 + planes * COEFFICIENTS
 }
 
 /// Numbers that the format fixes (FORMAT.md, "Images in blocks of variable length"), for decoders in other languages.

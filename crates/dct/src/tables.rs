@@ -145,6 +145,11 @@ impl Table {
         Table { ranges, guesses }
     }
 
+    /// The first slots of all symbols, two a word, the first in the lower half: what a shader reads.
+    pub(super) fn starts(&self) -> [u32; SYMBOLS / 2] {
+        std::array::from_fn(|pair| self.ranges[2 * pair] >> 16 | self.ranges[2 * pair + 1] & 0xffff_0000)
+    }
+
     /// Symbol, its frequency and the place of `slot` in it.
     #[inline(always)]
     pub(super) fn find(&self, slot: u32) -> (usize, u32, u32) {

@@ -14,7 +14,9 @@ use texfold::core::image::{Alpha, ColorSpace, Depth, ImageSet, PixelInfo, Raster
 use texfold::core::rng::Rng;
 use texfold::core::{Encoded, Image2d, ImageSize, Rect, Texel};
 use texfold::{AnyImage, Arrived, Arriving, Choice, Effort, EncodeSettings, Goal, Guidance, Job, Limits};
-use texfold_gpu::{AddressMode, Gpu, GpuError, TileCache, TileLook, TileOptions, TileTexture, wgpu};
+use texfold_gpu::{
+    AddressMode, Gpu, GpuError, TileBytes, TileCache, TileLook, TileOptions, TileTexture, wgpu,
+};
 use texfold_testkit::{crop, full};
 
 use crate::support::{gpu, image};
@@ -459,4 +461,29 @@ fn sizes_that_a_device_or_a_cache_does_not_have_are_refused() {
     let limit = gpu.device().limits().max_storage_buffer_binding_size;
     let large = TileCache::new(gpu, &TileOptions { stream_bytes: limit + 4, ..options() });
     assert!(matches!(large, Err(GpuError::TileLimit { .. })));
+}
+
+#[test]
+fn a_texture_takes_the_bytes_of_its_share() {
+    let Some(gpu) = gpu() else { return };
+    for mips in [false, true] {
+        let settings = EncodeSettings { mips, effort: Effort::Fast, ..EncodeSettings::default() };
+        let settings = EncodeSettings { codec: Choice::named("dct").unwrap(), ..settings };
+        let set = ImageSet::new(vec![image("facade"), crop(&image("terrain"), (0, 0), (130, 70))]).unwrap();
+        let texture =
+            texfold::encode_images(&set, Guidance::default(), &settings, &mut Job::default()).unwrap();
+        let texture = texture.as_encoded();
+        let share = TileBytes::of(texture);
+        let constants = 4 * u64::from(texfold_shaders::DCT_TABLES);
+        for (missing, fits) in [(0, true), (4, false)] {
+            let stream_bytes = constants + share.held - missing;
+            let options = TileOptions { stream_bytes, ..options() };
+            let mut cache = TileCache::new(gpu, &options).unwrap();
+            let added = cache.add(gpu, texture, TileLook::default());
+            assert_eq!(added.is_ok(), fits, "{mips} {missing}");
+        }
+        // 256 is three tiles of 120 texels, 128 two, 64 one; 130 two by one, 65 one; with the tails that share a tile.
+        let tiles = if mips { 9 + 4 + 1 + 2 + 1 + 1 } else { 9 + 2 + 1 };
+        assert_eq!(share.decoded, tiles * 4 * 128 * 128, "{mips}");
+    }
 }

@@ -13,6 +13,8 @@ export const STAGE_LEVELS = 3;
 export const SIDE = 8;
 export const COEFFICIENTS = 64;
 export const SYMBOLS = 16;
+/** Words of a table. */
+export const TABLE_WORDS = SYMBOLS / 2;
 const ZONES = 6;
 const CLASSES = 16;
 export const FIRST_END = ZONES * CLASSES + ZONES;
@@ -20,7 +22,8 @@ export const SET_TABLES = FIRST_END + 9;
 export const SETS = 4;
 const MAGNITUDE_STOPS = 5;
 const USUAL_STOP = 31;
-const PROBABILITIES = 1 << 13;
+export const PROBABILITY_BITS = 13;
+const PROBABILITIES = 1 << PROBABILITY_BITS;
 const AXIS_BITS = 10;
 const MAX_AXES = 16;
 const MAX_GROUP = 4;
@@ -73,7 +76,7 @@ class Bits {
   }
 }
 
-/** Words of all tables: for each symbol its frequency, and the sum of those before it behind 16 bits. False where no writer writes such bytes. */
+/** Words of all tables: for each pair of symbols the first slots of both, the first in the lower half. False where no writer writes such bytes. */
 function tablesOf(bytes: Uint8Array, out: Uint32Array): boolean {
   const bits = new Bits(bytes);
   const all: Uint8Array[] = [];
@@ -97,7 +100,7 @@ function tablesOf(bytes: Uint8Array, out: Uint32Array): boolean {
           }
           all[table] = changed;
         }
-        writeTable(all[table]!, out.subarray(table * SYMBOLS, (table + 1) * SYMBOLS));
+        writeTable(all[table]!, out.subarray(table * TABLE_WORDS, (table + 1) * TABLE_WORDS));
       }
     }
   }
@@ -108,20 +111,21 @@ function tablesOf(bytes: Uint8Array, out: Uint32Array): boolean {
 const MAGNITUDE_STOP = [0, 1, 2, 3, 3, 3, 3, 3, 4, 4, 4, 4, 4, 4, 4];
 
 function writeTable(stops: Uint8Array, out: Uint32Array): void {
+  const frequencies = new Uint16Array(SYMBOLS);
   let rest = 65536, sum = 0, largest = 0;
   for (let symbol = 0; symbol < SYMBOLS; symbol++) {
     const stop = stops.length > MAGNITUDE_STOPS ? symbol : MAGNITUDE_STOP[symbol]!;
     const taken = symbol === SYMBOLS - 1 ? rest : Math.floor((rest * STOP[stops[stop]!]!) / 65536);
     rest -= taken;
-    out[symbol] = 1 + Math.floor((taken * (PROBABILITIES - SYMBOLS)) / 65536);
-    sum += out[symbol]!;
-    largest = out[symbol]! > out[largest]! ? symbol : largest;
+    frequencies[symbol] = 1 + Math.floor((taken * (PROBABILITIES - SYMBOLS)) / 65536);
+    sum += frequencies[symbol]!;
+    largest = frequencies[symbol]! > frequencies[largest]! ? symbol : largest;
   }
-  out[largest] = out[largest]! + PROBABILITIES - sum;
-  for (let symbol = 0, start = 0; symbol < SYMBOLS; symbol++) {
-    const frequency = out[symbol]!;
-    out[symbol] = frequency + start * 65536;
-    start += frequency;
+  frequencies[largest]! += PROBABILITIES - sum;
+  for (let pair = 0, start = 0; pair < TABLE_WORDS; pair++) {
+    const split = start + frequencies[2 * pair]!;
+    out[pair] = start + split * 65536;
+    start = split + frequencies[2 * pair + 1]!;
   }
 }
 
@@ -209,7 +213,7 @@ export function readStage(reader: Reader, budget: Budget, place: { image: number
   const counts = planes.map((plane) => superblocks(plane, superblockLog2));
   const total = counts.reduce((sum, count) => sum + count, 0);
   const indexWords = Math.ceil(total / GROUP) * (indexBits + 1);
-  const steps = WORDS.length + SETS * SET_TABLES * SYMBOLS, index = steps + planes.length * COEFFICIENTS;
+  const steps = WORDS.length + SETS * SET_TABLES * TABLE_WORDS, index = steps + planes.length * COEFFICIENTS;
   budget.take(4 * (index + indexWords + 2));
   const stored = reader.bytes(4 * indexWords);
   const words = new Uint32Array(index + indexWords + 2);

@@ -5,7 +5,7 @@ import type { Size } from "../container.js";
 import type { BlockLayout, Blocks, Channel } from "../form.js";
 import { WORDS } from "../generated/dct.js";
 import type { Rect } from "../plan.js";
-import { COEFFICIENTS, FIRST_END, lengthOf, planesOf, SET_TABLES, SETS, SIDE, startOf, SYMBOLS } from "./dct.js";
+import { COEFFICIENTS, FIRST_END, lengthOf, planesOf, PROBABILITY_BITS, SET_TABLES, SETS, SIDE, startOf, SYMBOLS } from "./dct.js";
 
 /** First words of the classes of expected magnitudes and of the symbols. */
 const LEVEL_WORDS = 64;
@@ -97,13 +97,24 @@ function deblock(samples: Int32Array, side: number, columns: number, rows: numbe
   });
 }
 
+/** For each symbol of each table its frequency, and its first slot behind 16 bits. */
+function rangesOf(words: Int32Array): Int32Array {
+  const ranges = new Int32Array(SETS * SET_TABLES * SYMBOLS);
+  const start = (at: number): number => (words[WORDS.length + (at >> 1)]! >> (16 * (at & 1))) & 0xffff;
+  for (let at = 0; at < ranges.length; at++) {
+    const end = (at + 1) % SYMBOLS === 0 ? 1 << PROBABILITY_BITS : start(at + 1);
+    ranges[at] = (end - start(at)) | (start(at) << 16);
+  }
+  return ranges;
+}
+
 /** First symbol of each group of slots of each table. */
-function guessesOf(words: Int32Array): Uint8Array {
+function guessesOf(ranges: Int32Array): Uint8Array {
   const guesses = new Uint8Array(SETS * SET_TABLES * GUESSES);
   for (let guess = 0, at = 0; guess < guesses.length; guess++) {
-    const group = guess % GUESSES, first = WORDS.length + ((guess - group) / GUESSES) * SYMBOLS;
+    const group = guess % GUESSES, first = ((guess - group) / GUESSES) * SYMBOLS;
     at = group === 0 ? first : at;
-    while ((words[at]! >> 16) + (words[at]! & 0xffff) <= group << GUESS_SHIFT) {
+    while ((ranges[at]! >> 16) + (ranges[at]! & 0xffff) <= group << GUESS_SHIFT) {
       at++;
     }
     guesses[guess] = at - first;
@@ -124,7 +135,7 @@ interface Stream {
 }
 
 function streamOf({ layout, words: unsigned, streams }: Blocks, words: Int32Array): Stream {
-  const bytes = streams.subarray(0, layout.streamBytes), guesses = guessesOf(words);
+  const bytes = streams.subarray(0, layout.streamBytes), ranges = rangesOf(words), guesses = guessesOf(ranges);
   const index = unsigned.subarray(layout.index);
   // The first byte that is not read, and the stream's end.
   let state = 0, next = 0, end = 0;
@@ -154,12 +165,12 @@ function streamOf({ layout, words: unsigned, streams }: Blocks, words: Int32Arra
       next += head;
     },
     symbol(table) {
-      const slot = state & 0x1fff, first = WORDS.length + (table << 4);
-      let symbol = guesses[(table << 6) + (slot >> GUESS_SHIFT)]!, range = words[first + symbol]!;
+      const slot = state & ((1 << PROBABILITY_BITS) - 1), first = table << 4;
+      let symbol = guesses[(table << 6) + (slot >> GUESS_SHIFT)]!, range = ranges[first + symbol]!;
       while (slot - (range >> 16) >= (range & 0xffff)) {
-        range = words[first + ++symbol]!;
+        range = ranges[first + ++symbol]!;
       }
-      state = (Math.imul(range & 0xffff, state >>> 13) + slot - (range >> 16)) | 0;
+      state = (Math.imul(range & 0xffff, state >>> PROBABILITY_BITS) + slot - (range >> 16)) | 0;
       refill();
       return symbol;
     },

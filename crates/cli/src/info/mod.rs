@@ -10,6 +10,7 @@ pub(crate) use part_images::read_original;
 use serde::Serialize;
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
 use texfold_core::{Encoded, Image2d};
+use texfold_gpu::TileBytes;
 
 use crate::console::say;
 use crate::decompress::load;
@@ -56,6 +57,10 @@ struct Summary {
     source_texels: u64,
     #[serde(flatten)]
     bits: Sizes,
+    /// GPU memory in a cache of tiles without its pool.
+    bits_tiles: u64,
+    /// The most of the pool that its tiles take; textures share one, of 64 MiB by default.
+    bits_pool: u64,
     settings: String,
     verdict: String,
     parts: Vec<PartRow>,
@@ -92,6 +97,7 @@ pub(crate) fn run(args: &InfoArgs) -> Result<usize, CliError> {
 fn summarise(path: &Path, encoded: &dyn Encoded<Domain = Image2d>) -> Summary {
     let (layout, layers, footprint) = (encoded.layout(), encoded.layers(), encoded.footprint());
     let texels = layout.texels();
+    let tiles = TileBytes::of(encoded);
     let PixelInfo { channels, depth, color, alpha } = layout.pixel;
     Summary {
         file: path.display().to_string(),
@@ -115,6 +121,8 @@ fn summarise(path: &Path, encoded: &dyn Encoded<Domain = Image2d>) -> Summary {
         layers_total: layers.total,
         source_texels: texels,
         bits: Sizes::new(footprint.bits_memory(), footprint.bits_resident, footprint.bits_disk(), texels),
+        bits_tiles: 8 * tiles.held,
+        bits_pool: 8 * tiles.decoded,
         settings: encoded.notes().settings.clone(),
         verdict: encoded.notes().verdict.clone(),
         parts: part_rows(&footprint),
@@ -149,5 +157,11 @@ fn describe(summary: &Summary) -> String {
     }
     lines.extend(summary.parts.iter().map(part_line));
     lines.extend(summary.bits.lines());
+    lines.push(format!(
+        "  in tiles     {:>14} bits of GPU memory, {:.4} a texel, and up to {} of the pool that textures share",
+        summary.bits_tiles,
+        summary.bits_tiles as f64 / summary.source_texels.max(1) as f64,
+        summary.bits_pool
+    ));
     lines.join("\n")
 }

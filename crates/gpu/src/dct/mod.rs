@@ -77,7 +77,7 @@ impl DctDecoder {
         Ok(DctDecoder { pipelines, scratch: Mutex::new(None) })
     }
 
-    /// Uploads a texture: its streams as they are stored, and 30 kB of tables.
+    /// Uploads a texture: its streams as they are stored, and 16 kB of tables.
     ///
     /// # Errors
     /// [`GpuError`] where the streams do not fit a buffer of the device, or the device refuses.

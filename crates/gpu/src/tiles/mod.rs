@@ -53,7 +53,7 @@ const MOST_ANISOTROPY: u16 = 2 * rows::BORDER as u16 - 1;
 pub struct TileOptions {
     /// Bytes of decoded tiles, 64 KiB each. Rounded down to whole layers, of 1, 4 or 16 MiB.
     pub pool_bytes: u64,
-    /// Bytes of compressed streams and of what decodes them, 30 kB a stage of three mip levels.
+    /// Bytes of compressed streams and of what decodes them, 16 kB a stage of three mip levels.
     pub stream_bytes: u64,
     /// Most textures at a time.
     pub textures: u32,
@@ -376,8 +376,7 @@ impl TileCache {
         let tail = tail_of(size);
         let levels = layout.levels.min(size.full_levels());
         let own = levels.min(tail);
-        let is_drawn = |stage: &&GpuDct<'_>| stage.image == image as usize && stage.level < own;
-        let drawn: Vec<&GpuDct<'_>> = stages.iter().filter(is_drawn).collect();
+        let drawn: Vec<&GpuDct<'_>> = stages_of(stages, image, own).collect();
         if own as usize > MOST_LEVELS || (0..).zip(&drawn).any(|(number, stage)| stage.level != 3 * number) {
             return Err(GpuError::Form { what: "an image is larger, or cut otherwise, than tiles expect" });
         }
@@ -498,9 +497,9 @@ impl TileCache {
         let mut row = TextureRow { size: [size.width, size.height], ..TextureRow::default() };
         let mut count = 0u32;
         for (level, pages) in (0..own).zip(&mut row.levels) {
-            let ImageSize { width, height } = size.at_level(level);
-            *pages = [count, width.div_ceil(INNER)];
-            count = pages[1].saturating_mul(height.div_ceil(INNER)).saturating_add(count);
+            let [columns, rows] = tiles_of(size, level);
+            *pages = [count, columns];
+            count = columns.saturating_mul(rows).saturating_add(count);
         }
         let mut held = Held::default();
         let done = self.allocate(count, stages, &mut held);
@@ -524,9 +523,7 @@ impl TileCache {
             held.stages = range.map_err(full("all stages are in use", "textures"))?;
         }
         for stage in stages {
-            // The shader reads bytes as parts of two words.
-            let streams = stage.streams.len().div_ceil(4) + 2;
-            for words in [stage.words.len() - texfold_shaders::DCT_TABLES as usize, streams] {
+            for words in stage_words(stage) {
                 let range = self.data.allocate_range(u32::try_from(words).unwrap_or(u32::MAX));
                 held.data.push(range.map_err(full("streams do not fit", "stream_bytes"))?);
             }
@@ -586,6 +583,55 @@ impl TileCache {
         gpu.queue.write_buffer(&self.buffers.stages, row_bytes::<StageRow>(number), bytemuck::bytes_of(&row));
         Ok(())
     }
+}
+
+/// A texture's share of a [`TileCache`], in bytes of GPU memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TileBytes {
+    /// What its tiles are decoded from: of [`TileOptions::stream_bytes`] streams and tables where it is in superblocks, else the texture as
+    /// [`Gpu::upload`] holds it.
+    pub held: u64,
+    /// All of its tiles decoded: the most of the pool that it takes. Textures that share a pool take no more than that together.
+    pub decoded: u64,
+}
+
+impl TileBytes {
+    /// The share of all images of a texture.
+    #[must_use]
+    pub fn of(texture: &dyn Encoded<Domain = Image2d>) -> TileBytes {
+        let (form, layout) = (texture.gpu(), texture.layout());
+        let in_superblocks = !form.blocks.is_empty() && form.module == PLAIN_MODULE;
+        let (mut tiles, mut words) = (0, 0);
+        for (image, &size) in (0..).zip(&layout.images) {
+            let own = layout.levels.min(size.full_levels()).min(tail_of(size));
+            let count = |level| tiles_of(size, level).into_iter().map(u64::from).product::<u64>();
+            tiles += (0..own).map(count).sum::<u64>();
+            words += stages_of(&form.blocks, image, own).flat_map(stage_words).sum::<usize>() as u64;
+        }
+        let held = if in_superblocks { 4 * words } else { form.memory().resident.div_ceil(8) };
+        let tails = (layout.images.len() as u64).div_ceil(4);
+        TileBytes { held, decoded: 4 * u64::from(SIDE).pow(2) * (tiles + tails) }
+    }
+}
+
+/// The stages of an image whose first `own` levels are in tiles of their own.
+fn stages_of<'s, 't>(
+    stages: &'s [GpuDct<'t>],
+    image: u32,
+    own: u32,
+) -> impl Iterator<Item = &'s GpuDct<'t>> + use<'s, 't> {
+    stages.iter().filter(move |stage| stage.image == image as usize && stage.level < own)
+}
+
+/// Words of a stage's tables and of its streams: the shader reads bytes as parts of two words.
+fn stage_words(stage: &GpuDct<'_>) -> [usize; 2] {
+    [stage.words.len() - texfold_shaders::DCT_TABLES as usize, stage.streams.len().div_ceil(4) + 2]
+}
+
+/// Columns and rows of the tiles of a level.
+fn tiles_of(size: ImageSize, level: u32) -> [u32; 2] {
+    let ImageSize { width, height } = size.at_level(level);
+    [width, height].map(|side| side.div_ceil(INNER))
 }
 
 /// Sizes and flags of the cache, and the places of a tail's levels: for the cache of the browser package.

@@ -26,7 +26,7 @@ pub const TEXFOLD_BLOCK_SYMBOLS: u32 = 128;
 /// Words that are noted of a block's axis.
 pub const TEXFOLD_BLOCK_NOTES: u32 = 5;
 /// Words of a table.
-pub const TEXFOLD_BLOCK_TABLE_WORDS: u32 = 16;
+pub const TEXFOLD_BLOCK_TABLE_WORDS: u32 = 8;
 /// Tables of one kind of plane and axis.
 pub const TEXFOLD_BLOCK_SET_TABLES: u32 = 111;
 /// Tables of a subband.
@@ -205,16 +205,21 @@ pub fn texfold_block_refill(view: &DctView<'_>, stream: &mut TexfoldBlockStream)
 /// The next symbol, by the table of that number.
 pub fn texfold_block_symbol(view: &DctView<'_>, stream: &mut TexfoldBlockStream, table: u32) -> u32 {
     let words = view.pass.tables + table * TEXFOLD_BLOCK_TABLE_WORDS;
-    let slot = stream.state & ((1 << TEXFOLD_BLOCK_PROBABILITY_BITS) - 1);
-    let mut symbol = select(0, 8, view.word(words + 8) >> 16 <= slot);
-    symbol += select(0, 4, view.word(words + symbol + 4) >> 16 <= slot);
-    symbol += select(0, 2, view.word(words + symbol + 2) >> 16 <= slot);
-    symbol += select(0, 1, view.word(words + symbol + 1) >> 16 <= slot);
-    let range = view.word(words + symbol);
+    let slots = 1 << TEXFOLD_BLOCK_PROBABILITY_BITS;
+    let slot = stream.state & (slots - 1);
+    let mut pair = select(0, 4, view.word(words + 4) & 0xffff <= slot);
+    pair += select(0, 2, view.word(words + pair + 2) & 0xffff <= slot);
+    pair += select(0, 1, view.word(words + pair + 1) & 0xffff <= slot);
+    let both = view.word(words + pair);
+    let split = both >> 16;
+    let after = select(view.word(words + pair + 1) & 0xffff, slots, pair == 7);
+    let is_second = split <= slot;
+    let first = select(both & 0xffff, split, is_second);
+    let end = select(split, after, is_second);
     let above = stream.state >> TEXFOLD_BLOCK_PROBABILITY_BITS;
-    stream.state = (range & 0xffff).wrapping_mul(above).wrapping_add(slot).wrapping_sub(range >> 16);
+    stream.state = end.wrapping_sub(first).wrapping_mul(above).wrapping_add(slot).wrapping_sub(first);
     texfold_block_refill(view, stream);
-    symbol
+    2 * pair + u32::from(is_second)
 }
 
 /// The next number of at most 16 bits.

@@ -98,7 +98,9 @@ const ALLOWED: [Allowed; 21] = [
             "gltf",
             "image",
             "indicatif",
+            "jxl-oxide",
             "ktx2",
+            "moxcms",
             "ndarray",
             "png",
             "serde",
@@ -120,6 +122,8 @@ const ALLOWED: [Allowed; 21] = [
             "tiny_http",
             "tobj",
             "toml",
+            // Levels of KTX2.
+            "zstd",
         ],
     },
     Allowed { package: "testkit", numeric: true, may: &["image", "texfold-core", "texfold-shaders"] },

@@ -4,6 +4,7 @@ use std::error::Error;
 use std::io;
 use std::path::PathBuf;
 
+use crate::input::formats::FORMATS;
 use texfold_core::{EncodeError, LoadError, RegionError, SourceError};
 
 /// A command line or configuration that cannot be carried out: exit code 2, nothing is done.
@@ -44,12 +45,18 @@ pub(crate) enum CliError {
     NoMatch { pattern: String },
     #[error("{}: cannot be read; check the path and its permissions", path.display())]
     Read { path: PathBuf, source: io::Error },
-    #[error("{}: the folder holds no image; put PNG, JPEG, TIFF, BMP, TGA, PNM, DDS or KTX2 files into it", path.display())]
+    #[error("{}: the folder holds no image; put {formats} files into it", path.display(), formats = FORMATS)]
     EmptyFolder { path: PathBuf },
     #[error("{}: the file is empty; write it again", path.display())]
     EmptyFile { path: PathBuf },
-    #[error("{}: unknown image format; give PNG, JPEG, TIFF, BMP, TGA, PNM, or BC1 in DDS or KTX2", path.display())]
+    #[error("{}: unknown image format; give {formats}", path.display(), formats = FORMATS)]
     UnknownFormat { path: PathBuf },
+    #[error("{}: {name} is not read; give {formats}", path.display(), formats = FORMATS)]
+    NotRead { path: PathBuf, name: &'static str },
+    #[error("{}: {name} is not read by this build; build with --features {feature}, or give {formats}", path.display(), formats = FORMATS)]
+    NeedsFeature { path: PathBuf, name: &'static str, feature: &'static str },
+    #[error("{}: the float samples exceed 0 to 1; tone-map the image to 8 or 16 bits first", path.display())]
+    HighRange { path: PathBuf },
     #[error("{}: the image cannot be decoded; export it again", path.display())]
     Decode { path: PathBuf, source: Box<image::ImageError> },
     #[error("{}: the image ends early or is damaged; export it again", path.display())]
@@ -80,14 +87,14 @@ pub(crate) enum CliError {
     NoSuchImage { path: PathBuf, name: String },
     #[error("{}: the image needs more than the limits allow; scale it down, split it, or raise --memory", path.display())]
     ImageLimits { path: PathBuf, source: Box<image::ImageError> },
-    #[error("{}: {format} pixels are not supported; convert to 8 or 16 bits and 1 to 4 channels", path.display())]
-    PixelFormat { path: PathBuf, format: String },
+    #[error("{}: {what} are not read; convert to 8 or 16 bits and 1 to 4 channels", path.display())]
+    PixelFormat { path: PathBuf, what: String },
     #[error("{}: about {needed_mib} MiB are needed and {allowed_mib} MiB allowed; split the input or raise --memory", path.display())]
     Memory { path: PathBuf, needed_mib: u64, allowed_mib: u64 },
     #[error("{}: the {container} header is wrong; export the file again", path.display())]
     Container { path: PathBuf, container: &'static str, source: Box<dyn Error + Send + Sync> },
-    #[error("{}: holds {found}, and only a flat BC1 image can be taken over; convert it to PNG", path.display())]
-    NotBc1 { path: PathBuf, found: String },
+    #[error("{}: holds {found}, and only a flat image of 8 or 16 bits, plain or in BC1 to BC5 or BC7, is read; convert it to PNG", path.display())]
+    NotFlat { path: PathBuf, found: &'static str },
     #[error("{}: the file ends before its blocks do ({found} of {needed} bytes); export it again", path.display())]
     CutBlocks { path: PathBuf, found: usize, needed: u64 },
     #[error("{}: is not a folder of photographs; give codec zipmap a folder with zipmap.toml in it, or --as zoom", path.display())]

@@ -106,6 +106,9 @@ pub(crate) struct Row {
     /// What became of each codec that a choice among all considered.
     #[serde(default)]
     pub(crate) tried: Vec<TriedRow>,
+    /// What was made of the files as they were read.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) notes: Vec<String>,
     pub(crate) warnings: Vec<String>,
 }
 
@@ -135,7 +138,14 @@ impl From<&Attempt> for TriedRow {
 #[serde(untagged)]
 pub(crate) enum Entry {
     Done(Box<Row>),
-    Failed { input: String, error: String },
+    Failed {
+        input: String,
+        error: String,
+    },
+    /// Files in folders that are no images.
+    NotRead {
+        not_read: Vec<String>,
+    },
 }
 
 /// The ledger's rows.
@@ -230,6 +240,7 @@ pub(crate) struct Circumstances<'a> {
     pub(crate) encode_seconds: f64,
     pub(crate) goal: Goal,
     pub(crate) attempts: Vec<Attempt>,
+    pub(crate) notes: Vec<String>,
     pub(crate) warnings: Vec<String>,
 }
 
@@ -268,6 +279,7 @@ impl Row {
             parts: part_rows(&footprint),
             verdict: encoded.notes().verdict.clone(),
             tried: how.attempts.iter().map(TriedRow::from).collect(),
+            notes: how.notes,
             warnings,
         })
     }

@@ -6,6 +6,8 @@ use serde::{Deserialize, Serialize};
 use texfold::{EncodeSettings, lightfield::LightParams, zipmap::ZipParams};
 use texfold_core::image::{Alpha, ColorSpace};
 
+use crate::input::Remarks;
+
 /// What an input is taken for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -31,6 +33,8 @@ pub(crate) struct Settings {
     pub(crate) content_from: Option<PathBuf>,
     pub(crate) importance_map: Option<PathBuf>,
     pub(crate) mesh: Option<PathBuf>,
+    /// What names of files have settled.
+    pub(crate) remarks: Remarks,
 }
 
 /// How one capture is to be encoded.

@@ -14,6 +14,7 @@ use super::sums::Sums;
 use super::task::{BankTask, Books, Grown, Place};
 use super::{Bank, Open, blocks, category, texel, tiles};
 use crate::error::{CliError, guarded};
+use crate::input::Remarks;
 use crate::progress::Share;
 use crate::report::Row;
 
@@ -49,6 +50,7 @@ pub(crate) struct Add {
     /// How its texels are to be reached.
     access: Access,
     depth: Depth,
+    remarks: Remarks,
     /// Whether it uses what other images have brought.
     pub(crate) depends: bool,
 }
@@ -75,6 +77,7 @@ struct Seen {
     /// Colours of its tiles.
     colours: Vec<Vec<f32>>,
     depth: Depth,
+    remarks: Remarks,
 }
 
 /// The key of an image that is to be added, and what is seen of it; else what is to be done with it.
@@ -117,7 +120,7 @@ impl BankTask {
     /// Where tiles join categories, and which files are the image's: one for each tile, and one for each codebook that
     /// it grows.
     fn step(&self, manifest: &mut Manifest, key: String, next: &mut u32, seen: Seen) -> Step {
-        let (first, Seen { colours, depth }) = (*next, seen);
+        let (first, Seen { colours, depth, remarks }) = (*next, seen);
         *next += 2 * colours.len() as u32;
         let categories: Vec<usize> = match &self.category {
             Some(name) => match category::named(&mut manifest.categories, name, &[]) {
@@ -134,7 +137,7 @@ impl BankTask {
         };
         let access = self.access();
         let depends = access == Access::Texel && self.params().tries_codebooks();
-        Step::Add(Add { key, first, categories, access, depth, depends })
+        Step::Add(Add { key, first, categories, access, depth, remarks, depends })
     }
 
     /// Access to texels: that of the codec, which is dct or progressive.
@@ -145,12 +148,13 @@ impl BankTask {
 
     fn seen(&self, limit_bytes: u64) -> Result<Seen, CliError> {
         let mut seen = Seen::default();
-        tiles::each(&self.path, &self.settings, limit_bytes, |cut| {
+        let mut remarks = self.settings.remarks.clone();
+        tiles::each(&self.path, &self.settings, limit_bytes, &mut remarks, |cut| {
             seen.colours.push(category::colours(&cut.tile));
             seen.depth = cut.tile.info().depth;
             Ok(())
         })?;
-        Ok(seen)
+        Ok(Seen { remarks, ..seen })
     }
 
     /// The fault of an image that is no longer what it was when its tiles were counted.
@@ -202,7 +206,9 @@ impl BankTask {
             Access::Block => blocks::making(&sums, self.params().goal),
             Access::Texel => texel::making(&sums),
         };
-        let row = sums.row(self, &bank.dir, size, (&making, start.elapsed().as_secs_f64()));
+        let mut row = sums.row(self, &bank.dir, size, (&making, start.elapsed().as_secs_f64()));
+        row.notes = add.remarks.notes(1);
+        row.warnings.extend(add.remarks.warnings(1));
         let image = self.image(add, sums, size, row);
         Ok(Made { image, grown, end: add.first + 2 * add.categories.len() as u32 })
     }

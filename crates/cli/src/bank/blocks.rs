@@ -15,6 +15,7 @@ use super::sums::{Making, Sums};
 use super::task::{BankTask, Grown, Place, write_tile};
 use super::tiles::{self, Cut, without_plain_alpha};
 use crate::error::CliError;
+use crate::input::Remarks;
 use crate::progress::Share;
 use crate::report::missed;
 
@@ -58,7 +59,7 @@ impl Encoding<'_> {
         mut take: impl FnMut(ImageSet, Cut<'_>) -> Result<(), CliError>,
     ) -> Result<ImageSize, CliError> {
         let BankTask { path, settings, .. } = self.task;
-        tiles::each(path, settings, self.place.limit_bytes, |cut| {
+        tiles::each(path, settings, self.place.limit_bytes, &mut Remarks::default(), |cut| {
             take(ImageSet::single(without_plain_alpha(cut.tile.clone())), cut)
         })
     }

@@ -131,6 +131,7 @@ impl Sums {
             parts: self.parts.clone(),
             verdict: made.verdict.clone(),
             tried: Vec::new(),
+            notes: Vec::new(),
             warnings: made.warning.iter().cloned().collect(),
         }
     }

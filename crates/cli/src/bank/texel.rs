@@ -12,6 +12,7 @@ use super::sums::{Making, Sums};
 use super::task::{BankTask, Books, Grown, Place, write_tile};
 use super::tiles::{self, Cut, without_plain_alpha};
 use crate::error::CliError;
+use crate::input::Remarks;
 use crate::output::write_whole;
 use crate::progress::Share;
 
@@ -28,7 +29,7 @@ pub(super) fn encode(
     let Place { dir, first, categories, limit_bytes } = place;
     let mut encoding = Encoding { task, dir, next: first, grown: Vec::new(), sums: Sums::default() };
     let mut of_tile = categories.iter();
-    let size = tiles::each(&task.path, &task.settings, limit_bytes, |cut| {
+    let size = tiles::each(&task.path, &task.settings, limit_bytes, &mut Remarks::default(), |cut| {
         let category = *of_tile.next().ok_or_else(|| task.has_changed())?;
         encoding.enter(category, books);
         encoding.add_tile(category, cut, share)

@@ -8,7 +8,7 @@ use texfold_progressive::APRON;
 
 use crate::error::CliError;
 use crate::input::{
-    self,
+    self, Remarks,
     bands::{Band, Bands},
 };
 use crate::settings::Settings;
@@ -74,10 +74,11 @@ pub(crate) fn each(
     path: &Path,
     settings: &Settings,
     limit_bytes: u64,
+    remarks: &mut Remarks,
     mut take: impl FnMut(Cut<'_>) -> Result<(), CliError>,
 ) -> Result<ImageSize, CliError> {
-    let mut bands = Bands::open(path, settings, limit_bytes, || {
-        let set = input::read_set(&[path.to_owned()], settings, limit_bytes)?;
+    let mut bands = Bands::open(path, settings, limit_bytes, remarks, |remarks| {
+        let set = input::read_set(&[path.to_owned()], false, settings, limit_bytes, remarks)?;
         Ok(set.images()[0].clone())
     })?;
     let size = bands.size();
@@ -127,9 +128,9 @@ mod tests {
         for extension in ["png", "tif"] {
             let path = dir.path().join(format!("a.{extension}"));
             image::save_buffer(&path, &bytes, width, height, image::ExtendedColorType::L8).unwrap();
-            let settings = Options::of_pixels(ColorName::Srgb, None).resolve(&path).unwrap();
+            let settings = Options::of_pixels(Some(ColorName::Srgb), None).resolve(&path).unwrap();
             let mut places = Vec::new();
-            let size = each(&path, &settings, 1 << 32, |cut| {
+            let size = each(&path, &settings, 1 << 32, &mut Remarks::default(), |cut| {
                 let ((left, top), around) = (cut.place, cut.around()?.unwrap());
                 places.push(cut.place);
                 let source =

@@ -47,9 +47,9 @@ pub struct CompareArgs {
     /// How long each codec searches.
     #[arg(long, value_enum, default_value_t = EffortName::Fast)]
     effort: EffortName,
-    /// Meaning of the images' values.
-    #[arg(long, value_enum, default_value_t)]
-    color: ColorName,
+    /// Meaning of the images' values; by default the one that the ends of file names say, else srgb.
+    #[arg(long, value_enum)]
+    color: Option<ColorName>,
     /// Meaning of alpha: straight, cutout, cutout=THRESHOLD.
     #[arg(long, value_name = "ALPHA")]
     alpha: Option<AlphaChoice>,
@@ -61,6 +61,8 @@ pub(crate) fn run(args: &CompareArgs) -> Result<usize, CliError> {
     remove_stale(&args.out);
     let bench = Bench::open(args.effort);
     let inputs = find(&args.inputs, |_| args.kind);
+    inputs.say_not_read();
+    let inputs = inputs.found;
     let progress = Progress::new(inputs.len());
     let (mut rows, mut subjects, mut pictures, mut failed) = (Vec::new(), Vec::new(), Pictures::default(), 0);
     for input in inputs {
@@ -97,8 +99,16 @@ fn compare(
     progress: &Progress,
     mut pictures: Option<&mut Pictures>,
 ) -> Result<(Vec<Row>, Subject), CliError> {
-    let settings = Options::of_pixels(args.color, args.alpha).resolve(&found.path)?;
-    let images = read_set(&found.files, &settings, usual_limit())?;
+    let settings = Options::of_pixels(args.color, args.alpha).resolve_files(&found.path, &found.files)?;
+    let mut remarks = settings.remarks.clone();
+    let images = read_set(&found.files, found.takes_all_frames(), &settings, usual_limit(), &mut remarks)?;
+    let files = found.files.len();
+    for note in remarks.notes(files) {
+        progress.say(&format!("note: {}: {note}", found.path.display()));
+    }
+    for warning in remarks.warnings(files) {
+        progress.complain(&format!("warning: {}: {warning}", found.path.display()));
+    }
     let input = found.path.display().to_string();
     let original = pictures.is_some().then(|| &images.images()[0]);
     let mut subject = Subject::new(&input, original);

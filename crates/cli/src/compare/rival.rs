@@ -8,7 +8,7 @@ use std::time::Instant;
 use texfold_core::image::Raster;
 
 use crate::error::CliError;
-use crate::input::pixels;
+use crate::input::{Remarks, pixels};
 use crate::memory::usual_limit;
 use crate::png;
 
@@ -79,7 +79,8 @@ impl Astcenc {
             return Err(failed(std::io::Error::other(status.to_string())));
         }
         let info = image.info();
-        let decoded = pixels::read(&output, info.color, Some(info.alpha), usual_limit())?;
+        let decoded =
+            pixels::read(&output, info.color, Some(info.alpha), usual_limit(), &mut Remarks::default())?;
         let size = image.size();
         let blocks = u64::from(size.width.div_ceil(side)) * u64::from(size.height.div_ceil(side));
         Ok(Coded { decoded, seconds, bits: BLOCK_BITS * blocks })

@@ -11,7 +11,7 @@ use texfold_core::mesh::UvMesh;
 use texfold_core::{EncodeError, Goal, Job, Limits, SourceError, Stage};
 
 use crate::error::CliError;
-use crate::input::{self, bc1, pixels};
+use crate::input::{self, Remarks, container, pixels};
 use crate::memory;
 use crate::settings::Settings;
 
@@ -29,6 +29,8 @@ pub(crate) struct Loaded {
     pub(crate) painted: Option<Raster>,
     /// Where content may come from.
     pub(crate) content_from: Option<Raster>,
+    /// What is worth telling of the files.
+    pub(crate) remarks: Remarks,
     /// Why blocks that exist are not taken over.
     pub(crate) warning: Option<&'static str>,
 }
@@ -51,14 +53,21 @@ impl Fault {
 }
 
 /// Reads all files of an input.
-pub(crate) fn load(files: &[PathBuf], settings: &Settings, limit_bytes: u64) -> Result<Loaded, CliError> {
+pub(crate) fn load(
+    files: &[PathBuf],
+    all_frames: bool,
+    settings: &Settings,
+    limit_bytes: u64,
+) -> Result<Loaded, CliError> {
+    let first = files.first().cloned().unwrap_or_default();
+    let mut remarks = settings.remarks.clone();
     let mut rasters = Vec::new();
     let mut blocks = Vec::new();
-    for path in files {
-        match input::read(path, settings, limit_bytes)? {
+    for content in input::read_files(files, all_frames, settings, limit_bytes, &mut remarks)? {
+        match content {
             input::Content::Pixels(raster) => rasters.push(raster),
             input::Content::Blocks { image, alpha } => {
-                rasters.push(bc1::decode(path, image.clone(), alpha, settings)?);
+                rasters.push(container::decode(&first, image.clone(), alpha, settings)?);
                 blocks.push(image);
             }
         }
@@ -67,17 +76,16 @@ pub(crate) fn load(files: &[PathBuf], settings: &Settings, limit_bytes: u64) -> 
         // It works on texels; that blocks are decoded is no surprise.
         blocks.clear();
     }
-    let mixed = blocks.len() < files.len();
+    let mixed = blocks.len() < rasters.len();
     let obstacle =
         if mixed { Some("not all images of the input are BC1") } else { obstacle(&settings.encode) };
-    let first = files.first().cloned().unwrap_or_default();
     let images = ImageSet::new(rasters).map_err(|source| CliError::Source { path: first, source })?;
-    let read = |map: &PathBuf| pixels::read(map, settings.color, None, limit_bytes);
+    let read = |map: &PathBuf| pixels::read(map, settings.color, None, limit_bytes, &mut Remarks::default());
     let painted = settings.importance_map.as_ref().map(read).transpose()?;
     let content_from = settings.content_from.as_ref().map(read).transpose()?;
     let warning = obstacle.filter(|_| !blocks.is_empty());
     let blocks = (!blocks.is_empty() && obstacle.is_none()).then_some(blocks);
-    Ok(Loaded { images, blocks, painted, content_from, warning })
+    Ok(Loaded { images, blocks, painted, content_from, remarks, warning })
 }
 
 /// Why BC1 blocks cannot be the answer to such settings.

@@ -10,7 +10,7 @@ use texfold_core::{Job, Limits, Stage};
 
 use super::{CompressArgs, encode};
 use crate::config::Config;
-use crate::console::say;
+use crate::console::{say, warn};
 use crate::decompress;
 use crate::error::{CliError, UsageError};
 use crate::input::find;
@@ -31,9 +31,13 @@ pub(super) fn grow(args: &CompressArgs, file: &Path) -> Result<(), CliError> {
         return Err(UsageError::Excluded { option: "report", other: "--add-to" }.into());
     }
     let limit_bytes = run.memory.map_or_else(memory::usual_limit, memory::from_gib);
-    let mut files = Vec::new();
-    for found in find(&args.inputs, |path| args.options.or(&config.options(path)).kind()) {
-        files.extend(found.map_err(|unusable| *unusable.error)?.files);
+    let (mut files, mut all_frames) = (Vec::new(), true);
+    let inputs = find(&args.inputs, |path| args.options.or(&config.options(path)).kind());
+    inputs.say_not_read();
+    for found in inputs.found {
+        let found = found.map_err(|unusable| *unusable.error)?;
+        all_frames &= found.takes_all_frames();
+        files.extend(found.files);
     }
     let mut texture = decompress::load(file)?;
     let layout = texture.as_encoded().layout().clone();
@@ -41,11 +45,15 @@ pub(super) fn grow(args: &CompressArgs, file: &Path) -> Result<(), CliError> {
     let options = args.options.or(&config.options(file));
     let mut settings = options.resolve(file)?;
     settings.color = layout.pixel.color;
-    let loaded = encode::load(&files, &settings, limit_bytes)?;
+    let loaded = encode::load(&files, all_frames, &settings, limit_bytes)?;
+    loaded.remarks.warnings(files.len()).iter().for_each(|warning| warn(warning));
     let is_frame = |image: &Raster| layout.images.first() == Some(&image.size());
     let other = loaded.images.images().iter().position(|image| !is_frame(image));
     if let Some(index) = other.filter(|_| options.kind() == Some(Kind::Sequence)) {
-        return Err(CliError::FrameSize { path: files[index].clone(), index: first + index });
+        return Err(CliError::FrameSize {
+            path: files.get(index).or(files.first()).cloned().unwrap_or_default(),
+            index: first + index,
+        });
     }
 
     let progress = Progress::new(1);

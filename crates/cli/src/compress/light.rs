@@ -96,6 +96,7 @@ impl FolderTask<LightSettings> {
             parts: part_rows(&texture.footprint()),
             verdict: texture.notes().verdict.clone(),
             tried: Vec::new(),
+            notes: Vec::new(),
             warnings: goal.and_then(|goal| light_missed(goal, psnr)).into_iter().collect(),
         })
     }

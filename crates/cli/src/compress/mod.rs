@@ -37,7 +37,7 @@ use task::{Finished, Task, Workplace};
 /// Arguments of `compress`.
 #[derive(Debug, clap::Args)]
 pub struct CompressArgs {
-    /// Files, folders or globs: PNG, JPEG, TIFF, BMP, TGA, PNM, and BC1 in DDS or KTX2.
+    /// Files, folders or globs: PNG, JPEG, TIFF, WebP, GIF, BMP, TGA, QOI, PNM, OpenEXR, Radiance HDR, DDS or KTX2.
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
     /// Folder that the .txf files are written to.
@@ -60,6 +60,13 @@ pub struct CompressArgs {
 enum Planned {
     Task(Work),
     Failed(PathBuf, CliError),
+    NotRead(Vec<PathBuf>),
+}
+
+impl Planned {
+    fn not_read(paths: Vec<PathBuf>) -> Option<Planned> {
+        (!paths.is_empty()).then_some(Planned::NotRead(paths))
+    }
 }
 
 /// Something to do.
@@ -153,15 +160,20 @@ fn run_planned(
         write_report(report, &entries)?;
     }
     say(&summary(&entries, start.elapsed().as_secs_f64()));
-    let failed = entries.iter().filter(|(entry, _)| matches!(entry, Entry::Failed { .. })).count();
+    let failed = failed_of(&entries);
     Ok(if run.strict == Some(true) { failed + warnings_of(&entries) } else { failed })
+}
+
+/// Number of inputs that failed.
+fn failed_of(entries: &[(Entry, bool)]) -> usize {
+    entries.iter().filter(|(entry, _)| matches!(entry, Entry::Failed { .. })).count()
 }
 
 /// Number of all warnings.
 fn warnings_of(entries: &[(Entry, bool)]) -> usize {
     let warnings = |(entry, _): &(Entry, bool)| match entry {
         Entry::Done(row) => row.warnings.len(),
-        Entry::Failed { .. } => 0,
+        _ => 0,
     };
     entries.iter().map(warnings).sum()
 }
@@ -174,7 +186,9 @@ fn plan(
 ) -> Result<Vec<Planned>, CliError> {
     let mut writers: HashMap<OsString, PathBuf> = HashMap::new();
     let mut planned = Vec::new();
-    for found in find(inputs, |path| of_path(path).kind()) {
+    let inputs = find(inputs, |path| of_path(path).kind());
+    inputs.say_not_read();
+    for found in inputs.found {
         let found = match found {
             Ok(found) => found,
             Err(unusable) => {
@@ -193,6 +207,7 @@ fn plan(
             Err(error) => Planned::Failed(path, error),
         });
     }
+    planned.extend(Planned::not_read(inputs.not_read));
     Ok(planned)
 }
 
@@ -203,7 +218,9 @@ fn plan_bank(
 ) -> Result<Vec<Planned>, CliError> {
     let mut names: HashMap<OsString, PathBuf> = HashMap::new();
     let mut planned = Vec::new();
-    for found in find(inputs, |path| of_path(path).kind()) {
+    let inputs = find(inputs, |path| of_path(path).kind());
+    inputs.say_not_read();
+    for found in inputs.found {
         let found = match found {
             Ok(found) if matches!(found.kind, Kind::Image | Kind::Set | Kind::Sequence) => found,
             Ok(found) => {
@@ -221,7 +238,7 @@ fn plan_bank(
             options.check()?;
             let path = part.path.clone();
             let first = names.get(&part.stem).cloned();
-            planned.push(match (first, options.resolve(&path)) {
+            planned.push(match (first, options.resolve_files(&path, &part.files)) {
                 (Some(first), _) => {
                     let output = PathBuf::from(&part.stem);
                     Planned::Failed(path.clone(), CliError::Collision { path, output, first })
@@ -239,6 +256,7 @@ fn plan_bank(
             });
         }
     }
+    planned.extend(Planned::not_read(inputs.not_read));
     Ok(planned)
 }
 
@@ -272,7 +290,7 @@ fn plan_one(
         let settings = options.resolve_zoom(&found.path)?;
         Work::Zoom(Box::new(FolderTask { found, settings, output }))
     } else {
-        let settings = options.resolve(&found.path)?;
+        let settings = options.resolve_files(&found.path, &found.files)?;
         Work::Images(Box::new(Task { found, settings, output }))
     };
     writers.insert(name, work.found().path.clone());
@@ -290,7 +308,7 @@ fn work(
         .iter()
         .filter_map(|planned| match planned {
             Planned::Task(task) => Some(task),
-            Planned::Failed(..) => None,
+            Planned::Failed(..) | Planned::NotRead(_) => None,
         })
         .collect();
     let progress = Progress::new(tasks.len());
@@ -316,6 +334,10 @@ fn work(
     progress.finish();
     let in_place = |planned: &Planned| match planned {
         Planned::Failed(path, error) => (failed(path, error), false),
+        Planned::NotRead(paths) => {
+            let not_read = paths.iter().map(|path| path.display().to_string()).collect();
+            (Entry::NotRead { not_read }, false)
+        }
         // The scheduler gives one result a task, in order.
         Planned::Task(task) => finished.next().flatten().unwrap_or_else(|| {
             let message = "the work was not finished".to_owned();
@@ -332,6 +354,9 @@ fn settle(task: &Work, finished: Result<Finished, CliError>, progress: &Progress
         Ok(Finished { row, skipped }) => {
             progress.say(&line(task, &row, skipped));
             let stem = task.found().stem.to_string_lossy();
+            for note in &row.notes {
+                progress.say(&format!("note: {stem}: {note}"));
+            }
             for warning in &row.warnings {
                 progress.complain(&format!("warning: {stem}: {warning}"));
             }
@@ -373,11 +398,11 @@ fn summary(entries: &[(Entry, bool)], seconds: f64) -> String {
         .iter()
         .filter_map(|(entry, _)| match entry {
             Entry::Done(row) => Some(row.as_ref()),
-            Entry::Failed { .. } => None,
+            _ => None,
         })
         .collect();
     let skipped = entries.iter().filter(|(_, skipped)| *skipped).count();
-    let (written, failed) = (rows.len() - skipped, entries.len() - rows.len());
+    let (written, failed) = (rows.len() - skipped, failed_of(entries));
     let warned = match warnings_of(entries) {
         0 => String::new(),
         1 => ", 1 warning".to_owned(),

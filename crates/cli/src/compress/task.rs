@@ -1,6 +1,6 @@
 //! One input from file to file.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use texfold::encoding::Chosen;
@@ -9,7 +9,7 @@ use texfold_core::mesh::UvMesh;
 use super::cache::{Cache, add_file, program};
 use super::encode;
 use crate::error::{CliError, guarded};
-use crate::input::{Found, mesh, size_of};
+use crate::input::{Found, frames, mesh, size_of};
 use crate::memory;
 use crate::output::write_whole;
 use crate::progress::Progress;
@@ -53,7 +53,10 @@ impl Task {
     }
 
     fn texels(&self) -> Result<u64, CliError> {
-        self.found.files.iter().map(|file| size_of(file).map(|size| size.texels())).sum()
+        let all_frames = self.found.takes_all_frames();
+        let frames = |file: &Path| if all_frames { frames::count(file) as u64 } else { 1 };
+        let texels = |file: &PathBuf| size_of(file).map(|size| size.texels().saturating_mul(frames(file)));
+        self.found.files.iter().map(texels).sum()
     }
 
     /// Does the work. A panic in a decoder or encoder becomes an error of this input.
@@ -82,11 +85,14 @@ impl Task {
     ) -> Result<(Vec<u8>, Row), CliError> {
         let path = &self.found.path;
         let share = place.progress.share(self.found.stem.to_string_lossy().into_owned());
-        let loaded = encode::load(&self.found.files, &self.settings, place.limit_bytes)?;
+        let Found { files, .. } = &self.found;
+        let loaded = encode::load(files, self.found.takes_all_frames(), &self.settings, place.limit_bytes)?;
         if self.found.kind == Kind::Sequence {
             check_frames(&self.found, &loaded.images)?;
         }
         warnings.extend(loaded.warning.map(str::to_owned));
+        warnings.extend(loaded.remarks.warnings(files.len()));
+        let notes = loaded.remarks.notes(files.len());
         let start = Instant::now();
         let Chosen { image, attempts } =
             encode::encode(&loaded, &self.settings, mesh, place.limit_bytes, &mut |stage| {
@@ -97,8 +103,15 @@ impl Task {
         let encode_seconds = start.elapsed().as_secs_f64();
         drop(image);
         let goal = self.settings.encode.goal;
-        let how =
-            Circumstances { input: path, output: &self.output, encode_seconds, goal, attempts, warnings };
+        let how = Circumstances {
+            input: path,
+            output: &self.output,
+            encode_seconds,
+            goal,
+            attempts,
+            notes,
+            warnings,
+        };
         let row = Row::of(&loaded.images, &bytes, how)
             .map_err(|source| CliError::Load { path: self.output.clone(), source })?;
         Ok((bytes, row))
@@ -150,7 +163,10 @@ impl Task {
 fn check_frames(found: &Found, images: &texfold_core::image::ImageSet) -> Result<(), CliError> {
     let first = images.images()[0].size();
     match images.images().iter().position(|image| image.size() != first) {
-        Some(index) => Err(CliError::FrameSize { path: found.files[index].clone(), index }),
+        Some(index) => {
+            let path = found.files.get(index).unwrap_or(&found.path).clone();
+            Err(CliError::FrameSize { path, index })
+        }
         None => Ok(()),
     }
 }

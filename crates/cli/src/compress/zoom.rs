@@ -87,12 +87,14 @@ impl FolderTask<ZoomSettings> {
             parts: part_rows(&texture.footprint()),
             verdict: texture.notes().verdict.clone(),
             tried: Vec::new(),
+            notes: loaded.remarks.notes(self.found.files.len()),
             warnings: self.warnings(&texture, loaded),
         })
     }
 
     fn warnings(&self, texture: &ZipTexture, loaded: &stack::Loaded) -> Vec<String> {
         let mut warnings = loaded.left_out.clone();
+        warnings.extend(loaded.remarks.warnings(self.found.files.len()));
         if texture.patches() == 0 {
             warnings.push("only the root is left: it reaches the goal for every photograph; a higher goal keeps more patches".to_owned());
         }

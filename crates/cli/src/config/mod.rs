@@ -5,6 +5,7 @@
 //! configuration says of goals.
 
 mod file;
+mod names;
 mod options;
 mod values;
 

@@ -14,11 +14,13 @@ use texfold::{
 };
 use texfold_core::{Goal, Params};
 
+use super::names;
 use super::values::{
     AccessName, AlphaChoice, CodecName, ColorName, ContentName, EffortName, FactorsName, MetricName, Samples,
     Sides,
 };
 use crate::error::{CliError, UsageError};
+use crate::input::Remarks;
 use crate::settings::{Kind, LightSettings, Settings, ZoomSettings};
 
 /// Most terms that a goal for a light field chooses from by default: each further term costs as many bits and gains
@@ -91,7 +93,7 @@ pub struct Options {
     /// lightfield: number of terms beside the mean, 0 to 8; by default 1, or up to 4 with a goal.
     #[arg(long, value_name = "K")]
     pub(super) terms: Option<u32>,
-    /// What an input is; by default a file is an image and a folder is a set.
+    /// What an input is; by default a file is an image and a folder is a set. As a set or sequence, a file is all its frames or pages.
     #[arg(long = "as", value_enum)]
     #[serde(rename = "as")]
     pub(super) kind: Option<Kind>,
@@ -117,7 +119,8 @@ pub struct Options {
     /// the capture's own.
     #[arg(long, value_name = "FILE")]
     pub(super) mesh: Option<PathBuf>,
-    /// Meaning of the images' values; srgb by default.
+    /// Meaning of the images' values. By default file names that end in _Normal, _Roughness, _AO, _Height and the like are
+    /// normal or linear, and all else is srgb; a folder of unlike maps in one file is srgb: give --as image.
     #[arg(long, value_enum)]
     pub(super) color: Option<ColorName>,
     /// Meaning of alpha: straight, cutout, cutout=THRESHOLD.
@@ -214,8 +217,8 @@ impl Options {
     }
 
     /// Options that say only what pixels mean.
-    pub(crate) fn of_pixels(color: ColorName, alpha: Option<AlphaChoice>) -> Options {
-        Options { color: Some(color), alpha, ..Options::default() }
+    pub(crate) fn of_pixels(color: Option<ColorName>, alpha: Option<AlphaChoice>) -> Options {
+        Options { color, alpha, ..Options::default() }
     }
 
     /// Checks that only options about pixels are given: the file settles all others when images are added to it.
@@ -363,7 +366,17 @@ impl Options {
             content_from: self.content_from.clone(),
             importance_map: self.importance_map.clone(),
             mesh: self.mesh.clone(),
+            remarks: Remarks::default(),
         })
+    }
+
+    /// The settings for the input at `path` of such files, whose names tell maps unless `--color` is given.
+    pub(crate) fn resolve_files(&self, path: &Path, files: &[PathBuf]) -> Result<Settings, CliError> {
+        let mut settings = self.resolve(path)?;
+        if self.color.is_none() {
+            names::settle(files, &mut settings);
+        }
+        Ok(settings)
     }
 
     /// Format of content planes, and the family that the goal chooses from without one.

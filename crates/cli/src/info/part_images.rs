@@ -10,7 +10,7 @@ use crate::config::Options;
 use crate::console::say;
 use crate::decompress::{decode, name};
 use crate::error::CliError;
-use crate::input::{find, read_set};
+use crate::input::{Remarks, find, read_set};
 use crate::output::make_folder;
 use crate::{memory, png, thumbnail};
 
@@ -52,11 +52,12 @@ pub(crate) fn write(
 
 /// The images of a file or folder, as `compress` reads them.
 pub(crate) fn read_original(original: &Path, images: usize) -> Result<Vec<Raster>, CliError> {
-    let settings = Options::default().resolve(original)?;
     let mut files: Vec<PathBuf> = Vec::new();
-    for found in find(&[original.to_owned()], |_| None) {
+    for found in find(&[original.to_owned()], |_| None).found {
         files.extend(found.map_err(|unusable| *unusable.error)?.files);
     }
     files.truncate(images);
-    Ok(read_set(&files, &settings, memory::usual_limit())?.images().to_vec())
+    let settings = Options::default().resolve_files(original, &files)?;
+    let (all_frames, limit) = (images > files.len(), memory::usual_limit());
+    Ok(read_set(&files, all_frames, &settings, limit, &mut Remarks::default())?.images().to_vec())
 }

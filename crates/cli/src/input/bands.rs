@@ -13,6 +13,7 @@ use tiff::decoder::{ChunkType, Decoder as TiffDecoder, DecodingResult};
 use tiff::tags::{PlanarConfiguration, Tag};
 
 use super::pixels::{self, no_alpha};
+use super::{Remarks, frames, profile};
 use crate::error::CliError;
 use crate::settings::Settings;
 
@@ -98,19 +99,22 @@ impl Bands {
         path: &Path,
         settings: &Settings,
         limit_bytes: u64,
-        whole: impl FnOnce() -> Result<Raster, CliError>,
+        remarks: &mut Remarks,
+        whole: impl FnOnce(&mut Remarks) -> Result<Raster, CliError>,
     ) -> Result<Bands, CliError> {
         let size = super::size_of(path)?;
         let head = super::head_of(path)?;
-        let source = if super::bc1::Container::of(&head).is_some() {
-            Source::Texels(whole()?)
+        let (mut color, alpha) = (settings.color, settings.alpha);
+        let source = if super::container::Container::of(&head).is_some() {
+            Source::Texels(whole(remarks)?)
+        } else if let Some(source) = streamed(path, &head, color) {
+            frames::warn_of_rest(path, &head, remarks);
+            source
         } else {
-            match streamed(path, &head) {
-                Some(source) => source,
-                None => Source::Whole(pixels::decode(path, limit_bytes)?),
-            }
+            let decoded = pixels::decode(path, color, limit_bytes, remarks)?;
+            color = decoded.color;
+            Source::Whole(decoded.image)
         };
-        let (color, alpha) = (settings.color, settings.alpha);
         Ok(Bands { path: path.to_owned(), size, color, alpha, next: 0, source })
     }
 
@@ -153,17 +157,26 @@ impl Bands {
 }
 
 /// PNG and TIFF whose pixels are as they can be used; `None` for what other readers shall take, errors among it.
-fn streamed(path: &Path, head: &[u8]) -> Option<Source> {
+fn streamed(path: &Path, head: &[u8], color: ColorSpace) -> Option<Source> {
     let file = || Some(BufReader::new(File::open(path).ok()?));
+    let keeps = |profile: Option<&[u8]>, channels: u8| {
+        color != ColorSpace::Srgb || profile::keeps_values(profile, usize::from(channels))
+    };
     if head.starts_with(b"\x89PNG") {
         let mut decoder = png::Decoder::new(file()?);
         decoder.set_transformations(png::Transformations::EXPAND);
         let reader = decoder.read_info().ok()?;
-        let usable = !reader.info().interlaced;
+        let info = reader.info();
+        let (channels, _) = reader.output_color_type();
+        let usable = !info.interlaced
+            && info.exif_metadata.is_none()
+            && keeps(info.icc_profile.as_deref(), channels.samples() as u8);
         return usable.then(|| Source::Png(Box::new(reader)));
     }
     if head.starts_with(b"II*\0") || head.starts_with(b"MM\0*") {
-        return Some(Source::Tiff(Box::new(Tiff::open(file()?)?)));
+        let mut tiff = Tiff::open(file()?)?;
+        let profile = tiff.decoder.get_tag_u8_vec(Tag::IccProfile).ok();
+        return keeps(profile.as_deref(), tiff.channels).then(|| Source::Tiff(Box::new(tiff)));
     }
     None
 }
@@ -178,10 +191,7 @@ fn samples_of(path: &Path, image: &DynamicImage) -> Result<Samples, CliError> {
         DynamicImage::ImageLumaA16(image) => Samples::Sixteen(image.to_vec()),
         DynamicImage::ImageRgb16(image) => Samples::Sixteen(image.to_vec()),
         DynamicImage::ImageRgba16(image) => Samples::Sixteen(image.to_vec()),
-        _ => {
-            let format = format!("{:?}", image.color());
-            return Err(CliError::PixelFormat { path: path.to_owned(), format });
-        }
+        _ => return Err(CliError::PixelFormat { path: path.to_owned(), what: "float samples".to_owned() }),
     })
 }
 
@@ -420,13 +430,12 @@ mod tests {
     use crate::config::{ColorName, Options};
 
     fn bands_equal_the_whole(path: &Path, rows: u32) {
-        let settings = Options::of_pixels(ColorName::Srgb, None).resolve(path).unwrap();
-        let whole = pixels::read(path, settings.color, None, 1 << 32).unwrap();
-        let mut bands = Bands::open(path, &settings, 1 << 32, || unreachable!()).unwrap();
+        let settings = Options::of_pixels(Some(ColorName::Srgb), None).resolve(path).unwrap();
+        let whole = pixels::read(path, settings.color, None, 1 << 32, &mut Remarks::default()).unwrap();
+        let remarks = &mut Remarks::default();
+        let mut bands = Bands::open(path, &settings, 1 << 32, remarks, |_| unreachable!()).unwrap();
         let size = bands.size();
         assert_eq!(size, whole.size());
-        let has_band = matches!(&bands.source, Source::Tiff(tiff) if tiff.has_band);
-        let whole = if has_band { whole.with_channels(3) } else { whole };
         for top in (0..size.height).step_by(rows as usize) {
             let count = rows.min(size.height - top);
             let band = bands.next(count).unwrap();

@@ -5,13 +5,12 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::formats::is_image;
+use super::remarks::few;
 use super::{capture, stack};
+use crate::console::say;
 use crate::error::CliError;
 use crate::settings::Kind;
-
-/// Extensions of images, lower case: which files of a folder are taken.
-const EXTENSIONS: [&str; 12] =
-    ["png", "jpg", "jpeg", "tif", "tiff", "bmp", "tga", "pgm", "ppm", "pnm", "dds", "ktx2"];
 
 /// One input: one output file.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -26,6 +25,31 @@ pub(crate) struct Found {
     pub(crate) stem: OsString,
 }
 
+impl Found {
+    /// Whether it is one file, all frames or pages of which are taken.
+    pub(crate) fn takes_all_frames(&self) -> bool {
+        matches!(self.kind, Kind::Set | Kind::Sequence) && self.files == [self.path.as_path()]
+    }
+}
+
+/// What a command line names.
+#[derive(Debug, Default)]
+pub(crate) struct Inputs {
+    pub(crate) found: Vec<Result<Found, Unusable>>,
+    /// Files in folders that are no images.
+    pub(crate) not_read: Vec<PathBuf>,
+}
+
+impl Inputs {
+    /// A line about files that are not read, where there are any.
+    pub(crate) fn say_not_read(&self) {
+        if !self.not_read.is_empty() {
+            let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            say(&format!("not read: {}", few(&self.not_read.iter().map(name).collect::<Vec<_>>())));
+        }
+    }
+}
+
 /// An input that was named but cannot be worked on.
 #[derive(Debug)]
 pub(crate) struct Unusable {
@@ -34,25 +58,22 @@ pub(crate) struct Unusable {
 }
 
 /// All inputs that `named` stands for. `kind_of` tells what a path is to be taken for, where that is said.
-pub(crate) fn find(
-    named: &[PathBuf],
-    kind_of: impl Fn(&Path) -> Option<Kind>,
-) -> Vec<Result<Found, Unusable>> {
+pub(crate) fn find(named: &[PathBuf], kind_of: impl Fn(&Path) -> Option<Kind>) -> Inputs {
     let mut seen = HashSet::new();
-    let mut found = Vec::new();
+    let mut inputs = Inputs::default();
     for name in named {
         match expand(name) {
             Ok(paths) => {
                 for path in paths {
                     if seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())) {
-                        take(path, &kind_of, &mut found);
+                        take(path, &kind_of, &mut inputs);
                     }
                 }
             }
-            Err(error) => found.push(Err(Unusable { path: name.clone(), error: Box::new(error) })),
+            Err(error) => inputs.found.push(Err(Unusable { path: name.clone(), error: Box::new(error) })),
         }
     }
-    found
+    inputs
 }
 
 /// The files that names and globs stand for.
@@ -83,14 +104,15 @@ fn expand(name: &Path) -> Result<Vec<PathBuf>, CliError> {
     Ok(paths)
 }
 
-fn take(path: PathBuf, kind_of: &impl Fn(&Path) -> Option<Kind>, found: &mut Vec<Result<Found, Unusable>>) {
+fn take(path: PathBuf, kind_of: &impl Fn(&Path) -> Option<Kind>, inputs: &mut Inputs) {
+    let Inputs { found, not_read } = inputs;
     let chosen = kind_of(&path);
     if !path.is_dir() {
         found.push(file(path, chosen.unwrap_or(Kind::Image)));
         return;
     }
     let kind = chosen.unwrap_or_else(|| kind_of_folder(&path));
-    match folder(&path, kind) {
+    match folder(&path, kind, not_read) {
         Ok(files) if kind == Kind::Image => {
             found.extend(files.into_iter().map(|path| file(path, Kind::Image)));
         }
@@ -123,7 +145,7 @@ fn kind_of_folder(path: &Path) -> Kind {
 }
 
 /// The images of a folder, sorted by name.
-fn folder(path: &Path, kind: Kind) -> Result<Vec<PathBuf>, CliError> {
+fn folder(path: &Path, kind: Kind, not_read: &mut Vec<PathBuf>) -> Result<Vec<PathBuf>, CliError> {
     if kind == Kind::Lightfield {
         return capture::image_files(path);
     }
@@ -131,18 +153,19 @@ fn folder(path: &Path, kind: Kind) -> Result<Vec<PathBuf>, CliError> {
         return stack::image_files(path);
     }
     let entries = fs::read_dir(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
-    let mut files: Vec<PathBuf> =
-        entries.flatten().map(|entry| entry.path()).filter(|path| is_image(path) && path.is_file()).collect();
-    files.sort();
+    let mut all: Vec<PathBuf> =
+        entries.flatten().map(|entry| entry.path()).filter(|path| path.is_file()).collect();
+    all.sort();
+    let (files, others): (Vec<PathBuf>, Vec<PathBuf>) = all.into_iter().partition(|path| is_image(path));
+    not_read.extend(others.into_iter().filter(|path| !is_hidden(path)));
     if files.is_empty() {
         return Err(CliError::EmptyFolder { path: path.to_owned() });
     }
     Ok(files)
 }
 
-fn is_image(path: &Path) -> bool {
-    let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
-    extension.is_some_and(|extension| EXTENSIONS.contains(&extension.as_str()))
+fn is_hidden(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'))
 }
 
 /// The folder's own name, also where it was named as "." or "..".
@@ -155,8 +178,9 @@ fn folder_name(path: &Path) -> OsString {
 mod tests {
     use super::*;
 
-    fn names(found: &[Result<Found, Unusable>]) -> Vec<String> {
-        found
+    fn names(inputs: &Inputs) -> Vec<String> {
+        inputs
+            .found
             .iter()
             .map(|item| match item {
                 Ok(found) => format!("{} {}", found.stem.to_string_lossy(), found.files.len()),
@@ -170,13 +194,15 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let at = |name: &str| dir.path().join(name);
         fs::create_dir_all(at("set")).unwrap();
-        for name in ["b.png", "a.png", "note.txt", "set/2.JPG", "set/1.png", "set/.hidden"] {
+        for name in ["b.png", "a.png", "note.txt", "set/2.JPG", "set/1.png", "set/.hidden", "set/list.txt"] {
             fs::write(at(name), b"x").unwrap();
         }
         let named = [at("*.png"), at("b.png"), at("set")];
         assert_eq!(names(&find(&named, |_| None)), ["a 1", "b 1", "set 2"]);
         assert_eq!(names(&find(&[at("set")], |_| Some(Kind::Image))), ["1 1", "2 1"]);
-        assert_eq!(names(&find(&[at("set/.")], |_| None)), ["set 2"]);
+        let of_folder = find(&[at("set/.")], |_| None);
+        assert_eq!(names(&of_folder), ["set 2"]);
+        assert_eq!(of_folder.not_read, [at("set/list.txt")]);
     }
 
     #[test]
@@ -186,7 +212,7 @@ mod tests {
         fs::create_dir_all(at("empty")).unwrap();
         fs::create_dir_all(at("field")).unwrap();
         fs::write(at("field/transforms.json"), b"{}").unwrap();
-        let found = find(&[at("none.png"), at("*.jpg"), at("empty"), at("field")], |_| None);
+        let Inputs { found, .. } = find(&[at("none.png"), at("*.jpg"), at("empty"), at("field")], |_| None);
         let kinds: Vec<bool> = found
             .iter()
             .zip([0, 1, 2, 3])

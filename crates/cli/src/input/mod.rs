@@ -1,11 +1,15 @@
 //! Inputs: which files a command line names, and what is in them.
 
 pub(crate) mod bands;
-pub(crate) mod bc1;
 pub(crate) mod capture;
+pub(crate) mod container;
 pub(crate) mod find;
+pub(crate) mod formats;
+pub(crate) mod frames;
 pub(crate) mod mesh;
 pub(crate) mod pixels;
+mod profile;
+pub(crate) mod remarks;
 pub(crate) mod shape;
 pub(crate) mod stack;
 
@@ -20,6 +24,7 @@ use texfold_core::{ImageSize, MAX_IMAGE_SIDE, SourceError};
 use crate::error::CliError;
 use crate::settings::Settings;
 pub(crate) use find::{Found, find};
+pub(crate) use remarks::Remarks;
 
 /// An image as its file holds it.
 #[derive(Debug)]
@@ -44,34 +49,62 @@ pub(crate) fn head_of(path: &Path) -> Result<Vec<u8>, CliError> {
 /// Columns and rows of the image in a file, from its header alone.
 pub(crate) fn size_of(path: &Path) -> Result<ImageSize, CliError> {
     let head = head_of(path)?;
-    match bc1::Container::of(&head) {
-        Some(container) => bc1::size(path, container, &head),
+    match container::Container::of(&head) {
+        Some(container) => container::size(path, container, &head),
         None => pixels::size(path),
     }
 }
 
 /// Reads one file; `limit_bytes` bounds what its decoder may allocate.
-pub(crate) fn read(path: &Path, settings: &Settings, limit_bytes: u64) -> Result<Content, CliError> {
-    match bc1::Container::of(&head_of(path)?) {
-        Some(container) => bc1::read(path, container),
-        None => pixels::read(path, settings.color, settings.alpha, limit_bytes).map(Content::Pixels),
+pub(crate) fn read(
+    path: &Path,
+    settings: &Settings,
+    limit_bytes: u64,
+    remarks: &mut Remarks,
+) -> Result<Content, CliError> {
+    match container::Container::of(&head_of(path)?) {
+        Some(container) => container::read(path, container, settings, limit_bytes, remarks),
+        None => pixels::read(path, settings.color, settings.alpha, limit_bytes, remarks).map(Content::Pixels),
     }
+}
+
+/// Reads the images of files, or with `all_frames` all frames or pages of each.
+pub(crate) fn read_files(
+    files: &[PathBuf],
+    all_frames: bool,
+    settings: &Settings,
+    limit_bytes: u64,
+    remarks: &mut Remarks,
+) -> Result<Vec<Content>, CliError> {
+    let mut contents = Vec::new();
+    for path in files {
+        if all_frames && frames::count(path) > 1 {
+            let all = pixels::read_all(path, settings.color, settings.alpha, limit_bytes, remarks)?;
+            contents.extend(all.into_iter().map(Content::Pixels));
+        } else {
+            contents.push(read(path, settings, limit_bytes, remarks)?);
+        }
+    }
+    Ok(contents)
 }
 
 /// Reads images as one set, decoding blocks: for everything but the takeover of blocks.
 pub(crate) fn read_set(
     files: &[PathBuf],
+    all_frames: bool,
     settings: &Settings,
     limit_bytes: u64,
+    remarks: &mut Remarks,
 ) -> Result<ImageSet, CliError> {
-    let rasters: Result<Vec<Raster>, CliError> = files
-        .iter()
-        .map(|path| match read(path, settings, limit_bytes)? {
-            Content::Pixels(raster) => Ok(raster),
-            Content::Blocks { image, alpha } => bc1::decode(path, image, alpha, settings),
-        })
-        .collect();
     let first = files.first().cloned().unwrap_or_default();
+    let rasters: Result<Vec<Raster>, CliError> =
+        read_files(files, all_frames, settings, limit_bytes, remarks)?
+            .into_iter()
+            .map(|content| match content {
+                Content::Pixels(raster) => Ok(raster),
+                Content::Blocks { image, alpha } => container::decode(&first, image, alpha, settings),
+            })
+            .collect();
     ImageSet::new(rasters?).map_err(|source| CliError::Source { path: first, source })
 }
 

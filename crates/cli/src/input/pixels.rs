@@ -1,45 +1,104 @@
-//! PNG, JPEG, TIFF, BMP, TGA and PNM, by the `image` crate within limits.
+//! Images by the `image` crate, and by the `tiff` crate where that takes more, within limits.
 
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
 use image::metadata::Orientation;
-use image::{DynamicImage, ImageDecoder, ImageError, ImageReader};
+use image::{DynamicImage, ImageBuffer, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
+use texfold_core::ImageSize;
 use texfold_core::image::{Alpha, ColorSpace, Raster};
-use texfold_core::{ImageSize, MAX_IMAGE_SIDE};
-use tiff::decoder::Decoder as TiffDecoder;
-use tiff::tags::Tag;
+use tiff::decoder::{Decoder as TiffDecoder, DecodingResult};
+use tiff::tags::{SampleFormat, Tag};
 
-use super::check_side;
+use super::frames::{self, Source};
+use super::remarks::Remarks;
+use super::{check_side, formats, profile};
 use crate::error::CliError;
 
-type Reader = ImageReader<BufReader<File>>;
+type Decoder = Box<dyn ImageDecoder>;
 
-fn open(path: &Path) -> Result<Reader, CliError> {
+/// Pixels as a file stores them, with what it tells of them.
+struct Stored {
+    image: DynamicImage,
+    format: Option<ImageFormat>,
+    orientation: Orientation,
+    profile: Option<Vec<u8>>,
+    is_cmyk: bool,
+    /// Whether values are in proportion to light.
+    is_linear: bool,
+}
+
+/// Pixels as they can be used, and how their colours are to be handled.
+pub(crate) struct Decoded {
+    pub(crate) image: DynamicImage,
+    pub(crate) color: ColorSpace,
+}
+
+/// Limits of memory; [`check_side`] knows those of sides.
+fn limits(limit_bytes: u64) -> Limits {
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(limit_bytes);
+    limits
+}
+
+/// The decoder of a file, or of a page of it.
+fn open(
+    path: &Path,
+    page: Option<u64>,
+    limits: Limits,
+) -> Result<(Result<Decoder, ImageError>, Option<ImageFormat>), CliError> {
     let failed = |source| CliError::Read { path: path.to_owned(), source };
-    // The content decides; the extension only where content tells nothing, as in TGA.
-    let reader = ImageReader::open(path).map_err(failed)?.with_guessed_format().map_err(failed)?;
-    if reader.format().is_none_or(|format| !format.reading_enabled()) {
-        return Err(CliError::UnknownFormat { path: path.to_owned() });
+    let head = super::head_of(path)?;
+    formats::check(path, &head)?;
+    #[cfg(feature = "jxl")]
+    if formats::is_jpeg_xl(&head) {
+        let decoder = jxl_oxide::integration::JxlDecoder::new(frames::open(path, None).map_err(failed)?);
+        let limited = decoder.and_then(|mut decoder| {
+            decoder.set_limits(limits)?;
+            Ok(Box::new(decoder) as Decoder)
+        });
+        return Ok((limited, None));
     }
-    Ok(reader)
+    // The content decides; the extension only where content tells nothing, as in TGA.
+    let mut reader = ImageReader::new(frames::open(path, page).map_err(failed)?);
+    if let Ok(format) = ImageFormat::from_path(path) {
+        reader.set_format(format);
+    }
+    let mut reader = reader.with_guessed_format().map_err(failed)?;
+    let Some(format) = reader.format().filter(ImageFormat::reading_enabled) else {
+        return Err(formats::unknown(path));
+    };
+    reader.limits(limits);
+    Ok((reader.into_decoder().map(|decoder| Box::new(decoder) as Decoder), Some(format)))
 }
 
 /// Columns and rows from the header, upright as [`decode`] gives the image.
 pub(crate) fn size(path: &Path) -> Result<ImageSize, CliError> {
-    let fault = |error| fault(path, error);
-    let mut decoder = open(path)?.into_decoder().map_err(fault)?;
-    let (width, height) = decoder.dimensions();
+    size_and_orientation(path).map(|(size, _)| size)
+}
+
+/// Columns and rows as [`decode`] gives the image, and how it is turned for that.
+pub(super) fn size_and_orientation(path: &Path) -> Result<(ImageSize, Orientation), CliError> {
+    let ((width, height), orientation) = match open(path, None, limits(u64::MAX))? {
+        (Ok(mut decoder), _) => {
+            let orientation = decoder.orientation().map_err(|error| fault(path, None, error))?;
+            (decoder.dimensions(), orientation)
+        }
+        (Err(error), format) => {
+            let decoder = special_tiff(path, None, format).ok_or_else(|| fault(path, format, error))?;
+            let dimensions = { decoder }.dimensions().map_err(|error| damaged(path, error))?;
+            (dimensions, Orientation::NoTransforms)
+        }
+    };
     let is_turned = matches!(
-        decoder.orientation().map_err(fault)?,
+        orientation,
         Orientation::Rotate90
             | Orientation::Rotate270
             | Orientation::Rotate90FlipH
             | Orientation::Rotate270FlipH
     );
     let (width, height) = if is_turned { (height, width) } else { (width, height) };
-    check_side(path, ImageSize { width, height })
+    Ok((check_side(path, ImageSize { width, height })?, orientation))
 }
 
 /// Decodes the file, upright; its decoder may allocate up to `limit_bytes`.
@@ -48,68 +107,282 @@ pub(crate) fn read(
     color: ColorSpace,
     alpha: Option<Alpha>,
     limit_bytes: u64,
+    remarks: &mut Remarks,
 ) -> Result<Raster, CliError> {
-    tagged(path, decode(path, limit_bytes)?, (color, alpha))
+    raster(path, decode(path, color, limit_bytes, remarks)?, alpha)
+}
+
+/// As [`read`], with all frames or pages of the file.
+pub(crate) fn read_all(
+    path: &Path,
+    color: ColorSpace,
+    alpha: Option<Alpha>,
+    limit_bytes: u64,
+    remarks: &mut Remarks,
+) -> Result<Vec<Raster>, CliError> {
+    let pages = frames::pages(path);
+    let limits = limits(limit_bytes);
+    let mut left = limit_bytes;
+    let mut one = |page| {
+        let decoded = finished(path, stored(path, page, left)?, color, remarks)?;
+        left = left.saturating_sub(decoded.image.as_bytes().len() as u64);
+        Ok(decoded)
+    };
+    let decoded: Vec<Decoded> = if pages.len() > 1 {
+        pages.into_iter().map(|page| one(Some(page))).collect::<Result<_, CliError>>()?
+    } else {
+        let first = stored(path, None, limit_bytes)?;
+        match frames::of_animation(path, limits).map_err(|error| fault(path, first.format, error))? {
+            Some(images) => {
+                let of_frame = |image| Stored { image, profile: first.profile.clone(), ..first };
+                let frames = images.into_iter().map(of_frame);
+                frames.map(|frame| finished(path, frame, color, remarks)).collect::<Result<_, _>>()?
+            }
+            None => vec![finished(path, first, color, remarks)?],
+        }
+    };
+    decoded.into_iter().map(|decoded| raster(path, decoded, alpha)).collect()
 }
 
 /// As [`read`], but with rows and columns as they are stored: what cameras of a capture are given for.
 pub(crate) fn read_stored(path: &Path, limit_bytes: u64) -> Result<Raster, CliError> {
-    tagged(path, decode_stored(path, limit_bytes)?.0, (ColorSpace::Srgb, None))
+    let stored = Stored { orientation: Orientation::NoTransforms, ..stored(path, None, limit_bytes)? };
+    raster(path, finished(path, stored, ColorSpace::Srgb, &mut Remarks::default())?, None)
 }
 
-fn tagged(
+/// The file's first image, turned and mirrored as its EXIF orientation asks for.
+pub(crate) fn decode(
     path: &Path,
-    decoded: DynamicImage,
-    (color, alpha): (ColorSpace, Option<Alpha>),
-) -> Result<Raster, CliError> {
-    let mut raster = raster(path, decoded, color)?;
-    // Near infrared, as in aerial photographs.
-    if raster.info().has_alpha() && ends_with_band(path) {
-        raster = raster.with_channels(raster.info().channels - 1);
-    }
-    let alpha = alpha.unwrap_or(raster.info().alpha);
-    Ok(raster.tagged(color, alpha))
+    color: ColorSpace,
+    limit_bytes: u64,
+    remarks: &mut Remarks,
+) -> Result<Decoded, CliError> {
+    frames::warn_of_rest(path, &super::head_of(path)?, remarks);
+    finished(path, stored(path, None, limit_bytes)?, color, remarks)
 }
 
 /// Whether a TIFF file says that what it has beside gray or RGB is no alpha, as aerial photographs with infrared do.
 /// Many writers of alpha say nothing. `None` where it cannot be told.
-pub(super) fn no_alpha(decoder: &mut TiffDecoder<BufReader<File>>) -> Option<bool> {
+pub(super) fn no_alpha<S: std::io::BufRead + std::io::Seek>(decoder: &mut TiffDecoder<S>) -> Option<bool> {
     let extra = decoder.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).ok()?;
     Some(extra.is_some_and(|extra| !extra.contains(&1) && !extra.contains(&2)))
 }
 
+/// Decodes a file, or a page of it.
+fn stored(path: &Path, page: Option<u64>, limit_bytes: u64) -> Result<Stored, CliError> {
+    let mut limits = limits(limit_bytes);
+    let (decoder, format) = open(path, page, limits.clone())?;
+    let mut decoder = match decoder {
+        Ok(decoder) => decoder,
+        Err(error) => {
+            let special = special_tiff(path, page, format).ok_or_else(|| fault(path, format, error))?;
+            return special_image(path, special, limit_bytes);
+        }
+    };
+    let (width, height) = decoder.dimensions();
+    check_side(path, ImageSize { width, height })?;
+    let decode = || {
+        let orientation = decoder.orientation()?;
+        // A profile that cannot be read is none that could be followed.
+        let profile = match tiff_decoder(path, page, format) {
+            // The limits that `image` sets for TIFF forbid profiles in small images.
+            Some(mut tiff) => tiff.get_tag_u8_vec(Tag::IccProfile).ok(),
+            None => decoder.icc_profile().ok().flatten(),
+        };
+        let is_cmyk = is_cmyk(path, format, &decoder);
+        let is_float = decoder.color_type().bytes_per_pixel() / decoder.color_type().channel_count() > 2;
+        // Values of 32 bits are held beside those of 16.
+        limits.reserve(decoder.total_bytes().saturating_mul(if is_float { 2 } else { 1 }))?;
+        // Floats of JPEG XL are as its profile says.
+        let is_linear = is_float && format.is_some();
+        let image = DynamicImage::from_decoder(decoder)?;
+        Ok(Stored { image, format, orientation, profile, is_cmyk, is_linear })
+    };
+    let stored = decode().map_err(|error| fault(path, format, error))?;
+    // Near infrared, as in aerial photographs.
+    let image = match stored.image {
+        image if !image.color().has_alpha() || !ends_with_band(path, page, format) => image,
+        image @ DynamicImage::ImageLumaA8(_) => image.into_luma8().into(),
+        image @ DynamicImage::ImageLumaA16(_) => image.into_luma16().into(),
+        image @ DynamicImage::ImageRgba8(_) => image.into_rgb8().into(),
+        image @ DynamicImage::ImageRgba16(_) => image.into_rgb16().into(),
+        image => image,
+    };
+    Ok(Stored { image, ..stored })
+}
+
 /// Whether the last channel of a file is a band of its own, and no alpha.
-fn ends_with_band(path: &Path) -> bool {
-    let decoder = File::open(path).ok().and_then(|file| TiffDecoder::new(BufReader::new(file)).ok());
+fn ends_with_band(path: &Path, page: Option<u64>, format: Option<ImageFormat>) -> bool {
+    let decoder = tiff_decoder(path, page, format);
     decoder.and_then(|mut decoder| no_alpha(&mut decoder)).unwrap_or(false)
 }
 
-/// The file's pixels, turned and mirrored as its EXIF orientation asks for.
-pub(crate) fn decode(path: &Path, limit_bytes: u64) -> Result<DynamicImage, CliError> {
-    let (mut decoded, orientation) = decode_stored(path, limit_bytes)?;
-    decoded.apply_orientation(orientation);
-    Ok(decoded)
+/// Whether colours are mixed of inks. A JPEG of four components has such, which its decoder turns to RGB.
+fn is_cmyk(path: &Path, format: Option<ImageFormat>, decoder: &Decoder) -> bool {
+    use image::ExtendedColorType::{Cmyk8, Cmyk16};
+    matches!(decoder.original_color_type(), Cmyk8 | Cmyk16)
+        || format == Some(ImageFormat::Jpeg) && jpeg_components(path) == Some(4)
 }
 
-/// The file's pixels as they are stored, and their orientation.
-fn decode_stored(path: &Path, limit_bytes: u64) -> Result<(DynamicImage, Orientation), CliError> {
-    size(path)?;
-    let mut reader = open(path)?;
-    let mut limits = image::Limits::default();
-    limits.max_image_width = Some(MAX_IMAGE_SIDE);
-    limits.max_image_height = Some(MAX_IMAGE_SIDE);
-    limits.max_alloc = Some(limit_bytes);
-    reader.limits(limits.clone());
-    let decode = || {
-        let mut decoder = reader.into_decoder()?;
-        let orientation = decoder.orientation()?;
-        limits.reserve(decoder.total_bytes())?;
-        Ok((DynamicImage::from_decoder(decoder)?, orientation))
+/// The number of components that the frame header of a JPEG states.
+fn jpeg_components(path: &Path) -> Option<u8> {
+    let mut file = BufReader::new(std::fs::File::open(path).ok()?);
+    file.seek_relative(2).ok()?;
+    loop {
+        let mut segment = [0; 4];
+        std::io::Read::read_exact(&mut file, &mut segment).ok()?;
+        let [0xff, marker, high, low] = segment else { return None };
+        if matches!(marker, 0xc0..=0xcf) && !matches!(marker, 0xc4 | 0xc8 | 0xcc) {
+            let mut frame = [0; 6];
+            std::io::Read::read_exact(&mut file, &mut frame).ok()?;
+            return Some(frame[5]);
+        }
+        file.seek_relative(i64::from(u16::from_be_bytes([high, low])) - 2).ok()?;
+    }
+}
+
+/// Makes pixels usable: 16 bits for floats, sRGB for other profiles, upright.
+fn finished(
+    path: &Path,
+    stored: Stored,
+    color: ColorSpace,
+    remarks: &mut Remarks,
+) -> Result<Decoded, CliError> {
+    let Stored { mut image, format, orientation, profile, is_cmyk, is_linear } = stored;
+    if let DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) = image {
+        image = sixteen(image, format == Some(ImageFormat::OpenExr))
+            .ok_or_else(|| CliError::HighRange { path: path.to_owned() })?;
+    }
+    let color = if is_linear && color == ColorSpace::Srgb { ColorSpace::Linear } else { color };
+    if is_linear {
+        remarks.note(path, "float samples are taken as 16 bits, linear");
+    }
+    if is_cmyk {
+        remarks.note(path, "CMYK colours are converted to RGB without a colour profile");
+    } else if let Some(profile) = profile.filter(|_| color == ColorSpace::Srgb) {
+        match profile::to_srgb(&mut image, &profile) {
+            Ok(None) => {}
+            Ok(Some(name)) => remarks.note(path, format!("{name} converted to sRGB")),
+            Err(_) => remarks.warn(
+                path,
+                "the colour profile cannot be used: values are taken as sRGB; convert the image to sRGB before",
+            ),
+        }
+    }
+    if orientation != Orientation::NoTransforms {
+        image.apply_orientation(orientation);
+        remarks.note(path, "turned as its EXIF orientation asks");
+    }
+    Ok(Decoded { image, color })
+}
+
+/// A float in 16 bits; `None` outside of 0 to 1.
+fn unit(value: f32) -> Option<u16> {
+    (0.0..=1.0).contains(&value).then(|| (value * f32::from(u16::MAX)).round() as u16)
+}
+
+/// Floats in 16 bits; `None` where one is outside of 0 to 1. OpenEXR stores colours times alpha.
+fn sixteen(image: DynamicImage, times_alpha: bool) -> Option<DynamicImage> {
+    let (width, height) = (image.width(), image.height());
+    Some(match image {
+        DynamicImage::ImageRgb32F(image) => {
+            let values = image.iter().map(|&value| unit(value)).collect::<Option<Vec<u16>>>()?;
+            DynamicImage::ImageRgb16(ImageBuffer::from_raw(width, height, values)?)
+        }
+        DynamicImage::ImageRgba32F(mut image) => {
+            for texel in image.pixels_mut().filter(|texel| times_alpha && texel.0[3] > 0.0) {
+                let [red, green, blue, alpha] = texel.0;
+                texel.0 = [red / alpha, green / alpha, blue / alpha, alpha];
+            }
+            let values = image.iter().map(|&value| unit(value)).collect::<Option<Vec<u16>>>()?;
+            DynamicImage::ImageRgba16(ImageBuffer::from_raw(width, height, values)?)
+        }
+        image => image,
+    })
+}
+
+fn tiff_decoder(
+    path: &Path,
+    page: Option<u64>,
+    format: Option<ImageFormat>,
+) -> Option<TiffDecoder<Box<dyn Source>>> {
+    let source = frames::open(path, page).ok().filter(|_| format == Some(ImageFormat::Tiff))?;
+    TiffDecoder::new(source).ok()
+}
+
+fn is_float(decoder: &mut TiffDecoder<Box<dyn Source>>) -> bool {
+    let formats = decoder.find_tag_unsigned_vec::<u16>(Tag::SampleFormat).ok().flatten();
+    formats.is_some_and(|formats| formats.contains(&SampleFormat::IEEEFP.to_u16()))
+}
+
+/// The decoder of a TIFF file that the `image` crate does not take: gray floats, and YCbCr as in JPEG.
+fn special_tiff(
+    path: &Path,
+    page: Option<u64>,
+    format: Option<ImageFormat>,
+) -> Option<TiffDecoder<Box<dyn Source>>> {
+    let mut decoder = tiff_decoder(path, page, format)?;
+    let is_jpeg = decoder.find_tag_unsigned::<u16>(Tag::Compression).ok().flatten() == Some(7);
+    let is_special = match decoder.colortype().ok()? {
+        tiff::ColorType::Gray(32) => is_float(&mut decoder),
+        tiff::ColorType::YCbCr(8) => is_jpeg,
+        _ => false,
     };
-    decode().map_err(|error| fault(path, error))
+    is_special.then_some(decoder)
 }
 
-fn raster(path: &Path, decoded: DynamicImage, color: ColorSpace) -> Result<Raster, CliError> {
+fn special_image(
+    path: &Path,
+    mut decoder: TiffDecoder<Box<dyn Source>>,
+    limit_bytes: u64,
+) -> Result<Stored, CliError> {
+    let damaged = |error| damaged(path, error);
+    let (width, height) = decoder.dimensions().map_err(damaged)?;
+    let texels = check_side(path, ImageSize { width, height })?.texels();
+    let profile = decoder.get_tag_u8_vec(Tag::IccProfile).ok();
+    let orientation = decoder.find_tag_unsigned::<u8>(Tag::Orientation).ok().flatten();
+    // Four bytes a texel are read, and up to three are made of them.
+    let needed = texels.saturating_mul(8);
+    if needed > limit_bytes {
+        let (needed_mib, allowed_mib) = (needed >> 20, limit_bytes >> 20);
+        return Err(CliError::Memory { path: path.to_owned(), needed_mib, allowed_mib });
+    }
+    let mut limits = tiff::decoder::Limits::default();
+    let most = usize::try_from(limit_bytes).unwrap_or(usize::MAX);
+    (limits.decoding_buffer_size, limits.intermediate_buffer_size) = (most, most);
+    let mut is_linear = false;
+    let image = match decoder.with_limits(limits).read_image().map_err(damaged)? {
+        DecodingResult::F32(values) => {
+            is_linear = true;
+            let values = values.into_iter().map(unit).collect::<Option<Vec<u16>>>();
+            let values = values.ok_or_else(|| CliError::HighRange { path: path.to_owned() })?;
+            ImageBuffer::from_raw(width, height, values).map(DynamicImage::ImageLuma16)
+        }
+        DecodingResult::U8(mut values) => {
+            values.chunks_exact_mut(3).for_each(to_rgb);
+            ImageBuffer::from_raw(width, height, values).map(DynamicImage::ImageRgb8)
+        }
+        _ => None,
+    };
+    let image = image.ok_or_else(|| CliError::Rows {
+        path: path.to_owned(),
+        source: Box::new(std::io::Error::from(std::io::ErrorKind::InvalidData)),
+    })?;
+    let orientation = orientation.and_then(Orientation::from_exif).unwrap_or(Orientation::NoTransforms);
+    let format = Some(ImageFormat::Tiff);
+    Ok(Stored { image, format, orientation, profile, is_cmyk: false, is_linear })
+}
+
+/// Luma and two differences of colour become RGB, as JPEG files have them.
+fn to_rgb(texel: &mut [u8]) {
+    let [luma, blue, red] = [0, 1, 2].map(|channel| f32::from(texel[channel]));
+    let (blue, red) = (blue - 128.0, red - 128.0);
+    let rgb = [luma + 1.402 * red, luma - 0.344_136 * blue - 0.714_136 * red, luma + 1.772 * blue];
+    texel.iter_mut().zip(rgb).for_each(|(value, rgb)| *value = rgb.round() as u8);
+}
+
+fn raster(path: &Path, decoded: Decoded, alpha: Option<Alpha>) -> Result<Raster, CliError> {
+    let Decoded { image: decoded, color } = decoded;
     let (width, height) = (decoded.width(), decoded.height());
     let channels = decoded.color().channel_count();
     let raster = match &decoded {
@@ -121,20 +394,46 @@ fn raster(path: &Path, decoded: DynamicImage, color: ColorSpace) -> Result<Raste
         DynamicImage::ImageLumaA16(image) => Raster::from_u16(width, height, channels, color, image),
         DynamicImage::ImageRgb16(image) => Raster::from_u16(width, height, channels, color, image),
         DynamicImage::ImageRgba16(image) => Raster::from_u16(width, height, channels, color, image),
-        _ => {
-            let format = format!("{:?}", decoded.color());
-            return Err(CliError::PixelFormat { path: path.to_owned(), format });
-        }
+        _ => return Err(CliError::PixelFormat { path: path.to_owned(), what: "float samples".to_owned() }),
     };
-    raster.map_err(|source| CliError::Source { path: path.to_owned(), source })
+    let raster = raster.map_err(|source| CliError::Source { path: path.to_owned(), source })?;
+    let alpha = alpha.unwrap_or(raster.info().alpha);
+    Ok(raster.tagged(color, alpha))
 }
 
-fn fault(path: &Path, error: ImageError) -> CliError {
+fn damaged(path: &Path, error: tiff::TiffError) -> CliError {
+    CliError::Rows { path: path.to_owned(), source: Box::new(error) }
+}
+
+/// What a TIFF file holds that is not read.
+fn tiff_words(path: &Path) -> Option<String> {
+    use tiff::ColorType::{CMYK, Gray, GrayA, Multiband, RGB, RGBA};
+    let mut decoder = tiff_decoder(path, None, Some(ImageFormat::Tiff))?;
+    let is_float = is_float(&mut decoder);
+    match decoder.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation).ok().flatten() {
+        Some(3) => return Some("palettes of colours".to_owned()),
+        Some(6) => return Some("YCbCr colours without JPEG".to_owned()),
+        Some(8..=10) => return Some("Lab colours".to_owned()),
+        _ => {}
+    }
+    Some(match decoder.colortype().ok()? {
+        Multiband { num_samples, .. } => format!("{num_samples} bands"),
+        Gray(bits) | GrayA(bits) | RGB(bits) | RGBA(bits) | CMYK(bits) => match (bits, is_float) {
+            (bits, true) => format!("float{bits} samples"),
+            (8 | 16, false) => "samples of this compression".to_owned(),
+            (bits, false) => format!("samples of {bits} bits"),
+        },
+        _ => "colours of this kind".to_owned(),
+    })
+}
+
+fn fault(path: &Path, format: Option<ImageFormat>, error: ImageError) -> CliError {
+    let what = || tiff_words(path).filter(|_| format == Some(ImageFormat::Tiff));
     let path = path.to_owned();
     match error {
         ImageError::Limits(_) => CliError::ImageLimits { path, source: Box::new(error) },
-        ImageError::Unsupported(unsupported) => {
-            CliError::PixelFormat { path, format: format!("these ({unsupported})") }
+        ImageError::Unsupported(_) => {
+            CliError::PixelFormat { what: what().unwrap_or("pixels of this form".to_owned()), path }
         }
         ImageError::IoError(source) if source.kind() != std::io::ErrorKind::UnexpectedEof => {
             CliError::Read { path, source }

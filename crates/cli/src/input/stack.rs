@@ -12,7 +12,7 @@ use texfold::{
 use texfold_core::image::{Alpha, ColorSpace, Raster};
 use texfold_core::{EncodeError, Job};
 
-use super::pixels;
+use super::{Remarks, pixels};
 use crate::error::CliError;
 use crate::settings::ZoomSettings;
 
@@ -104,6 +104,8 @@ fn named(dir: &Path, list: &List) -> Vec<PathBuf> {
 pub(crate) struct Loaded {
     pub(crate) stack: PatchStack,
     pub(crate) left_out: Vec<String>,
+    /// What is worth telling of the photographs.
+    pub(crate) remarks: Remarks,
     /// Where registration has put the photographs, as a list to correct by hand.
     pub(crate) list: Option<String>,
     /// Settings of the encoder, with those of the list.
@@ -119,16 +121,18 @@ pub(crate) fn read(
     job: &mut Job<'_>,
 ) -> Result<Loaded, CliError> {
     let ZoomSettings { color, alpha, .. } = *settings;
+    let mut remarks = Remarks::default();
     if dir.join(LIST_NAME).exists() {
         let list = read_list(dir)?;
         let stack = match &list.with {
-            Some(with) => riding(dir, with, &list, settings, limit_bytes, job)?,
-            None => by_hand(dir, &list, (color, alpha), limit_bytes)?,
+            Some(with) => riding((dir, with), &list, settings, limit_bytes, job, &mut remarks)?,
+            None => by_hand(dir, &list, (color, alpha), limit_bytes, &mut remarks)?,
         };
-        return Ok(Loaded { stack, left_out: Vec::new(), list: None, params: list.params(&settings.params) });
+        let params = list.params(&settings.params);
+        return Ok(Loaded { stack, left_out: Vec::new(), remarks, list: None, params });
     }
     let photos: Result<Vec<Raster>, CliError> =
-        files.iter().map(|file| pixels::read(file, color, alpha, limit_bytes)).collect();
+        files.iter().map(|file| pixels::read(file, color, alpha, limit_bytes, &mut remarks)).collect();
     let photos = photos?;
     let fault = |source| CliError::Encode { path: dir.to_owned(), source };
     let found = job.within(0.0, 0.5, |job| register(&photos, job)).map_err(fault)?;
@@ -146,7 +150,7 @@ pub(crate) fn read(
     let no_root = CliError::EmptyFolder { path: dir.to_owned() };
     let stack = PatchStack::registered(&photos, &found).ok_or(no_root)?;
     let list = Some(written(&stack, name(found.root), |index| name(found.placed[index].photo)));
-    Ok(Loaded { stack, left_out, list, params: settings.params.clone() })
+    Ok(Loaded { stack, left_out, remarks, list, params: settings.params.clone() })
 }
 
 /// A stack as a list.
@@ -165,12 +169,12 @@ fn written(stack: &PatchStack, root: String, name: impl Fn(usize) -> String) -> 
 
 /// Maps of another kind at the places of the stack in folder `with`, shown as far as its colours are.
 fn riding(
-    dir: &Path,
-    with: &Path,
+    (dir, with): (&Path, &Path),
     list: &List,
     settings: &ZoomSettings,
     limit_bytes: u64,
     job: &mut Job<'_>,
+    remarks: &mut Remarks,
 ) -> Result<PatchStack, CliError> {
     let path = || dir.join(LIST_NAME);
     if let Some(patch) = list.patch.iter().position(|entry| *entry != Entry::of(&entry.image)) {
@@ -185,13 +189,15 @@ fn riding(
     if host_list.with.is_some() {
         return Err(CliError::StackHost { path: path(), host: host_dir });
     }
-    let host = by_hand(&host_dir, &host_list, (ColorSpace::Srgb, None), limit_bytes)?;
+    let host = by_hand(&host_dir, &host_list, (ColorSpace::Srgb, None), limit_bytes, remarks)?;
     let fault = |source| CliError::Encode { path: dir.to_owned(), source };
     let params = host_list.params(&settings.params);
     let masks = job.within(0.0, 0.4, |job| zip_masks(&host, &params, job)).map_err(fault)?;
-    let read = |name: &PathBuf| pixels::read(&dir.join(name), settings.color, settings.alpha, limit_bytes);
+    let mut read =
+        |name: &PathBuf| pixels::read(&dir.join(name), settings.color, settings.alpha, limit_bytes, remarks);
     let maps = list.patch.iter().map(|entry| read(&entry.image)).collect::<Result<_, _>>()?;
-    host.riding(read(&list.root)?, maps, masks)
+    let root = read(&list.root)?;
+    host.riding(root, maps, masks)
         .map_err(|source| fault(EncodeError::Codec { codec: Zipmap::ID, source: Box::new(source) }))
 }
 
@@ -200,15 +206,17 @@ fn by_hand(
     list: &List,
     (color, alpha): (ColorSpace, Option<Alpha>),
     limit_bytes: u64,
+    remarks: &mut Remarks,
 ) -> Result<PatchStack, CliError> {
-    let root = pixels::read(&dir.join(&list.root), color, alpha, limit_bytes)?;
+    let root = pixels::read(&dir.join(&list.root), color, alpha, limit_bytes, remarks)?;
     let mut names: Vec<&PathBuf> = Vec::new();
     let mut stack = PatchStack { root, images: Vec::new(), patches: Vec::new() };
     for (patch, entry) in list.patch.iter().enumerate() {
         let image = match names.iter().position(|name| **name == entry.image) {
             Some(known) => known,
             None => {
-                stack.images.push(pixels::read(&dir.join(&entry.image), color, alpha, limit_bytes)?);
+                let image = pixels::read(&dir.join(&entry.image), color, alpha, limit_bytes, remarks)?;
+                stack.images.push(image);
                 names.push(&entry.image);
                 names.len() - 1
             }
@@ -216,7 +224,7 @@ fn by_hand(
         let mask = entry
             .mask
             .as_ref()
-            .map(|mask| pixels::read(&dir.join(mask), ColorSpace::Linear, None, limit_bytes));
+            .map(|mask| pixels::read(&dir.join(mask), ColorSpace::Linear, None, limit_bytes, remarks));
         let parent = match &entry.parent {
             Some(parent) if *parent != list.root => {
                 let found = list.patch.iter().position(|other| other.image == *parent);

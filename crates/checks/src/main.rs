@@ -15,6 +15,9 @@ use clap::Parser;
 #[derive(Debug, Parser)]
 #[command(name = "cargo xtask")]
 struct Checks {
+    /// Commands of texfold: print errors alone, and what `info` and `bank list` are asked for.
+    #[arg(long, global = true)]
+    quiet: bool,
     #[command(subcommand)]
     check: Check,
 }
@@ -34,8 +37,9 @@ enum Check {
 }
 
 fn main() -> ExitCode {
-    match Checks::parse().check {
-        Check::Texfold(command) => texfold_cli::run(command),
+    let Checks { quiet, check } = Checks::parse();
+    match check {
+        Check::Texfold(command) => texfold_cli::run(command, quiet),
         Check::Fixtures(args) => fixtures::run(&args),
         Check::Reference(args) => reference::run(&args),
         Check::Stability(args) => stability::run(&args),

@@ -1,15 +1,42 @@
 //! What the program says: results on stdout, errors on stderr.
 
 use std::io::Write;
+use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A line on stdout. A reader that has gone away is no error.
+/// Whether errors alone are told.
+static QUIET: AtomicBool = AtomicBool::new(false);
+
+/// From here on tells errors and answers alone.
+pub(crate) fn be_quiet() {
+    QUIET.store(true, Ordering::Relaxed);
+}
+
+pub(crate) fn is_quiet() -> bool {
+    QUIET.load(Ordering::Relaxed)
+}
+
+/// What was asked for, on stdout. A reader that has gone away is no error.
+pub(crate) fn answer(text: &str) {
+    let _ = writeln!(std::io::stdout().lock(), "{text}");
+}
+
+/// A line on stdout about what was done.
 pub(crate) fn say(line: &str) {
-    let _ = writeln!(std::io::stdout().lock(), "{line}");
+    if !is_quiet() {
+        answer(line);
+    }
 }
 
 /// A warning on stderr: the exit code does not follow from it.
 pub(crate) fn warn(line: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "warning: {line}");
+    mention(&format!("warning: {line}"));
+}
+
+/// A line on stderr that is no error.
+pub(crate) fn mention(line: &str) {
+    if !is_quiet() {
+        let _ = writeln!(std::io::stderr().lock(), "{line}");
+    }
 }
 
 /// An error on stderr.

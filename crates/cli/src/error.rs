@@ -22,7 +22,7 @@ pub(crate) enum UsageError {
     Setting { source: texfold_core::ParamError },
     #[error("--{option} {value} is outside {range}; give a value in that range")]
     Range { option: &'static str, value: String, range: &'static str },
-    #[error("{} names more than one goal; give one of psnr, bpp and tolerance", path.display())]
+    #[error("{} names more than one goal; give one of psnr, bpp, tolerance and degrees", path.display())]
     TwoGoals { path: PathBuf },
     #[error("{}: the configuration cannot be read; check the path", path.display())]
     ConfigRead { path: PathBuf, source: io::Error },
@@ -55,6 +55,8 @@ pub(crate) enum CliError {
     NotRead { path: PathBuf, name: &'static str },
     #[error("{}: {name} is not read by this build; build with --features {feature}, or give {formats}", path.display(), formats = FORMATS)]
     NeedsFeature { path: PathBuf, name: &'static str, feature: &'static str },
+    #[error("{}: --degrees is a goal for normal maps in files of their own; give --color normal where it is one", path.display())]
+    NoNormals { path: PathBuf },
     #[error("{}: the float samples exceed 0 to 1; tone-map the image to 8 or 16 bits first", path.display())]
     HighRange { path: PathBuf },
     #[error("{}: the image cannot be decoded; export it again", path.display())]

@@ -17,6 +17,7 @@ mod error;
 mod info;
 mod input;
 mod memory;
+mod normals;
 mod output;
 mod perceptual;
 mod png;

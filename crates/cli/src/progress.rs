@@ -1,23 +1,36 @@
-//! Progress on stderr, where that is a terminal; never on stdout.
+//! Progress on stderr, never on stdout: a bar where that is a terminal, else a line now and then.
 
-use std::io::{IsTerminal, Write};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::io::IsTerminal;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use texfold_core::Stage;
 
-use crate::console::say;
+use crate::console::{complain, is_quiet, mention, say};
 
 /// Steps of the bar for each input.
 const STEPS: u64 = 1000;
+/// Time between lines where there is no bar.
+const PAUSE: Duration = Duration::from_secs(10);
+/// Inputs of a run up to which all remarks are told as they come.
+const FEW: usize = 20;
+/// Warnings and notes that a run of more inputs tells.
+const MOST_REMARKS: [usize; 2] = [5, 2];
 
-/// A bar for a batch, or nothing where nobody looks.
+/// The progress of a batch.
 #[derive(Debug)]
 pub(crate) struct Progress {
-    bar: Option<ProgressBar>,
+    bar: ProgressBar,
+    /// When a line told of it last, where there is no bar.
+    told: Option<Mutex<Instant>>,
+    inputs: usize,
+    /// Warnings and notes so far.
+    remarks: [AtomicUsize; 2],
 }
 
-/// One input's share of the bar.
+/// One input's share of it.
 #[derive(Debug)]
 pub(crate) struct Share<'p> {
     progress: &'p Progress,
@@ -25,18 +38,26 @@ pub(crate) struct Share<'p> {
     done: AtomicU32,
 }
 
+/// Something to tell of an input beside its result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Remark {
+    /// Something may be wrong.
+    Warning,
+    /// What was made of it.
+    Note,
+}
+
 impl Progress {
     pub(crate) fn new(inputs: usize) -> Self {
-        let bar = std::io::stderr().is_terminal().then(|| {
-            let bar =
-                ProgressBar::with_draw_target(Some(inputs as u64 * STEPS), ProgressDrawTarget::stderr());
-            if let Ok(style) = ProgressStyle::with_template("{bar:30} {percent:>3}% {elapsed_precise} {msg}")
-            {
-                bar.set_style(style);
-            }
-            bar
-        });
-        Progress { bar }
+        let has_bar = std::io::stderr().is_terminal() && !is_quiet();
+        let target = if has_bar { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let bar = ProgressBar::with_draw_target(Some(inputs as u64 * STEPS), target);
+        let template = "{bar:30} {percent:>3}% {elapsed_precise}, {eta} left  {msg}";
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(style);
+        }
+        let told = (!has_bar).then(|| Mutex::new(Instant::now()));
+        Progress { bar, told, inputs, remarks: Default::default() }
     }
 
     /// Starts an input.
@@ -46,43 +67,72 @@ impl Progress {
 
     /// A line of results on stdout.
     pub(crate) fn say(&self, line: &str) {
-        self.aside(|| say(line));
+        self.bar.suspend(|| say(line));
     }
 
-    /// A line on stderr.
+    /// An error on stderr.
     pub(crate) fn complain(&self, line: &str) {
-        self.aside(|| {
-            let _ = writeln!(std::io::stderr().lock(), "{line}");
-        });
+        self.bar.suspend(|| complain(line));
     }
 
-    /// Does `write` with the bar out of the way.
-    pub(crate) fn aside(&self, write: impl FnOnce()) {
-        match &self.bar {
-            Some(bar) => bar.suspend(write),
-            None => write(),
+    /// A line on stderr that is no error.
+    pub(crate) fn mention(&self, line: &str) {
+        self.bar.suspend(|| mention(line));
+    }
+
+    /// A remark on an input: on stderr a warning, on stdout a note. Of many inputs only the first remarks are told.
+    pub(crate) fn remark(&self, kind: Remark, name: &str, text: &str) {
+        let number = self.remarks[kind as usize].fetch_add(1, Ordering::Relaxed);
+        if self.inputs > FEW && number >= MOST_REMARKS[kind as usize] {
+            return;
+        }
+        match kind {
+            Remark::Warning => self.mention(&format!("warning: {name}: {text}")),
+            Remark::Note => self.say(&format!("note: {name}: {text}")),
         }
     }
 
-    /// Takes the bar away.
+    /// Takes the bar away, and tells how many remarks were not told.
     pub(crate) fn finish(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
+        self.bar.finish_and_clear();
+        let untold =
+            [0, 1].map(|kind| self.remarks[kind].load(Ordering::Relaxed).saturating_sub(MOST_REMARKS[kind]));
+        if self.inputs > FEW && untold != [0; 2] {
+            let [warnings, notes] = untold;
+            mention(&format!("{warnings} more warnings and {notes} more notes: --report FILE lists them"));
         }
+    }
+
+    /// A line where there is no bar and none was written for a while.
+    fn tell(&self, name: &str, stage: &str) {
+        let Some(mut told) = self.told.as_ref().and_then(|told| told.try_lock().ok()) else { return };
+        if told.elapsed() < PAUSE {
+            return;
+        }
+        *told = Instant::now();
+        let percent = 100 * self.bar.position() / self.bar.length().unwrap_or(1).max(1);
+        let left = self.bar.eta().as_secs();
+        mention(&format!(
+            "{percent} %, {} s, about {left} s left: {name}: {stage}",
+            self.bar.elapsed().as_secs()
+        ));
     }
 }
 
 impl Share<'_> {
     pub(crate) fn report(&self, stage: Stage) {
-        let Some(bar) = &self.progress.bar else { return };
-        bar.set_message(format!("{}: {}", self.name, stage.name));
+        let Progress { bar, told, .. } = self.progress;
+        if told.is_none() {
+            bar.set_message(format!("{}: {}", self.name, stage.name));
+        }
         self.advance((stage.done.clamp(0.0, 1.0) * STEPS as f32) as u32);
+        self.progress.tell(&self.name, stage.name);
     }
 
     fn advance(&self, to: u32) {
         let before = self.done.fetch_max(to, Ordering::Relaxed);
-        if let Some(bar) = self.progress.bar.as_ref().filter(|_| to > before) {
-            bar.inc(u64::from(to - before));
+        if to > before {
+            self.progress.bar.inc(u64::from(to - before));
         }
     }
 }

@@ -9,6 +9,7 @@ use texfold_core::metric::{decode_image, quality, ssim};
 use texfold_core::target::Measured;
 use texfold_core::{Footprint, Goal, LoadError, MemoryBits};
 
+use crate::normals::mean_degrees;
 use crate::perceptual::{mean, ssimulacra2};
 
 /// A part of the ledger.
@@ -91,6 +92,9 @@ pub(crate) struct Row {
     /// [`crate::ssimulacra2`], where it is defined.
     #[serde(default)]
     pub(crate) ssimulacra2: Option<f64>,
+    /// Mean angle in degrees that normals are turned by, of normal maps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) degrees: Option<f64>,
     /// How texels are reached: "block" or "texel".
     #[serde(default)]
     pub(crate) access: String,
@@ -239,6 +243,8 @@ pub(crate) struct Circumstances<'a> {
     pub(crate) output: &'a Path,
     pub(crate) encode_seconds: f64,
     pub(crate) goal: Goal,
+    /// The goal instead, in degrees of normals.
+    pub(crate) degrees: Option<f64>,
     pub(crate) attempts: Vec<Attempt>,
     pub(crate) notes: Vec<String>,
     pub(crate) warnings: Vec<String>,
@@ -252,7 +258,12 @@ impl Row {
         let footprint = encoded.footprint();
         let (size, texels) = (source.images()[0].size(), source.texel_count());
         let mut warnings = how.warnings;
-        let missed = figures.missed(how.goal);
+        let degrees = mean_degrees(source, encoded);
+        let missed = match (how.degrees, degrees) {
+            (Some(wanted), Some(found)) => (found > wanted)
+                .then(|| format!("the goal of {wanted} degrees was missed: {found:.2} in the mean")),
+            _ => figures.missed(how.goal),
+        };
         let goal_met = Some(missed.is_none());
         warnings.extend(missed);
         Ok(Row {
@@ -271,6 +282,7 @@ impl Row {
             worst_block_rms: figures.worst_block_rms,
             ssim: figures.ssim,
             ssimulacra2: figures.ssimulacra2,
+            degrees,
             access: encoded.gpu().access().name().to_owned(),
             goal_met,
             encode_seconds: how.encode_seconds,

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
-use crate::console::complain;
+use crate::console::{be_quiet, complain};
 use crate::error::{CliError, explain};
 use crate::{
     BankCommand, CompareArgs, CompressArgs, DecompressArgs, InfoArgs, RenderArgs, ViewArgs, bank_command,
@@ -41,6 +41,9 @@ pub enum Command {
 #[derive(Debug, Parser)]
 #[command(name = "texfold", version)]
 struct Program {
+    /// Print errors alone, and what `info` and `bank list` are asked for.
+    #[arg(long, global = true)]
+    quiet: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -48,12 +51,16 @@ struct Program {
 /// The whole program: reads the command line, runs it, gives the exit code.
 #[must_use]
 pub fn main() -> ExitCode {
-    run(Program::parse().command)
+    let Program { quiet, command } = Program::parse();
+    run(command, quiet)
 }
 
-/// Runs one command and gives the exit code.
+/// Runs one command and gives the exit code; `quiet` prints errors alone, and what `info` and `bank list` are asked for.
 #[must_use]
-pub fn run(command: Command) -> ExitCode {
+pub fn run(command: Command, quiet: bool) -> ExitCode {
+    if quiet {
+        be_quiet();
+    }
     let outcome = match command {
         Command::Compress(args) => compress::run(*args),
         Command::Decompress(args) => decompress::run(&args),

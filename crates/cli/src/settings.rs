@@ -33,6 +33,8 @@ pub(crate) struct Settings {
     pub(crate) content_from: Option<PathBuf>,
     pub(crate) importance_map: Option<PathBuf>,
     pub(crate) mesh: Option<PathBuf>,
+    /// Goal for normal maps, instead of that of `encode`: mean angle in degrees.
+    pub(crate) degrees: Option<f64>,
     /// What names of files have settled.
     pub(crate) remarks: Remarks,
 }

@@ -103,6 +103,10 @@ fn measure(case: &Case, work: &Path, program: Option<&Path>) -> io::Result<Vec<F
     let mut command = Command::new(program);
     let name: &[&str] = if case.is_bank { &["bank", "add"] } else { &["compress"] };
     command.args(name).args(&case.inputs).arg("--out").arg(&out).arg("--report").arg(&report);
+    if !case.is_bank {
+        // A method is measured with its fallback.
+        command.arg("--or-plain");
+    }
     let output = command.args(&case.arguments).current_dir(root()).output()?;
     if !report.is_file() {
         let text = String::from_utf8_lossy(&output.stderr);

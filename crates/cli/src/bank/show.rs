@@ -13,7 +13,7 @@ use texfold_progressive::{CELL_SIDE, Codebook};
 use super::Bank;
 use super::category::Category;
 use super::manifest::{Image, MANIFEST, Tile};
-use crate::console::{complain, say};
+use crate::console::{answer, complain};
 use crate::error::{CliError, explain, guarded};
 use crate::png;
 use crate::report::Sizes;
@@ -247,10 +247,10 @@ pub(crate) fn describe(dir: &Path, json: bool) -> Result<(), CliError> {
     };
     if json {
         let text = serde_json::to_string_pretty(&summary);
-        say(&text.map_err(|source| CliError::Write { path: dir.to_owned(), source: source.into() })?);
+        answer(&text.map_err(|source| CliError::Write { path: dir.to_owned(), source: source.into() })?);
         return Ok(());
     }
-    say(&lines(&summary));
+    answer(&lines(&summary));
     Ok(())
 }
 

@@ -123,6 +123,7 @@ impl Sums {
             worst_block_rms: self.worst_block_rms,
             ssim: self.ssim / texels,
             ssimulacra2: mean(self.ssimulacra2.iter().copied()),
+            degrees: None,
             access: made.access.name().to_owned(),
             goal_met: made.goal_met,
             encode_seconds: seconds,

@@ -14,7 +14,7 @@ mod table;
 use std::path::PathBuf;
 
 use crate::config::{AlphaChoice, ColorName, EffortName, Options};
-use crate::console::{complain, say};
+use crate::console::say;
 use crate::error::{CliError, explain, guarded};
 use crate::input::{Found, find, read_set};
 use crate::memory::usual_limit;
@@ -79,7 +79,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<usize, CliError> {
                 subjects.push(subject);
             }
             Err(error) => {
-                progress.aside(|| complain(&explain(&error)));
+                progress.complain(&explain(&error));
                 failed += 1;
             }
         }
@@ -107,7 +107,7 @@ fn compare(
         progress.say(&format!("note: {}: {note}", found.path.display()));
     }
     for warning in remarks.warnings(files) {
-        progress.complain(&format!("warning: {}: {warning}", found.path.display()));
+        progress.mention(&format!("warning: {}: {warning}", found.path.display()));
     }
     let input = found.path.display().to_string();
     let original = pictures.is_some().then(|| &images.images()[0]);
@@ -131,7 +131,7 @@ fn compare(
             }
             Err(error) => {
                 let Candidate { codec, settings, .. } = &candidate;
-                progress.complain(&format!("left out: {codec} {settings}: {}", explain(&error)));
+                progress.mention(&format!("left out: {codec} {settings}: {}", explain(&error)));
                 continue;
             }
         };

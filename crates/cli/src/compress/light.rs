@@ -88,6 +88,7 @@ impl FolderTask<LightSettings> {
             worst_block_rms: quality.worst_patch_rms,
             ssim: similar,
             ssimulacra2: perceived,
+            degrees: None,
             access: texture.gpu().access().name().to_owned(),
             goal_met: goal.map(|goal| light_missed(goal, psnr).is_none()),
             encode_seconds: seconds,

@@ -25,7 +25,7 @@ use crate::error::{CliError, UsageError, explain, guarded};
 use crate::input::{Found, find};
 use crate::memory;
 use crate::output::{make_folder, remove_stale, write_whole};
-use crate::progress::Progress;
+use crate::progress::{Progress, Remark};
 use crate::report::{Entry, Row};
 use crate::settings::{Kind, LightSettings, ZoomSettings};
 
@@ -314,7 +314,7 @@ fn work(
     let progress = Progress::new(tasks.len());
     for planned in planned {
         if let Planned::Failed(_, error) = planned {
-            progress.complain(&format!("error: {}", explain(error)));
+            progress.complain(&explain(error));
         }
     }
     let limit_bytes = run.memory.map_or_else(memory::usual_limit, memory::from_gib);
@@ -354,16 +354,13 @@ fn settle(task: &Work, finished: Result<Finished, CliError>, progress: &Progress
         Ok(Finished { row, skipped }) => {
             progress.say(&line(task, &row, skipped));
             let stem = task.found().stem.to_string_lossy();
-            for note in &row.notes {
-                progress.say(&format!("note: {stem}: {note}"));
-            }
-            for warning in &row.warnings {
-                progress.complain(&format!("warning: {stem}: {warning}"));
+            for (kind, texts) in [(Remark::Note, &row.notes), (Remark::Warning, &row.warnings)] {
+                texts.iter().for_each(|text| progress.remark(kind, &stem, text));
             }
             (Entry::Done(Box::new(row)), skipped)
         }
         Err(error) => {
-            progress.complain(&format!("error: {}", explain(&error)));
+            progress.complain(&explain(&error));
             (failed(&task.found().path, &error), false)
         }
     }
@@ -375,9 +372,10 @@ fn failed(path: &std::path::Path, error: &CliError) -> Entry {
 
 fn line(task: &Work, row: &Row, skipped: bool) -> String {
     let stem = task.found().stem.to_string_lossy();
+    let angle = row.degrees.map_or(String::new(), |degrees| format!("  {degrees:.2} degrees"));
     let note = if skipped { "  (up to date)" } else { "" };
     format!(
-        "{stem:24} {:4} {:7.2} dB  {:7.3} bpp memory  {:7.3} bpp disk  {:7.2} s{note}",
+        "{stem:24} {:4} {:7.2} dB  {:7.3} bpp memory  {:7.3} bpp disk  {:7.2} s{angle}{note}",
         row.codec, row.psnr, row.sizes.bpp_memory, row.sizes.bpp_disk, row.encode_seconds
     )
 }

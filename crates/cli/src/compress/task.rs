@@ -11,6 +11,7 @@ use super::encode;
 use crate::error::{CliError, guarded};
 use crate::input::{Found, frames, mesh, size_of};
 use crate::memory;
+use crate::normals;
 use crate::output::write_whole;
 use crate::progress::Progress;
 use crate::report::{Circumstances, Row};
@@ -94,20 +95,27 @@ impl Task {
         warnings.extend(loaded.remarks.warnings(files.len()));
         let notes = loaded.remarks.notes(files.len());
         let start = Instant::now();
-        let Chosen { image, attempts } =
-            encode::encode(&loaded, &self.settings, mesh, place.limit_bytes, &mut |stage| {
-                share.report(stage);
-            })
-            .map_err(|fault| fault.of(path))?;
+        let encode = |goal| {
+            let mut settings = self.settings.clone();
+            settings.encode.goal = goal;
+            encode::encode(&loaded, &settings, mesh, place.limit_bytes, &mut |stage| share.report(stage))
+        };
+        let goal = self.settings.encode.goal;
+        let degrees = self.settings.degrees.filter(|_| loaded.images.info().channels > 2);
+        let chosen = match degrees {
+            Some(degrees) => normals::search(&loaded.images, degrees, encode),
+            None => encode(goal),
+        };
+        let Chosen { image, attempts } = chosen.map_err(|fault| fault.of(path))?;
         let bytes = image.to_bytes();
         let encode_seconds = start.elapsed().as_secs_f64();
         drop(image);
-        let goal = self.settings.encode.goal;
         let how = Circumstances {
             input: path,
             output: &self.output,
             encode_seconds,
             goal,
+            degrees,
             attempts,
             notes,
             warnings,

@@ -78,6 +78,7 @@ impl FolderTask<ZoomSettings> {
             worst_block_rms: worst,
             ssim: similar,
             ssimulacra2: drawn.and_then(|drawn| ssimulacra2(root, &drawn)),
+            degrees: None,
             access: texture.access().name().to_owned(),
             // Its PSNR is against images that are merged, which nothing keeps.
             goal_met: None,

@@ -66,7 +66,7 @@ impl Config {
 fn options(table: toml::Table, path: &Path) -> Result<Options, UsageError> {
     let mut options: Options =
         table.try_into().map_err(|source| UsageError::ConfigSyntax { path: path.to_owned(), source })?;
-    let goals = [options.psnr, options.bpp, options.tolerance];
+    let goals = [options.psnr, options.bpp, options.tolerance, options.degrees];
     if goals.iter().flatten().count() > 1 {
         return Err(UsageError::TwoGoals { path: path.to_owned() });
     }

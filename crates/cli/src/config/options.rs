@@ -12,6 +12,7 @@ use texfold::{
     vq::{Vq, VqParams},
     zipmap::{ZipParams, Zipmap},
 };
+use texfold_core::image::ColorSpace;
 use texfold_core::{Goal, Params};
 
 use super::names;
@@ -21,6 +22,7 @@ use super::values::{
 };
 use crate::error::{CliError, UsageError};
 use crate::input::Remarks;
+use crate::normals::{USUAL_DEGREES, psnr_of};
 use crate::settings::{Kind, LightSettings, Settings, ZoomSettings};
 
 /// Most terms that a goal for a light field chooses from by default: each further term costs as many bits and gains
@@ -39,92 +41,99 @@ const SAMPLE_SHARE: f64 = 0.5;
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Deserialize)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub struct Options {
-    /// Which codec.
-    #[arg(long, value_parser = CodecName::parser())]
+    /// Which codec; by default the one that answers the goal best.
+    #[arg(long, value_parser = CodecName::parser(), help_heading = "Codec")]
     pub(super) codec: Option<CodecName>,
+    /// Plain blocks instead of the named codec where they answer the goal better.
+    #[arg(long, num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL", help_heading = "Codec")]
+    pub(super) or_plain: Option<bool>,
     /// Goal: the smallest file with at least this PSNR in dB (default goal: 34).
-    #[arg(long, value_name = "DB", group = "goal")]
+    #[arg(long, value_name = "DB", group = "goal", help_heading = "Goal")]
     pub(super) psnr: Option<f64>,
     /// Goal: the best quality within this many bits per texel, compressed; what blocks are decoded to while drawn does not count.
-    #[arg(long, value_name = "B", group = "goal")]
+    #[arg(long, value_name = "B", group = "goal", help_heading = "Goal")]
     pub(super) bpp: Option<f64>,
     /// Goal: the smallest file whose 4x4 blocks each have at most this RMS error in 8-bit units.
-    #[arg(long, value_name = "E", group = "goal")]
+    #[arg(long, value_name = "E", group = "goal", help_heading = "Goal")]
     pub(super) tolerance: Option<f64>,
+    /// Goal: the smallest file of a normal map whose normals are turned by at most this many degrees in the mean (default goal of normal
+    /// maps: 1).
+    #[arg(long, value_name = "D", group = "goal", help_heading = "Goal")]
+    pub(super) degrees: Option<f64>,
     /// Format of the texel data; by default the goal decides.
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, help_heading = "Codec")]
     pub(super) content: Option<ContentName>,
     /// epitome, zipmap, lightfield, auto: access to texels. By block takes fewer bits and is decoded before it is drawn (default);
     /// by texel is drawn straight from the compressed form. Of the other codecs, dct is by block, bc, vq and progressive by texel.
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, help_heading = "Codec")]
     pub(super) access: Option<AccessName>,
     /// dct; progressive; epitome by block and with --content error-map; zipmap by block: which errors count. By default those that the
     /// eye sees for colours and goals of bits, else all alike.
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, help_heading = "Goal")]
     pub(super) metric: Option<MetricName>,
     /// epitome: a mask of the first image's size; content is taken from where it is bright.
-    #[arg(long, value_name = "MASK")]
+    #[arg(long, value_name = "MASK", help_heading = "Epitomes")]
     pub(super) content_from: Option<PathBuf>,
     /// Banks: category of the images. Images of one category share a codebook; without this option each
     /// tile joins the category with the nearest colours.
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", help_heading = "Banks")]
     pub(super) category: Option<String>,
     /// epitome: number of layers in the file (1 to 8). Each has about half the bits of the next; a prefix of the file
     /// decodes to a coarser image.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help_heading = "Epitomes")]
     pub(super) layers: Option<u32>,
     /// lightfield: simplify the mesh to this many triangles; by default to as few as the photographs need.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help_heading = "Light fields")]
     pub(super) triangles: Option<u32>,
     /// lightfield: fraction of raw map size to keep (0-1]. Below 1, places share maps from a codebook, and surface maps
     /// have a lower resolution.
-    #[arg(long, value_name = "FRACTION")]
+    #[arg(long, value_name = "FRACTION", help_heading = "Light fields")]
     pub(super) codewords: Option<f32>,
     /// lightfield: divide the mesh into this many regions whose vertices share view maps; by default each vertex has
     /// its own.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help_heading = "Light fields")]
     pub(super) regions: Option<u32>,
     /// lightfield: signs of the factors; signed by default.
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, help_heading = "Light fields")]
     pub(super) factors: Option<FactorsName>,
     /// lightfield: texels a side of a view map, a multiple of 4 from 4 to 64; by default 16, with --regions 32.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help_heading = "Light fields")]
     pub(super) grid: Option<u32>,
     /// lightfield: number of terms beside the mean, 0 to 8; by default 1, or up to 4 with a goal.
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", help_heading = "Light fields")]
     pub(super) terms: Option<u32>,
     /// What an input is; by default a file is an image and a folder is a set. As a set or sequence, a file is all its frames or pages.
-    #[arg(long = "as", value_enum)]
+    #[arg(long = "as", value_enum, help_heading = "Input")]
     #[serde(rename = "as")]
     pub(super) kind: Option<Kind>,
     /// Store a full mip chain.
-    #[arg(long, num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL")]
+    #[arg(long, num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL", help_heading = "Codec")]
     pub(super) mips: Option<bool>,
     /// How long to search.
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, help_heading = "Goal")]
     pub(super) effort: Option<EffortName>,
     /// vq: width and height of the codebook in texels, instead of a goal.
-    #[arg(long, value_name = "WxH")]
+    #[arg(long, value_name = "WxH", help_heading = "Vector quantisation")]
     pub(super) codebook: Option<Sides>,
     /// vq: number of image samples and their side in texels.
-    #[arg(long, value_name = "N[xSIDE]")]
+    #[arg(long, value_name = "N[xSIDE]", help_heading = "Vector quantisation")]
     pub(super) samples: Option<Samples>,
     /// vq: weight of importance, 0 to 4; 0 ignores it, 1 is the default.
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", help_heading = "Vector quantisation")]
     pub(super) importance: Option<f32>,
     /// vq: a painted importance image, bright where it matters.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "Vector quantisation")]
     pub(super) importance_map: Option<PathBuf>,
     /// vq: a mesh (OBJ, glTF, GLB) that the texture is drawn on. lightfield: a mesh (OBJ, PLY, glTF, GLB) that replaces
     /// the capture's own.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "Vector quantisation")]
     pub(super) mesh: Option<PathBuf>,
     /// Meaning of the images' values. By default file names that end in _Normal, _Roughness, _AO, _Height and the like are
     /// normal or linear, and all else is srgb; a folder of unlike maps in one file is srgb: give --as image.
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, help_heading = "Input")]
     pub(super) color: Option<ColorName>,
     /// Meaning of alpha: straight, cutout, cutout=THRESHOLD.
-    #[arg(long, value_name = "ALPHA")]
+    #[arg(long, value_name = "ALPHA", help_heading = "Input")]
     pub(super) alpha: Option<AlphaChoice>,
 }
 
@@ -188,9 +197,11 @@ impl Options {
         let goals = if self.has_goal() { self } else { other };
         Options {
             codec: self.codec.or(other.codec),
+            or_plain: self.or_plain.or(other.or_plain),
             psnr: goals.psnr,
             bpp: goals.bpp,
             tolerance: goals.tolerance,
+            degrees: goals.degrees,
             content: self.content.or(other.content),
             access: self.access.or(other.access),
             metric: self.metric.or(other.metric),
@@ -225,7 +236,7 @@ impl Options {
     pub(crate) fn check_of_pixels(&self) -> Result<(), UsageError> {
         let given = [
             ("codec", self.codec.is_some()),
-            ("psnr, --bpp and --tolerance", self.has_goal()),
+            ("psnr, --bpp, --tolerance and --degrees", self.has_goal()),
             ("content", self.content.is_some()),
             ("access", self.access.is_some()),
             ("metric", self.metric.is_some()),
@@ -245,7 +256,7 @@ impl Options {
     }
 
     fn has_goal(&self) -> bool {
-        self.psnr.is_some() || self.bpp.is_some() || self.tolerance.is_some()
+        [self.psnr, self.bpp, self.tolerance, self.degrees].iter().any(Option::is_some)
     }
 
     /// What the input is, where it is said.
@@ -263,6 +274,12 @@ impl Options {
     /// # Errors
     /// [`UsageError::BankCodec`] for codecs other than dct and progressive.
     pub(crate) fn of_bank(&self) -> Result<Options, UsageError> {
+        if self.degrees.is_some() {
+            return Err(UsageError::Excluded {
+                option: "degrees",
+                other: "banks, whose goals are of all channels alike",
+            });
+        }
         match self.codec {
             Some(codec) if codec.is::<Dct>() || codec.is::<Progressive>() => Ok(self.clone()),
             Some(codec) if !codec.is_auto() => Err(UsageError::BankCodec { codec: codec.name() }),
@@ -276,6 +293,7 @@ impl Options {
         in_range("psnr", self.psnr, positive, "finite numbers above 0")?;
         in_range("bpp", self.bpp, positive, "finite numbers above 0")?;
         in_range("tolerance", self.tolerance, positive, "finite numbers above 0")?;
+        in_range("degrees", self.degrees, |degrees| (0.01..=45.0).contains(&degrees), "0.01..=45")?;
         in_range("importance", self.importance.map(f64::from), |x| (0.0..=4.0).contains(&x), "0..=4")?;
         let most = f64::from(texfold::epitome::MAX_LAYERS);
         in_range("layers", self.layers.map(f64::from), |layers| (1.0..=most).contains(&layers), "1..=8")?;
@@ -358,6 +376,7 @@ impl Options {
             effort: self.effort.unwrap_or_default().effort(),
             access: self.access.map(AccessName::access),
             metric: self.metric.map(MetricName::metric),
+            keeps_codec: !self.or_plain.unwrap_or(false),
         };
         Ok(Settings {
             encode,
@@ -366,6 +385,7 @@ impl Options {
             content_from: self.content_from.clone(),
             importance_map: self.importance_map.clone(),
             mesh: self.mesh.clone(),
+            degrees: None,
             remarks: Remarks::default(),
         })
     }
@@ -375,6 +395,13 @@ impl Options {
         let mut settings = self.resolve(path)?;
         if self.color.is_none() {
             names::settle(files, &mut settings);
+        }
+        let are_normals = settings.color == ColorSpace::Normal;
+        settings.degrees = self.degrees.or((are_normals && !self.has_goal()).then_some(USUAL_DEGREES));
+        match settings.degrees {
+            Some(_) if !are_normals => return Err(CliError::NoNormals { path: path.to_owned() }),
+            Some(degrees) => settings.encode.goal = Goal::Psnr(psnr_of(degrees)),
+            None => {}
         }
         Ok(settings)
     }
@@ -407,6 +434,9 @@ impl Options {
         let codec = self.codec.unwrap_or_default();
         if !codec.is_auto() && !codec.is::<Lightfield>() {
             return Err(CliError::OnlyImages { path: path.to_owned(), codec: codec.name() });
+        }
+        if self.degrees.is_some() {
+            return Err(CliError::NoNormals { path: path.to_owned() });
         }
         let usual = LightParams::default();
         // A goal counts what the file models; terms that only new views would do without serve it too.
@@ -443,6 +473,9 @@ impl Options {
         let codec = self.codec.unwrap_or_default();
         if !codec.is_auto() && !codec.is::<Zipmap>() {
             return Err(CliError::StackOnly { path: path.to_owned(), codec: codec.name() });
+        }
+        if self.degrees.is_some() {
+            return Err(CliError::NoNormals { path: path.to_owned() });
         }
         let params = ZipParams::default()
             .with_goal(self.goal())

@@ -12,7 +12,7 @@ use texfold_core::Encoded;
 use texfold_core::image::{ColorSpace, Raster};
 
 use super::{InfoArgs, part_line};
-use crate::console::say;
+use crate::console::answer;
 use crate::error::CliError;
 use crate::input::capture;
 use crate::output::make_folder;
@@ -55,9 +55,9 @@ pub(super) fn run(args: &InfoArgs) -> Result<usize, CliError> {
     summary.views = views.iter().map(|view| view.psnr).collect();
     if args.json {
         let text = serde_json::to_string_pretty(&summary);
-        say(&text.map_err(|source| CliError::Write { path: args.file.clone(), source: source.into() })?);
+        answer(&text.map_err(|source| CliError::Write { path: args.file.clone(), source: source.into() })?);
     } else {
-        say(&describe(&summary));
+        answer(&describe(&summary));
     }
     if args.original.is_some() {
         let (path, codec) = (args.file.clone(), summary.codec);

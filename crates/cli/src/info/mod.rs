@@ -12,7 +12,7 @@ use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
 use texfold_core::{Encoded, Image2d};
 use texfold_gpu::TileBytes;
 
-use crate::console::say;
+use crate::console::answer;
 use crate::decompress::load;
 use crate::error::{CliError, guarded};
 use crate::report::{PartRow, Sizes, part_rows};
@@ -83,9 +83,11 @@ pub(crate) fn run(args: &InfoArgs) -> Result<usize, CliError> {
         }
         if args.json {
             let text = serde_json::to_string_pretty(&summary);
-            say(&text.map_err(|source| CliError::Write { path: args.file.clone(), source: source.into() })?);
+            answer(
+                &text.map_err(|source| CliError::Write { path: args.file.clone(), source: source.into() })?,
+            );
         } else {
-            say(&describe(&summary));
+            answer(&describe(&summary));
         }
         if let Some(dir) = &args.pictures {
             part_images::write(&args.file, &image, dir, args.original.as_deref())?;

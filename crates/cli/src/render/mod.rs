@@ -14,7 +14,7 @@ use texfold_core::image::{Alpha, ColorSpace, Raster};
 use texfold_gpu::{Gpu, GpuError, Policy};
 
 use crate::config::Sides;
-use crate::console::complain;
+use crate::console::warn;
 use crate::error::{CliError, guarded};
 use crate::input::capture;
 use crate::output::{make_folder, remove_stale};
@@ -83,7 +83,7 @@ fn render_light(args: &RenderArgs, camera: &Path) -> Result<usize, CliError> {
     let layers = texture.layers();
     if layers.loaded < layers.total {
         let (has, of) = (layers.loaded - 1, layers.total - 1);
-        complain(&format!("{}: ends after {has} of {of} terms", args.file.display()));
+        warn(&format!("{}: ends after {has} of {of} terms", args.file.display()));
     }
     let texture = match args.terms {
         Some(terms) => texture.first_terms(terms),

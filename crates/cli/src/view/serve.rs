@@ -11,7 +11,7 @@ use tiny_http::{Header, Method, Request, Response, Server};
 use super::{Item, item, page};
 use crate::CompressArgs;
 use crate::compress;
-use crate::console::{complain, say};
+use crate::console::{self, complain};
 use crate::error::{CliError, explain};
 
 /// Largest image file that is taken, in bytes.
@@ -36,7 +36,7 @@ pub(super) fn serve(port: u16, items: &[Item]) -> Result<usize, CliError> {
     let server = Server::http(("127.0.0.1", port)).map_err(fault)?;
     let address = server.server_addr().to_string();
     let page = page(items, &BTreeMap::new(), true);
-    say(&format!("http://{address}/"));
+    console::answer(&format!("http://{address}/"));
     for mut request in server.incoming_requests() {
         let reply = answer(&mut request, &address, (&page, items));
         if let Err(error) = request.respond(reply) {

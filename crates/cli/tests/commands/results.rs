@@ -96,6 +96,63 @@ fn a_missed_goal_is_a_warning() {
 }
 
 #[test]
+fn a_named_codec_stays_unless_plain_blocks_are_allowed() {
+    let place = Place::new();
+    place.image("a.png", 64, 64, 3);
+    let (run, report) = place.compress("a.png --out out --codec vq --psnr 60");
+    assert_eq!((run.code, &report[0]["codec"]), (Some(0), &"vq".into()));
+    assert!(run.stderr.contains("the goal of 60 dB was missed"), "{}", run.stderr);
+    let (_, report) = place.compress("a.png --out out --codec vq --psnr 60 --or-plain");
+    assert_eq!((&report[0]["codec"], &report[0]["goal_met"]), (&"bc".into(), &true.into()));
+}
+
+#[test]
+fn quiet_runs_tell_errors_and_answers_alone() {
+    let place = Place::new();
+    place.image("a.png", 64, 64, 3);
+    fs::write(place.at("b.png"), b"no image").unwrap();
+    let run = place.run("compress a.png b.png --out out --codec bc --content bc1 --psnr 90 --quiet");
+    assert_eq!((run.code, run.stdout.as_str()), (Some(1), ""));
+    let lines: Vec<&str> = run.stderr.lines().filter(|line| !line.contains("XDG")).collect();
+    assert!(matches!(lines[..], [line] if line.starts_with("error: b.png")), "{lines:?}");
+    let info = place.run("--quiet info out/a.txf");
+    assert!(info.stdout.contains("codec bc"), "{}", info.stdout);
+}
+
+#[test]
+fn normal_maps_have_a_goal_in_degrees() {
+    let place = Place::new();
+    place.image("a_Normal.png", 64, 64, 3);
+    let (_, usual) = place.compress("a_Normal.png --out out --effort fast");
+    let (_, coarse) = place.compress("a_Normal.png --out out --effort fast --degrees 5");
+    let of = |report: &[serde_json::Value], figure: &str| report[0][figure].as_f64().unwrap();
+    for (report, degrees) in [(&usual, 1.0), (&coarse, 5.0)] {
+        let found = of(report, "degrees");
+        assert!(found <= degrees && found > 0.6 * degrees, "{found} {degrees}");
+        assert_eq!(report[0]["goal_met"], true, "{report:?}");
+    }
+    assert!(of(&coarse, "bpp_memory") < 0.8 * of(&usual, "bpp_memory"));
+    place.image("b.png", 8, 8, 3);
+    let run = place.run("compress b.png --out out --degrees 1");
+    assert!(run.code == Some(1) && run.stderr.contains("--color normal"), "{}", run.stderr);
+}
+
+#[test]
+fn many_inputs_take_a_line_each_and_few_more() {
+    let place = Place::new();
+    fs::create_dir(place.at("in")).unwrap();
+    for number in 0..40 {
+        place.image(&format!("in/{number:02}_normal.png"), 8, 8, 3);
+    }
+    let (run, report) = place.compress("in --as image --out out --codec bc --content bc1 --psnr 90");
+    let lines = run.stdout.lines().chain(run.stderr.lines()).filter(|line| !line.contains("XDG")).count();
+    assert!(lines <= 40 + 10, "{lines}: {} {}", run.stdout, run.stderr);
+    assert!(run.stderr.contains("35 more warnings and 38 more notes"), "{}", run.stderr);
+    assert!(run.stdout.contains("40 warnings"), "{}", run.stdout);
+    assert_eq!(report.iter().filter(|row| row["warnings"][0].is_string()).count(), 40);
+}
+
+#[test]
 fn a_choice_reports_what_became_of_each_codec() {
     let place = Place::new();
     place.image("a.png", 64, 64, 3);

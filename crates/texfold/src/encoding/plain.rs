@@ -31,7 +31,7 @@ struct Plain {
     measured: Measured,
 }
 
-/// Encodes with codec `C`, or with plain blocks where these answer the goal better.
+/// Encodes with codec `C`, or with plain blocks where these answer the goal better and the settings allow it.
 pub(super) fn or_plain<C: ImageEncoder>(
     images: &ImageSet,
     guidance: Guidance<'_>,
@@ -42,7 +42,9 @@ pub(super) fn or_plain<C: ImageEncoder>(
     let params = settings.params::<C>();
     let named = settings.codec.is::<C>();
     // Blocks cannot keep to a mask.
-    if (named && C::is_fixed(&params)) || guidance.content_from.is_some_and(|_| C::FOLLOWS_CONTENT_MASK) {
+    if (named && (settings.keeps_codec || C::is_fixed(&params)))
+        || guidance.content_from.is_some_and(|_| C::FOLLOWS_CONTENT_MASK)
+    {
         return C::encode(C::source(images, guidance), &params, job).map(AnyImage::new);
     }
     match C::PLAIN {

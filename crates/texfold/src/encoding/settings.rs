@@ -30,6 +30,8 @@ pub struct EncodeSettings {
     pub access: Option<Access>,
     /// Which errors count, where a codec can weigh them; `None` lets pixels and goal decide.
     pub metric: Option<Metric>,
+    /// Whether the codec that is named stays where plain blocks answer the goal better; without effect for a choice among all codecs.
+    pub keeps_codec: bool,
 }
 
 impl EncodeSettings {

@@ -1,0 +1,101 @@
+//! Normal maps: the angle that compression turns normals by, and the search for a goal in degrees.
+
+use std::f64::consts::FRAC_PI_2;
+
+use texfold::encoding::Chosen;
+use texfold_core::image::{ColorSpace, ImageSet, Raster};
+use texfold_core::metric::decode_image;
+use texfold_core::{Encoded, Goal, Image2d, Texel};
+
+/// Mean angle in degrees that normal maps are encoded to where no goal is given.
+pub(crate) const USUAL_DEGREES: f64 = 1.0;
+/// Encodes of a search.
+const ROUNDS: usize = 4;
+/// A search ends where the angle is below the goal by less than this, in dB.
+const CLOSE: f64 = 0.25;
+/// What a step of a search changes at most, and what is added to it towards finer, in dB.
+const MOST_STEP: f64 = 12.0;
+const MARGIN: f64 = 0.05;
+
+/// The PSNR in dB at which errors of normal distribution turn normals by that many degrees in the mean: a stored component is half of a
+/// normal's, and two of three components turn it.
+pub(crate) fn psnr_of(degrees: f64) -> f64 {
+    20.0 * (2.0 * FRAC_PI_2.sqrt() / degrees.to_radians()).log10()
+}
+
+/// Mean angle in degrees between the normals of `images` and of `texture`; `None` for other images, and for two channels.
+pub(crate) fn mean_degrees(images: &ImageSet, texture: &dyn Encoded<Domain = Image2d>) -> Option<f64> {
+    let info = images.info();
+    if info.color != ColorSpace::Normal || info.channels < 3 {
+        return None;
+    }
+    let of_image = |(index, source): (u32, &Raster)| {
+        let decoded = decode_image(texture, index, 0)?;
+        let size = source.size();
+        let row = |y| (0..size.width).map(move |x| (x, y));
+        let angle = |(x, y)| f64::from(normal(source.texel(x, y)).angle_between(normal(decoded.texel(x, y))));
+        Some((0..size.height).flat_map(row).map(angle).sum::<f64>())
+    };
+    let sums: Option<Vec<f64>> = (0..).zip(images.images()).map(of_image).collect();
+    Some(sums?.iter().sum::<f64>().to_degrees() / images.texel_count() as f64)
+}
+
+fn normal(texel: Texel) -> glam::Vec3 {
+    (texel.truncate() * 2.0 - 1.0).normalize_or(glam::Vec3::Z)
+}
+
+/// The smallest of some encodes of a set of normal maps whose mean angle is at most `degrees`, or the one of the least angle where none is.
+pub(crate) fn search<E>(
+    images: &ImageSet,
+    degrees: f64,
+    mut encode: impl FnMut(Goal) -> Result<Chosen, E>,
+) -> Result<Chosen, E> {
+    let mut psnr = psnr_of(degrees);
+    let mut best: Option<(f64, Chosen)> = None;
+    for _ in 0..ROUNDS {
+        let chosen = encode(Goal::Psnr(psnr))?;
+        let found = mean_degrees(images, chosen.image.as_encoded()).unwrap_or(0.0);
+        let above = (20.0 * (found / degrees).log10()).clamp(-MOST_STEP, MOST_STEP);
+        let bits = |chosen: &Chosen| chosen.image.as_encoded().memory().goal;
+        let is_better =
+            best.as_ref().is_none_or(|(known, held)| match (found <= degrees, *known <= degrees) {
+                (true, true) => bits(&chosen) < bits(held),
+                (false, false) => found < *known,
+                (is_met, _) => is_met,
+            });
+        if is_better {
+            best = Some((found, chosen));
+        }
+        if (-CLOSE..=0.0).contains(&above) {
+            break;
+        }
+        psnr += above + MARGIN;
+    }
+    match best {
+        Some((_, chosen)) => Ok(chosen),
+        None => encode(Goal::Psnr(psnr)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use texfold_core::rng::Rng;
+
+    #[test]
+    fn errors_of_a_psnr_turn_normals_by_its_angle() {
+        let mut rng = Rng::new(5);
+        let mut even = || f64::from(rng.below(1 << 16)) / f64::from(1 << 16) - 0.5;
+        // Sums of twelve even numbers have about normal distribution of deviation 1.
+        let mut gauss = || (0..12).map(|_| even()).sum::<f64>();
+        let psnr = psnr_of(2.0);
+        let deviation = 10f64.powf(-psnr / 20.0);
+        let angles = (0..20_000).map(|_| {
+            let noise = [0; 3].map(|_| (deviation * gauss()) as f32);
+            let texel = Texel::new(0.5 + noise[0], 0.5 + noise[1], 1.0 + noise[2], 1.0);
+            f64::from(normal(texel).angle_between(glam::Vec3::Z))
+        });
+        let mean = angles.sum::<f64>().to_degrees() / 20_000.0;
+        assert!((mean - 2.0).abs() < 0.05, "{mean}");
+    }
+}

@@ -611,7 +611,7 @@ fn frames_are_added_to_a_file_and_those_there_keep_every_texel() {
         (
             "more --add-to out/walk.txf --out no --bpp 2",
             2,
-            "--bpp and --tolerance says nothing with --add-to",
+            "--tolerance and --degrees says nothing with --add-to",
         ),
     ] {
         let run = place.run(&format!("compress {arguments}"));

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::bank::{self, Choice, is_bank};
 use crate::compress::{self, CompressArgs};
-use crate::decompress::{Device, decode, tile};
+use crate::decompress::{Device, Writing, decode_part, tile};
 use crate::error::CliError;
 use crate::output::{make_folder, remove_stale};
 
@@ -15,7 +15,7 @@ pub enum BankCommand {
     Add(Box<CompressArgs>),
     /// Show what a bank holds.
     List(ListArgs),
-    /// Decode images of a bank into PNG files.
+    /// Decode images of a bank.
     Extract(ExtractArgs),
 }
 
@@ -36,24 +36,14 @@ pub struct ExtractArgs {
     /// The folder of a bank.
     #[arg(value_name = "DIR")]
     bank: PathBuf,
-    /// Folder that the PNG files are written to.
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[command(flatten)]
+    writing: Writing,
     /// Only the image of that name.
     #[arg(long, value_name = "NAME")]
     image: Option<String>,
-    /// Only the tile of 1024x1024 texels in that column and row.
-    #[arg(long, value_name = "X,Y", value_parser = tile)]
+    /// Only the tile in that column and row. Tiles have 1024x1024 texels; the last of a row or column has up to 1280 a side.
+    #[arg(long, value_name = "X,Y", value_parser = tile, conflicts_with = "region")]
     tile: Option<(u32, u32)>,
-    /// Mip level: 0 is the full size.
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    lod: u32,
-    /// Load only this many layers of each tile.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    layers: Option<u32>,
-    /// Decode on the GPU, as a shader does.
-    #[arg(long)]
-    gpu: bool,
 }
 
 /// Runs the command; gives the number of images that failed.
@@ -69,18 +59,16 @@ fn extract(args: &ExtractArgs) -> Result<usize, CliError> {
     if !is_bank(&args.bank) {
         return Err(CliError::NoBank { path: args.bank.clone() });
     }
-    make_folder(&args.out)?;
-    remove_stale(&args.out);
-    let device = match args.gpu.then(Device::open).transpose() {
-        Ok(device) => device,
-        Err(source) => return Err(CliError::NoGpu { source: Box::new(source) }),
-    };
-    let choice = Choice { image: args.image.clone(), tile: args.tile, level: args.lod, layers: args.layers };
-    bank::decompress(&args.bank, &args.out, &choice, &|path, texture, level| {
+    let writing = &args.writing;
+    make_folder(&writing.out)?;
+    remove_stale(&writing.out);
+    let device = Device::where_wanted(writing.gpu)?;
+    let choice = Choice { image: args.image.as_deref(), tile: args.tile, writing };
+    bank::decompress(&args.bank, choice, &|path, texture, rect| {
         let texture = texture.as_encoded();
         match &device {
-            Some(device) => device.upload(path, texture)?.decode(path, texture, 0, level, false),
-            None => decode(path, texture, 0, level),
+            Some(device) => device.upload(path, texture)?.decode(path, texture, rect, false),
+            None => decode_part(path, texture, rect),
         }
     })
 }

@@ -155,6 +155,12 @@ pub(crate) enum CliError {
     NoSuchPart { path: PathBuf, codec: &'static str, option: &'static str },
     #[error("{}: would write {}, which {} writes already; rename one or use another --out", path.display(), output.display(), first.display())]
     Collision { path: PathBuf, output: PathBuf, first: PathBuf },
+    #[error("{}: exists already{}; give --force to overwrite, or another --out", path.display(), and_more(*more))]
+    Exists { path: PathBuf, more: usize },
+    #[error("{}: WebP holds at most {most} texels a side; give --to png or tiff, or a --region", path.display())]
+    WebpSide { path: PathBuf, most: u32 },
+    #[error("{}: there is no tile {},{}; tiles are 0,0 to {},{}", path.display(), tile.0, tile.1, last.0, last.1)]
+    NoSuchTile { path: PathBuf, tile: (u32, u32), last: (u32, u32) },
     #[error("{}: cannot be written; check space and permissions, or give another path", path.display())]
     Write { path: PathBuf, source: io::Error },
     #[error("{}: the folder cannot be made; check the path and its permissions", path.display())]
@@ -173,6 +179,10 @@ pub(crate) enum CliError {
     Rival { path: PathBuf, program: PathBuf, source: io::Error },
     #[error("{}: an internal error ({message}); report this as a fault of Texfold, with the file", path.display())]
     Internal { path: PathBuf, message: String },
+}
+
+fn and_more(more: usize) -> String {
+    if more == 0 { String::new() } else { format!(", and {more} more of the files") }
 }
 
 /// The message with all its causes.

@@ -22,7 +22,7 @@ const USAGE: u8 = 2;
 pub enum Command {
     /// Encode images into .txf files.
     Compress(Box<CompressArgs>),
-    /// Decode .txf files into PNG images.
+    /// Decode .txf files into images.
     Decompress(DecompressArgs),
     /// Show what a .txf file holds.
     Info(InfoArgs),

@@ -148,26 +148,32 @@ const BAND_ROWS: u32 = 64;
 /// or level.
 #[must_use]
 pub fn decode_image(encoded: &dyn Encoded<Domain = Image2d>, image: u32, level: u32) -> Option<Raster> {
-    decode_image_of(encoded, image, level, CancelCheck::default())
+    decode_rect(encoded, encoded.layout().whole(image, level)?)
 }
 
-/// As [`decode_image`]; of no use once the job is cancelled.
-fn decode_image_of(
+/// A rectangle of an encoded texture, decoded on several threads; `None` where it is empty or leaves its level.
+#[must_use]
+pub fn decode_rect(encoded: &dyn Encoded<Domain = Image2d>, rect: Rect) -> Option<Raster> {
+    decode_rect_of(encoded, rect, CancelCheck::default())
+}
+
+/// As [`decode_rect`]; of no use once the job is cancelled.
+fn decode_rect_of(
     encoded: &dyn Encoded<Domain = Image2d>,
-    image: u32,
-    level: u32,
+    rect: Rect,
     cancel: CancelCheck<'_>,
 ) -> Option<Raster> {
     let layout = encoded.layout();
-    let rect = layout.whole(image, level)?;
+    layout.check(rect).ok().filter(|()| rect.width > 0 && rect.height > 0)?;
     let mut texels = vec![Texel::ZERO; rect.width as usize * rect.height as usize];
     let bands = texels.par_chunks_mut(rect.width as usize * BAND_ROWS as usize).enumerate();
     let decode = |(band, out): (usize, &mut [Texel])| {
         if cancel.is_cancelled() {
             return Ok(());
         }
-        let y = BAND_ROWS * band as u32;
-        encoded.decode(Rect { y, height: BAND_ROWS.min(rect.height - y), ..rect }, out)
+        let top = BAND_ROWS * band as u32;
+        let height = BAND_ROWS.min(rect.height - top);
+        encoded.decode(Rect { y: rect.y + top, height, ..rect }, out)
     };
     bands.try_for_each(decode).ok()?;
     if cancel.is_cancelled() {
@@ -231,7 +237,8 @@ fn quality_of(
 ) -> Quality {
     let mut quality = Quality::default();
     for (index, image) in source.images().iter().enumerate() {
-        let Some(decoded) = decode_image_of(encoded, index as u32, 0, cancel) else { continue };
+        let whole = encoded.layout().whole(index as u32, 0);
+        let Some(decoded) = whole.and_then(|rect| decode_rect_of(encoded, rect, cancel)) else { continue };
         quality.color = quality.color + color_error_of(image, &decoded, cancel);
         if let Some(alpha) = alpha_error_of(image, &decoded, cancel) {
             quality.alpha = Some(quality.alpha.unwrap_or_default() + alpha);

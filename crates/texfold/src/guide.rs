@@ -18,7 +18,10 @@
 //! texfold compress textures --as set --out packed --bpp 2 --mips
 //! texfold info packed/textures.txf
 //! texfold decompress packed/textures.txf --out check
+//! texfold decompress packed/textures.txf --out check --image 2 --region 64,0,256,128 --to tiff
 //! ```
+//!
+//! What is decoded has the texture's 8 or 16 bits a channel. A file that is there is overwritten only with `--force`.
 //!
 //! The same in code. Images of a set may differ in size, but have the same channels and meaning:
 //!
@@ -163,6 +166,7 @@
 //! texfold bank add photos/2025 --codec progressive --category forest --bpp 0.5 --out bank
 //! texfold bank list bank
 //! texfold bank extract bank --image oak --tile 0,1 --out check
+//! texfold bank extract bank --image oak --level 1 --region 900,40,300,200 --out check
 //! ```
 //!
 //! In code, tiles of `dct` share a step ([`Dct::encode_at_step`](crate::dct::Dct::encode_at_step)). With `progressive` an image is encoded against a public codebook and gives back the codebook as it has grown:

@@ -1,21 +1,22 @@
 //! Reading banks: images, single tiles and levels as images, and what a bank holds.
 
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::Serialize;
 use texfold::{AnyImage, dct::DctImages, progressive::ProgressiveTexture};
-use texfold_core::RegionError;
-use texfold_core::image::Raster;
+use texfold_core::image::{ImageLayout, PixelInfo, Raster};
+use texfold_core::{ImageSize, Rect, RegionError};
 use texfold_progressive::{CELL_SIDE, Codebook};
 
 use super::Bank;
 use super::category::Category;
 use super::manifest::{Image, MANIFEST, Tile};
+use super::tiles::TILE;
 use crate::console::{answer, complain};
+use crate::decompress::{Picture, Writing};
 use crate::error::{CliError, explain, guarded};
-use crate::png;
 use crate::report::Sizes;
 
 /// Whether a path is the folder of a bank.
@@ -24,40 +25,40 @@ pub(crate) fn is_bank(path: &Path) -> bool {
 }
 
 /// What of a bank is decoded.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Choice {
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Choice<'c> {
     /// The image of that name; all where there is none.
-    pub(crate) image: Option<String>,
+    pub(crate) image: Option<&'c str>,
     /// The tile of that column and row.
     pub(crate) tile: Option<(u32, u32)>,
-    /// Mip level.
-    pub(crate) level: u32,
-    /// Only so many layers.
-    pub(crate) layers: Option<u32>,
+    pub(crate) writing: &'c Writing,
 }
 
-/// Draws one tile at a level.
-pub(crate) type Draw<'d> = dyn Fn(&Path, &AnyImage, u32) -> Result<Raster, CliError> + 'd;
+impl Choice<'_> {
+    fn output(&self, image: &Image) -> PathBuf {
+        let tile = self.tile.map_or(String::new(), |(x, y)| format!("-{x}-{y}"));
+        self.writing.out.join(format!("{}{tile}{}", image.name, self.writing.ending()))
+    }
+}
 
-/// Writes images of a bank as PNG files; the number of those that failed. Each is named with its cause, the others are
-/// written.
-pub(crate) fn decompress(
-    dir: &Path,
-    out: &Path,
-    choice: &Choice,
-    draw: &Draw<'_>,
-) -> Result<usize, CliError> {
+/// Draws a rectangle of a tile.
+pub(crate) type Draw<'d> = dyn Fn(&Path, &AnyImage, Rect) -> Result<Raster, CliError> + 'd;
+
+/// Writes images of a bank; the number of those that failed. Each is named with its cause, the others are written.
+pub(crate) fn decompress(dir: &Path, choice: Choice<'_>, draw: &Draw<'_>) -> Result<usize, CliError> {
     let bank = Bank::read(dir)?;
     let mut books = HashMap::new();
-    let wanted = |image: &&Image| choice.image.as_ref().is_none_or(|name| *name == image.name);
+    let wanted = |image: &&Image| choice.image.is_none_or(|name| *name == image.name);
     let images: Vec<&Image> = bank.manifest.images.iter().filter(wanted).collect();
-    if let (true, Some(name)) = (images.is_empty(), &choice.image) {
-        return Err(CliError::NoSuchImage { path: dir.to_owned(), name: name.clone() });
+    if let (true, Some(name)) = (images.is_empty(), choice.image) {
+        return Err(CliError::NoSuchImage { path: dir.to_owned(), name: name.to_owned() });
     }
+    let outputs: Vec<PathBuf> = images.iter().map(|image| choice.output(image)).collect();
+    choice.writing.check(outputs.iter().map(PathBuf::as_path))?;
     let mut failed = 0;
-    for image in images {
+    for (image, output) in images.into_iter().zip(outputs) {
         let path = dir.join(&image.name);
-        let done = guarded(&path, || bank.draw(image, (out, choice), draw, &mut books));
+        let done = guarded(&path, || bank.draw(image, choice, draw, &mut books)?.write(&output));
         if let Err(error) = done {
             complain(&format!("{}: {}", image.name, explain(&error)));
             failed += 1;
@@ -73,30 +74,30 @@ impl Bank {
     fn draw(
         &self,
         image: &Image,
-        (out, choice): (&Path, &Choice),
+        choice: Choice<'_>,
         draw: &Draw<'_>,
         books: &mut Books,
-    ) -> Result<(), CliError> {
-        let path = self.dir.join(&image.name);
+    ) -> Result<Picture, CliError> {
+        let (path, writing) = (self.dir.join(&image.name), choice.writing);
+        let level = writing.lod;
         let region = |source| CliError::Region { path: path.clone(), source };
-        if choice.level >= image.levels {
-            return Err(region(RegionError::NoSuchLevel { level: choice.level, levels: image.levels }));
+        if level >= image.levels {
+            return Err(region(RegionError::NoSuchLevel { level, levels: image.levels }));
         }
-        let chosen = |tile: &&Tile| {
-            choice
-                .tile
-                .is_none_or(|(x, y)| (tile.x / super::tiles::TILE, tile.y / super::tiles::TILE) == (x, y))
+        let size = ImageSize { width: image.width, height: image.height }.at_level(level);
+        let place = |tile: &Tile| (tile.x / TILE, tile.y / TILE);
+        let area = match choice.tile {
+            Some(chosen) => {
+                let last = image.tiles.iter().map(place).max().unwrap_or_default();
+                let tile = image.tiles.iter().find(|tile| place(tile) == chosen);
+                let none = || CliError::NoSuchTile { path: path.clone(), tile: chosen, last };
+                at_level(tile.ok_or_else(none)?, level)
+            }
+            None => writing.rect(0, size).map_err(region)?,
         };
-        let tiles: Vec<&Tile> = image.tiles.iter().filter(chosen).collect();
-        if tiles.is_empty() {
-            return Err(region(RegionError::Outside { width: image.width, height: image.height }));
-        }
-        let area = match (choice.tile, tiles.as_slice()) {
-            (Some(_), [tile, ..]) => (tile.x, tile.y, tile.width, tile.height),
-            _ => (0, 0, image.width, image.height),
-        };
-        let mut canvas = Canvas::new(image.channels, area, choice.level);
-        for tile in tiles {
+        let mut picture = None;
+        for tile in image.tiles.iter().filter(|tile| choice.tile.is_none_or(|chosen| place(tile) == chosen)) {
+            let Some((part, corner)) = shared(area, at_level(tile, level)) else { continue };
             let book = match books.get(&tile.category) {
                 Some(book) => book.clone(),
                 None => {
@@ -105,20 +106,40 @@ impl Bank {
                 }
             };
             let texture = self.tile(tile, book.as_deref())?;
-            let size = texture.as_encoded().layout().images[0];
-            if (size.width, size.height) != (tile.width, tile.height) {
+            let ImageLayout { images, pixel, .. } = texture.as_encoded().layout();
+            if (images[0].width, images[0].height) != (tile.width, tile.height) {
                 let what = format!("{} is not the tile that is listed", tile.file);
                 return Err(CliError::BankManifest { path: self.dir.join(MANIFEST), what });
             }
-            let texture = match choice.layers {
+            let picture = picture.get_or_insert_with(|| {
+                let size = ImageSize { width: area.width, height: area.height };
+                // Tiles that are opaque are stored without alpha.
+                Picture::new(writing.to, size, PixelInfo { channels: image.channels, ..*pixel })
+            });
+            let texture = match writing.layers {
                 Some(layers) => first_layers(&texture, layers).unwrap_or(texture),
                 None => texture,
             };
-            canvas.place(tile, &draw(&self.dir.join(&tile.file), &texture, choice.level)?);
+            picture.place(corner, &draw(&self.dir.join(&tile.file), &texture, part)?);
         }
-        let suffix = choice.tile.map_or(String::new(), |(x, y)| format!("-{x}-{y}"));
-        canvas.write(&out.join(format!("{}{suffix}.png", image.name)))
+        picture.ok_or_else(|| region(RegionError::Outside { width: size.width, height: size.height }))
     }
+}
+
+/// Where a tile lies in a level of its image.
+fn at_level(tile: &Tile, level: u32) -> Rect {
+    let ImageSize { width, height } = ImageSize { width: tile.width, height: tile.height }.at_level(level);
+    Rect { image: 0, level, x: tile.x >> level, y: tile.y >> level, width, height }
+}
+
+/// What two rectangles share: from the second's corner on, and where it begins in the first.
+fn shared(area: Rect, tile: Rect) -> Option<(Rect, (u32, u32))> {
+    let (left, top) = (area.x.max(tile.x), area.y.max(tile.y));
+    let width = (area.x + area.width).min(tile.x + tile.width).checked_sub(left).filter(|&side| side > 0)?;
+    let height =
+        (area.y + area.height).min(tile.y + tile.height).checked_sub(top).filter(|&side| side > 0)?;
+    let part = Rect { x: left - tile.x, y: top - tile.y, width, height, ..tile };
+    Some((part, (left - area.x, top - area.y)))
 }
 
 /// A tile as it is with the first layers of its file.
@@ -126,53 +147,6 @@ fn first_layers(tile: &AnyImage, layers: u32) -> Option<AnyImage> {
     let by_block = tile.downcast_ref::<DctImages>().map(|tile| AnyImage::new(tile.first_layers(layers)));
     let by_texel = tile.downcast_ref::<ProgressiveTexture>();
     by_block.or_else(|| by_texel.map(|tile| AnyImage::new(tile.first_layers(layers))))
-}
-
-/// An image that tiles are placed in, 8 bits a channel.
-struct Canvas {
-    width: usize,
-    height: usize,
-    channels: usize,
-    level: u32,
-    corner: (u32, u32),
-    bytes: Vec<u8>,
-}
-
-impl Canvas {
-    /// A level of that area of an image.
-    fn new(channels: u8, (left, top, width, height): (u32, u32, u32, u32), level: u32) -> Canvas {
-        let side = |length: u32| (length >> level).max(1) as usize;
-        let (width, height, channels) = (side(width), side(height), usize::from(channels));
-        let bytes = vec![0; width * height * channels];
-        Canvas { width, height, channels, level, corner: (left, top), bytes }
-    }
-
-    /// Puts a tile in its place; what does not fit is cut.
-    fn place(&mut self, tile: &Tile, raster: &Raster) {
-        let size = raster.size();
-        let left = ((tile.x - self.corner.0) >> self.level) as usize;
-        let top = ((tile.y - self.corner.1) >> self.level) as usize;
-        let texels = raster.to_bytes();
-        let own = usize::from(raster.info().channels);
-        if own > self.channels || left >= self.width {
-            return;
-        }
-        let columns = (size.width as usize).min(self.width - left);
-        for row in 0..(size.height as usize).min(self.height.saturating_sub(top)) {
-            let from = row * size.width as usize * own;
-            let to = ((top + row) * self.width + left) * self.channels;
-            let line = self.bytes[to..to + columns * self.channels].chunks_exact_mut(self.channels);
-            for (to, from) in line.zip(texels[from..].chunks_exact(own)) {
-                // Tiles that are opaque are stored without alpha.
-                to.fill(u8::MAX);
-                to[..own].copy_from_slice(from);
-            }
-        }
-    }
-
-    fn write(&self, path: &Path) -> Result<(), CliError> {
-        png::write_bytes(path, (self.width as u32, self.height as u32), self.channels as u8, &self.bytes)
-    }
 }
 
 /// A bank in figures.

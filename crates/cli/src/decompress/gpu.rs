@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use glam::Affine2;
 use texfold_core::image::Raster;
-use texfold_core::{Encoded, Image2d, ImageSize, RegionError, SourceError, Texel};
-use texfold_gpu::{Filter, Gpu, GpuError, GpuTexture, Policy};
+use texfold_core::{Encoded, Image2d, Rect, SourceError, Texel};
+use texfold_gpu::{Gpu, GpuError, GpuTexture, Lookup, Policy, View};
 
 use crate::error::CliError;
 
@@ -20,9 +21,11 @@ pub(crate) struct Fixture<'d> {
 }
 
 impl Device {
-    pub(crate) fn open() -> Result<Device, GpuError> {
+    /// The GPU, where it is wanted.
+    pub(crate) fn where_wanted(is_wanted: bool) -> Result<Option<Device>, CliError> {
         // "TEXFOLD_GPU=off" is respected; without an adapter this is an error under any other policy.
-        Gpu::new(Policy::from_env()).map(Device)
+        let device = is_wanted.then(|| Gpu::new(Policy::from_env()).map(Device)).transpose();
+        device.map_err(|source| CliError::NoGpu { source: Box::new(source) })
     }
 
     pub(crate) fn upload(
@@ -40,26 +43,22 @@ fn fault(path: &Path) -> impl FnOnce(GpuError) -> CliError {
 }
 
 impl Fixture<'_> {
+    /// A rectangle that exists.
     pub(crate) fn decode(
         &self,
         path: &Path,
         encoded: &dyn Encoded<Domain = Image2d>,
-        image: u32,
-        level: u32,
+        rect: Rect,
         continuous: bool,
     ) -> Result<Raster, CliError> {
-        let layout = encoded.layout();
-        let missing = || CliError::Region {
-            path: path.to_owned(),
-            source: RegionError::NoSuchImage { image, images: layout.images.len() },
-        };
-        let size = layout.images.get(image as usize).ok_or_else(missing)?.at_level(level);
-        let ImageSize { width, height } = size;
-        let filter = if continuous { Filter::Bilinear } else { Filter::Nearest };
-        let decoded =
-            self.gpu.decode(&self.texture, image, level, (width, height), filter).map_err(fault(path))?;
+        let (corner, extent) = super::coordinates(encoded, rect);
+        let Rect { image, level, width, height, .. } = rect;
+        let lookup = if continuous { Lookup::Bilinear { level } } else { Lookup::Nearest { level } };
+        let uv = Affine2::from_scale_angle_translation(extent, 0.0, corner);
+        let view = View { image, size: (width, height), uv, lookup };
+        let decoded = self.gpu.read_view(&self.texture, &view).map_err(fault(path))?;
         let texels: Vec<Texel> = decoded.into_iter().map(Texel::from).collect();
         let unsuitable = |source: SourceError| CliError::Source { path: path.to_owned(), source };
-        Raster::from_texels(width, height, layout.pixel, &texels).map_err(unsuitable)
+        Raster::from_texels(width, height, encoded.layout().pixel, &texels).map_err(unsuitable)
     }
 }

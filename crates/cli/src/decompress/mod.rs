@@ -1,6 +1,8 @@
-//! `decompress`: `.txf` files into PNG images.
+//! `decompress`: `.txf` files into images.
 
 mod gpu;
+mod picture;
+mod writing;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -9,16 +11,18 @@ use glam::Vec2;
 use texfold::{AnyImage, Arriving, epitome::EpitomeTexture};
 use texfold_core::container::Sections;
 use texfold_core::image::Raster;
-use texfold_core::metric::decode_image;
+use texfold_core::metric::{decode_image, decode_rect};
 use texfold_core::{
-    Budget, Encoded, Image2d, ImageSize, Layers, Limits, MAX_IMAGE_SIDE, RegionError, SourceError,
+    Budget, Encoded, Image2d, ImageSize, Layers, Limits, MAX_IMAGE_SIDE, Rect, RegionError, SourceError,
 };
 
-use crate::console::complain;
+use crate::console::{complain, warn};
 use crate::error::{CliError, explain, guarded};
 use crate::output::{make_folder, remove_stale};
-use crate::{bank, input, png};
+use crate::{bank, input};
 pub(crate) use gpu::Device;
+pub(crate) use picture::Picture;
+pub(crate) use writing::Writing;
 
 /// Digits of the number in the name of one image of several; more where there are more than a thousand.
 const NUMBER_DIGITS: usize = 3;
@@ -29,47 +33,50 @@ pub struct DecompressArgs {
     /// .txf files.
     #[arg(required = true, value_name = "FILE.txf")]
     files: Vec<PathBuf>,
-    /// Folder that the PNG files are written to.
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
-    /// Decode on the GPU, as a shader does.
-    #[arg(long)]
-    gpu: bool,
+    #[command(flatten)]
+    writing: Writing,
+    /// Only the image of that number, of several; 0 is the first.
+    #[arg(long, value_name = "I")]
+    image: Option<u32>,
     /// Filter across blocks, as a shader does. At texel centres, which is where images are decoded, this changes only
     /// epitomes with a wide seam blend.
     #[arg(long)]
     continuous: bool,
-    /// Mip level: 0 is the full size.
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    lod: u32,
-    /// Load only this many layers of a layered file.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    layers: Option<u32>,
     /// Not for images: number of terms of a light field, which the command render draws.
     #[arg(long, value_name = "K")]
     terms: Option<u32>,
 }
 
+/// A file, and what of it is written where.
+struct Planned {
+    path: PathBuf,
+    outputs: Vec<(Rect, PathBuf)>,
+}
+
 /// Runs the command; gives the number of files that failed.
 pub(crate) fn run(args: &DecompressArgs) -> Result<usize, CliError> {
-    make_folder(&args.out)?;
-    remove_stale(&args.out);
-    let device = match args.gpu.then(Device::open).transpose() {
-        Ok(device) => device,
-        Err(source) => return Err(CliError::NoGpu { source: Box::new(source) }),
-    };
-    let mut writers = HashMap::new();
-    let mut failed = 0;
     if let Some(path) = args.files.iter().find(|path| bank::is_bank(path)) {
         return Err(CliError::IsBank { path: path.clone() });
     }
-    for path in input::find::expand_all(&args.files) {
-        let outcome =
-            path.and_then(|path| guarded(&path, || decompress(&path, args, device.as_ref(), &mut writers)));
+    let out = &args.writing.out;
+    make_folder(out)?;
+    remove_stale(out);
+    let device = Device::where_wanted(args.writing.gpu)?;
+    let (mut writers, mut planned, mut failed) = (HashMap::new(), Vec::new(), 0);
+    let mut count = |outcome: Result<(), CliError>| {
         if let Err(error) = outcome {
             complain(&explain(&error));
             failed += 1;
         }
+    };
+    for path in input::find::expand_all(&args.files) {
+        let plan = path.and_then(|path| guarded(&path, || plan(&path, args, &mut writers)));
+        count(plan.map(|plan| planned.push(plan)));
+    }
+    let outputs = planned.iter().flat_map(|plan| &plan.outputs);
+    args.writing.check(outputs.map(|(_, output)| output.as_path()))?;
+    for plan in planned {
+        count(guarded(&plan.path, || decompress(&plan, args, device.as_ref())));
     }
     Ok(failed)
 }
@@ -111,50 +118,80 @@ fn load_layers(path: &Path, layers: u32) -> Result<AnyImage, CliError> {
     arriving.into_texture().map_or_else(|| load(path), Ok)
 }
 
-fn decompress(
+/// Loads what is wanted of a file.
+fn open(path: &Path, args: &DecompressArgs) -> Result<AnyImage, CliError> {
+    args.writing.layers.map_or_else(|| load(path), |layers| load_layers(path, layers))
+}
+
+/// Finds what a file's images are written to, and refuses what the file does not have.
+fn plan(
     path: &Path,
     args: &DecompressArgs,
-    device: Option<&Device>,
     writers: &mut HashMap<PathBuf, PathBuf>,
-) -> Result<(), CliError> {
-    let image = args.layers.map_or_else(|| load(path), |layers| load_layers(path, layers))?;
-    check_parts(path, args, image.as_encoded())?;
-    warn_of_layers(path, args.layers, image.as_encoded().layers());
+) -> Result<Planned, CliError> {
+    let image = open(path, args)?;
     let encoded = image.as_encoded();
+    check_parts(path, args, encoded)?;
+    let (sizes, ending) = (&encoded.layout().images, args.writing.ending());
+    let chosen = args.image.map_or(0..=sizes.len().saturating_sub(1) as u32, |image| image..=image);
+    let output = |image: u32| {
+        let none = RegionError::NoSuchImage { image, images: sizes.len() };
+        let size = sizes.get(image as usize).ok_or(none)?.at_level(args.writing.lod);
+        let name = name(path, image as usize, sizes.len(), &ending);
+        Ok((args.writing.rect(image, size)?, args.writing.out.join(name)))
+    };
+    let outputs: Result<Vec<_>, RegionError> = chosen.map(output).collect();
+    let outputs = outputs.map_err(|source| CliError::Region { path: path.to_owned(), source })?;
+    if let Some((output, first)) = outputs.iter().find_map(|(_, output)| writers.get_key_value(output)) {
+        let (output, first) = (output.clone(), first.clone());
+        return Err(CliError::Collision { path: path.to_owned(), output, first });
+    }
+    writers.extend(outputs.iter().map(|(_, output)| (output.clone(), path.to_owned())));
+    Ok(Planned { path: path.to_owned(), outputs })
+}
+
+fn decompress(
+    Planned { path, outputs }: &Planned,
+    args: &DecompressArgs,
+    device: Option<&Device>,
+) -> Result<(), CliError> {
+    let image = open(path, args)?;
+    let encoded = image.as_encoded();
+    warn_of_layers(path, args.writing.layers, encoded.layers());
     let uploaded = device.map(|device| device.upload(path, encoded)).transpose()?;
-    let images = encoded.layout().images.len();
-    for index in 0..images {
-        let output = args.out.join(name(path, index, images));
-        if let Some(first) = writers.insert(output.clone(), path.to_owned()) {
-            writers.insert(output.clone(), first.clone());
-            return Err(CliError::Collision { path: path.to_owned(), output, first });
-        }
+    for (rect, output) in outputs {
         let raster = match &uploaded {
-            Some(uploaded) => uploaded.decode(path, encoded, index as u32, args.lod, args.continuous)?,
-            None => on_cpu(path, &image, index as u32, args)?,
+            Some(uploaded) => uploaded.decode(path, encoded, *rect, args.continuous)?,
+            None => on_cpu(path, &image, *rect, args)?,
         };
-        png::write(&output, &raster)?;
+        let mut picture = Picture::new(args.writing.to, raster.size(), raster.info());
+        picture.place((0, 0), &raster);
+        picture.write(output)?;
     }
     Ok(())
 }
 
+/// Corner and extent of a rectangle in texture coordinates.
+fn coordinates(encoded: &dyn Encoded<Domain = Image2d>, rect: Rect) -> (Vec2, Vec2) {
+    let ImageSize { width, height } = encoded.layout().images[rect.image as usize].at_level(rect.level);
+    let of_level = |x: u32, y: u32| Vec2::new(x as f32, y as f32) / Vec2::new(width as f32, height as f32);
+    (of_level(rect.x, rect.y), of_level(rect.width, rect.height))
+}
+
 /// An image decoded on the CPU; epitomes between leaves as they are drawn, where that is requested.
-fn on_cpu(path: &Path, image: &AnyImage, index: u32, args: &DecompressArgs) -> Result<Raster, CliError> {
+fn on_cpu(path: &Path, image: &AnyImage, rect: Rect, args: &DecompressArgs) -> Result<Raster, CliError> {
     // Strips are wider than between texels at level 0 alone.
-    let blended = image.downcast_ref::<EpitomeTexture>().filter(|_| args.continuous && args.lod == 0);
-    let Some(epitome) = blended else {
-        return decode(path, image.as_encoded(), index, args.lod);
-    };
-    let layout = epitome.layout();
-    let ImageSize { width, height } = layout.images[index as usize];
-    let texels = epitome.draw(index, Vec2::ZERO, Vec2::ONE, (width, height));
+    let blended = image.downcast_ref::<EpitomeTexture>().filter(|_| args.continuous && rect.level == 0);
+    let Some(epitome) = blended else { return decode_part(path, image.as_encoded(), rect) };
+    let (corner, extent) = coordinates(epitome, rect);
+    let texels = epitome.draw(rect.image, corner, extent, (rect.width, rect.height));
     let fault = |source: SourceError| CliError::Encode { path: path.to_owned(), source: source.into() };
-    Raster::from_texels(width, height, layout.pixel, &texels).map_err(fault)
+    Raster::from_texels(rect.width, rect.height, epitome.layout().pixel, &texels).map_err(fault)
 }
 
 /// Says so where the file was cut, or has fewer layers than wanted.
 fn warn_of_layers(path: &Path, wanted: Option<u32>, Layers { loaded, total }: Layers) {
-    let warn = |what: &str| complain(&format!("{}: {what}", path.display()));
+    let warn = |what: &str| warn(&format!("{}: {what}", path.display()));
     match wanted {
         Some(wanted) if wanted > total => warn(&format!("has {total} layers, not {wanted}")),
         Some(wanted) if wanted <= loaded => {}
@@ -175,12 +212,12 @@ fn check_parts(
 ) -> Result<(), CliError> {
     let missing =
         |option| CliError::NoSuchPart { path: path.to_owned(), codec: encoded.codec().name, option };
-    if args.layers.is_some() && encoded.layers().total == 1 {
+    if args.writing.layers.is_some() && encoded.layers().total == 1 {
         Err(missing("layers"))
     } else if args.terms.is_some() {
         Err(missing("terms"))
-    } else if args.lod >= encoded.layout().levels {
-        let source = RegionError::NoSuchLevel { level: args.lod, levels: encoded.layout().levels };
+    } else if args.writing.lod >= encoded.layout().levels {
+        let source = RegionError::NoSuchLevel { level: args.writing.lod, levels: encoded.layout().levels };
         Err(CliError::Region { path: path.to_owned(), source })
     } else {
         Ok(())
@@ -202,14 +239,27 @@ pub(crate) fn decode(
     decode_image(encoded, image, level).ok_or_else(missing)
 }
 
-/// `<stem>.png`, or `<stem>-000.png` and so on where there are several.
-pub(crate) fn name(path: &Path, image: usize, images: usize) -> std::ffi::OsString {
+/// A rectangle of an image on the CPU.
+pub(crate) fn decode_part(
+    path: &Path,
+    encoded: &dyn Encoded<Domain = Image2d>,
+    rect: Rect,
+) -> Result<Raster, CliError> {
+    let outside = |source| CliError::Region { path: path.to_owned(), source };
+    let layout = encoded.layout();
+    layout.check(rect).map_err(outside)?;
+    let ImageSize { width, height } = layout.images[rect.image as usize].at_level(rect.level);
+    decode_rect(encoded, rect).ok_or_else(|| outside(RegionError::Outside { width, height }))
+}
+
+/// `<stem><ending>`, or `<stem>-000<ending>` and so on where there are several.
+pub(crate) fn name(path: &Path, image: usize, images: usize, ending: &str) -> std::ffi::OsString {
     let mut name = path.file_stem().unwrap_or_default().to_owned();
     if images > 1 {
         let digits = NUMBER_DIGITS.max((images - 1).to_string().len());
         name.push(format!("-{image:0digits$}"));
     }
-    name.push(".png");
+    name.push(ending);
     name
 }
 
@@ -219,8 +269,8 @@ mod tests {
 
     #[test]
     fn names_sort_as_the_images_do() {
-        assert_eq!(name(Path::new("a/wall.txf"), 0, 1), "wall.png");
-        assert_eq!(name(Path::new("wall.txf"), 7, 8), "wall-007.png");
-        assert_eq!(name(Path::new("wall.txf"), 7, 1001), "wall-0007.png");
+        assert_eq!(name(Path::new("a/wall.txf"), 0, 1, ".png"), "wall.png");
+        assert_eq!(name(Path::new("wall.txf"), 7, 8, ".png"), "wall-007.png");
+        assert_eq!(name(Path::new("wall.txf"), 7, 1001, "-1-2-3x4.tiff"), "wall-0007-1-2-3x4.tiff");
     }
 }

@@ -24,7 +24,7 @@ pub(crate) fn write(
     make_folder(dir)?;
     let save = |part: &str, index: usize, images: usize, raster: &Raster| -> Result<(), CliError> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let output = dir.join(name(Path::new(&format!("{stem}-{part}.txf")), index, images));
+        let output = dir.join(name(Path::new(&format!("{stem}-{part}.txf")), index, images, ".png"));
         png::write(&output, raster)?;
         say(&format!("wrote {}", output.display()));
         Ok(())

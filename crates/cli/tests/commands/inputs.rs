@@ -18,7 +18,11 @@ fn formats_and_depths_keep_their_channels() {
         assert_eq!(run.code, Some(0), "{name}: {}", run.stderr);
         assert_eq!(place.run(&format!("decompress out/{name}.txf --out png")).code, Some(0));
         let (width, height, decoded) = place.samples(&format!("png/{name}.png"));
-        assert_eq!((width, height, decoded), (24, 20, samples(24, 20, channels)), "{name}");
+        let mut wanted = samples(24, 20, channels);
+        if name == "deep" {
+            wanted = wanted.into_iter().flat_map(|byte| [byte, byte]).collect();
+        }
+        assert_eq!((width, height, decoded), (24, 20, wanted), "{name}");
     }
 }
 
@@ -223,8 +227,8 @@ fn images_stand_upright_as_their_exif_orientation_asks_for() {
             let run = place.run(command);
             assert_eq!(run.code, Some(0), "{}", run.stderr);
         }
-        assert_eq!(place.run("decompress out/photo.txf --out png").code, Some(0));
-        assert_eq!(place.run("bank extract bank --out banked").code, Some(0));
+        assert_eq!(place.run("decompress out/photo.txf --out png --force").code, Some(0));
+        assert_eq!(place.run("bank extract bank --out banked --force").code, Some(0));
         for shown in ["png/photo.png", "banked/photo.png"] {
             let (width, height, samples) = place.samples(shown);
             assert_eq!((width, height), if orientation > 4 { (32, 64) } else { (64, 32) }, "{shown}");

@@ -4,6 +4,7 @@
 
 mod bank;
 mod batch;
+mod decompress;
 mod inputs;
 mod lightfield;
 mod mesh;

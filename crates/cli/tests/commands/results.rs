@@ -319,7 +319,7 @@ fn an_epitome_is_compressed_told_drawn_and_decoded() {
         assert!(parts.iter().any(|name| name.starts_with(&format!("facade-{part}"))), "{parts:?}");
     }
     for level in ["0", "1", "4"] {
-        let decompress = format!("decompress out/facade.txf --lod {level} --out");
+        let decompress = format!("decompress out/facade.txf --force --lod {level} --out");
         assert_eq!(place.run(&format!("{decompress} cpu")).code, Some(0));
         let run = place.run(&format!("{decompress} gpu --gpu"));
         if run.code != Some(0) && std::env::var("TEXFOLD_GPU").as_deref() != Ok("require") {
@@ -408,6 +408,17 @@ fn the_gpu_decodes_as_the_cpu_does() {
     let far = cpu.iter().zip(&gpu).filter(|(a, b)| a.abs_diff(**b) > 1).count();
     assert!(far * 1000 < cpu.len() && cpu.iter().zip(&gpu).all(|(a, b)| a.abs_diff(*b) <= 2), "{far}");
     assert!(plain.iter().zip(&cpu).any(|(a, b)| a.abs_diff(*b) > 1));
+    // A rectangle is that part of it, but for how places are rounded.
+    for (out, options) in [("cpu", ""), ("gpu", "--gpu")] {
+        let run = place
+            .run(&format!("decompress out/wall.txf --out {out} --continuous --region 11,20,75,60 {options}"));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let whole = image::open(place.at(&format!("{out}/wall.png"))).unwrap();
+        let part = place.samples(&format!("{out}/wall-11-20-75x60.png")).2;
+        let wanted = whole.crop_imm(11, 20, 75, 60);
+        let far = wanted.as_bytes().iter().zip(&part).filter(|(a, b)| a.abs_diff(**b) > 1).count();
+        assert!(far * 1000 < part.len(), "{out}: {far}");
+    }
 }
 
 #[test]

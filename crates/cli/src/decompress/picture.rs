@@ -1,0 +1,192 @@
+//! Decoded images as files: the formats, and pixels as these hold them.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use image::codecs::{openexr::OpenExrEncoder, webp::WebPEncoder};
+use image::{ExtendedColorType, ImageEncoder};
+use texfold_core::ImageSize;
+use texfold_core::image::{ColorSpace, Depth, PixelInfo, Raster, srgb_to_linear};
+use tiff::encoder::colortype::{ColorType, Gray8, Gray16, RGB8, RGB16};
+use tiff::encoder::{TiffEncoder, TiffValue};
+use tiff::tags::ExtraSamples;
+
+use crate::console::{say, warn};
+use crate::error::CliError;
+use crate::output::write_whole;
+use crate::png;
+
+/// Most texels a side of a WebP image.
+const WEBP_SIDE: u32 = 1 << 14;
+
+/// Formats that are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub(crate) enum Format {
+    /// 8 or 16 bits a channel, as the texture has.
+    #[default]
+    Png,
+    /// 8 or 16 bits a channel, as the texture has; not compressed.
+    Tiff,
+    /// 8 bits a channel, lossless.
+    Webp,
+    /// OpenEXR: RGB in 32-bit floats and linear light, colours times alpha.
+    Exr,
+}
+
+impl Format {
+    /// What names of its files end in.
+    pub(super) fn extension(self) -> &'static str {
+        match self {
+            Format::Png => "png",
+            Format::Tiff => "tiff",
+            Format::Webp => "webp",
+            Format::Exr => "exr",
+        }
+    }
+}
+
+/// How a value is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Sample {
+    Eight,
+    Sixteen,
+    Float,
+}
+
+/// An image that rasters are placed in, as its file holds it.
+#[derive(Debug)]
+pub(crate) struct Picture {
+    format: Format,
+    size: ImageSize,
+    info: PixelInfo,
+    sample: Sample,
+    /// Channels interleaved, samples in the byte order of the machine.
+    bytes: Vec<u8>,
+}
+
+impl Picture {
+    /// An image without texels, of those channels and that depth.
+    pub(crate) fn new(format: Format, size: ImageSize, mut info: PixelInfo) -> Picture {
+        let sample = match (format, info.depth) {
+            (Format::Exr, _) => Sample::Float,
+            (Format::Png | Format::Tiff, Depth::Sixteen) => Sample::Sixteen,
+            _ => Sample::Eight,
+        };
+        if sample == Sample::Float && info.channels < 3 {
+            info.channels += 2;
+        }
+        let mut picture = Picture { format, size, info, sample, bytes: Vec::new() };
+        picture.bytes = vec![0; size.texels() as usize * picture.texel_bytes()];
+        picture
+    }
+
+    fn texel_bytes(&self) -> usize {
+        let sample = match self.sample {
+            Sample::Eight => 1,
+            Sample::Sixteen => 2,
+            Sample::Float => 4,
+        };
+        usize::from(self.info.channels) * sample
+    }
+
+    /// Puts a raster in its place; what does not fit is cut. Alpha that it lacks is 1.
+    pub(crate) fn place(&mut self, (left, top): (u32, u32), raster: &Raster) {
+        let (ImageSize { width, height }, texel) = (raster.size(), self.texel_bytes());
+        let columns = width.min(self.size.width.saturating_sub(left)) as usize;
+        let rows = height.min(self.size.height.saturating_sub(top)) as usize;
+        let channels = self.info.channels;
+        let matched = (raster.info().channels != channels).then(|| raster.with_channels(channels));
+        let texels = self.samples(matched.as_ref().unwrap_or(raster));
+        let to = self.bytes.chunks_exact_mut(self.size.width as usize * texel).skip(top as usize);
+        for (to, from) in to.zip(texels.chunks_exact(width as usize * texel)).take(rows) {
+            if columns > 0 {
+                to[left as usize * texel..][..columns * texel].copy_from_slice(&from[..columns * texel]);
+            }
+        }
+    }
+
+    fn samples(&self, raster: &Raster) -> Vec<u8> {
+        let sixteen = |value: &f32| ((value.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16).to_ne_bytes();
+        match self.sample {
+            Sample::Eight => raster.to_bytes(),
+            Sample::Sixteen => raster.data().iter().map(sixteen).collect::<Vec<_>>().into_flattened(),
+            Sample::Float => {
+                let linear = |value: f32| match self.info.color {
+                    ColorSpace::Srgb => srgb_to_linear(value),
+                    ColorSpace::Linear | ColorSpace::Normal => value,
+                };
+                let texels = raster.texels().zip(raster.data().chunks_exact(self.info.channels.into()));
+                let floats = texels.flat_map(|(texel, values)| {
+                    let colour = texel.truncate().to_array().map(|value| linear(value) * texel.w);
+                    colour.into_iter().chain(values.get(3).copied())
+                });
+                floats.map(f32::to_ne_bytes).collect::<Vec<_>>().into_flattened()
+            }
+        }
+    }
+
+    /// Writes the file, and says so; warns where it holds less than the texture.
+    pub(crate) fn write(&self, path: &Path) -> Result<(), CliError> {
+        if self.format == Format::Webp && self.size.width.max(self.size.height) > WEBP_SIDE {
+            return Err(CliError::WebpSide { path: path.to_owned(), most: WEBP_SIDE });
+        }
+        let bytes = self.encode().map_err(|source| CliError::Draw { path: path.to_owned(), source })?;
+        write_whole(path, &bytes)?;
+        say(&format!("wrote {}", path.display()));
+        if self.sample == Sample::Eight && self.info.depth == Depth::Sixteen {
+            let path = path.display();
+            warn(&format!(
+                "{path}: WebP keeps 8 of the texture's 16 bits; give --to png or tiff to keep all"
+            ));
+        }
+        Ok(())
+    }
+
+    fn encode(&self) -> Result<Vec<u8>, Box<dyn std::error::Error + Send + Sync>> {
+        let (ImageSize { width, height }, mut out) = (self.size, Cursor::new(Vec::new()));
+        let color = match self.sample {
+            Sample::Eight => png::color(self.info.channels),
+            Sample::Sixteen => match self.info.channels {
+                1 => ExtendedColorType::L16,
+                2 => ExtendedColorType::La16,
+                3 => ExtendedColorType::Rgb16,
+                _ => ExtendedColorType::Rgba16,
+            },
+            Sample::Float if self.info.has_alpha() => ExtendedColorType::Rgba32F,
+            Sample::Float => ExtendedColorType::Rgb32F,
+        };
+        match self.format {
+            Format::Png => return Ok(png::encode_bytes((width, height), color, &self.bytes)?),
+            Format::Webp => {
+                WebPEncoder::new_lossless(&mut out).write_image(&self.bytes, width, height, color)?;
+            }
+            Format::Exr => OpenExrEncoder::new(&mut out).write_image(&self.bytes, width, height, color)?,
+            Format::Tiff if self.sample == Sample::Eight => match self.info.color_channels() {
+                1 => self.tiff::<Gray8>(&mut out, &self.bytes)?,
+                _ => self.tiff::<RGB8>(&mut out, &self.bytes)?,
+            },
+            Format::Tiff => {
+                let pairs = self.bytes.chunks_exact(2).map(|pair| u16::from_ne_bytes([pair[0], pair[1]]));
+                let samples: Vec<u16> = pairs.collect();
+                match self.info.color_channels() {
+                    1 => self.tiff::<Gray16>(&mut out, &samples)?,
+                    _ => self.tiff::<RGB16>(&mut out, &samples)?,
+                }
+            }
+        }
+        Ok(out.into_inner())
+    }
+
+    /// As TIFF, with alpha as a further sample beside the colours.
+    fn tiff<C: ColorType>(&self, out: &mut Cursor<Vec<u8>>, samples: &[C::Inner]) -> tiff::TiffResult<()>
+    where
+        [C::Inner]: TiffValue,
+    {
+        let mut encoder = TiffEncoder::new(out)?;
+        let mut image = encoder.new_image::<C>(self.size.width, self.size.height)?;
+        if self.info.has_alpha() {
+            image.extra_samples(&[ExtraSamples::UnassociatedAlpha])?;
+        }
+        image.write_data(samples)
+    }
+}

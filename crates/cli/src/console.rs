@@ -3,10 +3,10 @@
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Whether errors alone are told.
+/// True where only errors and requested results are printed.
 static QUIET: AtomicBool = AtomicBool::new(false);
 
-/// From here on tells errors and answers alone.
+/// Suppresses all output but errors and requested results from here on.
 pub(crate) fn be_quiet() {
     QUIET.store(true, Ordering::Relaxed);
 }
@@ -15,7 +15,7 @@ pub(crate) fn is_quiet() -> bool {
     QUIET.load(Ordering::Relaxed)
 }
 
-/// What was asked for, on stdout. A reader that has gone away is no error.
+/// Prints a requested result on stdout. A closed pipe is no error.
 pub(crate) fn answer(text: &str) {
     let _ = writeln!(std::io::stdout().lock(), "{text}");
 }

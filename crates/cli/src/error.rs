@@ -12,7 +12,7 @@ use texfold_core::{EncodeError, LoadError, RegionError, SourceError};
 pub(crate) enum UsageError {
     #[error("--{option} is for codec {wanted}, not {codec}; leave it out or give --codec {wanted}")]
     NotForCodec { option: &'static str, wanted: &'static str, codec: &'static str },
-    #[error("--{option} says nothing with {other}; leave one of them out")]
+    #[error("--{option} cannot be combined with {other}; leave one of them out")]
     Excluded { option: &'static str, other: &'static str },
     #[error("a bank has images of the codecs dct and progressive, not {codec}; give one of these")]
     BankCodec { codec: &'static str },

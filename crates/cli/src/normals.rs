@@ -9,13 +9,15 @@ use texfold_core::{Encoded, Goal, Image2d, Texel};
 
 /// Mean angle in degrees that normal maps are encoded to where no goal is given.
 pub(crate) const USUAL_DEGREES: f64 = 1.0;
-/// Encodes of a search.
-const ROUNDS: usize = 4;
+/// Most encodes of a search.
+pub(crate) const ROUNDS: usize = 4;
 /// A search ends where the angle is below the goal by less than this, in dB.
 const CLOSE: f64 = 0.25;
-/// What a step of a search changes at most, and what is added to it towards finer, in dB.
+/// The largest step of a search and the margin that is added to each step, in dB.
 const MOST_STEP: f64 = 12.0;
 const MARGIN: f64 = 0.05;
+/// PSNR in dB below which nothing is left of an image.
+const LEAST_PSNR: f64 = 1.0;
 
 /// The PSNR in dB at which errors of normal distribution turn normals by that many degrees in the mean: a stored component is half of a
 /// normal's, and two of three components turn it.
@@ -69,7 +71,7 @@ pub(crate) fn search<E>(
         if (-CLOSE..=0.0).contains(&above) {
             break;
         }
-        psnr += above + MARGIN;
+        psnr = (psnr + above + MARGIN).max(LEAST_PSNR);
     }
     match best {
         Some((_, chosen)) => Ok(chosen),

@@ -14,16 +14,16 @@ use crate::console::{complain, is_quiet, mention, say};
 const STEPS: u64 = 1000;
 /// Time between lines where there is no bar.
 const PAUSE: Duration = Duration::from_secs(10);
-/// Inputs of a run up to which all remarks are told as they come.
+/// Inputs of a run up to which all warnings and notes are printed.
 const FEW: usize = 20;
-/// Warnings and notes that a run of more inputs tells.
+/// Warnings and notes that a run of more inputs prints.
 const MOST_REMARKS: [usize; 2] = [5, 2];
 
 /// The progress of a batch.
 #[derive(Debug)]
 pub(crate) struct Progress {
     bar: ProgressBar,
-    /// When a line told of it last, where there is no bar.
+    /// Time of the last progress line, without a bar.
     told: Option<Mutex<Instant>>,
     inputs: usize,
     /// Warnings and notes so far.
@@ -38,12 +38,12 @@ pub(crate) struct Share<'p> {
     done: AtomicU32,
 }
 
-/// Something to tell of an input beside its result.
+/// A message on an input beside its result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Remark {
     /// Something may be wrong.
     Warning,
-    /// What was made of it.
+    /// A note on how it was read.
     Note,
 }
 
@@ -80,7 +80,7 @@ impl Progress {
         self.bar.suspend(|| mention(line));
     }
 
-    /// A remark on an input: on stderr a warning, on stdout a note. Of many inputs only the first remarks are told.
+    /// Prints a warning on stderr or a note on stdout. With many inputs only the first of each are printed.
     pub(crate) fn remark(&self, kind: Remark, name: &str, text: &str) {
         let number = self.remarks[kind as usize].fetch_add(1, Ordering::Relaxed);
         if self.inputs > FEW && number >= MOST_REMARKS[kind as usize] {
@@ -92,7 +92,7 @@ impl Progress {
         }
     }
 
-    /// Takes the bar away, and tells how many remarks were not told.
+    /// Removes the bar, and prints the number of messages that were not printed.
     pub(crate) fn finish(&self) {
         self.bar.finish_and_clear();
         let untold =
@@ -103,7 +103,7 @@ impl Progress {
         }
     }
 
-    /// A line where there is no bar and none was written for a while.
+    /// Prints a progress line where there is no bar and the last line is older than [`PAUSE`].
     fn tell(&self, name: &str, stage: &str) {
         let Some(mut told) = self.told.as_ref().and_then(|told| told.try_lock().ok()) else { return };
         if told.elapsed() < PAUSE {

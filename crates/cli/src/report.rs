@@ -110,7 +110,7 @@ pub(crate) struct Row {
     /// What became of each codec that a choice among all considered.
     #[serde(default)]
     pub(crate) tried: Vec<TriedRow>,
-    /// What was made of the files as they were read.
+    /// Notes on how the files were read.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) notes: Vec<String>,
     pub(crate) warnings: Vec<String>,

@@ -35,7 +35,7 @@ pub(crate) struct Settings {
     pub(crate) mesh: Option<PathBuf>,
     /// Goal for normal maps, instead of that of `encode`: mean angle in degrees.
     pub(crate) degrees: Option<f64>,
-    /// What names of files have settled.
+    /// Notes on colour handling by file names.
     pub(crate) remarks: Remarks,
 }
 

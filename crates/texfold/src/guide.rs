@@ -21,7 +21,7 @@
 //! texfold decompress packed/textures.txf --out check --image 2 --region 64,0,256,128 --to tiff
 //! ```
 //!
-//! What is decoded has the texture's 8 or 16 bits a channel. A file that is there is overwritten only with `--force`.
+//! Outputs have the texture's 8 or 16 bits a channel. Existing files are overwritten only with `--force`.
 //!
 //! The same in code. Images of a set may differ in size, but have the same channels and meaning:
 //!

@@ -126,13 +126,13 @@ impl Bank {
     }
 }
 
-/// Where a tile lies in a level of its image.
+/// The rectangle of a tile in a level of its image.
 fn at_level(tile: &Tile, level: u32) -> Rect {
     let ImageSize { width, height } = ImageSize { width: tile.width, height: tile.height }.at_level(level);
     Rect { image: 0, level, x: tile.x >> level, y: tile.y >> level, width, height }
 }
 
-/// What two rectangles share: from the second's corner on, and where it begins in the first.
+/// The intersection of two rectangles: relative to the second's corner, and its corner relative to the first's.
 fn shared(area: Rect, tile: Rect) -> Option<(Rect, (u32, u32))> {
     let (left, top) = (area.x.max(tile.x), area.y.max(tile.y));
     let width = (area.x + area.width).min(tile.x + tile.width).checked_sub(left).filter(|&side| side > 0)?;

@@ -29,7 +29,7 @@ pub(crate) struct Loaded {
     pub(crate) painted: Option<Raster>,
     /// Where content may come from.
     pub(crate) content_from: Option<Raster>,
-    /// What is worth telling of the files.
+    /// Notes and warnings on the files.
     pub(crate) remarks: Remarks,
     /// Why blocks that exist are not taken over.
     pub(crate) warning: Option<&'static str>,

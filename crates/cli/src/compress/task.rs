@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use texfold::encoding::Chosen;
+use texfold_core::Stage;
 use texfold_core::mesh::UvMesh;
 
 use super::cache::{Cache, add_file, program};
@@ -95,13 +96,23 @@ impl Task {
         warnings.extend(loaded.remarks.warnings(files.len()));
         let notes = loaded.remarks.notes(files.len());
         let start = Instant::now();
-        let encode = |goal| {
-            let mut settings = self.settings.clone();
-            settings.encode.goal = goal;
-            encode::encode(&loaded, &settings, mesh, place.limit_bytes, &mut |stage| share.report(stage))
-        };
         let goal = self.settings.encode.goal;
         let degrees = self.settings.degrees.filter(|_| loaded.images.info().channels > 2);
+        if degrees.is_none() && self.settings.degrees.is_some() {
+            warnings.push("angles need three channels: the goal is a PSNR instead".to_owned());
+        }
+        let rounds = if degrees.is_some() { normals::ROUNDS } else { 1 };
+        let mut round = 0;
+        let mut encode = |goal| {
+            let mut settings = self.settings.clone();
+            settings.encode.goal = goal;
+            let done = |done: f32| (round as f32 + done) / rounds as f32;
+            let chosen = encode::encode(&loaded, &settings, mesh, place.limit_bytes, &mut |stage| {
+                share.report(Stage { done: done(stage.done), ..stage });
+            });
+            round += 1;
+            chosen
+        };
         let chosen = match degrees {
             Some(degrees) => normals::search(&loaded.images, degrees, encode),
             None => encode(goal),

@@ -1,4 +1,4 @@
-//! What names of files tell of their values.
+//! Colour handling by file name.
 
 use std::path::{Path, PathBuf};
 
@@ -42,7 +42,7 @@ const ENDS: [(&str, ColorName); 33] = [
     ("ao", Linear),
 ];
 
-/// How the values of a file are handled by the end of its name, which is given, too. A size such as `_4k` may follow.
+/// The end of a file's name and the colour handling that it stands for. A size such as `_4k` may follow the end.
 fn of_name(path: &Path) -> Option<(&'static str, ColorName)> {
     let stem = path.file_stem()?.to_string_lossy().to_ascii_lowercase().replace(['-', ' ', '.'], "_");
     let is_size = |last: &str| {

@@ -275,10 +275,7 @@ impl Options {
     /// [`UsageError::BankCodec`] for codecs other than dct and progressive.
     pub(crate) fn of_bank(&self) -> Result<Options, UsageError> {
         if self.degrees.is_some() {
-            return Err(UsageError::Excluded {
-                option: "degrees",
-                other: "banks, whose goals are of all channels alike",
-            });
+            return Err(UsageError::Excluded { option: "degrees", other: "banks" });
         }
         match self.codec {
             Some(codec) if codec.is::<Dct>() || codec.is::<Progressive>() => Ok(self.clone()),

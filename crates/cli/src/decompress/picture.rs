@@ -34,7 +34,7 @@ pub(crate) enum Format {
 }
 
 impl Format {
-    /// What names of its files end in.
+    /// The extension of its files.
     pub(super) fn extension(self) -> &'static str {
         match self {
             Format::Png => "png",
@@ -45,7 +45,7 @@ impl Format {
     }
 }
 
-/// How a value is stored.
+/// The storage of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Sample {
     Eight,
@@ -177,7 +177,7 @@ impl Picture {
         Ok(out.into_inner())
     }
 
-    /// As TIFF, with alpha as a further sample beside the colours.
+    /// Writes TIFF, with alpha as an extra sample.
     fn tiff<C: ColorType>(&self, out: &mut Cursor<Vec<u8>>, samples: &[C::Inner]) -> tiff::TiffResult<()>
     where
         [C::Inner]: TiffValue,

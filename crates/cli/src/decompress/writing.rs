@@ -1,4 +1,4 @@
-//! What `decompress` and `bank extract` have in common: which texels are decoded, and where they are written.
+//! Options shared by `decompress` and `bank extract`: the texels to decode, and the output.
 
 use std::path::{Path, PathBuf};
 
@@ -42,7 +42,7 @@ fn rectangle(text: &str) -> Result<[u32; 4], String> {
 }
 
 impl Writing {
-    /// What is decoded of an image whose level has that size.
+    /// The rectangle to decode of an image whose level has that size.
     pub(crate) fn rect(
         &self,
         image: u32,
@@ -57,7 +57,7 @@ impl Writing {
         Ok(Rect { image, level: self.lod, x, y, width: across, height: down })
     }
 
-    /// What names of files end in: the rectangle, where one is given, and the format.
+    /// The ending of file names: the rectangle, if one is given, and the extension.
     pub(crate) fn ending(&self) -> String {
         let region = self.region.map(|[x, y, width, height]| format!("-{x}-{y}-{width}x{height}"));
         format!("{}.{}", region.unwrap_or_default(), self.to.extension())

@@ -73,7 +73,7 @@ pub(crate) fn size(path: &Path, container: Container, head: &[u8]) -> Result<Ima
     check_side(path, ImageSize { width, height })
 }
 
-/// What is stored of the largest level: its format, whether BC1 has alpha, its bytes, and whether they are a zstd frame.
+/// The largest level as stored: format, alpha of BC1, bytes, and a flag for a zstd frame.
 struct Level<'b> {
     format: Format,
     alpha: bool,

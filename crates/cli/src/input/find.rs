@@ -26,13 +26,13 @@ pub(crate) struct Found {
 }
 
 impl Found {
-    /// Whether it is one file, all frames or pages of which are taken.
+    /// True for one file of which all frames or pages are taken.
     pub(crate) fn takes_all_frames(&self) -> bool {
         matches!(self.kind, Kind::Set | Kind::Sequence) && self.files == [self.path.as_path()]
     }
 }
 
-/// What a command line names.
+/// The inputs of a command line.
 #[derive(Debug, Default)]
 pub(crate) struct Inputs {
     pub(crate) found: Vec<Result<Found, Unusable>>,

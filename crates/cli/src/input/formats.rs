@@ -32,7 +32,7 @@ const OTHERS: [(&str, &str); 11] = [
 /// The name of JPEG XL, which a feature of the build reads.
 const JPEG_XL: &str = "JPEG XL";
 
-/// Whether a file of a folder is taken, by its name.
+/// True for files of a folder that are taken, by extension.
 pub(super) fn is_image(path: &Path) -> bool {
     let extension = extension(path);
     EXTENSIONS.contains(&extension.as_str()) || cfg!(feature = "jxl") && extension == "jxl"
@@ -42,7 +42,7 @@ fn extension(path: &Path) -> String {
     path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase()
 }
 
-/// Whether a file with such first bytes is JPEG XL.
+/// True for the first bytes of a JPEG XL file.
 pub(super) fn is_jpeg_xl(head: &[u8]) -> bool {
     head.starts_with(b"\xff\x0a") || head.starts_with(b"\0\0\0\x0cJXL \r\n\x87\n")
 }

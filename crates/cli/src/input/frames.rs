@@ -132,7 +132,7 @@ fn webp_frames(mut file: BufReader<File>) -> usize {
     frames
 }
 
-/// Where the directories of the pages of a TIFF file are, the first image's first.
+/// Byte offsets of the directories of a TIFF file's pages, the first image's first.
 pub(super) fn pages(path: &Path) -> Vec<u64> {
     let mut pages = Vec::new();
     let Some(file) = File::open(path).ok() else { return pages };

@@ -8,7 +8,7 @@ use image::{DynamicImage, ImageBuffer, ImageDecoder, ImageError, ImageFormat, Im
 use texfold_core::ImageSize;
 use texfold_core::image::{Alpha, ColorSpace, Raster};
 use tiff::decoder::{Decoder as TiffDecoder, DecodingResult};
-use tiff::tags::{SampleFormat, Tag};
+use tiff::tags::{PlanarConfiguration, SampleFormat, Tag};
 
 use super::frames::{self, Source};
 use super::remarks::Remarks;
@@ -24,7 +24,7 @@ struct Stored {
     orientation: Orientation,
     profile: Option<Vec<u8>>,
     is_cmyk: bool,
-    /// Whether values are in proportion to light.
+    /// True for linear values.
     is_linear: bool,
 }
 
@@ -199,16 +199,20 @@ fn stored(path: &Path, page: Option<u64>, limit_bytes: u64) -> Result<Stored, Cl
         Ok(Stored { image, format, orientation, profile, is_cmyk, is_linear })
     };
     let stored = decode().map_err(|error| fault(path, format, error))?;
-    // Near infrared, as in aerial photographs.
-    let image = match stored.image {
-        image if !image.color().has_alpha() || !ends_with_band(path, page, format) => image,
+    let has_band = stored.image.color().has_alpha() && ends_with_band(path, page, format);
+    let image = if has_band { without_band(stored.image) } else { stored.image };
+    Ok(Stored { image, ..stored })
+}
+
+/// An image without its last channel, such as near infrared in aerial photographs.
+fn without_band(image: DynamicImage) -> DynamicImage {
+    match image {
         image @ DynamicImage::ImageLumaA8(_) => image.into_luma8().into(),
         image @ DynamicImage::ImageLumaA16(_) => image.into_luma16().into(),
         image @ DynamicImage::ImageRgba8(_) => image.into_rgb8().into(),
         image @ DynamicImage::ImageRgba16(_) => image.into_rgb16().into(),
         image => image,
-    };
-    Ok(Stored { image, ..stored })
+    }
 }
 
 /// Whether the last channel of a file is a band of its own, and no alpha.
@@ -217,7 +221,7 @@ fn ends_with_band(path: &Path, page: Option<u64>, format: Option<ImageFormat>) -
     decoder.and_then(|mut decoder| no_alpha(&mut decoder)).unwrap_or(false)
 }
 
-/// Whether colours are mixed of inks. A JPEG of four components has such, which its decoder turns to RGB.
+/// True for CMYK. The JPEG decoder converts four components to RGB, so the frame header is read.
 fn is_cmyk(path: &Path, format: Option<ImageFormat>, decoder: &Decoder) -> bool {
     use image::ExtendedColorType::{Cmyk8, Cmyk16};
     matches!(decoder.original_color_type(), Cmyk8 | Cmyk16)
@@ -315,7 +319,7 @@ fn is_float(decoder: &mut TiffDecoder<Box<dyn Source>>) -> bool {
     formats.is_some_and(|formats| formats.contains(&SampleFormat::IEEEFP.to_u16()))
 }
 
-/// The decoder of a TIFF file that the `image` crate does not take: gray floats, and YCbCr as in JPEG.
+/// The decoder of a TIFF file that the `image` crate does not take: gray floats, gray with a second sample, and YCbCr as in JPEG.
 fn special_tiff(
     path: &Path,
     page: Option<u64>,
@@ -325,6 +329,10 @@ fn special_tiff(
     let is_jpeg = decoder.find_tag_unsigned::<u16>(Tag::Compression).ok().flatten() == Some(7);
     let is_special = match decoder.colortype().ok()? {
         tiff::ColorType::Gray(32) => is_float(&mut decoder),
+        tiff::ColorType::Multiband { bit_depth: 8 | 16, num_samples: 2 } => {
+            let planes = decoder.find_tag_unsigned::<u16>(Tag::PlanarConfiguration).ok().flatten();
+            planes != Some(PlanarConfiguration::Planar.to_u16())
+        }
         tiff::ColorType::YCbCr(8) => is_jpeg,
         _ => false,
     };
@@ -347,6 +355,8 @@ fn special_image(
         let (needed_mib, allowed_mib) = (needed >> 20, limit_bytes >> 20);
         return Err(CliError::Memory { path: path.to_owned(), needed_mib, allowed_mib });
     }
+    let samples = decoder.colortype().map_err(damaged)?.num_samples();
+    let is_gray = samples == 2 && no_alpha(&mut decoder).unwrap_or(false);
     let mut limits = tiff::decoder::Limits::default();
     let most = usize::try_from(limit_bytes).unwrap_or(usize::MAX);
     (limits.decoding_buffer_size, limits.intermediate_buffer_size) = (most, most);
@@ -358,6 +368,12 @@ fn special_image(
             let values = values.ok_or_else(|| CliError::HighRange { path: path.to_owned() })?;
             ImageBuffer::from_raw(width, height, values).map(DynamicImage::ImageLuma16)
         }
+        DecodingResult::U8(values) if samples == 2 => {
+            ImageBuffer::from_raw(width, height, values).map(DynamicImage::ImageLumaA8)
+        }
+        DecodingResult::U16(values) if samples == 2 => {
+            ImageBuffer::from_raw(width, height, values).map(DynamicImage::ImageLumaA16)
+        }
         DecodingResult::U8(mut values) => {
             values.chunks_exact_mut(3).for_each(to_rgb);
             ImageBuffer::from_raw(width, height, values).map(DynamicImage::ImageRgb8)
@@ -368,6 +384,7 @@ fn special_image(
         path: path.to_owned(),
         source: Box::new(std::io::Error::from(std::io::ErrorKind::InvalidData)),
     })?;
+    let image = if is_gray { without_band(image) } else { image };
     let orientation = orientation.and_then(Orientation::from_exif).unwrap_or(Orientation::NoTransforms);
     let format = Some(ImageFormat::Tiff);
     Ok(Stored { image, format, orientation, profile, is_cmyk: false, is_linear })
@@ -405,7 +422,7 @@ fn damaged(path: &Path, error: tiff::TiffError) -> CliError {
     CliError::Rows { path: path.to_owned(), source: Box::new(error) }
 }
 
-/// What a TIFF file holds that is not read.
+/// The property of a TIFF file that is not supported, in words.
 fn tiff_words(path: &Path) -> Option<String> {
     use tiff::ColorType::{CMYK, Gray, GrayA, Multiband, RGB, RGBA};
     let mut decoder = tiff_decoder(path, None, Some(ImageFormat::Tiff))?;

@@ -43,7 +43,7 @@ pub(super) fn to_srgb(image: &mut DynamicImage, profile: &[u8]) -> Result<Option
     Ok(Some(name(&profile)))
 }
 
-/// Whether values of that profile are those of sRGB. `true` where there is no profile.
+/// True where the profile has the values of sRGB, and without a profile.
 pub(super) fn keeps_values(profile: Option<&[u8]>, channels: usize) -> bool {
     profile.is_none_or(|profile| {
         ColorProfile::new_from_slice(profile)

@@ -1,11 +1,11 @@
-//! What is worth telling of files that are read.
+//! Notes and warnings on files that are read.
 
 use std::path::Path;
 
 /// Names that a line holds at most.
 const MOST_NAMES: usize = 5;
 
-/// What was made of files, and what of them was not taken.
+/// Notes on how files were read, and warnings of what was left out or may be wrong.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Remarks {
     notes: Vec<Remark>,
@@ -20,12 +20,12 @@ struct Remark {
 }
 
 impl Remarks {
-    /// Tells what was made of a file.
+    /// Adds a note on how a file was read.
     pub(crate) fn note(&mut self, path: &Path, text: impl Into<String>) {
         add(&mut self.notes, path, text.into());
     }
 
-    /// Tells what of a file was not taken, or may be wrong.
+    /// Adds a warning of something left out or possibly wrong.
     pub(crate) fn warn(&mut self, path: &Path, text: impl Into<String>) {
         add(&mut self.warnings, path, text.into());
     }

@@ -104,7 +104,7 @@ fn named(dir: &Path, list: &List) -> Vec<PathBuf> {
 pub(crate) struct Loaded {
     pub(crate) stack: PatchStack,
     pub(crate) left_out: Vec<String>,
-    /// What is worth telling of the photographs.
+    /// Notes and warnings on the photographs.
     pub(crate) remarks: Remarks,
     /// Where registration has put the photographs, as a list to correct by hand.
     pub(crate) list: Option<String>,

@@ -1,4 +1,4 @@
-//! What `decompress` and `bank extract` write: formats, depths, rectangles, names, and nothing over what is there.
+//! Outputs of `decompress` and `bank extract`: formats, depths, rectangles, names, and no overwriting without `--force`.
 
 use std::fs;
 
@@ -106,6 +106,11 @@ fn every_format_holds_the_channels_and_values_of_the_texture() {
         assert!(run.code == Some(0) && run.stderr.is_empty(), "{}", run.stderr);
         let lines: Vec<String> = (1..=4).map(|channels| format!("wrote {to}/{channels}.{to}")).collect();
         assert_eq!(run.stdout.lines().collect::<Vec<_>>(), lines);
+        // What is written can be read.
+        let (run, report) =
+            place.compress(&format!("{to} --as image --out of-{to} --codec bc --content raw --force"));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        assert!(report.iter().all(|row| row["psnr"].as_f64().unwrap() > 100.0 || row["psnr"].is_null()));
     }
     for channels in 1..=4u8 {
         let open = |to: &str| image::open(place.at(&format!("{to}/{channels}.{to}"))).unwrap();

@@ -615,14 +615,18 @@ fn frames_are_added_to_a_file_and_those_there_keep_every_texel() {
     for (arguments, code, message) in [
         ("more --add-to plain/walk.txf --out no", 1, "codec bc cannot take further images; use vq"),
         ("other --as sequence --add-to out/walk.txf --out no", 1, "3.png"),
-        ("more --color linear --add-to out/walk.txf --out no", 2, "--color says nothing with --add-to"),
-        ("more --report r.json --add-to out/walk.txf --out no", 2, "--report says nothing with --add-to"),
-        ("more --effort fast --add-to out/walk.txf --out no", 2, "--effort says nothing with --add-to"),
+        ("more --color linear --add-to out/walk.txf --out no", 2, "--color cannot be combined with --add-to"),
+        (
+            "more --report r.json --add-to out/walk.txf --out no",
+            2,
+            "--report cannot be combined with --add-to",
+        ),
+        ("more --effort fast --add-to out/walk.txf --out no", 2, "--effort cannot be combined with --add-to"),
         ("more missing --add-to out/walk.txf --out no", 1, "missing"),
         (
             "more --add-to out/walk.txf --out no --bpp 2",
             2,
-            "--tolerance and --degrees says nothing with --add-to",
+            "--tolerance and --degrees cannot be combined with --add-to",
         ),
     ] {
         let run = place.run(&format!("compress {arguments}"));

@@ -15,7 +15,7 @@ use texfold_core::ImageAddress;
 use texfold_core::image::{ColorSpace, Depth, linear_to_srgb, srgb_to_linear};
 use tiff::encoder::colortype;
 
-/// What is to become of a file.
+/// The expected outcome of a file.
 #[derive(Debug)]
 enum Want {
     Taken(Taken),
@@ -338,7 +338,7 @@ fn joined(row: &Value, field: &str) -> String {
     lines.iter().map(|line| line.as_str().unwrap()).collect::<Vec<_>>().join("; ")
 }
 
-/// What is wrong with the outcome of a file.
+/// The difference between a file's outcome and what is expected.
 fn fault(dir: &Path, row: &Value, want: &Want) -> Option<String> {
     let error = row["error"].as_str();
     let want = match (want, error) {

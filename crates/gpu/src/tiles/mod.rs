@@ -588,7 +588,7 @@ impl TileCache {
 /// A texture's share of a [`TileCache`], in bytes of GPU memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TileBytes {
-    /// What its tiles are decoded from: of [`TileOptions::stream_bytes`] streams and tables where it is in superblocks, else the texture as
+    /// The source of its tiles: streams and tables, part of [`TileOptions::stream_bytes`], for superblocks, else the texture as
     /// [`Gpu::upload`] holds it.
     pub held: u64,
     /// All of its tiles decoded: the most of the pool that it takes. Textures that share a pool take no more than that together.

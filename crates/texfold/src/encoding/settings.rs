@@ -30,7 +30,7 @@ pub struct EncodeSettings {
     pub access: Option<Access>,
     /// Which errors count, where a codec can weigh them; `None` lets pixels and goal decide.
     pub metric: Option<Metric>,
-    /// Whether the codec that is named stays where plain blocks answer the goal better; without effect for a choice among all codecs.
+    /// True to keep the named codec where plain blocks meet the goal better; without effect for a choice among all codecs.
     pub keeps_codec: bool,
 }
 

@@ -135,7 +135,7 @@ pub(crate) enum CliError {
     NoMesh { path: PathBuf, name: String },
     #[error("{}: {width}x{height} pixels where its camera has {}x{}; scale the image or correct the cameras", path.display(), wanted.0, wanted.1)]
     ImageSize { path: PathBuf, width: u32, height: u32, wanted: (u32, u32) },
-    #[error("{}: is not a capture; give codec lightfield a folder with transforms.json, images and mesh.obj, .ply, .glb or .gltf", path.display())]
+    #[error("{}: is not a capture; give codec lightfield a folder with transforms.json (or COLMAP's images.txt and cameras.txt), images and mesh.obj, .ply, .glb or .gltf", path.display())]
     NotCapture { path: PathBuf },
     #[error("{}: is a capture, but codec {codec} takes images; give --codec lightfield, or --as set to encode its images", path.display())]
     OnlyImages { path: PathBuf, codec: &'static str },

@@ -50,9 +50,12 @@ export function showFacts(texture: Texture, drawn: GpuTexture | null): void {
   if (drawn && drawn.skippedLevels > 0) {
     rows.push(["Shown from mip level", `${drawn.skippedLevels}, the finest that this GPU holds`]);
   }
-  const sizes: [string, number][] = [["On disk", texture.fileBytes], ["Compressed in memory", texture.compressedBytes], ["As drawn here", drawn?.residentBytes ?? 0]];
+  const sizes: [string, number][] = [["On disk", texture.fileBytes], ["Compressed in memory", texture.compressedBytes]];
+  if (drawn) {
+    sizes.push(["As drawn here", drawn.residentBytes]);
+  }
   if (texture.plainBytes > 0) {
-    sizes.push(["As plain RGBA with mips", texture.plainBytes]);
+    sizes.push([layout && layout.levels === 1 ? "As plain RGBA" : "As plain RGBA with mips", texture.plainBytes]);
   }
   const most = Math.max(...sizes.map(([, bytes]) => bytes));
   const children: (HTMLElement | string)[] = [table(rows), make("h2", {}, "Size"), ...sizes.flatMap(([name, bytes]) => bar(name, bytes, most))];

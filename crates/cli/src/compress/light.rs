@@ -28,7 +28,9 @@ impl Folder for LightSettings {
     const BYTES_PER_PIXEL: u64 = 40;
 
     fn other_files(&self, dir: &Path) -> Result<Vec<PathBuf>, CliError> {
-        Ok(vec![dir.join(capture::CAMERAS_NAME), capture::mesh_file(dir, self.mesh.as_deref())?])
+        let mut files = capture::camera_files(dir);
+        files.push(capture::mesh_file(dir, self.mesh.as_deref())?);
+        Ok(files)
     }
 
     fn encode(&self, task: &FolderTask<Self>, limit_bytes: u64, share: &Share<'_>) -> Result<Made, CliError> {

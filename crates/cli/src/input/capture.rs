@@ -1,8 +1,6 @@
 //! Captures: `transforms.json` (the convention of NeRF and nerfstudio: intrinsics in pixels, matrices from camera to
-//! world with OpenGL axes), the images that it names, and `mesh.obj`, `mesh.ply`, `mesh.glb` or `mesh.gltf` in the
-//! cameras' space.
-//!
-//! *Not done*: lens distortion; a file that has some is refused.
+//! world with OpenGL axes) or COLMAP's `images.txt` and `cameras.txt`, the images that these name, and `mesh.obj`, `mesh.ply`, `mesh.glb` or `mesh.gltf` in the
+//! cameras' space. Photographs of lenses that distort are undistorted.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -15,35 +13,17 @@ use texfold::{
     lightfield::simplify_mesh,
 };
 
-use super::{pixels, shape};
+use super::lens::{Distortion, Lens};
+use super::{colmap, pixels, shape};
 use crate::error::CliError;
 use crate::memory::usual_limit;
 
-/// Name of the file that makes a folder a capture.
-pub(crate) const CAMERAS_NAME: &str = "transforms.json";
+/// The cameras of NeRF and nerfstudio, which make a folder a capture.
+const CAMERAS_NAME: &str = "transforms.json";
+/// The cameras of COLMAP, which make a folder a capture where it has no other.
+const COLMAP_NAME: &str = "images.txt";
 /// Names of meshes, in the order in which they are looked for.
 const MESH_NAMES: [&str; 4] = ["mesh.obj", "mesh.ply", "mesh.glb", "mesh.gltf"];
-/// Distortion below this moves no pixel of an image that a texture can hold.
-const LEAST_DISTORTION: f32 = 1e-7;
-
-/// What a camera or a file of cameras says of lens and image.
-#[derive(Debug, Clone, Copy, Default, Deserialize)]
-struct Lens {
-    w: Option<f32>,
-    h: Option<f32>,
-    fl_x: Option<f32>,
-    fl_y: Option<f32>,
-    cx: Option<f32>,
-    cy: Option<f32>,
-    camera_angle_x: Option<f32>,
-    k1: Option<f32>,
-    k2: Option<f32>,
-    k3: Option<f32>,
-    k4: Option<f32>,
-    p1: Option<f32>,
-    p2: Option<f32>,
-}
-
 #[derive(Debug, Deserialize)]
 struct Frame {
     file_path: String,
@@ -65,52 +45,30 @@ pub(crate) struct Shot {
     pub(crate) image: PathBuf,
     frame: usize,
     lens: Lens,
+    distortion: Option<Distortion>,
     to_world: Mat4,
 }
 
-impl Lens {
-    fn or(self, other: Lens) -> Lens {
-        Lens {
-            w: self.w.or(other.w),
-            h: self.h.or(other.h),
-            fl_x: self.fl_x.or(other.fl_x),
-            fl_y: self.fl_y.or(other.fl_y),
-            cx: self.cx.or(other.cx),
-            cy: self.cy.or(other.cy),
-            camera_angle_x: self.camera_angle_x.or(other.camera_angle_x),
-            k1: self.k1.or(other.k1),
-            k2: self.k2.or(other.k2),
-            k3: self.k3.or(other.k3),
-            k4: self.k4.or(other.k4),
-            p1: self.p1.or(other.p1),
-            p2: self.p2.or(other.p2),
-        }
+/// Reads a file of cameras: COLMAP's text where its name ends in `.txt`, else `transforms.json`.
+pub(crate) fn read_cameras(path: &Path) -> Result<Vec<Shot>, CliError> {
+    let is_text = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("txt"));
+    let shots = if is_text { colmap::read(path) } else { read_transforms(path) }?;
+    if shots.is_empty() {
+        return Err(CliError::CameraContent { path: path.to_owned(), what: "names no frame" });
     }
-
-    fn distorts(&self) -> bool {
-        let all = [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2];
-        all.into_iter().flatten().any(|value| value.is_nan() || value.abs() > LEAST_DISTORTION)
-    }
+    Ok(shots)
 }
 
-/// Reads a file of cameras.
-pub(crate) fn read_cameras(path: &Path) -> Result<Vec<Shot>, CliError> {
+fn read_transforms(path: &Path) -> Result<Vec<Shot>, CliError> {
     let text = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
     let cameras: Cameras = serde_json::from_slice(&text)
         .map_err(|source| CliError::Cameras { path: path.to_owned(), source: source.into() })?;
-    if cameras.frames.is_empty() {
-        return Err(CliError::CameraContent { path: path.to_owned(), what: "names no frame" });
-    }
     let dir = path.parent().unwrap_or(Path::new(""));
     let shot = |(frame, found): (usize, Frame)| {
-        let lens = found.lens.or(cameras.lens);
-        if lens.distorts() {
-            let what = "has lens distortion, which is not in this version: undistort the images";
-            return Err(CliError::CameraContent { path: path.to_owned(), what });
-        }
         let [x, y, z, w] = found.transform_matrix.map(Vec4::from);
         let to_world = Mat4::from_cols(x, y, z, w).transpose();
-        Ok(Shot { image: image_path(dir, &found.file_path), frame, lens, to_world })
+        Shot::new(image_path(dir, &found.file_path), frame, found.lens.or(&cameras.lens), to_world)
+            .map_err(|what| CliError::CameraContent { path: path.to_owned(), what })
     };
     cameras.frames.into_iter().enumerate().map(shot).collect()
 }
@@ -122,7 +80,20 @@ fn image_path(dir: &Path, name: &str) -> PathBuf {
 }
 
 impl Shot {
-    /// The camera, for an image of `size` pixels where the file does not say; `file` is named in errors.
+    /// A camera of the image at `image`, number `frame` of its file.
+    ///
+    /// # Errors
+    /// A phrase for a lens that cannot be undistorted.
+    pub(super) fn new(
+        image: PathBuf,
+        frame: usize,
+        lens: Lens,
+        to_world: Mat4,
+    ) -> Result<Shot, &'static str> {
+        Ok(Shot { image, frame, distortion: lens.distortion()?, lens, to_world })
+    }
+
+    /// The pinhole camera, for an image of `size` pixels where the file does not say; `file` is named in errors.
     pub(crate) fn camera(&self, file: &Path, size: Option<(u32, u32)>) -> Result<Camera, CliError> {
         let fault = |what| CliError::CameraContent { path: file.to_owned(), what };
         let side = |said: Option<f32>, found: Option<u32>| match (said, found) {
@@ -148,9 +119,24 @@ impl Shot {
     }
 }
 
+/// Whether a folder is a capture.
+pub(crate) fn is_capture(dir: &Path) -> bool {
+    camera_files(dir).iter().all(|file| file.exists())
+}
+
+/// The files of a capture's cameras, that of the poses first; `transforms.json` where there is none.
+pub(crate) fn camera_files(dir: &Path) -> Vec<PathBuf> {
+    let colmap = [COLMAP_NAME, colmap::LENSES_NAME].map(|name| dir.join(name));
+    let transforms = dir.join(CAMERAS_NAME);
+    if !transforms.exists() && colmap.iter().all(|file| file.exists()) {
+        return colmap.to_vec();
+    }
+    vec![transforms]
+}
+
 /// The images of a capture's folder, in the order of its cameras.
 pub(crate) fn image_files(dir: &Path) -> Result<Vec<PathBuf>, CliError> {
-    Ok(read_cameras(&dir.join(CAMERAS_NAME))?.into_iter().map(|shot| shot.image).collect())
+    Ok(read_cameras(&camera_files(dir)[0])?.into_iter().map(|shot| shot.image).collect())
 }
 
 /// The mesh file of a capture: the one given, or its own.
@@ -191,7 +177,7 @@ pub(crate) fn read(
     triangles: Option<u32>,
     limit_bytes: u64,
 ) -> Result<Capture, CliError> {
-    let file = dir.join(CAMERAS_NAME);
+    let file = camera_files(dir).swap_remove(0);
     let shots = read_cameras(&file)?;
     let mesh: Mesh = shape::read(&mesh_file(dir, mesh)?)?;
     let mesh = match triangles {
@@ -216,5 +202,9 @@ fn view(file: &Path, shot: &Shot, limit_bytes: u64) -> Result<Photograph, CliErr
         });
     }
     let pixels = raster.texels().map(|texel| texel.to_array().map(texfold_core::image::to_u8)).collect();
-    Ok(Photograph { camera, pixels })
+    let photo = Photograph { camera, pixels };
+    Ok(match shot.distortion {
+        Some(distortion) => distortion.undistorted(&photo),
+        None => photo,
+    })
 }

@@ -135,7 +135,7 @@ fn file(path: PathBuf, kind: Kind) -> Result<Found, Unusable> {
 
 /// Light fields and zoom stacks are told by the file that describes them.
 fn kind_of_folder(path: &Path) -> Kind {
-    if path.join(capture::CAMERAS_NAME).exists() {
+    if capture::is_capture(path) {
         Kind::Lightfield
     } else if path.join(stack::LIST_NAME).exists() {
         Kind::Zoom

@@ -2,10 +2,12 @@
 
 pub(crate) mod bands;
 pub(crate) mod capture;
+mod colmap;
 pub(crate) mod container;
 pub(crate) mod find;
 pub(crate) mod formats;
 pub(crate) mod frames;
+mod lens;
 pub(crate) mod mesh;
 pub(crate) mod pixels;
 mod profile;

@@ -148,6 +148,52 @@ fn a_goal_is_reached_or_the_report_says_so() {
 }
 
 #[test]
+fn a_model_of_colmap_is_a_capture() {
+    let place = Place::new();
+    write_capture(&place, "ball");
+    let file = place.at("ball/transforms.json");
+    let wanted = texfold_cli::read_views(&file).unwrap();
+    fs::remove_file(&file).unwrap();
+    let focal = wanted[0].camera.focal.x;
+    let lens = format!("1 SIMPLE_PINHOLE {SIZE} {SIZE} {focal} {0} {0}\n", SIZE / 2);
+    fs::write(place.at("ball/cameras.txt"), lens).unwrap();
+    let mut images = String::new();
+    for (index, view) in wanted.iter().enumerate() {
+        let flipped = view.camera.to_world * glam::Mat4::from_scale(glam::vec3(1.0, -1.0, -1.0));
+        let (_, turn, shift) = flipped.inverse().to_scale_rotation_translation();
+        let [x, y, z, w] = turn.to_array();
+        images +=
+            &format!("{index} {w} {x} {y} {z} {} {} {} 1 {index:02}.png\n\n", shift.x, shift.y, shift.z);
+    }
+    fs::write(place.at("ball/images.txt"), images).unwrap();
+    let found = texfold_cli::read_views(&place.at("ball/images.txt")).unwrap();
+    for (found, wanted) in found.iter().zip(&wanted) {
+        assert!(
+            found.camera.to_world.abs_diff_eq(wanted.camera.to_world, 1e-4) && found.pixels == wanted.pixels
+        );
+    }
+    let (run, report) = place.compress("ball --out out");
+    assert!(run.code == Some(0) && report[0]["codec"] == "lightfield", "{}", run.stderr);
+}
+
+/// A pincushion lens draws farther out than a pinhole: its photograph undistorted shows the ball smaller.
+#[test]
+fn photographs_of_a_distorting_lens_are_undistorted() {
+    let place = Place::new();
+    write_capture(&place, "ball");
+    let file = place.at("ball/transforms.json");
+    let seen = || {
+        let views = texfold_cli::read_views(&file).unwrap();
+        views.iter().flat_map(|view| &view.pixels).filter(|pixel| pixel[3] > 0).count()
+    };
+    let before = seen();
+    let mut cameras: serde_json::Value = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();
+    cameras["k1"] = json!(2.0);
+    fs::write(&file, cameras.to_string()).unwrap();
+    assert!(0 < seen() && 5 * seen() < 4 * before, "{} of {before}", seen());
+}
+
+#[test]
 fn faults_of_captures_are_named() {
     let place = Place::new();
     write_capture(&place, "ball");
@@ -166,7 +212,7 @@ fn faults_of_captures_are_named() {
     for (error, wanted) in [
         (fault(&|c| c["frames"] = json!([])), "names no frame"),
         (fault(&|c| c["frames"] = json!(3)), "transforms.json"),
-        (fault(&|c| c["k1"] = json!(0.1)), "undistort"),
+        (fault(&|c| c["k4"] = json!(0.1)), "undistort the images first"),
         (fault(&|c| c["fl_x"] = json!(null)), "add fl_x"),
         (fault(&|c| c["w"] = json!(41)), "40x40 pixels where its camera has 41x40"),
         (fault(&|c| c["frames"][2]["file_path"] = json!("images/none.png")), "none.png"),

@@ -156,7 +156,51 @@ impl Gpu {
         buffer
     }
 
+    /// Submits `commands`, which fill `buffer`, waits for them and shows its bytes to `read`.
+    ///
+    /// # Errors
+    /// [`GpuError::Lost`].
+    pub(crate) fn map<T>(
+        &self,
+        commands: wgpu::CommandBuffer,
+        buffer: &wgpu::Buffer,
+        read: impl FnOnce(&[u8]) -> T,
+    ) -> Result<T, GpuError> {
+        self.queue.submit([commands]);
+        if !self.wait_to_read(buffer) {
+            return Err(GpuError::Lost);
+        }
+        let view = buffer.get_mapped_range(..).map_err(|_| GpuError::Lost)?;
+        let found = read(&view);
+        drop(view);
+        buffer.unmap();
+        Ok(found)
+    }
+
+    /// Whether `buffer` came to be mapped. The buffers of a lost device are invalid, which mapping alone reports.
+    fn wait_to_read(&self, buffer: &wgpu::Buffer) -> bool {
+        let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let (sender, receiver) = std::sync::mpsc::channel();
+        buffer.map_async(wgpu::MapMode::Read, .., move |result| {
+            // Another thread's poll may call this, after this thread's poll.
+            let _ = sender.send(result);
+        });
+        let waited = self.device.poll(wgpu::PollType::wait_indefinitely()).is_ok();
+        let faults = pollster::block_on(scope.pop());
+        waited && faults.is_none() && matches!(receiver.recv(), Ok(Ok(())))
+    }
+
+    /// Whether the device answers no more.
+    fn is_lost(&self) -> bool {
+        let (size, usage) = (4, wgpu::BufferUsages::MAP_READ);
+        let probe = wgpu::BufferDescriptor { label: Some("probe"), size, usage, mapped_at_creation: false };
+        !self.wait_to_read(&self.device.create_buffer(&probe))
+    }
+
     /// Does `work` and turns what the device reports meanwhile into an error.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`], [`GpuError::Lost`], [`GpuError::Refused`], or the error of `work`.
     pub(crate) fn guarded<T>(&self, work: impl FnOnce() -> Result<T, GpuError>) -> Result<T, GpuError> {
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
@@ -165,6 +209,7 @@ impl Gpu {
         let exhausted = pollster::block_on(memory.pop());
         match (exhausted, refused) {
             (Some(error), _) => Err(GpuError::OutOfMemory(error)),
+            (None, Some(_)) if self.is_lost() => Err(GpuError::Lost),
             (None, Some(error)) => Err(GpuError::Refused(error)),
             (None, None) => done,
         }

@@ -163,10 +163,7 @@ pub enum GpuError {
     /// The device refused a command.
     #[error("the device refused a command; report it with the adapter's name and its driver's version")]
     Refused(#[source] wgpu::Error),
-    /// The device stopped answering.
-    #[error("the device stopped answering; make a new one and upload again")]
-    Lost(#[from] wgpu::PollError),
-    /// Pixels could not be read back.
-    #[error("the device did not give the pixels back; make a new one and upload again")]
-    Readback,
+    /// The device is lost, as after a reset of its driver, or gives nothing back.
+    #[error("the device is lost; make a new one and upload again")]
+    Lost,
 }

@@ -15,7 +15,7 @@ use texfold::core::rng::Rng;
 use texfold::core::{Encoded, Image2d, ImageSize, Rect, Texel};
 use texfold::{AnyImage, Arrived, Arriving, Choice, Effort, EncodeSettings, Goal, Guidance, Job, Limits};
 use texfold_gpu::{
-    AddressMode, Gpu, GpuError, TileBytes, TileCache, TileLook, TileOptions, TileTexture, wgpu,
+    AddressMode, Gpu, GpuError, Policy, TileBytes, TileCache, TileLook, TileOptions, TileTexture, wgpu,
 };
 use texfold_testkit::{crop, full};
 
@@ -489,4 +489,38 @@ fn a_texture_takes_the_bytes_of_its_share() {
     });
     // Stored levels of these images are in their tails, which are uploaded as texels.
     assert_eq!(held[0], held[1]);
+}
+
+/// As after a driver's reset: the caller learns of it from its device, makes another and fills a new cache.
+#[test]
+fn a_lost_device_ends_in_errors_and_another_draws() {
+    if gpu().is_none() {
+        return;
+    }
+    let settings = EncodeSettings { effort: Effort::Fast, ..EncodeSettings::default() };
+    let set = ImageSet::single(image("facade"));
+    let texture = texfold::encode_images(&set, Guidance::default(), &settings, &mut Job::default()).unwrap();
+    let texture = texture.as_encoded();
+    let lost = Gpu::new(Policy::Require).unwrap();
+    let mut cache = TileCache::new(&lost, &options()).unwrap();
+    let numbers = cache.add(&lost, texture, TileLook::default()).unwrap();
+    let uploaded = lost.upload(&texture.gpu()).unwrap();
+    lost.device().destroy();
+
+    // What a renderer does in the frames until it has heard of it.
+    let _ = cache.add(&lost, texture, TileLook::default());
+    cache.remove(&lost, numbers[0]);
+    let mut encoder = lost.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    cache.update(&mut encoder);
+    lost.queue().submit([encoder.finish()]);
+    assert!(matches!(cache.report(&lost), Err(GpuError::Lost)));
+    let whole = texfold_gpu::View::whole(0, (8, 8), texfold_gpu::Lookup::Fetch { level: 0 });
+    assert!(matches!(lost.read_view(&uploaded, &whole), Err(GpuError::Lost)));
+
+    let next = Gpu::new(Policy::Require).unwrap();
+    let mut renderer = Renderer::new(&next, &options());
+    renderer.cache.add(&next, texture, TileLook::default()).unwrap();
+    let (across, down) = (DVec2::new(4e-3, 0.0), DVec2::new(0.0, 4e-3));
+    let seen = renderer.settled(&View { origin: DVec2::ZERO, across, down, texture: 0, lod: -1.0 });
+    assert!(seen.iter().any(|texel| texel.x != seen[0].x));
 }

@@ -1,6 +1,6 @@
 //! Off-screen targets, and their pixels back in memory.
 
-use wgpu::{Buffer, BufferUsages, CommandEncoder, Texture, TextureFormat, TextureUsages};
+use wgpu::{BufferUsages, CommandEncoder, Texture, TextureFormat, TextureUsages};
 
 use crate::upload::extent;
 use crate::{Gpu, GpuError};
@@ -59,34 +59,12 @@ impl Gpu {
         }
         Ok(())
     }
-
-    /// Submits `commands`, which fill `buffer`, and shows its bytes to `read`.
-    fn map(
-        &self,
-        commands: wgpu::CommandBuffer,
-        buffer: &Buffer,
-        read: impl FnOnce(&[u8]),
-    ) -> Result<(), GpuError> {
-        self.queue.submit([commands]);
-        let (sender, receiver) = std::sync::mpsc::channel();
-        buffer.map_async(wgpu::MapMode::Read, .., move |result| {
-            // The receiver lives until the answer is there, or nobody waits for it.
-            let _ = sender.send(result);
-        });
-        self.device.poll(wgpu::PollType::wait_indefinitely())?;
-        receiver.recv().map_err(|_| GpuError::Readback)?.map_err(|_| GpuError::Readback)?;
-        let view = buffer.get_mapped_range(..).map_err(|_| GpuError::Readback)?;
-        read(&view);
-        drop(view);
-        buffer.unmap();
-        Ok(())
-    }
 }
 
 fn copy_band(
     encoder: &mut CommandEncoder,
     target: &Texture,
-    buffer: &Buffer,
+    buffer: &wgpu::Buffer,
     bytes_per_row: u32,
     rows: std::ops::Range<u32>,
 ) {

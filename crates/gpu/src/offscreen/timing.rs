@@ -63,7 +63,7 @@ impl Gpu {
             cover(&mut encoder, target, &run.pipeline, [&run.textures, &run.job]);
         }
         self.queue.submit([encoder.finish()]);
-        self.device.poll(wgpu::PollType::wait_indefinitely())?;
+        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|_| GpuError::Lost)?;
         Ok(())
     }
 

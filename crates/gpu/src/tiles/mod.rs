@@ -468,7 +468,7 @@ impl TileCache {
     /// The outcome of the last update; waits for the GPU. For tests and displays of statistics: nothing depends on it.
     ///
     /// # Errors
-    /// [`GpuError::Lost`], [`GpuError::Readback`].
+    /// [`GpuError::Lost`].
     pub fn report(&self, gpu: &Gpu) -> Result<TileReport, GpuError> {
         let copy = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("report of tiles"),
@@ -478,12 +478,8 @@ impl TileCache {
         });
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.copy_buffer_to_buffer(&self.buffers.feedback, 0, &copy, 0, Some(16));
-        gpu.queue.submit([encoder.finish()]);
-        copy.map_async(wgpu::MapMode::Read, .., |_| ());
-        gpu.device.poll(wgpu::PollType::wait_indefinitely())?;
-        let bytes = copy.get_mapped_range(..).map_err(|_| GpuError::Readback)?.to_vec();
-        let words: Vec<u32> = bytemuck::pod_collect_to_vec(&bytes);
-        let &[_, bias, decoded, missing] = words.as_slice() else { return Err(GpuError::Readback) };
+        let words: Vec<u32> = gpu.map(encoder.finish(), &copy, bytemuck::pod_collect_to_vec)?;
+        let &[_, bias, decoded, missing] = words.as_slice() else { return Err(GpuError::Lost) };
         Ok(TileReport { decoded, missing, bias: f32::from_bits(bias) })
     }
 

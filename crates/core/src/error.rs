@@ -146,9 +146,9 @@ pub enum SourceError {
         what: &'static str,
     },
     /// An encoded form has no room for a further source.
-    #[error("{what} is full; encode the set anew")]
+    #[error("{what}")]
     Full {
-        /// What is full.
+        /// What is full and what to do, as a sentence.
         what: &'static str,
     },
 }

@@ -7,6 +7,7 @@
 //! 5. [Build a zoom stack](#build-a-zoom-stack)
 //! 6. [Share codebooks in a bank](#share-codebooks-in-a-bank)
 //! 7. [Draw from a cache of tiles](#draw-from-a-cache-of-tiles)
+//! 8. [Sequences, and what matters in them](#sequences-and-what-matters-in-them)
 //!
 //! # Compress a folder
 //!
@@ -225,3 +226,46 @@
 //! After the device is lost, make a new one, a new cache, and add all textures again. Textures that are not in superblocks (`bc`,
 //! `vq`, `epitome`, `progressive`) are uploaded whole, and the cache draws their tiles from that: it adds hardware filtering and one binding for all, and
 //! takes no memory away.
+//!
+//! # Sequences, and what matters in them
+//!
+//! Frames of one animation share content, and codec `vq` gives them one codebook; an index map for each frame says which of its 4x4
+//! blocks stand where. A folder is a set of images, with `--as sequence` their order is that of time (an animated GIF, WebP or PNG is one by
+//! itself), and errors of all frames count alike:
+//!
+//! ```sh
+//! texfold compress flame/ --as sequence --codec vq --bpp 2.5 --out packed
+//! texfold compress flame/ --as sequence --out packed    # whichever codec answers the goal best; the verdict gives vq's figures, too
+//! ```
+//!
+//! Further frames join a file without changing a texel of those that are there: blocks that the codebook has already take its codewords, others
+//! fill its free rows. A codebook has at most 256 x 256 texels; a smaller one for the first frames leaves room:
+//!
+//! ```sh
+//! texfold compress flame/ --as sequence --codec vq --codebook 256x128 --out packed
+//! texfold compress more/ --as sequence --add-to packed/flame.txf --out grown
+//! ```
+//!
+//! For single images vq gives most bits to what matters: what the eye is drawn to, what a mesh stretches (`--mesh`), what a person has
+//! painted bright (`--importance-map`). `--importance` says how much that counts against the image as a whole, `--weights` which of the terms
+//! decide; `info` writes their maps:
+//!
+//! ```sh
+//! texfold compress face.png --codec vq --bpp 2 --mesh head.obj --importance-map eyes.png --weights saliency=0,painted=4 --out packed
+//! texfold info packed/face.txf --pictures parts --original face.png --mesh head.obj   # face-saliency.png, face-distortion.png
+//! ```
+//!
+//! ```
+//! use texfold::{ImageSet, Job, core::{Encoder, Growable}, vq::{GuidanceWeights, Vq, VqParams, VqSource}};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let frames = vec![texfold_testkit::image("odd_37x61"); 2];
+//! let set = ImageSet::new(frames)?;
+//! let weights = GuidanceWeights { saliency: 0.0, ..GuidanceWeights::default() };
+//! let params = VqParams::default().with_codebook((128, 128)).with_weights(weights);
+//! let mut texture = Vq::encode(VqSource::new(&set), &params, &mut Job::default())?;
+//! # let further = ImageSet::single(texfold_testkit::image("odd_37x61"));
+//! Vq::add(&mut texture, VqSource::new(&further), &mut Job::default())?;
+//! # Ok(())
+//! # }
+//! ```

@@ -77,10 +77,10 @@ fn a_painted_map_moves_the_sample() {
     let painted: Vec<u8> =
         (0..256 * 256u32).map(|i| if i % 256 < 64 && i / 256 >= 192 { 255 } else { 0 }).collect();
     let painted = Raster::from_u8(256, 256, 1, ColorSpace::Linear, &painted).unwrap();
-    let params = VqParams::default().with_codebook((128, 64)).with_samples((1, 64));
     let weights =
         texfold::vq::GuidanceWeights { usability: 0.1, saliency: 0.1, distortion: 0.0, painted: 10.0 };
-    let source = VqSource { painted: Some(&painted), weights, ..VqSource::new(&set) };
+    let params = VqParams::default().with_codebook((128, 64)).with_samples((1, 64)).with_weights(weights);
+    let source = VqSource { painted: Some(&painted), ..VqSource::new(&set) };
     let texture = Vq::encode(source, &params, &mut Job::default()).unwrap();
     let part = texture.samples()[0];
     assert!(part.source_x <= 16 && part.source_y >= 176, "{part:?}");

@@ -16,19 +16,20 @@ pub struct VqSource<'s> {
     pub painted: Option<&'s Raster>,
     /// The mesh that the first image is drawn on: stretched parts matter more.
     pub mesh: Option<&'s UvMesh>,
-    /// How much each guidance term weighs.
-    pub weights: GuidanceWeights,
 }
 
 impl<'s> VqSource<'s> {
     /// Images alone: importance comes from saliency.
     #[must_use]
     pub fn new(images: &'s ImageSet) -> Self {
-        VqSource { images, painted: None, mesh: None, weights: GuidanceWeights::default() }
+        VqSource { images, painted: None, mesh: None }
     }
 }
 
-/// Weights of the guidance terms (paper section 3.4); only their ratios count. A term that is not given, such as
+/// Largest weight of a guidance term.
+const MAX_WEIGHT: f32 = 1000.0;
+
+/// Weights of the guidance terms (paper section 3.4), 0 to 1000; only their ratios count. A term that is not given, such as
 /// distortion without a mesh, counts as 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GuidanceWeights {
@@ -62,6 +63,8 @@ pub struct VqParams {
     /// How strongly importance weighs an error: 0 counts all texels alike, 1 is the default. Frames of a sequence count
     /// alike unless something was painted or a mesh is given.
     pub importance: f32,
+    /// Weights of the terms that importance is made of.
+    pub weights: GuidanceWeights,
     /// How the codebook is stored: raw, BC1 or BC7; `None` lets the goal decide.
     pub content: Option<Content>,
     /// Whether every mip level has an index map of its own.
@@ -77,6 +80,7 @@ impl Default for VqParams {
             codebook: None,
             samples: None,
             importance: 1.0,
+            weights: GuidanceWeights::default(),
             content: None,
             mips: false,
             effort: Effort::Normal,
@@ -107,6 +111,12 @@ impl VqParams {
     #[must_use]
     pub fn with_importance(self, importance: f32) -> Self {
         VqParams { importance, ..self }
+    }
+
+    /// With importance made of terms with these weights.
+    #[must_use]
+    pub fn with_weights(self, weights: GuidanceWeights) -> Self {
+        VqParams { weights, ..self }
     }
 
     /// With a codebook stored so, or, for `None`, as the goal decides.
@@ -151,6 +161,12 @@ impl Params for VqParams {
         }
         if !(0.0..=4.0).contains(&self.importance) {
             return error("importance", self.importance.into(), "0..=4");
+        }
+        let GuidanceWeights { usability, saliency, distortion, painted } = self.weights;
+        for weight in [usability, saliency, distortion, painted] {
+            if !(0.0..=MAX_WEIGHT).contains(&weight) {
+                return error("weights", weight.into(), "0..=1000 each");
+            }
         }
         match self.content {
             None | Some(Content::Raw | Content::Bc1 | Content::Bc7) => Ok(()),

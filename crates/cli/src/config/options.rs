@@ -18,7 +18,7 @@ use texfold_core::{Goal, Params};
 use super::names;
 use super::values::{
     AccessName, AlphaChoice, CodecName, ColorName, ContentName, EffortName, FactorsName, MetricName, Samples,
-    Sides,
+    Sides, Weights,
 };
 use crate::error::{CliError, UsageError};
 use crate::input::Remarks;
@@ -121,6 +121,9 @@ pub struct Options {
     /// vq: weight of importance, 0 to 4; 0 ignores it, 1 is the default.
     #[arg(long, value_name = "X", help_heading = "Vector quantisation")]
     pub(super) importance: Option<f32>,
+    /// vq: weights of the terms of importance, such as saliency=2,distortion=0 (usual: usability=1,saliency=1,distortion=1,painted=2).
+    #[arg(long, value_name = "TERM=W,...", help_heading = "Vector quantisation")]
+    pub(super) weights: Option<Weights>,
     /// vq: a painted importance image, bright where it matters.
     #[arg(long, value_name = "FILE", help_heading = "Vector quantisation")]
     pub(super) importance_map: Option<PathBuf>,
@@ -220,6 +223,7 @@ impl Options {
             codebook: self.codebook.or(other.codebook),
             samples: self.samples.or(other.samples),
             importance: self.importance.or(other.importance),
+            weights: self.weights.or(other.weights),
             importance_map: self.importance_map.clone().or_else(|| other.importance_map.clone()),
             mesh: self.mesh.clone().or_else(|| other.mesh.clone()),
             color: self.color.or(other.color),
@@ -246,6 +250,7 @@ impl Options {
             ("samples", self.samples.is_some()),
             ("effort", self.effort.is_some()),
             ("importance", self.importance.is_some()),
+            ("weights", self.weights.is_some()),
             ("mesh", self.mesh.is_some()),
             ("category", self.category.is_some()),
         ];
@@ -329,7 +334,7 @@ impl Options {
     fn check_codec(&self) -> Result<(), UsageError> {
         const CHOSEN_VQ: &[&str] = &["vq", "auto"];
         let error_map = self.content == Some(ContentName::ErrorMap);
-        let owned: [(&str, bool, &[&'static str]); 15] = [
+        let owned: [(&str, bool, &[&'static str]); 16] = [
             ("content-from", self.content_from.is_some(), &["epitome"]),
             ("layers", self.layers.is_some(), &["epitome"]),
             ("content error-map", error_map, &["epitome"]),
@@ -343,6 +348,7 @@ impl Options {
             ("codebook", self.codebook.is_some(), CHOSEN_VQ),
             ("samples", self.samples.is_some(), CHOSEN_VQ),
             ("importance", self.importance.is_some(), CHOSEN_VQ),
+            ("weights", self.weights.is_some(), CHOSEN_VQ),
             ("importance-map", self.importance_map.is_some(), CHOSEN_VQ),
             ("mesh", self.mesh.is_some(), &["vq", "auto", "lightfield"]),
         ];
@@ -416,11 +422,13 @@ impl Options {
             (own.layers,) = (layers,);
             return choice.with::<Epitome>(own);
         }
-        if self.codebook.is_some() || self.samples.is_some() || self.importance.is_some() {
+        let has_importance = self.importance.is_some() || self.weights.is_some();
+        if self.codebook.is_some() || self.samples.is_some() || has_importance {
             let mut own = VqParams::default();
             (own.codebook, own.samples) =
                 (self.codebook.map(|Sides(width, height)| (width, height)), self.samples());
             own.importance = self.importance.unwrap_or(own.importance);
+            own.weights = self.weights.map_or(own.weights, |Weights(weights)| weights);
             return choice.with::<Vq>(own);
         }
         choice

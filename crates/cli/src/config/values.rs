@@ -5,6 +5,7 @@ use std::str::FromStr;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde::{Deserialize, Serialize};
 use texfold::lightfield::Factors;
+use texfold::vq::GuidanceWeights;
 use texfold::{CODECS, Choice, Content, Family, Registration};
 use texfold_core::image::{Alpha, ColorSpace};
 use texfold_core::{Access, CodecId, Effort, Metric, TextureCodec};
@@ -247,6 +248,11 @@ pub struct Sides(pub(crate) u32, pub(crate) u32);
 #[serde(try_from = "String")]
 pub struct Samples(pub(crate) u32, pub(crate) Option<u32>);
 
+/// Weights of the terms of importance: `TERM=WEIGHT,...`; terms that are left out keep their own.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(try_from = "String")]
+pub(crate) struct Weights(pub(crate) GuidanceWeights);
+
 /// A value that cannot be read.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("'{value}' is not {wanted}")]
@@ -292,6 +298,39 @@ impl FromStr for Samples {
             }
         };
         samples.ok_or(ValueError { value: text.to_owned(), wanted: "COUNT or COUNTxSIDE, such as 6x64" })
+    }
+}
+
+impl FromStr for Weights {
+    type Err = ValueError;
+    fn from_str(text: &str) -> Result<Self, ValueError> {
+        let wanted = "TERM=WEIGHT,... with weights of 0 to 1000 and the terms usability, saliency, distortion and painted";
+        let error = || ValueError { value: text.to_owned(), wanted };
+        let mut weights = GuidanceWeights::default();
+        for pair in text.split(',') {
+            let (term, weight) = pair.split_once('=').ok_or_else(error)?;
+            let member = match term.trim() {
+                "usability" => &mut weights.usability,
+                "saliency" => &mut weights.saliency,
+                "distortion" => &mut weights.distortion,
+                "painted" => &mut weights.painted,
+                _ => return Err(error()),
+            };
+            *member = weight
+                .trim()
+                .parse()
+                .ok()
+                .filter(|weight| (0.0..=1000.0).contains(weight))
+                .ok_or_else(error)?;
+        }
+        Ok(Weights(weights))
+    }
+}
+
+impl TryFrom<String> for Weights {
+    type Error = ValueError;
+    fn try_from(text: String) -> Result<Self, ValueError> {
+        text.parse()
     }
 }
 

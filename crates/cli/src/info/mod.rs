@@ -35,6 +35,9 @@ pub struct InfoArgs {
     /// The image or folder that the file was made from: also write images of the error.
     #[arg(long, value_name = "INPUT", requires = "pictures")]
     original: Option<PathBuf>,
+    /// vq: the mesh (OBJ, glTF, GLB) that the first image is drawn on: also write the map of its distortion.
+    #[arg(long, value_name = "FILE", requires = "original")]
+    mesh: Option<PathBuf>,
     /// Light fields: a camera file with photographs. Prints the PSNR of each view; with --pictures writes both beside
     /// each other.
     #[arg(long, value_name = "CAMERAS.json")]
@@ -90,7 +93,7 @@ pub(crate) fn run(args: &InfoArgs) -> Result<usize, CliError> {
             answer(&describe(&summary));
         }
         if let Some(dir) = &args.pictures {
-            part_images::write(&args.file, &image, dir, args.original.as_deref())?;
+            part_images::write(&args.file, &image, dir, args.original.as_deref(), args.mesh.as_deref())?;
         }
         Ok(0)
     })

@@ -4,13 +4,15 @@ use std::path::{Path, PathBuf};
 
 use texfold::AnyImage;
 use texfold::encoding::parts_of;
-use texfold_core::image::{PartImages, Raster};
+use texfold::vq::{Map, Vq, distortion_map, saliency_map};
+use texfold_core::image::{ColorSpace, PartImages, Raster, to_u8};
+use texfold_core::{ImageSize, SourceError, TextureCodec};
 
 use crate::config::Options;
 use crate::console::say;
 use crate::decompress::{decode, name};
 use crate::error::CliError;
-use crate::input::{Remarks, find, read_set};
+use crate::input::{Remarks, find, mesh, read_set};
 use crate::output::make_folder;
 use crate::{memory, png, thumbnail};
 
@@ -20,6 +22,7 @@ pub(crate) fn write(
     image: &AnyImage,
     dir: &Path,
     original: Option<&Path>,
+    mesh: Option<&Path>,
 ) -> Result<(), CliError> {
     make_folder(dir)?;
     let save = |part: &str, index: usize, images: usize, raster: &Raster| -> Result<(), CliError> {
@@ -42,12 +45,33 @@ pub(crate) fn write(
         save("decoded", index, images, &decoded)?;
         if let Some(source) = originals.as_ref().and_then(|images| images.get(index)) {
             save("error", index, images, &thumbnail::error(source, &decoded))?;
+            if encoded.codec() == Vq::ID {
+                let map = gray(&saliency_map(source));
+                let map = map.map_err(|source| CliError::Source { path: path.to_owned(), source })?;
+                save("saliency", index, images, &map)?;
+            }
         }
+    }
+    if let Some(mesh) = mesh {
+        if encoded.codec() != Vq::ID {
+            let codec = encoded.codec().name;
+            return Err(CliError::NoSuchPart { path: path.to_owned(), codec, option: "mesh" });
+        }
+        let ImageSize { width, height } = encoded.layout().images[0];
+        let map = distortion_map(&mesh::read(mesh)?, width, height).and_then(|map| gray(&map));
+        save("distortion", 0, 1, &map.map_err(|source| CliError::Source { path: mesh.to_owned(), source })?)?;
     }
     if originals.is_some() {
         say(&format!("error images: errors are scaled by {}, and 0 is middle gray", thumbnail::ERROR_GAIN));
     }
     Ok(())
+}
+
+/// A map of importance, 0 black and 1 white.
+fn gray(map: &Map) -> Result<Raster, SourceError> {
+    let (height, width) = map.dim();
+    let texels: Vec<u8> = map.iter().map(|&value| to_u8(value)).collect();
+    Raster::from_u8(width as u32, height as u32, 1, ColorSpace::Linear, &texels)
 }
 
 /// The images of a file or folder, as `compress` reads them.

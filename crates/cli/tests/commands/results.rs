@@ -264,22 +264,66 @@ fn info_tells_the_ledger_and_draws_the_parts() {
     let place = Place::new();
     fs::copy(fixture("salient.png"), place.at("salient.png")).unwrap();
     let (run, report) = place.compress("salient.png --out out --codec vq --codebook 64x64 --content raw");
-    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert_eq!((run.code, &report[0]["codec"]), (Some(0), &"vq".into()), "{}", run.stderr);
     let run = place.run("info out/salient.txf --json");
     let info: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
     assert_eq!((&info["codec"], &info["bits_disk"]), (&report[0]["codec"], &report[0]["bits_disk"]));
     assert_eq!((&info["parts"], &info["verdict"]), (&report[0]["parts"], &report[0]["verdict"]));
-    let run = place.run("info out/salient.txf --pictures parts --original salient.png");
+    // The left half of the texture is drawn four times as wide as the right one.
+    let corners =
+        ["-4 0 0", "0 0 0", "1 0 0", "-4 1 0", "0 1 0", "1 1 0"].map(|corner| format!("v {corner}\n"));
+    let places = ["0 0", "0.5 0", "1 0", "0 1", "0.5 1", "1 1"].map(|place| format!("vt {place}\n"));
+    let faces = "f 1/1 2/2 5/5 4/4\nf 2/2 3/3 6/6 5/5\n";
+    fs::write(place.at("wall.obj"), [&corners.concat(), &places.concat(), faces].concat()).unwrap();
+    let run = place.run("info out/salient.txf --pictures parts --original salient.png --mesh wall.obj");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert!(run.stdout.contains(report[0]["verdict"].as_str().unwrap()), "{}", run.stdout);
     let parts = names(&place.at("parts"));
-    for part in ["decoded", "error"] {
+    for part in ["decoded", "error", "codebook", "index", "usage"] {
         assert!(parts.contains(&format!("salient-{part}.png")), "{parts:?}");
     }
-    if info["codec"] == "vq" {
-        for part in ["codebook", "index", "usage"] {
-            assert!(parts.contains(&format!("salient-{part}.png")), "{parts:?}");
-        }
+    let (width, _, stretch) = place.samples("parts/salient-distortion.png");
+    let row = &stretch[..width as usize];
+    assert!(row[0] == 255 && (60..70).contains(&row[width as usize - 1]), "{row:?}");
+    let (width, _, salient) = place.samples("parts/salient-saliency.png");
+    // The ball's centre lies right of and below the middle; the upper left corner is ground.
+    assert!(salient[(145 * width + 155) as usize] > 3 * salient[(10 * width + 10) as usize].max(10));
+    let run = place.run("info out/salient.txf --mesh wall.obj --pictures parts");
+    assert!(run.code == Some(2) && run.stderr.contains("--original"), "{}", run.stderr);
+}
+
+#[test]
+fn weights_decide_which_term_of_importance_places_samples() {
+    let place = Place::new();
+    fs::copy(fixture("facade.png"), place.at("facade.png")).unwrap();
+    let mut painted = image::GrayImage::new(256, 256);
+    for (x, y) in (0..64).flat_map(|x| (192..256).map(move |y| (x, y))) {
+        painted.put_pixel(x, y, image::Luma([255]));
+    }
+    painted.save(place.at("painted.png")).unwrap();
+    let seen = |weights: &str| {
+        let options = "--codec vq --codebook 64x64 --samples 1x32 --effort fast --importance-map painted.png";
+        let (run, report) = place.compress(&format!("facade.png --out out --force {options} {weights}"));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let decoded = place.run("decompress out/facade.txf --force --out png");
+        assert_eq!(decoded.code, Some(0), "{}", decoded.stderr);
+        let image = image::open(place.at("png/facade.png")).unwrap().to_rgb8();
+        let source = image::open(fixture("facade.png")).unwrap().to_rgb8();
+        let error = |x: u32, y: u32| {
+            let pairs = image.get_pixel(x, y).0.into_iter().zip(source.get_pixel(x, y).0);
+            pairs.map(|(a, b)| u64::from(a.abs_diff(b)).pow(2)).sum::<u64>()
+        };
+        let corner: u64 =
+            (0..64).flat_map(|x| (192..256).map(move |y| (x, y))).map(|(x, y)| error(x, y)).sum();
+        (corner, report[0]["settings"].as_str().unwrap().to_owned())
+    };
+    let (corner, settings) = seen("--weights painted=100,usability=0,saliency=0");
+    let (without, _) = seen("--weights painted=0");
+    assert!(4 * corner < 3 * without, "{corner} {without}");
+    assert!(settings.contains("--weights usability=0,saliency=0,distortion=1,painted=100"), "{settings}");
+    for wrong in ["saliency", "saliency=-1", "beauty=1", "saliency=1001", ""] {
+        let run = place.run(&format!("compress facade.png --out out --codec vq --weights={wrong}"));
+        assert!(run.code == Some(2) && run.stderr.contains("TERM=WEIGHT"), "{wrong}: {}", run.stderr);
     }
 }
 

@@ -140,7 +140,8 @@ impl Settled {
         let lengths: Vec<usize> = streams.iter().map(Vec::len).collect();
         let index =
             Index::of_lengths(&lengths).filter(|_| lengths.iter().all(|&length| length <= MAX_STREAM));
-        let index = index.ok_or(SourceError::Full { what: "the index of superblocks" })?;
+        let index =
+            index.ok_or(SourceError::Full { what: "the index of superblocks is full; split the images" })?;
         let bytes = streams.concat();
         let length = bytes.len() as u32;
         Ok(DctTexture::new(self.form, self.stops, index, bytes, length))

@@ -113,7 +113,9 @@ impl PlaneForm {
 }
 
 /// Why a residual plane cannot be laid out.
-pub const TOO_LARGE: SourceError = SourceError::Full { what: "a plane of 8192 x 8192 words" };
+pub const TOO_LARGE: SourceError = SourceError::Full {
+    what: "a plane of 8192 x 8192 words is full; ask for fewer bits, or split the images",
+};
 
 /// The base of an image and its mip levels, and their residuals.
 fn against(

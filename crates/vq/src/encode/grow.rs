@@ -120,7 +120,9 @@ fn room_for(texture: &VqTexture, grid: Grid, count: usize) -> Result<Room, Sourc
     let missing = (count as u32).saturating_sub(texture.parts.free_cells);
     let rows = grid.rows + missing.div_ceil(grid.columns);
     if rows > MAX_CODEBOOK_SIDE / 4 {
-        return Err(SourceError::Full { what: "the codebook of 256 rows" });
+        return Err(SourceError::Full {
+            what: "the codebook has its most rows, 256, and all are in use; encode all images anew, or the first ones with a smaller codebook",
+        });
     }
     let cells = Grid { rows, ..grid }.free_cells(&texture.parts.samples);
     Ok(Room { cells: cells[used..].to_vec(), height: rows * 4 })

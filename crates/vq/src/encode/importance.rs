@@ -19,6 +19,7 @@ const WEIGHT_POWER: i32 = 3;
 /// Importance of the texels of every image, 0 to 1, without usability.
 pub(crate) fn importance_maps(
     source: &VqSource<'_>,
+    weights: GuidanceWeights,
     cancel: CancelCheck<'_>,
 ) -> Result<Vec<Map>, EncodeError> {
     let first = source.images.images()[0].size();
@@ -26,7 +27,6 @@ pub(crate) fn importance_maps(
     cancel.checkpoint()?;
     let distortion = source.mesh.map(|mesh| distortion(mesh, first, cancel)).transpose()?;
     cancel.checkpoint()?;
-    let weights = source.weights;
     let map = |(index, image): (usize, &Raster)| {
         let own = if index == 0 { (painted.as_ref(), distortion.as_ref()) } else { (None, None) };
         combine(saliency(image, cancel), own.0, own.1, weights)

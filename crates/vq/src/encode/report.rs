@@ -8,7 +8,7 @@ use super::assemble::{assign, corners_of, windows_at};
 use super::single::Prepared;
 use crate::classes::blocks_of;
 use crate::grid::Grid;
-use crate::{VqParams, VqTexture};
+use crate::{GuidanceWeights, VqParams, VqTexture};
 
 /// The settings in the words of the command line.
 pub(crate) fn settings(params: &VqParams) -> String {
@@ -24,6 +24,12 @@ pub(crate) fn settings(params: &VqParams) -> String {
     }
     if params.importance != VqParams::default().importance {
         words.push(format!("--importance {}", params.importance));
+    }
+    let GuidanceWeights { usability, saliency, distortion, painted } = params.weights;
+    if params.weights != GuidanceWeights::default() {
+        words.push(format!(
+            "--weights usability={usability},saliency={saliency},distortion={distortion},painted={painted}"
+        ));
     }
     if let Some(content) = params.content {
         words.push(format!("--content {}", content.name()));

@@ -74,7 +74,7 @@ impl<'s> Prepared<'s> {
     ) -> Result<Self, EncodeError> {
         let levels = levels(source.images, params);
         let blocks = Blocks::cut(source.images, levels, cancel)?;
-        let maps = importance_maps(&source, cancel)?;
+        let maps = importance_maps(&source, params.weights, cancel)?;
         let weights = block_weights(&blocks, &maps, strength(&source, params));
         cancel.checkpoint()?;
         let words = Words::new(source.images.images(), &blocks, blocks.len() / BLOCKS_A_WORD, cancel)?;
@@ -111,7 +111,7 @@ impl<'s> Prepared<'s> {
             blocks: &self.blocks,
             words: &self.words,
             importance: &self.maps,
-            weights: self.source.weights,
+            weights: self.params.weights,
             cancel: self.cancel,
         };
         choice.choose(grid, spec)

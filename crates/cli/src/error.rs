@@ -121,6 +121,10 @@ pub(crate) enum CliError {
     FrameSize { path: PathBuf, index: usize },
     #[error("{}: the mesh cannot be read; export it as OBJ, glTF or GLB again", path.display())]
     Mesh { path: PathBuf, source: Box<dyn Error + Send + Sync> },
+    #[error("{}: is {found}, not a regular file; name a file", path.display())]
+    NotAFile { path: PathBuf, found: &'static str },
+    #[error("{}: is a symbolic link to nothing; remove it or make its target", path.display())]
+    DanglingLink { path: PathBuf },
     #[error("{}: the mesh {what}; export it as triangles with texture coordinates", path.display())]
     MeshContent { path: PathBuf, what: &'static str },
     #[error("{}: the mesh {what}; export it as triangles in OBJ or PLY", path.display())]

@@ -14,6 +14,7 @@ mod config;
 mod console;
 mod decompress;
 mod error;
+mod files;
 mod info;
 mod input;
 mod memory;

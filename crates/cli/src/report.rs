@@ -50,7 +50,8 @@ impl Sizes {
     /// Of several textures of so many source texels in all.
     pub(crate) fn sum(all: impl Iterator<Item = Sizes>, texels: u64) -> Sizes {
         let add = |sum: [u64; 3], one: Sizes| {
-            [sum[0] + one.bits_memory, sum[1] + one.bits_resident, sum[2] + one.bits_disk]
+            let one = [one.bits_memory, one.bits_resident, one.bits_disk];
+            std::array::from_fn(|figure| sum[figure].saturating_add(one[figure]))
         };
         let [memory, resident, disk] = all.fold([0; 3], add);
         Sizes::new(memory, resident, disk, texels)

@@ -12,6 +12,8 @@ use texfold_core::image::Raster;
 
 /// Ranges of a channel.
 const RANGES: usize = 4;
+/// Shares of a tile.
+pub(super) const COLOURS: usize = RANGES * RANGES * RANGES;
 /// Most categories of a bank: the paper's six.
 const MOST: usize = 6;
 /// Texels that are counted in each direction.
@@ -50,7 +52,7 @@ pub(crate) fn named(categories: &mut Vec<Category>, name: &str, tiles: &[Vec<f32
     if known.is_some() || categories.len() >= MOST_NAMED {
         return known;
     }
-    let mut colours = vec![0.0; RANGES * RANGES * RANGES];
+    let mut colours = vec![0.0; COLOURS];
     for tile in tiles {
         colours.iter_mut().zip(tile).for_each(|(sum, share)| *sum += share / tiles.len() as f32);
     }
@@ -61,7 +63,7 @@ pub(crate) fn named(categories: &mut Vec<Category>, name: &str, tiles: &[Vec<f32
 /// The shares of colours of a tile.
 pub(crate) fn colours(tile: &Raster) -> Vec<f32> {
     let size = tile.size();
-    let mut counts = vec![0u32; RANGES * RANGES * RANGES];
+    let mut counts = vec![0u32; COLOURS];
     let step = |side: u32| side.div_ceil(COUNTED).max(1) as usize;
     let mut sum = 0;
     for y in (0..size.height).step_by(step(size.height)) {
@@ -77,9 +79,8 @@ pub(crate) fn colours(tile: &Raster) -> Vec<f32> {
 
 /// Categories for tiles of such colours: fewer than [`MOST`] where tiles are alike.
 pub(crate) fn divide(tiles: &[Vec<f32>], seed: u64) -> Vec<Category> {
-    let dims = RANGES * RANGES * RANGES;
     let values: Vec<f32> = tiles.iter().flatten().copied().collect();
-    let Ok(vectors) = Array2::from_shape_vec((tiles.len(), dims), values) else { return Vec::new() };
+    let Ok(vectors) = Array2::from_shape_vec((tiles.len(), COLOURS), values) else { return Vec::new() };
     let settings = Settings { seed, ..Settings::default() };
     let found = build(vectors.view(), &vec![1.0; tiles.len()], MOST.min(tiles.len()), settings);
     let mut categories: Vec<Category> = Vec::new();

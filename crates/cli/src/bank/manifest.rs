@@ -1,12 +1,14 @@
 //! `bank.json`: what a bank holds.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use texfold_core::{Access, MAX_IMAGE_SIDE};
 
-use super::category::Category;
+use super::category::{COLOURS, Category};
 use crate::error::CliError;
+use crate::files;
 use crate::output::write_whole;
 use crate::report::Row;
 
@@ -16,6 +18,11 @@ pub(crate) const MANIFEST: &str = "bank.json";
 const BY_TEXEL: u32 = 1;
 /// The version of one that has images by block.
 const WITH_BLOCKS: u32 = 2;
+
+/// Most of what numbers of files and of tiles count to: far from where adding to them wraps.
+const MOST_NUMBER: u32 = 1 << 31;
+/// Most rows of a codebook and cells of a tile.
+const MOST_ROWS: u32 = 1 << 20;
 
 /// What a bank holds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -66,6 +73,21 @@ pub(crate) struct Tile {
     pub(crate) blocks: [u64; 3],
 }
 
+/// Whether text can be shown in one line.
+fn is_printable(text: &str) -> bool {
+    !text.chars().any(char::is_control)
+}
+
+/// Whether a name is that of a file of the bank's own folder.
+fn is_plain(name: &str) -> bool {
+    Path::new(name).file_name() == Some(name.as_ref()) && is_printable(name)
+}
+
+/// The number of a file of the bank: `image-000012.txf`, `category-001-000012.txf`.
+fn number_of(name: &str) -> Option<u32> {
+    name.strip_suffix(".txf")?.rsplit_once('-')?.1.parse().ok()
+}
+
 impl Image {
     /// How its texels are reached.
     pub(crate) fn access(&self) -> Access {
@@ -77,35 +99,62 @@ impl Manifest {
     /// Reads the manifest of the bank in `dir`.
     pub(crate) fn read(dir: &Path) -> Result<Manifest, CliError> {
         let path = dir.join(MANIFEST);
-        let text = std::fs::read(&path).map_err(|source| CliError::Read { path: path.clone(), source })?;
+        let text = files::read(&path)?;
         let bad = |what: String| CliError::BankManifest { path: path.clone(), what };
         let manifest: Manifest = serde_json::from_slice(&text).map_err(|error| bad(error.to_string()))?;
         if !(BY_TEXEL..=WITH_BLOCKS).contains(&manifest.version) {
             return Err(bad(format!("version {} is not read", manifest.version)));
         }
-        for image in &manifest.images {
-            let sides = [image.width, image.height].iter().all(|side| (1..=MAX_IMAGE_SIDE).contains(side));
-            let plain = Path::new(&image.name).file_name() == Some(image.name.as_ref());
-            if !sides || !plain || !(1..=4).contains(&image.channels) || !(1..=16).contains(&image.levels) {
-                return Err(bad(format!("image {} cannot be", image.name)));
+        if let Some(fault) = manifest.fault() {
+            return Err(bad(fault));
+        }
+        Ok(manifest)
+    }
+
+    /// What makes it one that this program has not written.
+    fn fault(&self) -> Option<String> {
+        let mut names = HashSet::new();
+        for category in &self.categories {
+            let file = category.file.as_deref();
+            let known = category.name.as_deref().is_none_or(is_printable)
+                && category.colours.len() == COLOURS
+                && category.colours.iter().all(|share| share.is_finite())
+                && category.tiles <= MOST_NUMBER
+                && category.rows <= MOST_ROWS
+                && file.is_none_or(|file| is_plain(file) && names.insert(file));
+            if !known {
+                let name = category.name.as_deref().unwrap_or("without a name");
+                return Some(format!("category {} cannot be", name.escape_debug()));
             }
         }
-        let tiles =
-            manifest.images.iter().flat_map(|image| image.tiles.iter().map(move |tile| (image, tile)));
+        for image in &self.images {
+            let sides = [image.width, image.height].iter().all(|side| (1..=MAX_IMAGE_SIDE).contains(side));
+            let plain = is_plain(&image.name) && names.insert(&image.name);
+            if !sides || !plain || !(1..=4).contains(&image.channels) || !(1..=16).contains(&image.levels) {
+                return Some(format!("image {} cannot be", image.name.escape_debug()));
+            }
+        }
+        let tiles = self.images.iter().flat_map(|image| image.tiles.iter().map(move |tile| (image, tile)));
         for (image, tile) in tiles {
             let inside = |start: u32, length: u32, whole: u32| {
                 length > 0 && u64::from(start) + u64::from(length) <= u64::from(whole)
             };
-            let plain = Path::new(&tile.file).file_name() == Some(tile.file.as_ref());
+            let counts = tile.grown_rows <= MOST_ROWS
+                && tile.own_cells <= MOST_ROWS
+                && tile.blocks.iter().all(|&count| count <= u64::from(MOST_NUMBER));
             if !inside(tile.x, tile.width, image.width)
                 || !inside(tile.y, tile.height, image.height)
-                || !plain
-                || tile.category as usize >= manifest.categories.len()
+                || !counts
+                || !is_plain(&tile.file)
+                || !names.insert(&tile.file)
+                || tile.category as usize >= self.categories.len()
             {
-                return Err(bad(format!("image {} has a tile that cannot be", image.name)));
+                return Some(format!("image {} has a tile that cannot be", image.name));
             }
         }
-        Ok(manifest)
+        let listed = names.iter().filter_map(|name| number_of(name)).max();
+        let free = listed.is_none_or(|listed| listed < self.next) && self.next <= MOST_NUMBER;
+        (!free).then(|| format!("{} is no number for the next file", self.next))
     }
 
     /// Makes this the manifest of the bank in `dir`: from then on it counts.

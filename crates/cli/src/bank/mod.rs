@@ -29,6 +29,7 @@ use texfold_core::{Budget, TextureCodec};
 use texfold_progressive::{Codebook, Progressive};
 
 use crate::error::CliError;
+use crate::files;
 use crate::output::{make_folder, remove_stale};
 pub(crate) use add::{Add, Made, Step, plan};
 use category::Category;
@@ -66,7 +67,7 @@ impl Bank {
     fn codebook(&self, category: &Category) -> Result<Option<Arc<Codebook>>, CliError> {
         let Some(name) = &category.file else { return Ok(None) };
         let path = self.dir.join(name);
-        let bytes = std::fs::read(&path).map_err(|source| CliError::Read { path: path.clone(), source })?;
+        let bytes = files::read(&path)?;
         let mut budget = Budget::default();
         let book = Sections::parse(&bytes, &mut budget)
             .and_then(|file| Progressive::load_codebook(&file, &mut budget))
@@ -77,7 +78,7 @@ impl Bank {
     /// A tile of an image.
     fn tile(&self, tile: &Tile, book: Option<&Codebook>) -> Result<AnyImage, CliError> {
         let path = self.dir.join(&tile.file);
-        let bytes = std::fs::read(&path).map_err(|source| CliError::Read { path: path.clone(), source })?;
+        let bytes = files::read(&path)?;
         load(&bytes, book).map_err(|source| CliError::Load { path, source })
     }
 }

@@ -107,7 +107,8 @@ impl Bank {
             };
             let texture = self.tile(tile, book.as_deref())?;
             let ImageLayout { images, pixel, .. } = texture.as_encoded().layout();
-            if (images[0].width, images[0].height) != (tile.width, tile.height) {
+            let sizes = (images[0].width, images[0].height) == (tile.width, tile.height);
+            if !sizes || pixel.channels > image.channels {
                 let what = format!("{} is not the tile that is listed", tile.file);
                 return Err(CliError::BankManifest { path: self.dir.join(MANIFEST), what });
             }
@@ -174,8 +175,8 @@ struct ImageSummary {
     #[serde(flatten)]
     sizes: Sizes,
     /// Cells that public codebooks grew by.
-    public_cells_added: u32,
-    own_cells: u32,
+    public_cells_added: u64,
+    own_cells: u64,
     /// Shares of blocks that use public content, and the image's own.
     public_share: f64,
     own_share: f64,
@@ -186,7 +187,7 @@ struct CategorySummary {
     /// What the user calls it.
     name: Option<String>,
     tiles: u32,
-    cells: u32,
+    cells: u64,
     file: Option<String>,
     /// Share of the blocks of its tiles that use the public codebook.
     public_share: f64,
@@ -198,11 +199,16 @@ struct CategorySummary {
 #[derive(Debug, Serialize)]
 struct Growth {
     image: String,
-    cells: u32,
+    cells: u64,
 }
 
 /// Cells in a row of a public codebook.
-const ROW_CELLS: u32 = 256 / CELL_SIDE;
+const ROW_CELLS: u64 = 256 / CELL_SIDE as u64;
+
+/// Cells of so many rows of texels.
+fn cells_of(rows: u64) -> u64 {
+    rows / u64::from(CELL_SIDE) * ROW_CELLS
+}
 
 /// Says what a bank holds.
 pub(crate) fn describe(dir: &Path, json: bool) -> Result<(), CliError> {
@@ -210,8 +216,8 @@ pub(crate) fn describe(dir: &Path, json: bool) -> Result<(), CliError> {
     let images: Vec<ImageSummary> = bank.manifest.images.iter().map(summary_of).collect();
     let categories =
         (0..).zip(&bank.manifest.categories).map(|(number, category)| category_of(&bank, number, category));
-    let sum = |figure: fn(&Image) -> u64| bank.manifest.images.iter().map(figure).sum::<u64>();
-    let texels = sum(|image| image.row.source_texels);
+    let texels =
+        bank.manifest.images.iter().fold(0, |sum: u64, image| sum.saturating_add(image.row.source_texels));
     let summary = Summary {
         bank: dir.display().to_string(),
         images,
@@ -235,28 +241,28 @@ fn category_of(bank: &Bank, number: u32, category: &Category) -> CategorySummary
     let mut summary = CategorySummary {
         name: category.name.clone(),
         tiles: category.tiles,
-        cells: category.rows / CELL_SIDE * ROW_CELLS,
+        cells: cells_of(category.rows.into()),
         file: category.file.clone(),
         public_share: 0.0,
         growth: Vec::new(),
     };
-    let (mut rows, mut used, mut all) = (0, 0, 0);
+    let (mut rows, mut used, mut all) = (0u64, 0, 0);
     for image in &bank.manifest.images {
         let tiles = tiles(image);
         if tiles.is_empty() {
             continue;
         }
-        rows += tiles.iter().map(|tile| tile.grown_rows).sum::<u32>();
+        rows += tiles.iter().map(|tile| u64::from(tile.grown_rows)).sum::<u64>();
         used += tiles.iter().map(|tile| tile.blocks[0]).sum::<u64>();
         all += tiles.iter().map(|tile| tile.blocks[2]).sum::<u64>();
-        summary.growth.push(Growth { image: image.name.clone(), cells: rows / CELL_SIDE * ROW_CELLS });
+        summary.growth.push(Growth { image: image.name.clone(), cells: cells_of(rows) });
     }
     summary.public_share = used as f64 / all.max(1) as f64;
     summary
 }
 
 fn summary_of(image: &Image) -> ImageSummary {
-    let sum = |figure: fn(&Tile) -> u32| image.tiles.iter().map(figure).sum::<u32>();
+    let sum = |figure: fn(&Tile) -> u32| image.tiles.iter().map(|tile| u64::from(figure(tile))).sum::<u64>();
     let blocks = |index: usize| image.tiles.iter().map(|tile| tile.blocks[index]).sum::<u64>() as f64;
     let mut categories: Vec<u32> = image.tiles.iter().map(|tile| tile.category).collect();
     categories.sort_unstable();
@@ -270,7 +276,7 @@ fn summary_of(image: &Image) -> ImageSummary {
         categories,
         psnr: image.row.psnr,
         sizes: image.row.sizes,
-        public_cells_added: sum(|tile| tile.grown_rows) / CELL_SIDE * ROW_CELLS,
+        public_cells_added: cells_of(sum(|tile| tile.grown_rows)),
         own_cells: sum(|tile| tile.own_cells),
         public_share: blocks(0) / blocks(2).max(1.0),
         own_share: blocks(1) / blocks(2).max(1.0),

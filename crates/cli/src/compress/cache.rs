@@ -6,13 +6,14 @@
 //! of a run the index is rewritten whole. It may be deleted at any time.
 
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
+use std::fs::OpenOptions;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use serde::{Deserialize, Serialize};
 
+use crate::files;
 use crate::output::write_whole;
 use crate::report::Row;
 
@@ -96,7 +97,7 @@ fn name_of(output: &Path) -> Option<String> {
 
 /// Feeds a file into `hasher`, its length first.
 pub(crate) fn add_file(hasher: &mut blake3::Hasher, path: &Path) -> std::io::Result<()> {
-    let mut file = File::open(path)?;
+    let mut file = files::open(path)?;
     hasher.update(&file.metadata()?.len().to_le_bytes());
     let mut buffer = vec![0; 1 << 16];
     loop {
@@ -109,7 +110,7 @@ pub(crate) fn add_file(hasher: &mut blake3::Hasher, path: &Path) -> std::io::Res
 
 fn hash_file(path: &Path) -> std::io::Result<String> {
     let mut hasher = blake3::Hasher::new();
-    hasher.update_reader(File::open(path)?)?;
+    hasher.update_reader(files::open(path)?)?;
     Ok(hasher.finalize().to_hex().to_string())
 }
 

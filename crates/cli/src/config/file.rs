@@ -1,9 +1,11 @@
 //! Configuration files.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use super::options::{Options, RunOptions};
 use crate::error::UsageError;
+use crate::files;
 
 /// A configuration file.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -19,7 +21,8 @@ const RUN_KEYS: [&str; 5] = ["jobs", "memory", "report", "force", "strict"];
 impl Config {
     /// Reads a configuration. Paths in it are relative to its folder.
     pub(crate) fn read(path: &Path) -> Result<Config, UsageError> {
-        let text = std::fs::read_to_string(path)
+        let text = files::open(path)
+            .and_then(io::read_to_string)
             .map_err(|source| UsageError::ConfigRead { path: path.to_owned(), source })?;
         Config::parse(&text, path)
     }

@@ -18,6 +18,7 @@ use texfold_core::{
 
 use crate::console::{complain, warn};
 use crate::error::{CliError, explain, guarded};
+use crate::files;
 use crate::output::{make_folder, remove_stale};
 use crate::{bank, input};
 pub(crate) use gpu::Device;
@@ -94,14 +95,14 @@ pub(crate) fn tile(text: &str) -> Result<(u32, u32), String> {
 
 /// Loads a `.txf` file.
 pub(crate) fn load(path: &Path) -> Result<AnyImage, CliError> {
-    let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let bytes = files::read(path)?;
     let texture = texfold::open(&bytes).map_err(|source| CliError::Load { path: path.to_owned(), source })?;
     texture.into_image().map_err(|_| CliError::NotImages { path: path.to_owned() })
 }
 
 /// Loads no more of a `.txf` file than its first layers, as if the rest had not arrived yet.
 fn load_layers(path: &Path, layers: u32) -> Result<AnyImage, CliError> {
-    let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let bytes = files::read(path)?;
     let fault = |source| CliError::Load { path: path.to_owned(), source };
     let ends: Vec<u64> = Sections::parse(&bytes, &mut Budget::default()).map_err(fault)?.ends().collect();
     let mut arriving = Arriving::new(Limits::default());

@@ -15,6 +15,7 @@ use tiff::tags::{PlanarConfiguration, Tag};
 use super::pixels::{self, no_alpha};
 use super::{Remarks, frames, profile};
 use crate::error::CliError;
+use crate::files;
 use crate::settings::Settings;
 
 /// Rows of an image.
@@ -158,7 +159,7 @@ impl Bands {
 
 /// PNG and TIFF whose pixels are as they can be used; `None` for what other readers shall take, errors among it.
 fn streamed(path: &Path, head: &[u8], color: ColorSpace) -> Option<Source> {
-    let file = || Some(BufReader::new(File::open(path).ok()?));
+    let file = || Some(BufReader::new(files::open(path).ok()?));
     let keeps = |profile: Option<&[u8]>, channels: u8| {
         color != ColorSpace::Srgb || profile::keeps_values(profile, usize::from(channels))
     };

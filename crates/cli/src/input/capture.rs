@@ -16,6 +16,7 @@ use texfold::{
 use super::lens::{Distortion, Lens};
 use super::{colmap, pixels, shape};
 use crate::error::CliError;
+use crate::files;
 use crate::memory::usual_limit;
 
 /// The cameras of NeRF and nerfstudio, which make a folder a capture.
@@ -60,7 +61,7 @@ pub(crate) fn read_cameras(path: &Path) -> Result<Vec<Shot>, CliError> {
 }
 
 fn read_transforms(path: &Path) -> Result<Vec<Shot>, CliError> {
-    let text = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let text = files::read(path)?;
     let cameras: Cameras = serde_json::from_slice(&text)
         .map_err(|source| CliError::Cameras { path: path.to_owned(), source: source.into() })?;
     let dir = path.parent().unwrap_or(Path::new(""));

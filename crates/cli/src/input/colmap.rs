@@ -8,6 +8,7 @@ use glam::{Mat4, Quat, Vec3, Vec4};
 use super::capture::Shot;
 use super::lens::Lens;
 use crate::error::CliError;
+use crate::files;
 
 /// The file of cameras beside the one of images.
 pub(super) const LENSES_NAME: &str = "cameras.txt";
@@ -47,8 +48,7 @@ pub(super) fn read(images: &Path) -> Result<Vec<Shot>, CliError> {
 
 /// Lines that are no comments.
 fn lines(path: &Path) -> Result<Vec<String>, CliError> {
-    let text =
-        std::fs::read_to_string(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let text = files::read_text(path)?;
     Ok(text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect())
 }
 

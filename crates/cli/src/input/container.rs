@@ -16,6 +16,7 @@ use super::Content;
 use super::check_side;
 use super::remarks::Remarks;
 use crate::error::CliError;
+use crate::files;
 use crate::settings::Settings;
 
 /// First bytes of a KTX2 file.
@@ -89,7 +90,7 @@ pub(crate) fn read(
     limit_bytes: u64,
     remarks: &mut Remarks,
 ) -> Result<Content, CliError> {
-    let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let bytes = files::read(path)?;
     let size = size(path, container, &bytes)?;
     let level = match container {
         Container::Dds => dds_level(path, &bytes)?,

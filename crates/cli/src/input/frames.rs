@@ -10,6 +10,7 @@ use tiff::decoder::Decoder as TiffDecoder;
 use tiff::tags::Tag;
 
 use super::remarks::Remarks;
+use crate::files;
 
 /// First bytes of a TIFF file that say where its first directory is, in its longest form.
 const TIFF_HEAD: usize = 16;
@@ -51,7 +52,7 @@ pub(super) fn is_tiff(head: &[u8]) -> bool {
 /// Number of images in a file. What cannot be read counts as one: its decoder names the fault.
 pub(crate) fn count(path: &Path) -> usize {
     let found = || {
-        let file = || Some(BufReader::new(File::open(path).ok()?));
+        let file = || Some(BufReader::new(files::open(path).ok()?));
         Some(match Form::of(&super::head_of(path).ok()?)? {
             Form::Gif => gif_frames(file()?),
             Form::WebP => webp_frames(file()?),
@@ -135,7 +136,7 @@ fn webp_frames(mut file: BufReader<File>) -> usize {
 /// Byte offsets of the directories of a TIFF file's pages, the first image's first.
 pub(super) fn pages(path: &Path) -> Vec<u64> {
     let mut pages = Vec::new();
-    let Some(file) = File::open(path).ok() else { return pages };
+    let Some(file) = files::open(path).ok() else { return pages };
     let Some(mut decoder) = TiffDecoder::new(BufReader::new(file)).ok() else { return pages };
     loop {
         let kind = decoder.find_tag_unsigned::<u32>(Tag::NewSubfileType).ok().flatten().unwrap_or(0);
@@ -151,7 +152,7 @@ pub(super) fn pages(path: &Path) -> Vec<u64> {
 /// The frames of an animation; `None` where a file holds none.
 pub(super) fn of_animation(path: &Path, limits: Limits) -> Result<Option<Vec<DynamicImage>>, ImageError> {
     let Ok(head) = super::head_of(path) else { return Ok(None) };
-    let file = || Ok::<_, ImageError>(BufReader::new(File::open(path)?));
+    let file = || Ok::<_, ImageError>(BufReader::new(files::open(path)?));
     let frames: Frames<'_> = match Form::of(&head) {
         Some(Form::Gif) => {
             let mut decoder = GifDecoder::new(file()?)?;
@@ -186,7 +187,7 @@ pub(super) fn of_animation(path: &Path, limits: Limits) -> Result<Option<Vec<Dyn
 
 /// Opens a file, as if the page whose directory is there were its first.
 pub(super) fn open(path: &Path, page: Option<u64>) -> io::Result<Box<dyn Source>> {
-    let mut file = File::open(path)?;
+    let mut file = files::open(path)?;
     let Some(at) = page else { return Ok(Box::new(BufReader::new(file))) };
     let mut head = Vec::new();
     (&mut file).take(TIFF_HEAD as u64).read_to_end(&mut head)?;

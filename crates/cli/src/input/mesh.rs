@@ -12,6 +12,7 @@ use glam::{Mat4, Vec2, Vec3};
 use texfold_core::mesh::UvMesh;
 
 use crate::error::CliError;
+use crate::files;
 
 /// Buffers within glTF files, which some exporters write without padding.
 const BASE64: GeneralPurpose = GeneralPurpose::new(
@@ -50,8 +51,7 @@ fn wrong<E: Into<Box<dyn Error + Send + Sync>>>(path: &Path) -> impl Fn(E) -> Cl
 }
 
 fn read_obj(path: &Path) -> Result<UvMesh, CliError> {
-    let file =
-        std::fs::File::open(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let file = files::open(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
     let options = tobj::LoadOptions { triangulate: true, single_index: true, ..tobj::LoadOptions::default() };
     let no_materials = |_: &Path| Ok(Default::default());
     let (models, _) =
@@ -100,7 +100,7 @@ fn each_primitive(
     path: &Path,
     mut see: impl FnMut(&gltf::Primitive<'_>, Vec<Vec3>, Vec<u32>, &[Vec<u8>]),
 ) -> Result<(), CliError> {
-    let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let bytes = files::read(path)?;
     let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(&bytes).map_err(wrong(path))?;
     let buffers = buffers(path, &document, blob)?;
     let scene = document.default_scene().or_else(|| document.scenes().next());
@@ -150,7 +150,7 @@ fn buffers(
             }
             gltf::buffer::Source::Uri(uri) => {
                 let file = path.parent().unwrap_or(Path::new("")).join(uri);
-                std::fs::read(&file).map_err(|source| CliError::Read { path: file, source })?
+                files::read(&file)?
             }
         };
         if bytes.len() < buffer.length() {

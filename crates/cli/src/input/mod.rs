@@ -15,7 +15,6 @@ pub(crate) mod remarks;
 pub(crate) mod shape;
 pub(crate) mod stack;
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -24,6 +23,7 @@ use texfold_core::image::{ImageSet, Raster};
 use texfold_core::{ImageSize, MAX_IMAGE_SIDE, SourceError};
 
 use crate::error::CliError;
+use crate::files;
 use crate::settings::Settings;
 pub(crate) use find::{Found, find};
 pub(crate) use remarks::Remarks;
@@ -41,7 +41,7 @@ pub(crate) enum Content {
 pub(crate) fn head_of(path: &Path) -> Result<Vec<u8>, CliError> {
     let failed = |source| CliError::Read { path: path.to_owned(), source };
     let mut head = Vec::new();
-    File::open(path).map_err(failed)?.take(256).read_to_end(&mut head).map_err(failed)?;
+    files::open(path).map_err(failed)?.take(256).read_to_end(&mut head).map_err(failed)?;
     if head.is_empty() {
         return Err(CliError::EmptyFile { path: path.to_owned() });
     }

@@ -14,6 +14,7 @@ use super::frames::{self, Source};
 use super::remarks::Remarks;
 use super::{check_side, formats, profile};
 use crate::error::CliError;
+use crate::files;
 
 type Decoder = Box<dyn ImageDecoder>;
 
@@ -230,7 +231,7 @@ fn is_cmyk(path: &Path, format: Option<ImageFormat>, decoder: &Decoder) -> bool 
 
 /// The number of components that the frame header of a JPEG states.
 fn jpeg_components(path: &Path) -> Option<u8> {
-    let mut file = BufReader::new(std::fs::File::open(path).ok()?);
+    let mut file = BufReader::new(files::open(path).ok()?);
     file.seek_relative(2).ok()?;
     loop {
         let mut segment = [0; 4];

@@ -13,6 +13,7 @@ use texfold::core::Mesh;
 
 use super::mesh::read_gltf_shape;
 use crate::error::CliError;
+use crate::files;
 
 /// Most vertices or faces of a PLY file: rows without properties take no bytes of it.
 const MAX_ELEMENTS: usize = 1 << 24;
@@ -24,8 +25,7 @@ pub(crate) fn read(path: &Path) -> Result<Mesh, CliError> {
     let mesh = match extension.to_ascii_lowercase().as_str() {
         "obj" => read_obj(path)?,
         "ply" => {
-            let bytes =
-                std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+            let bytes = files::read(path)?;
             read_ply(bytes).map_err(|error| match error {
                 PlyError::Content(what) => fault(what),
                 PlyError::Read(source) => CliError::Mesh { path: path.to_owned(), source: source.into() },
@@ -47,8 +47,7 @@ pub(crate) fn read(path: &Path) -> Result<Mesh, CliError> {
 }
 
 fn read_obj(path: &Path) -> Result<Mesh, CliError> {
-    let file =
-        std::fs::File::open(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let file = files::open(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
     let options = tobj::LoadOptions { triangulate: true, ..tobj::LoadOptions::default() };
     let no_materials = |_: &Path| Ok(Default::default());
     let (models, _) = tobj::load_obj_buf(&mut BufReader::new(file), &options, no_materials)

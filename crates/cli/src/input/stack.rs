@@ -14,6 +14,7 @@ use texfold_core::{EncodeError, Job};
 
 use super::{Remarks, pixels};
 use crate::error::CliError;
+use crate::files;
 use crate::settings::ZoomSettings;
 
 /// Name of the list of patches and of what the encoder does with them.
@@ -65,8 +66,7 @@ impl List {
 
 fn read_list(dir: &Path) -> Result<List, CliError> {
     let path = dir.join(LIST_NAME);
-    let text =
-        std::fs::read_to_string(&path).map_err(|source| CliError::Read { path: path.clone(), source })?;
+    let text = files::read_text(&path)?;
     toml::from_str(&text).map_err(|source| CliError::StackFile { path, source: Box::new(source) })
 }
 

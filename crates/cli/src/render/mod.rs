@@ -16,6 +16,7 @@ use texfold_gpu::{Gpu, GpuError, Policy};
 use crate::config::Sides;
 use crate::console::warn;
 use crate::error::{CliError, guarded};
+use crate::files;
 use crate::input::capture;
 use crate::output::{make_folder, remove_stale};
 use crate::png;
@@ -125,7 +126,7 @@ fn artist<'t>(args: &'t RenderArgs, texture: &'t LightTexture) -> Result<Artist<
 
 /// Loads a `.txf` file that holds a light field.
 pub(crate) fn load(path: &Path) -> Result<LightTexture, CliError> {
-    let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let bytes = files::read(path)?;
     let failed = |source| CliError::Load { path: path.to_owned(), source };
     let texture = texfold::open(&bytes).map_err(failed)?;
     let codec = texture.codec().name;

@@ -16,6 +16,7 @@ use texfold_core::{Encoded, Image2d, Mesh, Rect, Texel};
 use crate::bank::{BankMap, is_bank};
 use crate::console::{complain, say};
 use crate::error::{CliError, explain, guarded};
+use crate::files;
 use crate::info::read_original;
 use crate::input::find::expand_all;
 use crate::output::write_whole;
@@ -149,7 +150,7 @@ fn item(path: &Path, original: Option<&Path>) -> Result<Item, CliError> {
     if is_bank(path) {
         return Err(CliError::IsBank { path: path.to_owned() });
     }
-    let bytes = std::fs::read(path).map_err(|source| CliError::Read { path: path.to_owned(), source })?;
+    let bytes = files::read(path)?;
     let texture = texfold::open(&bytes).map_err(|source| CliError::Load { path: path.to_owned(), source })?;
     let encode = |raster: &Raster| {
         let fault = |source| CliError::Draw { path: path.to_owned(), source: Box::new(source) };

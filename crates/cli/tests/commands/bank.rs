@@ -359,3 +359,68 @@ fn users_name_categories_and_others_join_the_nearest() {
         assert!(run.code == Some(1) && run.stderr.contains("texfold bank"), "{}", run.stderr);
     }
 }
+
+/// A manifest is foreign: none makes the bank lose a file, read one from elsewhere, or show what it does not hold.
+#[test]
+fn forged_manifests_are_refused_and_nothing_is_written() {
+    let place = Place::new();
+    place.image("a.png", 48, 40, 3);
+    place.image("b.png", 48, 40, 3);
+    let run =
+        place.run("bank add a.png --out bank --bpp 4 --codec progressive --effort fast --category field");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let file = place.at("bank/bank.json");
+    let honest = fs::read(&file).unwrap();
+    let files = || {
+        let read = |name: String| (fs::read(place.at("bank").join(&name)).unwrap(), name);
+        names(&place.at("bank")).into_iter().filter(|name| name != "bank.json").map(read).collect::<Vec<_>>()
+    };
+    let before = files();
+    let forgeries: [(&str, Value); 12] = [
+        ("/next", 0.into()),
+        ("/next", u32::MAX.into()),
+        ("/categories/0/file", "/etc/hostname".into()),
+        ("/categories/0/file", "../a.png".into()),
+        ("/categories/0/file", "\u{1b}[2Jx".into()),
+        ("/categories/0/name", "\u{7}".into()),
+        ("/categories/0/colours", Value::Array(Vec::new())),
+        ("/categories/0/rows", u32::MAX.into()),
+        ("/categories/0/tiles", u32::MAX.into()),
+        ("/images/0/name", "a\nb".into()),
+        ("/images/0/tiles/0/grown_rows", u32::MAX.into()),
+        ("/images/0/tiles/0/blocks", serde_json::json!([u64::MAX, 1, 1])),
+    ];
+    for (place_of, value) in forgeries {
+        let mut manifest = manifest(&place, "bank");
+        *manifest.pointer_mut(place_of).unwrap() = value.clone();
+        fs::write(&file, manifest.to_string()).unwrap();
+        for command in [
+            "bank list bank",
+            "bank add b.png --out bank --bpp 4 --codec progressive",
+            "bank extract bank --out png",
+        ] {
+            let run = place.run(command);
+            let named = run.stderr.contains("bank.json") && !run.stderr.contains('\u{1b}');
+            assert!(
+                run.code == Some(1) && named,
+                "{place_of} {value}: {command}: {:?} {}",
+                run.code,
+                run.stderr
+            );
+        }
+        assert!(files() == before, "{place_of} {value}");
+        fs::write(&file, &honest).unwrap();
+    }
+    // Two tiles in one file, and a colour image that claims to be gray.
+    let mut twice = manifest(&place, "bank");
+    let mut second = twice["images"][0].clone();
+    second["name"] = "c".into();
+    twice["images"].as_array_mut().unwrap().push(second);
+    fs::write(&file, twice.to_string()).unwrap();
+    assert!(place.run("bank list bank").stderr.contains("a tile that cannot be"));
+    let mut gray = serde_json::from_slice::<Value>(&honest).unwrap();
+    gray["images"][0]["channels"] = 1.into();
+    fs::write(&file, gray.to_string()).unwrap();
+    let run = place.run("bank extract bank --out png");
+    assert!(run.code == Some(1) && run.stderr.contains("is not the tile that is listed"), "{}", run.stderr);
+}

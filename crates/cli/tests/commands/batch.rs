@@ -102,7 +102,7 @@ fn an_output_folder_that_cannot_be_is_named() {
     fs::create_dir_all(place.at("out/a.txf")).unwrap();
     let (run, report) = place.compress("a.png --out out --codec bc");
     assert_eq!(run.code, Some(1));
-    assert!(report[0]["error"].as_str().unwrap().contains("out/a.txf: cannot be written"), "{report:?}");
+    assert!(report[0]["error"].as_str().unwrap().contains("out/a.txf: is a folder"), "{report:?}");
     assert_eq!(fs::read_dir(place.at("out")).unwrap().count(), 1, "no temporary file is left");
 }
 
@@ -198,4 +198,36 @@ fn a_corrupt_image_of_a_set_is_named_and_other_inputs_are_done() {
     assert_eq!(done["images"].as_u64(), Some(2), "{done}");
     let (run, _) = place.compress("set --as image --out each --codec epitome --psnr 30 --effort fast");
     assert_eq!((run.code, names(&place.at("each"))), (Some(1), vec!["a.txf".into(), "c.txf".into()]));
+}
+
+/// What may never end is not read, and what is no file is not replaced.
+#[cfg(unix)]
+#[test]
+fn fifos_are_neither_read_nor_replaced() {
+    let place = Place::new();
+    place.image("a.png", 16, 16, 3);
+    for name in ["fifo.png", "fifo.txf", "bank.txf", "config.toml"] {
+        assert!(std::process::Command::new("mkfifo").arg(place.at(name)).status().unwrap().success());
+    }
+    for command in [
+        "compress fifo.png --out out",
+        "compress a.png --codec vq --importance-map fifo.png --out out",
+        "compress a.png --config config.toml --out out",
+        "compress a.png --add-to fifo.txf --out out",
+        "bank add fifo.png --out bank",
+        "info fifo.txf",
+        "decompress fifo.txf --out out",
+        "view fifo.txf --out view.html",
+        "render fifo.txf --camera fifo.png --out out",
+    ] {
+        let run = place.run(command);
+        assert!(run.code.is_some_and(|code| code != 0), "{command}: {:?}", run.code);
+        let text = format!("{}{}", run.stderr, run.stdout);
+        assert!(text.contains("a FIFO, not a regular file"), "{command}: {text}");
+    }
+    let run = place.run("compress a.png --out . --force");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    fs::rename(place.at("fifo.txf"), place.at("a.txf")).unwrap();
+    let run = place.run("compress a.png --out . --force");
+    assert!(run.code == Some(1) && run.stderr.contains("a.txf: is a FIFO"), "{}", run.stderr);
 }

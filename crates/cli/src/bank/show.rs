@@ -112,11 +112,16 @@ impl Bank {
                 let what = format!("{} is not the tile that is listed", tile.file);
                 return Err(CliError::BankManifest { path: self.dir.join(MANIFEST), what });
             }
-            let picture = picture.get_or_insert_with(|| {
-                let size = ImageSize { width: area.width, height: area.height };
+            let size = ImageSize { width: area.width, height: area.height };
+            let picture = match &mut picture {
+                Some(picture) => picture,
                 // Tiles that are opaque are stored without alpha.
-                Picture::new(writing.to, size, PixelInfo { channels: image.channels, ..*pixel })
-            });
+                None => picture.insert(writing.picture(
+                    &path,
+                    size,
+                    PixelInfo { channels: image.channels, ..*pixel },
+                )?),
+            };
             let texture = match writing.layers {
                 Some(layers) => first_layers(&texture, layers).unwrap_or(texture),
                 None => texture,

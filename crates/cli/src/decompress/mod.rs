@@ -24,6 +24,7 @@ use crate::{bank, input};
 pub(crate) use gpu::Device;
 pub(crate) use picture::Picture;
 pub(crate) use writing::Writing;
+use writing::bands;
 
 /// Digits of the number in the name of one image of several; more where there are more than a thousand.
 const NUMBER_DIGITS: usize = 3;
@@ -161,12 +162,15 @@ fn decompress(
     warn_of_layers(path, args.writing.layers, encoded.layers());
     let uploaded = device.map(|device| device.upload(path, encoded)).transpose()?;
     for (rect, output) in outputs {
-        let raster = match &uploaded {
-            Some(uploaded) => uploaded.decode(path, encoded, *rect, args.continuous)?,
-            None => on_cpu(path, &image, *rect, args)?,
-        };
-        let mut picture = Picture::new(args.writing.to, raster.size(), raster.info());
-        picture.place((0, 0), &raster);
+        let size = ImageSize { width: rect.width, height: rect.height };
+        let mut picture = args.writing.picture(path, size, encoded.layout().pixel)?;
+        for band in bands(*rect) {
+            let raster = match &uploaded {
+                Some(uploaded) => uploaded.decode(path, encoded, band, args.continuous)?,
+                None => on_cpu(path, &image, band, args)?,
+            };
+            picture.place((0, band.y - rect.y), &raster);
+        }
         picture.write(output)?;
     }
     Ok(())

@@ -66,7 +66,18 @@ pub(crate) struct Picture {
 
 impl Picture {
     /// An image without texels, of those channels and that depth.
-    pub(crate) fn new(format: Format, size: ImageSize, mut info: PixelInfo) -> Picture {
+    pub(super) fn new(format: Format, size: ImageSize, info: PixelInfo) -> Picture {
+        let mut picture = Picture::empty(format, size, info);
+        picture.bytes = vec![0; size.texels() as usize * picture.texel_bytes()];
+        picture
+    }
+
+    /// Bytes of its samples.
+    pub(super) fn bytes(format: Format, size: ImageSize, info: PixelInfo) -> u64 {
+        size.texels() * Picture::empty(format, size, info).texel_bytes() as u64
+    }
+
+    fn empty(format: Format, size: ImageSize, mut info: PixelInfo) -> Picture {
         let sample = match (format, info.depth) {
             (Format::Exr, _) => Sample::Float,
             (Format::Png | Format::Tiff, Depth::Sixteen) => Sample::Sixteen,
@@ -75,9 +86,7 @@ impl Picture {
         if sample == Sample::Float && info.channels < 3 {
             info.channels += 2;
         }
-        let mut picture = Picture { format, size, info, sample, bytes: Vec::new() };
-        picture.bytes = vec![0; size.texels() as usize * picture.texel_bytes()];
-        picture
+        Picture { format, size, info, sample, bytes: Vec::new() }
     }
 
     fn texel_bytes(&self) -> usize {

@@ -2,10 +2,28 @@
 
 use std::path::{Path, PathBuf};
 
+use texfold_core::image::PixelInfo;
 use texfold_core::{ImageSize, Rect, RegionError};
 
-use super::picture::Format;
+use super::picture::{Format, Picture};
 use crate::error::CliError;
+use crate::memory;
+
+/// Texels that are decoded at a time.
+const BAND_TEXELS: u64 = 1 << 22;
+/// Rows of the largest blocks of any codec.
+const BLOCK_ROWS: u32 = 64;
+/// Bytes that each of them takes: texels, the raster of them, and samples.
+const BAND_BYTES_PER_TEXEL: u64 = 48;
+
+/// A rectangle in bands of whole rows, of about [`BAND_TEXELS`].
+pub(super) fn bands(rect: Rect) -> impl Iterator<Item = Rect> {
+    let rows = (BAND_TEXELS / u64::from(rect.width.max(1))).max(1) as u32;
+    // A multiple of every codec's blocks, so that none is decoded twice.
+    let rows = if rows > BLOCK_ROWS { rows / BLOCK_ROWS * BLOCK_ROWS } else { rows };
+    let band = move |top: u32| Rect { y: rect.y + top, height: rows.min(rect.height - top), ..rect };
+    (0..rect.height).step_by(rows as usize).map(band)
+}
 
 /// Options that say what is decoded and written.
 #[derive(Debug, clap::Args)]
@@ -31,6 +49,14 @@ pub(crate) struct Writing {
     /// Decode on the GPU, as a shader does.
     #[arg(long)]
     pub(crate) gpu: bool,
+    /// Memory limit in GiB for an image; by default three quarters of the machine's.
+    #[arg(long, value_name = "GIB", value_parser = gib)]
+    memory: Option<f64>,
+}
+
+fn gib(text: &str) -> Result<f64, String> {
+    let found = text.parse().ok().filter(|gib: &f64| gib.is_finite() && *gib > 0.0);
+    found.ok_or_else(|| "give a finite number of GiB above 0".to_owned())
 }
 
 fn rectangle(text: &str) -> Result<[u32; 4], String> {
@@ -57,6 +83,21 @@ impl Writing {
         Ok(Rect { image, level: self.lod, x, y, width: across, height: down })
     }
 
+    /// An image without texels, for the file at `path`.
+    ///
+    /// # Errors
+    /// [`CliError::Memory`] where the image, its file and the texels that are decoded at a time do not fit into the limit.
+    pub(crate) fn picture(&self, path: &Path, size: ImageSize, info: PixelInfo) -> Result<Picture, CliError> {
+        let allowed = self.memory.map_or_else(memory::usual_limit, memory::from_gib);
+        let band = size.texels().min(BAND_TEXELS) * BAND_BYTES_PER_TEXEL;
+        let needed = 2 * Picture::bytes(self.to, size, info) + band;
+        if needed > allowed {
+            let (needed_mib, allowed_mib) = (needed.div_ceil(1 << 20), allowed >> 20);
+            return Err(CliError::Memory { path: path.to_owned(), needed_mib, allowed_mib });
+        }
+        Ok(Picture::new(self.to, size, info))
+    }
+
     /// The ending of file names: the rectangle, if one is given, and the extension.
     pub(crate) fn ending(&self) -> String {
         let region = self.region.map(|[x, y, width, height]| format!("-{x}-{y}-{width}x{height}"));
@@ -68,5 +109,25 @@ impl Writing {
         let mut there = outputs.filter(|output| !self.force && output.symlink_metadata().is_ok());
         let Some(first) = there.next() else { return Ok(()) };
         Err(CliError::Exists { path: first.to_owned(), more: there.count() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bands_are_the_rectangle_in_order() {
+        for (width, height) in [(1, 1), (300, 200), (32768, 1000), (32768, 1024), (1 << 23, 3)] {
+            let whole = Rect { image: 1, level: 2, x: 7, y: 11, width, height };
+            let mut next = whole.y;
+            for band in bands(whole) {
+                assert_eq!(Rect { y: whole.y, height, ..band }, whole);
+                assert_eq!(band.y, next);
+                assert!(band.height == 1 || u64::from(width) * u64::from(band.height) <= BAND_TEXELS);
+                next += band.height;
+            }
+            assert_eq!(next, whole.y + height);
+        }
     }
 }

@@ -277,3 +277,20 @@ fn a_rectangle_of_a_bank_is_read_from_the_tiles_that_hold_it() {
         assert!(run.code != Some(0) && run.stderr.contains(message), "{options}: {}", run.stderr);
     }
 }
+
+#[test]
+fn what_does_not_fit_into_memory_is_refused_before_it_is_decoded() {
+    let place = Place::new();
+    place.image("a.png", 96, 80, 3);
+    assert_eq!(place.compress("a.png --out out --codec dct").0.code, Some(0));
+    assert_eq!(place.run("bank add a.png --out bank --codec dct --effort fast").code, Some(0));
+    for command in ["decompress out/a.txf --out png", "bank extract bank --out png"] {
+        let run = place.run(&format!("{command} --memory 0.0001"));
+        assert!(run.code == Some(1) && run.stderr.contains("raise --memory"), "{command}: {}", run.stderr);
+        assert!(!place.at("png/a.png").exists());
+        assert_eq!(place.run(&format!("{command} --memory 0.01 --force")).code, Some(0), "{command}");
+        fs::remove_file(place.at("png/a.png")).unwrap();
+        let run = place.run(&format!("{command} --memory nan"));
+        assert!(run.code == Some(2) && run.stderr.contains("GiB"), "{command}: {}", run.stderr);
+    }
+}

@@ -1,6 +1,6 @@
 //! What the program says: results on stdout, errors on stderr.
 
-use std::io::Write;
+use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// True where only errors and requested results are printed.
@@ -15,9 +15,25 @@ pub(crate) fn is_quiet() -> bool {
     QUIET.load(Ordering::Relaxed)
 }
 
-/// Prints a requested result on stdout. A closed pipe is no error.
+/// True where stdout did not take a line, as on a full device.
+static CUT: AtomicBool = AtomicBool::new(false);
+
+/// Prints a requested result on stdout. A closed pipe is no error; all else that stdout does not take fails the run ([`is_cut`]).
 pub(crate) fn answer(text: &str) {
-    let _ = writeln!(std::io::stdout().lock(), "{text}");
+    note_cut(writeln!(io::stdout().lock(), "{text}"));
+}
+
+/// Notes where stdout did not take a text.
+pub(crate) fn note_cut(written: io::Result<()>) {
+    if written.is_err_and(|error| error.kind() != io::ErrorKind::BrokenPipe) {
+        CUT.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Whether stdout is incomplete.
+pub(crate) fn is_cut() -> bool {
+    note_cut(io::stdout().lock().flush());
+    CUT.load(Ordering::Relaxed)
 }
 
 /// A line on stdout about what was done.
@@ -35,11 +51,11 @@ pub(crate) fn warn(line: &str) {
 /// A line on stderr that is no error.
 pub(crate) fn mention(line: &str) {
     if !is_quiet() {
-        let _ = writeln!(std::io::stderr().lock(), "{line}");
+        let _ = writeln!(io::stderr().lock(), "{line}");
     }
 }
 
 /// An error on stderr.
 pub(crate) fn complain(line: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "error: {line}");
+    let _ = writeln!(io::stderr().lock(), "error: {line}");
 }

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
-use crate::console::{be_quiet, complain};
+use crate::console::{be_quiet, complain, is_cut, note_cut};
 use crate::error::{CliError, explain};
 use crate::{
     BankCommand, CompareArgs, CompressArgs, DecompressArgs, InfoArgs, RenderArgs, ViewArgs, bank_command,
@@ -51,8 +51,14 @@ struct Program {
 /// The whole program: reads the command line, runs it, gives the exit code.
 #[must_use]
 pub fn main() -> ExitCode {
-    let Program { quiet, command } = Program::parse();
-    run(command, quiet)
+    match Program::try_parse() {
+        Ok(Program { quiet, command }) => run(command, quiet),
+        Err(answer) => {
+            // Help and the version are answers, all else is a usage error.
+            note_cut(answer.print());
+            ended(u8::try_from(answer.exit_code()).unwrap_or(USAGE))
+        }
+    }
 }
 
 /// Runs one command and gives the exit code; `quiet` prints errors alone, and what `info` and `bank list` are asked for.
@@ -70,12 +76,21 @@ pub fn run(command: Command, quiet: bool) -> ExitCode {
         Command::Bank(command) => bank_command::run(command),
         Command::Compare(args) => compare::run(&args),
     };
-    match outcome {
-        Ok(0) => ExitCode::SUCCESS,
-        Ok(_) => ExitCode::from(SOME_FAILED),
+    ended(match outcome {
+        Ok(0) => 0,
+        Ok(_) => SOME_FAILED,
         Err(error) => {
             complain(&explain(&error));
-            ExitCode::from(if matches!(error, CliError::Usage(_)) { USAGE } else { SOME_FAILED })
+            if matches!(error, CliError::Usage(_)) { USAGE } else { SOME_FAILED }
         }
+    })
+}
+
+/// The exit code; a run whose stdout is incomplete has failed.
+fn ended(code: u8) -> ExitCode {
+    if is_cut() {
+        complain("stdout cannot be written; is its device full?");
+        return ExitCode::from(code.max(SOME_FAILED));
     }
+    ExitCode::from(code)
 }

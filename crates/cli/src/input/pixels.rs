@@ -1,6 +1,5 @@
 //! Images by the `image` crate, and by the `tiff` crate where that takes more, within limits.
 
-use std::io::BufReader;
 use std::path::Path;
 
 use image::metadata::Orientation;
@@ -11,6 +10,7 @@ use tiff::decoder::{Decoder as TiffDecoder, DecodingResult};
 use tiff::tags::{PlanarConfiguration, SampleFormat, Tag};
 
 use super::frames::{self, Source};
+use super::jpeg::{self, Outline};
 use super::remarks::Remarks;
 use super::{check_side, formats, profile};
 use crate::error::CliError;
@@ -171,6 +171,7 @@ pub(super) fn no_alpha<S: std::io::BufRead + std::io::Seek>(decoder: &mut TiffDe
 
 /// Decodes a file, or a page of it.
 fn stored(path: &Path, page: Option<u64>, limit_bytes: u64) -> Result<Stored, CliError> {
+    use image::ExtendedColorType::{Cmyk8, Cmyk16};
     let mut limits = limits(limit_bytes);
     let (decoder, format) = open(path, page, limits.clone())?;
     let mut decoder = match decoder {
@@ -182,6 +183,12 @@ fn stored(path: &Path, page: Option<u64>, limit_bytes: u64) -> Result<Stored, Cl
     };
     let (width, height) = decoder.dimensions();
     check_side(path, ImageSize { width, height })?;
+    let is_jpeg = format == Some(ImageFormat::Jpeg);
+    let jpeg = if is_jpeg { jpeg::outline(&files::read(path)?) } else { Outline::default() };
+    if is_jpeg && !jpeg.is_whole {
+        // Its decoder gives gray for what is missing.
+        return Err(CliError::Rows { path: path.to_owned(), source: "the JPEG has no end marker".into() });
+    }
     let decode = || {
         let orientation = decoder.orientation()?;
         // A profile that cannot be read is none that could be followed.
@@ -190,7 +197,8 @@ fn stored(path: &Path, page: Option<u64>, limit_bytes: u64) -> Result<Stored, Cl
             Some(mut tiff) => tiff.get_tag_u8_vec(Tag::IccProfile).ok(),
             None => decoder.icc_profile().ok().flatten(),
         };
-        let is_cmyk = is_cmyk(path, format, &decoder);
+        // The JPEG decoder converts four components to RGB.
+        let is_cmyk = matches!(decoder.original_color_type(), Cmyk8 | Cmyk16) || jpeg.components == Some(4);
         let is_float = decoder.color_type().bytes_per_pixel() / decoder.color_type().channel_count() > 2;
         // Values of 32 bits are held beside those of 16.
         limits.reserve(decoder.total_bytes().saturating_mul(if is_float { 2 } else { 1 }))?;
@@ -220,30 +228,6 @@ fn without_band(image: DynamicImage) -> DynamicImage {
 fn ends_with_band(path: &Path, page: Option<u64>, format: Option<ImageFormat>) -> bool {
     let decoder = tiff_decoder(path, page, format);
     decoder.and_then(|mut decoder| no_alpha(&mut decoder)).unwrap_or(false)
-}
-
-/// True for CMYK. The JPEG decoder converts four components to RGB, so the frame header is read.
-fn is_cmyk(path: &Path, format: Option<ImageFormat>, decoder: &Decoder) -> bool {
-    use image::ExtendedColorType::{Cmyk8, Cmyk16};
-    matches!(decoder.original_color_type(), Cmyk8 | Cmyk16)
-        || format == Some(ImageFormat::Jpeg) && jpeg_components(path) == Some(4)
-}
-
-/// The number of components that the frame header of a JPEG states.
-fn jpeg_components(path: &Path) -> Option<u8> {
-    let mut file = BufReader::new(files::open(path).ok()?);
-    file.seek_relative(2).ok()?;
-    loop {
-        let mut segment = [0; 4];
-        std::io::Read::read_exact(&mut file, &mut segment).ok()?;
-        let [0xff, marker, high, low] = segment else { return None };
-        if matches!(marker, 0xc0..=0xcf) && !matches!(marker, 0xc4 | 0xc8 | 0xcc) {
-            let mut frame = [0; 6];
-            std::io::Read::read_exact(&mut file, &mut frame).ok()?;
-            return Some(frame[5]);
-        }
-        file.seek_relative(i64::from(u16::from_be_bytes([high, low])) - 2).ok()?;
-    }
 }
 
 /// Makes pixels usable: 16 bits for floats, sRGB for other profiles, upright.

@@ -231,3 +231,35 @@ fn fifos_are_neither_read_nor_replaced() {
     let run = place.run("compress a.png --out . --force");
     assert!(run.code == Some(1) && run.stderr.contains("a.txf: is a FIFO"), "{}", run.stderr);
 }
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_stdout_does_not_take_fails_the_run() {
+    let place = Place::new();
+    place.image("a.png", 16, 16, 3);
+    assert_eq!(place.compress("a.png --out out").0.code, Some(0));
+    for command in ["--help", "compress --help", "info out/a.txf", "compress a.png --out out --force"] {
+        let full = fs::File::options().write(true).open("/dev/full").unwrap();
+        let program = std::process::Command::new(env!("CARGO_BIN_EXE_texfold"))
+            .args(command.split(' '))
+            .current_dir(place.at(""))
+            .stdout(full)
+            .output()
+            .unwrap();
+        let stderr = String::from_utf8(program.stderr).unwrap();
+        assert!(program.status.code() == Some(1) && stderr.contains("stdout"), "{command}: {stderr}");
+    }
+}
+
+#[test]
+fn half_a_jpeg_is_an_error() {
+    let place = Place::new();
+    place.image("a.png", 64, 64, 3);
+    image::open(place.at("a.png")).unwrap().to_rgb8().save(place.at("whole.jpg")).unwrap();
+    let bytes = fs::read(place.at("whole.jpg")).unwrap();
+    fs::write(place.at("half.jpg"), &bytes[..bytes.len() * 2 / 3]).unwrap();
+    let (run, report) = place.compress("whole.jpg half.jpg --out out");
+    assert_eq!(run.code, Some(1));
+    assert_eq!(report[0]["error"], serde_json::Value::Null, "{report:?}");
+    assert!(report[1]["error"].as_str().unwrap().contains("ends early"), "{report:?}");
+}

@@ -23,14 +23,14 @@ pub(crate) fn answer(text: &str) {
     note_cut(writeln!(io::stdout().lock(), "{text}"));
 }
 
-/// Notes where stdout did not take a text.
+/// Records a failed write to stdout.
 pub(crate) fn note_cut(written: io::Result<()>) {
     if written.is_err_and(|error| error.kind() != io::ErrorKind::BrokenPipe) {
         CUT.store(true, Ordering::Relaxed);
     }
 }
 
-/// Whether stdout is incomplete.
+/// True where stdout is incomplete.
 pub(crate) fn is_cut() -> bool {
     note_cut(io::stdout().lock().flush());
     CUT.load(Ordering::Relaxed)

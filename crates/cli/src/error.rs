@@ -121,6 +121,8 @@ pub(crate) enum CliError {
     FrameSize { path: PathBuf, index: usize },
     #[error("{}: the mesh cannot be read; export it as OBJ, glTF or GLB again", path.display())]
     Mesh { path: PathBuf, source: Box<dyn Error + Send + Sync> },
+    #[error("{}: the name {name} has control characters, which a bank does not list; choose another", path.display())]
+    ControlCharacters { path: PathBuf, name: String },
     #[error("{}: is {found}, not a regular file; name a file", path.display())]
     NotAFile { path: PathBuf, found: &'static str },
     #[error("{}: is a symbolic link to nothing; remove it or make its target", path.display())]

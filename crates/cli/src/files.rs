@@ -29,7 +29,7 @@ pub(crate) fn read_text(path: &Path) -> Result<String, CliError> {
     open(path).and_then(io::read_to_string).map_err(|source| CliError::Read { path: path.to_owned(), source })
 }
 
-/// What is at a path where that is no regular file.
+/// The name of a kind of file that is not regular.
 pub(crate) fn irregular(kind: FileType) -> Option<&'static str> {
     if kind.is_file() {
         return None;

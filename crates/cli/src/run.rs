@@ -55,7 +55,10 @@ pub fn main() -> ExitCode {
         Ok(Program { quiet, command }) => run(command, quiet),
         Err(answer) => {
             // Help and the version are answers, all else is a usage error.
-            note_cut(answer.print());
+            let printed = answer.print();
+            if !answer.use_stderr() {
+                note_cut(printed);
+            }
             ended(u8::try_from(answer.exit_code()).unwrap_or(USAGE))
         }
     }

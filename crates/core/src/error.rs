@@ -148,7 +148,7 @@ pub enum SourceError {
     /// An encoded form has no room for a further source.
     #[error("{what}")]
     Full {
-        /// What is full and what to do, as a sentence.
+        /// The full part and a way out, as a sentence.
         what: &'static str,
     },
 }

@@ -142,7 +142,7 @@ fn worst_block_rms_of(source: &Raster, decoded: &Raster, cancel: CancelCheck<'_>
 }
 
 /// Rows of texels that one thread decodes: a multiple of every codec's blocks, so that none is decoded twice.
-const BAND_ROWS: u32 = 64;
+pub const BAND_ROWS: u32 = 64;
 
 /// Level `level` of image `image` of an encoded texture, decoded on several threads; `None` where there is no such image
 /// or level.

@@ -177,7 +177,7 @@ impl Gpu {
         Ok(found)
     }
 
-    /// Whether `buffer` came to be mapped. The buffers of a lost device are invalid, which mapping alone reports.
+    /// Maps `buffer` for reading; false where that failed. The buffers of a lost device are invalid, which mapping alone reports.
     fn wait_to_read(&self, buffer: &wgpu::Buffer) -> bool {
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let (sender, receiver) = std::sync::mpsc::channel();
@@ -190,7 +190,7 @@ impl Gpu {
         waited && faults.is_none() && matches!(receiver.recv(), Ok(Ok(())))
     }
 
-    /// Whether the device answers no more.
+    /// True for a lost device: a fresh buffer cannot be mapped.
     fn is_lost(&self) -> bool {
         let (size, usage) = (4, wgpu::BufferUsages::MAP_READ);
         let probe = wgpu::BufferDescriptor { label: Some("probe"), size, usage, mapped_at_creation: false };

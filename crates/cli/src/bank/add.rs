@@ -9,7 +9,7 @@ use texfold_core::image::Depth;
 use texfold_core::{Access, ImageSize};
 use texfold_progressive::{Progressive, ProgressiveParams};
 
-use super::manifest::{Image, Manifest};
+use super::manifest::{Image, Manifest, is_printable};
 use super::sums::Sums;
 use super::task::{BankTask, Books, Grown, Place};
 use super::{Bank, Open, blocks, category, texel, tiles};
@@ -164,6 +164,11 @@ impl BankTask {
 
     /// The key of an image that is not there yet.
     fn key_of_new(&self, open: &Open) -> Result<String, Step> {
+        let shown = [Some(self.name.as_str()), self.category.as_deref()].into_iter().flatten();
+        if let Some(name) = shown.into_iter().find(|name| !is_printable(name)) {
+            let (path, name) = (self.path.clone(), name.escape_debug().to_string());
+            return Err(Step::Failed(CliError::ControlCharacters { path, name }));
+        }
         let key = self.key().map_err(Step::Failed)?;
         match open.bank.manifest.images.iter().find(|image| image.name == self.name) {
             None => Ok(key),

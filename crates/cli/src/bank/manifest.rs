@@ -73,12 +73,12 @@ pub(crate) struct Tile {
     pub(crate) blocks: [u64; 3],
 }
 
-/// Whether text can be shown in one line.
-fn is_printable(text: &str) -> bool {
+/// True for text without control characters.
+pub(super) fn is_printable(text: &str) -> bool {
     !text.chars().any(char::is_control)
 }
 
-/// Whether a name is that of a file of the bank's own folder.
+/// True for the name of a file in the bank's own folder.
 fn is_plain(name: &str) -> bool {
     Path::new(name).file_name() == Some(name.as_ref()) && is_printable(name)
 }
@@ -111,9 +111,9 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// What makes it one that this program has not written.
+    /// The first content that this program does not write.
     fn fault(&self) -> Option<String> {
-        let mut names = HashSet::new();
+        let (mut files, mut names) = (HashSet::new(), HashSet::new());
         for category in &self.categories {
             let file = category.file.as_deref();
             let known = category.name.as_deref().is_none_or(is_printable)
@@ -121,7 +121,7 @@ impl Manifest {
                 && category.colours.iter().all(|share| share.is_finite())
                 && category.tiles <= MOST_NUMBER
                 && category.rows <= MOST_ROWS
-                && file.is_none_or(|file| is_plain(file) && names.insert(file));
+                && file.is_none_or(|file| is_plain(file) && files.insert(file));
             if !known {
                 let name = category.name.as_deref().unwrap_or("without a name");
                 return Some(format!("category {} cannot be", name.escape_debug()));
@@ -129,7 +129,7 @@ impl Manifest {
         }
         for image in &self.images {
             let sides = [image.width, image.height].iter().all(|side| (1..=MAX_IMAGE_SIDE).contains(side));
-            let plain = is_plain(&image.name) && names.insert(&image.name);
+            let plain = is_plain(&image.name) && names.insert(image.name.as_str());
             if !sides || !plain || !(1..=4).contains(&image.channels) || !(1..=16).contains(&image.levels) {
                 return Some(format!("image {} cannot be", image.name.escape_debug()));
             }
@@ -146,13 +146,13 @@ impl Manifest {
                 || !inside(tile.y, tile.height, image.height)
                 || !counts
                 || !is_plain(&tile.file)
-                || !names.insert(&tile.file)
+                || !files.insert(&tile.file)
                 || tile.category as usize >= self.categories.len()
             {
                 return Some(format!("image {} has a tile that cannot be", image.name));
             }
         }
-        let listed = names.iter().filter_map(|name| number_of(name)).max();
+        let listed = files.iter().filter_map(|name| number_of(name)).max();
         let free = listed.is_none_or(|listed| listed < self.next) && self.next <= MOST_NUMBER;
         (!free).then(|| format!("{} is no number for the next file", self.next))
     }

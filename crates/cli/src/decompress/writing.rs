@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use texfold_core::image::PixelInfo;
+use texfold_core::metric::BAND_ROWS;
 use texfold_core::{ImageSize, Rect, RegionError};
 
 use super::picture::{Format, Picture};
@@ -11,16 +12,13 @@ use crate::memory;
 
 /// Texels that are decoded at a time.
 const BAND_TEXELS: u64 = 1 << 22;
-/// Rows of the largest blocks of any codec.
-const BLOCK_ROWS: u32 = 64;
-/// Bytes that each of them takes: texels, the raster of them, and samples.
+/// Bytes that each of these texels takes: as decoded, in a raster, and in samples.
 const BAND_BYTES_PER_TEXEL: u64 = 48;
 
 /// A rectangle in bands of whole rows, of about [`BAND_TEXELS`].
 pub(super) fn bands(rect: Rect) -> impl Iterator<Item = Rect> {
     let rows = (BAND_TEXELS / u64::from(rect.width.max(1))).max(1) as u32;
-    // A multiple of every codec's blocks, so that none is decoded twice.
-    let rows = if rows > BLOCK_ROWS { rows / BLOCK_ROWS * BLOCK_ROWS } else { rows };
+    let rows = if rows > BAND_ROWS { rows / BAND_ROWS * BAND_ROWS } else { rows };
     let band = move |top: u32| Rect { y: rect.y + top, height: rows.min(rect.height - top), ..rect };
     (0..rect.height).step_by(rows as usize).map(band)
 }

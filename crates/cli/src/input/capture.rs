@@ -120,7 +120,7 @@ impl Shot {
     }
 }
 
-/// Whether a folder is a capture.
+/// True for the folder of a capture.
 pub(crate) fn is_capture(dir: &Path) -> bool {
     camera_files(dir).iter().all(|file| file.exists())
 }

@@ -12,7 +12,7 @@ use crate::files;
 
 /// The file of cameras beside the one of images.
 pub(super) const LENSES_NAME: &str = "cameras.txt";
-/// Where images lie, beside both.
+/// The folder of images, beside both.
 const IMAGES: &str = "images";
 /// From OpenGL's axes of a camera (y up, looking along -z) to COLMAP's (y down, looking along z).
 const AXES: Mat4 = Mat4::from_cols(
@@ -30,6 +30,7 @@ pub(super) fn read(images: &Path) -> Result<Vec<Shot>, CliError> {
     let fault = |file: &Path, what| CliError::CameraContent { path: file.to_owned(), what };
     let lenses: HashMap<u32, Lens> = lines(&lenses_file)?
         .iter()
+        .filter(|line| !line.trim().is_empty())
         .map(|line| lens(line).map_err(|what| fault(&lenses_file, what)))
         .collect::<Result<_, _>>()?;
     let folder = images.with_file_name(IMAGES);

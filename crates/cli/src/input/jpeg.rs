@@ -1,6 +1,6 @@
 //! The segments of a JPEG, as far as its decoder does not tell them.
 
-/// What the segments tell.
+/// Facts from the segments.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Outline {
     /// Components by the frame header.

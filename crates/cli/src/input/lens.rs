@@ -1,6 +1,6 @@
 //! Lenses of cameras, and the pinhole images of lenses that distort.
 //!
-//! *Not done*: fisheye lenses and the rational model; a file that has one is refused.
+//! *Not done*: fisheye and panoramic lenses and the rational model; a file that has one is refused.
 
 use glam::{UVec2, Vec2, Vec4};
 use rayon::prelude::*;
@@ -9,6 +9,9 @@ use texfold::core::{Camera, Photograph};
 
 /// Coefficients below this move no pixel of an image that a texture can hold.
 const LEAST_DISTORTION: f32 = 1e-7;
+/// Camera models that project as a pinhole but for [`Distortion`], by nerfstudio's and COLMAP's names.
+const MODELS: [&str; 7] =
+    ["PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV"];
 /// Steps from the axis to the farthest pixel in which the sign of the radial slope is looked at.
 const STEPS: u32 = 256;
 
@@ -74,17 +77,14 @@ impl Lens {
         if !all.clone().all(f32::is_finite) {
             return Err("has a lens coefficient that is not a finite number");
         }
-        if !all.any(|value| value.abs() > LEAST_DISTORTION) {
-            return Ok(None);
-        }
-        let fisheye =
-            self.camera_model.as_deref().is_some_and(|name| name.to_uppercase().contains("FISHEYE"));
-        if fisheye || rest.abs() > LEAST_DISTORTION {
+        let known = |name: &String| MODELS.contains(&name.to_uppercase().as_str());
+        if !self.camera_model.as_ref().is_none_or(known) || rest.abs() > LEAST_DISTORTION {
             return Err(
-                "has a fisheye lens or k4, and only k1, k2, k3, p1 and p2 are undistorted: undistort the images first",
+                "has a fisheye or other lens, and only k1, k2, k3, p1 and p2 are undistorted: undistort the images first",
             );
         }
-        Ok(Some(Distortion { radial, tangential }))
+        let distorts = all.any(|value| value.abs() > LEAST_DISTORTION);
+        Ok(distorts.then_some(Distortion { radial, tangential }))
     }
 }
 
@@ -251,6 +251,9 @@ mod tests {
     fn lenses_of_other_models_are_refused() {
         for (found, wanted) in [
             (r#"{"k1": 0.1, "camera_model": "OPENCV_FISHEYE"}"#, Err(())),
+            (r#"{"camera_model": "OPENCV_FISHEYE"}"#, Err(())),
+            (r#"{"camera_model": "EQUIRECTANGULAR"}"#, Err(())),
+            (r#"{"camera_model": "SIMPLE_PINHOLE"}"#, Ok(false)),
             (r#"{"k1": 0.1, "k4": 0.2}"#, Err(())),
             (r#"{"k1": 0.0, "p2": 1e-9}"#, Ok(false)),
             (r#"{"p2": 0.01}"#, Ok(true)),

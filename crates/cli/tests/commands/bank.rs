@@ -424,3 +424,20 @@ fn forged_manifests_are_refused_and_nothing_is_written() {
     let run = place.run("bank extract bank --out png");
     assert!(run.code == Some(1) && run.stderr.contains("is not the tile that is listed"), "{}", run.stderr);
 }
+
+/// What `bank add` accepts, every later run reads.
+#[test]
+fn names_that_look_like_files_of_a_bank_are_listed_and_control_characters_refused() {
+    let place = Place::new();
+    place.image("photo-2024.txf.png", 48, 40, 3);
+    let add = "bank add photo-2024.txf.png --out bank --bpp 4 --effort fast";
+    assert_eq!(place.run(add).code, Some(0));
+    assert_eq!(place.run("bank list bank").code, Some(0));
+    place.image("in/a\u{7}b.png", 48, 40, 3);
+    let run = place.run("bank add in --out bank --bpp 4 --effort fast");
+    assert!(run.code == Some(1) && run.stderr.contains("a\\u{7}b has control characters"), "{}", run.stderr);
+    place.image("c.png", 48, 40, 3);
+    let run = place.run("bank add c.png --category x\u{7} --out bank --bpp 4 --effort fast");
+    assert!(run.code == Some(1) && run.stderr.contains("control characters"), "{}", run.stderr);
+    assert_eq!(place.run("bank list bank").code, Some(0));
+}

@@ -1,4 +1,7 @@
-//! Exact nearest neighbours among codewords.
+//! Nearest neighbours among codewords: exact but where thousands of them are about equally near, as in noise.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
 
 use ndarray::{Array2, ArrayView2, Axis};
 
@@ -26,21 +29,25 @@ pub struct Search {
 }
 
 /// Vectors that a leaf holds: fewer cost more steps down the tree, more are compared in vain.
-const LEAF: usize = 12;
+const LEAF: usize = 48;
+/// Codewords compared for one vector, at most, up to a leaf: so many, and a share of all. Bounds the time on noise, where
+/// every codeword is about equally far and no cell can be left out; elsewhere nearly every search ends before.
+const MOST_COMPARED: usize = 512;
+const MOST_COMPARED_SHARE: usize = 8;
 
-/// Rotated vectors in a k-d tree over their first [`CHUNK`] numbers (Friedman, Bentley and Finkel 1977; distances to
-/// cells kept incrementally after Arya and Mount 1993).
+/// Rotated vectors in a k-d tree over their first [`CHUNK`] numbers (Friedman, Bentley and Finkel 1977), whose cells are
+/// searched in the order of their distances (Arya and Mount 1993; Beis and Lowe 1997).
 #[derive(Debug, Clone)]
 pub(crate) struct Tree {
     /// Inner nodes in the order of a walk that takes the lower side first.
     nodes: Vec<Node>,
     /// First chunk of each vector, in the order of the leaves: what nearly every comparison ends with.
-    heads: Vec<f32>,
-    /// The further chunks.
-    tails: Vec<f32>,
+    heads: Vec<[f32; CHUNK]>,
+    /// The further chunks, as many of each vector.
+    tails: Vec<[f32; CHUNK]>,
+    tail: usize,
     /// Row in the codebook, for each place.
     rows: Vec<u32>,
-    padded: usize,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -51,13 +58,68 @@ struct Node {
     upper: u32,
 }
 
-/// A search on its way.
-struct Query<'a> {
-    vector: &'a [f32],
+/// A part of a tree, as seen from a vector.
+#[derive(Debug, Clone, Copy)]
+struct Cell {
+    /// Squared distance of the vector to the cell.
+    bound: f32,
+    /// Its node, as far as it is no leaf.
+    node: u32,
+    /// Places of its vectors: first, and one past the last.
+    start: u32,
+    end: u32,
     /// Distance to the cell along each axis.
     offset: [f32; CHUNK],
-    best: &'a mut Match,
 }
+
+impl Cell {
+    /// The whole of a tree of that many vectors.
+    fn whole(vectors: usize) -> Cell {
+        Cell { bound: 0.0, node: 0, start: 0, end: vectors as u32, offset: [0.0; CHUNK] }
+    }
+
+    fn places(&self) -> std::ops::Range<usize> {
+        self.start as usize..self.end as usize
+    }
+
+    fn is_leaf(&self) -> bool {
+        self.places().len() <= LEAF
+    }
+
+    /// The two cells that `node`, its own, splits it into: that of `vector`, and the other.
+    fn halves(self, node: Node, vector: &[f32]) -> [Cell; 2] {
+        let axis = node.axis as usize;
+        let middle = self.start + (self.end - self.start) / 2;
+        let lower = Cell { node: self.node + 1, end: middle, ..self };
+        let upper = Cell { node: node.upper, start: middle, ..self };
+        let gap = vector[axis] - node.split;
+        let [near, mut far] = if gap < 0.0 { [lower, upper] } else { [upper, lower] };
+        far.bound += gap * gap - self.offset[axis] * self.offset[axis];
+        far.offset[axis] = gap;
+        [near, far]
+    }
+}
+
+/// Nearer cells come first.
+impl Ord for Cell {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.bound.total_cmp(&self.bound).then(other.start.cmp(&self.start))
+    }
+}
+
+impl PartialOrd for Cell {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Cell {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Cell {}
 
 /// Length of a vector padded with zeros to whole chunks.
 pub(crate) fn padded_dims(dims: usize) -> usize {
@@ -69,59 +131,102 @@ impl Tree {
     pub(crate) fn new(rotated: &[f32], padded: usize, mut rows: Vec<u32>) -> Self {
         let mut nodes = Vec::new();
         split(rotated, padded, &mut rows, &mut nodes);
-        let part = |range: std::ops::Range<usize>| -> Vec<f32> {
-            let of_row = |row: u32| &rotated[row as usize * padded..(row as usize + 1) * padded];
-            rows.iter().flat_map(|&row| &of_row(row)[range.clone()]).copied().collect()
-        };
-        let head = CHUNK.min(padded);
-        Tree { nodes, heads: part(0..head), tails: part(head..padded), rows, padded }
+        let of_row = |row: u32| chunks(&rotated[row as usize * padded..(row as usize + 1) * padded]);
+        let heads = rows.iter().map(|&row| of_row(row)[0]).collect();
+        let tails = rows.iter().flat_map(|&row| &of_row(row)[1..]).copied().collect();
+        Tree { nodes, heads, tails, tail: padded / CHUNK - 1, rows }
     }
 
-    /// Improves `best` over all vectors; on equal distance the smaller row wins.
+    /// Improves `best` over all vectors, the nearest cells first, within the limit of [`MOST_COMPARED`]; on equal
+    /// distance the smaller row wins.
     pub(crate) fn improve(&self, vector: &[f32], best: &mut Match) {
-        let mut query = Query { vector, offset: [0.0; CHUNK], best };
-        self.visit(0, 0..self.rows.len(), 0.0, &mut query);
-    }
-
-    /// Looks into the cell of `node`, whose vectors are at `range` and at least the squared distance `bound` away.
-    fn visit(&self, node: usize, range: std::ops::Range<usize>, bound: f32, query: &mut Query<'_>) {
-        if range.len() <= LEAF {
-            return range.for_each(|place| self.try_place(place, query));
-        }
-        let Node { axis, split, upper } = self.nodes[node];
-        let axis = axis as usize;
-        let middle = range.start + range.len() / 2;
-        let (lower, upper) = ((node + 1, range.start..middle), (upper as usize, middle..range.end));
-        let gap = query.vector[axis] - split;
-        let (near, far) = if gap < 0.0 { (lower, upper) } else { (upper, lower) };
-        self.visit(near.0, near.1, bound, query);
-        let before = query.offset[axis];
-        let far_bound = bound - before * before + gap * gap;
-        if far_bound <= query.best.distance {
-            query.offset[axis] = gap;
-            self.visit(far.0, far.1, far_bound, query);
-            query.offset[axis] = before;
-        }
-    }
-
-    fn try_place(&self, place: usize, query: &mut Query<'_>) {
-        let (head, tail) = (CHUNK.min(self.padded), self.padded.saturating_sub(CHUNK));
-        let mut distance =
-            chunk_distance(&query.vector[..head], &self.heads[place * head..(place + 1) * head]);
-        if distance > query.best.distance {
-            return;
-        }
-        let tails = &self.tails[place * tail..(place + 1) * tail];
-        for (a, b) in query.vector[head..].chunks_exact(CHUNK).zip(tails.chunks_exact(CHUNK)) {
-            distance += chunk_distance(a, b);
-            if distance > query.best.distance {
+        let mut cells = BinaryHeap::from([Cell::whole(self.rows.len())]);
+        let mut left = MOST_COMPARED + self.rows.len() / MOST_COMPARED_SHARE;
+        while let Some(mut cell) = cells.pop() {
+            if cell.bound > best.distance || left == 0 {
                 return;
             }
+            while !cell.is_leaf() {
+                let [near, far] = cell.halves(self.nodes[cell.node as usize], vector);
+                if far.bound <= best.distance {
+                    cells.push(far);
+                }
+                cell = near;
+            }
+            left = left.saturating_sub(cell.places().len());
+            cell.places().for_each(|place| self.try_place(place, vector, best));
         }
+    }
+
+    fn try_place(&self, place: usize, vector: &[f32], best: &mut Match) {
         let index = self.rows[place];
-        if distance < query.best.distance || index < query.best.index {
-            *query.best = Match { index, distance };
+        // On equal distance the smaller row wins: `next_up` lets it through.
+        let most = if index < best.index { best.distance.next_up() } else { best.distance };
+        if let Some(distance) = self.distance_below(place, vector, most) {
+            *best = Match { index, distance };
         }
+    }
+
+    /// The squared distance of the vector at `place`, where it is less than `most`.
+    #[inline(always)]
+    fn distance_below(&self, place: usize, vector: &[f32], most: f32) -> Option<f32> {
+        let vector = chunks(vector);
+        let mut distance = chunk_distance(&vector[0], &self.heads[place]);
+        for (a, b) in vector[1..].iter().zip(&self.tails[place * self.tail..(place + 1) * self.tail]) {
+            if distance >= most {
+                return None;
+            }
+            distance += chunk_distance(a, b);
+        }
+        (distance < most).then_some(distance)
+    }
+}
+
+/// Squared distances of all vectors of a tree to the nearest of the vectors shown to it.
+pub(crate) struct Nearest {
+    tree: Tree,
+    /// By row.
+    pub(crate) distance: Vec<f32>,
+    /// The largest distance in each node's cell.
+    largest: Vec<f32>,
+}
+
+impl Nearest {
+    /// All rows of `rotated` (padded rows), none of which is near anything yet.
+    pub(crate) fn new(rotated: &[f32], padded: usize) -> Self {
+        let rows = rotated.len() / padded;
+        let tree = Tree::new(rotated, padded, (0..rows as u32).collect());
+        Nearest { distance: vec![f32::INFINITY; rows], largest: vec![f32::INFINITY; tree.nodes.len()], tree }
+    }
+
+    /// Takes `vector` into account and reports the rows that it is the nearest to.
+    pub(crate) fn show(&mut self, vector: &[f32], report: &mut impl FnMut(u32)) {
+        self.show_cell(Cell::whole(self.distance.len()), vector, report);
+    }
+
+    /// As [`Nearest::show`], for a cell; returns its largest distance.
+    fn show_cell(&mut self, cell: Cell, vector: &[f32], report: &mut impl FnMut(u32)) -> f32 {
+        if cell.is_leaf() {
+            let mut largest = 0f32;
+            for place in cell.places() {
+                let row = self.tree.rows[place];
+                let distance = &mut self.distance[row as usize];
+                if let Some(nearer) = self.tree.distance_below(place, vector, *distance) {
+                    *distance = nearer;
+                    report(row);
+                }
+                largest = largest.max(*distance);
+            }
+            return largest;
+        }
+        let node = cell.node as usize;
+        // Bounds are sums in another order than distances: what rounding makes of them counts as near.
+        if cell.bound * (1.0 - 1e-5) <= self.largest[node] {
+            let halves = cell.halves(self.tree.nodes[node], vector);
+            let [near, far] = halves.map(|half| self.show_cell(half, vector, report));
+            self.largest[node] = near.max(far);
+        }
+        self.largest[node]
     }
 }
 
@@ -150,7 +255,12 @@ fn split(rotated: &[f32], padded: usize, rows: &mut [u32], nodes: &mut Vec<Node>
     split(rotated, padded, upper, nodes);
 }
 
-fn chunk_distance(a: &[f32], b: &[f32]) -> f32 {
+/// A padded vector in chunks.
+fn chunks(vector: &[f32]) -> &[[f32; CHUNK]] {
+    vector.as_chunks().0
+}
+
+fn chunk_distance(a: &[f32; CHUNK], b: &[f32; CHUNK]) -> f32 {
     let mut lanes = [0f32; CHUNK];
     for ((lane, x), y) in lanes.iter_mut().zip(a).zip(b) {
         *lane = (x - y) * (x - y);
@@ -161,13 +271,13 @@ fn chunk_distance(a: &[f32], b: &[f32]) -> f32 {
 
 /// Squared distance of two padded vectors, summed as the search sums it.
 pub(crate) fn padded_distance(a: &[f32], b: &[f32]) -> f32 {
-    a.chunks_exact(CHUNK).zip(b.chunks_exact(CHUNK)).map(|(a, b)| chunk_distance(a, b)).sum()
+    chunks(a).iter().zip(chunks(b)).map(|(a, b)| chunk_distance(a, b)).sum()
 }
 
 /// Whether two padded vectors are within the squared distance `reach`.
 pub(crate) fn within_reach(a: &[f32], b: &[f32], reach: f32) -> bool {
     let mut distance = 0.0;
-    a.chunks_exact(CHUNK).zip(b.chunks_exact(CHUNK)).all(|(a, b)| {
+    chunks(a).iter().zip(chunks(b)).all(|(a, b)| {
         distance += chunk_distance(a, b);
         distance <= reach
     })
@@ -195,7 +305,8 @@ impl Search {
         Search { tree: Tree::new(&rotated, padded_dims(dims), rows), rotation, dims }
     }
 
-    /// The codeword nearest to `vector`; `None` where none is within the squared distance `within`.
+    /// The codeword nearest to `vector`, or, of more than 585, the nearest of at least 512 and an eighth in the cells
+    /// around it; `None` where none of these is within the squared distance `within`.
     #[must_use]
     pub fn nearest(&self, vector: &[f32], within: f32) -> Option<Match> {
         let mut rotated = [0.0; 256];
@@ -219,6 +330,7 @@ impl Search {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use texfold_core::rng::XorShift;
 
     fn naive(codewords: &Array2<f32>, vector: &[f32]) -> f32 {
         let distance = |row: ndarray::ArrayView1<'_, f32>| {
@@ -239,6 +351,57 @@ mod tests {
             prop_assert!((found.distance - best).abs() < 1e-4, "{} {best}", found.distance);
             let itself = naive(&codewords.select(Axis(0), &[found.index as usize]), &query);
             prop_assert!((itself - best).abs() < 1e-4);
+        }
+    }
+
+    fn noise(rows: usize, dims: usize, seed: u64) -> Array2<f32> {
+        let mut random = XorShift::new(seed);
+        Array2::from_shape_simple_fn((rows, dims), || random.unit() as f32)
+    }
+
+    #[test]
+    fn a_search_of_noise_ends_early_with_a_near_codeword() {
+        let (codewords, queries) = (noise(4000, 48, 1), noise(60, 48, 2));
+        let search = Search::new(codewords.view());
+        let (mut found, mut nearest, mut missed) = (0.0, 0.0, 0);
+        for query in queries.rows() {
+            let query = query.as_slice().unwrap();
+            let (here, best) =
+                (search.nearest(query, f32::INFINITY).unwrap().distance, naive(&codewords, query));
+            (found, nearest, missed) =
+                (found + here, nearest + best, missed + usize::from(here > 1.001 * best));
+        }
+        assert!(missed > 0, "all codewords were compared");
+        assert!(found < 1.1 * nearest, "{found} {nearest}");
+    }
+
+    #[test]
+    fn vectors_near_a_codeword_find_it_among_thousands() {
+        let (codewords, moves) = (noise(4000, 48, 3), noise(400, 48, 4));
+        let search = Search::new(codewords.view());
+        for (row, step) in moves.rows().into_iter().enumerate() {
+            let query: Vec<f32> =
+                codewords.row(row * 10).iter().zip(step).map(|(a, b)| a + 0.1 * b).collect();
+            assert_eq!(search.nearest(&query, f32::INFINITY).unwrap().index, row as u32 * 10);
+        }
+    }
+
+    #[test]
+    fn distances_to_what_was_shown_are_the_naive_ones() {
+        let points = noise(900, 16, 5);
+        let rows = points.as_slice().unwrap();
+        let mut nearest = Nearest::new(rows, 16);
+        let mut naive = vec![f32::INFINITY; 900];
+        for shown in (0..900).step_by(31) {
+            let vector = &rows[shown * 16..(shown + 1) * 16];
+            let mut reported = Vec::new();
+            nearest.show(vector, &mut |row| reported.push(row as usize));
+            reported.sort_unstable();
+            let distance = |row: usize| padded_distance(vector, &rows[row * 16..(row + 1) * 16]);
+            let expected: Vec<usize> = (0..900).filter(|&row| distance(row) < naive[row]).collect();
+            naive.iter_mut().enumerate().for_each(|(row, least)| *least = least.min(distance(row)));
+            assert_eq!(reported, expected);
+            assert_eq!(nearest.distance, naive);
         }
     }
 

@@ -1,11 +1,9 @@
-//! k-means++ seeding (Arthur and Vassilvitskii 2007), exact but with most distances skipped.
-//!
-//! A new seed can only be nearer to a vector than its nearest seed so far if their first principal coordinates are. The
-//! vectors are kept in the order of that coordinate, so that only a short run of them is looked at.
+//! k-means++ seeding (Arthur and Vassilvitskii 2007), exact but with most distances skipped: a new seed is compared with
+//! those vectors alone whose nearest seed may be further away.
 
 use texfold_core::rng::XorShift;
 
-use crate::search::padded_distance;
+use crate::search::Nearest;
 
 /// Vectors whose sampling weights are summed together.
 const BLOCK: usize = 256;
@@ -14,11 +12,10 @@ struct Seeder<'a> {
     points: &'a [f32],
     padded: usize,
     weights: &'a [f32],
-    /// Points in the order of their first number.
+    /// Points in the order of their first number, so that neighbours share a block, and the place of each.
     order: Vec<u32>,
-    firsts: Vec<f32>,
-    /// Squared distance to the nearest seed, by place in `order`.
-    distance: Vec<f32>,
+    places: Vec<u32>,
+    nearest: Nearest,
     /// Sums of weight x distance over blocks of places.
     sums: Vec<f64>,
 }
@@ -39,16 +36,11 @@ pub(crate) fn seeds(
     let first_of = |point: u32| points[point as usize * padded];
     let mut order: Vec<u32> = (0..total as u32).collect();
     order.sort_by(|&a, &b| first_of(a).total_cmp(&first_of(b)).then(a.cmp(&b)));
-    let firsts = order.iter().map(|&point| first_of(point)).collect();
-    let mut seeder = Seeder {
-        points,
-        padded,
-        weights,
-        order,
-        firsts,
-        distance: vec![f32::INFINITY; total],
-        sums: Vec::new(),
-    };
+    let mut places = vec![0; total];
+    order.iter().zip(0..).for_each(|(&point, place)| places[point as usize] = place);
+    let nearest = Nearest::new(points, padded);
+    let sums = vec![0.0; total.div_ceil(BLOCK)];
+    let mut seeder = Seeder { points, padded, weights, order, places, nearest, sums };
     let heaviest = (0..total).max_by(|&a, &b| weights[a].total_cmp(&weights[b]).then(b.cmp(&a)));
     let mut chosen = vec![heaviest.unwrap_or(0) as u32];
     seeder.add(chosen[0]);
@@ -68,39 +60,24 @@ pub(crate) fn seeds(
 }
 
 impl Seeder<'_> {
-    fn point(&self, point: u32) -> &[f32] {
-        &self.points[point as usize * self.padded..(point as usize + 1) * self.padded]
-    }
-
     /// Takes `seed` into account.
     fn add(&mut self, seed: u32) {
-        let vector = self.point(seed).to_vec();
-        let reach = self.distance.iter().fold(0f32, |most, &distance| most.max(distance)).sqrt();
-        let start = self.firsts.partition_point(|&first| first < vector[0] - reach);
-        let end = self.firsts.partition_point(|&first| first <= vector[0] + reach);
-        for place in start..end {
-            let gap = self.firsts[place] - vector[0];
-            if gap * gap < self.distance[place] {
-                let distance = padded_distance(&vector, self.point(self.order[place]));
-                self.distance[place] = self.distance[place].min(distance);
-            }
-        }
-        self.sum_blocks(start, end);
-    }
-
-    fn sum_blocks(&mut self, start: usize, end: usize) {
-        self.sums.resize(self.order.len().div_ceil(BLOCK), 0.0);
-        for block in start / BLOCK..end.div_ceil(BLOCK) {
-            self.sums[block] = self.places(block).map(|place| self.share(place)).sum();
+        let vector = &self.points[seed as usize * self.padded..(seed as usize + 1) * self.padded];
+        let mut is_changed = vec![false; self.sums.len()];
+        let places = &self.places;
+        self.nearest.show(vector, &mut |point| is_changed[places[point as usize] as usize / BLOCK] = true);
+        for block in (0..self.sums.len()).filter(|&block| is_changed[block]) {
+            self.sums[block] = self.block(block).map(|place| self.share(place)).sum();
         }
     }
 
-    fn places(&self, block: usize) -> std::ops::Range<usize> {
+    fn block(&self, block: usize) -> std::ops::Range<usize> {
         block * BLOCK..((block + 1) * BLOCK).min(self.order.len())
     }
 
     fn share(&self, place: usize) -> f64 {
-        f64::from(self.distance[place]) * f64::from(self.weights[self.order[place] as usize])
+        let point = self.order[place] as usize;
+        f64::from(self.nearest.distance[point]) * f64::from(self.weights[point])
     }
 
     /// A point drawn by weight x squared distance; `None` where every point is a seed already.
@@ -119,7 +96,7 @@ impl Seeder<'_> {
             rest -= sum;
         }
         let mut drawn = None;
-        for place in self.places(last?) {
+        for place in self.block(last?) {
             let share = self.share(place);
             if share > 0.0 {
                 drawn = Some(self.order[place]);

@@ -11,7 +11,7 @@ use texfold_core::mesh::UvMesh;
 use texfold_core::{EncodeError, Goal, Job, Limits, SourceError, Stage};
 
 use crate::error::CliError;
-use crate::input::{self, Remarks, container, pixels};
+use crate::input::{self, Remarks, container, georeference, pixels};
 use crate::memory;
 use crate::settings::Settings;
 
@@ -29,6 +29,8 @@ pub(crate) struct Loaded {
     pub(crate) painted: Option<Raster>,
     /// Where content may come from.
     pub(crate) content_from: Option<Raster>,
+    /// The georeference, for the notes; empty where there is none.
+    pub(crate) georeference: Vec<u8>,
     /// Notes and warnings on the files.
     pub(crate) remarks: Remarks,
     /// Why blocks that exist are not taken over.
@@ -85,7 +87,8 @@ pub(crate) fn load(
     let content_from = settings.content_from.as_ref().map(read).transpose()?;
     let warning = obstacle.filter(|_| !blocks.is_empty());
     let blocks = (!blocks.is_empty() && obstacle.is_none()).then_some(blocks);
-    Ok(Loaded { images, blocks, painted, content_from, remarks, warning })
+    let georeference = georeference::of_input(files, images.images().len(), &mut remarks);
+    Ok(Loaded { images, blocks, painted, content_from, georeference, remarks, warning })
 }
 
 /// Why BC1 blocks cannot be the answer to such settings.

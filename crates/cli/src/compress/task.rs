@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use texfold::encoding::Chosen;
 use texfold_core::Stage;
+use texfold_core::container::SourceNotes;
 use texfold_core::mesh::UvMesh;
 
 use super::cache::{Cache, add_file, program};
@@ -93,8 +94,9 @@ impl Task {
             check_frames(&self.found, &loaded.images)?;
         }
         warnings.extend(loaded.warning.map(str::to_owned));
-        warnings.extend(loaded.remarks.warnings(files.len()));
-        let notes = loaded.remarks.notes(files.len());
+        let (notes, left_out) = (loaded.remarks.notes(files.len()), loaded.remarks.warnings(files.len()));
+        let on_source = [notes.clone(), left_out.clone()].concat();
+        warnings.extend(left_out);
         let start = Instant::now();
         let goal = self.settings.encode.goal;
         let degrees = self.settings.degrees.filter(|_| loaded.images.info().channels > 2);
@@ -117,7 +119,11 @@ impl Task {
             Some(degrees) => normals::search(&loaded.images, degrees, encode),
             None => encode(goal),
         };
-        let Chosen { image, attempts } = chosen.map_err(|fault| fault.of(path))?;
+        let Chosen { mut image, attempts } = chosen.map_err(|fault| fault.of(path))?;
+        if let Some(noted) = image.notes_mut() {
+            let source = SourceNotes { remarks: on_source, georeference: loaded.georeference };
+            noted.source = (source != SourceNotes::default()).then(|| Box::new(source));
+        }
         let bytes = image.to_bytes();
         let encode_seconds = start.elapsed().as_secs_f64();
         drop(image);

@@ -19,6 +19,7 @@ use texfold_core::{
 use crate::console::{complain, warn};
 use crate::error::{CliError, explain, guarded};
 use crate::files;
+use crate::input::georeference::{Georeference, Part};
 use crate::output::{make_folder, remove_stale};
 use crate::{bank, input};
 pub(crate) use gpu::Device;
@@ -163,7 +164,8 @@ fn decompress(
     let uploaded = device.map(|device| device.upload(path, encoded)).transpose()?;
     for (rect, output) in outputs {
         let size = ImageSize { width: rect.width, height: rect.height };
-        let mut picture = args.writing.picture(path, size, encoded.layout().pixel)?;
+        let picture = args.writing.picture(path, size, encoded.layout().pixel)?;
+        let mut picture = picture.at(georeference(encoded, *rect));
         for band in bands(*rect) {
             let raster = match &uploaded {
                 Some(uploaded) => uploaded.decode(path, encoded, band, args.continuous)?,
@@ -174,6 +176,16 @@ fn decompress(
         picture.write(output)?;
     }
     Ok(())
+}
+
+/// The georeference of a rectangle.
+fn georeference(encoded: &dyn Encoded<Domain = Image2d>, rect: Rect) -> Option<Georeference> {
+    let whole = Georeference::of_notes(encoded.notes()).filter(|_| rect.image == 0)?;
+    let full = encoded.layout().images[0];
+    let level = full.at_level(rect.level);
+    let ratio = |full: u32, level: u32| f64::from(full) / f64::from(level);
+    let ratio = (ratio(full.width, level.width), ratio(full.height, level.height));
+    Some(whole.of_part(Part { corner: (rect.x, rect.y), ratio }))
 }
 
 /// Corner and extent of a rectangle in texture coordinates.

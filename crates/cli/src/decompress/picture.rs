@@ -13,6 +13,7 @@ use tiff::tags::ExtraSamples;
 
 use crate::console::{say, warn};
 use crate::error::CliError;
+use crate::input::georeference::Georeference;
 use crate::output::write_whole;
 use crate::png;
 
@@ -25,7 +26,7 @@ pub(crate) enum Format {
     /// 8 or 16 bits a channel, as the texture has.
     #[default]
     Png,
-    /// 8 or 16 bits a channel, as the texture has; not compressed.
+    /// 8 or 16 bits a channel, as the texture has, and its georeference; not compressed.
     Tiff,
     /// 8 bits a channel, lossless.
     Webp,
@@ -62,6 +63,8 @@ pub(crate) struct Picture {
     sample: Sample,
     /// Channels interleaved, samples in the byte order of the machine.
     bytes: Vec<u8>,
+    /// The place on Earth.
+    georeference: Option<Georeference>,
 }
 
 impl Picture {
@@ -86,7 +89,12 @@ impl Picture {
         if sample == Sample::Float && info.channels < 3 {
             info.channels += 2;
         }
-        Picture { format, size, info, sample, bytes: Vec::new() }
+        Picture { format, size, info, sample, bytes: Vec::new(), georeference: None }
+    }
+
+    /// The same with a georeference.
+    pub(super) fn at(self, georeference: Option<Georeference>) -> Picture {
+        Picture { georeference, ..self }
     }
 
     fn texel_bytes(&self) -> usize {
@@ -142,6 +150,9 @@ impl Picture {
         let bytes = self.encode().map_err(|source| CliError::Draw { path: path.to_owned(), source })?;
         write_whole(path, &bytes)?;
         say(&format!("wrote {}", path.display()));
+        if self.georeference.is_some() && self.format != Format::Tiff {
+            warn(&format!("{}: the georeference is left out; give --to tiff to keep it", path.display()));
+        }
         if self.sample == Sample::Eight && self.info.depth == Depth::Sixteen {
             let path = path.display();
             warn(&format!(
@@ -195,6 +206,9 @@ impl Picture {
         let mut image = encoder.new_image::<C>(self.size.width, self.size.height)?;
         if self.info.has_alpha() {
             image.extra_samples(&[ExtraSamples::UnassociatedAlpha])?;
+        }
+        if let Some(georeference) = &self.georeference {
+            georeference.write(image.encoder())?;
         }
         image.write_data(samples)
     }

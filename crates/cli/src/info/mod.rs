@@ -15,6 +15,7 @@ use texfold_gpu::TileBytes;
 use crate::console::answer;
 use crate::decompress::load;
 use crate::error::{CliError, guarded};
+use crate::input::georeference::Georeference;
 use crate::report::{PartRow, Sizes, part_rows};
 
 /// Sizes of images that are listed before the rest is counted.
@@ -66,6 +67,9 @@ struct Summary {
     bits_pool: u64,
     settings: String,
     verdict: String,
+    /// How the source was read.
+    source: Vec<String>,
+    georeference: Option<String>,
     parts: Vec<PartRow>,
 }
 
@@ -130,6 +134,8 @@ fn summarise(path: &Path, encoded: &dyn Encoded<Domain = Image2d>) -> Summary {
         bits_pool: 8 * tiles.decoded,
         settings: encoded.notes().settings.clone(),
         verdict: encoded.notes().verdict.clone(),
+        source: encoded.notes().source.as_ref().map_or_else(Vec::new, |source| source.remarks.clone()),
+        georeference: Georeference::of_notes(encoded.notes()).map(|found| found.words()),
         parts: part_rows(&footprint),
     }
 }
@@ -155,8 +161,10 @@ fn describe(summary: &Summary) -> String {
         ),
         format!("  settings  {}", summary.settings),
         format!("  verdict   {}", summary.verdict),
-        format!("  {:12} {:>14} {:>14} {:>12}", "part", "memory bits", "disk bits", "dB without"),
     ];
+    lines.extend(summary.source.iter().map(|remark| format!("  source    {remark}")));
+    lines.extend(summary.georeference.iter().map(|place| format!("  place     {place}")));
+    lines.push(format!("  {:12} {:>14} {:>14} {:>12}", "part", "memory bits", "disk bits", "dB without"));
     if summary.layers_total > 1 {
         lines.insert(3, format!("  layers    {} of {}", summary.layers_loaded, summary.layers_total));
     }

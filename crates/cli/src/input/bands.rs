@@ -12,6 +12,7 @@ use texfold_core::{ImageSize, SourceError};
 use tiff::decoder::{ChunkType, Decoder as TiffDecoder, DecodingResult};
 use tiff::tags::{PlanarConfiguration, Tag};
 
+use super::georeference::Georeference;
 use super::pixels::{self, no_alpha};
 use super::{Remarks, frames, profile};
 use crate::error::CliError;
@@ -86,6 +87,8 @@ struct Tiff {
     channels: u8,
     /// Whether the last channel is a band of its own and no alpha.
     has_band: bool,
+    /// Whether the file has such a channel, which the decoder may have left out.
+    lost_band: bool,
     /// Columns and rows of a chunk, and chunks beside one another.
     chunk: (u32, u32),
     across: u32,
@@ -110,12 +113,18 @@ impl Bands {
             Source::Texels(whole(remarks)?)
         } else if let Some(source) = streamed(path, &head, color) {
             frames::warn_of_rest(path, &head, remarks);
+            if matches!(&source, Source::Tiff(tiff) if tiff.lost_band) {
+                remarks.warn(path, pixels::LOST_BAND);
+            }
             source
         } else {
             let decoded = pixels::decode(path, color, limit_bytes, remarks)?;
             color = decoded.color;
             Source::Whole(decoded.image)
         };
+        if Georeference::of_file(path).is_some() {
+            remarks.warn(path, "banks keep no georeference; `compress` keeps it");
+        }
         Ok(Bands { path: path.to_owned(), size, color, alpha, next: 0, source })
     }
 
@@ -254,12 +263,14 @@ impl Tiff {
             ChunkType::Strip => 1,
             ChunkType::Tile => width.div_ceil(chunk.0.max(1)),
         };
-        let has_band = channels % 2 == 0 && no_alpha(&mut decoder)?;
+        let lost_band = no_alpha(&mut decoder)?;
+        let has_band = lost_band && channels % 2 == 0;
         let held = Samples::Eight(Vec::new());
         (chunk.0 > 0 && chunk.1 > 0).then_some(Tiff {
             decoder,
             channels,
             has_band,
+            lost_band,
             chunk,
             across,
             first: 0,

@@ -7,6 +7,7 @@ pub(crate) mod container;
 pub(crate) mod find;
 pub(crate) mod formats;
 pub(crate) mod frames;
+pub(crate) mod georeference;
 mod jpeg;
 mod lens;
 pub(crate) mod mesh;

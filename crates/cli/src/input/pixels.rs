@@ -27,6 +27,8 @@ struct Stored {
     is_cmyk: bool,
     /// True for linear values.
     is_linear: bool,
+    /// Whether a last band that is no alpha was left out.
+    lost_band: bool,
 }
 
 /// Pixels as they can be used, and how their colours are to be handled.
@@ -162,6 +164,9 @@ pub(crate) fn decode(
     finished(path, stored(path, None, limit_bytes)?, color, remarks)
 }
 
+/// The warning of a band that is left out.
+pub(super) const LOST_BAND: &str = "the last band is no alpha by the file's tags and is left out; store bands beyond gray or RGB as an image of their own";
+
 /// Whether a TIFF file says that what it has beside gray or RGB is no alpha, as aerial photographs with infrared do.
 /// Many writers of alpha say nothing. `None` where it cannot be told.
 pub(super) fn no_alpha<S: std::io::BufRead + std::io::Seek>(decoder: &mut TiffDecoder<S>) -> Option<bool> {
@@ -205,12 +210,13 @@ fn stored(path: &Path, page: Option<u64>, limit_bytes: u64) -> Result<Stored, Cl
         // Floats of JPEG XL are as its profile says.
         let is_linear = is_float && format.is_some();
         let image = DynamicImage::from_decoder(decoder)?;
-        Ok(Stored { image, format, orientation, profile, is_cmyk, is_linear })
+        Ok(Stored { image, format, orientation, profile, is_cmyk, is_linear, lost_band: false })
     };
     let stored = decode().map_err(|error| fault(path, format, error))?;
-    let has_band = stored.image.color().has_alpha() && ends_with_band(path, page, format);
-    let image = if has_band { without_band(stored.image) } else { stored.image };
-    Ok(Stored { image, ..stored })
+    // Of some kinds of pixels the decoder has left it out.
+    let lost_band = ends_with_band(path, page, format);
+    let image = if lost_band { without_band(stored.image) } else { stored.image };
+    Ok(Stored { image, lost_band, ..stored })
 }
 
 /// An image without its last channel, such as near infrared in aerial photographs.
@@ -237,7 +243,10 @@ fn finished(
     color: ColorSpace,
     remarks: &mut Remarks,
 ) -> Result<Decoded, CliError> {
-    let Stored { mut image, format, orientation, profile, is_cmyk, is_linear } = stored;
+    let Stored { mut image, format, orientation, profile, is_cmyk, is_linear, lost_band } = stored;
+    if lost_band {
+        remarks.warn(path, LOST_BAND);
+    }
     if let DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) = image {
         image = sixteen(image, format == Some(ImageFormat::OpenExr))
             .ok_or_else(|| CliError::HighRange { path: path.to_owned() })?;
@@ -372,7 +381,7 @@ fn special_image(
     let image = if is_gray { without_band(image) } else { image };
     let orientation = orientation.and_then(Orientation::from_exif).unwrap_or(Orientation::NoTransforms);
     let format = Some(ImageFormat::Tiff);
-    Ok(Stored { image, format, orientation, profile, is_cmyk: false, is_linear })
+    Ok(Stored { image, format, orientation, profile, is_cmyk: false, is_linear, lost_band: is_gray })
 }
 
 /// Luma and two differences of colour become RGB, as JPEG files have them.

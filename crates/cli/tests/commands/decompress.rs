@@ -294,3 +294,62 @@ fn what_does_not_fit_into_memory_is_refused_before_it_is_decoded() {
         assert!(run.code == Some(2) && run.stderr.contains("GiB"), "{command}: {}", run.stderr);
     }
 }
+
+/// A TIFF file with a corner at 500000, 4100000 and texels of 2 x 3, in UTM zone 15.
+fn save_georeferenced(place: &Place, name: &str, width: u32, height: u32) {
+    use tiff::encoder::{TiffEncoder, colortype::RGB8};
+    use tiff::tags::Tag;
+    fs::create_dir_all(place.at(name).parent().unwrap()).unwrap();
+    let mut encoder = TiffEncoder::new(fs::File::create(place.at(name)).unwrap()).unwrap();
+    let mut image = encoder.new_image::<RGB8>(width, height).unwrap();
+    let tags = image.encoder();
+    tags.write_tag(Tag::ModelPixelScaleTag, [2.0, 3.0, 0.0].as_slice()).unwrap();
+    tags.write_tag(Tag::ModelTiepointTag, [0.0, 0.0, 0.0, 5e5, 4.1e6, 0.0].as_slice()).unwrap();
+    let keys = [1u16, 1, 0, 2, 1025, 0, 1, 1, 3072, 0, 1, 32615];
+    tags.write_tag(Tag::GeoKeyDirectoryTag, keys.as_slice()).unwrap();
+    tags.write_tag(Tag::GdalNodata, "0").unwrap();
+    image.write_data(&samples(width, height, 3)).unwrap();
+}
+
+#[test]
+fn georeferences_are_kept_and_follow_parts_and_levels() {
+    use tiff::tags::Tag;
+    let place = Place::new();
+    save_georeferenced(&place, "map.tif", 40, 24);
+    let run = place.run("compress map.tif --out out --codec bc --mips");
+    assert!(run.code == Some(0) && run.stderr.is_empty(), "{}", run.stderr);
+    let info = place.run("info out/map.txf").stdout;
+    let words = "place     EPSG:32615, upper left 500000, 4100000, a texel is 2 x 3";
+    assert!(info.contains(words), "{info}");
+    let found = |name: &str| {
+        let mut decoder = tiff::decoder::Decoder::new(fs::File::open(place.at(name)).unwrap()).unwrap();
+        assert_eq!(decoder.get_tag_u16_vec(Tag::GeoKeyDirectoryTag).unwrap()[11], 32615);
+        assert_eq!(decoder.get_tag_ascii_string(Tag::GdalNodata).unwrap(), "0");
+        let scale = decoder.get_tag_f64_vec(Tag::ModelPixelScaleTag).unwrap();
+        let tie = decoder.get_tag_f64_vec(Tag::ModelTiepointTag).unwrap();
+        [tie[3] - tie[0] * scale[0], tie[4] + tie[1] * scale[1], scale[0], scale[1]]
+    };
+    assert_eq!(place.run("decompress out/map.txf --out maps --to tiff").code, Some(0));
+    assert_eq!(found("maps/map.tiff"), [5e5, 4.1e6, 2.0, 3.0]);
+    let run = place.run("decompress out/map.txf --out maps --to tiff --level 1 --region 5,2,8,4");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert_eq!(found("maps/map-5-2-8x4.tiff"), [5e5 + 20.0, 4.1e6 - 12.0, 4.0, 6.0]);
+    // What is written is read again.
+    assert_eq!(place.run("compress maps/map-5-2-8x4.tiff --out again --codec bc").code, Some(0));
+    let info = place.run("info again/map-5-2-8x4.txf").stdout;
+    assert!(info.contains("EPSG:32615, upper left 500020, 4099988, a texel is 4 x 6"), "{info}");
+
+    let run = place.run("decompress out/map.txf --out maps");
+    assert_eq!(
+        run.stderr.trim(),
+        "warning: maps/map.png: the georeference is left out; give --to tiff to keep it"
+    );
+    let run = place.run("bank add map.tif --codec dct --psnr 26 --effort fast --out bank");
+    assert!(run.stderr.contains("banks keep no georeference; `compress` keeps it"), "{}", run.stderr);
+    save_georeferenced(&place, "set/a.tif", 40, 24);
+    save_georeferenced(&place, "set/b.tif", 40, 24);
+    let (run, report) = place.compress("set --as set --out out --codec bc");
+    assert_eq!(run.code, Some(0));
+    let warning = "georeferences are kept of single images, not of sets";
+    assert!(report[0]["warnings"][0].as_str().unwrap().ends_with(warning), "{}", report[0]["warnings"]);
+}

@@ -191,6 +191,9 @@ fn a_fourth_band_of_a_tiff_that_says_so_is_no_alpha() {
         let run = place.run(&format!("info image/{name}.txf --json"));
         let info: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
         assert_eq!(info["channels"], channels, "{name}");
+        // The file keeps what was warned of.
+        let remark = info["source"][0].as_str().unwrap_or_default();
+        assert_eq!(remark.contains("band"), channels == 3, "{remark}");
     }
     assert_eq!(place.run("bank extract set --out png").code, Some(0));
     let color = |name: &str| image::open(place.at(name)).unwrap().color().channel_count();

@@ -14,7 +14,7 @@ mod zstd;
 pub use crate::id::CodecId;
 pub use content::ContentId;
 pub use layout::{LAYOUT_ID, read_layout, write_layout};
-pub use notes::{NOTES_ID, Notes};
+pub use notes::{MAX_GEOREFERENCE, NOTES_ID, Notes, SOURCE_ID, SourceNotes};
 pub use read::Sections;
 pub use wire::Reader;
 pub use write::{SectionWriter, Written};

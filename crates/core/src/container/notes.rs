@@ -1,4 +1,4 @@
-//! What the maker of a file says about it: settings, a verdict, what each part bought.
+//! Notes of the encoder: settings, a verdict, what each part bought, the source.
 
 use super::{Reader, SectionWriter, Sections};
 use crate::id::String4;
@@ -7,8 +7,17 @@ use crate::{Budget, LoadError};
 /// Id of the notes section.
 pub const NOTES_ID: [u8; 4] = *b"NOTE";
 
+/// Id of the optional section on the source.
+pub const SOURCE_ID: [u8; 4] = *b"SRCE";
+
 /// Longest text in bytes, so that a hostile file cannot flood a terminal.
 const MAX_TEXT: usize = 4096;
+
+/// Most remarks on the source.
+const MAX_REMARKS: usize = 16;
+
+/// Most bytes of a georeference.
+pub const MAX_GEOREFERENCE: usize = 1 << 16;
 
 /// Most parts whose worth is noted: more than any codec has.
 const MAX_PARTS: usize = 64;
@@ -23,28 +32,39 @@ pub struct Notes {
     /// PSNR in dB of the whole with a part left out, by the part's name. What is not finite, as where nothing changes without it, is
     /// not written.
     pub psnr_without: Vec<(String, f32)>,
+    /// Where there is something to say of the source. On the heap, as most textures have none.
+    pub source: Option<Box<SourceNotes>>,
+}
+
+/// How the source was read, and its place on Earth.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct SourceNotes {
+    /// Sentences: a colour profile that was converted, a band that was left out. At most 16 are written.
+    pub remarks: Vec<String>,
+    /// The GeoTIFF tags as a TIFF file of one texel (as GeoJP2 has them), in pixels of the first image's level 0; empty
+    /// where there are none. At most [`MAX_GEOREFERENCE`] bytes are written.
+    pub georeference: Vec<u8>,
 }
 
 impl Notes {
-    /// Writes the notes as a section of the part "container".
+    /// Writes the notes as sections of the part "container": one, and one on the source where there is something to say.
     pub fn write(&self, out: &mut SectionWriter) {
         let mut raw = Vec::new();
-        let mut text = |text: &str| {
-            let mut end = text.len().min(MAX_TEXT);
-            while !text.is_char_boundary(end) {
-                end -= 1;
-            }
-            raw.extend((end as u16).to_le_bytes());
-            raw.extend(&text.as_bytes()[..end]);
-        };
-        text(&self.settings);
-        text(&self.verdict);
+        write_text(&mut raw, &self.settings);
+        write_text(&mut raw, &self.verdict);
         let known = self.psnr_without.iter().filter(|(_, psnr)| psnr.is_finite());
         for (name, psnr) in known.take(MAX_PARTS) {
-            text(name);
-            text(&psnr.to_bits().to_string());
+            write_text(&mut raw, name);
+            write_text(&mut raw, &psnr.to_bits().to_string());
         }
         out.section("container", NOTES_ID, &raw);
+        let Some(source) = &self.source else { return };
+        let georeference: &[u8] =
+            if source.georeference.len() > MAX_GEOREFERENCE { &[] } else { &source.georeference };
+        let mut raw = (georeference.len() as u32).to_le_bytes().to_vec();
+        raw.extend(georeference);
+        source.remarks.iter().take(MAX_REMARKS).for_each(|remark| write_text(&mut raw, remark));
+        out.section("container", SOURCE_ID, &raw);
     }
 
     /// Reads the notes.
@@ -72,8 +92,42 @@ impl Notes {
             }
             notes.psnr_without.push((name, psnr));
         }
+        if file.has(SOURCE_ID) {
+            notes.source = Some(Box::new(SourceNotes::read(file, budget)?));
+        }
         Ok(notes)
     }
+}
+
+impl SourceNotes {
+    fn read(file: &Sections<'_>, budget: &mut Budget) -> Result<SourceNotes, LoadError> {
+        let raw = file.read(SOURCE_ID, budget)?;
+        budget.take(raw.len() as u64)?;
+        let mut reader = Reader::new(String4(SOURCE_ID), &raw);
+        let length = reader.u32()? as usize;
+        if length > MAX_GEOREFERENCE {
+            return Err(reader.corrupt("a georeference of more than 65536 bytes"));
+        }
+        let mut source =
+            SourceNotes { georeference: reader.bytes(length)?.to_vec(), ..SourceNotes::default() };
+        while reader.end().is_err() {
+            if source.remarks.len() == MAX_REMARKS {
+                return Err(reader.corrupt("more than 16 remarks"));
+            }
+            budget.take(3 * size_of::<String>() as u64)?;
+            source.remarks.push(text(&mut reader)?);
+        }
+        Ok(source)
+    }
+}
+
+fn write_text(raw: &mut Vec<u8>, text: &str) {
+    let mut end = text.len().min(MAX_TEXT);
+    while !text.is_char_boundary(end) {
+        end -= 1;
+    }
+    raw.extend((end as u16).to_le_bytes());
+    raw.extend(&text.as_bytes()[..end]);
 }
 
 fn text(reader: &mut Reader<'_>) -> Result<String, LoadError> {
@@ -113,13 +167,47 @@ mod tests {
             settings: "vq, 2.5 bpp".into(),
             verdict: "ä sentence.".into(),
             psnr_without: vec![("samples".into(), 28.25)],
+            source: None,
         };
+        assert_eq!(survivor(&notes), notes);
+        let with = |source: SourceNotes| Notes { source: Some(Box::new(source)), ..notes.clone() };
+        let remarks = vec!["Display P3 converted to sRGB".to_owned(), "größer".to_owned()];
+        let told = with(SourceNotes { remarks, georeference: vec![0, 1, 2, 255] });
+        assert_eq!(survivor(&told), told);
+        let long =
+            with(SourceNotes { georeference: vec![0; MAX_GEOREFERENCE + 1], ..SourceNotes::default() });
+        assert_eq!(survivor(&long), with(SourceNotes::default()));
+        let many = with(SourceNotes { remarks: vec!["one".to_owned(); 20], ..SourceNotes::default() });
+        assert_eq!(survivor(&many).source.unwrap().remarks.len(), MAX_REMARKS);
+    }
+
+    fn survivor(notes: &Notes) -> Notes {
         let mut writer = SectionWriter::new(CodecId { number: 1, name: "t" });
         notes.write(&mut writer);
         let bytes = writer.finish().bytes;
         let mut budget = Budget::default();
-        let sections = Sections::parse(&bytes, &mut budget).unwrap();
-        assert_eq!(Notes::read(&sections, &mut budget), Ok(notes));
+        Notes::read(&Sections::parse(&bytes, &mut budget).unwrap(), &mut budget).unwrap()
+    }
+
+    #[test]
+    fn a_source_with_wrong_lengths_is_refused() {
+        let open = |raw: &[u8]| {
+            let mut writer = SectionWriter::new(CodecId { number: 1, name: "t" });
+            Notes::default().write(&mut writer);
+            writer.section("container", SOURCE_ID, raw);
+            let bytes = writer.finish().bytes;
+            let mut budget = Budget::default();
+            Notes::read(&Sections::parse(&bytes, &mut budget).unwrap(), &mut budget)
+        };
+        let source = |raw: &[u8]| open(raw).unwrap().source.unwrap();
+        assert_eq!(source(&[1, 0, 0, 0, 7]).georeference, [7]);
+        let remark = [1u8, 0, b'a'];
+        let with = |remarks: usize| [vec![0; 4], remark.repeat(remarks)].concat();
+        assert_eq!(source(&with(16)).remarks.len(), 16);
+        let wrong: [&[u8]; 5] = [&[], &[2, 0, 0, 0, 7], &[1, 0, 1, 0], &with(17), &[0, 0, 0, 0, 1, 0, b'\n']];
+        for raw in wrong {
+            assert!(open(raw).is_err(), "{raw:?}");
+        }
     }
 
     #[test]

@@ -177,5 +177,5 @@ fn notes(
     );
     let mips = if params.mips { " --mips" } else { "" };
     let settings = format!("--codec dct {}{mips} --metric {}", params.goal.option(), metric.name());
-    Ok(Notes { settings, verdict, psnr_without })
+    Ok(Notes { settings, verdict, psnr_without, ..Notes::default() })
 }

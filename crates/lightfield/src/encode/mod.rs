@@ -294,5 +294,5 @@ fn settle(
     let verdict = [verdict.as_str(), remark].join(" ").trim_end().to_owned();
     let settings = settings(&texture, params, terms);
     let psnr_without = ledger(&texture, &quality, terms);
-    (texture.with_notes(Notes { settings, verdict, psnr_without }), quality)
+    (texture.with_notes(Notes { settings, verdict, psnr_without, ..Notes::default() }), quality)
 }

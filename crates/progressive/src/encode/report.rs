@@ -27,7 +27,12 @@ pub(crate) fn notes(
         psnr_without.push((MAP_PART.to_owned(), psnr(&texture.without_details())?));
     }
     let metric = params.metric_for(source.info(), params.goal);
-    Ok(Notes { settings: settings(params, metric), verdict: verdict(texture, met), psnr_without })
+    Ok(Notes {
+        settings: settings(params, metric),
+        verdict: verdict(texture, met),
+        psnr_without,
+        ..Notes::default()
+    })
 }
 
 fn settings(params: &ProgressiveParams, metric: Metric) -> String {

@@ -175,7 +175,7 @@ impl<'a> Contest<'a> {
         let others = self.attempts.iter().enumerate().filter(|(index, _)| *index != self.best_attempt);
         let others: Vec<String> =
             others.map(|(_, attempt)| format!("{} {}", attempt.codec, attempt.outcome)).collect();
-        if let Some(notes) = Encoding::notes_of(&mut self.best) {
+        if let Some(notes) = self.best.notes_mut() {
             notes.verdict = format!("{} Chosen among all methods: {}.", notes.verdict, others.join("; "));
         }
         Chosen { image: self.best, attempts: self.attempts }

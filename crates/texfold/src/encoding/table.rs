@@ -171,13 +171,6 @@ impl Encoding {
         (self.or_plain)(images, guidance, settings, job)
     }
 
-    /// The notes of a texture of any of the codecs; `None` where the codec is not one of Texfold's.
-    pub(crate) fn notes_of(image: &mut AnyImage) -> Option<&mut Notes> {
-        let id = image.codec();
-        let encoding = ENCODINGS.iter().find(|encoding| encoding.id == id)?;
-        (encoding.notes)(image)
-    }
-
     /// Families of formats that a comparison tries for such pixels.
     #[must_use]
     pub fn families(&self, pixel: PixelInfo) -> Vec<Family> {
@@ -236,6 +229,15 @@ fn within<C: ImageEncoder>(
     C::check(settings)?;
     let (source, params) = (C::source(images, guidance), settings.params::<C>());
     C::encode_within(source, &params, most_bpp, job).map(AnyImage::new)
+}
+
+impl AnyImage {
+    /// The notes, which are part of the file; `None` where the codec is not one of Texfold's.
+    pub fn notes_mut(&mut self) -> Option<&mut Notes> {
+        let id = self.codec();
+        let encoding = ENCODINGS.iter().find(|encoding| encoding.id == id)?;
+        (encoding.notes)(self)
+    }
 }
 
 fn notes<C: ImageEncoder>(image: &mut AnyImage) -> Option<&mut Notes> {

@@ -328,6 +328,7 @@ fn finish(Best { prepared, found }: Best<'_>) -> Result<VqTexture, EncodeError> 
         settings: report::settings(&prepared.params),
         verdict: report::verdict(&texture, found.met),
         psnr_without: report::ledger(&prepared, &texture)?,
+        ..Notes::default()
     };
     Ok(texture.with_notes(notes))
 }

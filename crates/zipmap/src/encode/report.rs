@@ -110,6 +110,7 @@ pub(crate) fn notes(
         settings: format!("--codec zipmap {goal}{access}{content}{tau}{merge}"),
         verdict: verdict(fitted, dropped, sum(|fidelity| fidelity.error).psnr()),
         psnr_without,
+        ..Notes::default()
     }
 }
 

@@ -139,6 +139,8 @@ pub(crate) enum CliError {
     SingularCamera { path: PathBuf, frame: usize },
     #[error("{}: there is no {name}; put the mesh there or give --mesh", path.display())]
     NoMesh { path: PathBuf, name: String },
+    #[error("{}: names {}, which lies outside of the folder; give --outside if that is meant", path.display(), file.display())]
+    Outside { path: PathBuf, file: PathBuf },
     #[error("{}: {width}x{height} pixels where its camera has {}x{}; scale the image or correct the cameras", path.display(), wanted.0, wanted.1)]
     ImageSize { path: PathBuf, width: u32, height: u32, wanted: (u32, u32) },
     #[error("{}: is not a capture; give codec lightfield a folder with transforms.json (or COLMAP's images.txt and cameras.txt), images and mesh.obj, .ply, .glb or .gltf", path.display())]

@@ -388,16 +388,19 @@ mod tests {
 
     #[test]
     fn distances_to_what_was_shown_are_the_naive_ones() {
-        let points = noise(900, 16, 5);
+        // In heaps, and as long as what bounds are of.
+        let mut points = noise(900, 8, 5);
+        points.outer_iter_mut().enumerate().for_each(|(row, mut point)| point += (row / 100) as f32);
         let rows = points.as_slice().unwrap();
-        let mut nearest = Nearest::new(rows, 16);
+        let mut nearest = Nearest::new(rows, 8);
         let mut naive = vec![f32::INFINITY; 900];
-        for shown in (0..900).step_by(31) {
-            let vector = &rows[shown * 16..(shown + 1) * 16];
+        // All of a heap, then some of the others, the furthest first.
+        for shown in (0..100).chain((100..900).step_by(31).rev()) {
+            let vector = &rows[shown * 8..(shown + 1) * 8];
             let mut reported = Vec::new();
             nearest.show(vector, &mut |row| reported.push(row as usize));
             reported.sort_unstable();
-            let distance = |row: usize| padded_distance(vector, &rows[row * 16..(row + 1) * 16]);
+            let distance = |row: usize| padded_distance(vector, &rows[row * 8..(row + 1) * 8]);
             let expected: Vec<usize> = (0..900).filter(|&row| distance(row) < naive[row]).collect();
             naive.iter_mut().enumerate().for_each(|(row, least)| *least = least.min(distance(row)));
             assert_eq!(reported, expected);

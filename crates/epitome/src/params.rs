@@ -4,6 +4,7 @@ use texfold_bc::{Bc1Blocks, Content, Family};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::{Access, Effort, Goal, Metric, ParamError, Params};
 
+use crate::format::MAX_BLOCK;
 use crate::layers::MAX_LAYERS;
 
 /// What is factored.
@@ -96,7 +97,7 @@ pub struct EpitomeParams {
     pub access: Access,
     /// What errors count by block and in residual planes; `None` lets goal and colours decide.
     pub metric: Option<Metric>,
-    /// Side of a block in texels for tolerance goals and where there is no quadtree, a multiple of 4 in 8..=32;
+    /// Side of a block in texels for tolerance goals and where there is no quadtree, a multiple of 4 in 8..=64;
     /// `None` is 12 and 16.
     pub block: Option<u32>,
     /// Whether mip levels are stored.
@@ -218,8 +219,8 @@ impl Params for EpitomeParams {
             _ => {}
         }
         match self.block {
-            Some(block) if !(8..=32).contains(&block) || block % 4 != 0 => {
-                Err(ParamError::new("block", block, "multiples of 4 in 8..=32"))
+            Some(block) if !(8..=MAX_BLOCK as u32).contains(&block) || block % 4 != 0 => {
+                Err(ParamError::new("block", block, "multiples of 4 in 8..=64"))
             }
             _ => Ok(()),
         }

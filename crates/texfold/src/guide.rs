@@ -23,6 +23,8 @@
 //! ```
 //!
 //! Outputs have the texture's 8 or 16 bits a channel. Existing files are overwritten only with `--force`.
+//! The georeference of a GeoTIFF that is compressed alone is kept: `info` prints it, and `--to tiff` writes it, also of a rectangle or a
+//! mip level.
 //!
 //! The same in code. Images of a set may differ in size, but have the same channels and meaning:
 //!

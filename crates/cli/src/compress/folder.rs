@@ -1,7 +1,7 @@
 //! Folders that become one file: what captures and zoom stacks have in common.
 
 use std::fmt::Debug;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use crate::error::{CliError, guarded};
 use crate::input::{Found, size_of};
@@ -20,10 +20,29 @@ pub(crate) trait Folder: Debug {
     /// Files beside the photographs that the output depends on.
     fn other_files(&self, dir: &Path) -> Result<Vec<PathBuf>, CliError>;
 
+    /// Folders that the photographs may lie in without being asked for.
+    fn folders(&self, dir: &Path) -> Vec<PathBuf> {
+        vec![dir.to_owned()]
+    }
+
     /// Reads the folder and encodes it.
     fn encode(&self, task: &FolderTask<Self>, limit_bytes: u64, share: &Share<'_>) -> Result<Made, CliError>
     where
         Self: Sized;
+}
+
+/// Whether a path leaves the folder that it starts from.
+fn climbs(path: &Path) -> bool {
+    let mut depth = 0i32;
+    path.components().any(|component| {
+        depth += match component {
+            Component::Normal(_) => 1,
+            Component::CurDir => 0,
+            Component::ParentDir => -1,
+            Component::RootDir | Component::Prefix(_) => i32::MIN / 2,
+        };
+        depth < 0
+    })
 }
 
 /// What a folder came to.
@@ -56,6 +75,9 @@ impl<F: Folder> FolderTask<F> {
     /// Does the work, unless the output was made of the same. A panic within becomes an error of this input.
     pub(crate) fn run(&self, place: &Workplace<'_>) -> Result<Finished, CliError> {
         guarded(&self.found.path, || {
+            if !place.outside {
+                self.check_names()?;
+            }
             let key = self.key()?;
             if let Some(row) = place.cache.up_to_date(&self.output, &key).filter(|_| !place.force) {
                 let input = self.found.path.display().to_string();
@@ -71,6 +93,19 @@ impl<F: Folder> FolderTask<F> {
             place.cache.record(&self.output, &key, &bytes, &row);
             Ok(Finished { row, skipped: false })
         })
+    }
+
+    /// Refuses files outside of the folder, so that a list that came with it reads nothing else of this machine. Names are
+    /// compared, and links followed.
+    fn check_names(&self) -> Result<(), CliError> {
+        let folders = self.settings.folders(&self.found.path);
+        let is_inside = |file: &&PathBuf| {
+            folders.iter().any(|folder| file.strip_prefix(folder).is_ok_and(|rest| !climbs(rest)))
+        };
+        match self.found.files.iter().find(|file| !is_inside(file)) {
+            Some(file) => Err(CliError::Outside { path: self.found.path.clone(), file: file.clone() }),
+            None => Ok(()),
+        }
     }
 
     /// Hash of all that the output depends on.

@@ -319,7 +319,8 @@ fn work(
     }
     let limit_bytes = run.memory.map_or_else(memory::usual_limit, memory::from_gib);
     let force = run.force.unwrap_or(false);
-    let place = Workplace { cache, limit_bytes, force, progress: &progress };
+    let outside = run.outside.unwrap_or(false);
+    let place = Workplace { cache, limit_bytes, force, outside, progress: &progress };
     let jobs = run.jobs.map_or_else(schedule::cores, |jobs| jobs as usize);
     let cost = |task: &&Work| task.cost_bytes();
     let work = |task: &&Work| settle(task, task.run(&place), &progress);

@@ -34,6 +34,8 @@ pub(crate) struct Workplace<'w> {
     pub(crate) cache: &'w Cache,
     pub(crate) limit_bytes: u64,
     pub(crate) force: bool,
+    /// Whether folders may name files outside of them.
+    pub(crate) outside: bool,
     pub(crate) progress: &'w Progress,
 }
 

@@ -27,6 +27,10 @@ impl Folder for ZoomSettings {
         Ok(stack::list_files(dir))
     }
 
+    fn folders(&self, dir: &Path) -> Vec<PathBuf> {
+        stack::folders(dir)
+    }
+
     fn encode(&self, task: &FolderTask<Self>, limit_bytes: u64, share: &Share<'_>) -> Result<Made, CliError> {
         let path = &task.found.path;
         let start = Instant::now();

@@ -16,7 +16,7 @@ pub(crate) struct Config {
 }
 
 /// Keys at the top of a configuration that speak of the whole run.
-const RUN_KEYS: [&str; 5] = ["jobs", "memory", "report", "force", "strict"];
+const RUN_KEYS: [&str; 6] = ["jobs", "memory", "report", "force", "strict", "outside"];
 
 impl Config {
     /// Reads a configuration. Paths in it are relative to its folder.

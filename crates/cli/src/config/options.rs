@@ -82,6 +82,10 @@ pub struct Options {
     /// decodes to a coarser image.
     #[arg(long, value_name = "N", help_heading = "Epitomes")]
     pub(super) layers: Option<u32>,
+    /// epitome: all blocks have this side in texels, a multiple of 4 in 8 to 64. Without it, goals of PSNR and bits choose from three sides
+    /// and tolerances have blocks of 12.
+    #[arg(long, value_name = "TEXELS", help_heading = "Epitomes")]
+    pub(super) block: Option<u32>,
     /// lightfield: simplify the mesh to this many triangles; by default to as few as the photographs need.
     #[arg(long, value_name = "N", help_heading = "Light fields")]
     pub(super) triangles: Option<u32>,
@@ -159,6 +163,9 @@ pub struct RunOptions {
     /// Exit with 1 where anything is warned of, such as a goal that is missed.
     #[arg(long, num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL")]
     pub(crate) strict: Option<bool>,
+    /// Read files that transforms.json, images.txt or zipmap.toml name outside of their folder.
+    #[arg(long, num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL")]
+    pub(crate) outside: Option<bool>,
 }
 
 impl RunOptions {
@@ -170,6 +177,7 @@ impl RunOptions {
             report: self.report.or(other.report),
             force: self.force.or(other.force),
             strict: self.strict.or(other.strict),
+            outside: self.outside.or(other.outside),
         }
     }
 
@@ -211,6 +219,7 @@ impl Options {
             content_from: self.content_from.clone().or_else(|| other.content_from.clone()),
             category: self.category.clone().or_else(|| other.category.clone()),
             layers: self.layers.or(other.layers),
+            block: self.block.or(other.block),
             triangles: self.triangles.or(other.triangles),
             codewords: self.codewords.or(other.codewords),
             regions: self.regions.or(other.regions),
@@ -302,6 +311,8 @@ impl Options {
         if self.tolerance.is_some() {
             in_range("layers", self.layers.map(f64::from), |layers| layers == 1.0, "1, for a tolerance")?;
         }
+        let is_block = |side: f64| (8.0..=64.0).contains(&side) && side % 4.0 == 0.0;
+        in_range("block", self.block.map(f64::from), is_block, "multiples of 4 in 8..=64")?;
         let side = |value: f64| (4.0..=256.0).contains(&value) && value % 4.0 == 0.0;
         for value in self.codebook.iter().flat_map(|sides| [sides.0, sides.1]) {
             in_range("codebook", Some(f64::from(value)), side, "sides that are multiples of 4 in 4..=256")?;
@@ -334,9 +345,10 @@ impl Options {
     fn check_codec(&self) -> Result<(), UsageError> {
         const CHOSEN_VQ: &[&str] = &["vq", "auto"];
         let error_map = self.content == Some(ContentName::ErrorMap);
-        let owned: [(&str, bool, &[&'static str]); 16] = [
+        let owned: [(&str, bool, &[&'static str]); 17] = [
             ("content-from", self.content_from.is_some(), &["epitome"]),
             ("layers", self.layers.is_some(), &["epitome"]),
+            ("block", self.block.is_some(), &["epitome"]),
             ("content error-map", error_map, &["epitome"]),
             ("metric", self.metric.is_some(), &["dct", "progressive", "epitome", "zipmap", "auto"]),
             ("triangles", self.triangles.is_some(), &["lightfield"]),
@@ -417,9 +429,11 @@ impl Options {
 
     /// The choice with the options that only its codec has.
     fn with_own(&self, choice: Choice) -> Choice {
-        if let Some(layers) = self.layers {
+        if self.layers.is_some() || self.block.is_some() {
             let mut own = EpitomeParams::default();
-            (own.layers,) = (layers,);
+            own.layers = self.layers.unwrap_or(own.layers);
+            own.block = self.block;
+            own.transforms.quadtree = self.block.is_none();
             return choice.with::<Epitome>(own);
         }
         let has_importance = self.importance.is_some() || self.weights.is_some();

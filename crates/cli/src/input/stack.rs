@@ -1,7 +1,7 @@
 //! Zoom stacks: a folder of photographs to be put in order, or with `zipmap.toml`, which says where each has its place,
 //! or with which other stack it goes.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use glam::DMat3;
 use serde::{Deserialize, Serialize};
@@ -75,6 +75,15 @@ pub(crate) fn list_files(dir: &Path) -> Vec<PathBuf> {
     let own = Some(dir.join(LIST_NAME)).filter(|list| list.exists());
     let with = own.as_ref().and_then(|_| read_list(dir).ok()?.with);
     own.into_iter().chain(with.map(|with| dir.join(with).join(LIST_NAME))).collect()
+}
+
+/// The folder, and that of the stack that it goes with where that lies within or beside it.
+pub(crate) fn folders(dir: &Path) -> Vec<PathBuf> {
+    let with = read_list(dir).ok().and_then(|list| list.with).filter(|with| {
+        let inner = with.strip_prefix("..").unwrap_or(with);
+        inner.components().all(|component| matches!(component, Component::Normal(_) | Component::CurDir))
+    });
+    [dir.to_owned()].into_iter().chain(with.map(|with| dir.join(with))).collect()
 }
 
 /// All files that a list names, root first, each once; those of the stack that it goes with behind.

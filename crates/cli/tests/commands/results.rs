@@ -683,3 +683,28 @@ fn frames_are_added_to_a_file_and_those_there_keep_every_texel() {
         assert!(!place.at("no").exists());
     }
 }
+
+#[test]
+fn epitomes_have_blocks_of_the_side_that_is_asked_for() {
+    let place = Place::new();
+    fs::copy(fixture("facade.png"), place.at("facade.png")).unwrap();
+    let mut bits = Vec::new();
+    for block in [8, 64] {
+        let (run, report) = place.compress(&format!(
+            "facade.png --codec epitome --block {block} --tolerance 30 --effort fast --out {block}"
+        ));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        assert!(report[0]["worst_block_rms"].as_f64().unwrap() <= 30.0);
+        assert_eq!(report[0]["settings"], format!("--codec epitome --tolerance 30 --block {block}"));
+        bits.push(report[0]["bpp_memory"].as_f64().unwrap());
+    }
+    // Small blocks repeat within the tolerance, large ones do not.
+    assert!(bits[0] < 0.6 * bits[1], "{bits:?}");
+    for (arguments, what) in [
+        ("--codec epitome --block 10", "--block 10 is outside multiples of 4 in 8..=64"),
+        ("--codec dct --block 16", "--block is for codec epitome, not dct"),
+    ] {
+        let run = place.run(&format!("compress facade.png {arguments} --out out"));
+        assert!(run.code == Some(2) && run.stderr.contains(what), "{}", run.stderr);
+    }
+}

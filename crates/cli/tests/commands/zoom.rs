@@ -140,3 +140,35 @@ fn maps_ride_along_with_a_stack_and_a_registration_can_be_written_by_hand() {
     let changed = place.run("compress heights --color linear --psnr 40 --out out");
     assert!(changed.stdout.contains("1 written"), "{}", changed.stdout);
 }
+
+#[test]
+fn files_outside_of_a_folder_are_read_only_when_asked_for() {
+    let place = Place::new();
+    shots(&place);
+    fs::create_dir_all(place.at("wall/in")).unwrap();
+    fs::copy(place.at("wall/b.png"), place.at("secret.png")).unwrap();
+    let absolute = place.at("secret.png").display().to_string();
+    for (name, is_inside) in [
+        ("in/../b.png", true),
+        ("./b.png", true),
+        ("../secret.png", false),
+        ("in/../../secret.png", false),
+        (&absolute, false),
+    ] {
+        fs::write(place.at("wall/zipmap.toml"), format!("root = '{name}'\n")).unwrap();
+        let run = place.run("compress wall --out out --force");
+        assert_eq!(run.code, Some(i32::from(!is_inside)), "{name}: {}", run.stderr);
+        if !is_inside {
+            assert!(run.stderr.contains("lies outside of the folder; give --outside if"), "{}", run.stderr);
+            let run = place.run("compress wall --out out --force --outside");
+            assert_eq!(run.code, Some(0), "{name}: {}", run.stderr);
+        }
+    }
+    // A folder beside it, as of heights that go with colours, is no way out of both.
+    fs::create_dir_all(place.at("heights")).unwrap();
+    fs::write(place.at("wall/zipmap.toml"), "root = '../secret.png'\n").unwrap();
+    fs::copy(place.at("wall/b.png"), place.at("heights/b.png")).unwrap();
+    fs::write(place.at("heights/zipmap.toml"), "root = 'b.png'\nwith = '../wall'\n").unwrap();
+    let run = place.run("compress heights --out out --force");
+    assert!(run.stderr.contains("lies outside of the folder"), "{}", run.stderr);
+}

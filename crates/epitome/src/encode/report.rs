@@ -88,9 +88,10 @@ fn settings(params: &EpitomeParams) -> String {
     if params.mips {
         words.push("--mips".to_owned());
     }
-    let block = params.block.map(|block| format!("blocks of {block}"));
-    let without = params.transforms.missing().map(|part| format!("without {part}"));
-    let unnamed: Vec<String> = block.into_iter().chain(without).collect();
+    words.extend(params.block.map(|block| format!("--block {block}")));
+    // Blocks of one side are no quadtree anyway.
+    let missing = params.transforms.missing().filter(|&part| part != "quadtree" || params.block.is_none());
+    let unnamed: Vec<String> = missing.map(|part| format!("without {part}")).collect();
     let unnamed = if unnamed.is_empty() { String::new() } else { format!("; {}", unnamed.join(", ")) };
     words.join(" ") + &unnamed
 }

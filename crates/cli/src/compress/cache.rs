@@ -90,9 +90,11 @@ impl Cache {
     }
 }
 
-/// Names that are no Unicode are not kept: their outputs are made anew each time.
+/// The name of a line: that of the file; where it is no Unicode, its bytes in hexadecimal behind a zero, which no name has.
 fn name_of(output: &Path) -> Option<String> {
-    output.file_name()?.to_str().map(str::to_owned)
+    let name = output.file_name()?;
+    let hexadecimal = || name.as_encoded_bytes().iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+    Some(name.to_str().map_or_else(|| format!("\0{}", hexadecimal()), str::to_owned))
 }
 
 /// Feeds a file into `hasher`, its length first.

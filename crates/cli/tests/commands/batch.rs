@@ -31,6 +31,21 @@ fn a_bad_input_does_not_stop_the_others() {
     assert!(run.stdout.contains("2 written, 0 up to date, 4 failed"), "{}", run.stdout);
 }
 
+#[cfg(unix)]
+#[test]
+fn names_that_are_no_unicode_are_up_to_date_too() {
+    use std::{ffi::OsStr, os::unix::ffi::OsStrExt};
+    let place = Place::new();
+    place.image("in/a.png", 40, 24, 3);
+    for name in [&b"\xff.png"[..], b"\xfe.png"] {
+        fs::copy(place.at("in/a.png"), place.at("in").join(OsStr::from_bytes(name))).unwrap();
+    }
+    for counts in ["3 written, 0 up to date", "0 written, 3 up to date"] {
+        let run = place.run("compress in --as image --out out --codec bc");
+        assert!(run.code == Some(0) && run.stdout.contains(counts), "{} {}", run.stdout, run.stderr);
+    }
+}
+
 #[test]
 fn what_is_up_to_date_is_skipped_unless_forced() {
     let place = Place::new();

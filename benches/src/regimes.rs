@@ -1,5 +1,5 @@
 //! The epitome codec in several regimes: sets of photographs of one place, images without repetition, time against texels,
-//! drawing between texels and at mip levels. And the time of every codec on images that are hard for some.
+//! drawing between texels and at mip levels. Also the time of every codec on images that are hard for one of them.
 //!
 //! `cargo run --release -p texfold-benches --bin regimes -- [OUT_DIR] [sets|unlike|time|drawing|hard]`: photographs where they
 //! are, else fixtures. Writes sets.csv, unlike.csv, time.csv, drawing.csv, hard.csv, each with a table in Markdown, and time.svg.
@@ -14,6 +14,7 @@ use texfold::{
     Access, Choice, Effort, EncodeSettings, Goal, Guidance, Job, Texel,
     core::Encoder,
     encode_images,
+    encoding::ENCODINGS,
     epitome::{Epitome, EpitomeParams, EpitomeSource},
 };
 use texfold_benches::report::{Outcome, Table, chart, cpu_seconds, middle, reduced};
@@ -33,7 +34,7 @@ const SET_FACTOR: u32 = 2;
 const UNLIKE_SIDE: u32 = 512;
 /// Sides of the images whose encoding is timed.
 const TIMED: [u32; 5] = [256, 384, 512, 768, 1024];
-/// Sides of the images that are hard for some codec.
+/// Texels a side of the images that are hard for a codec.
 const HARD: u32 = 512;
 /// Texels a side of the images that are drawn.
 const DRAWN_SIDE: u32 = 512;
@@ -243,14 +244,14 @@ fn hard_images() -> Outcome<Vec<(&'static str, ImageSet)>> {
     images.iter().map(|(name, bytes)| Ok((*name, set(bytes)?))).collect()
 }
 
-/// CPU time of every codec of images on those that are hard for some.
+/// CPU time of every codec on images that are hard for one of them.
 fn hard(out: &Path) -> Outcome<()> {
     let images = hard_images()?;
     let mut header = vec!["codec", "effort"];
     header.extend(images.iter().map(|(name, _)| *name));
     let mut table = Table::new(&header);
     let named = |name| Choice::named(name).map(|codec| (name, codec));
-    let codecs = ["bc", "dct", "progressive", "vq", "epitome"].into_iter().filter_map(named);
+    let codecs = ENCODINGS.iter().filter_map(|encoding| named(encoding.id.name));
     for ((name, codec), fast) in codecs.flat_map(|codec| [(codec.clone(), true), (codec, false)]) {
         let effort = if fast { Effort::Fast } else { Effort::Normal };
         let mut row = vec![name.to_owned(), format!("{effort:?}").to_lowercase()];

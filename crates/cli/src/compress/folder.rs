@@ -20,7 +20,7 @@ pub(crate) trait Folder: Debug {
     /// Files beside the photographs that the output depends on.
     fn other_files(&self, dir: &Path) -> Result<Vec<PathBuf>, CliError>;
 
-    /// Folders that the photographs may lie in without being asked for.
+    /// Folders that photographs are read from without `--outside`.
     fn folders(&self, dir: &Path) -> Vec<PathBuf> {
         vec![dir.to_owned()]
     }
@@ -31,7 +31,7 @@ pub(crate) trait Folder: Debug {
         Self: Sized;
 }
 
-/// Whether a path leaves the folder that it starts from.
+/// True for a path that leaves the folder that it starts from.
 fn climbs(path: &Path) -> bool {
     let mut depth = 0i32;
     path.components().any(|component| {
@@ -95,8 +95,8 @@ impl<F: Folder> FolderTask<F> {
         })
     }
 
-    /// Refuses files outside of the folder, so that a list that came with it reads nothing else of this machine. Names are
-    /// compared, and links followed.
+    /// Refuses files outside of the folder, so that a list of files from elsewhere cannot read the rest of this machine.
+    /// Paths are compared as they are written: symbolic links within the folder are followed.
     fn check_names(&self) -> Result<(), CliError> {
         let folders = self.settings.folders(&self.found.path);
         let is_inside = |file: &&PathBuf| {

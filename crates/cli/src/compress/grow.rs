@@ -47,6 +47,9 @@ pub(super) fn grow(args: &CompressArgs, file: &Path) -> Result<(), CliError> {
     settings.color = layout.pixel.color;
     let loaded = encode::load(&files, all_frames, &settings, limit_bytes)?;
     loaded.remarks.warnings(files.len()).iter().for_each(|warning| warn(warning));
+    if !loaded.georeference.is_empty() {
+        warn("the georeference of an added image is not kept");
+    }
     let is_frame = |image: &Raster| layout.images.first() == Some(&image.size());
     let other = loaded.images.images().iter().position(|image| !is_frame(image));
     if let Some(index) = other.filter(|_| options.kind() == Some(Kind::Sequence)) {

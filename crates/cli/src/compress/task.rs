@@ -34,7 +34,7 @@ pub(crate) struct Workplace<'w> {
     pub(crate) cache: &'w Cache,
     pub(crate) limit_bytes: u64,
     pub(crate) force: bool,
-    /// Whether folders may name files outside of them.
+    /// True if the lists of folders may name files outside of these.
     pub(crate) outside: bool,
     pub(crate) progress: &'w Progress,
 }

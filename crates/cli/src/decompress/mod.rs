@@ -165,7 +165,7 @@ fn decompress(
     for (rect, output) in outputs {
         let size = ImageSize { width: rect.width, height: rect.height };
         let picture = args.writing.picture(path, size, encoded.layout().pixel)?;
-        let mut picture = picture.at(georeference(encoded, *rect));
+        let mut picture = picture.with_georeference(georeference(encoded, *rect));
         for band in bands(*rect) {
             let raster = match &uploaded {
                 Some(uploaded) => uploaded.decode(path, encoded, band, args.continuous)?,

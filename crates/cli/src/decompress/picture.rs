@@ -63,7 +63,7 @@ pub(crate) struct Picture {
     sample: Sample,
     /// Channels interleaved, samples in the byte order of the machine.
     bytes: Vec<u8>,
-    /// The place on Earth.
+    /// Tags of a TIFF file; other formats warn that they leave them out.
     georeference: Option<Georeference>,
 }
 
@@ -93,7 +93,7 @@ impl Picture {
     }
 
     /// The same with a georeference.
-    pub(super) fn at(self, georeference: Option<Georeference>) -> Picture {
+    pub(super) fn with_georeference(self, georeference: Option<Georeference>) -> Picture {
         Picture { georeference, ..self }
     }
 

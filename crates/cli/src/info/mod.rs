@@ -67,7 +67,7 @@ struct Summary {
     bits_pool: u64,
     settings: String,
     verdict: String,
-    /// How the source was read.
+    /// Remarks on how the source was read.
     source: Vec<String>,
     georeference: Option<String>,
     parts: Vec<PartRow>,
@@ -135,7 +135,7 @@ fn summarise(path: &Path, encoded: &dyn Encoded<Domain = Image2d>) -> Summary {
         settings: encoded.notes().settings.clone(),
         verdict: encoded.notes().verdict.clone(),
         source: encoded.notes().source.as_ref().map_or_else(Vec::new, |source| source.remarks.clone()),
-        georeference: Georeference::of_notes(encoded.notes()).map(|found| found.words()),
+        georeference: Georeference::of_notes(encoded.notes()).map(|found| found.description()),
         parts: part_rows(&footprint),
     }
 }

@@ -87,7 +87,7 @@ struct Tiff {
     channels: u8,
     /// Whether the last channel is a band of its own and no alpha.
     has_band: bool,
-    /// Whether the file has such a channel, which the decoder may have left out.
+    /// True if the file has bands that are neither colour nor alpha; the decoder may leave them out itself.
     lost_band: bool,
     /// Columns and rows of a chunk, and chunks beside one another.
     chunk: (u32, u32),

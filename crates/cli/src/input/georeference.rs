@@ -49,7 +49,7 @@ pub(crate) struct Part {
 }
 
 impl Georeference {
-    /// Those of the first image of a TIFF file; `None` where it has none that could be used.
+    /// Georeference of the first image of a TIFF file; `None` where it has none, or an incomplete one.
     pub(crate) fn of_file(path: &Path) -> Option<Georeference> {
         let head = super::head_of(path).ok()?;
         let is_tiff = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| head.starts_with(*magic));
@@ -59,12 +59,12 @@ impl Georeference {
             .and_then(Self::read)
     }
 
-    /// Those that notes hold.
+    /// Georeference in a texture's notes.
     pub(crate) fn of_notes(notes: &Notes) -> Option<Georeference> {
         Georeference::parse(&notes.source.as_ref()?.georeference)
     }
 
-    /// Those that [`Georeference::to_bytes`] wrote.
+    /// Georeference that [`Georeference::to_bytes`] wrote.
     fn parse(bytes: &[u8]) -> Option<Georeference> {
         Georeference::read(Cursor::new(bytes))
     }
@@ -149,6 +149,7 @@ impl Georeference {
         part
     }
 
+    /// Distance from a texel's edge to the point that its column and row stand for, in texels.
     fn half(&self) -> f64 {
         if self.key(RASTER_TYPE) == Some(POINT) { 0.5 } else { 0.0 }
     }
@@ -160,8 +161,8 @@ impl Georeference {
         found.next().map(|entry| entry[3])
     }
 
-    /// Coordinate system, upper left corner and size of a texel, in words.
-    pub(crate) fn words(&self) -> String {
+    /// One line: coordinate system, upper left corner of the upper left texel, size of a texel.
+    pub(crate) fn description(&self) -> String {
         let code = self.key(PROJECTED).or_else(|| self.key(GEOGRAPHIC));
         let system = match code {
             Some(code) if code != USER_DEFINED => format!("EPSG:{code}"),
@@ -221,24 +222,9 @@ mod tests {
 
     /// The same place by a matrix.
     fn by_matrix(from: &Georeference) -> Georeference {
-        let matrix = vec![
-            0.6,
-            0.0,
-            0.0,
-            266_688.0,
-            0.0,
-            -0.6,
-            0.0,
-            5_289_402.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            1.0,
-        ];
+        let rows =
+            [[0.6, 0.0, 0.0, 266_688.0], [0.0, -0.6, 0.0, 5_289_402.0], [0.0; 4], [0.0, 0.0, 0.0, 1.0]];
+        let matrix = rows.concat();
         Georeference { scale: Vec::new(), tie_points: Vec::new(), matrix, ..from.clone() }
     }
 
@@ -289,13 +275,13 @@ mod tests {
     }
 
     #[test]
-    fn words_name_the_system_and_the_corner() {
+    fn descriptions_name_the_system_and_the_corner() {
         let text = "EPSG:26915, upper left 266688, 5289402, a texel is 0.6 x 0.6";
-        assert_eq!(utm(1).words(), text);
-        assert_eq!(by_matrix(&utm(1)).words(), text);
-        assert!(utm(2).words().contains("upper left 266687.7, 5289402.3"), "{}", utm(2).words());
-        assert_eq!(by_matrix(&utm(2)).words(), utm(2).words());
+        assert_eq!(utm(1).description(), text);
+        assert_eq!(by_matrix(&utm(1)).description(), text);
+        assert!(utm(2).description().contains("upper left 266687.7, 5289402.3"), "{}", utm(2).description());
+        assert_eq!(by_matrix(&utm(2)).description(), utm(2).description());
         let points = Georeference { scale: Vec::new(), keys: Vec::new(), ..utm(1) };
-        assert_eq!(points.words(), "a coordinate system without code, 1 control points");
+        assert_eq!(points.description(), "a coordinate system without code, 1 control points");
     }
 }

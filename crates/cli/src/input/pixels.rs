@@ -27,7 +27,7 @@ struct Stored {
     is_cmyk: bool,
     /// True for linear values.
     is_linear: bool,
-    /// Whether a last band that is no alpha was left out.
+    /// True if bands that are neither colour nor alpha were left out.
     lost_band: bool,
 }
 
@@ -164,8 +164,8 @@ pub(crate) fn decode(
     finished(path, stored(path, None, limit_bytes)?, color, remarks)
 }
 
-/// The warning of a band that is left out.
-pub(super) const LOST_BAND: &str = "the last band is no alpha by the file's tags and is left out; store bands beyond gray or RGB as an image of their own";
+/// The warning of bands that are left out.
+pub(super) const LOST_BAND: &str = "bands that are neither colour nor alpha by the file's tags are left out; store them as an image of their own to keep them";
 
 /// Whether a TIFF file says that what it has beside gray or RGB is no alpha, as aerial photographs with infrared do.
 /// Many writers of alpha say nothing. `None` where it cannot be told.
@@ -213,7 +213,7 @@ fn stored(path: &Path, page: Option<u64>, limit_bytes: u64) -> Result<Stored, Cl
         Ok(Stored { image, format, orientation, profile, is_cmyk, is_linear, lost_band: false })
     };
     let stored = decode().map_err(|error| fault(path, format, error))?;
-    // Of some kinds of pixels the decoder has left it out.
+    // The decoder has already left it out of RGB with one more sample.
     let lost_band = ends_with_band(path, page, format);
     let image = if lost_band { without_band(stored.image) } else { stored.image };
     Ok(Stored { image, lost_band, ..stored })

@@ -77,11 +77,15 @@ pub(crate) fn list_files(dir: &Path) -> Vec<PathBuf> {
     own.into_iter().chain(with.map(|with| dir.join(with).join(LIST_NAME))).collect()
 }
 
-/// The folder, and that of the stack that it goes with where that lies within or beside it.
+/// Folders that images are read from without `--outside`: the stack's own, and that of the stack that it goes with, where
+/// that lies within or beside it.
 pub(crate) fn folders(dir: &Path) -> Vec<PathBuf> {
     let with = read_list(dir).ok().and_then(|list| list.with).filter(|with| {
         let inner = with.strip_prefix("..").unwrap_or(with);
-        inner.components().all(|component| matches!(component, Component::Normal(_) | Component::CurDir))
+        inner.file_name().is_some()
+            && inner
+                .components()
+                .all(|component| matches!(component, Component::Normal(_) | Component::CurDir))
     });
     [dir.to_owned()].into_iter().chain(with.map(|with| dir.join(with))).collect()
 }

@@ -171,4 +171,9 @@ fn files_outside_of_a_folder_are_read_only_when_asked_for() {
     fs::write(place.at("heights/zipmap.toml"), "root = 'b.png'\nwith = '../wall'\n").unwrap();
     let run = place.run("compress heights --out out --force");
     assert!(run.stderr.contains("lies outside of the folder"), "{}", run.stderr);
+    // Nor is the folder above.
+    fs::write(place.at("zipmap.toml"), "root = 'secret.png'\n").unwrap();
+    fs::write(place.at("heights/zipmap.toml"), "root = '../secret.png'\nwith = '..'\n").unwrap();
+    let run = place.run("compress heights --out out --force");
+    assert!(run.stderr.contains("lies outside of the folder"), "{}", run.stderr);
 }

@@ -32,11 +32,11 @@ pub struct Notes {
     /// PSNR in dB of the whole with a part left out, by the part's name. What is not finite, as where nothing changes without it, is
     /// not written.
     pub psnr_without: Vec<(String, f32)>,
-    /// Where there is something to say of the source. On the heap, as most textures have none.
+    /// Remarks on the source and its georeference, if there are any. Boxed, as most textures have none.
     pub source: Option<Box<SourceNotes>>,
 }
 
-/// How the source was read, and its place on Earth.
+/// Remarks on how the source was read, and its georeference.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct SourceNotes {
     /// Sentences: a colour profile that was converted, a band that was left out. At most 16 are written.
@@ -47,7 +47,7 @@ pub struct SourceNotes {
 }
 
 impl Notes {
-    /// Writes the notes as sections of the part "container": one, and one on the source where there is something to say.
+    /// Writes the notes as sections of the part "container": `NOTE`, and `SRCE` where there are notes on the source.
     pub fn write(&self, out: &mut SectionWriter) {
         let mut raw = Vec::new();
         write_text(&mut raw, &self.settings);
@@ -121,7 +121,9 @@ impl SourceNotes {
     }
 }
 
+/// Writes a text as [`text`] reads it: control characters, which names of files may hold, become spaces.
 fn write_text(raw: &mut Vec<u8>, text: &str) {
+    let text = text.replace(char::is_control, " ");
     let mut end = text.len().min(MAX_TEXT);
     while !text.is_char_boundary(end) {
         end -= 1;
@@ -174,6 +176,10 @@ mod tests {
         let remarks = vec!["Display P3 converted to sRGB".to_owned(), "größer".to_owned()];
         let told = with(SourceNotes { remarks, georeference: vec![0, 1, 2, 255] });
         assert_eq!(survivor(&told), told);
+        // As of a file of that name.
+        let broken =
+            with(SourceNotes { remarks: vec!["a\nb.png: turned".to_owned()], ..SourceNotes::default() });
+        assert_eq!(survivor(&broken).source.unwrap().remarks, ["a b.png: turned"]);
         let long =
             with(SourceNotes { georeference: vec![0; MAX_GEOREFERENCE + 1], ..SourceNotes::default() });
         assert_eq!(survivor(&long), with(SourceNotes::default()));

@@ -88,9 +88,11 @@ fn settings(params: &EpitomeParams) -> String {
     if params.mips {
         words.push("--mips".to_owned());
     }
-    words.extend(params.block.map(|block| format!("--block {block}")));
-    // Blocks of one side are no quadtree anyway.
-    let missing = params.transforms.missing().filter(|&part| part != "quadtree" || params.block.is_none());
+    // With a quadtree, goals of quality and size take no notice of it.
+    let has_one_side = !params.transforms.quadtree || matches!(params.goal, Goal::Tolerance(_));
+    let block = params.block.filter(|_| has_one_side);
+    words.extend(block.map(|block| format!("--block {block}")));
+    let missing = params.transforms.missing().filter(|&part| part != "quadtree" || block.is_none());
     let unnamed: Vec<String> = missing.map(|part| format!("without {part}")).collect();
     let unnamed = if unnamed.is_empty() { String::new() } else { format!("; {}", unnamed.join(", ")) };
     words.join(" ") + &unnamed

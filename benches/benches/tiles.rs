@@ -1,9 +1,9 @@
 //! The cache of tiles beside plain textures, in one run on one adapter: `cargo bench -p texfold-benches --bench tiles`.
 //!
 //! Sixteen textures of 2048 texels a side on the walls of a room are drawn at 1920x1080: from plain RGBA8 and BC7 textures with trilinear
-//! hardware filtering, and from the cache with all tiles there, with some of them new in each frame as the camera turns, and with all of them new. Times
-//! are wall clock of a frame from its submission to the device's answer, medians. The program needs nothing beside it where it
-//! runs: textures are drawn and encoded when it starts.
+//! hardware filtering, and from the cache with all tiles there, with some of them new in each frame as the camera turns, and with all of them new.
+//! Times are medians of frames: by timestamps on a GPU, by the wall clock from the submission to the device's answer where software
+//! draws. The program needs nothing beside it where it runs: textures are drawn and encoded when it starts.
 
 #[path = "../../crates/gpu/examples/support/scene.rs"]
 mod scene;
@@ -14,9 +14,9 @@ use std::time::{Duration, Instant};
 use glam::{Mat4, Vec3};
 use scene::{Quad, Scene, camera};
 use texfold::core::image::{ColorSpace, ImageSet, Raster};
-use texfold::core::{ImageSize, PlaneFormat};
+use texfold::core::{ImageSize, PlaneFormat, Rect};
 use texfold::{AnyImage, Choice, Effort, EncodeSettings, Goal, Guidance, Job};
-use texfold_gpu::{Gpu, Policy, TileCache, TileLook, TileOptions, TileReport, wgpu};
+use texfold_gpu::{DctDecoder, Gpu, Policy, TileCache, TileLook, TileOptions, TileReport, wgpu};
 
 const SIZE: (u32, u32) = (1920, 1080);
 /// Textures, of which some are drawn and encoded and the others are the same again.
@@ -24,24 +24,54 @@ const TEXTURES: u32 = 16;
 const DRAWN: u32 = 2;
 const SIDE: u32 = 2048;
 /// A median is taken of so many frames, or of those within a time.
-const FRAMES: usize = 30;
-const SECONDS: f64 = 20.0;
+const FRAMES: usize = 100;
+const SECONDS: f64 = 10.0;
+/// Textures that are decoded before the device is waited for.
+const DECODED: usize = 8;
+/// Frames before those that count.
+const WARM_UP: Duration = Duration::from_millis(500);
 
 fn main() -> Result<(), Box<dyn Error>> {
     let gpu = Gpu::new(Policy::from_env())?;
     let info = gpu.info();
-    println!("{} ({:?}, {})", info.name, info.device_type, info.driver_info);
+    let clock = if gpu.has_timestamps() { "timestamps" } else { "wall clock" };
+    println!("{} ({:?}, {}), by {clock}", info.name, info.device_type, info.driver_info);
     let images = (0..DRAWN).map(land).collect::<Result<Vec<_>, _>>()?;
     let superblocks = images.iter().map(|image| encode("dct", image)).collect::<Result<Vec<_>, _>>()?;
     let bc7 = images.iter().map(|image| encode("bc", image)).collect::<Result<Vec<_>, _>>()?;
 
-    println!("| drawn from | ms a frame | tiles a frame | MB resident |\n|---|---|---|---|");
+    println!(
+        "| drawn from | ms a frame | of which update | tiles a frame | MB resident |\n|---|---|---|---|---|"
+    );
     let plain = plain_frames(&gpu, &superblocks, false)?;
-    println!("| plain RGBA8, trilinear | {:.2} | | {:.1} |", plain.0, plain.1);
+    println!("| plain RGBA8, trilinear | {:.3} | | | {:.1} |", plain.0, plain.1);
     let blocks = plain_frames(&gpu, &bc7, true)?;
-    println!("| BC7, trilinear | {:.2} | | {:.1} |", blocks.0, blocks.1);
+    println!("| BC7, trilinear | {:.3} | | | {:.1} |", blocks.0, blocks.1);
 
-    tiled_frames(&gpu, &superblocks, plain.0)
+    tiled_frames(&gpu, &superblocks, plain.0)?;
+    println!("whole textures: {:.3} gigatexels/s decoded", decoded(&gpu, &superblocks)?);
+    Ok(())
+}
+
+/// Gigatexels a second of decoding first levels whole, each in one submission, from the first submission to the end of the last.
+fn decoded(gpu: &Gpu, textures: &[AnyImage]) -> Result<f64, Box<dyn Error>> {
+    let decoder = DctDecoder::new(gpu)?;
+    let forms: Vec<_> = textures.iter().map(|texture| texture.as_encoded().gpu()).collect();
+    let blocks = forms.iter().filter_map(|form| form.blocks.first());
+    let images = blocks.map(|blocks| decoder.upload(gpu, blocks)).collect::<Result<Vec<_>, _>>()?;
+    let rect = Rect { image: 0, level: 0, x: 0, y: 0, width: SIDE, height: SIDE };
+    let first = images.first().ok_or("no superblocks")?;
+    let target = decoder.decode(gpu, first, rect, first.colours())?;
+    let (start, mut texels) = (Instant::now(), 0.0);
+    gpu.device().poll(wgpu::PollType::wait_indefinitely())?;
+    while start.elapsed() < WARM_UP || texels == 0.0 {
+        for image in images.iter().cycle().take(DECODED) {
+            decoder.decode_into(gpu, image, rect, image.colours(), &target, [0, 0])?;
+            texels += f64::from(SIDE).powi(2);
+        }
+        gpu.device().poll(wgpu::PollType::wait_indefinitely())?;
+    }
+    Ok(texels / start.elapsed().as_secs_f64() / 1e9)
 }
 
 /// An image by a codec, with mip levels.
@@ -72,54 +102,43 @@ fn tiled_frames(gpu: &Gpu, superblocks: &[AnyImage], plain: f64) -> Result<(), B
     let scene = Scene::tiled(gpu, &cache, &quads(&textures), SIZE);
     let megabytes = cache.bytes() as f64 / 1e6;
     let groups = [cache.bind_group().clone()];
-    let frame = |view: Mat4| {
-        let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        scene.draw(gpu, &mut encoder, view, &groups);
-        cache.update(&mut encoder);
-        timed(gpu, encoder)
+    let frame = |view: Mat4| -> Result<Frame, Box<dyn Error>> {
+        let drawing = gpu.measure(|encoder| scene.draw(gpu, encoder, view, &groups))?;
+        let update = gpu.measure(|encoder| cache.update(encoder))?;
+        Ok(Frame { drawing, update })
     };
     // First everything is new: from the first frame to the one that misses nothing.
-    let (mut first, mut tiles, mut frames) = (Duration::ZERO, 0, 0u32);
+    let (mut all, mut tiles, mut count) = (Vec::new(), 0, 0u32);
     loop {
-        first += frame(still())?;
+        let time = frame(still())?;
         let TileReport { decoded, missing, bias } = cache.report(gpu)?;
+        all.extend((decoded > 0).then_some(time.update));
         tiles += decoded;
-        frames += 1;
-        if decoded == 0 && missing == 0 && frames > 2 || frames == 400 {
+        count += 1;
+        if decoded == 0 && missing == 0 && count > 2 || count == 400 {
+            let [seconds, longest] = [all.iter().sum(), all.iter().max().copied().unwrap_or_default()]
+                .map(|time: Duration| time.as_secs_f64());
             println!(
-                "all new: {tiles} tiles in {frames} frames and {:.0} ms, bias {bias}",
-                1e3 * first.as_secs_f64()
+                "all new: {tiles} tiles by {} updates in {:.2} ms, the longest {:.2}, bias {bias}: {:.0} tiles/s, {:.3} gigatexels/s without borders",
+                all.len(),
+                1e3 * seconds,
+                1e3 * longest,
+                f64::from(tiles) / seconds,
+                f64::from(tiles) * 120.0 * 120.0 / seconds / 1e9,
             );
             break;
         }
     }
-    let drawing = median(|_| {
-        let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        scene.draw(gpu, &mut encoder, still(), &groups);
-        timed(gpu, encoder)
-    })?;
-    println!("| tiles, all there, no update | {drawing:.2} | 0 | {megabytes:.1} |");
-    let warm = median(|_| frame(still()))?;
-    println!("| tiles, all there | {warm:.2} | 0 | {megabytes:.1} |");
-    let mut decoded = 0;
-    let some = median(|number| {
-        let time = frame(turned(number))?;
-        decoded += cache.report(gpu)?.decoded;
-        Ok(time)
-    })?;
-    println!(
-        "| tiles, camera turning | {some:.2} | {:.1} | {megabytes:.1} |",
-        f64::from(decoded) / FRAMES as f64
-    );
-    println!("of the plain trilinear draw's speed: {:.2} warm, {:.2} turning", plain / warm, plain / some);
-
-    let texels = f64::from(tiles) * 120.0 * 120.0;
-    let seconds = (first.as_secs_f64() - f64::from(frames) * drawing / 1e3).max(1e-9);
-    println!(
-        "decoding: {:.0} tiles/s, {:.1} megatexels/s",
-        f64::from(tiles) / seconds,
-        texels / seconds / 1e6
-    );
+    let row = |name: &str, frames: &Frames| {
+        let new = f64::from(frames.decoded) / frames.times.len() as f64;
+        let [whole, update] = [frames.median(Frame::whole), frames.median(|frame| frame.update)];
+        println!("| {name} | {whole:.3} | {update:.3} | {new:.1} | {megabytes:.1} |");
+        whole
+    };
+    let warm = row("tiles, all there", &frames(|_| Ok((frame(still())?, 0)))?);
+    let turning = frames(|number| Ok((frame(turned(number))?, cache.report(gpu)?.decoded)))?;
+    let turning = row("tiles, camera turning", &turning);
+    println!("of the plain trilinear draw's speed: {:.2} warm, {:.2} turning", plain / warm, plain / turning);
     Ok(())
 }
 
@@ -157,9 +176,9 @@ fn still() -> Mat4 {
     turned(0)
 }
 
-/// The camera of a frame, which turns: some tiles are new in each.
+/// The camera of a frame, which turns by less than a circle in all: some 5 % of the tiles are new in each.
 fn turned(number: usize) -> Mat4 {
-    let angle = 0.03 * number as f32;
+    let angle = 0.056 * number as f32;
     let ahead = Vec3::new(angle.sin(), -0.75, angle.cos());
     camera(Vec3::new(0.0, 1.6, 0.0), Vec3::new(0.0, 1.6, 0.0) + ahead, SIZE)
 }
@@ -200,11 +219,11 @@ fn plain_frames(gpu: &Gpu, textures: &[AnyImage], is_bc7: bool) -> Result<(f64, 
         })
     };
     let groups: Vec<_> = numbers.iter().map(group).collect();
-    let time = median(|_| {
-        let mut encoder = gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        scene.draw(gpu, &mut encoder, still(), &groups);
-        timed(gpu, encoder)
+    let frames = frames(|_| {
+        let drawing = gpu.measure(|encoder| scene.draw(gpu, encoder, still(), &groups))?;
+        Ok((Frame { drawing, update: Duration::ZERO }, 0))
     })?;
+    let time = frames.median(Frame::whole);
     let bits = if is_bc7 { 8 } else { 32 };
     let size = ImageSize { width: SIDE, height: SIDE };
     let texels: u64 = (0..size.full_levels()).map(|level| size.at_level(level).texels()).sum();
@@ -248,21 +267,49 @@ fn bc7_view(gpu: &Gpu, texture: &AnyImage) -> Result<wgpu::TextureView, Box<dyn 
     Ok(made.create_view(&wgpu::TextureViewDescriptor::default()))
 }
 
-/// Time from a submission to its end.
-fn timed(gpu: &Gpu, encoder: wgpu::CommandEncoder) -> Result<Duration, Box<dyn Error>> {
-    let start = Instant::now();
-    gpu.queue().submit([encoder.finish()]);
-    gpu.device().poll(wgpu::PollType::wait_indefinitely())?;
-    Ok(start.elapsed())
+/// Times of a frame.
+#[derive(Clone, Copy)]
+struct Frame {
+    drawing: Duration,
+    update: Duration,
 }
 
-/// Median of some frames in milliseconds, after one to warm up.
-fn median(mut frame: impl FnMut(usize) -> Result<Duration, Box<dyn Error>>) -> Result<f64, Box<dyn Error>> {
-    frame(0)?;
-    let (start, mut times) = (Instant::now(), Vec::new());
-    while times.len() < FRAMES && (times.len() < 3 || start.elapsed().as_secs_f64() < SECONDS) {
-        times.push(frame(times.len())?.as_secs_f64() * 1e3);
+impl Frame {
+    fn whole(self) -> Duration {
+        self.drawing + self.update
     }
-    times.sort_by(f64::total_cmp);
-    Ok(times[times.len() / 2])
+}
+
+/// Frames of one kind, and tiles that their updates decoded.
+#[derive(Default)]
+struct Frames {
+    times: Vec<Frame>,
+    decoded: u32,
+}
+
+impl Frames {
+    /// Median of a part of the frames, in milliseconds.
+    fn median(&self, part: impl Fn(Frame) -> Duration) -> f64 {
+        let mut times: Vec<Duration> = self.times.iter().copied().map(part).collect();
+        times.sort();
+        1e3 * times[times.len() / 2].as_secs_f64()
+    }
+}
+
+/// Frames, each with the tiles that it decoded, after some to warm up: GPUs raise their clock with the load.
+fn frames(
+    mut frame: impl FnMut(usize) -> Result<(Frame, u32), Box<dyn Error>>,
+) -> Result<Frames, Box<dyn Error>> {
+    let start = Instant::now();
+    frame(0)?;
+    while start.elapsed() < WARM_UP {
+        frame(0)?;
+    }
+    let (start, mut frames) = (Instant::now(), Frames::default());
+    while frames.times.len() < FRAMES && (frames.times.len() < 3 || start.elapsed().as_secs_f64() < SECONDS) {
+        let (time, decoded) = frame(frames.times.len())?;
+        frames.times.push(time);
+        frames.decoded += decoded;
+    }
+    Ok(frames)
 }

@@ -19,7 +19,7 @@ mod tiles;
 
 pub use module::{Binding, ImageOffsets, LightOffsets, ModuleInfo, Offsets, Switch};
 pub use parts::PARTS;
-pub use plan::{BLOCK_NOTES, BLOCK_WORDS, DCT_TABLES, DctPass, DctPlan};
+pub use plan::{BLOCK_NOTES, BLOCK_STREAMS, BLOCK_WORDS, DCT_TABLES, DctPass, DctPlan};
 pub use slot::{PasteError, Slot, paste};
 pub use table::{MODULES, image_modules, module};
 pub use tiles::{tile_drawing, tile_passes, tile_plan, tiles};
@@ -47,6 +47,7 @@ const SAMPLE: &str = include_str!("../wgsl/shared/sample.wgsl");
 const BLOCK_PASS: &str = include_str!("../wgsl/block_pass.wgsl");
 const BLOCK: &str = include_str!("../wgsl/block.wgsl");
 const BLOCK_TEXEL: &str = include_str!("../wgsl/entry/block_texel.wgsl");
+const BLOCK_SHARE: &str = include_str!("../wgsl/entry/block_share.wgsl");
 const VIEW: &str = include_str!("../wgsl/entry/view.wgsl");
 
 /// The functions that all modules share: [`paste`] includes them once.
@@ -97,9 +98,9 @@ impl DctTarget {
     pub const ALL: [DctTarget; 3] = [DctTarget::Unorm8, DctTarget::Uint16, DctTarget::Float32];
 }
 
-/// A whole compute shader that decodes textures in blocks of variable length. Group 0: [`DctPass`], words,
+/// A whole compute shader that decodes textures in blocks of variable length. Group 0: [`DctPass`]es, 256 bytes each and six bound, words,
 /// streams and scratch memory; group 1, of `write_texels` alone: where texels go, and the target. Its functions, in their order, are
-/// `read_superblocks` and `transform_blocks` for each plane, `deblock_columns` and `deblock_rows` for the last one where it is
+/// `read_superblocks` for all planes, a row of workgroups each, `transform_blocks` for each plane, `deblock_columns` and `deblock_rows` for the last one where it is
 /// deblocked, then `write_texels`.
 #[must_use]
 pub fn block(target: DctTarget) -> String {
@@ -108,7 +109,7 @@ pub fn block(target: DctTarget) -> String {
         DctTarget::Uint16 => include_str!("../wgsl/entry/block_uint.wgsl"),
         DctTarget::Float32 => include_str!("../wgsl/entry/block_float.wgsl"),
     };
-    [BLOCK_PASS, BLOCK, BLOCK_TEXEL, include_str!("../wgsl/entry/block.wgsl"), target].join("\n")
+    [BLOCK_PASS, BLOCK, BLOCK_TEXEL, BLOCK_SHARE, include_str!("../wgsl/entry/block.wgsl"), target].join("\n")
 }
 
 /// The module in a group by its own names, and what entry points call.

@@ -1,10 +1,10 @@
 //! What whole shaders are put together from, as text: for packages in other languages.
 
-use crate::{ADDRESS, BLOCK, BLOCK_PASS, BLOCK_TEXEL, ModuleInfo, SAMPLE, VIEW, tiles};
+use crate::{ADDRESS, BLOCK, BLOCK_PASS, BLOCK_SHARE, BLOCK_TEXEL, ModuleInfo, SAMPLE, VIEW, tiles};
 
 /// Name and text of all parts that no module has for itself. What [`crate::entry`], [`crate::block`] and the shaders of tiles are
 /// put together from, with `TEXFOLD_GROUP`, `TEXFOLD_ANISOTROPY` and `TEXFOLD_STRIDE` in the place of numbers.
-pub static PARTS: [(&str, &str); 20] = [
+pub static PARTS: [(&str, &str); 21] = [
     ("address", ADDRESS),
     ("sample", SAMPLE),
     ("view", VIEW),
@@ -14,6 +14,7 @@ pub static PARTS: [(&str, &str); 20] = [
     ("blockPass", BLOCK_PASS),
     ("block", BLOCK),
     ("blockTexel", BLOCK_TEXEL),
+    ("blockShare", BLOCK_SHARE),
     ("blockEntry", include_str!("../wgsl/entry/block.wgsl")),
     ("blockUnorm", include_str!("../wgsl/entry/block_unorm.wgsl")),
     ("blockUint", include_str!("../wgsl/entry/block_uint.wgsl")),

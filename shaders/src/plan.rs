@@ -11,6 +11,9 @@ pub const BLOCK_WORDS: u32 = 64;
 /// Words that the decoder keeps of a block's axis beside its coefficients: the symbol of their number, then in two words each
 /// which of them are not zero and what signs those have.
 pub const BLOCK_NOTES: u32 = 5;
+/// Streams that a workgroup of `read_superblocks` reads, one an invocation. Lanes of a GPU wait for the longest of their streams and
+/// for one another's memory: few lanes are faster.
+pub const BLOCK_STREAMS: u32 = 8;
 /// First word of the tables of probabilities of a texture whose words begin at 0: behind what all textures share.
 pub const DCT_TABLES: u32 = 144;
 /// Most axes of a texture: their places in their groups take two bits each of a word.

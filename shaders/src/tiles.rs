@@ -1,6 +1,6 @@
 //! WGSL of the cache of tiles: what a renderer pastes to draw from it, and the passes that fill it.
 
-use crate::{BLOCK, BLOCK_PASS, BLOCK_TEXEL, ModuleInfo, whole};
+use crate::{BLOCK, BLOCK_PASS, BLOCK_SHARE, BLOCK_TEXEL, ModuleInfo, whole};
 
 pub(crate) const TABLES: &str = include_str!("../wgsl/tiles/tables.wgsl");
 pub(crate) const PLACE: &str = include_str!("../wgsl/tiles/place.wgsl");
@@ -23,12 +23,12 @@ pub fn tile_plan() -> String {
     [TABLES, BLOCK_PASS, REQUEST, include_str!("../wgsl/entry/tiles_plan.wgsl")].join("\n")
 }
 
-/// A whole compute shader that decodes tiles of superblocks. Its functions, in their order: `clear_scratch`; for each plane
-/// `read_superblocks` and `transform_blocks`; `deblock_columns`, `deblock_rows`, `write_tiles`.
+/// A whole compute shader that decodes tiles of superblocks. Its functions, in their order: `clear_scratch`, `read_superblocks`; for each plane
+/// `transform_blocks`; `deblock_columns`, `deblock_rows`, `write_tiles`.
 #[must_use]
 pub fn tile_passes() -> String {
-    [TABLES, PLACE, BLOCK_PASS, BLOCK, BLOCK_TEXEL, REQUEST, include_str!("../wgsl/entry/tiles.wgsl")]
-        .join("\n")
+    let entry = include_str!("../wgsl/entry/tiles.wgsl");
+    [TABLES, PLACE, BLOCK_PASS, BLOCK, BLOCK_TEXEL, BLOCK_SHARE, REQUEST, entry].join("\n")
 }
 
 /// A whole compute shader that draws tiles of a texture that is not in superblocks, one of [`crate::image_modules`], with its bindings in

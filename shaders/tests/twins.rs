@@ -81,10 +81,11 @@ const ALONE: [(&str, &str); 13] = [
     ("texfold_zipmap_sample", "takes derivatives, which a CPU does not have"),
 ];
 
-const ENTRIES: [(&str, &str); 18] = [
+const ENTRIES: [(&str, &str); 19] = [
     ("entry/loads_only", include_str!("../wgsl/entry/loads_only.wgsl")),
     ("entry/bc", include_str!("../wgsl/entry/bc.wgsl")),
     ("entry/block", include_str!("../wgsl/entry/block.wgsl")),
+    ("entry/block_share", include_str!("../wgsl/entry/block_share.wgsl")),
     ("entry/block_texel", include_str!("../wgsl/entry/block_texel.wgsl")),
     ("entry/block_unorm", include_str!("../wgsl/entry/block_unorm.wgsl")),
     ("entry/block_uint", include_str!("../wgsl/entry/block_uint.wgsl")),

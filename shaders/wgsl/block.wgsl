@@ -4,18 +4,15 @@
 // All arithmetic is in 32-bit integers and wraps, so every device gives the texels of the CPU. Any bytes decode: streams end
 // where the index and the length of all streams say, loops are bounded, and whatever a stream holds leads to places inside
 // of the buffers. Coefficients, and later the samples in their place, lie in scratch memory, which is also what contexts
-// look at; its first block stays 0 and stands for what lies beyond a border.
+// look at; its first block stays 0 and stands for what lies beyond a border. What each symbol of a stream waits for lies in
+// workgroup memory: constants, the plane's tables, and the magnitudes of the block that is read.
 
 // First word of the coefficients in coding order: place, column by column, subband behind 8 bits; and behind 16 bits the
 // number in coding order of the coefficient at the place of that number.
 const TEXFOLD_BLOCK_SCAN: u32 = 0u;
-// First word of the classes of expected magnitudes, four a word.
-const TEXFOLD_BLOCK_LEVELS: u32 = 64u;
 // First word of the symbols: first number of coefficients, its plain bits behind 8 bits, first magnitude behind 16 bits, its
 // plain bits behind 28.
 const TEXFOLD_BLOCK_SYMBOLS: u32 = 128u;
-// Words of a table: for each pair of symbols the first slots of both, the first in the lower half.
-const TEXFOLD_BLOCK_TABLE_WORDS: u32 = 8u;
 // Tables of one kind of plane and axis.
 const TEXFOLD_BLOCK_SET_TABLES: u32 = 111u;
 // Tables of a subband.
@@ -62,6 +59,8 @@ struct TexfoldBlockStream {
     next: u32,
     // First byte behind it.
     end: u32,
+    // The two bytes from `next` on, loaded before they are needed.
+    ahead: u32,
 }
 
 // What the contexts of a block's axis look at, as places in scratch memory; 0 for what is not there.
@@ -76,7 +75,7 @@ struct TexfoldBlockAround {
     notes: u32,
     // Weight of its own template in halves.
     gain: u32,
-    // First table of its set.
+    // First table of its set, of those in workgroup memory.
     tables: u32,
     // Table of its number of coefficients.
     end_table: u32,
@@ -94,6 +93,10 @@ struct TexfoldBlockProgress {
     is_last: u32,
     // The coefficients of the item that are not zero, by their numbers in coding order.
     nonzero: vec2<u32>,
+    // Place and subband of the coefficient that is read next, as in coding order.
+    scan: u32,
+    // Magnitudes at its place in the block to the left, the one above and the axis before.
+    beside: vec3<u32>,
 }
 
 // The signs of a block's axis.
@@ -142,34 +145,41 @@ fn texfold_block_stream(number: u32) -> TexfoldBlockStream {
     let head = select(4u - length % 2u, length, length < 4u);
     let bytes = texfold_block_pair(start) | (texfold_block_pair(start + 2u) << 16u);
     let mask = (0xffffffffu >> (8u * (4u - max(head, 1u)))) * u32(head > 0u);
-    return TexfoldBlockStream(bytes & mask, start + head, end);
+    return TexfoldBlockStream(bytes & mask, start + head, end, texfold_block_pair(start + head));
 }
 
 // Takes two bytes where the state is low and there are any.
 fn texfold_block_refill(stream: ptr<function, TexfoldBlockStream>) {
     if (*stream).state < TEXFOLD_BLOCK_LOW && (*stream).next + 2u <= (*stream).end {
-        (*stream).state = ((*stream).state << 16u) | texfold_block_pair((*stream).next);
+        (*stream).state = ((*stream).state << 16u) | (*stream).ahead;
         (*stream).next += 2u;
+        (*stream).ahead = texfold_block_pair((*stream).next);
     }
 }
 
-// The next symbol, by the table of that number: halving and not a loop, whose rounds software renderers count.
+// The next symbol, by the table of that number, which has for each pair of symbols the first slots of both, the first in the lower
+// half: halving, without loads that wait for one another.
 fn texfold_block_symbol(stream: ptr<function, TexfoldBlockStream>, table: u32) -> u32 {
-    let words = texfold_block_pass.tables + table * TEXFOLD_BLOCK_TABLE_WORDS;
     let slots = 1u << TEXFOLD_BLOCK_PROBABILITY_BITS;
     let slot = (*stream).state & (slots - 1u);
-    var pair = select(0u, 4u, (texfold_block_words[words + 4u] & 0xffffu) <= slot);
-    pair += select(0u, 2u, (texfold_block_words[words + pair + 2u] & 0xffffu) <= slot);
-    pair += select(0u, 1u, (texfold_block_words[words + pair + 1u] & 0xffffu) <= slot);
-    let both = texfold_block_words[words + pair];
-    let split = both >> 16u;
-    let after = select(texfold_block_words[words + pair + 1u] & 0xffffu, slots, pair == 7u);
-    let is_second = split <= slot;
-    let first = select(both & 0xffffu, split, is_second);
-    let end = select(split, after, is_second);
+    let lower = texfold_block_tables[2u * table];
+    let upper = texfold_block_tables[2u * table + 1u];
+    let is_upper = (upper.x & 0xffffu) <= slot;
+    let four = select(lower, upper, is_upper);
+    let is_later = (four.z & 0xffffu) <= slot;
+    let two = select(four.xy, four.zw, is_later);
+    let is_last = (two.y & 0xffffu) <= slot;
+    let both = select(two.x, two.y, is_last);
+    let is_second = (both >> 16u) <= slot;
+    // The first slot of the next pair.
+    var after = select(upper.x & 0xffffu, slots, is_upper);
+    after = select(four.z & 0xffffu, after, is_later);
+    after = select(two.y & 0xffffu, after, is_last);
+    let first = select(both & 0xffffu, both >> 16u, is_second);
+    let end = select(both >> 16u, after, is_second);
     (*stream).state = (end - first) * ((*stream).state >> TEXFOLD_BLOCK_PROBABILITY_BITS) + slot - first;
     texfold_block_refill(stream);
-    return 2u * pair + u32(is_second);
+    return 8u * u32(is_upper) + 4u * u32(is_later) + 2u * u32(is_last) + u32(is_second);
 }
 
 // The next number of at most 16 bits.
@@ -182,7 +192,7 @@ fn texfold_block_bits(stream: ptr<function, TexfoldBlockStream>, count: u32) -> 
 
 // A magnitude from 8 on.
 fn texfold_block_large(stream: ptr<function, TexfoldBlockStream>, symbol: u32) -> u32 {
-    let word = texfold_block_words[TEXFOLD_BLOCK_SYMBOLS + symbol];
+    let word = texfold_block_constants[TEXFOLD_BLOCK_SYMBOLS + symbol];
     let first = (word >> 16u) & 0xfffu;
     if symbol < TEXFOLD_BLOCK_ESCAPE {
         return first + texfold_block_bits(stream, word >> 28u);
@@ -214,7 +224,7 @@ fn texfold_block_around(corner: vec2<u32>, blocks: vec2<u32>, block: u32, axis: 
     let ends = u32(texfold_block_scratch[select(above_end, left_end, has_left)])
         + u32(texfold_block_scratch[select(left_end, above_end, has_above)]);
     let apart = !has_left && !has_above;
-    let tables = (2u * texfold_block_pass.is_base + u32(rank > 0u)) * TEXFOLD_BLOCK_SET_TABLES;
+    let tables = u32(rank > 0u) * TEXFOLD_BLOCK_SET_TABLES;
     let cross = select(0u, own - held.x * held.y * TEXFOLD_BLOCK_WORDS, rank > 1u);
     return TexfoldBlockAround(
         own,
@@ -238,22 +248,17 @@ fn texfold_block_magnitude(at: u32) -> u32 {
     return min(u32(texfold_block_scratch[at]), TEXFOLD_BLOCK_LARGEST);
 }
 
-// Class of the expected magnitude at place `at` of a block, whose coefficients later in the scan are all known.
-fn texfold_block_level(around: TexfoldBlockAround, at: u32) -> u32 {
-    let own = around.own + at;
-    let right = at < 56u;
-    let below = at % 8u < 7u;
-    let later = texfold_block_magnitude(select(0u, own + 8u, right))
-        + texfold_block_magnitude(select(0u, own + 16u, at < 48u))
-        + texfold_block_magnitude(select(0u, own + 1u, below))
-        + texfold_block_magnitude(select(0u, own + 2u, at % 8u < 6u))
-        + texfold_block_magnitude(select(0u, own + 9u, right && below));
-    let expected = ((later * around.gain) >> 1u)
-        + texfold_block_magnitude(around.left + at)
-        + texfold_block_magnitude(around.above + at)
-        + texfold_block_magnitude(around.cross + at);
-    let last = min(expected, 255u);
-    return (texfold_block_words[TEXFOLD_BLOCK_LEVELS + last / 4u] >> (8u * (last % 4u))) & 255u;
+// Class of the expected magnitude of a coefficient of a block, whose coefficients later in the scan are all known: of the one that
+// is held at `own`, between `beside` of the blocks around. What is held is `zero` more than its magnitude; less is of an item before, or
+// lies behind an edge.
+fn texfold_block_level(gain: u32, own: u32, zero: u32, beside: vec3<u32>) -> u32 {
+    let later = max(texfold_block_held[own + 10u], zero)
+        + max(texfold_block_held[own + 20u], zero)
+        + max(texfold_block_held[own + 1u], zero)
+        + max(texfold_block_held[own + 2u], zero)
+        + max(texfold_block_held[own + 11u], zero);
+    let expected = (((later - 5u * zero) * gain) >> 1u) + beside.x + beside.y + beside.z;
+    return texfold_block_levels[min(expected, 255u)];
 }
 
 // Reads the signs of a block's axis and notes them: up to 16 at once, after all magnitudes.
@@ -286,9 +291,11 @@ fn texfold_block_round(
     let first = texfold_block_pass.has_base;
     let begins = (*progress).left == 0u;
     let number = first + max((*progress).left, 1u) - 1u;
-    let scan = texfold_block_words[TEXFOLD_BLOCK_SCAN + number];
-    let at = scan & 255u;
-    let zone = (scan >> 8u) & 255u;
+    let at = (*progress).scan & 255u;
+    let zone = ((*progress).scan >> 8u) & 255u;
+    let own = texfold_block_lane + at + at / 8u * 2u;
+    // No clearing between items: each holds larger numbers than the one before.
+    let zero = ((*progress).item + 1u) * (TEXFOLD_BLOCK_LARGEST + 1u);
     var table = (*progress).around.tables + TEXFOLD_BLOCK_FIRST_LAST + zone;
     if begins {
         let axes = texfold_block_pass.axes;
@@ -297,15 +304,23 @@ fn texfold_block_round(
         table = (*progress).around.end_table;
     } else if (*progress).is_last == 0u {
         table = (*progress).around.tables + zone * TEXFOLD_BLOCK_ZONE_TABLES
-            + texfold_block_level((*progress).around, at);
+            + texfold_block_level((*progress).around.gain, own, zero, (*progress).beside);
     }
+    // What the coefficient behind it needs, loaded while the symbol is read.
+    let scan = texfold_block_constants[TEXFOLD_BLOCK_SCAN + max(number, 1u) - 1u];
+    let beside = vec3<u32>(
+        texfold_block_magnitude((*progress).around.left + (scan & 255u)),
+        texfold_block_magnitude((*progress).around.above + (scan & 255u)),
+        texfold_block_magnitude((*progress).around.cross + (scan & 255u)),
+    );
     let symbol = texfold_block_symbol(stream, table);
     if begins {
-        let word = texfold_block_words[TEXFOLD_BLOCK_SYMBOLS + symbol];
+        let word = texfold_block_constants[TEXFOLD_BLOCK_SYMBOLS + symbol];
         let more = texfold_block_bits(stream, (word >> 8u) & 255u);
         (*progress).left = min((word & 255u) + more, TEXFOLD_BLOCK_WORDS - first);
         (*progress).is_last = 1u;
         (*progress).nonzero = vec2<u32>(0u);
+        (*progress).scan = texfold_block_constants[TEXFOLD_BLOCK_SCAN + first + max((*progress).left, 1u) - 1u];
         texfold_block_scratch[(*progress).around.notes] = i32(symbol);
     } else {
         var magnitude = symbol;
@@ -313,6 +328,7 @@ fn texfold_block_round(
             magnitude = texfold_block_large(stream, symbol);
         }
         magnitude += (*progress).is_last;
+        texfold_block_held[own] = zero + min(magnitude, TEXFOLD_BLOCK_LARGEST);
         if magnitude > 0u {
             texfold_block_scratch[(*progress).around.own + at] = i32(magnitude);
             let bit = 1u << (number % 32u);
@@ -320,6 +336,8 @@ fn texfold_block_round(
         }
         (*progress).left -= 1u;
         (*progress).is_last = 0u;
+        (*progress).scan = scan;
+        (*progress).beside = beside;
         if (*progress).left == 0u {
             texfold_block_note(stream, (*progress).around.notes, (*progress).nonzero);
         }

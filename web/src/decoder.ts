@@ -1,15 +1,18 @@
 // Textures in blocks of variable length, decoded by compute passes into plain textures: the counterpart of `texfold_gpu::DctDecoder`.
 
 import type { BlockLayout, Blocks, Channel } from "./form.js";
-import { levelsOf, MAX_SCRATCH, PASS_WORDS, type Plan, plansOf, type Rect, reduced } from "./plan.js";
+import { levelsOf, MAX_SCRATCH, type Plan, plansOf, type Rect, reduced } from "./plan.js";
 import { blocks as blockShader } from "./shaders.js";
 
 /** Distance of the passes' parameters in their buffer: what every device allows. */
 const PASS_STRIDE = 256;
+/** Passes that are bound at once. */
+const PASSES = 6;
 const OUTPUT_WORDS = 36;
 /** Bytes of scratch memory of a part that is decoded between two frames: some 300,000 texels of three axes. */
 const PART_SCRATCH = 4 << 20;
-const STREAMS = 32;
+/** texfold_shaders::BLOCK_STREAMS. */
+const STREAMS = 8;
 const BLOCKS = 64;
 const TEXELS = 8;
 
@@ -128,18 +131,21 @@ export class Decoder {
   /** Passes of a plan, and the open pass that goes on with what they decode. */
   private passes(encoder: GPUCommandEncoder, plan: Plan, words: GPUBuffer, streams: GPUBuffer): { pass: GPUComputePassEncoder; params: GPUBuffer } {
     const { device } = this, scratch = this.scratchOf(4 * plan.words);
-    const numbers = new Int32Array((PASS_STRIDE / 4) * plan.passes.length);
+    // Behind the last pass what is bound with it.
+    const numbers = new Int32Array((PASS_STRIDE / 4) * (plan.passes.length + PASSES - 1));
     plan.passes.forEach((pass, number) => numbers.set(pass.words, (number * PASS_STRIDE) / 4));
     const params = this.buffer(numbers, numbers.byteLength, GPUBufferUsage.UNIFORM);
     encoder.clearBuffer(scratch, 0, 4 * plan.words);
-    const buffers: GPUBufferBinding[] = [{ buffer: params, size: 4 * PASS_WORDS }, { buffer: words }, { buffer: streams }, { buffer: scratch }];
+    const buffers: GPUBufferBinding[] = [{ buffer: params, size: PASSES * PASS_STRIDE }, { buffer: words }, { buffer: streams }, { buffer: scratch }];
     const entries = buffers.map((resource, binding) => ({ binding, resource }));
     const group = device.createBindGroup({ layout: this.layout, entries });
     const compute = encoder.beginComputePass();
+    const most = Math.max(...plan.passes.map(({ superblocks }) => superblocks));
+    compute.setBindGroup(0, group, [0]);
+    compute.setPipeline(this.read);
+    compute.dispatchWorkgroups(Math.ceil(most / STREAMS), plan.passes.length);
     plan.passes.forEach((pass, number) => {
       compute.setBindGroup(0, group, [number * PASS_STRIDE]);
-      compute.setPipeline(this.read);
-      compute.dispatchWorkgroups(Math.ceil(pass.superblocks / STREAMS));
       for (const pipeline of [this.transform, ...(pass.deblocks ? this.deblock : [])]) {
         compute.setPipeline(pipeline);
         compute.dispatchWorkgroups(Math.ceil(pass.blocks / BLOCKS));

@@ -10,8 +10,6 @@ const SIDE = 8;
 /** Words of a block's samples in scratch memory, and of its notes. */
 export const BLOCK_WORDS = 64;
 export const BLOCK_NOTES = 5;
-/** Words of a pass's parameters. */
-export const PASS_WORDS = 34;
 /** Most bytes of scratch memory that a decoder uses at once: half of what every WebGPU device binds. */
 export const MAX_SCRATCH = 64 << 20;
 

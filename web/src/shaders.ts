@@ -1,7 +1,7 @@
 // Whole shaders from their parts: the counterpart of `texfold_shaders::entry`, `block` and `light`.
 
 import type { Module } from "./generated/modules.js";
-import { address, block, blockEntry, blockFloat, blockPass, blockTexel, blockUnorm, decode, draw, sample, view } from "./generated/parts.js";
+import { address, block, blockEntry, blockFloat, blockPass, blockShare, blockTexel, blockUnorm, decode, draw, sample, view } from "./generated/parts.js";
 
 /** The functions of a module with its bindings in `group`. */
 export async function sourcesOf(module: Module, group = 0): Promise<string> {
@@ -22,5 +22,5 @@ export const light = (module: Module): Promise<string> => sourcesOf(module);
 
 /** The compute shader that decodes blocks to `rgba8unorm` or `rgba32float`. */
 export function blocks(target: "rgba8unorm" | "rgba32float"): string {
-  return [blockPass, block, blockTexel, blockEntry, target === "rgba8unorm" ? blockUnorm : blockFloat].join("\n");
+  return [blockPass, block, blockTexel, blockShare, blockEntry, target === "rgba8unorm" ? blockUnorm : blockFloat].join("\n");
 }

@@ -1,7 +1,7 @@
 // Shaders of the cache of tiles from their parts: the counterpart of `texfold_shaders::tiles` and its neighbours.
 
 import type { Module } from "./generated/modules.js";
-import { block, blockPass, blockTexel } from "./generated/parts.js";
+import { block, blockPass, blockShare, blockTexel } from "./generated/parts.js";
 import { tileDraw, tileEntry, tilePlace, tilePlan as planEntry, tileRequest, tileSample, tileTables } from "./generated/tiles.js";
 import { sourcesOf } from "./shaders.js";
 
@@ -15,7 +15,7 @@ export function tileSampling(group: number, anisotropy: number, stride: number):
 export const tilePlan = (): string => [tileTables, blockPass, tileRequest, planEntry].join("\n");
 
 /** The compute shader that decodes tiles of superblocks. */
-export const tilePasses = (): string => [tileTables, tilePlace, blockPass, block, blockTexel, tileRequest, tileEntry].join("\n");
+export const tilePasses = (): string => [tileTables, tilePlace, blockPass, block, blockTexel, blockShare, tileRequest, tileEntry].join("\n");
 
 /** The compute shader that draws tiles of a texture that is not in superblocks. */
 export async function tileDrawing(module: Module): Promise<string> {

@@ -316,20 +316,20 @@ export class TileCache {
       pass.dispatchWorkgroupsIndirect(this.on.workgroups, 12 * number);
     };
     dispatch(clear, 0, 0);
+    dispatch(read, 0, 1);
     for (let plane = 0; plane < PLANES; plane++) {
-      dispatch(read, plane, 1 + plane);
-      dispatch(transform, plane, 1 + PLANES + plane);
+      dispatch(transform, plane, 2 + plane);
     }
-    deblock.forEach((pipeline) => dispatch(pipeline, PLANES - 1, 2 * PLANES));
+    deblock.forEach((pipeline) => dispatch(pipeline, PLANES - 1, 1 + PLANES));
     pass.setBindGroup(1, output);
     pass.setPipeline(write);
-    pass.dispatchWorkgroupsIndirect(this.on.workgroups, 12 * (1 + 2 * PLANES));
+    pass.dispatchWorkgroupsIndirect(this.on.workgroups, 12 * (2 + PLANES));
     for (const { source } of this.held.filter((held) => held !== undefined)) {
       if (source) {
         pass.setPipeline(source.pipeline);
         pass.setBindGroup(0, source.own);
         pass.setBindGroup(1, source.drawn);
-        pass.dispatchWorkgroupsIndirect(this.on.workgroups, 12 * (1 + 2 * PLANES + source.number));
+        pass.dispatchWorkgroupsIndirect(this.on.workgroups, 12 * (2 + PLANES + source.number));
       }
     }
     pass.end();
@@ -629,7 +629,7 @@ function resourcesOf(device: GPUDevice, options: Required<TileOptions>, [side, l
     slots: buffer(4 * slots),
     stages: buffer(STAGE_ROW_BYTES * options.textures * MOST_STAGES),
     plan: buffer(PLAN_BYTES),
-    workgroups: buffer(12 * (2 + 2 * PLANES + options.textures), GPUBufferUsage.INDIRECT),
+    workgroups: buffer(12 * (3 + PLANES + options.textures), GPUBufferUsage.INDIRECT),
     options: uniform(new Uint8Array(settings.buffer)),
     steps: uniform(steps),
     scratch: buffer(options.scratchBytes),

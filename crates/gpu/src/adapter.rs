@@ -10,8 +10,10 @@ use crate::layouts::Layouts;
 use crate::offscreen::Pipelines;
 use crate::{DctDecoder, GpuError, ModuleInfo};
 
-/// Formats of content that not every adapter has.
-const BLOCK_FEATURES: Features = Features::TEXTURE_COMPRESSION_BC;
+/// Features that a device has where its adapter has them: formats of content, and timestamps for [`Gpu::measure`].
+const OPTIONAL: Features = Features::TEXTURE_COMPRESSION_BC
+    .union(Features::TIMESTAMP_QUERY)
+    .union(Features::TIMESTAMP_QUERY_INSIDE_ENCODERS);
 
 /// Whether a GPU may be used, and whether work may be left out without one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -63,7 +65,7 @@ impl Gpu {
         let adapter = adapters.into_iter().min_by_key(rank).ok_or(GpuError::NoAdapter)?;
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("texfold"),
-            required_features: adapter.features() & BLOCK_FEATURES,
+            required_features: adapter.features() & OPTIONAL,
             required_limits: Limits {
                 // For materials: a texture has up to 11 planes, and WebGPU guarantees 16 a shader.
                 max_sampled_textures_per_shader_stage: adapter.limits().max_sampled_textures_per_shader_stage,

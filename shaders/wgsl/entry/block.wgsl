@@ -1,6 +1,12 @@
 // Bindings of the passes.
 
-@group(0) @binding(0) var<uniform> texfold_block_pass: TexfoldBlockPass;
+// A plane's pass, at the distance that all devices allow for offsets.
+struct EntryPass {
+    @size(256) plane: TexfoldBlockPass,
+}
+
+// Passes from that of the offset on, of which there may be fewer.
+@group(0) @binding(0) var<uniform> entry_passes: array<EntryPass, 6>;
 // Constants, tables of probabilities, steps, index.
 @group(0) @binding(1) var<storage, read> texfold_block_words: array<u32>;
 // The streams' bytes, and a word behind them.
@@ -9,34 +15,49 @@
 
 @group(1) @binding(0) var<uniform> entry_output: EntryOutput;
 
-// The passes that decode a plane in blocks of variable length: first all its superblocks' streams, then all its blocks; then,
-// where the image is deblocked, the borders between columns of blocks and those between rows.
+var<private> texfold_block_pass: TexfoldBlockPass;
 
-@compute @workgroup_size(32)
-fn read_superblocks(@builtin(global_invocation_id) id: vec3<u32>) {
+// The passes that decode a texture in blocks of variable length: first the streams of all planes, as streams need no samples. Then
+// the blocks of each plane, the coarsest first; last, where the image is deblocked, the borders between columns of blocks and
+// those between rows.
+
+@compute @workgroup_size(ENTRY_STREAMS)
+fn read_superblocks(
+    @builtin(global_invocation_id) id: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    texfold_block_pass = entry_passes[id.y].plane;
+    entry_share(lane);
+    workgroupBarrier();
     let count = texfold_block_pass.count;
     if id.x < count.x * count.y {
         texfold_block_superblock(vec2<u32>(id.x % count.x, id.x / count.x));
     }
 }
 
+// Prepares the pass of the offset; true where it has a block of that number.
+fn entry_has(block: u32) -> bool {
+    texfold_block_pass = entry_passes[0].plane;
+    return block < texfold_block_pass.held.x * texfold_block_pass.held.y * texfold_block_pass.axes;
+}
+
 @compute @workgroup_size(64)
 fn transform_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x < texfold_block_pass.held.x * texfold_block_pass.held.y * texfold_block_pass.axes {
+    if entry_has(id.x) {
         texfold_block_samples(id.x);
     }
 }
 
 @compute @workgroup_size(64)
 fn deblock_columns(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x < texfold_block_pass.held.x * texfold_block_pass.held.y * texfold_block_pass.axes {
+    if entry_has(id.x) {
         texfold_block_deblock(id.x, 0u);
     }
 }
 
 @compute @workgroup_size(64)
 fn deblock_rows(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x < texfold_block_pass.held.x * texfold_block_pass.held.y * texfold_block_pass.axes {
+    if entry_has(id.x) {
         texfold_block_deblock(id.x, 1u);
     }
 }

@@ -26,10 +26,10 @@ fn clear_scratch(@builtin(local_invocation_index) thread: u32, @builtin(workgrou
     }
 }
 
-// The tile that item `number` of the plane belongs to, and the item's number in it: of superblocks where `first` is 0, of blocks where it is
+// The tile that item `number` of a plane belongs to, and the item's number in it: of superblocks where `first` is 0, of blocks where it is
 // TEXFOLD_TILE_BLOCKS. Where there are fewer items, the number of tiles.
-fn entry_item(number: u32, first: u32) -> vec2<u32> {
-    let sums = first + entry_step.plane * TEXFOLD_TILE_SUMS;
+fn entry_item(number: u32, plane: u32, first: u32) -> vec2<u32> {
+    let sums = first + plane * TEXFOLD_TILE_SUMS;
     if number >= entry_plan.sums[sums + entry_plan.count] {
         return vec2<u32>(entry_plan.count, 0u);
     }
@@ -42,19 +42,28 @@ fn entry_item(number: u32, first: u32) -> vec2<u32> {
     return vec2<u32>(tile, number - entry_plan.sums[sums + tile]);
 }
 
-@compute @workgroup_size(64)
-fn read_superblocks(@builtin(global_invocation_id) id: vec3<u32>) {
-    let found = entry_item(id.x, 0u);
+// All planes at once: streams need no samples. A workgroup's streams are of one tile.
+@compute @workgroup_size(ENTRY_STREAMS)
+fn read_superblocks(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let found = entry_item(group.x * ENTRY_STREAMS, group.y, 0u);
     if found.x < entry_plan.count {
-        texfold_block_pass = entry_plan.passes[found.x * TEXFOLD_TILE_PLANES + entry_step.plane];
-        let columns = texfold_block_pass.count.x;
-        texfold_block_superblock(vec2<u32>(found.y % columns, found.y / columns));
+        texfold_block_pass = entry_plan.passes[found.x * TEXFOLD_TILE_PLANES + group.y];
+        entry_share(lane);
+    }
+    workgroupBarrier();
+    let number = found.y + lane;
+    let count = texfold_block_pass.count;
+    if found.x < entry_plan.count && number < count.x * count.y {
+        texfold_block_superblock(vec2<u32>(number % count.x, number / count.x));
     }
 }
 
 @compute @workgroup_size(64)
 fn transform_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
-    let found = entry_item(id.x, TEXFOLD_TILE_BLOCKS);
+    let found = entry_item(id.x, entry_step.plane, TEXFOLD_TILE_BLOCKS);
     if found.x < entry_plan.count {
         texfold_block_pass = entry_plan.passes[found.x * TEXFOLD_TILE_PLANES + entry_step.plane];
         texfold_block_samples(found.y);
@@ -62,7 +71,7 @@ fn transform_blocks(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 
 fn entry_deblock(number: u32, is_above: u32) {
-    let found = entry_item(number, TEXFOLD_TILE_BLOCKS);
+    let found = entry_item(number, entry_step.plane, TEXFOLD_TILE_BLOCKS);
     if found.x < entry_plan.count {
         texfold_block_pass = entry_plan.passes[found.x * TEXFOLD_TILE_PLANES + entry_step.plane];
         if texfold_block_pass.deblocking > 0 {

@@ -23,7 +23,7 @@ struct EntryOptions {
 @group(0) @binding(3) var<storage, read_write> entry_slots: array<u32>;
 @group(0) @binding(4) var<storage, read> entry_stages: array<TexfoldTileStage>;
 @group(0) @binding(5) var<storage, read_write> entry_plan: TexfoldTilePlan;
-// Numbers of workgroups: of the clearing pass, of reading and of transforming each plane, of writing, then of each pass that draws.
+// Numbers of workgroups: of the clearing pass, of reading all planes, of transforming each, of writing, then of each pass that draws.
 @group(0) @binding(6) var<storage, read_write> entry_workgroups: array<u32>;
 @group(0) @binding(7) var<uniform> entry_options: EntryOptions;
 
@@ -37,6 +37,8 @@ const ENTRY_LEAST_AGE: u32 = 2u;
 // In so many frames every pixel has marked what it reads.
 const ENTRY_CYCLE: u32 = 64u;
 const ENTRY_WORKGROUP: u32 = 64u;
+// Streams of a workgroup: texfold_shaders::BLOCK_STREAMS.
+const ENTRY_STREAMS: u32 = 8u;
 const ENTRY_CLEARED: u32 = 64u;
 // The bit of requests that another pass draws.
 const ENTRY_DRAWN: u32 = 0x80000000u;
@@ -51,6 +53,8 @@ var<workgroup> entry_count: u32;
 var<workgroup> entry_oldest: u32;
 var<workgroup> entry_rest: atomic<u32>;
 var<workgroup> entry_next: atomic<u32>;
+// Workgroups that read the streams of a plane, the most of any.
+var<workgroup> entry_streams: atomic<u32>;
 
 // A wanted tile.
 struct EntryTile {
@@ -371,13 +375,15 @@ fn entry_sum(plane: u32, count: u32) {
         let planned = entry_plan.passes[number * TEXFOLD_TILE_PLANES + plane];
         entry_plan.sums[first + number] = superblocks;
         entry_plan.sums[TEXFOLD_TILE_BLOCKS + first + number] = blocks;
-        superblocks += planned.count.x * planned.count.y;
+        // The streams of a workgroup are of one tile.
+        let streams = planned.count.x * planned.count.y + ENTRY_STREAMS - 1u;
+        superblocks += streams - streams % ENTRY_STREAMS;
         blocks += planned.held.x * planned.held.y * planned.axes;
     }
     entry_plan.sums[first + count] = superblocks;
     entry_plan.sums[TEXFOLD_TILE_BLOCKS + first + count] = blocks;
-    entry_dispatch(1u + plane, (superblocks + ENTRY_WORKGROUP - 1u) / ENTRY_WORKGROUP);
-    entry_dispatch(1u + TEXFOLD_TILE_PLANES + plane, (blocks + ENTRY_WORKGROUP - 1u) / ENTRY_WORKGROUP);
+    atomicMax(&entry_streams, superblocks / ENTRY_STREAMS);
+    entry_dispatch(2u + plane, (blocks + ENTRY_WORKGROUP - 1u) / ENTRY_WORKGROUP);
 }
 
 // Workgroups that write tiles of superblocks, where `source` is 0, or those of a pass that draws.
@@ -387,7 +393,7 @@ fn entry_write(source: u32, count: u32) {
         let stage = entry_plan.requests[number].stage;
         tiles += u32(stage == (ENTRY_DRAWN | source) || (source == 0u && stage < ENTRY_DRAWN));
     }
-    let write = 3u * (1u + 2u * TEXFOLD_TILE_PLANES + source);
+    let write = 3u * (2u + TEXFOLD_TILE_PLANES + source);
     entry_workgroups[write] = TEXFOLD_TILE_SIDE / 8u;
     entry_workgroups[write + 1u] = TEXFOLD_TILE_SIDE / 8u;
     // A pass looks for its tiles among all of them.
@@ -423,6 +429,11 @@ fn plan_tiles(@builtin(local_invocation_index) thread: u32) {
     workgroupBarrier();
     if thread < TEXFOLD_TILE_PLANES {
         entry_sum(thread, count);
+    }
+    workgroupBarrier();
+    if thread == 0u {
+        entry_dispatch(1u, atomicLoad(&entry_streams));
+        entry_workgroups[4] = TEXFOLD_TILE_PLANES;
     }
     for (var source = thread; source <= entry_options.sources; source += ENTRY_THREADS) {
         entry_write(source, count);

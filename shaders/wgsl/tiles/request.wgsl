@@ -47,7 +47,8 @@ struct TexfoldTilePlan {
     count: u32,
     // Words of scratch memory that they take.
     words: u32,
-    // For each plane, the coarsest first, and each tile: superblocks of the tiles before it. Behind these the same of blocks and axes.
+    // For each plane, the coarsest first, and each tile: superblocks of the tiles before it, of each rounded up to whole workgroups.
+    // Behind these: blocks and axes of the tiles before it.
     sums: array<u32, 780>,
     requests: array<TexfoldTileRequest, 64>,
     // For each tile its planes, the finest last.

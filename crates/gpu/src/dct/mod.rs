@@ -2,8 +2,8 @@
 //!
 //! [`DctDecoder`] makes its pipelines once; [`DctDecoder::upload`] takes what an encoded texture hands out
 //! ([`GpuDct`]) and [`DctDecoder::decode_into`] decodes any rectangle, or the same of two smaller mip levels, into any place of a texture, so that a
-//! cache of tiles can be filled with it. For each plane from the coarsest on that the rectangle needs: an invocation a
-//! superblock reads its stream, then an invocation a block and axis makes its samples, and where the image is deblocked two more
+//! cache of tiles can be filled with it. An invocation a superblock reads its stream, of all planes that the rectangle needs at once. Then, for
+//! each plane from the coarsest on, an invocation a block and axis makes its samples, and where the image is deblocked two more
 //! filter its borders to the left and above; last, an invocation a texel makes its
 //! channels. All in integers: the texels are the CPU's.
 //!
@@ -20,7 +20,7 @@ mod pipelines;
 use std::sync::{Mutex, PoisonError};
 
 use texfold_core::{DctLayout, GpuChannel, GpuDct, ImageSize, Rect, RegionError};
-use texfold_shaders::{DctPlan, DctTarget};
+use texfold_shaders::{BLOCK_STREAMS, DctPlan, DctTarget};
 use wgpu::{BindingResource, Buffer, BufferBinding, BufferUsages, Texture, TextureUsages};
 
 pub use image::{DctChannel, DctImage};
@@ -35,8 +35,8 @@ use crate::{Gpu, GpuError};
 pub const MAX_SCRATCH: u64 = 64 << 20;
 /// Distance of the passes' parameters in their buffer: what every device allows.
 const PASS_STRIDE: usize = 256;
-/// Streams that a workgroup reads.
-const STREAMS: u32 = 32;
+/// Passes that are bound at once.
+const PASSES: usize = 6;
 /// Blocks and axes that a workgroup transforms.
 const BLOCKS: u32 = 64;
 /// Texels along the side of what a workgroup writes.
@@ -192,7 +192,8 @@ impl DctDecoder {
         outputs: &[(Output, &wgpu::TextureView)],
     ) -> Result<(), GpuError> {
         let scratch = self.scratch(gpu, 4 * plan.words);
-        let mut params = vec![0u8; PASS_STRIDE * plan.passes.len()];
+        // Behind the last one what is bound with it.
+        let mut params = vec![0u8; PASS_STRIDE * (plan.passes.len() + PASSES - 1)];
         for (bytes, pass) in params.chunks_exact_mut(PASS_STRIDE).zip(&plan.passes) {
             let pass = bytemuck::bytes_of(pass);
             bytes[..pass.len()].copy_from_slice(pass);
@@ -208,12 +209,14 @@ impl DctDecoder {
         encoder.clear_buffer(&scratch, 0, Some(4 * plan.words));
         {
             let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            let streams = plan.passes.iter().map(|pass| pass.count[0] * pass.count[1]).max().unwrap_or(0);
+            compute.set_bind_group(0, &passes, &[0]);
+            compute.set_pipeline(&self.pipelines.read);
+            compute.dispatch_workgroups(streams.div_ceil(BLOCK_STREAMS), plan.passes.len() as u32, 1);
             let mut offset = 0;
             for (number, pass) in plan.passes.iter().enumerate() {
                 offset = (PASS_STRIDE * number) as u32;
                 compute.set_bind_group(0, &passes, &[offset]);
-                compute.set_pipeline(&self.pipelines.read);
-                compute.dispatch_workgroups((pass.count[0] * pass.count[1]).div_ceil(STREAMS), 1, 1);
                 compute.set_pipeline(&self.pipelines.transform);
                 let blocks = pass.held[0] * pass.held[1] * pass.axes;
                 compute.dispatch_workgroups(blocks.div_ceil(BLOCKS), 1, 1);

@@ -2,14 +2,13 @@
 
 use std::sync::OnceLock;
 
-use texfold_shaders::DctPass;
 use texfold_shaders::DctTarget;
 use wgpu::{
     BindGroup, BindGroupLayout, BindingResource, BindingType, Buffer, ComputePipeline, Device, ShaderStages,
     TextureFormat, TextureView,
 };
 
-use super::{DctImage, bound};
+use super::{DctImage, PASS_STRIDE, PASSES, bound};
 use crate::compute::{group, layout, pipeline, shader, storage, uniform};
 
 /// Format of a target.
@@ -45,7 +44,7 @@ pub(super) struct Pipelines {
 impl Pipelines {
     pub(super) fn new(device: &Device) -> Pipelines {
         let buffers =
-            [uniform(Some(size_of::<DctPass>() as u64)), storage(true), storage(true), storage(false)];
+            [uniform(Some((PASSES * PASS_STRIDE) as u64)), storage(true), storage(true), storage(false)];
         let passes = layout(device, "passes of blocks", ShaderStages::COMPUTE, &buffers);
         let module = module(device, DctTarget::Unorm8);
         let pipeline = |entry: &str| pipeline(device, &module, entry, &[Some(&passes)]);
@@ -73,7 +72,7 @@ impl Pipelines {
         scratch: &Buffer,
     ) -> BindGroup {
         let resources = [
-            bound(params, Some(size_of::<DctPass>())),
+            bound(params, Some(PASSES * PASS_STRIDE)),
             bound(&image.words, None),
             bound(&image.streams, None),
             bound(scratch, None),

@@ -1,10 +1,10 @@
-//! How long drawing takes, against what it could take at least and what a plain texture takes.
+//! Time of drawing, beside that of the same loads alone and of a plain texture.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use texfold_core::ImageSize;
 use texfold_shaders::Entry;
-use wgpu::{BindGroup, RenderPipeline, TextureFormat};
+use wgpu::{BindGroup, Features, RenderPipeline, TextureFormat};
 
 use super::pipeline::{PipelineKey, Shader};
 use super::view::{check, cover};
@@ -28,9 +28,66 @@ struct Run {
     job: BindGroup,
 }
 
+/// Bytes of two timestamps.
+const TIMESTAMPS: u64 = 2 * wgpu::QUERY_SIZE as u64;
+
 impl Gpu {
-    /// Seconds that one drawing of `view` takes, the mean of `repeats` in one submission after one to warm up: from
-    /// the submission to the device's answer, by the wall clock.
+    /// Time that the device takes for the commands that `record` records: by timestamps where [`Gpu::has_timestamps`], else
+    /// by the wall clock from their submission to the device's answer.
+    ///
+    /// # Errors
+    /// [`GpuError::Lost`]; [`GpuError`] of commands that the device refuses.
+    pub fn measure(&self, record: impl FnOnce(&mut wgpu::CommandEncoder)) -> Result<Duration, GpuError> {
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        if !self.has_timestamps() {
+            record(&mut encoder);
+            let start = Instant::now();
+            self.queue.submit([encoder.finish()]);
+            self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|_| GpuError::Lost)?;
+            return Ok(start.elapsed());
+        }
+        self.guarded(|| {
+            let queries = self.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("timestamps"),
+                ty: wgpu::QueryType::Timestamp,
+                count: 2,
+            });
+            let buffer = |usage| {
+                let descriptor = wgpu::BufferDescriptor {
+                    label: Some("timestamps"),
+                    size: TIMESTAMPS,
+                    usage,
+                    mapped_at_creation: false,
+                };
+                self.device.create_buffer(&descriptor)
+            };
+            let resolved = buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC);
+            let readable = buffer(wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ);
+            encoder.write_timestamp(&queries, 0);
+            record(&mut encoder);
+            encoder.write_timestamp(&queries, 1);
+            encoder.resolve_query_set(&queries, 0..2, &resolved, 0);
+            encoder.copy_buffer_to_buffer(&resolved, 0, &readable, 0, TIMESTAMPS);
+            let ticks = self.map(encoder.finish(), &readable, |bytes| {
+                let mut ticks = [0u64; 2];
+                bytemuck::bytes_of_mut(&mut ticks).copy_from_slice(bytes);
+                ticks[1].saturating_sub(ticks[0])
+            })?;
+            let nanoseconds = ticks as f64 * f64::from(self.queue.get_timestamp_period());
+            Ok(Duration::from_secs_f64(nanoseconds / 1e9))
+        })
+    }
+
+    /// True where [`Gpu::measure`] reads timestamps: on GPUs that have them. Software renderers have them too, but write them
+    /// before what they draw is there.
+    #[must_use]
+    pub fn has_timestamps(&self) -> bool {
+        let needed = Features::TIMESTAMP_QUERY | Features::TIMESTAMP_QUERY_INSIDE_ENCODERS;
+        self.device.features().contains(needed) && self.info().device_type != wgpu::DeviceType::Cpu
+    }
+
+    /// Seconds that one drawing of `view` takes, the mean of `repeats` in one submission after one to warm up, by
+    /// [`Gpu::measure`].
     ///
     /// # Errors
     /// [`GpuError`] as in drawing; views may have as many pixels a side as a texture of the device.
@@ -50,21 +107,16 @@ impl Gpu {
         self.guarded(|| {
             let target = self.target(TextureFormat::Rgba8Unorm, view.size);
             let target = target.create_view(&wgpu::TextureViewDescriptor::default());
-            self.submit(&run, &target, 1)?;
-            let start = Instant::now();
-            self.submit(&run, &target, repeats.max(1))?;
-            Ok(start.elapsed().as_secs_f64() / f64::from(repeats.max(1)))
+            let timed = |repeats: u32| {
+                self.measure(|encoder| {
+                    for _ in 0..repeats {
+                        cover(encoder, &target, &run.pipeline, [&run.textures, &run.job]);
+                    }
+                })
+            };
+            timed(1)?;
+            Ok(timed(repeats.max(1))?.as_secs_f64() / f64::from(repeats.max(1)))
         })
-    }
-
-    fn submit(&self, run: &Run, target: &wgpu::TextureView, repeats: u32) -> Result<(), GpuError> {
-        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        for _ in 0..repeats {
-            cover(&mut encoder, target, &run.pipeline, [&run.textures, &run.job]);
-        }
-        self.queue.submit([encoder.finish()]);
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|_| GpuError::Lost)?;
-        Ok(())
     }
 
     fn prepare(&self, texture: &GpuTexture, view: &View, probe: Probe) -> Result<Run, GpuError> {

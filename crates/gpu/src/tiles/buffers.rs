@@ -34,7 +34,7 @@ impl Buffers {
         let none = BufferUsages::empty();
         let pages = 4 * u64::from(options.pages);
         let stages = options.textures.saturating_mul(MOST_STAGES);
-        let dispatches = 12 * u64::from(2 + 2 * PLANES + options.textures);
+        let dispatches = 12 * u64::from(3 + PLANES + options.textures);
         Buffers {
             textures: buffer("textures of tiles", row_bytes::<TextureRow>(options.textures), none),
             pages: buffer("pages of tiles", pages, none),

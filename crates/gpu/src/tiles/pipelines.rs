@@ -170,22 +170,22 @@ impl Pipelines {
             pass.dispatch_workgroups_indirect(workgroups, u64::from(12 * number));
         };
         dispatch(&self.clear, 0, 0);
+        dispatch(&self.read, 0, 1);
         for plane in 0..PLANES {
-            dispatch(&self.read, plane, 1 + plane);
-            dispatch(&self.transform, plane, 1 + PLANES + plane);
+            dispatch(&self.transform, plane, 2 + plane);
         }
         for pipeline in &self.deblock {
-            dispatch(pipeline, PLANES - 1, 2 * PLANES);
+            dispatch(pipeline, PLANES - 1, 1 + PLANES);
         }
         pass.set_bind_group(1, &self.output, &[]);
         pass.set_pipeline(&self.write);
-        pass.dispatch_workgroups_indirect(workgroups, u64::from(12 * (1 + 2 * PLANES)));
+        pass.dispatch_workgroups_indirect(workgroups, u64::from(12 * (2 + PLANES)));
         for source in sources {
             let Ok((texture, _)) = source.texture.bind_group(source.image) else { continue };
             pass.set_pipeline(&source.pipeline);
             pass.set_bind_group(0, &source.group, &[]);
             pass.set_bind_group(1, texture, &[]);
-            pass.dispatch_workgroups_indirect(workgroups, u64::from(12 * (1 + 2 * PLANES + source.number)));
+            pass.dispatch_workgroups_indirect(workgroups, u64::from(12 * (2 + PLANES + source.number)));
         }
     }
 }

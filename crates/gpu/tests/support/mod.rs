@@ -27,7 +27,8 @@ use texfold_gpu::{AddressMode, Gpu, GpuError, GpuTexture, Lookup, Policy, View};
 use texfold_vq::Vq;
 
 pub(crate) use cases::{
-    BLENDED, Case, PLACED, STORED, cases, epitome_case, error_mapped, layered_case, plane_bound, wide_cases,
+    BLENDED, Case, PLACED, STORED, cases, epitome_case, error_mapped, layered_case, plane_bound, rounded,
+    wide_cases,
 };
 pub(crate) use epitome::{Forge, epitome};
 pub(crate) use host::{Function, Switches, answers, run};

@@ -1,0 +1,44 @@
+// Workgroup memory of the pass that reads streams: what they share, and what each has.
+
+// Streams of a workgroup, one an invocation: texfold_shaders::BLOCK_STREAMS.
+const ENTRY_STREAMS: u32 = 8u;
+// Words before the tables: coefficients in coding order, classes of expected magnitudes, symbols.
+const ENTRY_CONSTANTS: u32 = 144u;
+// First word of the classes, four a word.
+const ENTRY_LEVELS: u32 = 64u;
+// Tables of one kind of plane: a set of the first axis, and one of the others.
+const ENTRY_TABLES: u32 = 222u;
+// Magnitudes of a stream: ten columns of ten, of which the last two stay zero.
+const ENTRY_HELD: u32 = 100u;
+
+// Copies of what streams are read by. Tables have two quarters each.
+var<workgroup> texfold_block_constants: array<u32, ENTRY_CONSTANTS>;
+var<workgroup> texfold_block_levels: array<u32, 256>;
+var<workgroup> texfold_block_tables: array<vec4<u32>, 2u * ENTRY_TABLES>;
+// Magnitudes of the block's axis that is read, as far as contexts tell them apart; those of an invocation begin at texfold_block_lane.
+var<workgroup> texfold_block_held: array<u32, ENTRY_HELD * ENTRY_STREAMS>;
+var<private> texfold_block_lane: u32;
+
+// Prepares the memory for the streams of texfold_block_pass; a barrier must follow.
+fn entry_share(lane: u32) {
+    texfold_block_lane = ENTRY_HELD * lane;
+    for (var word = 0u; word < min(ENTRY_HELD, TEXFOLD_BLOCK_MAX_ROUNDS); word += 1u) {
+        texfold_block_held[texfold_block_lane + word] = 0u;
+    }
+    for (var word = lane; word < min(ENTRY_CONSTANTS, TEXFOLD_BLOCK_MAX_ROUNDS); word += ENTRY_STREAMS) {
+        texfold_block_constants[word] = texfold_block_words[word];
+    }
+    for (var sum = lane; sum < min(256u, TEXFOLD_BLOCK_MAX_ROUNDS); sum += ENTRY_STREAMS) {
+        texfold_block_levels[sum] = (texfold_block_words[ENTRY_LEVELS + sum / 4u] >> (8u * (sum % 4u))) & 255u;
+    }
+    let first = texfold_block_pass.tables + 8u * ENTRY_TABLES * texfold_block_pass.is_base;
+    for (var quarter = lane; quarter < min(2u * ENTRY_TABLES, TEXFOLD_BLOCK_MAX_ROUNDS); quarter += ENTRY_STREAMS) {
+        let at = first + 4u * quarter;
+        texfold_block_tables[quarter] = vec4<u32>(
+            texfold_block_words[at],
+            texfold_block_words[at + 1u],
+            texfold_block_words[at + 2u],
+            texfold_block_words[at + 3u],
+        );
+    }
+}

@@ -3,6 +3,8 @@
 //! `cargo bench -p texfold-benches --bench shader`. Needs an adapter; software Vulkan serves. With a word behind `--`
 //! only the textures whose names hold it are drawn.
 
+use std::time::{Duration, Instant};
+
 use texfold::Effort;
 use texfold::core::image::ImageSet;
 use texfold::{AnyImage, Content};
@@ -14,6 +16,8 @@ const SIDE: u32 = 1024;
 /// Draws a measurement, and measurements of which the median counts.
 const DRAWS: u32 = 8;
 const ROUNDS: usize = 5;
+/// Draws before those that count.
+const WARM_UP: Duration = Duration::from_millis(200);
 
 /// A texture of an image; `None` where it cannot be encoded.
 type Make = fn(&ImageSet) -> Option<AnyImage>;
@@ -51,6 +55,11 @@ fn main() -> Result<(), GpuError> {
             [("nearest", Lookup::Nearest { level: 0 }), ("bilinear", Lookup::Bilinear { level: 0 })]
         {
             let view = View { image: 0, size: (SIDE, SIDE), uv: glam::Affine2::IDENTITY, lookup };
+            // GPUs raise their clock with the load.
+            let start = Instant::now();
+            while start.elapsed() < WARM_UP {
+                gpu.time(&uploaded, &view, Probe::Lookup, DRAWS)?;
+            }
             let mut speeds = [Vec::new(), Vec::new(), Vec::new()];
             for _ in 0..ROUNDS {
                 for (speed, probe) in speeds.iter_mut().zip([Probe::Lookup, Probe::LoadsOnly, Probe::Plain]) {

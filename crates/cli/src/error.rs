@@ -57,6 +57,8 @@ pub(crate) enum CliError {
     NeedsFeature { path: PathBuf, name: &'static str, feature: &'static str },
     #[error("{}: --degrees is a goal for normal maps in files of their own; give --color normal where it is one", path.display())]
     NoNormals { path: PathBuf },
+    #[error("{}: light fields have no --{option}; give --psnr, or --terms, --codewords and --grid", path.display())]
+    LightGoal { path: PathBuf, option: &'static str },
     #[error("{}: the float samples exceed 0 to 1; tone-map the image to 8 or 16 bits first", path.display())]
     HighRange { path: PathBuf },
     #[error("{}: the image cannot be decoded; export it again", path.display())]
@@ -79,7 +81,7 @@ pub(crate) enum CliError {
     NoBank { path: PathBuf },
     #[error("{}: this cannot be in a bank; give images, or folders of images", path.display())]
     NotForBank { path: PathBuf },
-    #[error("{}: the bank has an image of that name from another file; rename one of them", path.display())]
+    #[error("{}: the bank has an image of that name from another file or with other settings; rename one of them, or replace that one (--force)", path.display())]
     BankName { path: PathBuf },
     #[error("{}: a codebook of the bank cannot be used: {cause}", path.display())]
     BankBook { path: PathBuf, cause: String },

@@ -84,8 +84,10 @@ struct Seen {
 type New = Result<(String, Seen), Step>;
 
 /// Finds out what is to be done with each image, and the categories of the tiles.
-pub(crate) fn plan(open: &mut Open, tasks: &[&BankTask], limit_bytes: u64) -> Vec<Step> {
-    let keys: Vec<Result<String, Step>> = tasks.iter().map(|task| task.key_of_new(open)).collect();
+///
+/// With `force` images that are there are encoded again, and replace those of their names.
+pub(crate) fn plan(open: &mut Open, tasks: &[&BankTask], limit_bytes: u64, force: bool) -> Vec<Step> {
+    let keys: Vec<Result<String, Step>> = tasks.iter().map(|task| task.key_of_new(open, force)).collect();
     let found = |(task, key): (&&BankTask, Result<String, Step>)| {
         let seen = guarded(&task.path, || task.seen(limit_bytes));
         key.and_then(|key| Ok((key, seen.map_err(Step::Failed)?)))
@@ -162,8 +164,8 @@ impl BankTask {
         CliError::BankName { path: self.path.clone() }
     }
 
-    /// The key of an image that is not there yet.
-    fn key_of_new(&self, open: &Open) -> Result<String, Step> {
+    /// The key of an image that is not there yet, or replaces the one of its name.
+    fn key_of_new(&self, open: &Open, force: bool) -> Result<String, Step> {
         let shown = [Some(self.name.as_str()), self.category.as_deref()].into_iter().flatten();
         if let Some(name) = shown.into_iter().find(|name| !is_printable(name)) {
             let (path, name) = (self.path.clone(), name.escape_debug().to_string());
@@ -172,6 +174,7 @@ impl BankTask {
         let key = self.key().map_err(Step::Failed)?;
         match open.bank.manifest.images.iter().find(|image| image.name == self.name) {
             None => Ok(key),
+            Some(_) if force => Ok(key),
             Some(known)
                 if known.key == key
                     && known.tiles.iter().all(|tile| open.bank.dir.join(&tile.file).exists()) =>
@@ -233,7 +236,8 @@ impl BankTask {
 }
 
 impl Open {
-    /// Lists an image that has been made: from then on it counts.
+    /// Lists an image that has been made, in the place of one of its name: from then on it counts. The files of the one before
+    /// are removed after that; the rows that it added to codebooks stay, as others may use them.
     pub(crate) fn commit(&mut self, made: Made) -> Result<Row, CliError> {
         let mut manifest = self.bank.manifest.clone();
         for grown in &made.grown {
@@ -244,7 +248,18 @@ impl Open {
             }
         }
         let row = made.image.row.clone();
-        manifest.images.push(made.image);
+        let same = manifest.images.iter_mut().find(|image| image.name == made.image.name);
+        let before = match same {
+            Some(image) => std::mem::replace(image, made.image).tiles,
+            None => {
+                manifest.images.push(made.image);
+                Vec::new()
+            }
+        };
+        for tile in &before {
+            let category = &mut manifest.categories[tile.category as usize];
+            category.tiles = category.tiles.saturating_sub(1);
+        }
         manifest.next = manifest.next.max(made.end);
         manifest.commit(&self.bank.dir)?;
         self.books.resize(manifest.categories.len(), None);
@@ -252,6 +267,10 @@ impl Open {
             self.books[grown.number] = grown.book;
         }
         self.bank.manifest = manifest;
+        for tile in before {
+            // A file that cannot be removed does no harm: nothing names it.
+            let _ = std::fs::remove_file(self.bank.dir.join(tile.file));
+        }
         Ok(row)
     }
 }

@@ -32,7 +32,7 @@ pub(super) fn add_all(
         return Ok(Vec::new());
     }
     let mut open = Open::new(out)?;
-    let mut steps = plan(&mut open, &of_bank, place.limit_bytes).into_iter().peekable();
+    let mut steps = plan(&mut open, &of_bank, place.limit_bytes, place.force).into_iter().peekable();
     let mut entries = Vec::new();
     let mut rest = tasks;
     while steps.peek().is_some() {

@@ -157,7 +157,7 @@ pub struct RunOptions {
     /// Write a JSON report of all inputs to this file.
     #[arg(long, value_name = "FILE")]
     pub(crate) report: Option<PathBuf>,
-    /// Encode again what is up to date.
+    /// Encode again what is up to date. In a bank, replace images of the same names.
     #[arg(long, num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL")]
     pub(crate) force: Option<bool>,
     /// Exit with 1 where anything is warned of, such as a goal that is missed.
@@ -456,6 +456,10 @@ impl Options {
         }
         if self.degrees.is_some() {
             return Err(CliError::NoNormals { path: path.to_owned() });
+        }
+        let others = [("bpp", self.bpp.is_some()), ("tolerance", self.tolerance.is_some())];
+        if let Some((option, _)) = others.into_iter().find(|(_, is_given)| *is_given) {
+            return Err(CliError::LightGoal { path: path.to_owned(), option });
         }
         let usual = LightParams::default();
         // A goal counts what the file models; terms that only new views would do without serve it too.

@@ -164,7 +164,7 @@ fn a_full_disk_leaves_the_bank_as_it_was() {
 }
 
 #[test]
-fn another_file_of_a_known_name_is_refused() {
+fn another_file_of_a_known_name_is_refused_or_replaces_it() {
     let place = Place::new();
     place.image("in/a.png", 40, 40, 3);
     assert_eq!(place.run(&format!("bank add {ADD}")).code, Some(0));
@@ -173,6 +173,31 @@ fn another_file_of_a_known_name_is_refused() {
     place.image("in/a.png", 44, 40, 3);
     let run = place.run(&format!("bank add {ADD}"));
     assert!(run.code == Some(1) && run.stderr.contains("rename"), "{}", run.stderr);
+    for codec in ["dct", "progressive"] {
+        let arguments = format!("--codec {codec} --psnr 28 --effort fast --out {codec}");
+        let place = Place::new();
+        place.image("in/a.png", 40, 40, 3);
+        place.image("in/b.png", 40, 40, 3);
+        assert_eq!(place.run(&format!("bank add in {arguments}")).code, Some(0));
+        let before = bank_files(&place, codec);
+        // Encoded again, in its place; the files of b stay.
+        place.image("in/a.png", 44, 40, 3);
+        let run = place.run(&format!("bank add in/a.png {arguments} --force"));
+        assert!(run.code == Some(0) && run.stdout.contains("1 written"), "{}", run.stderr);
+        let after = bank_files(&place, codec);
+        let listed = manifest(&place, codec);
+        assert_eq!((&listed["images"][0]["width"], &listed["images"][1]["name"]), (&44.into(), &"b".into()));
+        let tiles = |number: usize| listed["images"][number]["tiles"][0]["file"].as_str().unwrap().to_owned();
+        assert!(before.iter().all(|(name, _)| *name != tiles(0)), "{codec}");
+        assert!(before.contains(after.iter().find(|(name, _)| *name == tiles(1)).unwrap()), "{codec}");
+        let named = |name: &&(String, Vec<u8>)| name.0.starts_with("image-");
+        assert_eq!(after.iter().filter(named).count(), 2, "{codec}");
+        let counted: u64 =
+            listed["categories"].as_array().unwrap().iter().filter_map(|c| c["tiles"].as_u64()).sum();
+        assert_eq!(counted, 2, "{codec}");
+        let run = place.run(&format!("bank extract {codec} --out png"));
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+    }
 }
 
 /// What is read band by band is what is read at once.

@@ -145,6 +145,11 @@ fn a_goal_is_reached_or_the_report_says_so() {
     assert!(low[0]["settings"].as_str().unwrap().contains("--terms 0 ") && low[0]["warnings"] == json!([]));
     let (run, high) = place.compress("ball --codec lightfield --psnr 90 --out out");
     assert!(run.code == Some(0) && high[0]["warnings"][0].as_str().unwrap().contains("90"), "{}", high[0]);
+    for goal in ["bpp", "tolerance"] {
+        let other = place.run(&format!("compress ball --{goal} 2 --out other"));
+        assert!(other.code == Some(1) && other.stderr.contains(&format!("no --{goal}")), "{}", other.stderr);
+    }
+    assert!(!place.at("other/ball.txf").exists());
 }
 
 #[test]

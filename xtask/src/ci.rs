@@ -8,7 +8,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use crate::pages::npm;
 use crate::run::{cargo, succeeds};
 use crate::timed::{slowest, test};
-use crate::{root, tidy};
+use crate::{root, tidy, torment};
 
 /// Arguments of `ci`.
 #[derive(Debug, clap::Args)]
@@ -25,7 +25,7 @@ pub(crate) struct CiArgs {
 /// are half as much again as on two cores with nothing else to do and nothing built before. A step that takes longer is named at the end.
 type Step = (&'static str, f64, fn(full: bool) -> io::Result<bool>);
 
-const STEPS: [Step; 8] = [
+const STEPS: [Step; 9] = [
     ("fmt", 50.0, |_| succeeds(&["fmt", "--all", "--check"])),
     ("tidy", 20.0, |_| tidy::check(&root())),
     ("build", 10_500.0, |_| succeeds(&["test", "--workspace", "--no-run"])),
@@ -34,6 +34,7 @@ const STEPS: [Step; 8] = [
     ("web", 1300.0, |_| web()),
     ("decode only", 650.0, |_| decode_only()),
     ("doc", 500.0, doc),
+    ("torment", 10.0, |full| if full { torment::short() } else { Ok(true) }),
 ];
 
 /// Packages whose documentation users read: an error in one of the others is found by full runs.

@@ -11,6 +11,7 @@ mod quick;
 mod run;
 mod tidy;
 mod timed;
+mod torment;
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -34,6 +35,8 @@ enum Task {
     Mutate(mutate::MutateArgs),
     /// Lint and test the packages that changed, and what holds for every codec.
     Quick(quick::QuickArgs),
+    /// Kill the program, take its space and its threads, and expect whole files.
+    Torment(torment::TormentArgs),
     /// Write every page that commands write, and look at them in headless Chromium.
     Pages,
     /// Run all that continuous integration runs; stops at the first failure.
@@ -50,6 +53,7 @@ fn main() -> ExitCode {
         Task::Tidy => tidy::run(),
         Task::Mutate(args) => mutate::run(&args),
         Task::Quick(args) => quick::run(&args),
+        Task::Torment(args) => torment::run(&args),
         Task::Pages => pages::run(),
         Task::Ci(args) => ci::run(&args),
         Task::TimeTests { program, arguments } => timed::run(&program, &arguments),

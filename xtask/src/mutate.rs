@@ -150,6 +150,20 @@ const MUTATIONS: &[Mutation] = &[
         replace: "    return (value * weight) >> 8u;",
         test: blocks("dct::images_equal_those_of_the_cpu"),
     },
+    Mutation {
+        name: "magnitudes of the block before count",
+        file: "shaders/wgsl/block.wgsl",
+        find: "max(texfold_block_held[own + 20u], zero)",
+        replace: "texfold_block_held[own + 20u]",
+        test: blocks("dct::images_equal_those_of_the_cpu"),
+    },
+    Mutation {
+        name: "a workgroup reads streams of two tiles",
+        file: "shaders/wgsl/entry/tiles_plan.wgsl",
+        find: "superblocks += streams - streams % ENTRY_STREAMS;",
+        replace: "superblocks += streams + 1u - ENTRY_STREAMS;",
+        test: tiles("tiles::views_equal_filtering_of_decoded_texels_on_the_cpu", "pixel ["),
+    },
 ];
 
 /// Arguments of `mutate`.

@@ -7,5 +7,5 @@
 mod target;
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| {
-    let _ = target::open_forged_blocks(data);
+    let _ = target::open_forged(data, target::Forged::Blocks);
 });

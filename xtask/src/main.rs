@@ -5,6 +5,7 @@
 
 mod api;
 mod ci;
+mod fuzz;
 mod mutate;
 mod pages;
 mod quick;
@@ -35,6 +36,8 @@ enum Task {
     Mutate(mutate::MutateArgs),
     /// Lint and test the packages that changed, and what holds for every codec.
     Quick(quick::QuickArgs),
+    /// Run the fuzz targets of fuzz/.
+    Fuzz(fuzz::FuzzArgs),
     /// Kill the program, take its space and its threads, and expect whole files.
     Torment(torment::TormentArgs),
     /// Write every page that commands write, and look at them in headless Chromium.
@@ -53,6 +56,7 @@ fn main() -> ExitCode {
         Task::Tidy => tidy::run(),
         Task::Mutate(args) => mutate::run(&args),
         Task::Quick(args) => quick::run(&args),
+        Task::Fuzz(args) => fuzz::run(&args),
         Task::Torment(args) => torment::run(&args),
         Task::Pages => pages::run(),
         Task::Ci(args) => ci::run(&args),

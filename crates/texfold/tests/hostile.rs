@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests may fail as tests do")]
 
 use crate::support::forged::{rewritten, with_changed_section};
+use crate::support::target::Forged;
 use crate::support::{small_texture, small_textures, target};
 use rayon::prelude::*;
 use texfold::core::metric::decode_image;
@@ -160,7 +161,7 @@ fn forged_files_give_an_error_or_a_texture_that_decodes() {
     );
 }
 
-/// An instruction for [`target::open_forged_blocks`]: headers, which come first, as often as all else.
+/// An instruction for [`target::open_forged`]: headers, which come first, as often as all else.
 fn instruction(rng: &mut Rng) -> Vec<u8> {
     let reach = if rng.below(2) == 0 { 80 } else { 1 << 16 };
     let place = rng.below(reach) as u16;
@@ -177,19 +178,24 @@ fn instruction(rng: &mut Rng) -> Vec<u8> {
 
 /// `TEXFOLD_FORGED=1000000` makes as many files instead.
 #[test]
-fn forged_contents_in_blocks_give_an_error_or_a_texture_that_decodes() {
+fn forged_contents_give_an_error_or_a_texture_that_decodes() {
+    forge(Forged::Blocks);
+    forge(Forged::Sections);
+}
+
+fn forge(forged: Forged) {
     let runs = std::env::var("TEXFOLD_FORGED").map_or(mutations() as u64, |runs| runs.parse().unwrap());
     let run = |number: u64| {
         let data = instruction(&mut Rng::new(number));
-        let loaded = std::panic::catch_unwind(|| target::open_forged_blocks(&data).unwrap());
+        let loaded = std::panic::catch_unwind(|| target::open_forged(&data, forged).unwrap());
         loaded.map_err(|_| number)
     };
     let results: Vec<Result<bool, u64>> = (0..runs).into_par_iter().map(run).collect();
     let failed: Vec<&u64> = results.iter().filter_map(|result| result.as_ref().err()).take(9).collect();
-    assert!(failed.is_empty(), "instructions {failed:?} panic");
+    assert!(failed.is_empty(), "{forged:?}: instructions {failed:?} panic");
     let accepted = results.iter().filter(|result| **result == Ok(true)).count() as u64;
     // Both happen: streams may hold anything, headers may not.
-    assert!(accepted > runs / 10 && accepted < runs - runs / 10, "{accepted} of {runs} accepted");
+    assert!(accepted > runs / 10 && accepted < runs - runs / 10, "{forged:?}: {accepted} of {runs} accepted");
 }
 
 #[test]

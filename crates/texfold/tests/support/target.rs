@@ -1,5 +1,7 @@
 //! What is done with files that anybody may have written: by the tests here, and by the fuzz targets in `fuzz/`.
 
+use std::sync::LazyLock;
+
 use glam::Vec3;
 use texfold::{
     AnyImage, AnyTexture, Encoded, ImageAddress, Limits, Rect, Texel,
@@ -23,12 +25,44 @@ const PASSES_SIDE: u32 = 16;
 /// Most images that are looked at, and levels of each: the first level of the second stage is among them.
 const MOST_IMAGES: u32 = 2;
 const MOST_LEVELS: u32 = 4;
-/// Files with content in blocks: images with mip levels, images with alpha, a zoom stack.
-const SEEDS: [&[u8]; 3] = [
-    include_bytes!("../../../../fixtures/golden/dct.txf"),
-    include_bytes!("../../../../fixtures/golden/dct_alpha.txf"),
-    include_bytes!("../../../../fixtures/golden/zipmap_block.txf"),
+
+/// A golden file.
+macro_rules! golden {
+    ($name:literal) => {
+        include_bytes!(concat!("../../../../fixtures/golden/", $name, ".txf"))
+    };
+}
+
+/// Files of every codec. Those with content in blocks come first: images with mip levels, images with alpha, a zoom stack, an
+/// epitome, a light field.
+const SEEDS: [&[u8]; 15] = [
+    golden!("dct"),
+    golden!("dct_alpha"),
+    golden!("zipmap_block"),
+    golden!("epitome_block"),
+    golden!("lightfield_block"),
+    golden!("bc_bc7"),
+    golden!("epitome"),
+    golden!("epitome_errors"),
+    golden!("epitome_layers"),
+    golden!("lightfield"),
+    golden!("progressive"),
+    golden!("progressive_turned"),
+    golden!("vq_bc1_mips"),
+    golden!("vq_raw_sequence"),
+    golden!("zipmap"),
 ];
+/// Files with content in blocks.
+const WITH_BLOCKS: usize = 5;
+
+/// Files and sections that are forged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Forged {
+    /// Block content, and what says how large images are and where they lie.
+    Blocks,
+    /// All sections of files of every codec.
+    Sections,
+}
 
 /// Loads a file of any codec, within small limits; whatever loads is decoded, drawn from, handed to a GPU and stored, and what is
 /// stored loads again. Whether it loads.
@@ -98,21 +132,28 @@ fn exercise_light(light: &LightTexture) {
         let at = LightAddress { triangle, barycentric, direction: Vec3::Z };
         assert!(light.texel(at).is_finite());
     }
+    for blocks in light.gpu().blocks.iter().take(MOST_LEVELS as usize) {
+        dct::decode(blocks, corner(whole_of(blocks.layout.size), PASSES_SIDE))
+            .expect("the region lies inside");
+    }
     let _ = (light.memory().compressed, light.footprint());
 }
 
 /// A file as its sections.
 type Parts = (u16, Vec<([u8; 4], Vec<u8>)>);
 
-/// Reads `data` as an instruction to forge a file with content in blocks, of a correct container, and opens that. The first
-/// bytes name a seed, a section of block content, what is done with it (`data[2]`) and where; the rest is what is put there.
-/// Whether it loads; `None` where `data` is too short.
-pub fn open_forged_blocks(data: &[u8]) -> Option<bool> {
+/// Reads `data` as an instruction to forge a file of a correct container, and opens that: sections are changed as they are before
+/// compression, and checksums are right. The first bytes name a seed, a section, what is done with it (`data[2]`) and where; the
+/// rest is what is put there. True where it loads; `None` where `data` is too short.
+pub fn open_forged(data: &[u8], forged: Forged) -> Option<bool> {
     let (&[seed, section, what, low, high], rest) = data.split_first_chunk()?;
-    let (codec, mut sections) = parts_of(SEEDS[usize::from(seed) % SEEDS.len()]);
-    let forgeable: Vec<usize> = (0..sections.len()).filter(|&at| is_forgeable(sections[at].0)).collect();
+    static PARTS: LazyLock<Vec<Parts>> = LazyLock::new(|| SEEDS.iter().map(|seed| parts_of(seed)).collect());
+    let seeds = if forged == Forged::Blocks { &PARTS[..WITH_BLOCKS] } else { &PARTS[..] };
+    let (codec, mut sections) = seeds[usize::from(seed) % seeds.len()].clone();
+    let can_be = |at: &usize| forged == Forged::Sections || is_block_content(sections[*at].0);
+    let forgeable: Vec<usize> = (0..sections.len()).filter(can_be).collect();
     let target = forgeable[usize::from(section) % forgeable.len()];
-    let other = parts_of(SEEDS[usize::from(seed / 16) % SEEDS.len()]).1;
+    let other = &seeds[usize::from(seed / 16) % seeds.len()].1;
     let other = &other[usize::from(section / 16) % other.len()].1;
     let raw = &mut sections[target].1;
     let at = usize::from(u16::from_le_bytes([low, high])) % (raw.len() + 1);
@@ -123,7 +164,7 @@ pub fn open_forged_blocks(data: &[u8]) -> Option<bool> {
 }
 
 /// Sections of block content, and what says how large images are and where they lie.
-fn is_forgeable(id: [u8; 4]) -> bool {
+fn is_block_content(id: [u8; 4]) -> bool {
     matches!(&id, [b'R', b'B', b'B' | b'D', _] | b"ZMFM" | b"LAYO")
 }
 

@@ -1,0 +1,11 @@
+//! Files of a correct container of every codec, whose sections are forged as the bytes say.
+
+#![no_main]
+
+#[path = "../../crates/texfold/tests/support/target.rs"]
+#[allow(dead_code, reason = "each target uses its own part")]
+mod target;
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| {
+    let _ = target::open_forged(data, target::Forged::Sections);
+});

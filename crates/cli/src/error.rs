@@ -43,6 +43,8 @@ pub(crate) enum CliError {
     NotFound { path: PathBuf },
     #[error("{pattern}: no file matches; check the pattern")]
     NoMatch { pattern: String },
+    #[error("{}: the folder holds no .txf file; name one that `compress` wrote to", path.display())]
+    NoTextures { path: PathBuf },
     #[error("{}: cannot be read; check the path and its permissions", path.display())]
     Read { path: PathBuf, source: io::Error },
     #[error("{}: the folder holds no image; put {formats} files into it", path.display(), formats = FORMATS)]

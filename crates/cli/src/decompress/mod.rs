@@ -33,7 +33,7 @@ const NUMBER_DIGITS: usize = 3;
 /// Arguments of `decompress`.
 #[derive(Debug, clap::Args)]
 pub struct DecompressArgs {
-    /// .txf files.
+    /// .txf files, and folders of them.
     #[arg(required = true, value_name = "FILE.txf")]
     files: Vec<PathBuf>,
     #[command(flatten)]

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use super::formats::is_image;
 use super::remarks::few;
 use super::{capture, stack};
+use crate::bank::is_bank;
 use crate::console::say;
 use crate::error::CliError;
 use crate::settings::Kind;
@@ -76,11 +77,12 @@ pub(crate) fn find(named: &[PathBuf], kind_of: impl Fn(&Path) -> Option<Kind>) -
     inputs
 }
 
-/// The files that names and globs stand for.
+/// The files that names, folders of textures and globs stand for; a bank stays a folder.
 pub(crate) fn expand_all(named: &[PathBuf]) -> Vec<Result<PathBuf, CliError>> {
+    let files = |name: &PathBuf| if name.is_dir() && !is_bank(name) { textures(name) } else { expand(name) };
     named
         .iter()
-        .flat_map(|name| match expand(name) {
+        .flat_map(|name| match files(name) {
             Ok(paths) => paths.into_iter().map(Ok).collect(),
             Err(error) => vec![Err(error)],
         })
@@ -102,6 +104,20 @@ fn expand(name: &Path) -> Result<Vec<PathBuf>, CliError> {
         return Err(CliError::NoMatch { pattern: name.display().to_string() });
     }
     Ok(paths)
+}
+
+/// The `.txf` files of a folder, sorted.
+fn textures(dir: &Path) -> Result<Vec<PathBuf>, CliError> {
+    let entries = fs::read_dir(dir).map_err(|source| CliError::Read { path: dir.to_owned(), source })?;
+    let is_texture = |path: &PathBuf| {
+        path.extension().is_some_and(|extension| extension == "txf") && path.is_file() && !is_hidden(path)
+    };
+    let mut found: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(is_texture).collect();
+    found.sort();
+    if found.is_empty() {
+        return Err(CliError::NoTextures { path: dir.to_owned() });
+    }
+    Ok(found)
 }
 
 fn take(path: PathBuf, kind_of: &impl Fn(&Path) -> Option<Kind>, inputs: &mut Inputs) {

@@ -32,7 +32,7 @@ const STILL_SIDE: u32 = 512;
 /// Arguments of `view`.
 #[derive(Debug, clap::Args)]
 pub struct ViewArgs {
-    /// .txf files; with --serve also folders of banks, shown as maps.
+    /// .txf files, and folders of them; with --serve also folders of banks, shown as maps.
     #[arg(value_name = "FILE.txf", required_unless_present = "serve")]
     files: Vec<PathBuf>,
     /// The page to write: it holds the files and needs nothing else.

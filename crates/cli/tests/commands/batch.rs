@@ -31,6 +31,28 @@ fn a_bad_input_does_not_stop_the_others() {
     assert!(run.stdout.contains("2 written, 0 up to date, 4 failed"), "{}", run.stdout);
 }
 
+#[test]
+fn folders_of_textures_are_decompressed_and_viewed() {
+    let place = Place::new();
+    place.image("in/a.png", 40, 24, 3);
+    place.image("in/c.png", 16, 16, 1);
+    assert_eq!(place.run("compress in --as image --out out --codec bc").code, Some(0));
+    fs::write(place.at("out/notes.txt"), b"not a texture").unwrap();
+    let run = place.run("decompress out --to png --out png");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert_eq!(names(&place.at("png")), ["a.png", "c.png"]);
+    let run = place.run("view out --out page.html");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let page = fs::read_to_string(place.at("page.html")).unwrap();
+    assert!(page.contains("\"a.txf\"") && page.contains("\"c.txf\""));
+    let run = place.run("decompress in --out other");
+    assert!(
+        run.code == Some(1) && run.stderr.contains("in: the folder holds no .txf file"),
+        "{}",
+        run.stderr
+    );
+}
+
 #[cfg(unix)]
 #[test]
 fn names_that_are_no_unicode_are_up_to_date_too() {

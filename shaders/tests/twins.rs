@@ -200,6 +200,26 @@ fn constants_of_modules_have_the_values_of_their_twins() {
 }
 
 #[test]
+fn workgroups_read_as_many_streams_everywhere() {
+    let streams = texfold_shaders::BLOCK_STREAMS;
+    for (name, source, line) in [
+        (
+            "share",
+            include_str!("../wgsl/entry/block_share.wgsl"),
+            format!("const ENTRY_STREAMS: u32 = {streams}u;"),
+        ),
+        (
+            "plan",
+            include_str!("../wgsl/entry/tiles_plan.wgsl"),
+            format!("const ENTRY_STREAMS: u32 = {streams}u;"),
+        ),
+        ("web", include_str!("../../web/src/decoder.ts"), format!("const STREAMS = {streams};")),
+    ] {
+        assert!(source.contains(&line), "{name}: {line}");
+    }
+}
+
+#[test]
 fn nothing_is_sampled_with_implicit_levels() {
     for (name, source) in all_sources() {
         for (at, found) in source.match_indices("textureSample") {

@@ -1,4 +1,5 @@
-// The update of a cache of tiles, its further passes: superblocks of all tiles at once, plane by plane, and texels into the pool.
+// The update of a cache of tiles, its further passes: streams of all tiles and planes at once, blocks of all tiles plane by plane, and
+// texels into the pool.
 
 struct EntryStep {
     // The plane that is decoded, the coarsest first.

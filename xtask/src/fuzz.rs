@@ -127,7 +127,7 @@ fn watched(command: &mut Command) -> io::Result<(bool, u64)> {
 /// True for lines that tell how far libFuzzer is.
 fn is_progress(line: &str) -> bool {
     let is_numbered = line.starts_with('#') && line.contains("cov:");
-    let start = ["INFO:", "stat::", "Done", "#", "\tNEW_FUNC", "\""];
+    let start = ["INFO:", "WARNING: Failed to find function", "stat::", "Done", "#", "\tNEW_FUNC", "\""];
     is_numbered || line.is_empty() || start.iter().any(|start| line.starts_with(start))
 }
 

@@ -148,9 +148,7 @@ struct Trial<'t> {
 
 impl<'t> Trial<'t> {
     fn new(program: &'t Program, scene: &'t Scene, dir: &'t Path) -> io::Result<Trial<'t>> {
-        if dir.exists() {
-            fs::remove_dir_all(dir)?;
-        }
+        remove(dir)?;
         fs::create_dir_all(dir.join("in"))?;
         (scene.prepare)(program, &dir.join("in"))?;
         let start = Instant::now();
@@ -168,7 +166,7 @@ impl<'t> Trial<'t> {
     }
 
     fn clear(&self) -> io::Result<()> {
-        fs::remove_dir_all(self.dir.join("out"))
+        remove(&self.dir.join("out"))
     }
 
     /// Files under final names are whole, whatever has happened. `bank.json` lists fewer images before the end.
@@ -177,7 +175,7 @@ impl<'t> Trial<'t> {
             let is_final = !hidden(name) && name.as_path() != Path::new("bank.json");
             is_final && self.wanted.get(name) != Some(bytes)
         };
-        let found = files_or_none(&self.dir.join("out"))?;
+        let found = files(&self.dir.join("out"))?;
         match found.iter().find(|file| odd(*file)) {
             Some((name, _)) => Err(self.fault(&format!("{} is not whole", name.display()))),
             None => Ok(()),
@@ -280,7 +278,8 @@ fn hidden(name: &Path) -> bool {
 /// Files of a folder and of those in it, with what depends on the clock left out: of the cache all but that it is there.
 fn files(dir: &Path) -> io::Result<Files> {
     let mut found = Files::new();
-    let mut open = vec![dir.to_owned()];
+    // None of a folder that is not there.
+    let mut open: Vec<PathBuf> = dir.exists().then(|| dir.to_owned()).into_iter().collect();
     while let Some(folder) = open.pop() {
         for entry in fs::read_dir(&folder)? {
             let path = entry?.path();
@@ -300,9 +299,9 @@ fn files(dir: &Path) -> io::Result<Files> {
     Ok(found)
 }
 
-/// The same of a folder that may not be there.
-fn files_or_none(dir: &Path) -> io::Result<Files> {
-    if dir.exists() { files(dir) } else { fs::create_dir_all(dir).map(|()| Files::new()) }
+/// Removes a folder, which may not be there.
+fn remove(dir: &Path) -> io::Result<()> {
+    if dir.exists() { fs::remove_dir_all(dir) } else { Ok(()) }
 }
 
 /// JSON without the values of members that depend on the clock or on the memory that a process has taken.

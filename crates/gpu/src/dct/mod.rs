@@ -8,9 +8,9 @@
 //! channels. All in integers: the texels are the CPU's.
 //!
 //! Cost: 4.3 bytes of scratch memory a texel and axis, [`MAX_SCRATCH`] at most, kept by the decoder for all textures.
-//! An H200 decodes 1.9 gigatexels/s of textures of 2048 texels a side, and most of it waits meanwhile: streams are read symbol by symbol.
-//! On one core of a busy machine (`examples/dct.rs`, 768x512 texels, 0.9 to 2 bits) llvmpipe takes 12 to 19 times as long as the
-//! CPU's decoder. Both in `benches/gpu.md`.
+//! An H200 decodes 1.9 gigatexels/s of textures of 2048 texels a side: streams are read symbol by symbol, which takes most of the time.
+//! On one core (`examples/dct.rs`, kodim08 and kodim19 at 0.9 to 2 bits) llvmpipe takes 10 to 14 times as long as the
+//! CPU's decoder. More in `benches/gpu.md`.
 //!
 //! *Any bytes decode*: nothing is checked when a texture is uploaded. The shader looks for a stream's end before it reads, and whatever it
 //! reads leads to places inside of its buffers and to loops of bounded length.
@@ -36,7 +36,7 @@ use crate::{Gpu, GpuError};
 pub const MAX_SCRATCH: u64 = 64 << 20;
 /// Distance of the passes' parameters in their buffer: what every device allows.
 const PASS_STRIDE: usize = 256;
-/// Passes that are bound at once.
+/// Passes that are bound at once: one for each plane, of which images of 262144 texels a side have as many.
 const PASSES: usize = 6;
 /// Blocks and axes that a workgroup transforms.
 const BLOCKS: u32 = 64;

@@ -36,17 +36,17 @@ impl Gpu {
     /// by the wall clock from their submission to the device's answer.
     ///
     /// # Errors
-    /// [`GpuError::Lost`]; [`GpuError`] of commands that the device refuses.
+    /// [`GpuError::Lost`], [`GpuError::OutOfMemory`], or [`GpuError::Refused`] for commands that are not valid.
     pub fn measure(&self, record: impl FnOnce(&mut wgpu::CommandEncoder)) -> Result<Duration, GpuError> {
-        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        if !self.has_timestamps() {
-            record(&mut encoder);
-            let start = Instant::now();
-            self.queue.submit([encoder.finish()]);
-            self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|_| GpuError::Lost)?;
-            return Ok(start.elapsed());
-        }
         self.guarded(|| {
+            let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            if !self.has_timestamps() {
+                record(&mut encoder);
+                let start = Instant::now();
+                self.queue.submit([encoder.finish()]);
+                self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|_| GpuError::Lost)?;
+                return Ok(start.elapsed());
+            }
             let queries = self.device.create_query_set(&wgpu::QuerySetDescriptor {
                 label: Some("timestamps"),
                 ty: wgpu::QueryType::Timestamp,
@@ -78,8 +78,7 @@ impl Gpu {
         })
     }
 
-    /// True where [`Gpu::measure`] reads timestamps: on GPUs that have them. Software renderers have them too, but write them
-    /// before what they draw is there.
+    /// True where [`Gpu::measure`] reads timestamps: on GPUs that have them, not in software.
     #[must_use]
     pub fn has_timestamps(&self) -> bool {
         let needed = Features::TIMESTAMP_QUERY | Features::TIMESTAMP_QUERY_INSIDE_ENCODERS;

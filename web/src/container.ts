@@ -168,18 +168,18 @@ export interface Size {
 export interface Layout {
   images: Size[];
   levels: number;
-  /** 1 gray, 2 gray and alpha, 3 RGB, 4 RGB and alpha. */
+  /** 1 gray, 2 gray and alpha or a band, 3 RGB, 4 RGB and alpha or a band. */
   channels: number;
   /** Bits a channel of the source, 8 or 16. */
   depth: number;
   colour: "srgb" | "linear" | "normal";
-  alpha: "opaque" | "straight" | "cutout";
+  alpha: "opaque" | "straight" | "cutout" | "band";
   /** Alpha from which on a cut-out is there. */
   threshold: number;
 }
 
 const COLOURS = ["srgb", "linear", "normal"] as const;
-const ALPHAS = ["opaque", "straight", "cutout"] as const;
+const ALPHAS = ["opaque", "straight", "cutout", "band"] as const;
 export const MAX_SIDE = 1 << 15;
 /** Texels a side of a texture that every WebGPU device can sample. */
 export const MAX_PLANE_SIDE = 8192;

@@ -101,7 +101,7 @@ export class GpuTexture {
 
   constructor(
     /** Sizes and mip levels of the images as they are on the GPU; null for a light field. */
-    readonly layout: Pick<Layout, "images" | "levels"> | null,
+    readonly layout: Pick<Layout, "images" | "levels"> & Partial<Pick<Layout, "alpha">> | null,
     readonly form: Form,
     readonly module: Module,
     /** Constants of pipelines that draw it. */
@@ -221,7 +221,7 @@ export class Gpu {
     if (!layout || codec !== "dct" || skipped === 0 || skipped >= layout.levels) {
       return { form, layout, skipped: 0 };
     }
-    const fewer = { images: layout.images.map((size) => atLevel(size, skipped)), levels: layout.levels - skipped };
+    const fewer = { ...layout, images: layout.images.map((size) => atLevel(size, skipped)), levels: layout.levels - skipped };
     const blocks = form.blocks.filter(({ level }) => level >= skipped).map((stage) => ({ ...stage, level: stage.level - skipped }));
     return { form: plainForm(fewer, blocks), layout: fewer, skipped };
   }

@@ -102,7 +102,7 @@ impl Content {
     pub fn fits(self, pixel: PixelInfo) -> bool {
         match self {
             Content::Raw | Content::Bc7 | Content::Bc1 => true,
-            Content::Bc3 => pixel.has_alpha(),
+            Content::Bc3 => pixel.has_extra(),
             Content::Bc4 => pixel.channels == 1,
             Content::Bc5 => {
                 pixel.channels == 2
@@ -116,7 +116,7 @@ impl Content {
     pub fn formats(self, pixel: PixelInfo) -> (Vec<PlaneFormat>, Swizzle) {
         use PlaneFormat as P;
         use texfold_core::sample as s;
-        let alpha = if pixel.has_alpha() { s::TEXFOLD_RGBA } else { s::TEXFOLD_RGB };
+        let alpha = if pixel.has_extra() { s::TEXFOLD_RGBA } else { s::TEXFOLD_RGB };
         let (formats, swizzle) = match (self, pixel.channels) {
             (Content::Raw, 1) => (vec![P::R8Unorm], s::TEXFOLD_GRAY),
             (Content::Raw, 2) => (vec![P::Rg8Unorm], s::TEXFOLD_GRAY_ALPHA),

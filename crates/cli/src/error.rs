@@ -95,6 +95,8 @@ pub(crate) enum CliError {
     ImageLimits { path: PathBuf, source: Box<image::ImageError> },
     #[error("{}: {what} are not read; convert to 8 or 16 bits and 1 to 4 channels", path.display())]
     PixelFormat { path: PathBuf, what: String },
+    #[error("{}: has {bands} bands, and only compress takes more than four, of one image at a time; give the file alone, or four of its bands", path.display())]
+    ManyBands { path: PathBuf, bands: u16 },
     #[error("{}: about {needed_mib} MiB are needed and {allowed_mib} MiB allowed; split the input or raise --memory", path.display())]
     Memory { path: PathBuf, needed_mib: u64, allowed_mib: u64 },
     #[error("{}: the {container} header is wrong; export the file again", path.display())]

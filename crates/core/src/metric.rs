@@ -59,7 +59,7 @@ impl SquaredError {
     }
 }
 
-/// Squared error of the colour channels of two images of the same size.
+/// Squared error of the colour channels, and of a band, of two images of the same size.
 ///
 /// Where the sizes differ, only what both have is compared.
 #[must_use]
@@ -69,10 +69,17 @@ pub fn color_error(source: &Raster, decoded: &Raster) -> SquaredError {
 
 /// As [`color_error`]; of no use once the job is cancelled.
 fn color_error_of(source: &Raster, decoded: &Raster, cancel: CancelCheck<'_>) -> SquaredError {
-    let channels = usize::from(source.info().color_channels().max(decoded.info().color_channels()));
-    let error = |a: Texel, b: Texel| (0..channels).map(|channel| squared_step(a[channel], b[channel])).sum();
+    let channels = counted_channels(source, decoded);
+    let error =
+        |a: Texel, b: Texel| channels.iter().map(|&channel| squared_step(a[channel], b[channel])).sum();
     let (sum, texels) = sum_of(source, decoded, cancel, error);
-    SquaredError { sum: sum as f64, count: texels * channels as u64 }
+    SquaredError { sum: sum as f64, count: texels * channels.len() as u64 }
+}
+
+/// Channels of texels that count as colours in one of two images.
+fn counted_channels(a: &Raster, b: &Raster) -> &'static [usize] {
+    let (a, b) = (a.info().counted_channels(), b.info().counted_channels());
+    if a.len() < b.len() { b } else { a }
 }
 
 /// The sum of `error` over all texels that both images have, and their number.
@@ -121,7 +128,7 @@ pub fn worst_block_rms(source: &Raster, decoded: &Raster) -> f64 {
 /// As [`worst_block_rms`]; of no use once the job is cancelled.
 fn worst_block_rms_of(source: &Raster, decoded: &Raster, cancel: CancelCheck<'_>) -> f64 {
     let size = source.size();
-    let channels = if source.info().has_alpha() { 4 } else { 3 };
+    let channels = if source.info().has_extra() { 4 } else { 3 };
     let (columns, rows) = size.blocks();
     let block = |index: u32| {
         if cancel.is_cancelled() {
@@ -283,21 +290,22 @@ fn squared_step(a: f32, b: f32) -> u64 {
     step * step
 }
 
-/// SSIM of two images of the same size, mean over the colour channels; 1 where they are equal.
+/// SSIM of two images of the same size, mean over the colour channels and a band; 1 where they are equal.
 #[must_use]
 pub fn ssim(source: &Raster, decoded: &Raster) -> f64 {
-    let channels = usize::from(source.info().color_channels().max(decoded.info().color_channels()));
+    let channels = counted_channels(source, decoded);
     let size = source.size();
     let plane = |raster: &Raster, channel: usize| -> Vec<f32> {
         raster.texels().map(|texel| f32::from(to_u8(texel[channel]))).collect()
     };
-    let total: f64 = (0..channels)
-        .map(|channel| {
+    let total: f64 = channels
+        .iter()
+        .map(|&channel| {
             let (a, b) = (plane(source, channel), plane(decoded, channel));
             ssim_plane(&a, &b, size.width as usize, size.height as usize)
         })
         .sum();
-    total / channels as f64
+    total / channels.len() as f64
 }
 
 fn ssim_plane(a: &[f32], b: &[f32], width: usize, height: usize) -> f64 {
@@ -361,7 +369,7 @@ fn blur(values: &[f32], width: usize, height: usize) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::ColorSpace;
+    use crate::image::{Alpha, ColorSpace};
 
     fn pseudo_random(width: u32, height: u32, channels: u8, seed: u32) -> Raster {
         let count = width * height * u32::from(channels);
@@ -442,5 +450,20 @@ mod tests {
         assert_eq!(alpha_error(&a, &b), Some(SquaredError { sum: 100.0, count: 1 }));
         let opaque = Raster::from_u8(1, 1, 3, ColorSpace::Srgb, &[1, 2, 3]).unwrap();
         assert_eq!(alpha_error(&opaque, &b), None);
+    }
+
+    #[test]
+    fn a_band_counts_as_colours_do() {
+        let of = |channels, bytes: &[u8]| {
+            Raster::from_u8(1, 1, channels, ColorSpace::Srgb, bytes)
+                .unwrap()
+                .tagged(ColorSpace::Srgb, Alpha::Band)
+        };
+        let (a, b) = (of(4, &[1, 2, 3, 100]), of(4, &[1, 2, 3, 90]));
+        assert_eq!(color_error(&a, &b), SquaredError { sum: 100.0, count: 4 });
+        assert_eq!(alpha_error(&a, &b), None);
+        let (a, b) = (of(2, &[1, 100]), of(2, &[3, 90]));
+        assert_eq!(color_error(&a, &b), SquaredError { sum: 104.0, count: 2 });
+        assert!(ssim(&a, &b) < 0.99);
     }
 }

@@ -400,3 +400,23 @@ fn cancelled_jobs_end() {
     let again = DctEncoder::new(&source, &DctSettings::default(), job.cancel_check());
     assert!(matches!(again, Err(EncodeError::Cancelled)));
 }
+
+#[test]
+fn a_band_shares_axes_with_colours() {
+    use texfold_core::image::{Alpha, ColorSpace, PixelInfo, Raster};
+    let rgb = texfold_testkit::image("terrain");
+    let size = rgb.size();
+    let texels: Vec<_> =
+        rgb.texels().map(|texel| texel.truncate().extend(0.5 * (texel.x + texel.y))).collect();
+    let length = |alpha| {
+        let info = PixelInfo { channels: 4, color: ColorSpace::Linear, alpha, ..PixelInfo::default() };
+        let image = Raster::from_texels(size.width, size.height, info, &texels).unwrap();
+        let source = DctSource::from_raster(&image, info.depth).unwrap();
+        let texture = encoded(&source, DctSettings::default().with_metric(Metric::Psnr));
+        assert!(psnr(&source, &texture, 255.0) > 30.0);
+        texture.to_bytes().len()
+    };
+    let (band, alpha) = (length(Alpha::Band), length(Alpha::Straight));
+    // What colours predict costs next to nothing.
+    assert!(band * 10 < alpha * 9, "{band} bytes, {alpha} as alpha");
+}

@@ -66,7 +66,7 @@ impl ProgressiveParams {
     pub(crate) fn metric_for(&self, pixel: PixelInfo, goal: Goal) -> Metric {
         match goal {
             Goal::Tolerance(_) => Metric::Psnr,
-            _ if pixel.has_alpha() => Metric::Psnr,
+            _ if pixel.has_extra() => Metric::Psnr,
             _ => self.metric.unwrap_or(Metric::for_goal(goal, pixel.color)),
         }
     }

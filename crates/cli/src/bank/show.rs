@@ -120,6 +120,7 @@ impl Bank {
                     &path,
                     size,
                     PixelInfo { channels: image.channels, ..*pixel },
+                    None,
                 )?),
             };
             let texture = match writing.layers {

@@ -50,7 +50,7 @@ pub struct CompareArgs {
     /// Meaning of the images' values; by default the one that the ends of file names say, else srgb.
     #[arg(long, value_enum)]
     color: Option<ColorName>,
-    /// Meaning of alpha: straight, cutout, cutout=THRESHOLD.
+    /// Meaning of the channel beside gray or RGB: straight, cutout, cutout=THRESHOLD, band.
     #[arg(long, value_name = "ALPHA")]
     alpha: Option<AlphaChoice>,
 }

@@ -11,7 +11,7 @@ use texfold_core::mesh::UvMesh;
 use super::cache::{Cache, add_file, program};
 use super::encode;
 use crate::error::{CliError, guarded};
-use crate::input::{Found, frames, mesh, size_of};
+use crate::input::{Found, frames, mesh, pixels, size_of};
 use crate::memory;
 use crate::normals;
 use crate::output::write_whole;
@@ -59,7 +59,12 @@ impl Task {
 
     fn texels(&self) -> Result<u64, CliError> {
         let all_frames = self.found.takes_all_frames();
-        let frames = |file: &Path| if all_frames { frames::count(file) as u64 } else { 1 };
+        let is_only = self.found.files.len() == 1;
+        let frames = |file: &Path| match all_frames {
+            true => frames::count(file) as u64,
+            false if is_only => pixels::band_images(file).into(),
+            false => 1,
+        };
         let texels = |file: &PathBuf| size_of(file).map(|size| size.texels().saturating_mul(frames(file)));
         self.found.files.iter().map(texels).sum()
     }

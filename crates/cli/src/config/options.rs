@@ -139,7 +139,7 @@ pub struct Options {
     /// normal or linear, and all else is srgb; a folder of unlike maps in one file is srgb: give --as image.
     #[arg(long, value_enum, help_heading = "Input")]
     pub(super) color: Option<ColorName>,
-    /// Meaning of alpha: straight, cutout, cutout=THRESHOLD.
+    /// Meaning of the channel beside gray or RGB: straight, cutout, cutout=THRESHOLD, band.
     #[arg(long, value_name = "ALPHA", help_heading = "Input")]
     pub(super) alpha: Option<AlphaChoice>,
 }

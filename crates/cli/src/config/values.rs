@@ -233,7 +233,7 @@ impl ColorName {
     }
 }
 
-/// How alpha is read: `straight`, `cutout` or `cutout=THRESHOLD`.
+/// Meaning of the channel beside gray or RGB: `straight`, `cutout`, `cutout=THRESHOLD` or `band`.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct AlphaChoice(pub(crate) Alpha);
@@ -264,10 +264,11 @@ pub struct ValueError {
 impl FromStr for AlphaChoice {
     type Err = ValueError;
     fn from_str(text: &str) -> Result<Self, ValueError> {
-        let wanted = "straight, cutout, or cutout=THRESHOLD with a threshold above 0 and up to 1";
+        let wanted = "straight, cutout, band, or cutout=THRESHOLD with a threshold above 0 and up to 1";
         let error = || ValueError { value: text.to_owned(), wanted };
         match text.split_once('=') {
             None if text == "straight" => Ok(AlphaChoice(Alpha::Straight)),
+            None if text == "band" => Ok(AlphaChoice(Alpha::Band)),
             None if text == "cutout" => Ok(AlphaChoice(Alpha::Cutout(CUTOUT_THRESHOLD))),
             Some(("cutout", threshold)) => {
                 let threshold: f32 = threshold.parse().map_err(|_| error())?;

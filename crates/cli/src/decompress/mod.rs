@@ -13,13 +13,15 @@ use texfold_core::container::Sections;
 use texfold_core::image::Raster;
 use texfold_core::metric::{decode_image, decode_rect};
 use texfold_core::{
-    Budget, Encoded, Image2d, ImageSize, Layers, Limits, MAX_IMAGE_SIDE, Rect, RegionError, SourceError,
+    Budget, Encoded, Image2d, ImageLayout, ImageSize, Layers, Limits, MAX_IMAGE_SIDE, Rect, RegionError,
+    SourceError,
 };
 
 use crate::console::{complain, warn};
 use crate::error::{CliError, explain, guarded};
 use crate::files;
 use crate::input::georeference::{Georeference, Part};
+use crate::input::samples::{Bands, MOST_CHANNELS};
 use crate::output::{make_folder, remove_stale};
 use crate::{bank, input};
 pub(crate) use gpu::Device;
@@ -136,11 +138,13 @@ fn plan(
     let encoded = image.as_encoded();
     check_parts(path, args, encoded)?;
     let (sizes, ending) = (&encoded.layout().images, args.writing.ending());
-    let chosen = args.image.map_or(0..=sizes.len().saturating_sub(1) as u32, |image| image..=image);
+    let joined = bands_of(encoded, args);
+    let last = if joined.is_some() { 0 } else { sizes.len().saturating_sub(1) as u32 };
+    let chosen = args.image.map_or(0..=last, |image| image..=image);
     let output = |image: u32| {
         let none = RegionError::NoSuchImage { image, images: sizes.len() };
         let size = sizes.get(image as usize).ok_or(none)?.at_level(args.writing.lod);
-        let name = name(path, image as usize, sizes.len(), &ending);
+        let name = name(path, image as usize, joined.map_or(sizes.len(), |_| 1), &ending);
         Ok((args.writing.rect(image, size)?, args.writing.out.join(name)))
     };
     let outputs: Result<Vec<_>, RegionError> = chosen.map(output).collect();
@@ -164,18 +168,32 @@ fn decompress(
     let uploaded = device.map(|device| device.upload(path, encoded)).transpose()?;
     for (rect, output) in outputs {
         let size = ImageSize { width: rect.width, height: rect.height };
-        let picture = args.writing.picture(path, size, encoded.layout().pixel)?;
+        let joined = bands_of(encoded, args);
+        let picture = args.writing.picture(path, size, encoded.layout().pixel, joined)?;
         let mut picture = picture.with_georeference(georeference(encoded, *rect));
-        for band in bands(*rect) {
-            let raster = match &uploaded {
-                Some(uploaded) => uploaded.decode(path, encoded, band, args.continuous)?,
-                None => on_cpu(path, &image, band, args)?,
-            };
-            picture.place((0, band.y - rect.y), &raster);
+        // Images of bands follow one another.
+        for further in 0..joined.map_or(1, Bands::images) {
+            for part in bands(Rect { image: rect.image + u32::from(further), ..*rect }) {
+                let raster = match &uploaded {
+                    Some(uploaded) => uploaded.decode(path, encoded, part, args.continuous)?,
+                    None => on_cpu(path, &image, part, args)?,
+                };
+                picture.place_bands(further * MOST_CHANNELS, (0, part.y - rect.y), &raster);
+            }
         }
         picture.write(output)?;
     }
     Ok(())
+}
+
+/// The bands of all images of a texture together, where the output is to hold them: those of one source.
+fn bands_of(encoded: &dyn Encoded<Domain = Image2d>, args: &DecompressArgs) -> Option<Bands> {
+    let bands = Georeference::of_notes(encoded.notes())?.bands()?;
+    let ImageLayout { images, pixel, .. } = encoded.layout();
+    let fits = images.len() == usize::from(bands.images())
+        && images.iter().all(|size| *size == images[0])
+        && bands.count.min(MOST_CHANNELS) == u16::from(pixel.channels);
+    (fits && args.image.is_none() && args.writing.takes_bands()).then_some(bands)
 }
 
 /// The georeference of a rectangle.

@@ -6,7 +6,7 @@ use std::path::Path;
 use image::codecs::{openexr::OpenExrEncoder, webp::WebPEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use texfold_core::ImageSize;
-use texfold_core::image::{ColorSpace, Depth, PixelInfo, Raster, srgb_to_linear};
+use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo, Raster, srgb_to_linear};
 use tiff::encoder::colortype::{ColorType, Gray8, Gray16, RGB8, RGB16};
 use tiff::encoder::{TiffEncoder, TiffValue};
 use tiff::tags::ExtraSamples;
@@ -14,6 +14,7 @@ use tiff::tags::ExtraSamples;
 use crate::console::{say, warn};
 use crate::error::CliError;
 use crate::input::georeference::Georeference;
+use crate::input::samples::Bands;
 use crate::output::write_whole;
 use crate::png;
 
@@ -59,7 +60,14 @@ enum Sample {
 pub(crate) struct Picture {
     format: Format,
     size: ImageSize,
+    /// Pixels of the rasters that are placed.
     info: PixelInfo,
+    /// Channels of the file.
+    channels: u16,
+    /// Whether the first three are red, green and blue.
+    is_rgb: bool,
+    /// True where the format has no place for a band that the texture has.
+    lacks_band: bool,
     sample: Sample,
     /// Channels interleaved, samples in the byte order of the machine.
     bytes: Vec<u8>,
@@ -68,28 +76,45 @@ pub(crate) struct Picture {
 }
 
 impl Picture {
-    /// An image without texels, of those channels and that depth.
-    pub(super) fn new(format: Format, size: ImageSize, info: PixelInfo) -> Picture {
-        let mut picture = Picture::empty(format, size, info);
+    /// An image without texels, of those channels and that depth; with `bands` it has all of them.
+    pub(super) fn new(format: Format, size: ImageSize, info: PixelInfo, bands: Option<Bands>) -> Picture {
+        let mut picture = Picture::empty(format, size, info, bands);
         picture.bytes = vec![0; size.texels() as usize * picture.texel_bytes()];
         picture
     }
 
     /// Bytes of its samples.
-    pub(super) fn bytes(format: Format, size: ImageSize, info: PixelInfo) -> u64 {
-        size.texels() * Picture::empty(format, size, info).texel_bytes() as u64
+    pub(super) fn bytes(format: Format, size: ImageSize, info: PixelInfo, bands: Option<Bands>) -> u64 {
+        size.texels() * Picture::empty(format, size, info, bands).texel_bytes() as u64
     }
 
-    fn empty(format: Format, size: ImageSize, mut info: PixelInfo) -> Picture {
+    fn empty(format: Format, size: ImageSize, mut info: PixelInfo, bands: Option<Bands>) -> Picture {
         let sample = match (format, info.depth) {
             (Format::Exr, _) => Sample::Float,
             (Format::Png | Format::Tiff, Depth::Sixteen) => Sample::Sixteen,
             _ => Sample::Eight,
         };
+        let has_band = info.has_extra() && !info.has_alpha();
+        let lacks_band = has_band && format != Format::Tiff;
+        if lacks_band {
+            info = PixelInfo { channels: info.channels - 1, alpha: Alpha::Opaque, ..info };
+        }
         if sample == Sample::Float && info.channels < 3 {
             info.channels += 2;
         }
-        Picture { format, size, info, sample, bytes: Vec::new(), georeference: None }
+        let is_rgb = bands.map_or(info.channels > 2, |bands| bands.is_rgb);
+        let channels = bands.map_or(info.channels.into(), |bands| bands.count);
+        Picture {
+            format,
+            size,
+            info,
+            channels,
+            is_rgb,
+            lacks_band,
+            sample,
+            bytes: Vec::new(),
+            georeference: None,
+        }
     }
 
     /// The same with a georeference.
@@ -103,21 +128,31 @@ impl Picture {
             Sample::Sixteen => 2,
             Sample::Float => 4,
         };
-        usize::from(self.info.channels) * sample
+        usize::from(self.channels) * sample
     }
 
     /// Puts a raster in its place; what does not fit is cut. Alpha that it lacks is 1.
-    pub(crate) fn place(&mut self, (left, top): (u32, u32), raster: &Raster) {
+    pub(crate) fn place(&mut self, corner: (u32, u32), raster: &Raster) {
+        self.place_bands(0, corner, raster);
+    }
+
+    /// As [`Picture::place`], into channels from number `first` on.
+    pub(super) fn place_bands(&mut self, first: u16, (left, top): (u32, u32), raster: &Raster) {
         let (ImageSize { width, height }, texel) = (raster.size(), self.texel_bytes());
+        let sample = texel / usize::from(self.channels);
         let columns = width.min(self.size.width.saturating_sub(left)) as usize;
         let rows = height.min(self.size.height.saturating_sub(top)) as usize;
         let channels = self.info.channels;
         let matched = (raster.info().channels != channels).then(|| raster.with_channels(channels));
         let texels = self.samples(matched.as_ref().unwrap_or(raster));
+        let own = usize::from(channels) * sample;
+        // The last of several images may have more channels than there are bands.
+        let used = own.min(usize::from(self.channels.saturating_sub(first)) * sample);
         let to = self.bytes.chunks_exact_mut(self.size.width as usize * texel).skip(top as usize);
-        for (to, from) in to.zip(texels.chunks_exact(width as usize * texel)).take(rows) {
-            if columns > 0 {
-                to[left as usize * texel..][..columns * texel].copy_from_slice(&from[..columns * texel]);
+        for (to, from) in to.zip(texels.chunks_exact(width as usize * own)).take(rows) {
+            let to = to.chunks_exact_mut(texel).skip(left as usize).take(columns);
+            for (to, from) in to.zip(from.chunks_exact(own)) {
+                to[usize::from(first) * sample..][..used].copy_from_slice(&from[..used]);
             }
         }
     }
@@ -153,6 +188,12 @@ impl Picture {
         if self.georeference.is_some() && self.format != Format::Tiff {
             warn(&format!("{}: the georeference is left out; give --to tiff to keep it", path.display()));
         }
+        if self.lacks_band {
+            warn(&format!(
+                "{}: the band beside the colours is left out; give --to tiff to keep it",
+                path.display()
+            ));
+        }
         if self.sample == Sample::Eight && self.info.depth == Depth::Sixteen {
             let path = path.display();
             warn(&format!(
@@ -181,31 +222,34 @@ impl Picture {
                 WebPEncoder::new_lossless(&mut out).write_image(&self.bytes, width, height, color)?;
             }
             Format::Exr => OpenExrEncoder::new(&mut out).write_image(&self.bytes, width, height, color)?,
-            Format::Tiff if self.sample == Sample::Eight => match self.info.color_channels() {
-                1 => self.tiff::<Gray8>(&mut out, &self.bytes)?,
-                _ => self.tiff::<RGB8>(&mut out, &self.bytes)?,
+            Format::Tiff if self.sample == Sample::Eight => match self.is_rgb {
+                false => self.tiff::<Gray8>(&mut out, &self.bytes)?,
+                true => self.tiff::<RGB8>(&mut out, &self.bytes)?,
             },
             Format::Tiff => {
                 let pairs = self.bytes.chunks_exact(2).map(|pair| u16::from_ne_bytes([pair[0], pair[1]]));
                 let samples: Vec<u16> = pairs.collect();
-                match self.info.color_channels() {
-                    1 => self.tiff::<Gray16>(&mut out, &samples)?,
-                    _ => self.tiff::<RGB16>(&mut out, &samples)?,
+                match self.is_rgb {
+                    false => self.tiff::<Gray16>(&mut out, &samples)?,
+                    true => self.tiff::<RGB16>(&mut out, &samples)?,
                 }
             }
         }
         Ok(out.into_inner())
     }
 
-    /// Writes TIFF, with alpha as an extra sample.
+    /// Writes TIFF, with alpha or bands as extra samples.
     fn tiff<C: ColorType>(&self, out: &mut Cursor<Vec<u8>>, samples: &[C::Inner]) -> tiff::TiffResult<()>
     where
         [C::Inner]: TiffValue,
     {
         let mut encoder = TiffEncoder::new(out)?;
         let mut image = encoder.new_image::<C>(self.size.width, self.size.height)?;
-        if self.info.has_alpha() {
-            image.extra_samples(&[ExtraSamples::UnassociatedAlpha])?;
+        let extra = usize::from(self.channels).saturating_sub(C::BITS_PER_SAMPLE.len());
+        let kind =
+            if self.info.has_alpha() { ExtraSamples::UnassociatedAlpha } else { ExtraSamples::Unspecified };
+        if extra > 0 {
+            image.extra_samples(&vec![kind; extra])?;
         }
         if let Some(georeference) = &self.georeference {
             georeference.write(image.encoder())?;

@@ -8,6 +8,7 @@ use texfold_core::{ImageSize, Rect, RegionError};
 
 use super::picture::{Format, Picture};
 use crate::error::CliError;
+use crate::input::samples::Bands;
 use crate::memory;
 
 /// Texels that are decoded at a time.
@@ -81,25 +82,36 @@ impl Writing {
         Ok(Rect { image, level: self.lod, x, y, width: across, height: down })
     }
 
-    /// An image without texels, for the file at `path`.
+    /// An image without texels, for the file at `path`; with `bands` it has all of them.
     ///
     /// # Errors
     /// [`CliError::Memory`] where the image, its file and the texels that are decoded at a time do not fit into the limit.
-    pub(crate) fn picture(&self, path: &Path, size: ImageSize, info: PixelInfo) -> Result<Picture, CliError> {
+    pub(crate) fn picture(
+        &self,
+        path: &Path,
+        size: ImageSize,
+        info: PixelInfo,
+        bands: Option<Bands>,
+    ) -> Result<Picture, CliError> {
         let allowed = self.memory.map_or_else(memory::usual_limit, memory::from_gib);
         let band = size.texels().min(BAND_TEXELS) * BAND_BYTES_PER_TEXEL;
-        let needed = 2 * Picture::bytes(self.to, size, info) + band;
+        let needed = 2 * Picture::bytes(self.to, size, info, bands) + band;
         if needed > allowed {
             let (needed_mib, allowed_mib) = (needed.div_ceil(1 << 20), allowed >> 20);
             return Err(CliError::Memory { path: path.to_owned(), needed_mib, allowed_mib });
         }
-        Ok(Picture::new(self.to, size, info))
+        Ok(Picture::new(self.to, size, info, bands))
     }
 
     /// The ending of file names: the rectangle, if one is given, and the extension.
     pub(crate) fn ending(&self) -> String {
         let region = self.region.map(|[x, y, width, height]| format!("-{x}-{y}-{width}x{height}"));
         format!("{}.{}", region.unwrap_or_default(), self.to.extension())
+    }
+
+    /// Whether files hold any number of bands.
+    pub(super) fn takes_bands(&self) -> bool {
+        self.to == Format::Tiff
     }
 
     /// Refuses to overwrite: fails where one of these files is there, without --force.

@@ -124,6 +124,7 @@ fn summarise(path: &Path, encoded: &dyn Encoded<Domain = Image2d>) -> Summary {
         alpha: match alpha {
             Alpha::Opaque => "opaque".to_owned(),
             Alpha::Straight => "straight".to_owned(),
+            Alpha::Band => "band".to_owned(),
             Alpha::Cutout(threshold) => format!("cutout={threshold}"),
         },
         layers_loaded: layers.loaded,
@@ -135,7 +136,7 @@ fn summarise(path: &Path, encoded: &dyn Encoded<Domain = Image2d>) -> Summary {
         settings: encoded.notes().settings.clone(),
         verdict: encoded.notes().verdict.clone(),
         source: encoded.notes().source.as_ref().map_or_else(Vec::new, |source| source.remarks.clone()),
-        georeference: Georeference::of_notes(encoded.notes()).map(|found| found.description()),
+        georeference: Georeference::of_notes(encoded.notes()).and_then(|found| found.description()),
         parts: part_rows(&footprint),
     }
 }

@@ -1,19 +1,19 @@
 //! Images read in bands of rows: PNG by its rows and TIFF by its strips or tiles hold no more than a band and what a
-//! strip or row of tiles holds; all else is decoded whole, as it is stored. A fourth band of a TIFF that is said to be
-//! no alpha, as near infrared in aerial photographs, is left out.
+//! strip or row of tiles holds; all else is decoded whole, as it is stored.
 
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use image::DynamicImage;
-use texfold_core::image::{Alpha, ColorSpace, Raster};
+use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo, Raster};
 use texfold_core::{ImageSize, SourceError};
 use tiff::decoder::{ChunkType, Decoder as TiffDecoder, DecodingResult};
 use tiff::tags::{PlanarConfiguration, Tag};
 
 use super::georeference::Georeference;
-use super::pixels::{self, no_alpha};
+use super::pixels;
+use super::samples;
 use super::{Remarks, frames, profile};
 use crate::error::CliError;
 use crate::files;
@@ -36,19 +36,6 @@ pub(crate) struct Band {
 enum Samples {
     Eight(Vec<u8>),
     Sixteen(Vec<u16>),
-}
-
-impl Samples {
-    /// All but the last of so many channels.
-    fn without_last(self, channels: usize) -> Samples {
-        fn cut<T: Copy>(values: &[T], channels: usize) -> Vec<T> {
-            values.chunks_exact(channels).flat_map(|texel| &texel[..channels - 1]).copied().collect()
-        }
-        match self {
-            Samples::Eight(values) => Samples::Eight(cut(&values, channels)),
-            Samples::Sixteen(values) => Samples::Sixteen(cut(&values, channels)),
-        }
-    }
 }
 
 /// An image that is read from top to bottom.
@@ -87,8 +74,6 @@ struct Tiff {
     channels: u8,
     /// Whether the last channel is a band of its own and no alpha.
     has_band: bool,
-    /// True if the file has bands that are neither colour nor alpha; the decoder may leave them out itself.
-    lost_band: bool,
     /// Columns and rows of a chunk, and chunks beside one another.
     chunk: (u32, u32),
     across: u32,
@@ -108,18 +93,21 @@ impl Bands {
     ) -> Result<Bands, CliError> {
         let size = super::size_of(path)?;
         let head = super::head_of(path)?;
-        let (mut color, alpha) = (settings.color, settings.alpha);
+        let (mut color, mut alpha) = (settings.color, settings.alpha);
         let source = if super::container::Container::of(&head).is_some() {
             Source::Texels(whole(remarks)?)
         } else if let Some(source) = streamed(path, &head, color) {
             frames::warn_of_rest(path, &head, remarks);
-            if matches!(&source, Source::Tiff(tiff) if tiff.lost_band) {
-                remarks.warn(path, pixels::LOST_BAND);
+            if matches!(&source, Source::Tiff(tiff) if tiff.has_band) {
+                alpha = alpha.or(Some(Alpha::Band));
             }
             source
         } else {
             let decoded = pixels::decode(path, color, limit_bytes, remarks)?;
             color = decoded.color;
+            if decoded.has_band {
+                alpha = alpha.or(Some(Alpha::Band));
+            }
             Source::Whole(decoded.image)
         };
         if Georeference::of_file(path).is_some() {
@@ -154,12 +142,7 @@ impl Bands {
             Source::Png(reader) => png_rows(&path, reader, rows)?,
             Source::Tiff(tiff) => {
                 let failed = |error: tiff::TiffError| tiff_fault(&path, error);
-                let samples = tiff.rows(width, self.size.height, rows).map_err(failed)?;
-                if tiff.has_band {
-                    (tiff.channels - 1, samples.without_last(usize::from(tiff.channels)))
-                } else {
-                    (tiff.channels, samples)
-                }
+                (tiff.channels, tiff.rows(width, self.size.height, rows).map_err(failed)?)
             }
         };
         Ok(Band { path, width, rows, channels, samples, color, alpha })
@@ -263,14 +246,16 @@ impl Tiff {
             ChunkType::Strip => 1,
             ChunkType::Tile => width.div_ceil(chunk.0.max(1)),
         };
-        let lost_band = no_alpha(&mut decoder)?;
-        let has_band = lost_band && channels % 2 == 0;
+        let bands = samples::Bands::of(&mut decoder);
+        if bands.is_some_and(|bands| !bands.is_rgb || bands.count != u16::from(channels)) {
+            // Of RGB the decoder leaves out further samples.
+            return None;
+        }
         let held = Samples::Eight(Vec::new());
         (chunk.0 > 0 && chunk.1 > 0).then_some(Tiff {
             decoder,
             channels,
-            has_band,
-            lost_band,
+            has_band: bands.is_some(),
             chunk,
             across,
             first: 0,
@@ -413,20 +398,34 @@ impl Band {
         let row = self.width as usize * channels;
         let (from, count) = (left as usize * channels, width as usize * channels);
         let lines = top as usize..(top + height) as usize;
+        let info =
+            |depth| PixelInfo { channels: self.channels, depth, color: self.color, alpha: Alpha::Band };
+        let has_band = self.alpha == Some(Alpha::Band) && info(Depth::Eight).has_extra();
         let raster = match &self.samples {
             Samples::Eight(values) => {
                 let cut: Vec<u8> = lines
                     .flat_map(|line| &values[line * row + from..line * row + from + count])
                     .copied()
                     .collect();
-                Raster::from_u8(width, height, self.channels, self.color, &cut)
+                if has_band {
+                    // Opaque alpha is dropped, but no band.
+                    let data = cut.into_iter().map(|byte| f32::from(byte) / 255.0).collect();
+                    Raster::new(width, height, info(Depth::Eight), data)
+                } else {
+                    Raster::from_u8(width, height, self.channels, self.color, &cut)
+                }
             }
             Samples::Sixteen(values) => {
                 let cut: Vec<u16> = lines
                     .flat_map(|line| &values[line * row + from..line * row + from + count])
                     .copied()
                     .collect();
-                Raster::from_u16(width, height, self.channels, self.color, &cut)
+                if has_band {
+                    let data = cut.into_iter().map(|value| f32::from(value) / 65535.0).collect();
+                    Raster::new(width, height, info(Depth::Sixteen), data)
+                } else {
+                    Raster::from_u16(width, height, self.channels, self.color, &cut)
+                }
             }
         };
         let unsuitable = |source: SourceError| CliError::Source { path: self.path.clone(), source };

@@ -7,7 +7,7 @@ use std::path::Path;
 use image::codecs::{gif::GifDecoder, png::PngDecoder, webp::WebPDecoder};
 use image::{AnimationDecoder, DynamicImage, Frames, ImageDecoder, ImageError, Limits};
 use tiff::decoder::Decoder as TiffDecoder;
-use tiff::tags::Tag;
+use tiff::tags::{PhotometricInterpretation, Tag};
 
 use super::remarks::Remarks;
 use crate::files;
@@ -187,46 +187,103 @@ pub(super) fn of_animation(path: &Path, limits: Limits) -> Result<Option<Vec<Dyn
 
 /// Opens a file, as if the page whose directory is there were its first.
 pub(super) fn open(path: &Path, page: Option<u64>) -> io::Result<Box<dyn Source>> {
-    let mut file = files::open(path)?;
-    let Some(at) = page else { return Ok(Box::new(BufReader::new(file))) };
-    let mut head = Vec::new();
-    (&mut file).take(TIFF_HEAD as u64).read_to_end(&mut head)?;
-    head.resize(TIFF_HEAD, 0);
-    let (little, big) = (head[0] == b'I', head.contains(&b'+'));
-    let place = if big { 8..16 } else { 4..8 };
-    let bytes = if little { at.to_le_bytes() } else { at.to_be_bytes() };
-    let used = if big || little { 0 } else { 4 };
-    let length = place.len();
-    head[place].copy_from_slice(&bytes[used..used + length]);
-    if !big {
-        // What follows belongs to the file.
-        head.truncate(8);
+    match page {
+        None => Ok(Box::new(BufReader::new(files::open(path)?))),
+        Some(_) => open_patched(path, page, None),
     }
-    Ok(Box::new(BufReader::new(Page { file, head, at: 0 })))
 }
 
-/// A TIFF file with another head.
-struct Page {
+/// As [`open`], as if the texels of the directory at byte `directory` were gray with bands: of RGB, the decoder leaves out what it
+/// does not know the meaning of.
+pub(super) fn open_as_gray(path: &Path, page: Option<u64>, directory: u64) -> io::Result<Box<dyn Source>> {
+    open_patched(path, page, Some(directory))
+}
+
+fn open_patched(path: &Path, page: Option<u64>, gray: Option<u64>) -> io::Result<Box<dyn Source>> {
+    let mut file = files::open(path)?;
+    let mut head = Vec::new();
+    (&mut file).take(TIFF_HEAD as u64).read_to_end(&mut head)?;
+    let form = TiffForm { is_little: head.starts_with(b"I"), is_big: head.contains(&b'+') };
+    let mut patches = Vec::new();
+    if let Some(at) = page {
+        let (place, length) = if form.is_big { (8, 8) } else { (4, 4) };
+        patches.push((place, form.bytes(at, length)));
+    }
+    if let Some(directory) = gray {
+        let place = form.value_of(&mut file, directory, Tag::PhotometricInterpretation.to_u16())?;
+        patches.push((place, form.bytes(PhotometricInterpretation::BlackIsZero.to_u16().into(), 2)));
+    }
+    Ok(Box::new(BufReader::new(Patched { file, patches, at: 0 })))
+}
+
+/// Byte order and width of numbers.
+#[derive(Clone, Copy)]
+struct TiffForm {
+    is_little: bool,
+    is_big: bool,
+}
+
+impl TiffForm {
+    fn bytes(self, value: u64, length: usize) -> Vec<u8> {
+        if self.is_little {
+            value.to_le_bytes()[..length].to_vec()
+        } else {
+            value.to_be_bytes()[8 - length..].to_vec()
+        }
+    }
+
+    fn number(self, bytes: &[u8]) -> u64 {
+        let digits = |sum, &byte: &u8| sum << 8 | u64::from(byte);
+        if self.is_little { bytes.iter().rev().fold(0, digits) } else { bytes.iter().fold(0, digits) }
+    }
+
+    /// Byte offset of a tag's value in a directory that holds it in its entry.
+    fn value_of(self, file: &mut File, directory: u64, tag: u16) -> io::Result<u64> {
+        let (counter, entry, value) = if self.is_big { (8, 20, 12) } else { (2, 12, 8) };
+        let mut count = [0; 8];
+        file.seek(SeekFrom::Start(directory))?;
+        file.read_exact(&mut count[..counter])?;
+        let mut name = [0; 2];
+        for index in 0..self.number(&count[..counter]).min(u64::from(u16::MAX)) {
+            let at = directory.saturating_add(counter as u64 + index * entry);
+            file.seek(SeekFrom::Start(at))?;
+            file.read_exact(&mut name)?;
+            if self.number(&name) == u64::from(tag) {
+                return Ok(at + value);
+            }
+        }
+        Err(io::Error::from(io::ErrorKind::InvalidData))
+    }
+}
+
+/// A file with other bytes in places, none of which reaches into another.
+struct Patched {
     file: File,
-    head: Vec<u8>,
+    patches: Vec<(u64, Vec<u8>)>,
     at: u64,
 }
 
-impl Read for Page {
+impl Read for Patched {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let own = usize::try_from(self.at).ok().and_then(|at| self.head.get(at..)).unwrap_or_default();
-        let count = if own.is_empty() {
-            self.file.seek(SeekFrom::Start(self.at))?;
-            self.file.read(buffer)?
+        let within = |(start, bytes): &(u64, Vec<u8>)| {
+            let from = usize::try_from(self.at.checked_sub(*start)?).ok()?;
+            bytes.get(from..).filter(|rest| !rest.is_empty()).map(<[u8]>::to_vec)
+        };
+        let count = if let Some(rest) = self.patches.iter().find_map(within) {
+            (&rest[..]).read(buffer)?
         } else {
-            (&own[..]).read(buffer)?
+            let next = self.patches.iter().filter_map(|(start, _)| start.checked_sub(self.at)).min();
+            let most =
+                next.and_then(|next| usize::try_from(next).ok()).unwrap_or(usize::MAX).min(buffer.len());
+            self.file.seek(SeekFrom::Start(self.at))?;
+            self.file.read(&mut buffer[..most])?
         };
         self.at += count as u64;
         Ok(count)
     }
 }
 
-impl Seek for Page {
+impl Seek for Patched {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         self.at = match to {
             SeekFrom::Current(by) => {

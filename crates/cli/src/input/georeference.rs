@@ -1,4 +1,5 @@
-//! Georeferences: an image's GeoTIFF tags (OGC GeoTIFF 1.1), kept as a TIFF file of one texel.
+//! Georeferences: an image's GeoTIFF tags (OGC GeoTIFF 1.1), GDAL's metadata and the meaning of bands, kept as a TIFF file of
+//! one texel.
 
 use std::io::{BufRead, Cursor, Seek, Write};
 use std::path::Path;
@@ -6,10 +7,12 @@ use std::path::Path;
 use texfold_core::container::{MAX_GEOREFERENCE, Notes};
 use tiff::TiffResult;
 use tiff::decoder::Decoder;
-use tiff::encoder::{DirectoryEncoder, TiffEncoder, TiffKind, colortype::Gray8};
-use tiff::tags::Tag;
+use tiff::encoder::colortype::{ColorType, Gray8, RGB8};
+use tiff::encoder::{DirectoryEncoder, TiffEncoder, TiffKind};
+use tiff::tags::{ExtraSamples, Tag};
 
 use super::Remarks;
+use super::samples::{self, Bands, GDAL_METADATA};
 
 /// Keys of the directory: kind of raster, projected and geographic coordinate system.
 const RASTER_TYPE: u16 = 1025;
@@ -22,7 +25,7 @@ const USER_DEFINED: u16 = 32767;
 /// Code of values that are stored in their entry of the directory.
 const IN_PLACE: u16 = 0;
 
-/// The tags that give an image its place on Earth.
+/// The tags that give an image its place on Earth and its bands their meaning.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Georeference {
     /// Size of a texel: 3 numbers, or none.
@@ -37,6 +40,9 @@ pub(crate) struct Georeference {
     text: String,
     /// Value of texels without data, as GDAL writes it.
     no_data: String,
+    /// GDAL's metadata.
+    metadata: String,
+    bands: Option<Bands>,
 }
 
 /// A part of an image at a mip level.
@@ -49,7 +55,7 @@ pub(crate) struct Part {
 }
 
 impl Georeference {
-    /// Georeference of the first image of a TIFF file; `None` where it has none, or an incomplete one.
+    /// Georeference of the first image of a TIFF file; `None` where it has neither a place nor bands, or an incomplete one.
     pub(crate) fn of_file(path: &Path) -> Option<Georeference> {
         let head = super::head_of(path).ok()?;
         let is_tiff = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| head.starts_with(*magic));
@@ -80,28 +86,51 @@ impl Georeference {
             keys: decoder.get_tag_u16_vec(Tag::GeoKeyDirectoryTag).unwrap_or_default(),
             text: decoder.get_tag_ascii_string(Tag::GeoAsciiParamsTag).unwrap_or_default(),
             no_data: decoder.get_tag_ascii_string(Tag::GdalNodata).unwrap_or_default(),
+            metadata: samples::metadata(&mut decoder),
+            bands: Bands::of(&mut decoder),
         };
         found.is_usable().then_some(found)
     }
 
     fn is_usable(&self) -> bool {
         let places = [&self.scale, &self.tie_points, &self.matrix];
-        let has_place = self.matrix.len() == 16 || !self.tie_points.is_empty();
-        has_place
+        (self.has_place() || self.bands.is_some())
             && places.into_iter().flatten().all(|number| number.is_finite())
             && matches!(self.scale.len(), 0 | 3)
             && self.tie_points.len().is_multiple_of(6)
             && matches!(self.matrix.len(), 0 | 16)
     }
 
+    fn has_place(&self) -> bool {
+        self.matrix.len() == 16 || !self.tie_points.is_empty()
+    }
+
+    /// The bands of texels that have more than gray or RGB and alpha.
+    pub(crate) fn bands(&self) -> Option<Bands> {
+        self.bands
+    }
+
     /// A TIFF file of one texel with these tags; `None` where it is longer than notes may hold.
-    pub(crate) fn to_bytes(&self) -> Option<Vec<u8>> {
+    fn to_bytes(&self) -> Option<Vec<u8>> {
         let mut out = Cursor::new(Vec::new());
         let mut encoder = TiffEncoder::new(&mut out).ok()?;
-        let mut image = encoder.new_image::<Gray8>(1, 1).ok()?;
-        self.write(image.encoder()).ok()?;
-        image.write_data(&[0]).ok()?;
+        match self.bands {
+            Some(bands) if bands.is_rgb => self.write_texel::<RGB8>(&mut encoder, bands.count).ok()?,
+            bands => self.write_texel::<Gray8>(&mut encoder, bands.map_or(1, |bands| bands.count)).ok()?,
+        }
         Some(out.into_inner()).filter(|bytes| bytes.len() <= MAX_GEOREFERENCE)
+    }
+
+    fn write_texel<C: ColorType<Inner = u8>>(
+        &self,
+        encoder: &mut TiffEncoder<&mut Cursor<Vec<u8>>>,
+        samples: u16,
+    ) -> TiffResult<()> {
+        let mut image = encoder.new_image::<C>(1, 1)?;
+        let colours = C::BITS_PER_SAMPLE.len();
+        image.extra_samples(&vec![ExtraSamples::Unspecified; usize::from(samples) - colours])?;
+        self.write(image.encoder())?;
+        image.write_data(&vec![0; samples.into()])
     }
 
     /// Adds the tags to those of an image.
@@ -121,7 +150,11 @@ impl Georeference {
         if !self.keys.is_empty() {
             image.write_tag(Tag::GeoKeyDirectoryTag, self.keys.as_slice())?;
         }
-        let texts = [(Tag::GeoAsciiParamsTag, &self.text), (Tag::GdalNodata, &self.no_data)];
+        let texts = [
+            (Tag::GeoAsciiParamsTag, &self.text),
+            (Tag::GdalNodata, &self.no_data),
+            (GDAL_METADATA, &self.metadata),
+        ];
         for (tag, text) in texts.into_iter().filter(|(_, text)| !text.is_empty()) {
             image.write_tag(tag, text.as_str())?;
         }
@@ -161,8 +194,12 @@ impl Georeference {
         found.next().map(|entry| entry[3])
     }
 
-    /// One line: coordinate system, upper left corner of the upper left texel, size of a texel.
-    pub(crate) fn description(&self) -> String {
+    /// One line: coordinate system, upper left corner of the upper left texel, size of a texel. `None` where there is no place.
+    pub(crate) fn description(&self) -> Option<String> {
+        self.has_place().then(|| self.place())
+    }
+
+    fn place(&self) -> String {
         let code = self.key(PROJECTED).or_else(|| self.key(GEOGRAPHIC));
         let system = match code {
             Some(code) if code != USER_DEFINED => format!("EPSG:{code}"),
@@ -192,13 +229,22 @@ pub(crate) fn of_input(files: &[impl AsRef<Path>], images: usize, remarks: &mut 
     let mut all =
         files.iter().map(AsRef::as_ref).filter_map(|path| Some((path, Georeference::of_file(path)?)));
     let Some((path, georeference)) = all.next() else { return Vec::new() };
-    if files.len() > 1 || images > 1 {
-        remarks.warn(path, "georeferences are kept of single images, not of sets");
+    let own_images = georeference.bands().map_or(1, Bands::images);
+    if files.len() > 1 || images > own_images.into() {
+        if georeference.has_place() {
+            remarks.warn(path, "georeferences are kept of single images, not of sets");
+        }
         return Vec::new();
     }
     let is_upright = super::pixels::size_and_orientation(path)
         .is_ok_and(|(_, orientation)| orientation == image::metadata::Orientation::NoTransforms);
-    let kept = is_upright.then(|| georeference.to_bytes()).flatten();
+    let bytes = || {
+        georeference.to_bytes().or_else(|| {
+            remarks.warn(path, "GDAL's metadata is not kept: it is too long");
+            Georeference { metadata: String::new(), ..georeference.clone() }.to_bytes()
+        })
+    };
+    let kept = is_upright.then(bytes).flatten();
     if kept.is_none() {
         remarks.warn(path, "the georeference is not kept: it is too long, or the image is stored turned");
     }
@@ -241,7 +287,13 @@ mod tests {
 
     #[test]
     fn tags_survive() {
-        for georeference in [utm(1), by_matrix(&utm(2))] {
+        let bands = Georeference {
+            bands: Some(Bands { count: 13, is_rgb: false }),
+            metadata: "<GDALMetadata></GDALMetadata>".to_owned(),
+            ..Georeference::default()
+        };
+        let colours = Georeference { bands: Some(Bands { count: 4, is_rgb: true }), ..utm(1) };
+        for georeference in [utm(1), by_matrix(&utm(2)), bands, colours] {
             assert_eq!(Georeference::parse(&georeference.to_bytes().unwrap()), Some(georeference));
         }
         let damaged = [
@@ -277,11 +329,13 @@ mod tests {
     #[test]
     fn descriptions_name_the_system_and_the_corner() {
         let text = "EPSG:26915, upper left 266688, 5289402, a texel is 0.6 x 0.6";
-        assert_eq!(utm(1).description(), text);
-        assert_eq!(by_matrix(&utm(1)).description(), text);
-        assert!(utm(2).description().contains("upper left 266687.7, 5289402.3"), "{}", utm(2).description());
-        assert_eq!(by_matrix(&utm(2)).description(), utm(2).description());
+        assert_eq!(utm(1).description().as_deref(), Some(text));
+        assert_eq!(by_matrix(&utm(1)).description().as_deref(), Some(text));
+        let centred = utm(2).description().unwrap();
+        assert!(centred.contains("upper left 266687.7, 5289402.3"), "{centred}");
+        assert_eq!(by_matrix(&utm(2)).description(), Some(centred));
         let points = Georeference { scale: Vec::new(), keys: Vec::new(), ..utm(1) };
-        assert_eq!(points.description(), "a coordinate system without code, 1 control points");
+        let text = "a coordinate system without code, 1 control points";
+        assert_eq!(points.description().as_deref(), Some(text));
     }
 }

@@ -14,6 +14,7 @@ pub(crate) mod mesh;
 pub(crate) mod pixels;
 mod profile;
 pub(crate) mod remarks;
+pub(crate) mod samples;
 pub(crate) mod shape;
 pub(crate) mod stack;
 
@@ -72,7 +73,7 @@ pub(crate) fn read(
     }
 }
 
-/// Reads the images of files, or with `all_frames` all frames or pages of each.
+/// Reads the images of files, or with `all_frames` all frames or pages of each. The only file may be several images for its bands.
 pub(crate) fn read_files(
     files: &[PathBuf],
     all_frames: bool,
@@ -84,6 +85,9 @@ pub(crate) fn read_files(
     for path in files {
         if all_frames && frames::count(path) > 1 {
             let all = pixels::read_all(path, settings.color, settings.alpha, limit_bytes, remarks)?;
+            contents.extend(all.into_iter().map(Content::Pixels));
+        } else if files.len() == 1 && pixels::band_images(path) > 1 {
+            let all = pixels::read_bands(path, settings.color, limit_bytes, remarks)?;
             contents.extend(all.into_iter().map(Content::Pixels));
         } else {
             contents.push(read(path, settings, limit_bytes, remarks)?);

@@ -5,13 +5,14 @@ use std::path::Path;
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageBuffer, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 use texfold_core::ImageSize;
-use texfold_core::image::{Alpha, ColorSpace, Raster};
+use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo, Raster};
 use tiff::decoder::{Decoder as TiffDecoder, DecodingResult};
 use tiff::tags::{PlanarConfiguration, SampleFormat, Tag};
 
 use super::frames::{self, Source};
 use super::jpeg::{self, Outline};
 use super::remarks::Remarks;
+use super::samples::{self, Bands};
 use super::{check_side, formats, profile};
 use crate::error::CliError;
 use crate::files;
@@ -27,14 +28,16 @@ struct Stored {
     is_cmyk: bool,
     /// True for linear values.
     is_linear: bool,
-    /// True if bands that are neither colour nor alpha were left out.
-    lost_band: bool,
+    /// True if the channel beside gray or RGB is no alpha.
+    has_band: bool,
 }
 
 /// Pixels as they can be used, and how their colours are to be handled.
 pub(crate) struct Decoded {
     pub(crate) image: DynamicImage,
     pub(crate) color: ColorSpace,
+    /// True if the channel beside gray or RGB is no alpha.
+    pub(crate) has_band: bool,
 }
 
 /// Limits of memory; [`check_side`] knows those of sides.
@@ -127,14 +130,14 @@ pub(crate) fn read_all(
     let limits = limits(limit_bytes);
     let mut left = limit_bytes;
     let mut one = |page| {
-        let decoded = finished(path, stored(path, page, left)?, color, remarks)?;
+        let decoded = finished(path, stored(path, page, left, remarks)?, color, remarks)?;
         left = left.saturating_sub(decoded.image.as_bytes().len() as u64);
         Ok(decoded)
     };
     let decoded: Vec<Decoded> = if pages.len() > 1 {
         pages.into_iter().map(|page| one(Some(page))).collect::<Result<_, CliError>>()?
     } else {
-        let first = stored(path, None, limit_bytes)?;
+        let first = stored(path, None, limit_bytes, remarks)?;
         match frames::of_animation(path, limits).map_err(|error| fault(path, first.format, error))? {
             Some(images) => {
                 let of_frame = |image| Stored { image, profile: first.profile.clone(), ..first };
@@ -149,7 +152,10 @@ pub(crate) fn read_all(
 
 /// As [`read`], but with rows and columns as they are stored: what cameras of a capture are given for.
 pub(crate) fn read_stored(path: &Path, limit_bytes: u64) -> Result<Raster, CliError> {
-    let stored = Stored { orientation: Orientation::NoTransforms, ..stored(path, None, limit_bytes)? };
+    let stored = Stored {
+        orientation: Orientation::NoTransforms,
+        ..stored(path, None, limit_bytes, &mut Remarks::default())?
+    };
     raster(path, finished(path, stored, ColorSpace::Srgb, &mut Remarks::default())?, None)
 }
 
@@ -161,29 +167,225 @@ pub(crate) fn decode(
     remarks: &mut Remarks,
 ) -> Result<Decoded, CliError> {
     frames::warn_of_rest(path, &super::head_of(path)?, remarks);
-    finished(path, stored(path, None, limit_bytes)?, color, remarks)
+    finished(path, stored(path, None, limit_bytes, remarks)?, color, remarks)
 }
 
-/// The warning of bands that are left out.
-pub(super) const LOST_BAND: &str = "bands that are neither colour nor alpha by the file's tags are left out; store them as an image of their own to keep them";
+/// Number of images that the bands of a file's first image take; 1 of other files.
+pub(crate) fn band_images(path: &Path) -> u16 {
+    let is_tiff = super::head_of(path).is_ok_and(|head| frames::is_tiff(&head));
+    let mut decoder = is_tiff.then(|| tiff_decoder(path, None, Some(ImageFormat::Tiff))).flatten();
+    decoder.as_mut().and_then(Bands::of).map_or(1, Bands::images)
+}
 
-/// Whether a TIFF file says that what it has beside gray or RGB is no alpha, as aerial photographs with infrared do.
-/// Many writers of alpha say nothing. `None` where it cannot be told.
-pub(super) fn no_alpha<S: std::io::BufRead + std::io::Seek>(decoder: &mut TiffDecoder<S>) -> Option<bool> {
-    let extra = decoder.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).ok()?;
-    Some(extra.is_some_and(|extra| !extra.contains(&1) && !extra.contains(&2)))
+/// All bands of the file's first image, as images of up to four channels.
+pub(crate) fn read_bands(
+    path: &Path,
+    color: ColorSpace,
+    limit_bytes: u64,
+    remarks: &mut Remarks,
+) -> Result<Vec<Raster>, CliError> {
+    frames::warn_of_rest(path, &super::head_of(path)?, remarks);
+    let banded = Banded::open(path, None, Some(ImageFormat::Tiff));
+    let banded = banded.ok_or_else(|| formats::unknown(path))?;
+    let images = banded.images(path, limit_bytes, remarks)?.into_iter();
+    images.map(|stored| raster(path, finished(path, stored, color, remarks)?, None)).collect()
+}
+
+/// A TIFF file of which texels have bands.
+struct Banded {
+    decoder: TiffDecoder<Box<dyn Source>>,
+    bands: Bands,
+    metadata: String,
+}
+
+impl Banded {
+    fn open(path: &Path, page: Option<u64>, format: Option<ImageFormat>) -> Option<Banded> {
+        let mut known = tiff_decoder(path, page, format)?;
+        let bands = Bands::of(&mut known)?;
+        let metadata = samples::metadata(&mut known);
+        let source = frames::open_as_gray(path, page, known.ifd_pointer()?.0).ok()?;
+        Some(Banded { decoder: TiffDecoder::new(source).ok()?, bands, metadata })
+    }
+
+    /// The bands in images of up to four channels; what the last one lacks is 0.
+    fn images(self, path: &Path, limit_bytes: u64, remarks: &mut Remarks) -> Result<Vec<Stored>, CliError> {
+        let Banded { mut decoder, bands, metadata } = self;
+        let failed = |error| damaged(path, error);
+        let (width, height) = decoder.dimensions().map_err(failed)?;
+        let texels = check_side(path, ImageSize { width, height })?.texels();
+        // Up to four bytes a sample are read, and as many are made of them.
+        check_memory(path, texels.saturating_mul(8 * u64::from(bands.count)), limit_bytes)?;
+        let orientation = decoder.find_tag_unsigned::<u8>(Tag::Orientation).ok().flatten();
+        let orientation = orientation.and_then(Orientation::from_exif).unwrap_or(Orientation::NoTransforms);
+        let mut decoder = decoder.with_limits(tiff_limits(limit_bytes));
+        let Texels { values, sample, is_planar } = texels_of(path, &mut decoder, bands.count)?;
+        if sample == Sample::Float {
+            remarks.note(path, FLOATS);
+        }
+        let form = Form { size: (width, height), count: bands.count, is_planar };
+        let image = |values: Vec<u16>, channels| match (sample, channels) {
+            (Sample::Byte, _) => {
+                let bytes = values.into_iter().map(|value| value as u8).collect();
+                match channels {
+                    2 => ImageBuffer::from_raw(width, height, bytes).map(DynamicImage::ImageLumaA8),
+                    3 => ImageBuffer::from_raw(width, height, bytes).map(DynamicImage::ImageRgb8),
+                    _ => ImageBuffer::from_raw(width, height, bytes).map(DynamicImage::ImageRgba8),
+                }
+            }
+            (_, 2) => ImageBuffer::from_raw(width, height, values).map(DynamicImage::ImageLumaA16),
+            (_, 3) => ImageBuffer::from_raw(width, height, values).map(DynamicImage::ImageRgb16),
+            _ => ImageBuffer::from_raw(width, height, values).map(DynamicImage::ImageRgba16),
+        };
+        let images =
+            form.split(&values, image).ok_or_else(|| damaged(path, tiff::TiffError::IntSizeError))?;
+        remarks.note(path, bands.note(&metadata));
+        let stored = |image: DynamicImage| Stored {
+            has_band: image.color().has_alpha(),
+            image,
+            format: Some(ImageFormat::Tiff),
+            orientation,
+            profile: None,
+            is_cmyk: false,
+            is_linear: !bands.is_rgb,
+        };
+        Ok(images.into_iter().map(stored).collect())
+    }
+}
+
+/// The storage of a sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Sample {
+    Byte,
+    Sixteen,
+    Float,
+}
+
+/// Samples of all texels, those of floats from 0 to 1 in 16 bits.
+struct Texels {
+    values: Vec<u16>,
+    sample: Sample,
+    is_planar: bool,
+}
+
+/// Reads texels of `count` samples chunk by chunk: the decoder fails at whole images of planes in tiles.
+fn texels_of(
+    path: &Path,
+    decoder: &mut TiffDecoder<Box<dyn Source>>,
+    count: u16,
+) -> Result<Texels, CliError> {
+    let failed = |error| damaged(path, error);
+    let (width, height) = decoder.dimensions().map_err(failed)?;
+    let planes = decoder.find_tag_unsigned::<u16>(Tag::PlanarConfiguration).map_err(failed)?;
+    let is_planar = planes == Some(PlanarConfiguration::Planar.to_u16());
+    let (chunk_width, chunk_height) = decoder.chunk_dimensions();
+    if chunk_width == 0 || chunk_height == 0 {
+        return Err(failed(tiff::TiffError::IntSizeError));
+    }
+    let across = width.div_ceil(chunk_width);
+    let a_plane = across * height.div_ceil(chunk_height);
+    let (planes, samples) = if is_planar { (u32::from(count), 1) } else { (1, usize::from(count)) };
+    let row = width as usize * samples;
+    let mut values = vec![0u16; row * height as usize * planes as usize];
+    let mut sample = Sample::Byte;
+    for index in 0..a_plane * planes {
+        let (columns, _) = decoder.chunk_data_dimensions(index);
+        let read: Vec<u16> = match decoder.read_chunk(index).map_err(failed)? {
+            DecodingResult::U8(values) => values.into_iter().map(u16::from).collect(),
+            DecodingResult::U16(values) => {
+                sample = Sample::Sixteen;
+                values
+            }
+            other => {
+                sample = Sample::Float;
+                let what = || format!("{count} bands of these samples");
+                let unread = || CliError::PixelFormat { path: path.to_owned(), what: what() };
+                let values: Option<Vec<u16>> =
+                    floats(other).ok_or_else(unread)?.into_iter().map(unit).collect();
+                values.ok_or_else(|| CliError::HighRange { path: path.to_owned() })?
+            }
+        };
+        let (plane, place) = (index / a_plane, index % a_plane);
+        let (left, top) = (place % across * chunk_width, place / across * chunk_height);
+        let length = columns.min(width - left) as usize * samples;
+        let lines = chunk_height.min(height - top) as usize;
+        let first = (plane as usize * height as usize + top as usize) * row + left as usize * samples;
+        let from = read.chunks(columns.max(1) as usize * samples);
+        let to = values[first..].chunks_mut(row);
+        for (to, from) in to.zip(from).take(lines).filter(|(_, from)| from.len() >= length) {
+            to[..length].copy_from_slice(&from[..length]);
+        }
+    }
+    Ok(Texels { values, sample, is_planar })
+}
+
+/// The order of an image's samples.
+struct Form {
+    size: (u32, u32),
+    count: u16,
+    /// Band by band instead of texel by texel.
+    is_planar: bool,
+}
+
+impl Form {
+    /// Images of up to four bands each, made of their interleaved samples and number of channels.
+    fn split(
+        &self,
+        values: &[u16],
+        image: impl Fn(Vec<u16>, u16) -> Option<DynamicImage>,
+    ) -> Option<Vec<DynamicImage>> {
+        let (texels, count) = (self.size.0 as usize * self.size.1 as usize, usize::from(self.count));
+        let channels = self.count.min(samples::MOST_CHANNELS);
+        let one = |first: usize| {
+            let value = |index: usize| {
+                let (texel, band) = (index / usize::from(channels), first + index % usize::from(channels));
+                let place = if self.is_planar { band * texels + texel } else { texel * count + band };
+                if band < count { values[place] } else { 0 }
+            };
+            image((0..texels * usize::from(channels)).map(value).collect(), channels)
+        };
+        (0..count).step_by(usize::from(channels)).map(one).collect()
+    }
+}
+
+/// The note on floats.
+const FLOATS: &str = "float samples are taken as 16 bits, linear";
+
+fn check_memory(path: &Path, needed: u64, allowed: u64) -> Result<(), CliError> {
+    let (needed_mib, allowed_mib) = (needed >> 20, allowed >> 20);
+    let refused = || CliError::Memory { path: path.to_owned(), needed_mib, allowed_mib };
+    (needed <= allowed).then_some(()).ok_or_else(refused)
+}
+
+fn tiff_limits(limit_bytes: u64) -> tiff::decoder::Limits {
+    let mut limits = tiff::decoder::Limits::default();
+    let most = usize::try_from(limit_bytes).unwrap_or(usize::MAX);
+    (limits.decoding_buffer_size, limits.intermediate_buffer_size) = (most, most);
+    limits
 }
 
 /// Decodes a file, or a page of it.
-fn stored(path: &Path, page: Option<u64>, limit_bytes: u64) -> Result<Stored, CliError> {
+fn stored(
+    path: &Path,
+    page: Option<u64>,
+    limit_bytes: u64,
+    remarks: &mut Remarks,
+) -> Result<Stored, CliError> {
     use image::ExtendedColorType::{Cmyk8, Cmyk16};
     let mut limits = limits(limit_bytes);
     let (decoder, format) = open(path, page, limits.clone())?;
+    if let Some(banded) = Banded::open(path, page, format) {
+        let bands = banded.bands.count;
+        if bands > samples::MOST_CHANNELS {
+            return Err(CliError::ManyBands { path: path.to_owned(), bands });
+        }
+        let image = banded.images(path, limit_bytes, remarks)?.pop();
+        return image.ok_or_else(|| CliError::ManyBands { path: path.to_owned(), bands });
+    }
     let mut decoder = match decoder {
         Ok(decoder) => decoder,
         Err(error) => {
             let special = special_tiff(path, page, format).ok_or_else(|| fault(path, format, error))?;
-            return special_image(path, special, limit_bytes);
+            return special_image(path, special, limit_bytes, remarks);
         }
     };
     let (width, height) = decoder.dimensions();
@@ -210,30 +412,13 @@ fn stored(path: &Path, page: Option<u64>, limit_bytes: u64) -> Result<Stored, Cl
         // Floats of JPEG XL are as its profile says.
         let is_linear = is_float && format.is_some();
         let image = DynamicImage::from_decoder(decoder)?;
-        Ok(Stored { image, format, orientation, profile, is_cmyk, is_linear, lost_band: false })
+        Ok(Stored { image, format, orientation, profile, is_cmyk, is_linear, has_band: false })
     };
     let stored = decode().map_err(|error| fault(path, format, error))?;
-    // The decoder has already left it out of RGB with one more sample.
-    let lost_band = ends_with_band(path, page, format);
-    let image = if lost_band { without_band(stored.image) } else { stored.image };
-    Ok(Stored { image, lost_band, ..stored })
-}
-
-/// An image without its last channel, such as near infrared in aerial photographs.
-fn without_band(image: DynamicImage) -> DynamicImage {
-    match image {
-        image @ DynamicImage::ImageLumaA8(_) => image.into_luma8().into(),
-        image @ DynamicImage::ImageLumaA16(_) => image.into_luma16().into(),
-        image @ DynamicImage::ImageRgba8(_) => image.into_rgb8().into(),
-        image @ DynamicImage::ImageRgba16(_) => image.into_rgb16().into(),
-        image => image,
+    if stored.is_linear {
+        remarks.note(path, FLOATS);
     }
-}
-
-/// Whether the last channel of a file is a band of its own, and no alpha.
-fn ends_with_band(path: &Path, page: Option<u64>, format: Option<ImageFormat>) -> bool {
-    let decoder = tiff_decoder(path, page, format);
-    decoder.and_then(|mut decoder| no_alpha(&mut decoder)).unwrap_or(false)
+    Ok(stored)
 }
 
 /// Makes pixels usable: 16 bits for floats, sRGB for other profiles, upright.
@@ -243,18 +428,12 @@ fn finished(
     color: ColorSpace,
     remarks: &mut Remarks,
 ) -> Result<Decoded, CliError> {
-    let Stored { mut image, format, orientation, profile, is_cmyk, is_linear, lost_band } = stored;
-    if lost_band {
-        remarks.warn(path, LOST_BAND);
-    }
+    let Stored { mut image, format, orientation, profile, is_cmyk, is_linear, has_band } = stored;
     if let DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) = image {
         image = sixteen(image, format == Some(ImageFormat::OpenExr))
             .ok_or_else(|| CliError::HighRange { path: path.to_owned() })?;
     }
     let color = if is_linear && color == ColorSpace::Srgb { ColorSpace::Linear } else { color };
-    if is_linear {
-        remarks.note(path, "float samples are taken as 16 bits, linear");
-    }
     if is_cmyk {
         remarks.note(path, "CMYK colours are converted to RGB without a colour profile");
     } else if let Some(profile) = profile.filter(|_| color == ColorSpace::Srgb) {
@@ -271,7 +450,7 @@ fn finished(
         image.apply_orientation(orientation);
         remarks.note(path, "turned as its EXIF orientation asks");
     }
-    Ok(Decoded { image, color })
+    Ok(Decoded { image, color, has_band })
 }
 
 /// A float in 16 bits; `None` outside of 0 to 1.
@@ -313,16 +492,23 @@ fn is_float(decoder: &mut TiffDecoder<Box<dyn Source>>) -> bool {
     formats.is_some_and(|formats| formats.contains(&SampleFormat::IEEEFP.to_u16()))
 }
 
-/// The decoder of a TIFF file that the `image` crate does not take: gray floats, gray with a second sample, and YCbCr as in JPEG.
+/// The decoder of a TIFF file that the `image` crate does not take: gray floats, gray with a second sample, bands, palettes,
+/// and YCbCr as in JPEG.
 fn special_tiff(
     path: &Path,
     page: Option<u64>,
     format: Option<ImageFormat>,
 ) -> Option<TiffDecoder<Box<dyn Source>>> {
     let mut decoder = tiff_decoder(path, page, format)?;
+    if palette(&mut decoder).is_some() {
+        // Indices, of which the decoder makes no colours.
+        return TiffDecoder::new(frames::open_as_gray(path, page, decoder.ifd_pointer()?.0).ok()?).ok();
+    }
     let is_jpeg = decoder.find_tag_unsigned::<u16>(Tag::Compression).ok().flatten() == Some(7);
+    let has_bands = Bands::of(&mut decoder).is_some();
     let is_special = match decoder.colortype().ok()? {
-        tiff::ColorType::Gray(32) => is_float(&mut decoder),
+        _ if has_bands => true,
+        tiff::ColorType::Gray(16 | 32 | 64) => is_float(&mut decoder),
         tiff::ColorType::Multiband { bit_depth: 8 | 16, num_samples: 2 } => {
             let planes = decoder.find_tag_unsigned::<u16>(Tag::PlanarConfiguration).ok().flatten();
             planes != Some(PlanarConfiguration::Planar.to_u16())
@@ -337,6 +523,7 @@ fn special_image(
     path: &Path,
     mut decoder: TiffDecoder<Box<dyn Source>>,
     limit_bytes: u64,
+    remarks: &mut Remarks,
 ) -> Result<Stored, CliError> {
     let damaged = |error| damaged(path, error);
     let (width, height) = decoder.dimensions().map_err(damaged)?;
@@ -344,21 +531,16 @@ fn special_image(
     let profile = decoder.get_tag_u8_vec(Tag::IccProfile).ok();
     let orientation = decoder.find_tag_unsigned::<u8>(Tag::Orientation).ok().flatten();
     // Four bytes a texel are read, and up to three are made of them.
-    let needed = texels.saturating_mul(8);
-    if needed > limit_bytes {
-        let (needed_mib, allowed_mib) = (needed >> 20, limit_bytes >> 20);
-        return Err(CliError::Memory { path: path.to_owned(), needed_mib, allowed_mib });
-    }
+    check_memory(path, texels.saturating_mul(8), limit_bytes)?;
     let samples = decoder.colortype().map_err(damaged)?.num_samples();
-    let is_gray = samples == 2 && no_alpha(&mut decoder).unwrap_or(false);
-    let mut limits = tiff::decoder::Limits::default();
-    let most = usize::try_from(limit_bytes).unwrap_or(usize::MAX);
-    (limits.decoding_buffer_size, limits.intermediate_buffer_size) = (most, most);
+    let palette = palette(&mut decoder);
     let mut is_linear = false;
-    let image = match decoder.with_limits(limits).read_image().map_err(damaged)? {
-        DecodingResult::F32(values) => {
+    let image = match decoder.with_limits(tiff_limits(limit_bytes)).read_image().map_err(damaged)? {
+        values @ (DecodingResult::F16(_) | DecodingResult::F32(_) | DecodingResult::F64(_)) => {
             is_linear = true;
-            let values = values.into_iter().map(unit).collect::<Option<Vec<u16>>>();
+            remarks.note(path, FLOATS);
+            let values =
+                floats(values).unwrap_or_default().into_iter().map(unit).collect::<Option<Vec<u16>>>();
             let values = values.ok_or_else(|| CliError::HighRange { path: path.to_owned() })?;
             ImageBuffer::from_raw(width, height, values).map(DynamicImage::ImageLuma16)
         }
@@ -367,6 +549,11 @@ fn special_image(
         }
         DecodingResult::U16(values) if samples == 2 => {
             ImageBuffer::from_raw(width, height, values).map(DynamicImage::ImageLumaA16)
+        }
+        DecodingResult::U8(indices) if palette.is_some() => {
+            let palette = palette.unwrap_or([[0; 3]; 256]);
+            let colours = indices.into_iter().flat_map(|index| palette[usize::from(index)]).collect();
+            ImageBuffer::from_raw(width, height, colours).map(DynamicImage::ImageRgb8)
         }
         DecodingResult::U8(mut values) => {
             values.chunks_exact_mut(3).for_each(to_rgb);
@@ -378,10 +565,28 @@ fn special_image(
         path: path.to_owned(),
         source: Box::new(std::io::Error::from(std::io::ErrorKind::InvalidData)),
     })?;
-    let image = if is_gray { without_band(image) } else { image };
     let orientation = orientation.and_then(Orientation::from_exif).unwrap_or(Orientation::NoTransforms);
     let format = Some(ImageFormat::Tiff);
-    Ok(Stored { image, format, orientation, profile, is_cmyk: false, is_linear, lost_band: is_gray })
+    Ok(Stored { image, format, orientation, profile, is_cmyk: false, is_linear, has_band: false })
+}
+
+/// Samples of floats; `None` for others.
+fn floats(values: DecodingResult) -> Option<Vec<f32>> {
+    Some(match values {
+        DecodingResult::F16(values) => values.into_iter().map(|value| value.to_f32()).collect(),
+        DecodingResult::F32(values) => values,
+        DecodingResult::F64(values) => values.into_iter().map(|value| value as f32).collect(),
+        _ => return None,
+    })
+}
+
+/// The colours of the palette that a TIFF file's bytes are indices of, which are stored as all red, all green and all blue values of 16 bits.
+fn palette(decoder: &mut TiffDecoder<Box<dyn Source>>) -> Option<[[u8; 3]; 256]> {
+    let bits = decoder.find_tag_unsigned::<u16>(Tag::BitsPerSample).ok()??;
+    let values = decoder.get_tag_u16_vec(Tag::ColorMap).ok();
+    let values = values.filter(|values| bits == 8 && values.len() == 3 * 256)?;
+    let byte = |value: u16| ((u32::from(value) * 255 + 32767) / 65535) as u8;
+    Some(std::array::from_fn(|entry| [0, 1, 2].map(|channel| byte(values[256 * channel + entry]))))
 }
 
 /// Luma and two differences of colour become RGB, as JPEG files have them.
@@ -393,23 +598,43 @@ fn to_rgb(texel: &mut [u8]) {
 }
 
 fn raster(path: &Path, decoded: Decoded, alpha: Option<Alpha>) -> Result<Raster, CliError> {
-    let Decoded { image: decoded, color } = decoded;
-    let (width, height) = (decoded.width(), decoded.height());
-    let channels = decoded.color().channel_count();
-    let raster = match &decoded {
-        DynamicImage::ImageLuma8(_)
-        | DynamicImage::ImageLumaA8(_)
-        | DynamicImage::ImageRgb8(_)
-        | DynamicImage::ImageRgba8(_) => Raster::from_u8(width, height, channels, color, decoded.as_bytes()),
-        DynamicImage::ImageLuma16(image) => Raster::from_u16(width, height, channels, color, image),
-        DynamicImage::ImageLumaA16(image) => Raster::from_u16(width, height, channels, color, image),
-        DynamicImage::ImageRgb16(image) => Raster::from_u16(width, height, channels, color, image),
-        DynamicImage::ImageRgba16(image) => Raster::from_u16(width, height, channels, color, image),
-        _ => return Err(CliError::PixelFormat { path: path.to_owned(), what: "float samples".to_owned() }),
+    let Decoded { image, color, has_band } = decoded;
+    let (width, height, channels) = (image.width(), image.height(), image.color().channel_count());
+    let raster = if has_band {
+        // Opaque alpha is dropped, but no band.
+        let (depth, data): (_, Vec<f32>) = match &image {
+            DynamicImage::ImageLumaA16(image) => (Depth::Sixteen, image.iter().map(sixteenth).collect()),
+            DynamicImage::ImageRgba16(image) => (Depth::Sixteen, image.iter().map(sixteenth).collect()),
+            image => (Depth::Eight, image.as_bytes().iter().map(|&byte| f32::from(byte) / 255.0).collect()),
+        };
+        Raster::new(width, height, PixelInfo { channels, depth, color, alpha: Alpha::Band }, data)
+    } else {
+        match &image {
+            DynamicImage::ImageLuma8(_)
+            | DynamicImage::ImageLumaA8(_)
+            | DynamicImage::ImageRgb8(_)
+            | DynamicImage::ImageRgba8(_) => {
+                Raster::from_u8(width, height, channels, color, image.as_bytes())
+            }
+            DynamicImage::ImageLuma16(image) => Raster::from_u16(width, height, channels, color, image),
+            DynamicImage::ImageLumaA16(image) => Raster::from_u16(width, height, channels, color, image),
+            DynamicImage::ImageRgb16(image) => Raster::from_u16(width, height, channels, color, image),
+            DynamicImage::ImageRgba16(image) => Raster::from_u16(width, height, channels, color, image),
+            _ => {
+                return Err(CliError::PixelFormat {
+                    path: path.to_owned(),
+                    what: "float samples".to_owned(),
+                });
+            }
+        }
     };
     let raster = raster.map_err(|source| CliError::Source { path: path.to_owned(), source })?;
     let alpha = alpha.unwrap_or(raster.info().alpha);
     Ok(raster.tagged(color, alpha))
+}
+
+fn sixteenth(value: &u16) -> f32 {
+    f32::from(*value) / f32::from(u16::MAX)
 }
 
 fn damaged(path: &Path, error: tiff::TiffError) -> CliError {
@@ -422,7 +647,10 @@ fn tiff_words(path: &Path) -> Option<String> {
     let mut decoder = tiff_decoder(path, None, Some(ImageFormat::Tiff))?;
     let is_float = is_float(&mut decoder);
     match decoder.find_tag_unsigned::<u16>(Tag::PhotometricInterpretation).ok().flatten() {
-        Some(3) => return Some("palettes of colours".to_owned()),
+        Some(3) => {
+            let bits = decoder.find_tag_unsigned::<u16>(Tag::BitsPerSample).ok().flatten().unwrap_or(1);
+            return Some(format!("palettes of colours of {bits} bits"));
+        }
         Some(6) => return Some("YCbCr colours without JPEG".to_owned()),
         Some(8..=10) => return Some("Lab colours".to_owned()),
         _ => {}

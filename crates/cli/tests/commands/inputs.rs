@@ -170,34 +170,49 @@ fn bc1_is_encoded_again_where_another_form_is_requested() {
 }
 
 #[test]
-fn a_fourth_band_of_a_tiff_that_says_so_is_no_alpha() {
+fn a_fourth_band_of_a_tiff_is_alpha_only_by_its_tags() {
     use tiff::encoder::{TiffEncoder, colortype::RGBA8};
     use tiff::tags::Tag;
     let place = Place::new();
     let texels = samples(40, 30, 4);
-    for (name, extra) in [("infrared", 0u16), ("alpha", 2)] {
+    let metadata = r#"<GDALMetadata><Item name="COLORINTERP" sample="3" role="colorinterp">Undefined</Item>
+        <Item name="DESCRIPTION" sample="3" role="description">nir</Item></GDALMetadata>"#;
+    for (name, extra) in [("infrared", 0u16), ("alpha", 2), ("named", 2)] {
         let file = fs::File::create(place.at(&format!("{name}.tif"))).unwrap();
         let mut encoder = TiffEncoder::new(file).unwrap();
         let mut image = encoder.new_image::<RGBA8>(40, 30).unwrap();
         image.encoder().write_tag(Tag::ExtraSamples, &[extra][..]).unwrap();
+        if name == "named" {
+            image.encoder().write_tag(Tag::Unknown(42112), metadata).unwrap();
+        }
         image.write_data(&texels).unwrap();
     }
     for command in ["compress", "bank add"] {
-        let arguments = "infrared.tif alpha.tif --codec dct --psnr 26 --out";
+        let arguments = "infrared.tif alpha.tif named.tif --codec dct --psnr 26 --out";
         let out = if command == "compress" { "image" } else { "set" };
         assert_eq!(place.run(&format!("{command} {arguments} {out}")).code, Some(0));
     }
-    for (name, channels) in [("infrared", 3), ("alpha", 4)] {
+    let bands = [("infrared", "4 bands are"), ("alpha", ""), ("named", "4 bands (nir) are")];
+    for (name, note) in bands {
         let run = place.run(&format!("info image/{name}.txf --json"));
         let info: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
-        assert_eq!(info["channels"], channels, "{name}");
-        // The file keeps what was warned of.
+        assert_eq!(info["alpha"], if note.is_empty() { "straight" } else { "band" }, "{name}");
+        // The file keeps what was noted.
         let remark = info["source"][0].as_str().unwrap_or_default();
-        assert_eq!(remark.contains("band"), channels == 3, "{remark}");
+        assert!(remark.starts_with(note) && remark.is_empty() == note.is_empty(), "{remark}");
     }
-    assert_eq!(place.run("bank extract set --out png").code, Some(0));
-    let color = |name: &str| image::open(place.at(name)).unwrap().color().channel_count();
-    assert_eq!((color("png/infrared.png"), color("png/alpha.png")), (3, 4));
+    assert_eq!(place.run("bank extract set --out tiff --to tiff").code, Some(0));
+    assert_eq!(place.run("decompress image/named.txf --out named --to tiff").code, Some(0));
+    let tag = |file: &str, tag: Tag| {
+        let mut decoder = tiff::decoder::Decoder::new(fs::File::open(place.at(file)).unwrap()).unwrap();
+        decoder.find_tag(tag).unwrap()
+    };
+    for (name, note) in bands {
+        let kind = tag(&format!("tiff/{name}.tiff"), Tag::ExtraSamples).unwrap().into_u16_vec().unwrap();
+        assert_eq!(kind, [if note.is_empty() { 2 } else { 0 }], "{name}");
+    }
+    let kept = tag("named/named.tiff", Tag::Unknown(42112)).unwrap().into_string().unwrap();
+    assert_eq!(kept, metadata);
 }
 
 /// A JPEG of that size, left half bright, to be turned as this EXIF orientation asks for.

@@ -135,19 +135,23 @@ where
 
 /// A TIFF of one strip; each field is a tag with 16-bit values.
 pub(crate) fn tiff_by_hand(fields: &[(u16, &[u16])], strip: &[u8]) -> Vec<u8> {
-    let strip_at = 8u32;
-    let mut extra_at = strip_at + strip.len() as u32;
-    let mut extra = Vec::new();
-    let fixed: [(u16, &[u32]); 4] =
-        [(273, &[strip_at]), (278, &[HEIGHT]), (279, &[strip.len() as u32]), (256, &[WIDTH])];
+    tiff_in_chunks(fields, (273, 279), &[strip.to_vec()])
+}
+
+/// A TIFF of such strips or tiles, with the tags of their offsets and lengths.
+fn tiff_in_chunks(fields: &[(u16, &[u16])], (offsets, lengths): (u16, u16), chunks: &[Vec<u8>]) -> Vec<u8> {
+    let mut at = 8;
+    let mut start = |chunk: &Vec<u8>| {
+        let start = at;
+        at += chunk.len() as u32;
+        start
+    };
+    let starts: Vec<u32> = chunks.iter().map(&mut start).collect();
+    let sizes: Vec<u32> = chunks.iter().map(|chunk| chunk.len() as u32).collect();
+    let (mut extra_at, mut extra) = (at, Vec::new());
     let mut entries: Vec<(u16, Vec<u8>)> = Vec::new();
-    for (tag, values) in fixed {
-        let entry = [&tag.to_le_bytes()[..], &[4, 0, 1, 0, 0, 0], &values[0].to_le_bytes()].concat();
-        entries.push((tag, entry));
-    }
-    for (tag, values) in fields {
-        let mut data: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
-        let mut entry = [&tag.to_le_bytes()[..], &[3, 0], &(values.len() as u32).to_le_bytes()].concat();
+    let mut push = |tag: u16, kind: u8, count: usize, mut data: Vec<u8>| {
+        let mut entry = [&tag.to_le_bytes()[..], &[kind, 0], &(count as u32).to_le_bytes()].concat();
         if data.len() > 4 {
             entry.extend(extra_at.to_le_bytes());
             extra_at += data.len() as u32;
@@ -156,10 +160,16 @@ pub(crate) fn tiff_by_hand(fields: &[(u16, &[u16])], strip: &[u8]) -> Vec<u8> {
             data.resize(4, 0);
             entry.extend(data);
         }
-        entries.push((*tag, entry));
+        entries.push((tag, entry));
+    };
+    for (tag, values) in [(offsets, &starts), (lengths, &sizes), (278, &vec![HEIGHT]), (256, &vec![WIDTH])] {
+        push(tag, 4, values.len(), values.iter().flat_map(|value| value.to_le_bytes()).collect());
+    }
+    for (tag, values) in fields {
+        push(*tag, 3, values.len(), values.iter().flat_map(|value| value.to_le_bytes()).collect());
     }
     entries.sort();
-    let mut file = [&b"II*\0"[..], &extra_at.to_le_bytes(), strip, &extra].concat();
+    let mut file = [&b"II*\0"[..], &extra_at.to_le_bytes(), &chunks.concat(), &extra].concat();
     file.extend((entries.len() as u16).to_le_bytes());
     entries.iter().for_each(|(_, entry)| file.extend(entry));
     file.extend([0; 4]);
@@ -174,11 +184,68 @@ pub(crate) fn tiff_in_jpeg() -> Vec<u8> {
     tiff_by_hand(&fields, &strip)
 }
 
-pub(crate) fn tiff_with_palette() -> Vec<u8> {
-    let palette = vec![7; 768];
+/// A TIFF with a palette of so many entries, where entry 1 is red 7, green 70 and blue 200 of 255.
+pub(crate) fn tiff_with_palette(bits: u16) -> Vec<u8> {
+    let entries = 1usize << bits;
+    let mut palette = vec![0; 3 * entries];
+    (palette[1], palette[entries + 1], palette[2 * entries + 1]) = (7 * 257, 70 * 257, 200 * 257);
     let fields: [(u16, &[u16]); 6] =
-        [(257, &[HEIGHT as u16]), (258, &[8]), (259, &[1]), (262, &[3]), (277, &[1]), (320, &palette)];
+        [(257, &[HEIGHT as u16]), (258, &[bits]), (259, &[1]), (262, &[3]), (277, &[1]), (320, &palette)];
     tiff_by_hand(&fields, &[1; (WIDTH * HEIGHT) as usize])
+}
+
+/// How a TIFF stores the samples of a texel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Planes {
+    /// Beside each other.
+    Together,
+    /// A strip for each.
+    Strips,
+    /// Tiles of 16x16 for each.
+    Tiles,
+}
+
+/// A TIFF of so many bands of 8 bits, of which the first three are [`texel`]'s red, green and blue and others are
+/// [`band`]; `kinds` are those of ExtraSamples.
+pub(crate) fn tiff_of_bands(bands: u16, photometric: u16, planes: Planes, kinds: &[u16]) -> Vec<u8> {
+    let value = |(x, y): (u32, u32), band: u16| match band {
+        0..=2 => texel(x, y)[usize::from(band)],
+        _ => self::band(x, y, band),
+    };
+    let texels = |width: u32, height: u32| (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
+    let plane = |(width, height)| {
+        move |band| texels(width, height).map(|place| value(place, band)).collect::<Vec<u8>>()
+    };
+    let chunks: Vec<Vec<u8>> = match planes {
+        Planes::Together => {
+            let texel = |place| (0..bands).map(move |band| value(place, band));
+            vec![texels(WIDTH, HEIGHT).flat_map(texel).collect()]
+        }
+        Planes::Strips => (0..bands).map(plane((WIDTH, HEIGHT))).collect(),
+        Planes::Tiles => (0..bands).map(plane((16, 16))).collect(),
+    };
+    let depths = vec![8; bands.into()];
+    let planar = if planes == Planes::Together { 1 } else { 2 };
+    let (height, side) = ([HEIGHT as u16], [16]);
+    let mut fields: Vec<(u16, &[u16])> = vec![
+        (257, &height),
+        (258, &depths),
+        (259, &[1]),
+        (262, std::slice::from_ref(&photometric)),
+        (277, std::slice::from_ref(&bands)),
+        (284, std::slice::from_ref(&planar)),
+        (338, kinds),
+    ];
+    if planes == Planes::Tiles {
+        fields.extend([(322, &side[..]), (323, &side[..])]);
+        return tiff_in_chunks(&fields, (324, 325), &chunks);
+    }
+    tiff_in_chunks(&fields, (273, 279), &chunks)
+}
+
+/// A sample of a band beside the colours.
+pub(crate) fn band(x: u32, y: u32, band: u16) -> u8 {
+    (10 + 9 * x + 5 * y + 7 * u32::from(band)) as u8
 }
 
 pub(crate) fn jpeg(profile: Option<Vec<u8>>) -> Vec<u8> {

@@ -12,7 +12,8 @@ use files::*;
 use image::{DynamicImage, ImageFormat};
 use serde_json::Value;
 use texfold_core::ImageAddress;
-use texfold_core::image::{ColorSpace, Depth, linear_to_srgb, srgb_to_linear};
+use texfold_core::image::{Alpha, ColorSpace, Depth, linear_to_srgb, srgb_to_linear};
+use texfold_core::metric::decode_image;
 use tiff::encoder::colortype;
 
 /// The expected outcome of a file.
@@ -124,13 +125,15 @@ fn floats() -> Vec<Case> {
 fn tiffs() -> Vec<Case> {
     let words = vec![7u32; (WIDTH * HEIGHT) as usize];
     let doubles = vec![0.5f64; (WIDTH * HEIGHT) as usize];
+    let long = vec![7u64; (WIDTH * HEIGHT) as usize];
     let pages = "the first of 3 pages is taken; `--as set`";
     vec![
         ("tiff-jpeg.tif", tiff_in_jpeg(), Want::Taken(rgb8().off(6.0))),
+        ("tiff-palette.tif", tiff_with_palette(8), Want::Taken(flat(3, [7.0, 70.0, 200.0]))),
         (
-            "tiff-palette.tif",
-            tiff_with_palette(),
-            Want::Refused("palettes of colours are not read; convert to"),
+            "tiff-palette-4.tif",
+            tiff_with_palette(4),
+            Want::Refused("palettes of colours of 4 bits are not read; convert to"),
         ),
         (
             "tiff-32.tif",
@@ -138,9 +141,14 @@ fn tiffs() -> Vec<Case> {
             Want::Refused("samples of 32 bits are not read"),
         ),
         (
+            "tiff-64.tif",
+            tiff_of::<colortype::Gray64>(&long),
+            Want::Refused("samples of 64 bits are not read"),
+        ),
+        (
             "tiff-f64.tif",
             tiff_of::<colortype::Gray64Float>(&doubles),
-            Want::Refused("float64 samples are not read"),
+            Want::Taken(Taken { depth: Depth::Sixteen, ..flat(1, [127.5; 3]) }.linear()),
         ),
         ("tiff-pages.tif", tiff_pages(&[0, 0, 0], false), Want::Taken(rgb8().warned(pages))),
         ("tiff-big-pages.tif", tiff_pages(&[0, 0, 0], true), Want::Taken(rgb8().warned(pages))),
@@ -410,6 +418,78 @@ fn all_frames_and_pages_are_taken_where_asked_for() {
         let red = |image| texture.as_encoded().texel(ImageAddress { image, level: 0, x: 0, y: 0 }).x * 255.0;
         let wanted = if kind == "sequence" && name != "e.tif" { [0.0, 50.0, 100.0] } else { [0.0; 3] };
         assert!((0..3).all(|image| (red(image) - wanted[image as usize]).abs() < 1.5), "{name}");
+    }
+}
+
+/// Values of all bands at all places, by images of up to four channels.
+fn band_values(dir: &Path, row: &Value) -> (Alpha, Vec<Vec<u8>>) {
+    let file = fs::read(dir.join(row["output"].as_str().unwrap())).unwrap();
+    let texture = texfold::open(&file).unwrap().into_image().unwrap();
+    let layout = texture.as_encoded().layout();
+    let image = |image| decode_image(texture.as_encoded(), image, 0).unwrap().to_bytes();
+    (layout.pixel.alpha, (0..layout.images.len() as u32).map(image).collect())
+}
+
+#[test]
+fn bands_are_channels_and_come_back() {
+    let dir = tempfile::tempdir().unwrap();
+    // Samples, photometric interpretation, kinds of extra samples.
+    let cases: [(u16, u16, &[u16]); 6] =
+        [(2, 1, &[0]), (3, 1, &[0, 0]), (4, 2, &[0]), (4, 1, &[0, 0, 0]), (5, 2, &[0, 2]), (9, 1, &[0; 8])];
+    for planes in [Planes::Together, Planes::Strips, Planes::Tiles] {
+        for (bands, photometric, kinds) in cases {
+            let name = format!("{bands}-{photometric}-{planes:?}");
+            let bytes = tiff_of_bands(bands, photometric, planes, kinds);
+            fs::write(dir.path().join(format!("{name}.tif")), bytes).unwrap();
+            let report = compress(dir.path(), &format!("{name}.tif --codec bc --content raw"));
+            let (alpha, found) = band_values(dir.path(), &report[0]);
+            let note = joined(&report[0], "notes");
+            assert!(note.starts_with(&format!("{bands} bands are the channels")), "{name}: {report:?}");
+            assert_eq!(found.len(), usize::from(bands.div_ceil(4)), "{name}");
+            assert_eq!(alpha == Alpha::Band, bands != 3, "{name}: {alpha:?}");
+            let channels = bands.min(4);
+            for (image, values) in (0..).zip(&found) {
+                let places = (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y)));
+                let wanted = places.flat_map(|(x, y)| {
+                    (0..channels).map(move |channel| match image * channels + channel {
+                        band @ 0..=2 => texel(x, y)[usize::from(band)],
+                        number if number < bands => band(x, y, number),
+                        _ => 0,
+                    })
+                });
+                assert!(wanted.eq(values.iter().copied()), "{name}: image {image}");
+            }
+            let run = texfold(dir.path(), &format!("decompress out/{name}.txf --to tiff --out back"));
+            assert_eq!(String::from_utf8(run.stderr).unwrap(), "", "{name}");
+            // One file again, of which the bands are those of the first.
+            let report =
+                compress(dir.path(), &format!("back/{name}.tiff --codec bc --content raw --out again"));
+            assert_eq!(joined(&report[0], "notes"), note, "{name}");
+            assert_eq!(band_values(dir.path(), &report[0]), (alpha, found), "{name}");
+        }
+    }
+    let run = texfold(dir.path(), "decompress out/5-2-Tiles.txf --out png");
+    let warned = String::from_utf8(run.stderr).unwrap();
+    assert_eq!(
+        warned.matches("the band beside the colours is left out; give --to tiff").count(),
+        2,
+        "{warned}"
+    );
+    fs::create_dir(dir.path().join("both")).unwrap();
+    for name in ["5-2-Tiles.tif", "4-2-Tiles.tif"] {
+        fs::copy(dir.path().join(name), dir.path().join("both").join(name)).unwrap();
+    }
+    let run = texfold(dir.path(), "compress both --as set --out set");
+    assert!(String::from_utf8(run.stderr).unwrap().contains("has 5 bands, and only compress"));
+    // Alpha by the file's tags or by the user's word.
+    fs::write(dir.path().join("alpha.tif"), tiff_of_bands(4, 2, Planes::Together, &[2])).unwrap();
+    for (arguments, wanted) in [
+        ("alpha.tif", Alpha::Straight),
+        ("alpha.tif --alpha band --force", Alpha::Band),
+        ("4-2-Together.tif --alpha straight --force", Alpha::Straight),
+    ] {
+        let report = compress(dir.path(), &format!("{arguments} --codec bc --content raw"));
+        assert_eq!(band_values(dir.path(), &report[0]).0, wanted, "{arguments}");
     }
 }
 

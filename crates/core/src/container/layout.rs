@@ -20,6 +20,7 @@ pub fn write_layout(layout: &ImageLayout, out: &mut SectionWriter) {
         Alpha::Opaque => (0u8, 0.0f32),
         Alpha::Straight => (1, 0.0),
         Alpha::Cutout(threshold) => (2, threshold),
+        Alpha::Band => (3, 0.0),
     };
     let depth = if pixel.depth == Depth::Sixteen { 16u8 } else { 8 };
     let mut raw = vec![pixel.channels, depth, color, alpha];
@@ -99,6 +100,7 @@ fn read_pixel(reader: &mut Reader<'_>) -> Result<PixelInfo, LoadError> {
         0 => Alpha::Opaque,
         1 => Alpha::Straight,
         2 => Alpha::Cutout(threshold),
+        3 => Alpha::Band,
         _ => return Err(reader.corrupt("unknown kind of alpha")),
     };
     Ok(PixelInfo { channels, depth, color, alpha })
@@ -112,16 +114,16 @@ mod tests {
     #[test]
     fn a_layout_survives() {
         let size = |width, height| ImageSize { width, height };
-        let layout = ImageLayout {
-            images: vec![size(3, 5), size(3, 5), size(64, 1)],
-            levels: 3,
-            pixel: PixelInfo {
-                channels: 4,
-                depth: Depth::Sixteen,
-                color: ColorSpace::Linear,
-                alpha: Alpha::Cutout(0.25),
-            },
-        };
+        for alpha in [Alpha::Cutout(0.25), Alpha::Band] {
+            survives(ImageLayout {
+                images: vec![size(3, 5), size(3, 5), size(64, 1)],
+                levels: 3,
+                pixel: PixelInfo { channels: 4, depth: Depth::Sixteen, color: ColorSpace::Linear, alpha },
+            });
+        }
+    }
+
+    fn survives(layout: ImageLayout) {
         let mut writer = SectionWriter::new(CodecId { number: 1, name: "t" });
         write_layout(&layout, &mut writer);
         let bytes = writer.finish().bytes;

@@ -2,7 +2,7 @@
 
 use super::ColorSpace;
 
-/// How alpha is to be read.
+/// Meaning of the channel beside gray or RGB.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Alpha {
     /// Every texel is opaque, or there is no alpha channel.
@@ -12,6 +12,8 @@ pub enum Alpha {
     Straight,
     /// A texel is drawn where alpha is at least this threshold (0 to 1); mip levels keep the covered share.
     Cutout(f32),
+    /// The channel is a band of its own, such as near infrared: it counts as colours do, and texels are opaque.
+    Band,
 }
 
 /// Precision of the values that a raster was made from.
@@ -27,13 +29,13 @@ pub enum Depth {
 /// What the channels of a raster are.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PixelInfo {
-    /// 1 gray, 2 gray + alpha, 3 RGB, 4 RGB + alpha.
+    /// 1 gray, 2 gray + alpha or a band, 3 RGB, 4 RGB + alpha or a band.
     pub channels: u8,
     /// Precision of the source.
     pub depth: Depth,
     /// Meaning of the colour channels.
     pub color: ColorSpace,
-    /// Meaning of the alpha channel.
+    /// Meaning of the second or fourth channel.
     pub alpha: Alpha,
 }
 
@@ -47,6 +49,23 @@ impl PixelInfo {
     /// Whether there is an alpha channel.
     #[must_use]
     pub fn has_alpha(self) -> bool {
+        self.has_extra() && self.alpha != Alpha::Band
+    }
+
+    /// Whether there is a channel beside gray or RGB: alpha or a band.
+    #[must_use]
+    pub fn has_extra(self) -> bool {
         self.channels.is_multiple_of(2)
+    }
+
+    /// Channels of a [`crate::Texel`] that count as colours: those of [`PixelInfo::color_channels`], and a band.
+    #[must_use]
+    pub fn counted_channels(self) -> &'static [usize] {
+        match (self.channels, self.alpha) {
+            (2, Alpha::Band) => &[0, 3],
+            (4, Alpha::Band) => &[0, 1, 2, 3],
+            (1 | 2, _) => &[0],
+            _ => &[0, 1, 2],
+        }
     }
 }

@@ -131,7 +131,7 @@ impl Raster {
     #[must_use]
     pub fn tagged(mut self, color: ColorSpace, alpha: Alpha) -> Self {
         self.info.color = color;
-        self.info.alpha = if self.info.has_alpha() { alpha } else { Alpha::Opaque };
+        self.info.alpha = if self.info.has_extra() { alpha } else { Alpha::Opaque };
         self
     }
 
@@ -142,8 +142,11 @@ impl Raster {
         let channels = channels.clamp(1, 4);
         let data = split_texels(self.texels(), channels);
         let info = PixelInfo { channels, ..self.info };
-        let alpha = if info.has_alpha() { Alpha::Straight } else { Alpha::Opaque };
-        let alpha = if self.info.has_alpha() && info.has_alpha() { self.info.alpha } else { alpha };
+        let alpha = match (self.info.has_extra(), info.has_extra()) {
+            (true, true) => self.info.alpha,
+            (false, true) => Alpha::Straight,
+            (_, false) => Alpha::Opaque,
+        };
         Raster { size: self.size, info: PixelInfo { alpha, ..info }, data }
     }
 
@@ -151,15 +154,15 @@ impl Raster {
     /// error.
     #[must_use]
     pub fn to_gray(&self) -> Raster {
-        let alpha = self.info.has_alpha();
+        let extra = self.info.has_extra();
         let gray = |texel: &Texel| (texel.x + texel.y + texel.z) / 3.0;
         // Of known length, so that megatexels take no tenths of a second.
-        let data = if alpha {
+        let data = if extra {
             self.texels().map(|texel| [gray(&texel), texel.w]).collect::<Vec<_>>().into_flattened()
         } else {
             self.texels().map(|texel| gray(&texel)).collect()
         };
-        Raster { size: self.size, info: PixelInfo { channels: 1 + u8::from(alpha), ..self.info }, data }
+        Raster { size: self.size, info: PixelInfo { channels: 1 + u8::from(extra), ..self.info }, data }
     }
 
     /// The same image with its values rounded to 16 bits; those of sources of 8 and 16 bits are so already.
@@ -247,7 +250,7 @@ pub struct ImageSet {
 
 impl ImageSet {
     /// A set of at least one image. Images that differ in channels are all given the channels that hold every
-    /// one of them; colour space and alpha are those of the first. Values are rounded to 16 bits, the most that a source has: what
+    /// one of them; colour space is that of the first, alpha that of the first which has any. Values are rounded to 16 bits, the most that a source has: what
     /// arithmetic before left below, such as 1e-7 of a resampled image, would else decide between equal matches and codewords.
     ///
     /// # Errors
@@ -255,12 +258,11 @@ impl ImageSet {
     pub fn new(images: Vec<Raster>) -> Result<Self, SourceError> {
         let first = images.first().ok_or(SourceError::Empty)?.info();
         let rgb = images.iter().any(|image| image.info().channels > 2);
-        let alpha = images.iter().any(|image| image.info().has_alpha());
-        let channels = if rgb { 3 } else { 1 } + u8::from(alpha);
+        let extra = images.iter().map(Raster::info).find(|info| info.has_extra());
+        let channels = if rgb { 3 } else { 1 } + u8::from(extra.is_some());
         let unify = |image: Raster| {
             let image = if image.info().channels == channels { image } else { image.with_channels(channels) };
-            let alpha = if first.has_alpha() { first.alpha } else { Alpha::Straight };
-            image.tagged(first.color, alpha)
+            image.tagged(first.color, extra.map_or(Alpha::Opaque, |info| info.alpha))
         };
         Ok(ImageSet { images: images.into_iter().map(unify).map(Raster::settled).collect() })
     }
@@ -377,6 +379,23 @@ mod tests {
         assert_eq!(set.images()[0].to_bytes(), [128, 128, 128, 255]);
         assert_eq!(set.info().alpha, Alpha::Straight);
         assert_eq!(ImageSet::new(vec![]), Err(SourceError::Empty));
+    }
+
+    #[test]
+    fn a_band_is_no_alpha() {
+        let band = PixelInfo { channels: 4, alpha: Alpha::Band, ..PixelInfo::default() };
+        let with = |info| Raster::new(1, 1, info, vec![0.25, 0.5, 0.75, 0.0]).unwrap();
+        assert!(band.has_extra() && !band.has_alpha());
+        let [colours, gray, back] = [3, 2, 4].map(|channels| with(band).with_channels(channels).info());
+        assert_eq!((colours.alpha, gray.alpha, back), (Alpha::Opaque, Alpha::Band, band));
+        assert_eq!(with(band).to_gray().info().alpha, Alpha::Band);
+        let rgb = Raster::from_u8(1, 1, 3, ColorSpace::Srgb, &[1, 2, 3]).unwrap();
+        assert_eq!(ImageSet::new(vec![rgb, with(band)]).unwrap().info(), band);
+        // Colours of a mip level are means, however small the band's values are there.
+        let half = PixelInfo { color: ColorSpace::Linear, ..band };
+        let pair = Raster::new(2, 1, half, vec![0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0]).unwrap();
+        let mean = super::super::mip_chain(&pair, 2, super::super::MipFilter::Box)[1].texel(0, 0);
+        assert_eq!(mean, Texel::splat(0.5));
     }
 
     #[test]

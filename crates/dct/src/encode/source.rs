@@ -52,17 +52,19 @@ impl DctSource {
         Self::new(size, groups, 8, samples.iter().map(|&sample| u16::from(sample)).collect())
     }
 
-    /// An image of values from 0 to 1, which are rounded to samples of that depth: gray or colours, and alpha in a group of its
-    /// own.
+    /// An image of values from 0 to 1, which are rounded to samples of that depth: gray or colours, with a band beside
+    /// them, and alpha in a group of its own.
     ///
     /// # Errors
     /// As [`DctSource::new`].
     pub fn from_raster(image: &Raster, depth: Depth) -> Result<Self, SourceError> {
-        let groups: &[u8] = match image.info().channels {
-            1 => &[1],
-            2 => &[1, 1],
-            3 => &[3],
-            _ => &[3, 1],
+        let groups: &[u8] = match (image.info().channels, image.info().has_alpha()) {
+            (2, true) => &[1, 1],
+            (4, true) => &[3, 1],
+            (1, _) => &[1],
+            (2, _) => &[2],
+            (3, _) => &[3],
+            _ => &[4],
         };
         let (bits, largest) = match depth {
             Depth::Eight => (8, f32::from(u8::MAX)),

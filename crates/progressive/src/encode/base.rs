@@ -279,7 +279,7 @@ impl Base {
             for (level, raster) in (0..).zip(chain) {
                 let decode = rows_of(&plain, image, level, raster.size().width);
                 let texels = residuals.push_level(raster, decode, level == 0, check)?;
-                if level == 0 && raster.info().has_alpha() {
+                if level == 0 && raster.info().has_extra() {
                     let away = |(wanted, decoded): (Texel, &Texel)| {
                         f64::from(255.0 * (wanted.w - decoded.w)).powi(2)
                     };

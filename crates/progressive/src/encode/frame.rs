@@ -62,7 +62,7 @@ pub(crate) fn shrinks(source: &ImageSet, params: &ProgressiveParams) -> Vec<u32>
     let wanted = match params.goal {
         Goal::Bpp(_) => true,
         // Such goals are those of colours: nothing would say how far alpha may be off.
-        Goal::Psnr(_) => params.effort != Effort::Fast && !source.info().has_alpha(),
+        Goal::Psnr(_) => params.effort != Effort::Fast && !source.info().has_extra(),
         Goal::Tolerance(_) => false,
     };
     std::iter::once(0).chain((1..=2).filter(|&log2| wanted && possible(log2))).collect()
@@ -88,7 +88,7 @@ impl Frame {
         }
         let (mut sum, mut values) = (0.0, 0.0);
         // Fitted, it would be too sharp for the mip level that it also is, and hidden colours would be mixed in.
-        let passes = if mips || source.info().has_alpha() { 0 } else { PASSES };
+        let passes = if mips || source.info().has_extra() { 0 } else { PASSES };
         for (image, chain) in source.images().iter().zip(&mut chains) {
             let known = around.clone().unwrap_or_else(|| PaddedRaster::alone(image.clone()));
             let (small, squared) = fitted(&known, shrink_log2, passes, check)?;

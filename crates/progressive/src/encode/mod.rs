@@ -209,7 +209,7 @@ impl Encoding<'_> {
         job: &mut Job<'_>,
     ) -> Result<Vec<Drafted>, EncodeError> {
         let pixel = self.source.info();
-        let enlarged_alpha = frame.shrink_log2 > 0 && pixel.has_alpha() && matches!(inner, Goal::Bpp(_));
+        let enlarged_alpha = frame.shrink_log2 > 0 && pixel.has_extra() && matches!(inner, Goal::Bpp(_));
         let mut best: Option<Drafted> = None;
         let mut others = Vec::new();
         let mut best_holds_alpha = false;

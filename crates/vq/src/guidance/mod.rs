@@ -81,7 +81,7 @@ pub(crate) fn normalise(map: &mut Map) {
 /// How much of a texel is seen.
 fn opacity(alpha: f32, reading: Alpha) -> f32 {
     match reading {
-        Alpha::Opaque => 1.0,
+        Alpha::Opaque | Alpha::Band => 1.0,
         Alpha::Straight => alpha.clamp(0.0, 1.0),
         Alpha::Cutout(threshold) => f32::from(u8::from(alpha >= threshold)),
     }

@@ -94,6 +94,8 @@ const ALLOWED: [Allowed; 21] = [
             "blake3",
             "clap",
             "dds",
+            "exr",
+            "flate2",
             "glob",
             "gltf",
             "image",

@@ -96,6 +96,12 @@ pub(crate) struct Row {
     /// Mean angle in degrees that normals are turned by, of normal maps.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) degrees: Option<f64>,
+    /// Light fields: photographs that are drawn again.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) views: Option<Views>,
+    /// Zoom stacks: PSNR against the merged images, which the goal is about; for goals of PSNR against the worst of them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) psnr_merged: Option<f64>,
     /// How texels are reached: "block" or "texel".
     #[serde(default)]
     pub(crate) access: String,
@@ -115,6 +121,16 @@ pub(crate) struct Row {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) notes: Vec<String>,
     pub(crate) warnings: Vec<String>,
+}
+
+/// Photographs of an object that its light field draws again.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Views {
+    /// PSNR of colours inside the masks, of all views together.
+    pub(crate) psnr: f64,
+    pub(crate) count: usize,
+    /// True for photographs that the light field was not made from.
+    pub(crate) are_new: bool,
 }
 
 /// A codec that a choice among all considered.
@@ -284,6 +300,8 @@ impl Row {
             ssim: figures.ssim,
             ssimulacra2: figures.ssimulacra2,
             degrees,
+            views: None,
+            psnr_merged: None,
             access: encoded.gpu().access().name().to_owned(),
             goal_met,
             encode_seconds: how.encode_seconds,

@@ -124,6 +124,8 @@ impl Sums {
             ssim: self.ssim / texels,
             ssimulacra2: mean(self.ssimulacra2.iter().copied()),
             degrees: None,
+            views: None,
+            psnr_merged: None,
             access: made.access.name().to_owned(),
             goal_met: made.goal_met,
             encode_seconds: seconds,

@@ -4,20 +4,20 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use texfold::{
-    core::Capture,
+    core::{Capture, Photograph},
     file_of,
     lightfield::{LightQuality, LightTexture, Lightfield, Renderer},
 };
 use texfold_core::image::{ColorSpace, Raster};
-use texfold_core::metric::ssim;
+use texfold_core::metric::{SquaredError, color_error, ssim};
 use texfold_core::{Encoded, Goal, Job, Limits, LoadError};
 
 use super::folder::{Folder, FolderTask, Made};
-use crate::error::CliError;
+use crate::error::{CliError, explain};
 use crate::input::capture;
 use crate::perceptual::{mean, ssimulacra2};
 use crate::progress::Share;
-use crate::report::{Row, Sizes, light_missed, part_rows, peak_bytes};
+use crate::report::{Row, Sizes, Views, light_missed, part_rows, peak_bytes};
 use crate::settings::LightSettings;
 
 /// Photographs that are drawn again to measure their similarity.
@@ -29,6 +29,7 @@ impl Folder for LightSettings {
 
     fn other_files(&self, dir: &Path) -> Result<Vec<PathBuf>, CliError> {
         let mut files = capture::camera_files(dir);
+        files.extend(capture::test_cameras(dir));
         files.push(capture::mesh_file(dir, self.mesh.as_deref())?);
         Ok(files)
     }
@@ -73,7 +74,9 @@ impl FolderTask<LightSettings> {
         let psnr = quality.psnr_of_terms.get(terms).copied().unwrap_or(quality.psnr);
         let goal = self.settings.params.psnr.map(Goal::Psnr);
         let camera = source.views[0].camera;
-        let (similar, perceived) = similarity(source, &texture);
+        let Similarity { ssim, ssimulacra2, views } = similarity(&source.views, &texture);
+        let (new, warning) = self.new_views(&texture);
+        let missed = goal.and_then(|goal| light_missed(goal, psnr));
         Ok(Row {
             input: self.found.path.display().to_string(),
             output: self.output.display().to_string(),
@@ -88,11 +91,13 @@ impl FolderTask<LightSettings> {
             psnr_alpha: None,
             rms: 255.0 * 10f64.powf(-psnr / 20.0),
             worst_block_rms: quality.worst_patch_rms,
-            ssim: similar,
-            ssimulacra2: perceived,
+            ssim,
+            ssimulacra2,
             degrees: None,
+            views: Some(new.unwrap_or(views)),
+            psnr_merged: None,
             access: texture.gpu().access().name().to_owned(),
-            goal_met: goal.map(|goal| light_missed(goal, psnr).is_none()),
+            goal_met: goal.map(|_| missed.is_none()),
             encode_seconds: seconds,
             encode_texels_per_second: texels / seconds.max(1e-9),
             peak_bytes: peak_bytes(),
@@ -100,18 +105,38 @@ impl FolderTask<LightSettings> {
             verdict: texture.notes().verdict.clone(),
             tried: Vec::new(),
             notes: Vec::new(),
-            warnings: goal.and_then(|goal| light_missed(goal, psnr)).into_iter().collect(),
+            warnings: missed.into_iter().chain(warning).collect(),
         })
+    }
+
+    /// Some photographs that the capture keeps for tests, drawn by the light field; a warning where they cannot be read.
+    fn new_views(&self, texture: &LightTexture) -> (Option<Views>, Option<String>) {
+        let Some(cameras) = capture::test_cameras(&self.found.path) else { return (None, None) };
+        match capture::read_some(&cameras, SIMILAR_VIEWS) {
+            Ok(photographs) => {
+                let views = similarity(&photographs, texture).views;
+                (Some(Views { are_new: true, ..views }), None)
+            }
+            Err(error) => (None, Some(format!("its views for tests are not compared: {}", explain(&error)))),
+        }
     }
 }
 
-/// Mean structural similarity, and SSIMULACRA2, of some photographs, spread over the capture, with the same views drawn again;
-/// what the mask leaves out is black in both.
-fn similarity(source: &Capture, texture: &LightTexture) -> (f64, Option<f64>) {
+/// Photographs beside the same views drawn again; what the mask leaves out is black in both.
+struct Similarity {
+    /// Mean structural similarity.
+    ssim: f64,
+    /// Mean SSIMULACRA2, where it is defined.
+    ssimulacra2: Option<f64>,
+    views: Views,
+}
+
+/// Compares some photographs, spread over all.
+fn similarity(photographs: &[Photograph], texture: &LightTexture) -> Similarity {
     let renderer = Renderer::new(texture);
-    let step = source.views.len().div_ceil(SIMILAR_VIEWS).max(1);
-    let (mut sum, mut perceived) = ((0.0, 0), Vec::new());
-    for view in source.views.iter().step_by(step) {
+    let step = photographs.len().div_ceil(SIMILAR_VIEWS).max(1);
+    let (mut sum, mut perceived, mut error) = ((0.0, 0), Vec::new(), SquaredError::default());
+    for view in photographs.iter().step_by(step) {
         let masked = |pixels: &[[u8; 4]]| -> Vec<u8> {
             let keep = |(pixel, mask): (&[u8; 4], &[u8; 4])| {
                 if mask[3] > 127 { [pixel[0], pixel[1], pixel[2]] } else { [0; 3] }
@@ -126,7 +151,13 @@ fn similarity(source: &Capture, texture: &LightTexture) -> (f64, Option<f64>) {
         if let (Ok(wanted), Ok(found)) = (raster(&view.pixels), raster(&drawn)) {
             sum = (sum.0 + ssim(&wanted, &found), sum.1 + 1);
             perceived.push((ssimulacra2(&wanted, &found), 1.0));
+            let inside = view.pixels.iter().filter(|pixel| pixel[3] > 127).count() as u64;
+            error = error + SquaredError { count: 3 * inside, ..color_error(&wanted, &found) };
         }
     }
-    (sum.0 / f64::from(sum.1.max(1)), mean(perceived.into_iter()))
+    Similarity {
+        ssim: sum.0 / f64::from(sum.1.max(1)),
+        ssimulacra2: mean(perceived.into_iter()),
+        views: Views { psnr: error.psnr(), count: sum.1 as usize, are_new: false },
+    }
 }

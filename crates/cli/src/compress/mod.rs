@@ -26,7 +26,7 @@ use crate::input::{Found, find};
 use crate::memory;
 use crate::output::{make_folder, remove_stale, write_whole};
 use crate::progress::{Progress, Remark};
-use crate::report::{Entry, Row};
+use crate::report::{Entry, Row, Views};
 use crate::settings::{Kind, LightSettings, ZoomSettings};
 
 use cache::Cache;
@@ -375,10 +375,23 @@ fn line(task: &Work, row: &Row, skipped: bool) -> String {
     let stem = task.found().stem.to_string_lossy();
     let angle = row.degrees.map_or(String::new(), |degrees| format!("  {degrees:.2} degrees"));
     let note = if skipped { "  (up to date)" } else { "" };
-    format!(
-        "{stem:24} {:4} {:7.2} dB  {:7.3} bpp memory  {:7.3} bpp disk  {:7.2} s{angle}{note}",
-        row.codec, row.psnr, row.sizes.bpp_memory, row.sizes.bpp_disk, row.encode_seconds
-    )
+    let Row { codec, psnr, sizes, encode_seconds: seconds, .. } = row;
+    let memory = format!("{:7.3} bpp memory  {:7.3} bpp disk", sizes.bpp_memory, sizes.bpp_disk);
+    if let Some(Views { psnr: drawn, count, are_new }) = row.views {
+        let which = if are_new { "new views" } else { "of its views" };
+        let megabytes = sizes.bits_disk as f64 / 8e6;
+        return format!(
+            "{stem:24} {codec:4} {drawn:7.2} dB for {count} {which}, {psnr:.2} dB of its samples  {megabytes:7.3} MB  \
+             {seconds:7.2} s{note}"
+        );
+    }
+    match row.psnr_merged {
+        Some(merged) => format!(
+            "{stem:24} {codec:4} {merged:7.2} dB for merged images, {psnr:.2} dB against the photographs  {memory}  \
+             {seconds:7.2} s{note}"
+        ),
+        None => format!("{stem:24} {codec:4} {psnr:7.2} dB  {memory}  {seconds:7.2} s{angle}{note}"),
+    }
 }
 
 fn write_report(path: &std::path::Path, entries: &[(Entry, bool)]) -> Result<(), CliError> {
@@ -409,6 +422,9 @@ fn summary(entries: &[(Entry, bool)], seconds: f64) -> String {
     };
     let counts =
         format!("{written} written, {skipped} up to date, {failed} failed{warned} in {seconds:.1} s");
+    // Figures of light fields and zoom stacks are of another kind.
+    let is_image = |row: &&Row| row.views.is_none() && row.psnr_merged.is_none();
+    let rows: Vec<&Row> = rows.into_iter().filter(is_image).collect();
     if rows.is_empty() {
         return counts;
     }

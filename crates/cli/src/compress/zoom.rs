@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use texfold::{
-    core::Encoder,
     file_of,
     zipmap::{PatchStack, ZipTexture, Zipmap, fidelity},
 };
 use texfold_core::metric::{SquaredError, decode_image, ssim, worst_block_rms};
+use texfold_core::target::Measured;
 use texfold_core::{Encoded, Job, Limits, LoadError};
 
 use super::folder::{Folder, FolderTask, Made};
@@ -16,7 +16,7 @@ use crate::error::CliError;
 use crate::input::stack;
 use crate::perceptual::ssimulacra2;
 use crate::progress::Share;
-use crate::report::{Row, Sizes, part_rows, peak_bytes};
+use crate::report::{Row, Sizes, missed, part_rows, peak_bytes};
 use crate::settings::ZoomSettings;
 
 impl Folder for ZoomSettings {
@@ -38,13 +38,13 @@ impl Folder for ZoomSettings {
         let mut progress = |stage| share.report(stage);
         let mut job = Job::new(limits).with_progress(&mut progress);
         let loaded = stack::read(path, &task.found.files, self, limit_bytes, &mut job)?;
-        let texture = job
-            .within(0.5, 1.0, |job| Zipmap::encode(&loaded.stack, &loaded.params, job))
+        let (texture, measured) = job
+            .within(0.5, 1.0, |job| Zipmap::encode_measured(&loaded.stack, &loaded.params, job))
             .map_err(|source| CliError::Encode { path: path.clone(), source })?;
         let bytes = file_of(&texture);
         let seconds = start.elapsed().as_secs_f64();
         let row = task
-            .row(&loaded, &bytes, seconds)
+            .row(&loaded, measured, &bytes, seconds)
             .map_err(|source| CliError::Load { path: task.output.clone(), source })?;
         let list = loaded.list.map(|list| (task.output.with_extension(stack::LIST_NAME), list.into_bytes()));
         Ok(Made { bytes, row, beside: list })
@@ -54,7 +54,13 @@ impl Folder for ZoomSettings {
 impl FolderTask<ZoomSettings> {
     /// The row of the report, of `bytes`, loaded again. Errors are against the photographs after their exposure was
     /// fitted; similarity, SSIMULACRA2 and the worst block are those of the root's image at its own size.
-    fn row(&self, loaded: &stack::Loaded, bytes: &[u8], seconds: f64) -> Result<Row, LoadError> {
+    fn row(
+        &self,
+        loaded: &stack::Loaded,
+        measured: Measured,
+        bytes: &[u8],
+        seconds: f64,
+    ) -> Result<Row, LoadError> {
         let PatchStack { root, images, .. } = &loaded.stack;
         let image = texfold::open(bytes)?.into_image()?;
         let found = image.codec().number;
@@ -63,6 +69,7 @@ impl FolderTask<ZoomSettings> {
             .iter()
             .fold(SquaredError::default(), |sum, fidelity| sum + fidelity.error);
         let texels: u64 = images.iter().chain([root]).map(|image| image.size().texels()).sum();
+        let missed = missed(loaded.params.goal, &measured);
         let drawn = decode_image(&texture, 0, texture.deep_levels());
         let (similar, worst) =
             drawn.as_ref().map_or((0.0, 0.0), |drawn| (ssim(root, drawn), worst_block_rms(root, drawn)));
@@ -83,9 +90,10 @@ impl FolderTask<ZoomSettings> {
             ssim: similar,
             ssimulacra2: drawn.and_then(|drawn| ssimulacra2(root, &drawn)),
             degrees: None,
+            views: None,
+            psnr_merged: Some(measured.psnr),
             access: texture.access().name().to_owned(),
-            // Its PSNR is against images that are merged, which nothing keeps.
-            goal_met: None,
+            goal_met: Some(missed.is_none()),
             encode_seconds: seconds,
             encode_texels_per_second: texels as f64 / seconds.max(1e-9),
             peak_bytes: peak_bytes(),
@@ -93,7 +101,7 @@ impl FolderTask<ZoomSettings> {
             verdict: texture.notes().verdict.clone(),
             tried: Vec::new(),
             notes: loaded.remarks.notes(self.found.files.len()),
-            warnings: self.warnings(&texture, loaded),
+            warnings: self.warnings(&texture, loaded).into_iter().chain(missed).collect(),
         })
     }
 

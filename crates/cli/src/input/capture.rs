@@ -21,6 +21,8 @@ use crate::memory::usual_limit;
 
 /// The cameras of NeRF and nerfstudio, which make a folder a capture.
 const CAMERAS_NAME: &str = "transforms.json";
+/// Cameras of photographs that are kept for tests, as NeRF's captures have them.
+const TEST_NAME: &str = "transforms_test.json";
 /// The cameras of COLMAP, which make a folder a capture where it has no other.
 const COLMAP_NAME: &str = "images.txt";
 /// Names of meshes, in the order in which they are looked for.
@@ -135,6 +137,11 @@ pub(crate) fn camera_files(dir: &Path) -> Vec<PathBuf> {
     vec![transforms]
 }
 
+/// The file of cameras whose photographs a capture keeps for tests, where it has one.
+pub(crate) fn test_cameras(dir: &Path) -> Option<PathBuf> {
+    Some(dir.join(TEST_NAME)).filter(|file| file.is_file())
+}
+
 /// The images of a capture's folder, in the order of its cameras.
 pub(crate) fn image_files(dir: &Path) -> Result<Vec<PathBuf>, CliError> {
     Ok(read_cameras(&camera_files(dir)[0])?.into_iter().map(|shot| shot.image).collect())
@@ -169,6 +176,13 @@ pub fn read_views(cameras: &Path) -> Result<Vec<Photograph>, Box<dyn Error + Sen
 pub(crate) fn read_all(cameras: &Path) -> Result<Vec<Photograph>, CliError> {
     let shots = read_cameras(cameras)?;
     shots.iter().map(|shot| view(cameras, shot, usual_limit())).collect()
+}
+
+/// Reads at most `count` of the photographs that a file of cameras names, spread over all.
+pub(crate) fn read_some(cameras: &Path, count: usize) -> Result<Vec<Photograph>, CliError> {
+    let shots = read_cameras(cameras)?;
+    let step = shots.len().div_ceil(count).max(1);
+    shots.iter().step_by(step).map(|shot| view(cameras, shot, usual_limit())).collect()
 }
 
 /// Reads a whole capture.

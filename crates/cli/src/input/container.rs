@@ -3,6 +3,7 @@
 //! Only the first image and its largest level are taken.
 
 use std::error::Error;
+use std::io::Read;
 use std::path::Path;
 
 use dds::header::{Header, ParseOptions};
@@ -74,12 +75,20 @@ pub(crate) fn size(path: &Path, container: Container, head: &[u8]) -> Result<Ima
     check_side(path, ImageSize { width, height })
 }
 
-/// The largest level as stored: format, alpha of BC1, bytes, and a flag for a zstd frame.
+/// The compression of a whole level.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Packing {
+    Plain,
+    Zstd,
+    Zlib,
+}
+
+/// The largest level as stored: format, alpha of BC1, bytes.
 struct Level<'b> {
     format: Format,
     alpha: bool,
     bytes: &'b [u8],
-    is_zstd: bool,
+    packing: Packing,
 }
 
 /// The largest level; memory for it is at most `limit_bytes`.
@@ -107,10 +116,15 @@ pub(crate) fn read(
     }
     let cut = |found| CliError::CutBlocks { path: path.to_owned(), found, needed };
     let length = usize::try_from(needed).unwrap_or(usize::MAX);
-    let unpacked = if level.is_zstd {
-        zstd::bulk::decompress(level.bytes, length).map_err(container.wrong(path))?
-    } else {
-        level.bytes.get(..length).ok_or_else(|| cut(level.bytes.len()))?.to_vec()
+    let unpacked = match level.packing {
+        Packing::Zstd => zstd::bulk::decompress(level.bytes, length).map_err(container.wrong(path))?,
+        Packing::Zlib => {
+            let mut unpacked = Vec::new();
+            let mut reader = flate2::read::ZlibDecoder::new(level.bytes).take(needed);
+            reader.read_to_end(&mut unpacked).map_err(container.wrong(path))?;
+            unpacked
+        }
+        Packing::Plain => level.bytes.get(..length).ok_or_else(|| cut(level.bytes.len()))?.to_vec(),
     };
     if unpacked.len() < length {
         return Err(cut(unpacked.len()));
@@ -197,7 +211,7 @@ fn dds_level<'b>(path: &Path, bytes: &'b [u8]) -> Result<Level<'b>, CliError> {
     check_flat(path, header.is_cube_map(), header.is_volume(), header.array_size())?;
     check_format(path, format)?;
     let bytes = bytes.get(DDS_MAGIC.len() + header.byte_len()..).unwrap_or_default();
-    Ok(Level { format, alpha: true, bytes, is_zstd: false })
+    Ok(Level { format, alpha: true, bytes, packing: Packing::Plain })
 }
 
 fn other(path: &Path, found: &'static str) -> CliError {
@@ -259,11 +273,11 @@ fn dds_format(format: ktx2::Format) -> Option<Format> {
 fn ktx2_level<'b>(path: &Path, bytes: &'b [u8]) -> Result<Level<'b>, CliError> {
     use ktx2::{Format as F, SupercompressionScheme as Scheme};
     let header = ktx2_header(path, bytes)?;
-    let is_zstd = match header.supercompression_scheme {
-        None => false,
-        Some(Scheme::Zstandard) => true,
+    let packing = match header.supercompression_scheme {
+        None => Packing::Plain,
+        Some(Scheme::Zstandard) => Packing::Zstd,
+        Some(Scheme::ZLIB) => Packing::Zlib,
         Some(Scheme::BasisLZ) => return Err(other(path, "Basis Universal")),
-        Some(Scheme::ZLIB) => return Err(other(path, "levels packed by zlib")),
         Some(_) => return Err(other(path, "levels packed by an unknown method")),
     };
     let format = header.format.ok_or_else(|| other(path, "Basis Universal"))?;
@@ -284,5 +298,5 @@ fn ktx2_level<'b>(path: &Path, bytes: &'b [u8]) -> Result<Level<'b>, CliError> {
         let needed = dds::PixelInfo::from(format).surface_bytes(size).unwrap_or(u64::MAX);
         CliError::CutBlocks { path: path.to_owned(), found: bytes.len(), needed }
     };
-    Ok(Level { format, alpha, bytes: level.ok_or_else(cut)?, is_zstd })
+    Ok(Level { format, alpha, bytes: level.ok_or_else(cut)?, packing })
 }

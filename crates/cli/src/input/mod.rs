@@ -4,6 +4,7 @@ pub(crate) mod bands;
 pub(crate) mod capture;
 mod colmap;
 pub(crate) mod container;
+mod exr_gray;
 pub(crate) mod find;
 pub(crate) mod formats;
 pub(crate) mod frames;

@@ -12,8 +12,8 @@ use tiff::tags::{PlanarConfiguration, SampleFormat, Tag};
 use super::frames::{self, Source};
 use super::jpeg::{self, Outline};
 use super::remarks::Remarks;
-use super::samples::{self, Bands};
-use super::{check_side, formats, profile};
+use super::samples::{self, Bands, Form, Sample, Texels, texels_of};
+use super::{check_side, exr_gray, formats, profile};
 use crate::error::CliError;
 use crate::files;
 
@@ -91,6 +91,9 @@ pub(super) fn size_and_orientation(path: &Path) -> Result<(ImageSize, Orientatio
             (decoder.dimensions(), orientation)
         }
         (Err(error), format) => {
+            if let Some(size) = gray_exr_size(path, format) {
+                return Ok((check_side(path, size)?, Orientation::NoTransforms));
+            }
             let decoder = special_tiff(path, None, format).ok_or_else(|| fault(path, format, error))?;
             let dimensions = { decoder }.dimensions().map_err(|error| damaged(path, error))?;
             (dimensions, Orientation::NoTransforms)
@@ -252,101 +255,6 @@ impl Banded {
     }
 }
 
-/// The storage of a sample.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Sample {
-    Byte,
-    Sixteen,
-    Float,
-}
-
-/// Samples of all texels, those of floats from 0 to 1 in 16 bits.
-struct Texels {
-    values: Vec<u16>,
-    sample: Sample,
-    is_planar: bool,
-}
-
-/// Reads texels of `count` samples chunk by chunk: the decoder fails at whole images of planes in tiles.
-fn texels_of(
-    path: &Path,
-    decoder: &mut TiffDecoder<Box<dyn Source>>,
-    count: u16,
-) -> Result<Texels, CliError> {
-    let failed = |error| damaged(path, error);
-    let (width, height) = decoder.dimensions().map_err(failed)?;
-    let planes = decoder.find_tag_unsigned::<u16>(Tag::PlanarConfiguration).map_err(failed)?;
-    let is_planar = planes == Some(PlanarConfiguration::Planar.to_u16());
-    let (chunk_width, chunk_height) = decoder.chunk_dimensions();
-    if chunk_width == 0 || chunk_height == 0 {
-        return Err(failed(tiff::TiffError::IntSizeError));
-    }
-    let across = width.div_ceil(chunk_width);
-    let a_plane = across * height.div_ceil(chunk_height);
-    let (planes, samples) = if is_planar { (u32::from(count), 1) } else { (1, usize::from(count)) };
-    let row = width as usize * samples;
-    let mut values = vec![0u16; row * height as usize * planes as usize];
-    let mut sample = Sample::Byte;
-    for index in 0..a_plane * planes {
-        let (columns, _) = decoder.chunk_data_dimensions(index);
-        let read: Vec<u16> = match decoder.read_chunk(index).map_err(failed)? {
-            DecodingResult::U8(values) => values.into_iter().map(u16::from).collect(),
-            DecodingResult::U16(values) => {
-                sample = Sample::Sixteen;
-                values
-            }
-            other => {
-                sample = Sample::Float;
-                let what = || format!("{count} bands of these samples");
-                let unread = || CliError::PixelFormat { path: path.to_owned(), what: what() };
-                let values: Option<Vec<u16>> =
-                    floats(other).ok_or_else(unread)?.into_iter().map(unit).collect();
-                values.ok_or_else(|| CliError::HighRange { path: path.to_owned() })?
-            }
-        };
-        let (plane, place) = (index / a_plane, index % a_plane);
-        let (left, top) = (place % across * chunk_width, place / across * chunk_height);
-        let length = columns.min(width - left) as usize * samples;
-        let lines = chunk_height.min(height - top) as usize;
-        let first = (plane as usize * height as usize + top as usize) * row + left as usize * samples;
-        let from = read.chunks(columns.max(1) as usize * samples);
-        let to = values[first..].chunks_mut(row);
-        for (to, from) in to.zip(from).take(lines).filter(|(_, from)| from.len() >= length) {
-            to[..length].copy_from_slice(&from[..length]);
-        }
-    }
-    Ok(Texels { values, sample, is_planar })
-}
-
-/// The order of an image's samples.
-struct Form {
-    size: (u32, u32),
-    count: u16,
-    /// Band by band instead of texel by texel.
-    is_planar: bool,
-}
-
-impl Form {
-    /// Images of up to four bands each, made of their interleaved samples and number of channels.
-    fn split(
-        &self,
-        values: &[u16],
-        image: impl Fn(Vec<u16>, u16) -> Option<DynamicImage>,
-    ) -> Option<Vec<DynamicImage>> {
-        let (texels, count) = (self.size.0 as usize * self.size.1 as usize, usize::from(self.count));
-        let channels = self.count.min(samples::MOST_CHANNELS);
-        let one = |first: usize| {
-            let value = |index: usize| {
-                let (texel, band) = (index / usize::from(channels), first + index % usize::from(channels));
-                let place = if self.is_planar { band * texels + texel } else { texel * count + band };
-                if band < count { values[place] } else { 0 }
-            };
-            image((0..texels * usize::from(channels)).map(value).collect(), channels)
-        };
-        (0..count).step_by(usize::from(channels)).map(one).collect()
-    }
-}
-
 /// The note on floats.
 const FLOATS: &str = "float samples are taken as 16 bits, linear";
 
@@ -384,6 +292,9 @@ fn stored(
     let mut decoder = match decoder {
         Ok(decoder) => decoder,
         Err(error) => {
+            if let Some(size) = gray_exr_size(path, format) {
+                return gray_exr(path, size, limit_bytes, remarks);
+            }
             let special = special_tiff(path, page, format).ok_or_else(|| fault(path, format, error))?;
             return special_image(path, special, limit_bytes, remarks);
         }
@@ -454,7 +365,7 @@ fn finished(
 }
 
 /// A float in 16 bits; `None` outside of 0 to 1.
-fn unit(value: f32) -> Option<u16> {
+pub(super) fn unit(value: f32) -> Option<u16> {
     (0.0..=1.0).contains(&value).then(|| (value * f32::from(u16::MAX)).round() as u16)
 }
 
@@ -570,8 +481,38 @@ fn special_image(
     Ok(Stored { image, format, orientation, profile, is_cmyk: false, is_linear, has_band: false })
 }
 
+/// Columns and rows of an OpenEXR file of one channel.
+fn gray_exr_size(path: &Path, format: Option<ImageFormat>) -> Option<ImageSize> {
+    (format == Some(ImageFormat::OpenExr)).then(|| exr_gray::size(path)).flatten()
+}
+
+/// An OpenEXR file of one channel.
+fn gray_exr(
+    path: &Path,
+    size: ImageSize,
+    limit_bytes: u64,
+    remarks: &mut Remarks,
+) -> Result<Stored, CliError> {
+    check_memory(path, check_side(path, size)?.texels().saturating_mul(10), limit_bytes)?;
+    let failed = |source| CliError::Rows { path: path.to_owned(), source };
+    let values = exr_gray::values(path).map_err(|error| failed(Box::new(error)))?;
+    let values: Option<Vec<u16>> = values.into_iter().map(unit).collect();
+    let values = values.ok_or_else(|| CliError::HighRange { path: path.to_owned() })?;
+    let image = ImageBuffer::from_raw(size.width, size.height, values).map(DynamicImage::ImageLuma16);
+    remarks.note(path, FLOATS);
+    Ok(Stored {
+        image: image.ok_or_else(|| failed("rows are missing".into()))?,
+        format: Some(ImageFormat::OpenExr),
+        orientation: Orientation::NoTransforms,
+        profile: None,
+        is_cmyk: false,
+        is_linear: true,
+        has_band: false,
+    })
+}
+
 /// Samples of floats; `None` for others.
-fn floats(values: DecodingResult) -> Option<Vec<f32>> {
+pub(super) fn floats(values: DecodingResult) -> Option<Vec<f32>> {
     Some(match values {
         DecodingResult::F16(values) => values.into_iter().map(|value| value.to_f32()).collect(),
         DecodingResult::F32(values) => values,
@@ -637,7 +578,7 @@ fn sixteenth(value: &u16) -> f32 {
     f32::from(*value) / f32::from(u16::MAX)
 }
 
-fn damaged(path: &Path, error: tiff::TiffError) -> CliError {
+pub(super) fn damaged(path: &Path, error: tiff::TiffError) -> CliError {
     CliError::Rows { path: path.to_owned(), source: Box::new(error) }
 }
 

@@ -4,9 +4,15 @@
 //! aerial photographs in four bands are often stored as RGB with alpha, and as bands by that metadata alone.
 
 use std::io::{BufRead, Seek};
+use std::path::Path;
 
-use tiff::decoder::Decoder;
-use tiff::tags::{PhotometricInterpretation, Tag};
+use image::DynamicImage;
+use tiff::decoder::{Decoder, DecodingResult};
+use tiff::tags::{PhotometricInterpretation, PlanarConfiguration, Tag};
+
+use super::frames::Source;
+use super::pixels::{damaged, floats, unit};
+use crate::error::CliError;
 
 /// Tag of GDAL's metadata: items in XML.
 pub(crate) const GDAL_METADATA: Tag = Tag::Unknown(42112);
@@ -86,6 +92,101 @@ fn item<'m>(metadata: &'m str, band: u16, role: &str) -> Option<&'m str> {
         has(&sample) && has(&role)
     });
     texts.next().and_then(|(_, text)| text.split('<').next()).map(str::trim)
+}
+
+/// The storage of a sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sample {
+    Byte,
+    Sixteen,
+    Float,
+}
+
+/// Samples of all texels, those of floats from 0 to 1 in 16 bits.
+pub(super) struct Texels {
+    pub(super) values: Vec<u16>,
+    pub(super) sample: Sample,
+    pub(super) is_planar: bool,
+}
+
+/// Reads texels of `count` samples chunk by chunk: the decoder fails at whole images of planes in tiles.
+pub(super) fn texels_of(
+    path: &Path,
+    decoder: &mut Decoder<Box<dyn Source>>,
+    count: u16,
+) -> Result<Texels, CliError> {
+    let failed = |error| damaged(path, error);
+    let (width, height) = decoder.dimensions().map_err(failed)?;
+    let planes = decoder.find_tag_unsigned::<u16>(Tag::PlanarConfiguration).map_err(failed)?;
+    let is_planar = planes == Some(PlanarConfiguration::Planar.to_u16());
+    let (chunk_width, chunk_height) = decoder.chunk_dimensions();
+    if chunk_width == 0 || chunk_height == 0 {
+        return Err(failed(tiff::TiffError::IntSizeError));
+    }
+    let across = width.div_ceil(chunk_width);
+    let a_plane = across * height.div_ceil(chunk_height);
+    let (planes, samples) = if is_planar { (u32::from(count), 1) } else { (1, usize::from(count)) };
+    let row = width as usize * samples;
+    let mut values = vec![0u16; row * height as usize * planes as usize];
+    let mut sample = Sample::Byte;
+    for index in 0..a_plane * planes {
+        let (columns, _) = decoder.chunk_data_dimensions(index);
+        let read: Vec<u16> = match decoder.read_chunk(index).map_err(failed)? {
+            DecodingResult::U8(values) => values.into_iter().map(u16::from).collect(),
+            DecodingResult::U16(values) => {
+                sample = Sample::Sixteen;
+                values
+            }
+            other => {
+                sample = Sample::Float;
+                let what = || format!("{count} bands of these samples");
+                let unread = || CliError::PixelFormat { path: path.to_owned(), what: what() };
+                let values: Option<Vec<u16>> =
+                    floats(other).ok_or_else(unread)?.into_iter().map(unit).collect();
+                values.ok_or_else(|| CliError::HighRange { path: path.to_owned() })?
+            }
+        };
+        let (plane, place) = (index / a_plane, index % a_plane);
+        let (left, top) = (place % across * chunk_width, place / across * chunk_height);
+        let length = columns.min(width - left) as usize * samples;
+        let lines = chunk_height.min(height - top) as usize;
+        let first = (plane as usize * height as usize + top as usize) * row + left as usize * samples;
+        let from = read.chunks(columns.max(1) as usize * samples);
+        let to = values[first..].chunks_mut(row);
+        for (to, from) in to.zip(from).take(lines).filter(|(_, from)| from.len() >= length) {
+            to[..length].copy_from_slice(&from[..length]);
+        }
+    }
+    Ok(Texels { values, sample, is_planar })
+}
+
+/// The order of an image's samples.
+pub(super) struct Form {
+    pub(super) size: (u32, u32),
+    pub(super) count: u16,
+    /// Band by band instead of texel by texel.
+    pub(super) is_planar: bool,
+}
+
+impl Form {
+    /// Images of up to four bands each, made of their interleaved samples and number of channels.
+    pub(super) fn split(
+        &self,
+        values: &[u16],
+        image: impl Fn(Vec<u16>, u16) -> Option<DynamicImage>,
+    ) -> Option<Vec<DynamicImage>> {
+        let (texels, count) = (self.size.0 as usize * self.size.1 as usize, usize::from(self.count));
+        let channels = self.count.min(MOST_CHANNELS);
+        let one = |first: usize| {
+            let value = |index: usize| {
+                let (texel, band) = (index / usize::from(channels), first + index % usize::from(channels));
+                let place = if self.is_planar { band * texels + texel } else { texel * count + band };
+                if band < count { values[place] } else { 0 }
+            };
+            image((0..texels * usize::from(channels)).map(value).collect(), channels)
+        };
+        (0..count).step_by(usize::from(channels)).map(one).collect()
+    }
 }
 
 #[cfg(test)]

@@ -67,6 +67,30 @@ fn a_capture_becomes_a_file_and_the_file_new_views() {
     assert_eq!(Some(parts), row["bits_memory"].as_u64());
     let (again, _) = place.compress("ball --codec lightfield --terms 1 --out out");
     assert!(again.stdout.contains("1 up to date"), "{}", again.stdout);
+    assert!(
+        again.stdout.contains("dB for 4 of its views, ") && !again.stdout.contains("bpp"),
+        "{}",
+        again.stdout
+    );
+
+    // Photographs that are kept for tests are drawn instead of those that it was made from.
+    let mut cameras: serde_json::Value =
+        serde_json::from_slice(&fs::read(place.at("new.json")).unwrap()).unwrap();
+    for (index, pixels) in wanted.iter().enumerate() {
+        let name = format!("test-{index}.png");
+        let path = place.at("ball").join(&name);
+        image::save_buffer(path, pixels.as_flattened(), SIZE, SIZE, image::ExtendedColorType::Rgba8).unwrap();
+        cameras["frames"][index]["file_path"] = name.into();
+    }
+    fs::write(place.at("ball/transforms_test.json"), cameras.to_string()).unwrap();
+    let (run, report) = place.compress("ball --codec lightfield --terms 1 --out out");
+    assert!(run.stdout.contains("dB for 2 new views, "), "{}", run.stdout);
+    let views = &report[0]["views"];
+    assert!(views["are_new"] == true && views["psnr"].as_f64().unwrap() > 30.0, "{views}");
+    fs::write(place.at("ball/transforms_test.json"), "{").unwrap();
+    let (run, report) = place.compress("ball --codec lightfield --terms 1 --out out");
+    assert_eq!((run.code, &report[0]["views"]["are_new"]), (Some(0), &false.into()));
+    assert!(run.stderr.contains("its views for tests are not compared: "), "{}", run.stderr);
 
     for (arguments, least) in [("--cpu", 30.0), ("--cpu --terms 0", 20.0), ("--cpu --size 40x40", 30.0)] {
         let run = place.run(&format!("render out/ball.txf --camera new.json --out views {arguments}"));

@@ -43,6 +43,17 @@ fn a_folder_becomes_a_texture_that_is_zoomed_into() {
     let psnr = report[0]["psnr"].as_f64().unwrap();
     let without = parts.iter().find_map(|part| part["psnr_without"].as_f64()).unwrap();
     assert!(psnr > without + 3.0, "{psnr} {without}");
+    // The goal is about images that are merged.
+    let merged = report[0]["psnr_merged"].as_f64().unwrap();
+    assert!(merged >= 34.0 && report[0]["goal_met"] == true, "{}", report[0]);
+    assert!(
+        run.stdout.contains(&format!("{merged:7.2} dB for merged images, {psnr:.2} dB against")),
+        "{}",
+        run.stdout
+    );
+    let (run, report) = place.compress("wall --as zoom --bpp 0.001 --out least --force");
+    assert_eq!(report[0]["goal_met"], false, "{}", run.stdout);
+    assert!(run.stderr.contains("the goal of 0.001 bits per texel was missed"), "{}", run.stderr);
     let run = place.run("render out/wall.txf --zoom-to 0.5,0.45 --steps 3 --size 64x48 --out frames --cpu");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     let sizes = ["000.png", "001.png", "002.png", "strip.png"]

@@ -55,6 +55,18 @@ pub(crate) fn exr_with_alpha() -> Vec<u8> {
     of(&DynamicImage::ImageRgba32F(image), ImageFormat::OpenExr)
 }
 
+/// One channel: the place's number of 48, times a factor.
+pub(crate) fn exr_gray(times: f32) -> Vec<u8> {
+    use exr::prelude::{SpecificChannels, WritableImage};
+    let value =
+        |place: exr::math::Vec2<usize>| ((place.y() * WIDTH as usize + place.x()) as f32 / 48.0 * times,);
+    let channels = SpecificChannels::build().with_channel("Y").with_pixel_fn(value);
+    let mut bytes = Cursor::new(Vec::new());
+    let size = (WIDTH as usize, HEIGHT as usize);
+    exr::prelude::Image::from_channels(size, channels).write().to_buffered(&mut bytes).unwrap();
+    bytes.into_inner()
+}
+
 fn frames(count: u8) -> Vec<Frame> {
     let frame = |number: u8| {
         let mut image = rgb().to_rgba8();

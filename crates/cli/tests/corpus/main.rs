@@ -5,6 +5,7 @@
 mod files;
 
 use std::fs;
+use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -112,6 +113,8 @@ fn floats() -> Vec<Case> {
     vec![
         ("exr.exr", float(ImageFormat::OpenExr, 1.0), Want::Taken(deep())),
         ("exr-alpha.exr", exr_with_alpha(), Want::Taken(alpha)),
+        ("exr-gray.exr", exr_gray(1.0), Want::Taken(gray_want.linear())),
+        ("exr-heights.exr", exr_gray(90.0), Want::Refused(above)),
         ("exr-bright.exr", float(ImageFormat::OpenExr, 4.0), Want::Refused(above)),
         ("hdr.hdr", float(ImageFormat::Hdr, 1.0), Want::Taken(deep().off(2.0))),
         ("hdr-bright.hdr", float(ImageFormat::Hdr, 4.0), Want::Refused(above)),
@@ -240,6 +243,9 @@ fn containers() -> Vec<Case> {
     let bc7 = || blocks(bc7_block([64, 32, 16], 255));
     let plain = rgba().into_bytes();
     let zstd = zstd::bulk::compress(&bc7(), 3).unwrap();
+    let mut zlib = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::default());
+    zlib.write_all(&bc7()).unwrap();
+    let zlib = zlib.finish().unwrap();
     let half = 128.0;
     let bc5 = || flat(3, [half, 200.0, 0.0]).noted("BC5 has no blue");
     let brown = || flat(3, [129.0, 64.0, 32.0]);
@@ -276,6 +282,12 @@ fn containers() -> Vec<Case> {
         (
             "zstd-cut.ktx2",
             ktx2_of(145, 2, 1, &zstd[..zstd.len() - 3]),
+            Want::Refused("the KTX2 header is wrong"),
+        ),
+        ("zlib.ktx2", ktx2_of(145, 3, 1, &zlib), Want::Taken(brown())),
+        (
+            "zlib-cut.ktx2",
+            ktx2_of(145, 3, 1, &zlib[..zlib.len() - 6]),
             Want::Refused("the KTX2 header is wrong"),
         ),
         ("basis.ktx2", ktx2_of(0, 1, 1, &[0; 64]), Want::Refused("holds Basis Universal, and only a flat")),

@@ -22,18 +22,18 @@ pub(crate) fn choose(
     contents: &[texfold_bc::Content],
     source_texels: f64,
     job: &mut Job<'_>,
-) -> Result<Fitted, EncodeError> {
+) -> Result<(Measured, Fitted), EncodeError> {
     let goal = maker.params.goal;
     if maker.params.access == Access::Texel || maker.params.content.is_some() {
-        return fit(maker, contents, source_texels, job).map(|(_, fitted)| fitted);
+        return fit(maker, contents, source_texels, job);
     }
     let (measured, fitted) = by_block(maker, source_texels, job)?;
     // A tolerance is that of the worst block, which may be worth bits that all others would have to take, too.
     if goal.is_met(&measured) && !matches!(goal, Goal::Tolerance(_)) {
-        return Ok(fitted);
+        return Ok((measured, fitted));
     }
     let (other, planes) = fit(maker, contents, source_texels, job)?;
-    Ok(if goal.prefers(&other, &measured) { planes } else { fitted })
+    Ok(if goal.prefers(&other, &measured) { (other, planes) } else { (measured, fitted) })
 }
 
 /// The texture in blocks with the step that answers the goal best.

@@ -17,6 +17,7 @@ use glam::{DMat3, DVec2};
 use rayon::prelude::*;
 use texfold_bc::Content;
 use texfold_core::image::{Alpha, ColorSpace, PixelInfo, Raster};
+use texfold_core::target::Measured;
 use texfold_core::{
     CancelCheck, EncodeError, Encoder, ImageSize, Job, MAX_IMAGE_SIDE, MAX_PLANE_SIDE, Params, Texel,
     TextureCodec,
@@ -126,6 +127,21 @@ impl Encoder for Zipmap {
     type Params = ZipParams;
 
     fn encode(source: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Result<ZipTexture, EncodeError> {
+        encode(source, params, job).map(|(texture, _)| texture)
+    }
+}
+
+impl Zipmap {
+    /// As [`Encoder::encode`], and what the goal is about: errors against the merged images, for goals of PSNR those of the
+    /// worst of them.
+    ///
+    /// # Errors
+    /// As [`Encoder::encode`].
+    pub fn encode_measured(
+        source: &PatchStack,
+        params: &ZipParams,
+        job: &mut Job<'_>,
+    ) -> Result<(ZipTexture, Measured), EncodeError> {
         encode(source, params, job)
     }
 }
@@ -139,7 +155,11 @@ fn held_bytes(stack: &PatchStack) -> u64 {
     all.saturating_mul(BYTES_PER_TEXEL).saturating_add(largest.saturating_mul(BYTES_PER_LARGEST))
 }
 
-fn encode(stack: &PatchStack, params: &ZipParams, job: &mut Job<'_>) -> Result<ZipTexture, EncodeError> {
+fn encode(
+    stack: &PatchStack,
+    params: &ZipParams,
+    job: &mut Job<'_>,
+) -> Result<(ZipTexture, Measured), EncodeError> {
     params.check()?;
     check(stack).map_err(fault)?;
     job.holding(held_bytes(stack), |job| encode_checked(stack, params, job))
@@ -149,19 +169,19 @@ fn encode_checked(
     stack: &PatchStack,
     params: &ZipParams,
     job: &mut Job<'_>,
-) -> Result<ZipTexture, EncodeError> {
+) -> Result<(ZipTexture, Measured), EncodeError> {
     let Laying { canvas, mut dropped, pixel, deep } = lay_all(stack, params, job)?;
     let source_texels: u64 =
         stack.images.iter().chain([&stack.root]).map(|image| image.size().texels()).sum();
     let (cancel, encoded) = (job.cancel_check(), std::collections::HashMap::new());
     let mut maker = Maker { canvas: &canvas, pixel, deep, params, encoded, cancel };
-    let fitted = blocks::choose(&mut maker, &contents(pixel, params), source_texels as f64, job)?;
+    let (measured, fitted) = blocks::choose(&mut maker, &contents(pixel, params), source_texels as f64, job)?;
     drop(maker);
     dropped.note_cuts(&canvas, &fitted.cuts);
     job.stage("measuring", 0.95)?;
     let notes = job.install(|| report::notes(stack, params, &fitted, &dropped, cancel));
     job.stage("done", 1.0)?;
-    Ok(fitted.texture.with_notes(notes))
+    Ok((fitted.texture.with_notes(notes), measured))
 }
 
 /// Opacity of every patch, 0 to 1, one channel: what its borders, its mask and the edges in its image leave; 0 where it adds

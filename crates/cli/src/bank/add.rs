@@ -5,6 +5,7 @@
 
 use std::time::Instant;
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use texfold_core::image::Depth;
 use texfold_core::{Access, ImageSize};
 use texfold_progressive::{Progressive, ProgressiveParams};
@@ -14,7 +15,7 @@ use super::sums::Sums;
 use super::task::{BankTask, Books, Grown, Place};
 use super::{Bank, Open, blocks, category, texel, tiles};
 use crate::error::{CliError, guarded};
-use crate::input::Remarks;
+use crate::input::{Remarks, georeference};
 use crate::progress::Share;
 use crate::report::Row;
 
@@ -35,7 +36,7 @@ pub(crate) enum Step {
     /// It cannot be added.
     Failed(CliError),
     /// It is to be added.
-    Add(Add),
+    Add(Box<Add>),
 }
 
 /// An image that is to be added.
@@ -50,6 +51,7 @@ pub(crate) struct Add {
     /// How its texels are to be reached.
     access: Access,
     depth: Depth,
+    georeference: Vec<u8>,
     remarks: Remarks,
     /// Whether it uses what other images have brought.
     pub(crate) depends: bool,
@@ -77,6 +79,7 @@ struct Seen {
     /// Colours of its tiles.
     colours: Vec<Vec<f32>>,
     depth: Depth,
+    georeference: Vec<u8>,
     remarks: Remarks,
 }
 
@@ -122,7 +125,7 @@ impl BankTask {
     /// Where tiles join categories, and which files are the image's: one for each tile, and one for each codebook that
     /// it grows.
     fn step(&self, manifest: &mut Manifest, key: String, next: &mut u32, seen: Seen) -> Step {
-        let (first, Seen { colours, depth, remarks }) = (*next, seen);
+        let (first, Seen { colours, depth, georeference, remarks }) = (*next, seen);
         *next += 2 * colours.len() as u32;
         let categories: Vec<usize> = match &self.category {
             Some(name) => match category::named(&mut manifest.categories, name, &[]) {
@@ -139,7 +142,7 @@ impl BankTask {
         };
         let access = self.access();
         let depends = access == Access::Texel && self.params().tries_codebooks();
-        Step::Add(Add { key, first, categories, access, depth, remarks, depends })
+        Step::Add(Box::new(Add { key, first, categories, access, depth, georeference, remarks, depends }))
     }
 
     /// Access to texels: that of the codec, which is dct or progressive.
@@ -156,7 +159,8 @@ impl BankTask {
             seen.depth = cut.tile.info().depth;
             Ok(())
         })?;
-        Ok(Seen { remarks, ..seen })
+        let georeference = georeference::of_input(&[&self.path], 1, &mut remarks);
+        Ok(Seen { remarks, georeference, ..seen })
     }
 
     /// The fault of an image that is no longer what it was when its tiles were counted.
@@ -229,6 +233,7 @@ impl BankTask {
             height: size.height,
             channels: sums.channels,
             levels: sums.levels,
+            georeference: BASE64_STANDARD.encode(&add.georeference),
             tiles: sums.tiles,
             row,
         }

@@ -3,12 +3,15 @@
 use std::collections::HashSet;
 use std::path::Path;
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use serde::{Deserialize, Serialize};
+use texfold_core::container::MAX_GEOREFERENCE;
 use texfold_core::{Access, MAX_IMAGE_SIDE};
 
 use super::category::{COLOURS, Category};
 use crate::error::CliError;
 use crate::files;
+use crate::input::georeference::Georeference;
 use crate::output::write_whole;
 use crate::report::Row;
 
@@ -23,6 +26,8 @@ const WITH_BLOCKS: u32 = 2;
 const MOST_NUMBER: u32 = 1 << 31;
 /// Most rows of a codebook and cells of a tile.
 const MOST_ROWS: u32 = 1 << 20;
+/// Most letters of a georeference.
+const MOST_BASE64: usize = MAX_GEOREFERENCE.div_ceil(3) * 4;
 
 /// What a bank holds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -51,6 +56,9 @@ pub(crate) struct Image {
     pub(crate) height: u32,
     pub(crate) channels: u8,
     pub(crate) levels: u32,
+    /// Bytes of its georeference, as a texture's notes hold them, in base64; empty where there is none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub(crate) georeference: String,
     pub(crate) tiles: Vec<Tile>,
     /// Row of the report.
     pub(crate) row: Row,
@@ -93,6 +101,11 @@ impl Image {
     pub(crate) fn access(&self) -> Access {
         if self.row.access == Access::Block.name() { Access::Block } else { Access::Texel }
     }
+
+    /// Its place on Earth and the meaning of its bands, where they are known.
+    pub(crate) fn georeference(&self) -> Option<Georeference> {
+        Georeference::parse(&BASE64_STANDARD.decode(&self.georeference).ok()?)
+    }
 }
 
 impl Manifest {
@@ -130,6 +143,11 @@ impl Manifest {
         for image in &self.images {
             let sides = [image.width, image.height].iter().all(|side| (1..=MAX_IMAGE_SIDE).contains(side));
             let plain = is_plain(&image.name) && names.insert(image.name.as_str());
+            let is_placed = image.georeference.is_empty()
+                || (image.georeference.len() <= MOST_BASE64 && image.georeference().is_some());
+            if !is_placed {
+                return Some(format!("image {} has a georeference that cannot be", image.name));
+            }
             if !sides || !plain || !(1..=4).contains(&image.channels) || !(1..=16).contains(&image.levels) {
                 return Some(format!("image {} cannot be", image.name.escape_debug()));
             }

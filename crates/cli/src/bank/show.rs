@@ -17,6 +17,7 @@ use super::tiles::TILE;
 use crate::console::{answer, complain};
 use crate::decompress::{Picture, Writing};
 use crate::error::{CliError, explain, guarded};
+use crate::input::georeference::{Georeference, Part};
 use crate::report::Sizes;
 
 /// Whether a path is the folder of a bank.
@@ -116,12 +117,17 @@ impl Bank {
             let picture = match &mut picture {
                 Some(picture) => picture,
                 // Tiles that are opaque are stored without alpha.
-                None => picture.insert(writing.picture(
-                    &path,
-                    size,
-                    PixelInfo { channels: image.channels, ..*pixel },
-                    None,
-                )?),
+                None => {
+                    let info = PixelInfo { channels: image.channels, ..*pixel };
+                    let georeference = image.georeference();
+                    let bands = georeference.as_ref().and_then(Georeference::bands);
+                    let bands = bands
+                        .filter(|bands| writing.takes_bands() && bands.count == u16::from(image.channels));
+                    let whole = ImageSize { width: image.width, height: image.height };
+                    let georeference = georeference.map(|found| found.of_part(Part::of(whole, area)));
+                    let made = writing.picture(&path, size, info, bands)?;
+                    picture.insert(made.with_georeference(georeference))
+                }
             };
             let texture = match writing.layers {
                 Some(layers) => first_layers(&texture, layers).unwrap_or(texture),
@@ -175,6 +181,9 @@ struct ImageSummary {
     access: &'static str,
     width: u32,
     height: u32,
+    /// Its place on Earth.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    place: Option<String>,
     tiles: usize,
     categories: Vec<u32>,
     psnr: f64,
@@ -278,6 +287,7 @@ fn summary_of(image: &Image) -> ImageSummary {
         access: image.access().name(),
         width: image.width,
         height: image.height,
+        place: image.georeference().and_then(|found| found.description()),
         tiles: image.tiles.len(),
         categories,
         psnr: image.row.psnr,
@@ -320,6 +330,7 @@ fn lines(summary: &Summary) -> String {
             100.0 * image.public_share,
             100.0 * image.own_share
         ));
+        lines.extend(image.place.iter().map(|place| format!("    at {place}")));
     }
     let Sizes { bpp_memory, bpp_resident, bpp_disk, .. } = summary.sizes;
     lines.push(format!(

@@ -199,11 +199,7 @@ fn bands_of(encoded: &dyn Encoded<Domain = Image2d>, args: &DecompressArgs) -> O
 /// The georeference of a rectangle.
 fn georeference(encoded: &dyn Encoded<Domain = Image2d>, rect: Rect) -> Option<Georeference> {
     let whole = Georeference::of_notes(encoded.notes()).filter(|_| rect.image == 0)?;
-    let full = encoded.layout().images[0];
-    let level = full.at_level(rect.level);
-    let ratio = |full: u32, level: u32| f64::from(full) / f64::from(level);
-    let ratio = (ratio(full.width, level.width), ratio(full.height, level.height));
-    Some(whole.of_part(Part { corner: (rect.x, rect.y), ratio }))
+    Some(whole.of_part(Part::of(encoded.layout().images[0], rect)))
 }
 
 /// Corner and extent of a rectangle in texture coordinates.

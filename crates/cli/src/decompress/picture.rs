@@ -118,7 +118,7 @@ impl Picture {
     }
 
     /// The same with a georeference.
-    pub(super) fn with_georeference(self, georeference: Option<Georeference>) -> Picture {
+    pub(crate) fn with_georeference(self, georeference: Option<Georeference>) -> Picture {
         Picture { georeference, ..self }
     }
 

@@ -110,7 +110,7 @@ impl Writing {
     }
 
     /// Whether files hold any number of bands.
-    pub(super) fn takes_bands(&self) -> bool {
+    pub(crate) fn takes_bands(&self) -> bool {
         self.to == Format::Tiff
     }
 

@@ -11,7 +11,6 @@ use texfold_core::{ImageSize, SourceError};
 use tiff::decoder::{ChunkType, Decoder as TiffDecoder, DecodingResult};
 use tiff::tags::{PlanarConfiguration, Tag};
 
-use super::georeference::Georeference;
 use super::pixels;
 use super::samples;
 use super::{Remarks, frames, profile};
@@ -110,9 +109,6 @@ impl Bands {
             }
             Source::Whole(decoded.image)
         };
-        if Georeference::of_file(path).is_some() {
-            remarks.warn(path, "banks keep no georeference; `compress` keeps it");
-        }
         Ok(Bands { path: path.to_owned(), size, color, alpha, next: 0, source })
     }
 

@@ -5,6 +5,7 @@ use std::io::{BufRead, Cursor, Seek, Write};
 use std::path::Path;
 
 use texfold_core::container::{MAX_GEOREFERENCE, Notes};
+use texfold_core::{ImageSize, Rect};
 use tiff::TiffResult;
 use tiff::decoder::Decoder;
 use tiff::encoder::colortype::{ColorType, Gray8, RGB8};
@@ -54,6 +55,16 @@ pub(crate) struct Part {
     pub(crate) ratio: (f64, f64),
 }
 
+impl Part {
+    /// A rectangle of a level of an image of size `whole`.
+    pub(crate) fn of(whole: ImageSize, rect: Rect) -> Part {
+        let level = whole.at_level(rect.level);
+        let ratio = |whole: u32, level: u32| f64::from(whole) / f64::from(level);
+        let ratio = (ratio(whole.width, level.width), ratio(whole.height, level.height));
+        Part { corner: (rect.x, rect.y), ratio }
+    }
+}
+
 impl Georeference {
     /// Georeference of the first image of a TIFF file; `None` where it has neither a place nor bands, or an incomplete one.
     pub(crate) fn of_file(path: &Path) -> Option<Georeference> {
@@ -70,8 +81,8 @@ impl Georeference {
         Georeference::parse(&notes.source.as_ref()?.georeference)
     }
 
-    /// Georeference that [`Georeference::to_bytes`] wrote.
-    fn parse(bytes: &[u8]) -> Option<Georeference> {
+    /// Georeference in the bytes that notes hold.
+    pub(crate) fn parse(bytes: &[u8]) -> Option<Georeference> {
         Georeference::read(Cursor::new(bytes))
     }
 

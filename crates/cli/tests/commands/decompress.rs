@@ -344,8 +344,22 @@ fn georeferences_are_kept_and_follow_parts_and_levels() {
         run.stderr.trim(),
         "warning: maps/map.png: the georeference is left out; give --to tiff to keep it"
     );
-    let run = place.run("bank add map.tif --codec dct --psnr 26 --effort fast --out bank");
-    assert!(run.stderr.contains("banks keep no georeference; `compress` keeps it"), "{}", run.stderr);
+    let run = place.run("bank add map.tif --codec dct --psnr 26 --effort fast --mips --out bank");
+    assert!(run.code == Some(0) && run.stderr.is_empty(), "{}", run.stderr);
+    assert!(place.run("bank list bank").stdout.contains("at EPSG:32615, upper left 500000, 4100000"));
+    assert_eq!(place.run("bank extract bank --out of-bank --to tiff").code, Some(0));
+    assert_eq!(found("of-bank/map.tiff"), [5e5, 4.1e6, 2.0, 3.0]);
+    let run = place.run("bank extract bank --out of-bank --to tiff --level 1 --region 5,2,8,4");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert_eq!(found("of-bank/map-5-2-8x4.tiff"), [5e5 + 20.0, 4.1e6 - 12.0, 4.0, 6.0]);
+    let forged = fs::read_to_string(place.at("bank/bank.json")).unwrap();
+    for (from, to) in
+        [("\"georeference\":\"", "\"georeference\":\"!"), ("\"georeference\":\"", "\"georeference\":\"AAAA")]
+    {
+        fs::write(place.at("bank/bank.json"), forged.replace(from, to)).unwrap();
+        let run = place.run("bank list bank");
+        assert!(run.stderr.contains("image map has a georeference that cannot be"), "{}", run.stderr);
+    }
     save_georeferenced(&place, "set/a.tif", 40, 24);
     save_georeferenced(&place, "set/b.tif", 40, 24);
     let (run, report) = place.compress("set --as set --out out --codec bc");

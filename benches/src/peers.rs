@@ -3,7 +3,7 @@
 //! `cargo run --release -p texfold-benches --bin peers -- OUT [FOLDER_OR_IMAGE …]`; without images, the Kodak photographs of the data folder.
 //! Bits are what a GPU holds, everything counted, without mips. ASTC is encoded by the program `astcenc` (`-thorough`), where it
 //! is installed. JPEG stands for textures that are decoded by block on the GPU: 4:2:0, with 0.17 bits a texel for the index that
-//! such a texture needs. A curve is the mean over the images of PSNR (or SSIMULACRA2) at each setting, at the mean of its bits.
+//! such a texture needs. `… -- OUT sheet` draws parts of fixtures instead: the source, ours and ASTC at equal bits. A curve is the mean over the images of PSNR (or SSIMULACRA2) at each setting, at the mean of its bits.
 
 use std::path::{Path, PathBuf};
 
@@ -45,6 +45,9 @@ fn main() -> Outcome<()> {
     let out = arguments.next().ok_or("name the folder to write to")?;
     std::fs::create_dir_all(&out)?;
     let mut given: Vec<PathBuf> = arguments.collect();
+    if given == [Path::new("sheet")] {
+        return sheet(&out);
+    }
     if given.is_empty() {
         given.extend(texfold_testkit::data_dir("peers").map(|data| data.join("vq/kodak")));
     }
@@ -150,6 +153,40 @@ fn astc(image: &Raster) -> Outcome<Vec<Point>> {
         points.push(compare("ASTC", format!("{side}x{side}"), image, &decoded, bpp)?);
     }
     Ok(points)
+}
+
+/// Parts of fixtures in the sheet, with their upper left corners.
+const SHEET: [(&str, (u32, u32)); 3] = [("salient", (60, 60)), ("floor", (80, 80)), ("tile_repeat", (0, 0))];
+/// Texels of a part along a side, and pixels that each is drawn with.
+const PART: (u32, u32) = (96, 3);
+/// Pixels between parts.
+const GAP: u32 = 8;
+
+/// Parts of fixtures side by side; below each what the default settings make of it, and ASTC, at the bits of blocks of 12x12.
+fn sheet(out: &Path) -> Outcome<()> {
+    let (side, zoom) = PART;
+    let step = side * zoom + GAP;
+    let mut page =
+        image::RgbImage::from_pixel(SHEET.len() as u32 * step - GAP, 3 * step - GAP, [255; 3].into());
+    for (column, (name, (left, top))) in (0..).zip(SHEET) {
+        let source = texfold_testkit::image(name).with_channels(3);
+        let coded = astc_by_astcenc(&source, ASTC[0], "-thorough").map_err(|error| error.to_string())?;
+        let (astc, bits) = coded.ok_or("install astcenc")?;
+        let set = ImageSet::single(source.clone());
+        let goal = Goal::Bpp(bits as f64 / source.size().texels() as f64);
+        let ours = texfold::Encode::new(&set).goal(goal).run()?;
+        let ours = decode_image(ours.as_encoded(), 0, 0).ok_or("an encoded image has no level 0")?;
+        let db = [&ours, &astc].map(|decoded| color_error(&source, decoded).psnr());
+        println!("{name}: {:.1} dB, ASTC {:.1} dB, {goal:?}", db[0], db[1]);
+        for (row, raster) in (0..).zip([&source, &ours, &astc]) {
+            for (y, x) in (0..side * zoom).flat_map(|y| (0..side * zoom).map(move |x| (y, x))) {
+                let texel = raster.texel(left + x / zoom, top + y / zoom).truncate();
+                let pixel = texel.to_array().map(texfold::core::image::to_u8);
+                page.put_pixel(column * step + x, row * step + y, pixel.into());
+            }
+        }
+    }
+    Ok(page.save(out.join("sheet.png"))?)
 }
 
 fn judge(

@@ -15,6 +15,8 @@ use crate::{
 const SOME_FAILED: u8 = 1;
 /// Exit code: the command line or the configuration is wrong; nothing was done.
 const USAGE: u8 = 2;
+/// Commands of `cargo xtask` alone, as they work on the source tree.
+const OF_THE_SOURCE_TREE: [&str; 3] = ["fixtures", "reference", "stability"];
 
 /// What can be done.
 #[derive(Debug, clap::Subcommand)]
@@ -54,6 +56,11 @@ pub fn main() -> ExitCode {
     match Program::try_parse() {
         Ok(Program { quiet, command }) => run(command, quiet),
         Err(answer) => {
+            let first = std::env::args().nth(1);
+            if let Some(name) = first.filter(|name| OF_THE_SOURCE_TREE.contains(&name.as_str())) {
+                complain(&format!("{name} needs Texfold's source tree; run `cargo xtask {name}` there"));
+                return ended(USAGE);
+            }
             // Help and the version are answers, all else is a usage error.
             let printed = answer.print();
             if !answer.use_stderr() {

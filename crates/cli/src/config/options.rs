@@ -48,17 +48,17 @@ pub struct Options {
     #[arg(long, num_args = 0..=1, require_equals = true, default_missing_value = "true", value_name = "BOOL", help_heading = "Codec")]
     pub(super) or_plain: Option<bool>,
     /// Goal: the smallest file with at least this PSNR in dB (default goal: 34).
-    #[arg(long, value_name = "DB", group = "goal", help_heading = "Goal")]
+    #[arg(long, value_name = "DB", group = "goal", help_heading = "Goal", allow_negative_numbers = true)]
     pub(super) psnr: Option<f64>,
     /// Goal: the best quality within this many bits per texel, compressed; what blocks are decoded to while drawn does not count.
-    #[arg(long, value_name = "B", group = "goal", help_heading = "Goal")]
+    #[arg(long, value_name = "B", group = "goal", help_heading = "Goal", allow_negative_numbers = true)]
     pub(super) bpp: Option<f64>,
     /// Goal: the smallest file whose 4x4 blocks each have at most this RMS error in 8-bit units.
-    #[arg(long, value_name = "E", group = "goal", help_heading = "Goal")]
+    #[arg(long, value_name = "E", group = "goal", help_heading = "Goal", allow_negative_numbers = true)]
     pub(super) tolerance: Option<f64>,
     /// Goal: the smallest file of a normal map whose normals are turned by at most this many degrees in the mean (default goal of normal
     /// maps: 1).
-    #[arg(long, value_name = "D", group = "goal", help_heading = "Goal")]
+    #[arg(long, value_name = "D", group = "goal", help_heading = "Goal", allow_negative_numbers = true)]
     pub(super) degrees: Option<f64>,
     /// Format of the texel data; by default the goal decides.
     #[arg(long, value_enum, help_heading = "Codec")]

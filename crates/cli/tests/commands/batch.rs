@@ -168,7 +168,8 @@ fn mistakes_on_the_command_line_end_with_2() {
         ("compress a.png", "--out"),
         ("compress a.png --out out --codec tga", "tga"),
         ("compress a.png --out out --psnr 30 --bpp 2", "--bpp"),
-        ("compress a.png --out out --psnr -3", "-3"),
+        ("compress a.png --out out --psnr -3", "--psnr -3 is outside finite numbers"),
+        ("compress a.png --out out --bpp -1", "--bpp -1 is outside finite numbers above 0"),
         ("compress a.png --out out --bpp nan", "finite"),
         ("compress a.png --out out --terms 4", "lightfield"),
         ("compress a.png --out out --codec bc --codebook 128x128", "vq"),
@@ -183,6 +184,7 @@ fn mistakes_on_the_command_line_end_with_2() {
         ("decompress --out out", "FILE.txf"),
         ("info", "FILE.txf"),
         ("draw", "draw"),
+        ("stability --out out", "cargo xtask stability"),
     ] {
         let run = place.run(arguments);
         assert_eq!(run.code, Some(2), "{arguments}: {}", run.stderr);

@@ -7,21 +7,19 @@
 //!   K2 = 0.03, biased covariances, the mean over all places where the window fits (over all places, mirrored at
 //!   the edges, where the image is smaller), then over the colour channels.
 
+mod ssim;
+
 use rayon::prelude::*;
 
 use crate::image::{ImageSet, Raster, to_u8};
 use crate::target::{Goal, Measured};
 use crate::{CancelCheck, EncodeError, Encoded, Image2d, Rect, Texel};
+pub use ssim::ssim;
 
 /// MSE below which a result counts as lossless: no 8-bit image can have a smaller one that is not 0.
 pub const MSE_FLOOR: f64 = 1e-9;
 /// PSNR of a lossless result in dB: that of [`MSE_FLOOR`].
 pub const PSNR_LOSSLESS: f64 = 138.130_803_608_679_1;
-
-const SSIM_SIGMA: f64 = 1.5;
-const SSIM_RADIUS: usize = 5;
-const SSIM_C1: f64 = (0.01 * 255.0) * (0.01 * 255.0);
-const SSIM_C2: f64 = (0.03 * 255.0) * (0.03 * 255.0);
 
 /// A sum of squared errors in 8-bit units and how many values went in; sums of several images add.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -290,147 +288,10 @@ fn squared_step(a: f32, b: f32) -> u64 {
     step * step
 }
 
-/// SSIM of two images of the same size, mean over the colour channels and a band; 1 where they are equal.
-#[must_use]
-pub fn ssim(source: &Raster, decoded: &Raster) -> f64 {
-    let channels = counted_channels(source, decoded);
-    let size = source.size();
-    let plane = |raster: &Raster, channel: usize| -> Vec<f32> {
-        raster.texels().map(|texel| f32::from(to_u8(texel[channel]))).collect()
-    };
-    let total: f64 = channels
-        .iter()
-        .map(|&channel| {
-            let (a, b) = (plane(source, channel), plane(decoded, channel));
-            ssim_plane(&a, &b, size.width as usize, size.height as usize)
-        })
-        .sum();
-    total / channels.len() as f64
-}
-
-fn ssim_plane(a: &[f32], b: &[f32], width: usize, height: usize) -> f64 {
-    let blurred = |values: Vec<f32>| blur(&values, width, height);
-    let product = |p: &[f32], q: &[f32]| p.iter().zip(q).map(|(x, y)| x * y).collect::<Vec<f32>>();
-    let (mean_a, mean_b) = (blurred(a.to_vec()), blurred(b.to_vec()));
-    let (aa, bb, ab) = (blurred(product(a, a)), blurred(product(b, b)), blurred(product(a, b)));
-    let fits = width > 2 * SSIM_RADIUS && height > 2 * SSIM_RADIUS;
-    let margin = if fits { SSIM_RADIUS } else { 0 };
-    let rows = margin..height - margin;
-    let sum: f64 = rows
-        .clone()
-        .flat_map(|y| (margin..width - margin).map(move |x| y * width + x))
-        .map(|i| {
-            let (ma, mb) = (f64::from(mean_a[i]), f64::from(mean_b[i]));
-            let (va, vb) = (f64::from(aa[i]) - ma * ma, f64::from(bb[i]) - mb * mb);
-            let covariance = f64::from(ab[i]) - ma * mb;
-            (2.0 * ma * mb + SSIM_C1) * (2.0 * covariance + SSIM_C2)
-                / ((ma * ma + mb * mb + SSIM_C1) * (va + vb + SSIM_C2))
-        })
-        .sum();
-    sum / (rows.len() * (width - 2 * margin)) as f64
-}
-
-/// Separable Gaussian of the SSIM window, mirrored at the edges (…b a | a b c…).
-fn blur(values: &[f32], width: usize, height: usize) -> Vec<f32> {
-    let weights: Vec<f64> = {
-        let radius = SSIM_RADIUS as i64;
-        let raw: Vec<f64> =
-            (-radius..=radius).map(|d| (-((d * d) as f64) / (2.0 * SSIM_SIGMA * SSIM_SIGMA)).exp()).collect();
-        let total: f64 = raw.iter().sum();
-        raw.into_iter().map(|weight| weight / total).collect()
-    };
-    let mirror = |index: i64, size: usize| -> usize {
-        let period = 2 * size as i64;
-        let folded = index.rem_euclid(period);
-        (if folded < size as i64 { folded } else { period - 1 - folded }) as usize
-    };
-    let taps = |centre: usize, size: usize| -> Vec<usize> {
-        (0..weights.len()).map(|k| mirror(centre as i64 + k as i64 - SSIM_RADIUS as i64, size)).collect()
-    };
-    let mut across = vec![0f32; values.len()];
-    let columns: Vec<Vec<usize>> = (0..width).map(|x| taps(x, width)).collect();
-    across.par_chunks_mut(width).zip(values.par_chunks(width)).for_each(|(out, row)| {
-        for (x, value) in out.iter_mut().enumerate() {
-            *value = columns[x].iter().zip(&weights).map(|(&i, w)| f64::from(row[i]) * w).sum::<f64>() as f32;
-        }
-    });
-    let mut down = vec![0f32; values.len()];
-    down.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
-        let rows = taps(y, height);
-        for (x, value) in out.iter_mut().enumerate() {
-            let sum: f64 =
-                rows.iter().zip(&weights).map(|(&r, w)| f64::from(across[r * width + x]) * w).sum();
-            *value = sum as f32;
-        }
-    });
-    down
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::image::{Alpha, ColorSpace};
-
-    fn pseudo_random(width: u32, height: u32, channels: u8, seed: u32) -> Raster {
-        let count = width * height * u32::from(channels);
-        let bytes: Vec<u8> = (0..count)
-            .map(|i| ((i + seed).wrapping_mul(2_654_435_761).rotate_left(13) >> 24) as u8)
-            .collect();
-        Raster::from_u8(width, height, channels, ColorSpace::Srgb, &bytes).unwrap()
-    }
-
-    /// The definition, window by window, without separation or shared sums.
-    fn ssim_by_definition(a: &Raster, b: &Raster) -> f64 {
-        let (width, height) = (a.size().width as i64, a.size().height as i64);
-        let channels = usize::from(a.info().color_channels());
-        let value = |r: &Raster, x: i64, y: i64, c: usize| f64::from(to_u8(r.texel(x as u32, y as u32)[c]));
-        let mut total = 0.0;
-        let mut places = 0.0;
-        for c in 0..channels {
-            for y in 5..height - 5 {
-                for x in 5..width - 5 {
-                    let (mut w, mut ma, mut mb) = (0.0, 0.0, 0.0);
-                    let window = |dx: i64, dy: i64| (-((dx * dx + dy * dy) as f64) / 4.5).exp();
-                    for (dy, dx) in (-5..=5).flat_map(|dy| (-5..=5).map(move |dx| (dy, dx))) {
-                        w += window(dx, dy);
-                        ma += window(dx, dy) * value(a, x + dx, y + dy, c);
-                        mb += window(dx, dy) * value(b, x + dx, y + dy, c);
-                    }
-                    (ma, mb) = (ma / w, mb / w);
-                    let (mut va, mut vb, mut cov) = (0.0, 0.0, 0.0);
-                    for (dy, dx) in (-5..=5).flat_map(|dy| (-5..=5).map(move |dx| (dy, dx))) {
-                        let (p, q) = (value(a, x + dx, y + dy, c) - ma, value(b, x + dx, y + dy, c) - mb);
-                        va += window(dx, dy) * p * p / w;
-                        vb += window(dx, dy) * q * q / w;
-                        cov += window(dx, dy) * p * q / w;
-                    }
-                    total += (2.0 * ma * mb + 6.5025) * (2.0 * cov + 58.5225)
-                        / ((ma * ma + mb * mb + 6.5025) * (va + vb + 58.5225));
-                    places += 1.0;
-                }
-            }
-        }
-        total / places
-    }
-
-    #[test]
-    fn ssim_equals_its_definition() {
-        let a = pseudo_random(19, 14, 3, 1);
-        let bytes: Vec<u8> =
-            a.to_bytes().iter().enumerate().map(|(i, &v)| v.saturating_add((i % 23) as u8)).collect();
-        let b = Raster::from_u8(19, 14, 3, ColorSpace::Srgb, &bytes).unwrap();
-        let (fast, slow) = (ssim(&a, &b), ssim_by_definition(&a, &b));
-        assert!((fast - slow).abs() < 1e-4, "{fast} {slow}");
-        assert!((ssim(&a, &a) - 1.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn tiny_images_have_an_ssim() {
-        let (a, b) = (pseudo_random(3, 5, 1, 1), pseudo_random(3, 5, 1, 9));
-        let value = ssim(&a, &b);
-        assert!(value.is_finite() && value < 1.0);
-        assert!((ssim(&a, &a) - 1.0).abs() < 1e-9);
-    }
 
     #[test]
     fn psnr_of_known_errors() {

@@ -1,10 +1,11 @@
 //! SSIMULACRA2: how alike two images are to the eye.
 //!
 //! Source: Sneyers, "SSIMULACRA 2 - Structural SIMilarity Unveiling Local And Compression Related Artifacts", 2022; computed by the
-//! crate `ssimulacra2`. 100 is identical, 90 not to be told apart at a usual distance, 70 high, 50 medium and 30 low quality.
+//! crate `fast-ssim2`. 100 is identical, 90 not to be told apart at a usual distance, 70 high, 50 medium and 30 low quality.
 
-use ssimulacra2::{ColorPrimaries, Rgb, TransferCharacteristic, compute_frame_ssimulacra2};
-use texfold_core::image::{ColorSpace, Raster};
+use fast_ssim2::{PixelDescriptor, PixelSlice, compute_ssimulacra2};
+use rayon::prelude::*;
+use texfold_core::image::{ColorSpace, Raster, to_u8};
 use texfold_core::{ImageSize, Texel};
 
 /// Longest side of what is compared at a time: the crate holds many planes of it in floats.
@@ -12,7 +13,7 @@ const TILE: u32 = 1024;
 /// Least side that the figure is defined for.
 const LEAST_SIDE: u32 = 8;
 
-/// SSIMULACRA2 of `decoded` against `image`, of the same size; colours with alpha count as over black. Larger images than
+/// SSIMULACRA2 of `decoded` against `image`, of the same size, both in 8 bits; colours with alpha count as over black. Larger images than
 /// 1024 x 1024 are cut into equal tiles, whose mean counts, each weighted by its texels. `None` for images that are no sRGB
 /// colours, have a side below 8 texels, or differ in size.
 #[must_use]
@@ -22,16 +23,18 @@ pub fn ssimulacra2(image: &Raster, decoded: &Raster) -> Option<f64> {
     if image.info().color != ColorSpace::Srgb || small || decoded.size() != size {
         return None;
     }
-    let (mut sum, mut texels) = (0.0, 0.0);
-    for (y, height) in parts(size.height) {
-        for (x, width) in parts(size.width) {
-            let tile = |raster: &Raster| frame(raster, (x, y), ImageSize { width, height });
-            let count = f64::from(width) * f64::from(height);
-            sum += count * compute_frame_ssimulacra2(tile(image)?, tile(decoded)?).ok()?;
-            texels += count;
-        }
-    }
-    Some(sum / texels)
+    let tiles: Vec<_> =
+        parts(size.height).flat_map(|rows| parts(size.width).map(move |columns| (columns, rows))).collect();
+    let of_tile = |((x, width), (y, height)): ((u32, u32), (u32, u32))| {
+        let (corner, size) = ((x, y), ImageSize { width, height });
+        let [image, decoded] = [image, decoded].map(|raster| bytes(raster, corner, size));
+        let row = 3 * width as usize;
+        let slice = |bytes| PixelSlice::new(bytes, width, height, row, PixelDescriptor::RGB8_SRGB).ok();
+        let found = compute_ssimulacra2(&slice(&image)?, &slice(&decoded)?).ok()?;
+        Some(found * size.texels() as f64)
+    };
+    let sums: Vec<Option<f64>> = tiles.into_par_iter().map(of_tile).collect();
+    Some(sums.into_iter().sum::<Option<f64>>()? / size.texels() as f64)
 }
 
 /// First texel and length of each of the nearly equal parts of a side.
@@ -41,12 +44,12 @@ fn parts(side: u32) -> impl Iterator<Item = (u32, u32)> {
     (0..count).map(move |part| (start(part), start(part + 1) - start(part)))
 }
 
-fn frame(raster: &Raster, (x, y): (u32, u32), size: ImageSize) -> Option<Rgb> {
-    let over_black = |texel: Texel| (texel.truncate() * texel.w).to_array();
-    let row = |y: u32| (x..x + size.width).map(move |x| over_black(raster.texel(x, y)));
-    let texels = (y..y + size.height).flat_map(row).collect();
-    let (width, height) = (size.width as usize, size.height as usize);
-    Rgb::new(texels, width, height, TransferCharacteristic::SRGB, ColorPrimaries::BT709).ok()
+/// Colours of a tile in bytes, over black.
+fn bytes(raster: &Raster, (x, y): (u32, u32), size: ImageSize) -> Vec<u8> {
+    let has_alpha = raster.info().has_alpha();
+    let over_black = |texel: Texel| if has_alpha { texel.truncate() * texel.w } else { texel.truncate() };
+    let row = |y: u32| (x..x + size.width).map(move |x| over_black(raster.texel(x, y)).to_array().map(to_u8));
+    (y..y + size.height).flat_map(row).collect::<Vec<_>>().into_flattened()
 }
 
 /// The mean of figures, each with its weight; `None` where one is missing or there are none.

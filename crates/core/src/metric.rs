@@ -11,9 +11,9 @@ mod ssim;
 
 use rayon::prelude::*;
 
-use crate::image::{ImageSet, Raster, to_u8};
+use crate::image::{ImageSet, Raster, to_u8, write_texels};
 use crate::target::{Goal, Measured};
-use crate::{CancelCheck, EncodeError, Encoded, Image2d, Rect, Texel};
+use crate::{CancelCheck, EncodeError, Encoded, Image2d, Rect, RegionError, Texel};
 pub use ssim::ssim;
 
 /// MSE below which a result counts as lossless: no 8-bit image can have a smaller one that is not 0.
@@ -62,15 +62,10 @@ impl SquaredError {
 /// Where the sizes differ, only what both have is compared.
 #[must_use]
 pub fn color_error(source: &Raster, decoded: &Raster) -> SquaredError {
-    color_error_of(source, decoded, CancelCheck::default())
-}
-
-/// As [`color_error`]; of no use once the job is cancelled.
-fn color_error_of(source: &Raster, decoded: &Raster, cancel: CancelCheck<'_>) -> SquaredError {
     let channels = counted_channels(source, decoded);
     let error =
         |a: Texel, b: Texel| channels.iter().map(|&channel| squared_step(a[channel], b[channel])).sum();
-    let (sum, texels) = sum_of(source, decoded, cancel, error);
+    let (sum, texels) = sum_of(source, decoded, error);
     SquaredError { sum: sum as f64, count: texels * channels.len() as u64 }
 }
 
@@ -81,17 +76,9 @@ fn counted_channels(a: &Raster, b: &Raster) -> &'static [usize] {
 }
 
 /// The sum of `error` over all texels that both images have, and their number.
-fn sum_of(
-    a: &Raster,
-    b: &Raster,
-    cancel: CancelCheck<'_>,
-    error: impl Fn(Texel, Texel) -> u64 + Sync,
-) -> (u64, u64) {
+fn sum_of(a: &Raster, b: &Raster, error: impl Fn(Texel, Texel) -> u64 + Sync) -> (u64, u64) {
     let texels = a.size().texels().min(b.size().texels());
     let of_run = |start: usize| -> u64 {
-        if cancel.is_cancelled() {
-            return 0;
-        }
         let pairs = a.texels_from(start, RUN_TEXELS).zip(b.texels_from(start, RUN_TEXELS));
         pairs.map(|(a, b)| error(a, b)).sum()
     };
@@ -100,19 +87,14 @@ fn sum_of(
     (sum, texels)
 }
 
-/// Texels that one thread compares without a look at whether to stop.
+/// Texels that one thread compares at a time.
 const RUN_TEXELS: usize = 1 << 14;
 
 /// Squared error of alpha; `None` where the source has none.
 #[must_use]
 pub fn alpha_error(source: &Raster, decoded: &Raster) -> Option<SquaredError> {
-    alpha_error_of(source, decoded, CancelCheck::default())
-}
-
-/// As [`alpha_error`]; of no use once the job is cancelled.
-fn alpha_error_of(source: &Raster, decoded: &Raster, cancel: CancelCheck<'_>) -> Option<SquaredError> {
     source.info().has_alpha().then(|| {
-        let (sum, count) = sum_of(source, decoded, cancel, |a, b| squared_step(a.w, b.w));
+        let (sum, count) = sum_of(source, decoded, |a, b| squared_step(a.w, b.w));
         SquaredError { sum: sum as f64, count }
     })
 }
@@ -120,18 +102,10 @@ fn alpha_error_of(source: &Raster, decoded: &Raster, cancel: CancelCheck<'_>) ->
 /// RMS error over colour and alpha of the worst 4x4 block, 8-bit units; blocks at the edge count what is inside.
 #[must_use]
 pub fn worst_block_rms(source: &Raster, decoded: &Raster) -> f64 {
-    worst_block_rms_of(source, decoded, CancelCheck::default())
-}
-
-/// As [`worst_block_rms`]; of no use once the job is cancelled.
-fn worst_block_rms_of(source: &Raster, decoded: &Raster, cancel: CancelCheck<'_>) -> f64 {
     let size = source.size();
     let channels = if source.info().has_extra() { 4 } else { 3 };
     let (columns, rows) = size.blocks();
     let block = |index: u32| {
-        if cancel.is_cancelled() {
-            return 0.0;
-        }
         let (left, top) = (index % columns * 4, index / columns * 4);
         let (mut sum, mut count) = (0u64, 0u64);
         for (y, x) in (top..(top + 4).min(size.height))
@@ -170,21 +144,34 @@ fn decode_rect_of(
 ) -> Option<Raster> {
     let layout = encoded.layout();
     layout.check(rect).ok().filter(|()| rect.width > 0 && rect.height > 0)?;
-    let mut texels = vec![Texel::ZERO; rect.width as usize * rect.height as usize];
-    let bands = texels.par_chunks_mut(rect.width as usize * BAND_ROWS as usize).enumerate();
-    let decode = |(band, out): (usize, &mut [Texel])| {
+    let row = rect.width as usize * usize::from(layout.pixel.channels);
+    let mut data = vec![0.0; row * rect.height as usize];
+    let bands = data.par_chunks_mut(row * BAND_ROWS as usize).enumerate();
+    let decode = |(band, out): (usize, &mut [f32])| {
         if cancel.is_cancelled() {
             return Ok(());
         }
-        let top = BAND_ROWS * band as u32;
-        let height = BAND_ROWS.min(rect.height - top);
-        encoded.decode(Rect { y: rect.y + top, height, ..rect }, out)
+        let texels = decode_band(encoded, rect, BAND_ROWS * band as u32)?;
+        write_texels(&texels, layout.pixel.channels, out);
+        Ok::<_, RegionError>(())
     };
     bands.try_for_each(decode).ok()?;
     if cancel.is_cancelled() {
         return None;
     }
-    Raster::from_texels(rect.width, rect.height, layout.pixel, &texels).ok()
+    Raster::new(rect.width, rect.height, layout.pixel, data).ok()
+}
+
+/// At most [`BAND_ROWS`] rows of a rectangle, from row `top` of it on.
+fn decode_band(
+    encoded: &dyn Encoded<Domain = Image2d>,
+    rect: Rect,
+    top: u32,
+) -> Result<Vec<Texel>, RegionError> {
+    let height = BAND_ROWS.min(rect.height - top);
+    let mut texels = vec![Texel::ZERO; rect.width as usize * height as usize];
+    encoded.decode(Rect { y: rect.y + top, height, ..rect }, &mut texels)?;
+    Ok(texels)
 }
 
 /// How an encoded texture differs from its source, all images together.
@@ -242,15 +229,84 @@ fn quality_of(
 ) -> Quality {
     let mut quality = Quality::default();
     for (index, image) in source.images().iter().enumerate() {
-        let whole = encoded.layout().whole(index as u32, 0);
-        let Some(decoded) = whole.and_then(|rect| decode_rect_of(encoded, rect, cancel)) else { continue };
-        quality.color = quality.color + color_error_of(image, &decoded, cancel);
-        if let Some(alpha) = alpha_error_of(image, &decoded, cancel) {
+        let Some(whole) = encoded.layout().whole(index as u32, 0) else { continue };
+        let Some(found) = quality_of_image(image, encoded, whole, cancel) else { continue };
+        quality.color = quality.color + found.color;
+        if let Some(alpha) = found.alpha {
             quality.alpha = Some(quality.alpha.unwrap_or_default() + alpha);
         }
-        quality.worst_block_rms = quality.worst_block_rms.max(worst_block_rms_of(image, &decoded, cancel));
+        quality.worst_block_rms = quality.worst_block_rms.max(found.worst_block_rms);
     }
     quality
+}
+
+/// Band by band, so that no more than a band a thread is held decoded.
+fn quality_of_image(
+    image: &Raster,
+    encoded: &dyn Encoded<Domain = Image2d>,
+    whole: Rect,
+    cancel: CancelCheck<'_>,
+) -> Option<Quality> {
+    let (size, pixel) = (image.size(), encoded.layout().pixel);
+    if (size.width, size.height) != (whole.width, whole.height) {
+        let decoded = decode_rect_of(encoded, whole, cancel)?;
+        return Some(Quality {
+            color: color_error(image, &decoded),
+            alpha: alpha_error(image, &decoded),
+            worst_block_rms: worst_block_rms(image, &decoded),
+        });
+    }
+    let of_band = |top: u32| -> Option<Quality> {
+        if cancel.is_cancelled() {
+            return None;
+        }
+        let texels = decode_band(encoded, whole, top).ok()?;
+        let rows = texels.len() as u32 / size.width;
+        let mut data = vec![0.0; texels.len() * usize::from(pixel.channels)];
+        write_texels(&texels, pixel.channels, &mut data);
+        let decoded = Raster::new(size.width, rows, pixel, data).ok()?;
+        Some(errors(image, &decoded, top))
+    };
+    let bands: Vec<u32> = (0..size.height).step_by(BAND_ROWS as usize).collect();
+    let bands: Option<Vec<Quality>> = bands.into_par_iter().map(of_band).collect();
+    bands?.into_iter().reduce(|all, band| Quality {
+        color: all.color + band.color,
+        alpha: all.alpha.zip(band.alpha).map(|(all, band)| all + band),
+        worst_block_rms: all.worst_block_rms.max(band.worst_block_rms),
+    })
+}
+
+/// Errors of rows of an image from row `top` on, a multiple of 4.
+fn errors(image: &Raster, decoded: &Raster, top: u32) -> Quality {
+    let size = decoded.size();
+    let counted = counted_channels(image, decoded);
+    let in_block: &[usize] = if image.info().has_extra() { &[0, 1, 2, 3] } else { &[0, 1, 2] };
+    let (mut color, mut alpha, mut worst) = (0u64, 0u64, 0.0f64);
+    let mut blocks = vec![(0u64, 0u64); size.width.div_ceil(4) as usize];
+    for y in 0..size.height {
+        if y % 4 == 0 {
+            blocks.fill((0, 0));
+        }
+        for x in 0..size.width {
+            let (a, b) = (image.texel(x, top + y), decoded.texel(x, y));
+            let steps = [0, 1, 2, 3].map(|channel| squared_step(a[channel], b[channel]));
+            color += counted.iter().map(|&channel| steps[channel]).sum::<u64>();
+            alpha += steps[3];
+            let block = &mut blocks[x as usize / 4];
+            block.0 += in_block.iter().map(|&channel| steps[channel]).sum::<u64>();
+            block.1 += in_block.len() as u64;
+        }
+        if y % 4 == 3 || y + 1 == size.height {
+            let means = blocks.iter().map(|&(sum, count)| sum as f64 / count as f64);
+            worst = means.fold(worst, f64::max);
+        }
+    }
+    let texels = size.texels();
+    Quality {
+        color: SquaredError { sum: color as f64, count: texels * counted.len() as u64 },
+        alpha: image.info().has_alpha().then_some(SquaredError { sum: alpha as f64, count: texels }),
+        worst_block_rms: worst.sqrt(),
+    }
 }
 
 /// [`quality`], and the bits a source texel that [`MemoryBits::goal`] defines; PSNR is that of colours.
@@ -262,7 +318,7 @@ pub fn measure(source: &ImageSet, encoded: &dyn Encoded<Domain = Image2d>) -> Me
 }
 
 /// As [`Quality::judged`] says, with a look before every 64 rows
-/// that are decoded and every few thousand texels that are compared at whether to stop.
+/// that are decoded and compared at whether to stop.
 ///
 /// # Errors
 /// [`EncodeError::Cancelled`] where the caller asked to stop.

@@ -16,4 +16,6 @@ pub use layout::{ImageLayout, ImageSize};
 pub use mip::{MipFilter, mip_chain};
 pub use parts::PartImages;
 pub use pixel::{Alpha, Depth, PixelInfo};
+#[cfg(feature = "encode")]
+pub(crate) use raster::write_texels;
 pub use raster::{ImageSet, Raster, to_u8};

@@ -242,6 +242,18 @@ fn split_texels(texels: impl ExactSizeIterator<Item = Texel>, channels: u8) -> V
     }
 }
 
+/// Writes the channels of texels one after the other; of two channels the second is alpha.
+#[cfg(feature = "encode")]
+pub(crate) fn write_texels(texels: &[Texel], channels: u8, out: &mut [f32]) {
+    for (out, texel) in out.chunks_exact_mut(channels.clamp(1, 4).into()).zip(texels) {
+        match out {
+            [gray] => *gray = texel.x,
+            [gray, alpha] => (*gray, *alpha) = (texel.x, texel.w),
+            _ => out.iter_mut().zip(texel.to_array()).for_each(|(out, value)| *out = value),
+        }
+    }
+}
+
 /// Images that are compressed together: one image, a set, or the frames of a sequence in order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImageSet {

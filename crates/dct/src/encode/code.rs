@@ -261,7 +261,7 @@ impl PlaneQuantiser<'_> {
         let mut around = Around::default();
         around.reset(blocks.0, blocks.1, self.ranks.len());
         let mut moments = [Moment::default(); OFFSETS];
-        let mut all = Vec::new();
+        let mut superblock = Superblock::new(blocks, self.ranks.len());
         for (block, (column, row)) in places(shape, place).enumerate() {
             let at = row * shape.blocks.0 + column;
             let masking = self.masking.as_ref().map_or(1.0, |masking| masking[at]);
@@ -282,10 +282,11 @@ impl PlaneQuantiser<'_> {
                 quantising.measure(coefficients, predicted, &levels, &mut moments);
                 let end = end_symbol(coded(&levels, self.first()));
                 around.keep(block, axis, &magnitudes_of(&levels), end);
-                all.push(levels);
+                superblock.push(&levels);
             }
         }
-        Coded { superblock: Superblock { blocks, levels: all }, moments }
+        superblock.shrink();
+        Coded { superblock, moments }
     }
 
     /// The plane as the decoder sees it.
@@ -295,9 +296,9 @@ impl PlaneQuantiser<'_> {
         let mut patch = Patch::new(size, (0, 0), size, self.ranks.len());
         for (number, superblock) in superblocks.iter().enumerate() {
             let place = (number % shape.superblocks.0, number / shape.superblocks.0);
-            let levels = superblock.levels.chunks_exact(self.ranks.len());
-            for ((column, row), levels) in places(shape, place).zip(levels) {
-                for (axis, levels) in levels.iter().enumerate() {
+            let mut levels = superblock.levels();
+            for (column, row) in places(shape, place) {
+                for (axis, levels) in levels.by_ref().take(self.ranks.len()).enumerate() {
                     let mut coefficients = [0; COEFFICIENTS];
                     if let Some(base) = self.base {
                         let predicted = base.predict(axis, column, row);

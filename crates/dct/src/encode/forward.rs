@@ -47,7 +47,10 @@ pub(super) fn coefficients(
             out
         });
         check.checkpoint()?;
-        planes.push(Coefficients { shape, blocks: rows.concat() });
+        // Not all at once, so that rows go as they are copied.
+        let mut all = Vec::with_capacity(blocks.0 * blocks.1 * count);
+        rows.into_iter().for_each(|row| all.extend(row));
+        planes.push(Coefficients { shape, blocks: all });
     }
     Ok(planes)
 }

@@ -1,5 +1,7 @@
 //! The step that meets a goal.
 
+use std::borrow::Cow;
+
 use texfold_core::target::{Measured, StepScale, search_step};
 use texfold_core::{CancelCheck, Effort, EncodeError, Goal, Metric, ParamError, SourceError};
 
@@ -86,7 +88,7 @@ impl DctSettings {
 /// A source's coefficients, from which textures for any goal are made.
 #[derive(Debug)]
 pub struct DctEncoder<'a> {
-    source: &'a DctSource,
+    source: Cow<'a, DctSource>,
     params: DctSettings,
     form: DctForm,
     planes: Vec<Coefficients>,
@@ -103,6 +105,25 @@ impl<'a> DctEncoder<'a> {
         params: &DctSettings,
         check: CancelCheck<'a>,
     ) -> Result<Self, EncodeError> {
+        Self::of(Cow::Borrowed(source), params, check)
+    }
+
+    /// As [`DctEncoder::new`], for textures of steps that the caller names: the source's samples are not kept.
+    pub(super) fn of_steps(
+        source: DctSource,
+        params: &DctSettings,
+        check: CancelCheck<'a>,
+    ) -> Result<Self, EncodeError> {
+        let mut encoder = Self::of(Cow::Owned(source), params, check)?;
+        encoder.source.to_mut().samples = Vec::new();
+        Ok(encoder)
+    }
+
+    fn of(
+        source: Cow<'a, DctSource>,
+        params: &DctSettings,
+        check: CancelCheck<'a>,
+    ) -> Result<Self, EncodeError> {
         params.check()?;
         let mut form = DctForm {
             size: source.size,
@@ -112,7 +133,7 @@ impl<'a> DctEncoder<'a> {
             deblocking: 0,
             groups: Vec::new(),
         };
-        let planes = coefficients(source, &mut form, check)?;
+        let planes = coefficients(&source, &mut form, check)?;
         Ok(DctEncoder { source, params: *params, form, planes, check })
     }
 
@@ -201,8 +222,8 @@ impl<'a> DctEncoder<'a> {
             Goal::Bpp(_) => {
                 measured.bpp = 8.0 * texture.to_bytes().len() as f64 / self.source.size.texels() as f64;
             }
-            Goal::Psnr(_) => measured.psnr = psnr(self.source, texture),
-            Goal::Tolerance(_) => measured.worst_block_rms = worst_block_rms(self.source, texture),
+            Goal::Psnr(_) => measured.psnr = psnr(&self.source, texture),
+            Goal::Tolerance(_) => measured.worst_block_rms = worst_block_rms(&self.source, texture),
         }
         measured
     }

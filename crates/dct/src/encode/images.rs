@@ -5,7 +5,7 @@ use super::set::DctSetEncoder;
 use super::source::DctSource;
 use crate::{Dct, DctImages, DctParams};
 use texfold_core::RESIDUAL_PART;
-use texfold_core::image::{Depth, ImageSet, MipFilter, mip_chain_cancellable};
+use texfold_core::image::{Depth, ImageSet, MipFilter, Raster, mip_chain_cancellable};
 use texfold_core::metric::{measure_for, quality_cancellable};
 use texfold_core::target::{FoundStep, Measured, search_step};
 use texfold_core::{
@@ -44,9 +44,7 @@ impl Dct {
         job.stage("transforming", 0.0)?;
         let check = job.cancel_check();
         let layout = layout_of(source, params);
-        let sources = job.install(|| stages(source, layout.levels, check))?;
-        let encoder =
-            job.install(|| DctSetEncoder::new(layout, &sources, &coder_settings(source, params), check))?;
+        let encoder = job.install(|| set_encoder(source, layout, params, check))?;
         job.stage("coding blocks", 0.3)?;
         let images = DctImages::new(job.install(|| encoder.at_step(step))?);
         job.stage("done", 1.0)?;
@@ -96,9 +94,7 @@ fn best(
     job.stage("transforming", 0.0)?;
     let check = job.cancel_check();
     let layout = layout_of(source, params);
-    let sources = job.install(|| stages(source, layout.levels, check))?;
-    let encoder =
-        job.install(|| DctSetEncoder::new(layout, &sources, &coder_settings(source, params), check))?;
+    let encoder = job.install(|| set_encoder(source, layout, params, check))?;
     let mut tried = 0u32;
     let found = search_step(goal, STEPS, encoder.first_step(), |step| {
         tried += 1;
@@ -112,6 +108,7 @@ fn best(
         Ok::<_, EncodeError>((images, measured))
     })?;
     let found = found.ok_or(SourceError::Empty)?;
+    drop(encoder);
     let measured = match goal {
         Goal::Bpp(_) => job.install(|| measure_for(goal, source, &found.value, check))?,
         _ => found.measured,
@@ -130,18 +127,30 @@ fn coder_settings(source: &ImageSet, params: &DctParams) -> DctSettings {
         .with_metric(params.metric_for(source.info()))
 }
 
-/// The stages of all images: mip levels 0, 3, 6 and so on.
-fn stages(source: &ImageSet, levels: u32, check: CancelCheck<'_>) -> Result<Vec<DctSource>, EncodeError> {
-    let depth = source.info().depth;
-    let mut stages = Vec::new();
-    for image in source.images() {
-        let levels = levels.min(image.size().full_levels());
-        let chain = mip_chain_cancellable(image, levels, MipFilter::Box, check)?;
-        let samples =
-            chain.iter().step_by(DCT_LEVELS as usize).map(|level| DctSource::from_raster(level, depth));
-        stages.extend(samples.collect::<Result<Vec<_>, SourceError>>()?);
+fn set_encoder<'a>(
+    source: &ImageSet,
+    layout: ImageLayout,
+    params: &DctParams,
+    check: CancelCheck<'a>,
+) -> Result<DctSetEncoder<'a>, EncodeError> {
+    let levels = layout.levels;
+    let sources = source.images().iter().flat_map(|image| match stages(image, levels, check) {
+        Ok(stages) => stages.into_iter().map(Ok).collect(),
+        Err(error) => vec![Err(error)],
+    });
+    DctSetEncoder::new(layout, sources, &coder_settings(source, params), check)
+}
+
+/// The stages of an image: mip levels 0, 3, 6 and so on.
+fn stages(image: &Raster, levels: u32, check: CancelCheck<'_>) -> Result<Vec<DctSource>, EncodeError> {
+    let depth = image.info().depth;
+    let levels = levels.min(image.size().full_levels());
+    if levels <= DCT_LEVELS {
+        return Ok(vec![DctSource::from_raster(image, depth)?]);
     }
-    Ok(stages)
+    let chain = mip_chain_cancellable(image, levels, MipFilter::Box, check)?;
+    let stages = chain.iter().step_by(DCT_LEVELS as usize);
+    Ok(stages.map(|level| DctSource::from_raster(level, depth)).collect::<Result<_, SourceError>>()?)
 }
 
 fn bits(source: &ImageSet, images: &DctImages) -> f64 {

@@ -18,21 +18,23 @@ pub struct DctSetEncoder<'a> {
 }
 
 impl<'a> DctSetEncoder<'a> {
-    /// Transforms the stages ([`crate::stage_sizes`]) of the images of that layout, one image after the other.
+    /// Transforms the stages ([`crate::stage_sizes`]) of the images of that layout, one image after the other; a source is dropped
+    /// before the next is taken.
     ///
     /// # Errors
-    /// [`EncodeError`] where there is no image, for a parameter out of range, and where the job was cancelled.
+    /// [`EncodeError`] where there is no image, for a parameter out of range, where the job was cancelled, and those of the sources.
     pub fn new(
         layout: ImageLayout,
-        sources: &'a [DctSource],
+        sources: impl IntoIterator<Item = Result<DctSource, EncodeError>>,
         params: &DctSettings,
         check: CancelCheck<'a>,
     ) -> Result<Self, EncodeError> {
-        if sources.is_empty() {
+        let stages = sources.into_iter().map(|source| DctEncoder::of_steps(source?, params, check));
+        let stages = stages.collect::<Result<Vec<_>, EncodeError>>()?;
+        if stages.is_empty() {
             return Err(SourceError::Empty.into());
         }
-        let stages = sources.iter().map(|source| DctEncoder::new(source, params, check));
-        Ok(DctSetEncoder { layout, stages: stages.collect::<Result<Vec<_>, EncodeError>>()? })
+        Ok(DctSetEncoder { layout, stages })
     }
 
     /// All images with that step, a number up to [`crate::MAX_STEP`], and each further stage three quarters of an octave finer.

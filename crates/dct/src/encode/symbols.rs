@@ -146,26 +146,58 @@ impl Sink for BlockBits<'_> {
     }
 }
 
-/// A superblock's quantised blocks: columns and rows of blocks, levels block by block, axis by axis.
+/// A superblock's quantised blocks, block by block, axis by axis: of each the levels up to the last that is not 0.
 #[derive(Debug, Clone)]
 pub(super) struct Superblock {
+    /// Columns and rows of blocks.
     pub blocks: (usize, usize),
-    pub levels: Vec<Levels>,
+    /// Number of levels of each block.
+    counts: Vec<u8>,
+    /// Levels in the order of coding.
+    levels: Vec<i32>,
 }
 
 impl Superblock {
+    /// Without levels yet.
+    pub(super) fn new(blocks: (usize, usize), axes: usize) -> Superblock {
+        Superblock { blocks, counts: Vec::with_capacity(blocks.0 * blocks.1 * axes), levels: Vec::new() }
+    }
+
+    pub(super) fn push(&mut self, levels: &Levels) {
+        let count = coded(levels, 0);
+        self.counts.push(count as u8);
+        self.levels.extend(SCAN[..count].iter().map(|place| levels[usize::from(place.raster)]));
+    }
+
+    /// Gives back what levels do not need.
+    pub(super) fn shrink(&mut self) {
+        self.levels.shrink_to_fit();
+    }
+
+    /// The levels of all blocks.
+    pub(super) fn levels(&self) -> impl Iterator<Item = Levels> + '_ {
+        let mut rest = self.levels.as_slice();
+        self.counts.iter().map(move |&count| {
+            let (own, further) = rest.split_at(count.into());
+            rest = further;
+            let mut levels = [0; COEFFICIENTS];
+            SCAN.iter().zip(own).for_each(|(place, &level)| levels[usize::from(place.raster)] = level);
+            levels
+        })
+    }
+
     /// Gives all symbols of the superblock to `sink`.
     pub(super) fn walk(&self, is_base: bool, first: usize, ranks: &[u8], sink: &mut impl Sink) {
         let mut around = Around::default();
         around.reset(self.blocks.0, self.blocks.1, ranks.len());
-        for (number, levels) in self.levels.iter().enumerate() {
+        for (number, levels) in self.levels().enumerate() {
             let (block, axis) = (number / ranks.len(), number % ranks.len());
             if axis == 0 {
                 sink.next_block();
             }
             let set = set_of(is_base, ranks[axis] == 0) * SET_TABLES;
             let neighbours = around.of(block, axis, ranks[axis] > 1);
-            let (magnitudes, end) = walk_block(levels, first, set, &neighbours, sink);
+            let (magnitudes, end) = walk_block(&levels, first, set, &neighbours, sink);
             around.keep(block, axis, &magnitudes, end);
         }
     }

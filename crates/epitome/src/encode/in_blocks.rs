@@ -114,10 +114,10 @@ pub(super) fn coded(
     let texels: Vec<Texel> = drawn.texels.iter().map(|texel| *texel / 255.0).collect();
     let image = Raster::from_texels(drawn.size.0, drawn.size.1, space.pixel, &texels)?;
     let source = DctSource::from_raster(&image, space.pixel.depth)?;
-    let source = [source.with_free_colours_but(usize::from(space.pixel.channels), &drawn.counts)];
+    let source = source.with_free_colours_but(usize::from(space.pixel.channels), &drawn.counts);
     let layout = epitome_layout(image.size(), &plan.images.layout(levels));
     let params = params(metric, plan.effort);
-    let encoder = DctSetEncoder::new(layout, &source, &params, cancel)?;
+    let encoder = DctSetEncoder::new(layout, [Ok(source)], &params, cancel)?;
     let step = encoder.step_of(f64::from(lambda) / space.repeated());
     let epitome = encoder.at_step(step)?;
     // Coarse levels are coded finer, as each further stage of an image is.
@@ -143,7 +143,7 @@ fn coarse(
             sources.push(DctSource::from_raster(level, layout.pixel.depth)?);
         }
     }
-    let encoder = DctSetEncoder::new(layout, &sources, params, plan.cancel)?;
+    let encoder = DctSetEncoder::new(layout, sources.into_iter().map(Ok), params, plan.cancel)?;
     encoder.at_step(step).map(Some)
 }
 

@@ -44,7 +44,7 @@ fn by_block(
 ) -> Result<(Measured, Fitted), EncodeError> {
     let (goal, check) = (maker.params.goal, maker.cancel);
     job.stage("transforming", 0.65)?;
-    let sources = job.install(|| Sources::of(maker))?;
+    let mut sources = job.install(|| Sources::of(maker))?;
     let encoders = job.install(|| sources.encoders(maker, check))?;
     let mut tried = 0u32;
     let found = search_step(goal, STEPS, encoders[0].first_step(), |step| {
@@ -101,9 +101,9 @@ impl Sources {
         Ok(Sources { root: (layout, root), atlas, images })
     }
 
-    /// Of the root, and of the patch images where there are any.
+    /// Of the root, and of the patch images where there are any. Their samples go.
     fn encoders<'a>(
-        &'a self,
+        &mut self,
         maker: &Maker<'_>,
         check: CancelCheck<'a>,
     ) -> Result<Vec<DctSetEncoder<'a>>, EncodeError> {
@@ -111,8 +111,12 @@ impl Sources {
             .with_goal(maker.params.goal)
             .with_effort(maker.params.effort)
             .with_metric(maker.params.metric_for(maker.pixel));
-        let sources = [Some(&self.root), self.atlas.as_ref()].into_iter().flatten();
-        sources.map(|(layout, sources)| DctSetEncoder::new(layout.clone(), sources, &params, check)).collect()
+        let sources = [Some(&mut self.root), self.atlas.as_mut()].into_iter().flatten();
+        let encoder = |(layout, sources): &mut (ImageLayout, Vec<DctSource>)| {
+            let sources = std::mem::take(sources).into_iter().map(Ok);
+            DctSetEncoder::new(layout.clone(), sources, &params, check)
+        };
+        sources.map(encoder).collect()
     }
 
     /// The texture of that step.

@@ -10,6 +10,9 @@ use texfold_core::{ImageSize, Texel};
 
 /// Longest side of what is compared at a time: the crate holds many planes of it in floats.
 const TILE: u32 = 1024;
+/// Bytes that comparing a tile takes, and how many for each texel of the image may be taken: so many tiles are compared at a time.
+const TILE_BYTES: u64 = 80 << 20;
+const BYTES_PER_TEXEL: u64 = 10;
 /// Least side that the figure is defined for.
 const LEAST_SIDE: u32 = 8;
 
@@ -33,8 +36,11 @@ pub fn ssimulacra2(image: &Raster, decoded: &Raster) -> Option<f64> {
         let found = compute_ssimulacra2(&slice(&image)?, &slice(&decoded)?).ok()?;
         Some(found * size.texels() as f64)
     };
-    let sums: Vec<Option<f64>> = tiles.into_par_iter().map(of_tile).collect();
-    Some(sums.into_iter().sum::<Option<f64>>()? / size.texels() as f64)
+    let at_once = (size.texels() * BYTES_PER_TEXEL / TILE_BYTES).max(1) as usize;
+    let sums = tiles
+        .chunks(at_once)
+        .flat_map(|tiles| -> Vec<Option<f64>> { tiles.par_iter().copied().map(of_tile).collect() });
+    Some(sums.sum::<Option<f64>>()? / size.texels() as f64)
 }
 
 /// First texel and length of each of the nearly equal parts of a side.

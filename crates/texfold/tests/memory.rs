@@ -21,12 +21,12 @@ use texfold::{
     Effort, EncodeSettings, Family, Goal, Guidance, ImageAddress, Job, Limits,
     bc::Bc,
     core::{Encoder, ImageLayout, ImageSize, Notes, TextureCodec},
-    dct::DctParams,
+    dct::{Dct, DctParams},
     encoding::ENCODINGS,
     epitome::EpitomeParams,
     zipmap::{ZipParams, Zipmap},
 };
-use texfold_core::image::{PixelInfo, Raster};
+use texfold_core::image::{ImageSet, PixelInfo, Raster};
 use texfold_core::rng::Rng;
 
 #[global_allocator]
@@ -173,16 +173,18 @@ fn no_forged_file_makes_a_reader_allocate_more_than_its_limit() {
     assert!((FORGED / 10..3 * FORGED).contains(&refused), "{refused} refused");
 }
 
+/// A fixture with each texel that many times in both directions.
+fn enlarged(name: &str, times: u32) -> Raster {
+    let image = texfold_testkit::image(name);
+    let (width, height) = (times * image.size().width, times * image.size().height);
+    let texels: Vec<_> =
+        (0..width * height).map(|i| image.texel(i % width / times, i / width / times)).collect();
+    Raster::from_texels(width, height, image.info(), &texels).unwrap()
+}
+
 #[test]
 fn a_zipmap_is_encoded_within_what_its_job_books() {
     let _turn = TURN.lock().unwrap();
-    let enlarged = |name: &str, times: u32| {
-        let image = texfold_testkit::image(name);
-        let (width, height) = (times * image.size().width, times * image.size().height);
-        let texels: Vec<_> =
-            (0..width * height).map(|i| image.texel(i % width / times, i / width / times)).collect();
-        Raster::from_texels(width, height, image.info(), &texels).unwrap()
-    };
     // The root is the largest image, and a patch is.
     for (root, image) in [(3, 2), (1, 8)] {
         let stack = stack(&enlarged("terrain", root), enlarged("cutout", image));
@@ -201,5 +203,22 @@ fn a_zipmap_is_encoded_within_what_its_job_books() {
                 "root {root}, image {image}, {goal:?}: {held} held, {booked} booked"
             );
         }
+    }
+}
+
+/// Encoding with `dct` holds samples, coefficients and quantised levels beside its source, with mips the chain.
+#[test]
+fn blocks_are_encoded_without_copies_of_the_image() {
+    let _turn = TURN.lock().unwrap();
+    let image = ImageSet::single(enlarged("terrain", 3));
+    let texels = image.texel_count() as f64;
+    for (goal, mips, most) in [(Goal::Bpp(1.0), false, 22.0), (Goal::Psnr(34.0), true, 36.0)] {
+        let params = DctParams::default().with_goal(goal).with_mips(mips).with_effort(Effort::Fast);
+        let before = ALLOCATOR.current_usage();
+        ALLOCATOR.reset_peak_usage();
+        let texture = Dct::encode(&image, &params, &mut Job::default()).unwrap();
+        let held = (ALLOCATOR.peak_usage() - before) as f64 / texels;
+        drop(texture);
+        assert!(held < most, "{goal:?}, mips {mips}: {held:.1} bytes a texel");
     }
 }

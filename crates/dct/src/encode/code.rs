@@ -261,7 +261,7 @@ impl PlaneQuantiser<'_> {
         let mut around = Around::default();
         around.reset(blocks.0, blocks.1, self.ranks.len());
         let mut moments = [Moment::default(); OFFSETS];
-        let mut superblock = Superblock::new(blocks, self.ranks.len());
+        let mut superblock = Superblock::new(blocks);
         for (block, (column, row)) in places(shape, place).enumerate() {
             let at = row * shape.blocks.0 + column;
             let masking = self.masking.as_ref().map_or(1.0, |masking| masking[at]);

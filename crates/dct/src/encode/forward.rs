@@ -34,22 +34,18 @@ pub(super) fn coefficients(
     for shape in form.planes() {
         let blocks = shape.blocks;
         let finer = planes.last();
-        let rows = parallel::map(blocks.1, |row| {
-            let mut out = Vec::new();
-            for column in (0..blocks.0).filter(|_| !check.is_cancelled()) {
-                let mut samples = vec![[0.0; COEFFICIENTS]; count];
+        let mut all = vec![[0.0; COEFFICIENTS]; blocks.0 * blocks.1 * count];
+        parallel::for_each_row(&mut all, blocks.0 * count, |row, out| {
+            let out = out.chunks_exact_mut(count).enumerate();
+            for (column, out) in out.filter(|_| !check.is_cancelled()) {
                 match finer {
-                    None => image_block(source, &groups, scale, (column, row), &mut samples),
-                    Some(finer) => means_block(finer, shape, (column, row), &mut samples),
+                    None => image_block(source, &groups, scale, (column, row), out),
+                    Some(finer) => means_block(finer, shape, (column, row), out),
                 }
-                out.extend(samples.iter().map(|samples| forward.transform(samples)));
+                out.iter_mut().for_each(|samples| *samples = forward.transform(samples));
             }
-            out
         });
         check.checkpoint()?;
-        // Not all at once, so that rows go as they are copied.
-        let mut all = Vec::with_capacity(blocks.0 * blocks.1 * count);
-        rows.into_iter().for_each(|row| all.extend(row));
         planes.push(Coefficients { shape, blocks: all });
     }
     Ok(planes)

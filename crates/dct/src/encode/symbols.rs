@@ -159,8 +159,8 @@ pub(super) struct Superblock {
 
 impl Superblock {
     /// Without levels yet.
-    pub(super) fn new(blocks: (usize, usize), axes: usize) -> Superblock {
-        Superblock { blocks, counts: Vec::with_capacity(blocks.0 * blocks.1 * axes), levels: Vec::new() }
+    pub(super) fn new(blocks: (usize, usize)) -> Superblock {
+        Superblock { blocks, counts: Vec::new(), levels: Vec::new() }
     }
 
     pub(super) fn push(&mut self, levels: &Levels) {
@@ -169,8 +169,9 @@ impl Superblock {
         self.levels.extend(SCAN[..count].iter().map(|place| levels[usize::from(place.raster)]));
     }
 
-    /// Gives back what levels do not need.
+    /// Gives back the memory that no block needs.
     pub(super) fn shrink(&mut self) {
+        self.counts.shrink_to_fit();
         self.levels.shrink_to_fit();
     }
 

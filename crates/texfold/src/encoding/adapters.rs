@@ -119,6 +119,7 @@ pub trait ImageEncoder:
 }
 
 impl ImageEncoder for Bc {
+    const BYTES_PER_TEXEL: u64 = 72;
     const COMPARED_BPP: &'static [f64] = &[];
 
     fn source<'s>(images: &'s ImageSet, _guidance: Guidance<'s>) -> &'s ImageSet {
@@ -354,8 +355,8 @@ impl ImageEncoder for Progressive {
 }
 
 impl ImageEncoder for Dct {
-    // The coefficients of all axes and stages, as they are and quantised.
-    const BYTES_PER_TEXEL: u64 = 160;
+    // The coefficients of all axes and stages; the decoded raster and a tile that is compared take more.
+    const BYTES_PER_TEXEL: u64 = 72;
     const COMPARED_BPP: &'static [f64] = &[1.0, 1.5, 2.5, 4.0];
     const ACCESS: &'static [Access] = &[Access::Block];
     const HAS_METRIC: bool = true;

@@ -129,6 +129,8 @@ pub(crate) enum CliError {
     Mesh { path: PathBuf, source: Box<dyn Error + Send + Sync> },
     #[error("{}: the name {name} has control characters, which a bank does not list; choose another", path.display())]
     ControlCharacters { path: PathBuf, name: String },
+    #[error("{}: a device on Windows has this name, where a bank could not be read; rename the file", path.display())]
+    DeviceName { path: PathBuf },
     #[error("{}: is {found}, not a regular file; name a file", path.display())]
     NotAFile { path: PathBuf, found: &'static str },
     #[error("{}: is a symbolic link to nothing; remove it or make its target", path.display())]

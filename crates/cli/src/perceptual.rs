@@ -30,7 +30,8 @@ pub fn ssimulacra2(image: &Raster, decoded: &Raster) -> Option<f64> {
         parts(size.height).flat_map(|rows| parts(size.width).map(move |columns| (columns, rows))).collect();
     let of_tile = |((x, width), (y, height)): ((u32, u32), (u32, u32))| {
         let (corner, size) = ((x, y), ImageSize { width, height });
-        let [image, decoded] = [image, decoded].map(|raster| bytes(raster, corner, size));
+        let [image, decoded] =
+            [image, decoded].map(|raster| bytes(raster, corner, size, image.peak().recip()));
         let row = 3 * width as usize;
         let slice = |bytes| PixelSlice::new(bytes, width, height, row, PixelDescriptor::RGB8_SRGB).ok();
         let found = compute_ssimulacra2(&slice(&image)?, &slice(&decoded)?).ok()?;
@@ -50,10 +51,11 @@ fn parts(side: u32) -> impl Iterator<Item = (u32, u32)> {
     (0..count).map(move |part| (start(part), start(part + 1) - start(part)))
 }
 
-/// Colours of a tile in bytes, over black.
-fn bytes(raster: &Raster, (x, y): (u32, u32), size: ImageSize) -> Vec<u8> {
+/// Colours of a tile, times `gain`, in bytes over black.
+fn bytes(raster: &Raster, (x, y): (u32, u32), size: ImageSize, gain: f32) -> Vec<u8> {
     let has_alpha = raster.info().has_alpha();
-    let over_black = |texel: Texel| if has_alpha { texel.truncate() * texel.w } else { texel.truncate() };
+    let over_black =
+        |texel: Texel| if has_alpha { gain * texel.truncate() * texel.w } else { gain * texel.truncate() };
     let row = |y: u32| (x..x + size.width).map(move |x| over_black(raster.texel(x, y)).to_array().map(to_u8));
     (y..y + size.height).flat_map(row).collect::<Vec<_>>().into_flattened()
 }

@@ -1,4 +1,4 @@
-//! Quality figures, each defined once, all taken from 8-bit output.
+//! Quality figures, each defined once, all taken from 8-bit output, or from 8 bits of the range up to [`Raster::peak`] of the source.
 //!
 //! * squared error: over the colour channels (1 for gray, 3 for RGB) of all texels, in 8-bit units; alpha apart.
 //! * PSNR = 10 log10(255^2 / MSE) dB; a lossless result reads [`PSNR_LOSSLESS`].
@@ -62,11 +62,17 @@ impl SquaredError {
 /// Where the sizes differ, only what both have is compared.
 #[must_use]
 pub fn color_error(source: &Raster, decoded: &Raster) -> SquaredError {
-    let channels = counted_channels(source, decoded);
+    let (channels, gain) = (counted_channels(source, decoded), source.peak().recip());
     let error =
-        |a: Texel, b: Texel| channels.iter().map(|&channel| squared_step(a[channel], b[channel])).sum();
+        |a: Texel, b: Texel| channels.iter().map(|&channel| squared_step(a[channel], b[channel], gain)).sum();
     let (sum, texels) = sum_of(source, decoded, error);
     SquaredError { sum: sum as f64, count: texels * channels.len() as u64 }
+}
+
+/// What the channels of texels are multiplied with before they are compared, so that the source's peak is 1; alpha stays.
+fn gains(source: &Raster) -> [f32; 4] {
+    let gain = source.peak().recip();
+    [gain, gain, gain, if source.info().has_alpha() { 1.0 } else { gain }]
 }
 
 /// Channels of texels that count as colours in one of two images.
@@ -94,7 +100,7 @@ const RUN_TEXELS: usize = 1 << 14;
 #[must_use]
 pub fn alpha_error(source: &Raster, decoded: &Raster) -> Option<SquaredError> {
     source.info().has_alpha().then(|| {
-        let (sum, count) = sum_of(source, decoded, |a, b| squared_step(a.w, b.w));
+        let (sum, count) = sum_of(source, decoded, |a, b| squared_step(a.w, b.w, 1.0));
         SquaredError { sum: sum as f64, count }
     })
 }
@@ -104,6 +110,7 @@ pub fn alpha_error(source: &Raster, decoded: &Raster) -> Option<SquaredError> {
 pub fn worst_block_rms(source: &Raster, decoded: &Raster) -> f64 {
     let size = source.size();
     let channels = if source.info().has_extra() { 4 } else { 3 };
+    let gains = gains(source);
     let (columns, rows) = size.blocks();
     let block = |index: u32| {
         let (left, top) = (index % columns * 4, index / columns * 4);
@@ -112,7 +119,9 @@ pub fn worst_block_rms(source: &Raster, decoded: &Raster) -> f64 {
             .flat_map(|y| (left..(left + 4).min(size.width)).map(move |x| (y, x)))
         {
             let (a, b) = (source.texel(x, y), decoded.texel(x, y));
-            sum += (0..channels).map(|channel| squared_step(a[channel], b[channel])).sum::<u64>();
+            sum += (0..channels)
+                .map(|channel| squared_step(a[channel], b[channel], gains[channel]))
+                .sum::<u64>();
             count += channels as u64;
         }
         sum as f64 / count as f64
@@ -279,7 +288,7 @@ fn quality_of_image(
 /// Errors of rows of an image from row `top` on, a multiple of 4.
 fn errors(image: &Raster, decoded: &Raster, top: u32) -> Quality {
     let size = decoded.size();
-    let counted = counted_channels(image, decoded);
+    let (counted, gains) = (counted_channels(image, decoded), gains(image));
     let in_block: &[usize] = if image.info().has_extra() { &[0, 1, 2, 3] } else { &[0, 1, 2] };
     let (mut color, mut alpha, mut worst) = (0u64, 0u64, 0.0f64);
     let mut blocks = vec![(0u64, 0u64); size.width.div_ceil(4) as usize];
@@ -289,7 +298,7 @@ fn errors(image: &Raster, decoded: &Raster, top: u32) -> Quality {
         }
         for x in 0..size.width {
             let (a, b) = (image.texel(x, top + y), decoded.texel(x, y));
-            let steps = [0, 1, 2, 3].map(|channel| squared_step(a[channel], b[channel]));
+            let steps = [0, 1, 2, 3].map(|channel| squared_step(a[channel], b[channel], gains[channel]));
             color += counted.iter().map(|&channel| steps[channel]).sum::<u64>();
             alpha += steps[3];
             let block = &mut blocks[x as usize / 4];
@@ -339,8 +348,9 @@ fn measured(source: &ImageSet, encoded: &dyn Encoded<Domain = Image2d>, quality:
     }
 }
 
-fn squared_step(a: f32, b: f32) -> u64 {
-    let step = u64::from(to_u8(a).abs_diff(to_u8(b)));
+/// The squared difference of values times `gain`, in 8-bit units.
+fn squared_step(a: f32, b: f32, gain: f32) -> u64 {
+    let step = u64::from(to_u8(a * gain).abs_diff(to_u8(b * gain)));
     step * step
 }
 
@@ -367,6 +377,19 @@ mod tests {
         assert_eq!(alpha_error(&a, &b), Some(SquaredError { sum: 100.0, count: 1 }));
         let opaque = Raster::from_u8(1, 1, 3, ColorSpace::Srgb, &[1, 2, 3]).unwrap();
         assert_eq!(alpha_error(&opaque, &b), None);
+    }
+
+    #[test]
+    fn deep_sources_are_measured_against_their_own_peak() {
+        let of = |values: &[u16]| Raster::from_u16(4, 1, 1, ColorSpace::Linear, values).unwrap();
+        let source = of(&[0, 2047, 1024, 512]).with_own_peak();
+        let gray = of(&[1024; 4]);
+        // By hand: 8-bit steps of 128, 127, 0 and 64.
+        let sum = f64::from(128 * 128 + 127 * 127 + 64 * 64);
+        assert_eq!(color_error(&source, &gray), SquaredError { sum, count: 4 });
+        assert!((worst_block_rms(&source, &gray) - (sum / 4.0).sqrt()).abs() < 1e-9);
+        assert!(color_error(&of(&[0, 2047, 1024, 512]), &gray).psnr() > 35.0);
+        assert!(ssim(&source, &gray) < 0.9);
     }
 
     #[test]

@@ -10,7 +10,7 @@ use texfold_core::image::Depth;
 use texfold_core::{Access, ImageSize};
 use texfold_progressive::{Progressive, ProgressiveParams};
 
-use super::manifest::{Image, Manifest, is_printable};
+use super::manifest::{Image, Manifest, is_device, is_printable};
 use super::sums::Sums;
 use super::task::{BankTask, Books, Grown, Place};
 use super::{Bank, Open, blocks, category, texel, tiles};
@@ -174,6 +174,9 @@ impl BankTask {
         if let Some(name) = shown.into_iter().find(|name| !is_printable(name)) {
             let (path, name) = (self.path.clone(), name.escape_debug().to_string());
             return Err(Step::Failed(CliError::ControlCharacters { path, name }));
+        }
+        if is_device(&self.name) {
+            return Err(Step::Failed(CliError::DeviceName { path: self.path.clone() }));
         }
         let key = self.key().map_err(Step::Failed)?;
         match open.bank.manifest.images.iter().find(|image| image.name == self.name) {

@@ -88,7 +88,15 @@ pub(super) fn is_printable(text: &str) -> bool {
 
 /// True for the name of a file in the bank's own folder.
 fn is_plain(name: &str) -> bool {
-    Path::new(name).file_name() == Some(name.as_ref()) && is_printable(name)
+    Path::new(name).file_name() == Some(name.as_ref()) && is_printable(name) && !is_device(name)
+}
+
+/// True for the name of a device on Windows, which may have an extension: a bank goes from one system to another.
+pub(super) fn is_device(name: &str) -> bool {
+    let stem = name.split('.').next().unwrap_or_default().trim_end().to_ascii_uppercase();
+    let numbered = ["COM", "LPT"].iter().filter_map(|device| stem.strip_prefix(device));
+    matches!(stem.as_str(), "CON" | "PRN" | "AUX" | "NUL")
+        || numbered.into_iter().any(|number| matches!(number.as_bytes(), [b'1'..=b'9']))
 }
 
 /// The number of a file of the bank: `image-000012.txf`, `category-001-000012.txf`.

@@ -571,7 +571,7 @@ fn raster(path: &Path, decoded: Decoded, alpha: Option<Alpha>) -> Result<Raster,
     };
     let raster = raster.map_err(|source| CliError::Source { path: path.to_owned(), source })?;
     let alpha = alpha.unwrap_or(raster.info().alpha);
-    Ok(raster.tagged(color, alpha))
+    Ok(raster.tagged(color, alpha).with_own_peak())
 }
 
 fn sixteenth(value: &u16) -> f32 {

@@ -401,7 +401,9 @@ fn forged_manifests_are_refused_and_nothing_is_written() {
         names(&place.at("bank")).into_iter().filter(|name| name != "bank.json").map(read).collect::<Vec<_>>()
     };
     let before = files();
-    let forgeries: [(&str, Value); 12] = [
+    let forgeries: [(&str, Value); 14] = [
+        ("/images/0/name", "con".into()),
+        ("/images/0/tiles/0/file", "Lpt1.txf".into()),
         ("/next", 0.into()),
         ("/next", u32::MAX.into()),
         ("/categories/0/file", "/etc/hostname".into()),
@@ -436,6 +438,9 @@ fn forged_manifests_are_refused_and_nothing_is_written() {
         assert!(files() == before, "{place_of} {value}");
         fs::write(&file, &honest).unwrap();
     }
+    place.image("aux.png", 48, 40, 3);
+    let run = place.run("bank add aux.png --out bank --bpp 4 --codec progressive");
+    assert!(run.code == Some(1) && run.stderr.contains("a device on Windows"), "{}", run.stderr);
     // Two tiles in one file, and a colour image that claims to be gray.
     let mut twice = manifest(&place, "bank");
     let mut second = twice["images"][0].clone();

@@ -7,6 +7,8 @@ use crate::{MAX_IMAGE_SIDE, SourceError, Texel};
 
 /// The largest value of the deepest source.
 const DEEPEST: f32 = u16::MAX as f32;
+/// Most bits of sensors.
+const SENSOR_BITS: u32 = 14;
 
 /// An image: `height` rows of `width` texels of 1 to 4 interleaved channels, values nominally in [0, 1].
 #[derive(Debug, Clone, PartialEq)]
@@ -14,6 +16,8 @@ pub struct Raster {
     size: ImageSize,
     info: PixelInfo,
     data: Vec<f32>,
+    /// The value that errors are measured against.
+    peak: f32,
 }
 
 impl Raster {
@@ -37,7 +41,7 @@ impl Raster {
         if data.iter().any(|value| !value.is_finite()) {
             return Err(SourceError::NotFinite { index: 0 });
         }
-        Ok(Raster { size, info, data })
+        Ok(Raster { size, info, data, peak: 1.0 })
     }
 
     /// From bytes: 0 is 0.0, 255 is 1.0. Fully opaque alpha is dropped.
@@ -83,7 +87,7 @@ impl Raster {
         let data =
             self.data.chunks_exact(channels).flat_map(|texel| &texel[..channels - 1]).copied().collect();
         let info = PixelInfo { channels: self.info.channels - 1, alpha: Alpha::Opaque, ..self.info };
-        Raster { size: self.size, info, data }
+        Raster { size: self.size, info, data, peak: self.peak }
     }
 
     /// A map in RGB of values from 0 to 1: black, red, yellow and white for 0, 1/3, 2/3 and 1.
@@ -147,7 +151,7 @@ impl Raster {
             (false, true) => Alpha::Straight,
             (_, false) => Alpha::Opaque,
         };
-        Raster { size: self.size, info: PixelInfo { alpha, ..info }, data }
+        Raster { size: self.size, info: PixelInfo { alpha, ..info }, data, peak: self.peak }
     }
 
     /// The same image with one colour channel: the mean of red, green and blue, which is the gray with the least squared
@@ -162,7 +166,8 @@ impl Raster {
         } else {
             self.texels().map(|texel| gray(&texel)).collect()
         };
-        Raster { size: self.size, info: PixelInfo { channels: 1 + u8::from(extra), ..self.info }, data }
+        let info = PixelInfo { channels: 1 + u8::from(extra), ..self.info };
+        Raster { size: self.size, info, data, peak: self.peak }
     }
 
     /// The same image with its values rounded to 16 bits; those of sources of 8 and 16 bits are so already.
@@ -171,6 +176,30 @@ impl Raster {
             *value = (*value * DEEPEST).round() / DEEPEST;
         }
         self
+    }
+
+    /// The same image, whose errors are measured against the bits that its colours and band use where it has 16: 0 to 2047 for a
+    /// source of 11 bits, of which one gray would else be near enough. Sensors have up to 14 bits; what uses 15 is a dark image. Values
+    /// stay.
+    #[must_use]
+    pub fn with_own_peak(mut self) -> Raster {
+        if self.info.depth == Depth::Sixteen {
+            let channels = usize::from(self.info.channels);
+            let counted = channels - usize::from(self.info.has_alpha());
+            let texels = self.data.chunks_exact(channels);
+            let largest = texels.flat_map(|texel| &texel[..counted]).copied().fold(0.0, f32::max);
+            let largest = (largest.min(1.0) * DEEPEST).round() as u32;
+            if (1..1 << SENSOR_BITS).contains(&largest) {
+                self.peak = ((largest + 1).next_power_of_two() - 1) as f32 / DEEPEST;
+            }
+        }
+        self
+    }
+
+    /// The value that errors are measured against: 1, or what [`Raster::with_own_peak`] found.
+    #[must_use]
+    pub fn peak(&self) -> f32 {
+        self.peak
     }
 
     /// All values, channels interleaved.
@@ -262,7 +291,8 @@ pub struct ImageSet {
 
 impl ImageSet {
     /// A set of at least one image. Images that differ in channels are all given the channels that hold every
-    /// one of them; colour space is that of the first, alpha that of the first which has any. Values are rounded to 16 bits, the most that a source has: what
+    /// one of them; colour space is that of the first, alpha that of the first which has any, and errors
+    /// are measured against the largest [`Raster::peak`]. Values are rounded to 16 bits, the most that a source has: what
     /// arithmetic before left below, such as 1e-7 of a resampled image, would else decide between equal matches and codewords.
     ///
     /// # Errors
@@ -272,9 +302,10 @@ impl ImageSet {
         let rgb = images.iter().any(|image| image.info().channels > 2);
         let extra = images.iter().map(Raster::info).find(|info| info.has_extra());
         let channels = if rgb { 3 } else { 1 } + u8::from(extra.is_some());
+        let peak = images.iter().map(Raster::peak).fold(0.0, f32::max);
         let unify = |image: Raster| {
             let image = if image.info().channels == channels { image } else { image.with_channels(channels) };
-            image.tagged(first.color, extra.map_or(Alpha::Opaque, |info| info.alpha))
+            Raster { peak, ..image.tagged(first.color, extra.map_or(Alpha::Opaque, |info| info.alpha)) }
         };
         Ok(ImageSet { images: images.into_iter().map(unify).map(Raster::settled).collect() })
     }
@@ -391,6 +422,25 @@ mod tests {
         assert_eq!(set.images()[0].to_bytes(), [128, 128, 128, 255]);
         assert_eq!(set.info().alpha, Alpha::Straight);
         assert_eq!(ImageSet::new(vec![]), Err(SourceError::Empty));
+    }
+
+    #[test]
+    fn peaks_are_of_the_bits_that_are_used() {
+        let peak = |values: &[u16], channels| {
+            let width = values.len() as u32 / u32::from(channels);
+            let raster = Raster::from_u16(width, 1, channels, ColorSpace::Linear, values).unwrap();
+            (raster.with_own_peak().peak() * DEEPEST).round() as u32
+        };
+        assert_eq!(
+            [peak(&[0, 2047], 1), peak(&[2048, 7], 1), peak(&[1, 1], 1), peak(&[0, 0], 1)],
+            [2047, 4095, 1, 65535]
+        );
+        assert_eq!([peak(&[16383], 1), peak(&[16384], 1), peak(&[300, 60000], 2)], [16383, 65535, 511]);
+        let eight = Raster::from_u8(1, 1, 1, ColorSpace::Linear, &[3]).unwrap();
+        assert_eq!(eight.with_own_peak().peak(), 1.0);
+        let deep = |value| Raster::from_u16(1, 1, 1, ColorSpace::Linear, &[value]).unwrap().with_own_peak();
+        let set = ImageSet::new(vec![deep(7), deep(300)]).unwrap();
+        assert!(set.images().iter().all(|image| (image.peak() * DEEPEST).round() == 511.0));
     }
 
     #[test]

@@ -101,7 +101,8 @@ impl Blurred {
     }
 
     fn push(&mut self, weights: &[f64; TAPS], (a, b): (&Raster, &Raster), channel: usize, y: usize) {
-        let (a, b) = (Line::of(a, channel, y), Line::of(b, channel, y));
+        let gain = a.peak().recip();
+        let (a, b) = (Line::of(a, channel, y, gain), Line::of(b, channel, y, gain));
         for at in 0..self.width + 2 * RADIUS {
             let x = match at.checked_sub(RADIUS) {
                 Some(x) if x < self.width => x,
@@ -145,10 +146,12 @@ struct Line<'r> {
     channels: usize,
     /// The channel's place in a texel; `None` for alpha that is not there.
     place: Option<usize>,
+    /// What values are multiplied with.
+    gain: f32,
 }
 
 impl<'r> Line<'r> {
-    fn of(raster: &'r Raster, channel: usize, y: usize) -> Line<'r> {
+    fn of(raster: &'r Raster, channel: usize, y: usize, gain: f32) -> Line<'r> {
         let channels = usize::from(raster.info().channels);
         let place = match (channels, channel) {
             (2, 3) => Some(1),
@@ -156,11 +159,11 @@ impl<'r> Line<'r> {
             _ => Some(channel).filter(|&channel| channel < channels),
         };
         let row = raster.size().width as usize * channels;
-        Line { values: &raster.data()[y * row..][..row], channels, place }
+        Line { values: &raster.data()[y * row..][..row], channels, place, gain }
     }
 
     fn byte(&self, x: usize) -> f32 {
-        self.place.map_or(255.0, |place| f32::from(to_u8(self.values[x * self.channels + place])))
+        self.place.map_or(255.0, |place| f32::from(to_u8(self.gain * self.values[x * self.channels + place])))
     }
 }
 

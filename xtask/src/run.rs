@@ -44,6 +44,10 @@ pub(crate) fn other(arguments: &[OsString]) -> ExitCode {
     if !io::stderr().is_terminal() {
         command.arg("--quiet");
     }
+    if env::var_os("XDG_RUNTIME_DIR").is_none() {
+        // A layer of Mesa's drivers else prints an error that is none.
+        command.env("XDG_RUNTIME_DIR", env::temp_dir());
+    }
     match command.arg("--").args(arguments).status() {
         Ok(status) => ExitCode::from(status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1)),
         Err(error) => {

@@ -27,6 +27,7 @@
 //! - Values are as they were stored: an image in sRGB ([`ColorSpace::Srgb`]) gives sRGB values, to be converted by
 //!   [`core::image::srgb_to_linear`] or an sRGB view. Filtering is done on stored values, as the shaders do.
 //! - Normals ([`ColorSpace::Normal`]) are unit vectors in 0 to 1; alpha is straight, never multiplied into colours.
+//! - With [`Alpha::Band`] the last channel is a band of its own, such as near infrared: a renderer takes such texels as opaque.
 //! - A [`Texel`] is a `glam::Vec4` of red, green, blue and alpha; gray is in all three colours, alpha that is not there
 //!   is 1.
 

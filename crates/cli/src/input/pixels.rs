@@ -121,6 +121,29 @@ pub(crate) fn read(
     raster(path, decode(path, color, limit_bytes, remarks)?, alpha)
 }
 
+/// As [`read`], without a band beside colours, which a warning tells of.
+pub(crate) fn read_colours(
+    path: &Path,
+    color: ColorSpace,
+    alpha: Option<Alpha>,
+    limit_bytes: u64,
+    remarks: &mut Remarks,
+) -> Result<Raster, CliError> {
+    let raster = read(path, color, alpha, limit_bytes, remarks)?;
+    if has_band(&raster) {
+        remarks.warn(path, "zoom stacks hold colours and alpha alone: the band beside them is left out");
+    }
+    Ok(without_band(raster))
+}
+
+fn has_band(raster: &Raster) -> bool {
+    raster.info().has_extra() && !raster.info().has_alpha()
+}
+
+fn without_band(raster: Raster) -> Raster {
+    if has_band(&raster) { raster.with_channels(raster.info().channels - 1) } else { raster }
+}
+
 /// As [`read`], with all frames or pages of the file.
 pub(crate) fn read_all(
     path: &Path,
@@ -159,7 +182,8 @@ pub(crate) fn read_stored(path: &Path, limit_bytes: u64) -> Result<Raster, CliEr
         orientation: Orientation::NoTransforms,
         ..stored(path, None, limit_bytes, &mut Remarks::default())?
     };
-    raster(path, finished(path, stored, ColorSpace::Srgb, &mut Remarks::default())?, None)
+    // What is beside colours hides what is not the object.
+    raster(path, finished(path, stored, ColorSpace::Srgb, &mut Remarks::default())?, None).map(without_band)
 }
 
 /// The file's first image, turned and mirrored as its EXIF orientation asks for.
@@ -199,6 +223,8 @@ struct Banded {
     decoder: TiffDecoder<Box<dyn Source>>,
     bands: Bands,
     metadata: String,
+    /// The profile of RGB, which is not followed beside bands.
+    profile: Option<Vec<u8>>,
 }
 
 impl Banded {
@@ -207,12 +233,13 @@ impl Banded {
         let bands = Bands::of(&mut known)?;
         let metadata = samples::metadata(&mut known);
         let source = frames::open_as_gray(path, page, known.ifd_pointer()?.0).ok()?;
-        Some(Banded { decoder: TiffDecoder::new(source).ok()?, bands, metadata })
+        let profile = known.get_tag_u8_vec(Tag::IccProfile).ok().filter(|_| bands.is_rgb);
+        Some(Banded { decoder: TiffDecoder::new(source).ok()?, bands, metadata, profile })
     }
 
     /// The bands in images of up to four channels; what the last one lacks is 0.
     fn images(self, path: &Path, limit_bytes: u64, remarks: &mut Remarks) -> Result<Vec<Stored>, CliError> {
-        let Banded { mut decoder, bands, metadata } = self;
+        let Banded { mut decoder, bands, metadata, profile } = self;
         let failed = |error| damaged(path, error);
         let (width, height) = decoder.dimensions().map_err(failed)?;
         let texels = check_side(path, ImageSize { width, height })?.texels();
@@ -242,6 +269,12 @@ impl Banded {
         let images =
             form.split(&values, image).ok_or_else(|| damaged(path, tiff::TiffError::IntSizeError))?;
         remarks.note(path, bands.note(&metadata));
+        if !profile::keeps_values(profile.as_deref(), 3) {
+            remarks.warn(
+                path,
+                "the colour profile is not followed in an image of bands: values are taken as they are",
+            );
+        }
         let stored = |image: DynamicImage| Stored {
             has_band: image.color().has_alpha(),
             image,

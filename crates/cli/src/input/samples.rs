@@ -126,10 +126,12 @@ pub(super) fn texels_of(
     let across = width.div_ceil(chunk_width);
     let a_plane = across * height.div_ceil(chunk_height);
     let (planes, samples) = if is_planar { (u32::from(count), 1) } else { (1, usize::from(count)) };
+    // Of tiny chunks there could be more than are counted, and none is there.
+    let count_all = a_plane.checked_mul(planes).ok_or_else(|| failed(tiff::TiffError::IntSizeError))?;
     let row = width as usize * samples;
     let mut values = vec![0u16; row * height as usize * planes as usize];
     let mut sample = Sample::Byte;
-    for index in 0..a_plane * planes {
+    for index in 0..count_all {
         let (columns, _) = decoder.chunk_data_dimensions(index);
         let read: Vec<u16> = match decoder.read_chunk(index).map_err(failed)? {
             DecodingResult::U8(values) => values.into_iter().map(u16::from).collect(),

@@ -144,8 +144,10 @@ pub(crate) fn read(
         let params = list.params(&settings.params);
         return Ok(Loaded { stack, left_out: Vec::new(), remarks, list: None, params });
     }
-    let photos: Result<Vec<Raster>, CliError> =
-        files.iter().map(|file| pixels::read(file, color, alpha, limit_bytes, &mut remarks)).collect();
+    let photos: Result<Vec<Raster>, CliError> = files
+        .iter()
+        .map(|file| pixels::read_colours(file, color, alpha, limit_bytes, &mut remarks))
+        .collect();
     let photos = photos?;
     let fault = |source| CliError::Encode { path: dir.to_owned(), source };
     let found = job.within(0.0, 0.5, |job| register(&photos, job)).map_err(fault)?;
@@ -206,8 +208,9 @@ fn riding(
     let fault = |source| CliError::Encode { path: dir.to_owned(), source };
     let params = host_list.params(&settings.params);
     let masks = job.within(0.0, 0.4, |job| zip_masks(&host, &params, job)).map_err(fault)?;
-    let mut read =
-        |name: &PathBuf| pixels::read(&dir.join(name), settings.color, settings.alpha, limit_bytes, remarks);
+    let mut read = |name: &PathBuf| {
+        pixels::read_colours(&dir.join(name), settings.color, settings.alpha, limit_bytes, remarks)
+    };
     let maps = list.patch.iter().map(|entry| read(&entry.image)).collect::<Result<_, _>>()?;
     let root = read(&list.root)?;
     host.riding(root, maps, masks)
@@ -221,14 +224,15 @@ fn by_hand(
     limit_bytes: u64,
     remarks: &mut Remarks,
 ) -> Result<PatchStack, CliError> {
-    let root = pixels::read(&dir.join(&list.root), color, alpha, limit_bytes, remarks)?;
+    let root = pixels::read_colours(&dir.join(&list.root), color, alpha, limit_bytes, remarks)?;
     let mut names: Vec<&PathBuf> = Vec::new();
     let mut stack = PatchStack { root, images: Vec::new(), patches: Vec::new() };
     for (patch, entry) in list.patch.iter().enumerate() {
         let image = match names.iter().position(|name| **name == entry.image) {
             Some(known) => known,
             None => {
-                let image = pixels::read(&dir.join(&entry.image), color, alpha, limit_bytes, remarks)?;
+                let image =
+                    pixels::read_colours(&dir.join(&entry.image), color, alpha, limit_bytes, remarks)?;
                 stack.images.push(image);
                 names.push(&entry.image);
                 names.len() - 1

@@ -20,6 +20,8 @@ pub(crate) const GDAL_METADATA: Tag = Tag::Unknown(42112);
 pub(crate) const MOST_CHANNELS: u16 = 4;
 /// Most names of bands that a note has.
 const MOST_NAMES: usize = 16;
+/// Most letters of each.
+const NAME_LENGTH: usize = 40;
 
 /// Samples of a file's texels, some of which are bands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,8 +61,12 @@ impl Bands {
 
     /// One sentence on how the bands are coded, with the names that the metadata gives them.
     pub(crate) fn note(self, metadata: &str) -> String {
-        let names: Vec<&str> =
-            (0..self.count).filter_map(|band| item(metadata, band, "description")).collect();
+        let mut named: Vec<(u16, &str)> =
+            items(metadata, "description").filter(|&(band, _)| band < self.count).collect();
+        named.sort_by_key(|&(band, _)| band);
+        // Names are foreign text, and go to a terminal.
+        let plain = |name: &str| name.chars().filter(|c| !c.is_control()).take(NAME_LENGTH).collect();
+        let names: Vec<String> = named.into_iter().map(|(_, name)| plain(name)).collect();
         let names = match names.len() {
             0 => String::new(),
             1..=MOST_NAMES => format!(" ({})", names.join(", ")),
@@ -80,18 +86,21 @@ pub(crate) fn metadata<S: BufRead + Seek>(decoder: &mut Decoder<S>) -> String {
 }
 
 fn interpretation(metadata: &str, band: u16) -> Option<&str> {
-    item(metadata, band, "colorinterp")
+    items(metadata, "colorinterp").find(|&(found, _)| found == band).map(|(_, text)| text)
 }
 
-/// The text of a band's item of that role, such as `<Item name="DESCRIPTION" sample="3" role="description">nir</Item>`.
-fn item<'m>(metadata: &'m str, band: u16, role: &str) -> Option<&'m str> {
-    let (sample, role) = (format!("sample=\"{band}\""), format!("role=\"{role}\""));
+/// Bands with the text of their item of that role, such as `<Item name="DESCRIPTION" sample="3" role="description">nir</Item>`,
+/// in the order of the file.
+fn items<'m>(metadata: &'m str, role: &str) -> impl Iterator<Item = (u16, &'m str)> {
+    let role = format!("role=\"{role}\"");
     let items = metadata.split("<Item ").skip(1).filter_map(|item| item.split_once('>'));
-    let mut texts = items.filter(|(attributes, _)| {
-        let has = |wanted: &String| attributes.split_whitespace().any(|attribute| attribute == *wanted);
-        has(&sample) && has(&role)
-    });
-    texts.next().and_then(|(_, text)| text.split('<').next()).map(str::trim)
+    items.filter_map(move |(attributes, text)| {
+        let mut attributes = attributes.split_whitespace();
+        let is_wanted = attributes.clone().any(|attribute| attribute == role);
+        let sample = attributes.find_map(|attribute| attribute.strip_prefix("sample=\"")?.strip_suffix('"'));
+        let band = sample.filter(|_| is_wanted)?.parse().ok()?;
+        Some((band, text.split('<').next()?.trim()))
+    })
 }
 
 /// The storage of a sample.
@@ -205,10 +214,10 @@ mod tests {
     #[test]
     fn items_are_found_by_band_and_role() {
         assert_eq!(interpretation(METADATA, 3), Some("Undefined"));
-        assert_eq!(item(METADATA, 3, "description"), Some("near infrared"));
-        assert_eq!(item(METADATA, 13, "description"), Some("B12"));
-        assert_eq!(item(METADATA, 1, "description"), None);
-        assert_eq!(item("<Item sample=\"3\" role=\"colorinterp\"", 3, "colorinterp"), None);
+        let names: Vec<_> = items(METADATA, "description").collect();
+        assert_eq!(names, [(3, "near infrared"), (13, "B12")]);
+        assert_eq!(interpretation("<Item sample=\"3\" role=\"colorinterp\"", 3), None);
+        assert_eq!(interpretation("<Item sample=\"70000\" role=\"colorinterp\">Alpha</Item>", 4464), None);
     }
 
     #[test]
@@ -216,6 +225,9 @@ mod tests {
         let four = Bands { count: 4, is_rgb: true };
         let text = "4 bands (near infrared) are the channels of the image, without alpha";
         assert_eq!(four.note(METADATA), text);
+        let hostile = METADATA.replace("near infrared", &format!("\u{1b}[2J{}", "x".repeat(9999)));
+        let text = four.note(&hostile);
+        assert!(text.len() < 120 && !text.contains('\u{1b}'), "{text}");
         let many = Bands { count: 14, is_rgb: false };
         let text = "14 bands (near infrared, B12) are the channels of 4 images of up to four";
         assert_eq!(many.note(METADATA), text);

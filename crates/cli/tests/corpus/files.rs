@@ -255,6 +255,17 @@ pub(crate) fn tiff_of_bands(bands: u16, photometric: u16, planes: Planes, kinds:
     tiff_in_chunks(&fields, (273, 279), &chunks)
 }
 
+/// RGB and a band, with a damaged colour profile.
+pub(crate) fn tiff_with_band_and_profile() -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    let mut encoder = TiffEncoder::new(&mut bytes).unwrap();
+    let mut image = encoder.new_image::<colortype::RGBA8>(WIDTH, HEIGHT).unwrap();
+    image.encoder().write_tag(Tag::ExtraSamples, &[0u16][..]).unwrap();
+    image.encoder().write_tag(Tag::IccProfile, &[7u8; 64][..]).unwrap();
+    image.write_data(rgba().as_bytes()).unwrap();
+    bytes.into_inner()
+}
+
 /// A sample of a band beside the colours.
 pub(crate) fn band(x: u32, y: u32, band: u16) -> u8 {
     (10 + 9 * x + 5 * y + 7 * u32::from(band)) as u8

@@ -493,6 +493,17 @@ fn bands_are_channels_and_come_back() {
     }
     let run = texfold(dir.path(), "compress both --as set --out set");
     assert!(String::from_utf8(run.stderr).unwrap().contains("has 5 bands, and only compress"));
+    fs::write(dir.path().join("profile.tif"), tiff_with_band_and_profile()).unwrap();
+    let report = compress(dir.path(), "profile.tif --codec bc --content raw");
+    assert!(joined(&report[0], "warnings").contains("colour profile is not followed"), "{report:?}");
+    // What takes no bands says so.
+    fs::create_dir(dir.path().join("stack")).unwrap();
+    for name in ["a.tif", "b.tif"] {
+        fs::copy(dir.path().join("4-2-Tiles.tif"), dir.path().join("stack").join(name)).unwrap();
+    }
+    let run = texfold(dir.path(), "compress stack --as zoom --out zoom");
+    let warned = String::from_utf8(run.stderr).unwrap();
+    assert!(warned.contains("the band beside them is left out"), "{warned}");
     // Alpha by the file's tags or by the user's word.
     fs::write(dir.path().join("alpha.tif"), tiff_of_bands(4, 2, Planes::Together, &[2])).unwrap();
     for (arguments, wanted) in [

@@ -615,9 +615,10 @@ function resourcesOf(device: GPUDevice, options: Required<TileOptions>, [side, l
     return made;
   };
   const settings = Uint32Array.of(slots, options.tilesPerUpdate, options.scratchBytes / 4, options.textures, side / SIDE, 0, 0, 0, 0, 0, 0, 0);
-  const steps = new Uint8Array(STEP_STRIDE * PLANES);
+  // A plane; the first byte of the streams, and the bytes of their only buffer.
+  const steps = new Uint32Array((STEP_STRIDE / 4) * PLANES);
   for (let plane = 0; plane < PLANES; plane++) {
-    steps[plane * STEP_STRIDE] = plane;
+    steps.set([plane, 0, options.streamBytes], (STEP_STRIDE / 4) * plane);
   }
   const usage = GPUTextureUsage.STORAGE_BINDING | GPUTextureUsage.TEXTURE_BINDING | GPUTextureUsage.COPY_DST;
   const on: Resources = {
@@ -631,7 +632,7 @@ function resourcesOf(device: GPUDevice, options: Required<TileOptions>, [side, l
     plan: buffer(PLAN_BYTES),
     workgroups: buffer(12 * (3 + PLANES + options.textures), GPUBufferUsage.INDIRECT),
     options: uniform(new Uint8Array(settings.buffer)),
-    steps: uniform(steps),
+    steps: uniform(new Uint8Array(steps.buffer)),
     scratch: buffer(options.scratchBytes),
   };
   // The first frame has the number 1: pages that were never looked at have the mark 0.
@@ -652,7 +653,7 @@ async function passesOf(device: GPUDevice, on: Resources): Promise<Passes> {
   const planLayout = compute([READ, WRITE, WRITE, WRITE, READ, WRITE, WRITE, UNIFORM]);
   const planned = [on.textures, on.pages, on.feedback, on.slots, on.stages, on.plan, on.workgroups, on.options];
   const decodeLayout = compute([READ, READ, READ, WRITE, { buffer: { type: "uniform", hasDynamicOffset: true } }]);
-  const decoded = [{ buffer: on.plan }, { buffer: on.data }, { buffer: on.data }, { buffer: on.scratch }, { buffer: on.steps, size: 4 }];
+  const decoded = [{ buffer: on.plan }, { buffer: on.data }, { buffer: on.data }, { buffer: on.scratch }, { buffer: on.steps, size: 12 }];
   const outputLayout = compute([READ, READ, POOL]);
   const planModule = device.createShaderModule({ code: tilePlan() }), module = device.createShaderModule({ code: tilePasses() });
   const names = ["clear_scratch", "read_superblocks", "transform_blocks", "deblock_columns", "deblock_rows"];

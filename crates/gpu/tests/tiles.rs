@@ -444,6 +444,29 @@ fn a_file_that_arrives_in_pieces_shows_what_is_there() {
 }
 
 #[test]
+fn streams_of_several_buffers_are_read() {
+    let Some(gpu) = gpu() else { return };
+    let binding = gpu.device().limits().max_storage_buffer_binding_size;
+    // The second buffer holds the streams of one of these textures.
+    let options = TileOptions { stream_bytes: binding + 8192, ..options() };
+    let mut renderer = Renderer::new(gpu, &options);
+    let look = TileLook { address: AddressMode::Clamp, srgb: false };
+    let textures = [(0, 0), (120, 7), (33, 90)]
+        .map(|corner| encode("dct", crop(&image("facade"), corner, (112, 112)), false));
+    let added = textures.each_ref().map(|t| renderer.cache.add(gpu, t.as_encoded(), look).unwrap()[0]);
+    // Tiles of both buffers in one update.
+    for texture in added {
+        renderer.draw(&whole_view(texture));
+    }
+    renderer.frame(&whole_view(added[0]));
+    assert_eq!(renderer.cache.report(gpu).unwrap().decoded, 3);
+    let mut rng = Rng::new(5);
+    for (texture, added) in textures.iter().zip(added) {
+        compare(&renderer, texture, (added, look), (2, 2.0), &mut rng);
+    }
+}
+
+#[test]
 fn sizes_that_a_device_or_a_cache_does_not_have_are_refused() {
     let Some(gpu) = gpu() else { return };
     let texture = encode("dct", crop(&image("facade"), (0, 0), (200, 200)), true);
@@ -459,7 +482,7 @@ fn sizes_that_a_device_or_a_cache_does_not_have_are_refused() {
     let small = TileCache::new(gpu, &TileOptions { pool_bytes: 1 << 20, textures: 33, ..options() });
     assert!(matches!(small, Err(GpuError::TilesFull { option: "pool_bytes", .. })));
     let limit = gpu.device().limits().max_storage_buffer_binding_size;
-    let large = TileCache::new(gpu, &TileOptions { stream_bytes: limit + 4, ..options() });
+    let large = TileCache::new(gpu, &TileOptions { scratch_bytes: limit + 4, ..options() });
     assert!(matches!(large, Err(GpuError::TileLimit { .. })));
 }
 

@@ -4,6 +4,9 @@
 struct EntryStep {
     // The plane that is decoded, the coarsest first.
     plane: u32,
+    // Bytes of all streams before the bound ones, and bytes of these.
+    first: u32,
+    bytes: u32,
 }
 
 @group(0) @binding(0) var<storage, read> entry_plan: TexfoldTilePlan;
@@ -43,21 +46,27 @@ fn entry_item(number: u32, plane: u32, first: u32) -> vec2<u32> {
     return vec2<u32>(tile, number - entry_plan.sums[sums + tile]);
 }
 
-// All planes at once: streams need no samples. A workgroup's streams are of one tile.
+// All planes at once: streams need no samples. A workgroup's streams are of one tile, which may lie in another buffer than the bound one.
 @compute @workgroup_size(ENTRY_STREAMS)
 fn read_superblocks(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
     let found = entry_item(group.x * ENTRY_STREAMS, group.y, 0u);
+    var is_bound = false;
     if found.x < entry_plan.count {
         texfold_block_pass = entry_plan.passes[found.x * TEXFOLD_TILE_PLANES + group.y];
+        // Those of an earlier buffer wrap around.
+        texfold_block_pass.streams -= entry_step.first;
+        is_bound = texfold_block_pass.streams < entry_step.bytes;
+    }
+    if is_bound {
         entry_share(lane);
     }
     workgroupBarrier();
     let number = found.y + lane;
     let count = texfold_block_pass.count;
-    if found.x < entry_plan.count && number < count.x * count.y {
+    if is_bound && number < count.x * count.y {
         texfold_block_superblock(vec2<u32>(number % count.x, number / count.x));
     }
 }

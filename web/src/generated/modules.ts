@@ -43,7 +43,7 @@ export const modules: Record<string, Module> = {
   "epitome-errors": {
     bindings: [112, "uint", "float", "float", "float", 208, "uint", "float", "float"],
     levels: 8, addressMode: 12,
-    switches: [["Tdh", 128, 4], ["Tbk", 148]],
+    switches: [["Tdh", 128, 4], ["Tbl", 148]],
     files: [[() => import("./source2.js"), 0], [() => import("./source4.js"), 0], [() => import("./source5.js"), 5]],
   },
   "lightfield": {
@@ -55,7 +55,7 @@ export const modules: Record<string, Module> = {
   "progressive": {
     bindings: [48, "uint", "float", "float", 208, "uint", "float", "float"],
     levels: 8, addressMode: 12,
-    switches: [["Tb6", 16], ["Tb3", 20], ["Tb5", 88], ["Tdh", 64, 4], ["Tbk", 84]],
+    switches: [["Tb7", 16], ["Tb4", 20], ["Tb6", 88], ["Tdh", 64, 4], ["Tbl", 84]],
     files: [[() => import("./source7.js"), 0], [() => import("./source5.js"), 4]],
   },
   "zipmap": {

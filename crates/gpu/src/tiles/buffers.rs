@@ -16,7 +16,6 @@ pub(super) struct Buffers {
     pub(super) stages: Buffer,
     pub(super) plan: Buffer,
     pub(super) workgroups: Buffer,
-    pub(super) data: Buffer,
     pub(super) scratch: Buffer,
 }
 
@@ -43,14 +42,13 @@ impl Buffers {
             stages: buffer("stages of tiles", row_bytes::<StageRow>(stages), none),
             plan: buffer("plan of tiles", PLAN_BYTES, none),
             workgroups: buffer("workgroups of tiles", dispatches, BufferUsages::INDIRECT),
-            data: buffer("streams of tiles", options.stream_bytes, none),
             scratch: buffer("scratch of tiles", options.scratch_bytes, none),
         }
     }
 
     pub(super) fn bytes(&self) -> u64 {
-        let Buffers { textures, pages, feedback, slots, stages, plan, workgroups, data, scratch } = self;
-        let all = [textures, pages, feedback, slots, stages, plan, workgroups, data, scratch];
+        let Buffers { textures, pages, feedback, slots, stages, plan, workgroups, scratch } = self;
+        let all = [textures, pages, feedback, slots, stages, plan, workgroups, scratch];
         all.into_iter().map(Buffer::size).sum()
     }
 }

@@ -12,12 +12,14 @@
 //!
 //! Textures of other codecs are uploaded as [`Gpu::upload`] does, and their tiles are drawn from that.
 //!
-//! *Not done*: pools of more than 8 bits a sample (16-bit samples are rounded to 8); more than one buffer
-//! of streams: textures must fit one binding of the device, 128 MiB where it was made with WebGPU's defaults.
+//! Streams that do not fit one binding of the device, 128 MiB where it was made with WebGPU's defaults, lie in several buffers.
+//!
+//! *Not done*: pools of more than 8 bits a sample (16-bit samples are rounded to 8).
 
 mod buffers;
 mod pipelines;
 mod rows;
+mod streams;
 mod tail;
 
 use std::ops::Range;
@@ -36,6 +38,7 @@ use pipelines::{Pipelines, Resources, STEP_STRIDE, Source};
 use rows::{
     CLAMP, FEEDBACK_BYTES, INNER, MOST_LEVELS, MOST_TILES, PLANES, SIDE, SRGB, StageRow, TextureRow, tail_of,
 };
+use streams::Streams;
 
 /// Format of the pool.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -53,7 +56,8 @@ const MOST_ANISOTROPY: u16 = 2 * rows::BORDER as u16 - 1;
 pub struct TileOptions {
     /// Bytes of decoded tiles, 64 KiB each. Rounded down to whole layers, of 1, 4 or 16 MiB.
     pub pool_bytes: u64,
-    /// Bytes of compressed streams and of what decodes them, 16 kB a stage of three mip levels.
+    /// Bytes of compressed streams and of what decodes them, 16 kB a stage of three mip levels; at most 4 GiB. The latter, and the streams of
+    /// a stage, must fit one binding of the device.
     pub stream_bytes: u64,
     /// Most textures at a time.
     pub textures: u32,
@@ -165,10 +169,10 @@ pub struct TileCache {
     drawing: Vec<(&'static ModuleInfo, wgpu::ComputePipeline)>,
     scratch_words: u64,
     held: Vec<Option<Held>>,
-    /// Free ranges of the tables and of the data.
+    /// Free ranges of the tables.
     pages: RangeAllocator<u32>,
     stages: RangeAllocator<u32>,
-    data: RangeAllocator<u32>,
+    streams: Streams,
 }
 
 impl TileCache {
@@ -200,7 +204,6 @@ impl TileCache {
                 7,
                 u64::from(limits.max_storage_buffers_per_shader_stage),
             ),
-            ("max_storage_buffer_binding_size", options.stream_bytes, limits.max_storage_buffer_binding_size),
             (
                 "max_storage_buffer_binding_size",
                 options.scratch_bytes,
@@ -221,6 +224,8 @@ impl TileCache {
         let slots = (side / SIDE).pow(2) * layers;
         let tails = options.textures.div_ceil(4);
         let buffers = Buffers::new(gpu, &options, slots);
+        let binding_bytes = gpu.device.limits().max_storage_buffer_binding_size;
+        let streams = Streams::new(gpu, options.stream_bytes, binding_bytes);
         // Places in buffers are 32 bits.
         let scratch_words = (options.scratch_bytes / 4).min(u64::from(u32::MAX));
         let sources = options.textures;
@@ -228,11 +233,12 @@ impl TileCache {
         let settings = [slots, options.tiles_per_update, scratch_words as u32, sources, side / SIDE];
         let settings: Vec<u32> = settings.into_iter().chain([0; 7]).collect();
         let settings = gpu.buffer("options of tiles", bytemuck::cast_slice(&settings), BufferUsages::UNIFORM);
-        let mut steps = vec![0u8; (STEP_STRIDE * u64::from(PLANES)) as usize];
-        for (step, bytes) in (0u32..).zip(steps.chunks_mut(STEP_STRIDE as usize)) {
-            bytes[..4].copy_from_slice(&step.to_le_bytes());
+        let mut steps = Vec::new();
+        for step in (0..PLANES).map(|plane| [plane, 0, 0]).chain(streams.steps()) {
+            steps.extend_from_slice(bytemuck::bytes_of(&step));
+            steps.resize(steps.len().next_multiple_of(STEP_STRIDE as usize), 0);
         }
-        let steps = gpu.buffer("planes of tiles", &steps, BufferUsages::UNIFORM);
+        let steps = gpu.buffer("steps of tiles", &steps, BufferUsages::UNIFORM);
         // The first frame has the number 1: pages that were never looked at have the mark 0.
         gpu.queue.write_buffer(&buffers.feedback, 0, &1u32.to_le_bytes());
         gpu.queue.write_buffer(&buffers.slots, 0, bytemuck::cast_slice(&vec![KEPT; tails as usize]));
@@ -257,7 +263,7 @@ impl TileCache {
                 workgroups: &buffers.workgroups,
                 options: &settings,
                 steps: &steps,
-                data: &buffers.data,
+                streams: &streams,
                 scratch: &buffers.scratch,
                 stored: &stored,
                 plain: &view_of(&pool, FORMAT, TextureUsages::TEXTURE_BINDING),
@@ -265,14 +271,11 @@ impl TileCache {
                 sampler: &sampler,
             },
         );
-        // The words that all stages share come first; a place in the streams is 32 bits of bytes.
-        let shared = texfold_shaders::DCT_TABLES;
-        let words = (options.stream_bytes.min(u64::from(u32::MAX)) / 4).max(u64::from(shared)) as u32;
         TileCache {
             held: (0..options.textures).map(|_| None).collect(),
             pages: RangeAllocator::new(0..options.pages),
             stages: RangeAllocator::new(0..options.textures.saturating_mul(MOST_STAGES)),
-            data: RangeAllocator::new(shared..words),
+            streams,
             options,
             pipelines,
             pool,
@@ -308,7 +311,9 @@ impl TileCache {
     #[must_use]
     pub fn bytes(&self) -> u64 {
         let Extent3d { width, height, depth_or_array_layers } = self.pool.size();
-        4 * u64::from(width) * u64::from(height) * u64::from(depth_or_array_layers) + self.buffers.bytes()
+        let streams: u64 = self.streams.buffers().map(wgpu::Buffer::size).sum();
+        let pool = 4 * u64::from(width) * u64::from(height) * u64::from(depth_or_array_layers);
+        pool + streams + self.buffers.bytes()
     }
 
     /// Adds all images of a texture, and returns their numbers in the order of its layout: uploads what its tiles are decoded from, and
@@ -519,17 +524,17 @@ impl TileCache {
             held.stages = range.map_err(full("all stages are in use", "textures"))?;
         }
         for stage in stages {
-            for words in stage_words(stage) {
-                let range = self.data.allocate_range(u32::try_from(words).unwrap_or(u32::MAX));
-                held.data.push(range.map_err(full("streams do not fit", "stream_bytes"))?);
-            }
+            let [words, streams] = stage_words(stage);
+            let does_not_fit = || GpuError::TilesFull { what: "streams do not fit", option: "stream_bytes" };
+            held.data.push(self.streams.allocate_words(words).ok_or_else(does_not_fit)?);
+            held.data.push(self.streams.allocate_streams(streams).ok_or_else(does_not_fit)?);
         }
         Ok(())
     }
 
     fn free(&mut self, held: Held) {
         let some = |range: &Range<u32>| !range.is_empty();
-        held.data.into_iter().filter(some).for_each(|range| self.data.free_range(range));
+        held.data.into_iter().filter(some).for_each(|range| self.streams.free(range));
         Some(held.stages).into_iter().filter(some).for_each(|range| self.stages.free_range(range));
         Some(held.pages).into_iter().filter(some).for_each(|range| self.pages.free_range(range));
     }
@@ -563,14 +568,13 @@ impl TileCache {
     ) -> Result<(), GpuError> {
         let [words, streams] = data else { return Err(GpuError::Form { what: "a stage has no place" }) };
         let (shared, own) = stage.words.split_at(texfold_shaders::DCT_TABLES as usize);
-        gpu.queue.write_buffer(&self.buffers.data, 0, bytemuck::cast_slice(shared));
-        gpu.queue.write_buffer(&self.buffers.data, 4 * u64::from(words.start), bytemuck::cast_slice(own));
+        self.streams.write(gpu, 0, bytemuck::cast_slice(shared));
+        self.streams.write(gpu, words.start, bytemuck::cast_slice(own));
         let (whole, rest) = stage.streams.split_at(stage.streams.len() / 4 * 4);
         let mut last = [0; 8];
         last[..rest.len()].copy_from_slice(rest);
-        let start = 4 * u64::from(streams.start);
-        gpu.queue.write_buffer(&self.buffers.data, start, whole);
-        gpu.queue.write_buffer(&self.buffers.data, start + whole.len() as u64, &last);
+        self.streams.write(gpu, streams.start, whole);
+        self.streams.write(gpu, streams.start + whole.len() as u32 / 4, &last);
         let row = StageRow::new(
             stage,
             channels_of(&stage.layout, colours(&stage.layout))?,

@@ -8,11 +8,14 @@ use wgpu::{
 use std::sync::Arc;
 
 use super::rows::PLANES;
+use super::streams::Streams;
 use crate::GpuTexture;
 use crate::compute::{group, layout, pipeline, shader, storage, uniform};
 
-/// Distance of the numbers of planes in their buffer: what every device allows for dynamic offsets.
+/// Distance of steps in their buffer: what every device allows for dynamic offsets.
 pub(super) const STEP_STRIDE: u64 = 256;
+/// Bytes of a step: a plane; the first byte of a buffer of streams, and its bytes.
+pub(super) const STEP_BYTES: u64 = 12;
 
 /// Buffers and views of a cache.
 pub(super) struct Resources<'r> {
@@ -25,7 +28,7 @@ pub(super) struct Resources<'r> {
     pub(super) workgroups: &'r Buffer,
     pub(super) options: &'r Buffer,
     pub(super) steps: &'r Buffer,
-    pub(super) data: &'r Buffer,
+    pub(super) streams: &'r Streams,
     pub(super) scratch: &'r Buffer,
     pub(super) stored: &'r TextureView,
     pub(super) plain: &'r TextureView,
@@ -52,21 +55,25 @@ impl Resources<'_> {
         (pipeline(device, &module, "plan_tiles", &[Some(&layout)]), group)
     }
 
-    /// Bindings of the passes that decode tiles; the offset of a plane's number is dynamic.
-    fn passes(&self, device: &Device) -> (BindGroupLayout, BindGroup) {
-        let types = [storage(true), storage(true), storage(true), storage(false), uniform(Some(4))];
+    /// Bindings of the passes that decode tiles, for each buffer of streams; the offset of a step is dynamic.
+    fn passes(&self, device: &Device) -> (BindGroupLayout, Vec<BindGroup>) {
+        let types = [storage(true), storage(true), storage(true), storage(false), uniform(Some(STEP_BYTES))];
         let layout = layout(device, "passes of tiles", ShaderStages::COMPUTE, &types);
-        let size = std::num::NonZeroU64::new(4);
+        let size = std::num::NonZeroU64::new(STEP_BYTES);
         let step = wgpu::BufferBinding { buffer: self.steps, offset: 0, size };
-        let resources = [
-            self.plan.as_entire_binding(),
-            self.data.as_entire_binding(),
-            self.data.as_entire_binding(),
-            self.scratch.as_entire_binding(),
-            BindingResource::Buffer(step),
-        ];
-        let group = group(device, &layout, &resources);
-        (layout, group)
+        let of = |(words, streams): (&Buffer, &Buffer)| {
+            let resources = [
+                self.plan.as_entire_binding(),
+                words.as_entire_binding(),
+                streams.as_entire_binding(),
+                self.scratch.as_entire_binding(),
+                BindingResource::Buffer(step.clone()),
+            ];
+            group(device, &layout, &resources)
+        };
+        let words = self.streams.buffers().next().into_iter().cycle();
+        let groups = words.zip(self.streams.buffers()).map(of).collect();
+        (layout, groups)
     }
 
     /// Bindings of shaders that draw from the cache.
@@ -101,7 +108,8 @@ pub(super) struct Pipelines {
     transform: ComputePipeline,
     deblock: [ComputePipeline; 2],
     write: ComputePipeline,
-    decode: BindGroup,
+    /// For each buffer of streams.
+    decode: Vec<BindGroup>,
     output: BindGroup,
     /// Bindings of passes that draw tiles, beside the texture's.
     pub(super) source_layout: BindGroupLayout,
@@ -164,18 +172,21 @@ impl Pipelines {
         pass.set_pipeline(plan);
         pass.set_bind_group(0, plan_group, &[]);
         pass.dispatch_workgroups(1, 1, 1);
-        let mut dispatch = |pipeline: &ComputePipeline, step: u32, number: u32| {
+        let mut dispatch = |pipeline: &ComputePipeline, group: &BindGroup, step: u32, number: u32| {
             pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, &self.decode, &[step * STEP_STRIDE as u32]);
+            pass.set_bind_group(0, group, &[step * STEP_STRIDE as u32]);
             pass.dispatch_workgroups_indirect(workgroups, u64::from(12 * number));
         };
-        dispatch(&self.clear, 0, 0);
-        dispatch(&self.read, 0, 1);
+        let [first, ..] = self.decode.as_slice() else { return };
+        dispatch(&self.clear, first, 0, 0);
+        for (streams, step) in self.decode.iter().zip(PLANES..) {
+            dispatch(&self.read, streams, step, 1);
+        }
         for plane in 0..PLANES {
-            dispatch(&self.transform, plane, 2 + plane);
+            dispatch(&self.transform, first, plane, 2 + plane);
         }
         for pipeline in &self.deblock {
-            dispatch(pipeline, PLANES - 1, 1 + PLANES);
+            dispatch(pipeline, first, PLANES - 1, 1 + PLANES);
         }
         pass.set_bind_group(1, &self.output, &[]);
         pass.set_pipeline(&self.write);

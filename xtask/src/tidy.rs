@@ -67,6 +67,9 @@ const ALLOWED: [Allowed; 21] = [
         package: "texfold",
         numeric: false,
         may: &[
+            // Lists of banks.
+            "serde",
+            "serde_json",
             "texfold-bc",
             "texfold-core",
             "texfold-dct",

@@ -5,6 +5,7 @@ use std::io;
 use std::path::PathBuf;
 
 use crate::input::formats::FORMATS;
+use texfold::bank::BankError;
 use texfold_core::{EncodeError, LoadError, RegionError, SourceError};
 
 /// A command line or configuration that cannot be carried out: exit code 2, nothing is done.
@@ -69,8 +70,8 @@ pub(crate) enum CliError {
     Rows { path: PathBuf, source: Box<dyn Error + Send + Sync> },
     #[error("{}: another process adds to this bank; wait until it has ended", path.display())]
     BankLocked { path: PathBuf },
-    #[error("{}: the bank's list of images cannot be read ({what}); restore it from a copy, or create the bank again", path.display())]
-    BankManifest { path: PathBuf, what: String },
+    #[error(transparent)]
+    Bank(#[from] BankError),
     #[error("{}: this is a bank; list it with `texfold bank list`, decode its images with `texfold bank extract`, see it with `texfold view --serve`", path.display())]
     IsBank { path: PathBuf },
     #[error("{}: no image is stored by block, so that no page can show tiles; add images with --codec dct", path.display())]

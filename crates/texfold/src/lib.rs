@@ -19,6 +19,7 @@
 //! | feature | brings |
 //! |---|---|
 //! | `encode` (default) | encoders, goals and metrics |
+//! | `bank` (default) | [`bank`]s: folders of many large images in tiles |
 //!
 //! # Addresses, colour and alpha
 //!
@@ -33,6 +34,8 @@
 
 mod any;
 mod arriving;
+#[cfg(feature = "bank")]
+pub mod bank;
 mod codecs;
 #[cfg(feature = "encode")]
 pub mod encoding;

@@ -6,14 +6,15 @@
 use std::time::Instant;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
+use texfold::bank::{is_device, is_printable};
 use texfold_core::image::Depth;
 use texfold_core::{Access, ImageSize};
 use texfold_progressive::{Progressive, ProgressiveParams};
 
-use super::manifest::{Image, Manifest, is_device, is_printable};
+use super::manifest::{self, Bank, Image, Manifest};
 use super::sums::Sums;
 use super::task::{BankTask, Books, Grown, Place};
-use super::{Bank, Open, blocks, category, texel, tiles};
+use super::{Open, blocks, category, texel, tiles};
 use crate::error::{CliError, guarded};
 use crate::input::{Remarks, georeference};
 use crate::progress::Share;
@@ -96,7 +97,7 @@ pub(crate) fn plan(open: &mut Open, tasks: &[&BankTask], limit_bytes: u64, force
         key.and_then(|key| Ok((key, seen.map_err(Step::Failed)?)))
     };
     let found: Vec<New> = tasks.iter().zip(keys).map(found).collect();
-    let manifest = &mut open.bank.manifest;
+    let mut manifest = open.bank.manifest().clone();
     let known = || {
         tasks.iter().zip(&found).filter_map(|(task, found)| Some((*task, &found.as_ref().ok()?.1.colours)))
     };
@@ -115,10 +116,12 @@ pub(crate) fn plan(open: &mut Open, tasks: &[&BankTask], limit_bytes: u64, force
     }
     let mut first = manifest.next;
     let step = |(task, found): (&&BankTask, New)| match found {
-        Ok((key, seen)) => task.step(manifest, key, &mut first, seen),
+        Ok((key, seen)) => task.step(&mut manifest, key, &mut first, seen),
         Err(step) => step,
     };
-    tasks.iter().zip(found).map(step).collect()
+    let steps = tasks.iter().zip(found).map(step).collect();
+    open.bank = Bank::of(open.bank.dir(), manifest);
+    steps
 }
 
 impl BankTask {
@@ -179,12 +182,11 @@ impl BankTask {
             return Err(Step::Failed(CliError::DeviceName { path: self.path.clone() }));
         }
         let key = self.key().map_err(Step::Failed)?;
-        match open.bank.manifest.images.iter().find(|image| image.name == self.name) {
+        match open.bank.images().iter().find(|image| image.name == self.name) {
             None => Ok(key),
             Some(_) if force => Ok(key),
             Some(known)
-                if known.key == key
-                    && known.tiles.iter().all(|tile| open.bank.dir.join(&tile.file).exists()) =>
+                if known.key == key && known.tiles.iter().all(|tile| open.bank.path_of(tile).exists()) =>
             {
                 Err(Step::Known(Box::new(known.row.clone())))
             }
@@ -212,7 +214,7 @@ impl BankTask {
         share: &Share<'_>,
     ) -> Result<Made, CliError> {
         let start = Instant::now();
-        let place = Place { dir: &bank.dir, first: add.first, categories: &add.categories, limit_bytes };
+        let place = Place { dir: bank.dir(), first: add.first, categories: &add.categories, limit_bytes };
         let (sums, size, grown) = match add.access {
             Access::Block => blocks::encode(self, add.depth, place, share)?,
             Access::Texel => texel::encode(self, books, place, share)?,
@@ -221,7 +223,7 @@ impl BankTask {
             Access::Block => blocks::making(&sums, self.params().goal),
             Access::Texel => texel::making(&sums),
         };
-        let mut row = sums.row(self, &bank.dir, size, (&making, start.elapsed().as_secs_f64()));
+        let mut row = sums.row(self, bank.dir(), size, (&making, start.elapsed().as_secs_f64()));
         row.notes = add.remarks.notes(1);
         row.warnings.extend(add.remarks.warnings(1));
         let image = self.image(add, sums, size, row);
@@ -247,7 +249,7 @@ impl Open {
     /// Lists an image that has been made, in the place of one of its name: from then on it counts. The files of the one before
     /// are removed after that; the rows that it added to codebooks stay, as others may use them.
     pub(crate) fn commit(&mut self, made: Made) -> Result<Row, CliError> {
-        let mut manifest = self.bank.manifest.clone();
+        let mut manifest = self.bank.manifest().clone();
         for grown in &made.grown {
             let category = &mut manifest.categories[grown.number];
             category.tiles += grown.tiles;
@@ -269,15 +271,16 @@ impl Open {
             category.tiles = category.tiles.saturating_sub(1);
         }
         manifest.next = manifest.next.max(made.end);
-        manifest.commit(&self.bank.dir)?;
+        let dir = self.bank.dir().to_owned();
+        manifest::commit(&mut manifest, &dir)?;
         self.books.resize(manifest.categories.len(), None);
         for grown in made.grown.into_iter().filter(|grown| grown.file.is_some()) {
             self.books[grown.number] = grown.book;
         }
-        self.bank.manifest = manifest;
+        self.bank = Bank::of(&dir, manifest);
         for tile in before {
             // A file that cannot be removed does no harm: nothing names it.
-            let _ = std::fs::remove_file(self.bank.dir.join(tile.file));
+            let _ = std::fs::remove_file(dir.join(tile.file));
         }
         Ok(row)
     }

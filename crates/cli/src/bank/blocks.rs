@@ -10,7 +10,6 @@ use texfold_core::target::Measured;
 use texfold_core::{Access, EncodeError, Encoded, Goal, ImageSize, Job, Limits};
 use texfold_dct::{Dct, DctImages, DctParams};
 
-use super::manifest::Tile;
 use super::sums::{Making, Sums};
 use super::task::{BankTask, Grown, Place, write_tile};
 use super::tiles::{self, Cut, without_plain_alpha};
@@ -18,6 +17,7 @@ use crate::error::CliError;
 use crate::input::Remarks;
 use crate::progress::Share;
 use crate::report::missed;
+use texfold::bank::Tile;
 
 /// Encodes an image and writes its files: what its tiles come to, its size, and the categories that they join.
 pub(super) fn encode(

@@ -6,14 +6,14 @@
 //! join it.
 
 use ndarray::Array2;
-use serde::{Deserialize, Serialize};
+use texfold::bank::Category;
 use texfold_codebook::{Settings, build};
 use texfold_core::image::Raster;
 
 /// Ranges of a channel.
 const RANGES: usize = 4;
 /// Shares of a tile.
-pub(super) const COLOURS: usize = RANGES * RANGES * RANGES;
+const COLOURS: usize = RANGES * RANGES * RANGES;
 /// Most categories of a bank: the paper's six.
 const MOST: usize = 6;
 /// Texels that are counted in each direction.
@@ -24,26 +24,8 @@ const FAR: f32 = 1.2;
 /// Most categories that a user may name.
 pub(crate) const MOST_NAMED: usize = 64;
 
-/// Images that look alike share a public codebook.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Category {
-    /// What the user calls it; `None` where colours alone made it.
-    #[serde(default)]
-    pub(crate) name: Option<String>,
-    /// Shares of colours, as [`colours`] counts them.
-    pub(crate) colours: Vec<f32>,
-    /// Tiles that joined it.
-    pub(crate) tiles: u32,
-    /// File of its codebook; `None` while nothing recurs.
-    pub(crate) file: Option<String>,
-    /// Rows of texels of the codebook.
-    pub(crate) rows: u32,
-}
-
-impl Category {
-    fn of(name: Option<String>, colours: Vec<f32>) -> Category {
-        Category { name, colours, tiles: 0, file: None, rows: 0 }
-    }
+fn category(name: Option<String>, colours: Vec<f32>) -> Category {
+    Category { name, colours, tiles: 0, file: None, rows: 0 }
 }
 
 /// The category of that name, with the mean of such colours where it is new; `None` where there are too many.
@@ -56,7 +38,7 @@ pub(crate) fn named(categories: &mut Vec<Category>, name: &str, tiles: &[Vec<f32
     for tile in tiles {
         colours.iter_mut().zip(tile).for_each(|(sum, share)| *sum += share / tiles.len() as f32);
     }
-    categories.push(Category::of(Some(name.to_owned()), colours));
+    categories.push(category(Some(name.to_owned()), colours));
     Some(categories.len() - 1)
 }
 
@@ -88,7 +70,7 @@ pub(crate) fn divide(tiles: &[Vec<f32>], seed: u64) -> Vec<Category> {
         let colours = row.to_vec();
         let near = categories.iter().any(|known| distance(&known.colours, &colours) < FAR * 0.5);
         if !near {
-            categories.push(Category::of(None, colours));
+            categories.push(category(None, colours));
         }
     }
     categories
@@ -102,7 +84,7 @@ pub(crate) fn join(categories: &mut Vec<Category>, colours: Vec<f32>) -> usize {
     match nearest.filter(|&nearest| away(&categories[nearest]) < FAR || categories.len() >= MOST) {
         Some(nearest) => nearest,
         None => {
-            categories.push(Category::of(None, colours));
+            categories.push(category(None, colours));
             categories.len() - 1
         }
     }

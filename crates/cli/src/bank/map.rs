@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use texfold_core::Access;
 
-use super::manifest::{MANIFEST, Manifest, Tile};
+use texfold::bank::{MANIFEST, Tile};
+
+use super::manifest::{self, access_of};
 use crate::console::warn;
 use crate::error::CliError;
 
@@ -46,23 +48,26 @@ impl BankMap {
     /// # Errors
     /// [`CliError::BankByTexel`] where no image is by block, and where the manifest is none.
     pub(crate) fn read(dir: &Path) -> Result<BankMap, CliError> {
-        let manifest = Manifest::read(dir)?;
+        let bank = manifest::open(dir)?;
         let (by_block, others): (Vec<_>, Vec<_>) =
-            manifest.images.into_iter().partition(|image| image.access() == Access::Block);
+            bank.images().iter().partition(|image| access_of(image) == Access::Block);
         if by_block.is_empty() {
             return Err(CliError::BankByTexel { path: dir.join(MANIFEST) });
         }
         for image in others {
             warn(&format!("{}: not on the map, as it is read by texel; add it with --codec dct", image.name));
         }
-        let tile = |Tile { file, x, y, width, height, .. }| MapTile { file, x, y, width, height };
+        let tile = |tile: &Tile| {
+            let &Tile { ref file, x, y, width, height, .. } = tile;
+            MapTile { file: file.clone(), x, y, width, height }
+        };
         let images = by_block.into_iter().map(|image| MapImage {
             disk: image.row.sizes.bits_disk / 8,
             memory: image.row.sizes.bits_memory / 8,
-            name: image.name,
+            name: image.name.clone(),
             width: image.width,
             height: image.height,
-            tiles: image.tiles.into_iter().map(tile).collect(),
+            tiles: image.tiles.iter().map(tile).collect(),
         });
         Ok(BankMap { dir: dir.to_owned(), images: images.collect() })
     }

@@ -20,33 +20,22 @@ mod tiles;
 
 use std::collections::HashSet;
 use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
-use texfold::{AnyImage, Registration};
-use texfold_core::container::Sections;
-use texfold_core::{Budget, TextureCodec};
-use texfold_progressive::{Codebook, Progressive};
+use texfold::bank::MANIFEST;
+use texfold_progressive::Codebook;
 
 use crate::error::CliError;
-use crate::files;
 use crate::output::{make_folder, remove_stale};
 pub(crate) use add::{Add, Made, Step, plan};
-use category::Category;
-use manifest::{MANIFEST, Manifest, Tile};
+use manifest::{Bank, Manifest};
 pub(crate) use map::BankMap;
 pub(crate) use show::{Choice, decompress, describe, is_bank};
 pub(crate) use task::{BankTask, Books};
 
 /// Name of the file that is locked while images are added.
 const LOCK: &str = "bank.lock";
-
-/// A bank that is read.
-#[derive(Debug)]
-pub(crate) struct Bank {
-    dir: PathBuf,
-    manifest: Manifest,
-}
 
 /// A bank that is added to; the lock is held while this lives.
 #[derive(Debug)]
@@ -57,66 +46,30 @@ pub(crate) struct Open {
     _lock: File,
 }
 
-impl Bank {
-    /// Opens the bank in a folder.
-    pub(crate) fn read(dir: &Path) -> Result<Bank, CliError> {
-        Ok(Bank { dir: dir.to_owned(), manifest: Manifest::read(dir)? })
-    }
-
-    /// The public codebook of a category, as far as the bank has one.
-    fn codebook(&self, category: &Category) -> Result<Option<Arc<Codebook>>, CliError> {
-        let Some(name) = &category.file else { return Ok(None) };
-        let path = self.dir.join(name);
-        let bytes = files::read(&path)?;
-        let mut budget = Budget::default();
-        let book = Sections::parse(&bytes, &mut budget)
-            .and_then(|file| Progressive::load_codebook(&file, &mut budget))
-            .map_err(|source| CliError::Load { path, source })?;
-        Ok(Some(Arc::new(book)))
-    }
-
-    /// A tile of an image.
-    fn tile(&self, tile: &Tile, book: Option<&Codebook>) -> Result<AnyImage, CliError> {
-        let path = self.dir.join(&tile.file);
-        let bytes = files::read(&path)?;
-        load(&bytes, book).map_err(|source| CliError::Load { path, source })
-    }
-}
-
-/// A tile from the bytes of its file.
-fn load(bytes: &[u8], book: Option<&Codebook>) -> Result<AnyImage, texfold_core::LoadError> {
-    let mut budget = Budget::default();
-    let file = Sections::parse(bytes, &mut budget)?;
-    if file.codec() == Progressive::ID.number {
-        return Progressive::load_shared(&file, book, &mut budget).map(AnyImage::new);
-    }
-    let codec = Registration::by_number(file.codec());
-    codec
-        .ok_or(texfold_core::LoadError::NotThisCodec { found: file.codec() })?
-        .load(&file, &mut budget)?
-        .into_image()
-}
-
 impl Open {
     /// Opens or begins the bank in a folder, and takes away what an interrupted run left there.
     pub(crate) fn new(dir: &Path) -> Result<Open, CliError> {
         make_folder(dir)?;
         let lock = lock(dir)?;
         remove_stale(dir);
-        let manifest = if dir.join(MANIFEST).exists() { Manifest::read(dir)? } else { Manifest::default() };
-        let books = manifest.categories.iter().map(|_| None).collect();
-        let open = Open { bank: Bank { dir: dir.to_owned(), manifest }, books, _lock: lock };
+        let bank = if dir.join(MANIFEST).exists() {
+            manifest::open(dir)?
+        } else {
+            Bank::of(dir, Manifest::default())
+        };
+        let books = bank.manifest().categories.iter().map(|_| None).collect();
+        let open = Open { bank, books, _lock: lock };
         open.remove_leftovers();
         Ok(open)
     }
 
     /// Removes files of banks that the manifest does not name. Others are left alone.
     fn remove_leftovers(&self) {
-        let manifest = &self.bank.manifest;
+        let manifest = self.bank.manifest();
         let tiles = manifest.images.iter().flat_map(|image| &image.tiles).map(|tile| tile.file.as_str());
         let books = manifest.categories.iter().filter_map(|category| category.file.as_deref());
         let named: HashSet<&str> = tiles.chain(books).collect();
-        let Ok(entries) = std::fs::read_dir(&self.bank.dir) else { return };
+        let Ok(entries) = std::fs::read_dir(self.bank.dir()) else { return };
         for entry in entries.flatten() {
             let name = entry.file_name();
             let ours = name.to_str().is_some_and(|name| {
@@ -141,9 +94,9 @@ impl Open {
     }
 
     fn book(&mut self, number: usize) -> Result<Option<Arc<Codebook>>, CliError> {
-        self.books.resize(self.bank.manifest.categories.len(), None);
+        self.books.resize(self.bank.manifest().categories.len(), None);
         if self.books[number].is_none() {
-            self.books[number] = self.bank.codebook(&self.bank.manifest.categories[number])?;
+            self.books[number] = self.bank.codebook(number)?;
         }
         Ok(self.books[number].clone())
     }

@@ -1,23 +1,20 @@
 //! Reading banks: images, single tiles and levels as images, and what a bank holds.
 
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use serde::Serialize;
+use texfold::bank::{BankError, Category, MANIFEST, Part, Tile};
 use texfold::{AnyImage, dct::DctImages, progressive::ProgressiveTexture};
-use texfold_core::image::{ImageLayout, PixelInfo, Raster};
+use texfold_core::image::{PixelInfo, Raster};
 use texfold_core::{ImageSize, Rect, RegionError};
-use texfold_progressive::{CELL_SIDE, Codebook};
+use texfold_progressive::CELL_SIDE;
 
-use super::Bank;
-use super::category::Category;
-use super::manifest::{Image, MANIFEST, Tile};
+use super::manifest::{self, Bank, Image, access_of, georeference_of};
 use super::tiles::TILE;
 use crate::console::{answer, complain};
 use crate::decompress::{Picture, Writing};
 use crate::error::{CliError, explain, guarded};
-use crate::input::georeference::{Georeference, Part};
+use crate::input::georeference::{Georeference, Part as Extent};
 use crate::report::Sizes;
 
 /// Whether a path is the folder of a bank.
@@ -47,19 +44,18 @@ pub(crate) type Draw<'d> = dyn Fn(&Path, &AnyImage, Rect) -> Result<Raster, CliE
 
 /// Writes images of a bank; the number of those that failed. Each is named with its cause, the others are written.
 pub(crate) fn decompress(dir: &Path, choice: Choice<'_>, draw: &Draw<'_>) -> Result<usize, CliError> {
-    let bank = Bank::read(dir)?;
-    let mut books = HashMap::new();
-    let wanted = |image: &&Image| choice.image.is_none_or(|name| *name == image.name);
-    let images: Vec<&Image> = bank.manifest.images.iter().filter(wanted).collect();
+    let bank = manifest::open(dir)?;
+    let wanted = |(_, image): &(u32, &Image)| choice.image.is_none_or(|name| *name == image.name);
+    let images: Vec<(u32, &Image)> = (0..).zip(bank.images()).filter(wanted).collect();
     if let (true, Some(name)) = (images.is_empty(), choice.image) {
         return Err(CliError::NoSuchImage { path: dir.to_owned(), name: name.to_owned() });
     }
-    let outputs: Vec<PathBuf> = images.iter().map(|image| choice.output(image)).collect();
+    let outputs: Vec<PathBuf> = images.iter().map(|(_, image)| choice.output(image)).collect();
     choice.writing.check(outputs.iter().map(PathBuf::as_path))?;
     let mut failed = 0;
-    for (image, output) in images.into_iter().zip(outputs) {
+    for ((number, image), output) in images.into_iter().zip(outputs) {
         let path = dir.join(&image.name);
-        let done = guarded(&path, || bank.draw(image, choice, draw, &mut books)?.write(&output));
+        let done = guarded(&path, || drawn(&bank, (number, image), choice, draw)?.write(&output));
         if let Err(error) = done {
             complain(&format!("{}: {}", image.name, explain(&error)));
             failed += 1;
@@ -68,91 +64,61 @@ pub(crate) fn decompress(dir: &Path, choice: Choice<'_>, draw: &Draw<'_>) -> Res
     Ok(failed)
 }
 
-/// Codebooks that have been read, by category.
-type Books = HashMap<u32, Option<Arc<Codebook>>>;
-
-impl Bank {
-    fn draw(
-        &self,
-        image: &Image,
-        choice: Choice<'_>,
-        draw: &Draw<'_>,
-        books: &mut Books,
-    ) -> Result<Picture, CliError> {
-        let (path, writing) = (self.dir.join(&image.name), choice.writing);
-        let level = writing.lod;
-        let region = |source| CliError::Region { path: path.clone(), source };
-        if level >= image.levels {
-            return Err(region(RegionError::NoSuchLevel { level, levels: image.levels }));
-        }
-        let size = ImageSize { width: image.width, height: image.height }.at_level(level);
-        let place = |tile: &Tile| (tile.x / TILE, tile.y / TILE);
-        let area = match choice.tile {
-            Some(chosen) => {
-                let last = image.tiles.iter().map(place).max().unwrap_or_default();
-                let tile = image.tiles.iter().find(|tile| place(tile) == chosen);
-                let none = || CliError::NoSuchTile { path: path.clone(), tile: chosen, last };
-                at_level(tile.ok_or_else(none)?, level)
-            }
-            None => writing.rect(0, size).map_err(region)?,
-        };
-        let mut picture = None;
-        for tile in image.tiles.iter().filter(|tile| choice.tile.is_none_or(|chosen| place(tile) == chosen)) {
-            let Some((part, corner)) = shared(area, at_level(tile, level)) else { continue };
-            let book = match books.get(&tile.category) {
-                Some(book) => book.clone(),
-                None => {
-                    let book = self.codebook(&self.manifest.categories[tile.category as usize])?;
-                    books.entry(tile.category).or_insert(book).clone()
-                }
-            };
-            let texture = self.tile(tile, book.as_deref())?;
-            let ImageLayout { images, pixel, .. } = texture.as_encoded().layout();
-            let sizes = (images[0].width, images[0].height) == (tile.width, tile.height);
-            if !sizes || pixel.channels > image.channels {
-                let what = format!("{} is not the tile that is listed", tile.file);
-                return Err(CliError::BankManifest { path: self.dir.join(MANIFEST), what });
-            }
-            let size = ImageSize { width: area.width, height: area.height };
-            let picture = match &mut picture {
-                Some(picture) => picture,
-                // Tiles that are opaque are stored without alpha.
-                None => {
-                    let info = PixelInfo { channels: image.channels, ..*pixel };
-                    let georeference = image.georeference();
-                    let bands = georeference.as_ref().and_then(Georeference::bands);
-                    let bands = bands
-                        .filter(|bands| writing.takes_bands() && bands.count == u16::from(image.channels));
-                    let whole = ImageSize { width: image.width, height: image.height };
-                    let georeference = georeference.map(|found| found.of_part(Part::of(whole, area)));
-                    let made = writing.picture(&path, size, info, bands)?;
-                    picture.insert(made.with_georeference(georeference))
-                }
-            };
-            let texture = match writing.layers {
-                Some(layers) => first_layers(&texture, layers).unwrap_or(texture),
-                None => texture,
-            };
-            picture.place(corner, &draw(&self.dir.join(&tile.file), &texture, part)?);
-        }
-        picture.ok_or_else(|| region(RegionError::Outside { width: size.width, height: size.height }))
+/// What is asked for of an image of that number.
+fn drawn(
+    bank: &Bank,
+    (number, image): (u32, &Image),
+    choice: Choice<'_>,
+    draw: &Draw<'_>,
+) -> Result<Picture, CliError> {
+    let (path, writing) = (bank.dir().join(&image.name), choice.writing);
+    let level = writing.lod;
+    let region = |source| CliError::Region { path: path.clone(), source };
+    if level >= image.levels {
+        return Err(region(RegionError::NoSuchLevel { level, levels: image.levels }));
     }
-}
-
-/// The rectangle of a tile in a level of its image.
-fn at_level(tile: &Tile, level: u32) -> Rect {
-    let ImageSize { width, height } = ImageSize { width: tile.width, height: tile.height }.at_level(level);
-    Rect { image: 0, level, x: tile.x >> level, y: tile.y >> level, width, height }
-}
-
-/// The intersection of two rectangles: relative to the second's corner, and its corner relative to the first's.
-fn shared(area: Rect, tile: Rect) -> Option<(Rect, (u32, u32))> {
-    let (left, top) = (area.x.max(tile.x), area.y.max(tile.y));
-    let width = (area.x + area.width).min(tile.x + tile.width).checked_sub(left).filter(|&side| side > 0)?;
-    let height =
-        (area.y + area.height).min(tile.y + tile.height).checked_sub(top).filter(|&side| side > 0)?;
-    let part = Rect { x: left - tile.x, y: top - tile.y, width, height, ..tile };
-    Some((part, (left - area.x, top - area.y)))
+    let size = ImageSize { width: image.width, height: image.height }.at_level(level);
+    let place = |tile: &Tile| (tile.x / TILE, tile.y / TILE);
+    let area = match choice.tile {
+        Some(chosen) => {
+            let last = image.tiles.iter().map(place).max().unwrap_or_default();
+            let tile = image.tiles.iter().find(|tile| place(tile) == chosen);
+            let none = || CliError::NoSuchTile { path: path.clone(), tile: chosen, last };
+            tile.ok_or_else(none)?.at_level(level)
+        }
+        None => writing.rect(0, size).map_err(region)?,
+    };
+    let mut picture = None;
+    for Part { tile, rect, corner } in bank.parts(Rect { image: number, ..area }).map_err(region)? {
+        let texture = bank.tile(tile)?;
+        let pixel = texture.as_encoded().layout().pixel;
+        if pixel.channels > image.channels {
+            let what = format!("{} is not the tile that is listed", tile.file);
+            return Err(BankError::Manifest { path: bank.dir().join(MANIFEST), what }.into());
+        }
+        let size = ImageSize { width: area.width, height: area.height };
+        let picture = match &mut picture {
+            Some(picture) => picture,
+            // Tiles that are opaque are stored without alpha.
+            None => {
+                let info = PixelInfo { channels: image.channels, ..pixel };
+                let georeference = georeference_of(image);
+                let bands = georeference.as_ref().and_then(Georeference::bands);
+                let bands =
+                    bands.filter(|bands| writing.takes_bands() && bands.count == u16::from(image.channels));
+                let whole = ImageSize { width: image.width, height: image.height };
+                let georeference = georeference.map(|found| found.of_part(Extent::of(whole, area)));
+                let made = writing.picture(&path, size, info, bands)?;
+                picture.insert(made.with_georeference(georeference))
+            }
+        };
+        let texture = match writing.layers {
+            Some(layers) => first_layers(&texture, layers).unwrap_or(texture),
+            None => texture,
+        };
+        picture.place(corner, &draw(&bank.path_of(tile), &texture, rect)?);
+    }
+    picture.ok_or_else(|| region(RegionError::Outside { width: size.width, height: size.height }))
 }
 
 /// A tile as it is with the first layers of its file.
@@ -227,18 +193,18 @@ fn cells_of(rows: u64) -> u64 {
 
 /// Says what a bank holds.
 pub(crate) fn describe(dir: &Path, json: bool) -> Result<(), CliError> {
-    let bank = Bank::read(dir)?;
-    let images: Vec<ImageSummary> = bank.manifest.images.iter().map(summary_of).collect();
+    let bank = manifest::open(dir)?;
+    let images: Vec<ImageSummary> = bank.manifest().images.iter().map(summary_of).collect();
     let categories =
-        (0..).zip(&bank.manifest.categories).map(|(number, category)| category_of(&bank, number, category));
+        (0..).zip(&bank.manifest().categories).map(|(number, category)| category_of(&bank, number, category));
     let texels =
-        bank.manifest.images.iter().fold(0, |sum: u64, image| sum.saturating_add(image.row.source_texels));
+        bank.manifest().images.iter().fold(0, |sum: u64, image| sum.saturating_add(image.row.source_texels));
     let summary = Summary {
         bank: dir.display().to_string(),
         images,
         categories: categories.collect(),
         source_texels: texels,
-        sizes: Sizes::sum(bank.manifest.images.iter().map(|image| image.row.sizes), texels),
+        sizes: Sizes::sum(bank.manifest().images.iter().map(|image| image.row.sizes), texels),
     };
     if json {
         let text = serde_json::to_string_pretty(&summary);
@@ -262,7 +228,7 @@ fn category_of(bank: &Bank, number: u32, category: &Category) -> CategorySummary
         growth: Vec::new(),
     };
     let (mut rows, mut used, mut all) = (0u64, 0, 0);
-    for image in &bank.manifest.images {
+    for image in &bank.manifest().images {
         let tiles = tiles(image);
         if tiles.is_empty() {
             continue;
@@ -284,10 +250,10 @@ fn summary_of(image: &Image) -> ImageSummary {
     categories.dedup();
     ImageSummary {
         name: image.name.clone(),
-        access: image.access().name(),
+        access: access_of(image).name(),
         width: image.width,
         height: image.height,
-        place: image.georeference().and_then(|found| found.description()),
+        place: georeference_of(image).and_then(|found| found.description()),
         tiles: image.tiles.len(),
         categories,
         psnr: image.row.psnr,

@@ -7,10 +7,10 @@ use texfold_core::metric::{SquaredError, decode_image, quality, ssim};
 use texfold_core::target::Measured;
 use texfold_core::{Access, Encoded, Image2d, ImageSize};
 
-use super::manifest::Tile;
 use super::task::BankTask;
 use crate::perceptual::{mean, ssimulacra2};
 use crate::report::{PartRow, Row, Sizes, peak_bytes};
+use texfold::bank::Tile;
 
 /// Name of the part that tiles share.
 const PUBLIC: &str = "public codebook";

@@ -7,7 +7,6 @@ use texfold_core::image::ImageSet;
 use texfold_core::{Access, ImageSize, Job, Limits, TextureCodec};
 use texfold_progressive::{Progressive, ProgressiveTexture, Shared};
 
-use super::manifest::Tile;
 use super::sums::{Making, Sums};
 use super::task::{BankTask, Books, Grown, Place, write_tile};
 use super::tiles::{self, Cut, without_plain_alpha};
@@ -15,6 +14,7 @@ use crate::error::CliError;
 use crate::input::Remarks;
 use crate::output::write_whole;
 use crate::progress::Share;
+use texfold::bank::Tile;
 
 /// Rows of texels that a public codebook may have: 512 of 256 texels are 64 kB in BC4.
 const MOST_ROWS: u32 = 512;

@@ -6,6 +6,8 @@ use std::time::{Duration, Instant};
 
 use image::{DynamicImage, ExtendedColorType};
 use serde_json::Value;
+use texfold::bank::{Bank, BankError};
+use texfold::core::{Rect, RegionError, Texel};
 
 use crate::support::{Place, Run, names, psnr};
 
@@ -78,6 +80,25 @@ fn tiles_levels_and_single_images_are_decoded_alone() {
     assert_eq!(place.run("bank extract bank --out half --image wide --lod 1").code, Some(0));
     let (width, height, _) = place.samples("half/wide.png");
     assert_eq!((width, height), (650, 20));
+    let half = place.samples("half/wide.png").2;
+    // The library reads the same, across tiles and from a part of a level.
+    let bank: Bank = Bank::open(&place.at("bank")).unwrap();
+    assert_eq!((bank.images()[1].name.as_str(), bank.images()[1].levels > 1), ("wide", true));
+    for (level, width, samples) in [(0, 1300, &whole), (1, 650, &half)] {
+        let (x, y) = (1000 >> level, 3);
+        let rect = Rect { image: 0, level, x, y, width: 100, height: 12 };
+        let mut texels = vec![Texel::ZERO; 1200];
+        bank.decode(1, rect, &mut texels).unwrap();
+        for (number, texel) in texels.iter().enumerate() {
+            let place = (y as usize + number / 100) * width + x as usize + number % 100;
+            let bytes = texel.to_array().map(|value| (value * 255.0).round() as u8);
+            assert_eq!(bytes[..3], samples[3 * place..3 * place + 3]);
+        }
+    }
+    let rect = Rect { image: 0, level: 0, x: 1290, y: 0, width: 11, height: 1 };
+    let outside = bank.decode(1, rect, &mut [Texel::ZERO; 11]);
+    assert!(matches!(outside, Err(BankError::Region(RegionError::Outside { width: 1300, height: 40 }))));
+    assert!(matches!(bank.decode(2, rect, &mut []), Err(BankError::Region(RegionError::NoSuchImage { .. }))));
     let run = place.run("bank extract bank --out none --image nobody");
     assert!(run.code == Some(1) && run.stderr.contains("nobody"), "{}", run.stderr);
     let run = place.run("bank extract bank --out none --image wide --tile 7,7");

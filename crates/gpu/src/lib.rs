@@ -42,6 +42,6 @@ pub use texfold_shaders::ModuleInfo;
 pub use texture::{AddressMode, GpuTexture};
 #[doc(hidden)]
 pub use tiles::tile_numbers;
-pub use tiles::{TileBytes, TileCache, TileLook, TileOptions, TileReport, TileTexture};
+pub use tiles::{TileBytes, TileCache, TileLook, TileOptions, TileReport, TileTexture, TileUse, TileWatch};
 pub use update::Updated;
 pub use wgpu;

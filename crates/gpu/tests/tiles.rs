@@ -15,7 +15,8 @@ use texfold::core::rng::Rng;
 use texfold::core::{Encoded, Image2d, ImageSize, Rect, Texel};
 use texfold::{AnyImage, Arrived, Arriving, Choice, Effort, EncodeSettings, Goal, Guidance, Job, Limits};
 use texfold_gpu::{
-    AddressMode, Gpu, GpuError, Policy, TileBytes, TileCache, TileLook, TileOptions, TileTexture, wgpu,
+    AddressMode, Gpu, GpuError, Policy, TileBytes, TileCache, TileLook, TileOptions, TileTexture, TileUse,
+    wgpu,
 };
 use texfold_testkit::{crop, full};
 
@@ -464,6 +465,57 @@ fn streams_of_several_buffers_are_read() {
     for (texture, added) in textures.iter().zip(added) {
         compare(&renderer, texture, (added, look), (2, 2.0), &mut rng);
     }
+}
+
+/// What was looked at, once the GPU has come to it.
+fn uses(renderer: &Renderer<'_>) -> Vec<TileUse> {
+    let watch = renderer.cache.watch(renderer.gpu).unwrap();
+    renderer.gpu.device().poll(wgpu::PollType::wait_indefinitely()).unwrap();
+    watch.poll(renderer.gpu).unwrap().unwrap()
+}
+
+#[test]
+fn coarse_textures_tell_what_is_looked_at_and_show_it_once_it_is_there() {
+    let Some(gpu) = gpu() else { return };
+    let look = TileLook { address: AddressMode::Clamp, srgb: false };
+    let [facade, terrain] =
+        ["facade", "terrain"].map(|name| encode("dct", crop(&image(name), (0, 0), (250, 246)), true));
+    let share = TileBytes::of(facade.as_encoded()).held;
+    let mut renderer = Renderer::new(gpu, &TileOptions { stream_bytes: share * 3 / 2, ..options() });
+    let mut coarse = |texture: &AnyImage| renderer.cache.add_coarse(gpu, texture.as_encoded(), look).unwrap();
+    let (first, second) = (coarse(&facade), coarse(&terrain));
+    assert_eq!(uses(&renderer), []);
+    // The largest level that is there, of 31 columns.
+    let view = whole_view(first[0]);
+    let reference = Reference::new(facade.as_encoded(), look);
+    let texels = renderer.settled(&view);
+    for (place, found) in (0u32..).zip(&texels) {
+        let at = DVec2::new(f64::from(place % VIEW) + 0.5, f64::from(place / VIEW) + 0.5);
+        let off =
+            found.as_dvec4() - reference.bilinear(3, view.origin + view.across * at.x + view.down * at.y);
+        assert!(off.abs().max_element() <= 2.0 / 255.0, "{at}");
+    }
+    assert_eq!(renderer.cache.report(gpu).unwrap().decoded, 0);
+    assert_eq!(uses(&renderer), [TileUse { texture: first[0], level: 0, frames: 0 }]);
+    renderer.frame(&View { lod: 1.0, ..whole_view(second[0]) });
+    let used = [
+        TileUse { texture: first[0], level: 0, frames: 1 },
+        TileUse { texture: second[0], level: 1, frames: 0 },
+    ];
+    assert_eq!(uses(&renderer), used);
+
+    renderer.cache.replace(gpu, &first, facade.as_encoded()).unwrap();
+    compare_view(&renderer, (facade.as_encoded(), &reference), &view, 2.0);
+    // Streams of both do not fit; of the first one tiles remain without them.
+    let full = renderer.cache.replace(gpu, &second, terrain.as_encoded());
+    assert!(matches!(full, Err(GpuError::TilesFull { option: "stream_bytes", .. })), "{full:?}");
+    renderer.cache.make_coarse(gpu, first[0]);
+    renderer.cache.replace(gpu, &second, terrain.as_encoded()).unwrap();
+    // It takes the pages of one that was looked at.
+    assert!(uses(&renderer).iter().all(|used| used.texture == first[0]));
+    compare_view(&renderer, (facade.as_encoded(), &reference), &view, 2.0);
+    let mut rng = Rng::new(3);
+    compare(&renderer, &terrain, (second[0], look), (4, 2.0), &mut rng);
 }
 
 #[test]

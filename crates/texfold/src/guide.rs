@@ -184,7 +184,10 @@
 //! texfold bank extract bank --image oak --level 1 --region 900,40,300,200 --out check
 //! ```
 //!
-//! In code, tiles of `dct` share a step ([`Dct::encode_at_step`](crate::dct::Dct::encode_at_step)). With `progressive` an image is encoded against a public codebook and gives back the codebook as it has grown:
+//! In code, a [`Bank`](crate::bank::Bank) lists what is there, decodes rectangles of any level across tiles, and opens single tiles; [levels](crate::bank::Image::levels) of an image are those of its
+//! tiles, side by side.
+//!
+//! When images are added, tiles of `dct` share a step ([`Dct::encode_at_step`](crate::dct::Dct::encode_at_step)). With `progressive` an image is encoded against a public codebook and gives back the codebook as it has grown:
 //!
 //! ```
 //! use texfold::{Goal, ImageSet, Job, progressive::{Progressive, ProgressiveParams, Shared}};
@@ -213,7 +216,7 @@
 //!
 //! 1. *Once*: `TileCache::new(&gpu, &options)` on a device with seven storage buffers a shader stage. `pool_bytes` is what the view needs: a tile has 64 kB
 //!    and covers 120 x 120 pixels at best, so that 1920 x 1080 pixels with overlaps and mip levels take about 32 MB, with reserve 64.
-//!    `stream_bytes` holds all textures: WebGPU's default devices bind 128 MiB.
+//!    `stream_bytes` holds all textures, in several buffers where one binding of the device (128 MiB by WebGPU's defaults) does not.
 //! 2. *For each texture*: `cache.add` returns a number for each image, which the renderer stores with its materials; `remove` frees it;
 //!    `replace` takes a file of which more has arrived.
 //! 3. *In the shader*: `cache.wgsl(group)` before the renderer's own text, `cache.bind_group()` bound there, and
@@ -227,7 +230,12 @@
 //!
 //! After the device is lost, make a new one, a new cache, and add all textures again. Textures that are not in superblocks (`bc`,
 //! `vq`, `epitome`, `progressive`) are uploaded whole, and the cache draws their tiles from that: it adds hardware filtering and one binding for all, and
-//! takes no memory away.
+//! takes no memory away. The parts of a light field are not drawn through it.
+//!
+//! Data sets that are larger than memory are read as they are looked at. `cache.add_coarse` holds the smallest levels of a texture alone, as the first bytes of its file give
+//! them ([`Bank::coarse_tile`](crate::bank::Bank::coarse_tile), [`Arriving`](crate::Arriving)); `cache.watch` tells, some frames later and without a wait, which textures were looked at, how
+//! finely and when; `cache.replace` brings one whole, and `cache.make_coarse` lets go of one. `crates/gpu/examples/bank.rs` flies over a [bank](crate::bank) of any size in
+//! 4 MB of streams.
 //!
 //! # Sequences, and what matters in them
 //!

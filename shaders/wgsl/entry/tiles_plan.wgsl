@@ -85,7 +85,9 @@ fn entry_wanted(number: u32) -> EntryTile {
         return tile;
     }
     tile.page = texfold_tile_textures[tile.texture].levels[tile.level].x + tile.tile.y * count.x + tile.tile.x;
-    tile.is_wanted = texfold_tile_pages[tile.page] == 0u;
+    // It may have become coarse since it was asked for.
+    let is_coarse = (texfold_tile_flags(shape) & TEXFOLD_TILE_COARSE) != 0u;
+    tile.is_wanted = texfold_tile_pages[tile.page] == 0u && !is_coarse;
     return tile;
 }
 

@@ -38,15 +38,16 @@ struct TexfoldTileLookup {
     is_marked: bool,
 }
 
-// Marks a tile as looked at, and asks for it where it is missing.
-fn texfold_tile_mark(texture: u32, level: u32, tile: vec2<u32>, page: u32, place: u32) {
+// Marks a tile as looked at, and asks for it where it is missing and can be decoded.
+fn texfold_tile_mark(lookup: TexfoldTileLookup, level: u32, tile: vec2<u32>, page: u32, place: u32) {
     let frame = texfold_tile_feedback.frame;
-    if atomicExchange(&texfold_tile_feedback.marks[page], frame) == frame || place != 0u {
+    let is_asked = place == 0u && (lookup.flags & TEXFOLD_TILE_COARSE) == 0u;
+    if atomicExchange(&texfold_tile_feedback.marks[page], frame) == frame || !is_asked {
         return;
     }
     let number = atomicAdd(&texfold_tile_feedback.wanted, 1u);
     if number < TEXFOLD_TILE_MOST_WANTED {
-        texfold_tile_feedback.tiles[number] = vec2<u32>(texture | (level << 24u), tile.x | (tile.y << 16u));
+        texfold_tile_feedback.tiles[number] = vec2<u32>(lookup.texture | (level << 24u), tile.x | (tile.y << 16u));
     }
 }
 
@@ -69,7 +70,7 @@ fn texfold_tile_filtered(lookup: TexfoldTileLookup, level: u32) -> vec4<f32> {
         place = select(0u, texfold_tile_pages[page], is_own);
         inner = at - vec2<f32>(tile * TEXFOLD_TILE_INNER) + f32(TEXFOLD_TILE_BORDER);
         if lookup.is_marked && is_own && (found == level || place != 0u) {
-            texfold_tile_mark(lookup.texture, found, tile, page, place);
+            texfold_tile_mark(lookup, found, tile, page, place);
         }
         if place != 0u || !is_own {
             break;

@@ -15,6 +15,8 @@ const TEXFOLD_TILE_THERE: u32 = 0x80000000u;
 // Flags of a texture.
 const TEXFOLD_TILE_SRGB: u32 = 1u;
 const TEXFOLD_TILE_CLAMP: u32 = 2u;
+// Of one whose tail alone is held: tiles are marked and not decoded.
+const TEXFOLD_TILE_COARSE: u32 = 4u;
 
 // A texture: texfold_gpu::tiles::TextureRow.
 struct TexfoldTileTexture {

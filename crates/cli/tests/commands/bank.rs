@@ -95,6 +95,15 @@ fn tiles_levels_and_single_images_are_decoded_alone() {
             assert_eq!(bytes[..3], samples[3 * place..3 * place + 3]);
         }
     }
+    // The first bytes of a tile's file have its coarse levels.
+    let tile = &bank.images()[1].tiles[0];
+    let [coarse, tile] = [bank.coarse_tile(tile), bank.tile(tile)].map(|tile| {
+        let mut texels = [Texel::ZERO; 32];
+        let rect = Rect { image: 0, level: 5, x: 0, y: 0, width: 32, height: 1 };
+        tile.unwrap().as_encoded().decode(rect, &mut texels).unwrap();
+        texels
+    });
+    assert_eq!(coarse, tile);
     let rect = Rect { image: 0, level: 0, x: 1290, y: 0, width: 11, height: 1 };
     let outside = bank.decode(1, rect, &mut [Texel::ZERO; 11]);
     assert!(matches!(outside, Err(BankError::Region(RegionError::Outside { width: 1300, height: 40 }))));

@@ -21,6 +21,7 @@ mod pipelines;
 mod rows;
 mod streams;
 mod tail;
+mod watch;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -36,9 +37,11 @@ use crate::{AddressMode, Gpu, GpuError, GpuTexture, compute};
 use buffers::Buffers;
 use pipelines::{Pipelines, Resources, STEP_STRIDE, Source};
 use rows::{
-    CLAMP, FEEDBACK_BYTES, INNER, MOST_LEVELS, MOST_TILES, PLANES, SIDE, SRGB, StageRow, TextureRow, tail_of,
+    CLAMP, COARSE, FEEDBACK_BYTES, INNER, MOST_LEVELS, MOST_TILES, PLANES, SIDE, SRGB, StageRow, TextureRow,
+    tail_of,
 };
 use streams::Streams;
+pub use watch::{TileUse, TileWatch};
 
 /// Format of the pool.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -131,6 +134,7 @@ pub struct TileReport {
 #[derive(Debug, Default)]
 struct Held {
     look: TileLook,
+    row: TextureRow,
     /// The pass that draws its tiles, for textures that are not in superblocks.
     source: Option<Source>,
     pages: Range<u32>,
@@ -139,21 +143,35 @@ struct Held {
     data: Vec<Range<u32>>,
 }
 
-/// A texture to add: its stages where it is in superblocks, or as it is drawn.
+impl Held {
+    /// Pages of each level that has tiles of its own.
+    fn levels(&self) -> Vec<Range<u32>> {
+        let starts = self.row.levels.iter().filter(|[_, columns]| *columns > 0).map(|[start, _]| *start);
+        let ends = starts.clone().skip(1).chain([self.pages.end]);
+        starts.zip(ends).map(|(start, end)| start..end).collect()
+    }
+}
+
+/// A texture to add: its stages where it is in superblocks, or as it is drawn; neither where its tail alone is to be held.
 struct TileSource<'t> {
     texture: &'t dyn Encoded<Domain = Image2d>,
     stages: Vec<GpuDct<'t>>,
     uploaded: Option<Arc<GpuTexture>>,
+    is_coarse: bool,
 }
 
 impl<'t> TileSource<'t> {
     fn new(gpu: &Gpu, texture: &'t dyn Encoded<Domain = Image2d>) -> Result<Self, GpuError> {
         let form = texture.gpu();
         if !form.blocks.is_empty() && form.module == PLAIN_MODULE {
-            return Ok(TileSource { texture, stages: form.blocks, uploaded: None });
+            return Ok(TileSource { texture, stages: form.blocks, uploaded: None, is_coarse: false });
         }
         let uploaded = Some(Arc::new(gpu.upload(&form)?));
-        Ok(TileSource { texture, stages: Vec::new(), uploaded })
+        Ok(TileSource { texture, stages: Vec::new(), uploaded, is_coarse: false })
+    }
+
+    fn coarse(texture: &'t dyn Encoded<Domain = Image2d>) -> Self {
+        TileSource { texture, stages: Vec::new(), uploaded: None, is_coarse: true }
     }
 }
 
@@ -328,11 +346,46 @@ impl TileCache {
         look: TileLook,
     ) -> Result<Vec<TileTexture>, GpuError> {
         let source = TileSource::new(gpu, texture)?;
+        self.add_all(gpu, &source, look)
+    }
+
+    /// Adds all images of a texture with their smallest levels alone, which show until [`TileCache::replace`] brings the rest: images of a data set that is
+    /// larger than memory, each from the first bytes of its file. What draws look at of them is not decoded; [`TileCache::watch`] tells of it.
+    ///
+    /// # Errors
+    /// As [`TileCache::add`].
+    pub fn add_coarse(
+        &mut self,
+        gpu: &Gpu,
+        texture: &dyn Encoded<Domain = Image2d>,
+        look: TileLook,
+    ) -> Result<Vec<TileTexture>, GpuError> {
+        self.add_all(gpu, &TileSource::coarse(texture), look)
+    }
+
+    /// Lets go of what the tiles of a texture are decoded from: it becomes as one that [`TileCache::add_coarse`] added. Tiles that are in the pool stay until others take
+    /// their places.
+    pub fn make_coarse(&mut self, gpu: &Gpu, texture: TileTexture) {
+        let Some(held) = self.held.get_mut(texture.0 as usize).and_then(Option::as_mut) else { return };
+        let (stages, data) = (std::mem::take(&mut held.stages), std::mem::take(&mut held.data));
+        held.source = None;
+        held.row = TextureRow { shape: held.row.shape | (COARSE << 16), source: 0, ..held.row };
+        let row = held.row;
+        self.free(Held { stages, data, ..Held::default() });
+        self.write_row(gpu, texture.0 as usize, &row);
+    }
+
+    fn add_all(
+        &mut self,
+        gpu: &Gpu,
+        source: &TileSource<'_>,
+        look: TileLook,
+    ) -> Result<Vec<TileTexture>, GpuError> {
         let mut added = Vec::new();
-        for image in 0..texture.layout().images.len() as u32 {
+        for image in 0..source.texture.layout().images.len() as u32 {
             let free = self.held.iter().position(Option::is_none);
             let full = GpuError::TilesFull { what: "all textures are in use", option: "textures" };
-            let put = free.ok_or(full).and_then(|index| self.put(gpu, &source, image, (index, look)));
+            let put = free.ok_or(full).and_then(|index| self.put(gpu, source, image, (index, look)));
             match put {
                 Ok(texture) => added.push(texture),
                 Err(error) => {
@@ -375,7 +428,7 @@ impl TileCache {
         image: u32,
         (index, look): (usize, TileLook),
     ) -> Result<TileTexture, GpuError> {
-        let TileSource { texture, stages, uploaded } = source;
+        let TileSource { texture, stages, uploaded, is_coarse } = source;
         let layout = texture.layout();
         let size = layout.images[image as usize];
         let tail = tail_of(size);
@@ -395,7 +448,8 @@ impl TileCache {
         held.look = look;
         let number = index as u32 + 1;
         let clamp = look.address == AddressMode::Clamp;
-        let flags = if look.srgb { SRGB } else { 0 } | if clamp { CLAMP } else { 0 };
+        let flag = |is_set: bool, flag: u32| if is_set { flag } else { 0 };
+        let flags = flag(look.srgb, SRGB) | flag(clamp, CLAMP) | flag(*is_coarse, COARSE);
         let source = if uploaded.is_some() { number } else { 0 };
         let tail = self.tail_of(index as u32, levels.max(tail + 1).min(size.full_levels()), tail);
         let row = TextureRow {
@@ -409,6 +463,7 @@ impl TileCache {
                 uploaded.as_ref().map(|texture| self.source(gpu, texture, image, number)).transpose()?;
             self.write_stages(gpu, &drawn, &held)?;
             self.write_tail(gpu, (*texture, image), &tail, (levels, flags));
+            held.row = row;
             self.write_row(gpu, index, &row);
             Ok(())
         });
@@ -544,7 +599,7 @@ impl TileCache {
         gpu.queue.write_buffer(&self.buffers.textures, offset, bytemuck::bytes_of(row));
     }
 
-    /// Writes all stages of a texture, and that none of its tiles is there.
+    /// Writes all stages of a texture, and that none of its tiles is there or was looked at.
     fn write_stages(&self, gpu: &Gpu, stages: &[&GpuDct<'_>], held: &Held) -> Result<(), GpuError> {
         for ((stage, data), number) in stages.iter().zip(held.data.chunks(2)).zip(held.stages.clone()) {
             self.write_stage(gpu, stage, data, number)?;
@@ -554,8 +609,9 @@ impl TileCache {
     }
 
     fn clear_pages(&self, gpu: &Gpu, held: &Held) {
-        let zeros = vec![0u8; 4 * held.pages.len()];
-        gpu.queue.write_buffer(&self.buffers.pages, 4 * u64::from(held.pages.start), &zeros);
+        let (zeros, start) = (vec![0u8; 4 * held.pages.len()], 4 * u64::from(held.pages.start));
+        gpu.queue.write_buffer(&self.buffers.pages, start, &zeros);
+        gpu.queue.write_buffer(&self.buffers.feedback, FEEDBACK_BYTES + start, &zeros);
     }
 
     /// Writes words and streams of a stage to their places, and its row.

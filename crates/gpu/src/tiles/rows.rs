@@ -44,6 +44,7 @@ pub(super) const NUMBERS: [(&str, u64); 12] = [
 /// Flags of a texture.
 pub(super) const SRGB: u32 = 1;
 pub(super) const CLAMP: u32 = 2;
+pub(super) const COARSE: u32 = 4;
 
 /// A texture; all zeros for none.
 #[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]

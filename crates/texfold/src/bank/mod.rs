@@ -33,12 +33,15 @@ use texfold_core::image::ImageLayout;
 use texfold_core::{Budget, ImageSize, Limits, LoadError, Rect, RegionError, Texel, TextureCodec};
 use texfold_progressive::{Codebook, Progressive};
 
-use crate::{AnyImage, Registration};
+use crate::{AnyImage, Arrived, Arriving, Registration};
 #[doc(hidden)]
 pub use files::{irregular, open as open_file};
 pub use manifest::{Category, Image, MANIFEST, Manifest, Tile, Unread};
 #[doc(hidden)]
 pub use manifest::{is_device, is_printable};
+
+/// Bytes that are read at a time of a file whose first ones may suffice.
+const PIECE: usize = 4096;
 
 /// Why a bank, or a part of it, cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -169,12 +172,41 @@ impl<Row> Bank<Row> {
         let bytes = read(&path)?;
         let book = self.codebook(tile.category as usize)?;
         let texture = load(&bytes, book.as_deref()).map_err(|source| BankError::Load { path, source })?;
+        self.checked(tile, texture)
+    }
+
+    /// The texture of a tile's file, if it is of its size.
+    fn checked(&self, tile: &Tile, texture: AnyImage) -> Result<AnyImage, BankError> {
         let ImageLayout { images, .. } = texture.as_encoded().layout();
         if images.as_slice() != [ImageSize { width: tile.width, height: tile.height }] {
             let what = format!("{} is not the tile that is listed", tile.file);
             return Err(BankError::Manifest { path: self.dir.join(MANIFEST), what });
         }
         Ok(texture)
+    }
+
+    /// A tile's texture from as few bytes of its file as can be drawn: by block from the first layer, which shows coarse levels as [`Bank::tile`] does and fine ones blurred; by
+    /// texel from all of them.
+    ///
+    /// # Errors
+    /// As [`Bank::tile`].
+    pub fn coarse_tile(&self, tile: &Tile) -> Result<AnyImage, BankError> {
+        let path = self.path_of(tile);
+        let failed = |source| BankError::Read { path: path.clone(), source };
+        let mut file = files::open(&path).map_err(failed)?;
+        let (mut arriving, mut piece) = (Arriving::new(Limits::default()), vec![0; PIECE]);
+        loop {
+            let length = file.read(&mut piece).map_err(failed)?;
+            match arriving.push(&piece[..length]) {
+                Ok(Arrived::Nothing) if length > 0 => {}
+                Ok(Arrived::Nothing) | Err(_) => return self.tile(tile),
+                Ok(_) => break,
+            }
+        }
+        match arriving.into_texture() {
+            Some(texture) => self.checked(tile, texture),
+            None => self.tile(tile),
+        }
     }
 
     /// The parts of a rectangle of a level, tile by tile; `rect.image` is the number of the image.

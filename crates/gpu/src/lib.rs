@@ -1,7 +1,8 @@
 //! Texfold textures in wgpu renderers.
 //!
 //! A renderer passes its device to [`Gpu::from_device`] and uploads the planes of an encoded texture
-//! ([`texfold_core::Encoded::gpu`]) with [`Gpu::upload`], those of a light field with [`Gpu::upload_light`]. There are three ways to draw:
+//! ([`texfold_core::Encoded::gpu`]) with [`Gpu::upload`], those of a light field with [`Gpu::upload_light`] (several in a scene: `examples/light.rs`). There are three
+//! ways to draw images:
 //!
 //! - *A cache of decoded tiles, hardware sampler*: [`TileCache`], for any number of textures in one bind group, in the memory of their
 //!   compressed form and of a pool: `examples/room.rs`.

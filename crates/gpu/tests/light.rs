@@ -2,6 +2,11 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests fail as tests do")]
 
+#[path = "../examples/light.rs"]
+#[allow(dead_code, reason = "the example's main")]
+#[expect(clippy::duplicate_mod, reason = "examples and tests each draw without a window")]
+mod example;
+
 use crate::support::{BLENDED, Function, assert_close, gpu, rounded, run};
 use glam::{Mat4, Vec3, Vec4};
 use texfold_bc::Content;
@@ -185,4 +190,11 @@ fn what_cannot_be_drawn_is_refused_by_name() {
     assert!(matches!(gpu.upload_light(&form), Err(GpuError::Form { .. })));
     form.module = "none";
     assert!(matches!(gpu.upload_light(&form), Err(GpuError::UnknownModule { module: "none" })));
+}
+
+#[test]
+fn light_fields_share_a_scene_with_plain_textures() {
+    let Some(gpu) = gpu() else { return };
+    let (largest, compared) = example::check(gpu).unwrap();
+    assert!(largest <= PIXEL && compared > 10_000, "{largest} of {compared} pixels");
 }

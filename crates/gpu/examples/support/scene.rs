@@ -9,7 +9,8 @@ use texfold_gpu::{Gpu, TileCache, wgpu};
 
 /// Format of what is drawn into.
 pub(crate) const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
-const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+/// Format of depths.
+pub(crate) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 /// A rectangle: its corner at texture coordinates (0, 0) and its sides, along which coordinates grow to `repeats`.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -159,10 +160,14 @@ impl Scene {
         camera: Mat4,
         groups: &[wgpu::BindGroup],
     ) {
-        gpu.queue().write_buffer(&self.camera, 0, bytemuck::bytes_of(&camera));
+        self.draw_in(gpu, &mut self.pass(encoder), camera, groups);
+    }
+
+    /// Begins the pass of a frame, whose image and depths are clear.
+    pub(crate) fn pass<'e>(&self, encoder: &'e mut wgpu::CommandEncoder) -> wgpu::RenderPass<'e> {
         let view = self.target.create_view(&wgpu::TextureViewDescriptor::default());
         let sky = wgpu::Color { r: 0.3, g: 0.45, b: 0.7, a: 1.0 };
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
                 view: &view,
                 depth_slice: None,
@@ -178,7 +183,18 @@ impl Scene {
                 stencil_ops: None,
             }),
             ..Default::default()
-        });
+        })
+    }
+
+    /// Draws the rectangles in a pass that may draw other things, too.
+    pub(crate) fn draw_in(
+        &self,
+        gpu: &Gpu,
+        pass: &mut wgpu::RenderPass<'_>,
+        camera: Mat4,
+        groups: &[wgpu::BindGroup],
+    ) {
+        gpu.queue().write_buffer(&self.camera, 0, bytemuck::bytes_of(&camera));
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(1, &self.camera_group, &[]);
         pass.set_vertex_buffer(0, self.quads.slice(..));

@@ -1,8 +1,9 @@
 //! `ci`: every check in order, each with its name and time; the first that fails ends it.
 
+use std::fs;
 use std::hint::black_box;
 use std::io;
-use std::process::ExitCode;
+use std::process::{Command, ExitCode};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use crate::pages::npm;
@@ -25,7 +26,7 @@ pub(crate) struct CiArgs {
 /// are half as much again as on two cores with nothing else to do and nothing built before. A step that takes longer is named at the end.
 type Step = (&'static str, f64, fn(full: bool) -> io::Result<bool>);
 
-const STEPS: [Step; 9] = [
+const STEPS: [Step; 10] = [
     ("fmt", 50.0, |_| succeeds(&["fmt", "--all", "--check"])),
     ("tidy", 20.0, |_| tidy::check(&root())),
     ("build", 10_500.0, |_| succeeds(&["test", "--workspace", "--no-run"])),
@@ -35,6 +36,7 @@ const STEPS: [Step; 9] = [
     ("decode only", 650.0, |_| decode_only()),
     ("doc", 500.0, doc),
     ("torment", 10.0, |full| if full { torment::short() } else { Ok(true) }),
+    ("window", 10.0, |full| if full { window() } else { Ok(true) }),
 ];
 
 /// Packages whose documentation users read: an error in one of the others is found by full runs.
@@ -111,6 +113,41 @@ fn calibration() -> f64 {
 /// The browser package: its types, and its tests in Node.js and in headless Chromium.
 fn web() -> io::Result<bool> {
     Ok(npm(&["ci", "--silent"])? && npm(&["test", "--silent"])?)
+}
+
+/// The program that shows files in a window, which is a workspace of its own: it compiles without warnings, and under a display
+/// without a screen, where there is Xvfb, it draws each golden file.
+fn window() -> io::Result<bool> {
+    let place = ["--release", "--manifest-path", "crates/window/Cargo.toml", "--target-dir", "target/window"];
+    let clippy = [&["clippy"], &place[..], &["--", "-D", "warnings"]].concat();
+    if !succeeds(&clippy)? || !succeeds(&[&["build"], &place[..]].concat())? {
+        return Ok(false);
+    }
+    let mut all = true;
+    for entry in fs::read_dir(root().join("fixtures/golden"))? {
+        let path = entry?.path();
+        if path.extension().is_none_or(|extension| extension != "txf") {
+            continue;
+        }
+        let run = Command::new("xvfb-run")
+            .args(["--auto-servernum", "target/window/release/texfold-window", "--frames", "3"])
+            .arg(&path)
+            .current_dir(root())
+            .output();
+        match run {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                println!("ci: no xvfb-run: nothing is drawn in a window");
+                return Ok(true);
+            }
+            Err(error) => return Err(error),
+            Ok(run) if run.status.success() => {}
+            Ok(run) => {
+                eprintln!("error: {} in a window: {}", path.display(), String::from_utf8_lossy(&run.stderr));
+                all = false;
+            }
+        }
+    }
+    Ok(all)
 }
 
 /// Packages that only encoders need, threads among them, and those that need a C compiler.

@@ -80,11 +80,12 @@ fn git(arguments: &[&str]) -> io::Result<String> {
     }
 }
 
-/// The package that a file below the workspace's root belongs to; `None` for those beside all packages and for fuzz targets, which
-/// are a workspace of their own.
+/// The package that a file below the workspace's root belongs to; `None` for those beside all packages and for fuzz targets and the
+/// program with a window, which are workspaces of their own.
 fn owner(file: &Path) -> Option<String> {
     let folder = file.ancestors().skip(1).find(|folder| root().join(folder).join("Cargo.toml").is_file())?;
-    if folder.as_os_str().is_empty() || folder.starts_with("fuzz") { None } else { name_in(folder) }
+    let is_apart = ["fuzz", "crates/window"].iter().any(|apart| folder.starts_with(apart));
+    if folder.as_os_str().is_empty() || is_apart { None } else { name_in(folder) }
 }
 
 fn name_in(folder: &Path) -> Option<String> {
@@ -114,6 +115,7 @@ mod tests {
         assert_eq!(owner(Path::new("shaders/wgsl/vq.wgsl")).as_deref(), Some("texfold-shaders"));
         assert_eq!(owner(Path::new("README.md")), None);
         assert_eq!(owner(Path::new("fuzz/fuzz_targets/open.rs")), None);
+        assert_eq!(owner(Path::new("crates/window/src/main.rs")), None);
     }
 
     #[test]

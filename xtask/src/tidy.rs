@@ -35,7 +35,7 @@ const NAMED: [&str; 8] = ["criterion", "glam", "image", "kiddo", "ndarray", "ray
 const NUMERIC: [&str; 4] = ["bytemuck", "glam", "rayon", "thiserror"];
 
 /// Everything that packages may depend on. A codec knows core, bc and the crates of methods, never another codec.
-const ALLOWED: [Allowed; 21] = [
+const ALLOWED: [Allowed; 22] = [
     Allowed { package: "core", numeric: true, may: &["blake3", "ruzstd", "zstd"] },
     Allowed { package: "bc", numeric: true, may: &["dds", "texfold-core", "texpresso"] },
     Allowed { package: "dct", numeric: true, may: &["pulp", "texfold-bc", "texfold-core"] },
@@ -170,6 +170,11 @@ const ALLOWED: [Allowed; 21] = [
     },
     // Built before anything else, and again after each edit: it knows no codec.
     Allowed { package: "xtask", numeric: false, may: &["clap"] },
+    Allowed {
+        package: "window",
+        numeric: true,
+        may: &["clap", "pollster", "texfold", "texfold-gpu", "texfold-shaders", "tobj", "winit"],
+    },
     Allowed { package: "fuzz", numeric: false, may: &["libfuzzer-sys", "texfold", "texfold-core"] },
 ];
 

@@ -42,9 +42,14 @@ impl GpuLight {
     /// The same light field drawn with at most `terms` terms beside the mean.
     #[must_use]
     pub fn with_terms(self, terms: u32) -> GpuLight {
+        self.set_terms(terms);
+        self
+    }
+
+    /// Draws submitted from now on show at most `terms` terms beside the mean.
+    pub fn set_terms(&self, terms: u32) {
         let terms = terms.min(self.stored_terms);
         self.queue.write_buffer(&self.params, self.offsets.terms as u64, &terms.to_le_bytes());
-        self
     }
 
     /// What to bind in the group that the module was pasted for.

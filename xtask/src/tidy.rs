@@ -175,7 +175,11 @@ const ALLOWED: [Allowed; 22] = [
         numeric: true,
         may: &["clap", "pollster", "texfold", "texfold-gpu", "texfold-shaders", "tobj", "winit"],
     },
-    Allowed { package: "fuzz", numeric: false, may: &["libfuzzer-sys", "texfold", "texfold-core"] },
+    Allowed {
+        package: "fuzz",
+        numeric: false,
+        may: &["libfuzzer-sys", "texfold", "texfold-cli", "texfold-core"],
+    },
 ];
 
 /// Runs the command.

@@ -39,6 +39,8 @@ pub use config::{
 pub use decompress::DecompressArgs;
 pub use info::InfoArgs;
 pub use input::capture::{read_capture, read_views};
+#[doc(hidden)]
+pub use input::foreign::{FOREIGN, read_foreign};
 pub use perceptual::ssimulacra2;
 pub use render::RenderArgs;
 pub use run::{Command, main, run};

@@ -6,6 +6,7 @@ mod colmap;
 pub(crate) mod container;
 mod exr_gray;
 pub(crate) mod find;
+pub(crate) mod foreign;
 pub(crate) mod formats;
 pub(crate) mod frames;
 pub(crate) mod georeference;

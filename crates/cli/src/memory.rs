@@ -1,6 +1,35 @@
 //! How much memory a run may use, and the least that an image needs.
 
+use std::path::Path;
+
+use crate::error::CliError;
 use sysinfo::System;
+use texfold_core::{LimitError, Limits, LoadError};
+
+/// The memory that a command may use.
+#[derive(Debug, Clone, Copy, Default, clap::Args)]
+pub(crate) struct MemoryArgs {
+    /// Memory limit in GiB for an image; by default three quarters of the machine's.
+    #[arg(long, value_name = "GIB", value_parser = gib)]
+    memory: Option<f64>,
+}
+
+impl MemoryArgs {
+    /// The limit in bytes.
+    pub(crate) fn bytes(self) -> u64 {
+        self.memory.map_or_else(usual_limit, from_gib)
+    }
+
+    /// The limits of files that are read.
+    pub(crate) fn limits(self) -> Limits {
+        Limits { bytes: self.bytes(), ..Limits::default() }
+    }
+}
+
+fn gib(text: &str) -> Result<f64, String> {
+    let found = text.parse().ok().filter(|gib: &f64| gib.is_finite() && *gib > 0.0);
+    found.ok_or_else(|| "give a finite number of GiB above 0".to_owned())
+}
 
 /// Bytes for each texel below which no codec of this version can work: the file's samples, the raster and what is
 /// decoded from it.
@@ -14,6 +43,29 @@ const USUAL_SHARE: f64 = 0.75;
 
 /// Used where the system does not tell its memory.
 const UNKNOWN_BYTES: u64 = 4 << 30;
+
+/// Refuses what takes more bytes than that.
+///
+/// # Errors
+/// [`CliError::Memory`].
+pub(crate) fn check(path: &Path, needed: u64, allowed: u64) -> Result<(), CliError> {
+    if needed <= allowed {
+        return Ok(());
+    }
+    let (needed_mib, allowed_mib) = (needed.div_ceil(1 << 20), allowed >> 20);
+    Err(CliError::Memory { path: path.to_owned(), needed_mib, allowed_mib })
+}
+
+/// The fault of a file that cannot be loaded within a limit.
+pub(crate) fn load_fault(path: &Path, source: LoadError) -> CliError {
+    match source {
+        LoadError::Limit(LimitError { what: "bytes", needed, allowed }) => {
+            let (needed_mib, allowed_mib) = (needed.div_ceil(1 << 20), allowed >> 20);
+            CliError::Memory { path: path.to_owned(), needed_mib, allowed_mib }
+        }
+        source => CliError::Load { path: path.to_owned(), source },
+    }
+}
 
 /// Bytes of `gib` GiB.
 pub(crate) fn from_gib(gib: f64) -> u64 {

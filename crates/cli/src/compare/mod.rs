@@ -17,7 +17,7 @@ use crate::config::{AlphaChoice, ColorName, EffortName, Options};
 use crate::console::say;
 use crate::error::{CliError, explain, guarded};
 use crate::input::{Found, find, read_set};
-use crate::memory::usual_limit;
+use crate::memory::{self, MemoryArgs};
 use crate::output::{make_folder, remove_stale, write_whole};
 use crate::progress::Progress;
 use crate::settings::Kind;
@@ -31,6 +31,9 @@ pub use rival::astc_by_astcenc;
 
 /// Inputs that the report shows images of; further ones are in the table alone.
 const THUMBNAIL_INPUTS: usize = 24;
+
+/// Bytes of a texel that the codec which needs most takes, with what is measured.
+const BYTES_PER_TEXEL: u64 = 160;
 
 /// Arguments of `compare`.
 #[derive(Debug, clap::Args)]
@@ -53,6 +56,8 @@ pub struct CompareArgs {
     /// Meaning of the channel beside gray or RGB: straight, cutout, cutout=THRESHOLD, band.
     #[arg(long, value_name = "ALPHA")]
     alpha: Option<AlphaChoice>,
+    #[command(flatten)]
+    memory: MemoryArgs,
 }
 
 /// Runs the command; gives the number of inputs that failed.
@@ -101,7 +106,9 @@ fn compare(
 ) -> Result<(Vec<Row>, Subject), CliError> {
     let settings = Options::of_pixels(args.color, args.alpha).resolve_files(&found.path, &found.files)?;
     let mut remarks = settings.remarks.clone();
-    let images = read_set(&found.files, found.takes_all_frames(), &settings, usual_limit(), &mut remarks)?;
+    let limit = args.memory.bytes();
+    let images = read_set(&found.files, found.takes_all_frames(), &settings, limit, &mut remarks)?;
+    memory::check(&found.path, images.texel_count().saturating_mul(BYTES_PER_TEXEL), limit)?;
     let files = found.files.len();
     for note in remarks.notes(files) {
         progress.say(&format!("note: {}: {note}", found.path.display()));

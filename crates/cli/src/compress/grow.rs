@@ -39,7 +39,8 @@ pub(super) fn grow(args: &CompressArgs, file: &Path) -> Result<(), CliError> {
         all_frames &= found.takes_all_frames();
         files.extend(found.files);
     }
-    let mut texture = decompress::load(file)?;
+    let limits = Limits { bytes: limit_bytes.max(memory::ALWAYS_ALLOWED), ..Limits::default() };
+    let mut texture = decompress::load(file, &limits)?;
     let layout = texture.as_encoded().layout().clone();
     let first = layout.images.len();
     let options = args.options.or(&config.options(file));
@@ -62,7 +63,6 @@ pub(super) fn grow(args: &CompressArgs, file: &Path) -> Result<(), CliError> {
     let progress = Progress::new(1);
     let share = progress.share(file.file_stem().unwrap_or_default().to_string_lossy().into_owned());
     let mut report = |stage: Stage| share.report(stage);
-    let limits = Limits { bytes: limit_bytes.max(memory::ALWAYS_ALLOWED), ..Limits::default() };
     let mut job = Job::new(limits).with_progress(&mut report);
     let guidance = Guidance { painted: loaded.painted.as_ref(), ..Guidance::default() };
     let added = add_images(&mut texture, &loaded.images, guidance, &mut job);

@@ -22,6 +22,7 @@ use crate::error::{CliError, explain, guarded};
 use crate::files;
 use crate::input::georeference::{Georeference, Part};
 use crate::input::samples::{Bands, MOST_CHANNELS};
+use crate::memory::load_fault;
 use crate::output::{make_folder, remove_stale};
 use crate::{bank, input};
 pub(crate) use gpu::Device;
@@ -97,19 +98,19 @@ pub(crate) fn tile(text: &str) -> Result<(u32, u32), String> {
     parse().filter(inside).ok_or_else(|| "give column and row as in 3,0".to_owned())
 }
 
-/// Loads a `.txf` file.
-pub(crate) fn load(path: &Path) -> Result<AnyImage, CliError> {
+/// Loads a `.txf` file within limits.
+pub(crate) fn load(path: &Path, limits: &Limits) -> Result<AnyImage, CliError> {
     let bytes = files::read(path)?;
-    let texture = texfold::open(&bytes).map_err(|source| CliError::Load { path: path.to_owned(), source })?;
+    let texture = texfold::open_with(&bytes, limits).map_err(|source| load_fault(path, source))?;
     texture.into_image().map_err(|_| CliError::NotImages { path: path.to_owned() })
 }
 
 /// Loads no more of a `.txf` file than its first layers, as if the rest had not arrived yet.
-fn load_layers(path: &Path, layers: u32) -> Result<AnyImage, CliError> {
+fn load_layers(path: &Path, layers: u32, limits: &Limits) -> Result<AnyImage, CliError> {
     let bytes = files::read(path)?;
-    let fault = |source| CliError::Load { path: path.to_owned(), source };
-    let ends: Vec<u64> = Sections::parse(&bytes, &mut Budget::default()).map_err(fault)?.ends().collect();
-    let mut arriving = Arriving::new(Limits::default());
+    let fault = |source| load_fault(path, source);
+    let ends: Vec<u64> = Sections::parse(&bytes, &mut Budget::new(*limits)).map_err(fault)?.ends().collect();
+    let mut arriving = Arriving::new(*limits);
     let mut start = 0;
     for end in ends {
         let end = usize::try_from(end).unwrap_or(bytes.len()).min(bytes.len());
@@ -120,12 +121,13 @@ fn load_layers(path: &Path, layers: u32) -> Result<AnyImage, CliError> {
         }
     }
     // What has no first layer yet says why when it is loaded as a whole.
-    arriving.into_texture().map_or_else(|| load(path), Ok)
+    arriving.into_texture().map_or_else(|| load(path, limits), Ok)
 }
 
 /// Loads what is wanted of a file.
 fn open(path: &Path, args: &DecompressArgs) -> Result<AnyImage, CliError> {
-    args.writing.layers.map_or_else(|| load(path), |layers| load_layers(path, layers))
+    let limits = &args.writing.memory.limits();
+    args.writing.layers.map_or_else(|| load(path, limits), |layers| load_layers(path, layers, limits))
 }
 
 /// Finds what a file's images are written to, and refuses what the file does not have.

@@ -9,7 +9,7 @@ use texfold_core::{ImageSize, Rect, RegionError};
 use super::picture::{Format, Picture};
 use crate::error::CliError;
 use crate::input::samples::Bands;
-use crate::memory;
+use crate::memory::{self, MemoryArgs};
 
 /// Texels that are decoded at a time.
 const BAND_TEXELS: u64 = 1 << 22;
@@ -48,14 +48,8 @@ pub(crate) struct Writing {
     /// Decode on the GPU, as a shader does.
     #[arg(long)]
     pub(crate) gpu: bool,
-    /// Memory limit in GiB for an image; by default three quarters of the machine's.
-    #[arg(long, value_name = "GIB", value_parser = gib)]
-    memory: Option<f64>,
-}
-
-fn gib(text: &str) -> Result<f64, String> {
-    let found = text.parse().ok().filter(|gib: &f64| gib.is_finite() && *gib > 0.0);
-    found.ok_or_else(|| "give a finite number of GiB above 0".to_owned())
+    #[command(flatten)]
+    pub(crate) memory: MemoryArgs,
 }
 
 fn rectangle(text: &str) -> Result<[u32; 4], String> {
@@ -93,13 +87,9 @@ impl Writing {
         info: PixelInfo,
         bands: Option<Bands>,
     ) -> Result<Picture, CliError> {
-        let allowed = self.memory.map_or_else(memory::usual_limit, memory::from_gib);
         let band = size.texels().min(BAND_TEXELS) * BAND_BYTES_PER_TEXEL;
         let needed = 2 * Picture::bytes(self.to, size, info, bands) + band;
-        if needed > allowed {
-            let (needed_mib, allowed_mib) = (needed.div_ceil(1 << 20), allowed >> 20);
-            return Err(CliError::Memory { path: path.to_owned(), needed_mib, allowed_mib });
-        }
+        memory::check(path, needed, self.memory.bytes())?;
         Ok(Picture::new(self.to, size, info, bands))
     }
 

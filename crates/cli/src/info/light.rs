@@ -46,7 +46,7 @@ const ERROR_GAIN: u8 = 4;
 
 /// Runs the command for a light field.
 pub(super) fn run(args: &InfoArgs) -> Result<usize, CliError> {
-    let texture = load(&args.file)?;
+    let texture = load(&args.file, &args.memory.limits())?;
     let mut summary = summarise(args, &texture);
     let views = match &args.camera {
         Some(cameras) => compared(&texture, cameras)?,

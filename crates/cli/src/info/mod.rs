@@ -16,6 +16,7 @@ use crate::console::answer;
 use crate::decompress::load;
 use crate::error::{CliError, guarded};
 use crate::input::georeference::Georeference;
+use crate::memory::MemoryArgs;
 use crate::report::{PartRow, Sizes, part_rows};
 
 /// Sizes of images that are listed before the rest is counted.
@@ -43,6 +44,8 @@ pub struct InfoArgs {
     /// each other.
     #[arg(long, value_name = "CAMERAS.json")]
     camera: Option<PathBuf>,
+    #[command(flatten)]
+    memory: MemoryArgs,
 }
 
 #[derive(Debug, Serialize)]
@@ -79,7 +82,7 @@ pub(crate) fn run(args: &InfoArgs) -> Result<usize, CliError> {
         if crate::bank::is_bank(&args.file) {
             return Err(CliError::IsBank { path: args.file.clone() });
         }
-        let image = match load(&args.file) {
+        let image = match load(&args.file, &args.memory.limits()) {
             Err(CliError::NotImages { .. }) => return light::run(args),
             image => image?,
         };
@@ -97,7 +100,8 @@ pub(crate) fn run(args: &InfoArgs) -> Result<usize, CliError> {
             answer(&describe(&summary));
         }
         if let Some(dir) = &args.pictures {
-            part_images::write(&args.file, &image, dir, args.original.as_deref(), args.mesh.as_deref())?;
+            let (original, mesh) = (args.original.as_deref(), args.mesh.as_deref());
+            part_images::write(&args.file, &image, dir, original, mesh, args.memory.bytes())?;
         }
         Ok(0)
     })

@@ -16,6 +16,9 @@ use crate::input::{Remarks, find, mesh, read_set};
 use crate::output::make_folder;
 use crate::{memory, png, thumbnail};
 
+/// Bytes of a texel of a part's image, of what it is decoded from and of its file.
+const BYTES_PER_TEXEL: u64 = 48;
+
 /// Writes `<stem>-<part>.png` for each part to `dir`, and says what was written.
 pub(crate) fn write(
     path: &Path,
@@ -23,7 +26,9 @@ pub(crate) fn write(
     dir: &Path,
     original: Option<&Path>,
     mesh: Option<&Path>,
+    limit_bytes: u64,
 ) -> Result<(), CliError> {
+    memory::check(path, image.as_encoded().layout().texels().saturating_mul(BYTES_PER_TEXEL), limit_bytes)?;
     make_folder(dir)?;
     let save = |part: &str, index: usize, images: usize, raster: &Raster| -> Result<(), CliError> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
@@ -39,7 +44,7 @@ pub(crate) fn write(
             save(name, number, images.len(), raster)?;
         }
     }
-    let originals = original.map(|original| read_original(original, images)).transpose()?;
+    let originals = original.map(|original| read_original(original, images, limit_bytes)).transpose()?;
     for index in 0..images {
         let decoded = decode(path, encoded, index as u32, 0)?;
         save("decoded", index, images, &decoded)?;
@@ -75,13 +80,17 @@ fn gray(map: &Map) -> Result<Raster, SourceError> {
 }
 
 /// The images of a file or folder, as `compress` reads them.
-pub(crate) fn read_original(original: &Path, images: usize) -> Result<Vec<Raster>, CliError> {
+pub(crate) fn read_original(
+    original: &Path,
+    images: usize,
+    limit_bytes: u64,
+) -> Result<Vec<Raster>, CliError> {
     let mut files: Vec<PathBuf> = Vec::new();
     for found in find(&[original.to_owned()], |_| None).found {
         files.extend(found.map_err(|unusable| *unusable.error)?.files);
     }
     files.truncate(images);
     let settings = Options::default().resolve_files(original, &files)?;
-    let (all_frames, limit) = (images > files.len(), memory::usual_limit());
-    Ok(read_set(&files, all_frames, &settings, limit, &mut Remarks::default())?.images().to_vec())
+    let all_frames = images > files.len();
+    Ok(read_set(&files, all_frames, &settings, limit_bytes, &mut Remarks::default())?.images().to_vec())
 }

@@ -18,6 +18,7 @@ use crate::config::Sides;
 use crate::decompress;
 use crate::error::CliError;
 use crate::input::mesh;
+use crate::memory;
 use crate::output::{make_folder, remove_stale};
 use crate::png;
 
@@ -27,12 +28,14 @@ const SIZE: (u32, u32) = (640, 480);
 const FOCAL: f32 = 1.207;
 /// Height of these cameras over the middle of the mesh, as a part of their distance.
 const LIFT: f32 = 0.35;
+/// Bytes of a decoded texel, its mip levels and what decodes them.
+const BYTES_PER_TEXEL: u64 = 48;
 /// Nearest depth, as a part of the farthest.
 const NEAREST: f32 = 1e-3;
 
 /// Runs `render` with `--mesh`.
 pub(super) fn run(args: &RenderArgs, path: &std::path::Path) -> Result<usize, CliError> {
-    let texture = decompress::load(&args.file)?;
+    let texture = decompress::load(&args.file, &args.memory.limits())?;
     let mesh = mesh::read(path)?;
     let (middle, radius) = bounds(&mesh);
     let size = args.size.map_or(SIZE, |Sides(width, height)| (width.max(1), height.max(1)));
@@ -95,6 +98,8 @@ fn artist<'t>(args: &'t RenderArgs, texture: &'t AnyImage, mesh: &'t UvMesh) -> 
         return Err(CliError::Region { path: args.file.clone(), source });
     }
     if args.cpu {
+        let size = texture.as_encoded().layout().images[args.image as usize];
+        memory::check(&args.file, size.texels().saturating_mul(BYTES_PER_TEXEL), args.memory.bytes())?;
         let levels = Levels::new(texture, args.image);
         return Ok(Box::new(move |camera, size| Ok(levels.draw(mesh, camera, size))));
     }

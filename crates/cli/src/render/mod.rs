@@ -9,8 +9,8 @@ use texfold::{
     core::Camera,
     lightfield::{LightTexture, Renderer},
 };
-use texfold_core::Encoded;
 use texfold_core::image::{Alpha, ColorSpace, Raster};
+use texfold_core::{Encoded, Limits};
 use texfold_gpu::{Gpu, GpuError, Policy};
 
 use crate::config::Sides;
@@ -18,6 +18,7 @@ use crate::console::warn;
 use crate::error::{CliError, guarded};
 use crate::files;
 use crate::input::capture;
+use crate::memory::{MemoryArgs, load_fault};
 use crate::output::{make_folder, remove_stale};
 use crate::png;
 
@@ -61,6 +62,8 @@ pub struct RenderArgs {
     /// Width and height in pixels; by default those of the cameras, of a turntable 640x480.
     #[arg(long, value_name = "WxH")]
     size: Option<Sides>,
+    #[command(flatten)]
+    memory: MemoryArgs,
 }
 
 /// Runs the command.
@@ -80,7 +83,7 @@ fn usage(args: &RenderArgs, given: &'static str) -> CliError {
 
 /// Images of a light field.
 fn render_light(args: &RenderArgs, camera: &Path) -> Result<usize, CliError> {
-    let texture = load(&args.file)?;
+    let texture = load(&args.file, &args.memory.limits())?;
     let layers = texture.layers();
     if layers.loaded < layers.total {
         let (has, of) = (layers.loaded - 1, layers.total - 1);
@@ -124,11 +127,10 @@ fn artist<'t>(args: &'t RenderArgs, texture: &'t LightTexture) -> Result<Artist<
     }))
 }
 
-/// Loads a `.txf` file that holds a light field.
-pub(crate) fn load(path: &Path) -> Result<LightTexture, CliError> {
+/// Loads a `.txf` file that holds a light field, within limits.
+pub(crate) fn load(path: &Path, limits: &Limits) -> Result<LightTexture, CliError> {
     let bytes = files::read(path)?;
-    let failed = |source| CliError::Load { path: path.to_owned(), source };
-    let texture = texfold::open(&bytes).map_err(failed)?;
+    let texture = texfold::open_with(&bytes, limits).map_err(|source| load_fault(path, source))?;
     let codec = texture.codec().name;
     texture.into_light().map_err(|_| CliError::NotLight { path: path.to_owned(), codec })
 }

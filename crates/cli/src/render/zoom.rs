@@ -37,7 +37,7 @@ struct Shot {
 
 /// Draws the frames and the strip.
 pub(super) fn run(args: &RenderArgs, target: Vec2) -> Result<usize, CliError> {
-    let image = decompress::load(&args.file)?;
+    let image = decompress::load(&args.file, &args.memory.limits())?;
     let encoded = image.as_encoded();
     let size = args.size.map_or(SIZE, |Sides(width, height)| (width.clamp(1, 8192), height.clamp(1, 8192)));
     let shots = shots(encoded.layout().images[0], size, target, args.steps.unwrap_or(STEPS));

@@ -19,6 +19,7 @@ use crate::error::{CliError, explain, guarded};
 use crate::files;
 use crate::info::read_original;
 use crate::input::find::expand_all;
+use crate::memory::{MemoryArgs, load_fault};
 use crate::output::write_whole;
 use crate::png;
 
@@ -45,6 +46,8 @@ pub struct ViewArgs {
     /// The image or folder that a file was made from, once for each file in their order: also show originals and errors.
     #[arg(long, value_name = "INPUT")]
     original: Vec<PathBuf>,
+    #[command(flatten)]
+    memory: MemoryArgs,
 }
 
 /// A file as the page takes it.
@@ -101,7 +104,7 @@ pub(crate) fn run(args: &ViewArgs) -> Result<usize, CliError> {
                 if args.serve.is_some() && is_bank(&path) {
                     return Ok(Item { bank: Some(BankMap::read(&path)?), ..Item::new(&path, &[]) });
                 }
-                item(&path, original.map(PathBuf::as_path))
+                item(&path, original.map(PathBuf::as_path), args.memory)
             })
         });
         match read {
@@ -146,12 +149,12 @@ impl Item {
 }
 
 /// Reads a file and all that the page shows of it.
-fn item(path: &Path, original: Option<&Path>) -> Result<Item, CliError> {
+fn item(path: &Path, original: Option<&Path>, memory: MemoryArgs) -> Result<Item, CliError> {
     if is_bank(path) {
         return Err(CliError::IsBank { path: path.to_owned() });
     }
     let bytes = files::read(path)?;
-    let texture = texfold::open(&bytes).map_err(|source| CliError::Load { path: path.to_owned(), source })?;
+    let texture = texfold::open_with(&bytes, &memory.limits()).map_err(|source| load_fault(path, source))?;
     let encode = |raster: &Raster| {
         let fault = |source| CliError::Draw { path: path.to_owned(), source: Box::new(source) };
         png::encode(raster).map(|png| BASE64_STANDARD.encode(png)).map_err(fault)
@@ -162,7 +165,7 @@ fn item(path: &Path, original: Option<&Path>) -> Result<Item, CliError> {
             let encoded = image.as_encoded();
             picture = still(encoded).as_ref().map(encode).transpose()?;
             if let Some(original) = original {
-                let images = read_original(original, encoded.layout().images.len())?;
+                let images = read_original(original, encoded.layout().images.len(), memory.bytes())?;
                 originals = images.iter().map(encode).collect::<Result<_, _>>()?;
             }
         }

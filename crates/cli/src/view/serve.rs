@@ -13,6 +13,7 @@ use crate::CompressArgs;
 use crate::compress;
 use crate::console::{self, complain};
 use crate::error::{CliError, explain};
+use crate::memory::MemoryArgs;
 
 /// Largest image file that is taken, in bytes.
 const MOST_BYTES: u64 = 1 << 30;
@@ -132,7 +133,8 @@ fn compressed(dir: &Path, bytes: &[u8], options: &HashMap<String, String>) -> Re
     if failed > 0 {
         return Err(row["error"].as_str().unwrap_or("the image cannot be encoded").to_owned());
     }
-    let item = item(&input.with_extension("txf"), Some(&input)).map_err(|error| explain(&error))?;
+    let item = item(&input.with_extension("txf"), Some(&input), MemoryArgs::default())
+        .map_err(|error| explain(&error))?;
     Ok(json!({ "item": item, "report": row }))
 }
 

@@ -431,7 +431,9 @@ fn forged_manifests_are_refused_and_nothing_is_written() {
         names(&place.at("bank")).into_iter().filter(|name| name != "bank.json").map(read).collect::<Vec<_>>()
     };
     let before = files();
-    let forgeries: [(&str, Value); 14] = [
+    let forgeries: [(&str, Value); 15] = [
+        // Far more texels than the tiles have.
+        ("/images/0/width", 32768.into()),
         ("/images/0/name", "con".into()),
         ("/images/0/tiles/0/file", "Lpt1.txf".into()),
         ("/next", 0.into()),

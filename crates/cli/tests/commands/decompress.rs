@@ -315,6 +315,39 @@ fn what_does_not_fit_into_memory_is_refused_before_it_is_decoded() {
     }
 }
 
+#[test]
+fn every_command_that_reads_files_has_a_memory_limit() {
+    let place = Place::new();
+    place.image("a.png", 96, 80, 3);
+    assert_eq!(place.compress("a.png --out out --codec dct --mips").0.code, Some(0));
+    let quad = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
+    fs::write(place.at("quad.obj"), quad).unwrap();
+    for (command, enough) in [
+        ("info out/a.txf", 0.001),
+        ("info out/a.txf --pictures parts", 0.01),
+        ("view out/a.txf --out page.html", 0.001),
+        ("render out/a.txf --mesh quad.obj --cpu --out turn", 0.01),
+        ("compare a.png --out report", 0.1),
+    ] {
+        let run = place.run(&format!("{command} --memory 0.000001"));
+        assert!(run.code == Some(1) && run.stderr.contains("raise --memory"), "{command}: {}", run.stderr);
+        if !command.starts_with("compare") {
+            assert_eq!(place.run(&format!("{command} --memory {enough}")).code, Some(0), "{command}");
+        }
+    }
+    // What is loaded may be smaller than what is drawn of it.
+    place.image("b.png", 320, 240, 3);
+    assert_eq!(place.compress("b.png --out out --codec dct --bpp 0.5").0.code, Some(0));
+    for command in ["info out/b.txf --pictures parts", "render out/b.txf --mesh quad.obj --cpu --out turn"] {
+        let run = place.run(&format!("{command} --memory 0.003"));
+        assert!(
+            run.code == Some(1) && run.stderr.contains("4 MiB are needed and 3"),
+            "{command}: {}",
+            run.stderr
+        );
+    }
+}
+
 /// A TIFF file with a corner at 500000, 4100000 and texels of 2 x 3, in UTM zone 15.
 fn save_georeferenced(place: &Place, name: &str, width: u32, height: u32) {
     use tiff::encoder::{TiffEncoder, colortype::RGB8};

@@ -207,6 +207,15 @@ impl<Row> Manifest<Row> {
                 return Some(format!("image {} cannot be", image.name.escape_debug()));
             }
         }
+        let area = |width: u32, height: u32| u64::from(width) * u64::from(height);
+        let covers = |image: &&Image<Row>| {
+            // Some 2^31 tiles of 2^30 texels do not wrap.
+            let tiles: u64 = image.tiles.iter().map(|tile| area(tile.width, tile.height)).sum();
+            tiles == area(image.width, image.height)
+        };
+        if let Some(image) = self.images.iter().find(|image| !covers(image)) {
+            return Some(format!("the tiles of image {} do not cover it", image.name));
+        }
         let tiles = self.images.iter().flat_map(|image| image.tiles.iter().map(move |tile| (image, tile)));
         for (image, tile) in tiles {
             let inside = |start: u32, length: u32, whole: u32| {

@@ -16,7 +16,7 @@ use super::sums::Sums;
 use super::task::{BankTask, Books, Grown, Place};
 use super::{Open, blocks, category, texel, tiles};
 use crate::error::{CliError, guarded};
-use crate::input::{Remarks, georeference};
+use crate::input::{self, Remarks, georeference};
 use crate::progress::Share;
 use crate::report::Row;
 
@@ -52,6 +52,7 @@ pub(crate) struct Add {
     /// How its texels are to be reached.
     access: Access,
     depth: Depth,
+    peak: f32,
     georeference: Vec<u8>,
     remarks: Remarks,
     /// Whether it uses what other images have brought.
@@ -80,6 +81,8 @@ struct Seen {
     /// Colours of its tiles.
     colours: Vec<Vec<f32>>,
     depth: Depth,
+    /// The largest own peak of its tiles.
+    peak: f32,
     georeference: Vec<u8>,
     remarks: Remarks,
 }
@@ -128,7 +131,7 @@ impl BankTask {
     /// Where tiles join categories, and which files are the image's: one for each tile, and one for each codebook that
     /// it grows.
     fn step(&self, manifest: &mut Manifest, key: String, next: &mut u32, seen: Seen) -> Step {
-        let (first, Seen { colours, depth, georeference, remarks }) = (*next, seen);
+        let (first, Seen { colours, depth, peak, georeference, remarks }) = (*next, seen);
         *next += 2 * colours.len() as u32;
         let categories: Vec<usize> = match &self.category {
             Some(name) => match category::named(&mut manifest.categories, name, &[]) {
@@ -145,7 +148,17 @@ impl BankTask {
         };
         let access = self.access();
         let depends = access == Access::Texel && self.params().tries_codebooks();
-        Step::Add(Box::new(Add { key, first, categories, access, depth, georeference, remarks, depends }))
+        Step::Add(Box::new(Add {
+            key,
+            first,
+            categories,
+            access,
+            depth,
+            peak,
+            georeference,
+            remarks,
+            depends,
+        }))
     }
 
     /// Access to texels: that of the codec, which is dct or progressive.
@@ -160,8 +173,10 @@ impl BankTask {
         tiles::each(&self.path, &self.settings, limit_bytes, &mut remarks, |cut| {
             seen.colours.push(category::colours(&cut.tile));
             seen.depth = cut.tile.info().depth;
+            seen.peak = seen.peak.max(cut.tile.own_peak());
             Ok(())
         })?;
+        input::note_of_peak(&self.path, seen.peak, &mut remarks);
         let georeference = georeference::of_input(&[&self.path], 1, &mut remarks);
         Ok(Seen { remarks, georeference, ..seen })
     }
@@ -200,7 +215,7 @@ impl BankTask {
 
     /// About how many bytes it takes to add it: a band of the image, and a tile with all that is made of it.
     pub(crate) fn cost_bytes(&self) -> u64 {
-        let width = crate::input::size_of(&self.path).map_or(0, |size| u64::from(size.width));
+        let width = input::size_of(&self.path).map_or(0, |size| u64::from(size.width));
         width * u64::from(tiles::MOST_ROWS) * BAND_BYTES + TILE_BYTES
     }
 
@@ -214,7 +229,13 @@ impl BankTask {
         share: &Share<'_>,
     ) -> Result<Made, CliError> {
         let start = Instant::now();
-        let place = Place { dir: bank.dir(), first: add.first, categories: &add.categories, limit_bytes };
+        let place = Place {
+            dir: bank.dir(),
+            first: add.first,
+            categories: &add.categories,
+            limit_bytes,
+            peak: add.peak,
+        };
         let (sums, size, grown) = match add.access {
             Access::Block => blocks::encode(self, add.depth, place, share)?,
             Access::Texel => texel::encode(self, books, place, share)?,

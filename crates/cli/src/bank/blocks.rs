@@ -60,7 +60,8 @@ impl Encoding<'_> {
     ) -> Result<ImageSize, CliError> {
         let BankTask { path, settings, .. } = self.task;
         tiles::each(path, settings, self.place.limit_bytes, &mut Remarks::default(), |cut| {
-            take(ImageSet::single(without_plain_alpha(cut.tile.clone())), cut)
+            let tile = cut.tile.clone().with_peak(self.place.peak);
+            take(ImageSet::single(without_plain_alpha(tile)), cut)
         })
     }
 

@@ -33,6 +33,8 @@ pub(super) struct Place<'p> {
     /// Categories of its tiles, row by row.
     pub(super) categories: &'p [usize],
     pub(super) limit_bytes: u64,
+    /// What errors are measured against: [`texfold_core::image::Raster::peak`].
+    pub(super) peak: f32,
 }
 
 /// A category with the codebook that an image leaves it with.

@@ -26,8 +26,8 @@ pub(super) fn encode(
     place: Place<'_>,
     share: &Share<'_>,
 ) -> Result<(Sums, ImageSize, Vec<Grown>), CliError> {
-    let Place { dir, first, categories, limit_bytes } = place;
-    let mut encoding = Encoding { task, dir, next: first, grown: Vec::new(), sums: Sums::default() };
+    let Place { dir, first, categories, limit_bytes, peak } = place;
+    let mut encoding = Encoding { task, dir, peak, next: first, grown: Vec::new(), sums: Sums::default() };
     let mut of_tile = categories.iter();
     let size = tiles::each(&task.path, &task.settings, limit_bytes, &mut Remarks::default(), |cut| {
         let category = *of_tile.next().ok_or_else(|| task.has_changed())?;
@@ -56,6 +56,7 @@ pub(super) fn making(sums: &Sums) -> Making {
 struct Encoding<'m> {
     task: &'m BankTask,
     dir: &'m Path,
+    peak: f32,
     /// Number of its next file.
     next: u32,
     grown: Vec<Grown>,
@@ -72,11 +73,11 @@ impl Encoding<'_> {
     }
 
     fn add_tile(&mut self, category: usize, cut: Cut<'_>, share: &Share<'_>) -> Result<(), CliError> {
-        let Encoding { task, dir, next, grown, sums } = self;
+        let Encoding { task, dir, peak, next, grown, sums } = self;
         let Some(grown) = grown.iter_mut().find(|grown| grown.number == category) else { return Ok(()) };
         let (size, (x, y)) = (cut.tile.size(), cut.place);
         let around = cut.around()?;
-        let set = ImageSet::single(without_plain_alpha(cut.tile));
+        let set = ImageSet::single(without_plain_alpha(cut.tile.with_peak(*peak)));
         let around = around.map(|around| around.with_channels(set.info().channels));
         let shared = Shared { public: grown.book.clone(), most_rows: MOST_ROWS, apron: around };
         let mut progress = |stage| share.report(stage);

@@ -82,11 +82,7 @@ pub(crate) fn load(
     let obstacle =
         if mixed { Some("not all images of the input are BC1") } else { obstacle(&settings.encode) };
     let images = ImageSet::new(rasters).map_err(|source| CliError::Source { path: first.clone(), source })?;
-    let peak = images.images()[0].peak();
-    if peak < 1.0 {
-        let bits = (peak * f32::from(u16::MAX)).log2().ceil();
-        remarks.note(&first, format!("values use {bits} of 16 bits: errors are measured against these"));
-    }
+    input::note_of_peak(&first, images.images()[0].peak(), &mut remarks);
     let read = |map: &PathBuf| pixels::read(map, settings.color, None, limit_bytes, &mut Remarks::default());
     let painted = settings.importance_map.as_ref().map(read).transpose()?;
     let content_from = settings.content_from.as_ref().map(read).transpose()?;

@@ -118,6 +118,14 @@ pub(crate) fn read_set(
     ImageSet::new(rasters?).map_err(|source| CliError::Source { path: first, source })
 }
 
+/// Notes that errors are measured against fewer bits than a source has, where that is so.
+pub(crate) fn note_of_peak(path: &Path, peak: f32, remarks: &mut Remarks) {
+    if peak > 0.0 && peak < 1.0 {
+        let bits = (peak * f32::from(u16::MAX)).log2().ceil();
+        remarks.note(path, format!("values use {bits} of 16 bits: errors are measured against these"));
+    }
+}
+
 /// Refuses images without texels, and sides that no codec takes.
 pub(crate) fn check_side(path: &Path, size: ImageSize) -> Result<ImageSize, CliError> {
     let ImageSize { width, height } = size;

@@ -415,6 +415,29 @@ fn users_name_categories_and_others_join_the_nearest() {
     }
 }
 
+/// As for single images, whatever tile has the largest values; a black one has none.
+#[test]
+fn sources_of_fewer_bits_in_16_are_measured_against_their_own() {
+    let place = Place::new();
+    let (width, height) = (1300, 40);
+    let value = |x: u32, y: u32| if x < 1024 { 0 } else { 300 + (x * 37 + y * y * 11) as u16 % 1700 };
+    let image = image::ImageBuffer::from_fn(width, height, |x, y| image::Luma([value(x, y)]));
+    fs::create_dir_all(place.at("in")).unwrap();
+    DynamicImage::ImageLuma16(image).save(place.at("in/deep.png")).unwrap();
+    let (_, report) = add(&place, &format!("{ADD} --color linear"));
+    let (psnr, note) = (report[0]["psnr"].as_f64().unwrap(), report[0]["notes"].to_string());
+    assert!(note.contains("use 11 of 16 bits"), "{note}");
+    assert!((28.0..33.0).contains(&psnr), "{psnr}");
+    // The same of all bits is 30 dB more.
+    assert_eq!(place.run("bank extract bank --out png").code, Some(0));
+    let found = image::open(place.at("png/deep.png")).unwrap().into_luma16();
+    let squares = found
+        .enumerate_pixels()
+        .map(|(x, y, found)| (f64::from(found.0[0]) - f64::from(value(x, y))).powi(2));
+    let mean = squares.sum::<f64>() / f64::from(width * height);
+    assert!((10.0 * (2047.0f64.powi(2) / mean).log10() - psnr).abs() < 0.1, "{mean}");
+}
+
 /// A manifest is foreign: none makes the bank lose a file, read one from elsewhere, or show what it does not hold.
 #[test]
 fn forged_manifests_are_refused_and_nothing_is_written() {

@@ -182,18 +182,33 @@ impl Raster {
     /// source of 11 bits, of which one gray would else be near enough. Sensors have up to 14 bits; what uses 15 is a dark image. Values
     /// stay.
     #[must_use]
-    pub fn with_own_peak(mut self) -> Raster {
-        if self.info.depth == Depth::Sixteen {
-            let channels = usize::from(self.info.channels);
-            let counted = channels - usize::from(self.info.has_alpha());
-            let texels = self.data.chunks_exact(channels);
-            let largest = texels.flat_map(|texel| &texel[..counted]).copied().fold(0.0, f32::max);
-            let largest = (largest.min(1.0) * DEEPEST).round() as u32;
-            if (1..1 << SENSOR_BITS).contains(&largest) {
-                self.peak = ((largest + 1).next_power_of_two() - 1) as f32 / DEEPEST;
-            }
+    pub fn with_own_peak(self) -> Raster {
+        let peak = self.own_peak();
+        self.with_peak(peak)
+    }
+
+    /// The peak that [`Raster::with_own_peak`] takes, 0 where all values are 0: that of an image in parts is the largest of theirs.
+    #[must_use]
+    pub fn own_peak(&self) -> f32 {
+        if self.info.depth != Depth::Sixteen {
+            return 1.0;
         }
-        self
+        let channels = usize::from(self.info.channels);
+        let counted = channels - usize::from(self.info.has_alpha());
+        let texels = self.data.chunks_exact(channels);
+        let largest = texels.flat_map(|texel| &texel[..counted]).copied().fold(0.0, f32::max);
+        let largest = (largest.min(1.0) * DEEPEST).round() as u32;
+        if largest < 1 << SENSOR_BITS {
+            ((largest + 1).next_power_of_two() - 1) as f32 / DEEPEST
+        } else {
+            1.0
+        }
+    }
+
+    /// The same image, whose errors are measured against a value above 0 and up to 1; 0 stands for 1.
+    #[must_use]
+    pub fn with_peak(self, peak: f32) -> Raster {
+        Raster { peak: if peak > 0.0 { peak.min(1.0) } else { 1.0 }, ..self }
     }
 
     /// The value that errors are measured against: 1, or what [`Raster::with_own_peak`] found.

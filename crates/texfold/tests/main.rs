@@ -4,6 +4,7 @@ mod codecs;
 mod golden;
 mod hostile;
 mod invariants;
+mod ladder;
 mod ledger;
 mod readme;
 mod regimes;

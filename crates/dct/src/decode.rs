@@ -12,14 +12,14 @@ use crate::form::{DctForm, PlaneShape, Steps};
 use crate::index::Index;
 use crate::plane::{Patch, PlaneDecoder};
 use crate::scan::COEFFICIENTS;
-use crate::tables::{Table, tables_of};
+use crate::tables::{StoredStops, Table};
 
 /// A texture in blocks of variable length.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DctTexture {
     pub(super) form: DctForm,
     /// Stopping probabilities of all tables, as stored.
-    pub(super) stops: Vec<u8>,
+    pub(super) stops: StoredStops,
     pub(super) index: Index,
     /// Bytes of all superblocks that are loaded: of the bases, or of the image, too.
     pub(super) bytes: Bytes,
@@ -53,7 +53,13 @@ struct Region {
 
 impl DctTexture {
     /// The texture of such parts. `bytes` has as many as are loaded of `stream_bytes`.
-    pub(super) fn new(form: DctForm, stops: Vec<u8>, index: Index, bytes: Bytes, stream_bytes: u32) -> Self {
+    pub(super) fn new(
+        form: DctForm,
+        stops: StoredStops,
+        index: Index,
+        bytes: Bytes,
+        stream_bytes: u32,
+    ) -> Self {
         let (tools, base) = (Cached::default(), Cached::default());
         DctTexture { form, stops, index, bytes, stream_bytes, tools, base }
     }
@@ -277,7 +283,7 @@ impl DctTexture {
         let steps = |plane: usize| Steps::new(&self.form.quantiser, plane, self.form.fraction());
         Tools {
             // Readers have checked what is stored.
-            tables: tables_of(&self.stops).unwrap_or_default(),
+            tables: self.stops.tables().unwrap_or_default(),
             steps: (0..planes.len()).map(steps).collect(),
             ranks: self.form.ranks(),
             planes,

@@ -6,7 +6,7 @@ use crate::context::{END_BITS, END_START, LEVEL, MAGNITUDE_BITS, MAGNITUDE_START
 use crate::decode::DctTexture;
 use crate::form::{AXIS_BITS, Group, MAX_GROUP, RADII, SCALES};
 use crate::scan::{COEFFICIENTS, SCAN};
-use crate::tables::{STOP, STOP_VALUES, SYMBOLS, Table};
+use crate::tables::{PRESET, STOP, STOP_VALUES, SYMBOLS, Table};
 
 /// First words of what `block.wgsl` reads: the scan, classes of expected magnitudes, symbols, tables of probabilities.
 pub(super) const SCAN_WORDS: usize = 0;
@@ -97,6 +97,8 @@ pub(super) fn words_before_index(planes: usize) -> usize {
 pub struct FormatConstants {
     /// Stopping probabilities in 1/65536.
     pub stops: [u16; STOP_VALUES],
+    /// The preset of stopping probabilities, a letter each: '0' for 0, and those that follow it in ASCII.
+    pub preset: &'static str,
     /// Scale of each frequency in 1/4096.
     pub scales: [u32; 8],
     /// Distance of each coefficient from the mean, in 1/64 of a frequency, row by row.
@@ -109,7 +111,7 @@ impl FormatConstants {
     /// The numbers.
     #[must_use]
     pub fn new() -> Self {
-        FormatConstants { stops: STOP, scales: SCALES, radii: RADII, words: constants() }
+        FormatConstants { stops: STOP, preset: PRESET, scales: SCALES, radii: RADII, words: constants() }
     }
 }
 

@@ -32,6 +32,13 @@ pub(super) const STOP: [u16; STOP_VALUES] = [
     64436, 64650, 64823, 64963, 65075, 65166, 65238, 65297, 65344, 65382, 65412, 65437, 65456, 65472,
 ];
 
+/// Stopping probabilities of a set.
+const SET_STOPS: usize = FIRST_END * MAGNITUDE_STOPS + (SET_TABLES - FIRST_END) * END_STOPS;
+/// The letter of 0 in [`PRESET`]; the others follow it in ASCII.
+pub(crate) const PRESET_ZERO: u8 = b'0';
+/// A letter for each stopping probability of all tables, in their order.
+pub(crate) const PRESET: &str = include_str!("preset.txt");
+
 /// Stopping probabilities of one table, as numbers below [`STOP_VALUES`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Stops {
@@ -45,6 +52,19 @@ impl Stops {
     pub(super) fn usual(table: usize) -> Stops {
         let count = if is_end(table) { END_STOPS } else { MAGNITUDE_STOPS };
         Stops { values: [USUAL_STOP; END_STOPS], count: count as u8 }
+    }
+
+    /// Those of the table of that number in [`PRESET`].
+    pub(super) fn preset(table: usize) -> Stops {
+        let mut stops = Stops::usual(table);
+        let (set, within) = (table / SET_TABLES, table % SET_TABLES);
+        let ends = within.saturating_sub(FIRST_END);
+        let start = set * SET_STOPS + (within - ends) * MAGNITUDE_STOPS + ends * END_STOPS;
+        let letters = PRESET.as_bytes().get(start..).unwrap_or_default();
+        for (value, &letter) in stops.values_mut().iter_mut().zip(letters) {
+            *value = letter.saturating_sub(PRESET_ZERO).min(STOP_VALUES as u8 - 1);
+        }
+        stops
     }
 
     /// The values in use.
@@ -169,14 +189,34 @@ impl Table {
 /// The stopping probabilities of all tables.
 pub(super) type AllStops = Vec<Stops>;
 
-/// What a table's stopping probabilities are predicted by: those of the table before in its row, of the same row of the set
-/// before for the first.
-pub(super) fn predicted(stops: &AllStops, table: usize) -> Stops {
-    let within = table % SET_TABLES;
-    if ROWS.contains(&within) {
-        if table >= SET_TABLES { stops[table - SET_TABLES] } else { Stops::usual(table) }
-    } else {
-        stops[table - 1]
+/// What the tables of a texture begin from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) enum Begin {
+    /// All stopping probabilities alike.
+    #[default]
+    Alike,
+    /// Those of photographs and maps: [`PRESET`].
+    Preset,
+}
+
+/// What a table's stopping probabilities are predicted by. From all alike: those of the table before in its row, of the same row of the set
+/// before for the first. From the preset: its own there, moved as far as the table before in its row lies off.
+pub(super) fn predicted(stops: &AllStops, table: usize, begin: Begin) -> Stops {
+    let is_first = ROWS.contains(&(table % SET_TABLES));
+    match begin {
+        Begin::Alike if is_first && table < SET_TABLES => Stops::usual(table),
+        Begin::Alike if is_first => stops[table - SET_TABLES],
+        Begin::Alike => stops[table - 1],
+        Begin::Preset if is_first => Stops::preset(table),
+        Begin::Preset => {
+            let mut moved = Stops::preset(table);
+            let before = Stops::preset(table - 1);
+            let offsets = stops[table - 1].values().iter().zip(before.values());
+            for (value, (&is, &was)) in moved.values_mut().iter_mut().zip(offsets) {
+                *value = (*value + is).saturating_sub(was).min(STOP_VALUES as u8 - 1);
+            }
+            moved
+        }
     }
 }
 
@@ -186,14 +226,14 @@ pub(super) fn usual() -> AllStops {
 }
 
 /// Tables, row by row: a flag, set where the row is as predicted; else a flag for each table and the differences.
-pub(super) fn read_stops(bytes: &[u8]) -> Option<AllStops> {
+fn read_stops(bytes: &[u8], begin: Begin) -> Option<AllStops> {
     let mut reader = BitReader::new(bytes);
     let mut all = usual();
     for set in 0..SETS {
         for row in ROWS.windows(2) {
             let as_predicted = reader.flag();
             for table in set * SET_TABLES + row[0]..set * SET_TABLES + row[1] {
-                let mut stops = predicted(&all, table);
+                let mut stops = predicted(&all, table, begin);
                 if !as_predicted && !reader.flag() {
                     for value in stops.values_mut() {
                         let read = i32::from(*value) + reader.signed()?;
@@ -207,10 +247,24 @@ pub(super) fn read_stops(bytes: &[u8]) -> Option<AllStops> {
     Some(all)
 }
 
-/// The tables that such bytes say; `None` where no writer writes them.
-pub(super) fn tables_of(stops: &[u8]) -> Option<Vec<Table>> {
-    let all = read_stops(stops)?;
-    Some(all.iter().map(|stops| Table::new(&stops.frequencies())).collect())
+/// The stopping probabilities of a texture as they are stored.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(super) struct StoredStops {
+    pub(super) begin: Begin,
+    pub(super) bytes: Vec<u8>,
+}
+
+impl StoredStops {
+    /// All of them; `None` where no writer writes such bytes.
+    pub(super) fn read(&self) -> Option<AllStops> {
+        read_stops(&self.bytes, self.begin)
+    }
+
+    /// Their tables, likewise.
+    pub(super) fn tables(&self) -> Option<Vec<Table>> {
+        let all = self.read()?;
+        Some(all.iter().map(|stops| Table::new(&stops.frequencies())).collect())
+    }
 }
 
 #[cfg(test)]

@@ -91,7 +91,7 @@ fn images_of_any_shape_come_back() {
 fn with_strength(texture: &DctTexture, strength: u8) -> Result<DctTexture, LoadError> {
     let mut bytes = texture.clone().with_deblocking(1).to_bytes();
     // Behind version, sizes, depth, superblock and quantiser.
-    assert_eq!((bytes[0], bytes[12]), (2, 1));
+    assert_eq!((bytes[0] % 2, bytes[12]), (0, 1));
     bytes[12] = strength;
     read(&bytes)
 }
@@ -103,7 +103,7 @@ fn strengths_of_deblocking_are_stored_and_others_refused() {
     let encoder = DctEncoder::new(&source, &params, CancelCheck::default()).unwrap();
     let texture = encoder.at_step(1600).unwrap();
     let plain = texture.clone().with_deblocking(0);
-    assert_eq!(plain.to_bytes()[0], 1, "files without deblocking are as they were");
+    assert_eq!(plain.to_bytes()[0] % 2, 1, "an even version has deblocking");
     assert_eq!(read(&plain.to_bytes()).unwrap().form().deblocking, 0);
     let mut all = vec![decoded(&plain, all_of(&plain))];
     for strength in 1..=MAX_DEBLOCKING {

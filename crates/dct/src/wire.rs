@@ -2,11 +2,11 @@
 //!
 //! | bytes | what |
 //! |---|---|
-//! | 1 | version: 1, or 2 with deblocking |
+//! | 1 | version: 1, 1 more with deblocking, 2 more where tables begin from the preset |
 //! | 2, 2 | columns and rows, less one |
 //! | 1, 1 | bits of a sample, binary logarithm of a superblock's side |
 //! | 2, 1, 2 | step, slope, two offsets |
-//! | 1 | strength of deblocking, in version 2 alone |
+//! | 1 | strength of deblocking, where there is any |
 //! | 1 | groups; for each: 1 channels, then 2 for each mean, 2 for each of channels x channels weights of axes |
 //! | 1, 2, 4 | bits of a length in the index, bytes of the tables, bytes of the superblocks |
 //! | | words of the index, tables, superblocks: those of the coarsest base first, each plane row by row |
@@ -22,12 +22,13 @@ use crate::decode::DctTexture;
 use crate::form::{AXIS_BITS, DctForm, Group, MAX_CHANNELS, MAX_GROUP, MAX_OFFSET, MAX_STEP, Quantiser};
 use crate::gpu::words_before_index;
 use crate::index::Index;
-use crate::tables::{Table, read_stops};
+use crate::tables::{Begin, StoredStops, Table};
 
 /// Version of the layout without deblocking.
 const PLAIN: u8 = 1;
-/// Version of the layout with deblocking.
-const DEBLOCKED: u8 = 2;
+/// What is added to it with deblocking, and where tables begin from the preset.
+const DEBLOCKED: u8 = 1;
+const PRESET: u8 = 2;
 /// Most bits of a length in the index.
 const MAX_WIDTH: u8 = 24;
 /// Largest weight of an axis: an orthonormal one.
@@ -47,7 +48,7 @@ impl DctTexture {
     pub fn base_bytes(&self) -> Vec<u8> {
         let mut out = self.header();
         out.extend(self.index.words().iter().flat_map(|word| word.to_le_bytes()));
-        out.extend(&self.stops);
+        out.extend(&self.stops.bytes);
         out.extend(&self.bytes[..self.base_length().min(self.bytes.len())]);
         out
     }
@@ -66,13 +67,15 @@ impl DctTexture {
 
     /// Bytes of header, index and tables.
     pub(super) fn bytes_before_streams(&self) -> usize {
-        self.header().len() + 4 * self.index.words().len() + self.stops.len()
+        self.header().len() + 4 * self.index.words().len() + self.stops.bytes.len()
     }
 
     /// Header: sizes, axes, quantiser, lengths.
     fn header(&self) -> Vec<u8> {
         let form = self.form();
-        let mut out = vec![if form.deblocking > 0 { DEBLOCKED } else { PLAIN }];
+        let deblocked = if form.deblocking > 0 { DEBLOCKED } else { 0 };
+        let preset = if self.stops.begin == Begin::Preset { PRESET } else { 0 };
+        let mut out = vec![PLAIN + deblocked + preset];
         out.extend(((form.size.width - 1) as u16).to_le_bytes());
         out.extend(((form.size.height - 1) as u16).to_le_bytes());
         out.extend([form.depth, form.superblock_log2]);
@@ -88,7 +91,7 @@ impl DctTexture {
             out.extend(weights.flat_map(|weight| weight.to_le_bytes()));
         }
         out.push(self.index.width() as u8);
-        out.extend((self.stops.len() as u16).to_le_bytes());
+        out.extend((self.stops.bytes.len() as u16).to_le_bytes());
         out.extend(self.stream_bytes.to_le_bytes());
         out
     }
@@ -106,7 +109,7 @@ impl DctTexture {
     /// # Errors
     /// As [`DctTexture::read`].
     pub fn read_base(reader: &mut Reader<'_>, budget: &mut Budget) -> Result<Self, LoadError> {
-        let form = read_form(reader)?;
+        let (form, begin) = read_form(reader)?;
         budget.check_texels(form.size.texels())?;
         let width = reader.u8()?;
         if width > MAX_WIDTH {
@@ -127,13 +130,13 @@ impl DctTexture {
         let index =
             index.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
         let index = Index::new(u32::from(width), index.collect());
-        let stops = reader.bytes(table_bytes)?;
-        if read_stops(stops).is_none() {
+        let stops = StoredStops { begin, bytes: reader.bytes(table_bytes)?.to_vec() };
+        if stops.read().is_none() {
             return Err(reader.corrupt("tables of probabilities that no writer writes"));
         }
-        let texture = DctTexture::new(form, stops.to_vec(), index, Vec::new(), stream_bytes);
+        let texture = DctTexture::new(form, stops, index, Vec::new(), stream_bytes);
         let bytes = reader.bytes(texture.base_length())?;
-        budget.take((stops.len() + bytes.len()) as u64)?;
+        budget.take((table_bytes + bytes.len()) as u64)?;
         Ok(texture.with_bytes(bytes.to_vec()))
     }
 
@@ -149,11 +152,13 @@ impl DctTexture {
     }
 }
 
-fn read_form(reader: &mut Reader<'_>) -> Result<DctForm, LoadError> {
-    let version = reader.u8()?;
-    if version != PLAIN && version != DEBLOCKED {
+fn read_form(reader: &mut Reader<'_>) -> Result<(DctForm, Begin), LoadError> {
+    let parts = reader.u8()?.wrapping_sub(PLAIN);
+    if parts > DEBLOCKED + PRESET {
         return Err(reader.corrupt("a layout of blocks that this reader does not know"));
     }
+    let is_deblocked = parts & DEBLOCKED > 0;
+    let begin = if parts & PRESET > 0 { Begin::Preset } else { Begin::Alike };
     let (width, height) = (u32::from(reader.u16()?) + 1, u32::from(reader.u16()?) + 1);
     let (depth, superblock_log2) = (reader.u8()?, reader.u8()?);
     if depth != 8 && depth != 16 {
@@ -167,8 +172,8 @@ fn read_form(reader: &mut Reader<'_>) -> Result<DctForm, LoadError> {
         return Err(reader.corrupt("a quantiser beyond the largest"));
     }
     let quantiser = Quantiser { step, slope, offsets };
-    let deblocking = if version == DEBLOCKED { reader.u8()? } else { 0 };
-    if version == DEBLOCKED && !(1..=MAX_DEBLOCKING).contains(&deblocking) {
+    let deblocking = if is_deblocked { reader.u8()? } else { 0 };
+    if is_deblocked && !(1..=MAX_DEBLOCKING).contains(&deblocking) {
         return Err(reader.corrupt("a strength of deblocking that no writer writes"));
     }
     let mut groups = Vec::new();
@@ -185,7 +190,7 @@ fn read_form(reader: &mut Reader<'_>) -> Result<DctForm, LoadError> {
         return Err(reader.corrupt("no channels"));
     }
     let size = ImageSize { width, height };
-    Ok(DctForm { size, depth, superblock_log2, quantiser, deblocking, groups })
+    Ok((DctForm { size, depth, superblock_log2, quantiser, deblocking, groups }, begin))
 }
 
 fn read_group(reader: &mut Reader<'_>) -> Result<Group, LoadError> {

@@ -20,7 +20,7 @@ const QUALITIES: [f64; 8] = [22.0, 25.0, 28.0, 31.0, 34.0, 37.0, 40.0, 43.0];
 /// Images made from a number: overlapping discs, waves and grain, in shapes that blocks do not divide.
 fn drawn(seed: u64) -> ImageSet {
     let mut rng = Rng::new(seed);
-    let (width, height) = (40 + rng.below(50) as u32, 40 + rng.below(50) as u32);
+    let (width, height) = (40 + rng.below(50), 40 + rng.below(50));
     let mut unit = || rng.below(1 << 16) as f32 / 65536.0;
     let discs: Vec<[f32; 6]> = (0..9)
         .map(|_| [unit() * width as f32, unit() * height as f32, 4.0 + 14.0 * unit(), unit(), unit(), unit()])
@@ -96,10 +96,10 @@ fn a_lower_goal_takes_no_more_bits() {
             for goal in QUALITIES {
                 let (psnr, bpp) = measured(encoding, &set, Goal::Psnr(goal));
                 // A goal that cannot be met says nothing of the bits.
-                if let Some((other, bits, reached)) = before.filter(|&(.., reached)| reached <= psnr + LOSS) {
-                    if bpp < bits * 0.999 {
-                        faults.push(format!("{} of {name}: {bpp:.3} bits for {goal} dB ({psnr:.2}), {bits:.3} for {other} ({reached:.2})", encoding.id));
-                    }
+                if let Some((other, bits, reached)) = before.filter(|&(.., reached)| reached <= psnr + LOSS)
+                    && bpp < bits * 0.999
+                {
+                    faults.push(format!("{} of {name}: {bpp:.3} bits for {goal} dB ({psnr:.2}), {bits:.3} for {other} ({reached:.2})", encoding.id));
                 }
                 before = Some((goal, bpp, psnr));
             }

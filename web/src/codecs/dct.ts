@@ -3,7 +3,7 @@
 import { atLevel, fullLevels, type Layout, type Sections, type Size } from "../container.js";
 import { type Budget, corrupt, truncated } from "../errors.js";
 import { type Blocks, type Channel, type Form, Uniforms } from "../form.js";
-import { RADII, SCALES, STOP, WORDS } from "../generated/dct.js";
+import { PRESET, RADII, SCALES, STOP, WORDS } from "../generated/dct.js";
 import type { Reader } from "../reader.js";
 import { CLAMP, formatsOf } from "./content.js";
 import { type Codec, images } from "./codec.js";
@@ -22,6 +22,8 @@ export const SET_TABLES = FIRST_END + 9;
 export const SETS = 4;
 const MAGNITUDE_STOPS = 5;
 const USUAL_STOP = 31;
+/** The letter of 0 in the preset. */
+const PRESET_ZERO = 48;
 export const PROBABILITY_BITS = 13;
 const PROBABILITIES = 1 << PROBABILITY_BITS;
 const AXIS_BITS = 10;
@@ -76,8 +78,30 @@ class Bits {
   }
 }
 
-/** Words of all tables: for each pair of symbols the first slots of both, the first in the lower half. False where no writer writes such bytes. */
-function tablesOf(bytes: Uint8Array, out: Uint32Array): boolean {
+/** Stopping probabilities of a table in the preset. */
+function presetOf(table: number): Uint8Array {
+  const set = Math.floor(table / SET_TABLES), within = table % SET_TABLES;
+  const ends = Math.max(within - FIRST_END, 0), count = within >= FIRST_END ? SYMBOLS - 1 : MAGNITUDE_STOPS;
+  const ofSet = FIRST_END * MAGNITUDE_STOPS + (SET_TABLES - FIRST_END) * (SYMBOLS - 1);
+  const start = set * ofSet + (within - ends) * MAGNITUDE_STOPS + ends * (SYMBOLS - 1);
+  return Uint8Array.from({ length: count }, (_, i) => PRESET.charCodeAt(start + i) - PRESET_ZERO);
+}
+
+/** What a table begins from the preset as: its own there, moved as far as the one before in its row lies off. */
+function movedPreset(table: number, before: Uint8Array | undefined): Uint8Array {
+  const own = presetOf(table);
+  if (before === undefined) {
+    return own;
+  }
+  const was = presetOf(table - 1);
+  return own.map((value, i) => Math.min(Math.max(value + before[i]! - was[i]!, 0), STOP.length - 1));
+}
+
+/**
+ * Words of all tables: for each pair of symbols the first slots of both, the first in the lower half. False where no writer writes such
+ * bytes.
+ */
+function tablesOf(bytes: Uint8Array, fromPreset: boolean, out: Uint32Array): boolean {
   const bits = new Bits(bytes);
   const all: Uint8Array[] = [];
   for (let set = 0; set < SETS; set++) {
@@ -87,7 +111,9 @@ function tablesOf(bytes: Uint8Array, out: Uint32Array): boolean {
       for (let table = first; table < end; table++) {
         const stops = table % SET_TABLES >= FIRST_END ? SYMBOLS - 1 : MAGNITUDE_STOPS;
         const before = table === first ? all[table - SET_TABLES] : all[table - 1];
-        const values = before ?? new Uint8Array(stops).fill(USUAL_STOP);
+        const values = fromPreset
+          ? movedPreset(table, table === first ? undefined : before)
+          : (before ?? new Uint8Array(stops).fill(USUAL_STOP));
         all.push(values);
         if (asPredicted === 0 && bits.flag() === 0) {
           const changed = new Uint8Array(stops);
@@ -187,7 +213,8 @@ function readGroup(reader: Reader, ranks: number[], channels: Channel[], shift: 
 export function readStage(reader: Reader, budget: Budget, place: { image: number; level: number; levels: number }, pixel: Layout): Stage {
   const first = reader.at;
   const version = reader.u8();
-  reader.check(version === 1 || version === 2, "a layout of blocks that this reader does not know");
+  reader.check(version >= 1 && version <= 4, "a layout of blocks that this reader does not know");
+  const isDeblocked = version % 2 === 0, fromPreset = version > 2;
   const size = { width: reader.u16() + 1, height: reader.u16() + 1 };
   const depth = reader.u8(), superblockLog2 = reader.u8();
   reader.check(depth === 8 || depth === 16, "samples of neither 8 nor 16 bits");
@@ -195,8 +222,8 @@ export function readStage(reader: Reader, budget: Budget, place: { image: number
   const step = reader.u16(), slope = reader.u8();
   const offsets: [number, number] = [reader.u8(), reader.u8()];
   reader.check(step <= MAX_STEP && Math.max(...offsets) <= 16, "a quantiser beyond the largest");
-  const strength = version === 2 ? reader.u8() : 0;
-  reader.check(version === 1 || (strength >= 1 && strength <= 3), "a strength of deblocking that no writer writes");
+  const strength = isDeblocked ? reader.u8() : 0;
+  reader.check(!isDeblocked || (strength >= 1 && strength <= 3), "a strength of deblocking that no writer writes");
   const fraction = depth > 8 ? 2 : 6, shift = fraction + AXIS_BITS;
   const ranks: number[] = [], channels: Channel[] = [];
   for (let groups = reader.u8(); groups > 0; groups--) {
@@ -219,7 +246,7 @@ export function readStage(reader: Reader, budget: Budget, place: { image: number
   const words = new Uint32Array(index + indexWords + 2);
   words.set(WORDS);
   new Uint8Array(words.buffer, 4 * index).set(stored);
-  reader.check(tablesOf(reader.bytes(tableBytes), words.subarray(WORDS.length, steps)), "tables of probabilities that no writer writes");
+  reader.check(tablesOf(reader.bytes(tableBytes), fromPreset, words.subarray(WORDS.length, steps)), "tables of probabilities that no writer writes");
   const units = (256 + (step % 256)) * 2 ** Math.floor(step / 256);
   planes.forEach((_, plane) => {
     const start = steps + plane * COEFFICIENTS;

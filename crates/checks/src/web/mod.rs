@@ -187,6 +187,11 @@ fn dct() -> String {
     );
     let _ = writeln!(
         out,
+        "/** Stopping probabilities that tables may begin from, a letter each: 0 for 0, then as in ASCII. */\nexport const PRESET = {:?};",
+        constants.preset
+    );
+    let _ = writeln!(
+        out,
         "/** Scale of each frequency in 1/4096. */\nexport const SCALES = {:?};",
         constants.scales
     );

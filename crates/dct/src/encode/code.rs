@@ -2,7 +2,7 @@
 
 use texfold_core::{CancelCheck, EncodeError, Metric, SourceError, parallel};
 
-use super::fit::fit;
+use super::fit::{Fitted, fit};
 use super::forward::Coefficients;
 use super::masking::masking;
 use super::quantise::{Quantising, residuals_of};
@@ -16,7 +16,7 @@ use crate::index::Index;
 use crate::plane::{PREDICTED, Patch};
 use crate::rans_encode::{MAX_STREAM, stream};
 use crate::scan::COEFFICIENTS;
-use crate::tables::Table;
+use crate::tables::{StoredStops, Table};
 use crate::transform::inverse;
 
 /// Squared steps that a bit is worth. At high rates an optimal quantiser has 0.1155 (6.02 dB a bit); of 0.08 to 0.2, this
@@ -73,8 +73,19 @@ struct Settled {
     /// Superblocks, plane by plane.
     planes: Vec<Vec<Superblock>>,
     /// Bytes of the tables, and the tables.
-    stops: Vec<u8>,
+    stops: StoredStops,
     tables: Vec<Table>,
+}
+
+/// Occurrences of symbols at that header's step.
+#[cfg(test)]
+pub(super) fn counts(planes: &[Coefficients], form: &DctForm, looks: Looks) -> Counts {
+    let settled = settled(planes, form, looks, CancelCheck::default()).unwrap();
+    let mut counter = Counter::default();
+    for (plane, superblocks) in settled.planes.iter().enumerate() {
+        superblocks.iter().for_each(|superblock| settled.walk(plane, superblock, &mut counter));
+    }
+    counter.0
 }
 
 /// Numbers and tables at that header's step.
@@ -88,15 +99,15 @@ fn settled(
     let mut symbol_bits = None;
     for _ in 1..looks.passes {
         let quantised = quantise(planes, &form, symbol_bits.as_ref(), looks, check)?;
-        let (stops, _) = fit(&quantised.counts);
+        let stops = fit(&quantised.counts).all;
         let tables: Vec<Table> = stops.iter().map(|stops| Table::new(&stops.frequencies())).collect();
         symbol_bits = Some(SymbolBits::new(&tables));
         form.quantiser.offsets = quantised.offsets;
     }
     let quantised = quantise(planes, &form, symbol_bits.as_ref(), looks, check)?;
-    let (stops, bytes) = fit(&quantised.counts);
-    let tables = stops.iter().map(|stops| Table::new(&stops.frequencies())).collect();
-    Ok(Settled { form, planes: quantised.planes, stops: bytes, tables })
+    let Fitted { all, begin, bytes } = fit(&quantised.counts);
+    let tables = all.iter().map(|stops| Table::new(&stops.frequencies())).collect();
+    Ok(Settled { form, planes: quantised.planes, stops: StoredStops { begin, bytes }, tables })
 }
 
 impl Settled {

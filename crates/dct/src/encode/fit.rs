@@ -3,20 +3,39 @@
 use super::symbols::Counts;
 use crate::bits::{BitWriter, signed_bits};
 use crate::context::{SET_TABLES, SETS};
-use crate::tables::{AllStops, ROWS, STOP, STOP_VALUES, SYMBOLS, Stops, predicted, usual};
+use crate::tables::{AllStops, Begin, ROWS, STOP, STOP_VALUES, SYMBOLS, Stops, predicted, usual};
 
-/// The stopping probabilities that code such counts in the fewest bits, and their bytes.
-pub(super) fn fit(counts: &Counts) -> (AllStops, Vec<u8>) {
+/// Stopping probabilities as they are written.
+#[derive(Debug, Clone)]
+pub(super) struct Fitted {
+    pub(super) all: AllStops,
+    pub(super) begin: Begin,
+    pub(super) bytes: Vec<u8>,
+}
+
+/// The stopping probabilities that code such counts in the fewest bits, those of their own bytes included.
+pub(super) fn fit(counts: &Counts) -> Fitted {
+    let of = |begin| {
+        let fitted = fit_from(counts, begin);
+        let bits = StopBits::new();
+        let symbols: f64 = fitted.all.iter().zip(counts).map(|(stops, counts)| bits.of(stops, counts)).sum();
+        (symbols + 8.0 * fitted.bytes.len() as f64, fitted)
+    };
+    let (alike, preset) = (of(Begin::Alike), of(Begin::Preset));
+    if preset.0 <= alike.0 { preset.1 } else { alike.1 }
+}
+
+pub(super) fn fit_from(counts: &Counts, begin: Begin) -> Fitted {
     let bits = StopBits::new();
     let mut all = usual();
     let mut writer = BitWriter::default();
     for set in 0..SETS {
         for row in ROWS.windows(2) {
             let tables = set * SET_TABLES + row[0]..set * SET_TABLES + row[1];
-            fit_row(counts, tables, &bits, &mut all, &mut writer);
+            fit_row(counts, tables, &bits, begin, &mut all, &mut writer);
         }
     }
-    (all, writer.finish())
+    Fitted { all, begin, bytes: writer.finish() }
 }
 
 /// Fits the tables of a row, as predicted where that costs no more.
@@ -24,17 +43,18 @@ fn fit_row(
     counts: &Counts,
     tables: std::ops::Range<usize>,
     bits: &StopBits,
+    begin: Begin,
     all: &mut AllStops,
     writer: &mut BitWriter,
 ) {
     let (mut fitted, mut plain) = (0.0, 0.0);
     for table in tables.clone() {
-        all[table] = predicted(all, table);
+        all[table] = predicted(all, table, begin);
         plain += bits.of(&all[table], &counts[table]);
     }
     let unfitted = all[tables.clone()].to_vec();
     for table in tables.clone() {
-        let (stops, cost) = bits.best(predicted(all, table), &counts[table]);
+        let (stops, cost) = bits.best(predicted(all, table, begin), &counts[table]);
         all[table] = stops;
         fitted += cost;
     }
@@ -44,7 +64,7 @@ fn fit_row(
         return;
     }
     for table in tables {
-        let from = predicted(all, table);
+        let from = predicted(all, table, begin);
         let same = from == all[table];
         writer.flag(same);
         if !same {
@@ -55,10 +75,10 @@ fn fit_row(
 }
 
 /// Bits of stopping and of going on, for each stopping probability.
-struct StopBits([[f64; 2]; STOP_VALUES]);
+pub(super) struct StopBits([[f64; 2]; STOP_VALUES]);
 
 impl StopBits {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         let bits = |share: f64| -share.log2();
         StopBits(STOP.map(|stop| {
             let share = f64::from(stop) / 65536.0;
@@ -72,7 +92,7 @@ impl StopBits {
     }
 
     /// Bits of such symbols.
-    fn of(&self, stops: &Stops, counts: &[u32; SYMBOLS]) -> f64 {
+    pub(super) fn of(&self, stops: &Stops, counts: &[u32; SYMBOLS]) -> f64 {
         let tallies = tallies(stops, counts);
         stops
             .values()
@@ -120,7 +140,7 @@ mod tests {
 
     use super::*;
     use crate::context::TABLES;
-    use crate::tables::read_stops;
+    use crate::tables::StoredStops;
 
     #[test]
     fn written_tables_are_read_as_fitted() {
@@ -128,8 +148,8 @@ mod tests {
         for most in [0, 3, 5000] {
             let mut counts = vec![[0u32; SYMBOLS]; TABLES];
             counts.iter_mut().flatten().for_each(|count| *count = rng.below(most + 1) * rng.below(2));
-            let (stops, bytes) = fit(&counts);
-            assert_eq!(read_stops(&bytes), Some(stops));
+            let Fitted { all: stops, begin, bytes } = fit(&counts);
+            assert_eq!(StoredStops { begin, bytes: bytes.clone() }.read(), Some(stops));
             assert!(most > 0 || bytes.len() <= 5, "{} bytes for nothing", bytes.len());
         }
     }
@@ -139,7 +159,7 @@ mod tests {
         let mut counts = vec![[0u32; SYMBOLS]; TABLES];
         // 3/4, 1/8 and so on, a thousand times.
         counts[5] = std::array::from_fn(|symbol| if symbol == 0 { 75_000 } else { 25_000 >> symbol });
-        let (stops, _) = fit(&counts);
+        let stops = fit(&counts).all;
         let frequencies = stops[5].frequencies();
         let total: f64 = counts[5].iter().map(|&count| f64::from(count)).sum();
         let (mut ideal, mut coded) = (0.0, 0.0);

@@ -146,6 +146,12 @@ impl<'a> DctEncoder<'a> {
         self.deblocked(texture)
     }
 
+    /// Occurrences of symbols at a step.
+    #[cfg(test)]
+    pub(crate) fn counts(&self, step: u16) -> super::symbols::Counts {
+        super::code::counts(&self.planes, &self.form_at(step), self.looks())
+    }
+
     /// As [`DctEncoder::at_step`], with the bits of each 8x8 block, row by row: those of its own symbols, and an equal share of
     /// those of all means; what is beside them, header, tables and index, is left out.
     ///

@@ -14,6 +14,8 @@ mod set;
 mod source;
 mod strength;
 mod symbols;
+#[cfg(test)]
+mod training;
 
 pub use goal::{DctEncoder, DctSettings, STEPS, first_step, lambda_of, step_of};
 pub use set::{DctSetEncoder, STAGE_FINER};

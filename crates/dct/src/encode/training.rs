@@ -1,0 +1,100 @@
+//! How `preset.txt` was made: stopping probabilities of parts of images, at several sizes and bits a texel.
+
+use super::fit::{StopBits, fit_from};
+use super::symbols::Counts;
+use super::{DctEncoder, DctSettings, DctSource};
+use crate::context::{SET_TABLES, SETS};
+use crate::tables::{Begin, PRESET_ZERO, SYMBOLS};
+use texfold_core::{CancelCheck, Effort, Goal, ImageSize};
+
+/// Symbols that each texture counts as.
+const WEIGHT: f64 = 1e5;
+
+/// Parts of an image, at some bits a texel: their counts, and their bytes.
+fn each(path: &std::path::Path, mut take: impl FnMut(u32, f64, Counts, u64)) {
+    let Ok(image) = image::open(path) else { return };
+    let image = image.to_rgb8();
+    for side in [64u32, 128, 256] {
+        for third in 0..3 {
+            let (x, y) = (image.width() * third / 3, image.height() * third / 3);
+            let part = image::imageops::crop_imm(&image, x, y, side, side).to_image();
+            let size = ImageSize { width: part.width(), height: part.height() };
+            let samples = part.iter().map(|&value| value.into()).collect();
+            let source = DctSource::new(size, &[3], 8, samples).unwrap();
+            for bits in [0.4, 1.0, 2.5] {
+                let goal = Goal::Bpp(bits);
+                let settings = DctSettings { goal, effort: Effort::Fast, ..DctSettings::default() };
+                let encoder = DctEncoder::new(&source, &settings, CancelCheck::default()).unwrap();
+                let Ok(texture) = encoder.encode() else { continue };
+                let counts = encoder.counts(texture.form().quantiser.step);
+                take(side, bits, counts, texture.held_bytes());
+            }
+        }
+    }
+}
+
+/// Every second file, by name: the preset is made of these, and never measured on them.
+fn files(odd: bool) -> Vec<std::path::PathBuf> {
+    let folders = std::env::var("TEXFOLD_IMAGES").unwrap();
+    let mut all = Vec::new();
+    for folder in folders.split(':') {
+        let mut found: Vec<_> = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .filter(|p| p.is_file())
+            .collect();
+        found.sort();
+        all.extend(found.into_iter().skip(usize::from(odd)).step_by(2));
+    }
+    all
+}
+
+/// Writes `preset.txt`: `TEXFOLD_IMAGES=folder:folder cargo test --release -p texfold-dct --lib training -- --ignored`.
+#[test]
+#[ignore = "needs photographs"]
+fn preset_of_images() {
+    let mut sums = vec![[0f64; SYMBOLS]; SETS * SET_TABLES];
+    for path in files(false) {
+        each(&path, |_, _, counts, _| {
+            let all: u32 = counts.iter().flatten().sum();
+            let scale = WEIGHT / f64::from(all.max(1));
+            let rows = sums.iter_mut().zip(&counts);
+            rows.for_each(|(sums, counts)| {
+                sums.iter_mut().zip(counts).for_each(|(s, &c)| *s += scale * f64::from(c));
+            });
+        });
+    }
+    let counts: Counts = sums.iter().map(|row| row.map(|sum| sum.round() as u32)).collect();
+    let fitted = fit_from(&counts, Begin::Alike);
+    let letters: String = fitted
+        .all
+        .iter()
+        .flat_map(|stops| stops.values().iter().map(|&v| char::from(PRESET_ZERO + v)))
+        .collect();
+    std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/src/preset.txt"), letters).unwrap();
+}
+
+/// Bits of files that the preset was not made of, from both beginnings.
+#[test]
+#[ignore = "needs photographs"]
+fn bits_with_and_without() {
+    for side in [64, 128, 256] {
+        for bits in [0.4, 1.0, 2.5] {
+            let mut sums = [0.0f64; 2];
+            for path in files(true) {
+                each(&path, |of_side, of_bits, counts, _| {
+                    if (of_side, of_bits) == (side, bits) {
+                        for (sum, begin) in sums.iter_mut().zip([Begin::Alike, Begin::Preset]) {
+                            let fitted = fit_from(&counts, begin);
+                            let stops = StopBits::new();
+                            let symbols =
+                                fitted.all.iter().zip(&counts).map(|(all, counts)| stops.of(all, counts));
+                            *sum += symbols.sum::<f64>() + 8.0 * fitted.bytes.len() as f64;
+                        }
+                    }
+                });
+            }
+            println!("{side} at {bits}: {:.4}", sums[1] / sums[0]);
+        }
+    }
+}

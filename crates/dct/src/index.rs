@@ -13,6 +13,8 @@ pub(super) struct Index {
     /// Bits of a length.
     width: u32,
     words: Vec<u32>,
+    /// Whether a file holds the lengths alone, and not these words.
+    is_packed: bool,
 }
 
 impl Index {
@@ -21,31 +23,69 @@ impl Index {
         count.div_ceil(GROUP) * (width as usize + 1)
     }
 
-    /// Reads an index.
+    /// An index of such words.
     pub(super) fn new(width: u32, words: Vec<u32>) -> Index {
-        Index { width, words }
+        Index { width, words, is_packed: false }
     }
 
     /// The index of superblocks of such lengths; `None` where their sum has more than 32 bits.
     #[cfg(feature = "encode")]
     pub(super) fn of_lengths(lengths: &[usize]) -> Option<Index> {
         let longest = u32::try_from(lengths.iter().copied().max().unwrap_or(0)).ok()?;
-        let width = 32 - longest.leading_zeros();
-        let mut words = vec![0u32; Self::words_of(lengths.len(), width)];
+        Index::of_width(32 - longest.leading_zeros(), lengths.len(), |number| lengths[number] as u32)
+    }
+
+    /// Bytes of `count` lengths of `width` bits.
+    pub(super) fn packed_bytes(count: usize, width: u32) -> usize {
+        (count * width as usize).div_ceil(8)
+    }
+
+    /// The lengths of `count` superblocks, the lowest bits first.
+    pub(super) fn packed(&self, count: usize) -> Vec<u8> {
+        let mut bytes = vec![0u8; Index::packed_bytes(count, self.width)];
+        for number in 0..count {
+            let bit = number * self.width as usize;
+            let shifted = u64::from(self.length(number)) << (bit % 8);
+            // 24 bits and a shift of 7 lie in four bytes.
+            let parts = shifted.to_le_bytes();
+            bytes.iter_mut().skip(bit / 8).zip(parts).for_each(|(byte, part)| *byte |= part);
+        }
+        bytes
+    }
+
+    /// The index of `count` superblocks from their lengths; `None` where their sum has more than 32 bits.
+    pub(super) fn unpacked(width: u32, bytes: &[u8], count: usize) -> Option<Index> {
+        let length = |number: usize| {
+            let bit = number * width as usize;
+            let parts = bytes.iter().skip(bit / 8).take(4).enumerate();
+            let word = parts.fold(0u64, |word, (at, &byte)| word | u64::from(byte) << (8 * at));
+            ((word >> (bit % 8)) & ((1 << width) - 1)) as u32
+        };
+        Index::of_width(width, count, length)
+    }
+
+    /// Whether a file holds the lengths alone.
+    pub(super) fn is_packed(&self) -> bool {
+        self.is_packed
+    }
+
+    fn of_width(width: u32, count: usize, length: impl Fn(usize) -> u32) -> Option<Index> {
+        let mut words = vec![0u32; Self::words_of(count, width)];
         let mut start = 0u32;
-        for (number, &length) in lengths.iter().enumerate() {
+        for number in 0..count {
+            let length = length(number);
             let group = number / GROUP * (width as usize + 1);
             if number.is_multiple_of(GROUP) {
                 words[group] = start;
             }
             let bit = number % GROUP * width as usize;
-            let shifted = (length as u64) << (bit % 32);
+            let shifted = u64::from(length) << (bit % 32);
             let parts = [shifted as u32, (shifted >> 32) as u32];
             // Lengths of no bits have no words.
             words.iter_mut().skip(group + 1 + bit / 32).zip(parts).for_each(|(word, part)| *word |= part);
-            start = start.checked_add(length as u32)?;
+            start = start.checked_add(length)?;
         }
-        Some(Index { width, words })
+        Some(Index { width, words, is_packed: true })
     }
 
     /// Bits of a length.
@@ -95,6 +135,9 @@ mod tests {
             for (number, &length) in lengths.iter().enumerate() {
                 assert_eq!(index.of(&bytes, number), vec![number as u8; length]);
             }
+            let packed = index.packed(lengths.len());
+            assert_eq!(packed.len(), (lengths.len() * index.width() as usize).div_ceil(8));
+            assert_eq!(Index::unpacked(index.width(), &packed, lengths.len()), Some(index));
         }
     }
 

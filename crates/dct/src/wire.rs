@@ -2,7 +2,7 @@
 //!
 //! | bytes | what |
 //! |---|---|
-//! | 1 | version: 1, 1 more with deblocking, 2 more where tables begin from the preset |
+//! | 1 | version: 1, 1 more with deblocking, 2 more where tables begin from the preset, 4 more where the index is lengths alone |
 //! | 2, 2 | columns and rows, less one |
 //! | 1, 1 | bits of a sample, binary logarithm of a superblock's side |
 //! | 2, 1, 2 | step, slope, two offsets |
@@ -26,9 +26,11 @@ use crate::tables::{Begin, StoredStops, Table};
 
 /// Version of the layout without deblocking.
 const PLAIN: u8 = 1;
-/// What is added to it with deblocking, and where tables begin from the preset.
+/// What is added to it with deblocking, where tables begin from the preset,
 const DEBLOCKED: u8 = 1;
 const PRESET: u8 = 2;
+/// Where the index holds lengths alone.
+const PACKED: u8 = 4;
 /// Most bits of a length in the index.
 const MAX_WIDTH: u8 = 24;
 /// Largest weight of an axis: an orthonormal one.
@@ -47,7 +49,11 @@ impl DctTexture {
     #[must_use]
     pub fn base_bytes(&self) -> Vec<u8> {
         let mut out = self.header();
-        out.extend(self.index.words().iter().flat_map(|word| word.to_le_bytes()));
+        if self.index.is_packed() {
+            out.extend(self.index.packed(self.superblocks()));
+        } else {
+            out.extend(self.index.words().iter().flat_map(|word| word.to_le_bytes()));
+        }
         out.extend(&self.stops.bytes);
         out.extend(&self.bytes[..self.base_length().min(self.bytes.len())]);
         out
@@ -67,7 +73,17 @@ impl DctTexture {
 
     /// Bytes of header, index and tables.
     pub(super) fn bytes_before_streams(&self) -> usize {
-        self.header().len() + 4 * self.index.words().len() + self.stops.bytes.len()
+        let index = if self.index.is_packed() {
+            Index::packed_bytes(self.superblocks(), self.index.width())
+        } else {
+            4 * self.index.words().len()
+        };
+        self.header().len() + index + self.stops.bytes.len()
+    }
+
+    /// Superblocks of all planes.
+    fn superblocks(&self) -> usize {
+        self.form.planes().iter().map(|plane| plane.count()).sum()
     }
 
     /// Header: sizes, axes, quantiser, lengths.
@@ -75,7 +91,8 @@ impl DctTexture {
         let form = self.form();
         let deblocked = if form.deblocking > 0 { DEBLOCKED } else { 0 };
         let preset = if self.stops.begin == Begin::Preset { PRESET } else { 0 };
-        let mut out = vec![PLAIN + deblocked + preset];
+        let packed = if self.index.is_packed() { PACKED } else { 0 };
+        let mut out = vec![PLAIN + deblocked + preset + packed];
         out.extend(((form.size.width - 1) as u16).to_le_bytes());
         out.extend(((form.size.height - 1) as u16).to_le_bytes());
         out.extend([form.depth, form.superblock_log2]);
@@ -109,7 +126,7 @@ impl DctTexture {
     /// # Errors
     /// As [`DctTexture::read`].
     pub fn read_base(reader: &mut Reader<'_>, budget: &mut Budget) -> Result<Self, LoadError> {
-        let (form, begin) = read_form(reader)?;
+        let (form, begin, is_packed) = read_form(reader)?;
         budget.check_texels(form.size.texels())?;
         let width = reader.u8()?;
         if width > MAX_WIDTH {
@@ -126,10 +143,16 @@ impl DctTexture {
         // Tables, and the words that a GPU decodes with.
         budget.take((SETS * SET_TABLES * size_of::<Table>()) as u64)?;
         budget.take(4 * (words_before_index(planes.len()) + words) as u64)?;
-        let index = reader.bytes(4 * words)?;
-        let index =
-            index.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
-        let index = Index::new(u32::from(width), index.collect());
+        let index = if is_packed {
+            let lengths = reader.bytes(Index::packed_bytes(superblocks, u32::from(width)))?;
+            Index::unpacked(u32::from(width), lengths, superblocks)
+                .ok_or_else(|| reader.corrupt("superblocks of more than 4 GiB"))?
+        } else {
+            let index = reader.bytes(4 * words)?;
+            let index =
+                index.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
+            Index::new(u32::from(width), index.collect())
+        };
         let stops = StoredStops { begin, bytes: reader.bytes(table_bytes)?.to_vec() };
         if stops.read().is_none() {
             return Err(reader.corrupt("tables of probabilities that no writer writes"));
@@ -152,12 +175,13 @@ impl DctTexture {
     }
 }
 
-fn read_form(reader: &mut Reader<'_>) -> Result<(DctForm, Begin), LoadError> {
+fn read_form(reader: &mut Reader<'_>) -> Result<(DctForm, Begin, bool), LoadError> {
     let parts = reader.u8()?.wrapping_sub(PLAIN);
-    if parts > DEBLOCKED + PRESET {
+    if parts > DEBLOCKED + PRESET + PACKED {
         return Err(reader.corrupt("a layout of blocks that this reader does not know"));
     }
     let is_deblocked = parts & DEBLOCKED > 0;
+    let is_packed = parts & PACKED > 0;
     let begin = if parts & PRESET > 0 { Begin::Preset } else { Begin::Alike };
     let (width, height) = (u32::from(reader.u16()?) + 1, u32::from(reader.u16()?) + 1);
     let (depth, superblock_log2) = (reader.u8()?, reader.u8()?);
@@ -190,7 +214,7 @@ fn read_form(reader: &mut Reader<'_>) -> Result<(DctForm, Begin), LoadError> {
         return Err(reader.corrupt("no channels"));
     }
     let size = ImageSize { width, height };
-    Ok((DctForm { size, depth, superblock_log2, quantiser, deblocking, groups }, begin))
+    Ok((DctForm { size, depth, superblock_log2, quantiser, deblocking, groups }, begin, is_packed))
 }
 
 fn read_group(reader: &mut Reader<'_>) -> Result<Group, LoadError> {

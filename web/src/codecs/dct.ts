@@ -209,12 +209,34 @@ function readGroup(reader: Reader, ranks: number[], channels: Channel[], shift: 
   }
 }
 
+/** Writes the words of an index: for each 32 superblocks the first one's place, and their lengths; the end of the last one. */
+function unpackIndex(bytes: Uint8Array, bits: number, total: number, out: Uint32Array): number {
+  let start = 0;
+  for (let number = 0; number < total; number++) {
+    let length = 0;
+    for (let at = 0; at < bits; at++) {
+      const bit = number * bits + at;
+      length |= ((bytes[bit >> 3]! >> (bit & 7)) & 1) << at;
+    }
+    const group = Math.floor(number / GROUP) * (bits + 1), inGroup = number % GROUP;
+    if (inGroup === 0) {
+      out[group] = start;
+    }
+    for (let at = 0; at < bits; at++) {
+      const bit = inGroup * bits + at;
+      out[group + 1 + (bit >> 5)]! |= ((length >> at) & 1) << (bit & 31);
+    }
+    start += length;
+  }
+  return start;
+}
+
 /** Reads header, index, tables and the streams of the bases; `place` is the part of an image that it is. */
 export function readStage(reader: Reader, budget: Budget, place: { image: number; level: number; levels: number }, pixel: Layout): Stage {
   const first = reader.at;
   const version = reader.u8();
-  reader.check(version >= 1 && version <= 4, "a layout of blocks that this reader does not know");
-  const isDeblocked = version % 2 === 0, fromPreset = version > 2;
+  reader.check(version >= 1 && version <= 8, "a layout of blocks that this reader does not know");
+  const parts = version - 1, isDeblocked = (parts & 1) > 0, fromPreset = (parts & 2) > 0, isPacked = (parts & 4) > 0;
   const size = { width: reader.u16() + 1, height: reader.u16() + 1 };
   const depth = reader.u8(), superblockLog2 = reader.u8();
   reader.check(depth === 8 || depth === 16, "samples of neither 8 nor 16 bits");
@@ -242,10 +264,15 @@ export function readStage(reader: Reader, budget: Budget, place: { image: number
   const indexWords = Math.ceil(total / GROUP) * (indexBits + 1);
   const steps = WORDS.length + SETS * SET_TABLES * TABLE_WORDS, index = steps + planes.length * COEFFICIENTS;
   budget.take(4 * (index + indexWords + 2));
-  const stored = reader.bytes(4 * indexWords);
+  const stored = reader.bytes(isPacked ? Math.ceil((total * indexBits) / 8) : 4 * indexWords);
   const words = new Uint32Array(index + indexWords + 2);
   words.set(WORDS);
-  new Uint8Array(words.buffer, 4 * index).set(stored);
+  if (isPacked) {
+    const end = unpackIndex(stored, indexBits, total, words.subarray(index));
+    reader.check(end < 2 ** 32, "superblocks of more than 4 GiB");
+  } else {
+    new Uint8Array(words.buffer, 4 * index).set(stored);
+  }
   reader.check(tablesOf(reader.bytes(tableBytes), fromPreset, words.subarray(WORDS.length, steps)), "tables of probabilities that no writer writes");
   const units = (256 + (step % 256)) * 2 ** Math.floor(step / 256);
   planes.forEach((_, plane) => {

@@ -55,7 +55,13 @@ pub(crate) struct FuzzArgs {
     minutes: u32,
     /// Only this target.
     target: Option<String>,
+    /// Afterwards write the smallest inputs that reach as much to fixtures/fuzz, where tests find them.
+    #[arg(long)]
+    keep: bool,
 }
+
+/// Most bytes of the inputs of a target that are kept.
+const KEPT_BYTES: usize = 1 << 20;
 
 /// Runs the command.
 pub(crate) fn run(args: &FuzzArgs) -> ExitCode {
@@ -100,8 +106,42 @@ fn fuzz(args: &FuzzArgs) -> io::Result<bool> {
         let outcome = if passed { "no fault" } else { "FAILED" };
         println!("{name}: {executions} executions in {seconds} s, {outcome}");
         is_clean &= passed;
+        // Inputs of the command line are kept by no test.
+        if args.keep && passed && *seeds != Seeds::Inputs {
+            keep(&programs.join(name), name, &corpus)?;
+        }
     }
     Ok(is_clean)
+}
+
+/// Writes inputs that reach all that a corpus reaches, the shortest first, each behind its length in four bytes.
+fn keep(program: &Path, name: &str, corpus: &Path) -> io::Result<()> {
+    let merged = root().join("target/fuzz").join(format!("{name}-merged"));
+    let _ = fs::remove_dir_all(&merged);
+    fs::create_dir_all(&merged)?;
+    let mut command = Command::new(program);
+    command.args(LIMITS).arg("-merge=1").arg(&merged).arg(corpus);
+    if !command.stdout(Stdio::null()).stderr(Stdio::null()).status()?.success() {
+        return Err(io::Error::other(format!("the inputs of {name} cannot be merged")));
+    }
+    let read = |entry: io::Result<fs::DirEntry>| fs::read(entry?.path());
+    let mut inputs: Vec<Vec<u8>> = fs::read_dir(&merged)?.map(read).collect::<io::Result<_>>()?;
+    inputs.sort_by_key(|input| (input.len(), input.clone()));
+    let mut out = Vec::new();
+    let mut count = 0;
+    for input in inputs {
+        if out.len() + 4 + input.len() > KEPT_BYTES {
+            break;
+        }
+        out.extend((input.len() as u32).to_le_bytes());
+        out.extend(input);
+        count += 1;
+    }
+    let folder = root().join("fixtures/fuzz");
+    fs::create_dir_all(&folder)?;
+    fs::write(folder.join(format!("{name}.bin")), &out)?;
+    println!("{name}: {count} inputs of {} bytes kept", out.len());
+    Ok(())
 }
 
 /// Builds the targets; the folder of their programs.

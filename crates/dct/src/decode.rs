@@ -25,7 +25,7 @@ pub struct DctTexture {
     pub(super) bytes: Bytes,
     /// Bytes of all superblocks of the whole texture.
     pub(super) stream_bytes: u32,
-    tools: Cached<Tools>,
+    tools: Cached<Box<Tools>>,
     /// The means of the image's blocks.
     base: Cached<Option<Patch>>,
 }
@@ -274,7 +274,7 @@ impl DctTexture {
 
     /// What superblocks are decoded with, made when it is first needed.
     fn tools(&self) -> &Tools {
-        self.tools.get_or_make(|| self.make_tools())
+        self.tools.get_or_make(|| Box::new(self.make_tools()))
     }
 
     /// What superblocks are decoded with.

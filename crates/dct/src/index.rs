@@ -70,7 +70,10 @@ impl Index {
     }
 
     fn of_width(width: u32, count: usize, length: impl Fn(usize) -> u32) -> Option<Index> {
-        let mut words = vec![0u32; Self::words_of(count, width)];
+        // The last group ends with its last length.
+        let (whole, rest) = (count / GROUP, count % GROUP);
+        let last = if rest > 0 { 1 + (rest * width as usize).div_ceil(32) } else { 0 };
+        let mut words = vec![0u32; Self::words_of(whole * GROUP, width) + last];
         let mut start = 0u32;
         for number in 0..count {
             let length = length(number);

@@ -11,6 +11,7 @@ use std::sync::Mutex;
 
 use peak_alloc::PeakAlloc;
 use support::forged::with_changed_section;
+use support::target::{self, Forged};
 use support::{dct, epitome, fixture, small_textures, stack};
 use texfold::{
     AnyTexture,
@@ -40,6 +41,10 @@ static TURN: Mutex<()> = Mutex::new(());
 
 /// What no budget books, in bytes: names, a list of sections, work that threads share out.
 const SLACK: u64 = 64 << 10;
+
+/// The most bytes that an input of a fuzz target takes: its limit of 16 MiB to load, the same again to load what it was stored as, and what
+/// decodes regions.
+const MOST_OF_AN_INPUT: usize = 40 << 20;
 
 /// Files with a changed section that are loaded under several limits.
 const FORGED: usize = 1500;
@@ -207,6 +212,41 @@ fn a_zipmap_is_encoded_within_what_its_job_books() {
 }
 
 /// Encoding with `dct` holds samples, coefficients and quantised levels beside its source, with mips the chain.
+/// The inputs of a fuzz target that `cargo xtask fuzz --keep` wrote: each behind its length.
+fn kept(target: &str) -> Vec<Vec<u8>> {
+    let file = texfold_testkit::fixtures_dir().join("fuzz").join(format!("{target}.bin"));
+    let (bytes, mut inputs) = (std::fs::read(file).unwrap(), Vec::new());
+    let mut rest = bytes.as_slice();
+    while let Some((length, after)) = rest.split_first_chunk::<4>() {
+        let (input, after) = after.split_at(u32::from_le_bytes(*length) as usize);
+        inputs.push(input.to_vec());
+        rest = after;
+    }
+    inputs
+}
+
+#[test]
+fn what_fuzz_targets_keep_finds_nothing_and_takes_little_memory() {
+    let _turn = TURN.lock().unwrap();
+    let step = if texfold_testkit::full() { 1 } else { 4 };
+    let run = |name: &str, input: &[u8]| match name {
+        "open" => Some(target::open_any(input)),
+        "blocks" => target::open_forged(input, Forged::Blocks),
+        _ => target::open_forged(input, Forged::Sections),
+    };
+    for name in ["open", "blocks", "sections"] {
+        // What is made once.
+        run(name, &[0; 64]);
+        for (number, input) in kept(name).into_iter().enumerate().step_by(step) {
+            let before = ALLOCATOR.current_usage();
+            ALLOCATOR.reset_peak_usage();
+            run(name, &input);
+            let peak = ALLOCATOR.peak_usage().saturating_sub(before);
+            assert!(peak <= MOST_OF_AN_INPUT, "{name} {number}: {peak} bytes");
+        }
+    }
+}
+
 #[test]
 fn blocks_are_encoded_without_copies_of_the_image() {
     let _turn = TURN.lock().unwrap();

@@ -261,7 +261,9 @@ export function readStage(reader: Reader, budget: Budget, place: { image: number
   const planes = planesOf(size);
   const counts = planes.map((plane) => superblocks(plane, superblockLog2));
   const total = counts.reduce((sum, count) => sum + count, 0);
-  const indexWords = Math.ceil(total / GROUP) * (indexBits + 1);
+  // The last group of a packed index ends with its last length.
+  const rest = isPacked ? total % GROUP : 0;
+  const indexWords = Math.ceil((total - rest) / GROUP) * (indexBits + 1) + (rest > 0 ? 1 + Math.ceil((rest * indexBits) / 32) : 0);
   const steps = WORDS.length + SETS * SET_TABLES * TABLE_WORDS, index = steps + planes.length * COEFFICIENTS;
   budget.take(4 * (index + indexWords + 2));
   const stored = reader.bytes(isPacked ? Math.ceil((total * indexBits) / 8) : 4 * indexWords);

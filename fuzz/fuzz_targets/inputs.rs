@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 
 use texfold_cli::{FOREIGN, read_foreign};
 
-/// What an image may take.
+/// Memory limit of an image.
 const LIMIT_BYTES: u64 = 64 << 20;
 
 /// A folder in memory where there is one.

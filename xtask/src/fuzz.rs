@@ -9,7 +9,7 @@ use std::process::{Command, ExitCode, Stdio};
 use crate::root;
 use crate::run::cargo;
 
-/// What a fuzz target begins with.
+/// Seeds of a fuzz target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Seeds {
     /// Golden files.

@@ -13,7 +13,7 @@ pub(super) struct Index {
     /// Bits of a length.
     width: u32,
     words: Vec<u32>,
-    /// Whether a file holds the lengths alone, and not these words.
+    /// True where a file holds the lengths alone, and not these words.
     is_packed: bool,
 }
 
@@ -64,11 +64,12 @@ impl Index {
         Index::of_width(width, count, length)
     }
 
-    /// Whether a file holds the lengths alone.
+    /// True where a file holds the lengths alone.
     pub(super) fn is_packed(&self) -> bool {
         self.is_packed
     }
 
+    /// The index of `count` superblocks of such lengths, each of `width` bits; `None` where their sum has more than 32 bits.
     fn of_width(width: u32, count: usize, length: impl Fn(usize) -> u32) -> Option<Index> {
         // The last group ends with its last length.
         let (whole, rest) = (count / GROUP, count % GROUP);

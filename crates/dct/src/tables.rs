@@ -189,7 +189,7 @@ impl Table {
 /// The stopping probabilities of all tables.
 pub(super) type AllStops = Vec<Stops>;
 
-/// What the tables of a texture begin from.
+/// Start of the prediction of a texture's tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Begin {
     /// All stopping probabilities alike.
@@ -199,7 +199,7 @@ pub(super) enum Begin {
     Preset,
 }
 
-/// What a table's stopping probabilities are predicted by. From all alike: those of the table before in its row, of the same row of the set
+/// Prediction of a table's stopping probabilities. From all alike: those of the table before in its row, of the same row of the set
 /// before for the first. From the preset: its own there, moved as far as the table before in its row lies off.
 pub(super) fn predicted(stops: &AllStops, table: usize, begin: Begin) -> Stops {
     let is_first = ROWS.contains(&(table % SET_TABLES));

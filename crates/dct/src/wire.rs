@@ -9,7 +9,7 @@
 //! | 1 | strength of deblocking, where there is any |
 //! | 1 | groups; for each: 1 channels, then 2 for each mean, 2 for each of channels x channels weights of axes |
 //! | 1, 2, 4 | bits of a length in the index, bytes of the tables, bytes of the superblocks |
-//! | | words of the index, tables, superblocks: those of the coarsest base first, each plane row by row |
+//! | | index (its words, or the lengths alone), tables, superblocks: those of the coarsest base first, each plane row by row |
 //!
 //! So bytes that end early still hold the bases: superblocks that are missing decode to what their means predict.
 
@@ -24,12 +24,13 @@ use crate::gpu::words_before_index;
 use crate::index::Index;
 use crate::tables::{Begin, StoredStops, Table};
 
-/// Version of the layout without deblocking.
+/// Version of the layout without deblocking, with tables that begin alike and an index of words.
 const PLAIN: u8 = 1;
-/// What is added to it with deblocking, where tables begin from the preset,
+/// Added to the version of a layout with deblocking.
 const DEBLOCKED: u8 = 1;
+/// Added where tables begin from the preset.
 const PRESET: u8 = 2;
-/// Where the index holds lengths alone.
+/// Added where the index holds lengths alone.
 const PACKED: u8 = 4;
 /// Most bits of a length in the index.
 const MAX_WIDTH: u8 = 24;

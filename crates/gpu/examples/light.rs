@@ -13,11 +13,12 @@ use std::path::PathBuf;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec3};
+use scene::pipeline::{self, Corners, Entries};
 use scene::{Quad, Scene, camera};
 use texfold::core::{Encoded, Encoder};
 use texfold::lightfield::{LightParams, LightTexture, Lightfield};
 use texfold::{Choice, Content, Effort, EncodeSettings, Guidance, ImageSet, Job};
-use texfold_gpu::{Gpu, GpuLight, Policy, TileCache, TileLook, TileOptions, wgpu};
+use texfold_gpu::{Gpu, GpuLight, ModuleInfo, Policy, TileCache, TileLook, TileOptions, wgpu};
 use texfold_shaders::Slot;
 use texfold_testkit::capture::{Look, sphere};
 
@@ -86,21 +87,11 @@ impl Object {
         let foot = Vec3::new(0.5 * (low.x + high.x), low.y, 0.5 * (low.z + high.z));
         let placed =
             Mat4::from_translation(at) * Mat4::from_scale(Vec3::splat(scale)) * Mat4::from_translation(-foot);
-        let uniform = gpu.device().create_buffer(&wgpu::BufferDescriptor {
-            label: Some("object"),
-            size: size_of::<Uniform>() as u64,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        let group = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &uniform_layout(gpu),
-            entries: &[wgpu::BindGroupEntry { binding: 0, resource: uniform.as_entire_binding() }],
-        });
+        let (uniform, group) = pipeline::uniform(gpu.device(), size_of::<Uniform>());
         Ok(Object { light: gpu.upload_light(&light.gpu())?, placed, uniform, group })
     }
 
-    /// What the object's shader takes, from the scene's camera.
+    /// Parameters of the object's shader, from the scene's camera.
     fn seen(&self, projection: Mat4, eye: Vec3) -> Uniform {
         let eye = self.placed.inverse().transform_point3(eye);
         Uniform { projection: projection * self.placed, eye, reserved: 0 }
@@ -123,7 +114,7 @@ impl Stage {
             objects.push(Object::new(gpu, light, Vec3::new(1.3 * left, 0.0, 0.0))?);
         }
         let first = objects.first().ok_or("no light field")?;
-        let pipeline = pipeline(gpu, first.light.module());
+        let pipeline = pipeline_of(gpu, first.light.module())?;
         let options = TileOptions {
             pool_bytes: 8 << 20,
             stream_bytes: 1 << 20,
@@ -182,59 +173,14 @@ fn eye(number: u32, all: u32) -> Vec3 {
     Vec3::new(3.0 * angle.sin(), 1.1, 3.0 * angle.cos())
 }
 
-fn uniform_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
-    gpu.device().create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: None,
-        entries: &[wgpu::BindGroupLayoutEntry {
-            binding: 0,
-            visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
-            ty: wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Uniform,
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            },
-            count: None,
-        }],
-    })
-}
-
 /// The pipeline of all light fields.
-fn pipeline(gpu: &Gpu, module: &'static texfold_gpu::ModuleInfo) -> wgpu::RenderPipeline {
-    let device = gpu.device();
-    let slot = [Slot::new(module, 0, 0)];
-    let pasted = texfold_shaders::paste(&slot).unwrap_or_else(|error| unreachable!("one slot: {error}"));
-    let source = wgpu::ShaderSource::Wgsl([&pasted, SHADER].concat().into());
-    let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
-    let uniform = uniform_layout(gpu);
+fn pipeline_of(gpu: &Gpu, module: &'static ModuleInfo) -> Result<wgpu::RenderPipeline, Box<dyn Error>> {
+    let source = [&texfold_shaders::paste(&[Slot::new(module, 0, 0)])?, SHADER].concat();
+    let entries = Entries { vertex: "vs", fragment: "fs" };
+    let uniform = pipeline::uniform_layout(gpu.device());
     let groups = [Some(gpu.bind_group_layout(module)), Some(&uniform)];
-    let layout = wgpu::PipelineLayoutDescriptor { bind_group_layouts: &groups, ..Default::default() };
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("light fields"),
-        layout: Some(&device.create_pipeline_layout(&layout)),
-        vertex: wgpu::VertexState {
-            module: &shader,
-            entry_point: Some("vs"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: Some(wgpu::DepthStencilState {
-            format: scene::DEPTH,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::Less),
-            stencil: wgpu::StencilState::default(),
-            bias: wgpu::DepthBiasState::default(),
-        }),
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &shader,
-            entry_point: Some("fs"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(scene::FORMAT.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
+    let shader = (source, entries);
+    Ok(pipeline::pipeline(gpu.device(), shader, &groups, &[], Corners::NUMBERED, scene::FORMAT))
 }
 
 /// Two spheres: one by block, one with texels in BC7.

@@ -1,4 +1,4 @@
-//! What a window shows.
+//! Content of a window.
 
 #[path = "../../gpu/examples/support/archive.rs"]
 mod archive;
@@ -53,7 +53,7 @@ enum Kind {
     },
 }
 
-/// Whether the file can be opened.
+/// Opens the file and forgets it: its faults are told before there is a window.
 pub(crate) fn check(path: &Path) -> Result<(), Box<dyn Error>> {
     if path.join(MANIFEST).is_file() {
         Bank::open(path).map(|_: Bank| ())?

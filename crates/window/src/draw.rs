@@ -1,10 +1,12 @@
-//! Pipelines and passes of a window.
+//! Pipelines and meshes of a window.
+
+#[path = "../../gpu/examples/support/pipeline.rs"]
+pub(crate) mod pipeline;
 
 use glam::{Mat4, Vec2, Vec3};
 use texfold_gpu::{Gpu, wgpu};
 
-/// Format of depths.
-pub(crate) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+use pipeline::{Corners, Entries};
 
 /// A corner of a mesh; the texture is one of a cache of tiles.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
@@ -52,7 +54,7 @@ fn fragment_main(in: Varying) -> @location(0) vec4<f32> {
 }
 ";
 
-/// What is drawn by one shader: a pipeline, and the parameters in its group 1.
+/// A shader's pipeline, and the parameters in its group 1.
 pub(crate) struct Drawing {
     pub(crate) pipeline: wgpu::RenderPipeline,
     pub(crate) params: wgpu::Buffer,
@@ -69,69 +71,18 @@ impl Drawing {
         format: wgpu::TextureFormat,
     ) -> Drawing {
         let device = gpu.device();
-        let params = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("camera"),
-            size: size_of::<Params>() as u64,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        let uniform = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some("camera"),
-            entries: &[wgpu::BindGroupLayoutEntry {
-                binding: 0,
-                visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
-                ty: wgpu::BindingType::Buffer {
-                    ty: wgpu::BufferBindingType::Uniform,
-                    has_dynamic_offset: false,
-                    min_binding_size: None,
-                },
-                count: None,
-            }],
-        });
-        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &uniform,
-            entries: &[wgpu::BindGroupEntry { binding: 0, resource: params.as_entire_binding() }],
-        });
-        let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: None,
-            source: wgpu::ShaderSource::Wgsl(source.into()),
-        });
-        let groups = [Some(textures), Some(&uniform)];
-        let layout = wgpu::PipelineLayoutDescriptor { bind_group_layouts: &groups, ..Default::default() };
-        let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x2, 2 => Uint32];
-        let corners = [Some(wgpu::VertexBufferLayout {
+        let (params, group) = pipeline::uniform(device, size_of::<Params>());
+        let uniform = pipeline::uniform_layout(device);
+        let layouts = [Some(wgpu::VertexBufferLayout {
             array_stride: size_of::<Corner>() as u64,
             step_mode: wgpu::VertexStepMode::Vertex,
-            attributes: &attributes,
+            attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x2, 2 => Uint32],
         })];
-        let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: None,
-            layout: Some(&device.create_pipeline_layout(&layout)),
-            vertex: wgpu::VertexState {
-                module: &shader,
-                entry_point: Some("vertex_main"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: if has_corners { &corners } else { &[] },
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format: DEPTH,
-                depth_write_enabled: Some(true),
-                depth_compare: Some(wgpu::CompareFunction::Less),
-                stencil: wgpu::StencilState::default(),
-                bias: wgpu::DepthBiasState::default(),
-            }),
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &shader,
-                entry_point: Some("fragment_main"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets: &[Some(format.into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
+        let corners =
+            if has_corners { Corners { layouts: &layouts, ..Corners::NUMBERED } } else { Corners::NUMBERED };
+        let entries = Entries { vertex: "vertex_main", fragment: "fragment_main" };
+        let groups = [Some(textures), Some(&uniform)];
+        let pipeline = pipeline::pipeline(device, (source, entries), &groups, &[], corners, format);
         Drawing { pipeline, params, group }
     }
 
@@ -174,32 +125,4 @@ impl Mesh {
         pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
         pass.draw_indexed(0..self.count, 0, 0..1);
     }
-}
-
-/// The pass of a frame, whose image and depths are clear.
-pub(crate) fn pass<'e>(
-    encoder: &'e mut wgpu::CommandEncoder,
-    view: &wgpu::TextureView,
-    depth: &wgpu::TextureView,
-) -> wgpu::RenderPass<'e> {
-    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-            view,
-            depth_slice: None,
-            resolve_target: None,
-            ops: wgpu::Operations {
-                load: wgpu::LoadOp::Clear(wgpu::Color { r: 0.2, g: 0.22, b: 0.25, a: 1.0 }),
-                store: wgpu::StoreOp::Store,
-            },
-        })],
-        depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-            view: depth,
-            depth_ops: Some(wgpu::Operations {
-                load: wgpu::LoadOp::Clear(1.0),
-                store: wgpu::StoreOp::Discard,
-            }),
-            stencil_ops: None,
-        }),
-        ..Default::default()
-    })
 }

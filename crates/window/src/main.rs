@@ -28,6 +28,8 @@ use orbit::Orbit;
 
 /// Frames that the time in the title is the mean of.
 const FRAMES: u32 = 30;
+/// Colour behind all.
+const BACKGROUND: wgpu::Color = wgpu::Color { r: 0.2, g: 0.22, b: 0.25, a: 1.0 };
 /// Pixels of a line of a mouse's wheel.
 const LINE: f32 = 40.0;
 
@@ -63,7 +65,7 @@ fn run(args: Args) -> Result<(), Box<dyn Error>> {
     app.failed.map_or(Ok(()), Err)
 }
 
-/// What the event loop drives.
+/// State of the event loop.
 struct App {
     args: Args,
     shown: Option<Shown>,
@@ -156,7 +158,7 @@ impl Shown {
         let mut encoder =
             self.gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
-            let mut pass = draw::pass(&mut encoder, &view, &self.depth);
+            let mut pass = draw::pipeline::pass(&mut encoder, (&view, &self.depth), BACKGROUND);
             self.content.draw(&self.gpu, &mut pass, self.orbit.projection(aspect), self.orbit.eye());
         }
         self.content.update(&mut encoder);
@@ -187,7 +189,7 @@ fn depth(device: &wgpu::Device, config: &wgpu::SurfaceConfiguration) -> wgpu::Te
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
-        format: draw::DEPTH,
+        format: draw::pipeline::DEPTH,
         usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
         view_formats: &[],
     });

@@ -1,4 +1,4 @@
-//! What a bank holds, with a row of the report for each image.
+//! The list of a bank, with a row of the report for each image.
 
 use std::path::Path;
 
@@ -28,7 +28,7 @@ pub(crate) fn open(dir: &Path) -> Result<Bank, CliError> {
     }
 }
 
-/// How the texels of an image are reached.
+/// Access to the texels of an image.
 pub(crate) fn access_of(image: &Image) -> Access {
     if image.row.access == Access::Block.name() { Access::Block } else { Access::Texel }
 }

@@ -64,7 +64,7 @@ pub(crate) fn decompress(dir: &Path, choice: Choice<'_>, draw: &Draw<'_>) -> Res
     Ok(failed)
 }
 
-/// What is asked for of an image of that number.
+/// The chosen part of an image of that number.
 fn drawn(
     bank: &Bank,
     (number, image): (u32, &Image),

@@ -33,7 +33,7 @@ pub(super) struct Place<'p> {
     /// Categories of its tiles, row by row.
     pub(super) categories: &'p [usize],
     pub(super) limit_bytes: u64,
-    /// What errors are measured against: [`texfold_core::image::Raster::peak`].
+    /// Reference value of errors: [`texfold_core::image::Raster::peak`].
     pub(super) peak: f32,
 }
 

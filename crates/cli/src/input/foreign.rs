@@ -26,7 +26,7 @@ pub const FOREIGN: [&str; 9] = [
 /// Reads a file of one of the names in [`FOREIGN`] with at most so many bytes; the fault that a user would see. A panic of a decoder becomes one, too.
 ///
 /// # Errors
-/// What is wrong with the file.
+/// The fault of the file, in words.
 pub fn read_foreign(path: &Path, limit_bytes: u64) -> Result<(), String> {
     guarded(path, || read(path, limit_bytes)).map_err(|error| error.to_string())
 }

@@ -15,24 +15,27 @@ pub(super) struct Fitted {
 
 /// The stopping probabilities that code such counts in the fewest bits, those of their own bytes included.
 pub(super) fn fit(counts: &Counts) -> Fitted {
-    let of = |begin| {
-        let fitted = fit_from(counts, begin);
-        let bits = StopBits::new();
-        let symbols: f64 = fitted.all.iter().zip(counts).map(|(stops, counts)| bits.of(stops, counts)).sum();
-        (symbols + 8.0 * fitted.bytes.len() as f64, fitted)
-    };
-    let (alike, preset) = (of(Begin::Alike), of(Begin::Preset));
-    if preset.0 <= alike.0 { preset.1 } else { alike.1 }
+    let bits = StopBits::new();
+    let [alike, preset] = [Begin::Alike, Begin::Preset].map(|begin| fit_from(counts, begin, &bits));
+    if preset.bits(counts, &bits) <= alike.bits(counts, &bits) { preset } else { alike }
 }
 
-pub(super) fn fit_from(counts: &Counts, begin: Begin) -> Fitted {
-    let bits = StopBits::new();
+impl Fitted {
+    /// Bits of such symbols and of the bytes; plain bits are left out.
+    pub(super) fn bits(&self, counts: &Counts, bits: &StopBits) -> f64 {
+        let symbols = self.all.iter().zip(counts).map(|(stops, counts)| bits.of(stops, counts));
+        symbols.sum::<f64>() + 8.0 * self.bytes.len() as f64
+    }
+}
+
+/// As [`fit`], from one beginning.
+pub(super) fn fit_from(counts: &Counts, begin: Begin, bits: &StopBits) -> Fitted {
     let mut all = usual();
     let mut writer = BitWriter::default();
     for set in 0..SETS {
         for row in ROWS.windows(2) {
             let tables = set * SET_TABLES + row[0]..set * SET_TABLES + row[1];
-            fit_row(counts, tables, &bits, begin, &mut all, &mut writer);
+            fit_row(counts, tables, bits, begin, &mut all, &mut writer);
         }
     }
     Fitted { all, begin, bytes: writer.finish() }
@@ -92,7 +95,7 @@ impl StopBits {
     }
 
     /// Bits of such symbols.
-    pub(super) fn of(&self, stops: &Stops, counts: &[u32; SYMBOLS]) -> f64 {
+    fn of(&self, stops: &Stops, counts: &[u32; SYMBOLS]) -> f64 {
         let tallies = tallies(stops, counts);
         stops
             .values()
@@ -148,9 +151,12 @@ mod tests {
         for most in [0, 3, 5000] {
             let mut counts = vec![[0u32; SYMBOLS]; TABLES];
             counts.iter_mut().flatten().for_each(|count| *count = rng.below(most + 1) * rng.below(2));
-            let Fitted { all: stops, begin, bytes } = fit(&counts);
-            assert_eq!(StoredStops { begin, bytes: bytes.clone() }.read(), Some(stops));
-            assert!(most > 0 || bytes.len() <= 5, "{} bytes for nothing", bytes.len());
+            let bits = StopBits::new();
+            for begin in [Begin::Alike, Begin::Preset] {
+                let Fitted { all, bytes, .. } = fit_from(&counts, begin, &bits);
+                assert!(most > 0 || bytes.len() <= 5, "{} bytes for nothing", bytes.len());
+                assert_eq!(StoredStops { begin, bytes }.read(), Some(all));
+            }
         }
     }
 

@@ -1,16 +1,19 @@
 //! A scene of textured rectangles, drawn from a cache of tiles in one draw or from plain textures in one for each.
 #![allow(dead_code, reason = "each renderer uses its own part")]
 
+#[path = "pipeline.rs"]
+pub(crate) mod pipeline;
+
 use bytemuck::{Pod, Zeroable};
 use glam::camera::rh::proj::directx::perspective;
 use glam::camera::rh::view::look_at_mat4;
 use glam::{Mat4, Vec3};
 use texfold_gpu::{Gpu, TileCache, wgpu};
 
+use pipeline::{Corners, Entries};
+
 /// Format of what is drawn into.
 pub(crate) const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
-/// Format of depths.
-pub(crate) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 /// A rectangle: its corner at texture coordinates (0, 0) and its sides, along which coordinates grow to `repeats`.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -107,16 +110,20 @@ impl Scene {
             gpu.queue().write_buffer(&buffer, 0, bytes);
             buffer
         };
-        let uniform = layout(device, wgpu::ShaderStages::VERTEX, &[uniform()]);
+        let uniform = pipeline::uniform_layout(device);
         let sampled = layout(device, wgpu::ShaderStages::FRAGMENT, &sampled());
         let groups = [Some(textures.unwrap_or(&sampled)), Some(&uniform)];
-        let pipeline = pipeline(device, shader, &groups, constants);
-        let camera = buffer(bytemuck::bytes_of(&Mat4::IDENTITY), wgpu::BufferUsages::UNIFORM);
-        let camera_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &uniform,
-            entries: &[wgpu::BindGroupEntry { binding: 0, resource: camera.as_entire_binding() }],
-        });
+        let quads_layout = wgpu::VertexBufferLayout {
+            array_stride: size_of::<Quad>() as u64,
+            step_mode: wgpu::VertexStepMode::Instance,
+            attributes: &ATTRIBUTES,
+        };
+        let corners =
+            Corners { layouts: &[Some(quads_layout)], topology: wgpu::PrimitiveTopology::TriangleStrip };
+        let entries = Entries { vertex: "vs", fragment: "fs" };
+        let shader = (shader.to_owned(), entries);
+        let pipeline = pipeline::pipeline(device, shader, &groups, constants, corners, FORMAT);
+        let (camera, camera_group) = pipeline::uniform(device, size_of::<Mat4>());
         let texture = |format, usage| {
             device.create_texture(&wgpu::TextureDescriptor {
                 label: None,
@@ -130,7 +137,7 @@ impl Scene {
             })
         };
         let attached = wgpu::TextureUsages::RENDER_ATTACHMENT;
-        let depth = texture(DEPTH, attached).create_view(&wgpu::TextureViewDescriptor::default());
+        let depth = texture(pipeline::DEPTH, attached).create_view(&wgpu::TextureViewDescriptor::default());
         Scene {
             pipeline,
             quads: buffer(bytemuck::cast_slice(quads), wgpu::BufferUsages::VERTEX),
@@ -167,23 +174,7 @@ impl Scene {
     pub(crate) fn pass<'e>(&self, encoder: &'e mut wgpu::CommandEncoder) -> wgpu::RenderPass<'e> {
         let view = self.target.create_view(&wgpu::TextureViewDescriptor::default());
         let sky = wgpu::Color { r: 0.3, g: 0.45, b: 0.7, a: 1.0 };
-        encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &view,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(sky), store: wgpu::StoreOp::Store },
-            })],
-            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                view: &self.depth,
-                depth_ops: Some(wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(1.0),
-                    store: wgpu::StoreOp::Discard,
-                }),
-                stencil_ops: None,
-            }),
-            ..Default::default()
-        })
+        pipeline::pass(encoder, (&view, &self.depth), sky)
     }
 
     /// Draws the rectangles in a pass that may draw other things, too.
@@ -220,11 +211,6 @@ fn layout(
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
 }
 
-fn uniform() -> wgpu::BindingType {
-    let ty = wgpu::BufferBindingType::Uniform;
-    wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
-}
-
 /// A texture and a sampler.
 fn sampled() -> [wgpu::BindingType; 2] {
     let texture = wgpu::BindingType::Texture {
@@ -233,51 +219,6 @@ fn sampled() -> [wgpu::BindingType; 2] {
         multisampled: false,
     };
     [texture, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)]
-}
-
-fn pipeline(
-    device: &wgpu::Device,
-    shader: &str,
-    groups: &[Option<&wgpu::BindGroupLayout>],
-    constants: &[(&str, f64)],
-) -> wgpu::RenderPipeline {
-    let source = wgpu::ShaderSource::Wgsl(shader.into());
-    let shader = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
-    let described = wgpu::PipelineLayoutDescriptor { bind_group_layouts: groups, ..Default::default() };
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: None,
-        layout: Some(&device.create_pipeline_layout(&described)),
-        vertex: wgpu::VertexState {
-            module: &shader,
-            entry_point: Some("vs"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[Some(wgpu::VertexBufferLayout {
-                array_stride: size_of::<Quad>() as u64,
-                step_mode: wgpu::VertexStepMode::Instance,
-                attributes: &ATTRIBUTES,
-            })],
-        },
-        primitive: wgpu::PrimitiveState {
-            topology: wgpu::PrimitiveTopology::TriangleStrip,
-            ..Default::default()
-        },
-        depth_stencil: Some(wgpu::DepthStencilState {
-            format: DEPTH,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::Less),
-            stencil: wgpu::StencilState::default(),
-            bias: wgpu::DepthBiasState::default(),
-        }),
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &shader,
-            entry_point: Some("fs"),
-            compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
-            targets: &[Some(FORMAT.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
 }
 
 /// Anisotropy of samplers: none in software, where it takes seconds a frame.

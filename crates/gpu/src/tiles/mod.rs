@@ -17,8 +17,10 @@
 //! *Not done*: pools of more than 8 bits a sample (16-bit samples are rounded to 8).
 
 mod buffers;
+mod options;
 mod pipelines;
 mod rows;
+mod share;
 mod streams;
 mod tail;
 mod watch;
@@ -35,11 +37,13 @@ use crate::dct::{channels_of, colours};
 use crate::upload::PLAIN_MODULE;
 use crate::{AddressMode, Gpu, GpuError, GpuTexture, compute};
 use buffers::Buffers;
+pub use options::{TileLook, TileOptions, TileReport, TileTexture};
 use pipelines::{Pipelines, Resources, STEP_STRIDE, Source};
 use rows::{
     CLAMP, COARSE, FEEDBACK_BYTES, INNER, MOST_LEVELS, MOST_TILES, PLANES, SIDE, SRGB, StageRow, TextureRow,
     tail_of,
 };
+pub use share::TileBytes;
 use streams::Streams;
 pub use watch::{TileUse, TileWatch};
 
@@ -53,82 +57,6 @@ const MOST_STAGES: u32 = (MOST_LEVELS as u32).div_ceil(3);
 const KEPT: u32 = u32::MAX;
 /// Largest anisotropy: half of such a footprint, and half a texel of filtering, lie within a tile's border.
 const MOST_ANISOTROPY: u16 = 2 * rows::BORDER as u16 - 1;
-
-/// Sizes of a cache.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct TileOptions {
-    /// Bytes of decoded tiles, 64 KiB each. Rounded down to whole layers, of 1, 4 or 16 MiB.
-    pub pool_bytes: u64,
-    /// Bytes of compressed streams and of what decodes them, 16 kB a stage of three mip levels; at most 4 GiB. The latter, and the streams of
-    /// a stage, must fit one binding of the device.
-    pub stream_bytes: u64,
-    /// Most textures at a time.
-    pub textures: u32,
-    /// Most tiles of all textures and levels, decoded or not: of a texture of 4096 texels a side 1593.
-    pub pages: u32,
-    /// Most tiles that an update decodes, 1 to 64.
-    pub tiles_per_update: u32,
-    /// Bytes of scratch memory of an update: a tile takes 0.4 MB, one of two levels below a stage 4 MB.
-    pub scratch_bytes: u64,
-    /// Texels that the sampler reads along the longer axis of a pixel's footprint, 1 to 7.
-    pub anisotropy: u16,
-    /// Of a square of so many pixels a side one marks, in each frame, the tiles that it reads: 1, 2, 4 or 8. Where fewer pixels of a tile
-    /// are seen it may be marked `stride` * `stride` frames later.
-    pub stride: u32,
-}
-
-impl Default for TileOptions {
-    fn default() -> Self {
-        TileOptions {
-            pool_bytes: 64 << 20,
-            stream_bytes: 64 << 20,
-            textures: 256,
-            pages: 1 << 17,
-            tiles_per_update: MOST_TILES,
-            scratch_bytes: 32 << 20,
-            anisotropy: 4,
-            stride: 8,
-        }
-    }
-}
-
-/// Addressing and colours of a texture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct TileLook {
-    /// Texture coordinates outside of [0, 1).
-    pub address: AddressMode,
-    /// Whether colours are sRGB and become linear light before they are filtered; not for normals and other data.
-    pub srgb: bool,
-}
-
-impl Default for TileLook {
-    fn default() -> Self {
-        TileLook { address: AddressMode::Repeat, srgb: true }
-    }
-}
-
-/// A texture of a cache.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct TileTexture(u32);
-
-impl TileTexture {
-    /// The `texture` argument of the WGSL functions.
-    #[must_use]
-    pub fn index(self) -> u32 {
-        self.0
-    }
-}
-
-/// The outcome of the last update.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TileReport {
-    /// Tiles that it decoded.
-    pub decoded: u32,
-    /// Tiles that were looked at, and that it left for later.
-    pub missing: u32,
-    /// Mip levels that lookups add so that the pool suffices.
-    pub bias: f32,
-}
 
 /// A texture's share of the cache.
 #[derive(Debug, Default)]
@@ -638,35 +566,6 @@ impl TileCache {
         );
         gpu.queue.write_buffer(&self.buffers.stages, row_bytes::<StageRow>(number), bytemuck::bytes_of(&row));
         Ok(())
-    }
-}
-
-/// A texture's share of a [`TileCache`], in bytes of GPU memory.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct TileBytes {
-    /// The source of its tiles: streams and tables, part of [`TileOptions::stream_bytes`], for superblocks, else the texture as
-    /// [`Gpu::upload`] holds it.
-    pub held: u64,
-    /// All of its tiles decoded: the most of the pool that it takes. Textures that share a pool take no more than that together.
-    pub decoded: u64,
-}
-
-impl TileBytes {
-    /// The share of all images of a texture.
-    #[must_use]
-    pub fn of(texture: &dyn Encoded<Domain = Image2d>) -> TileBytes {
-        let (form, layout) = (texture.gpu(), texture.layout());
-        let in_superblocks = !form.blocks.is_empty() && form.module == PLAIN_MODULE;
-        let (mut tiles, mut words) = (0, 0);
-        for (image, &size) in (0..).zip(&layout.images) {
-            let own = layout.levels.min(size.full_levels()).min(tail_of(size));
-            let count = |level| tiles_of(size, level).into_iter().map(u64::from).product::<u64>();
-            tiles += (0..own).map(count).sum::<u64>();
-            words += stages_of(&form.blocks, image, own).flat_map(stage_words).sum::<usize>() as u64;
-        }
-        let held = if in_superblocks { 4 * words } else { form.memory().resident.div_ceil(8) };
-        let tails = (layout.images.len() as u64).div_ceil(4);
-        TileBytes { held, decoded: 4 * u64::from(SIDE).pow(2) * (tiles + tails) }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Which textures are looked at: by this a program loads files and lets go of them.
+//! Textures that draws look at, by which a program loads files and lets go of them.
 
 use std::ops::Range;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -25,7 +25,7 @@ pub struct TileUse {
     pub frames: u32,
 }
 
-/// What was looked at up to some frame, on its way from the GPU.
+/// Marks of all frames up to some frame, on their way from the GPU.
 #[derive(Debug)]
 pub struct TileWatch {
     copy: Buffer,
@@ -35,8 +35,8 @@ pub struct TileWatch {
 }
 
 impl TileCache {
-    /// Begins to read what was looked at, textures that are added coarse ([`TileCache::add_coarse`]) included. Takes 4 bytes a page of bandwidth and nothing from the draws'
-    /// way: once in some frames is enough.
+    /// Begins to read which textures were looked at, those included that [`TileCache::add_coarse`] added. Copies 4 bytes a page; once in some frames is
+    /// enough.
     ///
     /// # Errors
     /// [`GpuError::Lost`], [`GpuError`] where the device refuses.
@@ -68,10 +68,10 @@ impl TileCache {
 }
 
 impl TileWatch {
-    /// What was looked at, or `None` while the GPU has not come to it. Waits for nothing; ends the watch once it has answered.
+    /// The textures that were looked at; `None` while the GPU has not come to the copy. Does not wait. A watch answers once.
     ///
     /// # Errors
-    /// [`GpuError::Lost`], after an answer too.
+    /// [`GpuError::Lost`], also where it has answered already.
     pub fn poll(&self, gpu: &Gpu) -> Result<Option<Vec<TileUse>>, GpuError> {
         gpu.device.poll(wgpu::PollType::Poll).map_err(|_| GpuError::Lost)?;
         match self.mapped.try_recv() {
@@ -97,7 +97,7 @@ fn used(texture: TileTexture, levels: &[Range<u32>], marks: &[u32], next: u32) -
         marks[pages.start as usize..pages.end as usize].iter().copied().max().unwrap_or_default()
     };
     let latest = levels.iter().map(last).max().filter(|&latest| latest > 0)?;
-    let level = levels.iter().map(last).position(|marked| marked > 0 && marked + CYCLE > latest)? as u32;
+    let level = levels.iter().map(last).position(|marked| marked > 0 && latest - marked < CYCLE)? as u32;
     Some(TileUse { texture, level, frames: next.saturating_sub(latest + 1) })
 }
 

@@ -1,4 +1,4 @@
-//! `bank.json`: what a bank holds. A foreign file: nothing of it is believed that has not been checked.
+//! `bank.json`, the list of a bank. A foreign file: all of it is checked before it is used.
 
 use std::collections::HashSet;
 use std::path::Path;
@@ -24,14 +24,14 @@ const COLOURS: usize = 64;
 /// Most letters of a georeference.
 const MOST_BASE64: usize = MAX_GEOREFERENCE.div_ceil(3) * 4;
 
-/// What a bank holds. `Row` is what the program that made it says of each image.
+/// List of a bank's categories and images. `Row` is the report of each image, of the program that added it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest<Row = Unread> {
     /// Version of the format: 1, or 2 where images are stored by block.
     pub version: u32,
     /// Number of the next file, so that no name is used twice.
     pub next: u32,
-    /// What tiles are grouped by.
+    /// Groups of tiles that look alike.
     pub categories: Vec<Category>,
     /// Images in the order in which they were added.
     pub images: Vec<Image<Row>>,
@@ -56,7 +56,7 @@ impl<'de> Deserialize<'de> for Unread {
 /// Images that look alike share a public codebook.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Category {
-    /// What the user calls it; `None` where colours alone made it.
+    /// Name that the user gave it; `None` where colours alone made it.
     #[serde(default)]
     pub name: Option<String>,
     /// Shares of 4 x 4 x 4 ranges of red, green and blue.
@@ -89,7 +89,7 @@ pub struct Image<Row = Unread> {
     pub georeference: String,
     /// Tiles, row by row.
     pub tiles: Vec<Tile>,
-    /// What is said of it.
+    /// Its report.
     pub row: Row,
 }
 
@@ -155,10 +155,10 @@ fn number_of(name: &str) -> Option<u32> {
 }
 
 impl<Row: DeserializeOwned> Manifest<Row> {
-    /// Reads a manifest; the fault of one that no bank has.
+    /// Reads and checks a manifest.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// The first fault, in words.
     pub fn parse(json: &[u8]) -> Result<Manifest<Row>, String> {
         let manifest: Manifest<Row> = serde_json::from_slice(json).map_err(|error| error.to_string())?;
         if !(BY_TEXEL..=WITH_BLOCKS).contains(&manifest.version) {

@@ -43,7 +43,7 @@ pub use manifest::{is_device, is_printable};
 /// Bytes that are read at a time of a file whose first ones may suffice.
 const PIECE: usize = 4096;
 
-/// Why a bank, or a part of it, cannot be read.
+/// Causes for which a bank, or a part of it, cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BankError {
@@ -52,7 +52,7 @@ pub enum BankError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
     /// `bank.json` holds what no bank has.
@@ -60,7 +60,7 @@ pub enum BankError {
     Manifest {
         /// The manifest.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault.
         what: String,
     },
     /// A tile or codebook is no file that can be loaded.
@@ -68,7 +68,7 @@ pub enum BankError {
     Load {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault.
         source: LoadError,
     },
     /// An image, tile, level or rectangle is asked for that the bank does not have.
@@ -76,7 +76,7 @@ pub enum BankError {
     Region(#[from] RegionError),
 }
 
-/// A bank that is read. `Row` is the type of what its maker says of each image; [`Unread`] leaves that out.
+/// A bank that is read. `Row` is the type of the report that its maker keeps of each image; [`Unread`] skips it.
 #[derive(Debug)]
 pub struct Bank<Row = Unread> {
     dir: PathBuf,
@@ -124,7 +124,7 @@ impl<Row> Bank<Row> {
         &self.dir
     }
 
-    /// What it holds.
+    /// Its list of categories and images.
     #[must_use]
     pub fn manifest(&self) -> &Manifest<Row> {
         &self.manifest
@@ -271,8 +271,7 @@ fn read(path: &Path) -> Result<Vec<u8>, BankError> {
 }
 
 /// A tile from the bytes of its file.
-#[doc(hidden)]
-pub fn load(bytes: &[u8], book: Option<&Codebook>) -> Result<AnyImage, LoadError> {
+fn load(bytes: &[u8], book: Option<&Codebook>) -> Result<AnyImage, LoadError> {
     let mut budget = Budget::default();
     let file = Sections::parse(bytes, &mut budget)?;
     if file.codec() == Progressive::ID.number {

@@ -1,0 +1,80 @@
+//! Sizes of a cache, looks of textures and what an update reports.
+
+use super::rows::MOST_TILES;
+use crate::AddressMode;
+
+/// Sizes of a cache.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TileOptions {
+    /// Bytes of decoded tiles, 64 KiB each. Rounded down to whole layers, of 1, 4 or 16 MiB.
+    pub pool_bytes: u64,
+    /// Bytes of compressed streams and of what decodes them, 16 kB a stage of three mip levels; at most 4 GiB. The latter, and the streams of
+    /// a stage, must fit one binding of the device.
+    pub stream_bytes: u64,
+    /// Most textures at a time.
+    pub textures: u32,
+    /// Most tiles of all textures and levels, decoded or not: of a texture of 4096 texels a side 1593.
+    pub pages: u32,
+    /// Most tiles that an update decodes, 1 to 64.
+    pub tiles_per_update: u32,
+    /// Bytes of scratch memory of an update: a tile takes 0.4 MB, one of two levels below a stage 4 MB.
+    pub scratch_bytes: u64,
+    /// Texels that the sampler reads along the longer axis of a pixel's footprint, 1 to 7.
+    pub anisotropy: u16,
+    /// Of a square of so many pixels a side one marks, in each frame, the tiles that it reads: 1, 2, 4 or 8. Where fewer pixels of a tile
+    /// are seen it may be marked `stride` * `stride` frames later.
+    pub stride: u32,
+}
+
+impl Default for TileOptions {
+    fn default() -> Self {
+        TileOptions {
+            pool_bytes: 64 << 20,
+            stream_bytes: 64 << 20,
+            textures: 256,
+            pages: 1 << 17,
+            tiles_per_update: MOST_TILES,
+            scratch_bytes: 32 << 20,
+            anisotropy: 4,
+            stride: 8,
+        }
+    }
+}
+
+/// Addressing and colours of a texture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TileLook {
+    /// Texture coordinates outside of [0, 1).
+    pub address: AddressMode,
+    /// Whether colours are sRGB and become linear light before they are filtered; not for normals and other data.
+    pub srgb: bool,
+}
+
+impl Default for TileLook {
+    fn default() -> Self {
+        TileLook { address: AddressMode::Repeat, srgb: true }
+    }
+}
+
+/// A texture of a cache.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct TileTexture(pub(super) u32);
+
+impl TileTexture {
+    /// The `texture` argument of the WGSL functions.
+    #[must_use]
+    pub fn index(self) -> u32 {
+        self.0
+    }
+}
+
+/// The outcome of the last update.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TileReport {
+    /// Tiles that it decoded.
+    pub decoded: u32,
+    /// Tiles that were looked at, and that it left for later.
+    pub missing: u32,
+    /// Mip levels that lookups add so that the pool suffices.
+    pub bias: f32,
+}

@@ -6,11 +6,11 @@ use super::rows::{SIDE, tail_of};
 use super::{stage_words, stages_of, tiles_of};
 use crate::upload::PLAIN_MODULE;
 
-/// A texture's share of a [`TileCache`], in bytes of GPU memory.
+/// A texture's share of a [`TileCache`](crate::TileCache), in bytes of GPU memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TileBytes {
-    /// The source of its tiles: streams and tables, part of [`TileOptions::stream_bytes`], for superblocks, else the texture as
-    /// [`Gpu::upload`] holds it.
+    /// The source of its tiles: streams and tables, part of [`stream_bytes`](crate::TileOptions::stream_bytes), for superblocks,
+    /// else the texture as [`Gpu::upload`](crate::Gpu::upload) holds it.
     pub held: u64,
     /// All of its tiles decoded: the most of the pool that it takes. Textures that share a pool take no more than that together.
     pub decoded: u64,

@@ -61,8 +61,8 @@ fn an_epitome_of_two_formats_decodes_as_ever() {
     assert_level_decodes("epitome", 2, &["epitome-level2.png".to_owned()]);
 }
 
-/// Stages whose tables begin from the preset, written by `texfold compress fixtures/images/odd_37x61.png --codec dct --effort fast --bpp 2 --mips
-/// --out .` and its images by `texfold decompress odd_37x61.txf --out .` without and with `--lod 2`.
+/// Stages whose tables begin from the preset, written by `texfold compress fixtures/images/zebra.png --codec dct --effort fast --bpp 2 --mips
+/// --out .` and its images by `texfold decompress zebra.txf --out .` without and with `--lod 2`.
 #[test]
 fn blocks_with_preset_tables_decode_as_ever() {
     assert_decodes("dct_preset", &["dct_preset.png".to_owned()]);

@@ -1,6 +1,7 @@
 //! Banks: an image of any size to add to one, and how codebook and cost grow with the tiles that are there.
 //!
 //! `cargo run --release -p texfold-benches --bin bank -- land FILE.tif [SIDE]` writes drawn land of 16384 x 16384 texels.
+//! `… -- mosaic FILE.tif SIDE IMAGE...` writes SIDE x SIDE texels (BigTIFF) of windows of images, each in one of eight orientations.
 //! `… -- growth OUT` adds tiles of 512 x 512 texels one after another, each to the codebook that those before it have left, at half a bit
 //! a texel: of drawn land, of a forest (brighton), and of one place on two dates (naip). It says what each brings, and CPU seconds.
 //! Bases are an eighth of the width and height: where a smaller image may be enlarged instead, that is better and codebooks are left out.
@@ -32,6 +33,8 @@ const TILE: u32 = 512;
 const TILES: u32 = 42;
 /// Bits a texel, those of the public codebook not among them.
 const BPP: f64 = 0.5;
+/// Texels a side of a window of a mosaic; no multiple of a tile, so that tiles meet borders of windows.
+const WINDOW: u32 = 1200;
 /// Rows of the public codebook at most, as in banks.
 const MOST_ROWS: u32 = 512;
 
@@ -41,8 +44,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     match arguments.as_slice() {
         ["land", path] => draw(path, SIDE),
         ["land", path, side] => draw(path, side.parse()?),
+        ["mosaic", path, side, images @ ..] if !images.is_empty() => mosaic(path, side.parse()?, images),
         ["growth", out] => growth(Path::new(out)),
-        _ => Err("say land FILE.tif [SIDE], or growth OUT".into()),
+        _ => Err("usage: land FILE.tif [SIDE] | mosaic FILE.tif SIDE IMAGE... | growth OUT".into()),
     }
 }
 
@@ -147,4 +151,49 @@ fn draw(path: &str, side: u32) -> Outcome<()> {
     }
     image.finish()?;
     Ok(())
+}
+
+/// Writes a mosaic of windows of images as a BigTIFF file in strips: each window at a place of its own in one of eight orientations.
+fn mosaic(path: &str, side: u32, images: &[&str]) -> Outcome<()> {
+    let open = |path: &&str| Ok(image::open(path)?.to_rgb8());
+    let images = images.iter().map(open).collect::<Outcome<Vec<_>>>()?;
+    if let Some(small) = images.iter().position(|image| image.width().min(image.height()) < WINDOW) {
+        return Err(format!("image {small}: is smaller than {WINDOW} texels a side").into());
+    }
+    let mut encoder = TiffEncoder::new_big(BufWriter::new(File::create(path)?))?;
+    let mut written = encoder.new_image::<RGB8>(side, side)?;
+    written.rows_per_strip(ROWS)?;
+    let window = |row: u32, column: u32| {
+        let random = |n: u32| hash(&[row, column, n]);
+        let image = &images[random(0) as usize % images.len()];
+        let corner = |n, length: u32| random(n) % (length - WINDOW + 1);
+        let (left, top) = (corner(1, image.width()), corner(2, image.height()));
+        let [flip_x, flip_y, swap] = [1, 2, 4].map(|bit| random(3) & bit != 0);
+        move |x: u32, y: u32| {
+            let (x, y) = if swap { (y, x) } else { (x, y) };
+            let flipped = |flip, at: u32| if flip { WINDOW - 1 - at } else { at };
+            image.get_pixel(left + flipped(flip_x, x), top + flipped(flip_y, y)).0
+        }
+    };
+    for top in (0..side).step_by(ROWS as usize) {
+        let strip = over(ROWS.min(side - top) as usize, |row| {
+            let y = top + row as u32;
+            let texels = (0..side.div_ceil(WINDOW)).flat_map(|column| {
+                let texel = window(y / WINDOW, column);
+                (column * WINDOW..side.min((column + 1) * WINDOW))
+                    .flat_map(move |x| texel(x % WINDOW, y % WINDOW))
+            });
+            texels.collect::<Vec<u8>>()
+        });
+        written.write_strip(&strip.concat())?;
+    }
+    written.finish()?;
+    Ok(())
+}
+
+/// A number that looks random (FNV-1a, mixed).
+fn hash(of: &[u32]) -> u32 {
+    let mixed =
+        of.iter().fold(0x811C_9DC5_u32, |hash, &n| (hash ^ n).wrapping_mul(0x0100_0193).rotate_left(13));
+    (mixed ^ mixed >> 15).wrapping_mul(0x2C1B_3C6D) ^ mixed >> 12
 }

@@ -6,10 +6,11 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-use texfold::core::image::{ImageSet, Raster, to_u8};
+use texfold::core::image::{ImageSet, Raster};
 use texfold::core::metric::decode_image;
 use texfold::{Content, vq::VqParams};
 use texfold_benches::report::chart;
+use texfold_benches::salient_psnr;
 use texfold_chart::Scale;
 
 /// Weights of importance that are charted; 1 is the default.
@@ -71,27 +72,9 @@ fn measure(images: &[Raster], weight: f32) -> Option<Row> {
             .with_content(Content::Raw);
         let texture = texfold_benches::vq(&set, &params)?;
         let decoded = decode_image(texture.as_encoded(), 0, 0)?;
-        let (whole, salient) = psnrs(image, &decoded);
+        let (whole, salient) = salient_psnr(image, &decoded);
         row.whole += whole / images.len() as f64;
         row.salient += salient / images.len() as f64;
     }
     Some(row)
-}
-
-fn psnrs(source: &Raster, decoded: &Raster) -> (f64, f64) {
-    let saliency: Vec<f32> = texfold_vq::saliency_map(source).iter().copied().collect();
-    let mut sorted = saliency.clone();
-    sorted.sort_by(|a, b| b.total_cmp(a));
-    let threshold = sorted[sorted.len() / 4];
-    let (mut whole, mut salient) = ((0f64, 0f64), (0f64, 0f64));
-    for ((a, b), saliency) in source.texels().zip(decoded.texels()).zip(&saliency) {
-        let step = |channel: usize| f64::from(to_u8(a[channel])) - f64::from(to_u8(b[channel]));
-        let error: f64 = (0..3).map(|channel| step(channel).powi(2)).sum();
-        whole = (whole.0 + error, whole.1 + 3.0);
-        if *saliency >= threshold {
-            salient = (salient.0 + error, salient.1 + 3.0);
-        }
-    }
-    let psnr = |(sum, count): (f64, f64)| 10.0 * (65025.0 * count / sum.max(1e-9)).log10();
-    (psnr(whole), psnr(salient))
 }

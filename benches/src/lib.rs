@@ -3,7 +3,7 @@
 pub mod report;
 
 use rayon::prelude::*;
-use texfold::core::image::{ColorSpace, ImageSet, Raster};
+use texfold::core::image::{ColorSpace, ImageSet, Raster, to_u8};
 use texfold::{
     Access, AnyImage, Content, Effort, Goal, Job,
     bc::{Bc, BcParams},
@@ -35,7 +35,7 @@ pub fn image_of(source: &Raster, side: u32) -> ImageSet {
             v = size.height - 1 - v;
         }
         let dim = 1.0 - 0.03 * ((column * 7 + row * 13) % 11) as f32;
-        (source.texel(u, v).truncate() * dim).to_array().map(texfold::core::image::to_u8)
+        (source.texel(u, v).truncate() * dim).to_array().map(to_u8)
     };
     let bytes: Vec<u8> = (0..side).flat_map(|y| (0..side).flat_map(move |x| texel(x, y))).collect();
     match Raster::from_u8(side, side, 3, ColorSpace::Srgb, &bytes) {
@@ -96,4 +96,24 @@ pub fn bc(set: &ImageSet, content: Content) -> Option<AnyImage> {
 /// `work` for every number below `count`, on all cores; results are in order.
 pub fn over<R: Send>(count: usize, work: impl Fn(usize) -> R + Sync + Send) -> Vec<R> {
     (0..count).into_par_iter().map(work).collect()
+}
+
+/// PSNR in dB of a whole image and of its most salient quarter.
+#[must_use]
+pub fn salient_psnr(source: &Raster, decoded: &Raster) -> (f64, f64) {
+    let saliency: Vec<f32> = texfold_vq::saliency_map(source).iter().copied().collect();
+    let mut sorted = saliency.clone();
+    sorted.sort_by(|a, b| b.total_cmp(a));
+    let threshold = sorted[sorted.len() / 4];
+    let (mut whole, mut salient) = ((0f64, 0f64), (0f64, 0f64));
+    for ((a, b), saliency) in source.texels().zip(decoded.texels()).zip(&saliency) {
+        let step = |channel: usize| f64::from(to_u8(a[channel])) - f64::from(to_u8(b[channel]));
+        let error: f64 = (0..3).map(|channel| step(channel).powi(2)).sum();
+        whole = (whole.0 + error, whole.1 + 3.0);
+        if *saliency >= threshold {
+            salient = (salient.0 + error, salient.1 + 3.0);
+        }
+    }
+    let psnr = |(sum, count): (f64, f64)| 10.0 * (65025.0 * count / sum.max(1e-9)).log10();
+    (psnr(whole), psnr(salient))
 }

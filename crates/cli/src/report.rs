@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use texfold::{AnyImage, encoding::Attempt};
+use texfold::{AnyImage, encoding::Attempt, epitome::worst_relative_error};
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::{decode_image, quality, ssim};
 use texfold_core::target::Measured;
@@ -89,6 +89,9 @@ pub(crate) struct Row {
     pub(crate) psnr_alpha: Option<f64>,
     pub(crate) rms: f64,
     pub(crate) worst_block_rms: f64,
+    /// [`worst_relative_error`], for goals of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) worst_relative_error: Option<f64>,
     pub(crate) ssim: f64,
     /// [`crate::ssimulacra2`], where it is defined.
     #[serde(default)]
@@ -262,6 +265,8 @@ pub(crate) struct Circumstances<'a> {
     pub(crate) goal: Goal,
     /// The goal instead, in degrees of normals.
     pub(crate) degrees: Option<f64>,
+    /// Where the goal is a relative tolerance: side of its blocks.
+    pub(crate) relative: Option<u32>,
     pub(crate) attempts: Vec<Attempt>,
     pub(crate) notes: Vec<String>,
     pub(crate) warnings: Vec<String>,
@@ -276,9 +281,12 @@ impl Row {
         let (size, texels) = (source.images()[0].size(), source.texel_count());
         let mut warnings = how.warnings;
         let degrees = mean_degrees(source, encoded);
-        let missed = match (how.degrees, degrees) {
-            (Some(wanted), Some(found)) => (found > wanted)
+        let relative = how.relative.map(|side| worst_relative_error(source, encoded, side));
+        let missed = match (how.degrees, degrees, how.goal, relative) {
+            (Some(wanted), Some(found), ..) => (found > wanted)
                 .then(|| format!("the goal of {wanted} degrees was missed: {found:.2} in the mean")),
+            (_, _, Goal::Tolerance(wanted), Some(found)) => (found > wanted)
+                .then(|| format!("the goal of a relative error of {wanted} was missed: {found:.5}")),
             _ => figures.missed(how.goal),
         };
         let goal_met = Some(missed.is_none());
@@ -297,6 +305,7 @@ impl Row {
             psnr_alpha: figures.psnr_alpha,
             rms: figures.rms,
             worst_block_rms: figures.worst_block_rms,
+            worst_relative_error: relative,
             ssim: figures.ssim,
             ssimulacra2: figures.ssimulacra2,
             degrees,

@@ -26,12 +26,12 @@ mod uniforms;
 mod wire;
 
 #[cfg(feature = "encode")]
-pub use encode::EpitomeSearch;
+pub use encode::{EpitomeSearch, worst_relative_error};
 pub use encoded::EpitomeTexture;
 pub use format::{Entry, GainOffset, IDENTITY, MapFormat, Matrix, NEUTRAL};
 pub use layers::MAX_LAYERS;
 #[cfg(feature = "encode")]
-pub use params::{EpitomeParams, EpitomeSource, Transforms};
+pub use params::{EpitomeParams, EpitomeSource, ToleranceKind, Transforms};
 pub use part_images::part_images;
 
 use texfold_core::container::Sections;

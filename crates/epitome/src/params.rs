@@ -7,6 +7,9 @@ use texfold_core::{Access, Effort, Goal, Metric, ParamError, Params};
 use crate::format::MAX_BLOCK;
 use crate::layers::MAX_LAYERS;
 
+/// Side of a block for tolerances where none is given (paper section 7).
+const TOLERANCE_BLOCK: u32 = 12;
+
 /// What is factored.
 #[derive(Debug, Clone, Copy)]
 pub struct EpitomeSource<'s> {
@@ -25,6 +28,17 @@ impl<'s> EpitomeSource<'s> {
     pub fn new(images: &'s ImageSet) -> Self {
         EpitomeSource { images, content_from: None, blocks: None }
     }
+}
+
+/// What a goal of tolerance bounds.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub enum ToleranceKind {
+    /// The RMS error of every 4x4 block, in 8-bit units, as for all codecs.
+    #[default]
+    Absolute,
+    /// The error of every block of the side `block` in relation to its contrast ([`crate::worst_relative_error`]; paper section 4,
+    /// Eq. 1): 0.002 to 0.004 in the paper.
+    Relative,
 }
 
 /// What leaves may do with content, so that a model is no more than a scene needs. Everything by default, each part
@@ -97,6 +111,8 @@ pub struct EpitomeParams {
     pub access: Access,
     /// What errors count by block and in residual planes; `None` lets goal and colours decide.
     pub metric: Option<Metric>,
+    /// What a goal of tolerance bounds.
+    pub tolerance_kind: ToleranceKind,
     /// Side of a block in texels for tolerance goals and where there is no quadtree, a multiple of 4 in 8..=64;
     /// `None` is 12 and 16.
     pub block: Option<u32>,
@@ -119,6 +135,7 @@ impl Default for EpitomeParams {
             family: Family::default(),
             access: Access::default(),
             metric: None,
+            tolerance_kind: ToleranceKind::default(),
             block: None,
             mips: false,
             layers: 1,
@@ -165,6 +182,12 @@ impl EpitomeParams {
         EpitomeParams { metric: metric.into(), ..self }
     }
 
+    /// With tolerances of that kind.
+    #[must_use]
+    pub fn with_tolerance_kind(self, tolerance_kind: ToleranceKind) -> Self {
+        EpitomeParams { tolerance_kind, ..self }
+    }
+
     /// With blocks of that side, where there is no quadtree; `None` is what is usual.
     #[must_use]
     pub fn with_block(self, block: impl Into<Option<u32>>) -> Self {
@@ -195,6 +218,12 @@ impl EpitomeParams {
         EpitomeParams { transforms, ..self }
     }
 
+    /// Side of a block for tolerances, in texels.
+    #[must_use]
+    pub fn tolerance_block(&self) -> u32 {
+        self.block.unwrap_or(TOLERANCE_BLOCK)
+    }
+
     /// Whether content is stored in blocks of variable length.
     pub(crate) fn is_by_block(&self) -> bool {
         let is_plain = self.content.is_none() && self.family == Family::Bc && self.layers == 1;
@@ -207,6 +236,9 @@ impl Params for EpitomeParams {
         self.goal.check()?;
         let layers = |range| Err(ParamError::new("layers", self.layers, range));
         match self.goal {
+            Goal::Psnr(_) | Goal::Bpp(_) if self.tolerance_kind == ToleranceKind::Relative => {
+                return Err(ParamError::new("tolerance_kind", "relative", "absolute, without a tolerance"));
+            }
             _ if !(1..=MAX_LAYERS).contains(&self.layers) => return layers("1..=8"),
             Goal::Tolerance(_) if self.layers > 1 => return layers("1, for a tolerance"),
             Goal::Tolerance(value) if self.family == Family::ErrorMap && self.content.is_none() => {

@@ -13,7 +13,7 @@ use texfold_core::{
     PlaneFormat, Rect, SharedSearch, SourceError, Texel,
 };
 use texfold_epitome::decode::texfold_epitome_bilinear;
-use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource};
+use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, ToleranceKind, worst_relative_error};
 use texfold_testkit::image;
 
 fn goal(goal: Goal) -> EpitomeParams {
@@ -171,6 +171,24 @@ fn every_block_is_within_the_tolerance() {
             assert!(measured.worst_block_rms <= tolerance, "{name}: {measured:?} for {tolerance}");
             assert!(measured.bpp <= before * 1.02, "{name}: {measured:?} for {tolerance} after {before}");
             before = measured.bpp;
+        }
+    }
+}
+
+#[test]
+fn every_block_is_within_a_relative_tolerance() {
+    for (name, block) in [("facade", None), ("floor", Some(20)), ("ramp", Some(8)), ("odd_37x61", None)] {
+        let set = ImageSet::single(image(name));
+        let mut before = f64::INFINITY;
+        for tolerance in [0.001, 0.003, 0.01] {
+            let params = goal(Goal::Tolerance(tolerance)).with_tolerance_kind(ToleranceKind::Relative);
+            let params = params.with_block(block);
+            let texture = encode(&set, &params);
+            let worst = worst_relative_error(&set, &texture, params.tolerance_block());
+            assert!(worst <= tolerance, "{name}: {worst} for {tolerance}");
+            let bpp = measure(&set, &texture).bpp;
+            assert!(bpp <= before * 1.02, "{name}: {bpp} for {tolerance} after {before}");
+            before = bpp;
         }
     }
 }

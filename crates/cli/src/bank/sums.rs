@@ -121,6 +121,7 @@ impl Sums {
             psnr_alpha: self.alpha.map(|error| error.psnr()),
             rms: self.color.rms(),
             worst_block_rms: self.worst_block_rms,
+            worst_relative_error: None,
             ssim: self.ssim / texels,
             ssimulacra2: mean(self.ssimulacra2.iter().copied()),
             degrees: None,

@@ -140,6 +140,7 @@ impl Task {
             encode_seconds,
             goal,
             degrees,
+            relative: self.settings.relative,
             attempts,
             notes,
             warnings,

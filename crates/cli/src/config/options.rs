@@ -6,7 +6,7 @@ use serde::Deserialize;
 use texfold::{
     Choice, Content, EncodeSettings, Family,
     dct::Dct,
-    epitome::{Epitome, EpitomeParams},
+    epitome::{Epitome, EpitomeParams, ToleranceKind},
     lightfield::{Directions, FitMethod, LightParams, Lightfield},
     progressive::Progressive,
     vq::{Vq, VqParams},
@@ -18,7 +18,7 @@ use texfold_core::{Goal, Params};
 use super::names;
 use super::values::{
     AccessName, AlphaChoice, CodecName, ColorName, ContentName, EffortName, FactorsName, MetricName, Samples,
-    Sides, Weights,
+    Sides, ToleranceKindName, Weights,
 };
 use crate::error::{CliError, UsageError};
 use crate::input::Remarks;
@@ -86,6 +86,9 @@ pub struct Options {
     /// and tolerances have blocks of 12.
     #[arg(long, value_name = "TEXELS", help_heading = "Epitomes")]
     pub(super) block: Option<u32>,
+    /// epitome: what --tolerance bounds (absolute by default).
+    #[arg(long, value_name = "KIND", help_heading = "Epitomes")]
+    pub(super) tolerance_kind: Option<ToleranceKindName>,
     /// lightfield: simplify the mesh to this many triangles; by default to as few as the photographs need.
     #[arg(long, value_name = "N", help_heading = "Light fields")]
     pub(super) triangles: Option<u32>,
@@ -220,6 +223,7 @@ impl Options {
             category: self.category.clone().or_else(|| other.category.clone()),
             layers: self.layers.or(other.layers),
             block: self.block.or(other.block),
+            tolerance_kind: self.tolerance_kind.or(other.tolerance_kind),
             triangles: self.triangles.or(other.triangles),
             codewords: self.codewords.or(other.codewords),
             regions: self.regions.or(other.regions),
@@ -345,10 +349,11 @@ impl Options {
     fn check_codec(&self) -> Result<(), UsageError> {
         const CHOSEN_VQ: &[&str] = &["vq", "auto"];
         let error_map = self.content == Some(ContentName::ErrorMap);
-        let owned: [(&str, bool, &[&'static str]); 17] = [
+        let owned: [(&str, bool, &[&'static str]); 18] = [
             ("content-from", self.content_from.is_some(), &["epitome"]),
             ("layers", self.layers.is_some(), &["epitome"]),
             ("block", self.block.is_some(), &["epitome"]),
+            ("tolerance-kind", self.tolerance_kind.is_some(), &["epitome"]),
             ("content error-map", error_map, &["epitome"]),
             ("metric", self.metric.is_some(), &["dct", "progressive", "epitome", "zipmap", "auto"]),
             ("triangles", self.triangles.is_some(), &["lightfield"]),
@@ -401,6 +406,9 @@ impl Options {
             importance_map: self.importance_map.clone(),
             mesh: self.mesh.clone(),
             degrees: None,
+            relative: self
+                .is_relative()
+                .then(|| EpitomeParams::default().with_block(self.block).tolerance_block()),
             remarks: Remarks::default(),
         })
     }
@@ -429,11 +437,14 @@ impl Options {
 
     /// The choice with the options that only its codec has.
     fn with_own(&self, choice: Choice) -> Choice {
-        if self.layers.is_some() || self.block.is_some() {
+        if self.layers.is_some() || self.block.is_some() || self.is_relative() {
             let mut own = EpitomeParams::default();
             own.layers = self.layers.unwrap_or(own.layers);
             own.block = self.block;
             own.transforms.quadtree = self.block.is_none();
+            if self.is_relative() {
+                own.tolerance_kind = ToleranceKind::Relative;
+            }
             return choice.with::<Epitome>(own);
         }
         let has_importance = self.importance.is_some() || self.weights.is_some();
@@ -513,6 +524,10 @@ impl Options {
         params.check().map_err(fault)?;
         let color = self.color.unwrap_or_default().color();
         Ok(ZoomSettings { params, color, alpha: self.alpha.map(|AlphaChoice(alpha)| alpha) })
+    }
+
+    fn is_relative(&self) -> bool {
+        self.tolerance_kind == Some(ToleranceKindName::Relative)
     }
 
     fn goal(&self) -> Goal {

@@ -158,6 +158,16 @@ impl FactorsName {
     }
 }
 
+/// What a tolerance bounds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum ToleranceKindName {
+    /// The RMS error of every 4x4 block, in 8-bit units.
+    Absolute,
+    /// The error of every block in relation to its contrast, 0.002 to 0.004 for instance.
+    Relative,
+}
+
 /// Which errors count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, Deserialize)]
 #[serde(rename_all = "lowercase")]

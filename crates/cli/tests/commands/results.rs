@@ -700,7 +700,21 @@ fn epitomes_have_blocks_of_the_side_that_is_asked_for() {
     }
     // Small blocks repeat within the tolerance, large ones do not.
     assert!(bits[0] < 0.6 * bits[1], "{bits:?}");
+    let relative = "--tolerance 0.01 --tolerance-kind relative";
+    let (run, report) =
+        place.compress(&format!("facade.png --codec epitome {relative} --effort fast --out relative"));
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(report[0]["worst_relative_error"].as_f64().unwrap() <= 0.01);
+    assert!(report[0]["goal_met"] == true && report[0]["settings"] == format!("--codec epitome {relative}"));
     for (arguments, what) in [
+        (
+            "--codec epitome --psnr 34 --tolerance-kind relative",
+            "relative; allowed: absolute, without a tolerance",
+        ),
+        (
+            "--codec bc --tolerance 4 --tolerance-kind relative",
+            "--tolerance-kind is for codec epitome, not bc",
+        ),
         ("--codec epitome --block 10", "--block 10 is outside multiples of 4 in 8..=64"),
         ("--codec dct --block 16", "--block is for codec epitome, not dct"),
     ] {

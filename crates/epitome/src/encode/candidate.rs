@@ -7,6 +7,7 @@ use texfold_match::Field;
 use super::leaf::Node;
 use super::pyramid::{LEAST_SIDE, SCALES, Space};
 use super::reading::{FRACTION_BITS, Reading};
+use crate::ToleranceKind;
 use crate::format::{GainOffset, LINEAR_ONE, Matrix, NEUTRAL};
 
 /// One way to draw a leaf.
@@ -98,8 +99,10 @@ const NEARER: f32 = 0.85;
 pub(crate) struct Rules<'a> {
     /// Cells that content may come from, of all formats; all of them where there is no restriction.
     pub(crate) cells: Option<&'a [bool]>,
-    /// RMS error that every 4x4 block may have at most, 8-bit units.
+    /// Most error that a block may have.
     pub(crate) tolerance: Option<f32>,
+    /// What error that is.
+    pub(crate) kind: ToleranceKind,
     /// Whether content will be fitted to all who read it.
     pub(crate) refits: bool,
     /// Whether content of a fraction of its size is left out.
@@ -126,7 +129,10 @@ impl Rules<'_> {
         target: &[Vec4],
         gain_offset: &GainOffset,
     ) -> bool {
-        self.tolerance.is_none_or(|most| reading.worst_block(field, target, gain_offset) <= most)
+        self.tolerance.is_none_or(|most| match self.kind {
+            ToleranceKind::Absolute => reading.worst_block(field, target, gain_offset) <= most,
+            ToleranceKind::Relative => reading.relative_error(field, target, gain_offset) <= most,
+        })
     }
 }
 

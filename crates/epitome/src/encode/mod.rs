@@ -28,6 +28,7 @@ mod pyramid;
 mod reading;
 mod refit;
 mod regroup;
+mod relative;
 mod report;
 mod seam;
 mod search;
@@ -40,6 +41,7 @@ use texfold_core::{Access, Effort, EncodeError, Encoder, Goal, Job, Params, Shar
 
 use searched::Shape;
 
+pub use relative::worst_relative_error;
 pub use searched::EpitomeSearch;
 
 use crate::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};

@@ -6,11 +6,14 @@ use texfold_core::{CancelCheck, EncodeError, Goal, Job};
 use super::candidate::{Rules, ScaleErrors};
 use super::choose::{choose_well, most_errors};
 use super::lambda_index::lambda_index_of;
+use super::leaf::Node;
 use super::models::MOST_LINEARS;
 use super::options::direct_options;
+use super::relative;
 use super::search::{Allowed, Reach, search};
 use super::searched::{ENTRY_BITS, EpitomeSearch};
 use super::state::{Choice, Options};
+use crate::ToleranceKind;
 
 /// Times that matches are searched for.
 const PASSES: usize = 2;
@@ -122,11 +125,15 @@ impl EpitomeSearch {
 
     /// For each node the squared error that a match may have: what the tolerance allows, or any.
     fn any_errors(&self) -> Vec<f32> {
-        let most = match self.params.goal {
-            Goal::Tolerance(tolerance) => 3.0 * (tolerance * tolerance) as f32,
-            Goal::Psnr(_) | Goal::Bpp(_) => 3.0 * 255.0 * 255.0,
+        let most = |node: Node| match (self.params.goal, self.params.tolerance_kind) {
+            (Goal::Tolerance(tolerance), ToleranceKind::Absolute) => (tolerance * tolerance) as f32,
+            (Goal::Tolerance(tolerance), ToleranceKind::Relative) => {
+                tolerance as f32 * relative::scale(&node.texels(&self.space)) * 255.0 * 255.0
+            }
+            (Goal::Psnr(_) | Goal::Bpp(_), _) => 255.0 * 255.0,
         };
-        (0..self.grid.nodes()).map(|index| most * (self.grid.node(index).side.pow(2)) as f32).collect()
+        let of_node = |node: Node| 3.0 * most(node) * node.side.pow(2) as f32;
+        (0..self.grid.nodes()).map(|index| of_node(self.grid.node(index))).collect()
     }
 }
 

@@ -6,6 +6,7 @@ use texfold_match::Field;
 use super::gain_offset::{self, Stats};
 use super::leaf::Node;
 use super::pyramid::CellRows;
+use super::relative;
 use crate::decode::{
     TexfoldEpitomeLeaf, TexfoldEpitomeSource, texfold_epitome_matrix, texfold_epitome_place,
 };
@@ -183,6 +184,19 @@ impl Reading {
         // Opaque alpha has no error and is not counted.
         let channels = if target.iter().all(|texel| texel.w >= 255.0) { 3.0 } else { 4.0 };
         blocks.iter().map(|&(sum, count)| sum / (channels * count as f32)).fold(0.0, f32::max).sqrt()
+    }
+
+    /// Relative error ([`relative::error`]) under a gain-offset pair, of output rounded to 8 bits.
+    pub(crate) fn relative_error(&self, field: &Field, target: &[Vec4], gain_offset: &GainOffset) -> f32 {
+        if self.bounds(field).is_none() {
+            return f32::INFINITY;
+        }
+        let (gain, offset) = gain_offset::values(gain_offset);
+        let mut decoded = vec![Vec4::ZERO; target.len()];
+        self.read(field, |index, content| {
+            decoded[index] = (content * gain + offset).clamp(Vec4::ZERO, Vec4::splat(255.0));
+        });
+        relative::error(target, &decoded)
     }
 
     /// Cells that hold the texels that are read, ascending, numbered as `rows` says.

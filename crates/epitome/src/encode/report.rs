@@ -8,7 +8,7 @@ use super::leaf::{Grid, Node};
 use super::pyramid::SCALES;
 use super::reading::FRACTION_BITS;
 use super::state::{Choice, Options};
-use crate::EpitomeParams;
+use crate::{EpitomeParams, ToleranceKind};
 
 /// Texels of the images by where their content comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -72,6 +72,9 @@ pub(super) fn notes(params: &EpitomeParams, goal: Goal, verdict: String) -> Note
 fn settings(params: &EpitomeParams) -> String {
     let mut words = vec!["--codec epitome".to_owned()];
     words.push(params.goal.option());
+    if params.tolerance_kind == ToleranceKind::Relative {
+        words.push("--tolerance-kind relative".to_owned());
+    }
     match (params.content, params.family) {
         (Some(content), _) => words.push(format!("--content {}", content.name())),
         (None, Family::ErrorMap) => words.push("--content error-map".to_owned()),

@@ -20,8 +20,6 @@ use crate::{EpitomeParams, EpitomeSource};
 
 /// Bits of an entry as estimated in the rate-distortion cost.
 pub(super) const ENTRY_BITS: f32 = 40.0;
-/// Side of a block for tolerances where none is given (paper section 4).
-const TOLERANCE_BLOCK: u32 = 12;
 /// Side of all leaves where there is no quadtree and none is given.
 const FIXED_BLOCK: u32 = 16;
 
@@ -87,7 +85,7 @@ impl Shape {
             true => SCALES_ALONE,
         };
         let (grid, scales) = match params.goal {
-            Goal::Tolerance(_) => (Grid::new(&sizes, params.block.unwrap_or(TOLERANCE_BLOCK), false), 1),
+            Goal::Tolerance(_) => (Grid::new(&sizes, params.tolerance_block(), false), 1),
             _ if params.transforms.quadtree => (Grid::new(&sizes, block_of(&storages), true), scales),
             _ => (Grid::new(&sizes, params.block.unwrap_or(FIXED_BLOCK), false), scales),
         };
@@ -172,6 +170,7 @@ impl EpitomeSearch {
         Rules {
             cells: self.allowed.as_deref(),
             tolerance,
+            kind: self.params.tolerance_kind,
             refits: self.refit.is_some() && self.params.layers <= 1,
             full_size: false,
         }

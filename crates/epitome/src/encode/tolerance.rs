@@ -11,10 +11,11 @@ use super::growth::grow;
 use super::lambda_index::TOLERANCE_LAMBDA_INDEX;
 use super::models::{MOST_LINEARS, Model};
 use super::plan::Plan;
+use super::relative::worst_relative_error;
 use super::report;
 use super::searched::{ENTRY_BITS, EpitomeSearch};
 use super::state::{Choice, Options};
-use crate::EpitomeTexture;
+use crate::{EpitomeTexture, ToleranceKind};
 
 /// Most 2x2 matrices where charts are rotated to fit: each may be needed in eight orientations.
 const ROTATED_LINEARS: usize = 32;
@@ -107,10 +108,12 @@ impl EpitomeSearch {
         let verdict = report::verdict(&self.grid, plan.options, &choice, true);
         let texture = assemble(plan, &[choice], 0.0)?;
         let texture = texture.with_notes(report::notes(&self.params, Goal::Tolerance(tolerance), verdict));
-        Ok(Candidate {
-            measured: measure_for(Goal::Tolerance(tolerance), &self.images, &texture, plan.cancel)?,
-            texture,
-        })
+        let mut measured = measure_for(Goal::Tolerance(tolerance), &self.images, &texture, plan.cancel)?;
+        if self.params.tolerance_kind == ToleranceKind::Relative {
+            measured.worst_block_rms =
+                worst_relative_error(&self.images, &texture, self.params.tolerance_block());
+        }
+        Ok(Candidate { measured, texture })
     }
 
     /// Few cells that cover every block: chosen by costs, and, where blocks have one side, grown greedily and

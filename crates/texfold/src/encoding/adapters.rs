@@ -5,7 +5,7 @@ use texfold_core::image::{ColorSpace, ImageSet, PartImages, PixelInfo};
 use texfold_core::target::Measured;
 use texfold_core::{Access, EncodeError, Encoder, Goal, Image2d, Job, Notes, ParamError, Params};
 use texfold_dct::{Dct, DctImages, DctParams};
-use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
+use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture, ToleranceKind};
 use texfold_progressive::{Progressive, ProgressiveParams, ProgressiveTexture};
 use texfold_vq::{Vq, VqParams, VqSource, VqTexture};
 
@@ -236,11 +236,20 @@ impl ImageEncoder for Epitome {
         own
     }
 
+    /// A relative tolerance is not what plain blocks are measured by.
+    fn is_fixed(params: &EpitomeParams) -> bool {
+        params.tolerance_kind == ToleranceKind::Relative
+    }
+
     /// Content planes, layers and bounds of blocks are read by texel; there errors count by a metric in residual planes alone.
     fn check(settings: &EncodeSettings) -> Result<(), ParamError> {
         let planes = settings.content.is_some() || settings.family != Family::default();
         let is_bound = matches!(settings.goal, Goal::Tolerance(_));
-        let layers = settings.codec.own::<Epitome>().is_some_and(|own| own.layers > 1);
+        let own = settings.codec.own::<Epitome>().unwrap_or_default();
+        if own.tolerance_kind == ToleranceKind::Relative && !is_bound {
+            return Err(ParamError::new("tolerance_kind", "relative", "absolute, without a tolerance"));
+        }
+        let layers = own.layers > 1;
         let by_block = settings.access == Some(Access::Block);
         if by_block && (planes || is_bound || layers) {
             return Err(ParamError::new(

@@ -190,6 +190,8 @@ fn every_block_is_within_a_relative_tolerance() {
             assert!(bpp <= before * 1.02, "{name}: {bpp} for {tolerance} after {before}");
             before = bpp;
         }
+        // Something is shared at last, so that the bound was tested.
+        assert!(before < 23.0 || name == "odd_37x61", "{name}: {before}");
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use texfold::{AnyImage, encoding::Attempt, epitome::worst_relative_error};
 use texfold_core::image::{ImageSet, Raster};
-use texfold_core::metric::{decode_image, quality, ssim};
+use texfold_core::metric::{decode_rounded, quality, ssim};
 use texfold_core::target::Measured;
 use texfold_core::{Footprint, Goal, LoadError, MemoryBits};
 
@@ -204,7 +204,7 @@ impl Figures {
         let encoded = image.as_encoded();
         let quality = quality(source, encoded);
         let similarity = |(index, raster): (usize, &Raster)| {
-            let decoded = decode_image(encoded, index as u32, 0);
+            let decoded = decode_rounded(encoded, index as u32);
             decoded.map_or((0.0, None), |decoded| (ssim(raster, &decoded), ssimulacra2(raster, &decoded)))
         };
         let images = source.images();

@@ -11,7 +11,7 @@ mod ssim;
 
 use rayon::prelude::*;
 
-use crate::image::{ImageSet, Raster, to_u8, write_texels};
+use crate::image::{Depth, ImageSet, ImageSize, Raster, to_u8, write_texels};
 use crate::target::{Goal, Measured};
 use crate::{CancelCheck, EncodeError, Encoded, Image2d, Rect, RegionError, Texel};
 pub use ssim::ssim;
@@ -145,30 +145,50 @@ pub fn decode_rect(encoded: &dyn Encoded<Domain = Image2d>, rect: Rect) -> Optio
     decode_rect_of(encoded, rect, CancelCheck::default())
 }
 
+/// As [`decode_image`] at level 0, but where pixels have 8 bits rounded to them, as metrics round, in a quarter of the memory.
+#[must_use]
+pub fn decode_rounded(encoded: &dyn Encoded<Domain = Image2d>, image: u32) -> Option<Raster> {
+    let layout = encoded.layout();
+    let rect = layout.whole(image, 0)?;
+    if layout.pixel.depth != Depth::Eight {
+        return decode_rect(encoded, rect);
+    }
+    let bytes = decode_values(encoded, rect, CancelCheck::default(), to_u8)?;
+    Raster::of_bytes(ImageSize { width: rect.width, height: rect.height }, layout.pixel, bytes).ok()
+}
+
 /// As [`decode_rect`]; of no use once the job is cancelled.
 fn decode_rect_of(
     encoded: &dyn Encoded<Domain = Image2d>,
     rect: Rect,
     cancel: CancelCheck<'_>,
 ) -> Option<Raster> {
+    let data = decode_values(encoded, rect, cancel, |value| value)?;
+    Raster::new(rect.width, rect.height, encoded.layout().pixel, data).ok()
+}
+
+/// The values of a rectangle, each as `of` it.
+fn decode_values<T: Clone + Default + Send>(
+    encoded: &dyn Encoded<Domain = Image2d>,
+    rect: Rect,
+    cancel: CancelCheck<'_>,
+    of: impl Fn(f32) -> T + Sync,
+) -> Option<Vec<T>> {
     let layout = encoded.layout();
     layout.check(rect).ok().filter(|()| rect.width > 0 && rect.height > 0)?;
     let row = rect.width as usize * usize::from(layout.pixel.channels);
-    let mut data = vec![0.0; row * rect.height as usize];
+    let mut data = vec![T::default(); row * rect.height as usize];
     let bands = data.par_chunks_mut(row * BAND_ROWS as usize).enumerate();
-    let decode = |(band, out): (usize, &mut [f32])| {
+    let decode = |(band, out): (usize, &mut [T])| {
         if cancel.is_cancelled() {
             return Ok(());
         }
         let texels = decode_band(encoded, rect, BAND_ROWS * band as u32)?;
-        write_texels(&texels, layout.pixel.channels, out);
+        write_texels(&texels, layout.pixel.channels, out, &of);
         Ok::<_, RegionError>(())
     };
     bands.try_for_each(decode).ok()?;
-    if cancel.is_cancelled() {
-        return None;
-    }
-    Raster::new(rect.width, rect.height, layout.pixel, data).ok()
+    (!cancel.is_cancelled()).then_some(data)
 }
 
 /// At most [`BAND_ROWS`] rows of a rectangle, from row `top` of it on.
@@ -272,7 +292,7 @@ fn quality_of_image(
         let texels = decode_band(encoded, whole, top).ok()?;
         let rows = texels.len() as u32 / size.width;
         let mut data = vec![0.0; texels.len() * usize::from(pixel.channels)];
-        write_texels(&texels, pixel.channels, &mut data);
+        write_texels(&texels, pixel.channels, &mut data, |value| value);
         let decoded = Raster::new(size.width, rows, pixel, data).ok()?;
         Some(errors(image, &decoded, top))
     };

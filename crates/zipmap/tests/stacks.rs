@@ -480,7 +480,7 @@ fn maps_of_another_kind_lie_where_the_colours_do() {
     };
     let params = ZipParams::default().with_drop_rms(4.0);
     let masks = masks(&colours, &params, &mut Job::default()).unwrap();
-    let shown = |mask: &Raster| mask.data().iter().filter(|&&share| share > 0.0).count();
+    let shown = |mask: &Raster| mask.values().filter(|&share| share > 0.0).count();
     let texels = (SIZE.0 * SIZE.1) as usize;
     let [nothing, whole, part] = [0, 1, 2].map(|index| shown(&masks[index]));
     assert!(

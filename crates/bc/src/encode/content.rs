@@ -1,6 +1,6 @@
 //! Texels stored as content planes.
 
-use texfold_core::image::PixelInfo;
+use texfold_core::image::{PixelInfo, Raster};
 use texfold_core::{CancelCheck, EncodeError, PlaneFormat, Texel};
 
 use super::blocks::{encode_cancellable, encode_plane};
@@ -16,7 +16,7 @@ impl ContentPlanes {
         texels: &[Texel],
         effort: texfold_core::Effort,
     ) -> Self {
-        Self::encode_bands(content, pixel, size, texels, effort, CancelCheck::default())
+        Self::encode_bands(content, pixel, size, || texels.iter().copied(), effort, CancelCheck::default())
     }
 
     /// As [`ContentPlanes::encode`], but stops soon after the job that `cancel` belongs to is cancelled.
@@ -31,15 +31,30 @@ impl ContentPlanes {
         effort: texfold_core::Effort,
         cancel: CancelCheck<'_>,
     ) -> Result<Self, EncodeError> {
-        let planes = Self::encode_bands(content, pixel, size, texels, effort, cancel);
+        let planes = Self::encode_bands(content, pixel, size, || texels.iter().copied(), effort, cancel);
         cancel.checkpoint().map(|()| planes)
     }
 
-    fn encode_bands(
+    /// As [`ContentPlanes::encode_cancellable`], of an image.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn encode_image(
+        content: Content,
+        image: &Raster,
+        effort: texfold_core::Effort,
+        cancel: CancelCheck<'_>,
+    ) -> Result<Self, EncodeError> {
+        let size = (image.size().width, image.size().height);
+        let planes = Self::encode_bands(content, image.info(), size, || image.texels(), effort, cancel);
+        cancel.checkpoint().map(|()| planes)
+    }
+
+    fn encode_bands<T: ExactSizeIterator<Item = Texel>>(
         content: Content,
         pixel: PixelInfo,
         (width, height): (u32, u32),
-        texels: &[Texel],
+        texels: impl Fn() -> T,
         effort: texfold_core::Effort,
         cancel: CancelCheck<'_>,
     ) -> Self {
@@ -48,7 +63,7 @@ impl ContentPlanes {
             .iter()
             .enumerate()
             .map(|(index, &format)| {
-                let bytes = plane_bytes(texels, swizzle, index);
+                let bytes = plane_bytes(texels(), swizzle, index);
                 (format, encode_cancellable(format, width, height, &bytes, effort, cancel))
             })
             .collect();
@@ -64,7 +79,7 @@ impl ContentPlanes {
         for (index, (format, bytes)) in grown.planes.iter_mut().enumerate() {
             bytes.resize(format.bytes(self.width, grown.height) as usize, 0);
             for (x, y, texels) in cells {
-                let block = plane_bytes(texels, self.swizzle, index);
+                let block = plane_bytes(texels.iter().copied(), self.swizzle, index);
                 let block = encode_plane(*format, 4, 4, &block, texfold_core::Effort::Normal);
                 write_cell(bytes, *format, self.width, (*x, *y), &block);
             }
@@ -87,9 +102,9 @@ fn write_cell(bytes: &mut [u8], format: PlaneFormat, width: u32, (x, y): (u32, u
 }
 
 /// RGBA bytes that plane `index` is encoded from.
-fn plane_bytes(texels: &[Texel], swizzle: Swizzle, index: usize) -> Vec<u8> {
+fn plane_bytes(texels: impl ExactSizeIterator<Item = Texel>, swizzle: Swizzle, index: usize) -> Vec<u8> {
     use texfold_core::sample as s;
-    let arrange = |texel: &Texel| -> [f32; 4] {
+    let arrange = |texel: Texel| -> [f32; 4] {
         let [red, green, blue, alpha] = texel.to_array();
         match swizzle.0 {
             s::TEXFOLD_RGBA => [red, green, blue, alpha],
@@ -98,7 +113,8 @@ fn plane_bytes(texels: &[Texel], swizzle: Swizzle, index: usize) -> Vec<u8> {
             _ => [red, green, blue, 1.0],
         }
     };
-    texels.iter().flat_map(|texel| arrange(texel).map(texfold_core::image::to_u8)).collect()
+    // Of known length.
+    texels.map(|texel| arrange(texel).map(texfold_core::image::to_u8)).collect::<Vec<_>>().into_flattened()
 }
 
 #[cfg(test)]

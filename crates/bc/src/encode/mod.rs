@@ -15,7 +15,7 @@ use texfold_core::metric::measure_for;
 use texfold_core::target::search;
 use texfold_core::{
     CancelCheck, EncodeError, Encoder, Goal, ImageLayout, ImageSize, Job, Notes, ParamError, Params,
-    SourceError, Texel,
+    SourceError,
 };
 
 use crate::parts::Parts;
@@ -126,7 +126,7 @@ fn compress(
         let chain = mip_chain_cancellable(image, levels, MipFilter::Box, cancel)?;
         chain[candidate.reduce_log2 as usize..]
             .iter()
-            .map(|level| encode_level(level, candidate, params, cancel))
+            .map(|level| ContentPlanes::encode_image(candidate.content, level, params.effort, cancel))
             .collect()
     };
     let parts = Parts {
@@ -136,18 +136,6 @@ fn compress(
         images: source.images().iter().map(planes).collect::<Result<_, _>>()?,
     };
     Ok(BcTexture { parts, notes: Notes::default() })
-}
-
-fn encode_level(
-    level: &Raster,
-    candidate: Candidate,
-    params: &BcParams,
-    cancel: CancelCheck<'_>,
-) -> Result<ContentPlanes, EncodeError> {
-    let texels: Vec<Texel> = level.texels().collect();
-    let size = (level.size().width, level.size().height);
-    let pixel = level.info();
-    ContentPlanes::encode_cancellable(candidate.content, pixel, size, &texels, params.effort, cancel)
 }
 
 fn settings(params: &BcParams) -> String {

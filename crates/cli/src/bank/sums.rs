@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use texfold_core::image::ImageSet;
-use texfold_core::metric::{SquaredError, decode_image, quality, ssim};
+use texfold_core::metric::{SquaredError, decode_rounded, quality, ssim};
 use texfold_core::target::Measured;
 use texfold_core::{Access, Encoded, Image2d, ImageSize};
 
@@ -54,7 +54,7 @@ impl Sums {
             self.alpha = Some(self.alpha.unwrap_or_default() + alpha);
         }
         self.worst_block_rms = self.worst_block_rms.max(found.worst_block_rms);
-        let (decoded, image) = (decode_image(texture, 0, 0), &source.images()[0]);
+        let (decoded, image) = (decode_rounded(texture, 0), &source.images()[0]);
         let similar = decoded.as_ref().map_or(0.0, |decoded| ssim(image, decoded));
         self.ssim += similar * texels as f64;
         self.ssimulacra2.push((decoded.and_then(|decoded| ssimulacra2(image, &decoded)), texels as f64));

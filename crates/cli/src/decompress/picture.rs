@@ -158,19 +158,19 @@ impl Picture {
     }
 
     fn samples(&self, raster: &Raster) -> Vec<u8> {
-        let sixteen = |value: &f32| ((value.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16).to_ne_bytes();
+        let sixteen = |value: f32| ((value.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16).to_ne_bytes();
         match self.sample {
             Sample::Eight => raster.to_bytes(),
-            Sample::Sixteen => raster.data().iter().map(sixteen).collect::<Vec<_>>().into_flattened(),
+            Sample::Sixteen => raster.values().map(sixteen).collect::<Vec<_>>().into_flattened(),
             Sample::Float => {
                 let linear = |value: f32| match self.info.color {
                     ColorSpace::Srgb => srgb_to_linear(value),
                     ColorSpace::Linear | ColorSpace::Normal => value,
                 };
-                let texels = raster.texels().zip(raster.data().chunks_exact(self.info.channels.into()));
-                let floats = texels.flat_map(|(texel, values)| {
+                let extra = self.info.channels > 3;
+                let floats = raster.texels().flat_map(|texel| {
                     let colour = texel.truncate().to_array().map(|value| linear(value) * texel.w);
-                    colour.into_iter().chain(values.get(3).copied())
+                    colour.into_iter().chain(extra.then_some(texel.w))
                 });
                 floats.map(f32::to_ne_bytes).collect::<Vec<_>>().into_flattened()
             }

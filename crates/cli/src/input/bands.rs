@@ -131,8 +131,8 @@ impl Bands {
                 let channels = raster.info().channels;
                 alpha = alpha.or(Some(raster.info().alpha));
                 let row = width as usize * usize::from(channels);
-                let values = &raster.data()[top as usize * row..(top + rows) as usize * row];
-                let bytes = values.iter().map(|&value| texfold_core::image::to_u8(value)).collect();
+                let values = raster.values().skip(top as usize * row).take(rows as usize * row);
+                let bytes = values.map(texfold_core::image::to_u8).collect();
                 (channels, Samples::Eight(bytes))
             }
             Source::Png(reader) => png_rows(&path, reader, rows)?,

@@ -77,7 +77,7 @@ fn textures_of_16_bits_are_written_with_16_bits() {
             let file = fs::read(place.at(&format!("out/{channels}.txf"))).unwrap();
             let image = texfold::open(&file).unwrap().into_image().unwrap();
             let raster = texfold::core::metric::decode_image(image.as_encoded(), 0, 0).unwrap();
-            let wanted = raster.data().iter().map(|value| (value * 65535.0).clamp(0.0, 65535.0));
+            let wanted = raster.values().map(|value| (value * 65535.0).clamp(0.0, 65535.0));
             assert!(
                 values.iter().zip(wanted).all(|(&found, wanted)| (f32::from(found) - wanted).abs() < 0.51)
             );

@@ -1,4 +1,4 @@
-//! Images in memory: 1 to 4 channels of f32, tagged with what they mean.
+//! Images in memory: 1 to 4 channels in the depth of their source, tagged with what they mean.
 
 use glam::Vec4;
 
@@ -10,12 +10,13 @@ const DEEPEST: f32 = u16::MAX as f32;
 /// Most bits of sensors.
 const SENSOR_BITS: u32 = 14;
 
-/// An image: `height` rows of `width` texels of 1 to 4 interleaved channels, values nominally in [0, 1].
-#[derive(Debug, Clone, PartialEq)]
+/// An image: `height` rows of `width` texels of 1 to 4 interleaved channels, values nominally in [0, 1]. Sources of 8 and 16 bits
+/// take 1 and 2 bytes a value, others 4. Images are equal where their values are, whatever they are held in.
+#[derive(Debug, Clone)]
 pub struct Raster {
     size: ImageSize,
     info: PixelInfo,
-    data: Vec<f32>,
+    data: Values,
     /// The value that errors are measured against.
     peak: f32,
 }
@@ -26,6 +27,19 @@ impl Raster {
     /// # Errors
     /// [`SourceError`]: a side of 0, channels other than 1 to 4, a wrong length, or values that are not finite.
     pub fn new(width: u32, height: u32, info: PixelInfo, data: Vec<f32>) -> Result<Self, SourceError> {
+        if data.iter().any(|value| !value.is_finite()) {
+            return Err(SourceError::NotFinite { index: 0 });
+        }
+        Raster::of(width, height, info, Values::Float(data))
+    }
+
+    /// Of bytes that are what `info` says, opaque alpha among them.
+    #[cfg(feature = "encode")]
+    pub(crate) fn of_bytes(size: ImageSize, info: PixelInfo, bytes: Vec<u8>) -> Result<Self, SourceError> {
+        Raster::of(size.width, size.height, info, Values::Eight(bytes))
+    }
+
+    fn of(width: u32, height: u32, info: PixelInfo, data: Values) -> Result<Self, SourceError> {
         if width == 0 || height == 0 {
             return Err(SourceError::ZeroSize { index: 0, width, height });
         }
@@ -37,9 +51,6 @@ impl Raster {
         let needed = needed.unwrap_or(usize::MAX);
         if data.len() != needed {
             return Err(SourceError::Length { found: data.len(), needed });
-        }
-        if data.iter().any(|value| !value.is_finite()) {
-            return Err(SourceError::NotFinite { index: 0 });
         }
         Ok(Raster { size, info, data, peak: 1.0 })
     }
@@ -57,8 +68,7 @@ impl Raster {
     ) -> Result<Self, SourceError> {
         let alpha = if channels.is_multiple_of(2) { Alpha::Straight } else { Alpha::Opaque };
         let info = PixelInfo { channels, depth: Depth::Eight, color, alpha };
-        let data = bytes.iter().map(|&byte| f32::from(byte) / 255.0).collect();
-        Raster::new(width, height, info, data).map(Raster::without_opaque_alpha)
+        Raster::of(width, height, info, Values::Eight(bytes.to_vec())).map(Raster::without_opaque_alpha)
     }
 
     /// From 16-bit values: 0 is 0.0, 65535 is 1.0. Fully opaque alpha is dropped.
@@ -74,20 +84,15 @@ impl Raster {
     ) -> Result<Self, SourceError> {
         let alpha = if channels.is_multiple_of(2) { Alpha::Straight } else { Alpha::Opaque };
         let info = PixelInfo { channels, depth: Depth::Sixteen, color, alpha };
-        let data = values.iter().map(|&value| f32::from(value) / 65535.0).collect();
-        Raster::new(width, height, info, data).map(Raster::without_opaque_alpha)
+        Raster::of(width, height, info, Values::Sixteen(values.to_vec())).map(Raster::without_opaque_alpha)
     }
 
     /// Drops an alpha channel that is 1 everywhere: an opaque image need not pay for it.
     fn without_opaque_alpha(self) -> Self {
-        let channels = usize::from(self.info.channels);
-        if !self.info.has_alpha() || self.data.chunks_exact(channels).any(|texel| texel[channels - 1] < 1.0) {
+        if !self.info.has_alpha() || self.texels().any(|texel| texel.w < 1.0) {
             return self;
         }
-        let data =
-            self.data.chunks_exact(channels).flat_map(|texel| &texel[..channels - 1]).copied().collect();
-        let info = PixelInfo { channels: self.info.channels - 1, alpha: Alpha::Opaque, ..self.info };
-        Raster { size: self.size, info, data, peak: self.peak }
+        self.with_channels(self.info.channels - 1)
     }
 
     /// A map in RGB of values from 0 to 1: black, red, yellow and white for 0, 1/3, 2/3 and 1.
@@ -115,8 +120,7 @@ impl Raster {
         info: PixelInfo,
         texels: &[Texel],
     ) -> Result<Self, SourceError> {
-        let data = split_texels(texels.iter().copied(), info.channels);
-        Raster::new(width, height, info, data)
+        Raster::new(width, height, info, split_texels(texels.iter().copied(), info.channels))
     }
 
     /// Columns and rows.
@@ -144,7 +148,7 @@ impl Raster {
     #[must_use]
     pub fn with_channels(&self, channels: u8) -> Raster {
         let channels = channels.clamp(1, 4);
-        let data = split_texels(self.texels(), channels);
+        let data = self.data.with_channels(self.info.channels.into(), channels.into());
         let info = PixelInfo { channels, ..self.info };
         let alpha = match (self.info.has_extra(), info.has_extra()) {
             (true, true) => self.info.alpha,
@@ -167,13 +171,18 @@ impl Raster {
             self.texels().map(|texel| gray(&texel)).collect()
         };
         let info = PixelInfo { channels: 1 + u8::from(extra), ..self.info };
-        Raster { size: self.size, info, data, peak: self.peak }
+        Raster { size: self.size, info, data: Values::Float(data), peak: self.peak }
     }
 
     /// The same image with its values rounded to 16 bits; those of sources of 8 and 16 bits are so already.
     fn settled(mut self) -> Raster {
-        for value in &mut self.data {
-            *value = (*value * DEEPEST).round() / DEEPEST;
+        if let Values::Float(values) = &mut self.data {
+            let rounded = |value: f32| (value * DEEPEST).round();
+            if values.iter().all(|&value| (0.0..=DEEPEST).contains(&rounded(value))) {
+                self.data = Values::Sixteen(values.iter().map(|&value| rounded(value) as u16).collect());
+            } else {
+                values.iter_mut().for_each(|value| *value = rounded(*value) / DEEPEST);
+            }
         }
         self
     }
@@ -195,8 +204,8 @@ impl Raster {
         }
         let channels = usize::from(self.info.channels);
         let counted = channels - usize::from(self.info.has_alpha());
-        let texels = self.data.chunks_exact(channels);
-        let largest = texels.flat_map(|texel| &texel[..counted]).copied().fold(0.0, f32::max);
+        let values = self.values().enumerate().filter(|(index, _)| index % channels < counted);
+        let largest = values.map(|(_, value)| value).fold(0.0, f32::max);
         let largest = (largest.min(1.0) * DEEPEST).round() as u32;
         if largest < 1 << SENSOR_BITS {
             ((largest + 1).next_power_of_two() - 1) as f32 / DEEPEST
@@ -218,44 +227,131 @@ impl Raster {
     }
 
     /// All values, channels interleaved.
-    #[must_use]
-    pub fn data(&self) -> &[f32] {
-        &self.data
+    pub fn values(&self) -> impl ExactSizeIterator<Item = f32> + '_ {
+        (0..self.data.len()).map(|index| self.data.value(index))
     }
 
-    /// The channels of the texel at (`x`, `y`), both clamped to the image.
+    /// The value of channel `channel` of the texel at (`x`, `y`), in the order of the image's own channels; the place is clamped to
+    /// the image, the channel to the last.
     #[must_use]
-    pub fn channels_at(&self, x: u32, y: u32) -> &[f32] {
+    pub fn value(&self, x: u32, y: u32, channel: usize) -> f32 {
         let channels = usize::from(self.info.channels);
+        self.data.value(self.number(x, y) * channels + channel.min(channels - 1))
+    }
+
+    /// The number in row order of the texel at (`x`, `y`), both clamped to the image.
+    fn number(&self, x: u32, y: u32) -> usize {
         let (x, y) = (x.min(self.size.width - 1) as usize, y.min(self.size.height - 1) as usize);
-        let start = (y * self.size.width as usize + x) * channels;
-        &self.data[start..start + channels]
+        y * self.size.width as usize + x
     }
 
     /// The texel at (`x`, `y`), both clamped to the image: gray is copied to RGB, missing alpha is 1.
     #[must_use]
     pub fn texel(&self, x: u32, y: u32) -> Texel {
-        join_texel(self.channels_at(x, y))
+        self.data.texel(self.number(x, y), self.info.channels.into())
     }
 
     /// All texels in row order.
     pub fn texels(&self) -> impl ExactSizeIterator<Item = Texel> + '_ {
-        self.data.chunks_exact(usize::from(self.info.channels)).map(join_texel)
+        let channels = usize::from(self.info.channels);
+        (0..self.data.len() / channels).map(move |number| self.data.texel(number, channels))
     }
 
     /// At most `count` texels in row order from number `start` on.
     #[cfg(feature = "encode")]
     pub(crate) fn texels_from(&self, start: usize, count: usize) -> impl Iterator<Item = Texel> + '_ {
         let channels = usize::from(self.info.channels);
-        let rest = self.data.get(start * channels..).unwrap_or_default();
-        rest.chunks_exact(channels).take(count).map(join_texel)
+        let end = (start + count).min(self.data.len() / channels);
+        (start..end).map(move |number| self.data.texel(number, channels))
     }
 
     /// Interleaved bytes of the raster's own channels.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        self.data.iter().map(|&value| to_u8(value)).collect()
+        match &self.data {
+            Values::Eight(bytes) => bytes.clone(),
+            _ => self.values().map(to_u8).collect(),
+        }
     }
+}
+
+impl PartialEq for Raster {
+    fn eq(&self, other: &Self) -> bool {
+        let same = match (&self.data, &other.data) {
+            (Values::Eight(a), Values::Eight(b)) => a == b,
+            (Values::Sixteen(a), Values::Sixteen(b)) => a == b,
+            _ => self.values().eq(other.values()),
+        };
+        same && (self.size, self.info, self.peak) == (other.size, other.info, other.peak)
+    }
+}
+
+/// Values of an image, channels interleaved.
+#[derive(Debug, Clone)]
+enum Values {
+    /// In units of 1/255.
+    Eight(Vec<u8>),
+    /// In units of 1/65535.
+    Sixteen(Vec<u16>),
+    Float(Vec<f32>),
+}
+
+impl Values {
+    fn len(&self) -> usize {
+        match self {
+            Values::Eight(values) => values.len(),
+            Values::Sixteen(values) => values.len(),
+            Values::Float(values) => values.len(),
+        }
+    }
+
+    #[inline]
+    fn value(&self, index: usize) -> f32 {
+        match self {
+            Values::Eight(values) => f32::from(values[index]) / 255.0,
+            Values::Sixteen(values) => f32::from(values[index]) / DEEPEST,
+            Values::Float(values) => values[index],
+        }
+    }
+
+    /// Texel `number` of texels of `channels` channels.
+    #[inline]
+    fn texel(&self, number: usize, channels: usize) -> Texel {
+        let place = number * channels..(number + 1) * channels;
+        match self {
+            Values::Eight(values) => join_texel(&values[place], 255.0),
+            Values::Sixteen(values) => join_texel(&values[place], DEEPEST),
+            Values::Float(values) => join_texel(&values[place], 1.0),
+        }
+    }
+
+    /// Texels of `before` channels as such of `after`; see [`Raster::with_channels`].
+    fn with_channels(&self, before: usize, after: usize) -> Values {
+        match self {
+            Values::Eight(values) => Values::Eight(rejoined(values, before, after, u8::MAX)),
+            Values::Sixteen(values) => Values::Sixteen(rejoined(values, before, after, u16::MAX)),
+            Values::Float(values) => Values::Float(rejoined(values, before, after, 1.0)),
+        }
+    }
+}
+
+/// Texels of 1 to 4 channels as such of another number: gray is copied to red, green and blue, and `one` is alpha where there is none.
+/// Of two channels the second is alpha.
+fn rejoined<T: Copy>(values: &[T], before: usize, after: usize, one: T) -> Vec<T> {
+    let place = |channel: usize| match (before, after, channel) {
+        (1 | 3, 2, 1) | (1 | 3, 4, 3) => None,
+        (2 | 4, 2, 1) | (2 | 4, 4, 3) => Some(before - 1),
+        (1 | 2, _, _) => Some(0),
+        _ => Some(channel),
+    };
+    let places: Vec<Option<usize>> = (0..after).map(place).collect();
+    let mut out = vec![one; values.len() / before * after];
+    for (out, from) in out.chunks_exact_mut(after).zip(values.chunks_exact(before)) {
+        for (out, place) in out.iter_mut().zip(&places) {
+            *out = place.map_or(one, |place| from[place]);
+        }
+    }
+    out
 }
 
 /// Nearest byte of a value in [0, 1]; what is outside is clamped.
@@ -265,14 +361,17 @@ pub fn to_u8(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
-fn join_texel(channels: &[f32]) -> Texel {
-    match *channels {
-        [gray] => Vec4::new(gray, gray, gray, 1.0),
-        [gray, alpha] => Vec4::new(gray, gray, gray, alpha),
-        [red, green, blue] => Vec4::new(red, green, blue, 1.0),
-        [red, green, blue, alpha] => Vec4::new(red, green, blue, alpha),
+/// The texel of 1 to 4 values in units of 1 / `one`.
+#[inline]
+fn join_texel<T: Copy + Into<f32>>(channels: &[T], one: f32) -> Texel {
+    let texel = match *channels {
+        [gray] => Vec4::splat(gray.into()).with_w(one),
+        [gray, alpha] => Vec4::splat(gray.into()).with_w(alpha.into()),
+        [red, green, blue] => Vec4::new(red.into(), green.into(), blue.into(), one),
+        [red, green, blue, alpha] => Vec4::new(red.into(), green.into(), blue.into(), alpha.into()),
         _ => Vec4::ZERO,
-    }
+    };
+    texel / one
 }
 
 /// The channels of all texels; of two channels the second is alpha. Of known length, so that megatexels take no tenths of
@@ -286,14 +385,14 @@ fn split_texels(texels: impl ExactSizeIterator<Item = Texel>, channels: u8) -> V
     }
 }
 
-/// Writes the channels of texels one after the other; of two channels the second is alpha.
+/// Writes the channels of texels one after the other, each as `of` it; of two channels the second is alpha.
 #[cfg(feature = "encode")]
-pub(crate) fn write_texels(texels: &[Texel], channels: u8, out: &mut [f32]) {
+pub(crate) fn write_texels<T>(texels: &[Texel], channels: u8, out: &mut [T], of: impl Fn(f32) -> T) {
     for (out, texel) in out.chunks_exact_mut(channels.clamp(1, 4).into()).zip(texels) {
         match out {
-            [gray] => *gray = texel.x,
-            [gray, alpha] => (*gray, *alpha) = (texel.x, texel.w),
-            _ => out.iter_mut().zip(texel.to_array()).for_each(|(out, value)| *out = value),
+            [gray] => *gray = of(texel.x),
+            [gray, alpha] => (*gray, *alpha) = (of(texel.x), of(texel.w)),
+            _ => out.iter_mut().zip(texel.to_array()).for_each(|(out, value)| *out = of(value)),
         }
     }
 }
@@ -399,7 +498,7 @@ mod tests {
             for off in [0.0, 1e-7, -1e-7] {
                 let moved = exact.iter().map(|value| value + off).collect();
                 let set = ImageSet::single(Raster::new(stored, 1, info, moved).unwrap());
-                assert_eq!(set.images()[0].data(), exact, "{most} {off}");
+                assert!(set.images()[0].values().eq(exact.iter().copied()), "{most} {off}");
             }
         }
     }
@@ -426,7 +525,7 @@ mod tests {
     #[test]
     fn sixteen_bits_are_kept() {
         let raster = Raster::from_u16(1, 1, 1, ColorSpace::Linear, &[257]).unwrap();
-        assert!((raster.data()[0] - 257.0 / 65535.0).abs() < 1e-9);
+        assert!((raster.value(0, 0, 0) - 257.0 / 65535.0).abs() < 1e-9);
     }
 
     #[test]

@@ -142,8 +142,8 @@ fn mirrored(index: i64, size: usize) -> usize {
 
 /// A row of a raster, of which one channel of texels is looked at.
 struct Line<'r> {
-    values: &'r [f32],
-    channels: usize,
+    raster: &'r Raster,
+    row: u32,
     /// The channel's place in a texel; `None` for alpha that is not there.
     place: Option<usize>,
     /// What values are multiplied with.
@@ -158,12 +158,12 @@ impl<'r> Line<'r> {
             (1 | 2, 0..=2) => Some(0),
             _ => Some(channel).filter(|&channel| channel < channels),
         };
-        let row = raster.size().width as usize * channels;
-        Line { values: &raster.data()[y * row..][..row], channels, place, gain }
+        Line { raster, row: y as u32, place, gain }
     }
 
     fn byte(&self, x: usize) -> f32 {
-        self.place.map_or(255.0, |place| f32::from(to_u8(self.gain * self.values[x * self.channels + place])))
+        let byte = |place| f32::from(to_u8(self.gain * self.raster.value(x as u32, self.row, place)));
+        self.place.map_or(255.0, byte)
     }
 }
 

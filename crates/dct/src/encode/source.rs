@@ -70,8 +70,8 @@ impl DctSource {
             Depth::Eight => (8, f32::from(u8::MAX)),
             Depth::Sixteen => (16, f32::from(u16::MAX)),
         };
-        let sample = |value: &f32| (value.clamp(0.0, 1.0) * largest + 0.5) as u16;
-        Self::new(image.size(), groups, bits, image.data().iter().map(sample).collect())
+        let sample = |value: f32| (value.clamp(0.0, 1.0) * largest + 0.5) as u16;
+        Self::new(image.size(), groups, bits, image.values().map(sample).collect())
     }
 
     /// With colours that cost next to nothing where channel `alpha` is 0, and so hides them; all channels but `alpha` change

@@ -25,9 +25,8 @@ pub(crate) fn allowed_cells(space: &Space, mask: &Raster) -> Result<Vec<bool>, S
                 for x in 0..rows.columns {
                     let mut texels = (y * height..(y + 1) * height)
                         .flat_map(|y| (x * width..(x + 1) * width).map(move |x| (x, y)));
-                    let inside = |(x, y): (u32, u32)| {
-                        x < size.width && y < size.height && mask.channels_at(x, y)[0] > 0.5
-                    };
+                    let inside =
+                        |(x, y): (u32, u32)| x < size.width && y < size.height && mask.value(x, y, 0) > 0.5;
                     allowed[rows.number(x, y) as usize] = texels.all(inside);
                 }
             }

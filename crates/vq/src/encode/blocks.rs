@@ -106,7 +106,8 @@ fn cut_level(level: &Raster, values: &mut Vec<f32>, inside: &mut Vec<f32>, cance
 pub(crate) fn window(image: &Raster, x: u32, y: u32, out: &mut [f32]) {
     let channels = usize::from(image.info().channels);
     for (texel, values) in out.chunks_exact_mut(channels).enumerate() {
-        values.copy_from_slice(image.channels_at(x + texel as u32 % 4, y + texel as u32 / 4));
+        let (x, y) = (x + texel as u32 % 4, y + texel as u32 / 4);
+        values.iter_mut().enumerate().for_each(|(channel, value)| *value = image.value(x, y, channel));
     }
 }
 

@@ -20,7 +20,7 @@ fn bytes(texel: Texel) -> [u8; 4] {
 fn bytes_of(
     image: &Raster,
     cancel: CancelCheck<'_>,
-    texel: impl Fn(Texel, usize, u32, u32) -> Texel,
+    texel: impl Fn(Texel, u32, u32) -> Texel,
 ) -> Result<Vec<[u8; 4]>, EncodeError> {
     let width = image.size().width.max(1);
     let mut all = Vec::new();
@@ -30,7 +30,7 @@ fn bytes_of(
         if x == 0 {
             cancel.checkpoint()?;
         }
-        all.push(bytes(texel(colour, index, x, y)));
+        all.push(bytes(texel(colour, x, y)));
     }
     Ok(all)
 }
@@ -42,7 +42,7 @@ pub(crate) fn of_root(
     cancel: CancelCheck<'_>,
 ) -> Result<Vec<Vec<[u8; 4]>>, EncodeError> {
     let chain = mip_chain_cancellable(root, levels, MipFilter::Box, cancel)?;
-    chain.iter().map(|level| bytes_of(level, cancel, |texel, _, _, _| texel)).collect()
+    chain.iter().map(|level| bytes_of(level, cancel, |texel, _, _| texel)).collect()
 }
 
 /// Levels of a patch down to the last that has texels inside; none where the patch has none itself.
@@ -66,9 +66,9 @@ pub(crate) fn of_patch(
     let shares = mip_chain_cancellable(&shares, levels, MipFilter::Box, cancel)?;
     let level = |(colour, share): (&Raster, &Raster)| {
         let size = colour.size();
-        bytes_of(colour, cancel, |texel, at, x, y| {
+        bytes_of(colour, cancel, |texel, x, y| {
             let border = x == 0 || y == 0 || x + 1 == size.width || y + 1 == size.height;
-            texel.truncate().extend(if border { 0.0 } else { share.data()[at] })
+            texel.truncate().extend(if border { 0.0 } else { share.value(x, y, 0) })
         })
     };
     colours.iter().zip(&shares).map(level).collect()

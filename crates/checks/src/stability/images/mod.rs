@@ -230,11 +230,11 @@ fn again(images: &ImageSet, made: &AnyImage, way: &Way, tools: &Tools, cancel: &
 /// Each value a little larger or smaller.
 fn nudged(images: &ImageSet) -> Outcome<ImageSet> {
     let nudged = |image: &Raster| {
-        let value = |(index, &value): (usize, &f32)| {
+        let value = |(index, value): (usize, f32)| {
             let up = (index as u32).wrapping_mul(0x9e37_79b9) >> 31 == 0;
             (value + if up { NUDGE } else { -NUDGE }).clamp(0.0, 1.0)
         };
-        let data = image.data().iter().enumerate().map(value).collect();
+        let data = image.values().enumerate().map(value).collect();
         Ok(Raster::new(image.size().width, image.size().height, image.info(), data)?)
     };
     Ok(ImageSet::new(images.images().iter().map(nudged).collect::<Outcome<_>>()?)?)

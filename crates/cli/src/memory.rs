@@ -1,4 +1,4 @@
-//! How much memory a run may use, and the least that an image needs.
+//! How much memory a run may use.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ pub(crate) struct MemoryArgs {
 impl MemoryArgs {
     /// The limit in bytes.
     pub(crate) fn bytes(self) -> u64 {
-        self.memory.map_or_else(usual_limit, from_gib)
+        limit(self.memory)
     }
 
     /// The limits of files that are read.
@@ -31,12 +31,11 @@ fn gib(text: &str) -> Result<f64, String> {
     found.ok_or_else(|| "give a finite number of GiB above 0".to_owned())
 }
 
-/// Bytes for each texel below which no codec of this version can work: the file's samples, the raster and what is
-/// decoded from it.
-pub(crate) const LEAST_BYTES_PER_TEXEL: u64 = 40;
-
 /// Bytes that an input may take whatever is allowed: so the methods that a choice can try on a small image do not depend on the limit.
 pub(crate) const ALWAYS_ALLOWED: u64 = 64 << 20;
+
+/// Address space that the C library reserves for the allocations of a thread.
+const RESERVED_BY_THREAD: u64 = 64 << 20;
 
 /// Share of the machine's memory that is used where nothing else is said.
 const USUAL_SHARE: f64 = 0.75;
@@ -67,13 +66,31 @@ pub(crate) fn load_fault(path: &Path, source: LoadError) -> CliError {
     }
 }
 
+/// The limit in bytes: so many GiB, or what is usual, and never more than the system lets the process map.
+pub(crate) fn limit(gib: Option<f64>) -> u64 {
+    gib.map_or_else(usual_limit, from_gib).min(address_space().unwrap_or(u64::MAX))
+}
+
+/// Bytes that the process may still map where its address space is limited (`ulimit -v`), but for what allocators of threads
+/// reserve: beyond them an allocation ends the process.
+fn address_space() -> Option<u64> {
+    let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
+    let limit = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
+    let limit: u64 = limit.split_whitespace().next()?.parse().ok()?;
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let mapped = status.lines().find_map(|line| line.strip_prefix("VmSize:"))?;
+    let mapped: u64 = mapped.split_whitespace().next()?.parse().ok()?;
+    let threads = std::thread::available_parallelism().map_or(1, usize::from) as u64;
+    Some(limit.saturating_sub(1024 * mapped).saturating_sub(RESERVED_BY_THREAD * (threads + 1)))
+}
+
 /// Bytes of `gib` GiB.
-pub(crate) fn from_gib(gib: f64) -> u64 {
+fn from_gib(gib: f64) -> u64 {
     (gib * f64::from(1 << 30)) as u64
 }
 
 /// Three quarters of the memory that the machine, or the container that the process runs in, has.
-pub(crate) fn usual_limit() -> u64 {
+fn usual_limit() -> u64 {
     let mut system = System::new();
     system.refresh_memory();
     let machine = Some(system.total_memory()).filter(|&bytes| bytes > 0);

@@ -9,7 +9,7 @@ use texfold_core::image::Raster;
 
 use crate::error::CliError;
 use crate::input::{Remarks, pixels};
-use crate::memory::usual_limit;
+use crate::memory;
 use crate::png;
 
 /// Bits of an ASTC block of any side.
@@ -79,8 +79,13 @@ impl Astcenc {
             return Err(failed(std::io::Error::other(status.to_string())));
         }
         let info = image.info();
-        let decoded =
-            pixels::read(&output, info.color, Some(info.alpha), usual_limit(), &mut Remarks::default())?;
+        let decoded = pixels::read(
+            &output,
+            info.color,
+            Some(info.alpha),
+            memory::limit(None),
+            &mut Remarks::default(),
+        )?;
         let size = image.size();
         let blocks = u64::from(size.width.div_ceil(side)) * u64::from(size.height.div_ceil(side));
         Ok(Coded { decoded, seconds, bits: BLOCK_BITS * blocks })

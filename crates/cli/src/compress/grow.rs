@@ -30,7 +30,7 @@ pub(super) fn grow(args: &CompressArgs, file: &Path) -> Result<(), CliError> {
     if run.report.is_some() {
         return Err(UsageError::Excluded { option: "report", other: "--add-to" }.into());
     }
-    let limit_bytes = run.memory.map_or_else(memory::usual_limit, memory::from_gib);
+    let limit_bytes = memory::limit(run.memory);
     let (mut files, mut all_frames) = (Vec::new(), true);
     let inputs = find(&args.inputs, |path| args.options.or(&config.options(path)).kind());
     inputs.say_not_read();

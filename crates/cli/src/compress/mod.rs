@@ -317,7 +317,7 @@ fn work(
             progress.complain(&explain(error));
         }
     }
-    let limit_bytes = run.memory.map_or_else(memory::usual_limit, memory::from_gib);
+    let limit_bytes = memory::limit(run.memory);
     let force = run.force.unwrap_or(false);
     let outside = run.outside.unwrap_or(false);
     let place = Workplace { cache, limit_bytes, force, outside, progress: &progress };

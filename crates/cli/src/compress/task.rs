@@ -80,19 +80,14 @@ impl Task {
         if let Some(row) = place.cache.up_to_date(&self.output, &key).filter(|_| !place.force) {
             return Ok(Finished { row: self.renamed(row), skipped: true });
         }
-        let warnings = self.check_memory(place.limit_bytes)?;
-        let (bytes, row) = self.encode(place, mesh.as_ref(), warnings)?;
+        self.check_memory(place.limit_bytes)?;
+        let (bytes, row) = self.encode(place, mesh.as_ref())?;
         write_whole(&self.output, &bytes)?;
         place.cache.record(&self.output, &key, &bytes, &row);
         Ok(Finished { row, skipped: false })
     }
 
-    fn encode(
-        &self,
-        place: &Workplace<'_>,
-        mesh: Option<&UvMesh>,
-        mut warnings: Vec<String>,
-    ) -> Result<(Vec<u8>, Row), CliError> {
+    fn encode(&self, place: &Workplace<'_>, mesh: Option<&UvMesh>) -> Result<(Vec<u8>, Row), CliError> {
         let path = &self.found.path;
         let share = place.progress.share(self.found.stem.to_string_lossy().into_owned());
         let Found { files, .. } = &self.found;
@@ -100,7 +95,7 @@ impl Task {
         if self.found.kind == Kind::Sequence {
             check_frames(&self.found, &loaded.images)?;
         }
-        warnings.extend(loaded.warning.map(str::to_owned));
+        let mut warnings: Vec<String> = loaded.warning.map(str::to_owned).into_iter().collect();
         let (notes, left_out) = (loaded.remarks.notes(files.len()), loaded.remarks.warnings(files.len()));
         let on_source = [notes.clone(), left_out.clone()].concat();
         warnings.extend(left_out);
@@ -155,20 +150,10 @@ impl Task {
         Row { input: self.found.path.display().to_string(), output: self.output.display().to_string(), ..row }
     }
 
-    /// An input that cannot fit is refused before it is read; one that may not fit runs alone, with a warning.
-    fn check_memory(&self, limit_bytes: u64) -> Result<Vec<String>, CliError> {
-        let texels = self.texels()?;
-        let needed = |per_texel: u64| texels.saturating_mul(per_texel);
-        let (least, likely) = (needed(memory::LEAST_BYTES_PER_TEXEL), needed(self.bytes_per_texel()));
-        if least > limit_bytes {
-            let (needed_mib, allowed_mib) = (likely >> 20, limit_bytes >> 20);
-            return Err(CliError::Memory { path: self.found.path.clone(), needed_mib, allowed_mib });
-        }
-        let warning = || {
-            let (needed, allowed) = (likely >> 20, limit_bytes >> 20);
-            format!("about {needed} MiB are needed and {allowed} MiB allowed: the input was encoded alone")
-        };
-        Ok((likely > limit_bytes).then(warning).into_iter().collect())
+    /// An input that may not fit is refused before it is read.
+    fn check_memory(&self, limit_bytes: u64) -> Result<(), CliError> {
+        let needed = self.texels()?.saturating_mul(self.bytes_per_texel());
+        memory::check(&self.found.path, needed, limit_bytes.max(memory::ALWAYS_ALLOWED))
     }
 
     /// Hash of all that the output depends on.

@@ -17,7 +17,7 @@ use super::lens::{Distortion, Lens};
 use super::{colmap, pixels, shape};
 use crate::error::CliError;
 use crate::files;
-use crate::memory::usual_limit;
+use crate::memory;
 
 /// The cameras of NeRF and nerfstudio, which make a folder a capture.
 const CAMERAS_NAME: &str = "transforms.json";
@@ -161,7 +161,7 @@ pub(crate) fn mesh_file(dir: &Path, given: Option<&Path>) -> Result<PathBuf, Cli
 /// # Errors
 /// What is wrong with its files, by name.
 pub fn read_capture(dir: &Path, triangles: Option<u32>) -> Result<Capture, Box<dyn Error + Send + Sync>> {
-    Ok(read(dir, None, triangles, usual_limit())?)
+    Ok(read(dir, None, triangles, memory::limit(None))?)
 }
 
 /// Reads the photographs that a file of cameras names.
@@ -175,14 +175,14 @@ pub fn read_views(cameras: &Path) -> Result<Vec<Photograph>, Box<dyn Error + Sen
 /// As [`read_views`].
 pub(crate) fn read_all(cameras: &Path) -> Result<Vec<Photograph>, CliError> {
     let shots = read_cameras(cameras)?;
-    shots.iter().map(|shot| view(cameras, shot, usual_limit())).collect()
+    shots.iter().map(|shot| view(cameras, shot, memory::limit(None))).collect()
 }
 
 /// Reads at most `count` of the photographs that a file of cameras names, spread over all.
 pub(crate) fn read_some(cameras: &Path, count: usize) -> Result<Vec<Photograph>, CliError> {
     let shots = read_cameras(cameras)?;
     let step = shots.len().div_ceil(count).max(1);
-    shots.iter().step_by(step).map(|shot| view(cameras, shot, usual_limit())).collect()
+    shots.iter().step_by(step).map(|shot| view(cameras, shot, memory::limit(None))).collect()
 }
 
 /// Reads a whole capture.

@@ -269,3 +269,35 @@ fn images_stand_upright_as_their_exif_orientation_asks_for() {
         fs::remove_dir_all(place.at("bank")).unwrap();
     }
 }
+
+/// An allocation that fails ends the process, so what may not fit is refused before.
+#[cfg(target_os = "linux")]
+#[test]
+fn no_address_space_ends_in_an_abort() {
+    let place = Place::new();
+    place.image("a.png", 1400, 1400, 3);
+    let (mut refused, mut made) = (0, 0);
+    for codec in ["dct", "bc", "vq", "epitome"] {
+        for kilobytes in [60_000, 200_000, 500_000] {
+            let command = format!(
+                "ulimit -v {kilobytes}; exec {} compress a.png --codec {codec} --bpp 2 --effort fast --jobs 1 --out {codec}{kilobytes}",
+                env!("CARGO_BIN_EXE_texfold")
+            );
+            let run = std::process::Command::new("sh")
+                .args(["-c", &command])
+                .current_dir(place.at(""))
+                .output()
+                .unwrap();
+            let stderr = String::from_utf8_lossy(&run.stderr);
+            let is_refusal = run.status.code() == Some(1) && stderr.contains("raise --memory");
+            assert!(
+                is_refusal || run.status.success(),
+                "{codec} in {kilobytes} kB: {:?} {stderr}",
+                run.status
+            );
+            refused += u32::from(is_refusal);
+            made += u32::from(run.status.success());
+        }
+    }
+    assert!(refused >= 4 && made >= 2, "{refused} refused, {made} made");
+}

@@ -32,7 +32,7 @@ pub trait ImageEncoder:
 {
     /// About how many bytes for each texel of the source encoding takes at its peak: source and decoded raster, the
     /// encoder's own, and the planes of the similarity measure. An estimate from above.
-    const BYTES_PER_TEXEL: u64 = 120;
+    const BYTES_PER_TEXEL: u64 = 72;
     /// Whether a choice among all codecs tries it only where a look at the images gives it a chance and its memory is to be had.
     const IS_SELDOM_TRIED: bool = false;
     /// Whether it follows [`Guidance::painted`] and [`Guidance::mesh`].
@@ -119,7 +119,7 @@ pub trait ImageEncoder:
 }
 
 impl ImageEncoder for Bc {
-    const BYTES_PER_TEXEL: u64 = 72;
+    const BYTES_PER_TEXEL: u64 = 64;
     const COMPARED_BPP: &'static [f64] = &[];
 
     fn source<'s>(images: &'s ImageSet, _guidance: Guidance<'s>) -> &'s ImageSet {
@@ -365,7 +365,7 @@ impl ImageEncoder for Progressive {
 
 impl ImageEncoder for Dct {
     // The coefficients of all axes and stages; the decoded raster and a tile that is compared take more.
-    const BYTES_PER_TEXEL: u64 = 72;
+    const BYTES_PER_TEXEL: u64 = 56;
     const COMPARED_BPP: &'static [f64] = &[1.0, 1.5, 2.5, 4.0];
     const ACCESS: &'static [Access] = &[Access::Block];
     const HAS_METRIC: bool = true;

@@ -1,10 +1,10 @@
 //! A mesh with an image of a texture on it, as cameras around it or of a file see it.
 
-use std::f32::consts::TAU;
+use std::f32::consts::{PI, TAU};
 
 use glam::{Mat4, UVec2, Vec2, Vec3, Vec4};
 use texfold::AnyImage;
-use texfold::core::Camera;
+use texfold::core::{Camera, Mesh};
 use texfold_core::RegionError;
 use texfold_core::address::{TEXFOLD_REPEAT, texfold_level, texfold_lod, texfold_tap};
 use texfold_core::image::{Alpha, Raster};
@@ -15,9 +15,10 @@ use texfold_gpu::{AddressMode, Gpu, GpuError, Policy};
 
 use super::{NUMBER_DIGITS, RenderArgs, cameras};
 use crate::config::Sides;
+use crate::console::warn;
 use crate::decompress;
 use crate::error::CliError;
-use crate::input::mesh;
+use crate::input::{mesh, shape};
 use crate::memory;
 use crate::output::{make_folder, remove_stale};
 use crate::png;
@@ -33,11 +34,24 @@ const BYTES_PER_TEXEL: u64 = 48;
 /// Nearest depth, as a part of the farthest.
 const NEAREST: f32 = 1e-3;
 
+/// Sine of the angle from a pole within which a corner has no longitude.
+const POLE: f32 = 1e-4;
+
 /// Runs `render` with `--mesh`.
 pub(super) fn run(args: &RenderArgs, path: &std::path::Path) -> Result<usize, CliError> {
     let texture = decompress::load(&args.file, &args.memory.limits())?;
-    let mesh = mesh::read(path)?;
-    let (middle, radius) = bounds(&mesh);
+    let mesh = match mesh::read(path) {
+        Err(CliError::MeshContent { .. }) => {
+            let mapped = around(&shape::read(path)?);
+            let path = path.display();
+            warn(&format!(
+                "{path}: has no texture coordinates; longitude and latitude around its middle take their place"
+            ));
+            mapped
+        }
+        read => read?,
+    };
+    let (middle, radius) = bounds(&mesh.positions);
     let size = args.size.map_or(SIZE, |Sides(width, height)| (width.max(1), height.max(1)));
     let cameras = match &args.camera {
         Some(path) => cameras(path, args.size)?,
@@ -60,12 +74,34 @@ pub(super) fn run(args: &RenderArgs, path: &std::path::Path) -> Result<usize, Cl
     Ok(0)
 }
 
+/// A mesh with longitude and latitude around its middle as texture coordinates, y up; each triangle has corners of its own.
+fn around(mesh: &Mesh) -> UvMesh {
+    let (middle, _) = bounds(&mesh.positions);
+    let mut mapped = UvMesh::default();
+    for triangle in &mesh.triangles {
+        let corners = triangle.map(|index| mesh.positions[index as usize]);
+        let seen = corners.map(|corner| (corner - middle).normalize_or_zero());
+        let longitude = |at: Vec3| at.x.atan2(at.z) / TAU + 0.5;
+        // At a pole that of the triangle's middle, and none further from it than half a turn.
+        let of_middle = longitude(seen.iter().sum());
+        for (corner, at) in corners.into_iter().zip(seen) {
+            let off = if at.x.hypot(at.z) < POLE { 0.0 } else { longitude(at) - of_middle };
+            let u = of_middle + off - off.round();
+            mapped.positions.push(corner);
+            mapped.uvs.push(Vec2::new(u, at.y.clamp(-1.0, 1.0).acos() / PI));
+        }
+        let first = mapped.positions.len() as u32 - 3;
+        mapped.triangles.push([first, first + 1, first + 2]);
+    }
+    mapped
+}
+
 /// Middle and radius of a ball around all corners.
-fn bounds(mesh: &UvMesh) -> (Vec3, f32) {
-    let low = mesh.positions.iter().copied().reduce(Vec3::min).unwrap_or(Vec3::ZERO);
-    let high = mesh.positions.iter().copied().reduce(Vec3::max).unwrap_or(Vec3::ZERO);
+fn bounds(positions: &[Vec3]) -> (Vec3, f32) {
+    let low = positions.iter().copied().reduce(Vec3::min).unwrap_or(Vec3::ZERO);
+    let high = positions.iter().copied().reduce(Vec3::max).unwrap_or(Vec3::ZERO);
     let middle = 0.5 * (low + high);
-    let radius = mesh.positions.iter().map(|corner| corner.distance(middle)).fold(0.0, f32::max);
+    let radius = positions.iter().map(|corner| corner.distance(middle)).fold(0.0, f32::max);
     (middle, radius.max(f32::MIN_POSITIVE))
 }
 

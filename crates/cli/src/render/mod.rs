@@ -38,7 +38,8 @@ pub struct RenderArgs {
     /// right.
     #[arg(long, value_name = "U,V", value_parser = zoom::target)]
     zoom_to: Option<glam::Vec2>,
-    /// Images: draw this mesh (.obj, .ply, .glb or .gltf) with an image on it, its texture coordinates repeated.
+    /// Images: draw this mesh (.obj, .ply, .glb or .gltf) with an image on it, its texture coordinates repeated; longitude and latitude
+    /// where it has none (.ply: always).
     #[arg(long, value_name = "MODEL", conflicts_with_all = ["zoom_to", "terms"])]
     mesh: Option<PathBuf>,
     /// With --mesh: this many cameras on a circle around the mesh, y up, instead of --camera; 1 by default.

@@ -76,12 +76,13 @@ fn a_mesh_is_drawn_alike_by_gpu_and_cpu_with_every_codec_of_images() {
 fn what_cannot_be_drawn_on_a_mesh_is_named() {
     let place = Place::new();
     fs::copy(fixture("odd_3x5.png"), place.at("odd_3x5.png")).unwrap();
-    fs::write(place.at("plain.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let points = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n";
+    fs::write(place.at("points.ply"), points).unwrap();
     fs::write(place.at("room.obj"), ROOM).unwrap();
     let (run, _) = place.compress("odd_3x5.png --codec bc --out out");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     for (options, wanted) in [
-        ("--mesh plain.obj", "texture coordinates"),
+        ("--mesh points.ply", "has no triangles"),
         ("--mesh none.obj", "none.obj"),
         ("--mesh room.obj --image 1", "image 1"),
         ("--turntable 3", "--mesh"),
@@ -91,4 +92,32 @@ fn what_cannot_be_drawn_on_a_mesh_is_named() {
         assert_ne!(run.code, Some(0), "{options}");
         assert!(run.stderr.contains(wanted), "{options}: {}", run.stderr);
     }
+}
+
+/// A ball shows each part of the image once, its left half in the half of longitudes that it belongs to, without a tear at the seam.
+#[test]
+fn a_mesh_without_texture_coordinates_is_given_some() {
+    let place = Place::new();
+    let [left, right] = [[250u8, 20, 20], [20, 20, 250]];
+    let image = image::RgbImage::from_fn(64, 32, |x, _| image::Rgb(if x < 32 { left } else { right }));
+    image.save(place.at("halves.png")).unwrap();
+    let ball = fixture("../captures/ball/mesh.obj");
+    let (run, _) = place.compress("halves.png --codec bc --content raw --out out");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let run = place.run(&format!(
+        "render out/halves.txf --mesh {} --turntable 8 --size 64x64 --out drawn --cpu",
+        ball.display()
+    ));
+    assert!(run.code == Some(0) && run.stderr.contains("no texture coordinates"), "{}", run.stderr);
+    let mut counts = [0usize; 2];
+    for number in 0..8 {
+        let drawn = image::open(place.at(&format!("drawn/{number:03}.png"))).unwrap().to_rgba8();
+        for pixel in drawn.pixels().filter(|pixel| pixel.0[3] == 255) {
+            // A colour between the two lies at a border alone.
+            counts[0] += usize::from(pixel.0[0] > 200);
+            counts[1] += usize::from(pixel.0[2] > 200);
+        }
+    }
+    let [reds, blues] = counts;
+    assert!(reds > 3000 && blues > 3000 && reds.abs_diff(blues) < reds / 10, "{counts:?}");
 }

@@ -14,6 +14,7 @@ use texfold::{
     core::SharedSearch,
     epitome::{Epitome, EpitomeParams, EpitomeSource},
 };
+use texfold_benches::FACTORED_PHOTOGRAPHS;
 use texfold_benches::report::{Line, Outcome, Table, chart, cpu_seconds, middle, rms_percent};
 use texfold_chart::Scale;
 
@@ -30,19 +31,6 @@ const RMS_PERCENT: f64 = 2.5;
 const SIDE: u32 = 504;
 /// Images that are charted.
 const CHARTED: [&str; 4] = ["facade", "skimage_brick", "urban100_021", "urban100_100"];
-/// Photographs beside the fixtures.
-const PHOTOGRAPHS: [&str; 9] = [
-    "skimage_brick.png",
-    "urban100_021.png",
-    "urban100_100.png",
-    "urban100_014.png",
-    "urban100_018.png",
-    "aloeL.jpg",
-    "page_boston_cooking_a.jpg",
-    "wool_albedo.png",
-    "zebras_bsds_253027.jpg",
-];
-
 /// What an encode came to.
 #[derive(Debug, Clone, Copy)]
 struct Point {
@@ -136,7 +124,7 @@ fn usual_images() -> Vec<PathBuf> {
     let fixture = |name: &str| texfold_testkit::fixtures_dir().join(format!("images/{name}.png"));
     let mut paths = ["facade", "tile_repeat", "cloth"].map(fixture).to_vec();
     if let Some(data) = texfold_testkit::data_dir("the charts on photographs") {
-        paths.extend(PHOTOGRAPHS.map(|name| data.join("epitome").join(name)));
+        paths.extend(FACTORED_PHOTOGRAPHS.map(|name| data.join("epitome").join(name)));
     }
     paths
 }

@@ -14,6 +14,33 @@ use texfold::{
     vq::{Vq, VqParams, VqSource},
 };
 
+/// Photographs that are factored in the regime of the paper of epitomes.
+pub const FACTORED_PHOTOGRAPHS: [&str; 9] = [
+    "skimage_brick.png",
+    "urban100_021.png",
+    "urban100_100.png",
+    "urban100_014.png",
+    "urban100_018.png",
+    "aloeL.jpg",
+    "page_boston_cooking_a.jpg",
+    "wool_albedo.png",
+    "zebras_bsds_253027.jpg",
+];
+
+/// Photographs by their path below the data folder, or fixtures by name.
+#[must_use]
+pub fn images(photographs: &[&str], fixtures: &[&str]) -> Vec<(String, Raster)> {
+    let fixture = |name: &&str| texfold_testkit::fixtures_dir().join(format!("images/{name}.png"));
+    let paths: Vec<std::path::PathBuf> = match texfold_testkit::data_dir("the tables on photographs") {
+        Some(data) => photographs.iter().map(|name| data.join(name)).collect(),
+        None => fixtures.iter().map(fixture).collect(),
+    };
+    let named = |path: &std::path::PathBuf| {
+        (path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), texfold_testkit::png(path))
+    };
+    paths.iter().map(named).collect()
+}
+
 /// A 512x512 image: the facade four times, each turned another way so that blocks do not repeat exactly.
 #[must_use]
 pub fn image_512() -> ImageSet {

@@ -17,7 +17,7 @@ use texfold::{
     zipmap::{PatchSource, PatchStack, ZipParams, Zipmap},
 };
 use texfold_benches::report::{Outcome, Table, cpu_seconds, middle, reduced, rms_percent};
-use texfold_benches::{over, salient_psnr, vq};
+use texfold_benches::{FACTORED_PHOTOGRAPHS, images, over, salient_psnr, vq};
 
 /// Relative tolerances; 0.002 to 0.004 in the figures of the paper of epitomes.
 const TOLERANCES: [f64; 5] = [0.002, 0.004, 0.008, 0.016, 0.032];
@@ -25,18 +25,6 @@ const TOLERANCES: [f64; 5] = [0.002, 0.004, 0.008, 0.016, 0.032];
 const RMS_PERCENT: f64 = 2.5;
 /// Texels a side of an image that is factored (Figure 1).
 const FACTORED: u32 = 504;
-/// Photographs that are factored.
-const PHOTOGRAPHS: [&str; 9] = [
-    "skimage_brick.png",
-    "urban100_021.png",
-    "urban100_100.png",
-    "urban100_014.png",
-    "urban100_018.png",
-    "aloeL.jpg",
-    "page_boston_cooking_a.jpg",
-    "wool_albedo.png",
-    "zebras_bsds_253027.jpg",
-];
 /// Views of one facade, and their size.
 const VIEWS: usize = 5;
 const VIEW: (u32, u32) = (432, 360);
@@ -80,19 +68,6 @@ fn main() -> Outcome<()> {
     Ok(())
 }
 
-/// Photographs by their path below the data folder, or fixtures by name.
-fn images(photographs: &[&str], fixtures: &[&str]) -> Vec<(String, Raster)> {
-    let fixture = |name: &&str| texfold_testkit::fixtures_dir().join(format!("images/{name}.png"));
-    let paths: Vec<PathBuf> = match texfold_testkit::data_dir("headline results on photographs") {
-        Some(data) => photographs.iter().map(|name| data.join(name)).collect(),
-        None => fixtures.iter().map(fixture).collect(),
-    };
-    let named = |path: &PathBuf| {
-        (path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), texfold_testkit::png(path))
-    };
-    paths.iter().map(named).collect()
-}
-
 fn relative(tolerance: f64) -> EpitomeParams {
     EpitomeParams::new(Goal::Tolerance(tolerance))
         .with_tolerance_kind(ToleranceKind::Relative)
@@ -107,7 +82,7 @@ fn rms(psnr: f64) -> f64 {
 /// Savings by image factoring (Table 1).
 fn factored(out: &Path) -> Outcome<()> {
     let mut table = Table::new(&["image", "size", "epitome", "tolerance", "savings", "RMS", "CPU s"]);
-    let names = PHOTOGRAPHS.map(|name| format!("epitome/{name}"));
+    let names = FACTORED_PHOTOGRAPHS.map(|name| format!("epitome/{name}"));
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let mut all = images(&names, &[]);
     let fixtures = ["facade", "tile_repeat", "cloth"];
@@ -156,7 +131,7 @@ fn collection(out: &Path) -> Outcome<()> {
     let street = (1..=VIEWS).map(|index| format!("epitome/collection_lund/{index:02}.jpg"));
     let street: Vec<String> = street.collect();
     let street: Vec<&str> = street.iter().map(String::as_str).collect();
-    let street: Vec<Raster> = images(&street, &["facade", "floor", "cloth", "terrain", "salient"])
+    let street: Vec<Raster> = images(&street, &[])
         .iter()
         .map(|(_, image)| middle(&reduced(image, 4)?, VIEW.0, VIEW.1))
         .collect::<Outcome<_>>()?;
@@ -282,7 +257,7 @@ fn quantised(out: &Path) -> Outcome<()> {
             ]);
         }
     }
-    let text = "A raw codebook of 1/16 and 1/64 of the image, by vector quantisation alone and with one sample of a quarter of it. RMS errors \
+    let text = "A raw codebook of 1/16 and 1/64 of the image, by vector quantisation alone and with one sample of a quarter of it, and importance. RMS errors \
                 in 8-bit units; *exact*: share of the 4×4 blocks without error.\n\
                 `cargo run --release -p texfold-benches --bin papers -- vq`";
     table.write(out, "vq", text)

@@ -17,6 +17,7 @@ use texfold::{
     encoding::ENCODINGS,
     epitome::{Epitome, EpitomeParams, EpitomeSource},
 };
+use texfold_benches::images;
 use texfold_benches::report::{Outcome, Table, chart, cpu_seconds, middle, reduced};
 use texfold_chart::Scale;
 use texfold_epitome::EpitomeTexture;
@@ -64,19 +65,6 @@ fn main() -> Outcome<()> {
         hard(&out)?;
     }
     Ok(())
-}
-
-/// Photographs by their path below the data folder, or fixtures by name.
-fn images(photographs: &[&str], fixtures: &[&str]) -> Vec<(String, Raster)> {
-    let fixture = |name: &&str| texfold_testkit::fixtures_dir().join(format!("images/{name}.png"));
-    let paths: Vec<PathBuf> = match texfold_testkit::data_dir("the tables on photographs") {
-        Some(data) => photographs.iter().map(|name| data.join(name)).collect(),
-        None => fixtures.iter().map(fixture).collect(),
-    };
-    let named = |path: &PathBuf| {
-        (path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), texfold_testkit::png(path))
-    };
-    paths.iter().map(named).collect()
 }
 
 fn encode(set: &ImageSet, mips: bool) -> Outcome<EpitomeTexture> {

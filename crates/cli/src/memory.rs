@@ -1,4 +1,4 @@
-//! How much memory a run may use.
+//! Memory that a run may use.
 
 use std::path::Path;
 

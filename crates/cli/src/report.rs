@@ -265,7 +265,7 @@ pub(crate) struct Circumstances<'a> {
     pub(crate) goal: Goal,
     /// The goal instead, in degrees of normals.
     pub(crate) degrees: Option<f64>,
-    /// Where the goal is a relative tolerance: side of its blocks.
+    /// Side of the blocks of a relative tolerance, where the goal is one.
     pub(crate) relative: Option<u32>,
     pub(crate) attempts: Vec<Attempt>,
     pub(crate) notes: Vec<String>,

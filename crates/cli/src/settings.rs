@@ -35,7 +35,7 @@ pub(crate) struct Settings {
     pub(crate) mesh: Option<PathBuf>,
     /// Goal for normal maps, instead of that of `encode`: mean angle in degrees.
     pub(crate) degrees: Option<f64>,
-    /// Where the tolerance of `encode` is a relative one: side of its blocks.
+    /// Side of the blocks of a relative tolerance, where the goal of `encode` is one.
     pub(crate) relative: Option<u32>,
     /// Notes on colour handling by file names.
     pub(crate) remarks: Remarks,

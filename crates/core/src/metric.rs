@@ -145,7 +145,8 @@ pub fn decode_rect(encoded: &dyn Encoded<Domain = Image2d>, rect: Rect) -> Optio
     decode_rect_of(encoded, rect, CancelCheck::default())
 }
 
-/// As [`decode_image`] at level 0, but where pixels have 8 bits rounded to them, as metrics round, in a quarter of the memory.
+/// Level 0 of image `image`, as [`decode_image`] decodes it; pixels of 8 bits are rounded to them, as metrics round, and take a quarter of
+/// the memory.
 #[must_use]
 pub fn decode_rounded(encoded: &dyn Encoded<Domain = Image2d>, image: u32) -> Option<Raster> {
     let layout = encoded.layout();
@@ -167,7 +168,7 @@ fn decode_rect_of(
     Raster::new(rect.width, rect.height, encoded.layout().pixel, data).ok()
 }
 
-/// The values of a rectangle, each as `of` it.
+/// The values of a rectangle, each turned by `of`.
 fn decode_values<T: Clone + Default + Send>(
     encoded: &dyn Encoded<Domain = Image2d>,
     rect: Rect,

@@ -30,7 +30,7 @@ impl<'s> EpitomeSource<'s> {
     }
 }
 
-/// What a goal of tolerance bounds.
+/// The error that a goal of tolerance bounds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum ToleranceKind {
     /// The RMS error of every 4x4 block, in 8-bit units, as for all codecs.
@@ -111,7 +111,7 @@ pub struct EpitomeParams {
     pub access: Access,
     /// What errors count by block and in residual planes; `None` lets goal and colours decide.
     pub metric: Option<Metric>,
-    /// What a goal of tolerance bounds.
+    /// The error that a goal of tolerance bounds.
     pub tolerance_kind: ToleranceKind,
     /// Side of a block in texels for tolerance goals and where there is no quadtree, a multiple of 4 in 8..=64;
     /// `None` is 12 and 16.

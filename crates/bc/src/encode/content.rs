@@ -35,7 +35,7 @@ impl ContentPlanes {
         cancel.checkpoint().map(|()| planes)
     }
 
-    /// As [`ContentPlanes::encode_cancellable`], of an image.
+    /// Planes of an image, as [`ContentPlanes::encode_cancellable`] makes them of texels.
     ///
     /// # Errors
     /// As there.
@@ -113,7 +113,7 @@ fn plane_bytes(texels: impl ExactSizeIterator<Item = Texel>, swizzle: Swizzle, i
             _ => [red, green, blue, 1.0],
         }
     };
-    // Of known length.
+    // One array a texel, so that the length is known before.
     texels.map(|texel| arrange(texel).map(texfold_core::image::to_u8)).collect::<Vec<_>>().into_flattened()
 }
 

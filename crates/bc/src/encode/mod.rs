@@ -22,8 +22,8 @@ use crate::parts::Parts;
 use crate::wire::MAX_REDUCE_LOG2;
 use crate::{Bc, BcTexture, Content, ContentPlanes};
 
-/// Bytes a source texel that one candidate takes at most: a mip chain of values (4 bytes a channel), the texels of a level
-/// (16), bytes to be compressed (2 times 4), and planes.
+/// Bytes a source texel that one candidate takes at most: a mip chain of values (8, and a third of 16), the linear colours that it is
+/// made from (16), bytes to be compressed (2 times 4), and planes (up to 10).
 const BYTES_PER_TEXEL: u64 = 56;
 
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -86,7 +86,7 @@ pub struct Options {
     /// and tolerances have blocks of 12.
     #[arg(long, value_name = "TEXELS", help_heading = "Epitomes")]
     pub(super) block: Option<u32>,
-    /// epitome: what --tolerance bounds (absolute by default).
+    /// epitome: the error that --tolerance bounds (absolute by default).
     #[arg(long, value_name = "KIND", help_heading = "Epitomes")]
     pub(super) tolerance_kind: Option<ToleranceKindName>,
     /// lightfield: simplify the mesh to this many triangles; by default to as few as the photographs need.

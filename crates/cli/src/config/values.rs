@@ -158,7 +158,7 @@ impl FactorsName {
     }
 }
 
-/// What a tolerance bounds.
+/// The error that a tolerance bounds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum ToleranceKindName {

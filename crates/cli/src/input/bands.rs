@@ -130,9 +130,10 @@ impl Bands {
             Source::Texels(raster) => {
                 let channels = raster.info().channels;
                 alpha = alpha.or(Some(raster.info().alpha));
-                let row = width as usize * usize::from(channels);
-                let values = raster.values().skip(top as usize * row).take(rows as usize * row);
-                let bytes = values.map(texfold_core::image::to_u8).collect();
+                let texels = (top..top + rows).flat_map(|y| (0..width).map(move |x| (x, y)));
+                let raster = &*raster;
+                let value = |(x, y)| (0..channels.into()).map(move |channel| raster.value(x, y, channel));
+                let bytes = texels.flat_map(value).map(texfold_core::image::to_u8).collect();
                 (channels, Samples::Eight(bytes))
             }
             Source::Png(reader) => png_rows(&path, reader, rows)?,

@@ -23,6 +23,10 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
 /// Deepest nesting of glTF nodes that is followed; deeper scenes are loops in practice.
 const MAX_DEPTH: u32 = 64;
 
+/// Faults of meshes that may have triangles all the same.
+pub(crate) const NO_COORDINATES: &str = "has no triangles with texture coordinates";
+pub(crate) const OTHER_FORMAT: &str = "is none of OBJ, glTF and GLB";
+
 /// Reads a mesh by its extension.
 pub(crate) fn read(path: &Path) -> Result<UvMesh, CliError> {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
@@ -30,15 +34,12 @@ pub(crate) fn read(path: &Path) -> Result<UvMesh, CliError> {
         "obj" => read_obj(path)?,
         "gltf" | "glb" => read_gltf(path)?,
         _ => {
-            return Err(CliError::MeshContent {
-                path: path.to_owned(),
-                what: "is none of OBJ, glTF and GLB",
-            });
+            return Err(CliError::MeshContent { path: path.to_owned(), what: OTHER_FORMAT });
         }
     };
     let fault = |what| CliError::MeshContent { path: path.to_owned(), what };
     if mesh.triangles.is_empty() {
-        Err(fault("has no triangles with texture coordinates"))
+        Err(fault(NO_COORDINATES))
     } else if !mesh.is_valid() {
         Err(fault("has indices or numbers out of range"))
     } else {

@@ -41,11 +41,11 @@ const POLE: f32 = 1e-4;
 pub(super) fn run(args: &RenderArgs, path: &std::path::Path) -> Result<usize, CliError> {
     let texture = decompress::load(&args.file, &args.memory.limits())?;
     let mesh = match mesh::read(path) {
-        Err(CliError::MeshContent { .. }) => {
+        Err(CliError::MeshContent { what: mesh::NO_COORDINATES | mesh::OTHER_FORMAT, .. }) => {
             let mapped = around(&shape::read(path)?);
             let path = path.display();
             warn(&format!(
-                "{path}: has no texture coordinates; longitude and latitude around its middle take their place"
+                "{path}: no texture coordinates are read; longitude and latitude around its middle take their place"
             ));
             mapped
         }
@@ -74,7 +74,7 @@ pub(super) fn run(args: &RenderArgs, path: &std::path::Path) -> Result<usize, Cl
     Ok(0)
 }
 
-/// A mesh with longitude and latitude around its middle as texture coordinates, y up; each triangle has corners of its own.
+/// The mesh with longitude and latitude around its middle as texture coordinates, y up; each triangle has corners of its own.
 fn around(mesh: &Mesh) -> UvMesh {
     let (middle, _) = bounds(&mesh.positions);
     let mut mapped = UvMesh::default();

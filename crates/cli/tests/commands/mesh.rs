@@ -78,11 +78,14 @@ fn what_cannot_be_drawn_on_a_mesh_is_named() {
     fs::copy(fixture("odd_3x5.png"), place.at("odd_3x5.png")).unwrap();
     let points = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n";
     fs::write(place.at("points.ply"), points).unwrap();
+    let torn = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt nan 0\nvt 0 1\nf 1/1 2/2 3/3\n";
+    fs::write(place.at("torn.obj"), torn).unwrap();
     fs::write(place.at("room.obj"), ROOM).unwrap();
     let (run, _) = place.compress("odd_3x5.png --codec bc --out out");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     for (options, wanted) in [
         ("--mesh points.ply", "has no triangles"),
+        ("--mesh torn.obj", "out of range"),
         ("--mesh none.obj", "none.obj"),
         ("--mesh room.obj --image 1", "image 1"),
         ("--turntable 3", "--mesh"),
@@ -108,7 +111,7 @@ fn a_mesh_without_texture_coordinates_is_given_some() {
         "render out/halves.txf --mesh {} --turntable 8 --size 64x64 --out drawn --cpu",
         ball.display()
     ));
-    assert!(run.code == Some(0) && run.stderr.contains("no texture coordinates"), "{}", run.stderr);
+    assert!(run.code == Some(0) && run.stderr.contains("no texture coordinates are read"), "{}", run.stderr);
     let mut counts = [0usize; 2];
     for number in 0..8 {
         let drawn = image::open(place.at(&format!("drawn/{number:03}.png"))).unwrap().to_rgba8();

@@ -33,7 +33,7 @@ impl Raster {
         Raster::of(width, height, info, Values::Float(data))
     }
 
-    /// Of bytes that are what `info` says, opaque alpha among them.
+    /// An image of bytes in the channels of `info`; opaque alpha is kept.
     #[cfg(feature = "encode")]
     pub(crate) fn of_bytes(size: ImageSize, info: PixelInfo, bytes: Vec<u8>) -> Result<Self, SourceError> {
         Raster::of(size.width, size.height, info, Values::Eight(bytes))
@@ -325,7 +325,7 @@ impl Values {
         }
     }
 
-    /// Texels of `before` channels as such of `after`; see [`Raster::with_channels`].
+    /// Texels of `before` channels with `after` instead; see [`Raster::with_channels`].
     fn with_channels(&self, before: usize, after: usize) -> Values {
         match self {
             Values::Eight(values) => Values::Eight(rejoined(values, before, after, u8::MAX)),
@@ -335,7 +335,7 @@ impl Values {
     }
 }
 
-/// Texels of 1 to 4 channels as such of another number: gray is copied to red, green and blue, and `one` is alpha where there is none.
+/// Texels with another number of channels, 1 to 4: gray is copied to red, green and blue, and `one` is alpha where there is none.
 /// Of two channels the second is alpha.
 fn rejoined<T: Copy>(values: &[T], before: usize, after: usize, one: T) -> Vec<T> {
     let place = |channel: usize| match (before, after, channel) {
@@ -385,7 +385,7 @@ fn split_texels(texels: impl ExactSizeIterator<Item = Texel>, channels: u8) -> V
     }
 }
 
-/// Writes the channels of texels one after the other, each as `of` it; of two channels the second is alpha.
+/// Writes the channels of texels one after the other, each turned by `of`; of two channels the second is alpha.
 #[cfg(feature = "encode")]
 pub(crate) fn write_texels<T>(texels: &[Texel], channels: u8, out: &mut [T], of: impl Fn(f32) -> T) {
     for (out, texel) in out.chunks_exact_mut(channels.clamp(1, 4).into()).zip(texels) {

@@ -101,7 +101,7 @@ pub(crate) struct Rules<'a> {
     pub(crate) cells: Option<&'a [bool]>,
     /// Most error that a block may have.
     pub(crate) tolerance: Option<f32>,
-    /// What error that is.
+    /// The error that it bounds.
     pub(crate) kind: ToleranceKind,
     /// Whether content will be fitted to all who read it.
     pub(crate) refits: bool,

@@ -2,7 +2,8 @@
 //!
 //! `e(B) = mean squared error of B / (variance of B ^ alpha + beta)`, values in a range of 1. The paper gives neither alpha (0 to
 //! 2) nor beta (small), nor whether it sums over texels or takes the mean. Here it is the mean, with alpha 0.25 and beta 0.01: the
-//! tolerances of its figures, 0.002 to 0.004, then lead to RMS errors as in its table; with alpha 0.5 they would be a third.
+//! tolerance 0.004, of its Figure 18, leads to an RMS error of 2.1 % on a photograph of a facade, near those of its table; with alpha 0.5
+//! to 0.8 %.
 
 use glam::Vec4;
 use rayon::prelude::*;
@@ -45,7 +46,7 @@ pub(super) fn error(texels: &[Vec4], decoded: &[Vec4]) -> f32 {
     squared.sum::<f32>() / (channels(texels) * texels.len() as f32 * 255.0 * 255.0) / scale(texels)
 }
 
-/// What a block's mean squared error is divided by: a power of the variance of its channels together, in a range of 1, and [`BETA`].
+/// Divisor of a block's mean squared error: a power of the variance of its channels together, in a range of 1, and [`BETA`].
 pub(super) fn scale(texels: &[Vec4]) -> f32 {
     let count = texels.len().max(1) as f32;
     let mean = texels.iter().sum::<Vec4>() / count;

@@ -2,14 +2,14 @@
 //! strip or row of tiles holds; all else is decoded whole, as it is stored.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use image::DynamicImage;
 use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo, Raster};
 use texfold_core::{ImageSize, SourceError};
 use tiff::decoder::{ChunkType, Decoder as TiffDecoder, DecodingResult};
-use tiff::tags::{PlanarConfiguration, Tag};
+use tiff::tags::{ByteOrder, PlanarConfiguration, Tag};
 
 use super::pixels;
 use super::samples;
@@ -67,6 +67,9 @@ impl std::fmt::Debug for Source {
     }
 }
 
+/// Rows that are read at a time of a strip that is stored as it is.
+const PLAIN_ROWS: u32 = 64;
+
 /// A TIFF file with the rows of chunks that reach beyond the last band.
 struct Tiff {
     decoder: TiffDecoder<BufReader<File>>,
@@ -76,6 +79,8 @@ struct Tiff {
     /// Columns and rows of a chunk, and chunks beside one another.
     chunk: (u32, u32),
     across: u32,
+    /// Of strips that are stored as they are, the first byte of each: of such ones some rows can be read.
+    plain: Option<Vec<u64>>,
     /// Rows from `first` on, whole.
     first: u32,
     held: Samples,
@@ -163,7 +168,7 @@ fn streamed(path: &Path, head: &[u8], color: ColorSpace) -> Option<Source> {
             && keeps(info.icc_profile.as_deref(), channels.samples() as u8);
         return usable.then(|| Source::Png(Box::new(reader)));
     }
-    if head.starts_with(b"II*\0") || head.starts_with(b"MM\0*") {
+    if frames::is_tiff(head) {
         let mut tiff = Tiff::open(file()?)?;
         let profile = tiff.decoder.get_tag_u8_vec(Tag::IccProfile).ok();
         return keeps(profile.as_deref(), tiff.channels).then(|| Source::Tiff(Box::new(tiff)));
@@ -248,6 +253,7 @@ impl Tiff {
             // Of RGB the decoder leaves out further samples.
             return None;
         }
+        let plain = plain_strips(&mut decoder).filter(|_| chunk.1 > PLAIN_ROWS);
         let held = Samples::Eight(Vec::new());
         (chunk.0 > 0 && chunk.1 > 0).then_some(Tiff {
             decoder,
@@ -255,6 +261,7 @@ impl Tiff {
             has_band: bands.is_some(),
             chunk,
             across,
+            plain,
             first: 0,
             held,
         })
@@ -264,7 +271,10 @@ impl Tiff {
     fn rows(&mut self, width: u32, height: u32, rows: u32) -> Result<Samples, tiff::TiffError> {
         let row = width as usize * usize::from(self.channels);
         while self.held_rows(row) < rows as usize && self.first + (self.held_rows(row) as u32) < height {
-            self.read_chunks(width, height, row)?;
+            match &self.plain {
+                Some(_) => self.read_plain(height, row)?,
+                None => self.read_chunks(width, height, row)?,
+            }
         }
         self.first += rows;
         let count = rows as usize * row;
@@ -283,6 +293,42 @@ impl Tiff {
             Samples::Eight(held) => held.len() / row.max(1),
             Samples::Sixteen(held) => held.len() / row.max(1),
         }
+    }
+
+    /// Appends the next rows of a strip that is stored as it is.
+    fn read_plain(&mut self, height: u32, row: usize) -> Result<(), tiff::TiffError> {
+        let top = self.first + self.held_rows(row) as u32;
+        let (strip, line) = (top / self.chunk.1, top % self.chunk.1);
+        let rows = PLAIN_ROWS.min(self.chunk.1 - line).min(height - top) as usize;
+        let start = self.plain.as_ref().and_then(|starts| starts.get(strip as usize)).copied();
+        let start = start.ok_or_else(|| std::io::Error::from(std::io::ErrorKind::InvalidData))?;
+        let sixteen = matches!(
+            self.decoder.colortype()?,
+            tiff::ColorType::Gray(16)
+                | tiff::ColorType::GrayA(16)
+                | tiff::ColorType::RGB(16)
+                | tiff::ColorType::RGBA(16)
+        );
+        let row_bytes = row as u64 * if sixteen { 2 } else { 1 };
+        let order = self.decoder.byte_order();
+        let reader = self.decoder.inner();
+        reader.seek(SeekFrom::Start(start.saturating_add(u64::from(line) * row_bytes)))?;
+        let mut bytes = vec![0; rows * row_bytes as usize];
+        reader.read_exact(&mut bytes)?;
+        if sixteen {
+            let value = match order {
+                ByteOrder::LittleEndian => u16::from_le_bytes,
+                ByteOrder::BigEndian => u16::from_be_bytes,
+            };
+            let values = bytes.chunks_exact(2).map(|pair| value([pair[0], pair[1]]));
+            match &mut self.held {
+                Samples::Sixteen(held) => held.extend(values),
+                Samples::Eight(_) => self.held = Samples::Sixteen(values.collect()),
+            }
+        } else if let Samples::Eight(held) = &mut self.held {
+            held.extend(bytes);
+        }
+        Ok(())
     }
 
     /// Appends the next row of chunks.
@@ -316,6 +362,21 @@ impl Tiff {
         }
         Ok(())
     }
+}
+
+/// First bytes of the strips of an image whose values are stored as they are.
+fn plain_strips(decoder: &mut TiffDecoder<BufReader<File>>) -> Option<Vec<u64>> {
+    let mut is_one_of = |tag, values: &[u16]| {
+        decoder.find_tag_unsigned::<u16>(tag).is_ok_and(|value| values.contains(&value.unwrap_or(1)))
+    };
+    // No compression, no predictor, bits in order; gray from black or RGB.
+    let plain = is_one_of(Tag::Compression, &[1])
+        && is_one_of(Tag::Predictor, &[1])
+        && is_one_of(Tag::FillOrder, &[1])
+        && is_one_of(Tag::PhotometricInterpretation, &[1, 2]);
+    (plain && decoder.get_chunk_type() == ChunkType::Strip)
+        .then(|| decoder.get_tag_u64_vec(Tag::StripOffsets).ok())
+        .flatten()
 }
 
 /// Puts a chunk of `columns` values a line into the last `lines` rows of what is held; the first chunk makes them.
@@ -476,6 +537,66 @@ mod tests {
                 image::ImageBuffer::from_raw(75, 53, deep.clone()).unwrap();
             image.save(&path).unwrap();
             bands_equal_the_whole(&path, 9);
+        }
+    }
+
+    /// A TIFF file, or a BigTIFF one, of one strip that is stored as it is.
+    fn in_one_strip((width, height): (u16, u16), bits: u16, (is_big, is_reversed): (bool, bool)) -> Vec<u8> {
+        let bytes = |value: u64, length: usize| {
+            let mut bytes = value.to_le_bytes()[..length].to_vec();
+            if is_reversed {
+                bytes.reverse();
+            }
+            bytes
+        };
+        let strip_bytes = u64::from(width) * u64::from(height) * u64::from(bits / 8);
+        let (header, count, word, entry) = if is_big { (16, 8, 8, 20) } else { (8, 2, 4, 12) };
+        let start = (header + count + 9 * entry + word) as u64;
+        let tags = [
+            (256, u64::from(width)),
+            (257, height.into()),
+            (258, bits.into()),
+            (259, 1),
+            (262, 1),
+            (273, start),
+            (277, 1),
+            (278, height.into()),
+            (279, strip_bytes),
+        ];
+        let mut file = if is_reversed { b"MM".to_vec() } else { b"II".to_vec() };
+        file.extend(bytes(if is_big { 43 } else { 42 }, 2));
+        if is_big {
+            file.extend([bytes(8, 2), bytes(0, 2)].concat());
+        }
+        file.extend(bytes(header as u64, word));
+        file.extend(bytes(tags.len() as u64, count));
+        for (tag, value) in tags {
+            file.extend([bytes(tag, 2), bytes(4, 2), bytes(1, word), bytes(value, 4)].concat());
+            file.extend(&vec![0; word - 4]);
+        }
+        file.extend(vec![0; word]);
+        assert_eq!(file.len() as u64, start);
+        let value = |i: u64| bytes(i * 31 % if bits == 8 { 251 } else { 65_521 }, usize::from(bits / 8));
+        file.extend((0..strip_bytes / u64::from(bits / 8)).flat_map(value));
+        file
+    }
+
+    #[test]
+    fn long_strips_are_read_in_parts() {
+        let dir = tempfile::tempdir().unwrap();
+        for (is_big, is_reversed) in [(false, false), (false, true), (true, false), (true, true)] {
+            for bits in [8, 16] {
+                let path = dir.path().join("a.tif");
+                std::fs::write(&path, in_one_strip((75, 253), bits, (is_big, is_reversed))).unwrap();
+                bands_equal_the_whole(&path, 40);
+                let Some(Source::Tiff(mut tiff)) =
+                    streamed(&path, &super::super::head_of(&path).unwrap(), ColorSpace::Srgb)
+                else {
+                    panic!("not read in bands");
+                };
+                tiff.rows(75, 253, 10).unwrap();
+                assert_eq!(tiff.held_rows(75), PLAIN_ROWS as usize - 10);
+            }
         }
     }
 

@@ -69,8 +69,7 @@ impl Georeference {
     /// Georeference of the first image of a TIFF file; `None` where it has neither a place nor bands, or an incomplete one.
     pub(crate) fn of_file(path: &Path) -> Option<Georeference> {
         let head = super::head_of(path).ok()?;
-        let is_tiff = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| head.starts_with(*magic));
-        is_tiff
+        super::frames::is_tiff(&head)
             .then(|| crate::files::open(path).ok().map(std::io::BufReader::new))
             .flatten()
             .and_then(Self::read)

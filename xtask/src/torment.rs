@@ -126,10 +126,14 @@ fn torment(kills: u32, seed: u64) -> io::Result<()> {
         trial.threads()?;
         trial.two_at_a_time()?;
         let full = trial.full_disks()?;
+        let systems = trial.full_systems()?;
+        let systems = systems.map_or("no file system could be mounted".to_owned(), |count| {
+            format!("{count} times on full file systems")
+        });
         let cut = (0..share).try_fold(0, |cut, _| Ok::<_, io::Error>(cut + trial.kill(&mut random)?))?;
         println!(
-            "{}: {} files, the same with 1 to 7 threads and beside another process; {full} times without space; {share} times \
-             killed, {cut} of these before the end",
+            "{}: {} files, the same with 1 to 7 threads and beside another process; {full} times with files cut short; {systems}; \
+             {share} times killed, {cut} of these before the end",
             scene.name,
             trial.wanted.len()
         );
@@ -220,17 +224,42 @@ impl<'t> Trial<'t> {
         self.check_rerun()
     }
 
-    /// Limits the size of files, from nothing on by ever larger steps, until a run succeeds; the number of runs that failed.
+    /// Runs it where files may have up to that many blocks, from none on by ever larger steps, until a run succeeds; the number of runs
+    /// that failed.
     fn full_disks(&self) -> io::Result<u32> {
+        self.without_space(0, |blocks| format!("trap '' XFSZ; ulimit -f {blocks}; {}", self.line()))
+    }
+
+    /// Runs it on file systems of ever more blocks; `None` where none can be mounted.
+    fn full_systems(&self) -> io::Result<Option<u32>> {
+        let unshared = ["--user", "--map-root-user", "--mount", "sh", "-c"];
+        let tried = Command::new("unshare").args(unshared).arg("mount -t tmpfs none /mnt").output();
+        if !tried.is_ok_and(|output| output.status.success()) {
+            return Ok(None);
+        }
+        // What is in it is copied before the file system goes.
+        let inside = |blocks| {
+            format!(
+                "mkdir out && unshare {} \"mount -t tmpfs -o size={blocks}k none out || exit 9; {}; code=\\$?; \
+                 mkdir copy && cp -a out/. copy && exit \\$code\"; code=$?; rm -r out; mv copy out; exit $code",
+                unshared.join(" "),
+                self.line()
+            )
+        };
+        // One of no blocks has no bounds.
+        self.without_space(1, inside).map(Some)
+    }
+
+    /// The command, for a shell.
+    fn line(&self) -> String {
+        format!("'{}' {}", self.program.0.display(), self.scene.arguments)
+    }
+
+    fn without_space(&self, first: u32, script: impl Fn(u32) -> String) -> io::Result<u32> {
         let mut failed = 0;
-        for blocks in (0..4).chain((2..24).map(|step| 1 << step)) {
+        for blocks in (first..4).chain((2..24).map(|step| 1 << step)) {
             self.clear()?;
-            let script = format!(
-                "trap '' XFSZ; ulimit -f {blocks}; exec '{}' {}",
-                self.program.0.display(),
-                self.scene.arguments
-            );
-            let output = Command::new("sh").args(["-c", &script]).current_dir(self.dir).output()?;
+            let output = Command::new("sh").args(["-c", &script(blocks)]).current_dir(self.dir).output()?;
             self.check_whole()?;
             let told = String::from_utf8_lossy(&output.stderr).into_owned();
             match output.status.code() {

@@ -1,6 +1,8 @@
 //! The block form as a whole: images in, texels out.
 #![cfg(feature = "encode")]
 
+use std::sync::atomic::Ordering::Relaxed;
+
 use texfold_core::container::{Reader, SectionWriter, Sections};
 use texfold_core::image::PixelInfo;
 use texfold_core::rng::Rng;
@@ -10,6 +12,7 @@ use texfold_core::{
 };
 
 use super::encode::{DctEncoder, DctSettings, DctSource};
+use crate::vectors::NARROW;
 use texfold_core::container::ContentId;
 
 use super::*;
@@ -419,4 +422,21 @@ fn a_band_shares_axes_with_colours() {
     let (band, alpha) = (length(Alpha::Band), length(Alpha::Straight));
     // What colours predict costs next to nothing.
     assert!(band * 10 < alpha * 9, "{band} bytes, {alpha} as alpha");
+}
+
+#[test]
+fn files_and_texels_are_those_of_any_processor() {
+    let made = || {
+        let mut made = Vec::new();
+        for (groups, depth) in [(&[3u8][..], 8), (&[3, 1][..], 8), (&[2][..], 16)] {
+            let texture = encoded(&waves(150, 131, groups, depth), DctSettings::default());
+            made.push((texture.to_bytes(), decoded(&texture, all_of(&texture))));
+        }
+        made
+    };
+    let wide = made();
+    NARROW.store(true, Relaxed);
+    let narrow = made();
+    NARROW.store(false, Relaxed);
+    assert!(wide == narrow);
 }

@@ -3,7 +3,10 @@
 //! A block's errors count by its activity to the power of minus [`MASKING`], against the geometric mean of all blocks of the image.
 //! The decoder knows nothing of it: all blocks have one quantiser, and a bit is worth more squared error where activity is high.
 //! Source of the power law: Watson, "DCT quantization matrices visually optimized for individual images", 1993. *Not done*: at
-//! effort `fast`, which rounds all blocks alike.
+//! effort `fast`, which rounds all blocks alike. *Not taken*: a step for each superblock of 32x32 texels, by its activity to a power. With a
+//! power of 0.3, SSIMULACRA2 gains no more than by a slope that loses as many dB; in atlases of dark tiles beside noise, the worst
+//! 64x64 texels gain 1 to 2 dB at 0.9 and 2 bits, where ASTC is 4 to 6 dB ahead. Powers that close that gap cost photographs 1 to
+//! 2 points and 1 dB.
 
 use super::forward::{Block, Coefficients};
 

@@ -67,6 +67,8 @@ impl From<(f64, f64)> for Point {
 pub enum Kind {
     /// A line alone.
     Line,
+    /// A broken line alone.
+    Dashed,
     /// Marks alone.
     Marks,
     /// A line with a mark at each point.
@@ -189,9 +191,10 @@ fn draw(text: &mut String, series: &Series, (across, up): (&Span, &Span)) {
     let class = class(series);
     if series.kind != Kind::Marks {
         let path: Vec<String> = series.points.iter().map(at).map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
-        let _ = write!(text, "<polyline class=\"{class}\" points=\"{}\"/>", path.join(" "));
+        let dashes = if series.kind == Kind::Dashed { " stroke-dasharray=\"5 4\"" } else { "" };
+        let _ = write!(text, "<polyline class=\"{class}\"{dashes} points=\"{}\"/>", path.join(" "));
     }
-    for point in series.points.iter().filter(|_| series.kind != Kind::Line) {
+    for point in series.points.iter().filter(|_| matches!(series.kind, Kind::Marks | Kind::Both)) {
         let (x, y) = at(point);
         let hollow = if point.hollow { " hollow" } else { "" };
         let _ = write!(

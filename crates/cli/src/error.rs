@@ -194,6 +194,8 @@ pub(crate) enum CliError {
     GpuDrawing { path: PathBuf, source: Box<dyn Error + Send + Sync> },
     #[error("{}: {} failed; take it off PATH to leave ASTC out", path.display(), program.display())]
     Rival { path: PathBuf, program: PathBuf, source: io::Error },
+    #[error("{}: no setting of that format is within {bpp} bits a texel", path.display())]
+    NoSetting { path: PathBuf, bpp: f64 },
     #[error("{}: an internal error ({message}); report this as a fault of Texfold, with the file", path.display())]
     Internal { path: PathBuf, message: String },
 }

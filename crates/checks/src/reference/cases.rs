@@ -72,7 +72,7 @@ const SETTINGS: [(&str, &str, &[&str]); 15] = [
     ("epitome", "--psnr 32 --effort fast --access texel", &FEW_IMAGES),
     ("epitome", "--bpp 2 --effort fast --content error-map --metric psnr", &OPAQUE_IMAGES),
     ("epitome", "--tolerance 12 --effort fast", &FEW_IMAGES),
-    ("dct", "--bpp 1 --effort fast", &FEW_IMAGES),
+    ("dct", "--bpp 1 --effort fast --metric psnr", &FEW_IMAGES),
     ("dct", "--psnr 34 --effort fast", &FEW_IMAGES),
     ("progressive", "--bpp 1 --effort fast --metric psnr", &FEW_IMAGES),
     ("progressive", "--psnr 34 --effort fast", &FEW_IMAGES),

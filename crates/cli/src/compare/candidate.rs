@@ -11,6 +11,7 @@ use texfold_core::Effort;
 use texfold_core::image::{ColorSpace, PixelInfo};
 
 use super::rival::Astcenc;
+use super::storage::{self, Storage};
 
 /// Name of the external encoder's codec.
 pub(crate) const RIVAL: &str = "astc";
@@ -59,10 +60,17 @@ pub(crate) enum Way {
     Goal(&'static Encoding, Box<EncodeSettings>),
     /// By the external encoder of ASTC, in blocks of that side.
     Rival(Astcenc, u32),
+    /// By a format for storage, within a number of bits a texel.
+    Storage(Storage, f64),
 }
 
-/// Settings that suit such pixels, and the rival's where it is installed.
-pub(crate) fn candidates(pixel: PixelInfo, effort: Effort, astcenc: Option<&Astcenc>) -> Vec<Candidate> {
+/// Settings that suit such pixels, the rival's where it is installed, and those of formats for storage.
+pub(crate) fn candidates(
+    pixel: PixelInfo,
+    effort: Effort,
+    astcenc: Option<&Astcenc>,
+    storage: &[Storage],
+) -> Vec<Candidate> {
     let blocks: &[Content] = match (pixel.channels, pixel.color) {
         (1, _) => &[Content::Bc4, Content::Bc7],
         (2, _) => &[Content::Bc5, Content::Bc7],
@@ -75,7 +83,18 @@ pub(crate) fn candidates(pixel: PixelInfo, effort: Effort, astcenc: Option<&Astc
     found.extend(CODEBOOKS.into_iter().filter_map(|(size, content)| codebook(size, content, effort)));
     found.extend(ENCODINGS.iter().flat_map(|encoding| within_goals(encoding, pixel, effort)));
     found.extend(astcenc.into_iter().flat_map(|astcenc| ASTC_SIDES.map(|side| rival(astcenc, side))));
+    found.extend(storage.iter().flat_map(|format| storage::GOALS.map(|goal| stored(format, goal))));
     found
+}
+
+/// A format for storage.
+fn stored(format: &Storage, goal: f64) -> Candidate {
+    Candidate {
+        codec: format.name(),
+        settings: format!("{goal} bpp"),
+        has_thumbnail: false,
+        way: Way::Storage(format.clone(), goal),
+    }
 }
 
 /// Plain blocks of a fixed format, scaled down.

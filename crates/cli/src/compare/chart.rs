@@ -4,6 +4,7 @@ use texfold::encoding::ENCODINGS;
 use texfold_chart::{Chart, Kind, LARGE, Point, Scale, Series};
 
 use super::candidate::RIVAL;
+use super::storage;
 use super::table::{Row, front};
 
 /// PSNR above which a point is drawn at the edge: lossless results would flatten all others.
@@ -67,12 +68,16 @@ pub(crate) fn svg(means: &[Row], axis: Axis) -> Option<String> {
     };
     let placed: Vec<(&Row, Point)> = means.iter().filter_map(|row| Some((row, place(row)?))).collect();
     let points: Vec<(f64, f64)> = placed.iter().map(|(_, point)| (point.x, point.y)).collect();
-    let best = front(&points, axis.smaller_is_better);
+    // Of files for storage no part can be read alone: they are beside the front.
+    let read_at_random: Vec<usize> =
+        (0..placed.len()).filter(|&index| placed[index].0.random_access == 1).collect();
+    let compared: Vec<(f64, f64)> = read_at_random.iter().map(|&index| points[index]).collect();
+    let best = front(&compared, axis.smaller_is_better);
     let mut series = vec![Series {
         name: "Pareto front".to_owned(),
         colour: None,
         kind: Kind::Line,
-        points: best.iter().map(|&index| points[index].into()).collect(),
+        points: best.iter().map(|&index| compared[index].into()).collect(),
     }];
     let codecs = ENCODINGS.iter().map(|encoding| encoding.id.name).chain([RIVAL]);
     series.extend(codecs.enumerate().map(|(index, codec)| Series {
@@ -81,6 +86,15 @@ pub(crate) fn svg(means: &[Row], axis: Axis) -> Option<String> {
         kind: Kind::Marks,
         points: placed.iter().filter(|(row, _)| row.codec == codec).map(|(_, point)| point.clone()).collect(),
     }));
+    let lines = storage::names().map(|name| {
+        let of_format = placed.iter().filter(|(row, _)| row.codec == name);
+        let mut points: Vec<Point> = of_format.map(|(_, point)| (point.x, point.y).into()).collect();
+        if let Some(last) = points.last_mut() {
+            name.clone_into(&mut last.name);
+        }
+        Series { name: String::new(), colour: None, kind: Kind::Dashed, points }
+    });
+    series.extend(lines);
     let chart = Chart {
         title: axis.title,
         across: texfold_chart::Axis { label: axis.label, scale: Scale::Doublings(axis.unit) },

@@ -1,5 +1,6 @@
 //! Measuring one setting on one input.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
@@ -13,7 +14,8 @@ use texfold_core::{CodecId, Domain, EncodeError, Encoded, Image2d, Job, Rect, Te
 use texfold_gpu::{Gpu, Lookup, Policy, Probe, View};
 
 use super::candidate::{Candidate, Way};
-use super::rival::Astcenc;
+use super::rival::{Astcenc, Coded};
+use super::storage::{File, Storage};
 use super::table::Row;
 use crate::config::EffortName;
 use crate::error::CliError;
@@ -36,6 +38,7 @@ pub(crate) struct Bench {
     effort: EffortName,
     gpu: Option<Gpu>,
     astcenc: Option<Astcenc>,
+    storage: Option<Vec<Storage>>,
     /// One thread, for the speed of decoding.
     single: Option<rayon::ThreadPool>,
 }
@@ -55,6 +58,8 @@ pub(crate) struct Measured {
 pub(crate) struct Searches<'s> {
     images: &'s ImageSet,
     held: Option<Held<'s>>,
+    /// Files of a format for storage: its name, and for each image those of settings that were tried.
+    stored: (&'static str, Vec<BTreeMap<u32, File>>),
 }
 
 #[derive(Debug)]
@@ -66,7 +71,7 @@ struct Held<'s> {
 
 impl<'s> Searches<'s> {
     pub(crate) fn new(images: &'s ImageSet) -> Searches<'s> {
-        Searches { images, held: None }
+        Searches { images, held: None, stored: ("", Vec::new()) }
     }
 
     /// Encodes for a goal; and the seconds that a search took which was there already.
@@ -96,12 +101,13 @@ impl<'s> Searches<'s> {
 }
 
 impl Bench {
-    /// Looks for a GPU and for rivals.
-    pub(crate) fn open(effort: EffortName) -> Bench {
+    /// Looks for a GPU, for the rival, and for formats for storage where they are wanted.
+    pub(crate) fn open(effort: EffortName, with_storage: bool) -> Bench {
         Bench {
             effort,
             gpu: Gpu::new(Policy::from_env()).ok(),
             astcenc: Astcenc::find(),
+            storage: with_storage.then(Storage::find),
             single: rayon::ThreadPoolBuilder::new().num_threads(1).build().ok(),
         }
     }
@@ -109,6 +115,16 @@ impl Bench {
     /// The rival, where it is installed.
     pub(crate) fn rival(&self) -> Option<&Astcenc> {
         self.astcenc.as_ref()
+    }
+
+    /// Formats for storage whose programs are installed; none where they are not wanted.
+    pub(crate) fn storage(&self) -> &[Storage] {
+        self.storage.as_deref().unwrap_or_default()
+    }
+
+    /// Whether formats for storage are wanted.
+    pub(crate) fn wants_storage(&self) -> bool {
+        self.storage.is_some()
     }
 
     /// How long each codec searches.
@@ -137,7 +153,21 @@ impl Bench {
                 (made.map_err(fault)?, 0.0)
             }
             Way::Goal(encoding, settings) => searches.encode(encoding, settings).map_err(fault)?,
-            Way::Rival(astcenc, side) => return astc(images, astcenc, *side, candidate, path),
+            Way::Rival(astcenc, side) => {
+                let coded = images.images().iter().map(|image| astcenc.code(image, *side, ASTC_PRESET, path));
+                return Ok(external(images, candidate, coded.collect::<Result<_, _>>()?));
+            }
+            Way::Storage(format, goal) => {
+                if searches.stored.0 != format.name() {
+                    searches.stored =
+                        (format.name(), images.images().iter().map(|_| BTreeMap::new()).collect());
+                }
+                let pairs = images.images().iter().zip(&mut searches.stored.1);
+                let coded = pairs.map(|(image, known)| format.within(image, *goal, known, path));
+                let coded = coded.collect::<Result<Option<Vec<Coded>>, _>>()?;
+                let bits = || CliError::NoSetting { path: path.to_owned(), bpp: *goal };
+                return Ok(external(images, candidate, coded.ok_or_else(bits)?));
+            }
         };
         let bytes = image.to_bytes();
         let encode_seconds = search_seconds + start.elapsed().as_secs_f64();
@@ -201,41 +231,34 @@ impl Bench {
     }
 }
 
-/// The rival: its own program encodes and decodes, our figures judge.
-fn astc(
-    images: &ImageSet,
-    astcenc: &Astcenc,
-    side: u32,
-    candidate: &Candidate,
-    path: &Path,
-) -> Result<Measured, CliError> {
-    let (mut error, mut similarity, mut seconds, mut bits) = (SquaredError::default(), 0.0, 0.0, 0u64);
-    let (mut first, mut perceived) = (None, Vec::new());
-    for image in images.images() {
-        let coded = astcenc.code(image, side, ASTC_PRESET, path)?;
+/// What external programs have made of each image: our figures judge.
+fn external(images: &ImageSet, candidate: &Candidate, coded: Vec<Coded>) -> Measured {
+    let (mut error, mut similarity, mut perceived) = (SquaredError::default(), 0.0, Vec::new());
+    for (image, coded) in images.images().iter().zip(&coded) {
         error = error + color_error(image, &coded.decoded);
         similarity += ssim(image, &coded.decoded);
         perceived.push((ssimulacra2(image, &coded.decoded), 1.0));
-        seconds += coded.seconds;
-        bits += coded.bits;
-        first.get_or_insert(coded.decoded);
     }
     let texels = images.texel_count() as f64;
+    let bpp = coded.iter().map(|coded| coded.bits).sum::<u64>() as f64 / texels;
+    // A file that is read whole is drawn as plain texels.
+    let is_stored = matches!(candidate.way, Way::Storage(..));
     let row = Row {
         input: String::new(),
         codec: candidate.codec,
         settings: candidate.settings.clone(),
-        bpp_memory: bits as f64 / texels,
-        bpp_resident: bits as f64 / texels,
-        bpp_disk: bits as f64 / texels,
+        bpp_memory: bpp,
+        bpp_resident: if is_stored { 32.0 } else { bpp },
+        bpp_disk: bpp,
         psnr: error.psnr(),
         ssim: similarity / images.images().len() as f64,
         ssimulacra2: mean(perceived.into_iter()),
-        encode_seconds: seconds,
+        encode_seconds: coded.iter().map(|coded| coded.seconds).sum(),
         texels,
         decode_cpu_texels_per_second: None,
         decode_gpu_texels_per_second: None,
-        random_access: 1,
+        random_access: u8::from(!is_stored),
     };
-    Ok(Measured { row, decoded: first.unwrap_or_else(|| images.images()[0].clone()), file: None })
+    let first = coded.into_iter().next().map(|coded| coded.decoded);
+    Measured { row, decoded: first.unwrap_or_else(|| images.images()[0].clone()), file: None }
 }

@@ -9,6 +9,7 @@ mod images;
 mod measure;
 mod page;
 mod rival;
+mod storage;
 mod table;
 
 use std::path::PathBuf;
@@ -56,6 +57,10 @@ pub struct CompareArgs {
     /// Meaning of the channel beside gray or RGB: straight, cutout, cutout=THRESHOLD, band.
     #[arg(long, value_name = "ALPHA")]
     alpha: Option<AlphaChoice>,
+    /// Also compare with AVIF, JPEG XL, JPEG 2000 and WebP, where their programs are installed (avifenc, cjxl, opj_compress, cwebp and their
+    /// decoders): of such files no part can be read alone.
+    #[arg(long)]
+    storage: bool,
     #[command(flatten)]
     memory: MemoryArgs,
 }
@@ -64,7 +69,7 @@ pub struct CompareArgs {
 pub(crate) fn run(args: &CompareArgs) -> Result<usize, CliError> {
     make_folder(&args.out)?;
     remove_stale(&args.out);
-    let bench = Bench::open(args.effort);
+    let bench = Bench::open(args.effort, args.storage);
     let inputs = find(&args.inputs, |_| args.kind);
     inputs.say_not_read();
     let inputs = inputs.found;
@@ -124,7 +129,7 @@ fn compare(
     }
     let mut rows = Vec::new();
     let mut searches = Searches::new(&images);
-    for candidate in candidates(images.info(), bench.effort().effort(), bench.rival()) {
+    for candidate in candidates(images.info(), bench.effort().effort(), bench.rival(), bench.storage()) {
         // A setting that does not suit an input, such as a codebook larger than its image, is left out.
         let measured = match bench.measure(&mut searches, &candidate, &found.path) {
             Ok(Measured { row, decoded, file }) => {

@@ -10,6 +10,7 @@ use texfold_core::image::Raster;
 use super::candidate::Candidate;
 use super::chart::{self, AXES};
 use super::measure::Bench;
+use super::storage::Storage;
 use super::table::{Row, means, score};
 use crate::{png, thumbnail};
 
@@ -98,11 +99,23 @@ fn circumstances(bench: &Bench) -> String {
     } else {
         "The external program astcenc was not found: ASTC is left out."
     };
+    let storage = match bench.storage() {
+        [] if bench.wants_storage() => "No program of a format for storage was found.".to_owned(),
+        [] => String::new(),
+        found => {
+            let names: Vec<&str> = found.iter().map(Storage::name).collect();
+            format!(
+                "Dashed: {} at the best setting within the bits of each image; no part of such files can be read alone, and they are drawn \
+                 as plain texels.",
+                names.join(", ")
+            )
+        }
+    };
     format!(
         "<p>Quality is taken from the bytes of the file that ships. Compressed bits count all planes, blocks and parameters; \
          a cache of tiles holds them and a pool for all textures together. Bits decoded whole are those of GPU memory where textures in \
          blocks are decoded to plain texels. Encoding uses all \
-         cores at effort {}; CPU decoding one thread, the median of several whole decodes. {gpu} {rival}</p>",
+         cores at effort {}; CPU decoding one thread, the median of several whole decodes. {gpu} {rival} {storage}</p>",
         bench.effort().name()
     )
 }

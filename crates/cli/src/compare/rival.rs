@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
-use texfold_core::image::Raster;
+use texfold_core::image::{PixelInfo, Raster};
 
 use crate::error::CliError;
 use crate::input::{Remarks, pixels};
@@ -49,9 +49,7 @@ pub(crate) struct Coded {
 impl Astcenc {
     /// Looks for the program on PATH.
     pub(crate) fn find() -> Option<Astcenc> {
-        let path = std::env::var_os("PATH")?;
-        let places = std::env::split_paths(&path).flat_map(|dir| NAMES.map(|name| dir.join(name)));
-        places.into_iter().find(|place| place.is_file()).map(Astcenc)
+        on_path(&NAMES).map(Astcenc)
     }
 
     /// Encodes `image` of the file at `path` with blocks of that side by a preset of the program's own, and decodes it.
@@ -78,16 +76,21 @@ impl Astcenc {
         if !status.success() {
             return Err(failed(std::io::Error::other(status.to_string())));
         }
-        let info = image.info();
-        let decoded = pixels::read(
-            &output,
-            info.color,
-            Some(info.alpha),
-            memory::limit(None),
-            &mut Remarks::default(),
-        )?;
+        let decoded = read_back(&output, image.info())?;
         let size = image.size();
         let blocks = u64::from(size.width.div_ceil(side)) * u64::from(size.height.div_ceil(side));
         Ok(Coded { decoded, seconds, bits: BLOCK_BITS * blocks })
     }
+}
+
+/// The first program on PATH that has one of these names.
+pub(super) fn on_path(names: &[&str]) -> Option<PathBuf> {
+    let path = std::env::var_os("PATH")?;
+    let places = std::env::split_paths(&path).flat_map(|dir| names.iter().map(move |name| dir.join(name)));
+    places.into_iter().find(|place| place.is_file())
+}
+
+/// What a program has decoded, as values of that kind.
+pub(super) fn read_back(path: &Path, info: PixelInfo) -> Result<Raster, CliError> {
+    pixels::read(path, info.color, Some(info.alpha), memory::limit(None), &mut Remarks::default())
 }

@@ -1,0 +1,237 @@
+//! Formats for storage, by external programs where they are installed: files of few bits, of which no part can be read alone.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+use texfold_core::image::Raster;
+
+use super::rival::{Coded, on_path, read_back};
+use crate::error::CliError;
+use crate::png;
+
+/// Goals in bits a texel: those of ASTC in blocks of 12x12, 10x10, 8x8 and 6x6, and half a bit.
+pub(super) const GOALS: [f64; 5] = [0.5, 0.89, 1.28, 2.0, 3.56];
+
+/// Settings of an encoder from the fewest bits to the most.
+const SETTINGS: u32 = 100;
+
+/// A format for storage and its programs.
+#[derive(Debug)]
+struct Format {
+    name: &'static str,
+    extension: &'static str,
+    encoder: &'static str,
+    decoder: &'static str,
+    /// Arguments of the encoder: its input, its output, a setting of 0 to [`SETTINGS`].
+    encode: fn(&str, &str, u32) -> Vec<String>,
+    /// Arguments of the decoder.
+    decode: fn(&str, &str) -> Vec<String>,
+}
+
+/// All of them, at full resolution of colours and an effort between speed and quality.
+static FORMATS: [Format; 4] = [
+    Format {
+        name: "avif",
+        extension: "avif",
+        encoder: "avifenc",
+        decoder: "avifdec",
+        encode: |input, output, setting| {
+            let level = format!("cq-level={}", 63 - setting * 63 / SETTINGS);
+            words(&[
+                "-s",
+                "6",
+                "-y",
+                "444",
+                "--min",
+                "0",
+                "--max",
+                "63",
+                "-a",
+                "end-usage=q",
+                "-a",
+                &level,
+                input,
+                output,
+            ])
+        },
+        decode: |input, output| words(&[input, output]),
+    },
+    Format {
+        name: "jpeg xl",
+        extension: "jxl",
+        encoder: "cjxl",
+        decoder: "djxl",
+        encode: |input, output, setting| {
+            words(&[input, output, "-e", "7", "-q", &setting.min(99).to_string()])
+        },
+        decode: |input, output| words(&[input, output]),
+    },
+    Format {
+        name: "jpeg 2000",
+        extension: "jp2",
+        encoder: "opj_compress",
+        decoder: "opj_decompress",
+        encode: |input, output, setting| {
+            // Ratios from 480 to 1.9: 0.05 to 12.8 bits of 24.
+            let ratio = 480.0 / (f64::from(setting) * 8.0 / f64::from(SETTINGS)).exp2();
+            words(&["-i", input, "-o", output, "-I", "-r", &format!("{ratio:.3}")])
+        },
+        decode: |input, output| words(&["-i", input, "-o", output]),
+    },
+    Format {
+        name: "webp",
+        extension: "webp",
+        encoder: "cwebp",
+        decoder: "dwebp",
+        encode: |input, output, setting| {
+            words(&["-q", &setting.to_string(), "-m", "6", "-sharp_yuv", input, "-o", output])
+        },
+        decode: |input, output| words(&[input, "-o", output]),
+    },
+];
+
+/// Names of the formats.
+pub(super) fn names() -> impl Iterator<Item = &'static str> {
+    FORMATS.iter().map(|format| format.name)
+}
+
+fn words(words: &[&str]) -> Vec<String> {
+    words.iter().map(|&word| word.to_owned()).collect()
+}
+
+/// A format whose programs are installed.
+#[derive(Debug, Clone)]
+pub(crate) struct Storage {
+    format: &'static Format,
+    encoder: PathBuf,
+    decoder: PathBuf,
+}
+
+impl Storage {
+    /// Those that are on PATH.
+    pub(crate) fn find() -> Vec<Storage> {
+        let found = |format: &'static Format| {
+            let (encoder, decoder) = (on_path(&[format.encoder])?, on_path(&[format.decoder])?);
+            Some(Storage { format, encoder, decoder })
+        };
+        FORMATS.iter().filter_map(found).collect()
+    }
+
+    pub(crate) fn name(&self) -> &'static str {
+        self.format.name
+    }
+
+    /// Encodes an image of the file at `path` at the best setting within `goal` bits a texel, and decodes it; `None` where none is. `known`
+    /// holds the files of settings that were tried before.
+    pub(super) fn within(
+        &self,
+        image: &Raster,
+        goal: f64,
+        known: &mut BTreeMap<u32, File>,
+        path: &Path,
+    ) -> Result<Option<Coded>, CliError> {
+        let most = goal * image.size().texels() as f64;
+        // Settings below `fits` are within the goal.
+        let (mut fits, mut beyond) = (0, SETTINGS + 1);
+        while fits < beyond {
+            let setting = u32::midpoint(fits, beyond).min(SETTINGS);
+            let file = match known.entry(setting) {
+                Entry::Occupied(file) => file.into_mut(),
+                Entry::Vacant(place) => place.insert(self.encode(image, setting, path)?),
+            };
+            if (8 * file.bytes.len()) as f64 <= most {
+                fits = setting + 1;
+            } else {
+                beyond = setting;
+            }
+        }
+        let best = fits.checked_sub(1).and_then(|setting| known.get(&setting));
+        best.map(|file| self.decode(image, file, path)).transpose()
+    }
+
+    fn encode(&self, image: &Raster, setting: u32, path: &Path) -> Result<File, CliError> {
+        let failed =
+            |source| CliError::Rival { path: path.to_owned(), program: self.encoder.clone(), source };
+        let dir = tempfile::tempdir().map_err(failed)?;
+        let (input, output) =
+            (dir.path().join("in.png"), dir.path().join("out").with_extension(self.format.extension));
+        png::write(&input, image)?;
+        let start = Instant::now();
+        run(
+            &self.encoder,
+            &(self.format.encode)(&input.to_string_lossy(), &output.to_string_lossy(), setting),
+        )
+        .map_err(failed)?;
+        let seconds = start.elapsed().as_secs_f64();
+        let bytes = std::fs::read(&output).map_err(failed)?;
+        Ok(File { bytes, seconds })
+    }
+
+    fn decode(&self, image: &Raster, file: &File, path: &Path) -> Result<Coded, CliError> {
+        let failed =
+            |source| CliError::Rival { path: path.to_owned(), program: self.decoder.clone(), source };
+        let dir = tempfile::tempdir().map_err(failed)?;
+        let (input, output) =
+            (dir.path().join("in").with_extension(self.format.extension), dir.path().join("out.png"));
+        std::fs::write(&input, &file.bytes).map_err(failed)?;
+        run(&self.decoder, &(self.format.decode)(&input.to_string_lossy(), &output.to_string_lossy()))
+            .map_err(failed)?;
+        let decoded = read_back(&output, image.info())?;
+        Ok(Coded { decoded, seconds: file.seconds, bits: 8 * file.bytes.len() as u64 })
+    }
+}
+
+/// A file of an encoder, and the seconds that it took.
+#[derive(Debug)]
+pub(super) struct File {
+    bytes: Vec<u8>,
+    seconds: f64,
+}
+
+fn run(program: &Path, arguments: &[String]) -> std::io::Result<()> {
+    let mut command = Command::new(program);
+    let status =
+        command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).status()?;
+    if status.success() { Ok(()) } else { Err(std::io::Error::other(status.to_string())) }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use texfold_core::image::ColorSpace;
+
+    use super::*;
+
+    /// A format whose files are PNG with ten bytes more for each setting.
+    static PADDED: Format = Format {
+        name: "padded",
+        extension: "padded",
+        encoder: "sh",
+        decoder: "sh",
+        encode: |input, output, setting| {
+            let padded = format!("cp '{input}' '{output}' && head -c {setting}0 /dev/zero >> '{output}'");
+            words(&["-c", &padded])
+        },
+        decode: |input, output| words(&["-c", &format!("cp '{input}' '{output}'")]),
+    };
+
+    #[test]
+    fn the_best_setting_within_the_bits_is_found() {
+        let image = Raster::from_u8(9, 7, 1, ColorSpace::Srgb, &[40; 63]).unwrap();
+        let sh = on_path(&["sh"]).unwrap();
+        let padded = Storage { format: &PADDED, encoder: sh.clone(), decoder: sh };
+        let mut known = BTreeMap::new();
+        let mut within =
+            |bits: f64| padded.within(&image, bits / 63.0, &mut known, Path::new("a.png")).unwrap();
+        let least = within(1e9).unwrap().bits - 8 * 1000;
+        for setting in [0, 1, 37, 99, 100] {
+            let coded = within((least + 80 * setting + 79) as f64).unwrap();
+            assert_eq!(coded.bits, least + 80 * setting);
+            assert_eq!(coded.decoded, image);
+        }
+        assert!(within(least as f64 - 1.0).is_none());
+        assert!(known.len() < 30, "settings are tried once: {}", known.len());
+    }
+}

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use texfold::{AnyImage, encoding::Attempt, epitome::worst_relative_error};
 use texfold_core::image::{ImageSet, Raster};
-use texfold_core::metric::{decode_rounded, quality, ssim};
+use texfold_core::metric::{decode_rounded, psnr_worst_tile, quality, ssim};
 use texfold_core::target::Measured;
 use texfold_core::{Footprint, Goal, LoadError, MemoryBits};
 
@@ -89,6 +89,9 @@ pub(crate) struct Row {
     pub(crate) psnr_alpha: Option<f64>,
     pub(crate) rms: f64,
     pub(crate) worst_block_rms: f64,
+    /// [`psnr_worst_tile`] of the worst image; nothing of light fields and zoom stacks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) psnr_worst_tile: Option<f64>,
     /// [`worst_relative_error`], for goals of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) worst_relative_error: Option<f64>,
@@ -190,6 +193,7 @@ pub(crate) struct Figures {
     pub(crate) psnr_alpha: Option<f64>,
     pub(crate) rms: f64,
     pub(crate) worst_block_rms: f64,
+    pub(crate) psnr_worst_tile: f64,
     pub(crate) ssim: f64,
     pub(crate) ssimulacra2: Option<f64>,
     pub(crate) sizes: Sizes,
@@ -205,17 +209,21 @@ impl Figures {
         let quality = quality(source, encoded);
         let similarity = |(index, raster): (usize, &Raster)| {
             let decoded = decode_rounded(encoded, index as u32);
-            decoded.map_or((0.0, None), |decoded| (ssim(raster, &decoded), ssimulacra2(raster, &decoded)))
+            decoded.map_or((0.0, None, 0.0), |decoded| {
+                let worst = psnr_worst_tile(raster, &decoded);
+                (ssim(raster, &decoded), ssimulacra2(raster, &decoded), worst)
+            })
         };
         let images = source.images();
-        let similar: Vec<(f64, Option<f64>)> = images.iter().enumerate().map(similarity).collect();
+        let similar: Vec<(f64, Option<f64>, f64)> = images.iter().enumerate().map(similarity).collect();
         let figures = Figures {
             psnr: quality.color.psnr(),
             psnr_alpha: quality.alpha.map(|error| error.psnr()),
             rms: quality.color.rms(),
             worst_block_rms: quality.worst_block_rms,
-            ssim: similar.iter().map(|(ssim, _)| ssim).sum::<f64>() / images.len() as f64,
-            ssimulacra2: mean(similar.iter().map(|&(_, figure)| (figure, 1.0))),
+            psnr_worst_tile: similar.iter().map(|&(.., worst)| worst).fold(f64::INFINITY, f64::min),
+            ssim: similar.iter().map(|(ssim, ..)| ssim).sum::<f64>() / images.len() as f64,
+            ssimulacra2: mean(similar.iter().map(|&(_, figure, _)| (figure, 1.0))),
             sizes: Sizes::of(encoded.memory(), bytes, source.texel_count()),
             goal_bpp: encoded.memory().goal as f64 / source.texel_count() as f64,
         };
@@ -305,6 +313,7 @@ impl Row {
             psnr_alpha: figures.psnr_alpha,
             rms: figures.rms,
             worst_block_rms: figures.worst_block_rms,
+            psnr_worst_tile: Some(figures.psnr_worst_tile),
             worst_relative_error: relative,
             ssim: figures.ssim,
             ssimulacra2: figures.ssimulacra2,

@@ -105,6 +105,28 @@ pub fn alpha_error(source: &Raster, decoded: &Raster) -> Option<SquaredError> {
     })
 }
 
+/// PSNR in dB of colours in the worst of the tiles of 64x64 texels that an image is cut into from its upper left corner; tiles at the
+/// edge count what is inside.
+#[must_use]
+pub fn psnr_worst_tile(source: &Raster, decoded: &Raster) -> f64 {
+    const SIDE: u32 = 64;
+    let size = source.size();
+    let (channels, gain) = (counted_channels(source, decoded), source.peak().recip());
+    let (columns, rows) = (size.width.div_ceil(SIDE), size.height.div_ceil(SIDE));
+    let tile = |index: u32| {
+        let (left, top) = (index % columns * SIDE, index / columns * SIDE);
+        let (right, bottom) = ((left + SIDE).min(size.width), (top + SIDE).min(size.height));
+        let texels = (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y)));
+        let error = |(x, y)| {
+            let (a, b) = (source.texel(x, y), decoded.texel(x, y));
+            channels.iter().map(|&channel| squared_step(a[channel], b[channel], gain)).sum::<u64>()
+        };
+        let count = u64::from(right - left) * u64::from(bottom - top) * channels.len() as u64;
+        SquaredError { sum: texels.map(error).sum::<u64>() as f64, count }.psnr()
+    };
+    (0..columns * rows).into_par_iter().map(tile).reduce(|| f64::INFINITY, f64::min)
+}
+
 /// RMS error over colour and alpha of the worst 4x4 block, 8-bit units; blocks at the edge count what is inside.
 #[must_use]
 pub fn worst_block_rms(source: &Raster, decoded: &Raster) -> f64 {
@@ -388,6 +410,20 @@ mod tests {
         assert_eq!((error.sum, error.count), (5.0, 6));
         assert!((error.psnr() - 48.922_612).abs() < 1e-5, "{}", error.psnr());
         assert!((color_error(&a, &a).psnr() - PSNR_LOSSLESS).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_worst_tile_is_found_wherever_it_lies() {
+        let of = |value: &dyn Fn(u32, u32) -> u8| {
+            let bytes: Vec<u8> = (0..100 * 70).map(|i| value(i % 100, i / 100)).collect();
+            Raster::from_u8(100, 70, 1, ColorSpace::Srgb, &bytes).unwrap()
+        };
+        let source = of(&|_, _| 50);
+        for (column, row) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let decoded = of(&|x, y| if (x / 64, y / 64) == (column, row) { 60 } else { 51 });
+            let wanted = SquaredError { sum: 100.0, count: 1 }.psnr();
+            assert!((psnr_worst_tile(&source, &decoded) - wanted).abs() < 1e-9, "{column} {row}");
+        }
     }
 
     #[test]

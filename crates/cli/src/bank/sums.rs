@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use texfold_core::image::ImageSet;
-use texfold_core::metric::{SquaredError, decode_rounded, quality, ssim};
+use texfold_core::metric::{SquaredError, decode_rounded, psnr_worst_tile, quality, ssim};
 use texfold_core::target::Measured;
 use texfold_core::{Access, Encoded, Image2d, ImageSize};
 
@@ -24,6 +24,7 @@ pub(super) struct Sums {
     color: SquaredError,
     alpha: Option<SquaredError>,
     worst_block_rms: f64,
+    psnr_worst_tile: Option<f64>,
     ssim: f64,
     /// SSIMULACRA2 and texels of each tile.
     ssimulacra2: Vec<(Option<f64>, f64)>,
@@ -57,6 +58,8 @@ impl Sums {
         let (decoded, image) = (decode_rounded(texture, 0), &source.images()[0]);
         let similar = decoded.as_ref().map_or(0.0, |decoded| ssim(image, decoded));
         self.ssim += similar * texels as f64;
+        let worst = decoded.as_ref().map(|decoded| psnr_worst_tile(image, decoded));
+        self.psnr_worst_tile = worst.into_iter().chain(self.psnr_worst_tile).reduce(f64::min);
         self.ssimulacra2.push((decoded.and_then(|decoded| ssimulacra2(image, &decoded)), texels as f64));
         self.texels += texels;
         let memory = texture.memory();
@@ -121,6 +124,7 @@ impl Sums {
             psnr_alpha: self.alpha.map(|error| error.psnr()),
             rms: self.color.rms(),
             worst_block_rms: self.worst_block_rms,
+            psnr_worst_tile: self.psnr_worst_tile,
             worst_relative_error: None,
             ssim: self.ssim / texels,
             ssimulacra2: mean(self.ssimulacra2.iter().copied()),

@@ -91,6 +91,7 @@ impl FolderTask<LightSettings> {
             psnr_alpha: None,
             rms: 255.0 * 10f64.powf(-psnr / 20.0),
             worst_block_rms: quality.worst_patch_rms,
+            psnr_worst_tile: None,
             worst_relative_error: None,
             ssim,
             ssimulacra2,

@@ -87,6 +87,7 @@ impl FolderTask<ZoomSettings> {
             psnr_alpha: None,
             rms: error.rms(),
             worst_block_rms: worst,
+            psnr_worst_tile: None,
             worst_relative_error: None,
             ssim: similar,
             ssimulacra2: drawn.and_then(|drawn| ssimulacra2(root, &drawn)),

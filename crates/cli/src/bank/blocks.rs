@@ -4,10 +4,12 @@
 //! same errors of the image, and noise that changes where tiles meet. The image is read once for each step that is tried,
 //! so that no more than a tile of it is held.
 
+use std::cell::Cell;
+
 use texfold_core::image::{Depth, ImageSet};
 use texfold_core::metric::{SquaredError, quality};
 use texfold_core::target::Measured;
-use texfold_core::{Access, EncodeError, Encoded, Goal, ImageSize, Job, Limits};
+use texfold_core::{Access, EncodeError, Encoded, Goal, ImageSize, Job, Limits, Stage};
 use texfold_dct::{Dct, DctImages, DctParams};
 
 use super::sums::{Making, Sums};
@@ -19,6 +21,9 @@ use crate::progress::Share;
 use crate::report::missed;
 use texfold::bank::Tile;
 
+/// Passes after which progress is at a half.
+const USUAL_PASSES: f32 = 4.0;
+
 /// Encodes an image and writes its files: what its tiles come to, its size, and the categories that they join.
 pub(super) fn encode(
     task: &BankTask,
@@ -27,7 +32,7 @@ pub(super) fn encode(
     share: &Share<'_>,
 ) -> Result<(Sums, ImageSize, Vec<Grown>), CliError> {
     let params = task.settings.encode.params::<Dct>();
-    let encoding = Encoding { task, params: &params, place, share };
+    let encoding = Encoding { task, params: &params, place, share, passes: Cell::new(0) };
     let found = Dct::search_step(params.goal, depth, |step| {
         encoding.measured(step).map(|measured| (step, measured))
     })?;
@@ -50,6 +55,8 @@ struct Encoding<'e> {
     params: &'e DctParams,
     place: Place<'e>,
     share: &'e Share<'e>,
+    /// Times that the image was read.
+    passes: Cell<u32>,
 }
 
 impl Encoding<'_> {
@@ -59,7 +66,12 @@ impl Encoding<'_> {
         mut take: impl FnMut(ImageSet, Cut<'_>) -> Result<(), CliError>,
     ) -> Result<ImageSize, CliError> {
         let BankTask { path, settings, .. } = self.task;
+        let (passes, tiles) = (self.passes.replace(self.passes.get() + 1), self.place.categories.len());
+        let mut taken = 0;
         tiles::each(path, settings, self.place.limit_bytes, &mut Remarks::default(), |cut| {
+            let done = done(passes, taken as f32 / tiles.max(1) as f32);
+            self.share.report(Stage { name: "coding blocks", done });
+            taken += 1;
             let tile = cut.tile.clone().with_peak(self.place.peak);
             take(ImageSet::single(without_plain_alpha(tile)), cut)
         })
@@ -67,8 +79,7 @@ impl Encoding<'_> {
 
     /// A tile with that step.
     fn tile(&self, set: &ImageSet, step: u16) -> Result<DctImages, CliError> {
-        let mut progress = |stage| self.share.report(stage);
-        let mut job = Job::new(Limits::default()).with_progress(&mut progress);
+        let mut job = Job::new(Limits::default());
         Dct::encode_at_step(set, self.params, step, &mut job).map_err(|source| self.fault(source))
     }
 
@@ -124,6 +135,12 @@ impl Encoding<'_> {
     }
 }
 
+/// How far the work is after so many passes over the image and a part of the next: how many a search takes is not known before.
+fn done(passes: u32, part: f32) -> f32 {
+    let passes = passes as f32 + part;
+    passes / (passes + USUAL_PASSES)
+}
+
 /// The categories with their tiles; none has grown.
 fn joined(categories: &[usize]) -> Vec<Grown> {
     let mut joined: Vec<Grown> = Vec::new();
@@ -134,4 +151,15 @@ fn joined(categories: &[usize]) -> Vec<Grown> {
         }
     }
     joined
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn progress_grows_and_does_not_end_before_the_work() {
+        let all: Vec<f32> = (0..20).flat_map(|pass| [done(pass, 0.0), done(pass, 0.9)]).collect();
+        assert!(all.is_sorted() && all[0] == 0.0 && all[39] < 1.0);
+    }
 }

@@ -33,7 +33,10 @@ fn askew() -> Affine2 {
 fn check(case: &Case, name: &str, image: u32, mode: AddressMode, calls: &[Call], found: &[[f32; 4]]) -> f32 {
     let wanted: Vec<Vec4> = calls.iter().map(|&call| case.subject.call(image, mode, call)).collect();
     let name = format!("{}, image {image}, {mode:?}, {name}", case.name);
-    assert_close(&name, found, &wanted, |index| case.bound(image, mode, calls[index], wanted[index]))
+    assert_close(&name, found, &wanted, |index| {
+        let bound = case.bound(image, mode, calls[index], wanted[index]);
+        bound + case.cut_off(found[index][3], wanted[index].w)
+    })
 }
 
 /// Draws a view through this crate's pipelines and compares it.

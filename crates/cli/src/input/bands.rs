@@ -79,8 +79,8 @@ struct Tiff {
     /// Columns and rows of a chunk, and chunks beside one another.
     chunk: (u32, u32),
     across: u32,
-    /// Of strips that are stored as they are, the first byte of each: of such ones some rows can be read.
-    plain: Option<Vec<u64>>,
+    /// Of strips that are stored as they are, the first byte and the bytes of each: of such ones some rows can be read.
+    plain: Option<Vec<(u64, u64)>>,
     /// Rows from `first` on, whole.
     first: u32,
     held: Samples,
@@ -300,8 +300,9 @@ impl Tiff {
         let top = self.first + self.held_rows(row) as u32;
         let (strip, line) = (top / self.chunk.1, top % self.chunk.1);
         let rows = PLAIN_ROWS.min(self.chunk.1 - line).min(height - top) as usize;
-        let start = self.plain.as_ref().and_then(|starts| starts.get(strip as usize)).copied();
-        let start = start.ok_or_else(|| std::io::Error::from(std::io::ErrorKind::InvalidData))?;
+        let strip = self.plain.as_ref().and_then(|strips| strips.get(strip as usize)).copied();
+        let invalid = || std::io::Error::from(std::io::ErrorKind::InvalidData);
+        let (start, length) = strip.ok_or_else(invalid)?;
         let sixteen = matches!(
             self.decoder.colortype()?,
             tiff::ColorType::Gray(16)
@@ -310,9 +311,13 @@ impl Tiff {
                 | tiff::ColorType::RGBA(16)
         );
         let row_bytes = row as u64 * if sixteen { 2 } else { 1 };
+        let first = u64::from(line) * row_bytes;
+        if first + rows as u64 * row_bytes > length {
+            return Err(invalid().into());
+        }
         let order = self.decoder.byte_order();
         let reader = self.decoder.inner();
-        reader.seek(SeekFrom::Start(start.saturating_add(u64::from(line) * row_bytes)))?;
+        reader.seek(SeekFrom::Start(start.saturating_add(first)))?;
         let mut bytes = vec![0; rows * row_bytes as usize];
         reader.read_exact(&mut bytes)?;
         if sixteen {
@@ -364,8 +369,8 @@ impl Tiff {
     }
 }
 
-/// First bytes of the strips of an image whose values are stored as they are.
-fn plain_strips(decoder: &mut TiffDecoder<BufReader<File>>) -> Option<Vec<u64>> {
+/// First byte and bytes of each strip of an image whose values are stored as they are.
+fn plain_strips(decoder: &mut TiffDecoder<BufReader<File>>) -> Option<Vec<(u64, u64)>> {
     let mut is_one_of = |tag, values: &[u16]| {
         decoder.find_tag_unsigned::<u16>(tag).is_ok_and(|value| values.contains(&value.unwrap_or(1)))
     };
@@ -374,9 +379,12 @@ fn plain_strips(decoder: &mut TiffDecoder<BufReader<File>>) -> Option<Vec<u64>> 
         && is_one_of(Tag::Predictor, &[1])
         && is_one_of(Tag::FillOrder, &[1])
         && is_one_of(Tag::PhotometricInterpretation, &[1, 2]);
-    (plain && decoder.get_chunk_type() == ChunkType::Strip)
-        .then(|| decoder.get_tag_u64_vec(Tag::StripOffsets).ok())
-        .flatten()
+    if !plain || decoder.get_chunk_type() != ChunkType::Strip {
+        return None;
+    }
+    let starts = decoder.get_tag_u64_vec(Tag::StripOffsets).ok()?;
+    let lengths = decoder.get_tag_u64_vec(Tag::StripByteCounts).ok()?;
+    Some(starts.into_iter().zip(lengths).collect())
 }
 
 /// Puts a chunk of `columns` values a line into the last `lines` rows of what is held; the first chunk makes them.
@@ -596,6 +604,8 @@ mod tests {
                 };
                 tiff.rows(75, 253, 10).unwrap();
                 assert_eq!(tiff.held_rows(75), PLAIN_ROWS as usize - 10);
+                tiff.plain.as_mut().unwrap()[0].1 -= 1;
+                assert!(tiff.rows(75, 253, 243).is_err(), "the strip is too short");
             }
         }
     }

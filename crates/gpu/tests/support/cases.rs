@@ -13,6 +13,7 @@ use texfold_core::{Effort, Encoder, Goal, Job, PlaneFormat};
 use texfold_epitome::decode::{TEXFOLD_EPITOME_FINE_LEVELS, TEXFOLD_EPITOME_GAIN_ONE};
 use texfold_epitome::{Epitome, EpitomeParams, EpitomeSource, EpitomeTexture};
 use texfold_gpu::AddressMode;
+use texfold_zipmap::decode::TEXFOLD_ZIPMAP_LEAST;
 
 use super::{
     Base, Call, Edge, Forge, Residual, Subject, bc, epitome, image, progressive, vq, zipmap, zipmap_blocks,
@@ -92,6 +93,16 @@ impl Case {
             (Normals::Rebuilt, Call::Grad { .. }) => bound.with_z(worst_z(most)),
             (Normals::Rebuilt, _) => bound.with_z(z_bound(wanted, most)),
         }
+    }
+}
+
+impl Case {
+    /// What a zoom stack's texel may differ by beyond that where one side ends compositing: at a transmittance that rounding may
+    /// put on either side of the least, of which alpha then lacks as much. What follows has that weight.
+    pub(crate) fn cut_off(&self, found: f32, wanted: f32) -> f32 {
+        let ends = |alpha: f32| (alpha - (1.0 - TEXFOLD_ZIPMAP_LEAST)).abs() <= STORED;
+        let is_zoom_stack = self.subject.form().module == "zipmap";
+        if is_zoom_stack && (ends(found) || ends(wanted)) { TEXFOLD_ZIPMAP_LEAST } else { 0.0 }
     }
 }
 

@@ -135,7 +135,7 @@ impl Encoding<'_> {
     }
 }
 
-/// How far the work is after so many passes over the image and a part of the next: how many a search takes is not known before.
+/// Progress after so many passes over the image and a part of the next; the number of passes of a search is not known before.
 fn done(passes: u32, part: f32) -> f32 {
     let passes = passes as f32 + part;
     passes / (passes + USUAL_PASSES)

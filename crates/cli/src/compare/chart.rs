@@ -67,11 +67,9 @@ pub(crate) fn svg(means: &[Row], axis: Axis) -> Option<String> {
         Some(Point { x, y: row.psnr.min(CEILING_DB), hollow: false, name: row.settings.clone() })
     };
     let placed: Vec<(&Row, Point)> = means.iter().filter_map(|row| Some((row, place(row)?))).collect();
-    let points: Vec<(f64, f64)> = placed.iter().map(|(_, point)| (point.x, point.y)).collect();
     // Of files for storage no part can be read alone: they are beside the front.
-    let read_at_random: Vec<usize> =
-        (0..placed.len()).filter(|&index| placed[index].0.random_access == 1).collect();
-    let compared: Vec<(f64, f64)> = read_at_random.iter().map(|&index| points[index]).collect();
+    let at_random = placed.iter().filter(|(row, _)| row.random_access == 1);
+    let compared: Vec<(f64, f64)> = at_random.map(|(_, point)| (point.x, point.y)).collect();
     let best = front(&compared, axis.smaller_is_better);
     let mut series = vec![Series {
         name: "Pareto front".to_owned(),
@@ -103,5 +101,5 @@ pub(crate) fn svg(means: &[Row], axis: Axis) -> Option<String> {
         names_below: axis.smaller_is_better,
         series,
     };
-    (!points.is_empty()).then(|| chart.svg())
+    (!placed.is_empty()).then(|| chart.svg())
 }

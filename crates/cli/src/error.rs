@@ -192,7 +192,7 @@ pub(crate) enum CliError {
     NoDrawing { source: Box<dyn Error + Send + Sync> },
     #[error("{}: cannot be drawn on the GPU; give --cpu to draw on the CPU", path.display())]
     GpuDrawing { path: PathBuf, source: Box<dyn Error + Send + Sync> },
-    #[error("{}: {} failed; take it off PATH to leave ASTC out", path.display(), program.display())]
+    #[error("{}: {} failed; take it off PATH to leave its format out", path.display(), program.display())]
     Rival { path: PathBuf, program: PathBuf, source: io::Error },
     #[error("{}: no setting of that format is within {bpp} bits a texel", path.display())]
     NoSetting { path: PathBuf, bpp: f64 },

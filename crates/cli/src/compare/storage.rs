@@ -25,10 +25,10 @@ struct Format {
     extension: &'static str,
     encoder: &'static str,
     decoder: &'static str,
-    /// Arguments of the encoder: its input, its output, a setting of 0 to [`SETTINGS`].
-    encode: fn(&str, &str, u32) -> Vec<String>,
-    /// Arguments of the decoder.
-    decode: fn(&str, &str) -> Vec<String>,
+    /// Options of the encoder for a setting of 0 to [`SETTINGS`].
+    options: fn(u32) -> Vec<String>,
+    /// What stands before the input and the output of both programs.
+    flags: [&'static str; 2],
 }
 
 /// All of them, at full resolution of colours and an effort between speed and quality.
@@ -38,58 +38,40 @@ static FORMATS: [Format; 4] = [
         extension: "avif",
         encoder: "avifenc",
         decoder: "avifdec",
-        encode: |input, output, setting| {
-            let level = format!("cq-level={}", 63 - setting * 63 / SETTINGS);
-            words(&[
-                "-s",
-                "6",
-                "-y",
-                "444",
-                "--min",
-                "0",
-                "--max",
-                "63",
-                "-a",
-                "end-usage=q",
-                "-a",
-                &level,
-                input,
-                output,
-            ])
+        options: |setting| {
+            let level = 63 - setting * 63 / SETTINGS;
+            words(&format!("-s 6 -y 444 --min 0 --max 63 -a end-usage=q -a cq-level={level}"))
         },
-        decode: |input, output| words(&[input, output]),
+        flags: ["", ""],
     },
     Format {
         name: "jpeg xl",
         extension: "jxl",
         encoder: "cjxl",
         decoder: "djxl",
-        encode: |input, output, setting| {
-            words(&[input, output, "-e", "7", "-q", &setting.min(99).to_string()])
-        },
-        decode: |input, output| words(&[input, output]),
+        // Below 7 is beyond its largest distance, 100 is lossless.
+        options: |setting| words(&format!("-e 7 -q {}", setting.clamp(7, 99))),
+        flags: ["", ""],
     },
     Format {
         name: "jpeg 2000",
         extension: "jp2",
         encoder: "opj_compress",
         decoder: "opj_decompress",
-        encode: |input, output, setting| {
-            // Ratios from 480 to 1.9: 0.05 to 12.8 bits of 24.
+        options: |setting| {
+            // From 0.05 to 12.8 bits of 24.
             let ratio = 480.0 / (f64::from(setting) * 8.0 / f64::from(SETTINGS)).exp2();
-            words(&["-i", input, "-o", output, "-I", "-r", &format!("{ratio:.3}")])
+            words(&format!("-I -r {ratio:.3}"))
         },
-        decode: |input, output| words(&["-i", input, "-o", output]),
+        flags: ["-i", "-o"],
     },
     Format {
         name: "webp",
         extension: "webp",
         encoder: "cwebp",
         decoder: "dwebp",
-        encode: |input, output, setting| {
-            words(&["-q", &setting.to_string(), "-m", "6", "-sharp_yuv", input, "-o", output])
-        },
-        decode: |input, output| words(&[input, "-o", output]),
+        options: |setting| words(&format!("-q {setting} -m 6 -sharp_yuv")),
+        flags: ["", "-o"],
     },
 ];
 
@@ -98,8 +80,8 @@ pub(super) fn names() -> impl Iterator<Item = &'static str> {
     FORMATS.iter().map(|format| format.name)
 }
 
-fn words(words: &[&str]) -> Vec<String> {
-    words.iter().map(|&word| word.to_owned()).collect()
+fn words(words: &str) -> Vec<String> {
+    words.split_whitespace().map(str::to_owned).collect()
 }
 
 /// A format whose programs are installed.
@@ -160,11 +142,7 @@ impl Storage {
             (dir.path().join("in.png"), dir.path().join("out").with_extension(self.format.extension));
         png::write(&input, image)?;
         let start = Instant::now();
-        run(
-            &self.encoder,
-            &(self.format.encode)(&input.to_string_lossy(), &output.to_string_lossy(), setting),
-        )
-        .map_err(failed)?;
+        self.run(&self.encoder, &(self.format.options)(setting), [&input, &output]).map_err(failed)?;
         let seconds = start.elapsed().as_secs_f64();
         let bytes = std::fs::read(&output).map_err(failed)?;
         Ok(File { bytes, seconds })
@@ -177,10 +155,20 @@ impl Storage {
         let (input, output) =
             (dir.path().join("in").with_extension(self.format.extension), dir.path().join("out.png"));
         std::fs::write(&input, &file.bytes).map_err(failed)?;
-        run(&self.decoder, &(self.format.decode)(&input.to_string_lossy(), &output.to_string_lossy()))
-            .map_err(failed)?;
+        self.run(&self.decoder, &[], [&input, &output]).map_err(failed)?;
         let decoded = read_back(&output, image.info())?;
         Ok(Coded { decoded, seconds: file.seconds, bits: 8 * file.bytes.len() as u64 })
+    }
+
+    /// Runs a program from one file to the other.
+    fn run(&self, program: &Path, options: &[String], files: [&Path; 2]) -> std::io::Result<()> {
+        let mut command = Command::new(program);
+        command.args(options).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        for (flag, file) in self.format.flags.into_iter().zip(files) {
+            command.args((!flag.is_empty()).then_some(flag)).arg(file);
+        }
+        let status = command.status()?;
+        if status.success() { Ok(()) } else { Err(std::io::Error::other(status.to_string())) }
     }
 }
 
@@ -189,13 +177,6 @@ impl Storage {
 pub(super) struct File {
     bytes: Vec<u8>,
     seconds: f64,
-}
-
-fn run(program: &Path, arguments: &[String]) -> std::io::Result<()> {
-    let mut command = Command::new(program);
-    let status =
-        command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).status()?;
-    if status.success() { Ok(()) } else { Err(std::io::Error::other(status.to_string())) }
 }
 
 #[cfg(all(test, unix))]
@@ -209,19 +190,19 @@ mod tests {
         name: "padded",
         extension: "padded",
         encoder: "sh",
-        decoder: "sh",
-        encode: |input, output, setting| {
-            let padded = format!("cp '{input}' '{output}' && head -c {setting}0 /dev/zero >> '{output}'");
-            words(&["-c", &padded])
+        decoder: "cp",
+        options: |setting| {
+            let script = format!("cp \"$1\" \"$2\" && head -c {setting}0 /dev/zero >> \"$2\"");
+            ["-c", &script, "sh"].map(str::to_owned).to_vec()
         },
-        decode: |input, output| words(&["-c", &format!("cp '{input}' '{output}'")]),
+        flags: ["", ""],
     };
 
     #[test]
     fn the_best_setting_within_the_bits_is_found() {
         let image = Raster::from_u8(9, 7, 1, ColorSpace::Srgb, &[40; 63]).unwrap();
-        let sh = on_path(&["sh"]).unwrap();
-        let padded = Storage { format: &PADDED, encoder: sh.clone(), decoder: sh };
+        let at = |name| on_path(&[name]).unwrap();
+        let padded = Storage { format: &PADDED, encoder: at("sh"), decoder: at("cp") };
         let mut known = BTreeMap::new();
         let mut within =
             |bits: f64| padded.within(&image, bits / 63.0, &mut known, Path::new("a.png")).unwrap();

@@ -61,7 +61,7 @@ pub struct DctPass {
     pub base_samples: u32,
     /// First word of the steps.
     pub steps: u32,
-    /// Both reconstruction offsets, 8 bits each.
+    /// Both reconstruction offsets, 8 bits each; bit 16 where quantisers are dependent.
     pub offsets: u32,
     /// First word of the index.
     pub index: u32,

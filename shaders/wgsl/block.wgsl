@@ -17,6 +17,13 @@ const TEXFOLD_BLOCK_SYMBOLS: u32 = 128u;
 const TEXFOLD_BLOCK_SET_TABLES: u32 = 111u;
 // Tables of a subband.
 const TEXFOLD_BLOCK_ZONE_TABLES: u32 = 16u;
+// First table of the odd quantiser, of those in workgroup memory.
+const TEXFOLD_BLOCK_FIRST_ODD: u32 = 222u;
+// Tables of the odd quantiser in a set, those of two subbands each.
+const TEXFOLD_BLOCK_ODD_TABLES: u32 = 48u;
+// The state of dependent quantisation behind each one, behind an even magnitude and behind an odd one; four bits a state.
+const TEXFOLD_BLOCK_NEXT_EVEN: u32 = 0x73426150u;
+const TEXFOLD_BLOCK_NEXT_ODD: u32 = 0x51604372u;
 // First table of the last coefficient's magnitude in a set.
 const TEXFOLD_BLOCK_FIRST_LAST: u32 = 96u;
 // First table of numbers of coefficients in a set.
@@ -75,8 +82,9 @@ struct TexfoldBlockAround {
     notes: u32,
     // Weight of its own template in halves.
     gain: u32,
-    // First table of its set, of those in workgroup memory.
+    // First table of its set, of those in workgroup memory, and first one of the odd quantiser.
     tables: u32,
+    odd_tables: u32,
     // Table of its number of coefficients.
     end_table: u32,
 }
@@ -95,6 +103,8 @@ struct TexfoldBlockProgress {
     nonzero: vec2<u32>,
     // Place and subband of the coefficient that is read next, as in coding order.
     scan: u32,
+    // State of dependent quantisation; always 0 where quantisers are not dependent.
+    state: u32,
     // Magnitudes at its place in the block to the left, the one above and the axis before.
     beside: vec3<u32>,
 }
@@ -234,6 +244,7 @@ fn texfold_block_around(corner: vec2<u32>, blocks: vec2<u32>, block: u32, axis: 
         notes,
         select(4u, 5u, apart),
         tables,
+        TEXFOLD_BLOCK_FIRST_ODD + u32(rank > 0u) * TEXFOLD_BLOCK_ODD_TABLES,
         tables + TEXFOLD_BLOCK_FIRST_END + select(texfold_block_end_class(ends), 8u, apart),
     );
 }
@@ -243,9 +254,16 @@ fn texfold_block_end_class(sum: u32) -> u32 {
     return select(min((sum + 5u) / 4u, 7u), 0u, sum == 0u);
 }
 
-// A coefficient's magnitude as far as contexts tell it apart.
+// A coefficient's magnitude as far as contexts tell it apart; halves of steps are held, twice the magnitude or one less.
 fn texfold_block_magnitude(at: u32) -> u32 {
-    return min(u32(texfold_block_scratch[at]), TEXFOLD_BLOCK_LARGEST);
+    return min((u32(texfold_block_scratch[at]) + 1u) >> 1u, TEXFOLD_BLOCK_LARGEST);
+}
+
+// The state of dependent quantisation behind a magnitude.
+fn texfold_block_next(state: u32, magnitude: u32) -> u32 {
+    let is_dependent = texfold_block_pass.offsets >> 16u;
+    let states = select(TEXFOLD_BLOCK_NEXT_EVEN, TEXFOLD_BLOCK_NEXT_ODD, (magnitude & is_dependent) == 1u);
+    return (states >> (4u * state)) & 7u;
 }
 
 // Class of the expected magnitude of a coefficient of a block, whose coefficients later in the scan are all known: of the one that
@@ -303,7 +321,9 @@ fn texfold_block_round(
             texfold_block_around(corner, blocks, (*progress).item / axes, (*progress).item % axes);
         table = (*progress).around.end_table;
     } else if (*progress).is_last == 0u {
-        table = (*progress).around.tables + zone * TEXFOLD_BLOCK_ZONE_TABLES
+        let even = (*progress).around.tables + zone * TEXFOLD_BLOCK_ZONE_TABLES;
+        let odd = (*progress).around.odd_tables + zone / 2u * TEXFOLD_BLOCK_ZONE_TABLES;
+        table = select(even, odd, ((*progress).state & 1u) == 1u)
             + texfold_block_level((*progress).around.gain, own, zero, (*progress).beside);
     }
     // What the coefficient behind it needs, loaded while the symbol is read.
@@ -319,6 +339,7 @@ fn texfold_block_round(
         let more = texfold_block_bits(stream, (word >> 8u) & 255u);
         (*progress).left = min((word & 255u) + more, TEXFOLD_BLOCK_WORDS - first);
         (*progress).is_last = 1u;
+        (*progress).state = 0u;
         (*progress).nonzero = vec2<u32>(0u);
         (*progress).scan = texfold_block_constants[TEXFOLD_BLOCK_SCAN + first + max((*progress).left, 1u) - 1u];
         texfold_block_scratch[(*progress).around.notes] = i32(symbol);
@@ -330,10 +351,11 @@ fn texfold_block_round(
         magnitude += (*progress).is_last;
         texfold_block_held[own] = zero + min(magnitude, TEXFOLD_BLOCK_LARGEST);
         if magnitude > 0u {
-            texfold_block_scratch[(*progress).around.own + at] = i32(magnitude);
+            texfold_block_scratch[(*progress).around.own + at] = i32(2u * magnitude - ((*progress).state & 1u));
             let bit = 1u << (number % 32u);
             (*progress).nonzero |= select(vec2<u32>(bit, 0u), vec2<u32>(0u, bit), number >= 32u);
         }
+        (*progress).state = texfold_block_next((*progress).state, magnitude);
         (*progress).left -= 1u;
         (*progress).is_last = 0u;
         (*progress).scan = scan;
@@ -430,11 +452,11 @@ fn texfold_block_negative(signs: TexfoldBlockSigns, at: u32) -> bool {
     return ((select(signs.signs.x, signs.signs.y, place >= 32u) >> (place % 32u)) & 1u) == 1u;
 }
 
-// What the magnitude in scratch memory at `own` + `at` stands for, `at` its place in the block.
+// What the halves of steps in scratch memory at `own` + `at` stand for, `at` its place in the block.
 fn texfold_block_rebuilt(signs: TexfoldBlockSigns, own: u32, at: u32) -> i32 {
-    let magnitude = u32(texfold_block_scratch[own + at]);
-    let offset = (texfold_block_pass.offsets >> (8u * u32(magnitude > 1u))) & 255u;
-    let finer = (magnitude << 5u) - offset * u32(magnitude > 0u);
+    let halves = u32(texfold_block_scratch[own + at]);
+    let offset = (texfold_block_pass.offsets >> (8u * u32(halves > 2u))) & 255u;
+    let finer = (halves << 4u) - offset * u32(halves > 0u);
     let value = i32((finer * texfold_block_words[texfold_block_pass.steps + at]) >> 9u);
     return select(value, -value, texfold_block_negative(signs, at));
 }

@@ -28,6 +28,7 @@ struct TexfoldBlockPass {
     notes: u32,
     base_samples: u32,
     steps: u32,
+    // Both reconstruction offsets, 8 bits each; bit 16 where quantisers are dependent.
     offsets: u32,
     index: u32,
     index_bits: u32,

@@ -64,6 +64,7 @@ export interface BlockLayout {
   channels: Channel[];
   shift: number;
   offsets: [number, number];
+  isDependent: boolean;
   steps: number;
   index: number;
   indexBits: number;
@@ -71,6 +72,11 @@ export interface BlockLayout {
   isLight: boolean;
   isWeighted: boolean;
   deblocking: number;
+}
+
+/** Both reconstruction offsets as shaders read them, 8 bits each; bit 16 where quantisers are dependent. */
+export function packedOffsets({ offsets, isDependent }: BlockLayout): number {
+  return offsets[0] | (offsets[1] << 8) | (isDependent ? 1 << 16 : 0);
 }
 
 /** A texture in blocks of variable length. */

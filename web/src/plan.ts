@@ -3,7 +3,7 @@
 
 import { planesOf, STAGE_LEVELS } from "./codecs/dct.js";
 import { atLevel, fullLevels, type Size } from "./container.js";
-import type { BlockLayout } from "./form.js";
+import { type BlockLayout, packedOffsets } from "./form.js";
 import { WORDS } from "./generated/dct.js";
 
 const SIDE = 8;
@@ -88,7 +88,7 @@ function passesOf(layout: BlockLayout, planes: Size[], needed: [Range, Range][])
       ...blocks, ...first, ...ranges.map((range) => range[1] - range[0]), ...held,
       ...(base?.first ?? [0, 0]), ...(base?.held ?? [0, 0]), ...wrap, ...(base?.wrap ?? [0, 0]),
       count[0]!, start, side, axes, ranks, plane > 0 ? 1 : 0, base ? 1 : 0, samples, notes, base?.samples ?? 0,
-      layout.steps + BLOCK_WORDS * plane, layout.offsets[0] | (layout.offsets[1] << 8), layout.index, layout.indexBits,
+      layout.steps + BLOCK_WORDS * plane, packedOffsets(layout), layout.index, layout.indexBits,
       layout.streamBytes, deblocking, WORDS.length, 0,
     ];
     const superblocks = (ranges[0][1] - ranges[0][0]) * (ranges[1][1] - ranges[1][0]);

@@ -5,7 +5,7 @@ import { planesOf, STAGE_LEVELS } from "./codecs/dct.js";
 import { decodeBlocks } from "./codecs/dct_cpu.js";
 import { atLevel, fullLevels, type Layout, type Size } from "./container.js";
 import { channelsOf } from "./decoder.js";
-import type { Blocks } from "./form.js";
+import { type Blocks, packedOffsets } from "./form.js";
 import { WORDS } from "./generated/dct.js";
 import {
   BORDER, CLAMP, FEEDBACK_BYTES, MOST_LEVELS, MOST_TILES, PLAN_BYTES, PLANES, SIDE, SRGB, STAGE_ROW_BYTES, TAIL_PLACES, TAIL_SIDE, TEXTURE_ROW_BYTES,
@@ -490,7 +490,7 @@ export class TileCache {
     this.write(this.on.stages, STAGE_ROW_BYTES * number, Int32Array.from([
       ...channels.map(({ mean }) => mean), ...channels.map(({ firstAxis }) => firstAxis), ...channels.flatMap(({ weights }) => weights),
       layout.size.width, layout.size.height, first, moved(layout.steps), moved(layout.index), layout.indexBits, 4 * streamWord, layout.streamBytes,
-      layout.superblockLog2, layout.ranks.length, layout.ranks.reduceRight((all, rank) => (all << 2) | rank, 0), layout.offsets[0] | (layout.offsets[1] << 8),
+      layout.superblockLog2, layout.ranks.length, layout.ranks.reduceRight((all, rank) => (all << 2) | rank, 0), packedOffsets(layout),
       layout.deblocking, layout.shift, 2 ** layout.depth - 1, (layout.isLight ? 1 : 0) | (layout.isWeighted ? 2 : 0),
     ]));
   }

@@ -86,6 +86,8 @@ pub struct DctLayout {
     pub shift: u32,
     /// How far magnitudes of 1 and of more are rebuilt below them, in 1/32 of a step.
     pub offsets: [u8; 2],
+    /// Whether quantisers are dependent; then the words have tables of the odd one, too.
+    pub is_dependent: bool,
     /// First word of the steps of the finest plane of the words; 64 for each plane.
     pub steps: u32,
     /// First word of the index.
@@ -149,10 +151,11 @@ impl DctLayout {
         self.ranks.iter().take(16).rev().fold(0, |all, &rank| all << 2 | u32::from(rank & 3))
     }
 
-    /// Both reconstruction offsets as the shader reads them, 8 bits each.
+    /// Both reconstruction offsets as the shader reads them, 8 bits each; bit 16 where quantisers are dependent.
     #[must_use]
     pub fn packed_offsets(&self) -> u32 {
-        u32::from(self.offsets[0]) | u32::from(self.offsets[1]) << 8
+        let [one, more] = self.offsets.map(u32::from);
+        one | more << 8 | u32::from(self.is_dependent) << 16
     }
 
     /// Texels along a superblock's side of a level whose texels are means of 2^`reduce_log2` samples a side.

@@ -18,8 +18,12 @@ pub(super) const END_CONTEXTS: usize = 9;
 pub(super) const SET_TABLES: usize = ZONES * LEVELS + ZONES + END_CONTEXTS;
 /// Kinds: detail or base, first axis of a group or another one.
 pub(super) const SETS: usize = 4;
-/// All tables of a texture.
-pub(super) const TABLES: usize = SETS * SET_TABLES;
+/// Rows of tables of magnitudes of the odd quantiser in a set, each of two subbands.
+pub(super) const ODD_ROWS: usize = ZONES / 2;
+/// First table of the odd quantiser: those of all sets stand behind all others.
+pub(super) const FIRST_ODD: usize = SETS * SET_TABLES;
+/// All tables of a texture with dependent quantisers; others have those before [`FIRST_ODD`].
+pub(super) const TABLES: usize = FIRST_ODD + SETS * ODD_ROWS * LEVELS;
 /// First table of the last coefficient's magnitude in a set.
 pub(super) const FIRST_LAST: usize = ZONES * LEVELS;
 /// First table of numbers of coefficients in a set.
@@ -45,6 +49,52 @@ const fn levels() -> [u8; 256] {
     table
 }
 
+/// Which quantiser a coefficient has: dependent quantisation as in ECM, with eight states (VVC has four; Schwarz and others,
+/// "Quantization and entropy coding in the Versatile Video Coding (VVC) standard", 2021, section V).
+///
+/// In even states a magnitude m stands for m steps, in odd ones for m - 1/2 (0 for 0). The parity of m leads to the next state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct State(u8);
+
+/// States.
+pub(super) const STATES: usize = 8;
+/// The state behind each one, behind an even magnitude and behind an odd one; four bits a state, the lowest first.
+pub(super) const NEXT_STATES: [u32; 2] = [0x7342_6150, 0x5160_4372];
+
+impl State {
+    /// The state of that number.
+    #[cfg(feature = "encode")]
+    pub(super) fn new(number: usize) -> State {
+        State(number as u8)
+    }
+
+    /// Its number.
+    #[cfg(feature = "encode")]
+    pub(super) fn number(self) -> usize {
+        usize::from(self.0)
+    }
+
+    /// 1 in odd states, else 0.
+    #[inline(always)]
+    pub(super) fn odd(self) -> u32 {
+        u32::from(self.0 & 1)
+    }
+
+    /// The state behind a coefficient of that magnitude.
+    #[inline(always)]
+    pub(super) fn after(self, magnitude: u32) -> State {
+        State((NEXT_STATES[(magnitude & 1) as usize] >> (4 * self.0) & 7) as u8)
+    }
+}
+
+/// First table of magnitudes of a subband in a set.
+#[inline(always)]
+pub(super) fn first_table(set: usize, zone: usize, state: State) -> usize {
+    let even = set * SET_TABLES + zone * LEVELS;
+    let odd = FIRST_ODD + (set * ODD_ROWS + zone / 2) * LEVELS;
+    if state.odd() == 0 { even } else { odd }
+}
+
 /// A magnitude as planes of magnitudes hold it.
 #[inline(always)]
 pub(super) fn held(magnitude: u32) -> u8 {
@@ -61,6 +111,13 @@ pub(super) fn set_of(base: bool, first_axis: bool) -> usize {
 pub(super) type Magnitudes = [u8; PADDED];
 
 static NOTHING: Magnitudes = [0; PADDED];
+
+/// A padded place of a plane of magnitudes.
+#[inline(always)]
+fn magnitude(plane: &Magnitudes, at: usize) -> u32 {
+    // Places are below 78, so the mask changes none.
+    u32::from(plane[at & (PADDED - 1)])
+}
 
 /// What the contexts of a block look at.
 #[derive(Debug, Clone, Copy)]
@@ -81,16 +138,24 @@ impl Neighbours<'_> {
     /// Class of the expected magnitude at that padded place, where `own` holds all coefficients that come later in the scan.
     #[inline(always)]
     pub(super) fn level(&self, own: &Magnitudes, at: usize) -> usize {
-        // Places are below 78, so the mask changes none.
-        let of = |plane: &Magnitudes, at: usize| u32::from(plane[at & (PADDED - 1)]);
-        let template = of(own, at + 1)
-            + of(own, at + 2)
-            + of(own, at + PADDED_SIDE)
-            + of(own, at + 2 * PADDED_SIDE)
-            + of(own, at + PADDED_SIDE + 1);
-        let expected =
-            ((template * self.gain) >> 1) + of(self.left, at) + of(self.above, at) + of(self.cross, at);
-        usize::from(LEVEL[expected.min(255) as usize])
+        let template = magnitude(own, at + 1)
+            + magnitude(own, at + 2)
+            + magnitude(own, at + PADDED_SIDE)
+            + magnitude(own, at + 2 * PADDED_SIDE)
+            + magnitude(own, at + PADDED_SIDE + 1);
+        self.class(template, self.beside(at))
+    }
+
+    /// Sum of the magnitudes at that padded place of the blocks around and of the axis before.
+    #[inline(always)]
+    pub(super) fn beside(&self, at: usize) -> u32 {
+        magnitude(self.left, at) + magnitude(self.above, at) + magnitude(self.cross, at)
+    }
+
+    /// Class of the expected magnitude by the sum of the block's own and of those beside.
+    #[inline(always)]
+    pub(super) fn class(&self, template: u32, beside: u32) -> usize {
+        usize::from(LEVEL[(((template * self.gain) >> 1) + beside).min(255) as usize])
     }
 }
 

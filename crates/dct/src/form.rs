@@ -2,6 +2,7 @@
 
 use texfold_core::{ImageSize, dct_planes};
 
+use crate::context::State;
 use crate::scan::COEFFICIENTS;
 
 /// Most channels of a texture.
@@ -67,9 +68,17 @@ pub struct Quantiser {
     pub slope: u8,
     /// How far magnitudes of 1 and of more are rebuilt below them, in 1/32 of a step.
     pub offsets: [u8; 2],
+    /// Whether a coefficient has one of two quantisers by the parities of the magnitudes read before it.
+    pub is_dependent: bool,
 }
 
 impl Quantiser {
+    /// The quantiser of that step for all frequencies, without offsets.
+    #[cfg(feature = "encode")]
+    pub(super) fn of_step(step: u16) -> Quantiser {
+        Quantiser { step, slope: 0, offsets: [0; 2], is_dependent: false }
+    }
+
     /// The step in 1/1024 of a unit of the samples.
     fn step_units(&self) -> u64 {
         u64::from(OCTAVE_STEPS + self.step % OCTAVE_STEPS) << (self.step / OCTAVE_STEPS)
@@ -98,6 +107,8 @@ pub(super) struct Steps {
     steps: [u32; COEFFICIENTS],
     /// Reconstruction offsets of magnitudes of 0, 1 and more.
     offsets: [u32; 3],
+    /// 1 where quantisers are dependent, else 0.
+    dependent: u32,
 }
 
 impl Steps {
@@ -113,7 +124,8 @@ impl Steps {
             let shift = SCALE_BITS + SIZE_BITS + 3 - (fraction + STEP_BITS) + 3 * plane as u32;
             ((scaled + (1 << (shift - 1))) >> shift).clamp(1, u64::from(u32::MAX >> 8)) as u32
         });
-        Steps { steps, offsets: [0, quantiser.offsets[0].into(), quantiser.offsets[1].into()] }
+        let [one, more] = quantiser.offsets.map(u32::from);
+        Steps { steps, offsets: [0, one, more], dependent: quantiser.is_dependent.into() }
     }
 
     /// The steps, as numbers.
@@ -121,10 +133,17 @@ impl Steps {
         self.steps
     }
 
-    /// The absolute value that a magnitude stands for.
+    /// The state behind a coefficient of that magnitude.
     #[inline(always)]
-    pub(super) fn rebuilt(&self, at: usize, magnitude: u32) -> i32 {
-        let finer = (magnitude << OFFSET_BITS).wrapping_sub(self.offsets[magnitude.min(2) as usize]);
+    pub(super) fn after(&self, state: State, magnitude: u32) -> State {
+        state.after(magnitude & self.dependent)
+    }
+
+    /// The absolute value that halves of steps stand for: twice a magnitude, or one less.
+    #[inline(always)]
+    pub(super) fn rebuilt(&self, at: usize, halves: u32) -> i32 {
+        let magnitude = (halves + 1) >> 1;
+        let finer = (halves << (OFFSET_BITS - 1)).wrapping_sub(self.offsets[magnitude.min(2) as usize]);
         (finer.wrapping_mul(self.steps[at & (COEFFICIENTS - 1)]) >> (OFFSET_BITS + STEP_BITS)) as i32
     }
 
@@ -223,7 +242,7 @@ mod tests {
     #[test]
     fn steps_are_numbered_by_their_size() {
         for step in [0, 1, 63, 64, 200, 777, MAX_STEP] {
-            let quantiser = Quantiser { step, slope: 0, offsets: [0; 2] };
+            let quantiser = Quantiser::of_step(step);
             assert_eq!(Quantiser::nearest_step(quantiser.step_size()), step);
         }
     }
@@ -234,7 +253,7 @@ mod tests {
             size: ImageSize { width, height },
             depth: 8,
             superblock_log2: 5,
-            quantiser: Quantiser { step: 0, slope: 0, offsets: [0; 2] },
+            quantiser: Quantiser::of_step(0),
             deblocking: 0,
             groups: vec![Group::plain(3)],
         };

@@ -2,11 +2,11 @@
 
 use texfold_core::{BASE_PART, DctLayout, GpuChannel, GpuDct, MipAverage, RESIDUAL_PART};
 
-use crate::context::{END_BITS, END_START, LEVEL, MAGNITUDE_BITS, MAGNITUDE_START, SET_TABLES, SETS};
+use crate::context::{END_BITS, END_START, LEVEL, MAGNITUDE_BITS, MAGNITUDE_START};
 use crate::decode::DctTexture;
 use crate::form::{AXIS_BITS, Group, MAX_GROUP, RADII, SCALES};
 use crate::scan::{COEFFICIENTS, SCAN};
-use crate::tables::{PRESET, STOP, STOP_VALUES, SYMBOLS, Table};
+use crate::tables::{PRESETS, STOP, STOP_VALUES, SYMBOLS, Table, count};
 
 /// First words of what `block.wgsl` reads: the scan, classes of expected magnitudes, symbols, tables of probabilities.
 pub(super) const SCAN_WORDS: usize = 0;
@@ -35,7 +35,7 @@ impl Default for Stage {
 }
 
 impl DctTexture {
-    /// What a GPU needs to decode the texture, which is that part of an image. The streams are borrowed; tables, steps and index are copied as words, 16 kB
+    /// What a GPU needs to decode the texture, which is that part of an image. The streams are borrowed; tables, steps and index are copied as words, 22 kB (16 kB of independent quantisers)
     /// and 4 bytes each word of the index.
     #[must_use]
     pub fn gpu(&self, stage: Stage) -> GpuDct<'_> {
@@ -46,7 +46,8 @@ impl DctTexture {
         let mut words = constants();
         // All at once: a vector that grows holds up to three times as much.
         words.reserve_exact(
-            words_before_index(tools.steps.len()) + self.index.words().len() + 2 - words.len(),
+            words_before_index(tools.steps.len(), form.quantiser.is_dependent) + self.index.words().len() + 2
+                - words.len(),
         );
         words.extend(tools.tables.iter().flat_map(Table::starts));
         let steps = words.len() as u32;
@@ -69,6 +70,7 @@ impl DctTexture {
             channels: channels.collect(),
             shift,
             offsets: form.quantiser.offsets,
+            is_dependent: form.quantiser.is_dependent,
             steps,
             index,
             index_bits: self.index.width(),
@@ -88,8 +90,8 @@ impl DctTexture {
 }
 
 /// Words of a texture of so many planes that stand before its index.
-pub(super) fn words_before_index(planes: usize) -> usize {
-    TABLE_WORDS + SETS * SET_TABLES * SYMBOLS / 2 + planes * COEFFICIENTS
+pub(super) fn words_before_index(planes: usize, is_dependent: bool) -> usize {
+    TABLE_WORDS + count(is_dependent) * SYMBOLS / 2 + planes * COEFFICIENTS
 }
 
 /// Numbers that the format fixes (FORMAT.md, "Images in blocks of variable length"), for decoders in other languages.
@@ -97,8 +99,9 @@ pub(super) fn words_before_index(planes: usize) -> usize {
 pub struct FormatConstants {
     /// Stopping probabilities in 1/65536.
     pub stops: [u16; STOP_VALUES],
-    /// The preset of stopping probabilities, a letter each: '0' for 0, and those that follow it in ASCII.
-    pub preset: &'static str,
+    /// The presets of stopping probabilities, a letter each: '0' for 0, and those that follow it in ASCII. The second one is of
+    /// dependent quantisers.
+    pub presets: [&'static str; 2],
     /// Scale of each frequency in 1/4096.
     pub scales: [u32; 8],
     /// Distance of each coefficient from the mean, in 1/64 of a frequency, row by row.
@@ -111,7 +114,7 @@ impl FormatConstants {
     /// The numbers.
     #[must_use]
     pub fn new() -> Self {
-        FormatConstants { stops: STOP, preset: PRESET, scales: SCALES, radii: RADII, words: constants() }
+        FormatConstants { stops: STOP, presets: PRESETS, scales: SCALES, radii: RADII, words: constants() }
     }
 }
 

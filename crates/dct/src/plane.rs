@@ -1,8 +1,8 @@
 //! Superblocks of a plane: their symbols, coefficients and samples.
 
 use crate::context::{
-    Around, END_BITS, END_START, ESCAPE, ESCAPE_BITS, FIRST_END, FIRST_LAST, LEVELS, MAGNITUDE_BITS,
-    MAGNITUDE_START, Magnitudes, Neighbours, SET_TABLES, SIGNS, held, set_of,
+    Around, END_BITS, END_START, ESCAPE, ESCAPE_BITS, FIRST_END, FIRST_LAST, MAGNITUDE_BITS, MAGNITUDE_START,
+    Magnitudes, Neighbours, SET_TABLES, SIGNS, State, first_table, held, set_of,
 };
 use crate::form::{PlaneShape, Steps};
 use crate::rans::Rans;
@@ -148,10 +148,9 @@ impl PlaneDecoder<'_> {
                     let predicted = base.predict(axis, place.0, place.1);
                     PREDICTED.iter().zip(predicted).for_each(|(&at, value)| coefficients[at] = value);
                 }
-                let set = set_of(self.is_base, rank == 0) * SET_TABLES;
-                let tables = &self.tables[set..set + SET_TABLES];
+                let set = set_of(self.is_base, rank == 0);
                 let neighbours = around.of(block, axis, rank > 1);
-                let read = self.block(&mut stream, tables, &neighbours, &mut coefficients);
+                let read = self.block(&mut stream, set, &neighbours, &mut coefficients);
                 around.keep(block, axis, &read.magnitudes, read.end_symbol);
                 put(axis, place, &inverse(coefficients));
             }
@@ -163,13 +162,13 @@ impl PlaneDecoder<'_> {
     fn block(
         &self,
         shared: &mut Rans<'_>,
-        tables: &[Table],
+        set: usize,
         neighbours: &Neighbours<'_>,
         coefficients: &mut [i32; COEFFICIENTS],
     ) -> Read {
         vectorised(
             #[inline(always)]
-            move || self.read_block(shared, tables, neighbours, coefficients),
+            move || self.read_block(shared, set, neighbours, coefficients),
         )
     }
 
@@ -177,14 +176,15 @@ impl PlaneDecoder<'_> {
     fn read_block(
         &self,
         shared: &mut Rans<'_>,
-        tables: &[Table],
+        set: usize,
         neighbours: &Neighbours<'_>,
         coefficients: &mut [i32; COEFFICIENTS],
     ) -> Read {
         // A copy stays in registers.
         let mut stream = *shared;
+        let tables = self.tables;
         let mut magnitudes = [0; PADDED];
-        let end_symbol = stream.symbol(&tables[FIRST_END + neighbours.end]);
+        let end_symbol = stream.symbol(&tables[set * SET_TABLES + FIRST_END + neighbours.end]);
         let more = stream.bits(u32::from(END_BITS[end_symbol]));
         // Means come from the base, where there is one.
         let first = usize::from(self.base.is_some());
@@ -193,16 +193,20 @@ impl PlaneDecoder<'_> {
             *shared = stream;
             return Read { magnitudes, end_symbol };
         }
-        // Magnitudes that are not zero, above the 6 bits of their place.
+        // Magnitudes that are not zero, in halves of steps, above the 6 bits of their place.
         let mut found = [0u32; COEFFICIENTS];
         let mut nonzero = 0;
+        let mut state = State::default();
         for number in (first..first + count).rev() {
             let place = SCAN[number];
             let at = usize::from(place.padded);
             let zone = usize::from(place.zone);
             let last = number == first + count - 1;
-            let table =
-                if last { FIRST_LAST + zone } else { zone * LEVELS + neighbours.level(&magnitudes, at) };
+            let table = if last {
+                set * SET_TABLES + FIRST_LAST + zone
+            } else {
+                first_table(set, zone, state) + neighbours.level(&magnitudes, at)
+            };
             let symbol = stream.symbol(&tables[table]);
             let mut magnitude = symbol as u32;
             if symbol > 7 {
@@ -210,17 +214,20 @@ impl PlaneDecoder<'_> {
             }
             magnitude += u32::from(last);
             // Without a branch: whether a coefficient is zero cannot be foretold.
-            found[nonzero % COEFFICIENTS] = magnitude << PLACE_BITS | u32::from(place.raster);
+            let halves = (2 * magnitude).wrapping_sub(state.odd());
+            found[nonzero % COEFFICIENTS] = halves << PLACE_BITS | u32::from(place.raster);
             nonzero += usize::from(magnitude > 0);
             magnitudes[at] = held(magnitude);
+            state = self.steps.after(state, magnitude);
         }
         // Signs come after all magnitudes, as the stream's state is what decoding waits for.
         for found in found[..nonzero.min(COEFFICIENTS)].chunks(SIGNS) {
             let signs = stream.bits(found.len() as u32);
             for (number, &packed) in found.iter().enumerate() {
-                let (raster, magnitude) = (packed as usize % COEFFICIENTS, packed >> PLACE_BITS);
+                let raster = packed as usize % COEFFICIENTS;
                 let sign = (signs >> number & 1) as i32;
-                let value = (self.steps.rebuilt(raster, magnitude) ^ sign.wrapping_neg()).wrapping_add(sign);
+                let value = self.steps.rebuilt(raster, packed >> PLACE_BITS);
+                let value = (value ^ sign.wrapping_neg()).wrapping_add(sign);
                 coefficients[raster] = coefficients[raster].wrapping_add(value);
             }
         }

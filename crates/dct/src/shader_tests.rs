@@ -2,11 +2,13 @@
 #![cfg(feature = "encode")]
 
 use crate::MAX_CHANNELS;
-use crate::context::{ESCAPE, ESCAPE_BITS, FIRST_END, FIRST_LAST, LEVELS, SET_TABLES, SIGNS};
+use crate::context::{
+    ESCAPE, ESCAPE_BITS, FIRST_END, FIRST_LAST, FIRST_ODD, LEVELS, NEXT_STATES, ODD_ROWS, SET_TABLES, SIGNS,
+};
 use crate::deblock::{FIRST_TAPS, OTHER_TAPS};
 use crate::encode::{DctEncoder, DctSettings, DctSource};
 use crate::gpu::{LEVEL_WORDS, SCAN_WORDS, SYMBOL_WORDS, TABLE_WORDS};
-use crate::tables::PROBABILITY_BITS;
+use crate::tables::{Begin, PROBABILITY_BITS, StoredStops};
 use crate::{DctTexture, Stage};
 use texfold_core::container::Reader;
 use texfold_core::rng::Rng;
@@ -56,6 +58,21 @@ fn images_equal_those_of_the_decoder() {
             let [wanted, found] = both(&texture, whole(&texture));
             assert!(wanted == found, "{size:?} {groups:?} {strength}");
         }
+    }
+}
+
+/// Streams read as if quantisers were not dependent, by other tables: any bytes decode.
+#[test]
+fn independent_quantisers_equal_those_of_the_decoder() {
+    for begin in [Begin::Alike, Begin::Preset] {
+        let DctTexture { mut form, index, bytes, stream_bytes, .. } =
+            texture((150, 200), &[2, 3], 8, 5, 1500);
+        form.quantiser.is_dependent = false;
+        // All rows of tables as predicted.
+        let stops = StoredStops { begin, is_dependent: false, bytes: vec![255; 4] };
+        let texture = DctTexture::new(form, stops, index, bytes, stream_bytes);
+        let [wanted, found] = both(&texture, whole(&texture));
+        assert!(wanted == found, "{begin:?}");
     }
 }
 
@@ -112,6 +129,10 @@ fn plain_numbers_of_the_shader_are_those_of_the_decoder() {
         (texfold_shaders::DCT_TABLES, TABLE_WORDS),
         (TEXFOLD_BLOCK_SET_TABLES, SET_TABLES),
         (TEXFOLD_BLOCK_ZONE_TABLES, LEVELS),
+        (TEXFOLD_BLOCK_FIRST_ODD, FIRST_ODD),
+        (TEXFOLD_BLOCK_ODD_TABLES, ODD_ROWS * LEVELS),
+        (TEXFOLD_BLOCK_NEXT_EVEN, NEXT_STATES[0] as usize),
+        (TEXFOLD_BLOCK_NEXT_ODD, NEXT_STATES[1] as usize),
         (TEXFOLD_BLOCK_FIRST_LAST, FIRST_LAST),
         (TEXFOLD_BLOCK_FIRST_END, FIRST_END),
         (TEXFOLD_BLOCK_ESCAPE, ESCAPE),

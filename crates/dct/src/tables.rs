@@ -5,8 +5,10 @@
 //! scale, 0.22 apart, which costs less than 0.001 bits a symbol. All arithmetic is in 32-bit integers, so that a shader can
 //! make the same tables from the same few bytes.
 
+use std::ops::Range;
+
 use crate::bits::BitReader;
-use crate::context::{FIRST_END, LEVELS, SET_TABLES, SETS, TABLES};
+use crate::context::{FIRST_END, FIRST_ODD, LEVELS, ODD_ROWS, SET_TABLES, SETS, TABLES};
 use crate::scan::ZONES;
 
 /// Symbols of a table.
@@ -21,6 +23,8 @@ pub(super) const MAGNITUDE_STOPS: usize = 5;
 pub(super) const END_STOPS: usize = SYMBOLS - 1;
 /// Values of a stopping probability.
 pub(super) const STOP_VALUES: usize = 64;
+/// How far the odd quantiser's stopping probabilities are expected above those of the even one.
+const ODD_SHIFT: [i32; MAGNITUDE_STOPS] = [-6, 0, 1, 0, 0];
 /// What stopping probabilities are predicted by where nothing is known: 0.49.
 pub(super) const USUAL_STOP: u8 = 31;
 
@@ -36,8 +40,9 @@ pub(super) const STOP: [u16; STOP_VALUES] = [
 const SET_STOPS: usize = FIRST_END * MAGNITUDE_STOPS + (SET_TABLES - FIRST_END) * END_STOPS;
 /// The letter of 0 in [`PRESET`]; the others follow it in ASCII.
 pub(crate) const PRESET_ZERO: u8 = b'0';
-/// A letter for each stopping probability of all tables, in their order.
-pub(crate) const PRESET: &str = include_str!("preset.txt");
+/// A letter for each stopping probability of all tables, in their order: of quantisers that do not depend on one another, and of
+/// dependent ones.
+pub(crate) const PRESETS: [&str; 2] = [include_str!("preset.txt"), include_str!("preset_dependent.txt")];
 
 /// Stopping probabilities of one table, as numbers below [`STOP_VALUES`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,13 +59,15 @@ impl Stops {
         Stops { values: [USUAL_STOP; END_STOPS], count: count as u8 }
     }
 
-    /// Those of the table of that number in [`PRESET`].
-    pub(super) fn preset(table: usize) -> Stops {
+    /// Those of the table of that number in a preset.
+    fn preset(table: usize, preset: &str) -> Stops {
         let mut stops = Stops::usual(table);
-        let (set, within) = (table / SET_TABLES, table % SET_TABLES);
+        let (set, within) =
+            if table < FIRST_ODD { (table / SET_TABLES, table % SET_TABLES) } else { (SETS, 0) };
         let ends = within.saturating_sub(FIRST_END);
-        let start = set * SET_STOPS + (within - ends) * MAGNITUDE_STOPS + ends * END_STOPS;
-        let letters = PRESET.as_bytes().get(start..).unwrap_or_default();
+        let odd = table.saturating_sub(FIRST_ODD);
+        let start = set * SET_STOPS + (within - ends + odd) * MAGNITUDE_STOPS + ends * END_STOPS;
+        let letters = preset.as_bytes().get(start..).unwrap_or_default();
         for (value, &letter) in stops.values_mut().iter_mut().zip(letters) {
             *value = letter.saturating_sub(PRESET_ZERO).min(STOP_VALUES as u8 - 1);
         }
@@ -75,6 +82,19 @@ impl Stops {
     /// The values in use.
     pub(super) fn values_mut(&mut self) -> &mut [u8] {
         &mut self.values[..usize::from(self.count)]
+    }
+
+    /// How far its values lie above those of another one.
+    fn beyond(&self, other: &Stops) -> [i32; END_STOPS] {
+        std::array::from_fn(|stop| i32::from(self.values[stop]) - i32::from(other.values[stop]))
+    }
+
+    /// Its values moved so far, but not out of range.
+    fn moved(mut self, by: &[i32]) -> Stops {
+        for (value, by) in self.values_mut().iter_mut().zip(by) {
+            *value = (i32::from(*value) + by).clamp(0, STOP_VALUES as i32 - 1) as u8;
+        }
+        self
     }
 
     /// Which stopping probability decides at `symbol`.
@@ -119,14 +139,33 @@ impl Stops {
 
 /// Whether the table of that number codes numbers of coefficients.
 pub(super) fn is_end(table: usize) -> bool {
-    table % SET_TABLES >= FIRST_END
+    table < FIRST_ODD && table % SET_TABLES >= FIRST_END
 }
 
 /// First tables of the rows of a set: magnitudes by subband, last magnitudes, numbers of coefficients. The end of the
 /// last one follows.
-pub(super) const ROWS: [usize; ZONES + 3] = rows();
+const ROWS: [usize; ZONES + 3] = set_rows();
 
-const fn rows() -> [usize; ZONES + 3] {
+/// The rows of all tables in their order: those of each set, and where quantisers are dependent those of the odd one behind them.
+pub(super) fn rows(is_dependent: bool) -> impl Iterator<Item = Range<usize>> {
+    let of_set =
+        |set: usize| ROWS.windows(2).map(move |row| set * SET_TABLES + row[0]..set * SET_TABLES + row[1]);
+    let odd = (0..if is_dependent { SETS * ODD_ROWS } else { 0 }).map(|row| FIRST_ODD + row * LEVELS);
+    (0..SETS).flat_map(of_set).chain(odd.map(|first| first..first + LEVELS))
+}
+
+/// Tables of a texture.
+pub(super) fn count(is_dependent: bool) -> usize {
+    if is_dependent { TABLES } else { FIRST_ODD }
+}
+
+/// The table of the even quantiser for the same class as an odd one: that of the higher one of both subbands.
+fn even_of(odd: usize) -> usize {
+    let (row, class) = ((odd - FIRST_ODD) / LEVELS, (odd - FIRST_ODD) % LEVELS);
+    row / ODD_ROWS * SET_TABLES + (2 * (row % ODD_ROWS) + 1) * LEVELS + class
+}
+
+const fn set_rows() -> [usize; ZONES + 3] {
     let mut starts = [0; ZONES + 3];
     let mut zone = 0;
     while zone <= ZONES {
@@ -195,53 +234,54 @@ pub(super) enum Begin {
     /// All stopping probabilities alike.
     #[default]
     Alike,
-    /// Those of photographs and maps: [`PRESET`].
+    /// Those of photographs and maps: one of [`PRESETS`].
     Preset,
 }
 
 /// Prediction of a table's stopping probabilities. From all alike: those of the table before in its row, of the same row of the set
 /// before for the first. From the preset: its own there, moved as far as the table before in its row lies off.
+/// Where no preset is taken, the odd quantiser's tables are predicted by the even one's, likewise moved.
 pub(super) fn predicted(stops: &AllStops, table: usize, begin: Begin) -> Stops {
-    let is_first = ROWS.contains(&(table % SET_TABLES));
+    let is_odd = table >= FIRST_ODD;
+    let is_first = if is_odd {
+        (table - FIRST_ODD).is_multiple_of(LEVELS)
+    } else {
+        ROWS.contains(&(table % SET_TABLES))
+    };
+    let preset = |table: usize| Stops::preset(table, PRESETS[usize::from(stops.len() > FIRST_ODD)]);
     match begin {
+        Begin::Alike if is_odd && is_first => stops[even_of(table)].moved(&ODD_SHIFT),
+        Begin::Alike if is_odd => {
+            stops[even_of(table)].moved(&stops[table - 1].beyond(&stops[even_of(table - 1)]))
+        }
         Begin::Alike if is_first && table < SET_TABLES => Stops::usual(table),
         Begin::Alike if is_first => stops[table - SET_TABLES],
         Begin::Alike => stops[table - 1],
-        Begin::Preset if is_first => Stops::preset(table),
-        Begin::Preset => {
-            let mut moved = Stops::preset(table);
-            let before = Stops::preset(table - 1);
-            let offsets = stops[table - 1].values().iter().zip(before.values());
-            for (value, (&is, &was)) in moved.values_mut().iter_mut().zip(offsets) {
-                *value = (*value + is).saturating_sub(was).min(STOP_VALUES as u8 - 1);
-            }
-            moved
-        }
+        Begin::Preset if is_first => preset(table),
+        Begin::Preset => preset(table).moved(&stops[table - 1].beyond(&preset(table - 1))),
     }
 }
 
 /// Usual stopping probabilities for all tables.
-pub(super) fn usual() -> AllStops {
-    (0..TABLES).map(Stops::usual).collect()
+pub(super) fn usual(is_dependent: bool) -> AllStops {
+    (0..count(is_dependent)).map(Stops::usual).collect()
 }
 
 /// Tables, row by row: a flag, set where the row is as predicted; else a flag for each table and the differences.
-fn read_stops(bytes: &[u8], begin: Begin) -> Option<AllStops> {
+fn read_stops(bytes: &[u8], begin: Begin, is_dependent: bool) -> Option<AllStops> {
     let mut reader = BitReader::new(bytes);
-    let mut all = usual();
-    for set in 0..SETS {
-        for row in ROWS.windows(2) {
-            let as_predicted = reader.flag();
-            for table in set * SET_TABLES + row[0]..set * SET_TABLES + row[1] {
-                let mut stops = predicted(&all, table, begin);
-                if !as_predicted && !reader.flag() {
-                    for value in stops.values_mut() {
-                        let read = i32::from(*value) + reader.signed()?;
-                        *value = u8::try_from(read).ok().filter(|&read| usize::from(read) < STOP_VALUES)?;
-                    }
+    let mut all = usual(is_dependent);
+    for row in rows(is_dependent) {
+        let as_predicted = reader.flag();
+        for table in row {
+            let mut stops = predicted(&all, table, begin);
+            if !as_predicted && !reader.flag() {
+                for value in stops.values_mut() {
+                    let read = i32::from(*value) + reader.signed()?;
+                    *value = u8::try_from(read).ok().filter(|&read| usize::from(read) < STOP_VALUES)?;
                 }
-                all[table] = stops;
             }
+            all[table] = stops;
         }
     }
     Some(all)
@@ -251,13 +291,22 @@ fn read_stops(bytes: &[u8], begin: Begin) -> Option<AllStops> {
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(super) struct StoredStops {
     pub(super) begin: Begin,
+    pub(super) is_dependent: bool,
     pub(super) bytes: Vec<u8>,
 }
 
 impl StoredStops {
+    /// Those of the preset, for dependent quantisers.
+    #[cfg(feature = "encode")]
+    pub(super) fn preset() -> StoredStops {
+        // A flag for each row, set.
+        let bytes = vec![u8::MAX; rows(true).count().div_ceil(8)];
+        StoredStops { begin: Begin::Preset, is_dependent: true, bytes }
+    }
+
     /// All of them; `None` where no writer writes such bytes.
     pub(super) fn read(&self) -> Option<AllStops> {
-        read_stops(&self.bytes, self.begin)
+        read_stops(&self.bytes, self.begin, self.is_dependent)
     }
 
     /// Their tables, likewise.

@@ -2,7 +2,8 @@
 //!
 //! | bytes | what |
 //! |---|---|
-//! | 1 | version: 1, 1 more with deblocking, 2 more where tables begin from the preset, 4 more where the index is lengths alone |
+//! | 1 | version: 1, 1 more with deblocking, 2 more where tables begin from the preset, 4 more where the index is lengths
+//! alone, 8 more with dependent quantisers |
 //! | 2, 2 | columns and rows, less one |
 //! | 1, 1 | bits of a sample, binary logarithm of a superblock's side |
 //! | 2, 1, 2 | step, slope, two offsets |
@@ -16,13 +17,12 @@
 use texfold_core::container::Reader;
 use texfold_core::{Budget, ImageSize, LoadError};
 
-use crate::context::{SET_TABLES, SETS};
 use crate::deblock::MAX_DEBLOCKING;
 use crate::decode::DctTexture;
 use crate::form::{AXIS_BITS, DctForm, Group, MAX_CHANNELS, MAX_GROUP, MAX_OFFSET, MAX_STEP, Quantiser};
 use crate::gpu::words_before_index;
 use crate::index::Index;
-use crate::tables::{Begin, StoredStops, Table};
+use crate::tables::{Begin, StoredStops, Table, count};
 
 /// Version of the layout without deblocking, with tables that begin alike and an index of words.
 const PLAIN: u8 = 1;
@@ -32,6 +32,8 @@ const DEBLOCKED: u8 = 1;
 const PRESET: u8 = 2;
 /// Added where the index holds lengths alone.
 const PACKED: u8 = 4;
+/// Added where quantisers are dependent.
+const DEPENDENT: u8 = 8;
 /// Most bits of a length in the index.
 const MAX_WIDTH: u8 = 24;
 /// Largest weight of an axis: an orthonormal one.
@@ -93,7 +95,8 @@ impl DctTexture {
         let deblocked = if form.deblocking > 0 { DEBLOCKED } else { 0 };
         let preset = if self.stops.begin == Begin::Preset { PRESET } else { 0 };
         let packed = if self.index.is_packed() { PACKED } else { 0 };
-        let mut out = vec![PLAIN + deblocked + preset + packed];
+        let dependent = if form.quantiser.is_dependent { DEPENDENT } else { 0 };
+        let mut out = vec![PLAIN + deblocked + preset + packed + dependent];
         out.extend(((form.size.width - 1) as u16).to_le_bytes());
         out.extend(((form.size.height - 1) as u16).to_le_bytes());
         out.extend([form.depth, form.superblock_log2]);
@@ -142,8 +145,9 @@ impl DctTexture {
         let bases: u64 = planes[1..].iter().map(|plane| plane.size.texels()).sum();
         budget.take(4 * bases * form.channels() as u64 + 4 * words as u64)?;
         // Tables, and the words that a GPU decodes with.
-        budget.take((SETS * SET_TABLES * size_of::<Table>()) as u64)?;
-        budget.take(4 * (words_before_index(planes.len()) + words) as u64)?;
+        let is_dependent = form.quantiser.is_dependent;
+        budget.take((count(is_dependent) * size_of::<Table>()) as u64)?;
+        budget.take(4 * (words_before_index(planes.len(), is_dependent) + words) as u64)?;
         let index = if is_packed {
             let lengths = reader.bytes(Index::packed_bytes(superblocks, u32::from(width)))?;
             Index::unpacked(u32::from(width), lengths, superblocks)
@@ -154,7 +158,7 @@ impl DctTexture {
                 index.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]]));
             Index::new(u32::from(width), index.collect())
         };
-        let stops = StoredStops { begin, bytes: reader.bytes(table_bytes)?.to_vec() };
+        let stops = StoredStops { begin, is_dependent, bytes: reader.bytes(table_bytes)?.to_vec() };
         if stops.read().is_none() {
             return Err(reader.corrupt("tables of probabilities that no writer writes"));
         }
@@ -178,7 +182,7 @@ impl DctTexture {
 
 fn read_form(reader: &mut Reader<'_>) -> Result<(DctForm, Begin, bool), LoadError> {
     let parts = reader.u8()?.wrapping_sub(PLAIN);
-    if parts > DEBLOCKED + PRESET + PACKED {
+    if parts > DEBLOCKED + PRESET + PACKED + DEPENDENT {
         return Err(reader.corrupt("a layout of blocks that this reader does not know"));
     }
     let is_deblocked = parts & DEBLOCKED > 0;
@@ -196,7 +200,7 @@ fn read_form(reader: &mut Reader<'_>) -> Result<(DctForm, Begin, bool), LoadErro
     if step > MAX_STEP || offsets.iter().any(|&offset| offset > MAX_OFFSET) {
         return Err(reader.corrupt("a quantiser beyond the largest"));
     }
-    let quantiser = Quantiser { step, slope, offsets };
+    let quantiser = Quantiser { step, slope, offsets, is_dependent: parts & DEPENDENT > 0 };
     let deblocking = if is_deblocked { reader.u8()? } else { 0 };
     if is_deblocked && !(1..=MAX_DEBLOCKING).contains(&deblocking) {
         return Err(reader.corrupt("a strength of deblocking that no writer writes"));

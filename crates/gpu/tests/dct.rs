@@ -4,7 +4,7 @@
 
 use crate::support::gpu;
 use glam::Vec4;
-use texfold_core::container::Reader;
+use texfold_core::container::{ContentId, Reader, Sections};
 use texfold_core::image::{Alpha, ColorSpace, Depth, ImageLayout, PixelInfo};
 use texfold_core::rng::Rng;
 use texfold_core::{Budget, CancelCheck, ImageSize, Metric, Rect, RegionError, String4};
@@ -167,6 +167,19 @@ fn fixtures_equal_the_cpu_at_every_side_and_quality() {
             check_all(&format!("{name} {log2} {step}"), gpu, &decoder, &texture);
         }
     }
+}
+
+/// Files of before quantisers were dependent.
+#[test]
+fn independent_quantisers_equal_the_cpu() {
+    let Some((gpu, decoder)) = decoder() else { return };
+    let bytes = std::fs::read(texfold_testkit::fixtures_dir().join("golden/dct_alpha.txf")).unwrap();
+    let layout = texfold::open(&bytes).unwrap().into_image().unwrap().as_encoded().layout().clone();
+    let file = Sections::parse(&bytes, &mut Budget::default()).unwrap();
+    let content = DctContent::load(&layout, ContentId::ONLY, &file, &mut Budget::default()).unwrap();
+    let texture = content.stages().first().unwrap();
+    assert!(!texture.form().quantiser.is_dependent);
+    check_all("independent", gpu, &decoder, texture);
 }
 
 /// The texture at that strength of deblocking, which its bytes say.

@@ -69,6 +69,14 @@ fn blocks_with_preset_tables_decode_as_ever() {
     assert_level_decodes("dct_preset", 2, &["dct_preset-level2.png".to_owned()]);
 }
 
+/// Dependent quantisers, alpha and mip levels, written by `texfold compress fixtures/images/cutout.png --codec dct --effort fast --bpp 2 --mips
+/// --out .` and its images by `texfold decompress cutout.txf --out .` without and with `--lod 2`.
+#[test]
+fn blocks_with_dependent_quantisers_decode_as_ever() {
+    assert_decodes("dct_dependent", &["dct_dependent.png".to_owned()]);
+    assert_level_decodes("dct_dependent", 2, &["dct_dependent-level2.png".to_owned()]);
+}
+
 /// An epitome and coarse mip levels in blocks of variable length, written by
 /// `texfold compress fixtures/images/tile_repeat.png --codec epitome --effort fast --psnr 30 --mips --out .`
 /// and its images by `texfold decompress tile_repeat.txf --out .` without and with `--lod LEVEL`.

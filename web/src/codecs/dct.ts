@@ -3,7 +3,7 @@
 import { atLevel, fullLevels, type Layout, type Sections, type Size } from "../container.js";
 import { type Budget, corrupt, truncated } from "../errors.js";
 import { type Blocks, type Channel, type Form, Uniforms } from "../form.js";
-import { PRESET, RADII, SCALES, STOP, WORDS } from "../generated/dct.js";
+import { PRESETS, RADII, SCALES, STOP, WORDS } from "../generated/dct.js";
 import type { Reader } from "../reader.js";
 import { CLAMP, formatsOf } from "./content.js";
 import { type Codec, images } from "./codec.js";
@@ -19,9 +19,15 @@ const ZONES = 6;
 const CLASSES = 16;
 export const FIRST_END = ZONES * CLASSES + ZONES;
 export const SET_TABLES = FIRST_END + 9;
-export const SETS = 4;
+const SETS = 4;
 const MAGNITUDE_STOPS = 5;
 const USUAL_STOP = 31;
+/** Tables of magnitudes of the odd quantiser: the first one behind all others, those of a set, and all tables with them. */
+export const FIRST_ODD = SETS * SET_TABLES;
+export const ODD_TABLES = (ZONES / 2) * CLASSES;
+const TABLES = FIRST_ODD + SETS * ODD_TABLES;
+/** How far the odd quantiser's stopping probabilities are expected above those of the even one. */
+const ODD_SHIFT = [-6, 0, 1, 0, 0];
 /** The letter of 0 in the preset. */
 const PRESET_ZERO = 48;
 export const PROBABILITY_BITS = 13;
@@ -49,6 +55,29 @@ function superblocks(size: Size, log2: number): number {
 
 /** First tables of the rows of a set: magnitudes by zone, first magnitudes, numbers of coefficients; then the end of the last. */
 const ROWS = [...Array.from({ length: ZONES + 1 }, (_, zone) => zone * CLASSES), FIRST_END, SET_TABLES];
+
+/** First tables of all rows in their order, and the end of the last: those of each set, and with dependent quantisers those of the odd one. */
+function rowsOf(isDependent: boolean): number[] {
+  const ofSets = Array.from({ length: SETS }, (_, set) => ROWS.slice(0, -1).map((row) => set * SET_TABLES + row)).flat();
+  const odd = Array.from({ length: isDependent ? (SETS * ODD_TABLES) / CLASSES : 0 }, (_, row) => FIRST_ODD + row * CLASSES);
+  return [...ofSets, ...odd, tableCount(isDependent)];
+}
+
+/** Tables of a texture. */
+export function tableCount(isDependent: boolean): number {
+  return isDependent ? TABLES : FIRST_ODD;
+}
+
+/** Stopping probabilities of a table: fifteen of numbers of coefficients, five of magnitudes. */
+function stopCount(table: number): number {
+  return table < FIRST_ODD && table % SET_TABLES >= FIRST_END ? SYMBOLS - 1 : MAGNITUDE_STOPS;
+}
+
+/** The table of the even quantiser for the same class as an odd one: that of the higher one of both zones. */
+function evenOf(odd: number): number {
+  const set = Math.floor((odd - FIRST_ODD) / ODD_TABLES), within = (odd - FIRST_ODD) % ODD_TABLES;
+  return set * SET_TABLES + (2 * Math.floor(within / CLASSES) + 1) * CLASSES + (within % CLASSES);
+}
 
 /** Bits of the probability tables, the lowest first; zeros behind the end. */
 class Bits {
@@ -79,55 +108,55 @@ class Bits {
 }
 
 /** Stopping probabilities of a table in the preset. */
-function presetOf(table: number): Uint8Array {
-  const set = Math.floor(table / SET_TABLES), within = table % SET_TABLES;
-  const ends = Math.max(within - FIRST_END, 0), count = within >= FIRST_END ? SYMBOLS - 1 : MAGNITUDE_STOPS;
+function presetOf(table: number, preset: string): Uint8Array {
+  const isOdd = table >= FIRST_ODD, set = isOdd ? SETS : Math.floor(table / SET_TABLES), within = isOdd ? 0 : table % SET_TABLES;
+  const ends = Math.max(within - FIRST_END, 0), odd = Math.max(table - FIRST_ODD, 0);
   const ofSet = FIRST_END * MAGNITUDE_STOPS + (SET_TABLES - FIRST_END) * (SYMBOLS - 1);
-  const start = set * ofSet + (within - ends) * MAGNITUDE_STOPS + ends * (SYMBOLS - 1);
-  return Uint8Array.from({ length: count }, (_, i) => PRESET.charCodeAt(start + i) - PRESET_ZERO);
+  const start = set * ofSet + (within - ends + odd) * MAGNITUDE_STOPS + ends * (SYMBOLS - 1);
+  return Uint8Array.from({ length: stopCount(table) }, (_, i) => preset.charCodeAt(start + i) - PRESET_ZERO);
 }
 
-/** What a table begins from the preset as: its own there, moved as far as the one before in its row lies off. */
-function movedPreset(table: number, before: Uint8Array | undefined): Uint8Array {
-  const own = presetOf(table);
-  if (before === undefined) {
-    return own;
+/** Stopping probabilities moved so far, but not out of range. */
+function moved(own: Uint8Array, by: (i: number) => number): Uint8Array {
+  return own.map((value, i) => Math.min(Math.max(value + by(i), 0), STOP.length - 1));
+}
+
+/** Prediction of a table's stopping probabilities from those before. */
+function predicted(all: Uint8Array[], table: number, isFirst: boolean, preset: string | undefined): Uint8Array {
+  const before = all[table - 1]!;
+  if (preset !== undefined) {
+    const own = presetOf(table, preset), was = isFirst ? own : presetOf(table - 1, preset);
+    return isFirst ? own : moved(own, (i) => before[i]! - was[i]!);
   }
-  const was = presetOf(table - 1);
-  return own.map((value, i) => Math.min(Math.max(value + before[i]! - was[i]!, 0), STOP.length - 1));
+  if (table >= FIRST_ODD) {
+    const even = all[evenOf(table)]!, was = isFirst ? even : all[evenOf(table - 1)]!;
+    return moved(even, (i) => isFirst ? ODD_SHIFT[i]! : before[i]! - was[i]!);
+  }
+  return (isFirst ? all[table - SET_TABLES] : before) ?? new Uint8Array(stopCount(table)).fill(USUAL_STOP);
 }
 
 /**
  * Words of all tables: for each pair of symbols the first slots of both, the first in the lower half. False where no writer writes such
  * bytes.
  */
-function tablesOf(bytes: Uint8Array, fromPreset: boolean, out: Uint32Array): boolean {
-  const bits = new Bits(bytes);
-  const all: Uint8Array[] = [];
-  for (let set = 0; set < SETS; set++) {
-    for (let row = 0; row + 1 < ROWS.length; row++) {
-      const first = set * SET_TABLES + ROWS[row]!, end = set * SET_TABLES + ROWS[row + 1]!;
-      const asPredicted = bits.flag();
-      for (let table = first; table < end; table++) {
-        const stops = table % SET_TABLES >= FIRST_END ? SYMBOLS - 1 : MAGNITUDE_STOPS;
-        const before = table === first ? all[table - SET_TABLES] : all[table - 1];
-        const values = fromPreset
-          ? movedPreset(table, table === first ? undefined : before)
-          : (before ?? new Uint8Array(stops).fill(USUAL_STOP));
-        all.push(values);
-        if (asPredicted === 0 && bits.flag() === 0) {
-          const changed = new Uint8Array(stops);
-          for (let i = 0; i < stops; i++) {
-            const value = values[i]! + bits.signed();
-            if (!(value >= 0 && value < STOP.length)) {
-              return false;
-            }
-            changed[i] = value;
+function tablesOf(bytes: Uint8Array, fromPreset: boolean, isDependent: boolean, out: Uint32Array): boolean {
+  const bits = new Bits(bytes), rows = rowsOf(isDependent), all: Uint8Array[] = [];
+  const preset = fromPreset ? PRESETS[isDependent ? 1 : 0] : undefined;
+  for (let row = 0; row + 1 < rows.length; row++) {
+    const first = rows[row]!, asPredicted = bits.flag();
+    for (let table = first; table < rows[row + 1]!; table++) {
+      const values = Uint8Array.from(predicted(all, table, table === first, preset));
+      all.push(values);
+      if (asPredicted === 0 && bits.flag() === 0) {
+        for (let i = 0; i < values.length; i++) {
+          const value = values[i]! + bits.signed();
+          if (!(value >= 0 && value < STOP.length)) {
+            return false;
           }
-          all[table] = changed;
+          values[i] = value;
         }
-        writeTable(all[table]!, out.subarray(table * TABLE_WORDS, (table + 1) * TABLE_WORDS));
       }
+      writeTable(values, out.subarray(table * TABLE_WORDS, (table + 1) * TABLE_WORDS));
     }
   }
   return true;
@@ -235,8 +264,8 @@ function unpackIndex(bytes: Uint8Array, bits: number, total: number, out: Uint32
 export function readStage(reader: Reader, budget: Budget, place: { image: number; level: number; levels: number }, pixel: Layout): Stage {
   const first = reader.at;
   const version = reader.u8();
-  reader.check(version >= 1 && version <= 8, "a layout of blocks that this reader does not know");
-  const parts = version - 1, isDeblocked = (parts & 1) > 0, fromPreset = (parts & 2) > 0, isPacked = (parts & 4) > 0;
+  reader.check(version >= 1 && version <= 16, "a layout of blocks that this reader does not know");
+  const parts = version - 1, isDeblocked = (parts & 1) > 0, fromPreset = (parts & 2) > 0, isPacked = (parts & 4) > 0, isDependent = (parts & 8) > 0;
   const size = { width: reader.u16() + 1, height: reader.u16() + 1 };
   const depth = reader.u8(), superblockLog2 = reader.u8();
   reader.check(depth === 8 || depth === 16, "samples of neither 8 nor 16 bits");
@@ -264,7 +293,7 @@ export function readStage(reader: Reader, budget: Budget, place: { image: number
   // The last group of a packed index ends with its last length.
   const rest = isPacked ? total % GROUP : 0;
   const indexWords = Math.ceil((total - rest) / GROUP) * (indexBits + 1) + (rest > 0 ? 1 + Math.ceil((rest * indexBits) / 32) : 0);
-  const steps = WORDS.length + SETS * SET_TABLES * TABLE_WORDS, index = steps + planes.length * COEFFICIENTS;
+  const steps = WORDS.length + tableCount(isDependent) * TABLE_WORDS, index = steps + planes.length * COEFFICIENTS;
   budget.take(4 * (index + indexWords + 2));
   const stored = reader.bytes(isPacked ? Math.ceil((total * indexBits) / 8) : 4 * indexWords);
   const words = new Uint32Array(index + indexWords + 2);
@@ -275,7 +304,7 @@ export function readStage(reader: Reader, budget: Budget, place: { image: number
   } else {
     new Uint8Array(words.buffer, 4 * index).set(stored);
   }
-  reader.check(tablesOf(reader.bytes(tableBytes), fromPreset, words.subarray(WORDS.length, steps)), "tables of probabilities that no writer writes");
+  reader.check(tablesOf(reader.bytes(tableBytes), fromPreset, isDependent, words.subarray(WORDS.length, steps)), "tables of probabilities that no writer writes");
   const units = (256 + (step % 256)) * 2 ** Math.floor(step / 256);
   planes.forEach((_, plane) => {
     const start = steps + plane * COEFFICIENTS;
@@ -286,7 +315,7 @@ export function readStage(reader: Reader, budget: Budget, place: { image: number
   const base = reader.bytes(baseBytes);
   const deblocking = Math.floor((strength * units * 2 ** fraction) / 2 ** 14);
   const layout = {
-    size, depth, superblockLog2, ranks, channels, shift, offsets, steps, index, indexBits, streamBytes: baseBytes, deblocking,
+    size, depth, superblockLog2, ranks, channels, shift, offsets, isDependent, steps, index, indexBits, streamBytes: baseBytes, deblocking,
     isLight: pixel.colour === "srgb",
     isWeighted: pixel.channels % 2 === 0,
   };

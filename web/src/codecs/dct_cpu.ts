@@ -5,13 +5,15 @@ import type { Size } from "../container.js";
 import type { BlockLayout, Blocks, Channel } from "../form.js";
 import { WORDS } from "../generated/dct.js";
 import type { Rect } from "../plan.js";
-import { COEFFICIENTS, FIRST_END, lengthOf, planesOf, PROBABILITY_BITS, SET_TABLES, SETS, SIDE, startOf, SYMBOLS } from "./dct.js";
+import { COEFFICIENTS, FIRST_END, FIRST_ODD, lengthOf, ODD_TABLES, planesOf, PROBABILITY_BITS, SET_TABLES, SIDE, startOf, SYMBOLS, tableCount } from "./dct.js";
 
 /** First words of the classes of expected magnitudes and of the symbols. */
 const LEVEL_WORDS = 64;
 const SYMBOL_WORDS = 128;
 /** First table of the magnitude that is read first. */
 const FIRST_LAST = 96;
+/** The state of dependent quantisation behind each one, behind an even magnitude and behind an odd one; four bits a state. */
+const NEXT_STATES = [0x73426150, 0x51604372];
 const ESCAPE = 15;
 const ESCAPE_BITS = 24;
 /** Largest magnitude that contexts tell apart. */
@@ -98,8 +100,8 @@ function deblock(samples: Int32Array, side: number, columns: number, rows: numbe
 }
 
 /** For each symbol of each table its frequency, and its first slot behind 16 bits. */
-function rangesOf(words: Int32Array): Int32Array {
-  const ranges = new Int32Array(SETS * SET_TABLES * SYMBOLS);
+function rangesOf(words: Int32Array, tables: number): Int32Array {
+  const ranges = new Int32Array(tables * SYMBOLS);
   const start = (at: number): number => (words[WORDS.length + (at >> 1)]! >> (16 * (at & 1))) & 0xffff;
   for (let at = 0; at < ranges.length; at++) {
     const end = (at + 1) % SYMBOLS === 0 ? 1 << PROBABILITY_BITS : start(at + 1);
@@ -110,7 +112,7 @@ function rangesOf(words: Int32Array): Int32Array {
 
 /** First symbol of each group of slots of each table. */
 function guessesOf(ranges: Int32Array): Uint8Array {
-  const guesses = new Uint8Array(SETS * SET_TABLES * GUESSES);
+  const guesses = new Uint8Array((ranges.length / SYMBOLS) * GUESSES);
   for (let guess = 0, at = 0; guess < guesses.length; guess++) {
     const group = guess % GUESSES, first = ((guess - group) / GUESSES) * SYMBOLS;
     at = group === 0 ? first : at;
@@ -135,7 +137,7 @@ interface Stream {
 }
 
 function streamOf({ layout, words: unsigned, streams }: Blocks, words: Int32Array): Stream {
-  const bytes = streams.subarray(0, layout.streamBytes), ranges = rangesOf(words), guesses = guessesOf(ranges);
+  const bytes = streams.subarray(0, layout.streamBytes), ranges = rangesOf(words, tableCount(layout.isDependent)), guesses = guessesOf(ranges);
   const index = unsigned.subarray(layout.index);
   // The first byte that is not read, and the stream's end.
   let state = 0, next = 0, end = 0;
@@ -203,16 +205,18 @@ function predict(coefficients: Int32Array, { left, top, width, height, samples }
 /** Adds what a stream says of an axis of the block of that number to `coefficients`; a bit for each row of them that it adds to. */
 type BlockReader = (plane: number, columns: number, block: number, axis: number) => number;
 
-function blockReader({ ranks, offsets, steps, superblockLog2 }: BlockLayout, words: Int32Array, { symbol, bits, large }: Stream, planes: number, coefficients: Int32Array): BlockReader {
+function blockReader({ ranks, offsets, isDependent, steps, superblockLog2 }: BlockLayout, words: Int32Array, { symbol, bits, large }: Stream, planes: number, coefficients: Int32Array): BlockReader {
   const axes = ranks.length, count = (axes << (2 * superblockLog2 - 6)) + 1;
   const classes = new Uint8Array(words.buffer, words.byteOffset + 4 * LEVEL_WORDS, 256);
   // Magnitudes of the blocks of a superblock and symbols of their numbers; the first are 0 and stand for what is missing.
   const magnitudes = new Uint8Array(count << PADDED_SHIFT), ends = new Uint8Array(count);
-  // Magnitudes that are not 0, above the 6 bits of their place.
+  const parity = isDependent ? 1 : 0;
+  // Magnitudes that are not 0, in halves of steps, above the 6 bits of their place.
   const found = new Int32Array(COEFFICIENTS);
 
-  const readMagnitudes = (own: number, left: number, above: number, cross: number, gain: number, tables: number, first: number, last: number): number => {
-    let nonzero = 0;
+  const readMagnitudes = (own: number, left: number, above: number, cross: number, gain: number, set: number, first: number, last: number): number => {
+    const tables = set * SET_TABLES, oddTables = FIRST_ODD + set * ODD_TABLES;
+    let nonzero = 0, state = 0;
     for (let number = last; number >= first; number--) {
       const scan = words[number]!, raster = scan & 63, zone = (scan >> 8) & 255;
       const place = raster + ((raster >> 3) << 1), at = own + place;
@@ -221,7 +225,8 @@ function blockReader({ ranks, offsets, steps, superblockLog2 }: BlockLayout, wor
         const template = magnitudes[at + 1]! + magnitudes[at + 2]! + magnitudes[at + PADDED_SIDE]!
           + magnitudes[at + 2 * PADDED_SIDE]! + magnitudes[at + PADDED_SIDE + 1]!;
         const expected = ((template * gain) >> 1) + magnitudes[left + place]! + magnitudes[above + place]! + magnitudes[cross + place]!;
-        table = tables + (zone << 4) + classes[expected < 255 ? expected : 255]!;
+        const first = state & 1 ? oddTables + ((zone >> 1) << 4) : tables + (zone << 4);
+        table = first + classes[expected < 255 ? expected : 255]!;
       }
       let magnitude = symbol(table);
       if (magnitude > 7) {
@@ -229,9 +234,10 @@ function blockReader({ ranks, offsets, steps, superblockLog2 }: BlockLayout, wor
       }
       magnitude += number === last ? 1 : 0;
       if (magnitude > 0) {
-        found[nonzero++] = (magnitude << 6) | raster;
+        found[nonzero++] = ((2 * magnitude - (state & 1)) << 6) | raster;
         magnitudes[at] = magnitude < LARGEST ? magnitude : LARGEST;
       }
+      state = (NEXT_STATES[magnitude & parity]! >> (state << 2)) & 7;
     }
     return nonzero;
   };
@@ -244,20 +250,20 @@ function blockReader({ ranks, offsets, steps, superblockLog2 }: BlockLayout, wor
     const left = block % columns > 0 ? own - axes : 0, above = block >= columns ? own - axes * columns : 0;
     // Where there is only one neighbour, it counts twice.
     const one = left || above, other = above || left;
-    const tables = ((plane > 0 ? 2 : 0) + (rank > 0 ? 1 : 0)) * SET_TABLES;
+    const set = (plane > 0 ? 2 : 0) + (rank > 0 ? 1 : 0);
     const sum = ends[one]! + ends[other]!;
-    const end = symbol(tables + FIRST_END + (one === 0 ? 8 : sum === 0 ? 0 : Math.min((sum + 5) >> 2, 7)));
+    const end = symbol(set * SET_TABLES + FIRST_END + (one === 0 ? 8 : sum === 0 ? 0 : Math.min((sum + 5) >> 2, 7)));
     ends[own] = end;
     const word = words[SYMBOL_WORDS + end]!, count = (word & 255) + bits((word >> 8) & 255);
     const last = Math.min(count + first, COEFFICIENTS) - 1, cross = rank > 1 ? own - 1 : 0;
-    const nonzero = readMagnitudes(own << PADDED_SHIFT, one << PADDED_SHIFT, other << PADDED_SHIFT, cross << PADDED_SHIFT, one === 0 ? 5 : 4, tables, first, last);
+    const nonzero = readMagnitudes(own << PADDED_SHIFT, one << PADDED_SHIFT, other << PADDED_SHIFT, cross << PADDED_SHIFT, one === 0 ? 5 : 4, set, first, last);
     let rows = 0, signs = 0;
     for (let at = 0; at < nonzero; at++, signs >>= 1) {
       if (at % 16 === 0) {
         signs = bits(Math.min(nonzero - at, 16));
       }
-      const raster = found[at]! & 63, magnitude = found[at]! >> 6;
-      const value = Math.imul((magnitude << 5) - offsets[magnitude > 1 ? 1 : 0]!, words[steps + COEFFICIENTS * plane + raster]!) >>> 9;
+      const raster = found[at]! & 63, halves = found[at]! >>> 6;
+      const value = Math.imul((halves << 4) - offsets[halves > 2 ? 1 : 0]!, words[steps + COEFFICIENTS * plane + raster]!) >>> 9;
       coefficients[raster] = coefficients[raster]! + (signs & 1 ? -value : value);
       rows |= 1 << (raster & 7);
     }

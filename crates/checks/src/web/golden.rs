@@ -110,6 +110,7 @@ fn blocks(blocks: &GpuDct<'_>) -> Value {
             "channels": channels.collect::<Value>(),
             "shift": layout.shift,
             "offsets": layout.offsets,
+            "isDependent": layout.is_dependent,
             "steps": layout.steps,
             "index": layout.index,
             "indexBits": layout.index_bits,

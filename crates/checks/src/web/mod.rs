@@ -187,8 +187,8 @@ fn dct() -> String {
     );
     let _ = writeln!(
         out,
-        "/** Stopping probabilities that tables may begin from, a letter each: 0 for 0, then as in ASCII. */\nexport const PRESET = {:?};",
-        constants.preset
+        "/** Stopping probabilities that tables may begin from, a letter each: 0 for 0, then as in ASCII; of dependent quantisers the second ones. */\nexport const PRESETS = {:?};",
+        constants.presets
     );
     let _ = writeln!(
         out,

@@ -2,8 +2,7 @@
 
 use super::symbols::Counts;
 use crate::bits::{BitWriter, signed_bits};
-use crate::context::{SET_TABLES, SETS};
-use crate::tables::{AllStops, Begin, ROWS, STOP, STOP_VALUES, SYMBOLS, Stops, predicted, usual};
+use crate::tables::{AllStops, Begin, STOP, STOP_VALUES, SYMBOLS, Stops, predicted, rows, usual};
 
 /// Stopping probabilities as they are written.
 #[derive(Debug, Clone)]
@@ -30,13 +29,10 @@ impl Fitted {
 
 /// As [`fit`], from one beginning.
 pub(super) fn fit_from(counts: &Counts, begin: Begin, bits: &StopBits) -> Fitted {
-    let mut all = usual();
+    let mut all = usual(true);
     let mut writer = BitWriter::default();
-    for set in 0..SETS {
-        for row in ROWS.windows(2) {
-            let tables = set * SET_TABLES + row[0]..set * SET_TABLES + row[1];
-            fit_row(counts, tables, bits, begin, &mut all, &mut writer);
-        }
+    for row in rows(true) {
+        fit_row(counts, row, bits, begin, &mut all, &mut writer);
     }
     Fitted { all, begin, bytes: writer.finish() }
 }
@@ -154,8 +150,8 @@ mod tests {
             let bits = StopBits::new();
             for begin in [Begin::Alike, Begin::Preset] {
                 let Fitted { all, bytes, .. } = fit_from(&counts, begin, &bits);
-                assert!(most > 0 || bytes.len() <= 5, "{} bytes for nothing", bytes.len());
-                assert_eq!(StoredStops { begin, bytes }.read(), Some(all));
+                assert!(most > 0 || bytes.len() <= 6, "{} bytes for nothing", bytes.len());
+                assert_eq!(StoredStops { begin, is_dependent: true, bytes }.read(), Some(all));
             }
         }
     }

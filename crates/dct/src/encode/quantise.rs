@@ -1,24 +1,27 @@
-//! Numbers of a block's coefficients with the least squared error + lambda x bits.
+//! Magnitudes of a block's coefficients with the least squared error + lambda x bits, by the Viterbi algorithm.
 //!
-//! Errors are in squared steps, in which all coefficients count alike. A coefficient is first rounded; then, from the last
-//! one to the first, its magnitude is lowered by one or to zero where that costs less, with the bits of its own symbol
-//! and of the five symbols whose contexts look at it; at last the end of the block is set where it costs least.
+//! Source: Schwarz and others, "Hybrid video coding with trellis-coded quantization", 2019. A path goes through the states of dependent
+//! quantisation in the order of coding, from the block's last coefficient to its first. Each path keeps its own magnitudes, so the
+//! bits of a symbol are those of its context. Errors are in squared steps, in which all coefficients count alike.
 //! *Not done*: bits of the blocks to the right and below, whose contexts change, too.
 
 use super::forward::Block;
-use super::symbols::{Levels, end_symbol, magnitude_bits};
-use crate::context::{FIRST_END, FIRST_LAST, LEVELS, Magnitudes, Neighbours, held};
+use super::symbols::{Levels, SymbolBits, end_symbol, escaped_bits, magnitude_bits, magnitude_symbol};
+use crate::context::{
+    FIRST_END, FIRST_LAST, NEXT_STATES, Neighbours, SET_TABLES, STATES, State, first_table, held,
+};
 use crate::form::Steps;
 use crate::plane::PREDICTED;
-use crate::scan::{COEFFICIENTS, PADDED, SCAN};
+use crate::scan::{COEFFICIENTS, PADDED_SIDE, SCAN};
 use crate::tables::SYMBOLS;
+use crate::vectors::vectorised;
 
 /// Largest magnitude: what escaped values can say, and what 16-bit samples reach at the finest step.
 const MAX_MAGNITUDE: f32 = 16_000_000.0;
-/// How far above its magnitude a value may lie for a lower magnitude to be tried.
-const TRIED: f32 = 0.35;
-/// Rounding where bits of symbols are not known yet.
-const PLAIN_ROUNDING: f32 = 0.38;
+/// Largest value that cannot be a block's last coefficient, in steps.
+const NEVER_LAST: f32 = 0.5;
+/// Magnitudes that are tried in a state.
+const TRIED: usize = 3;
 
 /// What quantises the blocks of an axis of a plane.
 pub(super) struct Quantising<'a> {
@@ -29,10 +32,9 @@ pub(super) struct Quantising<'a> {
     pub first: usize,
     /// Squared steps that a bit is worth.
     pub lambda: f32,
-    /// Times that coefficients are lowered.
-    pub rounds: usize,
-    /// Bits of symbols in the axis' set of tables; none for plain rounding.
-    pub symbol_bits: Option<&'a [[f32; SYMBOLS]]>,
+    pub symbol_bits: &'a SymbolBits,
+    /// Set of tables of the axis.
+    pub set: usize,
 }
 
 /// What is left of a block's coefficients beyond what is predicted of them.
@@ -44,181 +46,269 @@ pub(super) fn residuals_of(block: &Block, predicted: Option<[i32; 6]>) -> Block 
     residuals
 }
 
-/// A block on its way.
-struct Trial<'a> {
-    /// Absolute coefficients in steps, in coding order.
-    values: [f32; COEFFICIENTS],
-    /// Their numbers, in coding order.
-    levels: [u32; COEFFICIENTS],
-    /// The same, padded.
-    magnitudes: Magnitudes,
-    symbol_bits: &'a [[f32; SYMBOLS]],
-    neighbours: &'a Neighbours<'a>,
+/// Absolute coefficients in steps, in coding order.
+type Values = [f32; COEFFICIENTS];
+
+/// Places of a path's magnitudes: in coding order, and some beyond that read as zero.
+const HELD: usize = 128;
+/// Magnitudes behind a coefficient's own that contexts still look at: less than three diagonals.
+const LOOKED_AT: usize = 32;
+
+/// The least costs of the paths that end in each state, and their magnitudes as contexts see them.
+#[derive(Debug)]
+struct Paths {
+    costs: [f32; STATES],
+    magnitudes: [[u8; HELD]; STATES],
+}
+
+/// What quantising a block fills, kept from block to block.
+#[derive(Debug)]
+pub(super) struct Trellis {
+    paths: Paths,
+    /// Paths before the coefficient that is looked at.
+    before: Paths,
+    /// What is tried for it, in even states and in odd ones.
+    tries: [Tries; 2],
+    /// The ways into each state, for all coefficients of the block from its last one on.
+    ways: [[Way; STATES]; COEFFICIENTS],
+}
+
+impl Default for Trellis {
+    fn default() -> Self {
+        let paths = || Paths { costs: [f32::INFINITY; STATES], magnitudes: [[0; HELD]; STATES] };
+        Trellis {
+            before: paths(),
+            paths: paths(),
+            tries: Default::default(),
+            ways: [[Way::default(); STATES]; COEFFICIENTS],
+        }
+    }
+}
+
+impl Trellis {
+    /// Sets the magnitudes of all paths by their ways.
+    #[inline(always)]
+    fn keep(&mut self, number: usize) {
+        for (own, way) in self.paths.magnitudes.iter_mut().zip(&self.ways[number]) {
+            let before = self.before.magnitudes.get(way.from()).unwrap_or(&[0; HELD]);
+            own[number + 1..][..LOOKED_AT].copy_from_slice(&before[number + 1..][..LOOKED_AT]);
+            own[number] = held(way.magnitude());
+        }
+    }
+
+    /// The magnitudes of the best path down to the coefficient `first`; none where all paths cost more than `nothing`.
+    fn traced(&self, first: usize, nothing: f32) -> [u32; COEFFICIENTS] {
+        let (mut least, mut state) = (nothing, STATES);
+        for (number, &cost) in self.paths.costs.iter().enumerate() {
+            if cost < least {
+                (least, state) = (cost, number);
+            }
+        }
+        let mut magnitudes = [0; COEFFICIENTS];
+        for (magnitude, ways) in magnitudes.iter_mut().zip(&self.ways).skip(first) {
+            let Some(way) = ways.get(state) else { break };
+            *magnitude = way.magnitude();
+            state = way.from();
+        }
+        magnitudes
+    }
+}
+
+/// A path's way into a state: the state before, [`STATES`] where the path begins here, in the four highest bits; the magnitude below.
+#[derive(Debug, Clone, Copy, Default)]
+struct Way(u32);
+
+impl Way {
+    fn new(from: usize, magnitude: u32) -> Way {
+        Way((from as u32) << 28 | magnitude)
+    }
+
+    fn from(self) -> usize {
+        (self.0 >> 28) as usize
+    }
+
+    fn magnitude(self) -> u32 {
+        self.0 & 0x0fff_ffff
+    }
+}
+
+/// The one of lower cost, as a cost and a way; without a branch, as which one that is cannot be foretold.
+#[inline(always)]
+fn lesser(one: (f32, Way), other: (f32, Way)) -> (f32, Way) {
+    let is_less = other.0 < one.0;
+    (if is_less { other.0 } else { one.0 }, if is_less { other.1 } else { one.1 })
+}
+
+/// The states before each state, with an even and with an odd magnitude.
+static BEFORE: [[usize; 2]; STATES] = states_before();
+
+const fn states_before() -> [[usize; 2]; STATES] {
+    let mut all = [[0; 2]; STATES];
+    let mut state = 0;
+    while state < 2 * STATES {
+        let (from, parity) = (state / 2, state % 2);
+        all[(NEXT_STATES[parity] >> (4 * from) & 7) as usize][parity] = from;
+        state += 1;
+    }
+    all
+}
+
+/// For each coefficient in coding order, the five that its context looks at; the last place where there is none.
+static TEMPLATES: [[u8; 5]; COEFFICIENTS] = templates();
+
+const fn templates() -> [[u8; 5]; COEFFICIENTS] {
+    let mut all = [[HELD as u8 - 1; 5]; COEFFICIENTS];
+    let beyond = [1, 2, PADDED_SIDE, 2 * PADDED_SIDE, PADDED_SIDE + 1];
+    let (mut number, mut other) = (0, 0);
+    while number < COEFFICIENTS {
+        let mut tap = 0;
+        while tap < 5 {
+            if SCAN[other].padded as usize == SCAN[number].padded as usize + beyond[tap] {
+                all[number][tap] = other as u8;
+            }
+            tap += 1;
+        }
+        other += 1;
+        if other == COEFFICIENTS {
+            (number, other) = (number + 1, 0);
+        }
+    }
+    all
+}
+
+/// Magnitudes that are tried for a coefficient in even or in odd states.
+#[derive(Debug, Default)]
+struct Tries {
+    /// The two next to the value, and the one below them, which has the parity of the upper one.
+    magnitudes: [u32; TRIED],
+    symbols: [usize; TRIED],
+    /// Squared errors, and the bits beside those of the symbols.
+    costs: [f32; TRIED],
 }
 
 impl Quantising<'_> {
-    /// The numbers of a block's coefficients beyond what is predicted of them.
+    /// The levels of a block's coefficients beyond what is predicted of them.
     pub(super) fn block(
         &self,
         block: &Block,
         predicted: Option<[i32; 6]>,
         neighbours: &Neighbours<'_>,
+        trellis: &mut Trellis,
     ) -> Levels {
         let residuals = residuals_of(block, predicted);
-        let rounding = if self.symbol_bits.is_some() { 0.5 } else { PLAIN_ROUNDING };
         let mut values = [0.0; COEFFICIENTS];
+        for (value, place) in values.iter_mut().zip(SCAN).skip(self.first) {
+            let at = usize::from(place.raster);
+            *value = (residuals[at].abs() / self.steps.size(at)).min(MAX_MAGNITUDE);
+        }
         let mut levels = [0; COEFFICIENTS];
-        for number in self.first..COEFFICIENTS {
-            let raster = usize::from(SCAN[number].raster);
-            values[number] = (residuals[raster].abs() / self.steps.size(raster)).min(MAX_MAGNITUDE);
-            levels[number] = (values[number] + rounding) as u32;
+        let Some(last) = (self.first..COEFFICIENTS).rev().find(|&number| values[number] > NEVER_LAST) else {
+            return levels;
+        };
+        let magnitudes = vectorised(
+            #[inline(always)]
+            || self.magnitudes(&values, last, neighbours, trellis),
+        );
+        for (place, magnitude) in SCAN.iter().zip(magnitudes) {
+            let at = usize::from(place.raster);
+            levels[at] = if residuals[at] < 0.0 { -(magnitude as i32) } else { magnitude as i32 };
         }
-        if let Some(symbol_bits) = self.symbol_bits {
-            let padded = padded(&levels);
-            let mut trial = Trial { values, levels, magnitudes: padded, symbol_bits, neighbours };
-            (0..self.rounds).for_each(|_| self.lower(&mut trial));
-            self.cut(&mut trial);
-            levels = trial.levels;
-        }
-        let mut signed = [0; COEFFICIENTS];
-        for (place, level) in SCAN.iter().zip(levels) {
-            let raster = usize::from(place.raster);
-            signed[raster] = if residuals[raster] < 0.0 { -(level as i32) } else { level as i32 };
-        }
-        signed
+        levels
     }
 
-    /// Squared error of a value that is coded as `level`.
+    /// The magnitudes of the path of least cost, in coding order; none beyond the coefficient `last`.
     #[inline(always)]
-    fn error(&self, value: f32, level: u32) -> f32 {
-        let rebuilt = if level == 0 { 0.0 } else { level as f32 - self.offsets[usize::from(level > 1)] };
+    fn magnitudes(
+        &self,
+        values: &Values,
+        last: usize,
+        neighbours: &Neighbours<'_>,
+        trellis: &mut Trellis,
+    ) -> [u32; COEFFICIENTS] {
+        let ends = self.symbol_bits.of(self.set * SET_TABLES + FIRST_END + neighbours.end);
+        trellis.paths.costs = [f32::INFINITY; STATES];
+        // Error of the coefficients beyond, where they are zero.
+        let mut beyond: f32 = values[last + 1..].iter().map(|value| value * value).sum();
+        for number in (self.first..=last).rev() {
+            let value = values[number];
+            std::mem::swap(&mut trellis.before, &mut trellis.paths);
+            self.go_on(value, number, neighbours, trellis);
+            if value > NEVER_LAST {
+                let ended = beyond + self.lambda * ends[end_symbol(number + 1 - self.first)];
+                self.begin(ended, value, number, trellis);
+            }
+            beyond += value * value;
+            trellis.keep(number);
+        }
+        trellis.traced(self.first, beyond + self.lambda * ends[0])
+    }
+
+    /// Sets the best way on into each state.
+    #[inline(always)]
+    fn go_on(&self, value: f32, number: usize, neighbours: &Neighbours<'_>, trellis: &mut Trellis) {
+        let Trellis { paths, before, tries, ways } = trellis;
+        for (tries, half) in tries.iter_mut().zip([0.0, 0.5]) {
+            self.set_tries(tries, value, half);
+        }
+        let beside = neighbours.beside(SCAN[number].padded.into());
+        let template = TEMPLATES[number].map(|at| usize::from(at) % HELD);
+        let zone = usize::from(SCAN[number].zone);
+        let tables = [State::new(0), State::new(1)].map(|state| first_table(self.set, zone, state));
+        // The best ways on with an even and with an odd magnitude.
+        let mut on = [[(f32::INFINITY, Way(0)); STATES]; 2];
+        for from in 0..STATES {
+            let own = &before.magnitudes[from];
+            let sum = template.iter().map(|&at| u32::from(own[at])).sum();
+            let bits = self.symbol_bits.of(tables[from % 2] + neighbours.class(sum, beside));
+            let tries = &tries[from % 2];
+            let way = |at: usize| {
+                let added = tries.costs[at] + self.lambda * bits[tries.symbols[at] % SYMBOLS];
+                (before.costs[from] + added, Way::new(from, tries.magnitudes[at]))
+            };
+            let parity = tries.magnitudes[0] as usize % 2;
+            on[parity][from] = way(0);
+            on[1 - parity][from] = lesser(way(1), way(2));
+        }
+        for (state, [even, odd]) in BEFORE.iter().enumerate() {
+            (paths.costs[state], ways[number][state]) = lesser(on[0][*even], on[1][*odd]);
+        }
+    }
+
+    /// Takes ways that begin with a coefficient where they cost less; all coefficients beyond have the cost `ended`.
+    #[inline(always)]
+    fn begin(&self, ended: f32, value: f32, number: usize, Trellis { paths, ways, .. }: &mut Trellis) {
+        let zone = usize::from(SCAN[number].zone);
+        let bits = self.symbol_bits.of(self.set * SET_TABLES + FIRST_LAST + zone);
+        let floor = value as u32;
+        for magnitude in floor.saturating_sub(1).max(1)..=floor + 1 {
+            let error = self.error(value, magnitude, 0.0);
+            let cost = ended + error + self.lambda * magnitude_bits(bits, magnitude - 1);
+            let state = State::default().after(magnitude).number();
+            let (costs, ways) = (&mut paths.costs[state], &mut ways[number][state]);
+            (*costs, *ways) = lesser((*costs, *ways), (cost, Way::new(STATES, magnitude)));
+        }
+    }
+
+    /// Sets the magnitudes near a value, where they stand for that much less.
+    #[inline(always)]
+    fn set_tries(&self, tries: &mut Tries, value: f32, half: f32) {
+        let floor = (value + half) as u32;
+        // Not made as an array at once: loading it whole would wait for its parts to be stored.
+        for (at, magnitude) in [floor, floor + 1, floor.saturating_sub(1)].into_iter().enumerate() {
+            tries.magnitudes[at] = magnitude;
+            tries.symbols[at] = magnitude_symbol(magnitude);
+            tries.costs[at] = self.error(value, magnitude, half) + self.lambda * escaped_bits(magnitude);
+        }
+        if floor == 0 {
+            tries.costs[2] = f32::INFINITY;
+        }
+    }
+
+    /// Squared error of a value that is coded as `magnitude`, which stands for `half` less.
+    #[inline(always)]
+    fn error(&self, value: f32, magnitude: u32, half: f32) -> f32 {
+        let offset = half + self.offsets[usize::from(magnitude > 1)];
+        let rebuilt = if magnitude == 0 { 0.0 } else { magnitude as f32 - offset };
         (value - rebuilt) * (value - rebuilt)
     }
-
-    /// Lowers magnitudes where that costs less.
-    fn lower(&self, trial: &mut Trial<'_>) {
-        let Some(last) = (self.first..COEFFICIENTS).rev().find(|&number| trial.levels[number] > 0) else {
-            return;
-        };
-        for number in (self.first..=last).rev() {
-            let level = trial.levels[number];
-            let value = trial.values[number];
-            if level == 0 || value > level as f32 + TRIED {
-                continue;
-            }
-            let cost = |trial: &mut Trial<'_>, level: u32| {
-                self.error(value, level) + self.lambda * trial.bits_with(self.first, number, level, last)
-            };
-            let (now, below) = (cost(trial, level), level - 1);
-            // The last coefficient's magnitude is above zero; the cut decides on it.
-            let mut best = (now, level);
-            if below > 0 || number != last {
-                best = lesser(best, (cost(trial, below), below));
-            }
-            if below == 1 && number != last {
-                best = lesser(best, (cost(trial, 0), 0));
-            }
-            trial.set(number, best.1);
-        }
-    }
-
-    /// Ends the block where that costs least.
-    fn cut(&self, trial: &mut Trial<'_>) {
-        let count = (self.first..COEFFICIENTS).rev().find(|&number| trial.levels[number] > 0);
-        let Some(last) = count else { return };
-        let mut best = (f32::INFINITY, last + 1);
-        // Error of what lies beyond the end.
-        let mut beyond = 0.0;
-        let mut kept = trial.levels;
-        let mut end = last + 1;
-        loop {
-            let cost = beyond + self.lambda * trial.bits(self.first, end) + self.inside(trial, end);
-            best = lesser(best, (cost, end));
-            if end == self.first || beyond > best.0 {
-                break;
-            }
-            // Without the last one, up to the next that is not zero.
-            end -= 1;
-            beyond += trial.values[end] * trial.values[end];
-            trial.set(end, 0);
-            while end > self.first && trial.levels[end - 1] == 0 {
-                end -= 1;
-                beyond += trial.values[end] * trial.values[end];
-            }
-        }
-        kept[best.1..].fill(0);
-        trial.levels = kept;
-    }
-
-    /// Squared error of the coefficients before `end`.
-    fn inside(&self, trial: &Trial<'_>, end: usize) -> f32 {
-        (self.first..end).map(|number| self.error(trial.values[number], trial.levels[number])).sum()
-    }
-}
-
-impl Trial<'_> {
-    fn set(&mut self, number: usize, level: u32) {
-        self.levels[number] = level;
-        self.magnitudes[usize::from(SCAN[number].padded)] = held(level);
-    }
-
-    /// Bits of the symbol of a coefficient.
-    #[inline(always)]
-    fn bits_of(&self, number: usize, last: usize) -> f32 {
-        let place = SCAN[number];
-        let zone = usize::from(place.zone);
-        if number == last {
-            return magnitude_bits(&self.symbol_bits[FIRST_LAST + zone], self.levels[number] - 1);
-        }
-        let class = self.neighbours.level(&self.magnitudes, usize::from(place.padded));
-        magnitude_bits(&self.symbol_bits[zone * LEVELS + class], self.levels[number])
-    }
-
-    /// Bits of a coefficient of that level and of those whose contexts look at it.
-    fn bits_with(&mut self, first: usize, number: usize, level: u32, last: usize) -> f32 {
-        self.set(number, level);
-        let (column, row) = (SCAN[number].raster as usize / 8, SCAN[number].raster as usize % 8);
-        let mut bits = self.bits_of(number, last);
-        for (left, up) in [(1, 0), (0, 1), (1, 1), (2, 0), (0, 2)] {
-            if column >= left && row >= up {
-                let dependent = usize::from(NUMBERS[(column - left) * 8 + row - up]);
-                if dependent >= first {
-                    bits += self.bits_of(dependent, last);
-                }
-            }
-        }
-        bits
-    }
-
-    /// Bits of the block that ends there.
-    fn bits(&self, first: usize, end: usize) -> f32 {
-        let count = end - first;
-        let ends = self.symbol_bits[FIRST_END + self.neighbours.end][end_symbol(count)];
-        (first..end).map(|number| self.bits_of(number, end - 1)).sum::<f32>() + ends
-    }
-}
-
-fn lesser<T>(one: (f32, T), other: (f32, T)) -> (f32, T) {
-    if other.0 < one.0 { other } else { one }
-}
-
-fn padded(levels: &[u32; COEFFICIENTS]) -> Magnitudes {
-    let mut magnitudes = [0; PADDED];
-    for (place, &level) in SCAN.iter().zip(levels) {
-        magnitudes[usize::from(place.padded)] = held(level);
-    }
-    magnitudes
-}
-
-/// Number in coding order of each coefficient, column by column.
-static NUMBERS: [u8; COEFFICIENTS] = numbers();
-
-const fn numbers() -> [u8; COEFFICIENTS] {
-    let mut numbers = [0; COEFFICIENTS];
-    let mut number = 0;
-    while number < COEFFICIENTS {
-        numbers[SCAN[number].raster as usize] = number as u8;
-        number += 1;
-    }
-    numbers
 }

@@ -1,8 +1,8 @@
 //! The symbols of quantised blocks: one walk for counting, for bits and for the stream.
 
 use crate::context::{
-    Around, END_BITS, END_START, ESCAPE, FIRST_END, FIRST_LAST, LEVELS, MAGNITUDE_BITS, MAGNITUDE_START,
-    Magnitudes, Neighbours, SET_TABLES, SIGNS, TABLES, held, set_of,
+    Around, END_BITS, END_START, ESCAPE, FIRST_END, FIRST_LAST, FIRST_ODD, MAGNITUDE_BITS, MAGNITUDE_START,
+    Magnitudes, Neighbours, SET_TABLES, SIGNS, State, TABLES, first_table, held, set_of,
 };
 use crate::rans_encode::Op;
 use crate::scan::{COEFFICIENTS, PADDED, SCAN};
@@ -22,7 +22,7 @@ impl SymbolBits {
     /// Bits under such tables.
     pub(super) fn new(tables: &[Table]) -> SymbolBits {
         let bits = |table: &Table, number: usize| {
-            let within = number % SET_TABLES;
+            let within = if number < FIRST_ODD { number % SET_TABLES } else { 0 };
             std::array::from_fn(|symbol| {
                 let frequency = (table.ranges[symbol] & 0xffff) as f32;
                 let plain = if within >= FIRST_END {
@@ -38,18 +38,23 @@ impl SymbolBits {
         SymbolBits(tables.iter().enumerate().map(|(number, table)| bits(table, number)).collect())
     }
 
-    /// Those of a set's tables.
-    pub(super) fn of_set(&self, set: usize) -> &[[f32; SYMBOLS]] {
-        &self.0[set * SET_TABLES..(set + 1) * SET_TABLES]
+    /// Those of the table of that number.
+    #[inline(always)]
+    pub(super) fn of(&self, table: usize) -> &[f32; SYMBOLS] {
+        &self.0[table]
     }
 }
 
 /// Bits of a magnitude in a table.
 #[inline(always)]
 pub(super) fn magnitude_bits(symbol_bits: &[f32; SYMBOLS], magnitude: u32) -> f32 {
-    let symbol = magnitude_symbol(magnitude);
-    let escaped = if symbol == ESCAPE { 5.0 + escape_length(magnitude) as f32 } else { 0.0 };
-    symbol_bits[symbol] + escaped
+    symbol_bits[magnitude_symbol(magnitude)] + escaped_bits(magnitude)
+}
+
+/// Bits of a magnitude beside those of its symbol.
+#[inline(always)]
+pub(super) fn escaped_bits(magnitude: u32) -> f32 {
+    if magnitude < MAGNITUDE_START[ESCAPE] { 0.0 } else { 5.0 + escape_length(magnitude) as f32 }
 }
 
 /// Symbol of a magnitude.
@@ -88,6 +93,14 @@ pub(super) struct Counter(pub Counts);
 impl Default for Counter {
     fn default() -> Self {
         Counter(vec![[0; SYMBOLS]; TABLES])
+    }
+}
+
+impl Counter {
+    /// Adds the counts of another one, `times` over.
+    pub(super) fn add(&mut self, other: &Counter, times: u32) {
+        let all = self.0.iter_mut().flatten().zip(other.0.iter().flatten());
+        all.for_each(|(sum, count)| *sum += count * times);
     }
 }
 
@@ -196,7 +209,7 @@ impl Superblock {
             if axis == 0 {
                 sink.next_block();
             }
-            let set = set_of(is_base, ranks[axis] == 0) * SET_TABLES;
+            let set = set_of(is_base, ranks[axis] == 0);
             let neighbours = around.of(block, axis, ranks[axis] > 1);
             let (magnitudes, end) = walk_block(&levels, first, set, &neighbours, sink);
             around.keep(block, axis, &magnitudes, end);
@@ -208,6 +221,18 @@ impl Superblock {
 pub(super) fn coded(levels: &Levels, first: usize) -> usize {
     let last = (first..COEFFICIENTS).rev().find(|&number| levels[usize::from(SCAN[number].raster)] != 0);
     last.map_or(0, |last| last + 1 - first)
+}
+
+/// The state of each coefficient, column by column.
+pub(super) fn states_of(levels: &Levels) -> [State; COEFFICIENTS] {
+    let mut states = [State::default(); COEFFICIENTS];
+    let mut state = State::default();
+    for place in SCAN.iter().rev() {
+        let at = usize::from(place.raster);
+        states[at] = state;
+        state = state.after(levels[at].unsigned_abs());
+    }
+    states
 }
 
 /// Magnitudes of levels, padded.
@@ -228,19 +253,26 @@ fn walk_block(
 ) -> (Magnitudes, usize) {
     let count = coded(levels, first);
     let end = end_symbol(count);
-    sink.symbol(set + FIRST_END + neighbours.end, end);
+    let tables = set * SET_TABLES;
+    sink.symbol(tables + FIRST_END + neighbours.end, end);
     sink.bits((count - usize::from(END_START[end])) as u32, u32::from(END_BITS[end]));
     // Contexts look only at what is decoded before, so all magnitudes may be there.
     let magnitudes = magnitudes_of(levels);
+    let mut state = State::default();
     for number in (first..first + count).rev() {
         let place = SCAN[number];
         let (at, zone) = (usize::from(place.padded), usize::from(place.zone));
         let level = levels[usize::from(place.raster)];
         let last = number == first + count - 1;
-        let table = if last { FIRST_LAST + zone } else { zone * LEVELS + neighbours.level(&magnitudes, at) };
+        let table = if last {
+            tables + FIRST_LAST + zone
+        } else {
+            first_table(set, zone, state) + neighbours.level(&magnitudes, at)
+        };
+        state = state.after(level.unsigned_abs());
         let magnitude = level.unsigned_abs() - u32::from(last);
         let symbol = magnitude_symbol(magnitude);
-        sink.symbol(set + table, symbol);
+        sink.symbol(table, symbol);
         walk_rest(magnitude, symbol, sink);
     }
     let coded = (first..first + count).rev().map(|number| levels[usize::from(SCAN[number].raster)]);

@@ -1,11 +1,11 @@
-//! How `preset.txt` was made and measured: stopping probabilities of parts of images, at several sizes and bits a texel.
+//! How `preset_dependent.txt` was made and measured: stopping probabilities of parts of images, at several sizes and bits a texel.
 //!
 //! Made anew it differs a little, as the encoder whose symbols are counted begins from it.
 
 use super::fit::{StopBits, fit_from};
 use super::symbols::Counts;
 use super::{DctEncoder, DctSettings, DctSource};
-use crate::context::{SET_TABLES, SETS};
+use crate::context::TABLES;
 use crate::tables::{Begin, PRESET_ZERO, SYMBOLS};
 use texfold_core::{CancelCheck, Effort, Goal, ImageSize};
 
@@ -54,11 +54,11 @@ fn files(odd: bool) -> Vec<std::path::PathBuf> {
     all
 }
 
-/// Writes `preset.txt`: `TEXFOLD_IMAGES=folder:folder cargo test --release -p texfold-dct --lib training -- --ignored`.
+/// Writes `preset_dependent.txt`: `TEXFOLD_IMAGES=folder:folder cargo test --release -p texfold-dct --lib training -- --ignored`.
 #[test]
 #[ignore = "needs photographs"]
 fn preset_of_images() {
-    let mut sums = vec![[0f64; SYMBOLS]; SETS * SET_TABLES];
+    let mut sums = vec![[0f64; SYMBOLS]; TABLES];
     for path in files(false) {
         each(&path, |_, _, counts| {
             let all: u32 = counts.iter().flatten().sum();
@@ -76,7 +76,7 @@ fn preset_of_images() {
         .iter()
         .flat_map(|stops| stops.values().iter().map(|&v| char::from(PRESET_ZERO + v)))
         .collect();
-    std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/src/preset.txt"), letters).unwrap();
+    std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/src/preset_dependent.txt"), letters).unwrap();
 }
 
 /// Prints bits of tables and symbols of files that the preset was not made of, from the preset as a share of those from tables that are alike.

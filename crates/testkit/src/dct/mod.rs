@@ -31,6 +31,14 @@ pub const TEXFOLD_BLOCK_TABLE_WORDS: u32 = 8;
 pub const TEXFOLD_BLOCK_SET_TABLES: u32 = 111;
 /// Tables of a subband.
 pub const TEXFOLD_BLOCK_ZONE_TABLES: u32 = 16;
+/// First table of the odd quantiser.
+pub const TEXFOLD_BLOCK_FIRST_ODD: u32 = 444;
+/// Tables of the odd quantiser in a set, those of two subbands each.
+pub const TEXFOLD_BLOCK_ODD_TABLES: u32 = 48;
+/// The state of dependent quantisation behind each one, behind an even magnitude; four bits a state.
+pub const TEXFOLD_BLOCK_NEXT_EVEN: u32 = 0x7342_6150;
+/// The same behind an odd magnitude.
+pub const TEXFOLD_BLOCK_NEXT_ODD: u32 = 0x5160_4372;
 /// First table of the last coefficient's magnitude in a set.
 pub const TEXFOLD_BLOCK_FIRST_LAST: u32 = 96;
 /// First table of numbers of coefficients in a set.
@@ -112,6 +120,7 @@ pub struct TexfoldBlockAround {
     gain: u32,
     /// First table of its set.
     tables: u32,
+    odd_tables: u32,
     /// Table of its number of coefficients.
     end_table: u32,
 }
@@ -127,6 +136,8 @@ pub struct TexfoldBlockProgress {
     left: u32,
     /// 1 where the next one is the first to be read, which is not 0.
     is_last: u32,
+    /// State of dependent quantisation.
+    state: u32,
     /// The coefficients of the item that are not zero, by their numbers in coding order.
     nonzero: UVec2,
 }
@@ -269,7 +280,8 @@ pub fn texfold_block_around(
     let ends = view.scratch(select(above_end, left_end, has_left)) as u32
         + view.scratch(select(left_end, above_end, has_above)) as u32;
     let apart = !has_left && !has_above;
-    let tables = (2 * view.pass.is_base + u32::from(rank > 0)) * TEXFOLD_BLOCK_SET_TABLES;
+    let set = 2 * view.pass.is_base + u32::from(rank > 0);
+    let tables = set * TEXFOLD_BLOCK_SET_TABLES;
     let cross = select(0, own.wrapping_sub(columns * rows * TEXFOLD_BLOCK_WORDS), rank > 1);
     TexfoldBlockAround {
         own,
@@ -279,6 +291,7 @@ pub fn texfold_block_around(
         notes,
         gain: select(4, 5, apart),
         tables,
+        odd_tables: TEXFOLD_BLOCK_FIRST_ODD + set * TEXFOLD_BLOCK_ODD_TABLES,
         end_table: tables + TEXFOLD_BLOCK_FIRST_END + select(texfold_block_end_class(ends), 8, apart),
     }
 }
@@ -288,9 +301,16 @@ pub fn texfold_block_end_class(sum: u32) -> u32 {
     select(((sum + 5) / 4).min(7), 0, sum == 0)
 }
 
-/// A coefficient's magnitude as far as contexts tell it apart.
+/// A coefficient's magnitude as far as contexts tell it apart; halves of steps are held, twice the magnitude or one less.
 pub fn texfold_block_magnitude(view: &DctView<'_>, at: u32) -> u32 {
-    (view.scratch(at) as u32).min(TEXFOLD_BLOCK_LARGEST)
+    ((view.scratch(at) as u32 + 1) >> 1).min(TEXFOLD_BLOCK_LARGEST)
+}
+
+/// The state of dependent quantisation behind a magnitude.
+pub fn texfold_block_next(view: &DctView<'_>, state: u32, magnitude: u32) -> u32 {
+    let is_dependent = view.pass.offsets >> 16;
+    let states = select(TEXFOLD_BLOCK_NEXT_EVEN, TEXFOLD_BLOCK_NEXT_ODD, magnitude & is_dependent == 1);
+    states >> (4 * state) & 7
 }
 
 /// Class of the expected magnitude at place `at` of a block, whose coefficients later in the scan are all known.
@@ -356,7 +376,9 @@ pub fn texfold_block_round(
         table = progress.around.end_table;
     } else if progress.is_last == 0 {
         let level = texfold_block_level(view, &progress.around, at);
-        table = progress.around.tables + zone * TEXFOLD_BLOCK_ZONE_TABLES + level;
+        let even = progress.around.tables + zone * TEXFOLD_BLOCK_ZONE_TABLES;
+        let odd = progress.around.odd_tables + zone / 2 * TEXFOLD_BLOCK_ZONE_TABLES;
+        table = select(even, odd, progress.state & 1 == 1) + level;
     }
     let symbol = texfold_block_symbol(view, stream, table);
     if begins {
@@ -364,6 +386,7 @@ pub fn texfold_block_round(
         let more = texfold_block_bits(view, stream, word >> 8 & 255);
         progress.left = ((word & 255) + more).min(TEXFOLD_BLOCK_WORDS - first);
         progress.is_last = 1;
+        progress.state = 0;
         progress.nonzero = UVec2::ZERO;
         view.scratch[progress.around.notes as usize] = symbol as i32;
     } else {
@@ -373,10 +396,12 @@ pub fn texfold_block_round(
         }
         magnitude += progress.is_last;
         if magnitude > 0 {
-            view.scratch[(progress.around.own + at) as usize] = magnitude as i32;
+            let halves = 2 * magnitude - (progress.state & 1);
+            view.scratch[(progress.around.own + at) as usize] = halves as i32;
             let bit = 1 << (number % 32);
             progress.nonzero |= select(UVec2::new(bit, 0), UVec2::new(0, bit), number >= 32);
         }
+        progress.state = texfold_block_next(view, progress.state, magnitude);
         progress.left -= 1;
         progress.is_last = 0;
         if progress.left == 0 {

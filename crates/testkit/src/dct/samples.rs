@@ -61,11 +61,11 @@ pub fn texfold_block_negative(view: &DctView<'_>, signs: &TexfoldBlockSigns, at:
     select(signs.signs.x, signs.signs.y, place >= 32) >> (place % 32) & 1 == 1
 }
 
-/// What the magnitude in scratch memory at `own` + `at` stands for, `at` its place in the block.
+/// What the halves of steps in scratch memory at `own` + `at` stands for, `at` its place in the block.
 pub fn texfold_block_rebuilt(view: &DctView<'_>, signs: &TexfoldBlockSigns, own: u32, at: u32) -> i32 {
-    let magnitude = view.scratch(own + at) as u32;
-    let offset = view.pass.offsets >> (8 * u32::from(magnitude > 1)) & 255;
-    let finer = (magnitude << 5).wrapping_sub(offset * u32::from(magnitude > 0));
+    let halves = view.scratch(own + at) as u32;
+    let offset = view.pass.offsets >> (8 * u32::from(halves > 2)) & 255;
+    let finer = (halves << 4).wrapping_sub(offset * u32::from(halves > 0));
     let value = (finer.wrapping_mul(view.word(view.pass.steps + at)) >> 9) as i32;
     select(value, value.wrapping_neg(), texfold_block_negative(view, signs, at))
 }

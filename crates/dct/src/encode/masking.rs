@@ -2,8 +2,8 @@
 //!
 //! A block's errors count by its activity to the power of minus [`MASKING`], against the geometric mean of all blocks of the image.
 //! The decoder knows nothing of it: all blocks have one quantiser, and a bit is worth more squared error where activity is high.
-//! Source of the power law: Watson, "DCT quantization matrices visually optimized for individual images", 1993. *Not done*: at
-//! effort `fast`, which rounds all blocks alike. *Not taken*: a step for each superblock of 32x32 texels, by its activity to a power. With a
+//! Source of the power law: Watson, "DCT quantization matrices visually optimized for individual images", 1993.
+//! *Not taken*: a step for each superblock of 32x32 texels, by its activity to a power. With a
 //! power of 0.3, SSIMULACRA2 gains no more than by a slope that loses as many dB. In twelve atlases of dark tiles beside loud ones, the
 //! 64x64 texels that are farthest below ASTC are so by 3.5 dB in the mean at 0.9 and at 2 bits, and by 1.9 and 2.6 with that power; a
 //! power of 1 for loud superblocks leaves 0.5 and 1.0, and costs photographs 0.5 to 1.2 points and 1.2 to 1.6 dB.

@@ -98,6 +98,7 @@ const ALLOWED: [Allowed; 22] = [
             "clap",
             "dds",
             "exr",
+            "butteraugli",
             "fast-ssim2",
             "flate2",
             "glob",

@@ -41,7 +41,7 @@ pub use info::InfoArgs;
 pub use input::capture::{read_capture, read_views};
 #[doc(hidden)]
 pub use input::foreign::{FOREIGN, read_foreign};
-pub use perceptual::ssimulacra2;
+pub use perceptual::{butteraugli, ssimulacra2};
 pub use render::RenderArgs;
 pub use run::{Command, main, run};
 pub use settings::Kind;

@@ -1,8 +1,11 @@
-//! SSIMULACRA2: how alike two images are to the eye.
+//! SSIMULACRA2 and butteraugli: how alike two images are to the eye.
 //!
-//! Source: Sneyers, "SSIMULACRA 2 - Structural SIMilarity Unveiling Local And Compression Related Artifacts", 2022; computed by the
-//! crate `fast-ssim2`. 100 is identical, 90 not to be told apart at a usual distance, 70 high, 50 medium and 30 low quality.
+//! Sources: Sneyers, "SSIMULACRA 2 - Structural SIMilarity Unveiling Local And Compression Related Artifacts", 2022, computed by the
+//! crate `fast-ssim2`: 100 is identical, 90 not to be told apart at a usual distance, 70 high, 50 medium and 30 low quality.
+//! Alakuijala and others, "Guetzli: perceptually guided JPEG encoder", 2017, as libjxl has it, computed by the crate `butteraugli`: 0 is
+//! identical, 1 is about what can just be seen side by side.
 
+use butteraugli::{ButteraugliParams, ImgRef, RGB8};
 use fast_ssim2::{PixelDescriptor, PixelSlice, compute_ssimulacra2};
 use rayon::prelude::*;
 use texfold_core::image::{ColorSpace, Raster, to_u8};
@@ -21,6 +24,35 @@ const LEAST_SIDE: u32 = 8;
 /// colours, have a side below 8 texels, or differ in size.
 #[must_use]
 pub fn ssimulacra2(image: &Raster, decoded: &Raster) -> Option<f64> {
+    by_tiles(image, decoded, |[image, decoded], ImageSize { width, height }| {
+        let row = 3 * width as usize;
+        let slice = |bytes| PixelSlice::new(bytes, width, height, row, PixelDescriptor::RGB8_SRGB).ok();
+        compute_ssimulacra2(&slice(image)?, &slice(decoded)?).ok()
+    })
+}
+
+/// The 3-norm of butteraugli's differences (libjxl's, the mean of the norms of 3, 6 and 12) at 80 nits, of images as for
+/// [`ssimulacra2`]; the cubes of tiles are averaged.
+#[must_use]
+pub fn butteraugli(image: &Raster, decoded: &Raster) -> Option<f64> {
+    let cubes = by_tiles(image, decoded, |tiles, ImageSize { width, height }| {
+        let [image, decoded] = tiles.map(|bytes| -> Vec<RGB8> {
+            bytes.chunks_exact(3).map(|texel| RGB8::new(texel[0], texel[1], texel[2])).collect()
+        });
+        let [image, decoded] =
+            [&image, &decoded].map(|texels| ImgRef::new(texels, width as usize, height as usize));
+        let found = butteraugli::butteraugli(image, decoded, &ButteraugliParams::default()).ok()?;
+        Some(found.pnorm_3.powi(3))
+    });
+    cubes.map(f64::cbrt)
+}
+
+/// Mean of what `of` finds of each tile of both images, their bytes.
+fn by_tiles(
+    image: &Raster,
+    decoded: &Raster,
+    of: impl Fn([&[u8]; 2], ImageSize) -> Option<f64> + Sync,
+) -> Option<f64> {
     let size = image.size();
     let small = size.width.min(size.height) < LEAST_SIDE;
     if image.info().color != ColorSpace::Srgb || small || decoded.size() != size {
@@ -32,10 +64,7 @@ pub fn ssimulacra2(image: &Raster, decoded: &Raster) -> Option<f64> {
         let (corner, size) = ((x, y), ImageSize { width, height });
         let [image, decoded] =
             [image, decoded].map(|raster| bytes(raster, corner, size, image.peak().recip()));
-        let row = 3 * width as usize;
-        let slice = |bytes| PixelSlice::new(bytes, width, height, row, PixelDescriptor::RGB8_SRGB).ok();
-        let found = compute_ssimulacra2(&slice(&image)?, &slice(&decoded)?).ok()?;
-        Some(found * size.texels() as f64)
+        Some(of([&image, &decoded], size)? * size.texels() as f64)
     };
     let at_once = (size.texels() * BYTES_PER_TEXEL / TILE_BYTES).max(1) as usize;
     let sums = tiles
@@ -74,8 +103,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn equal_images_have_100_and_blurred_ones_less() {
+    fn equal_images_are_the_best_and_blurred_ones_worse() {
         let image = texfold_testkit::image("facade");
+        assert_eq!(butteraugli(&image, &image), Some(0.0));
         assert!(ssimulacra2(&image, &image).is_some_and(|found| (found - 100.0).abs() < 1e-6));
         let size = image.size();
         let blurred: Vec<Texel> = (0..size.width * size.height)
@@ -83,8 +113,9 @@ mod tests {
             .collect();
         let blurred = Raster::from_texels(size.width, size.height, image.info(), &blurred).unwrap();
         assert!(ssimulacra2(&image, &blurred).is_some_and(|found| found < 40.0));
+        assert!(butteraugli(&image, &blurred).is_some_and(|found| found > 3.0));
         let [small, other] = ["odd_37x61", "facade"].map(texfold_testkit::image);
-        assert_eq!(ssimulacra2(&small, &other), None);
+        assert_eq!((ssimulacra2(&small, &other), butteraugli(&small, &other)), (None, None));
         let normals = image.clone().tagged(ColorSpace::Linear, image.info().alpha);
         assert_eq!(ssimulacra2(&normals, &normals), None);
     }

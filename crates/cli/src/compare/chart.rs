@@ -21,38 +21,63 @@ pub(crate) struct Axis {
     pub(crate) smaller_is_better: bool,
 }
 
+/// A figure on the vertical axis, better where it is larger.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Quality {
+    pub(crate) name: &'static str,
+    pub(crate) label: &'static str,
+    pub(crate) value: fn(&Row) -> Option<f64>,
+}
+
+const PSNR: Quality = Quality {
+    name: "PSNR",
+    label: "PSNR in dB, mean over inputs",
+    value: |row| Some(row.psnr.min(CEILING_DB)),
+};
+const PERCEIVED: Quality =
+    Quality { name: "SSIMULACRA2", label: "SSIMULACRA2, mean over inputs", value: |row| row.ssimulacra2 };
+
 /// The charts of a report.
-pub(crate) const AXES: [Axis; 5] = [
+pub(crate) const CHARTS: [(Axis, Quality); 6] = [
+    (AXES[0], PSNR),
+    (AXES[0], PERCEIVED),
+    (AXES[1], PSNR),
+    (AXES[2], PSNR),
+    (AXES[3], PSNR),
+    (AXES[4], PSNR),
+];
+
+const AXES: [Axis; 5] = [
     Axis {
-        title: "Compressed size and quality",
+        title: "Compressed size",
         label: "bits per texel, compressed",
         value: |row| Some(row.bpp_memory),
         unit: 1.0,
         smaller_is_better: true,
     },
     Axis {
-        title: "GPU memory decoded whole and quality",
+        title: "GPU memory decoded whole",
         label: "bits of GPU memory per texel, decoded whole",
         value: |row| Some(row.bpp_resident),
         unit: 1.0,
         smaller_is_better: true,
     },
     Axis {
-        title: "Speed of encoding and quality",
+        title: "Speed of encoding",
         label: "texels encoded per second",
         value: |row| Some(row.encode_texels_per_second()),
         unit: 1e6,
         smaller_is_better: false,
     },
     Axis {
-        title: "Speed of decoding on one CPU thread and quality",
+        title: "Speed of decoding on one CPU thread",
         label: "texels decoded per second, CPU",
         value: |row| row.decode_cpu_texels_per_second,
         unit: 1e6,
         smaller_is_better: false,
     },
     Axis {
-        title: "Speed of decoding on the GPU and quality",
+        title: "Speed of decoding on the GPU",
         label: "texels decoded per second, GPU",
         value: |row| row.decode_gpu_texels_per_second,
         unit: 1e6,
@@ -61,10 +86,10 @@ pub(crate) const AXES: [Axis; 5] = [
 ];
 
 /// The chart; `None` where no row has the figure.
-pub(crate) fn svg(means: &[Row], axis: Axis) -> Option<String> {
+pub(crate) fn svg(means: &[Row], axis: Axis, quality: Quality) -> Option<String> {
     let place = |row: &Row| {
         let x = (axis.value)(row).filter(|&value| value > 0.0)?;
-        Some(Point { x, y: row.psnr.min(CEILING_DB), hollow: false, name: row.settings.clone() })
+        Some(Point { x, y: (quality.value)(row)?, hollow: false, name: row.settings.clone() })
     };
     let placed: Vec<(&Row, Point)> = means.iter().filter_map(|row| Some((row, place(row)?))).collect();
     // Of files for storage no part can be read alone: they are beside the front.
@@ -94,9 +119,9 @@ pub(crate) fn svg(means: &[Row], axis: Axis) -> Option<String> {
     });
     series.extend(lines);
     let chart = Chart {
-        title: axis.title,
+        title: &format!("{} and {}", axis.title, quality.name),
         across: texfold_chart::Axis { label: axis.label, scale: Scale::Doublings(axis.unit) },
-        up: texfold_chart::Axis { label: "PSNR in dB, mean over inputs", scale: Scale::Linear },
+        up: texfold_chart::Axis { label: quality.label, scale: Scale::Linear },
         size: LARGE,
         names_below: axis.smaller_is_better,
         series,

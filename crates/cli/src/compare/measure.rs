@@ -19,7 +19,7 @@ use super::storage::{File, Storage};
 use super::table::Row;
 use crate::config::EffortName;
 use crate::error::CliError;
-use crate::perceptual::{mean, ssimulacra2};
+use crate::perceptual::{butteraugli, mean, ssimulacra2};
 use crate::report::Figures;
 
 /// Whole decodes on the CPU that the median is taken of.
@@ -174,6 +174,12 @@ impl Bench {
         let (figures, shipped) =
             Figures::of(images, &bytes).map_err(|source| CliError::Load { path: path.to_owned(), source })?;
         let encoded = shipped.as_encoded();
+        let decoded = crate::decompress::decode(path, encoded, 0, 0)?;
+        let mut differences = vec![(butteraugli(&images.images()[0], &decoded), 1.0)];
+        for (number, image) in images.images().iter().enumerate().skip(1) {
+            let decoded = crate::decompress::decode(path, encoded, number as u32, 0)?;
+            differences.push((butteraugli(image, &decoded), 1.0));
+        }
         let row = Row {
             input: String::new(),
             codec: candidate.codec,
@@ -184,13 +190,14 @@ impl Bench {
             psnr: figures.psnr,
             ssim: figures.ssim,
             ssimulacra2: figures.ssimulacra2,
+            butteraugli: mean(differences.into_iter()),
             encode_seconds,
             texels: images.texel_count() as f64,
             decode_cpu_texels_per_second: Some(self.cpu_speed(encoded)),
             decode_gpu_texels_per_second: self.gpu_speed(encoded),
             random_access: 1,
         };
-        Ok(Measured { row, decoded: crate::decompress::decode(path, encoded, 0, 0)?, file: Some(bytes) })
+        Ok(Measured { row, decoded, file: Some(bytes) })
     }
 
     /// Texels a second of whole decodes on one thread: the median of several.
@@ -233,11 +240,13 @@ impl Bench {
 
 /// What external programs have made of each image: our figures judge.
 fn external(images: &ImageSet, candidate: &Candidate, coded: Vec<Coded>) -> Measured {
-    let (mut error, mut similarity, mut perceived) = (SquaredError::default(), 0.0, Vec::new());
+    let (mut error, mut similarity) = (SquaredError::default(), 0.0);
+    let (mut perceived, mut differences) = (Vec::new(), Vec::new());
     for (image, coded) in images.images().iter().zip(&coded) {
         error = error + color_error(image, &coded.decoded);
         similarity += ssim(image, &coded.decoded);
         perceived.push((ssimulacra2(image, &coded.decoded), 1.0));
+        differences.push((butteraugli(image, &coded.decoded), 1.0));
     }
     let texels = images.texel_count() as f64;
     let bpp = coded.iter().map(|coded| coded.bits).sum::<u64>() as f64 / texels;
@@ -253,6 +262,7 @@ fn external(images: &ImageSet, candidate: &Candidate, coded: Vec<Coded>) -> Meas
         psnr: error.psnr(),
         ssim: similarity / images.images().len() as f64,
         ssimulacra2: mean(perceived.into_iter()),
+        butteraugli: mean(differences.into_iter()),
         encode_seconds: coded.iter().map(|coded| coded.seconds).sum(),
         texels,
         decode_cpu_texels_per_second: None,

@@ -8,10 +8,10 @@ use texfold_chart::escaped;
 use texfold_core::image::Raster;
 
 use super::candidate::Candidate;
-use super::chart::{self, AXES};
+use super::chart::{self, CHARTS};
 use super::measure::Bench;
 use super::storage::Storage;
-use super::table::{Row, means, score};
+use super::table::{Row, difference, means, score};
 use crate::{png, thumbnail};
 
 /// Side in texels of the images: the middle of each input.
@@ -68,8 +68,8 @@ pub(crate) fn html(rows: &[Row], subjects: &[Subject], bench: &Bench) -> Result<
         subjects.len()
     );
     page.push_str(&circumstances(bench));
-    for axis in AXES {
-        if let Some(svg) = chart::svg(&means, axis) {
+    for (axis, quality) in CHARTS {
+        if let Some(svg) = chart::svg(&means, axis, quality) {
             write!(page, "<div class=\"wide\">{svg}</div>")?;
         }
     }
@@ -122,14 +122,14 @@ fn circumstances(bench: &Bench) -> String {
 
 fn table(rows: &[Row]) -> String {
     let mut text = String::from(
-        "<div class=\"wide\"><table><tr><th>input<th>codec<th>settings<th>bits compressed<th>bits decoded whole<th>bits disk<th>PSNR dB<th>SSIM<th>SSIMULACRA2\
+        "<div class=\"wide\"><table><tr><th>input<th>codec<th>settings<th>bits compressed<th>bits decoded whole<th>bits disk<th>PSNR dB<th>SSIM<th>SSIMULACRA2<th>butteraugli\
          <th>encode s<th>CPU Mtexel/s<th>GPU Mtexel/s",
     );
     let speed = |speed: Option<f64>| speed.map_or("-".to_owned(), |speed| format!("{:.1}", speed / 1e6));
     for row in rows {
         let _ = write!(
             text,
-            "<tr><td>{}<td>{}<td>{}<td>{:.3}<td>{:.3}<td>{:.3}<td>{:.2}<td>{:.4}<td>{}<td>{:.2}<td>{}<td>{}",
+            "<tr><td>{}<td>{}<td>{}<td>{:.3}<td>{:.3}<td>{:.3}<td>{:.2}<td>{:.4}<td>{}<td>{}<td>{:.2}<td>{}<td>{}",
             escaped(&row.input),
             row.codec,
             escaped(&row.settings),
@@ -139,6 +139,7 @@ fn table(rows: &[Row]) -> String {
             row.psnr,
             row.ssim,
             score(row.ssimulacra2),
+            difference(row.butteraugli),
             row.encode_seconds,
             speed(row.decode_cpu_texels_per_second),
             speed(row.decode_gpu_texels_per_second)

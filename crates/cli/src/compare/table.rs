@@ -14,6 +14,8 @@ pub(crate) struct Row {
     pub(crate) ssim: f64,
     /// Where it is defined ([`crate::ssimulacra2`]).
     pub(crate) ssimulacra2: Option<f64>,
+    /// Where it is defined ([`crate::butteraugli`]).
+    pub(crate) butteraugli: Option<f64>,
     pub(crate) encode_seconds: f64,
     /// Texels of all images, for speeds.
     #[serde(skip)]
@@ -28,7 +30,7 @@ pub(crate) struct Row {
 }
 
 const HEADER: &str = "input,codec,settings,bpp_memory,bpp_disk,psnr,ssim,encode_seconds,\
-                      decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident";
+                      decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident,butteraugli";
 
 impl Row {
     /// The row for a terminal.
@@ -62,6 +64,11 @@ pub(crate) fn score(figure: Option<f64>) -> String {
     figure.map_or("-".to_owned(), |figure| format!("{figure:.1}"))
 }
 
+/// Butteraugli for readers.
+pub(crate) fn difference(figure: Option<f64>) -> String {
+    figure.map_or("-".to_owned(), |figure| format!("{figure:.2}"))
+}
+
 /// All rows as CSV (RFC 4180).
 pub(crate) fn csv(rows: &[Row]) -> String {
     let optional = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.0}"));
@@ -81,6 +88,7 @@ pub(crate) fn csv(rows: &[Row]) -> String {
             row.random_access.to_string(),
             row.ssimulacra2.map_or(String::new(), |figure| format!("{figure:.4}")),
             format!("{:.6}", row.bpp_resident),
+            row.butteraugli.map_or(String::new(), |figure| format!("{figure:.4}")),
         ];
         text.push_str(&fields.join(","));
         text.push('\n');
@@ -123,6 +131,7 @@ fn mean(group: &[&Row]) -> Row {
         psnr: figure(|row| row.psnr),
         ssim: figure(|row| row.ssim),
         ssimulacra2: mean_of(&|row| row.ssimulacra2),
+        butteraugli: mean_of(&|row| row.butteraugli),
         encode_seconds: figure(|row| row.encode_seconds),
         texels: figure(|row| row.texels),
         decode_cpu_texels_per_second: mean_of(&|row| row.decode_cpu_texels_per_second),
@@ -163,6 +172,7 @@ mod tests {
             psnr,
             ssim: 0.9,
             ssimulacra2: Some(70.0),
+            butteraugli: Some(1.5),
             encode_seconds: 0.5,
             texels: 100.0,
             decode_cpu_texels_per_second: Some(1e6),
@@ -196,9 +206,9 @@ mod tests {
         assert_eq!(
             text.lines().nth(1),
             Some(
-                "\"a,\"\"b\"\".png\",bc,x,4.000000,3.000000,30.0000,0.900000,0.500000,1000000,,1,70.0000,4.000000"
+                "\"a,\"\"b\"\".png\",bc,x,4.000000,3.000000,30.0000,0.900000,0.500000,1000000,,1,70.0000,4.000000,1.5000"
             )
         );
-        assert_eq!(text.lines().next().map(|header| header.split(',').count()), Some(13));
+        assert_eq!(text.lines().next().map(|header| header.split(',').count()), Some(14));
     }
 }

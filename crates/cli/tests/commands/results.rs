@@ -390,7 +390,7 @@ fn a_comparison_has_a_row_for_each_setting_and_a_page_of_its_own() {
     let csv = fs::read_to_string(place.at("out/results.csv")).unwrap();
     assert_eq!(csv.lines().count(), rows.len() + 1);
     let header = "input,codec,settings,bpp_memory,bpp_disk,psnr,ssim,encode_seconds,\
-                  decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident";
+                  decode_cpu_texels_per_second,decode_gpu_texels_per_second,random_access,ssimulacra2,bpp_resident,butteraugli";
     assert_eq!(csv.lines().next(), Some(header));
     for name in header.split(',') {
         assert!(rows.iter().all(|row| row.get(name).is_some()), "{name}");
@@ -407,6 +407,7 @@ fn a_comparison_has_a_row_for_each_setting_and_a_page_of_its_own() {
     let bc7 = rows.iter().find(|row| row["settings"] == "bc7").unwrap();
     assert!(bc7["psnr"].as_f64() > bc1["psnr"].as_f64());
     assert!(bc7["ssimulacra2"].as_f64() > bc1["ssimulacra2"].as_f64() && bc1["ssimulacra2"].is_number());
+    assert!(bc7["butteraugli"].as_f64() < bc1["butteraugli"].as_f64() && bc7["butteraugli"].is_number());
     assert!(bc1["decode_cpu_texels_per_second"].as_f64().unwrap() > 0.0);
     for codec in ["vq", "epitome", "progressive", "dct"] {
         assert!(rows.iter().any(|row| row["codec"] == codec), "{codec}");

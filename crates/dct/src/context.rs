@@ -6,7 +6,8 @@
 //! wavelet coefficients", 1997. Least squares over seven photographs give weights of 0.24, 0.18 and 0.2 for direct, diagonal
 //! and next coefficients, 0.08 to 0.14 for each neighbouring block and 0.13 for the axis before where that is no luma: so
 //! a quarter, an eighth and an eighth. *Not taken*: the coefficients around that of the neighbouring blocks (0.02 each),
-//! luma for the first chroma axis (0.02).
+//! luma for the first chroma axis (0.02); gradient-boosted trees over 28 features of the same surroundings, learned on eight photographs,
+//! would take 1.3, 1.0 and 0.6 % of the bits of symbols and signs at 0.5, 1 and 2 bits on eight others.
 
 use crate::scan::{PADDED, PADDED_SIDE, ZONES};
 

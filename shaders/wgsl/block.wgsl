@@ -17,13 +17,11 @@ const TEXFOLD_BLOCK_SYMBOLS: u32 = 128u;
 const TEXFOLD_BLOCK_SET_TABLES: u32 = 111u;
 // Tables of a subband.
 const TEXFOLD_BLOCK_ZONE_TABLES: u32 = 16u;
-// First table of the odd quantiser, of those in workgroup memory.
-const TEXFOLD_BLOCK_FIRST_ODD: u32 = 222u;
 // Tables of the odd quantiser in a set, those of two subbands each.
 const TEXFOLD_BLOCK_ODD_TABLES: u32 = 48u;
 // The state of dependent quantisation behind each one, behind an even magnitude and behind an odd one; four bits a state.
-const TEXFOLD_BLOCK_NEXT_EVEN: u32 = 0x73426150u;
-const TEXFOLD_BLOCK_NEXT_ODD: u32 = 0x51604372u;
+const TEXFOLD_BLOCK_NEXT_EVEN: u32 = 1933730128u;
+const TEXFOLD_BLOCK_NEXT_ODD: u32 = 1365263218u;
 // First table of the last coefficient's magnitude in a set.
 const TEXFOLD_BLOCK_FIRST_LAST: u32 = 96u;
 // First table of numbers of coefficients in a set.
@@ -244,7 +242,7 @@ fn texfold_block_around(corner: vec2<u32>, blocks: vec2<u32>, block: u32, axis: 
         notes,
         select(4u, 5u, apart),
         tables,
-        TEXFOLD_BLOCK_FIRST_ODD + u32(rank > 0u) * TEXFOLD_BLOCK_ODD_TABLES,
+        2u * TEXFOLD_BLOCK_SET_TABLES + u32(rank > 0u) * TEXFOLD_BLOCK_ODD_TABLES,
         tables + TEXFOLD_BLOCK_FIRST_END + select(texfold_block_end_class(ends), 8u, apart),
     );
 }

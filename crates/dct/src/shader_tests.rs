@@ -129,7 +129,7 @@ fn plain_numbers_of_the_shader_are_those_of_the_decoder() {
         (texfold_shaders::DCT_TABLES, TABLE_WORDS),
         (TEXFOLD_BLOCK_SET_TABLES, SET_TABLES),
         (TEXFOLD_BLOCK_ZONE_TABLES, LEVELS),
-        (TEXFOLD_BLOCK_FIRST_ODD, FIRST_ODD),
+        (4 * TEXFOLD_BLOCK_SET_TABLES, FIRST_ODD),
         (TEXFOLD_BLOCK_ODD_TABLES, ODD_ROWS * LEVELS),
         (TEXFOLD_BLOCK_NEXT_EVEN, NEXT_STATES[0] as usize),
         (TEXFOLD_BLOCK_NEXT_ODD, NEXT_STATES[1] as usize),

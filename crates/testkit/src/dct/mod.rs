@@ -31,14 +31,12 @@ pub const TEXFOLD_BLOCK_TABLE_WORDS: u32 = 8;
 pub const TEXFOLD_BLOCK_SET_TABLES: u32 = 111;
 /// Tables of a subband.
 pub const TEXFOLD_BLOCK_ZONE_TABLES: u32 = 16;
-/// First table of the odd quantiser.
-pub const TEXFOLD_BLOCK_FIRST_ODD: u32 = 444;
 /// Tables of the odd quantiser in a set, those of two subbands each.
 pub const TEXFOLD_BLOCK_ODD_TABLES: u32 = 48;
 /// The state of dependent quantisation behind each one, behind an even magnitude; four bits a state.
-pub const TEXFOLD_BLOCK_NEXT_EVEN: u32 = 0x7342_6150;
+pub const TEXFOLD_BLOCK_NEXT_EVEN: u32 = 1933730128;
 /// The same behind an odd magnitude.
-pub const TEXFOLD_BLOCK_NEXT_ODD: u32 = 0x5160_4372;
+pub const TEXFOLD_BLOCK_NEXT_ODD: u32 = 1365263218;
 /// First table of the last coefficient's magnitude in a set.
 pub const TEXFOLD_BLOCK_FIRST_LAST: u32 = 96;
 /// First table of numbers of coefficients in a set.
@@ -291,7 +289,7 @@ pub fn texfold_block_around(
         notes,
         gain: select(4, 5, apart),
         tables,
-        odd_tables: TEXFOLD_BLOCK_FIRST_ODD + set * TEXFOLD_BLOCK_ODD_TABLES,
+        odd_tables: 4 * TEXFOLD_BLOCK_SET_TABLES + set * TEXFOLD_BLOCK_ODD_TABLES,
         end_table: tables + TEXFOLD_BLOCK_FIRST_END + select(texfold_block_end_class(ends), 8, apart),
     }
 }

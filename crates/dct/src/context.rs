@@ -57,7 +57,8 @@ const fn levels() -> [u8; 256] {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct State(u8);
 
-/// States.
+/// Number of states.
+#[cfg(feature = "encode")]
 pub(super) const STATES: usize = 8;
 /// The state behind each one, behind an even magnitude and behind an odd one; four bits a state, the lowest first.
 pub(super) const NEXT_STATES: [u32; 2] = [0x7342_6150, 0x5160_4372];

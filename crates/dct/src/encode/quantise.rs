@@ -384,6 +384,10 @@ mod tests {
                 (error + lambda * bits, error)
             };
             let (found, greedy) = (cost(&levels), cost(&nearest(&quantising, &block)));
+            if levels != [0; COEFFICIENTS] {
+                let said = trellis.paths.costs.into_iter().fold(f32::INFINITY, f32::min);
+                assert!((found.0 - said).abs() <= 1e-3 * said + 1e-3, "round {round}: {found:?} {said}");
+            }
             assert!(found.0 <= greedy.0 * 1.0001 + 1e-3, "round {round}: {found:?} {greedy:?}");
             if lambda == 0.0 && scale == 5000.0 {
                 sums = [sums[0] + found.1, sums[1] + greedy.1, sums[2] + 63.0];

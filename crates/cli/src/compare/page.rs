@@ -112,7 +112,7 @@ fn circumstances(bench: &Bench) -> String {
         }
     };
     format!(
-        "<p>Quality is taken from the bytes of the file that ships. Compressed bits count all planes, blocks and parameters; \
+        "<p>Quality is taken from the bytes of the file that ships; butteraugli alone is better where it is smaller. Compressed bits count all planes, blocks and parameters; \
          a cache of tiles holds them and a pool for all textures together. Bits decoded whole are those of GPU memory where textures in \
          blocks are decoded to plain texels. Encoding uses all \
          cores at effort {}; CPU decoding one thread, the median of several whole decodes. {gpu} {rival} {storage}</p>",

@@ -4,11 +4,12 @@ use texfold::{
     Choice, Content, EncodeSettings, Family, Goal,
     bc::{Bc, BcParams},
     core::TextureCodec,
+    dct::Dct,
     encoding::{ENCODINGS, Encoding},
     vq::{Vq, VqParams},
 };
-use texfold_core::Effort;
 use texfold_core::image::{ColorSpace, PixelInfo};
+use texfold_core::{Effort, Metric};
 
 use super::rival::Astcenc;
 use super::storage::{self, Storage};
@@ -30,6 +31,9 @@ const CODEBOOKS: [((u32, u32), Content); 4] = [
 /// Bits a texel whose settings are drawn, of the requested ones.
 const THUMBNAIL_BPP: [f64; 2] = [1.5, 2.5];
 
+/// Goals in bits of formats for storage whose images are drawn.
+const THUMBNAIL_GOALS: [f64; 2] = [0.5, 2.0];
+
 /// Log2 downscale of width and height of plain blocks.
 const HALVINGS: std::ops::RangeInclusive<u32> = 0..=2;
 
@@ -37,6 +41,16 @@ const HALVINGS: std::ops::RangeInclusive<u32> = 0..=2;
 const ASTC_SIDES: [u32; 4] = [12, 8, 6, 4];
 /// Side of the rival's blocks whose image is drawn.
 const THUMBNAIL_SIDE: u32 = 8;
+
+/// Which codecs and settings are compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub(crate) enum Suite {
+    /// Every codec that suits an input, at several settings.
+    #[default]
+    All,
+    /// What the fewest bits buy: dct for PSNR and for the eye, ASTC, and formats for storage as with --storage, at equal bits.
+    Limits,
+}
 
 /// One setting of one codec.
 #[derive(Debug, Clone)]
@@ -64,13 +78,48 @@ pub(crate) enum Way {
     Storage(Storage, f64),
 }
 
-/// Settings that suit such pixels, the rival's where it is installed, and those of formats for storage.
+/// Settings of a suite that suit such pixels, the rival's where it is installed, and those of formats for storage.
 pub(crate) fn candidates(
+    suite: Suite,
     pixel: PixelInfo,
     effort: Effort,
     astcenc: Option<&Astcenc>,
     storage: &[Storage],
 ) -> Vec<Candidate> {
+    let mut found = match suite {
+        Suite::All => at_all_settings(pixel, effort),
+        Suite::Limits => [Metric::Psnr, Metric::Perceptual]
+            .into_iter()
+            .flat_map(|metric| for_metric(metric, effort))
+            .collect(),
+    };
+    found.extend(astcenc.into_iter().flat_map(|astcenc| ASTC_SIDES.map(|side| rival(astcenc, side))));
+    found.extend(storage.iter().flat_map(|format| storage::GOALS.map(|goal| stored(format, goal))));
+    found
+}
+
+/// Superblocks at the bits of formats for storage, their errors counted by that metric.
+fn for_metric(metric: Metric, effort: Effort) -> Vec<Candidate> {
+    let name = match metric {
+        Metric::Psnr => "psnr",
+        Metric::Perceptual => "perceptual",
+    };
+    let of = |encoding: &'static Encoding, bpp: f64| {
+        let metric = Some(metric);
+        let settings = EncodeSettings { goal: Goal::Bpp(bpp), metric, effort, ..EncodeSettings::default() };
+        Candidate {
+            codec: encoding.id.name,
+            settings: format!("{bpp} bpp {name}"),
+            has_thumbnail: THUMBNAIL_GOALS.contains(&bpp),
+            way: Way::Goal(encoding, Box::new(settings)),
+        }
+    };
+    let encoding = ENCODINGS.iter().find(|encoding| encoding.id == Dct::ID);
+    encoding.into_iter().flat_map(|encoding| storage::GOALS.map(|bpp| of(encoding, bpp))).collect()
+}
+
+/// Every codec that suits such pixels.
+fn at_all_settings(pixel: PixelInfo, effort: Effort) -> Vec<Candidate> {
     let blocks: &[Content] = match (pixel.channels, pixel.color) {
         (1, _) => &[Content::Bc4, Content::Bc7],
         (2, _) => &[Content::Bc5, Content::Bc7],
@@ -82,8 +131,6 @@ pub(crate) fn candidates(
     let mut found: Vec<Candidate> = blocks.iter().flat_map(|&content| plain(content)).flatten().collect();
     found.extend(CODEBOOKS.into_iter().filter_map(|(size, content)| codebook(size, content, effort)));
     found.extend(ENCODINGS.iter().flat_map(|encoding| within_goals(encoding, pixel, effort)));
-    found.extend(astcenc.into_iter().flat_map(|astcenc| ASTC_SIDES.map(|side| rival(astcenc, side))));
-    found.extend(storage.iter().flat_map(|format| storage::GOALS.map(|goal| stored(format, goal))));
     found
 }
 
@@ -92,7 +139,7 @@ fn stored(format: &Storage, goal: f64) -> Candidate {
     Candidate {
         codec: format.name(),
         settings: format!("{goal} bpp"),
-        has_thumbnail: false,
+        has_thumbnail: THUMBNAIL_GOALS.contains(&goal),
         way: Way::Storage(format.clone(), goal),
     }
 }

@@ -10,7 +10,7 @@ use texfold::{
 };
 use texfold_core::image::{ImageSet, Raster};
 use texfold_core::metric::{SquaredError, color_error, ssim};
-use texfold_core::{CodecId, Domain, EncodeError, Encoded, Image2d, Job, Rect, Texel};
+use texfold_core::{CodecId, Domain, EncodeError, Encoded, Image2d, Job, Metric, Rect, Texel};
 use texfold_gpu::{Gpu, Lookup, Policy, Probe, View};
 
 use super::candidate::{Candidate, Way};
@@ -64,7 +64,7 @@ pub(crate) struct Searches<'s> {
 
 #[derive(Debug)]
 struct Held<'s> {
-    of: (CodecId, Family),
+    of: (CodecId, Family, Option<Metric>),
     search: ImageSearch<'s>,
     seconds: f64,
 }
@@ -80,7 +80,7 @@ impl<'s> Searches<'s> {
         encoding: &'static Encoding,
         settings: &EncodeSettings,
     ) -> Result<(AnyImage, f64), EncodeError> {
-        let of = (encoding.id, settings.family);
+        let of = (encoding.id, settings.family, settings.metric);
         let mut job = Job::default();
         let (held, seconds) = match self.held.take_if(|held| held.of == of) {
             Some(held) => {

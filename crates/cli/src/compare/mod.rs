@@ -22,7 +22,7 @@ use crate::memory::{self, MemoryArgs};
 use crate::output::{make_folder, remove_stale, write_whole};
 use crate::progress::Progress;
 use crate::settings::Kind;
-use candidate::{Candidate, candidates};
+use candidate::{Candidate, Suite, candidates};
 use images::Pictures;
 use measure::{Bench, Measured, Searches};
 use page::Subject;
@@ -48,6 +48,9 @@ pub struct CompareArgs {
     /// What an input is; by default a file is an image and a folder is a set.
     #[arg(long = "as", value_enum)]
     kind: Option<Kind>,
+    /// Which codecs and settings are compared.
+    #[arg(long, value_enum, default_value_t)]
+    suite: Suite,
     /// How long each codec searches.
     #[arg(long, value_enum, default_value_t = EffortName::Fast)]
     effort: EffortName,
@@ -69,7 +72,7 @@ pub struct CompareArgs {
 pub(crate) fn run(args: &CompareArgs) -> Result<usize, CliError> {
     make_folder(&args.out)?;
     remove_stale(&args.out);
-    let bench = Bench::open(args.effort, args.storage);
+    let bench = Bench::open(args.effort, args.storage || args.suite == Suite::Limits);
     let inputs = find(&args.inputs, |_| args.kind);
     inputs.say_not_read();
     let inputs = inputs.found;
@@ -129,7 +132,8 @@ fn compare(
     }
     let mut rows = Vec::new();
     let mut searches = Searches::new(&images);
-    for candidate in candidates(images.info(), bench.effort().effort(), bench.rival(), bench.storage()) {
+    let effort = bench.effort().effort();
+    for candidate in candidates(args.suite, images.info(), effort, bench.rival(), bench.storage()) {
         // A setting that does not suit an input, such as a codebook larger than its image, is left out.
         let measured = match bench.measure(&mut searches, &candidate, &found.path) {
             Ok(Measured { row, decoded, file }) => {

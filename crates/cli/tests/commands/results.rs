@@ -422,6 +422,25 @@ fn a_comparison_has_a_row_for_each_setting_and_a_page_of_its_own() {
 }
 
 #[test]
+fn the_suite_of_limits_has_superblocks_by_both_metrics_at_equal_bits() {
+    let place = Place::new();
+    place.image("a.png", 64, 48, 3);
+    let run = place.run("compare a.png --suite limits --out out --effort fast");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let rows: Vec<serde_json::Value> =
+        serde_json::from_slice(&fs::read(place.at("out/results.json")).unwrap()).unwrap();
+    let ours: Vec<_> = rows.iter().filter(|row| row["codec"] == "dct").collect();
+    assert_eq!(ours.len(), 10);
+    assert!(!rows.iter().any(|row| row["codec"] == "bc" || row["codec"] == "vq"));
+    for (by_psnr, by_eye) in ours[..5].iter().zip(&ours[5..]) {
+        let figure = |row: &serde_json::Value, name: &str| row[name].as_f64().unwrap();
+        assert!(by_psnr["settings"].as_str().unwrap().ends_with(" psnr"));
+        assert!(by_eye["settings"].as_str().unwrap().ends_with(" perceptual"));
+        assert!(figure(by_psnr, "psnr") > figure(by_eye, "psnr"), "{by_psnr} {by_eye}");
+    }
+}
+
+#[test]
 fn the_gpu_decodes_as_the_cpu_does() {
     let place = Place::new();
     place.image("set/0.png", 37, 21, 3);

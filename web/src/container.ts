@@ -164,10 +164,8 @@ export interface Size {
   height: number;
 }
 
-/** Images of a texture: their sizes, mip levels and pixels. */
-export interface Layout {
-  images: Size[];
-  levels: number;
+/** What the values of an image are. */
+export interface PixelInfo {
   /** 1 gray, 2 gray and alpha or a band, 3 RGB, 4 RGB and alpha or a band. */
   channels: number;
   /** Bits a channel of the source, 8 or 16. */
@@ -178,6 +176,25 @@ export interface Layout {
   threshold: number;
 }
 
+/** A map of a material. */
+export interface MapInfo {
+  kind: (typeof MAP_KINDS)[number];
+  name: string;
+  pixels: PixelInfo;
+}
+
+/** Images of a texture: their sizes, mip levels and pixels; of maps of a material, the pixels of the first. */
+export interface Layout extends PixelInfo {
+  images: Size[];
+  levels: number;
+  /** What each image is, where they are maps of a material. */
+  maps?: MapInfo[];
+}
+
+const MAP_KINDS = ["color", "normal", "roughness", "metalness", "occlusion", "orm", "height", "emissive", "opacity", "other"] as const;
+const MAX_MAPS = 64;
+const MAX_MAP_NAME = 64;
+
 const COLOURS = ["srgb", "linear", "normal"] as const;
 const ALPHAS = ["opaque", "straight", "cutout", "band"] as const;
 export const MAX_SIDE = 1 << 15;
@@ -187,13 +204,50 @@ export const MAX_PLANE_SIDE = 8192;
 /** Bytes that an image costs beside its texels: so a file of many small images is refused before they are listed. */
 const IMAGE_BYTES = 512;
 
-export function readLayout(file: Sections, budget: Budget): Layout {
-  const reader = file.read("LAYO");
+function readPixels(reader: Reader): PixelInfo {
   const channels = reader.u8(), depth = reader.u8(), colour = reader.u8(), alpha = reader.u8(), threshold = reader.f32();
   reader.check(channels >= 1 && channels <= 4, "channels outside 1..=4");
   reader.check(depth === 8 || depth === 16, "unknown depth");
   reader.check(colour < COLOURS.length, "unknown colour space");
   reader.check(alpha < ALPHAS.length, "unknown kind of alpha");
+  return { channels, depth, colour: COLOURS[colour]!, alpha: ALPHAS[alpha]!, threshold };
+}
+
+/** What an image of a layout is. */
+export const pixelsOf = (layout: Layout, image: number): PixelInfo => layout.maps?.[image]?.pixels ?? layout;
+
+/** Reads what each image of a layout is, where they are maps of a material. */
+export function readMaps(file: Sections, layout: Layout): MapInfo[] | undefined {
+  if (!file.has("MAPS")) {
+    return undefined;
+  }
+  const reader = file.read("MAPS"), decoder = new TextDecoder("utf-8", { fatal: true });
+  const names = new Set<string>();
+  reader.check(layout.images.length <= MAX_MAPS, "more maps than 64");
+  const maps = layout.images.map((_, index) => {
+    const kind = MAP_KINDS[reader.u8()];
+    reader.check(kind !== undefined, "an unknown kind of map");
+    const pixels = readPixels(reader), bytes = reader.bytes(reader.u8());
+    let name = "";
+    try {
+      name = decoder.decode(bytes);
+    } catch {
+      reader.check(false, "a name that is not UTF-8");
+    }
+    const isName = bytes.length > 0 && bytes.length <= MAX_MAP_NAME && !/^\.|[\u0000-\u001f\u007f-\u009f/\\:]/.test(name);
+    reader.check(isName && !names.has(name), "names of maps that no writer gives");
+    names.add(name);
+    const isFirst = index > 0 || (["channels", "depth", "colour", "alpha"] as const).every((key) => pixels[key] === layout[key]);
+    reader.check(isFirst, "a first map that is unlike the layout");
+    return { kind: kind!, name, pixels };
+  });
+  reader.end();
+  return maps;
+}
+
+export function readLayout(file: Sections, budget: Budget): Layout {
+  const reader = file.read("LAYO");
+  const pixels = readPixels(reader);
   const levels = reader.u32();
   reader.check(levels >= 1 && levels <= 16, "levels outside 1..=16");
   const images: Size[] = [];
@@ -211,7 +265,7 @@ export function readLayout(file: Sections, budget: Budget): Layout {
   }
   reader.check(images.length > 0, "no image");
   reader.end();
-  return { images, levels, channels, depth, colour: COLOURS[colour]!, alpha: ALPHAS[alpha]!, threshold };
+  return { images, levels, ...pixels };
 }
 
 /** Columns and rows of a mip level. */

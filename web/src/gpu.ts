@@ -101,7 +101,7 @@ export class GpuTexture {
 
   constructor(
     /** Sizes and mip levels of the images as they are on the GPU; null for a light field. */
-    readonly layout: Pick<Layout, "images" | "levels"> & Partial<Pick<Layout, "alpha">> | null,
+    readonly layout: Pick<Layout, "images" | "levels"> & Partial<Pick<Layout, "alpha" | "maps">> | null,
     readonly form: Form,
     readonly module: Module,
     /** Constants of pipelines that draw it. */

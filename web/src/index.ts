@@ -1,4 +1,4 @@
-export { type Layout, type Notes, type Size } from "./container.js";
+export { type Layout, type MapInfo, type Notes, type PixelInfo, type Size } from "./container.js";
 export { type Limits, LoadError } from "./errors.js";
 export type { Blocks, Form, ImageBinding, Plane, PlaneFormat } from "./form.js";
 export { tileSource } from "./tile_source.js";

@@ -106,6 +106,8 @@ pub(crate) enum CliError {
     NotFlat { path: PathBuf, found: &'static str },
     #[error("{}: the file ends before its blocks do ({found} of {needed} bytes); export it again", path.display())]
     CutBlocks { path: PathBuf, found: usize, needed: u64 },
+    #[error("{}: no name of a map; end file names in _Color, _Normal, _Roughness, _Metalness, _AO, _ORM, _Height, _Emissive or _Opacity, or give --as image", path.display())]
+    NoMaps { path: PathBuf },
     #[error("{}: is not a folder of photographs; give codec zipmap a folder with zipmap.toml in it, or --as zoom", path.display())]
     NotStack { path: PathBuf },
     #[error("{}: is a zoom stack, but codec {codec} takes images; give --codec zipmap, or --as set to encode its images", path.display())]

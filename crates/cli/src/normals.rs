@@ -25,21 +25,27 @@ pub(crate) fn psnr_of(degrees: f64) -> f64 {
     20.0 * (2.0 * FRAC_PI_2.sqrt() / degrees.to_radians()).log10()
 }
 
-/// Mean angle in degrees between the normals of `images` and of `texture`; `None` for other images, and for two channels.
+/// Mean angle in degrees between the normals of `images` and of `texture`; `None` where no image has normals of three channels.
 pub(crate) fn mean_degrees(images: &ImageSet, texture: &dyn Encoded<Domain = Image2d>) -> Option<f64> {
-    let info = images.info();
-    if info.color != ColorSpace::Normal || info.channels < 3 {
-        return None;
+    let (mut sum, mut texels) = (0.0, 0.0);
+    for (index, source) in (0..).zip(images.images()).filter(|(_, source)| has_normals(source)) {
+        let of_image = source.size().texels() as f64;
+        sum += of_image * degrees_of(source, &decode_image(texture, index, 0)?)?;
+        texels += of_image;
     }
-    let of_image = |(index, source): (u32, &Raster)| {
-        let decoded = decode_image(texture, index, 0)?;
-        let size = source.size();
-        let row = |y| (0..size.width).map(move |x| (x, y));
-        let angle = |(x, y)| f64::from(normal(source.texel(x, y)).angle_between(normal(decoded.texel(x, y))));
-        Some((0..size.height).flat_map(row).map(angle).sum::<f64>())
-    };
-    let sums: Option<Vec<f64>> = (0..).zip(images.images()).map(of_image).collect();
-    Some(sums?.iter().sum::<f64>().to_degrees() / images.texel_count() as f64)
+    (texels > 0.0).then(|| sum / texels)
+}
+
+/// Mean angle in degrees between the normals of an image and of what it is decoded to; `None` where it has none of three channels.
+pub(crate) fn degrees_of(source: &Raster, decoded: &Raster) -> Option<f64> {
+    let angle = |(a, b): (Texel, Texel)| f64::from(normal(a).angle_between(normal(b)));
+    let mean =
+        || source.texels().zip(decoded.texels()).map(angle).sum::<f64>() / source.size().texels() as f64;
+    has_normals(source).then(|| mean().to_degrees())
+}
+
+fn has_normals(image: &Raster) -> bool {
+    image.info().color == ColorSpace::Normal && image.info().channels > 2
 }
 
 fn normal(texel: Texel) -> glam::Vec3 {

@@ -3,13 +3,15 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use texfold::{AnyImage, encoding::Attempt, epitome::worst_relative_error};
-use texfold_core::image::{ImageSet, Raster};
-use texfold_core::metric::{decode_rounded, psnr_worst_tile, quality, ssim};
+use texfold::{AnyImage, dct::DctImages, encoding::Attempt, epitome::worst_relative_error};
+use texfold_core::image::{ColorSpace, ImageSet, MapInfo, Raster};
+use texfold_core::metric::{
+    SquaredError, alpha_error, color_error, decode_rounded, psnr_worst_tile, quality, ssim,
+};
 use texfold_core::target::Measured;
 use texfold_core::{Footprint, Goal, LoadError, MemoryBits};
 
-use crate::normals::mean_degrees;
+use crate::normals::{degrees_of, mean_degrees};
 use crate::perceptual::{mean, ssimulacra2};
 
 /// A part of the ledger.
@@ -102,6 +104,9 @@ pub(crate) struct Row {
     /// Mean angle in degrees that normals are turned by, of normal maps.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) degrees: Option<f64>,
+    /// The maps of a material.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) maps: Vec<MapRow>,
     /// Light fields: photographs that are drawn again.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) views: Option<Views>,
@@ -127,6 +132,64 @@ pub(crate) struct Row {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) notes: Vec<String>,
     pub(crate) warnings: Vec<String>,
+}
+
+/// A map of a material.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct MapRow {
+    pub(crate) name: String,
+    pub(crate) kind: String,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) channels: u8,
+    pub(crate) color: String,
+    /// PSNR of its colour channels and of its alpha, where it has any.
+    pub(crate) psnr: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) psnr_alpha: Option<f64>,
+    /// [`crate::ssimulacra2`], where it is defined.
+    pub(crate) ssimulacra2: Option<f64>,
+    /// Mean angle in degrees that normals are turned by.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) degrees: Option<f64>,
+    /// Bits a texel of the largest map that its part of the blocks takes in memory.
+    pub(crate) bpp_memory: f64,
+}
+
+impl MapRow {
+    /// The rows of all maps of a material; none of other images.
+    fn all(source: &ImageSet, image: &AnyImage) -> Vec<MapRow> {
+        let encoded = image.as_encoded();
+        let blocks = image.downcast_ref::<DctImages>();
+        let row = |(index, (map, raster)): (u32, (&MapInfo, &Raster))| {
+            let decoded = decode_rounded(encoded, index)?;
+            let size = raster.size();
+            let bytes = blocks.map_or(0, |blocks| blocks.content().held_bytes_of(index));
+            Some(MapRow {
+                name: map.name.clone(),
+                kind: map.kind.name().to_owned(),
+                width: size.width,
+                height: size.height,
+                channels: map.pixel.channels,
+                color: color_name(map.pixel.color).to_owned(),
+                psnr: color_error(raster, &decoded).psnr(),
+                psnr_alpha: alpha_error(raster, &decoded).map(SquaredError::psnr),
+                ssimulacra2: ssimulacra2(raster, &decoded),
+                degrees: degrees_of(raster, &decoded),
+                bpp_memory: 8.0 * bytes as f64 / source.texel_count() as f64,
+            })
+        };
+        (0..).zip(source.maps().iter().zip(source.images())).filter_map(row).collect()
+    }
+}
+
+/// A colour space's name, as options have it.
+pub(crate) fn color_name(color: ColorSpace) -> &'static str {
+    match color {
+        ColorSpace::Srgb => "srgb",
+        ColorSpace::Linear => "linear",
+        ColorSpace::Normal => "normal",
+    }
 }
 
 /// Photographs of an object that its light field draws again.
@@ -318,6 +381,7 @@ impl Row {
             ssim: figures.ssim,
             ssimulacra2: figures.ssimulacra2,
             degrees,
+            maps: MapRow::all(source, &image),
             views: None,
             psnr_merged: None,
             access: encoded.gpu().access().name().to_owned(),

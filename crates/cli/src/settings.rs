@@ -22,6 +22,9 @@ pub enum Kind {
     Lightfield,
     /// Photographs of one surface at several scales, in one file.
     Zoom,
+    /// The maps of a material, by the ends of file names (_Color, _Normal, _ORM, _Height and the like), in one file; a folder may hold
+    /// those of several.
+    Material,
 }
 
 /// How one input is to be encoded.
@@ -33,6 +36,8 @@ pub(crate) struct Settings {
     pub(crate) content_from: Option<PathBuf>,
     pub(crate) importance_map: Option<PathBuf>,
     pub(crate) mesh: Option<PathBuf>,
+    /// Whether files are the maps of a material.
+    pub(crate) is_material: bool,
     /// Goal for normal maps, instead of that of `encode`: mean angle in degrees.
     pub(crate) degrees: Option<f64>,
     /// Side of the blocks of a relative tolerance, where the goal of `encode` is one.

@@ -131,6 +131,23 @@ pub enum SourceError {
         /// What differs.
         what: &'static str,
     },
+    /// Maps of a material, for a codec of images of one kind.
+    #[error("only the codec dct takes the maps of a material; compress each map by itself")]
+    Maps,
+    /// A map's name that no file can have, or that another map has.
+    #[error(
+        "{name:?} cannot name a map; give each map of a material a name of its own of 1 to 64 bytes, as files are named"
+    )]
+    MapName {
+        /// The name.
+        name: String,
+    },
+    /// More maps than a file can name.
+    #[error("{maps} maps in a material; give at most 64")]
+    TooManyMaps {
+        /// Maps found.
+        maps: usize,
+    },
     /// A guidance map that does not fit.
     #[error("the {map} does not fit: {what}; give one for the same image")]
     Guidance {

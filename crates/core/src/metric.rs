@@ -173,11 +173,12 @@ pub fn decode_rect(encoded: &dyn Encoded<Domain = Image2d>, rect: Rect) -> Optio
 pub fn decode_rounded(encoded: &dyn Encoded<Domain = Image2d>, image: u32) -> Option<Raster> {
     let layout = encoded.layout();
     let rect = layout.whole(image, 0)?;
-    if layout.pixel.depth != Depth::Eight {
+    let pixel = layout.pixel_of(image);
+    if pixel.depth != Depth::Eight {
         return decode_rect(encoded, rect);
     }
     let bytes = decode_values(encoded, rect, CancelCheck::default(), to_u8)?;
-    Raster::of_bytes(ImageSize { width: rect.width, height: rect.height }, layout.pixel, bytes).ok()
+    Raster::of_bytes(ImageSize { width: rect.width, height: rect.height }, pixel, bytes).ok()
 }
 
 /// As [`decode_rect`]; of no use once the job is cancelled.
@@ -187,7 +188,7 @@ fn decode_rect_of(
     cancel: CancelCheck<'_>,
 ) -> Option<Raster> {
     let data = decode_values(encoded, rect, cancel, |value| value)?;
-    Raster::new(rect.width, rect.height, encoded.layout().pixel, data).ok()
+    Raster::new(rect.width, rect.height, encoded.layout().pixel_of(rect.image), data).ok()
 }
 
 /// The values of a rectangle, each turned by `of`.
@@ -199,7 +200,8 @@ fn decode_values<T: Clone + Default + Send>(
 ) -> Option<Vec<T>> {
     let layout = encoded.layout();
     layout.check(rect).ok().filter(|()| rect.width > 0 && rect.height > 0)?;
-    let row = rect.width as usize * usize::from(layout.pixel.channels);
+    let channels = layout.pixel_of(rect.image).channels;
+    let row = rect.width as usize * usize::from(channels);
     let mut data = vec![T::default(); row * rect.height as usize];
     let bands = data.par_chunks_mut(row * BAND_ROWS as usize).enumerate();
     let decode = |(band, out): (usize, &mut [T])| {
@@ -207,7 +209,7 @@ fn decode_values<T: Clone + Default + Send>(
             return Ok(());
         }
         let texels = decode_band(encoded, rect, BAND_ROWS * band as u32)?;
-        write_texels(&texels, layout.pixel.channels, out, &of);
+        write_texels(&texels, channels, out, &of);
         Ok::<_, RegionError>(())
     };
     bands.try_for_each(decode).ok()?;
@@ -299,7 +301,7 @@ fn quality_of_image(
     whole: Rect,
     cancel: CancelCheck<'_>,
 ) -> Option<Quality> {
-    let (size, pixel) = (image.size(), encoded.layout().pixel);
+    let (size, pixel) = (image.size(), encoded.layout().pixel_of(whole.image));
     if (size.width, size.height) != (whole.width, whole.height) {
         let decoded = decode_rect_of(encoded, whole, cancel)?;
         return Some(Quality {

@@ -12,7 +12,7 @@ use texfold_core::container::{ContentId, Reader, SectionWriter, Sections};
 use texfold_core::image::{Depth, PixelInfo};
 use texfold_core::{
     BASE_PART, Budget, DCT_LEVELS, GpuDct, ImageAddress, ImageLayout, ImageSize, Layers, LoadError,
-    RESIDUAL_PART, Rect, RegionError, String4, Texel,
+    MipAverage, RESIDUAL_PART, Rect, RegionError, String4, Texel,
 };
 
 use crate::average::{Samples, average_of};
@@ -89,8 +89,8 @@ impl DctContent {
     /// number of channels.
     #[must_use]
     pub fn new(layout: ImageLayout, stages: Vec<DctTexture>) -> Option<Self> {
-        let sizes = all_sizes(&layout);
-        let fits = |(size, stage): (&ImageSize, &DctTexture)| fits(stage, *size, layout.pixel);
+        let sizes = all_stages(&layout);
+        let fits = |(&wanted, stage): (&(ImageSize, PixelInfo), &DctTexture)| fits(stage, wanted);
         let all = sizes.len() == stages.len() && sizes.iter().zip(&stages).all(fits);
         all.then(|| DctContent::of(layout, stages))
     }
@@ -176,15 +176,15 @@ impl DctContent {
         let mut reader = Reader::new(String4(id.section(BASE)), &raw);
         let count: u64 = layout.images.iter().map(|&size| stage_count(size, layout.levels)).sum();
         budget.take(count * IMAGE_BYTES)?;
-        let sizes = all_sizes(layout);
-        let mut read = |&size: &ImageSize| {
+        let wanted = all_stages(layout);
+        let mut read = |&wanted: &(ImageSize, PixelInfo)| {
             let image = DctTexture::read_base(&mut reader, budget)?;
-            if !fits(&image, size, layout.pixel) {
+            if !fits(&image, wanted) {
                 return Err(reader.corrupt("an image of another size, depth or number of channels"));
             }
             Ok(image)
         };
-        let stages = sizes.iter().map(&mut read).collect::<Result<Vec<_>, LoadError>>()?;
+        let stages = wanted.iter().map(&mut read).collect::<Result<Vec<_>, LoadError>>()?;
         reader.end()?;
         budget.take(stages.iter().map(working_bytes).max().unwrap_or(0))?;
         budget.release(raw.len() as u64);
@@ -259,7 +259,9 @@ impl DctContent {
         let stage = &self.stages_of(region.image)[(level / DCT_LEVELS) as usize];
         let reduce_log2 = level % DCT_LEVELS;
         if reduce_log2 > 0 {
-            return self.decode_reduced(stage, Rect { image: 0, level: 0, ..region }, reduce_log2, out);
+            let average = average_of(self.layout.pixel_of(region.image));
+            let region = Rect { image: 0, level: 0, ..region };
+            return decode_reduced(stage, region, reduce_log2, average, out);
         }
         let rect = Rect { image: 0, level: 0, ..region };
         if stage.form().depth > 8 {
@@ -267,34 +269,6 @@ impl DctContent {
         } else {
             decode_as::<u8>(stage, rect, out)
         }
-    }
-
-    /// The texels of a region of a level whose texels are means of squares of a stage's.
-    fn decode_reduced(
-        &self,
-        stage: &DctTexture,
-        region: Rect,
-        reduce_log2: u32,
-        out: &mut [Texel],
-    ) -> Result<(), RegionError> {
-        let form = stage.form();
-        let cut = |first: u32, count: u32, all: u32| {
-            let start = (first << reduce_log2).min(all - 1);
-            (start, (((first + count) << reduce_log2).min(all) - start).max(1))
-        };
-        let (x, width) = cut(region.x, region.width, form.size.width);
-        let (y, height) = cut(region.y, region.height, form.size.height);
-        let channels = form.channels();
-        let mut values = vec![0u16; width as usize * height as usize * channels];
-        stage.decode(Rect { x, y, width, height, ..region }, &mut values)?;
-        let largest = if form.depth > 8 { u16::MAX } else { u16::from(u8::MAX) };
-        let samples = Samples { size: ImageSize { width, height }, channels, largest, values: &values };
-        let size = ImageSize { width: region.width, height: region.height };
-        let means = samples.reduced(reduce_log2, size, average_of(self.layout.pixel));
-        for (texel, means) in out.iter_mut().zip(means.chunks_exact(channels)) {
-            *texel = texel_of(means, f32::from(largest));
-        }
-        Ok(())
     }
 
     /// Columns, rows and texels of the means of an image's 8x8 blocks, each averaged as it is stored; nothing where there is no
@@ -353,10 +327,16 @@ impl DctContent {
         self.stages.iter().map(DctTexture::held_bytes).sum()
     }
 
+    /// Bytes that are held of an image.
+    #[must_use]
+    pub fn held_bytes_of(&self, image: u32) -> u64 {
+        self.stages_of(image).iter().map(DctTexture::held_bytes).sum()
+    }
+
     /// What a GPU needs of each stage.
     pub fn gpu(&self) -> impl Iterator<Item = GpuDct<'_>> + '_ {
-        let average = average_of(self.layout.pixel);
         (0u32..).zip(&self.layout.images).flat_map(move |(index, &size)| {
+            let average = average_of(self.layout.pixel_of(index));
             let levels = self.layout.levels.min(size.full_levels());
             (0u32..).step_by(DCT_LEVELS as usize).zip(self.stages_of(index)).map(move |(level, stage)| {
                 let levels = (levels - level).min(DCT_LEVELS);
@@ -364,6 +344,34 @@ impl DctContent {
             })
         })
     }
+}
+
+/// The texels of a region of a level whose texels are means of squares of a stage's.
+fn decode_reduced(
+    stage: &DctTexture,
+    region: Rect,
+    reduce_log2: u32,
+    average: MipAverage,
+    out: &mut [Texel],
+) -> Result<(), RegionError> {
+    let form = stage.form();
+    let cut = |first: u32, count: u32, all: u32| {
+        let start = (first << reduce_log2).min(all - 1);
+        (start, (((first + count) << reduce_log2).min(all) - start).max(1))
+    };
+    let (x, width) = cut(region.x, region.width, form.size.width);
+    let (y, height) = cut(region.y, region.height, form.size.height);
+    let channels = form.channels();
+    let mut values = vec![0u16; width as usize * height as usize * channels];
+    stage.decode(Rect { x, y, width, height, ..region }, &mut values)?;
+    let largest = if form.depth > 8 { u16::MAX } else { u16::from(u8::MAX) };
+    let samples = Samples { size: ImageSize { width, height }, channels, largest, values: &values };
+    let size = ImageSize { width: region.width, height: region.height };
+    let means = samples.reduced(reduce_log2, size, average);
+    for (texel, means) in out.iter_mut().zip(means.chunks_exact(channels)) {
+        *texel = texel_of(means, f32::from(largest));
+    }
+    Ok(())
 }
 
 /// The texels of a rectangle of a stage.
@@ -403,9 +411,13 @@ fn working_bytes(stage: &DctTexture) -> u64 {
     kept + 4 * channels * side * side + 2 * channels * texels + 129 * channels * (side / 8) * (side / 8)
 }
 
-/// Sizes of the stages of all images.
-fn all_sizes(layout: &ImageLayout) -> Vec<ImageSize> {
-    layout.images.iter().flat_map(|&size| stage_sizes(size, layout.levels)).collect()
+/// Sizes and pixels of the stages of all images.
+fn all_stages(layout: &ImageLayout) -> Vec<(ImageSize, PixelInfo)> {
+    let of_image = |(image, &size): (u32, &ImageSize)| {
+        let pixel = layout.pixel_of(image);
+        stage_sizes(size, layout.levels).into_iter().map(move |size| (size, pixel))
+    };
+    (0..).zip(&layout.images).flat_map(of_image).collect()
 }
 
 /// Level of an image of that size that stands for a level of a set: the last where it has fewer.
@@ -413,7 +425,7 @@ fn level_of(size: ImageSize, level: u32) -> u32 {
     level.min(size.full_levels() - 1)
 }
 
-fn fits(image: &DctTexture, size: ImageSize, pixel: PixelInfo) -> bool {
+fn fits(image: &DctTexture, (size, pixel): (ImageSize, PixelInfo)) -> bool {
     let form = image.form();
     let depth = if pixel.depth == Depth::Eight { 8 } else { 16 };
     form.size == size && form.depth == depth && form.channels() == usize::from(pixel.channels)

@@ -4,11 +4,11 @@ use crate::DctContent;
 use texfold_bc::Content;
 use texfold_bc::decode::TexfoldBcParams;
 use texfold_core::address::TEXFOLD_CLAMP;
-use texfold_core::container::{ContentId, SectionWriter, Sections, read_layout, write_layout};
+use texfold_core::container::{ContentId, SectionWriter, Sections, read_layout, read_maps, write_layout};
 use texfold_core::image::{Depth, PixelInfo};
 use texfold_core::{
     BASE_PART, Budget, CodecId, DecodedImage, Encoded, Footprint, GpuForm, Image2d, ImageAddress,
-    ImageBinding, ImageLayout, Layers, LoadError, MemoryBits, Notes, RESIDUAL_PART, Rect, Refine,
+    ImageBinding, ImageLayout, ImageSize, Layers, LoadError, MemoryBits, Notes, RESIDUAL_PART, Rect, Refine,
     RegionError, Texel, TextureCodec,
 };
 
@@ -35,6 +35,8 @@ impl TextureCodec for Dct {
     fn load(file: &Sections<'_>, budget: &mut Budget) -> Result<DctImages, LoadError> {
         let notes = Notes::read(file, budget)?;
         let layout = read_layout(file, budget)?;
+        let maps = read_maps(&layout, file, budget)?;
+        let layout = ImageLayout { maps, ..layout };
         let content = DctContent::load(&layout, CONTENT, file, budget)?;
         Ok(DctImages { content, notes })
     }
@@ -140,10 +142,12 @@ impl Encoded for DctImages {
     fn memory(&self) -> MemoryBits {
         let blocks = 8 * self.content.held_bytes();
         let params = 8 * (self.layout().images.len() * size_of::<TexfoldBcParams>()) as u64;
-        let ImageLayout { images, levels, pixel } = self.layout();
-        let depth = if pixel.depth == Depth::Eight { 8 } else { 16 };
-        let decoded = |&size| DecodedImage { size, levels: *levels, depth, is_stacked: false }.bits();
-        let resident = params + images.iter().map(decoded).sum::<u64>();
+        let layout = self.layout();
+        let decoded = |(image, &size): (u32, &ImageSize)| {
+            let depth = if layout.pixel_of(image).depth == Depth::Eight { 8 } else { 16 };
+            DecodedImage { size, levels: layout.levels, depth, is_stacked: false }.bits()
+        };
+        let resident = params + (0..).zip(&layout.images).map(decoded).sum::<u64>();
         MemoryBits { compressed: blocks + params, resident, goal: blocks }
     }
 

@@ -1,6 +1,6 @@
 //! Parameters of the codec.
 
-use texfold_core::image::PixelInfo;
+use texfold_core::image::{MapKind, PixelInfo};
 use texfold_core::{Effort, Goal, Metric, ParamError, Params};
 
 /// How images are stored.
@@ -16,6 +16,8 @@ pub struct DctParams {
     pub mips: bool,
     /// How long to search.
     pub effort: Effort,
+    /// Weights of the squared errors of a material's maps by their kind; 1 where a kind is not named.
+    pub weights: Vec<(MapKind, f64)>,
 }
 
 impl DctParams {
@@ -43,6 +45,18 @@ impl DctParams {
         DctParams { effort, ..self }
     }
 
+    /// With those weights of a material's maps.
+    #[must_use]
+    pub fn with_weights(self, weights: Vec<(MapKind, f64)>) -> Self {
+        DctParams { weights, ..self }
+    }
+
+    /// Weight of the squared errors of maps of that kind.
+    #[must_use]
+    pub fn weight_of(&self, kind: MapKind) -> f64 {
+        self.weights.iter().rfind(|(named, _)| *named == kind).map_or(1.0, |&(_, weight)| weight)
+    }
+
     /// The metric for such pixels.
     #[must_use]
     pub fn metric_for(&self, pixel: PixelInfo) -> Metric {
@@ -52,6 +66,10 @@ impl DctParams {
 
 impl Params for DctParams {
     fn check(&self) -> Result<(), ParamError> {
-        self.goal.check()
+        let allowed = |&&(_, weight): &&(MapKind, f64)| !(0.01..=100.0).contains(&weight);
+        match self.weights.iter().find(allowed) {
+            Some(&(_, weight)) => Err(ParamError::new("weights", weight, "0.01 to 100")),
+            None => self.goal.check(),
+        }
     }
 }

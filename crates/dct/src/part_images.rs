@@ -14,7 +14,7 @@ pub fn part_images(images: &DctImages) -> Option<Vec<PartImages>> {
     for index in 0..content.layout().images.len() as u32 {
         let image = content.stages_of(index).first()?;
         let (ImageSize { width, height }, texels) = content.base_texels(index)?;
-        bases.push(Raster::from_texels(width, height, content.layout().pixel, &texels).ok()?);
+        bases.push(Raster::from_texels(width, height, content.layout().pixel_of(index), &texels).ok()?);
         let ((columns, _), bytes) = image.superblock_bytes();
         let side = image.superblock_side();
         let most = bytes.iter().copied().max().unwrap_or(0).max(1) as f32;

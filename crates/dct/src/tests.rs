@@ -192,7 +192,7 @@ fn content() -> DctContent {
         stages.map(|size| encoded(&waves(size.width, size.height, &[3, 1], 8), params)).collect();
     assert_eq!(stages.len(), 6);
     let pixel = PixelInfo { channels: 4, ..PixelInfo::default() };
-    DctContent::new(ImageLayout { images, levels: 8, pixel }, stages).unwrap()
+    DctContent::new(ImageLayout::new(images, 8, pixel), stages).unwrap()
 }
 
 #[test]

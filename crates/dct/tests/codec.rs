@@ -3,7 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use texfold_core::container::{SectionWriter, Sections};
-use texfold_core::image::{Alpha, ColorSpace, Depth, ImageSet, MipFilter, PixelInfo, Raster, mip_chain};
+use texfold_core::image::{
+    Alpha, ColorSpace, Depth, ImageSet, MapKind, MipFilter, PixelInfo, Raster, mip_chain,
+};
 use texfold_core::metric::{alpha_error, color_error, decode_image, measure, quality};
 use texfold_core::rng::Rng;
 use texfold_core::{
@@ -224,4 +226,93 @@ fn forged_files_decode_or_are_refused() {
         }
     }
     assert!(opened > 30 && refused > 30, "{opened} {refused}");
+}
+
+/// A material: colours with opacity, normals, gray of 16 bits at half the size, a constant map.
+fn material() -> ImageSet {
+    let color = texfold_testkit::image("terrain").with_channels(3);
+    let (width, height) = (color.size().width, color.size().height);
+    let height_at = |x: u32, y: u32| {
+        let texel = color.texel(x.min(width - 1), y.min(height - 1));
+        texel.x + texel.y + texel.z
+    };
+    let normals = (0..width * height).flat_map(|at| {
+        let (x, y) = (at % width, at / width);
+        let slope = glam::Vec3::new(
+            height_at(x, y) - height_at(x + 1, y),
+            height_at(x, y) - height_at(x, y + 1),
+            4.0,
+        );
+        (0.5 * slope.normalize() + 0.5).to_array()
+    });
+    let normals: Vec<f32> = normals.collect();
+    let info = |channels, color| PixelInfo { channels, color, ..PixelInfo::default() };
+    let normals = Raster::new(width, height, info(3, ColorSpace::Normal), normals).unwrap();
+    let half = (0..width / 2 * (height / 2)).map(|at| {
+        let (x, y) = (at % (width / 2), at / (width / 2));
+        (height_at(2 * x, 2 * y) * 21_845.0) as u16
+    });
+    let half: Vec<u16> = half.collect();
+    let half = Raster::from_u16(width / 2, height / 2, 1, ColorSpace::Linear, &half).unwrap();
+    let constant = vec![77; (width * height) as usize];
+    let constant = Raster::from_u8(width, height, 1, ColorSpace::Linear, &constant).unwrap();
+    let maps = vec![
+        (MapKind::BaseColor, "m_Color".to_owned(), color),
+        (MapKind::Normal, "m_Normal".to_owned(), normals),
+        (MapKind::Height, "m_Height".to_owned(), half),
+        (MapKind::Metalness, "m_Metalness".to_owned(), constant),
+    ];
+    ImageSet::of_maps(maps).unwrap()
+}
+
+#[test]
+fn maps_of_a_material_keep_their_size_pixels_and_names_and_meet_a_goal_together() {
+    let set = material();
+    let bpp = 6.0;
+    let texture = load(&bytes(&encode(&set, &to(Goal::Bpp(bpp)).with_mips(true))));
+    let layout = texture.layout();
+    assert_eq!(layout, &set.layout(set.full_levels()));
+    let found = texture.memory().goal as f64 / set.texel_count() as f64;
+    assert!(found <= bpp && found > 0.96 * bpp, "{found}");
+    for (number, image) in (0..).zip(set.images()) {
+        let decoded = decode_image(&texture, number, 0).unwrap();
+        assert_eq!((decoded.size(), decoded.info()), (image.size(), image.info()));
+        let psnr = color_error(image, &decoded).psnr();
+        assert!(psnr > 33.0, "{}: {psnr}", layout.maps[number as usize].name);
+        let small = decode_image(&texture, number, 2).unwrap();
+        assert_eq!((small.size(), small.info()), (image.size().at_level(2), image.info()));
+    }
+    // A constant map costs nothing but its header, tables and index.
+    assert!(texture.content().held_bytes_of(3) < 700, "{}", texture.content().held_bytes_of(3));
+    // Decoded on a GPU, 16 bits take floats.
+    let deep = texture.gpu().blocks.iter().filter(|stage| stage.layout.depth == 16).count();
+    assert_eq!(deep, texture.content().stages_of(2).len());
+}
+
+#[test]
+fn a_weight_of_a_kind_of_map_moves_bits_to_it() {
+    let set = material();
+    let errors = |weights: Vec<(MapKind, f64)>| {
+        let texture = encode(&set, &to(Goal::Bpp(4.0)).with_weights(weights));
+        [0, 1, 2].map(|map| {
+            color_error(&set.images()[map as usize], &decode_image(&texture, map, 0).unwrap()).mse()
+        })
+    };
+    let (even, moved) = (errors(Vec::new()), errors(vec![(MapKind::Normal, 4.0)]));
+    assert!(moved[1] < 0.7 * even[1] && moved[0] > even[0] && moved[2] > even[2], "{even:?} {moved:?}");
+    // Maps of 8 and of 16 bits have errors alike in parts of their range.
+    assert!(even[2] < 4.0 * even[1] && even[1] < 4.0 * even[2], "{even:?}");
+    let wrong = to(Goal::Bpp(2.0)).with_weights(vec![(MapKind::Normal, 0.0)]);
+    assert!(Dct::encode(&set, &wrong, &mut Job::default()).is_err());
+}
+
+#[test]
+fn images_of_8_and_16_bits_make_one_set() {
+    let eight = texfold_testkit::image("odd_37x61").with_channels(1);
+    let sixteen: Vec<u16> = eight.values().map(|value| (value * 65_535.0) as u16).collect();
+    let size = eight.size();
+    let sixteen = Raster::from_u16(size.width, size.height, 1, ColorSpace::Srgb, &sixteen).unwrap();
+    let set = ImageSet::new(vec![eight, sixteen]).unwrap();
+    let texture = encode(&set, &to(Goal::Psnr(36.0)));
+    assert!(measure(&set, &texture).psnr >= 36.0);
 }

@@ -179,16 +179,12 @@ pub(crate) fn coarse_levels(levels: u32) -> std::ops::Range<u32> {
 /// The layout of an epitome in blocks of that size.
 pub(crate) fn epitome_layout(size: ImageSize, images: &ImageLayout) -> ImageLayout {
     let levels = if images.levels > 1 { 1 + PLANE_MIPS } else { 1 };
-    ImageLayout { images: vec![size], levels, pixel: images.pixel }
+    ImageLayout::new(vec![size], levels, images.pixel)
 }
 
 /// The layout of what comes from the coarse chain of images of that layout, if anything does.
 pub(crate) fn coarse_layout(images: &ImageLayout) -> Option<ImageLayout> {
     let range = coarse_levels(images.levels);
     let sizes = images.images.iter().map(|size| size.at_level(range.start)).collect();
-    (!range.is_empty()).then(|| ImageLayout {
-        images: sizes,
-        levels: range.len() as u32,
-        pixel: images.pixel,
-    })
+    (!range.is_empty()).then(|| ImageLayout::new(sizes, range.len() as u32, images.pixel))
 }

@@ -101,7 +101,7 @@ fn mip_levels_equal_those_of_the_cpu() {
             let alpha = if channels % 2 == 0 { Alpha::Straight } else { Alpha::Opaque };
             let pixel = PixelInfo { channels, depth: deep, color, alpha };
             let size = ImageSize { width, height };
-            let layout = ImageLayout { images: vec![size], levels: size.full_levels(), pixel };
+            let layout = ImageLayout::new(vec![size], size.full_levels(), pixel);
             let log2 = 4 + number as u8 % 3;
             let stage = |size: ImageSize| {
                 texture(

@@ -88,7 +88,7 @@ impl TermRows {
 
 /// Layout of maps in blocks: no mip levels.
 pub(crate) fn atlas_layout(images: Vec<ImageSize>) -> ImageLayout {
-    ImageLayout { images, levels: 1, pixel: PIXEL }
+    ImageLayout::new(images, 1, PIXEL)
 }
 
 /// What a light field is put together of.

@@ -30,11 +30,11 @@ pub fn level_blocks(size: ImageSize, levels: u32) -> u64 {
 /// The levels of images that are stored where the finest `shrink_log2` are not.
 #[must_use]
 pub fn stored_layout(full: &ImageLayout, shrink_log2: u32) -> ImageLayout {
-    ImageLayout {
-        images: full.images.iter().map(|size| size.at_level(shrink_log2)).collect(),
-        levels: full.levels.saturating_sub(shrink_log2).max(1),
-        pixel: full.pixel,
-    }
+    ImageLayout::new(
+        full.images.iter().map(|size| size.at_level(shrink_log2)).collect(),
+        full.levels.saturating_sub(shrink_log2).max(1),
+        full.pixel,
+    )
 }
 
 /// The blocks of one image, level after level, each row by row: what an encoder makes.

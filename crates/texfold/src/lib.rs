@@ -50,7 +50,7 @@ pub use codecs::{CODECS, Input, Registration};
 pub use encoding::{Choice, Encode, EncodeSettings, Guidance, add_images, encode_images};
 pub use open::{OpenError, open, open_from, open_with};
 pub use texfold_bc::{self as bc, Content, Family};
-pub use texfold_core::image::{Alpha, ColorSpace, Depth, ImageSet, PixelInfo, Raster};
+pub use texfold_core::image::{Alpha, ColorSpace, Depth, ImageSet, MapInfo, MapKind, PixelInfo, Raster};
 pub use texfold_core::{
     self as core, Access, Effort, Encoded, Goal, ImageAddress, Limits, LoadError, Metric, Rect, RegionError,
     Texel,

@@ -77,6 +77,19 @@ fn blocks_with_dependent_quantisers_decode_as_ever() {
     assert_level_decodes("dct_dependent", 2, &["dct_dependent-level2.png".to_owned()]);
 }
 
+/// Maps of a material, of unlike sizes and pixels: the fixtures cutout, normal_map and gray under the names `m_BaseColor.png`, `m_Normal.png` and
+/// `m_Height.png` in a folder, written by `texfold compress FOLDER --as material --bpp 3 --mips --effort fast --out .` and its images by
+/// `texfold decompress m.txf --out .`.
+#[test]
+fn maps_of_a_material_decode_as_ever() {
+    assert_decodes("dct_material", &[0, 1, 2].map(|map| format!("dct_material-00{map}.png")));
+    let bytes = std::fs::read(golden("dct_material.txf")).unwrap();
+    let texture = open(&bytes).unwrap().into_image().unwrap();
+    let maps = &texture.as_encoded().layout().maps;
+    let found: Vec<(&str, &str)> = maps.iter().map(|map| (map.kind.name(), map.name.as_str())).collect();
+    assert_eq!(found, [("color", "m_BaseColor"), ("normal", "m_Normal"), ("height", "m_Height")]);
+}
+
 /// An epitome and coarse mip levels in blocks of variable length, written by
 /// `texfold compress fixtures/images/tile_repeat.png --codec epitome --effort fast --psnr 30 --mips --out .`
 /// and its images by `texfold decompress tile_repeat.txf --out .` without and with `--lod LEVEL`.

@@ -80,7 +80,7 @@ fn plain_file(images: u32, notes: &[u8]) -> Vec<u8> {
     } else {
         out.section("container", NOTES_ID, notes);
     }
-    write_layout(&ImageLayout { images: vec![size; images as usize], levels: 1, pixel }, &mut out);
+    write_layout(&ImageLayout::new(vec![size; images as usize], 1, pixel), &mut out);
     out.section("container", *b"BCFM", &[1, 0]);
     out.section("blocks", *b"BLKS", &vec![0; 8 * images as usize]);
     out.finish().bytes

@@ -183,7 +183,7 @@ mod tests {
     fn layout(sizes: &[(u32, u32, usize)], levels: u32) -> ImageLayout {
         let image = |&(width, height, count): &(u32, u32, usize)| vec![ImageSize { width, height }; count];
         let images = sizes.iter().flat_map(image).collect();
-        ImageLayout { images, levels, pixel: PixelInfo::default() }
+        ImageLayout::new(images, levels, PixelInfo::default())
     }
 
     #[test]

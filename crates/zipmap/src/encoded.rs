@@ -412,7 +412,7 @@ impl Encoded for ZipTexture {
         });
         let [first, second, patches] = match &self.parts.payload {
             Payload::Planes { root, .. } => self.push_planes(root, &mut form),
-            Payload::Blocks { root, atlas } => push_blocks(root, atlas.as_ref(), &mut form),
+            Payload::Blocks { root, atlas } => push_blocks(root, atlas.as_deref(), &mut form),
         };
         form.uniforms = bytemuck::bytes_of(&self.params).to_vec();
         let planes = vec![0, first, second, patches];

@@ -54,7 +54,7 @@ pub(crate) enum Payload {
     Planes { root: Vec<ContentPlanes>, images: Vec<Vec<ContentPlanes>> },
     /// In blocks of variable length, which are decoded before they are drawn: the root, and where there are patch images,
     /// one image that holds all of their levels ([`crate::atlas::pack`] says where).
-    Blocks { root: DctContent, atlas: Option<DctContent> },
+    Blocks { root: DctContent, atlas: Option<Box<DctContent>> },
 }
 
 /// What is stored of a texture.
@@ -104,12 +104,12 @@ impl Parts {
 
 /// Layout of the image that holds all levels of patch images.
 pub(crate) fn atlas_layout((width, height): (u32, u32), root: PixelInfo) -> ImageLayout {
-    ImageLayout { images: vec![ImageSize { width, height }], levels: 1, pixel: patch_pixel(root) }
+    ImageLayout::new(vec![ImageSize { width, height }], 1, patch_pixel(root))
 }
 
 /// Layout of a root of so many levels.
 pub(crate) fn root_layout(size: ImageSize, levels: u32, pixel: PixelInfo) -> ImageLayout {
-    ImageLayout { images: vec![size], levels, pixel }
+    ImageLayout::new(vec![size], levels, pixel)
 }
 
 /// Pixels of patches: those of the root, with alpha.

@@ -170,7 +170,7 @@ fn load_blocks(header: &Header, file: &Sections<'_>, budget: &mut Budget) -> Res
         // The levels of patch images, which the CPU cuts from it.
         budget.take(4 * u64::from(size.0) * u64::from(size.1))?;
     }
-    Ok(Payload::Blocks { root, atlas })
+    Ok(Payload::Blocks { root, atlas: atlas.map(Box::new) })
 }
 
 /// Content of an image; all of it, as a zoom stack has no layers.

@@ -1,6 +1,6 @@
 // Images in blocks of variable length. FORMAT.md, section of that name; crates/dct.
 
-import { atLevel, fullLevels, type Layout, type Sections, type Size } from "../container.js";
+import { atLevel, fullLevels, type Layout, type PixelInfo, pixelsOf, readMaps, type Sections, type Size } from "../container.js";
 import { type Budget, corrupt, truncated } from "../errors.js";
 import { type Blocks, type Channel, type Form, Uniforms } from "../form.js";
 import { PRESETS, RADII, SCALES, STOP, WORDS } from "../generated/dct.js";
@@ -261,7 +261,7 @@ function unpackIndex(bytes: Uint8Array, bits: number, total: number, out: Uint32
 }
 
 /** Reads header, index, tables and the streams of the bases; `place` is the part of an image that it is. */
-export function readStage(reader: Reader, budget: Budget, place: { image: number; level: number; levels: number }, pixel: Layout): Stage {
+export function readStage(reader: Reader, budget: Budget, place: { image: number; level: number; levels: number }, pixel: PixelInfo): Stage {
   const first = reader.at;
   const version = reader.u8();
   reader.check(version >= 1 && version <= 16, "a layout of blocks that this reader does not know");
@@ -317,7 +317,7 @@ export function readStage(reader: Reader, budget: Budget, place: { image: number
   const layout = {
     size, depth, superblockLog2, ranks, channels, shift, offsets, isDependent, steps, index, indexBits, streamBytes: baseBytes, deblocking,
     isLight: pixel.colour === "srgb",
-    isWeighted: pixel.channels % 2 === 0,
+    isWeighted: pixel.channels % 2 === 0 && pixel.alpha !== "band",
   };
   const blocks: Blocks = { layout, words, streams: base, headBytes, ...place, row: 0 };
   return { blocks, base, detailBytes: streamBytes - baseBytes };
@@ -328,13 +328,13 @@ export function readBlocks(file: Sections, number: number, layout: Layout, budge
   const reader = file.read(`RBB${number}`), detailId = `RBD${number}`;
   const stages = layout.images.flatMap((size, image) => {
     const all = Math.min(layout.levels, fullLevels(size));
-    const count = Math.ceil(all / STAGE_LEVELS);
+    const count = Math.ceil(all / STAGE_LEVELS), pixels = pixelsOf(layout, image);
     return Array.from({ length: count }, (_, stage) => {
       const level = stage * STAGE_LEVELS, wanted = atLevel(size, level);
       const levels = Math.min(all - level, STAGE_LEVELS);
-      const found = readStage(reader, budget, { image, level, levels }, layout);
+      const found = readStage(reader, budget, { image, level, levels }, pixels);
       const { size: is, depth, ranks } = found.blocks.layout;
-      const fits = is.width === wanted.width && is.height === wanted.height && depth === layout.depth && ranks.length === layout.channels;
+      const fits = is.width === wanted.width && is.height === wanted.height && depth === pixels.depth && ranks.length === pixels.channels;
       reader.check(fits, "an image of another size, depth or number of channels");
       return found;
     });
@@ -384,6 +384,10 @@ export function plainForm(layout: Pick<Layout, "images" | "levels">, blocks: Blo
 }
 
 export const dct: Codec = images((file, layout, budget) => {
+  const maps = readMaps(file, layout);
+  if (maps !== undefined) {
+    layout.maps = maps;
+  }
   const { blocks, layers } = readBlocks(file, 0, layout, budget);
   return { form: plainForm(layout, blocks), layers };
 });

@@ -1,6 +1,6 @@
 // What the page tells of a file.
 
-import type { GpuTexture, Texture } from "../index.js";
+import type { GpuTexture, PixelInfo, Texture } from "../index.js";
 import type { BankImage } from "./bank.js";
 import { element, make } from "./data.js";
 
@@ -38,9 +38,13 @@ export function showFacts(texture: Texture, drawn: GpuTexture | null): void {
   let texels = 0;
   if (layout) {
     const [first] = layout.images;
-    texels = layout.images.reduce((sum, { width, height }) => sum + width * height, 0);
-    rows.push(["Images", layout.images.length === 1 ? `${first!.width} x ${first!.height}` : `${layout.images.length}`]);
-    rows.push(["Mip levels", `${layout.levels}`], ["Channels", `${layout.channels} of ${layout.depth} bits, ${layout.colour}`]);
+    const counts = layout.images.map(({ width, height }) => width * height);
+    // Maps lie over one another.
+    texels = layout.maps ? Math.max(...counts) : counts.reduce((sum, count) => sum + count, 0);
+    rows.push([layout.maps ? "Maps" : "Images", layout.images.length === 1 ? `${first!.width} x ${first!.height}` : `${layout.images.length}`]);
+    rows.push(["Mip levels", `${layout.levels}`]);
+    const describe = ({ channels, depth, colour }: PixelInfo): string => `${channels} of ${depth} bits, ${colour}`;
+    rows.push(...(layout.maps ?? [{ kind: "Channels", pixels: layout }]).map(({ kind, pixels }): [string, string] => [kind, describe(pixels)]));
     rows.push(["Bits a texel in memory", ((8 * texture.compressedBytes) / texels).toFixed(2)]);
   }
   rows.push(["Read", form.blocks.length > 0 ? "by block" : "by texel"]);

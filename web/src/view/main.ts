@@ -224,7 +224,7 @@ class Page {
     }
     const { layout } = drawn;
     if (layout && layout.images.length > 1) {
-      children.push(select("Image", layout.images.map(({ width, height }, number) => `${number}: ${width} x ${height}`), 0, (number) => {
+      children.push(select("Image", layout.images.map(({ width, height }, number) => `${layout.maps?.[number]?.name ?? number}: ${width} x ${height}`), 0, (number) => {
         this.image = number;
         this.fit();
         this.want();

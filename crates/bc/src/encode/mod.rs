@@ -44,7 +44,7 @@ impl Encoder for Bc {
 
 fn encode(source: &ImageSet, params: &BcParams, job: &mut Job<'_>) -> Result<BcTexture, EncodeError> {
     params.check()?;
-    source.check_sides()?;
+    source.check_images()?;
     let candidates = candidates(source.info(), params)?;
     let guess = match params.goal {
         Goal::Bpp(bpp) => candidates.partition_point(|candidate| candidate.bpp <= bpp),
@@ -192,7 +192,7 @@ impl BcTexture {
             planes.push(vec![content.ok_or(SourceError::Length { found, needed })?]);
         }
         let verdict = "The input is BC1 already: its blocks are kept as they are.".to_owned();
-        let layout = ImageLayout { images: sizes, levels: 1, pixel };
+        let layout = ImageLayout::new(sizes, 1, pixel);
         Ok(BcTexture {
             parts: Parts { layout, content: Content::Bc1, reduce_log2: 0, images: planes },
             notes: Notes { settings: "--codec bc".to_owned(), verdict, ..Notes::default() },

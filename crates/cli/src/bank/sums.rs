@@ -129,6 +129,7 @@ impl Sums {
             ssim: self.ssim / texels,
             ssimulacra2: mean(self.ssimulacra2.iter().copied()),
             degrees: None,
+            maps: Vec::new(),
             views: None,
             psnr_merged: None,
             access: made.access.name().to_owned(),

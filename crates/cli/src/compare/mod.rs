@@ -17,7 +17,7 @@ use std::path::PathBuf;
 use crate::config::{AlphaChoice, ColorName, EffortName, Options};
 use crate::console::say;
 use crate::error::{CliError, explain, guarded};
-use crate::input::{Found, find, read_set};
+use crate::input::{Found, find, material::read_maps, read_set};
 use crate::memory::{self, MemoryArgs};
 use crate::output::{make_folder, remove_stale, write_whole};
 use crate::progress::Progress;
@@ -115,7 +115,10 @@ fn compare(
     let settings = Options::of_pixels(args.color, args.alpha).resolve_files(&found.path, &found.files)?;
     let mut remarks = settings.remarks.clone();
     let limit = args.memory.bytes();
-    let images = read_set(&found.files, found.takes_all_frames(), &settings, limit, &mut remarks)?;
+    let images = match found.kind {
+        Kind::Material => read_maps(&found.files, &settings, limit, &mut remarks),
+        _ => read_set(&found.files, found.takes_all_frames(), &settings, limit, &mut remarks),
+    }?;
     memory::check(&found.path, images.texel_count().saturating_mul(BYTES_PER_TEXEL), limit)?;
     let files = found.files.len();
     for note in remarks.notes(files) {

@@ -63,6 +63,18 @@ pub(crate) fn load(
 ) -> Result<Loaded, CliError> {
     let first = files.first().cloned().unwrap_or_default();
     let mut remarks = settings.remarks.clone();
+    if settings.is_material {
+        let images = input::material::read_maps(files, settings, limit_bytes, &mut remarks)?;
+        return Ok(Loaded {
+            images,
+            blocks: None,
+            painted: None,
+            content_from: None,
+            georeference: Vec::new(),
+            remarks,
+            warning: None,
+        });
+    }
     let mut rasters = Vec::new();
     let mut blocks = Vec::new();
     for content in input::read_files(files, all_frames, settings, limit_bytes, &mut remarks)? {

@@ -96,6 +96,7 @@ impl FolderTask<LightSettings> {
             ssim,
             ssimulacra2,
             degrees: None,
+            maps: Vec::new(),
             views: Some(new.unwrap_or(views)),
             psnr_merged: None,
             access: texture.gpu().access().name().to_owned(),

@@ -289,6 +289,9 @@ fn plan_one(
     } else if found.kind == Kind::Zoom {
         let settings = options.resolve_zoom(&found.path)?;
         Work::Zoom(Box::new(FolderTask { found, settings, output }))
+    } else if found.kind == Kind::Material {
+        let settings = options.resolve_material(&found.path)?;
+        Work::Images(Box::new(Task { found, settings, output }))
     } else {
         let settings = options.resolve_files(&found.path, &found.files)?;
         Work::Images(Box::new(Task { found, settings, output }))

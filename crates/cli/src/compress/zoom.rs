@@ -92,6 +92,7 @@ impl FolderTask<ZoomSettings> {
             ssim: similar,
             ssimulacra2: drawn.and_then(|drawn| ssimulacra2(root, &drawn)),
             degrees: None,
+            maps: Vec::new(),
             views: None,
             psnr_merged: Some(measured.psnr),
             access: texture.access().name().to_owned(),

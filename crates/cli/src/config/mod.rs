@@ -10,6 +10,7 @@ mod options;
 mod values;
 
 pub(crate) use file::Config;
+pub(crate) use names::MapName;
 pub use options::{Options, RunOptions};
 pub use values::{AlphaChoice, CodecName, ColorName, ContentName, EffortName, Samples, Sides};
 

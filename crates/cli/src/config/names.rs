@@ -1,58 +1,125 @@
-//! Colour handling by file name.
+//! Kinds of maps and colour handling by file name.
 
 use std::path::{Path, PathBuf};
+
+use texfold_core::image::{ColorSpace, MapKind};
 
 use super::values::ColorName::{self, Linear, Normal};
 use crate::settings::Settings;
 
 /// Ends of names of maps, lower case, behind a separator; longer ones first.
-const ENDS: [(&str, ColorName); 33] = [
-    ("normal_opengl", Normal),
-    ("normal_directx", Normal),
-    ("normal_gl", Normal),
-    ("normal_dx", Normal),
-    ("normal_map", Normal),
-    ("normalgl", Normal),
-    ("normaldx", Normal),
-    ("normalmap", Normal),
-    ("normals", Normal),
-    ("normal", Normal),
-    ("nor_gl", Normal),
-    ("nor_dx", Normal),
-    ("norm", Normal),
-    ("nor", Normal),
-    ("nrm", Normal),
-    ("occlusionroughnessmetallic", Linear),
-    ("occlusionroughmetal", Linear),
-    ("metallicroughness", Linear),
-    ("ambient_occlusion", Linear),
-    ("ambientocclusion", Linear),
-    ("displacement", Linear),
-    ("roughness", Linear),
-    ("metalness", Linear),
-    ("occlusion", Linear),
-    ("metallic", Linear),
-    ("height", Linear),
-    ("rough", Linear),
-    ("disp", Linear),
-    ("mask", Linear),
-    ("bump", Linear),
-    ("orm", Linear),
-    ("arm", Linear),
-    ("ao", Linear),
+const ENDS: [(&str, MapKind); 53] = [
+    ("normal_opengl", MapKind::Normal),
+    ("normal_directx", MapKind::Normal),
+    ("normal_gl", MapKind::Normal),
+    ("normal_dx", MapKind::Normal),
+    ("normal_map", MapKind::Normal),
+    ("normalgl", MapKind::Normal),
+    ("normaldx", MapKind::Normal),
+    ("normalmap", MapKind::Normal),
+    ("normals", MapKind::Normal),
+    ("normal", MapKind::Normal),
+    ("nor_gl", MapKind::Normal),
+    ("nor_dx", MapKind::Normal),
+    ("norm", MapKind::Normal),
+    ("nor", MapKind::Normal),
+    ("nrm", MapKind::Normal),
+    ("occlusionroughnessmetallic", MapKind::OcclusionRoughnessMetalness),
+    ("occlusionroughmetal", MapKind::OcclusionRoughnessMetalness),
+    ("metallicroughness", MapKind::OcclusionRoughnessMetalness),
+    ("ambient_occlusion", MapKind::Occlusion),
+    ("ambientocclusion", MapKind::Occlusion),
+    ("displacement", MapKind::Height),
+    ("transparency", MapKind::Opacity),
+    ("base_color", MapKind::BaseColor),
+    ("basecolor", MapKind::BaseColor),
+    ("basecolour", MapKind::BaseColor),
+    ("roughness", MapKind::Roughness),
+    ("metalness", MapKind::Metalness),
+    ("occlusion", MapKind::Occlusion),
+    ("metallic", MapKind::Metalness),
+    ("emissive", MapKind::Emissive),
+    ("emission", MapKind::Emissive),
+    ("opacity", MapKind::Opacity),
+    ("diffuse", MapKind::BaseColor),
+    ("albedo", MapKind::BaseColor),
+    ("height", MapKind::Height),
+    ("colour", MapKind::BaseColor),
+    ("color", MapKind::BaseColor),
+    ("alpha", MapKind::Opacity),
+    ("rough", MapKind::Roughness),
+    ("metal", MapKind::Metalness),
+    ("diff", MapKind::BaseColor),
+    ("disp", MapKind::Height),
+    ("emit", MapKind::Emissive),
+    ("mask", MapKind::Other),
+    ("bump", MapKind::Height),
+    ("spec", MapKind::Other),
+    ("base", MapKind::BaseColor),
+    ("col", MapKind::BaseColor),
+    ("orm", MapKind::OcclusionRoughnessMetalness),
+    ("arm", MapKind::OcclusionRoughnessMetalness),
+    ("rma", MapKind::Other),
+    ("mra", MapKind::Other),
+    ("ao", MapKind::Occlusion),
 ];
 
-/// The end of a file's name and the colour handling that it stands for. A size such as `_4k` may follow the end.
+/// Ends that may be words of a name as well: they tell a map only among others of its material.
+const WORDS: [&str; 4] = ["metal", "alpha", "spec", "base"];
+
+/// A map, as its file's name tells.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct MapName {
+    /// The name before the end, which all maps of a material have; empty where the end is all of the name.
+    pub(crate) material: String,
+    /// The end.
+    pub(crate) end: &'static str,
+    pub(crate) kind: MapKind,
+}
+
+impl MapName {
+    /// What the name of a file tells. A size such as `_4k` may follow the end.
+    pub(crate) fn of(path: &Path) -> Option<MapName> {
+        let stem = path.file_stem()?.to_string_lossy().into_owned();
+        // One byte for one, so that places are alike.
+        let plain = stem.to_ascii_lowercase().replace(['-', ' ', '.'], "_");
+        let is_size = |last: &str| {
+            last.strip_suffix('k')
+                .is_some_and(|digits| !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit()))
+        };
+        let plain =
+            plain.rsplit_once('_').filter(|(_, last)| is_size(last)).map_or(plain.as_str(), |(name, _)| name);
+        let of_end = |&(end, kind): &(&'static str, MapKind)| {
+            let before = plain.strip_suffix(end)?;
+            let length = if before.is_empty() { 0 } else { before.strip_suffix('_')?.len() };
+            Some(MapName { material: stem.get(..length)?.to_owned(), end, kind })
+        };
+        ENDS.iter().find_map(of_end)
+    }
+
+    /// Whether the second axis of normals points down.
+    pub(crate) fn is_directx(&self) -> bool {
+        self.kind == MapKind::Normal && (self.end.ends_with("dx") || self.end.ends_with("directx"))
+    }
+
+    /// How values of such a map are handled.
+    pub(crate) fn color(&self) -> ColorSpace {
+        match self.kind {
+            MapKind::BaseColor | MapKind::Emissive => ColorSpace::Srgb,
+            MapKind::Normal => ColorSpace::Normal,
+            _ => ColorSpace::Linear,
+        }
+    }
+}
+
+/// The end of a lone file's name and the colour handling that it stands for, where that is not the usual one.
 fn of_name(path: &Path) -> Option<(&'static str, ColorName)> {
-    let stem = path.file_stem()?.to_string_lossy().to_ascii_lowercase().replace(['-', ' ', '.'], "_");
-    let is_size = |last: &str| {
-        last.strip_suffix('k')
-            .is_some_and(|digits| !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit()))
-    };
-    let stem =
-        stem.rsplit_once('_').filter(|(_, last)| is_size(last)).map_or(stem.as_str(), |(name, _)| name);
-    let ends = |end: &str| stem.strip_suffix(end).is_some_and(|before| before.ends_with('_'));
-    ENDS.into_iter().find(|(end, _)| ends(end))
+    let found = MapName::of(path).filter(|name| !name.material.is_empty() && !WORDS.contains(&name.end))?;
+    match found.color() {
+        ColorSpace::Srgb => None,
+        ColorSpace::Linear => Some((found.end, Linear)),
+        ColorSpace::Normal => Some((found.end, Normal)),
+    }
 }
 
 /// Takes the colour handling that all files have by their names.
@@ -124,9 +191,26 @@ mod tests {
 
     #[test]
     fn no_end_hides_behind_a_shorter_one() {
-        for (index, (end, _)) in ENDS.iter().enumerate() {
-            let path = PathBuf::from(format!("w_{end}.png"));
-            assert_eq!(of_name(&path).map(|(found, _)| found), Some(*end), "{index}");
+        for (end, kind) in ENDS {
+            let found = MapName::of(&PathBuf::from(format!("w_{end}.png")));
+            assert_eq!(found, Some(MapName { material: "w".to_owned(), end, kind }));
         }
+    }
+
+    #[test]
+    fn maps_of_a_material_share_its_name() {
+        for (name, material, kind) in [
+            ("Bricks_2K-PNG_NormalGL.png", "Bricks_2K-PNG", MapKind::Normal),
+            ("rusty metal_diff_4k.jpg", "rusty metal", MapKind::BaseColor),
+            ("a/Roughness.png", "", MapKind::Roughness),
+            ("Helmet.Base_Color.tga", "Helmet", MapKind::BaseColor),
+            ("Helmet_OcclusionRoughMetal.png", "Helmet", MapKind::OcclusionRoughnessMetalness),
+        ] {
+            let found = MapName::of(Path::new(name)).unwrap();
+            assert_eq!((found.material.as_str(), found.kind), (material, kind), "{name}");
+        }
+        assert!(MapName::of(Path::new("w_nor_dx_2k.png")).unwrap().is_directx());
+        assert!(!MapName::of(Path::new("w_nor_gl_2k.png")).unwrap().is_directx());
+        assert_eq!(MapName::of(Path::new("preview.png")), None);
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use texfold::{
     Choice, Content, EncodeSettings, Family,
-    dct::Dct,
+    dct::{Dct, DctParams},
     epitome::{Epitome, EpitomeParams, ToleranceKind},
     lightfield::{Directions, FitMethod, LightParams, Lightfield},
     progressive::Progressive,
@@ -34,6 +34,8 @@ const SHARED_GRID: u32 = 32;
 /// Log2 downscale of surface maps where maps are codewords: another one costs 0.1 dB of raw maps (`benches`,
 /// `lightfield`).
 const SMALL_REDUCE_LOG2: u8 = 2;
+/// Goal of materials where none is given: at it, normals are turned by 1.4 degrees in the mean.
+const MATERIAL_GOAL: Goal = Goal::Psnr(40.0);
 /// Share of the codebook that samples take where only their number is given: the paper's half.
 const SAMPLE_SHARE: f64 = 0.5;
 
@@ -129,7 +131,9 @@ pub struct Options {
     #[arg(long, value_name = "X", help_heading = "Vector quantisation")]
     pub(super) importance: Option<f32>,
     /// vq: weights of the terms of importance, such as saliency=2,distortion=0 (usual: usability=1,saliency=1,distortion=1,painted=2).
-    #[arg(long, value_name = "TERM=W,...", help_heading = "Vector quantisation")]
+    /// Materials: weights of the squared errors of maps by kind, 0.01 to 100, such as normal=2,height=0.5 (usual: 1 each); kinds are color,
+    /// normal, roughness, metalness, occlusion, orm, height, emissive, opacity, other.
+    #[arg(long, value_name = "TERM=W,...", help_heading = "Goal")]
     pub(super) weights: Option<Weights>,
     /// vq: a painted importance image, bright where it matters.
     #[arg(long, value_name = "FILE", help_heading = "Vector quantisation")]
@@ -236,7 +240,7 @@ impl Options {
             codebook: self.codebook.or(other.codebook),
             samples: self.samples.or(other.samples),
             importance: self.importance.or(other.importance),
-            weights: self.weights.or(other.weights),
+            weights: self.weights.clone().or_else(|| other.weights.clone()),
             importance_map: self.importance_map.clone().or_else(|| other.importance_map.clone()),
             mesh: self.mesh.clone().or_else(|| other.mesh.clone()),
             color: self.color.or(other.color),
@@ -349,7 +353,7 @@ impl Options {
     fn check_codec(&self) -> Result<(), UsageError> {
         const CHOSEN_VQ: &[&str] = &["vq", "auto"];
         let error_map = self.content == Some(ContentName::ErrorMap);
-        let owned: [(&str, bool, &[&'static str]); 18] = [
+        let owned: [(&str, bool, &[&'static str]); 19] = [
             ("content-from", self.content_from.is_some(), &["epitome"]),
             ("layers", self.layers.is_some(), &["epitome"]),
             ("block", self.block.is_some(), &["epitome"]),
@@ -365,7 +369,8 @@ impl Options {
             ("codebook", self.codebook.is_some(), CHOSEN_VQ),
             ("samples", self.samples.is_some(), CHOSEN_VQ),
             ("importance", self.importance.is_some(), CHOSEN_VQ),
-            ("weights", self.weights.is_some(), CHOSEN_VQ),
+            ("weights", matches!(self.weights, Some(Weights::Importance(_))), CHOSEN_VQ),
+            ("weights of maps", matches!(self.weights, Some(Weights::Maps(_))), &["dct", "auto"]),
             ("importance-map", self.importance_map.is_some(), CHOSEN_VQ),
             ("mesh", self.mesh.is_some(), &["vq", "auto", "lightfield"]),
         ];
@@ -405,12 +410,33 @@ impl Options {
             content_from: self.content_from.clone(),
             importance_map: self.importance_map.clone(),
             mesh: self.mesh.clone(),
+            is_material: false,
             degrees: None,
             relative: self
                 .is_relative()
                 .then(|| EpitomeParams::default().with_block(self.block).tolerance_block()),
             remarks: Remarks::default(),
         })
+    }
+
+    /// The settings for the material at `path`.
+    pub(crate) fn resolve_material(&self, path: &Path) -> Result<Settings, CliError> {
+        let given = [
+            ("color", self.color.is_some()),
+            ("degrees", self.degrees.is_some()),
+            ("importance-map", self.importance_map.is_some()),
+            ("mesh", self.mesh.is_some()),
+            ("content-from", self.content_from.is_some()),
+        ];
+        if let Some((option, _)) = given.into_iter().find(|(_, is_given)| *is_given) {
+            return Err(UsageError::Excluded { option, other: "--as material" }.into());
+        }
+        let mut settings = self.resolve(path)?;
+        settings.is_material = true;
+        if !self.has_goal() {
+            settings.encode.goal = MATERIAL_GOAL;
+        }
+        Ok(settings)
     }
 
     /// The settings for the input at `path` of such files, whose names tell maps unless `--color` is given.
@@ -448,12 +474,17 @@ impl Options {
             return choice.with::<Epitome>(own);
         }
         let has_importance = self.importance.is_some() || self.weights.is_some();
+        if let Some(Weights::Maps(weights)) = &self.weights {
+            return choice.with::<Dct>(DctParams::default().with_weights(weights.clone()));
+        }
         if self.codebook.is_some() || self.samples.is_some() || has_importance {
             let mut own = VqParams::default();
             (own.codebook, own.samples) =
                 (self.codebook.map(|Sides(width, height)| (width, height)), self.samples());
             own.importance = self.importance.unwrap_or(own.importance);
-            own.weights = self.weights.map_or(own.weights, |Weights(weights)| weights);
+            if let Some(Weights::Importance(weights)) = self.weights {
+                own.weights = weights;
+            }
             return choice.with::<Vq>(own);
         }
         choice

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use texfold::lightfield::Factors;
 use texfold::vq::GuidanceWeights;
 use texfold::{CODECS, Choice, Content, Family, Registration};
-use texfold_core::image::{Alpha, ColorSpace};
+use texfold_core::image::{Alpha, ColorSpace, MapKind};
 use texfold_core::{Access, CodecId, Effort, Metric, TextureCodec};
 
 /// Alpha at and above which a texel of a cut-out is drawn, where no threshold is given.
@@ -258,10 +258,13 @@ pub struct Sides(pub(crate) u32, pub(crate) u32);
 #[serde(try_from = "String")]
 pub struct Samples(pub(crate) u32, pub(crate) Option<u32>);
 
-/// Weights of the terms of importance: `TERM=WEIGHT,...`; terms that are left out keep their own.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+/// Weights of the terms of importance, or of kinds of maps: `TERM=WEIGHT,...`; terms that are left out keep their own.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(try_from = "String")]
-pub(crate) struct Weights(pub(crate) GuidanceWeights);
+pub(crate) enum Weights {
+    Importance(GuidanceWeights),
+    Maps(Vec<(MapKind, f64)>),
+}
 
 /// A value that cannot be read.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -315,11 +318,21 @@ impl FromStr for Samples {
 impl FromStr for Weights {
     type Err = ValueError;
     fn from_str(text: &str) -> Result<Self, ValueError> {
-        let wanted = "TERM=WEIGHT,... with weights of 0 to 1000 and the terms usability, saliency, distortion and painted";
+        let wanted = "TERM=WEIGHT,... with weights of 0 to 1000 and the terms usability, saliency, distortion and painted, \
+                      or kinds of maps such as color and normal with weights of 0.01 to 100";
         let error = || ValueError { value: text.to_owned(), wanted };
         let mut weights = GuidanceWeights::default();
+        let mut of_maps = Vec::new();
+        let mut are_terms = false;
         for pair in text.split(',') {
             let (term, weight) = pair.split_once('=').ok_or_else(error)?;
+            let within = |range: std::ops::RangeInclusive<f64>| {
+                weight.trim().parse().ok().filter(|weight| range.contains(weight)).ok_or_else(error)
+            };
+            if let Some(kind) = MapKind::named(term.trim()) {
+                of_maps.push((kind, within(0.01..=100.0)?));
+                continue;
+            }
             let member = match term.trim() {
                 "usability" => &mut weights.usability,
                 "saliency" => &mut weights.saliency,
@@ -327,14 +340,14 @@ impl FromStr for Weights {
                 "painted" => &mut weights.painted,
                 _ => return Err(error()),
             };
-            *member = weight
-                .trim()
-                .parse()
-                .ok()
-                .filter(|weight| (0.0..=1000.0).contains(weight))
-                .ok_or_else(error)?;
+            *member = within(0.0..=1000.0)? as f32;
+            are_terms = true;
         }
-        Ok(Weights(weights))
+        match (are_terms, of_maps.is_empty()) {
+            (true, true) => Ok(Weights::Importance(weights)),
+            (false, false) => Ok(Weights::Maps(of_maps)),
+            _ => Err(error()),
+        }
     }
 }
 

@@ -59,6 +59,6 @@ impl Fixture<'_> {
         let decoded = self.gpu.read_view(&self.texture, &view).map_err(fault(path))?;
         let texels: Vec<Texel> = decoded.into_iter().map(Texel::from).collect();
         let unsuitable = |source: SourceError| CliError::Source { path: path.to_owned(), source };
-        Raster::from_texels(width, height, encoded.layout().pixel, &texels).map_err(unsuitable)
+        Raster::from_texels(width, height, encoded.layout().pixel_of(rect.image), &texels).map_err(unsuitable)
     }
 }

@@ -146,7 +146,10 @@ fn plan(
     let output = |image: u32| {
         let none = RegionError::NoSuchImage { image, images: sizes.len() };
         let size = sizes.get(image as usize).ok_or(none)?.at_level(args.writing.lod);
-        let name = name(path, image as usize, joined.map_or(sizes.len(), |_| 1), &ending);
+        let name = match encoded.layout().maps.get(image as usize) {
+            Some(map) => format!("{}{ending}", map.name).into(),
+            None => name(path, image as usize, joined.map_or(sizes.len(), |_| 1), &ending),
+        };
         Ok((args.writing.rect(image, size)?, args.writing.out.join(name)))
     };
     let outputs: Result<Vec<_>, RegionError> = chosen.map(output).collect();
@@ -171,7 +174,7 @@ fn decompress(
     for (rect, output) in outputs {
         let size = ImageSize { width: rect.width, height: rect.height };
         let joined = bands_of(encoded, args);
-        let picture = args.writing.picture(path, size, encoded.layout().pixel, joined)?;
+        let picture = args.writing.picture(path, size, encoded.layout().pixel_of(rect.image), joined)?;
         let mut picture = picture.with_georeference(georeference(encoded, *rect));
         // Images of bands follow one another.
         for further in 0..joined.map_or(1, Bands::images) {

@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 pub(crate) use part_images::read_original;
 
 use serde::Serialize;
-use texfold_core::image::{Alpha, ColorSpace, Depth, PixelInfo};
-use texfold_core::{Encoded, Image2d};
+use texfold::{AnyImage, dct::DctImages};
+use texfold_core::ImageSize;
+use texfold_core::image::{Alpha, Depth, MapInfo, PixelInfo};
 use texfold_gpu::TileBytes;
 
 use crate::console::answer;
@@ -17,7 +18,7 @@ use crate::decompress::load;
 use crate::error::{CliError, guarded};
 use crate::input::georeference::Georeference;
 use crate::memory::MemoryArgs;
-use crate::report::{PartRow, Sizes, part_rows};
+use crate::report::{PartRow, Sizes, color_name, part_rows};
 
 /// Sizes of images that are listed before the rest is counted.
 const LISTED_SIZES: usize = 8;
@@ -59,6 +60,9 @@ struct Summary {
     depth_bits: u32,
     color: &'static str,
     alpha: String,
+    /// The maps of a material.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    maps: Vec<MapSummary>,
     layers_loaded: u32,
     layers_total: u32,
     source_texels: u64,
@@ -76,6 +80,33 @@ struct Summary {
     parts: Vec<PartRow>,
 }
 
+/// A map of a material.
+#[derive(Debug, Serialize)]
+struct MapSummary {
+    name: String,
+    kind: &'static str,
+    size: [u32; 2],
+    channels: u8,
+    color: &'static str,
+    bits_memory: u64,
+}
+
+impl MapSummary {
+    fn all(image: &AnyImage) -> Vec<MapSummary> {
+        let layout = image.as_encoded().layout();
+        let blocks = image.downcast_ref::<DctImages>();
+        let summary = |(index, (map, size)): (u32, (&MapInfo, &ImageSize))| MapSummary {
+            name: map.name.clone(),
+            kind: map.kind.name(),
+            size: [size.width, size.height],
+            channels: map.pixel.channels,
+            color: color_name(map.pixel.color),
+            bits_memory: 8 * blocks.map_or(0, |blocks| blocks.content().held_bytes_of(index)),
+        };
+        (0..).zip(layout.maps.iter().zip(&layout.images)).map(summary).collect()
+    }
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &InfoArgs) -> Result<usize, CliError> {
     guarded(&args.file, || {
@@ -86,7 +117,7 @@ pub(crate) fn run(args: &InfoArgs) -> Result<usize, CliError> {
             Err(CliError::NotImages { .. }) => return light::run(args),
             image => image?,
         };
-        let summary = summarise(&args.file, image.as_encoded());
+        let summary = summarise(&args.file, &image);
         if args.camera.is_some() {
             let (path, codec) = (args.file.clone(), summary.codec);
             return Err(CliError::NoSuchPart { path, codec, option: "camera" });
@@ -107,7 +138,8 @@ pub(crate) fn run(args: &InfoArgs) -> Result<usize, CliError> {
     })
 }
 
-fn summarise(path: &Path, encoded: &dyn Encoded<Domain = Image2d>) -> Summary {
+fn summarise(path: &Path, image: &AnyImage) -> Summary {
+    let encoded = image.as_encoded();
     let (layout, layers, footprint) = (encoded.layout(), encoded.layers(), encoded.footprint());
     let texels = layout.texels();
     let tiles = TileBytes::of(encoded);
@@ -120,17 +152,14 @@ fn summarise(path: &Path, encoded: &dyn Encoded<Domain = Image2d>) -> Summary {
         levels: layout.levels,
         channels,
         depth_bits: if depth == Depth::Sixteen { 16 } else { 8 },
-        color: match color {
-            ColorSpace::Srgb => "srgb",
-            ColorSpace::Linear => "linear",
-            ColorSpace::Normal => "normal",
-        },
+        color: color_name(color),
         alpha: match alpha {
             Alpha::Opaque => "opaque".to_owned(),
             Alpha::Straight => "straight".to_owned(),
             Alpha::Band => "band".to_owned(),
             Alpha::Cutout(threshold) => format!("cutout={threshold}"),
         },
+        maps: MapSummary::all(image),
         layers_loaded: layers.loaded,
         layers_total: layers.total,
         source_texels: texels,
@@ -167,6 +196,18 @@ fn describe(summary: &Summary) -> String {
         format!("  settings  {}", summary.settings),
         format!("  verdict   {}", summary.verdict),
     ];
+    lines.extend(summary.maps.iter().map(|map| {
+        let [width, height] = map.size;
+        let texels = (summary.source_texels as f64).max(1.0);
+        format!(
+            "  map       {}: {}, {width}x{height}, {} channels, {}, {:.4} bits a texel",
+            map.name,
+            map.kind,
+            map.channels,
+            map.color,
+            map.bits_memory as f64 / texels
+        )
+    }));
     lines.extend(summary.source.iter().map(|remark| format!("  source    {remark}")));
     lines.extend(summary.georeference.iter().map(|place| format!("  place     {place}")));
     lines.push(format!("  {:12} {:>14} {:>14} {:>12}", "part", "memory bits", "disk bits", "dB without"));

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::formats::is_image;
 use super::remarks::few;
-use super::{capture, stack};
+use super::{capture, material, stack};
 use crate::bank::is_bank;
 use crate::console::say;
 use crate::error::CliError;
@@ -74,6 +74,7 @@ pub(crate) fn find(named: &[PathBuf], kind_of: impl Fn(&Path) -> Option<Kind>) -
             Err(error) => inputs.found.push(Err(Unusable { path: name.clone(), error: Box::new(error) })),
         }
     }
+    material::gather(&mut inputs);
     inputs
 }
 
@@ -132,6 +133,13 @@ fn take(path: PathBuf, kind_of: &impl Fn(&Path) -> Option<Kind>, inputs: &mut In
         Ok(files) if kind == Kind::Image => {
             found.extend(files.into_iter().map(|path| file(path, Kind::Image)));
         }
+        Ok(files) if kind == Kind::Material => match material::of_folder(&path, files, not_read) {
+            maps if maps.is_empty() => {
+                let error = Box::new(CliError::NoMaps { path: path.clone() });
+                found.push(Err(Unusable { path, error }));
+            }
+            maps => found.extend(maps.into_iter().map(Ok)),
+        },
         Ok(files) => found.push(Ok(Found { stem: folder_name(&path), path, kind, files })),
         Err(error) => found.push(Err(Unusable { path, error: Box::new(error) })),
     }
@@ -141,6 +149,10 @@ fn file(path: PathBuf, kind: Kind) -> Result<Found, Unusable> {
     let fault = match kind {
         Kind::Lightfield => CliError::NotCapture { path: path.clone() },
         Kind::Zoom => CliError::NotStack { path: path.clone() },
+        Kind::Material => match material::of_file(path.clone()) {
+            Some(found) => return Ok(found),
+            None => CliError::NoMaps { path: path.clone() },
+        },
         Kind::Image | Kind::Set | Kind::Sequence => {
             let stem = path.file_stem().unwrap_or_default().to_owned();
             return Ok(Found { files: vec![path.clone()], path, kind, stem });
@@ -185,7 +197,7 @@ fn is_hidden(path: &Path) -> bool {
 }
 
 /// The folder's own name, also where it was named as "." or "..".
-fn folder_name(path: &Path) -> OsString {
+pub(super) fn folder_name(path: &Path) -> OsString {
     let own = |path: &Path| path.file_name().map(ToOwned::to_owned);
     own(path).or_else(|| own(&path.canonicalize().ok()?)).unwrap_or_else(|| "set".into())
 }

@@ -12,6 +12,7 @@ pub(crate) mod frames;
 pub(crate) mod georeference;
 mod jpeg;
 mod lens;
+pub(crate) mod material;
 pub(crate) mod mesh;
 pub(crate) mod pixels;
 mod profile;

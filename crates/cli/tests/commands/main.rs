@@ -7,6 +7,7 @@ mod batch;
 mod decompress;
 mod inputs;
 mod lightfield;
+mod materials;
 mod mesh;
 mod results;
 mod support;

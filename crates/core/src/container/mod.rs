@@ -13,7 +13,7 @@ mod zstd;
 
 pub use crate::id::CodecId;
 pub use content::ContentId;
-pub use layout::{LAYOUT_ID, read_layout, write_layout};
+pub use layout::{LAYOUT_ID, MAPS_ID, read_layout, read_maps, write_layout};
 pub use notes::{MAX_GEOREFERENCE, NOTES_ID, Notes, SOURCE_ID, SourceNotes};
 pub use read::Sections;
 pub use wire::Reader;

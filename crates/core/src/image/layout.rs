@@ -1,6 +1,6 @@
 //! Sizes of images and of their mip levels.
 
-use super::PixelInfo;
+use super::{MapInfo, PixelInfo};
 
 /// Width and height of one image in texels of level 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -46,15 +46,36 @@ pub struct ImageLayout {
     /// Mip levels stored for every image; 1 means level 0 alone. An image with a shorter full chain
     /// repeats its last level.
     pub levels: u32,
-    /// Channels, depth, colour space and alpha of the source.
+    /// Channels, depth, colour space and alpha of the source; of maps, those of the first.
     pub pixel: PixelInfo,
+    /// What each image is, where they are maps of a material; empty for images of one kind.
+    pub maps: Vec<MapInfo>,
 }
 
 impl ImageLayout {
-    /// Source texels of all images, level 0.
+    /// Images of one kind.
+    #[must_use]
+    pub fn new(images: Vec<ImageSize>, levels: u32, pixel: PixelInfo) -> Self {
+        ImageLayout { images, levels, pixel, maps: Vec::new() }
+    }
+
+    /// Channels, depth, colour space and alpha of an image.
+    #[must_use]
+    pub fn pixel_of(&self, image: u32) -> PixelInfo {
+        self.maps.get(image as usize).map_or(self.pixel, |map| map.pixel)
+    }
+
+    /// Number of the map of that name.
+    #[must_use]
+    pub fn map(&self, name: &str) -> Option<u32> {
+        self.maps.iter().position(|map| map.name == name).map(|index| index as u32)
+    }
+
+    /// Source texels of level 0 that bits are counted over: those of all images, or of the largest map, as maps lie over one another.
     #[must_use]
     pub fn texels(&self) -> u64 {
-        self.images.iter().map(|size| size.texels()).sum()
+        let texels = self.images.iter().map(|size| size.texels());
+        if self.maps.is_empty() { texels.sum() } else { texels.max().unwrap_or(0) }
     }
 }
 

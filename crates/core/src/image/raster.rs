@@ -2,8 +2,8 @@
 
 use glam::Vec4;
 
-use super::{Alpha, ColorSpace, Depth, ImageLayout, ImageSize, PixelInfo};
-use crate::{MAX_IMAGE_SIDE, SourceError, Texel};
+use super::{Alpha, ColorSpace, Depth, ImageSize, PixelInfo};
+use crate::{SourceError, Texel};
 
 /// The largest value of the deepest source.
 const DEEPEST: f32 = u16::MAX as f32;
@@ -175,7 +175,7 @@ impl Raster {
     }
 
     /// The same image with its values rounded to 16 bits; those of sources of 8 and 16 bits are so already.
-    fn settled(mut self) -> Raster {
+    pub(super) fn settled(mut self) -> Raster {
         if let Values::Float(values) = &mut self.data {
             let rounded = |value: f32| (value * DEEPEST).round();
             if values.iter().all(|&value| (0.0..=DEEPEST).contains(&rounded(value))) {
@@ -397,111 +397,10 @@ pub(crate) fn write_texels<T>(texels: &[Texel], channels: u8, out: &mut [T], of:
     }
 }
 
-/// Images that are compressed together: one image, a set, or the frames of a sequence in order.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ImageSet {
-    images: Vec<Raster>,
-}
-
-impl ImageSet {
-    /// A set of at least one image. Images that differ in channels are all given the channels that hold every
-    /// one of them; colour space is that of the first, alpha that of the first which has any, and errors
-    /// are measured against the largest [`Raster::peak`]. Values are rounded to 16 bits, the most that a source has: what
-    /// arithmetic before left below, such as 1e-7 of a resampled image, would else decide between equal matches and codewords.
-    ///
-    /// # Errors
-    /// [`SourceError::Empty`].
-    pub fn new(images: Vec<Raster>) -> Result<Self, SourceError> {
-        let first = images.first().ok_or(SourceError::Empty)?.info();
-        let rgb = images.iter().any(|image| image.info().channels > 2);
-        let extra = images.iter().map(Raster::info).find(|info| info.has_extra());
-        let channels = if rgb { 3 } else { 1 } + u8::from(extra.is_some());
-        let peak = images.iter().map(Raster::peak).fold(0.0, f32::max);
-        let unify = |image: Raster| {
-            let image = if image.info().channels == channels { image } else { image.with_channels(channels) };
-            Raster { peak, ..image.tagged(first.color, extra.map_or(Alpha::Opaque, |info| info.alpha)) }
-        };
-        Ok(ImageSet { images: images.into_iter().map(unify).map(Raster::settled).collect() })
-    }
-
-    /// A set of one, its values as [`ImageSet::new`] leaves them.
-    #[must_use]
-    pub fn single(image: Raster) -> Self {
-        ImageSet { images: vec![image.settled()] }
-    }
-
-    /// The images.
-    #[must_use]
-    pub fn images(&self) -> &[Raster] {
-        &self.images
-    }
-
-    /// The same images with one colour channel each; see [`Raster::to_gray`].
-    #[must_use]
-    pub fn to_gray(&self) -> ImageSet {
-        ImageSet { images: self.images.iter().map(Raster::to_gray).collect() }
-    }
-
-    /// `Ok` where no side is longer than [`MAX_IMAGE_SIDE`], the longest that a file can name.
-    ///
-    /// # Errors
-    /// [`SourceError::TooLarge`] names the first image that is too large.
-    pub fn check_sides(&self) -> Result<(), SourceError> {
-        let mut sizes = self.images.iter().map(Raster::size).enumerate();
-        match sizes.find(|(_, size)| size.width.max(size.height) > MAX_IMAGE_SIDE) {
-            Some((index, ImageSize { width, height })) => {
-                Err(SourceError::TooLarge { index, width, height, max: MAX_IMAGE_SIDE })
-            }
-            None => Ok(()),
-        }
-    }
-
-    /// What the channels of every image are.
-    #[must_use]
-    pub fn info(&self) -> PixelInfo {
-        let depth = if self.images.iter().any(|image| image.info().depth == Depth::Sixteen) {
-            Depth::Sixteen
-        } else {
-            Depth::Eight
-        };
-        PixelInfo { depth, ..self.images[0].info() }
-    }
-
-    /// Layout of the set with `levels` mip levels.
-    #[must_use]
-    pub fn layout(&self, levels: u32) -> ImageLayout {
-        ImageLayout { images: self.images.iter().map(Raster::size).collect(), levels, pixel: self.info() }
-    }
-
-    /// Texels of all images.
-    #[must_use]
-    pub fn texel_count(&self) -> u64 {
-        self.images.iter().map(|image| image.size().texels()).sum()
-    }
-
-    /// Levels of the longest full mip chain.
-    #[must_use]
-    pub fn full_levels(&self) -> u32 {
-        self.images.iter().map(|image| image.size().full_levels()).max().unwrap_or(1)
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::ImageSet;
     use super::*;
-
-    #[test]
-    fn sets_round_what_arithmetic_left_and_nothing_else() {
-        let info = PixelInfo { channels: 1, ..PixelInfo::default() };
-        for (most, stored) in [(255u32, 256), (65_535, 65_536)] {
-            let exact: Vec<f32> = (0..stored).map(|value| value as f32 / most as f32).collect();
-            for off in [0.0, 1e-7, -1e-7] {
-                let moved = exact.iter().map(|value| value + off).collect();
-                let set = ImageSet::single(Raster::new(stored, 1, info, moved).unwrap());
-                assert!(set.images()[0].values().eq(exact.iter().copied()), "{most} {off}");
-            }
-        }
-    }
 
     #[test]
     fn opaque_alpha_is_dropped_and_real_alpha_kept() {
@@ -526,16 +425,6 @@ mod tests {
     fn sixteen_bits_are_kept() {
         let raster = Raster::from_u16(1, 1, 1, ColorSpace::Linear, &[257]).unwrap();
         assert!((raster.value(0, 0, 0) - 257.0 / 65535.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn a_mixed_set_gets_the_channels_of_all() {
-        let gray = Raster::from_u8(1, 1, 1, ColorSpace::Srgb, &[128]).unwrap();
-        let rgba = Raster::from_u8(1, 1, 4, ColorSpace::Srgb, &[1, 2, 3, 4]).unwrap();
-        let set = ImageSet::new(vec![gray, rgba]).unwrap();
-        assert_eq!(set.images()[0].to_bytes(), [128, 128, 128, 255]);
-        assert_eq!(set.info().alpha, Alpha::Straight);
-        assert_eq!(ImageSet::new(vec![]), Err(SourceError::Empty));
     }
 
     #[test]
@@ -572,16 +461,6 @@ mod tests {
         let pair = Raster::new(2, 1, half, vec![0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 0.0]).unwrap();
         let mean = super::super::mip_chain(&pair, 2, super::super::MipFilter::Box)[1].texel(0, 0);
         assert_eq!(mean, Texel::splat(0.5));
-    }
-
-    #[test]
-    fn images_that_a_file_cannot_name_are_named() {
-        let line = |width| Raster::from_u8(width, 1, 1, ColorSpace::Srgb, &vec![0; width as usize]).unwrap();
-        let most = ImageSet::single(line(MAX_IMAGE_SIDE));
-        assert_eq!(most.check_sides(), Ok(()));
-        let set = ImageSet::new(vec![line(1), line(MAX_IMAGE_SIDE + 1)]).unwrap();
-        let error = SourceError::TooLarge { index: 1, width: 32769, height: 1, max: 32768 };
-        assert_eq!(set.check_sides(), Err(error));
     }
 
     #[test]

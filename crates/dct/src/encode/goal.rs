@@ -273,7 +273,7 @@ const FAST_STRIDE: usize = 4;
 const FIRST_STEP: f64 = 24.0;
 
 /// A unit of 8-bit samples in those of that depth.
-fn unit_of(depth: u8) -> f64 {
+pub(super) fn unit_of(depth: u8) -> f64 {
     if depth > 8 { 257.0 } else { 1.0 }
 }
 

@@ -1,11 +1,11 @@
 //! Sets of images: with the step that answers a goal, or with one that the caller names.
 
 use super::goal::{DctSettings, STEPS, first_step};
-use super::set::DctSetEncoder;
+use super::set::{DctSetEncoder, MapStage};
 use super::source::DctSource;
 use crate::{Dct, DctImages, DctParams};
 use texfold_core::RESIDUAL_PART;
-use texfold_core::image::{Depth, ImageSet, MipFilter, Raster, mip_chain_cancellable};
+use texfold_core::image::{Depth, ImageSet, MapInfo, MipFilter, PixelInfo, Raster, mip_chain_cancellable};
 use texfold_core::metric::{measure_for, quality_cancellable};
 use texfold_core::target::{FoundStep, Measured, search_step};
 use texfold_core::{
@@ -120,11 +120,11 @@ fn layout_of(source: &ImageSet, params: &DctParams) -> ImageLayout {
     source.layout(if params.mips { source.full_levels() } else { 1 })
 }
 
-fn coder_settings(source: &ImageSet, params: &DctParams) -> DctSettings {
+fn coder_settings(pixel: PixelInfo, params: &DctParams) -> DctSettings {
     DctSettings::default()
         .with_goal(params.goal)
         .with_effort(params.effort)
-        .with_metric(params.metric_for(source.info()))
+        .with_metric(params.metric_for(pixel))
 }
 
 fn set_encoder<'a>(
@@ -133,17 +133,28 @@ fn set_encoder<'a>(
     params: &DctParams,
     check: CancelCheck<'a>,
 ) -> Result<DctSetEncoder<'a>, EncodeError> {
-    let levels = layout.levels;
-    let sources = source.images().iter().flat_map(|image| match stages(image, levels, check) {
-        Ok(stages) => stages.into_iter().map(Ok).collect(),
-        Err(error) => vec![Err(error)],
-    });
-    DctSetEncoder::new(layout, sources, &coder_settings(source, params), check)
+    let of_image = |(index, image): (u32, &Raster)| {
+        let pixel = layout.pixel_of(index);
+        let settings = coder_settings(pixel, params);
+        let weight = layout.maps.get(index as usize).map_or(1.0, |map| params.weight_of(map.kind));
+        match stages(image, pixel.depth, layout.levels, check) {
+            Ok(stages) => {
+                stages.into_iter().map(|source| Ok(MapStage { source, settings, weight })).collect()
+            }
+            Err(error) => vec![Err(error)],
+        }
+    };
+    let stages = (0..).zip(source.images()).flat_map(of_image);
+    DctSetEncoder::of_maps(layout.clone(), stages, check)
 }
 
 /// The stages of an image: mip levels 0, 3, 6 and so on.
-fn stages(image: &Raster, levels: u32, check: CancelCheck<'_>) -> Result<Vec<DctSource>, EncodeError> {
-    let depth = image.info().depth;
+fn stages(
+    image: &Raster,
+    depth: Depth,
+    levels: u32,
+    check: CancelCheck<'_>,
+) -> Result<Vec<DctSource>, EncodeError> {
     let levels = levels.min(image.size().full_levels());
     if levels <= DCT_LEVELS {
         return Ok(vec![DctSource::from_raster(image, depth)?]);
@@ -180,11 +191,31 @@ fn notes(
     };
     let base = 8.0 * base_alone.content().held_bytes() as f64 / source.texel_count() as f64;
     let missed = if met { "" } else { " The goal is out of reach; this comes nearest." };
+    let weighted = match source.maps() {
+        [] => weighted.to_owned(),
+        maps => {
+            let bits =
+                |image| 8.0 * images.content().held_bytes_of(image) as f64 / source.texel_count() as f64;
+            let of_map = |(image, map): (u32, &MapInfo)| format!("{} {:.3}", map.name, bits(image));
+            let of_maps: Vec<String> = (0..).zip(maps).map(of_map).collect();
+            format!("{} maps: {}", maps.len(), of_maps.join(", "))
+        }
+    };
     let verdict = format!(
         "{:.3} bits a texel, {base:.3} of them in headers and bases of 1/8 of the width and height; {weighted}.{missed}",
         bits(source, images),
     );
     let mips = if params.mips { " --mips" } else { "" };
-    let settings = format!("--codec dct {}{mips} --metric {}", params.goal.option(), metric.name());
+    let goal = params.goal.option();
+    let settings = if source.maps().is_empty() {
+        format!("--codec dct {goal}{mips} --metric {}", metric.name())
+    } else {
+        let metric = params.metric.map_or(String::new(), |metric| format!(" --metric {}", metric.name()));
+        let weights: Vec<String> =
+            params.weights.iter().map(|(kind, weight)| format!("{}={weight}", kind.name())).collect();
+        let weights =
+            if weights.is_empty() { String::new() } else { format!(" --weights {}", weights.join(",")) };
+        format!("--as material {goal}{mips}{metric}{weights}")
+    };
     Ok(Notes { settings, verdict, psnr_without, ..Notes::default() })
 }

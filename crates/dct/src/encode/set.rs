@@ -2,9 +2,10 @@
 
 use texfold_core::{CancelCheck, EncodeError, ImageLayout, SourceError};
 
-use super::goal::{DctEncoder, DctSettings, first_step};
+use super::goal::{DctEncoder, DctSettings, first_step, unit_of};
 use super::source::DctSource;
 use crate::content::{DctContent, stage_sizes};
+use crate::form::OCTAVE_STEPS;
 
 /// How much finer each stage is coded than the one before, in steps (256 an octave): 4.5 dB, for a 64th of the texels. With few
 /// texels, errors of single ones show.
@@ -14,7 +15,23 @@ pub const STAGE_FINER: u16 = 192;
 #[derive(Debug)]
 pub struct DctSetEncoder<'a> {
     layout: ImageLayout,
-    stages: Vec<DctEncoder<'a>>,
+    stages: Vec<Stage<'a>>,
+}
+
+#[derive(Debug)]
+struct Stage<'a> {
+    encoder: DctEncoder<'a>,
+    /// What is added to the set's step, in steps: the same error in parts of the range, divided by the root of its weight.
+    offset: i32,
+}
+
+/// A stage of a map, and how it is coded.
+#[derive(Debug)]
+pub(super) struct MapStage {
+    pub(super) source: DctSource,
+    pub(super) settings: DctSettings,
+    /// Weight of squared errors.
+    pub(super) weight: f64,
 }
 
 impl<'a> DctSetEncoder<'a> {
@@ -29,8 +46,27 @@ impl<'a> DctSetEncoder<'a> {
         params: &DctSettings,
         check: CancelCheck<'a>,
     ) -> Result<Self, EncodeError> {
-        let stages = sources.into_iter().map(|source| DctEncoder::of_steps(source?, params, check));
-        let stages = stages.collect::<Result<Vec<_>, EncodeError>>()?;
+        let stages = sources
+            .into_iter()
+            .map(|source| Ok(MapStage { source: source?, settings: *params, weight: 1.0 }));
+        DctSetEncoder::of_maps(layout, stages, check)
+    }
+
+    /// As [`DctSetEncoder::new`], of stages with settings and weights of their own. The step of a set is that of its first stage.
+    pub(super) fn of_maps(
+        layout: ImageLayout,
+        stages: impl IntoIterator<Item = Result<MapStage, EncodeError>>,
+        check: CancelCheck<'a>,
+    ) -> Result<Self, EncodeError> {
+        let mut first = None;
+        let mut stage = |stage: Result<MapStage, EncodeError>| {
+            let MapStage { source, settings, weight } = stage?;
+            let unit = unit_of(source.depth) / weight.sqrt();
+            let offset = f64::from(OCTAVE_STEPS) * (unit / *first.get_or_insert(unit)).log2();
+            let encoder = DctEncoder::of_steps(source, &settings, check)?;
+            Ok(Stage { encoder, offset: offset.round() as i32 })
+        };
+        let stages = stages.into_iter().map(&mut stage).collect::<Result<Vec<_>, EncodeError>>()?;
         if stages.is_empty() {
             return Err(SourceError::Empty.into());
         }
@@ -44,8 +80,12 @@ impl<'a> DctSetEncoder<'a> {
     pub fn at_step(&self, step: u16) -> Result<DctContent, EncodeError> {
         let counts = self.layout.images.iter().map(|&size| stage_sizes(size, self.layout.levels).len());
         let numbers = counts.flat_map(|count| 0..count);
-        let of_stage = |number: usize| step.saturating_sub(STAGE_FINER * number as u16);
-        let stages = self.stages.iter().zip(numbers).map(|(stage, number)| stage.at_step(of_stage(number)));
+        let stages = self.stages.iter().zip(numbers).map(|(stage, number)| {
+            let finer = i32::from(STAGE_FINER) * number as i32;
+            stage
+                .encoder
+                .at_step((i32::from(step) + stage.offset - finer).clamp(0, i32::from(u16::MAX)) as u16)
+        });
         let stages = stages.collect::<Result<Vec<_>, EncodeError>>()?;
         let unlike = SourceError::Unlike { index: 0, what: "its size or channels" };
         DctContent::new(self.layout.clone(), stages).ok_or(unlike.into())
@@ -54,12 +94,12 @@ impl<'a> DctSetEncoder<'a> {
     /// As [`DctEncoder::step_of`].
     #[must_use]
     pub fn step_of(&self, lambda: f64) -> u16 {
-        self.stages.first().map_or(0, |stage| stage.step_of(lambda))
+        self.stages.first().map_or(0, |stage| stage.encoder.step_of(lambda))
     }
 
     /// The step to begin a search with.
     #[must_use]
     pub fn first_step(&self) -> u16 {
-        self.stages.first().map_or(first_step(8), DctEncoder::first_step)
+        self.stages.first().map_or(first_step(8), |stage| stage.encoder.first_step())
     }
 }

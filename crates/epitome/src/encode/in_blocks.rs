@@ -89,7 +89,7 @@ fn params(metric: Metric, effort: Effort) -> DctSettings {
 /// All texels of a texture of that image's size, in 8-bit units.
 fn decoded(texture: DctTexture, image: &Raster) -> Result<Field, EncodeError> {
     let ImageSize { width, height } = image.size();
-    let layout = ImageLayout { images: vec![image.size()], levels: 1, pixel: image.info() };
+    let layout = ImageLayout::new(vec![image.size()], 1, image.info());
     let unlike = SourceError::Unlike { index: 0, what: "its size or channels" };
     let content = DctContent::new(layout, vec![texture]).ok_or(unlike)?;
     let mut texels = vec![Texel::ZERO; width as usize * height as usize];

@@ -119,7 +119,7 @@ fn search_one(
     params: &EpitomeParams,
     job: &mut Job<'_>,
 ) -> Result<EpitomeSearch, EncodeError> {
-    source.images.check_sides()?;
+    source.images.check_images()?;
     let shape = Shape::of(source.images, params)?;
     job.holding(shape.bytes, |job| {
         let mut searched = job.within(0.0, 0.3, |job| EpitomeSearch::new(source, params, shape, job))?;

@@ -72,7 +72,7 @@ fn read_errors(
     };
     let levels = if form.mips { 1 + PLANE_MIPS } else { 1 };
     let size = ImageSize { width, height };
-    let layout = ImageLayout { images: vec![size], levels, pixel: layout.pixel };
+    let layout = ImageLayout::new(vec![size], levels, layout.pixel);
     // Its texels are decoded when the texture is laid out.
     budget.take(2 * size.texels() * size_of::<texfold_core::Texel>() as u64)?;
     let content = ResidualContent::load_whole(&layout, CONTENT, file, budget)?;

@@ -211,7 +211,7 @@ pub(crate) fn epitome(forge: &Forge) -> EpitomeTexture {
     }
     let mut out = SectionWriter::new(Epitome::ID);
     Notes::default().write(&mut out);
-    write_layout(&ImageLayout { images, levels: forge.levels, pixel: forge.pixel() }, &mut out);
+    write_layout(&ImageLayout::new(images, forge.levels, forge.pixel()), &mut out);
     out.section("container", *b"EPFM", &forge.form(matrices.len(), gain_offsets.len()));
     let palettes = matrices.as_flattened().iter().flat_map(|value| value.to_le_bytes());
     out.section("map", *b"EPPL", &palettes.chain(gain_offsets.concat()).collect::<Vec<u8>>());

@@ -177,7 +177,7 @@ pub(crate) fn vq(sizes: &[(u32, u32)], levels: u32, channels: u8, content: Conte
             index.extend(values.iter().zip(before).map(|(value, before)| value.wrapping_sub(before)));
         }
     }
-    write_layout(&ImageLayout { images, levels, pixel }, &mut out);
+    write_layout(&ImageLayout::new(images, levels, pixel), &mut out);
     out.section("container", *b"VQFM", &[vec![number], form].concat());
     out.section("codebook", *b"CODE", &codebook);
     out.section("index", *b"INDX", &index);

@@ -85,7 +85,7 @@ pub(crate) fn progressive(base: &Base) -> ProgressiveTexture {
     let full: Vec<_> = sizes.iter().map(|&(width, height)| ImageSize { width, height }).collect();
     let mut out = SectionWriter::new(Progressive::ID);
     Notes::default().write(&mut out);
-    write_layout(&ImageLayout { images: full.clone(), levels, pixel }, &mut out);
+    write_layout(&ImageLayout::new(full.clone(), levels, pixel), &mut out);
     // What is stored of them.
     let levels = levels.saturating_sub(shrink_log2).max(1);
     let images: Vec<_> = full.iter().map(|size| size.at_level(shrink_log2)).collect();

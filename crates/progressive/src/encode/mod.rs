@@ -93,7 +93,7 @@ pub(crate) fn encode(
     job: &mut Job<'_>,
 ) -> Result<ProgressiveTexture, EncodeError> {
     params.check()?;
-    source.check_sides()?;
+    source.check_images()?;
     Encoding { source, params, parts: &Fresh { source, params, shared } }.run(job)
 }
 

@@ -58,7 +58,7 @@ impl ProgressiveSearch {
         job: &mut Job<'_>,
     ) -> Result<Self, EncodeError> {
         params.check()?;
-        source.check_sides()?;
+        source.check_images()?;
         let (source, params, shared) = (source.clone(), params.clone(), shared.clone());
         let search = ProgressiveSearch { source, params, shared, held: Mutex::default() };
         search.encode(search.params.goal, job)?;

@@ -125,7 +125,7 @@ fn against(
     check: CancelCheck<'_>,
 ) -> Result<(ResidualContent, Residuals), EncodeError> {
     let first = levels.first().ok_or(SourceError::Empty)?;
-    let layout = ImageLayout { images: vec![first.size()], levels: levels.len() as u32, pixel: first.info() };
+    let layout = ImageLayout::new(vec![first.size()], levels.len() as u32, first.info());
     let content = bases(&layout, form, &[levels.to_vec()], None, effort, check)?;
     let mut residuals = Residuals::default();
     residuals.begin_image();

@@ -5,6 +5,7 @@ use texfold_bc::Bc;
 use texfold_core::image::ImageSet;
 use texfold_core::target::Measured;
 use texfold_core::{EncodeError, Encoded, Goal, Image2d, Job, Metric, SourceError};
+use texfold_dct::Dct;
 use texfold_residual::encode::{Score, score};
 
 use super::{ENCODINGS, EncodeSettings, Encoding, Guidance};
@@ -33,6 +34,7 @@ pub struct Attempt {
 
 /// Encodes images with the codec that the settings name, or with the one that answers the goal best.
 ///
+/// Maps of a material are encoded by `dct`.
 /// A codec that cannot reach the goal where plain block compression can, or that is larger at the same quality,
 /// gives way to it; the notes' verdict says so. A codebook of a given size is not held against plain blocks.
 /// Where no codec is named, the verdict says what was tried, what was not and why.
@@ -60,6 +62,12 @@ pub fn choose_images(
 ) -> Result<Chosen, EncodeError> {
     let without_choice = |image| Chosen { image, attempts: Vec::new() };
     settings.check()?;
+    if !images.maps().is_empty() {
+        let dct = Encoding::of::<Dct>();
+        let encoding = settings.codec.encoding().unwrap_or(&dct);
+        encoding.check(settings)?;
+        return encoding.encode(images, guidance, settings, job).map(without_choice);
+    }
     if let Some(encoding) = settings.codec.encoding() {
         return encoding.or_plain(images, guidance, settings, job).map(without_choice);
     }

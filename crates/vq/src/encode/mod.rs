@@ -208,7 +208,7 @@ fn nearly_gray(images: &ImageSet, params: &VqParams, job: &Job<'_>) -> Result<Op
 
 /// Fails where an image is longer than a file can name, or its index, with `levels` mip levels, fits no plane.
 fn check_sizes(images: &ImageSet, levels: u32) -> Result<(), SourceError> {
-    images.check_sides()?;
+    images.check_images()?;
     for (index, image) in images.images().iter().enumerate() {
         let size = image.size();
         let (width, height) = (size.width, size.height);

@@ -133,7 +133,7 @@ impl Sources {
         let parts = Parts {
             layout: maker.layout(),
             deep: maker.deep,
-            payload: Payload::Blocks { root, atlas: contents.next() },
+            payload: Payload::Blocks { root, atlas: contents.next().map(Box::new) },
             images: self.images.clone(),
             patches: maker.patches(&numbers),
         };

@@ -317,11 +317,11 @@ impl Maker<'_> {
     /// Layout of the texture: one image, as fine as the finest patch.
     pub(crate) fn layout(&self) -> ImageLayout {
         let (width, height) = self.canvas.root_size;
-        ImageLayout {
-            images: vec![ImageSize { width: width << self.deep, height: height << self.deep }],
-            levels: self.deep + self.canvas.root.len() as u32,
-            pixel: self.pixel,
-        }
+        ImageLayout::new(
+            vec![ImageSize { width: width << self.deep, height: height << self.deep }],
+            self.deep + self.canvas.root.len() as u32,
+            self.pixel,
+        )
     }
 
     /// The patches whose image is stored, where `numbers` has the number of each that is.

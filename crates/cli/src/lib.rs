@@ -41,6 +41,8 @@ pub use info::InfoArgs;
 pub use input::capture::{read_capture, read_views};
 #[doc(hidden)]
 pub use input::foreign::{FOREIGN, read_foreign};
+pub use input::material::materials_of;
+pub use normals::degrees_of;
 pub use perceptual::{butteraugli, ssimulacra2};
 pub use render::RenderArgs;
 pub use run::{Command, main, run};

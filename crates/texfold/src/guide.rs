@@ -144,6 +144,38 @@
 //! # }
 //! ```
 //!
+//! # Put the maps of a material together
+//!
+//! `texfold compress walls/ --as material --bpp 5 --mips --out out` takes `wall_Color.png`, `wall_NormalGL.png`, `wall_Roughness.png`,
+//! `wall_Displacement.png` and the like as one texture, `out/wall.txf`, and those of each further material of the folder as another. Each map keeps
+//! its size, channels, depth and colour space; all share the bits, which are counted over the texels of the largest. Errors of maps that only
+//! modulate light (roughness, metalness, occlusion) count a quarter where errors count as seen; `--weights normal=2,height=0.5` says otherwise.
+//! `texfold decompress out/wall.txf --out png` writes the maps again under their names.
+//!
+//! In code a map is an image of the texture, found by its name:
+//!
+//! ```
+//! use texfold::{ColorSpace, Encode, Goal, ImageSet, MapKind, core::metric::decode_image};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! # let color = texfold_testkit::image("odd_37x61");
+//! # let normal = texfold_testkit::image("normal_map").tagged(ColorSpace::Normal, texfold::Alpha::Opaque);
+//! let maps = vec![
+//!     (MapKind::BaseColor, "wall_Color".to_owned(), color),
+//!     (MapKind::Normal, "wall_Normal".to_owned(), normal),
+//! ];
+//! let texture = Encode::new(&ImageSet::of_maps(maps)?).goal(Goal::Bpp(5.0)).mips(true).run()?;
+//! let layout = texture.as_encoded().layout();
+//! let normal = layout.map("wall_Normal").ok_or("no such map")?;
+//! assert_eq!(layout.pixel_of(normal).color, ColorSpace::Normal);
+//! let decoded = decode_image(texture.as_encoded(), normal, 0).ok_or("no such image")?;
+//! # assert_eq!(decoded.size().width, 128);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! On a GPU each map is a texture of its own, decoded from the same file; those of 16 bits are decoded to floats.
+//!
 //! # Build a zoom stack
 //!
 //! A zoom stack is one image of a whole surface and close-ups of parts of it. A folder of photographs is put in order

@@ -131,7 +131,8 @@ pub struct Options {
     #[arg(long, value_name = "X", help_heading = "Vector quantisation")]
     pub(super) importance: Option<f32>,
     /// vq: weights of the terms of importance, such as saliency=2,distortion=0 (usual: usability=1,saliency=1,distortion=1,painted=2).
-    /// Materials: weights of the squared errors of maps by kind, 0.01 to 100, such as normal=2,height=0.5 (usual: 1 each); kinds are color,
+    /// Materials: weights of the squared errors of maps by kind, 0.01 to 100, such as normal=2,height=0.5 (usual: 1, and 0.25 for roughness,
+    /// metalness, occlusion and orm where errors count as seen); kinds are color,
     /// normal, roughness, metalness, occlusion, orm, height, emissive, opacity, other.
     #[arg(long, value_name = "TERM=W,...", help_heading = "Goal")]
     pub(super) weights: Option<Weights>,

@@ -109,6 +109,7 @@ const ALLOWED: [Allowed; 22] = [
             "ktx2",
             "moxcms",
             "ndarray",
+            "percent-encoding",
             "png",
             "serde",
             "serde-ply",

@@ -15,6 +15,8 @@ pub(crate) enum UsageError {
     NotForCodec { option: &'static str, wanted: &'static str, codec: &'static str },
     #[error("--{option} cannot be combined with {other}; leave one of them out")]
     Excluded { option: &'static str, other: &'static str },
+    #[error("--weights of a scene name kinds of maps; give them as in normal=2,height=0.5")]
+    MapWeights,
     #[error("a bank has images of the codecs dct and progressive, not {codec}; give one of these")]
     BankCodec { codec: &'static str },
     #[error("--category is for images of a bank; leave it out, or use `texfold bank add`")]
@@ -106,6 +108,12 @@ pub(crate) enum CliError {
     NotFlat { path: PathBuf, found: &'static str },
     #[error("{}: the file ends before its blocks do ({found} of {needed} bytes); export it again", path.display())]
     CutBlocks { path: PathBuf, found: usize, needed: u64 },
+    #[error("{}: the scene {what}; export it as glTF 2 with its images in PNG, JPEG or WebP", path.display())]
+    Scene { path: PathBuf, what: &'static str },
+    #[error("{}: would be written over itself; give another --out", path.display())]
+    Itself { path: PathBuf },
+    #[error("{}: the scene cannot be read; export it as .glb or .gltf again", path.display())]
+    SceneSyntax { path: PathBuf, source: Box<dyn Error + Send + Sync> },
     #[error("{}: no name of a map; end file names in _Color, _Normal, _Roughness, _Metalness, _AO, _ORM, _Height, _Emissive or _Opacity, or give --as image", path.display())]
     NoMaps { path: PathBuf },
     #[error("{}: is not a folder of photographs; give codec zipmap a folder with zipmap.toml in it, or --as zoom", path.display())]

@@ -7,8 +7,8 @@ use clap::Parser;
 use crate::console::{be_quiet, complain, is_cut, note_cut};
 use crate::error::{CliError, explain};
 use crate::{
-    BankCommand, CompareArgs, CompressArgs, DecompressArgs, InfoArgs, RenderArgs, ViewArgs, bank_command,
-    compare, compress, decompress, info, render, view,
+    BankCommand, CompareArgs, CompressArgs, DecompressArgs, InfoArgs, PackArgs, RenderArgs, UnpackArgs,
+    ViewArgs, bank_command, compare, compress, decompress, info, pack, render, view,
 };
 
 /// Exit code: some inputs failed, the others are written.
@@ -35,6 +35,10 @@ pub enum Command {
     /// Keep large images in tiles that share codebooks, and add to them over time.
     #[command(subcommand)]
     Bank(BankCommand),
+    /// Put the images of a glTF scene into textures beside it.
+    Pack(PackArgs),
+    /// Put the images of a packed scene back into it.
+    Unpack(UnpackArgs),
     /// Set every codec that fits beside plain block compression.
     Compare(CompareArgs),
 }
@@ -84,6 +88,8 @@ pub fn run(command: Command, quiet: bool) -> ExitCode {
         Command::View(args) => view::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Bank(command) => bank_command::run(command),
+        Command::Pack(args) => pack::pack(&args),
+        Command::Unpack(args) => pack::unpack(&args),
         Command::Compare(args) => compare::run(&args),
     };
     ended(match outcome {

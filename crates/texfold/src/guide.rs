@@ -174,6 +174,10 @@
 //! # }
 //! ```
 //!
+//! A scene of glTF is packed as a whole: `texfold pack scene.glb --out packed` writes one texture a material and the scene, whose textures name
+//! their maps in an extension that FORMAT.md describes; other viewers show small images in their place. `texfold unpack packed/scene.glb --out
+//! plain` puts PNG images back.
+//!
 //! On a GPU each map is a texture of its own, decoded from the same file; those of 16 bits are decoded to floats.
 //!
 //! # Build a zoom stack

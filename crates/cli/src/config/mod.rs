@@ -12,6 +12,7 @@ mod values;
 pub(crate) use file::Config;
 pub(crate) use names::MapName;
 pub use options::{Options, RunOptions};
+pub(crate) use values::Weights;
 pub use values::{AlphaChoice, CodecName, ColorName, ContentName, EffortName, Samples, Sides};
 
 #[cfg(test)]

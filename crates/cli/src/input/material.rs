@@ -130,6 +130,6 @@ fn map_name(path: &Path, kind: MapKind, others: &[(MapKind, String, Raster)]) ->
 }
 
 /// Whether an image of three channels has the same in all of them.
-fn is_gray(image: &Raster) -> bool {
+pub(crate) fn is_gray(image: &Raster) -> bool {
     image.info().channels == 3 && image.texels().all(|texel| texel.x == texel.y && texel.y == texel.z)
 }

@@ -14,8 +14,8 @@ use texfold_core::mesh::UvMesh;
 use crate::error::CliError;
 use crate::files;
 
-/// Buffers within glTF files, which some exporters write without padding.
-const BASE64: GeneralPurpose = GeneralPurpose::new(
+/// Buffers and images within glTF files, which some exporters write without padding.
+pub(crate) const BASE64: GeneralPurpose = GeneralPurpose::new(
     &alphabet::STANDARD,
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );

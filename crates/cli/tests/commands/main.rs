@@ -10,5 +10,6 @@ mod lightfield;
 mod materials;
 mod mesh;
 mod results;
+mod scenes;
 mod support;
 mod zoom;

@@ -15,7 +15,7 @@ readdirSync("dist").filter((name) => name.startsWith("texfold-")).forEach((name)
 
 await build({
   ...options,
-  entryPoints: ["src/index.ts", "src/tiles.ts", ...(isTest ? ["src/test.ts"] : [])],
+  entryPoints: ["src/index.ts", "src/tiles.ts", "src/gltf.ts", ...(isTest ? ["src/test.ts"] : [])],
   outdir: "dist",
   splitting: true,
   chunkNames: "texfold-[name]-[hash]",

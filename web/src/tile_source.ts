@@ -21,7 +21,7 @@ export function tileSource(gpu: Gpu, texture: GpuTexture, image = 0, tileSize = 
     const left = Math.min(x * tileSize, size.width - 1), top = Math.min(y * tileSize, size.height - 1);
     const part = { width: Math.min(tileSize, size.width - left), height: Math.min(tileSize, size.height - top) };
     const pixels = await gpu.decode(texture, { image, level: mip, x: left, y: top, ...part });
-    if (layout.alpha === "band") {
+    if ((layout.maps?.[image]?.pixels.alpha ?? layout.alpha) === "band") {
       for (let at = 3; at < pixels.data.length; at += 4) {
         pixels.data[at] = 255;
       }

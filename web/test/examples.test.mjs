@@ -35,6 +35,24 @@ test("three.js draws a texture on a box", options, async () => {
   await page.close();
 });
 
+test("three.js draws a packed scene of glTF, each map in its place", options, async () => {
+  const { page, faults } = await open(browser, `${server.url}web/examples/gltf.html`, { viewport: { width: 600, height: 400 } });
+  await page.waitForFunction(() => globalThis.drawn > 2, null, { timeout: 60_000 });
+  const { share, colours } = await shown(page);
+  assert.ok(share > 0.05 && share < 0.6 && colours > 100, `${share} of the page in ${colours} colours`);
+  const maps = await page.evaluate(() => {
+    const [{ map, normalMap, roughnessMap }] = globalThis.materials;
+    return [map, normalMap, roughnessMap].map(({ name, wrapS, sourceTexture: { width, height, format, mipLevelCount } }) => ({ name, wrapS, width, height, format, mipLevelCount }));
+  });
+  assert.deepEqual(maps, [
+    { name: "m_BaseColor", wrapS: 1001, width: 128, height: 128, format: "rgba8unorm-srgb", mipLevelCount: 8 },
+    { name: "m_Normal", wrapS: 1001, width: 128, height: 128, format: "rgba8unorm", mipLevelCount: 8 },
+    { name: "m_Height", wrapS: 1001, width: 96, height: 96, format: "rgba8unorm", mipLevelCount: 7 },
+  ]);
+  assert.deepEqual(faults, []);
+  await page.close();
+});
+
 test("OpenSeadragon shows a zoom stack tile by tile", options, async () => {
   const { page, faults } = await open(browser, `${server.url}web/examples/openseadragon.html`, { viewport: { width: 600, height: 400 } });
   const isLoaded = () => globalThis.viewer?.world?.getItemAt(0)?.getFullyLoaded();

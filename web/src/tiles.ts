@@ -3,7 +3,7 @@
 
 import { planesOf, STAGE_LEVELS } from "./codecs/dct.js";
 import { decodeBlocks } from "./codecs/dct_cpu.js";
-import { atLevel, fullLevels, type Layout, type Size } from "./container.js";
+import { atLevel, fullLevels, type Layout, pixelsOf, type Size } from "./container.js";
 import { channelsOf } from "./decoder.js";
 import { type Blocks, packedOffsets } from "./form.js";
 import { WORDS } from "./generated/dct.js";
@@ -256,14 +256,17 @@ export class TileCache {
    */
   async add(texture: Texture, look: TileLook = {}): Promise<number[]> {
     const prepared = await this.prepared(texture), added: number[] = [];
-    const whole = { address: look.address ?? "repeat", srgb: look.srgb ?? texture.layout?.colour === "srgb" };
+    const { layout } = texture;
     try {
       for (const image of prepared) {
         const free = this.held.indexOf(undefined);
         if (free < 0) {
           throw full("all textures are in use", "textures");
         }
-        this.put(image, free, whole);
+        // Of a material's maps those of data stay as they are.
+        const isColour = layout !== null && pixelsOf(layout, image.image).colour === "srgb";
+        const srgb = layout?.maps ? isColour && look.srgb !== false : look.srgb ?? isColour;
+        this.put(image, free, { address: look.address ?? "repeat", srgb });
         added.push(free);
       }
     } catch (error) {

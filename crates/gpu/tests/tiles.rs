@@ -10,7 +10,7 @@
 mod offscreen;
 
 use glam::{DVec2, DVec4, Vec4};
-use texfold::core::image::{Alpha, ColorSpace, Depth, ImageSet, PixelInfo, Raster, srgb_to_linear};
+use texfold::core::image::{Alpha, ColorSpace, Depth, ImageSet, MapKind, PixelInfo, Raster, srgb_to_linear};
 use texfold::core::rng::Rng;
 use texfold::core::{Encoded, Image2d, ImageSize, Rect, Texel};
 use texfold::{AnyImage, Arrived, Arriving, Choice, Effort, EncodeSettings, Goal, Guidance, Job, Limits};
@@ -156,13 +156,14 @@ struct Reference {
 }
 
 impl Reference {
-    fn new(texture: &dyn Encoded<Domain = Image2d>, look: TileLook) -> Self {
+    fn new(texture: &dyn Encoded<Domain = Image2d>, image: u32, look: TileLook) -> Self {
         let layout = texture.layout();
+        let own = layout.images[image as usize];
         let level = |level: u32| {
-            let size = layout.images[0].at_level(level);
+            let size = own.at_level(level);
             let ImageSize { width, height } = size;
             let mut texels = vec![Texel::ZERO; (width * height) as usize];
-            let rect = Rect { image: 0, level, x: 0, y: 0, width, height };
+            let rect = Rect { image, level, x: 0, y: 0, width, height };
             texture.decode(rect, &mut texels).unwrap();
             let value = |texel: &Texel| {
                 // The pool has 8 bits a sample.
@@ -172,7 +173,7 @@ impl Reference {
             };
             (size, texels.iter().map(value).collect())
         };
-        Reference { levels: (0..layout.levels).map(level).collect(), look }
+        Reference { levels: (0..layout.levels.min(own.full_levels())).map(level).collect(), look }
     }
 
     fn bilinear(&self, level: usize, uv: DVec2) -> DVec4 {
@@ -265,7 +266,7 @@ fn compare(
     rng: &mut Rng,
 ) {
     let texture = texture.as_encoded();
-    let reference = Reference::new(texture, look);
+    let reference = Reference::new(texture, 0, look);
     let (size, levels) = (texture.layout().images[0], texture.layout().levels);
     for _ in 0..views {
         compare_view(renderer, (texture, &reference), &random_view(rng, size, levels, added), most);
@@ -348,6 +349,34 @@ fn channels_and_depths_of_all_kinds_are_drawn() {
 }
 
 #[test]
+fn maps_of_a_material_are_filtered_as_what_they_are() {
+    let Some(gpu) = gpu() else { return };
+    let mut renderer = Renderer::new(gpu, &options());
+    let normals = image("normal_map").tagged(ColorSpace::Normal, Alpha::Opaque);
+    let height = of_pixels(1, Depth::Sixteen).tagged(ColorSpace::Linear, Alpha::Opaque);
+    let maps = vec![
+        (MapKind::BaseColor, "color".to_owned(), of_pixels(3, Depth::Eight)),
+        (MapKind::Normal, "normal".to_owned(), normals),
+        (MapKind::Height, "height".to_owned(), height),
+    ];
+    let images = ImageSet::of_maps(maps).unwrap();
+    let texture =
+        texfold::Encode::new(&images).goal(Goal::Bpp(4.0)).effort(Effort::Fast).mips(true).run().unwrap();
+    let look = TileLook { address: AddressMode::Repeat, srgb: true };
+    let added = renderer.cache.add(renderer.gpu, texture.as_encoded(), look).unwrap();
+    let mut rng = Rng::new(23);
+    for (number, &added) in (0..).zip(&added) {
+        let look = TileLook { srgb: number == 0, ..look };
+        let reference = Reference::new(texture.as_encoded(), number, look);
+        let levels = reference.levels.len() as u32;
+        for _ in 0..3 {
+            let view = random_view(&mut rng, reference.levels[0].0, levels, added);
+            compare_view(&renderer, (texture.as_encoded(), &reference), &view, 2.0);
+        }
+    }
+}
+
+#[test]
 fn tiles_that_a_removed_texture_asked_for_do_no_harm() {
     let Some(gpu) = gpu() else { return };
     let mut renderer = Renderer::new(gpu, &TileOptions { textures: 1, ..options() });
@@ -404,7 +433,7 @@ fn textures_come_and_go_and_take_nothing_with_them() {
         let held = hold(&mut renderer, texture, look, (0, 2.0), &mut rng);
         // The same places of the table as those of the texture before, whose tiles are all in the pool.
         let texture = texture.as_encoded();
-        compare_view(&renderer, (texture, &Reference::new(texture, look)), &whole_view(held), 2.0);
+        compare_view(&renderer, (texture, &Reference::new(texture, 0, look)), &whole_view(held), 2.0);
         let first = renderer.cache.add(gpu, other.as_encoded(), look).unwrap();
         let full = renderer.cache.add(gpu, one.as_encoded(), look);
         assert!(matches!(full, Err(GpuError::TilesFull { option: "textures", .. })), "{full:?}");
@@ -487,7 +516,7 @@ fn coarse_textures_tell_what_is_looked_at_and_show_it_once_it_is_there() {
     assert_eq!(uses(&renderer), []);
     // The largest level that is there, of 31 columns.
     let view = whole_view(first[0]);
-    let reference = Reference::new(facade.as_encoded(), look);
+    let reference = Reference::new(facade.as_encoded(), 0, look);
     let texels = renderer.settled(&view);
     for (place, found) in (0u32..).zip(&texels) {
         let at = DVec2::new(f64::from(place % VIEW) + 0.5, f64::from(place / VIEW) + 0.5);

@@ -178,7 +178,8 @@
 //! their maps in an extension that FORMAT.md describes; other viewers show small images in their place. `texfold unpack packed/scene.glb --out
 //! plain` puts PNG images back.
 //!
-//! On a GPU each map is a texture of its own, decoded from the same file; those of 16 bits are decoded to floats.
+//! On a GPU each map is a texture of its own, decoded from the same file; those of 16 bits are decoded to floats. In a [cache of
+//! tiles](#draw-from-a-cache-of-tiles) each map has a number, in the order of the layout, and only maps of colours become linear light.
 //!
 //! # Build a zoom stack
 //!

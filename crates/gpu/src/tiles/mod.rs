@@ -29,6 +29,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use range_alloc::RangeAllocator;
+use texfold_core::image::ColorSpace;
 use texfold_core::{Encoded, GpuDct, Image2d, ImageSize};
 use texfold_shaders::ModuleInfo;
 use wgpu::{BindingResource, BufferUsages, CommandEncoder, Extent3d, Texture, TextureUsages};
@@ -313,6 +314,9 @@ impl TileCache {
         for image in 0..source.texture.layout().images.len() as u32 {
             let free = self.held.iter().position(Option::is_none);
             let full = GpuError::TilesFull { what: "all textures are in use", option: "textures" };
+            let map = source.texture.layout().maps.get(image as usize);
+            let is_color = map.is_none_or(|map| map.pixel.color == ColorSpace::Srgb);
+            let look = TileLook { srgb: look.srgb && is_color, ..look };
             let put = free.ok_or(full).and_then(|index| self.put(gpu, source, image, (index, look)));
             match put {
                 Ok(texture) => added.push(texture),

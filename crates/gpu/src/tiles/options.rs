@@ -46,7 +46,8 @@ impl Default for TileOptions {
 pub struct TileLook {
     /// Texture coordinates outside of [0, 1).
     pub address: AddressMode,
-    /// Whether colours are sRGB and become linear light before they are filtered; not for normals and other data.
+    /// Whether colours are sRGB and become linear light before they are filtered; not for normals and other data. Of a material's maps those
+    /// of data stay as they are all the same.
     pub srgb: bool,
 }
 

@@ -114,7 +114,7 @@ pub(crate) enum CliError {
     Itself { path: PathBuf },
     #[error("{}: the scene cannot be read; export it as .glb or .gltf again", path.display())]
     SceneSyntax { path: PathBuf, source: Box<dyn Error + Send + Sync> },
-    #[error("{}: no name of a map; end file names in _Color, _Normal, _Roughness, _Metalness, _AO, _ORM, _Height, _Emissive or _Opacity, or give --as image", path.display())]
+    #[error("{}: no name of a map; end file names in _Color, _Normal, _Roughness, _Metalness, _AO, _ORM, _Height, _Emissive or _Opacity, or give --as image (a scene of glTF is for the command pack)", path.display())]
     NoMaps { path: PathBuf },
     #[error("{}: is not a folder of photographs; give codec zipmap a folder with zipmap.toml in it, or --as zoom", path.display())]
     NotStack { path: PathBuf },

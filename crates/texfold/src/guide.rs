@@ -150,7 +150,8 @@
 //! `wall_Displacement.png` and the like as one texture, `out/wall.txf`, and those of each further material of the folder as another. Each map keeps
 //! its size, channels, depth and colour space; all share the bits, which are counted over the texels of the largest. Errors of maps that only
 //! modulate light (roughness, metalness, occlusion) count a quarter where errors count as seen; `--weights normal=2,height=0.5` says otherwise.
-//! `texfold decompress out/wall.txf --out png` writes the maps again under their names.
+//! `texfold decompress out/wall.txf --out png` writes the maps again under their names (`chair-leather-color.png` for a
+//! map `color` of `chair-leather.txf`).
 //!
 //! In code a map is an image of the texture, found by its name:
 //!

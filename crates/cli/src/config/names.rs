@@ -137,7 +137,7 @@ pub(super) fn settle(files: &[PathBuf], settings: &mut Settings) {
             settings.remarks.warn(
                 file,
                 "by its name another kind of map than the rest of its folder, and handled as srgb; \
-                 give `--as image`, or `--color` for all",
+                 give `--as material` to keep maps as what they are in one file, `--as image`, or `--color` for all",
             );
         }
     }

@@ -144,7 +144,7 @@ pub struct Options {
     #[arg(long, value_name = "FILE", help_heading = "Vector quantisation")]
     pub(super) mesh: Option<PathBuf>,
     /// Meaning of the images' values. By default file names that end in _Normal, _Roughness, _AO, _Height and the like are
-    /// normal or linear, and all else is srgb; a folder of unlike maps in one file is srgb: give --as image.
+    /// normal or linear, and all else is srgb; a folder of unlike maps in one file is srgb: give --as material or --as image.
     #[arg(long, value_enum, help_heading = "Input")]
     pub(super) color: Option<ColorName>,
     /// Meaning of the channel beside gray or RGB: straight, cutout, cutout=THRESHOLD, band.

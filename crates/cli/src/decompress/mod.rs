@@ -147,7 +147,7 @@ fn plan(
         let none = RegionError::NoSuchImage { image, images: sizes.len() };
         let size = sizes.get(image as usize).ok_or(none)?.at_level(args.writing.lod);
         let name = match encoded.layout().maps.get(image as usize) {
-            Some(map) => format!("{}{ending}", map.name).into(),
+            Some(map) => map_name(path, &map.name, &ending).into(),
             None => name(path, image as usize, joined.map_or(sizes.len(), |_| 1), &ending),
         };
         Ok((args.writing.rect(image, size)?, args.writing.out.join(name)))
@@ -299,9 +299,21 @@ pub(crate) fn name(path: &Path, image: usize, images: usize, ending: &str) -> st
     name
 }
 
+/// `<map><ending>` where the map's name begins with that of the file, as those of files do, else `<stem>-<map><ending>`.
+fn map_name(path: &Path, map: &str, ending: &str) -> String {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    if map.starts_with(&*stem) { format!("{map}{ending}") } else { format!("{stem}-{map}{ending}") }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn maps_of_several_materials_have_names_of_their_own() {
+        assert_eq!(map_name(Path::new("out/wall.txf"), "wall_Color", ".png"), "wall_Color.png");
+        assert_eq!(map_name(Path::new("chair-leather.txf"), "color", ".png"), "chair-leather-color.png");
+    }
 
     #[test]
     fn names_sort_as_the_images_do() {

@@ -149,7 +149,7 @@
 //! `texfold compress walls/ --as material --bpp 5 --mips --out out` takes `wall_Color.png`, `wall_NormalGL.png`, `wall_Roughness.png`,
 //! `wall_Displacement.png` and the like as one texture, `out/wall.txf`, and those of each further material of the folder as another. Each map keeps
 //! its size, channels, depth and colour space; all share the bits, which are counted over the texels of the largest. Errors of maps that only
-//! modulate light (roughness, metalness, occlusion) count a quarter where errors count as seen; `--weights normal=2,height=0.5` says otherwise.
+//! modulate light (roughness, metalness, occlusion) count a quarter where errors count as seen; `--weights normal=2,height=0.5` sets other weights.
 //! `texfold decompress out/wall.txf --out png` writes the maps again under their names (`chair-leather-color.png` for a
 //! map `color` of `chair-leather.txf`).
 //!

@@ -67,7 +67,7 @@ const ENDS: [(&str, MapKind); 53] = [
 /// Ends that may be words of a name as well: they tell a map only among others of its material.
 const WORDS: [&str; 4] = ["metal", "alpha", "spec", "base"];
 
-/// A map, as its file's name tells.
+/// A map, by its file's name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct MapName {
     /// The name before the end, which all maps of a material have; empty where the end is all of the name.
@@ -78,7 +78,7 @@ pub(crate) struct MapName {
 }
 
 impl MapName {
-    /// What the name of a file tells. A size such as `_4k` may follow the end.
+    /// The map that a file is by its name. A size such as `_4k` may follow the end.
     pub(crate) fn of(path: &Path) -> Option<MapName> {
         let stem = path.file_stem()?.to_string_lossy().into_owned();
         // One byte for one, so that places are alike.

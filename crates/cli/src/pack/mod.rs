@@ -166,7 +166,7 @@ fn output_of(scene: &Path, out: &Path) -> Result<PathBuf, CliError> {
     if is_same { Err(CliError::Itself { path: output }) } else { Ok(output) }
 }
 
-/// Encodes the images of a material, and says what each came to.
+/// Encodes the images of a material, and prints the quality of each.
 fn encode(
     scene: &Scene,
     material: &Material,

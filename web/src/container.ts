@@ -164,7 +164,7 @@ export interface Size {
   height: number;
 }
 
-/** What the values of an image are. */
+/** Channels, depth, colour space and alpha of an image. */
 export interface PixelInfo {
   /** 1 gray, 2 gray and alpha or a band, 3 RGB, 4 RGB and alpha or a band. */
   channels: number;
@@ -187,7 +187,7 @@ export interface MapInfo {
 export interface Layout extends PixelInfo {
   images: Size[];
   levels: number;
-  /** What each image is, where they are maps of a material. */
+  /** The map that each image is, of a material. */
   maps?: MapInfo[];
 }
 
@@ -213,10 +213,10 @@ function readPixels(reader: Reader): PixelInfo {
   return { channels, depth, colour: COLOURS[colour]!, alpha: ALPHAS[alpha]!, threshold };
 }
 
-/** What an image of a layout is. */
+/** Pixels of an image of a layout. */
 export const pixelsOf = (layout: Layout, image: number): PixelInfo => layout.maps?.[image]?.pixels ?? layout;
 
-/** Reads what each image of a layout is, where they are maps of a material. */
+/** Reads the maps that the images of a layout are, of a material. */
 export function readMaps(file: Sections, layout: Layout): MapInfo[] | undefined {
   if (!file.has("MAPS")) {
     return undefined;

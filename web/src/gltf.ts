@@ -86,9 +86,12 @@ function fileName(uri: unknown): string {
 async function load(gpu: Gpu, address: string): Promise<Maps> {
   const texture = await open(address), { layout } = texture;
   const loaded = await gpu.upload(texture), maps: Maps = new Map();
-  for (const [image, { name }] of (layout?.maps ?? []).entries()) {
-    maps.set(name, await gpu.plain(loaded, image, pixelsOf(layout!, image).colour === "srgb"));
+  try {
+    for (const [image, { name }] of (layout?.maps ?? []).entries()) {
+      maps.set(name, await gpu.plain(loaded, image, pixelsOf(layout!, image).colour === "srgb"));
+    }
+  } finally {
+    loaded.destroy();
   }
-  loaded.destroy();
   return maps;
 }

@@ -15,8 +15,10 @@ pub(crate) enum UsageError {
     NotForCodec { option: &'static str, wanted: &'static str, codec: &'static str },
     #[error("--{option} cannot be combined with {other}; leave one of them out")]
     Excluded { option: &'static str, other: &'static str },
-    #[error("--weights of a scene name kinds of maps; give them as in normal=2,height=0.5")]
+    #[error("--weights of kinds of maps are for --as material; give that, or leave them out")]
     MapWeights,
+    #[error("--weights of a scene name kinds of maps; give them as in normal=2,height=0.5")]
+    SceneWeights,
     #[error("a bank has images of the codecs dct and progressive, not {codec}; give one of these")]
     BankCodec { codec: &'static str },
     #[error("--category is for images of a bank; leave it out, or use `texfold bank add`")]

@@ -3,8 +3,9 @@
 use texfold_core::image::{MapKind, PixelInfo};
 use texfold_core::{Effort, Goal, Metric, ParamError, Params};
 
-/// Weight of errors of maps that only modulate light. SSIMULACRA2 of a lit surface (bench `materials`), means of 3 and 5 bits: of the material
-/// that this was chosen on 73.7, 75.7, 77.4, 77.7, 77.8 at 1, 1/2, 1/4, 1/8, 1/16, of two others 68.3, 70.1, 73.7, 74.1, 72.9.
+/// Weight of errors of maps that only modulate light. SSIMULACRA2 of a lit surface (bench `materials` with such weights at effort fast), means
+/// of 3 and 5 bits: of the material that this was chosen on 73.7, 75.7, 77.4, 77.7, 77.8 at 1, 1/2, 1/4, 1/8, 1/16, of two others 68.3, 70.1,
+/// 73.7, 74.1, 72.9.
 const MODULATION_WEIGHT: f64 = 0.25;
 
 /// How images are stored.

@@ -100,16 +100,12 @@ pub(crate) fn candidates(
 
 /// Superblocks at the bits of formats for storage, their errors counted by that metric.
 fn for_metric(metric: Metric, effort: Effort) -> Vec<Candidate> {
-    let name = match metric {
-        Metric::Psnr => "psnr",
-        Metric::Perceptual => "perceptual",
-    };
     let of = |encoding: &'static Encoding, bpp: f64| {
-        let metric = Some(metric);
-        let settings = EncodeSettings { goal: Goal::Bpp(bpp), metric, effort, ..EncodeSettings::default() };
+        let goal = Goal::Bpp(bpp);
+        let settings = EncodeSettings { goal, metric: Some(metric), effort, ..EncodeSettings::default() };
         Candidate {
             codec: encoding.id.name,
-            settings: format!("{bpp} bpp {name}"),
+            settings: format!("{bpp} bpp {}", metric.name()),
             has_thumbnail: THUMBNAIL_GOALS.contains(&bpp),
             way: Way::Goal(encoding, Box::new(settings)),
         }

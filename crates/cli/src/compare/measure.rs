@@ -222,7 +222,7 @@ impl Bench {
             None => all(),
         };
         seconds.sort_by(f64::total_cmp);
-        layout.texels() as f64 / seconds[CPU_DECODES / 2]
+        wholes.iter().map(|&whole| Image2d::len(whole)).sum::<usize>() as f64 / seconds[CPU_DECODES / 2]
     }
 
     /// Texels a second of drawing the first image at its own size; `None` without an adapter that can hold it.

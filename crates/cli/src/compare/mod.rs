@@ -112,14 +112,19 @@ fn compare(
     progress: &Progress,
     mut pictures: Option<&mut Pictures>,
 ) -> Result<(Vec<Row>, Subject), CliError> {
-    let settings = Options::of_pixels(args.color, args.alpha).resolve_files(&found.path, &found.files)?;
+    let options = Options::of_pixels(args.color, args.alpha);
+    let settings = match found.kind {
+        Kind::Material => options.resolve_material(&found.path),
+        _ => options.resolve_files(&found.path, &found.files),
+    }?;
     let mut remarks = settings.remarks.clone();
     let limit = args.memory.bytes();
     let images = match found.kind {
         Kind::Material => read_maps(&found.files, &settings, limit, &mut remarks),
         _ => read_set(&found.files, found.takes_all_frames(), &settings, limit, &mut remarks),
     }?;
-    memory::check(&found.path, images.texel_count().saturating_mul(BYTES_PER_TEXEL), limit)?;
+    let texels: u64 = images.images().iter().map(|image| image.size().texels()).sum();
+    memory::check(&found.path, texels.saturating_mul(BYTES_PER_TEXEL), limit)?;
     let files = found.files.len();
     for note in remarks.notes(files) {
         progress.say(&format!("note: {}: {note}", found.path.display()));

@@ -428,6 +428,11 @@ impl Options {
             ("importance-map", self.importance_map.is_some()),
             ("mesh", self.mesh.is_some()),
             ("content-from", self.content_from.is_some()),
+            ("codebook", self.codebook.is_some()),
+            ("samples", self.samples.is_some()),
+            ("importance", self.importance.is_some()),
+            ("weights of importance", matches!(self.weights, Some(Weights::Importance(_)))),
+            ("or-plain", self.or_plain == Some(true)),
         ];
         if let Some((option, _)) = given.into_iter().find(|(_, is_given)| *is_given) {
             return Err(UsageError::Excluded { option, other: "--as material" }.into());
@@ -442,6 +447,9 @@ impl Options {
 
     /// The settings for the input at `path` of such files, whose names tell maps unless `--color` is given.
     pub(crate) fn resolve_files(&self, path: &Path, files: &[PathBuf]) -> Result<Settings, CliError> {
+        if matches!(self.weights, Some(Weights::Maps(_))) {
+            return Err(UsageError::MapWeights.into());
+        }
         let mut settings = self.resolve(path)?;
         if self.color.is_none() {
             names::settle(files, &mut settings);
@@ -474,10 +482,10 @@ impl Options {
             }
             return choice.with::<Epitome>(own);
         }
-        let has_importance = self.importance.is_some() || self.weights.is_some();
         if let Some(Weights::Maps(weights)) = &self.weights {
             return choice.with::<Dct>(DctParams::default().with_weights(weights.clone()));
         }
+        let has_importance = self.importance.is_some() || self.weights.is_some();
         if self.codebook.is_some() || self.samples.is_some() || has_importance {
             let mut own = VqParams::default();
             (own.codebook, own.samples) =

@@ -28,7 +28,8 @@ pub(crate) fn write(
     mesh: Option<&Path>,
     limit_bytes: u64,
 ) -> Result<(), CliError> {
-    memory::check(path, image.as_encoded().layout().texels().saturating_mul(BYTES_PER_TEXEL), limit_bytes)?;
+    let texels: u64 = image.as_encoded().layout().images.iter().map(|size| size.texels()).sum();
+    memory::check(path, texels.saturating_mul(BYTES_PER_TEXEL), limit_bytes)?;
     make_folder(dir)?;
     let save = |part: &str, index: usize, images: usize, raster: &Raster| -> Result<(), CliError> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();

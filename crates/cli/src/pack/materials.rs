@@ -125,23 +125,29 @@ pub(super) fn image_of(scene: &Scene, texture: usize) -> Option<usize> {
     (image < scene.list("images").len()).then_some(image)
 }
 
-/// Meaning of the alpha of each image that is a base colour: of materials that share one, what keeps most.
+/// Meaning of the fourth channel of each image: alpha of base colours where a material is not opaque, data where an extension may read it; of
+/// materials that share an image, what keeps most.
 fn alphas(scene: &Scene) -> BTreeMap<usize, Alpha> {
     let mut found = BTreeMap::new();
     for material in scene.list("materials") {
-        let texture = material["pbrMetallicRoughness"]["baseColorTexture"]["index"].as_u64();
-        let Some(image) = texture.and_then(|texture| image_of(scene, texture as usize)) else { continue };
-        let alpha = match material["alphaMode"].as_str() {
-            Some("BLEND") => Alpha::Straight,
-            Some("MASK") => Alpha::Cutout(material["alphaCutoff"].as_f64().unwrap_or(0.5) as f32),
-            _ => Alpha::Opaque,
-        };
-        let kept = found.entry(image).or_insert(alpha);
-        *kept = match (*kept, alpha) {
-            (Alpha::Opaque, other) | (other, Alpha::Opaque) => other,
-            (one, other) if one == other => one,
-            _ => Alpha::Straight,
-        };
+        for (_, texture, kind, _) in textures_of(material) {
+            let Some(image) = image_of(scene, texture) else { continue };
+            let alpha = match (kind, material["alphaMode"].as_str()) {
+                (MapKind::BaseColor, Some("BLEND")) => Alpha::Straight,
+                (MapKind::BaseColor, Some("MASK")) => {
+                    Alpha::Cutout(material["alphaCutoff"].as_f64().unwrap_or(0.5) as f32)
+                }
+                (MapKind::Other, _) => Alpha::Band,
+                _ => Alpha::Opaque,
+            };
+            let kept = found.entry(image).or_insert(alpha);
+            *kept = match (*kept, alpha) {
+                (Alpha::Opaque, other) | (other, Alpha::Opaque) => other,
+                (one, other) if one == other => one,
+                (Alpha::Band, _) | (_, Alpha::Band) => Alpha::Band,
+                _ => Alpha::Straight,
+            };
+        }
     }
     found
 }

@@ -26,7 +26,7 @@ use crate::memory::{self, MemoryArgs};
 use crate::output::{make_folder, write_whole};
 use crate::png;
 use materials::{Material, Slot, image_of, materials};
-use scene::Scene;
+use scene::{Scene, is_of_textures};
 
 /// Name of the extension of textures.
 const EXTENSION: &str = "TEXFOLD_texture";
@@ -193,7 +193,7 @@ fn encode(
     let texels: u64 = images.images().iter().map(|image| image.size().texels()).sum();
     let weights = match &args.weights {
         Some(Weights::Maps(weights)) => weights.clone(),
-        Some(Weights::Importance(_)) => return Err(crate::error::UsageError::MapWeights.into()),
+        Some(Weights::Importance(_)) => return Err(crate::error::UsageError::SceneWeights.into()),
         None => Vec::new(),
     };
     let settings = EncodeSettings {
@@ -295,7 +295,7 @@ fn name_places(scene: &mut Scene, places: &BTreeMap<usize, Value>, fallback: Fal
             _ => serde_json::Map::new(),
         };
         if fallback != Fallback::Original {
-            extensions.retain(|name, _| !name.contains("_texture_"));
+            extensions.retain(|name, _| !is_of_textures(name));
         }
         extensions.insert(EXTENSION.to_owned(), place.clone());
         texture.insert("extensions".to_owned(), extensions.into());
@@ -305,6 +305,7 @@ fn name_places(scene: &mut Scene, places: &BTreeMap<usize, Value>, fallback: Fal
             Fallback::Original => {}
         }
     }
+    scene.forget_unused();
     scene.name_extension("extensionsUsed", EXTENSION);
     if fallback == Fallback::None {
         scene.name_extension("extensionsRequired", EXTENSION);
@@ -351,9 +352,8 @@ pub(crate) fn unpack(args: &UnpackArgs) -> Result<usize, CliError> {
             let texture = &mut scene.json["textures"][index];
             texture["source"] = image.into();
             if let Some(extensions) = texture["extensions"].as_object_mut() {
-                extensions.remove(EXTENSION);
-                // Formats of images that were left as they were.
-                extensions.retain(|name, _| !name.contains("_texture_"));
+                // Its own, and those of formats of images that were left as they were.
+                extensions.retain(|name, _| !is_of_textures(name));
             }
             if texture["extensions"].as_object().is_some_and(serde_json::Map::is_empty)
                 && let Some(texture) = texture.as_object_mut()
@@ -364,9 +364,7 @@ pub(crate) fn unpack(args: &UnpackArgs) -> Result<usize, CliError> {
         if images.is_empty() {
             return Err(scene.fault("has no textures that pack has made"));
         }
-        for list in ["extensionsUsed", "extensionsRequired"] {
-            scene.forget_extension(list, EXTENSION);
-        }
+        scene.forget_unused();
         write_whole(&output, &scene.into_glb()?)?;
         say(&format!("wrote {} with {} images", output.display(), images.len()));
         Ok(0)

@@ -143,10 +143,19 @@ impl Scene {
         }
     }
 
-    /// Removes an extension from a list of them.
-    pub(super) fn forget_extension(&mut self, list: &str, name: &str) {
-        array_of(&mut self.json, list).retain(|known| known != name);
-        self.drop_empty(list);
+    /// Removes extensions of textures that no texture has any longer from the lists of extensions: none that is not used may be required.
+    pub(super) fn forget_unused(&mut self) {
+        for list in ["extensionsUsed", "extensionsRequired"] {
+            let textures = self.list("textures").to_vec();
+            let is_used = |name: &Value| {
+                let has = |texture: &Value| {
+                    name.as_str().is_some_and(|name| !texture["extensions"][name].is_null())
+                };
+                !name.as_str().is_some_and(is_of_textures) || textures.iter().any(has)
+            };
+            array_of(&mut self.json, list).retain(is_used);
+            self.drop_empty(list);
+        }
     }
 
     fn drop_empty(&mut self, list: &str) {
@@ -192,6 +201,11 @@ impl Scene {
         let bin = (!blob.is_empty()).then_some(Cow::Owned(blob));
         Glb { header, json: Cow::Owned(text), bin }.to_vec().map_err(|source| fault(source.into()))
     }
+}
+
+/// Whether an extension of that name gives a texture another image.
+pub(super) fn is_of_textures(name: &str) -> bool {
+    name.contains("_texture_") && !name.ends_with("_transform") || name.ends_with("_texture")
 }
 
 /// The list of that name, which is made where there is none.

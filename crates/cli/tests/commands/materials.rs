@@ -102,6 +102,9 @@ fn what_is_no_material_is_refused_by_name() {
         ("in --as material --weights colour=2", "kinds of maps"),
         ("in --as material --access texel", "access"),
         ("in/Wall_2K_Color.png --weights normal=2 --codec bc", "weights"),
+        ("in/Wall_2K_Color.png --weights normal=2", "--as material"),
+        ("in --as material --weights saliency=2", "weights of importance"),
+        ("in --as material --codebook 64x64", "--codebook"),
     ] {
         let run = place.run(&format!("compress {command} --out out"));
         assert!(

@@ -136,6 +136,29 @@ fn a_scene_is_packed_and_unpacked_and_keeps_all_else() {
 }
 
 #[test]
+fn channels_that_extensions_read_stay_and_formats_that_go_are_not_required() {
+    let place = Place::new();
+    let (mut json, bin) = parts(&scene(&place));
+    json["textures"][1]["extensions"] = json!({ "EXT_texture_webp": { "source": 1 } });
+    json["extensionsUsed"] = json!(["EXT_texture_webp", "KHR_materials_sheen"]);
+    json["extensionsRequired"] = json!(["EXT_texture_webp"]);
+    let pbr = json["materials"][0]["pbrMetallicRoughness"].as_object_mut().unwrap();
+    let color = pbr.remove("baseColorTexture").unwrap();
+    json["materials"][1]["pbrMetallicRoughness"] = json!({});
+    json["materials"][0]["extensions"] = json!({ "KHR_materials_sheen": { "sheenColorTexture": color } });
+    fs::write(place.at("chair.glb"), glb(&json, bin)).unwrap();
+    let run = place.run("pack chair.glb --out packed --effort fast");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let (json, _) = parts(&fs::read(place.at("packed/chair.glb")).unwrap());
+    assert_eq!(json["extensionsUsed"], json!(["KHR_materials_sheen", "TEXFOLD_texture"]));
+    assert!(json.get("extensionsRequired").is_none(), "{json}");
+    let info: Value =
+        serde_json::from_str(&place.run("info packed/chair-lea_ther.txf --json").stdout).unwrap();
+    let sheen = info["maps"].as_array().unwrap().iter().find(|map| map["name"] == "sheenColor").unwrap();
+    assert_eq!(sheen["channels"], 4, "roughness of the sheen lies beside its colour");
+}
+
+#[test]
 fn others_are_shown_the_images_or_nothing() {
     let place = Place::new();
     let bytes = scene(&place);

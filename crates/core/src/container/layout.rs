@@ -78,7 +78,7 @@ pub fn read_layout(file: &Sections<'_>, budget: &mut Budget) -> Result<ImageLayo
     Ok(ImageLayout::new(images, levels, pixel))
 }
 
-/// Reads what each image of a layout is, where they are maps of a material.
+/// Reads the maps that the images of a layout are, of a material; none where they are of one kind.
 ///
 /// # Errors
 /// [`LoadError`] where the section is damaged or names other maps than there are images.

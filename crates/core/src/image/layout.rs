@@ -48,7 +48,7 @@ pub struct ImageLayout {
     pub levels: u32,
     /// Channels, depth, colour space and alpha of the source; of maps, those of the first.
     pub pixel: PixelInfo,
-    /// What each image is, where they are maps of a material; empty for images of one kind.
+    /// The map that each image is, of a material; empty for images of one kind.
     pub maps: Vec<MapInfo>,
 }
 

@@ -3,7 +3,7 @@
 use super::PixelInfo;
 use crate::SourceError;
 
-/// What a map holds.
+/// Meaning of a map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum MapKind {
@@ -71,7 +71,7 @@ impl MapKind {
 /// A map of a material.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MapInfo {
-    /// What it holds.
+    /// Its meaning.
     pub kind: MapKind,
     /// Its name, which no other map of its material has.
     pub name: String,

@@ -7,7 +7,7 @@ use crate::{MAX_IMAGE_SIDE, SourceError};
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImageSet {
     images: Vec<Raster>,
-    /// What each image is, where they are maps of a material.
+    /// The map that each image is, of a material.
     maps: Vec<MapInfo>,
 }
 
@@ -59,7 +59,7 @@ impl ImageSet {
         Ok(ImageSet { maps: infos, ..ImageSet::of(images) })
     }
 
-    /// What each image is, where they are maps of a material; empty for images of one kind.
+    /// The map that each image is, of a material; empty for images of one kind.
     #[must_use]
     pub fn maps(&self) -> &[MapInfo] {
         &self.maps

@@ -191,7 +191,7 @@ fn notes(
     };
     let base = 8.0 * base_alone.content().held_bytes() as f64 / source.texel_count() as f64;
     let missed = if met { "" } else { " The goal is out of reach; this comes nearest." };
-    let weighted = match source.maps() {
+    let details = match source.maps() {
         [] => weighted.to_owned(),
         maps => {
             let bits =
@@ -202,7 +202,7 @@ fn notes(
         }
     };
     let verdict = format!(
-        "{:.3} bits a texel, {base:.3} of them in headers and bases of 1/8 of the width and height; {weighted}.{missed}",
+        "{:.3} bits a texel, {base:.3} of them in headers and bases of 1/8 of the width and height; {details}.{missed}",
         bits(source, images),
     );
     let mips = if params.mips { " --mips" } else { "" };

@@ -107,6 +107,12 @@ impl DctContent {
         &self.stages
     }
 
+    /// The stages of all images.
+    #[cfg(feature = "encode")]
+    pub(crate) fn into_stages(self) -> Vec<DctTexture> {
+        self.stages
+    }
+
     /// The stages of an image; none where there is no such image.
     #[must_use]
     pub fn stages_of(&self, image: u32) -> &[DctTexture] {

@@ -62,6 +62,12 @@ impl DctImages {
         &self.content
     }
 
+    /// The images.
+    #[cfg(feature = "encode")]
+    pub(crate) fn into_content(self) -> DctContent {
+        self.content
+    }
+
     /// The texture as it is with the first `count` layers of its file, at least one.
     #[must_use]
     pub fn first_layers(&self, count: u32) -> Self {

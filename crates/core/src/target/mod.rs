@@ -6,7 +6,7 @@ mod step;
 use crate::image::ColorSpace;
 
 pub use search::{Found, search};
-pub use step::{FoundStep, StepScale, search_step};
+pub use step::{FoundStep, StepScale, search_step, search_step_estimated};
 
 /// How long an encoder may look for a better result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, PartialOrd, Ord)]

@@ -33,23 +33,86 @@ pub fn search_step<T, E>(
     goal: Goal,
     scale: StepScale,
     first: u16,
+    at_step: impl FnMut(u16) -> Result<(T, Measured), E>,
+) -> Result<Option<FoundStep<T>>, E> {
+    search_from(Search::new(goal, scale), first, None, at_step)
+}
+
+/// As [`search_step`], where `estimate` measures a step at a fraction of the cost of `at_step`. Estimates may be off by a
+/// factor: what is made at one step corrects those of the steps near it, so that mostly two steps are made.
+///
+/// # Errors
+/// Whatever `estimate` or `at_step` returns, at once.
+pub fn search_step_estimated<T, E>(
+    goal: Goal,
+    scale: StepScale,
+    first: u16,
+    mut estimate: impl FnMut(u16) -> Result<Measured, E>,
+    at_step: impl FnMut(u16) -> Result<(T, Measured), E>,
+) -> Result<Option<FoundStep<T>>, E> {
+    let mut estimates = Search::new(goal, scale);
+    let mut step = first;
+    while let Some(at) = estimates.checked(step).filter(|_| !estimates.is_line()) {
+        estimates.note(at, excess(goal, &estimate(at)?));
+        step = estimates.next();
+    }
+    let line =
+        estimates.met.zip(estimates.missed).map(|(met, missed)| Line { met, missed, most: scale.most });
+    let first = line.map_or(step, |line| line.step_at(-MARGIN));
+    search_from(Search::new(goal, scale), first, line, at_step)
+}
+
+/// Searches along the line of estimates, where there is one, until both sides are known.
+fn search_from<T, E>(
+    mut search: Search,
+    first: u16,
+    line: Option<Line>,
     mut at_step: impl FnMut(u16) -> Result<(T, Measured), E>,
 ) -> Result<Option<FoundStep<T>>, E> {
-    let mut search = Search::new(goal, scale);
     let mut best: Option<FoundStep<T>> = None;
     let mut least = f64::INFINITY;
     let mut step = first;
     while let Some(at) = search.checked(step) {
         let (value, measured) = at_step(at)?;
-        let by = excess(goal, &measured);
+        let by = excess(search.goal, &measured);
         let met = search.note(at, by);
         if met || by < least && best.as_ref().is_none_or(|best| !best.met) {
             best = Some(FoundStep { value, measured, met });
             least = by;
         }
-        step = search.next();
+        let is_one_sided = search.met.is_none() || search.missed.is_none();
+        step = match line.filter(|_| is_one_sided && search.trials < LINE_TRIALS) {
+            Some(line) => line.step_at(line.excess_at(at) - by - MARGIN),
+            None => search.next(),
+        };
     }
     Ok(best)
+}
+
+/// Excess by the step, between two that are near each other.
+#[derive(Debug, Clone, Copy)]
+struct Line {
+    met: (u16, f64),
+    missed: (u16, f64),
+    /// The coarsest step.
+    most: u16,
+}
+
+impl Line {
+    fn slope(&self) -> f64 {
+        (self.missed.1 - self.met.1) / (f64::from(self.missed.0) - f64::from(self.met.0))
+    }
+
+    fn excess_at(&self, step: u16) -> f64 {
+        self.met.1 + self.slope() * (f64::from(step) - f64::from(self.met.0))
+    }
+
+    fn step_at(&self, excess: f64) -> u16 {
+        let step = f64::from(self.met.0) + (excess - self.met.1) / self.slope();
+        // The one beside it that is nearer to meeting the goal.
+        let step = if self.met.0 > self.missed.0 { step.ceil() } else { step.floor() };
+        step.clamp(0.0, f64::from(self.most)) as u16
+    }
 }
 
 /// The numbers of a quantiser's steps.
@@ -69,9 +132,16 @@ const SMALLEST_RATIO: f64 = 1e-3;
 const NEAR: f64 = 0.003;
 /// Most textures that a search makes.
 const MAX_TRIALS: usize = 16;
+/// How far below the goal a step along the line of estimates is aimed, in octaves.
+const MARGIN: f64 = 0.0003;
+/// Steps between two estimates, in octaves, from which on a line is near enough to the bits and errors between them.
+const LINE: f64 = 0.125;
+/// Textures that are made along the line of estimates; if all are on one side, the search goes on without it.
+const LINE_TRIALS: usize = 4;
 
 /// A search for the step that just meets a goal.
 struct Search {
+    goal: Goal,
     scale: StepScale,
     /// Whether coarser steps meet the goal: where it is bits.
     coarser_meets: bool,
@@ -86,7 +156,7 @@ struct Search {
 impl Search {
     fn new(goal: Goal, scale: StepScale) -> Search {
         let coarser_meets = matches!(goal, Goal::Bpp(_));
-        Search { scale, coarser_meets, met: None, missed: None, trials: 0, reach: 1.2 }
+        Search { goal, scale, coarser_meets, met: None, missed: None, trials: 0, reach: 1.2 }
     }
 
     /// The step, where it is worth trying.
@@ -94,6 +164,12 @@ impl Search {
         let known = |side: Option<(u16, f64)>| side.is_some_and(|(at, _)| at == step);
         let near = self.met.is_some_and(|(_, excess)| excess > -NEAR);
         (!near && self.trials < MAX_TRIALS && !known(self.met) && !known(self.missed)).then_some(step)
+    }
+
+    /// Whether the goal lies between two steps that are so near each other that a line joins what is between them.
+    fn is_line(&self) -> bool {
+        let apart = self.met.zip(self.missed).map(|((met, _), (missed, _))| met.abs_diff(missed));
+        apart.is_some_and(|apart| f64::from(apart) <= LINE * f64::from(self.scale.octave))
     }
 
     /// Takes a step's excess; whether it is the best that meets the goal.
@@ -165,6 +241,40 @@ mod tests {
                 let (step, met, tried) = along(goal, first);
                 assert!(met && (f64::from(step) - exact).abs() <= 1.5, "{goal:?} from {first}: {step}");
                 assert!(tried <= 9, "{goal:?} from {first}: {tried} tried");
+            }
+        }
+    }
+
+    #[test]
+    fn two_steps_are_made_where_estimates_are_off_by_a_factor() {
+        for off in [0.7, 0.97, 1.0, 1.02, 1.5] {
+            for (goal, exact) in [(Goal::Bpp(1.3), 1086.4), (Goal::Psnr(60.002), 996.5)] {
+                let mut made = 0;
+                let measured = |step: u16, off: f64| {
+                    let octaves = f64::from(step) / 300.0;
+                    // Not quite even in octaves.
+                    let bent = octaves - 0.02 * octaves * octaves + 0.02 * (exact / 300.0f64).powi(2);
+                    Measured {
+                        psnr: 80.0 - 6.02 * (bent - off.log2()),
+                        bpp: off * 16.0 * (-bent).exp2(),
+                        worst_block_rms: 0.0,
+                    }
+                };
+                let estimate = |step| Ok::<_, Infallible>(measured(step, off));
+                let found = search_step_estimated(goal, SCALE, 1200, estimate, |step| {
+                    made += 1;
+                    Ok((step, measured(step, 1.0)))
+                });
+                let found = found.unwrap().unwrap();
+                assert!(
+                    found.met && (f64::from(found.value) - exact).abs() <= 2.0,
+                    "{goal:?} {off}: {}",
+                    found.value
+                );
+                assert!(
+                    made <= if (off - 1.0f64).abs() < 0.05 { 2 } else { 5 },
+                    "{goal:?} {off}: {made} made"
+                );
             }
         }
     }

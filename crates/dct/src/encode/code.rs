@@ -2,17 +2,17 @@
 
 use texfold_core::{CancelCheck, EncodeError, Metric, SourceError, parallel};
 
-use super::fit::{Fitted, fit};
+use super::fit::{Fitted, StopBits, fit};
 use super::forward::Coefficients;
 use super::masking::masking;
 use super::quantise::{Quantising, Trellis, residuals_of};
 use super::symbols::{
-    BlockBits, Collector, Counter, Counts, Sink, Superblock, SymbolBits, coded, end_symbol, magnitudes_of,
+    BlockBits, Collector, Counter, Levels, Sink, Superblock, SymbolBits, coded, end_symbol, magnitudes_of,
     states_of,
 };
 use crate::context::{Around, set_of};
 use crate::decode::DctTexture;
-use crate::form::{DctForm, PlaneShape, Steps};
+use crate::form::{DctForm, PlaneShape, Quantiser, Steps};
 use crate::index::Index;
 use crate::plane::{PREDICTED, Patch};
 use crate::rans_encode::{MAX_STREAM, stream};
@@ -28,6 +28,12 @@ const USUAL_OFFSETS: [u8; OFFSETS] = [2, 1];
 const STRIDE: usize = 4;
 /// Least superblocks of a plane that every [`STRIDE`]th of stands for.
 const LEAST_SUPERBLOCKS: usize = 64;
+/// Superblocks that bits and errors are estimated from where there are more than [`STRIDE`] times as many.
+const ESTIMATED: usize = 256;
+/// Bits of a superblock beside those of its symbols: of its length in the index, and of the state that its stream begins with.
+const SUPERBLOCK_BITS: f64 = 26.0;
+/// Superblocks that a thread quantises one after the other.
+const PART: usize = 16;
 /// Magnitudes whose reconstruction is measured: of 1, and of more.
 const OFFSETS: usize = 2;
 
@@ -45,8 +51,18 @@ pub(super) struct Looks {
 struct Quantised {
     /// Superblocks, plane by plane.
     planes: Vec<Vec<Superblock>>,
-    counts: Counts,
+    counter: Counter,
     offsets: [u8; OFFSETS],
+    /// Sum of squared errors, in squared steps of coefficients that all count alike.
+    squared_error: f64,
+}
+
+/// Bits and errors of a texture at a step, estimated.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Estimate {
+    pub bits: f64,
+    /// Sum of the squared errors of all samples, in squared units of the samples.
+    pub squared_error: f64,
 }
 
 /// The texture of that header's step; its reconstruction offsets are chosen here.
@@ -84,13 +100,37 @@ struct Settled {
 
 /// Occurrences of symbols at that header's step.
 #[cfg(test)]
-pub(super) fn counts(planes: &[Coefficients], form: &DctForm, looks: Looks) -> Counts {
+pub(super) fn counts(planes: &[Coefficients], form: &DctForm, looks: Looks) -> super::symbols::Counts {
     let settled = settled(planes, form, looks, CancelCheck::default()).unwrap();
     let mut counter = Counter::default();
     for (plane, superblocks) in settled.planes.iter().enumerate() {
         superblocks.iter().for_each(|superblock| settled.walk(plane, superblock, &mut counter));
     }
-    counter.0
+    counter.counts
+}
+
+/// Bits and errors of the texture of that header's step: those of a part of the superblocks, coded with the preset.
+pub(super) fn estimate(
+    planes: &[Coefficients],
+    form: &DctForm,
+    metric: Metric,
+    check: CancelCheck<'_>,
+) -> Result<Estimate, EncodeError> {
+    let mut form = form.clone();
+    form.quantiser.is_dependent = true;
+    form.quantiser.offsets = USUAL_OFFSETS;
+    let superblocks = planes.first().map_or(0, |plane| plane.shape.count());
+    let stride = (superblocks / ESTIMATED).max(STRIDE);
+    let tables = StoredStops::preset().tables().unwrap_or_default();
+    let quantised = quantise(planes, &form, &SymbolBits::new(&tables), stride, metric, check)?;
+    let Counter { counts, plain_bits } = &quantised.counter;
+    let symbols = fit(counts).bits(counts, &StopBits::new());
+    let beside = SUPERBLOCK_BITS * superblocks as f64;
+    let size = form.quantiser.step_size();
+    Ok(Estimate {
+        bits: symbols + *plain_bits as f64 + beside,
+        squared_error: quantised.squared_error * size * size,
+    })
 }
 
 /// Numbers and tables at that header's step.
@@ -107,11 +147,11 @@ fn settled(
     let tables_of = |stops: &AllStops| stops.iter().map(|stops| Table::new(&stops.frequencies())).collect();
     for _ in 1..looks.passes {
         let quantised = quantise(planes, &form, &SymbolBits::new(&tables), STRIDE, looks.metric, check)?;
-        tables = tables_of(&fit(&quantised.counts).all);
+        tables = tables_of(&fit(&quantised.counter.counts).all);
         form.quantiser.offsets = quantised.offsets;
     }
     let quantised = quantise(planes, &form, &SymbolBits::new(&tables), 1, looks.metric, check)?;
-    let Fitted { all, begin, bytes } = fit(&quantised.counts);
+    let Fitted { all, begin, bytes } = fit(&quantised.counter.counts);
     let stops = StoredStops { begin, is_dependent: true, bytes };
     Ok(Settled { form, planes: quantised.planes, stops, tables: tables_of(&all) })
 }
@@ -184,10 +224,12 @@ fn quantise(
     let ranks = form.ranks();
     let mut base: Option<Patch> = None;
     let mut sums = [Moment::default(); OFFSETS];
-    let mut counts = Counter::default();
+    let mut counter = Counter::default();
+    let mut squared_error = 0.0;
     let mut all = Vec::new();
     for (plane, coefficients) in planes.iter().enumerate().rev() {
         let steps = Steps::new(&form.quantiser, plane, form.fraction());
+        let alike = Steps::new(&Quantiser::of_step(form.quantiser.step), plane, form.fraction());
         let is_masked = plane == 0 && metric == Metric::Perceptual;
         let is_large = plane == 0 && coefficients.shape.count() >= LEAST_SUPERBLOCKS;
         let stride = if is_large { stride } else { 1 };
@@ -195,25 +237,25 @@ fn quantise(
             form,
             plane,
             coefficients,
-            masking: is_masked.then(|| masking(coefficients, ranks.len(), steps.size(0))),
+            masking: is_masked.then(|| masking(&coefficients.energies, steps.size(0))),
+            weights: std::array::from_fn(|at| (steps.size(at) / alike.size(at)).powi(2)),
             steps,
             ranks: &ranks,
             base: base.as_ref(),
             symbol_bits,
         };
-        let coded = quantiser.superblocks(stride, check)?;
-        let mut own = Counter::default();
-        for superblock in &coded {
-            superblock.superblock.walk(plane > 0, quantiser.first(), &ranks, &mut own);
-            sums.iter_mut().zip(superblock.moments).for_each(|(sum, moment)| sum.add(moment));
+        let mut superblocks = Vec::new();
+        for part in quantiser.parts(stride, check)? {
+            counter.add(&part.counter, stride as u32);
+            sums.iter_mut().zip(part.moments).for_each(|(sum, moment)| sum.add(moment));
+            squared_error += part.squared_error * stride as f64;
+            superblocks.extend(part.superblocks);
         }
-        counts.add(&own, stride as u32);
-        let superblocks: Vec<Superblock> = coded.into_iter().map(|coded| coded.superblock).collect();
         base = (plane > 0).then(|| quantiser.decoded(&superblocks));
         all.push(superblocks);
     }
     all.reverse();
-    Ok(Quantised { planes: all, counts: counts.0, offsets: sums.map(Moment::offset) })
+    Ok(Quantised { planes: all, counter, offsets: sums.map(Moment::offset), squared_error })
 }
 
 /// How far values lie below the magnitudes that stand for them.
@@ -237,10 +279,13 @@ impl Moment {
     }
 }
 
-/// A superblock and the moments of its magnitudes.
-struct Coded {
-    superblock: Superblock,
+/// Quantised superblocks that follow each other, their symbols, and the moments of their magnitudes.
+#[derive(Debug, Default)]
+struct Part {
+    superblocks: Vec<Superblock>,
+    counter: Counter,
     moments: [Moment; OFFSETS],
+    squared_error: f64,
 }
 
 /// What quantises a plane.
@@ -251,6 +296,8 @@ struct PlaneQuantiser<'a> {
     /// For each block, how much more squared error a bit is worth; alike where there are none.
     masking: Option<Vec<f32>>,
     steps: Steps,
+    /// Squared steps that all count alike in a squared step of each coefficient.
+    weights: [f32; COEFFICIENTS],
     ranks: &'a [u8],
     base: Option<&'a Patch>,
     symbol_bits: &'a SymbolBits,
@@ -267,22 +314,37 @@ impl PlaneQuantiser<'_> {
     }
 
     /// Every `stride`th superblock.
-    fn superblocks(&self, stride: usize, check: CancelCheck<'_>) -> Result<Vec<Coded>, EncodeError> {
-        let shape = self.shape();
-        let coded = parallel::map(shape.count().div_ceil(stride), |number| {
-            let number = number * stride;
-            let place = (number % shape.superblocks.0, number / shape.superblocks.0);
-            (!check.is_cancelled()).then(|| self.superblock(place))
+    fn parts(&self, stride: usize, check: CancelCheck<'_>) -> Result<Vec<Part>, EncodeError> {
+        let count = self.shape().count().div_ceil(stride);
+        let parts = parallel::map(count.div_ceil(PART), |part| {
+            let numbers = part * PART..((part + 1) * PART).min(count);
+            let mut part = Part::default();
+            for number in numbers {
+                if check.is_cancelled() {
+                    return None;
+                }
+                self.superblock(self.place(number, stride), &mut part);
+            }
+            Some(part)
         });
-        coded.into_iter().collect::<Option<Vec<Coded>>>().ok_or(EncodeError::Cancelled)
+        parts.into_iter().collect::<Option<Vec<Part>>>().ok_or(EncodeError::Cancelled)
     }
 
-    fn superblock(&self, place: (usize, usize)) -> Coded {
+    /// Column and row of the superblock that stands for the `stride` of that number: one of them by chance, so that no pattern of
+    /// the image has more of them than it should.
+    fn place(&self, number: usize, stride: usize) -> (usize, usize) {
+        let shape = self.shape();
+        let chance = (number as u32).wrapping_mul(0x9e37_79b1) >> 8;
+        let number = (number * stride + chance as usize % stride).min(shape.count() - 1);
+        (number % shape.superblocks.0, number / shape.superblocks.0)
+    }
+
+    /// Quantises a superblock.
+    fn superblock(&self, place: (usize, usize), part: &mut Part) {
         let shape = self.shape();
         let blocks = shape.blocks_in(place.0, place.1);
         let mut around = Around::default();
         around.reset(blocks.0, blocks.1, self.ranks.len());
-        let mut moments = [Moment::default(); OFFSETS];
         let mut superblock = Superblock::new(blocks);
         let mut trellis = Trellis::default();
         for (block, (column, row)) in places(shape, place).enumerate() {
@@ -302,14 +364,15 @@ impl PlaneQuantiser<'_> {
                 let predicted = self.base.map(|base| base.predict(axis, column, row));
                 let neighbours = around.of(block, axis, rank > 1);
                 let levels = quantising.block(coefficients, predicted, &neighbours, &mut trellis);
-                quantising.measure(coefficients, predicted, &levels, &mut moments);
+                quantising.measure(coefficients, predicted, &levels, &self.weights, part);
                 let end = end_symbol(coded(&levels, self.first()));
                 around.keep(block, axis, &magnitudes_of(&levels), end);
                 superblock.push(&levels);
             }
         }
         superblock.shrink();
-        Coded { superblock, moments }
+        superblock.walk(self.plane > 0, self.first(), self.ranks, &mut part.counter);
+        part.superblocks.push(superblock);
     }
 
     /// The plane as the decoder sees it.
@@ -342,22 +405,32 @@ impl PlaneQuantiser<'_> {
 }
 
 impl Quantising<'_> {
-    /// Adds how far a block's values lie below their magnitudes.
+    /// Adds how far a block's values lie below their magnitudes, and its squared error.
     fn measure(
         &self,
         block: &super::forward::Block,
         predicted: Option<[i32; 6]>,
-        levels: &[i32; COEFFICIENTS],
-        moments: &mut [Moment; OFFSETS],
+        levels: &Levels,
+        weights: &[f32; COEFFICIENTS],
+        part: &mut Part,
     ) {
         let residuals = residuals_of(block, predicted);
         let states = states_of(levels);
-        for (at, &level) in levels.iter().enumerate().filter(|(_, level)| **level != 0) {
-            let quantised = level.unsigned_abs() as f32 - 0.5 * states[at].odd() as f32;
-            let below = quantised - residuals[at].abs() / self.steps.size(at);
-            let moment = &mut moments[usize::from(level.unsigned_abs() > 1)];
-            moment.sum += (1024.0 * below.clamp(-8.0, 8.0)).round() as i64;
-            moment.count += 1;
+        let mut squared_error = 0.0;
+        for at in (0..COEFFICIENTS).filter(|&at| at > 0 || self.first == 0) {
+            let value = residuals[at].abs() / self.steps.size(at);
+            let magnitude = levels[at].unsigned_abs();
+            let mut below = -value;
+            if magnitude > 0 {
+                let beyond = usize::from(magnitude > 1);
+                below += magnitude as f32 - 0.5 * states[at].odd() as f32;
+                let moment = &mut part.moments[beyond];
+                moment.sum += (1024.0 * below.clamp(-8.0, 8.0)).round() as i64;
+                moment.count += 1;
+                below -= self.offsets[beyond];
+            }
+            squared_error += weights[at] * below * below;
         }
+        part.squared_error += f64::from(squared_error);
     }
 }

@@ -3,6 +3,7 @@
 use texfold_core::{CancelCheck, EncodeError, parallel};
 
 use super::axes::{GroupAxes, axes, inverted};
+use super::masking::energy;
 use super::source::DctSource;
 use crate::form::{DctForm, PlaneShape};
 use crate::scan::COEFFICIENTS;
@@ -17,6 +18,8 @@ pub(super) struct Coefficients {
     pub shape: PlaneShape,
     /// Blocks, axis by axis within each.
     pub blocks: Vec<Block>,
+    /// [`energy`] of the first axis of each block.
+    pub energies: Vec<f32>,
 }
 
 /// The source's header without its quantiser's numbers, and the coefficients of all planes.
@@ -46,7 +49,8 @@ pub(super) fn coefficients(
             }
         });
         check.checkpoint()?;
-        planes.push(Coefficients { shape, blocks: all });
+        let energies = parallel::map(blocks.0 * blocks.1, |block| energy(&all[block * count]));
+        planes.push(Coefficients { shape, blocks: all, energies });
     }
     Ok(planes)
 }

@@ -2,10 +2,11 @@
 
 use std::borrow::Cow;
 
-use texfold_core::target::{Measured, StepScale, search_step};
+use texfold_core::metric::SquaredError;
+use texfold_core::target::{FoundStep, Measured, StepScale, search_step, search_step_estimated};
 use texfold_core::{CancelCheck, Effort, EncodeError, Goal, Metric, ParamError, SourceError};
 
-use super::code::{LAMBDA, Looks, code, code_with_bits};
+use super::code::{Estimate, LAMBDA, Looks, code, code_with_bits, estimate};
 use super::error::{psnr, worst_block_rms};
 use super::forward::{Coefficients, coefficients};
 use super::source::DctSource;
@@ -155,8 +156,26 @@ impl<'a> DctEncoder<'a> {
     /// # Errors
     /// [`EncodeError`] where the job was cancelled.
     pub fn at_step(&self, step: u16) -> Result<DctTexture, EncodeError> {
-        let texture = code(&self.planes, &self.form_at(step), self.looks(), self.check)?;
-        self.deblocked(texture)
+        self.deblocked(code(&self.planes, &self.form_at(step), self.looks(), self.check)?)
+    }
+
+    /// As [`DctEncoder::at_step`], deblocked weakly: that takes the most bits.
+    pub(super) fn measurable_at_step(&self, step: u16) -> Result<DctTexture, EncodeError> {
+        Ok(code(&self.planes, &self.form_at(step), self.looks(), self.check)?.with_deblocking(1))
+    }
+
+    /// Bits, and squared errors in 8-bit units, of [`DctEncoder::at_step`], from a part of the image.
+    pub(super) fn estimate(&self, step: u16) -> Result<Estimate, EncodeError> {
+        let found = estimate(&self.planes, &self.form_at(step), self.params.metric, self.check)?;
+        let unit = unit_of(self.source.depth);
+        // Rounding to samples adds a twelfth each.
+        let squared_error = found.squared_error + self.samples() as f64 / 12.0;
+        Ok(Estimate { squared_error: squared_error / (unit * unit), ..found })
+    }
+
+    /// Number of samples.
+    pub(super) fn samples(&self) -> u64 {
+        self.source.size.texels() * self.source.channels() as u64
     }
 
     /// Occurrences of symbols at a step.
@@ -176,7 +195,7 @@ impl<'a> DctEncoder<'a> {
     }
 
     /// The texture deblocked as it is best.
-    fn deblocked(&self, texture: DctTexture) -> Result<DctTexture, EncodeError> {
+    pub(super) fn deblocked(&self, texture: DctTexture) -> Result<DctTexture, EncodeError> {
         // The first plane is the image.
         let Some(image) = self.planes.first() else { return Ok(texture) };
         let stride = if self.params.effort == Effort::Fast { FAST_STRIDE } else { 1 };
@@ -220,16 +239,27 @@ impl<'a> DctEncoder<'a> {
     /// As there.
     pub fn encode_for(&self, goal: Goal) -> Result<DctTexture, EncodeError> {
         goal.check()?;
-        let found = search_step(goal, STEPS, first_step(self.source.depth), |step| {
-            let texture = self.at_step(step)?;
-            let measured = self.measured(&texture, goal);
-            Ok::<_, EncodeError>((texture, measured))
-        })?;
-        found.filter(|found| found.met).map(|found| found.value).ok_or(EncodeError::Source(
-            SourceError::OutOfReach {
-                what: "no step meets the goal: header, index and tables take more bits, or rounding more error",
+        let texels = self.source.size.texels();
+        let found = search(
+            goal,
+            self.first_step(),
+            |step| Ok(measured_of(self.estimate(step)?, texels, self.samples())),
+            |step| {
+                let texture = match goal {
+                    Goal::Bpp(_) => self.measurable_at_step(step)?,
+                    _ => self.at_step(step)?,
+                };
+                let measured = self.measured(&texture, goal);
+                Ok((texture, measured))
             },
-        ))
+        )?;
+        let found = found.filter(|found| found.met).ok_or(SourceError::OutOfReach {
+            what: "no step meets the goal: header, index and tables take more bits, or rounding more error",
+        })?;
+        match goal {
+            Goal::Bpp(_) => self.deblocked(found.value),
+            _ => Ok(found.value),
+        }
     }
 
     /// The step to begin a search with.
@@ -249,6 +279,25 @@ impl<'a> DctEncoder<'a> {
         }
         measured
     }
+}
+
+/// Searches the step that just meets a goal; by estimates where errors of single blocks do not matter.
+pub(super) fn search<T>(
+    goal: Goal,
+    first: u16,
+    estimate: impl FnMut(u16) -> Result<Measured, EncodeError>,
+    at_step: impl FnMut(u16) -> Result<(T, Measured), EncodeError>,
+) -> Result<Option<FoundStep<T>>, EncodeError> {
+    match goal {
+        Goal::Bpp(_) | Goal::Psnr(_) => search_step_estimated(goal, STEPS, first, estimate, at_step),
+        Goal::Tolerance(_) => search_step(goal, STEPS, first, at_step),
+    }
+}
+
+/// An estimate in the units of goals.
+pub(super) fn measured_of(found: Estimate, texels: u64, samples: u64) -> Measured {
+    let error = SquaredError { sum: found.squared_error, count: samples };
+    Measured { bpp: found.bits / texels as f64, psnr: error.psnr(), ..Measured::default() }
 }
 
 /// The step at which a bit is worth a squared error of `lambda`, summed over the channels, in 8-bit units, of which a sample has
@@ -288,7 +337,40 @@ pub const STEPS: StepScale = StepScale { octave: OCTAVE_STEPS, most: MAX_STEP };
 
 #[cfg(test)]
 mod tests {
+    use texfold_core::ImageSize;
+    use texfold_core::rng::Rng;
+
     use super::*;
+
+    #[test]
+    fn a_part_of_the_image_says_what_the_whole_takes() {
+        let size = ImageSize { width: 400, height: 352 };
+        let mut rng = Rng::new(9);
+        let sample = |at: u32| {
+            let (x, y) = (f64::from(at / 3 % 400), f64::from(at / 1200));
+            let wave = 100.0 + 60.0 * (x / 23.0 + y / 90.0).sin() * (y / 17.0).cos();
+            (wave + f64::from(at % 3) * 12.0 + rng.unit() * (2.0 + 8.0 * x / 400.0)) as u8
+        };
+        let samples: Vec<u8> = (0..3 * 400 * 352).map(sample).collect();
+        let source = DctSource::from_u8(size, &[3], &samples).unwrap();
+        for metric in [Metric::Psnr, Metric::Perceptual] {
+            let params = DctSettings::default().with_metric(metric);
+            let encoder = DctEncoder::new(&source, &params, CancelCheck::default()).unwrap();
+            for step in [700, 900, 1100] {
+                let texture = encoder.at_step(step).unwrap();
+                let wanted = (encoder.measured(&texture, Goal::Bpp(1.0)).bpp, psnr(&source, &texture));
+                let found = measured_of(encoder.estimate(step).unwrap(), size.texels(), encoder.samples());
+                let ratio = found.bpp / wanted.0;
+                assert!((0.8..1.1).contains(&ratio), "{metric:?} {step}: {} bits of {}", found.bpp, wanted.0);
+                assert!(
+                    (found.psnr - wanted.1).abs() < 1.2,
+                    "{metric:?} {step}: {} dB, {}",
+                    found.psnr,
+                    wanted.1
+                );
+            }
+        }
+    }
 
     #[test]
     fn slopes_grow_with_the_step_and_not_for_psnr() {

@@ -1,6 +1,8 @@
 //! Sets of images: with the step that answers a goal, or with one that the caller names.
 
-use super::goal::{DctSettings, STEPS, first_step};
+use std::cell::RefCell;
+
+use super::goal::{DctSettings, STEPS, first_step, search};
 use super::set::{DctSetEncoder, MapStage};
 use super::source::DctSource;
 use crate::{Dct, DctImages, DctParams};
@@ -96,24 +98,37 @@ fn best(
     let layout = layout_of(source, params);
     let encoder = job.install(|| set_encoder(source, layout, params, check))?;
     let mut tried = 0u32;
-    let found = search_step(goal, STEPS, encoder.first_step(), |step| {
-        tried += 1;
-        job.stage("coding blocks", tried as f32 / (tried as f32 + 4.0))?;
-        let images = DctImages::new(job.install(|| encoder.at_step(step))?);
-        let measured = match goal {
-            // Bits need no decoding.
-            Goal::Bpp(_) => Measured { bpp: bits(source, &images), ..Measured::default() },
-            _ => job.install(|| measure_for(goal, source, &images, check))?,
-        };
-        Ok::<_, EncodeError>((images, measured))
-    })?;
-    let found = found.ok_or(SourceError::Empty)?;
-    drop(encoder);
-    let measured = match goal {
-        Goal::Bpp(_) => job.install(|| measure_for(goal, source, &found.value, check))?,
-        _ => found.measured,
+    // Estimating and making take turns.
+    let job = RefCell::new(job);
+    let found = search(
+        goal,
+        encoder.first_step(),
+        |step| job.borrow().install(|| encoder.estimate(step)),
+        |step| {
+            let mut job = job.borrow_mut();
+            tried += 1;
+            job.stage("coding blocks", tried as f32 / (tried as f32 + 1.0))?;
+            match goal {
+                // Bits need no decoding.
+                Goal::Bpp(_) => {
+                    let images = DctImages::new(job.install(|| encoder.measurable_at_step(step))?);
+                    let bpp = bits(source, &images);
+                    Ok((images, Measured { bpp, ..Measured::default() }))
+                }
+                _ => {
+                    let images = DctImages::new(job.install(|| encoder.at_step(step))?);
+                    let measured = job.install(|| measure_for(goal, source, &images, check))?;
+                    Ok((images, measured))
+                }
+            }
+        },
+    )?;
+    let FoundStep { value, measured, .. } = found.ok_or(SourceError::Empty)?;
+    let images = match goal {
+        Goal::Bpp(_) => DctImages::new(job.borrow().install(|| encoder.deblocked(value.into_content()))?),
+        _ => value,
     };
-    Ok((found.value, measured))
+    Ok((images, measured))
 }
 
 fn layout_of(source: &ImageSet, params: &DctParams) -> ImageLayout {

@@ -2,9 +2,13 @@
 
 use texfold_core::{CancelCheck, EncodeError, ImageLayout, SourceError};
 
-use super::goal::{DctEncoder, DctSettings, first_step, unit_of};
+use texfold_core::target::Measured;
+
+use super::code::Estimate;
+use super::goal::{DctEncoder, DctSettings, first_step, measured_of, unit_of};
 use super::source::DctSource;
 use crate::content::{DctContent, stage_sizes};
+use crate::decode::DctTexture;
 use crate::form::OCTAVE_STEPS;
 
 /// How much finer each stage is coded than the one before, in steps (256 an octave): 4.5 dB, for a 64th of the texels. With few
@@ -78,15 +82,55 @@ impl<'a> DctSetEncoder<'a> {
     /// # Errors
     /// [`EncodeError`] where the job was cancelled, or images do not fit the layout.
     pub fn at_step(&self, step: u16) -> Result<DctContent, EncodeError> {
+        let stages = self.stages_at(step).map(|(encoder, step)| encoder.at_step(step));
+        self.content(stages.collect::<Result<_, _>>()?)
+    }
+
+    /// As [`DctSetEncoder::at_step`], deblocked weakly: that takes the most bits.
+    pub(super) fn measurable_at_step(&self, step: u16) -> Result<DctContent, EncodeError> {
+        let stages = self.stages_at(step).map(|(encoder, step)| encoder.measurable_at_step(step));
+        self.content(stages.collect::<Result<_, _>>()?)
+    }
+
+    /// Content of this encoder deblocked as it is best.
+    pub(super) fn deblocked(&self, content: DctContent) -> Result<DctContent, EncodeError> {
+        let stages = self.stages.iter().zip(content.into_stages());
+        let stages = stages.map(|(stage, texture)| stage.encoder.deblocked(texture));
+        self.content(stages.collect::<Result<_, _>>()?)
+    }
+
+    /// Bits and errors with that step, estimated from a part of the superblocks. Errors are those of first stages.
+    pub(super) fn estimate(&self, step: u16) -> Result<Measured, EncodeError> {
+        let mut sum = Estimate::default();
+        let mut samples = 0;
+        for ((encoder, step), number) in self.stages_at(step).zip(self.numbers()) {
+            let found = encoder.estimate(step)?;
+            sum.bits += found.bits;
+            if number == 0 {
+                sum.squared_error += found.squared_error;
+                samples += encoder.samples();
+            }
+        }
+        let texels = self.layout.images.iter().map(|size| size.texels()).sum();
+        Ok(measured_of(sum, texels, samples))
+    }
+
+    /// Each stage's number in its image.
+    fn numbers(&self) -> impl Iterator<Item = usize> {
         let counts = self.layout.images.iter().map(|&size| stage_sizes(size, self.layout.levels).len());
-        let numbers = counts.flat_map(|count| 0..count);
-        let stages = self.stages.iter().zip(numbers).map(|(stage, number)| {
+        counts.flat_map(|count| 0..count)
+    }
+
+    /// Each stage, and its step where that of the set is `step`.
+    fn stages_at(&self, step: u16) -> impl Iterator<Item = (&DctEncoder<'a>, u16)> {
+        self.stages.iter().zip(self.numbers()).map(move |(stage, number)| {
             let finer = i32::from(STAGE_FINER) * number as i32;
-            stage
-                .encoder
-                .at_step((i32::from(step) + stage.offset - finer).clamp(0, i32::from(u16::MAX)) as u16)
-        });
-        let stages = stages.collect::<Result<Vec<_>, EncodeError>>()?;
+            let step = i32::from(step) + stage.offset - finer;
+            (&stage.encoder, step.clamp(0, i32::from(u16::MAX)) as u16)
+        })
+    }
+
+    fn content(&self, stages: Vec<DctTexture>) -> Result<DctContent, EncodeError> {
         let unlike = SourceError::Unlike { index: 0, what: "its size or channels" };
         DctContent::new(self.layout.clone(), stages).ok_or(unlike.into())
     }

@@ -86,30 +86,36 @@ pub(super) trait Sink {
     fn next_block(&mut self) {}
 }
 
-/// Counts symbols.
+/// Counts symbols and plain bits.
 #[derive(Debug)]
-pub(super) struct Counter(pub Counts);
+pub(super) struct Counter {
+    pub counts: Counts,
+    pub plain_bits: u64,
+}
 
 impl Default for Counter {
     fn default() -> Self {
-        Counter(vec![[0; SYMBOLS]; TABLES])
+        Counter { counts: vec![[0; SYMBOLS]; TABLES], plain_bits: 0 }
     }
 }
 
 impl Counter {
     /// Adds the counts of another one, `times` over.
     pub(super) fn add(&mut self, other: &Counter, times: u32) {
-        let all = self.0.iter_mut().flatten().zip(other.0.iter().flatten());
+        let all = self.counts.iter_mut().flatten().zip(other.counts.iter().flatten());
         all.for_each(|(sum, count)| *sum += count * times);
+        self.plain_bits += other.plain_bits * u64::from(times);
     }
 }
 
 impl Sink for Counter {
     fn symbol(&mut self, table: usize, symbol: usize) {
-        self.0[table][symbol] += 1;
+        self.counts[table][symbol] += 1;
     }
 
-    fn bits(&mut self, _value: u32, _count: u32) {}
+    fn bits(&mut self, _value: u32, count: u32) {
+        self.plain_bits += u64::from(count);
+    }
 }
 
 /// Collects what the stream is made of.

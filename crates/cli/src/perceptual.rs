@@ -9,7 +9,26 @@ use butteraugli::{ButteraugliParams, ImgRef, RGB8};
 use fast_ssim2::{PixelDescriptor, PixelSlice, compute_ssimulacra2};
 use rayon::prelude::*;
 use texfold_core::image::{ColorSpace, Raster, to_u8};
+use texfold_core::metric::{Quality, compare, ssim};
 use texfold_core::{ImageSize, Texel};
+
+/// How alike a decoded image of the same size is to its source.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Likeness {
+    pub(crate) quality: Quality,
+    pub(crate) ssim: f64,
+    pub(crate) ssimulacra2: Option<f64>,
+}
+
+impl Likeness {
+    pub(crate) fn of(image: &Raster, decoded: &Raster) -> Likeness {
+        let (quality, (ssim, ssimulacra2)) = rayon::join(
+            || compare(image, decoded),
+            || rayon::join(|| ssim(image, decoded), || ssimulacra2(image, decoded)),
+        );
+        Likeness { quality, ssim, ssimulacra2 }
+    }
+}
 
 /// Longest side of what is compared at a time: the crate holds many planes of it in floats.
 const TILE: u32 = 1024;

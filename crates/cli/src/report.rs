@@ -5,14 +5,12 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use texfold::{AnyImage, dct::DctImages, encoding::Attempt, epitome::worst_relative_error};
 use texfold_core::image::{ColorSpace, ImageSet, MapInfo, Raster};
-use texfold_core::metric::{
-    SquaredError, alpha_error, color_error, decode_rounded, psnr_worst_tile, quality, ssim,
-};
+use texfold_core::metric::{Quality, SquaredError, compare, decode_rounded};
 use texfold_core::target::Measured;
 use texfold_core::{Footprint, Goal, LoadError, MemoryBits};
 
 use crate::normals::{degrees_of, mean_degrees};
-use crate::perceptual::{mean, ssimulacra2};
+use crate::perceptual::{Likeness, mean, ssimulacra2};
 
 /// A part of the ledger.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -91,7 +89,7 @@ pub(crate) struct Row {
     pub(crate) psnr_alpha: Option<f64>,
     pub(crate) rms: f64,
     pub(crate) worst_block_rms: f64,
-    /// [`psnr_worst_tile`] of the worst image; nothing of light fields and zoom stacks.
+    /// [`Quality::psnr_worst_tile`] of the worst image; nothing of light fields and zoom stacks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) psnr_worst_tile: Option<f64>,
     /// [`worst_relative_error`], for goals of it.
@@ -163,7 +161,7 @@ impl MapRow {
         let blocks = image.downcast_ref::<DctImages>();
         let row = |(index, (map, raster)): (u32, (&MapInfo, &Raster))| {
             let decoded = decode_rounded(encoded, index)?;
-            let size = raster.size();
+            let (size, quality) = (raster.size(), compare(raster, &decoded));
             let bytes = blocks.map_or(0, |blocks| blocks.content().held_bytes_of(index));
             Some(MapRow {
                 name: map.name.clone(),
@@ -172,8 +170,8 @@ impl MapRow {
                 height: size.height,
                 channels: map.pixel.channels,
                 color: color_name(map.pixel.color).to_owned(),
-                psnr: color_error(raster, &decoded).psnr(),
-                psnr_alpha: alpha_error(raster, &decoded).map(SquaredError::psnr),
+                psnr: quality.color.psnr(),
+                psnr_alpha: quality.alpha.map(SquaredError::psnr),
                 ssimulacra2: ssimulacra2(raster, &decoded),
                 degrees: degrees_of(raster, &decoded),
                 bpp_memory: 8.0 * bytes as f64 / source.texel_count() as f64,
@@ -269,24 +267,23 @@ impl Figures {
     pub(crate) fn of(source: &ImageSet, bytes: &[u8]) -> Result<(Figures, AnyImage), LoadError> {
         let image = texfold::open(bytes)?.into_image()?;
         let encoded = image.as_encoded();
-        let quality = quality(source, encoded);
-        let similarity = |(index, raster): (usize, &Raster)| {
-            let decoded = decode_rounded(encoded, index as u32);
-            decoded.map_or((0.0, None, 0.0), |decoded| {
-                let worst = psnr_worst_tile(raster, &decoded);
-                (ssim(raster, &decoded), ssimulacra2(raster, &decoded), worst)
-            })
-        };
-        let images = source.images();
-        let similar: Vec<(f64, Option<f64>, f64)> = images.iter().enumerate().map(similarity).collect();
+        let mut quality = Quality::default();
+        let (mut similarity, mut perceived) = (0.0, Vec::new());
+        for (index, raster) in (0..).zip(source.images()) {
+            let Some(decoded) = decode_rounded(encoded, index) else { continue };
+            let found = Likeness::of(raster, &decoded);
+            quality = quality.and(found.quality);
+            similarity += found.ssim;
+            perceived.push((found.ssimulacra2, 1.0));
+        }
         let figures = Figures {
             psnr: quality.color.psnr(),
             psnr_alpha: quality.alpha.map(|error| error.psnr()),
             rms: quality.color.rms(),
             worst_block_rms: quality.worst_block_rms,
-            psnr_worst_tile: similar.iter().map(|&(.., worst)| worst).fold(f64::INFINITY, f64::min),
-            ssim: similar.iter().map(|(ssim, ..)| ssim).sum::<f64>() / images.len() as f64,
-            ssimulacra2: mean(similar.iter().map(|&(_, figure, _)| (figure, 1.0))),
+            psnr_worst_tile: quality.psnr_worst_tile(),
+            ssim: similarity / source.images().len() as f64,
+            ssimulacra2: mean(perceived.into_iter()),
             sizes: Sizes::of(encoded.memory(), bytes, source.texel_count()),
             goal_bpp: encoded.memory().goal as f64 / source.texel_count() as f64,
         };

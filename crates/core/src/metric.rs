@@ -7,6 +7,7 @@
 //!   K2 = 0.03, biased covariances, the mean over all places where the window fits (over all places, mirrored at
 //!   the edges, where the image is smaller), then over the colour channels.
 
+mod compare;
 mod ssim;
 
 use rayon::prelude::*;
@@ -14,6 +15,7 @@ use rayon::prelude::*;
 use crate::image::{Depth, ImageSet, ImageSize, Raster, to_u8, write_texels};
 use crate::target::{Goal, Measured};
 use crate::{CancelCheck, EncodeError, Encoded, Image2d, Rect, RegionError, Texel};
+pub use compare::compare;
 pub use ssim::ssim;
 
 /// MSE below which a result counts as lossless: no 8-bit image can have a smaller one that is not 0.
@@ -57,98 +59,22 @@ impl SquaredError {
     }
 }
 
-/// Squared error of the colour channels, and of a band, of two images of the same size.
-///
-/// Where the sizes differ, only what both have is compared.
+/// Squared error of the colour channels, and of a band, of two images; see [`compare`].
 #[must_use]
 pub fn color_error(source: &Raster, decoded: &Raster) -> SquaredError {
-    let (channels, gain) = (counted_channels(source, decoded), source.peak().recip());
-    let error =
-        |a: Texel, b: Texel| channels.iter().map(|&channel| squared_step(a[channel], b[channel], gain)).sum();
-    let (sum, texels) = sum_of(source, decoded, error);
-    SquaredError { sum: sum as f64, count: texels * channels.len() as u64 }
+    compare(source, decoded).color
 }
 
-/// What the channels of texels are multiplied with before they are compared, so that the source's peak is 1; alpha stays.
-fn gains(source: &Raster) -> [f32; 4] {
-    let gain = source.peak().recip();
-    [gain, gain, gain, if source.info().has_alpha() { 1.0 } else { gain }]
+/// Squared error of alpha; `None` where the source has none.
+#[must_use]
+pub fn alpha_error(source: &Raster, decoded: &Raster) -> Option<SquaredError> {
+    compare(source, decoded).alpha
 }
 
 /// Channels of texels that count as colours in one of two images.
 fn counted_channels(a: &Raster, b: &Raster) -> &'static [usize] {
     let (a, b) = (a.info().counted_channels(), b.info().counted_channels());
     if a.len() < b.len() { b } else { a }
-}
-
-/// The sum of `error` over all texels that both images have, and their number.
-fn sum_of(a: &Raster, b: &Raster, error: impl Fn(Texel, Texel) -> u64 + Sync) -> (u64, u64) {
-    let texels = a.size().texels().min(b.size().texels());
-    let of_run = |start: usize| -> u64 {
-        let pairs = a.texels_from(start, RUN_TEXELS).zip(b.texels_from(start, RUN_TEXELS));
-        pairs.map(|(a, b)| error(a, b)).sum()
-    };
-    // Whole numbers: the sum is the same in any order.
-    let sum = (0..texels as usize).into_par_iter().step_by(RUN_TEXELS).map(of_run).sum();
-    (sum, texels)
-}
-
-/// Texels that one thread compares at a time.
-const RUN_TEXELS: usize = 1 << 14;
-
-/// Squared error of alpha; `None` where the source has none.
-#[must_use]
-pub fn alpha_error(source: &Raster, decoded: &Raster) -> Option<SquaredError> {
-    source.info().has_alpha().then(|| {
-        let (sum, count) = sum_of(source, decoded, |a, b| squared_step(a.w, b.w, 1.0));
-        SquaredError { sum: sum as f64, count }
-    })
-}
-
-/// PSNR in dB of colours in the worst of the tiles of 64x64 texels that an image is cut into from its upper left corner; tiles at the
-/// edge count what is inside.
-#[must_use]
-pub fn psnr_worst_tile(source: &Raster, decoded: &Raster) -> f64 {
-    const SIDE: u32 = 64;
-    let size = source.size();
-    let (channels, gain) = (counted_channels(source, decoded), source.peak().recip());
-    let (columns, rows) = (size.width.div_ceil(SIDE), size.height.div_ceil(SIDE));
-    let tile = |index: u32| {
-        let (left, top) = (index % columns * SIDE, index / columns * SIDE);
-        let (right, bottom) = ((left + SIDE).min(size.width), (top + SIDE).min(size.height));
-        let texels = (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y)));
-        let error = |(x, y)| {
-            let (a, b) = (source.texel(x, y), decoded.texel(x, y));
-            channels.iter().map(|&channel| squared_step(a[channel], b[channel], gain)).sum::<u64>()
-        };
-        let count = u64::from(right - left) * u64::from(bottom - top) * channels.len() as u64;
-        SquaredError { sum: texels.map(error).sum::<u64>() as f64, count }.psnr()
-    };
-    (0..columns * rows).into_par_iter().map(tile).reduce(|| f64::INFINITY, f64::min)
-}
-
-/// RMS error over colour and alpha of the worst 4x4 block, 8-bit units; blocks at the edge count what is inside.
-#[must_use]
-pub fn worst_block_rms(source: &Raster, decoded: &Raster) -> f64 {
-    let size = source.size();
-    let channels = if source.info().has_extra() { 4 } else { 3 };
-    let gains = gains(source);
-    let (columns, rows) = size.blocks();
-    let block = |index: u32| {
-        let (left, top) = (index % columns * 4, index / columns * 4);
-        let (mut sum, mut count) = (0u64, 0u64);
-        for (y, x) in (top..(top + 4).min(size.height))
-            .flat_map(|y| (left..(left + 4).min(size.width)).map(move |x| (y, x)))
-        {
-            let (a, b) = (source.texel(x, y), decoded.texel(x, y));
-            sum += (0..channels)
-                .map(|channel| squared_step(a[channel], b[channel], gains[channel]))
-                .sum::<u64>();
-            count += channels as u64;
-        }
-        sum as f64 / count as f64
-    };
-    (0..columns * rows).into_par_iter().map(block).reduce(|| 0.0, f64::max).sqrt()
 }
 
 /// Rows of texels that one thread decodes: a multiple of every codec's blocks, so that none is decoded twice.
@@ -235,11 +161,35 @@ pub struct Quality {
     pub color: SquaredError,
     /// Error of alpha, where there is any.
     pub alpha: Option<SquaredError>,
-    /// RMS error of the worst 4x4 block, 8-bit units.
+    /// RMS error over colour and alpha of the worst 4x4 block, 8-bit units; blocks at the edge count what is inside.
     pub worst_block_rms: f64,
+    /// Mean squared error of colours in the worst of the tiles of 64x64 texels that images are cut into from their upper left
+    /// corners; tiles at the edge count what is inside.
+    pub worst_tile_mse: f64,
 }
 
 impl Quality {
+    /// Of this and of other texels together.
+    #[must_use]
+    pub fn and(self, other: Quality) -> Quality {
+        let alpha = match (self.alpha, other.alpha) {
+            (Some(one), Some(other)) => Some(one + other),
+            (one, other) => one.or(other),
+        };
+        Quality {
+            color: self.color + other.color,
+            alpha,
+            worst_block_rms: self.worst_block_rms.max(other.worst_block_rms),
+            worst_tile_mse: self.worst_tile_mse.max(other.worst_tile_mse),
+        }
+    }
+
+    /// PSNR in dB of colours in the worst tile of 64x64 texels.
+    #[must_use]
+    pub fn psnr_worst_tile(&self) -> f64 {
+        SquaredError { sum: self.worst_tile_mse, count: 1 }.psnr()
+    }
+
     /// What a goal of quality is held against, in dB: the worse of colours and alpha.
     #[must_use]
     pub fn psnr(&self) -> f64 {
@@ -285,11 +235,7 @@ fn quality_of(
     for (index, image) in source.images().iter().enumerate() {
         let Some(whole) = encoded.layout().whole(index as u32, 0) else { continue };
         let Some(found) = quality_of_image(image, encoded, whole, cancel) else { continue };
-        quality.color = quality.color + found.color;
-        if let Some(alpha) = found.alpha {
-            quality.alpha = Some(quality.alpha.unwrap_or_default() + alpha);
-        }
-        quality.worst_block_rms = quality.worst_block_rms.max(found.worst_block_rms);
+        quality = quality.and(found);
     }
     quality
 }
@@ -304,11 +250,7 @@ fn quality_of_image(
     let (size, pixel) = (image.size(), encoded.layout().pixel_of(whole.image));
     if (size.width, size.height) != (whole.width, whole.height) {
         let decoded = decode_rect_of(encoded, whole, cancel)?;
-        return Some(Quality {
-            color: color_error(image, &decoded),
-            alpha: alpha_error(image, &decoded),
-            worst_block_rms: worst_block_rms(image, &decoded),
-        });
+        return Some(compare(image, &decoded));
     }
     let of_band = |top: u32| -> Option<Quality> {
         if cancel.is_cancelled() {
@@ -319,48 +261,11 @@ fn quality_of_image(
         let mut data = vec![0.0; texels.len() * usize::from(pixel.channels)];
         write_texels(&texels, pixel.channels, &mut data, |value| value);
         let decoded = Raster::new(size.width, rows, pixel, data).ok()?;
-        Some(errors(image, &decoded, top))
+        Some(compare::of_band(image, (&decoded, 0), top))
     };
     let bands: Vec<u32> = (0..size.height).step_by(BAND_ROWS as usize).collect();
     let bands: Option<Vec<Quality>> = bands.into_par_iter().map(of_band).collect();
-    bands?.into_iter().reduce(|all, band| Quality {
-        color: all.color + band.color,
-        alpha: all.alpha.zip(band.alpha).map(|(all, band)| all + band),
-        worst_block_rms: all.worst_block_rms.max(band.worst_block_rms),
-    })
-}
-
-/// Errors of rows of an image from row `top` on, a multiple of 4.
-fn errors(image: &Raster, decoded: &Raster, top: u32) -> Quality {
-    let size = decoded.size();
-    let (counted, gains) = (counted_channels(image, decoded), gains(image));
-    let in_block: &[usize] = if image.info().has_extra() { &[0, 1, 2, 3] } else { &[0, 1, 2] };
-    let (mut color, mut alpha, mut worst) = (0u64, 0u64, 0.0f64);
-    let mut blocks = vec![(0u64, 0u64); size.width.div_ceil(4) as usize];
-    for y in 0..size.height {
-        if y % 4 == 0 {
-            blocks.fill((0, 0));
-        }
-        for x in 0..size.width {
-            let (a, b) = (image.texel(x, top + y), decoded.texel(x, y));
-            let steps = [0, 1, 2, 3].map(|channel| squared_step(a[channel], b[channel], gains[channel]));
-            color += counted.iter().map(|&channel| steps[channel]).sum::<u64>();
-            alpha += steps[3];
-            let block = &mut blocks[x as usize / 4];
-            block.0 += in_block.iter().map(|&channel| steps[channel]).sum::<u64>();
-            block.1 += in_block.len() as u64;
-        }
-        if y % 4 == 3 || y + 1 == size.height {
-            let means = blocks.iter().map(|&(sum, count)| sum as f64 / count as f64);
-            worst = means.fold(worst, f64::max);
-        }
-    }
-    let texels = size.texels();
-    Quality {
-        color: SquaredError { sum: color as f64, count: texels * counted.len() as u64 },
-        alpha: image.info().has_alpha().then_some(SquaredError { sum: alpha as f64, count: texels }),
-        worst_block_rms: worst.sqrt(),
-    }
+    bands?.into_iter().reduce(Quality::and)
 }
 
 /// [`quality`], and the bits a source texel that [`MemoryBits::goal`] defines; PSNR is that of colours.
@@ -393,12 +298,6 @@ fn measured(source: &ImageSet, encoded: &dyn Encoded<Domain = Image2d>, quality:
     }
 }
 
-/// The squared difference of values times `gain`, in 8-bit units.
-fn squared_step(a: f32, b: f32, gain: f32) -> u64 {
-    let step = u64::from(to_u8(a * gain).abs_diff(to_u8(b * gain)));
-    step * step
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -424,7 +323,7 @@ mod tests {
         for (column, row) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
             let decoded = of(&|x, y| if (x / 64, y / 64) == (column, row) { 60 } else { 51 });
             let wanted = SquaredError { sum: 100.0, count: 1 }.psnr();
-            assert!((psnr_worst_tile(&source, &decoded) - wanted).abs() < 1e-9, "{column} {row}");
+            assert!((compare(&source, &decoded).psnr_worst_tile() - wanted).abs() < 1e-9, "{column} {row}");
         }
     }
 
@@ -446,7 +345,7 @@ mod tests {
         // By hand: 8-bit steps of 128, 127, 0 and 64.
         let sum = f64::from(128 * 128 + 127 * 127 + 64 * 64);
         assert_eq!(color_error(&source, &gray), SquaredError { sum, count: 4 });
-        assert!((worst_block_rms(&source, &gray) - (sum / 4.0).sqrt()).abs() < 1e-9);
+        assert!((compare(&source, &gray).worst_block_rms - (sum / 4.0).sqrt()).abs() < 1e-9);
         assert!(color_error(&of(&[0, 2047, 1024, 512]), &gray).psnr() > 35.0);
         assert!(ssim(&source, &gray) < 0.9);
     }

@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use texfold_core::image::ImageSet;
-use texfold_core::metric::{SquaredError, decode_rounded, psnr_worst_tile, quality, ssim};
+use texfold_core::metric::{Quality, decode_rounded};
 use texfold_core::target::Measured;
 use texfold_core::{Access, Encoded, Image2d, ImageSize};
 
 use super::task::BankTask;
-use crate::perceptual::{mean, ssimulacra2};
+use crate::perceptual::{Likeness, mean};
 use crate::report::{PartRow, Row, Sizes, peak_bytes};
 use texfold::bank::Tile;
 
@@ -21,10 +21,7 @@ pub(super) struct Sums {
     pub(super) tiles: Vec<Tile>,
     /// Name of the tiles' codec.
     codec: &'static str,
-    color: SquaredError,
-    alpha: Option<SquaredError>,
-    worst_block_rms: f64,
-    psnr_worst_tile: Option<f64>,
+    quality: Quality,
     ssim: f64,
     /// SSIMULACRA2 and texels of each tile.
     ssimulacra2: Vec<(Option<f64>, f64)>,
@@ -48,19 +45,13 @@ impl Sums {
     ) {
         self.tiles.push(tile);
         self.codec = texture.codec().name;
-        let found = quality(source, texture);
         let texels = source.texel_count();
-        self.color = self.color + found.color;
-        if let Some(alpha) = found.alpha {
-            self.alpha = Some(self.alpha.unwrap_or_default() + alpha);
+        if let Some(decoded) = decode_rounded(texture, 0) {
+            let found = Likeness::of(&source.images()[0], &decoded);
+            self.quality = self.quality.and(found.quality);
+            self.ssim += found.ssim * texels as f64;
+            self.ssimulacra2.push((found.ssimulacra2, texels as f64));
         }
-        self.worst_block_rms = self.worst_block_rms.max(found.worst_block_rms);
-        let (decoded, image) = (decode_rounded(texture, 0), &source.images()[0]);
-        let similar = decoded.as_ref().map_or(0.0, |decoded| ssim(image, decoded));
-        self.ssim += similar * texels as f64;
-        let worst = decoded.as_ref().map(|decoded| psnr_worst_tile(image, decoded));
-        self.psnr_worst_tile = worst.into_iter().chain(self.psnr_worst_tile).reduce(f64::min);
-        self.ssimulacra2.push((decoded.and_then(|decoded| ssimulacra2(image, &decoded)), texels as f64));
         self.texels += texels;
         let memory = texture.memory();
         self.counted += memory.goal;
@@ -93,9 +84,9 @@ impl Sums {
     /// What a goal is held against.
     pub(super) fn measured(&self) -> Measured {
         Measured {
-            psnr: self.color.psnr(),
+            psnr: self.quality.color.psnr(),
             bpp: self.counted as f64 / self.texels.max(1) as f64,
-            worst_block_rms: self.worst_block_rms,
+            worst_block_rms: self.quality.worst_block_rms,
         }
     }
 
@@ -120,11 +111,11 @@ impl Sums {
             images: 1,
             source_texels: self.texels,
             sizes: Sizes::new(memory, self.resident, disk, self.texels),
-            psnr: self.color.psnr(),
-            psnr_alpha: self.alpha.map(|error| error.psnr()),
-            rms: self.color.rms(),
-            worst_block_rms: self.worst_block_rms,
-            psnr_worst_tile: self.psnr_worst_tile,
+            psnr: self.quality.color.psnr(),
+            psnr_alpha: self.quality.alpha.map(|error| error.psnr()),
+            rms: self.quality.color.rms(),
+            worst_block_rms: self.quality.worst_block_rms,
+            psnr_worst_tile: Some(self.quality.psnr_worst_tile()),
             worst_relative_error: None,
             ssim: self.ssim / texels,
             ssimulacra2: mean(self.ssimulacra2.iter().copied()),

@@ -7,7 +7,7 @@ use texfold::{
     file_of,
     zipmap::{PatchStack, ZipTexture, Zipmap, fidelity},
 };
-use texfold_core::metric::{SquaredError, decode_image, ssim, worst_block_rms};
+use texfold_core::metric::{SquaredError, compare, decode_image, ssim};
 use texfold_core::target::Measured;
 use texfold_core::{Encoded, Job, Limits, LoadError};
 
@@ -71,8 +71,9 @@ impl FolderTask<ZoomSettings> {
         let texels: u64 = images.iter().chain([root]).map(|image| image.size().texels()).sum();
         let missed = missed(loaded.params.goal, &measured);
         let drawn = decode_image(&texture, 0, texture.deep_levels());
-        let (similar, worst) =
-            drawn.as_ref().map_or((0.0, 0.0), |drawn| (ssim(root, drawn), worst_block_rms(root, drawn)));
+        let (similar, worst) = drawn
+            .as_ref()
+            .map_or((0.0, 0.0), |drawn| (ssim(root, drawn), compare(root, drawn).worst_block_rms));
         Ok(Row {
             input: self.found.path.display().to_string(),
             output: self.output.display().to_string(),

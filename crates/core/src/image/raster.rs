@@ -33,6 +33,15 @@ impl Raster {
         Raster::of(width, height, info, Values::Float(data))
     }
 
+    /// The values of a source of 8 bits.
+    #[cfg(feature = "encode")]
+    pub(crate) fn bytes(&self) -> Option<&[u8]> {
+        match &self.data {
+            Values::Eight(bytes) => Some(bytes),
+            _ => None,
+        }
+    }
+
     /// An image of bytes in the channels of `info`; opaque alpha is kept.
     #[cfg(feature = "encode")]
     pub(crate) fn of_bytes(size: ImageSize, info: PixelInfo, bytes: Vec<u8>) -> Result<Self, SourceError> {

@@ -2,18 +2,24 @@
 
 use rayon::prelude::*;
 
+use super::compare::read;
 use super::counted_channels;
-use crate::image::{Raster, to_u8};
+use crate::image::Raster;
 
 const SIGMA: f64 = 1.5;
 const RADIUS: usize = 5;
 const TAPS: usize = 2 * RADIUS + 1;
-const C1: f64 = (0.01 * 255.0) * (0.01 * 255.0);
-const C2: f64 = (0.03 * 255.0) * (0.03 * 255.0);
+const C1: f32 = (0.01 * 255.0) * (0.01 * 255.0);
+const C2: f32 = (0.03 * 255.0) * (0.03 * 255.0);
+/// Values that are worked on together.
+const LANES: usize = 16;
 /// Rows that one thread compares; it holds the rows around them, too.
 const BAND_ROWS: usize = 32;
 /// What is averaged in each window: both images, their squares, and their product.
 const SIGNALS: usize = 5;
+
+/// What is taken off samples: variances and covariances do not change, and single precision loses less of them.
+const MIDDLE: f32 = 128.0;
 
 /// SSIM of two images of the same size, mean over the colour channels and a band; 1 where they are equal.
 #[must_use]
@@ -23,24 +29,28 @@ pub fn ssim(source: &Raster, decoded: &Raster) -> f64 {
     let (width, height) = (size.width as usize, size.height as usize);
     let fits = width > 2 * RADIUS && height > 2 * RADIUS;
     let margin = if fits { RADIUS } else { 0 };
-    let windows = Windows { width, height, margin, weights: weights() };
-    let tops = (margin..height - margin).step_by(BAND_ROWS);
-    let bands: Vec<(usize, usize)> =
-        channels.iter().flat_map(|&channel| tops.clone().map(move |top| (channel, top))).collect();
-    let sums: Vec<f64> =
-        bands.into_par_iter().map(|(channel, top)| windows.band((source, decoded), channel, top)).collect();
+    let windows = Windows { width, height, margin, weights: weights(), channels };
+    let tops: Vec<usize> = (margin..height - margin).step_by(BAND_ROWS).collect();
+    // Bands and rows are vectors, so these loops are compiled for the processor that runs them.
+    let of_band = |top| {
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || windows.band((source, decoded), top),
+        )
+    };
+    let sums: Vec<f64> = tops.into_par_iter().map(of_band).collect();
     let places = (height - 2 * margin) * (width - 2 * margin) * channels.len();
     sums.iter().sum::<f64>() / places as f64
 }
 
 /// The Gaussian along one axis.
-fn weights() -> [f64; TAPS] {
+fn weights() -> [f32; TAPS] {
     let raw: [f64; TAPS] = std::array::from_fn(|tap| {
         let away = tap as f64 - RADIUS as f64;
         (-(away * away) / (2.0 * SIGMA * SIGMA)).exp()
     });
     let total: f64 = raw.iter().sum();
-    raw.map(|weight| weight / total)
+    raw.map(|weight| (weight / total) as f32)
 }
 
 /// Windows around the places of an image that are `margin` away from its edges; mirrored at the edges (…b a | a b c…).
@@ -48,46 +58,71 @@ struct Windows {
     width: usize,
     height: usize,
     margin: usize,
-    weights: [f64; TAPS],
+    weights: [f32; TAPS],
+    /// Channels that are compared.
+    channels: &'static [usize],
 }
 
 impl Windows {
-    /// The sum of the SSIM of one channel over the rows of a band.
-    fn band(&self, (a, b): (&Raster, &Raster), channel: usize, top: usize) -> f64 {
+    /// The sum of the SSIM of all channels over the rows of a band.
+    #[inline(always)]
+    fn band(&self, (a, b): (&Raster, &Raster), top: usize) -> f64 {
         let rows = BAND_ROWS.min(self.height - self.margin - top);
+        let gains = [a.peak().recip(); 4];
+        let lines = |raster: &Raster| -> Vec<Vec<[u8; 4]>> {
+            let line = |row: usize| {
+                let y = mirrored(top as i64 + row as i64 - RADIUS as i64, self.height);
+                let mut line = vec![[0; 4]; self.width];
+                read(raster, y as u32, gains, &mut line);
+                line
+            };
+            (0..rows + 2 * RADIUS).map(line).collect()
+        };
+        let (a, b) = (lines(a), lines(b));
         let mut blurred = Blurred::new(self.width);
-        for row in 0..rows + 2 * RADIUS {
-            let y = mirrored(top as i64 + row as i64 - RADIUS as i64, self.height);
-            blurred.push(&self.weights, (a, b), channel, y);
-        }
+        let mut means: [Vec<f32>; SIGNALS] = std::array::from_fn(|_| vec![0.0; self.width]);
         let mut sum = 0.0;
-        let mut means: [Vec<f64>; SIGNALS] = std::array::from_fn(|_| vec![0.0; self.width]);
-        for row in 0..rows {
-            for (signal, means) in means.iter_mut().enumerate() {
-                let lines = (row..).map(|line| blurred.line(line, signal));
-                convolve(&self.weights, lines, means);
-                // As single precision holds them.
-                means.iter_mut().for_each(|mean| *mean = f64::from(*mean as f32));
-            }
-            let [mean_a, mean_b, aa, bb, ab] = &means;
-            for x in self.margin..self.width - self.margin {
-                let (ma, mb) = (mean_a[x], mean_b[x]);
-                let (va, vb) = (aa[x] - ma * ma, bb[x] - mb * mb);
-                let covariance = ab[x] - ma * mb;
-                sum += (2.0 * ma * mb + C1) * (2.0 * covariance + C2)
-                    / ((ma * ma + mb * mb + C1) * (va + vb + C2));
+        for &channel in self.channels {
+            blurred.values.clear();
+            a.iter().zip(&b).for_each(|(a, b)| blurred.push(&self.weights, (a, b), channel));
+            for row in 0..rows {
+                for (signal, means) in means.iter_mut().enumerate() {
+                    let lines = std::array::from_fn(|tap| blurred.line(row + tap, signal));
+                    convolve(&self.weights, lines, means);
+                }
+                sum += self.row(&means);
             }
         }
         sum
+    }
+
+    /// The sum of the SSIM of a row.
+    #[inline(always)]
+    fn row(&self, means: &[Vec<f32>; SIGNALS]) -> f64 {
+        let inside = self.margin..self.width - self.margin;
+        let [mean_a, mean_b, aa, bb, ab] = means.each_ref().map(|mean| &mean[inside.clone()]);
+        // Sums of lanes, in an order that does not depend on the processor.
+        let mut sums = [0.0f64; LANES];
+        for first in (0..mean_a.len()).step_by(LANES) {
+            for (at, sum) in (first..mean_a.len().min(first + LANES)).zip(&mut sums) {
+                let (ma, mb) = (mean_a[at], mean_b[at]);
+                let (va, vb, covariance) = (aa[at] - ma * ma, bb[at] - mb * mb, ab[at] - ma * mb);
+                let (ma, mb) = (ma + MIDDLE, mb + MIDDLE);
+                let similarity = (2.0 * ma * mb + C1) * (2.0 * covariance + C2)
+                    / ((ma * ma + mb * mb + C1) * (va + vb + C2));
+                *sum += f64::from(similarity);
+            }
+        }
+        sums.iter().sum()
     }
 }
 
 /// Rows of signals that are averaged along x, each signal of a row behind the other.
 struct Blurred {
     width: usize,
-    values: Vec<f64>,
+    values: Vec<f32>,
     /// A row with what lies beyond its ends.
-    padded: [Vec<f64>; SIGNALS],
+    padded: [Vec<f32>; SIGNALS],
 }
 
 impl Blurred {
@@ -96,41 +131,52 @@ impl Blurred {
         Blurred { width, values: Vec::new(), padded }
     }
 
-    fn line(&self, row: usize, signal: usize) -> &[f64] {
+    fn line(&self, row: usize, signal: usize) -> &[f32] {
         &self.values[(row * SIGNALS + signal) * self.width..][..self.width]
     }
 
-    fn push(&mut self, weights: &[f64; TAPS], (a, b): (&Raster, &Raster), channel: usize, y: usize) {
-        let gain = a.peak().recip();
-        let (a, b) = (Line::of(a, channel, y, gain), Line::of(b, channel, y, gain));
-        for at in 0..self.width + 2 * RADIUS {
-            let x = match at.checked_sub(RADIUS) {
-                Some(x) if x < self.width => x,
-                _ => mirrored(at as i64 - RADIUS as i64, self.width),
-            };
-            let (a, b) = (a.byte(x), b.byte(x));
-            // Products of bytes are exact.
-            for (signal, value) in self.padded.iter_mut().zip([a, b, a * a, b * b, a * b]) {
-                signal[at] = f64::from(value);
+    #[inline(always)]
+    fn push(&mut self, weights: &[f32; TAPS], (a, b): (&[[u8; 4]], &[[u8; 4]]), channel: usize) {
+        let [mean_a, mean_b, aa, bb, ab] = &mut self.padded;
+        for (at, (a, b)) in a.iter().zip(b).enumerate() {
+            mean_a[at + RADIUS] = f32::from(a[channel]) - MIDDLE;
+            mean_b[at + RADIUS] = f32::from(b[channel]) - MIDDLE;
+        }
+        for line in [&mut *mean_a, &mut *mean_b] {
+            for at in (0..RADIUS).chain(RADIUS + self.width..self.width + 2 * RADIUS) {
+                line[at] = line[RADIUS + mirrored(at as i64 - RADIUS as i64, self.width)];
             }
+        }
+        for at in 0..self.width + 2 * RADIUS {
+            // Products of bytes are exact.
+            (aa[at], bb[at], ab[at]) =
+                (mean_a[at] * mean_a[at], mean_b[at] * mean_b[at], mean_a[at] * mean_b[at]);
         }
         for signal in &self.padded {
             let start = self.values.len();
             self.values.resize(start + self.width, 0.0);
-            let out = &mut self.values[start..];
-            convolve(weights, (0..TAPS).map(|tap| &signal[tap..]), out);
-            out.iter_mut().for_each(|value| *value = f64::from(*value as f32));
+            let lines = std::array::from_fn(|tap| &signal[tap..tap + self.width]);
+            convolve(weights, lines, &mut self.values[start..]);
         }
     }
 }
 
-/// The sum of lines, each times its weight.
-fn convolve<'l>(weights: &[f64; TAPS], lines: impl Iterator<Item = &'l [f64]>, out: &mut [f64]) {
-    out.fill(0.0);
-    for (weight, line) in weights.iter().zip(lines) {
-        for (out, value) in out.iter_mut().zip(line) {
-            *out += weight * value;
+/// The sum of lines of one length, each times its weight.
+#[inline(always)]
+fn convolve(weights: &[f32; TAPS], lines: [&[f32]; TAPS], out: &mut [f32]) {
+    let lines = lines.map(|line| &line[..out.len()]);
+    let whole = out.len() / LANES * LANES;
+    for first in (0..whole).step_by(LANES) {
+        let mut sums = [0.0f32; LANES];
+        for (weight, line) in weights.iter().zip(lines) {
+            for (sum, value) in sums.iter_mut().zip(&line[first..first + LANES]) {
+                *sum += weight * value;
+            }
         }
+        out[first..first + LANES].copy_from_slice(&sums);
+    }
+    for at in whole..out.len() {
+        out[at] = weights.iter().zip(lines).fold(0.0, |sum, (weight, line)| sum + weight * line[at]);
     }
 }
 
@@ -140,36 +186,10 @@ fn mirrored(index: i64, size: usize) -> usize {
     (if folded < size as i64 { folded } else { period - 1 - folded }) as usize
 }
 
-/// A row of a raster, of which one channel of texels is looked at.
-struct Line<'r> {
-    raster: &'r Raster,
-    row: u32,
-    /// The channel's place in a texel; `None` for alpha that is not there.
-    place: Option<usize>,
-    /// What values are multiplied with.
-    gain: f32,
-}
-
-impl<'r> Line<'r> {
-    fn of(raster: &'r Raster, channel: usize, y: usize, gain: f32) -> Line<'r> {
-        let channels = usize::from(raster.info().channels);
-        let place = match (channels, channel) {
-            (2, 3) => Some(1),
-            (1 | 2, 0..=2) => Some(0),
-            _ => Some(channel).filter(|&channel| channel < channels),
-        };
-        Line { raster, row: y as u32, place, gain }
-    }
-
-    fn byte(&self, x: usize) -> f32 {
-        let byte = |place| f32::from(to_u8(self.gain * self.raster.value(x as u32, self.row, place)));
-        self.place.map_or(255.0, byte)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::to_u8;
     use crate::image::{Alpha, ColorSpace};
 
     fn pseudo_random(width: u32, height: u32, channels: u8, seed: u32) -> Raster {

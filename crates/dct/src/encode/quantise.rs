@@ -8,7 +8,7 @@
 use super::forward::Block;
 use super::symbols::{Levels, SymbolBits, end_symbol, escaped_bits, magnitude_bits, magnitude_symbol};
 use crate::context::{
-    FIRST_END, FIRST_LAST, NEXT_STATES, Neighbours, SET_TABLES, STATES, State, first_table, held,
+    FIRST_END, FIRST_LAST, LEVELS, NEXT_STATES, Neighbours, SET_TABLES, STATES, State, first_table, held,
 };
 use crate::form::Steps;
 use crate::plane::PREDICTED;
@@ -20,6 +20,8 @@ use crate::vectors::vectorised;
 const MAX_MAGNITUDE: f32 = 16_000_000.0;
 /// Largest value that cannot be a block's last coefficient, in steps.
 const NEVER_LAST: f32 = 0.5;
+/// States of one parity.
+const HALF: usize = STATES / 2;
 /// Magnitudes that are tried in a state.
 const TRIED: usize = 3;
 
@@ -38,6 +40,7 @@ pub(super) struct Quantising<'a> {
 }
 
 /// What is left of a block's coefficients beyond what is predicted of them.
+#[inline(always)]
 pub(super) fn residuals_of(block: &Block, predicted: Option<[i32; 6]>) -> Block {
     let mut residuals = *block;
     if let Some(predicted) = predicted {
@@ -49,7 +52,8 @@ pub(super) fn residuals_of(block: &Block, predicted: Option<[i32; 6]>) -> Block 
 /// Absolute coefficients in steps, in coding order.
 type Values = [f32; COEFFICIENTS];
 
-/// Places of a path's magnitudes: in coding order, and some beyond that read as zero.
+/// A path's magnitudes in coding order, of which those from the last coefficient on are there; the last place stays zero.
+type Magnitudes = [u8; HELD];
 const HELD: usize = 128;
 /// Magnitudes behind a coefficient's own that contexts still look at: less than three diagonals.
 const LOOKED_AT: usize = 32;
@@ -58,17 +62,14 @@ const LOOKED_AT: usize = 32;
 #[derive(Debug)]
 struct Paths {
     costs: [f32; STATES],
-    magnitudes: [[u8; HELD]; STATES],
+    magnitudes: [Magnitudes; STATES],
 }
 
 /// What quantising a block fills, kept from block to block.
 #[derive(Debug)]
 pub(super) struct Trellis {
-    paths: Paths,
-    /// Paths before the coefficient that is looked at.
-    before: Paths,
-    /// What is tried for it, in even states and in odd ones.
-    tries: [Tries; 2],
+    /// Paths up to a coefficient, and up to the one before it: by turns, so that none is copied.
+    paths: [Paths; 2],
     /// The ways into each state, for all coefficients of the block from its last one on.
     ways: [[Way; STATES]; COEFFICIENTS],
 }
@@ -76,12 +77,7 @@ pub(super) struct Trellis {
 impl Default for Trellis {
     fn default() -> Self {
         let paths = || Paths { costs: [f32::INFINITY; STATES], magnitudes: [[0; HELD]; STATES] };
-        Trellis {
-            before: paths(),
-            paths: paths(),
-            tries: Default::default(),
-            ways: [[Way::default(); STATES]; COEFFICIENTS],
-        }
+        Trellis { paths: [paths(), paths()], ways: [[Way::default(); STATES]; COEFFICIENTS] }
     }
 }
 
@@ -89,9 +85,12 @@ impl Trellis {
     /// Sets the magnitudes of all paths by their ways.
     #[inline(always)]
     fn keep(&mut self, number: usize) {
-        for (own, way) in self.paths.magnitudes.iter_mut().zip(&self.ways[number]) {
-            let before = self.before.magnitudes.get(way.from()).unwrap_or(&[0; HELD]);
-            own[number + 1..][..LOOKED_AT].copy_from_slice(&before[number + 1..][..LOOKED_AT]);
+        let ways = &self.ways[number];
+        let [even, odd] = &mut self.paths;
+        let (paths, before) = if number.is_multiple_of(2) { (even, &*odd) } else { (odd, &*even) };
+        for (own, way) in paths.magnitudes.iter_mut().zip(ways) {
+            let from = before.magnitudes.get(way.from()).unwrap_or(&[0; HELD]);
+            own[number + 1..][..LOOKED_AT].copy_from_slice(&from[number + 1..][..LOOKED_AT]);
             own[number] = held(way.magnitude());
         }
     }
@@ -99,7 +98,7 @@ impl Trellis {
     /// The magnitudes of the best path down to the coefficient `first`; none where all paths cost more than `nothing`.
     fn traced(&self, first: usize, nothing: f32) -> [u32; COEFFICIENTS] {
         let (mut least, mut state) = (nothing, STATES);
-        for (number, &cost) in self.paths.costs.iter().enumerate() {
+        for (number, &cost) in self.paths[first % 2].costs.iter().enumerate() {
             if cost < least {
                 (least, state) = (cost, number);
             }
@@ -164,6 +163,7 @@ const fn templates() -> [[u8; 5]; COEFFICIENTS] {
         let mut tap = 0;
         while tap < 5 {
             if SCAN[other].padded as usize == SCAN[number].padded as usize + beyond[tap] {
+                assert!(other > number && other - number <= LOOKED_AT);
                 all[number][tap] = other as u8;
             }
             tap += 1;
@@ -195,25 +195,35 @@ impl Quantising<'_> {
         neighbours: &Neighbours<'_>,
         trellis: &mut Trellis,
     ) -> Levels {
-        let residuals = residuals_of(block, predicted);
-        let mut values = [0.0; COEFFICIENTS];
-        for (value, place) in values.iter_mut().zip(SCAN).skip(self.first) {
-            let at = usize::from(place.raster);
-            *value = (residuals[at].abs() / self.steps.size(at)).min(MAX_MAGNITUDE);
-        }
-        let mut levels = [0; COEFFICIENTS];
-        let Some(last) = (self.first..COEFFICIENTS).rev().find(|&number| values[number] > NEVER_LAST) else {
-            return levels;
-        };
-        let magnitudes = vectorised(
+        vectorised(
             #[inline(always)]
-            || self.magnitudes(&values, last, neighbours, trellis),
-        );
-        for (place, magnitude) in SCAN.iter().zip(magnitudes) {
-            let at = usize::from(place.raster);
-            levels[at] = if residuals[at] < 0.0 { -(magnitude as i32) } else { magnitude as i32 };
-        }
-        levels
+            || {
+                let residuals = residuals_of(block, predicted);
+                let mut levels = [0; COEFFICIENTS];
+                let mut scaled = [0.0; COEFFICIENTS];
+                for at in 0..COEFFICIENTS {
+                    scaled[at] = (residuals[at].abs() / self.steps.size(at)).min(MAX_MAGNITUDE);
+                }
+                let mut values = [0.0; COEFFICIENTS];
+                for number in self.first..COEFFICIENTS {
+                    values[number] = scaled[usize::from(SCAN[number].raster) % COEFFICIENTS];
+                }
+                let mut end = COEFFICIENTS;
+                while end > self.first && values[end - 1] <= NEVER_LAST {
+                    end -= 1;
+                }
+                if end == self.first {
+                    return levels;
+                }
+                let magnitudes = self.magnitudes(&values, end - 1, neighbours, trellis);
+                for number in self.first..end {
+                    let at = usize::from(SCAN[number].raster) % COEFFICIENTS;
+                    let magnitude = magnitudes[number] as i32;
+                    levels[at] = if residuals[at] < 0.0 { -magnitude } else { magnitude };
+                }
+                levels
+            },
+        )
     }
 
     /// The magnitudes of the path of least cost, in coding order; none beyond the coefficient `last`.
@@ -226,57 +236,25 @@ impl Quantising<'_> {
         trellis: &mut Trellis,
     ) -> [u32; COEFFICIENTS] {
         let ends = self.symbol_bits.of(self.set * SET_TABLES + FIRST_END + neighbours.end);
-        trellis.paths.costs = [f32::INFINITY; STATES];
+        trellis.paths[(last + 1) % 2].costs = [f32::INFINITY; STATES];
         // Error of the coefficients beyond, where they are zero.
         let mut beyond: f32 = values[last + 1..].iter().map(|value| value * value).sum();
         for number in (self.first..=last).rev() {
             let value = values[number];
-            std::mem::swap(&mut trellis.before, &mut trellis.paths);
             self.go_on(value, number, neighbours, trellis);
             if value > NEVER_LAST {
                 let ended = beyond + self.lambda * ends[end_symbol(number + 1 - self.first)];
                 self.begin(ended, value, number, trellis);
             }
-            beyond += value * value;
             trellis.keep(number);
+            beyond += value * value;
         }
         trellis.traced(self.first, beyond + self.lambda * ends[0])
     }
 
-    /// Sets the best way on into each state.
-    #[inline(always)]
-    fn go_on(&self, value: f32, number: usize, neighbours: &Neighbours<'_>, trellis: &mut Trellis) {
-        let Trellis { paths, before, tries, ways } = trellis;
-        for (tries, half) in tries.iter_mut().zip([0.0, 0.5]) {
-            self.set_tries(tries, value, half);
-        }
-        let beside = neighbours.beside(SCAN[number].padded.into());
-        let template = TEMPLATES[number].map(|at| usize::from(at) % HELD);
-        let zone = usize::from(SCAN[number].zone);
-        let tables = [State::new(0), State::new(1)].map(|state| first_table(self.set, zone, state));
-        // The best ways on with an even and with an odd magnitude.
-        let mut on = [[(f32::INFINITY, Way(0)); STATES]; 2];
-        for from in 0..STATES {
-            let own = &before.magnitudes[from];
-            let sum = template.iter().map(|&at| u32::from(own[at])).sum();
-            let bits = self.symbol_bits.of(tables[from % 2] + neighbours.class(sum, beside));
-            let tries = &tries[from % 2];
-            let way = |at: usize| {
-                let added = tries.costs[at] + self.lambda * bits[tries.symbols[at] % SYMBOLS];
-                (before.costs[from] + added, Way::new(from, tries.magnitudes[at]))
-            };
-            let parity = tries.magnitudes[0] as usize % 2;
-            on[parity][from] = way(0);
-            on[1 - parity][from] = lesser(way(1), way(2));
-        }
-        for (state, [even, odd]) in BEFORE.iter().enumerate() {
-            (paths.costs[state], ways[number][state]) = lesser(on[0][*even], on[1][*odd]);
-        }
-    }
-
     /// Takes ways that begin with a coefficient where they cost less; all coefficients beyond have the cost `ended`.
     #[inline(always)]
-    fn begin(&self, ended: f32, value: f32, number: usize, Trellis { paths, ways, .. }: &mut Trellis) {
+    fn begin(&self, ended: f32, value: f32, number: usize, trellis: &mut Trellis) {
         let zone = usize::from(SCAN[number].zone);
         let bits = self.symbol_bits.of(self.set * SET_TABLES + FIRST_LAST + zone);
         let floor = value as u32;
@@ -284,24 +262,81 @@ impl Quantising<'_> {
             let error = self.error(value, magnitude, 0.0);
             let cost = ended + error + self.lambda * magnitude_bits(bits, magnitude - 1);
             let state = State::default().after(magnitude).number();
-            let (costs, ways) = (&mut paths.costs[state], &mut ways[number][state]);
+            let costs = &mut trellis.paths[number % 2].costs[state];
+            let ways = &mut trellis.ways[number][state];
             (*costs, *ways) = lesser((*costs, *ways), (cost, Way::new(STATES, magnitude)));
         }
     }
 
-    /// Sets the magnitudes near a value, where they stand for that much less.
+    /// Sets the best way on into each state.
     #[inline(always)]
-    fn set_tries(&self, tries: &mut Tries, value: f32, half: f32) {
+    fn go_on(&self, value: f32, number: usize, neighbours: &Neighbours<'_>, trellis: &mut Trellis) {
+        let ways = &mut trellis.ways[number];
+        let [even, odd] = &mut trellis.paths;
+        let (paths, before) = if number.is_multiple_of(2) { (even, &*odd) } else { (odd, &*even) };
+        let beside = neighbours.beside(SCAN[number].padded.into());
+        let template = &TEMPLATES[number];
+        let zone = usize::from(SCAN[number].zone);
+        // The best ways on with an even and with an odd magnitude, from each state.
+        let mut on = [([0.0; STATES], [Way(0); STATES]); 2];
+        for (parity, half) in [0.0, 0.5].into_iter().enumerate() {
+            let tries = self.tries(value, half);
+            let rows = self.symbol_bits.levels(first_table(self.set, zone, State::new(parity)));
+            let same = tries.magnitudes[0] as usize % 2;
+            // Loops fill arrays: closures of arrays would be called.
+            let mut places = [0; HALF];
+            for at in 0..HALF {
+                let own = &before.magnitudes[2 * at + parity];
+                let mut sum = 0;
+                for &place in template {
+                    sum += u32::from(own[usize::from(place) % HELD]);
+                }
+                places[at] = neighbours.class(sum, beside) % LEVELS;
+            }
+            for at in 0..HALF {
+                let from = 2 * at + parity;
+                on[same].0[from] = self.cost(before.costs[from], &tries, 0, &rows[places[at]]);
+                on[same].1[from] = Way::new(from, tries.magnitudes[0]);
+                on[1 - same].0[from] = self.cost(before.costs[from], &tries, 1, &rows[places[at]]);
+                on[1 - same].1[from] = Way::new(from, tries.magnitudes[1]);
+            }
+            if tries.magnitudes[0] > 0 {
+                // The one below has the parity of the one above.
+                for at in 0..HALF {
+                    let from = 2 * at + parity;
+                    let cost = self.cost(before.costs[from], &tries, 2, &rows[places[at]]);
+                    let (costs, ways) = &mut on[1 - same];
+                    let is_less = cost < costs[from];
+                    ways[from] = if is_less { Way::new(from, tries.magnitudes[2]) } else { ways[from] };
+                    costs[from] = if is_less { cost } else { costs[from] };
+                }
+            }
+        }
+        for (state, [even, odd]) in BEFORE.iter().enumerate() {
+            let [evens, odds] = &on;
+            let is_less = odds.0[*odd] < evens.0[*even];
+            paths.costs[state] = if is_less { odds.0[*odd] } else { evens.0[*even] };
+            ways[state] = if is_less { odds.1[*odd] } else { evens.1[*even] };
+        }
+    }
+
+    /// Cost of a path that goes on with what is tried.
+    #[inline(always)]
+    fn cost(&self, before: f32, tries: &Tries, tried: usize, bits: &[f32; SYMBOLS]) -> f32 {
+        before + (tries.costs[tried] + self.lambda * bits[tries.symbols[tried] % SYMBOLS])
+    }
+
+    /// The magnitudes near a value, where they stand for that much less.
+    #[inline(always)]
+    fn tries(&self, value: f32, half: f32) -> Tries {
         let floor = (value + half) as u32;
-        // Not made as an array at once: loading it whole would wait for its parts to be stored.
-        for (at, magnitude) in [floor, floor + 1, floor.saturating_sub(1)].into_iter().enumerate() {
-            tries.magnitudes[at] = magnitude;
+        let mut tries = Tries { magnitudes: [floor, floor + 1, floor.saturating_sub(1)], ..Tries::default() };
+        for at in 0..TRIED {
+            let magnitude = tries.magnitudes[at];
             tries.symbols[at] = magnitude_symbol(magnitude);
             tries.costs[at] = self.error(value, magnitude, half) + self.lambda * escaped_bits(magnitude);
         }
-        if floor == 0 {
-            tries.costs[2] = f32::INFINITY;
-        }
+        tries
     }
 
     /// Squared error of a value that is coded as `magnitude`, which stands for `half` less.
@@ -385,7 +420,7 @@ mod tests {
             };
             let (found, greedy) = (cost(&levels), cost(&nearest(&quantising, &block)));
             if levels != [0; COEFFICIENTS] {
-                let said = trellis.paths.costs.into_iter().fold(f32::INFINITY, f32::min);
+                let said = trellis.paths[1].costs.into_iter().fold(f32::INFINITY, f32::min);
                 assert!((found.0 - said).abs() <= 1e-3 * said + 1e-3, "round {round}: {found:?} {said}");
             }
             assert!(found.0 <= greedy.0 * 1.0001 + 1e-3, "round {round}: {found:?} {greedy:?}");

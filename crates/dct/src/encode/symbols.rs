@@ -1,8 +1,8 @@
 //! The symbols of quantised blocks: one walk for counting, for bits and for the stream.
 
 use crate::context::{
-    Around, END_BITS, END_START, ESCAPE, FIRST_END, FIRST_LAST, FIRST_ODD, MAGNITUDE_BITS, MAGNITUDE_START,
-    Magnitudes, Neighbours, SET_TABLES, SIGNS, State, TABLES, first_table, held, set_of,
+    Around, END_BITS, END_START, ESCAPE, FIRST_END, FIRST_LAST, FIRST_ODD, LEVELS, MAGNITUDE_BITS,
+    MAGNITUDE_START, Magnitudes, Neighbours, SET_TABLES, SIGNS, State, TABLES, first_table, held, set_of,
 };
 use crate::rans_encode::Op;
 use crate::scan::{COEFFICIENTS, PADDED, SCAN};
@@ -42,6 +42,12 @@ impl SymbolBits {
     #[inline(always)]
     pub(super) fn of(&self, table: usize) -> &[f32; SYMBOLS] {
         &self.0[table]
+    }
+
+    /// Those of the tables of all classes of expected magnitudes, from the table of that number on.
+    #[inline(always)]
+    pub(super) fn levels(&self, first: usize) -> &[[f32; SYMBOLS]; LEVELS] {
+        self.0[first..].first_chunk().unwrap_or(&[[0.0; SYMBOLS]; LEVELS])
     }
 }
 

@@ -40,7 +40,7 @@ const ALLOWED: [Allowed; 22] = [
     Allowed { package: "bc", numeric: true, may: &["dds", "texfold-core", "texpresso"] },
     Allowed { package: "dct", numeric: true, may: &["pulp", "texfold-bc", "texfold-core"] },
     Allowed { package: "residual", numeric: true, may: &["texfold-bc", "texfold-core"] },
-    Allowed { package: "codebook", numeric: true, may: &["ndarray", "texfold-core"] },
+    Allowed { package: "codebook", numeric: true, may: &["ndarray", "pulp", "texfold-core"] },
     Allowed { package: "match", numeric: true, may: &["kiddo", "texfold-core"] },
     Allowed {
         package: "vq",

@@ -11,10 +11,11 @@ const OFF_DIAGONAL: f64 = 1e-3;
 /// Vectors that the axes are estimated from; more took longer than their better axes saved.
 const MAX_SAMPLES: usize = 2048;
 
-/// An orthonormal basis; rows are axes, by falling variance.
+/// An orthonormal basis; columns are axes, by falling variance.
 #[derive(Debug, Clone)]
 pub(crate) struct Rotation {
-    axes: Array2<f32>,
+    axes: Vec<f32>,
+    dims: usize,
 }
 
 impl Rotation {
@@ -23,15 +24,21 @@ impl Rotation {
         let dims = vectors.ncols();
         let mut matrix = second_moments(vectors);
         let axes = principal_axes(matrix.as_mut_slice(), dims, MAX_SWEEPS, OFF_DIAGONAL);
-        let sorted = Array2::from_shape_fn((dims, dims), |(row, column)| axes[row * dims + column] as f32);
-        Rotation { axes: sorted }
+        let columns = (0..dims * dims).map(|at| axes[at % dims * dims + at / dims] as f32);
+        Rotation { axes: columns.collect(), dims }
     }
 
     /// `vector` in the rotated space; distances stay what they were, up to rounding.
     pub(crate) fn apply(&self, vector: &[f32], out: &mut [f32]) {
-        for (axis, value) in self.axes.rows().into_iter().zip(out) {
-            *value = axis.iter().zip(vector).map(|(a, v)| a * v).sum();
-        }
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                out.fill(0.0);
+                for (weights, value) in self.axes.chunks_exact(self.dims.max(1)).zip(vector) {
+                    out.iter_mut().zip(weights).for_each(|(out, weight)| *out += weight * value);
+                }
+            },
+        );
     }
 
     /// All rows of `vectors`, rotated.
@@ -90,7 +97,8 @@ mod tests {
             (t + j as f32).sin() * (6 - j) as f32 + ((i * 7 + j * 13) % 11) as f32 * 0.1
         });
         let rotation = Rotation::principal(vectors.view());
-        let gram = rotation.axes.dot(&rotation.axes.t());
+        let axes = Array2::from_shape_vec((6, 6), rotation.axes.clone()).unwrap();
+        let gram = axes.t().dot(&axes);
         for ((p, q), value) in gram.indexed_iter() {
             assert!((value - if p == q { 1.0 } else { 0.0 }).abs() < 1e-5, "{p} {q} {value}");
         }

@@ -2,6 +2,7 @@
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
+use std::ops::Range;
 
 use ndarray::{Array2, ArrayView2, Axis};
 
@@ -28,8 +29,10 @@ pub struct Search {
     dims: usize,
 }
 
+/// Vectors that are compared at once.
+const LANES: usize = 8;
 /// Vectors that a leaf holds: fewer cost more steps down the tree, more are compared in vain.
-const LEAF: usize = 48;
+const LEAF: usize = 96;
 /// Codewords compared for one vector, at most, up to a leaf: so many, and a share of all. Bounds the time on noise, where
 /// every codeword is about equally far and no cell can be left out; elsewhere nearly every search ends before.
 const MOST_COMPARED: usize = 512;
@@ -41,8 +44,9 @@ const MOST_COMPARED_SHARE: usize = 8;
 pub(crate) struct Tree {
     /// Inner nodes in the order of a walk that takes the lower side first.
     nodes: Vec<Node>,
-    /// First chunk of each vector, in the order of the leaves: what nearly every comparison ends with.
-    heads: Vec<[f32; CHUNK]>,
+    /// First chunk of each vector, in the order of the leaves: what nearly every comparison ends with. Number by number of
+    /// [`LANES`] vectors, so that as many are compared at once.
+    heads: Vec<[[f32; LANES]; CHUNK]>,
     /// The further chunks, as many of each vector.
     tails: Vec<[f32; CHUNK]>,
     tail: usize,
@@ -78,7 +82,7 @@ impl Cell {
         Cell { bound: 0.0, node: 0, start: 0, end: vectors as u32, offset: [0.0; CHUNK] }
     }
 
-    fn places(&self) -> std::ops::Range<usize> {
+    fn places(&self) -> Range<usize> {
         self.start as usize..self.end as usize
     }
 
@@ -132,7 +136,11 @@ impl Tree {
         let mut nodes = Vec::new();
         split(rotated, padded, &mut rows, &mut nodes);
         let of_row = |row: u32| chunks(&rotated[row as usize * padded..(row as usize + 1) * padded]);
-        let heads = rows.iter().map(|&row| of_row(row)[0]).collect();
+        let mut heads = vec![[[0.0; LANES]; CHUNK]; rows.len().div_ceil(LANES)];
+        for (place, &row) in rows.iter().enumerate() {
+            let head = &mut heads[place / LANES];
+            head.iter_mut().zip(of_row(row)[0]).for_each(|(lanes, value)| lanes[place % LANES] = value);
+        }
         let tails = rows.iter().flat_map(|&row| &of_row(row)[1..]).copied().collect();
         Tree { nodes, heads, tails, tail: padded / CHUNK - 1, rows }
     }
@@ -154,25 +162,54 @@ impl Tree {
                 cell = near;
             }
             left = left.saturating_sub(cell.places().len());
-            cell.places().for_each(|place| self.try_place(place, vector, best));
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || self.try_places(cell.places(), vector, best),
+            );
         }
     }
 
-    fn try_place(&self, place: usize, vector: &[f32], best: &mut Match) {
-        let index = self.rows[place];
-        // On equal distance the smaller row wins: `next_up` lets it through.
-        let most = if index < best.index { best.distance.next_up() } else { best.distance };
-        if let Some(distance) = self.distance_below(place, vector, most) {
-            *best = Match { index, distance };
-        }
-    }
-
-    /// The squared distance of the vector at `place`, where it is less than `most`.
     #[inline(always)]
-    fn distance_below(&self, place: usize, vector: &[f32], most: f32) -> Option<f32> {
-        let vector = chunks(vector);
-        let mut distance = chunk_distance(&vector[0], &self.heads[place]);
-        for (a, b) in vector[1..].iter().zip(&self.tails[place * self.tail..(place + 1) * self.tail]) {
+    fn try_places(&self, places: Range<usize>, vector: &[f32], best: &mut Match) {
+        for group in groups(&places) {
+            let heads = self.head_distances(group, vector);
+            if heads.iter().all(|&distance| distance > best.distance) {
+                continue;
+            }
+            for place in lanes(group, &places) {
+                let index = self.rows[place];
+                // On equal distance the smaller row wins: `next_up` lets it through.
+                let most = if index < best.index { best.distance.next_up() } else { best.distance };
+                if let Some(distance) = self.distance_below(place, heads[place % LANES], vector, most) {
+                    *best = Match { index, distance };
+                }
+            }
+        }
+    }
+
+    /// Squared distances of the first chunks of a group, each summed as [`chunk_distance`] sums it.
+    #[inline(always)]
+    fn head_distances(&self, group: usize, vector: &[f32]) -> [f32; LANES] {
+        let mut squares = [[0.0; LANES]; CHUNK];
+        for ((squares, head), value) in squares.iter_mut().zip(&self.heads[group]).zip(&chunks(vector)[0]) {
+            for (square, other) in squares.iter_mut().zip(head) {
+                *square = (value - other) * (value - other);
+            }
+        }
+        let mut distances = [0.0; LANES];
+        for lane in 0..LANES {
+            let half = |number: usize| squares[number][lane] + squares[number + 4][lane];
+            distances[lane] = (half(0) + half(1)) + (half(2) + half(3));
+        }
+        distances
+    }
+
+    /// The squared distance of the vector at `place`, of which that of the first chunk is known, where it is less than `most`.
+    #[inline(always)]
+    fn distance_below(&self, place: usize, head: f32, vector: &[f32], most: f32) -> Option<f32> {
+        let mut distance = head;
+        for (a, b) in chunks(vector)[1..].iter().zip(&self.tails[place * self.tail..(place + 1) * self.tail])
+        {
             if distance >= most {
                 return None;
             }
@@ -182,11 +219,23 @@ impl Tree {
     }
 }
 
+/// Groups of [`LANES`] places that have some of these; none of no places.
+fn groups(places: &Range<usize>) -> Range<usize> {
+    places.start / LANES..places.end.div_ceil(LANES)
+}
+
+/// Those of the places that are of a group.
+fn lanes(group: usize, places: &Range<usize>) -> Range<usize> {
+    places.start.max(group * LANES)..places.end.min((group + 1) * LANES)
+}
+
 /// Squared distances of all vectors of a tree to the nearest of the vectors shown to it.
 pub(crate) struct Nearest {
     tree: Tree,
-    /// By row.
-    pub(crate) distance: Vec<f32>,
+    /// By place; 0 beyond the last.
+    distances: Vec<[f32; LANES]>,
+    /// Place of each row.
+    places: Vec<u32>,
     /// The largest distance in each node's cell.
     largest: Vec<f32>,
 }
@@ -196,28 +245,31 @@ impl Nearest {
     pub(crate) fn new(rotated: &[f32], padded: usize) -> Self {
         let rows = rotated.len() / padded;
         let tree = Tree::new(rotated, padded, (0..rows as u32).collect());
-        Nearest { distance: vec![f32::INFINITY; rows], largest: vec![f32::INFINITY; tree.nodes.len()], tree }
+        let mut places = vec![0; rows];
+        tree.rows.iter().zip(0..).for_each(|(&row, place)| places[row as usize] = place);
+        let mut distances = vec![[0.0; LANES]; rows.div_ceil(LANES)];
+        distances.as_flattened_mut()[..rows].fill(f32::INFINITY);
+        Nearest { distances, places, largest: vec![f32::INFINITY; tree.nodes.len()], tree }
+    }
+
+    /// Squared distance of a row to the nearest vector that was shown.
+    pub(crate) fn distance(&self, row: u32) -> f32 {
+        let place = self.places[row as usize] as usize;
+        self.distances[place / LANES][place % LANES]
     }
 
     /// Takes `vector` into account and reports the rows that it is the nearest to.
     pub(crate) fn show(&mut self, vector: &[f32], report: &mut impl FnMut(u32)) {
-        self.show_cell(Cell::whole(self.distance.len()), vector, report);
+        self.show_cell(Cell::whole(self.places.len()), vector, report);
     }
 
     /// As [`Nearest::show`], for a cell; returns its largest distance.
     fn show_cell(&mut self, cell: Cell, vector: &[f32], report: &mut impl FnMut(u32)) -> f32 {
         if cell.is_leaf() {
-            let mut largest = 0f32;
-            for place in cell.places() {
-                let row = self.tree.rows[place];
-                let distance = &mut self.distance[row as usize];
-                if let Some(nearer) = self.tree.distance_below(place, vector, *distance) {
-                    *distance = nearer;
-                    report(row);
-                }
-                largest = largest.max(*distance);
-            }
-            return largest;
+            return pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || self.show_places(&cell.places(), vector, report),
+            );
         }
         let node = cell.node as usize;
         // Bounds are sums in another order than distances: what rounding makes of them counts as near.
@@ -227,6 +279,33 @@ impl Nearest {
             self.largest[node] = near.max(far);
         }
         self.largest[node]
+    }
+}
+
+impl Nearest {
+    /// As [`Nearest::show`], for some places; returns their largest distance.
+    #[inline(always)]
+    fn show_places(&mut self, places: &Range<usize>, vector: &[f32], report: &mut impl FnMut(u32)) -> f32 {
+        let mut largest = 0f32;
+        for group in groups(places) {
+            let heads = self.tree.head_distances(group, vector);
+            let distances = &mut self.distances[group];
+            if heads.iter().zip(&*distances).any(|(head, distance)| head < distance) {
+                for place in lanes(group, places) {
+                    let lane = place % LANES;
+                    if let Some(nearer) =
+                        self.tree.distance_below(place, heads[lane], vector, distances[lane])
+                    {
+                        distances[lane] = nearer;
+                        report(self.tree.rows[place]);
+                    }
+                }
+            }
+            for place in lanes(group, places) {
+                largest = largest.max(distances[place % LANES]);
+            }
+        }
+        largest
     }
 }
 
@@ -256,17 +335,19 @@ fn split(rotated: &[f32], padded: usize, rows: &mut [u32], nodes: &mut Vec<Node>
 }
 
 /// A padded vector in chunks.
+#[inline(always)]
 fn chunks(vector: &[f32]) -> &[[f32; CHUNK]] {
     vector.as_chunks().0
 }
 
+#[inline(always)]
 fn chunk_distance(a: &[f32; CHUNK], b: &[f32; CHUNK]) -> f32 {
     let mut lanes = [0f32; CHUNK];
     for ((lane, x), y) in lanes.iter_mut().zip(a).zip(b) {
         *lane = (x - y) * (x - y);
     }
-    let half: [f32; 4] = std::array::from_fn(|i| lanes[i] + lanes[i + 4]);
-    (half[0] + half[1]) + (half[2] + half[3])
+    let half = |number: usize| lanes[number] + lanes[number + 4];
+    (half(0) + half(1)) + (half(2) + half(3))
 }
 
 /// Squared distance of two padded vectors, summed as the search sums it.
@@ -404,7 +485,8 @@ mod tests {
             let expected: Vec<usize> = (0..900).filter(|&row| distance(row) < naive[row]).collect();
             naive.iter_mut().enumerate().for_each(|(row, least)| *least = least.min(distance(row)));
             assert_eq!(reported, expected);
-            assert_eq!(nearest.distance, naive);
+            let distances: Vec<f32> = (0..900).map(|row| nearest.distance(row)).collect();
+            assert_eq!(distances, naive);
         }
     }
 

@@ -76,8 +76,8 @@ impl Seeder<'_> {
     }
 
     fn share(&self, place: usize) -> f64 {
-        let point = self.order[place] as usize;
-        f64::from(self.nearest.distance[point]) * f64::from(self.weights[point])
+        let point = self.order[place];
+        f64::from(self.nearest.distance(point)) * f64::from(self.weights[point as usize])
     }
 
     /// A point drawn by weight x squared distance; `None` where every point is a seed already.

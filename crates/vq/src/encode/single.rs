@@ -118,23 +118,25 @@ impl<'s> Prepared<'s> {
     }
 
     /// Number and side of samples: the caller's, or those with the least weighted error among a few, settled once
-    /// for each doubling of the codebook.
-    fn sample_spec(&self, request: &Request) -> Result<SampleSpec, EncodeError> {
+    /// for each doubling of the codebook; with what was learned for them, where it was settled now.
+    fn sample_spec(&self, request: &Request) -> Result<(SampleSpec, Option<Draft>), EncodeError> {
         if let Some(spec) = self.chosen_samples() {
-            return Ok(spec);
+            return Ok((spec, None));
         }
         let side = usual_side(request.grid);
-        if side == 0 {
-            return Ok(SampleSpec::NONE);
+        // Samples of a single image seldom pay.
+        let is_quick = request.effort == Effort::Fast && self.images().len() == 1;
+        if side == 0 || is_quick {
+            return Ok((SampleSpec::NONE, None));
         }
         let key = request.grid.cells().ilog2();
         let known = self.samples.lock().unwrap_or_else(PoisonError::into_inner).get(&key).copied();
-        let settled = match known {
-            Some(known) => known,
-            None => self.best_spec(request, side)?,
-        };
+        if let Some(known) = known {
+            return Ok((SampleSpec { side: known.side.min(side), ..known }, None));
+        }
+        let (settled, draft) = self.best_spec(request, side)?;
         self.samples.lock().unwrap_or_else(PoisonError::into_inner).insert(key, settled);
-        Ok(SampleSpec { side: settled.side.min(side), ..settled })
+        Ok((settled, draft))
     }
 
     /// What the caller requested.
@@ -142,17 +144,18 @@ impl<'s> Prepared<'s> {
         self.params.samples.map(|(count, side)| SampleSpec { count, side })
     }
 
-    fn best_spec(&self, request: &Request, side: u32) -> Result<SampleSpec, EncodeError> {
-        let mut best = (SampleSpec::NONE, f64::INFINITY);
+    fn best_spec(&self, request: &Request, side: u32) -> Result<(SampleSpec, Option<Draft>), EncodeError> {
+        let mut best = (SampleSpec::NONE, None);
+        let mut least = f64::INFINITY;
         for &count in usual_counts(self.images().len()) {
             let spec = SampleSpec { count, side };
             let draft = self.learn(request, self.choose_samples(request.grid, spec)?)?;
             let error = self.weighted_error(request, &draft)?;
-            if error < best.1 {
-                best = (spec, error);
+            if error < least {
+                (best, least) = ((spec, Some(draft)), error);
             }
         }
-        Ok(best.0)
+        Ok(best)
     }
 
     fn weighted_error(&self, request: &Request, draft: &Draft) -> Result<f64, EncodeError> {
@@ -174,12 +177,13 @@ impl<'s> Prepared<'s> {
         let side = usual_side(request.grid);
         let settled = self.params.samples.is_some() || side == 0;
         if settled || request.effort == Effort::Fast || self.blocks.len() > FEW_BLOCKS {
-            return Ok(self.encode_with(request, self.sample_spec(request)?)?.0);
+            let (spec, draft) = self.sample_spec(request)?;
+            return Ok(self.encode_with(request, spec, draft)?.0);
         }
         let counts = usual_counts(self.images().len());
-        let mut best = self.encode_with(request, SampleSpec { count: counts[0], side })?;
+        let mut best = self.encode_with(request, SampleSpec { count: counts[0], side }, None)?;
         for &count in &counts[1..] {
-            let trial = self.encode_with(request, SampleSpec { count, side })?;
+            let trial = self.encode_with(request, SampleSpec { count, side }, None)?;
             if trial.1 < best.1 {
                 best = trial;
             }
@@ -187,10 +191,17 @@ impl<'s> Prepared<'s> {
         Ok(best.0)
     }
 
-    /// The texture with such samples, and its weighted error.
-    fn encode_with(&self, request: &Request, spec: SampleSpec) -> Result<(VqTexture, f64), EncodeError> {
-        let samples = self.choose_samples(request.grid, spec)?;
-        let mut draft = self.learn(request, samples)?;
+    /// The texture with such samples, and its weighted error; `learned` is what was learned for them before.
+    fn encode_with(
+        &self,
+        request: &Request,
+        spec: SampleSpec,
+        learned: Option<Draft>,
+    ) -> Result<(VqTexture, f64), EncodeError> {
+        let mut draft = match learned {
+            Some(draft) => draft,
+            None => self.learn(request, self.choose_samples(request.grid, spec)?)?,
+        };
         let straddling = self.params.effort != Effort::Fast && self.blocks.len() <= STRADDLING_BLOCKS;
         let store = |draft: &Draft, effort: Effort| {
             draft.store(self.images(), self.storage(request.content, effort, straddling), self.cancel)

@@ -1,9 +1,12 @@
 //! A texture at a step: planes from the coarsest on, each against the decoded one above it.
 
+use texfold_core::metric::SquaredError;
+use texfold_core::target::Measured;
 use texfold_core::{CancelCheck, EncodeError, Metric, SourceError, parallel};
 
 use super::fit::{Fitted, StopBits, fit};
 use super::forward::Coefficients;
+use super::goal::unit_of;
 use super::masking::masking;
 use super::quantise::{Quantising, Trellis, residuals_of};
 use super::symbols::{
@@ -57,12 +60,21 @@ struct Quantised {
     squared_error: f64,
 }
 
-/// Bits and errors of a texture at a step, estimated.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Estimate {
+/// Bits and errors of textures at a step, estimated.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Estimate {
+    /// Bits of the bytes that are held.
     pub bits: f64,
-    /// Sum of the squared errors of all samples, in squared units of the samples.
-    pub squared_error: f64,
+    /// Error of all samples, in 8-bit units.
+    pub squared_error: SquaredError,
+}
+
+impl Estimate {
+    /// In the units of goals, for images of so many texels.
+    #[must_use]
+    pub fn measured(&self, texels: u64) -> Measured {
+        Measured { bpp: self.bits / texels as f64, psnr: self.squared_error.psnr(), ..Measured::default() }
+    }
 }
 
 /// The texture of that header's step; its reconstruction offsets are chosen here.
@@ -126,11 +138,11 @@ pub(super) fn estimate(
     let Counter { counts, plain_bits } = &quantised.counter;
     let symbols = fit(counts).bits(counts, &StopBits::new());
     let beside = SUPERBLOCK_BITS * superblocks as f64;
+    let (unit, count) = (unit_of(form.depth), form.size.texels() * form.channels() as u64);
     let size = form.quantiser.step_size();
-    Ok(Estimate {
-        bits: symbols + *plain_bits as f64 + beside,
-        squared_error: quantised.squared_error * size * size,
-    })
+    // Rounding to samples adds a twelfth each.
+    let sum = (quantised.squared_error * size * size + count as f64 / 12.0) / (unit * unit);
+    Ok(Estimate { bits: symbols + *plain_bits as f64 + beside, squared_error: SquaredError { sum, count } })
 }
 
 /// Numbers and tables at that header's step.

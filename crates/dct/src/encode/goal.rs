@@ -2,7 +2,6 @@
 
 use std::borrow::Cow;
 
-use texfold_core::metric::SquaredError;
 use texfold_core::target::{FoundStep, Measured, StepScale, search_step, search_step_estimated};
 use texfold_core::{CancelCheck, Effort, EncodeError, Goal, Metric, ParamError, SourceError};
 
@@ -164,18 +163,9 @@ impl<'a> DctEncoder<'a> {
         Ok(code(&self.planes, &self.form_at(step), self.looks(), self.check)?.with_deblocking(1))
     }
 
-    /// Bits, and squared errors in 8-bit units, of [`DctEncoder::at_step`], from a part of the image.
+    /// Bits and errors of [`DctEncoder::at_step`], estimated from a part of the superblocks.
     pub(super) fn estimate(&self, step: u16) -> Result<Estimate, EncodeError> {
-        let found = estimate(&self.planes, &self.form_at(step), self.params.metric, self.check)?;
-        let unit = unit_of(self.source.depth);
-        // Rounding to samples adds a twelfth each.
-        let squared_error = found.squared_error + self.samples() as f64 / 12.0;
-        Ok(Estimate { squared_error: squared_error / (unit * unit), ..found })
-    }
-
-    /// Number of samples.
-    pub(super) fn samples(&self) -> u64 {
-        self.source.size.texels() * self.source.channels() as u64
+        estimate(&self.planes, &self.form_at(step), self.params.metric, self.check)
     }
 
     /// Occurrences of symbols at a step.
@@ -243,7 +233,7 @@ impl<'a> DctEncoder<'a> {
         let found = search(
             goal,
             self.first_step(),
-            |step| Ok(measured_of(self.estimate(step)?, texels, self.samples())),
+            |step| Ok(self.estimate(step)?.measured(texels)),
             |step| {
                 let texture = match goal {
                     Goal::Bpp(_) => self.measurable_at_step(step)?,
@@ -281,8 +271,12 @@ impl<'a> DctEncoder<'a> {
     }
 }
 
-/// Searches the step that just meets a goal; by estimates where errors of single blocks do not matter.
-pub(super) fn search<T>(
+/// Searches the step that just meets a goal, from a guess on; by estimates but for goals of single blocks' errors. `None` where nothing is
+/// tried.
+///
+/// # Errors
+/// Whatever `estimate` or `at_step` returns, at once.
+pub fn search<T>(
     goal: Goal,
     first: u16,
     estimate: impl FnMut(u16) -> Result<Measured, EncodeError>,
@@ -292,12 +286,6 @@ pub(super) fn search<T>(
         Goal::Bpp(_) | Goal::Psnr(_) => search_step_estimated(goal, STEPS, first, estimate, at_step),
         Goal::Tolerance(_) => search_step(goal, STEPS, first, at_step),
     }
-}
-
-/// An estimate in the units of goals.
-pub(super) fn measured_of(found: Estimate, texels: u64, samples: u64) -> Measured {
-    let error = SquaredError { sum: found.squared_error, count: samples };
-    Measured { bpp: found.bits / texels as f64, psnr: error.psnr(), ..Measured::default() }
 }
 
 /// The step at which a bit is worth a squared error of `lambda`, summed over the channels, in 8-bit units, of which a sample has
@@ -359,7 +347,7 @@ mod tests {
             for step in [700, 900, 1100] {
                 let texture = encoder.at_step(step).unwrap();
                 let wanted = (encoder.measured(&texture, Goal::Bpp(1.0)).bpp, psnr(&source, &texture));
-                let found = measured_of(encoder.estimate(step).unwrap(), size.texels(), encoder.samples());
+                let found = encoder.estimate(step).unwrap().measured(size.texels());
                 let ratio = found.bpp / wanted.0;
                 assert!((0.8..1.1).contains(&ratio), "{metric:?} {step}: {} bits of {}", found.bpp, wanted.0);
                 assert!(

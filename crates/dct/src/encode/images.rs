@@ -97,13 +97,13 @@ fn best(
     let check = job.cancel_check();
     let layout = layout_of(source, params);
     let encoder = job.install(|| set_encoder(source, layout, params, check))?;
-    let mut tried = 0u32;
+    let (texels, mut tried) = (source.texel_count(), 0u32);
     // Estimating and making take turns.
     let job = RefCell::new(job);
     let found = search(
         goal,
         encoder.first_step(),
-        |step| job.borrow().install(|| encoder.estimate(step)),
+        |step| Ok(job.borrow().install(|| encoder.estimate(step))?.measured(texels)),
         |step| {
             let mut job = job.borrow_mut();
             tried += 1;

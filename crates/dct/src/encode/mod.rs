@@ -17,6 +17,7 @@ mod symbols;
 #[cfg(test)]
 mod training;
 
-pub use goal::{DctEncoder, DctSettings, STEPS, first_step, lambda_of, step_of};
+pub use code::Estimate;
+pub use goal::{DctEncoder, DctSettings, STEPS, first_step, lambda_of, search, step_of};
 pub use set::{DctSetEncoder, STAGE_FINER};
 pub use source::DctSource;

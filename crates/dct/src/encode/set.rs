@@ -2,10 +2,8 @@
 
 use texfold_core::{CancelCheck, EncodeError, ImageLayout, SourceError};
 
-use texfold_core::target::Measured;
-
 use super::code::Estimate;
-use super::goal::{DctEncoder, DctSettings, first_step, measured_of, unit_of};
+use super::goal::{DctEncoder, DctSettings, first_step, unit_of};
 use super::source::DctSource;
 use crate::content::{DctContent, stage_sizes};
 use crate::decode::DctTexture;
@@ -99,20 +97,20 @@ impl<'a> DctSetEncoder<'a> {
         self.content(stages.collect::<Result<_, _>>()?)
     }
 
-    /// Bits and errors with that step, estimated from a part of the superblocks. Errors are those of first stages.
-    pub(super) fn estimate(&self, step: u16) -> Result<Measured, EncodeError> {
+    /// Bits and errors of [`DctSetEncoder::at_step`], estimated from a part of the superblocks; errors are those of first stages.
+    ///
+    /// # Errors
+    /// [`EncodeError`] where the job was cancelled.
+    pub fn estimate(&self, step: u16) -> Result<Estimate, EncodeError> {
         let mut sum = Estimate::default();
-        let mut samples = 0;
         for ((encoder, step), number) in self.stages_at(step).zip(self.numbers()) {
             let found = encoder.estimate(step)?;
             sum.bits += found.bits;
             if number == 0 {
-                sum.squared_error += found.squared_error;
-                samples += encoder.samples();
+                sum.squared_error = sum.squared_error + found.squared_error;
             }
         }
-        let texels = self.layout.images.iter().map(|size| size.texels()).sum();
-        Ok(measured_of(sum, texels, samples))
+        Ok(sum)
     }
 
     /// Each stage's number in its image.

@@ -3,11 +3,13 @@
 use rayon::prelude::*;
 use texfold_bc::{Content, ContentPlanes};
 use texfold_core::image::{MipFilter, Raster, mip_chain_cancellable};
+use texfold_core::target::Measured;
 use texfold_core::{EncodeError, MAX_PLANE_SIDE, Notes, SourceError, Texel};
+use texfold_dct::encode::Estimate;
 use texfold_residual::ResidualContent;
 
 use super::candidate::Candidate;
-use super::in_blocks;
+use super::in_blocks::BlockEncoders;
 use super::leaf::Grid;
 use super::pack::{Packing, Sides, pack};
 use super::plan::Plan;
@@ -20,13 +22,13 @@ use crate::format::{Entry, LEAST_SEAM_WIDTH, LayerMap, MapFormat, Matrix, Palett
 use crate::layers::CellLayers;
 use crate::layers::Layering;
 use crate::map::{CoarserMap, MapPlane};
-use crate::parts::{BlockParts, PLANE_MIPS, Parts, coarse_content, coarse_levels};
+use crate::parts::{PLANE_MIPS, Parts, coarse_content, coarse_levels};
 
 /// 2x2 matrices that a map can name.
 const MOST_LINEARS: usize = 256;
 
 /// The shipped form of choices, one a layer, coarse to fine.
-/// Where content has a residual plane it is coded as finely as bits are worth `lambda`.
+/// Where content has a residual plane, or is in blocks of variable length, it is coded as finely as bits are worth `lambda`.
 ///
 /// # Errors
 /// [`SourceError::Full`] where an epitome would be larger than a GPU can sample, [`EncodeError::Cancelled`] where the
@@ -36,6 +38,46 @@ pub(crate) fn assemble(
     choices: &[Choice],
     lambda: f32,
 ) -> Result<EpitomeTexture, EncodeError> {
+    draft(plan, choices, lambda)?.texture(lambda)
+}
+
+/// A texture whose blocks of variable length, if it has any, are still to be coded.
+pub(super) struct Draft<'a> {
+    parts: Parts,
+    blocks: Option<BlockEncoders<'a>>,
+}
+
+impl Draft<'_> {
+    /// The texture with blocks as finely coded as bits are worth `lambda`.
+    ///
+    /// # Errors
+    /// [`EncodeError::Cancelled`] where the job was cancelled.
+    pub(super) fn texture(&self, lambda: f32) -> Result<EpitomeTexture, EncodeError> {
+        let blocks = self.blocks.as_ref().map(|blocks| blocks.at(lambda)).transpose()?;
+        Ok(EpitomeTexture::new(
+            Parts { blocks: blocks.map(Box::new), ..self.parts.clone() },
+            Notes::default(),
+        ))
+    }
+
+    /// Bits and PSNR of that texture, estimated from its blocks; both are off by what is beside them.
+    ///
+    /// # Errors
+    /// As there.
+    pub(super) fn estimate(&self, lambda: f32) -> Result<Measured, EncodeError> {
+        let Some(blocks) = &self.blocks else { return Ok(Measured::default()) };
+        let found = blocks.estimate(lambda)?;
+        let beside = 32 * self.parts.map.words().len();
+        let texels: u64 = self.parts.layout.images.iter().map(|size| size.texels()).sum();
+        Ok(Estimate { bits: found.bits + beside as f64, ..found }.measured(texels))
+    }
+}
+
+/// All of the shipped form but blocks of variable length.
+///
+/// # Errors
+/// As [`assemble`].
+pub(super) fn draft<'a>(plan: &Plan<'a>, choices: &[Choice], lambda: f32) -> Result<Draft<'a>, EncodeError> {
     // What was chosen after the job was cancelled does not cover the images.
     plan.cancel.checkpoint()?;
     let step = if plan.mips { 1 << PLANE_MIPS } else { 1 };
@@ -51,7 +93,7 @@ pub(crate) fn assemble(
     let mut maps: Vec<LayerMap> =
         choices.iter().map(|choice| sheets.layer_map(choice, &mut palettes)).collect();
     if plan.orientations && palettes.matrices.len() > MOST_LINEARS {
-        return assemble(&Plan { orientations: false, ..*plan }, choices, lambda);
+        return draft(&Plan { orientations: false, ..*plan }, choices, lambda);
     }
     let fraction_bits = whole_texels(&mut maps);
     let levels = if plan.mips { plan.images.full_levels() } else { 1 };
@@ -70,10 +112,10 @@ pub(crate) fn assemble(
         epitomes: sheets.epitomes(levels > 1)?,
         errors: sheets.with_errors(levels > 1, lambda)?,
         coarse: sheets.coarse(levels)?,
-        blocks: sheets.in_blocks(levels, lambda)?,
+        blocks: None,
         layering: (!maps.is_empty()).then(|| Box::new(sheets.layering(&format, &maps, &finest))),
     };
-    Ok(EpitomeTexture::new(parts, Notes::default()))
+    Ok(Draft { parts, blocks: sheets.in_blocks(levels)? })
 }
 
 /// Whether all epitomes can be sampled.
@@ -87,8 +129,8 @@ fn check_sides(plan: &Plan<'_>, packing: &Packing) -> Result<(), SourceError> {
 }
 
 /// Epitomes in the making: one for each format that leaves read.
-struct Sheets<'a> {
-    plan: &'a Plan<'a>,
+struct Sheets<'a, 'p> {
+    plan: &'a Plan<'p>,
     packing: &'a Packing,
     choices: &'a [Choice],
     /// Formats that leaves read, ascending; at least one.
@@ -184,7 +226,7 @@ fn whole_texels(maps: &mut [LayerMap]) -> u32 {
     FRACTION_BITS - spare
 }
 
-impl Sheets<'_> {
+impl<'p> Sheets<'_, 'p> {
     /// Trees and entries of a layer.
     fn layer_map(&self, choice: &Choice, palettes: &mut Used) -> LayerMap {
         let (trees, leaves) = leaves(self.plan.grid, choice);
@@ -297,7 +339,7 @@ impl Sheets<'_> {
     }
 
     /// The epitome in blocks of variable length, if any, and the mip levels.
-    fn in_blocks(&self, levels: u32, lambda: f32) -> Result<Option<Box<BlockParts>>, EncodeError> {
+    fn in_blocks(&self, levels: u32) -> Result<Option<BlockEncoders<'p>>, EncodeError> {
         let Sheets { plan, packing, choices, .. } = *self;
         let Some(Coder::Blocks(metric)) = plan.space.stored[0].coder else { return Ok(None) };
         let mut drawn = refit::fitted(plan, packing, choices, 0, self.size(0));
@@ -306,7 +348,7 @@ impl Sheets<'_> {
             // Mip levels read what lies beside a leaf, too.
             drawn.count_whole_cells(plan.space.stored[0].cell as usize);
         }
-        in_blocks::coded(plan, metric, &drawn, levels, lambda).map(|parts| Some(Box::new(parts)))
+        BlockEncoders::new(plan, metric, &drawn, levels).map(Some)
     }
 
     /// In planes, for each image the levels that are not read from the epitome.

@@ -6,7 +6,7 @@ use texfold_core::{
     CancelCheck, DCT_LEVELS, Effort, EncodeError, ImageLayout, ImageSize, Metric, Rect, SourceError, Texel,
     parallel,
 };
-use texfold_dct::encode::{DctEncoder, DctSetEncoder, DctSettings, DctSource, STAGE_FINER};
+use texfold_dct::encode::{DctEncoder, DctSetEncoder, DctSettings, DctSource, Estimate, STAGE_FINER};
 use texfold_dct::{DctContent, DctTexture};
 use texfold_match::Field;
 
@@ -99,39 +99,71 @@ fn decoded(texture: DctTexture, image: &Raster) -> Result<Field, EncodeError> {
     Ok(Field { width: width as usize, height: height as usize, texels })
 }
 
-/// The epitome of `drawn` texels with its mip level, and the coarse mip levels of all images, where a bit is worth `lambda`.
-///
-/// # Errors
-/// [`EncodeError::Cancelled`] where the job was cancelled.
-pub(super) fn coded(
-    plan: &Plan<'_>,
-    metric: Metric,
-    drawn: &Drawn,
-    levels: u32,
-    lambda: f32,
-) -> Result<BlockParts, EncodeError> {
-    let (space, cancel) = (plan.space, plan.cancel);
-    let texels: Vec<Texel> = drawn.texels.iter().map(|texel| *texel / 255.0).collect();
-    let image = Raster::from_texels(drawn.size.0, drawn.size.1, space.pixel, &texels)?;
-    let source = DctSource::from_raster(&image, space.pixel.depth)?;
-    let source = source.with_free_colours_but(usize::from(space.pixel.channels), &drawn.counts);
-    let layout = epitome_layout(image.size(), &plan.images.layout(levels));
-    let params = params(metric, plan.effort);
-    let encoder = DctSetEncoder::new(layout, [Ok(source)], &params, cancel)?;
-    let step = encoder.step_of(f64::from(lambda) / space.repeated());
-    let epitome = encoder.at_step(step)?;
-    // Coarse levels are coded finer, as each further stage of an image is.
-    let coarse = coarse(plan, &params, levels, step.saturating_sub(STAGE_FINER))?;
-    Ok(BlockParts { epitome, coarse })
+/// The epitome of `drawn` texels with its mip level, and the coarse mip levels of all images, ready to be coded at any lambda.
+#[derive(Debug)]
+pub(super) struct BlockEncoders<'a> {
+    epitome: DctSetEncoder<'a>,
+    coarse: Option<DctSetEncoder<'a>>,
+    /// How often the error of a sample is counted.
+    repeated: f64,
+}
+
+impl<'a> BlockEncoders<'a> {
+    /// # Errors
+    /// [`EncodeError::Cancelled`] where the job was cancelled.
+    pub(super) fn new(
+        plan: &Plan<'a>,
+        metric: Metric,
+        drawn: &Drawn,
+        levels: u32,
+    ) -> Result<Self, EncodeError> {
+        let (space, cancel) = (plan.space, plan.cancel);
+        let texels: Vec<Texel> = drawn.texels.iter().map(|texel| *texel / 255.0).collect();
+        let image = Raster::from_texels(drawn.size.0, drawn.size.1, space.pixel, &texels)?;
+        let source = DctSource::from_raster(&image, space.pixel.depth)?;
+        let source = source.with_free_colours_but(usize::from(space.pixel.channels), &drawn.counts);
+        let layout = epitome_layout(image.size(), &plan.images.layout(levels));
+        let params = params(metric, plan.effort);
+        let epitome = DctSetEncoder::new(layout, [Ok(source)], &params, cancel)?;
+        Ok(BlockEncoders { epitome, coarse: coarse(plan, &params, levels)?, repeated: space.repeated() })
+    }
+
+    fn step_of(&self, lambda: f32) -> u16 {
+        self.epitome.step_of(f64::from(lambda) / self.repeated)
+    }
+
+    /// Where a bit is worth `lambda`.
+    ///
+    /// # Errors
+    /// As [`BlockEncoders::new`].
+    pub(super) fn at(&self, lambda: f32) -> Result<BlockParts, EncodeError> {
+        let step = self.step_of(lambda);
+        // Coarse levels are coded finer, as each further stage of an image is.
+        let finer = step.saturating_sub(STAGE_FINER);
+        let coarse = self.coarse.as_ref().map(|coarse| coarse.at_step(finer)).transpose()?;
+        Ok(BlockParts { epitome: self.epitome.at_step(step)?, coarse })
+    }
+
+    /// Bits, and the PSNR of the epitome, where a bit is worth `lambda`, estimated.
+    ///
+    /// # Errors
+    /// As [`BlockEncoders::new`].
+    pub(super) fn estimate(&self, lambda: f32) -> Result<Estimate, EncodeError> {
+        let step = self.step_of(lambda);
+        let mut found = self.epitome.estimate(step)?;
+        if let Some(coarse) = &self.coarse {
+            found.bits += coarse.estimate(step.saturating_sub(STAGE_FINER))?.bits;
+        }
+        Ok(found)
+    }
 }
 
 /// The levels that are not read from the epitome, of all images.
-fn coarse(
-    plan: &Plan<'_>,
+fn coarse<'a>(
+    plan: &Plan<'a>,
     params: &DctSettings,
     levels: u32,
-    step: u16,
-) -> Result<Option<DctContent>, EncodeError> {
+) -> Result<Option<DctSetEncoder<'a>>, EncodeError> {
     let layout = plan.images.layout(levels);
     let Some(layout) = coarse_layout(&layout) else { return Ok(None) };
     let first = coarse_levels(levels).start as usize;
@@ -143,8 +175,7 @@ fn coarse(
             sources.push(DctSource::from_raster(level, layout.pixel.depth)?);
         }
     }
-    let encoder = DctSetEncoder::new(layout, sources.into_iter().map(Ok), params, plan.cancel)?;
-    encoder.at_step(step).map(Some)
+    DctSetEncoder::new(layout, sources.into_iter().map(Ok), params, plan.cancel).map(Some)
 }
 
 /// What content of colours of that space is judged by.

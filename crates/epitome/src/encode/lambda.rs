@@ -1,11 +1,13 @@
 //! Lambda, the error that a bit may cost, and the setting of it that reaches a goal.
 
-use texfold_core::metric::measure_for;
-use texfold_core::target::{Measured, search as find, search_step};
-use texfold_core::{EncodeError, Goal, Job, SourceError};
-use texfold_dct::encode::{STEPS, lambda_of, step_of};
+use std::cell::RefCell;
 
-use super::assemble::assemble;
+use texfold_core::metric::measure_for;
+use texfold_core::target::{Measured, search as find};
+use texfold_core::{EncodeError, Goal, Job, SourceError};
+use texfold_dct::encode::{lambda_of, search, step_of};
+
+use super::assemble::{assemble, draft};
 use super::choose::{choose, choose_well};
 use super::lambda_index::{LAMBDA_INDICES, TOLERANCE_LAMBDA_INDEX, lambda, lambda_index_of};
 use super::plan::Plan;
@@ -106,14 +108,23 @@ impl EpitomeSearch {
         let choices = [job.install(|| choose_well(problem(lambda_index)))];
         job.checkpoint()?;
         let first = step_of(f64::from(lambda(lambda_index)), 1.0);
+        let draft = job.install(|| draft(plan, &choices, lambda(lambda_index)))?;
         let mut tried = 0u16;
-        let found = search_step(goal, STEPS, first, |step| {
-            job.stage("packing", (0.5 + 0.05 * f32::from(tried)).min(0.95))?;
-            tried += 1;
-            let made = job.install(|| assemble(plan, &choices, lambda_of(step) as f32))?;
-            let measured = measure_for(goal, &self.images, &made, cancel)?;
-            Ok::<_, EncodeError>((made, measured))
-        })?;
+        // Estimating and making take turns.
+        let job = RefCell::new(job);
+        let found = search(
+            goal,
+            first,
+            |step| job.borrow().install(|| draft.estimate(lambda_of(step) as f32)),
+            |step| {
+                let mut job = job.borrow_mut();
+                job.stage("packing", (0.5 + 0.05 * f32::from(tried)).min(0.95))?;
+                tried += 1;
+                let made = job.install(|| draft.texture(lambda_of(step) as f32))?;
+                let measured = measure_for(goal, &self.images, &made, cancel)?;
+                Ok((made, measured))
+            },
+        )?;
         let found = found.ok_or(SourceError::Empty)?;
         Ok(Made { lambda_index, measured: found.measured, texture: found.value })
     }

@@ -1,7 +1,7 @@
 //! The search in rounds: matches are looked for in what was kept of the round before, and palettes fitted to all of
 //! them.
 
-use texfold_core::{CancelCheck, EncodeError, Goal, Job};
+use texfold_core::{CancelCheck, Effort, EncodeError, Goal, Job};
 
 use super::candidate::{Rules, ScaleErrors};
 use super::choose::{choose_well, most_errors};
@@ -22,8 +22,8 @@ const PASSES: usize = 2;
 const TOLERANCE_PASSES: [usize; 3] = [2, 3, 6];
 /// Largest step of that lambda at once, as a factor.
 const MOST_RETUNED: f64 = 4.0;
-/// A change of that lambda that is not worth storing content anew, as a factor.
-const LEAST_RETUNED: f32 = 1.05;
+/// A change of that lambda that is not worth storing content anew, as a factor, by effort.
+const LEAST_RETUNED: [f32; 3] = [1.6, 1.05, 1.05];
 
 impl EpitomeSearch {
     /// Looks for matches in the content that is kept so far, then again in what is kept with them. Within a
@@ -75,8 +75,11 @@ impl EpitomeSearch {
     ) -> Result<(), EncodeError> {
         let reach = Reach::of(&self.params, self.images.texel_count());
         let cancel = job.cancel_check();
-        for pass in 0..PASSES {
-            let share = |pass: usize| pass as f32 / PASSES as f32;
+        // Content in blocks of variable length has hardly any matches that only a second search finds.
+        let is_quick = self.params.effort == Effort::Fast && self.params.is_by_block();
+        let passes = if is_quick { 1 } else { PASSES };
+        for pass in 0..passes {
+            let share = |pass: usize| pass as f32 / passes as f32;
             job.stage("choosing content", share(pass))?;
             if pass > 0 {
                 job.install(|| self.retune(cancel))?;
@@ -114,8 +117,9 @@ impl EpitomeSearch {
             Goal::Tolerance(_) => 1.0,
         };
         let factor = factor.clamp(1.0 / MOST_RETUNED, MOST_RETUNED) as f32;
+        let least = LEAST_RETUNED[self.params.effort as usize];
         cancel.checkpoint()?;
-        if factor.max(1.0 / factor) >= LEAST_RETUNED && self.space.store_again(lambda * factor, cancel)? {
+        if factor.max(1.0 / factor) >= least && self.space.store_again(lambda * factor, cancel)? {
             self.cell_bits = self.space.cell_bits();
             self.shares = self.space.shares();
             self.coded_lambda = Some(lambda * factor);

@@ -69,6 +69,16 @@ pub struct Estimate {
     pub squared_error: SquaredError,
 }
 
+/// Of several textures together.
+impl std::iter::Sum for Estimate {
+    fn sum<I: Iterator<Item = Estimate>>(all: I) -> Estimate {
+        all.fold(Estimate::default(), |sum, one| Estimate {
+            bits: sum.bits + one.bits,
+            squared_error: sum.squared_error + one.squared_error,
+        })
+    }
+}
+
 impl Estimate {
     /// In the units of goals, for images of so many texels.
     #[must_use]

@@ -1,13 +1,15 @@
 //! Root and patch images in blocks of variable length: one step for all of them, which the goal decides. Every level is stored, as
 //! fine detail that a step does not reach costs next to nothing.
 
+use std::cell::RefCell;
+
 use texfold_core::metric::SquaredError;
-use texfold_core::target::{Measured, search_step};
+use texfold_core::target::Measured;
 use texfold_core::{
     Access, CancelCheck, DCT_LEVELS, EncodeError, Encoded, Goal, ImageLayout, ImageSize, Job, Notes,
     SourceError,
 };
-use texfold_dct::encode::{DctSetEncoder, DctSettings, DctSource, STEPS};
+use texfold_dct::encode::{DctSetEncoder, DctSettings, DctSource, Estimate, search};
 
 use super::enlarge::change;
 use super::fault;
@@ -46,21 +48,34 @@ fn by_block(
     job.stage("transforming", 0.65)?;
     let mut sources = job.install(|| Sources::of(maker))?;
     let encoders = job.install(|| sources.encoders(maker, check))?;
+    let estimate = |step: u16| {
+        let parts = encoders.iter().map(|encoder| encoder.estimate(step));
+        let sum = parts.sum::<Result<Estimate, EncodeError>>()?;
+        Ok(sum.measured(source_texels as u64))
+    };
     let mut tried = 0u32;
-    let found = search_step(goal, STEPS, encoders[0].first_step(), |step| {
-        tried += 1;
-        job.stage("coding blocks", 0.65 + 0.3 * tried as f32 / (tried as f32 + 4.0))?;
-        let texture = job.install(|| sources.texture(maker, &encoders, step))?;
-        let measured = match goal {
-            // Bits need no decoding.
-            Goal::Bpp(_) => {
-                let bpp = texture.memory().goal as f64 / source_texels;
-                Measured { bpp, ..Measured::default() }
-            }
-            _ => job.install(|| measured(maker, &texture, source_texels))?.0,
-        };
-        Ok::<_, EncodeError>((texture, measured))
-    })?;
+    // Estimating and making take turns.
+    let turns = RefCell::new(&mut *job);
+    let found = search(
+        goal,
+        encoders[0].first_step(),
+        |step| turns.borrow().install(|| estimate(step)),
+        |step| {
+            let mut job = turns.borrow_mut();
+            tried += 1;
+            job.stage("coding blocks", 0.65 + 0.3 * tried as f32 / (tried as f32 + 1.0))?;
+            let texture = job.install(|| sources.texture(maker, &encoders, step))?;
+            let measured = match goal {
+                // Bits need no decoding.
+                Goal::Bpp(_) => {
+                    let bpp = texture.memory().goal as f64 / source_texels;
+                    Measured { bpp, ..Measured::default() }
+                }
+                _ => job.install(|| measured(maker, &texture, source_texels))?.0,
+            };
+            Ok((texture, measured))
+        },
+    )?;
     let texture = found.ok_or(SourceError::Empty)?.value;
     let (measured, losses) = job.install(|| measured(maker, &texture, source_texels))?;
     let cuts = vec![0; maker.canvas.levels.len()];

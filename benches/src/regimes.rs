@@ -1,20 +1,18 @@
 //! The epitome codec in several regimes: sets of photographs of one place, images without repetition, time against texels,
-//! drawing between texels and at mip levels. Also the time of every codec on images that are hard for one of them.
+//! drawing between texels and at mip levels.
 //!
-//! `cargo run --release -p texfold-benches --bin regimes -- [OUT_DIR] [sets|unlike|time|drawing|hard]`: photographs where they
-//! are, else fixtures. Writes sets.csv, unlike.csv, time.csv, drawing.csv, hard.csv, each with a table in Markdown, and time.svg.
+//! `cargo run --release -p texfold-benches --bin regimes -- [OUT_DIR] [sets|unlike|time|drawing]`: photographs where they
+//! are, else fixtures. Writes sets.csv, unlike.csv, time.csv, drawing.csv, each with a table in Markdown, and time.svg.
 
 use std::path::{Path, PathBuf};
 
 use glam::Vec2;
-use texfold::core::image::{ColorSpace, ImageSet, MipFilter, Raster, mip_chain};
+use texfold::core::image::{ImageSet, MipFilter, Raster, mip_chain};
 use texfold::core::metric::{color_error, decode_image, measure};
-use texfold::core::rng::XorShift;
 use texfold::{
-    Access, Choice, Effort, EncodeSettings, Goal, Guidance, Job, Texel,
+    Access, Choice, EncodeSettings, Goal, Guidance, Job, Texel,
     core::Encoder,
     encode_images,
-    encoding::ENCODINGS,
     epitome::{Epitome, EpitomeParams, EpitomeSource},
 };
 use texfold_benches::images;
@@ -35,8 +33,6 @@ const SET_FACTOR: u32 = 2;
 const UNLIKE_SIDE: u32 = 512;
 /// Sides of the images whose encoding is timed.
 const TIMED: [u32; 5] = [256, 384, 512, 768, 1024];
-/// Texels a side of the images that are hard for a codec.
-const HARD: u32 = 512;
 /// Texels a side of the images that are drawn.
 const DRAWN_SIDE: u32 = 512;
 /// Pixels a texel when an image is magnified, and texels a side of the smallest leaf.
@@ -60,9 +56,6 @@ fn main() -> Outcome<()> {
     }
     if wanted("sets") {
         sets(&out)?;
-    }
-    if wanted("hard") {
-        hard(&out)?;
     }
     Ok(())
 }
@@ -206,57 +199,6 @@ fn time(out: &Path) -> Outcome<()> {
     table.write(out, "time", &text)?;
     let axes = [("megatexels", Scale::Doublings(1.0)), ("CPU seconds", Scale::Doublings(1.0))];
     chart(&out.join("time.svg"), "Time against texels", axes, &lines)
-}
-
-/// Images of [`HARD`] texels a side: noise, lines of small marks, squares of 3 texels, a ramp, one colour.
-fn hard_images() -> Outcome<Vec<(&'static str, ImageSet)>> {
-    let mut random = XorShift::new(1);
-    let noise: Vec<u8> = (0..3 * HARD * HARD).map(|_| (random.unit() * 256.0) as u8).collect();
-    let page = texfold_testkit::image("text_page");
-    let size = page.size();
-    let from = |of: &mut dyn FnMut(u32, u32) -> [u8; 3]| -> Vec<u8> {
-        (0..HARD * HARD).flat_map(|i| of(i % HARD, i / HARD)).collect()
-    };
-    let text = from(&mut |x, y| {
-        // Every copy is moved, so that its blocks differ from those of the others.
-        let copy = 3 * (x / size.width) + 7 * (y / size.height);
-        let texel = page.texel((x + copy) % size.width, (y + 5 * copy) % size.height);
-        texel.to_array().map(|value| (value * 255.0) as u8)[..3].try_into().unwrap_or_default()
-    });
-    let squares = from(&mut |x, y| [255 * ((x / 3 + y / 3) % 2) as u8; 3]);
-    let ramp = from(&mut |x, y| [x, y, (x + y) / 2].map(|value| (value * 255 / (HARD - 1)) as u8));
-    let one = from(&mut |_, _| [70, 110, 160]);
-    let images =
-        [("noise", noise), ("text", text), ("squares", squares), ("ramp", ramp), ("one colour", one)];
-    let set = |bytes: &[u8]| Raster::from_u8(HARD, HARD, 3, ColorSpace::Srgb, bytes).map(ImageSet::single);
-    images.iter().map(|(name, bytes)| Ok((*name, set(bytes)?))).collect()
-}
-
-/// CPU time of every codec on images that are hard for one of them.
-fn hard(out: &Path) -> Outcome<()> {
-    let images = hard_images()?;
-    let mut header = vec!["codec", "effort"];
-    header.extend(images.iter().map(|(name, _)| *name));
-    let mut table = Table::new(&header);
-    let named = |name| Choice::named(name).map(|codec| (name, codec));
-    let codecs = ENCODINGS.iter().filter_map(|encoding| named(encoding.id.name));
-    for ((name, codec), fast) in codecs.flat_map(|codec| [(codec.clone(), true), (codec, false)]) {
-        let effort = if fast { Effort::Fast } else { Effort::Normal };
-        let mut row = vec![name.to_owned(), format!("{effort:?}").to_lowercase()];
-        for (_, set) in &images {
-            let settings =
-                EncodeSettings { codec: codec.clone(), effort, keeps_codec: true, ..Default::default() };
-            let before = cpu_seconds();
-            encode_images(set, Guidance::default(), &settings, &mut Job::default())?;
-            row.push(format!("{:.1}", (cpu_seconds() - before) / set.texel_count() as f64 * 1e6));
-        }
-        table.row(row);
-    }
-    let text = format!(
-        "CPU seconds a megatexel, all threads together, of images of {HARD}x{HARD} texels at the default goal.\n\
-         `cargo run --release -p texfold-benches --bin regimes -- target/epitome hard`"
-    );
-    table.write(out, "hard", &text)
 }
 
 /// Slope of the line of least squares through logarithms.

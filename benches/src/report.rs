@@ -56,15 +56,15 @@ pub fn images_of(path: &Path) -> Outcome<Vec<PathBuf>> {
     Ok(images)
 }
 
-/// CPU seconds that this process has used, all threads together, to a hundredth of a second; 0 where the system has no
-/// `/proc`.
+/// CPU seconds that this process has used, all threads together, and programs that it has started and waited for, to a hundredth of a
+/// second; 0 where the system has no `/proc`.
 #[must_use]
 pub fn cpu_seconds() -> f64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    // Fields 14 and 15, counted after the name, which may hold anything but ends with the last bracket.
+    // Fields 14 to 17, counted after the name, which may hold anything but ends with the last bracket.
     let after = stat.rsplit(')').next().unwrap_or_default();
     let ticks: f64 =
-        after.split_whitespace().skip(11).take(2).filter_map(|field| field.parse::<f64>().ok()).sum();
+        after.split_whitespace().skip(11).take(4).filter_map(|field| field.parse::<f64>().ok()).sum();
     ticks / 100.0
 }
 

@@ -150,6 +150,7 @@ const ALLOWED: [Allowed; 22] = [
             "texfold-progressive",
             "texfold-testkit",
             "texfold-vq",
+            "tempfile",
             "tiff",
         ],
     },

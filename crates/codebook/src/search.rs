@@ -35,7 +35,7 @@ const LANES: usize = 8;
 const LEAF: usize = 96;
 /// Codewords compared for one vector, at most, up to a leaf: so many, and a share of all. Bounds the time on noise, where
 /// every codeword is about equally far and no cell can be left out; elsewhere nearly every search ends before.
-const MOST_COMPARED: usize = 512;
+const MOST_COMPARED: usize = 1024;
 const MOST_COMPARED_SHARE: usize = 8;
 
 /// Rotated vectors in a k-d tree over their first [`CHUNK`] numbers (Friedman, Bentley and Finkel 1977), whose cells are
@@ -386,7 +386,7 @@ impl Search {
         Search { tree: Tree::new(&rotated, padded_dims(dims), rows), rotation, dims }
     }
 
-    /// The codeword nearest to `vector`, or, of more than 585, the nearest of at least 512 and an eighth in the cells
+    /// The codeword nearest to `vector`, or, of more than 1170, the nearest of at least 1024 and an eighth in the cells
     /// around it; `None` where none of these is within the squared distance `within`.
     #[must_use]
     pub fn nearest(&self, vector: &[f32], within: f32) -> Option<Match> {

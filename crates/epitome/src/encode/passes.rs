@@ -20,10 +20,13 @@ const PASSES: usize = 2;
 /// Times that matches are searched for within a tolerance, by effort: each search is in what the one before has led
 /// to.
 const TOLERANCE_PASSES: [usize; 3] = [2, 3, 6];
+/// Part of the cells that several leaves read after the first search below which a second one is left out where time is short.
+const LEAST_SHARED: f64 = 1.0 / 32.0;
 /// Largest step of that lambda at once, as a factor.
 const MOST_RETUNED: f64 = 4.0;
-/// A change of that lambda that is not worth storing content anew, as a factor, by effort.
-const LEAST_RETUNED: [f32; 3] = [1.6, 1.05, 1.05];
+/// A change of that lambda that is not worth storing content anew, as a factor, and where time is short.
+const LEAST_RETUNED: f32 = 1.05;
+const LEAST_RETUNED_QUICK: f32 = 1.6;
 
 impl EpitomeSearch {
     /// Looks for matches in the content that is kept so far, then again in what is kept with them. Within a
@@ -75,11 +78,8 @@ impl EpitomeSearch {
     ) -> Result<(), EncodeError> {
         let reach = Reach::of(&self.params, self.images.texel_count());
         let cancel = job.cancel_check();
-        // Content in blocks of variable length has hardly any matches that only a second search finds.
-        let is_quick = self.params.effort == Effort::Fast && self.params.is_by_block();
-        let passes = if is_quick { 1 } else { PASSES };
-        for pass in 0..passes {
-            let share = |pass: usize| pass as f32 / passes as f32;
+        for pass in 0..PASSES {
+            let share = |pass: usize| pass as f32 / PASSES as f32;
             job.stage("choosing content", share(pass))?;
             if pass > 0 {
                 job.install(|| self.retune(cancel))?;
@@ -95,6 +95,9 @@ impl EpitomeSearch {
                 (Kept::of(&choice), most_errors(self.problem(direct, costs, cancel)))
             });
             job.checkpoint()?;
+            if pass > 0 && self.is_quick() && kept.shared_part() < LEAST_SHARED {
+                break;
+            }
             // What parts of large images keep of their own is then searched as a whole.
             let reach = Reach { part: reach.part.filter(|_| pass == 0), ..reach };
             job.within(share(pass), share(pass + 1), |job| {
@@ -103,6 +106,11 @@ impl EpitomeSearch {
         }
         job.install(|| self.retune(cancel))?;
         job.checkpoint()
+    }
+
+    /// Whether time is short, and content in blocks of variable length.
+    fn is_quick(&self) -> bool {
+        self.params.effort == Effort::Fast && self.params.is_by_block()
     }
 
     /// Where cells of content differ in bits: codes it anew at the lambda that the goal seems to ask for.
@@ -117,7 +125,7 @@ impl EpitomeSearch {
             Goal::Tolerance(_) => 1.0,
         };
         let factor = factor.clamp(1.0 / MOST_RETUNED, MOST_RETUNED) as f32;
-        let least = LEAST_RETUNED[self.params.effort as usize];
+        let least = if self.is_quick() { LEAST_RETUNED_QUICK } else { LEAST_RETUNED };
         cancel.checkpoint()?;
         if factor.max(1.0 / factor) >= least && self.space.store_again(lambda * factor, cancel)? {
             self.cell_bits = self.space.cell_bits();
@@ -154,6 +162,12 @@ impl Kept {
             cells: choice.users.iter().map(|&users| users > 0).collect(),
             shared: choice.users.iter().map(|&users| users > 1).collect(),
         }
+    }
+
+    /// Cells that several leaves read, as a part of all.
+    fn shared_part(&self) -> f64 {
+        let count = |cells: &[bool]| cells.iter().filter(|&&is| is).count() as f64;
+        count(&self.shared) / count(&self.cells).max(1.0)
     }
 
     /// Content may come from these cells.

@@ -124,8 +124,9 @@ impl<'s> Prepared<'s> {
             return Ok((spec, None));
         }
         let side = usual_side(request.grid);
-        // Samples of a single image seldom pay.
-        let is_quick = request.effort == Effort::Fast && self.images().len() == 1;
+        // Samples of a single image of many blocks seldom pay, and their trial takes half of the time.
+        let is_quick =
+            request.effort == Effort::Fast && self.images().len() == 1 && self.blocks.len() > FEW_BLOCKS;
         if side == 0 || is_quick {
             return Ok((SampleSpec::NONE, None));
         }

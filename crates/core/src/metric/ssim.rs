@@ -100,20 +100,25 @@ impl Windows {
     #[inline(always)]
     fn row(&self, means: &[Vec<f32>; SIGNALS]) -> f64 {
         let inside = self.margin..self.width - self.margin;
-        let [mean_a, mean_b, aa, bb, ab] = means.each_ref().map(|mean| &mean[inside.clone()]);
+        let [a, b, aa, bb, ab] = means.each_ref().map(|mean| &mean[inside.clone()]);
+        let similarity = |a: f32, b: f32, aa: f32, bb: f32, ab: f32| {
+            let (va, vb, covariance) = (aa - a * a, bb - b * b, ab - a * b);
+            let (a, b) = (a + MIDDLE, b + MIDDLE);
+            (2.0 * a * b + C1) * (2.0 * covariance + C2) / ((a * a + b * b + C1) * (va + vb + C2))
+        };
         // Sums of lanes, in an order that does not depend on the processor.
         let mut sums = [0.0f64; LANES];
-        for first in (0..mean_a.len()).step_by(LANES) {
-            for (at, sum) in (first..mean_a.len().min(first + LANES)).zip(&mut sums) {
-                let (ma, mb) = (mean_a[at], mean_b[at]);
-                let (va, vb, covariance) = (aa[at] - ma * ma, bb[at] - mb * mb, ab[at] - ma * mb);
-                let (ma, mb) = (ma + MIDDLE, mb + MIDDLE);
-                let similarity = (2.0 * ma * mb + C1) * (2.0 * covariance + C2)
-                    / ((ma * ma + mb * mb + C1) * (va + vb + C2));
-                *sum += f64::from(similarity);
+        let whole = a.len() / LANES * LANES;
+        for first in (0..whole).step_by(LANES) {
+            let lanes = first..first + LANES;
+            let (a, b, ab) = (&a[lanes.clone()], &b[lanes.clone()], &ab[lanes.clone()]);
+            let (aa, bb) = (&aa[lanes.clone()], &bb[lanes]);
+            for lane in 0..LANES {
+                sums[lane] += f64::from(similarity(a[lane], b[lane], aa[lane], bb[lane], ab[lane]));
             }
         }
-        sums.iter().sum()
+        let rest = (whole..a.len()).map(|at| f64::from(similarity(a[at], b[at], aa[at], bb[at], ab[at])));
+        rest.chain(sums).sum()
     }
 }
 

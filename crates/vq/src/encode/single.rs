@@ -124,10 +124,7 @@ impl<'s> Prepared<'s> {
             return Ok((spec, None));
         }
         let side = usual_side(request.grid);
-        // Samples of a single image of many blocks seldom pay, and their trial takes half of the time.
-        let is_quick =
-            request.effort == Effort::Fast && self.images().len() == 1 && self.blocks.len() > FEW_BLOCKS;
-        if side == 0 || is_quick {
+        if side == 0 {
             return Ok((SampleSpec::NONE, None));
         }
         let key = request.grid.cells().ilog2();
@@ -150,7 +147,16 @@ impl<'s> Prepared<'s> {
         let mut least = f64::INFINITY;
         for &count in usual_counts(self.images().len()) {
             let spec = SampleSpec { count, side };
-            let draft = self.learn(request, self.choose_samples(request.grid, spec)?)?;
+            let samples = self.choose_samples(request.grid, spec)?;
+            let left = self.unmatched(&samples)?;
+            // Samples that match fewer blocks than codewords in their place would hardly win.
+            let cells = u64::from(request.grid.cells());
+            let taken = cells - request.grid.free_cells(&samples).len() as u64;
+            let matched = (self.training.len() - left.len()) as u64;
+            if matched * cells < self.training.len() as u64 * taken {
+                continue;
+            }
+            let draft = self.learn(request, samples, &left)?;
             let error = self.weighted_error(request, &draft)?;
             if error < least {
                 (best, least) = ((spec, Some(draft)), error);
@@ -201,7 +207,11 @@ impl<'s> Prepared<'s> {
     ) -> Result<(VqTexture, f64), EncodeError> {
         let mut draft = match learned {
             Some(draft) => draft,
-            None => self.learn(request, self.choose_samples(request.grid, spec)?)?,
+            None => {
+                let samples = self.choose_samples(request.grid, spec)?;
+                let left = self.unmatched(&samples)?;
+                self.learn(request, samples, &left)?
+            }
         };
         let straddling = self.params.effort != Effort::Fast && self.blocks.len() <= STRADDLING_BLOCKS;
         let store = |draft: &Draft, effort: Effort| {
@@ -221,23 +231,32 @@ impl<'s> Prepared<'s> {
         Ok((self.texture(&draft, stored, &matches), error))
     }
 
-    /// Codewords for the blocks that the samples do not match as well as a codeword would.
-    fn learn(&self, request: &Request, samples: Vec<CodebookPart>) -> Result<Draft, EncodeError> {
-        let cells = request.grid.free_cells(&samples).len();
-        let left: Vec<usize> = if samples.is_empty() {
-            self.training.clone()
-        } else {
-            let search = Search::new(sample_windows(self.images(), &samples).view());
-            let reach = self.words.distortion;
-            let unseen = |&row: &usize| {
-                !self.cancel.is_cancelled() && search.nearest(self.blocks.vector(row), reach).is_none()
-            };
-            self.training.par_iter().copied().filter(unseen).collect()
+    /// The blocks that the samples do not match as well as a codeword would.
+    fn unmatched(&self, samples: &[CodebookPart]) -> Result<Vec<usize>, EncodeError> {
+        if samples.is_empty() {
+            return Ok(self.training.clone());
+        }
+        let search = Search::new(sample_windows(self.images(), samples).view());
+        let reach = self.words.distortion;
+        let unseen = |&row: &usize| {
+            !self.cancel.is_cancelled() && search.nearest(self.blocks.vector(row), reach).is_none()
         };
+        let left = self.training.par_iter().copied().filter(unseen).collect();
         self.cancel.checkpoint()?;
+        Ok(left)
+    }
+
+    /// Codewords for those blocks, beside the samples.
+    fn learn(
+        &self,
+        request: &Request,
+        samples: Vec<CodebookPart>,
+        left: &[usize],
+    ) -> Result<Draft, EncodeError> {
+        let cells = request.grid.free_cells(&samples).len();
         let weights: Vec<f32> = left.iter().map(|&row| self.weights[row]).collect();
         let settings = lloyd_settings(request.effort, left.len(), request.seed);
-        let (vectors, cancel) = (self.blocks.subset(&left), self.cancel);
+        let (vectors, cancel) = (self.blocks.subset(left), self.cancel);
         let built = build_unless(vectors.view(), &weights, cells, settings, &|| cancel.is_cancelled());
         let codewords = by_brightness(built.ok_or(EncodeError::Cancelled)?.codewords);
         Ok(Draft { grid: request.grid, samples, codewords })

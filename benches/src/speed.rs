@@ -127,7 +127,8 @@ fn ours(codec: &str, effort: Effort, image: &Raster) -> Outcome<Made> {
     let set = ImageSet::single(image.clone());
     let has_metric = ENCODINGS.iter().all(|encoding| encoding.id.name != codec || encoding.has_metric);
     let bits = if codec == "vq" { VQ_BITS } else { BITS };
-    let codec = Choice::named(codec).ok_or("an unknown codec")?;
+    // No codec is named "auto".
+    let codec = Choice::named(codec).unwrap_or_else(Choice::auto);
     let settings = EncodeSettings {
         codec,
         effort,

@@ -124,7 +124,9 @@ impl<'s> Prepared<'s> {
             return Ok((spec, None));
         }
         let side = usual_side(request.grid);
-        if side == 0 {
+        // Samples of a single image of many blocks seldom pay, and their trial takes half of the time.
+        let is_single = self.images().len() == 1 && self.blocks.len() > FEW_BLOCKS;
+        if side == 0 || is_single && request.effort == Effort::Fast {
             return Ok((SampleSpec::NONE, None));
         }
         let key = request.grid.cells().ilog2();
@@ -143,8 +145,7 @@ impl<'s> Prepared<'s> {
     }
 
     fn best_spec(&self, request: &Request, side: u32) -> Result<(SampleSpec, Option<Draft>), EncodeError> {
-        let mut best = (SampleSpec::NONE, None);
-        let mut least = f64::INFINITY;
+        let mut drafts = Vec::new();
         for &count in usual_counts(self.images().len()) {
             let spec = SampleSpec { count, side };
             let samples = self.choose_samples(request.grid, spec)?;
@@ -153,16 +154,19 @@ impl<'s> Prepared<'s> {
             let cells = u64::from(request.grid.cells());
             let taken = cells - request.grid.free_cells(&samples).len() as u64;
             let matched = (self.training.len() - left.len()) as u64;
-            if matched * cells < self.training.len() as u64 * taken {
-                continue;
-            }
-            let draft = self.learn(request, samples, &left)?;
-            let error = self.weighted_error(request, &draft)?;
-            if error < least {
-                (best, least) = ((spec, Some(draft)), error);
+            if matched * cells >= self.training.len() as u64 * taken {
+                drafts.push((spec, self.learn(request, samples, &left)?));
             }
         }
-        Ok(best)
+        let mut best = (f64::INFINITY, 0);
+        for (number, (_, draft)) in drafts.iter().enumerate().filter(|_| drafts.len() > 1) {
+            let error = self.weighted_error(request, draft)?;
+            if error < best.0 {
+                best = (error, number);
+            }
+        }
+        let chosen = drafts.into_iter().nth(best.1);
+        Ok(chosen.map_or((SampleSpec::NONE, None), |(spec, draft)| (spec, Some(draft))))
     }
 
     fn weighted_error(&self, request: &Request, draft: &Draft) -> Result<f64, EncodeError> {

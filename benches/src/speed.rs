@@ -1,7 +1,7 @@
 //! What an encoder's time buys: CPU seconds a megatexel against PSNR and SSIMULACRA2 at one bit a texel, for every codec of images at
 //! three efforts and for its peers; and the time of every codec on images that are hard for one of them.
 //!
-//! `cargo run --release -p texfold-benches --bin speed -- --out OUT [IMAGE …]`; without images, every third Kodak photograph of the data
+//! `cargo run --release -p texfold-benches --bin speed -- --out OUT [--only FORM|hard] [IMAGE …]`; without images, every third Kodak photograph of the data
 //! folder. Writes `speed.csv`, `hard.csv`, each with a table in Markdown, `speed-psnr.svg` and `speed-ssimulacra2.svg`. ASTC is encoded by
 //! the program `astcenc`, AVIF by `avifenc`, each where it is installed.
 
@@ -49,15 +49,20 @@ struct Point {
 
 fn main() -> Outcome<()> {
     let mut arguments: Vec<String> = std::env::args().skip(1).collect();
-    let named =
-        arguments.iter().position(|argument| argument == "--out").ok_or("name the folder: --out OUT")?;
-    let out = PathBuf::from(
-        arguments.drain(named..(named + 2).min(arguments.len())).next_back().unwrap_or_default(),
-    );
+    let mut option = |name: &str| {
+        let named = arguments.iter().position(|argument| argument == name)?;
+        arguments.drain(named..(named + 2).min(arguments.len())).nth(1)
+    };
+    let out = PathBuf::from(option("--out").ok_or("name the folder: --out OUT")?);
+    let only = option("--only");
     std::fs::create_dir_all(&out)?;
+    if only.as_deref() == Some("hard") {
+        return hard(&out);
+    }
     let images = photographs(&arguments)?;
     let mut points = Vec::new();
-    for (form, of_form) in forms() {
+    let is_wanted = |form: &String| only.as_ref().is_none_or(|only| only == form);
+    for (form, of_form) in forms().into_iter().filter(|(form, _)| is_wanted(form)) {
         for (setting, encode) in of_form {
             if let Some(point) = measured(&form, &setting, &images, &encode)? {
                 println!(
@@ -69,7 +74,7 @@ fn main() -> Outcome<()> {
         }
     }
     write(&out, &points, images.len())?;
-    hard(&out)
+    if only.is_none() { hard(&out) } else { Ok(()) }
 }
 
 /// Photographs that the caller names, or every third one of Kodak's.
@@ -100,13 +105,18 @@ fn forms() -> Vec<(String, Vec<(String, Encode)>)> {
     let codecs = ENCODINGS.iter().map(|encoding| encoding.id.name).filter(|name| *name != "bc");
     for name in codecs.chain(["auto"]) {
         let of_effort = |effort: Effort| -> (String, Encode) {
-            (format!("{effort:?}").to_lowercase(), Box::new(move |image| ours(name, effort, image)))
+            (name_of(effort), Box::new(move |image| ours(name, effort, Metric::Psnr, image)))
         };
-        forms.push((name.to_owned(), EFFORTS.map(of_effort).into()));
+        let form = if name == "vq" { format!("vq, {VQ_BITS} bits") } else { name.to_owned() };
+        forms.push((form, EFFORTS.map(of_effort).into()));
     }
+    let for_the_eye = EFFORTS.map(|effort| -> (String, Encode) {
+        (name_of(effort), Box::new(move |image| ours("dct", effort, Metric::Perceptual, image)))
+    });
+    forms.push(("dct, for the eye".to_owned(), for_the_eye.into()));
     let blocks = |content: Content| {
         EFFORTS[..2].iter().map(move |&effort| -> (String, Encode) {
-            (format!("{effort:?}").to_lowercase(), Box::new(move |image| plain(content, effort, image)))
+            (name_of(effort), Box::new(move |image| plain(content, effort, image)))
         })
     };
     forms.push(("BC1".to_owned(), blocks(Content::Bc1).collect()));
@@ -114,7 +124,7 @@ fn forms() -> Vec<(String, Vec<(String, Encode)>)> {
     let astc = ASTC.map(|preset| -> (String, Encode) {
         (preset.trim_start_matches('-').to_owned(), Box::new(move |image| astc(image, preset)))
     });
-    forms.push((format!("ASTC {ASTC_SIDE}x{ASTC_SIDE}"), astc.into()));
+    forms.push((format!("ASTC {ASTC_SIDE}x{ASTC_SIDE}, 0.9 bits"), astc.into()));
     let avif = AVIF.map(|speed| -> (String, Encode) {
         (format!("speed {speed}"), Box::new(move |image| avif(image, speed)))
     });
@@ -123,7 +133,11 @@ fn forms() -> Vec<(String, Vec<(String, Encode)>)> {
     forms
 }
 
-fn ours(codec: &str, effort: Effort, image: &Raster) -> Outcome<Made> {
+fn name_of(effort: Effort) -> String {
+    format!("{effort:?}").to_lowercase()
+}
+
+fn ours(codec: &str, effort: Effort, metric: Metric, image: &Raster) -> Outcome<Made> {
     let set = ImageSet::single(image.clone());
     let has_metric = ENCODINGS.iter().all(|encoding| encoding.id.name != codec || encoding.has_metric);
     let bits = if codec == "vq" { VQ_BITS } else { BITS };
@@ -133,7 +147,7 @@ fn ours(codec: &str, effort: Effort, image: &Raster) -> Outcome<Made> {
         codec,
         effort,
         goal: Goal::Bpp(bits),
-        metric: has_metric.then_some(Metric::Psnr),
+        metric: has_metric.then_some(metric),
         keeps_codec: true,
         ..EncodeSettings::default()
     };
@@ -324,8 +338,10 @@ fn hard(out: &Path) -> Outcome<()> {
     let mut table = Table::new(&header);
     let named = |name| Choice::named(name).map(|codec| (name, codec));
     let codecs = ENCODINGS.iter().filter_map(|encoding| named(encoding.id.name));
-    for ((name, codec), effort) in codecs.flat_map(|codec| EFFORTS.map(|effort| (codec.clone(), effort))) {
-        let mut row = vec![name.to_owned(), format!("{effort:?}").to_lowercase()];
+    for ((name, codec), effort) in
+        codecs.flat_map(|codec| [Effort::Fast, Effort::Normal].map(|effort| (codec.clone(), effort)))
+    {
+        let mut row = vec![name.to_owned(), name_of(effort)];
         for (_, set) in &images {
             let settings =
                 EncodeSettings { codec: codec.clone(), effort, keeps_codec: true, ..Default::default() };

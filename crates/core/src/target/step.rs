@@ -70,15 +70,20 @@ fn search_from<T, E>(
     mut at_step: impl FnMut(u16) -> Result<(T, Measured), E>,
 ) -> Result<Option<FoundStep<T>>, E> {
     let mut best: Option<FoundStep<T>> = None;
-    let mut least = f64::INFINITY;
+    let mut by_best = f64::INFINITY;
     let mut step = first;
     while let Some(at) = search.checked(step) {
         let (value, measured) = at_step(at)?;
         let by = excess(search.goal, &measured);
         let met = search.note(at, by);
-        if met || by < least && best.as_ref().is_none_or(|best| !best.met) {
+        let is_better = best.as_ref().is_none_or(|best| match (best.met, met) {
+            (true, true) => by >= by_best,
+            (false, false) => by < by_best,
+            (_, met) => met,
+        });
+        if is_better {
             best = Some(FoundStep { value, measured, met });
-            least = by;
+            by_best = by;
         }
         let is_one_sided = search.met.is_none() || search.missed.is_none();
         step = match line.filter(|_| is_one_sided && search.trials < LINE_TRIALS) {

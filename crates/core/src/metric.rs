@@ -258,9 +258,17 @@ fn quality_of_image(
         }
         let texels = decode_band(encoded, whole, top).ok()?;
         let rows = texels.len() as u32 / size.width;
-        let mut data = vec![0.0; texels.len() * usize::from(pixel.channels)];
-        write_texels(&texels, pixel.channels, &mut data, |value| value);
-        let decoded = Raster::new(size.width, rows, pixel, data).ok()?;
+        let (size, values) = (ImageSize { height: rows, ..size }, texels.len() * usize::from(pixel.channels));
+        // As metrics round.
+        let decoded = if pixel.depth == Depth::Eight {
+            let mut bytes = vec![0; values];
+            write_texels(&texels, pixel.channels, &mut bytes, to_u8);
+            Raster::of_bytes(size, pixel, bytes).ok()?
+        } else {
+            let mut data = vec![0.0; values];
+            write_texels(&texels, pixel.channels, &mut data, |value| value);
+            Raster::new(size.width, rows, pixel, data).ok()?
+        };
         Some(compare::of_band(image, (&decoded, 0), top))
     };
     let bands: Vec<u32> = (0..size.height).step_by(BAND_ROWS as usize).collect();

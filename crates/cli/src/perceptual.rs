@@ -12,7 +12,7 @@ use texfold_core::image::{ColorSpace, Raster, to_u8};
 use texfold_core::metric::{Quality, compare, ssim};
 use texfold_core::{ImageSize, Texel};
 
-/// How alike a decoded image of the same size is to its source.
+/// Likeness of a decoded image to its source of the same size.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Likeness {
     pub(crate) quality: Quality,

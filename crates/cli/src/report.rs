@@ -270,7 +270,12 @@ impl Figures {
         let mut quality = Quality::default();
         let (mut similarity, mut perceived) = (0.0, Vec::new());
         for (index, raster) in (0..).zip(source.images()) {
-            let Some(decoded) = decode_rounded(encoded, index) else { continue };
+            let missing = || LoadError::Corrupt {
+                section: texfold_core::String4(*b"head"),
+                offset: 0,
+                what: "an image of the source is not in the file",
+            };
+            let decoded = decode_rounded(encoded, index).ok_or_else(missing)?;
             let found = Likeness::of(raster, &decoded);
             quality = quality.and(found.quality);
             similarity += found.ssim;

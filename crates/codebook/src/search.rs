@@ -280,9 +280,7 @@ impl Nearest {
         }
         self.largest[node]
     }
-}
 
-impl Nearest {
     /// As [`Nearest::show`], for some places; returns their largest distance.
     #[inline(always)]
     fn show_places(&mut self, places: &Range<usize>, vector: &[f32], report: &mut impl FnMut(u32)) -> f32 {

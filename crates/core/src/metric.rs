@@ -169,7 +169,7 @@ pub struct Quality {
 }
 
 impl Quality {
-    /// Of this and of other texels together.
+    /// Quality of these and of other texels together.
     #[must_use]
     pub fn and(self, other: Quality) -> Quality {
         let alpha = match (self.alpha, other.alpha) {

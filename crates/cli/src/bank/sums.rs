@@ -46,11 +46,12 @@ impl Sums {
         self.tiles.push(tile);
         self.codec = texture.codec().name;
         let texels = source.texel_count();
-        if let Some(decoded) = decode_rounded(texture, 0) {
-            let found = Likeness::of(&source.images()[0], &decoded);
+        let decoded = decode_rounded(texture, 0);
+        let found = decoded.map(|decoded| Likeness::of(&source.images()[0], &decoded));
+        self.ssimulacra2.push((found.and_then(|found| found.ssimulacra2), texels as f64));
+        if let Some(found) = found {
             self.quality = self.quality.and(found.quality);
             self.ssim += found.ssim * texels as f64;
-            self.ssimulacra2.push((found.ssimulacra2, texels as f64));
         }
         self.texels += texels;
         let memory = texture.memory();

@@ -10,7 +10,7 @@ const TILE: usize = BAND_ROWS as usize;
 /// Side of the blocks of which the worst is looked for.
 const BLOCK: usize = 4;
 
-/// How a decoded image differs from its source. Where the sizes differ, what both have of their upper left is compared.
+/// Errors of a decoded image. Where the sizes differ, the upper left parts that both have are compared.
 #[must_use]
 pub fn compare(source: &Raster, decoded: &Raster) -> Quality {
     let height = source.size().height.min(decoded.size().height);

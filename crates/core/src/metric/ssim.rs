@@ -18,7 +18,7 @@ const BAND_ROWS: usize = 32;
 /// What is averaged in each window: both images, their squares, and their product.
 const SIGNALS: usize = 5;
 
-/// What is taken off samples: variances and covariances do not change, and single precision loses less of them.
+/// Offset of samples: variances and covariances do not change, and single precision loses less of them.
 const MIDDLE: f32 = 128.0;
 
 /// SSIM of two images of the same size, mean over the colour channels and a band; 1 where they are equal.

@@ -38,8 +38,9 @@ pub fn search_step<T, E>(
     search_from(Search::new(goal, scale), first, None, at_step)
 }
 
-/// As [`search_step`], where `estimate` measures a step at a fraction of the cost of `at_step`. Estimates may be off by a
-/// factor: what is made at one step corrects those of the steps near it, so that mostly two steps are made.
+/// Search of [`search_step`] where `estimate` measures bits and PSNR of a step at a fraction of the cost of `at_step`. Estimates may
+/// be off by a factor: a measurement at one step corrects the estimates of the steps near it, so mostly two steps are made. Goals of
+/// single blocks' errors ([`Goal::Tolerance`]) are searched without estimates.
 ///
 /// # Errors
 /// Whatever `estimate` or `at_step` returns, at once.
@@ -50,6 +51,9 @@ pub fn search_step_estimated<T, E>(
     mut estimate: impl FnMut(u16) -> Result<Measured, E>,
     at_step: impl FnMut(u16) -> Result<(T, Measured), E>,
 ) -> Result<Option<FoundStep<T>>, E> {
+    if matches!(goal, Goal::Tolerance(_)) {
+        return search_step(goal, scale, first, at_step);
+    }
     let mut estimates = Search::new(goal, scale);
     let mut step = first;
     while let Some(at) = estimates.checked(step).filter(|_| !estimates.is_line()) {
@@ -94,7 +98,7 @@ fn search_from<T, E>(
     Ok(best)
 }
 
-/// Excess by the step, between two that are near each other.
+/// Line through the excess of two steps near each other.
 #[derive(Debug, Clone, Copy)]
 struct Line {
     met: (u16, f64),
@@ -137,7 +141,7 @@ const SMALLEST_RATIO: f64 = 1e-3;
 const NEAR: f64 = 0.003;
 /// Most textures that a search makes.
 const MAX_TRIALS: usize = 16;
-/// How far below the goal a step along the line of estimates is aimed, in octaves.
+/// Distance below the goal, in octaves, of the aim along the line of estimates.
 const MARGIN: f64 = 0.0003;
 /// Steps between two estimates, in octaves, from which on a line is near enough to the bits and errors between them.
 const LINE: f64 = 0.125;

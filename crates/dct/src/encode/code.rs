@@ -69,7 +69,7 @@ pub struct Estimate {
     pub squared_error: SquaredError,
 }
 
-/// Of several textures together.
+/// Sum over several textures.
 impl std::iter::Sum for Estimate {
     fn sum<I: Iterator<Item = Estimate>>(all: I) -> Estimate {
         all.fold(Estimate::default(), |sum, one| Estimate {
@@ -80,7 +80,7 @@ impl std::iter::Sum for Estimate {
 }
 
 impl Estimate {
-    /// In the units of goals, for images of so many texels.
+    /// The estimate in the units of goals, for images of so many texels.
     #[must_use]
     pub fn measured(&self, texels: u64) -> Measured {
         Measured { bpp: self.bits / texels as f64, psnr: self.squared_error.psnr(), ..Measured::default() }
@@ -131,6 +131,14 @@ pub(super) fn counts(planes: &[Coefficients], form: &DctForm, looks: Looks) -> s
     counter.counts
 }
 
+/// The header and the tables that quantising begins with: dependent quantisers and the preset.
+fn begun(form: &DctForm) -> (DctForm, Vec<Table>) {
+    let mut form = form.clone();
+    form.quantiser.is_dependent = true;
+    form.quantiser.offsets = USUAL_OFFSETS;
+    (form, StoredStops::preset().tables().unwrap_or_default())
+}
+
 /// Bits and errors of the texture of that header's step: those of a part of the superblocks, coded with the preset.
 pub(super) fn estimate(
     planes: &[Coefficients],
@@ -138,12 +146,9 @@ pub(super) fn estimate(
     metric: Metric,
     check: CancelCheck<'_>,
 ) -> Result<Estimate, EncodeError> {
-    let mut form = form.clone();
-    form.quantiser.is_dependent = true;
-    form.quantiser.offsets = USUAL_OFFSETS;
+    let (form, tables) = begun(form);
     let superblocks = planes.first().map_or(0, |plane| plane.shape.count());
     let stride = (superblocks / ESTIMATED).max(STRIDE);
-    let tables = StoredStops::preset().tables().unwrap_or_default();
     let quantised = quantise(planes, &form, &SymbolBits::new(&tables), stride, metric, check)?;
     let Counter { counts, plain_bits } = &quantised.counter;
     let symbols = fit(counts).bits(counts, &StopBits::new());
@@ -162,10 +167,7 @@ fn settled(
     looks: Looks,
     check: CancelCheck<'_>,
 ) -> Result<Settled, EncodeError> {
-    let mut form = form.clone();
-    form.quantiser.is_dependent = true;
-    form.quantiser.offsets = USUAL_OFFSETS;
-    let mut tables = StoredStops::preset().tables().unwrap_or_default();
+    let (mut form, mut tables) = begun(form);
     let tables_of = |stops: &AllStops| stops.iter().map(|stops| Table::new(&stops.frequencies())).collect();
     for _ in 1..looks.passes {
         let quantised = quantise(planes, &form, &SymbolBits::new(&tables), STRIDE, looks.metric, check)?;

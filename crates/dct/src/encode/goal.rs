@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use texfold_core::target::{FoundStep, Measured, StepScale, search_step, search_step_estimated};
+use texfold_core::target::{Measured, StepScale, search_step_estimated};
 use texfold_core::{CancelCheck, Effort, EncodeError, Goal, Metric, ParamError, SourceError};
 
 use super::code::{Estimate, LAMBDA, Looks, code, code_with_bits, estimate};
@@ -230,10 +230,11 @@ impl<'a> DctEncoder<'a> {
     pub fn encode_for(&self, goal: Goal) -> Result<DctTexture, EncodeError> {
         goal.check()?;
         let texels = self.source.size.texels();
-        let found = search(
+        let found = search_step_estimated(
             goal,
+            STEPS,
             self.first_step(),
-            |step| Ok(self.estimate(step)?.measured(texels)),
+            |step| Ok::<_, EncodeError>(self.estimate(step)?.measured(texels)),
             |step| {
                 let texture = match goal {
                     Goal::Bpp(_) => self.measurable_at_step(step)?,
@@ -268,23 +269,6 @@ impl<'a> DctEncoder<'a> {
             Goal::Tolerance(_) => measured.worst_block_rms = worst_block_rms(&self.source, texture),
         }
         measured
-    }
-}
-
-/// Searches the step that just meets a goal, from a guess on; by estimates but for goals of single blocks' errors. `None` where nothing is
-/// tried.
-///
-/// # Errors
-/// Whatever `estimate` or `at_step` returns, at once.
-pub fn search<T>(
-    goal: Goal,
-    first: u16,
-    estimate: impl FnMut(u16) -> Result<Measured, EncodeError>,
-    at_step: impl FnMut(u16) -> Result<(T, Measured), EncodeError>,
-) -> Result<Option<FoundStep<T>>, EncodeError> {
-    match goal {
-        Goal::Bpp(_) | Goal::Psnr(_) => search_step_estimated(goal, STEPS, first, estimate, at_step),
-        Goal::Tolerance(_) => search_step(goal, STEPS, first, at_step),
     }
 }
 

@@ -2,14 +2,14 @@
 
 use std::cell::RefCell;
 
-use super::goal::{DctSettings, STEPS, first_step, search};
+use super::goal::{DctSettings, STEPS, first_step};
 use super::set::{DctSetEncoder, MapStage};
 use super::source::DctSource;
 use crate::{Dct, DctImages, DctParams};
 use texfold_core::RESIDUAL_PART;
 use texfold_core::image::{Depth, ImageSet, MapInfo, MipFilter, PixelInfo, Raster, mip_chain_cancellable};
 use texfold_core::metric::{measure_for, quality_cancellable};
-use texfold_core::target::{FoundStep, Measured, search_step};
+use texfold_core::target::{FoundStep, Measured, search_step, search_step_estimated};
 use texfold_core::{
     CancelCheck, DCT_LEVELS, EncodeError, Encoded, Encoder, Goal, ImageLayout, Job, Metric, Notes, Params,
     SourceError,
@@ -100,10 +100,11 @@ fn best(
     let (texels, mut tried) = (source.texel_count(), 0u32);
     // Estimating and making take turns.
     let job = RefCell::new(job);
-    let found = search(
+    let found = search_step_estimated(
         goal,
+        STEPS,
         encoder.first_step(),
-        |step| Ok(job.borrow().install(|| encoder.estimate(step))?.measured(texels)),
+        |step| Ok::<_, EncodeError>(job.borrow().install(|| encoder.estimate(step))?.measured(texels)),
         |step| {
             let mut job = job.borrow_mut();
             tried += 1;

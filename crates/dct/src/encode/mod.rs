@@ -18,6 +18,6 @@ mod symbols;
 mod training;
 
 pub use code::Estimate;
-pub use goal::{DctEncoder, DctSettings, STEPS, first_step, lambda_of, search, step_of};
+pub use goal::{DctEncoder, DctSettings, STEPS, first_step, lambda_of, step_of};
 pub use set::{DctSetEncoder, STAGE_FINER};
 pub use source::DctSource;

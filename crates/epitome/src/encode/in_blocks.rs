@@ -104,7 +104,7 @@ fn decoded(texture: DctTexture, image: &Raster) -> Result<Field, EncodeError> {
 pub(super) struct BlockEncoders<'a> {
     epitome: DctSetEncoder<'a>,
     coarse: Option<DctSetEncoder<'a>>,
-    /// How often the error of a sample is counted.
+    /// Times that the error of a sample is counted.
     repeated: f64,
 }
 
@@ -132,7 +132,7 @@ impl<'a> BlockEncoders<'a> {
         self.epitome.step_of(f64::from(lambda) / self.repeated)
     }
 
-    /// Where a bit is worth `lambda`.
+    /// The blocks at the step at which a bit is worth `lambda`.
     ///
     /// # Errors
     /// As [`BlockEncoders::new`].

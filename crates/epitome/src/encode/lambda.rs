@@ -3,9 +3,9 @@
 use std::cell::RefCell;
 
 use texfold_core::metric::measure_for;
-use texfold_core::target::{Measured, search as find};
+use texfold_core::target::{Measured, search as find, search_step_estimated};
 use texfold_core::{EncodeError, Goal, Job, SourceError};
-use texfold_dct::encode::{lambda_of, search, step_of};
+use texfold_dct::encode::{STEPS, lambda_of, step_of};
 
 use super::assemble::{assemble, draft};
 use super::choose::{choose, choose_well};
@@ -112,8 +112,9 @@ impl EpitomeSearch {
         let mut tried = 0u16;
         // Estimating and making take turns.
         let job = RefCell::new(job);
-        let found = search(
+        let found = search_step_estimated(
             goal,
+            STEPS,
             first,
             |step| job.borrow().install(|| draft.estimate(lambda_of(step) as f32)),
             |step| {

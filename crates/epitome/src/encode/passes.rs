@@ -24,8 +24,9 @@ const TOLERANCE_PASSES: [usize; 3] = [2, 3, 6];
 const LEAST_SHARED: f64 = 1.0 / 32.0;
 /// Largest step of that lambda at once, as a factor.
 const MOST_RETUNED: f64 = 4.0;
-/// A change of that lambda that is not worth storing content anew, as a factor, and where time is short.
+/// Least change of that lambda for which content is stored anew, as a factor.
 const LEAST_RETUNED: f32 = 1.05;
+/// The same where time is short.
 const LEAST_RETUNED_QUICK: f32 = 1.6;
 
 impl EpitomeSearch {

@@ -4,12 +4,12 @@
 use std::cell::RefCell;
 
 use texfold_core::metric::SquaredError;
-use texfold_core::target::Measured;
+use texfold_core::target::{Measured, search_step_estimated};
 use texfold_core::{
     Access, CancelCheck, DCT_LEVELS, EncodeError, Encoded, Goal, ImageLayout, ImageSize, Job, Notes,
     SourceError,
 };
-use texfold_dct::encode::{DctSetEncoder, DctSettings, DctSource, Estimate, search};
+use texfold_dct::encode::{DctSetEncoder, DctSettings, DctSource, Estimate, STEPS};
 
 use super::enlarge::change;
 use super::fault;
@@ -51,13 +51,14 @@ fn by_block(
     let estimate = |step: u16| {
         let parts = encoders.iter().map(|encoder| encoder.estimate(step));
         let sum = parts.sum::<Result<Estimate, EncodeError>>()?;
-        Ok(sum.measured(source_texels as u64))
+        Ok::<_, EncodeError>(sum.measured(source_texels as u64))
     };
     let mut tried = 0u32;
     // Estimating and making take turns.
     let turns = RefCell::new(&mut *job);
-    let found = search(
+    let found = search_step_estimated(
         goal,
+        STEPS,
         encoders[0].first_step(),
         |step| turns.borrow().install(|| estimate(step)),
         |step| {

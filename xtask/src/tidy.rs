@@ -38,9 +38,9 @@ const NUMERIC: [&str; 4] = ["bytemuck", "glam", "rayon", "thiserror"];
 const ALLOWED: [Allowed; 22] = [
     Allowed { package: "core", numeric: true, may: &["blake3", "pulp", "ruzstd", "zstd"] },
     Allowed { package: "bc", numeric: true, may: &["dds", "texfold-core", "texpresso"] },
-    Allowed { package: "dct", numeric: true, may: &["pulp", "texfold-bc", "texfold-core"] },
+    Allowed { package: "dct", numeric: true, may: &["texfold-bc", "texfold-core"] },
     Allowed { package: "residual", numeric: true, may: &["texfold-bc", "texfold-core"] },
-    Allowed { package: "codebook", numeric: true, may: &["ndarray", "pulp", "texfold-core"] },
+    Allowed { package: "codebook", numeric: true, may: &["ndarray", "texfold-core"] },
     Allowed { package: "match", numeric: true, may: &["kiddo", "texfold-core"] },
     Allowed {
         package: "vq",

@@ -2,7 +2,7 @@
 
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
-use texfold_core::principal_axes;
+use texfold_core::{principal_axes, vectorised};
 
 /// Sweeps of the Jacobi method; it converges quadratically, 3 or 4 are the rule at this accuracy.
 const MAX_SWEEPS: u32 = 6;
@@ -30,7 +30,7 @@ impl Rotation {
 
     /// `vector` in the rotated space; distances stay what they were, up to rounding.
     pub(crate) fn apply(&self, vector: &[f32], out: &mut [f32]) {
-        pulp::Arch::new().dispatch(
+        vectorised(
             #[inline(always)]
             || {
                 out.fill(0.0);

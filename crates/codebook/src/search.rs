@@ -5,6 +5,7 @@ use std::collections::BinaryHeap;
 use std::ops::Range;
 
 use ndarray::{Array2, ArrayView2, Axis};
+use texfold_core::vectorised;
 
 use crate::rotation::Rotation;
 
@@ -162,7 +163,7 @@ impl Tree {
                 cell = near;
             }
             left = left.saturating_sub(cell.places().len());
-            pulp::Arch::new().dispatch(
+            vectorised(
                 #[inline(always)]
                 || self.try_places(cell.places(), vector, best),
             );
@@ -190,16 +191,18 @@ impl Tree {
     /// Squared distances of the first chunks of a group, each summed as [`chunk_distance`] sums it.
     #[inline(always)]
     fn head_distances(&self, group: usize, vector: &[f32]) -> [f32; LANES] {
-        let mut squares = [[0.0; LANES]; CHUNK];
-        for ((squares, head), value) in squares.iter_mut().zip(&self.heads[group]).zip(&chunks(vector)[0]) {
-            for (square, other) in squares.iter_mut().zip(head) {
-                *square = (value - other) * (value - other);
+        let (head, vector) = (&self.heads[group], &chunks(vector)[0]);
+        let mut halves = [[0.0; LANES]; CHUNK / 2];
+        for (number, half) in halves.iter_mut().enumerate() {
+            for (lane, half) in half.iter_mut().enumerate() {
+                let one = vector[number] - head[number][lane];
+                let other = vector[number + CHUNK / 2] - head[number + CHUNK / 2][lane];
+                *half = one * one + other * other;
             }
         }
         let mut distances = [0.0; LANES];
-        for lane in 0..LANES {
-            let half = |number: usize| squares[number][lane] + squares[number + 4][lane];
-            distances[lane] = (half(0) + half(1)) + (half(2) + half(3));
+        for (lane, distance) in distances.iter_mut().enumerate() {
+            *distance = (halves[0][lane] + halves[1][lane]) + (halves[2][lane] + halves[3][lane]);
         }
         distances
     }
@@ -266,7 +269,7 @@ impl Nearest {
     /// As [`Nearest::show`], for a cell; returns its largest distance.
     fn show_cell(&mut self, cell: Cell, vector: &[f32], report: &mut impl FnMut(u32)) -> f32 {
         if cell.is_leaf() {
-            return pulp::Arch::new().dispatch(
+            return vectorised(
                 #[inline(always)]
                 || self.show_places(&cell.places(), vector, report),
             );

@@ -1,6 +1,7 @@
 //! The shipped form of a texture.
 
 use crate::container::{CodecId, Notes, SectionWriter};
+use crate::image::to_rgba8;
 use crate::{Domain, Footprint, GpuForm, MemoryBits, RegionError, Texel};
 
 /// An encoded texture: what is stored, loaded, sampled, counted and drawn.
@@ -28,6 +29,21 @@ pub trait Encoded: Send + Sync {
         region: <Self::Domain as Domain>::Region<'_>,
         out: &mut [Texel],
     ) -> Result<(), RegionError>;
+    /// As [`Encoded::decode`], to RGBA of 8 bits: values between 0 and 1 times 255, halves rounded up. Codecs that store 8-bit samples
+    /// decode to them without passing through floats.
+    ///
+    /// # Errors
+    /// As there.
+    fn decode_rgba8(
+        &self,
+        region: <Self::Domain as Domain>::Region<'_>,
+        out: &mut [[u8; 4]],
+    ) -> Result<(), RegionError> {
+        let mut texels = vec![Texel::ZERO; out.len()];
+        self.decode(region, &mut texels)?;
+        to_rgba8(&texels, out);
+        Ok(())
+    }
     /// Writes the sections of a file, coarse layers first.
     fn store(&self, out: &mut SectionWriter);
     /// Bits by named part: those of the file add up to its length, those in memory to [`MemoryBits::compressed`].

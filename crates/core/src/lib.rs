@@ -35,6 +35,7 @@ mod principal;
 pub mod rng;
 pub mod sample;
 pub mod target;
+mod vectors;
 mod word_plane;
 
 pub use cached::Cached;
@@ -59,6 +60,7 @@ pub use limits::{Budget, LimitError, Limits, MAX_IMAGE_SIDE, MAX_PLANE_SIDE};
 #[cfg(feature = "encode")]
 pub use principal::principal_axes;
 pub use target::{Effort, Goal, Metric};
+pub use vectors::vectorised;
 pub use word_plane::{WordRows, word_plane};
 
 /// One colour: red, green, blue, alpha, nominally in [0, 1], as stored (no gamma conversion).

@@ -103,7 +103,18 @@ pub fn decode_rounded(encoded: &dyn Encoded<Domain = Image2d>, image: u32) -> Op
     if pixel.depth != Depth::Eight {
         return decode_rect(encoded, rect);
     }
-    let bytes = decode_values(encoded, rect, CancelCheck::default(), to_u8)?;
+    layout.check(rect).ok().filter(|()| rect.width > 0 && rect.height > 0)?;
+    let row = rect.width as usize * usize::from(pixel.channels);
+    let mut bytes = vec![0; row * rect.height as usize];
+    let bands = bytes.par_chunks_mut(row * BAND_ROWS as usize).enumerate();
+    let decode = |(band, out): (usize, &mut [u8])| {
+        let (y, height) = (BAND_ROWS * band as u32, (out.len() / row) as u32);
+        let mut texels = vec![[0; 4]; rect.width as usize * height as usize];
+        encoded.decode_rgba8(Rect { y, height, ..rect }, &mut texels)?;
+        write_texels(texels, pixel.channels, out, |value| value);
+        Ok::<_, RegionError>(())
+    };
+    bands.try_for_each(decode).ok()?;
     Raster::of_bytes(ImageSize { width: rect.width, height: rect.height }, pixel, bytes).ok()
 }
 
@@ -135,7 +146,7 @@ fn decode_values<T: Clone + Default + Send>(
             return Ok(());
         }
         let texels = decode_band(encoded, rect, BAND_ROWS * band as u32)?;
-        write_texels(&texels, channels, out, &of);
+        write_texels(texels.iter().map(Texel::to_array), channels, out, &of);
         Ok::<_, RegionError>(())
     };
     bands.try_for_each(decode).ok()?;
@@ -262,11 +273,11 @@ fn quality_of_image(
         // As metrics round.
         let decoded = if pixel.depth == Depth::Eight {
             let mut bytes = vec![0; values];
-            write_texels(&texels, pixel.channels, &mut bytes, to_u8);
+            write_texels(texels.iter().map(Texel::to_array), pixel.channels, &mut bytes, to_u8);
             Raster::of_bytes(size, pixel, bytes).ok()?
         } else {
             let mut data = vec![0.0; values];
-            write_texels(&texels, pixel.channels, &mut data, |value| value);
+            write_texels(texels.iter().map(Texel::to_array), pixel.channels, &mut data, |value| value);
             Raster::new(size.width, rows, pixel, data).ok()?
         };
         Some(compare::of_band(image, (&decoded, 0), top))

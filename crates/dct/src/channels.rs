@@ -61,19 +61,18 @@ fn write_row<S: DctSample>(
 ) {
     let channels = form.channels();
     let count = out.len() / channels;
-    let (mut axis, shift) = (0, form.fraction() + AXIS_BITS);
-    let largest = (1i32 << form.depth) - 1;
+    let mut axis = 0;
     for group in &form.groups {
         let used = usize::from(group.channels);
-        let rows: [&[i32]; MAX_GROUP] = std::array::from_fn(|rank| {
-            let axis = axis + rank.min(used - 1);
-            &samples[(axis * side + row) * side + column..][..count]
-        });
-        let weighting = Weighting { group, shift, largest };
         let mut planar = [[S::default(); MAX_SIDE]; MAX_GROUP];
-        for (channel, plane) in planar[..used].iter_mut().enumerate() {
-            weighting.channel(channel, &rows, &mut plane[..count]);
-        }
+        write_planes(
+            form,
+            group,
+            samples,
+            side,
+            (axis, column, row),
+            planar[..used].iter_mut().map(|plane| &mut plane[..count]),
+        );
         if used == 3 && channels == 3 {
             let (texels, _) = out.as_chunks_mut::<3>();
             let [first, second, third, _] = &planar;
@@ -87,6 +86,62 @@ fn write_row<S: DctSample>(
             }
         }
         axis += used;
+    }
+}
+
+/// RGBA of 8 bits in a row of a superblock, from a place in it on, from its axes: gray in all three colours, 255 where there is no
+/// alpha. There are at most four channels of 8 bits.
+#[inline(never)]
+pub(super) fn write_rgba(
+    form: &DctForm,
+    samples: &[i32],
+    side: usize,
+    (column, row): (usize, usize),
+    out: &mut [[u8; 4]],
+) {
+    vectorised(
+        #[inline(always)]
+        move || {
+            let mut planar = [[u8::MAX; MAX_SIDE]; MAX_GROUP];
+            let mut axis = 0;
+            for group in &form.groups {
+                let used = usize::from(group.channels);
+                let planes = planar.iter_mut().skip(axis).take(used).map(|plane| &mut plane[..out.len()]);
+                write_planes(form, group, samples, side, (axis, column, row), planes);
+                axis += used;
+            }
+            let [red, green, blue, alpha] = match (form.channels(), &planar) {
+                (1, [gray, .., opaque]) => [gray, gray, gray, opaque],
+                (2, [gray, alpha, ..]) => [gray, gray, gray, alpha],
+                (_, [red, green, blue, alpha]) => [red, green, blue, alpha],
+            };
+            for ((((out, &red), &green), &blue), &alpha) in
+                out.iter_mut().zip(red).zip(green).zip(blue).zip(alpha)
+            {
+                *out = [red, green, blue, alpha];
+            }
+        },
+    );
+}
+
+/// Planes of the channels of a group, of which the first axis, first column and row of a superblock are given.
+#[inline(always)]
+fn write_planes<'a, S: DctSample + 'a>(
+    form: &DctForm,
+    group: &Group,
+    samples: &[i32],
+    side: usize,
+    (axis, column, row): (usize, usize, usize),
+    planes: impl Iterator<Item = &'a mut [S]>,
+) {
+    let (used, shift) = (usize::from(group.channels), form.fraction() + AXIS_BITS);
+    let weighting = Weighting { group, shift, largest: (1i32 << form.depth) - 1 };
+    for (channel, plane) in planes.enumerate() {
+        let rows: [&[i32]; MAX_GROUP] = std::array::from_fn(|rank| {
+            let axis = axis + rank.min(used - 1);
+            &samples[(axis * side + row) * side + column..][..plane.len()]
+        });
+        weighting.channel(channel, &rows, plane);
     }
 }
 
@@ -136,7 +191,9 @@ impl Weighting<'_> {
                     *sum = sum.wrapping_add(value.wrapping_mul(weight));
                 }
             }
-            *lanes = sums.map(|sum| S::of(sum, self.shift, self.largest));
+            for (lane, sum) in lanes.iter_mut().zip(sums) {
+                *lane = S::of(sum, self.shift, self.largest);
+            }
         }
         let first = LANES * lanes.len();
         for (at, out) in (first..).zip(rest) {

@@ -9,7 +9,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use texfold_core::container::{ContentId, Reader, SectionWriter, Sections};
-use texfold_core::image::{Depth, PixelInfo};
+use texfold_core::image::{Depth, PixelInfo, to_rgba8};
 use texfold_core::{
     BASE_PART, Budget, DCT_LEVELS, GpuDct, ImageAddress, ImageLayout, ImageSize, Layers, LoadError,
     MipAverage, RESIDUAL_PART, Rect, RegionError, String4, Texel,
@@ -255,26 +255,44 @@ impl DctContent {
     /// # Errors
     /// [`RegionError`] where it does not, or `out` has another length.
     pub fn decode(&self, region: Rect, out: &mut [Texel]) -> Result<(), RegionError> {
-        self.layout.check(region)?;
-        let needed = region.width as usize * region.height as usize;
-        if out.len() != needed {
-            return Err(RegionError::OutputLength { found: out.len(), needed });
-        }
-        let size = self.layout.images[region.image as usize];
-        let level = level_of(size, region.level);
-        let stage = &self.stages_of(region.image)[(level / DCT_LEVELS) as usize];
-        let reduce_log2 = level % DCT_LEVELS;
+        let (stage, reduce_log2) = self.stage_of(region, out.len())?;
+        let rect = Rect { image: 0, level: 0, ..region };
         if reduce_log2 > 0 {
             let average = average_of(self.layout.pixel_of(region.image));
-            let region = Rect { image: 0, level: 0, ..region };
-            return decode_reduced(stage, region, reduce_log2, average, out);
+            return decode_reduced(stage, rect, reduce_log2, average, out);
         }
-        let rect = Rect { image: 0, level: 0, ..region };
         if stage.form().depth > 8 {
             decode_as::<u16>(stage, rect, out)
         } else {
             decode_as::<u8>(stage, rect, out)
         }
+    }
+
+    /// The same as RGBA of 8 bits, rounded; without floats where samples of a stage have 8 bits.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn decode_rgba8(&self, region: Rect, out: &mut [[u8; 4]]) -> Result<(), RegionError> {
+        let (stage, reduce_log2) = self.stage_of(region, out.len())?;
+        if reduce_log2 == 0 && stage.form().depth == 8 {
+            return stage.decode_rgba8(Rect { image: 0, level: 0, ..region }, out);
+        }
+        let mut texels = vec![Texel::ZERO; out.len()];
+        self.decode(region, &mut texels)?;
+        to_rgba8(&texels, out);
+        Ok(())
+    }
+
+    /// The stage that a region of so many texels is decoded from, and how often its sides are halved.
+    fn stage_of(&self, region: Rect, length: usize) -> Result<(&DctTexture, u32), RegionError> {
+        self.layout.check(region)?;
+        let needed = region.width as usize * region.height as usize;
+        if length != needed {
+            return Err(RegionError::OutputLength { found: length, needed });
+        }
+        let level = level_of(self.layout.images[region.image as usize], region.level);
+        let stage = &self.stages_of(region.image)[(level / DCT_LEVELS) as usize];
+        Ok((stage, level % DCT_LEVELS))
     }
 
     /// Columns, rows and texels of the means of an image's 8x8 blocks, each averaged as it is stored; nothing where there is no

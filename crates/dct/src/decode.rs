@@ -5,7 +5,7 @@ use std::ops::Range;
 use texfold_core::{Cached, ImageSize, Rect, RegionError, parallel};
 
 use crate::Bytes;
-use crate::channels::{DctSample, write_channels};
+use crate::channels::{DctSample, write_channels, write_rgba};
 use crate::context::Around;
 use crate::deblock::deblock;
 use crate::form::{DctForm, PlaneShape, Steps};
@@ -39,6 +39,11 @@ pub(super) struct Tools {
     pub(super) ranks: Vec<u8>,
     planes: Vec<PlaneShape>,
 }
+
+/// Writes texels of a row of a superblock from a place in it on, from samples of its axes and its side.
+trait Write<T>: Fn(&DctForm, &[i32], usize, (usize, usize), &mut [T]) + Copy + Send + Sync {}
+
+impl<T, F: Fn(&DctForm, &[i32], usize, (usize, usize), &mut [T]) + Copy + Send + Sync> Write<T> for F {}
 
 /// Columns and rows of superblocks.
 type Superblocks = (Range<usize>, Range<usize>);
@@ -140,7 +145,24 @@ impl DctTexture {
     /// # Errors
     /// [`RegionError`] where the rectangle leaves the image or `out` has another length.
     pub fn decode<S: DctSample>(&self, rect: Rect, out: &mut [S]) -> Result<(), RegionError> {
-        self.check(rect, out.len())?;
+        self.decode_texels(rect, self.form.channels(), out, write_channels)
+    }
+
+    /// The same as RGBA of 8 bits: gray in all three colours, 255 where there is no alpha. The texture has at most four channels of 8
+    /// bits.
+    pub(super) fn decode_rgba8(&self, rect: Rect, out: &mut [[u8; 4]]) -> Result<(), RegionError> {
+        self.decode_texels(rect, 1, out, write_rgba)
+    }
+
+    /// Decodes a rectangle to so many items a texel, as `write` makes them of samples of axes.
+    fn decode_texels<T: Send>(
+        &self,
+        rect: Rect,
+        items: usize,
+        out: &mut [T],
+        write: impl Write<T>,
+    ) -> Result<(), RegionError> {
+        self.check(rect, out.len(), items)?;
         if rect.width == 0 || rect.height == 0 {
             return Ok(());
         }
@@ -149,22 +171,22 @@ impl DctTexture {
         let (columns, rows) = (cover(rect.x, rect.width), cover(rect.y, rect.height));
         let region = &Region { rect, columns, rows };
         let base = self.base.get_or_make(|| self.whole_base()).as_ref();
-        let line = rect.width as usize * self.form.channels();
+        let line = rect.width as usize * items;
         let skipped = rect.y as usize % side;
         // The first row of superblocks may be cut; the rows that follow begin with whole ones.
         let (head, tail) =
             out.split_at_mut(if skipped == 0 { 0 } else { ((side - skipped) * line).min(out.len()) });
         if !head.is_empty() {
-            self.decode_row(region, region.rows.start, base, head);
+            self.decode_row(region, region.rows.start, base, items, head, write);
         }
         let first = region.rows.start + usize::from(skipped != 0);
         parallel::for_each_row(tail, side * line, |row, out| {
-            self.decode_row(region, first + row, base, out);
+            self.decode_row(region, first + row, base, items, out, write);
         });
         Ok(())
     }
 
-    fn check(&self, rect: Rect, length: usize) -> Result<(), RegionError> {
+    fn check(&self, rect: Rect, length: usize, items: usize) -> Result<(), RegionError> {
         let size = self.form.size;
         let inside =
             |first: u32, count: u32, all: u32| first.checked_add(count).is_some_and(|end| end <= all);
@@ -177,7 +199,7 @@ impl DctTexture {
         if !inside(rect.x, rect.width, size.width) || !inside(rect.y, rect.height, size.height) {
             return Err(RegionError::Outside { width: size.width, height: size.height });
         }
-        let needed = rect.width as usize * rect.height as usize * self.form.channels();
+        let needed = rect.width as usize * rect.height as usize * items;
         if length != needed {
             return Err(RegionError::OutputLength { found: length, needed });
         }
@@ -185,12 +207,20 @@ impl DctTexture {
     }
 
     /// Decodes what a row of superblocks has of a region: its texels, row by row.
-    fn decode_row<S: DctSample>(&self, region: &Region, row: usize, base: Option<&Patch>, out: &mut [S]) {
+    fn decode_row<T>(
+        &self,
+        region: &Region,
+        row: usize,
+        base: Option<&Patch>,
+        items: usize,
+        out: &mut [T],
+        write: impl Write<T>,
+    ) {
         let Region { rect, columns, .. } = region;
-        let (side, channels) = (1usize << self.form.superblock_log2, self.form.channels());
+        let side = 1usize << self.form.superblock_log2;
         let (left, right) = (rect.x as usize, (rect.x + rect.width) as usize);
         let top = (row * side).max(rect.y as usize);
-        let line = rect.width as usize * channels;
+        let line = rect.width as usize * items;
         let mut samples = vec![0i32; self.tools().ranks.len() * side * side];
         let mut around = Around::default();
         let limit = self.form.deblocking_limit(self.form.deblocking);
@@ -201,8 +231,8 @@ impl DctTexture {
             let (start, end) = ((column * side).max(left), ((column + 1) * side).min(right));
             for (number, out) in out.chunks_exact_mut(line).enumerate() {
                 let inside = top + number - row * side;
-                let texels = &mut out[(start - left) * channels..(end - left) * channels];
-                write_channels(&self.form, &samples, side, (start - column * side, inside), texels);
+                let texels = &mut out[(start - left) * items..(end - left) * items];
+                write(&self.form, &samples, side, (start - column * side, inside), texels);
             }
         }
     }

@@ -113,6 +113,10 @@ impl Encoded for DctImages {
         self.content.decode(region, out)
     }
 
+    fn decode_rgba8(&self, region: Rect, out: &mut [[u8; 4]]) -> Result<(), RegionError> {
+        self.content.decode_rgba8(region, out)
+    }
+
     fn store(&self, out: &mut SectionWriter) {
         self.notes.write(out);
         write_layout(self.layout(), out);

@@ -121,11 +121,11 @@ impl PlaneDecoder<'_> {
         place: (usize, usize),
         bytes: &[u8],
         around: &mut Around,
-        put: impl FnMut(usize, (usize, usize), &[i32; COEFFICIENTS]),
+        mut put: impl FnMut(usize, (usize, usize), &[i32; COEFFICIENTS]),
     ) {
         vectorised(
             #[inline(always)]
-            move || self.read_superblock(place, bytes, around, put),
+            || self.read_superblock(place, bytes, around, &mut put),
         );
     }
 

@@ -184,6 +184,26 @@ fn regions_equal_the_whole() {
 }
 
 /// Two images as content of a texture, with all mip levels.
+#[test]
+fn rgba_of_8_bits_are_the_channels() {
+    for groups in [&[1u8][..], &[1, 1], &[3], &[3, 1], &[2], &[4]] {
+        let texture = encoded(&waves(75, 41, groups, 8), DctSettings::default());
+        let rect = Rect { x: 13, y: 6, width: 58, height: 31, ..all_of(&texture) };
+        let samples = decoded(&texture, rect);
+        let mut found = vec![[0; 4]; 58 * 31];
+        texture.decode_rgba8(rect, &mut found).unwrap();
+        for (found, wanted) in found.iter().zip(samples.chunks_exact(texture.form().channels())) {
+            let wanted = match *wanted {
+                [gray] => [gray, gray, gray, 255],
+                [gray, alpha] => [gray, gray, gray, alpha],
+                [red, green, blue] => [red, green, blue, 255],
+                _ => [wanted[0], wanted[1], wanted[2], wanted[3]],
+            };
+            assert_eq!(found.map(u16::from), wanted, "{groups:?}");
+        }
+    }
+}
+
 fn content() -> DctContent {
     let params = DctSettings::default().with_goal(Goal::Psnr(38.0));
     let images = vec![ImageSize { width: 150, height: 90 }, ImageSize { width: 40, height: 70 }];

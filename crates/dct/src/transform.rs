@@ -69,7 +69,10 @@ fn transform_lanes(values: &mut [i32; COEFFICIENTS]) {
         move || {
             // The loop over lanes is what compilers turn into vectors.
             for lane in 0..8 {
-                let one = std::array::from_fn(|at| values[8 * at + lane]);
+                let mut one = [0; 8];
+                for (at, value) in one.iter_mut().enumerate() {
+                    *value = values[8 * at + lane];
+                }
                 let out = transform(one);
                 for at in 0..8 {
                     values[8 * at + lane] = out[at];

@@ -4,14 +4,15 @@ use std::any::Any;
 use std::io::{self, Write};
 
 use texfold_core::container::SectionWriter;
-use texfold_core::image::to_u8;
-use texfold_core::{CodecId, Encoded, Image2d, LoadError, Rect, RegionError, Texel};
+use texfold_core::{CodecId, Encoded, Image2d, LoadError, Rect, RegionError};
 use texfold_lightfield::LightTexture;
 
 use crate::Registration;
 
 /// Texels that are decoded at a time on their way to bytes.
-const BAND_TEXELS: usize = 1 << 16;
+const BAND_TEXELS: usize = 1 << 18;
+/// Rows that bands are multiples of: those of every codec's blocks.
+const BAND_ROWS: usize = 64;
 
 /// A texture of images that can be asked for its own type.
 trait ImageTexture: Encoded<Domain = Image2d> + Any {}
@@ -140,18 +141,24 @@ impl AnyImage {
         if width == 0 || height == 0 {
             return Ok(());
         }
-        let rows = (BAND_TEXELS / width).clamp(1, height);
-        let mut texels = vec![Texel::ZERO; rows * width];
-        for top in (0..height).step_by(rows) {
-            let rows = rows.min(height - top);
+        // Bands end where blocks do, so that none is decoded twice.
+        let rows = (BAND_TEXELS / width).next_multiple_of(BAND_ROWS);
+        let mut texels =
+            if stride == 4 * width { Vec::new() } else { vec![[0; 4]; rows.min(height) * width] };
+        let mut top = 0;
+        while top < height {
+            let rows = (rows - (region.y as usize + top) % rows).min(height - top);
             let band = Rect { y: region.y + top as u32, height: rows as u32, ..region };
-            self.as_encoded().decode(band, &mut texels[..rows * width])?;
-            for (row, line) in texels[..rows * width].chunks_exact(width).enumerate() {
-                let bytes = out[(top + row) * stride..].chunks_exact_mut(4);
-                for (texel, bytes) in line.iter().zip(bytes) {
-                    bytes.copy_from_slice(&texel.to_array().map(to_u8));
+            if texels.is_empty() {
+                let (out, _) = out[top * stride..][..rows * stride].as_chunks_mut::<4>();
+                self.as_encoded().decode_rgba8(band, out)?;
+            } else {
+                self.as_encoded().decode_rgba8(band, &mut texels[..rows * width])?;
+                for (row, line) in texels[..rows * width].chunks_exact(width).enumerate() {
+                    out[(top + row) * stride..][..4 * width].copy_from_slice(line.as_flattened());
                 }
             }
+            top += rows;
         }
         Ok(())
     }

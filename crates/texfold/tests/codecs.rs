@@ -10,7 +10,7 @@ use std::sync::OnceLock;
 
 use crate::support::{fixture, ways, zipmap};
 use proptest::prelude::*;
-use texfold::core::image::ImageSet;
+use texfold::core::image::{ImageSet, Raster};
 use texfold::core::metric::{decode_image, measure, quality};
 use texfold::core::target::Measured;
 use texfold::{
@@ -343,6 +343,30 @@ fn bytes_are_the_texels_rounded_and_bytes_between_rows_are_left() {
         assert!(matches!(narrow, Err(BytesError::Stride { .. })));
         let outside = image.decode_rgba8(Rect { y: whole.height, ..rect }, &mut out, stride);
         assert!(matches!(outside, Err(BytesError::Region(_))));
+    }
+}
+
+#[test]
+fn bytes_of_many_rows_are_those_of_each() {
+    let pixels: Vec<u8> =
+        (0..3 * 512 * 700u32).map(|at| (at.wrapping_mul(0x9E37_79B9) >> 24) as u8).collect();
+    let raster = Raster::from_u8(512, 700, 3, texfold::ColorSpace::Srgb, &pixels).unwrap();
+    let params = texfold::bc::BcParams::default().with_content(Content::Raw);
+    let texture =
+        <Bc as texfold::core::Encoder>::encode(&ImageSet::single(raster), &params, &mut Job::default());
+    let AnyTexture::Image(image) = open(&file_of(&texture.unwrap())).unwrap() else { panic!("no image") };
+    let rect = Rect { image: 0, level: 0, x: 2, y: 5, width: 509, height: 690 };
+    for stride in [4 * 509, 4 * 509 + 3] {
+        let mut out = vec![7; stride * 690];
+        image.decode_rgba8(rect, &mut out, stride).unwrap();
+        for (y, row) in out.chunks(stride).enumerate() {
+            let wanted = &pixels[3 * (512 * (y + 5) + 2)..][..3 * 509];
+            let found = row.chunks_exact(4).zip(wanted.chunks_exact(3));
+            assert!(
+                found.into_iter().all(|(found, wanted)| found[..3] == *wanted && found[3] == 255),
+                "row {y}"
+            );
+        }
     }
 }
 

@@ -21,5 +21,5 @@ pub use parts::PartImages;
 pub use pixel::{Alpha, Depth, PixelInfo};
 #[cfg(feature = "encode")]
 pub(crate) use raster::write_texels;
-pub use raster::{Raster, to_u8};
+pub use raster::{Raster, to_rgba8, to_u8};
 pub use set::ImageSet;

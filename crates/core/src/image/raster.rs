@@ -370,6 +370,14 @@ pub fn to_u8(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
+/// RGBA of texels, each value as [`to_u8`] rounds it.
+pub fn to_rgba8(texels: &[Texel], out: &mut [[u8; 4]]) {
+    for (out, texel) in out.iter_mut().zip(texels) {
+        // Through 32 bits: vectors convert to those.
+        *out = (texel.clamp(Vec4::ZERO, Vec4::ONE) * 255.0 + 0.5).to_array().map(|value| value as i32 as u8);
+    }
+}
+
 /// The texel of 1 to 4 values in units of 1 / `one`.
 #[inline]
 fn join_texel<T: Copy + Into<f32>>(channels: &[T], one: f32) -> Texel {
@@ -396,12 +404,18 @@ fn split_texels(texels: impl ExactSizeIterator<Item = Texel>, channels: u8) -> V
 
 /// Writes the channels of texels one after the other, each turned by `of`; of two channels the second is alpha.
 #[cfg(feature = "encode")]
-pub(crate) fn write_texels<T>(texels: &[Texel], channels: u8, out: &mut [T], of: impl Fn(f32) -> T) {
+pub(crate) fn write_texels<V: Copy, T>(
+    texels: impl IntoIterator<Item = [V; 4]>,
+    channels: u8,
+    out: &mut [T],
+    of: impl Fn(V) -> T,
+) {
     for (out, texel) in out.chunks_exact_mut(channels.clamp(1, 4).into()).zip(texels) {
+        let [red, _, _, alpha] = texel;
         match out {
-            [gray] => *gray = of(texel.x),
-            [gray, alpha] => (*gray, *alpha) = (of(texel.x), of(texel.w)),
-            _ => out.iter_mut().zip(texel.to_array()).for_each(|(out, value)| *out = of(value)),
+            [gray] => *gray = of(red),
+            [gray, alpha_out] => (*gray, *alpha_out) = (of(red), of(alpha)),
+            _ => out.iter_mut().zip(texel).for_each(|(out, value)| *out = of(value)),
         }
     }
 }

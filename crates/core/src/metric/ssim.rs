@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::compare::read;
 use super::counted_channels;
 use crate::image::Raster;
+use crate::vectorised;
 
 const SIGMA: f64 = 1.5;
 const RADIUS: usize = 5;
@@ -33,7 +34,7 @@ pub fn ssim(source: &Raster, decoded: &Raster) -> f64 {
     let tops: Vec<usize> = (margin..height - margin).step_by(BAND_ROWS).collect();
     // Bands and rows are vectors, so these loops are compiled for the processor that runs them.
     let of_band = |top| {
-        pulp::Arch::new().dispatch(
+        vectorised(
             #[inline(always)]
             || windows.band((source, decoded), top),
         )
@@ -84,7 +85,9 @@ impl Windows {
         let mut sum = 0.0;
         for &channel in self.channels {
             blurred.values.clear();
-            a.iter().zip(&b).for_each(|(a, b)| blurred.push(&self.weights, (a, b), channel));
+            for (a, b) in a.iter().zip(&b) {
+                blurred.push(&self.weights, (a, b), channel);
+            }
             for row in 0..rows {
                 for (signal, means) in means.iter_mut().enumerate() {
                     let lines = std::array::from_fn(|tap| blurred.line(row + tap, signal));

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use crate::pages::npm;
 use crate::run::{cargo, succeeds};
 use crate::timed::{slowest, test};
-use crate::{root, tidy, torment};
+use crate::{python, root, tidy, torment};
 
 /// Arguments of `ci`.
 #[derive(Debug, clap::Args)]
@@ -26,13 +26,14 @@ pub(crate) struct CiArgs {
 /// are half as much again as on two cores with nothing else to do and nothing built before. A step that takes longer is named at the end.
 type Step = (&'static str, f64, fn(full: bool) -> io::Result<bool>);
 
-const STEPS: [Step; 10] = [
+const STEPS: [Step; 11] = [
     ("fmt", 50.0, |_| succeeds(&["fmt", "--all", "--check"])),
     ("tidy", 20.0, |_| tidy::check(&root())),
     ("build", 10_500.0, |_| succeeds(&["test", "--workspace", "--no-run"])),
     ("test", 11_000.0, |full| test(&["--workspace".to_owned()], full)),
     ("clippy", 1500.0, |_| succeeds(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])),
     ("web", 1300.0, |_| web()),
+    ("python", 1000.0, |_| python::check()),
     ("decode only", 650.0, |_| decode_only()),
     ("doc", 500.0, doc),
     ("torment", 10.0, |full| if full { torment::short() } else { Ok(true) }),

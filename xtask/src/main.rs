@@ -8,6 +8,7 @@ mod ci;
 mod fuzz;
 mod mutate;
 mod pages;
+mod python;
 mod quick;
 mod run;
 mod tidy;
@@ -42,6 +43,8 @@ enum Task {
     Torment(torment::TormentArgs),
     /// Write every page that commands write, and look at them in headless Chromium.
     Pages,
+    /// Build the package for Python in a virtual environment, target/python, and run its tests.
+    Python,
     /// Run all that continuous integration runs; stops at the first failure.
     Ci(ci::CiArgs),
     /// Run a test program for cargo and note the time of each test.
@@ -59,6 +62,7 @@ fn main() -> ExitCode {
         Task::Fuzz(args) => fuzz::run(&args),
         Task::Torment(args) => torment::run(&args),
         Task::Pages => pages::run(),
+        Task::Python => python::run(),
         Task::Ci(args) => ci::run(&args),
         Task::TimeTests { program, arguments } => timed::run(&program, &arguments),
         Task::Other(arguments) => run::other(&arguments),

@@ -1,0 +1,28 @@
+"""The native part: arrays of three axes, contiguous."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+class Texture:
+    codec: str
+    images: list[tuple[int, int, int, int]]
+    maps: list[tuple[str, str]]
+    levels: int
+    layers: tuple[int, int]
+    notes: tuple[str, str]
+    memory: tuple[int, int]
+    def ledger(self) -> dict[str, tuple[int, int]]: ...
+    def texel(self, image: int, level: int, x: int, y: int) -> list[float]: ...
+    def decode(
+        self, image: int, level: int, region: tuple[int, int, int, int] | None
+    ) -> tuple[np.ndarray, tuple[int, int, int]]: ...
+    def to_bytes(self) -> bytes: ...
+
+def open(data: bytes, max_texels: int | None, max_bytes: int | None) -> Texture: ...
+def encode(
+    images: list[np.ndarray], names: list[str], options: dict[str, Any], progress: Callable[[str, float], Any] | None
+) -> bytes: ...
+def psnr(one: np.ndarray, other: np.ndarray) -> float: ...
+def ssim(one: np.ndarray, other: np.ndarray) -> float: ...

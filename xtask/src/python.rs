@@ -27,7 +27,15 @@ pub(crate) fn check() -> io::Result<bool> {
         return Ok(false);
     }
     let mut install = Command::new(bin.join("pip"));
-    install.args(["install", "--quiet", "--disable-pip-version-check", "pytest", "./crates/python"]);
+    install.args([
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+        "pytest",
+        "dask",
+        "xarray",
+        "./crates/python[zarr]",
+    ]);
     let mut test = Command::new(bin.join("python"));
     test.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", "crates/python/tests"]);
     Ok(runs(install.env("MATURIN_PEP517_ARGS", "--profile dev"))? && runs(&mut test)?)

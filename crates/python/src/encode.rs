@@ -10,7 +10,7 @@ use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use rayon::{ThreadPool, ThreadPoolBuilder};
-use texfold::core::image::MapKind;
+use texfold::core::image::{Alpha, MapKind};
 use texfold::core::{EncodeError, SourceError, Stage};
 use texfold::{
     Access, Cancel, Choice, ColorSpace, Effort, Encode, Goal, ImageSet, Job, Limits, Metric, Raster,
@@ -29,12 +29,27 @@ pub(crate) enum Pixels<'py> {
 }
 
 impl Pixels<'_> {
-    /// A copy: others may write to the array while it is encoded.
-    pub(crate) fn raster(&self, color: ColorSpace) -> Result<Raster, SourceError> {
-        let shape = match self {
+    /// Rows, columns and channels.
+    fn shape(&self) -> &[usize] {
+        match self {
             Pixels::Eight(array) => array.shape(),
             Pixels::Sixteen(array) => array.shape(),
-        };
+        }
+    }
+
+    /// As [`Pixels::raster`]; a channel beside gray or RGB counts as colours do.
+    fn with_band(&self, color: ColorSpace) -> Result<Raster, SourceError> {
+        let raster = self.raster(color)?;
+        // What is opaque everywhere was dropped for alpha.
+        let extra = self.shape()[2].is_multiple_of(2);
+        let channels = raster.info().color_channels() + u8::from(extra);
+        let alpha = if extra { Alpha::Band } else { Alpha::Opaque };
+        Ok(raster.with_channels(channels).tagged(color, alpha))
+    }
+
+    /// A copy: others may write to the array while it is encoded.
+    pub(crate) fn raster(&self, color: ColorSpace) -> Result<Raster, SourceError> {
+        let shape = self.shape();
         let side = |axis: usize| u32::try_from(shape[axis]).unwrap_or(u32::MAX);
         let (height, width) = (side(0), side(1));
         let channels = u8::try_from(shape[2]).unwrap_or(u8::MAX);
@@ -64,11 +79,14 @@ fn color_named(name: &str) -> PyResult<ColorSpace> {
 }
 
 /// The images to encode: those of a set, or the maps of a material, where `names` has one for each.
-fn set_of(images: &[Pixels<'_>], names: &[String], color: &str) -> PyResult<ImageSet> {
+fn set_of(images: &[Pixels<'_>], names: &[String], color: &str, alpha: &str) -> PyResult<ImageSet> {
     let source = |error: SourceError| encode_error(&EncodeError::from(error));
+    let is_band = named("alpha", alpha, &[("straight", false), ("band", true)])?;
+    let raster =
+        |image: &Pixels<'_>, color| if is_band { image.with_band(color) } else { image.raster(color) };
     if names.is_empty() {
         let color = color_named(color)?;
-        let rasters = images.iter().map(|image| image.raster(color)).collect::<Result<Vec<_>, _>>();
+        let rasters = images.iter().map(|image| raster(image, color)).collect::<Result<Vec<_>, _>>();
         return rasters.and_then(ImageSet::new).map_err(source);
     }
     let map = |(image, name): (&Pixels<'_>, &String)| {
@@ -78,7 +96,7 @@ fn set_of(images: &[Pixels<'_>], names: &[String], color: &str) -> PyResult<Imag
             MapKind::Normal => ColorSpace::Normal,
             _ => ColorSpace::Linear,
         };
-        Ok((kind, name.clone(), image.raster(color)?))
+        Ok((kind, name.clone(), raster(image, color)?))
     };
     images
         .iter()
@@ -101,6 +119,7 @@ pub(crate) struct Options {
     metric: Option<String>,
     mips: bool,
     color: String,
+    alpha: String,
     threads: Option<usize>,
 }
 
@@ -148,7 +167,7 @@ pub(crate) fn encode<'py>(
     options: Options,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyBytes>> {
-    let set = set_of(&images, &names, &options.color)?;
+    let set = set_of(&images, &names, &options.color, &options.alpha)?;
     let (encoder, pool) = (options.encoder(&set)?, options.pool()?);
     let cancel = Cancel::default();
     let (sender, stages) = channel();

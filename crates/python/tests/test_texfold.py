@@ -138,6 +138,23 @@ def test_bytes_that_are_no_file_are_refused():
         texfold.open(bytes(data), max_bytes=100)
 
 
+def test_a_prefix_opens_as_a_coarser_texture_and_is_not_decoded_for_the_whole():
+    data = texfold.encode(waves(64, 64, 3), psnr=40)
+    texture = texfold.open(data[:-20])
+    assert texture.layers == (1, 2) and texture.decode().shape == (64, 64, 3)
+    with pytest.raises(texfold.LoadError, match="1 of 2 layers"):
+        texfold.decode(data[:-20])
+
+
+def test_bands_are_channels_that_stay():
+    image = np.full((32, 32, 4), 255, np.uint8)
+    image[:, :, :3] = waves(32, 32, 3)
+    assert texfold.open(texfold.encode(image, psnr=40)).shape == (32, 32, 3)
+    texture = texfold.open(texfold.encode(image, psnr=40, alpha="band"))
+    assert texture.shape == (32, 32, 4) and (texture.decode()[..., 3] > 250).all()
+    assert texfold.open(texfold.encode(image[..., :3], psnr=40, alpha="band")).shape == (32, 32, 3)
+
+
 def test_arrays_that_are_no_images_are_refused():
     for array in [np.zeros((4, 4)), np.zeros((4, 4), bool), np.zeros((4, 4), np.int32), np.full((4, 4), np.nan)]:
         with pytest.raises(TypeError, match="give uint8 or uint16"):

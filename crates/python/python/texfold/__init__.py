@@ -63,6 +63,7 @@ def encode(
     metric: str | None = None,
     mips: bool = False,
     color: str = "srgb",
+    alpha: str = "straight",
     progress: Callable[[str, float], Any] | None = None,
     threads: int | None = None,
 ) -> bytes:
@@ -72,8 +73,8 @@ def encode(
     ----------
     images
         An image, a sequence of images, or a dict of the maps of a material by name: ``color``, ``normal``, ``roughness``,
-        ``metalness``, ``occlusion``, ``orm``, ``height``, ``emissive``, ``opacity``, or another name. Alpha that is opaque everywhere
-        is not stored.
+        ``metalness``, ``occlusion``, ``orm``, ``height``, ``emissive``, ``opacity``, or another name. Straight alpha that is opaque
+        everywhere is not stored.
     codec
         ``auto``, or ``dct``, ``bc``, ``vq``, ``epitome``, ``progressive``. Materials are encoded with ``dct``.
     psnr, bpp, tolerance
@@ -89,6 +90,8 @@ def encode(
         Whether to store all mip levels.
     color
         Colour space of images: ``srgb``, ``linear`` or ``normal`` (unit vectors). That of maps follows from their names.
+    alpha
+        A second or fourth channel is ``straight`` alpha, or a ``band`` such as near infrared, which counts as colours do.
     progress
         Called with the name of the stage and the share of the whole that is done, 0 to 1. What it raises ends the encoding.
     threads
@@ -118,7 +121,7 @@ def encode(
     if not arrays:
         raise ValueError("no images; give at least one")
     options = {"codec": codec, "goal": goal, "value": float(value), "effort": effort, "access": access, "metric": metric}
-    options |= {"mips": bool(mips), "color": color, "threads": threads}
+    options |= {"mips": bool(mips), "color": color, "alpha": alpha, "threads": threads}
     return _texfold.encode(arrays, names, options, progress)
 
 
@@ -228,6 +231,18 @@ class Texture:
         """Bits of each part, in memory and on disk; the latter add up to the file."""
         return {name: Part(*bits) for name, bits in self._texture.ledger().items()}
 
+    def check_whole(self) -> None:
+        """Refuses what was opened from a prefix of a file.
+
+        Raises
+        ------
+        LoadError
+            Fewer layers than the whole file has.
+        """
+        loaded, total = self.layers
+        if loaded < total:
+            raise LoadError(f"{loaded} of {total} layers; fetch the rest of the file")
+
     def to_bytes(self) -> bytes:
         """The whole file."""
         return self._texture.to_bytes()
@@ -271,8 +286,16 @@ def open(
 
 
 def decode(data: bytes, **options: Any) -> np.ndarray:
-    """Texels of the bytes of a ``.txf`` file; options as of :meth:`Texture.decode`."""
-    return open(data).decode(**options)
+    """Texels of the bytes of a ``.txf`` file; options as of :meth:`Texture.decode`.
+
+    Raises
+    ------
+    LoadError
+        As :func:`open`, and where the file is cut: that opens a prefix as a coarser texture.
+    """
+    texture = open(data)
+    texture.check_whole()
+    return texture.decode(**options)
 
 
 def psnr(one: np.ndarray, other: np.ndarray) -> float:

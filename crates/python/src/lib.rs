@@ -1,13 +1,16 @@
 //! The native part of the Python package `texfold`: what takes and gives numpy arrays of one shape, which `texfold/__init__.py` makes of
 //! what users give.
 
+mod bank;
 mod encode;
 mod error;
 mod texture;
 
-/// Encoding and textures.
+/// Encoding, textures and banks.
 #[pyo3::pymodule]
 mod _texfold {
+    #[pymodule_export]
+    use super::bank::Bank;
     #[pymodule_export]
     use super::encode::encode;
     #[pymodule_export]

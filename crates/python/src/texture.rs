@@ -125,17 +125,8 @@ impl Texture {
         region: Option<[u32; 4]>,
     ) -> PyResult<(Bound<'py, PyAny>, (u32, u32, u8))> {
         let rect = self.rect(image, level, region)?;
-        let pixel = self.pixel(image);
-        let shape = (rect.height, rect.width, pixel.channels);
-        if pixel.depth == Depth::Eight {
-            let bytes = py.detach(|| self.bytes(rect, pixel.channels))?;
-            return Ok((PyArray1::from_vec(py, bytes).into_any(), shape));
-        }
-        // An empty region has no raster.
-        let raster = py.detach(|| metric::decode_rect(self.0.as_encoded(), rect));
-        let round = |value: f32| (value.clamp(0.0, 1.0) * f32::from(u16::MAX) + 0.5) as u16;
-        let values: Vec<u16> = raster.iter().flat_map(Raster::values).map(round).collect();
-        Ok((PyArray1::from_vec(py, values).into_any(), shape))
+        let values = py.detach(|| Values::of(&self.0, rect))?;
+        Ok((values.into_array(py), (rect.height, rect.width, self.pixel(image).channels)))
     }
 
     /// The whole file.
@@ -144,20 +135,40 @@ impl Texture {
     }
 }
 
-impl Texture {
-    /// The channels of a rectangle as bytes.
-    fn bytes(&self, rect: Rect, channels: u8) -> PyResult<Vec<u8>> {
+/// Values of a rectangle row by row, the channels of a texel side by side.
+pub(crate) enum Values {
+    Eight(Vec<u8>),
+    Sixteen(Vec<u16>),
+}
+
+impl Values {
+    /// Those of a rectangle of a texture.
+    pub(crate) fn of(texture: &AnyImage, rect: Rect) -> PyResult<Values> {
+        let pixel = texture.as_encoded().layout().pixel_of(rect.image);
+        if pixel.depth == Depth::Sixteen {
+            // An empty region has no raster.
+            let raster = metric::decode_rect(texture.as_encoded(), rect);
+            let round = |value: f32| (value.clamp(0.0, 1.0) * f32::from(u16::MAX) + 0.5) as u16;
+            return Ok(Values::Sixteen(raster.iter().flat_map(Raster::values).map(round).collect()));
+        }
         let (width, height) = (rect.width as usize, rect.height as usize);
         let mut rgba = vec![0; 4 * width * height];
-        self.0.decode_rgba8(rect, &mut rgba, 4 * width).map_err(|error| region_error(&error))?;
-        Ok(match channels {
-            4 => rgba,
-            3 => {
-                rgba.as_chunks::<4>().0.iter().flat_map(|&[red, green, blue, _]| [red, green, blue]).collect()
-            }
-            2 => rgba.as_chunks::<4>().0.iter().flat_map(|&[gray, _, _, alpha]| [gray, alpha]).collect(),
-            _ => rgba.as_chunks::<4>().0.iter().map(|&[gray, ..]| gray).collect(),
-        })
+        texture.decode_rgba8(rect, &mut rgba, 4 * width).map_err(|error| region_error(&error))?;
+        let (texels, _) = rgba.as_chunks::<4>();
+        Ok(Values::Eight(match pixel.channels {
+            1 => texels.iter().map(|&[gray, ..]| gray).collect(),
+            2 => texels.iter().flat_map(|&[gray, _, _, alpha]| [gray, alpha]).collect(),
+            3 => texels.iter().flat_map(|&[red, green, blue, _]| [red, green, blue]).collect(),
+            _ => rgba,
+        }))
+    }
+
+    /// An array of one axis.
+    pub(crate) fn into_array(self, py: Python<'_>) -> Bound<'_, PyAny> {
+        match self {
+            Values::Eight(values) => PyArray1::from_vec(py, values).into_any(),
+            Values::Sixteen(values) => PyArray1::from_vec(py, values).into_any(),
+        }
     }
 }
 

@@ -15,6 +15,7 @@ of any strides and byte order. Values are as stored: those of sRGB images stay s
 
 from __future__ import annotations
 
+import base64
 import builtins
 import operator
 import os
@@ -27,7 +28,7 @@ from . import _texfold
 from ._errors import EncodeError, LoadError, RegionError, TexfoldError
 
 __all__ = [
-    "EncodeError", "LoadError", "Part", "RegionError", "TexfoldError", "Texture",
+    "Bank", "EncodeError", "LoadError", "Part", "RegionError", "TexfoldError", "Texture",
     "decode", "encode", "open", "psnr", "ssim",
 ]  # fmt: skip
 
@@ -257,6 +258,83 @@ class Texture:
 
     def __repr__(self) -> str:
         return f"<texfold.Texture {self.codec}, {len(self.shapes)} images, first {self.shape} {self.dtype}>"
+
+
+class Bank:
+    """A bank: a folder of large images in tiles, as the program's command ``bank`` writes it. Opening one reads its list alone.
+
+    Raises
+    ------
+    LoadError
+        A folder that holds no bank, or a damaged one.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str]) -> None:
+        self._bank = _texfold.Bank(folder)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the images, in the order in which they were added."""
+        return [image[0] for image in self._bank.images]
+
+    def shape(self, image: int | str = 0, *, level: int = 0) -> tuple[int, ...]:
+        """Rows, columns and, unless it is gray, channels of an image at a level."""
+        _, rows, columns, channels, levels = self._bank.images[self._number(image)]
+        if not 0 <= level < levels:
+            raise RegionError(f"level {level} of {levels}; ask for one below that number")
+        return _shape(max(1, rows >> level), max(1, columns >> level), channels)
+
+    def levels(self, image: int | str = 0) -> int:
+        """Mip levels of an image."""
+        return self._bank.images[self._number(image)][4]
+
+    def georeference(self, image: int | str = 0) -> bytes | None:
+        """A TIFF file of one texel with the GeoTIFF tags of an image, in pixels of level 0; none where it has none."""
+        return base64.b64decode(self._bank.georeference(self._number(image))) or None
+
+    def read(
+        self, image: int | str = 0, *, level: int = 0, region: tuple[int, int, int, int] | None = None
+    ) -> np.ndarray:
+        """Texels of an image (a number or a name) at a mip level, from the tiles that the region touches.
+
+        Parameters
+        ----------
+        region
+            First column, first row, columns and rows, in texels of the level; all of it by default.
+
+        Raises
+        ------
+        RegionError
+            An image, level or region that does not exist.
+        LoadError
+            A tile that cannot be read.
+        """
+        number = self._number(image)
+        rows, columns, *_ = self.shape(number, level=level)
+        left, top, width, height = (0, 0, columns, rows) if region is None else (_number(value, "region") for value in region)
+        if left + width > columns or top + height > rows or width < 1 or height < 1:
+            raise RegionError(f"the region leaves the level's {columns}x{rows} texels; cut it to them")
+        out = None
+        for (x, y), shape, values in self._bank.parts(number, level, (left, top, width, height)):
+            if out is None:
+                out = np.zeros((height, width, shape[2]), values.dtype)
+            out[y : y + shape[0], x : x + shape[1]] = values.reshape(shape)
+        if out is None:
+            raise LoadError("no tile of the image lies in the region; create the bank again")
+        return out.reshape(_shape(*out.shape))
+
+    def _number(self, image: int | str) -> int:
+        names = self.names
+        if isinstance(image, str):
+            if image not in names:
+                raise RegionError(f"no image '{image}'; there are {', '.join(names[:9]) or 'none'}")
+            return names.index(image)
+        if not 0 <= operator.index(image) < len(names):
+            raise RegionError(f"image {image} of {len(names)}; ask for one below that number")
+        return operator.index(image)
+
+    def __repr__(self) -> str:
+        return f"<texfold.Bank of {len(self.names)} images>"
 
 
 def open(

@@ -1,5 +1,6 @@
 """The native part: arrays of three axes, contiguous."""
 
+import os
 from collections.abc import Callable
 from typing import Any
 
@@ -19,6 +20,14 @@ class Texture:
         self, image: int, level: int, region: tuple[int, int, int, int] | None
     ) -> tuple[np.ndarray, tuple[int, int, int]]: ...
     def to_bytes(self) -> bytes: ...
+
+class Bank:
+    images: list[tuple[str, int, int, int, int]]
+    def __new__(cls, folder: str | os.PathLike[str]) -> Bank: ...
+    def georeference(self, image: int) -> str: ...
+    def parts(
+        self, image: int, level: int, region: tuple[int, int, int, int]
+    ) -> list[tuple[tuple[int, int], tuple[int, int, int], np.ndarray]]: ...
 
 def open(data: bytes, max_texels: int | None, max_bytes: int | None) -> Texture: ...
 def encode(

@@ -108,6 +108,7 @@ const ALLOWED: [Allowed; 23] = [
             "jxl-oxide",
             "ktx2",
             "moxcms",
+            "naga",
             "ndarray",
             "percent-encoding",
             "png",
@@ -125,6 +126,7 @@ const ALLOWED: [Allowed; 23] = [
             "texfold-gpu",
             // The bank is built of the parts of this codec and of dct.
             "texfold-progressive",
+            "texfold-shaders",
             "tiff",
             "tiny_http",
             "tobj",

@@ -44,6 +44,8 @@ pub(crate) enum UsageError {
 pub(crate) enum CliError {
     #[error(transparent)]
     Usage(#[from] UsageError),
+    #[error("shader {name} cannot be written in that language ({what}); choose another one with --lang")]
+    Shader { name: String, what: String },
     #[error("{}: no such file or folder; check the path", path.display())]
     NotFound { path: PathBuf },
     #[error("{pattern}: no file matches; check the pattern")]

@@ -28,6 +28,7 @@ mod render;
 mod report;
 mod run;
 mod settings;
+mod shaders;
 mod thumbnail;
 mod view;
 
@@ -49,4 +50,5 @@ pub use perceptual::{butteraugli, ssimulacra2};
 pub use render::RenderArgs;
 pub use run::{Command, main, run};
 pub use settings::Kind;
+pub use shaders::{Lang, ShadersArgs};
 pub use view::ViewArgs;

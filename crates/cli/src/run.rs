@@ -7,8 +7,8 @@ use clap::Parser;
 use crate::console::{be_quiet, complain, is_cut, note_cut};
 use crate::error::{CliError, explain};
 use crate::{
-    BankCommand, CompareArgs, CompressArgs, DecompressArgs, InfoArgs, PackArgs, RenderArgs, UnpackArgs,
-    ViewArgs, bank_command, compare, compress, decompress, info, pack, render, view,
+    BankCommand, CompareArgs, CompressArgs, DecompressArgs, InfoArgs, PackArgs, RenderArgs, ShadersArgs,
+    UnpackArgs, ViewArgs, bank_command, compare, compress, decompress, info, pack, render, shaders, view,
 };
 
 /// Exit code: some inputs failed, the others are written.
@@ -39,6 +39,8 @@ pub enum Command {
     Pack(PackArgs),
     /// Put the images of a packed scene back into it.
     Unpack(UnpackArgs),
+    /// Write the decode shaders in the language of another engine.
+    Shaders(ShadersArgs),
     /// Set every codec that fits beside plain block compression.
     Compare(CompareArgs),
 }
@@ -90,6 +92,7 @@ pub fn run(command: Command, quiet: bool) -> ExitCode {
         Command::Bank(command) => bank_command::run(command),
         Command::Pack(args) => pack::pack(&args),
         Command::Unpack(args) => pack::unpack(&args),
+        Command::Shaders(args) => shaders::run(&args),
         Command::Compare(args) => compare::run(&args),
     };
     ended(match outcome {

@@ -11,5 +11,6 @@ mod materials;
 mod mesh;
 mod results;
 mod scenes;
+mod shaders;
 mod support;
 mod zoom;

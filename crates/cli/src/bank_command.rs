@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::bank::{self, Choice, is_bank};
 use crate::compress::{self, CompressArgs};
 use crate::decompress::{Device, Writing, decode_part, tile};
-use crate::error::CliError;
+use crate::error::{CliError, UsageError};
 use crate::output::{make_folder, remove_stale};
 
 /// Commands of `texfold bank`.
@@ -60,6 +60,9 @@ fn extract(args: &ExtractArgs) -> Result<usize, CliError> {
         return Err(CliError::NoBank { path: args.bank.clone() });
     }
     let writing = &args.writing;
+    if writing.texture().is_some() {
+        return Err(UsageError::Excluded { option: "to", other: "bc1 to rgba8 for windows of banks" }.into());
+    }
     make_folder(&writing.out)?;
     remove_stale(&writing.out);
     let device = Device::where_wanted(writing.gpu)?;

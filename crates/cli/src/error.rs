@@ -186,6 +186,10 @@ pub(crate) enum CliError {
     NoSuchPart { path: PathBuf, codec: &'static str, option: &'static str },
     #[error("{}: would write {}, which {} writes already; rename one or use another --out", path.display(), output.display(), first.display())]
     Collision { path: PathBuf, output: PathBuf, first: PathBuf },
+    #[error("{}: {found} channels, and that format holds {held}; give --to bc7 or rgba8", path.display())]
+    Channels { path: PathBuf, found: u8, held: u8 },
+    #[error("{}: cannot be written as a texture ({what}); give another --container", path.display())]
+    Texture { path: PathBuf, what: String },
     #[error("{}: exists already{}; give --force to overwrite, or another --out", path.display(), and_more(*more))]
     Exists { path: PathBuf, more: usize },
     #[error("{}: WebP holds at most {most} texels a side; give --to png or tiff, or a --region", path.display())]

@@ -20,6 +20,7 @@
 //! texfold info packed/textures.txf
 //! texfold decompress packed/textures.txf --out check
 //! texfold decompress packed/textures.txf --out check --image 2 --region 64,0,256,128 --to tiff
+//! texfold decompress packed/textures.txf --out engine --to bc7 --container dds
 //! ```
 //!
 //! Outputs have the texture's 8 or 16 bits a channel. Existing files are overwritten only with `--force`.

@@ -2,6 +2,7 @@
 
 mod gpu;
 mod picture;
+mod texture;
 mod writing;
 
 use std::collections::HashMap;
@@ -17,13 +18,13 @@ use texfold_core::{
     SourceError,
 };
 
-use crate::console::{complain, warn};
-use crate::error::{CliError, explain, guarded};
+use crate::console::{complain, say, warn};
+use crate::error::{CliError, UsageError, explain, guarded};
 use crate::files;
 use crate::input::georeference::{Georeference, Part};
 use crate::input::samples::{Bands, MOST_CHANNELS};
 use crate::memory::load_fault;
-use crate::output::{make_folder, remove_stale};
+use crate::output::{make_folder, remove_stale, write_whole};
 use crate::{bank, input};
 pub(crate) use gpu::Device;
 pub(crate) use picture::Picture;
@@ -63,6 +64,10 @@ struct Planned {
 pub(crate) fn run(args: &DecompressArgs) -> Result<usize, CliError> {
     if let Some(path) = args.files.iter().find(|path| bank::is_bank(path)) {
         return Err(CliError::IsBank { path: path.clone() });
+    }
+    if args.writing.texture().is_some() && (args.writing.gpu || args.continuous) {
+        let option = if args.continuous { "continuous" } else { "gpu" };
+        return Err(UsageError::Excluded { option, other: "--to bc1 to rgba8" }.into());
     }
     let out = &args.writing.out;
     make_folder(out)?;
@@ -172,6 +177,12 @@ fn decompress(
     warn_of_layers(path, args.writing.layers, encoded.layers());
     let uploaded = device.map(|device| device.upload(path, encoded)).transpose()?;
     for (rect, output) in outputs {
+        if let Some(formats) = args.writing.texture() {
+            let file = texture::file(path, &image, *rect, formats, &args.writing.memory)?;
+            write_whole(output, &file)?;
+            say(&format!("{}", output.display()));
+            continue;
+        }
         let size = ImageSize { width: rect.width, height: rect.height };
         let joined = bands_of(encoded, args);
         let picture = args.writing.picture(path, size, encoded.layout().pixel_of(rect.image), joined)?;

@@ -22,16 +22,12 @@ use crate::png;
 const WEBP_SIDE: u32 = 1 << 14;
 
 /// Formats that are written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) enum Format {
-    /// 8 or 16 bits a channel, as the texture has.
     #[default]
     Png,
-    /// 8 or 16 bits a channel, as the texture has, and its georeference; not compressed.
     Tiff,
-    /// 8 bits a channel, lossless.
     Webp,
-    /// OpenEXR: RGB in 32-bit floats and linear light, colours times alpha.
     Exr,
 }
 

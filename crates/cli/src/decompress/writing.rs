@@ -7,6 +7,7 @@ use texfold_core::metric::BAND_ROWS;
 use texfold_core::{ImageSize, Rect, RegionError};
 
 use super::picture::{Format, Picture};
+use super::texture::{Container, Texels};
 use crate::error::CliError;
 use crate::input::samples::Bands;
 use crate::memory::{self, MemoryArgs};
@@ -24,15 +25,62 @@ pub(super) fn bands(rect: Rect) -> impl Iterator<Item = Rect> {
     (0..rect.height).step_by(rows as usize).map(band)
 }
 
+/// What is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub(crate) enum To {
+    /// 8 or 16 bits a channel, as the texture has.
+    #[default]
+    Png,
+    /// 8 or 16 bits a channel, as the texture has, and its georeference; not compressed.
+    Tiff,
+    /// 8 bits a channel, lossless.
+    Webp,
+    /// OpenEXR: RGB in 32-bit floats and linear light, colours times alpha.
+    Exr,
+    /// A texture of RGB at 4 bits a texel, with the mip levels that are stored; so are all that follow.
+    Bc1,
+    /// RGB and alpha at 8 bits a texel.
+    Bc3,
+    /// One channel at 4 bits a texel.
+    Bc4,
+    /// Two channels at 8 bits a texel: gray and alpha, or x and y of normals.
+    Bc5,
+    /// RGB and alpha at 8 bits a texel, closest to the decoded image.
+    Bc7,
+    /// Plain texels.
+    Rgba8,
+}
+
+impl To {
+    /// The format of an image file, or of texels of a texture.
+    pub(super) fn format(self) -> Result<Format, Texels> {
+        match self {
+            To::Png => Ok(Format::Png),
+            To::Tiff => Ok(Format::Tiff),
+            To::Webp => Ok(Format::Webp),
+            To::Exr => Ok(Format::Exr),
+            To::Bc1 => Err(Texels::Bc1),
+            To::Bc3 => Err(Texels::Bc3),
+            To::Bc4 => Err(Texels::Bc4),
+            To::Bc5 => Err(Texels::Bc5),
+            To::Bc7 => Err(Texels::Bc7),
+            To::Rgba8 => Err(Texels::Rgba8),
+        }
+    }
+}
+
 /// Options that say what is decoded and written.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Writing {
     /// Folder that the images are written to.
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,
-    /// Format of the images.
+    /// Format of the images: files of pictures, or textures that engines load.
     #[arg(long, value_enum, default_value_t)]
-    pub(crate) to: Format,
+    to: To,
+    /// File format of textures.
+    #[arg(long, value_enum, default_value_t)]
+    container: Container,
     /// Overwrite files that are there.
     #[arg(long)]
     force: bool,
@@ -88,20 +136,30 @@ impl Writing {
         bands: Option<Bands>,
     ) -> Result<Picture, CliError> {
         let band = size.texels().min(BAND_TEXELS) * BAND_BYTES_PER_TEXEL;
-        let needed = 2 * Picture::bytes(self.to, size, info, bands) + band;
+        let format = self.to.format().unwrap_or_default();
+        let needed = 2 * Picture::bytes(format, size, info, bands) + band;
         memory::check(path, needed, self.memory.bytes())?;
-        Ok(Picture::new(self.to, size, info, bands))
+        Ok(Picture::new(format, size, info, bands))
     }
 
     /// The ending of file names: the rectangle, if one is given, and the extension.
     pub(crate) fn ending(&self) -> String {
         let region = self.region.map(|[x, y, width, height]| format!("-{x}-{y}-{width}x{height}"));
-        format!("{}.{}", region.unwrap_or_default(), self.to.extension())
+        format!(
+            "{}.{}",
+            region.unwrap_or_default(),
+            self.to.format().map_or(self.container.extension(), Format::extension)
+        )
+    }
+
+    /// Formats of texels and of the file, where a texture is wanted.
+    pub(crate) fn texture(&self) -> Option<(Texels, Container)> {
+        self.to.format().err().map(|texels| (texels, self.container))
     }
 
     /// Whether files hold any number of bands.
     pub(crate) fn takes_bands(&self) -> bool {
-        self.to == Format::Tiff
+        self.to == To::Tiff
     }
 
     /// Refuses to overwrite: fails where one of these files is there, without --force.

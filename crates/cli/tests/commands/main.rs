@@ -13,4 +13,5 @@ mod results;
 mod scenes;
 mod shaders;
 mod support;
+mod textures;
 mod zoom;

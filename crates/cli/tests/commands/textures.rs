@@ -1,0 +1,102 @@
+//! `decompress --to bc1 … rgba8`: KTX2 and DDS that readers of these formats take, with the texels of the decoded image.
+
+use std::fs;
+
+use crate::support::{Place, names};
+
+/// Format, sides and levels of a KTX2 file, and its levels.
+fn ktx2(place: &Place, name: &str) -> (ktx2::Format, (u32, u32), Vec<Vec<u8>>) {
+    let reader = ktx2::Reader::new(fs::read(place.at(name)).unwrap()).unwrap();
+    let header = reader.header();
+    assert_eq!(reader.writer(), Some(concat!("Texfold ", env!("CARGO_PKG_VERSION"), "\0")));
+    // The descriptor is that of the format.
+    let format = header.format.unwrap();
+    assert_eq!(reader.basic_dfd(), Some(&ktx2::dfd::Basic::from_format(format).unwrap().0));
+    let levels = reader.levels().map(|level| level.data.to_vec()).collect();
+    (format, (header.pixel_width, header.pixel_height), levels)
+}
+
+/// A place with the textures `color` (RGB with mip levels), `clear` (RGBA) and `gray`, and their decoded images in `png`.
+fn place() -> Place {
+    let place = Place::new();
+    for (name, channels) in [("color", 3), ("clear", 4), ("gray", 1)] {
+        place.image(&format!("{name}.png"), 60, 44, channels);
+    }
+    for options in ["color.png --mips", "clear.png", "gray.png"] {
+        assert_eq!(place.run(&format!("compress {options} --codec dct --psnr 40 --out txf")).code, Some(0));
+    }
+    assert_eq!(place.run("decompress txf/color.txf txf/clear.txf txf/gray.txf --out png").code, Some(0));
+    place
+}
+
+#[test]
+fn plain_texels_are_those_of_the_decoded_image_at_every_level() {
+    let place = place();
+    let run = place.run("decompress txf/color.txf txf/clear.txf txf/gray.txf --to rgba8 --out out");
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let (format, size, levels) = ktx2(&place, "out/color.ktx2");
+    assert_eq!((format, size, levels.len()), (ktx2::Format::R8G8B8A8_SRGB, (60, 44), 6));
+    for (level, data) in levels.iter().enumerate() {
+        let options = format!("decompress txf/color.txf --lod {level} --out level{level}");
+        assert_eq!(place.run(&options).code, Some(0));
+        let (.., wanted) = place.samples(&format!("level{level}/color.png"));
+        let found = data.chunks_exact(4).zip(wanted.chunks_exact(3));
+        assert_eq!(data.len() / 4, wanted.len() / 3);
+        assert!(found.into_iter().all(|(found, wanted)| found[..3] == *wanted && found[3] == 255), "{level}");
+    }
+    let (.., wanted) = place.samples("png/clear.png");
+    assert_eq!(ktx2(&place, "out/clear.ktx2").2, [wanted]);
+    let (.., wanted) = place.samples("png/gray.png");
+    let wanted: Vec<u8> = wanted.iter().flat_map(|&gray| [gray, gray, gray, 255]).collect();
+    assert_eq!(ktx2(&place, "out/gray.ktx2").2, [wanted]);
+}
+
+#[test]
+fn blocks_are_read_back_from_both_containers() {
+    let place = place();
+    for (to, name, blocks) in [("bc1", "color", 8), ("bc3", "clear", 16), ("bc7", "clear", 16)] {
+        // What the codec of plain blocks makes of the same image.
+        let options = format!("compress png/{name}.png --codec bc --content {to} --bpp 8 --out bc-{to}");
+        assert_eq!(place.run(&options).code, Some(0));
+        assert_eq!(place.run(&format!("decompress bc-{to}/{name}.txf --out bc-{to}")).code, Some(0));
+        let (.., wanted) = place.samples(&format!("bc-{to}/{name}.png"));
+        for container in ["ktx2", "dds"] {
+            let out = format!("{to}-{container}");
+            let options = format!("decompress txf/{name}.txf --to {to} --container {container} --out {out}");
+            assert_eq!(place.run(&options).code, Some(0));
+            let file = format!("{out}/{name}.{container}");
+            let run =
+                place.run(&format!("compress {file} --codec bc --content raw --bpp 64 --out again-{out}"));
+            assert_eq!(run.code, Some(0), "{}", run.stderr);
+            let texture = names(&place.at(&format!("again-{out}")));
+            let texture = texture.iter().find(|name| name.ends_with("txf")).unwrap();
+            place.run(&format!("decompress again-{out}/{texture} --out back-{out}"));
+            let (.., found) = place.samples(&format!("back-{out}/{name}.png"));
+            let difference = found.iter().zip(&wanted).filter(|(found, wanted)| found != wanted).count();
+            assert_eq!((found.len(), difference), (wanted.len(), 0), "{out}");
+        }
+        let (_, _, levels) = ktx2(&place, &format!("{to}-ktx2/{name}.ktx2"));
+        assert_eq!(levels[0].len(), 15 * 11 * blocks);
+    }
+}
+
+#[test]
+fn what_a_format_cannot_hold_is_refused_or_said() {
+    let place = place();
+    for to in ["bc4", "bc5"] {
+        let run = place.run(&format!("decompress txf/color.txf --to {to} --out out"));
+        assert_eq!(run.code, Some(1));
+        assert!(run.stderr.contains("3 channels") && run.stderr.contains("--to bc7"), "{}", run.stderr);
+    }
+    assert!(names(&place.at("out")).is_empty());
+    let run = place.run("decompress txf/clear.txf --to bc1 --out out");
+    assert!(run.code == Some(0) && run.stderr.contains("alpha is left out"), "{}", run.stderr);
+    assert_eq!(place.run("decompress txf/gray.txf --to bc4 --out out").code, Some(0));
+    assert_eq!(ktx2(&place, "out/gray.ktx2").0, ktx2::Format::BC4_UNORM_BLOCK);
+    let run = place.run("decompress txf/color.txf --to bc7 --container dds --region 1,2,30,20 --out part");
+    assert!(run.code == Some(0) && run.stderr.contains("multiples of 4"), "{}", run.stderr);
+    assert_eq!(names(&place.at("part")), ["color-1-2-30x20.dds"]);
+    assert_eq!(place.run("decompress txf/color.txf --to bc7 --gpu --out out").code, Some(2));
+    assert_eq!(place.run("decompress txf/color.txf --to bc7 --out out").code, Some(0));
+    assert_eq!(place.run("decompress txf/color.txf --to bc7 --out out").code, Some(1), "it is there");
+}

@@ -33,7 +33,7 @@ const STEPS: [Step; 11] = [
     ("test", 11_000.0, |full| test(&["--workspace".to_owned()], full)),
     ("clippy", 1500.0, |_| succeeds(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])),
     ("web", 1300.0, |_| web()),
-    ("python", 1000.0, |_| python::check()),
+    ("python", 2500.0, |_| python::check()),
     ("decode only", 650.0, |_| decode_only()),
     ("doc", 500.0, doc),
     ("torment", 10.0, |full| if full { torment::short() } else { Ok(true) }),

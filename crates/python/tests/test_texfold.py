@@ -226,7 +226,9 @@ def test_other_threads_run_while_it_encodes_and_ten_share_a_texture():
 @pytest.mark.skipif(os.name == "nt", reason="signals of consoles")
 def test_ctrl_c_stops_it():
     program = (
-        "import numpy, texfold\n"
+        "import numpy, signal, texfold\n"
+        # What is started in the background ignores it.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "image = numpy.random.default_rng(1).integers(0, 256, (1024, 1024, 3), numpy.uint8)\n"
         "print('begun', flush=True)\n"
         "texfold.encode(image, psnr=40, codec='epitome', effort='high')\n"

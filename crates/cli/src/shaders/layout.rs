@@ -10,7 +10,6 @@ use super::translate::{Bound, Program, stage_name};
 /// The description of a shader.
 pub(super) fn json(program: &Program, lang: Lang) -> String {
     let module = &program.module;
-    let numbers = program.numbers();
     let entries = module.entry_points.iter().map(|entry| {
         let mut value = json!({"name": entry.name, "stage": stage_name(entry.stage)});
         if entry.stage == naga::ShaderStage::Compute {
@@ -27,11 +26,11 @@ pub(super) fn json(program: &Program, lang: Lang) -> String {
             "group": binding.group,
             "binding": binding.binding,
             "name": variable.name,
-            "kind": format!("{kind:?}").to_lowercase(),
+            "kind": kind.name(),
             "type": type_name(module, variable.ty),
         });
-        if matches!(lang, Lang::Glsl | Lang::Essl | Lang::Msl) {
-            value["number"] = json!(numbers.get(&binding));
+        if let Some(place) = program.place(lang, (binding, variable)) {
+            value["place"] = json!(place);
         }
         if matches!(kind, Bound::Uniform | Bound::Storage) {
             value["bytes"] = json!(layouter[variable.ty].size);
@@ -87,11 +86,15 @@ fn type_name(module: &Module, ty: Handle<Type>) -> String {
             format!("array<{}, {size}>", type_name(module, *base))
         }
         TypeInner::Array { base, .. } => format!("array<{}>", type_name(module, *base)),
-        TypeInner::Image { class: ImageClass::Sampled { kind, .. }, .. } => {
-            format!("texture_2d<{}>", scalar(*kind, 4))
-        }
-        TypeInner::Image { class: ImageClass::Storage { format, .. }, .. } => {
-            format!("texture_storage_2d<{}>", format_name(*format))
+        TypeInner::Image { class, arrayed, .. } => {
+            let array = if *arrayed { "_array" } else { "" };
+            match class {
+                ImageClass::Sampled { kind, .. } => format!("texture_2d{array}<{}>", scalar(*kind, 4)),
+                ImageClass::Storage { format, .. } => {
+                    format!("texture_storage_2d{array}<{}>", format_name(*format))
+                }
+                _ => ty.name.clone().unwrap_or_default(),
+            }
         }
         TypeInner::Sampler { .. } => "sampler".to_owned(),
         _ => ty.name.clone().unwrap_or_default(),

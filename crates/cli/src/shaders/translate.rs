@@ -7,7 +7,7 @@ use naga::back::pipeline_constants::process_overrides;
 use naga::back::{PipelineConstants, glsl, hlsl, msl, spv};
 use naga::proc::BoundsCheckPolicies;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
-use naga::{AddressSpace, GlobalVariable, Module, ResourceBinding, ShaderStage, TypeInner};
+use naga::{AddressSpace, GlobalVariable, Module, ResourceBinding, ShaderStage, StorageAccess, TypeInner};
 
 use super::Lang;
 use crate::error::CliError;
@@ -37,6 +37,16 @@ pub(super) enum Bound {
 }
 
 impl Bound {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Bound::Uniform => "uniform",
+            Bound::Storage => "storage",
+            Bound::Texture => "texture",
+            Bound::Image => "image",
+            Bound::Sampler => "sampler",
+        }
+    }
+
     pub(super) fn of(module: &Module, variable: &GlobalVariable) -> Bound {
         match (variable.space, &module.types[variable.ty].inner) {
             (AddressSpace::Uniform, _) => Bound::Uniform,
@@ -81,15 +91,53 @@ impl Program {
         bound
     }
 
-    /// Number of each binding among those of its kind.
-    pub(super) fn numbers(&self) -> BTreeMap<ResourceBinding, u8> {
+    /// Number of each binding among those of its kind; in Metal storage follows uniforms, and images follow textures.
+    pub(super) fn numbers(&self, lang: Lang) -> BTreeMap<ResourceBinding, u8> {
         let mut next = BTreeMap::new();
+        if lang == Lang::Msl {
+            next.insert(Bound::Storage, self.count(Bound::Uniform));
+            next.insert(Bound::Image, self.count(Bound::Texture));
+        }
         let number = |(binding, variable): (ResourceBinding, &GlobalVariable)| {
             let next = next.entry(Bound::of(&self.module, variable)).or_insert(0u8);
             *next += 1;
             (binding, *next - 1)
         };
         self.bound().into_iter().map(number).collect()
+    }
+
+    /// Where a language has a binding; nothing where groups and bindings are its own terms.
+    pub(super) fn place(
+        &self,
+        lang: Lang,
+        (binding, variable): (ResourceBinding, &GlobalVariable),
+    ) -> Option<String> {
+        let kind = Bound::of(&self.module, variable);
+        let number = self.numbers(lang).get(&binding).copied()?;
+        match lang {
+            Lang::Wgsl | Lang::Spirv => None,
+            Lang::Glsl | Lang::Essl => Some(format!("{} {number}", kind.name())),
+            Lang::Msl => Some(match kind {
+                Bound::Uniform | Bound::Storage => format!("buffer {number}"),
+                Bound::Texture | Bound::Image => format!("texture {number}"),
+                Bound::Sampler => format!("sampler {number}"),
+            }),
+            Lang::Hlsl => {
+                let letter = match (kind, variable.space) {
+                    (Bound::Uniform, _) => 'b',
+                    (Bound::Storage, AddressSpace::Storage { access })
+                        if access.contains(StorageAccess::STORE) =>
+                    {
+                        'u'
+                    }
+                    (Bound::Image, _) => 'u',
+                    // By way of an index in a buffer of the group.
+                    (Bound::Sampler, _) => return Some("nagaSamplerHeap".to_owned()),
+                    _ => 't',
+                };
+                Some(format!("{letter}{}, space{}", binding.binding, binding.group))
+            }
+        }
     }
 
     /// Names of files, and what they hold.
@@ -99,26 +147,20 @@ impl Program {
         Ok(match lang {
             Lang::Wgsl => one("wgsl", Text::Lines(self.source.clone())),
             Lang::Spirv => one("spv", Text::Words(self.spirv()?)),
-            Lang::Hlsl => one("hlsl", Text::Lines(self.header("//") + &self.hlsl()?)),
-            Lang::Msl => one("metal", Text::Lines(self.header("//") + &self.msl()?)),
-            Lang::Glsl => self.glsl(glsl::Version::Desktop(450))?,
-            Lang::Essl => self.glsl(glsl::Version::Embedded { version: 310, is_webgl: false })?,
+            Lang::Hlsl => one("hlsl", Text::Lines(self.header(lang) + &self.hlsl()?)),
+            Lang::Msl => one("metal", Text::Lines(self.header(lang) + &self.msl()?)),
+            Lang::Glsl => self.glsl(lang, glsl::Version::Desktop(450))?,
+            Lang::Essl => self.glsl(lang, glsl::Version::Embedded { version: 310, is_webgl: false })?,
         })
     }
 
     /// Comments that name what is bound.
-    fn header(&self, comment: &str) -> String {
-        let mut header = format!("{comment} Texfold {}: {}\n", env!("CARGO_PKG_VERSION"), self.name);
-        let numbers = self.numbers();
+    fn header(&self, lang: Lang) -> String {
+        let mut header = format!("// Texfold {}: {}\n", env!("CARGO_PKG_VERSION"), self.name);
         for (binding, variable) in self.bound() {
             let name = variable.name.as_deref().unwrap_or_default();
-            let kind = format!("{:?}", Bound::of(&self.module, variable)).to_lowercase();
-            header += &format!(
-                "{comment} group {}, binding {}: {name}, {kind} {}\n",
-                binding.group,
-                binding.binding,
-                numbers.get(&binding).copied().unwrap_or_default()
-            );
+            let place = self.place(lang, (binding, variable)).unwrap_or_default();
+            header += &format!("// group {}, binding {}: {name}, {place}\n", binding.group, binding.binding);
         }
         header
     }
@@ -149,19 +191,14 @@ impl Program {
     }
 
     fn msl(&self) -> Result<String, CliError> {
-        let numbers = self.numbers();
-        // Images are textures there, and storage and uniforms are buffers.
-        let textures = self.count(Bound::Texture);
-        let uniforms = self.count(Bound::Uniform);
+        let numbers = self.numbers(Lang::Msl);
         let resource = |(binding, variable): (ResourceBinding, &GlobalVariable)| {
             let number = numbers.get(&binding).copied().unwrap_or_default();
             let kind = Bound::of(&self.module, variable);
             let mut target = msl::BindTarget::default();
             match kind {
-                Bound::Uniform => target.buffer = Some(number),
-                Bound::Storage => target.buffer = Some(uniforms + number),
-                Bound::Texture => target.texture = Some(number),
-                Bound::Image => target.texture = Some(textures + number),
+                Bound::Uniform | Bound::Storage => target.buffer = Some(number),
+                Bound::Texture | Bound::Image => target.texture = Some(number),
                 Bound::Sampler => target.sampler = Some(msl::BindSamplerTarget::Resource(number)),
             }
             target.mutable = matches!(kind, Bound::Image | Bound::Storage);
@@ -169,7 +206,7 @@ impl Program {
         };
         let resources = msl::EntryPointResources {
             resources: self.bound().into_iter().map(resource).collect(),
-            sizes_buffer: Some(uniforms + self.count(Bound::Storage)),
+            sizes_buffer: Some(self.count(Bound::Uniform) + self.count(Bound::Storage)),
             ..msl::EntryPointResources::default()
         };
         let entries = self.module.entry_points.iter().map(|entry| (entry.name.clone(), resources.clone()));
@@ -190,11 +227,11 @@ impl Program {
     }
 
     /// A file for each entry point.
-    fn glsl(&self, version: glsl::Version) -> Result<Vec<(String, Text)>, CliError> {
+    fn glsl(&self, lang: Lang, version: glsl::Version) -> Result<Vec<(String, Text)>, CliError> {
         let options = glsl::Options {
             version,
             writer_flags: glsl::WriterFlags::empty(),
-            binding_map: self.numbers(),
+            binding_map: self.numbers(lang),
             zero_initialize_workgroup_memory: true,
         };
         let of_entry = |entry: &naga::EntryPoint| {
@@ -215,7 +252,7 @@ impl Program {
             };
             // Nothing but blanks may stand before the version.
             let (version, rest) = text.split_once('\n').unwrap_or((&text, ""));
-            let text = format!("{version}\n{}{rest}", self.header("//"));
+            let text = format!("{version}\n{}{rest}", self.header(lang));
             Ok((format!("{}.{}.{ending}", self.name, entry.name), Text::Lines(text)))
         };
         self.module.entry_points.iter().map(of_entry).collect()

@@ -98,6 +98,32 @@ fn the_json_has_the_offsets_that_parameters_are_written_at() {
 }
 
 #[test]
+fn bindings_lie_where_the_json_has_them() {
+    let place = Place::new();
+    for lang in ["glsl", "essl", "hlsl", "msl"] {
+        assert_eq!(place.run(&format!("shaders dct vq --lang {lang} --out {lang}")).code, Some(0));
+        let dir = place.at(lang);
+        for shader in ["dct-unorm8", "vq"] {
+            let files = names(&dir).into_iter().filter(|name| name.starts_with(&format!("{shader}.")));
+            let texts =
+                files.filter(|name| !name.ends_with("json")).map(|name| fs::read_to_string(dir.join(name)));
+            let text: String = texts.map(Result::unwrap).collect();
+            for binding in json(&dir, &format!("{shader}.json"))["bindings"].as_array().unwrap() {
+                let at = binding["place"].as_str().unwrap();
+                let (kind, number) = at.split_once(' ').unwrap();
+                let wanted = match lang {
+                    // Space 0 goes without saying.
+                    "hlsl" => format!("register({})", at.replace(", space0", "")),
+                    "msl" => format!("[[{kind}({number})]]"),
+                    _ => format!("binding = {number}"),
+                };
+                assert!(text.contains(&wanted), "{lang} {shader}: no {wanted}");
+            }
+        }
+    }
+}
+
+#[test]
 fn codecs_are_chosen_by_name_and_what_a_target_lacks_is_replaced() {
     let place = Place::new();
     assert_eq!(place.run("shaders bc epitome --lang essl --out out").code, Some(0));

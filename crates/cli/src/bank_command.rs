@@ -60,8 +60,9 @@ fn extract(args: &ExtractArgs) -> Result<usize, CliError> {
         return Err(CliError::NoBank { path: args.bank.clone() });
     }
     let writing = &args.writing;
+    writing.check_options()?;
     if writing.texture().is_some() {
-        return Err(UsageError::Excluded { option: "to", other: "bc1 to rgba8 for windows of banks" }.into());
+        return Err(UsageError::BankTexture.into());
     }
     make_folder(&writing.out)?;
     remove_stale(&writing.out);

@@ -19,6 +19,10 @@ pub(crate) enum UsageError {
     MapWeights,
     #[error("--weights of a scene name kinds of maps; give them as in normal=2,height=0.5")]
     SceneWeights,
+    #[error("--container is for textures; give --to bc1, bc3, bc4, bc5, bc7 or rgba8, or leave it out")]
+    Container,
+    #[error("windows of a bank are written as pictures; give --to png, tiff, webp or exr")]
+    BankTexture,
     #[error("a bank has images of the codecs dct and progressive, not {codec}; give one of these")]
     BankCodec { codec: &'static str },
     #[error("--category is for images of a bank; leave it out, or use `texfold bank add`")]

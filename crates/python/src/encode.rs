@@ -107,7 +107,7 @@ fn set_of(images: &[Pixels<'_>], names: &[String], color: &str, alpha: &str) -> 
         .map_err(source)
 }
 
-/// What `texfold.encode` takes by keyword.
+/// Options of `texfold.encode`.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Options {

@@ -65,9 +65,9 @@ pub(crate) fn run(args: &DecompressArgs) -> Result<usize, CliError> {
     if let Some(path) = args.files.iter().find(|path| bank::is_bank(path)) {
         return Err(CliError::IsBank { path: path.clone() });
     }
-    if args.writing.texture().is_some() && (args.writing.gpu || args.continuous) {
-        let option = if args.continuous { "continuous" } else { "gpu" };
-        return Err(UsageError::Excluded { option, other: "--to bc1 to rgba8" }.into());
+    args.writing.check_options()?;
+    if args.writing.texture().is_some() && args.continuous {
+        return Err(UsageError::Excluded { option: "continuous", other: "--to bc1 to rgba8" }.into());
     }
     let out = &args.writing.out;
     make_folder(out)?;
@@ -178,6 +178,9 @@ fn decompress(
     let uploaded = device.map(|device| device.upload(path, encoded)).transpose()?;
     for (rect, output) in outputs {
         if let Some(formats) = args.writing.texture() {
+            if georeference(encoded, *rect).is_some() {
+                warn(&format!("{}: the georeference is left out; give --to tiff to keep it", path.display()));
+            }
             let file = texture::file(path, &image, *rect, formats, &args.writing.memory)?;
             write_whole(output, &file)?;
             say(&format!("{}", output.display()));

@@ -15,21 +15,10 @@ use crate::console::warn;
 use crate::error::CliError;
 use crate::memory::{self, MemoryArgs};
 
-/// Bytes that a texel of a level takes while it is encoded: RGBA, padded RGBA, blocks, and the file.
-const BYTES_PER_TEXEL: u64 = 12;
-/// What wrote the file, as KTX2 files name it.
+/// Bytes that a texel takes while it is encoded: as decoded, padded, and with all levels in its format and in the file.
+const BYTES_PER_TEXEL: u64 = 20;
+/// Name of the writer, as KTX2 files have it.
 const WRITER: &[u8] = concat!("KTXwriter\0Texfold ", env!("CARGO_PKG_VERSION"), "\0").as_bytes();
-
-/// Formats of texels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Texels {
-    Bc1,
-    Bc3,
-    Bc4,
-    Bc5,
-    Bc7,
-    Rgba8,
-}
 
 /// Formats of files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
@@ -51,71 +40,66 @@ impl Container {
     }
 }
 
-impl Texels {
-    fn plane(self) -> PlaneFormat {
-        match self {
-            Texels::Bc1 => PlaneFormat::Bc1,
-            Texels::Bc3 => PlaneFormat::Bc3,
-            Texels::Bc4 => PlaneFormat::Bc4,
-            Texels::Bc5 => PlaneFormat::Bc5,
-            Texels::Bc7 => PlaneFormat::Bc7,
-            Texels::Rgba8 => PlaneFormat::Rgba8Unorm,
-        }
-    }
+/// The format of texels in the words of Vulkan and of DXGI; `None` for what no engine loads.
+fn names(texels: PlaneFormat, is_srgb: bool) -> Option<(VkFormat, DxgiFormat)> {
+    let [linear, srgb] = match texels {
+        PlaneFormat::Bc1 => [
+            (VkFormat::BC1_RGB_UNORM_BLOCK, DxgiFormat::BC1_UNORM),
+            (VkFormat::BC1_RGB_SRGB_BLOCK, DxgiFormat::BC1_UNORM_SRGB),
+        ],
+        PlaneFormat::Bc3 => [
+            (VkFormat::BC3_UNORM_BLOCK, DxgiFormat::BC3_UNORM),
+            (VkFormat::BC3_SRGB_BLOCK, DxgiFormat::BC3_UNORM_SRGB),
+        ],
+        // These have no sRGB form.
+        PlaneFormat::Bc4 => [(VkFormat::BC4_UNORM_BLOCK, DxgiFormat::BC4_UNORM); 2],
+        PlaneFormat::Bc5 => [(VkFormat::BC5_UNORM_BLOCK, DxgiFormat::BC5_UNORM); 2],
+        PlaneFormat::Bc7 => [
+            (VkFormat::BC7_UNORM_BLOCK, DxgiFormat::BC7_UNORM),
+            (VkFormat::BC7_SRGB_BLOCK, DxgiFormat::BC7_UNORM_SRGB),
+        ],
+        PlaneFormat::Rgba8Unorm => [
+            (VkFormat::R8G8B8A8_UNORM, DxgiFormat::R8G8B8A8_UNORM),
+            (VkFormat::R8G8B8A8_SRGB, DxgiFormat::R8G8B8A8_UNORM_SRGB),
+        ],
+        _ => return None,
+    };
+    Some(if is_srgb { srgb } else { linear })
+}
 
-    fn vulkan(self, is_srgb: bool) -> VkFormat {
-        match (self, is_srgb) {
-            (Texels::Bc1, true) => VkFormat::BC1_RGB_SRGB_BLOCK,
-            (Texels::Bc1, false) => VkFormat::BC1_RGB_UNORM_BLOCK,
-            (Texels::Bc3, true) => VkFormat::BC3_SRGB_BLOCK,
-            (Texels::Bc3, false) => VkFormat::BC3_UNORM_BLOCK,
-            (Texels::Bc4, _) => VkFormat::BC4_UNORM_BLOCK,
-            (Texels::Bc5, _) => VkFormat::BC5_UNORM_BLOCK,
-            (Texels::Bc7, true) => VkFormat::BC7_SRGB_BLOCK,
-            (Texels::Bc7, false) => VkFormat::BC7_UNORM_BLOCK,
-            (Texels::Rgba8, true) => VkFormat::R8G8B8A8_SRGB,
-            (Texels::Rgba8, false) => VkFormat::R8G8B8A8_UNORM,
-        }
-    }
+/// Whether the channel beside the colours is left out.
+fn lacks_extra(texels: PlaneFormat, pixel: PixelInfo) -> bool {
+    let is_held = match texels {
+        PlaneFormat::Bc1 | PlaneFormat::Bc4 => false,
+        PlaneFormat::Bc5 => pixel.channels == 2,
+        _ => true,
+    };
+    pixel.has_extra() && !is_held
+}
 
-    fn dxgi(self, is_srgb: bool) -> DxgiFormat {
-        match (self, is_srgb) {
-            (Texels::Bc1, true) => DxgiFormat::BC1_UNORM_SRGB,
-            (Texels::Bc1, false) => DxgiFormat::BC1_UNORM,
-            (Texels::Bc3, true) => DxgiFormat::BC3_UNORM_SRGB,
-            (Texels::Bc3, false) => DxgiFormat::BC3_UNORM,
-            (Texels::Bc4, _) => DxgiFormat::BC4_UNORM,
-            (Texels::Bc5, _) => DxgiFormat::BC5_UNORM,
-            (Texels::Bc7, true) => DxgiFormat::BC7_UNORM_SRGB,
-            (Texels::Bc7, false) => DxgiFormat::BC7_UNORM,
-            (Texels::Rgba8, true) => DxgiFormat::R8G8B8A8_UNORM_SRGB,
-            (Texels::Rgba8, false) => DxgiFormat::R8G8B8A8_UNORM,
-        }
+/// Warns of what is lost of an image of such pixels.
+///
+/// # Errors
+/// [`CliError::Channels`] where colours would be lost.
+fn check_loss(path: &Path, texels: PlaneFormat, pixel: PixelInfo) -> Result<(), CliError> {
+    let held = match texels {
+        PlaneFormat::Bc4 => 1,
+        // Of unit normals z follows from x and y.
+        PlaneFormat::Bc5 if pixel.color != ColorSpace::Normal => 2,
+        _ => 3,
+    };
+    if pixel.color_channels() > held {
+        return Err(CliError::Channels { path: path.to_owned(), found: pixel.channels, held });
     }
-
-    /// What is lost of an image of such pixels, as a sentence; nothing where all is kept.
-    ///
-    /// # Errors
-    /// [`CliError::Channels`] where colours would be lost.
-    fn loss(self, path: &Path, pixel: PixelInfo) -> Result<Option<&'static str>, CliError> {
-        let is_normal = pixel.color == ColorSpace::Normal;
-        let held = match self {
-            Texels::Bc4 => 1,
-            Texels::Bc5 => 2,
-            Texels::Bc1 => 3,
-            _ => 4,
-        };
-        if pixel.color_channels() > held && !(is_normal && self == Texels::Bc5) {
-            return Err(CliError::Channels { path: path.to_owned(), found: pixel.channels, held });
-        }
-        let alpha = pixel.has_extra() && matches!(self, Texels::Bc1 | Texels::Bc4);
-        Ok(match (alpha, pixel.depth) {
-            (true, _) if pixel.alpha == Alpha::Band => Some("the band beside the colours is left out"),
-            (true, _) => Some("alpha is left out; bc3 and bc7 hold it, bc5 that of gray images"),
-            (false, Depth::Sixteen) => Some("values are rounded to 8 bits"),
-            _ => None,
-        })
+    let say = |what: &str| warn(&format!("{}: {what}", path.display()));
+    if lacks_extra(texels, pixel) {
+        let what = if pixel.alpha == Alpha::Band { "the band beside the colours" } else { "alpha" };
+        say(&format!("{what} is left out; bc3, bc7 and rgba8 hold it, and bc5 that of gray images"));
     }
+    if pixel.depth == Depth::Sixteen {
+        say("values are rounded to 8 bits");
+    }
+    Ok(())
 }
 
 /// The file of a rectangle of a level and, where the whole level is wanted, of all levels that follow it and are stored.
@@ -123,14 +107,15 @@ pub(super) fn file(
     path: &Path,
     image: &AnyImage,
     rect: Rect,
-    (texels, container): (Texels, Container),
+    (texels, container): (PlaneFormat, Container),
     memory: &MemoryArgs,
 ) -> Result<Vec<u8>, CliError> {
     let layout = image.as_encoded().layout();
     let pixel = layout.pixel_of(rect.image);
-    if let Some(loss) = texels.loss(path, pixel)? {
-        warn(&format!("{}: {loss}", path.display()));
-    }
+    check_loss(path, texels, pixel)?;
+    let fault = |what: String| CliError::Texture { path: path.to_owned(), what };
+    let formats = names(texels, pixel.color == ColorSpace::Srgb);
+    let (vulkan, dxgi) = formats.ok_or_else(|| fault("not a format of textures".to_owned()))?;
     memory::check(path, u64::from(rect.width) * u64::from(rect.height) * BYTES_PER_TEXEL, memory.bytes())?;
     let levels = layout.levels.min(layout.images[rect.image as usize].full_levels());
     let mut levels: Vec<Rect> = (rect.level..levels.max(rect.level + 1))
@@ -141,16 +126,15 @@ pub(super) fn file(
     }
     let encode = |level: &Rect| encoded(path, image, *level, (texels, pixel));
     let data = levels.iter().map(encode).collect::<Result<Vec<_>, _>>()?;
-    let is_srgb = pixel.color == ColorSpace::Srgb;
     let is_cut = !rect.width.is_multiple_of(4) || !rect.height.is_multiple_of(4);
-    if container == Container::Dds && is_cut && texels != Texels::Rgba8 {
+    if container == Container::Dds && is_cut && texels != PlaneFormat::Rgba8Unorm {
         warn(&format!("{}: sides are no multiples of 4, which Direct3D asks of blocks", path.display()));
     }
     let written = match container {
-        Container::Ktx2 => ktx2((rect.width, rect.height), texels.vulkan(is_srgb), &data),
-        Container::Dds => dds((rect.width, rect.height), texels.dxgi(is_srgb), &data),
+        Container::Ktx2 => ktx2((rect.width, rect.height), vulkan, &data),
+        Container::Dds => dds((rect.width, rect.height), dxgi, &data),
     };
-    written.map_err(|what| CliError::Texture { path: path.to_owned(), what })
+    written.map_err(fault)
 }
 
 /// A level in its format.
@@ -158,16 +142,20 @@ fn encoded(
     path: &Path,
     image: &AnyImage,
     level: Rect,
-    (texels, pixel): (Texels, PixelInfo),
+    (texels, pixel): (PlaneFormat, PixelInfo),
 ) -> Result<Vec<u8>, CliError> {
     let (width, height) = (level.width as usize, level.height as usize);
     let mut rgba = vec![[0; 4]; width * height];
     let decoded = image.as_encoded().decode_rgba8(level, &mut rgba);
     decoded.map_err(|source| CliError::Region { path: path.to_owned(), source })?;
-    if texels == Texels::Bc5 && pixel.channels == 2 {
+    if texels == PlaneFormat::Bc5 && pixel.channels == 2 {
         rgba.iter_mut().for_each(|texel| texel[1] = texel[3]);
     }
-    Ok(encode_plane(texels.plane(), level.width, level.height, rgba.as_flattened(), Effort::Normal))
+    if lacks_extra(texels, pixel) {
+        // BC1 would make what is clear black.
+        rgba.iter_mut().for_each(|texel| texel[3] = u8::MAX);
+    }
+    Ok(encode_plane(texels, level.width, level.height, rgba.as_flattened(), Effort::Normal))
 }
 
 /// A KTX2 file (KTX File Format Specification 2.0, section 3): levels lie from the smallest to the largest.

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use texfold_core::image::PixelInfo;
 use texfold_core::metric::BAND_ROWS;
-use texfold_core::{ImageSize, Rect, RegionError};
+use texfold_core::{ImageSize, PlaneFormat, Rect, RegionError};
 
 use super::picture::{Format, Picture};
-use super::texture::{Container, Texels};
-use crate::error::CliError;
+use super::texture::Container;
+use crate::error::{CliError, UsageError};
 use crate::input::samples::Bands;
 use crate::memory::{self, MemoryArgs};
 
@@ -25,7 +25,7 @@ pub(super) fn bands(rect: Rect) -> impl Iterator<Item = Rect> {
     (0..rect.height).step_by(rows as usize).map(band)
 }
 
-/// What is written.
+/// Formats of output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 pub(crate) enum To {
     /// 8 or 16 bits a channel, as the texture has.
@@ -52,19 +52,26 @@ pub(crate) enum To {
 }
 
 impl To {
-    /// The format of an image file, or of texels of a texture.
-    pub(super) fn format(self) -> Result<Format, Texels> {
+    /// The format of an image file; of what is written as a texture the default.
+    fn picture(self) -> Format {
         match self {
-            To::Png => Ok(Format::Png),
-            To::Tiff => Ok(Format::Tiff),
-            To::Webp => Ok(Format::Webp),
-            To::Exr => Ok(Format::Exr),
-            To::Bc1 => Err(Texels::Bc1),
-            To::Bc3 => Err(Texels::Bc3),
-            To::Bc4 => Err(Texels::Bc4),
-            To::Bc5 => Err(Texels::Bc5),
-            To::Bc7 => Err(Texels::Bc7),
-            To::Rgba8 => Err(Texels::Rgba8),
+            To::Tiff => Format::Tiff,
+            To::Webp => Format::Webp,
+            To::Exr => Format::Exr,
+            _ => Format::Png,
+        }
+    }
+
+    /// The format of texels of a texture.
+    fn texels(self) -> Option<PlaneFormat> {
+        match self {
+            To::Png | To::Tiff | To::Webp | To::Exr => None,
+            To::Bc1 => Some(PlaneFormat::Bc1),
+            To::Bc3 => Some(PlaneFormat::Bc3),
+            To::Bc4 => Some(PlaneFormat::Bc4),
+            To::Bc5 => Some(PlaneFormat::Bc5),
+            To::Bc7 => Some(PlaneFormat::Bc7),
+            To::Rgba8 => Some(PlaneFormat::Rgba8Unorm),
         }
     }
 }
@@ -78,9 +85,9 @@ pub(crate) struct Writing {
     /// Format of the images: files of pictures, or textures that engines load.
     #[arg(long, value_enum, default_value_t)]
     to: To,
-    /// File format of textures.
-    #[arg(long, value_enum, default_value_t)]
-    container: Container,
+    /// File format of textures; ktx2 by default.
+    #[arg(long, value_enum)]
+    container: Option<Container>,
     /// Overwrite files that are there.
     #[arg(long)]
     force: bool,
@@ -136,7 +143,7 @@ impl Writing {
         bands: Option<Bands>,
     ) -> Result<Picture, CliError> {
         let band = size.texels().min(BAND_TEXELS) * BAND_BYTES_PER_TEXEL;
-        let format = self.to.format().unwrap_or_default();
+        let format = self.to.picture();
         let needed = 2 * Picture::bytes(format, size, info, bands) + band;
         memory::check(path, needed, self.memory.bytes())?;
         Ok(Picture::new(format, size, info, bands))
@@ -145,16 +152,23 @@ impl Writing {
     /// The ending of file names: the rectangle, if one is given, and the extension.
     pub(crate) fn ending(&self) -> String {
         let region = self.region.map(|[x, y, width, height]| format!("-{x}-{y}-{width}x{height}"));
-        format!(
-            "{}.{}",
-            region.unwrap_or_default(),
-            self.to.format().map_or(self.container.extension(), Format::extension)
-        )
+        let picture = || self.to.picture().extension();
+        let extension = self.texture().map_or_else(picture, |(_, container)| container.extension());
+        format!("{}.{extension}", region.unwrap_or_default())
     }
 
     /// Formats of texels and of the file, where a texture is wanted.
-    pub(crate) fn texture(&self) -> Option<(Texels, Container)> {
-        self.to.format().err().map(|texels| (texels, self.container))
+    pub(crate) fn texture(&self) -> Option<(PlaneFormat, Container)> {
+        self.to.texels().map(|texels| (texels, self.container.unwrap_or_default()))
+    }
+
+    /// Refuses options that what is written does not have.
+    pub(crate) fn check_options(&self) -> Result<(), UsageError> {
+        match self.texture() {
+            None if self.container.is_some() => Err(UsageError::Container),
+            Some(_) if self.gpu => Err(UsageError::Excluded { option: "gpu", other: "--to bc1 to rgba8" }),
+            _ => Ok(()),
+        }
     }
 
     /// Whether files hold any number of bands.

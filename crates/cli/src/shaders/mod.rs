@@ -47,7 +47,7 @@ pub enum Lang {
 /// Arguments of `shaders`.
 #[derive(Debug, clap::Args)]
 pub struct ShadersArgs {
-    /// What to write; all by default. dct: compute shaders that decode superblocks into a plain texture; tiles: the cache of decoded tiles;
+    /// Shaders to write; all by default. dct: compute shaders that decode superblocks into a plain texture; tiles: the cache of decoded tiles;
     /// others: drawing by texel from the compressed form.
     #[arg(value_name = "CODEC", value_parser = PossibleValuesParser::new(names()))]
     codecs: Vec<String>,

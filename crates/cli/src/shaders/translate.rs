@@ -20,13 +20,13 @@ pub(super) struct Program {
     info: ModuleInfo,
 }
 
-/// What a file holds.
+/// Contents of a file.
 pub(super) enum Text {
     Lines(String),
     Words(Vec<u32>),
 }
 
-/// Kinds of what is bound: languages number each from 0 on.
+/// Kinds of bindings: languages number each from 0 on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Bound {
     Uniform,
@@ -82,7 +82,7 @@ impl Program {
         Ok(Program { name: name.to_owned(), source: source.to_owned(), module, info })
     }
 
-    /// What is bound, in the order of groups and bindings.
+    /// Bound variables, in the order of groups and bindings.
     pub(super) fn bound(&self) -> Vec<(ResourceBinding, &GlobalVariable)> {
         let variables = self.module.global_variables.iter();
         let mut bound: Vec<_> =
@@ -106,7 +106,7 @@ impl Program {
         self.bound().into_iter().map(number).collect()
     }
 
-    /// Where a language has a binding; nothing where groups and bindings are its own terms.
+    /// Place of a binding in the terms of a language; `None` where these are groups and bindings.
     pub(super) fn place(
         &self,
         lang: Lang,
@@ -154,7 +154,7 @@ impl Program {
         })
     }
 
-    /// Comments that name what is bound.
+    /// Comments that name the bindings.
     fn header(&self, lang: Lang) -> String {
         let mut header = format!("// Texfold {}: {}\n", env!("CARGO_PKG_VERSION"), self.name);
         for (binding, variable) in self.bound() {

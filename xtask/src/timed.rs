@@ -35,7 +35,11 @@ pub(crate) fn test(arguments: &[String], full: bool) -> io::Result<bool> {
         "target.\"cfg(all())\".runner=[{:?},\"time-tests\"]",
         env::current_exe()?.display().to_string()
     );
-    command.args(["--config", &runner, "test"]).args(arguments).env("TEXFOLD_GPU", "require");
+    command
+        .args(["--config", &runner, "test"])
+        .args(arguments)
+        .env("TEXFOLD_GPU", "require")
+        .env("TEXFOLD_VALGRIND", "require");
     if full {
         // A run of half an hour tells all that is wrong.
         command.arg("--no-fail-fast").env("TEXFOLD_FULL", "1");

@@ -29,6 +29,7 @@ mod limits;
 pub mod mesh;
 #[cfg(feature = "encode")]
 pub mod metric;
+mod names;
 pub mod parallel;
 #[cfg(feature = "encode")]
 mod principal;
@@ -57,6 +58,7 @@ pub use image::{ImageLayout, ImageSize};
 #[cfg(feature = "encode")]
 pub use job::{Cancel, CancelCheck, Job, Stage};
 pub use limits::{Budget, LimitError, Limits, MAX_IMAGE_SIDE, MAX_PLANE_SIDE};
+pub use names::NameError;
 #[cfg(feature = "encode")]
 pub use principal::principal_axes;
 pub use target::{Effort, Goal, Metric};

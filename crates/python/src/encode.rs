@@ -1,5 +1,6 @@
 //! Encoding: in a thread of its own, while the interpreter's thread passes on progress and looks for Ctrl-C.
 
+use std::str::FromStr;
 use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread;
@@ -10,11 +11,9 @@ use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use rayon::{ThreadPool, ThreadPoolBuilder};
-use texfold::core::image::{Alpha, MapKind};
-use texfold::core::{EncodeError, SourceError, Stage};
-use texfold::{
-    Access, Cancel, Choice, ColorSpace, Effort, Encode, Goal, ImageSet, Job, Limits, Metric, Raster,
-};
+use texfold::core::image::MapKind;
+use texfold::core::{EncodeError, NameError, SourceError, Stage};
+use texfold::{Cancel, Choice, ColorSpace, Encode, Goal, ImageSet, Job, Limits, Raster};
 
 use crate::error::encode_error;
 
@@ -39,12 +38,11 @@ impl Pixels<'_> {
 
     /// As [`Pixels::raster`]; a channel beside gray or RGB counts as colours do.
     fn with_band(&self, color: ColorSpace) -> Result<Raster, SourceError> {
-        let raster = self.raster(color)?;
-        // What is opaque everywhere was dropped for alpha.
-        let extra = self.shape()[2].is_multiple_of(2);
-        let channels = raster.info().color_channels() + u8::from(extra);
-        let alpha = if extra { Alpha::Band } else { Alpha::Opaque };
-        Ok(raster.with_channels(channels).tagged(color, alpha))
+        Ok(self.raster(color)?.with_band(self.channels()))
+    }
+
+    fn channels(&self) -> u8 {
+        u8::try_from(self.shape()[2]).unwrap_or(u8::MAX)
     }
 
     /// A copy: others may write to the array while it is encoded.
@@ -52,7 +50,7 @@ impl Pixels<'_> {
         let shape = self.shape();
         let side = |axis: usize| u32::try_from(shape[axis]).unwrap_or(u32::MAX);
         let (height, width) = (side(0), side(1));
-        let channels = u8::try_from(shape[2]).unwrap_or(u8::MAX);
+        let channels = self.channels();
         match self {
             Pixels::Eight(array) => {
                 Raster::from_u8(width, height, channels, color, array.as_slice().unwrap_or_default())
@@ -64,39 +62,29 @@ impl Pixels<'_> {
     }
 }
 
-/// The one of `choices` that has that name.
-fn named<T: Copy>(option: &str, name: &str, choices: &[(&str, T)]) -> PyResult<T> {
-    let found = choices.iter().find(|(known, _)| *known == name);
-    found.map(|(_, choice)| *choice).ok_or_else(|| {
-        let known: Vec<&str> = choices.iter().map(|(known, _)| *known).collect();
-        PyValueError::new_err(format!("{option} '{name}'; give one of {}", known.join(", ")))
-    })
-}
-
-fn color_named(name: &str) -> PyResult<ColorSpace> {
-    let known = [("srgb", ColorSpace::Srgb), ("linear", ColorSpace::Linear), ("normal", ColorSpace::Normal)];
-    named("color", name, &known)
+/// The value of that name.
+fn named<T: FromStr<Err = NameError>>(name: &str) -> PyResult<T> {
+    name.parse().map_err(|error: NameError| PyValueError::new_err(error.to_string()))
 }
 
 /// The images to encode: those of a set, or the maps of a material, where `names` has one for each.
 fn set_of(images: &[Pixels<'_>], names: &[String], color: &str, alpha: &str) -> PyResult<ImageSet> {
     let source = |error: SourceError| encode_error(&EncodeError::from(error));
-    let is_band = named("alpha", alpha, &[("straight", false), ("band", true)])?;
+    let is_band = match alpha {
+        "straight" => false,
+        "band" => true,
+        _ => return Err(PyValueError::new_err(format!("alpha '{alpha}'; give one of straight, band"))),
+    };
     let raster =
         |image: &Pixels<'_>, color| if is_band { image.with_band(color) } else { image.raster(color) };
     if names.is_empty() {
-        let color = color_named(color)?;
+        let color = named(color)?;
         let rasters = images.iter().map(|image| raster(image, color)).collect::<Result<Vec<_>, _>>();
         return rasters.and_then(ImageSet::new).map_err(source);
     }
     let map = |(image, name): (&Pixels<'_>, &String)| {
         let kind = MapKind::named(name).unwrap_or(MapKind::Other);
-        let color = match kind {
-            MapKind::BaseColor | MapKind::Emissive => ColorSpace::Srgb,
-            MapKind::Normal => ColorSpace::Normal,
-            _ => ColorSpace::Linear,
-        };
-        Ok((kind, name.clone(), raster(image, color)?))
+        Ok((kind, name.clone(), raster(image, kind.color_space())?))
     };
     images
         .iter()
@@ -132,21 +120,15 @@ impl Options {
             let known = "auto, dct, bc, vq, epitome, progressive";
             PyValueError::new_err(format!("codec '{codec}'; give one of {known}"))
         })?;
-        let efforts = [("fast", Effort::Fast), ("normal", Effort::Normal), ("high", Effort::High)];
-        let goal = match self.goal.as_str() {
-            "psnr" => Goal::Psnr(self.value),
-            "bpp" => Goal::Bpp(self.value),
-            _ => Goal::Tolerance(self.value),
-        };
+        let goal = Goal::named(&self.goal, self.value);
+        let goal = goal.map_err(|error| PyValueError::new_err(error.to_string()))?;
         let encoder = Encode::new(set).goal(goal).codec(choice).mips(self.mips);
-        let mut encoder = encoder.effort(named("effort", effort, &efforts)?);
+        let mut encoder = encoder.effort(named(effort)?);
         if let Some(access) = &self.access {
-            let known = [("block", Access::Block), ("texel", Access::Texel)];
-            encoder = encoder.access(named("access", access, &known)?);
+            encoder = encoder.access(named(access)?);
         }
         if let Some(metric) = &self.metric {
-            let known = [("psnr", Metric::Psnr), ("perceptual", Metric::Perceptual)];
-            encoder = encoder.metric(named("metric", metric, &known)?);
+            encoder = encoder.metric(named(metric)?);
         }
         Ok(encoder)
     }

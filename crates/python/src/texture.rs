@@ -145,22 +145,16 @@ impl Values {
     /// Those of a rectangle of a texture.
     pub(crate) fn of(texture: &AnyImage, rect: Rect) -> PyResult<Values> {
         let pixel = texture.as_encoded().layout().pixel_of(rect.image);
-        if pixel.depth == Depth::Sixteen {
-            // An empty region has no raster.
-            let raster = metric::decode_rect(texture.as_encoded(), rect);
-            let round = |value: f32| (value.clamp(0.0, 1.0) * f32::from(u16::MAX) + 0.5) as u16;
-            return Ok(Values::Sixteen(raster.iter().flat_map(Raster::values).map(round).collect()));
-        }
         let (width, height) = (rect.width as usize, rect.height as usize);
-        let mut rgba = vec![0; 4 * width * height];
-        texture.decode_rgba8(rect, &mut rgba, 4 * width).map_err(|error| region_error(&error))?;
-        let (texels, _) = rgba.as_chunks::<4>();
-        Ok(Values::Eight(match pixel.channels {
-            1 => texels.iter().map(|&[gray, ..]| gray).collect(),
-            2 => texels.iter().flat_map(|&[gray, _, _, alpha]| [gray, alpha]).collect(),
-            3 => texels.iter().flat_map(|&[red, green, blue, _]| [red, green, blue]).collect(),
-            _ => rgba,
-        }))
+        let stride = 4 * width;
+        if pixel.depth == Depth::Sixteen {
+            let mut rgba = vec![0; stride * height];
+            texture.decode_rgba16(rect, &mut rgba, stride).map_err(|error| region_error(&error))?;
+            return Ok(Values::Sixteen(channels(rgba, pixel.channels)));
+        }
+        let mut rgba = vec![0; stride * height];
+        texture.decode_rgba8(rect, &mut rgba, stride).map_err(|error| region_error(&error))?;
+        Ok(Values::Eight(channels(rgba, pixel.channels)))
     }
 
     /// An array of one axis.
@@ -169,6 +163,17 @@ impl Values {
             Values::Eight(values) => PyArray1::from_vec(py, values).into_any(),
             Values::Sixteen(values) => PyArray1::from_vec(py, values).into_any(),
         }
+    }
+}
+
+/// The channels that an image has, of those of RGBA.
+fn channels<T: Copy>(rgba: Vec<T>, channels: u8) -> Vec<T> {
+    let (texels, _) = rgba.as_chunks::<4>();
+    match channels {
+        1 => texels.iter().map(|&[gray, ..]| gray).collect(),
+        2 => texels.iter().flat_map(|&[gray, _, _, alpha]| [gray, alpha]).collect(),
+        3 => texels.iter().flat_map(|&[red, green, blue, _]| [red, green, blue]).collect(),
+        _ => rgba,
     }
 }
 

@@ -4,7 +4,7 @@ use std::any::Any;
 use std::io::{self, Write};
 
 use texfold_core::container::SectionWriter;
-use texfold_core::{CodecId, Encoded, Image2d, LoadError, Rect, RegionError};
+use texfold_core::{CodecId, Encoded, Image2d, LoadError, Rect, RegionError, Texel};
 use texfold_lightfield::LightTexture;
 
 use crate::Registration;
@@ -128,6 +128,34 @@ impl AnyImage {
     /// [`BytesError`] where `region` leaves the texture, or `out` or `stride` are too small for it. Bytes between rows are
     /// left as they are.
     pub fn decode_rgba8(&self, region: Rect, out: &mut [u8], stride: usize) -> Result<(), BytesError> {
+        self.decode_rows(region, out, stride, |band, texels| self.as_encoded().decode_rgba8(band, texels))
+    }
+
+    /// As [`AnyImage::decode_rgba8`] to 16 bits a channel, 65535 for 1; `stride` counts values, four a texel.
+    ///
+    /// # Errors
+    /// As there, in values for bytes.
+    pub fn decode_rgba16(&self, region: Rect, out: &mut [u16], stride: usize) -> Result<(), BytesError> {
+        let mut values = Vec::new();
+        self.decode_rows(region, out, stride, |band, texels| {
+            values.resize(texels.len(), Texel::ZERO);
+            self.as_encoded().decode(band, &mut values)?;
+            for (texel, value) in texels.iter_mut().zip(&values) {
+                let value = value.clamp(Texel::ZERO, Texel::ONE) * f32::from(u16::MAX) + 0.5;
+                *texel = value.to_array().map(|value| value as u16);
+            }
+            Ok(())
+        })
+    }
+
+    /// Decodes bands of a region to rows of four values a texel, `stride` values apart.
+    fn decode_rows<T: Copy + Default>(
+        &self,
+        region: Rect,
+        out: &mut [T],
+        stride: usize,
+        mut decode: impl FnMut(Rect, &mut [[T; 4]]) -> Result<(), RegionError>,
+    ) -> Result<(), BytesError> {
         self.as_encoded().layout().check(region)?;
         let (width, height) = (region.width as usize, region.height as usize);
         if stride / 4 < width {
@@ -144,16 +172,16 @@ impl AnyImage {
         // Bands end where blocks do, so that none is decoded twice.
         let rows = (BAND_TEXELS / width).next_multiple_of(BAND_ROWS);
         let mut texels =
-            if stride == 4 * width { Vec::new() } else { vec![[0; 4]; rows.min(height) * width] };
+            if stride == 4 * width { Vec::new() } else { vec![[T::default(); 4]; rows.min(height) * width] };
         let mut top = 0;
         while top < height {
             let rows = (rows - (region.y as usize + top) % rows).min(height - top);
             let band = Rect { y: region.y + top as u32, height: rows as u32, ..region };
             if texels.is_empty() {
                 let (out, _) = out[top * stride..][..rows * stride].as_chunks_mut::<4>();
-                self.as_encoded().decode_rgba8(band, out)?;
+                decode(band, out)?;
             } else {
-                self.as_encoded().decode_rgba8(band, &mut texels[..rows * width])?;
+                decode(band, &mut texels[..rows * width])?;
                 for (row, line) in texels[..rows * width].chunks_exact(width).enumerate() {
                     out[(top + row) * stride..][..4 * width].copy_from_slice(line.as_flattened());
                 }

@@ -104,11 +104,7 @@ impl MapName {
 
     /// How values of such a map are handled.
     pub(crate) fn color(&self) -> ColorSpace {
-        match self.kind {
-            MapKind::BaseColor | MapKind::Emissive => ColorSpace::Srgb,
-            MapKind::Normal => ColorSpace::Normal,
-            _ => ColorSpace::Linear,
-        }
+        self.kind.color_space()
     }
 }
 

@@ -1,6 +1,6 @@
 //! The maps of a material: images that lie over one another, each with a meaning of its own.
 
-use super::PixelInfo;
+use super::{ColorSpace, PixelInfo};
 use crate::SourceError;
 
 /// Meaning of a map.
@@ -43,6 +43,16 @@ impl MapKind {
         MapKind::Opacity,
         MapKind::Other,
     ];
+
+    /// Colour space of its values where nothing else is known.
+    #[must_use]
+    pub fn color_space(self) -> ColorSpace {
+        match self {
+            MapKind::BaseColor | MapKind::Emissive => ColorSpace::Srgb,
+            MapKind::Normal => ColorSpace::Normal,
+            _ => ColorSpace::Linear,
+        }
+    }
 
     /// Its name, as options and reports have it.
     #[must_use]

@@ -152,6 +152,15 @@ impl Raster {
         self
     }
 
+    /// The same image, made of `channels` channels, whose second or fourth counts as colours do. What was dropped as fully opaque alpha is
+    /// there again.
+    #[must_use]
+    pub fn with_band(self, channels: u8) -> Self {
+        let extra = channels.is_multiple_of(2);
+        let (all, color) = (self.info.color_channels() + u8::from(extra), self.info.color);
+        self.with_channels(all).tagged(color, if extra { Alpha::Band } else { Alpha::Opaque })
+    }
+
     /// The same image with exactly `channels` channels: gray is copied to RGB, missing alpha is 1, and
     /// what `channels` has no room for is dropped (RGB to gray keeps red).
     #[must_use]

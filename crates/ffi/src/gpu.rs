@@ -1,0 +1,404 @@
+//! What a GPU needs to draw a texture, for any interface to it.
+
+use std::ffi::{CString, c_char};
+
+use texfold::core::{GpuDct, PlaneFormat};
+use texfold_shaders::{DctChannel, DctEntry, DctProgram};
+
+use crate::status::{Failure, Outcome, guarded, kept, put, there};
+use crate::{Region, Status, Texture};
+
+/// Planes, parameters and textures in blocks of a texture: copies, which outlive it.
+pub struct Gpu {
+    module: CString,
+    planes: Vec<PlaneKept>,
+    uniforms: Vec<u8>,
+    bindings: Vec<BindingKept>,
+    blocks: Vec<Blocks>,
+}
+
+struct PlaneKept {
+    width: u32,
+    height: u32,
+    levels: u32,
+    format: CString,
+    data: Vec<u8>,
+}
+
+struct BindingKept {
+    textures: Vec<u32>,
+    offset: u64,
+    size: u64,
+    image: u32,
+}
+
+struct Blocks {
+    of: GpuDct<'static>,
+    words: Vec<u32>,
+    streams: Vec<u8>,
+}
+
+/// Calls of the block decoder's functions, with all their parameters.
+pub struct Program {
+    of: DctProgram,
+    dispatches: Vec<Dispatch>,
+}
+
+/// What a texture consists of on a GPU. Pointers live as long as the object.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct GpuInfo {
+    /// Name of the shader that reads its texels: `texfold shaders <module>` writes it.
+    pub module: *const c_char,
+    /// Textures to upload.
+    pub planes: u32,
+    /// Images, each with a binding.
+    pub images: u32,
+    /// Textures in blocks to upload and decode; 0 where texels are read from the planes.
+    pub blocks: u32,
+    /// Parameters of all images.
+    pub uniforms: *const u8,
+    /// Bytes of the parameters.
+    pub uniform_bytes: usize,
+}
+
+/// A texture to upload. Pointers live as long as the object.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct PlaneInfo {
+    /// Columns of level 0.
+    pub width: u32,
+    /// Rows of level 0.
+    pub height: u32,
+    /// Mip levels in `data`.
+    pub levels: u32,
+    /// Format by its name in WebGPU, such as "rgba8unorm", "r32uint" or "bc7-rgba-unorm".
+    pub format: *const c_char,
+    /// The levels one after the other, largest first, rows without padding.
+    pub data: *const u8,
+    /// Bytes of `data`.
+    pub size: usize,
+}
+
+/// What to bind to draw an image. Pointers live as long as the object.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct BindingInfo {
+    /// Numbers of textures in the order of the shader's bindings: planes, and from the number of planes on what blocks are decoded to (number of
+    /// planes + `image` of the blocks).
+    pub textures: *const u32,
+    /// How many there are.
+    pub count: usize,
+    /// First byte of the image's parameters in `uniforms`.
+    pub uniform_offset: u64,
+    /// Bytes of the image's parameters.
+    pub uniform_size: u64,
+    /// Argument `image` of the shader's functions.
+    pub image: u32,
+}
+
+/// A texture in blocks of variable length. Pointers live as long as the object.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct BlocksInfo {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Bits of a sample: up to 8 it is decoded to rgba8unorm, otherwise to rgba16uint.
+    pub bits: u32,
+    /// Number of the image that it belongs to.
+    pub image: u32,
+    /// First mip level of the image that it is.
+    pub level: u32,
+    /// Mip levels that are made of it.
+    pub levels: u32,
+    /// First row of the image that it holds, where an image is put together of several.
+    pub row: u32,
+    /// Storage buffer of group 0, binding 1.
+    pub words: *const u32,
+    /// Number of words.
+    pub word_count: usize,
+    /// Storage buffer of group 0, binding 2.
+    pub streams: *const u8,
+    /// Bytes of the streams, a multiple of 4.
+    pub stream_bytes: usize,
+}
+
+/// A dispatch of a program.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct Dispatch {
+    /// Name of the function. A static string.
+    pub entry: *const c_char,
+    /// Bind group 0, binding 0 to TexfoldProgramInfo.pass_bytes from this byte of `passes` on.
+    pub pass_offset: u32,
+    /// Bind group 1, binding 0 to TexfoldProgramInfo.output_bytes from this byte of `outputs` on; of write_texels alone.
+    pub output_offset: u32,
+    /// Mip level to bind in group 1, binding 1, counted from the first that is written; of write_texels alone.
+    pub level: u32,
+    /// Workgroups.
+    pub groups: [u32; 3],
+    /// Fill scratch memory with zeros before it.
+    pub clears: bool,
+    /// Whether it is write_texels.
+    pub writes: bool,
+}
+
+/// A program. Each dispatch reads what those before it wrote to scratch memory. Pointers live as long as the object.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct ProgramInfo {
+    /// Uniform buffer with the parameters of passes; offsets are multiples of 256.
+    pub passes: *const u8,
+    /// Its bytes.
+    pub passes_size: usize,
+    /// Bytes of it that a dispatch binds.
+    pub pass_bytes: usize,
+    /// Uniform buffer with the parameters of write_texels; offsets are multiples of 256.
+    pub outputs: *const u8,
+    /// Its bytes.
+    pub outputs_size: usize,
+    /// Bytes of it that a dispatch binds.
+    pub output_bytes: usize,
+    /// Bytes of scratch memory: storage buffer of group 0, binding 3. At most 64 MiB, but for superblocks that need more alone.
+    pub scratch_bytes: u64,
+    /// Dispatches in their order.
+    pub dispatches: *const Dispatch,
+    /// How many there are.
+    pub dispatch_count: usize,
+}
+
+fn format_name(format: PlaneFormat) -> &'static str {
+    match format {
+        PlaneFormat::Rg8Uint => "rg8uint",
+        PlaneFormat::R32Uint => "r32uint",
+        PlaneFormat::Rgba32Uint => "rgba32uint",
+        PlaneFormat::R8Unorm => "r8unorm",
+        PlaneFormat::Rg8Unorm => "rg8unorm",
+        PlaneFormat::Rgba8Unorm => "rgba8unorm",
+        PlaneFormat::Bc1 => "bc1-rgba-unorm",
+        PlaneFormat::Bc3 => "bc3-rgba-unorm",
+        PlaneFormat::Bc4 => "bc4-r-unorm",
+        PlaneFormat::Bc5 => "bc5-rg-unorm",
+        PlaneFormat::Bc7 => "bc7-rgba-unorm",
+    }
+}
+
+/// What a texture consists of on a GPU.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn texfold_gpu_new(texture: *const Texture, gpu: *mut *mut Gpu) -> Status {
+    guarded(|| {
+        // SAFETY: as the crate says.
+        let texture = unsafe { there(texture, "texture")? };
+        let form = texture.image.as_encoded().gpu();
+        let plane = |plane: texfold::core::Plane<'_>| PlaneKept {
+            width: plane.width,
+            height: plane.height,
+            levels: plane.levels,
+            format: kept(format_name(plane.format)),
+            data: plane.data.into_owned(),
+        };
+        let binding = |binding: texfold::core::ImageBinding| BindingKept {
+            textures: binding.planes.iter().map(|&plane| plane as u32).collect(),
+            offset: binding.uniforms.start as u64,
+            size: binding.uniforms.len() as u64,
+            image: binding.image,
+        };
+        let blocks = |blocks: GpuDct<'_>| Blocks {
+            streams: texfold_shaders::streams(&blocks),
+            words: blocks.words,
+            of: GpuDct { words: Vec::new(), streams: &[], ..blocks },
+        };
+        let made = Gpu {
+            module: kept(form.module),
+            uniforms: form.uniforms,
+            bindings: form.images.into_iter().map(binding).collect(),
+            planes: form.planes.into_iter().map(plane).collect(),
+            blocks: form.blocks.into_iter().map(blocks).collect(),
+        };
+        let made = Box::into_raw(Box::new(made));
+        // SAFETY: as the crate says; where there is no room for it, it is freed.
+        unsafe { put(gpu, made, "gpu").inspect_err(|_| drop(Box::from_raw(made))) }
+    })
+}
+
+/// Frees what texfold_gpu_new made; null is allowed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn texfold_gpu_free(gpu: *mut Gpu) {
+    if !gpu.is_null() {
+        // SAFETY: it comes from `texfold_gpu_new` and was not freed.
+        drop(unsafe { Box::from_raw(gpu) });
+    }
+}
+
+/// Counts and parameters.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn texfold_gpu_info(gpu: *const Gpu, info: *mut GpuInfo) -> Status {
+    guarded(|| {
+        // SAFETY: as the crate says.
+        let gpu = unsafe { there(gpu, "gpu")? };
+        let found = GpuInfo {
+            module: gpu.module.as_ptr(),
+            planes: gpu.planes.len() as u32,
+            images: gpu.bindings.len() as u32,
+            blocks: gpu.blocks.len() as u32,
+            uniforms: gpu.uniforms.as_ptr(),
+            uniform_bytes: gpu.uniforms.len(),
+        };
+        // SAFETY: as the crate says.
+        unsafe { put(info, found, "info") }
+    })
+}
+
+/// The member of that number.
+fn numbered<'a, T>(all: &'a [T], number: u32, name: &str) -> Outcome<&'a T> {
+    all.get(number as usize).ok_or_else(|| {
+        Failure::argument(format!("{name} {number} of {}; give a number below that", all.len()))
+    })
+}
+
+/// Describes a texture to upload.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn texfold_gpu_plane(gpu: *const Gpu, plane: u32, info: *mut PlaneInfo) -> Status {
+    guarded(|| {
+        // SAFETY: as the crate says.
+        let plane = numbered(unsafe { &there(gpu, "gpu")?.planes }, plane, "plane")?;
+        let found = PlaneInfo {
+            width: plane.width,
+            height: plane.height,
+            levels: plane.levels,
+            format: plane.format.as_ptr(),
+            data: plane.data.as_ptr(),
+            size: plane.data.len(),
+        };
+        // SAFETY: as the crate says.
+        unsafe { put(info, found, "info") }
+    })
+}
+
+/// Describes what to bind for an image.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn texfold_gpu_binding(gpu: *const Gpu, image: u32, info: *mut BindingInfo) -> Status {
+    guarded(|| {
+        // SAFETY: as the crate says.
+        let binding = numbered(unsafe { &there(gpu, "gpu")?.bindings }, image, "image")?;
+        let found = BindingInfo {
+            textures: binding.textures.as_ptr(),
+            count: binding.textures.len(),
+            uniform_offset: binding.offset,
+            uniform_size: binding.size,
+            image: binding.image,
+        };
+        // SAFETY: as the crate says.
+        unsafe { put(info, found, "info") }
+    })
+}
+
+/// Describes a texture in blocks.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn texfold_gpu_blocks(gpu: *const Gpu, blocks: u32, info: *mut BlocksInfo) -> Status {
+    guarded(|| {
+        // SAFETY: as the crate says.
+        let blocks = numbered(unsafe { &there(gpu, "gpu")?.blocks }, blocks, "blocks")?;
+        let Blocks { of, words, streams } = blocks;
+        let found = BlocksInfo {
+            width: of.layout.size.width,
+            height: of.layout.size.height,
+            bits: of.layout.depth.into(),
+            image: of.image as u32,
+            level: of.level,
+            levels: of.levels,
+            row: of.row,
+            words: words.as_ptr(),
+            word_count: words.len(),
+            streams: streams.as_ptr(),
+            stream_bytes: streams.len(),
+        };
+        // SAFETY: as the crate says.
+        unsafe { put(info, found, "info") }
+    })
+}
+
+/// Dispatches that decode a texture in blocks: all of its levels, or where `region` is not null that rectangle (levels counted from
+/// that of the blocks, `image` 0), whose first texel goes to column `x` and row `y` of the target. The functions are in the shader
+/// that `texfold shaders block` writes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn texfold_program_new(
+    gpu: *const Gpu,
+    blocks: u32,
+    region: *const Region,
+    x: u32,
+    y: u32,
+    program: *mut *mut Program,
+) -> Status {
+    guarded(|| {
+        // SAFETY: as the crate says.
+        let (gpu, region) = unsafe { (there(gpu, "gpu")?, region.as_ref()) };
+        let Blocks { of, .. } = numbered(&gpu.blocks, blocks, "blocks")?;
+        let channels = DctChannel::colours(&of.layout);
+        let made = match region {
+            None => DctProgram::levels(&of.layout, channels, of.levels)?,
+            Some(&Region { image, level, x: left, y: top, width, height }) => {
+                let size = of.layout.size.at_level(level.min(31));
+                let extent = |given: u32, all: u32, first: u32| {
+                    if given == 0 { all.saturating_sub(first) } else { given }
+                };
+                let (width, height) = (extent(width, size.width, left), extent(height, size.height, top));
+                let rect = texfold::Rect { image, level, x: left, y: top, width, height };
+                DctProgram::new(&of.layout, rect, channels, [x, y])?
+            }
+        };
+        let dispatch = |dispatch: &texfold_shaders::DctDispatch| Dispatch {
+            entry: match dispatch.entry {
+                DctEntry::Read => c"read_superblocks",
+                DctEntry::Transform => c"transform_blocks",
+                DctEntry::DeblockColumns => c"deblock_columns",
+                DctEntry::DeblockRows => c"deblock_rows",
+                DctEntry::Write => c"write_texels",
+            }
+            .as_ptr(),
+            pass_offset: dispatch.pass,
+            output_offset: dispatch.output,
+            level: dispatch.level,
+            groups: dispatch.groups,
+            clears: dispatch.clears,
+            writes: dispatch.entry == DctEntry::Write,
+        };
+        let dispatches = made.dispatches.iter().map(dispatch).collect();
+        let made = Box::into_raw(Box::new(Program { of: made, dispatches }));
+        // SAFETY: as the crate says; where there is no room for it, it is freed.
+        unsafe { put(program, made, "program").inspect_err(|_| drop(Box::from_raw(made))) }
+    })
+}
+
+/// Frees a program; null is allowed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn texfold_program_free(program: *mut Program) {
+    if !program.is_null() {
+        // SAFETY: it comes from `texfold_program_new` and was not freed.
+        drop(unsafe { Box::from_raw(program) });
+    }
+}
+
+/// Describes a program.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn texfold_program_info(program: *const Program, info: *mut ProgramInfo) -> Status {
+    guarded(|| {
+        // SAFETY: as the crate says.
+        let Program { of, dispatches } = unsafe { there(program, "program")? };
+        let found = ProgramInfo {
+            passes: of.passes.as_ptr(),
+            passes_size: of.passes.len(),
+            pass_bytes: texfold_shaders::PASS_BYTES,
+            outputs: of.outputs.as_ptr(),
+            outputs_size: of.outputs.len(),
+            output_bytes: texfold_shaders::OUTPUT_BYTES,
+            scratch_bytes: of.scratch,
+            dispatches: dispatches.as_ptr(),
+            dispatch_count: dispatches.len(),
+        };
+        // SAFETY: as the crate says.
+        unsafe { put(info, found, "info") }
+    })
+}

@@ -34,7 +34,7 @@ pub(crate) fn check() -> io::Result<bool> {
         "pytest",
         "dask",
         "xarray",
-        "./crates/python[zarr]",
+        "./crates/python[zarr,gpu]",
     ]);
     let mut test = Command::new(bin.join("python"));
     test.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", "crates/python/tests"]);

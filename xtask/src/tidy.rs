@@ -176,7 +176,11 @@ const ALLOWED: [Allowed; 24] = [
     // Built before anything else, and again after each edit: it knows no codec.
     Allowed { package: "xtask", numeric: false, may: &["clap"] },
     Allowed { package: "ffi", numeric: false, may: &["rayon", "texfold", "texfold-shaders"] },
-    Allowed { package: "python", numeric: false, may: &["numpy", "pyo3", "rayon", "texfold"] },
+    Allowed {
+        package: "python",
+        numeric: false,
+        may: &["numpy", "pyo3", "rayon", "texfold", "texfold-shaders"],
+    },
     Allowed {
         package: "window",
         numeric: true,

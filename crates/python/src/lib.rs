@@ -4,6 +4,7 @@
 mod bank;
 mod encode;
 mod error;
+mod gpu;
 mod texture;
 
 /// Encoding, textures and banks.
@@ -13,6 +14,8 @@ mod _texfold {
     use super::bank::Bank;
     #[pymodule_export]
     use super::encode::encode;
+    #[pymodule_export]
+    use super::gpu::Blocks;
     #[pymodule_export]
     use super::texture::{Texture, open, psnr, ssim};
 }

@@ -11,6 +11,7 @@ use texfold::{AnyImage, ColorSpace, ImageAddress, Limits, Rect};
 
 use crate::encode::Pixels;
 use crate::error::{encode_error, load_error, region_error};
+use crate::gpu::Blocks;
 
 /// A texture of one image, a set, or the maps of a material, read from a `.txf` file.
 #[pyclass(frozen, module = "texfold._texfold")]
@@ -127,6 +128,11 @@ impl Texture {
         let rect = self.rect(image, level, region)?;
         let values = py.detach(|| Values::of(&self.0, rect))?;
         Ok((values.into_array(py), (rect.height, rect.width, self.pixel(image).channels)))
+    }
+
+    /// Its textures in blocks of variable length.
+    fn blocks(&self, py: Python<'_>) -> Vec<Blocks> {
+        py.detach(|| Blocks::of(&self.0))
     }
 
     /// The whole file.

@@ -19,7 +19,19 @@ class Texture:
     def decode(
         self, image: int, level: int, region: tuple[int, int, int, int] | None
     ) -> tuple[np.ndarray, tuple[int, int, int]]: ...
+    def blocks(self) -> list[Blocks]: ...
     def to_bytes(self) -> bytes: ...
+
+class Blocks:
+    shape: tuple[int, int]
+    bits: int
+    place: tuple[int, int, int, int]
+    words: np.ndarray
+    streams: bytes
+    shader: str
+    def program(
+        self, region: tuple[int, tuple[int, int, int, int]] | None, place: tuple[int, int]
+    ) -> tuple[bytes, bytes, tuple[int, int], int, list[tuple[str, bool, int, int, int, tuple[int, int, int]]]]: ...
 
 class Bank:
     images: list[tuple[str, int, int, int, int]]

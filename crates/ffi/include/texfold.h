@@ -341,7 +341,7 @@ enum TexfoldStatus texfold_gpu_blocks(const struct TexfoldGpu *gpu, uint32_t blo
 
 // Dispatches that decode a texture in blocks: all of its levels, or where `region` is not null that rectangle (levels counted from
 // that of the blocks, `image` 0), whose first texel goes to column `x` and row `y` of the target. The functions are in the shader
-// that `texfold shaders block` writes.
+// that `texfold shaders dct` writes: dct-unorm8 where the blocks have up to 8 bits, dct-uint16 otherwise.
 enum TexfoldStatus texfold_program_new(const struct TexfoldGpu *gpu,
                                        uint32_t blocks,
                                        const struct TexfoldRegion *region,

@@ -322,7 +322,7 @@ pub unsafe extern "C" fn texfold_gpu_blocks(gpu: *const Gpu, blocks: u32, info: 
 
 /// Dispatches that decode a texture in blocks: all of its levels, or where `region` is not null that rectangle (levels counted from
 /// that of the blocks, `image` 0), whose first texel goes to column `x` and row `y` of the target. The functions are in the shader
-/// that `texfold shaders block` writes.
+/// that `texfold shaders dct` writes: dct-unorm8 where the blocks have up to 8 bits, dct-uint16 otherwise.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn texfold_program_new(
     gpu: *const Gpu,

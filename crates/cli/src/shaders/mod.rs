@@ -34,7 +34,7 @@ pub enum Lang {
     Wgsl,
     /// GLSL 4.50: a file a stage, bindings of each kind from 0 on.
     Glsl,
-    /// GLSL ES 3.10, the same.
+    /// GLSL ES: a file a stage; 3.00 with bindings by name for drawing by texel, as WebGL 2 takes it, 3.10 for the others.
     Essl,
     /// HLSL for shader model 6.0: registers are bindings, spaces are groups.
     Hlsl,

@@ -113,6 +113,9 @@ impl Program {
         (binding, variable): (ResourceBinding, &GlobalVariable),
     ) -> Option<String> {
         let kind = Bound::of(&self.module, variable);
+        if lang == Lang::Essl && self.is_drawing() {
+            return Some(format!("{} {}", kind.name(), self.names(binding).join(", ")));
+        }
         let number = self.numbers(lang).get(&binding).copied()?;
         match lang {
             Lang::Wgsl | Lang::Spirv => None,
@@ -149,8 +152,7 @@ impl Program {
             Lang::Spirv => one("spv", Text::Words(self.spirv()?)),
             Lang::Hlsl => one("hlsl", Text::Lines(self.header(lang) + &self.hlsl()?)),
             Lang::Msl => one("metal", Text::Lines(self.header(lang) + &self.msl()?)),
-            Lang::Glsl => self.glsl(lang, glsl::Version::Desktop(450))?,
-            Lang::Essl => self.glsl(lang, glsl::Version::Embedded { version: 310, is_webgl: false })?,
+            Lang::Glsl | Lang::Essl => self.glsl(lang)?,
         })
     }
 
@@ -226,25 +228,35 @@ impl Program {
         bound.filter(|(_, variable)| Bound::of(&self.module, variable) == kind).count() as u8
     }
 
-    /// A file for each entry point.
-    fn glsl(&self, lang: Lang, version: glsl::Version) -> Result<Vec<(String, Text)>, CliError> {
-        let options = glsl::Options {
-            version,
-            writer_flags: glsl::WriterFlags::empty(),
-            binding_map: self.numbers(lang),
-            zero_initialize_workgroup_memory: true,
+    /// Whether it has neither compute passes nor storage buffers: GLSL ES 3.00 suffices, which WebGL 2 takes.
+    fn is_drawing(&self) -> bool {
+        let is_stored = |(_, variable): (_, &GlobalVariable)| {
+            matches!(Bound::of(&self.module, variable), Bound::Storage | Bound::Image)
+        };
+        self.module.entry_points.iter().all(|entry| entry.stage != ShaderStage::Compute)
+            && !self.bound().into_iter().any(is_stored)
+    }
+
+    /// Names of a binding in the shaders of all entry points in GLSL ES 3.00, which has no numbers of bindings.
+    fn names(&self, binding: ResourceBinding) -> Vec<String> {
+        let is_it = |variable: naga::Handle<GlobalVariable>| {
+            self.module.global_variables[variable].binding == Some(binding)
         };
         let of_entry = |entry: &naga::EntryPoint| {
-            let pipeline = glsl::PipelineOptions {
-                shader_stage: entry.stage,
-                entry_point: entry.name.clone(),
-                multiview: None,
-            };
-            let mut text = String::new();
-            let policies = BoundsCheckPolicies::default();
-            glsl::Writer::new(&mut text, &self.module, &self.info, &options, &pipeline, policies)
-                .and_then(|mut writer| writer.write())
-                .map_err(|error| fault(&format!("{}, {}", self.name, entry.name), &error))?;
+            let (_, info) = self.write_glsl(entry, Lang::Essl).ok()?;
+            let mut textures = info.texture_mapping.iter();
+            let texture = textures.find(|(_, mapping)| is_it(mapping.texture)).map(|(name, _)| name);
+            let mut uniforms = info.uniforms.iter();
+            let uniform = uniforms.find(|(variable, _)| is_it(**variable)).map(|(_, name)| name);
+            texture.or(uniform).cloned()
+        };
+        self.module.entry_points.iter().filter_map(of_entry).collect()
+    }
+
+    /// A file for each entry point.
+    fn glsl(&self, lang: Lang) -> Result<Vec<(String, Text)>, CliError> {
+        let of_entry = |entry: &naga::EntryPoint| {
+            let (text, _) = self.write_glsl(entry, lang)?;
             let ending = match entry.stage {
                 ShaderStage::Vertex => "vert",
                 ShaderStage::Fragment => "frag",
@@ -252,12 +264,82 @@ impl Program {
             };
             // Nothing but blanks may stand before the version.
             let (version, rest) = text.split_once('\n').unwrap_or((&text, ""));
-            let text = format!("{version}\n{}{rest}", self.header(lang));
+            let mut text = format!("{version}\n{}{rest}", self.header(lang));
+            if lang == Lang::Essl && self.is_drawing() {
+                text = text.replacen(PRECISION, &format!("{PRECISION}{INTEGERS}"), 1);
+            }
             Ok((format!("{}.{}.{ending}", self.name, entry.name), Text::Lines(text)))
         };
         self.module.entry_points.iter().map(of_entry).collect()
     }
+
+    /// An entry point in GLSL, and the names that bindings have there.
+    fn write_glsl(
+        &self,
+        entry: &naga::EntryPoint,
+        lang: Lang,
+    ) -> Result<(String, glsl::ReflectionInfo), CliError> {
+        let version = match (lang, self.is_drawing()) {
+            (Lang::Essl, true) => glsl::Version::Embedded { version: 300, is_webgl: false },
+            (Lang::Essl, false) => glsl::Version::Embedded { version: 310, is_webgl: false },
+            _ => glsl::Version::Desktop(450),
+        };
+        let options = glsl::Options {
+            version,
+            writer_flags: glsl::WriterFlags::empty(),
+            binding_map: self.numbers(lang),
+            zero_initialize_workgroup_memory: true,
+        };
+        let pipeline = glsl::PipelineOptions {
+            shader_stage: entry.stage,
+            entry_point: entry.name.clone(),
+            multiview: None,
+        };
+        let (mut text, policies) = (String::new(), BoundsCheckPolicies::default());
+        let info = glsl::Writer::new(&mut text, &self.module, &self.info, &options, &pipeline, policies)
+            .and_then(|mut writer| writer.write())
+            .map_err(|error| fault(&format!("{}, {}", self.name, entry.name), &error))?;
+        Ok((text, info))
+    }
 }
+
+/// What naga writes above declarations.
+const PRECISION: &str = "precision highp int;\n";
+/// Functions of integers that GLSL ES has from 3.10 on, and those of floats of the same name.
+const INTEGERS: &str = "
+float es_mix(float a, float b, float t) { return mix(a, b, t); }
+vec2 es_mix(vec2 a, vec2 b, vec2 t) { return mix(a, b, t); }
+vec3 es_mix(vec3 a, vec3 b, vec3 t) { return mix(a, b, t); }
+vec4 es_mix(vec4 a, vec4 b, vec4 t) { return mix(a, b, t); }
+vec2 es_mix(vec2 a, vec2 b, float t) { return mix(a, b, t); }
+vec3 es_mix(vec3 a, vec3 b, float t) { return mix(a, b, t); }
+vec4 es_mix(vec4 a, vec4 b, float t) { return mix(a, b, t); }
+vec2 es_mix(vec2 a, vec2 b, bvec2 t) { return mix(a, b, t); }
+vec3 es_mix(vec3 a, vec3 b, bvec3 t) { return mix(a, b, t); }
+vec4 es_mix(vec4 a, vec4 b, bvec4 t) { return mix(a, b, t); }
+ivec2 es_mix(ivec2 a, ivec2 b, bvec2 t) { return ivec2(t.x ? b.x : a.x, t.y ? b.y : a.y); }
+ivec3 es_mix(ivec3 a, ivec3 b, bvec3 t) { return ivec3(es_mix(a.xy, b.xy, t.xy), t.z ? b.z : a.z); }
+ivec4 es_mix(ivec4 a, ivec4 b, bvec4 t) { return ivec4(es_mix(a.xyz, b.xyz, t.xyz), t.w ? b.w : a.w); }
+uvec2 es_mix(uvec2 a, uvec2 b, bvec2 t) { return uvec2(t.x ? b.x : a.x, t.y ? b.y : a.y); }
+uvec3 es_mix(uvec3 a, uvec3 b, bvec3 t) { return uvec3(es_mix(a.xy, b.xy, t.xy), t.z ? b.z : a.z); }
+uvec4 es_mix(uvec4 a, uvec4 b, bvec4 t) { return uvec4(es_mix(a.xyz, b.xyz, t.xyz), t.w ? b.w : a.w); }
+int es_msb(uint value) {
+    int found = -1;
+    while (value != 0u) {
+        value >>= 1u;
+        found++;
+    }
+    return found;
+}
+int es_count(uint bits) {
+    bits -= (bits >> 1u) & 0x55555555u;
+    bits = (bits & 0x33333333u) + ((bits >> 2u) & 0x33333333u);
+    return int((((bits + (bits >> 4u)) & 0x0F0F0F0Fu) * 0x01010101u) >> 24u);
+}
+#define mix es_mix
+#define findMSB es_msb
+#define bitCount es_count
+";
 
 fn fault(name: &str, what: &dyn Display) -> CliError {
     CliError::Shader { name: name.to_owned(), what: what.to_string() }

@@ -111,7 +111,10 @@ fn bindings_lie_where_the_json_has_them() {
             for binding in json(&dir, &format!("{shader}.json"))["bindings"].as_array().unwrap() {
                 let at = binding["place"].as_str().unwrap();
                 let (kind, number) = at.split_once(' ').unwrap();
+                // GLSL ES 3.00 has names instead of numbers, those of the stages that use them.
                 let wanted = match lang {
+                    "essl" if shader == "vq" && kind == "uniform" => format!("uniform {number} {{"),
+                    "essl" if shader == "vq" => format!("sampler2D {number};"),
                     // Space 0 goes without saying.
                     "hlsl" => format!("register({})", at.replace(", space0", "")),
                     "msl" => format!("[[{kind}({number})]]"),
@@ -129,7 +132,7 @@ fn codecs_are_chosen_by_name_and_what_a_target_lacks_is_replaced() {
     assert_eq!(place.run("shaders bc epitome --lang essl --out out").code, Some(0));
     assert_eq!(names(&place.at("out")).len(), 6);
     let shader = fs::read_to_string(place.at("out").join("epitome.fragment_main.frag")).unwrap();
-    assert!(shader.starts_with("#version 310 es\n// Texfold") && !shader.contains("textureQueryLevels"));
+    assert!(shader.starts_with("#version 300 es\n// Texfold") && !shader.contains("textureQueryLevels"));
     let glsl = place.run("shaders bc --lang glsl --out glsl");
     assert_eq!(glsl.code, Some(0));
     let shader = fs::read_to_string(place.at("glsl").join("bc.fragment_main.frag")).unwrap();
